@@ -1,0 +1,49 @@
+//! Parallel light, everywhere or inside a round beam (fig. 5.25b).
+
+use crate::math::Transform;
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+
+/// Light from infinity.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Directional {
+    /// Where the light travels to; any length but zero.
+    pub towards: Vec3,
+    /// Limits the light to a beam: a point on its axis and its radius.
+    pub beam: Option<(Vec3, f32)>,
+}
+
+impl Directional {
+    /// L̂: the unit direction to the light.
+    pub(super) fn direction(&self) -> Vec3 {
+        -self.towards.normalize()
+    }
+
+    /// 1 inside the beam, 0 outside.
+    pub(super) fn region(&self, p: Vec3) -> f32 {
+        let Some((axis, radius)) = self.beam else { return 1.0 };
+        let axis_distance2 = (p - axis).reject_from_normalized(self.direction()).length_squared();
+        if axis_distance2 <= radius * radius { 1.0 } else { 0.0 }
+    }
+
+    pub(super) fn transformed(&self, t: &Transform) -> Directional {
+        let scale = t.matrix().matrix3.determinant().abs().cbrt();
+        Directional {
+            towards: t.vector(self.towards.as_dvec3()).as_vec3(),
+            beam: self.beam.map(|(p, r)| (t.point(p.as_dvec3()).as_vec3(), (f64::from(r) * scale) as f32)),
+        }
+    }
+
+    pub(super) fn check(&self) -> Result<(), String> {
+        if self.towards.try_normalize().is_none() {
+            let d = self.towards;
+            return Err(format!("direction is {} {} {}; it needs a length", d.x, d.y, d.z));
+        }
+        match self.beam {
+            Some((p, r)) if !p.is_finite() || !r.is_finite() || r <= 0.0 => {
+                Err(format!("radius is {r}; the beam's radius must be more than 0 and its axis finite"))
+            }
+            _ => Ok(()),
+        }
+    }
+}

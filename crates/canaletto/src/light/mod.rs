@@ -1,0 +1,138 @@
+//! Lights: where light comes from, and how much of it reaches a point (5.4).
+
+mod directional;
+mod disk;
+mod omni;
+mod spot;
+
+pub use directional::Directional;
+pub use disk::DiskLight;
+pub use omni::Omni;
+pub use spot::{Falloff, Spot};
+
+use crate::math::{Rgb, Transform};
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+
+/// A light source.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Light {
+    /// The name given in the file, for explanations.
+    pub name: Option<String>,
+    /// l, the intensity: a light of intensity l gives l kd cos θ (5.32). ≥ 0.
+    pub intensity: Rgb,
+    /// Whether it casts shadows.
+    pub shadows: bool,
+    /// c, l, q: light from distance d is divided by c + l d + q d². Not for light from infinity.
+    pub attenuation: [f32; 3],
+    /// Where the light comes from.
+    pub kind: LightKind,
+}
+
+/// The forms of lights.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum LightKind {
+    /// From a point in all directions.
+    Omni(Omni),
+    /// Parallel rays from infinity.
+    Directional(Directional),
+    /// A cone of light from a point.
+    Spot(Spot),
+    /// Several points spread over a disk, for soft shadows.
+    Disk(DiskLight),
+}
+
+/// Light arriving at a point from one of a light's points.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Illumination {
+    /// L̂, the unit direction to the light.
+    pub direction: Vec3,
+    /// How far the light is; infinite for light from infinity.
+    pub distance: f32,
+    /// The intensity after attenuation, cone and region; shadows not considered.
+    pub intensity: Rgb,
+}
+
+impl Light {
+    /// A light of this kind with shadows and no attenuation.
+    pub fn new(kind: LightKind, intensity: Rgb) -> Light {
+        Light { name: None, intensity, shadows: true, attenuation: [1.0, 0.0, 0.0], kind }
+    }
+
+    /// The number of points that illuminate, each with a shadow ray of its own.
+    pub fn points(&self) -> u32 {
+        match &self.kind {
+            LightKind::Disk(disk) => disk.points,
+            _ => 1,
+        }
+    }
+
+    /// What arrives at `p` from point number `index`. Intensities over all points sum to the light's.
+    pub fn illuminate(&self, index: u32, p: Vec3) -> Illumination {
+        match &self.kind {
+            LightKind::Omni(omni) => match omni.towards_infinity() {
+                Some(direction) => Illumination { direction, distance: f32::INFINITY, intensity: self.intensity },
+                None => self.from_point(omni.point(), p, 1.0),
+            },
+            LightKind::Directional(directional) => Illumination {
+                direction: directional.direction(),
+                distance: f32::INFINITY,
+                intensity: self.intensity * directional.region(p),
+            },
+            LightKind::Spot(spot) => self.from_point(spot.position, p, spot.cone(p)),
+            LightKind::Disk(disk) => self.from_point(disk.point(index), p, 1.0 / disk.points as f32),
+        }
+    }
+
+    /// The same light moved by a transform.
+    pub fn transformed(&self, t: &Transform) -> Light {
+        let kind = match &self.kind {
+            LightKind::Omni(light) => LightKind::Omni(light.transformed(t)),
+            LightKind::Directional(light) => LightKind::Directional(light.transformed(t)),
+            LightKind::Spot(light) => LightKind::Spot(light.transformed(t)),
+            LightKind::Disk(light) => LightKind::Disk(light.transformed(t)),
+        };
+        Light { kind, ..self.clone() }
+    }
+
+    /// The word for this kind of light in scene text and explanations.
+    pub fn kind_name(&self) -> &'static str {
+        match &self.kind {
+            LightKind::Omni(_) => "omni",
+            LightKind::Directional(_) => "directional",
+            LightKind::Spot(_) => "spot",
+            LightKind::Disk(_) => "disk",
+        }
+    }
+
+    /// Checks every number's range.
+    ///
+    /// # Errors
+    /// A sentence that names the number, its value and the range.
+    pub fn check(&self) -> Result<(), String> {
+        if self.intensity.to_array().iter().any(|v| !v.is_finite() || *v < 0.0) {
+            let c = self.intensity;
+            return Err(format!("intensity is {} {} {}; each component must be 0 or more", c.r, c.g, c.b));
+        }
+        let [c, l, q] = self.attenuation;
+        let sum = c + l + q;
+        if [c, l, q].iter().any(|v| !v.is_finite() || *v < 0.0) || sum == 0.0 {
+            return Err(format!("attenuation is {c} {l} {q}; each must be 0 or more, and not all 0"));
+        }
+        match &self.kind {
+            LightKind::Omni(light) => light.check(),
+            LightKind::Directional(light) => light.check(),
+            LightKind::Spot(light) => light.check(),
+            LightKind::Disk(light) => light.check(),
+        }
+    }
+
+    fn from_point(&self, position: Vec3, p: Vec3, factor: f32) -> Illumination {
+        let to_light = position - p;
+        let distance = to_light.length();
+        let [c, l, q] = self.attenuation;
+        let attenuation = c + l * distance + q * distance * distance;
+        Illumination { direction: to_light / distance, distance, intensity: self.intensity * (factor / attenuation) }
+    }
+}

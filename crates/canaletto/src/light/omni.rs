@@ -1,0 +1,48 @@
+//! The point light that shines in all directions (fig. 5.25a).
+
+use crate::math::Transform;
+use glam::{Vec3, Vec4};
+use serde::{Deserialize, Serialize};
+
+/// A point light, or light from infinity.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Omni {
+    /// The homogeneous position (x, y, z, w). With w = 0 the light comes from infinity, from direction (x, y, z)
+    /// (exercise 4); else from the point (x, y, z) / w.
+    pub position: Vec4,
+}
+
+impl Omni {
+    /// The light at a point.
+    pub fn at(point: Vec3) -> Omni {
+        Omni { position: point.extend(1.0) }
+    }
+
+    pub(super) fn point(&self) -> Vec3 {
+        self.position.truncate() / self.position.w
+    }
+
+    pub(super) fn towards_infinity(&self) -> Option<Vec3> {
+        (self.position.w == 0.0).then(|| self.position.truncate().normalize())
+    }
+
+    pub(super) fn transformed(&self, t: &Transform) -> Omni {
+        let v = self.position.truncate().as_dvec3();
+        if self.position.w == 0.0 {
+            Omni { position: t.vector(v).as_vec3().extend(0.0) }
+        } else {
+            Omni::at(t.point(v / f64::from(self.position.w)).as_vec3())
+        }
+    }
+
+    pub(super) fn check(&self) -> Result<(), String> {
+        let p = self.position;
+        if !p.is_finite() || (p.w == 0.0 && p.truncate() == Vec3::ZERO) || (p.w != 0.0 && !self.point().is_finite()) {
+            return Err(format!(
+                "position is {} {} {} {}; it must be a point, or a direction with a 0 as fourth number",
+                p.x, p.y, p.z, p.w
+            ));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,98 @@
+//! The spotlight: an omni light whose influence is limited to a cone (fig. 5.25c).
+
+use crate::math::Transform;
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+
+/// A cone of light.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Spot {
+    /// Where the light is.
+    pub position: Vec3,
+    /// A point on the cone's axis; not `position`.
+    pub target: Vec3,
+    /// How light falls off towards the cone's edge.
+    pub falloff: Falloff,
+}
+
+/// How a spotlight falls off. Angles are in degrees between the axis and a ray of light, in [0, 90].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Falloff {
+    /// Full inside `inner`, none outside `outer`, between them s² (3 − 2s) with s linear in the cosine.
+    Smooth {
+        /// Full light up to here.
+        inner: f32,
+        /// No light from here on; ≥ `inner`.
+        outer: f32,
+    },
+    /// cosᵉ of the angle inside `outer`, none outside.
+    Exponent {
+        /// e ≥ 0.
+        exponent: f32,
+        /// No light from here on.
+        outer: f32,
+    },
+}
+
+impl Spot {
+    /// The factor of light that leaves towards `p`.
+    pub(super) fn cone(&self, p: Vec3) -> f32 {
+        let axis = (self.target - self.position).normalize();
+        let cos = axis.dot((p - self.position).normalize_or_zero());
+        let cos_of = |degrees: f32| libm::cos(f64::from(degrees).to_radians()) as f32;
+        match self.falloff {
+            Falloff::Smooth { inner, outer } => {
+                let (full, none) = (cos_of(inner), cos_of(outer));
+                if cos >= full {
+                    1.0
+                } else if cos <= none {
+                    0.0
+                } else {
+                    let s = (cos - none) / (full - none);
+                    s * s * (3.0 - 2.0 * s)
+                }
+            }
+            Falloff::Exponent { exponent, outer } => {
+                if cos < cos_of(outer) || cos <= 0.0 {
+                    0.0
+                } else {
+                    libm::powf(cos, exponent)
+                }
+            }
+        }
+    }
+
+    pub(super) fn transformed(&self, t: &Transform) -> Spot {
+        let go = |p: Vec3| t.point(p.as_dvec3()).as_vec3();
+        Spot { position: go(self.position), target: go(self.target), falloff: self.falloff }
+    }
+
+    pub(super) fn check(&self) -> Result<(), String> {
+        if (self.target - self.position).try_normalize().is_none() || !self.position.is_finite() {
+            return Err("target is the light's own position; the cone needs an axis".into());
+        }
+        let angle = |name: &str, v: f32| {
+            if (0.0..=90.0).contains(&v) {
+                Ok(())
+            } else {
+                Err(format!("{name} is {v}; the angle must be between 0 and 90 degrees"))
+            }
+        };
+        match self.falloff {
+            Falloff::Smooth { inner, outer } => {
+                angle("inner", inner)?;
+                angle("outer", outer)?;
+                if inner > outer { Err(format!("inner is {inner}, more than outer, {outer}")) } else { Ok(()) }
+            }
+            Falloff::Exponent { exponent, outer } => {
+                angle("outer", outer)?;
+                if exponent.is_finite() && exponent >= 0.0 {
+                    Ok(())
+                } else {
+                    Err(format!("exponent is {exponent}; it must be 0 or more"))
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,76 @@
+//! Phong's model (5.4) with the chapter's mirror and transparency.
+
+use crate::math::Rgb;
+use serde::{Deserialize, Serialize};
+
+/// The coefficients of (5.39b).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Phong {
+    /// k_d, the diffuse colour. ≥ 0.
+    pub kd: Rgb,
+    /// k_s, the colour of highlights. ≥ 0.
+    pub ks: Rgb,
+    /// n, the exponent of highlights. ≥ 0.
+    pub n: f32,
+    /// k, the factor of the reflected ray. ≥ 0; the chapter's is one number.
+    pub k: Rgb,
+    /// η, the coefficient of refraction. > 0.
+    pub eta: f32,
+    /// o, the opacity: 0 clear, 1 opaque. The refracted ray carries 1 − o.
+    pub opacity: f32,
+}
+
+impl Default for Phong {
+    fn default() -> Phong {
+        Phong { kd: Rgb::gray(0.8), ks: Rgb::BLACK, n: 1.0, k: Rgb::BLACK, eta: 1.0, opacity: 1.0 }
+    }
+}
+
+impl Phong {
+    /// Checks every number's range.
+    ///
+    /// # Errors
+    /// A sentence that names the number, its value and the range.
+    pub fn check(&self) -> Result<(), String> {
+        for (name, c) in [("kd", self.kd), ("ks", self.ks), ("k", self.k)] {
+            if c.to_array().iter().any(|v| !v.is_finite() || *v < 0.0) {
+                return Err(format!("{name} is {} {} {}; each component must be 0 or more", c.r, c.g, c.b));
+            }
+        }
+        if !self.n.is_finite() || self.n < 0.0 {
+            return Err(format!("n is {}; the exponent must be 0 or more", self.n));
+        }
+        if !self.eta.is_finite() || self.eta <= 0.0 {
+            return Err(format!("eta is {}; the coefficient of refraction must be more than 0", self.eta));
+        }
+        if !(0.0..=1.0).contains(&self.opacity) {
+            return Err(format!("opacity is {}; it must be between 0 (clear) and 1 (opaque)", self.opacity));
+        }
+        Ok(())
+    }
+
+    /// cosⁿα of (5.38), r·L cut off below 0: pow(max(0, r·L), n). An n of 0 gives 1 everywhere.
+    pub fn highlight(&self, r_dot_l: f32) -> f32 {
+        if r_dot_l <= 0.0 && self.n > 0.0 { 0.0 } else { libm::powf(r_dot_l.max(0.0), self.n) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn highlights_follow_the_power() {
+        let phong = Phong { n: 30.0, ..Phong::default() };
+        assert!((phong.highlight(0.969) - 0.969f32.powi(30)).abs() < 1e-6); // exercise 18
+        assert_eq!(phong.highlight(-0.2), 0.0);
+    }
+
+    #[test]
+    fn ranges_are_checked() {
+        assert!(Phong::default().check().is_ok());
+        assert!(Phong { opacity: 1.5, ..Phong::default() }.check().unwrap_err().contains("opacity is 1.5"));
+        assert!(Phong { kd: Rgb::new(0.0, f32::NAN, 0.0), ..Phong::default() }.check().is_err());
+        assert!(Phong { eta: 0.0, ..Phong::default() }.check().is_err());
+    }
+}

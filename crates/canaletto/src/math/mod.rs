@@ -1,0 +1,11 @@
+//! Colours, transforms, rounding-error bounds and polynomial roots.
+
+mod error_bound;
+mod polynomial;
+mod rgb;
+mod transform;
+
+pub use error_bound::{gamma, offset_origin, rounding};
+pub use polynomial::quadratic;
+pub use rgb::Rgb;
+pub use transform::Transform;

@@ -1,0 +1,126 @@
+//! Linear RGB, whose `*` is the chapter's ⊗.
+
+use serde::{Deserialize, Serialize};
+use std::iter::Sum;
+use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Sub};
+
+/// A linear RGB triple: an intensity, a reflectance or a factor. Unbounded; nothing clamps it before the film is
+/// developed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(from = "[f32; 3]", into = "[f32; 3]")]
+pub struct Rgb {
+    /// Red.
+    pub r: f32,
+    /// Green.
+    pub g: f32,
+    /// Blue.
+    pub b: f32,
+}
+
+impl Rgb {
+    /// (0, 0, 0).
+    pub const BLACK: Rgb = Rgb::gray(0.0);
+    /// (1, 1, 1).
+    pub const WHITE: Rgb = Rgb::gray(1.0);
+
+    /// The colour (r, g, b).
+    pub const fn new(r: f32, g: f32, b: f32) -> Rgb {
+        Rgb { r, g, b }
+    }
+
+    /// The same value in each component.
+    pub const fn gray(value: f32) -> Rgb {
+        Rgb::new(value, value, value)
+    }
+
+    /// The largest component.
+    pub fn max_component(self) -> f32 {
+        self.r.max(self.g).max(self.b)
+    }
+
+    /// Whether every component is zero, so that whatever it multiplies vanishes.
+    pub fn is_black(self) -> bool {
+        self == Rgb::BLACK
+    }
+
+    /// Whether no component is infinite or NaN.
+    pub fn is_finite(self) -> bool {
+        self.r.is_finite() && self.g.is_finite() && self.b.is_finite()
+    }
+
+    /// The components as (r, g, b).
+    pub fn to_array(self) -> [f32; 3] {
+        [self.r, self.g, self.b]
+    }
+
+    /// Applies `f` to each component.
+    pub fn map(self, mut f: impl FnMut(f32) -> f32) -> Rgb {
+        Rgb::new(f(self.r), f(self.g), f(self.b))
+    }
+}
+
+impl From<[f32; 3]> for Rgb {
+    fn from([r, g, b]: [f32; 3]) -> Rgb {
+        Rgb { r, g, b }
+    }
+}
+
+impl From<Rgb> for [f32; 3] {
+    fn from(c: Rgb) -> [f32; 3] {
+        c.to_array()
+    }
+}
+
+impl Add for Rgb {
+    type Output = Rgb;
+    fn add(self, o: Rgb) -> Rgb {
+        Rgb::new(self.r + o.r, self.g + o.g, self.b + o.b)
+    }
+}
+
+impl AddAssign for Rgb {
+    fn add_assign(&mut self, o: Rgb) {
+        *self = *self + o;
+    }
+}
+
+impl Sub for Rgb {
+    type Output = Rgb;
+    fn sub(self, o: Rgb) -> Rgb {
+        Rgb::new(self.r - o.r, self.g - o.g, self.b - o.b)
+    }
+}
+
+/// The chapter's ⊗, component by component (5.32b).
+impl Mul for Rgb {
+    type Output = Rgb;
+    fn mul(self, o: Rgb) -> Rgb {
+        Rgb::new(self.r * o.r, self.g * o.g, self.b * o.b)
+    }
+}
+
+impl Mul<f32> for Rgb {
+    type Output = Rgb;
+    fn mul(self, s: f32) -> Rgb {
+        Rgb::new(self.r * s, self.g * s, self.b * s)
+    }
+}
+
+impl MulAssign<f32> for Rgb {
+    fn mul_assign(&mut self, s: f32) {
+        *self = *self * s;
+    }
+}
+
+impl Div<f32> for Rgb {
+    type Output = Rgb;
+    fn div(self, s: f32) -> Rgb {
+        Rgb::new(self.r / s, self.g / s, self.b / s)
+    }
+}
+
+impl Sum for Rgb {
+    fn sum<I: Iterator<Item = Rgb>>(iter: I) -> Rgb {
+        iter.fold(Rgb::BLACK, Add::add)
+    }
+}

@@ -1,0 +1,56 @@
+//! Camera parameters, intrinsic and extrinsic apart (5.2), so that one camera serves several scenes.
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+/// A named camera.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct View {
+    /// The name to choose it by.
+    pub name: String,
+    /// What stays when the camera moves.
+    pub intrinsics: Intrinsics,
+    /// Where it stands.
+    pub extrinsics: Extrinsics,
+}
+
+/// The parameters of `gluPerspective` and the picture's size: what stays when the camera moves.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Intrinsics {
+    /// The whole vertical angle of view in degrees, in (0, 180).
+    pub fovy: f64,
+    /// The picture's width in pixels, at least 1.
+    pub width: u32,
+    /// The picture's height in pixels, at least 1.
+    pub height: u32,
+    /// d_f, the distance of the projection plane (5.2a). Rays start at the eye all the same.
+    pub near: f64,
+    /// The far plane, which only a z-buffer needs.
+    pub far: f64,
+    /// How far the window is moved off the optical axis, as fractions of its width and height. (0.5, 0) puts the
+    /// optical axis on the window's left edge (exercise 3).
+    pub shift: [f64; 2],
+}
+
+impl Default for Intrinsics {
+    fn default() -> Intrinsics {
+        Intrinsics { fovy: 60.0, width: 640, height: 480, near: 1.0, far: 1000.0, shift: [0.0, 0.0] }
+    }
+}
+
+/// The parameters of `gluLookAt`: where the camera stands.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Extrinsics {
+    /// The centre of projection.
+    pub eye: DVec3,
+    /// A point on the optical axis.
+    pub center: DVec3,
+    /// Any vector in the plane of the optical axis and the picture's vertical.
+    pub up: DVec3,
+}
+
+impl Default for Extrinsics {
+    fn default() -> Extrinsics {
+        Extrinsics { eye: DVec3::new(0.0, 0.0, 1.0), center: DVec3::ZERO, up: DVec3::Y }
+    }
+}

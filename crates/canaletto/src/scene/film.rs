@@ -1,0 +1,81 @@
+//! How a picture is sampled, reconstructed and developed.
+
+use serde::{Deserialize, Serialize};
+
+/// Settings of the film.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FilmSettings {
+    /// Where in the pixel rays go.
+    pub sampling: Sampling,
+    /// How samples become a pixel.
+    pub filter: Filter,
+    /// How values over 1 are treated.
+    pub tone: Tone,
+    /// From linear light to the numbers in an 8- or 16-bit file.
+    pub transfer: Transfer,
+    /// Only this part of the picture: x, y (from the top left), width, height in pixels.
+    pub crop: Option<[u32; 4]>,
+}
+
+/// Where in the pixel rays go (5.6, fig. 5.36).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub enum Sampling {
+    /// One ray through the pixel's lower left corner: (5.10) at integer x, y, as the chapter does.
+    Corner,
+    /// One ray through the pixel's centre.
+    #[default]
+    Center,
+    /// n × n rays on a regular grid, n in 1..=16.
+    Regular(u32),
+    /// n × n rays, each at a random place of its sub-pixel, n in 1..=16.
+    Jittered(u32),
+    /// The pixel's four corners and centre; where these differ, n × n jittered rays instead.
+    Adaptive {
+        /// The refined grid, 2..=16.
+        n: u32,
+        /// The largest difference in a developed component, 0..=1, that is left unrefined.
+        threshold: f32,
+    },
+}
+
+impl Sampling {
+    /// The largest grid, n × n rays in a pixel.
+    pub const MAX_GRID: u32 = 16;
+}
+
+/// The reconstruction filter. Lengths are in pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub enum Filter {
+    /// The mean over the pixel's area: the chapter's.
+    #[default]
+    Box,
+    /// Linear fall-off, radius 1.
+    Tent,
+    /// Gaussian of the given standard deviation, cut off at three of them.
+    Gaussian {
+        /// σ in pixels; 0.5 is a common choice.
+        sigma: f32,
+    },
+    /// Mitchell and Netravali's cubic with B = C = 1/3, radius 2.
+    Mitchell,
+}
+
+/// How values over 1 are treated (after 5.36).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Tone {
+    /// Each component is cut at 1.
+    #[default]
+    Clamp,
+    /// The picture is divided by its largest component if that exceeds 1.
+    Scale,
+}
+
+/// From linear light to the numbers in an 8- or 16-bit file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Transfer {
+    /// The values themselves, as the chapter shows them.
+    None,
+    /// The sRGB curve (IEC 61966-2-1).
+    #[default]
+    Srgb,
+}

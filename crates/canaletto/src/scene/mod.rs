@@ -1,0 +1,45 @@
+//! A scene as a file describes it: plain, serialisable values and indices, no caches and no pointers.
+//!
+//! [`crate::world::World::build`] checks it and resolves it into what rays meet.
+
+mod camera;
+mod film;
+mod integrator;
+mod node;
+
+pub use camera::{Extrinsics, Intrinsics, View};
+pub use film::{FilmSettings, Filter, Sampling, Tone, Transfer};
+pub use integrator::{IntegratorSettings, Stage};
+pub use node::{Content, Node};
+
+use crate::material::Material;
+use crate::math::Rgb;
+use crate::shape::{CylinderCloud, Mesh, SphereCloud};
+use serde::{Deserialize, Serialize};
+
+/// A whole scene. Indices of materials, meshes, clouds and prototypes are positions in the lists here.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Scene {
+    /// The colour of rays that meet nothing.
+    pub background: Rgb,
+    /// Iₐ, the ambient light of (5.33).
+    pub ambient: Rgb,
+    /// The views that the scene offers; the first one is taken where none is named.
+    pub views: Vec<View>,
+    /// How the picture is sampled and developed.
+    pub film: FilmSettings,
+    /// How rays are followed.
+    pub integrator: IntegratorSettings,
+    /// The materials, each with its name.
+    pub materials: Vec<Material>,
+    /// Triangle meshes.
+    pub meshes: Vec<Mesh>,
+    /// Clouds of spheres.
+    pub spheres: Vec<SphereCloud>,
+    /// Clouds of cylinders.
+    pub cylinders: Vec<CylinderCloud>,
+    /// Nodes that instances repeat; not drawn by themselves.
+    pub prototypes: Vec<Node>,
+    /// What is drawn, and the lights.
+    pub nodes: Vec<Node>,
+}

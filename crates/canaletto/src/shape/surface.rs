@@ -1,0 +1,51 @@
+//! The surface at a hit: all that shading sees of a shape.
+
+use crate::math::{Rgb, Transform, rounding};
+use glam::{Vec2, Vec3};
+
+/// A point of a surface with what shading needs to know about it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Surface {
+    /// The point.
+    pub point: Vec3,
+    /// A bound of the point's rounding error in each coordinate.
+    pub error: Vec3,
+    /// The unit geometric normal, on the outer (visible) side.
+    pub normal: Vec3,
+    /// The unit normal to shade with; differs from `normal` on smooth meshes only. Not necessarily in its hemisphere's
+    /// middle, but never on the other side.
+    pub shading_normal: Vec3,
+    /// Texture coordinates.
+    pub uv: Vec2,
+    /// A colour that the shape brings for this point (vertex or cloud colours); it replaces kd.
+    pub color: Option<Rgb>,
+    /// Where shadow rays start instead of `point`, on the outer side: smooth meshes lift it off their facets (Hanika,
+    /// *Hacking the Shadow Terminator*, Ray Tracing Gems II, ch. 4). Equal to `point` elsewhere.
+    pub lifted: Vec3,
+}
+
+impl Surface {
+    /// A surface point whose coordinates carry nothing but the rounding to `f32`, shaded with its geometric normal.
+    pub fn exact(point: Vec3, normal: Vec3, uv: Vec2) -> Surface {
+        Surface { point, error: rounding(point), normal, shading_normal: normal, uv, color: None, lifted: point }
+    }
+
+    /// The same point in the space around an instance. The bound grows by the rounding in object space, mapped
+    /// outwards, since the ray that will start here is mapped back into that space.
+    pub fn transformed(&self, to_world: &Transform) -> Surface {
+        let m = to_world.matrix().matrix3;
+        let point = to_world.point(self.point.as_dvec3()).as_vec3();
+        let local = (self.error + rounding(self.point)).as_dvec3();
+        let mapped = m.x_axis.abs() * local.x + m.y_axis.abs() * local.y + m.z_axis.abs() * local.z;
+        let unit = |n: Vec3| to_world.normal(n.as_dvec3()).normalize().as_vec3();
+        Surface {
+            point,
+            error: mapped.as_vec3() + rounding(point),
+            normal: unit(self.normal),
+            shading_normal: unit(self.shading_normal),
+            uv: self.uv,
+            color: self.color,
+            lifted: to_world.point(self.lifted.as_dvec3()).as_vec3(),
+        }
+    }
+}
