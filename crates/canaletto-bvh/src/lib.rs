@@ -1,1 +1,54 @@
-//! x
+//! Bounding volume hierarchies and watertight ray kernels.
+//!
+//! This crate knows boxes, rays and ids, nothing of scenes. [`Bvh::build`] takes one box per primitive; the
+//! caller keeps the primitives, permuted by [`Bvh::order`], and answers for a range of them at each leaf. The
+//! kernels in [`triangle`] and [`sphere`] are what such an answer calls.
+//!
+//! What holds everywhere:
+//! - A hit has 0 < t ≤ t_max. The upper end is inclusive, so that the caller can break ties by the lowest id.
+//! - The tree finds what a loop over all primitives would find, bit for bit: box culling is conservative and the
+//!   kernels never report a hit outside of the primitive's own box (see `slab`).
+//! - The same bits on every CPU and for any number of threads: only + − × ÷ and sqrt, never fused.
+//! - No length is compared with a constant: scaling a scene by a power of two changes no decision.
+//! - Rays are finite. One with a zero direction hits nothing.
+//!
+//! ```
+//! use canaletto_bvh::{Aabb, Bvh, Ray, sphere};
+//! use glam::Vec3;
+//!
+//! let centers: Vec<Vec3> = (0..100).map(|i| Vec3::new(i as f32 * 3.0, 0.0, 0.0)).collect();
+//! let bounds: Vec<Aabb> = centers.iter().map(|&c| sphere::bounds(c, 1.0)).collect();
+//! let bvh = Bvh::build(&bounds)?;
+//! let slots: Vec<Vec3> = bvh.order().iter().map(|&id| centers[id as usize]).collect();
+//!
+//! let ray = Ray::new(Vec3::new(-10.0, 0.0, 0.0), Vec3::X);
+//! let mut nearest = None;
+//! bvh.intersect(&ray, f32::INFINITY, |leaf, t_max| {
+//!     for slot in leaf {
+//!         if let Some(t) = sphere::intersect(&ray, slots[slot as usize], 1.0, *t_max) {
+//!             *t_max = t;
+//!             nearest = Some((bvh.order()[slot as usize], t));
+//!         }
+//!     }
+//! });
+//! assert_eq!(nearest, Some((0, 9.0)));
+//! # Ok::<(), canaletto_bvh::BuildError>(())
+//! ```
+#![deny(missing_docs)]
+// The workspace denies `unsafe`. This is the one crate where it will be allowed, in modules of SIMD kernels.
+
+mod aabb;
+mod build;
+mod bvh;
+mod exact;
+mod node;
+mod ray;
+mod slab;
+pub mod sphere;
+pub mod triangle;
+
+pub use aabb::Aabb;
+pub use build::BuildError;
+pub use bvh::Bvh;
+pub use node::Statistics;
+pub use ray::Ray;

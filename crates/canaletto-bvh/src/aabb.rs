@@ -1,0 +1,119 @@
+//! Axis-aligned boxes.
+
+use glam::Vec3;
+
+/// The points between two corners, both included.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Aabb {
+    /// The corner of least coordinates.
+    pub min: Vec3,
+    /// The corner of greatest coordinates.
+    pub max: Vec3,
+}
+
+impl Aabb {
+    /// The box of no point, neutral in [`Aabb::union`].
+    pub const EMPTY: Self = Self {
+        min: Vec3::INFINITY,
+        max: Vec3::NEG_INFINITY,
+    };
+
+    /// The smallest box around `points`. A NaN coordinate stays, so that [`Aabb::is_finite`] can tell.
+    pub fn from_points(points: impl IntoIterator<Item = Vec3>) -> Self {
+        points.into_iter().fold(Self::EMPTY, Self::include)
+    }
+
+    /// The smallest box around both.
+    #[must_use]
+    pub fn union(self, other: Self) -> Self {
+        Self {
+            min: lower(self.min, other.min),
+            max: upper(self.max, other.max),
+        }
+    }
+
+    /// The smallest box around this one and `point`.
+    #[must_use]
+    pub fn include(self, point: Vec3) -> Self {
+        self.union(Self {
+            min: point,
+            max: point,
+        })
+    }
+
+    /// Half the surface area, 0 for the empty box. In f64, because in f32 a side of 1e20 overflows.
+    pub fn half_area(&self) -> f64 {
+        if self.is_empty() {
+            return 0.0;
+        }
+        let d = self.max.as_dvec3() - self.min.as_dvec3();
+        d.x * d.y + d.y * d.z + d.z * d.x
+    }
+
+    /// The middle; rounded, but never overflowing.
+    pub fn center(&self) -> Vec3 {
+        0.5 * self.min + 0.5 * self.max
+    }
+
+    /// Whether no point lies inside. A single point is not empty, nor is a flat box.
+    pub fn is_empty(&self) -> bool {
+        self.min.cmpgt(self.max).any()
+    }
+
+    /// Whether no coordinate is NaN or infinite; the empty box is not finite.
+    pub fn is_finite(&self) -> bool {
+        self.min.is_finite() && self.max.is_finite()
+    }
+}
+
+/// Least coordinates; NaN wins, unlike in `f32::min`.
+fn lower(a: Vec3, b: Vec3) -> Vec3 {
+    Vec3::select(a.cmplt(b) | a.is_nan_mask(), a, b)
+}
+
+/// Greatest coordinates; NaN wins, unlike in `f32::max`.
+fn upper(a: Vec3, b: Vec3) -> Vec3 {
+    Vec3::select(a.cmpgt(b) | a.is_nan_mask(), a, b)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_empty_box_is_neutral_and_has_no_area() {
+        let b = Aabb::from_points([Vec3::ZERO, Vec3::new(1.0, 2.0, 3.0)]);
+        assert_eq!(Aabb::EMPTY.union(b), b);
+        assert_eq!(b.union(Aabb::EMPTY), b);
+        assert!(Aabb::EMPTY.is_empty() && !Aabb::EMPTY.is_finite());
+        assert_eq!(Aabb::EMPTY.half_area(), 0.0);
+    }
+
+    #[test]
+    fn measures() {
+        let b = Aabb::from_points([Vec3::new(1.0, 0.0, 3.0), Vec3::new(0.0, 2.0, 0.0)]);
+        assert_eq!(b.half_area(), 2.0 + 6.0 + 3.0);
+        assert_eq!(b.center(), Vec3::new(0.5, 1.0, 1.5));
+        assert_eq!(
+            Aabb {
+                min: Vec3::MIN,
+                max: Vec3::MAX
+            }
+            .center(),
+            Vec3::ZERO
+        );
+        assert!(!Aabb::from_points([Vec3::ONE]).is_empty());
+    }
+
+    #[test]
+    fn not_a_number_is_not_swallowed_in_any_order() {
+        let nan = Vec3::new(0.0, f32::NAN, 0.0);
+        for points in [
+            [nan, Vec3::ZERO, Vec3::ONE],
+            [Vec3::ZERO, nan, Vec3::ONE],
+            [Vec3::ZERO, Vec3::ONE, nan],
+        ] {
+            assert!(!Aabb::from_points(points).is_finite());
+        }
+    }
+}

@@ -1,0 +1,90 @@
+//! Differences of products with the right sign, after Dekker, "A floating-point technique for extending the
+//! available precision" (1971). Fused multiply-add would be shorter, but std's falls to a slow soft version
+//! where the CPU has none.
+
+/// `a * b` as rounded product and exact remainder.
+pub(crate) fn two_product(a: f64, b: f64) -> (f64, f64) {
+    let (ah, al) = halves(a);
+    let (bh, bl) = halves(b);
+    let p = a * b;
+    (p, ((ah * bh - p) + ah * bl + al * bh) + al * bl)
+}
+
+/// `a + b` as rounded sum and exact remainder (Knuth).
+pub(crate) fn two_sum(a: f64, b: f64) -> (f64, f64) {
+    let s = a + b;
+    let bb = s - a;
+    (s, (a - (s - bb)) + (b - bb))
+}
+
+/// Two numbers of 26 bits that add up to `a` (Veltkamp).
+fn halves(a: f64) -> (f64, f64) {
+    let c = 134_217_729.0 * a; // 2²⁷ + 1
+    let high = c - (c - a);
+    (high, a - high)
+}
+
+/// `a * b - c * d`, never of the wrong sign: it has the sign of the exact value, or is 0 when that is closer to 0
+/// than 2⁻¹⁰⁰ of the products. Swapping the products negates the result exactly.
+#[inline]
+pub(crate) fn difference_of_products(a: f64, b: f64, c: f64, d: f64) -> f64 {
+    let p = a * b;
+    let q = c * d;
+    let e = p - q;
+    if e.abs() > (p.abs() + q.abs()) * f64::EPSILON * 2.0 {
+        return e;
+    }
+    careful(a, b, c, d)
+}
+
+/// p and q nearly cancel: p − q is exact (Sterbenz). Rounding is monotone, so neither the difference of the
+/// remainders nor the last sum can cross 0.
+#[cold]
+fn careful(a: f64, b: f64, c: f64, d: f64) -> f64 {
+    let (p, p_rest) = two_product(a, b);
+    let (q, q_rest) = two_product(c, d);
+    (p - q) + (p_rest - q_rest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_remainder_is_exact() {
+        // 53-bit integers, whose products fit in i128.
+        let mut x = 0x9e37_79b9_7f4a_7c15_u64;
+        for _ in 0..10_000 {
+            let mut next = || {
+                x ^= x << 13;
+                x ^= x >> 7;
+                x ^= x << 17;
+                (x >> 11) as i64
+            };
+            let (a, b) = (next(), next());
+            let (p, rest) = two_product(a as f64, b as f64);
+            assert_eq!(p as i128 + rest as i128, a as i128 * b as i128);
+        }
+    }
+
+    #[test]
+    fn a_sign_is_never_wrong() {
+        // (n + i)(n + j) and (n + k)(n + l) with n ~ 2^52 agree in all of the leading bits.
+        let n = (1i64 << 52) + 12345;
+        for i in 0..8 {
+            for j in 0..8 {
+                for k in 0..8 {
+                    let l = i + j - k;
+                    let [a, b, c, d] = [n + i, n + j, n + k, n + l];
+                    let exact = a as i128 * b as i128 - c as i128 * d as i128;
+                    let e = difference_of_products(a as f64, b as f64, c as f64, d as f64);
+                    assert_eq!(e as i128, exact);
+                    assert_eq!(
+                        -e,
+                        difference_of_products(c as f64, d as f64, a as f64, b as f64)
+                    );
+                }
+            }
+        }
+    }
+}
