@@ -13,10 +13,7 @@ pub struct Aabb {
 
 impl Aabb {
     /// The box of no point, neutral in [`Aabb::union`].
-    pub const EMPTY: Self = Self {
-        min: Vec3::INFINITY,
-        max: Vec3::NEG_INFINITY,
-    };
+    pub const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
     /// The smallest box around `points`. A NaN coordinate stays, so that [`Aabb::is_finite`] can tell.
     pub fn from_points(points: impl IntoIterator<Item = Vec3>) -> Self {
@@ -26,19 +23,13 @@ impl Aabb {
     /// The smallest box around both.
     #[must_use]
     pub fn union(self, other: Self) -> Self {
-        Self {
-            min: lower(self.min, other.min),
-            max: upper(self.max, other.max),
-        }
+        Self { min: lower(self.min, other.min), max: upper(self.max, other.max) }
     }
 
     /// The smallest box around this one and `point`.
     #[must_use]
     pub fn include(self, point: Vec3) -> Self {
-        self.union(Self {
-            min: point,
-            max: point,
-        })
+        self.union(Self { min: point, max: point })
     }
 
     /// Half the surface area, 0 for the empty box. In f64, because in f32 a side of 1e20 overflows.
@@ -94,25 +85,14 @@ mod tests {
         let b = Aabb::from_points([Vec3::new(1.0, 0.0, 3.0), Vec3::new(0.0, 2.0, 0.0)]);
         assert_eq!(b.half_area(), 2.0 + 6.0 + 3.0);
         assert_eq!(b.center(), Vec3::new(0.5, 1.0, 1.5));
-        assert_eq!(
-            Aabb {
-                min: Vec3::MIN,
-                max: Vec3::MAX
-            }
-            .center(),
-            Vec3::ZERO
-        );
+        assert_eq!(Aabb { min: Vec3::MIN, max: Vec3::MAX }.center(), Vec3::ZERO);
         assert!(!Aabb::from_points([Vec3::ONE]).is_empty());
     }
 
     #[test]
     fn not_a_number_is_not_swallowed_in_any_order() {
         let nan = Vec3::new(0.0, f32::NAN, 0.0);
-        for points in [
-            [nan, Vec3::ZERO, Vec3::ONE],
-            [Vec3::ZERO, nan, Vec3::ONE],
-            [Vec3::ZERO, Vec3::ONE, nan],
-        ] {
+        for points in [[nan, Vec3::ZERO, Vec3::ONE], [Vec3::ZERO, nan, Vec3::ONE], [Vec3::ZERO, Vec3::ONE, nan]] {
             assert!(!Aabb::from_points(points).is_finite());
         }
     }

@@ -74,30 +74,16 @@ struct Item {
 /// The tree and, for each slot, its primitive.
 pub(crate) fn build(bounds: &[Aabb]) -> Result<(Vec<Binary>, Vec<u32>), BuildError> {
     if bounds.len() > MAX_PRIMITIVES {
-        return Err(BuildError::TooManyPrimitives {
-            count: bounds.len(),
-        });
+        return Err(BuildError::TooManyPrimitives { count: bounds.len() });
     }
-    if let Some(index) = bounds
-        .par_iter()
-        .position_first(|b| !b.is_finite() || b.is_empty())
-    {
-        return Err(BuildError::InvalidBox {
-            index,
-            bounds: bounds[index],
-        });
+    if let Some(index) = bounds.par_iter().position_first(|b| !b.is_finite() || b.is_empty()) {
+        return Err(BuildError::InvalidBox { index, bounds: bounds[index] });
     }
     // Adding 0 turns -0 into 0, of which minima would keep either, as it happens.
     let mut items: Vec<Item> = bounds
         .par_iter()
         .enumerate()
-        .map(|(id, b)| Item {
-            bounds: Aabb {
-                min: b.min + 0.0,
-                max: b.max + 0.0,
-            },
-            id: id as u32,
-        })
+        .map(|(id, b)| Item { bounds: Aabb { min: b.min + 0.0, max: b.max + 0.0 }, id: id as u32 })
         .collect();
     let mut nodes = Vec::new();
     if !items.is_empty() {
@@ -110,11 +96,7 @@ pub(crate) fn build(bounds: &[Aabb]) -> Result<(Vec<Binary>, Vec<u32>), BuildErr
 fn subdivide(items: &mut [Item], first: u32, depth: u32, nodes: &mut Vec<Binary>) {
     let extent = Extent::of(items);
     let index = nodes.len();
-    nodes.push(Binary {
-        bounds: extent.bounds,
-        link: first,
-        count: items.len() as u32,
-    });
+    nodes.push(Binary { bounds: extent.bounds, link: first, count: items.len() as u32 });
     let Some(middle) = split(items, &extent, depth) else {
         return;
     };
@@ -156,9 +138,7 @@ fn split(items: &mut [Item], extent: &Extent, depth: u32) -> Option<usize> {
     if n <= MAX_LEAF && NODE_COST * area + plan.cost >= n as f64 * area {
         return None;
     }
-    Some(partition(items, |item| {
-        plan.grid.bin(item, plan.axis) < plan.bin
-    }))
+    Some(partition(items, |item| plan.grid.bin(item, plan.axis) < plan.bin))
 }
 
 fn split_at_median(items: &mut [Item], extent: &Extent) -> usize {
@@ -166,9 +146,7 @@ fn split_at_median(items: &mut [Item], extent: &Extent) -> usize {
     let axis = size.max_position();
     let middle = items.len() / 2;
     let key = |item: &Item| item.bounds.center()[axis];
-    items.select_nth_unstable_by(middle, |a, b| {
-        key(a).total_cmp(&key(b)).then(a.id.cmp(&b.id))
-    });
+    items.select_nth_unstable_by(middle, |a, b| key(a).total_cmp(&key(b)).then(a.id.cmp(&b.id)));
     middle
 }
 
@@ -192,10 +170,7 @@ fn partition(items: &mut [Item], left: impl Fn(&Item) -> bool) -> usize {
 
 /// `Aabb::union` for boxes known to hold no NaN.
 fn join(a: Aabb, b: Aabb) -> Aabb {
-    Aabb {
-        min: a.min.min(b.min),
-        max: a.max.max(b.max),
-    }
+    Aabb { min: a.min.min(b.min), max: a.max.max(b.max) }
 }
 
 /// The box around some items, and that around their centers.
@@ -206,35 +181,20 @@ struct Extent {
 }
 
 impl Extent {
-    const EMPTY: Self = Self {
-        bounds: Aabb::EMPTY,
-        centers: Aabb::EMPTY,
-    };
+    const EMPTY: Self = Self { bounds: Aabb::EMPTY, centers: Aabb::EMPTY };
 
     fn of(items: &[Item]) -> Self {
         if items.len() > PARALLEL_BINS {
-            return items
-                .par_chunks(PARALLEL_BINS)
-                .map(Self::of)
-                .reduce(|| Self::EMPTY, Self::merge);
+            return items.par_chunks(PARALLEL_BINS).map(Self::of).reduce(|| Self::EMPTY, Self::merge);
         }
         items.iter().fold(Self::EMPTY, |extent, item| {
             let center = item.bounds.center();
-            extent.merge(Self {
-                bounds: item.bounds,
-                centers: Aabb {
-                    min: center,
-                    max: center,
-                },
-            })
+            extent.merge(Self { bounds: item.bounds, centers: Aabb { min: center, max: center } })
         })
     }
 
     fn merge(self, other: Self) -> Self {
-        Self {
-            bounds: join(self.bounds, other.bounds),
-            centers: join(self.centers, other.centers),
-        }
+        Self { bounds: join(self.bounds, other.bounds), centers: join(self.centers, other.centers) }
     }
 }
 
@@ -250,11 +210,7 @@ impl Grid {
     /// A size of 0 or too small to divide by makes the scale infinite, and one too large makes it 0: fewer bins or
     /// one are used then, since a float becomes an integer by saturation, NaN becoming 0.
     fn new(centers: &Aabb, bins: usize) -> Self {
-        Self {
-            origin: centers.min,
-            scale: bins as f32 / (centers.max - centers.min),
-            bins,
-        }
+        Self { origin: centers.min, scale: bins as f32 / (centers.max - centers.min), bins }
     }
 
     #[inline]
@@ -271,16 +227,10 @@ struct Bin {
 }
 
 impl Bin {
-    const EMPTY: Self = Self {
-        bounds: Aabb::EMPTY,
-        count: 0,
-    };
+    const EMPTY: Self = Self { bounds: Aabb::EMPTY, count: 0 };
 
     fn merge(self, other: Self) -> Self {
-        Self {
-            bounds: join(self.bounds, other.bounds),
-            count: self.count + other.count,
-        }
+        Self { bounds: join(self.bounds, other.bounds), count: self.count + other.count }
     }
 
     fn cost(&self) -> f64 {
@@ -292,27 +242,21 @@ type Bins = [[Bin; MAX_BINS]; 3];
 
 fn fill(items: &[Item], grid: &Grid) -> Bins {
     if items.len() > PARALLEL_BINS {
-        return items
-            .par_chunks(PARALLEL_BINS)
-            .map(|chunk| fill(chunk, grid))
-            .reduce(
-                || [[Bin::EMPTY; MAX_BINS]; 3],
-                |mut a, b| {
-                    for (a, b) in a.iter_mut().flatten().zip(b.iter().flatten()) {
-                        *a = a.merge(*b);
-                    }
-                    a
-                },
-            );
+        return items.par_chunks(PARALLEL_BINS).map(|chunk| fill(chunk, grid)).reduce(
+            || [[Bin::EMPTY; MAX_BINS]; 3],
+            |mut a, b| {
+                for (a, b) in a.iter_mut().flatten().zip(b.iter().flatten()) {
+                    *a = a.merge(*b);
+                }
+                a
+            },
+        );
     }
     let mut bins = [[Bin::EMPTY; MAX_BINS]; 3];
     for item in items {
         for (axis, bins) in bins.iter_mut().enumerate() {
             let bin = &mut bins[grid.bin(item, axis)];
-            *bin = bin.merge(Bin {
-                bounds: item.bounds,
-                count: 1,
-            });
+            *bin = bin.merge(Bin { bounds: item.bounds, count: 1 });
         }
     }
     bins
@@ -349,15 +293,140 @@ impl Plan {
                 }
                 let cost = left.cost() + right_costs[i];
                 if best.as_ref().is_none_or(|best| cost < best.cost) {
-                    best = Some(Self {
-                        grid,
-                        axis,
-                        bin: i,
-                        cost,
-                    });
+                    best = Some(Self { grid, axis, bin: i, cost });
                 }
             }
         }
         best
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Bvh;
+    use crate::testing::{Primitive, Random, zoo};
+
+    fn boxes(n: usize) -> Vec<Aabb> {
+        let random = &mut Random(7);
+        (0..n)
+            .map(|_| {
+                let p = random.vector();
+                Aabb::from_points([p, p + 0.01 * random.vector()])
+            })
+            .collect()
+    }
+
+    /// Checks the tree and returns its height.
+    fn check(bounds: &[Aabb]) -> u32 {
+        fn visit(nodes: &[Binary], index: u32, parent: &Aabb, slots: &mut Vec<u32>) -> (Aabb, u32) {
+            let node = &nodes[index as usize];
+            assert_eq!(parent.union(node.bounds), *parent);
+            if node.is_leaf() {
+                assert!(node.count as usize <= MAX_LEAF);
+                slots.extend(node.link..node.link + node.count);
+                return (node.bounds, 0);
+            }
+            let [left, right] = node.children(index);
+            let (a, left) = visit(nodes, left, &node.bounds, slots);
+            let (b, right) = visit(nodes, right, &node.bounds, slots);
+            assert_eq!(a.union(b), node.bounds);
+            (node.bounds, 1 + left.max(right))
+        }
+        let (nodes, order) = build(bounds).unwrap();
+        let mut slots = Vec::new();
+        let (_, height) = visit(&nodes, 0, &nodes[0].bounds, &mut slots);
+        assert!(slots.into_iter().eq(0..bounds.len() as u32), "each slot in one leaf, in order");
+        for node in nodes.iter().filter(|node| node.is_leaf()) {
+            let ids = &order[node.link as usize..][..node.count as usize];
+            let union = ids.iter().fold(Aabb::EMPTY, |b, &id| b.union(bounds[id as usize]));
+            assert_eq!(union, node.bounds, "a leaf fits its primitives");
+        }
+        let mut ids = order;
+        ids.sort_unstable();
+        assert!(ids.into_iter().eq(0..bounds.len() as u32), "each primitive in one slot");
+        height
+    }
+
+    #[test]
+    fn every_primitive_lies_in_one_leaf_and_every_box_fits() {
+        for (_, scene) in zoo() {
+            let bounds: Vec<_> = scene.iter().map(Primitive::bounds).collect();
+            assert!(check(&bounds) <= MAX_DEPTH);
+        }
+        check(&boxes(20_000));
+    }
+
+    #[test]
+    fn centers_that_coincide_are_halved() {
+        assert_eq!(check(&vec![Aabb::from_points([Vec3::ONE]); 1 << 18]), 16);
+    }
+
+    #[test]
+    fn the_height_is_bounded_when_every_split_takes_one() {
+        // Each box is far larger than all before it together.
+        let chain: Vec<Aabb> = (0..250)
+            .map(|i| f32::from_bits((i + 2) << 23))
+            .flat_map(|s| [Aabb::from_points([Vec3::splat(s), Vec3::splat(1.1 * s)]); 40])
+            .collect();
+        let height = check(&chain);
+        assert!((20..=MAX_DEPTH).contains(&height), "{height}");
+    }
+
+    #[test]
+    fn trees_do_not_depend_on_the_number_of_threads() {
+        // Enough for the bins of the first levels to be filled in parallel.
+        let bounds = boxes(3 * PARALLEL_BINS);
+        let build = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| Bvh::build(&bounds).unwrap())
+        };
+        let one = build(1);
+        for threads in [2, 3, 7] {
+            assert!(build(threads) == one, "{threads} threads");
+        }
+    }
+
+    #[test]
+    fn the_sign_of_zero_makes_no_difference() {
+        let [mut a, mut b] = [boxes(100), boxes(100)];
+        for (a, b) in a.iter_mut().zip(&mut b) {
+            a.min.x = 0.0_f32.min(a.min.x);
+            (a.max.x, b.max.x) = (0.0, -0.0);
+            b.min.x = a.min.x;
+        }
+        let bits = |bounds: &[Aabb]| format!("{:?}", Bvh::build(bounds).unwrap());
+        assert_eq!(bits(&a), bits(&b));
+    }
+
+    #[test]
+    fn a_bad_box_is_named() {
+        let bad = [
+            (Vec3::NAN, Vec3::ONE),
+            (Vec3::ZERO, Vec3::new(0.0, f32::INFINITY, 0.0)),
+            (Vec3::new(0.0, 0.0, f32::NEG_INFINITY), Vec3::ONE),
+            (Vec3::ZERO, Vec3::new(1.0, 1.0, -1.0)),
+        ];
+        for (min, max) in bad {
+            let mut bounds = boxes(1000);
+            bounds[500] = Aabb { min, max };
+            bounds[700] = Aabb::EMPTY;
+            match Bvh::build(&bounds) {
+                Err(BuildError::InvalidBox { index, .. }) => assert_eq!(index, 500),
+                other => panic!("{other:?}"),
+            }
+        }
+        let error = Bvh::build(&[Aabb::EMPTY]).unwrap_err().to_string();
+        assert!(error.starts_with("the box of primitive 0 is not finite or is empty: [inf"), "{error}");
+    }
+
+    #[test]
+    fn halves_are_found_where_the_gap_is() {
+        // Two clusters along y: the root's children must be the clusters.
+        let cluster = |y: f32| (0..10).map(move |i| Aabb::from_points([Vec3::new(i as f32, y, 0.0)]));
+        let (nodes, _) = build(&cluster(0.0).chain(cluster(1000.0)).collect::<Vec<_>>()).unwrap();
+        let [left, right] = nodes[0].children(0);
+        assert_eq!(nodes[left as usize].bounds.max.y, 0.0);
+        assert_eq!(nodes[right as usize].bounds.min.y, 1000.0);
     }
 }

@@ -32,11 +32,7 @@ impl Bvh {
     pub fn build(bounds: &[Aabb]) -> Result<Self, BuildError> {
         let (binary, order) = build::build(bounds)?;
         let bounds = binary.first().map_or(Aabb::EMPTY, |root| root.bounds);
-        Ok(Self {
-            nodes: collapse(&binary),
-            order,
-            bounds,
-        })
+        Ok(Self { nodes: collapse(&binary), order, bounds })
     }
 
     /// From slot to primitive: the caller permutes its primitives into this order.
@@ -75,10 +71,7 @@ impl Bvh {
             while met != 0 {
                 let lane = met.trailing_zeros();
                 met &= met - 1;
-                let entry = Entry {
-                    near: near[lane as usize],
-                    link: 4 * index + lane,
-                };
+                let entry = Entry { near: near[lane as usize], link: 4 * index + lane };
                 let mut i = len;
                 while i > base && stack[i - 1].near <= entry.near {
                     stack[i] = stack[i - 1];
@@ -111,12 +104,7 @@ impl Bvh {
     /// Calls `leaf` for the leaves that `ray` meets within (0, t_max], in no particular order, until it answers
     /// that something is hit there.
     #[inline]
-    pub fn occluded(
-        &self,
-        ray: &Ray,
-        t_max: f32,
-        mut leaf: impl FnMut(Range<u32>) -> bool,
-    ) -> bool {
+    pub fn occluded(&self, ray: &Ray, t_max: f32, mut leaf: impl FnMut(Range<u32>) -> bool) -> bool {
         if self.nodes.is_empty() {
             return false;
         }
@@ -154,5 +142,126 @@ impl Bvh {
         let node = &self.nodes[(link / 4) as usize];
         let lane = (link % 4) as usize;
         (node.first[lane], node.count[lane])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{Random, awkward_ray, nearest, nearest_in_tree, tree, zoo};
+    use glam::Vec3;
+
+    #[test]
+    fn the_tree_finds_what_a_loop_finds() {
+        let random = &mut Random(2);
+        for (name, scene) in zoo() {
+            let bvh = tree(&scene);
+            let ids: Vec<u32> = (0..scene.len() as u32).collect();
+            let mut hits = 0;
+            for _ in 0..400 {
+                let ray = awkward_ray(&scene, random);
+                let all = nearest(&scene, &ids, &ray, f32::INFINITY);
+                // Up to the hit itself, and not quite up to it.
+                for t_max in [f32::INFINITY, all.map_or(1.0, |hit| hit.0)] {
+                    assert_eq!(
+                        nearest_in_tree(&scene, &bvh, &ray, t_max).0,
+                        all.filter(|hit| hit.0 <= t_max),
+                        "{name} {ray:?}"
+                    );
+                    let occluded = bvh.occluded(&ray, t_max, |leaf| {
+                        let ids = &bvh.order()[leaf.start as usize..leaf.end as usize];
+                        nearest(&scene, ids, &ray, t_max).is_some()
+                    });
+                    assert_eq!(occluded, all.is_some_and(|hit| hit.0 <= t_max), "{name} {ray:?}");
+                }
+                if let Some((t, ..)) = all {
+                    hits += 1;
+                    assert_eq!(nearest_in_tree(&scene, &bvh, &ray, t.next_down()).0, None, "{name} {ray:?}");
+                }
+            }
+            assert!(hits >= 40 || name == "points and segments" && hits == 0, "{name}: {hits} hits");
+        }
+    }
+
+    #[test]
+    fn a_scale_by_a_power_of_two_changes_nothing() {
+        let random = &mut Random(3);
+        for (name, scene) in zoo() {
+            if name.starts_with("1e") || name.starts_with("powers") {
+                continue; // Would leave the range of normal numbers.
+            }
+            let bvh = tree(&scene);
+            let rays: Vec<Ray> = (0..20).map(|_| awkward_ray(&scene, random)).collect();
+            for k in (-20..=30).step_by(5) {
+                let s = 2f32.powi(k);
+                let scaled: Vec<_> = scene.iter().map(|p| p.scaled(s)).collect();
+                let scaled_bvh = tree(&scaled);
+                assert_eq!(bvh.order(), scaled_bvh.order());
+                for ray in &rays {
+                    let (hit, visits) = nearest_in_tree(&scene, &bvh, ray, f32::INFINITY);
+                    // The origin scaled: t scales. The direction too: t stays.
+                    for (direction, t_scale) in [(ray.direction, s), (ray.direction * s, 1.0)] {
+                        let ray = Ray::new(ray.origin * s, direction);
+                        let other = nearest_in_tree(&scaled, &scaled_bvh, &ray, f32::INFINITY);
+                        let expected = hit.map(|(t, u, v, id)| (t * t_scale, u, v, id));
+                        assert_eq!(other, (expected, visits.clone()), "{name} 2^{k} {ray:?}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn an_empty_tree_is_never_hit() {
+        let bvh = Bvh::build(&[]).unwrap();
+        let ray = Ray::new(Vec3::ZERO, Vec3::X);
+        bvh.intersect(&ray, f32::INFINITY, |_, _| panic!());
+        assert!(!bvh.occluded(&ray, f32::INFINITY, |_| panic!()));
+        assert!(bvh.bounds().is_empty() && bvh.order().is_empty());
+        assert_eq!(bvh.statistics(), Statistics::default());
+    }
+
+    #[test]
+    fn rays_without_direction_hit_nothing_and_return() {
+        for (_, scene) in zoo() {
+            let bvh = tree(&scene);
+            for d in [0.0, -0.0] {
+                let ray = Ray::new(scene[0].bounds().center(), Vec3::splat(d));
+                assert_eq!(nearest_in_tree(&scene, &bvh, &ray, f32::INFINITY).0, None);
+            }
+            // As for any direction too short for a reciprocal, no lane without a child may be visited.
+            let ray = Ray::new(Vec3::ZERO, Vec3::splat(1e-45));
+            bvh.intersect(&ray, f32::INFINITY, |leaf, _| assert!(!leaf.is_empty()));
+        }
+    }
+
+    #[test]
+    fn near_leaves_come_first_and_far_ones_are_culled() {
+        let bounds: Vec<Aabb> = (0..64).map(|i| Aabb::from_points([Vec3::X * i as f32])).collect();
+        let bvh = Bvh::build(&bounds).unwrap();
+        for (origin, direction) in [(-1.0, Vec3::X), (64.0, -Vec3::X)] {
+            let mut met = Vec::new();
+            bvh.intersect(&Ray::new(Vec3::X * origin, direction), 40.5, |leaf, t_max| {
+                met.push(leaf.start);
+                *t_max = t_max.min(30.5);
+            });
+            let mut sorted = met.clone();
+            sorted.sort_unstable_by_key(|&m| if direction.x > 0.0 { m } else { 64 - m });
+            assert_eq!(met, sorted);
+            assert!((30 / 4..=31).contains(&met.len()), "{met:?}");
+        }
+    }
+
+    #[test]
+    fn statistics_count() {
+        let random = &mut Random(5);
+        let bounds: Vec<Aabb> =
+            (0..10_000).map(|_| random.vector()).map(|p| Aabb::from_points([p, p + 0.01])).collect();
+        let s = Bvh::build(&bounds).unwrap().statistics();
+        assert!((2500..=10_000).contains(&s.leaves), "{s:?}");
+        assert!((s.leaves / 3..s.leaves).contains(&s.inner_nodes), "{s:?}");
+        assert!((6..20).contains(&s.depth), "{s:?}");
+        assert!((5.0..60.0).contains(&s.sah_cost), "{s:?}");
+        assert_eq!(s.bytes, 128 * s.inner_nodes + 4 * bounds.len());
     }
 }

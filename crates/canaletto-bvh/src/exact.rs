@@ -79,10 +79,7 @@ mod tests {
                     let exact = a as i128 * b as i128 - c as i128 * d as i128;
                     let e = difference_of_products(a as f64, b as f64, c as f64, d as f64);
                     assert_eq!(e as i128, exact);
-                    assert_eq!(
-                        -e,
-                        difference_of_products(c as f64, d as f64, a as f64, b as f64)
-                    );
+                    assert_eq!(-e, difference_of_products(c as f64, d as f64, a as f64, b as f64));
                 }
             }
         }

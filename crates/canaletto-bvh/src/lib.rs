@@ -45,6 +45,8 @@ mod node;
 mod ray;
 mod slab;
 pub mod sphere;
+#[cfg(test)]
+mod testing;
 pub mod triangle;
 
 pub use aabb::Aabb;

@@ -21,11 +21,7 @@ pub(crate) struct Node {
 pub(crate) const INNER: u32 = u32::MAX;
 
 impl Node {
-    const EMPTY: Self = Self {
-        boxes: [[Vec4::INFINITY; 3], [Vec4::NEG_INFINITY; 3]],
-        first: [0; 4],
-        count: [0; 4],
-    };
+    const EMPTY: Self = Self { boxes: [[Vec4::INFINITY; 3], [Vec4::NEG_INFINITY; 3]], first: [0; 4], count: [0; 4] };
 
     fn set_box(&mut self, lane: usize, bounds: &Aabb) {
         for axis in 0..3 {
@@ -36,10 +32,7 @@ impl Node {
 
     fn get_box(&self, lane: usize) -> Aabb {
         let corner = |planes: &[Vec4; 3]| planes.map(|p| p[lane]).into();
-        Aabb {
-            min: corner(&self.boxes[0]),
-            max: corner(&self.boxes[1]),
-        }
+        Aabb { min: corner(&self.boxes[0]), max: corner(&self.boxes[1]) }
     }
 }
 
@@ -101,10 +94,7 @@ pub struct Statistics {
 
 impl Statistics {
     pub(crate) fn of(nodes: &[Node], root: &Aabb, primitives: usize) -> Self {
-        let mut s = Self {
-            inner_nodes: nodes.len(),
-            ..Self::default()
-        };
+        let mut s = Self { inner_nodes: nodes.len(), ..Self::default() };
         s.bytes = size_of_val(nodes) + primitives * size_of::<u32>();
         if nodes.is_empty() {
             return s;
@@ -117,11 +107,7 @@ impl Statistics {
             let node = &nodes[node as usize];
             for lane in 0..4 {
                 // Without area every ray that meets the root meets all.
-                let chance = if total > 0.0 {
-                    node.get_box(lane).half_area() / total
-                } else {
-                    1.0
-                };
+                let chance = if total > 0.0 { node.get_box(lane).half_area() / total } else { 1.0 };
                 match node.count[lane] {
                     0 => {}
                     INNER => todo.push((node.first[lane], chance, depth + 1)),

@@ -82,10 +82,7 @@ impl Slabs {
         let entry = self.entry[axis];
         let origin = Vec4::splat(self.origin[axis]);
         let reciprocal = self.reciprocal[axis];
-        (
-            (boxes[entry][axis] - origin) * reciprocal,
-            (boxes[1 - entry][axis] - origin) * reciprocal,
-        )
+        ((boxes[entry][axis] - origin) * reciprocal, (boxes[1 - entry][axis] - origin) * reciprocal)
     }
 
     #[cold]
@@ -121,10 +118,7 @@ impl Slabs {
     /// `t` is badly conditioned (a grazed triangle); then by as much as it takes. None if the ray misses the box or
     /// the hit lies outside (0, t_max].
     pub(crate) fn confine(&self, bounds: &Aabb, t: f64, t_max: f32) -> Option<f32> {
-        let boxes = [
-            bounds.min.to_array().map(Vec4::splat),
-            bounds.max.to_array().map(Vec4::splat),
-        ];
+        let boxes = [bounds.min.to_array().map(Vec4::splat), bounds.max.to_array().map(Vec4::splat)];
         let (near, far) = self.clip(&boxes, f32::INFINITY);
         let (near, far) = (near.x, far.x);
         if near > far {
@@ -144,56 +138,27 @@ mod tests {
     use glam::Vec3;
 
     fn meets(origin: Vec3, direction: Vec3, bounds: Aabb, t_max: f32) -> bool {
-        let boxes = [
-            bounds.min.to_array().map(Vec4::splat),
-            bounds.max.to_array().map(Vec4::splat),
-        ];
+        let boxes = [bounds.min.to_array().map(Vec4::splat), bounds.max.to_array().map(Vec4::splat)];
         let (near, far) = Slabs::new(&Ray::new(origin, direction)).clip(&boxes, t_max);
         near.x <= far.x
     }
 
     #[test]
     fn planes_of_a_box_belong_to_it() {
-        let b = Aabb {
-            min: Vec3::ZERO,
-            max: Vec3::ONE,
-        };
+        let b = Aabb { min: Vec3::ZERO, max: Vec3::ONE };
         // Along a face, an edge and through a corner, on either side; -0 is 0.
         for x in [0.0, 1.0] {
             assert!(meets(Vec3::new(x, 0.5, -1.0), Vec3::Z, b, 9.0));
-            assert!(meets(
-                Vec3::new(x, 1.0, -1.0),
-                Vec3::new(-0.0, 0.0, 1.0),
-                b,
-                9.0
-            ));
-            assert!(meets(
-                Vec3::new(x - 1.0, 1.0, -1.0),
-                Vec3::new(1.0, 0.0, 1.0),
-                b,
-                9.0
-            ));
+            assert!(meets(Vec3::new(x, 1.0, -1.0), Vec3::new(-0.0, 0.0, 1.0), b, 9.0));
+            assert!(meets(Vec3::new(x - 1.0, 1.0, -1.0), Vec3::new(1.0, 0.0, 1.0), b, 9.0));
         }
-        assert!(!meets(
-            Vec3::new(1.0_f32.next_up(), 0.5, -1.0),
-            Vec3::Z,
-            b,
-            9.0
-        ));
-        assert!(!meets(
-            Vec3::new(-f32::MIN_POSITIVE, 0.5, -1.0),
-            Vec3::Z,
-            b,
-            9.0
-        ));
+        assert!(!meets(Vec3::new(1.0_f32.next_up(), 0.5, -1.0), Vec3::Z, b, 9.0));
+        assert!(!meets(Vec3::new(-f32::MIN_POSITIVE, 0.5, -1.0), Vec3::Z, b, 9.0));
     }
 
     #[test]
     fn the_end_is_inclusive_and_the_back_is_not_met() {
-        let b = Aabb {
-            min: Vec3::ONE,
-            max: Vec3::splat(2.0),
-        };
+        let b = Aabb { min: Vec3::ONE, max: Vec3::splat(2.0) };
         assert!(meets(Vec3::ZERO, Vec3::ONE, b, 1.0));
         assert!(!meets(Vec3::ZERO, Vec3::ONE, b, 0.999));
         assert!(!meets(Vec3::ZERO, -Vec3::ONE, b, 9.0));
@@ -202,16 +167,8 @@ mod tests {
 
     #[test]
     fn extreme_directions_cull_nothing_wrongly() {
-        let b = Aabb {
-            min: Vec3::new(-1e-30, -1e-30, 1e30),
-            max: Vec3::new(1e-30, 1e-30, 1e30),
-        };
-        for d in [
-            Vec3::Z,
-            Vec3::new(1e-45, 0.0, 1.0),
-            Vec3::new(0.0, -1e-42, 3e38),
-            Vec3::new(0.0, 0.0, 1e-45),
-        ] {
+        let b = Aabb { min: Vec3::new(-1e-30, -1e-30, 1e30), max: Vec3::new(1e-30, 1e-30, 1e30) };
+        for d in [Vec3::Z, Vec3::new(1e-45, 0.0, 1.0), Vec3::new(0.0, -1e-42, 3e38), Vec3::new(0.0, 0.0, 1e-45)] {
             assert!(meets(Vec3::ZERO, d, b, f32::INFINITY), "{d}");
         }
     }

@@ -94,13 +94,7 @@ impl TriangleRay {
         [p[x] - self.shear[0] * p[z], p[y] - self.shear[1] * p[z]]
     }
 
-    fn hit(
-        &self,
-        [a, b, c]: [Vec3; 3],
-        weights: [f64; 3],
-        area: f64,
-        t_max: f32,
-    ) -> Option<TriangleHit> {
+    fn hit(&self, [a, b, c]: [Vec3; 3], weights: [f64; 3], area: f64, t_max: f32) -> Option<TriangleHit> {
         let bounds = Aabb::from_points([a, b, c]);
         let [a, b, c] = [a, b, c].map(|p| p.as_dvec3());
         let normal = cross(b - a, c - a);
@@ -121,12 +115,7 @@ impl TriangleRay {
         let t = self.slabs.confine(&bounds, t, t_max)?;
         let u = ((weights[1] / area) as f32).clamp(0.0, 1.0);
         let v = ((weights[2] / area) as f32).clamp(0.0, 1.0 - u);
-        Some(TriangleHit {
-            t,
-            u,
-            v,
-            front: area < 0.0,
-        })
+        Some(TriangleHit { t, u, v, front: area < 0.0 })
     }
 }
 
