@@ -65,3 +65,124 @@ fn power(f: DVec3, r: f64) -> f64 {
     }
     sum + rest
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Random;
+
+    fn hit(origin: [f32; 3], direction: [f32; 3], radius: f32) -> Option<f32> {
+        intersect(&Ray::new(origin.into(), direction.into()), Vec3::ZERO, radius, f32::INFINITY)
+    }
+
+    #[test]
+    fn from_outside_inside_and_the_surface() {
+        assert_eq!(hit([0.0, 0.0, 5.0], [0.0, 0.0, -1.0], 2.0), Some(3.0));
+        assert_eq!(hit([0.0, 0.0, 5.0], [0.0, 0.0, -0.5], 2.0), Some(6.0));
+        assert_eq!(hit([0.0, 0.0, 5.0], [0.0, 0.0, 1.0], 2.0), None);
+        assert_eq!(hit([0.0, 0.0, 1.0], [0.0, 0.0, 1.0], 2.0), Some(1.0));
+        assert_eq!(hit([0.0, 0.0, 1.0], [0.0, 0.0, -1.0], 2.0), Some(3.0));
+        assert_eq!(hit([0.0, 0.0, 0.0], [3.0, 0.0, 4.0], 5.0), Some(1.0));
+        // On the surface: outwards nothing, inwards the other side.
+        for (inwards, far) in [([-3.0, -4.0, 0.0], Some(2.0)), ([-1.0, 0.0, 0.0], Some(6.0)), ([3.0, 4.0, 0.0], None)] {
+            assert_eq!(hit([3.0, 4.0, 0.0], inwards, 5.0), far);
+        }
+        assert_eq!(hit([3.0, 4.0, 0.0], [4.0, -3.0, 0.0], 5.0), None);
+    }
+
+    #[test]
+    fn the_end_counts() {
+        let ray = Ray::new(Vec3::Z * 5.0, -Vec3::Z);
+        assert_eq!(intersect(&ray, Vec3::ZERO, 2.0, 3.0), Some(3.0));
+        assert_eq!(intersect(&ray, Vec3::ZERO, 2.0, 3.0_f32.next_down()), None);
+    }
+
+    #[test]
+    fn a_tangent_touches() {
+        for far in [2.0, 1e3, 2f32.powi(30)] {
+            assert_eq!(hit([1.0, 0.0, far], [0.0, 0.0, -1.0], 1.0), Some(far));
+            assert_eq!(hit([1.0_f32.next_up(), 0.0, far], [0.0, 0.0, -1.0], 1.0), None);
+        }
+    }
+
+    #[test]
+    fn no_radius_and_no_direction_are_no_hit() {
+        for radius in [0.0, -1.0, f32::NAN] {
+            assert_eq!(hit([0.0, 0.0, 5.0], [0.0, 0.0, -1.0], radius), None);
+        }
+        assert_eq!(hit([0.0, 0.0, 0.0], [0.0, 0.0, 0.0], 1.0), None);
+    }
+
+    #[test]
+    fn sizes_from_tiny_to_huge() {
+        for s in [1e-36_f32, 1e-20, 1.0, 1e20, 1e37] {
+            for d in [1.0, s] {
+                let t = hit([0.0, 0.0, 5.0 * s], [0.0, 0.0, -d], 2.0 * s).unwrap();
+                assert!((t / (3.0 * s / d) - 1.0).abs() < 1e-6, "{s} {t}");
+            }
+        }
+        // A planet's ground from a man's height, and a pea from the moon.
+        assert_eq!(hit([0.0, 6_371_002.0, 0.0], [0.0, -1.0, 0.0], 6_371_000.0), Some(2.0));
+        let t = hit([0.0, 1e-9, 4e8], [0.0, 0.0, -1.0], 4e-3);
+        assert_eq!(t, Some(4e8));
+        assert_eq!(hit([0.0, 4.1e-3, 4e8], [0.0, 0.0, -1.0], 4e-3), None);
+    }
+
+    /// With whole numbers everything is exact in i128: whether there is a hit, and between which two floats t lies.
+    #[test]
+    fn whole_numbers_are_solved_to_the_last_place() {
+        let random = &mut Random(21);
+        let mut whole = |size: f32| random.vector().to_array().map(|x| (x * size) as i128);
+        let float = |v: [i128; 3]| Vec3::from_array(v.map(|x| x as f32));
+        let dot = |a: [i128; 3], b: [i128; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let (mut hits, mut inside) = (0, 0);
+        for i in 0..40_000 {
+            let size = [100.0, 3e3, 1e5][i % 3];
+            let [origin, center, aim] = [whole(size), whole(size), whole(size)];
+            let radius = whole(size)[0].abs() + 1;
+            let d = if i % 2 == 0 { whole(300.0) } else { [0, 1, 2].map(|i| aim[i] - origin[i]) };
+            let f = [0, 1, 2].map(|i| origin[i] - center[i]);
+            let (a, b, c) = (dot(d, d), -dot(f, d), dot(f, f) - radius * radius);
+            let ray = Ray::new(float(origin), float(d));
+            let t = intersect(&ray, float(center), radius as f32, f32::INFINITY);
+            // a t² − 2 b t + c = 0 has a root above 0: inside, or ahead with b² ≥ a c.
+            let exists = a > 0 && (c < 0 || (b > 0 && b * b >= a * c));
+            assert_eq!(t.is_some(), exists, "{ray:?}");
+            let Some(t) = t else { continue };
+            hits += 1;
+            inside += usize::from(c < 0);
+            if (b * b - a * c) * 1_000_000 < b * b {
+                continue; // Nearly tangential: the polynomial may not change its sign.
+            }
+            // The sign of the polynomial at t = m 2^-s, times 2^2s.
+            let sign = |t: f32| {
+                let (m, s) = ((f64::from(t) * 2f64.powi(40)) as i128, 40);
+                let shift = m.trailing_zeros().min(s);
+                let (m, s) = (m >> shift, s - shift);
+                (a * m * m - ((2 * b * m) << s) + (c << (2 * s))).signum()
+            };
+            if !(1e-3..1e3).contains(&t) {
+                continue; // 2^40 t, or the sums above, would not be exact.
+            }
+            let (before, after) = (sign(t.next_down()), sign(t.next_up()));
+            // The nearer root falls from above 0, the farther one rises; the origin outside sees the nearer.
+            let expected = if c < 0 { (-1, 1) } else { (1, -1) };
+            assert_eq!((before, after), expected, "{ray:?} {t}");
+        }
+        assert!(hits > 5000 && inside > 1000, "{hits} {inside}");
+    }
+
+    #[test]
+    fn bounds_hold_the_sphere() {
+        let random = &mut Random(22);
+        for _ in 0..1000 {
+            let (center, radius) = (100.0 * random.vector(), random.signed().abs());
+            let b = bounds(center, radius);
+            let r = f64::from(radius);
+            assert!((b.min.as_dvec3() + r).cmple(center.as_dvec3()).all());
+            assert!((b.max.as_dvec3() - r).cmpge(center.as_dvec3()).all());
+            assert!((b.max.as_dvec3() - r - 1e-5).cmple(center.as_dvec3()).all(), "and no more");
+        }
+        assert_eq!(bounds(Vec3::ONE, 2.0), Aabb { min: -Vec3::ONE, max: Vec3::splat(3.0) });
+    }
+}

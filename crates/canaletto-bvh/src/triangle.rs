@@ -127,3 +127,203 @@ fn cross(a: DVec3, b: DVec3) -> DVec3 {
         difference_of_products(a.x, b.y, a.y, b.x),
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{Primitive, Random, closed_mesh, nearest_in_tree, tree};
+    use glam::Vec3Swizzles;
+
+    const A: Vec3 = Vec3::new(0.0, 0.0, 0.0);
+    const B: Vec3 = Vec3::new(4.0, 0.0, 0.0);
+    const C: Vec3 = Vec3::new(0.0, 4.0, 0.0);
+
+    fn intersect(origin: Vec3, direction: Vec3, [a, b, c]: [Vec3; 3], t_max: f32) -> Option<TriangleHit> {
+        TriangleRay::new(&Ray::new(origin, direction)).intersect(a, b, c, t_max)
+    }
+
+    #[test]
+    fn a_hit_tells_distance_weights_and_side() {
+        let hit = |t, u, v, front| Some(TriangleHit { t, u, v, front });
+        let from = Vec3::new(1.0, 2.0, 8.0);
+        assert_eq!(intersect(from, -2.0 * Vec3::Z, [A, B, C], 9.0), hit(4.0, 0.25, 0.5, true));
+        assert_eq!(intersect(from, -2.0 * Vec3::Z, [A, C, B], 9.0), hit(4.0, 0.5, 0.25, false));
+        let below = Vec3::new(1.0, 2.0, -8.0);
+        assert_eq!(intersect(below, 2.0 * Vec3::Z, [A, B, C], 9.0), hit(4.0, 0.25, 0.5, false));
+        // The same with each axis as the longest.
+        for turn in [Vec3::zxy as fn(Vec3) -> Vec3, Vec3::yzx] {
+            let turned = [A, B, C].map(turn);
+            assert_eq!(intersect(turn(from), turn(-2.0 * Vec3::Z), turned, 9.0), hit(4.0, 0.25, 0.5, true));
+            assert_eq!(intersect(turn(below), turn(2.0 * Vec3::Z), turned, 9.0), hit(4.0, 0.25, 0.5, false));
+        }
+    }
+
+    #[test]
+    fn the_end_counts_and_the_start_does_not() {
+        let (origin, d) = (Vec3::new(1.0, 1.0, 3.0), -Vec3::Z);
+        assert!(intersect(origin, d, [A, B, C], 3.0).is_some());
+        assert!(intersect(origin, d, [A, B, C], 3.0_f32.next_down()).is_none());
+        assert!(intersect(origin, -d, [A, B, C], f32::INFINITY).is_none());
+        // On the plane, also seen along other axes.
+        for d in [d, Vec3::new(3.0, 1.0, -1.0), Vec3::new(0.3, -0.7, 0.1)] {
+            assert!(intersect(Vec3::new(1.0, 1.0, 0.0), d, [A, B, C], f32::INFINITY).is_none());
+        }
+    }
+
+    #[test]
+    fn borders_belong_to_the_triangle() {
+        for p in [A, B, C, (A + B) / 2.0, (B + C) / 2.0, (C + A) / 2.0] {
+            for d in [Vec3::new(0.0, 0.0, -1.0), Vec3::new(1.0, 0.5, -2.0), Vec3::new(-2.0, 1.0, 1.0)] {
+                let hit = intersect(p - d, d, [A, B, C], 2.0).unwrap();
+                assert_eq!(hit.t, 1.0);
+                assert_eq!((1.0 - hit.u - hit.v) * A + hit.u * B + hit.v * C, p);
+            }
+        }
+        let out = Vec3::new(2.0_f32.next_up(), 2.0, 1.0);
+        assert!(intersect(out, -Vec3::Z, [A, B, C], 2.0).is_none());
+    }
+
+    #[test]
+    fn a_triangle_without_area_is_never_hit() {
+        let random = &mut Random(11);
+        for _ in 0..2000 {
+            // Differences of few bits, so that the three are in one line exactly.
+            let [a, d] = [random.vector(), random.vector()].map(|p| (p * 512.0).round());
+            let triangle = [a, a + d, a + d * random.below(4) as f32];
+            let target = a + d * random.signed();
+            let origin = 1000.0 * random.vector();
+            assert_eq!(intersect(origin, target - origin, triangle, f32::INFINITY), None);
+            assert_eq!(intersect(a - d, d, triangle, f32::INFINITY), None);
+        }
+    }
+
+    #[test]
+    fn a_triangle_seen_edge_on_is_missed_or_hit_within_its_box() {
+        let random = &mut Random(12);
+        for _ in 0..20_000 {
+            let [a, b, c] = [random.vector(), random.vector(), random.vector()];
+            let origin = a + (a - b) * 3.0 + (a - c) * random.signed();
+            let direction = b - origin + (c - b) * random.signed();
+            if let Some(hit) = intersect(origin, direction, [a, b, c], f32::INFINITY) {
+                let p = Ray::new(origin, direction).at(hit.t);
+                let bounds = Aabb::from_points([a, b, c]);
+                let distance = (p - p.clamp(bounds.min, bounds.max)).length();
+                assert!(distance < 1e-5, "{distance}");
+            }
+        }
+    }
+
+    #[test]
+    fn weights_stay_within_the_triangle_and_give_the_point() {
+        let random = &mut Random(13);
+        let mut hits = 0;
+        for _ in 0..20_000 {
+            let [a, b, c, origin] = [0; 4].map(|_| random.vector());
+            let Some(hit) = intersect(origin, random.vector() * 0.1, [a, b, c], f32::INFINITY) else { continue };
+            hits += 1;
+            assert!(hit.u >= 0.0 && hit.v >= 0.0 && 1.0 - hit.u - hit.v >= 0.0, "{hit:?}");
+        }
+        assert!(hits > 500);
+        // The point, for triangles that are not seen edge-on.
+        for _ in 0..2000 {
+            let [b, c] = [Vec3::X + 0.3 * random.vector(), Vec3::Y + 0.3 * random.vector()];
+            let origin = Vec3::new(0.3, 0.3, 1.5) + 0.2 * random.vector();
+            let ray = Ray::new(origin, 0.3 * b + 0.3 * c - origin);
+            let hit = TriangleRay::new(&ray).intersect(A, b, c, f32::INFINITY).unwrap();
+            let by_weights = hit.u * b + hit.v * c;
+            assert!((ray.at(hit.t) - by_weights).length() < 1e-6);
+        }
+    }
+
+    /// The points to aim at: corners, points of edges and of faces.
+    fn targets(faces: &[[Vec3; 3]], random: &mut Random) -> Vec<Vec3> {
+        let mut targets = Vec::new();
+        for &[a, b, c] in faces {
+            targets.extend([a, 0.5 * (a + b), a + (b - a) * random.signed().abs(), (a + b + c) / 3.0]);
+        }
+        targets
+    }
+
+    #[test]
+    fn no_ray_leaks_out_of_a_closed_surface() {
+        let random = &mut Random(14);
+        let mesh = closed_mesh(random);
+        // A cube, in whose planes and along whose edges rays run exactly.
+        let cube: Vec<[Vec3; 3]> = (0..3)
+            .flat_map(|axis| [-1.0, 1.0].map(|side| (axis, side)))
+            .flat_map(|(axis, side)| {
+                (0..16).flat_map(move |cell| {
+                    let at = |x: i32, y: i32| {
+                        let mut p = Vec3::splat(side);
+                        p[(axis + 1) % 3] = x as f32 / 2.0 - 1.0;
+                        p[(axis + 2) % 3] = y as f32 / 2.0 - 1.0;
+                        p
+                    };
+                    let (x, y) = (cell % 4, cell / 4);
+                    [[at(x, y), at(x + 1, y), at(x + 1, y + 1)], [at(x, y), at(x + 1, y + 1), at(x, y + 1)]]
+                })
+            })
+            .collect();
+        for faces in [mesh, cube] {
+            let targets = targets(&faces, random);
+            for exponent in -6..=9 {
+                let scale = 10f32.powi(exponent);
+                // At the origin, and so far from it that coordinates lose half of their bits.
+                for offset in [Vec3::ZERO, Vec3::new(3000.0, -1000.0, 700.0) * scale] {
+                    let place = |p: Vec3| p * scale + offset;
+                    let scene: Vec<_> = faces.iter().map(|f| Primitive::Triangle(f.map(place))).collect();
+                    let bvh = tree(&scene);
+                    for &target in targets.iter().skip(random.below(4)).step_by(3) {
+                        let start = match random.below(4) {
+                            // Exactly on planes of symmetry, for rays with exact zeros.
+                            0 => Vec3::ZERO,
+                            1 => target * Vec3::AXES[random.below(3)] * 0.5,
+                            _ => random.vector() * 0.4,
+                        };
+                        let origin = place(start);
+                        let ray = Ray::new(origin, place(target) - origin);
+                        let leak = nearest_in_tree(&scene, &bvh, &ray, f32::INFINITY).0.is_none();
+                        assert!(!leak, "{exponent} {offset} {ray:?}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_floor_close_below_the_eye_has_no_cracks() {
+        // Squares of a size of 1000 whose borders are those of their boxes, seen from a height of 1e-3 and less.
+        let at = |x: i32, z: i32| Vec3::new(x as f32 * 1000.0, 0.0, z as f32 * 1000.0);
+        let scene: Vec<_> = (0..36)
+            .map(|cell| (cell % 6 - 3, cell / 6 - 3))
+            .flat_map(|(x, z)| [[at(x, z), at(x, z + 1), at(x + 1, z + 1)], [at(x, z), at(x + 1, z + 1), at(x + 1, z)]])
+            .map(Primitive::Triangle)
+            .collect();
+        let bvh = tree(&scene);
+        let random = &mut Random(15);
+        for i in 0..20_000 {
+            let height = 10f32.powi(-(i % 4) - 3);
+            let mut origin = random.vector() * height;
+            origin.y = height;
+            let mut target = random.vector() * height;
+            target.y = 0.0;
+            // Onto a border or close to it.
+            target[2 * random.below(2)] *= [0.0, 1e-3, 1e-6][random.below(3)];
+            let ray = Ray::new(origin, target - origin);
+            let (hit, _) = nearest_in_tree(&scene, &bvh, &ray, f32::INFINITY);
+            assert!(hit.is_some_and(|hit| (hit.0 - 1.0).abs() < 1e-6), "{ray:?} {hit:?}");
+        }
+    }
+
+    #[test]
+    fn extreme_sizes_neither_vanish_nor_overflow() {
+        for s in [1e-36, 1e-30, 1e-20, 1e20, 1e30, 1e37] {
+            let triangle = [A, B, C].map(|p| p * s);
+            let origin = Vec3::new(1.0, 1.0, 2.0) * s;
+            let hit = intersect(origin, -Vec3::Z, triangle, f32::INFINITY).unwrap();
+            assert!((hit.t / (2.0 * s) - 1.0).abs() < 1e-6 && hit.u == 0.25, "{s} {hit:?}");
+            assert!(intersect(origin * Vec3::new(4.0, 1.0, 1.0), -Vec3::Z, triangle, f32::INFINITY).is_none());
+            assert!(intersect(origin, -Vec3::Z * s, triangle, f32::INFINITY).is_some_and(|hit| hit.t == 2.0));
+        }
+    }
+}
