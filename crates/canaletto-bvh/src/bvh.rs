@@ -232,6 +232,10 @@ mod tests {
             // As for any direction too short for a reciprocal, no lane without a child may be visited.
             let ray = Ray::new(Vec3::ZERO, Vec3::splat(1e-45));
             bvh.intersect(&ray, f32::INFINITY, |leaf, _| assert!(!leaf.is_empty()));
+            bvh.occluded(&ray, f32::INFINITY, |leaf| {
+                assert!(!leaf.is_empty());
+                false
+            });
         }
     }
 
@@ -250,6 +254,20 @@ mod tests {
             assert_eq!(met, sorted);
             assert!((30 / 4..=31).contains(&met.len()), "{met:?}");
         }
+    }
+
+    #[test]
+    fn a_hit_culls_what_waits_behind_it() {
+        // One node with four leaves.
+        let bounds: Vec<Aabb> = (0..16).map(|i| Aabb::from_points([Vec3::X * (10 * (i / 4)) as f32])).collect();
+        let bvh = Bvh::build(&bounds).unwrap();
+        assert_eq!((bvh.statistics().inner_nodes, bvh.statistics().leaves), (1, 4));
+        let mut visits = 0;
+        bvh.intersect(&Ray::new(-Vec3::X, Vec3::X), f32::INFINITY, |_, t_max| {
+            visits += 1;
+            *t_max = 1.0;
+        });
+        assert_eq!(visits, 1);
     }
 
     #[test]

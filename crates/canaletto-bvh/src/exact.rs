@@ -10,13 +10,6 @@ pub(crate) fn two_product(a: f64, b: f64) -> (f64, f64) {
     (p, ((ah * bh - p) + ah * bl + al * bh) + al * bl)
 }
 
-/// `a + b` as rounded sum and exact remainder (Knuth).
-pub(crate) fn two_sum(a: f64, b: f64) -> (f64, f64) {
-    let s = a + b;
-    let bb = s - a;
-    (s, (a - (s - bb)) + (b - bb))
-}
-
 /// Two numbers of 26 bits that add up to `a` (Veltkamp).
 fn halves(a: f64) -> (f64, f64) {
     let c = 134_217_729.0 * a; // 2²⁷ + 1

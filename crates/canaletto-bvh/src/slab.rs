@@ -140,6 +140,7 @@ mod tests {
     fn meets(origin: Vec3, direction: Vec3, bounds: Aabb, t_max: f32) -> bool {
         let boxes = [bounds.min.to_array().map(Vec4::splat), bounds.max.to_array().map(Vec4::splat)];
         let (near, far) = Slabs::new(&Ray::new(origin, direction)).clip(&boxes, t_max);
+        assert!(!near.is_nan() && !far.is_nan());
         near.x <= far.x
     }
 
@@ -169,6 +170,11 @@ mod tests {
     fn extreme_directions_cull_nothing_wrongly() {
         let b = Aabb { min: Vec3::new(-1e-30, -1e-30, 1e30), max: Vec3::new(1e-30, 1e-30, 1e30) };
         for d in [Vec3::Z, Vec3::new(1e-45, 0.0, 1.0), Vec3::new(0.0, -1e-42, 3e38), Vec3::new(0.0, 0.0, 1e-45)] {
+            assert!(meets(Vec3::ZERO, d, b, f32::INFINITY), "{d}");
+        }
+        // Where the plane is the origin's, for which an infinite reciprocal would give NaN.
+        let b = Aabb { min: Vec3::ZERO, max: Vec3::ZERO };
+        for d in [Vec3::Z, Vec3::new(1e-45, -1e-45, 1.0), Vec3::splat(1e-45), Vec3::splat(3e38)] {
             assert!(meets(Vec3::ZERO, d, b, f32::INFINITY), "{d}");
         }
     }

@@ -111,7 +111,7 @@ pub(crate) fn awkward_ray(scene: &[Primitive], random: &mut Random) -> Ray {
     };
     let size = (bounds.max - bounds.min).max_element().max((target - other.center()).length());
     let size = if size > 0.0 { size } else { 1.0 };
-    match random.below(5) {
+    match random.below(6) {
         // Along an axis, forwards or backwards.
         0 => {
             let axis = Vec3::AXES[random.below(3)] * [1.0, -1.0][random.below(2)];
@@ -134,6 +134,11 @@ pub(crate) fn awkward_ray(scene: &[Primitive], random: &mut Random) -> Ray {
             let direction = random.vector() * if random.below(2) == 0 { power } else { power.zxy() };
             Ray::new(target - direction * size, direction)
         }
+        // From a vertex of another, in whose plane it may be.
+        4 => match scene[random.below(scene.len())] {
+            Primitive::Triangle([origin, ..]) => Ray::new(origin, target - origin),
+            Primitive::Sphere(origin, radius) => Ray::new(origin + Vec3::X * radius, target - origin),
+        },
         _ => {
             let origin = other.center() + random.vector() * size;
             Ray::new(origin, target - origin)
@@ -170,6 +175,10 @@ pub(crate) fn zoo() -> Vec<(&'static str, Vec<Primitive>)> {
     add("giant among tiny", 200, &mut |i, r| match i {
         77 => triangle(Vec3::ZERO, Vec3::splat(1e6), r),
         _ => triangle(r.vector(), Vec3::splat(1e-3), r),
+    });
+    let [p, q] = [Vec3::new(812_345.0, 3_421.0, -234_567.0), Vec3::new(-98_765.0, 534_231.0, 77_777.0)];
+    add("in a slanted plane", 200, &mut |_, r| {
+        Primitive::Triangle([0; 3].map(|_| p * r.below(9) as f32 + q * r.below(9) as f32))
     });
     add("in a line", 300, &mut |i, r| triangle(Vec3::X * i as f32, Vec3::splat(0.6), r));
     add("needles", 200, &mut |_, r| triangle(r.vector(), Vec3::new(1.0, 1e-6, 1e-6), r));

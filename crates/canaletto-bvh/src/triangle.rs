@@ -171,6 +171,20 @@ mod tests {
     }
 
     #[test]
+    fn a_triangle_in_a_plane_of_the_axes_does_not_hit_rays_that_start_on_it() {
+        let random = &mut Random(16);
+        for i in 0..3000 {
+            let on_plane = [0; 4].map(|_| {
+                let mut p = random.vector();
+                p[i % 3] = 0.7;
+                p
+            });
+            let [a, b, c, origin] = on_plane;
+            assert_eq!(intersect(origin, random.vector(), [a, b, c], f32::INFINITY), None);
+        }
+    }
+
+    #[test]
     fn borders_belong_to_the_triangle() {
         for p in [A, B, C, (A + B) / 2.0, (B + C) / 2.0, (C + A) / 2.0] {
             for d in [Vec3::new(0.0, 0.0, -1.0), Vec3::new(1.0, 0.5, -2.0), Vec3::new(-2.0, 1.0, 1.0)] {
@@ -200,17 +214,23 @@ mod tests {
     #[test]
     fn a_triangle_seen_edge_on_is_missed_or_hit_within_its_box() {
         let random = &mut Random(12);
+        let mut hits = 0;
         for _ in 0..20_000 {
-            let [a, b, c] = [random.vector(), random.vector(), random.vector()];
-            let origin = a + (a - b) * 3.0 + (a - c) * random.signed();
-            let direction = b - origin + (c - b) * random.signed();
-            if let Some(hit) = intersect(origin, direction, [a, b, c], f32::INFINITY) {
-                let p = Ray::new(origin, direction).at(hit.t);
+            // Whole numbers, so that ray and triangle lie in one plane exactly, and too large for t to be told
+            // from rounding errors.
+            let [p, q] = [random.vector(), random.vector()].map(|v| (v * 1e6).round());
+            let mut point = || p * random.below(5) as f32 + q * random.below(5) as f32;
+            let [a, b, c, origin, target] = [point(), point(), point(), point(), point()];
+            let ray = Ray::new(origin, target - origin);
+            if let Some(hit) = intersect(origin, ray.direction, [a, b, c], f32::INFINITY) {
+                hits += 1;
+                let at = ray.at(hit.t);
                 let bounds = Aabb::from_points([a, b, c]);
-                let distance = (p - p.clamp(bounds.min, bounds.max)).length();
-                assert!(distance < 1e-5, "{distance}");
+                let distance = (at - at.clamp(bounds.min, bounds.max)).length();
+                assert!(distance < 10.0, "{distance} {ray:?} {:?}", [a, b, c]);
             }
         }
+        assert!(hits > 10, "{hits}");
     }
 
     #[test]
@@ -224,6 +244,14 @@ mod tests {
             assert!(hit.u >= 0.0 && hit.v >= 0.0 && 1.0 - hit.u - hit.v >= 0.0, "{hit:?}");
         }
         assert!(hits > 500);
+        // Onto the edge where the weight of a is 0.
+        for _ in 0..2000 {
+            let [a, b, c, origin] = [0; 4].map(|_| random.vector());
+            let target = b + random.signed().abs() * (c - b);
+            if let Some(hit) = intersect(origin, target - origin, [a, b, c], f32::INFINITY) {
+                assert!(1.0 - hit.u - hit.v >= 0.0, "{hit:?}");
+            }
+        }
         // The point, for triangles that are not seen edge-on.
         for _ in 0..2000 {
             let [b, c] = [Vec3::X + 0.3 * random.vector(), Vec3::Y + 0.3 * random.vector()];
