@@ -1,1 +1,7 @@
-//! x
+//! Reading and writing files for Canaletto: the scene text, models, pictures. All opening of files goes through
+//! [`assets::Assets`].
+#![forbid(unsafe_code)]
+
+pub mod assets;
+pub mod diagnostic;
+pub mod text;

@@ -1,0 +1,368 @@
+//! Messages about files: what is wrong, where, and what would be right.
+
+use serde::ser::{Serialize, SerializeSeq, SerializeStruct, Serializer};
+use std::collections::HashMap;
+use std::fmt::{self, Write};
+use std::ops::Range;
+use std::sync::{Arc, OnceLock};
+
+/// How bad it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Severity {
+    /// The file can be used, but probably not as meant.
+    Warning,
+    /// The file can't be used.
+    Error,
+}
+
+impl fmt::Display for Severity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Severity::Warning => "warning",
+            Severity::Error => "error",
+        })
+    }
+}
+
+/// One message about one place in a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Diagnostic {
+    /// How bad it is.
+    pub severity: Severity,
+    /// What is wrong, as a sentence without a full stop.
+    pub message: String,
+    /// The file's name for people.
+    pub file: String,
+    /// The bytes of the file that it is about; nothing if it is about the whole file.
+    pub span: Option<Range<usize>>,
+    /// A few words to stand at the span; may be empty.
+    pub label: String,
+    /// What would be right.
+    pub help: Option<String>,
+}
+
+impl Diagnostic {
+    /// An error about a whole file.
+    pub fn error(file: impl Into<String>, message: impl Into<String>) -> Diagnostic {
+        Diagnostic {
+            severity: Severity::Error,
+            message: message.into(),
+            file: file.into(),
+            span: None,
+            label: String::new(),
+            help: None,
+        }
+    }
+
+    /// A warning about a whole file.
+    pub fn warning(file: impl Into<String>, message: impl Into<String>) -> Diagnostic {
+        Diagnostic { severity: Severity::Warning, ..Diagnostic::error(file, message) }
+    }
+
+    /// The same message, about these bytes.
+    pub fn at(mut self, span: Range<usize>) -> Diagnostic {
+        self.span = Some(span);
+        self
+    }
+
+    /// The same message with words at its place.
+    pub fn label(mut self, label: impl Into<String>) -> Diagnostic {
+        self.label = label.into();
+        self
+    }
+
+    /// The same message with a hint.
+    pub fn help(mut self, help: impl Into<String>) -> Diagnostic {
+        self.help = Some(help.into());
+        self
+    }
+}
+
+/// A place as people count: lines and columns from 1, columns in characters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct Position {
+    /// The line, from 1.
+    pub line: usize,
+    /// The character in the line, from 1.
+    pub column: usize,
+}
+
+/// Messages, and the texts that they point into.
+#[derive(Clone, Default)]
+pub struct Diagnostics {
+    list: Vec<Diagnostic>,
+    sources: HashMap<String, Arc<Source>>,
+}
+
+struct Source {
+    text: Arc<str>,
+    lines: OnceLock<Vec<usize>>,
+}
+
+impl Source {
+    /// Where each line starts.
+    fn lines(&self) -> &[usize] {
+        self.lines.get_or_init(|| {
+            let start = if self.text.starts_with('\u{feff}') { 3 } else { 0 };
+            std::iter::once(start).chain(self.text.match_indices('\n').map(|(at, _)| at + 1)).collect()
+        })
+    }
+
+    fn position(&self, offset: usize) -> Position {
+        let lines = self.lines();
+        let offset = floor(&self.text, offset).max(lines[0]);
+        let line = lines.partition_point(|start| *start <= offset) - 1;
+        Position { line: line + 1, column: self.text[lines[line]..offset].chars().count() + 1 }
+    }
+
+    /// A line, from 1, without its end.
+    fn line(&self, line: usize) -> &str {
+        let lines = self.lines();
+        let end = lines.get(line).copied().unwrap_or(self.text.len());
+        self.text[lines[line - 1]..end].trim_end_matches(['\n', '\r'])
+    }
+}
+
+fn floor(text: &str, offset: usize) -> usize {
+    let mut offset = offset.min(text.len());
+    while !text.is_char_boundary(offset) {
+        offset -= 1;
+    }
+    offset
+}
+
+impl Diagnostics {
+    /// No messages.
+    pub fn new() -> Diagnostics {
+        Diagnostics::default()
+    }
+
+    /// Keeps the text of the file of this name, for lines and columns.
+    pub fn add_source(&mut self, file: &str, text: impl Into<Arc<str>>) {
+        self.sources.insert(file.to_owned(), Arc::new(Source { text: text.into(), lines: OnceLock::new() }));
+    }
+
+    /// The text of a file that was added.
+    pub fn source(&self, file: &str) -> Option<&str> {
+        self.sources.get(file).map(|source| &*source.text)
+    }
+
+    /// Adds a message.
+    pub fn push(&mut self, diagnostic: Diagnostic) {
+        self.list.push(diagnostic);
+    }
+
+    /// Takes over another list's messages and texts.
+    pub fn append(&mut self, other: Diagnostics) {
+        self.list.extend(other.list);
+        self.sources.extend(other.sources);
+    }
+
+    /// The messages in the order in which they were found.
+    pub fn iter(&self) -> std::slice::Iter<'_, Diagnostic> {
+        self.list.iter()
+    }
+
+    /// How many messages there are.
+    pub fn len(&self) -> usize {
+        self.list.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.list.is_empty()
+    }
+
+    /// How many errors there are.
+    pub fn errors(&self) -> usize {
+        self.iter().filter(|d| d.severity == Severity::Error).count()
+    }
+
+    /// How many warnings there are.
+    pub fn warnings(&self) -> usize {
+        self.len() - self.errors()
+    }
+
+    /// Whether any message is an error.
+    pub fn has_errors(&self) -> bool {
+        self.iter().any(|d| d.severity == Severity::Error)
+    }
+
+    /// Brings the messages into the order of their places, file by file in the order of each file's first message.
+    pub fn sort(&mut self) {
+        let mut order = HashMap::new();
+        for diagnostic in &self.list {
+            let next = order.len();
+            order.entry(diagnostic.file.clone()).or_insert(next);
+        }
+        self.list.sort_by_key(|d| (order[&d.file], d.span.as_ref().map_or(usize::MAX, |span| span.start)));
+    }
+
+    /// Where a message's place begins.
+    pub fn start(&self, diagnostic: &Diagnostic) -> Option<Position> {
+        Some(self.sources.get(&diagnostic.file)?.position(diagnostic.span.as_ref()?.start))
+    }
+
+    /// Where a message's place ends: the first character after it.
+    pub fn end(&self, diagnostic: &Diagnostic) -> Option<Position> {
+        Some(self.sources.get(&diagnostic.file)?.position(diagnostic.span.as_ref()?.end))
+    }
+
+    /// A message as plain text: `file:line:column: error: message`, the line, a mark under the place, and the hint.
+    pub fn render(&self, diagnostic: &Diagnostic) -> String {
+        let mut out = diagnostic.file.clone();
+        let start = self.start(diagnostic);
+        if let Some(p) = start {
+            let _ = write!(out, ":{}:{}", p.line, p.column);
+        }
+        let _ = writeln!(out, ": {}: {}", diagnostic.severity, diagnostic.message);
+        if let (Some(start), Some(end), Some(source)) =
+            (start, self.end(diagnostic), self.sources.get(&diagnostic.file))
+        {
+            let line = source.line(start.line);
+            let length = line.chars().count();
+            let last = if end.line == start.line { end.column } else { length + 1 };
+            excerpt(&mut out, start.line, line, start.column - 1..last - 1, &diagnostic.label);
+        } else if !diagnostic.label.is_empty() {
+            let _ = writeln!(out, "  {}", diagnostic.label);
+        }
+        if let Some(help) = &diagnostic.help {
+            let _ = writeln!(out, "  help: {help}");
+        }
+        out
+    }
+}
+
+/// The most characters of a line that are shown.
+const WIDTH: usize = 120;
+
+/// A line with a mark under the characters `mark`; long lines are cut around it.
+fn excerpt(out: &mut String, number: usize, line: &str, mark: Range<usize>, label: &str) {
+    let number = number.to_string();
+    let blank = " ".repeat(number.len());
+    let from = if mark.end <= WIDTH { 0 } else { mark.start.saturating_sub(WIDTH / 4) };
+    let mut shown: Vec<char> = line.chars().skip(from).take(WIDTH + 1).collect();
+    let cut = shown.len() > WIDTH;
+    shown.truncate(WIDTH);
+    // A control character would move the mark away from its place.
+    let text: String = shown.iter().map(|c| if c.is_control() && *c != '\t' { '\u{fffd}' } else { *c }).collect();
+    let (left, right) = (if from > 0 { "…" } else { "" }, if cut { "…" } else { "" });
+    let _ = writeln!(out, "{number} | {left}{text}{right}");
+    let indent: String = shown.iter().take(mark.start - from).map(|c| if *c == '\t' { '\t' } else { ' ' }).collect();
+    let carets = "^".repeat(mark.len().clamp(1, (WIDTH + from).saturating_sub(mark.start).max(1)));
+    let pad = if from > 0 { " " } else { "" };
+    let text = format!("{blank} | {pad}{indent}{carets} {label}");
+    let _ = writeln!(out, "{}", text.trim_end());
+}
+
+/// All messages as plain text, an empty line between them.
+impl fmt::Display for Diagnostics {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (index, diagnostic) in self.iter().enumerate() {
+            if index > 0 {
+                f.write_str("\n")?;
+            }
+            f.write_str(&self.render(diagnostic))?;
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Debug for Diagnostics {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
+}
+
+impl std::error::Error for Diagnostics {}
+
+impl<'a> IntoIterator for &'a Diagnostics {
+    type Item = &'a Diagnostic;
+    type IntoIter = std::slice::Iter<'a, Diagnostic>;
+    fn into_iter(self) -> Self::IntoIter {
+        self.iter()
+    }
+}
+
+impl From<Diagnostic> for Diagnostics {
+    fn from(diagnostic: Diagnostic) -> Diagnostics {
+        Diagnostics { list: vec![diagnostic], sources: HashMap::new() }
+    }
+}
+
+/// A list of messages, each with `start` and `end` as line and column beside its bytes.
+impl Serialize for Diagnostics {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut list = serializer.serialize_seq(Some(self.len()))?;
+        for diagnostic in self {
+            list.serialize_element(&Located(self, diagnostic))?;
+        }
+        list.end()
+    }
+}
+
+struct Located<'a>(&'a Diagnostics, &'a Diagnostic);
+
+impl Serialize for Located<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let Located(all, d) = self;
+        let mut out = serializer.serialize_struct("Diagnostic", 8)?;
+        out.serialize_field("severity", &d.severity)?;
+        out.serialize_field("message", &d.message)?;
+        out.serialize_field("file", &d.file)?;
+        out.serialize_field("bytes", &d.span.as_ref().map(|span| [span.start, span.end]))?;
+        out.serialize_field("start", &all.start(d))?;
+        out.serialize_field("end", &all.end(d))?;
+        out.serialize_field("label", &d.label)?;
+        out.serialize_field("help", &d.help)?;
+        out.end()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn one(text: &str, span: Range<usize>) -> Diagnostics {
+        let mut all = Diagnostics::from(Diagnostic::error("a.kdl", "wrong").at(span).label("here").help("do this"));
+        all.add_source("a.kdl", text);
+        all
+    }
+
+    #[test]
+    fn columns_count_characters() {
+        let all = one("é\n\tñandú x\r\n", 12..13);
+        assert_eq!(all.to_string(), "a.kdl:2:8: error: wrong\n2 | \tñandú x\n  | \t      ^ here\n  help: do this\n");
+    }
+
+    #[test]
+    fn places_at_the_end_and_beyond_are_shown() {
+        assert!(one("", 0..0).to_string().starts_with("a.kdl:1:1:"));
+        assert!(one("ab", 2..2).to_string().contains("1 | ab\n  |   ^ here"));
+        assert!(one("ab\n", 90..99).to_string().starts_with("a.kdl:2:1:"));
+        assert!(one("\u{feff}ab", 3..4).to_string().starts_with("a.kdl:1:1:"));
+    }
+
+    #[test]
+    fn several_lines_are_marked_on_the_first() {
+        assert!(one("ab {\n}\n", 3..6).to_string().contains("1 | ab {\n  |    ^ here"));
+    }
+
+    #[test]
+    fn long_lines_are_cut_around_the_place() {
+        let text = format!("{}X{}", "a".repeat(1000), "b".repeat(1000));
+        let shown = one(&text, 1000..1001).to_string();
+        let lines: Vec<&str> = shown.lines().collect();
+        assert!(lines[1].chars().count() < 130 && lines[1].contains("…aaa"), "{shown}");
+        let column = |line: &str, c: char| line.chars().position(|x| x == c);
+        assert_eq!(column(lines[1], 'X'), column(lines[2], '^'));
+    }
+
+    #[test]
+    fn json_has_lines_and_bytes() {
+        let json = serde_json::to_value(one("a\nbc", 3..4)).unwrap();
+        assert_eq!(json[0]["start"], serde_json::json!({ "line": 2, "column": 2 }));
+        assert_eq!(json[0]["bytes"], serde_json::json!([3, 4]));
+    }
+}
