@@ -1,16 +1,18 @@
 //! Canaletto's library: from a scene's description to a picture and the explanation of each of its pixels.
 //!
-//! The way of a scene: a [`scene::Scene`] says what a file says; `world::World::build` resolves it into what
-//! rays meet (and is the last step that can fail); `render` makes a picture; `explain` opens one pixel into its tree
+//! The way of a scene: a [`scene::Scene`] says what a file says; [`world::World::build`] resolves it into what
+//! rays meet (and is the last step that can fail); [`render::render`] makes a picture; [`explain::explain`] opens one pixel into its tree
 //! of rays.
 //!
 //! The classic part follows a textbook chapter on ray tracing; numbers such as (5.39b) cite its equations. Linear
 //! RGB throughout. No files, no network, no clock, no global state: reading and writing live in `canaletto-io`.
 #![forbid(unsafe_code)]
 
+pub mod camera;
 pub mod light;
 pub mod material;
 pub mod math;
+pub mod sampler;
 pub mod scene;
 pub mod shape;
 

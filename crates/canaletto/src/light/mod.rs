@@ -50,6 +50,8 @@ pub struct Illumination {
     pub direction: Vec3,
     /// How far the light is; infinite for light from infinity.
     pub distance: f32,
+    /// Where the light is; `None` for light from infinity.
+    pub position: Option<Vec3>,
     /// The intensity after attenuation, cone and region; shadows not considered.
     pub intensity: Rgb,
 }
@@ -72,12 +74,15 @@ impl Light {
     pub fn illuminate(&self, index: u32, p: Vec3) -> Illumination {
         match &self.kind {
             LightKind::Omni(omni) => match omni.towards_infinity() {
-                Some(direction) => Illumination { direction, distance: f32::INFINITY, intensity: self.intensity },
+                Some(direction) => {
+                    Illumination { direction, distance: f32::INFINITY, position: None, intensity: self.intensity }
+                }
                 None => self.from_point(omni.point(), p, 1.0),
             },
             LightKind::Directional(directional) => Illumination {
                 direction: directional.direction(),
                 distance: f32::INFINITY,
+                position: None,
                 intensity: self.intensity * directional.region(p),
             },
             LightKind::Spot(spot) => self.from_point(spot.position, p, spot.cone(p)),
@@ -133,6 +138,11 @@ impl Light {
         let distance = to_light.length();
         let [c, l, q] = self.attenuation;
         let attenuation = c + l * distance + q * distance * distance;
-        Illumination { direction: to_light / distance, distance, intensity: self.intensity * (factor / attenuation) }
+        Illumination {
+            direction: to_light / distance,
+            distance,
+            position: Some(position),
+            intensity: self.intensity * (factor / attenuation),
+        }
     }
 }

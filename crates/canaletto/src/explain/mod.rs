@@ -1,0 +1,56 @@
+//! The explanation of a pixel: the tree of rays behind it with every term of (5.39b) as a number.
+//!
+//! It is recorded by a probe while the pixel is rendered by the same code that renders pictures; [`PixelTree::sum`]
+//! adds the recorded terms up again and gives the pixel bit for bit.
+
+mod record;
+mod text;
+mod tree;
+
+pub use tree::{BlockerNode, CutNode, HitNode, LightNode, Outcome, PixelTree, RayNode, SampleNode, Side};
+
+use crate::integrator::Whitted;
+use crate::render::{Job, JobError, PixelRenderer};
+use crate::world::World;
+use record::Recorder;
+
+/// Why a pixel can't be explained.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ExplainError {
+    /// The pixel isn't in the picture.
+    #[error("pixel {x}, {y} isn't in the picture of {width} x {height} pixels (columns and rows count from 0)")]
+    Outside {
+        /// Column.
+        x: u32,
+        /// Row from the top.
+        y: u32,
+        /// The picture's width.
+        width: u32,
+        /// The picture's height.
+        height: u32,
+    },
+    /// The job itself is wrong.
+    #[error(transparent)]
+    Job(#[from] JobError),
+}
+
+/// Explains the pixel in column `x` and row `y`, both from the top left of the whole picture (not of the crop window).
+///
+/// # Errors
+/// [`ExplainError`] if there is no such pixel or the job is wrong.
+pub fn explain(world: &World, job: &Job, x: u32, y: u32) -> Result<PixelTree, ExplainError> {
+    job.check()?;
+    let [width, height] = job.camera.size();
+    if x >= width || y >= height {
+        return Err(ExplainError::Outside { x, y, width, height });
+    }
+    let mut recorder = Recorder::new(world, job.camera);
+    let color = PixelRenderer::new(job).pixel(&mut Whitted::new(world, job.integrator), x, y, &mut recorder);
+    Ok(PixelTree {
+        pixel: [x, y],
+        chapter_pixel: [x, height - 1 - y],
+        size: [width, height],
+        samples: recorder.into_samples(),
+        color,
+    })
+}

@@ -1,0 +1,144 @@
+//! The probe that records the tree.
+
+use super::tree::{BlockerNode, CutNode, HitNode, LightNode, Outcome, RayNode, SampleNode, Side};
+use crate::camera::Camera;
+use crate::integrator::{LightTerm, Probe, RayKind};
+use crate::material::MaterialPoint;
+use crate::math::Rgb;
+use crate::shape::Surface;
+use crate::world::{Hit, World};
+use canaletto_bvh::Ray;
+
+/// Builds the tree from the integrator's calls.
+pub(super) struct Recorder<'w> {
+    world: &'w World,
+    camera: Camera,
+    samples: Vec<SampleNode>,
+    sample: Option<([f64; 2], f64)>,
+    /// The rays from the eye to the current one.
+    open: Vec<RayNode>,
+    blockers: Vec<BlockerNode>,
+}
+
+impl<'w> Recorder<'w> {
+    pub(super) fn new(world: &'w World, camera: Camera) -> Recorder<'w> {
+        Recorder { world, camera, samples: Vec::new(), sample: None, open: Vec::new(), blockers: Vec::new() }
+    }
+
+    pub(super) fn into_samples(self) -> Vec<SampleNode> {
+        self.samples
+    }
+
+    fn current(&mut self) -> Option<&mut HitNode> {
+        match &mut self.open.last_mut()?.outcome {
+            Outcome::Hit(hit) => Some(hit),
+            Outcome::Miss { .. } => None,
+        }
+    }
+}
+
+impl Probe for Recorder<'_> {
+    fn sample(&mut self, position: [f64; 2], weight: f64) {
+        self.sample = Some((position, weight));
+    }
+
+    fn ray(&mut self, kind: RayKind, ray: &Ray, depth: u32, factor: Rgb) {
+        self.open.push(RayNode {
+            kind,
+            depth,
+            factor,
+            origin: ray.origin.to_array(),
+            direction: ray.direction.to_array(),
+            outcome: Outcome::Miss { background: Rgb::BLACK },
+            color: Rgb::BLACK,
+        });
+    }
+
+    fn miss(&mut self, background: Rgb) {
+        if let Some(ray) = self.open.last_mut() {
+            ray.outcome = Outcome::Miss { background };
+        }
+    }
+
+    fn hit(&mut self, hit: &Hit, surface: &Surface, material: &MaterialPoint, outside: bool) {
+        let object = self.world.object(hit);
+        let shading_normal = if outside { surface.shading_normal } else { -surface.shading_normal };
+        let single = matches!(object.kind, "mesh" | "spheres" | "cylinders");
+        let node = HitNode {
+            object: object.name.clone(),
+            kind: object.kind,
+            primitive: if single { hit.primitive } else { 0 },
+            t: hit.t,
+            point: surface.point.to_array(),
+            normal: surface.normal.to_array(),
+            shading_normal: shading_normal.to_array(),
+            uv: surface.uv.to_array(),
+            side: if outside { Side::Outside } else { Side::Inside },
+            material: self.world.material(hit).name.clone(),
+            phong: material.phong,
+            unlit: None,
+            ambient: None,
+            lights: Vec::new(),
+            children: Vec::new(),
+            cut: Vec::new(),
+        };
+        if let Some(ray) = self.open.last_mut() {
+            ray.outcome = Outcome::Hit(Box::new(node));
+        }
+    }
+
+    fn unlit(&mut self, kd: Rgb) {
+        if let Some(hit) = self.current() {
+            hit.unlit = Some(kd);
+        }
+    }
+
+    fn ambient(&mut self, term: Rgb) {
+        if let Some(hit) = self.current() {
+            hit.ambient = Some(term);
+        }
+    }
+
+    fn blocker(&mut self, hit: &Hit, opacity: f32) {
+        self.blockers.push(BlockerNode { object: self.world.object(hit).name.clone(), opacity });
+    }
+
+    fn light(&mut self, term: &LightTerm) {
+        let light = &self.world.lights[term.light as usize];
+        let name = light.name.clone().unwrap_or_else(|| format!("{} light #{}", light.kind_name(), term.light + 1));
+        let node = LightNode {
+            light: name,
+            point: term.point,
+            direction: term.direction.to_array(),
+            distance: term.distance,
+            intensity: term.intensity,
+            n_dot_l: term.n_dot_l,
+            r_dot_l: term.r_dot_l,
+            blockers: std::mem::take(&mut self.blockers),
+            f_s: term.f_s,
+            diffuse: term.diffuse,
+            specular: term.specular,
+            contribution: term.contribution,
+        };
+        if let Some(hit) = self.current() {
+            hit.lights.push(node);
+        }
+    }
+
+    fn cut(&mut self, kind: RayKind, factor: Rgb) {
+        if let Some(hit) = self.current() {
+            hit.cut.push(CutNode { kind, factor });
+        }
+    }
+
+    fn end(&mut self, color: Rgb) {
+        let Some(mut ray) = self.open.pop() else { return };
+        ray.color = color;
+        if let Some(parent) = self.current() {
+            parent.children.push(ray);
+        } else if let Some((position, weight)) = self.sample {
+            let (_, d) = self.camera.chapter_ray(position[0], position[1]);
+            self.samples.push(SampleNode { position, weight, chapter_direction: d.to_array(), ray });
+        }
+    }
+}

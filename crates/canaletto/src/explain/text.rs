@@ -1,0 +1,152 @@
+//! The tree as text for a terminal.
+
+use super::tree::{HitNode, LightNode, Outcome, PixelTree, RayNode, SampleNode, Side};
+use crate::integrator::RayKind;
+use crate::math::Rgb;
+use std::fmt::{self, Display, Formatter};
+
+/// Numbers are printed so that they read back as the same `f32`.
+impl Display for PixelTree {
+    fn fmt(&self, f: &mut Formatter) -> fmt::Result {
+        let ([x, y], [cx, cy], [w, h]) = (self.pixel, self.chapter_pixel, self.size);
+        writeln!(
+            f,
+            "pixel ({x}, {y}) from the top left of {w} x {h}; in the chapter's count, y upwards, ({cx}, {cy})"
+        )?;
+        let total: f64 = self.samples.iter().map(|s| s.weight).sum();
+        for (index, sample) in self.samples.iter().enumerate() {
+            writeln!(f)?;
+            if self.samples.len() > 1 {
+                let share = sample.weight / total;
+                writeln!(f, "sample {} of {}, weight {share:.6}", index + 1, self.samples.len())?;
+            }
+            write_sample(f, sample)?;
+        }
+        writeln!(f)?;
+        if self.samples.len() > 1 {
+            writeln!(f, "pixel = weighted mean of {} samples", self.samples.len())?;
+        }
+        let sum = self.sum();
+        let equal = if sum == self.color { "equal, bit for bit" } else { "NOT equal: this is a bug" };
+        writeln!(f, "sum of the terms  {}", rgb(sum))?;
+        writeln!(f, "rendered pixel    {}  ({equal})", rgb(self.color))
+    }
+}
+
+fn write_sample(f: &mut Formatter, sample: &SampleNode) -> fmt::Result {
+    let ([x, y], d) = (sample.position, sample.chapter_direction);
+    writeln!(f, "eye ray through x = {x}, y = {y}: d = ({:.6}, {:.6}, {:.6})  (5.10)", d[0], d[1], d[2])?;
+    write_ray(f, &sample.ray, "")
+}
+
+fn write_ray(f: &mut Formatter, ray: &RayNode, indent: &str) -> fmt::Result {
+    let kind = match ray.kind {
+        RayKind::Eye => "eye ray",
+        RayKind::Reflected => "reflected ray (5.37)",
+        RayKind::Refracted => "refracted ray (5.40-5.44)",
+        RayKind::TotallyReflected => "totally reflected ray",
+    };
+    writeln!(f, "{indent}{kind}, depth {}: o = {}, d = {}", ray.depth, vector(ray.origin), vector(ray.direction))?;
+    match &ray.outcome {
+        Outcome::Miss { background } => writeln!(f, "{indent}  meets nothing: background {}", rgb(*background)),
+        Outcome::Hit(hit) => write_hit(f, hit, ray.color, indent),
+    }
+}
+
+fn write_hit(f: &mut Formatter, hit: &HitNode, color: Rgb, indent: &str) -> fmt::Result {
+    let which = if matches!(hit.kind, "mesh" | "spheres" | "cylinders") {
+        format!("{}, primitive {}", hit.object, hit.primitive)
+    } else {
+        hit.object.clone()
+    };
+    let side = match hit.side {
+        Side::Outside => "outside",
+        Side::Inside => "inside",
+    };
+    writeln!(f, "{indent}  meets {which} ({}) from {side} at t = {}", hit.kind, hit.t)?;
+    writeln!(f, "{indent}    p = {}", vector(hit.point))?;
+    writeln!(f, "{indent}    n = {}, uv = ({}, {})", vector(hit.shading_normal), hit.uv[0], hit.uv[1])?;
+    let m = &hit.phong;
+    writeln!(
+        f,
+        "{indent}    material \"{}\": kd {}, ks {}, n {}, k {}, eta {}, o {}",
+        hit.material,
+        rgb(m.kd),
+        rgb(m.ks),
+        m.n,
+        rgb(m.k),
+        m.eta,
+        m.opacity
+    )?;
+    if let Some(kd) = hit.unlit {
+        writeln!(f, "{indent}    + unlit colour kd              {}", rgb(kd))?;
+    }
+    if let Some(ambient) = hit.ambient {
+        writeln!(f, "{indent}    + ambient Ia*kd                {}  (5.33)", rgb(ambient))?;
+    }
+    for light in &hit.lights {
+        write_light(f, light, indent)?;
+    }
+    let deeper = format!("{indent}    | ");
+    for child in &hit.children {
+        let (name, factor) = match child.kind {
+            RayKind::Reflected => ("k", rgb(child.factor)),
+            _ => ("(1 - o)", child.factor.r.to_string()),
+        };
+        writeln!(
+            f,
+            "{indent}    + {name} * ray = {factor} * {} = {}  (5.39b)",
+            rgb(child.color),
+            rgb(child.color * child.factor)
+        )?;
+        write_ray(f, child, &deeper)?;
+    }
+    for cut in &hit.cut {
+        let kind = if cut.kind == RayKind::Reflected { "reflected" } else { "refracted" };
+        writeln!(
+            f,
+            "{indent}    + 0: the {kind} ray with factor {} isn't followed (max depth or weight)",
+            rgb(cut.factor)
+        )?;
+    }
+    writeln!(f, "{indent}    = {}", rgb(color))
+}
+
+fn write_light(f: &mut Formatter, light: &LightNode, indent: &str) -> fmt::Result {
+    let distance =
+        if light.distance.is_finite() { format!("distance {}", light.distance) } else { "from infinity".into() };
+    writeln!(
+        f,
+        "{indent}    + {}{}: {}",
+        light.light,
+        if light.point > 0 { format!(" (point {})", light.point) } else { String::new() },
+        rgb(light.contribution)
+    )?;
+    writeln!(
+        f,
+        "{indent}        L = {}, {distance}, l = {}, n.L = {}",
+        vector(light.direction),
+        rgb(light.intensity),
+        light.n_dot_l
+    )?;
+    if light.n_dot_l.is_nan() || light.n_dot_l <= 0.0 {
+        return writeln!(f, "{indent}        behind the surface: n.L <= 0");
+    }
+    if light.intensity.is_black() {
+        return writeln!(f, "{indent}        no light arrives: outside the cone or beam");
+    }
+    for blocker in &light.blockers {
+        writeln!(f, "{indent}        passes {}: 1 - o = {}", blocker.object, 1.0 - blocker.opacity)?;
+    }
+    writeln!(f, "{indent}        f_s = {}  (5.39a)", light.f_s)?;
+    writeln!(f, "{indent}        diffuse  l*kd*(n.L)    = {}  (5.32)", rgb(light.diffuse))?;
+    writeln!(f, "{indent}        specular l*ks*(r.L)^n  = {}, r.L = {}  (5.38)", rgb(light.specular), light.r_dot_l)
+}
+
+fn rgb(c: Rgb) -> String {
+    format!("({}, {}, {})", c.r, c.g, c.b)
+}
+
+fn vector(v: [f32; 3]) -> String {
+    format!("({}, {}, {})", v[0], v[1], v[2])
+}

@@ -1,0 +1,203 @@
+//! The tree of rays behind a pixel, as plain data.
+
+use crate::integrator::RayKind;
+use crate::material::Phong;
+use crate::math::Rgb;
+use crate::render::weighted_mean;
+use serde::{Serialize, Serializer};
+
+/// A pixel with all its samples.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PixelTree {
+    /// Column and row from the top left.
+    pub pixel: [u32; 2],
+    /// The chapter's x and y, with y upwards.
+    pub chapter_pixel: [u32; 2],
+    /// The picture's width and height.
+    pub size: [u32; 2],
+    /// The rays from the eye.
+    pub samples: Vec<SampleNode>,
+    /// The pixel's colour as rendered.
+    pub color: Rgb,
+}
+
+/// One ray from the eye with its weight in the pixel.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SampleNode {
+    /// Where in the picture, in pixels with y upwards: x and y of (5.10).
+    pub position: [f64; 2],
+    /// Its weight; the pixel is the weighted mean.
+    pub weight: f64,
+    /// d of (5.10), from the eye to the projection plane. The ray below has the same direction with length 1.
+    pub chapter_direction: [f64; 3],
+    /// The ray.
+    pub ray: RayNode,
+}
+
+/// A ray, what it met and what it brought.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RayNode {
+    /// Why it was traced.
+    pub kind: RayKind,
+    /// 1 for rays from the eye.
+    pub depth: u32,
+    /// What its colour is multiplied with in its parent: 1, k, or 1 − o.
+    pub factor: Rgb,
+    /// Its origin.
+    pub origin: [f32; 3],
+    /// Its unit direction.
+    pub direction: [f32; 3],
+    /// What it met.
+    pub outcome: Outcome,
+    /// The colour it brought, before the factor.
+    pub color: Rgb,
+}
+
+/// What a ray met.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Outcome {
+    /// Nothing: the background.
+    Miss {
+        /// The background's colour.
+        background: Rgb,
+    },
+    /// A surface.
+    Hit(Box<HitNode>),
+}
+
+/// The side of a surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Side {
+    /// Where the normal points to.
+    Outside,
+    /// The other.
+    Inside,
+}
+
+/// A surface that was met, with the terms of the shading equation there.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct HitNode {
+    /// The object's name.
+    pub object: String,
+    /// "sphere", "mesh", …
+    pub kind: &'static str,
+    /// Which triangle or sphere of the object; 0 for single shapes.
+    pub primitive: u32,
+    /// The ray's parameter: the distance, since its direction has length 1.
+    pub t: f32,
+    /// The point.
+    pub point: [f32; 3],
+    /// The unit geometric normal, on the outer side.
+    pub normal: [f32; 3],
+    /// The unit normal that is shaded with, on the viewer's side.
+    pub shading_normal: [f32; 3],
+    /// Texture coordinates.
+    pub uv: [f32; 2],
+    /// The side the ray came from.
+    pub side: Side,
+    /// The material's name.
+    pub material: String,
+    /// Its numbers here.
+    pub phong: Phong,
+    /// kd, where nothing is lit.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unlit: Option<Rgb>,
+    /// Iₐ ⊗ kd.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ambient: Option<Rgb>,
+    /// Each point of each light.
+    pub lights: Vec<LightNode>,
+    /// The reflected and the refracted ray.
+    pub children: Vec<RayNode>,
+    /// Child rays that were not followed.
+    pub cut: Vec<CutNode>,
+}
+
+/// One point of a light as a hit sees it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LightNode {
+    /// The light's name or kind and number.
+    pub light: String,
+    /// Which of its points.
+    pub point: u32,
+    /// L̂.
+    pub direction: [f32; 3],
+    /// Its distance; `null` in JSON for light from infinity.
+    #[serde(serialize_with = "finite_or_null")]
+    pub distance: f32,
+    /// The intensity that would arrive.
+    pub intensity: Rgb,
+    /// n·L.
+    pub n_dot_l: f32,
+    /// r·L.
+    pub r_dot_l: f32,
+    /// What stands between, nearest first.
+    pub blockers: Vec<BlockerNode>,
+    /// f_s.
+    pub f_s: f32,
+    /// l ⊗ kd (n·L).
+    pub diffuse: Rgb,
+    /// l ⊗ ks (r·L)ⁿ.
+    pub specular: Rgb,
+    /// f_s (diffuse + specular).
+    pub contribution: Rgb,
+}
+
+/// A surface between a hit and a light.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct BlockerNode {
+    /// The object's name.
+    pub object: String,
+    /// Its opacity o there.
+    pub opacity: f32,
+}
+
+/// A child ray that was not followed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct CutNode {
+    /// What it would have been.
+    pub kind: RayKind,
+    /// The factor it would have had.
+    pub factor: Rgb,
+}
+
+impl PixelTree {
+    /// The pixel from its terms: every product and sum done again in the picture's order. Equal to `color` bit for bit.
+    pub fn sum(&self) -> Rgb {
+        match &self.samples[..] {
+            // A single sample is the pixel, whatever its weight.
+            [only] => only.ray.sum(),
+            samples => weighted_mean(samples.iter().map(|sample| (sample.ray.sum(), sample.weight))),
+        }
+    }
+}
+
+impl RayNode {
+    /// The ray's colour from the terms of its hit and its children.
+    pub fn sum(&self) -> Rgb {
+        let hit = match &self.outcome {
+            Outcome::Miss { background } => return *background,
+            Outcome::Hit(hit) => hit,
+        };
+        if let Some(kd) = hit.unlit {
+            return kd;
+        }
+        let mut color = Rgb::BLACK;
+        if let Some(ambient) = hit.ambient {
+            color += ambient;
+        }
+        for light in &hit.lights {
+            color += (light.diffuse + light.specular) * light.f_s;
+        }
+        for child in &hit.children {
+            color += child.sum() * child.factor;
+        }
+        color
+    }
+}
+
+fn finite_or_null<S: Serializer>(value: &f32, serializer: S) -> Result<S::Ok, S::Error> {
+    if value.is_finite() { serializer.serialize_some(value) } else { serializer.serialize_none() }
+}

@@ -1,0 +1,10 @@
+//! From rays to pixels to numbers in a file: where samples lie, how they are weighted, how light is developed.
+
+mod develop;
+mod filter;
+mod picture;
+
+pub(crate) use develop::display;
+pub use develop::{develop, srgb_encode};
+pub use filter::FilterTable;
+pub use picture::{Layer, Picture};

@@ -1,0 +1,44 @@
+//! A finished picture in linear light, with its extra layers.
+
+use crate::math::Rgb;
+
+/// Linear pixels in rows from the top left, with layers of other quantities.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// width × height colours, the top row first.
+    pub pixels: Vec<Rgb>,
+    /// The extra quantities that were asked for.
+    pub layers: Vec<Layer>,
+}
+
+/// One extra quantity of every pixel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layer {
+    /// Its name, such as "depth".
+    pub name: &'static str,
+    /// The names of its channels, such as X, Y, Z.
+    pub channels: &'static [&'static str],
+    /// width × height × channels values, the channels of a pixel together, the top row first.
+    pub data: Vec<f32>,
+}
+
+impl Picture {
+    /// A black picture without layers.
+    pub fn new(width: u32, height: u32) -> Picture {
+        Picture { width, height, pixels: vec![Rgb::BLACK; width as usize * height as usize], layers: Vec::new() }
+    }
+
+    /// The colour of a pixel, counted from the top left.
+    pub fn pixel(&self, x: u32, y: u32) -> Rgb {
+        self.pixels[y as usize * self.width as usize + x as usize]
+    }
+
+    /// The layer of this name.
+    pub fn layer(&self, name: &str) -> Option<&Layer> {
+        self.layers.iter().find(|layer| layer.name == name)
+    }
+}

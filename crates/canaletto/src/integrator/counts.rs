@@ -1,0 +1,56 @@
+//! How many rays of each kind were traced.
+
+use super::RayKind;
+use serde::Serialize;
+use std::ops::AddAssign;
+
+/// Rays of one kind.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct RayCount {
+    /// Rays traced.
+    pub traced: u64,
+    /// Those that met something; of shadow rays, those whose light was blocked entirely.
+    pub hit: u64,
+}
+
+/// Rays by kind.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct RayCounts {
+    /// From the eye through a pixel.
+    pub eye: RayCount,
+    /// Mirrored, total internal reflection included.
+    pub reflected: RayCount,
+    /// Refracted into or out of a clear body.
+    pub refracted: RayCount,
+    /// From a surface to a light.
+    pub shadow: RayCount,
+}
+
+impl RayCounts {
+    /// All rays traced.
+    pub fn total(&self) -> u64 {
+        self.eye.traced + self.reflected.traced + self.refracted.traced + self.shadow.traced
+    }
+
+    pub(crate) fn of_mut(&mut self, kind: RayKind) -> &mut RayCount {
+        match kind {
+            RayKind::Eye => &mut self.eye,
+            RayKind::Reflected | RayKind::TotallyReflected => &mut self.reflected,
+            RayKind::Refracted => &mut self.refracted,
+        }
+    }
+}
+
+impl AddAssign for RayCounts {
+    fn add_assign(&mut self, o: RayCounts) {
+        for (a, b) in [
+            (&mut self.eye, o.eye),
+            (&mut self.reflected, o.reflected),
+            (&mut self.refracted, o.refracted),
+            (&mut self.shadow, o.shadow),
+        ] {
+            a.traced += b.traced;
+            a.hit += b.hit;
+        }
+    }
+}

@@ -1,0 +1,83 @@
+//! What an integrator tells whoever watches it. The picture and its explanation run the same code: the integrator is
+//! generic over a probe, and the empty one compiles to nothing.
+
+use crate::material::MaterialPoint;
+use crate::math::Rgb;
+use crate::shape::Surface;
+use crate::world::Hit;
+use canaletto_bvh::Ray;
+use glam::Vec3;
+use serde::Serialize;
+
+/// Why a ray is traced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RayKind {
+    /// From the eye.
+    Eye,
+    /// In the mirror direction, by the factor k.
+    Reflected,
+    /// By Snell's law, by the factor 1 − o.
+    Refracted,
+    /// Mirrored inside a clear body beyond the critical angle, by the factor 1 − o.
+    TotallyReflected,
+}
+
+/// The terms of one light point at a hit (5.39a).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LightTerm {
+    /// Index into [`crate::world::World::lights`].
+    pub light: u32,
+    /// Which of the light's points.
+    pub point: u32,
+    /// L̂, the unit direction to it.
+    pub direction: Vec3,
+    /// Its distance; infinite for light from infinity.
+    pub distance: f32,
+    /// Its intensity here, after attenuation, cone and region.
+    pub intensity: Rgb,
+    /// n·L. Where it isn't positive, the light adds nothing and the factors below are zero.
+    pub n_dot_l: f32,
+    /// r·L of (5.38).
+    pub r_dot_l: f32,
+    /// f_s: the light that passes all that lies between, 0..=1.
+    pub f_s: f32,
+    /// l ⊗ kd (n·L), without f_s.
+    pub diffuse: Rgb,
+    /// l ⊗ ks (r·L)ⁿ, without f_s.
+    pub specular: Rgb,
+    /// What was added: (diffuse + specular) f_s.
+    pub contribution: Rgb,
+}
+
+/// A watcher of an integrator. Calls come in the order of the ray tree: a ray, then its miss or its hit with ambient
+/// term, lights (each after its blockers) and child rays, then its end.
+pub trait Probe {
+    /// Whether calls are worth making at all.
+    const ACTIVE: bool = true;
+    /// A sample of the pixel begins: its place in pixels (y upwards) and its weight.
+    fn sample(&mut self, _position: [f64; 2], _weight: f64) {}
+    /// A ray starts. `depth` is 1 for eye rays; `factor` is what its colour is multiplied with.
+    fn ray(&mut self, _kind: RayKind, _ray: &Ray, _depth: u32, _factor: Rgb) {}
+    /// It met nothing.
+    fn miss(&mut self, _background: Rgb) {}
+    /// It met this surface. `outside` tells the side of it.
+    fn hit(&mut self, _hit: &Hit, _surface: &Surface, _material: &MaterialPoint, _outside: bool) {}
+    /// Without lighting, this is the colour.
+    fn unlit(&mut self, _kd: Rgb) {}
+    /// The ambient term.
+    fn ambient(&mut self, _term: Rgb) {}
+    /// Something between the hit and the light that [`Probe::light`] tells next; `opacity` is its o.
+    fn blocker(&mut self, _hit: &Hit, _opacity: f32) {}
+    /// A light's terms.
+    fn light(&mut self, _term: &LightTerm) {}
+    /// A child ray was not followed, because of depth or weight.
+    fn cut(&mut self, _kind: RayKind, _factor: Rgb) {}
+    /// The current ray ends with this colour (its factor not applied).
+    fn end(&mut self, _color: Rgb) {}
+}
+
+/// Watches nothing.
+impl Probe for () {
+    const ACTIVE: bool = false;
+}

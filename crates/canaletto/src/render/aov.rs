@@ -1,0 +1,234 @@
+//! Extra layers (arbitrary output variables), written by a probe so that they come from the rays that make the picture.
+
+use crate::film::Layer;
+use crate::integrator::{LightTerm, Probe, RayKind};
+use crate::material::MaterialPoint;
+use crate::math::Rgb;
+use crate::shape::Surface;
+use crate::world::{Hit, World};
+use canaletto_bvh::Ray;
+use serde::{Deserialize, Serialize};
+
+/// An extra layer of the picture.
+///
+/// Geometry (depth to material id) is that of the first sample's first hit, since a mean of two objects means nothing;
+/// pixels that show the background hold infinite depth and zeros. Light (diffuse to refraction) is filtered like the
+/// picture and sums to it; `shadow` is what shadows took away and `tree-depth` and `cost` count rays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Aov {
+    /// Distance from the eye.
+    Depth,
+    /// Shading normal on the viewer's side, world space.
+    Normal,
+    /// The point, world space.
+    Position,
+    /// Texture coordinates.
+    Uv,
+    /// [`World::object_id`]; 0 is the background.
+    ObjectId,
+    /// 1 + the material's index; 0 is the background.
+    MaterialId,
+    /// Σ f_s l ⊗ kd (n·L) at the first hit.
+    Diffuse,
+    /// Σ f_s l ⊗ ks (r·L)ⁿ at the first hit.
+    Specular,
+    /// The light that shadows took away at the first hit.
+    Shadow,
+    /// Iₐ ⊗ kd at the first hit; the background where there is none.
+    Ambient,
+    /// k times what the mirrored ray brought.
+    Reflection,
+    /// 1 − o times what the refracted ray brought.
+    Refraction,
+    /// The deepest ray of the pixel's trees.
+    TreeDepth,
+    /// The rays traced for the pixel, of all kinds.
+    Cost,
+}
+
+impl Aov {
+    /// Every layer with its name and the names of its channels.
+    pub const ALL: [(Aov, &'static str, &'static [&'static str]); 14] = [
+        (Aov::Depth, "depth", &["Z"]),
+        (Aov::Normal, "normal", &["X", "Y", "Z"]),
+        (Aov::Position, "position", &["X", "Y", "Z"]),
+        (Aov::Uv, "uv", &["U", "V"]),
+        (Aov::ObjectId, "object-id", &["id"]),
+        (Aov::MaterialId, "material-id", &["id"]),
+        (Aov::Diffuse, "diffuse", &["R", "G", "B"]),
+        (Aov::Specular, "specular", &["R", "G", "B"]),
+        (Aov::Shadow, "shadow", &["R", "G", "B"]),
+        (Aov::Ambient, "ambient", &["R", "G", "B"]),
+        (Aov::Reflection, "reflection", &["R", "G", "B"]),
+        (Aov::Refraction, "refraction", &["R", "G", "B"]),
+        (Aov::TreeDepth, "tree-depth", &["depth"]),
+        (Aov::Cost, "cost", &["rays"]),
+    ];
+
+    /// The layer of this name.
+    pub fn from_name(name: &str) -> Option<Aov> {
+        Aov::ALL.iter().find(|(_, n, _)| *n == name).map(|(aov, ..)| *aov)
+    }
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        Aov::ALL[self as usize].1
+    }
+
+    pub(super) fn layer(self, width: u32, height: u32) -> Layer {
+        let (_, name, channels) = Aov::ALL[self as usize];
+        Layer { name, channels, data: vec![0.0; width as usize * height as usize * channels.len()] }
+    }
+}
+
+/// Sums of the light terms of one sample or, weighted, of all.
+#[derive(Clone, Copy, Default)]
+struct Light {
+    diffuse: Rgb,
+    specular: Rgb,
+    shadow: Rgb,
+    ambient: Rgb,
+    reflection: Rgb,
+    refraction: Rgb,
+}
+
+impl Light {
+    fn terms(&self) -> [Rgb; 6] {
+        [self.diffuse, self.specular, self.shadow, self.ambient, self.reflection, self.refraction]
+    }
+}
+
+/// Collects the layers of one pixel.
+pub(super) struct AovProbe<'w> {
+    world: &'w World,
+    /// depth, normal, position, uv, ids: of the first sample.
+    geometry: Option<[f32; 11]>,
+    first_ray: Option<Ray>,
+    samples: u32,
+    weight: f64,
+    sums: [[f64; 3]; 6],
+    sample_weight: f64,
+    sample: Light,
+    /// The rays from the eye to the current one: kind and factor.
+    stack: Vec<(RayKind, Rgb)>,
+    tree_depth: u32,
+    rays: u64,
+}
+
+impl<'w> AovProbe<'w> {
+    pub(super) fn new(world: &'w World, rays_before: u64) -> AovProbe<'w> {
+        AovProbe {
+            world,
+            geometry: None,
+            first_ray: None,
+            samples: 0,
+            weight: 0.0,
+            sums: [[0.0; 3]; 6],
+            sample_weight: 0.0,
+            sample: Light::default(),
+            stack: Vec::new(),
+            tree_depth: 0,
+            rays: rays_before,
+        }
+    }
+
+    pub(super) fn finish(&mut self, rays_after: u64) {
+        self.close_sample();
+        self.rays = rays_after - self.rays;
+    }
+
+    fn close_sample(&mut self) {
+        for (sum, term) in self.sums.iter_mut().zip(self.sample.terms()) {
+            for (s, t) in sum.iter_mut().zip(term.to_array()) {
+                *s += self.sample_weight * f64::from(t);
+            }
+        }
+        self.weight += self.sample_weight;
+        self.sample = Light::default();
+        self.sample_weight = 0.0;
+    }
+
+    pub(super) fn write(&self, aov: Aov, out: &mut [f32]) {
+        const MISS: [f32; 11] = [f32::INFINITY, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        let geometry = self.geometry.as_ref().unwrap_or(&MISS);
+        let light = |term: usize| self.sums[term].map(|s| (s / self.weight) as f32);
+        match aov {
+            Aov::Depth => out.copy_from_slice(&geometry[0..1]),
+            Aov::Normal => out.copy_from_slice(&geometry[1..4]),
+            Aov::Position => out.copy_from_slice(&geometry[4..7]),
+            Aov::Uv => out.copy_from_slice(&geometry[7..9]),
+            Aov::ObjectId => out.copy_from_slice(&geometry[9..10]),
+            Aov::MaterialId => out.copy_from_slice(&geometry[10..11]),
+            Aov::Diffuse => out.copy_from_slice(&light(0)),
+            Aov::Specular => out.copy_from_slice(&light(1)),
+            Aov::Shadow => out.copy_from_slice(&light(2)),
+            Aov::Ambient => out.copy_from_slice(&light(3)),
+            Aov::Reflection => out.copy_from_slice(&light(4)),
+            Aov::Refraction => out.copy_from_slice(&light(5)),
+            Aov::TreeDepth => out[0] = self.tree_depth as f32,
+            Aov::Cost => out[0] = self.rays as f32,
+        }
+    }
+}
+
+impl Probe for AovProbe<'_> {
+    fn sample(&mut self, _position: [f64; 2], weight: f64) {
+        self.close_sample();
+        self.samples += 1;
+        self.sample_weight = weight;
+    }
+
+    fn ray(&mut self, kind: RayKind, ray: &Ray, depth: u32, factor: Rgb) {
+        self.first_ray.get_or_insert(*ray);
+        self.tree_depth = self.tree_depth.max(depth);
+        self.stack.push((kind, factor));
+    }
+
+    fn miss(&mut self, background: Rgb) {
+        if self.stack.len() == 1 {
+            self.sample.ambient += background;
+        }
+    }
+
+    fn hit(&mut self, hit: &Hit, surface: &Surface, _material: &MaterialPoint, outside: bool) {
+        if self.samples == 1 && self.stack.len() == 1 {
+            let normal = if outside { surface.shading_normal } else { -surface.shading_normal };
+            let depth = self.first_ray.map_or(hit.t, |ray| hit.t * ray.direction.length());
+            let (p, uv) = (surface.point, surface.uv);
+            let (object, material) = (self.world.object_id(hit) as f32, (self.world.material_index(hit) + 1) as f32);
+            self.geometry = Some([depth, normal.x, normal.y, normal.z, p.x, p.y, p.z, uv.x, uv.y, object, material]);
+        }
+    }
+
+    fn unlit(&mut self, kd: Rgb) {
+        if self.stack.len() == 1 {
+            self.sample.diffuse += kd;
+        }
+    }
+
+    fn ambient(&mut self, term: Rgb) {
+        if self.stack.len() == 1 {
+            self.sample.ambient += term;
+        }
+    }
+
+    fn light(&mut self, term: &LightTerm) {
+        if self.stack.len() == 1 {
+            self.sample.diffuse += term.diffuse * term.f_s;
+            self.sample.specular += term.specular * term.f_s;
+            self.sample.shadow += (term.diffuse + term.specular) * (1.0 - term.f_s);
+        }
+    }
+
+    fn end(&mut self, color: Rgb) {
+        let Some((kind, factor)) = self.stack.pop() else { return };
+        if self.stack.len() == 1 {
+            match kind {
+                RayKind::Reflected => self.sample.reflection += color * factor,
+                RayKind::Refracted | RayKind::TotallyReflected => self.sample.refraction += color * factor,
+                RayKind::Eye => {}
+            }
+        }
+    }
+}

@@ -1,0 +1,256 @@
+//! Tiles, pixels, cancellation and progress: from a world and a job to a picture.
+
+mod aov;
+mod pixel;
+
+pub use aov::Aov;
+pub(crate) use pixel::{PixelRenderer, weighted_mean};
+
+use crate::camera::Camera;
+use crate::film::{Layer, Picture};
+use crate::integrator::{RayCounts, Whitted};
+use crate::scene::{FilmSettings, IntegratorSettings};
+use crate::world::World;
+use aov::AovProbe;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+/// All that a picture depends on besides the world.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Job {
+    /// Where from.
+    pub camera: Camera,
+    /// How pixels are sampled. Tone and transfer matter only to adaptive sampling: pictures stay linear.
+    pub film: FilmSettings,
+    /// How rays are followed.
+    pub integrator: IntegratorSettings,
+    /// Chooses the random numbers.
+    pub seed: u64,
+    /// The number of the frame, which chooses random numbers of its own.
+    pub frame: u32,
+    /// The side of a tile in pixels, at least 1; changes no picture.
+    pub tile: u32,
+    /// The extra layers wanted.
+    pub aovs: Vec<Aov>,
+}
+
+/// What went wrong with a job.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum JobError {
+    /// The crop window is empty or reaches beyond the picture.
+    #[error(
+        "the crop window {width} x {height} at {x}, {y} doesn't lie inside the picture of {of_width} x {of_height} pixels"
+    )]
+    Crop {
+        /// Left edge, from the left.
+        x: u32,
+        /// Upper edge, from the top.
+        y: u32,
+        /// Its width.
+        width: u32,
+        /// Its height.
+        height: u32,
+        /// The picture's width.
+        of_width: u32,
+        /// The picture's height.
+        of_height: u32,
+    },
+    /// A grid of samples is out of range.
+    #[error("{0} x {0} samples; the grid must be between 1 x 1 and 16 x 16 (adaptive: from 2 x 2)")]
+    Grid(u32),
+    /// A filter or threshold is out of range.
+    #[error("{0}")]
+    Range(String),
+}
+
+impl Job {
+    /// A job with the default tile size, seed 0 and no extra layers.
+    pub fn new(camera: Camera, film: FilmSettings, integrator: IntegratorSettings) -> Job {
+        Job { camera, film, integrator, seed: 0, frame: 0, tile: 32, aovs: Vec::new() }
+    }
+
+    /// Checks what a file or a person may have got wrong.
+    ///
+    /// # Errors
+    /// [`JobError`] names the number and its range.
+    pub fn check(&self) -> Result<(), JobError> {
+        use crate::scene::{Filter, Sampling};
+        let [of_width, of_height] = self.camera.size();
+        if let Some([x, y, width, height]) = self.film.crop {
+            let inside =
+                |start: u32, length: u32, of: u32| length > 0 && start.checked_add(length).is_some_and(|end| end <= of);
+            if !inside(x, width, of_width) || !inside(y, height, of_height) {
+                return Err(JobError::Crop { x, y, width, height, of_width, of_height });
+            }
+        }
+        match self.film.sampling {
+            Sampling::Regular(n) | Sampling::Jittered(n) if !(1..=Sampling::MAX_GRID).contains(&n) => {
+                return Err(JobError::Grid(n));
+            }
+            Sampling::Adaptive { n, .. } if !(2..=Sampling::MAX_GRID).contains(&n) => return Err(JobError::Grid(n)),
+            Sampling::Adaptive { threshold, .. } if !(0.0..=1.0).contains(&threshold) => {
+                return Err(JobError::Range(format!("threshold is {threshold}; it must be between 0 and 1")));
+            }
+            _ => {}
+        }
+        match self.film.filter {
+            Filter::Gaussian { sigma } if !(sigma > 0.0 && sigma <= 4.0) => {
+                Err(JobError::Range(format!("sigma is {sigma}; it must be more than 0 and at most 4 pixels")))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// x, y (from the top left), width and height of the part to render.
+    pub fn window(&self) -> [u32; 4] {
+        let [w, h] = self.camera.size();
+        self.film.crop.unwrap_or([0, 0, w, h])
+    }
+}
+
+/// Watches a render, and may stop it. Called from many threads.
+pub trait Observer: Sync {
+    /// Asked before every pixel; once true, tiles in work are dropped and the picture so far is returned.
+    fn cancelled(&self) -> bool {
+        false
+    }
+    /// After each tile: how much is done.
+    fn progress(&self, _progress: &Progress) {}
+}
+
+/// Watches nothing and never stops.
+impl Observer for () {}
+
+/// How far a render has come.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Progress {
+    /// Pixels finished.
+    pub pixels_done: u64,
+    /// Pixels in all.
+    pub pixels: u64,
+    /// Rays traced so far.
+    pub rays: u64,
+}
+
+/// What a render returns.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rendering {
+    /// The picture, in linear light; pixels of tiles that were not finished are black.
+    pub picture: Picture,
+    /// Rays by kind, of finished tiles.
+    pub counts: RayCounts,
+    /// Pixels finished.
+    pub pixels_done: u64,
+    /// Whether every tile was finished.
+    pub complete: bool,
+}
+
+/// Renders a picture on the threads of the current rayon pool. The result depends on nothing but world and job: any
+/// number of threads and any tile size give the same bytes.
+///
+/// # Errors
+/// [`JobError`] if [`Job::check`] finds a mistake; nothing after that can fail.
+pub fn render(world: &World, job: &Job, observer: &dyn Observer) -> Result<Rendering, JobError> {
+    job.check()?;
+    let [left, top, width, height] = job.window();
+    let tile = job.tile.max(1);
+    let tiles_across = width.div_ceil(tile) as usize;
+    let tile_count = tiles_across * height.div_ceil(tile) as usize;
+    let mut picture = Picture::new(width, height);
+    picture.layers = job.aovs.iter().map(|aov| aov.layer(width, height)).collect();
+    let shared = Mutex::new(Rendering { picture, counts: RayCounts::default(), pixels_done: 0, complete: false });
+    let next = AtomicUsize::new(0);
+    let stopped = AtomicBool::new(false);
+    rayon::broadcast(|_| {
+        let mut worker = Worker::new(world, job);
+        loop {
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            if index >= tile_count || stopped.load(Ordering::Relaxed) {
+                break;
+            }
+            let x0 = left + (index % tiles_across) as u32 * tile;
+            let y0 = top + (index / tiles_across) as u32 * tile;
+            let area = [x0, y0, tile.min(left + width - x0), tile.min(top + height - y0)];
+            let Some(finished) = worker.tile(area, observer) else {
+                stopped.store(true, Ordering::Relaxed);
+                break;
+            };
+            let Ok(mut shared) = shared.lock() else { break };
+            let progress = finished.blit(&mut shared, [x0 - left, y0 - top]);
+            drop(shared);
+            observer.progress(&progress);
+        }
+    });
+    let mut rendering = shared.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
+    rendering.complete = rendering.pixels_done == u64::from(width) * u64::from(height);
+    Ok(rendering)
+}
+
+/// One thread's tools.
+struct Worker<'a> {
+    pixels: PixelRenderer<'a>,
+    whitted: Whitted<'a>,
+    aovs: &'a [Aov],
+}
+
+/// A finished tile.
+struct Tile {
+    part: Picture,
+    counts: RayCounts,
+}
+
+impl<'a> Worker<'a> {
+    fn new(world: &'a World, job: &'a Job) -> Worker<'a> {
+        Worker { pixels: PixelRenderer::new(job), whitted: Whitted::new(world, job.integrator), aovs: &job.aovs }
+    }
+
+    /// Renders the pixels of an area (x, y, width, height); `None` if cancelled.
+    fn tile(&mut self, [x0, y0, width, height]: [u32; 4], observer: &dyn Observer) -> Option<Tile> {
+        let mut part = Picture::new(width, height);
+        part.layers = self.aovs.iter().map(|aov| aov.layer(width, height)).collect();
+        self.whitted.counts = RayCounts::default();
+        for (index, pixel) in part.pixels.iter_mut().enumerate() {
+            if observer.cancelled() {
+                return None;
+            }
+            let (x, y) = (x0 + index as u32 % width, y0 + index as u32 / width);
+            *pixel = if self.aovs.is_empty() {
+                self.pixels.pixel(&mut self.whitted, x, y, &mut ())
+            } else {
+                let mut probe = AovProbe::new(self.whitted.world(), self.whitted.counts.total());
+                let color = self.pixels.pixel(&mut self.whitted, x, y, &mut probe);
+                probe.finish(self.whitted.counts.total());
+                for (aov, layer) in self.aovs.iter().zip(&mut part.layers) {
+                    let n = layer.channels.len();
+                    probe.write(*aov, &mut layer.data[index * n..(index + 1) * n]);
+                }
+                color
+            };
+        }
+        Some(Tile { part, counts: self.whitted.counts })
+    }
+}
+
+impl Tile {
+    /// Copies the tile to its place, given from the upper left corner of the rendering.
+    fn blit(&self, into: &mut Rendering, [x0, y0]: [u32; 2]) -> Progress {
+        let (width, stride) = (self.part.width as usize, into.picture.width as usize);
+        let copy = |from: &[f32], to: &mut [f32], n: usize| {
+            for (row, line) in from.chunks_exact(width * n).enumerate() {
+                let start = ((y0 as usize + row) * stride + x0 as usize) * n;
+                to[start..start + line.len()].copy_from_slice(line);
+            }
+        };
+        for (row, line) in self.part.pixels.chunks_exact(width).enumerate() {
+            let start = (y0 as usize + row) * stride + x0 as usize;
+            into.picture.pixels[start..start + width].copy_from_slice(line);
+        }
+        for (Layer { data: from, channels, .. }, to) in self.part.layers.iter().zip(&mut into.picture.layers) {
+            copy(from, &mut to.data, channels.len());
+        }
+        into.counts += self.counts;
+        into.pixels_done += self.part.pixels.len() as u64;
+        let pixels = into.picture.pixels.len() as u64;
+        Progress { pixels_done: into.pixels_done, pixels, rays: into.counts.total() }
+    }
+}

@@ -1,0 +1,116 @@
+//! A pixel from its samples (5.6): a pure function of world, job and pixel.
+
+use super::Job;
+use crate::film::{FilterTable, display};
+use crate::integrator::{Probe, Whitted};
+use crate::math::Rgb;
+use crate::sampler::Sampler;
+use crate::scene::Sampling;
+
+/// Renders single pixels of a job.
+pub(crate) struct PixelRenderer<'a> {
+    job: &'a Job,
+    filter: FilterTable,
+}
+
+/// Weighted colours in `f64`.
+#[derive(Default)]
+struct Sum {
+    color: [f64; 3],
+    weight: f64,
+}
+
+impl Sum {
+    fn add(&mut self, color: Rgb, weight: f64) {
+        for (sum, c) in self.color.iter_mut().zip(color.to_array()) {
+            *sum += weight * f64::from(c);
+        }
+        self.weight += weight;
+    }
+
+    fn mean(&self) -> Rgb {
+        Rgb::from(self.color.map(|c| (c / self.weight) as f32))
+    }
+}
+
+/// The mean of weighted colours, in the order and precision of the film.
+pub(crate) fn weighted_mean(samples: impl IntoIterator<Item = (Rgb, f64)>) -> Rgb {
+    let mut sum = Sum::default();
+    samples.into_iter().for_each(|(color, weight)| sum.add(color, weight));
+    sum.mean()
+}
+
+impl<'a> PixelRenderer<'a> {
+    pub(crate) fn new(job: &'a Job) -> PixelRenderer<'a> {
+        PixelRenderer { job, filter: FilterTable::new(job.film.filter) }
+    }
+
+    /// The colour of the pixel in column `x` and row `y` from the top left.
+    pub(crate) fn pixel<P: Probe>(&self, whitted: &mut Whitted, x: u32, y: u32, probe: &mut P) -> Rgb {
+        // The chapter counts rows from the bottom (fig. 5.9b).
+        let corner = [f64::from(x), f64::from(self.job.camera.size()[1] - 1 - y)];
+        let sampler = Sampler::new(self.job.seed, self.job.frame, [x, y]);
+        match self.job.film.sampling {
+            Sampling::Corner => self.sample(whitted, corner, 1.0, probe),
+            Sampling::Center => self.sample(whitted, [corner[0] + 0.5, corner[1] + 0.5], 1.0, probe),
+            Sampling::Regular(n) => self.grid(whitted, corner, n, |_, _| 0.5, probe),
+            Sampling::Jittered(n) => self.grid(whitted, corner, n, |i, axis| sampler.uniform(i, axis), probe),
+            Sampling::Adaptive { n, threshold } => self
+                .adaptive(whitted, corner, threshold, probe)
+                .unwrap_or_else(|| self.grid(whitted, corner, n, |i, axis| sampler.uniform(i, axis), probe)),
+        }
+    }
+
+    fn sample<P: Probe>(&self, whitted: &mut Whitted, position: [f64; 2], weight: f64, probe: &mut P) -> Rgb {
+        probe.sample(position, weight);
+        whitted.eye(&self.job.camera.ray(position[0], position[1]), probe)
+    }
+
+    /// n × n sub-pixels, one ray in each, `place` of the way across (fig. 5.36); spread and weighted by the filter.
+    fn grid<P: Probe>(
+        &self,
+        whitted: &mut Whitted,
+        corner: [f64; 2],
+        n: u32,
+        place: impl Fn(u32, u32) -> f64,
+        probe: &mut P,
+    ) -> Rgb {
+        weighted_mean((0..n * n).map(|i| {
+            let (dx, wx) = self.filter.sample((f64::from(i % n) + place(i, 0)) / f64::from(n));
+            let (dy, wy) = self.filter.sample((f64::from(i / n) + place(i, 1)) / f64::from(n));
+            let position = [corner[0] + 0.5 + dx, corner[1] + 0.5 + dy];
+            (self.sample(whitted, position, wx * wy, probe), wx * wy)
+        }))
+    }
+
+    /// The mean of the pixel's corners and centre, or `None` where they differ by more than the threshold once
+    /// developed (after Whitted 1980, §4, with a grid in place of his recursion).
+    fn adaptive<P: Probe>(
+        &self,
+        whitted: &mut Whitted,
+        corner: [f64; 2],
+        threshold: f32,
+        probe: &mut P,
+    ) -> Option<Rgb> {
+        const PLACES: [[f64; 2]; 5] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [0.5, 0.5]];
+        let positions = PLACES.map(|[dx, dy]| [corner[0] + dx, corner[1] + dy]);
+        let colors = positions.map(|position| self.sample(whitted, position, 1.0, &mut ()));
+        let shown = colors.map(|c| display(c, self.job.film.transfer).to_array());
+        let contrast = (0..3).map(|channel| {
+            let values = shown.map(|c| c[channel]);
+            values.into_iter().fold(0.0, f32::max) - values.into_iter().fold(1.0, f32::min)
+        });
+        if contrast.fold(0.0, f32::max) > threshold {
+            return None;
+        }
+        if P::ACTIVE {
+            // A probe should see the samples that count, and these once: their rays are counted already.
+            let counts = whitted.counts;
+            positions.into_iter().for_each(|position| {
+                self.sample(whitted, position, 1.0, probe);
+            });
+            whitted.counts = counts;
+        }
+        Some(weighted_mean(colors.into_iter().map(|color| (color, 1.0))))
+    }
+}

@@ -1,0 +1,440 @@
+//! From description to world: the tree of nodes flattened, shapes moved into place, hierarchies built.
+
+use super::geometry::Geometry;
+use super::instance::{Instance, NONE};
+use super::{Object, World};
+use crate::material::{Material, Phong};
+use crate::math::Transform;
+use crate::scene::{Content, Node, Scene};
+use crate::shape::{CylinderCloud, Mesh, Shape, SphereCloud};
+use canaletto_bvh::{Aabb, Bvh};
+use std::collections::HashMap;
+
+/// Why a scene can't be rendered.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum BuildError {
+    /// A number is out of range.
+    #[error("{object}: {problem}")]
+    Invalid {
+        /// What it is about: an object's, light's or material's name.
+        object: String,
+        /// What is wrong and what was expected.
+        problem: String,
+    },
+    /// An index points at nothing.
+    #[error("{object} refers to {what} number {index}, but the scene has only {count}")]
+    Missing {
+        /// The node that refers.
+        object: String,
+        /// "material", "mesh", …
+        what: &'static str,
+        /// The index.
+        index: u32,
+        /// How many there are.
+        count: usize,
+    },
+    /// A prototype contains itself.
+    #[error("{0} contains an instance of itself")]
+    Cycle(String),
+    /// Instances of instances multiply beyond bounds.
+    #[error("the scene expands to more than {max} instances", max = World::MAX_INSTANCES)]
+    TooManyInstances,
+    /// Groups in groups in groups.
+    #[error("groups are nested more than {max} deep", max = World::MAX_NESTING)]
+    TooDeep,
+    /// The hierarchy can't be built.
+    #[error("{object}: {problem}")]
+    Hierarchy {
+        /// The geometry.
+        object: String,
+        /// What the builder says.
+        problem: String,
+    },
+}
+
+impl World {
+    /// The most instances that a scene may expand to.
+    pub const MAX_INSTANCES: usize = 1 << 24;
+    /// The deepest nesting of groups and instances.
+    pub const MAX_NESTING: usize = 256;
+
+    /// Lowers a scene. Meshes and clouds are moved out of it, not copied.
+    ///
+    /// # Errors
+    /// The first thing that can't be rendered. Nothing after this can fail.
+    pub fn build(scene: Scene) -> Result<World, BuildError> {
+        for material in &scene.materials {
+            material.check().map_err(|problem| BuildError::Invalid {
+                object: format!("material \"{}\"", material.name),
+                problem,
+            })?;
+        }
+        let Scene { background, ambient, mut materials, meshes, spheres, cylinders, prototypes, nodes, .. } = scene;
+        let mut builder = Builder::new(materials.len(), meshes, spheres, cylinders, prototypes);
+        builder.count_uses(&nodes);
+        let mut root = Part::default();
+        builder.flatten(&nodes, &Place::default(), &mut root, 0)?;
+        let (mut instances, lights, unbounded) = builder.finish_part(root, NONE)?;
+        let unbounded_id_base = number_objects(&mut instances, &builder.geometries);
+        let bounds: Vec<Aabb> = instances
+            .iter()
+            .map(|instance| instance.bounds(builder.geometries[instance.geometry as usize].bvh.bounds()))
+            .collect();
+        let top = Bvh::build(&bounds).map_err(|e| hierarchy_error("the scene", &e))?;
+        materials.push(Material { name: "default".into(), phong: Phong::default() });
+        Ok(World {
+            background,
+            ambient,
+            lights,
+            has_clear: materials.iter().any(|m| m.phong.opacity < 1.0),
+            materials,
+            objects: builder.objects,
+            geometries: builder.geometries,
+            instances,
+            top,
+            unbounded,
+            unbounded_id_base,
+        })
+    }
+}
+
+/// Gives each instance the number that, added to an object's, makes a number of its own for every placed copy, from 1
+/// on. Returns the first number that is left.
+fn number_objects(instances: &mut [Instance], geometries: &[Geometry]) -> u32 {
+    let mut next = 1u32;
+    for instance in instances {
+        let (first, last) =
+            geometries[instance.geometry as usize].objects().unwrap_or((instance.object, instance.object));
+        instance.id_base = next.wrapping_sub(first);
+        next = next.wrapping_add(last - first + 1);
+    }
+    next
+}
+
+fn hierarchy_error(object: &str, error: &canaletto_bvh::BuildError) -> BuildError {
+    BuildError::Hierarchy { object: object.into(), problem: error.to_string() }
+}
+
+/// Where a node stands while the tree is walked.
+#[derive(Clone, Copy)]
+struct Place {
+    transform: Transform,
+    inherited: u32,
+}
+
+impl Default for Place {
+    fn default() -> Place {
+        Place { transform: Transform::IDENTITY, inherited: NONE }
+    }
+}
+
+/// What one walk collects: the root's, or a prototype's in its own space.
+#[derive(Clone, Default)]
+struct Part {
+    shapes: Vec<Shape>,
+    shape_objects: Vec<u32>,
+    shape_materials: Vec<u32>,
+    instances: Vec<Instance>,
+    lights: Vec<crate::light::Light>,
+    unbounded: Vec<(Shape, u32, u32)>,
+}
+
+type Finished = (Vec<Instance>, Vec<crate::light::Light>, Vec<(Shape, u32, u32)>);
+
+#[derive(Default)]
+struct Builder {
+    material_count: usize,
+    meshes: Vec<Option<Mesh>>,
+    spheres: Vec<Option<SphereCloud>>,
+    cylinders: Vec<Option<CylinderCloud>>,
+    prototypes: Vec<Node>,
+    /// How often the description refers to each mesh; one that is met once is moved into place.
+    mesh_uses: Vec<u32>,
+    geometries: Vec<Geometry>,
+    geometry_of_mesh: HashMap<u32, u32>,
+    geometry_of_spheres: HashMap<u32, u32>,
+    geometry_of_cylinders: HashMap<u32, u32>,
+    finished: HashMap<u32, Finished>,
+    open: Vec<u32>,
+    objects: Vec<Object>,
+    kinds: HashMap<&'static str, u32>,
+}
+
+impl Builder {
+    fn new(
+        material_count: usize,
+        meshes: Vec<Mesh>,
+        spheres: Vec<SphereCloud>,
+        cylinders: Vec<CylinderCloud>,
+        prototypes: Vec<Node>,
+    ) -> Builder {
+        Builder {
+            material_count,
+            mesh_uses: vec![0; meshes.len()],
+            meshes: meshes.into_iter().map(Some).collect(),
+            spheres: spheres.into_iter().map(Some).collect(),
+            cylinders: cylinders.into_iter().map(Some).collect(),
+            prototypes,
+            ..Builder::default()
+        }
+    }
+
+    /// Counts references to meshes; those inside prototypes count as many.
+    fn count_uses(&mut self, nodes: &[Node]) {
+        fn walk(uses: &mut [u32], node: &Node, weight: u32, depth: usize) {
+            match &node.content {
+                Content::Mesh(index) => {
+                    if let Some(n) = uses.get_mut(*index as usize) {
+                        *n = n.saturating_add(weight);
+                    }
+                }
+                Content::Group(children) if depth < World::MAX_NESTING => {
+                    children.iter().for_each(|child| walk(uses, child, weight, depth + 1));
+                }
+                _ => {}
+            }
+        }
+        nodes.iter().for_each(|node| walk(&mut self.mesh_uses, node, 1, 0));
+        self.prototypes.iter().for_each(|node| walk(&mut self.mesh_uses, node, 2, 0));
+    }
+
+    fn flatten(&mut self, nodes: &[Node], place: &Place, part: &mut Part, depth: usize) -> Result<(), BuildError> {
+        if depth > World::MAX_NESTING {
+            return Err(BuildError::TooDeep);
+        }
+        nodes.iter().try_for_each(|node| self.place(node, place, part, depth))
+    }
+
+    fn place(&mut self, node: &Node, place: &Place, part: &mut Part, depth: usize) -> Result<(), BuildError> {
+        let transform = place.transform.after(&node.transform);
+        let own = match node.material {
+            Some(index) if index as usize >= self.material_count => {
+                return Err(missing(node, "material", index, self.material_count));
+            }
+            Some(index) => index,
+            None => NONE,
+        };
+        let inherited = if own == NONE { place.inherited } else { own };
+        match &node.content {
+            Content::Shape(shape) => {
+                let object = self.object(node, shape.kind());
+                shape.check().map_err(|problem| self.invalid(object, problem))?;
+                self.place_shape(shape, object, inherited, &transform, part)
+            }
+            Content::Light(light) => {
+                let light = crate::light::Light {
+                    name: node.name.clone().or(light.name.clone()),
+                    ..light.transformed(&transform)
+                };
+                light.check().map_err(|problem| BuildError::Invalid {
+                    object: light
+                        .name
+                        .clone()
+                        .map_or(format!("{} light", light.kind_name()), |n| format!("light \"{n}\"")),
+                    problem,
+                })?;
+                part.lights.push(light);
+                Ok(())
+            }
+            Content::Mesh(index) => {
+                let object = self.object(node, "mesh");
+                let (geometry, moved) = self.mesh_geometry(node, *index, &transform)?;
+                let to_world = (!moved && !transform.is_identity()).then_some(transform);
+                self.instance(part, Instance { geometry, object, id_base: 0, material: own, inherited, to_world })
+            }
+            Content::Spheres(index) => {
+                let object = self.object(node, "spheres");
+                let geometry = self.spheres_geometry(node, *index)?;
+                let to_world = (!transform.is_identity()).then_some(transform);
+                self.instance(part, Instance { geometry, object, id_base: 0, material: own, inherited, to_world })
+            }
+            Content::Cylinders(index) => {
+                let object = self.object(node, "cylinders");
+                let geometry = self.cylinders_geometry(node, *index)?;
+                let to_world = (!transform.is_identity()).then_some(transform);
+                self.instance(part, Instance { geometry, object, id_base: 0, material: own, inherited, to_world })
+            }
+            Content::Group(children) => self.flatten(children, &Place { transform, inherited }, part, depth + 1),
+            Content::Instance(index) => self.place_prototype(node, *index, &transform, own, inherited, part),
+        }
+    }
+
+    /// A shape goes into the part's own geometry where the transform keeps its kind; else it becomes an instance.
+    fn place_shape(
+        &mut self,
+        shape: &Shape,
+        object: u32,
+        material: u32,
+        transform: &Transform,
+        part: &mut Part,
+    ) -> Result<(), BuildError> {
+        let moved = if transform.is_identity() { Some(*shape) } else { shape.transformed(transform) };
+        match moved {
+            Some(moved) if moved.bounds().is_none() => part.unbounded.push((moved, object, material)),
+            Some(moved) => {
+                moved.check().map_err(|problem| self.invalid(object, format!("after its transforms, {problem}")))?;
+                part.shapes.push(moved);
+                part.shape_objects.push(object);
+                part.shape_materials.push(material);
+            }
+            None => {
+                let geometry = self.push(Geometry::shapes(vec![*shape], vec![object], vec![material]), object)?;
+                let to_world = Some(*transform);
+                self.instance(
+                    part,
+                    Instance { geometry, object, id_base: 0, material: NONE, inherited: NONE, to_world },
+                )?;
+            }
+        }
+        Ok(())
+    }
+
+    fn place_prototype(
+        &mut self,
+        node: &Node,
+        index: u32,
+        transform: &Transform,
+        own: u32,
+        inherited: u32,
+        part: &mut Part,
+    ) -> Result<(), BuildError> {
+        if index as usize >= self.prototypes.len() {
+            return Err(missing(node, "prototype", index, self.prototypes.len()));
+        }
+        if !self.finished.contains_key(&index) {
+            if self.open.contains(&index) {
+                let name = self.prototypes[index as usize].name.clone();
+                return Err(BuildError::Cycle(
+                    name.map_or_else(|| format!("prototype {index}"), |n| format!("\"{n}\"")),
+                ));
+            }
+            self.open.push(index);
+            let prototype = self.prototypes[index as usize].clone();
+            let mut inner = Part::default();
+            self.flatten(std::slice::from_ref(&prototype), &Place::default(), &mut inner, self.open.len())?;
+            let first_object = inner.shape_objects.first().copied().unwrap_or(NONE);
+            let finished = self.finish_part(inner, first_object)?;
+            self.finished.insert(index, finished);
+            self.open.pop();
+        }
+        let (instances, lights, unbounded) = &self.finished[&index];
+        if part.instances.len() + instances.len() > World::MAX_INSTANCES {
+            return Err(BuildError::TooManyInstances);
+        }
+        let or = |a: u32, b: u32| if a == NONE { b } else { a };
+        part.instances.extend(instances.iter().map(|inner| {
+            let to_world = match &inner.to_world {
+                Some(t) => transform.after(t),
+                None => *transform,
+            };
+            Instance {
+                material: or(own, inner.material),
+                inherited: or(inner.inherited, inherited),
+                to_world: (!to_world.is_identity()).then_some(to_world),
+                ..*inner
+            }
+        }));
+        part.lights.extend(lights.iter().map(|light| light.transformed(transform)));
+        for (shape, object, material) in unbounded {
+            let moved = shape.transformed(transform).unwrap_or(*shape);
+            part.unbounded.push((moved, *object, or(own, or(*material, inherited))));
+        }
+        Ok(())
+    }
+
+    /// Turns a part's loose shapes into one more instance.
+    fn finish_part(&mut self, part: Part, object: u32) -> Result<Finished, BuildError> {
+        let Part { shapes, shape_objects, shape_materials, mut instances, lights, unbounded } = part;
+        if !shapes.is_empty() {
+            let geometry =
+                Geometry::shapes(shapes, shape_objects, shape_materials).map_err(|e| hierarchy_error("shapes", &e))?;
+            self.geometries.push(geometry);
+            let geometry = self.geometries.len() as u32 - 1;
+            instances.push(Instance { geometry, object, id_base: 0, material: NONE, inherited: NONE, to_world: None });
+        }
+        Ok((instances, lights, unbounded))
+    }
+
+    fn mesh_geometry(&mut self, node: &Node, index: u32, transform: &Transform) -> Result<(u32, bool), BuildError> {
+        let count = self.meshes.len();
+        if let Some(&geometry) = self.geometry_of_mesh.get(&index) {
+            return Ok((geometry, false));
+        }
+        let slot = self.meshes.get_mut(index as usize).ok_or_else(|| missing(node, "mesh", index, count))?;
+        let mut mesh = slot.take().unwrap_or_default();
+        let object = self.objects.len() as u32 - 1;
+        mesh.check().map_err(|problem| self.invalid(object, problem))?;
+        if let Some(&bad) = mesh.materials.iter().find(|&&m| m as usize >= self.material_count) {
+            return Err(missing(node, "material", bad, self.material_count));
+        }
+        let moved = self.mesh_uses[index as usize] == 1;
+        if moved && !transform.is_identity() {
+            mesh.transform(transform);
+            mesh.check().map_err(|problem| self.invalid(object, format!("after its transforms, {problem}")))?;
+        }
+        let geometry = self.push(Geometry::mesh(mesh), object)?;
+        self.geometry_of_mesh.insert(index, geometry);
+        Ok((geometry, moved))
+    }
+
+    fn spheres_geometry(&mut self, node: &Node, index: u32) -> Result<u32, BuildError> {
+        let count = self.spheres.len();
+        if let Some(&geometry) = self.geometry_of_spheres.get(&index) {
+            return Ok(geometry);
+        }
+        let slot =
+            self.spheres.get_mut(index as usize).ok_or_else(|| missing(node, "cloud of spheres", index, count))?;
+        let cloud = slot.take().unwrap_or_default();
+        let object = self.objects.len() as u32 - 1;
+        cloud.check().map_err(|problem| self.invalid(object, problem))?;
+        let geometry = self.push(Geometry::spheres(cloud), object)?;
+        self.geometry_of_spheres.insert(index, geometry);
+        Ok(geometry)
+    }
+
+    fn cylinders_geometry(&mut self, node: &Node, index: u32) -> Result<u32, BuildError> {
+        let count = self.cylinders.len();
+        if let Some(&geometry) = self.geometry_of_cylinders.get(&index) {
+            return Ok(geometry);
+        }
+        let slot =
+            self.cylinders.get_mut(index as usize).ok_or_else(|| missing(node, "cloud of cylinders", index, count))?;
+        let cloud = slot.take().unwrap_or_default();
+        let object = self.objects.len() as u32 - 1;
+        cloud.check().map_err(|problem| self.invalid(object, problem))?;
+        let geometry = self.push(Geometry::cylinders(cloud), object)?;
+        self.geometry_of_cylinders.insert(index, geometry);
+        Ok(geometry)
+    }
+
+    fn push(&mut self, geometry: Result<Geometry, canaletto_bvh::BuildError>, object: u32) -> Result<u32, BuildError> {
+        let geometry = geometry.map_err(|e| hierarchy_error(&self.objects[object as usize].name, &e))?;
+        self.geometries.push(geometry);
+        Ok(self.geometries.len() as u32 - 1)
+    }
+
+    fn instance(&mut self, part: &mut Part, instance: Instance) -> Result<(), BuildError> {
+        if part.instances.len() >= World::MAX_INSTANCES {
+            return Err(BuildError::TooManyInstances);
+        }
+        part.instances.push(instance);
+        Ok(())
+    }
+
+    /// Enters an object into the register: by its own name, or by kind and number.
+    fn object(&mut self, node: &Node, kind: &'static str) -> u32 {
+        let number = self.kinds.entry(kind).or_default();
+        *number += 1;
+        let name = node.name.clone().unwrap_or_else(|| format!("{kind} #{number}"));
+        self.objects.push(Object { name, kind });
+        self.objects.len() as u32 - 1
+    }
+
+    fn invalid(&self, object: u32, problem: String) -> BuildError {
+        BuildError::Invalid { object: self.objects[object as usize].name.clone(), problem }
+    }
+}
+
+fn missing(node: &Node, what: &'static str, index: u32, count: usize) -> BuildError {
+    BuildError::Missing { object: node.name.clone().unwrap_or_else(|| "an unnamed node".into()), what, index, count }
+}

@@ -1,0 +1,242 @@
+//! Geometries: primitives of one kind in the order of their hierarchy's leaves.
+
+use super::Census;
+use crate::shape::{CylinderCloud, Mesh, Shape, ShapeHit, SphereCloud, Surface};
+use canaletto_bvh::triangle::TriangleRay;
+use canaletto_bvh::{Aabb, Bvh, Ray, sphere};
+use glam::Vec3;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Primitives of one kind under one hierarchy: the second level. Primitive ids are positions in the description;
+/// slots are positions in leaf order.
+#[derive(Debug)]
+pub(super) struct Geometry {
+    pub(super) bvh: Bvh,
+    pub(super) primitives: Primitives,
+}
+
+#[derive(Debug)]
+pub(super) enum Primitives {
+    /// Single shapes of any kind, with the object and material (or [`super::instance::NONE`]) of each, by id.
+    Shapes { slots: Vec<Shape>, shapes: Vec<Shape>, objects: Vec<u32>, materials: Vec<u32> },
+    /// A mesh; corners are stored once more in slot order, since that is what rays read.
+    Mesh { slots: Vec<[Vec3; 3]>, mesh: Mesh },
+    /// A cloud of spheres, its lists in id order; centre and radius in slot order.
+    Spheres { slots: Vec<(Vec3, f32)>, cloud: SphereCloud },
+    /// A cloud of cylinders.
+    Cylinders { slots: Vec<Shape>, cloud: CylinderCloud },
+}
+
+/// The nearest hit inside one geometry so far.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Nearest {
+    pub(super) t: f32,
+    pub(super) primitive: u32,
+    pub(super) part: u32,
+    pub(super) uv: [f32; 2],
+}
+
+/// No primitive yet; larger than any id, so that ties go to a real one.
+pub(super) const NO_PRIMITIVE: u32 = u32::MAX;
+
+impl Nearest {
+    fn offer(&mut self, hit: ShapeHit, primitive: u32) {
+        // Ties by the lowest id: the answer doesn't depend on the order in which leaves are met.
+        if hit.t < self.t || (hit.t == self.t && primitive < self.primitive) {
+            *self = Nearest { t: hit.t, primitive, part: hit.part, uv: hit.uv };
+        }
+    }
+}
+
+impl Geometry {
+    pub(super) fn shapes(
+        shapes: Vec<Shape>,
+        objects: Vec<u32>,
+        materials: Vec<u32>,
+    ) -> Result<Geometry, canaletto_bvh::BuildError> {
+        let bounds: Vec<Aabb> = shapes.par_iter().map(|s| s.bounds().unwrap_or(Aabb::EMPTY)).collect();
+        let bvh = Bvh::build(&bounds)?;
+        let slots = bvh.order().iter().map(|&id| shapes[id as usize]).collect();
+        Ok(Geometry { bvh, primitives: Primitives::Shapes { slots, shapes, objects, materials } })
+    }
+
+    pub(super) fn mesh(mesh: Mesh) -> Result<Geometry, canaletto_bvh::BuildError> {
+        let corners = |id: usize| mesh.triangles[id].map(|v| mesh.positions[v as usize]);
+        let bounds: Vec<Aabb> =
+            (0..mesh.triangles.len()).into_par_iter().map(|id| Aabb::from_points(corners(id))).collect();
+        let bvh = Bvh::build(&bounds)?;
+        let slots = bvh.order().par_iter().map(|&id| corners(id as usize)).collect();
+        Ok(Geometry { bvh, primitives: Primitives::Mesh { slots, mesh } })
+    }
+
+    pub(super) fn spheres(cloud: SphereCloud) -> Result<Geometry, canaletto_bvh::BuildError> {
+        let bounds: Vec<Aabb> =
+            (0..cloud.len()).into_par_iter().map(|id| sphere::bounds(cloud.centers[id], cloud.radius(id))).collect();
+        let bvh = Bvh::build(&bounds)?;
+        let slots = bvh.order().par_iter().map(|&id| (cloud.centers[id as usize], cloud.radius(id as usize))).collect();
+        Ok(Geometry { bvh, primitives: Primitives::Spheres { slots, cloud } })
+    }
+
+    pub(super) fn cylinders(cloud: CylinderCloud) -> Result<Geometry, canaletto_bvh::BuildError> {
+        let shape = |id: usize| Shape::Cylinder(cloud.cylinder(id));
+        let bounds: Vec<Aabb> =
+            (0..cloud.len()).into_par_iter().map(|id| shape(id).bounds().unwrap_or(Aabb::EMPTY)).collect();
+        let bvh = Bvh::build(&bounds)?;
+        let slots = bvh.order().par_iter().map(|&id| shape(id as usize)).collect();
+        Ok(Geometry { bvh, primitives: Primitives::Cylinders { slots, cloud } })
+    }
+
+    /// How many primitives it has.
+    pub(super) fn len(&self) -> usize {
+        self.bvh.order().len()
+    }
+
+    /// The first and last object of its shapes; `None` where the instance says which object it is.
+    pub(super) fn objects(&self) -> Option<(u32, u32)> {
+        match &self.primitives {
+            Primitives::Shapes { objects, .. } => Some((*objects.iter().min()?, *objects.iter().max()?)),
+            _ => None,
+        }
+    }
+
+    /// The nearest hit at or before `t_max` (ties with a hit elsewhere are the caller's).
+    pub(super) fn intersect(&self, ray: &Ray, t_max: f32) -> Option<Nearest> {
+        let mut nearest = Nearest { t: t_max, primitive: NO_PRIMITIVE, part: 0, uv: [0.0; 2] };
+        let order = self.bvh.order();
+        let (nearest_ref, bvh) = (&mut nearest, &self.bvh);
+        let plain = |t: f32| ShapeHit { t, part: 0, uv: [0.0; 2] };
+        match &self.primitives {
+            Primitives::Shapes { slots, .. } | Primitives::Cylinders { slots, .. } => {
+                bvh.intersect(ray, t_max, |leaf, t_max| {
+                    for slot in leaf.map(|s| s as usize) {
+                        if let Some(hit) = slots[slot].intersect(ray, *t_max) {
+                            nearest_ref.offer(hit, order[slot]);
+                            *t_max = nearest_ref.t;
+                        }
+                    }
+                });
+            }
+            Primitives::Mesh { slots, mesh } => {
+                let triangle_ray = TriangleRay::new(ray);
+                bvh.intersect(ray, t_max, |leaf, t_max| {
+                    for slot in leaf.map(|s| s as usize) {
+                        let [a, b, c] = slots[slot];
+                        if let Some(hit) = triangle_ray.intersect(a, b, c, *t_max)
+                            && (hit.front || !mesh.one_sided)
+                        {
+                            nearest_ref.offer(ShapeHit { t: hit.t, part: 0, uv: [hit.u, hit.v] }, order[slot]);
+                            *t_max = nearest_ref.t;
+                        }
+                    }
+                });
+            }
+            Primitives::Spheres { slots, .. } => {
+                bvh.intersect(ray, t_max, |leaf, t_max| {
+                    for slot in leaf.map(|s| s as usize) {
+                        let (center, radius) = slots[slot];
+                        if let Some(t) = sphere::intersect(ray, center, radius, *t_max) {
+                            nearest_ref.offer(plain(t), order[slot]);
+                            *t_max = nearest_ref.t;
+                        }
+                    }
+                });
+            }
+        }
+        (nearest.primitive != NO_PRIMITIVE).then_some(nearest)
+    }
+
+    /// Whether any primitive that `blocks` is met at or before `t_max`.
+    pub(super) fn occluded(&self, ray: &Ray, t_max: f32, mut blocks: impl FnMut(u32) -> bool) -> bool {
+        let order = self.bvh.order();
+        let bvh = &self.bvh;
+        let mut any = |leaf: Range<u32>, hits: &dyn Fn(usize) -> bool| {
+            leaf.map(|s| s as usize).any(|slot| hits(slot) && blocks(order[slot]))
+        };
+        match &self.primitives {
+            Primitives::Shapes { slots, .. } | Primitives::Cylinders { slots, .. } => {
+                bvh.occluded(ray, t_max, |leaf| any(leaf, &|slot| slots[slot].intersect(ray, t_max).is_some()))
+            }
+            Primitives::Mesh { slots, mesh } => {
+                let triangle_ray = TriangleRay::new(ray);
+                bvh.occluded(ray, t_max, |leaf| {
+                    any(leaf, &|slot| {
+                        let [a, b, c] = slots[slot];
+                        triangle_ray.intersect(a, b, c, t_max).is_some_and(|hit| hit.front || !mesh.one_sided)
+                    })
+                })
+            }
+            Primitives::Spheres { slots, .. } => bvh.occluded(ray, t_max, |leaf| {
+                any(leaf, &|slot| sphere::intersect(ray, slots[slot].0, slots[slot].1, t_max).is_some())
+            }),
+        }
+    }
+
+    /// The same question answered by trying every primitive: the oracle that the hierarchy is tested against.
+    pub(super) fn intersect_brute_force(&self, ray: &Ray, t_max: f32) -> Option<Nearest> {
+        let mut nearest = Nearest { t: t_max, primitive: NO_PRIMITIVE, part: 0, uv: [0.0; 2] };
+        let triangle_ray = TriangleRay::new(ray);
+        for (slot, &id) in self.bvh.order().iter().enumerate() {
+            let hit = match &self.primitives {
+                Primitives::Shapes { slots, .. } | Primitives::Cylinders { slots, .. } => {
+                    slots[slot].intersect(ray, nearest.t)
+                }
+                Primitives::Mesh { slots, mesh } => {
+                    let [a, b, c] = slots[slot];
+                    triangle_ray
+                        .intersect(a, b, c, nearest.t)
+                        .filter(|hit| hit.front || !mesh.one_sided)
+                        .map(|hit| ShapeHit { t: hit.t, part: 0, uv: [hit.u, hit.v] })
+                }
+                Primitives::Spheres { slots, .. } => sphere::intersect(ray, slots[slot].0, slots[slot].1, nearest.t)
+                    .map(|t| ShapeHit { t, part: 0, uv: [0.0; 2] }),
+            };
+            if let Some(hit) = hit {
+                nearest.offer(hit, id);
+            }
+        }
+        (nearest.primitive != NO_PRIMITIVE).then_some(nearest)
+    }
+
+    /// The second stage of a hit, in this geometry's space.
+    pub(super) fn surface(&self, ray: &Ray, primitive: u32, hit: &ShapeHit) -> Surface {
+        let id = primitive as usize;
+        match &self.primitives {
+            Primitives::Shapes { shapes, .. } => shapes[id].surface(ray, hit),
+            Primitives::Mesh { mesh, .. } => mesh.surface(id, ray, hit.uv[0], hit.uv[1]),
+            Primitives::Spheres { cloud, .. } => {
+                Surface { color: cloud.color(id), ..Shape::Sphere(cloud.sphere(id)).surface(ray, hit) }
+            }
+            Primitives::Cylinders { cloud, .. } => {
+                Surface { color: cloud.color(id), ..Shape::Cylinder(cloud.cylinder(id)).surface(ray, hit) }
+            }
+        }
+    }
+
+    pub(super) fn count(&self, census: &mut Census) {
+        let n = self.len() as u64;
+        let list = |bytes: usize, len: usize| (bytes * len) as u64;
+        census.bytes += self.bvh.statistics().bytes as u64;
+        census.bytes += match &self.primitives {
+            Primitives::Shapes { slots, .. } => {
+                census.shapes += n;
+                list(2 * size_of::<Shape>() + 8, slots.len())
+            }
+            Primitives::Mesh { slots, mesh } => {
+                census.triangles += n;
+                list(36, slots.len())
+                    + list(12, mesh.positions.len() + mesh.normals.len() + mesh.colors.len() + mesh.triangles.len())
+                    + list(8, mesh.uvs.len())
+                    + list(4, mesh.slots.len())
+            }
+            Primitives::Spheres { cloud, .. } => {
+                census.cloud_spheres += n;
+                list(28, cloud.len()) + list(4, cloud.radii.len()) + list(12, cloud.colors.len())
+            }
+            Primitives::Cylinders { slots, cloud } => {
+                census.cloud_cylinders += n;
+                list(size_of::<Shape>(), slots.len()) + list(28, cloud.len()) + list(12, cloud.colors.len())
+            }
+        };
+    }
+}

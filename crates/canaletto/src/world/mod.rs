@@ -1,0 +1,110 @@
+//! What rays meet: a scene lowered to flat arrays and `u32` ids, with bounding volume hierarchies on two levels. Built
+//! once, then immutable; building is the last step that can fail.
+
+mod build;
+mod geometry;
+mod instance;
+mod query;
+
+pub use build::BuildError;
+pub use query::Hit;
+
+use crate::light::Light;
+use crate::material::Material;
+use crate::math::Rgb;
+use crate::shape::Shape;
+use canaletto_bvh::{Aabb, Bvh};
+use geometry::Geometry;
+use instance::Instance;
+
+/// A scene ready to be traced.
+#[derive(Debug)]
+pub struct World {
+    /// The colour of rays that meet nothing.
+    pub background: Rgb,
+    /// Iₐ of (5.33).
+    pub ambient: Rgb,
+    /// All lights, in world space.
+    pub lights: Vec<Light>,
+    /// All materials; the last one is the default for objects that name none.
+    materials: Vec<Material>,
+    /// What the scene's nodes are called.
+    objects: Vec<Object>,
+    geometries: Vec<Geometry>,
+    instances: Vec<Instance>,
+    /// Over the bounds of `instances`, the first level.
+    top: Bvh,
+    /// Shapes without bounds, met one by one, with object and material. Their hits carry [`Hit::UNBOUNDED`] as instance.
+    unbounded: Vec<(Shape, u32, u32)>,
+    /// The number of the first of them; see [`World::object_id`].
+    unbounded_id_base: u32,
+    /// Whether any material lets light through.
+    has_clear: bool,
+}
+
+/// One object of the scene's description.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Object {
+    /// Its own name, or its kind and number, such as "sphere #3".
+    pub name: String,
+    /// "sphere", "mesh", …
+    pub kind: &'static str,
+}
+
+/// What a world is made of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct Census {
+    /// Objects in the scene's description.
+    pub objects: u64,
+    /// Placed copies of geometries.
+    pub instances: u64,
+    /// Single shapes, as often as they are stored.
+    pub shapes: u64,
+    /// Triangles of meshes, as often as they are stored.
+    pub triangles: u64,
+    /// Spheres of clouds, as often as they are stored.
+    pub cloud_spheres: u64,
+    /// Cylinders of clouds, as often as they are stored.
+    pub cloud_cylinders: u64,
+    /// Primitives that rays can meet, each instance counted.
+    pub primitives: u64,
+    /// Points of light.
+    pub light_points: u64,
+    /// Materials.
+    pub materials: u64,
+    /// Bytes of geometry and hierarchies.
+    pub bytes: u64,
+}
+
+impl World {
+    /// The bounds of everything that has bounds.
+    pub fn bounds(&self) -> Aabb {
+        self.top.bounds()
+    }
+
+    /// The materials; the last one is the default.
+    pub fn materials(&self) -> &[Material] {
+        &self.materials
+    }
+
+    /// Counts what the world is made of.
+    pub fn census(&self) -> Census {
+        let mut census = Census {
+            objects: self.objects.len() as u64,
+            instances: self.instances.len() as u64,
+            shapes: self.unbounded.len() as u64,
+            light_points: self.lights.iter().map(|l| u64::from(l.points())).sum(),
+            materials: self.materials.len() as u64,
+            primitives: self.unbounded.len() as u64,
+            bytes: (self.instances.len() * size_of::<Instance>()) as u64 + self.top.statistics().bytes as u64,
+            ..Census::default()
+        };
+        for geometry in &self.geometries {
+            geometry.count(&mut census);
+        }
+        for instance in &self.instances {
+            census.primitives += self.geometries[instance.geometry as usize].len() as u64;
+        }
+        census
+    }
+}

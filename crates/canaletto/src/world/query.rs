@@ -1,0 +1,210 @@
+//! What integrators ask of a world: the nearest hit, the surface there, the light that passes.
+
+use super::World;
+use super::geometry::{NO_PRIMITIVE, Nearest, Primitives};
+use super::instance::NONE;
+use crate::integrator::Probe;
+use crate::material::Material;
+use crate::math::offset_origin;
+use crate::shape::{ShapeHit, Surface};
+use canaletto_bvh::Ray;
+
+/// The first stage of a hit: where, and on what. [`World::surface`] is the second stage.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// The ray's parameter.
+    pub t: f32,
+    /// Index of the instance, or [`Hit::UNBOUNDED`].
+    pub instance: u32,
+    /// Index of the primitive in its geometry, as the description counts.
+    pub primitive: u32,
+    /// Which part of the shape.
+    pub part: u32,
+    /// Barycentric coordinates on triangles.
+    pub uv: [f32; 2],
+}
+
+impl Hit {
+    /// The instance number of shapes without bounds. The largest, so that ties go to shapes with bounds.
+    pub const UNBOUNDED: u32 = u32::MAX;
+
+    fn nearer_than(&self, t: f32, instance: u32, primitive: u32) -> bool {
+        (self.t, self.instance, self.primitive) < (t, instance, primitive)
+    }
+
+    fn shape_hit(&self) -> ShapeHit {
+        ShapeHit { t: self.t, part: self.part, uv: self.uv }
+    }
+}
+
+impl World {
+    /// The nearest hit with 0 < t ≤ t_max; ties go to the lowest instance, then the lowest primitive.
+    pub fn intersect(&self, ray: &Ray, t_max: f32) -> Option<Hit> {
+        self.nearest(ray, t_max, |world, ray, mut best| {
+            world.top.intersect(ray, best.t, |leaf, t_max| {
+                for slot in leaf {
+                    world.try_instance(ray, world.top.order()[slot as usize], &mut best, super::Geometry::intersect);
+                }
+                *t_max = best.t;
+            });
+            best
+        })
+    }
+
+    /// [`World::intersect`] without hierarchies: the oracle for tests.
+    pub fn intersect_brute_force(&self, ray: &Ray, t_max: f32) -> Option<Hit> {
+        self.nearest(ray, t_max, |world, ray, mut best| {
+            for index in 0..world.instances.len() as u32 {
+                world.try_instance(ray, index, &mut best, super::Geometry::intersect_brute_force);
+            }
+            best
+        })
+    }
+
+    fn nearest(&self, ray: &Ray, t_max: f32, instances: impl FnOnce(&World, &Ray, Hit) -> Hit) -> Option<Hit> {
+        let mut best = Hit { t: t_max, instance: NONE, primitive: NO_PRIMITIVE, part: 0, uv: [0.0; 2] };
+        for (index, (shape, ..)) in self.unbounded.iter().enumerate() {
+            if let Some(ShapeHit { t, part, uv }) = shape.intersect(ray, best.t) {
+                let hit = Hit { t, instance: Hit::UNBOUNDED, primitive: index as u32, part, uv };
+                if hit.nearer_than(best.t, best.instance, best.primitive) {
+                    best = hit;
+                }
+            }
+        }
+        let best = instances(self, ray, best);
+        (best.primitive != NO_PRIMITIVE).then_some(best)
+    }
+
+    fn try_instance(
+        &self,
+        ray: &Ray,
+        index: u32,
+        best: &mut Hit,
+        intersect: impl Fn(&super::Geometry, &Ray, f32) -> Option<Nearest>,
+    ) {
+        let instance = &self.instances[index as usize];
+        let geometry = &self.geometries[instance.geometry as usize];
+        if let Some(Nearest { t, primitive, part, uv }) = intersect(geometry, &instance.local_ray(ray), best.t) {
+            let hit = Hit { t, instance: index, primitive, part, uv };
+            if hit.nearer_than(best.t, best.instance, best.primitive) {
+                *best = hit;
+            }
+        }
+    }
+
+    /// f_s of (5.39a): the product of 1 − o over the surfaces between the ray's origin and `t_max`.
+    pub fn transmittance<P: Probe>(&self, ray: &Ray, t_max: f32, probe: &mut P) -> f32 {
+        // Anything opaque in between settles it; only a recording probe wants to know what stands in which order.
+        let blocked = self.occluded_by_opaque(ray, t_max);
+        if blocked && !P::ACTIVE {
+            return 0.0;
+        }
+        if !blocked && !self.has_clear {
+            return 1.0;
+        }
+        let mut passed = 1.0;
+        let (mut ray, mut t_max) = (*ray, t_max);
+        let end = ray.origin + ray.direction;
+        for _ in 0..Self::MAX_CROSSINGS {
+            let Some(hit) = self.intersect(&ray, t_max) else { break };
+            let surface = self.surface(&ray, &hit);
+            let opacity = self.material(&hit).at(&surface).phong.opacity;
+            probe.blocker(&hit, opacity);
+            passed *= 1.0 - opacity;
+            if passed == 0.0 {
+                break;
+            }
+            ray.origin = offset_origin(surface.point, surface.error, surface.normal, ray.direction);
+            // Towards a point the direction is the rest of the way, so that t stays at most 1.
+            if t_max.is_finite() {
+                let rest = end - ray.origin;
+                if rest.dot(ray.direction) <= 0.0 {
+                    break;
+                }
+                ray.direction = rest;
+                t_max = 1.0 - f32::EPSILON;
+            }
+        }
+        if blocked { 0.0 } else { passed }
+    }
+
+    /// The most clear surfaces that a shadow ray passes; light beyond them arrives as it is.
+    const MAX_CROSSINGS: usize = 1 << 16;
+
+    fn occluded_by_opaque(&self, ray: &Ray, t_max: f32) -> bool {
+        let opaque = |hit: Hit| !self.has_clear || self.material(&hit).phong.opacity >= 1.0;
+        let on = |instance: u32, primitive: u32| Hit { t: 0.0, instance, primitive, part: 0, uv: [0.0; 2] };
+        self.unbounded.iter().enumerate().any(|(index, (shape, ..))| {
+            shape.intersect(ray, t_max).is_some() && opaque(on(Hit::UNBOUNDED, index as u32))
+        }) || self.top.occluded(ray, t_max, |leaf| {
+            leaf.into_iter().any(|slot| {
+                let index = self.top.order()[slot as usize];
+                let instance = &self.instances[index as usize];
+                let geometry = &self.geometries[instance.geometry as usize];
+                geometry.occluded(&instance.local_ray(ray), t_max, |primitive| opaque(on(index, primitive)))
+            })
+        })
+    }
+
+    /// The second stage: the surface at a hit of this ray.
+    pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
+        if hit.instance == Hit::UNBOUNDED {
+            return self.unbounded[hit.primitive as usize].0.surface(ray, &hit.shape_hit());
+        }
+        let instance = &self.instances[hit.instance as usize];
+        let geometry = &self.geometries[instance.geometry as usize];
+        let local = geometry.surface(&instance.local_ray(ray), hit.primitive, &hit.shape_hit());
+        match &instance.to_world {
+            None => local,
+            Some(t) => local.transformed(t),
+        }
+    }
+
+    /// The material at a hit.
+    pub fn material(&self, hit: &Hit) -> &Material {
+        &self.materials[self.material_index(hit) as usize]
+    }
+
+    /// The index of the material at a hit, into [`World::materials`].
+    pub fn material_index(&self, hit: &Hit) -> u32 {
+        let default = self.materials.len() as u32 - 1;
+        let first = |candidates: [u32; 3]| candidates.into_iter().find(|&m| m != NONE).unwrap_or(default);
+        if hit.instance == Hit::UNBOUNDED {
+            return first([self.unbounded[hit.primitive as usize].2, NONE, NONE]);
+        }
+        let instance = &self.instances[hit.instance as usize];
+        let own = match &self.geometries[instance.geometry as usize].primitives {
+            Primitives::Shapes { materials, .. } => materials[hit.primitive as usize],
+            Primitives::Mesh { mesh, .. } => {
+                let slot = mesh.slots.get(hit.primitive as usize).map_or(0, |&slot| slot as usize);
+                mesh.materials.get(slot).copied().unwrap_or(NONE)
+            }
+            Primitives::Spheres { .. } | Primitives::Cylinders { .. } => NONE,
+        };
+        first([instance.material, own, instance.inherited])
+    }
+
+    /// The object that was hit.
+    pub fn object(&self, hit: &Hit) -> &super::Object {
+        &self.objects[self.object_index(hit) as usize]
+    }
+
+    /// A number from 1 on for the object that was hit, different for each copy of an instanced one.
+    pub fn object_id(&self, hit: &Hit) -> u32 {
+        match hit.instance {
+            Hit::UNBOUNDED => self.unbounded_id_base.wrapping_add(hit.primitive),
+            instance => self.instances[instance as usize].id_base.wrapping_add(self.object_index(hit)),
+        }
+    }
+
+    fn object_index(&self, hit: &Hit) -> u32 {
+        if hit.instance == Hit::UNBOUNDED {
+            return self.unbounded[hit.primitive as usize].1;
+        }
+        let instance = &self.instances[hit.instance as usize];
+        match &self.geometries[instance.geometry as usize].primitives {
+            Primitives::Shapes { objects, .. } => objects[hit.primitive as usize],
+            _ => instance.object,
+        }
+    }
+}
