@@ -6,6 +6,6 @@ mod rgb;
 mod transform;
 
 pub use error_bound::{gamma, offset_origin, rounding};
-pub use polynomial::quadratic;
+pub use polynomial::{Roots, quadratic, quartic};
 pub use rgb::Rgb;
 pub use transform::Transform;

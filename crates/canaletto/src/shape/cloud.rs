@@ -1,6 +1,8 @@
 //! Clouds: millions of exact spheres or cylinders as one object.
 
+use super::{Cylinder, ShapeHit, Sphere, Surface};
 use crate::math::Rgb;
+use canaletto_bvh::{Aabb, Ray};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
@@ -30,4 +32,114 @@ pub struct CylinderCloud {
     pub colors: Vec<Rgb>,
     /// Whether the ends are closed by disks.
     pub caps: bool,
+}
+
+/// The element of a list that holds one value for all or one for each.
+fn one_or_each<T: Copy>(list: &[T], i: usize) -> Option<T> {
+    if list.len() == 1 { Some(list[0]) } else { list.get(i).copied() }
+}
+
+fn check_lists(len: usize, radii: &[f32], colors: &[Rgb], of: &str) -> Result<(), String> {
+    if radii.len() != 1 && radii.len() != len {
+        return Err(format!(
+            "there are {} radii for {len} {of}; there must be one for all or one for each",
+            radii.len()
+        ));
+    }
+    if !colors.is_empty() && colors.len() != 1 && colors.len() != len {
+        let colors = colors.len();
+        return Err(format!(
+            "there are {colors} colours for {len} {of}; there must be none, one for all or one for each"
+        ));
+    }
+    if let Some((i, r)) = radii.iter().enumerate().find(|(_, r)| !r.is_finite() || **r <= 0.0) {
+        return Err(format!("radius {i} is {r}; it must be more than 0 and finite"));
+    }
+    if let Some((i, c)) = colors.iter().enumerate().find(|(_, c)| !c.is_finite()) {
+        return Err(format!("colour {i} is {} {} {}; each component must be finite", c.r, c.g, c.b));
+    }
+    Ok(())
+}
+
+macro_rules! cloud {
+    ($cloud:ident, $element:ident, $list:ident, $of:literal, $word:literal, $build:ident) => {
+        impl $cloud {
+            /// How many there are.
+            pub fn len(&self) -> usize {
+                self.$list.len()
+            }
+
+            /// Whether there is none.
+            pub fn is_empty(&self) -> bool {
+                self.$list.is_empty()
+            }
+
+            /// The radius of number `i`.
+            pub fn radius(&self, i: usize) -> f32 {
+                one_or_each(&self.radii, i).unwrap_or(0.0)
+            }
+
+            /// The colour of number `i`, if the cloud has colours.
+            pub fn color(&self, i: usize) -> Option<Rgb> {
+                one_or_each(&self.colors, i)
+            }
+
+            /// The box around number `i`.
+            pub fn bounds(&self, i: usize) -> Aabb {
+                self.element(i).bounds()
+            }
+
+            /// The nearest hit of number `i` with 0 < t ≤ t_max.
+            pub fn intersect(&self, i: usize, ray: &Ray, t_max: f32) -> Option<ShapeHit> {
+                self.element(i).intersect(ray, t_max)
+            }
+
+            /// The surface at a hit of number `i`.
+            pub fn surface(&self, i: usize, ray: &Ray, hit: &ShapeHit) -> Surface {
+                Surface { color: self.color(i), ..self.element(i).surface(ray, hit) }
+            }
+
+            /// Checks the lists' lengths and every number's range.
+            ///
+            /// # Errors
+            /// A sentence that names the number, its value and the range.
+            pub fn check(&self) -> Result<(), String> {
+                check_lists(self.len(), &self.radii, &self.colors, $of)?;
+                for i in 0..self.len() {
+                    self.element(i).check().map_err(|e| format!(concat!($word, " {}: {}"), i, e))?;
+                    let Aabb { min, max } = self.bounds(i);
+                    if !(min.is_finite() && max.is_finite()) {
+                        return Err(format!(
+                            concat!($word, " {} reaches beyond ±{:e}, the largest coordinate possible"),
+                            i,
+                            f32::MAX
+                        ));
+                    }
+                }
+                Ok(())
+            }
+
+            fn element(&self, i: usize) -> $element {
+                self.$build(i)
+            }
+        }
+    };
+}
+
+cloud!(SphereCloud, Sphere, centers, "centers", "sphere", sphere);
+cloud!(CylinderCloud, Cylinder, axes, "axes", "cylinder", cylinder);
+
+impl SphereCloud {
+    /// Sphere number `i`.
+    pub fn sphere(&self, i: usize) -> Sphere {
+        Sphere { center: self.centers[i], radius: self.radius(i) }
+    }
+}
+
+impl CylinderCloud {
+    /// Cylinder number `i`.
+    pub fn cylinder(&self, i: usize) -> Cylinder {
+        let [base, top] = self.axes[i];
+        Cylinder { base, top, radius: self.radius(i), caps: self.caps }
+    }
 }

@@ -1,6 +1,14 @@
 //! Axis-aligned boxes (fig. 5.16).
+//!
+//! Parts number the faces: −x, +x, −y, +y, −z, +z. Each has its own texture coordinates in [0, 1]² (fig. 5.31): seen
+//! from outside, u grows to the right and v downwards, with +y upwards on the four sides, −z upwards on the top and +z
+//! upwards on the bottom.
 
-use glam::Vec3;
+use super::solve;
+use super::{ShapeHit, Surface};
+use crate::math::Transform;
+use canaletto_bvh::{Aabb, Ray};
+use glam::{Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// An axis-aligned box.
@@ -10,4 +18,90 @@ pub struct Cuboid {
     pub min: Vec3,
     /// The corner of largest coordinates; not below `min` anywhere.
     pub max: Vec3,
+}
+
+impl Cuboid {
+    /// The nearest t in (0, t_max]: where the ray has entered through all three pairs of faces, or from inside where it
+    /// first leaves one. A ray in the plane of a face doesn't meet the box.
+    pub fn intersect(&self, ray: &Ray, t_max: f32) -> Option<ShapeHit> {
+        let (mut enter, mut leave) = ((f64::NEG_INFINITY, 0), (f64::INFINITY, 0));
+        for axis in 0..3 {
+            let (o, d) = (ray.origin[axis], ray.direction[axis]);
+            let (min, max) = (self.min[axis], self.max[axis]);
+            if d == 0.0 {
+                if o <= min || o >= max {
+                    return None;
+                }
+                continue;
+            }
+            let to = |plane: f32| (f64::from(plane) - f64::from(o)) / f64::from(d);
+            let (low, high) = ((to(min), 2 * axis as u32), (to(max), 2 * axis as u32 + 1));
+            let (near, far) = if d > 0.0 { (low, high) } else { (high, low) };
+            if near.0 > enter.0 {
+                enter = near;
+            }
+            if far.0 < leave.0 {
+                leave = far;
+            }
+        }
+        if enter.0.is_nan() || leave.0.is_nan() || enter.0 > leave.0 {
+            return None;
+        }
+        let (t, face) = if enter.0 as f32 > 0.0 { enter } else { leave };
+        solve::hit(t, face, t_max)
+    }
+
+    /// The surface at a hit: the point lies exactly on its face.
+    pub fn surface(&self, ray: &Ray, hit: &ShapeHit) -> Surface {
+        let (axis, upper) = (hit.part as usize / 2, hit.part % 2 == 1);
+        let plane = if upper { self.max[axis] } else { self.min[axis] };
+        let (o, d) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
+        let t = (f64::from(plane) - o[axis]) / d[axis];
+        let mut point = (o + d * t).as_vec3().clamp(self.min, self.max);
+        point[axis] = plane;
+        let mut normal = Vec3::ZERO;
+        normal[axis] = if upper { 1.0 } else { -1.0 };
+        // Fractions of the way from min to max, and from max to min.
+        let fraction = |along: usize, from: Vec3| {
+            let size = f64::from(self.max[along]) - f64::from(self.min[along]);
+            let way = (f64::from(point[along]) - f64::from(from[along])).abs();
+            if size > 0.0 { (way / size) as f32 } else { 0.0 }
+        };
+        let (up, down) = (|along| fraction(along, self.min), |along| fraction(along, self.max));
+        let uv = match hit.part {
+            0 => Vec2::new(up(2), down(1)),
+            1 => Vec2::new(down(2), down(1)),
+            2 => Vec2::new(up(0), down(2)),
+            3 => Vec2::new(up(0), up(2)),
+            4 => Vec2::new(down(0), down(1)),
+            _ => Vec2::new(up(0), down(1)),
+        };
+        Surface::exact(point, normal, uv)
+    }
+
+    /// The box itself.
+    pub fn bounds(&self) -> Aabb {
+        Aabb { min: self.min, max: self.max }
+    }
+
+    /// The box moved, if it stays one.
+    pub(super) fn transformed(&self, t: &Transform) -> Option<Cuboid> {
+        if !t.is_axis_aligned() {
+            return None;
+        }
+        let (a, b) = (t.point(self.min.as_dvec3()).as_vec3(), t.point(self.max.as_dvec3()).as_vec3());
+        Some(Cuboid { min: a.min(b), max: a.max(b) })
+    }
+
+    pub(super) fn check(&self) -> Result<(), String> {
+        solve::finite(&"min", self.min)?;
+        solve::finite(&"max", self.max)?;
+        for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+            let (min, max) = (self.min[axis], self.max[axis]);
+            if min > max {
+                return Err(format!("min is {min} in {name}; it must not be more than max, which is {max}"));
+            }
+        }
+        Ok(())
+    }
 }

@@ -1,5 +1,12 @@
 //! Flat disks.
+//!
+//! Texture coordinates are those of the square around the disk, in [0, 1]²: seen from the visible side with +y upwards,
+//! u to the right and v downwards.
 
+use super::solve::{self, Frame};
+use super::{Plane, ShapeHit, Surface};
+use crate::math::Transform;
+use canaletto_bvh::{Aabb, Ray};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
@@ -12,4 +19,53 @@ pub struct Disk {
     pub normal: Vec3,
     /// r > 0.
     pub radius: f32,
+}
+
+impl Disk {
+    fn plane(&self) -> Plane {
+        Plane { point: self.center, normal: self.normal }
+    }
+
+    fn size(&self) -> f64 {
+        self.center.as_dvec3().abs().max_element() + f64::from(self.radius)
+    }
+
+    /// The hit, if the disk is met at a t in (0, t_max].
+    pub fn intersect(&self, ray: &Ray, t_max: f32) -> Option<ShapeHit> {
+        let plane = self.plane();
+        let t = plane.parameter(ray);
+        let hit = solve::hit(t, 0, t_max)?;
+        let r = f64::from(self.radius);
+        (plane.offset(ray, t).length_squared() <= r * r).then_some(hit)
+    }
+
+    /// The surface at a hit.
+    pub fn surface(&self, ray: &Ray, _hit: &ShapeHit) -> Surface {
+        let plane = self.plane();
+        let r = f64::from(self.radius);
+        let p = plane.offset(ray, plane.parameter(ray));
+        let frame = Frame::around(self.normal.as_dvec3());
+        let uv = [frame.x, frame.z].map(|axis| 0.5 * (1.0 + p.dot(axis) / r));
+        solve::surface(self.center.as_dvec3() + p, self.size(), frame.y, uv)
+    }
+
+    /// The box around it.
+    pub fn bounds(&self) -> Aabb {
+        let n = self.normal.as_dvec3().normalize();
+        solve::bounds(self.center.as_dvec3(), solve::disk_extent(n, f64::from(self.radius)), self.size())
+    }
+
+    /// The disk moved, if it stays round.
+    pub(super) fn transformed(&self, t: &Transform) -> Option<Disk> {
+        let scale = t.uniform_scale()?;
+        let center = t.point(self.center.as_dvec3()).as_vec3();
+        let radius = (f64::from(self.radius) * scale) as f32;
+        Some(Disk { center, normal: solve::moved_normal(t, self.normal), radius })
+    }
+
+    pub(super) fn check(&self) -> Result<(), String> {
+        solve::finite(&"center", self.center)?;
+        solve::direction(&"normal", self.normal)?;
+        solve::positive("radius", self.radius)
+    }
 }

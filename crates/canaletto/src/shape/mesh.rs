@@ -1,7 +1,13 @@
 //! Triangle meshes with shared vertices.
+//!
+//! The geometric normal is always the winding's. Vertex normals only bend the shading, and never to the other side: an
+//! exporter that wrote them inwards is corrected, triangle by triangle.
 
+use super::{Surface, solve, triangle};
 use crate::math::Rgb;
-use glam::{Vec2, Vec3};
+use canaletto_bvh::triangle::TriangleRay;
+use canaletto_bvh::{Aabb, Ray};
+use glam::{DVec3, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// A triangle mesh as an importer delivers it. Counter-clockwise corners face outwards (5.23).
@@ -25,4 +31,165 @@ pub struct Mesh {
     pub materials: Vec<u32>,
     /// Whether rays from behind pass through.
     pub one_sided: bool,
+}
+
+impl Mesh {
+    /// How many triangles there are.
+    pub fn len(&self) -> usize {
+        self.triangles.len()
+    }
+
+    /// Whether there is no triangle.
+    pub fn is_empty(&self) -> bool {
+        self.triangles.is_empty()
+    }
+
+    /// The corners of triangle `i`.
+    pub fn corners(&self, i: usize) -> [Vec3; 3] {
+        self.triangles[i].map(|v| self.positions[v as usize])
+    }
+
+    /// The slot of triangle `i` in [`Mesh::materials`].
+    pub fn slot(&self, i: usize) -> u32 {
+        self.slots.get(i).copied().unwrap_or(0)
+    }
+
+    /// The box around triangle `i`.
+    pub fn triangle_bounds(&self, i: usize) -> Aabb {
+        let [a, b, c] = self.corners(i);
+        Aabb { min: a.min(b).min(c), max: a.max(b).max(c) }
+    }
+
+    /// The hit of triangle `i` as (t, u, v) with 0 < t ≤ t_max, if the ray meets it from a side that counts.
+    pub fn intersect_triangle(&self, i: usize, ray: &TriangleRay, t_max: f32) -> Option<(f32, f32, f32)> {
+        let [a, b, c] = self.corners(i);
+        let hit = ray.intersect(a, b, c, t_max)?;
+        (hit.front || !self.one_sided).then_some((hit.t, hit.u, hit.v))
+    }
+
+    /// The surface of triangle `i` at the point (1 − u − v) a + u b + v c. Without texture coordinates, uv are these.
+    pub fn surface(&self, i: usize, _ray: &Ray, u: f32, v: f32) -> Surface {
+        let corners = self.corners(i);
+        let indices = self.triangles[i].map(|v| v as usize);
+        let weights = triangle::weights(u, v);
+        let point = triangle::blend(corners, weights);
+        let n = triangle::cross(corners[0], corners[1], corners[2]).normalize_or(DVec3::Z); // (5.23)
+        let mut surface = solve::surface(point, triangle::size(corners), n, [f64::from(u), f64::from(v)]);
+        let [wa, wb, wc] = weights.map(|w| w as f32);
+        if !self.uvs.is_empty() {
+            let [a, b, c] = indices.map(|v| self.uvs[v]);
+            surface.uv = a * wa + b * wb + c * wc;
+        }
+        if !self.colors.is_empty() {
+            let [a, b, c] = indices.map(|v| self.colors[v]);
+            surface.color = Some(a * wa + b * wb + c * wc);
+        }
+        if !self.normals.is_empty() {
+            let normals = facing(indices.map(|v| self.normals[v].as_dvec3().normalize_or(n)), n);
+            surface.shading_normal = shading_normal(normals, weights, n);
+            surface.lifted = (point + lift(point, corners, normals, weights, n)).as_vec3();
+        }
+        surface
+    }
+
+    /// Puts the triangles into the given order, a list of their present numbers.
+    pub fn reorder(&mut self, order: &[u32]) {
+        self.triangles = order.iter().map(|&i| self.triangles[i as usize]).collect();
+        if !self.slots.is_empty() {
+            self.slots = order.iter().map(|&i| self.slots[i as usize]).collect();
+        }
+    }
+
+    /// Gives each vertex the mean normal of the triangles around it, weighted by their angles there, so that the result
+    /// doesn't depend on how a flat face was cut into triangles (Thürmer and Wüthrich, *Computing vertex normals from
+    /// polygonal facets*, 1998). Vertices that share a place but not an index keep separate normals. The mesh must have
+    /// passed [`Mesh::check`].
+    pub fn smooth_normals(&mut self) {
+        let mut sums = vec![DVec3::ZERO; self.positions.len()];
+        for (i, triangle) in self.triangles.iter().enumerate() {
+            let corners = self.corners(i).map(Vec3::as_dvec3);
+            let cross = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+            let area = cross.length();
+            if area == 0.0 {
+                continue;
+            }
+            for k in 0..3 {
+                let at = corners[k];
+                let (next, last) = (corners[(k + 1) % 3] - at, corners[(k + 2) % 3] - at);
+                sums[triangle[k] as usize] += cross * (libm::atan2(area, next.dot(last)) / area);
+            }
+        }
+        // A vertex without a side gets a normal all the same, since each must have one.
+        self.normals = sums.into_iter().map(|n| n.normalize_or(DVec3::Y).as_vec3()).collect();
+    }
+
+    /// Checks that every list has its length, every index its target and every number is finite.
+    ///
+    /// # Errors
+    /// A sentence that names the triangle or vertex (counted from 0), its value and what was expected.
+    pub fn check(&self) -> Result<(), String> {
+        let vertices = self.positions.len();
+        let lists = [("normals", self.normals.len()), ("uvs", self.uvs.len()), ("colours", self.colors.len())];
+        if let Some((name, len)) = lists.into_iter().find(|(_, len)| *len != 0 && *len != vertices) {
+            return Err(format!("there are {len} {name} for {vertices} vertices; there must be none or one for each"));
+        }
+        let (slots, triangles) = (self.slots.len(), self.len());
+        if slots != 0 && slots != triangles {
+            return Err(format!(
+                "there are {slots} slots for {triangles} triangles; there must be none or one for each"
+            ));
+        }
+        for (i, corners) in self.triangles.iter().enumerate() {
+            if let Some(v) = corners.iter().find(|v| **v as usize >= vertices) {
+                return Err(format!("triangle {i} has vertex {v}; there are {vertices}, counted from 0"));
+            }
+        }
+        let materials = self.materials.len().max(1);
+        if let Some((i, slot)) = self.slots.iter().enumerate().find(|(_, slot)| **slot as usize >= materials) {
+            return Err(format!("triangle {i} has material slot {slot}; there are {materials}, counted from 0"));
+        }
+        for (i, p) in self.positions.iter().enumerate() {
+            solve::finite(&format_args!("vertex {i}"), *p)?;
+        }
+        for (i, n) in self.normals.iter().enumerate() {
+            solve::direction(&format_args!("the normal of vertex {i}"), *n)?;
+        }
+        if let Some((i, uv)) = self.uvs.iter().enumerate().find(|(_, uv)| !uv.is_finite()) {
+            return Err(format!("uv of vertex {i} is {} {}; each component must be finite", uv.x, uv.y));
+        }
+        if let Some((i, c)) = self.colors.iter().enumerate().find(|(_, c)| !c.is_finite()) {
+            let Rgb { r, g, b } = c;
+            return Err(format!("the colour of vertex {i} is {r} {g} {b}; each component must be finite"));
+        }
+        Ok(())
+    }
+}
+
+/// The vertex normals, turned around if as a whole they point against the geometric one.
+fn facing(normals: [DVec3; 3], n: DVec3) -> [DVec3; 3] {
+    let [a, b, c] = normals;
+    if (a + b + c).dot(n) < 0.0 { [-a, -b, -c] } else { normals }
+}
+
+/// The interpolated normal; mirrored at the triangle's plane where it fell behind it.
+fn shading_normal([a, b, c]: [DVec3; 3], [wa, wb, wc]: [f64; 3], n: DVec3) -> Vec3 {
+    let mean = a * wa + b * wb + c * wc;
+    let front = mean - n * (2.0 * mean.dot(n).min(0.0));
+    let unit = front.normalize_or(n).as_vec3();
+    let n = n.as_vec3();
+    if unit.dot(n) > 0.0 { unit } else { n }
+}
+
+/// From the flat triangle towards the smooth surface that its normals pretend: the mean of the ways to the planes through
+/// the vertices, perpendicular to their normals, counting only planes above the point (Hanika, Ray Tracing Gems II, ch. 4)
+/// and only normals on the outer side, so that the way never leads inwards.
+fn lift(point: DVec3, corners: [Vec3; 3], normals: [DVec3; 3], weights: [f64; 3], n: DVec3) -> DVec3 {
+    let mut way = DVec3::ZERO;
+    for k in 0..3 {
+        let below = (point - corners[k].as_dvec3()).dot(normals[k]);
+        if below < 0.0 && normals[k].dot(n) > 0.0 {
+            way -= normals[k] * (below * weights[k]);
+        }
+    }
+    way
 }

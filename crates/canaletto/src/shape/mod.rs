@@ -8,8 +8,10 @@ mod cone;
 mod cuboid;
 mod cylinder;
 mod disk;
+mod frustum;
 mod mesh;
 mod plane;
+mod solve;
 mod sphere;
 mod surface;
 mod torus;
@@ -29,14 +31,17 @@ pub use triangle::Triangle;
 
 use crate::math::Transform;
 use canaletto_bvh::{Aabb, Ray};
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
+use solve::Frame;
 
 /// What the first stage of a hit finds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShapeHit {
     /// The ray's parameter, 0 < t ≤ t_max.
     pub t: f32,
-    /// Which part of the shape was met: a box's face, a cylinder's side or cap.
+    /// Which part of the shape was met: a box's face (−x, +x, −y, +y, −z, +z), a cylinder's or cone's side (0), base (1)
+    /// or top (2); 0 elsewhere.
     pub part: u32,
     /// Barycentric coordinates where the shape has them, else zero.
     pub uv: [f32; 2],
@@ -62,4 +67,125 @@ pub enum Shape {
     Cone(Cone),
     /// A torus.
     Torus(Torus),
+}
+
+/// The same call on whichever shape it is.
+macro_rules! each {
+    ($self:expr, $s:ident => $call:expr) => {
+        match $self {
+            Shape::Sphere($s) => $call,
+            Shape::Box($s) => $call,
+            Shape::Triangle($s) => $call,
+            Shape::Plane($s) => $call,
+            Shape::Disk($s) => $call,
+            Shape::Cylinder($s) => $call,
+            Shape::Cone($s) => $call,
+            Shape::Torus($s) => $call,
+        }
+    };
+}
+
+impl Shape {
+    /// The nearest hit with 0 < t ≤ t_max, from outside or inside. The ray's direction may have any length.
+    pub fn intersect(&self, ray: &Ray, t_max: f32) -> Option<ShapeHit> {
+        each!(self, s => s.intersect(ray, t_max))
+    }
+
+    /// The surface at a hit that [`Shape::intersect`] found for the same ray.
+    pub fn surface(&self, ray: &Ray, hit: &ShapeHit) -> Surface {
+        each!(self, s => s.surface(ray, hit))
+    }
+
+    /// A tight box around every point that [`Shape::surface`] can give; none for a plane.
+    pub fn bounds(&self) -> Option<Aabb> {
+        match self {
+            Shape::Sphere(s) => Some(s.bounds()),
+            Shape::Box(s) => Some(s.bounds()),
+            Shape::Triangle(s) => Some(s.bounds()),
+            Shape::Plane(_) => None,
+            Shape::Disk(s) => Some(s.bounds()),
+            Shape::Cylinder(s) => Some(s.bounds()),
+            Shape::Cone(s) => Some(s.bounds()),
+            Shape::Torus(s) => Some(s.bounds()),
+        }
+    }
+
+    /// The shape moved, if the map leaves it one of its kind that `f32` can hold. Texture coordinates are then those of
+    /// the moved shape in its new place; see [`Shape::keeps_uv`].
+    pub fn transformed(&self, t: &Transform) -> Option<Shape> {
+        if t.is_identity() {
+            return Some(*self);
+        }
+        let moved = match self {
+            Shape::Sphere(s) => Shape::Sphere(s.transformed(t)?),
+            Shape::Box(s) => Shape::Box(s.transformed(t)?),
+            Shape::Triangle(s) => Shape::Triangle(s.transformed(t)?),
+            Shape::Plane(s) => Shape::Plane(s.transformed(t)?),
+            Shape::Disk(s) => Shape::Disk(s.transformed(t)?),
+            Shape::Cylinder(s) => Shape::Cylinder(s.transformed(t)?),
+            Shape::Cone(s) => Shape::Cone(s.transformed(t)?),
+            Shape::Torus(s) => Shape::Torus(s.transformed(t)?),
+        };
+        moved.check().is_ok().then_some(moved)
+    }
+
+    /// Whether the shape that [`Shape::transformed`] gives has the same texture coordinates at the moved points. A turned
+    /// sphere hasn't, as its poles stay upright; with a texture, it has to become an instance.
+    pub fn keeps_uv(&self, t: &Transform) -> bool {
+        let m = t.matrix().matrix3;
+        let upright = t.is_axis_aligned() && m.x_axis.x > 0.0 && m.y_axis.y > 0.0 && m.z_axis.z > 0.0;
+        let framed = |from: DVec3, to: DVec3| Frame::around(from).goes_to(t, &Frame::around(to));
+        match self {
+            Shape::Sphere(_) => upright && t.uniform_scale().is_some(),
+            Shape::Box(_) => upright,
+            Shape::Triangle(_) => !solve::mirrors(t),
+            Shape::Plane(s) => {
+                let n = s.normal.as_dvec3();
+                t.uniform_scale().is_some_and(|s| (s - 1.0).abs() < 1e-6) && framed(n, t.normal(n))
+            }
+            Shape::Disk(s) => framed(s.normal.as_dvec3(), t.normal(s.normal.as_dvec3())),
+            Shape::Cylinder(Cylinder { base, top, .. }) | Shape::Cone(Cone { base, top, .. }) => {
+                let axis = top.as_dvec3() - base.as_dvec3();
+                framed(axis, t.vector(axis))
+            }
+            Shape::Torus(s) => framed(s.axis.as_dvec3(), t.vector(s.axis.as_dvec3())),
+        }
+    }
+
+    /// Checks every number's range.
+    ///
+    /// # Errors
+    /// A sentence that names the number, its value and the range.
+    pub fn check(&self) -> Result<(), String> {
+        each!(self, s => s.check())?;
+        match self.bounds() {
+            Some(b) if !(b.min.is_finite() && b.max.is_finite()) => {
+                Err(format!("the {} reaches beyond ±{:e}, the largest coordinate possible", self.kind(), f32::MAX))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The scene format's word for it.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Shape::Sphere(_) => "sphere",
+            Shape::Box(_) => "box",
+            Shape::Triangle(_) => "triangle",
+            Shape::Plane(_) => "plane",
+            Shape::Disk(_) => "disk",
+            Shape::Cylinder(_) => "cylinder",
+            Shape::Cone(_) => "cone",
+            Shape::Torus(_) => "torus",
+        }
+    }
+
+    /// Whether it bounds a volume, so that a ray can be inside.
+    pub fn is_closed(&self) -> bool {
+        match self {
+            Shape::Sphere(_) | Shape::Box(_) | Shape::Torus(_) => true,
+            Shape::Cylinder(Cylinder { caps, .. }) | Shape::Cone(Cone { caps, .. }) => *caps,
+            Shape::Triangle(_) | Shape::Plane(_) | Shape::Disk(_) => false,
+        }
+    }
 }

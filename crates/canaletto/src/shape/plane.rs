@@ -1,6 +1,13 @@
 //! Infinite planes.
+//!
+//! Texture coordinates are lengths in the scene's units from `point`, as a plane has no size of its own: seen from the
+//! visible side with +y upwards, u to the right and v downwards; on a floor, along x and z.
 
-use glam::Vec3;
+use super::solve::{self, Frame};
+use super::{ShapeHit, Surface};
+use crate::math::Transform;
+use canaletto_bvh::Ray;
+use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// A plane without bounds.
@@ -10,4 +17,44 @@ pub struct Plane {
     pub point: Vec3,
     /// The direction of its visible side; any length but zero.
     pub normal: Vec3,
+}
+
+impl Plane {
+    /// (5.27); NaN or infinite for a parallel ray.
+    pub(super) fn parameter(&self, ray: &Ray) -> f64 {
+        let n = self.normal.as_dvec3();
+        (self.point.as_dvec3() - ray.origin.as_dvec3()).dot(n) / ray.direction.as_dvec3().dot(n)
+    }
+
+    /// The point of (5.28) relative to `point`, cleared of what rounding left along the normal.
+    pub(super) fn offset(&self, ray: &Ray, t: f64) -> DVec3 {
+        let n = self.normal.as_dvec3();
+        let p = ray.origin.as_dvec3() - self.point.as_dvec3() + ray.direction.as_dvec3() * t;
+        p - n * (p.dot(n) / n.length_squared())
+    }
+
+    /// The hit, if the plane is met at a t in (0, t_max] and at a place that `f32` can hold.
+    pub fn intersect(&self, ray: &Ray, t_max: f32) -> Option<ShapeHit> {
+        let hit = solve::hit(self.parameter(ray), 0, t_max)?;
+        (ray.origin + ray.direction * hit.t).abs().cmplt(Vec3::splat(f32::MAX)).all().then_some(hit)
+    }
+
+    /// The surface at a hit.
+    pub fn surface(&self, ray: &Ray, _hit: &ShapeHit) -> Surface {
+        let p = self.offset(ray, self.parameter(ray));
+        let frame = Frame::around(self.normal.as_dvec3());
+        let size = self.point.as_dvec3().abs().max_element() + p.abs().max_element();
+        solve::surface(self.point.as_dvec3() + p, size, frame.y, [p.dot(frame.x), p.dot(frame.z)])
+    }
+
+    /// The plane moved.
+    pub(super) fn transformed(&self, t: &Transform) -> Option<Plane> {
+        let point = t.point(self.point.as_dvec3()).as_vec3();
+        Some(Plane { point, normal: solve::moved_normal(t, self.normal) })
+    }
+
+    pub(super) fn check(&self) -> Result<(), String> {
+        solve::finite(&"point", self.point)?;
+        solve::direction(&"normal", self.normal)
+    }
 }

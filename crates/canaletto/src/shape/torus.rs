@@ -1,6 +1,14 @@
 //! Tori.
+//!
+//! A torus is the skin of all points within `tube` of the circle, so a spindle torus has no surface inside. Texture
+//! coordinates: u by (5.45a) for the angle around the axis; v the same for the angle around the tube, ½ at the outer
+//! equator and smaller on the side that the axis points to.
 
-use glam::Vec3;
+use super::solve::{self, Frame};
+use super::{ShapeHit, Surface};
+use crate::math::{Roots, Transform, quartic};
+use canaletto_bvh::{Aabb, Ray};
+use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// A torus: a tube around a circle.
@@ -14,4 +22,130 @@ pub struct Torus {
     pub radius: f32,
     /// The tube's radius, > 0. More than `radius` gives a spindle torus.
     pub tube: f32,
+}
+
+/// A ray in units of the torus's size, as seen from its centre.
+struct Scaled {
+    o: DVec3,
+    /// A unit vector.
+    d: DVec3,
+    /// Distance already gone from the ray's origin to `o`.
+    gone: f64,
+    /// The ray's parameter for each unit of distance.
+    per_unit: f64,
+    /// Distances from `o` to the surface, ascending.
+    roots: Roots,
+}
+
+impl Torus {
+    /// From the centre to the outer equator.
+    fn size(&self) -> f64 {
+        f64::from(self.radius) + f64::from(self.tube)
+    }
+
+    /// The circle's and the tube's radius in units of the size.
+    fn radii(&self) -> (f64, f64) {
+        (f64::from(self.radius) / self.size(), f64::from(self.tube) / self.size())
+    }
+
+    fn solve(&self, ray: &Ray) -> Option<Scaled> {
+        let direction = ray.direction.as_dvec3();
+        let length = direction.length();
+        if length == 0.0 {
+            return None;
+        }
+        let d = direction / length;
+        let mut o = (ray.origin.as_dvec3() - self.center.as_dvec3()) / self.size();
+        // From afar, the origin first moves next to the torus: the quartic's terms would cancel.
+        let far = o.length_squared() > 4.0;
+        let gone = if far { -o.dot(d) } else { 0.0 };
+        o += d * gone;
+        // Only inside the sphere around the torus, a little enlarged, are there roots.
+        let (beta, gamma) = (o.dot(d), o.length_squared());
+        let discriminant = beta * beta - gamma + (1.0 + 1e-9);
+        if discriminant.is_nan() || discriminant < 0.0 {
+            return None;
+        }
+        let (low, high) = (-beta - discriminant.sqrt(), -beta + discriminant.sqrt());
+        let low = if far { low } else { low.max(0.0) };
+        if low > high {
+            return None;
+        }
+        // (‖p‖² + R² − r²)² = 4 R² (‖p‖² − h²) for p = o + s d, h its height along the axis.
+        let axis = self.axis.as_dvec3().normalize();
+        let (oh, dh) = (o.dot(axis), d.dot(axis));
+        let (big, small) = self.radii();
+        let k = gamma + (big - small) * (big + small);
+        let r4 = 4.0 * big * big;
+        let across = (o - axis * oh).length_squared();
+        let d_across = (d - axis * dh).length_squared();
+        let coefficients = [
+            k * k - r4 * across,
+            4.0 * beta * k - r4 * 2.0 * (beta - oh * dh),
+            4.0 * beta * beta + 2.0 * k - r4 * d_across,
+            4.0 * beta,
+            1.0,
+        ];
+        let roots = quartic(coefficients, low, high);
+        Some(Scaled { o, d, gone, per_unit: self.size() / length, roots })
+    }
+
+    /// The nearest t in (0, t_max], from outside or inside.
+    pub fn intersect(&self, ray: &Ray, t_max: f32) -> Option<ShapeHit> {
+        let s = self.solve(ray)?;
+        let (big, small) = self.radii();
+        // The squared equation also holds where the tube's far side meets itself inside a spindle; there, its left side
+        // was negative.
+        let skin = |x: f64| (s.o + s.d * x).length_squared() + (big - small) * (big + small) >= 0.0;
+        let mut t = s.roots.iter().filter(|x| skin(**x)).map(|x| (s.gone + x) * s.per_unit);
+        t.find_map(|t| solve::hit(t, 0, t_max))
+    }
+
+    /// The surface at a hit, its point put back on the tube.
+    pub fn surface(&self, ray: &Ray, hit: &ShapeHit) -> Surface {
+        let (center, axis) = (self.center.as_dvec3(), self.axis.as_dvec3().normalize());
+        let (big, small) = self.radii();
+        let p = match self.solve(ray) {
+            Some(s) => {
+                s.o + s.d * (solve::nearest(&s.roots.map(|x| (s.gone + x) * s.per_unit), hit.t) / s.per_unit - s.gone)
+            }
+            None => (ray.origin.as_dvec3() - center + ray.direction.as_dvec3() * f64::from(hit.t)) / self.size(),
+        };
+        let frame = Frame::around(self.axis.as_dvec3());
+        let out = (p - axis * p.dot(axis)).normalize_or(frame.x);
+        let ring = out * big;
+        let normal = (p - ring).normalize_or(out);
+        let point = center + (ring + normal * small) * self.size();
+        let uv = [solve::turn(out.dot(frame.x), out.dot(frame.z)), solve::turn(-normal.dot(axis), normal.dot(out))];
+        solve::surface(point, self.number_size(), normal, uv)
+    }
+
+    /// The size of the numbers behind a point; a thin tube's equation is worse conditioned by the ratio of the radii.
+    fn number_size(&self) -> f64 {
+        let ratio = f64::from(self.radius) / f64::from(self.tube);
+        (self.center.as_dvec3().abs().max_element() + self.size()) * (1.0 + ratio)
+    }
+
+    /// The box around it.
+    pub fn bounds(&self) -> Aabb {
+        let axis = self.axis.as_dvec3().normalize();
+        let extent = solve::disk_extent(axis, f64::from(self.radius)) + f64::from(self.tube);
+        let center = self.center.as_dvec3();
+        solve::bounds(center, extent, center.abs().max_element() + self.size())
+    }
+
+    /// The torus moved, if it stays round.
+    pub(super) fn transformed(&self, t: &Transform) -> Option<Torus> {
+        let scale = t.uniform_scale()?;
+        let center = t.point(self.center.as_dvec3()).as_vec3();
+        let [radius, tube] = [self.radius, self.tube].map(|r| (f64::from(r) * scale) as f32);
+        Some(Torus { center, axis: solve::moved_axis(t, self.axis), radius, tube })
+    }
+
+    pub(super) fn check(&self) -> Result<(), String> {
+        solve::finite(&"center", self.center)?;
+        solve::direction(&"axis", self.axis)?;
+        solve::positive("radius", self.radius)?;
+        solve::positive("tube", self.tube)
+    }
 }

@@ -1,6 +1,13 @@
 //! Triangles (5.23–5.31).
+//!
+//! Texture coordinates are the barycentric coordinates of the second and the third corner, L₂ and L₃ of (5.31).
 
-use glam::Vec3;
+use super::solve;
+use super::{ShapeHit, Surface};
+use crate::math::Transform;
+use canaletto_bvh::triangle::TriangleRay;
+use canaletto_bvh::{Aabb, Ray};
+use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// A triangle, counter-clockwise seen from its visible side (5.23).
@@ -14,4 +21,62 @@ pub struct Triangle {
     pub c: Vec3,
     /// Whether rays from behind pass through.
     pub one_sided: bool,
+}
+
+impl Triangle {
+    /// The hit, if the triangle is met at a t in (0, t_max] and from a side that counts.
+    pub fn intersect(&self, ray: &Ray, t_max: f32) -> Option<ShapeHit> {
+        let hit = TriangleRay::new(ray).intersect(self.a, self.b, self.c, t_max)?;
+        (hit.front || !self.one_sided).then_some(ShapeHit { t: hit.t, part: 0, uv: [hit.u, hit.v] })
+    }
+
+    /// The surface at a hit, its point from the barycentric coordinates.
+    pub fn surface(&self, _ray: &Ray, hit: &ShapeHit) -> Surface {
+        let corners = [self.a, self.b, self.c];
+        let [u, v] = hit.uv;
+        let n = cross(self.a, self.b, self.c).normalize_or(DVec3::Z);
+        solve::surface(blend(corners, weights(u, v)), size(corners), n, [f64::from(u), f64::from(v)])
+    }
+
+    /// The box around it.
+    pub fn bounds(&self) -> Aabb {
+        Aabb { min: self.a.min(self.b).min(self.c), max: self.a.max(self.b).max(self.c) }
+    }
+
+    /// The triangle moved. A mirroring map would turn its visible side away; the swapped corners turn it back.
+    pub(super) fn transformed(&self, t: &Transform) -> Option<Triangle> {
+        let [a, b, c] = [self.a, self.b, self.c].map(|p| t.point(p.as_dvec3()).as_vec3());
+        let (b, c) = if solve::mirrors(t) { (c, b) } else { (b, c) };
+        Some(Triangle { a, b, c, ..*self })
+    }
+
+    pub(super) fn check(&self) -> Result<(), String> {
+        solve::finite(&"a", self.a)?;
+        solve::finite(&"b", self.b)?;
+        solve::finite(&"c", self.c)
+    }
+}
+
+/// (p₂ − p₁) × (p₃ − p₁) of (5.23).
+pub(super) fn cross(a: Vec3, b: Vec3, c: Vec3) -> DVec3 {
+    let a = a.as_dvec3();
+    (b.as_dvec3() - a).cross(c.as_dvec3() - a)
+}
+
+/// The weights of the corners; none is negative and they add up to 1, whatever rounding made of u and v.
+pub(super) fn weights(u: f32, v: f32) -> [f64; 3] {
+    let (u, v) = (f64::from(u).max(0.0), f64::from(v).max(0.0));
+    let w = (1.0 - u - v).max(0.0);
+    let sum = w + u + v;
+    [w / sum, u / sum, v / sum]
+}
+
+/// The point with these barycentric coordinates.
+pub(super) fn blend([a, b, c]: [Vec3; 3], [wa, wb, wc]: [f64; 3]) -> DVec3 {
+    a.as_dvec3() * wa + b.as_dvec3() * wb + c.as_dvec3() * wc
+}
+
+/// The largest coordinate.
+pub(super) fn size([a, b, c]: [Vec3; 3]) -> f64 {
+    f64::from(a.abs().max(b.abs()).max(c.abs()).max_element())
 }

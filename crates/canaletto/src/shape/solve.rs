@@ -1,0 +1,168 @@
+//! What the shapes share: rays in `f64` near the shape, rounding back to `f32`, frames, range checks.
+//!
+//! No constant here has a length: every one multiplies numbers of the shape or the ray, so that a scaled scene behaves
+//! the same.
+
+use super::{ShapeHit, Surface};
+use crate::math::{Transform, rounding};
+use canaletto_bvh::{Aabb, Ray};
+use glam::{DVec3, Vec2, Vec3};
+use std::f64::consts::PI;
+use std::fmt::Display;
+
+/// Far above the error of the few dozen `f64` roundings behind a point, far below one of `f32`.
+const SLACK: f64 = 1.0 / (1u64 << 48) as f64;
+
+/// A ray in `f64`, seen from a shape's anchor. Far away, its origin is first moved to the point nearest the anchor:
+/// squares of the distance would drown the shape's own size. The origin of a near ray stays, so that the sign of a
+/// small root is the side of the surface on which the ray starts.
+pub(super) struct Local {
+    /// The origin, relative to the anchor.
+    pub(super) o: DVec3,
+    /// The ray's direction.
+    pub(super) d: DVec3,
+    /// The ray's parameter at `o`.
+    pub(super) t0: f64,
+}
+
+impl Local {
+    /// The ray seen from `anchor`; `reach` is how far the shape extends from there.
+    pub(super) fn new(ray: &Ray, anchor: DVec3, reach: f64) -> Local {
+        let (o, d) = (ray.origin.as_dvec3() - anchor, ray.direction.as_dvec3());
+        let dd = d.length_squared();
+        if o.length_squared() <= 4.0 * reach * reach || dd == 0.0 {
+            return Local { o, d, t0: 0.0 };
+        }
+        let t0 = -o.dot(d) / dd;
+        Local { o: o + d * t0, d, t0 }
+    }
+
+    /// The point at the ray's parameter `t`, relative to the anchor.
+    pub(super) fn at(&self, t: f64) -> DVec3 {
+        self.o + self.d * (t - self.t0)
+    }
+}
+
+/// The hit at `t`, if its `f32` value lies in (0, t_max].
+pub(super) fn hit(t: f64, part: u32, t_max: f32) -> Option<ShapeHit> {
+    let t = t as f32;
+    (t > 0.0 && t <= t_max && t.is_finite()).then_some(ShapeHit { t, part, uv: [0.0; 2] })
+}
+
+/// The root that was reported as `t`; `t` itself if none was found again.
+pub(super) fn nearest(roots: &[f64], t: f32) -> f64 {
+    let t = f64::from(t);
+    roots.iter().copied().min_by(|a, b| (a - t).abs().total_cmp(&(b - t).abs())).unwrap_or(t)
+}
+
+/// The surface at a point that was computed in `f64` from numbers no larger than `size`. Where the sum nearly cancels,
+/// its own error outgrows the rounding to `f32`; the bound covers both.
+pub(super) fn surface(point: DVec3, size: f64, normal: DVec3, uv: [f64; 2]) -> Surface {
+    let point = point.as_vec3();
+    let uv = Vec2::new(uv[0] as f32, uv[1] as f32);
+    let error = rounding(point) + Vec3::splat((size * SLACK) as f32);
+    Surface { error, ..Surface::exact(point, normal.as_vec3(), uv) }
+}
+
+/// The box of `center` ± `extent`, rounded outwards; `size` as in [`surface`].
+pub(super) fn bounds(center: DVec3, extent: DVec3, size: f64) -> Aabb {
+    let extent = extent + size * SLACK;
+    let (min, max) = ((center - extent).as_vec3(), (center + extent).as_vec3());
+    Aabb { min: min.map(f32::next_down), max: max.map(f32::next_up) }
+}
+
+/// The box around a disk: half its extent along each axis is r √(1 − nᵢ²).
+pub(super) fn disk_extent(unit_normal: DVec3, radius: f64) -> DVec3 {
+    let squared = unit_normal * unit_normal;
+    let other = DVec3::new(squared.y + squared.z, squared.z + squared.x, squared.x + squared.y);
+    other.map(f64::sqrt) * radius
+}
+
+/// The smallest box around two.
+pub(super) fn union(a: Aabb, b: Aabb) -> Aabb {
+    Aabb { min: a.min.min(b.min), max: a.max.max(b.max) }
+}
+
+/// (5.45a) for the angle φ from `z` towards `x`.
+pub(super) fn turn(x: f64, z: f64) -> f64 {
+    0.5 * (1.0 + libm::atan2(x, z) / PI)
+}
+
+/// A right-handed frame around an axis `y`. Seen against the axis (that is, looking at the outside of a surface whose
+/// normal it is) with the scene's +y upwards, `x` points right and `z` down; for the axis +y they are the scene's own.
+pub(super) struct Frame {
+    pub(super) x: DVec3,
+    pub(super) y: DVec3,
+    pub(super) z: DVec3,
+}
+
+impl Frame {
+    /// The frame around an axis of any length but zero.
+    pub(super) fn around(axis: DVec3) -> Frame {
+        let y = axis.normalize();
+        // Nearly upright axes have no clear right: there, x leans on the scene's.
+        let x = if y.x * y.x + y.z * y.z < 1e-12 { DVec3::X - y * y.x } else { DVec3::new(y.z, 0.0, -y.x) };
+        let x = x.normalize();
+        Frame { x, y, z: x.cross(y) }
+    }
+
+    /// Whether `t` takes this frame to `to`, so that what was drawn in it keeps its place.
+    pub(super) fn goes_to(&self, t: &Transform, to: &Frame) -> bool {
+        let same = |a: DVec3, b: DVec3| (t.vector(a).normalize() - b).length_squared() < 1e-12;
+        same(self.x, to.x) && same(self.y, to.y) && same(self.z, to.z)
+    }
+}
+
+/// Where a normal goes, with its length kept.
+pub(super) fn moved_normal(t: &Transform, n: Vec3) -> Vec3 {
+    let n = n.as_dvec3();
+    let moved = t.normal(n);
+    (moved * (n.length() / moved.length())).as_vec3()
+}
+
+/// Where an axis goes, with its length kept.
+pub(super) fn moved_axis(t: &Transform, axis: Vec3) -> Vec3 {
+    let axis = axis.as_dvec3();
+    let moved = t.vector(axis);
+    (moved * (axis.length() / moved.length())).as_vec3()
+}
+
+/// Whether `t` turns a right hand into a left one.
+pub(super) fn mirrors(t: &Transform) -> bool {
+    t.matrix().matrix3.determinant() < 0.0
+}
+
+/// Checks that a point's or vector's components are numbers.
+pub(super) fn finite(name: &impl Display, v: Vec3) -> Result<(), String> {
+    if v.is_finite() {
+        return Ok(());
+    }
+    Err(format!("{name} is {} {} {}; each component must be finite", v.x, v.y, v.z))
+}
+
+/// Checks that a length is more than zero.
+pub(super) fn positive(name: &str, v: f32) -> Result<(), String> {
+    if v.is_finite() && v > 0.0 {
+        return Ok(());
+    }
+    Err(format!("{name} is {v}; it must be more than 0 and finite"))
+}
+
+/// Checks that a direction has a length.
+pub(super) fn direction(name: &impl Display, v: Vec3) -> Result<(), String> {
+    finite(name, v)?;
+    if v == Vec3::ZERO {
+        return Err(format!("{name} is 0 0 0; it must have a length"));
+    }
+    Ok(())
+}
+
+/// Checks the two ends of an axis.
+pub(super) fn ends(base: Vec3, top: Vec3) -> Result<(), String> {
+    finite(&"base", base)?;
+    finite(&"top", top)?;
+    if base == top {
+        return Err(format!("base and top are both {} {} {}; they must be different points", base.x, base.y, base.z));
+    }
+    Ok(())
+}
