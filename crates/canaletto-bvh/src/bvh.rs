@@ -271,6 +271,17 @@ mod tests {
     }
 
     #[test]
+    fn equally_near_leaves_come_in_order() {
+        let bounds: Vec<Aabb> =
+            (0..16).map(|i| Aabb::from_points([Vec3::ZERO, Vec3::new(1.0, (1 + 10 * (i / 4)) as f32, 1.0)])).collect();
+        let bvh = Bvh::build(&bounds).unwrap();
+        let mut visits = Vec::new();
+        let ray = Ray::new(Vec3::new(-1.0, 0.5, 0.5), Vec3::X);
+        bvh.intersect(&ray, f32::INFINITY, |leaf, _| visits.push(leaf.start));
+        assert_eq!(visits, [0, 4, 8, 12]);
+    }
+
+    #[test]
     fn statistics_count() {
         let random = &mut Random(5);
         let bounds: Vec<Aabb> =

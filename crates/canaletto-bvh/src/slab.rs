@@ -174,8 +174,26 @@ mod tests {
         }
         // Where the plane is the origin's, for which an infinite reciprocal would give NaN.
         let b = Aabb { min: Vec3::ZERO, max: Vec3::ZERO };
-        for d in [Vec3::Z, Vec3::new(1e-45, -1e-45, 1.0), Vec3::splat(1e-45), Vec3::splat(3e38)] {
+        for d in
+            [Vec3::Z, Vec3::new(0.0, 1.0, 1e-45), Vec3::new(1e-45, -1e-45, 1.0), Vec3::splat(1e-45), Vec3::splat(3e38)]
+        {
             assert!(meets(Vec3::ZERO, d, b, f32::INFINITY), "{d}");
         }
+    }
+
+    #[test]
+    fn a_hit_is_confined_to_its_box() {
+        let b = Aabb { min: Vec3::ONE, max: Vec3::splat(2.0) };
+        let confine = |d, t, t_max| Slabs::new(&Ray::new(Vec3::ZERO, d)).confine(&b, t, t_max);
+        assert_eq!(confine(Vec3::ONE, 1.5, 2.0), Some(1.5));
+        assert_eq!(confine(Vec3::ONE, 1.5, 1.5), Some(1.5));
+        assert_eq!(confine(Vec3::ONE, 1.5, 1.4), None);
+        // Outside of the box by rounding, or by nonsense.
+        assert_eq!(confine(Vec3::ONE, f64::from(1.0_f32.next_down()), 2.0), Some(1.0_f32.next_down()));
+        for (nonsense, least) in [(-9.0, 1.0), (9.0, 2.0)] {
+            assert!((confine(Vec3::ONE, nonsense, 9.0).unwrap() / least - 1.0).abs() < 2e-6);
+        }
+        assert_eq!(confine(-Vec3::ONE, 1.5, 9.0), None);
+        assert_eq!(confine(Vec3::new(1.0, 1.0, 3.0), 1.5, 9.0), None);
     }
 }
