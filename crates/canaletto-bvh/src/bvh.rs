@@ -65,6 +65,15 @@ impl Bvh {
         loop {
             let (near, far) = slabs.clip(&self.nodes[index as usize].boxes, t_max);
             let mut met = near.cmple(far).bitmask();
+            // One child only needs no order, and is within t_max.
+            if met.is_power_of_two() {
+                let lane = met.trailing_zeros() as usize;
+                let node = &self.nodes[index as usize];
+                if node.count[lane] == INNER {
+                    index = node.first[lane];
+                    continue;
+                }
+            }
             let near = near.to_array();
             let base = len;
             // The nearest goes on top; of equally near ones the lower lane.

@@ -7,8 +7,8 @@
 //! Where it deviates:
 //! - The shear is in f64 and an edge function never has the wrong sign (`exact`), which also settles vertices:
 //!   the projected triangles are those of exact points in the plane, with closed borders.
-//! - t, by weights as in the paper, is confined to its box
-//!   (`slab`); and an origin exactly on the plane is no hit, which the weights alone could not tell.
+//! - t, by weights as in the paper, is confined to the triangle's box (`slab`); and an origin exactly on the plane
+//!   is no hit, which the weights alone could not tell.
 //! - Nothing overflows or vanishes: products of three differences of f32 stay far within the range of f64.
 
 use glam::{DVec3, Vec3};
