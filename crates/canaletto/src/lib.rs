@@ -9,11 +9,16 @@
 #![forbid(unsafe_code)]
 
 pub mod camera;
+pub mod explain;
+pub mod film;
+pub mod integrator;
 pub mod light;
 pub mod material;
 pub mod math;
+pub mod render;
 pub mod sampler;
 pub mod scene;
 pub mod shape;
+pub mod world;
 
 pub use canaletto_bvh::{Aabb, Ray};

@@ -153,8 +153,8 @@ impl<'w> Whitted<'w> {
             specular: Rgb::BLACK,
             contribution: Rgb::BLACK,
         };
-        // Written so that a NaN (a light exactly at the point) adds nothing.
-        if !(n_dot_l > 0.0) || arriving.intensity.is_black() {
+        // NaN: a light exactly at the point, which adds nothing.
+        if n_dot_l.is_nan() || n_dot_l <= 0.0 || arriving.intensity.is_black() {
             return term;
         }
         let stage = self.settings.stage;

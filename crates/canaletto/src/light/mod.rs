@@ -77,7 +77,7 @@ impl Light {
                 Some(direction) => {
                     Illumination { direction, distance: f32::INFINITY, position: None, intensity: self.intensity }
                 }
-                None => self.from_point(omni.point(), p, 1.0),
+                None => self.point_light(omni.point(), p, 1.0),
             },
             LightKind::Directional(directional) => Illumination {
                 direction: directional.direction(),
@@ -85,8 +85,8 @@ impl Light {
                 position: None,
                 intensity: self.intensity * directional.region(p),
             },
-            LightKind::Spot(spot) => self.from_point(spot.position, p, spot.cone(p)),
-            LightKind::Disk(disk) => self.from_point(disk.point(index), p, 1.0 / disk.points as f32),
+            LightKind::Spot(spot) => self.point_light(spot.position, p, spot.cone(p)),
+            LightKind::Disk(disk) => self.point_light(disk.point(index), p, 1.0 / disk.points as f32),
         }
     }
 
@@ -133,7 +133,7 @@ impl Light {
         }
     }
 
-    fn from_point(&self, position: Vec3, p: Vec3, factor: f32) -> Illumination {
+    fn point_light(&self, position: Vec3, p: Vec3, factor: f32) -> Illumination {
         let to_light = position - p;
         let distance = to_light.length();
         let [c, l, q] = self.attenuation;

@@ -8,6 +8,7 @@ use crate::math::Transform;
 use crate::scene::{Content, Node, Scene};
 use crate::shape::{CylinderCloud, Mesh, Shape, SphereCloud};
 use canaletto_bvh::{Aabb, Bvh};
+use rayon::prelude::*;
 use std::collections::HashMap;
 
 /// Why a scene can't be rendered.
@@ -369,7 +370,7 @@ impl Builder {
         }
         let moved = self.mesh_uses[index as usize] == 1;
         if moved && !transform.is_identity() {
-            mesh.transform(transform);
+            move_mesh(&mut mesh, transform);
             mesh.check().map_err(|problem| self.invalid(object, format!("after its transforms, {problem}")))?;
         }
         let geometry = self.push(Geometry::mesh(mesh), object)?;
@@ -437,4 +438,14 @@ impl Builder {
 
 fn missing(node: &Node, what: &'static str, index: u32, count: usize) -> BuildError {
     BuildError::Missing { object: node.name.clone().unwrap_or_else(|| "an unnamed node".into()), what, index, count }
+}
+
+/// Moves a mesh's vertices. A mirroring transform turns the corners round, so that they stay counter-clockwise seen from
+/// outside.
+fn move_mesh(mesh: &mut Mesh, transform: &Transform) {
+    mesh.positions.par_iter_mut().for_each(|p| *p = transform.point(p.as_dvec3()).as_vec3());
+    mesh.normals.par_iter_mut().for_each(|n| *n = transform.normal(n.as_dvec3()).normalize_or_zero().as_vec3());
+    if transform.matrix().matrix3.determinant() < 0.0 {
+        mesh.triangles.iter_mut().for_each(|corners| corners.swap(1, 2));
+    }
 }
