@@ -143,3 +143,43 @@ impl CylinderCloud {
         Cylinder { base, top, radius: self.radius(i), caps: self.caps }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cloud() -> SphereCloud {
+        SphereCloud { centers: vec![Vec3::ZERO, Vec3::X * 5.0], radii: vec![1.0, 2.0], ..SphereCloud::default() }
+    }
+
+    #[test]
+    fn one_radius_serves_all() {
+        assert_eq!((cloud().radius(0), cloud().radius(1)), (1.0, 2.0));
+        let same = SphereCloud { radii: vec![3.0], ..cloud() };
+        assert_eq!((same.radius(0), same.radius(1)), (3.0, 3.0));
+        assert!(same.check().is_ok());
+    }
+
+    #[test]
+    fn the_surface_brings_the_colour() {
+        let red = Rgb::new(1.0, 0.0, 0.0);
+        let cloud = SphereCloud { colors: vec![Rgb::BLACK, red], ..cloud() };
+        let ray = Ray::new(Vec3::X * 9.0, Vec3::NEG_X);
+        let hit = cloud.intersect(1, &ray, f32::INFINITY).unwrap();
+        let s = cloud.surface(1, &ray, &hit);
+        assert_eq!((s.point, s.color), (Vec3::X * 7.0, Some(red)));
+    }
+
+    #[test]
+    fn broken_lists_are_named() {
+        let radii = SphereCloud { radii: vec![1.0; 3], ..cloud() };
+        assert_eq!(
+            radii.check().unwrap_err(),
+            "there are 3 radii for 2 centers; there must be one for all or one for each"
+        );
+        let negative = SphereCloud { radii: vec![1.0, -1.0], ..cloud() };
+        assert_eq!(negative.check().unwrap_err(), "radius 1 is -1; it must be more than 0 and finite");
+        let point = CylinderCloud { axes: vec![[Vec3::ONE; 2]], radii: vec![1.0], ..CylinderCloud::default() };
+        assert!(point.check().unwrap_err().starts_with("cylinder 0: base and top are both 1 1 1"));
+    }
+}

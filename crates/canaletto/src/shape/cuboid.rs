@@ -105,3 +105,92 @@ impl Cuboid {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const INF: f32 = f32::INFINITY;
+    const BOX: Cuboid = Cuboid { min: Vec3::new(-1.0, -2.0, -3.0), max: Vec3::new(1.0, 2.0, 3.0) };
+    const OUT: [Vec3; 6] = [Vec3::NEG_X, Vec3::X, Vec3::NEG_Y, Vec3::Y, Vec3::NEG_Z, Vec3::Z];
+
+    #[test]
+    fn each_face_is_met_from_outside() {
+        for (face, n) in OUT.into_iter().enumerate() {
+            // One component is 1, the others are 0.
+            let ray = Ray::new(n * 10.0, -n);
+            let hit = BOX.intersect(&ray, INF).unwrap();
+            assert_eq!((hit.part, hit.t), (face as u32, 10.0 - BOX.max.dot(n.abs())));
+            assert_eq!(BOX.surface(&ray, &hit).normal, n);
+        }
+    }
+
+    #[test]
+    fn each_face_is_met_from_inside() {
+        for (face, n) in OUT.into_iter().enumerate() {
+            let ray = Ray::new(Vec3::splat(0.5), n);
+            let hit = BOX.intersect(&ray, INF).unwrap();
+            let s = BOX.surface(&ray, &hit);
+            assert_eq!((hit.part, s.normal), (face as u32, n));
+            assert_eq!(s.point.dot(n), BOX.max.dot(n.abs()));
+        }
+    }
+
+    #[test]
+    fn a_ray_in_the_plane_of_a_face_or_beside_passes() {
+        for y in [2.0, 2.5, -2.0] {
+            assert_eq!(BOX.intersect(&Ray::new(Vec3::new(-5.0, y, 0.0), Vec3::X), INF), None);
+        }
+        assert!(BOX.intersect(&Ray::new(Vec3::new(-5.0, 1.999, 0.0), Vec3::X), INF).is_some());
+    }
+
+    #[test]
+    fn a_face_that_the_ray_starts_on_does_not_count() {
+        let up = BOX.intersect(&Ray::new(Vec3::new(0.0, 2.0, 0.0), Vec3::Y), INF);
+        assert_eq!(up, None);
+        let down = BOX.intersect(&Ray::new(Vec3::new(0.0, 2.0, 0.0), Vec3::NEG_Y), INF).unwrap();
+        assert_eq!((down.t, down.part), (4.0, 2));
+    }
+
+    #[test]
+    fn a_flat_box_shows_the_face_towards_the_ray() {
+        let flat = Cuboid { min: Vec3::new(-1.0, 0.0, -1.0), max: Vec3::new(1.0, 0.0, 1.0) };
+        for (from, face) in [(5.0, 3), (-5.0, 2)] {
+            let ray = Ray::new(Vec3::new(0.5, from, 0.5), Vec3::new(0.0, -from, 0.0));
+            let hit = flat.intersect(&ray, INF).unwrap();
+            assert_eq!((hit.t, hit.part), (1.0, face));
+            assert!(flat.surface(&ray, &hit).uv.is_finite());
+        }
+        assert!(flat.check().is_ok());
+    }
+
+    #[test]
+    fn texture_coordinates_grow_right_and_down() {
+        // The face's upper left corner, as seen from outside.
+        let corners = [
+            (0, Vec3::new(-1.0, 2.0, -3.0)),
+            (1, Vec3::new(1.0, 2.0, 3.0)),
+            (2, Vec3::new(-1.0, -2.0, 3.0)),
+            (3, Vec3::new(-1.0, 2.0, -3.0)),
+            (4, Vec3::new(1.0, 2.0, -3.0)),
+            (5, Vec3::new(-1.0, 2.0, 3.0)),
+        ];
+        for (face, corner) in corners {
+            let n = OUT[face];
+            let at = |p: Vec3| {
+                let ray = Ray::new(p + n, -n);
+                let hit = ShapeHit { t: 1.0, part: face as u32, uv: [0.0; 2] };
+                BOX.surface(&ray, &hit).uv
+            };
+            assert_eq!(at(corner), Vec2::ZERO, "face {face}");
+            // Mirrored at the face's middle: the lower right corner.
+            assert_eq!(at(-corner + n * (2.0 * n.dot(corner))), Vec2::ONE, "face {face}");
+        }
+    }
+
+    #[test]
+    fn crossed_corners_are_refused() {
+        let error = Cuboid { min: Vec3::new(0.0, 3.0, 0.0), max: Vec3::ONE }.check().unwrap_err();
+        assert_eq!(error, "min is 3 in y; it must not be more than max, which is 1");
+    }
+}

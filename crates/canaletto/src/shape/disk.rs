@@ -69,3 +69,29 @@ impl Disk {
         solve::positive("radius", self.radius)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DISK: Disk = Disk { center: Vec3::new(1.0, 2.0, 3.0), normal: Vec3::Z, radius: 2.0 };
+
+    #[test]
+    fn it_ends_at_its_radius() {
+        for (x, meets) in [(2.99, true), (3.01, false), (-0.99, true), (-1.01, false)] {
+            let ray = Ray::new(Vec3::new(x, 2.0, 9.0), Vec3::NEG_Z);
+            assert_eq!(DISK.intersect(&ray, 100.0).is_some(), meets, "{x}");
+        }
+    }
+
+    #[test]
+    fn texture_coordinates_are_those_of_the_square_around_it() {
+        let uv = |x: f32, y: f32| {
+            let ray = Ray::new(Vec3::new(x, y, 9.0), Vec3::NEG_Z);
+            DISK.surface(&ray, &DISK.intersect(&ray, 100.0).unwrap()).uv.to_array()
+        };
+        assert_eq!(uv(1.0, 2.0), [0.5, 0.5]);
+        assert_eq!(uv(3.0, 2.0), [1.0, 0.5]);
+        assert_eq!(uv(1.0, 4.0), [0.5, 0.0]);
+    }
+}

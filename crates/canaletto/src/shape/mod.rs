@@ -11,9 +11,13 @@ mod disk;
 mod frustum;
 mod mesh;
 mod plane;
+#[cfg(test)]
+mod properties;
 mod solve;
 mod sphere;
 mod surface;
+#[cfg(test)]
+mod testing;
 mod torus;
 mod triangle;
 

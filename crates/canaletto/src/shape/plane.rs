@@ -58,3 +58,33 @@ impl Plane {
         solve::direction(&"normal", self.normal)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FLOOR: Plane = Plane { point: Vec3::new(0.0, -50.0, 0.0), normal: Vec3::new(0.0, 3.0, 0.0) };
+
+    #[test]
+    fn a_floor_is_met_exactly_and_measured_along_x_and_z() {
+        let ray = Ray::new(Vec3::new(1.0, 50.0, 2.0), Vec3::new(0.1, -0.3, 0.7));
+        let hit = FLOOR.intersect(&ray, f32::INFINITY).unwrap();
+        let s = FLOOR.surface(&ray, &hit);
+        assert_eq!((s.point.y, s.normal), (-50.0, Vec3::Y));
+        assert_eq!(s.uv.to_array(), [s.point.x, s.point.z]);
+    }
+
+    #[test]
+    fn parallel_rays_and_hits_beyond_all_numbers_are_none() {
+        let from = Vec3::new(0.0, 1e30, 0.0);
+        for d in [Vec3::X, Vec3::new(1.0, -1e-20, 0.0)] {
+            assert_eq!(FLOOR.intersect(&Ray::new(from, d), f32::INFINITY), None, "{d}");
+        }
+    }
+
+    #[test]
+    fn a_normal_needs_a_length() {
+        let error = Plane { normal: Vec3::ZERO, ..FLOOR }.check().unwrap_err();
+        assert_eq!(error, "normal is 0 0 0; it must have a length");
+    }
+}

@@ -67,3 +67,69 @@ impl Sphere {
         solve::positive("radius", self.radius)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const INF: f32 = f32::INFINITY;
+
+    fn first(sphere: &Sphere, ray: &Ray) -> (ShapeHit, Surface) {
+        let hit = sphere.intersect(ray, INF).unwrap();
+        (hit, sphere.surface(ray, &hit))
+    }
+
+    #[test]
+    fn exercise_2() {
+        let sphere = Sphere { center: Vec3::new(0.0, 20.0, 0.0), radius: 25.0 };
+        let ray = Ray::new(Vec3::new(100.0, 40.0, 40.0), Vec3::new(-28.7, -1.30, -13.1));
+        let (hit, s) = first(&sphere, &ray);
+        assert!((hit.t - 2.83).abs() < 0.005, "{hit:?}");
+        // The chapter goes on with the rounded t.
+        assert!((s.point - Vec3::new(18.7, 36.3, 2.90)).abs().max_element() < 0.05, "{s:?}");
+        assert!((s.normal - Vec3::new(0.749, 0.653, 0.116)).abs().max_element() < 0.002, "{s:?}");
+        let past = Ray::new(ray.origin + ray.direction * (hit.t + 0.1), ray.direction);
+        let far = hit.t + 0.1 + sphere.intersect(&past, INF).unwrap().t;
+        assert!((far - 4.03).abs() < 0.005, "{far}");
+    }
+
+    #[test]
+    fn exercise_7() {
+        let sphere = Sphere { center: Vec3::new(3.0, 2.0, 0.0), radius: 1.0 };
+        let (hit, s) = first(&sphere, &Ray::new(Vec3::new(10.0, 6.0, 0.0), Vec3::new(-2.0, -1.0, 0.0)));
+        assert_eq!(hit.t, 3.2);
+        assert_eq!(s.point, Vec3::new(3.6, 2.8, 0.0));
+        assert_eq!(s.normal, Vec3::new(0.6, 0.8, 0.0));
+    }
+
+    #[test]
+    fn texture_coordinates_of_six_directions() {
+        let sphere = Sphere { center: Vec3::new(1.0, 2.0, 3.0), radius: 2.0 };
+        let uv = |d: Vec3| first(&sphere, &Ray::new(sphere.center + d * 5.0, -d)).1.uv.to_array();
+        assert_eq!(uv(Vec3::Z), [0.5, 0.5]);
+        assert_eq!(uv(Vec3::X), [0.75, 0.5]);
+        assert_eq!(uv(Vec3::NEG_X), [0.25, 0.5]);
+        assert_eq!(uv(Vec3::Y)[1], 0.0);
+        assert_eq!(uv(Vec3::NEG_Y)[1], 1.0);
+    }
+
+    #[test]
+    fn a_sphere_met_from_very_far_keeps_its_point_on_it() {
+        let sphere = Sphere { center: Vec3::ZERO, radius: 1.0 };
+        let (_, s) = first(&sphere, &Ray::new(Vec3::new(3e8, 0.5, 0.25), Vec3::NEG_X));
+        assert!((s.point.as_dvec3().length() - 1.0).abs() < 1e-7, "{s:?}");
+        assert!((s.point.y - 0.5).abs() < 1e-6, "{s:?}");
+    }
+
+    #[test]
+    fn a_squeezed_sphere_is_none() {
+        let shape = super::super::Shape::Sphere(Sphere { center: Vec3::ZERO, radius: 1.0 });
+        assert_eq!(shape.transformed(&Transform::scale(DVec3::new(1.0, 2.0, 1.0)).unwrap()), None);
+    }
+
+    #[test]
+    fn the_message_names_number_and_value() {
+        let sphere = Sphere { center: Vec3::ZERO, radius: -2.0 };
+        assert_eq!(sphere.check().unwrap_err(), "radius is -2; it must be more than 0 and finite");
+    }
+}

@@ -149,3 +149,81 @@ impl Torus {
         solve::positive("tube", self.tube)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const INF: f32 = f32::INFINITY;
+    const TORUS: Torus = Torus { center: Vec3::ZERO, axis: Vec3::Y, radius: 5.0, tube: 1.0 };
+
+    /// Every hit along the ray.
+    fn all(torus: &Torus, o: Vec3, d: Vec3) -> Vec<f32> {
+        let mut hits = Vec::new();
+        let mut from = 0.0;
+        while let Some(hit) = torus.intersect(&Ray::new(o + d * from, d), INF) {
+            hits.push(from + hit.t);
+            from += hit.t + 1e-3;
+        }
+        hits
+    }
+
+    fn close(found: &[f32], expected: &[f32]) {
+        let same = |(a, b): (&f32, &f32)| (a - b).abs() < 1e-4;
+        assert!(found.len() == expected.len() && found.iter().zip(expected).all(same), "{found:?} for {expected:?}");
+    }
+
+    #[test]
+    fn a_ray_across_meets_it_four_times() {
+        close(&all(&TORUS, Vec3::X * 10.0, Vec3::NEG_X), &[4.0, 6.0, 14.0, 16.0]);
+    }
+
+    #[test]
+    fn a_ray_through_the_hole_passes() {
+        close(&all(&TORUS, Vec3::new(1.0, 10.0, 0.0), Vec3::NEG_Y), &[]);
+    }
+
+    #[test]
+    fn a_spindle_has_no_surface_inside() {
+        let spindle = Torus { radius: 1.0, tube: 2.0, ..TORUS };
+        close(&all(&spindle, Vec3::X * 10.0, Vec3::NEG_X), &[7.0, 13.0]);
+        let tip = libm::sqrtf(4.0 - 0.999 * 0.999);
+        close(&all(&spindle, Vec3::new(1e-3, 10.0, 0.0), Vec3::NEG_Y), &[10.0 - tip, 10.0 + tip]);
+    }
+
+    #[test]
+    fn from_afar_the_point_is_as_good_as_from_near() {
+        let (d, target) = (Vec3::new(-3.0, -1.0, 0.5), Vec3::new(5.5, 0.25, 0.125));
+        // Multiples small enough for the origins to be exact.
+        let points = [1.0, 32768.0].map(|far| {
+            let ray = Ray::new(target - d * (4.0 * far), d);
+            let hit = TORUS.intersect(&ray, INF).unwrap();
+            TORUS.surface(&ray, &hit).point
+        });
+        assert!(points[0].distance(points[1]) < 1e-5, "{points:?}");
+    }
+
+    #[test]
+    fn grazing_rays_meet_the_crest_or_pass() {
+        // Just below and just above the tube's highest circle.
+        let ray = |y: f32| Ray::new(Vec3::new(5.0, y, -20.0), Vec3::Z);
+        for y in [0.999_99, 0.999_999] {
+            let hit = TORUS.intersect(&ray(y), INF).unwrap();
+            let s = TORUS.surface(&ray(y), &hit);
+            assert!((s.point.y - y).abs() < 1e-6 && s.normal.y > 0.98, "{s:?}");
+        }
+        let above = Ray::new(Vec3::new(5.0, 1.000_001, -20.0), Vec3::Z);
+        assert_eq!(TORUS.intersect(&above, INF), None);
+    }
+
+    #[test]
+    fn texture_coordinates_around_the_tube() {
+        let uv = |o: Vec3, d: Vec3| {
+            let ray = Ray::new(o, d);
+            TORUS.surface(&ray, &TORUS.intersect(&ray, INF).unwrap()).uv.to_array()
+        };
+        assert_eq!(uv(Vec3::Z * 9.0, Vec3::NEG_Z), [0.5, 0.5]);
+        assert_eq!(uv(Vec3::X * 9.0, Vec3::NEG_X), [0.75, 0.5]);
+        assert_eq!(uv(Vec3::new(0.0, 9.0, 5.0), Vec3::NEG_Y), [0.5, 0.25]);
+    }
+}

@@ -80,3 +80,64 @@ pub(super) fn blend([a, b, c]: [Vec3; 3], [wa, wb, wc]: [f64; 3]) -> DVec3 {
 pub(super) fn size([a, b, c]: [Vec3; 3]) -> f64 {
     f64::from(a.abs().max(b.abs()).max(c.abs()).max_element())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const EXERCISE_17: Triangle = Triangle {
+        a: Vec3::new(3.0, 4.0, 2.0),
+        b: Vec3::new(4.0, 1.0, 5.0),
+        c: Vec3::new(2.0, 1.0, 6.0),
+        one_sided: false,
+    };
+
+    fn ray_17() -> Ray {
+        Ray::new(Vec3::new(12.0, 18.0, 12.0), Vec3::new(-1.0, -2.0, -1.0))
+    }
+
+    #[test]
+    fn exercise_17() {
+        // The point of the plane lies outside the triangle, which a wider triangle of the same plane shows.
+        let Triangle { a, b, c, one_sided } = EXERCISE_17;
+        assert_eq!(EXERCISE_17.intersect(&ray_17(), f32::INFINITY), None);
+        let wide =
+            Triangle { a, b: a + (b - a) * 4.0 - (c - a) * 2.0, c: a + (c - a) * 4.0 - (b - a) * 2.0, one_sided };
+        let hit = wide.intersect(&ray_17(), f32::INFINITY).unwrap();
+        assert!((hit.t - 185.0 / 23.0).abs() < 1e-6, "{hit:?}");
+        let s = wide.surface(&ray_17(), &hit);
+        assert!((s.point - Vec3::new(3.957, 1.913, 3.957)).abs().max_element() < 0.0005, "{s:?}");
+        assert!(s.normal.dot(ray_17().direction) > 0.0, "not met from behind: {s:?}");
+    }
+
+    #[test]
+    fn one_sided_triangles_are_not_met_from_behind() {
+        let triangle = Triangle { a: Vec3::ZERO, b: Vec3::X, c: Vec3::Y, one_sided: true };
+        let front = Ray::new(Vec3::new(0.25, 0.25, 1.0), Vec3::NEG_Z);
+        let back = Ray::new(Vec3::new(0.25, 0.25, -1.0), Vec3::Z);
+        assert_eq!(triangle.intersect(&front, 2.0).map(|h| (h.t, h.uv)), Some((1.0, [0.25, 0.25])));
+        assert_eq!(triangle.intersect(&back, 2.0), None);
+        assert!(Triangle { one_sided: false, ..triangle }.intersect(&back, 2.0).is_some());
+    }
+
+    #[test]
+    fn a_mirrored_triangle_keeps_its_visible_side() {
+        let triangle = Triangle { a: Vec3::ZERO, b: Vec3::X, c: Vec3::Y, one_sided: true };
+        let moved = triangle.transformed(&Transform::scale(DVec3::new(-1.0, 1.0, 1.0)).unwrap()).unwrap();
+        assert!(moved.intersect(&Ray::new(Vec3::new(-0.25, 0.25, 1.0), Vec3::NEG_Z), 2.0).is_some());
+    }
+
+    #[test]
+    fn a_triangle_without_area_is_sound_but_never_met() {
+        let flat = Triangle { a: Vec3::ZERO, b: Vec3::X, c: Vec3::X * 2.0, one_sided: false };
+        assert!(flat.check().is_ok());
+        assert_eq!(flat.intersect(&Ray::new(Vec3::new(0.5, 0.0, 1.0), Vec3::NEG_Z), 2.0), None);
+    }
+
+    #[test]
+    fn weights_are_never_negative_and_add_up_to_one() {
+        let w = weights(0.6, 0.400_000_04);
+        assert!(w.iter().all(|w| *w >= 0.0), "{w:?}");
+        assert!((w.iter().sum::<f64>() - 1.0).abs() < 1e-15, "{w:?}");
+    }
+}
