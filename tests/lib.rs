@@ -1,5 +1,6 @@
 //! Helpers shared by the tests: the scenes folder and an independent reference renderer.
 
+pub mod gallery;
 pub mod reference;
 
 use std::path::{Path, PathBuf};

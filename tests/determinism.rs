@@ -1,0 +1,66 @@
+//! Same bytes for any number of threads, any tile size, and any power of two as unit of length.
+
+use canaletto::film::Picture;
+use canaletto::render::{Aov, render};
+use canaletto::scene::Sampling;
+use canaletto::world::World;
+use canaletto_tests::gallery::{still_life, still_life_job};
+
+/// Every bit of a picture and its layers.
+fn bits(picture: &Picture) -> Vec<u32> {
+    let pixels = picture.pixels.iter().flat_map(|p| p.to_array());
+    pixels.chain(picture.layers.iter().flat_map(|l| l.data.iter().copied())).map(f32::to_bits).collect()
+}
+
+#[test]
+fn threads_and_tiles_change_no_bit() {
+    for sampling in [Sampling::Center, Sampling::Jittered(2), Sampling::Adaptive { n: 4, threshold: 0.05 }] {
+        let mut pictures = Vec::new();
+        for threads in [1, 2, 3, 7] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let world = World::build(still_life(1.0)).unwrap();
+                for tile in [1, 5, 16, 64] {
+                    let mut job = still_life_job(1.0, 60, 45, sampling);
+                    job.tile = tile;
+                    job.aovs = Aov::ALL.iter().map(|(aov, ..)| *aov).collect();
+                    let rendering = render(&world, &job, &()).unwrap();
+                    assert!(rendering.complete);
+                    pictures.push((bits(&rendering.picture), rendering.counts));
+                }
+            });
+        }
+        assert!(pictures.windows(2).all(|pair| pair[0] == pair[1]), "{sampling:?}");
+    }
+}
+
+#[test]
+fn seeds_and_frames_change_jittered_pictures_only() {
+    let world = World::build(still_life(1.0)).unwrap();
+    let picture = |sampling, seed, frame| {
+        let mut job = still_life_job(1.0, 30, 20, sampling);
+        (job.seed, job.frame) = (seed, frame);
+        bits(&render(&world, &job, &()).unwrap().picture)
+    };
+    let jittered = Sampling::Jittered(2);
+    assert_eq!(picture(jittered, 1, 0), picture(jittered, 1, 0));
+    assert_ne!(picture(jittered, 1, 0), picture(jittered, 2, 0));
+    assert_ne!(picture(jittered, 1, 0), picture(jittered, 1, 1));
+    assert_eq!(picture(Sampling::Center, 1, 0), picture(Sampling::Center, 2, 5));
+}
+
+#[test]
+fn a_power_of_two_as_unit_changes_no_bit() {
+    let picture = |k: i32| {
+        let scale = 2f32.powi(k);
+        let world = World::build(still_life(scale)).unwrap();
+        let job = still_life_job(scale, 80, 60, Sampling::Jittered(2));
+        bits(&render(&world, &job, &()).unwrap().picture)
+    };
+    let unscaled = picture(0);
+    for k in [-20, -19, -7, -1, 1, 2, 10, 23, 30] {
+        let scaled = picture(k);
+        let differing = unscaled.iter().zip(&scaled).filter(|(a, b)| a != b).count();
+        assert_eq!(differing, 0, "scaled by 2^{k}");
+    }
+}
