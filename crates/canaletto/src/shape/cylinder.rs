@@ -152,6 +152,14 @@ mod tests {
     }
 
     #[test]
+    fn a_ray_in_a_caps_plane_passes() {
+        let cylinder = Cylinder { base: Vec3::ZERO, top: Vec3::Y * 4.0, radius: 1.0, caps: true };
+        for y in [0.0, 4.0] {
+            assert_eq!(cylinder.intersect(&Ray::new(Vec3::new(0.0, y, 0.5), Vec3::X), INF), None);
+        }
+    }
+
+    #[test]
     fn an_axis_needs_two_points() {
         let point = Cylinder { base: Vec3::ONE, top: Vec3::ONE, radius: 1.0, caps: true };
         assert_eq!(point.check().unwrap_err(), "base and top are both 1 1 1; they must be different points");

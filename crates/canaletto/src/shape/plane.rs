@@ -83,6 +83,18 @@ mod tests {
     }
 
     #[test]
+    fn a_point_met_by_a_grazing_ray_lies_on_the_plane() {
+        // At the far end of a long way, t's rounding alone would lift the point off.
+        let ray = Ray::new(Vec3::new(1.0, -49.9, 2.0), Vec3::new(1.0, -1e-9, 0.3));
+        let hit = FLOOR.intersect(&ray, f32::INFINITY).unwrap();
+        assert_eq!(FLOOR.surface(&ray, &hit).point.y, -50.0);
+        let near = Plane { point: Vec3::new(0.0, 1e-9, 0.0), ..FLOOR };
+        let ray = Ray::new(Vec3::new(-3e7, 1e5, 0.7), Vec3::new(3.1, -0.011, 0.1));
+        let hit = near.intersect(&ray, f32::INFINITY).unwrap();
+        assert_eq!(near.surface(&ray, &hit).point.y, 1e-9);
+    }
+
+    #[test]
     fn a_normal_needs_a_length() {
         let error = Plane { normal: Vec3::ZERO, ..FLOOR }.check().unwrap_err();
         assert_eq!(error, "normal is 0 0 0; it must have a length");

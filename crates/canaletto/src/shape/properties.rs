@@ -219,6 +219,81 @@ fn a_ray_that_goes_inside_meets_the_far_side() {
     });
 }
 
+/// Calls `test` with shapes whose surface passes through the scene's origin, where coordinates nearly cancel and their
+/// own rounding bounds nothing: the surface of a hit there.
+fn through_origin(seed: u64, mut test: impl FnMut(&mut Random, &Shape, Surface)) {
+    each(seed, 20_000, USUAL, |random, Case { shape, ray, .. }| {
+        let s = shape.surface(&ray, &shape.intersect(&ray, INF)?);
+        let back = Transform::translate(-s.point.as_dvec3());
+        let shape = shape.transformed(&back)?;
+        // From a little off the origin, so that the coordinates are tiny but not 0.
+        let off = random.vector() * libm::powf(10.0, random.within(-18.0, -6.0));
+        let ray = Ray::new(off - ray.direction, ray.direction);
+        let hit = shape.intersect(&ray, INF).filter(|hit| (hit.t - 1.0).abs() < 1e-3)?;
+        test(random, &shape, shape.surface(&ray, &hit));
+        Some(())
+    });
+}
+
+#[test]
+fn bounds_hold_surface_points_next_to_the_origin() {
+    through_origin(16, |_, shape, Surface { point: p, .. }| {
+        let Some(b) = shape.bounds() else { return };
+        assert!(b.min.cmple(p).all() && p.cmple(b.max).all(), "{shape:?}: {p} is not in {b:?}");
+    });
+}
+
+#[test]
+fn error_bounds_hold_next_to_the_origin() {
+    through_origin(17, |_, shape, s| {
+        let d = distance(shape, s.point.as_dvec3());
+        let bound = f64::from(s.normal.abs().dot(s.error));
+        // The distance itself is known to a few 1e-15 of the shape's size.
+        assert!(d.abs() <= bound, "{shape:?}: {s:?} is {d:e} away, beyond {bound:e}");
+    });
+}
+
+#[test]
+fn rays_leave_surfaces_next_to_the_origin() {
+    through_origin(18, |random, shape, s| {
+        let d = random.vector().normalize();
+        if d.dot(s.normal).abs() < 0.2 || shape.is_closed() && d.dot(s.normal) < 0.0 {
+            return;
+        }
+        let again = shape.intersect(&leave(&s, d), INF);
+        assert!(again.is_none_or(|hit| hit.t > 1e-5), "{shape:?} {s:?} {d}: {again:?}");
+    });
+}
+
+#[test]
+fn surface_points_stay_within_edges() {
+    // Rays at a box's and a cylinder's edges, where the point rounds to either side.
+    let mut random = Random(19);
+    for _ in 0..20_000 {
+        let (a, b) = (random.cube(), random.cube());
+        let shape = match random.one_in(2) {
+            true => Shape::Box(Cuboid { min: a.min(b), max: a.max(b) }),
+            false => Shape::Cylinder(Cylinder { base: a, top: b, radius: 0.5, caps: true }),
+        };
+        let edge = match shape {
+            Shape::Box(s) => Vec3::new(s.min.x, s.max.y, s.min.z + (s.max.z - s.min.z) * random.unit()),
+            _ => b + (b - a).any_orthonormal_vector() * 0.5,
+        };
+        let ray = Ray::new(random.cube() * 3.0, Vec3::ZERO);
+        let ray = Ray { direction: edge - ray.origin, ..ray };
+        let Some(hit) = shape.intersect(&ray, INF) else { continue };
+        let s = shape.surface(&ray, &hit);
+        let b = shape.bounds().unwrap();
+        assert!(b.min.cmple(s.point).all() && s.point.cmple(b.max).all(), "{shape:?}: {s:?} is not in {b:?}");
+        assert!(distance(&shape, s.point.as_dvec3()) < 2e-7, "{shape:?}: {s:?}");
+        if let Shape::Box(Cuboid { min, max }) = shape {
+            let plane = if hit.part % 2 == 1 { max } else { min };
+            let axis = hit.part as usize / 2;
+            assert_eq!(s.point[axis], plane[axis], "{shape:?}: {s:?}");
+        }
+    }
+}
+
 #[test]
 fn a_scale_by_a_power_of_two_changes_no_bit() {
     each(11, 2000, USUAL, |_, Case { shape, ray, .. }| {
