@@ -82,7 +82,7 @@ fn lifted_points_lie_outside_and_vertices_stay() {
 #[test]
 fn a_backward_normal_never_lifts_inwards() {
     let mut mesh = tent();
-    mesh.normals = vec![Vec3::new(1.0, -1.0, -0.1), Vec3::new(0.0, 1.0, 1.0), Vec3::new(0.0, 1.0, 1.0), Vec3::Y];
+    mesh.normals = vec![Vec3::new(-1.0, -1.0, -0.1), Vec3::new(0.0, 1.0, 1.0), Vec3::new(0.0, 1.0, 1.0), Vec3::Y];
     for (u, v) in [(0.4, 0.2), (0.1, 0.8), (0.2, 0.2)] {
         let s = mesh.surface(0, &down(), u, v);
         assert!((s.lifted - s.point).dot(s.normal) >= 0.0, "{s:?}");

@@ -122,6 +122,13 @@ mod tests {
     }
 
     #[test]
+    fn bounds_are_rounded_outwards() {
+        let sphere = Sphere { center: Vec3::new(0.1, -0.2, 1e9), radius: 0.7 };
+        let (b, c, r) = (sphere.bounds(), sphere.center.as_dvec3(), f64::from(sphere.radius));
+        assert!(b.min.as_dvec3().cmple(c - r).all() && b.max.as_dvec3().cmpge(c + r).all(), "{b:?}");
+    }
+
+    #[test]
     fn a_squeezed_sphere_is_none() {
         let shape = super::super::Shape::Sphere(Sphere { center: Vec3::ZERO, radius: 1.0 });
         assert_eq!(shape.transformed(&Transform::scale(DVec3::new(1.0, 2.0, 1.0)).unwrap()), None);
