@@ -1,0 +1,198 @@
+//! OpenEXR: linear `f32` channels of one part, ZIP-compressed, with texts as attributes.
+
+use super::{Channel, Decoded, Image, MAX_PIXELS, PictureError, check};
+use ::exr::meta::MetaData;
+use ::exr::prelude as ex;
+use ::exr::prelude::{ReadChannels, ReadLayers, WritableImage};
+use canaletto::scene::Transfer;
+use std::io::Cursor;
+
+/// The bytes of an EXR of all channels. The same bytes for any number of threads.
+///
+/// # Errors
+/// [`PictureError::Unfit`] if a channel has no or too few values, or a name is used twice, is empty or too long.
+pub fn encode_exr(image: &Image, metadata: &[(String, String)]) -> Result<Vec<u8>, PictureError> {
+    check(image)?;
+    let text = |text: &str| {
+        let name = ex::Text::new_or_none(text).filter(|_| !text.is_empty() && text.len() < 256);
+        name.ok_or_else(|| {
+            PictureError::Unfit(format!("\"{text}\" can't be a name in an EXR file: it needs 1 to 255 Latin letters"))
+        })
+    };
+    let mut channels = Vec::new();
+    for channel in &image.channels {
+        if channels.iter().any(|c: &ex::AnyChannel<_>| c.name == *channel.name.as_str()) {
+            return Err(PictureError::Unfit(format!("channel {} is there twice", channel.name)));
+        }
+        channels.push(ex::AnyChannel::new(text(&channel.name)?, ex::FlatSamples::F32(channel.data.clone())));
+    }
+    let mut attributes = ex::LayerAttributes {
+        software_name: Some(concat!("Canaletto ", env!("CARGO_PKG_VERSION")).into()),
+        ..Default::default()
+    };
+    for (key, value) in metadata {
+        // Values are Latin letters in this format; what isn't is escaped.
+        let latin: String = value
+            .chars()
+            .flat_map(|c| if u32::from(c) < 256 { vec![c] } else { c.escape_unicode().collect() })
+            .collect();
+        attributes.other.insert(text(key)?, ex::AttributeValue::Text(ex::Text::new_or_panic(latin)));
+    }
+    let encoding = ex::Encoding {
+        compression: ex::Compression::ZIP16,
+        blocks: ex::Blocks::ScanLines,
+        line_order: ex::LineOrder::Increasing,
+    };
+    let size = (image.width as usize, image.height as usize);
+    let layer = ex::Layer::new(size, attributes, encoding, ex::AnyChannels::sort(channels.into_iter().collect()));
+    let mut out = Cursor::new(Vec::new());
+    ex::Image::from_layer(layer).write().to_buffered(&mut out).map_err(|e| PictureError::Unfit(e.to_string()))?;
+    let mut bytes = out.into_inner();
+    sort_attributes(&mut bytes);
+    Ok(bytes)
+}
+
+/// Brings the header's attributes into the order of their names; the crate's order is a hash map's, another one in
+/// every run.
+fn sort_attributes(bytes: &mut [u8]) {
+    const START: usize = 8; // the magic number and the version
+    let mut attributes: Vec<Vec<u8>> = Vec::new();
+    let mut at = START;
+    while bytes.get(at).is_some_and(|byte| *byte != 0) {
+        // name 0 type 0 size value
+        let Some(end) = text_end(bytes, at).and_then(|end| text_end(bytes, end)) else { return };
+        let Some(size) = bytes.get(end..end + 4) else { return };
+        let end = end + 4 + u32::from_le_bytes([size[0], size[1], size[2], size[3]]) as usize;
+        let Some(attribute) = bytes.get(at..end) else { return };
+        attributes.push(attribute.to_vec());
+        at = end;
+    }
+    attributes.sort();
+    bytes[START..at].copy_from_slice(&attributes.concat());
+}
+
+fn text_end(bytes: &[u8], at: usize) -> Option<usize> {
+    bytes[at..].iter().position(|b| *b == 0).map(|length| at + length + 1)
+}
+
+/// Reads an EXR. Channels of several parts have their part's name before a point.
+///
+/// # Errors
+/// [`PictureError`] says why not.
+pub fn decode_exr(bytes: &[u8]) -> Result<Decoded, PictureError> {
+    let damaged = |reason: String| PictureError::Damaged { format: "OpenEXR", reason };
+    let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|e| damaged(e.to_string()))?;
+    let mut samples = 0u64;
+    for header in &meta.headers {
+        let (width, height) = (header.layer_size.x() as u64, header.layer_size.y() as u64);
+        let pixels = width.saturating_mul(height);
+        samples = samples.saturating_add(pixels.saturating_mul(header.channels.list.len() as u64));
+        if pixels > MAX_PIXELS || samples > 4 * MAX_PIXELS {
+            return Err(PictureError::TooLarge { width, height });
+        }
+    }
+    let read = ex::read().no_deep_data().largest_resolution_level().all_channels().all_layers().all_attributes();
+    let read = read.from_buffered(Cursor::new(bytes)).map_err(|e| damaged(e.to_string()))?;
+    let many = read.layer_data.len() > 1;
+    let Some(size) = read.layer_data.first().map(|layer| layer.size) else {
+        return Err(damaged("it has no picture".into()));
+    };
+    let mut image = Image { width: size.x() as u32, height: size.y() as u32, channels: Vec::new() };
+    let mut metadata = Vec::new();
+    let mut bits = 16;
+    for (number, layer) in read.layer_data.into_iter().enumerate() {
+        if layer.size != size {
+            return Err(damaged("its parts have different sizes".into()));
+        }
+        let part = layer.attributes.layer_name.map_or_else(|| number.to_string(), |name| name.to_string());
+        for (key, value) in layer.attributes.other {
+            if let ex::AttributeValue::Text(text) = value {
+                metadata.push((key.to_string(), text.to_string()));
+            }
+        }
+        metadata.extend(layer.attributes.software_name.map(|name| ("Software".to_owned(), name.to_string())));
+        for channel in layer.channel_data.list {
+            let name = if many { format!("{part}.{}", channel.name) } else { channel.name.to_string() };
+            bits = bits.max(if matches!(channel.sample_data, ex::FlatSamples::F16(_)) { 16 } else { 32 });
+            let data = match channel.sample_data {
+                ex::FlatSamples::F32(data) => data,
+                ex::FlatSamples::F16(data) => data.into_iter().map(|v| v.to_f32()).collect(),
+                ex::FlatSamples::U32(data) => data.into_iter().map(|v| v as f32).collect(),
+            };
+            image.channels.push(Channel { name, data });
+        }
+    }
+    metadata.sort();
+    check(&image)?;
+    Ok(Decoded { image, bits, transfer: Some(Transfer::None), metadata })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn picture() -> Image {
+        let value = |i: usize, c: usize| ((i * 7 + c * 13) % 101) as f32 * 0.37 - 3.0;
+        let names = ["R", "G", "B", "depth.Z", "normal.X", "normal.Y", "normal.Z", "objectId.id"];
+        let channels = names.iter().enumerate();
+        let data = |c: usize| (0..50 * 40).map(|i| value(i, c)).collect();
+        Image {
+            width: 50,
+            height: 40,
+            channels: channels.map(|(c, name)| Channel { name: (*name).into(), data: data(c) }).collect(),
+        }
+    }
+
+    fn texts() -> Vec<(String, String)> {
+        (0..20).map(|i| (format!("setting{i:02}"), format!("value {i}"))).collect()
+    }
+
+    #[test]
+    fn every_bit_comes_back() {
+        let mut image = picture();
+        image.channels[3].data[5] = f32::INFINITY;
+        image.channels[3].data[6] = 1e-40;
+        let read = decode_exr(&encode_exr(&image, &texts()).unwrap()).unwrap();
+        assert_eq!((read.bits, read.transfer), (32, Some(Transfer::None)));
+        for channel in &image.channels {
+            assert_eq!(read.image.channel(&channel.name).unwrap(), channel.data, "{}", channel.name);
+        }
+        assert!(texts().iter().all(|text| read.metadata.contains(text)));
+        assert!(read.metadata.iter().any(|(k, v)| k == "Software" && v.starts_with("Canaletto")));
+    }
+
+    #[test]
+    fn bytes_are_the_same_for_any_number_of_threads() {
+        let with = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| encode_exr(&picture(), &texts()).unwrap())
+        };
+        assert!(with(1) == with(4) && with(4) == with(4));
+    }
+
+    #[test]
+    fn what_is_wrong_is_told() {
+        let mut image = picture();
+        image.channels[1].name = "R".into();
+        assert_eq!(encode_exr(&image, &[]).unwrap_err().to_string(), "channel R is there twice");
+        image.channels[1].name = "水".into();
+        assert!(encode_exr(&image, &[]).unwrap_err().to_string().contains("can't be a name"));
+        assert!(encode_exr(&picture(), &[("a".into(), "水".into())]).is_ok());
+        assert!(decode_exr(b"v/1\x01").is_err());
+    }
+
+    #[test]
+    fn damage_never_panics() {
+        let channels = picture().channels.into_iter().take(2);
+        let small = channels.map(|c| Channel { name: c.name, data: c.data[..36].to_vec() }).collect();
+        let whole = encode_exr(&Image { width: 6, height: 6, channels: small }, &texts()[..1]).unwrap();
+        for at in 0..whole.len() {
+            for flip in [1, 0x80, 0xff] {
+                let mut bytes = whole.clone();
+                bytes[at] ^= flip;
+                let _ = decode_exr(&bytes);
+            }
+            let _ = decode_exr(&whole[..at]);
+        }
+    }
+}

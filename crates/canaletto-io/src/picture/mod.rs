@@ -1,0 +1,151 @@
+//! Pictures in files: PNG and OpenEXR in both directions, writing that leaves no half files, and comparing.
+
+mod compare;
+mod convolve;
+mod exr;
+mod flip;
+mod png;
+mod ssim;
+mod transfer;
+mod write;
+
+pub use self::exr::{decode_exr, encode_exr};
+pub use self::png::{Depth, decode_png, encode_png};
+pub use compare::{Comparison, Difference, Unequal, compare, difference};
+pub use flip::{Flip, PIXELS_PER_DEGREE, flip};
+pub use ssim::ssim;
+pub use transfer::{decode_srgb, encode_srgb};
+pub use write::{WriteError, WriteOptions, write_atomically};
+
+use canaletto::scene::Transfer;
+
+/// A picture as named channels of numbers.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Image {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// The channels. Colour is `R`, `G`, `B`, or `Y` for grey; others have their layer before a point: `depth.Z`.
+    pub channels: Vec<Channel>,
+}
+
+/// One number of every pixel.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Channel {
+    /// Its name.
+    pub name: String,
+    /// width × height values, the top row first.
+    pub data: Vec<f32>,
+}
+
+impl Image {
+    /// A picture of colours, the top row first.
+    pub fn from_rgb(width: u32, height: u32, pixels: impl Iterator<Item = [f32; 3]> + Clone) -> Image {
+        let channels = ["R", "G", "B"].iter().enumerate();
+        let channels =
+            channels.map(|(i, name)| Channel { name: (*name).into(), data: pixels.clone().map(|p| p[i]).collect() });
+        Image { width, height, channels: channels.collect() }
+    }
+
+    /// The values of a channel.
+    pub fn channel(&self, name: &str) -> Option<&[f32]> {
+        self.channels.iter().find(|c| c.name == name).map(|c| c.data.as_slice())
+    }
+
+    /// Red, green and blue; a grey channel stands for all three.
+    pub fn rgb(&self) -> Option<[&[f32]; 3]> {
+        match (self.channel("R"), self.channel("G"), self.channel("B")) {
+            (Some(r), Some(g), Some(b)) => Some([r, g, b]),
+            _ => self.channel("Y").map(|y| [y; 3]),
+        }
+    }
+
+    /// The same picture with `f` applied to the colour channels.
+    pub fn map_color(mut self, f: impl Fn(f32) -> f32) -> Image {
+        for channel in &mut self.channels {
+            if ["R", "G", "B", "Y"].contains(&channel.name.as_str()) {
+                channel.data.iter_mut().for_each(|v| *v = f(*v));
+            }
+        }
+        self
+    }
+
+    fn pixels(&self) -> usize {
+        self.width as usize * self.height as usize
+    }
+}
+
+/// A picture that was read, and what its file says about it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Decoded {
+    /// The picture: 0 to 1 as stored in a PNG (nothing is decoded), anything in an EXR.
+    pub image: Image,
+    /// Bits of each number in the file.
+    pub bits: u8,
+    /// How the numbers are encoded, if the file says so. EXR is linear.
+    pub transfer: Option<Transfer>,
+    /// Texts with their keys.
+    pub metadata: Vec<(String, String)>,
+}
+
+/// Why a picture can't be read or written.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum PictureError {
+    /// The first bytes are of no known format.
+    #[error("it is neither a PNG nor an OpenEXR file")]
+    Unknown,
+    /// The file doesn't follow its format.
+    #[error("the {format} file is damaged or not supported: {reason}")]
+    Damaged {
+        /// The format.
+        format: &'static str,
+        /// What the decoder says.
+        reason: String,
+    },
+    /// The picture is larger than [`MAX_PIXELS`], or needs more memory than its file's size can explain.
+    #[error("a picture of {width} × {height} pixels is too large")]
+    TooLarge {
+        /// Its width.
+        width: u64,
+        /// Its height.
+        height: u64,
+    },
+    /// The format can't hold this picture.
+    #[error("{0}")]
+    Unfit(String),
+}
+
+/// The largest number of pixels that is read.
+pub const MAX_PIXELS: u64 = 1 << 28;
+
+/// Reads a PNG or an OpenEXR picture.
+///
+/// # Errors
+/// [`PictureError`] says why not.
+pub fn decode(bytes: &[u8]) -> Result<Decoded, PictureError> {
+    if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
+        decode_png(bytes)
+    } else if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
+        decode_exr(bytes)
+    } else {
+        Err(PictureError::Unknown)
+    }
+}
+
+/// Checks that every channel has a value for each pixel.
+fn check(image: &Image) -> Result<(), PictureError> {
+    if image.pixels() == 0 {
+        return Err(PictureError::Unfit("a picture needs at least one pixel".into()));
+    }
+    match image.channels.iter().find(|c| c.data.len() != image.pixels()) {
+        Some(c) => Err(PictureError::Unfit(format!(
+            "channel {} has {} values for {} × {} pixels",
+            c.name,
+            c.data.len(),
+            image.width,
+            image.height
+        ))),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,209 @@
+//! PNG (ISO/IEC 15948): 8 and 16 bits, with texts; read in all its types.
+
+use super::{Channel, Decoded, Image, MAX_PIXELS, PictureError, check};
+use ::png::{
+    BitDepth, ColorType, Compression, Decoder, Encoder, Limits, ScaledFloat, SrgbRenderingIntent, Transformations,
+};
+use canaletto::scene::Transfer;
+use std::io::Cursor;
+
+/// Bits of each number.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Depth {
+    /// 0 to 255.
+    #[default]
+    Eight,
+    /// 0 to 65535.
+    Sixteen,
+}
+
+/// The bytes of a PNG of the channels R G B, or Y; A, if there is one, is kept. Values are display values and rounded
+/// to the nearest of 0 to 1; other channels are left out. `transfer` only says how the values are encoded already: sRGB
+/// is noted in the file (chunks sRGB and gAMA), values as they are get no note. `metadata` become texts.
+///
+/// # Errors
+/// [`PictureError::Unfit`] if there is no colour, or a key isn't 1 to 79 Latin letters.
+pub fn encode_png(
+    image: &Image,
+    depth: Depth,
+    transfer: Transfer,
+    metadata: &[(String, String)],
+) -> Result<Vec<u8>, PictureError> {
+    check(image)?;
+    let unfit = |e: ::png::EncodingError| PictureError::Unfit(format!("PNG can't hold it: {e}"));
+    let mut channels: Vec<&[f32]> = match (image.rgb(), image.channel("R")) {
+        (Some(rgb), Some(_)) => rgb.to_vec(),
+        (Some([y, ..]), None) => vec![y],
+        (None, _) => return Err(PictureError::Unfit("PNG needs the channels R G B, or Y".into())),
+    };
+    channels.extend(image.channel("A"));
+    let color = [ColorType::Grayscale, ColorType::GrayscaleAlpha, ColorType::Rgb, ColorType::Rgba][channels.len() - 1];
+
+    let mut out = Vec::new();
+    let mut encoder = Encoder::new(&mut out, image.width, image.height);
+    encoder.set_color(color);
+    encoder.set_depth(if depth == Depth::Eight { BitDepth::Eight } else { BitDepth::Sixteen });
+    encoder.set_compression(Compression::Balanced);
+    if transfer == Transfer::Srgb {
+        encoder.set_source_srgb(SrgbRenderingIntent::RelativeColorimetric);
+        encoder.set_source_gamma(ScaledFloat::from_scaled(45_455));
+    }
+    let software = ("Software".to_owned(), concat!("Canaletto ", env!("CARGO_PKG_VERSION")).to_owned());
+    for (key, text) in std::iter::once(&software).chain(metadata) {
+        let latin = text.chars().all(|c| matches!(c, '\n' | ' '..='~' | '\u{a1}'..='\u{ff}'));
+        let add = if latin { Encoder::add_text_chunk } else { Encoder::add_itxt_chunk };
+        if key.is_empty() || key.chars().count() > 79 {
+            return Err(PictureError::Unfit(format!("\"{key}\" can't be a PNG's text key: it needs 1 to 79 letters")));
+        }
+        add(&mut encoder, key.clone(), text.clone()).map_err(unfit)?;
+    }
+    let mut writer = encoder.write_header().map_err(unfit)?;
+    let values = (0..image.pixels()).flat_map(|i| channels.iter().map(move |c| c[i]));
+    let level = |v: f32, most: f32| (v.clamp(0.0, 1.0) * most).round(); // NaN stays and becomes 0
+    let data: Vec<u8> = match depth {
+        Depth::Eight => values.map(|v| level(v, 255.0) as u8).collect(),
+        Depth::Sixteen => values.flat_map(|v| (level(v, 65535.0) as u16).to_be_bytes()).collect(),
+    };
+    writer.write_image_data(&data).map_err(unfit)?;
+    writer.finish().map_err(unfit)?;
+    Ok(out)
+}
+
+/// Reads a PNG. Values are shares of the largest as they are stored; palettes are looked up.
+///
+/// # Errors
+/// [`PictureError`] says why not.
+pub fn decode_png(bytes: &[u8]) -> Result<Decoded, PictureError> {
+    let damaged = |e: ::png::DecodingError| PictureError::Damaged { format: "PNG", reason: e.to_string() };
+    let mut decoder = Decoder::new_with_limits(Cursor::new(bytes), Limits { bytes: 1 << 31 });
+    decoder.set_transformations(Transformations::EXPAND);
+    let mut reader = decoder.read_info().map_err(damaged)?;
+    let info = reader.info();
+    let (width, height) = (info.width, info.height);
+    let too_large = PictureError::TooLarge { width: width.into(), height: height.into() };
+    // Deflate makes at most 1032 bytes of one; a file that claims more is cut off or lies.
+    let raw = info.raw_bytes() as u64;
+    if u64::from(width) * u64::from(height) > MAX_PIXELS || raw / 1032 > bytes.len() as u64 {
+        return Err(too_large);
+    }
+    let bits = info.bit_depth as u8;
+    let transfer = match (info.srgb, info.source_gamma.map(|g| g.into_scaled())) {
+        (Some(_), _) | (None, Some(45_000..=46_000)) => Some(Transfer::Srgb),
+        (None, Some(100_000)) => Some(Transfer::None),
+        _ => None,
+    };
+    let mut data = vec![0; reader.output_buffer_size().ok_or(too_large)?];
+    let frame = reader.next_frame(&mut data).map_err(damaged)?;
+    let info = reader.info();
+    let mut metadata: Vec<(String, String)> =
+        info.uncompressed_latin1_text.iter().map(|t| (t.keyword.clone(), t.text.clone())).collect();
+    metadata.extend(info.utf8_text.iter().filter_map(|t| Some((t.keyword.clone(), t.get_text().ok()?))));
+    metadata.extend(info.compressed_latin1_text.iter().filter_map(|t| Some((t.keyword.clone(), t.get_text().ok()?))));
+
+    let names: &[&str] = match frame.color_type {
+        ColorType::Grayscale => &["Y"],
+        ColorType::GrayscaleAlpha => &["Y", "A"],
+        ColorType::Rgb | ColorType::Indexed => &["R", "G", "B"],
+        ColorType::Rgba => &["R", "G", "B", "A"],
+    };
+    let data = &data[..frame.buffer_size()];
+    let count = names.len();
+    let channel = |i: usize| match frame.bit_depth {
+        BitDepth::Sixteen => data
+            .chunks_exact(2 * count)
+            .map(|p| f32::from(u16::from_be_bytes([p[2 * i], p[2 * i + 1]])) / 65535.0)
+            .collect(),
+        _ => data.chunks_exact(count).map(|p| f32::from(p[i]) / 255.0).collect(),
+    };
+    let channels =
+        names.iter().enumerate().map(|(i, name)| Channel { name: (*name).into(), data: channel(i) }).collect();
+    let image = Image { width, height, channels };
+    check(&image)?;
+    Ok(Decoded { image, bits, transfer, metadata })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ramp() -> Image {
+        Image::from_rgb(16, 16, (0..256).map(|i| [i as f32 / 255.0, 1.0 - i as f32 / 255.0, 0.5]))
+    }
+
+    #[test]
+    fn levels_and_texts_come_back() {
+        let texts = vec![("seed".to_owned(), "7".to_owned()), ("Title".to_owned(), "Veneza à noite → 水".to_owned())];
+        for (depth, bits, step) in [(Depth::Eight, 8, 0.5 / 255.0), (Depth::Sixteen, 16, 0.5 / 65535.0)] {
+            let bytes = encode_png(&ramp(), depth, Transfer::Srgb, &texts).unwrap();
+            assert_eq!(bytes, encode_png(&ramp(), depth, Transfer::Srgb, &texts).unwrap());
+            let read = decode_png(&bytes).unwrap();
+            assert_eq!((read.bits, read.transfer), (bits, Some(Transfer::Srgb)));
+            for (a, b) in read.image.channels.iter().zip(&ramp().channels) {
+                assert!(a.name == b.name && a.data.iter().zip(&b.data).all(|(a, b)| (a - b).abs() <= step + 1e-7));
+            }
+            assert!(read.metadata.iter().any(|(k, v)| k == "Software" && v.starts_with("Canaletto 0.")));
+            assert!(texts.iter().all(|text| read.metadata.contains(text)));
+        }
+    }
+
+    #[test]
+    fn plain_values_carry_no_note() {
+        let bytes = encode_png(&ramp(), Depth::Eight, Transfer::None, &[]).unwrap();
+        assert!(!bytes.windows(4).any(|w| w == b"sRGB" || w == b"gAMA"));
+        let bytes = encode_png(&ramp(), Depth::Eight, Transfer::Srgb, &[]).unwrap();
+        assert!(bytes.windows(4).any(|w| w == b"sRGB") && bytes.windows(4).any(|w| w == b"gAMA"));
+    }
+
+    #[test]
+    fn grey_alpha_and_odd_values() {
+        let data = vec![f32::NAN, -3.0, 7.0, f32::INFINITY];
+        let channels = vec![
+            Channel { name: "Y".into(), data },
+            Channel { name: "A".into(), data: vec![1.0; 4] },
+            Channel { name: "depth.Z".into(), data: vec![9.0; 4] },
+        ];
+        let bytes = encode_png(&Image { width: 2, height: 2, channels }, Depth::Eight, Transfer::None, &[]).unwrap();
+        let image = decode_png(&bytes).unwrap().image;
+        assert_eq!(image.channel("Y").unwrap(), [0.0, 0.0, 1.0, 1.0]);
+        assert_eq!((image.channels.len(), image.rgb().unwrap()[2].len()), (2, 4));
+    }
+
+    #[test]
+    fn what_is_wrong_is_told() {
+        let unfit = |image: &Image| encode_png(image, Depth::Eight, Transfer::None, &[]).unwrap_err().to_string();
+        assert_eq!(unfit(&Image::default()), "a picture needs at least one pixel");
+        let mut image = ramp();
+        image.channels[1].data.pop();
+        assert_eq!(unfit(&image), "channel G has 255 values for 16 × 16 pixels");
+        image.channels.clear();
+        assert_eq!(unfit(&image), "PNG needs the channels R G B, or Y");
+        let text = [("k".repeat(80), String::new())];
+        assert!(encode_png(&ramp(), Depth::Eight, Transfer::None, &text).is_err());
+    }
+
+    #[test]
+    fn a_bomb_is_refused_before_memory_is_taken() {
+        let mut bytes = encode_png(&ramp(), Depth::Eight, Transfer::None, &[]).unwrap();
+        bytes[16..24].copy_from_slice(&[0, 1, 0, 0, 0, 0, 8, 0]); // 65536 × 2048
+        let crc = crc(&bytes[12..29]);
+        bytes[29..33].copy_from_slice(&crc.to_be_bytes());
+        assert_eq!(decode_png(&bytes).unwrap_err(), PictureError::TooLarge { width: 65536, height: 2048 });
+    }
+
+    fn crc(bytes: &[u8]) -> u32 {
+        !bytes.iter().fold(!0, |crc, byte| {
+            (0..8).fold(crc ^ u32::from(*byte), |c, _| if c & 1 == 1 { 0xedb8_8320 ^ (c >> 1) } else { c >> 1 })
+        })
+    }
+
+    #[test]
+    fn damage_never_panics() {
+        let whole = encode_png(&ramp(), Depth::Sixteen, Transfer::Srgb, &[]).unwrap();
+        for at in 0..whole.len() {
+            let mut bytes = whole.clone();
+            bytes[at] ^= 1 << (at % 8);
+            let _ = decode_png(&bytes);
+            let _ = decode_png(&whole[..at]);
+        }
+    }
+}
