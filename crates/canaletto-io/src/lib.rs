@@ -4,5 +4,6 @@
 
 pub mod assets;
 pub mod diagnostic;
+pub mod import;
 pub mod picture;
 pub mod text;

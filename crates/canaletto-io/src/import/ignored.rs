@@ -1,0 +1,50 @@
+//! What a file says and nobody uses: counted, and told once for each word.
+
+use super::lines::Word;
+use crate::diagnostic::{Diagnostic, Diagnostics};
+use std::ops::Range;
+
+/// Words that were left out, in the order of their first places.
+#[derive(Default)]
+pub(super) struct Ignored {
+    list: Vec<Entry>,
+    more: usize,
+}
+
+struct Entry {
+    word: Vec<u8>,
+    first: Range<usize>,
+    count: usize,
+    why: &'static str,
+}
+
+impl Ignored {
+    /// The most words that are told apart.
+    const MAX: usize = 24;
+
+    /// Counts a word; `why` completes "`word` …".
+    pub(super) fn note(&mut self, word: &Word<'_>, why: &'static str) {
+        if let Some(entry) = self.list.iter_mut().find(|e| e.word == word.text && e.why == why) {
+            entry.count += 1;
+        } else if self.list.len() < Ignored::MAX {
+            self.list.push(Entry { word: word.text.into(), first: word.span(), count: 1, why });
+        } else {
+            self.more += 1;
+        }
+    }
+
+    /// A warning for each word.
+    pub(super) fn report(self, file: &str, into: &mut Diagnostics) {
+        for entry in self.list {
+            let word = Word { start: 0, text: &entry.word }.shown();
+            let count = if entry.count > 1 { format!(" ({} times)", entry.count) } else { String::new() };
+            into.push(Diagnostic::warning(file, format!("`{word}` {}{count}", entry.why)).at(entry.first));
+        }
+        if self.more > 0 {
+            into.push(Diagnostic::warning(
+                file,
+                format!("{} more lines with other unknown words are left out", self.more),
+            ));
+        }
+    }
+}

@@ -1,0 +1,229 @@
+//! Text as bytes: lines, words and numbers that know their place, for formats of words between spaces.
+
+use crate::diagnostic::Diagnostic;
+use std::ops::Range;
+
+/// A piece of a file: bytes without spaces, or a line.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Word<'a> {
+    /// Where it starts in the file.
+    pub(super) start: usize,
+    /// Its bytes.
+    pub(super) text: &'a [u8],
+}
+
+impl<'a> Word<'a> {
+    /// Its place in the file.
+    pub(super) fn span(&self) -> Range<usize> {
+        self.start..self.start + self.text.len()
+    }
+
+    /// Its text for messages, shortened.
+    pub(super) fn shown(&self) -> String {
+        let text = String::from_utf8_lossy(&self.text[..self.text.len().min(40)]);
+        if self.text.len() > 40 { format!("{text}…") } else { text.into_owned() }
+    }
+
+    /// Its whole text.
+    pub(super) fn string(&self) -> String {
+        String::from_utf8_lossy(self.text).into_owned()
+    }
+
+    /// A finite number.
+    pub(super) fn number(&self) -> Result<f32, Complaint> {
+        let parsed: Option<f32> = std::str::from_utf8(self.text).ok().and_then(|text| text.parse().ok());
+        match parsed {
+            Some(value) if value.is_finite() => Ok(value),
+            Some(_) => Err(self.wrong(format!("\"{}\" is not a finite number", self.shown()))),
+            None => Err(self.wrong(format!("\"{}\" is not a number", self.shown()))),
+        }
+    }
+
+    /// A complaint about this word.
+    pub(super) fn wrong(&self, message: impl Into<String>) -> Complaint {
+        Complaint { message: message.into(), span: Some(self.span()), help: None }
+    }
+
+    /// The words of this line. A backslash before a line's end counts as a space, as in OBJ.
+    pub(super) fn words(self) -> Words<'a> {
+        Words { line: self, at: 0 }
+    }
+}
+
+/// What is wrong and where, before the file's name is known.
+#[derive(Clone, Debug)]
+pub(super) struct Complaint {
+    pub(super) message: String,
+    pub(super) span: Option<Range<usize>>,
+    pub(super) help: Option<String>,
+}
+
+impl Complaint {
+    /// A complaint about the whole file.
+    pub(super) fn file(message: impl Into<String>) -> Complaint {
+        Complaint { message: message.into(), span: None, help: None }
+    }
+
+    /// The same with a hint.
+    pub(super) fn help(mut self, help: impl Into<String>) -> Complaint {
+        self.help = Some(help.into());
+        self
+    }
+
+    /// The same with words in front.
+    pub(super) fn within(mut self, what: &str) -> Complaint {
+        self.message = format!("{what}: {}", self.message);
+        self
+    }
+
+    /// As an error of this file.
+    pub(super) fn error(self, file: &str) -> Diagnostic {
+        let diagnostic = Diagnostic::error(file, &*self.message);
+        self.finish(diagnostic)
+    }
+
+    /// As a warning of this file.
+    pub(super) fn warning(self, file: &str) -> Diagnostic {
+        let diagnostic = Diagnostic::warning(file, &*self.message);
+        self.finish(diagnostic)
+    }
+
+    fn finish(self, mut diagnostic: Diagnostic) -> Diagnostic {
+        diagnostic.span = self.span;
+        diagnostic.help = self.help;
+        diagnostic
+    }
+}
+
+/// The words of a line.
+#[derive(Clone)]
+pub(super) struct Words<'a> {
+    line: Word<'a>,
+    at: usize,
+}
+
+fn is_space(byte: u8) -> bool {
+    matches!(byte, b' ' | b'\t' | b'\r' | b'\n' | b'\x0b' | b'\x0c')
+}
+
+impl<'a> Words<'a> {
+    /// The next word, which must be a number.
+    pub(super) fn number(&mut self, what: &str) -> Result<f32, Complaint> {
+        match self.next() {
+            Some(word) => word.number().map_err(|c| c.within(what)),
+            None => Err(self.line.wrong(format!("{what} is missing"))),
+        }
+    }
+
+    /// The next words, which must be `N` numbers.
+    pub(super) fn numbers<const N: usize>(&mut self, what: &str) -> Result<[f32; N], Complaint> {
+        let mut out = [0.0; N];
+        for (index, value) in out.iter_mut().enumerate() {
+            let Some(word) = self.next() else {
+                return Err(self.line.wrong(format!("{what} needs {N} numbers, and here are {index}")));
+            };
+            *value = word.number().map_err(|c| c.within(what))?;
+        }
+        Ok(out)
+    }
+
+    /// What is left of the line, without spaces at its ends.
+    pub(super) fn rest(&self) -> Word<'a> {
+        let text = &self.line.text[self.at..];
+        let lead = text.len() - text.trim_ascii_start().len();
+        Word { start: self.line.start + self.at + lead, text: text.trim_ascii() }
+    }
+}
+
+impl<'a> Iterator for Words<'a> {
+    type Item = Word<'a>;
+    fn next(&mut self) -> Option<Word<'a>> {
+        let text = self.line.text;
+        let joins = |at: usize| text[at] == b'\\' && matches!(text.get(at + 1), Some(b'\n' | b'\r'));
+        while self.at < text.len() && (is_space(text[self.at]) || joins(self.at)) {
+            self.at += 1;
+        }
+        let start = self.at;
+        while self.at < text.len() && !is_space(text[self.at]) && !joins(self.at) {
+            self.at += 1;
+        }
+        (self.at > start).then(|| Word { start: self.line.start + start, text: &text[start..self.at] })
+    }
+}
+
+/// The lines of a file, wherever `\n` or `\r` ends them; blank ones are left out.
+pub(super) struct Lines<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    /// Whether a backslash at a line's end, comments apart, joins the next line.
+    joined: bool,
+}
+
+/// The lines of `bytes`, without a byte order mark.
+pub(super) fn lines(bytes: &[u8]) -> Lines<'_> {
+    let at = if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
+    Lines { bytes, at, joined: false }
+}
+
+impl Lines<'_> {
+    /// How far the bytes are read.
+    pub(super) fn position(&self) -> usize {
+        self.at
+    }
+
+    /// The same lines, joined where a backslash ends them.
+    pub(super) fn joined(mut self) -> Self {
+        self.joined = true;
+        self
+    }
+}
+
+impl<'a> Iterator for Lines<'a> {
+    type Item = Word<'a>;
+    fn next(&mut self) -> Option<Word<'a>> {
+        while self.at < self.bytes.len() {
+            let rest = &self.bytes[self.at..];
+            let lead = rest.iter().position(|b| !is_space(*b)).unwrap_or(rest.len());
+            let start = self.at + lead;
+            let mut end = start;
+            loop {
+                end +=
+                    self.bytes[end..].iter().position(|b| *b == b'\n' || *b == b'\r').unwrap_or(self.bytes.len() - end);
+                let joins = self.joined && end > start && self.bytes[end - 1] == b'\\' && self.bytes[start] != b'#';
+                if end == self.bytes.len() || !joins {
+                    break;
+                }
+                end += if self.bytes[end..].starts_with(b"\r\n") { 2 } else { 1 };
+            }
+            self.at = end;
+            if end > start {
+                return Some(Word { start, text: self.bytes[start..end].trim_ascii_end() });
+            }
+        }
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_know_their_place() {
+        let text = b"\xef\xbb\xbf# path \\\r\n  v 1 \\\r\n 2\n\n3\rlast\\";
+        let all: Vec<Vec<String>> = lines(text).joined().map(|l| l.words().map(|w| w.string()).collect()).collect();
+        assert_eq!(all, [vec!["#", "path", "\\"], vec!["v", "1", "2"], vec!["3"], vec!["last\\"]]);
+        for word in lines(text).joined().flat_map(Word::words) {
+            assert_eq!(&text[word.span()], word.text);
+        }
+    }
+
+    #[test]
+    fn numbers_are_finite() {
+        let number = |text: &str| Word { start: 0, text: text.as_bytes() }.number();
+        assert_eq!(number("-.5e+01").unwrap(), -5.0);
+        assert_eq!(number("1e99").unwrap_err().message, "\"1e99\" is not a finite number");
+        assert_eq!(number("1,5").unwrap_err().message, "\"1,5\" is not a number");
+        assert!(number("nan").is_err() && number(&"9".repeat(100)).unwrap_err().message.len() < 120);
+    }
+}

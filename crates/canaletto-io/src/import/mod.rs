@@ -1,0 +1,146 @@
+//! Models from other programs: OBJ, PLY, NFF and clouds of points.
+//!
+//! [`load`] makes a whole scene of one file, [`load_mesh`] what `mesh file=…` means in the scene text, and
+//! [`read_spheres`] and [`read_cylinders`] what cloud nodes name. Messages name the line or the element; memory is
+//! bounded by the file's size, whatever its header announces.
+
+mod cloud;
+mod frame;
+mod ignored;
+mod lines;
+mod mesh_part;
+mod mtl;
+mod nff;
+mod obj;
+mod ply;
+mod polygon;
+mod smooth;
+mod studio;
+
+pub use cloud::{CloudFormat, read_cylinders, read_spheres};
+
+use crate::assets::{Asset, AssetPath, Assets};
+use crate::diagnostic::{Diagnostic, Diagnostics};
+use canaletto::material::Material;
+use canaletto::scene::Scene;
+use canaletto::shape::Mesh;
+
+/// A model: its meshes, and the materials that came with it.
+#[derive(Debug, Default)]
+pub struct Imported {
+    /// The meshes. Their `materials` are positions in the list below, so a scene that has others adds their number.
+    pub meshes: Vec<Mesh>,
+    /// The materials, in the file's order, names as in the file.
+    pub materials: Vec<Material>,
+    /// What was left out of the model, and the texts that these messages point into.
+    pub warnings: Diagnostics,
+}
+
+/// The extensions of models that [`load_mesh`] reads.
+pub const MESH_EXTENSIONS: [&str; 2] = ["obj", "ply"];
+/// The extensions that [`load`] makes scenes of.
+pub const SCENE_EXTENSIONS: [&str; 3] = ["nff", "obj", "ply"];
+
+/// Reads a model or foreign scene that the user names, as a whole scene: models get a camera, lights and a ground. With
+/// the scene come warnings.
+///
+/// # Errors
+/// What is wrong with the file, or that its format isn't supported.
+pub fn load(path: &str, assets: &dyn Assets) -> Result<(Scene, Diagnostics), Diagnostics> {
+    let asset = open(path, assets, &AssetPath::base(), &SCENE_EXTENSIONS)?;
+    if asset.path.extension() == "nff" {
+        return nff::read(&asset);
+    }
+    let mut model = read_mesh(&asset, assets)?;
+    let warnings = std::mem::take(&mut model.warnings);
+    match studio::studio(model) {
+        Some(scene) => Ok((scene, warnings)),
+        None => Err(Diagnostic::error(asset.path.name(), "its coordinates are too large to look at").into()),
+    }
+}
+
+/// Reads the meshes of a model that the file `from` names.
+///
+/// # Errors
+/// What is wrong with the file, or that its format isn't supported. If it can't be opened, the message is about the
+/// whole file.
+pub fn load_mesh(path: &str, assets: &dyn Assets, from: &AssetPath) -> Result<Imported, Diagnostics> {
+    read_mesh(&open(path, assets, from, &MESH_EXTENSIONS)?, assets)
+}
+
+/// The meshes of a model that is open already.
+///
+/// # Errors
+/// As [`load_mesh`].
+pub fn read_mesh(asset: &Asset, assets: &dyn Assets) -> Result<Imported, Diagnostics> {
+    match asset.path.extension().as_str() {
+        "obj" => obj::read(asset, assets),
+        "ply" => read_ply(asset),
+        other => Err(unsupported(asset.path.name(), other, &MESH_EXTENSIONS).into()),
+    }
+}
+
+fn read_ply(asset: &Asset) -> Result<Imported, Diagnostics> {
+    let file = asset.path.name();
+    match ply::read_mesh(file.rsplit('/').next().unwrap_or_default(), &asset.bytes) {
+        Ok((mesh, thin)) => {
+            let mut warnings = Diagnostics::new();
+            if thin > 0 {
+                warnings.push(Diagnostic::warning(file, format!("{thin} faces of fewer than 3 corners are left out")));
+            }
+            Ok(Imported { meshes: vec![mesh], materials: Vec::new(), warnings })
+        }
+        Err(complaint) => {
+            let mut errors = Diagnostics::from(complaint.error(file));
+            attach_source(&mut errors, file, &asset.bytes);
+            Err(errors)
+        }
+    }
+}
+
+fn open(path: &str, assets: &dyn Assets, from: &AssetPath, known: &[&str]) -> Result<Asset, Diagnostics> {
+    let extension = AssetPath::new(path, path, path).extension();
+    if !known.contains(&extension.as_str()) {
+        return Err(unsupported(path, &extension, known).into());
+    }
+    assets.read(path, from).map_err(|error| {
+        let mut diagnostic = Diagnostic::error(path, error.to_string());
+        diagnostic.help = error.help();
+        diagnostic.into()
+    })
+}
+
+fn unsupported(file: &str, extension: &str, known: &[&str]) -> Diagnostic {
+    let name = match extension {
+        "stl" => "STL",
+        "gltf" | "glb" => "glTF",
+        "fbx" => "FBX",
+        "dae" => "COLLADA",
+        "3ds" => "3DS",
+        "usd" | "usda" | "usdc" | "usdz" => "USD",
+        "blend" => "Blender's format",
+        "off" => "OFF",
+        "step" | "stp" => "STEP",
+        "pbrt" => "pbrt's format",
+        "" => "a file without an extension",
+        other => &other.to_uppercase(),
+    };
+    Diagnostic::error(file, format!("{name} isn't supported yet")).help(format!("supported are {}", known.join(", ")))
+}
+
+/// Adds the file's text, if a message points into it, so that it shows lines. Bytes that aren't UTF-8 become
+/// question marks, which keeps the places.
+fn attach_source(diagnostics: &mut Diagnostics, file: &str, bytes: &[u8]) {
+    if !diagnostics.iter().any(|d| d.file == file && d.span.is_some()) {
+        return;
+    }
+    let mut text = String::with_capacity(bytes.len());
+    for chunk in bytes.utf8_chunks() {
+        text.push_str(chunk.valid());
+        text.extend(chunk.invalid().iter().map(|_| '?'));
+    }
+    diagnostics.add_source(file, text);
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,369 @@
+//! NFF, the Neutral File Format of Eric Haines' Standard Procedural Databases (SPD 3.1; *A Proposal for Standard
+//! Graphics Environments*, IEEE CG&A, November 1987): a whole scene.
+//!
+//! | NFF | here |
+//! |---|---|
+//! | `f r g b Kd Ks Shine T index` | kd = Kd (r g b), ks = k = Ks white, n = Shine, opacity = 1 − T, eta = index (0 is 1) |
+//! | `l x y z [r g b]` | an omni light; without a colour each of n lights has the intensity √n / n |
+//! | `v … angle hither resolution` | the view; `angle` is fovy |
+//! | `c`, `s` | cones and cylinders without caps, spheres |
+//! | `p`, `pp` | polygons, all of one material in one mesh, and those with normals in another |
+//!
+//! A file without `v` is seen whole, from the front, right and above. There is no ambient light. The film develops
+//! to sRGB. SPD's published statistics stop at a ray tree of depth 5; the
+//! integrator keeps this program's own default. NFF's negative radii, which turn a surface inside out, are taken as
+//! positive, as both sides are seen here.
+
+use super::frame::frame;
+use super::lines::{Complaint, Word, Words, lines};
+use super::polygon::{Triangulator, vector_area};
+use crate::assets::Asset;
+use crate::diagnostic::{Diagnostic, Diagnostics};
+use canaletto::light::{Light, LightKind, Omni};
+use canaletto::material::{Material, Phong};
+use canaletto::math::Rgb;
+use canaletto::scene::{Content, Extrinsics, Intrinsics, Node, Scene, View};
+use canaletto::shape::{Cone, Cylinder, Mesh, Shape, Sphere};
+use glam::{DVec3, Vec3};
+use std::collections::HashMap;
+
+/// The largest picture side and polygon that a file may ask for.
+const MAX_RESOLUTION: u32 = 1 << 16;
+
+/// The scene of an NFF file, and warnings.
+pub(super) fn read(asset: &Asset) -> Result<(Scene, Diagnostics), Diagnostics> {
+    let file = asset.path.name();
+    let mut reader = Reader::new(&asset.bytes);
+    let result = reader.scene();
+    let mut said = Diagnostics::new();
+    match result {
+        Ok(()) if reader.scene.nodes.is_empty() => {
+            Err(Diagnostics::from(Diagnostic::error(file, "there are no objects in it").help("is it an NFF file?")))
+        }
+        Ok(()) => {
+            for (complaint, count) in std::mem::take(&mut reader.skipped).into_values() {
+                let times = if count > 1 { format!(" ({count} of them)") } else { String::new() };
+                let message = format!("{}{times}", complaint.message);
+                said.push(Complaint { message, ..complaint }.warning(file));
+            }
+            super::attach_source(&mut said, file, &asset.bytes);
+            Ok((reader.finish(), said))
+        }
+        Err(complaint) => {
+            let mut errors = Diagnostics::from(complaint.error(file));
+            super::attach_source(&mut errors, file, &asset.bytes);
+            Err(errors)
+        }
+    }
+}
+
+struct Reader<'a> {
+    tokens: Tokens<'a>,
+    scene: Scene,
+    view: Option<View>,
+    lights: Vec<(Vec3, Option<Rgb>)>,
+    /// Index of each material by the bits of its numbers.
+    known: HashMap<[u32; 8], u32>,
+    material: Option<u32>,
+    /// For each material its meshes: without normals, with normals; positions in the scene's list.
+    meshes: HashMap<(u32, bool), usize>,
+    triangulator: Triangulator,
+    /// What was left out: the first place and how often.
+    skipped: std::collections::BTreeMap<&'static str, (Complaint, usize)>,
+}
+
+impl<'a> Reader<'a> {
+    fn new(bytes: &'a [u8]) -> Reader<'a> {
+        Reader {
+            tokens: Tokens::new(bytes),
+            scene: Scene::default(),
+            view: None,
+            lights: Vec::new(),
+            known: HashMap::new(),
+            material: None,
+            meshes: HashMap::new(),
+            triangulator: Triangulator::new(),
+            skipped: std::collections::BTreeMap::new(),
+        }
+    }
+
+    fn scene(&mut self) -> Result<(), Complaint> {
+        while let Some(word) = self.tokens.next() {
+            match word.text {
+                b"b" => self.scene.background = self.tokens.color("background")?,
+                b"v" => self.view(&word)?,
+                b"l" => {
+                    let position = self.tokens.numbers::<3>("light")?.into();
+                    let color =
+                        if self.tokens.number_follows() { Some(self.tokens.color("light's colour")?) } else { None };
+                    self.lights.push((position, color));
+                }
+                b"f" => self.fill(&word)?,
+                b"s" => self.sphere(&word)?,
+                b"c" => self.cone(&word)?,
+                b"p" => self.polygon(&word, false)?,
+                b"pp" => self.polygon(&word, true)?,
+                _ => {
+                    let message = format!("\"{}\" is not a word of NFF: b, v, l, f, s, c, p or pp", word.shown());
+                    return Err(word.wrong(message));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn view(&mut self, start: &Word<'_>) -> Result<(), Complaint> {
+        let (mut eye, mut center, mut up) = (None, None, DVec3::Z);
+        let mut intrinsics = Intrinsics { fovy: 45.0, width: 512, height: 512, ..Intrinsics::default() };
+        while let Some(word) = self.tokens.peek() {
+            let vector = |what: &str, tokens: &mut Tokens<'_>| {
+                tokens.next();
+                tokens.numbers::<3>(what).map(|v| Vec3::from(v).as_dvec3())
+            };
+            match word.text {
+                b"from" => eye = Some(vector("from", &mut self.tokens)?),
+                b"at" => center = Some(vector("at", &mut self.tokens)?),
+                b"up" => up = vector("up", &mut self.tokens)?,
+                b"angle" => {
+                    self.tokens.next();
+                    let (angle, at) = self.tokens.number("angle")?;
+                    if angle <= 0.0 || angle >= 180.0 {
+                        return Err(at.wrong(format!("angle is {angle}; it must lie between 0 and 180 degrees")));
+                    }
+                    intrinsics.fovy = f64::from(angle);
+                }
+                b"hither" => {
+                    self.tokens.next();
+                    let (near, at) = self.tokens.number("hither")?;
+                    if near < 0.0 {
+                        return Err(at.wrong(format!("hither is {near}; it must be 0 or more")));
+                    }
+                    intrinsics.near = f64::from(near);
+                }
+                b"resolution" => {
+                    self.tokens.next();
+                    intrinsics.width = self.tokens.count("resolution", 1, MAX_RESOLUTION)?;
+                    intrinsics.height = self.tokens.count("resolution", 1, MAX_RESOLUTION)?;
+                }
+                _ => break,
+            }
+        }
+        let (Some(eye), Some(center)) = (eye, center) else {
+            return Err(start.wrong("the view needs `from` and `at`"));
+        };
+        if (center - eye).cross(up).length_squared() == 0.0 {
+            return Err(
+                start.wrong("the view has no direction: `from` and `at` are the same point, or `up` points along them")
+            );
+        }
+        let distance = (center - eye).length();
+        if intrinsics.near == 0.0 {
+            intrinsics.near = distance * 1e-3;
+        }
+        intrinsics.far = intrinsics.near.max(distance) * 1e3;
+        self.view = Some(View { name: "main".into(), intrinsics, extrinsics: Extrinsics { eye, center, up } });
+        Ok(())
+    }
+
+    fn fill(&mut self, start: &Word<'_>) -> Result<(), Complaint> {
+        let numbers = self.tokens.numbers::<8>("f")?;
+        let [r, g, b, kd, ks, shine, t, index] = numbers;
+        let phong = Phong {
+            kd: Rgb::new(r, g, b) * kd,
+            ks: Rgb::gray(ks),
+            n: shine,
+            k: Rgb::gray(ks),
+            eta: if index == 0.0 { 1.0 } else { index },
+            opacity: 1.0 - t,
+        };
+        phong.check().map_err(|message| start.wrong(message))?;
+        let next = self.scene.materials.len();
+        self.material = Some(*self.known.entry(numbers.map(f32::to_bits)).or_insert_with(|| {
+            self.scene.materials.push(Material { name: format!("fill {}", next + 1), phong });
+            next as u32
+        }));
+        Ok(())
+    }
+
+    fn sphere(&mut self, start: &Word<'_>) -> Result<(), Complaint> {
+        let [x, y, z, radius] = self.tokens.numbers("s")?;
+        if radius == 0.0 {
+            return self.skip("a sphere of radius 0 is left out", start);
+        }
+        self.place(Shape::Sphere(Sphere { center: Vec3::new(x, y, z), radius: radius.abs() }))
+    }
+
+    fn cone(&mut self, start: &Word<'_>) -> Result<(), Complaint> {
+        let [bx, by, bz, radius, tx, ty, tz, top_radius] = self.tokens.numbers("c")?;
+        let (base, top) = (Vec3::new(bx, by, bz), Vec3::new(tx, ty, tz));
+        let (radius, top_radius) = (radius.abs(), top_radius.abs());
+        if (top - base).try_normalize().is_none() {
+            return self.skip("a cone whose ends are the same point is left out", start);
+        }
+        if radius == 0.0 && top_radius == 0.0 {
+            return self.skip("a cone without radius is left out", start);
+        }
+        self.place(if radius == top_radius {
+            Shape::Cylinder(Cylinder { base, top, radius, caps: false })
+        } else {
+            Shape::Cone(Cone { base, top, radius, top_radius, caps: false })
+        })
+    }
+
+    fn polygon(&mut self, start: &Word<'_>, smooth: bool) -> Result<(), Complaint> {
+        let count = self.tokens.count(if smooth { "pp" } else { "p" }, 0, u32::MAX)?;
+        let (mut corners, mut normals) = (Vec::new(), Vec::new());
+        for _ in 0..count {
+            corners.push(Vec3::from(self.tokens.numbers::<3>("corner")?));
+            if smooth {
+                normals.push(Vec3::from(self.tokens.numbers::<3>("normal")?));
+            }
+        }
+        if corners.len() < 3 {
+            return self.skip("a polygon of fewer than 3 corners is left out", start);
+        }
+        let face = vector_area(&corners).try_normalize().unwrap_or(DVec3::Y).as_vec3();
+        normals.iter_mut().filter(|n| n.try_normalize().is_none()).for_each(|n| *n = face);
+        let material = self.material();
+        let scene = &mut self.scene;
+        let mesh = *self.meshes.entry((material, smooth)).or_insert_with(|| {
+            let index = scene.meshes.len();
+            let name = format!("polygons of {}", scene.materials[material as usize].name);
+            scene.meshes.push(Mesh { name, materials: vec![material], ..Mesh::default() });
+            scene.nodes.push(Node::new(Content::Mesh(index as u32)).with_material(material));
+            index
+        });
+        let mesh = &mut scene.meshes[mesh];
+        let first = mesh.positions.len();
+        if first + corners.len() > u32::MAX as usize {
+            return Err(start.wrong("the polygons have more corners than 32 bits can count"));
+        }
+        let triangles = &mut mesh.triangles;
+        let cut = self.triangulator.cut(&corners, |t| triangles.push(t.map(|i| (first + i) as u32)));
+        cut.map_err(|message| start.wrong(message))?;
+        mesh.positions.extend(corners);
+        mesh.normals.extend(normals);
+        Ok(())
+    }
+
+    /// The current material; before any `f`, the default one.
+    fn material(&mut self) -> u32 {
+        *self.material.get_or_insert_with(|| {
+            self.scene.materials.push(Material { name: "default".into(), phong: Phong::default() });
+            self.scene.materials.len() as u32 - 1
+        })
+    }
+
+    fn place(&mut self, shape: Shape) -> Result<(), Complaint> {
+        let material = self.material();
+        self.scene.nodes.push(Node::from(shape).with_material(material));
+        Ok(())
+    }
+
+    fn skip(&mut self, why: &'static str, at: &Word<'_>) -> Result<(), Complaint> {
+        self.skipped.entry(why).or_insert_with(|| (at.wrong(why), 0)).1 += 1;
+        Ok(())
+    }
+
+    fn finish(self) -> Scene {
+        let mut scene = self.scene;
+        let usual = Rgb::gray((self.lights.len() as f32).sqrt() / self.lights.len().max(1) as f32);
+        for (position, color) in self.lights {
+            scene.nodes.push(Light::new(LightKind::Omni(Omni::at(position)), color.unwrap_or(usual)).into());
+        }
+        scene.views.extend(self.view.or_else(|| whole_view(&scene)));
+        scene
+    }
+}
+
+/// A view of everything, for files without one. SPD's scenes have z upwards.
+fn whole_view(scene: &Scene) -> Option<View> {
+    let corners = scene.meshes.iter().flat_map(|mesh| mesh.positions.iter().map(|p| (p.as_dvec3(), 0.0)));
+    let balls = scene.nodes.iter().flat_map(|node| match &node.content {
+        Content::Shape(Shape::Sphere(s)) => vec![(s.center, s.radius)],
+        Content::Shape(Shape::Cylinder(c)) => vec![(c.base, c.radius), (c.top, c.radius)],
+        Content::Shape(Shape::Cone(c)) => vec![(c.base, c.radius), (c.top, c.top_radius)],
+        _ => Vec::new(),
+    });
+    let balls = balls.map(|(center, radius)| (center.as_dvec3(), f64::from(radius)));
+    let intrinsics = Intrinsics { fovy: 45.0, width: 512, height: 512, ..Intrinsics::default() };
+    frame(corners.chain(balls), DVec3::new(1.0, -2.0, 1.0).normalize(), DVec3::Z, intrinsics)
+}
+
+/// The words of the file, wherever lines end, without comments.
+struct Tokens<'a> {
+    lines: super::lines::Lines<'a>,
+    words: Words<'a>,
+    peeked: Option<Word<'a>>,
+    /// The latest word, for complaints about the end of the file.
+    latest: Word<'a>,
+}
+
+impl<'a> Tokens<'a> {
+    fn new(bytes: &'a [u8]) -> Tokens<'a> {
+        let nothing = Word { start: 0, text: &bytes[..0] };
+        Tokens { lines: lines(bytes), words: nothing.words(), peeked: None, latest: nothing }
+    }
+
+    fn peek(&mut self) -> Option<Word<'a>> {
+        while self.peeked.is_none() {
+            self.peeked = self.words.next().filter(|word| !word.text.starts_with(b"#"));
+            if self.peeked.is_none() {
+                self.words = self.lines.next()?.words();
+            }
+        }
+        self.peeked
+    }
+
+    fn next(&mut self) -> Option<Word<'a>> {
+        let word = self.peek()?;
+        self.latest = word;
+        self.peeked = None;
+        Some(word)
+    }
+
+    fn number_follows(&mut self) -> bool {
+        self.peek().is_some_and(|word| word.number().is_ok())
+    }
+
+    fn number(&mut self, what: &str) -> Result<(f32, Word<'a>), Complaint> {
+        let Some(word) = self.next() else {
+            return Err(self.latest.wrong(format!("{what} is not complete: the file ends here")));
+        };
+        Ok((word.number().map_err(|complaint| complaint.within(what))?, word))
+    }
+
+    fn numbers<const N: usize>(&mut self, what: &str) -> Result<[f32; N], Complaint> {
+        let mut out = [0.0; N];
+        for value in &mut out {
+            *value = self.number(what)?.0;
+        }
+        Ok(out)
+    }
+
+    fn color(&mut self, what: &str) -> Result<Rgb, Complaint> {
+        let mut out = [0.0; 3];
+        for value in &mut out {
+            let (number, word) = self.number(what)?;
+            if number < 0.0 {
+                return Err(word.wrong(format!("{what} is {number}; it must be 0 or more")));
+            }
+            *value = number;
+        }
+        Ok(out.into())
+    }
+
+    fn count(&mut self, what: &str, least: u32, most: u32) -> Result<u32, Complaint> {
+        let Some(word) = self.next() else {
+            return Err(self.latest.wrong(format!("{what} is not complete: the file ends here")));
+        };
+        let value = std::str::from_utf8(word.text).ok().and_then(|text| text.parse::<u32>().ok());
+        value.filter(|v| (least..=most).contains(v)).ok_or_else(|| {
+            word.wrong(format!("{what}: \"{}\" is not a whole number from {least} to {most}", word.shown()))
+        })
+    }
+}
+
+#[cfg(test)]
+#[path = "nff_tests.rs"]
+mod tests;

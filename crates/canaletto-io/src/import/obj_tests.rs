@@ -1,0 +1,175 @@
+use super::*;
+use crate::assets::{AssetPath, MemoryAssets};
+
+fn load(text: &str, others: &[(&str, &str)]) -> Result<Imported, Diagnostics> {
+    let mut files = MemoryAssets::new().with("a.obj", text);
+    for (name, text) in others {
+        files = files.with(name, *text);
+    }
+    super::super::load_mesh("a.obj", &files, &AssetPath::base())
+}
+
+fn good(text: &str) -> Imported {
+    load(text, &[]).unwrap()
+}
+
+fn error(text: &str) -> String {
+    load(text, &[]).unwrap_err().to_string()
+}
+
+const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
+
+#[test]
+fn polygons_become_triangles() {
+    let model = good(&format!("{SQUARE}f 1 2 3 4\nf -4 -3 -2\n"));
+    let mesh = &model.meshes[0];
+    assert_eq!((mesh.name.as_str(), mesh.positions.len()), ("a.obj", 4));
+    assert_eq!(mesh.triangles, [[0, 1, 2], [0, 2, 3], [0, 1, 2]]);
+    assert!(mesh.normals.is_empty() && mesh.uvs.is_empty() && mesh.colors.is_empty() && mesh.materials.is_empty());
+    assert!(model.warnings.is_empty());
+}
+
+#[test]
+fn faces_may_come_first_and_lines_may_go_on() {
+    let model = good("f 1 2 \\\n 3\nv 0 0 0\nv 1 0 0\nv 1 1 0 # corner\nf 1 3 2 # back\n");
+    assert_eq!(model.meshes[0].triangles, [[0, 1, 2], [0, 2, 1]]);
+}
+
+#[test]
+fn corners_are_shared_where_all_their_indices_agree() {
+    let text =
+        format!("{SQUARE}vt 0 0\nvt 1 1\nvn 0 0 1\nf 1/1/1 2/1/1 3/1/1\nf 1/1/1 3/2/1 4/1/1\nf 1//1 2//1 4//1\n");
+    let mesh = &good(&text).meshes[0];
+    assert_eq!(mesh.positions.len(), 8);
+    assert_eq!((mesh.triangles[0][0], mesh.triangles[1][0]), (0, 0));
+    assert_ne!(mesh.triangles[0][2], mesh.triangles[1][1]);
+    assert_eq!((mesh.uvs.len(), mesh.normals.len(), mesh.uvs[mesh.triangles[1][1] as usize]), (8, 8, Vec2::ONE));
+}
+
+#[test]
+fn missing_and_zero_normals_come_from_the_faces() {
+    let mesh = &good(&format!("{SQUARE}vn 0 0 0\nvn 0 1 0\nf 1//1 2//2 3\n")).meshes[0];
+    assert_eq!(mesh.normals, [Vec3::Z, Vec3::Y, Vec3::Z]);
+}
+
+#[test]
+fn vertex_colours_are_srgb_and_weights_are_ignored() {
+    let mesh = &good("v 0 0 0 1 0.735357 0\nv 1 0 0 0.5\nv 0 1 0\nf 1 2 3\n").meshes[0];
+    assert!((mesh.colors[0].g - 0.5).abs() < 1e-5 && mesh.colors[0].r == 1.0);
+    assert_eq!(mesh.colors[1..], [Rgb::WHITE; 2]);
+}
+
+#[test]
+fn objects_and_groups_are_meshes_and_go_on() {
+    let text = format!("{SQUARE}o cup\nf 1 2 3\ng handle\nf 1 2 4\no cup\nf 1 3 4\no cup\ng cup\nf 2 3 4\ng empty\n");
+    let model = good(&text);
+    let found: Vec<(&str, usize)> = model.meshes.iter().map(|m| (m.name.as_str(), m.triangles.len())).collect();
+    assert_eq!(found, [("cup", 3), ("cup/handle", 1)]);
+    assert_eq!((model.meshes[0].positions.len(), model.meshes[1].positions.len()), (4, 3));
+}
+
+#[test]
+fn one_mesh_holds_several_materials() {
+    let text = format!(
+        "mtllib m.mtl\n{SQUARE}usemtl red\nf 1 2 3\nusemtl blue\nf 1 3 4\nusemtl red\nf 1 2 4\nusemtl no\nf 2 3 4\n"
+    );
+    let model = load(&text, &[("m.mtl", "newmtl blue\nKd 0 0 1\nnewmtl red\nKd 1 0 0\n")]).unwrap();
+    let mesh = &model.meshes[0];
+    assert_eq!(
+        (model.meshes.len(), mesh.slots.as_slice(), mesh.materials.as_slice()),
+        (1, &[0, 1, 0, 2][..], &[1, 0, 2][..])
+    );
+    let names: Vec<&str> = model.materials.iter().map(|m| m.name.as_str()).collect();
+    assert_eq!(names, ["blue", "red", "default"]);
+    let warnings = model.warnings.to_string();
+    assert!(
+        warnings.contains("a.obj:12:8: warning: `no` is no material of this file; its faces get the default"),
+        "{warnings}"
+    );
+}
+
+#[test]
+fn one_material_needs_no_slots() {
+    let model = load(&format!("mtllib m.mtl\n{SQUARE}usemtl red\nf 1 2 3 4\n"), &[("m.mtl", "newmtl red\n")]).unwrap();
+    assert_eq!((&model.meshes[0].slots[..], &model.meshes[0].materials[..]), (&[][..], &[0][..]));
+}
+
+#[test]
+fn material_files_may_have_spaces_or_be_many_or_missing() {
+    let red = ("my red.mtl", "newmtl red\n");
+    let model = load(&format!("mtllib my red.mtl\n{SQUARE}f 1 2 3\n"), &[red]).unwrap();
+    assert_eq!(model.materials.len(), 1);
+    let model = load(
+        &format!("mtllib b.mtl sub\\c.mtl no.mtl\n{SQUARE}f 1 2 3\n"),
+        &[("b.mtl", "newmtl b"), ("sub/c.mtl", "newmtl c")],
+    );
+    let model = model.unwrap();
+    assert_eq!((model.materials.len(), model.warnings.len()), (2, 1));
+    assert!(
+        model.warnings.to_string().contains("a.obj:1:24: warning: there is no file \"no.mtl\""),
+        "{}",
+        model.warnings
+    );
+    let outside = load(&format!("mtllib ../b.mtl\n{SQUARE}f 1 2 3\n"), &[]).unwrap();
+    assert!(outside.warnings.to_string().contains("outside"), "{}", outside.warnings);
+}
+
+#[test]
+fn what_is_left_out_is_told_once_with_its_count() {
+    let warnings = good(&format!("{SQUARE}s 1\ns off\ns 2\nl 1 2\nf 1 2\nvp 1 2\nf 1 2 3\n")).warnings;
+    let text = warnings.to_string();
+    assert!(text.contains("a.obj:5:1: warning: `s` is ignored") && text.contains("(2 times)"), "{text}");
+    assert!(text.contains("`l` is left out: lines and points have no area"), "{text}");
+    assert!(text.contains("`f` with fewer than 3 corners is left out") && text.contains("`vp` is left out"), "{text}");
+    let garbage: String = (0..100).map(|i| format!("word{i} 1\n")).collect();
+    assert_eq!(good(&format!("{garbage}{SQUARE}f 1 2 3\n")).warnings.len(), 25);
+}
+
+#[test]
+fn missing_normals_and_texture_coordinates_are_warnings() {
+    let model = good(&format!("{SQUARE}f 1/1/1 2/2/2 3/3/0\n"));
+    assert!(model.meshes[0].normals.is_empty() && model.meshes[0].uvs.is_empty());
+    let text = model.warnings.to_string();
+    assert!(
+        text.contains("a.obj:5:3: warning: `f` refers to normals that don't exist; they are computed (3 times)"),
+        "{text}"
+    );
+}
+
+#[test]
+fn spaces_in_names_may_be_escaped() {
+    let text = format!("mtllib no.mtl my\\ own.mtl\n{SQUARE}f 1 2 3\n");
+    let model = load(&text, &[("my own.mtl", "newmtl red\n")]).unwrap();
+    assert_eq!((model.materials.len(), model.warnings.len()), (1, 1));
+}
+
+#[test]
+fn errors_name_line_and_reason() {
+    for (text, message) in [
+        ("f 1 2 9", "a.obj:5:7: error: face refers to vertex 9, but only 4 exist\n5 | f 1 2 9\n  |       ^\n"),
+        ("f 1 2 0", "a.obj:5:7: error: face refers to vertex 0, but they are counted from 1"),
+        ("f 1 2 -5", "face refers to vertex -5, but only 4 come before it"),
+        ("f 1 2 x", "\"x\" is not a corner: v, v/vt, v//vn or v/vt/vn, each a whole number"),
+        ("f 1///4 2 3", "\"1///4\" is not a corner"),
+        ("f 1 2 99999999999999999999", "is not a corner"),
+        ("v 1 2", "a.obj:5:1: error: vertex needs 3 numbers, and here are 2"),
+        ("v 1 2 nan", "a.obj:5:7: error: vertex: \"nan\" is not a finite number"),
+        ("v 1 2 3 1 1 -1", "vertex colour -1 is less than 0"),
+        ("vn 1 1", "normal needs 3 numbers"),
+        ("# nothing", "a.obj: error: there are no faces in it\n  help: an OBJ file has lines such as `f 1 2 3`"),
+    ] {
+        let found = error(&format!("{SQUARE}{text}\n"));
+        assert!(found.contains(message), "{text}: {found}");
+    }
+}
+
+#[test]
+fn many_groups_and_shared_corners_stay_fast() {
+    let mut text = SQUARE.to_owned();
+    for i in 0..20_000 {
+        text += &format!("vt {i} 0\ng {}\nf 1/{n} 2/{n} 3/{n}\n", i % 7000, n = i + 1);
+    }
+    let start = std::time::Instant::now();
+    assert_eq!(good(&text).meshes.len(), 7000);
+    assert!(start.elapsed().as_secs() < 5);
+}

@@ -1,0 +1,181 @@
+//! The header of a PLY file: its encoding, elements and their properties.
+
+use crate::import::lines::{Complaint, Word, Words};
+
+/// How the numbers are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Encoding {
+    Ascii,
+    Little,
+    Big,
+}
+
+/// The types of numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    F32,
+    F64,
+}
+
+impl Kind {
+    fn named(name: &[u8]) -> Option<Kind> {
+        Some(match name {
+            b"char" | b"int8" => Kind::I8,
+            b"uchar" | b"uint8" => Kind::U8,
+            b"short" | b"int16" => Kind::I16,
+            b"ushort" | b"uint16" => Kind::U16,
+            b"int" | b"int32" => Kind::I32,
+            b"uint" | b"uint32" => Kind::U32,
+            b"float" | b"float32" => Kind::F32,
+            b"double" | b"float64" => Kind::F64,
+            _ => return None,
+        })
+    }
+
+    /// Bytes in the binary encodings.
+    pub(super) fn size(self) -> usize {
+        match self {
+            Kind::I8 | Kind::U8 => 1,
+            Kind::I16 | Kind::U16 => 2,
+            Kind::I32 | Kind::U32 | Kind::F32 => 4,
+            Kind::F64 => 8,
+        }
+    }
+
+    /// The largest value, for those types that stand for shares of it.
+    pub(super) fn share(self) -> Option<f64> {
+        match self {
+            Kind::U8 => Some(255.0),
+            Kind::U16 => Some(65535.0),
+            _ => None,
+        }
+    }
+}
+
+/// One column of an element.
+#[derive(Clone, Debug)]
+pub(super) struct Property {
+    pub(super) name: String,
+    /// The type of the length, for lists.
+    pub(super) length: Option<Kind>,
+    pub(super) kind: Kind,
+}
+
+/// One table of the file.
+#[derive(Clone, Debug)]
+pub(super) struct Element {
+    pub(super) name: String,
+    pub(super) count: u64,
+    pub(super) properties: Vec<Property>,
+}
+
+impl Element {
+    /// The position of the first property that has one of these names.
+    pub(super) fn property(&self, names: &[&str]) -> Option<usize> {
+        names.iter().find_map(|name| self.properties.iter().position(|p| p.name == *name))
+    }
+
+    /// The positions of number properties of these names, if all exist.
+    pub(super) fn numbers<const N: usize>(&self, names: [&str; N]) -> Option<[usize; N]> {
+        let found = names.map(|name| self.property(&[name]).filter(|at| self.properties[*at].length.is_none()));
+        found.iter().all(Option::is_some).then(|| found.map(Option::unwrap_or_default))
+    }
+
+    /// The fewest bytes that a row takes; the size of every row if there are no lists and it is binary.
+    pub(super) fn row_size(&self, encoding: Encoding) -> u64 {
+        let size =
+            |p: &Property| if encoding == Encoding::Ascii { 2 } else { p.length.unwrap_or(p.kind).size() as u64 };
+        self.properties.iter().map(size).sum()
+    }
+}
+
+/// All that the header says.
+#[derive(Clone, Debug)]
+pub(super) struct Header {
+    pub(super) encoding: Encoding,
+    pub(super) elements: Vec<Element>,
+    /// Where the numbers start in the file.
+    pub(super) end: usize,
+}
+
+/// Reads the header.
+pub(super) fn read(bytes: &[u8]) -> Result<Header, Complaint> {
+    if !(bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r")) {
+        return Err(Complaint::file("it doesn't start with the line `ply`").help("is it a PLY file?"));
+    }
+    let mut at = 0;
+    let mut encoding = None;
+    let mut elements: Vec<Element> = Vec::new();
+    while at < bytes.len() {
+        let rest = &bytes[at..];
+        let length = rest.iter().position(|b| *b == b'\n' || *b == b'\r').unwrap_or(rest.len());
+        let line = Word { start: at, text: &rest[..length] };
+        at += length + if rest[length..].starts_with(b"\r\n") { 2 } else { 1 };
+        let mut words = line.words();
+        let Some(word) = words.next() else { continue };
+        match word.text {
+            b"ply" | b"comment" | b"obj_info" => {}
+            b"format" => encoding = Some(format(&line, words)?),
+            b"element" => elements.push(element(&line, words)?),
+            b"property" => {
+                let Some(element) = elements.last_mut() else {
+                    return Err(line.wrong("this property stands before the first element"));
+                };
+                element.properties.push(property(&line, words)?);
+            }
+            b"end_header" => {
+                let encoding = encoding.ok_or_else(|| line.wrong("the header names no format"))?;
+                return Ok(Header { encoding, elements, end: at.min(bytes.len()) });
+            }
+            _ => return Err(line.wrong(format!("the header has an unknown word, \"{}\"", word.shown()))),
+        }
+    }
+    Err(Complaint::file("the header has no end: there is no line `end_header`"))
+}
+
+fn format(line: &Word<'_>, mut words: Words<'_>) -> Result<Encoding, Complaint> {
+    let (name, version) = (words.next(), words.next());
+    let encoding = match name.map(|w| w.text) {
+        Some(b"ascii") => Encoding::Ascii,
+        Some(b"binary_little_endian") => Encoding::Little,
+        Some(b"binary_big_endian") => Encoding::Big,
+        _ => return Err(line.wrong("the format must be ascii, binary_little_endian or binary_big_endian")),
+    };
+    match version.map(|w| w.text) {
+        Some(b"1.0") => Ok(encoding),
+        _ => Err(line.wrong("the format's version must be 1.0")),
+    }
+}
+
+fn element(line: &Word<'_>, mut words: Words<'_>) -> Result<Element, Complaint> {
+    let (Some(name), Some(count)) = (words.next(), words.next()) else {
+        return Err(line.wrong("an element needs a name and a count"));
+    };
+    let number = std::str::from_utf8(count.text).ok().and_then(|text| text.parse().ok());
+    let count = number.ok_or_else(|| count.wrong(format!("\"{}\" is not a count", count.shown())))?;
+    Ok(Element { name: name.string(), count, properties: Vec::new() })
+}
+
+fn property(line: &Word<'_>, mut words: Words<'_>) -> Result<Property, Complaint> {
+    let kind = |word: Option<Word<'_>>| {
+        let word = word.ok_or_else(|| line.wrong("a property needs a type and a name"))?;
+        Kind::named(word.text).ok_or_else(|| word.wrong(format!("\"{}\" is not a type of PLY", word.shown())))
+    };
+    let first = words.next();
+    let (length, kind) = if first.is_some_and(|w| w.text == b"list") {
+        (Some(kind(words.next())?), kind(words.next())?)
+    } else {
+        (None, kind(first)?)
+    };
+    if matches!(length, Some(Kind::F32 | Kind::F64)) {
+        return Err(line.wrong("a list's length must be of a whole type"));
+    }
+    let name = words.next().ok_or_else(|| line.wrong("a property needs a type and a name"))?;
+    Ok(Property { name: name.string(), length, kind })
+}

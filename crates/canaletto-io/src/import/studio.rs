@@ -1,0 +1,73 @@
+//! A model alone becomes a scene: camera, light and ground, all measured by the model's own size.
+
+use super::Imported;
+use super::frame::frame;
+use super::smooth::smooth;
+use canaletto::light::{Directional, DiskLight, Light, LightKind};
+use canaletto::material::{Material, Phong};
+use canaletto::math::Rgb;
+use canaletto::scene::{Content, Intrinsics, Node, Scene};
+use canaletto::shape::{Plane, Shape};
+use glam::DVec3;
+
+/// The model on a neutral ground, seen from the front, a little from the right and above (y is up, the front looks
+/// towards +z). The camera looks down by more than half its angle of view, so that the horizon stays outside.
+///
+/// `None` if the model's coordinates leave no room to stand.
+pub(super) fn studio(model: Imported) -> Option<Scene> {
+    let mut meshes = model.meshes;
+    meshes.iter_mut().for_each(smooth);
+    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let corners =
+        || meshes.iter().flat_map(|m| m.triangles.iter().flatten().map(|i| m.positions[*i as usize].as_dvec3()));
+    corners().for_each(|p| (low, high) = (low.min(p), high.max(p)));
+    let intrinsics = Intrinsics { fovy: 35.0, width: 960, height: 720, ..Intrinsics::default() };
+    let view = frame(corners().map(|p| (p, 0.0)), from_angles(30.0, 20.0), DVec3::Y, intrinsics)?;
+
+    let mut materials = model.materials;
+    let next = materials.len() as u32;
+    let clay = Phong { kd: Rgb::new(0.62, 0.58, 0.53), ks: Rgb::gray(0.12), n: 25.0, ..Phong::default() };
+    materials.push(Material { name: "clay".into(), phong: clay });
+    materials.push(Material { name: "ground".into(), phong: Phong { kd: Rgb::gray(0.72), ..Phong::default() } });
+
+    let middle = (low + high) / 2.0;
+    let size = (high - low).length().max(1e-30);
+    let mut nodes: Vec<Node> = Vec::new();
+    for (index, mesh) in meshes.iter().enumerate() {
+        let node = Node::new(Content::Mesh(index as u32)).named(mesh.name.clone());
+        nodes.push(if mesh.materials.is_empty() { node.with_material(next) } else { node });
+    }
+    let point = DVec3::new(middle.x, low.y, middle.z).as_vec3();
+    nodes
+        .push(Node::from(Shape::Plane(Plane { point, normal: glam::Vec3::Y })).named("ground").with_material(next + 1));
+    // The key light from the left of the camera casts the shadow; the fill from the right only lifts it.
+    let key = DiskLight {
+        position: (middle + from_angles(-25.0, 50.0) * (3.0 * size)).as_vec3(),
+        normal: from_angles(-25.0, 50.0).as_vec3(),
+        radius: (0.3 * size) as f32,
+        points: 32,
+    };
+    let fill = Directional { towards: -from_angles(85.0, 25.0).as_vec3(), beam: None };
+    let light = |name: &str, kind, intensity, shadows| {
+        let light = Light { name: Some(name.into()), shadows, ..Light::new(kind, Rgb::gray(intensity)) };
+        Node::from(light).named(name)
+    };
+    nodes.push(light("key", LightKind::Disk(key), 0.75, true));
+    nodes.push(light("fill", LightKind::Directional(fill), 0.2, false));
+    Some(Scene {
+        background: Rgb::gray(0.7),
+        ambient: Rgb::gray(0.22),
+        views: vec![view],
+        materials,
+        meshes,
+        nodes,
+        ..Scene::default()
+    })
+}
+
+/// The unit direction at these degrees to the right of the front (+z) and above the ground.
+fn from_angles(right: f64, above: f64) -> DVec3 {
+    let (sin_r, cos_r) = libm::sincos(right.to_radians());
+    let (sin_a, cos_a) = libm::sincos(above.to_radians());
+    DVec3::new(sin_r * cos_a, sin_a, cos_r * cos_a)
+}
