@@ -8,4 +8,4 @@ mod transform;
 pub use error_bound::{gamma, offset_origin, rounding};
 pub use polynomial::{Roots, quadratic, quartic};
 pub use rgb::Rgb;
-pub use transform::Transform;
+pub use transform::{NotInvertible, Transform};

@@ -1,0 +1,88 @@
+//! Ray counts on Eric Haines' Standard Procedural Databases beside the published ones, at 513 × 513.
+//!
+//! The rules of the databases' Readme: one ray for each corner of 512 × 512 pixels, trees 5 deep, and transmitters spawn
+//! reflected rays as well, whatever their specular coefficient.
+//!
+//! `cargo run --release -p canaletto-bench --bin spd [DIR…]`: looks for the seven files in `scenes/spd` and in the folders
+//! named.
+
+use canaletto::camera::{Camera, CameraError};
+use canaletto::integrator::RayCounts;
+use canaletto::math::Rgb;
+use canaletto::render::{Job, render};
+use canaletto::scene::{FilmSettings, IntegratorSettings, Intrinsics, Sampling, View};
+use canaletto::world::World;
+use canaletto_io::assets::FolderAssets;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Eye rays that hit, reflected, refracted, shadow: the statistics that come with the databases.
+const PUBLISHED: [(&str, [u64; 4]); 7] = [
+    ("balls", [263_169, 175_095, 0, 954_368]),
+    ("gears", [245_086, 304_643, 207_564, 2_246_955]),
+    ("mount", [173_125, 354_769, 354_769, 412_922]),
+    ("rings", [263_169, 315_236, 0, 1_085_002]),
+    ("teapot", [161_120, 225_248, 0, 407_656]),
+    ("tetra", [49_788, 0, 0, 46_112]),
+    ("tree", [169_836, 0, 0, 1_097_419]),
+];
+
+fn main() -> ExitCode {
+    let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/spd");
+    let folders: Vec<PathBuf> = std::iter::once(own).chain(std::env::args_os().skip(1).map(PathBuf::from)).collect();
+    println!("{:8} {:>20} {:>24} {:>24} {:>24}", "", "eye rays that hit", "reflected", "refracted", "shadow");
+    let mut failed = false;
+    for (name, published) in PUBLISHED {
+        let file = format!("{name}.nff");
+        let Some(path) = folders.iter().map(|folder| folder.join(&file)).find(|path| path.is_file()) else {
+            println!("{name:8} {file} is in none of the folders; see scenes/spd/README.md");
+            continue;
+        };
+        match count(&path) {
+            Ok(counts) => {
+                let ours = [counts.eye.hit, counts.reflected.traced, counts.refracted.traced, counts.shadow.traced];
+                let columns: Vec<String> =
+                    ours.iter().zip(published).map(|(&o, p)| format!("{:>24}", beside(o, p))).collect();
+                println!("{name:8} {}", columns.join(" ").trim_start_matches("    "));
+            }
+            Err(message) => {
+                println!("{name:8} {message}");
+                failed = true;
+            }
+        }
+    }
+    ExitCode::from(u8::from(failed))
+}
+
+/// "ours (difference in per cent)", or both numbers where the published one is 0.
+fn beside(ours: u64, published: u64) -> String {
+    match published {
+        0 => format!("{ours} (0)"),
+        _ => format!("{ours} ({:+.1} %)", 100.0 * (ours as f64 / published as f64 - 1.0)),
+    }
+}
+
+fn count(path: &Path) -> Result<RayCounts, String> {
+    let (assets, name) = FolderAssets::beside(path).map_err(|e| e.to_string())?;
+    let (mut scene, _) = canaletto_io::import::load(&name, &assets).map_err(|diagnostics| diagnostics.to_string())?;
+    for material in &mut scene.materials {
+        if material.phong.opacity < 1.0 && material.phong.k.is_black() {
+            material.phong.k = Rgb::gray(f32::MIN_POSITIVE);
+        }
+    }
+    let camera = corners_of_512(&scene.views[0]).map_err(|e| e.to_string())?;
+    let film = FilmSettings { sampling: Sampling::Corner, ..scene.film };
+    let job = Job::new(camera, film, IntegratorSettings { max_depth: 5, ..scene.integrator });
+    let world = World::build(scene).map_err(|e| e.to_string())?;
+    Ok(render(&world, &job, &()).map_err(|e| e.to_string())?.counts)
+}
+
+/// The view at 513 × 513 so that the corners of its pixels are those of the 512 × 512 pixels of the given one: the window
+/// grows by one pixel and moves by half of one.
+fn corners_of_512(view: &View) -> Result<Camera, CameraError> {
+    let grown = 513.0 / 512.0;
+    let half = view.intrinsics.fovy.to_radians() / 2.0;
+    let fovy = (half.tan() * grown).atan().to_degrees() * 2.0;
+    let shift = [0.5 / 513.0; 2];
+    Camera::new(&Intrinsics { width: 513, height: 513, fovy, shift, ..view.intrinsics }, &view.extrinsics)
+}
