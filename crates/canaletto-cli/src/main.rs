@@ -1,2 +1,102 @@
-//! x
-fn main(){}
+//! The command `canaletto`: renders scenes, explains their pixels, compares pictures.
+//!
+//! [`command`] has a file for each subcommand; flags that several share are in [`flags`], and [`settings`] is the one
+//! place that says what they mean. Every failure is a [`failure::Failure`], said once, here.
+#![forbid(unsafe_code)]
+
+mod command;
+mod exit;
+mod failure;
+mod flags;
+mod interrupt;
+mod layers;
+#[cfg(test)]
+mod manual;
+mod output;
+mod progress;
+mod report;
+mod settings;
+mod source;
+mod stdout;
+mod terminal;
+mod words;
+
+use clap::{CommandFactory, Parser, Subcommand};
+use command::{check, compare, completions, explain, info, man, render};
+use exit::Exit;
+use failure::Failure;
+use std::process::ExitCode;
+
+/// A ray tracer that explains every pixel.
+///
+/// Canaletto renders scenes in its own text (.kdl) and models (.obj, .ply, .nff) on the processor: the same picture on
+/// every machine, and every pixel can be explained term by term.
+#[derive(Parser, Debug)]
+#[command(
+    name = "canaletto",
+    version,
+    arg_required_else_help = true,
+    max_term_width = 110,
+    after_help = EXAMPLES,
+    after_long_help = format!("{EXAMPLES}\n\n{}", Exit::table())
+)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  canaletto render scene.kdl                     # makes scene.png in the current folder
+  canaletto render model.ply -o model.exr        # finds camera, light and ground for a model
+  canaletto explain scene.kdl --pixel 115,80     # why this pixel has this colour
+  canaletto compare a.png b.exr --diff diff.png
+`canaletto help render` tells all about a command.";
+
+#[derive(Subcommand, Debug)]
+enum Command {
+    Render(Box<render::RenderFlags>),
+    Explain(Box<explain::ExplainFlags>),
+    Info(info::InfoFlags),
+    Compare(compare::CompareFlags),
+    Check(check::CheckFlags),
+    Completions(completions::CompletionsFlags),
+    Man(man::ManFlags),
+}
+
+fn main() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(e) => {
+            // Help, the version, or a wrong command line; a reader who stops reading is no failure.
+            let _ = e.print();
+            return u8::try_from(e.exit_code()).map_or(Exit::Usage.into(), ExitCode::from);
+        }
+    };
+    match run(&cli.command) {
+        Ok(exit) => exit.into(),
+        Err(failure) => {
+            failure.print(cli.command.speaks_json());
+            failure.exit().into()
+        }
+    }
+}
+
+fn run(command: &Command) -> Result<Exit, Failure> {
+    match command {
+        Command::Render(flags) => render::run(flags),
+        Command::Explain(flags) => explain::run(flags),
+        Command::Info(flags) => info::run(flags),
+        Command::Compare(flags) => compare::run(flags),
+        Command::Check(flags) => check::run(flags),
+        Command::Completions(flags) => completions::run(flags, Cli::command()),
+        Command::Man(flags) => man::run(flags, Cli::command()),
+    }
+}
+
+impl Command {
+    /// Whether stderr is read by a program.
+    fn speaks_json(&self) -> bool {
+        matches!(self, Command::Render(flags) if flags.progress == progress::ProgressFlag::Json)
+    }
+}

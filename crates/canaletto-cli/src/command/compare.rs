@@ -1,0 +1,287 @@
+//! `canaletto compare`: how much two pictures differ.
+
+use crate::exit::Exit;
+use crate::failure::{Failure, reason};
+use crate::flags::TransferFlag;
+use crate::output::{unfit, write_file};
+use crate::settings::nearest;
+use crate::stdout::{print, print_json};
+use canaletto::scene::Transfer;
+use canaletto_io::picture::{
+    Comparison, Decoded, Depth, Image, PIXELS_PER_DEGREE, Unequal, compare, decode, decode_srgb, difference,
+    encode_exr, encode_png, encode_srgb,
+};
+use clap::Args;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+/// Compares two pictures, PNG or EXR: RMSE, PSNR, the largest difference and where it is, SSIM, FLIP.
+///
+/// Pictures are compared as they are seen, with values from 0 to 1. A PNG is taken as it is stored. An EXR is cut to 0
+/// to 1, given the curve of the PNG it is compared with (sRGB if that says nothing, or if both are EXR) and rounded to its
+/// bits.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct CompareFlags {
+    /// The one picture: the reference
+    #[arg(value_name = "A")]
+    pub a: PathBuf,
+
+    /// The other picture
+    #[arg(value_name = "B")]
+    pub b: PathBuf,
+
+    /// Exit code 4 if the pictures differ by more; may be repeated
+    ///
+    /// METRIC is rmse, mse, max, flip or differing (pixels), which may not be larger, or psnr or ssim, which may not be
+    /// smaller.
+    #[arg(short, long, value_name = "METRIC=VALUE", value_parser = threshold)]
+    pub threshold: Vec<Threshold>,
+
+    /// Writes a picture of the differences, PNG or EXR
+    #[arg(long, value_name = "PATH")]
+    pub diff: Option<PathBuf>,
+
+    /// Multiplies the differences in a PNG [default: what makes the largest white]
+    #[arg(long, value_name = "FACTOR", requires = "diff")]
+    pub diff_scale: Option<f32>,
+
+    /// Compares linear light: an EXR as it is, a PNG without its curve; SSIM and FLIP stay as they are seen
+    #[arg(long)]
+    pub linear: bool,
+
+    /// The curve of pictures that don't tell theirs
+    #[arg(long, value_name = "CURVE", default_value = "srgb")]
+    pub transfer: TransferFlag,
+
+    /// Prints JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  canaletto compare old.png new.png --diff diff.png
+  canaletto compare a.exr b.exr --linear --threshold rmse=0.001 --threshold max=0.1
+  canaletto compare a.png b.png --json | jq .flip";
+
+/// A limit for a metric.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Threshold {
+    metric: Metric,
+    limit: f64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Metric {
+    Rmse,
+    Mse,
+    Psnr,
+    Max,
+    Differing,
+    Ssim,
+    Flip,
+}
+
+impl Metric {
+    const ALL: [(Metric, &'static str); 7] = [
+        (Metric::Rmse, "rmse"),
+        (Metric::Mse, "mse"),
+        (Metric::Psnr, "psnr"),
+        (Metric::Max, "max"),
+        (Metric::Differing, "differing"),
+        (Metric::Ssim, "ssim"),
+        (Metric::Flip, "flip"),
+    ];
+
+    fn name(self) -> &'static str {
+        Metric::ALL[self as usize].1
+    }
+
+    /// Whether larger numbers mean that pictures are more alike.
+    fn rises(self) -> bool {
+        matches!(self, Metric::Psnr | Metric::Ssim)
+    }
+
+    fn of(self, result: &Comparison) -> Option<f64> {
+        Some(match self {
+            Metric::Rmse => result.rmse,
+            Metric::Mse => result.mse,
+            Metric::Psnr => result.psnr,
+            Metric::Max => result.max.value,
+            Metric::Differing => result.differing as f64,
+            Metric::Ssim => return result.ssim,
+            Metric::Flip => result.flip,
+        })
+    }
+}
+
+fn threshold(text: &str) -> Result<Threshold, String> {
+    let (name, value) = text.split_once('=').ok_or("write a metric and a number with = between, such as rmse=0.01")?;
+    let names = Metric::ALL.map(|(_, name)| name);
+    let metric = Metric::ALL.iter().find(|(_, n)| *n == name).map(|(metric, _)| *metric).ok_or_else(|| {
+        nearest(name, &names)
+            .map_or_else(|| format!("the metrics are {}", names.join(", ")), |near| format!("did you mean {near}?"))
+    })?;
+    let limit: f64 = value.parse().map_err(|_| format!("\"{value}\" isn't a number"))?;
+    if limit.is_nan() { Err("the limit isn't a number".into()) } else { Ok(Threshold { metric, limit }) }
+}
+
+/// Runs the command.
+pub(crate) fn run(flags: &CompareFlags) -> Result<Exit, Failure> {
+    let (a, b) = (read(&flags.a)?, read(&flags.b)?);
+    let (curve_a, curve_b) = (a.curve(), b.curve());
+    let default = flags.transfer.into();
+    let seen_a = a.seen(curve_a.or(curve_b).unwrap_or(default), b.steps());
+    let seen_b = b.seen(curve_b.or(curve_a).unwrap_or(default), a.steps());
+    let wrong =
+        |e: Unequal| Failure::new(Exit::Failed, format!("{} and {}: {e}", flags.a.display(), flags.b.display()));
+    let mut result = compare(&seen_a, &seen_b, PIXELS_PER_DEGREE).map_err(wrong)?;
+    let (compared_a, compared_b) = if flags.linear {
+        let pair = (a.linear(curve_a.unwrap_or(default)), b.linear(curve_b.unwrap_or(default)));
+        let light = compare(&pair.0, &pair.1, PIXELS_PER_DEGREE).map_err(wrong)?;
+        result = Comparison { ssim: result.ssim, flip: result.flip, ..light };
+        pair
+    } else {
+        (seen_a, seen_b)
+    };
+    let scale = match &flags.diff {
+        Some(path) => Some(write_difference(flags, path, &compared_a, &compared_b, result.max.value)?),
+        None => None,
+    };
+    let exceeded = exceeded(&flags.threshold, &result)?;
+    if flags.json {
+        let mut value = json!(result);
+        value["linear"] = json!(flags.linear);
+        value["exceeded"] = json!(exceeded.iter().map(|t| t.metric.name()).collect::<Vec<_>>());
+        print_json(&value)?;
+    } else {
+        print(&text(&result, &compared_a))?;
+        if let (Some(path), Some(scale)) = (&flags.diff, scale) {
+            print(&format!("diff       {}, differences x {scale}\n", path.display()))?;
+        }
+        for Threshold { metric, limit } in &exceeded {
+            let side = if metric.rises() { "under" } else { "over" };
+            print(&format!("{} is {side} the threshold {limit}\n", metric.name()))?;
+        }
+    }
+    Ok(if exceeded.is_empty() { Exit::Done } else { Exit::Threshold })
+}
+
+fn exceeded<'a>(thresholds: &'a [Threshold], result: &Comparison) -> Result<Vec<&'a Threshold>, Failure> {
+    let mut list = Vec::new();
+    for threshold in thresholds {
+        let value = threshold.metric.of(result).ok_or_else(|| {
+            Failure::usage("--threshold ssim: the pictures are smaller than its window of 11 x 11 pixels")
+        })?;
+        let holds = if threshold.metric.rises() { value >= threshold.limit } else { value <= threshold.limit };
+        if !holds {
+            list.push(threshold);
+        }
+    }
+    Ok(list)
+}
+
+fn text(result: &Comparison, image: &Image) -> String {
+    if result.differing == 0 {
+        return "the pictures are equal\n".into();
+    }
+    let pixels = u64::from(image.width) * u64::from(image.height);
+    let max = &result.max;
+    let percent = result.differing as f64 * 100.0 / pixels as f64;
+    let ssim = result.ssim.map_or("undefined under 11 x 11 pixels".to_owned(), |v| format!("{v:.6}"));
+    format!(
+        "rmse       {:.6}\npsnr       {:.2} dB\nmax        {:.6} at {},{} in {}\ndiffering  {} of {pixels} pixels ({percent:.2}%)\n\
+         ssim       {ssim}\nflip       {:.6}\n",
+        result.rmse, result.psnr, max.value, max.x, max.y, max.channel, result.differing, result.flip
+    )
+}
+
+/// A picture from a file.
+struct Input {
+    decoded: Decoded,
+    /// Linear light in floats, not display values.
+    is_exr: bool,
+}
+
+fn read(path: &Path) -> Result<Input, Failure> {
+    let failed = |why: String| Failure::new(Exit::Failed, format!("can't read {}: {why}", path.display()));
+    let bytes = std::fs::read(path).map_err(|e| failed(reason(&e)))?;
+    let decoded = decode(&bytes).map_err(|e| failed(e.to_string()))?;
+    Ok(Input { decoded, is_exr: !bytes.starts_with(b"\x89PNG") })
+}
+
+impl Input {
+    /// How a PNG's numbers are encoded, if it tells; our own always do.
+    fn curve(&self) -> Option<Transfer> {
+        if self.is_exr {
+            return None;
+        }
+        let text = self.decoded.metadata.iter().find(|(key, _)| key == "transfer").map(|(_, value)| value.as_str());
+        match text {
+            Some("none") => Some(Transfer::None),
+            Some("srgb") => Some(Transfer::Srgb),
+            _ => self.decoded.transfer,
+        }
+    }
+
+    /// The largest number that a PNG holds.
+    fn steps(&self) -> Option<f32> {
+        (!self.is_exr).then_some(if self.decoded.bits > 8 { 65535.0 } else { 255.0 })
+    }
+
+    /// The picture as it is seen; an EXR in as many steps as the PNG it is compared with.
+    fn seen(&self, curve: Transfer, steps: Option<f32>) -> Image {
+        let image = self.decoded.image.clone();
+        if !self.is_exr {
+            return image;
+        }
+        image.map_color(|v| {
+            let v = if v.is_nan() { v } else { v.clamp(0.0, 1.0) };
+            let v = if curve == Transfer::Srgb { encode_srgb(v) } else { v };
+            steps.map_or(v, |steps| (v * steps).round() / steps)
+        })
+    }
+
+    /// The picture in linear light.
+    fn linear(self, curve: Transfer) -> Image {
+        let image = self.decoded.image;
+        if self.is_exr || curve == Transfer::None { image } else { image.map_color(decode_srgb) }
+    }
+}
+
+/// Writes the picture of differences; returns the factor it was made with.
+fn write_difference(flags: &CompareFlags, path: &Path, a: &Image, b: &Image, max: f64) -> Result<f32, Failure> {
+    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+    let exr = match extension.as_deref() {
+        Some("exr") => true,
+        Some("png") => false,
+        _ => return Err(Failure::usage(format!("--diff {}: end the name in .png or .exr", path.display()))),
+    };
+    let largest = if max > 0.0 && max.is_finite() { (1.0 / max) as f32 } else { 1.0 };
+    let scale = flags.diff_scale.unwrap_or(if exr { 1.0 } else { largest });
+    let image = difference(a, b, scale).map_err(|e| Failure::new(Exit::Failed, e))?;
+    let texts = [("scale".to_owned(), scale.to_string())];
+    let bytes = if exr { encode_exr(&image, &texts) } else { encode_png(&image, Depth::Eight, Transfer::None, &texts) };
+    write_file(path, false, &bytes.map_err(|e| unfit(&e))?)?;
+    Ok(scale)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn metrics_are_in_order() {
+        for (index, (metric, name)) in Metric::ALL.iter().enumerate() {
+            assert_eq!((*metric as usize, metric.name()), (index, *name));
+        }
+    }
+
+    #[test]
+    fn thresholds_are_told_apart() {
+        assert_eq!(threshold("rmse=0.01"), Ok(Threshold { metric: Metric::Rmse, limit: 0.01 }));
+        assert_eq!(threshold("pnsr=30").unwrap_err(), "did you mean psnr?");
+        assert!(threshold("rmse").is_err() && threshold("rmse=x").is_err() && threshold("max=nan").is_err());
+    }
+}

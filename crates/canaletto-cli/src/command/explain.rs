@@ -1,0 +1,82 @@
+//! `canaletto explain`: the tree of rays behind a pixel.
+
+use crate::exit::Exit;
+use crate::failure::{Failure, print_diagnostics};
+use crate::flags::{PictureFlags, SourceFlags, pixel};
+use crate::settings::Settings;
+use crate::source::{Source, build, on_threads};
+use crate::stdout::print;
+use canaletto::explain::{PixelTree, explain};
+use canaletto::math::Rgb;
+use canaletto::render::Job;
+use clap::Args;
+use serde::Serialize;
+
+/// Explains a pixel: the tree of rays behind it, with every term of the shading equation as a number.
+///
+/// The terms add up to the pixel's colour in linear light, bit for bit: what an EXR holds there.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct ExplainFlags {
+    #[command(flatten)]
+    pub source: SourceFlags,
+
+    /// The pixel, as image viewers count: column and row from the top left, from 0
+    #[arg(short, long, value_name = "X,Y", value_parser = pixel, help_heading = "Pixel")]
+    pub pixel: [u32; 2],
+
+    /// Counts rows from the bottom, as textbooks do
+    #[arg(long, help_heading = "Pixel")]
+    pub y_up: bool,
+
+    /// The frame, as of `render --frames`
+    #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Pixel")]
+    pub frame: u32,
+
+    #[command(flatten)]
+    pub picture: PictureFlags,
+
+    /// Prints JSON, with the sum of all terms as `sum`
+    #[arg(long, help_heading = "Messages")]
+    pub json: bool,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  canaletto explain fig-5.23b-shadow.kdl --pixel 115,80
+  canaletto explain fig-5.23b-shadow.kdl --pixel 115,149 --y-up    # the same pixel of 230 rows
+  canaletto explain glass.kdl --pixel 60,40 --json | jq .sum";
+
+/// A tree with its sum.
+#[derive(Serialize)]
+struct WithSum<'a> {
+    #[serde(flatten)]
+    tree: &'a PixelTree,
+    sum: Rgb,
+}
+
+/// Runs the command.
+pub(crate) fn run(flags: &ExplainFlags) -> Result<Exit, Failure> {
+    let tree = on_threads(flags.source.threads, || tree(flags))??;
+    if flags.json {
+        let json = serde_json::to_string_pretty(&WithSum { sum: tree.sum(), tree: &tree })
+            .map_err(|e| Failure::new(Exit::Failed, format!("the tree can't be written as JSON: {e}")))?;
+        print(&(json + "\n"))?;
+    } else {
+        print(&tree.to_string())?;
+    }
+    Ok(Exit::Done)
+}
+
+fn tree(flags: &ExplainFlags) -> Result<PixelTree, Failure> {
+    let source = Source::read(&flags.source)?;
+    print_diagnostics(&source.warnings, false);
+    let settings = Settings::new(&source.name, &source.scene, &flags.picture)?;
+    let (world, _) = build(&source.name, source.scene)?;
+    let job = Job { frame: flags.frame, ..settings.job };
+    let [x, y] = flags.pixel;
+    let [_, height] = job.camera.size();
+    // A row that doesn't exist stays one that doesn't, so that the message tells the user's own number.
+    let row = if flags.y_up && y < height { height - 1 - y } else { y };
+    explain(&world, &job, x, row).map_err(|e| Failure::usage(format!("--pixel: {e}")))
+}

@@ -1,0 +1,190 @@
+//! `canaletto info`: what a scene is made of.
+
+use crate::exit::Exit;
+use crate::failure::{Failure, print_diagnostics};
+use crate::flags::SourceFlags;
+use crate::source::{Source, UsedFile, build, on_threads};
+use crate::stdout::{print, print_json};
+use crate::words::{bytes, count, duration, plural};
+use canaletto::light::Light;
+use canaletto::material::Material;
+use canaletto::math::Rgb;
+use canaletto::scene::View;
+use canaletto::world::{Census, World};
+use clap::Args;
+use serde_json::json;
+use std::time::Duration;
+
+/// Tells what a scene or model is made of: files, counts, bounds, memory, cameras, lights and materials.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct InfoFlags {
+    #[command(flatten)]
+    pub source: SourceFlags,
+
+    /// Prints JSON
+    #[arg(long, help_heading = "Messages")]
+    pub json: bool,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  canaletto info bunny.ply
+  canaletto info shot.kdl --json | jq .census.primitives";
+
+/// All that is told.
+struct Info {
+    name: String,
+    files: Vec<UsedFile>,
+    views: Vec<View>,
+    materials: Vec<Material>,
+    world: World,
+    read: Duration,
+    build: Duration,
+}
+
+/// Runs the command.
+pub(crate) fn run(flags: &InfoFlags) -> Result<Exit, Failure> {
+    let info = on_threads(flags.source.threads, || {
+        let source = Source::read(&flags.source)?;
+        print_diagnostics(&source.warnings, false);
+        let Source { name, scene, files, time: read, .. } = source;
+        let (views, materials) = (scene.views.clone(), scene.materials.clone());
+        let (world, build) = build(&name, scene)?;
+        Ok::<Info, Failure>(Info { name, files, views, materials, world, read, build })
+    })??;
+    if flags.json {
+        print_json(&info.json())?
+    } else {
+        print(&info.text())?
+    };
+    Ok(Exit::Done)
+}
+
+impl Info {
+    /// Lowest and highest corner of what has bounds.
+    fn bounds(&self) -> Option<[[f32; 3]; 2]> {
+        let bounds = self.world.bounds();
+        (!bounds.is_empty()).then(|| [bounds.min.to_array(), bounds.max.to_array()])
+    }
+
+    fn json(&self) -> serde_json::Value {
+        json!({
+            "scene": self.name,
+            "files": self.files,
+            "census": self.world.census(),
+            "bounds": self.bounds(),
+            "background": self.world.background,
+            "ambient": self.world.ambient,
+            "cameras": self.views,
+            "lights": self.world.lights,
+            "materials": self.materials,
+            "seconds": { "read": self.read.as_secs_f64(), "build": self.build.as_secs_f64() },
+        })
+    }
+
+    fn text(&self) -> String {
+        let mut rows: Vec<(&str, String)> = Vec::new();
+        rows.push(("scene", self.name.clone()));
+        let files = self.files.iter().map(|used| format!("{}, {}", used.file, bytes(used.bytes)));
+        several(&mut rows, "files", files);
+        let census = self.world.census();
+        rows.push(("contents", contents(&census)));
+        rows.push(("memory", bytes(census.bytes)));
+        if let Some([low, high]) = self.bounds() {
+            rows.push(("bounds", format!("{} to {}", vector(low), vector(high))));
+        }
+        rows.push(("background", rgb(self.world.background)));
+        rows.push(("ambient", rgb(self.world.ambient)));
+        several(&mut rows, "cameras", self.views.iter().map(camera));
+        several(&mut rows, "lights", self.world.lights.iter().map(light));
+        several(&mut rows, "materials", self.materials.iter().map(material));
+        rows.push(("time", format!("read {}, build {}", duration(self.read), duration(self.build))));
+        rows.iter().map(|(name, text)| format!("{name:<12}{text}\n")).collect()
+    }
+}
+
+/// A row for each of several things, the name before the first. Long lists are cut.
+fn several(rows: &mut Vec<(&'static str, String)>, name: &'static str, items: impl ExactSizeIterator<Item = String>) {
+    const MOST: usize = 20;
+    let total = items.len();
+    if total == 0 {
+        rows.push((name, "none".into()));
+    }
+    for (index, text) in items.take(MOST).enumerate() {
+        rows.push((if index == 0 { name } else { "" }, text));
+    }
+    if total > MOST {
+        rows.push(("", format!("... and {} more", count((total - MOST) as u64))));
+    }
+}
+
+fn contents(census: &Census) -> String {
+    let stored = [
+        (census.shapes, "single shape"),
+        (census.triangles, "triangle"),
+        (census.cloud_spheres, "sphere of clouds"),
+        (census.cloud_cylinders, "cylinder of clouds"),
+    ];
+    let stored: Vec<String> = stored
+        .iter()
+        .filter(|(n, _)| *n > 0)
+        .map(|(n, noun)| match noun.split_once(' ') {
+            Some((first, "of clouds")) => format!("{} of clouds", plural(*n, first)),
+            _ => plural(*n, noun),
+        })
+        .collect();
+    let stored = if stored.is_empty() { "nothing".to_owned() } else { stored.join(", ") };
+    let objects = plural(census.objects, "object");
+    if census.primitives > census.shapes + census.triangles + census.cloud_spheres + census.cloud_cylinders {
+        format!("{objects}: {stored}; instances make them {}", plural(census.primitives, "primitive"))
+    } else {
+        format!("{objects}: {stored}")
+    }
+}
+
+fn camera(view: &View) -> String {
+    let (i, e) = (&view.intrinsics, &view.extrinsics);
+    let point = |p: [f64; 3]| format!("({}, {}, {})", short(p[0]), short(p[1]), short(p[2]));
+    format!(
+        "\"{}\": eye {}, center {}, fovy {}, {} x {} pixels",
+        view.name,
+        point(e.eye.to_array()),
+        point(e.center.to_array()),
+        short(i.fovy),
+        i.width,
+        i.height
+    )
+}
+
+fn light(light: &Light) -> String {
+    let name = light.name.as_ref().map_or_else(String::new, |name| format!("\"{name}\": "));
+    let points = if light.points() > 1 { format!(", {} points", light.points()) } else { String::new() };
+    let shadows = if light.shadows { "" } else { ", no shadows" };
+    format!("{name}{}, intensity {}{points}{shadows}", light.kind_name(), rgb(light.intensity))
+}
+
+fn material(material: &Material) -> String {
+    let m = &material.phong;
+    let mut text = format!("\"{}\": kd {}, ks {}, n {}", material.name, rgb(m.kd), rgb(m.ks), m.n);
+    if !m.k.is_black() {
+        text += &format!(", k {}", rgb(m.k));
+    }
+    if m.opacity < 1.0 {
+        text += &format!(", opacity {}, eta {}", m.opacity, m.eta);
+    }
+    text
+}
+
+/// At most six digits that count.
+fn short(v: f64) -> f64 {
+    format!("{v:.5e}").parse().unwrap_or(v)
+}
+
+fn rgb(c: Rgb) -> String {
+    format!("({}, {}, {})", c.r, c.g, c.b)
+}
+
+fn vector(v: [f32; 3]) -> String {
+    format!("({}, {}, {})", v[0], v[1], v[2])
+}

@@ -1,0 +1,319 @@
+//! `canaletto render`: from a scene to pictures.
+
+use crate::exit::Exit;
+use crate::failure::{Failure, eprint_line, print_diagnostics};
+use crate::flags::{PictureFlags, SourceFlags};
+use crate::interrupt;
+use crate::layers::{self, MAPPINGS};
+use crate::output::{Format, Frames, Output, OutputFlags, unfit};
+use crate::progress::{ProgressFlag, Style, Watch, emit};
+use crate::report::{Report, Times};
+use crate::settings::{Settings, list, metadata, nearest, sampling_words};
+use crate::source::{Source, build, on_threads};
+use crate::stdout::print;
+use crate::terminal::Paint;
+use crate::words::{bytes, count, plural};
+use canaletto::render::{Aov, Job, Rendering};
+use canaletto::scene::{Stage, Transfer};
+use canaletto::world::World;
+use canaletto_io::picture::{Image, encode_exr, encode_png};
+use clap::Args;
+use serde_json::json;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Renders a scene or a model to a picture.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXAMPLES, after_long_help = long_help())]
+pub(crate) struct RenderFlags {
+    #[command(flatten)]
+    pub source: SourceFlags,
+    #[command(flatten)]
+    pub output: OutputFlags,
+    #[command(flatten)]
+    pub picture: PictureFlags,
+
+    /// Renders frames A to B, each with random numbers of its own
+    #[arg(long, value_name = "A-B", value_parser = Frames::parse, help_heading = "Output")]
+    pub frames: Option<Frames>,
+
+    /// Extra layers beside the picture, such as normal,depth, or all
+    #[arg(long, value_name = "LAYERS", value_delimiter = ',', value_parser = aov, help_heading = "Output")]
+    pub aov: Vec<Layers>,
+
+    /// The side of the squares that threads work on, in pixels; changes no picture
+    #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u32).range(1..=4096),
+        hide_short_help = true, help_heading = "Output")]
+    pub tile: u32,
+
+    /// How progress is shown, on stderr
+    #[arg(long, value_name = "HOW", default_value = "auto", help_heading = "Messages")]
+    pub progress: ProgressFlag,
+
+    /// Says nothing but errors
+    #[arg(short, long, help_heading = "Messages")]
+    pub quiet: bool,
+
+    /// Reads and builds everything, says what would be rendered, and writes nothing
+    #[arg(long, help_heading = "Messages")]
+    pub dry_run: bool,
+}
+
+/// The names of one item of --aov.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Layers {
+    All,
+    One(Aov),
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  canaletto render shadow.kdl                                # makes shadow.png here
+  canaletto render bunny.ply -o bunny.png --size 1600x1200 --samples 16
+  canaletto render shot.kdl -o shot.exr --aov normal,depth   # layers in the same file
+  canaletto render shot.kdl -o out/shot.####.png --frames 1-100
+  canaletto render shot.kdl --set camera.fovy=40 -o - | display";
+
+fn long_help() -> String {
+    format!(
+        "{EXAMPLES}\n\n{MAPPINGS}\n\nCtrl-C stops rendering and saves the picture so far; a second one exits at once."
+    )
+}
+
+fn aov(text: &str) -> Result<Layers, String> {
+    if text == "all" {
+        return Ok(Layers::All);
+    }
+    Aov::from_name(text).map(Layers::One).ok_or_else(|| {
+        let names = Aov::ALL.map(|(_, name, _)| name);
+        match nearest(text, &names) {
+            Some(near) => format!("did you mean {near}?"),
+            None => format!("the layers are {}, and all", names.join(", ")),
+        }
+    })
+}
+
+/// What `render` does, all flags understood.
+struct Plan {
+    output: Output,
+    frames: Frames,
+    /// Whether frames were asked for.
+    numbered: bool,
+    aovs: Vec<Aov>,
+    style: Style,
+}
+
+impl Plan {
+    fn new(flags: &RenderFlags) -> Result<Plan, Failure> {
+        let stem = flags.source.scene.file_stem().map_or_else(|| "picture".into(), |s| s.to_string_lossy());
+        let output = Output::new(&flags.output, &stem, flags.frames)?;
+        let mut aovs: Vec<Aov> = Vec::new();
+        for layers in &flags.aov {
+            let named = match layers {
+                Layers::All => Aov::ALL.map(|(aov, ..)| aov).to_vec(),
+                Layers::One(aov) => vec![*aov],
+            };
+            for aov in named {
+                if !aovs.contains(&aov) {
+                    aovs.push(aov);
+                }
+            }
+        }
+        if output.is_stdout() && output.format == Format::Png && !aovs.is_empty() {
+            return Err(Failure::usage("--aov with PNG writes several files, but --output - takes one")
+                .help("--format exr holds all layers in one file"));
+        }
+        let style = Style::new(flags.progress, flags.quiet);
+        Ok(Plan {
+            output,
+            frames: flags.frames.unwrap_or(Frames::STILL),
+            numbered: flags.frames.is_some(),
+            aovs,
+            style,
+        })
+    }
+
+    /// The files of a frame, the picture first.
+    fn files(&self, frame: u32) -> Vec<PathBuf> {
+        let mut files = vec![self.output.path(frame)];
+        if self.output.format == Format::Png {
+            files.extend(self.aovs.iter().map(|aov| self.output.layer_path(frame, aov.name())));
+        }
+        files
+    }
+}
+
+/// Runs the command.
+pub(crate) fn run(flags: &RenderFlags) -> Result<Exit, Failure> {
+    let plan = Plan::new(flags)?;
+    plan.output.check(plan.frames.iter().flat_map(|frame| plan.files(frame)))?;
+    interrupt::install(plan.style == Style::Json);
+    on_threads(flags.source.threads, || on_pool(flags, &plan))?
+}
+
+fn on_pool(flags: &RenderFlags, plan: &Plan) -> Result<Exit, Failure> {
+    let source = Source::read(&flags.source)?;
+    if !flags.quiet {
+        print_diagnostics(&source.warnings, plan.style == Style::Json);
+    }
+    let settings = Settings::new(&source.name, &source.scene, &flags.picture)?;
+    let texts = metadata(&flags.source, &settings);
+    let job = Job { aovs: plan.aovs.clone(), tile: flags.tile, ..settings.job.clone() };
+    let Source { name, scene, files, time, .. } = source;
+    let (world, build_time) = build(&name, scene)?;
+    let times = Times { read: time.as_secs_f64(), build: build_time.as_secs_f64(), ..Times::default() };
+    if flags.dry_run {
+        return dry_run(flags, plan, &settings, &world, files.len());
+    }
+    let _rendering = interrupt::Rendering::begin();
+    for frame in plan.frames.iter() {
+        let job = Job { frame, ..job.clone() };
+        let [_, _, width, height] = job.window();
+        let label = if plan.numbered {
+            format!("frame {frame} of {}-{}  ", plan.frames.first, plan.frames.last)
+        } else {
+            String::new()
+        };
+        if plan.style == Style::Json {
+            emit(&json!({
+                "event": "start", "scene": name, "camera": settings.camera, "frame": frame,
+                "frames": [plan.frames.first, plan.frames.last], "size": [width, height],
+                "pixels": u64::from(width) * u64::from(height), "threads": rayon::current_num_threads(),
+                "files": plan.files(frame),
+            }));
+        }
+        let watch = Watch::begin(plan.style, frame, label, u64::from(width) * u64::from(height));
+        let rendered = canaletto::render::render(&world, &job, &watch);
+        let render_time = watch.finish();
+        let rendering = rendered.map_err(|e| Failure::new(Exit::Scene, format!("{name}: {e}")))?;
+        let start = Instant::now();
+        // A black picture is worth nothing, and might replace a good one.
+        let files =
+            if rendering.pixels_done > 0 { save(plan, &job, &world, &rendering, texts.clone())? } else { Vec::new() };
+        let rays_total = rendering.counts.total();
+        let seconds = Times { render: render_time.as_secs_f64(), write: start.elapsed().as_secs_f64(), ..times };
+        let report = Report {
+            event: "done",
+            frame,
+            complete: rendering.complete,
+            pixels_done: rendering.pixels_done,
+            pixels: u64::from(width) * u64::from(height),
+            files,
+            size: [width, height],
+            primitives: world.census().primitives,
+            rays: rendering.counts,
+            rays_total,
+            rays_per_second: (rays_total as f64 / seconds.render.max(1e-9)).round(),
+            threads: rayon::current_num_threads(),
+            seconds,
+        };
+        let last = frame == plan.frames.last;
+        match plan.style {
+            Style::Json => emit(&report),
+            _ if flags.quiet => {}
+            _ => eprint_line(&report.text(&sampling_words(job.film.sampling))),
+        }
+        if !rendering.complete || (interrupt::requested() && !last) {
+            if plan.style != Style::Json {
+                eprint_line(&interrupted(&report));
+            }
+            return Ok(Exit::Interrupted);
+        }
+    }
+    Ok(Exit::Done)
+}
+
+fn interrupted(report: &Report) -> String {
+    let paint = Paint::stderr().yellow("interrupted:");
+    let percent = report.pixels_done * 100 / report.pixels.max(1);
+    match report.files.first() {
+        _ if report.complete => format!("{paint} frame {} is finished, the rest isn't rendered", report.frame),
+        Some(file) => {
+            let file = if file == "-" { "the standard output" } else { file };
+            format!("{paint} {percent}% of the picture is rendered; {file} has it, the rest is black")
+        }
+        None => format!("{paint} no part of the picture was finished, so nothing is written"),
+    }
+}
+
+/// Writes a picture and its layers; returns the files' names.
+fn save(
+    plan: &Plan,
+    job: &Job,
+    world: &World,
+    rendering: &Rendering,
+    mut texts: Vec<(String, String)>,
+) -> Result<Vec<String>, Failure> {
+    texts.push(("frame".into(), job.frame.to_string()));
+    if !rendering.complete {
+        texts.push(("unfinished".into(), "interrupted; black parts aren't rendered".into()));
+    }
+    let (picture, film) = (&rendering.picture, &job.film);
+    let files = plan.files(job.frame);
+    if plan.output.format == Format::Exr {
+        let data = encode_exr(&layers::linear(picture), &texts).map_err(|e| unfit(&e))?;
+        plan.output.write(&files[0], &data)?;
+    } else {
+        let png = |image: &Image, transfer, texts: &[_]| {
+            encode_png(image, plan.output.depth, transfer, texts).map_err(|e| unfit(&e))
+        };
+        plan.output.write(&files[0], &png(&layers::developed(picture, film), film.transfer, &texts)?)?;
+        for (layer, file) in picture.layers.iter().zip(&files[1..]) {
+            let (image, transfer) = layers::to_image(layer, picture, film, &world.bounds());
+            texts.push(("layer".into(), layer.name.into()));
+            plan.output.write(file, &png(&image, transfer, &texts)?)?;
+            texts.pop();
+        }
+    }
+    Ok(files.iter().map(|file| file.display().to_string()).collect())
+}
+
+fn dry_run(
+    flags: &RenderFlags,
+    plan: &Plan,
+    settings: &Settings,
+    world: &World,
+    files: usize,
+) -> Result<Exit, Failure> {
+    let (job, census) = (&settings.job, world.census());
+    let [_, _, width, height] = job.window();
+    let first = plan.files(plan.frames.first);
+    if plan.style == Style::Json {
+        emit(&json!({
+            "event": "plan", "scene": flags.source.scene, "camera": settings.camera, "size": [width, height],
+            "frames": [plan.frames.first, plan.frames.last], "files": first, "census": census,
+        }));
+        return Ok(Exit::Done);
+    }
+    let integrator = &job.integrator;
+    let stage = Stage::ALL.iter().find(|(stage, _)| *stage == integrator.stage).map_or("", |(_, name)| name);
+    let shadows = if integrator.shadows { "shadows" } else { "no shadows" };
+    let kind = match (plan.output.format, job.film.transfer) {
+        (Format::Exr, _) => "OpenEXR, linear".to_owned(),
+        (Format::Png, transfer) => format!(
+            "PNG, {} bits, {}",
+            flags.output.bits.as_deref().unwrap_or("8"),
+            if transfer == Transfer::Srgb { "sRGB" } else { "no transfer curve" }
+        ),
+    };
+    let names: Vec<String> = first.iter().map(|file| file.display().to_string()).collect();
+    let names = list(&names.iter().map(String::as_str).collect::<Vec<_>>()).replace('"', "");
+    let frames =
+        if plan.numbered { format!("; frames {} to {}", plan.frames.first, plan.frames.last) } else { String::new() };
+    print(&format!(
+        "scene     {}, {}\ncamera    {}, {width} x {height} pixels\nsampling  {}\nlight     stage {stage}, depth {}, {shadows}\n\
+         world     {}, {}, {}\noutput    {names} ({kind}){frames}\nnothing is rendered or written (--dry-run)\n",
+        flags.source.scene.display(),
+        plural(files as u64, "file"),
+        settings.camera,
+        sampling_words(job.film.sampling),
+        integrator.max_depth,
+        plural(census.primitives, "primitive"),
+        match census.light_points {
+            1 => "1 point of light".to_owned(),
+            n => format!("{} points of light", count(n)),
+        },
+        bytes(census.bytes),
+    ))?;
+    Ok(Exit::Done)
+}

@@ -1,0 +1,221 @@
+//! What goes wrong, said once: every command returns a [`Failure`], and `main` prints it.
+
+use crate::exit::Exit;
+use crate::terminal::Paint;
+use annotate_snippets::renderer::DecorStyle;
+use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
+use canaletto_io::diagnostic::{Diagnostic, Diagnostics, Severity};
+use serde_json::json;
+use std::fmt::Display;
+use std::io::{self, ErrorKind};
+
+/// Why a command stopped.
+#[derive(Debug)]
+pub(crate) enum Failure {
+    /// One sentence, and perhaps what would help.
+    Message {
+        /// How to exit.
+        exit: Exit,
+        /// What is wrong.
+        message: String,
+        /// What would be right.
+        help: Option<String>,
+    },
+    /// Mistakes in files.
+    Diagnostics(Diagnostics),
+    /// All has been said already.
+    Said(Exit),
+}
+
+impl Failure {
+    pub(crate) fn new(exit: Exit, message: impl Display) -> Failure {
+        Failure::Message { exit, message: message.to_string(), help: None }
+    }
+
+    /// A mistake on the command line.
+    pub(crate) fn usage(message: impl Display) -> Failure {
+        Failure::new(Exit::Usage, message)
+    }
+
+    /// The same failure with a hint.
+    pub(crate) fn help(mut self, hint: impl Display) -> Failure {
+        if let Failure::Message { help, .. } = &mut self {
+            *help = Some(hint.to_string());
+        }
+        self
+    }
+
+    /// A failure to write results to stdout. A reader who has seen enough is no failure.
+    pub(crate) fn stdout(error: &io::Error) -> Failure {
+        match error.kind() {
+            ErrorKind::BrokenPipe => Failure::Said(Exit::Done),
+            _ => Failure::new(Exit::Failed, format!("can't write to the standard output: {}", reason(error))),
+        }
+    }
+
+    pub(crate) fn exit(&self) -> Exit {
+        match self {
+            Failure::Message { exit, .. } | Failure::Said(exit) => *exit,
+            Failure::Diagnostics(_) => Exit::Scene,
+        }
+    }
+
+    /// Says it on stderr.
+    pub(crate) fn print(&self, json: bool) {
+        match self {
+            Failure::Said(_) => {}
+            _ if json => eprint_line(&self.json().to_string()),
+            Failure::Message { message, help, .. } => {
+                let paint = Paint::stderr();
+                eprint_line(&format!("{} {message}", paint.red("error:")));
+                if let Some(help) = help {
+                    eprint_line(&format!("{} {help}", paint.cyan("help:")));
+                }
+            }
+            Failure::Diagnostics(all) => print_diagnostics(all, false),
+        }
+    }
+
+    fn json(&self) -> serde_json::Value {
+        let mut event = json!({ "event": "error", "exit": self.exit().code() });
+        match self {
+            Failure::Message { message, help, .. } => {
+                event["message"] = json!(message);
+                event["help"] = json!(help);
+            }
+            Failure::Diagnostics(all) => event["diagnostics"] = json!(all),
+            Failure::Said(_) => {}
+        }
+        event
+    }
+}
+
+impl From<Diagnostics> for Failure {
+    fn from(all: Diagnostics) -> Failure {
+        Failure::Diagnostics(all)
+    }
+}
+
+/// What the system says, without its error number.
+pub(crate) fn reason(error: &io::Error) -> String {
+    let text = error.to_string();
+    text.split(" (os error").next().unwrap_or(&text).to_lowercase()
+}
+
+/// A line on stderr; nobody can be told if that fails.
+pub(crate) fn eprint_line(line: &str) {
+    use io::Write;
+    let _ = writeln!(io::stderr().lock(), "{line}");
+}
+
+/// Prints messages about files with the lines that they are about, then how many there are.
+pub(crate) fn print_diagnostics(all: &Diagnostics, json: bool) {
+    if json {
+        if !all.is_empty() {
+            eprint_line(&json!({ "event": "diagnostics", "diagnostics": all }).to_string());
+        }
+        return;
+    }
+    let paint = Paint::stderr();
+    let renderer = if paint.on() { Renderer::styled() } else { Renderer::plain() }.decor_style(DecorStyle::Ascii);
+    for diagnostic in all {
+        eprint_line(&show(all, diagnostic, &renderer));
+        eprint_line("");
+    }
+    let (errors, warnings) = (all.errors(), all.warnings());
+    if errors > 1 {
+        let more = if warnings > 0 { format!(" and {}", plural(warnings, "warning")) } else { String::new() };
+        eprint_line(&format!("{} {}{more}", paint.red("error:"), plural(errors, "error")));
+    }
+}
+
+/// "1 ray", "2 rays".
+pub(crate) fn plural(count: usize, noun: &str) -> String {
+    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
+}
+
+/// Lines longer than this are cut around the place by the plain rendering instead.
+const LONG_LINE: usize = 400;
+
+fn show(all: &Diagnostics, diagnostic: &Diagnostic, renderer: &Renderer) -> String {
+    let level = match diagnostic.severity {
+        Severity::Error => Level::ERROR,
+        Severity::Warning => Level::WARNING,
+    };
+    let mut group: Group = level.primary_title(diagnostic.message.as_str()).element(match excerpt(all, diagnostic) {
+        Some(excerpt) => {
+            let mark = AnnotationKind::Primary.span(excerpt.mark);
+            let mark = if diagnostic.label.is_empty() { mark } else { mark.label(diagnostic.label.as_str()) };
+            annotate_snippets::Element::from(
+                Snippet::source(excerpt.text)
+                    .line_start(excerpt.first_line)
+                    .path(diagnostic.file.as_str())
+                    .annotation(mark),
+            )
+        }
+        None if diagnostic.span.is_some() && all.source(&diagnostic.file).is_some() => {
+            return all.render(diagnostic).trim_end().to_owned();
+        }
+        None => Origin::path(diagnostic.file.as_str()).into(),
+    });
+    if excerpt(all, diagnostic).is_none() && !diagnostic.label.is_empty() {
+        group = group.element(Level::NOTE.message(diagnostic.label.as_str()));
+    }
+    if let Some(help) = &diagnostic.help {
+        group = group.element(Level::HELP.message(help.as_str()));
+    }
+    renderer.render(&[group])
+}
+
+/// The lines around a place, so that a large file isn't searched for each of its messages.
+struct Excerpt<'a> {
+    text: &'a str,
+    first_line: usize,
+    mark: std::ops::Range<usize>,
+}
+
+fn excerpt<'a>(all: &'a Diagnostics, diagnostic: &Diagnostic) -> Option<Excerpt<'a>> {
+    let source = all.source(&diagnostic.file)?;
+    let span = diagnostic.span.as_ref()?;
+    let line = all.start(diagnostic)?.line;
+    let on_boundary = source.get(span.start..span.end.min(source.len()))?;
+    let start = source[..span.start].rfind('\n').map_or(0, |at| at + 1);
+    // A span of several lines is shown on its first.
+    let length = on_boundary.find('\n').unwrap_or(on_boundary.len());
+    let end = source[span.start + length..].find('\n').map_or(source.len(), |at| span.start + length + at);
+    let text = source[start..end].trim_end_matches('\r');
+    let mark = span.start - start..(span.start - start + length).min(text.len().max(span.start - start));
+    (text.len() <= LONG_LINE).then_some(Excerpt { text, first_line: line, mark })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_place_is_shown_with_its_line() {
+        let text = "a 1\n  sphre 2 {\n}\n";
+        let mut all = Diagnostics::from(
+            Diagnostic::error("s.kdl", "there is no \"sphre\"").at(6..16).label("unknown").help("did you mean sphere?"),
+        );
+        all.add_source("s.kdl", text);
+        let diagnostic = all.iter().next().unwrap();
+        let shown = show(&all, diagnostic, &Renderer::plain().decor_style(DecorStyle::Ascii));
+        assert!(shown.contains("--> s.kdl:2:3"), "{shown}");
+        assert!(shown.contains("2 |   sphre 2 {") && shown.contains("help: did you mean sphere?"), "{shown}");
+    }
+
+    #[test]
+    fn places_at_the_end_and_odd_spans_do_not_panic() {
+        for (text, span) in [("", 0..0), ("ab", 2..2), ("ab\r\n", 1..4), ("é", 1..2), ("x", 5..9)] {
+            let mut all = Diagnostics::from(Diagnostic::error("s", "wrong").at(span));
+            all.add_source("s", text);
+            show(&all, all.iter().next().unwrap(), &Renderer::plain());
+        }
+    }
+
+    #[test]
+    fn the_system_speaks_without_numbers() {
+        assert_eq!(reason(&io::Error::from_raw_os_error(2)), "no such file or directory");
+    }
+}

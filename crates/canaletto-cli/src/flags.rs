@@ -1,0 +1,252 @@
+//! The flags that several commands share, as they are typed. [`crate::settings`] says what they mean.
+
+use canaletto::camera::Camera;
+use canaletto::scene::{Stage, Tone, Transfer};
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+
+/// Which scene.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct SourceFlags {
+    /// The scene (.kdl), or a model to look at as it is (.obj, .ply, .nff)
+    #[arg(value_name = "SCENE")]
+    pub scene: PathBuf,
+
+    /// Changes one value of the scene, as if the file said so; may be repeated
+    ///
+    /// KEY is the way through the scene to the value: node names, property names or argument numbers with dots between.
+    #[arg(long = "set", value_name = "KEY=VALUE", help_heading = "Scene")]
+    pub set: Vec<String>,
+
+    /// Lets the scene read files outside its own folder
+    ///
+    /// Only for scenes that you trust: a scene can name any file that you can read.
+    #[arg(long, help_heading = "Scene")]
+    pub allow_outside: bool,
+
+    /// Works on N threads [default: one per processor]
+    ///
+    /// The picture doesn't depend on it.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Scene")]
+    pub threads: Option<u16>,
+}
+
+/// Which picture of the scene. What isn't given is as the scene says.
+#[derive(Args, Clone, Debug, Default)]
+pub(crate) struct PictureFlags {
+    /// The camera to look through, by its name [default: the scene's first]
+    #[arg(long, value_name = "NAME", help_heading = "Picture")]
+    pub camera: Option<String>,
+
+    /// The picture's width and height in pixels, such as 640x480; the vertical angle of view stays
+    #[arg(long, value_name = "WxH", value_parser = size, help_heading = "Picture")]
+    pub size: Option<[u32; 2]>,
+
+    /// Renders only this part of the picture, in pixels from its top left
+    #[arg(long, value_name = "X,Y,W,H", value_parser = crop, help_heading = "Picture")]
+    pub crop: Option<[u32; 4]>,
+
+    /// Rays from the eye for each pixel: 1, or a square number up to 256
+    ///
+    /// n x n rays, one at a random place of each of n x n sub-pixels, unless --sample says otherwise. With --sample
+    /// adaptive this is the number for pixels where colours change.
+    #[arg(long, value_name = "N", value_parser = samples, help_heading = "Sampling")]
+    pub samples: Option<Samples>,
+
+    /// Where in the pixel the rays go
+    #[arg(long, value_name = "WHERE", help_heading = "Sampling")]
+    pub sample: Option<SampleFlag>,
+
+    /// Chooses the random numbers; the same seed gives the same picture
+    #[arg(long, value_name = "N", help_heading = "Sampling")]
+    pub seed: Option<u64>,
+
+    /// How much of the shading equation to use; each stage contains the ones before it
+    #[arg(long, value_name = "STAGE", help_heading = "Light")]
+    pub stage: Option<StageFlag>,
+
+    /// Follows reflected and refracted rays to this depth; rays from the eye have depth 1
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=256), help_heading = "Light")]
+    pub max_depth: Option<u32>,
+
+    /// No light casts shadows
+    #[arg(long, help_heading = "Light")]
+    pub no_shadows: bool,
+
+    /// What becomes of values over 1
+    #[arg(long, value_name = "HOW", help_heading = "Colour")]
+    pub tone: Option<ToneFlag>,
+
+    /// From linear light to the numbers in the file; EXR files are always linear
+    #[arg(long, value_name = "CURVE", help_heading = "Colour")]
+    pub transfer: Option<TransferFlag>,
+}
+
+/// n of n × n rays in a pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Samples(pub u32);
+
+/// Where in the pixel rays go.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SampleFlag {
+    /// One ray through the pixel's lower left corner
+    Corner,
+    /// One ray through the pixel's centre
+    Center,
+    /// n x n rays on a regular grid
+    Regular,
+    /// n x n rays, each at a random place of its sub-pixel
+    Jittered,
+    /// Corners and centre; where they differ, n x n jittered rays
+    Adaptive,
+}
+
+/// The stages of the shading equation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum StageFlag {
+    /// The diffuse colour alone
+    Unlit,
+    /// Diffuse light from each light
+    Diffuse,
+    /// + ambient light
+    Ambient,
+    /// + highlights
+    Specular,
+    /// + shadows
+    Shadow,
+    /// + reflected rays
+    Reflection,
+    /// + refracted rays: the whole equation
+    Full,
+}
+
+impl From<StageFlag> for Stage {
+    fn from(flag: StageFlag) -> Stage {
+        match flag {
+            StageFlag::Unlit => Stage::Unlit,
+            StageFlag::Diffuse => Stage::Diffuse,
+            StageFlag::Ambient => Stage::Ambient,
+            StageFlag::Specular => Stage::Specular,
+            StageFlag::Shadow => Stage::Shadow,
+            StageFlag::Reflection => Stage::Reflection,
+            StageFlag::Full => Stage::Full,
+        }
+    }
+}
+
+/// What becomes of values over 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ToneFlag {
+    /// Each component is cut at 1
+    Clamp,
+    /// The picture is divided by its largest component
+    Scale,
+}
+
+impl From<ToneFlag> for Tone {
+    fn from(flag: ToneFlag) -> Tone {
+        match flag {
+            ToneFlag::Clamp => Tone::Clamp,
+            ToneFlag::Scale => Tone::Scale,
+        }
+    }
+}
+
+/// From linear light to the numbers in a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum TransferFlag {
+    /// The values themselves
+    None,
+    /// The sRGB curve, which screens expect
+    Srgb,
+}
+
+impl From<TransferFlag> for Transfer {
+    fn from(flag: TransferFlag) -> Transfer {
+        match flag {
+            TransferFlag::None => Transfer::None,
+            TransferFlag::Srgb => Transfer::Srgb,
+        }
+    }
+}
+
+fn size(text: &str) -> Result<[u32; 2], String> {
+    let expected = || "write width x height, such as 640x480".to_owned();
+    let (width, height) = text.split_once(['x', 'X']).ok_or_else(expected)?;
+    let side = |text: &str| match text.trim().parse::<u32>() {
+        Ok(n) if (1..=Camera::MAX_SIDE).contains(&n) => Ok(n),
+        Ok(_) => Err(format!("each side must be between 1 and {} pixels", Camera::MAX_SIDE)),
+        Err(_) => Err(expected()),
+    };
+    Ok([side(width)?, side(height)?])
+}
+
+fn crop(text: &str) -> Result<[u32; 4], String> {
+    let [x, y, width, height] = numbers(text).ok_or("write four whole numbers: left,top,width,height")?;
+    if width == 0 || height == 0 {
+        Err("the part must be at least 1 x 1 pixel".into())
+    } else {
+        Ok([x, y, width, height])
+    }
+}
+
+/// "x,y" of a pixel.
+pub(crate) fn pixel(text: &str) -> Result<[u32; 2], String> {
+    numbers(text).ok_or_else(|| "write two whole numbers from 0 on: column,row".into())
+}
+
+fn numbers<const N: usize>(text: &str) -> Option<[u32; N]> {
+    let all: Option<Vec<u32>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    all?.try_into().ok()
+}
+
+fn samples(text: &str) -> Result<Samples, String> {
+    let wanted: u32 = text.parse().map_err(|_| "write a whole number".to_owned())?;
+    let largest = canaletto::scene::Sampling::MAX_GRID;
+    let root = wanted.isqrt();
+    match wanted {
+        0 => Err("a pixel needs at least 1 ray".into()),
+        _ if wanted > largest * largest => Err(format!("the most is {}", largest * largest)),
+        _ if root * root == wanted => Ok(Samples(root)),
+        _ => Err(format!("it must be a square; the nearest are {} and {}", root * root, (root + 1) * (root + 1))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_are_squares() {
+        assert_eq!(samples("1"), Ok(Samples(1)));
+        assert_eq!(samples("256"), Ok(Samples(16)));
+        assert_eq!(samples("10").unwrap_err(), "it must be a square; the nearest are 9 and 16");
+        assert!(samples("257").unwrap_err().contains("256"));
+        assert!(samples("0").is_err() && samples("-4").is_err() && samples("four").is_err());
+    }
+
+    #[test]
+    fn sizes_and_windows() {
+        assert_eq!(size("640x480"), Ok([640, 480]));
+        assert!(size("640").unwrap_err().contains("640x480"));
+        assert!(size("0x4").unwrap_err().contains("between 1 and"));
+        assert!(size("99999999999x4").is_err());
+        assert_eq!(crop("1, 2,3,4"), Ok([1, 2, 3, 4]));
+        assert!(
+            crop("1,2,3").is_err()
+                && crop("1,2,3,0").is_err()
+                && crop("1,2,3,4,5").is_err()
+                && crop("-1,2,3,4").is_err()
+        );
+        assert_eq!(pixel("115,80"), Ok([115, 80]));
+    }
+
+    #[test]
+    fn every_stage_has_its_flag() {
+        let flags: Vec<Stage> = StageFlag::value_variants().iter().map(|&flag| flag.into()).collect();
+        assert_eq!(flags, Stage::ALL.map(|(stage, _)| stage));
+        for (flag, (_, name)) in StageFlag::value_variants().iter().zip(Stage::ALL) {
+            assert_eq!(flag.to_possible_value().unwrap().get_name(), name);
+        }
+    }
+}

@@ -1,0 +1,163 @@
+//! Extra layers as pictures that can be looked at. An EXR holds the numbers themselves; a PNG needs a mapping.
+
+use canaletto::Aabb;
+use canaletto::film::{Layer, Picture, develop};
+use canaletto::math::Rgb;
+use canaletto::render::Aov;
+use canaletto::scene::{FilmSettings, Tone, Transfer};
+use canaletto_io::picture::{Channel, Image};
+
+/// The mappings, for the help.
+pub(crate) const MAPPINGS: &str = "\
+With PNG every layer of --aov is a file of its own, name.LAYER.png, and its numbers become colours:
+  depth                  white (nearest) to dark grey (farthest in the picture); black where there is nothing
+  normal                 n * 0.5 + 0.5
+  position               the scene's bounds become 0 to 1 along each axis
+  uv                     the fractions of u and v as red and green
+  object-id, material-id a colour of its own for each number; black is the background
+  tree-depth, cost       grey, white is the picture's largest
+  the others             light, developed as the picture (--tone, --transfer)
+With EXR all layers are channels of the one file, as they are: normal.X, depth.Z, ...";
+
+/// A layer as a displayable picture, with how its values are encoded.
+pub(crate) fn to_image(layer: &Layer, picture: &Picture, film: &FilmSettings, bounds: &Aabb) -> (Image, Transfer) {
+    let aov = Aov::from_name(layer.name).unwrap_or(Aov::Cost);
+    let pixels: Vec<Rgb> = match aov {
+        Aov::Depth => depth(&layer.data),
+        Aov::Normal => triples(layer).map(|n| if n.is_black() { n } else { n.map(|v| v * 0.5 + 0.5) }).collect(),
+        Aov::Position => position(layer, bounds),
+        Aov::Uv => layer.data.chunks_exact(2).map(|uv| Rgb::new(fraction(uv[0]), fraction(uv[1]), 0.0)).collect(),
+        Aov::ObjectId | Aov::MaterialId => layer.data.iter().map(|&id| id_color(id as u32)).collect(),
+        Aov::TreeDepth | Aov::Cost => {
+            let largest = layer.data.iter().copied().fold(0.0, f32::max).max(1.0);
+            layer.data.iter().map(|v| Rgb::gray(v / largest)).collect()
+        }
+        Aov::Diffuse | Aov::Specular | Aov::Shadow | Aov::Ambient | Aov::Reflection | Aov::Refraction => {
+            let light = light(layer, picture, film);
+            return (rgb_image(picture, &light), film.transfer);
+        }
+    };
+    (rgb_image(picture, &pixels), Transfer::None)
+}
+
+/// The picture as display values, the top row first.
+pub(crate) fn developed(picture: &Picture, film: &FilmSettings) -> Image {
+    rgb_image(picture, &develop(picture, film.tone, film.transfer))
+}
+
+/// The picture in linear light with all its layers.
+pub(crate) fn linear(picture: &Picture) -> Image {
+    let mut image = rgb_image(picture, &picture.pixels);
+    for layer in &picture.layers {
+        let count = layer.channels.len();
+        image.channels.extend(layer.channels.iter().enumerate().map(|(index, name)| Channel {
+            name: format!("{}.{name}", layer.name),
+            data: layer.data.iter().skip(index).step_by(count).copied().collect(),
+        }));
+    }
+    image
+}
+
+fn rgb_image(picture: &Picture, pixels: &[Rgb]) -> Image {
+    Image::from_rgb(picture.width, picture.height, pixels.iter().map(|c| c.to_array()))
+}
+
+fn triples(layer: &Layer) -> impl Iterator<Item = Rgb> {
+    layer.data.chunks_exact(3).map(|v| Rgb::new(v[0], v[1], v[2]))
+}
+
+fn depth(data: &[f32]) -> Vec<Rgb> {
+    let finite = || data.iter().copied().filter(|d| d.is_finite());
+    let (near, far) = (finite().fold(f32::INFINITY, f32::min), finite().fold(f32::NEG_INFINITY, f32::max));
+    let range = if far > near { far - near } else { 1.0 };
+    let gray = |d: f32| if d.is_finite() { 1.0 - 0.9 * ((d - near) / range) } else { 0.0 };
+    data.iter().map(|&d| Rgb::gray(gray(d))).collect()
+}
+
+fn position(layer: &Layer, bounds: &Aabb) -> Vec<Rgb> {
+    let (low, high) = if bounds.is_empty() || !bounds.is_finite() {
+        let lowest = triples(layer).fold(Rgb::BLACK, |a, b| Rgb::new(a.r.min(b.r), a.g.min(b.g), a.b.min(b.b)));
+        let highest = triples(layer).fold(Rgb::BLACK, |a, b| Rgb::new(a.r.max(b.r), a.g.max(b.g), a.b.max(b.b)));
+        (lowest.to_array(), highest.to_array())
+    } else {
+        (bounds.min.to_array(), bounds.max.to_array())
+    };
+    let map = |v: f32, axis: usize| {
+        let size = high[axis] - low[axis];
+        if size > 0.0 { ((v - low[axis]) / size).clamp(0.0, 1.0) } else { 0.5 }
+    };
+    let color = |p: Rgb| if p.is_black() { p } else { Rgb::new(map(p.r, 0), map(p.g, 1), map(p.b, 2)) };
+    triples(layer).map(color).collect()
+}
+
+/// Light by itself, as bright as it is in the picture.
+fn light(layer: &Layer, picture: &Picture, film: &FilmSettings) -> Vec<Rgb> {
+    let largest = picture.pixels.iter().map(|c| c.max_component()).fold(0.0, f32::max);
+    let scale = if film.tone == Tone::Scale && largest > 1.0 { 1.0 / largest } else { 1.0 };
+    let pixels = triples(layer).map(|c| c * scale).collect();
+    let part = Picture { width: picture.width, height: picture.height, pixels, layers: Vec::new() };
+    develop(&part, Tone::Clamp, film.transfer)
+}
+
+fn fraction(v: f32) -> f32 {
+    if v.is_finite() && v != 1.0 { v - v.floor() } else { 1.0 }
+}
+
+/// A colour for a number, bright and unlike its neighbours'; black for 0.
+fn id_color(id: u32) -> Rgb {
+    if id == 0 {
+        return Rgb::BLACK;
+    }
+    // The finaliser of MurmurHash3.
+    let mut hash = id;
+    for factor in [0x85eb_ca6b, 0xc2b2_ae35] {
+        hash = (hash ^ (hash >> 16)).wrapping_mul(factor);
+    }
+    hash ^= hash >> 13;
+    let channel = |shift: u32| 0.25 + 0.75 * ((hash >> shift) & 0xff) as f32 / 255.0;
+    let mut color = [channel(0), channel(8), channel(16)];
+    // One component lowered: full colours rather than greys.
+    color[(hash >> 24) as usize % 3] *= 0.3;
+    Rgb::from(color)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use canaletto::camera::Camera;
+    use canaletto::scene::{Extrinsics, Intrinsics, Scene};
+    use canaletto::world::World;
+
+    #[test]
+    fn depth_is_white_near_and_black_where_nothing_is() {
+        let gray: Vec<f32> = depth(&[2.0, f32::INFINITY, 4.0]).iter().map(|c| c.r).collect();
+        assert!(gray[0] == 1.0 && gray[1] == 0.0 && (gray[2] - 0.1).abs() < 1e-6);
+        assert!(depth(&[f32::INFINITY]) == [Rgb::BLACK] && depth(&[3.0]) == [Rgb::gray(1.0)]);
+    }
+
+    #[test]
+    fn ids_have_colours_of_their_own() {
+        let mut seen = Vec::new();
+        for id in 1..500 {
+            let color = id_color(id).map(|v| (v * 255.0).round());
+            assert!(!seen.contains(&color), "{id}");
+            seen.push(color);
+        }
+    }
+
+    /// Every layer of an empty world: no mapping divides by zero.
+    #[test]
+    fn nothing_maps_to_finite_values() {
+        let world = World::build(Scene::default()).unwrap();
+        let intrinsics = Intrinsics { width: 3, height: 2, ..Intrinsics::default() };
+        let camera = Camera::new(&intrinsics, &Extrinsics::default()).unwrap();
+        let mut job = canaletto::render::Job::new(camera, FilmSettings::default(), Default::default());
+        job.aovs = Aov::ALL.map(|(aov, ..)| aov).to_vec();
+        let picture = canaletto::render::render(&world, &job, &()).unwrap().picture;
+        assert_eq!(linear(&picture).channels.len(), 3 + 1 + 3 + 3 + 2 + 1 + 1 + 6 * 3 + 1 + 1);
+        for layer in &picture.layers {
+            let (image, _) = to_image(layer, &picture, &job.film, &world.bounds());
+            assert!(image.channels.iter().all(|c| c.data.iter().all(|v| (0.0..=1.0).contains(v))), "{}", layer.name);
+        }
+    }
+}

@@ -1,0 +1,150 @@
+//! docs/cli.md, made of the definitions of commands and flags, so that it can't differ from them.
+
+use crate::exit::Exit;
+use crate::{Cli, layers};
+use clap::{Arg, Command, CommandFactory};
+use std::fmt::Write;
+use std::path::Path;
+
+const HEAD: &str = "\
+<!-- Made of the commands' own definitions: CANALETTO_BLESS=1 cargo test -p canaletto-cli manual -->
+# The command line
+
+`canaletto COMMAND --help` says the same in the terminal, and `canaletto man` makes manual pages. Results go to the
+standard output, everything else to stderr; colours are for terminals only and respect `NO_COLOR`.
+
+";
+
+const EVENTS: &str = "\
+## Events of `--progress json`
+
+With `--progress json` stderr carries one JSON object per line, each with its kind as `event`:
+
+| event | when | fields |
+|---|---|---|
+| `diagnostics` | the scene is read, and there are warnings | `diagnostics`: a list of `severity`, `message`, `file`, `bytes`, `start`, `end`, `label`, `help` |
+| `plan` | with `--dry-run`, in place of all that follow | `scene`, `camera`, `size`, `frames`, `files`, `census` |
+| `start` | a frame begins | `scene`, `camera`, `frame`, `frames` (first and last), `size`, `pixels`, `threads`, `files` |
+| `progress` | at most five times a second | `frame`, `pixels_done`, `pixels`, `percent`, `rays`, `rays_per_second`, `seconds`, `seconds_left` |
+| `done` | a frame is written | `frame`, `complete` (false if interrupted), `pixels_done`, `pixels`, `files`, `size`, `primitives`, `rays` (by kind: `traced`, `hit`), `rays_total`, `rays_per_second`, `threads`, `seconds` (`read`, `build`, `render`, `write`) |
+| `error` | something failed; the last line | `exit`: the exit code, and `message` and `help`, or `diagnostics` |
+
+";
+
+fn manual() -> String {
+    let mut command = Cli::command();
+    command.build();
+    let mut out = HEAD.to_owned();
+    let mut codes = String::from("## Exit codes\n\n| code | meaning |\n|---|---|\n");
+    for (exit, meaning) in Exit::ALL {
+        let _ = writeln!(codes, "| {} | {meaning} |", exit.code());
+    }
+    for sub in command.get_subcommands().filter(|c| c.get_name() != "help" && !c.is_hide_set()) {
+        section(&mut out, sub);
+    }
+    let _ = write!(out, "## Layers\n\n```text\n{}\n```\n\n{EVENTS}{codes}", layers::MAPPINGS);
+    out
+}
+
+fn section(out: &mut String, command: &Command) {
+    let about = command.get_long_about().or(command.get_about()).map(ToString::to_string).unwrap_or_default();
+    let usage = command.clone().render_usage().to_string();
+    let usage = usage.trim_start_matches("Usage: ").trim();
+    let _ = write!(out, "## canaletto {}\n\n{about}\n\n```text\n{usage}\n```\n\n", command.get_name());
+    let positional: Vec<&Arg> = command.get_positionals().collect();
+    table(out, "Arguments", &positional);
+    let mut headings: Vec<&str> = Vec::new();
+    for arg in command.get_arguments().filter(|arg| !arg.is_positional()) {
+        let heading = arg.get_help_heading().unwrap_or("Options");
+        if !headings.contains(&heading) {
+            headings.push(heading);
+        }
+    }
+    for heading in headings {
+        let args: Vec<&Arg> = command
+            .get_arguments()
+            .filter(|arg| !arg.is_positional() && arg.get_help_heading().unwrap_or("Options") == heading)
+            .filter(|arg| !matches!(arg.get_id().as_str(), "help" | "version"))
+            .collect();
+        table(out, heading, &args);
+    }
+    if let Some(examples) = command.get_after_help() {
+        let examples = examples.to_string();
+        let _ = write!(
+            out,
+            "```sh\n{}\n```\n\n",
+            examples.trim_start_matches("Examples:\n").trim_end().replace("\n  ", "\n").trim_start()
+        );
+    }
+}
+
+fn table(out: &mut String, heading: &str, args: &[&Arg]) {
+    if args.is_empty() {
+        return;
+    }
+    let _ = write!(out, "| {heading} | |\n|---|---|\n");
+    for arg in args {
+        let _ = writeln!(out, "| `{}` | {} |", name(arg).replace('|', "\\|"), meaning(arg).replace('|', "\\|"));
+    }
+    out.push('\n');
+}
+
+fn name(arg: &Arg) -> String {
+    let values = arg.get_value_names().unwrap_or_default().join(" ");
+    if arg.is_positional() {
+        return format!("{values}{}", if arg.get_num_args().is_some_and(|n| n.max_values() > 1) { "..." } else { "" });
+    }
+    let short = arg.get_short().map(|c| format!("-{c}, ")).unwrap_or_default();
+    let long = arg.get_long().unwrap_or_default();
+    let takes = arg.get_action().takes_values();
+    format!("{short}--{long}{}", if takes { format!(" {values}") } else { String::new() })
+}
+
+fn meaning(arg: &Arg) -> String {
+    let help = arg.get_long_help().or(arg.get_help()).map(ToString::to_string).unwrap_or_default();
+    // The first line has no full stop, what follows has.
+    let mut text = help.replacen("\n\n", ". ", 1).split_whitespace().collect::<Vec<_>>().join(" ");
+    let values: Vec<_> = arg.get_possible_values().into_iter().filter(|_| arg.get_action().takes_values()).collect();
+    let described = |v: &clap::builder::PossibleValue| match v.get_help() {
+        Some(help) => format!("`{}` ({})", v.get_name(), help.to_string().trim_end_matches('.')),
+        None => format!("`{}`", v.get_name()),
+    };
+    if !values.is_empty() {
+        let _ = write!(text, ": {}", values.iter().map(described).collect::<Vec<_>>().join(", "));
+    }
+    let defaults: Vec<_> = arg.get_default_values().iter().map(|v| v.to_string_lossy().into_owned()).collect();
+    if !defaults.is_empty() && arg.get_action().takes_values() {
+        let _ = write!(text, " [default: {}]", defaults.join(" "));
+    }
+    text
+}
+
+#[test]
+fn manual_is_up_to_date() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/cli.md");
+    let text = manual();
+    if std::env::var_os("CANALETTO_BLESS").is_some_and(|v| v == "1") {
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(&path, &text).unwrap();
+    }
+    let stored = std::fs::read_to_string(&path).unwrap_or_default();
+    assert!(
+        stored.replace("\r\n", "\n") == text,
+        "docs/cli.md isn't what the commands say: CANALETTO_BLESS=1 writes it anew"
+    );
+}
+
+#[test]
+fn clap_finds_no_fault() {
+    Cli::command().debug_assert();
+}
+
+/// Help is for terminals of 80 columns; what is laid out by hand must fit.
+#[test]
+fn examples_are_not_too_wide() {
+    for sub in Cli::command().get_subcommands() {
+        for line in sub.get_after_help().map(ToString::to_string).unwrap_or_default().lines() {
+            assert!(line.chars().count() <= 110, "{line}");
+        }
+    }
+}

@@ -1,0 +1,184 @@
+//! How far a render has come: a bar, lines of text, or lines of JSON, all on stderr.
+
+use crate::failure::eprint_line;
+use crate::interrupt;
+use crate::words::{duration, rate};
+use canaletto::render::{Observer, Progress};
+use clap::ValueEnum;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde::Serialize;
+use std::io::IsTerminal;
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// What --progress says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ProgressFlag {
+    /// A bar on a terminal, nothing elsewhere
+    Auto,
+    /// A bar on a terminal, lines of text elsewhere
+    Bar,
+    /// A line of text every two seconds
+    Plain,
+    /// One JSON object per line
+    Json,
+    /// Nothing
+    None,
+}
+
+/// How progress is shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Style {
+    Silent,
+    Bar,
+    Plain,
+    Json,
+}
+
+impl Style {
+    /// What the flags mean here.
+    pub(crate) fn new(flag: ProgressFlag, quiet: bool) -> Style {
+        let terminal = std::io::stderr().is_terminal();
+        match flag {
+            _ if quiet => Style::Silent,
+            ProgressFlag::Json => Style::Json,
+            ProgressFlag::None => Style::Silent,
+            ProgressFlag::Plain => Style::Plain,
+            ProgressFlag::Auto | ProgressFlag::Bar if terminal => Style::Bar,
+            ProgressFlag::Auto => Style::Silent,
+            ProgressFlag::Bar => Style::Plain,
+        }
+    }
+
+    /// The least time between two messages.
+    fn pause(self) -> Duration {
+        Duration::from_millis(match self {
+            Style::Plain => 2000,
+            Style::Json => 200,
+            Style::Silent | Style::Bar => 50,
+        })
+    }
+}
+
+/// One event of `--progress json`.
+pub(crate) fn emit(event: &impl Serialize) {
+    if let Ok(line) = serde_json::to_string(event) {
+        eprint_line(&line);
+    }
+}
+
+/// The event "progress".
+#[derive(Serialize)]
+struct ProgressEvent {
+    event: &'static str,
+    frame: u32,
+    pixels_done: u64,
+    pixels: u64,
+    percent: f64,
+    rays: u64,
+    rays_per_second: f64,
+    seconds: f64,
+    seconds_left: f64,
+}
+
+/// Watches one render.
+pub(crate) struct Watch {
+    style: Style,
+    frame: u32,
+    label: String,
+    start: Instant,
+    bar: Option<ProgressBar>,
+    state: Mutex<State>,
+}
+
+struct State {
+    last: Instant,
+    pixels_done: u64,
+}
+
+impl Watch {
+    /// Begins now. `label` says which frame of how many, if there are several.
+    pub(crate) fn begin(style: Style, frame: u32, label: String, pixels: u64) -> Watch {
+        let bar = (style == Style::Bar).then(|| {
+            let bar = ProgressBar::new(pixels);
+            // Only a wrong template fails, and the test below tries this one.
+            if let Ok(look) = ProgressStyle::with_template(TEMPLATE) {
+                bar.set_style(look.progress_chars("=> "));
+            }
+            bar.set_prefix(label.clone());
+            bar
+        });
+        let now = Instant::now();
+        Watch { style, frame, label, start: now, bar, state: Mutex::new(State { last: now, pixels_done: 0 }) }
+    }
+
+    /// Clears the bar and says how long it took.
+    pub(crate) fn finish(self) -> Duration {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+        self.start.elapsed()
+    }
+}
+
+const TEMPLATE: &str = "{prefix}[{bar:30}] {percent:>3}%  {msg}";
+
+impl Observer for Watch {
+    fn cancelled(&self) -> bool {
+        interrupt::requested()
+    }
+
+    fn progress(&self, progress: &Progress) {
+        if self.style == Style::Silent {
+            return;
+        }
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        // Threads may come here in another order than they finished.
+        if progress.pixels_done <= state.pixels_done || state.last.elapsed() < self.style.pause() {
+            return;
+        }
+        *state = State { last: Instant::now(), pixels_done: progress.pixels_done };
+        let seconds = self.start.elapsed().as_secs_f64().max(1e-9);
+        let share = progress.pixels_done as f64 / progress.pixels as f64;
+        let event = ProgressEvent {
+            event: "progress",
+            frame: self.frame,
+            pixels_done: progress.pixels_done,
+            pixels: progress.pixels,
+            percent: (share * 1000.0).round() / 10.0,
+            rays: progress.rays,
+            rays_per_second: (progress.rays as f64 / seconds).round(),
+            seconds,
+            seconds_left: seconds * (1.0 - share) / share,
+        };
+        let speed = rate(event.rays_per_second);
+        let left = duration(Duration::from_secs_f64(event.seconds_left.clamp(0.0, 1e9)));
+        match self.style {
+            Style::Silent => {}
+            Style::Json => emit(&event),
+            Style::Plain => eprint_line(&format!("{}{:.0}%, {speed}, {left} left", self.label, event.percent)),
+            Style::Bar => {
+                if let Some(bar) = &self.bar {
+                    bar.set_position(event.pixels_done);
+                    bar.set_message(format!("{speed}, {left} left"));
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_bar_has_a_look() {
+        assert!(ProgressStyle::with_template(TEMPLATE).is_ok());
+    }
+
+    #[test]
+    fn quiet_is_silent() {
+        assert_eq!(Style::new(ProgressFlag::Json, true), Style::Silent);
+        assert_eq!(Style::new(ProgressFlag::Json, false), Style::Json);
+    }
+}

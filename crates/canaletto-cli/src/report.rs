@@ -1,0 +1,83 @@
+//! What is said when a picture is finished.
+
+use crate::words::{count, duration, plural, rate};
+use canaletto::integrator::RayCounts;
+use serde::Serialize;
+use std::time::Duration;
+
+/// The event "done": one picture, finished or interrupted.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Report {
+    /// "done".
+    pub event: &'static str,
+    /// The frame's number.
+    pub frame: u32,
+    /// Whether every pixel was rendered.
+    pub complete: bool,
+    /// Pixels rendered.
+    pub pixels_done: u64,
+    /// Pixels in all.
+    pub pixels: u64,
+    /// The files written, the picture first; "-" is the standard output.
+    pub files: Vec<String>,
+    /// Width and height of the part that was rendered.
+    pub size: [u32; 2],
+    /// Primitives in the world.
+    pub primitives: u64,
+    /// Rays by kind.
+    pub rays: RayCounts,
+    /// Rays in all.
+    pub rays_total: u64,
+    /// Rays traced in each second of rendering.
+    pub rays_per_second: f64,
+    /// Threads at work.
+    pub threads: usize,
+    /// Where the time went.
+    pub seconds: Times,
+}
+
+/// Seconds of each step.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub(crate) struct Times {
+    pub read: f64,
+    pub build: f64,
+    pub render: f64,
+    pub write: f64,
+}
+
+impl Report {
+    /// For people, some lines.
+    pub(crate) fn text(&self, sampling: &str) -> String {
+        let mut out = String::new();
+        let [width, height] = self.size;
+        let files = match &self.files[..] {
+            [] => String::from("nothing written"),
+            [only] if only == "-" => String::from("standard output"),
+            [only] => only.clone(),
+            [first, more @ ..] => format!("{first} and {}", plural(more.len() as u64, "layer")),
+        };
+        out += &format!("{files}: {width} x {height} pixels, {sampling}\n");
+        out += &format!("  {:<10} {:>15} {:>15}\n", "rays", "traced", "hit");
+        for (name, rays) in [
+            ("eye", self.rays.eye),
+            ("reflected", self.rays.reflected),
+            ("refracted", self.rays.refracted),
+            ("shadow", self.rays.shadow),
+        ] {
+            if rays.traced > 0 {
+                out += &format!("  {name:<10} {:>15} {:>15}\n", count(rays.traced), count(rays.hit));
+            }
+        }
+        let t = |seconds: f64| duration(Duration::from_secs_f64(seconds.max(0.0)));
+        out += &format!("  {}, {}\n", plural(self.primitives, "primitive"), plural(self.threads as u64, "thread"));
+        out += &format!(
+            "  read {}, build {}, render {} ({}), write {}",
+            t(self.seconds.read),
+            t(self.seconds.build),
+            t(self.seconds.render),
+            rate(self.rays_per_second),
+            t(self.seconds.write)
+        );
+        out
+    }
+}

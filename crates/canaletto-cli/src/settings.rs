@@ -1,0 +1,237 @@
+//! What the flags mean: the one place where they meet the scene's own settings.
+
+use crate::exit::Exit;
+use crate::failure::Failure;
+use crate::flags::{PictureFlags, SampleFlag, Samples, SourceFlags};
+use canaletto::camera::Camera;
+use canaletto::render::{Job, JobError};
+use canaletto::scene::{FilmSettings, Filter, IntegratorSettings, Sampling, Scene, Stage, Tone, Transfer, View};
+
+/// The job that a command does, and the name of its camera.
+#[derive(Clone, Debug)]
+pub(crate) struct Settings {
+    /// All that a picture depends on besides the world.
+    pub job: Job,
+    /// The camera's name.
+    pub camera: String,
+}
+
+/// The grid of `--sample regular`, `jittered` and `adaptive` where neither --samples nor the scene says how many: 4 × 4.
+const GRID: u32 = 4;
+/// The difference that `--sample adaptive` refines where the scene doesn't say.
+const THRESHOLD: f32 = 0.05;
+/// The deepest rays that the threads' stacks have room for.
+const MAX_DEPTH: u32 = 256;
+
+impl Settings {
+    /// What the flags make of a scene. `name` is the scene's file.
+    pub(crate) fn new(name: &str, scene: &Scene, flags: &PictureFlags) -> Result<Settings, Failure> {
+        let view = choose_view(name, &scene.views, flags.camera.as_deref())?;
+        let mut intrinsics = view.intrinsics;
+        if let Some([width, height]) = flags.size {
+            (intrinsics.width, intrinsics.height) = (width, height);
+        }
+        let camera = Camera::new(&intrinsics, &view.extrinsics)
+            .map_err(|e| Failure::new(Exit::Scene, format!("{name}: camera \"{}\": {e}", view.name)))?;
+        let film = FilmSettings {
+            sampling: sampling(scene.film.sampling, flags.sample, flags.samples)?,
+            tone: flags.tone.map_or(scene.film.tone, Into::into),
+            transfer: flags.transfer.map_or(scene.film.transfer, Into::into),
+            crop: flags.crop.or(scene.film.crop),
+            ..scene.film
+        };
+        let integrator = IntegratorSettings {
+            stage: flags.stage.map_or(scene.integrator.stage, Into::into),
+            max_depth: flags.max_depth.unwrap_or(scene.integrator.max_depth),
+            shadows: scene.integrator.shadows && !flags.no_shadows,
+            ..scene.integrator
+        };
+        if integrator.max_depth > MAX_DEPTH {
+            let depth = integrator.max_depth;
+            return Err(Failure::new(Exit::Scene, format!("{name}: max-depth is {depth}; the most is {MAX_DEPTH}")));
+        }
+        let job = Job { seed: flags.seed.unwrap_or(0), ..Job::new(camera, film, integrator) };
+        job.check().map_err(|e| wrong_job(name, &e, flags))?;
+        Ok(Settings { job, camera: view.name.clone() })
+    }
+}
+
+fn wrong_job(name: &str, error: &JobError, flags: &PictureFlags) -> Failure {
+    match error {
+        JobError::Crop { .. } if flags.crop.is_some() => Failure::usage(format!("--crop: {error}")),
+        JobError::Crop { .. } if flags.size.is_some() => {
+            Failure::usage(format!("--size: {error}")).help("the scene has a crop window; give --crop as well")
+        }
+        _ => Failure::new(Exit::Scene, format!("{name}: {error}")),
+    }
+}
+
+fn choose_view<'a>(name: &str, views: &'a [View], wanted: Option<&str>) -> Result<&'a View, Failure> {
+    let Some(first) = views.first() else {
+        return Err(Failure::new(Exit::Scene, format!("{name} has no camera"))
+            .help("add one, such as `camera { eye 0 2 5; center 0 0 0; fovy 60; size 640 480 }`"));
+    };
+    let Some(wanted) = wanted else { return Ok(first) };
+    views.iter().find(|view| view.name == wanted).ok_or_else(|| {
+        let names: Vec<&str> = views.iter().map(|view| view.name.as_str()).collect();
+        let failure = Failure::usage(format!("{name} has no camera \"{wanted}\""));
+        match nearest(wanted, &names) {
+            Some(near) => failure.help(format!("did you mean \"{near}\"? There is {}", list(&names))),
+            None => failure.help(format!("there is {}", list(&names))),
+        }
+    })
+}
+
+/// `--samples` alone means a jittered grid (or the centre for 1), so that the flag means the same for every scene.
+fn sampling(own: Sampling, kind: Option<SampleFlag>, samples: Option<Samples>) -> Result<Sampling, Failure> {
+    let (own_n, own_threshold) = match own {
+        Sampling::Corner | Sampling::Center => (None, THRESHOLD),
+        Sampling::Regular(n) | Sampling::Jittered(n) => (Some(n), THRESHOLD),
+        Sampling::Adaptive { n, threshold } => (Some(n), threshold),
+    };
+    let given = samples.map(|Samples(n)| n);
+    let n = given.or(own_n).unwrap_or(GRID);
+    let single = |place: &str, sampling| match given {
+        Some(n) if n > 1 => Err(Failure::usage(format!(
+            "--sample {place} means one ray for each pixel, but --samples asks for {}",
+            n * n
+        ))
+        .help("leave one of them out, or take --sample regular, jittered or adaptive")),
+        _ => Ok(sampling),
+    };
+    match (kind, given) {
+        (None, None) => Ok(own),
+        (None, Some(1)) => Ok(Sampling::Center),
+        (None, Some(n)) => Ok(Sampling::Jittered(n)),
+        (Some(SampleFlag::Corner), _) => single("corner", Sampling::Corner),
+        (Some(SampleFlag::Center), _) => single("center", Sampling::Center),
+        (Some(SampleFlag::Regular), _) => Ok(Sampling::Regular(n)),
+        (Some(SampleFlag::Jittered), _) => Ok(Sampling::Jittered(n)),
+        (Some(SampleFlag::Adaptive), Some(1)) => {
+            Err(Failure::usage("--sample adaptive with --samples 1 has nothing to refine with")
+                .help("give --samples 4 or more"))
+        }
+        (Some(SampleFlag::Adaptive), _) => Ok(Sampling::Adaptive { n: n.max(2), threshold: own_threshold }),
+    }
+}
+
+/// How a sampling is called on the command line, with the rays of a pixel.
+pub(crate) fn sampling_words(sampling: Sampling) -> String {
+    match sampling {
+        Sampling::Corner => "1 ray per pixel, through its corner".into(),
+        Sampling::Center => "1 ray per pixel, through its centre".into(),
+        Sampling::Regular(n) => format!("{} rays per pixel, regular", n * n),
+        Sampling::Jittered(n) => format!("{} rays per pixel, jittered", n * n),
+        Sampling::Adaptive { n, threshold } => {
+            format!("5 rays per pixel, {} jittered where they differ by more than {threshold}", n * n)
+        }
+    }
+}
+
+/// The settings that a picture's file carries: all that its bytes depend on, and nothing else (no time, no thread count).
+pub(crate) fn metadata(source: &SourceFlags, settings: &Settings) -> Vec<(String, String)> {
+    let Job { camera, film, integrator, seed, .. } = &settings.job;
+    let [width, height] = camera.size();
+    let file = source.scene.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    let stage = Stage::ALL.iter().find(|(stage, _)| *stage == integrator.stage).map_or("", |(_, name)| name);
+    let mut texts = vec![
+        ("scene", file),
+        ("camera", settings.camera.clone()),
+        ("size", format!("{width} {height}")),
+        ("sampling", sampling_words(film.sampling)),
+        ("filter", filter_words(film.filter)),
+        ("tone", if film.tone == Tone::Scale { "scale" } else { "clamp" }.into()),
+        ("transfer", if film.transfer == Transfer::Srgb { "srgb" } else { "none" }.into()),
+        ("integrator", "whitted".into()),
+        ("stage", stage.into()),
+        ("max-depth", integrator.max_depth.to_string()),
+        ("min-weight", integrator.min_weight.to_string()),
+        ("shadows", integrator.shadows.to_string()),
+        ("seed", seed.to_string()),
+    ];
+    if let Some([x, y, width, height]) = film.crop {
+        texts.push(("crop", format!("{x} {y} {width} {height}")));
+    }
+    if !source.set.is_empty() {
+        texts.push(("set", source.set.join("; ")));
+    }
+    texts.into_iter().map(|(key, text)| (key.to_owned(), text)).collect()
+}
+
+fn filter_words(filter: Filter) -> String {
+    match filter {
+        Filter::Box => "box".into(),
+        Filter::Tent => "tent".into(),
+        Filter::Gaussian { sigma } => format!("gaussian, sigma {sigma}"),
+        Filter::Mitchell => "mitchell".into(),
+    }
+}
+
+/// The name that is most like `word`, if any is like it.
+pub(crate) fn nearest<'a>(word: &str, names: &[&'a str]) -> Option<&'a str> {
+    let near = names.iter().map(|name| (edits(&word.to_lowercase(), &name.to_lowercase()), *name)).min()?;
+    (near.0 <= 1 + word.chars().count() / 4).then_some(near.1)
+}
+
+/// Letters to insert, delete, replace or swap with a neighbour (Damerau 1964, restricted form).
+fn edits(a: &str, b: &str) -> usize {
+    let (a, b): (Vec<char>, Vec<char>) = (a.chars().take(64).collect(), b.chars().take(64).collect());
+    let mut table = vec![vec![0; b.len() + 1]; a.len() + 1];
+    for i in 0..=a.len() {
+        for j in 0..=b.len() {
+            table[i][j] = if i == 0 || j == 0 {
+                i + j
+            } else {
+                let replaced = table[i - 1][j - 1] + usize::from(a[i - 1] != b[j - 1]);
+                let least = replaced.min(table[i - 1][j] + 1).min(table[i][j - 1] + 1);
+                let swaps = i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1];
+                if swaps { least.min(table[i - 2][j - 2] + 1) } else { least }
+            };
+        }
+    }
+    table[a.len()][b.len()]
+}
+
+/// `"a", "b" and "c"`, cut after a dozen.
+pub(crate) fn list(names: &[&str]) -> String {
+    const MOST: usize = 12;
+    let quoted: Vec<String> = names.iter().take(MOST).map(|name| format!("\"{name}\"")).collect();
+    match &quoted[..] {
+        _ if names.len() > MOST => format!("{} and {} more", quoted.join(", "), names.len() - MOST),
+        [] => "none".into(),
+        [only] => only.clone(),
+        [all @ .., last] => format!("{} and {last}", all.join(", ")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_alone_are_jittered() {
+        let of = |kind, n: Option<u32>| sampling(Sampling::Regular(3), kind, n.map(Samples)).ok();
+        assert_eq!(of(None, None), Some(Sampling::Regular(3)));
+        assert_eq!(of(None, Some(1)), Some(Sampling::Center));
+        assert_eq!(of(None, Some(4)), Some(Sampling::Jittered(4)));
+        assert_eq!(of(Some(SampleFlag::Jittered), None), Some(Sampling::Jittered(3)));
+        assert_eq!(of(Some(SampleFlag::Corner), Some(4)), None);
+        assert_eq!(of(Some(SampleFlag::Corner), Some(1)), Some(Sampling::Corner));
+        assert_eq!(of(Some(SampleFlag::Adaptive), Some(1)), None);
+        let own = Sampling::Adaptive { n: 5, threshold: 0.3 };
+        assert_eq!(
+            sampling(own, Some(SampleFlag::Adaptive), Some(Samples(8))).ok(),
+            Some(Sampling::Adaptive { n: 8, threshold: 0.3 })
+        );
+    }
+
+    #[test]
+    fn names_are_guessed_and_listed() {
+        assert_eq!(nearest("Fron", &["front", "side"]), Some("front"));
+        assert_eq!(nearest("fornt", &["front", "side"]), Some("front"));
+        assert_eq!(nearest("above", &["front", "side"]), None);
+        assert_eq!(edits("kitten", "sitting"), 3);
+        assert_eq!(list(&["a", "b", "c"]), "\"a\", \"b\" and \"c\"");
+        assert_eq!(list(&["a"; 14]).matches("\"a\"").count(), 12);
+    }
+}

@@ -1,0 +1,111 @@
+//! From the name of a scene or model to its description and its world.
+
+use crate::exit::Exit;
+use crate::failure::{Failure, plural, reason};
+use crate::flags::SourceFlags;
+use canaletto::scene::Scene;
+use canaletto::world::World;
+use canaletto_io::assets::{Asset, AssetError, AssetPath, Assets, FolderAssets};
+use canaletto_io::diagnostic::{Diagnostic, Diagnostics};
+use canaletto_io::import;
+use serde::Serialize;
+use std::path::Path;
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// A scene as read, before anything is built.
+pub(crate) struct Source {
+    /// The file's name as the user wrote it.
+    pub name: String,
+    /// What it describes.
+    pub scene: Scene,
+    /// Doubts about it.
+    pub warnings: Diagnostics,
+    /// Every file that was read for it, in the order of reading.
+    pub files: Vec<UsedFile>,
+    /// How long reading took.
+    pub time: Duration,
+}
+
+/// A file that a scene is made of.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct UsedFile {
+    /// Its name as shown in messages.
+    pub file: String,
+    /// Its size.
+    pub bytes: u64,
+}
+
+impl Source {
+    /// Reads a scene or model.
+    pub(crate) fn read(flags: &SourceFlags) -> Result<Source, Failure> {
+        Source::read_file(&flags.scene, &flags.set, flags.allow_outside)
+    }
+
+    /// Reads a file with changes to its values.
+    pub(crate) fn read_file(path: &Path, set: &[String], allow_outside: bool) -> Result<Source, Failure> {
+        let start = Instant::now();
+        let name = path.to_string_lossy().into_owned();
+        let (assets, file) = FolderAssets::beside(path).map_err(|e| {
+            let failure = Failure::new(Exit::Scene, format!("can't open \"{name}\": {}", reason(&e)));
+            if path.is_absolute() { failure } else { failure.help("the path starts at the current folder") }
+        })?;
+        let assets = Recording { inner: assets.allow_outside(allow_outside), files: Mutex::default() };
+        let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+        let (scene, warnings) = if extension == "kdl" {
+            return Err(Failure::new(Exit::Scene, format!("{name}: scene text can't be read yet")));
+        } else if import::SCENE_EXTENSIONS.contains(&extension.as_str()) {
+            if let [first, ..] = set {
+                return Err(Failure::usage(format!(
+                    "--set {first}: only scenes in Canaletto's own text have values to set"
+                ))
+                .help(format!("write a scene with `mesh file=\"{file}\"` in it")));
+            }
+            import::load(&file, &assets)?
+        } else {
+            return Err(Failure::new(Exit::Scene, format!("\"{name}\" isn't a scene or model that can be read"))
+                .help(format!("scenes end in .kdl, models in .{}", import::SCENE_EXTENSIONS.join(", ."))));
+        };
+        let files = assets.files.into_inner().unwrap_or_else(PoisonError::into_inner);
+        Ok(Source { name, scene, warnings, files, time: start.elapsed() })
+    }
+}
+
+/// Builds a scene's world; `name` is its file's.
+pub(crate) fn build(name: &str, scene: Scene) -> Result<(World, Duration), Failure> {
+    let start = Instant::now();
+    let world = World::build(scene).map_err(|e| Diagnostics::from(Diagnostic::error(name, e.to_string())))?;
+    Ok((world, start.elapsed()))
+}
+
+/// Runs `work` on as many threads as the user wants.
+pub(crate) fn on_threads<T: Send>(threads: Option<u16>, work: impl FnOnce() -> T + Send) -> Result<T, Failure> {
+    let threads = threads.map_or(0, usize::from);
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .thread_name(|index| format!("canaletto-{index}"))
+        .stack_size(STACK)
+        .build()
+        .map_err(|e| Failure::new(Exit::Failed, format!("can't start {}: {e}", plural(threads, "thread"))))?;
+    Ok(pool.install(work))
+}
+
+/// Room for rays of depth 256 and groups as deep as a world allows.
+const STACK: usize = 16 << 20;
+
+/// Remembers what is read.
+struct Recording {
+    inner: FolderAssets,
+    files: Mutex<Vec<UsedFile>>,
+}
+
+impl Assets for Recording {
+    fn read(&self, path: &str, from: &AssetPath) -> Result<Asset, AssetError> {
+        let asset = self.inner.read(path, from)?;
+        let mut files = self.files.lock().unwrap_or_else(PoisonError::into_inner);
+        if !files.iter().any(|used| used.file == asset.path.name()) {
+            files.push(UsedFile { file: asset.path.name().to_owned(), bytes: asset.bytes.len() as u64 });
+        }
+        Ok(asset)
+    }
+}
