@@ -141,9 +141,12 @@ impl Part {
     }
 }
 
-/// Gives vertices whose normal has no direction the mean of their triangles'; no normals at all stay none.
+/// Makes normals unit vectors, and gives vertices whose normal has no direction the mean of their triangles'; no normals
+/// at all stay none.
 pub(super) fn mend_normals(mesh: &mut Mesh) {
-    let broken = |n: &Vec3| n.as_dvec3().try_normalize().is_none();
+    // Through f64, since the squares of f32 may vanish or overflow.
+    mesh.normals.iter_mut().for_each(|n| *n = n.as_dvec3().normalize_or_zero().as_vec3());
+    let broken = |n: &Vec3| *n == Vec3::ZERO;
     if !mesh.normals.iter().any(broken) {
         return;
     }

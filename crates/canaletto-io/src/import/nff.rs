@@ -223,7 +223,7 @@ impl<'a> Reader<'a> {
             return self.skip("a polygon of fewer than 3 corners is left out", start);
         }
         let face = vector_area(&corners).try_normalize().unwrap_or(DVec3::Y).as_vec3();
-        normals.iter_mut().filter(|n| n.try_normalize().is_none()).for_each(|n| *n = face);
+        normals.iter_mut().for_each(|n| *n = n.as_dvec3().try_normalize().map_or(face, |n| n.as_vec3()));
         let material = self.material();
         let scene = &mut self.scene;
         let mesh = *self.meshes.entry((material, smooth)).or_insert_with(|| {

@@ -6,12 +6,12 @@ use super::smooth::smooth;
 use canaletto::light::{Directional, DiskLight, Light, LightKind};
 use canaletto::material::{Material, Phong};
 use canaletto::math::Rgb;
-use canaletto::scene::{Content, Intrinsics, Node, Scene};
+use canaletto::scene::{Content, FilmSettings, Intrinsics, Node, Sampling, Scene};
 use canaletto::shape::{Plane, Shape};
 use glam::DVec3;
 
 /// The model on a neutral ground, seen from the front, a little from the right and above (y is up, the front looks
-/// towards +z). The camera looks down by more than half its angle of view, so that the horizon stays outside.
+/// towards +z). The camera looks down by more than half its angle of view, so that the horizon stays outside. Edges are sampled adaptively.
 ///
 /// `None` if the model's coordinates leave no room to stand.
 pub(super) fn studio(model: Imported) -> Option<Scene> {
@@ -44,20 +44,21 @@ pub(super) fn studio(model: Imported) -> Option<Scene> {
     let key = DiskLight {
         position: (middle + from_angles(-25.0, 50.0) * (3.0 * size)).as_vec3(),
         normal: from_angles(-25.0, 50.0).as_vec3(),
-        radius: (0.3 * size) as f32,
-        points: 32,
+        radius: (0.2 * size) as f32,
+        points: 24,
     };
     let fill = Directional { towards: -from_angles(85.0, 25.0).as_vec3(), beam: None };
     let light = |name: &str, kind, intensity, shadows| {
         let light = Light { name: Some(name.into()), shadows, ..Light::new(kind, Rgb::gray(intensity)) };
         Node::from(light).named(name)
     };
-    nodes.push(light("key", LightKind::Disk(key), 0.75, true));
+    nodes.push(light("key", LightKind::Disk(key), 0.85, true));
     nodes.push(light("fill", LightKind::Directional(fill), 0.2, false));
     Some(Scene {
         background: Rgb::gray(0.7),
-        ambient: Rgb::gray(0.22),
+        ambient: Rgb::gray(0.16),
         views: vec![view],
+        film: FilmSettings { sampling: Sampling::Adaptive { n: 3, threshold: 0.1 }, ..FilmSettings::default() },
         materials,
         meshes,
         nodes,

@@ -2,7 +2,7 @@
 //! Structural Similarity*, IEEE Transactions on Image Processing 13(4), 2004.
 //!
 //! As the authors' program: luma (Rec. 601 weights) of encoded values, an 11 × 11 Gaussian window of σ = 1.5, K₁ = 0.01,
-//! K₂ = 0.03, the mean over the windows that lie inside the picture. It has no subsampling of large pictures.
+//! K₂ = 0.03, the mean over the windows that lie inside the picture. Large pictures are not subsampled.
 
 use super::Image;
 use super::compare::{Unequal, colors};
