@@ -49,7 +49,11 @@ fn the_explanations_sum_is_the_pixel_bit_for_bit() {
                 for x in 0..24 {
                     let tree = explain(&world, &job, x, y).unwrap();
                     let pixel = picture.pixel(x, y);
-                    assert_eq!(bits(tree.sum()), bits(pixel), "{sampling:?} {filter:?} {stage:?}: pixel {x}, {y}\n{tree}");
+                    assert_eq!(
+                        bits(tree.sum()),
+                        bits(pixel),
+                        "{sampling:?} {filter:?} {stage:?}: pixel {x}, {y}\n{tree}"
+                    );
                     assert_eq!(bits(tree.color), bits(pixel));
                     different.insert(bits(pixel));
                 }

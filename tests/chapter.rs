@@ -64,7 +64,11 @@ fn exercise_3_an_optical_centre_off_the_pictures_centre() {
     // A crop of a picture keeps the rays of the whole: the optical axis may lie outside of it.
     let whole = exercise_1_camera();
     let world = chapter_sphere_world();
-    let mut job = Job::new(whole, FilmSettings { sampling: Sampling::Corner, ..FilmSettings::default() }, IntegratorSettings::default());
+    let mut job = Job::new(
+        whole,
+        FilmSettings { sampling: Sampling::Corner, ..FilmSettings::default() },
+        IntegratorSettings::default(),
+    );
     let all = render(&world, &job, &()).unwrap().picture;
     job.film.crop = Some([190, 60, 40, 90]);
     let part = render(&world, &job, &()).unwrap().picture;
@@ -79,9 +83,10 @@ fn exercise_3_an_optical_centre_off_the_pictures_centre() {
 
 #[test]
 fn exercise_4_and_19_light_from_infinity_on_a_triangle() {
-    for (l, expected, digits) in
-        [([200.0, 100.0, 50.0], [76.8, 32.0, 9.6], [0.1, 1.0, 0.1]), ([0.8, 0.4, 0.2], [0.307, 0.128, 0.0384], [1e-3, 1e-3, 1e-4])]
-    {
+    for (l, expected, digits) in [
+        ([200.0, 100.0, 50.0], [76.8, 32.0, 9.6], [0.1, 1.0, 0.1]),
+        ([0.8, 0.4, 0.2], [0.307, 0.128, 0.0384], [1e-3, 1e-3, 1e-4]),
+    ] {
         let triangle = Triangle {
             a: Vec3::new(3.0, 2.0, 1.0),
             b: Vec3::new(8.0, 2.0, 1.0),
@@ -90,7 +95,13 @@ fn exercise_4_and_19_light_from_infinity_on_a_triangle() {
         };
         let light = Light::new(LightKind::Omni(Omni { position: Vec4::new(0.0, 1.0, 0.0, 0.0) }), Rgb::from(l));
         let kd = Rgb::new(0.6, 0.5, 0.3);
-        let color = shade_at(Shape::Triangle(triangle), Phong { kd, ..Phong::default() }, light, Vec3::new(4.0, 3.0, 0.0), Stage::Diffuse);
+        let color = shade_at(
+            Shape::Triangle(triangle),
+            Phong { kd, ..Phong::default() },
+            light,
+            Vec3::new(4.0, 3.0, 0.0),
+            Stage::Diffuse,
+        );
         for i in 0..3 {
             printed([color.to_array()[i]], [expected[i]], digits[i] * 2.0);
         }
@@ -167,15 +178,22 @@ fn exercise_14_a_ray_and_a_cylinder_by_its_canonical_position() {
     let canonical = |v: DVec3| DVec3::new(v.dot(x) / 1.5, v.dot(y) / 1.5, v.dot(z) / axis.length());
     let mut hits = 0;
     for i in 0..4000u32 {
-        let h = |k: u32| f64::from(i.wrapping_mul(2654435761).wrapping_add(k.wrapping_mul(0x9e3779b1)).rotate_left(13) % 10_000) / 5000.0 - 1.0;
+        let h = |k: u32| {
+            f64::from(i.wrapping_mul(2654435761).wrapping_add(k.wrapping_mul(0x9e3779b1)).rotate_left(13) % 10_000)
+                / 5000.0
+                - 1.0
+        };
         let origin = Vec3::new(h(1) as f32, h(2) as f32, h(3) as f32) * 9.0;
         let target = (b1 + b2) / 2.0 + Vec3::new(h(4) as f32, h(5) as f32, h(6) as f32) * 2.5;
         let ray = Ray::new(origin, target - origin);
         let (o, d) = (canonical((ray.origin - b1).as_dvec3()), canonical(ray.direction.as_dvec3()));
         let (a, b, c) = (d.x * d.x + d.y * d.y, 2.0 * (o.x * d.x + o.y * d.y), o.x * o.x + o.y * o.y - 1.0);
         let root = (b * b - 4.0 * a * c).sqrt();
-        let side = [(-b - root) / (2.0 * a), (-b + root) / (2.0 * a)].into_iter().filter(|t| (0.0..=1.0).contains(&(o.z + t * d.z)));
-        let caps = [-o.z / d.z, (1.0 - o.z) / d.z].into_iter().filter(|t| (o + d * *t).truncate().length_squared() <= 1.0);
+        let side = [(-b - root) / (2.0 * a), (-b + root) / (2.0 * a)]
+            .into_iter()
+            .filter(|t| (0.0..=1.0).contains(&(o.z + t * d.z)));
+        let caps =
+            [-o.z / d.z, (1.0 - o.z) / d.z].into_iter().filter(|t| (o + d * *t).truncate().length_squared() <= 1.0);
         let nearest = side.chain(caps).filter(|t| *t > 0.0).fold(f64::INFINITY, f64::min);
         match cylinder.intersect(&ray, f32::INFINITY) {
             Some(hit) => {
@@ -223,7 +241,8 @@ fn exercise_17_the_plane_of_a_triangle() {
 #[test]
 fn exercise_18_diffuse_specular_and_ambient() {
     // A plane through p with the printed normal stands for the face; la*Kd is given, so la = 0.2 / Kd.
-    let plane = Shape::Plane(canaletto::shape::Plane { point: Vec3::new(6.0, 2.0, 1.0), normal: Vec3::new(1.0, 2.0, 1.0) });
+    let plane =
+        Shape::Plane(canaletto::shape::Plane { point: Vec3::new(6.0, 2.0, 1.0), normal: Vec3::new(1.0, 2.0, 1.0) });
     let phong = Phong { kd: Rgb::new(0.2, 0.3, 1.0), ks: Rgb::new(0.9, 0.8, 1.0), n: 30.0, ..Phong::default() };
     let light = || Light::new(LightKind::Omni(Omni::at(Vec3::new(3.0, 5.0, 1.0))), Rgb::WHITE);
     let (eye, p) = (Vec3::new(9.0, 1.0, 1.0), Vec3::new(6.0, 2.0, 1.0));

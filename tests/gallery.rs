@@ -20,8 +20,14 @@ pub fn still_life(scale: f32) -> Scene {
     let materials = vec![
         material("clay", Phong { kd: Rgb::new(0.7, 0.6, 0.5), ..Phong::default() }),
         material("blue", shiny(Rgb::new(0.1, 0.2, 0.8))),
-        material("mirror", Phong { kd: Rgb::gray(0.05), ks: Rgb::gray(0.5), n: 100.0, k: Rgb::gray(0.8), ..Phong::default() }),
-        material("glass", Phong { kd: Rgb::new(0.0, 0.1, 0.0), ks: Rgb::WHITE, n: 80.0, k: Rgb::gray(0.1), eta: 1.5, opacity: 0.2 }),
+        material(
+            "mirror",
+            Phong { kd: Rgb::gray(0.05), ks: Rgb::gray(0.5), n: 100.0, k: Rgb::gray(0.8), ..Phong::default() },
+        ),
+        material(
+            "glass",
+            Phong { kd: Rgb::new(0.0, 0.1, 0.0), ks: Rgb::WHITE, n: 80.0, k: Rgb::gray(0.1), eta: 1.5, opacity: 0.2 },
+        ),
         material("red", shiny(Rgb::new(0.8, 0.1, 0.1))),
     ];
     let shape = |s: Shape, m: u32| Node::from(s).with_material(m);
@@ -34,7 +40,12 @@ pub fn still_life(scale: f32) -> Scene {
     let ball = |r: f32| Shape::Sphere(Sphere { center: Vec3::ZERO, radius: r * scale });
     let lamp = Node::new(Content::Group(vec![
         shape(ball(0.3), 4),
-        Node::from(Shape::Cylinder(Cylinder { base: v(0.0, -0.8, 0.0), top: v(0.0, -0.3, 0.0), radius: 0.1 * scale, caps: false })),
+        Node::from(Shape::Cylinder(Cylinder {
+            base: v(0.0, -0.8, 0.0),
+            top: v(0.0, -0.3, 0.0),
+            radius: 0.1 * scale,
+            caps: false,
+        })),
     ]))
     .named("lamp");
     let instance = |x: f32, z: f32, degrees: f64| {
@@ -44,8 +55,15 @@ pub fn still_life(scale: f32) -> Scene {
     let intensity = Rgb::gray(0.4);
     let lights = [
         LightKind::Omni(Omni::at(v(4.0, 6.0, 5.0))),
-        LightKind::Directional(Directional { towards: Vec3::new(0.3, -1.0, -0.2), beam: Some((v(0.0, 0.0, 0.0), 3.0 * scale)) }),
-        LightKind::Spot(Spot { position: v(-4.0, 5.0, 3.0), target: v(0.0, 0.0, 0.0), falloff: Falloff::Smooth { inner: 20.0, outer: 35.0 } }),
+        LightKind::Directional(Directional {
+            towards: Vec3::new(0.3, -1.0, -0.2),
+            beam: Some((v(0.0, 0.0, 0.0), 3.0 * scale)),
+        }),
+        LightKind::Spot(Spot {
+            position: v(-4.0, 5.0, 3.0),
+            target: v(0.0, 0.0, 0.0),
+            falloff: Falloff::Smooth { inner: 20.0, outer: 35.0 },
+        }),
         LightKind::Disk(DiskLight { position: v(0.0, 7.0, 0.0), normal: Vec3::NEG_Y, radius: scale, points: 5 }),
     ];
     let mut nodes = vec![
@@ -53,10 +71,38 @@ pub fn still_life(scale: f32) -> Scene {
         shape(Shape::Sphere(Sphere { center: v(-1.5, 0.7, 0.0), radius: 0.7 * scale }), 3).named("glass ball"),
         shape(Shape::Sphere(Sphere { center: v(0.3, 0.5, -1.4), radius: 0.5 * scale }), 2),
         shape(Shape::Box(Cuboid { min: v(0.6, 0.0, 0.2), max: v(1.4, 0.8, 1.0) }), 1),
-        shape(Shape::Torus(Torus { center: v(-0.3, 0.2, 1.4), axis: Vec3::new(0.1, 1.0, 0.0), radius: 0.5 * scale, tube: 0.2 * scale }), 4),
-        shape(Shape::Cone(Cone { base: v(1.9, 0.0, -1.0), top: v(1.9, 1.3, -1.0), radius: 0.5 * scale, top_radius: 0.1 * scale, caps: true }), 1),
-        shape(Shape::Disk(Disk { center: v(-2.6, 0.9, -1.5), normal: Vec3::new(1.0, 0.2, 1.0), radius: 0.9 * scale }), 2),
-        shape(Shape::Triangle(Triangle { a: v(2.2, 0.0, 1.4), b: v(3.0, 0.0, 0.8), c: v(2.6, 1.1, 1.0), one_sided: true }), 4),
+        shape(
+            Shape::Torus(Torus {
+                center: v(-0.3, 0.2, 1.4),
+                axis: Vec3::new(0.1, 1.0, 0.0),
+                radius: 0.5 * scale,
+                tube: 0.2 * scale,
+            }),
+            4,
+        ),
+        shape(
+            Shape::Cone(Cone {
+                base: v(1.9, 0.0, -1.0),
+                top: v(1.9, 1.3, -1.0),
+                radius: 0.5 * scale,
+                top_radius: 0.1 * scale,
+                caps: true,
+            }),
+            1,
+        ),
+        shape(
+            Shape::Disk(Disk { center: v(-2.6, 0.9, -1.5), normal: Vec3::new(1.0, 0.2, 1.0), radius: 0.9 * scale }),
+            2,
+        ),
+        shape(
+            Shape::Triangle(Triangle {
+                a: v(2.2, 0.0, 1.4),
+                b: v(3.0, 0.0, 0.8),
+                c: v(2.6, 1.1, 1.0),
+                one_sided: true,
+            }),
+            4,
+        ),
         turned(ball(0.5), 4, squash(v(-0.6, 1.9, -0.6))),
         Node::new(Content::Mesh(0)).with_material(4).with_transform(&Transform::translate(v(0.9, 1.3, 0.6).as_dvec3())),
         Node::new(Content::Mesh(1)).with_material(3).with_transform(&squash(v(2.5, 0.6, 2.0))),
@@ -74,13 +120,17 @@ pub fn still_life(scale: f32) -> Scene {
         meshes: vec![icosphere(1, 0.5 * scale, true), icosphere(2, 0.5 * scale, false)],
         spheres: vec![SphereCloud {
             name: "grapes".into(),
-            centers: (0..40).map(|i| v((i % 8) as f32 * 0.2 - 0.6, 0.1 + (i / 8) as f32 * 0.17, 2.0 - (i / 8) as f32 * 0.05)).collect(),
+            centers: (0..40)
+                .map(|i| v((i % 8) as f32 * 0.2 - 0.6, 0.1 + (i / 8) as f32 * 0.17, 2.0 - (i / 8) as f32 * 0.05))
+                .collect(),
             radii: vec![0.1 * scale],
             colors: (0..40).map(|i| Rgb::new(i as f32 / 40.0, 0.3, 0.5)).collect(),
         }],
         cylinders: vec![CylinderCloud {
             name: "sticks".into(),
-            axes: (0..12).map(|i| [v(i as f32 * 0.12, 0.0, 0.0), v(i as f32 * 0.12 + 0.1, 0.6, (i % 3) as f32 * 0.2)]).collect(),
+            axes: (0..12)
+                .map(|i| [v(i as f32 * 0.12, 0.0, 0.0), v(i as f32 * 0.12 + 0.1, 0.6, (i % 3) as f32 * 0.2)])
+                .collect(),
             radii: vec![0.04 * scale],
             colors: Vec::new(),
             caps: true,
@@ -95,7 +145,8 @@ pub fn still_life(scale: f32) -> Scene {
 pub fn still_life_job(scale: f32, width: u32, height: u32, sampling: Sampling) -> Job {
     let s = f64::from(scale);
     let intrinsics = Intrinsics { fovy: 45.0, width, height, near: s, far: 100.0 * s, shift: [0.0; 2] };
-    let extrinsics = Extrinsics { eye: DVec3::new(2.0, 3.0, 7.0) * s, center: DVec3::new(0.0, 0.5, 0.0) * s, up: DVec3::Y };
+    let extrinsics =
+        Extrinsics { eye: DVec3::new(2.0, 3.0, 7.0) * s, center: DVec3::new(0.0, 0.5, 0.0) * s, up: DVec3::Y };
     let camera = Camera::new(&intrinsics, &extrinsics).unwrap();
     Job::new(camera, FilmSettings { sampling, ..FilmSettings::default() }, IntegratorSettings::default())
 }

@@ -42,7 +42,8 @@ fn lens() -> Mesh {
 fn ring() -> Mesh {
     let (around, across) = (48u32, 12u32);
     let point = |i: u32, j: u32| {
-        let (a, b) = (i as f32 / around as f32 * std::f32::consts::TAU, j as f32 / across as f32 * std::f32::consts::TAU);
+        let (a, b) =
+            (i as f32 / around as f32 * std::f32::consts::TAU, j as f32 / across as f32 * std::f32::consts::TAU);
         let r = 1.0 + 0.35 * b.cos();
         Vec3::new(r * a.cos(), 0.35 * b.sin(), -r * a.sin())
     };
@@ -62,17 +63,28 @@ fn ring() -> Mesh {
 }
 
 fn world(mesh: Mesh, scale: f32, offset: Vec3, instanced: bool) -> World {
-    let moved = Transform::translate((offset * scale).as_dvec3()).after(&Transform::scale(DVec3::splat(f64::from(scale))).unwrap());
+    let moved = Transform::translate((offset * scale).as_dvec3())
+        .after(&Transform::scale(DVec3::splat(f64::from(scale))).unwrap());
     let mut nodes = vec![Node::new(Content::Mesh(0)).with_transform(&moved)];
     if instanced {
         // A second use keeps the mesh in its own space, so that rays are transformed.
-        nodes.push(Node::new(Content::Mesh(0)).with_transform(&Transform::translate(DVec3::splat(f64::from(scale) * 100.0)).after(&moved)));
+        nodes.push(
+            Node::new(Content::Mesh(0))
+                .with_transform(&Transform::translate(DVec3::splat(f64::from(scale) * 100.0)).after(&moved)),
+        );
     }
     World::build(Scene { meshes: vec![mesh], nodes, ..Scene::default() }).unwrap()
 }
 
 /// Rays from inside: at vertices, at points of edges, and anywhere.
-fn leaks(mesh: &Mesh, inside: impl Fn(u64) -> Vec3 + Sync, scale: f32, offset: Vec3, instanced: bool, count: u64) -> u64 {
+fn leaks(
+    mesh: &Mesh,
+    inside: impl Fn(u64) -> Vec3 + Sync,
+    scale: f32,
+    offset: Vec3,
+    instanced: bool,
+    count: u64,
+) -> u64 {
     let world = world(mesh.clone(), scale, offset, instanced);
     let at = |p: Vec3| (p + offset) * scale;
     (0..count)
@@ -102,7 +114,8 @@ fn closed_meshes_do_not_leak() {
             for instanced in [false, true] {
                 let found = leaks(&icosphere(3, 1.0, false), |i| vector(i, 1) * 0.5, scale, offset, instanced, count);
                 assert_eq!(found, 0, "icosphere at scale {scale}, offset {offset}, instanced {instanced}");
-                let found = leaks(&lens(), |i| vector(i, 1) * Vec3::new(1.5, 0.009, 0.5), scale, offset, instanced, count);
+                let found =
+                    leaks(&lens(), |i| vector(i, 1) * Vec3::new(1.5, 0.009, 0.5), scale, offset, instanced, count);
                 assert_eq!(found, 0, "lens at scale {scale}, offset {offset}, instanced {instanced}");
                 let core = |i: u64| {
                     let angle = number(i, 1) * std::f32::consts::PI;
@@ -122,15 +135,43 @@ fn rays_that_bounce_inside_never_get_out() {
     let closed: Vec<(&str, Content)> = vec![
         ("sphere", Content::Shape(Shape::Sphere(Sphere { center: Vec3::new(0.3, -0.2, 0.1), radius: 1.0 }))),
         ("box", Content::Shape(Shape::Box(Cuboid { min: Vec3::new(-1.0, -0.6, -0.9), max: Vec3::new(0.9, 0.8, 1.3) }))),
-        ("cylinder", Content::Shape(Shape::Cylinder(Cylinder { base: Vec3::new(-0.6, -1.0, 0.2), top: Vec3::new(0.7, 0.9, -0.1), radius: 0.8, caps: true }))),
-        ("cone", Content::Shape(Shape::Cone(Cone { base: Vec3::new(0.1, -1.0, 0.0), top: Vec3::new(0.0, 1.4, 0.3), radius: 1.2, top_radius: 0.5, caps: true }))),
-        ("torus", Content::Shape(Shape::Torus(Torus { center: Vec3::new(-1.0, 0.0, 0.0), axis: Vec3::new(0.2, 1.0, 0.1), radius: 1.0, tube: 0.4 }))),
+        (
+            "cylinder",
+            Content::Shape(Shape::Cylinder(Cylinder {
+                base: Vec3::new(-0.6, -1.0, 0.2),
+                top: Vec3::new(0.7, 0.9, -0.1),
+                radius: 0.8,
+                caps: true,
+            })),
+        ),
+        (
+            "cone",
+            Content::Shape(Shape::Cone(Cone {
+                base: Vec3::new(0.1, -1.0, 0.0),
+                top: Vec3::new(0.0, 1.4, 0.3),
+                radius: 1.2,
+                top_radius: 0.5,
+                caps: true,
+            })),
+        ),
+        (
+            "torus",
+            Content::Shape(Shape::Torus(Torus {
+                center: Vec3::new(-1.0, 0.0, 0.0),
+                axis: Vec3::new(0.2, 1.0, 0.1),
+                radius: 1.0,
+                tube: 0.4,
+            })),
+        ),
         ("mesh", Content::Mesh(0)),
-        ("stretched sphere", Content::Group(vec![
-            Node::from(Shape::Sphere(Sphere { center: Vec3::ZERO, radius: 1.0 }))
-                .with_transform(&Transform::scale(DVec3::new(1.4, 0.5, 0.9)).unwrap())
-                .with_transform(&Transform::rotate(DVec3::new(1.0, 2.0, 0.3), 40.0).unwrap()),
-        ])),
+        (
+            "stretched sphere",
+            Content::Group(vec![
+                Node::from(Shape::Sphere(Sphere { center: Vec3::ZERO, radius: 1.0 }))
+                    .with_transform(&Transform::scale(DVec3::new(1.4, 0.5, 0.9)).unwrap())
+                    .with_transform(&Transform::rotate(DVec3::new(1.0, 2.0, 0.3), 40.0).unwrap()),
+            ]),
+        ),
     ];
     let count = rays() / (closed.len() as u64 * SCALES.len() as u64 * 20);
     for (name, content) in &closed {
@@ -151,7 +192,9 @@ fn rays_that_bounce_inside_never_get_out() {
                         };
                         let surface = world.surface(&ray, &hit);
                         if ray.direction.dot(surface.normal) <= -1e-3 {
-                            return Some(format!("ray {i} meets the outside after {bounce} bounces: {ray:?} {surface:?}"));
+                            return Some(format!(
+                                "ray {i} meets the outside after {bounce} bounces: {ray:?} {surface:?}"
+                            ));
                         }
                         let direction = reflect(-ray.direction, surface.normal).normalize();
                         let origin = offset_origin(surface.point, surface.error, surface.normal, -surface.normal);
@@ -160,7 +203,12 @@ fn rays_that_bounce_inside_never_get_out() {
                     None
                 })
                 .collect();
-            assert!(escaped.is_empty(), "{name} at scale {scale}: {} of {count} rays, such as\n{}", escaped.len(), escaped[0]);
+            assert!(
+                escaped.is_empty(),
+                "{name} at scale {scale}: {} of {count} rays, such as\n{}",
+                escaped.len(),
+                escaped[0]
+            );
         }
     }
 }

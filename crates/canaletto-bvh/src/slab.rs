@@ -45,21 +45,29 @@ enum Motion {
     Extreme,
 }
 
-impl Slabs {
-    pub(crate) fn new(ray: &Ray) -> Self {
-        let direction = ray.direction.to_array();
-        let reciprocal = direction.map(|d| 1.0 / d);
-        let motion = [0, 1, 2].map(|axis| match direction[axis] {
+impl Motion {
+    #[cold]
+    fn of(direction: [f32; 3], reciprocal: [f32; 3]) -> [Motion; 3] {
+        [0, 1, 2].map(|axis| match direction[axis] {
             0.0 => Motion::Still,
             _ if reciprocal[axis].is_normal() => Motion::Crossing,
             _ => Motion::Extreme,
-        });
+        })
+    }
+}
+
+impl Slabs {
+    #[inline]
+    pub(crate) fn new(ray: &Ray) -> Self {
+        let direction = ray.direction.to_array();
+        let reciprocal = direction.map(|d| 1.0 / d);
+        let regular = reciprocal.iter().all(|r| r.is_normal());
         Self {
             origin: ray.origin.to_array(),
             reciprocal,
             entry: direction.map(|d| usize::from(d < 0.0)),
-            motion,
-            regular: motion == [Motion::Crossing; 3],
+            motion: if regular { [Motion::Crossing; 3] } else { Motion::of(direction, reciprocal) },
+            regular,
         }
     }
 

@@ -1,7 +1,7 @@
 //! Rays against spheres: Haines, Günther and Akenine-Möller, "Precision improvements for ray/sphere intersection",
 //! Ray Tracing Gems (2019), chapter 7, in f64.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use crate::slab::Slabs;
 use crate::{Aabb, Ray};
@@ -23,33 +23,55 @@ pub fn bounds(center: Vec3, radius: f32) -> Aabb {
     }
 }
 
-/// The nearest t in (0, t_max] at which `ray` meets the sphere, from outside or from inside. A radius that is not
-/// above 0 is never hit.
+/// A ray, prepared for spheres.
+#[derive(Clone, Copy, Debug)]
+pub struct SphereRay {
+    origin: DVec3,
+    direction: DVec3,
+    /// The direction's squared length.
+    a: f64,
+    slabs: Slabs,
+}
+
+impl SphereRay {
+    /// Prepares `ray`.
+    pub fn new(ray: &Ray) -> Self {
+        let direction = ray.direction.as_dvec3();
+        Self { origin: ray.origin.as_dvec3(), direction, a: direction.dot(direction), slabs: Slabs::new(ray) }
+    }
+
+    /// The nearest t in (0, t_max] at which the ray meets the sphere, from outside or from inside. A radius that is not
+    /// above 0 is never hit.
+    #[inline]
+    pub fn intersect(&self, center: Vec3, radius: f32, t_max: f32) -> Option<f32> {
+        let f = self.origin - center.as_dvec3();
+        let r = f64::from(radius);
+        // a t² − 2 b t + c = 0
+        let b = -f.dot(self.direction);
+        // r² minus the squared distance of center and ray: b² − a c without its cancellation (eq. 5).
+        let l = f + (b / self.a) * self.direction;
+        let discriminant = r * r - l.dot(l);
+        // NaN, for a zero direction, must fail as well.
+        if !(discriminant >= 0.0 && r > 0.0) {
+            return None;
+        }
+        let root = (self.a * discriminant).sqrt();
+        // The root of larger size first, then the other from their product c / a (eq. 9 and 10).
+        let q = if b < 0.0 { b - root } else { b + root };
+        let [t0, t1] = [(f.dot(f) - r * r) / q, q / self.a];
+        let (first, second) = if t0 < t1 { (t0, t1) } else { (t1, t0) };
+        // NaN, 0 / 0, is the origin on the surface of a sphere seen tangentially: no hit ahead.
+        let t = if first > 0.0 { first } else { second };
+        if !(t > 0.0 && t <= 2.0 * f64::from(t_max)) {
+            return None;
+        }
+        self.slabs.confine(&bounds(center, radius), t, t_max)
+    }
+}
+
+/// [`SphereRay::intersect`] for a ray that meets one sphere only.
 pub fn intersect(ray: &Ray, center: Vec3, radius: f32, t_max: f32) -> Option<f32> {
-    let d = ray.direction.as_dvec3();
-    let f = ray.origin.as_dvec3() - center.as_dvec3();
-    let r = f64::from(radius);
-    // a t² − 2 b t + c = 0
-    let a = d.dot(d);
-    let b = -f.dot(d);
-    // r² minus the squared distance of center and ray: b² − a c without its cancellation (eq. 5).
-    let l = f + (b / a) * d;
-    let discriminant = r * r - l.dot(l);
-    // NaN, for a zero direction, must fail as well.
-    if !(discriminant >= 0.0 && r > 0.0) {
-        return None;
-    }
-    let root = (a * discriminant).sqrt();
-    // The root of larger size first, then the other from their product c / a (eq. 9 and 10).
-    let q = if b < 0.0 { b - root } else { b + root };
-    let [t0, t1] = [(f.dot(f) - r * r) / q, q / a];
-    let (first, second) = if t0 < t1 { (t0, t1) } else { (t1, t0) };
-    // NaN, 0 / 0, is the origin on the surface of a sphere seen tangentially: no hit ahead.
-    let t = if first > 0.0 { first } else { second };
-    if !(t > 0.0 && t <= 2.0 * f64::from(t_max)) {
-        return None;
-    }
-    Slabs::new(ray).confine(&bounds(center, radius), t, t_max)
+    SphereRay::new(ray).intersect(center, radius, t_max)
 }
 
 #[cfg(test)]

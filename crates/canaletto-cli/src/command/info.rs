@@ -6,7 +6,7 @@ use crate::flags::SourceFlags;
 use crate::source::{Source, UsedFile, build, on_threads};
 use crate::stdout::{print, print_json};
 use crate::words::{bytes, count, duration, plural};
-use canaletto::light::Light;
+use canaletto::light::Source as LightSource;
 use canaletto::material::Material;
 use canaletto::math::Rgb;
 use canaletto::scene::View;
@@ -77,7 +77,7 @@ impl Info {
             "background": self.world.background,
             "ambient": self.world.ambient,
             "cameras": self.views,
-            "lights": self.world.lights,
+            "lights": self.world.lights.iter().map(|source| &source.light).collect::<Vec<_>>(),
             "materials": self.materials,
             "seconds": { "read": self.read.as_secs_f64(), "build": self.build.as_secs_f64() },
         })
@@ -157,9 +157,10 @@ fn camera(view: &View) -> String {
     )
 }
 
-fn light(light: &Light) -> String {
+fn light(source: &LightSource) -> String {
+    let light = &source.light;
     let name = light.name.as_ref().map_or_else(String::new, |name| format!("\"{name}\": "));
-    let points = if light.points() > 1 { format!(", {} points", light.points()) } else { String::new() };
+    let points = if source.points() > 1 { format!(", {} points", source.points()) } else { String::new() };
     let shadows = if light.shadows { "" } else { ", no shadows" };
     format!("{name}{}, intensity {}{points}{shadows}", light.kind_name(), rgb(light.intensity))
 }

@@ -43,7 +43,7 @@ pub fn encode_png(
     let mut encoder = Encoder::new(&mut out, image.width, image.height);
     encoder.set_color(color);
     encoder.set_depth(if depth == Depth::Eight { BitDepth::Eight } else { BitDepth::Sixteen });
-    encoder.set_compression(Compression::Balanced);
+    encoder.set_compression(Compression::Fast);
     if transfer == Transfer::Srgb {
         encoder.set_source_srgb(SrgbRenderingIntent::RelativeColorimetric);
         encoder.set_source_gamma(ScaledFloat::from_scaled(45_455));

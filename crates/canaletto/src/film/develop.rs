@@ -3,6 +3,7 @@
 use super::Picture;
 use crate::math::Rgb;
 use crate::scene::{Tone, Transfer};
+use rayon::prelude::*;
 
 /// The picture's colours as display values in [0, 1], the top row first.
 pub fn develop(picture: &Picture, tone: Tone, transfer: Transfer) -> Vec<Rgb> {
@@ -13,7 +14,7 @@ pub fn develop(picture: &Picture, tone: Tone, transfer: Transfer) -> Vec<Rgb> {
             if largest > 1.0 { 1.0 / largest } else { 1.0 }
         }
     };
-    picture.pixels.iter().map(|&c| display(c * scale, transfer)).collect()
+    picture.pixels.par_iter().map(|&c| display(c * scale, transfer)).collect()
 }
 
 /// One colour as a display value: cut to [0, 1], then encoded.

@@ -159,11 +159,11 @@ impl<'w> Whitted<'w> {
         }
         let stage = self.settings.stage;
         term.diffuse = at.material.diffuse(arriving.intensity, n_dot_l); // (5.32b)
-        if stage >= Stage::Specular {
+        if stage >= Stage::Specular && !phong.ks.is_black() {
             term.specular = arriving.intensity * phong.ks * phong.highlight(term.r_dot_l); // (5.38)
         }
         term.f_s = 1.0;
-        if stage >= Stage::Shadow && self.settings.shadows && source.shadows {
+        if stage >= Stage::Shadow && self.settings.shadows && source.light.shadows {
             let start = if at.outside { at.surface.lifted } else { at.surface.point };
             let origin = offset_origin(start, at.surface.error, at.facing, at.facing);
             // Towards a point the ray ends there, at t = 1; towards infinity it has no end.

@@ -19,10 +19,10 @@ impl Directional {
         -self.towards.normalize()
     }
 
-    /// 1 inside the beam, 0 outside.
-    pub(super) fn region(&self, p: Vec3) -> f32 {
+    /// 1 inside the beam, 0 outside; `direction` is [`Directional::direction`].
+    pub(super) fn region(&self, p: Vec3, direction: Vec3) -> f32 {
         let Some((axis, radius)) = self.beam else { return 1.0 };
-        let axis_distance2 = (p - axis).reject_from_normalized(self.direction()).length_squared();
+        let axis_distance2 = (p - axis).reject_from_normalized(direction).length_squared();
         if axis_distance2 <= radius * radius { 1.0 } else { 0.0 }
     }
 

@@ -3,15 +3,16 @@
 mod directional;
 mod disk;
 mod omni;
+mod source;
 mod spot;
 
 pub use directional::Directional;
 pub use disk::DiskLight;
 pub use omni::Omni;
+pub use source::{Illumination, Source};
 pub use spot::{Falloff, Spot};
 
 use crate::math::{Rgb, Transform};
-use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 /// A light source.
@@ -43,51 +44,10 @@ pub enum LightKind {
     Disk(DiskLight),
 }
 
-/// Light arriving at a point from one of a light's points.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Illumination {
-    /// L̂, the unit direction to the light.
-    pub direction: Vec3,
-    /// How far the light is; infinite for light from infinity.
-    pub distance: f32,
-    /// Where the light is; `None` for light from infinity.
-    pub position: Option<Vec3>,
-    /// The intensity after attenuation, cone and region; shadows not considered.
-    pub intensity: Rgb,
-}
-
 impl Light {
     /// A light of this kind with shadows and no attenuation.
     pub fn new(kind: LightKind, intensity: Rgb) -> Light {
         Light { name: None, intensity, shadows: true, attenuation: [1.0, 0.0, 0.0], kind }
-    }
-
-    /// The number of points that illuminate, each with a shadow ray of its own.
-    pub fn points(&self) -> u32 {
-        match &self.kind {
-            LightKind::Disk(disk) => disk.points,
-            _ => 1,
-        }
-    }
-
-    /// What arrives at `p` from point number `index`. Intensities over all points sum to the light's.
-    pub fn illuminate(&self, index: u32, p: Vec3) -> Illumination {
-        match &self.kind {
-            LightKind::Omni(omni) => match omni.towards_infinity() {
-                Some(direction) => {
-                    Illumination { direction, distance: f32::INFINITY, position: None, intensity: self.intensity }
-                }
-                None => self.point_light(omni.point(), p, 1.0),
-            },
-            LightKind::Directional(directional) => Illumination {
-                direction: directional.direction(),
-                distance: f32::INFINITY,
-                position: None,
-                intensity: self.intensity * directional.region(p),
-            },
-            LightKind::Spot(spot) => self.point_light(spot.position, p, spot.cone(p)),
-            LightKind::Disk(disk) => self.point_light(disk.point(index), p, 1.0 / disk.points as f32),
-        }
     }
 
     /// The same light moved by a transform.
@@ -130,19 +90,6 @@ impl Light {
             LightKind::Directional(light) => light.check(),
             LightKind::Spot(light) => light.check(),
             LightKind::Disk(light) => light.check(),
-        }
-    }
-
-    fn point_light(&self, position: Vec3, p: Vec3, factor: f32) -> Illumination {
-        let to_light = position - p;
-        let distance = to_light.length();
-        let [c, l, q] = self.attenuation;
-        let attenuation = c + l * distance + q * distance * distance;
-        Illumination {
-            direction: to_light / distance,
-            distance,
-            position: Some(position),
-            intensity: self.intensity * (factor / attenuation),
         }
     }
 }

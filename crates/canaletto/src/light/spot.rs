@@ -35,32 +35,44 @@ pub enum Falloff {
     },
 }
 
-impl Spot {
-    /// The factor of light that leaves towards `p`.
-    pub(super) fn cone(&self, p: Vec3) -> f32 {
-        let axis = (self.target - self.position).normalize();
-        let cos = axis.dot((p - self.position).normalize_or_zero());
-        let cos_of = |degrees: f32| libm::cos(f64::from(degrees).to_radians()) as f32;
-        match self.falloff {
-            Falloff::Smooth { inner, outer } => {
-                let (full, none) = (cos_of(inner), cos_of(outer));
-                if cos >= full {
-                    1.0
-                } else if cos <= none {
-                    0.0
-                } else {
-                    let s = (cos - none) / (full - none);
-                    s * s * (3.0 - 2.0 * s)
-                }
+/// A spotlight's cone with the cosines of its angles.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Cone {
+    axis: Vec3,
+    fall: Fall,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Fall {
+    Smooth { full: f32, none: f32 },
+    Exponent { exponent: f32, none: f32 },
+}
+
+impl Cone {
+    /// The share of light that leaves in this unit direction.
+    pub(super) fn factor(&self, direction: Vec3) -> f32 {
+        let cos = self.axis.dot(direction);
+        match self.fall {
+            Fall::Smooth { full, .. } if cos >= full => 1.0,
+            Fall::Smooth { full, none } if cos > none => {
+                let s = (cos - none) / (full - none);
+                s * s * (3.0 - 2.0 * s)
             }
-            Falloff::Exponent { exponent, outer } => {
-                if cos < cos_of(outer) || cos <= 0.0 {
-                    0.0
-                } else {
-                    libm::powf(cos, exponent)
-                }
-            }
+            Fall::Exponent { exponent, none } if cos >= none && cos > 0.0 => libm::powf(cos, exponent),
+            _ => 0.0,
         }
+    }
+}
+
+impl Spot {
+    /// The cone, ready to be asked.
+    pub(super) fn cone(&self) -> Cone {
+        let cos = |degrees: f32| libm::cos(f64::from(degrees).to_radians()) as f32;
+        let fall = match self.falloff {
+            Falloff::Smooth { inner, outer } => Fall::Smooth { full: cos(inner), none: cos(outer) },
+            Falloff::Exponent { exponent, outer } => Fall::Exponent { exponent, none: cos(outer) },
+        };
+        Cone { axis: (self.target - self.position).normalize(), fall }
     }
 
     pub(super) fn transformed(&self, t: &Transform) -> Spot {

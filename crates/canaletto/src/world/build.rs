@@ -3,6 +3,7 @@
 use super::geometry::Geometry;
 use super::instance::{Instance, NONE};
 use super::{Object, World};
+use crate::light::{Light, Source};
 use crate::material::{Material, Phong};
 use crate::math::Transform;
 use crate::scene::{Content, Node, Scene};
@@ -86,7 +87,7 @@ impl World {
         Ok(World {
             background,
             ambient,
-            lights,
+            lights: lights.into_iter().map(Source::new).collect(),
             has_clear: materials.iter().any(|m| m.phong.opacity < 1.0),
             materials,
             objects: builder.objects,
@@ -136,11 +137,11 @@ struct Part {
     shape_objects: Vec<u32>,
     shape_materials: Vec<u32>,
     instances: Vec<Instance>,
-    lights: Vec<crate::light::Light>,
+    lights: Vec<Light>,
     unbounded: Vec<(Shape, u32, u32)>,
 }
 
-type Finished = (Vec<Instance>, Vec<crate::light::Light>, Vec<(Shape, u32, u32)>);
+type Finished = (Vec<Instance>, Vec<Light>, Vec<(Shape, u32, u32)>);
 
 #[derive(Default)]
 struct Builder {
@@ -223,10 +224,7 @@ impl Builder {
                 self.place_shape(shape, object, inherited, &transform, part)
             }
             Content::Light(light) => {
-                let light = crate::light::Light {
-                    name: node.name.clone().or(light.name.clone()),
-                    ..light.transformed(&transform)
-                };
+                let light = Light { name: node.name.clone().or(light.name.clone()), ..light.transformed(&transform) };
                 light.check().map_err(|problem| BuildError::Invalid {
                     object: light
                         .name

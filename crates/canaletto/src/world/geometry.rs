@@ -2,11 +2,11 @@
 
 use super::Census;
 use crate::shape::{CylinderCloud, Mesh, Shape, ShapeHit, SphereCloud, Surface};
+use canaletto_bvh::sphere::{self, SphereRay};
 use canaletto_bvh::triangle::TriangleRay;
-use canaletto_bvh::{Aabb, Bvh, Ray, sphere};
+use canaletto_bvh::{Aabb, Bvh, Ray};
 use glam::Vec3;
 use rayon::prelude::*;
-use std::ops::Range;
 
 /// Primitives of one kind under one hierarchy: the second level. Primitive ids are positions in the description;
 /// slots are positions in leaf order.
@@ -47,6 +47,19 @@ impl Nearest {
             *self = Nearest { t: hit.t, primitive, part: hit.part, uv: hit.uv };
         }
     }
+}
+
+/// [`Shape::intersect`], with spheres, the most frequent shape, on the prepared ray.
+fn meet(shape: &Shape, ray: &Ray, sphere_ray: &SphereRay, t_max: f32) -> Option<ShapeHit> {
+    match shape {
+        Shape::Sphere(s) => sphere_ray.intersect(s.center, s.radius, t_max).map(plain),
+        other => other.intersect(ray, t_max),
+    }
+}
+
+/// A hit that needs no more than t.
+fn plain(t: f32) -> ShapeHit {
+    ShapeHit { t, part: 0, uv: [0.0; 2] }
 }
 
 impl Geometry {
@@ -105,12 +118,12 @@ impl Geometry {
         let mut nearest = Nearest { t: t_max, primitive: NO_PRIMITIVE, part: 0, uv: [0.0; 2] };
         let order = self.bvh.order();
         let (nearest_ref, bvh) = (&mut nearest, &self.bvh);
-        let plain = |t: f32| ShapeHit { t, part: 0, uv: [0.0; 2] };
         match &self.primitives {
             Primitives::Shapes { slots, .. } | Primitives::Cylinders { slots, .. } => {
+                let sphere_ray = SphereRay::new(ray);
                 bvh.intersect(ray, t_max, |leaf, t_max| {
                     for slot in leaf.map(|s| s as usize) {
-                        if let Some(hit) = slots[slot].intersect(ray, *t_max) {
+                        if let Some(hit) = meet(&slots[slot], ray, &sphere_ray, *t_max) {
                             nearest_ref.offer(hit, order[slot]);
                             *t_max = nearest_ref.t;
                         }
@@ -132,10 +145,11 @@ impl Geometry {
                 });
             }
             Primitives::Spheres { slots, .. } => {
+                let sphere_ray = SphereRay::new(ray);
                 bvh.intersect(ray, t_max, |leaf, t_max| {
                     for slot in leaf.map(|s| s as usize) {
                         let (center, radius) = slots[slot];
-                        if let Some(t) = sphere::intersect(ray, center, radius, *t_max) {
+                        if let Some(t) = sphere_ray.intersect(center, radius, *t_max) {
                             nearest_ref.offer(plain(t), order[slot]);
                             *t_max = nearest_ref.t;
                         }
@@ -150,25 +164,33 @@ impl Geometry {
     pub(super) fn occluded(&self, ray: &Ray, t_max: f32, mut blocks: impl FnMut(u32) -> bool) -> bool {
         let order = self.bvh.order();
         let bvh = &self.bvh;
-        let mut any = |leaf: Range<u32>, hits: &dyn Fn(usize) -> bool| {
-            leaf.map(|s| s as usize).any(|slot| hits(slot) && blocks(order[slot]))
-        };
+
         match &self.primitives {
             Primitives::Shapes { slots, .. } | Primitives::Cylinders { slots, .. } => {
-                bvh.occluded(ray, t_max, |leaf| any(leaf, &|slot| slots[slot].intersect(ray, t_max).is_some()))
+                let sphere_ray = SphereRay::new(ray);
+                bvh.occluded(ray, t_max, |leaf| {
+                    leaf.map(|s| s as usize)
+                        .any(|slot| meet(&slots[slot], ray, &sphere_ray, t_max).is_some() && blocks(order[slot]))
+                })
             }
             Primitives::Mesh { slots, mesh } => {
                 let triangle_ray = TriangleRay::new(ray);
                 bvh.occluded(ray, t_max, |leaf| {
-                    any(leaf, &|slot| {
+                    leaf.map(|s| s as usize).any(|slot| {
                         let [a, b, c] = slots[slot];
                         triangle_ray.intersect(a, b, c, t_max).is_some_and(|hit| hit.front || !mesh.one_sided)
+                            && blocks(order[slot])
                     })
                 })
             }
-            Primitives::Spheres { slots, .. } => bvh.occluded(ray, t_max, |leaf| {
-                any(leaf, &|slot| sphere::intersect(ray, slots[slot].0, slots[slot].1, t_max).is_some())
-            }),
+            Primitives::Spheres { slots, .. } => {
+                let sphere_ray = SphereRay::new(ray);
+                bvh.occluded(ray, t_max, |leaf| {
+                    leaf.map(|s| s as usize).any(|slot| {
+                        sphere_ray.intersect(slots[slot].0, slots[slot].1, t_max).is_some() && blocks(order[slot])
+                    })
+                })
+            }
         }
     }
 
@@ -188,8 +210,9 @@ impl Geometry {
                         .filter(|hit| hit.front || !mesh.one_sided)
                         .map(|hit| ShapeHit { t: hit.t, part: 0, uv: [hit.u, hit.v] })
                 }
-                Primitives::Spheres { slots, .. } => sphere::intersect(ray, slots[slot].0, slots[slot].1, nearest.t)
-                    .map(|t| ShapeHit { t, part: 0, uv: [0.0; 2] }),
+                Primitives::Spheres { slots, .. } => {
+                    sphere::intersect(ray, slots[slot].0, slots[slot].1, nearest.t).map(plain)
+                }
             };
             if let Some(hit) = hit {
                 nearest.offer(hit, id);

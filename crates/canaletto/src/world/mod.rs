@@ -9,7 +9,7 @@ mod query;
 pub use build::BuildError;
 pub use query::Hit;
 
-use crate::light::Light;
+use crate::light::Source;
 use crate::material::Material;
 use crate::math::Rgb;
 use crate::shape::Shape;
@@ -25,7 +25,7 @@ pub struct World {
     /// Iₐ of (5.33).
     pub ambient: Rgb,
     /// All lights, in world space.
-    pub lights: Vec<Light>,
+    pub lights: Vec<Source>,
     /// All materials; the last one is the default for objects that name none.
     materials: Vec<Material>,
     /// What the scene's nodes are called.

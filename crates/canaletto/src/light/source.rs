@@ -1,0 +1,154 @@
+//! A light ready to illuminate: what does not depend on the point is computed once.
+
+use super::{Light, LightKind};
+use crate::math::Rgb;
+use glam::Vec3;
+
+/// A light lowered to the points it shines from.
+#[derive(Clone, Debug)]
+pub struct Source {
+    /// The light as described, in world space.
+    pub light: Light,
+    /// Where light comes from; none for light from infinity.
+    points: Vec<Vec3>,
+    /// The unit direction to a light at infinity.
+    towards: Vec3,
+    /// The intensity of each point.
+    intensity: Rgb,
+    cone: Option<super::spot::Cone>,
+}
+
+/// Light arriving at a point from one of a light's points.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Illumination {
+    /// L̂, the unit direction to the light.
+    pub direction: Vec3,
+    /// How far the light is; infinite for light from infinity.
+    pub distance: f32,
+    /// Where the light is; `None` for light from infinity.
+    pub position: Option<Vec3>,
+    /// The intensity after attenuation, cone and region; shadows not considered.
+    pub intensity: Rgb,
+}
+
+impl Source {
+    /// The source of a light whose numbers are in range ([`Light::check`]).
+    pub fn new(light: Light) -> Source {
+        let (mut points, mut towards, mut cone, mut share) = (Vec::new(), Vec3::ZERO, None, 1.0);
+        match &light.kind {
+            LightKind::Omni(omni) => match omni.towards_infinity() {
+                Some(direction) => towards = direction,
+                None => points.push(omni.point()),
+            },
+            LightKind::Directional(directional) => towards = directional.direction(),
+            LightKind::Spot(spot) => {
+                points.push(spot.position);
+                cone = Some(spot.cone());
+            }
+            LightKind::Disk(disk) => {
+                points.extend((0..disk.points).map(|index| disk.point(index)));
+                share = 1.0 / disk.points as f32;
+            }
+        }
+        let intensity = light.intensity * share;
+        Source { light, points, towards, intensity, cone }
+    }
+
+    /// The number of points that illuminate, each with a shadow ray of its own.
+    pub fn points(&self) -> u32 {
+        self.points.len().max(1) as u32
+    }
+
+    /// What arrives at `p` from point number `index`. Intensities over all points sum to the light's.
+    #[inline]
+    pub fn illuminate(&self, index: u32, p: Vec3) -> Illumination {
+        let Some(&position) = self.points.get(index as usize) else {
+            return self.arriving_from_infinity(p);
+        };
+        let to_light = position - p;
+        let distance = to_light.length();
+        let direction = to_light / distance;
+        let mut intensity = self.intensity;
+        let [c, l, q] = self.light.attenuation;
+        if [c, l, q] != [1.0, 0.0, 0.0] {
+            intensity = intensity / (c + l * distance + q * distance * distance);
+        }
+        if let Some(cone) = &self.cone {
+            intensity *= cone.factor(-direction);
+        }
+        Illumination { direction, distance, position: Some(position), intensity }
+    }
+
+    fn arriving_from_infinity(&self, p: Vec3) -> Illumination {
+        let mut intensity = self.intensity;
+        if let LightKind::Directional(directional) = &self.light.kind {
+            intensity *= directional.region(p, self.towards);
+        }
+        Illumination { direction: self.towards, distance: f32::INFINITY, position: None, intensity }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Directional, DiskLight, Falloff, Omni, Spot};
+    use super::*;
+    use glam::Vec4;
+
+    fn source(kind: LightKind) -> Source {
+        Source::new(Light::new(kind, Rgb::WHITE))
+    }
+
+    #[test]
+    fn a_fourth_number_of_zero_is_infinity() {
+        let sun = source(LightKind::Omni(Omni { position: Vec4::new(0.0, 2.0, 0.0, 0.0) }));
+        for p in [Vec3::ZERO, Vec3::splat(100.0)] {
+            let light = sun.illuminate(0, p);
+            assert_eq!((light.direction, light.position), (Vec3::Y, None));
+        }
+        let lamp = source(LightKind::Omni(Omni { position: Vec4::new(0.0, 6.0, 0.0, 2.0) }));
+        assert_eq!(lamp.illuminate(0, Vec3::ZERO).position, Some(Vec3::new(0.0, 3.0, 0.0)));
+    }
+
+    #[test]
+    fn attenuation_divides_by_a_polynomial_of_the_distance() {
+        let mut light = Light::new(LightKind::Omni(Omni::at(Vec3::Y * 3.0)), Rgb::gray(12.0));
+        light.attenuation = [1.0, 2.0, 0.5];
+        // 1 + 2 · 3 + 0.5 · 9 = 11.5
+        assert!((Source::new(light).illuminate(0, Vec3::ZERO).intensity.r - 12.0 / 11.5).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_spot_is_full_inside_dark_outside_and_smooth_between() {
+        let falloff = Falloff::Smooth { inner: 20.0, outer: 40.0 };
+        let spot = source(LightKind::Spot(Spot { position: Vec3::Y, target: Vec3::ZERO, falloff }));
+        let at = |degrees: f32| spot.illuminate(0, Vec3::new(degrees.to_radians().tan(), 0.0, 0.0)).intensity.r;
+        assert_eq!([at(0.0), at(19.9), at(40.1)], [1.0, 1.0, 0.0]);
+        let values = [21.0, 25.0, 30.0, 35.0, 39.0].map(at);
+        assert!(values.windows(2).all(|w| w[0] > w[1]) && values[0] > 0.95 && values[4] < 0.05, "{values:?}");
+        let falloff = Falloff::Exponent { exponent: 3.0, outer: 60.0 };
+        let spot = source(LightKind::Spot(Spot { position: Vec3::Y, target: Vec3::ZERO, falloff }));
+        let at = |degrees: f32| spot.illuminate(0, Vec3::new(degrees.to_radians().tan(), 0.0, 0.0)).intensity.r;
+        assert!((at(45.0) - 0.5f32.powf(1.5)).abs() < 1e-6 && at(61.0) == 0.0);
+    }
+
+    #[test]
+    fn a_beam_ends_at_its_radius() {
+        let beam = Directional { towards: Vec3::NEG_Y, beam: Some((Vec3::X, 2.0)) };
+        let sun = source(LightKind::Directional(beam));
+        let at = |x: f32| sun.illuminate(0, Vec3::new(x, -7.0, 0.0)).intensity.r;
+        assert_eq!([at(-0.9), at(2.9), at(3.1), at(-1.1)], [1.0, 1.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn points_of_a_disk_share_its_light_and_its_area() {
+        let disk = DiskLight { position: Vec3::Y, normal: Vec3::new(0.0, -1.0, 1.0), radius: 2.0, points: 64 };
+        let light = source(LightKind::Disk(disk));
+        let points: Vec<Vec3> = (0..64).map(|i| light.illuminate(i, Vec3::ZERO).position.unwrap() - Vec3::Y).collect();
+        assert!(points.iter().all(|p| p.dot(disk.normal).abs() < 1e-5 && p.length() <= 2.0));
+        // Half of the points lie inside the circle of half the area.
+        assert_eq!(points.iter().filter(|p| p.length() < 2.0 / 2f32.sqrt()).count(), 32);
+        assert!((points.iter().sum::<Vec3>() / 64.0).length() < 0.1);
+        let sum: Rgb = (0..64).map(|i| light.illuminate(i, Vec3::ZERO).intensity).sum();
+        assert!((sum.r - 1.0).abs() < 1e-5);
+    }
+}
