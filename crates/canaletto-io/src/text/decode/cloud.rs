@@ -1,0 +1,236 @@
+//! Clouds: many numbers in a node, lines of a text, or a file.
+
+use super::Decoder;
+use super::fields::Fields;
+use crate::import::{self, CloudFormat};
+use crate::text::report::Message;
+use crate::text::schema::DEFAULT_CAPS;
+use crate::text::syntax::{Span, Value};
+use canaletto::math::Rgb;
+use canaletto::scene::Content;
+use canaletto::shape::{CylinderCloud, SphereCloud};
+use glam::Vec3;
+
+/// The most mistakes that are reported of one cloud.
+const MAX_MISTAKES: usize = 20;
+
+/// Rows of numbers.
+struct Rows {
+    columns: usize,
+    numbers: Vec<f32>,
+}
+
+impl Decoder<'_> {
+    /// A cloud of spheres.
+    pub(super) fn spheres(&mut self, f: &Fields) -> Option<Content> {
+        let cloud = match self.source(f, "points")? {
+            "file" => {
+                let (asset, format) = self.open(f)?;
+                import::read_spheres(&asset, format, f.real("radius"))
+                    .map_err(|errors| self.file_failed(f, f.text("file").unwrap_or_default(), errors))
+                    .ok()?
+            }
+            source => {
+                let rows = if source == "data" { self.data(f, 3)? } else { numbers(f, "points", 3) };
+                let centers = rows.numbers.chunks_exact(rows.columns).map(Vec3::from_slice).collect();
+                let (radii, colors) = self.rest(f, &rows, 3)?;
+                SphereCloud { name: name(f), centers, radii, colors }
+            }
+        };
+        if let Err(problem) = cloud.check() {
+            self.out_of_range(f, &problem);
+        }
+        self.scene.spheres.push(cloud);
+        Some(Content::Spheres(self.scene.spheres.len() as u32 - 1))
+    }
+
+    /// A cloud of cylinders.
+    pub(super) fn cylinders(&mut self, f: &Fields) -> Option<Content> {
+        let mut cloud = match self.source(f, "axes")? {
+            "file" => {
+                let (asset, format) = self.open(f)?;
+                import::read_cylinders(&asset, format, f.real("radius"))
+                    .map_err(|errors| self.file_failed(f, f.text("file").unwrap_or_default(), errors))
+                    .ok()?
+            }
+            source => {
+                let rows = if source == "data" { self.data(f, 6)? } else { numbers(f, "axes", 6) };
+                let ends = |row: &[f32]| [Vec3::from_slice(row), Vec3::from_slice(&row[3..])];
+                let axes = rows.numbers.chunks_exact(rows.columns).map(ends).collect();
+                let (radii, colors) = self.rest(f, &rows, 6)?;
+                CylinderCloud { name: name(f), axes, radii, colors, caps: DEFAULT_CAPS }
+            }
+        };
+        cloud.caps = f.flag("caps").unwrap_or(DEFAULT_CAPS);
+        if let Err(problem) = cloud.check() {
+            self.out_of_range(f, &problem);
+        }
+        self.scene.cylinders.push(cloud);
+        Some(Content::Cylinders(self.scene.cylinders.len() as u32 - 1))
+    }
+
+    /// The one word that says where the numbers are.
+    fn source(&mut self, f: &Fields, inline: &'static str) -> Option<&'static str> {
+        if let Some(radius) = f.real("radius").filter(|radius| *radius <= 0.0) {
+            self.out_of_range(f, &format!("radius is {radius}; it must be more than 0"));
+            return None;
+        }
+        let given: Vec<&'static str> = [inline, "data", "file"].into_iter().filter(|word| f.has(word)).collect();
+        match given.as_slice() {
+            [one] => f.raw(one).map(|_| *one),
+            [] => {
+                if f.sound {
+                    let message = format!("{} needs {inline}, data or file", f.node.name);
+                    self.judge.report.error(f.node.name_span, message);
+                }
+                None
+            }
+            [first, second, ..] => {
+                let message =
+                    format!("{} takes its numbers from one place, not from {first} and {second}", f.node.name);
+                self.judge.report.error(f.span(second), message);
+                None
+            }
+        }
+    }
+
+    fn open(&mut self, f: &Fields) -> Option<(crate::assets::Asset, CloudFormat)> {
+        let (file, span) = (f.text("file")?, f.span("file"));
+        let from = self.judge.files.get(span.file)?.path.clone();
+        let extension = crate::assets::AssetPath::new(file, file, file).extension();
+        let Some(format) = CloudFormat::of_extension(&extension) else {
+            let known = CloudFormat::EXTENSIONS.join(", .");
+            let message = Message::error(span, format!("clouds can't be read from \"{file}\""));
+            self.judge.report.push(message.help(format!("the file's name must end in one of .{known}")));
+            return None;
+        };
+        match self.assets.read(file, &from) {
+            Ok(asset) => Some((asset, format)),
+            Err(error) => {
+                let message = Message::error(span, error.to_string());
+                self.judge.report.push(match error.help() {
+                    Some(help) => message.help(help),
+                    None => message,
+                });
+                None
+            }
+        }
+    }
+
+    /// The rows of a text; each starts with `lead` numbers.
+    fn data(&mut self, f: &Fields, lead: usize) -> Option<Rows> {
+        let value = f.raw("data")?.values.first()?;
+        let text = value.as_text()?;
+        let raw = self.judge.files.slice(value.span);
+        let mut rows = Rows { columns: 0, numbers: Vec::new() };
+        let mut mistakes: Vec<Message> = Vec::new();
+        let mut first = None;
+        for (line, span) in lines(raw, text, value) {
+            if mistakes.len() == MAX_MISTAKES {
+                break;
+            }
+            let before = rows.numbers.len();
+            let line = line.split('#').next().unwrap_or_default();
+            let good = read_line(line, span, &mut rows.numbers, &mut mistakes);
+            let count = rows.numbers.len() - before;
+            if !good || count == 0 {
+                rows.numbers.truncate(before);
+                continue;
+            }
+            let blank = (line.len() - line.trim_start().len()) as u32;
+            let length = line.trim().len() as u32;
+            let exact = (span.end - span.start) as usize >= line.len();
+            let here =
+                if exact { Span { start: span.start + blank, end: span.start + blank + length, ..span } } else { span };
+            if ![lead, lead + 1, lead + 3, lead + 4].contains(&count) {
+                let kind = if lead == 3 { "x y z" } else { "x y z x y z" };
+                let help = format!("a line is {kind}, with a radius, a colour of 3 numbers or both behind it");
+                mistakes.push(Message::error(here, format!("this line has {count} numbers")).help(help));
+                rows.numbers.truncate(before);
+            } else if rows.columns == 0 {
+                (rows.columns, first) = (count, Some(here));
+            } else if rows.columns != count {
+                let place = first.map_or_else(String::new, |first| self.judge.files.first(first, here));
+                let message = format!("this line has {count} numbers, the first one {}", rows.columns);
+                mistakes.push(Message::error(here, message).label(place));
+                rows.numbers.truncate(before);
+            }
+        }
+        if rows.columns == 0 && mistakes.is_empty() {
+            mistakes.push(Message::error(value.span, "data holds no numbers"));
+        }
+        let good = mistakes.is_empty();
+        mistakes.into_iter().for_each(|message| self.judge.report.push(message));
+        good.then_some(rows)
+    }
+
+    /// The radii and colours behind the coordinates.
+    fn rest(&mut self, f: &Fields, rows: &Rows, lead: usize) -> Option<(Vec<f32>, Vec<Rgb>)> {
+        let behind = rows.columns - lead;
+        let each = rows.numbers.chunks_exact(rows.columns);
+        let radii = if behind == 1 || behind == 4 {
+            each.clone().map(|row| row[lead]).collect()
+        } else if let Some(radius) = f.real("radius") {
+            vec![radius]
+        } else {
+            if !f.has("radius") {
+                let message = Message::error(f.node.name_span, format!("{} needs radius", f.node.name));
+                self.judge
+                    .report
+                    .push(message.help("one for all: radius=1; or one behind the coordinates in each line of data"));
+            }
+            return None;
+        };
+        let colors = if behind < 3 {
+            Vec::new()
+        } else {
+            each.map(|row| Rgb::new(row[rows.columns - 3], row[rows.columns - 2], row[rows.columns - 1])).collect()
+        };
+        Some((radii, colors))
+    }
+}
+
+fn name(f: &Fields) -> String {
+    f.text("name").unwrap_or_default().to_owned()
+}
+
+/// The numbers of a node's word.
+fn numbers(f: &Fields, word: &str, columns: usize) -> Rows {
+    let values = f.raw(word).map_or(&[][..], |got| got.values);
+    Rows { columns, numbers: values.iter().filter_map(|v| v.as_number().map(|n| n as f32)).collect() }
+}
+
+/// The lines of a text with their places in the file; a text with escapes has one place for all.
+fn lines<'t>(raw: &'t str, text: &'t str, value: &'t Value) -> impl Iterator<Item = (&'t str, Span)> {
+    let exact = raw.contains("\"\"\"") && (raw.starts_with('#') || !raw.contains('\\'));
+    let body = if exact { raw } else { text };
+    let count = body.split('\n').count();
+    let mut at = value.span.start;
+    let all = body.split('\n').enumerate().map(move |(index, line)| {
+        let start = at;
+        at += line.len() as u32 + 1;
+        let place = if exact { Span { start, end: start + line.len() as u32, ..value.span } } else { value.span };
+        (index, line, place)
+    });
+    // The first and last lines of the file's text hold the quotes.
+    all.filter(move |(index, ..)| !exact || (*index > 0 && index + 1 < count)).map(|(_, line, place)| (line, place))
+}
+
+/// Adds a line's numbers; tells whether all of it was numbers.
+fn read_line(line: &str, span: Span, numbers: &mut Vec<f32>, mistakes: &mut Vec<Message>) -> bool {
+    let exact = span.end - span.start >= line.len() as u32;
+    let separator = |c: char| c.is_whitespace() || c == ',' || c == ';';
+    for word in line.split(separator).filter(|word| !word.is_empty()) {
+        match word.parse::<f32>().ok().filter(|number| number.is_finite()) {
+            Some(number) => numbers.push(number),
+            None => {
+                let at = span.start + (word.as_ptr() as usize - line.as_ptr() as usize) as u32;
+                let place = if exact { Span { start: at, end: at + word.len() as u32, ..span } } else { span };
+                let short: String = word.chars().take(40).collect();
+                mistakes.push(Message::error(place, format!("\"{short}\" isn't a finite number")));
+                return false;
+            }
+        }
+    }
+    true
+}

@@ -1,0 +1,110 @@
+//! Lights.
+
+use super::Decoder;
+use super::fields::Fields;
+use crate::text::nearest::nearest;
+use crate::text::report::Message;
+use crate::text::schema::{self, DEFAULT_INNER, DEFAULT_INTENSITY, DEFAULT_POINTS, LIGHTS};
+use crate::text::syntax::Node;
+use canaletto::light::{Directional, DiskLight, Falloff, Light, LightKind, Omni, Spot};
+use canaletto::math::Rgb;
+use canaletto::scene::{self, Content};
+
+impl Decoder<'_> {
+    /// A light in its place.
+    pub(super) fn light(&mut self, node: &Node) -> Option<scene::Node> {
+        let kind = self.light_kind(node)?;
+        let title = format!("light \"{kind}\"");
+        let fields = self.judge.fields(node, schema::light(kind)?, &title);
+        let transform = self.transform(&fields);
+        self.sound &= fields.sound;
+        let mut light =
+            Light::new(self.kind(kind, &fields)?, fields.rgb("intensity").unwrap_or(Rgb::gray(DEFAULT_INTENSITY)));
+        light.name = fields.text("name").map(str::to_owned);
+        light.shadows = fields.flag("shadows").unwrap_or(light.shadows);
+        light.attenuation = fields.vec("attenuation").map_or(light.attenuation, |v| v.to_array());
+        if fields.sound
+            && let Err(problem) = light.check()
+        {
+            self.out_of_range(&fields, &problem);
+        }
+        let name = light.name.clone();
+        Some(scene::Node { name, transform, ..scene::Node::new(Content::Light(light)) })
+    }
+
+    /// The word after `light`.
+    fn light_kind<'n>(&mut self, node: &'n Node) -> Option<&'n str> {
+        let kinds = LIGHTS.iter().map(|(kind, _)| *kind);
+        let list: Vec<String> = kinds.clone().map(|kind| format!("\"{kind}\"")).collect();
+        let help = format!("kinds of light: {}", list.join(", "));
+        let Some(value) = node.values.first() else {
+            if !node.broken {
+                let message = Message::error(node.name_span, "light needs its kind right after the word");
+                self.judge.report.push(message.help(help));
+            }
+            return None;
+        };
+        let text = value.as_text();
+        if let Some(kind) = text.filter(|text| kinds.clone().any(|kind| kind == *text)) {
+            return Some(kind);
+        }
+        let message = match text {
+            Some(text) => format!("there is no kind of light \"{text}\""),
+            None => "light takes its kind as a text".into(),
+        };
+        let same = |text: &str| kinds.clone().find(|kind| schema::SYNONYMS.contains(&(text, *kind)));
+        let help = match text.and_then(|text| same(text).or_else(|| nearest(text, kinds.clone()))) {
+            Some(right) => format!("did you mean \"{right}\"? Kinds of light: {}", list.join(", ")),
+            None => help,
+        };
+        self.judge.report.push(Message::error(value.span, message).help(help));
+        None
+    }
+
+    fn kind(&mut self, kind: &str, f: &Fields) -> Option<LightKind> {
+        Some(match kind {
+            "omni" => LightKind::Omni(match f.numbers::<4>("position") {
+                Some(p) => Omni { position: glam::DVec4::from_array(p).as_vec4() },
+                None => Omni::at(f.vec("position")?),
+            }),
+            "directional" => LightKind::Directional(Directional { towards: f.vec("direction")?, beam: self.beam(f) }),
+            "spot" => LightKind::Spot(Spot {
+                position: f.vec("position")?,
+                target: f.vec("target")?,
+                falloff: self.falloff(f)?,
+            }),
+            _ => LightKind::Disk(DiskLight {
+                position: f.vec("position")?,
+                normal: f.vec("normal")?,
+                radius: f.real("radius")?,
+                points: f.count("points").unwrap_or(DEFAULT_POINTS),
+            }),
+        })
+    }
+
+    fn beam(&mut self, f: &Fields) -> Option<(glam::Vec3, f32)> {
+        for (word, other) in [("axis", "radius"), ("radius", "axis")] {
+            if f.has(word) && !f.has(other) {
+                let message = format!("a beam needs both axis and radius, but {other} is missing");
+                self.judge.report.error(f.span(word), message);
+                self.sound = false;
+            }
+        }
+        Some((f.vec("axis")?, f.real("radius")?))
+    }
+
+    fn falloff(&mut self, f: &Fields) -> Option<Falloff> {
+        let outer = f.real("outer")?;
+        if f.has("exponent") && f.has("inner") {
+            let message = Message::error(f.span("exponent"), "a spotlight has either inner or exponent");
+            self.judge
+                .report
+                .push(message.help("inner and outer make a smooth edge; exponent falls off from the axis on"));
+            self.sound = false;
+        }
+        Some(match f.real("exponent") {
+            Some(exponent) => Falloff::Exponent { exponent, outer },
+            None => Falloff::Smooth { inner: f.real("inner").unwrap_or(DEFAULT_INNER), outer },
+        })
+    }
+}

@@ -1,0 +1,105 @@
+//! From nodes to a [`Scene`]: every mistake is reported, then the next node is read.
+
+mod cloud;
+mod fields;
+mod light;
+mod mesh;
+mod names;
+mod object;
+mod settings;
+mod transform;
+
+use super::files::Files;
+use super::report::{Message, Report};
+use super::syntax::Node;
+use crate::assets::Assets;
+use canaletto::math::Rgb;
+use canaletto::scene::{self, Content, Scene, Stage};
+use fields::Judge;
+use names::Names;
+use std::collections::HashMap;
+
+/// The scene of these nodes, or nothing if something is wrong; the report says what.
+pub(crate) fn decode(nodes: &[Node], files: &Files, assets: &dyn Assets, report: Report) -> (Option<Scene>, Report) {
+    let mut judge = Judge::new(files, report);
+    let names = Names::collect(nodes, &mut judge);
+    let mut decoder = Decoder {
+        judge,
+        assets,
+        scene: Scene::default(),
+        materials: HashMap::new(),
+        used: Vec::new(),
+        names,
+        meshes: HashMap::new(),
+        sound: true,
+    };
+    decoder.scene.prototypes = vec![scene::Node::new(Content::Group(Vec::new())); decoder.names.slots()];
+    decoder.materials(nodes);
+    decoder.settings(nodes);
+    for node in nodes.iter().filter(|node| is_object(node)) {
+        if let Some(node) = decoder.object(node) {
+            decoder.scene.nodes.push(node);
+        }
+    }
+    for node in nodes.iter().filter(|node| !is_object(node) && !settings::is_setting(node)) {
+        decoder.judge.unknown_node(node);
+    }
+    if !decoder.judge.report.has_errors() {
+        decoder.warn(nodes);
+    }
+    (decoder.sound.then_some(decoder.scene), decoder.judge.report)
+}
+
+struct Decoder<'a> {
+    judge: Judge<'a>,
+    assets: &'a dyn Assets,
+    scene: Scene,
+    /// Where each material of the scene text stands in the scene's list.
+    materials: HashMap<&'a str, u32>,
+    /// Which of them something refers to.
+    used: Vec<bool>,
+    names: Names<'a>,
+    meshes: mesh::Cache,
+    /// Whether the scene can be used, as far as it was read.
+    sound: bool,
+}
+
+fn is_object(node: &Node) -> bool {
+    super::schema::objects().any(|name| name == &*node.name)
+}
+
+impl Decoder<'_> {
+    /// Warns of what is allowed, but hardly meant.
+    fn warn(&mut self, nodes: &[Node]) {
+        let has = |light: bool| {
+            nodes.iter().any(|node| any(node, &|n| if light { &*n.name == "light" } else { is_thing(&n.name) }))
+        };
+        let dark = self.scene.ambient == Rgb::BLACK && self.scene.integrator.stage > Stage::Unlit;
+        if !has(false) {
+            self.judge.report.push(Message::warning(None, "the scene has no objects"));
+        } else if dark && !has(true) {
+            let message = Message::warning(None, "the scene has no lights, so everything in it is black");
+            self.judge.report.push(message.help("for example: light \"omni\" { position 40 120 0 }"));
+        }
+        // A file of materials to include has more than one scene needs.
+        for node in nodes.iter().filter(|node| &*node.name == "material" && node.name_span.file == 0) {
+            let Some(value) = node.values.first() else { continue };
+            let index = value.as_text().and_then(|name| self.materials.get(name));
+            if index.is_some_and(|i| !self.used[*i as usize]) {
+                let name = value.as_text().unwrap_or_default();
+                self.judge
+                    .report
+                    .push(Message::warning(Some(value.span), format!("nothing uses the material \"{name}\"")));
+            }
+        }
+    }
+}
+
+fn is_thing(name: &str) -> bool {
+    !matches!(name, "light" | "group" | "prototype") && super::schema::objects().any(|object| object == name)
+}
+
+/// Whether the test holds for the node or one inside it.
+fn any(node: &Node, test: &dyn Fn(&Node) -> bool) -> bool {
+    test(node) || (&*node.name == "group" && node.children.iter().any(|child| any(child, test)))
+}

@@ -1,0 +1,151 @@
+//! The names of objects, and which of them instances repeat.
+
+use super::fields::Judge;
+use crate::text::report::Message;
+use crate::text::schema::objects;
+use crate::text::syntax::{Node, Span};
+use std::collections::{HashMap, HashSet};
+
+/// Objects by their names.
+pub(crate) struct Names<'a> {
+    by_name: HashMap<&'a str, Target>,
+    slots: usize,
+}
+
+struct Target {
+    span: Span,
+    /// Where it stands in the scene's prototypes, if instances repeat it or it is a prototype.
+    slot: Option<u32>,
+}
+
+impl<'a> Names<'a> {
+    /// Finds all names; reports those that two objects share, and instances of themselves.
+    pub(crate) fn collect(nodes: &'a [Node], judge: &mut Judge) -> Names<'a> {
+        let mut names = Names { by_name: HashMap::new(), slots: 0 };
+        let mut repeated = HashSet::new();
+        for node in nodes {
+            names.find(node, &mut repeated, judge);
+        }
+        let mut edges = HashMap::new();
+        for node in nodes {
+            names.number(node, &repeated, None, &mut edges);
+        }
+        report_cycles(&names, &edges, judge);
+        names
+    }
+
+    /// How many prototypes there are.
+    pub(crate) fn slots(&self) -> usize {
+        self.slots
+    }
+
+    /// The prototype of this name, or whether at least something has it.
+    pub(crate) fn slot(&self, name: &str) -> Option<u32> {
+        self.by_name.get(name)?.slot
+    }
+
+    /// The place of this node itself among the prototypes.
+    pub(crate) fn slot_of(&self, node: &Node) -> Option<u32> {
+        let (name, span) = node.text("name")?;
+        self.by_name.get(name).filter(|target| target.span == span)?.slot
+    }
+
+    pub(crate) fn iter(&self) -> impl Iterator<Item = &'a str> + Clone {
+        self.by_name.keys().copied()
+    }
+
+    fn find(&mut self, node: &'a Node, repeated: &mut HashSet<&'a str>, judge: &mut Judge) {
+        if !objects().any(|name| name == &*node.name) {
+            return;
+        }
+        if let Some((name, span)) = node.text("name") {
+            match self.by_name.get(name) {
+                Some(first) => {
+                    let place = judge.files.first(first.span, span);
+                    let message = Message::error(span, format!("two objects are called \"{name}\""));
+                    judge.report.push(message.label(place));
+                }
+                None => {
+                    self.by_name.insert(name, Target { span, slot: None });
+                }
+            }
+        }
+        if &*node.name == "instance"
+            && let Some((of, _)) = node.text("of")
+        {
+            repeated.insert(of);
+        }
+        for child in &node.children {
+            self.find(child, repeated, judge);
+        }
+    }
+
+    /// Numbers the prototypes, and notes which of them holds which.
+    fn number(
+        &mut self,
+        node: &'a Node,
+        repeated: &HashSet<&'a str>,
+        mut holder: Option<&'a str>,
+        edges: &mut HashMap<&'a str, Vec<(&'a str, Span)>>,
+    ) {
+        if !objects().any(|name| name == &*node.name) {
+            return;
+        }
+        let mut note = |holder: Option<&'a str>, held: &'a str, span: Span| {
+            if let Some(holder) = holder {
+                edges.entry(holder).or_default().push((held, span));
+            }
+        };
+        if let Some((name, span)) = node.text("name")
+            && let Some(target) = self.by_name.get_mut(name)
+            && target.span == span
+            && (repeated.contains(name) || &*node.name == "prototype")
+        {
+            target.slot = Some(self.slots as u32);
+            self.slots += 1;
+            note(holder, name, span);
+            holder = Some(name);
+        }
+        if &*node.name == "instance"
+            && let Some((of, span)) = node.text("of")
+        {
+            note(holder, of, span);
+        }
+        for child in &node.children {
+            self.number(child, repeated, holder, edges);
+        }
+    }
+}
+
+/// Finds circles of names that hold each other, each once.
+fn report_cycles(names: &Names, edges: &HashMap<&str, Vec<(&str, Span)>>, judge: &mut Judge) {
+    let mut starts: Vec<(&str, Span)> = names.by_name.iter().map(|(name, target)| (*name, target.span)).collect();
+    starts.sort_by_key(|(_, span)| (span.file, span.start));
+    let mut done: HashSet<&str> = HashSet::new();
+    for (start, _) in starts {
+        // The way from the start, each with the number of its edges that were followed.
+        let mut way: Vec<(&str, usize)> = vec![(start, 0)];
+        let mut on_way: HashSet<&str> = HashSet::from([start]);
+        if done.contains(start) {
+            continue;
+        }
+        while let Some((name, next)) = way.last_mut() {
+            let Some((held, span)) = edges.get(name).and_then(|list| list.get(*next)) else {
+                done.insert(name);
+                on_way.remove(name);
+                way.pop();
+                continue;
+            };
+            *next += 1;
+            if on_way.contains(held) {
+                let from = way.iter().position(|(name, _)| name == held).unwrap_or(0);
+                let circle: Vec<&str> = way[from..].iter().map(|(name, _)| *name).chain([*held]).collect();
+                let message = Message::error(*span, format!("\"{held}\" would contain itself without end"));
+                judge.report.push(message.label(circle.join(" contains ")));
+            } else if !done.contains(held) && names.by_name.contains_key(held) {
+                way.push((held, 0));
+                on_way.insert(held);
+            }
+        }
+    }
+}

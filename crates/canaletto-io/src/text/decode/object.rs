@@ -1,0 +1,120 @@
+//! Objects and groups.
+
+use super::Decoder;
+use super::fields::Fields;
+use crate::text::schema::{self, DEFAULT_CAPS, DEFAULT_TOP_RADIUS};
+use crate::text::syntax::Node;
+use canaletto::scene::{self, Content};
+use canaletto::shape::{Cone, Cuboid, Cylinder, Disk, Plane, Shape, Sphere, Torus, Triangle};
+
+impl Decoder<'_> {
+    /// An object or light and what stands in it. Nothing for prototypes, and after a mistake.
+    pub(super) fn object(&mut self, node: &Node) -> Option<scene::Node> {
+        let decoded = if &*node.name == "light" { self.light(node) } else { self.placed(node) };
+        self.sound &= decoded.is_some();
+        let decoded = decoded?;
+        let Some(slot) = self.names.slot_of(node) else { return Some(decoded) };
+        // Instances repeat it: it moves to the prototypes, and its place shows one more copy.
+        let name = decoded.name.clone();
+        self.scene.prototypes[slot as usize] = decoded;
+        if &*node.name == "prototype" {
+            return None;
+        }
+        Some(scene::Node { name, ..scene::Node::new(Content::Instance(slot)) })
+    }
+
+    fn placed(&mut self, node: &Node) -> Option<scene::Node> {
+        let words = schema::node(&node.name)?;
+        let fields = self.judge.fields(node, words, words.name);
+        let material = self.material(&fields);
+        let transform = self.transform(&fields);
+        let content = match words.name {
+            "group" | "prototype" => Some(Content::Group(self.group(&fields))),
+            "instance" => self.instance(&fields),
+            "mesh" => self.mesh(&fields, material),
+            "spheres" => self.spheres(&fields),
+            "cylinders" => self.cylinders(&fields),
+            _ => self.shape(&fields),
+        };
+        let name = fields.text("name").map(str::to_owned);
+        self.sound &= fields.sound;
+        Some(scene::Node { name, material, transform, content: content? })
+    }
+
+    fn group(&mut self, fields: &Fields) -> Vec<scene::Node> {
+        let mut nodes = Vec::with_capacity(fields.objects.len());
+        for node in &fields.objects {
+            let sound = self.sound;
+            match self.object(node) {
+                Some(node) => nodes.push(node),
+                // A prototype leaves nothing in its place.
+                None if &*node.name == "prototype" => self.sound &= sound,
+                None => {}
+            }
+        }
+        nodes
+    }
+
+    fn instance(&mut self, fields: &Fields) -> Option<Content> {
+        let of = fields.text("of")?;
+        let slot = self.names.slot(of);
+        if slot.is_none() {
+            let known = self.names.iter();
+            self.judge.unknown_name("object", of, fields.span("of"), known);
+        }
+        slot.map(Content::Instance)
+    }
+
+    /// The material that the object names.
+    fn material(&mut self, fields: &Fields) -> Option<u32> {
+        let name = fields.text("material")?;
+        let Some(index) = self.materials.get(name).copied() else {
+            self.judge.unknown_name("material", name, fields.span("material"), self.materials.keys().copied());
+            self.sound = false;
+            return None;
+        };
+        self.used[index as usize] = true;
+        Some(index)
+    }
+
+    fn shape(&mut self, f: &Fields) -> Option<Content> {
+        let caps = f.flag("caps").unwrap_or(DEFAULT_CAPS);
+        let shape = match &*f.node.name {
+            "sphere" => Shape::Sphere(Sphere { center: f.vec("center")?, radius: f.real("radius")? }),
+            "box" => Shape::Box(Cuboid { min: f.vec("min")?, max: f.vec("max")? }),
+            "triangle" => Shape::Triangle(Triangle {
+                a: f.vec("a")?,
+                b: f.vec("b")?,
+                c: f.vec("c")?,
+                one_sided: f.flag("one-sided").unwrap_or(false),
+            }),
+            "plane" => Shape::Plane(Plane { point: f.vec("point")?, normal: f.vec("normal")? }),
+            "disk" => {
+                Shape::Disk(Disk { center: f.vec("center")?, normal: f.vec("normal")?, radius: f.real("radius")? })
+            }
+            "cylinder" => {
+                Shape::Cylinder(Cylinder { base: f.vec("base")?, top: f.vec("top")?, radius: f.real("radius")?, caps })
+            }
+            "cone" => Shape::Cone(Cone {
+                base: f.vec("base")?,
+                top: f.vec("top")?,
+                radius: f.real("radius")?,
+                top_radius: f.real("top-radius").unwrap_or(DEFAULT_TOP_RADIUS),
+                caps,
+            }),
+            "torus" => Shape::Torus(Torus {
+                center: f.vec("center")?,
+                axis: f.vec("axis")?,
+                radius: f.real("radius")?,
+                tube: f.real("tube")?,
+            }),
+            _ => return None,
+        };
+        if f.sound
+            && let Err(problem) = shape.check()
+        {
+            self.out_of_range(f, &problem);
+        }
+        Some(Content::Shape(shape))
+    }
+}

@@ -1,0 +1,291 @@
+//! Camera, film, integrator, materials and the scene's own colours.
+//!
+//! Of a node that stands in several files, the later ones change what they say and keep the rest.
+
+use super::Decoder;
+use super::fields::Fields;
+use crate::text::report::Message;
+use crate::text::schema::{self, Words};
+use crate::text::syntax::{Node, Span};
+use canaletto::camera::Camera;
+use canaletto::material::{Material, Phong};
+use canaletto::render::Job;
+use canaletto::scene::{Extrinsics, FilmSettings, Filter, Intrinsics, Sampling, Stage, Tone, Transfer, View};
+use std::collections::HashMap;
+
+pub(super) fn is_setting(node: &Node) -> bool {
+    schema::SETTINGS.iter().any(|words| words.name == &*node.name)
+}
+
+impl<'a> Decoder<'a> {
+    /// Reads the materials, so that all objects find theirs wherever they stand.
+    pub(super) fn materials<'n: 'a>(&mut self, nodes: &'n [Node]) {
+        let mut places: HashMap<&str, Span> = HashMap::new();
+        for node in nodes.iter().filter(|node| &*node.name == "material") {
+            let title = node
+                .values
+                .first()
+                .and_then(|v| v.as_text())
+                .map_or("material".into(), |n| format!("material \"{n}\""));
+            let fields = self.judge.fields(node, &schema::MATERIAL, &title);
+            self.sound &= fields.sound;
+            let Some(name) = fields.text("name") else { continue };
+            let span = fields.span("name");
+            if let Some(first) = places.insert(name, span) {
+                let place = self.judge.files.first(first, span);
+                let message = Message::error(span, format!("two materials are called \"{name}\""));
+                self.judge.report.push(message.label(place));
+                self.sound = false;
+                continue;
+            }
+            let d = Phong::default();
+            let phong = Phong {
+                kd: fields.rgb("kd").unwrap_or(d.kd),
+                ks: fields.rgb("ks").unwrap_or(d.ks),
+                n: fields.real("n").unwrap_or(d.n),
+                k: fields.rgb("k").unwrap_or(d.k),
+                eta: fields.real("eta").unwrap_or(d.eta),
+                opacity: fields.real("opacity").unwrap_or(d.opacity),
+            };
+            let material = Material { name: name.to_owned(), phong };
+            if let Err(problem) = material.check() {
+                self.out_of_range(&fields, &problem);
+            }
+            self.materials.insert(name, self.scene.materials.len() as u32);
+            self.scene.materials.push(material);
+            self.used.push(false);
+        }
+    }
+
+    /// Reads the rest of the settings in the order of the files.
+    pub(super) fn settings(&mut self, nodes: &[Node]) {
+        let mut places: HashMap<(&str, &str), Span> = HashMap::new();
+        let mut last: Vec<Fields> = Vec::new();
+        let mut film_fields = None;
+        for node in nodes {
+            let name = match &*node.name {
+                "background" | "ambient" | "film" | "integrator" => "",
+                "camera" => node.values.first().and_then(|v| v.as_text()).unwrap_or(schema::DEFAULT_CAMERA),
+                "include" => {
+                    let message = Message::error(node.name_span, "include has no place here");
+                    self.judge.report.push(message);
+                    continue;
+                }
+                _ => continue,
+            };
+            let before = places.insert((&node.name, name), node.name_span);
+            let before = before.filter(|first| first.file == node.name_span.file);
+            let twice = before.is_some();
+            if let Some(first) = before {
+                let place = self.judge.files.first(first, node.name_span);
+                let what = if name.is_empty() {
+                    format!("two {} nodes", node.name)
+                } else {
+                    format!("two cameras called \"{name}\"")
+                };
+                let message = Message::error(node.name_span, format!("the file has {what}"));
+                self.judge.report.push(message.label(place));
+                self.sound = false;
+            }
+            let words: &'static Words = match &*node.name {
+                "background" => &schema::BACKGROUND,
+                "ambient" => &schema::AMBIENT,
+                "film" => &schema::FILM,
+                "integrator" => &schema::INTEGRATOR,
+                _ => &schema::CAMERA,
+            };
+            let title = if node.values.is_empty() || words.name != "camera" {
+                words.name.into()
+            } else {
+                format!("camera \"{name}\"")
+            };
+            let mut fields = self.judge.fields(node, words, &title);
+            fields.sound &= !twice;
+            self.sound &= fields.sound;
+            match words.name {
+                "background" => self.scene.background = fields.rgb("colour").unwrap_or_default(),
+                "ambient" => self.scene.ambient = self.not_negative(&fields, "colour"),
+                "film" => {
+                    self.film(&fields);
+                    film_fields = Some(fields);
+                }
+                "integrator" => self.integrator(&fields),
+                _ => {
+                    let index = self.scene.views.iter().position(|view| view.name == name).unwrap_or_else(|| {
+                        let view = View {
+                            name: name.to_owned(),
+                            intrinsics: Intrinsics::default(),
+                            extrinsics: Extrinsics::default(),
+                        };
+                        self.scene.views.push(view);
+                        self.scene.views.len() - 1
+                    });
+                    change_view(&mut self.scene.views[index], &fields);
+                    if index < last.len() { last[index] = fields } else { last.push(fields) }
+                }
+            }
+        }
+        self.check_views(&last, film_fields.as_ref());
+    }
+
+    fn not_negative(&mut self, fields: &Fields, word: &str) -> canaletto::math::Rgb {
+        let value = fields.rgb(word).unwrap_or_default();
+        if value.to_array().iter().any(|v| *v < 0.0) {
+            self.out_of_range(fields, &format!("{} must not be negative", fields.node.name));
+        }
+        value
+    }
+
+    fn integrator(&mut self, fields: &Fields) {
+        let settings = &mut self.scene.integrator;
+        set(&mut settings.max_depth, fields.count("max-depth"));
+        set(&mut settings.min_weight, fields.real("min-weight"));
+        set(&mut settings.shadows, fields.flag("shadows"));
+        let stage = fields.text("stage").and_then(|name| Stage::ALL.iter().find(|(_, n)| *n == name));
+        set(&mut settings.stage, stage.map(|(stage, _)| *stage));
+        if settings.max_depth == 0 {
+            self.out_of_range(fields, "max-depth is 0; the eye's rays have depth 1, so it must be at least that");
+        } else if settings.min_weight < 0.0 {
+            self.out_of_range(fields, "min-weight must be 0 or more");
+        }
+    }
+
+    fn film(&mut self, fields: &Fields) {
+        let mut film = self.scene.film;
+        set(&mut film.tone, fields.text("tone").map(|word| if word == "clamp" { Tone::Clamp } else { Tone::Scale }));
+        let transfer = fields.text("transfer").map(|word| if word == "none" { Transfer::None } else { Transfer::Srgb });
+        set(&mut film.transfer, transfer);
+        set(&mut film.crop, fields.counts("crop").map(Some));
+        set(&mut film.sampling, self.sampling(fields));
+        set(&mut film.filter, self.filter(fields));
+        self.scene.film = film;
+    }
+
+    fn sampling(&mut self, film: &Fields) -> Option<Sampling> {
+        let inner = match film.raw("sample")?.node {
+            Some(node) => {
+                let inner = self.judge.fields(node, &schema::SAMPLE, "sample");
+                self.sound &= inner.sound;
+                Some(inner)
+            }
+            None => None,
+        };
+        let inner = inner.as_ref();
+        let place = match inner {
+            Some(inner) => inner.text("place")?,
+            None => film.text("sample")?,
+        };
+        let n = inner.and_then(|f| f.count("n")).unwrap_or(schema::DEFAULT_GRID);
+        let threshold = inner.and_then(|f| f.real("threshold")).unwrap_or(schema::DEFAULT_THRESHOLD);
+        for (word, meant) in [("n", matches!(place, "corner" | "center")), ("threshold", place != "adaptive")] {
+            if let Some(inner) = inner.filter(|inner| meant && inner.has(word)) {
+                self.judge.report.error(inner.span(word), format!("\"{place}\" has no {word}"));
+                self.sound = false;
+            }
+        }
+        let least = if place == "adaptive" { 2 } else { 1 };
+        if !(least..=Sampling::MAX_GRID).contains(&n) {
+            let span = inner.map_or(film.node.name_span, |f| f.span("n"));
+            let message = format!("n is {n}; it must be between {least} and {}", Sampling::MAX_GRID);
+            self.judge.report.error(span, message);
+            self.sound = false;
+        }
+        if !(0.0..=1.0).contains(&threshold) {
+            let span = inner.map_or(film.node.name_span, |f| f.span("threshold"));
+            self.judge.report.error(span, format!("threshold is {threshold}; it must be between 0 and 1"));
+            self.sound = false;
+        }
+        Some(match place {
+            "corner" => Sampling::Corner,
+            "center" => Sampling::Center,
+            "regular" => Sampling::Regular(n),
+            "jittered" => Sampling::Jittered(n),
+            _ => Sampling::Adaptive { n, threshold },
+        })
+    }
+
+    fn filter(&mut self, film: &Fields) -> Option<Filter> {
+        let inner = match film.raw("filter")?.node {
+            Some(node) => {
+                let inner = self.judge.fields(node, &schema::FILTER, "filter");
+                self.sound &= inner.sound;
+                Some(inner)
+            }
+            None => None,
+        };
+        let kind = match &inner {
+            Some(inner) => inner.text("kind")?,
+            None => film.text("filter")?,
+        };
+        let sigma = inner.as_ref().and_then(|f| f.real("sigma")).unwrap_or(schema::DEFAULT_SIGMA);
+        if let Some(inner) = inner.filter(|inner| inner.has("sigma")) {
+            if kind != "gaussian" {
+                self.judge.report.error(inner.span("sigma"), format!("\"{kind}\" has no sigma"));
+                self.sound = false;
+            } else if !(sigma > 0.0 && sigma <= 4.0) {
+                let message = format!("sigma is {sigma}; it must be more than 0 and at most 4 pixels");
+                self.judge.report.error(inner.span("sigma"), message);
+                self.sound = false;
+            }
+        }
+        Some(match kind {
+            "box" => Filter::Box,
+            "tent" => Filter::Tent,
+            "mitchell" => Filter::Mitchell,
+            _ => Filter::Gaussian { sigma },
+        })
+    }
+
+    /// Checks the cameras as all files together make them, and the crop window in them.
+    fn check_views(&mut self, last: &[Fields], film: Option<&Fields>) {
+        let mut outside = None;
+        let mut inside = false;
+        for (index, fields) in last.iter().enumerate() {
+            let View { intrinsics, extrinsics, .. } = self.scene.views[index];
+            match Camera::new(&intrinsics, &extrinsics) {
+                Err(problem) if fields.sound => self.out_of_range(fields, &problem.to_string()),
+                Err(_) => {}
+                Ok(camera) => {
+                    let film = FilmSettings { crop: self.scene.film.crop, ..FilmSettings::default() };
+                    match Job::new(camera, film, self.scene.integrator).check() {
+                        Ok(()) => inside = true,
+                        Err(problem) => outside = Some(problem.to_string()),
+                    }
+                }
+            }
+        }
+        // With several cameras it fits the one that it was made for.
+        if let (Some(problem), Some(film), false) = (outside, film, inside) {
+            self.judge.report.error(film.span("crop"), problem);
+            self.sound = false;
+        }
+    }
+
+    /// Reports a sentence that starts with the word that it is about.
+    pub(super) fn out_of_range(&mut self, fields: &Fields, problem: &str) {
+        let word = problem.split([' ', ':']).next().unwrap_or_default();
+        let span = fields.span(if fields.has("colour") { "colour" } else { word });
+        self.judge.report.error(span, problem);
+        self.sound = false;
+    }
+}
+
+fn change_view(view: &mut View, fields: &Fields) {
+    let (i, e) = (&mut view.intrinsics, &mut view.extrinsics);
+    set(&mut e.eye, fields.dvec("eye"));
+    set(&mut e.center, fields.dvec("center"));
+    set(&mut e.up, fields.dvec("up"));
+    set(&mut i.fovy, fields.number("fovy"));
+    set(&mut i.near, fields.number("near"));
+    set(&mut i.far, fields.number("far"));
+    set(&mut i.shift, fields.numbers("shift"));
+    if let Some([width, height]) = fields.counts("size") {
+        (i.width, i.height) = (width, height);
+    }
+}
+
+fn set<T>(place: &mut T, value: Option<T>) {
+    if let Some(value) = value {
+        *place = value;
+    }
+}

@@ -1,0 +1,73 @@
+//! Transforms, applied in the order in which they are written.
+
+use super::Decoder;
+use super::fields::{Fields, Got};
+use crate::text::report::Message;
+use canaletto::math::Transform;
+use glam::{DAffine3, DMat3, DVec3};
+
+impl Decoder<'_> {
+    /// The node's transforms as one, the first line first.
+    pub(super) fn transform(&mut self, fields: &Fields) -> Transform {
+        let mut all = Transform::IDENTITY;
+        for got in fields.transforms.iter().filter(|got| got.is_good()) {
+            match single(got) {
+                Ok(transform) => all = transform.after(&all),
+                Err(message) => {
+                    self.sound = false;
+                    self.judge.report.push(Message::error(got.span, message));
+                }
+            }
+        }
+        if !fields.transforms.is_empty() && Transform::new(*all.matrix()).is_err() {
+            self.sound = false;
+            let span = fields.node.name_span;
+            self.judge.report.error(span, "its transforms together go beyond what can be computed with");
+        }
+        all
+    }
+}
+
+fn single(got: &Got) -> Result<Transform, String> {
+    let around = |axis: DVec3| {
+        let [degrees] = got.numbers().unwrap_or_default();
+        Transform::rotate(axis, degrees).map_err(|e| e.to_string())
+    };
+    match got.word.name {
+        "translate" => Ok(Transform::translate(got.numbers().map(DVec3::from_array).unwrap_or_default())),
+        "rotate-x" => around(DVec3::X),
+        "rotate-y" => around(DVec3::Y),
+        "rotate-z" => around(DVec3::Z),
+        "rotate" => {
+            let [x, y, z, degrees] = got.numbers().unwrap_or_default();
+            Transform::rotate(DVec3::new(x, y, z), degrees)
+                .map_err(|_| format!("rotate needs an axis with a direction, got {x} {y} {z}"))
+        }
+        "scale" => {
+            let factors = match got.numbers() {
+                Some([factor]) => DVec3::splat(factor),
+                None => got.numbers().map(DVec3::from_array).unwrap_or(DVec3::ONE),
+            };
+            Transform::scale(factors)
+                .map_err(|_| "scale would make the object flat: no factor may be 0 or next to it".into())
+        }
+        _ => matrix(got),
+    }
+}
+
+/// Rows of a 3 × 4 matrix, or of a 4 × 4 one.
+fn matrix(got: &Got) -> Result<Transform, String> {
+    let mut rows = [0.0; 12];
+    if let Some(all) = got.numbers::<16>() {
+        if all[12..] != [0.0, 0.0, 0.0, 1.0] {
+            return Err("the last row of the matrix must be 0 0 0 1; perspective is the camera's".into());
+        }
+        rows.copy_from_slice(&all[..12]);
+    } else if let Some(all) = got.numbers() {
+        rows = all;
+    }
+    let m = rows;
+    let linear = DMat3::from_cols_array(&[m[0], m[4], m[8], m[1], m[5], m[9], m[2], m[6], m[10]]);
+    let forward = DAffine3 { matrix3: linear, translation: DVec3::new(m[3], m[7], m[11]) };
+    Transform::new(forward).map_err(|_| "the matrix would make the object flat".into())
+}

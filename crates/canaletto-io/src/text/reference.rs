@@ -1,0 +1,164 @@
+//! The reference of the scene text, `docs/scene-text.md`, from the schema that the decoder judges by.
+
+use super::schema::{self, LIGHTS, OBJECTS, SETTINGS, TRANSFORMS, Takes, Word, Words};
+use super::syntax::MAX_DEPTH;
+use std::fmt::Write;
+
+/// The reference of the scene text as Markdown.
+pub fn reference_markdown() -> String {
+    let mut out = String::from(
+        "<!-- Made from the schema of the scene text. After changing it: CANALETTO_BLESS=1 cargo test -p canaletto-io -->\n\n",
+    );
+    out.push_str(INTRODUCTION);
+    out.push_str("\n## Settings\n");
+    for words in SETTINGS {
+        node(&mut out, words, words.name);
+        match words.name {
+            "film" => {
+                node(&mut out, &schema::SAMPLE, "film: sample");
+                node(&mut out, &schema::FILTER, "film: filter");
+            }
+            "include" => out.push_str(INCLUDES),
+            _ => {}
+        }
+    }
+    out.push_str("\n## Objects\n\nEach object may have a `name`, a `material`, and transforms in its braces.\n");
+    for words in OBJECTS {
+        node(&mut out, words, words.name);
+        if words.name == "cylinders" {
+            out.push_str(CLOUDS);
+        }
+    }
+    out.push_str("\n## Lights\n\nLights may stand in groups and move with them, by transforms of their own too.\n");
+    for (kind, words) in LIGHTS {
+        node(&mut out, words, &format!("light \"{kind}\""));
+    }
+    out.push_str(TRANSFORM_RULES);
+    out.push_str("| word | takes | meaning |\n|---|---|---|\n");
+    for word in TRANSFORMS {
+        let _ = writeln!(out, "| `{}` | {} | {} |", word.name, word.takes, word.doc);
+    }
+    let _ = write!(
+        out,
+        "\n{NAMES}\n{SET}\n## Limits\n\nBlocks may stand {MAX_DEPTH} deep in each other. A scene's text may have {} MiB; large data belongs into files of its own, as meshes and clouds.\n",
+        super::files::MAX_TEXT >> 20
+    );
+    out
+}
+
+fn node(out: &mut String, words: &Words, title: &str) {
+    let _ = write!(out, "\n### {title}\n\n{}\n\n", words.doc);
+    if !words.example.is_empty() {
+        let _ = write!(out, "```kdl\n{}\n```\n\n", words.example);
+    }
+    let rows: Vec<(String, &Word)> = words
+        .argument
+        .iter()
+        .filter(|word| !matches!(word.takes, Takes::Word([_])) || !(word.default)().is_empty())
+        .map(|word| (format!("*{}*", word.name), word))
+        .chain(words.own().map(|word| (format!("`{}`", word.name), word)))
+        .collect();
+    if !rows.is_empty() {
+        out.push_str("| word | takes | default | meaning |\n|---|---|---|---|\n");
+    }
+    for (name, word) in rows {
+        let default = match (word.default)() {
+            text if !text.is_empty() && word.needed => format!("needed; without the node {text}"),
+            text if !text.is_empty() => text,
+            _ if word.needed => "needed".into(),
+            _ => "—".into(),
+        };
+        let _ = writeln!(out, "| {name} | {} | {default} | {} |", word.takes, word.doc);
+    }
+    if words.objects {
+        let list: Vec<String> = schema::objects().map(|name| format!("`{name}`")).collect();
+        let _ = write!(out, "\nInside may stand: {}.\n", list.join(", "));
+    }
+}
+
+const INTRODUCTION: &str = r#"# The scene text
+
+A scene is a text of [KDL 2](https://kdl.dev): nodes, one on each line or with `;` between them. A node is a word,
+its values with blanks between them, and a block in braces with the words that belong to it.
+
+```kdl
+background 0.4 0.4 0.4
+ambient 0.2 0.2 0.2
+camera { eye 100 40 40; center 0 0 0; up 0 1 0; fovy 90; size 230 230 }
+material "blue"   { kd 0 0 1;     ks 1 1 1; n 50 }
+material "yellow" { kd 0.7 0.7 0; ks 1 1 1; n 40 }
+sphere material="blue" { center 0 20 0; radius 25 }
+box material="yellow"  { min -80 -50 -50; max 50 -45 50 }
+light "omni" { position 40 120 0; intensity 0.8 }
+```
+
+A single value may also stand before the block: `sphere radius=25 { center 0 20 0 }` and
+`sphere { center 0 20 0; radius 25 }` are the same. The order of words counts only for transforms and includes.
+
+`//` starts a comment, `/* */` encloses one, and `/-` before a node, value or block comments it out. `#true` and
+`#false` are written with `#`; a word such as `caps` alone means `#true`. Texts stand in quotes; a single word of
+letters, digits, `-` and `_` may go without.
+
+**Space** is right-handed with y upwards, though nothing depends on y but the camera's default `up`. **Angles** are in
+degrees. **Lengths** are in any unit; a scene scaled by a power of two gives the same picture to the bit. **Colours** are
+linear red, green and blue, without an upper limit; one number is a gray. In the tables, *words in italics* are values
+right after the node's name.
+
+`canaletto check scene.kdl` reports every mistake of a scene at once.
+"#;
+
+const INCLUDES: &str = r#"
+The included file's nodes stand where `include` stands, with the same names for all. A file that is included twice is read
+once. Of `background`, `ambient`, `film`, `integrator` and cameras of the same name, one in a later place changes the words
+that it has and keeps the rest: a scene from another side, or at another stage, is its base and what differs.
+
+```kdl
+include "base.kdl"
+camera { eye 0 100 0; up 0 0 1 }
+integrator "whitted" { stage "shadow" }
+```
+
+Files must lie below the folder of the scene, unless `--allow-outside` is given.
+"#;
+
+const CLOUDS: &str = r#"
+### Numbers of clouds
+
+A few stand in the node itself (`points`, `axes`). `data` holds lines in one text:
+
+```kdl
+spheres material="blue" { data """
+    # x y z radius
+    0 0 0  1
+    2 0 0  0.5
+    """
+}
+```
+
+Every line has the same count of numbers. A colour replaces the material's kd. Files are tables in the same columns
+(`.csv`, `.xyz`, `.txt`), PLY, or little-endian `f32` records (`.bin`: `x y z radius`, or `x y z x y z radius`); see
+[Files that come in](import.md).
+"#;
+
+const TRANSFORM_RULES: &str = r#"
+## Transforms
+
+Transforms happen in the order in which they are written, the first line first, each in the space around the object:
+`scale 10; rotate-y 30; translate 0 1 0` scales, then turns what is scaled, then moves what is turned. A group's transforms
+come after those of what stands in it.
+
+"#;
+
+const NAMES: &str = r#"## Names
+
+Materials, cameras and objects (groups and lights among them) have names of their own: an object may be called like a
+material, but no two objects alike. Anything may be used before the place where it stands. An instance repeats any named
+object, light, group or prototype; what is repeated may stand in a group and is also drawn there, except prototypes.
+"#;
+
+const SET: &str = r#"## Values from the command line
+
+`--set` changes a value before the scene is read: `--set integrator.max-depth=3`, `--set background="0 0 0"`,
+`--set material.glass.eta=1.4`, `--set light.key.intensity="1 1 1"`, `--set 'film.sample="jittered" n=4'`. The path is a node's
+word, its name where it has one, and a word in it. Without a name all nodes of that word change: `--set camera.fovy=60`.
+"#;

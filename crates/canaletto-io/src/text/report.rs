@@ -1,0 +1,90 @@
+//! Messages as they are found, before their places have names.
+
+use super::files::Files;
+use super::syntax::Span;
+use crate::diagnostic::{Diagnostic, Diagnostics, Severity};
+
+/// A message about some bytes.
+pub(crate) struct Message {
+    severity: Severity,
+    span: Option<Span>,
+    message: String,
+    label: String,
+    help: Option<String>,
+}
+
+impl Message {
+    pub(crate) fn error(span: Span, message: impl Into<String>) -> Message {
+        Message {
+            severity: Severity::Error,
+            span: Some(span),
+            message: message.into(),
+            label: String::new(),
+            help: None,
+        }
+    }
+
+    pub(crate) fn warning(span: Option<Span>, message: impl Into<String>) -> Message {
+        Message { severity: Severity::Warning, span, message: message.into(), label: String::new(), help: None }
+    }
+
+    pub(crate) fn label(mut self, label: impl Into<String>) -> Message {
+        self.label = label.into();
+        self
+    }
+
+    pub(crate) fn help(mut self, help: impl Into<String>) -> Message {
+        self.help = Some(help.into());
+        self
+    }
+}
+
+/// All messages of a scene.
+#[derive(Default)]
+pub(crate) struct Report {
+    messages: Vec<Message>,
+    /// Messages that came ready, from other files than scene text.
+    foreign: Diagnostics,
+}
+
+impl Report {
+    pub(crate) fn push(&mut self, message: Message) {
+        self.messages.push(message);
+    }
+
+    pub(crate) fn error(&mut self, span: Span, message: impl Into<String>) {
+        self.push(Message::error(span, message));
+    }
+
+    pub(crate) fn has_errors(&self) -> bool {
+        self.messages.iter().any(|m| m.severity == Severity::Error) || self.foreign.has_errors()
+    }
+
+    pub(crate) fn append(&mut self, foreign: Diagnostics) {
+        self.foreign.append(foreign);
+    }
+
+    /// The messages, each with its file's name. Messages without a place are about the first file.
+    pub(crate) fn finish(self, files: &Files) -> Diagnostics {
+        let mut out = Diagnostics::new();
+        for file in files.iter() {
+            out.add_source(&file.name, file.text.clone());
+        }
+        let mut list = self.messages;
+        list.sort_by_key(|m| m.span.map_or((u16::MAX, 0), |span| (span.file, span.start)));
+        // One assignment that changes several nodes is wrong once.
+        list.dedup_by(|b, a| b.span.is_some() && a.span == b.span && a.message == b.message);
+        for m in list {
+            out.push(Diagnostic {
+                severity: m.severity,
+                message: m.message,
+                file: files.get(m.span.map_or(0, |span| span.file)).map_or_else(String::new, |f| f.name.clone()),
+                span: m.span.map(|span| span.start as usize..span.end as usize),
+                label: m.label,
+                help: m.help,
+            });
+        }
+        out.append(self.foreign);
+        out
+    }
+}

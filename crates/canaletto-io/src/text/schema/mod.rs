@@ -1,0 +1,249 @@
+//! The words of the scene text in one table: the decoder's judge and the reference's source.
+
+mod objects;
+mod settings;
+
+pub(crate) use objects::{
+    DEFAULT_CAPS, DEFAULT_INNER, DEFAULT_INTENSITY, DEFAULT_POINTS, DEFAULT_TOP_RADIUS, LIGHTS, OBJECTS, TRANSFORMS,
+    light,
+};
+pub(crate) use settings::{
+    AMBIENT, BACKGROUND, CAMERA, DEFAULT_CAMERA, DEFAULT_GRID, DEFAULT_SIGMA, DEFAULT_THRESHOLD, FILM, FILTER,
+    INTEGRATOR, MATERIAL, SAMPLE, SETTINGS,
+};
+
+/// What a word takes.
+#[derive(Clone, Copy)]
+pub(crate) enum Takes {
+    /// Numbers, one of these many.
+    Numbers(&'static [usize]),
+    /// 1 number (gray) or 3.
+    Rgb,
+    /// A whole number from 0.
+    Count,
+    /// Whole numbers, this many.
+    Counts(usize),
+    /// `#true` or `#false`; nothing means `#true`.
+    Flag,
+    /// Any text.
+    Text,
+    /// One of these words.
+    Word(&'static [&'static str]),
+    /// Any number of numbers, a multiple of this.
+    Many(usize),
+    /// A node with words of its own.
+    Node(&'static Words),
+}
+
+/// A single number.
+pub(crate) const NUMBER: Takes = Takes::Numbers(&[1]);
+/// A point or direction.
+pub(crate) const POINT: Takes = Takes::Numbers(&[3]);
+
+/// A word inside a node: a property or child of it, or its own values.
+pub(crate) struct Word {
+    pub(crate) name: &'static str,
+    pub(crate) takes: Takes,
+    /// Whether the node means nothing without it.
+    pub(crate) needed: bool,
+    /// What holds without it; asked from the code that uses it.
+    pub(crate) default: fn() -> String,
+    pub(crate) doc: &'static str,
+}
+
+/// A node.
+pub(crate) struct Words {
+    /// What it is called; lights add their kind.
+    pub(crate) name: &'static str,
+    pub(crate) doc: &'static str,
+    /// The values that stand right after its name.
+    pub(crate) argument: Option<Word>,
+    /// Its words, in groups that nodes share.
+    pub(crate) words: &'static [&'static [Word]],
+    /// Whether transforms may stand in it.
+    pub(crate) transforms: bool,
+    /// Whether objects and lights may stand in it.
+    pub(crate) objects: bool,
+    pub(crate) example: &'static str,
+}
+
+impl Word {
+    pub(crate) const fn new(name: &'static str, takes: Takes, doc: &'static str) -> Word {
+        Word { name, takes, needed: false, default: String::new, doc }
+    }
+
+    pub(crate) const fn needed(mut self) -> Word {
+        self.needed = true;
+        self
+    }
+
+    pub(crate) const fn or(mut self, default: fn() -> String) -> Word {
+        self.default = default;
+        self
+    }
+}
+
+impl Words {
+    pub(crate) const fn new(name: &'static str, doc: &'static str, words: &'static [&'static [Word]]) -> Words {
+        Words { name, doc, argument: None, words, transforms: false, objects: false, example: "" }
+    }
+
+    pub(crate) const fn argument(mut self, word: Word) -> Words {
+        self.argument = Some(word);
+        self
+    }
+
+    pub(crate) const fn transforms(mut self) -> Words {
+        self.transforms = true;
+        self
+    }
+
+    pub(crate) const fn objects(mut self) -> Words {
+        self.objects = true;
+        self
+    }
+
+    pub(crate) const fn example(mut self, text: &'static str) -> Words {
+        self.example = text;
+        self
+    }
+
+    pub(crate) fn own(&self) -> impl Iterator<Item = &'static Word> {
+        self.words.iter().flat_map(|group| group.iter())
+    }
+
+    pub(crate) fn word(&self, name: &str) -> Option<&'static Word> {
+        self.own().find(|word| word.name == name)
+    }
+
+    /// Every word that may stand in it.
+    pub(crate) fn allowed(&self) -> Vec<&'static str> {
+        let mut all: Vec<&str> = self.own().map(|word| word.name).collect();
+        if self.transforms {
+            all.extend(TRANSFORMS.iter().map(|word| word.name));
+        }
+        if self.objects {
+            all.extend(objects());
+        }
+        all
+    }
+}
+
+/// The words for what may stand in a group.
+pub(crate) fn objects() -> impl Iterator<Item = &'static str> {
+    OBJECTS.iter().map(|words| words.name).chain(["light"])
+}
+
+/// The words for what may stand at the top of a file.
+pub(crate) fn top() -> Vec<&'static str> {
+    SETTINGS.iter().map(|words| words.name).chain(objects()).collect()
+}
+
+/// The node of this name; a light by its kind.
+pub(crate) fn node(name: &str) -> Option<&'static Words> {
+    SETTINGS.iter().chain(OBJECTS).copied().find(|words| words.name == name)
+}
+
+/// Words that people bring from elsewhere, and ours for the same thing.
+pub(crate) const SYNONYMS: &[(&str, &str)] = &[
+    ("albedo", "kd"),
+    ("alpha", "opacity"),
+    ("area", "disk"),
+    ("cap", "caps"),
+    ("color", "kd"),
+    ("color", "intensity"),
+    ("color", "material"),
+    ("colour", "kd"),
+    ("colour", "intensity"),
+    ("colour", "material"),
+    ("count", "points"),
+    ("cube", "box"),
+    ("cuboid", "box"),
+    ("depth", "max-depth"),
+    ("diffuse", "kd"),
+    ("fov", "fovy"),
+    ("from", "eye"),
+    ("image", "film"),
+    ("index", "eta"),
+    ("ior", "eta"),
+    ("look-at", "center"),
+    ("lookat", "center"),
+    ("mirror", "k"),
+    ("obj", "mesh"),
+    ("object", "group"),
+    ("origin", "eye"),
+    ("origin", "point"),
+    ("parallel", "directional"),
+    ("path", "file"),
+    ("point", "omni"),
+    ("point-light", "light"),
+    ("pos", "position"),
+    ("position", "center"),
+    ("position", "eye"),
+    ("position", "point"),
+    ("reflection", "k"),
+    ("refraction", "eta"),
+    ("render", "film"),
+    ("resolution", "size"),
+    ("rotation", "rotate"),
+    ("samples", "sample"),
+    ("shininess", "n"),
+    ("specular", "ks"),
+    ("spotlight", "spot"),
+    ("src", "file"),
+    ("sun", "directional"),
+    ("target", "center"),
+    ("to", "target"),
+    ("towards", "direction"),
+    ("transparency", "opacity"),
+    ("width", "size"),
+];
+
+/// How what a word takes is said in messages and in the reference.
+impl std::fmt::Display for Takes {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Takes::Numbers([1]) => f.write_str("a number"),
+            Takes::Numbers(counts) => {
+                let counts: Vec<String> = counts.iter().map(usize::to_string).collect();
+                write!(f, "{} numbers", counts.join(" or "))
+            }
+            Takes::Rgb => f.write_str("1 or 3 numbers"),
+            Takes::Count => f.write_str("a whole number"),
+            Takes::Counts(n) => write!(f, "{n} whole numbers"),
+            Takes::Flag => f.write_str("#true or #false"),
+            Takes::Text => f.write_str("a text"),
+            Takes::Word(words) => {
+                let quoted: Vec<String> = words.iter().map(|word| format!("\"{word}\"")).collect();
+                match quoted.as_slice() {
+                    [one] => f.write_str(one),
+                    [most @ .., last] => write!(f, "{} or {last}", most.join(", ")),
+                    [] => Ok(()),
+                }
+            }
+            Takes::Many(1) => f.write_str("numbers"),
+            Takes::Many(n) => write!(f, "numbers, {n} for each"),
+            Takes::Node(words) => match &words.argument {
+                Some(word) => word.takes.fmt(f),
+                None => f.write_str("a block"),
+            },
+        }
+    }
+}
+
+/// A node in whose braces the word belongs, if there is only one kind of it.
+pub(crate) fn home(word: &str) -> Option<String> {
+    let all = SETTINGS.iter().chain(OBJECTS).map(|words| (*words, words.name.to_owned()));
+    let lights = LIGHTS.iter().map(|(kind, words)| (*words, format!("light \"{kind}\"")));
+    let mut homes = all.chain(lights).filter(|(words, _)| words.word(word).is_some()).map(|(_, name)| name);
+    let first = homes.next()?;
+    let rest: Vec<String> = homes.collect();
+    match rest.as_slice() {
+        [] => Some(first),
+        [most @ .., last] if rest.len() < 8 => {
+            let list: Vec<&str> = std::iter::once(first.as_str()).chain(most.iter().map(String::as_str)).collect();
+            Some(format!("{} or {last}", list.join(", ")))
+        }
+        _ => Some("an object".into()),
+    }
+}

@@ -1,0 +1,370 @@
+//! Shapes, meshes, clouds, groups and lights.
+
+use super::settings::flag;
+use super::{NUMBER, POINT, Takes, Word, Words};
+use canaletto::light::{Light, LightKind, Omni};
+use canaletto::math::Rgb;
+use glam::Vec3;
+
+/// The words that move an object.
+pub(crate) const TRANSFORMS: &[Word] = &[
+    Word::new("translate", POINT, "moves by x y z"),
+    Word::new(
+        "rotate-x",
+        NUMBER,
+        "turns around the x axis by degrees, counter-clockwise with the axis towards the viewer",
+    ),
+    Word::new("rotate-y", NUMBER, "turns around the y axis by degrees"),
+    Word::new("rotate-z", NUMBER, "turns around the z axis by degrees"),
+    Word::new("rotate", Takes::Numbers(&[4]), "turns around the axis x y z by degrees: the axis, then the angle"),
+    Word::new("scale", Takes::Numbers(&[1, 3]), "scales by a factor, or by one for each axis; a negative one mirrors"),
+    Word::new("matrix", Takes::Numbers(&[12, 16]), "a matrix, row by row; of 16 numbers the last row is 0 0 0 1"),
+];
+
+const NAME: Word = Word::new("name", Takes::Text, "its name, for instances, `--set` and explanations");
+const MATERIAL: Word = Word::new("material", Takes::Text, "the material's name").or(|| "its group's".into());
+
+const OBJECT: &[Word] = &[NAME, MATERIAL];
+
+/// Whether cylinders and cones are closed where nothing says so.
+pub(crate) const DEFAULT_CAPS: bool = true;
+/// A cone's radius at the top where nothing says so.
+pub(crate) const DEFAULT_TOP_RADIUS: f32 = 0.0;
+/// The points of a disk light where nothing says so: the chapter's.
+pub(crate) const DEFAULT_POINTS: u32 = 16;
+/// A light's intensity where nothing says so.
+pub(crate) const DEFAULT_INTENSITY: f32 = 1.0;
+/// A spotlight's inner angle where nothing says so.
+pub(crate) const DEFAULT_INNER: f32 = 0.0;
+
+const CAPS: Word = Word::new("caps", Takes::Flag, "whether the ends are closed").or(|| flag(DEFAULT_CAPS));
+const ONE_SIDED: Word = Word::new("one-sided", Takes::Flag, "whether rays from behind pass through").or(|| flag(false));
+
+/// The nodes that may stand in groups, except lights, in the order of the reference.
+pub(crate) const OBJECTS: &[&Words] = &[
+    &SPHERE, &BOX, &TRIANGLE, &PLANE, &DISK, &CYLINDER, &CONE, &TORUS, &MESH, &SPHERES, &CYLINDERS, &GROUP, &PROTOTYPE,
+    &INSTANCE,
+];
+
+static SPHERE: Words = Words::new(
+    "sphere",
+    "A sphere.",
+    &[
+        &[
+            Word::new("center", POINT, "its centre").needed(),
+            Word::new("radius", NUMBER, "its radius, more than 0").needed(),
+        ],
+        OBJECT,
+    ],
+)
+.transforms()
+.example("sphere material=\"blue\" { center 0 20 0; radius 25 }");
+
+static BOX: Words = Words::new(
+    "box",
+    "A box along the axes; turn it with a transform.",
+    &[
+        &[
+            Word::new("min", POINT, "the corner of smallest coordinates").needed(),
+            Word::new("max", POINT, "the corner of largest coordinates").needed(),
+        ],
+        OBJECT,
+    ],
+)
+.transforms()
+.example("box { min -80 -50 -50; max 50 -45 50; rotate-y 30 }");
+
+static TRIANGLE: Words = Words::new(
+    "triangle",
+    "A triangle, its corners counter-clockwise seen from outside.",
+    &[
+        &[
+            Word::new("a", POINT, "a corner").needed(),
+            Word::new("b", POINT, "a corner").needed(),
+            Word::new("c", POINT, "a corner").needed(),
+            ONE_SIDED,
+        ],
+        OBJECT,
+    ],
+)
+.transforms()
+.example("triangle { a 3 2 1; b 8 2 1; c 4 8 -4 }");
+
+static PLANE: Words = Words::new(
+    "plane",
+    "A plane without end.",
+    &[
+        &[
+            Word::new("point", POINT, "a point of it").needed(),
+            Word::new("normal", POINT, "the direction of its outer side").needed(),
+        ],
+        OBJECT,
+    ],
+)
+.transforms()
+.example("plane { point 0 -50 0; normal 0 1 0 }");
+
+static DISK: Words = Words::new(
+    "disk",
+    "A flat disk.",
+    &[
+        &[
+            Word::new("center", POINT, "its centre").needed(),
+            Word::new("normal", POINT, "the direction of its outer side").needed(),
+            Word::new("radius", NUMBER, "its radius, more than 0").needed(),
+        ],
+        OBJECT,
+    ],
+)
+.transforms()
+.example("disk { center 0 0 0; normal 0 1 0; radius 3 }");
+
+static CYLINDER: Words = Words::new(
+    "cylinder",
+    "A cylinder between two points.",
+    &[
+        &[
+            Word::new("base", POINT, "the centre of one end").needed(),
+            Word::new("top", POINT, "the centre of the other end").needed(),
+            Word::new("radius", NUMBER, "its radius, more than 0").needed(),
+            CAPS,
+        ],
+        OBJECT,
+    ],
+)
+.transforms()
+.example("cylinder { base 0 0 0; top 0 10 0; radius 2; caps #false }");
+
+static CONE: Words = Words::new(
+    "cone",
+    "A cone, or a truncated one.",
+    &[
+        &[
+            Word::new("base", POINT, "the centre of its base").needed(),
+            Word::new("top", POINT, "its apex, or the centre of its upper end").needed(),
+            Word::new("radius", NUMBER, "its radius at the base").needed(),
+            Word::new("top-radius", NUMBER, "its radius at the top").or(|| DEFAULT_TOP_RADIUS.to_string()),
+            CAPS,
+        ],
+        OBJECT,
+    ],
+)
+.transforms()
+.example("cone { base 0 0 0; top 0 5 0; radius 2; top-radius 0.5 }");
+
+static TORUS: Words = Words::new(
+    "torus",
+    "A tube around a circle.",
+    &[
+        &[
+            Word::new("center", POINT, "its centre").needed(),
+            Word::new("axis", POINT, "the direction that it is round about").needed(),
+            Word::new("radius", NUMBER, "the circle's radius").needed(),
+            Word::new("tube", NUMBER, "the tube's radius").needed(),
+        ],
+        OBJECT,
+    ],
+)
+.transforms()
+.example("torus { center 0 0 0; axis 0 1 0; radius 5; tube 1 }");
+
+static MESH: Words = Words::new(
+    "mesh",
+    "Triangles from a file: OBJ (with its MTL materials) or PLY. A material given here replaces the file's own.",
+    &[
+        &[
+            Word::new("file", Takes::Text, "the file; relative paths start at this file's folder").needed(),
+            Word::new(
+                "smooth",
+                Takes::Flag,
+                "#true makes normals at the vertices from the faces around them, #false leaves out those of the file",
+            )
+            .or(|| "as in the file".into()),
+            ONE_SIDED,
+        ],
+        OBJECT,
+    ],
+)
+.transforms()
+.example("mesh file=\"bunny.obj\" material=\"blue\" { scale 10; rotate-y 30; translate 0 1 0 }");
+
+const CLOUD_FILE: Word = Word::new("file", Takes::Text, "a file with them: .csv, .xyz, .txt, .ply or .bin; see below");
+
+static SPHERES: Words = Words::new(
+    "spheres",
+    "A cloud: many spheres as one object, up to many millions. They stand in `points`, `data` or `file`.",
+    &[
+        &[
+            Word::new("points", Takes::Many(3), "the centres"),
+            Word::new(
+                "data",
+                Takes::Text,
+                "lines of `x y z`, `x y z radius`, `x y z r g b` or `x y z radius r g b`; # starts a comment",
+            ),
+            CLOUD_FILE,
+            Word::new("radius", NUMBER, "the radius of those that have none of their own"),
+        ],
+        OBJECT,
+    ],
+)
+.transforms()
+.example("spheres radius=1 material=\"blue\" { points 0 0 0  2 0 0  4 0 0 }");
+
+static CYLINDERS: Words = Words::new(
+    "cylinders",
+    "A cloud of cylinders. They stand in `axes`, `data` or `file`.",
+    &[
+        &[
+            Word::new("axes", Takes::Many(6), "the two ends of each axis"),
+            Word::new(
+                "data",
+                Takes::Text,
+                "lines of `x y z x y z`, each with a radius, a colour `r g b` or both behind it; # starts a comment",
+            ),
+            CLOUD_FILE,
+            Word::new("radius", NUMBER, "the radius of those that have none of their own"),
+            CAPS,
+        ],
+        OBJECT,
+    ],
+)
+.transforms()
+.example("cylinders radius=0.5 { axes 0 0 0 0 5 0  2 0 0 2 5 0 }");
+
+static GROUP: Words = Words::new(
+    "group",
+    "Objects and lights that move together. Its material holds for what has none of its own.",
+    &[OBJECT],
+)
+.transforms()
+.objects()
+.example("group name=\"lamp\" { translate 0 5 0; sphere { center 0 0 0; radius 1 } }");
+
+static PROTOTYPE: Words = Words::new(
+    "prototype",
+    "A group that isn't drawn itself, only by its instances.",
+    &[&[Word::new("name", Takes::Text, "the name that instances refer to").needed(), MATERIAL]],
+)
+.transforms()
+.objects()
+.example("prototype name=\"ball\" { sphere { center 0 0 0; radius 1 } }");
+
+static INSTANCE: Words = Words::new(
+    "instance",
+    "One more copy of a named object, group or prototype, with the transforms of the original and then its own. Copies \
+     cost next to no memory.",
+    &[
+        &[Word::new("of", Takes::Text, "the name of what is repeated").needed()],
+        &[
+            NAME,
+            Word::new("material", Takes::Text, "a material for the parts that have none of their own")
+                .or(|| "its group's".into()),
+        ],
+    ],
+)
+.transforms()
+.example("instance of=\"lamp\" { translate 10 0 0 }");
+
+const LIGHT: &[Word] = &[
+    Word::new("intensity", Takes::Rgb, "l: a surface straight below is lit by l times its kd")
+        .or(|| DEFAULT_INTENSITY.to_string()),
+    Word::new("shadows", Takes::Flag, "whether it casts shadows").or(|| flag(default_light().shadows)),
+    Word::new("name", Takes::Text, "its name, for `--set` and explanations"),
+];
+
+fn default_light() -> Light {
+    Light::new(LightKind::Omni(Omni::at(Vec3::ZERO)), Rgb::gray(DEFAULT_INTENSITY))
+}
+
+const ATTENUATION: Word = Word::new("attenuation", POINT, "c l q: light from distance d is divided by c + l d + q d²")
+    .or(|| {
+        let [c, l, q] = default_light().attenuation;
+        format!("{c} {l} {q}")
+    });
+
+const fn kind(word: &'static [&'static str]) -> Word {
+    Word::new("kind", Takes::Word(word), "the kind of light").needed()
+}
+
+/// The lights, by kind, in the order of the reference.
+pub(crate) const LIGHTS: &[(&str, &Words)] =
+    &[("omni", &OMNI), ("directional", &DIRECTIONAL), ("spot", &SPOT), ("disk", &DISK_LIGHT)];
+
+/// The words of a kind of light.
+pub(crate) fn light(kind: &str) -> Option<&'static Words> {
+    LIGHTS.iter().find(|(name, _)| *name == kind).map(|(_, words)| *words)
+}
+
+static OMNI: Words = Words::new(
+    "light",
+    "Light from a point in all directions.",
+    &[
+        &[
+            Word::new(
+                "position",
+                Takes::Numbers(&[3, 4]),
+                "where it is; with a fourth number w at x/w y/w z/w, with w = 0 infinitely far in the direction x y z",
+            )
+            .needed(),
+            ATTENUATION,
+        ],
+        LIGHT,
+    ],
+)
+.argument(kind(&["omni"]))
+.transforms()
+.example("light \"omni\" { position 40 120 0; intensity 0.8 }");
+
+static DIRECTIONAL: Words = Words::new(
+    "light",
+    "Parallel light, everywhere or in a round beam.",
+    &[
+        &[
+            Word::new("direction", POINT, "where the light goes").needed(),
+            Word::new("axis", POINT, "a point on the axis of the beam; goes with radius"),
+            Word::new("radius", NUMBER, "the beam's radius; goes with axis"),
+        ],
+        LIGHT,
+    ],
+)
+.argument(kind(&["directional"]))
+.transforms()
+.example("light \"directional\" { direction -0.2 -1 -0.1; axis 0 20 0; radius 45 }");
+
+static SPOT: Words = Words::new(
+    "light",
+    "A cone of light. It ends smoothly between two angles, or falls off with a power of the cosine.",
+    &[
+        &[
+            Word::new("position", POINT, "where it is").needed(),
+            Word::new("target", POINT, "a point that it shines at").needed(),
+            Word::new("outer", NUMBER, "no light from this angle to the axis on, in degrees, 0 to 90").needed(),
+            Word::new("inner", NUMBER, "full light up to this angle").or(|| DEFAULT_INNER.to_string()),
+            Word::new("exponent", NUMBER, "the power of the cosine, instead of inner"),
+            ATTENUATION,
+        ],
+        LIGHT,
+    ],
+)
+.argument(kind(&["spot"]))
+.transforms()
+.example("light \"spot\" { position 0 50 0; target 0 0 0; inner 20; outer 30 }");
+
+static DISK_LIGHT: Words = Words::new(
+    "light",
+    "Points of light spread over a disk, for soft shadows.",
+    &[
+        &[
+            Word::new("position", POINT, "the disk's centre").needed(),
+            Word::new("normal", POINT, "the disk's axis").needed(),
+            Word::new("radius", NUMBER, "the disk's radius, more than 0").needed(),
+            Word::new("points", Takes::Count, "how many points; each costs a shadow ray")
+                .or(|| DEFAULT_POINTS.to_string()),
+            ATTENUATION,
+        ],
+        LIGHT,
+    ],
+)
+.argument(kind(&["disk"]))
+.transforms()
+.example("light \"disk\" { position 40 120 0; normal 0 -1 0; radius 10; intensity 0.8; points 16 }");

@@ -1,0 +1,215 @@
+//! Camera, film, integrator, materials and the scene's own colours.
+
+use super::{NUMBER, POINT, Takes, Word, Words};
+use canaletto::material::Phong;
+use canaletto::math::Rgb;
+use canaletto::scene::{
+    Extrinsics, FilmSettings, Filter, IntegratorSettings, Intrinsics, Sampling, Scene, Stage, Tone, Transfer,
+};
+use glam::DVec3;
+
+/// The nodes that say how, not what, in the order of the reference.
+pub(crate) const SETTINGS: &[&Words] = &[&INCLUDE, &BACKGROUND, &AMBIENT, &CAMERA, &FILM, &INTEGRATOR, &MATERIAL];
+
+static INCLUDE: Words = Words::new("include", "Puts the nodes of another file here. Only at the top of a file.", &[])
+    .argument(Word::new("file", Takes::Text, "the file; relative paths start at this file's folder").needed())
+    .example("include \"stage.kdl\"");
+
+pub(crate) static BACKGROUND: Words = Words::new("background", "The colour of rays that meet nothing.", &[])
+    .argument(Word::new("colour", Takes::Rgb, "the colour").needed().or(|| rgb(Scene::default().background)))
+    .example("background 0.4 0.4 0.4");
+
+pub(crate) static AMBIENT: Words =
+    Words::new("ambient", "Iₐ, the light that reaches every point from everywhere.", &[])
+        .argument(Word::new("colour", Takes::Rgb, "its intensity").needed().or(|| rgb(Scene::default().ambient)))
+        .example("ambient 0.2");
+
+pub(crate) static CAMERA: Words = Words::new(
+    "camera",
+    "A view of the scene. There may be several; the first one is taken where none is named. The angle, the planes and the \
+     size are those of `gluPerspective`, the rest those of `gluLookAt`.",
+    &[&[
+        Word::new("eye", POINT, "where it stands").or(|| point(Extrinsics::default().eye)),
+        Word::new("center", POINT, "a point that it looks at").or(|| point(Extrinsics::default().center)),
+        Word::new("up", POINT, "a direction that is upwards in the picture").or(|| point(Extrinsics::default().up)),
+        Word::new("fovy", NUMBER, "the whole vertical angle of view in degrees, between 0 and 180")
+            .or(|| Intrinsics::default().fovy.to_string()),
+        Word::new("near", NUMBER, "the distance of the projection plane; rays start at the eye all the same")
+            .or(|| Intrinsics::default().near.to_string()),
+        Word::new("far", NUMBER, "the far plane, which only a z-buffer needs")
+            .or(|| Intrinsics::default().far.to_string()),
+        Word::new("size", Takes::Counts(2), "width and height of the picture in pixels").or(|| {
+            let Intrinsics { width, height, .. } = Intrinsics::default();
+            format!("{width} {height}")
+        }),
+        Word::new(
+            "shift",
+            Takes::Numbers(&[2]),
+            "moves the picture's window off the optical axis, in fractions of its width and height",
+        )
+        .or(|| {
+            let [x, y] = Intrinsics::default().shift;
+            format!("{x} {y}")
+        }),
+    ]],
+)
+.argument(Word::new("name", Takes::Text, "the name to choose it by").or(|| quoted(DEFAULT_CAMERA)))
+.example("camera \"side\" { eye 100 40 40; center 0 0 0; up 0 1 0; fovy 90; size 640 480 }");
+
+/// The name of a camera that has none.
+pub(crate) const DEFAULT_CAMERA: &str = "camera";
+
+pub(crate) static SAMPLE: Words = Words::new(
+    "sample",
+    "Where in a pixel rays go.",
+    &[&[
+        Word::new("n", Takes::Count, "n × n rays in a pixel, for \"regular\" and \"jittered\" (1 to 16), and for the refined pixels of \"adaptive\" (2 to 16)")
+            .or(|| DEFAULT_GRID.to_string()),
+        Word::new("threshold", NUMBER, "for \"adaptive\": differences up to this, 0 to 1, are left as they are")
+            .or(|| DEFAULT_THRESHOLD.to_string()),
+    ]],
+)
+.argument(
+    Word::new(
+        "place",
+        Takes::Word(&["corner", "center", "regular", "jittered", "adaptive"]),
+        "one ray through the pixel's lower left corner (the textbook's way) or its centre; n × n rays on a grid, or each \
+         at a random place of its cell; or only where corners and centre differ",
+    )
+    .needed()
+    .or(|| quoted(match Sampling::default() {
+        Sampling::Corner => "corner",
+        Sampling::Center => "center",
+        Sampling::Regular(_) => "regular",
+        Sampling::Jittered(_) => "jittered",
+        Sampling::Adaptive { .. } => "adaptive",
+    })),
+);
+
+/// n where `sample` doesn't say.
+pub(crate) const DEFAULT_GRID: u32 = 4;
+/// The threshold where `sample` doesn't say.
+pub(crate) const DEFAULT_THRESHOLD: f32 = 0.1;
+/// The sigma where `filter` doesn't say.
+pub(crate) const DEFAULT_SIGMA: f32 = 0.5;
+
+pub(crate) static FILTER: Words = Words::new(
+    "filter",
+    "How rays become a pixel.",
+    &[&[Word::new("sigma", NUMBER, "for \"gaussian\": the standard deviation in pixels")
+        .or(|| DEFAULT_SIGMA.to_string())]],
+)
+.argument(
+    Word::new(
+        "kind",
+        Takes::Word(&["box", "tent", "gaussian", "mitchell"]),
+        "their mean over the pixel's area, or weighted over its neighbourhood",
+    )
+    .needed()
+    .or(|| {
+        quoted(match Filter::default() {
+            Filter::Box => "box",
+            Filter::Tent => "tent",
+            Filter::Gaussian { .. } => "gaussian",
+            Filter::Mitchell => "mitchell",
+        })
+    }),
+);
+
+pub(crate) static FILM: Words = Words::new(
+    "film",
+    "How the picture is sampled and developed.",
+    &[&[
+        Word::new("sample", Takes::Node(&SAMPLE), "where in a pixel rays go; see below")
+            .or(|| SAMPLE.argument.as_ref().map_or_else(String::new, |word| (word.default)())),
+        Word::new("filter", Takes::Node(&FILTER), "how rays become a pixel; see below")
+            .or(|| FILTER.argument.as_ref().map_or_else(String::new, |word| (word.default)())),
+        Word::new(
+            "tone",
+            Takes::Word(&["clamp", "scale"]),
+            "values over 1 are cut, or the picture is divided by its largest one",
+        )
+        .or(|| {
+            quoted(match FilmSettings::default().tone {
+                Tone::Clamp => "clamp",
+                Tone::Scale => "scale",
+            })
+        }),
+        Word::new(
+            "transfer",
+            Takes::Word(&["none", "srgb"]),
+            "from linear light to the numbers in the file: as they are, or the sRGB curve",
+        )
+        .or(|| {
+            quoted(match FilmSettings::default().transfer {
+                Transfer::None => "none",
+                Transfer::Srgb => "srgb",
+            })
+        }),
+        Word::new(
+            "crop",
+            Takes::Counts(4),
+            "only this part of the picture: x, y (from the top left), width, height in pixels",
+        )
+        .or(|| "the whole picture".into()),
+    ]],
+)
+.example("film { sample \"jittered\" n=4; filter \"gaussian\" sigma=0.5; tone \"scale\"; transfer \"srgb\" }");
+
+pub(crate) static INTEGRATOR: Words = Words::new(
+    "integrator",
+    "How rays are followed.",
+    &[&[
+        Word::new("max-depth", Takes::Count, "rays of this depth have no children; the eye's rays have depth 1")
+            .or(|| IntegratorSettings::default().max_depth.to_string()),
+        Word::new("min-weight", NUMBER, "rays that count less than this in the pixel are not followed")
+            .or(|| IntegratorSettings::default().min_weight.to_string()),
+        Word::new(
+            "stage",
+            Takes::Word(&["unlit", "diffuse", "ambient", "specular", "shadow", "reflection", "full"]),
+            "how much of the shading equation is switched on; each stage contains the ones before it",
+        )
+        .or(|| {
+            let stage = IntegratorSettings::default().stage;
+            Stage::ALL.iter().find(|(s, _)| *s == stage).map_or_else(String::new, |(_, name)| quoted(name))
+        }),
+        Word::new("shadows", Takes::Flag, "whether lights cast shadows")
+            .or(|| flag(IntegratorSettings::default().shadows)),
+    ]],
+)
+.argument(Word::new("kind", Takes::Word(&["whitted"]), "the classic recursive ray tracer").or(|| quoted("whitted")))
+.example("integrator \"whitted\" { max-depth 3; stage \"reflection\" }");
+
+pub(crate) static MATERIAL: Words = Words::new(
+    "material",
+    "What a surface does with light: Phong's model, a mirror, a clear body.",
+    &[&[
+        Word::new("kd", Takes::Rgb, "the colour in diffuse light").or(|| rgb(Phong::default().kd)),
+        Word::new("ks", Takes::Rgb, "the colour of highlights").or(|| rgb(Phong::default().ks)),
+        Word::new("n", NUMBER, "the exponent of highlights: the larger, the smaller they are")
+            .or(|| Phong::default().n.to_string()),
+        Word::new("k", Takes::Rgb, "the factor of the reflected ray: 0 no mirror, 1 a perfect one")
+            .or(|| rgb(Phong::default().k)),
+        Word::new("eta", NUMBER, "the coefficient of refraction, more than 0").or(|| Phong::default().eta.to_string()),
+        Word::new("opacity", NUMBER, "0 clear to 1 opaque").or(|| Phong::default().opacity.to_string()),
+    ]],
+)
+.argument(Word::new("name", Takes::Text, "the name that objects refer to").needed())
+.example("material \"glass\" { kd 0 0 1; ks 1; n 50; eta 1.2; opacity 0.4 }");
+
+/// A colour as it would be written.
+pub(crate) fn rgb(c: Rgb) -> String {
+    if c == Rgb::gray(c.r) { c.r.to_string() } else { format!("{} {} {}", c.r, c.g, c.b) }
+}
+
+fn point(p: DVec3) -> String {
+    format!("{} {} {}", p.x, p.y, p.z)
+}
+
+pub(crate) fn quoted(word: &str) -> String {
+    format!("\"{word}\"")
+}
+
+pub(crate) fn flag(value: bool) -> String {
+    format!("#{value}")
+}

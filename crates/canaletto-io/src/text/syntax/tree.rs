@@ -1,0 +1,77 @@
+//! The tree of a file.
+
+/// Some bytes of a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Span {
+    /// The file's number in [`crate::text::files::Files`].
+    pub(crate) file: u16,
+    pub(crate) start: u32,
+    pub(crate) end: u32,
+}
+
+/// `name value key=value { children }`
+#[derive(Clone, Debug)]
+pub(crate) struct Node {
+    pub(crate) name: Box<str>,
+    pub(crate) name_span: Span,
+    pub(crate) span: Span,
+    pub(crate) values: Vec<Value>,
+    pub(crate) properties: Vec<Property>,
+    pub(crate) children: Vec<Node>,
+    /// Whether a mistake in its values was reported already, so that their number and types mean nothing.
+    pub(crate) broken: bool,
+}
+
+/// `key=value`
+#[derive(Clone, Debug)]
+pub(crate) struct Property {
+    pub(crate) key: Box<str>,
+    pub(crate) key_span: Span,
+    pub(crate) value: Value,
+}
+
+/// A value and its place.
+#[derive(Clone, Debug)]
+pub(crate) struct Value {
+    pub(crate) kind: ValueKind,
+    pub(crate) span: Span,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum ValueKind {
+    Number(f64),
+    Text(Box<str>),
+    Flag(bool),
+    Null,
+}
+
+impl Node {
+    pub(crate) fn new(name: &str, span: Span) -> Node {
+        Node {
+            name: name.into(),
+            name_span: span,
+            span,
+            values: Vec::new(),
+            properties: Vec::new(),
+            children: Vec::new(),
+            broken: false,
+        }
+    }
+
+    /// The one text that `key` has as property or child, without judging anything.
+    pub(crate) fn text(&self, key: &str) -> Option<(&str, Span)> {
+        let property = self.properties.iter().find(|p| &*p.key == key).map(|p| &p.value);
+        let value = property.or_else(|| self.children.iter().find(|c| &*c.name == key)?.values.first())?;
+        value.as_text().map(|text| (text, value.span))
+    }
+}
+
+impl Value {
+    pub(crate) fn as_text(&self) -> Option<&str> {
+        if let ValueKind::Text(text) = &self.kind { Some(text) } else { None }
+    }
+
+    pub(crate) fn as_number(&self) -> Option<f64> {
+        if let ValueKind::Number(number) = self.kind { Some(number) } else { None }
+    }
+}

@@ -1,0 +1,358 @@
+//! Bad scenes beside the messages that they get, and what hostile files do: a message, never a panic.
+//!
+//! `tests/bad/*.kdl` each have their messages in a `.txt`; `CANALETTO_BLESS=1` writes them anew.
+
+use canaletto::scene::{Content, Scene};
+use canaletto_io::assets::{FolderAssets, MemoryAssets};
+use canaletto_io::diagnostic::Diagnostics;
+use canaletto_io::text::{read_scene, read_scene_text, read_scene_with, reference_markdown};
+use std::path::{Path, PathBuf};
+use std::{fs, time::Instant};
+
+fn repository() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+fn bless() -> bool {
+    std::env::var_os("CANALETTO_BLESS").is_some()
+}
+
+fn text(text: &str) -> Result<(Scene, Diagnostics), Diagnostics> {
+    read_scene_text(text, "scene.kdl", &MemoryAssets::new(), &[])
+}
+
+fn errors(scene: &str) -> String {
+    text(scene).expect_err("mistakes").to_string()
+}
+
+/// The scene files of a folder in order.
+fn scenes(folder: &str) -> Vec<PathBuf> {
+    let entries = fs::read_dir(repository().join(folder)).expect("the folder");
+    let mut paths: Vec<PathBuf> = entries.map(|e| e.expect("an entry").path()).collect();
+    paths.retain(|path| path.extension().is_some_and(|e| e == "kdl"));
+    paths.sort();
+    paths
+}
+
+#[test]
+fn bad_scenes_get_their_messages() {
+    let mut wrong = Vec::new();
+    let assets = FolderAssets::new(repository().join("tests/bad")).expect("tests/bad");
+    for path in scenes("tests/bad") {
+        let file = path.file_name().and_then(|name| name.to_str()).expect("a name");
+        let (good, shown) = match read_scene(file, &assets) {
+            Ok((_, warnings)) => (true, warnings),
+            Err(errors) => (false, errors),
+        };
+        assert_eq!(good, file.ends_with(".warning.kdl"), "{file}: {shown}");
+        // Messages name files by the way that they were reached.
+        let folder = format!("{}/", repository().join("tests/bad").display());
+        let normal = lexically_normal(&folder);
+        let shown = shown.to_string().replace(&folder, "").replace(&normal, "");
+        let expected = path.with_extension("txt");
+        if bless() {
+            fs::write(&expected, &shown).expect("written");
+        } else if fs::read_to_string(&expected).unwrap_or_default() != shown {
+            wrong.push(format!("--- {file}\n{shown}"));
+        }
+    }
+    assert!(wrong.is_empty(), "other messages than expected (CANALETTO_BLESS=1 accepts them):\n{}", wrong.join("\n"));
+}
+
+fn lexically_normal(path: &str) -> String {
+    let mut out = PathBuf::new();
+    for part in Path::new(path).components() {
+        if part.as_os_str() == ".." {
+            out.pop();
+        } else {
+            out.push(part)
+        }
+    }
+    format!("{}/", out.display())
+}
+
+#[test]
+fn the_reference_is_the_schema() {
+    let path = repository().join("docs/scene-text.md");
+    if bless() {
+        fs::write(&path, reference_markdown()).expect("written");
+    }
+    let committed = fs::read_to_string(&path).unwrap_or_default();
+    assert!(committed == reference_markdown(), "docs/scene-text.md is old; CANALETTO_BLESS=1 writes it anew");
+}
+
+#[test]
+fn examples_of_the_reference_are_right() {
+    let reference = reference_markdown();
+    let assets = MemoryAssets::new()
+        .with("stage.kdl", "")
+        .with("base.kdl", "")
+        .with("bunny.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    let base = "prototype name=\"lamp\" { sphere { center 0 0 0; radius 1 } }\nmaterial \"blue\"\n";
+    let mut count = 0;
+    for block in reference.split("```kdl\n").skip(1) {
+        let example = block.split("```").next().expect("an end");
+        let mut scene = base.to_owned();
+        if example.contains("material \"blue\"") {
+            scene = scene.replace("material \"blue\"\n", "");
+        }
+        if example.contains("name=\"lamp\"") {
+            scene.clear();
+        }
+        scene += example;
+        if let Err(errors) = read_scene_text(&scene, "example", &assets, &[]) {
+            panic!("{errors}");
+        }
+        count += 1;
+    }
+    assert!(count > 20);
+}
+
+#[test]
+fn the_chapters_scenes_are_right() {
+    for path in scenes("scenes/chapter") {
+        let (assets, file) = FolderAssets::beside(&path).expect("the folder");
+        let (scene, warnings) = read_scene(&file, &assets).unwrap_or_else(|errors| panic!("{errors}"));
+        let part = ["camera.kdl", "stage.kdl", "float.kdl"].contains(&file.as_str());
+        assert!(part || warnings.is_empty(), "{warnings}");
+        assert_eq!(scene.views.len(), 1, "{file}");
+    }
+}
+
+#[test]
+fn nesting_has_a_limit() {
+    let start = Instant::now();
+    let message = errors(&"group { ".repeat(200_000));
+    assert!(message.starts_with("scene.kdl:1:1031: error: nested too deep"), "{message}");
+    let message = errors(&"group { /- group { /-{ ".repeat(200_000));
+    assert!(message.contains("nested too deep"), "{message}");
+    assert!(start.elapsed().as_secs() < 10);
+    let deep = format!("{}sphere {{ center 0 0 0; radius 1 }}{}", "group { ".repeat(127), " }".repeat(127));
+    assert!(text(&deep).is_ok());
+}
+
+#[test]
+fn a_file_that_is_not_text_says_where() {
+    let assets = MemoryAssets::new().with("a.kdl", b"ambient 1\nsphere \xff\n".as_slice());
+    let message = read_scene("a.kdl", &assets).unwrap_err().to_string();
+    assert!(message.starts_with("a.kdl:2:8: error: the file isn't UTF-8 text: byte 17 is 0xff"), "{message}");
+}
+
+#[test]
+fn missing_and_forbidden_files_say_so() {
+    let message = read_scene("b.kdl", &MemoryAssets::new().with("a.kdl", "")).unwrap_err().to_string();
+    assert_eq!(message, "b.kdl: error: there is no file \"b.kdl\"\n  help: did you mean \"a.kdl\"?\n");
+    let message = read_scene("../b.kdl", &MemoryAssets::new()).unwrap_err().to_string();
+    assert!(message.contains("lies outside the scene's folder") && message.contains("--allow-outside"), "{message}");
+}
+
+#[test]
+fn a_hundred_thousand_spheres_are_read_in_linear_time() {
+    let scene = |count: usize| {
+        let mut text = String::from("material \"m\" { kd 1 0 0 }\nlight \"omni\" { position 0 9 0 }\n");
+        for i in 0..count {
+            text += &format!("sphere name=\"s{i}\" material=\"m\" {{ center {i} 0.5 -1e-3; radius 1 }}\n");
+        }
+        text
+    };
+    let time = |count| {
+        let text = scene(count);
+        let start = Instant::now();
+        let (scene, _) = read_scene_text(&text, "s", &MemoryAssets::new(), &[]).expect("a scene");
+        assert_eq!(scene.nodes.len(), count + 1);
+        start.elapsed().as_secs_f64()
+    };
+    let (few, many) = (time(10_000).max(0.01), time(100_000));
+    println!("10,000 spheres: {few:.3} s, 100,000: {many:.3} s");
+    assert!(many < 40.0 * few, "{few} s for 10,000, {many} s for 100,000");
+    // As many mistakes, too.
+    let bad = scene(20_000).replace("radius 1", "radius -1");
+    let start = Instant::now();
+    assert_eq!(text(&bad).unwrap_err().to_string().matches("error:").count(), 20_000);
+    assert!(start.elapsed().as_secs() < 20);
+}
+
+#[test]
+fn values_may_stand_before_or_in_the_block() {
+    let (a, _) = text("sphere radius=2 { center 1 2 3 }").unwrap();
+    let (b, _) = text("sphere { radius 2\n center 1 2 3 }").unwrap();
+    assert_eq!(a, b);
+}
+
+#[test]
+fn transforms_happen_in_the_order_written() {
+    let (scene, _) = text("sphere { center 1 0 0; radius 1; scale 2; rotate-z 90; translate 0 0 5 }").unwrap();
+    let moved = scene.nodes[0].transform.point(glam::DVec3::X);
+    assert!((moved - glam::DVec3::new(0.0, 2.0, 5.0)).length() < 1e-12, "{moved}");
+    let (scene, _) = text("sphere rotate-y=90 { center 1 0 0; radius 1; matrix 1 0 0 7  0 1 0 8  0 0 1 9 }").unwrap();
+    let moved = scene.nodes[0].transform.point(glam::DVec3::Z);
+    assert!((moved - glam::DVec3::new(8.0, 8.0, 9.0)).length() < 1e-12, "{moved}");
+}
+
+#[test]
+fn what_instances_repeat_moves_to_the_prototypes() {
+    let (scene, _) = text(
+        "instance of=\"lamp\" { translate 10 0 0 }\n\
+         group { group name=\"lamp\" { translate 0 5 0; sphere { center 0 0 0; radius 1 } } }\n\
+         prototype name=\"post\" { box { min 0 0 0; max 1 9 1 } }\n",
+    )
+    .unwrap();
+    assert_eq!(scene.prototypes.len(), 2);
+    assert_eq!(scene.prototypes[0].name.as_deref(), Some("lamp"));
+    assert_eq!(scene.nodes.len(), 2);
+    assert_eq!(scene.nodes[0].content, Content::Instance(0));
+    let Content::Group(children) = &scene.nodes[1].content else { panic!("a group") };
+    assert_eq!(children[0].content, Content::Instance(0));
+    assert!(children[0].transform.is_identity());
+}
+
+#[test]
+fn later_files_change_what_they_name() {
+    let assets = MemoryAssets::new()
+        .with("parts/base.kdl", "include \"cam.kdl\"\nambient 0.1\nfilm { tone \"scale\"; sample \"corner\" }\nsphere { center 0 0 0; radius 1 }")
+        .with("parts/cam.kdl", "camera { eye 0 0 7; fovy 33 }")
+        .with("a.kdl", "include \"parts/base.kdl\"\ninclude \"parts/cam.kdl\"\ncamera { fovy 44 }\nfilm { sample \"center\" }\nambient 0.2");
+    let (scene, _) = read_scene("a.kdl", &assets).unwrap();
+    assert_eq!((scene.views.len(), scene.views[0].intrinsics.fovy), (1, 44.0));
+    assert_eq!(scene.views[0].extrinsics.eye.z, 7.0);
+    assert_eq!(scene.film.tone, canaletto::scene::Tone::Scale);
+    assert_eq!(scene.film.sampling, canaletto::scene::Sampling::Center);
+    assert_eq!(scene.ambient, canaletto::math::Rgb::gray(0.2));
+}
+
+#[test]
+fn clouds_stand_in_nodes_texts_and_files() {
+    let assets = MemoryAssets::new().with("p.csv", "0,0,0\n1,1,1\n");
+    let scene = "spheres radius=1 { points 0 0 0  1 1 1 }\n\
+        spheres { data \"\"\"\n  0 0 0 1 # first\n\n  1 1 1 2\n  \"\"\"\n}\n\
+        spheres file=\"p.csv\" radius=3\n\
+        cylinders caps=#false { data \"0 0 0 0 1 0 0.5 1 0 0\" }";
+    let (scene, _) = read_scene_text(scene, "s", &assets, &[]).unwrap();
+    let counts: Vec<(usize, Vec<f32>)> = scene.spheres.iter().map(|c| (c.centers.len(), c.radii.clone())).collect();
+    assert_eq!(counts[0], (2, vec![1.0]));
+    assert_eq!(counts[1], (2, vec![1.0, 2.0]));
+    assert_eq!(counts[2].0, 2);
+    assert_eq!((scene.cylinders[0].colors.len(), scene.cylinders[0].caps), (1, false));
+}
+
+#[test]
+fn meshes_bring_their_materials() {
+    let assets = MemoryAssets::new()
+        .with("m/a.obj", "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\n")
+        .with("m/a.mtl", "newmtl red\nKd 1 0 0\n");
+    let scene = "material \"own\"\nsphere material=\"own\" { center 0 0 0; radius 1 }\n\
+        mesh file=\"m/a.obj\" one-sided=#true\nmesh file=\"m/a.obj\" one-sided=#true { translate 1 0 0 }\n\
+        mesh file=\"m/a.obj\" { smooth }";
+    let (scene, _) = read_scene_text(scene, "s", &assets, &[]).unwrap();
+    assert_eq!(
+        (scene.meshes.len(), scene.materials.len()),
+        (2, 3),
+        "the same file is read once for each way to read it"
+    );
+    assert_eq!(scene.materials[scene.meshes[0].materials[0] as usize].name, "red");
+    assert!(scene.meshes[0].one_sided && scene.meshes[0].normals.is_empty());
+    assert_eq!(scene.meshes[1].normals.len(), 3);
+}
+
+#[test]
+fn values_can_be_set() {
+    let scene = "material \"glass\" { kd 1 0 0; eta 1.2 }\nsphere material=\"glass\" name=\"ball\" radius=1 { center 0 0 0 }\n\
+        camera { eye 0 0 5 }\ncamera \"b\" { eye 0 5 0; up 0 0 1 }\ngroup { light \"omni\" name=\"key\" { position 0 9 0 } }";
+    let set = |assignments: &[&str]| {
+        let set: Vec<String> = assignments.iter().map(|a| (*a).to_owned()).collect();
+        read_scene_text(scene, "scene.kdl", &MemoryAssets::new(), &set)
+    };
+    let (changed, _) = set(&[
+        "material.glass.eta=1.4",
+        "integrator.max-depth = 3",
+        "integrator.shadows=false",
+        "camera.fovy=50",
+        "film.sample=\"jittered\" n=2",
+        "light.key.intensity=1 0.5 0",
+        "sphere.ball.radius=7",
+        "background=0.5",
+        "film.tone=scale",
+    ])
+    .unwrap_or_else(|errors| panic!("{errors}"));
+    assert_eq!(changed.materials[0].phong.eta, 1.4);
+    assert_eq!((changed.integrator.max_depth, changed.integrator.shadows), (3, false));
+    assert!(changed.views.iter().all(|view| view.intrinsics.fovy == 50.0));
+    assert_eq!(changed.film.sampling, canaletto::scene::Sampling::Jittered(2));
+    assert_eq!(changed.background, canaletto::math::Rgb::gray(0.5));
+    let errors = set(&[
+        "material.glas.eta=1",
+        "camera.fovy=big",
+        "nonsense=1",
+        "integrator.depth=3",
+        "film.tone",
+        "film.tone=",
+        "light.key.intensity=1 x.y/z",
+    ])
+    .unwrap_err()
+    .to_string();
+    for part in [
+        "--set:1:10: error: there is no material called \"glas\"",
+        "--set:2:13: error: fovy takes a number, got the text \"big\"",
+        "--set:3:1: error: there is nothing called nonsense to set",
+        "--set:4:12: error: integrator has no \"depth\"",
+        "--set:5:1: error: this sets nothing: an = is missing",
+        "--set:6:10: error: a value is missing after tone=",
+        "--set:7:23: error: ",
+    ] {
+        assert!(errors.contains(part), "{part}\n{errors}");
+    }
+    assert_eq!(errors.matches("error:").count(), 7, "{errors}");
+    let (scene, _) = read_scene_with("a", &MemoryAssets::new().with("a", scene), &[]).unwrap();
+    assert_eq!(scene.views.len(), 2);
+}
+
+mod random {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn good() -> Vec<String> {
+        let mut all: Vec<String> = reference_markdown()
+            .split("```kdl\n")
+            .skip(1)
+            .map(|block| block.split("```").next().unwrap_or_default().to_owned())
+            .collect();
+        for folder in ["tests/bad", "scenes/chapter"] {
+            all.extend(scenes(folder).iter().map(|path| fs::read_to_string(path).expect("a file")));
+        }
+        all.push(all.concat());
+        all
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 1000, failure_persistence: None, ..ProptestConfig::default() })]
+
+        /// Whatever stands in a file, there is a scene or messages, and both can be shown.
+        #[test]
+        fn changed_scenes_never_panic(
+            which in any::<prop::sample::Index>(),
+            edits in prop::collection::vec((any::<prop::sample::Index>(), 0usize..4, prop_oneof![
+                any::<u8>().prop_map(|b| vec![b]),
+                prop::sample::select(vec!["{", "}", "\"", "#", "/-", "\"\"\"", "\\", "=", "(", "\n", " ", "1e999", "-", "é", "#nan", ".", "0"])
+                    .prop_map(|s| s.as_bytes().to_vec()),
+            ]), 1..12),
+            set in "(material|camera|light|film|integrator|sphere)(\\.[a-z]{1,8}){0,2}=?[ -~é]{0,8}",
+        ) {
+            let all = good();
+            let mut bytes = which.get(&all).clone().into_bytes();
+            for (at, removed, inserted) in edits {
+                let at = at.index(bytes.len() + 1);
+                bytes.splice(at..(at + removed).min(bytes.len()), inserted);
+            }
+            let assets = MemoryAssets::new().with("a.kdl", bytes).with("stage.kdl", "include \"a.kdl\"").with("m.csv", "1 2 3");
+            let shown = match read_scene_with("a.kdl", &assets, &[set]) {
+                Ok((_, warnings)) => warnings,
+                Err(errors) => {
+                    prop_assert!(errors.has_errors());
+                    errors
+                }
+            };
+            let _ = shown.to_string();
+            let _ = serde_json::to_string(&shown).expect("JSON");
+        }
+    }
+}
