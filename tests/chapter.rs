@@ -16,9 +16,10 @@ use glam::{DVec3, Vec3, Vec4};
 /// Asserts that `value` prints as the chapter does: within half of `digit`, the unit of its last digit (more where the
 /// chapter rounded on the way).
 #[track_caller]
-fn printed<const N: usize>(value: [f32; N], chapter: [f64; N], digit: f64) {
+fn printed<T: Copy + Into<f64>, const N: usize>(value: [T; N], chapter: [f64; N], digit: f64) {
+    let value = value.map(Into::into);
     for (v, c) in value.iter().zip(chapter) {
-        assert!((f64::from(*v) - c).abs() <= 0.5 * digit * 1.001, "{value:?} instead of the printed {chapter:?}");
+        assert!((v - c).abs() <= 0.5 * digit * 1.001, "{value:?} instead of the printed {chapter:?}");
     }
 }
 
@@ -110,8 +111,8 @@ fn exercise_4_and_19_light_from_infinity_on_a_triangle() {
 
 #[test]
 fn exercise_5_v_and_r() {
-    let (a, eye, light) = (Vec3::new(6.0, 2.0, 1.0), Vec3::new(8.0, 10.0, 1.0), Vec3::new(3.0, 5.0, 1.0));
-    let n = Vec3::new(-1.0, 2.0, 0.0).normalize();
+    let (a, eye, light) = (DVec3::new(6.0, 2.0, 1.0), DVec3::new(8.0, 10.0, 1.0), DVec3::new(3.0, 5.0, 1.0));
+    let n = DVec3::new(-1.0, 2.0, 0.0).normalize();
     printed((eye - a).normalize().to_array(), [0.243, 0.970, 0.0], 1e-3);
     printed(reflect((light - a).normalize(), n).to_array(), [-0.141, 0.990, 0.0], 1e-3);
 }
@@ -121,18 +122,18 @@ fn exercise_6_through_a_glass_sphere() {
     // Snell's law at entry and exit: a deviation of 21.06° for η = 1.5 at 37° (the printed exit tangent has the wrong
     // sign and gives 38.94°).
     let sphere = Shape::Sphere(Sphere { center: Vec3::ZERO, radius: 1.0 });
-    let d = Vec3::X;
+    let d = DVec3::X;
     for degrees in [0.0f64, 10.0, 30.0, 60.0, 85.0] {
-        let ray = Ray::new(Vec3::new(-5.0, degrees.to_radians().sin() as f32, 0.0), d);
+        let ray = Ray::new(Vec3::new(-5.0, degrees.to_radians().sin() as f32, 0.0), Vec3::X);
         let hit = sphere.intersect(&ray, f32::INFINITY).unwrap();
         let entry = sphere.surface(&ray, &hit);
         let inside = refract(-d, entry.normal, 1.0 / 1.5).unwrap();
-        let inner = Ray::new(canaletto::math::offset_origin(entry.point, entry.error, entry.normal, inside), inside);
+        let inner = Ray::new(canaletto::math::offset_origin(entry.point, entry.error, entry.normal, inside), inside.as_vec3());
         let exit = sphere.surface(&inner, &sphere.intersect(&inner, f32::INFINITY).unwrap());
         let out = refract(-inside, -exit.normal, 1.5).unwrap();
         let refracted = (degrees.to_radians().sin() / 1.5).asin().to_degrees();
         let expected = 2.0 * (degrees - refracted);
-        let deviation = f64::from(out.dot(d)).clamp(-1.0, 1.0).acos().to_degrees();
+        let deviation = out.dot(d).clamp(-1.0, 1.0).acos().to_degrees();
         assert!((deviation - expected).abs() < 0.05, "{degrees}°: {deviation} instead of {expected}");
     }
 }
@@ -140,8 +141,8 @@ fn exercise_6_through_a_glass_sphere() {
 #[test]
 fn exercise_6_beyond_the_critical_angle_the_ray_is_mirrored_inside() {
     // From inside the glass at 45°, beyond the critical 41.8°: reflection, by (5.37).
-    let n = Vec3::NEG_Y;
-    let v = Vec3::new(-1.0, -1.0, 0.0).normalize();
+    let n = DVec3::NEG_Y;
+    let v = DVec3::new(-1.0, -1.0, 0.0).normalize();
     assert_eq!(refract(v, n, 1.5), None);
     printed(reflect(v, n).to_array(), [0.707, -0.707, 0.0], 1e-3);
 }
@@ -208,13 +209,13 @@ fn exercise_14_a_ray_and_a_cylinder_by_its_canonical_position() {
 
 #[test]
 fn exercise_15_and_16_refraction_into_and_out_of_glass() {
-    let (n, v) = (Vec3::Y, Vec3::new(-0.6, 0.8, 0.0));
+    let (n, v) = (DVec3::Y, DVec3::new(-0.6, 0.8, 0.0));
     let eta = 1.5;
     let inside = refract(v, n, 1.0 / eta).unwrap();
     // Snell by its own words: sin θt = sin θi / η, in the plane of v and n.
     printed(inside.to_array(), [0.4, -(1.0f64 - 0.16).sqrt(), 0.0], 1e-6);
     printed(refract(inside, -n, eta).unwrap_or_default().to_array(), [-0.6, 0.8, 0.0], 2e-6);
-    let grazing = Vec3::new(-0.7, -(1.0f32 - 0.49).sqrt(), 0.0);
+    let grazing = DVec3::new(-0.7, -(1.0f64 - 0.49).sqrt(), 0.0);
     assert_eq!(refract(grazing, -n, eta), None, "sin θ = 0.7 > 1/1.5: no refracted ray");
 }
 
@@ -228,7 +229,7 @@ fn exercise_17_the_plane_of_a_triangle() {
     printed([hit.t], [185.0 / 23.0], 1e-5);
     let surface = plane.surface(&ray, &hit);
     printed(surface.point.to_array(), [3.957, 1.913, 3.957], 1e-3);
-    assert!(ray.direction.dot(surface.normal) > 0.0, "met from the back");
+    assert!(ray.direction.as_dvec3().dot(surface.normal) > 0.0, "met from the back");
     let one_sided = |one_sided| Shape::Triangle(Triangle { a, b, c, one_sided });
     assert_eq!(one_sided(true).intersect(&ray, f32::INFINITY), None, "a one-sided triangle isn't met from the back");
     // Inside or not, by (5.29): the library and the edges' signs agree.

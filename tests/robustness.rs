@@ -191,14 +191,14 @@ fn rays_that_bounce_inside_never_get_out() {
                             return Some(format!("ray {i} is out after {bounce} bounces: {ray:?}"));
                         };
                         let surface = world.surface(&ray, &hit);
-                        if ray.direction.dot(surface.normal) <= -1e-3 {
+                        if ray.direction.as_dvec3().dot(surface.normal) <= -1e-3 {
                             return Some(format!(
                                 "ray {i} meets the outside after {bounce} bounces: {ray:?} {surface:?}"
                             ));
                         }
-                        let direction = reflect(-ray.direction, surface.normal).normalize();
+                        let direction = reflect(-ray.direction.as_dvec3(), surface.normal).normalize();
                         let origin = offset_origin(surface.point, surface.error, surface.normal, -surface.normal);
-                        ray = Ray::new(origin, direction);
+                        ray = Ray::new(origin, direction.as_vec3());
                     }
                     None
                 })

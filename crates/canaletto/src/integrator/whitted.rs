@@ -11,7 +11,7 @@ use crate::scene::{IntegratorSettings, Stage};
 use crate::shape::Surface;
 use crate::world::World;
 use canaletto_bvh::Ray;
-use glam::Vec3;
+use glam::DVec3;
 
 /// The classic integrator on one world.
 pub struct Whitted<'w> {
@@ -37,11 +37,11 @@ struct Shading<'a> {
     surface: &'a Surface,
     material: &'a MaterialPoint,
     /// v̂, towards where the ray came from.
-    wo: Vec3,
+    wo: DVec3,
     /// The unit geometric normal on the viewer's side.
-    facing: Vec3,
+    facing: DVec3,
     /// The unit shading normal on the viewer's side.
-    normal: Vec3,
+    normal: DVec3,
     /// Whether the ray came from the outer side.
     outside: bool,
 }
@@ -75,13 +75,14 @@ impl<'w> Whitted<'w> {
         count.hit += 1;
         let surface = self.world.surface(ray, &hit);
         let material = self.world.material(&hit).at(&surface);
-        let outside = ray.direction.dot(surface.normal) < 0.0;
+        let direction = ray.direction.as_dvec3();
+        let outside = direction.dot(surface.normal) < 0.0;
         let side = if outside { 1.0 } else { -1.0 };
         probe.hit(&hit, &surface, &material, outside);
         let shading = Shading {
             surface: &surface,
             material: &material,
-            wo: -ray.direction.normalize(),
+            wo: -direction.normalize(),
             facing: surface.normal * side,
             normal: surface.shading_normal * side,
             outside,
@@ -122,7 +123,8 @@ impl<'w> Whitted<'w> {
         }
         if stage >= Stage::Full && at.material.is_clear() {
             let factor = Rgb::gray(1.0 - phong.opacity);
-            let eta_ratio = if at.outside { 1.0 / phong.eta } else { phong.eta };
+            let eta = f64::from(phong.eta);
+            let eta_ratio = if at.outside { 1.0 / eta } else { eta };
             let (kind, direction) = match refract(at.wo, at.normal, eta_ratio) {
                 Some(direction) => (RayKind::Refracted, below(direction, at, eta_ratio)),
                 None => (RayKind::TotallyReflected, above(mirrored, at)),
@@ -135,19 +137,19 @@ impl<'w> Whitted<'w> {
     }
 
     /// One point of one light: (5.39a)'s summand.
-    fn light<P: Probe>(&mut self, at: &Shading, mirrored: Vec3, light: u32, point: u32, probe: &mut P) -> LightTerm {
+    fn light<P: Probe>(&mut self, at: &Shading, mirrored: DVec3, light: u32, point: u32, probe: &mut P) -> LightTerm {
         let phong = &at.material.phong;
         let source = &self.world.lights[light as usize];
         let arriving = source.illuminate(point, at.surface.point);
-        let n_dot_l = at.normal.dot(arriving.direction);
+        let n_dot_l = at.normal.dot(arriving.direction) as f32;
         let mut term = LightTerm {
             light,
             point,
-            direction: arriving.direction,
+            direction: arriving.direction.as_vec3(),
             distance: arriving.distance,
             intensity: arriving.intensity,
             n_dot_l,
-            r_dot_l: mirrored.dot(arriving.direction),
+            r_dot_l: mirrored.dot(arriving.direction) as f32,
             f_s: 0.0,
             diffuse: Rgb::BLACK,
             specular: Rgb::BLACK,
@@ -169,7 +171,7 @@ impl<'w> Whitted<'w> {
             // Towards a point the ray ends there, at t = 1; towards infinity it has no end.
             let (direction, t_max) = match arriving.position {
                 Some(position) => (position - origin, 1.0 - f32::EPSILON),
-                None => (arriving.direction, f32::INFINITY),
+                None => (arriving.direction.as_vec3(), f32::INFINITY),
             };
             term.f_s = self.world.transmittance(&Ray { origin, direction }, t_max, probe);
             self.counts.shadow.traced += 1;
@@ -191,17 +193,18 @@ impl<'w> Whitted<'w> {
 }
 
 /// A ray that leaves the surface, its origin moved off it by the error bound.
-fn leave(at: &Shading, direction: Vec3) -> Ray {
-    Ray { origin: offset_origin(at.surface.point, at.surface.error, at.surface.normal, direction), direction }
+fn leave(at: &Shading, direction: DVec3) -> Ray {
+    let origin = offset_origin(at.surface.point, at.surface.error, at.surface.normal, direction);
+    Ray { origin, direction: direction.as_vec3() }
 }
 
 /// A mirrored direction that stays above the surface: where an interpolated normal would send it below, the geometric
 /// normal mirrors instead.
-fn above(direction: Vec3, at: &Shading) -> Vec3 {
+fn above(direction: DVec3, at: &Shading) -> DVec3 {
     if direction.dot(at.facing) > 0.0 { direction } else { reflect(at.wo, at.facing) }
 }
 
 /// A refracted direction that goes below the surface, likewise.
-fn below(direction: Vec3, at: &Shading, eta_ratio: f32) -> Vec3 {
+fn below(direction: DVec3, at: &Shading, eta_ratio: f64) -> DVec3 {
     if direction.dot(at.facing) < 0.0 { direction } else { refract(at.wo, at.facing, eta_ratio).unwrap_or(-at.facing) }
 }

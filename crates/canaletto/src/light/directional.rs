@@ -1,7 +1,7 @@
 //! Parallel light, everywhere or inside a round beam (fig. 5.25b).
 
 use crate::math::Transform;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// Light from infinity.
@@ -15,8 +15,8 @@ pub struct Directional {
 
 impl Directional {
     /// L̂: the unit direction to the light.
-    pub(super) fn direction(&self) -> Vec3 {
-        -self.towards.normalize()
+    pub(super) fn direction(&self) -> DVec3 {
+        -self.towards.as_dvec3().normalize()
     }
 
     /// 1 inside the beam, 0 outside; `direction` is [`Directional::direction`].

@@ -1,7 +1,7 @@
 //! The point light that shines in all directions (fig. 5.25a).
 
 use crate::math::Transform;
-use glam::{Vec3, Vec4};
+use glam::{DVec3, Vec3, Vec4};
 use serde::{Deserialize, Serialize};
 
 /// A point light, or light from infinity.
@@ -22,8 +22,8 @@ impl Omni {
         self.position.truncate() / self.position.w
     }
 
-    pub(super) fn towards_infinity(&self) -> Option<Vec3> {
-        (self.position.w == 0.0).then(|| self.position.truncate().normalize())
+    pub(super) fn towards_infinity(&self) -> Option<DVec3> {
+        (self.position.w == 0.0).then(|| self.position.truncate().as_dvec3().normalize())
     }
 
     pub(super) fn transformed(&self, t: &Transform) -> Omni {

@@ -2,7 +2,7 @@
 
 use super::{Light, LightKind};
 use crate::math::Rgb;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 /// A light lowered to the points it shines from.
 #[derive(Clone, Debug)]
@@ -12,7 +12,7 @@ pub struct Source {
     /// Where light comes from; none for light from infinity.
     points: Vec<Vec3>,
     /// The unit direction to a light at infinity.
-    towards: Vec3,
+    towards: DVec3,
     /// The intensity of each point.
     intensity: Rgb,
     cone: Option<super::spot::Cone>,
@@ -22,7 +22,7 @@ pub struct Source {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Illumination {
     /// L̂, the unit direction to the light.
-    pub direction: Vec3,
+    pub direction: DVec3,
     /// How far the light is; infinite for light from infinity.
     pub distance: f32,
     /// Where the light is; `None` for light from infinity.
@@ -34,7 +34,7 @@ pub struct Illumination {
 impl Source {
     /// The source of a light whose numbers are in range ([`Light::check`]).
     pub fn new(light: Light) -> Source {
-        let (mut points, mut towards, mut cone, mut share) = (Vec::new(), Vec3::ZERO, None, 1.0);
+        let (mut points, mut towards, mut cone, mut share) = (Vec::new(), DVec3::ZERO, None, 1.0);
         match &light.kind {
             LightKind::Omni(omni) => match omni.towards_infinity() {
                 Some(direction) => towards = direction,
@@ -65,16 +65,16 @@ impl Source {
         let Some(&position) = self.points.get(index as usize) else {
             return self.arriving_from_infinity(p);
         };
-        let to_light = position - p;
-        let distance = to_light.length();
-        let direction = to_light / distance;
+        let to_light = position.as_dvec3() - p.as_dvec3();
+        let length = to_light.length();
+        let (direction, distance) = (to_light / length, length as f32);
         let mut intensity = self.intensity;
         let [c, l, q] = self.light.attenuation;
         if [c, l, q] != [1.0, 0.0, 0.0] {
             intensity = intensity / (c + l * distance + q * distance * distance);
         }
         if let Some(cone) = &self.cone {
-            intensity *= cone.factor(-direction);
+            intensity *= cone.factor(-direction.as_vec3());
         }
         Illumination { direction, distance, position: Some(position), intensity }
     }
@@ -82,7 +82,7 @@ impl Source {
     fn arriving_from_infinity(&self, p: Vec3) -> Illumination {
         let mut intensity = self.intensity;
         if let LightKind::Directional(directional) = &self.light.kind {
-            intensity *= directional.region(p, self.towards);
+            intensity *= directional.region(p, self.towards.as_vec3());
         }
         Illumination { direction: self.towards, distance: f32::INFINITY, position: None, intensity }
     }
@@ -103,7 +103,7 @@ mod tests {
         let sun = source(LightKind::Omni(Omni { position: Vec4::new(0.0, 2.0, 0.0, 0.0) }));
         for p in [Vec3::ZERO, Vec3::splat(100.0)] {
             let light = sun.illuminate(0, p);
-            assert_eq!((light.direction, light.position), (Vec3::Y, None));
+            assert_eq!((light.direction, light.position), (DVec3::Y, None));
         }
         let lamp = source(LightKind::Omni(Omni { position: Vec4::new(0.0, 6.0, 0.0, 2.0) }));
         assert_eq!(lamp.illuminate(0, Vec3::ZERO).position, Some(Vec3::new(0.0, 3.0, 0.0)));

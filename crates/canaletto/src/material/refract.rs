@@ -1,15 +1,15 @@
 //! Mirror directions and Snell's law (5.37, 5.40–5.44).
 
-use glam::Vec3;
+use glam::DVec3;
 
 /// (5.37) r = 2 (v·n) n − v: `v`, which points away from the surface, mirrored in the unit normal.
-pub fn reflect(v: Vec3, n: Vec3) -> Vec3 {
+pub fn reflect(v: DVec3, n: DVec3) -> DVec3 {
     n * (2.0 * v.dot(n)) - v
 }
 
 /// The refracted direction for unit `v` (away from the surface, towards where the ray came from), the unit normal on
 /// the side of `v`, and the ratio ηᵢ/ηₜ. `None` is total internal reflection.
-pub fn refract(v: Vec3, n: Vec3, eta_ratio: f32) -> Option<Vec3> {
+pub fn refract(v: DVec3, n: DVec3, eta_ratio: f64) -> Option<DVec3> {
     // (5.41) vₜ = (v·n) n − v has the length sin θᵢ (5.42), so that sin θₜ t̂ = (ηᵢ/ηₜ) vₜ without a division.
     let tangential = (n * v.dot(n) - v) * eta_ratio; // (5.43)
     let sin2 = tangential.length_squared();
@@ -25,16 +25,16 @@ mod tests {
 
     #[test]
     fn exercise_5_mirrors_the_light() {
-        let n = Vec3::new(-1.0, 2.0, 0.0).normalize();
-        let l = Vec3::new(-3.0, 3.0, 0.0).normalize();
-        assert!((reflect(l, n) - Vec3::new(-0.141, 0.990, 0.0)).length() < 1e-3);
+        let n = DVec3::new(-1.0, 2.0, 0.0).normalize();
+        let l = DVec3::new(-3.0, 3.0, 0.0).normalize();
+        assert!((reflect(l, n) - DVec3::new(-0.141, 0.990, 0.0)).length() < 1e-3);
     }
 
     #[test]
     fn refraction_obeys_snell_both_ways() {
-        let n = Vec3::Y;
-        for degrees in [0.0f32, 10.0, 41.0, 60.0, 89.0] {
-            let v = Vec3::new(-degrees.to_radians().sin(), degrees.to_radians().cos(), 0.0);
+        let n = DVec3::Y;
+        for degrees in [0.0f64, 10.0, 41.0, 60.0, 89.0] {
+            let v = DVec3::new(-degrees.to_radians().sin(), degrees.to_radians().cos(), 0.0);
             let inside = refract(v, n, 1.0 / 1.5).expect("entering always refracts");
             assert!((inside.x - v.x.abs() / 1.5).abs() < 1e-6 && inside.y < 0.0);
             let back = refract(inside, -n, 1.5).expect("the way back exists");
@@ -44,8 +44,8 @@ mod tests {
 
     #[test]
     fn beyond_the_critical_angle_nothing_leaves() {
-        let critical = (1.0f32 / 1.5).asin();
-        let at = |angle: f32| refract(Vec3::new(angle.sin(), angle.cos(), 0.0), Vec3::Y, 1.5);
+        let critical = (1.0f64 / 1.5).asin();
+        let at = |angle: f64| refract(DVec3::new(angle.sin(), angle.cos(), 0.0), DVec3::Y, 1.5);
         assert!(at(critical - 1e-3).is_some() && at(critical + 1e-3).is_none());
     }
 }

@@ -1,7 +1,7 @@
 //! Bounds of rounding errors, and the ray offset made from them. No constant in scene units: every bound is a
 //! multiple of the numbers it bounds, so that a scene scaled by a power of two behaves bit for bit the same.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 /// Half the distance between 1 and the next `f32`: the largest relative error of one rounding.
 const UNIT_ROUNDOFF: f32 = f32::EPSILON * 0.5;
@@ -22,10 +22,12 @@ pub fn rounding(p: Vec3) -> Vec3 {
 /// Moves `p`, known up to ± `error` in each coordinate, along the unit geometric normal until it lies on `side` of the
 /// surface for certain: the side that `direction` points to. (pbrt-v4, §6.8.6; the sum's own rounding is covered by
 /// adding it to the bound instead of stepping to the next float, which keeps the offset scale-invariant.)
-pub fn offset_origin(p: Vec3, error: Vec3, normal: Vec3, direction: Vec3) -> Vec3 {
+pub fn offset_origin(p: Vec3, error: Vec3, normal: DVec3, direction: DVec3) -> Vec3 {
+    let side = normal.dot(direction);
+    let normal = normal.as_vec3();
     let bound = error + rounding(p);
     let distance = normal.abs().dot(bound) * (1.0 + gamma(6));
-    if direction.dot(normal) < 0.0 { p - normal * distance } else { p + normal * distance }
+    if side < 0.0 { p - normal * distance } else { p + normal * distance }
 }
 
 #[cfg(test)]
@@ -40,11 +42,11 @@ mod tests {
                 (i.wrapping_mul(2654435761).wrapping_add(k.wrapping_mul(40503) << 8) >> 8) as f32 / 8388608.0 - 1.0
             };
             let p = Vec3::new(h(1), h(2), h(3)) * 10f32.powi((i % 13) as i32 - 6);
-            let n = Vec3::new(h(4), h(5), h(6)).normalize();
+            let n = Vec3::new(h(4), h(5), h(6)).as_dvec3().normalize();
             for side in [1.0, -1.0] {
                 let moved = offset_origin(p, rounding(p), n, n * side);
-                let d = (moved.as_dvec3() - p.as_dvec3()).dot(n.as_dvec3()) * f64::from(side);
-                assert!(d > f64::from(n.abs().dot(rounding(p))), "point {p}, normal {n}: moved by {d}");
+                let d = (moved.as_dvec3() - p.as_dvec3()).dot(n) * side;
+                assert!(d > n.abs().dot(rounding(p).as_dvec3()), "point {p}, normal {n}: moved by {d}");
             }
         }
     }

@@ -193,7 +193,7 @@ impl Probe for AovProbe<'_> {
 
     fn hit(&mut self, hit: &Hit, surface: &Surface, _material: &MaterialPoint, outside: bool) {
         if self.samples == 1 && self.stack.len() == 1 {
-            let normal = if outside { surface.shading_normal } else { -surface.shading_normal };
+            let normal = if outside { surface.shading_normal } else { -surface.shading_normal }.as_vec3();
             let depth = self.first_ray.map_or(hit.t, |ray| hit.t * ray.direction.length());
             let (p, uv) = (surface.point, surface.uv);
             let (object, material) = (self.world.object_id(hit) as f32, (self.world.material_index(hit) + 1) as f32);

@@ -84,7 +84,7 @@ mod tests {
         let ray = Ray::new(Vec3::new(5.0, 1.0, 0.0), Vec3::NEG_X);
         let s = CONE.surface(&ray, &CONE.intersect(&ray, INF).unwrap());
         let n = Vec3::new(2.0, 1.0, 0.0).normalize();
-        assert!(s.normal.distance(n) < 1e-7, "{s:?}");
+        assert!(s.normal.as_vec3().distance(n) < 1e-7, "{s:?}");
         assert_eq!(s.uv.to_array(), [0.75, 0.5]);
     }
 

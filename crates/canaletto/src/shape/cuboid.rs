@@ -8,7 +8,7 @@ use super::solve;
 use super::{ShapeHit, Surface};
 use crate::math::Transform;
 use canaletto_bvh::{Aabb, Ray};
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// An axis-aligned box.
@@ -59,7 +59,7 @@ impl Cuboid {
         let t = (f64::from(plane) - o[axis]) / d[axis];
         let mut point = (o + d * t).as_vec3().clamp(self.min, self.max);
         point[axis] = plane;
-        let mut normal = Vec3::ZERO;
+        let mut normal = DVec3::ZERO;
         normal[axis] = if upper { 1.0 } else { -1.0 };
         // Fractions of the way from min to max, and from max to min.
         let fraction = |along: usize, from: Vec3| {
@@ -121,7 +121,7 @@ mod tests {
             let ray = Ray::new(n * 10.0, -n);
             let hit = BOX.intersect(&ray, INF).unwrap();
             assert_eq!((hit.part, hit.t), (face as u32, 10.0 - BOX.max.dot(n.abs())));
-            assert_eq!(BOX.surface(&ray, &hit).normal, n);
+            assert_eq!(BOX.surface(&ray, &hit).normal.as_vec3(), n);
         }
     }
 
@@ -131,7 +131,7 @@ mod tests {
             let ray = Ray::new(Vec3::splat(0.5), n);
             let hit = BOX.intersect(&ray, INF).unwrap();
             let s = BOX.surface(&ray, &hit);
-            assert_eq!((hit.part, s.normal), (face as u32, n));
+            assert_eq!((hit.part, s.normal.as_vec3()), (face as u32, n));
             assert_eq!(s.point.dot(n), BOX.max.dot(n.abs()));
         }
     }

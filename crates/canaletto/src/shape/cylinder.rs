@@ -118,7 +118,7 @@ mod tests {
         let hit = open.intersect(&ray, INF).unwrap();
         assert_eq!((hit.t, hit.part), (2.0, SIDE));
         // The normal stays outwards.
-        assert_eq!(open.surface(&ray, &hit).normal, Vec3::X);
+        assert_eq!(open.surface(&ray, &hit).normal.as_vec3(), Vec3::X);
         let closed = Cylinder { caps: true, ..open };
         assert_eq!(closed.intersect(&ray, INF).map(|h| (h.t, h.part)), Some((1.0, TOP)));
         // Along the axis there is nothing to meet.

@@ -172,11 +172,10 @@ fn facing(normals: [DVec3; 3], n: DVec3) -> [DVec3; 3] {
 }
 
 /// The interpolated normal; mirrored at the triangle's plane where it fell behind it.
-fn shading_normal([a, b, c]: [DVec3; 3], [wa, wb, wc]: [f64; 3], n: DVec3) -> Vec3 {
+fn shading_normal([a, b, c]: [DVec3; 3], [wa, wb, wc]: [f64; 3], n: DVec3) -> DVec3 {
     let mean = a * wa + b * wb + c * wc;
     let front = mean - n * (2.0 * mean.dot(n).min(0.0));
-    let unit = front.normalize_or(n).as_vec3();
-    let n = n.as_vec3();
+    let unit = front.normalize_or(n);
     if unit.dot(n) > 0.0 { unit } else { n }
 }
 

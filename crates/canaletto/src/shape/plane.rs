@@ -70,7 +70,7 @@ mod tests {
         let ray = Ray::new(Vec3::new(1.0, 50.0, 2.0), Vec3::new(0.1, -0.3, 0.7));
         let hit = FLOOR.intersect(&ray, f32::INFINITY).unwrap();
         let s = FLOOR.surface(&ray, &hit);
-        assert_eq!((s.point.y, s.normal), (-50.0, Vec3::Y));
+        assert_eq!((s.point.y, s.normal.as_vec3()), (-50.0, Vec3::Y));
         assert_eq!(s.uv.to_array(), [s.point.x, s.point.z]);
     }
 

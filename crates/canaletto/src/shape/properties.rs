@@ -80,7 +80,7 @@ fn normals_are_units_that_lead_outwards() {
             return None;
         }
         let step = 1e-3 * f64::from(*size);
-        let [out, inside] = [step, -step].map(|step| distance(shape, s.point.as_dvec3() + s.normal.as_dvec3() * step));
+        let [out, inside] = [step, -step].map(|step| distance(shape, s.point.as_dvec3() + s.normal * step));
         // The distance grows with the whole step; at the inner seam of a spindle with a part of it.
         assert!(out > 0.5 * step, "{shape:?} {s:?}: {out:e} of {step:e}");
         assert!(inside < 0.0 || distance(shape, s.point.as_dvec3()).abs() > 0.1 * step, "{shape:?} {s:?}: {inside:e}");
@@ -159,7 +159,7 @@ fn the_end_of_the_interval_counts() {
 
 /// The ray from the surface's point to the side of `d`.
 fn leave(s: &Surface, d: Vec3) -> Ray {
-    Ray::new(offset_origin(s.point, s.error, s.normal, d), d)
+    Ray::new(offset_origin(s.point, s.error, s.normal, d.as_dvec3()), d)
 }
 
 #[test]
@@ -171,7 +171,7 @@ fn a_ray_that_leaves_a_convex_shape_never_meets_it_again() {
         }
         let s = shape.surface(ray, &shape.intersect(ray, INF)?);
         let d = random.direction();
-        let out = leave(&s, if d.dot(s.normal) < 0.0 { -d } else { d });
+        let out = leave(&s, if d.dot(s.normal.as_vec3()) < 0.0 { -d } else { d });
         assert_eq!(shape.intersect(&out, INF), None, "{shape:?} {s:?} {out:?}");
         Some(())
     });
@@ -184,8 +184,8 @@ fn a_ray_that_leaves_a_surface_does_not_meet_it_at_once() {
         let s = shape.surface(ray, &shape.intersect(ray, INF)?);
         let d = random.vector();
         // Steeply, so that a torus comes back into the way far off only.
-        let d = if d.dot(s.normal) < 0.0 { d - s.normal * 0.5 } else { d + s.normal * 0.5 };
-        if shape.is_closed() && d.dot(s.normal) < 0.0 {
+        let d = if d.dot(s.normal.as_vec3()) < 0.0 { d - s.normal.as_vec3() * 0.5 } else { d + s.normal.as_vec3() * 0.5 };
+        if shape.is_closed() && d.dot(s.normal.as_vec3()) < 0.0 {
             return None;
         }
         let again = shape.intersect(&leave(&s, d), INF);
@@ -204,15 +204,15 @@ fn a_ray_that_goes_inside_meets_the_far_side() {
         }
         let s = shape.surface(ray, &shape.intersect(ray, INF)?);
         let d = random.direction();
-        let d = if d.dot(s.normal) > 0.0 { -d } else { d };
+        let d = if d.dot(s.normal.as_vec3()) > 0.0 { -d } else { d };
         let inside = leave(&s, d);
         // Not within rounding of an edge, from where the other side of the surface isn't the inside.
         let depth = -distance(shape, inside.origin.as_dvec3());
-        if depth < 0.5 * f64::from(s.normal.abs().dot(s.error)) {
+        if depth < 0.5 * f64::from(s.normal.as_vec3().abs().dot(s.error)) {
             return None;
         }
         let far = shape.intersect(&inside, INF).unwrap_or_else(|| panic!("{shape:?} {s:?} {inside:?}: lost"));
-        let normal = shape.surface(&inside, &far).normal;
+        let normal = shape.surface(&inside, &far).normal.as_vec3();
         let out = normal.dot(d);
         assert!(out > -1e-5 * d.length(), "{shape:?} {s:?} {inside:?}: left through {normal}");
         Some(())
@@ -247,7 +247,7 @@ fn bounds_hold_surface_points_next_to_the_origin() {
 fn error_bounds_hold_next_to_the_origin() {
     through_origin(17, |_, shape, s| {
         let d = distance(shape, s.point.as_dvec3());
-        let bound = f64::from(s.normal.abs().dot(s.error));
+        let bound = f64::from(s.normal.as_vec3().abs().dot(s.error));
         // The distance itself is known to a few 1e-15 of the shape's size.
         assert!(d.abs() <= bound, "{shape:?}: {s:?} is {d:e} away, beyond {bound:e}");
     });
@@ -257,7 +257,7 @@ fn error_bounds_hold_next_to_the_origin() {
 fn rays_leave_surfaces_next_to_the_origin() {
     through_origin(18, |random, shape, s| {
         let d = random.vector().normalize();
-        if d.dot(s.normal).abs() < 0.2 || shape.is_closed() && d.dot(s.normal) < 0.0 {
+        if d.dot(s.normal.as_vec3()).abs() < 0.2 || shape.is_closed() && d.dot(s.normal.as_vec3()) < 0.0 {
             return;
         }
         let again = shape.intersect(&leave(&s, d), INF);

@@ -61,7 +61,7 @@ pub(super) fn surface(point: DVec3, size: f64, normal: DVec3, uv: [f64; 2]) -> S
     let point = point.as_vec3();
     let uv = Vec2::new(uv[0] as f32, uv[1] as f32);
     let error = rounding(point) + Vec3::splat((size * SLACK) as f32);
-    Surface { error, ..Surface::exact(point, normal.as_vec3(), uv) }
+    Surface { error, ..Surface::exact(point, normal, uv) }
 }
 
 /// The box of `center` ± `extent`, rounded outwards; `size` as in [`surface`].

@@ -1,7 +1,7 @@
 //! The surface at a hit: all that shading sees of a shape.
 
 use crate::math::{Rgb, Transform, rounding};
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 
 /// A point of a surface with what shading needs to know about it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -10,11 +10,12 @@ pub struct Surface {
     pub point: Vec3,
     /// A bound of the point's rounding error in each coordinate.
     pub error: Vec3,
-    /// The unit geometric normal, on the outer (visible) side.
-    pub normal: Vec3,
+    /// The unit geometric normal, on the outer (visible) side. Normals are `f64`: a highlight's exponent multiplies the
+    /// rounding of its vectors.
+    pub normal: DVec3,
     /// The unit normal to shade with; differs from `normal` on smooth meshes only. Not necessarily in its hemisphere's
     /// middle, but never on the other side.
-    pub shading_normal: Vec3,
+    pub shading_normal: DVec3,
     /// Texture coordinates.
     pub uv: Vec2,
     /// A colour that the shape brings for this point (vertex or cloud colours); it replaces kd.
@@ -26,7 +27,7 @@ pub struct Surface {
 
 impl Surface {
     /// A surface point whose coordinates carry nothing but the rounding to `f32`, shaded with its geometric normal.
-    pub fn exact(point: Vec3, normal: Vec3, uv: Vec2) -> Surface {
+    pub fn exact(point: Vec3, normal: DVec3, uv: Vec2) -> Surface {
         Surface { point, error: rounding(point), normal, shading_normal: normal, uv, color: None, lifted: point }
     }
 
@@ -37,7 +38,7 @@ impl Surface {
         let point = to_world.point(self.point.as_dvec3()).as_vec3();
         let local = (self.error + rounding(self.point)).as_dvec3();
         let mapped = m.x_axis.abs() * local.x + m.y_axis.abs() * local.y + m.z_axis.abs() * local.z;
-        let unit = |n: Vec3| to_world.normal(n.as_dvec3()).normalize().as_vec3();
+        let unit = |n: DVec3| to_world.normal(n).normalize();
         Surface {
             point,
             error: mapped.as_vec3() + rounding(point),

@@ -107,7 +107,7 @@ mod tests {
         assert!((hit.t - 185.0 / 23.0).abs() < 1e-6, "{hit:?}");
         let s = wide.surface(&ray_17(), &hit);
         assert!((s.point - Vec3::new(3.957, 1.913, 3.957)).abs().max_element() < 0.0005, "{s:?}");
-        assert!(s.normal.dot(ray_17().direction) > 0.0, "not met from behind: {s:?}");
+        assert!(s.normal.as_vec3().dot(ray_17().direction) > 0.0, "not met from behind: {s:?}");
     }
 
     #[test]

@@ -114,7 +114,7 @@ impl World {
             if passed == 0.0 {
                 break;
             }
-            ray.origin = offset_origin(surface.point, surface.error, surface.normal, ray.direction);
+            ray.origin = offset_origin(surface.point, surface.error, surface.normal, ray.direction.as_dvec3());
             // Towards a point the direction is the rest of the way, so that t stays at most 1.
             if t_max.is_finite() {
                 let rest = end - ray.origin;

@@ -1,0 +1,141 @@
+//! The chapter's figures: each scene in `scenes/chapter` against an independent reference, and against the pictures that
+//! people have looked at (`golden/`; `CANALETTO_BLESS=1` takes the present ones).
+
+use canaletto::camera::Camera;
+use canaletto::film::develop;
+use canaletto::render::{Job, Rendering, render};
+use canaletto::scene::{Sampling, Scene};
+use canaletto::world::World;
+use canaletto_io::assets::FolderAssets;
+use canaletto_io::picture::{Depth, Image, decode, encode_png};
+use canaletto_io::text::read_scene;
+use canaletto_tests::reference::Reference;
+use canaletto_tests::root;
+use rayon::prelude::*;
+
+/// The scenes of figures, by name.
+const FIGURES: [&str; 17] = [
+    "fig-5.18-unlit",
+    "fig-5.21b-diffuse",
+    "fig-5.21c-ambient",
+    "fig-5.22c-specular",
+    "fig-5.23b-shadow",
+    "fig-5.24a-no-shadow",
+    "fig-5.24b-shadow",
+    "fig-5.24c-soft-shadow",
+    "fig-5.25a-omni",
+    "fig-5.25b-directional",
+    "fig-5.25c-spot",
+    "fig-5.26b-mirror",
+    "fig-5.26c-mirror-floor",
+    "fig-5.27b-glass",
+    "fig-5.37a-aliased",
+    "fig-5.37b-jittered",
+    "box-5.4",
+];
+
+/// Those made of what the reference knows, one ray in each pixel's corner.
+const REFERENCED: [&str; 12] = [
+    "fig-5.18-unlit",
+    "fig-5.21b-diffuse",
+    "fig-5.21c-ambient",
+    "fig-5.22c-specular",
+    "fig-5.23b-shadow",
+    "fig-5.24a-no-shadow",
+    "fig-5.24b-shadow",
+    "fig-5.25a-omni",
+    "fig-5.26b-mirror",
+    "fig-5.26c-mirror-floor",
+    "fig-5.27b-glass",
+    "fig-5.37a-aliased",
+];
+
+fn scene(name: &str) -> Scene {
+    let assets = FolderAssets::new(root().join("scenes/chapter")).expect("the scenes are there");
+    match read_scene(&format!("{name}.kdl"), &assets) {
+        Ok((scene, warnings)) => {
+            assert!(warnings.is_empty(), "{name}: {warnings}");
+            scene
+        }
+        Err(errors) => panic!("{name}: {errors}"),
+    }
+}
+
+fn picture(scene: Scene) -> Rendering {
+    let view = &scene.views[0];
+    let camera = Camera::new(&view.intrinsics, &view.extrinsics).unwrap();
+    let job = Job::new(camera, scene.film, scene.integrator);
+    render(&World::build(scene).unwrap(), &job, &()).unwrap()
+}
+
+#[test]
+fn every_scene_file_is_a_figure_or_a_part_of_one() {
+    let files: Vec<String> = std::fs::read_dir(root().join("scenes/chapter"))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .filter(|name| name.starts_with("fig-"))
+        .collect();
+    for file in &files {
+        assert!(FIGURES.contains(&file.trim_end_matches(".kdl")), "{file} isn't tested");
+    }
+    assert_eq!(files.len(), FIGURES.len() - 1);
+}
+
+/// 10⁻⁵ in linear colour, at every pixel whose decisions (what is hit, lit, blocked) are those of its four neighbours.
+#[test]
+fn figures_agree_with_the_reference_away_from_edges() {
+    for name in REFERENCED {
+        let scene = scene(name);
+        assert_eq!(scene.film.sampling, Sampling::Corner);
+        let ours = picture(scene.clone()).picture;
+        let reference = Reference::new(&scene);
+        let (w, h) = (ours.width, ours.height);
+        let compared: Vec<(f64, u32, u32)> = (0..w * h)
+            .into_par_iter()
+            .filter_map(|i| {
+                let (x, y) = (i % w, i / w);
+                let (cx, cy) = (f64::from(x), f64::from(h - 1 - y));
+                let sample = reference.pixel(cx, cy);
+                let around = [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)];
+                let smooth = around
+                    .iter()
+                    .all(|(dx, dy)| reference.pixel(cx + dx, cy + dy).decisions == sample.decisions);
+                let ours = ours.pixel(x, y).to_array();
+                let error = (0..3).map(|c| (f64::from(ours[c]) - sample.color[c]).abs()).fold(0.0, f64::max);
+                smooth.then_some((error, x, y))
+            })
+            .collect();
+        let (worst, x, y) = compared.iter().copied().fold((0.0, 0, 0), |a, b| if b.0 > a.0 { b } else { a });
+        println!("{name:24} {:6} of {} pixels away from edges, largest difference {worst:.2e} at {x}, {y}", compared.len(), w * h);
+        assert!(compared.len() as f64 > 0.9 * f64::from(w * h), "{name}: {} pixels away from edges", compared.len());
+        assert!(worst <= 1e-5, "{name}: {worst} at {x}, {y}");
+    }
+}
+
+#[test]
+fn figures_look_as_they_did_when_people_looked_at_them() {
+    let folder = root().join("tests/golden");
+    let bless = std::env::var_os("CANALETTO_BLESS").is_some();
+    let mut changed = Vec::new();
+    for name in FIGURES {
+        let scene = scene(name);
+        let film = scene.film;
+        let rendering = picture(scene);
+        let shown = develop(&rendering.picture, film.tone, film.transfer);
+        let image = Image::from_rgb(rendering.picture.width, rendering.picture.height, shown.iter().map(|c| c.to_array()));
+        let png = encode_png(&image, Depth::Eight, film.transfer, &[]).unwrap();
+        let path = folder.join(format!("{name}.png"));
+        if bless {
+            std::fs::write(&path, &png).unwrap();
+            continue;
+        }
+        let golden = std::fs::read(&path).unwrap_or_else(|e| panic!("{}: {e}; bless it", path.display()));
+        // Pixels, not bytes: another version of the compressor may pack them in another way.
+        if decode(&golden).unwrap().image != decode(&png).unwrap().image {
+            std::fs::create_dir_all(folder.join("failed")).unwrap();
+            std::fs::write(folder.join("failed").join(format!("{name}.png")), &png).unwrap();
+            changed.push(name);
+        }
+    }
+    assert!(changed.is_empty(), "changed: {changed:?}; see tests/golden/failed and compare with `canaletto compare`");
+}
