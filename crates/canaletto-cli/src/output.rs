@@ -67,6 +67,9 @@ pub(crate) struct Frames {
     pub last: u32,
 }
 
+/// The most frames of one run; each name is looked at before the first is rendered.
+const MAX_FRAMES: u32 = 1_000_000;
+
 impl Frames {
     /// One picture, number 0.
     pub(crate) const STILL: Frames = Frames { first: 0, last: 0 };
@@ -78,6 +81,9 @@ impl Frames {
         };
         let (first, last) = text.split_once('-').unwrap_or((text, text));
         let (first, last) = (number(first)?, number(last)?);
+        if last.saturating_sub(first) >= MAX_FRAMES {
+            return Err(format!("the most frames of one run are {MAX_FRAMES}"));
+        }
         if first > last {
             Err(format!("the first frame, {first}, comes after the last, {last}"))
         } else {
@@ -277,6 +283,6 @@ mod tests {
         assert_eq!(Frames::parse("1-100"), Ok(Frames { first: 1, last: 100 }));
         assert_eq!(Frames::parse("7").map(Frames::count), Ok(1));
         assert!(Frames::parse("5-3").is_err() && Frames::parse("a-b").is_err() && Frames::parse("-3").is_err());
-        assert_eq!(Frames { first: 0, last: u32::MAX }.count(), 1 << 32);
+        assert!(Frames::parse("0-999999").is_ok() && Frames::parse("0-1000000").is_err());
     }
 }

@@ -55,7 +55,7 @@ impl Style {
         Duration::from_millis(match self {
             Style::Plain => 2000,
             Style::Json => 200,
-            Style::Silent | Style::Bar => 50,
+            Style::Silent | Style::Bar => 100,
         })
     }
 }

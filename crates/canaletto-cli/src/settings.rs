@@ -75,9 +75,13 @@ fn choose_view<'a>(name: &str, views: &'a [View], wanted: Option<&str>) -> Resul
     views.iter().find(|view| view.name == wanted).ok_or_else(|| {
         let names: Vec<&str> = views.iter().map(|view| view.name.as_str()).collect();
         let failure = Failure::usage(format!("{name} has no camera \"{wanted}\""));
+        let all = match names[..] {
+            [only] => format!("its only camera is \"{only}\""),
+            _ => format!("its cameras are {}", list(&names)),
+        };
         match nearest(wanted, &names) {
-            Some(near) => failure.help(format!("did you mean \"{near}\"? There is {}", list(&names))),
-            None => failure.help(format!("there is {}", list(&names))),
+            Some(near) if names.len() > 1 => failure.help(format!("did you mean \"{near}\"? {all}")),
+            _ => failure.help(all),
         }
     })
 }
@@ -141,7 +145,7 @@ pub(crate) fn metadata(source: &SourceFlags, settings: &Settings) -> Vec<(String
         ("sampling", sampling_words(film.sampling)),
         ("filter", filter_words(film.filter)),
         ("tone", if film.tone == Tone::Scale { "scale" } else { "clamp" }.into()),
-        ("transfer", if film.transfer == Transfer::Srgb { "srgb" } else { "none" }.into()),
+        ("transfer", transfer_word(film.transfer).into()),
         ("integrator", "whitted".into()),
         ("stage", stage.into()),
         ("max-depth", integrator.max_depth.to_string()),
@@ -156,6 +160,14 @@ pub(crate) fn metadata(source: &SourceFlags, settings: &Settings) -> Vec<(String
         texts.push(("set", source.set.join("; ")));
     }
     texts.into_iter().map(|(key, text)| (key.to_owned(), text)).collect()
+}
+
+/// What --transfer calls it.
+pub(crate) fn transfer_word(transfer: Transfer) -> &'static str {
+    match transfer {
+        Transfer::Srgb => "srgb",
+        Transfer::None => "none",
+    }
 }
 
 fn filter_words(filter: Filter) -> String {

@@ -3,12 +3,14 @@
 use crate::exit::Exit;
 use crate::failure::{Failure, plural, reason};
 use crate::flags::SourceFlags;
+use crate::settings::nearest;
 use canaletto::scene::Scene;
 use canaletto::world::World;
 use canaletto_io::assets::{Asset, AssetError, AssetPath, Assets, FolderAssets};
 use canaletto_io::diagnostic::{Diagnostic, Diagnostics};
 use canaletto_io::import;
 use serde::Serialize;
+use std::io;
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -46,10 +48,11 @@ impl Source {
     pub(crate) fn read_file(path: &Path, set: &[String], allow_outside: bool) -> Result<Source, Failure> {
         let start = Instant::now();
         let name = path.to_string_lossy().into_owned();
-        let (assets, file) = FolderAssets::beside(path).map_err(|e| {
-            let failure = Failure::new(Exit::Scene, format!("can't open \"{name}\": {}", reason(&e)));
-            if path.is_absolute() { failure } else { failure.help("the path starts at the current folder") }
-        })?;
+        if let Err(e) = path.metadata() {
+            return Err(missing(path, &e));
+        }
+        let (assets, file) = FolderAssets::beside(path)
+            .map_err(|e| Failure::new(Exit::Scene, format!("can't open {name}: {}", reason(&e))))?;
         let assets = Recording { inner: assets.allow_outside(allow_outside), files: Mutex::default() };
         let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
         let (scene, warnings) = if extension == "kdl" {
@@ -68,6 +71,27 @@ impl Source {
         };
         let files = assets.files.into_inner().unwrap_or_else(PoisonError::into_inner);
         Ok(Source { name, scene, warnings, files, time: start.elapsed() })
+    }
+}
+
+/// A file that the user named and that isn't there, with the one that is probably meant.
+fn missing(path: &Path, error: &io::Error) -> Failure {
+    let failure = Failure::new(Exit::Scene, format!("can't open {}: {}", path.display(), reason(error)));
+    let folder = match path.parent() {
+        Some(folder) if folder != Path::new("") => folder,
+        _ => Path::new("."),
+    };
+    if error.kind() != io::ErrorKind::NotFound {
+        return failure;
+    }
+    let Ok(entries) = folder.read_dir() else {
+        return failure.help(format!("there is no folder {}", folder.display()));
+    };
+    let names: Vec<String> = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok()).collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    match path.file_name().and_then(|name| nearest(name.to_str()?, &names)) {
+        Some(near) => failure.help(format!("did you mean {}?", path.with_file_name(near).display())),
+        None => failure,
     }
 }
 

@@ -24,9 +24,15 @@ Examples:
 /// Runs the command.
 pub(crate) fn run(flags: &ManFlags, mut command: clap::Command) -> Result<Exit, Failure> {
     let cant = |e: &std::io::Error| Failure::new(Exit::Failed, format!("can't make the manual: {}", reason(e)));
+    let source = concat!("canaletto ", env!("CARGO_PKG_VERSION"));
     let page = |command: clap::Command| {
         let mut page = Vec::new();
-        clap_mangen::Man::new(command).render(&mut page).map(|()| page).map_err(|e| cant(&e))
+        clap_mangen::Man::new(command)
+            .source(source)
+            .manual("Canaletto")
+            .render(&mut page)
+            .map(|()| page)
+            .map_err(|e| cant(&e))
     };
     command.build();
     let Some(folder) = &flags.out else {

@@ -8,7 +8,7 @@ use crate::layers::{self, MAPPINGS};
 use crate::output::{Format, Frames, Output, OutputFlags, unfit};
 use crate::progress::{ProgressFlag, Style, Watch, emit};
 use crate::report::{Report, Times};
-use crate::settings::{Settings, list, metadata, nearest, sampling_words};
+use crate::settings::{Settings, list, metadata, nearest, sampling_words, transfer_word};
 use crate::source::{Source, build, on_threads};
 use crate::stdout::print;
 use crate::terminal::Paint;
@@ -16,10 +16,10 @@ use crate::words::{bytes, count, plural};
 use canaletto::render::{Aov, Job, Rendering};
 use canaletto::scene::{Stage, Transfer};
 use canaletto::world::World;
-use canaletto_io::picture::{Image, encode_exr, encode_png};
+use canaletto_io::picture::{Image, MAX_PIXELS, encode_exr, encode_png};
 use clap::Args;
 use serde_json::json;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Renders a scene or a model to a picture.
@@ -157,63 +157,31 @@ fn on_pool(flags: &RenderFlags, plan: &Plan) -> Result<Exit, Failure> {
         print_diagnostics(&source.warnings, plan.style == Style::Json);
     }
     let settings = Settings::new(&source.name, &source.scene, &flags.picture)?;
-    let texts = metadata(&flags.source, &settings);
-    let job = Job { aovs: plan.aovs.clone(), tile: flags.tile, ..settings.job.clone() };
+    let [_, _, width, height] = settings.job.window();
+    let pixels = u64::from(width) * u64::from(height);
+    if pixels > MAX_PIXELS {
+        let (pixels, most) = (count(pixels), count(MAX_PIXELS));
+        return Err(Failure::usage(format!("a picture of {width} x {height} has {pixels} pixels; the most is {most}"))
+            .help("render it in parts with --crop"));
+    }
     let Source { name, scene, files, time, .. } = source;
     let (world, build_time) = build(&name, scene)?;
-    let times = Times { read: time.as_secs_f64(), build: build_time.as_secs_f64(), ..Times::default() };
     if flags.dry_run {
         return dry_run(flags, plan, &settings, &world, files.len());
     }
+    let times = Times { read: time.as_secs_f64(), build: build_time.as_secs_f64(), ..Times::default() };
+    let texts = metadata(&flags.source, &settings);
+    let job = Job { aovs: plan.aovs.clone(), tile: flags.tile, ..settings.job };
+    let session = Session { plan, name, camera: settings.camera, world, job, texts, times, pixels };
     let _rendering = interrupt::Rendering::begin();
     for frame in plan.frames.iter() {
-        let job = Job { frame, ..job.clone() };
-        let [_, _, width, height] = job.window();
-        let label = if plan.numbered {
-            format!("frame {frame} of {}-{}  ", plan.frames.first, plan.frames.last)
-        } else {
-            String::new()
-        };
-        if plan.style == Style::Json {
-            emit(&json!({
-                "event": "start", "scene": name, "camera": settings.camera, "frame": frame,
-                "frames": [plan.frames.first, plan.frames.last], "size": [width, height],
-                "pixels": u64::from(width) * u64::from(height), "threads": rayon::current_num_threads(),
-                "files": plan.files(frame),
-            }));
-        }
-        let watch = Watch::begin(plan.style, frame, label, u64::from(width) * u64::from(height));
-        let rendered = canaletto::render::render(&world, &job, &watch);
-        let render_time = watch.finish();
-        let rendering = rendered.map_err(|e| Failure::new(Exit::Scene, format!("{name}: {e}")))?;
-        let start = Instant::now();
-        // A black picture is worth nothing, and might replace a good one.
-        let files =
-            if rendering.pixels_done > 0 { save(plan, &job, &world, &rendering, texts.clone())? } else { Vec::new() };
-        let rays_total = rendering.counts.total();
-        let seconds = Times { render: render_time.as_secs_f64(), write: start.elapsed().as_secs_f64(), ..times };
-        let report = Report {
-            event: "done",
-            frame,
-            complete: rendering.complete,
-            pixels_done: rendering.pixels_done,
-            pixels: u64::from(width) * u64::from(height),
-            files,
-            size: [width, height],
-            primitives: world.census().primitives,
-            rays: rendering.counts,
-            rays_total,
-            rays_per_second: (rays_total as f64 / seconds.render.max(1e-9)).round(),
-            threads: rayon::current_num_threads(),
-            seconds,
-        };
-        let last = frame == plan.frames.last;
+        let report = session.frame(frame)?;
         match plan.style {
             Style::Json => emit(&report),
             _ if flags.quiet => {}
-            _ => eprint_line(&report.text(&sampling_words(job.film.sampling))),
+            _ => eprint_line(&report.text(&sampling_words(session.job.film.sampling))),
         }
-        if !rendering.complete || (interrupt::requested() && !last) {
+        if !report.complete || (interrupt::requested() && frame < plan.frames.last) {
             if plan.style != Style::Json {
                 eprint_line(&interrupted(&report));
             }
@@ -223,49 +191,105 @@ fn on_pool(flags: &RenderFlags, plan: &Plan) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
+/// All that the frames have in common.
+struct Session<'a> {
+    plan: &'a Plan,
+    /// The scene's file.
+    name: String,
+    camera: String,
+    world: World,
+    job: Job,
+    /// What the files carry besides pixels.
+    texts: Vec<(String, String)>,
+    times: Times,
+    /// Of one frame.
+    pixels: u64,
+}
+
+impl Session<'_> {
+    /// Renders a frame and writes it.
+    fn frame(&self, frame: u32) -> Result<Report, Failure> {
+        let Session { plan, pixels, .. } = *self;
+        let job = Job { frame, ..self.job.clone() };
+        let [_, _, width, height] = job.window();
+        let threads = rayon::current_num_threads();
+        let (first, last) = (plan.frames.first, plan.frames.last);
+        if plan.style == Style::Json {
+            emit(&json!({
+                "event": "start", "scene": self.name, "camera": self.camera, "frame": frame, "frames": [first, last],
+                "size": [width, height], "pixels": pixels, "threads": threads, "files": plan.files(frame),
+            }));
+        }
+        let label = if plan.numbered { format!("frame {frame} of {first}-{last}  ") } else { String::new() };
+        let watch = Watch::begin(plan.style, frame, label, pixels);
+        let rendered = canaletto::render::render(&self.world, &job, &watch);
+        let render = watch.finish().as_secs_f64();
+        let rendering = rendered.map_err(|e| Failure::new(Exit::Scene, format!("{}: {e}", self.name)))?;
+        let start = Instant::now();
+        // A black picture is worth nothing, and might replace a good one.
+        let files = if rendering.pixels_done > 0 { self.save(&job, &rendering)? } else { Vec::new() };
+        let rays_total = rendering.counts.total();
+        Ok(Report {
+            event: "done",
+            frame,
+            complete: rendering.complete,
+            pixels_done: rendering.pixels_done,
+            pixels,
+            files,
+            size: [width, height],
+            primitives: self.world.census().primitives,
+            rays: rendering.counts,
+            rays_total,
+            rays_per_second: (rays_total as f64 / render.max(1e-9)).round(),
+            threads,
+            seconds: Times { render, write: start.elapsed().as_secs_f64(), ..self.times },
+        })
+    }
+
+    /// Writes a picture and its layers; returns the files' names.
+    fn save(&self, job: &Job, rendering: &Rendering) -> Result<Vec<String>, Failure> {
+        let mut texts = self.texts.clone();
+        texts.push(("frame".into(), job.frame.to_string()));
+        if !rendering.complete {
+            texts.push(("unfinished".into(), "interrupted; black parts aren't rendered".into()));
+        }
+        let (picture, film, output) = (&rendering.picture, &job.film, &self.plan.output);
+        let files = self.plan.files(job.frame);
+        if output.format == Format::Exr {
+            let bytes = encode_exr(&layers::linear(picture), &texts).map_err(|e| unfit(&e))?;
+            output.write(&files[0], &bytes)?;
+        } else {
+            let write = |file: &Path, image: &Image, transfer, texts: &[_]| {
+                output.write(file, &encode_png(image, output.depth, transfer, texts).map_err(|e| unfit(&e))?)
+            };
+            write(&files[0], &layers::developed(picture, film), film.transfer, &texts)?;
+            for (layer, file) in picture.layers.iter().zip(&files[1..]) {
+                let (image, transfer) = layers::to_image(layer, picture, film, &self.world.bounds());
+                let mut texts = texts.clone();
+                texts.retain(|(key, _)| key != "transfer");
+                texts.push(("transfer".into(), transfer_word(transfer).into()));
+                texts.push(("layer".into(), layer.name.into()));
+                write(file, &image, transfer, &texts)?;
+            }
+        }
+        Ok(files.iter().map(|file| file.display().to_string()).collect())
+    }
+}
+
 fn interrupted(report: &Report) -> String {
     let paint = Paint::stderr().yellow("interrupted:");
-    let percent = report.pixels_done * 100 / report.pixels.max(1);
+    let percent = match report.pixels_done * 100 / report.pixels.max(1) {
+        0 => "less than 1%".to_owned(),
+        n => format!("{n}%"),
+    };
     match report.files.first() {
         _ if report.complete => format!("{paint} frame {} is finished, the rest isn't rendered", report.frame),
         Some(file) => {
             let file = if file == "-" { "the standard output" } else { file };
-            format!("{paint} {percent}% of the picture is rendered; {file} has it, the rest is black")
+            format!("{paint} {percent} of the picture is rendered; {file} has it, the rest is black")
         }
         None => format!("{paint} no part of the picture was finished, so nothing is written"),
     }
-}
-
-/// Writes a picture and its layers; returns the files' names.
-fn save(
-    plan: &Plan,
-    job: &Job,
-    world: &World,
-    rendering: &Rendering,
-    mut texts: Vec<(String, String)>,
-) -> Result<Vec<String>, Failure> {
-    texts.push(("frame".into(), job.frame.to_string()));
-    if !rendering.complete {
-        texts.push(("unfinished".into(), "interrupted; black parts aren't rendered".into()));
-    }
-    let (picture, film) = (&rendering.picture, &job.film);
-    let files = plan.files(job.frame);
-    if plan.output.format == Format::Exr {
-        let data = encode_exr(&layers::linear(picture), &texts).map_err(|e| unfit(&e))?;
-        plan.output.write(&files[0], &data)?;
-    } else {
-        let png = |image: &Image, transfer, texts: &[_]| {
-            encode_png(image, plan.output.depth, transfer, texts).map_err(|e| unfit(&e))
-        };
-        plan.output.write(&files[0], &png(&layers::developed(picture, film), film.transfer, &texts)?)?;
-        for (layer, file) in picture.layers.iter().zip(&files[1..]) {
-            let (image, transfer) = layers::to_image(layer, picture, film, &world.bounds());
-            texts.push(("layer".into(), layer.name.into()));
-            plan.output.write(file, &png(&image, transfer, &texts)?)?;
-            texts.pop();
-        }
-    }
-    Ok(files.iter().map(|file| file.display().to_string()).collect())
 }
 
 fn dry_run(
