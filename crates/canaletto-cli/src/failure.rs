@@ -56,6 +56,8 @@ impl Failure {
     pub(crate) fn exit(&self) -> Exit {
         match self {
             Failure::Message { exit, .. } | Failure::Said(exit) => *exit,
+            // What only --set is blamed for isn't the files' fault.
+            Failure::Diagnostics(all) if all.iter().all(|d| d.file == "--set") => Exit::Usage,
             Failure::Diagnostics(_) => Exit::Scene,
         }
     }
@@ -125,7 +127,7 @@ pub(crate) fn print_diagnostics(all: &Diagnostics, json: bool) {
     let (errors, warnings) = (all.errors(), all.warnings());
     if errors > 1 {
         let more = if warnings > 0 { format!(" and {}", plural(warnings, "warning")) } else { String::new() };
-        eprint_line(&format!("{} {}{more}", paint.red("error:"), plural(errors, "error")));
+        eprint_line(&format!("{}{more}", plural(errors, "error")));
     }
 }
 

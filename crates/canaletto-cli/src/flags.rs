@@ -14,7 +14,8 @@ pub(crate) struct SourceFlags {
 
     /// Changes one value of the scene, as if the file said so; may be repeated
     ///
-    /// KEY is the way through the scene to the value: node names, property names or argument numbers with dots between.
+    /// KEY is the way through the scene: words, and names where there are several, with dots between. VALUE is what the
+    /// file would say: --set integrator.max-depth=3, --set material.glass.eta=1.4, --set 'light.key.position=0 5 0'.
     #[arg(long = "set", value_name = "KEY=VALUE", help_heading = "Scene")]
     pub set: Vec<String>,
 

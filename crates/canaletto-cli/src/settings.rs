@@ -19,7 +19,7 @@ pub(crate) struct Settings {
 /// The grid of `--sample regular`, `jittered` and `adaptive` where neither --samples nor the scene says how many: 4 × 4.
 const GRID: u32 = 4;
 /// The difference that `--sample adaptive` refines where the scene doesn't say.
-const THRESHOLD: f32 = 0.05;
+const THRESHOLD: f32 = 0.1;
 /// The deepest rays that the threads' stacks have room for.
 const MAX_DEPTH: u32 = 256;
 

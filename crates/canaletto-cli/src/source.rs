@@ -8,7 +8,7 @@ use canaletto::scene::Scene;
 use canaletto::world::World;
 use canaletto_io::assets::{Asset, AssetError, AssetPath, Assets, FolderAssets};
 use canaletto_io::diagnostic::{Diagnostic, Diagnostics};
-use canaletto_io::import;
+use canaletto_io::{import, text};
 use serde::Serialize;
 use std::io;
 use std::path::Path;
@@ -56,7 +56,7 @@ impl Source {
         let assets = Recording { inner: assets.allow_outside(allow_outside), files: Mutex::default() };
         let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
         let (scene, warnings) = if extension == "kdl" {
-            return Err(Failure::new(Exit::Scene, format!("{name}: scene text can't be read yet")));
+            text::read_scene_with(&file, &assets, set)?
         } else if import::SCENE_EXTENSIONS.contains(&extension.as_str()) {
             if let [first, ..] = set {
                 return Err(Failure::usage(format!(
