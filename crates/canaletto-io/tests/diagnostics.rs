@@ -168,7 +168,9 @@ fn a_hundred_thousand_spheres_are_read_in_linear_time() {
     // As many mistakes, too.
     let bad = scene(20_000).replace("radius 1", "radius -1");
     let start = Instant::now();
-    assert_eq!(text(&bad).unwrap_err().to_string().matches("error:").count(), 20_000);
+    let messages = text(&bad).unwrap_err();
+    assert_eq!(messages.len(), 10_001);
+    assert!(messages.to_string().contains("there are 10000 more mistakes"));
     assert!(start.elapsed().as_secs() < 20);
 }
 

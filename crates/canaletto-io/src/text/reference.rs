@@ -1,7 +1,7 @@
 //! The reference of the scene text, `docs/scene-text.md`, from the schema that the decoder judges by.
 
 use super::schema::{self, LIGHTS, OBJECTS, SETTINGS, TRANSFORMS, Takes, Word, Words};
-use super::syntax::MAX_DEPTH;
+use super::syntax::{MAX_DEPTH, MAX_ITEMS};
 use std::fmt::Write;
 
 /// The reference of the scene text as Markdown.
@@ -40,7 +40,7 @@ pub fn reference_markdown() -> String {
     }
     let _ = write!(
         out,
-        "\n{NAMES}\n{SET}\n## Limits\n\nBlocks may stand {MAX_DEPTH} deep in each other. A scene's text may have {} MiB; large data belongs into files of its own, as meshes and clouds.\n",
+        "\n{NAMES}\n{SET}\n## Limits\n\nBlocks may stand {MAX_DEPTH} deep in each other. A scene's text may have {} MiB, and each file of it {MAX_ITEMS} nodes and values; large data belongs into files of its own, as meshes and clouds.\n",
         super::files::MAX_TEXT >> 20
     );
     out

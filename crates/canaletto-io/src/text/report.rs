@@ -39,17 +39,26 @@ impl Message {
     }
 }
 
+/// The most messages that are kept: a file that isn't a scene at all may have one for each of its bytes.
+const MAX_MESSAGES: usize = 10_000;
+
 /// All messages of a scene.
 #[derive(Default)]
 pub(crate) struct Report {
     messages: Vec<Message>,
+    /// How many more there were than are kept.
+    dropped: usize,
     /// Messages that came ready, from other files than scene text.
     foreign: Diagnostics,
 }
 
 impl Report {
     pub(crate) fn push(&mut self, message: Message) {
-        self.messages.push(message);
+        if self.messages.len() < MAX_MESSAGES {
+            self.messages.push(message);
+        } else {
+            self.dropped += 1;
+        }
     }
 
     pub(crate) fn error(&mut self, span: Span, message: impl Into<String>) {
@@ -57,7 +66,7 @@ impl Report {
     }
 
     pub(crate) fn has_errors(&self) -> bool {
-        self.messages.iter().any(|m| m.severity == Severity::Error) || self.foreign.has_errors()
+        self.dropped > 0 || self.messages.iter().any(|m| m.severity == Severity::Error) || self.foreign.has_errors()
     }
 
     pub(crate) fn append(&mut self, foreign: Diagnostics) {
@@ -83,6 +92,10 @@ impl Report {
                 label: m.label,
                 help: m.help,
             });
+        }
+        if self.dropped > 0 {
+            let file = files.get(0).map_or_else(String::new, |file| file.name.clone());
+            out.push(Diagnostic::error(file, format!("there are {} more mistakes", self.dropped)));
         }
         out.append(self.foreign);
         out

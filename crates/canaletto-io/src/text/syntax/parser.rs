@@ -8,11 +8,13 @@ use crate::text::report::Report;
 
 /// How deep nodes may be nested.
 pub(crate) const MAX_DEPTH: usize = 128;
+/// How many nodes and values a file may have; each takes about 100 bytes of memory.
+pub(crate) const MAX_ITEMS: usize = 1 << 24;
 
 /// Reads a whole file; mistakes go into the report. Nothing comes back of a file in which not even the blocks are
 /// clear.
 pub(crate) fn parse(text: &str, file: u16, report: &mut Report) -> Option<Vec<Node>> {
-    let mut parser = Parser { lexer: Lexer::new(text, 0, file, report), nodes: Vec::new(), open: Vec::new() };
+    let mut parser = Parser { lexer: Lexer::new(text, 0, file, report), nodes: Vec::new(), open: Vec::new(), items: 0 };
     parser.lexer.check_characters();
     parser.document()
 }
@@ -21,7 +23,7 @@ pub(crate) fn parse(text: &str, file: u16, report: &mut Report) -> Option<Vec<No
 pub(crate) fn parse_entries(text: &str, base: usize, node: &mut Node, report: &mut Report) {
     let mut lexer = Lexer::new(text, base, node.span.file, report);
     lexer.bare_keywords = true;
-    let mut parser = Parser { lexer, nodes: Vec::new(), open: Vec::new() };
+    let mut parser = Parser { lexer, nodes: Vec::new(), open: Vec::new(), items: 0 };
     parser.lexer.check_characters();
     loop {
         parser.lexer.skip_node_space();
@@ -70,6 +72,8 @@ struct Parser<'a> {
     /// The nodes of the innermost block so far.
     nodes: Vec<Node>,
     open: Vec<Open>,
+    /// How many nodes and values there were.
+    items: usize,
 }
 
 impl Parser<'_> {
@@ -112,6 +116,7 @@ impl Parser<'_> {
                     }
                     self.annotation();
                     if let Some(node) = self.name() {
+                        self.count()?;
                         self.node(node, Stage::Entries, if dropped { Dropped::Node } else { Dropped::Nothing })?;
                     }
                 }
@@ -199,6 +204,7 @@ impl Parser<'_> {
                         stage = Stage::Done;
                     } else {
                         self.entry(&mut node, !spaced);
+                        self.count()?;
                     }
                     continue;
                 }
@@ -209,6 +215,18 @@ impl Parser<'_> {
             }
             return Some(());
         }
+    }
+
+    /// Counts a node or value.
+    fn count(&mut self) -> Option<()> {
+        self.items += 1;
+        if self.items > MAX_ITEMS {
+            let message = format!("the file has more than {MAX_ITEMS} nodes and values");
+            let span = self.lexer.span_here();
+            self.lexer.error(span, message, "large data belongs into files of its own, as meshes and clouds");
+            return None;
+        }
+        Some(())
     }
 
     /// Goes into a node's block, at its `{`.
@@ -435,11 +453,11 @@ impl Parser<'_> {
             Some('[') => ']',
             _ => return false,
         };
-        let line = &self.lexer.rest()[..self.lexer.rest().find(is_newline).unwrap_or(self.lexer.rest().len())];
-        match line.find([close, ';', '{', '}']) {
-            Some(end) if line[end..].starts_with(close) => self.lexer.at += end + 1,
-            Some(end) => self.lexer.at += end,
-            None => self.lexer.at += line.len(),
+        // Up to its end, or that of the line or node.
+        let rest = self.lexer.rest();
+        match rest.find(|c| c == close || is_newline(c) || matches!(c, ';' | '{' | '}')) {
+            Some(end) => self.lexer.at += end + if rest[end..].starts_with(close) { 1 } else { 0 },
+            None => self.lexer.at += rest.len(),
         }
         let span = self.lexer.span_from(start);
         let open = if close == ')' { "( )" } else { "[ ]" };
