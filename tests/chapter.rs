@@ -128,7 +128,8 @@ fn exercise_6_through_a_glass_sphere() {
         let hit = sphere.intersect(&ray, f32::INFINITY).unwrap();
         let entry = sphere.surface(&ray, &hit);
         let inside = refract(-d, entry.normal, 1.0 / 1.5).unwrap();
-        let inner = Ray::new(canaletto::math::offset_origin(entry.point, entry.error, entry.normal, inside), inside.as_vec3());
+        let inner =
+            Ray::new(canaletto::math::offset_origin(entry.point, entry.error, entry.normal, inside), inside.as_vec3());
         let exit = sphere.surface(&inner, &sphere.intersect(&inner, f32::INFINITY).unwrap());
         let out = refract(-inside, -exit.normal, 1.5).unwrap();
         let refracted = (degrees.to_radians().sin() / 1.5).asin().to_degrees();

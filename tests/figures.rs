@@ -97,16 +97,19 @@ fn figures_agree_with_the_reference_away_from_edges() {
                 let (cx, cy) = (f64::from(x), f64::from(h - 1 - y));
                 let sample = reference.pixel(cx, cy);
                 let around = [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)];
-                let smooth = around
-                    .iter()
-                    .all(|(dx, dy)| reference.pixel(cx + dx, cy + dy).decisions == sample.decisions);
+                let smooth =
+                    around.iter().all(|(dx, dy)| reference.pixel(cx + dx, cy + dy).decisions == sample.decisions);
                 let ours = ours.pixel(x, y).to_array();
                 let error = (0..3).map(|c| (f64::from(ours[c]) - sample.color[c]).abs()).fold(0.0, f64::max);
                 smooth.then_some((error, x, y))
             })
             .collect();
         let (worst, x, y) = compared.iter().copied().fold((0.0, 0, 0), |a, b| if b.0 > a.0 { b } else { a });
-        println!("{name:24} {:6} of {} pixels away from edges, largest difference {worst:.2e} at {x}, {y}", compared.len(), w * h);
+        println!(
+            "{name:24} {:6} of {} pixels away from edges, largest difference {worst:.2e} at {x}, {y}",
+            compared.len(),
+            w * h
+        );
         assert!(compared.len() as f64 > 0.9 * f64::from(w * h), "{name}: {} pixels away from edges", compared.len());
         assert!(worst <= 1e-5, "{name}: {worst} at {x}, {y}");
     }
@@ -122,7 +125,8 @@ fn figures_look_as_they_did_when_people_looked_at_them() {
         let film = scene.film;
         let rendering = picture(scene);
         let shown = develop(&rendering.picture, film.tone, film.transfer);
-        let image = Image::from_rgb(rendering.picture.width, rendering.picture.height, shown.iter().map(|c| c.to_array()));
+        let image =
+            Image::from_rgb(rendering.picture.width, rendering.picture.height, shown.iter().map(|c| c.to_array()));
         let png = encode_png(&image, Depth::Eight, film.transfer, &[]).unwrap();
         let path = folder.join(format!("{name}.png"));
         if bless {

@@ -2,8 +2,8 @@
 //!
 //! In `f64`: a camera makes one ray per sample, and the first rounding to `f32` should be the ray's direction itself.
 
+use crate::math::Line;
 use crate::scene::{Extrinsics, Intrinsics};
-use canaletto_bvh::Ray;
 use glam::{DVec2, DVec3};
 
 /// A camera ready to make rays (box 5.2).
@@ -103,9 +103,9 @@ impl Camera {
     }
 
     /// The same ray with a unit direction, as the integrators trace it.
-    pub fn ray(&self, x: f64, y: f64) -> Ray {
+    pub fn line(&self, x: f64, y: f64) -> Line {
         let (origin, d) = self.chapter_ray(x, y);
-        Ray { origin: origin.as_vec3(), direction: d.normalize().as_vec3() }
+        Line { origin, direction: d.normalize() }
     }
 
     /// Where a point appears, in pixels with y upwards; `None` for points that are not in front of the eye. The

@@ -6,7 +6,7 @@
 
 use super::{LightTerm, Probe, RayCounts, RayKind};
 use crate::material::{MaterialPoint, reflect, refract};
-use crate::math::{Rgb, offset_origin};
+use crate::math::{Line, Rgb, offset_origin};
 use crate::scene::{IntegratorSettings, Stage};
 use crate::shape::Surface;
 use crate::world::World;
@@ -58,12 +58,18 @@ impl<'w> Whitted<'w> {
     }
 
     /// The colour that an eye ray brings.
-    pub fn eye<P: Probe>(&mut self, ray: &Ray, probe: &mut P) -> Rgb {
-        self.trace(ray, Branch { kind: RayKind::Eye, depth: 1, factor: Rgb::WHITE, weight: Rgb::WHITE }, probe)
+    pub fn eye<P: Probe>(&mut self, line: impl Into<Line>, probe: &mut P) -> Rgb {
+        let line = line.into();
+        self.trace(
+            &line.rounded(),
+            line,
+            Branch { kind: RayKind::Eye, depth: 1, factor: Rgb::WHITE, weight: Rgb::WHITE },
+            probe,
+        )
     }
 
     /// Box 5.8, `trace`: the colour of the nearest surface, or the background.
-    fn trace<P: Probe>(&mut self, ray: &Ray, branch: Branch, probe: &mut P) -> Rgb {
+    fn trace<P: Probe>(&mut self, ray: &Ray, line: Line, branch: Branch, probe: &mut P) -> Rgb {
         probe.ray(branch.kind, ray, branch.depth, branch.factor);
         let count = self.counts.of_mut(branch.kind);
         count.traced += 1;
@@ -73,16 +79,15 @@ impl<'w> Whitted<'w> {
             return self.world.background;
         };
         count.hit += 1;
-        let surface = self.world.surface(ray, &hit);
+        let surface = self.world.surface(line, &hit);
         let material = self.world.material(&hit).at(&surface);
-        let direction = ray.direction.as_dvec3();
-        let outside = direction.dot(surface.normal) < 0.0;
+        let outside = line.direction.dot(surface.normal) < 0.0;
         let side = if outside { 1.0 } else { -1.0 };
         probe.hit(&hit, &surface, &material, outside);
         let shading = Shading {
             surface: &surface,
             material: &material,
-            wo: -direction.normalize(),
+            wo: -line.direction.normalize(),
             facing: surface.normal * side,
             normal: surface.shading_normal * side,
             outside,
@@ -117,8 +122,8 @@ impl<'w> Whitted<'w> {
         if stage >= Stage::Reflection && at.material.is_mirror() {
             let kind = RayKind::Reflected;
             if let Some(child) = self.child(branch, kind, phong.k, probe) {
-                let direction = above(mirrored, at);
-                color += self.trace(&leave(at, direction), child, probe) * phong.k;
+                let line = leave(at, above(mirrored, at));
+                color += self.trace(&start(at, line), line, child, probe) * phong.k;
             }
         }
         if stage >= Stage::Full && at.material.is_clear() {
@@ -130,7 +135,8 @@ impl<'w> Whitted<'w> {
                 None => (RayKind::TotallyReflected, above(mirrored, at)),
             };
             if let Some(child) = self.child(branch, kind, factor, probe) {
-                color += self.trace(&leave(at, direction), child, probe) * factor;
+                let line = leave(at, direction);
+                color += self.trace(&start(at, line), line, child, probe) * factor;
             }
         }
         color
@@ -140,7 +146,7 @@ impl<'w> Whitted<'w> {
     fn light<P: Probe>(&mut self, at: &Shading, mirrored: DVec3, light: u32, point: u32, probe: &mut P) -> LightTerm {
         let phong = &at.material.phong;
         let source = &self.world.lights[light as usize];
-        let arriving = source.illuminate(point, at.surface.point);
+        let arriving = source.illuminate(point, at.surface.exact);
         let n_dot_l = at.normal.dot(arriving.direction) as f32;
         let mut term = LightTerm {
             light,
@@ -192,10 +198,14 @@ impl<'w> Whitted<'w> {
     }
 }
 
-/// A ray that leaves the surface, its origin moved off it by the error bound.
-fn leave(at: &Shading, direction: DVec3) -> Ray {
-    let origin = offset_origin(at.surface.point, at.surface.error, at.surface.normal, direction);
-    Ray { origin, direction: direction.as_vec3() }
+/// The line of a ray that leaves the surface.
+fn leave(at: &Shading, direction: DVec3) -> Line {
+    Line { origin: at.surface.exact, direction }
+}
+
+/// Its ray, the origin moved off the surface by the error bound.
+fn start(at: &Shading, line: Line) -> Ray {
+    line.from_origin(offset_origin(at.surface.point, at.surface.error, at.surface.normal, line.direction))
 }
 
 /// A mirrored direction that stays above the surface: where an interpolated normal would send it below, the geometric

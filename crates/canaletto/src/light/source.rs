@@ -61,11 +61,11 @@ impl Source {
 
     /// What arrives at `p` from point number `index`. Intensities over all points sum to the light's.
     #[inline]
-    pub fn illuminate(&self, index: u32, p: Vec3) -> Illumination {
+    pub fn illuminate(&self, index: u32, p: DVec3) -> Illumination {
         let Some(&position) = self.points.get(index as usize) else {
-            return self.arriving_from_infinity(p);
+            return self.arriving_from_infinity(p.as_vec3());
         };
-        let to_light = position.as_dvec3() - p.as_dvec3();
+        let to_light = position.as_dvec3() - p;
         let length = to_light.length();
         let (direction, distance) = (to_light / length, length as f32);
         let mut intensity = self.intensity;
@@ -101,12 +101,12 @@ mod tests {
     #[test]
     fn a_fourth_number_of_zero_is_infinity() {
         let sun = source(LightKind::Omni(Omni { position: Vec4::new(0.0, 2.0, 0.0, 0.0) }));
-        for p in [Vec3::ZERO, Vec3::splat(100.0)] {
+        for p in [DVec3::ZERO, DVec3::splat(100.0)] {
             let light = sun.illuminate(0, p);
             assert_eq!((light.direction, light.position), (DVec3::Y, None));
         }
         let lamp = source(LightKind::Omni(Omni { position: Vec4::new(0.0, 6.0, 0.0, 2.0) }));
-        assert_eq!(lamp.illuminate(0, Vec3::ZERO).position, Some(Vec3::new(0.0, 3.0, 0.0)));
+        assert_eq!(lamp.illuminate(0, DVec3::ZERO).position, Some(Vec3::new(0.0, 3.0, 0.0)));
     }
 
     #[test]
@@ -114,20 +114,20 @@ mod tests {
         let mut light = Light::new(LightKind::Omni(Omni::at(Vec3::Y * 3.0)), Rgb::gray(12.0));
         light.attenuation = [1.0, 2.0, 0.5];
         // 1 + 2 · 3 + 0.5 · 9 = 11.5
-        assert!((Source::new(light).illuminate(0, Vec3::ZERO).intensity.r - 12.0 / 11.5).abs() < 1e-6);
+        assert!((Source::new(light).illuminate(0, DVec3::ZERO).intensity.r - 12.0 / 11.5).abs() < 1e-6);
     }
 
     #[test]
     fn a_spot_is_full_inside_dark_outside_and_smooth_between() {
         let falloff = Falloff::Smooth { inner: 20.0, outer: 40.0 };
         let spot = source(LightKind::Spot(Spot { position: Vec3::Y, target: Vec3::ZERO, falloff }));
-        let at = |degrees: f32| spot.illuminate(0, Vec3::new(degrees.to_radians().tan(), 0.0, 0.0)).intensity.r;
+        let at = |degrees: f64| spot.illuminate(0, DVec3::new(degrees.to_radians().tan(), 0.0, 0.0)).intensity.r;
         assert_eq!([at(0.0), at(19.9), at(40.1)], [1.0, 1.0, 0.0]);
         let values = [21.0, 25.0, 30.0, 35.0, 39.0].map(at);
         assert!(values.windows(2).all(|w| w[0] > w[1]) && values[0] > 0.95 && values[4] < 0.05, "{values:?}");
         let falloff = Falloff::Exponent { exponent: 3.0, outer: 60.0 };
         let spot = source(LightKind::Spot(Spot { position: Vec3::Y, target: Vec3::ZERO, falloff }));
-        let at = |degrees: f32| spot.illuminate(0, Vec3::new(degrees.to_radians().tan(), 0.0, 0.0)).intensity.r;
+        let at = |degrees: f64| spot.illuminate(0, DVec3::new(degrees.to_radians().tan(), 0.0, 0.0)).intensity.r;
         assert!((at(45.0) - 0.5f32.powf(1.5)).abs() < 1e-6 && at(61.0) == 0.0);
     }
 
@@ -135,7 +135,7 @@ mod tests {
     fn a_beam_ends_at_its_radius() {
         let beam = Directional { towards: Vec3::NEG_Y, beam: Some((Vec3::X, 2.0)) };
         let sun = source(LightKind::Directional(beam));
-        let at = |x: f32| sun.illuminate(0, Vec3::new(x, -7.0, 0.0)).intensity.r;
+        let at = |x: f64| sun.illuminate(0, DVec3::new(x, -7.0, 0.0)).intensity.r;
         assert_eq!([at(-0.9), at(2.9), at(3.1), at(-1.1)], [1.0, 1.0, 0.0, 0.0]);
     }
 
@@ -143,12 +143,12 @@ mod tests {
     fn points_of_a_disk_share_its_light_and_its_area() {
         let disk = DiskLight { position: Vec3::Y, normal: Vec3::new(0.0, -1.0, 1.0), radius: 2.0, points: 64 };
         let light = source(LightKind::Disk(disk));
-        let points: Vec<Vec3> = (0..64).map(|i| light.illuminate(i, Vec3::ZERO).position.unwrap() - Vec3::Y).collect();
+        let points: Vec<Vec3> = (0..64).map(|i| light.illuminate(i, DVec3::ZERO).position.unwrap() - Vec3::Y).collect();
         assert!(points.iter().all(|p| p.dot(disk.normal).abs() < 1e-5 && p.length() <= 2.0));
         // Half of the points lie inside the circle of half the area.
         assert_eq!(points.iter().filter(|p| p.length() < 2.0 / 2f32.sqrt()).count(), 32);
         assert!((points.iter().sum::<Vec3>() / 64.0).length() < 0.1);
-        let sum: Rgb = (0..64).map(|i| light.illuminate(i, Vec3::ZERO).intensity).sum();
+        let sum: Rgb = (0..64).map(|i| light.illuminate(i, DVec3::ZERO).intensity).sum();
         assert!((sum.r - 1.0).abs() < 1e-5);
     }
 }

@@ -1,11 +1,13 @@
 //! Colours, transforms, rounding-error bounds and polynomial roots.
 
 mod error_bound;
+mod line;
 mod polynomial;
 mod rgb;
 mod transform;
 
 pub use error_bound::{gamma, offset_origin, rounding};
+pub use line::Line;
 pub use polynomial::{Roots, quadratic, quartic};
 pub use rgb::Rgb;
 pub use transform::{NotInvertible, Transform};

@@ -63,7 +63,7 @@ impl<'a> PixelRenderer<'a> {
 
     fn sample<P: Probe>(&self, whitted: &mut Whitted, position: [f64; 2], weight: f64, probe: &mut P) -> Rgb {
         probe.sample(position, weight);
-        whitted.eye(&self.job.camera.ray(position[0], position[1]), probe)
+        whitted.eye(self.job.camera.line(position[0], position[1]), probe)
     }
 
     /// n × n sub-pixels, one ray in each, `place` of the way across (fig. 5.36); spread and weighted by the filter.

@@ -1,7 +1,7 @@
 //! Clouds: millions of exact spheres or cylinders as one object.
 
 use super::{Cylinder, ShapeHit, Sphere, Surface};
-use crate::math::Rgb;
+use crate::math::{Line, Rgb};
 use canaletto_bvh::{Aabb, Ray};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -95,8 +95,8 @@ macro_rules! cloud {
             }
 
             /// The surface at a hit of number `i`.
-            pub fn surface(&self, i: usize, ray: &Ray, hit: &ShapeHit) -> Surface {
-                Surface { color: self.color(i), ..self.element(i).surface(ray, hit) }
+            pub fn surface(&self, i: usize, line: impl Into<Line>, hit: &ShapeHit) -> Surface {
+                Surface { color: self.color(i), ..self.element(i).surface(line, hit) }
             }
 
             /// Checks the lists' lengths and every number's range.

@@ -6,7 +6,7 @@
 
 use super::solve;
 use super::{ShapeHit, Surface};
-use crate::math::Transform;
+use crate::math::{Line, Transform};
 use canaletto_bvh::{Aabb, Ray};
 use glam::{DVec3, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
@@ -52,19 +52,19 @@ impl Cuboid {
     }
 
     /// The surface at a hit: the point lies exactly on its face.
-    pub fn surface(&self, ray: &Ray, hit: &ShapeHit) -> Surface {
+    pub fn surface(&self, line: impl Into<Line>, hit: &ShapeHit) -> Surface {
         let (axis, upper) = (hit.part as usize / 2, hit.part % 2 == 1);
         let plane = if upper { self.max[axis] } else { self.min[axis] };
-        let (o, d) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
+        let Line { origin: o, direction: d } = line.into();
         let t = (f64::from(plane) - o[axis]) / d[axis];
-        let mut point = (o + d * t).as_vec3().clamp(self.min, self.max);
-        point[axis] = plane;
+        let mut point = (o + d * t).clamp(self.min.as_dvec3(), self.max.as_dvec3());
+        point[axis] = f64::from(plane);
         let mut normal = DVec3::ZERO;
         normal[axis] = if upper { 1.0 } else { -1.0 };
         // Fractions of the way from min to max, and from max to min.
         let fraction = |along: usize, from: Vec3| {
             let size = f64::from(self.max[along]) - f64::from(self.min[along]);
-            let way = (f64::from(point[along]) - f64::from(from[along])).abs();
+            let way = (point[along] - f64::from(from[along])).abs();
             if size > 0.0 { (way / size) as f32 } else { 0.0 }
         };
         let (up, down) = (|along| fraction(along, self.min), |along| fraction(along, self.max));
@@ -76,7 +76,7 @@ impl Cuboid {
             4 => Vec2::new(down(0), down(1)),
             _ => Vec2::new(up(0), down(1)),
         };
-        Surface::exact(point, normal, uv)
+        Surface::at(point, normal, uv)
     }
 
     /// The box itself.

@@ -4,7 +4,7 @@
 use super::frustum::Frustum;
 use super::solve;
 use super::{ShapeHit, Surface};
-use crate::math::Transform;
+use crate::math::{Line, Transform};
 use canaletto_bvh::{Aabb, Ray};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -33,8 +33,8 @@ impl Cylinder {
     }
 
     /// The surface at a hit.
-    pub fn surface(&self, ray: &Ray, hit: &ShapeHit) -> Surface {
-        self.frustum().surface(ray, hit)
+    pub fn surface(&self, line: impl Into<Line>, hit: &ShapeHit) -> Surface {
+        self.frustum().surface(line.into(), hit)
     }
 
     /// The box around it.

@@ -5,7 +5,7 @@
 
 use super::solve::{self, Frame};
 use super::{Plane, ShapeHit, Surface};
-use crate::math::Transform;
+use crate::math::{Line, Transform};
 use canaletto_bvh::{Aabb, Ray};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -33,17 +33,18 @@ impl Disk {
     /// The hit, if the disk is met at a t in (0, t_max].
     pub fn intersect(&self, ray: &Ray, t_max: f32) -> Option<ShapeHit> {
         let plane = self.plane();
-        let t = plane.parameter(ray);
+        let t = plane.parameter(ray.into());
         let hit = solve::hit(t, 0, t_max)?;
         let r = f64::from(self.radius);
-        (plane.offset(ray, t).length_squared() <= r * r).then_some(hit)
+        (plane.offset(ray.into(), t).length_squared() <= r * r).then_some(hit)
     }
 
     /// The surface at a hit.
-    pub fn surface(&self, ray: &Ray, _hit: &ShapeHit) -> Surface {
+    pub fn surface(&self, line: impl Into<Line>, _hit: &ShapeHit) -> Surface {
+        let line = line.into();
         let plane = self.plane();
         let r = f64::from(self.radius);
-        let p = plane.offset(ray, plane.parameter(ray));
+        let p = plane.offset(line, plane.parameter(line));
         let frame = Frame::around(self.normal.as_dvec3());
         let uv = [frame.x, frame.z].map(|axis| 0.5 * (1.0 + p.dot(axis) / r));
         solve::surface(self.center.as_dvec3() + p, self.size(), frame.y, uv)

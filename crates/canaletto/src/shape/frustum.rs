@@ -6,7 +6,7 @@
 
 use super::solve::{self, Frame, Local};
 use super::{ShapeHit, Surface};
-use crate::math::quadratic;
+use crate::math::{Line, quadratic};
 use canaletto_bvh::{Aabb, Ray};
 use glam::{DVec3, Vec3};
 
@@ -56,8 +56,8 @@ impl Frustum {
         self.base.abs().max(self.top.abs()).max_element() + self.height + self.radius.max(self.top_radius)
     }
 
-    fn part(&self, ray: &Ray) -> Parted {
-        let ray = Local::new(ray, self.base, self.height + self.radius.max(self.top_radius));
+    fn part(&self, line: Line) -> Parted {
+        let ray = Local::new(line, self.base, self.height + self.radius.max(self.top_radius));
         let (oh, dh) = (ray.o.dot(self.axis), ray.d.dot(self.axis));
         let (across, d_across) = (ray.o - self.axis * oh, ray.d - self.axis * dh);
         // ‖across + s d_across‖² = (r + s r')²
@@ -69,7 +69,7 @@ impl Frustum {
     }
 
     pub(super) fn intersect(&self, ray: &Ray, t_max: f32) -> Option<ShapeHit> {
-        let p = self.part(ray);
+        let p = self.part(ray.into());
         if self.caps {
             let [enter, leave] = self.span(&p)?;
             let (s, part) = if (p.ray.t0 + enter.0) as f32 > 0.0 { enter } else { leave };
@@ -113,8 +113,8 @@ impl Frustum {
             .max_by(|x, y| (x[1].0 - x[0].0).total_cmp(&(y[1].0 - y[0].0)))
     }
 
-    pub(super) fn surface(&self, ray: &Ray, hit: &ShapeHit) -> Surface {
-        let p = self.part(ray);
+    pub(super) fn surface(&self, line: Line, hit: &ShapeHit) -> Surface {
+        let p = self.part(line);
         let frame = Frame::around(self.axis);
         if hit.part == SIDE {
             let roots = quadratic(p.a, p.b, p.c).map(|s| s.map(|s| p.ray.t0 + s));

@@ -5,8 +5,8 @@
 
 use super::{Surface, solve, triangle};
 use crate::math::Rgb;
+use canaletto_bvh::Aabb;
 use canaletto_bvh::triangle::TriangleRay;
-use canaletto_bvh::{Aabb, Ray};
 use glam::{DVec3, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
@@ -68,7 +68,7 @@ impl Mesh {
     }
 
     /// The surface of triangle `i` at the point (1 − u − v) a + u b + v c. Without texture coordinates, uv are these.
-    pub fn surface(&self, i: usize, _ray: &Ray, u: f32, v: f32) -> Surface {
+    pub fn surface(&self, i: usize, u: f32, v: f32) -> Surface {
         let corners = self.corners(i);
         let indices = self.triangles[i].map(|v| v as usize);
         let weights = triangle::weights(u, v);

@@ -1,4 +1,5 @@
 use super::*;
+use canaletto_bvh::Ray;
 
 /// A tent of two triangles over the x axis, with a ridge normal straight up.
 fn tent() -> Mesh {
@@ -20,7 +21,7 @@ fn down() -> Ray {
 
 #[test]
 fn the_geometric_normal_is_the_windings() {
-    let s = tent().surface(0, &down(), 0.25, 0.25);
+    let s = tent().surface(0, 0.25, 0.25);
     assert!(s.normal.as_vec3().distance(Vec3::new(0.0, 1.0, 1.0).normalize()) < 1e-7, "{s:?}");
     assert_eq!(s.shading_normal, s.normal);
     assert_eq!(s.lifted, s.point);
@@ -32,7 +33,7 @@ fn smooth_normals_shade_between_the_faces() {
     let mut mesh = tent();
     mesh.smooth_normals();
     assert!(mesh.normals[0].distance(Vec3::Y) < 1e-6, "{:?}", mesh.normals);
-    let s = mesh.surface(0, &down(), 0.25, 0.25);
+    let s = mesh.surface(0, 0.25, 0.25);
     let between = s.shading_normal.y;
     assert!(between > s.normal.y && between < 1.0, "{s:?}");
 }
@@ -51,9 +52,9 @@ fn smooth_normals_do_not_depend_on_the_cut() {
 fn inward_normals_are_turned_to_the_windings_side() {
     let mut mesh = tent();
     mesh.smooth_normals();
-    let right = mesh.surface(0, &down(), 0.25, 0.25);
+    let right = mesh.surface(0, 0.25, 0.25);
     mesh.normals.iter_mut().for_each(|n| *n = -*n);
-    assert_eq!(mesh.surface(0, &down(), 0.25, 0.25), right);
+    assert_eq!(mesh.surface(0, 0.25, 0.25), right);
 }
 
 #[test]
@@ -62,7 +63,7 @@ fn a_shading_normal_never_looks_backwards() {
     // One corner's normal far on the other side.
     mesh.normals = vec![Vec3::Y, Vec3::Y, Vec3::new(0.0, -1.0, -0.5), Vec3::Y];
     for (u, v) in [(0.0, 0.0), (0.5, 0.25), (0.9, 0.05), (1.0, 0.0)] {
-        let s = mesh.surface(0, &down(), u, v);
+        let s = mesh.surface(0, u, v);
         assert!(s.shading_normal.dot(s.normal) > 0.0, "{u} {v}: {s:?}");
         assert!((s.shading_normal.length() - 1.0).abs() < 1e-6, "{s:?}");
     }
@@ -74,9 +75,9 @@ fn lifted_points_lie_outside_and_vertices_stay() {
     mesh.smooth_normals();
     // Convex: normals at the corners spread outwards.
     mesh.normals[2] = Vec3::Z;
-    let s = mesh.surface(0, &down(), 0.4, 0.2);
+    let s = mesh.surface(0, 0.4, 0.2);
     assert!((s.lifted - s.point).dot(s.normal.as_vec3()) > 0.05, "{s:?}");
-    assert_eq!(mesh.surface(0, &down(), 1.0, 0.0).lifted, mesh.positions[2]);
+    assert_eq!(mesh.surface(0, 1.0, 0.0).lifted, mesh.positions[2]);
 }
 
 #[test]
@@ -84,7 +85,7 @@ fn a_backward_normal_never_lifts_inwards() {
     let mut mesh = tent();
     mesh.normals = vec![Vec3::new(-1.0, -1.0, -0.1), Vec3::new(0.0, 1.0, 1.0), Vec3::new(0.0, 1.0, 1.0), Vec3::Y];
     for (u, v) in [(0.4, 0.2), (0.1, 0.8), (0.2, 0.2)] {
-        let s = mesh.surface(0, &down(), u, v);
+        let s = mesh.surface(0, u, v);
         assert!((s.lifted - s.point).dot(s.normal.as_vec3()) >= 0.0, "{s:?}");
     }
 }
@@ -93,7 +94,7 @@ fn a_backward_normal_never_lifts_inwards() {
 fn concave_normals_lift_nothing() {
     let mut mesh = tent();
     mesh.normals = vec![Vec3::new(0.0, 0.1, 1.0), Vec3::new(0.0, 0.1, 1.0), Vec3::new(0.0, 1.0, 0.1), Vec3::Y];
-    let s = mesh.surface(0, &down(), 0.4, 0.2);
+    let s = mesh.surface(0, 0.4, 0.2);
     assert_eq!(s.lifted, s.point);
 }
 
@@ -102,7 +103,7 @@ fn uvs_and_colours_are_interpolated() {
     let mut mesh = tent();
     mesh.uvs = vec![Vec2::ZERO, Vec2::new(0.0, 8.0), Vec2::new(4.0, 0.0), Vec2::ZERO];
     mesh.colors = vec![Rgb::BLACK, Rgb::new(0.0, 8.0, 0.0), Rgb::new(4.0, 0.0, 0.0), Rgb::BLACK];
-    let s = mesh.surface(0, &down(), 0.25, 0.5);
+    let s = mesh.surface(0, 0.25, 0.5);
     assert_eq!(s.uv, Vec2::new(1.0, 4.0));
     assert_eq!(s.color, Some(Rgb::new(1.0, 4.0, 0.0)));
 }

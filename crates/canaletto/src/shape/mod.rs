@@ -33,7 +33,7 @@ pub use surface::Surface;
 pub use torus::Torus;
 pub use triangle::Triangle;
 
-use crate::math::Transform;
+use crate::math::{Line, Transform};
 use canaletto_bvh::{Aabb, Ray};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -95,9 +95,10 @@ impl Shape {
         each!(self, s => s.intersect(ray, t_max))
     }
 
-    /// The surface at a hit that [`Shape::intersect`] found for the same ray.
-    pub fn surface(&self, ray: &Ray, hit: &ShapeHit) -> Surface {
-        each!(self, s => s.surface(ray, hit))
+    /// The surface at a hit that [`Shape::intersect`] found for the same ray, or for the rounded ray of this line.
+    pub fn surface(&self, line: impl Into<Line>, hit: &ShapeHit) -> Surface {
+        let line = line.into();
+        each!(self, s => s.surface(line, hit))
     }
 
     /// A tight box around every point that [`Shape::surface`] can give; none for a plane.

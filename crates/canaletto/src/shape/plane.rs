@@ -5,7 +5,7 @@
 
 use super::solve::{self, Frame};
 use super::{ShapeHit, Surface};
-use crate::math::Transform;
+use crate::math::{Line, Transform};
 use canaletto_bvh::Ray;
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
@@ -21,27 +21,28 @@ pub struct Plane {
 
 impl Plane {
     /// (5.27); NaN or infinite for a parallel ray.
-    pub(super) fn parameter(&self, ray: &Ray) -> f64 {
+    pub(super) fn parameter(&self, line: Line) -> f64 {
         let n = self.normal.as_dvec3();
-        (self.point.as_dvec3() - ray.origin.as_dvec3()).dot(n) / ray.direction.as_dvec3().dot(n)
+        (self.point.as_dvec3() - line.origin).dot(n) / line.direction.dot(n)
     }
 
     /// The point of (5.28) relative to `point`, cleared of what rounding left along the normal.
-    pub(super) fn offset(&self, ray: &Ray, t: f64) -> DVec3 {
+    pub(super) fn offset(&self, line: Line, t: f64) -> DVec3 {
         let n = self.normal.as_dvec3();
-        let p = ray.origin.as_dvec3() - self.point.as_dvec3() + ray.direction.as_dvec3() * t;
+        let p = line.origin - self.point.as_dvec3() + line.direction * t;
         p - n * (p.dot(n) / n.length_squared())
     }
 
     /// The hit, if the plane is met at a t in (0, t_max] and at a place that `f32` can hold.
     pub fn intersect(&self, ray: &Ray, t_max: f32) -> Option<ShapeHit> {
-        let hit = solve::hit(self.parameter(ray), 0, t_max)?;
+        let hit = solve::hit(self.parameter(ray.into()), 0, t_max)?;
         (ray.origin + ray.direction * hit.t).abs().cmplt(Vec3::splat(f32::MAX)).all().then_some(hit)
     }
 
     /// The surface at a hit.
-    pub fn surface(&self, ray: &Ray, _hit: &ShapeHit) -> Surface {
-        let p = self.offset(ray, self.parameter(ray));
+    pub fn surface(&self, line: impl Into<Line>, _hit: &ShapeHit) -> Surface {
+        let line = line.into();
+        let p = self.offset(line, self.parameter(line));
         let frame = Frame::around(self.normal.as_dvec3());
         let size = self.point.as_dvec3().abs().max_element() + p.abs().max_element();
         solve::surface(self.point.as_dvec3() + p, size, frame.y, [p.dot(frame.x), p.dot(frame.z)])

@@ -184,7 +184,8 @@ fn a_ray_that_leaves_a_surface_does_not_meet_it_at_once() {
         let s = shape.surface(ray, &shape.intersect(ray, INF)?);
         let d = random.vector();
         // Steeply, so that a torus comes back into the way far off only.
-        let d = if d.dot(s.normal.as_vec3()) < 0.0 { d - s.normal.as_vec3() * 0.5 } else { d + s.normal.as_vec3() * 0.5 };
+        let d =
+            if d.dot(s.normal.as_vec3()) < 0.0 { d - s.normal.as_vec3() * 0.5 } else { d + s.normal.as_vec3() * 0.5 };
         if shape.is_closed() && d.dot(s.normal.as_vec3()) < 0.0 {
             return None;
         }

@@ -4,8 +4,8 @@
 //! the same.
 
 use super::{ShapeHit, Surface};
-use crate::math::{Transform, rounding};
-use canaletto_bvh::{Aabb, Ray};
+use crate::math::{Line, Transform, rounding};
+use canaletto_bvh::Aabb;
 use glam::{DVec3, Vec2, Vec3};
 use std::f64::consts::PI;
 use std::fmt::Display;
@@ -27,8 +27,8 @@ pub(super) struct Local {
 
 impl Local {
     /// The ray seen from `anchor`; `reach` is how far the shape extends from there.
-    pub(super) fn new(ray: &Ray, anchor: DVec3, reach: f64) -> Local {
-        let (o, d) = (ray.origin.as_dvec3() - anchor, ray.direction.as_dvec3());
+    pub(super) fn new(line: Line, anchor: DVec3, reach: f64) -> Local {
+        let (o, d) = (line.origin - anchor, line.direction);
         let dd = d.length_squared();
         if o.length_squared() <= 4.0 * reach * reach || dd == 0.0 {
             return Local { o, d, t0: 0.0 };
@@ -58,10 +58,9 @@ pub(super) fn nearest(roots: &[f64], t: f32) -> f64 {
 /// The surface at a point that was computed in `f64` from numbers no larger than `size`. Where the sum nearly cancels,
 /// its own error outgrows the rounding to `f32`; the bound covers both.
 pub(super) fn surface(point: DVec3, size: f64, normal: DVec3, uv: [f64; 2]) -> Surface {
-    let point = point.as_vec3();
     let uv = Vec2::new(uv[0] as f32, uv[1] as f32);
-    let error = rounding(point) + Vec3::splat((size * SLACK) as f32);
-    Surface { error, ..Surface::exact(point, normal, uv) }
+    let error = rounding(point.as_vec3()) + Vec3::splat((size * SLACK) as f32);
+    Surface { error, ..Surface::at(point, normal, uv) }
 }
 
 /// The box of `center` ± `extent`, rounded outwards; `size` as in [`surface`].

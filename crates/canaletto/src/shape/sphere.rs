@@ -5,7 +5,7 @@
 
 use super::solve::{self, Local};
 use super::{ShapeHit, Surface};
-use crate::math::{Transform, quadratic};
+use crate::math::{Line, Transform, quadratic};
 use canaletto_bvh::{Aabb, Ray};
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
@@ -22,9 +22,9 @@ pub struct Sphere {
 
 impl Sphere {
     /// Both parameters in ascending order, as (5.20), negative ones included.
-    fn roots(&self, ray: &Ray) -> (Local, Option<[f64; 2]>) {
+    fn roots(&self, line: Line) -> (Local, Option<[f64; 2]>) {
         let r = f64::from(self.radius);
-        let l = Local::new(ray, self.center.as_dvec3(), r);
+        let l = Local::new(line, self.center.as_dvec3(), r);
         let a = l.d.dot(l.d); // (5.16a)
         let b = 2.0 * l.d.dot(l.o); // (5.16b)
         let c = l.o.dot(l.o) - r * r; // (5.16c)
@@ -39,8 +39,8 @@ impl Sphere {
     }
 
     /// The surface at a hit: the point of (5.21) put back on the sphere, the normal of (5.22).
-    pub fn surface(&self, ray: &Ray, hit: &ShapeHit) -> Surface {
-        let (l, roots) = self.roots(ray);
+    pub fn surface(&self, line: impl Into<Line>, hit: &ShapeHit) -> Surface {
+        let (l, roots) = self.roots(line.into());
         let t = solve::nearest(roots.as_ref().map_or(&[], |r| r), hit.t);
         let n = l.at(t).normalize_or(DVec3::Y);
         let (c, r) = (self.center.as_dvec3(), f64::from(self.radius));

@@ -8,6 +8,8 @@ use glam::{DVec3, Vec2, Vec3};
 pub struct Surface {
     /// The point.
     pub point: Vec3,
+    /// The same point before it was rounded to `f32`: where the lines of further rays start.
+    pub exact: DVec3,
     /// A bound of the point's rounding error in each coordinate.
     pub error: Vec3,
     /// The unit geometric normal, on the outer (visible) side. Normals are `f64`: a highlight's exponent multiplies the
@@ -27,20 +29,23 @@ pub struct Surface {
 
 impl Surface {
     /// A surface point whose coordinates carry nothing but the rounding to `f32`, shaded with its geometric normal.
-    pub fn exact(point: Vec3, normal: DVec3, uv: Vec2) -> Surface {
-        Surface { point, error: rounding(point), normal, shading_normal: normal, uv, color: None, lifted: point }
+    pub fn at(exact: DVec3, normal: DVec3, uv: Vec2) -> Surface {
+        let point = exact.as_vec3();
+        Surface { point, exact, error: rounding(point), normal, shading_normal: normal, uv, color: None, lifted: point }
     }
 
     /// The same point in the space around an instance. The bound grows by the rounding in object space, mapped
     /// outwards, since the ray that will start here is mapped back into that space.
     pub fn transformed(&self, to_world: &Transform) -> Surface {
         let m = to_world.matrix().matrix3;
-        let point = to_world.point(self.point.as_dvec3()).as_vec3();
+        let exact = to_world.point(self.exact);
+        let point = exact.as_vec3();
         let local = (self.error + rounding(self.point)).as_dvec3();
         let mapped = m.x_axis.abs() * local.x + m.y_axis.abs() * local.y + m.z_axis.abs() * local.z;
         let unit = |n: DVec3| to_world.normal(n).normalize();
         Surface {
             point,
+            exact,
             error: mapped.as_vec3() + rounding(point),
             normal: unit(self.normal),
             shading_normal: unit(self.shading_normal),

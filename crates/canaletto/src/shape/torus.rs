@@ -6,7 +6,7 @@
 
 use super::solve::{self, Frame};
 use super::{ShapeHit, Surface};
-use crate::math::{Roots, Transform, quartic};
+use crate::math::{Line, Roots, Transform, quartic};
 use canaletto_bvh::{Aabb, Ray};
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
@@ -48,14 +48,14 @@ impl Torus {
         (f64::from(self.radius) / self.size(), f64::from(self.tube) / self.size())
     }
 
-    fn solve(&self, ray: &Ray) -> Option<Scaled> {
-        let direction = ray.direction.as_dvec3();
+    fn solve(&self, line: Line) -> Option<Scaled> {
+        let direction = line.direction;
         let length = direction.length();
         if length == 0.0 {
             return None;
         }
         let d = direction / length;
-        let mut o = (ray.origin.as_dvec3() - self.center.as_dvec3()) / self.size();
+        let mut o = (line.origin - self.center.as_dvec3()) / self.size();
         // From afar, the origin first moves next to the torus: the quartic's terms would cancel.
         let far = o.length_squared() > 4.0;
         let gone = if far { -o.dot(d) } else { 0.0 };
@@ -92,7 +92,7 @@ impl Torus {
 
     /// The nearest t in (0, t_max], from outside or inside.
     pub fn intersect(&self, ray: &Ray, t_max: f32) -> Option<ShapeHit> {
-        let s = self.solve(ray)?;
+        let s = self.solve(ray.into())?;
         let (big, small) = self.radii();
         // The squared equation also holds where the tube's far side meets itself inside a spindle; there, its left side
         // was negative.
@@ -102,14 +102,15 @@ impl Torus {
     }
 
     /// The surface at a hit, its point put back on the tube.
-    pub fn surface(&self, ray: &Ray, hit: &ShapeHit) -> Surface {
+    pub fn surface(&self, line: impl Into<Line>, hit: &ShapeHit) -> Surface {
+        let line = line.into();
         let (center, axis) = (self.center.as_dvec3(), self.axis.as_dvec3().normalize());
         let (big, small) = self.radii();
-        let p = match self.solve(ray) {
+        let p = match self.solve(line) {
             Some(s) => {
                 s.o + s.d * (solve::nearest(&s.roots.map(|x| (s.gone + x) * s.per_unit), hit.t) / s.per_unit - s.gone)
             }
-            None => (ray.origin.as_dvec3() - center + ray.direction.as_dvec3() * f64::from(hit.t)) / self.size(),
+            None => (line.origin - center + line.direction * f64::from(hit.t)) / self.size(),
         };
         let frame = Frame::around(self.axis.as_dvec3());
         let out = (p - axis * p.dot(axis)).normalize_or(frame.x);

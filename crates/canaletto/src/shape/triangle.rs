@@ -4,7 +4,7 @@
 
 use super::solve;
 use super::{ShapeHit, Surface};
-use crate::math::Transform;
+use crate::math::{Line, Transform};
 use canaletto_bvh::triangle::TriangleRay;
 use canaletto_bvh::{Aabb, Ray};
 use glam::{DVec3, Vec3};
@@ -31,7 +31,7 @@ impl Triangle {
     }
 
     /// The surface at a hit, its point from the barycentric coordinates.
-    pub fn surface(&self, _ray: &Ray, hit: &ShapeHit) -> Surface {
+    pub fn surface(&self, _line: impl Into<Line>, hit: &ShapeHit) -> Surface {
         let corners = [self.a, self.b, self.c];
         let [u, v] = hit.uv;
         let n = cross(self.a, self.b, self.c).normalize_or(DVec3::Z);

@@ -1,6 +1,7 @@
 //! Geometries: primitives of one kind in the order of their hierarchy's leaves.
 
 use super::Census;
+use crate::math::Line;
 use crate::shape::{CylinderCloud, Mesh, Shape, ShapeHit, SphereCloud, Surface};
 use canaletto_bvh::sphere::{self, SphereRay};
 use canaletto_bvh::triangle::TriangleRay;
@@ -222,17 +223,13 @@ impl Geometry {
     }
 
     /// The second stage of a hit, in this geometry's space.
-    pub(super) fn surface(&self, ray: &Ray, primitive: u32, hit: &ShapeHit) -> Surface {
+    pub(super) fn surface(&self, line: Line, primitive: u32, hit: &ShapeHit) -> Surface {
         let id = primitive as usize;
         match &self.primitives {
-            Primitives::Shapes { shapes, .. } => shapes[id].surface(ray, hit),
-            Primitives::Mesh { mesh, .. } => mesh.surface(id, ray, hit.uv[0], hit.uv[1]),
-            Primitives::Spheres { cloud, .. } => {
-                Surface { color: cloud.color(id), ..Shape::Sphere(cloud.sphere(id)).surface(ray, hit) }
-            }
-            Primitives::Cylinders { cloud, .. } => {
-                Surface { color: cloud.color(id), ..Shape::Cylinder(cloud.cylinder(id)).surface(ray, hit) }
-            }
+            Primitives::Shapes { shapes, .. } => shapes[id].surface(line, hit),
+            Primitives::Mesh { mesh, .. } => mesh.surface(id, hit.uv[0], hit.uv[1]),
+            Primitives::Spheres { cloud, .. } => cloud.surface(id, line, hit),
+            Primitives::Cylinders { cloud, .. } => cloud.surface(id, line, hit),
         }
     }
 

@@ -1,6 +1,6 @@
 //! Instances: geometries placed in the world.
 
-use crate::math::Transform;
+use crate::math::{Line, Transform};
 use canaletto_bvh::{Aabb, Ray};
 
 /// No index.
@@ -28,12 +28,17 @@ impl Instance {
     pub(super) fn local_ray(&self, ray: &Ray) -> Ray {
         match &self.to_world {
             None => *ray,
+            Some(_) => self.local_line(Line::from(ray)).rounded(),
+        }
+    }
+
+    /// The line in the geometry's space.
+    pub(super) fn local_line(&self, line: Line) -> Line {
+        match &self.to_world {
+            None => line,
             Some(t) => {
                 let to_local = t.inverse();
-                Ray {
-                    origin: to_local.point(ray.origin.as_dvec3()).as_vec3(),
-                    direction: to_local.vector(ray.direction.as_dvec3()).as_vec3(),
-                }
+                Line { origin: to_local.point(line.origin), direction: to_local.vector(line.direction) }
             }
         }
     }

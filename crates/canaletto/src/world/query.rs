@@ -5,7 +5,7 @@ use super::geometry::{NO_PRIMITIVE, Nearest, Primitives};
 use super::instance::NONE;
 use crate::integrator::Probe;
 use crate::material::Material;
-use crate::math::offset_origin;
+use crate::math::{Line, offset_origin};
 use crate::shape::{ShapeHit, Surface};
 use canaletto_bvh::Ray;
 
@@ -146,14 +146,15 @@ impl World {
         })
     }
 
-    /// The second stage: the surface at a hit of this ray.
-    pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
+    /// The second stage: the surface at a hit of this line's ray.
+    pub fn surface(&self, line: impl Into<Line>, hit: &Hit) -> Surface {
+        let line = line.into();
         if hit.instance == Hit::UNBOUNDED {
-            return self.unbounded[hit.primitive as usize].0.surface(ray, &hit.shape_hit());
+            return self.unbounded[hit.primitive as usize].0.surface(line, &hit.shape_hit());
         }
         let instance = &self.instances[hit.instance as usize];
         let geometry = &self.geometries[instance.geometry as usize];
-        let local = geometry.surface(&instance.local_ray(ray), hit.primitive, &hit.shape_hit());
+        let local = geometry.surface(instance.local_line(line), hit.primitive, &hit.shape_hit());
         match &instance.to_world {
             None => local,
             Some(t) => local.transformed(t),

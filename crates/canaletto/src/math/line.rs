@@ -1,0 +1,34 @@
+//! A ray's line in `f64`.
+
+use canaletto_bvh::Ray;
+use glam::DVec3;
+
+/// A ray before it was rounded to `f32` and moved off the surface it left.
+///
+/// Hierarchies and the first stage of a hit use the rounded [`Ray`]; the second stage finds its point on this line, so that
+/// neither rounding nor offset is carried from one mirror to the next.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Line {
+    /// Where it starts.
+    pub origin: DVec3,
+    /// Its direction, of any length.
+    pub direction: DVec3,
+}
+
+impl Line {
+    /// The ray of this line from another origin, next to its own.
+    pub fn from_origin(&self, origin: glam::Vec3) -> Ray {
+        Ray { origin, direction: self.direction.as_vec3() }
+    }
+
+    /// The rounded ray.
+    pub fn rounded(&self) -> Ray {
+        self.from_origin(self.origin.as_vec3())
+    }
+}
+
+impl From<&Ray> for Line {
+    fn from(ray: &Ray) -> Line {
+        Line { origin: ray.origin.as_dvec3(), direction: ray.direction.as_dvec3() }
+    }
+}
