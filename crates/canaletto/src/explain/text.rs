@@ -136,7 +136,9 @@ fn write_light(f: &mut Formatter, light: &LightNode, indent: &str) -> fmt::Resul
         return writeln!(f, "{indent}        no light arrives: outside the cone or beam");
     }
     for blocker in &light.blockers {
-        writeln!(f, "{indent}        passes {}: 1 - o = {}", blocker.object, 1.0 - blocker.opacity)?;
+        let passed = 1.0 - blocker.opacity;
+        let how = if passed > 0.0 { "passes" } else { "is blocked by" };
+        writeln!(f, "{indent}        {how} {}: 1 - o = {passed}", blocker.object)?;
     }
     writeln!(f, "{indent}        f_s = {}  (5.39a)", light.f_s)?;
     writeln!(f, "{indent}        diffuse  l*kd*(n.L)    = {}  (5.32)", rgb(light.diffuse))?;
