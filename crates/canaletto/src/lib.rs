@@ -6,6 +6,34 @@
 //!
 //! The classic part follows a textbook chapter on ray tracing; numbers such as (5.39b) cite its equations. Linear
 //! RGB throughout. No files, no network, no clock, no global state: reading and writing live in `canaletto-io`.
+//!
+//! ```
+//! use canaletto::camera::Camera;
+//! use canaletto::explain::explain;
+//! use canaletto::light::{Light, LightKind, Omni};
+//! use canaletto::math::Rgb;
+//! use canaletto::render::{Job, render};
+//! use canaletto::scene::{Extrinsics, FilmSettings, IntegratorSettings, Intrinsics, Node, Scene};
+//! use canaletto::shape::{Shape, Sphere};
+//! use canaletto::world::World;
+//! use glam::{DVec3, Vec3};
+//!
+//! let ball = Node::from(Shape::Sphere(Sphere { center: Vec3::ZERO, radius: 1.0 })).named("ball");
+//! let lamp = Light::new(LightKind::Omni(Omni::at(Vec3::new(2.0, 3.0, 4.0))), Rgb::gray(0.9));
+//! let scene = Scene { nodes: vec![ball, Node::from(lamp)], ..Scene::default() };
+//!
+//! let intrinsics = Intrinsics { width: 64, height: 48, ..Intrinsics::default() };
+//! let extrinsics = Extrinsics { eye: DVec3::new(0.0, 0.0, 5.0), ..Extrinsics::default() };
+//! let camera = Camera::new(&intrinsics, &extrinsics)?;
+//! let job = Job::new(camera, FilmSettings::default(), IntegratorSettings::default());
+//!
+//! let world = World::build(scene)?;
+//! let picture = render(&world, &job, &())?.picture;
+//! let tree = explain(&world, &job, 32, 24)?;
+//! assert_eq!(tree.sum(), picture.pixel(32, 24));
+//! println!("{tree}");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 #![forbid(unsafe_code)]
 
 pub mod camera;

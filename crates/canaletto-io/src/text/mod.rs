@@ -1,7 +1,7 @@
 //! The scene text: KDL 2 to [`Scene`].
 //!
-//! The way of a text: [`files`] reads it and what it includes, [`syntax`] makes nodes of it, [`set`] changes their
-//! values, [`decode`] judges them by [`schema`] and builds the scene. Each of them reports every mistake and goes on.
+//! The way of a text: `files` reads it and what it includes, `syntax` makes nodes of it, `set` changes their
+//! values, `decode` judges them by `schema` and builds the scene. Each of them reports every mistake and goes on.
 
 mod decode;
 mod files;
