@@ -29,10 +29,16 @@ pub enum ExplainError {
         /// The picture's height.
         height: u32,
     },
+    /// Mirrors and clear bodies multiply the pixel's rays.
+    #[error("the pixel's tree has more than {MAX_RAYS} rays; a smaller max-depth makes it one that can be read")]
+    TooManyRays,
     /// The job itself is wrong.
     #[error(transparent)]
     Job(#[from] JobError),
 }
+
+/// The most rays of an explained pixel, about.
+const MAX_RAYS: u64 = 1 << 20;
 
 /// Explains the pixel in column `x` and row `y`, both from the top left of the whole picture (not of the crop window).
 ///
@@ -45,7 +51,12 @@ pub fn explain(world: &World, job: &Job, x: u32, y: u32) -> Result<PixelTree, Ex
         return Err(ExplainError::Outside { x, y, width, height });
     }
     let mut recorder = Recorder::new(world, job.camera);
-    let color = PixelRenderer::new(job).pixel(&mut Whitted::new(world, job.integrator), x, y, &mut recorder);
+    let too_many = |rays| rays > MAX_RAYS;
+    let mut whitted = Whitted::new(world, job.integrator).until(&too_many);
+    let color = PixelRenderer::new(job).pixel(&mut whitted, x, y, &mut recorder);
+    if whitted.gave_up() {
+        return Err(ExplainError::TooManyRays);
+    }
     Ok(PixelTree {
         pixel: [x, y],
         chapter_pixel: [x, height - 1 - y],

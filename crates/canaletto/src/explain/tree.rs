@@ -189,12 +189,12 @@ impl RayNode {
             color += ambient;
         }
         for light in &hit.lights {
-            color += (light.diffuse + light.specular) * light.f_s;
+            color = (color + (light.diffuse + light.specular).saturated() * light.f_s).saturated();
         }
         for child in &hit.children {
-            color += child.sum() * child.factor;
+            color += (child.sum() * child.factor).saturated();
         }
-        color
+        color.saturated()
     }
 }
 

@@ -2,7 +2,8 @@
 //! (5.39b) there and calls `trace` for mirrors and clear bodies.
 //!
 //! Deviations, from `chapter-decisions`: the normal faces the viewer; a shadow ray passes clear surfaces by their
-//! 1 − o; beyond the critical angle the reflected ray inside carries 1 − o.
+//! 1 − o; beyond the critical angle the reflected ray inside carries 1 − o. Products and sums that overflow stay at the
+//! largest number ([`Rgb::saturated`]), so that no colour is ever infinite or NaN.
 
 use super::{LightTerm, Probe, RayCounts, RayKind};
 use crate::material::{MaterialPoint, reflect, refract};
@@ -19,7 +20,16 @@ pub struct Whitted<'w> {
     settings: IntegratorSettings,
     /// The rays traced so far.
     pub counts: RayCounts,
+    /// Asked now and then whether to give up.
+    cancelled: Option<&'w (dyn Fn(u64) -> bool + Sync)>,
+    /// Whether it said so: from then on no child ray is followed, and colours are worth nothing.
+    gave_up: bool,
+    /// Child rays until it is asked again.
+    patience: u32,
 }
+
+/// How many child rays are followed before somebody is asked whether they are still wanted.
+const PATIENCE: u32 = 4096;
 
 /// Where a ray stands in the ray tree.
 #[derive(Clone, Copy)]
@@ -49,7 +59,18 @@ struct Shading<'a> {
 impl<'w> Whitted<'w> {
     /// An integrator that has traced nothing yet.
     pub fn new(world: &'w World, settings: IntegratorSettings) -> Whitted<'w> {
-        Whitted { world, settings, counts: RayCounts::default() }
+        Whitted { world, settings, counts: RayCounts::default(), cancelled: None, gave_up: false, patience: PATIENCE }
+    }
+
+    /// The same integrator, which asks now and then, with the rays traced so far, whether to give up: a single pixel between mirrors and clear bodies
+    /// can take longer than anybody waits, since every level of its tree may double the rays.
+    pub fn until(self, cancelled: &'w (dyn Fn(u64) -> bool + Sync)) -> Whitted<'w> {
+        Whitted { cancelled: Some(cancelled), ..self }
+    }
+
+    /// Whether it gave up. The colours that it returned since are worth nothing.
+    pub fn gave_up(&self) -> bool {
+        self.gave_up
     }
 
     /// The world it traces.
@@ -107,7 +128,7 @@ impl<'w> Whitted<'w> {
         }
         let mut color = Rgb::BLACK;
         if stage >= Stage::Ambient {
-            let ambient = self.world.ambient * phong.kd; // (5.33)
+            let ambient = (self.world.ambient * phong.kd).saturated(); // (5.33)
             probe.ambient(ambient);
             color += ambient;
         }
@@ -115,7 +136,7 @@ impl<'w> Whitted<'w> {
         for (index, light) in self.world.lights.iter().enumerate() {
             for point in 0..light.points() {
                 let term = self.light(at, mirrored, index as u32, point, probe);
-                color += term.contribution;
+                color = (color + term.contribution).saturated();
                 probe.light(&term);
             }
         }
@@ -123,7 +144,7 @@ impl<'w> Whitted<'w> {
             let kind = RayKind::Reflected;
             if let Some(child) = self.child(branch, kind, phong.k, probe) {
                 let line = leave(at, above(mirrored, at));
-                color += self.trace(&start(at, line), line, child, probe) * phong.k;
+                color += (self.trace(&start(at, line), line, child, probe) * phong.k).saturated();
             }
         }
         if stage >= Stage::Full && at.material.is_clear() {
@@ -136,10 +157,10 @@ impl<'w> Whitted<'w> {
             };
             if let Some(child) = self.child(branch, kind, factor, probe) {
                 let line = leave(at, direction);
-                color += self.trace(&start(at, line), line, child, probe) * factor;
+                color += (self.trace(&start(at, line), line, child, probe) * factor).saturated();
             }
         }
-        color
+        color.saturated()
     }
 
     /// One point of one light: (5.39a)'s summand.
@@ -168,7 +189,8 @@ impl<'w> Whitted<'w> {
         let stage = self.settings.stage;
         term.diffuse = at.material.diffuse(arriving.intensity, n_dot_l); // (5.32b)
         if stage >= Stage::Specular && !phong.ks.is_black() {
-            term.specular = arriving.intensity * phong.ks * phong.highlight(term.r_dot_l); // (5.38)
+            let lit = (arriving.intensity * phong.ks).saturated();
+            term.specular = lit * phong.highlight(term.r_dot_l); // (5.38)
         }
         term.f_s = 1.0;
         if stage >= Stage::Shadow && self.settings.shadows && source.light.shadows {
@@ -183,14 +205,20 @@ impl<'w> Whitted<'w> {
             self.counts.shadow.traced += 1;
             self.counts.shadow.hit += u64::from(term.f_s == 0.0);
         }
-        term.contribution = (term.diffuse + term.specular) * term.f_s; // (5.39a)
+        term.contribution = (term.diffuse + term.specular).saturated() * term.f_s; // (5.39a)
         term
     }
 
     /// The branch of a child ray, unless depth or weight ends the tree here.
-    fn child<P: Probe>(&self, parent: Branch, kind: RayKind, factor: Rgb, probe: &mut P) -> Option<Branch> {
-        let weight = parent.weight * factor;
-        if parent.depth >= self.settings.max_depth || weight.max_component() < self.settings.min_weight {
+    fn child<P: Probe>(&mut self, parent: Branch, kind: RayKind, factor: Rgb, probe: &mut P) -> Option<Branch> {
+        self.patience -= 1;
+        if self.patience == 0 {
+            self.patience = PATIENCE;
+            self.gave_up |= self.cancelled.is_some_and(|cancelled| cancelled(self.counts.total()));
+        }
+        let weight = (parent.weight * factor).saturated();
+        if self.gave_up || parent.depth >= self.settings.max_depth || weight.max_component() < self.settings.min_weight
+        {
             probe.cut(kind, factor);
             return None;
         }

@@ -71,7 +71,9 @@ impl Source {
         let mut intensity = self.intensity;
         let [c, l, q] = self.light.attenuation;
         if [c, l, q] != [1.0, 0.0, 0.0] {
-            intensity = intensity / (c + l * distance + q * distance * distance);
+            // A light on the very point may have nothing to divide by; black stays black.
+            let divisor = (c + l * distance + q * distance * distance).max(f32::MIN_POSITIVE);
+            intensity = (intensity / divisor).saturated();
         }
         if let Some(cone) = &self.cone {
             intensity *= cone.factor(-direction.as_vec3());

@@ -54,6 +54,6 @@ impl MaterialPoint {
 
     /// (5.32): kd ⊗ l (n·L).
     pub fn diffuse(&self, intensity: Rgb, n_dot_l: f32) -> Rgb {
-        intensity * self.phong.kd * n_dot_l
+        (intensity * self.phong.kd).saturated() * n_dot_l
     }
 }

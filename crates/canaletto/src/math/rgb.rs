@@ -48,6 +48,12 @@ impl Rgb {
         self.r.is_finite() && self.g.is_finite() && self.b.is_finite()
     }
 
+    /// The same colour with what overflowed put back to the largest number: light may become too bright to be told
+    /// from brighter light, but never infinite.
+    pub fn saturated(self) -> Rgb {
+        self.map(|v| v.clamp(-f32::MAX, f32::MAX))
+    }
+
     /// The components as (r, g, b).
     pub fn to_array(self) -> [f32; 3] {
         [self.r, self.g, self.b]

@@ -140,7 +140,7 @@ impl<'w> AovProbe<'w> {
 
     fn close_sample(&mut self) {
         for (sum, term) in self.sums.iter_mut().zip(self.sample.terms()) {
-            for (s, t) in sum.iter_mut().zip(term.to_array()) {
+            for (s, t) in sum.iter_mut().zip(term.saturated().to_array()) {
                 *s += self.sample_weight * f64::from(t);
             }
         }
@@ -152,7 +152,7 @@ impl<'w> AovProbe<'w> {
     pub(super) fn write(&self, aov: Aov, out: &mut [f32]) {
         const MISS: [f32; 11] = [f32::INFINITY, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
         let geometry = self.geometry.as_ref().unwrap_or(&MISS);
-        let light = |term: usize| self.sums[term].map(|s| (s / self.weight) as f32);
+        let light = |term: usize| Rgb::from(self.sums[term].map(|s| (s / self.weight) as f32)).saturated().to_array();
         match aov {
             Aov::Depth => out.copy_from_slice(&geometry[0..1]),
             Aov::Normal => out.copy_from_slice(&geometry[1..4]),
@@ -217,7 +217,7 @@ impl Probe for AovProbe<'_> {
         if self.stack.len() == 1 {
             self.sample.diffuse += term.diffuse * term.f_s;
             self.sample.specular += term.specular * term.f_s;
-            self.sample.shadow += (term.diffuse + term.specular) * (1.0 - term.f_s);
+            self.sample.shadow += (term.diffuse + term.specular).saturated() * (1.0 - term.f_s);
         }
     }
 

@@ -56,8 +56,11 @@ pub enum JobError {
         of_height: u32,
     },
     /// A grid of samples is out of range.
-    #[error("{0} x {0} samples; the grid must be between 1 x 1 and 16 x 16 (adaptive: from 2 x 2)")]
+    #[error("n is {0}, so {0} x {0} rays for a pixel; n must be between 1 and 16 (with adaptive sampling from 2 on)")]
     Grid(u32),
+    /// Rays would be followed too deep, or not at all.
+    #[error("max-depth is {0}; it must be between 1 (only the eye's rays) and {max}", max = IntegratorSettings::MAX_DEPTH)]
+    Depth(u32),
     /// A filter or threshold is out of range.
     #[error("{0}")]
     Range(String),
@@ -82,6 +85,9 @@ impl Job {
             if !inside(x, width, of_width) || !inside(y, height, of_height) {
                 return Err(JobError::Crop { x, y, width, height, of_width, of_height });
             }
+        }
+        if !(1..=IntegratorSettings::MAX_DEPTH).contains(&self.integrator.max_depth) {
+            return Err(JobError::Depth(self.integrator.max_depth));
         }
         match self.film.sampling {
             Sampling::Regular(n) | Sampling::Jittered(n) if !(1..=Sampling::MAX_GRID).contains(&n) => {
@@ -110,7 +116,7 @@ impl Job {
 
 /// Watches a render, and may stop it. Called from many threads.
 pub trait Observer: Sync {
-    /// Asked before every pixel; once true, tiles in work are dropped and the picture so far is returned.
+    /// Asked before every pixel, and now and then within one; once true, tiles in work are dropped and the picture so far is returned.
     fn cancelled(&self) -> bool {
         false
     }
@@ -161,8 +167,9 @@ pub fn render(world: &World, job: &Job, observer: &dyn Observer) -> Result<Rende
     let shared = Mutex::new(Rendering { picture, counts: RayCounts::default(), pixels_done: 0, complete: false });
     let next = AtomicUsize::new(0);
     let stopped = AtomicBool::new(false);
+    let cancelled = |_| observer.cancelled();
     rayon::broadcast(|_| {
-        let mut worker = Worker::new(world, job);
+        let mut worker = Worker::new(world, job, &cancelled);
         loop {
             let index = next.fetch_add(1, Ordering::Relaxed);
             if index >= tile_count || stopped.load(Ordering::Relaxed) {
@@ -200,8 +207,9 @@ struct Tile {
 }
 
 impl<'a> Worker<'a> {
-    fn new(world: &'a World, job: &'a Job) -> Worker<'a> {
-        Worker { pixels: PixelRenderer::new(job), whitted: Whitted::new(world, job.integrator), aovs: &job.aovs }
+    fn new(world: &'a World, job: &'a Job, cancelled: &'a (dyn Fn(u64) -> bool + Sync)) -> Worker<'a> {
+        let whitted = Whitted::new(world, job.integrator).until(cancelled);
+        Worker { pixels: PixelRenderer::new(job), whitted, aovs: &job.aovs }
     }
 
     /// Renders the pixels of an area (x, y, width, height); `None` if cancelled.
@@ -226,6 +234,9 @@ impl<'a> Worker<'a> {
                 }
                 color
             };
+            if self.whitted.gave_up() {
+                return None;
+            }
         }
         Some(Tile { part, counts: self.whitted.counts })
     }

@@ -29,7 +29,7 @@ impl Sum {
     }
 
     fn mean(&self) -> Rgb {
-        Rgb::from(self.color.map(|c| (c / self.weight) as f32))
+        Rgb::from(self.color.map(|c| (c / self.weight) as f32)).saturated()
     }
 }
 

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 /// Settings of the classic integrator.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct IntegratorSettings {
-    /// Rays of this depth have no children; eye rays have depth 1 (box 5.8).
+    /// Rays of this depth have no children; eye rays have depth 1 (box 5.8). At most [`Self::MAX_DEPTH`].
     pub max_depth: u32,
     /// Rays whose factors multiply to less than this in every component are not followed; 0 follows all.
     pub min_weight: f32,
@@ -13,6 +13,11 @@ pub struct IntegratorSettings {
     pub stage: Stage,
     /// Whether lights cast shadows at all.
     pub shadows: bool,
+}
+
+impl IntegratorSettings {
+    /// The largest `max_depth`: the stack of any thread that renders has room for as many rays in each other.
+    pub const MAX_DEPTH: u32 = 256;
 }
 
 impl Default for IntegratorSettings {

@@ -3,7 +3,7 @@
 use super::geometry::Geometry;
 use super::instance::{Instance, NONE};
 use super::{Object, World};
-use crate::light::{Light, Source};
+use crate::light::{Light, LightKind, Source};
 use crate::material::{Material, Phong};
 use crate::math::Transform;
 use crate::scene::{Content, Node, Scene};
@@ -41,8 +41,14 @@ pub enum BuildError {
     /// Instances of instances multiply beyond bounds.
     #[error("the scene expands to more than {max} instances", max = World::MAX_INSTANCES)]
     TooManyInstances,
+    /// Lights, each counted with its points and as often as instances repeat it.
+    #[error("the scene expands to more than {max} points of light", max = World::MAX_LIGHT_POINTS)]
+    TooManyLights,
+    /// Shapes without bounds, which every ray has to be tested with.
+    #[error("the scene expands to more than {max} planes", max = World::MAX_UNBOUNDED)]
+    TooManyPlanes,
     /// Groups in groups in groups.
-    #[error("groups are nested more than {max} deep", max = World::MAX_NESTING)]
+    #[error("groups and instances are nested more than {max} deep", max = World::MAX_NESTING)]
     TooDeep,
     /// The hierarchy can't be built.
     #[error("{object}: {problem}")]
@@ -55,9 +61,14 @@ pub enum BuildError {
 }
 
 impl World {
-    /// The most instances that a scene may expand to.
-    pub const MAX_INSTANCES: usize = 1 << 24;
-    /// The deepest nesting of groups and instances.
+    /// The most instances that a scene and its prototypes may expand to, all together: a few lines in which each
+    /// prototype has two of the one before would fill any memory.
+    pub const MAX_INSTANCES: usize = 1 << 22;
+    /// The most points of light, likewise.
+    pub const MAX_LIGHT_POINTS: usize = 1 << 20;
+    /// The most shapes without bounds, likewise.
+    pub const MAX_UNBOUNDED: usize = 1 << 16;
+    /// The deepest nesting of groups and instances, from the root through all prototypes.
     pub const MAX_NESTING: usize = 256;
 
     /// Lowers a scene. Meshes and clouds are moved out of it, not copied.
@@ -82,6 +93,10 @@ impl World {
             .iter()
             .map(|instance| instance.bounds(builder.geometries[instance.geometry as usize].bvh.bounds()))
             .collect();
+        if let Some(index) = bounds.iter().position(|b| !(b.is_empty() || b.is_finite())) {
+            let object = builder.objects.get(instances[index].object as usize).map_or("an object", |o| o.name.as_str());
+            return Err(BuildError::Invalid { object: object.into(), problem: too_far() });
+        }
         let top = Bvh::build(&bounds).map_err(|e| hierarchy_error("the scene", &e))?;
         materials.push(Material { name: "default".into(), phong: Phong::default() });
         Ok(World {
@@ -113,6 +128,10 @@ fn number_objects(instances: &mut [Instance], geometries: &[Geometry]) -> u32 {
     next
 }
 
+fn too_far() -> String {
+    format!("after its transforms it reaches beyond ±{:e}, the largest coordinate possible", f32::MAX)
+}
+
 fn hierarchy_error(object: &str, error: &canaletto_bvh::BuildError) -> BuildError {
     BuildError::Hierarchy { object: object.into(), problem: error.to_string() }
 }
@@ -128,6 +147,13 @@ impl Default for Place {
     fn default() -> Place {
         Place { transform: Transform::IDENTITY, inherited: NONE }
     }
+}
+
+/// How an instance stands.
+struct Placed {
+    transform: Transform,
+    own: u32,
+    inherited: u32,
 }
 
 /// What one walk collects: the root's, or a prototype's in its own space.
@@ -159,6 +185,8 @@ struct Builder {
     finished: HashMap<u32, Finished>,
     open: Vec<u32>,
     objects: Vec<Object>,
+    /// Instances, points of light and shapes without bounds in all parts so far.
+    placed: [usize; 3],
     kinds: HashMap<&'static str, u32>,
 }
 
@@ -209,6 +237,11 @@ impl Builder {
 
     fn place(&mut self, node: &Node, place: &Place, part: &mut Part, depth: usize) -> Result<(), BuildError> {
         let transform = place.transform.after(&node.transform);
+        if !(transform.matrix().is_finite() && transform.inverse().matrix().is_finite()) {
+            let object = node.name.as_ref().map_or_else(|| "an unnamed node".into(), |name| format!("\"{name}\""));
+            let problem = "its transforms and those around it together scale or move beyond all numbers".into();
+            return Err(BuildError::Invalid { object, problem });
+        }
         let own = match node.material {
             Some(index) if index as usize >= self.material_count => {
                 return Err(missing(node, "material", index, self.material_count));
@@ -224,16 +257,9 @@ impl Builder {
                 self.place_shape(shape, object, inherited, &transform, part)
             }
             Content::Light(light) => {
-                let light = Light { name: node.name.clone().or(light.name.clone()), ..light.transformed(&transform) };
-                light.check().map_err(|problem| BuildError::Invalid {
-                    object: light
-                        .name
-                        .clone()
-                        .map_or(format!("{} light", light.kind_name()), |n| format!("light \"{n}\"")),
-                    problem,
-                })?;
-                part.lights.push(light);
-                Ok(())
+                let light = Light { name: node.name.clone().or(light.name.clone()), ..light.clone() };
+                check_light(&light, "")?;
+                self.light(part, light.transformed(&transform))
             }
             Content::Mesh(index) => {
                 let object = self.object(node, "mesh");
@@ -254,7 +280,9 @@ impl Builder {
                 self.instance(part, Instance { geometry, object, id_base: 0, material: own, inherited, to_world })
             }
             Content::Group(children) => self.flatten(children, &Place { transform, inherited }, part, depth + 1),
-            Content::Instance(index) => self.place_prototype(node, *index, &transform, own, inherited, part),
+            Content::Instance(index) => {
+                self.place_prototype(node, *index, &Placed { transform, own, inherited }, part, depth)
+            }
         }
     }
 
@@ -269,13 +297,14 @@ impl Builder {
     ) -> Result<(), BuildError> {
         let moved = if transform.is_identity() { Some(*shape) } else { shape.transformed(transform) };
         match moved {
-            Some(moved) if moved.bounds().is_none() => part.unbounded.push((moved, object, material)),
+            Some(moved) if moved.bounds().is_none() => self.unbounded(part, (moved, object, material))?,
             Some(moved) => {
                 moved.check().map_err(|problem| self.invalid(object, format!("after its transforms, {problem}")))?;
                 part.shapes.push(moved);
                 part.shape_objects.push(object);
                 part.shape_materials.push(material);
             }
+            None if shape.bounds().is_none() => return Err(self.invalid(object, too_far())),
             None => {
                 let geometry = self.push(Geometry::shapes(vec![*shape], vec![object], vec![material]), object)?;
                 let to_world = Some(*transform);
@@ -292,11 +321,11 @@ impl Builder {
         &mut self,
         node: &Node,
         index: u32,
-        transform: &Transform,
-        own: u32,
-        inherited: u32,
+        placed: &Placed,
         part: &mut Part,
+        depth: usize,
     ) -> Result<(), BuildError> {
+        let Placed { transform, own, inherited } = *placed;
         if index as usize >= self.prototypes.len() {
             return Err(missing(node, "prototype", index, self.prototypes.len()));
         }
@@ -310,21 +339,20 @@ impl Builder {
             self.open.push(index);
             let prototype = self.prototypes[index as usize].clone();
             let mut inner = Part::default();
-            self.flatten(std::slice::from_ref(&prototype), &Place::default(), &mut inner, self.open.len())?;
+            self.flatten(std::slice::from_ref(&prototype), &Place::default(), &mut inner, depth + 1)?;
             let first_object = inner.shape_objects.first().copied().unwrap_or(NONE);
             let finished = self.finish_part(inner, first_object)?;
             self.finished.insert(index, finished);
             self.open.pop();
         }
-        let (instances, lights, unbounded) = &self.finished[&index];
-        if part.instances.len() + instances.len() > World::MAX_INSTANCES {
-            return Err(BuildError::TooManyInstances);
-        }
+        let Some(finished) = self.finished.remove(&index) else { return Ok(()) };
+        let (instances, lights, unbounded) = &finished;
+        self.count(0, instances.len())?;
         let or = |a: u32, b: u32| if a == NONE { b } else { a };
         part.instances.extend(instances.iter().map(|inner| {
             let to_world = match &inner.to_world {
                 Some(t) => transform.after(t),
-                None => *transform,
+                None => transform,
             };
             Instance {
                 material: or(own, inner.material),
@@ -333,12 +361,43 @@ impl Builder {
                 ..*inner
             }
         }));
-        part.lights.extend(lights.iter().map(|light| light.transformed(transform)));
-        for (shape, object, material) in unbounded {
-            let moved = shape.transformed(transform).unwrap_or(*shape);
-            part.unbounded.push((moved, *object, or(own, or(*material, inherited))));
+        for light in lights {
+            self.light(part, light.transformed(&transform))?;
         }
+        for (shape, object, material) in unbounded {
+            let moved = shape.transformed(&transform).ok_or_else(|| self.invalid(*object, too_far()))?;
+            self.unbounded(part, (moved, *object, or(own, or(*material, inherited))))?;
+        }
+        self.finished.insert(index, finished);
         Ok(())
+    }
+
+    fn light(&mut self, part: &mut Part, light: Light) -> Result<(), BuildError> {
+        check_light(&light, "after its transforms, ")?;
+        let points = match &light.kind {
+            LightKind::Disk(disk) => disk.points as usize,
+            _ => 1,
+        };
+        self.count(1, points)?;
+        part.lights.push(light);
+        Ok(())
+    }
+
+    fn unbounded(&mut self, part: &mut Part, shape: (Shape, u32, u32)) -> Result<(), BuildError> {
+        self.count(2, 1)?;
+        part.unbounded.push(shape);
+        Ok(())
+    }
+
+    /// Counts what is placed before memory is taken for it: instances, points of light, shapes without bounds.
+    fn count(&mut self, what: usize, more: usize) -> Result<(), BuildError> {
+        self.placed[what] = self.placed[what].saturating_add(more);
+        match what {
+            0 if self.placed[0] > World::MAX_INSTANCES => Err(BuildError::TooManyInstances),
+            1 if self.placed[1] > World::MAX_LIGHT_POINTS => Err(BuildError::TooManyLights),
+            2 if self.placed[2] > World::MAX_UNBOUNDED => Err(BuildError::TooManyPlanes),
+            _ => Ok(()),
+        }
     }
 
     /// Turns a part's loose shapes into one more instance.
@@ -413,9 +472,7 @@ impl Builder {
     }
 
     fn instance(&mut self, part: &mut Part, instance: Instance) -> Result<(), BuildError> {
-        if part.instances.len() >= World::MAX_INSTANCES {
-            return Err(BuildError::TooManyInstances);
-        }
+        self.count(0, 1)?;
         part.instances.push(instance);
         Ok(())
     }
@@ -432,6 +489,13 @@ impl Builder {
     fn invalid(&self, object: u32, problem: String) -> BuildError {
         BuildError::Invalid { object: self.objects[object as usize].name.clone(), problem }
     }
+}
+
+fn check_light(light: &Light, when: &str) -> Result<(), BuildError> {
+    light.check().map_err(|problem| BuildError::Invalid {
+        object: light.name.clone().map_or(format!("{} light", light.kind_name()), |n| format!("light \"{n}\"")),
+        problem: format!("{when}{problem}"),
+    })
 }
 
 fn missing(node: &Node, what: &'static str, index: u32, count: usize) -> BuildError {

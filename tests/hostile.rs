@@ -1,0 +1,182 @@
+//! What scenes may not do, whatever numbers stand in them: overflow a stack or memory, hold a render that is cancelled, or
+//! make a pixel that isn't a number.
+
+use canaletto::camera::Camera;
+use canaletto::explain::{ExplainError, explain};
+use canaletto::render::{Aov, Job, JobError, Observer, render};
+use canaletto::scene::{IntegratorSettings, Scene};
+use canaletto::world::{BuildError, World};
+use canaletto_io::assets::MemoryAssets;
+use canaletto_io::text::read_scene_text;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+const BALL: &str = "sphere { center 0 0 0; radius 1 }\n";
+
+fn scene(text: &str) -> Scene {
+    let camera = "camera { eye 0 0 5; center 0 0 0; fovy 40; size 12 8 }\nlight \"omni\" { position 0 5 5 }\n";
+    read_scene_text(&format!("{camera}{text}"), "s", &MemoryAssets::new(), &[]).unwrap_or_else(|e| panic!("{e}")).0
+}
+
+fn world(text: &str) -> Result<World, BuildError> {
+    World::build(scene(text))
+}
+
+fn job(text: &str) -> (World, Job) {
+    let scene = scene(text);
+    let camera = Camera::new(&scene.views[0].intrinsics, &scene.views[0].extrinsics).expect("a camera");
+    let job = Job::new(camera, scene.film, scene.integrator);
+    (World::build(scene).expect("a world"), job)
+}
+
+/// Each prototype has two of the one before.
+fn doubled(what: &str, times: u32) -> String {
+    let mut text = format!("prototype name=\"p0\" {{ {what} }}\n");
+    for i in 1..=times {
+        let last = i - 1;
+        text += &format!(
+            "prototype name=\"p{i}\" {{ instance of=\"p{last}\"; instance of=\"p{last}\" {{ translate {i} 0 0 }} }}\n"
+        );
+    }
+    text + &format!("instance of=\"p{times}\"\n{BALL}")
+}
+
+#[test]
+fn instances_of_instances_do_not_fill_memory() {
+    assert_eq!(world(&doubled(BALL, 40)).unwrap_err(), BuildError::TooManyInstances);
+    assert_eq!(world(&doubled("plane { point 0 0 0; normal 0 1 0 }", 40)).unwrap_err(), BuildError::TooManyPlanes);
+    assert_eq!(world(&doubled("light \"omni\" { position 0 1 0 }", 40)).unwrap_err(), BuildError::TooManyLights);
+    let disk = "light \"disk\" { position 0 1 0; normal 0 1 0; radius 1; points 4096 }";
+    assert_eq!(world(&doubled(disk, 9)).unwrap_err(), BuildError::TooManyLights);
+    assert!(world(&doubled(BALL, 10)).is_ok());
+}
+
+#[test]
+fn nesting_counts_through_prototypes() {
+    let mut text = format!("prototype name=\"p0\" {{ {BALL} }}\n");
+    for i in 1..250 {
+        let (open, close) = ("group { ".repeat(120), " }".repeat(120));
+        text += &format!("prototype name=\"p{i}\" {{ {open} instance of=\"p{}\" {close} }}\n", i - 1);
+    }
+    assert_eq!(world(&(text + "instance of=\"p249\"\n")).unwrap_err(), BuildError::TooDeep);
+}
+
+#[test]
+fn transforms_beyond_numbers_are_told() {
+    let far = |text: &str| world(text).unwrap_err().to_string();
+    let message = far("sphere name=\"moon\" { center 0 0 0; radius 1; scale 1e30; scale 1e30 }");
+    assert_eq!(message, "moon: after its transforms it reaches beyond ±3.4028235e38, the largest coordinate possible");
+    assert!(far("plane { point 0 1 0; normal 0 1 0; scale 1e30; scale 1e30 }").starts_with("plane #1: after its"));
+    let plane =
+        "prototype name=\"p\" { plane { point 0 1 0; normal 0 1 0; scale 1e30 } }\ninstance of=\"p\" { scale 1e30 }";
+    assert!(far(plane).starts_with("plane #1: after its"));
+    let light = "group { scale 1e30; group { scale 1e30; light \"omni\" name=\"sun\" { position 0 1 0 } } }";
+    assert!(far(light).starts_with("light \"sun\": after its transforms, position"), "{}", far(light));
+    let deep = format!("{} {BALL} {}", "group { scale 1e30; ".repeat(11), "}".repeat(11));
+    assert!(far(&deep).contains("beyond all numbers"), "{}", far(&deep));
+}
+
+const MIRRORS: &str = "material \"m\" { k 1 1 1; kd 0 0 0 }\n\
+    box material=\"m\" { min -1e6 -1e6 6; max 1e6 1e6 7 }\nbox material=\"m\" { min -1e6 -1e6 -7; max 1e6 1e6 -6 }\n";
+
+/// The deepest tree on a thread of the size that the system gives; a debug build has the largest frames.
+#[test]
+fn facing_mirrors_do_not_overflow_the_stack() {
+    let (world, mut job) = job(MIRRORS);
+    job.integrator.max_depth = IntegratorSettings::MAX_DEPTH;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).stack_size(2 << 20).build().expect("a thread");
+    let rendering = pool.install(|| render(&world, &job, &())).expect("a picture");
+    assert!(rendering.complete && rendering.counts.reflected.traced > 12 * 8 * 200);
+    let tree = pool.install(|| explain(&world, &job, 6, 4)).expect("a tree");
+    assert_eq!(pool.install(|| tree.sum()), tree.color);
+    pool.install(move || drop(tree));
+    for depth in [0, IntegratorSettings::MAX_DEPTH + 1, u32::MAX] {
+        job.integrator.max_depth = depth;
+        assert_eq!(render(&world, &job, &()).unwrap_err(), JobError::Depth(depth));
+    }
+}
+
+/// Five balls that mirror and let pass, 256 deep: the rays of a single pixel would outlast everybody.
+const ENDLESS: &str = "material \"m\" { k 1 1 1; kd 0 0 0; opacity 0; eta 1.5 }\n\
+    spheres material=\"m\" radius=1 { points 0 0 0 1 0 0 0 1 0 1 1 0 0 0 1 }\nintegrator { max-depth 256 }";
+
+struct After(Instant, AtomicUsize);
+
+impl Observer for After {
+    fn cancelled(&self) -> bool {
+        self.1.fetch_add(1, Ordering::Relaxed);
+        self.0.elapsed() > Duration::from_millis(50)
+    }
+}
+
+#[test]
+fn an_endless_pixel_can_be_cancelled() {
+    let (world, job) = job(ENDLESS);
+    let start = Instant::now();
+    let observer = After(start, AtomicUsize::new(0));
+    let rendering = render(&world, &job, &observer).expect("a picture");
+    assert!(!rendering.complete && start.elapsed() < Duration::from_secs(20));
+    assert!(observer.1.into_inner() > 2);
+    assert_eq!(explain(&world, &job, 6, 4).unwrap_err(), ExplainError::TooManyRays);
+}
+
+#[test]
+fn no_pixel_is_ever_infinite_or_nan() {
+    let glass = |numbers: &str| {
+        format!(
+            "material \"m\" {{ {numbers} }}\nsphere material=\"m\" {{ center 0 0 0; radius 1 }}\n\
+             sphere material=\"m\" {{ center 0 0 0; radius 0.5 }}\nbox material=\"m\" {{ min -3 -2 -3; max 3 -1 3 }}\n\
+             sphere material=\"m\" {{ center 0 0 5; radius 0.5 }}\n\
+             light \"omni\" {{ position 1 9 9; intensity 3e38 }}\nbackground 3e38\nambient 3e38"
+        )
+    };
+    let lit = |light: &str| format!("{BALL}light {light}");
+    let scenes = [
+        glass("eta 1e-30; opacity 0.1"),
+        glass("eta 1e30; opacity 0"),
+        glass("eta 3e38; opacity 0; k 1"),
+        glass("eta 1e-45; opacity 0"),
+        glass("n 3e38; ks 3e38"),
+        glass("n 0; ks 1"),
+        glass("kd 3e38"),
+        glass("k 3e38"),
+        glass("k 3e38 0 0; opacity 0; kd 3e38 0 1; ks 3e38 0 1; n 100"),
+        lit("\"omni\" { position 0 0 1; attenuation 0 0 1 }"),
+        lit("\"omni\" { position 0 0 1; attenuation 0 0 1e-45; intensity 3e38 }"),
+        lit("\"omni\" { position 0 0 5; attenuation 1e-38 0 0; intensity 3e38 }"),
+        lit("\"omni\" { position 0 0 0 }"),
+        lit("\"omni\" { position 1e-45 0 0 0 }"),
+        lit("\"spot\" { position 0 0 1; target 0 0 0; outer 1e-30 }"),
+        lit("\"spot\" { position 0 0 5; target 0 0 0; outer 90; exponent 1e38 }"),
+        lit("\"disk\" { position 0 0 1; normal 0 0 1; radius 1e-45; points 3 }"),
+        "sphere { center 0 0 0; radius 1e38 }\nplane { point 0 0 0; normal 1e38 1e38 1e38 }".into(),
+        "sphere { center 0 0 0; radius 1e-38 }\nbox { min 0 0 0; max 0 0 0 }".into(),
+        "triangle { a -1e38 0 0; b 1e38 0 0; c 0 1e38 0 }\ntriangle { a 0 0 0; b 0 0 0; c 0 0 0 }".into(),
+        "torus { center 0 0 0; axis 0 1 0; radius 1e38; tube 1 }\ntorus { center 0 0 0; axis 0 0 1; radius 1; tube 5 }".into(),
+        "cone { base 0 0 0; top 0 1 0; radius 1e-38; top-radius 1e38 }\ncylinder { base 0 -1e38 0; top 0 1e38 0; radius 1 }".into(),
+        "sphere { center 0 0 0; radius 1; scale 1e-300 1 1 }\ndisk { center 0 0 0; normal 1e-38 0 1e-38; radius 1e38 }".into(),
+    ];
+    for text in &scenes {
+        let (world, mut job) = job(text);
+        job.aovs = Aov::ALL.map(|(aov, ..)| aov).to_vec();
+        let picture = render(&world, &job, &()).expect("a picture").picture;
+        assert!(picture.pixels.iter().all(|c| c.is_finite()), "{text}");
+        for layer in &picture.layers {
+            let good = |v: &f32| v.is_finite() || layer.name == "depth" && *v == f32::INFINITY;
+            assert!(layer.data.iter().all(good), "{}: {text}", layer.name);
+        }
+        let tree = explain(&world, &job, 6, 4).expect("a tree");
+        assert_eq!((tree.sum(), tree.color), (picture.pixel(6, 4), picture.pixel(6, 4)), "{text}");
+    }
+}
+
+/// A shadow ray through a thousand clear shells, and a light inside an opaque ball.
+#[test]
+fn shadows_end() {
+    let mut text = String::from("material \"m\" { kd 0 0 0; opacity 0 }\n");
+    for i in 0..1000 {
+        text += &format!("sphere material=\"m\" {{ center 0 5 5; radius {} }}\n", 0.1 + f64::from(i) * 1e-3);
+    }
+    let (world, job) = job(&(text + "plane { point 0 -1 0; normal 0 1 0 }\n"));
+    assert!(render(&world, &job, &()).expect("a picture").picture.pixels.iter().any(|c| c.r > 0.0));
+}
