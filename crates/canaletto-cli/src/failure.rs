@@ -4,7 +4,7 @@ use crate::exit::Exit;
 use crate::terminal::Paint;
 use annotate_snippets::renderer::DecorStyle;
 use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
-use canaletto_io::diagnostic::{Diagnostic, Diagnostics, Severity};
+use canaletto_io::diagnostic::{Diagnostic, Diagnostics, Severity, visible};
 use serde_json::json;
 use std::fmt::Display;
 use std::io::{self, ErrorKind};
@@ -69,9 +69,9 @@ impl Failure {
             _ if json => eprint_line(&self.json().to_string()),
             Failure::Message { message, help, .. } => {
                 let paint = Paint::stderr();
-                eprint_line(&format!("{} {message}", paint.red("error:")));
+                eprint_line(&format!("{} {}", paint.red("error:"), visible(message)));
                 if let Some(help) = help {
-                    eprint_line(&format!("{} {help}", paint.cyan("help:")));
+                    eprint_line(&format!("{} {}", paint.cyan("help:"), visible(help)));
                 }
             }
             Failure::Diagnostics(all) => print_diagnostics(all, false),
@@ -144,27 +144,25 @@ fn show(all: &Diagnostics, diagnostic: &Diagnostic, renderer: &Renderer) -> Stri
         Severity::Error => Level::ERROR,
         Severity::Warning => Level::WARNING,
     };
-    let mut group: Group = level.primary_title(diagnostic.message.as_str()).element(match excerpt(all, diagnostic) {
+    let file = visible(&diagnostic.file);
+    let mut group: Group = level.primary_title(visible(&diagnostic.message)).element(match excerpt(all, diagnostic) {
         Some(excerpt) => {
             let mark = AnnotationKind::Primary.span(excerpt.mark);
-            let mark = if diagnostic.label.is_empty() { mark } else { mark.label(diagnostic.label.as_str()) };
+            let mark = if diagnostic.label.is_empty() { mark } else { mark.label(visible(&diagnostic.label)) };
             annotate_snippets::Element::from(
-                Snippet::source(excerpt.text)
-                    .line_start(excerpt.first_line)
-                    .path(diagnostic.file.as_str())
-                    .annotation(mark),
+                Snippet::source(excerpt.text).line_start(excerpt.first_line).path(&*file).annotation(mark),
             )
         }
         None if diagnostic.span.is_some() && all.source(&diagnostic.file).is_some() => {
             return all.render(diagnostic).trim_end().to_owned();
         }
-        None => Origin::path(diagnostic.file.as_str()).into(),
+        None => Origin::path(&*file).into(),
     });
     if excerpt(all, diagnostic).is_none() && !diagnostic.label.is_empty() {
-        group = group.element(Level::NOTE.message(diagnostic.label.as_str()));
+        group = group.element(Level::NOTE.message(visible(&diagnostic.label)));
     }
     if let Some(help) = &diagnostic.help {
-        group = group.element(Level::HELP.message(help.as_str()));
+        group = group.element(Level::HELP.message(visible(help)));
     }
     renderer.render(&[group])
 }

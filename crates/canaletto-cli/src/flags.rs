@@ -28,7 +28,7 @@ pub(crate) struct SourceFlags {
     /// Works on N threads [default: one per processor]
     ///
     /// The picture doesn't depend on it.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Scene")]
+    #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Scene")]
     pub threads: Option<u16>,
 }
 
@@ -40,18 +40,18 @@ pub(crate) struct PictureFlags {
     pub camera: Option<String>,
 
     /// The picture's width and height in pixels, such as 640x480; the vertical angle of view stays
-    #[arg(long, value_name = "WxH", value_parser = size, help_heading = "Picture")]
+    #[arg(long, allow_hyphen_values = true, value_name = "WxH", value_parser = size, help_heading = "Picture")]
     pub size: Option<[u32; 2]>,
 
     /// Renders only this part of the picture, in pixels from its top left
-    #[arg(long, value_name = "X,Y,W,H", value_parser = crop, help_heading = "Picture")]
+    #[arg(long, allow_hyphen_values = true, value_name = "X,Y,W,H", value_parser = crop, help_heading = "Picture")]
     pub crop: Option<[u32; 4]>,
 
     /// Rays from the eye for each pixel: 1, or a square number up to 256
     ///
     /// n x n rays, one at a random place of each of n x n sub-pixels, unless --sample says otherwise. With --sample
     /// adaptive this is the number for pixels where colours change.
-    #[arg(long, value_name = "N", value_parser = samples, help_heading = "Sampling")]
+    #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = samples, help_heading = "Sampling")]
     pub samples: Option<Samples>,
 
     /// Where in the pixel the rays go
@@ -59,7 +59,7 @@ pub(crate) struct PictureFlags {
     pub sample: Option<SampleFlag>,
 
     /// Chooses the random numbers; the same seed gives the same picture
-    #[arg(long, value_name = "N", help_heading = "Sampling")]
+    #[arg(long, allow_negative_numbers = true, value_name = "N", help_heading = "Sampling")]
     pub seed: Option<u64>,
 
     /// How much of the shading equation to use; each stage contains the ones before it
@@ -67,7 +67,7 @@ pub(crate) struct PictureFlags {
     pub stage: Option<StageFlag>,
 
     /// Follows reflected and refracted rays to this depth; rays from the eye have depth 1
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=256), help_heading = "Light")]
+    #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=256), help_heading = "Light")]
     pub max_depth: Option<u32>,
 
     /// No light casts shadows

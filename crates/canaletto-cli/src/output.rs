@@ -5,6 +5,7 @@ use crate::failure::{Failure, reason};
 use crate::interrupt;
 use canaletto_io::picture::{Depth, PictureError, WriteError, WriteOptions, write_atomically};
 use clap::{Args, ValueEnum};
+use std::collections::HashSet;
 use std::ffi::OsStr;
 use std::fmt;
 use std::io::IsTerminal;
@@ -108,6 +109,8 @@ pub(crate) struct Output {
     pub format: Format,
     pub depth: Depth,
     no_clobber: bool,
+    /// Whether a run of # stands for the frame's number: only with --frames.
+    numbered: bool,
 }
 
 impl Output {
@@ -146,12 +149,12 @@ impl Output {
             return Err(Failure::usage("--bits is for PNG; an EXR always has 32-bit floats"));
         }
         let depth = if flags.bits.as_deref() == Some("16") { Depth::Sixteen } else { Depth::Eight };
-        Ok(Output { pattern, format, depth, no_clobber: flags.no_clobber })
+        Ok(Output { pattern, format, depth, no_clobber: flags.no_clobber, numbered: frames.is_some() })
     }
 
     /// The file of a frame; `-` for the standard output.
     pub(crate) fn path(&self, frame: u32) -> PathBuf {
-        match numbered(&self.pattern) {
+        match numbered(&self.pattern).filter(|_| self.numbered) {
             Some((before, digits, after)) => {
                 self.pattern.with_file_name(format!("{before}{frame:0width$}{after}", width = digits))
             }
@@ -204,6 +207,19 @@ impl Output {
         }
     }
 
+    /// Makes sure that no file of `inputs` would be replaced by a picture.
+    pub(crate) fn spare<'a>(
+        &self,
+        files: impl IntoIterator<Item = PathBuf>,
+        inputs: impl IntoIterator<Item = &'a Path>,
+    ) -> Result<(), Failure> {
+        let inputs: HashSet<PathBuf> = inputs.into_iter().filter_map(|input| input.canonicalize().ok()).collect();
+        match files.into_iter().find(|file| file.canonicalize().is_ok_and(|file| inputs.contains(&file))) {
+            Some(file) if !self.is_stdout() => Err(replaced("--output", &file)),
+            _ => Ok(()),
+        }
+    }
+
     /// Writes a file whole or not at all.
     pub(crate) fn write(&self, path: &Path, bytes: &[u8]) -> Result<(), Failure> {
         write_file(path, self.no_clobber, bytes)
@@ -214,6 +230,12 @@ impl Output {
 pub(crate) fn write_file(path: &Path, no_clobber: bool, bytes: &[u8]) -> Result<(), Failure> {
     let _guard = interrupt::writing();
     write_atomically(path, WriteOptions { no_clobber }, |out| out.write_all(bytes)).map_err(wrong)
+}
+
+/// A picture would take the place of what it is made from.
+pub(crate) fn replaced(flag: &str, file: &Path) -> Failure {
+    let file = file.display();
+    Failure::usage(format!("{flag} {file} would replace a file that is read for it")).help("choose another name")
 }
 
 /// A format that can't hold the picture.
@@ -235,7 +257,7 @@ fn wrong(error: WriteError) -> Failure {
         }
         WriteError::Exists(_) => Failure::new(Exit::Failed, &error).help("leave out --no-clobber to replace it"),
         WriteError::IsFolder(folder) => Failure::new(Exit::Failed, &error)
-            .help(format!("name a file in it, such as {}/picture.png", folder.display())),
+            .help(format!("name a file in it, such as {}", folder.join("picture.png").display())),
     }
 }
 

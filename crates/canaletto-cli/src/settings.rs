@@ -6,6 +6,7 @@ use crate::flags::{PictureFlags, SampleFlag, Samples, SourceFlags};
 use canaletto::camera::Camera;
 use canaletto::render::{Job, JobError};
 use canaletto::scene::{FilmSettings, Filter, IntegratorSettings, Sampling, Scene, Stage, Tone, Transfer, View};
+use canaletto_io::text::nearest;
 
 /// The job that a command does, and the name of its camera.
 #[derive(Clone, Debug)]
@@ -20,8 +21,6 @@ pub(crate) struct Settings {
 const GRID: u32 = 4;
 /// The difference that `--sample adaptive` refines where the scene doesn't say.
 const THRESHOLD: f32 = 0.1;
-/// The deepest rays that the threads' stacks have room for.
-const MAX_DEPTH: u32 = 256;
 
 impl Settings {
     /// What the flags make of a scene. `name` is the scene's file.
@@ -46,10 +45,6 @@ impl Settings {
             shadows: scene.integrator.shadows && !flags.no_shadows,
             ..scene.integrator
         };
-        if integrator.max_depth > MAX_DEPTH {
-            let depth = integrator.max_depth;
-            return Err(Failure::new(Exit::Scene, format!("{name}: max-depth is {depth}; the most is {MAX_DEPTH}")));
-        }
         let job = Job { seed: flags.seed.unwrap_or(0), ..Job::new(camera, film, integrator) };
         job.check().map_err(|e| wrong_job(name, &e, flags))?;
         Ok(Settings { job, camera: view.name.clone() })
@@ -79,7 +74,7 @@ fn choose_view<'a>(name: &str, views: &'a [View], wanted: Option<&str>) -> Resul
             [only] => format!("its only camera is \"{only}\""),
             _ => format!("its cameras are {}", list(&names)),
         };
-        match nearest(wanted, &names) {
+        match nearest(wanted, names.iter().copied()) {
             Some(near) if names.len() > 1 => failure.help(format!("did you mean \"{near}\"? {all}")),
             _ => failure.help(all),
         }
@@ -179,31 +174,6 @@ fn filter_words(filter: Filter) -> String {
     }
 }
 
-/// The name that is most like `word`, if any is like it.
-pub(crate) fn nearest<'a>(word: &str, names: &[&'a str]) -> Option<&'a str> {
-    let near = names.iter().map(|name| (edits(&word.to_lowercase(), &name.to_lowercase()), *name)).min()?;
-    (near.0 <= 1 + word.chars().count() / 4).then_some(near.1)
-}
-
-/// Letters to insert, delete, replace or swap with a neighbour (Damerau 1964, restricted form).
-fn edits(a: &str, b: &str) -> usize {
-    let (a, b): (Vec<char>, Vec<char>) = (a.chars().take(64).collect(), b.chars().take(64).collect());
-    let mut table = vec![vec![0; b.len() + 1]; a.len() + 1];
-    for i in 0..=a.len() {
-        for j in 0..=b.len() {
-            table[i][j] = if i == 0 || j == 0 {
-                i + j
-            } else {
-                let replaced = table[i - 1][j - 1] + usize::from(a[i - 1] != b[j - 1]);
-                let least = replaced.min(table[i - 1][j] + 1).min(table[i][j - 1] + 1);
-                let swaps = i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1];
-                if swaps { least.min(table[i - 2][j - 2] + 1) } else { least }
-            };
-        }
-    }
-    table[a.len()][b.len()]
-}
-
 /// `"a", "b" and "c"`, cut after a dozen.
 pub(crate) fn list(names: &[&str]) -> String {
     const MOST: usize = 12;
@@ -238,11 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn names_are_guessed_and_listed() {
-        assert_eq!(nearest("Fron", &["front", "side"]), Some("front"));
-        assert_eq!(nearest("fornt", &["front", "side"]), Some("front"));
-        assert_eq!(nearest("above", &["front", "side"]), None);
-        assert_eq!(edits("kitten", "sitting"), 3);
+    fn names_are_listed() {
         assert_eq!(list(&["a", "b", "c"]), "\"a\", \"b\" and \"c\"");
         assert_eq!(list(&["a"; 14]).matches("\"a\"").count(), 12);
     }

@@ -3,11 +3,11 @@
 use crate::exit::Exit;
 use crate::failure::{Failure, plural, reason};
 use crate::flags::SourceFlags;
-use crate::settings::nearest;
 use canaletto::scene::Scene;
-use canaletto::world::World;
+use canaletto::world::{BuildError, World};
 use canaletto_io::assets::{Asset, AssetError, AssetPath, Assets, FolderAssets};
 use canaletto_io::diagnostic::{Diagnostic, Diagnostics};
+use canaletto_io::text::nearest;
 use canaletto_io::{import, text};
 use serde::Serialize;
 use std::io;
@@ -77,6 +77,13 @@ impl Source {
 /// A file that the user named and that isn't there, with the one that is probably meant.
 fn missing(path: &Path, error: &io::Error) -> Failure {
     let failure = Failure::new(Exit::Scene, format!("can't open {}: {}", path.display(), reason(error)));
+    if path == Path::new("-") {
+        return failure
+            .help("scenes are read from files, not from the standard input: files beside them are looked up there");
+    }
+    if let Ok(target) = path.read_link() {
+        return failure.help(format!("it is a link to {}, which isn't there", target.display()));
+    }
     let folder = match path.parent() {
         Some(folder) if folder != Path::new("") => folder,
         _ => Path::new("."),
@@ -89,7 +96,7 @@ fn missing(path: &Path, error: &io::Error) -> Failure {
     };
     let names: Vec<String> = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok()).collect();
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
-    match path.file_name().and_then(|name| nearest(name.to_str()?, &names)) {
+    match path.file_name().and_then(|name| nearest(name.to_str()?, names)) {
         Some(near) => failure.help(format!("did you mean {}?", path.with_file_name(near).display())),
         None => failure,
     }
@@ -98,8 +105,33 @@ fn missing(path: &Path, error: &io::Error) -> Failure {
 /// Builds a scene's world; `name` is its file's.
 pub(crate) fn build(name: &str, scene: Scene) -> Result<(World, Duration), Failure> {
     let start = Instant::now();
-    let world = World::build(scene).map_err(|e| Diagnostics::from(Diagnostic::error(name, e.to_string())))?;
+    let world = World::build(scene).map_err(|e| {
+        let diagnostic = Diagnostic::error(name, e.to_string());
+        Diagnostics::from(match advice(&e) {
+            Some(advice) => diagnostic.help(advice),
+            None => diagnostic,
+        })
+    })?;
     Ok((world, start.elapsed()))
+}
+
+/// What to do about a scene that can't be built.
+fn advice(error: &BuildError) -> Option<&'static str> {
+    Some(match error {
+        BuildError::TooManyInstances => {
+            "instances of instances multiply; a cloud (spheres, cylinders) or a mesh holds many more things in less memory"
+        }
+        BuildError::TooManyLights => "each point of light costs a shadow ray wherever something is seen: take fewer",
+        BuildError::TooManyPlanes => "every ray meets every plane; boxes and triangles have an end and cost far less",
+        BuildError::TooDeep => "groups and instances count, through all prototypes; put some side by side",
+        BuildError::Invalid { problem, .. } if problem.contains("transforms") => {
+            "transforms of an object, of its groups and of instances multiply: look at the scale and translate around it"
+        }
+        BuildError::Invalid { object, .. } if object.contains(" #") => {
+            "objects without a name are called by kind and number, in the order of the file; give it a name=\"…\" to find it"
+        }
+        _ => return None,
+    })
 }
 
 /// Runs `work` on as many threads as the user wants.
@@ -110,8 +142,15 @@ pub(crate) fn on_threads<T: Send>(threads: Option<u16>, work: impl FnOnce() -> T
         .thread_name(|index| format!("canaletto-{index}"))
         .stack_size(STACK)
         .build()
-        .map_err(|e| Failure::new(Exit::Failed, format!("can't start {}: {e}", plural(threads, "thread"))))?;
+        .map_err(|e| {
+            Failure::new(Exit::Failed, format!("can't start {}: {}", plural(threads, "thread"), thread_reason(&e)))
+        })?;
     Ok(pool.install(work))
+}
+
+fn thread_reason(error: &rayon::ThreadPoolBuildError) -> String {
+    let text = error.to_string();
+    text.split(" (os error").next().unwrap_or_default().to_lowercase()
 }
 
 /// Room for rays of depth 256 and groups as deep as a world allows.

@@ -1,6 +1,7 @@
 //! Messages about files: what is wrong, where, and what would be right.
 
 use serde::ser::{Serialize, SerializeSeq, SerializeStruct, Serializer};
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::fmt::{self, Write};
 use std::ops::Range;
@@ -216,7 +217,8 @@ impl Diagnostics {
         if let Some(p) = start {
             let _ = write!(out, ":{}:{}", p.line, p.column);
         }
-        let _ = writeln!(out, ": {}: {}", diagnostic.severity, diagnostic.message);
+        let mut out = visible(&out).into_owned();
+        let _ = writeln!(out, ": {}: {}", diagnostic.severity, visible(&diagnostic.message));
         if let (Some(start), Some(end), Some(source)) =
             (start, self.end(diagnostic), self.sources.get(&diagnostic.file))
         {
@@ -228,10 +230,16 @@ impl Diagnostics {
             let _ = writeln!(out, "  {}", diagnostic.label);
         }
         if let Some(help) = &diagnostic.help {
-            let _ = writeln!(out, "  help: {help}");
+            let _ = writeln!(out, "  help: {}", visible(help));
         }
         out
     }
+}
+
+/// The text with its control characters made visible: what a file says must not steer the terminal that shows it.
+pub fn visible(text: &str) -> Cow<'_, str> {
+    let bad = |c: char| c.is_control() && !matches!(c, '\n' | '\t');
+    if text.contains(bad) { text.replace(bad, "\u{fffd}").into() } else { text.into() }
 }
 
 /// The most characters of a line that are shown.

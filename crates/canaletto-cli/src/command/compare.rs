@@ -3,16 +3,18 @@
 use crate::exit::Exit;
 use crate::failure::{Failure, reason};
 use crate::flags::TransferFlag;
-use crate::output::{unfit, write_file};
-use crate::settings::nearest;
+use crate::output::{replaced, unfit, write_file};
 use crate::stdout::{print, print_json};
 use canaletto::scene::Transfer;
 use canaletto_io::picture::{
-    Comparison, Decoded, Depth, Image, PIXELS_PER_DEGREE, Unequal, compare, decode, decode_srgb, difference,
-    encode_exr, encode_png, encode_srgb,
+    Comparison, Decoded, Depth, Image, PIXELS_PER_DEGREE, PictureError, Unequal, compare, decode, decode_srgb,
+    difference, encode_exr, encode_png, encode_srgb,
 };
+use canaletto_io::text::nearest;
 use clap::Args;
 use serde_json::json;
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// Compares two pictures, PNG or EXR: RMSE, PSNR, the largest difference and where it is, SSIM, FLIP.
@@ -43,7 +45,7 @@ pub(crate) struct CompareFlags {
     pub diff: Option<PathBuf>,
 
     /// Multiplies the differences in a PNG [default: what makes the largest white]
-    #[arg(long, value_name = "FACTOR", requires = "diff")]
+    #[arg(long, value_name = "FACTOR", requires = "diff", value_parser = factor)]
     pub diff_scale: Option<f32>,
 
     /// Compares linear light: an EXR as it is, a PNG without its curve; SSIM and FLIP stay as they are seen
@@ -120,15 +122,26 @@ fn threshold(text: &str) -> Result<Threshold, String> {
     let (name, value) = text.split_once('=').ok_or("write a metric and a number with = between, such as rmse=0.01")?;
     let names = Metric::ALL.map(|(_, name)| name);
     let metric = Metric::ALL.iter().find(|(_, n)| *n == name).map(|(metric, _)| *metric).ok_or_else(|| {
-        nearest(name, &names)
+        nearest(name, names)
             .map_or_else(|| format!("the metrics are {}", names.join(", ")), |near| format!("did you mean {near}?"))
     })?;
     let limit: f64 = value.parse().map_err(|_| format!("\"{value}\" isn't a number"))?;
     if limit.is_nan() { Err("the limit isn't a number".into()) } else { Ok(Threshold { metric, limit }) }
 }
 
+fn factor(text: &str) -> Result<f32, String> {
+    let factor = text.parse().ok().filter(|factor: &f32| factor.is_finite() && *factor > 0.0);
+    factor.ok_or_else(|| "write a number that is more than 0".into())
+}
+
 /// Runs the command.
 pub(crate) fn run(flags: &CompareFlags) -> Result<Exit, Failure> {
+    if let Some(diff) = &flags.diff
+        && let Ok(file) = diff.canonicalize()
+        && [&flags.a, &flags.b].iter().any(|input| input.canonicalize().is_ok_and(|input| input == file))
+    {
+        return Err(replaced("--diff", diff));
+    }
     let (a, b) = (read(&flags.a)?, read(&flags.b)?);
     let (curve_a, curve_b) = (a.curve(), b.curve());
     let default = flags.transfer.into();
@@ -204,9 +217,22 @@ struct Input {
     is_exr: bool,
 }
 
+/// The largest picture file that is read: more than the largest picture needs.
+const MAX_FILE: u64 = 8 << 30;
+
 fn read(path: &Path) -> Result<Input, Failure> {
     let failed = |why: String| Failure::new(Exit::Failed, format!("can't read {}: {why}", path.display()));
-    let bytes = std::fs::read(path).map_err(|e| failed(reason(&e)))?;
+    let mut file = File::open(path).map_err(|e| failed(reason(&e)))?;
+    // The first bytes tell what it is, before memory is taken for the rest: it may be a pipe, or a device without end.
+    let mut bytes = Vec::new();
+    file.by_ref().take(16).read_to_end(&mut bytes).map_err(|e| failed(reason(&e)))?;
+    if let Err(e @ PictureError::Unknown) = decode(&bytes) {
+        return Err(failed(e.to_string()));
+    }
+    file.take(MAX_FILE).read_to_end(&mut bytes).map_err(|e| failed(reason(&e)))?;
+    if bytes.len() as u64 > MAX_FILE {
+        return Err(failed(format!("it is larger than {}", crate::words::bytes(MAX_FILE))));
+    }
     let decoded = decode(&bytes).map_err(|e| failed(e.to_string()))?;
     Ok(Input { decoded, is_exr: !bytes.starts_with(b"\x89PNG") })
 }

@@ -22,7 +22,7 @@ pub(crate) struct ExplainFlags {
     pub source: SourceFlags,
 
     /// The pixel, as image viewers count: column and row from the top left, from 0
-    #[arg(short, long, value_name = "X,Y", value_parser = pixel, help_heading = "Pixel")]
+    #[arg(short, long, allow_hyphen_values = true, value_name = "X,Y", value_parser = pixel, help_heading = "Pixel")]
     pub pixel: [u32; 2],
 
     /// Counts rows from the bottom, as textbooks do

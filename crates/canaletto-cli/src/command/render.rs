@@ -8,7 +8,7 @@ use crate::layers::{self, MAPPINGS};
 use crate::output::{Format, Frames, Output, OutputFlags, unfit};
 use crate::progress::{ProgressFlag, Style, Watch, emit};
 use crate::report::{Report, Times};
-use crate::settings::{Settings, list, metadata, nearest, sampling_words, transfer_word};
+use crate::settings::{Settings, list, metadata, sampling_words, transfer_word};
 use crate::source::{Source, build, on_threads};
 use crate::stdout::print;
 use crate::terminal::Paint;
@@ -17,6 +17,7 @@ use canaletto::render::{Aov, Job, Rendering};
 use canaletto::scene::{Stage, Transfer};
 use canaletto::world::World;
 use canaletto_io::picture::{Image, MAX_PIXELS, encode_exr, encode_png};
+use canaletto_io::text::nearest;
 use clap::Args;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -34,7 +35,7 @@ pub(crate) struct RenderFlags {
     pub picture: PictureFlags,
 
     /// Renders frames A to B, each with random numbers of its own
-    #[arg(long, value_name = "A-B", value_parser = Frames::parse, help_heading = "Output")]
+    #[arg(long, allow_hyphen_values = true, value_name = "A-B", value_parser = Frames::parse, help_heading = "Output")]
     pub frames: Option<Frames>,
 
     /// Extra layers beside the picture, such as normal,depth, or all
@@ -86,7 +87,7 @@ fn aov(text: &str) -> Result<Layers, String> {
     }
     Aov::from_name(text).map(Layers::One).ok_or_else(|| {
         let names = Aov::ALL.map(|(_, name, _)| name);
-        match nearest(text, &names) {
+        match nearest(text, names) {
             Some(near) => format!("did you mean {near}?"),
             None => format!("the layers are {}, and all", names.join(", ")),
         }
@@ -164,6 +165,9 @@ fn on_pool(flags: &RenderFlags, plan: &Plan) -> Result<Exit, Failure> {
         return Err(Failure::usage(format!("a picture of {width} x {height} has {pixels} pixels; the most is {most}"))
             .help("render it in parts with --crop"));
     }
+    room(&plan.aovs, [width, height])?;
+    let inputs = source.files.iter().map(|used| Path::new(&used.file));
+    plan.output.spare(plan.frames.iter().flat_map(|frame| plan.files(frame)), inputs)?;
     let Source { name, scene, files, time, .. } = source;
     let (world, build_time) = build(&name, scene)?;
     if flags.dry_run {
@@ -189,6 +193,20 @@ fn on_pool(flags: &RenderFlags, plan: &Plan) -> Result<Exit, Failure> {
         }
     }
     Ok(Exit::Done)
+}
+
+/// Whether there is memory for a picture with its layers: thrice, since it is put into the order of its file and
+/// compressed. Found out before anything is rendered, not after.
+fn room(aovs: &[Aov], [width, height]: [u32; 2]) -> Result<(), Failure> {
+    let channels = 3 + aovs.iter().map(|aov| aov.channels().len() as u64).sum::<u64>();
+    let size = u64::from(width) * u64::from(height) * channels * size_of::<f32>() as u64 * 3;
+    let size_in_memory = usize::try_from(size).unwrap_or(usize::MAX);
+    if Vec::<u8>::new().try_reserve_exact(size_in_memory).is_ok() {
+        return Ok(());
+    }
+    let (layers, size) = (plural(aovs.len() as u64, "layer"), bytes(size));
+    let message = format!("there is no memory for {width} x {height} pixels with {layers}: it takes {size}");
+    Err(Failure::new(Exit::Failed, message).help("render it in parts with --crop, or with fewer layers"))
 }
 
 /// All that the frames have in common.

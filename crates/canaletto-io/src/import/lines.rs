@@ -34,7 +34,7 @@ impl<'a> Word<'a> {
         let parsed: Option<f32> = std::str::from_utf8(self.text).ok().and_then(|text| text.parse().ok());
         match parsed {
             Some(value) if value.is_finite() => Ok(value),
-            Some(_) => Err(self.wrong(format!("\"{}\" is not a finite number", self.shown()))),
+            Some(_) => Err(self.wrong(format!("\"{}\" is not a finite number up to 3.4e38", self.shown()))),
             None => Err(self.wrong(format!("\"{}\" is not a number", self.shown()))),
         }
     }
@@ -222,7 +222,7 @@ mod tests {
     fn numbers_are_finite() {
         let number = |text: &str| Word { start: 0, text: text.as_bytes() }.number();
         assert_eq!(number("-.5e+01").unwrap(), -5.0);
-        assert_eq!(number("1e99").unwrap_err().message, "\"1e99\" is not a finite number");
+        assert_eq!(number("1e99").unwrap_err().message, "\"1e99\" is not a finite number up to 3.4e38");
         assert_eq!(number("1,5").unwrap_err().message, "\"1,5\" is not a number");
         assert!(number("nan").is_err() && number(&"9".repeat(100)).unwrap_err().message.len() < 120);
     }

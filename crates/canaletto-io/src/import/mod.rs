@@ -55,7 +55,11 @@ pub fn load(path: &str, assets: &dyn Assets) -> Result<(Scene, Diagnostics), Dia
     let warnings = std::mem::take(&mut model.warnings);
     match studio::studio(model) {
         Some(scene) => Ok((scene, warnings)),
-        None => Err(Diagnostic::error(asset.path.name(), "its coordinates are too large to look at").into()),
+        None => {
+            let wrong = "the model is too large to put a camera and lights around it";
+            let help = "its coordinates may go up to about 1e37: scale it down in the program that made it";
+            Err(Diagnostic::error(asset.path.name(), wrong).help(help).into())
+        }
     }
 }
 

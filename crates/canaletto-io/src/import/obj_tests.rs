@@ -153,7 +153,7 @@ fn errors_name_line_and_reason() {
         ("f 1///4 2 3", "\"1///4\" is not a corner"),
         ("f 1 2 99999999999999999999", "is not a corner"),
         ("v 1 2", "a.obj:5:1: error: vertex needs 3 numbers, and here are 2"),
-        ("v 1 2 nan", "a.obj:5:7: error: vertex: \"nan\" is not a finite number"),
+        ("v 1 2 nan", "a.obj:5:7: error: vertex: \"nan\" is not a finite number up to 3.4e38"),
         ("v 1 2 3 1 1 -1", "vertex colour -1 is less than 0"),
         ("vn 1 1", "normal needs 3 numbers"),
         ("# nothing", "a.obj: error: there are no faces in it\n  help: an OBJ file has lines such as `f 1 2 3`"),

@@ -47,6 +47,9 @@ pub(super) fn studio(model: Imported) -> Option<Scene> {
         radius: (0.2 * size) as f32,
         points: 24,
     };
+    if !(key.position.is_finite() && key.radius.is_finite()) {
+        return None;
+    }
     let fill = Directional { towards: -from_angles(85.0, 25.0).as_vec3(), beam: None };
     let light = |name: &str, kind, intensity, shadows| {
         let light = Light { name: Some(name.into()), shadows, ..Light::new(kind, Rgb::gray(intensity)) };

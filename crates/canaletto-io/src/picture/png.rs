@@ -74,7 +74,12 @@ pub fn encode_png(
 /// # Errors
 /// [`PictureError`] says why not.
 pub fn decode_png(bytes: &[u8]) -> Result<Decoded, PictureError> {
-    let damaged = |e: ::png::DecodingError| PictureError::Damaged { format: "PNG", reason: e.to_string() };
+    let damaged = |e: ::png::DecodingError| {
+        // The decoder goes on with its own state, which tells nobody anything.
+        let text = e.to_string();
+        let reason = text.split(" while decoding ").next().unwrap_or_default().to_owned();
+        PictureError::Damaged { format: "PNG", reason }
+    };
     let mut decoder = Decoder::new_with_limits(Cursor::new(bytes), Limits { bytes: 1 << 31 });
     decoder.set_transformations(Transformations::EXPAND);
     let mut reader = decoder.read_info().map_err(damaged)?;

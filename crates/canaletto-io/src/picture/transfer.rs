@@ -5,10 +5,8 @@ pub fn decode_srgb(v: f32) -> f32 {
     if v <= 0.040_45 { v / 12.92 } else { libm::pow((f64::from(v) + 0.055) / 1.055, 2.4) as f32 }
 }
 
-/// From linear light to an sRGB value.
-pub fn encode_srgb(v: f32) -> f32 {
-    if v <= 0.003_130_8 { 12.92 * v } else { (1.055 * libm::pow(f64::from(v), 1.0 / 2.4) - 0.055) as f32 }
-}
+/// From linear light to an sRGB value: the curve of the film, so that comparing starts from the same bits.
+pub use canaletto::film::srgb_encode as encode_srgb;
 
 #[cfg(test)]
 mod tests {

@@ -43,7 +43,8 @@ pub enum WriteError {
 }
 
 /// Writes a file through a temporary one in the same folder, which takes its place at the end and is removed if
-/// anything fails. The path `-` is the standard output. Links are followed; devices and pipes are written directly.
+/// anything fails. The path `-` is the standard output. Links are followed (one to nowhere
+/// is replaced); devices and pipes are written directly.
 ///
 /// # Errors
 /// [`WriteError`] says why not.

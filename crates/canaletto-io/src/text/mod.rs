@@ -12,7 +12,7 @@ mod schema;
 mod set;
 mod syntax;
 
-pub(crate) use nearest::nearest;
+pub use nearest::nearest;
 pub use reference::reference_markdown;
 
 use crate::assets::{AssetPath, Assets};

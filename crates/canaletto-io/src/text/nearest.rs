@@ -1,7 +1,7 @@
 //! The nearest right word for a wrong one.
 
 /// The candidate that is most probably meant by `word`: fewest typing mistakes, and few enough for its length.
-pub(crate) fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let word: Vec<char> = word.chars().take(64).collect();
     let limit = match word.len() {
         0 => return None,

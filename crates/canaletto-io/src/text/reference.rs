@@ -2,6 +2,7 @@
 
 use super::schema::{self, LIGHTS, OBJECTS, SETTINGS, TRANSFORMS, Takes, Word, Words};
 use super::syntax::{MAX_DEPTH, MAX_ITEMS};
+use canaletto::world::World;
 use std::fmt::Write;
 
 /// The reference of the scene text as Markdown.
@@ -40,8 +41,12 @@ pub fn reference_markdown() -> String {
     }
     let _ = write!(
         out,
-        "\n{NAMES}\n{SET}\n## Limits\n\nBlocks may stand {MAX_DEPTH} deep in each other. A scene's text may have {} MiB, and each file of it {MAX_ITEMS} nodes and values; large data belongs into files of its own, as meshes and clouds.\n",
-        super::files::MAX_TEXT >> 20
+        "\n{NAMES}\n{SET}\n## Limits\n\nBlocks may stand {MAX_DEPTH} deep in each other. A scene's text may have {} MiB, and each file of it {MAX_ITEMS} nodes and values; large data belongs into files of its own, as meshes and clouds. A scene expands to at most {} instances, {} points of light and {} planes, and groups and instances stand at most {} deep in each other.\n",
+        super::files::MAX_TEXT >> 20,
+        World::MAX_INSTANCES,
+        World::MAX_LIGHT_POINTS,
+        World::MAX_UNBOUNDED,
+        World::MAX_NESTING,
     );
     out
 }

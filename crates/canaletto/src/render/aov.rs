@@ -76,6 +76,11 @@ impl Aov {
         Aov::ALL[self as usize].1
     }
 
+    /// The names of its channels.
+    pub fn channels(self) -> &'static [&'static str] {
+        Aov::ALL[self as usize].2
+    }
+
     pub(super) fn layer(self, width: u32, height: u32) -> Layer {
         let (_, name, channels) = Aov::ALL[self as usize];
         Layer { name, channels, data: vec![0.0; width as usize * height as usize * channels.len()] }

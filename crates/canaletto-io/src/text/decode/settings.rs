@@ -10,7 +10,9 @@ use crate::text::syntax::{Node, Span};
 use canaletto::camera::Camera;
 use canaletto::material::{Material, Phong};
 use canaletto::render::Job;
-use canaletto::scene::{Extrinsics, FilmSettings, Filter, Intrinsics, Sampling, Stage, Tone, Transfer, View};
+use canaletto::scene::{
+    Extrinsics, FilmSettings, Filter, IntegratorSettings, Intrinsics, Sampling, Stage, Tone, Transfer, View,
+};
 use std::collections::HashMap;
 
 pub(super) fn is_setting(node: &Node) -> bool {
@@ -145,6 +147,9 @@ impl<'a> Decoder<'a> {
         set(&mut settings.stage, stage.map(|(stage, _)| *stage));
         if settings.max_depth == 0 {
             self.out_of_range(fields, "max-depth is 0; the eye's rays have depth 1, so it must be at least that");
+        } else if settings.max_depth > IntegratorSettings::MAX_DEPTH {
+            let (depth, most) = (settings.max_depth, IntegratorSettings::MAX_DEPTH);
+            self.out_of_range(fields, &format!("max-depth is {depth}; it must be at most {most}"));
         } else if settings.min_weight < 0.0 {
             self.out_of_range(fields, "min-weight must be 0 or more");
         }
