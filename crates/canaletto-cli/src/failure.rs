@@ -98,11 +98,7 @@ impl From<Diagnostics> for Failure {
     }
 }
 
-/// What the system says, without its error number.
-pub(crate) fn reason(error: &io::Error) -> String {
-    let text = error.to_string();
-    text.split(" (os error").next().unwrap_or(&text).to_lowercase()
-}
+pub(crate) use canaletto_io::assets::reason;
 
 /// A line on stderr; nobody can be told if that fails.
 pub(crate) fn eprint_line(line: &str) {

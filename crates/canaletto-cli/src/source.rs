@@ -143,14 +143,9 @@ pub(crate) fn on_threads<T: Send>(threads: Option<u16>, work: impl FnOnce() -> T
         .stack_size(STACK)
         .build()
         .map_err(|e| {
-            Failure::new(Exit::Failed, format!("can't start {}: {}", plural(threads, "thread"), thread_reason(&e)))
+            Failure::new(Exit::Failed, format!("can't start {}: {}", plural(threads, "thread"), reason(&e)))
         })?;
     Ok(pool.install(work))
-}
-
-fn thread_reason(error: &rayon::ThreadPoolBuildError) -> String {
-    let text = error.to_string();
-    text.split(" (os error").next().unwrap_or_default().to_lowercase()
 }
 
 /// Room for rays of depth 256 and groups as deep as a world allows.

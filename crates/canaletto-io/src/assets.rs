@@ -384,7 +384,7 @@ fn kind_of(metadata: &Metadata) -> &'static str {
 }
 
 /// What the system says, without the number that Rust adds.
-fn reason(error: &io::Error) -> String {
+pub fn reason(error: &impl fmt::Display) -> String {
     let text = error.to_string();
     text.split(" (os error").next().unwrap_or_default().to_lowercase()
 }
