@@ -10,12 +10,12 @@ use rayon::prelude::*;
 use crate::Aabb;
 
 /// The most primitives in a leaf.
-const MAX_LEAF: usize = 4;
+pub(crate) const MAX_LEAF: usize = 4;
 /// The most levels below the root. Half of them would do for median splits, so the heuristic has the other half to
 /// be unbalanced in; with none left, the median it is. Bounds the traversal's stack and the time of the build.
 pub(crate) const MAX_DEPTH: u32 = 40;
-/// The most primitives: the traversal packs a node and one of its four children into 32 bits.
-const MAX_PRIMITIVES: usize = 1 << 30;
+/// The most primitives: a link packs a leaf's first slot and its length into 31 bits.
+pub(crate) const MAX_PRIMITIVES: usize = 1 << 29;
 const MAX_BINS: usize = 16;
 /// Above it, the halves of a split are built in parallel.
 const PARALLEL_BUILD: usize = 4096;

@@ -2,10 +2,10 @@
 
 use std::ops::Range;
 
-use crate::build::{self, BuildError, MAX_DEPTH};
-use crate::node::{INNER, Node, Statistics, collapse};
+use crate::build::{self, BuildError};
+use crate::node::{Link, Node, Statistics, collapse};
 use crate::slab::Slabs;
-use crate::{Aabb, Ray};
+use crate::{Aabb, PreparedRay};
 
 /// A tree of boxes over primitives that the caller keeps.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,12 +19,8 @@ pub struct Bvh {
 #[derive(Clone, Copy, Default)]
 struct Entry {
     near: f32,
-    /// 4 × node + lane.
-    link: u32,
+    link: Link,
 }
-
-/// A visit takes one entry off the stack and puts four on it at most.
-const STACK: usize = 3 * MAX_DEPTH as usize + 1;
 
 impl Bvh {
     /// Builds the tree over `bounds`, one box per primitive, in parallel; the tree does not depend on the number of
@@ -53,58 +49,52 @@ impl Bvh {
     /// Calls `leaf` for the leaves that `ray` meets within (0, t_max], roughly from near to far, with a range of
     /// slots and the current t_max, which it lowers to the nearest hit that it finds.
     #[inline]
-    pub fn intersect(&self, ray: &Ray, t_max: f32, mut leaf: impl FnMut(Range<u32>, &mut f32)) {
+    pub fn intersect(&self, ray: &PreparedRay, t_max: f32, mut leaf: impl FnMut(Range<u32>, &mut f32)) {
         if self.nodes.is_empty() {
             return;
         }
         let mut t_max = t_max;
-        let slabs = Slabs::new(ray);
-        let mut stack = [Entry::default(); STACK];
-        let mut len = 0;
-        let mut index = 0;
+        let mut stack = Stack::new();
+        let mut link = Link::node(0);
         loop {
-            let (near, far) = slabs.clip(&self.nodes[index as usize].boxes, t_max);
-            let mut met = near.cmple(far).bitmask();
-            // One child only needs no order, and is within t_max.
-            if met.is_power_of_two() {
-                let lane = met.trailing_zeros() as usize;
-                let node = &self.nodes[index as usize];
-                if node.count[lane] == INNER {
-                    index = node.first[lane];
-                    continue;
+            match link.follow() {
+                Ok(slots) => leaf(slots, &mut t_max),
+                Err(index) => {
+                    let node = &self.nodes[index];
+                    let (near, far) = ray.slabs.clip(&node.boxes, t_max);
+                    let mut met = near.cmple(far).bitmask();
+                    if met != 0 {
+                        let near = near.to_array();
+                        let next = |met: &mut u32| {
+                            let lane = met.trailing_zeros() as usize & 3;
+                            *met &= *met - 1;
+                            Entry { near: near[lane], link: node.children[lane] }
+                        };
+                        // The nearest is next, the others wait in order; of equally near ones the lower lane goes first.
+                        let first = next(&mut met);
+                        if met == 0 {
+                            link = first.link;
+                            continue;
+                        }
+                        let second = next(&mut met);
+                        let mut found = if second.near < first.near { [first, second] } else { [second, first] };
+                        if met != 0 {
+                            let third = next(&mut met);
+                            let fourth = (met != 0).then(|| next(&mut met));
+                            found = sort(&mut stack, found, third, fourth);
+                        }
+                        let [farther, nearest] = found;
+                        stack.push(farther);
+                        link = nearest.link;
+                        continue;
+                    }
                 }
-            }
-            let near = near.to_array();
-            let base = len;
-            // The nearest goes on top; of equally near ones the lower lane.
-            while met != 0 {
-                let lane = met.trailing_zeros();
-                met &= met - 1;
-                let entry = Entry { near: near[lane as usize], link: 4 * index + lane };
-                let mut i = len;
-                while i > base && stack[i - 1].near <= entry.near {
-                    stack[i] = stack[i - 1];
-                    i -= 1;
-                }
-                stack[i] = entry;
-                len += 1;
             }
             loop {
-                if len == 0 {
-                    return;
-                }
-                len -= 1;
-                let Entry { near, link } = stack[len];
-                if !Slabs::within(near, t_max) {
-                    continue;
-                }
-                let (first, count) = self.child(link);
-                if count == INNER {
-                    index = first;
+                let Some(entry) = stack.pop() else { return };
+                if Slabs::within(entry.near, t_max) {
+                    link = entry.link;
                     break;
-                }
-                if count > 0 {
-                    leaf(first..first + count, &mut t_max);
                 }
             }
         }
@@ -113,50 +103,107 @@ impl Bvh {
     /// Calls `leaf` for the leaves that `ray` meets within (0, t_max], in no particular order, until it answers
     /// that something is hit there.
     #[inline]
-    pub fn occluded(&self, ray: &Ray, t_max: f32, mut leaf: impl FnMut(Range<u32>) -> bool) -> bool {
+    pub fn occluded(&self, ray: &PreparedRay, t_max: f32, mut leaf: impl FnMut(Range<u32>) -> bool) -> bool {
         if self.nodes.is_empty() {
             return false;
         }
-        let slabs = Slabs::new(ray);
-        let mut stack = [0; STACK];
-        let mut len = 0;
-        let mut index = 0;
+        let mut stack = Stack::new();
+        let mut link = Link::node(0);
         loop {
-            let (near, far) = slabs.clip(&self.nodes[index as usize].boxes, t_max);
-            let mut met = near.cmple(far).bitmask();
-            while met != 0 {
-                stack[len] = 4 * index + met.trailing_zeros();
-                met &= met - 1;
-                len += 1;
+            match link.follow() {
+                Ok(slots) => {
+                    if leaf(slots) {
+                        return true;
+                    }
+                }
+                Err(index) => {
+                    let node = &self.nodes[index];
+                    let (near, far) = ray.slabs.clip(&node.boxes, t_max);
+                    let mut met = near.cmple(far).bitmask();
+                    if met != 0 {
+                        link = node.children[met.trailing_zeros() as usize & 3];
+                        met &= met - 1;
+                        while met != 0 {
+                            stack.push(node.children[met.trailing_zeros() as usize & 3]);
+                            met &= met - 1;
+                        }
+                        continue;
+                    }
+                }
             }
-            loop {
-                if len == 0 {
-                    return false;
-                }
-                len -= 1;
-                let (first, count) = self.child(stack[len]);
-                if count == INNER {
-                    index = first;
-                    break;
-                }
-                if count > 0 && leaf(first..first + count) {
-                    return true;
-                }
-            }
+            let Some(waiting) = stack.pop() else { return false };
+            link = waiting;
         }
-    }
-
-    #[inline]
-    fn child(&self, link: u32) -> (u32, u32) {
-        let node = &self.nodes[(link / 4) as usize];
-        let lane = (link % 4) as usize;
-        (node.first[lane], node.count[lane])
     }
 }
 
+/// Sorts a third and perhaps a fourth child into two, the nearer last; what is not among the nearest two then waits on the
+/// stack.
+#[inline]
+fn sort(stack: &mut Stack<Entry>, [mut b, mut a]: [Entry; 2], mut c: Entry, fourth: Option<Entry>) -> [Entry; 2] {
+    // Later lanes move up only if they are strictly nearer.
+    if c.near < b.near {
+        (b, c) = (c, b);
+        if b.near < a.near {
+            (a, b) = (b, a);
+        }
+    }
+    let Some(mut d) = fourth else {
+        stack.push(c);
+        return [b, a];
+    };
+    if d.near < c.near {
+        (c, d) = (d, c);
+        if c.near < b.near {
+            (b, c) = (c, b);
+            if b.near < a.near {
+                (a, b) = (b, a);
+            }
+        }
+    }
+    stack.push(d);
+    stack.push(c);
+    [b, a]
+}
+
+/// What waits to be visited: the first few in place, so that most rays neither clear nor allocate much memory.
+struct Stack<T> {
+    first: [T; IN_PLACE],
+    len: usize,
+    rest: Vec<T>,
+}
+
+/// Enough for most rays; each level of the tree leaves at most three waiting.
+const IN_PLACE: usize = 32;
+
+impl<T: Copy + Default> Stack<T> {
+    #[inline]
+    fn new() -> Self {
+        Self { first: [T::default(); IN_PLACE], len: 0, rest: Vec::new() }
+    }
+
+    #[inline]
+    fn push(&mut self, item: T) {
+        match self.first.get_mut(self.len) {
+            Some(place) => *place = item,
+            None => self.rest.push(item),
+        }
+        self.len += 1;
+    }
+
+    #[inline]
+    fn pop(&mut self) -> Option<T> {
+        self.len = self.len.checked_sub(1)?;
+        match self.first.get(self.len) {
+            Some(&item) => Some(item),
+            None => self.rest.pop(),
+        }
+    }
+}
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Ray;
     use crate::testing::{Random, awkward_ray, nearest, nearest_in_tree, tree, zoo};
     use glam::Vec3;
 
@@ -177,7 +224,7 @@ mod tests {
                         all.filter(|hit| hit.0 <= t_max),
                         "{name} {ray:?}"
                     );
-                    let occluded = bvh.occluded(&ray, t_max, |leaf| {
+                    let occluded = bvh.occluded(&ray.prepare(), t_max, |leaf| {
                         let ids = &bvh.order()[leaf.start as usize..leaf.end as usize];
                         nearest(&scene, ids, &ray, t_max).is_some()
                     });
@@ -224,8 +271,8 @@ mod tests {
     fn an_empty_tree_is_never_hit() {
         let bvh = Bvh::build(&[]).unwrap();
         let ray = Ray::new(Vec3::ZERO, Vec3::X);
-        bvh.intersect(&ray, f32::INFINITY, |_, _| panic!());
-        assert!(!bvh.occluded(&ray, f32::INFINITY, |_| panic!()));
+        bvh.intersect(&ray.prepare(), f32::INFINITY, |_, _| panic!());
+        assert!(!bvh.occluded(&ray.prepare(), f32::INFINITY, |_| panic!()));
         assert!(bvh.bounds().is_empty() && bvh.order().is_empty());
         assert_eq!(bvh.statistics(), Statistics::default());
     }
@@ -240,8 +287,8 @@ mod tests {
             }
             // As for any direction too short for a reciprocal, no lane without a child may be visited.
             let ray = Ray::new(Vec3::ZERO, Vec3::splat(1e-45));
-            bvh.intersect(&ray, f32::INFINITY, |leaf, _| assert!(!leaf.is_empty()));
-            bvh.occluded(&ray, f32::INFINITY, |leaf| {
+            bvh.intersect(&ray.prepare(), f32::INFINITY, |leaf, _| assert!(!leaf.is_empty()));
+            bvh.occluded(&ray.prepare(), f32::INFINITY, |leaf| {
                 assert!(!leaf.is_empty());
                 false
             });
@@ -254,7 +301,7 @@ mod tests {
         let bvh = Bvh::build(&bounds).unwrap();
         for (origin, direction) in [(-1.0, Vec3::X), (64.0, -Vec3::X)] {
             let mut met = Vec::new();
-            bvh.intersect(&Ray::new(Vec3::X * origin, direction), 40.5, |leaf, t_max| {
+            bvh.intersect(&Ray::new(Vec3::X * origin, direction).prepare(), 40.5, |leaf, t_max| {
                 met.push(leaf.start);
                 *t_max = t_max.min(30.5);
             });
@@ -272,7 +319,7 @@ mod tests {
         let bvh = Bvh::build(&bounds).unwrap();
         assert_eq!((bvh.statistics().inner_nodes, bvh.statistics().leaves), (1, 4));
         let mut visits = 0;
-        bvh.intersect(&Ray::new(-Vec3::X, Vec3::X), f32::INFINITY, |_, t_max| {
+        bvh.intersect(&Ray::new(-Vec3::X, Vec3::X).prepare(), f32::INFINITY, |_, t_max| {
             visits += 1;
             *t_max = 1.0;
         });
@@ -286,7 +333,7 @@ mod tests {
         let bvh = Bvh::build(&bounds).unwrap();
         let mut visits = Vec::new();
         let ray = Ray::new(Vec3::new(-1.0, 0.5, 0.5), Vec3::X);
-        bvh.intersect(&ray, f32::INFINITY, |leaf, _| visits.push(leaf.start));
+        bvh.intersect(&ray.prepare(), f32::INFINITY, |leaf, _| visits.push(leaf.start));
         assert_eq!(visits, [0, 4, 8, 12]);
     }
 

@@ -21,7 +21,7 @@
 //! let bvh = Bvh::build(&bounds)?;
 //! let slots: Vec<Vec3> = bvh.order().iter().map(|&id| centers[id as usize]).collect();
 //!
-//! let ray = Ray::new(Vec3::new(-10.0, 0.0, 0.0), Vec3::X);
+//! let ray = Ray::new(Vec3::new(-10.0, 0.0, 0.0), Vec3::X).prepare();
 //! let mut nearest = None;
 //! bvh.intersect(&ray, f32::INFINITY, |leaf, t_max| {
 //!     for slot in leaf {
@@ -53,4 +53,4 @@ pub use aabb::Aabb;
 pub use build::BuildError;
 pub use bvh::Bvh;
 pub use node::Statistics;
-pub use ray::Ray;
+pub use ray::{PreparedRay, Ray};

@@ -1,27 +1,55 @@
 //! The nodes of the tree that rays walk: four children each, their boxes side by side for one SIMD test.
 
+use std::ops::Range;
+
 use glam::Vec4;
 
 use crate::Aabb;
-use crate::build::Binary;
+use crate::build::{Binary, MAX_LEAF, MAX_PRIMITIVES};
 use crate::slab::Boxes;
 
 /// Four children. 128 bytes, two cache lines.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(64))]
 pub(crate) struct Node {
+    /// The children's boxes; where there is no child, a box that no ray meets.
     pub(crate) boxes: Boxes,
-    /// The child's first slot if it is a leaf, its node if not.
-    pub(crate) first: [u32; 4],
-    /// Primitives in the leaf, 0 where there is no child, or [`INNER`].
-    pub(crate) count: [u32; 4],
+    pub(crate) children: [Link; 4],
 }
 
-/// The count of a child that is a node.
-pub(crate) const INNER: u32 = u32::MAX;
+/// A node or a leaf.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Link(u32);
+
+impl Link {
+    const LEAF: u32 = 1 << 31;
+
+    pub(crate) fn node(index: usize) -> Self {
+        Self(index as u32)
+    }
+
+    /// Of 1 to [`MAX_LEAF`] primitives.
+    fn leaf(first: u32, count: u32) -> Self {
+        Self(Self::LEAF | (count - 1) << FIRST_BITS | first)
+    }
+
+    /// The slots if it is a leaf, else the node.
+    #[inline]
+    pub(crate) fn follow(self) -> Result<Range<u32>, usize> {
+        if self.0 & Self::LEAF == 0 {
+            return Err(self.0 as usize);
+        }
+        let first = self.0 & ((1 << FIRST_BITS) - 1);
+        Ok(first..first + 1 + ((self.0 ^ Self::LEAF) >> FIRST_BITS))
+    }
+}
+
+/// Bits for the first slot of a leaf.
+const FIRST_BITS: u32 = 29;
+const _: () = assert!(MAX_PRIMITIVES <= 1 << FIRST_BITS && MAX_LEAF <= 1 << (31 - FIRST_BITS));
 
 impl Node {
-    const EMPTY: Self = Self { boxes: [[Vec4::INFINITY; 3], [Vec4::NEG_INFINITY; 3]], first: [0; 4], count: [0; 4] };
+    const EMPTY: Self = Self { boxes: [[Vec4::INFINITY; 3], [Vec4::NEG_INFINITY; 3]], children: [Link(0); 4] };
 
     fn set_box(&mut self, lane: usize, bounds: &Aabb) {
         for axis in 0..3 {
@@ -67,11 +95,9 @@ fn adopt(binary: &[Binary], root: u32, nodes: &mut Vec<Node>) {
         let node = &binary[child as usize];
         nodes[index].set_box(lane, &node.bounds);
         if node.is_leaf() {
-            nodes[index].first[lane] = node.link;
-            nodes[index].count[lane] = node.count;
+            nodes[index].children[lane] = Link::leaf(node.link, node.count);
         } else {
-            nodes[index].first[lane] = nodes.len() as u32;
-            nodes[index].count[lane] = INNER;
+            nodes[index].children[lane] = Link::node(nodes.len());
             adopt(binary, child, nodes);
         }
     }
@@ -100,20 +126,23 @@ impl Statistics {
             return s;
         }
         let total = root.half_area();
-        let mut todo = vec![(0u32, 1.0, 1)];
+        let mut todo = vec![(0, 1.0, 1)];
         while let Some((node, chance, depth)) = todo.pop() {
             s.sah_cost += chance;
             s.depth = s.depth.max(depth);
-            let node = &nodes[node as usize];
+            let node: &Node = &nodes[node];
             for lane in 0..4 {
+                let bounds = node.get_box(lane);
+                if bounds.is_empty() {
+                    continue;
+                }
                 // Without area every ray that meets the root meets all.
-                let chance = if total > 0.0 { node.get_box(lane).half_area() / total } else { 1.0 };
-                match node.count[lane] {
-                    0 => {}
-                    INNER => todo.push((node.first[lane], chance, depth + 1)),
-                    count => {
+                let chance = if total > 0.0 { bounds.half_area() / total } else { 1.0 };
+                match node.children[lane].follow() {
+                    Err(node) => todo.push((node, chance, depth + 1)),
+                    Ok(leaf) => {
                         s.leaves += 1;
-                        s.sah_cost += chance * f64::from(count);
+                        s.sah_cost += chance * leaf.len() as f64;
                     }
                 }
             }

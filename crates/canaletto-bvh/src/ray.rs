@@ -1,6 +1,9 @@
 //! Rays.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
+
+use crate::slab::Slabs;
+use crate::triangle::Shear;
 
 /// The points `origin + t * direction`, t > 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,6 +23,40 @@ impl Ray {
     /// The point at `t`.
     pub fn at(&self, t: f32) -> Vec3 {
         self.origin + t * self.direction
+    }
+
+    /// The ray, ready for trees and kernels.
+    pub fn prepare(&self) -> PreparedRay {
+        PreparedRay::new(self)
+    }
+}
+
+/// A ray with all that trees and kernels want to know about it, computed once for any number of them.
+#[derive(Clone, Copy, Debug)]
+pub struct PreparedRay {
+    /// The ray itself.
+    pub ray: Ray,
+    pub(crate) origin: DVec3,
+    pub(crate) direction: DVec3,
+    /// The direction's squared length.
+    pub(crate) squared: f64,
+    pub(crate) slabs: Slabs,
+    pub(crate) shear: Shear,
+}
+
+impl PreparedRay {
+    /// Prepares `ray`.
+    #[inline]
+    pub fn new(ray: &Ray) -> Self {
+        let direction = ray.direction.as_dvec3();
+        Self {
+            ray: *ray,
+            origin: ray.origin.as_dvec3(),
+            direction,
+            squared: direction.dot(direction),
+            slabs: Slabs::new(ray),
+            shear: Shear::new(ray),
+        }
     }
 }
 

@@ -25,13 +25,14 @@ const DEFLATE: f32 = 1.0 - 4.0 * f32::EPSILON;
 /// A ray, prepared for boxes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Slabs {
-    origin: [f32; 3],
-    /// 1 / direction where that is a normal number.
-    reciprocal: [f32; 3],
+    /// The origin, each coordinate four times.
+    origin: [Vec4; 3],
+    /// 1 / direction, likewise, where that is a normal number.
+    reciprocal: [Vec4; 3],
     /// Which of the planes is met first: 0, the lower, or 1, the upper.
     entry: [usize; 3],
     motion: [Motion; 3],
-    /// All axes are `Crossing`.
+    /// All axes are `Crossing`, and the origin is finite.
     regular: bool,
 }
 
@@ -60,15 +61,21 @@ impl Slabs {
     #[inline]
     pub(crate) fn new(ray: &Ray) -> Self {
         let direction = ray.direction.to_array();
-        let reciprocal = direction.map(|d| 1.0 / d);
-        let regular = reciprocal.iter().all(|r| r.is_normal());
+        let reciprocal = (Vec4::ONE / ray.direction.extend(1.0)).truncate().to_array();
+        let regular = reciprocal.iter().all(|r| r.is_normal()) && ray.origin.is_finite();
         Self {
-            origin: ray.origin.to_array(),
-            reciprocal,
+            origin: ray.origin.to_array().map(Vec4::splat),
+            reciprocal: reciprocal.map(Vec4::splat),
             entry: direction.map(|d| usize::from(d < 0.0)),
             motion: if regular { [Motion::Crossing; 3] } else { Motion::of(direction, reciprocal) },
             regular,
         }
+    }
+
+    /// The origin's coordinate along an axis, four times.
+    #[inline]
+    pub(crate) fn origin(&self, axis: usize) -> Vec4 {
+        self.origin[axis]
     }
 
     /// Where the ray enters and leaves four boxes, within (0, t_max]. It meets a box if entry ≤ exit.
@@ -87,17 +94,17 @@ impl Slabs {
 
     #[inline]
     fn cross(&self, boxes: &Boxes, axis: usize) -> (Vec4, Vec4) {
-        let entry = self.entry[axis];
-        let origin = Vec4::splat(self.origin[axis]);
-        let reciprocal = self.reciprocal[axis];
-        ((boxes[entry][axis] - origin) * reciprocal, (boxes[1 - entry][axis] - origin) * reciprocal)
+        let entry = self.entry[axis] & 1;
+        let (origin, reciprocal) = (self.origin[axis], self.reciprocal[axis]);
+        ((boxes[entry][axis] - origin) * reciprocal, (boxes[entry ^ 1][axis] - origin) * reciprocal)
     }
 
     #[cold]
     #[inline(never)]
     fn clip_carefully(&self, boxes: &Boxes, t_max: f32) -> (Vec4, Vec4) {
         let mut near = Vec4::ZERO;
-        let mut far = Vec4::splat(t_max);
+        // No lane without a child may be met, even if no axis culls or the origin is infinite.
+        let mut far = Vec4::select(boxes[0][0].cmple(boxes[1][0]), Vec4::splat(t_max), Vec4::NEG_INFINITY);
         for axis in 0..3 {
             match self.motion[axis] {
                 Motion::Crossing => {
@@ -106,7 +113,7 @@ impl Slabs {
                     far = far.min(f);
                 }
                 Motion::Still => {
-                    let origin = Vec4::splat(self.origin[axis]);
+                    let origin = self.origin[axis];
                     let inside = boxes[0][axis].cmple(origin) & origin.cmple(boxes[1][axis]);
                     far = Vec4::select(inside, far, Vec4::NEG_INFINITY);
                 }
@@ -114,6 +121,32 @@ impl Slabs {
             }
         }
         (near, far * INFLATE)
+    }
+
+    /// [`Slabs::clip`] for a single box and any t, the same numbers.
+    #[inline]
+    fn clip_one(&self, bounds: &Aabb) -> (f32, f32) {
+        let [n, f] = [0, 1].map(|side| {
+            let at = |axis: usize| {
+                let plane = if self.entry[axis] == side { bounds.min[axis] } else { bounds.max[axis] };
+                (plane - self.origin[axis].x) * self.reciprocal[axis].x
+            };
+            [at(0), at(1), at(2)]
+        });
+        // Unlike f32::max, one instruction: there is no NaN here.
+        let max = |a: f32, b: f32| if a > b { a } else { b };
+        let min = |a: f32, b: f32| if a < b { a } else { b };
+        let near = max(max(n[0], n[1]), max(n[2], 0.0));
+        let far = min(min(f[0], f[1]), min(f[2], f32::INFINITY));
+        (near, far * INFLATE)
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn clip_one_carefully(&self, bounds: &Aabb) -> (f32, f32) {
+        let boxes = [bounds.min.to_array().map(Vec4::splat), bounds.max.to_array().map(Vec4::splat)];
+        let (near, far) = self.clip_carefully(&boxes, f32::INFINITY);
+        (near.x, far.x)
     }
 
     /// Whether something entered at `near` is still worth a visit.
@@ -125,10 +158,9 @@ impl Slabs {
     /// The hit at `t` on a primitive, moved into the primitive's own box by no more than rounding explains, unless
     /// `t` is badly conditioned (a grazed triangle); then by as much as it takes. None if the ray misses the box or
     /// the hit lies outside (0, t_max].
+    #[inline]
     pub(crate) fn confine(&self, bounds: &Aabb, t: f64, t_max: f32) -> Option<f32> {
-        let boxes = [bounds.min.to_array().map(Vec4::splat), bounds.max.to_array().map(Vec4::splat)];
-        let (near, far) = self.clip(&boxes, f32::INFINITY);
-        let (near, far) = (near.x, far.x);
+        let (near, far) = if self.regular { self.clip_one(bounds) } else { self.clip_one_carefully(bounds) };
         if near > far {
             return None;
         }

@@ -1,10 +1,9 @@
 //! Rays against spheres: Haines, Günther and Akenine-Möller, "Precision improvements for ray/sphere intersection",
 //! Ray Tracing Gems (2019), chapter 7, in f64.
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 
-use crate::slab::Slabs;
-use crate::{Aabb, Ray};
+use crate::{Aabb, PreparedRay};
 
 /// A box around the sphere, rounded outwards so that it holds all of it.
 pub fn bounds(center: Vec3, radius: f32) -> Aabb {
@@ -23,64 +22,43 @@ pub fn bounds(center: Vec3, radius: f32) -> Aabb {
     }
 }
 
-/// A ray, prepared for spheres.
-#[derive(Clone, Copy, Debug)]
-pub struct SphereRay {
-    origin: DVec3,
-    direction: DVec3,
-    /// The direction's squared length.
-    a: f64,
-    slabs: Slabs,
-}
-
-impl SphereRay {
-    /// Prepares `ray`.
-    pub fn new(ray: &Ray) -> Self {
-        let direction = ray.direction.as_dvec3();
-        Self { origin: ray.origin.as_dvec3(), direction, a: direction.dot(direction), slabs: Slabs::new(ray) }
+/// The nearest t in (0, t_max] at which the ray meets the sphere, from outside or from inside. A radius that is not
+/// above 0 is never hit.
+#[inline]
+pub fn intersect(ray: &PreparedRay, center: Vec3, radius: f32, t_max: f32) -> Option<f32> {
+    let f = ray.origin - center.as_dvec3();
+    let r = f64::from(radius);
+    // a t² − 2 b t + c = 0
+    let a = ray.squared;
+    let b = -f.dot(ray.direction);
+    // r² minus the squared distance of center and ray: b² − a c without its cancellation (eq. 5).
+    let l = f + (b / a) * ray.direction;
+    let discriminant = r * r - l.dot(l);
+    // NaN, for a zero direction, must fail as well.
+    if !(discriminant >= 0.0 && r > 0.0) {
+        return None;
     }
-
-    /// The nearest t in (0, t_max] at which the ray meets the sphere, from outside or from inside. A radius that is not
-    /// above 0 is never hit.
-    #[inline]
-    pub fn intersect(&self, center: Vec3, radius: f32, t_max: f32) -> Option<f32> {
-        let f = self.origin - center.as_dvec3();
-        let r = f64::from(radius);
-        // a t² − 2 b t + c = 0
-        let b = -f.dot(self.direction);
-        // r² minus the squared distance of center and ray: b² − a c without its cancellation (eq. 5).
-        let l = f + (b / self.a) * self.direction;
-        let discriminant = r * r - l.dot(l);
-        // NaN, for a zero direction, must fail as well.
-        if !(discriminant >= 0.0 && r > 0.0) {
-            return None;
-        }
-        let root = (self.a * discriminant).sqrt();
-        // The root of larger size first, then the other from their product c / a (eq. 9 and 10).
-        let q = if b < 0.0 { b - root } else { b + root };
-        let [t0, t1] = [(f.dot(f) - r * r) / q, q / self.a];
-        let (first, second) = if t0 < t1 { (t0, t1) } else { (t1, t0) };
-        // NaN, 0 / 0, is the origin on the surface of a sphere seen tangentially: no hit ahead.
-        let t = if first > 0.0 { first } else { second };
-        if !(t > 0.0 && t <= 2.0 * f64::from(t_max)) {
-            return None;
-        }
-        self.slabs.confine(&bounds(center, radius), t, t_max)
+    let root = (a * discriminant).sqrt();
+    // The root of larger size first, then the other from their product c / a (eq. 9 and 10).
+    let q = if b < 0.0 { b - root } else { b + root };
+    let [t0, t1] = [(f.dot(f) - r * r) / q, q / a];
+    let (first, second) = if t0 < t1 { (t0, t1) } else { (t1, t0) };
+    // NaN, 0 / 0, is the origin on the surface of a sphere seen tangentially: no hit ahead.
+    let t = if first > 0.0 { first } else { second };
+    if !(t > 0.0 && t <= 2.0 * f64::from(t_max)) {
+        return None;
     }
-}
-
-/// [`SphereRay::intersect`] for a ray that meets one sphere only.
-pub fn intersect(ray: &Ray, center: Vec3, radius: f32, t_max: f32) -> Option<f32> {
-    SphereRay::new(ray).intersect(center, radius, t_max)
+    ray.slabs.confine(&bounds(center, radius), t, t_max)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Ray;
     use crate::testing::Random;
 
     fn hit(origin: [f32; 3], direction: [f32; 3], radius: f32) -> Option<f32> {
-        intersect(&Ray::new(origin.into(), direction.into()), Vec3::ZERO, radius, f32::INFINITY)
+        intersect(&Ray::new(origin.into(), direction.into()).prepare(), Vec3::ZERO, radius, f32::INFINITY)
     }
 
     #[test]
@@ -101,8 +79,8 @@ mod tests {
     #[test]
     fn the_end_counts() {
         let ray = Ray::new(Vec3::Z * 5.0, -Vec3::Z);
-        assert_eq!(intersect(&ray, Vec3::ZERO, 2.0, 3.0), Some(3.0));
-        assert_eq!(intersect(&ray, Vec3::ZERO, 2.0, 3.0_f32.next_down()), None);
+        assert_eq!(intersect(&ray.prepare(), Vec3::ZERO, 2.0, 3.0), Some(3.0));
+        assert_eq!(intersect(&ray.prepare(), Vec3::ZERO, 2.0, 3.0_f32.next_down()), None);
     }
 
     #[test]
@@ -122,7 +100,7 @@ mod tests {
             let c = random.vector();
             let distance = c.z.hypot((c.x - c.y) / 2f32.sqrt());
             if (distance - 1.0).abs() > 1e-6 {
-                let hit = intersect(&ray, c, 1.0, f32::INFINITY);
+                let hit = intersect(&ray.prepare(), c, 1.0, f32::INFINITY);
                 assert_eq!(hit.is_some(), distance < 1.0, "{c}");
             }
         }
@@ -167,7 +145,7 @@ mod tests {
             let f = [0, 1, 2].map(|i| origin[i] - center[i]);
             let (a, b, c) = (dot(d, d), -dot(f, d), dot(f, f) - radius * radius);
             let ray = Ray::new(float(origin), float(d));
-            let t = intersect(&ray, float(center), radius as f32, f32::INFINITY);
+            let t = intersect(&ray.prepare(), float(center), radius as f32, f32::INFINITY);
             // a t² − 2 b t + c = 0 has a root above 0: inside, or ahead with b² ≥ a c.
             let exists = a > 0 && (c < 0 || (b > 0 && b * b >= a * c));
             assert_eq!(t.is_some(), exists, "{ray:?}");

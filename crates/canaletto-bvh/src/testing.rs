@@ -3,8 +3,8 @@
 
 use glam::{Vec3, Vec3Swizzles};
 
-use crate::triangle::TriangleRay;
-use crate::{Aabb, Bvh, Ray, sphere};
+use crate::triangle::{self, Triangle};
+use crate::{Aabb, Bvh, PreparedRay, Ray, sphere};
 
 /// Marsaglia's xorshift.
 pub(crate) struct Random(pub(crate) u64);
@@ -55,9 +55,11 @@ impl Primitive {
         }
     }
 
-    pub(crate) fn intersect(&self, ray: &Ray, prepared: &TriangleRay, t_max: f32) -> Option<(f32, f32, f32)> {
+    pub(crate) fn intersect(&self, ray: &PreparedRay, t_max: f32) -> Option<(f32, f32, f32)> {
         match *self {
-            Self::Triangle([a, b, c]) => prepared.intersect(a, b, c, t_max).map(|hit| (hit.t, hit.u, hit.v)),
+            Self::Triangle(corners) => {
+                triangle::intersect(ray, &Triangle::new(corners), t_max).map(|hit| (hit.t, hit.u, hit.v))
+            }
             Self::Sphere(center, radius) => sphere::intersect(ray, center, radius, t_max).map(|t| (t, 0.0, 0.0)),
         }
     }
@@ -69,11 +71,11 @@ pub(crate) fn tree(scene: &[Primitive]) -> Bvh {
 
 /// The nearest hit, of equally near ones that of the lowest id.
 pub(crate) fn nearest(scene: &[Primitive], ids: &[u32], ray: &Ray, t_max: f32) -> Option<Hit> {
-    let prepared = TriangleRay::new(ray);
+    let ray = ray.prepare();
     let mut best: Option<Hit> = None;
     for &id in ids {
         let limit = best.map_or(t_max, |best| best.0);
-        if let Some((t, u, v)) = scene[id as usize].intersect(ray, &prepared, limit)
+        if let Some((t, u, v)) = scene[id as usize].intersect(&ray, limit)
             && best.is_none_or(|best| t < best.0 || id < best.3)
         {
             best = Some((t, u, v, id));
@@ -86,7 +88,7 @@ pub(crate) fn nearest(scene: &[Primitive], ids: &[u32], ray: &Ray, t_max: f32) -
 pub(crate) fn nearest_in_tree(scene: &[Primitive], bvh: &Bvh, ray: &Ray, t_max: f32) -> (Option<Hit>, Vec<u32>) {
     let mut best: Option<Hit> = None;
     let mut visits = Vec::new();
-    bvh.intersect(ray, t_max, |leaf, t_max| {
+    bvh.intersect(&ray.prepare(), t_max, |leaf, t_max| {
         visits.push(leaf.start);
         let ids = &bvh.order()[leaf.start as usize..leaf.end as usize];
         if let Some(hit) = nearest(scene, ids, ray, *t_max)

@@ -49,4 +49,4 @@ pub mod scene;
 pub mod shape;
 pub mod world;
 
-pub use canaletto_bvh::{Aabb, Ray};
+pub use canaletto_bvh::{Aabb, PreparedRay, Ray};

@@ -5,8 +5,8 @@
 
 use super::{Surface, solve, triangle};
 use crate::math::Rgb;
-use canaletto_bvh::Aabb;
-use canaletto_bvh::triangle::TriangleRay;
+use canaletto_bvh::triangle::{self as kernel, Triangle};
+use canaletto_bvh::{Aabb, PreparedRay};
 use glam::{DVec3, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
@@ -61,9 +61,8 @@ impl Mesh {
     }
 
     /// The hit of triangle `i` as (t, u, v) with 0 < t ≤ t_max, if the ray meets it from a side that counts.
-    pub fn intersect_triangle(&self, i: usize, ray: &TriangleRay, t_max: f32) -> Option<(f32, f32, f32)> {
-        let [a, b, c] = self.corners(i);
-        let hit = ray.intersect(a, b, c, t_max)?;
+    pub fn intersect_triangle(&self, i: usize, ray: &PreparedRay, t_max: f32) -> Option<(f32, f32, f32)> {
+        let hit = kernel::intersect(ray, &Triangle::new(self.corners(i)), t_max)?;
         (hit.front || !self.one_sided).then_some((hit.t, hit.u, hit.v))
     }
 

@@ -111,11 +111,11 @@ fn uvs_and_colours_are_interpolated() {
 #[test]
 fn one_sided_meshes_are_not_met_from_behind() {
     let mut mesh = tent();
-    let up = TriangleRay::new(&Ray::new(Vec3::new(0.25, -5.0, 0.25), Vec3::Y));
+    let up = Ray::new(Vec3::new(0.25, -5.0, 0.25), Vec3::Y).prepare();
     assert!(mesh.intersect_triangle(0, &up, f32::INFINITY).is_some());
     mesh.one_sided = true;
     assert!(mesh.intersect_triangle(0, &up, f32::INFINITY).is_none());
-    assert!(mesh.intersect_triangle(0, &TriangleRay::new(&down()), f32::INFINITY).is_some());
+    assert!(mesh.intersect_triangle(0, &down().prepare(), f32::INFINITY).is_some());
 }
 
 #[test]

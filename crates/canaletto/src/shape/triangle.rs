@@ -5,8 +5,7 @@
 use super::solve;
 use super::{ShapeHit, Surface};
 use crate::math::{Line, Transform};
-use canaletto_bvh::triangle::TriangleRay;
-use canaletto_bvh::{Aabb, Ray};
+use canaletto_bvh::{Aabb, Ray, triangle as kernel};
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
@@ -26,7 +25,8 @@ pub struct Triangle {
 impl Triangle {
     /// The hit, if the triangle is met at a t in (0, t_max] and from a side that counts.
     pub fn intersect(&self, ray: &Ray, t_max: f32) -> Option<ShapeHit> {
-        let hit = TriangleRay::new(ray).intersect(self.a, self.b, self.c, t_max)?;
+        let corners = kernel::Triangle::new([self.a, self.b, self.c]);
+        let hit = kernel::intersect(&ray.prepare(), &corners, t_max)?;
         (hit.front || !self.one_sided).then_some(ShapeHit { t: hit.t, part: 0, uv: [hit.u, hit.v] })
     }
 

@@ -3,9 +3,8 @@
 use super::Census;
 use crate::math::Line;
 use crate::shape::{CylinderCloud, Mesh, Shape, ShapeHit, SphereCloud, Surface};
-use canaletto_bvh::sphere::{self, SphereRay};
-use canaletto_bvh::triangle::TriangleRay;
-use canaletto_bvh::{Aabb, Bvh, Ray};
+use canaletto_bvh::triangle::{self, Triangle};
+use canaletto_bvh::{Aabb, Bvh, PreparedRay, sphere};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -22,7 +21,7 @@ pub(super) enum Primitives {
     /// Single shapes of any kind, with the object and material (or [`super::instance::NONE`]) of each, by id.
     Shapes { slots: Vec<Shape>, shapes: Vec<Shape>, objects: Vec<u32>, materials: Vec<u32> },
     /// A mesh; corners are stored once more in slot order, since that is what rays read.
-    Mesh { slots: Vec<[Vec3; 3]>, mesh: Mesh },
+    Mesh { slots: Vec<Triangle>, mesh: Mesh },
     /// A cloud of spheres, its lists in id order; centre and radius in slot order.
     Spheres { slots: Vec<(Vec3, f32)>, cloud: SphereCloud },
     /// A cloud of cylinders.
@@ -51,11 +50,17 @@ impl Nearest {
 }
 
 /// [`Shape::intersect`], with spheres, the most frequent shape, on the prepared ray.
-fn meet(shape: &Shape, ray: &Ray, sphere_ray: &SphereRay, t_max: f32) -> Option<ShapeHit> {
+#[inline]
+fn meet(shape: &Shape, ray: &PreparedRay, t_max: f32) -> Option<ShapeHit> {
     match shape {
-        Shape::Sphere(s) => sphere_ray.intersect(s.center, s.radius, t_max).map(plain),
-        other => other.intersect(ray, t_max),
+        Shape::Sphere(s) => sphere::intersect(ray, s.center, s.radius, t_max).map(plain),
+        other => meet_other(other, ray, t_max),
     }
+}
+
+#[inline(never)]
+fn meet_other(shape: &Shape, ray: &PreparedRay, t_max: f32) -> Option<ShapeHit> {
+    shape.intersect(&ray.ray, t_max)
 }
 
 /// A hit that needs no more than t.
@@ -80,7 +85,7 @@ impl Geometry {
         let bounds: Vec<Aabb> =
             (0..mesh.triangles.len()).into_par_iter().map(|id| Aabb::from_points(corners(id))).collect();
         let bvh = Bvh::build(&bounds)?;
-        let slots = bvh.order().par_iter().map(|&id| corners(id as usize)).collect();
+        let slots = bvh.order().par_iter().map(|&id| Triangle::new(corners(id as usize))).collect();
         Ok(Geometry { bvh, primitives: Primitives::Mesh { slots, mesh } })
     }
 
@@ -115,16 +120,15 @@ impl Geometry {
     }
 
     /// The nearest hit at or before `t_max` (ties with a hit elsewhere are the caller's).
-    pub(super) fn intersect(&self, ray: &Ray, t_max: f32) -> Option<Nearest> {
+    pub(super) fn intersect(&self, ray: &PreparedRay, t_max: f32) -> Option<Nearest> {
         let mut nearest = Nearest { t: t_max, primitive: NO_PRIMITIVE, part: 0, uv: [0.0; 2] };
         let order = self.bvh.order();
         let (nearest_ref, bvh) = (&mut nearest, &self.bvh);
         match &self.primitives {
             Primitives::Shapes { slots, .. } | Primitives::Cylinders { slots, .. } => {
-                let sphere_ray = SphereRay::new(ray);
                 bvh.intersect(ray, t_max, |leaf, t_max| {
                     for slot in leaf.map(|s| s as usize) {
-                        if let Some(hit) = meet(&slots[slot], ray, &sphere_ray, *t_max) {
+                        if let Some(hit) = meet(&slots[slot], ray, *t_max) {
                             nearest_ref.offer(hit, order[slot]);
                             *t_max = nearest_ref.t;
                         }
@@ -132,11 +136,9 @@ impl Geometry {
                 });
             }
             Primitives::Mesh { slots, mesh } => {
-                let triangle_ray = TriangleRay::new(ray);
                 bvh.intersect(ray, t_max, |leaf, t_max| {
                     for slot in leaf.map(|s| s as usize) {
-                        let [a, b, c] = slots[slot];
-                        if let Some(hit) = triangle_ray.intersect(a, b, c, *t_max)
+                        if let Some(hit) = triangle::intersect(ray, &slots[slot], *t_max)
                             && (hit.front || !mesh.one_sided)
                         {
                             nearest_ref.offer(ShapeHit { t: hit.t, part: 0, uv: [hit.u, hit.v] }, order[slot]);
@@ -146,11 +148,10 @@ impl Geometry {
                 });
             }
             Primitives::Spheres { slots, .. } => {
-                let sphere_ray = SphereRay::new(ray);
                 bvh.intersect(ray, t_max, |leaf, t_max| {
                     for slot in leaf.map(|s| s as usize) {
                         let (center, radius) = slots[slot];
-                        if let Some(t) = sphere_ray.intersect(center, radius, *t_max) {
+                        if let Some(t) = sphere::intersect(ray, center, radius, *t_max) {
                             nearest_ref.offer(plain(t), order[slot]);
                             *t_max = nearest_ref.t;
                         }
@@ -162,55 +163,41 @@ impl Geometry {
     }
 
     /// Whether any primitive that `blocks` is met at or before `t_max`.
-    pub(super) fn occluded(&self, ray: &Ray, t_max: f32, mut blocks: impl FnMut(u32) -> bool) -> bool {
+    pub(super) fn occluded(&self, ray: &PreparedRay, t_max: f32, mut blocks: impl FnMut(u32) -> bool) -> bool {
         let order = self.bvh.order();
         let bvh = &self.bvh;
 
         match &self.primitives {
             Primitives::Shapes { slots, .. } | Primitives::Cylinders { slots, .. } => {
-                let sphere_ray = SphereRay::new(ray);
                 bvh.occluded(ray, t_max, |leaf| {
-                    leaf.map(|s| s as usize)
-                        .any(|slot| meet(&slots[slot], ray, &sphere_ray, t_max).is_some() && blocks(order[slot]))
+                    leaf.map(|s| s as usize).any(|slot| meet(&slots[slot], ray, t_max).is_some() && blocks(order[slot]))
                 })
             }
-            Primitives::Mesh { slots, mesh } => {
-                let triangle_ray = TriangleRay::new(ray);
-                bvh.occluded(ray, t_max, |leaf| {
-                    leaf.map(|s| s as usize).any(|slot| {
-                        let [a, b, c] = slots[slot];
-                        triangle_ray.intersect(a, b, c, t_max).is_some_and(|hit| hit.front || !mesh.one_sided)
-                            && blocks(order[slot])
-                    })
+            Primitives::Mesh { slots, mesh } => bvh.occluded(ray, t_max, |leaf| {
+                leaf.map(|s| s as usize).any(|slot| {
+                    triangle::intersect(ray, &slots[slot], t_max).is_some_and(|hit| hit.front || !mesh.one_sided)
+                        && blocks(order[slot])
                 })
-            }
-            Primitives::Spheres { slots, .. } => {
-                let sphere_ray = SphereRay::new(ray);
-                bvh.occluded(ray, t_max, |leaf| {
-                    leaf.map(|s| s as usize).any(|slot| {
-                        sphere_ray.intersect(slots[slot].0, slots[slot].1, t_max).is_some() && blocks(order[slot])
-                    })
+            }),
+            Primitives::Spheres { slots, .. } => bvh.occluded(ray, t_max, |leaf| {
+                leaf.map(|s| s as usize).any(|slot| {
+                    sphere::intersect(ray, slots[slot].0, slots[slot].1, t_max).is_some() && blocks(order[slot])
                 })
-            }
+            }),
         }
     }
 
     /// The same question answered by trying every primitive: the oracle that the hierarchy is tested against.
-    pub(super) fn intersect_brute_force(&self, ray: &Ray, t_max: f32) -> Option<Nearest> {
+    pub(super) fn intersect_brute_force(&self, ray: &PreparedRay, t_max: f32) -> Option<Nearest> {
         let mut nearest = Nearest { t: t_max, primitive: NO_PRIMITIVE, part: 0, uv: [0.0; 2] };
-        let triangle_ray = TriangleRay::new(ray);
         for (slot, &id) in self.bvh.order().iter().enumerate() {
             let hit = match &self.primitives {
                 Primitives::Shapes { slots, .. } | Primitives::Cylinders { slots, .. } => {
-                    slots[slot].intersect(ray, nearest.t)
+                    slots[slot].intersect(&ray.ray, nearest.t)
                 }
-                Primitives::Mesh { slots, mesh } => {
-                    let [a, b, c] = slots[slot];
-                    triangle_ray
-                        .intersect(a, b, c, nearest.t)
-                        .filter(|hit| hit.front || !mesh.one_sided)
-                        .map(|hit| ShapeHit { t: hit.t, part: 0, uv: [hit.u, hit.v] })
-                }
+                Primitives::Mesh { slots, mesh } => triangle::intersect(ray, &slots[slot], nearest.t)
+                    .filter(|hit| hit.front || !mesh.one_sided)
+                    .map(|hit| ShapeHit { t: hit.t, part: 0, uv: [hit.u, hit.v] }),
                 Primitives::Spheres { slots, .. } => {
                     sphere::intersect(ray, slots[slot].0, slots[slot].1, nearest.t).map(plain)
                 }
@@ -244,7 +231,7 @@ impl Geometry {
             }
             Primitives::Mesh { slots, mesh } => {
                 census.triangles += n;
-                list(36, slots.len())
+                list(size_of::<Triangle>(), slots.len())
                     + list(12, mesh.positions.len() + mesh.normals.len() + mesh.colors.len() + mesh.triangles.len())
                     + list(8, mesh.uvs.len())
                     + list(4, mesh.slots.len())

@@ -1,7 +1,7 @@
 //! Instances: geometries placed in the world.
 
 use crate::math::{Line, Transform};
-use canaletto_bvh::{Aabb, Ray};
+use canaletto_bvh::{Aabb, PreparedRay};
 
 /// No index.
 pub(super) const NONE: u32 = u32::MAX;
@@ -24,11 +24,12 @@ pub(super) struct Instance {
 }
 
 impl Instance {
-    /// The ray in the geometry's space. Its parameter t stays the same: the direction isn't normalised.
-    pub(super) fn local_ray(&self, ray: &Ray) -> Ray {
+    /// Calls `f` with the ray in the geometry's space. Its parameter t stays the same: the direction isn't normalised.
+    #[inline]
+    pub(super) fn with_local_ray<T>(&self, ray: &PreparedRay, f: impl FnOnce(&PreparedRay) -> T) -> T {
         match &self.to_world {
-            None => *ray,
-            Some(_) => self.local_line(Line::from(ray)).rounded(),
+            None => f(ray),
+            Some(_) => f(&self.local_line(Line::from(&ray.ray)).rounded().prepare()),
         }
     }
 

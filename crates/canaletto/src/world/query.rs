@@ -7,7 +7,7 @@ use crate::integrator::Probe;
 use crate::material::Material;
 use crate::math::{Line, offset_origin};
 use crate::shape::{ShapeHit, Surface};
-use canaletto_bvh::Ray;
+use canaletto_bvh::{PreparedRay, Ray};
 
 /// The first stage of a hit: where, and on what. [`World::surface`] is the second stage.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,7 +61,7 @@ impl World {
         })
     }
 
-    fn nearest(&self, ray: &Ray, t_max: f32, instances: impl FnOnce(&World, &Ray, Hit) -> Hit) -> Option<Hit> {
+    fn nearest(&self, ray: &Ray, t_max: f32, instances: impl FnOnce(&World, &PreparedRay, Hit) -> Hit) -> Option<Hit> {
         let mut best = Hit { t: t_max, instance: NONE, primitive: NO_PRIMITIVE, part: 0, uv: [0.0; 2] };
         for (index, (shape, ..)) in self.unbounded.iter().enumerate() {
             if let Some(ShapeHit { t, part, uv }) = shape.intersect(ray, best.t) {
@@ -71,20 +71,22 @@ impl World {
                 }
             }
         }
-        let best = instances(self, ray, best);
+        let best = instances(self, &ray.prepare(), best);
         (best.primitive != NO_PRIMITIVE).then_some(best)
     }
 
     fn try_instance(
         &self,
-        ray: &Ray,
+        ray: &PreparedRay,
         index: u32,
         best: &mut Hit,
-        intersect: impl Fn(&super::Geometry, &Ray, f32) -> Option<Nearest>,
+        intersect: impl Fn(&super::Geometry, &PreparedRay, f32) -> Option<Nearest>,
     ) {
         let instance = &self.instances[index as usize];
         let geometry = &self.geometries[instance.geometry as usize];
-        if let Some(Nearest { t, primitive, part, uv }) = intersect(geometry, &instance.local_ray(ray), best.t) {
+        if let Some(Nearest { t, primitive, part, uv }) =
+            instance.with_local_ray(ray, |ray| intersect(geometry, ray, best.t))
+        {
             let hit = Hit { t, instance: index, primitive, part, uv };
             if hit.nearer_than(best.t, best.instance, best.primitive) {
                 *best = hit;
@@ -133,15 +135,18 @@ impl World {
 
     fn occluded_by_opaque(&self, ray: &Ray, t_max: f32) -> bool {
         let opaque = |hit: Hit| !self.has_clear || self.material(&hit).phong.opacity >= 1.0;
+        let prepared = &ray.prepare();
         let on = |instance: u32, primitive: u32| Hit { t: 0.0, instance, primitive, part: 0, uv: [0.0; 2] };
         self.unbounded.iter().enumerate().any(|(index, (shape, ..))| {
             shape.intersect(ray, t_max).is_some() && opaque(on(Hit::UNBOUNDED, index as u32))
-        }) || self.top.occluded(ray, t_max, |leaf| {
+        }) || self.top.occluded(prepared, t_max, |leaf| {
             leaf.into_iter().any(|slot| {
                 let index = self.top.order()[slot as usize];
                 let instance = &self.instances[index as usize];
                 let geometry = &self.geometries[instance.geometry as usize];
-                geometry.occluded(&instance.local_ray(ray), t_max, |primitive| opaque(on(index, primitive)))
+                instance.with_local_ray(prepared, |ray| {
+                    geometry.occluded(ray, t_max, |primitive| opaque(on(index, primitive)))
+                })
             })
         })
     }
