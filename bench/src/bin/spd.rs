@@ -1,7 +1,7 @@
 //! Ray counts on Eric Haines' Standard Procedural Databases beside the published ones, at 513 × 513.
 //!
-//! Total reflection spawns one ray more here than there: the mirrored one with factor k and the one inside with factor
-//! 1 − o are traced apart, which shows in gears.
+//! At total reflection the mirrored ray (factor k) and the one inside (1 − o) are traced apart here, which is probably why
+//! gears has more reflected rays than published.
 //!
 //! The rules of the databases' Readme: one ray for each corner of 512 × 512 pixels, trees 5 deep, and transmitters spawn
 //! reflected rays as well, whatever their specular coefficient.
