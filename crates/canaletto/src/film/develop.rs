@@ -1,6 +1,6 @@
 //! From linear light to the numbers that a display file holds.
 
-use super::Picture;
+use super::{Picture, srgb};
 use crate::math::Rgb;
 use crate::scene::{Tone, Transfer};
 use rayon::prelude::*;
@@ -14,18 +14,27 @@ pub fn develop(picture: &Picture, tone: Tone, transfer: Transfer) -> Vec<Rgb> {
             if largest > 1.0 { 1.0 / largest } else { 1.0 }
         }
     };
-    picture.pixels.par_iter().map(|&c| display(c * scale, transfer)).collect()
+    let mut shown: Vec<Rgb> = picture.pixels.par_iter().map(|&c| c * scale).collect();
+    shown.par_chunks_mut(4096).for_each(|part| display_all(part, transfer));
+    shown
 }
 
-/// One colour as a display value: cut to [0, 1], then encoded.
-pub(crate) fn display(color: Rgb, transfer: Transfer) -> Rgb {
-    color.map(|v| {
-        let v = if v.is_nan() { 0.0 } else { v.clamp(0.0, 1.0) };
-        match transfer {
-            Transfer::None => v,
-            Transfer::Srgb => srgb_encode(v),
+/// Turns colours into display values: cut to [0, 1], then encoded.
+pub(crate) fn display_all(colors: &mut [Rgb], transfer: Transfer) {
+    let cut = |v: f32| if v.is_nan() { 0.0 } else { v.clamp(0.0, 1.0) };
+    for part in colors.chunks_mut(16) {
+        let mut values = [0.0; 48];
+        let values = &mut values[..3 * part.len()];
+        for (v, color) in values.chunks_exact_mut(3).zip(part.iter()) {
+            v.copy_from_slice(&color.to_array().map(cut));
         }
-    })
+        if transfer == Transfer::Srgb {
+            srgb::encode_all(values);
+        }
+        for (color, v) in part.iter_mut().zip(values.chunks_exact(3)) {
+            *color = Rgb::new(v[0], v[1], v[2]);
+        }
+    }
 }
 
 /// The sRGB curve (IEC 61966-2-1) for a linear value in [0, 1].

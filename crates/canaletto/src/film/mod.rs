@@ -3,8 +3,9 @@
 mod develop;
 mod filter;
 mod picture;
+mod srgb;
 
-pub(crate) use develop::display;
+pub(crate) use develop::display_all;
 pub use develop::{develop, srgb_encode};
 pub use filter::FilterTable;
 pub use picture::{Layer, Picture};

@@ -1,7 +1,7 @@
 //! A pixel from its samples (5.6): a pure function of world, job and pixel.
 
 use super::Job;
-use crate::film::{FilterTable, display};
+use crate::film::{FilterTable, display_all};
 use crate::integrator::{Probe, Whitted};
 use crate::math::Rgb;
 use crate::sampler::Sampler;
@@ -95,7 +95,9 @@ impl<'a> PixelRenderer<'a> {
         const PLACES: [[f64; 2]; 5] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [0.5, 0.5]];
         let positions = PLACES.map(|[dx, dy]| [corner[0] + dx, corner[1] + dy]);
         let colors = positions.map(|position| self.sample(whitted, position, 1.0, &mut ()));
-        let shown = colors.map(|c| display(c, self.job.film.transfer).to_array());
+        let mut shown = colors;
+        display_all(&mut shown, self.job.film.transfer);
+        let shown = shown.map(Rgb::to_array);
         let contrast = (0..3).map(|channel| {
             let values = shown.map(|c| c[channel]);
             values.into_iter().fold(0.0, f32::max) - values.into_iter().fold(1.0, f32::min)
