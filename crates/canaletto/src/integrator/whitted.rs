@@ -10,7 +10,7 @@ use crate::material::{MaterialPoint, reflect, refract};
 use crate::math::{Line, Rgb, offset_origin};
 use crate::scene::{IntegratorSettings, Stage};
 use crate::shape::Surface;
-use crate::world::World;
+use crate::world::{Blocker, World};
 use canaletto_bvh::Ray;
 use glam::DVec3;
 
@@ -26,6 +26,8 @@ pub struct Whitted<'w> {
     gave_up: bool,
     /// Child rays until it is asked again.
     patience: u32,
+    /// What stood in each light's way last.
+    blockers: Vec<Blocker>,
 }
 
 /// How many child rays are followed before somebody is asked whether they are still wanted.
@@ -59,7 +61,15 @@ struct Shading<'a> {
 impl<'w> Whitted<'w> {
     /// An integrator that has traced nothing yet.
     pub fn new(world: &'w World, settings: IntegratorSettings) -> Whitted<'w> {
-        Whitted { world, settings, counts: RayCounts::default(), cancelled: None, gave_up: false, patience: PATIENCE }
+        Whitted {
+            world,
+            settings,
+            counts: RayCounts::default(),
+            cancelled: None,
+            gave_up: false,
+            patience: PATIENCE,
+            blockers: vec![Blocker::NONE; world.lights.len()],
+        }
     }
 
     /// The same integrator, which asks now and then, with the rays traced so far, whether to give up: a single pixel between mirrors and clear bodies
@@ -188,10 +198,6 @@ impl<'w> Whitted<'w> {
         }
         let stage = self.settings.stage;
         term.diffuse = at.material.diffuse(arriving.intensity, n_dot_l); // (5.32b)
-        if stage >= Stage::Specular && !phong.ks.is_black() {
-            let lit = (arriving.intensity * phong.ks).saturated();
-            term.specular = lit * phong.highlight(term.r_dot_l); // (5.38)
-        }
         term.f_s = 1.0;
         if stage >= Stage::Shadow && self.settings.shadows && source.light.shadows {
             let start = if at.outside { at.surface.lifted } else { at.surface.point };
@@ -201,9 +207,15 @@ impl<'w> Whitted<'w> {
                 Some(position) => (position - origin, 1.0 - f32::EPSILON),
                 None => (arriving.direction.as_vec3(), f32::INFINITY),
             };
-            term.f_s = self.world.transmittance(&Ray { origin, direction }, t_max, probe);
+            term.f_s =
+                self.world.transmittance(&Ray { origin, direction }, t_max, &mut self.blockers[light as usize], probe);
             self.counts.shadow.traced += 1;
             self.counts.shadow.hit += u64::from(term.f_s == 0.0);
+        }
+        // In shadow a highlight is black, and only a probe wants to know more.
+        if (P::ACTIVE || term.f_s > 0.0) && stage >= Stage::Specular && !phong.ks.is_black() {
+            let lit = (arriving.intensity * phong.ks).saturated();
+            term.specular = lit * phong.highlight(term.r_dot_l); // (5.38)
         }
         term.contribution = (term.diffuse + term.specular).saturated() * term.f_s; // (5.39a)
         term

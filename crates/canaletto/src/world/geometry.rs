@@ -7,6 +7,7 @@ use canaletto_bvh::triangle::{self, Triangle};
 use canaletto_bvh::{Aabb, Bvh, PreparedRay, sphere};
 use glam::Vec3;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Primitives of one kind under one hierarchy: the second level. Primitive ids are positions in the description;
 /// slots are positions in leaf order.
@@ -61,6 +62,17 @@ fn meet(shape: &Shape, ray: &PreparedRay, t_max: f32) -> Option<ShapeHit> {
 #[inline(never)]
 fn meet_other(shape: &Shape, ray: &PreparedRay, t_max: f32) -> Option<ShapeHit> {
     shape.intersect(&ray.ray, t_max)
+}
+
+#[inline]
+fn meets_triangle(triangle: &Triangle, mesh: &Mesh, ray: &PreparedRay, t_max: f32) -> bool {
+    triangle::intersect(ray, triangle, t_max).is_some_and(|hit| hit.front || !mesh.one_sided)
+}
+
+/// The first slot of a leaf for which `met` holds.
+#[inline]
+fn first(leaf: Range<u32>, mut met: impl FnMut(usize) -> bool) -> Option<u32> {
+    leaf.into_iter().find(|&slot| met(slot as usize))
 }
 
 /// A hit that needs no more than t.
@@ -162,28 +174,40 @@ impl Geometry {
         (nearest.primitive != NO_PRIMITIVE).then_some(nearest)
     }
 
-    /// Whether any primitive that `blocks` is met at or before `t_max`.
-    pub(super) fn occluded(&self, ray: &PreparedRay, t_max: f32, mut blocks: impl FnMut(u32) -> bool) -> bool {
+    /// The slot of a primitive that is met at or before `t_max` and `blocks`, if there is one.
+    pub(super) fn occluded(&self, ray: &PreparedRay, t_max: f32, mut blocks: impl FnMut(u32) -> bool) -> Option<u32> {
         let order = self.bvh.order();
-        let bvh = &self.bvh;
-
+        let mut blocker = None;
         match &self.primitives {
             Primitives::Shapes { slots, .. } | Primitives::Cylinders { slots, .. } => {
-                bvh.occluded(ray, t_max, |leaf| {
-                    leaf.map(|s| s as usize).any(|slot| meet(&slots[slot], ray, t_max).is_some() && blocks(order[slot]))
+                self.bvh.occluded(ray, t_max, |leaf| {
+                    blocker = first(leaf, |slot| meet(&slots[slot], ray, t_max).is_some() && blocks(order[slot]));
+                    blocker.is_some()
                 })
             }
-            Primitives::Mesh { slots, mesh } => bvh.occluded(ray, t_max, |leaf| {
-                leaf.map(|s| s as usize).any(|slot| {
-                    triangle::intersect(ray, &slots[slot], t_max).is_some_and(|hit| hit.front || !mesh.one_sided)
-                        && blocks(order[slot])
-                })
+            Primitives::Mesh { slots, mesh } => self.bvh.occluded(ray, t_max, |leaf| {
+                blocker = first(leaf, |slot| meets_triangle(&slots[slot], mesh, ray, t_max) && blocks(order[slot]));
+                blocker.is_some()
             }),
-            Primitives::Spheres { slots, .. } => bvh.occluded(ray, t_max, |leaf| {
-                leaf.map(|s| s as usize).any(|slot| {
+            Primitives::Spheres { slots, .. } => self.bvh.occluded(ray, t_max, |leaf| {
+                blocker = first(leaf, |slot| {
                     sphere::intersect(ray, slots[slot].0, slots[slot].1, t_max).is_some() && blocks(order[slot])
-                })
+                });
+                blocker.is_some()
             }),
+        };
+        blocker
+    }
+
+    /// Whether the primitive in this slot is met at or before `t_max`.
+    pub(super) fn blocks(&self, slot: u32, ray: &PreparedRay, t_max: f32) -> bool {
+        let slot = slot as usize;
+        match &self.primitives {
+            Primitives::Shapes { slots, .. } | Primitives::Cylinders { slots, .. } => {
+                meet(&slots[slot], ray, t_max).is_some()
+            }
+            Primitives::Mesh { slots, mesh } => meets_triangle(&slots[slot], mesh, ray, t_max),
+            Primitives::Spheres { slots, .. } => sphere::intersect(ray, slots[slot].0, slots[slot].1, t_max).is_some(),
         }
     }
 

@@ -7,7 +7,7 @@ mod instance;
 mod query;
 
 pub use build::BuildError;
-pub use query::Hit;
+pub use query::{Blocker, Hit};
 
 use crate::light::Source;
 use crate::material::Material;

@@ -24,6 +24,19 @@ pub struct Hit {
     pub uv: [f32; 2],
 }
 
+/// Something opaque that stood in a light's way. A hint: it changes no answer.
+#[derive(Clone, Copy, Debug)]
+pub struct Blocker {
+    instance: u32,
+    /// In leaf order.
+    slot: u32,
+}
+
+impl Blocker {
+    /// Nothing so far.
+    pub const NONE: Blocker = Blocker { instance: NONE, slot: 0 };
+}
+
 impl Hit {
     /// The instance number of shapes without bounds. The largest, so that ties go to shapes with bounds.
     pub const UNBOUNDED: u32 = u32::MAX;
@@ -94,14 +107,15 @@ impl World {
         }
     }
 
-    /// f_s of (5.39a): the product of 1 − o over the surfaces between the ray's origin and `t_max`.
-    pub fn transmittance<P: Probe>(&self, ray: &Ray, t_max: f32, probe: &mut P) -> f32 {
+    /// f_s of (5.39a): the product of 1 − o over the surfaces between the ray's origin and `t_max`. `last` is what blocked
+    /// the light before, which often blocks it again.
+    pub fn transmittance<P: Probe>(&self, ray: &Ray, t_max: f32, last: &mut Blocker, probe: &mut P) -> f32 {
         // Anything opaque in between settles it; only a recording probe wants to know what stands in which order.
-        let blocked = self.occluded_by_opaque(ray, t_max);
+        let (blocked, clear) = self.between(ray, t_max, last);
         if blocked && !P::ACTIVE {
             return 0.0;
         }
-        if !blocked && !self.has_clear {
+        if !blocked && !clear {
             return 1.0;
         }
         let mut passed = 1.0;
@@ -133,22 +147,42 @@ impl World {
     /// The most clear surfaces that a shadow ray passes; light beyond them arrives as it is.
     const MAX_CROSSINGS: usize = 1 << 16;
 
-    fn occluded_by_opaque(&self, ray: &Ray, t_max: f32) -> bool {
-        let opaque = |hit: Hit| !self.has_clear || self.material(&hit).phong.opacity >= 1.0;
+    /// Whether anything opaque stands before `t_max`; and if not, whether anything clear does.
+    fn between(&self, ray: &Ray, t_max: f32, last: &mut Blocker) -> (bool, bool) {
         let prepared = &ray.prepare();
-        let on = |instance: u32, primitive: u32| Hit { t: 0.0, instance, primitive, part: 0, uv: [0.0; 2] };
-        self.unbounded.iter().enumerate().any(|(index, (shape, ..))| {
-            shape.intersect(ray, t_max).is_some() && opaque(on(Hit::UNBOUNDED, index as u32))
-        }) || self.top.occluded(prepared, t_max, |leaf| {
-            leaf.into_iter().any(|slot| {
-                let index = self.top.order()[slot as usize];
-                let instance = &self.instances[index as usize];
-                let geometry = &self.geometries[instance.geometry as usize];
-                instance.with_local_ray(prepared, |ray| {
-                    geometry.occluded(ray, t_max, |primitive| opaque(on(index, primitive)))
+        if let Some(instance) = self.instances.get(last.instance as usize) {
+            let geometry = &self.geometries[instance.geometry as usize];
+            if instance.with_local_ray(prepared, |ray| geometry.blocks(last.slot, ray, t_max)) {
+                return (true, false);
+            }
+            // Once past its shadow's border it would be tried in vain.
+            *last = Blocker::NONE;
+        }
+        let mut clear = false;
+        let mut opaque = |instance: u32, primitive: u32| {
+            let hit = Hit { t: 0.0, instance, primitive, part: 0, uv: [0.0; 2] };
+            let opaque = !self.has_clear || self.material(&hit).phong.opacity >= 1.0;
+            clear |= !opaque;
+            opaque
+        };
+        let blocked =
+            self.unbounded.iter().enumerate().any(|(index, (shape, ..))| {
+                shape.intersect(ray, t_max).is_some() && opaque(Hit::UNBOUNDED, index as u32)
+            }) || self.top.occluded(prepared, t_max, |leaf| {
+                leaf.into_iter().any(|slot| {
+                    let index = self.top.order()[slot as usize];
+                    let instance = &self.instances[index as usize];
+                    let geometry = &self.geometries[instance.geometry as usize];
+                    let slot = instance.with_local_ray(prepared, |ray| {
+                        geometry.occluded(ray, t_max, |primitive| opaque(index, primitive))
+                    });
+                    if let Some(slot) = slot {
+                        *last = Blocker { instance: index, slot };
+                    }
+                    slot.is_some()
                 })
-            })
-        })
+            });
+        (blocked, clear)
     }
 
     /// The second stage: the surface at a hit of this line's ray.
