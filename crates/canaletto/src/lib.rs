@@ -47,6 +47,7 @@ pub mod render;
 pub mod sampler;
 pub mod scene;
 pub mod shape;
+pub mod texture;
 pub mod world;
 
 pub use canaletto_bvh::{Aabb, PreparedRay, Ray};

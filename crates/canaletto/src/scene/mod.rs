@@ -15,9 +15,10 @@ pub use node::{Content, Node};
 use crate::material::Material;
 use crate::math::Rgb;
 use crate::shape::{CylinderCloud, Mesh, SphereCloud};
+use crate::texture::{Image, Texture};
 use serde::{Deserialize, Serialize};
 
-/// A whole scene. Indices of materials, meshes, clouds and prototypes are positions in the lists here.
+/// A whole scene. Indices of materials, textures, images, meshes, clouds and prototypes are positions in the lists here.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Scene {
     /// The colour of rays that meet nothing.
@@ -32,6 +33,10 @@ pub struct Scene {
     pub integrator: IntegratorSettings,
     /// The materials, each with its name.
     pub materials: Vec<Material>,
+    /// The textures, each with its name.
+    pub textures: Vec<Texture>,
+    /// The images that textures use.
+    pub images: Vec<Image>,
     /// Triangle meshes.
     pub meshes: Vec<Mesh>,
     /// Clouds of spheres.

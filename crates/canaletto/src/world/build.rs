@@ -8,6 +8,7 @@ use crate::material::{Material, Phong};
 use crate::math::Transform;
 use crate::scene::{Content, Node, Scene};
 use crate::shape::{CylinderCloud, Mesh, Shape, SphereCloud};
+use crate::texture::{Pattern, Unresolved};
 use canaletto_bvh::{Aabb, Bvh};
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -60,6 +61,15 @@ pub enum BuildError {
     },
 }
 
+impl From<Unresolved> for BuildError {
+    fn from(unresolved: Unresolved) -> BuildError {
+        match unresolved {
+            Unresolved::Invalid { object, problem } => BuildError::Invalid { object, problem },
+            Unresolved::Missing { object, what, index, count } => BuildError::Missing { object, what, index, count },
+        }
+    }
+}
+
 impl World {
     /// The most instances that a scene and its prototypes may expand to, all together: a few lines in which each
     /// prototype has two of the one before would fill any memory.
@@ -82,7 +92,20 @@ impl World {
                 problem,
             })?;
         }
-        let Scene { background, ambient, mut materials, meshes, spheres, cylinders, prototypes, nodes, .. } = scene;
+        let Scene {
+            background,
+            ambient,
+            mut materials,
+            textures,
+            images,
+            meshes,
+            spheres,
+            cylinders,
+            prototypes,
+            nodes,
+            ..
+        } = scene;
+        let textures = Pattern::resolve(images, &textures)?;
         let mut builder = Builder::new(materials.len(), meshes, spheres, cylinders, prototypes);
         builder.count_uses(&nodes);
         let mut root = Part::default();
@@ -103,6 +126,7 @@ impl World {
             background,
             ambient,
             lights: lights.into_iter().map(Source::new).collect(),
+            textures,
             has_clear: materials.iter().any(|m| m.phong.opacity < 1.0),
             materials,
             objects: builder.objects,

@@ -13,6 +13,7 @@ use crate::light::Source;
 use crate::material::Material;
 use crate::math::Rgb;
 use crate::shape::Shape;
+use crate::texture::Pattern;
 use canaletto_bvh::{Aabb, Bvh};
 use geometry::Geometry;
 use instance::Instance;
@@ -26,6 +27,8 @@ pub struct World {
     pub ambient: Rgb,
     /// All lights, in world space.
     pub lights: Vec<Source>,
+    /// All textures, ready to be looked up; indices are those of [`crate::scene::Scene::textures`].
+    pub textures: Vec<Pattern>,
     /// All materials; the last one is the default for objects that name none.
     materials: Vec<Material>,
     /// What the scene's nodes are called.

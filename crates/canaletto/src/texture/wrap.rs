@@ -1,0 +1,133 @@
+//! Where the unit square lies on an image, and what is outside of it.
+
+use serde::{Deserialize, Serialize};
+
+/// What is outside the unit square.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum Wrap {
+    /// The image again and again.
+    #[default]
+    Repeat,
+    /// The image again and again, every other one mirrored.
+    Mirror,
+    /// The texels at the border, without end.
+    Clamp,
+    /// Opaque black.
+    Black,
+    /// Nothing: black with an alpha of 0.
+    Transparent,
+}
+
+/// Where coordinates 0 and 1 are on an image.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum Placement {
+    /// The centres of the first and the last texel, as in the chapter (5.5). Repeated tiles lie side by side without
+    /// blending into each other.
+    #[default]
+    Centers,
+    /// The outer edges of the first and the last texel, as in OpenGL and glTF. For images made to be repeated, and
+    /// for those that cover a sphere.
+    Edges,
+}
+
+/// One axis of an image: how coordinates become texels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Axis {
+    pub(super) wrap: Wrap,
+    pub(super) placement: Placement,
+    /// Texels of the whole image along this axis.
+    pub(super) size: u32,
+}
+
+impl Axis {
+    /// Texels for each unit of the coordinate.
+    pub(super) fn scale(&self) -> f64 {
+        match self.placement {
+            Placement::Centers => f64::from(self.size - 1),
+            Placement::Edges => f64::from(self.size),
+        }
+    }
+
+    /// The place along the whole image in texels, its outer edges at 0 and `size`. What repeats is brought back to the
+    /// first tile (mirrored: the first two).
+    pub(super) fn position(&self, u: f64) -> f64 {
+        let u = if u.is_finite() { u } else { 0.0 };
+        let u = match self.wrap {
+            // A tile is closed at its end: 1 is the last texel's centre and not the next tile's first.
+            Wrap::Repeat if self.placement == Placement::Centers && (0.0..=1.0).contains(&u) => u,
+            Wrap::Repeat => u - u.floor(),
+            Wrap::Mirror => u - 2.0 * (u * 0.5).floor(),
+            // Far outside everything is the same; the bound keeps texel numbers small.
+            Wrap::Clamp | Wrap::Black | Wrap::Transparent => u.clamp(-1.0e9, 1.0e9),
+        };
+        match self.placement {
+            Placement::Centers => u * self.scale() + 0.5,
+            Placement::Edges => u * self.scale(),
+        }
+    }
+
+    /// The texel that stands at number `index` of a level with `count` texels; nothing if there is none.
+    pub(super) fn texel(&self, index: i64, count: u32) -> Option<u32> {
+        let n = i64::from(count);
+        if (0..n).contains(&index) {
+            return Some(index as u32);
+        }
+        Some(match self.wrap {
+            Wrap::Repeat => index.rem_euclid(n) as u32,
+            Wrap::Mirror if self.placement == Placement::Centers => {
+                let period = (2 * (n - 1)).max(1);
+                let i = index.rem_euclid(period);
+                i.min(period - i).min(n - 1) as u32
+            }
+            Wrap::Mirror => {
+                let i = index.rem_euclid(2 * n);
+                i.min(2 * n - 1 - i) as u32
+            }
+            Wrap::Clamp => index.clamp(0, n - 1) as u32,
+            Wrap::Black | Wrap::Transparent => return None,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn axis(wrap: Wrap, placement: Placement, size: u32) -> Axis {
+        Axis { wrap, placement, size }
+    }
+
+    #[test]
+    fn corners_are_centres_or_edges() {
+        let centers = axis(Wrap::Repeat, Placement::Centers, 4);
+        assert_eq!((centers.position(0.0), centers.position(1.0)), (0.5, 3.5));
+        assert_eq!(centers.position(1.25), 1.25);
+        let edges = axis(Wrap::Clamp, Placement::Edges, 4);
+        assert_eq!((edges.position(0.0), edges.position(1.0)), (0.0, 4.0));
+    }
+
+    #[test]
+    fn texels_outside_follow_the_mode() {
+        let at = |wrap, placement| {
+            let axis = axis(wrap, placement, 3);
+            (-4..7).map(|i| axis.texel(i, 3).map_or(9, |t| t)).collect::<Vec<_>>()
+        };
+        assert_eq!(at(Wrap::Repeat, Placement::Edges), [2, 0, 1, 2, 0, 1, 2, 0, 1, 2, 0]);
+        assert_eq!(at(Wrap::Mirror, Placement::Edges), [2, 2, 1, 0, 0, 1, 2, 2, 1, 0, 0]);
+        assert_eq!(at(Wrap::Mirror, Placement::Centers), [0, 1, 2, 1, 0, 1, 2, 1, 0, 1, 2]);
+        assert_eq!(at(Wrap::Clamp, Placement::Edges), [0, 0, 0, 0, 0, 1, 2, 2, 2, 2, 2]);
+        assert_eq!(at(Wrap::Black, Placement::Edges), [9, 9, 9, 9, 0, 1, 2, 9, 9, 9, 9]);
+        assert_eq!(axis(Wrap::Mirror, Placement::Centers, 1).texel(-7, 1), Some(0));
+    }
+
+    #[test]
+    fn coordinates_far_out_and_not_finite_stay_in_bounds() {
+        for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp, Wrap::Black, Wrap::Transparent] {
+            for u in [f64::NAN, f64::INFINITY, -f64::MAX, 1e300, -1e-300, 1e17] {
+                let axis = axis(wrap, Placement::Edges, 5);
+                let x = axis.position(u).floor() as i64;
+                assert!(axis.texel(x, 5).is_none_or(|t| t < 5), "{wrap:?} {u}");
+            }
+        }
+    }
+}
