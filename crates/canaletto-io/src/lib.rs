@@ -4,6 +4,7 @@
 
 pub mod assets;
 pub mod diagnostic;
+pub mod image;
 pub mod import;
 pub mod picture;
 pub mod text;

@@ -2,9 +2,11 @@
 //!
 //! `tests/bad/*.kdl` each have their messages in a `.txt`; `CANALETTO_BLESS=1` writes them anew.
 
-use canaletto::scene::{Content, Scene};
+use canaletto::scene::{Content, Scene, Transfer};
+use canaletto::texture::{ColorSpace, Filter, Placement, TextureKind, Wrap};
 use canaletto_io::assets::{FolderAssets, MemoryAssets};
 use canaletto_io::diagnostic::Diagnostics;
+use canaletto_io::picture::{Depth, Image, encode_png};
 use canaletto_io::text::{read_scene, read_scene_text, read_scene_with, reference_markdown};
 use std::path::{Path, PathBuf};
 use std::{fs, time::Instant};
@@ -87,6 +89,7 @@ fn examples_of_the_reference_are_right() {
     let assets = MemoryAssets::new()
         .with("stage.kdl", "")
         .with("base.kdl", "")
+        .with("bricks.png", png(2, 2))
         .with("bunny.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     let base = "prototype name=\"lamp\" { sphere { center 0 0 0; radius 1 } }\nmaterial \"blue\"\n";
     let mut count = 0;
@@ -106,6 +109,29 @@ fn examples_of_the_reference_are_right() {
         count += 1;
     }
     assert!(count > 20);
+}
+
+/// A small picture.
+fn png(width: u32, height: u32) -> Vec<u8> {
+    let pixels = (0..width * height).map(|i| [i as f32 / 8.0, 0.5, 1.0]);
+    encode_png(&Image::from_rgb(width, height, pixels), Depth::Eight, Transfer::Srgb, &[]).expect("a picture")
+}
+
+#[test]
+fn textures_of_one_file_share_its_image() {
+    let assets = MemoryAssets::new().with("a/b.png", png(3, 2)).with("c.png", png(1, 1));
+    let scene = "texture \"x\" file=\"a/b.png\" { wrap \"mirror\"; wrap-v \"black\"; texels \"edges\" }\n\
+                 texture \"y\" file=\"a/../a/b.png\" { filter \"nearest\"; space \"raw\" }\n\
+                 texture \"z\" file=\"c.png\"\nsphere { center 0 0 0; radius 1 }\nambient 1";
+    let (scene, _) = read_scene_text(scene, "s", &assets, &["texture.z.wrap=\"clamp\"".into()]).expect("a scene");
+    assert_eq!((scene.images.len(), scene.textures.len()), (2, 3));
+    assert_eq!((scene.images[0].width, scene.images[0].height, scene.images[0].name.as_str()), (3, 2, "a/b.png"));
+    let TextureKind::Image(x) = scene.textures[0].kind else { panic!() };
+    let TextureKind::Image(y) = scene.textures[1].kind else { panic!() };
+    let TextureKind::Image(z) = scene.textures[2].kind else { panic!() };
+    assert_eq!((x.image, x.wrap, x.placement), (0, [Wrap::Mirror, Wrap::Black], Placement::Edges));
+    assert_eq!((y.image, y.filter, y.space), (0, Filter::Nearest, Some(ColorSpace::Raw)));
+    assert_eq!((z.image, z.wrap), (1, [Wrap::Clamp; 2]));
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! The reference of the scene text, `docs/scene-text.md`, from the schema that the decoder judges by.
 
-use super::schema::{self, LIGHTS, OBJECTS, SETTINGS, TRANSFORMS, Takes, Word, Words};
+use super::schema::{self, LIGHTS, OBJECTS, SETTINGS, TEXTURES, TRANSFORMS, Takes, Word, Words};
 use super::syntax::{MAX_DEPTH, MAX_ITEMS};
 use canaletto::world::World;
 use std::fmt::Write;
@@ -22,6 +22,10 @@ pub fn reference_markdown() -> String {
             "include" => out.push_str(INCLUDES),
             _ => {}
         }
+    }
+    out.push_str(TEXTURE_RULES);
+    for (kind, words) in TEXTURES {
+        node(&mut out, words, &format!("texture kind=\"{kind}\""));
     }
     out.push_str("\n## Objects\n\nEach object may have a `name`, a `material`, and transforms in its braces.\n");
     for words in OBJECTS {
@@ -126,6 +130,13 @@ integrator "whitted" { stage "shadow" }
 Files must lie below the folder of the scene, unless `--allow-outside` is given.
 "#;
 
+const TEXTURE_RULES: &str = r#"
+## Textures
+
+A texture is a node of its own with a name, and materials refer to it by that. Textures that name the same file share its
+image. What the kinds are good for, and what their filters do, is told in [Textures](textures.md).
+"#;
+
 const CLOUDS: &str = r#"
 ### Numbers of clouds
 
@@ -156,7 +167,7 @@ come after those of what stands in it.
 
 const NAMES: &str = r#"## Names
 
-Materials, cameras and objects (groups and lights among them) have names of their own: an object may be called like a
+Materials, textures, cameras and objects (groups and lights among them) have names of their own: an object may be called like a
 material, but no two objects alike. Anything may be used before the place where it stands. An instance repeats any named
 object, light, group or prototype; what is repeated may stand in a group and is also drawn there, except prototypes.
 "#;

@@ -7,6 +7,7 @@ mod mesh;
 mod names;
 mod object;
 mod settings;
+mod texture;
 mod transform;
 
 use super::files::Files;
@@ -27,6 +28,8 @@ pub(crate) fn decode(nodes: &[Node], files: &Files, assets: &dyn Assets, report:
         judge,
         assets,
         scene: Scene::default(),
+        textures: HashMap::new(),
+        images: texture::Images::default(),
         materials: HashMap::new(),
         used: Vec::new(),
         names,
@@ -34,6 +37,7 @@ pub(crate) fn decode(nodes: &[Node], files: &Files, assets: &dyn Assets, report:
         sound: true,
     };
     decoder.scene.prototypes = vec![scene::Node::new(Content::Group(Vec::new())); decoder.names.slots()];
+    decoder.textures(nodes);
     decoder.materials(nodes);
     decoder.settings(nodes);
     for node in nodes.iter().filter(|node| is_object(node)) {
@@ -54,6 +58,9 @@ struct Decoder<'a> {
     judge: Judge<'a>,
     assets: &'a dyn Assets,
     scene: Scene,
+    /// Where each texture of the scene text stands in the scene's list.
+    textures: HashMap<&'a str, u32>,
+    images: texture::Images,
     /// Where each material of the scene text stands in the scene's list.
     materials: HashMap<&'a str, u32>,
     /// Which of them something refers to.

@@ -16,7 +16,7 @@ use canaletto::scene::{
 use std::collections::HashMap;
 
 pub(super) fn is_setting(node: &Node) -> bool {
-    schema::SETTINGS.iter().any(|words| words.name == &*node.name)
+    &*node.name == "texture" || schema::SETTINGS.iter().any(|words| words.name == &*node.name)
 }
 
 impl<'a> Decoder<'a> {

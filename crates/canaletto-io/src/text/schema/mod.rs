@@ -2,6 +2,7 @@
 
 mod objects;
 mod settings;
+mod textures;
 
 pub(crate) use objects::{
     DEFAULT_CAPS, DEFAULT_INNER, DEFAULT_INTENSITY, DEFAULT_POINTS, DEFAULT_TOP_RADIUS, LIGHTS, OBJECTS, TRANSFORMS,
@@ -11,6 +12,7 @@ pub(crate) use settings::{
     AMBIENT, BACKGROUND, CAMERA, DEFAULT_CAMERA, DEFAULT_GRID, DEFAULT_SIGMA, DEFAULT_THRESHOLD, FILM, FILTER,
     INTEGRATOR, MATERIAL, SAMPLE, SETTINGS,
 };
+pub(crate) use textures::{DEFAULT_KIND, FILTERS, PLACEMENTS, TEXTURES, WRAPS, texture};
 
 /// What a word takes.
 #[derive(Clone, Copy)]
@@ -136,7 +138,7 @@ pub(crate) fn objects() -> impl Iterator<Item = &'static str> {
 
 /// The words for what may stand at the top of a file.
 pub(crate) fn top() -> Vec<&'static str> {
-    SETTINGS.iter().map(|words| words.name).chain(objects()).collect()
+    SETTINGS.iter().map(|words| words.name).chain(["texture"]).chain(objects()).collect()
 }
 
 /// The node of this name; a light by its kind.
@@ -235,7 +237,9 @@ impl std::fmt::Display for Takes {
 pub(crate) fn home(word: &str) -> Option<String> {
     let all = SETTINGS.iter().chain(OBJECTS).map(|words| (*words, words.name.to_owned()));
     let lights = LIGHTS.iter().map(|(kind, words)| (*words, format!("light \"{kind}\"")));
-    let mut homes = all.chain(lights).filter(|(words, _)| words.word(word).is_some()).map(|(_, name)| name);
+    let textures = TEXTURES.iter().map(|(kind, words)| (*words, format!("texture kind=\"{kind}\"")));
+    let mut homes =
+        all.chain(lights).chain(textures).filter(|(words, _)| words.word(word).is_some()).map(|(_, name)| name);
     let first = homes.next()?;
     let rest: Vec<String> = homes.collect();
     match rest.as_slice() {

@@ -1,0 +1,124 @@
+//! Images to be used as textures, as compact as their files hold them.
+//!
+//! [`read_image`] finds the format by a file's first bytes, not by its name. What a file announces is judged before
+//! memory is taken: an image may have [`texture::Image::MAX_TEXELS`] texels, and a file that claims far more than its
+//! bytes can explain is refused.
+//!
+//! [`texture::Image::MAX_TEXELS`]: canaletto::texture::Image::MAX_TEXELS
+
+mod png;
+
+use crate::assets::Asset;
+use canaletto::texture::Image;
+
+/// Why a file can't be used as an image.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ImageError {
+    /// The first bytes are of no known format.
+    #[error("it is no image that can be read")]
+    Unknown,
+    /// The file doesn't follow its format, or ends too early.
+    #[error("the {format} file is damaged: {reason}")]
+    Damaged {
+        /// The format.
+        format: &'static str,
+        /// What the decoder says.
+        reason: String,
+    },
+    /// The format knows more than is read here.
+    #[error("the {format} file has {what}, which isn't supported")]
+    Unsupported {
+        /// The format.
+        format: &'static str,
+        /// What isn't supported.
+        what: String,
+    },
+    /// It has no texels.
+    #[error("the {format} file announces an image of {width} × {height} pixels; it needs at least one")]
+    Empty {
+        /// The format.
+        format: &'static str,
+        /// Its width.
+        width: u64,
+        /// Its height.
+        height: u64,
+    },
+    /// It has more than is read, whatever its file.
+    #[error(
+        "the {format} file announces an image of {width} × {height} pixels; the most are {most} in all and {side} in a row or column",
+        most = Image::MAX_TEXELS, side = Image::MAX_SIDE
+    )]
+    TooLarge {
+        /// The format.
+        format: &'static str,
+        /// Its width.
+        width: u64,
+        /// Its height.
+        height: u64,
+    },
+    /// It announces more than its bytes can hold.
+    #[error(
+        "the {format} file announces an image of {width} × {height} pixels, which its {bytes} bytes can't hold: it is cut off or made to fill memory"
+    )]
+    Unexplained {
+        /// The format.
+        format: &'static str,
+        /// Its width.
+        width: u64,
+        /// Its height.
+        height: u64,
+        /// The file's size.
+        bytes: usize,
+    },
+    /// There is no room for it.
+    #[error("there is no memory for its {0} bytes")]
+    NoMemory(u64),
+}
+
+impl ImageError {
+    /// What the reader could do about it.
+    pub fn help(&self) -> Option<&'static str> {
+        match self {
+            ImageError::Unknown => Some("images are read from PNG files"),
+            ImageError::Damaged { .. } | ImageError::Unexplained { .. } => {
+                Some("make the file anew, or open and save it with a program for pictures")
+            }
+            ImageError::TooLarge { .. } => Some("scale it down with a program for pictures"),
+            _ => None,
+        }
+    }
+}
+
+/// Reads an image; its name is the file's.
+///
+/// # Errors
+/// [`ImageError`] says why not.
+pub fn read_image(asset: &Asset) -> Result<Image, ImageError> {
+    let bytes = &asset.bytes;
+    let mut image =
+        if bytes.starts_with(b"\x89PNG\r\n\x1a\n") { png::read(bytes)? } else { return Err(ImageError::Unknown) };
+    image.name = asset.path.name().to_owned();
+    Ok(image)
+}
+
+/// Judges a size before memory is taken for it. `explained` is how many texels the file's bytes can hold at most.
+fn judge(format: &'static str, width: u64, height: u64, explained: u64, bytes: usize) -> Result<(), ImageError> {
+    if width == 0 || height == 0 {
+        return Err(ImageError::Empty { format, width, height });
+    }
+    let side = u64::from(Image::MAX_SIDE);
+    if width > side || height > side || width * height > Image::MAX_TEXELS {
+        return Err(ImageError::TooLarge { format, width, height });
+    }
+    if width * height > explained {
+        return Err(ImageError::Unexplained { format, width, height, bytes });
+    }
+    Ok(())
+}
+
+/// Room for this many numbers, if there is memory.
+fn room<T: Clone + Default>(count: usize) -> Result<Vec<T>, ImageError> {
+    let mut data = Vec::new();
+    data.try_reserve_exact(count).map_err(|_| ImageError::NoMemory(count as u64 * size_of::<T>() as u64))?;
+    Ok(data)
+}

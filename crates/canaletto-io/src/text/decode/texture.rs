@@ -1,0 +1,143 @@
+//! Textures, and the images that they name. Textures that name the same file share its image.
+
+use super::Decoder;
+use super::fields::Fields;
+use crate::image::read_image;
+use crate::text::nearest::nearest;
+use crate::text::report::Message;
+use crate::text::schema::{self, DEFAULT_KIND, FILTERS, PLACEMENTS, TEXTURES, WRAPS};
+use crate::text::syntax::{Node, Span};
+use canaletto::texture::{ColorSpace, ImageTexture, Texture, TextureKind};
+use std::collections::HashMap;
+use std::path::PathBuf;
+
+/// The images that were read. Nothing stands for those that can't be, which is said once.
+#[derive(Default)]
+pub(super) struct Images {
+    by_place: HashMap<PathBuf, Option<u32>>,
+    by_identity: HashMap<PathBuf, Option<u32>>,
+}
+
+impl<'a> Decoder<'a> {
+    /// Reads the textures, so that all materials find theirs wherever they stand.
+    pub(super) fn textures<'n: 'a>(&mut self, nodes: &'n [Node]) {
+        let mut places: HashMap<&str, Span> = HashMap::new();
+        for node in nodes.iter().filter(|node| &*node.name == "texture") {
+            let Some(kind) = self.texture_kind(node) else {
+                self.sound = false;
+                continue;
+            };
+            let Some(words) = schema::texture(kind) else { continue };
+            let name = node.values.first().and_then(|v| v.as_text());
+            let title = name.map_or("texture".into(), |n| format!("texture \"{n}\""));
+            let fields = self.judge.fields(node, words, &title);
+            self.sound &= fields.sound;
+            let Some(name) = fields.text("name") else { continue };
+            let span = fields.span("name");
+            if let Some(first) = places.insert(name, span) {
+                let place = self.judge.files.first(first, span);
+                let message = Message::error(span, format!("two textures are called \"{name}\""));
+                self.judge.report.push(message.label(place));
+                self.sound = false;
+                continue;
+            }
+            // A texture that can't be read keeps its name, so that nobody need miss it.
+            let kind = self.kind_of_texture(kind, &fields).unwrap_or_else(|| {
+                self.sound = false;
+                TextureKind::Constant([0.0; 4])
+            });
+            self.textures.insert(name, self.scene.textures.len() as u32);
+            self.scene.textures.push(Texture { name: name.to_owned(), kind });
+        }
+    }
+
+    /// The word that says which words the node has.
+    fn texture_kind(&mut self, node: &Node) -> Option<&'static str> {
+        let Some((text, span)) = node.text("kind") else { return Some(DEFAULT_KIND) };
+        let kinds = TEXTURES.iter().map(|(kind, _)| *kind);
+        if let Some(kind) = kinds.clone().find(|kind| *kind == text) {
+            return Some(kind);
+        }
+        let list: Vec<String> = kinds.clone().map(|kind| format!("\"{kind}\"")).collect();
+        let message = Message::error(span, format!("there is no kind of texture \"{text}\""));
+        let help = match nearest(text, kinds) {
+            Some(right) => format!("did you mean \"{right}\"? Kinds of textures: {}", list.join(", ")),
+            None => format!("kinds of textures: {}", list.join(", ")),
+        };
+        self.judge.report.push(message.help(help));
+        None
+    }
+
+    fn kind_of_texture(&mut self, kind: &str, f: &Fields) -> Option<TextureKind> {
+        let _ = kind;
+        Some(TextureKind::Image(self.image_texture(f)?))
+    }
+
+    fn image_texture(&mut self, f: &Fields) -> Option<ImageTexture> {
+        let wrap = one_of(f, "wrap", WRAPS).unwrap_or_default();
+        let axis = |word| one_of(f, word, WRAPS).unwrap_or(wrap);
+        let image = self.image(f.text("file")?, f.span("file"))?;
+        Some(ImageTexture {
+            filter: one_of(f, "filter", FILTERS).unwrap_or_default(),
+            wrap: [axis("wrap-u"), axis("wrap-v")],
+            placement: one_of(f, "texels", PLACEMENTS).unwrap_or_default(),
+            space: f.text("space").map(|space| match space {
+                "srgb" => ColorSpace::Srgb,
+                "linear" => ColorSpace::Linear,
+                _ => ColorSpace::Raw,
+            }),
+            ..ImageTexture::new(image)
+        })
+    }
+
+    /// The number of the image in this file. What is wrong with it is reported where it is first named.
+    pub(super) fn image(&mut self, file: &str, span: Span) -> Option<u32> {
+        let from = self.judge.files.get(span.file)?.path.clone();
+        let place = from.location().parent().map(|folder| folder.join(file)).unwrap_or_else(|| file.into());
+        if let Some(known) = self.images.by_place.get(&place) {
+            return *known;
+        }
+        let image = self.read_image(file, span, &from);
+        self.images.by_place.insert(place, image);
+        image
+    }
+
+    fn read_image(&mut self, file: &str, span: Span, from: &crate::assets::AssetPath) -> Option<u32> {
+        let asset = match self.assets.read(file, from) {
+            Ok(asset) => asset,
+            Err(error) => {
+                let message = Message::error(span, error.to_string());
+                self.judge.report.push(match error.help() {
+                    Some(help) => message.help(help),
+                    None => message,
+                });
+                return None;
+            }
+        };
+        if let Some(known) = self.images.by_identity.get(asset.path.identity()) {
+            return *known;
+        }
+        let image = match read_image(&asset) {
+            Ok(image) => {
+                self.scene.images.push(image);
+                Some(self.scene.images.len() as u32 - 1)
+            }
+            Err(error) => {
+                let message = Message::error(span, format!("\"{file}\": {error}"));
+                self.judge.report.push(match error.help() {
+                    Some(help) => message.help(help),
+                    None => message,
+                });
+                None
+            }
+        };
+        self.images.by_identity.insert(asset.path.identity().to_owned(), image);
+        image
+    }
+}
+
+/// The value of a word that is one of several.
+fn one_of<T: Copy>(f: &Fields, word: &str, words: &[(&str, T)]) -> Option<T> {
+    let text = f.text(word)?;
+    words.iter().find(|(name, _)| *name == text).map(|(_, value)| *value)
+}
