@@ -37,6 +37,7 @@ fn the_explanations_sum_is_the_pixel_bit_for_bit() {
         (Sampling::Jittered(3), Filter::Gaussian { sigma: 0.5 }),
         (Sampling::Jittered(2), Filter::Mitchell),
         (Sampling::Adaptive { n: 3, threshold: 0.1 }, Filter::Box),
+        (Sampling::Sampled(5), Filter::Mitchell),
     ];
     let mut different = std::collections::HashSet::new();
     for (sampling, filter) in samplings {

@@ -14,7 +14,9 @@ fn bits(picture: &Picture) -> Vec<u32> {
 
 #[test]
 fn threads_and_tiles_change_no_bit() {
-    for sampling in [Sampling::Center, Sampling::Jittered(2), Sampling::Adaptive { n: 4, threshold: 0.05 }] {
+    let samplings =
+        [Sampling::Center, Sampling::Jittered(2), Sampling::Adaptive { n: 4, threshold: 0.05 }, Sampling::Sampled(3)];
+    for sampling in samplings {
         let mut pictures = Vec::new();
         for threads in [1, 2, 3, 7] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

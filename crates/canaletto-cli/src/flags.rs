@@ -1,7 +1,7 @@
 //! The flags that several commands share, as they are typed. [`crate::settings`] says what they mean.
 
 use canaletto::camera::Camera;
-use canaletto::scene::{Stage, Tone, Transfer};
+use canaletto::scene::{SamplerKind, Sampling, Stage, Tone, Transfer};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
@@ -47,16 +47,22 @@ pub(crate) struct PictureFlags {
     #[arg(long, allow_hyphen_values = true, value_name = "X,Y,W,H", value_parser = crop, help_heading = "Picture")]
     pub crop: Option<[u32; 4]>,
 
-    /// Rays from the eye for each pixel: 1, or a square number up to 256
+    /// Rays from the eye for each pixel, up to 65536
     ///
-    /// n x n rays, one at a random place of each of n x n sub-pixels, unless --sample says otherwise. With --sample
-    /// adaptive this is the number for pixels where colours change.
+    /// They go where --sampler puts them; a single one goes through the centre. With --sample regular, jittered or adaptive
+    /// the number must be a square up to 256: n x n rays on a grid, with adaptive for pixels where colours change.
     #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = samples, help_heading = "Sampling")]
-    pub samples: Option<Samples>,
+    pub samples: Option<u32>,
 
-    /// Where in the pixel the rays go
+    /// Where in the pixel the rays go, instead of where --sampler puts them
     #[arg(long, value_name = "WHERE", help_heading = "Sampling")]
     pub sample: Option<SampleFlag>,
+
+    /// How random numbers are spread over the rays of a pixel [default: as the scene says, or sobol]
+    ///
+    /// They place rays in the pixel (without --sample), on the lens, in time, on lights and around mirrored directions.
+    #[arg(long, value_name = "KIND", help_heading = "Sampling")]
+    pub sampler: Option<SamplerFlag>,
 
     /// Chooses the random numbers; the same seed gives the same picture
     #[arg(long, allow_negative_numbers = true, value_name = "N", help_heading = "Sampling")]
@@ -83,9 +89,26 @@ pub(crate) struct PictureFlags {
     pub transfer: Option<TransferFlag>,
 }
 
-/// n of n × n rays in a pixel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Samples(pub u32);
+/// How random numbers are spread.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SamplerFlag {
+    /// Sobol's sequence with Owen's scrambling: the least noise, best with powers of two
+    Sobol,
+    /// A jittered grid, best with squares
+    Jittered,
+    /// Each number by itself: the most noise
+    Independent,
+}
+
+impl From<SamplerFlag> for SamplerKind {
+    fn from(flag: SamplerFlag) -> SamplerKind {
+        match flag {
+            SamplerFlag::Sobol => SamplerKind::Sobol,
+            SamplerFlag::Jittered => SamplerKind::Jittered,
+            SamplerFlag::Independent => SamplerKind::Independent,
+        }
+    }
+}
 
 /// Where in the pixel rays go.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -201,15 +224,12 @@ fn numbers<const N: usize>(text: &str) -> Option<[u32; N]> {
     all?.try_into().ok()
 }
 
-fn samples(text: &str) -> Result<Samples, String> {
+fn samples(text: &str) -> Result<u32, String> {
     let wanted: u32 = text.parse().map_err(|_| "write a whole number".to_owned())?;
-    let largest = canaletto::scene::Sampling::MAX_GRID;
-    let root = wanted.isqrt();
     match wanted {
         0 => Err("a pixel needs at least 1 ray".into()),
-        _ if wanted > largest * largest => Err(format!("the most is {}", largest * largest)),
-        _ if root * root == wanted => Ok(Samples(root)),
-        _ => Err(format!("it must be a square; the nearest are {} and {}", root * root, (root + 1) * (root + 1))),
+        _ if wanted > Sampling::MAX_SAMPLES => Err(format!("the most is {}", Sampling::MAX_SAMPLES)),
+        _ => Ok(wanted),
     }
 }
 
@@ -218,11 +238,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn samples_are_squares() {
-        assert_eq!(samples("1"), Ok(Samples(1)));
-        assert_eq!(samples("256"), Ok(Samples(16)));
-        assert_eq!(samples("10").unwrap_err(), "it must be a square; the nearest are 9 and 16");
-        assert!(samples("257").unwrap_err().contains("256"));
+    fn samples_are_counted() {
+        assert_eq!((samples("1"), samples("10"), samples("65536")), (Ok(1), Ok(10), Ok(65_536)));
+        assert!(samples("65537").unwrap_err().contains("65536"));
         assert!(samples("0").is_err() && samples("-4").is_err() && samples("four").is_err());
     }
 

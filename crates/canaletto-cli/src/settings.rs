@@ -2,7 +2,7 @@
 
 use crate::exit::Exit;
 use crate::failure::Failure;
-use crate::flags::{PictureFlags, SampleFlag, Samples, SourceFlags};
+use crate::flags::{PictureFlags, SampleFlag, SourceFlags};
 use canaletto::camera::Camera;
 use canaletto::render::{Job, JobError};
 use canaletto::scene::{FilmSettings, Filter, IntegratorSettings, Sampling, Scene, Stage, Tone, Transfer, View};
@@ -33,7 +33,8 @@ impl Settings {
         let camera = Camera::new(&intrinsics, &view.extrinsics)
             .map_err(|e| Failure::new(Exit::Scene, format!("{name}: camera \"{}\": {e}", view.name)))?;
         let film = FilmSettings {
-            sampling: sampling(scene.film.sampling, flags.sample, flags.samples)?,
+            sampling: sampling(scene.film.sampling, flags)?,
+            sampler: flags.sampler.map_or(scene.film.sampler, Into::into),
             tone: flags.tone.map_or(scene.film.tone, Into::into),
             transfer: flags.transfer.map_or(scene.film.transfer, Into::into),
             crop: flags.crop.or(scene.film.crop),
@@ -81,42 +82,63 @@ fn choose_view<'a>(name: &str, views: &'a [View], wanted: Option<&str>) -> Resul
     })
 }
 
-/// `--samples` alone means a jittered grid (or the centre for 1), so that the flag means the same for every scene.
-fn sampling(own: Sampling, kind: Option<SampleFlag>, samples: Option<Samples>) -> Result<Sampling, Failure> {
+/// `--samples` alone leaves the places to the sampler (or takes the centre for 1), so that the flag means the same for every
+/// scene; and so does `--sampler` alone, unless the scene's own rays go to places of their own.
+fn sampling(own: Sampling, flags: &PictureFlags) -> Result<Sampling, Failure> {
     let (own_n, own_threshold) = match own {
-        Sampling::Corner | Sampling::Center => (None, THRESHOLD),
+        Sampling::Corner | Sampling::Center | Sampling::Sampled(_) => (None, THRESHOLD),
         Sampling::Regular(n) | Sampling::Jittered(n) => (Some(n), THRESHOLD),
         Sampling::Adaptive { n, threshold } => (Some(n), threshold),
     };
-    let given = samples.map(|Samples(n)| n);
-    let n = given.or(own_n).unwrap_or(GRID);
+    let given = flags.samples;
+    let Some(kind) = flags.sample else {
+        return Ok(match given {
+            None => own,
+            Some(1) => Sampling::Center,
+            Some(n) => Sampling::Sampled(n),
+        });
+    };
     let single = |place: &str, sampling| match given {
-        Some(n) if n > 1 => Err(Failure::usage(format!(
-            "--sample {place} means one ray for each pixel, but --samples asks for {}",
-            n * n
-        ))
-        .help("leave one of them out, or take --sample regular, jittered or adaptive")),
+        Some(n) if n > 1 => {
+            Err(Failure::usage(format!("--sample {place} means one ray for each pixel, but --samples asks for {n}",))
+                .help("leave one of them out, or take --sample regular, jittered or adaptive"))
+        }
         _ => Ok(sampling),
     };
-    match (kind, given) {
-        (None, None) => Ok(own),
-        (None, Some(1)) => Ok(Sampling::Center),
-        (None, Some(n)) => Ok(Sampling::Jittered(n)),
-        (Some(SampleFlag::Corner), _) => single("corner", Sampling::Corner),
-        (Some(SampleFlag::Center), _) => single("center", Sampling::Center),
-        (Some(SampleFlag::Regular), _) => Ok(Sampling::Regular(n)),
-        (Some(SampleFlag::Jittered), _) => Ok(Sampling::Jittered(n)),
-        (Some(SampleFlag::Adaptive), Some(1)) => {
+    match kind {
+        SampleFlag::Corner => single("corner", Sampling::Corner),
+        SampleFlag::Center => single("center", Sampling::Center),
+        SampleFlag::Regular => Ok(Sampling::Regular(side(given, own_n)?)),
+        SampleFlag::Jittered => Ok(Sampling::Jittered(side(given, own_n)?)),
+        SampleFlag::Adaptive if given == Some(1) => {
             Err(Failure::usage("--sample adaptive with --samples 1 has nothing to refine with")
                 .help("give --samples 4 or more"))
         }
-        (Some(SampleFlag::Adaptive), _) => Ok(Sampling::Adaptive { n: n.max(2), threshold: own_threshold }),
+        SampleFlag::Adaptive => Ok(Sampling::Adaptive { n: side(given, own_n)?.max(2), threshold: own_threshold }),
     }
 }
 
+/// n of a grid of n × n rays.
+fn side(samples: Option<u32>, own: Option<u32>) -> Result<u32, Failure> {
+    let Some(samples) = samples else { return Ok(own.unwrap_or(GRID)) };
+    let root = samples.isqrt();
+    if root > Sampling::MAX_GRID {
+        let most = Sampling::MAX_GRID * Sampling::MAX_GRID;
+        return Err(Failure::usage(format!("--samples: a grid has at most {most} rays, not {samples}"))
+            .help("without --sample there may be more"));
+    }
+    if root * root != samples {
+        let (below, above) = (root * root, (root + 1) * (root + 1));
+        let message =
+            format!("--samples: a grid has a square number of rays; the nearest to {samples} are {below} and {above}");
+        return Err(Failure::usage(message).help("without --sample any number will do"));
+    }
+    Ok(root)
+}
+
 /// How a sampling is called on the command line, with the rays of a pixel.
-pub(crate) fn sampling_words(sampling: Sampling) -> String {
-    match sampling {
+pub(crate) fn sampling_words(film: &FilmSettings) -> String {
+    match film.sampling {
         Sampling::Corner => "1 ray per pixel, through its corner".into(),
         Sampling::Center => "1 ray per pixel, through its centre".into(),
         Sampling::Regular(n) => format!("{} rays per pixel, regular", n * n),
@@ -124,6 +146,8 @@ pub(crate) fn sampling_words(sampling: Sampling) -> String {
         Sampling::Adaptive { n, threshold } => {
             format!("5 rays per pixel, {} jittered where they differ by more than {threshold}", n * n)
         }
+        Sampling::Sampled(1) => "1 ray per pixel, at a random place".into(),
+        Sampling::Sampled(n) => format!("{n} rays per pixel, {}", film.sampler.name()),
     }
 }
 
@@ -137,7 +161,8 @@ pub(crate) fn metadata(source: &SourceFlags, settings: &Settings) -> Vec<(String
         ("scene", file),
         ("camera", settings.camera.clone()),
         ("size", format!("{width} {height}")),
-        ("sampling", sampling_words(film.sampling)),
+        ("sampling", sampling_words(film)),
+        ("sampler", film.sampler.name().into()),
         ("filter", filter_words(film.filter)),
         ("tone", if film.tone == Tone::Scale { "scale" } else { "clamp" }.into()),
         ("transfer", transfer_word(film.transfer).into()),
@@ -191,20 +216,22 @@ mod tests {
     use super::*;
 
     #[test]
-    fn samples_alone_are_jittered() {
-        let of = |kind, n: Option<u32>| sampling(Sampling::Regular(3), kind, n.map(Samples)).ok();
-        assert_eq!(of(None, None), Some(Sampling::Regular(3)));
-        assert_eq!(of(None, Some(1)), Some(Sampling::Center));
-        assert_eq!(of(None, Some(4)), Some(Sampling::Jittered(4)));
-        assert_eq!(of(Some(SampleFlag::Jittered), None), Some(Sampling::Jittered(3)));
-        assert_eq!(of(Some(SampleFlag::Corner), Some(4)), None);
-        assert_eq!(of(Some(SampleFlag::Corner), Some(1)), Some(Sampling::Corner));
-        assert_eq!(of(Some(SampleFlag::Adaptive), Some(1)), None);
+    fn samples_alone_are_the_samplers() {
+        let of =
+            |own, sample, samples| sampling(own, &PictureFlags { sample, samples, ..PictureFlags::default() }).ok();
+        let own = Sampling::Regular(3);
+        assert_eq!(of(own, None, None), Some(own));
+        assert_eq!(of(own, None, Some(1)), Some(Sampling::Center));
+        assert_eq!(of(own, None, Some(10)), Some(Sampling::Sampled(10)));
+        assert_eq!(of(own, Some(SampleFlag::Jittered), None), Some(Sampling::Jittered(3)));
+        assert_eq!(of(own, Some(SampleFlag::Jittered), Some(16)), Some(Sampling::Jittered(4)));
+        assert_eq!(of(own, Some(SampleFlag::Jittered), Some(10)), None);
+        assert_eq!(of(own, Some(SampleFlag::Regular), Some(1024)), None);
+        assert_eq!(of(own, Some(SampleFlag::Corner), Some(4)), None);
+        assert_eq!(of(own, Some(SampleFlag::Corner), Some(1)), Some(Sampling::Corner));
+        assert_eq!(of(own, Some(SampleFlag::Adaptive), Some(1)), None);
         let own = Sampling::Adaptive { n: 5, threshold: 0.3 };
-        assert_eq!(
-            sampling(own, Some(SampleFlag::Adaptive), Some(Samples(8))).ok(),
-            Some(Sampling::Adaptive { n: 8, threshold: 0.3 })
-        );
+        assert_eq!(of(own, Some(SampleFlag::Adaptive), Some(64)), Some(Sampling::Adaptive { n: 8, threshold: 0.3 }));
     }
 
     #[test]

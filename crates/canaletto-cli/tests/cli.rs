@@ -115,7 +115,8 @@ fn exit_codes() {
     let folder = Folder::new();
     folder.write("wrong.kdl", "camera { eye 0 0 5; center 0 0 0; size 4 4 }\nsphre { center 0 0 0; radius 1 }\n");
     folder.run("render").says(2, &["SCENE"]);
-    folder.run("render s.kdl --samples 10").says(2, &["9 and 16"]);
+    folder.run("render s.kdl --sample jittered --samples 10").says(2, &["9 and 16"]);
+    folder.run("render s.kdl --samples 65537").says(2, &["65536"]);
     folder.run("render s.kdl --sample corner --samples 4").says(2, &["one ray for each pixel", "help:"]);
     folder.run("render s.kdl --camera frnt").says(2, &["no camera \"frnt\"", "did you mean \"front\"?", "\"side\""]);
     folder.run("render s.kdl --crop 20,0,10,4").says(2, &["--crop: the crop window 10 x 4 at 20, 0"]);
@@ -232,7 +233,7 @@ fn a_dry_run_writes_nothing() {
     let ran = folder.run("render s.kdl --dry-run --samples 16 --camera side");
     ran.says(
         0,
-        &["camera    side, 24 x 16", "16 rays per pixel", "3 primitives", "output    s.png (PNG, 8 bits, sRGB)"],
+        &["camera    side, 24 x 16", "16 rays per pixel, sobol", "3 primitives", "output    s.png (PNG, 8 bits, sRGB)"],
     );
     assert!(folder.names().is_empty());
     folder.run("render s.kdl --dry-run -o no/s.png").says(1, &["no folder"]);

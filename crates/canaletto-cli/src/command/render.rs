@@ -183,7 +183,7 @@ fn on_pool(flags: &RenderFlags, plan: &Plan) -> Result<Exit, Failure> {
         match plan.style {
             Style::Json => emit(&report),
             _ if flags.quiet => {}
-            _ => eprint_line(&report.text(&sampling_words(session.job.film.sampling))),
+            _ => eprint_line(&report.text(&sampling_words(&session.job.film))),
         }
         if !report.complete || (interrupt::requested() && frame < plan.frames.last) {
             if plan.style != Style::Json {
@@ -348,7 +348,7 @@ fn dry_run(
         flags.source.scene.display(),
         plural(files as u64, "file"),
         settings.camera,
-        sampling_words(job.film.sampling),
+        sampling_words(&job.film),
         integrator.max_depth,
         plural(census.primitives, "primitive"),
         match census.light_points {

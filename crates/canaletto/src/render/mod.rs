@@ -58,6 +58,9 @@ pub enum JobError {
     /// A grid of samples is out of range.
     #[error("n is {0}, so {0} x {0} rays for a pixel; n must be between 1 and 16 (with adaptive sampling from 2 on)")]
     Grid(u32),
+    /// The number of samples is out of range.
+    #[error("samples is {0}; a pixel takes between 1 and {max} rays", max = crate::scene::Sampling::MAX_SAMPLES)]
+    Samples(u32),
     /// Rays would be followed too deep, or not at all.
     #[error("max-depth is {0}; it must be between 1 (only the eye's rays) and {max}", max = IntegratorSettings::MAX_DEPTH)]
     Depth(u32),
@@ -94,6 +97,7 @@ impl Job {
                 return Err(JobError::Grid(n));
             }
             Sampling::Adaptive { n, .. } if !(2..=Sampling::MAX_GRID).contains(&n) => return Err(JobError::Grid(n)),
+            Sampling::Sampled(n) if !(1..=Sampling::MAX_SAMPLES).contains(&n) => return Err(JobError::Samples(n)),
             Sampling::Adaptive { threshold, .. } if !(0.0..=1.0).contains(&threshold) => {
                 return Err(JobError::Range(format!("threshold is {threshold}; it must be between 0 and 1")));
             }

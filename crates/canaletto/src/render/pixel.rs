@@ -49,12 +49,13 @@ impl<'a> PixelRenderer<'a> {
     pub(crate) fn pixel<P: Probe>(&self, whitted: &mut Whitted, x: u32, y: u32, probe: &mut P) -> Rgb {
         // The chapter counts rows from the bottom (fig. 5.9b).
         let corner = [f64::from(x), f64::from(self.job.camera.size()[1] - 1 - y)];
-        let sampler = Sampler::new(self.job.seed, self.job.frame, [x, y]);
+        let sampler = Sampler::new(self.job.seed, self.job.frame, [x, y]).of_kind(self.job.film.sampler);
         match self.job.film.sampling {
             Sampling::Corner => self.sample(whitted, corner, 1.0, probe),
             Sampling::Center => self.sample(whitted, [corner[0] + 0.5, corner[1] + 0.5], 1.0, probe),
             Sampling::Regular(n) => self.grid(whitted, corner, n, |_, _| 0.5, probe),
             Sampling::Jittered(n) => self.grid(whitted, corner, n, |i, axis| sampler.uniform(i, axis), probe),
+            Sampling::Sampled(n) => self.sampled(whitted, corner, sampler, n, probe),
             Sampling::Adaptive { n, threshold } => self
                 .adaptive(whitted, corner, threshold, probe)
                 .unwrap_or_else(|| self.grid(whitted, corner, n, |i, axis| sampler.uniform(i, axis), probe)),
@@ -78,6 +79,23 @@ impl<'a> PixelRenderer<'a> {
         weighted_mean((0..n * n).map(|i| {
             let (dx, wx) = self.filter.sample((f64::from(i % n) + place(i, 0)) / f64::from(n));
             let (dy, wy) = self.filter.sample((f64::from(i / n) + place(i, 1)) / f64::from(n));
+            let position = [corner[0] + 0.5 + dx, corner[1] + 0.5 + dy];
+            (self.sample(whitted, position, wx * wy, probe), wx * wy)
+        }))
+    }
+
+    /// `n` rays at places of the sampler's choice, spread and weighted by the filter.
+    fn sampled<P: Probe>(
+        &self,
+        whitted: &mut Whitted,
+        corner: [f64; 2],
+        sampler: Sampler,
+        n: u32,
+        probe: &mut P,
+    ) -> Rgb {
+        weighted_mean((0..n).map(|i| {
+            let [u, v] = sampler.sample(i, n).eye().film;
+            let ((dx, wx), (dy, wy)) = (self.filter.sample(u), self.filter.sample(v));
             let position = [corner[0] + 0.5 + dx, corner[1] + 0.5 + dy];
             (self.sample(whitted, position, wx * wy, probe), wx * wy)
         }))

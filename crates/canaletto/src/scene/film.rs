@@ -7,6 +7,10 @@ use serde::{Deserialize, Serialize};
 pub struct FilmSettings {
     /// Where in the pixel rays go.
     pub sampling: Sampling,
+    /// How the random numbers of a pixel's samples are spread: where they go in the pixel with [`Sampling::Sampled`], and
+    /// whatever else is sampled, be it lens, time, lights or lobes.
+    #[serde(default)]
+    pub sampler: SamplerKind,
     /// How samples become a pixel.
     pub filter: Filter,
     /// How values over 1 are treated.
@@ -36,11 +40,39 @@ pub enum Sampling {
         /// The largest difference in a developed component, 0..=1, that is left unrefined.
         threshold: f32,
     },
+    /// This many rays, 1..=[`Sampling::MAX_SAMPLES`], placed by [`FilmSettings::sampler`].
+    Sampled(u32),
 }
 
 impl Sampling {
     /// The largest grid, n × n rays in a pixel.
     pub const MAX_GRID: u32 = 16;
+    /// The most rays of [`Sampling::Sampled`].
+    pub const MAX_SAMPLES: u32 = 65_536;
+}
+
+/// How random numbers are spread over the samples of a pixel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum SamplerKind {
+    /// Sobol's sequence with Owen's scrambling: the least noise, best with powers of two.
+    #[default]
+    Sobol,
+    /// The chapter's jittered grid (fig. 5.36), best with squares.
+    Jittered,
+    /// Each number by itself: the most noise, and the one to compare with.
+    Independent,
+}
+
+impl SamplerKind {
+    /// Every kind with its name.
+    pub const ALL: [(SamplerKind, &'static str); 3] =
+        [(SamplerKind::Sobol, "sobol"), (SamplerKind::Jittered, "jittered"), (SamplerKind::Independent, "independent")];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        SamplerKind::ALL[self as usize].1
+    }
 }
 
 /// The reconstruction filter. Lengths are in pixels.

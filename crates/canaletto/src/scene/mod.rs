@@ -8,7 +8,7 @@ mod integrator;
 mod node;
 
 pub use camera::{Extrinsics, Intrinsics, View};
-pub use film::{FilmSettings, Filter, Sampling, Tone, Transfer};
+pub use film::{FilmSettings, Filter, SamplerKind, Sampling, Tone, Transfer};
 pub use integrator::{IntegratorSettings, Stage};
 pub use node::{Content, Node};
 

@@ -11,7 +11,8 @@ use canaletto::camera::Camera;
 use canaletto::material::{Material, Phong};
 use canaletto::render::Job;
 use canaletto::scene::{
-    Extrinsics, FilmSettings, Filter, IntegratorSettings, Intrinsics, Sampling, Stage, Tone, Transfer, View,
+    Extrinsics, FilmSettings, Filter, IntegratorSettings, Intrinsics, SamplerKind, Sampling, Stage, Tone, Transfer,
+    View,
 };
 use std::collections::HashMap;
 
@@ -162,11 +163,29 @@ impl<'a> Decoder<'a> {
         set(&mut film.transfer, transfer);
         set(&mut film.crop, fields.counts("crop").map(Some));
         set(&mut film.sampling, self.sampling(fields));
+        let sampler = fields.text("sampler").and_then(|word| SamplerKind::ALL.iter().find(|(_, name)| *name == word));
+        set(&mut film.sampler, sampler.map(|(kind, _)| *kind));
         set(&mut film.filter, self.filter(fields));
         self.scene.film = film;
     }
 
     fn sampling(&mut self, film: &Fields) -> Option<Sampling> {
+        if let Some(samples) = film.count("samples") {
+            if film.has("sample") {
+                let message = Message::error(film.span("samples"), "film has either sample or samples");
+                self.judge.report.push(
+                    message
+                        .help("sample says where on a grid rays go; samples how many go where the sampler puts them"),
+                );
+                self.sound = false;
+            }
+            if !(1..=Sampling::MAX_SAMPLES).contains(&samples) {
+                let message = format!("samples is {samples}; it must be between 1 and {}", Sampling::MAX_SAMPLES);
+                self.judge.report.error(film.span("samples"), message);
+                self.sound = false;
+            }
+            return Some(Sampling::Sampled(samples));
+        }
         let inner = match film.raw("sample")?.node {
             Some(node) => {
                 let inner = self.judge.fields(node, &schema::SAMPLE, "sample");

@@ -4,7 +4,8 @@ use super::{NUMBER, POINT, Takes, Word, Words};
 use canaletto::material::Phong;
 use canaletto::math::Rgb;
 use canaletto::scene::{
-    Extrinsics, FilmSettings, Filter, IntegratorSettings, Intrinsics, Sampling, Scene, Stage, Tone, Transfer,
+    Extrinsics, FilmSettings, Filter, IntegratorSettings, Intrinsics, SamplerKind, Sampling, Scene, Stage, Tone,
+    Transfer,
 };
 use glam::DVec3;
 
@@ -83,6 +84,7 @@ pub(crate) static SAMPLE: Words = Words::new(
         Sampling::Regular(_) => "regular",
         Sampling::Jittered(_) => "jittered",
         Sampling::Adaptive { .. } => "adaptive",
+        Sampling::Sampled(_) => "sampled",
     })),
 );
 
@@ -122,6 +124,14 @@ pub(crate) static FILM: Words = Words::new(
     &[&[
         Word::new("sample", Takes::Node(&SAMPLE), "where in a pixel rays go; see below")
             .or(|| SAMPLE.argument.as_ref().map_or_else(String::new, |word| (word.default)())),
+        Word::new("samples", Takes::Count, "this many rays in a pixel (1 to 65536), placed by the sampler; instead of sample"),
+        Word::new(
+            "sampler",
+            Takes::Word(&["sobol", "jittered", "independent"]),
+            "how random numbers are spread over a pixel's rays: by Sobol's sequence with Owen's scrambling (the least noise, \
+             best with powers of two), on a jittered grid (best with squares), or not at all",
+        )
+        .or(|| quoted(SamplerKind::default().name())),
         Word::new("filter", Takes::Node(&FILTER), "how rays become a pixel; see below")
             .or(|| FILTER.argument.as_ref().map_or_else(String::new, |word| (word.default)())),
         Word::new(
@@ -154,7 +164,7 @@ pub(crate) static FILM: Words = Words::new(
         .or(|| "the whole picture".into()),
     ]],
 )
-.example("film { sample \"jittered\" n=4; filter \"gaussian\" sigma=0.5; tone \"scale\"; transfer \"srgb\" }");
+.example("film { samples 64; sampler \"sobol\"; filter \"gaussian\" sigma=0.5; tone \"scale\"; transfer \"srgb\" }");
 
 pub(crate) static INTEGRATOR: Words = Words::new(
     "integrator",

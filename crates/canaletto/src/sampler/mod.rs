@@ -1,0 +1,132 @@
+//! Random numbers without a state: each is a hash of where it is used, so that tiles can be rendered in any order.
+//!
+//! A ray tracer with distributed rays (5.6; Cook, Porter & Carpenter 1984) integrates over many dimensions: the pixel's
+//! area, the lens, time, the points of each light at each hit, the lobe of each glossy ray. [`Sample`] is one ray from the
+//! eye and answers any [`Dimension`] with one or two numbers; over all samples of a pixel these numbers are spread by the
+//! pixel's [`SamplerKind`].
+
+mod grid;
+mod hash;
+mod sobol;
+#[cfg(test)]
+mod tests;
+
+use crate::scene::SamplerKind;
+use hash::{mix, unit};
+
+/// A source of numbers keyed by (seed, frame, pixel, sample, dimension).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sampler {
+    key: u64,
+    kind: SamplerKind,
+}
+
+/// What a number is used for. Two uses share no numbers; each has a spread of its own over the samples of the pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Dimension(u64);
+
+impl Dimension {
+    /// The ray from the eye itself.
+    pub const EYE: Dimension = Dimension(0);
+
+    /// Use number `n` of what happens here: a child ray, a light, a lobe.
+    pub fn of(self, n: u32) -> Dimension {
+        Dimension(mix(self.0 ^ u64::from(n) << 32))
+    }
+}
+
+/// One of the samples that make a pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sample {
+    sampler: Sampler,
+    index: u32,
+    count: u32,
+}
+
+/// The numbers of a ray from the eye, each in [0, 1).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EyeNumbers {
+    /// Where in the pixel.
+    pub film: [f64; 2],
+    /// Where on the lens.
+    pub lens: [f64; 2],
+    /// When.
+    pub time: f64,
+}
+
+impl Sampler {
+    /// The default kind of source for one pixel of one frame.
+    pub fn new(seed: u64, frame: u32, pixel: [u32; 2]) -> Sampler {
+        let position = u64::from(pixel[0]) << 32 | u64::from(pixel[1]);
+        Sampler { key: mix(mix(mix(seed) ^ u64::from(frame)) ^ position), kind: SamplerKind::default() }
+    }
+
+    /// The same source with numbers spread in another way.
+    pub fn of_kind(self, kind: SamplerKind) -> Sampler {
+        Sampler { kind, ..self }
+    }
+
+    /// A number in [0, 1), uniform and independent of all others, for this use of the sample.
+    pub fn uniform(&self, sample: u32, dimension: u32) -> f64 {
+        unit(mix(self.key ^ (u64::from(sample) << 32 | u64::from(dimension))))
+    }
+
+    /// Sample number `index` of `count`.
+    pub fn sample(self, index: u32, count: u32) -> Sample {
+        Sample { sampler: self, index, count }
+    }
+}
+
+impl Sample {
+    /// A number in [0, 1).
+    pub fn one(&self, dimension: Dimension) -> f64 {
+        let Sample { sampler, index, count } = *self;
+        let key = sampler.key_of(dimension);
+        match sampler.kind {
+            SamplerKind::Sobol => sobol::one(index, key),
+            SamplerKind::Jittered => grid::one(index, count, key),
+            SamplerKind::Independent => unit(mix(key ^ u64::from(index))),
+        }
+    }
+
+    /// A point of [0, 1)².
+    pub fn two(&self, dimension: Dimension) -> [f64; 2] {
+        self.sampler.two(dimension, self.index, self.count)
+    }
+
+    /// The same for use number `n` of `of` in the sample, such as one of a light's points: all samples' uses together are
+    /// spread like as many samples.
+    pub fn two_of(&self, dimension: Dimension, n: u32, of: u32) -> [f64; 2] {
+        let index = self.index.wrapping_mul(of).wrapping_add(n);
+        self.sampler.two(dimension, index, self.count.saturating_mul(of))
+    }
+
+    /// The numbers of the ray from the eye. With Sobol's they are well spread together, not only each for itself.
+    pub fn eye(&self) -> EyeNumbers {
+        if self.sampler.kind == SamplerKind::Sobol {
+            let [x, y, u, v, time] = sobol::points(self.index, self.sampler.key_of(Dimension::EYE));
+            return EyeNumbers { film: [x, y], lens: [u, v], time };
+        }
+        let [film, lens, time] = [0, 1, 2].map(|n| Dimension::EYE.of(n));
+        EyeNumbers { film: self.two(film), lens: self.two(lens), time: self.one(time) }
+    }
+}
+
+impl Sampler {
+    fn key_of(&self, dimension: Dimension) -> u64 {
+        // Another constant than those of `uniform`, whose numbers may be in use beside these.
+        mix(self.key ^ dimension.0.rotate_left(17) ^ 0x5bf0_3635_dca5_4a8d)
+    }
+
+    fn two(&self, dimension: Dimension, index: u32, count: u32) -> [f64; 2] {
+        let key = self.key_of(dimension);
+        match self.kind {
+            SamplerKind::Sobol => sobol::points(index, key),
+            SamplerKind::Jittered => grid::two(index, count, key),
+            SamplerKind::Independent => {
+                let bits = mix(key ^ u64::from(index));
+                [unit(bits), unit(mix(bits))]
+            }
+        }
+    }
+}

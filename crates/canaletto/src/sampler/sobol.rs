@@ -1,0 +1,165 @@
+//! Sobol's sequence with Owen's scrambling, both without a table larger than 640 bytes.
+//!
+//! Direction numbers: Joe & Kuo, *Constructing Sobol sequences with better two-dimensional projections* (2008), the first
+//! dimensions of `new-joe-kuo-6`. Scrambling by hashing: Burley, *Practical Hash-based Owen Scrambling* (JCGT 9(4), 2020),
+//! after Laine & Karras 2011, with the constants that Vegdahl found to scramble better (*Building a Better LK Hash*, 2021).
+//!
+//! A scrambling by a hash whose every bit depends on the higher ones only keeps all nets of the sequence: of 2^m points
+//! in the first two dimensions, exactly one lies in each of 2^m equal boxes, whatever the shape of the boxes. Other uses
+//! take the first two dimensions once more with another order of the points (Burley's padding), which is again a
+//! scrambling, of the index.
+
+use super::hash::mix;
+
+/// How many dimensions there are.
+const DIMENSIONS: usize = 5;
+
+/// The direction numbers of each dimension, their bits reversed: the first digit after the point is bit 0.
+static DIRECTIONS: [[u32; 32]; DIMENSIONS] = directions();
+
+const fn directions() -> [[u32; 32]; DIMENSIONS] {
+    // s, a and m of the primitive polynomials; the first dimension is van der Corput's.
+    const POLYNOMIALS: [(usize, u32, [u32; 3]); DIMENSIONS - 1] =
+        [(1, 0, [1, 0, 0]), (2, 1, [1, 3, 0]), (3, 1, [1, 3, 1]), (3, 2, [1, 1, 1])];
+    let mut all = [[0; 32]; DIMENSIONS];
+    let mut i = 0;
+    while i < 32 {
+        all[0][i] = 1 << i;
+        i += 1;
+    }
+    let mut d = 1;
+    while d < DIMENSIONS {
+        let (s, a, m) = POLYNOMIALS[d - 1];
+        let mut v = [0u32; 32];
+        let mut i = 0;
+        while i < 32 {
+            if i < s {
+                v[i] = m[i] << (31 - i);
+            } else {
+                v[i] = v[i - s] ^ (v[i - s] >> s);
+                let mut k = 1;
+                while k < s {
+                    if (a >> (s - 1 - k)) & 1 == 1 {
+                        v[i] ^= v[i - k];
+                    }
+                    k += 1;
+                }
+            }
+            all[d][i] = v[i].reverse_bits();
+            i += 1;
+        }
+        d += 1;
+    }
+    all
+}
+
+/// Point `index` of the sequence scrambled by `key`, in the first N dimensions.
+pub(super) fn points<const N: usize>(index: u32, key: u64) -> [f64; N] {
+    let index = scramble(index.reverse_bits(), key).reverse_bits();
+    let mut seed = key;
+    std::array::from_fn(|dimension| {
+        seed = mix(seed);
+        fraction(scramble(digits(index, dimension), seed))
+    })
+}
+
+/// A single number.
+pub(super) fn one(index: u32, key: u64) -> f64 {
+    points::<1>(index, key)[0]
+}
+
+/// Point `index` in a dimension, the first digit in bit 0.
+fn digits(index: u32, dimension: usize) -> u32 {
+    if dimension == 0 {
+        return index;
+    }
+    let (mut rest, mut point) = (index, 0);
+    while rest != 0 {
+        point ^= DIRECTIONS[dimension][rest.trailing_zeros() as usize];
+        rest &= rest - 1;
+    }
+    point
+}
+
+/// Owen's scrambling of digits whose first is bit 0: every bit is turned, or not, by what the bits below it and the seed
+/// are.
+fn scramble(mut x: u32, seed: u64) -> u32 {
+    x ^= x.wrapping_mul(0x3d20_adea);
+    x = x.wrapping_add(seed as u32);
+    x = x.wrapping_mul((seed >> 32) as u32 | 1);
+    x ^= x.wrapping_mul(0x0552_6c56);
+    x ^ x.wrapping_mul(0x53a2_2864)
+}
+
+fn fraction(digits: u32) -> f64 {
+    f64::from(digits.reverse_bits()) * (1.0 / (1u64 << 32) as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The first points as published with the direction numbers, in the sequence's own order (not Gray code's).
+    #[test]
+    fn the_sequence_is_sobols() {
+        let expected = [
+            [0.0; 5],
+            [0.5; 5],
+            [0.25, 0.75, 0.75, 0.75, 0.25],
+            [0.75, 0.25, 0.25, 0.25, 0.75],
+            [0.125, 0.625, 0.375, 0.125, 0.125],
+            [0.625, 0.125, 0.875, 0.625, 0.625],
+            [0.375, 0.375, 0.625, 0.875, 0.375],
+            [0.875, 0.875, 0.125, 0.375, 0.875],
+        ];
+        for (index, point) in expected.iter().enumerate() {
+            let ours: [f64; 5] = std::array::from_fn(|d| fraction(digits(index as u32, d)));
+            assert_eq!(&ours, point, "{index}");
+        }
+    }
+
+    /// Counts the points in every box of volume 2^-m: one in each.
+    #[test]
+    fn every_prefix_of_a_power_of_two_is_a_net() {
+        for key in [1, 77, 0xdead_beef_0123_4567] {
+            for m in 0..=10u32 {
+                for shift in 0..=m {
+                    let (across, up) = (1u32 << shift, 1u32 << (m - shift));
+                    let mut boxes = vec![0; 1 << m];
+                    for index in 0..1 << m {
+                        let [x, y] = points(index, key).map(|u: f64| u);
+                        let column = (x * f64::from(across)) as u32;
+                        let row = (y * f64::from(up)) as u32;
+                        boxes[(row * across + column) as usize] += 1;
+                    }
+                    assert!(boxes.iter().all(|&n| n == 1), "key {key}: {across} x {up}");
+                }
+            }
+        }
+    }
+
+    /// Owen's scrambling turns each digit of each point at random: over many seeds every digit is 1 half of the time, and
+    /// independent of the digit before it.
+    #[test]
+    fn digits_are_turned_independently() {
+        let seeds = 20_000u32;
+        for point in [0u32, 1, 0x8000_0001, 0x1234_5678, u32::MAX] {
+            let mut ones = [0u32; 32];
+            let mut changes = [0u32; 31];
+            for seed in 0..seeds {
+                let x = scramble(point, mix(u64::from(seed)));
+                for (bit, n) in ones.iter_mut().enumerate() {
+                    *n += (x >> bit) & 1;
+                }
+                for (bit, n) in changes.iter_mut().enumerate() {
+                    *n += ((x >> bit) ^ (x >> (bit + 1))) & 1;
+                }
+            }
+            // Five standard deviations of a fair coin.
+            let bound = 5.0 * 0.5 * f64::from(seeds).sqrt();
+            for &n in ones.iter().chain(&changes) {
+                assert!((f64::from(n) - f64::from(seeds) / 2.0).abs() < bound, "{point:x}: {ones:?} {changes:?}");
+            }
+        }
+    }
+}
