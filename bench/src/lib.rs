@@ -1,1 +1,3 @@
 //! Benchmarks and comparisons.
+
+pub mod peers;

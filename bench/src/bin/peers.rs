@@ -1,0 +1,110 @@
+//! Canaletto beside what is installed of other ray tracers; see `docs/benchmarks.md`.
+//!
+//! `cargo run --release -p canaletto-bench --bin peers -- rays --mesh statue,field --threads 1,2`
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use canaletto_bench::peers::embree::{Quality, Settings};
+use canaletto_bench::peers::mesh::{RECIPES, Recipe};
+use canaletto_bench::peers::rays::SETS;
+use canaletto_bench::peers::statistics::Clock;
+use canaletto_bench::peers::trace;
+use clap::{Parser, Subcommand};
+
+#[derive(Parser)]
+#[command(about = "Canaletto beside other ray tracers, in turn, on the same rays and scenes")]
+struct Arguments {
+    #[command(subcommand)]
+    what: What,
+    /// Write all numbers to this file, too.
+    #[arg(long, global = true, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// How many times each takes its turn.
+    #[arg(long, global = true, default_value_t = 7, value_parser = clap::value_parser!(u16).range(1..))]
+    rounds: u16,
+    /// Numbers of threads, one after the other.
+    #[arg(long, global = true, value_delimiter = ',', default_value = "2")]
+    threads: Vec<usize>,
+    /// What to measure: the clock, or the time that the processor spent on us, which others on the machine disturb less.
+    #[arg(long, global = true, value_enum, default_value = "wall")]
+    clock: Clock,
+    /// Size of the pictures, or of those that rays are for.
+    #[arg(long, global = true, default_value = "1920x1080", value_parser = size)]
+    size: [u32; 2],
+}
+
+#[derive(Subcommand)]
+enum What {
+    /// Rays through triangle meshes, ours and Embree's.
+    Rays(Rays),
+    /// The meshes and ray sets there are.
+    List,
+}
+
+#[derive(clap::Args)]
+struct Rays {
+    /// Meshes, see `list`; all by default.
+    #[arg(long, value_delimiter = ',', value_parser = recipe)]
+    mesh: Vec<Recipe>,
+    /// Ray sets, see `list`; all by default.
+    #[arg(long = "set", value_delimiter = ',', value_parser = SETS.map(|set| set.0))]
+    sets: Vec<String>,
+    /// How well Embree builds.
+    #[arg(long, value_enum, default_value = "high")]
+    quality: Quality,
+    /// Embree's watertight mode.
+    #[arg(long)]
+    robust: bool,
+    /// Embree's mode for less memory.
+    #[arg(long)]
+    compact: bool,
+}
+
+fn size(text: &str) -> Result<[u32; 2], String> {
+    let parsed = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
+    parsed.filter(|size: &[u32; 2]| size.iter().all(|&n| (1..=16_384).contains(&n))).ok_or("expected WxH".into())
+}
+
+fn recipe(name: &str) -> Result<Recipe, String> {
+    let names = RECIPES.map(|r| r.name).join(", ");
+    RECIPES.into_iter().find(|r| r.name == name).ok_or(format!("there are {names}"))
+}
+
+fn main() -> ExitCode {
+    match run(Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("error: {message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(arguments: Arguments) -> Result<(), String> {
+    let Arguments { what, json, rounds, threads, clock, size } = arguments;
+    if threads.contains(&0) {
+        return Err("--threads takes numbers above 0".into());
+    }
+    let report = match what {
+        What::Rays(Rays { mesh, sets, quality, robust, compact }) => trace::run(&trace::Options {
+            meshes: if mesh.is_empty() { RECIPES.to_vec() } else { mesh },
+            sets,
+            threads,
+            clock,
+            size,
+            rounds: rounds.into(),
+            settings: Settings { quality, robust, compact },
+        })?,
+        What::List => {
+            RECIPES.iter().for_each(|recipe| println!("{:12} {}", recipe.name, recipe.about));
+            println!();
+            SETS.iter().for_each(|(name, about)| println!("{name:12} {about}"));
+            return Ok(());
+        }
+    };
+    if let Some(path) = json {
+        std::fs::write(&path, format!("{report:#}\n")).map_err(|e| format!("{}: {e}", path.display()))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,437 @@
+//! Intel's Embree 3 (Debian's `libembree-dev` or `libembree3-3`), loaded at run time.
+//!
+//! The declarations follow the documentation of its C interface; only what is used here is declared. Embree's own advice
+//! to flush denormal numbers to zero is not followed, as a Rust program may not change that mode; no ray set has such
+//! numbers in bulk.
+// A foreign library can't be called otherwise. What each block relies on is said there.
+#![allow(unsafe_code)]
+
+use std::ffi::{CString, c_char, c_void};
+use std::sync::atomic::{AtomicIsize, Ordering};
+
+use libloading::Library;
+
+use super::mesh::Mesh;
+use super::rays::{Packet, Segment};
+use super::trace::{Hits, Tracer};
+
+/// How to get it.
+pub const INSTALL: &str = "apt-get install libembree-dev";
+
+const NAMES: [&str; 3] = ["libembree3.so.3", "libembree3.so", "libembree3.dylib"];
+const INVALID: u32 = u32::MAX;
+const FORMAT_UINT3: i32 = 0x5003;
+const FORMAT_FLOAT3: i32 = 0x9003;
+const BUFFER_INDEX: i32 = 0;
+const BUFFER_VERTEX: i32 = 1;
+const TRIANGLES: i32 = 0;
+const COHERENT: i32 = 1;
+
+/// How well the tree is built.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[repr(i32)]
+pub enum Quality {
+    /// Morton codes.
+    Low = 0,
+    /// Binned surface area heuristic.
+    Medium = 1,
+    /// With spatial splits.
+    High = 2,
+}
+
+/// What a scene is built like.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// How well the tree is built.
+    pub quality: Quality,
+    /// Watertight, and slower.
+    pub robust: bool,
+    /// Less memory, and slower.
+    pub compact: bool,
+}
+
+type Pointer = *mut c_void;
+
+#[repr(C)]
+struct Context {
+    flags: i32,
+    filter: Option<extern "C" fn()>,
+    instance: [u32; 1],
+}
+
+#[derive(Clone, Copy)]
+#[repr(C, align(16))]
+struct Ray1 {
+    origin: [f32; 3],
+    near: f32,
+    direction: [f32; 3],
+    time: f32,
+    far: f32,
+    mask: u32,
+    id: u32,
+    flags: u32,
+}
+
+#[derive(Clone, Copy)]
+#[repr(C, align(16))]
+struct Hit1 {
+    normal: [f32; 3],
+    u: f32,
+    v: f32,
+    primitive: u32,
+    geometry: u32,
+    instance: u32,
+}
+
+#[derive(Clone, Copy)]
+#[repr(C)]
+struct RayHit1 {
+    ray: Ray1,
+    hit: Hit1,
+}
+
+/// `N` rays: the rows of [`Ray1`], side by side.
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+struct RayN<const N: usize> {
+    origin: [[f32; N]; 3],
+    near: [f32; N],
+    direction: [[f32; N]; 3],
+    time: [f32; N],
+    far: [f32; N],
+    mask: [u32; N],
+    id: [u32; N],
+    flags: [u32; N],
+}
+
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+struct RayHitN<const N: usize> {
+    ray: RayN<N>,
+    normal: [[f32; N]; 3],
+    u: [f32; N],
+    v: [f32; N],
+    primitive: [u32; N],
+    geometry: [u32; N],
+    instance: [u32; N],
+}
+
+/// What is valid: −1 for a ray to be traced.
+#[repr(C, align(64))]
+struct Valid<const N: usize>([i32; N]);
+
+type Packets<T> = unsafe extern "C" fn(*const i32, Pointer, *mut Context, *mut T);
+
+/// The library's functions. It is never unloaded: its threads run until the process ends.
+struct Functions {
+    new_device: unsafe extern "C" fn(*const c_char) -> Pointer,
+    release_device: unsafe extern "C" fn(Pointer),
+    device_error: unsafe extern "C" fn(Pointer) -> i32,
+    device_property: unsafe extern "C" fn(Pointer, i32) -> isize,
+    set_memory_monitor: unsafe extern "C" fn(Pointer, extern "C" fn(Pointer, isize, bool) -> bool, Pointer),
+    new_scene: unsafe extern "C" fn(Pointer) -> Pointer,
+    release_scene: unsafe extern "C" fn(Pointer),
+    set_quality: unsafe extern "C" fn(Pointer, i32),
+    set_flags: unsafe extern "C" fn(Pointer, i32),
+    new_geometry: unsafe extern "C" fn(Pointer, i32) -> Pointer,
+    release_geometry: unsafe extern "C" fn(Pointer),
+    share_buffer: unsafe extern "C" fn(Pointer, i32, u32, i32, *const c_void, usize, usize, usize),
+    commit_geometry: unsafe extern "C" fn(Pointer),
+    attach: unsafe extern "C" fn(Pointer, Pointer) -> u32,
+    commit_scene: unsafe extern "C" fn(Pointer),
+    intersect1: unsafe extern "C" fn(Pointer, *mut Context, *mut RayHit1),
+    intersect8: Packets<RayHitN<8>>,
+    intersect16: Packets<RayHitN<16>>,
+    occluded1: unsafe extern "C" fn(Pointer, *mut Context, *mut Ray1),
+    occluded8: Packets<RayN<8>>,
+    occluded16: Packets<RayN<16>>,
+}
+
+impl Functions {
+    fn load() -> Result<Self, String> {
+        // SAFETY: Embree's initializers do nothing but register themselves.
+        let library = NAMES.iter().find_map(|name| unsafe { Library::new(name) }.ok());
+        let library = library.ok_or(format!("Embree 3 isn't installed; on Debian: {INSTALL}"))?;
+        let library = Box::leak(Box::new(library));
+        macro_rules! symbol {
+            ($name:literal) => {
+                // SAFETY: the field that takes it has the type of Embree 3's documentation.
+                *unsafe { library.get($name) }.map_err(|e| format!("Embree lacks a function: {e}"))?
+            };
+        }
+        Ok(Self {
+            new_device: symbol!(b"rtcNewDevice\0"),
+            release_device: symbol!(b"rtcReleaseDevice\0"),
+            device_error: symbol!(b"rtcGetDeviceError\0"),
+            device_property: symbol!(b"rtcGetDeviceProperty\0"),
+            set_memory_monitor: symbol!(b"rtcSetDeviceMemoryMonitorFunction\0"),
+            new_scene: symbol!(b"rtcNewScene\0"),
+            release_scene: symbol!(b"rtcReleaseScene\0"),
+            set_quality: symbol!(b"rtcSetSceneBuildQuality\0"),
+            set_flags: symbol!(b"rtcSetSceneFlags\0"),
+            new_geometry: symbol!(b"rtcNewGeometry\0"),
+            release_geometry: symbol!(b"rtcReleaseGeometry\0"),
+            share_buffer: symbol!(b"rtcSetSharedGeometryBuffer\0"),
+            commit_geometry: symbol!(b"rtcCommitGeometry\0"),
+            attach: symbol!(b"rtcAttachGeometry\0"),
+            commit_scene: symbol!(b"rtcCommitScene\0"),
+            intersect1: symbol!(b"rtcIntersect1\0"),
+            intersect8: symbol!(b"rtcIntersect8\0"),
+            intersect16: symbol!(b"rtcIntersect16\0"),
+            occluded1: symbol!(b"rtcOccluded1\0"),
+            occluded8: symbol!(b"rtcOccluded8\0"),
+            occluded16: symbol!(b"rtcOccluded16\0"),
+        })
+    }
+}
+
+/// What a device has allocated, in bytes.
+#[derive(Default)]
+struct Memory {
+    now: AtomicIsize,
+    peak: AtomicIsize,
+}
+
+extern "C" fn monitor(memory: Pointer, bytes: isize, _post: bool) -> bool {
+    // SAFETY: the pointer given to Embree below, to a box that outlives the device.
+    let memory = unsafe { &*memory.cast::<Memory>() };
+    let now = memory.now.fetch_add(bytes, Ordering::Relaxed) + bytes;
+    memory.peak.fetch_max(now, Ordering::Relaxed);
+    true
+}
+
+/// The library with a number of threads for building.
+pub struct Embree {
+    functions: Functions,
+    device: Pointer,
+    memory: Box<Memory>,
+}
+
+// SAFETY: Embree's devices may be used by any number of threads.
+unsafe impl Send for Embree {}
+// SAFETY: as above.
+unsafe impl Sync for Embree {}
+
+impl Embree {
+    /// Loads the library; else says what to install.
+    pub fn new(threads: usize) -> Result<Self, String> {
+        let functions = Functions::load()?;
+        let config = CString::new(format!("threads={threads}")).map_err(|e| e.to_string())?;
+        // SAFETY: a string that ends in 0.
+        let device = unsafe { (functions.new_device)(config.as_ptr()) };
+        if device.is_null() {
+            return Err("Embree makes no device on this machine".into());
+        }
+        let memory = Box::<Memory>::default();
+        // SAFETY: the box lives until the device is released.
+        unsafe { (functions.set_memory_monitor)(device, monitor, std::ptr::from_ref(&*memory).cast_mut().cast()) };
+        Ok(Self { functions, device, memory })
+    }
+
+    /// Its version.
+    pub fn version(&self) -> String {
+        // SAFETY: the device is valid; 1 to 3 are the parts of the version.
+        let part = |i| unsafe { (self.functions.device_property)(self.device, i) };
+        format!("{}.{}.{}", part(1), part(2), part(3))
+    }
+
+    /// Copies a mesh into the layout that Embree shares.
+    pub fn prepare(&self, mesh: &Mesh) -> Shared {
+        let mut positions: Vec<[f32; 3]> = Vec::with_capacity(mesh.positions.len() + 1);
+        positions.extend(mesh.positions.iter().map(|p| p.to_array()));
+        // Embree reads 16 bytes of the last vertex, too.
+        positions.push([0.0; 3]);
+        Shared { positions, triangles: mesh.triangles.clone() }
+    }
+
+    /// Builds a scene over a mesh.
+    pub fn build<'a>(&'a self, shared: &'a Shared, settings: Settings) -> Result<Scene<'a>, String> {
+        let f = &self.functions;
+        let before = self.memory.now.load(Ordering::Relaxed);
+        self.memory.peak.store(before, Ordering::Relaxed);
+        let Shared { positions, triangles } = shared;
+        let flags = i32::from(settings.compact) << 1 | i32::from(settings.robust) << 2;
+        // SAFETY: the buffers are as long as said, the vertices with one more behind, and borrowed for the scene's life.
+        let scene = unsafe {
+            let scene = (f.new_scene)(self.device);
+            (f.set_quality)(scene, settings.quality as i32);
+            (f.set_flags)(scene, flags);
+            let geometry = (f.new_geometry)(self.device, TRIANGLES);
+            let (points, count) = (positions.as_ptr().cast(), positions.len() - 1);
+            (f.share_buffer)(geometry, BUFFER_VERTEX, 0, FORMAT_FLOAT3, points, 0, 12, count);
+            let (indices, count) = (triangles.as_ptr().cast(), triangles.len());
+            (f.share_buffer)(geometry, BUFFER_INDEX, 0, FORMAT_UINT3, indices, 0, 12, count);
+            (f.commit_geometry)(geometry);
+            (f.attach)(scene, geometry);
+            (f.release_geometry)(geometry);
+            (f.commit_scene)(scene);
+            scene
+        };
+        let bytes = self.memory.now.load(Ordering::Relaxed) - before;
+        let peak = self.memory.peak.load(Ordering::Relaxed) - before;
+        let scene = Scene { embree: self, scene, bytes: bytes.max(0) as usize, peak: peak.max(0) as usize };
+        // SAFETY: the device is valid.
+        match unsafe { (f.device_error)(self.device) } {
+            0 => Ok(scene),
+            code => Err(format!("Embree reports error {code}")),
+        }
+    }
+}
+
+impl Drop for Embree {
+    fn drop(&mut self) {
+        // SAFETY: scenes borrow the device, so none is left.
+        unsafe { (self.functions.release_device)(self.device) }
+    }
+}
+
+/// A mesh in Embree's layout.
+pub struct Shared {
+    positions: Vec<[f32; 3]>,
+    triangles: Vec<[u32; 3]>,
+}
+
+/// A mesh in Embree.
+pub struct Scene<'a> {
+    embree: &'a Embree,
+    scene: Pointer,
+    /// What Embree allocated for it and kept; the shared buffers don't count.
+    pub bytes: usize,
+    /// The most that Embree had allocated while it built.
+    pub peak: usize,
+}
+
+// SAFETY: a committed scene may be traced by any number of threads.
+unsafe impl Send for Scene<'_> {}
+// SAFETY: as above.
+unsafe impl Sync for Scene<'_> {}
+
+impl Drop for Scene<'_> {
+    fn drop(&mut self) {
+        // SAFETY: the scene is released once.
+        unsafe { (self.embree.functions.release_scene)(self.scene) }
+    }
+}
+
+/// Rays one by one.
+pub struct Single<'a>(pub &'a Scene<'a>);
+/// Rays by eights.
+pub struct Eights<'a>(pub &'a Scene<'a>);
+/// Rays by sixteens.
+pub struct Sixteens<'a>(pub &'a Scene<'a>);
+
+fn context(coherent: bool) -> Context {
+    Context { flags: if coherent { COHERENT } else { 0 }, filter: None, instance: [INVALID] }
+}
+
+fn single(segment: &Segment) -> Ray1 {
+    let (origin, direction) = (segment.origin.to_array(), segment.direction.to_array());
+    Ray1 { origin, near: 0.0, direction, time: 0.0, far: segment.t_max, mask: u32::MAX, id: 0, flags: 0 }
+}
+
+impl Tracer for Single<'_> {
+    fn closest(&self, rays: &[Segment], _packets: &[Packet], coherent: bool, out: &mut Hits<'_>) {
+        let (f, mut context) = (&self.0.embree.functions, context(coherent));
+        for (i, segment) in rays.iter().enumerate() {
+            let hit =
+                Hit1 { normal: [0.0; 3], u: 0.0, v: 0.0, primitive: INVALID, geometry: INVALID, instance: INVALID };
+            let mut both = RayHit1 { ray: single(segment), hit };
+            // SAFETY: a committed scene, and a ray laid out as declared.
+            unsafe { (f.intersect1)(self.0.scene, &raw mut context, &raw mut both) };
+            (out.t[i], out.u[i], out.v[i]) = (both.ray.far, both.hit.u, both.hit.v);
+            out.id[i] = both.hit.primitive;
+        }
+    }
+
+    fn any(&self, rays: &[Segment], _packets: &[Packet], coherent: bool, out: &mut [u8]) {
+        let (f, mut context) = (&self.0.embree.functions, context(coherent));
+        for (segment, out) in rays.iter().zip(out) {
+            let mut ray = single(segment);
+            // SAFETY: a committed scene, and a ray laid out as declared.
+            unsafe { (f.occluded1)(self.0.scene, &raw mut context, &raw mut ray) };
+            *out = u8::from(ray.far < 0.0);
+        }
+    }
+}
+
+/// `N` rays of a packet of sixteen, from lane `first`.
+#[inline]
+fn several<const N: usize>(packet: &Packet, first: usize) -> RayN<N> {
+    let row = |i: usize| -> [f32; N] {
+        let mut row = [0.0; N];
+        row.copy_from_slice(&packet.0[i][first..first + N]);
+        row
+    };
+    RayN {
+        origin: [row(0), row(1), row(2)],
+        near: [0.0; N],
+        direction: [row(3), row(4), row(5)],
+        time: [0.0; N],
+        far: row(6),
+        mask: [u32::MAX; N],
+        id: [0; N],
+        flags: [0; N],
+    }
+}
+
+fn closest<const N: usize>(
+    scene: &Scene<'_>,
+    trace: Packets<RayHitN<N>>,
+    packets: &[Packet],
+    coherent: bool,
+    out: &mut Hits<'_>,
+) {
+    let (valid, mut context) = (Valid([-1; N]), context(coherent));
+    let len = out.t.len();
+    for first in (0..len).step_by(N) {
+        let mut both = RayHitN {
+            ray: several(&packets[first / 16], first % 16),
+            normal: [[0.0; N]; 3],
+            u: [0.0; N],
+            v: [0.0; N],
+            primitive: [INVALID; N],
+            geometry: [INVALID; N],
+            instance: [INVALID; N],
+        };
+        // SAFETY: a committed scene, rays laid out and aligned as declared.
+        unsafe { trace(valid.0.as_ptr(), scene.scene, &raw mut context, &raw mut both) };
+        let n = N.min(len - first);
+        out.t[first..first + n].copy_from_slice(&both.ray.far[..n]);
+        out.u[first..first + n].copy_from_slice(&both.u[..n]);
+        out.v[first..first + n].copy_from_slice(&both.v[..n]);
+        out.id[first..first + n].copy_from_slice(&both.primitive[..n]);
+    }
+}
+
+fn any<const N: usize>(scene: &Scene<'_>, trace: Packets<RayN<N>>, packets: &[Packet], coherent: bool, out: &mut [u8]) {
+    let (valid, mut context) = (Valid([-1; N]), context(coherent));
+    for (i, out) in out.chunks_mut(N).enumerate() {
+        let first = i * N;
+        let mut rays = several(&packets[first / 16], first % 16);
+        // SAFETY: a committed scene, rays laid out and aligned as declared.
+        unsafe { trace(valid.0.as_ptr(), scene.scene, &raw mut context, &raw mut rays) };
+        for (out, far) in out.iter_mut().zip(rays.far) {
+            *out = u8::from(far < 0.0);
+        }
+    }
+}
+
+impl Tracer for Eights<'_> {
+    fn closest(&self, _rays: &[Segment], packets: &[Packet], coherent: bool, out: &mut Hits<'_>) {
+        closest::<8>(self.0, self.0.embree.functions.intersect8, packets, coherent, out);
+    }
+
+    fn any(&self, _rays: &[Segment], packets: &[Packet], coherent: bool, out: &mut [u8]) {
+        any::<8>(self.0, self.0.embree.functions.occluded8, packets, coherent, out);
+    }
+}
+
+impl Tracer for Sixteens<'_> {
+    fn closest(&self, _rays: &[Segment], packets: &[Packet], coherent: bool, out: &mut Hits<'_>) {
+        closest::<16>(self.0, self.0.embree.functions.intersect16, packets, coherent, out);
+    }
+
+    fn any(&self, _rays: &[Segment], packets: &[Packet], coherent: bool, out: &mut [u8]) {
+        any::<16>(self.0, self.0.embree.functions.occluded16, packets, coherent, out);
+    }
+}

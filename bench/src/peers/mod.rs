@@ -1,0 +1,15 @@
+//! Canaletto beside other ray tracers on one machine, in turn, on the same rays and scenes. See `docs/benchmarks.md`.
+//!
+//! Peers are looked for at run time; nothing here needs them to build. Meshes and rays come from seeds, so that
+//! anyone has the same.
+
+mod atrium;
+pub mod embree;
+mod field;
+pub mod mesh;
+mod noise;
+pub mod ours;
+pub mod rays;
+pub mod statistics;
+mod statue;
+pub mod trace;

@@ -1,0 +1,154 @@
+//! The rays: from the eye, and from what they hit, in the order in which a renderer would meet them.
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::mesh::Mesh;
+use super::noise::{around, uniform};
+
+/// One ray, laid out for single-ray interfaces: the points `origin + t * direction`, 0 < t ≤ `t_max`.
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(C, align(32))]
+pub struct Segment {
+    /// Where t = 0.
+    pub origin: Vec3,
+    /// Where it ends.
+    pub t_max: f32,
+    /// The way of growing t.
+    pub direction: Vec3,
+}
+
+/// Sixteen rays side by side, for packet interfaces: rows of origin x y z, direction x y z and `t_max`.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub struct Packet(pub [[f32; 16]; 7]);
+
+/// Rays to be traced, in both layouts.
+pub struct RaySet {
+    /// What they are called on the command line.
+    pub name: &'static str,
+    /// Whether only it counts that something is hit.
+    pub any: bool,
+    /// Whether neighbours run alike: a peer may be told so.
+    pub coherent: bool,
+    /// One by one.
+    pub rays: Vec<Segment>,
+    /// The same by sixteens; the last is filled up with its last ray.
+    pub packets: Vec<Packet>,
+}
+
+/// The names of all sets.
+pub const SETS: [(&str, &str); 7] = [
+    ("primary", "from the eye through each pixel, closest hit"),
+    ("shadow", "from their hits to a light at a point, any hit"),
+    ("diffuse", "from their hits, spread by the cosine, closest hit"),
+    ("diffuse-any", "the same, any hit"),
+    ("second", "from the hits of diffuse, spread by the cosine, closest hit"),
+    ("second-any", "the same, any hit"),
+    ("ao", "from the hits of primary, spread by the cosine, short, any hit"),
+];
+
+/// What is known of a hit when rays start there.
+#[derive(Clone, Copy)]
+pub struct Start {
+    /// The point, moved off the surface.
+    pub point: Vec3,
+    /// The normal on the side that was hit.
+    pub normal: Vec3,
+}
+
+impl RaySet {
+    /// Rays in both layouts.
+    pub fn new(name: &'static str, any: bool, coherent: bool, rays: Vec<Segment>) -> Self {
+        let packets = rays
+            .par_chunks(16)
+            .map(|chunk| {
+                let mut packet = Packet([[0.0; 16]; 7]);
+                for lane in 0..16 {
+                    let ray = chunk[lane.min(chunk.len() - 1)];
+                    let [o, d] = [ray.origin, ray.direction];
+                    for (row, value) in [o.x, o.y, o.z, d.x, d.y, d.z, ray.t_max].into_iter().enumerate() {
+                        packet.0[row][lane] = value;
+                    }
+                }
+                packet
+            })
+            .collect();
+        Self { name, any, coherent, rays, packets }
+    }
+}
+
+/// Rays from the eye, tile after tile of 8 × 8 pixels.
+fn primary(mesh: &Mesh, [width, height]: [u32; 2]) -> Vec<Segment> {
+    let forward = (mesh.target - mesh.eye).normalize();
+    let right = forward.cross(Vec3::Z).normalize();
+    let up = right.cross(forward);
+    let half = libm::tanf(mesh.fovy.to_radians() / 2.0);
+    let tiles = [width.div_ceil(8), height.div_ceil(8)];
+    let pixels = (0..tiles[0] * tiles[1]).flat_map(|tile| {
+        let corner = [tile % tiles[0] * 8, tile / tiles[0] * 8];
+        (0..64).map(move |i| [corner[0] + i % 8, corner[1] + i / 8])
+    });
+    pixels
+        .filter(|&[x, y]| x < width && y < height)
+        .map(|[x, y]| {
+            let x = (x as f32 + 0.5 - width as f32 / 2.0) / height as f32 * 2.0 * half;
+            let y = (height as f32 / 2.0 - y as f32 - 0.5) / height as f32 * 2.0 * half;
+            Segment { origin: mesh.eye, t_max: f32::INFINITY, direction: (forward + right * x + up * y).normalize() }
+        })
+        .collect()
+}
+
+fn spread(starts: &[Start], seed: u64, t_max: f32) -> Vec<Segment> {
+    starts
+        .par_iter()
+        .enumerate()
+        .map(|(i, start)| {
+            let i = 2 * i as u64;
+            let direction = around(start.normal, uniform(seed, i), uniform(seed, i + 1));
+            Segment { origin: start.point, t_max, direction }
+        })
+        .collect()
+}
+
+/// The sets named, for pictures of a size. `hits` tells where rays hit the mesh, each with its triangle and t.
+pub fn make(
+    mesh: &Mesh,
+    size: [u32; 2],
+    wanted: impl Fn(&str) -> bool,
+    hits: impl Fn(&[Segment]) -> Vec<Option<(u32, f32)>>,
+) -> Vec<RaySet> {
+    let extent = mesh.extent();
+    let starts = |rays: &[Segment]| -> Vec<Start> {
+        let start = |(ray, hit): (&Segment, Option<(u32, f32)>)| {
+            let (triangle, t) = hit?;
+            let [a, b, c] = mesh.corners(triangle as usize);
+            let normal = (b - a).cross(c - a).normalize_or_zero();
+            let normal = if normal.dot(ray.direction) > 0.0 { -normal } else { normal };
+            // Far enough that no peer hits the same triangle again.
+            Some(Start { point: ray.origin + t * ray.direction + normal * (extent * 1e-5), normal })
+        };
+        rays.iter().zip(hits(rays)).filter_map(start).filter(|start| start.normal.is_normalized()).collect()
+    };
+    let mut sets = Vec::new();
+    let mut add = |name, any, coherent, rays: &[Segment]| {
+        if wanted(name) {
+            sets.push(RaySet::new(name, any, coherent, rays.to_vec()));
+        }
+    };
+    let eye = primary(mesh, size);
+    add("primary", false, true, &eye);
+    let first = starts(&eye);
+    let to_light = |start: &Start| Segment { origin: start.point, t_max: 1.0, direction: mesh.light - start.point };
+    add("shadow", true, true, &first.iter().map(to_light).collect::<Vec<_>>());
+    let diffuse = spread(&first, 1, f32::INFINITY);
+    add("diffuse", false, false, &diffuse);
+    add("diffuse-any", true, false, &diffuse);
+    if wanted("second") || wanted("second-any") {
+        let second = spread(&starts(&diffuse), 2, f32::INFINITY);
+        add("second", false, false, &second);
+        add("second-any", true, false, &second);
+    }
+    add("ao", true, false, &spread(&first, 3, extent * 0.1));
+    sets
+}

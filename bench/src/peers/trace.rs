@@ -1,0 +1,260 @@
+//! Rays through meshes: ours and Embree's in turn, and whether they hit the same.
+
+use rayon::prelude::*;
+use serde_json::{Value, json};
+
+use super::embree::{Eights, Embree, Settings, Single, Sixteens};
+use super::mesh::{Mesh, Recipe};
+use super::ours::Ours;
+use super::rays::{self, Packet, RaySet, Segment};
+use super::statistics::{Clock, Times};
+
+/// Where results go, one value per ray; `id` is `u32::MAX` for a ray that hits nothing.
+pub struct Hits<'a> {
+    /// The rays' parameters.
+    pub t: &'a mut [f32],
+    /// Weights of the second corners.
+    pub u: &'a mut [f32],
+    /// Weights of the third corners.
+    pub v: &'a mut [f32],
+    /// Triangles.
+    pub id: &'a mut [u32],
+}
+
+/// Who traces a run of rays on the current thread. The rays come in both layouts; `packets` starts with the first of `rays`.
+pub trait Tracer: Sync {
+    /// Closest hits.
+    fn closest(&self, rays: &[Segment], packets: &[Packet], coherent: bool, out: &mut Hits<'_>);
+    /// Whether anything is hit: 1, else 0.
+    fn any(&self, rays: &[Segment], packets: &[Packet], coherent: bool, out: &mut [u8]);
+}
+
+/// What to compare.
+pub struct Options {
+    /// The meshes.
+    pub meshes: Vec<Recipe>,
+    /// Names of ray sets; all if empty.
+    pub sets: Vec<String>,
+    /// Numbers of threads.
+    pub threads: Vec<usize>,
+    /// What times are.
+    pub clock: Clock,
+    /// The size of the pictures that the rays are for.
+    pub size: [u32; 2],
+    /// How many times each takes its turn.
+    pub rounds: usize,
+    /// How Embree builds.
+    pub settings: Settings,
+}
+
+/// Rays that a thread takes at a time; a multiple of sixteen.
+const CHUNK: usize = 4096;
+
+/// All results of a set.
+#[derive(Clone, Debug, Default)]
+struct Results {
+    t: Vec<f32>,
+    u: Vec<f32>,
+    v: Vec<f32>,
+    id: Vec<u32>,
+    any: Vec<u8>,
+}
+
+impl Results {
+    fn for_rays(set: &RaySet) -> Self {
+        let n = set.rays.len();
+        if set.any {
+            return Self { any: vec![0; n], ..Self::default() };
+        }
+        Self { t: vec![0.0; n], u: vec![0.0; n], v: vec![0.0; n], id: vec![0; n], any: Vec::new() }
+    }
+
+    /// Traces all of the set on the current pool.
+    fn trace(&mut self, tracer: &dyn Tracer, set: &RaySet) {
+        let packets = |i: usize, n: usize| &set.packets[i * CHUNK / 16..][..n.div_ceil(16)];
+        let rays = set.rays.par_chunks(CHUNK);
+        if set.any {
+            self.any.par_chunks_mut(CHUNK).zip(rays).enumerate().for_each(|(i, (out, rays))| {
+                tracer.any(rays, packets(i, rays.len()), set.coherent, out);
+            });
+            return;
+        }
+        let Self { t, u, v, id, .. } = self;
+        (t.par_chunks_mut(CHUNK), u.par_chunks_mut(CHUNK), v.par_chunks_mut(CHUNK), id.par_chunks_mut(CHUNK))
+            .into_par_iter()
+            .zip(rays)
+            .enumerate()
+            .for_each(|(i, ((t, u, v, id), rays))| {
+                tracer.closest(rays, packets(i, rays.len()), set.coherent, &mut Hits { t, u, v, id });
+            });
+    }
+}
+
+/// How two results differ.
+#[derive(Clone, Copy, Debug, Default)]
+struct Differences {
+    /// Only we hit something.
+    ours_only: usize,
+    /// Only the peer does.
+    theirs_only: usize,
+    /// Other triangles at other distances.
+    other: usize,
+    /// Other triangles at about the same distance: edges, and things that touch.
+    ties: usize,
+    /// The same triangle at another distance.
+    distance: usize,
+}
+
+impl Differences {
+    fn between(ours: &Results, theirs: &Results, extent: f32) -> Self {
+        let mut d = Self::default();
+        for (&a, &b) in ours.any.iter().zip(&theirs.any) {
+            d.ours_only += usize::from(a > b);
+            d.theirs_only += usize::from(b > a);
+        }
+        for i in 0..ours.id.len() {
+            let near = (ours.t[i] - theirs.t[i]).abs() <= 1e-4 * ours.t[i] + 1e-5 * extent;
+            match (ours.id[i], theirs.id[i]) {
+                (a, b) if a == b => d.distance += usize::from(a != u32::MAX && !near),
+                (_, u32::MAX) => d.ours_only += 1,
+                (u32::MAX, _) => d.theirs_only += 1,
+                _ if near => d.ties += 1,
+                _ => d.other += 1,
+            }
+        }
+        d
+    }
+
+    fn json(&self) -> Value {
+        json!({ "ours_only": self.ours_only, "theirs_only": self.theirs_only, "other": self.other, "ties": self.ties,
+            "distance": self.distance })
+    }
+}
+
+/// Closest hits by our side, for making rays.
+fn hits(ours: &Ours, rays: &[Segment]) -> Vec<Option<(u32, f32)>> {
+    let set = RaySet::new("", false, false, rays.to_vec());
+    let mut results = Results::for_rays(&set);
+    results.trace(ours, &set);
+    results.id.iter().zip(results.t).map(|(&id, t)| (id != u32::MAX).then_some((id, t))).collect()
+}
+
+fn pool(threads: usize) -> Result<rayon::ThreadPool, String> {
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|e| e.to_string())
+}
+
+/// Compares and prints, and tells all in JSON.
+pub fn run(options: &Options) -> Result<Value, String> {
+    let most = options.threads.iter().copied().max().unwrap_or(1);
+    let embree = match Embree::new(most) {
+        Ok(embree) => {
+            let Settings { quality, robust, compact } = options.settings;
+            println!(
+                "Embree {}, {quality:?} quality{}{}",
+                embree.version(),
+                if robust { ", robust" } else { ", fast (not robust)" },
+                if compact { ", compact" } else { "" }
+            );
+            Some(embree)
+        }
+        Err(message) => {
+            println!("{message}; our side runs alone");
+            None
+        }
+    };
+    let [width, height] = options.size;
+    println!("rays of pictures of {width} × {height}; {} interleaved rounds; Mrays/s of medians", options.rounds);
+    println!("ratios: ours / theirs, of medians [least, greatest of a round]; above 1 we are faster");
+    println!("hits that differ: only ours + only theirs + other triangle + same triangle elsewhere (ties apart)\n");
+    let mut rows = Vec::new();
+    for recipe in &options.meshes {
+        let mesh = recipe.make();
+        rows.extend(compare(&mesh, embree.as_ref(), options)?);
+    }
+    Ok(json!({ "what": "rays", "embree": embree.map(|e| e.version()), "size": options.size, "rounds": options.rounds,
+        "clock": format!("{:?}", options.clock), "rows": rows }))
+}
+
+fn compare(mesh: &Mesh, embree: Option<&Embree>, options: &Options) -> Result<Vec<Value>, String> {
+    let most = options.threads.iter().copied().max().unwrap_or(1);
+    let everyone = pool(most)?;
+    let ours = everyone.install(|| Ours::build(mesh))?;
+    let shared = embree.map(|embree| embree.prepare(mesh));
+    let scene = match (embree, &shared) {
+        (Some(embree), Some(shared)) => Some(embree.build(shared, options.settings)?),
+        _ => None,
+    };
+    let wanted = |name: &str| options.sets.is_empty() || options.sets.iter().any(|s| s == name);
+    let sets = everyone.install(|| rays::make(mesh, options.size, wanted, |rays| hits(&ours, rays)));
+    let singles = scene.as_ref().map(Single);
+    let eights = scene.as_ref().map(Eights);
+    let sixteens = scene.as_ref().map(Sixteens);
+    let mut peers: Vec<(&str, &dyn Tracer)> = Vec::new();
+    if let (Some(singles), Some(eights), Some(sixteens)) = (&singles, &eights, &sixteens) {
+        peers.extend([("1", singles as &dyn Tracer), ("8", eights), ("16", sixteens)]);
+    }
+    println!("{}: {} triangles", mesh.name, mesh.triangles.len());
+    println!(
+        "{:11} {:>2} {:>5} | {:>7} {:>7} {:>7} {:>7} | {:>17} {:>17} {:>17} | hits that differ",
+        "rays", "th", "Mrays", "ours", "e1", "e8", "e16", "ours/e1", "ours/e8", "ours/e16"
+    );
+    let mut rows = Vec::new();
+    for set in &sets {
+        for &threads in &options.threads {
+            let pool = pool(threads)?;
+            rows.push(pool.install(|| row(mesh, set, threads, &ours, &peers, options)));
+        }
+    }
+    println!();
+    Ok(rows)
+}
+
+fn row(
+    mesh: &Mesh,
+    set: &RaySet,
+    threads: usize,
+    ours: &Ours,
+    peers: &[(&str, &dyn Tracer)],
+    options: &Options,
+) -> Value {
+    let mut contestants: Vec<&dyn Tracer> = vec![ours];
+    contestants.extend(peers.iter().map(|peer| peer.1));
+    let mut results: Vec<Results> = contestants.iter().map(|_| Results::for_rays(set)).collect();
+    let mut times = vec![Times::default(); contestants.len()];
+    // The first round warms up and is where the hits come from.
+    for round in 0..=options.rounds {
+        for (i, &tracer) in contestants.iter().enumerate() {
+            let seconds = options.clock.time(|| results[i].trace(tracer, set));
+            if round > 0 {
+                times[i].0.push(seconds);
+            }
+        }
+    }
+    let rate = |i: usize| times.get(i).map_or(f64::NAN, |t| set.rays.len() as f64 / t.median() / 1e6);
+    let ratios: Vec<_> = times[1..].iter().map(|theirs| times[0].faster_than(theirs)).collect();
+    let extent = mesh.extent();
+    let differences: Vec<_> = results[1..].iter().map(|r| Differences::between(&results[0], r, extent)).collect();
+    let hit = results[0].id.iter().filter(|&&id| id != u32::MAX).count()
+        + results[0].any.iter().filter(|&&any| any != 0).count();
+    let mut line = format!("{:11} {threads:2} {:5.2} |", set.name, set.rays.len() as f64 / 1e6);
+    for i in 0..4 {
+        line += &if i < times.len() { format!(" {:7.2}", rate(i)) } else { format!(" {:>7}", "-") };
+    }
+    line += " |";
+    for i in 0..3 {
+        line += &format!(" {:>17}", ratios.get(i).map_or("-".into(), ToString::to_string));
+    }
+    line += " |";
+    for d in &differences {
+        line += &format!(" {}+{}+{}+{} ({})", d.ours_only, d.theirs_only, d.other, d.distance, d.ties);
+    }
+    println!("{line}");
+    let theirs = |(i, (name, _)): (usize, &(&str, &dyn Tracer))| {
+        json!({ "name": format!("rtc{name}"), "mrays": rate(i + 1), "seconds": times[i + 1].0,
+            "ratio": ratios[i].median, "ratio_min": ratios[i].min, "ratio_max": ratios[i].max,
+            "different": differences[i].json() })
+    };
+    json!({ "mesh": mesh.name, "triangles": mesh.triangles.len(), "rays": set.name, "threads": threads,
+        "count": set.rays.len(), "hit": hit, "mrays": rate(0), "seconds": times[0].0,
+        "peers": peers.iter().enumerate().map(theirs).collect::<Vec<_>>() })
+}
