@@ -281,7 +281,7 @@ fn corner(word: &Word<'_>, seen: [usize; 3], exist: [usize; 3], ignored: &mut Ig
                 format!("\"{}\" is not a corner: v, v/vt, v//vn or v/vt/vn, each a whole number", word.shown());
             word.wrong(message)
         };
-        if which == 3 {
+        if which >= 3 {
             return Err(form());
         }
         let index = integer(piece).ok_or_else(form)?;

@@ -151,6 +151,7 @@ fn errors_name_line_and_reason() {
         ("f 1 2 -5", "face refers to vertex -5, but only 4 come before it"),
         ("f 1 2 x", "\"x\" is not a corner: v, v/vt, v//vn or v/vt/vn, each a whole number"),
         ("f 1///4 2 3", "\"1///4\" is not a corner"),
+        ("f 1////4 2 3", "\"1////4\" is not a corner"),
         ("f 1 2 99999999999999999999", "is not a corner"),
         ("v 1 2", "a.obj:5:1: error: vertex needs 3 numbers, and here are 2"),
         ("v 1 2 nan", "a.obj:5:7: error: vertex: \"nan\" is not a finite number up to 3.4e38"),
