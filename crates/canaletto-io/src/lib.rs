@@ -2,6 +2,7 @@
 //! [`assets::Assets`].
 #![forbid(unsafe_code)]
 
+mod animation;
 pub mod assets;
 pub mod diagnostic;
 pub mod image;

@@ -26,7 +26,7 @@ use canaletto::scene::Scene;
 use canaletto::shape::Mesh;
 
 /// A model: its meshes, and the materials that came with it.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Imported {
     /// The meshes. Their `materials` are positions in the list below, so a scene that has others adds their number.
     pub meshes: Vec<Mesh>,

@@ -1,10 +1,13 @@
 //! The scene text: KDL 2 to [`Scene`].
 //!
 //! The way of a text: `files` reads it and what it includes, `syntax` makes nodes of it, `set` changes their
-//! values, `decode` judges them by `schema` and builds the scene. Each of them reports every mistake and goes on.
+//! values, `animate` gives them the values of a frame, `decode` judges them by `schema` and builds the scene. Each of them
+//! reports every mistake and goes on.
 
+mod animate;
 mod decode;
 mod files;
+mod keep;
 mod nearest;
 mod reference;
 mod report;
@@ -12,13 +15,16 @@ mod schema;
 mod set;
 mod syntax;
 
+pub use animate::Clip;
 pub use nearest::nearest;
 pub use reference::reference_markdown;
 
 use crate::assets::{AssetPath, Assets};
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use canaletto::scene::Scene;
-use files::Loader;
+use files::{Files, Loader};
+use keep::Keep;
+use report::Report;
 
 /// Reads the scene of a file.
 ///
@@ -30,19 +36,12 @@ pub fn read_scene(name: &str, assets: &dyn Assets) -> Result<(Scene, Diagnostics
 
 /// Reads the scene of a file after changing values in it: `set` holds assignments such as `integrator.max-depth=3`,
 /// `material.glass.eta=1.4` or `film.sample="jittered" n=4`. Messages about them name the file `--set`, and the n-th
-/// line for the n-th assignment. With the scene come warnings.
+/// line for the n-th assignment. With the scene come warnings. What moves is where it is at [`Script::first_frame`].
 ///
 /// # Errors
 /// Every mistake in it and the files that it names.
 pub fn read_scene_with(name: &str, assets: &dyn Assets, set: &[String]) -> Result<(Scene, Diagnostics), Diagnostics> {
-    let asset = assets.read(name, &AssetPath::base()).map_err(|error| {
-        let mut diagnostic = Diagnostic::error(name, error.to_string());
-        diagnostic.help = error.help();
-        diagnostic
-    })?;
-    let mut loader = Loader::new(assets);
-    let nodes = loader.load(asset, None);
-    finish(loader, nodes, set)
+    Script::read(name, assets, set)?.once(assets)
 }
 
 /// Reads the scene of a text; `name` is what to call it. Files that it names are read from the root of `assets`.
@@ -55,27 +54,107 @@ pub fn read_scene_text(
     assets: &dyn Assets,
     set: &[String],
 ) -> Result<(Scene, Diagnostics), Diagnostics> {
-    let mut loader = Loader::new(assets);
-    if text.len() > files::MAX_TEXT {
-        return Err(Diagnostic::error(name, format!("the text is more than {} MiB", files::MAX_TEXT >> 20)).into());
-    }
-    let file = loader.files.add(name.to_owned(), AssetPath::new("", name, name), text.into());
-    let nodes = loader.load_text(text, file);
-    finish(loader, nodes, set)
+    Script::of_text(text, name, assets, set)?.once(assets)
 }
 
-fn finish(loader: Loader, mut nodes: Vec<syntax::Node>, set: &[String]) -> Result<(Scene, Diagnostics), Diagnostics> {
-    let Loader { assets, mut files, mut report, .. } = loader;
-    // After a mistake in the syntax only what could be read is judged, so a block that is still open says nothing.
-    if nodes.is_empty() && report.has_errors() {
-        return Err(report.finish(&files));
+/// A scene text as it was read, which holds the scene of every frame.
+pub struct Script {
+    nodes: Vec<syntax::Node>,
+    files: Files,
+    /// What is wrong with the text whatever the frame.
+    report: Report,
+    clip: Clip,
+    keep: Keep,
+}
+
+impl Script {
+    /// Reads a file and what it includes, and changes values in it as [`read_scene_with`] does.
+    ///
+    /// # Errors
+    /// If nothing of it can be read. Other mistakes are told with the scene.
+    pub fn read(name: &str, assets: &dyn Assets, set: &[String]) -> Result<Script, Diagnostics> {
+        let asset = assets.read(name, &AssetPath::base()).map_err(|error| {
+            let mut diagnostic = Diagnostic::error(name, error.to_string());
+            diagnostic.help = error.help();
+            diagnostic
+        })?;
+        let mut loader = Loader::new(assets);
+        let nodes = loader.load(asset, None);
+        Script::new(loader, nodes, set)
     }
-    set::apply_set(&mut nodes, set, &mut files, &mut report);
-    let (scene, report) = decode::decode(&nodes, &files, assets, report);
-    let failed = report.has_errors();
-    let diagnostics = report.finish(&files);
-    match scene {
-        Some(scene) if !failed => Ok((scene, diagnostics)),
-        _ => Err(diagnostics),
+
+    /// Reads a text; `name` is what to call it.
+    ///
+    /// # Errors
+    /// If nothing of it can be read. Other mistakes are told with the scene.
+    pub fn of_text(text: &str, name: &str, assets: &dyn Assets, set: &[String]) -> Result<Script, Diagnostics> {
+        let mut loader = Loader::new(assets);
+        if text.len() > files::MAX_TEXT {
+            return Err(Diagnostic::error(name, format!("the text is more than {} MiB", files::MAX_TEXT >> 20)).into());
+        }
+        let file = loader.files.add(name.to_owned(), AssetPath::new("", name, name), text.into());
+        let nodes = loader.load_text(text, file);
+        Script::new(loader, nodes, set)
+    }
+
+    fn new(loader: Loader, mut nodes: Vec<syntax::Node>, set: &[String]) -> Result<Script, Diagnostics> {
+        let Loader { mut files, mut report, .. } = loader;
+        // After a mistake in the syntax only what could be read is judged, so a block that is still open says nothing.
+        if nodes.is_empty() && report.has_errors() {
+            return Err(report.finish(&files));
+        }
+        set::apply_set(&mut nodes, set, &mut files, &mut report);
+        let (clip, report) = animate::clip(&nodes, &files, report);
+        let keep = Keep::new(clip.moves);
+        Ok(Script { nodes, files, report, clip, keep })
+    }
+
+    /// How it counts time.
+    pub fn clip(&self) -> &Clip {
+        &self.clip
+    }
+
+    /// Changes the frames of a second, which must lie in [`Clip::FPS`].
+    pub fn set_fps(&mut self, fps: f64) {
+        self.clip.fps = fps;
+    }
+
+    /// The frame that is meant where none is named: the first of its animation, else 0.
+    pub fn first_frame(&self) -> u32 {
+        self.clip.frames.map_or(0, |[first, _]| first)
+    }
+
+    /// The times of all keys, in frames, in order. Between two of them every value is between those of its keys, or a
+    /// little beyond.
+    pub fn key_frames(&self) -> Vec<f64> {
+        animate::times(&self.nodes).into_iter().map(|time| self.clip.frame(time)).collect()
+    }
+
+    /// The scene at a frame, whole or in between, with warnings. Files are read once for all frames.
+    ///
+    /// # Errors
+    /// Every mistake in it and the files that it names.
+    pub fn scene(&mut self, assets: &dyn Assets, frame: f64) -> Result<(Scene, Diagnostics), Diagnostics> {
+        let mut report = self.report.clone();
+        let mut moved;
+        let nodes = if self.clip.worded {
+            moved = self.nodes.clone();
+            report = animate::animate(&mut moved, &self.clip, frame, &self.files, report);
+            &moved
+        } else {
+            &self.nodes
+        };
+        let (scene, report) = decode::decode(nodes, &self.files, assets, report, &mut self.keep);
+        let failed = report.has_errors();
+        let diagnostics = report.finish(&self.files);
+        match scene {
+            Some(scene) if !failed => Ok((scene, diagnostics)),
+            _ => Err(diagnostics),
+        }
+    }
+
+    fn once(mut self, assets: &dyn Assets) -> Result<(Scene, Diagnostics), Diagnostics> {
+        self.keep.on = false;
+        self.scene(assets, f64::from(self.first_frame()))
     }
 }

@@ -43,6 +43,7 @@ pub fn reference_markdown() -> String {
     for word in TRANSFORMS {
         let _ = writeln!(out, "| `{}` | {} | {} |", word.name, word.takes, word.doc);
     }
+    motion(&mut out);
     let _ = write!(
         out,
         "\n{NAMES}\n{SET}\n## Limits\n\nBlocks may stand {MAX_DEPTH} deep in each other. A scene's text may have {} MiB, and each file of it {MAX_ITEMS} nodes and values; large data belongs into files of its own, as meshes and clouds. A scene expands to at most {} instances, {} points of light and {} planes, and groups and instances stand at most {} deep in each other.\n",
@@ -53,6 +54,22 @@ pub fn reference_markdown() -> String {
         World::MAX_NESTING,
     );
     out
+}
+
+fn motion(out: &mut String) {
+    out.push_str(MOTION);
+    out.push_str("| ease | meaning |\n|---|---|\n");
+    for (name, doc) in schema::ease_words() {
+        let _ = writeln!(out, "| `\"{name}\"` | {doc} |");
+    }
+    out.push_str(TURNS);
+    for (title, words) in [
+        ("follow, in an object", &schema::FOLLOW),
+        ("follow, in a camera", &schema::CAMERA_FOLLOW),
+        ("follow, in place of a point", &schema::POINT_FOLLOW),
+    ] {
+        node(out, words, title);
+    }
 }
 
 fn node(out: &mut String, words: &Words, title: &str) {
@@ -163,6 +180,44 @@ Transforms happen in the order in which they are written, the first line first, 
 `scale 10; rotate-y 30; translate 0 1 0` scales, then turns what is scaled, then moves what is turned. A group's transforms
 come after those of what stands in it.
 
+"#;
+
+const MOTION: &str = r#"
+## Motion
+
+Any word may hold keys in place of its values: a frame, and the value at it. Between keys the value moves, before the
+first and after the last one it holds. Keys stand in the order of time; a frame may be a fraction, and counts in seconds
+after `animation { keys "seconds" }`.
+
+```kdl
+camera { eye { key 1  100 40 40; key 100  0 40 108 }; center 0 0 0 }
+material "blue" { kd { key 1  0 0 1; key 50  1 0 0 } }
+sphere material="blue" {
+    center 0 0 0; radius 25
+    translate { key 1  0 80 0 ease="in"; key 13  0 0 0 ease="out"; key 25  0 80 0 }
+    rotate-y { key 1 0; key 25 720; ease "linear" }
+}
+```
+
+`ease` beside the keys says how all of them go on, `ease=` in a key how this one does:
+
+"#;
+
+const TURNS: &str = r#"
+Whole numbers are rounded, and what isn't a number (words, names, `#true`) changes at its keys, as does `matrix`. Names, the
+camera's `size` and `crop` stay.
+
+Degrees count: `rotate-y { key 1 0; key 25 720 }` turns twice. With `turn "shortest"` beside the keys a rotation goes the
+short way round. `rotate` does so by itself if its axes differ from key to key.
+
+A path is followed by an object (`follow` is a transform, in the order of transforms), by a camera, and by any point.
+
+```kdl
+path "rail" { points -9 2 9  0 1 5  9 2 9 }
+camera { follow "rail" { at { key 1 0; key 100 1; ease "in-out" } }; center 0 0 0 }
+cone { base 0 0 0; top 0 0 1; radius 0.3; follow "rail" { at { key 1 0; key 100 1 }; face 0 0 1 } }
+light "spot" { position 0 9 0; target { follow "rail" { at 0.5 } }; outer 20 }
+```
 "#;
 
 const NAMES: &str = r#"## Names

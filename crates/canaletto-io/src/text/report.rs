@@ -5,6 +5,7 @@ use super::syntax::Span;
 use crate::diagnostic::{Diagnostic, Diagnostics, Severity};
 
 /// A message about some bytes.
+#[derive(Clone)]
 pub(crate) struct Message {
     severity: Severity,
     span: Option<Span>,
@@ -43,7 +44,7 @@ impl Message {
 const MAX_MESSAGES: usize = 10_000;
 
 /// All messages of a scene.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(crate) struct Report {
     messages: Vec<Message>,
     /// How many more there were than are kept.
@@ -63,6 +64,11 @@ impl Report {
 
     pub(crate) fn error(&mut self, span: Span, message: impl Into<String>) {
         self.push(Message::error(span, message));
+    }
+
+    /// How many messages there are.
+    pub(crate) fn count(&self) -> usize {
+        self.messages.len() + self.dropped
     }
 
     pub(crate) fn has_errors(&self) -> bool {

@@ -64,7 +64,7 @@ impl Setter<'_> {
             self.report.push(message.help(help));
             return;
         }
-        let single = matches!(word.as_str(), "background" | "ambient" | "film" | "integrator");
+        let single = matches!(word.as_str(), "background" | "ambient" | "film" | "integrator" | "animation");
         match &path[1..] {
             [] if matches!(word.as_str(), "background" | "ambient") => self.replace(value),
             [_] if single => {
@@ -168,7 +168,7 @@ fn change(node: &mut Node, word: &str, name: Option<&str>, value: &Node, names: 
     if &*node.name == word {
         let own = match word {
             "camera" => Some(node.values.first().and_then(|v| v.as_text()).unwrap_or(schema::DEFAULT_CAMERA)),
-            "material" | "texture" => node.values.first().and_then(|v| v.as_text()),
+            "material" | "texture" | "path" => node.values.first().and_then(|v| v.as_text()),
             _ => node.text("name").map(|(name, _)| name),
         };
         if name.is_none_or(|name| own == Some(name)) {

@@ -2,7 +2,10 @@
 
 use super::Decoder;
 use super::fields::Fields;
+use crate::assets::{Asset, AssetPath, Assets};
+use crate::diagnostic::Diagnostics;
 use crate::import::{self, CloudFormat};
+use crate::text::files::Files;
 use crate::text::report::Message;
 use crate::text::schema::DEFAULT_CAPS;
 use crate::text::syntax::{Span, Value};
@@ -25,10 +28,13 @@ impl Decoder<'_> {
     pub(super) fn spheres(&mut self, f: &Fields) -> Option<Content> {
         let cloud = match self.source(f, "points")? {
             "file" => {
-                let (asset, format) = self.open(f)?;
-                import::read_spheres(&asset, format, f.real("radius"))
-                    .map_err(|errors| self.file_failed(f, f.text("file").unwrap_or_default(), errors))
-                    .ok()?
+                let key = self.key("spheres", f)?;
+                let read = || {
+                    let (asset, format) = open(self.assets, self.judge.files, f)?;
+                    import::read_spheres(&asset, format, f.real("radius")).map_err(Unread::Wrong)
+                };
+                let read = self.keep.get(key, read);
+                self.unread(f, read)?
             }
             source => {
                 let rows = if source == "data" { self.data(f, 3)? } else { numbers(f, "points", 3) };
@@ -48,10 +54,13 @@ impl Decoder<'_> {
     pub(super) fn cylinders(&mut self, f: &Fields) -> Option<Content> {
         let mut cloud = match self.source(f, "axes")? {
             "file" => {
-                let (asset, format) = self.open(f)?;
-                import::read_cylinders(&asset, format, f.real("radius"))
-                    .map_err(|errors| self.file_failed(f, f.text("file").unwrap_or_default(), errors))
-                    .ok()?
+                let key = self.key("cylinders", f)?;
+                let read = || {
+                    let (asset, format) = open(self.assets, self.judge.files, f)?;
+                    import::read_cylinders(&asset, format, f.real("radius")).map_err(Unread::Wrong)
+                };
+                let read = self.keep.get(key, read);
+                self.unread(f, read)?
             }
             source => {
                 let rows = if source == "data" { self.data(f, 6)? } else { numbers(f, "axes", 6) };
@@ -94,27 +103,20 @@ impl Decoder<'_> {
         }
     }
 
-    fn open(&mut self, f: &Fields) -> Option<(crate::assets::Asset, CloudFormat)> {
-        let (file, span) = (f.text("file")?, f.span("file"));
-        let from = self.judge.files.get(span.file)?.path.clone();
-        let extension = crate::assets::AssetPath::new(file, file, file).extension();
-        let Some(format) = CloudFormat::of_extension(&extension) else {
-            let known = CloudFormat::EXTENSIONS.join(", .");
-            let message = Message::error(span, format!("clouds can't be read from \"{file}\""));
-            self.judge.report.push(message.help(format!("the file's name must end in one of .{known}")));
-            return None;
-        };
-        match self.assets.read(file, &from) {
-            Ok(asset) => Some((asset, format)),
-            Err(error) => {
-                let message = Message::error(span, error.to_string());
-                self.judge.report.push(match error.help() {
-                    Some(help) => message.help(help),
-                    None => message,
-                });
-                None
-            }
+    /// What a cloud's file and its radius stand for.
+    fn key(&self, kind: &str, f: &Fields) -> Option<String> {
+        let from = self.judge.files.get(f.span("file").file)?.path.location().display().to_string();
+        Some(format!("{kind} {} {from} {:?}", f.text("file")?, f.real("radius").map(f32::to_bits)))
+    }
+
+    /// Reports why a file has no cloud.
+    fn unread<T>(&mut self, f: &Fields, read: Result<T, Unread>) -> Option<T> {
+        match read {
+            Ok(cloud) => return Some(cloud),
+            Err(Unread::Said(message)) => self.judge.report.push(message),
+            Err(Unread::Wrong(errors)) => self.file_failed(f, f.text("file").unwrap_or_default(), errors),
         }
+        None
     }
 
     /// The rows of a text; each starts with `lead` numbers.
@@ -187,6 +189,35 @@ impl Decoder<'_> {
             each.map(|row| Rgb::new(row[rows.columns - 3], row[rows.columns - 2], row[rows.columns - 1])).collect()
         };
         Some((radii, colors))
+    }
+}
+
+/// Why there is no cloud.
+enum Unread {
+    /// The file can't be had.
+    Said(Message),
+    /// Its content is wrong.
+    Wrong(Diagnostics),
+}
+
+fn open(assets: &dyn Assets, files: &Files, f: &Fields) -> Result<(Asset, CloudFormat), Unread> {
+    let (file, span) = (f.text("file").unwrap_or_default(), f.span("file"));
+    let from = files.get(span.file).map(|file| file.path.clone()).unwrap_or_default();
+    let extension = AssetPath::new(file, file, file).extension();
+    let Some(format) = CloudFormat::of_extension(&extension) else {
+        let known = CloudFormat::EXTENSIONS.join(", .");
+        let message = Message::error(span, format!("clouds can't be read from \"{file}\""));
+        return Err(Unread::Said(message.help(format!("the file's name must end in one of .{known}"))));
+    };
+    match assets.read(file, &from) {
+        Ok(asset) => Ok((asset, format)),
+        Err(error) => {
+            let message = Message::error(span, error.to_string());
+            Err(Unread::Said(match error.help() {
+                Some(help) => message.help(help),
+                None => message,
+            }))
+        }
     }
 }
 

@@ -138,16 +138,6 @@ impl<'a> Judge<'a> {
         if repeatable { fields.transforms.push(got) } else { fields.got.push(got) }
     }
 
-    /// A node that holds values and nothing else.
-    fn plain(&mut self, node: &Node) -> bool {
-        let extra = node.properties.first().map(|p| p.key_span).or(node.children.first().map(|c| c.name_span));
-        if let Some(extra) = extra {
-            let message = Message::error(extra, format!("{} takes nothing but values", node.name));
-            self.report.push(message.help("values stand right after the word, with blanks between them"));
-        }
-        extra.is_none()
-    }
-
     fn missing(&mut self, words: &'static Words, title: &str, fields: &mut Fields) {
         let has =
             |word: &Word| fields.got.iter().any(|got| got.word.name == word.name) || fields.meant.contains(&word.name);
@@ -179,7 +169,9 @@ impl<'a> Judge<'a> {
         let message = Message::error(span, format!("{title} has no \"{}\"", short(name)));
         let elsewhere = schema::top().into_iter().any(|word| word == name);
         let (meant, mut help) = suggestion(name, &allowed);
-        if name == "include" {
+        if name == "key" {
+            help = "keys stand in the braces of what moves: translate { key 1  0 0 0; key 50  10 0 0 }".into();
+        } else if name == "include" {
             help = "include stands at the top of a file, outside of everything".into();
         } else if elsewhere && !words.objects {
             help = format!("{name} is a node of its own, outside of {title}");
@@ -236,6 +228,26 @@ impl<'a> Judge<'a> {
             }
         };
         self.report.push(message.help(help));
+    }
+
+    /// Whether these values are what a word takes; `node` is where they stand. Reports if not.
+    pub(crate) fn values(&mut self, subject: &str, word: &'static Word, values: &[Value], node: &Node) -> bool {
+        self.judge(subject, word, &Got { word, values, node: Some(node), span: node.span, good: true })
+    }
+
+    /// Whether the node holds values and nothing else; reports if not.
+    pub(crate) fn plain(&mut self, node: &Node) -> bool {
+        let extra = node.properties.first().map(|p| p.key_span).or(node.children.first().map(|c| c.name_span));
+        if let Some(extra) = extra {
+            let message = Message::error(extra, format!("{} takes nothing but values", node.name));
+            self.report.push(message.help("values stand right after the word, with blanks between them"));
+        }
+        extra.is_none()
+    }
+
+    /// The word of this name that may stand in a node of `words`.
+    pub(crate) fn find(words: &'static Words, name: &str) -> Option<&'static Word> {
+        find(words, name)
     }
 
     /// Whether the values are what the word takes; reports if not.
@@ -388,6 +400,11 @@ impl<'a> Fields<'a> {
         self.raw(name)?.numbers()
     }
 
+    /// All numbers of a word that takes many.
+    pub(crate) fn all(&self, name: &str) -> Option<Vec<f64>> {
+        Some(self.raw(name)?.values.iter().filter_map(Value::as_number).collect())
+    }
+
     pub(crate) fn number(&self, name: &str) -> Option<f64> {
         self.numbers(name).map(|[number]| number)
     }
@@ -440,6 +457,12 @@ impl Got<'_> {
             *number = value.as_number()?;
         }
         Some(out)
+    }
+
+    /// The first number at each moment while the shutter is open; nothing if it stays.
+    pub(crate) fn moving(&self) -> Vec<f64> {
+        let moving = self.node.map_or(&[][..], |node| &node.moving);
+        moving.iter().filter_map(|values| values.first()?.as_number()).collect()
     }
 
     /// Whether the values have the right form.

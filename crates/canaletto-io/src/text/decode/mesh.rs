@@ -22,7 +22,8 @@ impl Decoder<'_> {
         let indices = match self.meshes.get(&key) {
             Some(indices) => indices.clone(),
             None => {
-                let model = match import::load_mesh(file, self.assets, &from) {
+                let read = || import::load_mesh(file, self.assets, &from);
+                let model = match self.keep.get(format!("mesh {}", key.0.display()), read) {
                     Ok(model) => model,
                     Err(errors) => {
                         self.file_failed(fields, file, errors);

@@ -11,17 +11,24 @@ mod texture;
 mod transform;
 
 use super::files::Files;
+use super::keep::Keep;
 use super::report::{Message, Report};
 use super::syntax::Node;
 use crate::assets::Assets;
 use canaletto::math::Rgb;
 use canaletto::scene::{self, Content, Scene, Stage};
-use fields::Judge;
+pub(crate) use fields::{Fields, Judge};
 use names::Names;
 use std::collections::HashMap;
 
 /// The scene of these nodes, or nothing if something is wrong; the report says what.
-pub(crate) fn decode(nodes: &[Node], files: &Files, assets: &dyn Assets, report: Report) -> (Option<Scene>, Report) {
+pub(crate) fn decode(
+    nodes: &[Node],
+    files: &Files,
+    assets: &dyn Assets,
+    report: Report,
+    keep: &mut Keep,
+) -> (Option<Scene>, Report) {
     let mut judge = Judge::new(files, report);
     let names = Names::collect(nodes, &mut judge);
     let mut decoder = Decoder {
@@ -34,6 +41,7 @@ pub(crate) fn decode(nodes: &[Node], files: &Files, assets: &dyn Assets, report:
         used: Vec::new(),
         names,
         meshes: HashMap::new(),
+        keep,
         sound: true,
     };
     decoder.scene.prototypes = vec![scene::Node::new(Content::Group(Vec::new())); decoder.names.slots()];
@@ -67,6 +75,8 @@ struct Decoder<'a> {
     used: Vec<bool>,
     names: Names<'a>,
     meshes: mesh::Cache,
+    /// What frames share.
+    keep: &'a mut Keep,
     /// Whether the scene can be used, as far as it was read.
     sound: bool,
 }

@@ -117,7 +117,8 @@ impl<'a> Decoder<'a> {
         if let Some(known) = self.images.by_identity.get(asset.path.identity()) {
             return *known;
         }
-        let image = match read_image(&asset) {
+        let key = format!("image {}", asset.path.identity().display());
+        let image = match self.keep.get(key, || read_image(&asset)) {
             Ok(image) => {
                 self.scene.images.push(image);
                 Some(self.scene.images.len() as u32 - 1)

@@ -1,9 +1,11 @@
 //! The words of the scene text in one table: the decoder's judge and the reference's source.
 
+mod motion;
 mod objects;
 mod settings;
 mod textures;
 
+pub(crate) use motion::{ANIMATION, CAMERA_FOLLOW, DEFAULT_FPS, EASE, FOLLOW, PATH, POINT_FOLLOW, TURN, ease_words};
 pub(crate) use objects::{
     DEFAULT_CAPS, DEFAULT_INNER, DEFAULT_INTENSITY, DEFAULT_POINTS, DEFAULT_TOP_RADIUS, LIGHTS, OBJECTS, TRANSFORMS,
     light,

@@ -1,5 +1,6 @@
 //! Shapes, meshes, clouds, groups and lights.
 
+use super::motion::FOLLOW;
 use super::settings::flag;
 use super::{NUMBER, POINT, Takes, Word, Words};
 use canaletto::light::{Light, LightKind, Omni};
@@ -19,6 +20,7 @@ pub(crate) const TRANSFORMS: &[Word] = &[
     Word::new("rotate", Takes::Numbers(&[4]), "turns around the axis x y z by degrees: the axis, then the angle"),
     Word::new("scale", Takes::Numbers(&[1, 3]), "scales by a factor, or by one for each axis; a negative one mirrors"),
     Word::new("matrix", Takes::Numbers(&[12, 16]), "a matrix, row by row; of 16 numbers the last row is 0 0 0 1"),
+    Word::new("follow", Takes::Node(&FOLLOW), "moves to a place on a path; see Motion"),
 ];
 
 const NAME: Word = Word::new("name", Takes::Text, "its name, for instances, `--set` and explanations");

@@ -1,5 +1,6 @@
 //! Camera, film, integrator, materials and the scene's own colours.
 
+use super::motion::{ANIMATION, CAMERA_FOLLOW, PATH};
 use super::{NUMBER, POINT, Takes, Word, Words};
 use canaletto::material::Phong;
 use canaletto::math::Rgb;
@@ -10,7 +11,8 @@ use canaletto::scene::{
 use glam::DVec3;
 
 /// The nodes that say how, not what, in the order of the reference.
-pub(crate) const SETTINGS: &[&Words] = &[&INCLUDE, &BACKGROUND, &AMBIENT, &CAMERA, &FILM, &INTEGRATOR, &MATERIAL];
+pub(crate) const SETTINGS: &[&Words] =
+    &[&INCLUDE, &BACKGROUND, &AMBIENT, &CAMERA, &FILM, &INTEGRATOR, &MATERIAL, &ANIMATION, &PATH];
 
 static INCLUDE: Words = Words::new("include", "Puts the nodes of another file here. Only at the top of a file.", &[])
     .argument(Word::new("file", Takes::Text, "the file; relative paths start at this file's folder").needed())
@@ -52,6 +54,7 @@ pub(crate) static CAMERA: Words = Words::new(
             let [x, y] = Intrinsics::default().shift;
             format!("{x} {y}")
         }),
+        Word::new("follow", Takes::Node(&CAMERA_FOLLOW), "a path that the camera moves on, instead of `eye`; see Motion"),
     ]],
 )
 .argument(Word::new("name", Takes::Text, "the name to choose it by").or(|| quoted(DEFAULT_CAMERA)))

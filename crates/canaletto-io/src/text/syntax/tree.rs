@@ -20,6 +20,8 @@ pub(crate) struct Node {
     pub(crate) children: Vec<Node>,
     /// Whether a mistake in its values was reported already, so that their number and types mean nothing.
     pub(crate) broken: bool,
+    /// What its values are at moments while the shutter is open, if keys move them; otherwise nothing.
+    pub(crate) moving: Vec<Vec<Value>>,
 }
 
 /// `key=value`
@@ -55,6 +57,7 @@ impl Node {
             properties: Vec::new(),
             children: Vec::new(),
             broken: false,
+            moving: Vec::new(),
         }
     }
 

@@ -1,0 +1,171 @@
+//! What follows a path: an object among its transforms, a camera, a point.
+
+use super::Animator;
+use crate::animation::Path;
+use crate::text::decode::Fields;
+use crate::text::report::Message;
+use crate::text::schema::{CAMERA_FOLLOW, FOLLOW, POINT_FOLLOW, Word, Words};
+use crate::text::syntax::{Node, Span, Value, ValueKind};
+use glam::{DMat3, DVec3};
+
+/// A moment of following: the node's values now, and those while the shutter is open.
+struct Moments {
+    now: Vec<f64>,
+    moving: Vec<Vec<f64>>,
+}
+
+impl Animator<'_> {
+    /// `follow` among transforms becomes `matrix`.
+    pub(super) fn follow_with_object(&mut self, node: &mut Node) {
+        let moments = self.follow(node, &FOLLOW, |path, fields, share| {
+            let (point, ahead) = path.at(share);
+            let turn = match fields.dvec("face") {
+                None => DMat3::IDENTITY,
+                Some(face) => facing(face, ahead, fields.dvec("up").unwrap_or(DVec3::Y))
+                    .map_err(|problem| (fields.span("face"), problem))?,
+            };
+            // Row by row, as the word takes them.
+            let row = |i: usize| [turn.row(i).x, turn.row(i).y, turn.row(i).z, point[i]];
+            Ok((0..3).flat_map(row).collect())
+        });
+        // After a mistake it stays where it is.
+        *node = match moments {
+            Some(moments) => replaced("matrix", node, moments),
+            None => Node { broken: true, ..Node::new("translate", node.name_span) },
+        };
+    }
+
+    /// `follow` in a camera becomes `eye`, and `center` if it looks along.
+    pub(super) fn follow_with_camera(&mut self, camera: &mut Node, at: usize) {
+        let mut node = camera.children[at].clone();
+        let mut along = false;
+        let eye = self.follow(&mut node, &CAMERA_FOLLOW, |path, fields, share| {
+            along = fields.flag("along").unwrap_or(false);
+            Ok(path.at(share).0.to_array().into())
+        });
+        for word in if along { &["eye", "center"][..] } else { &["eye"] } {
+            let property = camera.properties.iter().find(|p| &*p.key == *word).map(|p| p.key_span);
+            let child = camera.children.iter().find(|c| &*c.name == *word).map(|c| c.name_span);
+            if let Some(span) = child.or(property) {
+                let message = Message::error(span, format!("the camera has both {word} and follow"));
+                self.judge.report.push(message.help(if *word == "center" {
+                    "leave out center, or along: then it looks at the center"
+                } else {
+                    "leave out one of them: the path says where the eye is"
+                }));
+                camera.children.remove(at);
+                camera.broken = true;
+                return;
+            }
+        }
+        let Some(eye) = eye else {
+            camera.children.remove(at);
+            camera.broken = true;
+            return;
+        };
+        if along {
+            let center = self.follow(&mut node, &CAMERA_FOLLOW, |path, _, share| {
+                let (point, ahead) = path.at(share);
+                // As far as the path is long, so that a scaled scene has a scaled camera.
+                Ok((point + ahead * path.length()).to_array().into())
+            });
+            camera.children.extend(center.map(|center| replaced("center", &node, center)));
+        }
+        camera.children[at] = replaced("eye", &node, eye);
+    }
+
+    /// `follow` in place of a point's numbers.
+    pub(super) fn follow_with_point(&mut self, node: &mut Node, word: &'static Word) {
+        let Some(at) = node.children.iter().position(|child| &*child.name == "follow") else { return };
+        let mut inner = node.children.remove(at);
+        if let Some(value) = node.values.first() {
+            let message = format!("{} has both numbers and a path", word.name);
+            self.judge.report.error(value.span, message);
+            node.broken = true;
+            return;
+        }
+        let point = self.follow(&mut inner, &POINT_FOLLOW, |path, _, share| Ok(path.at(share).0.to_array().into()));
+        match point {
+            Some(point) => {
+                let new = replaced(&node.name, &inner, point);
+                (node.values, node.moving) = (new.values, new.moving);
+            }
+            None => node.broken = true,
+        }
+    }
+
+    /// The values that `make` gives for the path, the words and the share of the path that a node names.
+    fn follow(
+        &mut self,
+        node: &mut Node,
+        words: &'static Words,
+        mut make: impl FnMut(&Path, &Fields, f64) -> Result<Vec<f64>, (Span, String)>,
+    ) -> Option<Moments> {
+        self.node(node, words);
+        let fields = self.judge.fields(node, words, words.name);
+        if !fields.sound {
+            return None;
+        }
+        let name = fields.text("path")?;
+        let Some((path, _)) = self.paths.get(name) else {
+            let known: Vec<&str> = self.paths.keys().map(String::as_str).collect();
+            self.judge.unknown_name("path", name, fields.span("path"), known.iter().copied());
+            return None;
+        };
+        let path = path.as_ref()?;
+        let share = fields.number("at").unwrap_or(0.0);
+        let shares: Vec<f64> = fields.raw("at").map_or(Vec::new(), |got| got.moving());
+        let all: Result<Vec<Vec<f64>>, _> =
+            std::iter::once(share).chain(shares).map(|share| make(path, &fields, share)).collect();
+        match all {
+            Ok(mut all) => {
+                let now = all.remove(0);
+                Some(Moments { now, moving: all })
+            }
+            Err((span, problem)) => {
+                self.judge.report.error(span, problem);
+                None
+            }
+        }
+    }
+}
+
+/// A node of values in the place of another.
+fn replaced(name: &str, old: &Node, moments: Moments) -> Node {
+    let values = |numbers: Vec<f64>| -> Vec<Value> {
+        numbers.into_iter().map(|n| Value { kind: ValueKind::Number(n), span: old.span }).collect()
+    };
+    let moving = moments.moving.into_iter().map(values).collect();
+    Node { span: old.span, values: values(moments.now), moving, ..Node::new(name, old.name_span) }
+}
+
+/// The turn that takes `face` to `ahead` and keeps `up` as far up as it can.
+fn facing(face: DVec3, ahead: DVec3, up: DVec3) -> Result<DMat3, String> {
+    let frame = |forward: DVec3| {
+        let forward = forward.try_normalize()?;
+        let side = up.try_normalize()?.cross(forward);
+        // Below this the sine holds no digits of `up`, as with the camera's.
+        (side.length() > 1e-9).then(|| {
+            let side = side.normalize();
+            DMat3::from_cols(forward, side, forward.cross(side))
+        })
+    };
+    let own = frame(face).ok_or("face is parallel to up, or one of them is zero: what is up then?")?;
+    let there = frame(ahead).ok_or("the path leads straight along up here: choose another up")?;
+    Ok(there * own.transpose())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_object_faces_ahead_and_stays_upright() {
+        let turn = facing(DVec3::Z, DVec3::X, DVec3::Y).unwrap();
+        assert_eq!((turn * DVec3::Z, turn * DVec3::Y), (DVec3::X, DVec3::Y));
+        let climbing = facing(DVec3::NEG_Z, DVec3::new(1.0, 1.0, 0.0), DVec3::Y).unwrap();
+        assert!((climbing * DVec3::NEG_Z - DVec3::new(1.0, 1.0, 0.0).normalize()).length() < 1e-15);
+        assert!((climbing * DVec3::Y).y > 0.7 && (climbing.determinant() - 1.0).abs() < 1e-15);
+        assert!(facing(DVec3::Y, DVec3::X, DVec3::Y).is_err() && facing(DVec3::X, DVec3::Y, DVec3::Y).is_err());
+    }
+}

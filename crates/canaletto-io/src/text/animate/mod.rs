@@ -1,0 +1,223 @@
+//! Keys and paths: from nodes that move to the nodes of one moment.
+//!
+//! Any word may hold keys in place of its values, `translate { key 1  0 0 0; key 50  10 0 0 }`, since every parameter is
+//! a node. Before a scene is decoded they are replaced by the values of its frame, and so is everything that follows a
+//! path: whatever reads the nodes afterwards knows nothing of time, and so doesn't the [`canaletto::scene::Scene`].
+//! Each key is judged by the schema like a value of its own.
+
+mod follow;
+mod keys;
+
+use super::decode::{Fields, Judge};
+use super::files::Files;
+use super::report::{Message, Report};
+use super::schema::{self, ANIMATION, DEFAULT_FPS, PATH, Takes, Word, Words};
+use super::syntax::{Node, Span};
+use crate::animation::Path;
+use std::collections::HashMap;
+
+/// How a scene text counts time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Clip {
+    /// Frames of a second.
+    pub fps: f64,
+    /// The first and the last frame, if the text says so.
+    pub frames: Option<[u32; 2]>,
+    /// Whether keys count in seconds, with frame 0 at second 0.
+    pub seconds: bool,
+    /// Whether anything moves.
+    pub moves: bool,
+    /// Whether there is anything that must be replaced before decoding.
+    pub(crate) worded: bool,
+}
+
+impl Clip {
+    /// The range of [`Clip::fps`].
+    pub const FPS: std::ops::RangeInclusive<f64> = 0.01..=1000.0;
+
+    /// The time of a frame as keys count it.
+    fn time(&self, frame: f64) -> f64 {
+        if self.seconds { frame / self.fps } else { frame }
+    }
+
+    /// The frame of a time as keys count it.
+    pub(crate) fn frame(&self, time: f64) -> f64 {
+        if self.seconds { time * self.fps } else { time }
+    }
+}
+
+impl Default for Clip {
+    fn default() -> Clip {
+        Clip { fps: DEFAULT_FPS, frames: None, seconds: false, moves: false, worded: false }
+    }
+}
+
+/// What the text says about time; mistakes in it are reported.
+pub(crate) fn clip(nodes: &[Node], files: &Files, report: Report) -> (Clip, Report) {
+    let mut clip = Clip::default();
+    let mut judge = Judge::new(files, report);
+    let mut first: Option<Span> = None;
+    for node in nodes.iter().filter(|node| *node.name == *ANIMATION.name) {
+        if let Some(first) = first.filter(|first| first.file == node.name_span.file) {
+            let place = files.first(first, node.name_span);
+            judge.report.push(Message::error(node.name_span, "the file has two animation nodes").label(place));
+        }
+        first = Some(node.name_span);
+        let fields = judge.fields(node, &ANIMATION, ANIMATION.name);
+        if let Some(fps) = fields.number("fps") {
+            clip.fps = fps;
+            if !Clip::FPS.contains(&fps) {
+                let message = format!("fps is {fps}; it must be between {} and {}", Clip::FPS.start(), Clip::FPS.end());
+                judge.report.error(fields.span("fps"), message);
+                clip.fps = DEFAULT_FPS;
+            }
+        }
+        if let Some([from, to]) = fields.counts("frames") {
+            clip.frames = Some([from, to]);
+            if from > to {
+                let message = format!("the first frame, {from}, comes after the last, {to}");
+                judge.report.error(fields.span("frames"), message);
+            }
+        }
+        if let Some(unit) = fields.text("keys") {
+            clip.seconds = unit == "seconds";
+        }
+    }
+    for node in nodes {
+        look(node, &mut clip);
+    }
+    (clip, judge.report)
+}
+
+fn look(node: &Node, clip: &mut Clip) {
+    clip.moves |= &*node.name == "key";
+    clip.worded |= matches!(&*node.name, "key" | "follow" | "path" | "ease" | "turn");
+    if !(clip.moves && clip.worded) {
+        node.children.iter().for_each(|child| look(child, clip));
+    }
+}
+
+/// The times of all keys, as they count.
+pub(crate) fn times(nodes: &[Node]) -> Vec<f64> {
+    fn collect(node: &Node, times: &mut Vec<f64>) {
+        if &*node.name == "key" {
+            times.extend(node.values.first().and_then(|v| v.as_number()).filter(|t| t.is_finite()));
+        }
+        node.children.iter().for_each(|child| collect(child, times));
+    }
+    let mut times = Vec::new();
+    nodes.iter().for_each(|node| collect(node, &mut times));
+    times.sort_by(f64::total_cmp);
+    times.dedup();
+    times
+}
+
+/// Replaces keys and paths by the values of a frame.
+pub(crate) fn animate(nodes: &mut Vec<Node>, clip: &Clip, frame: f64, files: &Files, report: Report) -> Report {
+    let mut animator = Animator {
+        judge: Judge::new(files, report),
+        time: clip.time(frame),
+        shutter: Vec::new(),
+        paths: HashMap::new(),
+    };
+    animator.paths(nodes);
+    for node in nodes.iter_mut() {
+        animator.top(node);
+    }
+    nodes.retain(|node| *node.name != *PATH.name);
+    animator.judge.report
+}
+
+struct Animator<'a> {
+    judge: Judge<'a>,
+    /// When it is, as keys count.
+    time: f64,
+    /// The moments while the shutter is open.
+    shutter: Vec<f64>,
+    /// Paths by name; nothing where one is wrong.
+    paths: HashMap<String, (Option<Path>, Span)>,
+}
+
+/// Words that stay, because files and pictures are known by them.
+const STILL: [&str; 3] = ["name", "size", "crop"];
+
+impl Animator<'_> {
+    /// A setting, an object or a light.
+    fn top(&mut self, node: &mut Node) {
+        let words = match &*node.name {
+            "light" => node.values.first().and_then(|v| v.as_text()).and_then(schema::light),
+            "texture" => schema::texture(node.text("kind").map_or(schema::DEFAULT_KIND, |(kind, _)| kind)),
+            "include" | "animation" | "path" => None,
+            name => schema::node(name),
+        };
+        if let Some(words) = words {
+            self.node(node, words);
+        }
+    }
+
+    /// Whatever has words in its braces.
+    fn node(&mut self, node: &mut Node, words: &'static Words) {
+        if let Some(word) = &words.argument {
+            self.value(node, word);
+        }
+        let mut at = 0;
+        while at < node.children.len() {
+            let name = node.children[at].name.clone();
+            if &*name == "follow" && std::ptr::eq(words, &schema::CAMERA) {
+                self.follow_with_camera(node, at);
+            } else if &*name == "follow" && words.transforms {
+                self.follow_with_object(&mut node.children[at]);
+            } else if let Some(word) = Judge::find(words, &name) {
+                match word.takes {
+                    Takes::Node(inner) => self.node(&mut node.children[at], inner),
+                    _ => self.value(&mut node.children[at], word),
+                }
+            } else if words.objects && schema::objects().any(|object| object == &*name) {
+                self.top(&mut node.children[at]);
+            }
+            at += 1;
+        }
+    }
+
+    /// A word whose values may come from keys or from a path.
+    fn value(&mut self, node: &mut Node, word: &'static Word) {
+        if node.children.iter().any(|child| &*child.name == "key") {
+            self.keys(node, word);
+        } else if matches!(word.takes, Takes::Numbers(counts) if counts.contains(&3))
+            && node.children.iter().any(|child| &*child.name == "follow")
+        {
+            self.follow_with_point(node, word);
+        }
+    }
+
+    /// The paths of the scene, at its time.
+    fn paths(&mut self, nodes: &mut [Node]) {
+        for node in nodes.iter_mut().filter(|node| *node.name == *PATH.name) {
+            self.node(node, &PATH);
+            let fields = self.judge.fields(node, &PATH, PATH.name);
+            let Some(name) = fields.text("name") else { continue };
+            let span = fields.span("name");
+            if let Some((_, first)) = self.paths.get(name) {
+                let place = self.judge.files.first(*first, span);
+                let message = Message::error(span, format!("two paths are called \"{name}\""));
+                self.judge.report.push(message.label(place));
+                continue;
+            }
+            let path = self.path(&fields);
+            self.paths.insert(name.to_owned(), (path, span));
+        }
+    }
+
+    fn path(&mut self, fields: &Fields) -> Option<Path> {
+        let numbers = fields.all("points")?;
+        let points: Vec<glam::DVec3> = numbers.chunks_exact(3).map(glam::DVec3::from_slice).collect();
+        let spline = fields.text("curve") != Some("line");
+        match Path::new(&points, spline, fields.flag("closed").unwrap_or(false)) {
+            Ok(path) => Some(path),
+            Err(problem) => {
+                self.judge.report.error(fields.span("points"), problem);
+                None
+            }
+        }
+    }
+}
