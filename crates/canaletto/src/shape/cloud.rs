@@ -1,6 +1,6 @@
 //! Clouds: millions of exact spheres or cylinders as one object.
 
-use super::{Cylinder, ShapeHit, Sphere, Surface};
+use super::{Cylinder, Patch, Shape, ShapeHit, Sphere, Surface};
 use crate::math::{Line, Rgb};
 use canaletto_bvh::{Aabb, Ray};
 use glam::Vec3;
@@ -97,6 +97,11 @@ macro_rules! cloud {
             /// The surface at a hit of number `i`.
             pub fn surface(&self, i: usize, line: impl Into<Line>, hit: &ShapeHit) -> Surface {
                 Surface { color: self.color(i), ..self.element(i).surface(line, hit) }
+            }
+
+            /// How the surface of number `i` goes on around a hit whose surface is this.
+            pub fn patch(&self, i: usize, surface: &Surface, hit: &ShapeHit) -> Patch {
+                Shape::from(self.element(i)).patch(surface, hit)
             }
 
             /// Checks the lists' lengths and every number's range.

@@ -5,7 +5,7 @@
 //! upwards on the bottom.
 
 use super::solve;
-use super::{ShapeHit, Surface};
+use super::{Patch, ShapeHit, Surface};
 use crate::math::{Line, Transform};
 use canaletto_bvh::{Aabb, Ray};
 use glam::{DVec3, Vec2, Vec3};
@@ -77,6 +77,23 @@ impl Cuboid {
             _ => Vec2::new(up(0), down(1)),
         };
         Surface::at(point, normal, uv)
+    }
+
+    /// How the surface goes on around a hit.
+    pub fn patch(&self, hit: &ShapeHit) -> Patch {
+        let along = |axis: usize, sign: f64| {
+            let size = f64::from(self.max[axis]) - f64::from(self.min[axis]);
+            if size > 0.0 { DVec3::AXES[axis] * (sign / size) } else { DVec3::ZERO }
+        };
+        let (u, v) = match hit.part {
+            0 => (along(2, 1.0), along(1, -1.0)),
+            1 => (along(2, -1.0), along(1, -1.0)),
+            2 => (along(0, 1.0), along(2, -1.0)),
+            3 => (along(0, 1.0), along(2, 1.0)),
+            4 => (along(0, -1.0), along(1, -1.0)),
+            _ => (along(0, 1.0), along(1, -1.0)),
+        };
+        Patch::flat(u, v)
     }
 
     /// The box itself.

@@ -3,7 +3,7 @@
 
 use super::frustum::Frustum;
 use super::solve;
-use super::{ShapeHit, Surface};
+use super::{Patch, ShapeHit, Surface};
 use crate::math::{Line, Transform};
 use canaletto_bvh::{Aabb, Ray};
 use glam::Vec3;
@@ -35,6 +35,11 @@ impl Cylinder {
     /// The surface at a hit.
     pub fn surface(&self, line: impl Into<Line>, hit: &ShapeHit) -> Surface {
         self.frustum().surface(line.into(), hit)
+    }
+
+    /// How the surface goes on around a hit whose surface is this.
+    pub fn patch(&self, surface: &Surface, hit: &ShapeHit) -> Patch {
+        self.frustum().patch(surface, hit)
     }
 
     /// The box around it.

@@ -4,7 +4,7 @@
 //! u to the right and v downwards.
 
 use super::solve::{self, Frame};
-use super::{Plane, ShapeHit, Surface};
+use super::{Patch, Plane, ShapeHit, Surface};
 use crate::math::{Line, Transform};
 use canaletto_bvh::{Aabb, Ray};
 use glam::Vec3;
@@ -48,6 +48,12 @@ impl Disk {
         let frame = Frame::around(self.normal.as_dvec3());
         let uv = [frame.x, frame.z].map(|axis| 0.5 * (1.0 + p.dot(axis) / r));
         solve::surface(self.center.as_dvec3() + p, self.size(), frame.y, uv)
+    }
+
+    /// How the surface goes on around its points.
+    pub fn patch(&self) -> Patch {
+        let (frame, width) = (Frame::around(self.normal.as_dvec3()), 2.0 * f64::from(self.radius));
+        Patch::flat(frame.x / width, frame.z / width)
     }
 
     /// The box around it.

@@ -4,8 +4,9 @@
 //! Parts: 0 the side, 1 the cap at the base, 2 the cap at the top. Texture coordinates of the side: u by (5.45a) for
 //! the angle around the axis, v from 0 at the top to 1 at the base; of a cap: as on a disk that faces outwards.
 
+use super::patch::{around, outer, turn_gradient};
 use super::solve::{self, Frame, Local};
-use super::{ShapeHit, Surface};
+use super::{Patch, ShapeHit, Surface};
 use crate::math::{Line, quadratic};
 use canaletto_bvh::{Aabb, Ray};
 use glam::{DVec3, Vec3};
@@ -136,6 +137,28 @@ impl Frustum {
         let way = |axis: DVec3| if r > 0.0 { 0.5 * (1.0 + across.dot(axis) / r) } else { 0.5 };
         let uv = [way(frame.x), way(if hit.part == BASE { -frame.z } else { frame.z })];
         solve::surface(center + across, self.size(), normal, uv)
+    }
+
+    pub(super) fn patch(&self, surface: &Surface, hit: &ShapeHit) -> Patch {
+        let frame = Frame::around(self.axis);
+        if hit.part != SIDE {
+            let (r, z) = if hit.part == BASE { (self.radius, -frame.z) } else { (self.top_radius, frame.z) };
+            let scale = if r > 0.0 { 0.5 / r } else { 0.0 };
+            return Patch::flat(frame.x * scale, z * scale);
+        }
+        let n = surface.normal;
+        let out = (n - self.axis * n.dot(self.axis)).normalize_or(frame.x);
+        let height = (surface.exact - self.base).dot(self.axis).clamp(0.0, self.height);
+        let (radius, size) = (self.radius + self.slope() * height, self.radius.max(self.top_radius));
+        let across = around(out, frame.x, frame.z);
+        let slope = self.slope();
+        // The normal is (out − r' axis) / √(1 + r'²), and only `out` changes.
+        let turn = 1.0 / (radius.max(size * 1e-9) * (1.0 + slope * slope).sqrt());
+        Patch {
+            gradients: [turn_gradient(out, frame.x, frame.z, radius, size), -self.axis / self.height],
+            bend: outer(across, across) * turn,
+            round: true,
+        }
     }
 
     pub(super) fn bounds(&self) -> Aabb {

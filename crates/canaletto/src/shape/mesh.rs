@@ -3,11 +3,12 @@
 //! The geometric normal is always the winding's. Vertex normals only bend the shading, and never to the other side: an
 //! exporter that wrote them inwards is corrected, triangle by triangle.
 
-use super::{Surface, solve, triangle};
+use super::patch::outer;
+use super::{Patch, Surface, solve, triangle};
 use crate::math::Rgb;
 use canaletto_bvh::triangle::{self as kernel, Triangle};
 use canaletto_bvh::{Aabb, PreparedRay};
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DMat3, DVec3, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// A triangle mesh as an importer delivers it. Counter-clockwise corners face outwards (5.23).
@@ -89,6 +90,35 @@ impl Mesh {
             surface.lifted = (point + lift(point, corners, normals, weights, n)).as_vec3();
         }
         surface
+    }
+
+    /// How the surface of triangle `i` goes on around that point.
+    pub fn patch(&self, i: usize, u: f32, v: f32) -> Patch {
+        let corners = self.corners(i);
+        let gradients = triangle::gradients(corners);
+        let indices = self.triangles[i].map(|v| v as usize);
+        let mut patch = Patch::flat(gradients[1], gradients[2]);
+        if !self.uvs.is_empty() {
+            patch.gradients = [DVec3::ZERO; 2];
+            for (corner, gradient) in indices.into_iter().zip(gradients) {
+                let uv = self.uvs[corner].as_dvec2();
+                patch.gradients[0] += gradient * uv.x;
+                patch.gradients[1] += gradient * uv.y;
+            }
+        }
+        if !self.normals.is_empty() {
+            let n = triangle::cross(corners[0], corners[1], corners[2]).normalize_or(DVec3::Z);
+            let normals = facing(indices.map(|v| self.normals[v].as_dvec3().normalize_or(n)), n);
+            let [wa, wb, wc] = triangle::weights(u, v);
+            let mean = normals[0] * wa + normals[1] * wb + normals[2] * wc;
+            let length = mean.length();
+            if length > 0.0 {
+                let turn = (0..3).fold(DMat3::ZERO, |sum, k| sum + outer(normals[k], gradients[k])) * (1.0 / length);
+                let unit = mean / length;
+                patch.bend = turn - outer(unit, turn.transpose() * unit);
+            }
+        }
+        patch
     }
 
     /// Puts the triangles into the given order, a list of their present numbers.

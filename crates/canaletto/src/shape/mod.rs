@@ -10,6 +10,9 @@ mod cylinder;
 mod disk;
 mod frustum;
 mod mesh;
+mod patch;
+#[cfg(test)]
+mod patch_tests;
 mod plane;
 #[cfg(test)]
 mod properties;
@@ -27,6 +30,7 @@ pub use cuboid::Cuboid;
 pub use cylinder::Cylinder;
 pub use disk::Disk;
 pub use mesh::Mesh;
+pub use patch::Patch;
 pub use plane::Plane;
 pub use sphere::Sphere;
 pub use surface::Surface;
@@ -89,6 +93,18 @@ macro_rules! each {
     };
 }
 
+impl From<Sphere> for Shape {
+    fn from(sphere: Sphere) -> Shape {
+        Shape::Sphere(sphere)
+    }
+}
+
+impl From<Cylinder> for Shape {
+    fn from(cylinder: Cylinder) -> Shape {
+        Shape::Cylinder(cylinder)
+    }
+}
+
 impl Shape {
     /// The nearest hit with 0 < t ≤ t_max, from outside or inside. The ray's direction may have any length.
     pub fn intersect(&self, ray: &Ray, t_max: f32) -> Option<ShapeHit> {
@@ -99,6 +115,20 @@ impl Shape {
     pub fn surface(&self, line: impl Into<Line>, hit: &ShapeHit) -> Surface {
         let line = line.into();
         each!(self, s => s.surface(line, hit))
+    }
+
+    /// How the surface goes on around a hit whose surface is this.
+    pub fn patch(&self, surface: &Surface, hit: &ShapeHit) -> Patch {
+        match self {
+            Shape::Sphere(s) => s.patch(surface),
+            Shape::Box(s) => s.patch(hit),
+            Shape::Triangle(s) => s.patch(),
+            Shape::Plane(s) => s.patch(),
+            Shape::Disk(s) => s.patch(),
+            Shape::Cylinder(s) => s.patch(surface, hit),
+            Shape::Cone(s) => s.patch(surface, hit),
+            Shape::Torus(s) => s.patch(surface),
+        }
     }
 
     /// A tight box around every point that [`Shape::surface`] can give; none for a plane.

@@ -4,7 +4,7 @@
 //! visible side with +y upwards, u to the right and v downwards; on a floor, along x and z.
 
 use super::solve::{self, Frame};
-use super::{ShapeHit, Surface};
+use super::{Patch, ShapeHit, Surface};
 use crate::math::{Line, Transform};
 use canaletto_bvh::Ray;
 use glam::{DVec3, Vec3};
@@ -46,6 +46,12 @@ impl Plane {
         let frame = Frame::around(self.normal.as_dvec3());
         let size = self.point.as_dvec3().abs().max_element() + p.abs().max_element();
         solve::surface(self.point.as_dvec3() + p, size, frame.y, [p.dot(frame.x), p.dot(frame.z)])
+    }
+
+    /// How the surface goes on around its points.
+    pub fn patch(&self) -> Patch {
+        let frame = Frame::around(self.normal.as_dvec3());
+        Patch::flat(frame.x, frame.z)
     }
 
     /// The plane moved.

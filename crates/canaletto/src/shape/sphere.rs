@@ -3,11 +3,12 @@
 //! Texture coordinates follow (5.45): θ is the angle from the +y pole, φ the one around y from +z towards +x, relative
 //! to the centre. Seen from outside with +y upwards, u grows to the right and v downwards; +z is the middle, u = v = ½.
 
+use super::patch::{outer, turn_gradient};
 use super::solve::{self, Local};
-use super::{ShapeHit, Surface};
+use super::{Patch, ShapeHit, Surface};
 use crate::math::{Line, Transform, quadratic};
 use canaletto_bvh::{Aabb, Ray};
-use glam::{DVec3, Vec3};
+use glam::{DMat3, DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
@@ -47,6 +48,20 @@ impl Sphere {
         let theta = libm::atan2((n.x * n.x + n.z * n.z).sqrt(), n.y);
         let uv = [solve::turn(n.x, n.z), theta / PI]; // (5.45)
         solve::surface(c + n * r, c.abs().max_element() + r, n, uv)
+    }
+
+    /// How the surface goes on around one of its points.
+    pub fn patch(&self, surface: &Surface) -> Patch {
+        let (n, r) = (surface.normal, f64::from(self.radius));
+        let sin = (n.x * n.x + n.z * n.z).sqrt();
+        // At a pole any meridian will do.
+        let out = if sin > 0.0 { DVec3::new(n.x, 0.0, n.z) / sin } else { DVec3::Z };
+        let down = out * n.y - DVec3::Y * sin;
+        Patch {
+            gradients: [turn_gradient(out, DVec3::X, DVec3::Z, r * sin, r), down / (PI * r)],
+            bend: (DMat3::IDENTITY - outer(n, n)) * (1.0 / r),
+            round: true,
+        }
     }
 
     /// The box around it.

@@ -4,12 +4,14 @@
 //! coordinates: u by (5.45a) for the angle around the axis; v the same for the angle around the tube, ½ at the outer
 //! equator and smaller on the side that the axis points to.
 
+use super::patch::{around, outer, turn_gradient};
 use super::solve::{self, Frame};
-use super::{ShapeHit, Surface};
+use super::{Patch, ShapeHit, Surface};
 use crate::math::{Line, Roots, Transform, quartic};
 use canaletto_bvh::{Aabb, Ray};
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
+use std::f64::consts::TAU;
 
 /// A torus: a tube around a circle.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -119,6 +121,23 @@ impl Torus {
         let point = center + (ring + normal * small) * self.size();
         let uv = [solve::turn(out.dot(frame.x), out.dot(frame.z)), solve::turn(-normal.dot(axis), normal.dot(out))];
         solve::surface(point, self.number_size(), normal, uv)
+    }
+
+    /// How the surface goes on around one of its points.
+    pub fn patch(&self, surface: &Surface) -> Patch {
+        let frame = Frame::around(self.axis.as_dvec3());
+        let (n, tube) = (surface.normal, f64::from(self.tube));
+        let from_center = surface.exact - self.center.as_dvec3();
+        let out = (from_center - frame.y * from_center.dot(frame.y)).normalize_or(frame.x);
+        let ring = from_center.dot(out).max(self.size() * 1e-9);
+        let across = around(out, frame.x, frame.z);
+        // The direction of growing v: n turned by a right angle from `out` against the axis.
+        let down = -frame.y * n.dot(out) + out * n.dot(frame.y);
+        Patch {
+            gradients: [turn_gradient(out, frame.x, frame.z, ring, self.size()), down / (TAU * tube)],
+            bend: outer(across, across) * (n.dot(out) / ring) + outer(down, down) * (1.0 / tube),
+            round: true,
+        }
     }
 
     /// The size of the numbers behind a point; a thin tube's equation is worse conditioned by the ratio of the radii.

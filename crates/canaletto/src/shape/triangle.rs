@@ -3,7 +3,7 @@
 //! Texture coordinates are the barycentric coordinates of the second and the third corner, L₂ and L₃ of (5.31).
 
 use super::solve;
-use super::{ShapeHit, Surface};
+use super::{Patch, ShapeHit, Surface};
 use crate::math::{Line, Transform};
 use canaletto_bvh::{Aabb, Ray, triangle as kernel};
 use glam::{DVec3, Vec3};
@@ -38,6 +38,12 @@ impl Triangle {
         solve::surface(blend(corners, weights(u, v)), size(corners), n, [f64::from(u), f64::from(v)])
     }
 
+    /// How the surface goes on around its points.
+    pub fn patch(&self) -> Patch {
+        let [_, u, v] = gradients([self.a, self.b, self.c]);
+        Patch::flat(u, v)
+    }
+
     /// The box around it.
     pub fn bounds(&self) -> Aabb {
         Aabb { min: self.a.min(self.b).min(self.c), max: self.a.max(self.b).max(self.c) }
@@ -61,6 +67,20 @@ impl Triangle {
 pub(super) fn cross(a: Vec3, b: Vec3, c: Vec3) -> DVec3 {
     let a = a.as_dvec3();
     (b.as_dvec3() - a).cross(c.as_dvec3() - a)
+}
+
+/// How the weight of each corner grows along the triangle; zero where it has no area.
+pub(super) fn gradients([a, b, c]: [Vec3; 3]) -> [DVec3; 3] {
+    let (a, b, c) = (a.as_dvec3(), b.as_dvec3(), c.as_dvec3());
+    let n = (b - a).cross(c - a);
+    // Without its length squared, which overflows no `f64` but may vanish in one.
+    let area = n.length();
+    if area == 0.0 {
+        return [DVec3::ZERO; 3];
+    }
+    let n = n / area;
+    let (u, v) = ((c - a).cross(n) / area, n.cross(b - a) / area);
+    [-u - v, u, v]
 }
 
 /// The weights of the corners; none is negative and they add up to 1, whatever rounding made of u and v.

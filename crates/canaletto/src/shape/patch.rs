@@ -1,0 +1,77 @@
+//! How a surface goes on around a hit: first derivatives of its texture coordinates and of its normal.
+//!
+//! The change of the texture coordinates is kept as two gradients, not as ∂P/∂u and ∂P/∂v: gradients are what footprints
+//! and bump mapping need (Mikkelsen, *Surface Gradient-Based Bump Mapping Framework*, JCGT 2020), and where they
+//! degenerate, at poles, they grow without bound instead of vanishing into a division by zero.
+
+use super::Surface;
+use crate::math::Transform;
+use glam::{DMat3, DVec2, DVec3};
+
+/// The neighbourhood of a surface point, in the first order.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Patch {
+    /// ∇u and ∇v: their products with a step along the surface are the changes of u and v. A component along the normal
+    /// may be left in them and means nothing.
+    pub gradients: [DVec3; 2],
+    /// Takes a step along the surface to the change of the unit normal that is shaded with.
+    pub bend: DMat3,
+    /// Whether u goes round: one turn is 1.
+    pub round: bool,
+}
+
+/// The smallest distance from an axis that is told from none, as a part of the shape's size.
+const AT_AXIS: f64 = 1e-9;
+
+impl Patch {
+    /// A flat one.
+    pub(super) fn flat(u: DVec3, v: DVec3) -> Patch {
+        Patch { gradients: [u, v], ..Patch::default() }
+    }
+
+    /// The change of (u, v) after a step along the surface.
+    pub fn uv(&self, step: DVec3) -> DVec2 {
+        DVec2::new(self.gradients[0].dot(step), self.gradients[1].dot(step))
+    }
+
+    /// ∂P/∂u and ∂P/∂v on a surface with this normal; zero where u and v don't span it.
+    pub fn tangents(&self, normal: DVec3) -> [DVec3; 2] {
+        let [u, v] = self.gradients.map(|g| g.reject_from_normalized(normal));
+        let area = u.cross(v).dot(normal);
+        if area == 0.0 || !area.is_finite() {
+            return [DVec3::ZERO; 2];
+        }
+        [v.cross(normal) / area, normal.cross(u) / area]
+    }
+
+    /// The patch in the space around an instance, for the surface in the instance's own.
+    pub fn transformed(&self, to_world: &Transform, local: &Surface) -> Patch {
+        let back = to_world.inverse().matrix().matrix3;
+        let normal = to_world.normal(local.shading_normal);
+        let length = normal.length();
+        let normal = normal / length;
+        // d(N/|N|) = (I − n nᵀ) dN / |N|, with dN = M⁻ᵀ W M⁻¹ dP.
+        let turned = back.transpose() * self.bend * back * (1.0 / length);
+        Patch {
+            gradients: self.gradients.map(|g| to_world.normal(g)),
+            bend: turned - outer(normal, turned.transpose() * normal),
+            round: self.round,
+        }
+    }
+}
+
+/// a bᵀ.
+pub(super) fn outer(a: DVec3, b: DVec3) -> DMat3 {
+    DMat3::from_cols(a * b.x, a * b.y, a * b.z)
+}
+
+/// ∇u of (5.45a), u = ½ (1 + φ/π), for a point whose direction from the axis is `out`, at `radius` from it. φ grows from
+/// `z` towards `x`. `size` is the shape's.
+pub(super) fn turn_gradient(out: DVec3, x: DVec3, z: DVec3, radius: f64, size: f64) -> DVec3 {
+    around(out, x, z) / (std::f64::consts::TAU * radius.max(size * AT_AXIS))
+}
+
+/// The unit direction of growing φ.
+pub(super) fn around(out: DVec3, x: DVec3, z: DVec3) -> DVec3 {
+    x * out.dot(z) - z * out.dot(x)
+}
