@@ -278,7 +278,7 @@ fn exercise_21_the_colour_of_one_pixel() {
 
 fn one_object(shape: Shape, phong: Phong, light: Light) -> Scene {
     Scene {
-        materials: vec![Material { name: "material".into(), phong }],
+        materials: vec![Material::new("material", phong)],
         nodes: vec![Node::from(shape).with_material(0), Node::from(light)],
         ..Scene::default()
     }
@@ -287,7 +287,7 @@ fn one_object(shape: Shape, phong: Phong, light: Light) -> Scene {
 fn trace(scene: Scene, stage: Stage, ray: Ray) -> Rgb {
     let settings = IntegratorSettings { stage, ..scene.integrator };
     let world = World::build(scene).unwrap();
-    Whitted::new(&world, settings).eye(&ray, &mut ())
+    Whitted::new(&world, settings).eye(&ray, None, &mut ())
 }
 
 /// The colour at a point of the object, seen along its normal.

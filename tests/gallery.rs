@@ -15,7 +15,7 @@ use glam::{DVec3, Vec3};
 /// picture.
 pub fn still_life(scale: f32) -> Scene {
     let v = |x: f32, y: f32, z: f32| Vec3::new(x, y, z) * scale;
-    let material = |name: &str, phong: Phong| Material { name: name.into(), phong };
+    let material = |name: &str, phong: Phong| Material::new(name, phong);
     let shiny = |kd: Rgb| Phong { kd, ks: Rgb::gray(0.6), n: 40.0, ..Phong::default() };
     let materials = vec![
         material("clay", Phong { kd: Rgb::new(0.7, 0.6, 0.5), ..Phong::default() }),

@@ -62,6 +62,7 @@ impl Report {
             ("eye", self.rays.eye),
             ("reflected", self.rays.reflected),
             ("refracted", self.rays.refracted),
+            ("passed", self.rays.passed),
             ("shadow", self.rays.shadow),
         ] {
             if rays.traced > 0 {

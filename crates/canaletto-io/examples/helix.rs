@@ -45,7 +45,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let scene = Scene {
         background: Rgb::gray(0.9),
         ambient: Rgb::gray(0.25),
-        materials: vec![Material { name: "glossy".into(), phong: glossy }],
+        materials: vec![Material::new("glossy", glossy)],
         nodes: vec![
             Node::new(Content::Spheres(0)).with_material(0),
             Node::new(Content::Cylinders(0)).with_material(0),

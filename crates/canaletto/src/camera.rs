@@ -2,7 +2,7 @@
 //!
 //! In `f64`: a camera makes one ray per sample, and the first rounding to `f32` should be the ray's direction itself.
 
-use crate::math::Line;
+use crate::math::{Line, Spread};
 use crate::scene::{Extrinsics, Intrinsics};
 use glam::{DVec2, DVec3};
 
@@ -108,6 +108,20 @@ impl Camera {
         Line { origin, direction: d.normalize() }
     }
 
+    /// How that ray changes to samples `spacing` pixels to the right and above (Igehy 1999, (8)).
+    pub fn spread(&self, x: f64, y: f64, spacing: f64) -> Spread {
+        let (_, d) = self.chapter_ray(x, y);
+        let [x_e, y_e, _] = self.axes;
+        let [right, up] = [
+            x_e * (self.window.x * spacing / f64::from(self.size[0])),
+            y_e * (self.window.y * spacing / f64::from(self.size[1])),
+        ];
+        let length = d.length();
+        let unit = d / length;
+        let turn = |across: DVec3| (across - unit * unit.dot(across)) / length;
+        Spread { origin: [DVec3::ZERO; 2], direction: [turn(right), turn(up)] }
+    }
+
     /// Where a point appears, in pixels with y upwards; `None` for points that are not in front of the eye. The
     /// inverse of [`Camera::chapter_ray`].
     pub fn project(&self, p: DVec3) -> Option<DVec2> {
@@ -169,6 +183,23 @@ mod tests {
             let back = camera.project(eye + d * 3.7).unwrap();
             assert!((back - DVec2::new(x, y)).length() < 1e-9, "{back}");
             assert_eq!(camera.project(eye - d), None);
+        }
+    }
+
+    #[test]
+    fn the_spread_is_the_difference_of_neighbouring_rays() {
+        let (mut intrinsics, extrinsics) = exercise_1();
+        (intrinsics.width, intrinsics.shift) = (300, [0.3, -0.2]);
+        let camera = Camera::new(&intrinsics, &extrinsics).unwrap();
+        for (x, y) in [(0.0, 0.0), (210.0, 265.0), (299.5, 17.25)] {
+            let at = |x, y| camera.line(x, y).direction;
+            let spread = camera.spread(x, y, 0.25);
+            let step = 1e-5;
+            let differences = [at(x + step, y) - at(x - step, y), at(x, y + step) - at(x, y - step)];
+            for (found, difference) in spread.direction.into_iter().zip(differences) {
+                let expected = difference * (0.25 / (2.0 * step));
+                assert!((found - expected).length() < 1e-6 * expected.length(), "{found} {expected}");
+            }
         }
     }
 

@@ -52,7 +52,7 @@ impl Draft {
             eta: if glass || self.illum.is_none() { self.eta.unwrap_or(1.0) } else { 1.0 },
             opacity: self.opacity.unwrap_or_else(clear),
         };
-        Material { name: self.name, phong }
+        Material::new(self.name, phong)
     }
 }
 

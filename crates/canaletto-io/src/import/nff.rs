@@ -179,7 +179,7 @@ impl<'a> Reader<'a> {
         phong.check().map_err(|message| start.wrong(message))?;
         let next = self.scene.materials.len();
         self.material = Some(*self.known.entry(numbers.map(f32::to_bits)).or_insert_with(|| {
-            self.scene.materials.push(Material { name: format!("fill {}", next + 1), phong });
+            self.scene.materials.push(Material::new(format!("fill {}", next + 1), phong));
             next as u32
         }));
         Ok(())
@@ -249,7 +249,7 @@ impl<'a> Reader<'a> {
     /// The current material; before any `f`, the default one.
     fn material(&mut self) -> u32 {
         *self.material.get_or_insert_with(|| {
-            self.scene.materials.push(Material { name: "default".into(), phong: Phong::default() });
+            self.scene.materials.push(Material::new("default", Phong::default()));
             self.scene.materials.len() as u32 - 1
         })
     }

@@ -180,7 +180,7 @@ impl Reader<'_> {
         let mut default = None;
         let count = self.materials.len() as u32;
         let meshes = parts.finish(vertices, || {
-            default.get_or_insert_with(|| Material { name: "default".into(), phong: Phong::default() });
+            default.get_or_insert_with(|| Material::new("default", Phong::default()));
             count
         });
         unknown.report(self.asset.path.name(), &mut self.warnings);

@@ -27,8 +27,8 @@ pub(super) fn studio(model: Imported) -> Option<Scene> {
     let mut materials = model.materials;
     let next = materials.len() as u32;
     let clay = Phong { kd: Rgb::new(0.62, 0.58, 0.53), ks: Rgb::gray(0.12), n: 25.0, ..Phong::default() };
-    materials.push(Material { name: "clay".into(), phong: clay });
-    materials.push(Material { name: "ground".into(), phong: Phong { kd: Rgb::gray(0.72), ..Phong::default() } });
+    materials.push(Material::new("clay", clay));
+    materials.push(Material::new("ground", Phong { kd: Rgb::gray(0.72), ..Phong::default() }));
 
     let middle = (low + high) / 2.0;
     let size = (high - low).length().max(1e-30);

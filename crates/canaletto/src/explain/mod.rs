@@ -7,7 +7,9 @@ mod record;
 mod text;
 mod tree;
 
-pub use tree::{BlockerNode, CutNode, HitNode, LightNode, Outcome, PixelTree, RayNode, SampleNode, Side};
+pub use tree::{
+    BlockerNode, CutNode, HitNode, LightNode, Outcome, PixelTree, RayNode, ReadingNode, SampleNode, Side, TextureNode,
+};
 
 use crate::integrator::Whitted;
 use crate::render::{Job, JobError, PixelRenderer};

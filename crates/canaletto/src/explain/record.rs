@@ -1,12 +1,14 @@
 //! The probe that records the tree.
 
-use super::tree::{BlockerNode, CutNode, HitNode, LightNode, Outcome, RayNode, SampleNode, Side};
+use super::tree::{
+    BlockerNode, CutNode, HitNode, LightNode, Outcome, RayNode, ReadingNode, SampleNode, Side, TextureNode,
+};
 use crate::camera::Camera;
 use crate::integrator::{LightTerm, Probe, RayKind};
-use crate::material::MaterialPoint;
+use crate::material::{MaterialPoint, Target};
 use crate::math::Rgb;
 use crate::shape::Surface;
-use crate::world::{Hit, World};
+use crate::world::{Hit, TextureRead, World};
 use canaletto_bvh::Ray;
 
 /// Builds the tree from the integrator's calls.
@@ -18,11 +20,20 @@ pub(super) struct Recorder<'w> {
     /// The rays from the eye to the current one.
     open: Vec<RayNode>,
     blockers: Vec<BlockerNode>,
+    textures: Vec<TextureNode>,
 }
 
 impl<'w> Recorder<'w> {
     pub(super) fn new(world: &'w World, camera: Camera) -> Recorder<'w> {
-        Recorder { world, camera, samples: Vec::new(), sample: None, open: Vec::new(), blockers: Vec::new() }
+        Recorder {
+            world,
+            camera,
+            samples: Vec::new(),
+            sample: None,
+            open: Vec::new(),
+            blockers: Vec::new(),
+            textures: Vec::new(),
+        }
     }
 
     pub(super) fn into_samples(self) -> Vec<SampleNode> {
@@ -49,6 +60,7 @@ impl Probe for Recorder<'_> {
             factor,
             origin: ray.origin.to_array(),
             direction: ray.direction.to_array(),
+            holes: Vec::new(),
             outcome: Outcome::Miss { background: Rgb::BLACK },
             color: Rgb::BLACK,
         });
@@ -76,14 +88,54 @@ impl Probe for Recorder<'_> {
             side: if outside { Side::Outside } else { Side::Inside },
             material: self.world.material(hit).name.clone(),
             phong: material.phong,
+            textures: std::mem::take(&mut self.textures),
             unlit: None,
             ambient: None,
             lights: Vec::new(),
             children: Vec::new(),
+            print: None,
+            coverage: None,
+            behind: None,
             cut: Vec::new(),
         };
         if let Some(ray) = self.open.last_mut() {
             ray.outcome = Outcome::Hit(Box::new(node));
+        }
+    }
+
+    fn hole(&mut self, hit: &Hit) {
+        self.textures.clear();
+        let name = self.world.object(hit).name.clone();
+        if let Some(ray) = self.open.last_mut() {
+            ray.holes.push(name);
+        }
+    }
+
+    fn texture(&mut self, read: &TextureRead) {
+        let reading = |r: &crate::world::Reading| ReadingNode {
+            weight: r.weight,
+            at: r.lookup.at.to_array(),
+            footprint: [r.lookup.dx.to_array(), r.lookup.dy.to_array()],
+            texels: r.texels,
+        };
+        self.textures.push(TextureNode {
+            texture: read.name.to_owned(),
+            used: read.used.target.name(),
+            readings: read.readings.iter().map(reading).collect(),
+            value: read.value,
+            replaced: replaced(read),
+        });
+    }
+
+    fn print(&mut self, color: Rgb, share: f32) {
+        if let Some(hit) = self.current() {
+            hit.print = Some((color, share));
+        }
+    }
+
+    fn coverage(&mut self, share: f32) {
+        if let Some(hit) = self.current() {
+            hit.coverage = Some(share);
         }
     }
 
@@ -113,6 +165,7 @@ impl Probe for Recorder<'_> {
             distance: term.distance,
             intensity: term.intensity,
             n_dot_l: term.n_dot_l,
+            behind: term.behind,
             r_dot_l: term.r_dot_l,
             blockers: std::mem::take(&mut self.blockers),
             f_s: term.f_s,
@@ -135,10 +188,34 @@ impl Probe for Recorder<'_> {
         let Some(mut ray) = self.open.pop() else { return };
         ray.color = color;
         if let Some(parent) = self.current() {
-            parent.children.push(ray);
+            if ray.kind == RayKind::Passed {
+                parent.behind = Some(ray);
+            } else {
+                parent.children.push(ray);
+            }
         } else if let Some((position, weight)) = self.sample {
             let (_, d) = self.camera.chapter_ray(position[0], position[1]);
             self.samples.push(SampleNode { position, weight, chapter_direction: d.to_array(), ray });
         }
     }
+}
+
+/// The number that a texture's value took the place of, and the one that stands there now.
+fn replaced(read: &TextureRead) -> [Vec<f32>; 2] {
+    let number = |point: &MaterialPoint, normal: glam::DVec3| {
+        let phong = &point.phong;
+        match read.used.target {
+            Target::Replace | Target::Decal => [&point.print.0.to_array()[..], &[point.print.1]].concat(),
+            Target::Diffuse => phong.kd.to_array().to_vec(),
+            Target::Specular => phong.ks.to_array().to_vec(),
+            Target::Mirror => phong.k.to_array().to_vec(),
+            Target::Exponent => vec![phong.n],
+            Target::Eta => vec![phong.eta],
+            Target::Opacity => vec![phong.opacity],
+            Target::Cutout => vec![point.coverage],
+            Target::Bump | Target::Normal { .. } => normal.as_vec3().to_array().to_vec(),
+        }
+    };
+    let [before, after] = read.normals;
+    [number(read.before, before), number(read.after, after)]
 }

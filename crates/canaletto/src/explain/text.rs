@@ -1,6 +1,6 @@
 //! The tree as text for a terminal.
 
-use super::tree::{HitNode, LightNode, Outcome, PixelTree, RayNode, SampleNode, Side};
+use super::tree::{HitNode, LightNode, Outcome, PixelTree, RayNode, SampleNode, Side, TextureNode};
 use crate::integrator::RayKind;
 use crate::math::Rgb;
 use std::fmt::{self, Display, Formatter};
@@ -45,8 +45,12 @@ fn write_ray(f: &mut Formatter, ray: &RayNode, indent: &str) -> fmt::Result {
         RayKind::Reflected => "reflected ray (5.37)",
         RayKind::Refracted => "refracted ray (5.40-5.44)",
         RayKind::TotallyReflected => "totally reflected ray",
+        RayKind::Passed => "ray straight on",
     };
     writeln!(f, "{indent}{kind}, depth {}: o = {}, d = {}", ray.depth, vector(ray.origin), vector(ray.direction))?;
+    for hole in &ray.holes {
+        writeln!(f, "{indent}  goes through a hole in {hole}")?;
+    }
     match &ray.outcome {
         Outcome::Miss { background } => writeln!(f, "{indent}  meets nothing: background {}", rgb(*background)),
         Outcome::Hit(hit) => write_hit(f, hit, ray.color, indent),
@@ -78,6 +82,12 @@ fn write_hit(f: &mut Formatter, hit: &HitNode, color: Rgb, indent: &str) -> fmt:
         m.eta,
         m.opacity
     )?;
+    for texture in &hit.textures {
+        write_texture(f, texture, indent)?;
+    }
+    if hit.textures.iter().any(|texture| matches!(texture.used, "bump" | "normal")) {
+        writeln!(f, "{indent}    geometric n = {}", vector(hit.normal))?;
+    }
     if let Some(kd) = hit.unlit {
         writeln!(f, "{indent}    + unlit colour kd              {}", rgb(kd))?;
     }
@@ -102,14 +112,54 @@ fn write_hit(f: &mut Formatter, hit: &HitNode, color: Rgb, indent: &str) -> fmt:
         write_ray(f, child, &deeper)?;
     }
     for cut in &hit.cut {
-        let kind = if cut.kind == RayKind::Reflected { "reflected" } else { "refracted" };
+        let kind = match cut.kind {
+            RayKind::Reflected => "reflected",
+            RayKind::Passed => "straight",
+            _ => "refracted",
+        };
         writeln!(
             f,
             "{indent}    + 0: the {kind} ray with factor {} isn't followed (max depth or weight)",
             rgb(cut.factor)
         )?;
     }
+    if let Some((print, share)) = hit.print {
+        let rest = if share < 1.0 { format!(", under it {} of the above", 1.0 - share) } else { String::new() };
+        writeln!(f, "{indent}    {share} * texture {} over it{rest}", rgb(print))?;
+    }
+    if let Some(coverage) = hit.coverage {
+        writeln!(f, "{indent}    * {coverage}: the share of the surface that is there")?;
+    }
+    if let Some(child) = &hit.behind {
+        let color = rgb(child.color * child.factor);
+        writeln!(f, "{indent}    + {} * ray = {} * {} = {color}", child.factor.r, child.factor.r, rgb(child.color))?;
+        write_ray(f, child, &deeper)?;
+    }
     writeln!(f, "{indent}    = {}", rgb(color))
+}
+
+fn write_texture(f: &mut Formatter, texture: &TextureNode, indent: &str) -> fmt::Result {
+    writeln!(f, "{indent}    texture \"{}\" for {}", texture.texture, texture.used)?;
+    for r in &texture.readings {
+        let ([u, v, w], [dx, dy]) = (r.at, r.footprint);
+        let share = if texture.readings.len() > 1 { format!("{:.6} of ", r.weight) } else { String::new() };
+        write!(f, "{indent}        {share}t({u:.6}, {v:.6}, {w:.6}), footprint ")?;
+        match r.texels {
+            Some([dx, dy]) => {
+                writeln!(f, "({:.4}, {:.4}) x ({:.4}, {:.4}) texels", dx[0], dx[1], dy[0], dy[1])?;
+            }
+            None => {
+                let side = |d: [f64; 3]| format!("({:.6}, {:.6}, {:.6})", d[0], d[1], d[2]);
+                writeln!(f, "{} x {}", side(dx), side(dy))?;
+            }
+        }
+    }
+    let [r, g, b, a] = texture.value;
+    writeln!(f, "{indent}        value ({r}, {g}, {b}, {a})")?;
+    let list = |numbers: &[f32]| numbers.iter().map(f32::to_string).collect::<Vec<_>>().join(", ");
+    let [before, after] = &texture.replaced;
+    let what = if matches!(texture.used, "bump" | "normal") { "n" } else { texture.used };
+    writeln!(f, "{indent}        {what}: ({}) instead of ({})", list(after), list(before))
 }
 
 fn write_light(f: &mut Formatter, light: &LightNode, indent: &str) -> fmt::Result {
@@ -131,6 +181,9 @@ fn write_light(f: &mut Formatter, light: &LightNode, indent: &str) -> fmt::Resul
     )?;
     if light.n_dot_l.is_nan() || light.n_dot_l <= 0.0 {
         return writeln!(f, "{indent}        behind the surface: n.L <= 0");
+    }
+    if light.behind {
+        return writeln!(f, "{indent}        behind the surface, which only seems to lean there");
     }
     if light.intensity.is_black() {
         return writeln!(f, "{indent}        no light arrives: outside the cone or beam");

@@ -47,6 +47,9 @@ pub struct RayNode {
     pub origin: [f32; 3],
     /// Its unit direction.
     pub direction: [f32; 3],
+    /// The objects through whose cut-out holes it went before.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub holes: Vec<String>,
     /// What it met.
     pub outcome: Outcome,
     /// The colour it brought, before the factor.
@@ -101,6 +104,10 @@ pub struct HitNode {
     pub material: String,
     /// Its numbers here.
     pub phong: Phong,
+    /// The textures that were read for them, in order.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub textures: Vec<TextureNode>,
+
     /// kd, where nothing is lit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unlit: Option<Rgb>,
@@ -111,8 +118,46 @@ pub struct HitNode {
     pub lights: Vec<LightNode>,
     /// The reflected and the refracted ray.
     pub children: Vec<RayNode>,
+    /// A colour over the shaded one, and its share.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub print: Option<(Rgb, f32)>,
+    /// The share of the surface that is there, where a texture cuts out the rest.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub coverage: Option<f32>,
+    /// The ray that goes on where the surface isn't there.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub behind: Option<RayNode>,
     /// Child rays that were not followed.
     pub cut: Vec<CutNode>,
+}
+
+/// A texture that was read at a hit.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TextureNode {
+    /// Its name.
+    pub texture: String,
+    /// What for: the scene text's word.
+    pub used: &'static str,
+    /// Where it was read: one place, or several that were blended.
+    pub readings: Vec<ReadingNode>,
+    /// Its linear red, green, blue and alpha.
+    pub value: [f32; 4],
+    /// What stood there before, and what stands there with it.
+    pub replaced: [Vec<f32>; 2],
+}
+
+/// A place at which a texture was read.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ReadingNode {
+    /// Its share in the value.
+    pub weight: f64,
+    /// Texture coordinates.
+    pub at: [f64; 3],
+    /// How they change to the next sample on the right and above.
+    pub footprint: [[f64; 3]; 2],
+    /// The same in texels, along u and v.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub texels: Option<[[f64; 2]; 2]>,
 }
 
 /// One point of a light as a hit sees it.
@@ -131,6 +176,9 @@ pub struct LightNode {
     pub intensity: Rgb,
     /// n·L.
     pub n_dot_l: f32,
+    /// Whether the light stands behind the surface although the bent normal leans towards it.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub behind: bool,
     /// r·L.
     pub r_dot_l: f32,
     /// What stands between, nearest first.
@@ -182,7 +230,7 @@ impl RayNode {
             Outcome::Hit(hit) => hit,
         };
         if let Some(kd) = hit.unlit {
-            return kd;
+            return hit.covered(kd);
         }
         let mut color = Rgb::BLACK;
         if let Some(ambient) = hit.ambient {
@@ -194,7 +242,22 @@ impl RayNode {
         for child in &hit.children {
             color += (child.sum() * child.factor).saturated();
         }
-        color.saturated()
+        hit.covered(color.saturated())
+    }
+}
+
+impl HitNode {
+    /// The colour with what lies over it, and what is behind where the surface isn't there.
+    fn covered(&self, mut color: Rgb) -> Rgb {
+        if let Some((print, share)) = self.print {
+            color = (print * share + color * (1.0 - share)).saturated();
+        }
+        let Some(coverage) = self.coverage else { return color };
+        color *= coverage;
+        match &self.behind {
+            Some(child) => (color + (child.sum() * child.factor).saturated()).saturated(),
+            None => color,
+        }
     }
 }
 

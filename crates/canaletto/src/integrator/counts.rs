@@ -22,6 +22,8 @@ pub struct RayCounts {
     pub reflected: RayCount,
     /// Refracted into or out of a clear body.
     pub refracted: RayCount,
+    /// Straight on, past what is left of a surface where a texture cuts out a part of it.
+    pub passed: RayCount,
     /// From a surface to a light.
     pub shadow: RayCount,
 }
@@ -29,7 +31,7 @@ pub struct RayCounts {
 impl RayCounts {
     /// All rays traced.
     pub fn total(&self) -> u64 {
-        self.eye.traced + self.reflected.traced + self.refracted.traced + self.shadow.traced
+        self.eye.traced + self.reflected.traced + self.refracted.traced + self.passed.traced + self.shadow.traced
     }
 
     pub(crate) fn of_mut(&mut self, kind: RayKind) -> &mut RayCount {
@@ -37,6 +39,7 @@ impl RayCounts {
             RayKind::Eye => &mut self.eye,
             RayKind::Reflected | RayKind::TotallyReflected => &mut self.reflected,
             RayKind::Refracted => &mut self.refracted,
+            RayKind::Passed => &mut self.passed,
         }
     }
 }
@@ -47,6 +50,7 @@ impl AddAssign for RayCounts {
             (&mut self.eye, o.eye),
             (&mut self.reflected, o.reflected),
             (&mut self.refracted, o.refracted),
+            (&mut self.passed, o.passed),
             (&mut self.shadow, o.shadow),
         ] {
             a.traced += b.traced;

@@ -4,7 +4,7 @@
 use crate::material::MaterialPoint;
 use crate::math::Rgb;
 use crate::shape::Surface;
-use crate::world::Hit;
+use crate::world::{Hit, TextureRead};
 use canaletto_bvh::Ray;
 use glam::Vec3;
 use serde::Serialize;
@@ -21,6 +21,8 @@ pub enum RayKind {
     Refracted,
     /// Mirrored inside a clear body beyond the critical angle, by the factor 1 − o.
     TotallyReflected,
+    /// Straight on where a cut-out leaves a part of the surface away, by the factor 1 − that part.
+    Passed,
 }
 
 /// The terms of one light point at a hit (5.39a).
@@ -38,6 +40,8 @@ pub struct LightTerm {
     pub intensity: Rgb,
     /// n·L. Where it isn't positive, the light adds nothing and the factors below are zero.
     pub n_dot_l: f32,
+    /// Whether the light stands behind the surface although a bent normal leans towards it; it adds nothing then.
+    pub behind: bool,
     /// r·L of (5.38).
     pub r_dot_l: f32,
     /// f_s: the light that passes all that lies between, 0..=1.
@@ -61,6 +65,10 @@ pub trait Probe {
     fn ray(&mut self, _kind: RayKind, _ray: &Ray, _depth: u32, _factor: Rgb) {}
     /// It met nothing.
     fn miss(&mut self, _background: Rgb) {}
+    /// It passed through a hole that a texture cuts out of this.
+    fn hole(&mut self, _hit: &Hit) {}
+    /// A texture was read at the hit that [`Probe::hit`] tells next.
+    fn texture(&mut self, _read: &TextureRead) {}
     /// It met this surface. `outside` tells the side of it.
     fn hit(&mut self, _hit: &Hit, _surface: &Surface, _material: &MaterialPoint, _outside: bool) {}
     /// Without lighting, this is the colour.
@@ -71,6 +79,10 @@ pub trait Probe {
     fn blocker(&mut self, _hit: &Hit, _opacity: f32) {}
     /// A light's terms.
     fn light(&mut self, _term: &LightTerm) {}
+    /// A colour t lies over the colour I so far, with this share a: a t + (1 − a) I. A share of 1 comes before all lights.
+    fn print(&mut self, _color: Rgb, _share: f32) {}
+    /// Only this share of the surface is there: what was added so far is multiplied by it.
+    fn coverage(&mut self, _share: f32) {}
     /// A child ray was not followed, because of depth or weight.
     fn cut(&mut self, _kind: RayKind, _factor: Rgb) {}
     /// The current ray ends with this colour (its factor not applied).

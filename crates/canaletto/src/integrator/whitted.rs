@@ -7,12 +7,12 @@
 
 use super::{LightTerm, Probe, RayCounts, RayKind};
 use crate::material::{MaterialPoint, reflect, refract};
-use crate::math::{Line, Rgb, offset_origin};
+use crate::math::{Line, Rgb, Spread, offset_origin};
 use crate::scene::{IntegratorSettings, Stage};
 use crate::shape::Surface;
-use crate::world::{Blocker, World};
+use crate::world::{Blocker, Hit, World};
 use canaletto_bvh::Ray;
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
 /// The classic integrator on one world.
 pub struct Whitted<'w> {
@@ -42,6 +42,39 @@ struct Branch {
     factor: Rgb,
     /// The product of all factors from the eye.
     weight: Rgb,
+    /// How often it went on past a surface that is there in part.
+    passed: u32,
+}
+
+/// How often a ray and its children go on past surfaces that are there in part.
+const MAX_PASSED: u32 = 64;
+
+/// The most holes that a ray goes through; beyond them it meets what is around the next one.
+const MAX_HOLES: usize = 1 << 16;
+
+/// The nearest thing that a ray met.
+struct Met {
+    hit: Hit,
+    surface: Surface,
+    material: MaterialPoint,
+    /// The ray's line, which starts anew behind holes.
+    line: Line,
+    footprint: Option<Footprint>,
+}
+
+/// How far from here neighbouring samples are.
+#[derive(Clone, Copy)]
+struct Footprint {
+    /// The spread of the ray that arrived.
+    spread: Spread,
+    /// The ways along the surface to where the neighbours meet it.
+    step: [DVec3; 2],
+}
+
+impl Footprint {
+    fn new(spread: Option<&Spread>, line: &Line, surface: &Surface) -> Option<Footprint> {
+        spread.map(|spread| Footprint { spread: *spread, step: spread.along(line, surface.exact, surface.normal) })
+    }
 }
 
 /// A hit as seen by the ray that made it.
@@ -56,6 +89,9 @@ struct Shading<'a> {
     normal: DVec3,
     /// Whether the ray came from the outer side.
     outside: bool,
+    footprint: Option<&'a Footprint>,
+    /// How the shading normal changes along the surface; zero where nothing asks.
+    bend: DMat3,
 }
 
 impl<'w> Whitted<'w> {
@@ -88,44 +124,117 @@ impl<'w> Whitted<'w> {
         self.world
     }
 
-    /// The colour that an eye ray brings.
-    pub fn eye<P: Probe>(&mut self, line: impl Into<Line>, probe: &mut P) -> Rgb {
+    /// The colour that an eye ray brings. `spread` is how it changes to the neighbouring samples, if the world
+    /// [wants](World::wants_spread) to know.
+    pub fn eye<P: Probe>(&mut self, line: impl Into<Line>, spread: Option<&Spread>, probe: &mut P) -> Rgb {
         let line = line.into();
-        self.trace(
-            &line.rounded(),
-            line,
-            Branch { kind: RayKind::Eye, depth: 1, factor: Rgb::WHITE, weight: Rgb::WHITE },
-            probe,
-        )
+        let branch = Branch { kind: RayKind::Eye, depth: 1, factor: Rgb::WHITE, weight: Rgb::WHITE, passed: 0 };
+        self.trace(&line.rounded(), line, spread, branch, probe)
     }
 
     /// Box 5.8, `trace`: the colour of the nearest surface, or the background.
-    fn trace<P: Probe>(&mut self, ray: &Ray, line: Line, branch: Branch, probe: &mut P) -> Rgb {
+    fn trace<P: Probe>(
+        &mut self,
+        ray: &Ray,
+        line: Line,
+        spread: Option<&Spread>,
+        branch: Branch,
+        probe: &mut P,
+    ) -> Rgb {
         probe.ray(branch.kind, ray, branch.depth, branch.factor);
-        let count = self.counts.of_mut(branch.kind);
-        count.traced += 1;
-        let Some(hit) = self.world.intersect(ray, f32::INFINITY) else {
+        self.counts.of_mut(branch.kind).traced += 1;
+        let Some(met) = self.meet(ray, line, spread, probe) else {
             probe.miss(self.world.background);
             probe.end(self.world.background);
             return self.world.background;
         };
-        count.hit += 1;
-        let surface = self.world.surface(line, &hit);
-        let material = self.world.material(&hit).at(&surface);
+        let Met { hit, surface, material, line, footprint } = &met;
+        self.counts.of_mut(branch.kind).hit += 1;
         let outside = line.direction.dot(surface.normal) < 0.0;
         let side = if outside { 1.0 } else { -1.0 };
-        probe.hit(&hit, &surface, &material, outside);
+        probe.hit(hit, surface, material, outside);
+        let bends = footprint.is_some() && (material.is_mirror() || material.is_clear());
         let shading = Shading {
-            surface: &surface,
-            material: &material,
+            surface,
+            material,
             wo: -line.direction.normalize(),
             facing: surface.normal * side,
             normal: surface.shading_normal * side,
             outside,
+            footprint: footprint.as_ref(),
+            bend: if bends { self.world.patch(*line, hit).bend * side } else { DMat3::ZERO },
         };
-        let color = self.shade(&shading, branch, probe);
+        let (print, share) = material.print;
+        // Under an opaque print nothing is seen of the rest.
+        let mut color = if share < 1.0 { self.shade(&shading, branch, probe) } else { Rgb::BLACK };
+        if share > 0.0 {
+            probe.print(print, share);
+            color = (print * share + color * (1.0 - share)).saturated();
+        }
+        if material.coverage < 1.0 {
+            color = self.past(color, &shading, branch, probe);
+        }
         probe.end(color);
         color
+    }
+
+    /// The nearest surface on the way, past holes.
+    fn meet<P: Probe>(&self, ray: &Ray, line: Line, spread: Option<&Spread>, probe: &mut P) -> Option<Met> {
+        let hit = self.world.intersect(ray, f32::INFINITY)?;
+        let surface = self.world.surface(line, &hit);
+        let material = self.world.material(&hit);
+        if !material.textures.is_empty() {
+            return self.meet_textured(line, hit, surface, spread, probe);
+        }
+        let footprint = Footprint::new(spread, &line, &surface);
+        Some(Met { hit, surface, material: material.at(&surface), line, footprint })
+    }
+
+    #[inline(never)]
+    fn meet_textured<P: Probe>(
+        &self,
+        mut line: Line,
+        mut hit: Hit,
+        mut surface: Surface,
+        spread: Option<&Spread>,
+        probe: &mut P,
+    ) -> Option<Met> {
+        let mut spread = spread.copied();
+        for holes in 0.. {
+            let footprint = Footprint::new(spread.as_ref(), &line, &surface);
+            let step = footprint.map(|f| f.step);
+            let material = self.world.textured(line, &hit, &mut surface, step, probe);
+            if material.coverage > 0.0 || holes == MAX_HOLES {
+                return Some(Met { hit, surface, material, line, footprint });
+            }
+            probe.hole(&hit);
+            line.origin = surface.exact;
+            spread = footprint.map(|f| f.spread.passed(f.step));
+            let origin = offset_origin(surface.point, surface.error, surface.normal, line.direction);
+            hit = self.world.intersect(&line.from_origin(origin), f32::INFINITY)?;
+            surface = self.world.surface(line, &hit);
+        }
+        None
+    }
+
+    /// The colour of a surface that is there in part only, and of what is behind it.
+    fn past<P: Probe>(&mut self, color: Rgb, at: &Shading, branch: Branch, probe: &mut P) -> Rgb {
+        let coverage = at.material.coverage;
+        probe.coverage(coverage);
+        let color = color * coverage;
+        let factor = Rgb::gray(1.0 - coverage);
+        // The way goes on as if nothing were there: it is no deeper than before.
+        let above = Branch { depth: branch.depth - 1, ..branch };
+        if branch.passed == MAX_PASSED {
+            probe.cut(RayKind::Passed, factor);
+            return color;
+        }
+        let Some(child) = self.child(above, RayKind::Passed, factor, probe) else { return color };
+        let child = Branch { passed: branch.passed + 1, ..child };
+        let line = leave(at, -at.wo);
+        let spread = at.footprint.map(|f| f.spread.passed(f.step));
+        let behind = self.trace(&start(at, line), line, spread.as_ref(), child, probe) * factor;
+        (color + behind.saturated()).saturated()
     }
 
     /// Box 5.8, `shade`: (5.39b), as far as the stage goes.
@@ -154,7 +263,8 @@ impl<'w> Whitted<'w> {
             let kind = RayKind::Reflected;
             if let Some(child) = self.child(branch, kind, phong.k, probe) {
                 let line = leave(at, above(mirrored, at));
-                color += (self.trace(&start(at, line), line, child, probe) * phong.k).saturated();
+                let spread = at.footprint.map(|f| f.spread.reflected(f.step, -at.wo, at.normal, &at.bend));
+                color += (self.trace(&start(at, line), line, spread.as_ref(), child, probe) * phong.k).saturated();
             }
         }
         if stage >= Stage::Full && at.material.is_clear() {
@@ -165,9 +275,13 @@ impl<'w> Whitted<'w> {
                 Some(direction) => (RayKind::Refracted, below(direction, at, eta_ratio)),
                 None => (RayKind::TotallyReflected, above(mirrored, at)),
             };
+            let spread = at.footprint.map(|f| match kind {
+                RayKind::Refracted => f.spread.refracted(f.step, -at.wo, at.normal, &at.bend, eta_ratio),
+                _ => f.spread.reflected(f.step, -at.wo, at.normal, &at.bend),
+            });
             if let Some(child) = self.child(branch, kind, factor, probe) {
                 let line = leave(at, direction);
-                color += (self.trace(&start(at, line), line, child, probe) * factor).saturated();
+                color += (self.trace(&start(at, line), line, spread.as_ref(), child, probe) * factor).saturated();
             }
         }
         color.saturated()
@@ -186,6 +300,7 @@ impl<'w> Whitted<'w> {
             distance: arriving.distance,
             intensity: arriving.intensity,
             n_dot_l,
+            behind: false,
             r_dot_l: mirrored.dot(arriving.direction) as f32,
             f_s: 0.0,
             diffuse: Rgb::BLACK,
@@ -194,6 +309,10 @@ impl<'w> Whitted<'w> {
         };
         // NaN: a light exactly at the point, which adds nothing.
         if n_dot_l.is_nan() || n_dot_l <= 0.0 || arriving.intensity.is_black() {
+            return term;
+        }
+        if at.material.bent && at.facing.dot(arriving.direction) <= 0.0 {
+            term.behind = true;
             return term;
         }
         let stage = self.settings.stage;
@@ -207,8 +326,10 @@ impl<'w> Whitted<'w> {
                 Some(position) => (position - origin, 1.0 - f32::EPSILON),
                 None => (arriving.direction.as_vec3(), f32::INFINITY),
             };
-            term.f_s =
-                self.world.transmittance(&Ray { origin, direction }, t_max, &mut self.blockers[light as usize], probe);
+            let spread =
+                at.footprint.map(|f| Spread::to_light(f.step, arriving.direction, f64::from(arriving.distance)));
+            let last = &mut self.blockers[light as usize];
+            term.f_s = self.world.transmittance(&Ray { origin, direction }, t_max, spread.as_ref(), last, probe);
             self.counts.shadow.traced += 1;
             self.counts.shadow.hit += u64::from(term.f_s == 0.0);
         }
@@ -234,7 +355,7 @@ impl<'w> Whitted<'w> {
             probe.cut(kind, factor);
             return None;
         }
-        Some(Branch { kind, depth: parent.depth + 1, factor, weight })
+        Some(Branch { kind, depth: parent.depth + 1, factor, weight, passed: parent.passed })
     }
 }
 

@@ -1,28 +1,54 @@
 //! What surfaces do with light.
 
+mod bump;
+mod mapping;
 mod phong;
 mod refract;
+mod texture_use;
 
+pub use bump::{bumped, on_the_outside, tilted};
+pub use mapping::{Mapping, Place, Projection, Repeat, Space, Spot, Spots};
 pub use phong::Phong;
 pub use refract::{reflect, refract};
+pub use texture_use::{Channel, Target, TextureUse};
 
 use crate::math::Rgb;
 use crate::shape::Surface;
 use serde::{Deserialize, Serialize};
 
 /// A named material.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Material {
     /// The name that objects refer to.
     pub name: String,
     /// The model and its numbers.
     pub phong: Phong,
+    /// What textures change of it, in this order.
+    #[serde(default)]
+    pub textures: Vec<TextureUse>,
 }
 
 impl Material {
-    /// The material with its numbers for one point of a surface.
+    /// A material without textures.
+    pub fn new(name: impl Into<String>, phong: Phong) -> Material {
+        Material { name: name.into(), phong, textures: Vec::new() }
+    }
+
+    /// The same material with one more texture.
+    pub fn with_texture(mut self, texture: TextureUse) -> Material {
+        self.textures.push(texture);
+        self
+    }
+
+    /// The material with its numbers for one point of a surface, before any texture.
     pub fn at(&self, surface: &Surface) -> MaterialPoint {
-        MaterialPoint { phong: Phong { kd: surface.color.unwrap_or(self.phong.kd), ..self.phong } }
+        let phong = Phong { kd: surface.color.unwrap_or(self.phong.kd), ..self.phong };
+        MaterialPoint { phong, ..MaterialPoint::default() }
+    }
+
+    /// Whether it lets no light through anywhere.
+    pub fn is_opaque(&self) -> bool {
+        self.phong.opacity >= 1.0 && !self.textures.iter().any(|texture| texture.target.clears())
     }
 
     /// Checks every number's range.
@@ -30,7 +56,10 @@ impl Material {
     /// # Errors
     /// A sentence that names the number, its value and the range.
     pub fn check(&self) -> Result<(), String> {
-        self.phong.check()
+        self.phong.check()?;
+        self.textures
+            .iter()
+            .try_for_each(|texture| texture.check().map_err(|e| format!("texture for {}: {e}", texture.target.name())))
     }
 }
 
@@ -39,6 +68,18 @@ impl Material {
 pub struct MaterialPoint {
     /// The Phong model's numbers here.
     pub phong: Phong,
+    /// A colour over the shaded one and its share, 0 to 1; a share of 1 leaves nothing to shade.
+    pub print: (Rgb, f32),
+    /// The share of the surface that is there, 0 (a hole) to 1.
+    pub coverage: f32,
+    /// Whether a texture bent the shading normal.
+    pub bent: bool,
+}
+
+impl Default for MaterialPoint {
+    fn default() -> MaterialPoint {
+        MaterialPoint { phong: Phong::default(), print: (Rgb::BLACK, 0.0), coverage: 1.0, bent: false }
+    }
 }
 
 impl MaterialPoint {
@@ -50,6 +91,11 @@ impl MaterialPoint {
     /// Whether a reflected ray counts: k ≠ 0.
     pub fn is_mirror(&self) -> bool {
         !self.phong.k.is_black()
+    }
+
+    /// What it keeps of light that crosses it: o of the share that is there.
+    pub fn blocked(&self) -> f32 {
+        if self.coverage < 1.0 { self.coverage * self.phong.opacity } else { self.phong.opacity }
     }
 
     /// (5.32): kd ⊗ l (n·L).

@@ -72,14 +72,10 @@ impl Spread {
         Spread { origin: point, direction: self.direction }
     }
 
-    /// The spread of an unnormalised ray from the point to a fixed one, at the parameter 1.
-    pub fn towards_point(point: [DVec3; 2]) -> Spread {
-        Spread { origin: point, direction: point.map(|p| -p) }
-    }
-
-    /// The spread of a ray into a fixed direction.
-    pub fn parallel(point: [DVec3; 2]) -> Spread {
-        Spread { origin: point, direction: [DVec3::ZERO; 2] }
+    /// The spread of the rays from the point to a light this far away in this unit direction.
+    pub fn to_light(point: [DVec3; 2], direction: DVec3, distance: f64) -> Spread {
+        let turn = |p: DVec3| bounded((direction * direction.dot(p) - p) / distance);
+        Spread { origin: point, direction: point.map(turn) }
     }
 }
 

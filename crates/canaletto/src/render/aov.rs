@@ -29,7 +29,7 @@ pub enum Aov {
     ObjectId,
     /// 1 + the material's index; 0 is the background.
     MaterialId,
-    /// Σ f_s l ⊗ kd (n·L) at the first hit.
+    /// Σ f_s l ⊗ kd (n·L) at the first hit, and colours that textures put in its place.
     Diffuse,
     /// Σ f_s l ⊗ ks (r·L)ⁿ at the first hit.
     Specular,
@@ -39,7 +39,7 @@ pub enum Aov {
     Ambient,
     /// k times what the mirrored ray brought.
     Reflection,
-    /// 1 − o times what the refracted ray brought.
+    /// 1 − o times what the refracted ray brought, and what is seen past cut-outs.
     Refraction,
     /// The deepest ray of the pixel's trees.
     TreeDepth,
@@ -99,6 +99,19 @@ struct Light {
 }
 
 impl Light {
+    fn scale(&mut self, factor: f32) {
+        for term in [
+            &mut self.diffuse,
+            &mut self.specular,
+            &mut self.shadow,
+            &mut self.ambient,
+            &mut self.reflection,
+            &mut self.refraction,
+        ] {
+            *term *= factor;
+        }
+    }
+
     fn terms(&self) -> [Rgb; 6] {
         [self.diffuse, self.specular, self.shadow, self.ambient, self.reflection, self.refraction]
     }
@@ -226,12 +239,27 @@ impl Probe for AovProbe<'_> {
         }
     }
 
+    fn print(&mut self, color: Rgb, share: f32) {
+        if self.stack.len() == 1 {
+            self.sample.scale(1.0 - share);
+            self.sample.diffuse += color * share;
+        }
+    }
+
+    fn coverage(&mut self, share: f32) {
+        if self.stack.len() == 1 {
+            self.sample.scale(share);
+        }
+    }
+
     fn end(&mut self, color: Rgb) {
         let Some((kind, factor)) = self.stack.pop() else { return };
         if self.stack.len() == 1 {
             match kind {
                 RayKind::Reflected => self.sample.reflection += color * factor,
-                RayKind::Refracted | RayKind::TotallyReflected => self.sample.refraction += color * factor,
+                RayKind::Refracted | RayKind::TotallyReflected | RayKind::Passed => {
+                    self.sample.refraction += color * factor;
+                }
                 RayKind::Eye => {}
             }
         }

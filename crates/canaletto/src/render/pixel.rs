@@ -51,8 +51,8 @@ impl<'a> PixelRenderer<'a> {
         let corner = [f64::from(x), f64::from(self.job.camera.size()[1] - 1 - y)];
         let sampler = Sampler::new(self.job.seed, self.job.frame, [x, y]).of_kind(self.job.film.sampler);
         match self.job.film.sampling {
-            Sampling::Corner => self.sample(whitted, corner, 1.0, probe),
-            Sampling::Center => self.sample(whitted, [corner[0] + 0.5, corner[1] + 0.5], 1.0, probe),
+            Sampling::Corner => self.sample(whitted, corner, [1.0; 2], probe),
+            Sampling::Center => self.sample(whitted, [corner[0] + 0.5, corner[1] + 0.5], [1.0; 2], probe),
             Sampling::Regular(n) => self.grid(whitted, corner, n, |_, _| 0.5, probe),
             Sampling::Jittered(n) => self.grid(whitted, corner, n, |i, axis| sampler.uniform(i, axis), probe),
             Sampling::Sampled(n) => self.sampled(whitted, corner, sampler, n, probe),
@@ -62,9 +62,19 @@ impl<'a> PixelRenderer<'a> {
         }
     }
 
-    fn sample<P: Probe>(&self, whitted: &mut Whitted, position: [f64; 2], weight: f64, probe: &mut P) -> Rgb {
+    /// A ray through this place of the picture. `spacing` is how far the pixel's samples are from each other, as if they
+    /// stood on a grid.
+    fn sample<P: Probe>(
+        &self,
+        whitted: &mut Whitted,
+        position: [f64; 2],
+        [weight, spacing]: [f64; 2],
+        probe: &mut P,
+    ) -> Rgb {
         probe.sample(position, weight);
-        whitted.eye(self.job.camera.line(position[0], position[1]), probe)
+        let line = self.job.camera.line(position[0], position[1]);
+        let spread = whitted.world().wants_spread().then(|| self.job.camera.spread(position[0], position[1], spacing));
+        whitted.eye(line, spread.as_ref(), probe)
     }
 
     /// n × n sub-pixels, one ray in each, `place` of the way across (fig. 5.36); spread and weighted by the filter.
@@ -76,11 +86,12 @@ impl<'a> PixelRenderer<'a> {
         place: impl Fn(u32, u32) -> f64,
         probe: &mut P,
     ) -> Rgb {
+        let spacing = 1.0 / f64::from(n);
         weighted_mean((0..n * n).map(|i| {
             let (dx, wx) = self.filter.sample((f64::from(i % n) + place(i, 0)) / f64::from(n));
             let (dy, wy) = self.filter.sample((f64::from(i / n) + place(i, 1)) / f64::from(n));
             let position = [corner[0] + 0.5 + dx, corner[1] + 0.5 + dy];
-            (self.sample(whitted, position, wx * wy, probe), wx * wy)
+            (self.sample(whitted, position, [wx * wy, spacing], probe), wx * wy)
         }))
     }
 
@@ -93,11 +104,12 @@ impl<'a> PixelRenderer<'a> {
         n: u32,
         probe: &mut P,
     ) -> Rgb {
+        let spacing = 1.0 / f64::from(n).sqrt();
         weighted_mean((0..n).map(|i| {
             let [u, v] = sampler.sample(i, n).eye().film;
             let ((dx, wx), (dy, wy)) = (self.filter.sample(u), self.filter.sample(v));
             let position = [corner[0] + 0.5 + dx, corner[1] + 0.5 + dy];
-            (self.sample(whitted, position, wx * wy, probe), wx * wy)
+            (self.sample(whitted, position, [wx * wy, spacing], probe), wx * wy)
         }))
     }
 
@@ -111,8 +123,10 @@ impl<'a> PixelRenderer<'a> {
         probe: &mut P,
     ) -> Option<Rgb> {
         const PLACES: [[f64; 2]; 5] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [0.5, 0.5]];
+        /// Four of the five are shared with the neighbours: two samples for each pixel.
+        const SPACING: f64 = std::f64::consts::FRAC_1_SQRT_2;
         let positions = PLACES.map(|[dx, dy]| [corner[0] + dx, corner[1] + dy]);
-        let colors = positions.map(|position| self.sample(whitted, position, 1.0, &mut ()));
+        let colors = positions.map(|position| self.sample(whitted, position, [1.0, SPACING], &mut ()));
         let mut shown = colors;
         display_all(&mut shown, self.job.film.transfer);
         let shown = shown.map(Rgb::to_array);
@@ -127,7 +141,7 @@ impl<'a> PixelRenderer<'a> {
             // A probe should see the samples that count, and these once: their rays are counted already.
             let counts = whitted.counts;
             positions.into_iter().for_each(|position| {
-                self.sample(whitted, position, 1.0, probe);
+                self.sample(whitted, position, [1.0, SPACING], probe);
             });
             whitted.counts = counts;
         }

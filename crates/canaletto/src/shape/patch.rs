@@ -9,7 +9,7 @@ use crate::math::Transform;
 use glam::{DMat3, DVec2, DVec3};
 
 /// The neighbourhood of a surface point, in the first order.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Patch {
     /// ∇u and ∇v: their products with a step along the surface are the changes of u and v. A component along the normal
     /// may be left in them and means nothing.
@@ -26,7 +26,7 @@ const AT_AXIS: f64 = 1e-9;
 impl Patch {
     /// A flat one.
     pub(super) fn flat(u: DVec3, v: DVec3) -> Patch {
-        Patch { gradients: [u, v], ..Patch::default() }
+        Patch { gradients: [u, v], bend: DMat3::ZERO, round: false }
     }
 
     /// The change of (u, v) after a step along the surface.

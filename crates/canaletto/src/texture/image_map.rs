@@ -39,6 +39,10 @@ impl ImageMap {
         self.raster.finish(sum)
     }
 
+    pub(super) fn spacing(&self) -> [f64; 2] {
+        [0, 1].map(|i| 1.0 / self.axes[i].scale().max(1.0))
+    }
+
     fn texel(&self, x: i64, y: i64) -> [f32; 4] {
         let [u, v] = &self.axes;
         match (u.texel(x, self.raster.width), v.texel(y, self.raster.height)) {

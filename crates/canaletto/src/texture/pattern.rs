@@ -48,6 +48,14 @@ impl Pattern {
         }
     }
 
+    /// How far apart its texels are along u and v; nothing if it has none.
+    pub fn spacing(&self) -> Option<[f64; 2]> {
+        match &self.kind {
+            Kind::Constant(_) => None,
+            Kind::Image(map) => Some(map.spacing()),
+        }
+    }
+
     /// Makes the patterns of textures. Images are moved into them, and shared where several textures have the same one.
     ///
     /// # Errors

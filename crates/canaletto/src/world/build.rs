@@ -1,14 +1,15 @@
 //! From description to world: the tree of nodes flattened, shapes moved into place, hierarchies built.
 
 use super::geometry::Geometry;
-use super::instance::{Instance, NONE};
+use super::instance::{Instance, NONE, Unbounded};
+use super::wants::Wants;
 use super::{Object, World};
 use crate::light::{Light, LightKind, Source};
-use crate::material::{Material, Phong};
+use crate::material::{Channel, Material, Phong};
 use crate::math::Transform;
 use crate::scene::{Content, Node, Scene};
 use crate::shape::{CylinderCloud, Mesh, Shape, SphereCloud};
-use crate::texture::{Pattern, Unresolved};
+use crate::texture::{ColorSpace, Image, ImageTexture, Pattern, Texture, TextureKind, Unresolved};
 use canaletto_bvh::{Aabb, Bvh};
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -105,8 +106,9 @@ impl World {
             nodes,
             ..
         } = scene;
-        let textures = Pattern::resolve(images, &textures)?;
-        let mut builder = Builder::new(materials.len(), meshes, spheres, cylinders, prototypes);
+        let (textures, texture_names) = resolve_textures(images, textures, &mut materials)?;
+        let wants = materials.iter().map(Wants::of).collect();
+        let mut builder = Builder::new(wants, meshes, spheres, cylinders, prototypes);
         builder.count_uses(&nodes);
         let mut root = Part::default();
         builder.flatten(&nodes, &Place::default(), &mut root, 0)?;
@@ -121,13 +123,15 @@ impl World {
             return Err(BuildError::Invalid { object: object.into(), problem: too_far() });
         }
         let top = Bvh::build(&bounds).map_err(|e| hierarchy_error("the scene", &e))?;
-        materials.push(Material { name: "default".into(), phong: Phong::default() });
+        materials.push(Material::new("default", Phong::default()));
         Ok(World {
             background,
             ambient,
             lights: lights.into_iter().map(Source::new).collect(),
+            wants_spread: materials.iter().any(|m| !m.textures.is_empty()),
             textures,
-            has_clear: materials.iter().any(|m| m.phong.opacity < 1.0),
+            texture_names,
+            has_clear: materials.iter().any(|m| !m.is_opaque()),
             materials,
             objects: builder.objects,
             geometries: builder.geometries,
@@ -137,6 +141,38 @@ impl World {
             unbounded_id_base,
         })
     }
+}
+
+/// The patterns of textures, and their names. Numbers that aren't colours are read from images as they stand, unless the
+/// texture says what its image holds; materials are turned to the patterns that do.
+fn resolve_textures(
+    images: Vec<Image>,
+    mut textures: Vec<Texture>,
+    materials: &mut [Material],
+) -> Result<(Vec<Pattern>, Vec<String>), BuildError> {
+    let count = textures.len();
+    let mut raw: HashMap<u32, u32> = HashMap::new();
+    for material in materials {
+        for texture in &mut material.textures {
+            let index = texture.texture;
+            let Some(described) = textures.get(index as usize) else {
+                let object = format!("material \"{}\"", material.name);
+                return Err(BuildError::Missing { object, what: "texture", index, count });
+            };
+            let TextureKind::Image(image) = &described.kind else { continue };
+            if image.space.is_some() || texture.target.takes_color() || texture.channel == Channel::Alpha {
+                continue;
+            }
+            let image = ImageTexture { space: Some(ColorSpace::Raw), ..*image };
+            texture.texture = *raw.entry(index).or_insert_with(|| {
+                let name = textures[index as usize].name.clone();
+                textures.push(Texture { name, kind: TextureKind::Image(image) });
+                textures.len() as u32 - 1
+            });
+        }
+    }
+    let names = textures.iter().map(|texture| texture.name.clone()).collect();
+    Ok((Pattern::resolve(images, &textures)?, names))
 }
 
 /// Gives each instance the number that, added to an object's, makes a number of its own for every placed copy, from 1
@@ -188,14 +224,17 @@ struct Part {
     shape_materials: Vec<u32>,
     instances: Vec<Instance>,
     lights: Vec<Light>,
-    unbounded: Vec<(Shape, u32, u32)>,
+    unbounded: Vec<Unbounded>,
 }
 
-type Finished = (Vec<Instance>, Vec<Light>, Vec<(Shape, u32, u32)>);
+type Finished = (Vec<Instance>, Vec<Light>, Vec<Unbounded>);
 
 #[derive(Default)]
 struct Builder {
     material_count: usize,
+    /// What each material's textures want to know of objects, and what all of them want together.
+    wants: Vec<Wants>,
+    all_wants: Wants,
     meshes: Vec<Option<Mesh>>,
     spheres: Vec<Option<SphereCloud>>,
     cylinders: Vec<Option<CylinderCloud>>,
@@ -216,14 +255,16 @@ struct Builder {
 
 impl Builder {
     fn new(
-        material_count: usize,
+        wants: Vec<Wants>,
         meshes: Vec<Mesh>,
         spheres: Vec<SphereCloud>,
         cylinders: Vec<CylinderCloud>,
         prototypes: Vec<Node>,
     ) -> Builder {
         Builder {
-            material_count,
+            material_count: wants.len(),
+            all_wants: wants.iter().fold(Wants::default(), |all, wants| all.and(*wants)),
+            wants,
             mesh_uses: vec![0; meshes.len()],
             meshes: meshes.into_iter().map(Some).collect(),
             spheres: spheres.into_iter().map(Some).collect(),
@@ -287,7 +328,7 @@ impl Builder {
             }
             Content::Mesh(index) => {
                 let object = self.object(node, "mesh");
-                let (geometry, moved) = self.mesh_geometry(node, *index, &transform)?;
+                let (geometry, moved) = self.mesh_geometry(node, *index, [own, inherited], &transform)?;
                 let to_world = (!moved && !transform.is_identity()).then_some(transform);
                 self.instance(part, Instance { geometry, object, id_base: 0, material: own, inherited, to_world })
             }
@@ -320,16 +361,21 @@ impl Builder {
         part: &mut Part,
     ) -> Result<(), BuildError> {
         let moved = if transform.is_identity() { Some(*shape) } else { shape.transformed(transform) };
+        let stays = self.wants(material).allow(shape, transform);
         match moved {
-            Some(moved) if moved.bounds().is_none() => self.unbounded(part, (moved, object, material))?,
-            Some(moved) => {
+            Some(moved) if moved.bounds().is_none() => {
+                let own = (!stays).then_some((*shape, *transform));
+                self.unbounded(part, Unbounded { shape: moved, object, material, own })?;
+            }
+            Some(moved) if stays => {
                 moved.check().map_err(|problem| self.invalid(object, format!("after its transforms, {problem}")))?;
                 part.shapes.push(moved);
                 part.shape_objects.push(object);
                 part.shape_materials.push(material);
             }
             None if shape.bounds().is_none() => return Err(self.invalid(object, too_far())),
-            None => {
+            // Its kind or what its textures hold on to would be lost.
+            _ => {
                 let geometry = self.push(Geometry::shapes(vec![*shape], vec![object], vec![material]), object)?;
                 let to_world = Some(*transform);
                 self.instance(
@@ -388,9 +434,14 @@ impl Builder {
         for light in lights {
             self.light(part, light.transformed(&transform))?;
         }
-        for (shape, object, material) in unbounded {
+        for Unbounded { shape, object, material, own: place } in unbounded {
             let moved = shape.transformed(&transform).ok_or_else(|| self.invalid(*object, too_far()))?;
-            self.unbounded(part, (moved, *object, or(own, or(*material, inherited))))?;
+            let material = or(own, or(*material, inherited));
+            let place = match place {
+                Some((shape, t)) => Some((*shape, transform.after(t))),
+                None => (!self.wants(material).allow(shape, &transform)).then_some((*shape, transform)),
+            };
+            self.unbounded(part, Unbounded { shape: moved, object: *object, material, own: place })?;
         }
         self.finished.insert(index, finished);
         Ok(())
@@ -407,7 +458,17 @@ impl Builder {
         Ok(())
     }
 
-    fn unbounded(&mut self, part: &mut Part, shape: (Shape, u32, u32)) -> Result<(), BuildError> {
+    /// What the textures of this material want to know of an object. Inside of prototypes an instance may still put
+    /// another material in its place.
+    fn wants(&self, material: u32) -> Wants {
+        if self.open.is_empty() {
+            self.wants.get(material as usize).copied().unwrap_or_default()
+        } else {
+            self.all_wants
+        }
+    }
+
+    fn unbounded(&mut self, part: &mut Part, shape: Unbounded) -> Result<(), BuildError> {
         self.count(2, 1)?;
         part.unbounded.push(shape);
         Ok(())
@@ -437,7 +498,13 @@ impl Builder {
         Ok((instances, lights, unbounded))
     }
 
-    fn mesh_geometry(&mut self, node: &Node, index: u32, transform: &Transform) -> Result<(u32, bool), BuildError> {
+    fn mesh_geometry(
+        &mut self,
+        node: &Node,
+        index: u32,
+        [own, inherited]: [u32; 2],
+        transform: &Transform,
+    ) -> Result<(u32, bool), BuildError> {
         let count = self.meshes.len();
         if let Some(&geometry) = self.geometry_of_mesh.get(&index) {
             return Ok((geometry, false));
@@ -449,7 +516,11 @@ impl Builder {
         if let Some(&bad) = mesh.materials.iter().find(|&&m| m as usize >= self.material_count) {
             return Err(missing(node, "material", bad, self.material_count));
         }
-        let moved = self.mesh_uses[index as usize] == 1;
+        let mut wants = self.wants(if own == NONE { inherited } else { own });
+        if own == NONE {
+            wants = mesh.materials.iter().fold(wants, |all, m| all.and(self.wants(*m)));
+        }
+        let moved = self.mesh_uses[index as usize] == 1 && (wants.allow_mesh() || transform.is_identity());
         if moved && !transform.is_identity() {
             move_mesh(&mut mesh, transform);
             mesh.check().map_err(|problem| self.invalid(object, format!("after its transforms, {problem}")))?;

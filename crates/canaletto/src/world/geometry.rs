@@ -2,7 +2,7 @@
 
 use super::Census;
 use crate::math::Line;
-use crate::shape::{CylinderCloud, Mesh, Shape, ShapeHit, SphereCloud, Surface};
+use crate::shape::{CylinderCloud, Mesh, Patch, Shape, ShapeHit, SphereCloud, Surface};
 use canaletto_bvh::triangle::{self, Triangle};
 use canaletto_bvh::{Aabb, Bvh, PreparedRay, sphere};
 use glam::Vec3;
@@ -241,6 +241,25 @@ impl Geometry {
             Primitives::Mesh { mesh, .. } => mesh.surface(id, hit.uv[0], hit.uv[1]),
             Primitives::Spheres { cloud, .. } => cloud.surface(id, line, hit),
             Primitives::Cylinders { cloud, .. } => cloud.surface(id, line, hit),
+        }
+    }
+
+    /// How the surface goes on around a hit with this surface, in this geometry's space.
+    pub(super) fn patch(&self, primitive: u32, hit: &ShapeHit, surface: &Surface) -> Patch {
+        let id = primitive as usize;
+        match &self.primitives {
+            Primitives::Shapes { shapes, .. } => shapes[id].patch(surface, hit),
+            Primitives::Mesh { mesh, .. } => mesh.patch(id, hit.uv[0], hit.uv[1]),
+            Primitives::Spheres { cloud, .. } => cloud.patch(id, surface, hit),
+            Primitives::Cylinders { cloud, .. } => cloud.patch(id, surface, hit),
+        }
+    }
+
+    /// The bounds of the object that a primitive belongs to, in this geometry's space.
+    pub(super) fn object_bounds(&self, primitive: u32) -> Option<Aabb> {
+        match &self.primitives {
+            Primitives::Shapes { shapes, .. } => shapes[primitive as usize].bounds(),
+            _ => Some(self.bvh.bounds()),
         }
     }
 

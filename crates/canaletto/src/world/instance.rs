@@ -1,6 +1,7 @@
 //! Instances: geometries placed in the world.
 
 use crate::math::{Line, Transform};
+use crate::shape::Shape;
 use canaletto_bvh::{Aabb, PreparedRay};
 
 /// No index.
@@ -21,6 +22,18 @@ pub(super) struct Instance {
     pub(super) inherited: u32,
     /// From the geometry's space to the world's; `None` is the identity.
     pub(super) to_world: Option<Transform>,
+}
+
+/// A shape without bounds, placed in the world.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Unbounded {
+    /// In the world's space.
+    pub(super) shape: Shape,
+    pub(super) object: u32,
+    /// Or [`NONE`].
+    pub(super) material: u32,
+    /// The shape in its own space and where that is, if a texture needs to know and it isn't the world's.
+    pub(super) own: Option<(Shape, Transform)>,
 }
 
 impl Instance {

@@ -5,18 +5,20 @@ mod build;
 mod geometry;
 mod instance;
 mod query;
+mod textured;
+mod wants;
 
 pub use build::BuildError;
 pub use query::{Blocker, Hit};
+pub use textured::{Reading, TextureRead};
 
 use crate::light::Source;
 use crate::material::Material;
 use crate::math::Rgb;
-use crate::shape::Shape;
 use crate::texture::Pattern;
 use canaletto_bvh::{Aabb, Bvh};
 use geometry::Geometry;
-use instance::Instance;
+use instance::{Instance, Unbounded};
 
 /// A scene ready to be traced.
 #[derive(Debug)]
@@ -27,8 +29,11 @@ pub struct World {
     pub ambient: Rgb,
     /// All lights, in world space.
     pub lights: Vec<Source>,
-    /// All textures, ready to be looked up; indices are those of [`crate::scene::Scene::textures`].
+    /// All textures, ready to be looked up; the first ones are those of [`crate::scene::Scene::textures`].
     pub textures: Vec<Pattern>,
+    texture_names: Vec<String>,
+    /// Whether any texture has to know how large a piece of it a sample sees.
+    wants_spread: bool,
     /// All materials; the last one is the default for objects that name none.
     materials: Vec<Material>,
     /// What the scene's nodes are called.
@@ -37,8 +42,8 @@ pub struct World {
     instances: Vec<Instance>,
     /// Over the bounds of `instances`, the first level.
     top: Bvh,
-    /// Shapes without bounds, met one by one, with object and material. Their hits carry [`Hit::UNBOUNDED`] as instance.
-    unbounded: Vec<(Shape, u32, u32)>,
+    /// Shapes without bounds, met one by one. Their hits carry [`Hit::UNBOUNDED`] as instance.
+    unbounded: Vec<Unbounded>,
     /// The number of the first of them; see [`World::object_id`].
     unbounded_id_base: u32,
     /// Whether any material lets light through.

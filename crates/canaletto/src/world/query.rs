@@ -2,10 +2,10 @@
 
 use super::World;
 use super::geometry::{NO_PRIMITIVE, Nearest, Primitives};
-use super::instance::NONE;
+use super::instance::{NONE, Unbounded};
 use crate::integrator::Probe;
 use crate::material::Material;
-use crate::math::{Line, offset_origin};
+use crate::math::{Line, Spread, offset_origin};
 use crate::shape::{ShapeHit, Surface};
 use canaletto_bvh::{PreparedRay, Ray};
 
@@ -45,7 +45,7 @@ impl Hit {
         (self.t, self.instance, self.primitive) < (t, instance, primitive)
     }
 
-    fn shape_hit(&self) -> ShapeHit {
+    pub(super) fn shape_hit(&self) -> ShapeHit {
         ShapeHit { t: self.t, part: self.part, uv: self.uv }
     }
 }
@@ -76,7 +76,7 @@ impl World {
 
     fn nearest(&self, ray: &Ray, t_max: f32, instances: impl FnOnce(&World, &PreparedRay, Hit) -> Hit) -> Option<Hit> {
         let mut best = Hit { t: t_max, instance: NONE, primitive: NO_PRIMITIVE, part: 0, uv: [0.0; 2] };
-        for (index, (shape, ..)) in self.unbounded.iter().enumerate() {
+        for (index, Unbounded { shape, .. }) in self.unbounded.iter().enumerate() {
             if let Some(ShapeHit { t, part, uv }) = shape.intersect(ray, best.t) {
                 let hit = Hit { t, instance: Hit::UNBOUNDED, primitive: index as u32, part, uv };
                 if hit.nearer_than(best.t, best.instance, best.primitive) {
@@ -108,8 +108,15 @@ impl World {
     }
 
     /// f_s of (5.39a): the product of 1 − o over the surfaces between the ray's origin and `t_max`. `last` is what blocked
-    /// the light before, which often blocks it again.
-    pub fn transmittance<P: Probe>(&self, ray: &Ray, t_max: f32, last: &mut Blocker, probe: &mut P) -> f32 {
+    /// the light before, which often blocks it again; `spread` is the ray's, for textures that let light through.
+    pub fn transmittance<P: Probe>(
+        &self,
+        ray: &Ray,
+        t_max: f32,
+        spread: Option<&Spread>,
+        last: &mut Blocker,
+        probe: &mut P,
+    ) -> f32 {
         // Anything opaque in between settles it; only a recording probe wants to know what stands in which order.
         let (blocked, clear) = self.between(ray, t_max, last);
         if blocked && !P::ACTIVE {
@@ -120,11 +127,17 @@ impl World {
         }
         let mut passed = 1.0;
         let (mut ray, mut t_max) = (*ray, t_max);
-        let end = ray.origin + ray.direction;
+        let (line, end) = (Line::from(&ray), ray.origin + ray.direction);
         for _ in 0..Self::MAX_CROSSINGS {
             let Some(hit) = self.intersect(&ray, t_max) else { break };
             let surface = self.surface(&ray, &hit);
-            let opacity = self.material(&hit).at(&surface).phong.opacity;
+            let material = self.material(&hit);
+            let opacity = if material.textures.is_empty() {
+                material.phong.opacity
+            } else {
+                let step = spread.map(|s| s.along(&line, surface.exact, surface.normal));
+                self.kept_light(Line::from(&ray), &hit, step)
+            };
             probe.blocker(&hit, opacity);
             passed *= 1.0 - opacity;
             if passed == 0.0 {
@@ -161,27 +174,26 @@ impl World {
         let mut clear = false;
         let mut opaque = |instance: u32, primitive: u32| {
             let hit = Hit { t: 0.0, instance, primitive, part: 0, uv: [0.0; 2] };
-            let opaque = !self.has_clear || self.material(&hit).phong.opacity >= 1.0;
+            let opaque = !self.has_clear || self.material(&hit).is_opaque();
             clear |= !opaque;
             opaque
         };
-        let blocked =
-            self.unbounded.iter().enumerate().any(|(index, (shape, ..))| {
-                shape.intersect(ray, t_max).is_some() && opaque(Hit::UNBOUNDED, index as u32)
-            }) || self.top.occluded(prepared, t_max, |leaf| {
-                leaf.into_iter().any(|slot| {
-                    let index = self.top.order()[slot as usize];
-                    let instance = &self.instances[index as usize];
-                    let geometry = &self.geometries[instance.geometry as usize];
-                    let slot = instance.with_local_ray(prepared, |ray| {
-                        geometry.occluded(ray, t_max, |primitive| opaque(index, primitive))
-                    });
-                    if let Some(slot) = slot {
-                        *last = Blocker { instance: index, slot };
-                    }
-                    slot.is_some()
-                })
-            });
+        let blocked = self.unbounded.iter().enumerate().any(|(index, Unbounded { shape, .. })| {
+            shape.intersect(ray, t_max).is_some() && opaque(Hit::UNBOUNDED, index as u32)
+        }) || self.top.occluded(prepared, t_max, |leaf| {
+            leaf.into_iter().any(|slot| {
+                let index = self.top.order()[slot as usize];
+                let instance = &self.instances[index as usize];
+                let geometry = &self.geometries[instance.geometry as usize];
+                let slot = instance.with_local_ray(prepared, |ray| {
+                    geometry.occluded(ray, t_max, |primitive| opaque(index, primitive))
+                });
+                if let Some(slot) = slot {
+                    *last = Blocker { instance: index, slot };
+                }
+                slot.is_some()
+            })
+        });
         (blocked, clear)
     }
 
@@ -189,7 +201,7 @@ impl World {
     pub fn surface(&self, line: impl Into<Line>, hit: &Hit) -> Surface {
         let line = line.into();
         if hit.instance == Hit::UNBOUNDED {
-            return self.unbounded[hit.primitive as usize].0.surface(line, &hit.shape_hit());
+            return self.unbounded[hit.primitive as usize].shape.surface(line, &hit.shape_hit());
         }
         let instance = &self.instances[hit.instance as usize];
         let geometry = &self.geometries[instance.geometry as usize];
@@ -210,7 +222,7 @@ impl World {
         let default = self.materials.len() as u32 - 1;
         let first = |candidates: [u32; 3]| candidates.into_iter().find(|&m| m != NONE).unwrap_or(default);
         if hit.instance == Hit::UNBOUNDED {
-            return first([self.unbounded[hit.primitive as usize].2, NONE, NONE]);
+            return first([self.unbounded[hit.primitive as usize].material, NONE, NONE]);
         }
         let instance = &self.instances[hit.instance as usize];
         let own = match &self.geometries[instance.geometry as usize].primitives {
@@ -239,7 +251,7 @@ impl World {
 
     fn object_index(&self, hit: &Hit) -> u32 {
         if hit.instance == Hit::UNBOUNDED {
-            return self.unbounded[hit.primitive as usize].1;
+            return self.unbounded[hit.primitive as usize].object;
         }
         let instance = &self.instances[hit.instance as usize];
         match &self.geometries[instance.geometry as usize].primitives {

@@ -50,7 +50,7 @@ impl<'a> Decoder<'a> {
                 eta: fields.real("eta").unwrap_or(d.eta),
                 opacity: fields.real("opacity").unwrap_or(d.opacity),
             };
-            let material = Material { name: name.to_owned(), phong };
+            let material = Material::new(name, phong);
             if let Err(problem) = material.check() {
                 self.out_of_range(&fields, &problem);
             }

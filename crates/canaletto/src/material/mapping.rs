@@ -1,0 +1,297 @@
+//! Mappings: from a point of a surface to coordinates of a texture (5.5).
+//!
+//! A mapping takes the point into a space of its own (the object's, the world's, or the object's bounding box as the unit
+//! cube), undoes the transform that places the texture there, and projects. All projections share one picture: the square
+//! from −½ to ½ in x and y, seen from +z with +y upwards, u to the right and v downwards. With every coordinate comes
+//! its gradient, so that footprints and bumps follow by the chain rule, without differences across seams.
+
+use crate::math::Transform;
+use crate::shape::Patch;
+use canaletto_bvh::Aabb;
+use glam::{DMat3, DVec2, DVec3};
+use serde::{Deserialize, Serialize};
+use std::f64::consts::{PI, TAU};
+
+/// How a point of a surface gets its texture coordinates.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Mapping {
+    /// From a place in space to coordinates.
+    pub projection: Projection,
+    /// In which space.
+    pub space: Space,
+    /// Places the texture in that space, as a node's transform places an object.
+    pub transform: Transform,
+    /// How often a picture is repeated along u and v where it would stand once.
+    pub repeat: Repeat,
+}
+
+/// A number of repetitions along u and v.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Repeat(pub [f64; 2]);
+
+impl Default for Repeat {
+    fn default() -> Repeat {
+        Repeat([1.0; 2])
+    }
+}
+
+/// How places become texture coordinates.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Projection {
+    /// The surface's own coordinates: the faces of a box (fig. 5.31), the angles of a sphere (5.45), a mesh's uv. The
+    /// space doesn't matter.
+    #[default]
+    Uv,
+    /// Straight along z.
+    Planar,
+    /// As on the faces of the unit cube around the origin (fig. 5.31), each taken where the normal leans to it most.
+    Box,
+    /// From the origin, by (5.45).
+    Spherical,
+    /// Around the y axis; where the normal leans more to the axis than away from it, straight along it.
+    Cylindrical,
+    /// The three pairs of a box's faces blended by the fourth powers of the normal's components.
+    Triplanar,
+    /// The place itself, for textures of space.
+    Solid,
+}
+
+/// The spaces that mappings work in.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Space {
+    /// The object's own, before its transforms: the texture moves with it.
+    #[default]
+    Object,
+    /// The scene's: objects move through the texture.
+    World,
+    /// The object's own, with its bounding box as the cube from −½ to ½. A plane, which has none, keeps its own units.
+    Bounds,
+}
+
+/// A point of a surface as mappings see it, in the object's space.
+#[derive(Clone, Copy, Debug)]
+pub struct Place<'a> {
+    /// The point.
+    pub point: DVec3,
+    /// The unit geometric normal.
+    pub normal: DVec3,
+    /// The surface's own coordinates.
+    pub uv: DVec2,
+    /// How they and the normal change.
+    pub patch: &'a Patch,
+    /// From the object's space to the world's; `None` is the identity.
+    pub to_world: Option<&'a Transform>,
+    /// The object's bounds, unless it has none.
+    pub bounds: Option<Aabb>,
+}
+
+/// One place of a texture: a mapping has up to three of them, with weights that sum to 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spot {
+    /// The coordinates.
+    pub at: DVec3,
+    /// Their share.
+    pub weight: f64,
+    /// Takes a step along the surface to a change of coordinates before `last` is applied.
+    first: DMat3,
+    /// From there to the change of `at`.
+    last: DMat3,
+    /// Whether the first coordinate goes round, so that no change of it is more than one turn.
+    round: bool,
+}
+
+impl Spot {
+    fn new(at: DVec3, rows: [DVec3; 3]) -> Spot {
+        let first = DMat3::from_cols(rows[0], rows[1], rows[2]).transpose();
+        Spot { at, weight: 1.0, first, last: DMat3::IDENTITY, round: false }
+    }
+
+    /// The change of `at` over a step along the surface. Around a pole, where a small step goes round more than once, it
+    /// is one turn.
+    pub fn change(&self, step: DVec3) -> DVec3 {
+        let mut change = self.first * step;
+        if self.round {
+            change.x = change.x.clamp(-1.0, 1.0);
+        }
+        self.last * change
+    }
+
+    /// The gradients of the three coordinates in the object's space.
+    pub fn gradients(&self) -> [DVec3; 3] {
+        let rows = (self.last * self.first).transpose();
+        [rows.x_axis, rows.y_axis, rows.z_axis]
+    }
+
+    fn repeated(mut self, repeat: Repeat) -> Spot {
+        let by = DVec3::new(repeat.0[0], repeat.0[1], 1.0);
+        self.at *= by;
+        self.last = DMat3::from_diagonal(by) * self.last;
+        self
+    }
+}
+
+/// Up to three places of a texture.
+#[derive(Clone, Copy, Debug)]
+pub struct Spots {
+    list: [Spot; 3],
+    len: usize,
+}
+
+impl Spots {
+    fn one(spot: Spot) -> Spots {
+        Spots { list: [spot; 3], len: 1 }
+    }
+}
+
+impl std::ops::Deref for Spots {
+    type Target = [Spot];
+    fn deref(&self) -> &[Spot] {
+        &self.list[..self.len]
+    }
+}
+
+impl Mapping {
+    /// A mapping by this projection in this space.
+    pub fn new(projection: Projection, space: Space) -> Mapping {
+        Mapping { projection, space, ..Mapping::default() }
+    }
+
+    /// Checks every number's range.
+    ///
+    /// # Errors
+    /// A sentence that names the number, its value and the range.
+    pub fn check(&self) -> Result<(), String> {
+        match self.repeat.0.iter().find(|r| !(r.is_finite() && **r != 0.0)) {
+            Some(r) => Err(format!("repeat is {r} along one side; it must be finite and not 0")),
+            None => Ok(()),
+        }
+    }
+
+    /// The texture's coordinates at a point of a surface.
+    pub fn spots(&self, place: &Place) -> Spots {
+        if self.projection == Projection::Uv {
+            return Spots::one(self.own(place));
+        }
+        let (point, rows, normal) = self.enter(place);
+        match self.projection {
+            Projection::Uv | Projection::Solid => Spots::one(Spot::new(point, rows)),
+            Projection::Planar => Spots::one(face(5, point, rows).repeated(self.repeat)),
+            Projection::Box => {
+                let lean = normal.abs();
+                let axis = if lean.x >= lean.y && lean.x >= lean.z {
+                    0
+                } else if lean.y >= lean.z {
+                    1
+                } else {
+                    2
+                };
+                Spots::one(face(2 * axis + usize::from(normal[axis] > 0.0), point, rows).repeated(self.repeat))
+            }
+            Projection::Triplanar => {
+                let lean = normal * normal;
+                let weights = lean * lean / (lean * lean).element_sum();
+                let mut list = [0, 1, 2].map(|axis| {
+                    let spot = face(2 * axis + usize::from(normal[axis] > 0.0), point, rows).repeated(self.repeat);
+                    Spot { weight: weights[axis], ..spot }
+                });
+                list.sort_by(|a, b| b.weight.total_cmp(&a.weight));
+                // What weighs less than the last bit of a colour isn't looked up.
+                let len = 1 + usize::from(list[1].weight > 1e-9) + usize::from(list[2].weight > 1e-9);
+                Spots { list, len }
+            }
+            Projection::Spherical => Spots::one(spherical(point, rows).repeated(self.repeat)),
+            Projection::Cylindrical => {
+                let spot = if normal.y * normal.y > normal.x * normal.x + normal.z * normal.z {
+                    face(2 + usize::from(normal.y > 0.0), point, rows)
+                } else {
+                    around(point, rows)
+                };
+                Spots::one(spot.repeated(self.repeat))
+            }
+        }
+    }
+
+    /// The surface's own coordinates, placed by the transform.
+    fn own(&self, place: &Place) -> Spot {
+        let [u, v] = place.patch.gradients;
+        let mut spot = Spot::new(DVec3::new(place.uv.x, place.uv.y, 0.0), [u, v, DVec3::ZERO]);
+        spot.round = place.patch.round;
+        if !self.transform.is_identity() {
+            let back = self.transform.inverse();
+            let flip = DMat3::from_diagonal(DVec3::new(1.0, -1.0, 1.0));
+            let at = back.point(DVec3::new(place.uv.x - 0.5, 0.5 - place.uv.y, 0.0));
+            spot.at = DVec3::new(at.x + 0.5, 0.5 - at.y, 0.0);
+            spot.last = DMat3::from_diagonal(DVec3::new(1.0, -1.0, 0.0)) * back.matrix().matrix3 * flip;
+        }
+        spot.repeated(self.repeat)
+    }
+
+    /// The point in the mapping's space, the gradients of its coordinates in the object's space, and the direction of the
+    /// normal.
+    fn enter(&self, place: &Place) -> (DVec3, [DVec3; 3], DVec3) {
+        let (mut point, mut linear, mut normal) = (place.point, DMat3::IDENTITY, place.normal);
+        match (self.space, place.to_world, place.bounds) {
+            (Space::World, Some(t), _) => {
+                point = t.point(point);
+                linear = t.matrix().matrix3;
+                normal = t.normal(normal).normalize();
+            }
+            (Space::Bounds, _, Some(bounds)) => {
+                let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
+                let size = (max - min).map(|side| if side > 0.0 { side } else { 1.0 });
+                point = (point - (min + max) * 0.5) / size;
+                linear = DMat3::from_diagonal(size.recip());
+            }
+            _ => {}
+        }
+        if !self.transform.is_identity() {
+            let back = self.transform.inverse();
+            point = back.point(point);
+            linear = back.matrix().matrix3 * linear;
+            normal = back.normal(normal).normalize();
+        }
+        let rows = linear.transpose();
+        (point, [rows.x_axis, rows.y_axis, rows.z_axis], normal)
+    }
+}
+
+/// The coordinates of fig. 5.31 on a face of the unit cube around the origin; faces as [`crate::shape::ShapeHit::part`]
+/// numbers them.
+fn face(face: usize, p: DVec3, [x, y, z]: [DVec3; 3]) -> Spot {
+    let (u, v, du, dv) = match face {
+        0 => (p.z, -p.y, z, -y),
+        1 => (-p.z, -p.y, -z, -y),
+        2 => (p.x, -p.z, x, -z),
+        3 => (p.x, p.z, x, z),
+        4 => (-p.x, -p.y, -x, -y),
+        _ => (p.x, -p.y, x, -y),
+    };
+    Spot::new(DVec3::new(u + 0.5, v + 0.5, 0.0), [du, dv, DVec3::ZERO])
+}
+
+/// (5.45).
+fn spherical(p: DVec3, [x, y, z]: [DVec3; 3]) -> Spot {
+    let ring2 = p.x * p.x + p.z * p.z;
+    let (ring, length2) = (ring2.sqrt(), ring2 + p.y * p.y);
+    let mut spot = around(p, [x, y, z]);
+    spot.at.y = libm::atan2(ring, p.y) / PI;
+    let out = if ring > 0.0 { (x * p.x + z * p.z) / ring } else { z };
+    let down = if length2 > 0.0 { (out * p.y - y * ring) / (length2 * PI) } else { DVec3::ZERO };
+    let [turn, ..] = spot.gradients();
+    Spot { round: true, ..Spot::new(spot.at, [turn, down, DVec3::ZERO]) }
+}
+
+/// The angle around the y axis, and the height from ½ down to −½.
+fn around(p: DVec3, [x, y, z]: [DVec3; 3]) -> Spot {
+    let ring2 = p.x * p.x + p.z * p.z;
+    let u = 0.5 * (1.0 + libm::atan2(p.x, p.z) / PI);
+    // On the axis itself every step goes round.
+    let turn = if ring2 > 0.0 { (x * p.z - z * p.x) / (ring2 * TAU) } else { DVec3::splat(f64::MAX.sqrt()) };
+    Spot { round: true, ..Spot::new(DVec3::new(u, 0.5 - p.y, 0.0), [turn, -y, DVec3::ZERO]) }
+}
+
+#[cfg(test)]
+#[path = "mapping_tests.rs"]
+mod tests;

@@ -1,0 +1,259 @@
+//! The third stage of a hit, on surfaces with textures: what the material's textures make of its numbers and of the
+//! normal there. A world without textures never comes here.
+
+use super::{Hit, World};
+use crate::integrator::Probe;
+use crate::material::{MaterialPoint, Place, Spot, Spots, Target, TextureUse, bumped, on_the_outside, tilted};
+use crate::math::{Line, Transform};
+use crate::shape::{Patch, Surface};
+use crate::texture::{Lookup, Pattern};
+use canaletto_bvh::Aabb;
+use glam::DVec3;
+
+/// A texture as it was read at a hit.
+#[derive(Clone, Copy, Debug)]
+pub struct TextureRead<'a> {
+    /// The use, with the index of the texture in [`World::textures`].
+    pub used: &'a TextureUse,
+    /// The texture's name.
+    pub name: &'a str,
+    /// Where it was read, and the share of each place.
+    pub readings: &'a [Reading],
+    /// The texture's value, the mean of the readings.
+    pub value: [f32; 4],
+    /// The material's numbers before.
+    pub before: &'a MaterialPoint,
+    /// The numbers with it.
+    pub after: &'a MaterialPoint,
+    /// The unit normals to shade with before and with it, on the outer side.
+    pub normals: [DVec3; 2],
+}
+
+/// One place at which a texture was read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reading {
+    /// The place and its footprint.
+    pub lookup: Lookup,
+    /// Its share in the value.
+    pub weight: f64,
+    /// The footprint's sides in texels, if the texture has texels.
+    pub texels: Option<[[f64; 2]; 2]>,
+}
+
+/// A hit in the space of its object.
+struct Local<'w> {
+    surface: Surface,
+    patch: Patch,
+    to_world: Option<&'w Transform>,
+    bounds: Option<Aabb>,
+}
+
+impl World {
+    /// Whether rays should carry how they spread.
+    pub fn wants_spread(&self) -> bool {
+        self.wants_spread
+    }
+
+    /// How the surface goes on around a hit of this line's ray, in the world's space.
+    pub fn patch(&self, line: impl Into<Line>, hit: &Hit) -> Patch {
+        let local = self.local(line.into(), hit);
+        match local.to_world {
+            None => local.patch,
+            Some(t) => local.patch.transformed(t, &local.surface),
+        }
+    }
+
+    /// The material's numbers at a hit of this line's ray. Textures bend the shading normal of `surface`, and set its uv
+    /// to those of the object. `step` is how far along the surface the neighbouring samples are.
+    #[inline(never)]
+    pub(crate) fn textured<P: Probe>(
+        &self,
+        line: Line,
+        hit: &Hit,
+        surface: &mut Surface,
+        step: Option<[DVec3; 2]>,
+        probe: &mut P,
+    ) -> MaterialPoint {
+        let material = self.material(hit);
+        let mut point = material.at(surface);
+        let local = self.local(line, hit);
+        surface.uv = local.surface.uv;
+        let at = At::new(self, &local, step);
+        let mut normal = local.surface.shading_normal;
+        for used in &material.textures {
+            let pattern = &self.textures[used.texture as usize];
+            let spots = used.mapping.spots(&at.place);
+            let (before, was) = (point, normal);
+            let mut readings = [Reading { lookup: Lookup::default(), weight: 0.0, texels: None }; 3];
+            let value = at.value(pattern, used, &spots, &mut readings);
+            match used.target {
+                Target::Bump => normal = bumped(normal, at.slope(pattern, used, &spots)),
+                Target::Normal { strength, down } => {
+                    let s = f64::from(strength);
+                    let [x, y, z] = [value[0], value[1], value[2]].map(|v| 2.0 * f64::from(v) - 1.0);
+                    let y = if down { -y } else { y };
+                    normal = tilted(normal, local.patch.tangents(local.surface.normal), [x * s, y * s, z]);
+                }
+                _ => used.apply(value, &mut point),
+            }
+            if used.target.bends() {
+                normal = on_the_outside(normal, local.surface.normal);
+                point.bent = true;
+            }
+            if P::ACTIVE {
+                let outwards = |n: DVec3| local.to_world.map_or(n, |t| t.normal(n).normalize());
+                probe.texture(&TextureRead {
+                    used,
+                    name: &self.texture_names[used.texture as usize],
+                    readings: &readings[..spots.len()],
+                    value,
+                    before: &before,
+                    after: &point,
+                    normals: [was, normal].map(outwards),
+                });
+            }
+        }
+        if point.bent {
+            surface.shading_normal = match local.to_world {
+                None => normal,
+                Some(t) => on_the_outside(t.normal(normal).normalize(), surface.normal),
+            };
+        }
+        point
+    }
+
+    /// What the surface keeps of light that crosses it: only the textures that let light through are read.
+    #[inline(never)]
+    pub(super) fn kept_light(&self, line: Line, hit: &Hit, step: Option<[DVec3; 2]>) -> f32 {
+        let material = self.material(hit);
+        let mut point = MaterialPoint { phong: material.phong, ..MaterialPoint::default() };
+        if material.is_opaque() {
+            return point.blocked();
+        }
+        let local = self.local(line, hit);
+        let at = At::new(self, &local, step);
+        for used in material.textures.iter().filter(|used| used.target.clears()) {
+            let pattern = &self.textures[used.texture as usize];
+            let value = at.value(pattern, used, &used.mapping.spots(&at.place), &mut []);
+            used.apply(value, &mut point);
+        }
+        point.blocked()
+    }
+
+    fn local(&self, line: Line, hit: &Hit) -> Local<'_> {
+        let shape_hit = hit.shape_hit();
+        if hit.instance == Hit::UNBOUNDED {
+            let unbounded = &self.unbounded[hit.primitive as usize];
+            let (shape, to_world) = unbounded.own.as_ref().map_or((&unbounded.shape, None), |(s, t)| (s, Some(t)));
+            let line = to_world.map_or(line, |t| local_line(t, line));
+            let surface = shape.surface(line, &shape_hit);
+            return Local { surface, patch: shape.patch(&surface, &shape_hit), to_world, bounds: None };
+        }
+        let instance = &self.instances[hit.instance as usize];
+        let geometry = &self.geometries[instance.geometry as usize];
+        let surface = geometry.surface(instance.local_line(line), hit.primitive, &shape_hit);
+        Local {
+            surface,
+            patch: geometry.patch(hit.primitive, &shape_hit, &surface),
+            to_world: instance.to_world.as_ref(),
+            bounds: geometry.object_bounds(hit.primitive),
+        }
+    }
+}
+
+fn local_line(to_world: &Transform, line: Line) -> Line {
+    let back = to_world.inverse();
+    Line { origin: back.point(line.origin), direction: back.vector(line.direction) }
+}
+
+/// A hit as its textures see it.
+struct At<'a> {
+    place: Place<'a>,
+    /// The steps to the neighbouring samples in the object's space; zero without a footprint.
+    steps: [DVec3; 2],
+}
+
+impl<'a> At<'a> {
+    fn new(world: &World, local: &'a Local, step: Option<[DVec3; 2]>) -> At<'a> {
+        debug_assert!(step.is_none() || world.wants_spread);
+        let steps = match (step, local.to_world) {
+            (None, _) => [DVec3::ZERO; 2],
+            (Some(step), None) => step,
+            (Some(step), Some(t)) => step.map(|s| t.inverse().vector(s)),
+        };
+        let place = Place {
+            point: local.surface.exact,
+            normal: local.surface.normal,
+            uv: local.surface.uv.as_dvec2(),
+            patch: &local.patch,
+            to_world: local.to_world,
+            bounds: local.bounds,
+        };
+        At { place, steps }
+    }
+
+    fn lookup(&self, spot: &Spot) -> Lookup {
+        let [dx, dy] = self.steps.map(|step| if step == DVec3::ZERO { step } else { spot.change(step) });
+        Lookup { at: spot.at, dx, dy }
+    }
+
+    /// The mean of the texture at the spots; each reading is noted as far as there is room.
+    fn value(&self, pattern: &Pattern, used: &TextureUse, spots: &Spots, readings: &mut [Reading]) -> [f32; 4] {
+        let one = |spot: &Spot, reading: Option<&mut Reading>| {
+            let lookup = self.lookup(spot);
+            if let Some(reading) = reading {
+                let texels = pattern.spacing().map(|[u, v]| [lookup.dx, lookup.dy].map(|d| [d.x / u, d.y / v]));
+                *reading = Reading { lookup, weight: spot.weight, texels };
+            }
+            pattern.eval(&lookup)
+        };
+        if let [spot] = &spots[..] {
+            return one(spot, readings.first_mut());
+        }
+        // Colours are weighed by what is there of them.
+        let by_alpha = used.target.takes_color();
+        let mut sum = [0.0; 4];
+        for (i, spot) in spots.iter().enumerate() {
+            let value = one(spot, readings.get_mut(i));
+            let weight = spot.weight as f32;
+            let share = if by_alpha { weight * value[3] } else { weight };
+            for (channel, sum) in sum.iter_mut().enumerate() {
+                *sum += value[channel] * if channel < 3 { share } else { weight };
+            }
+        }
+        if by_alpha && sum[3] > 0.0 {
+            let alpha = sum[3];
+            sum[..3].iter_mut().for_each(|c| *c /= alpha);
+        }
+        sum
+    }
+
+    /// The gradient of the height that a texture holds, in the object's space: differences over the footprint, or over a
+    /// texel where that is larger, since between texels there is nothing but the filter's own slope.
+    fn slope(&self, pattern: &Pattern, used: &TextureUse, spots: &Spots) -> DVec3 {
+        let spacing = pattern.spacing().unwrap_or([SMALLEST_STEP; 2]);
+        let spacing = [spacing[0], spacing[1], SMALLEST_STEP];
+        let mut slope = DVec3::ZERO;
+        for spot in spots.iter() {
+            let lookup = self.lookup(spot);
+            for (axis, gradient) in spot.gradients().into_iter().enumerate() {
+                if gradient == DVec3::ZERO {
+                    continue;
+                }
+                let reach = 0.5 * spacing[axis].max(lookup.dx[axis].abs() + lookup.dy[axis].abs());
+                let height = |side: f64| {
+                    let at = lookup.at + DVec3::AXES[axis] * (side * reach);
+                    f64::from(used.number(pattern.eval(&Lookup { at, ..lookup })))
+                };
+                let rise = (height(1.0) - height(-1.0)) / (2.0 * reach);
+                if rise.is_finite() {
+                    slope += gradient * (rise * spot.weight);
+                }
+            }
+        }
+        slope
+    }
+}
+
+/// The step, in the texture's own units, over which heights without texels or footprint are compared.
+const SMALLEST_STEP: f64 = 1.0 / 1024.0;
