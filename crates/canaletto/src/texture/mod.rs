@@ -7,15 +7,22 @@
 //!
 //! [`World::build`]: crate::world::World::build
 
+mod codec;
+mod ellipse;
+#[cfg(test)]
+mod filter_tests;
+mod half;
 mod image;
 mod image_map;
+mod kernel;
+mod level;
 mod pattern;
-mod raster;
+mod pyramid;
 mod space;
 mod wrap;
 
 pub use image::{Image, Samples};
-pub use pattern::{Lookup, Pattern, Unresolved};
+pub use pattern::{Footprint, Lookup, Pattern, Unresolved};
 pub use space::{ColorSpace, srgb_decode};
 pub use wrap::{Placement, Wrap};
 
@@ -46,6 +53,8 @@ pub struct ImageTexture {
     pub image: u32,
     /// How its texels become a function.
     pub filter: Filter,
+    /// What is done against aliasing where texels are smaller than pixels.
+    pub prefilter: Prefilter,
     /// What is outside the unit square, along u and along v.
     pub wrap: [Wrap; 2],
     /// Where u = 0 and u = 1 are.
@@ -55,11 +64,12 @@ pub struct ImageTexture {
 }
 
 impl ImageTexture {
-    /// The image with this index, filtered bilinearly and repeated.
+    /// The image with this index, filtered bilinearly and by EWA, and repeated.
     pub fn new(image: u32) -> ImageTexture {
         ImageTexture {
             image,
             filter: Filter::default(),
+            prefilter: Prefilter::default(),
             wrap: [Wrap::default(); 2],
             placement: Placement::default(),
             space: None,
@@ -75,4 +85,27 @@ pub enum Filter {
     /// Linear between the four nearest.
     #[default]
     Bilinear,
+    /// Quadratic in each direction: the mean of the two parabolas through three texels. Goes through the texels; without
+    /// jumps, but with corners.
+    Biquadratic,
+    /// Cubic in each direction: Catmull and Rom's. Goes through the texels, without corners; overshoots at edges.
+    Bicubic,
+    /// The quadratic B-spline: smooth, never overshoots, doesn't go through the texels.
+    QuadraticSpline,
+    /// The cubic B-spline: smoother still, and blurs more.
+    CubicSpline,
+}
+
+/// What is done where texels are smaller than pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum Prefilter {
+    /// Nothing: the texture is taken at a point. Needs no memory for coarser levels.
+    None,
+    /// The mean over a square as wide as the footprint is long (Williams 1983): fast, and blurred where surfaces are seen at a
+    /// slant.
+    Trilinear,
+    /// The mean over the footprint's ellipse (Heckbert 1989). Ellipses more than 16 times longer than wide are made
+    /// wider.
+    #[default]
+    Ewa,
 }

@@ -1,10 +1,11 @@
 //! Textures ready to be looked up.
 
 use super::image_map::ImageMap;
-use super::raster::Raster;
-use super::{ColorSpace, Image, ImageTexture, Texture, TextureKind};
+use super::level::Level;
+use super::pyramid::{Header, Pyramid};
+use super::{ColorSpace, Image, ImageTexture, Prefilter, Texture, TextureKind};
 use glam::DVec3;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
 /// A place of a texture and how far apart the neighbouring pixel samples are there.
@@ -24,6 +25,20 @@ impl Lookup {
     pub fn point(at: DVec3) -> Lookup {
         Lookup { at, ..Lookup::default() }
     }
+}
+
+/// Where a lookup lies on an image, for explanations.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Footprint {
+    /// The place on the image in texels, (0, 0) the upper left corner of the first one.
+    pub texel: [f64; 2],
+    /// The image's width and height in texels.
+    pub size: [u32; 2],
+    /// The longer and the shorter radius, in texels, of the ellipse that the pixel sample stands for.
+    pub radii: [f64; 2],
+    /// The level of the pyramid that it is taken from: 0 is the image itself, each level has half the texels of the one
+    /// before. Below 0 texels are larger than pixels.
+    pub level: f64,
 }
 
 /// A texture ready to be looked up.
@@ -56,6 +71,14 @@ impl Pattern {
         }
     }
 
+    /// Where a lookup lies on the texture's image; nothing for a texture without one.
+    pub fn footprint(&self, lookup: &Lookup) -> Option<Footprint> {
+        match &self.kind {
+            Kind::Image(map) => Some(map.footprint(lookup)),
+            Kind::Constant(_) => None,
+        }
+    }
+
     /// Makes the patterns of textures. Images are moved into them, and shared where several textures have the same one.
     ///
     /// # Errors
@@ -66,7 +89,7 @@ impl Pattern {
                 .check()
                 .map_err(|problem| Unresolved::Invalid { object: format!("image \"{}\"", image.name), problem })?;
         }
-        let mut store = Store { images: images.into_iter().map(Arc::new).collect(), rasters: HashMap::new() };
+        let mut store = Store::new(images, textures);
         textures.iter().map(|texture| store.pattern(texture)).collect()
     }
 }
@@ -96,11 +119,27 @@ pub enum Unresolved {
 
 /// The images of a scene while its textures are made.
 struct Store {
-    images: Vec<Arc<Image>>,
-    rasters: HashMap<(u32, ColorSpace), Arc<Raster>>,
+    images: Vec<(Header, Arc<Level>)>,
+    pyramids: HashMap<(u32, ColorSpace), Arc<Pyramid>>,
+    /// Which pyramids need coarser levels.
+    prefiltered: HashSet<(u32, ColorSpace)>,
 }
 
 impl Store {
+    fn new(images: Vec<Image>, textures: &[Texture]) -> Store {
+        let images: Vec<(Header, Arc<Level>)> =
+            images.into_iter().map(Header::split).map(|(header, level)| (header, Arc::new(level))).collect();
+        let needed = textures.iter().filter_map(|texture| match &texture.kind {
+            TextureKind::Image(image) if image.prefilter != Prefilter::None => {
+                let space = image.space.or(images.get(image.image as usize).map(|(header, _)| header.space))?;
+                Some((image.image, space))
+            }
+            _ => None,
+        });
+        let prefiltered = needed.collect();
+        Store { images, pyramids: HashMap::new(), prefiltered }
+    }
+
     fn pattern(&mut self, texture: &Texture) -> Result<Pattern, Unresolved> {
         let kind = match &texture.kind {
             TextureKind::Constant(value) => {
@@ -110,21 +149,26 @@ impl Store {
                 }
                 Kind::Constant(*value)
             }
-            TextureKind::Image(image) => Kind::Image(ImageMap::new(self.raster(texture, image)?, image)),
+            TextureKind::Image(image) => Kind::Image(ImageMap::new(self.pyramid(texture, image)?, image)),
         };
         Ok(Pattern { kind })
     }
 
-    fn raster(&mut self, texture: &Texture, image: &ImageTexture) -> Result<Arc<Raster>, Unresolved> {
+    fn pyramid(&mut self, texture: &Texture, image: &ImageTexture) -> Result<Arc<Pyramid>, Unresolved> {
         let index = image.image;
-        let found = self.images.get(index as usize).ok_or_else(|| Unresolved::Missing {
+        let (header, base) = self.images.get(index as usize).ok_or_else(|| Unresolved::Missing {
             object: format!("texture \"{}\"", texture.name),
             what: "image",
             index,
             count: self.images.len(),
         })?;
-        let space = image.space.unwrap_or(found.space);
-        let make = || Arc::new(Raster::new(Arc::clone(found), space));
-        Ok(Arc::clone(self.rasters.entry((index, space)).or_insert_with(make)))
+        let key = (index, image.space.unwrap_or(header.space));
+        if let Some(pyramid) = self.pyramids.get(&key) {
+            return Ok(Arc::clone(pyramid));
+        }
+        let pyramid = Pyramid::new(Arc::clone(base), header, key.1);
+        let pyramid = Arc::new(if self.prefiltered.contains(&key) { pyramid.with_levels() } else { pyramid });
+        self.pyramids.insert(key, Arc::clone(&pyramid));
+        Ok(pyramid)
     }
 }

@@ -15,14 +15,12 @@ pub enum ColorSpace {
     Raw,
 }
 
-impl ColorSpace {
-    /// Whether a last channel of two or four is an alpha.
-    pub(super) fn has_alpha(self) -> bool {
-        self != ColorSpace::Raw
-    }
-}
-
 /// From a value on the sRGB curve to linear light.
 pub fn srgb_decode(v: f32) -> f32 {
     if v <= 0.040_45 { v / 12.92 } else { libm::pow((f64::from(v) + 0.055) / 1.055, 2.4) as f32 }
+}
+
+/// From linear light to a value on the sRGB curve.
+pub(super) fn srgb_encode(v: f32) -> f32 {
+    if v <= 0.003_130_8 { 12.92 * v } else { (1.055 * libm::pow(f64::from(v), 1.0 / 2.4) - 0.055) as f32 }
 }

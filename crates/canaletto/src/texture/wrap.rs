@@ -48,25 +48,36 @@ impl Axis {
         }
     }
 
-    /// The place along the whole image in texels, its outer edges at 0 and `size`. What repeats is brought back to the
-    /// first tile (mirrored: the first two).
-    pub(super) fn position(&self, u: f64) -> f64 {
+    /// The place along the whole image in texels, its outer edges at 0 and `size`, and −1 if it is mirrored there, else
+    /// 1. What repeats is brought back to the first tile.
+    pub(super) fn position(&self, u: f64) -> (f64, f64) {
         let u = if u.is_finite() { u } else { 0.0 };
+        let mut direction = 1.0;
         let u = match self.wrap {
             // A tile is closed at its end: 1 is the last texel's centre and not the next tile's first.
             Wrap::Repeat if self.placement == Placement::Centers && (0.0..=1.0).contains(&u) => u,
             Wrap::Repeat => u - u.floor(),
-            Wrap::Mirror => u - 2.0 * (u * 0.5).floor(),
+            Wrap::Mirror => {
+                let u = u - 2.0 * (u * 0.5).floor();
+                if u > 1.0 {
+                    direction = -1.0;
+                    2.0 - u
+                } else {
+                    u
+                }
+            }
             // Far outside everything is the same; the bound keeps texel numbers small.
             Wrap::Clamp | Wrap::Black | Wrap::Transparent => u.clamp(-1.0e9, 1.0e9),
         };
-        match self.placement {
+        let position = match self.placement {
             Placement::Centers => u * self.scale() + 0.5,
             Placement::Edges => u * self.scale(),
-        }
+        };
+        (position, direction)
     }
 
     /// The texel that stands at number `index` of a level with `count` texels; nothing if there is none.
+    #[inline]
     pub(super) fn texel(&self, index: i64, count: u32) -> Option<u32> {
         let n = i64::from(count);
         if (0..n).contains(&index) {
@@ -74,7 +85,8 @@ impl Axis {
         }
         Some(match self.wrap {
             Wrap::Repeat => index.rem_euclid(n) as u32,
-            Wrap::Mirror if self.placement == Placement::Centers => {
+            // Mirrored in the outer texels' centres; on coarser levels these lie between texels, nearer to the edges.
+            Wrap::Mirror if self.placement == Placement::Centers && count == self.size => {
                 let period = (2 * (n - 1)).max(1);
                 let i = index.rem_euclid(period);
                 i.min(period - i).min(n - 1) as u32
@@ -86,6 +98,18 @@ impl Axis {
             Wrap::Clamp => index.clamp(0, n - 1) as u32,
             Wrap::Black | Wrap::Transparent => return None,
         })
+    }
+
+    /// How much of the interval around a place of the whole image lies on the image, if there is nothing outside.
+    pub(super) fn coverage(&self, position: f64, radius: f64) -> f64 {
+        match self.wrap {
+            Wrap::Black | Wrap::Transparent if !radius.is_finite() => 0.0,
+            Wrap::Black | Wrap::Transparent => {
+                let inside = (position + radius).min(f64::from(self.size)) - (position - radius).max(0.0);
+                (inside / (2.0 * radius)).clamp(0.0, 1.0)
+            }
+            _ => 1.0,
+        }
     }
 }
 
@@ -100,10 +124,13 @@ mod tests {
     #[test]
     fn corners_are_centres_or_edges() {
         let centers = axis(Wrap::Repeat, Placement::Centers, 4);
-        assert_eq!((centers.position(0.0), centers.position(1.0)), (0.5, 3.5));
-        assert_eq!(centers.position(1.25), 1.25);
+        assert_eq!((centers.position(0.0).0, centers.position(1.0).0), (0.5, 3.5));
+        assert_eq!(centers.position(1.25).0, 1.25);
         let edges = axis(Wrap::Clamp, Placement::Edges, 4);
-        assert_eq!((edges.position(0.0), edges.position(1.0)), (0.0, 4.0));
+        assert_eq!((edges.position(0.0).0, edges.position(1.0).0), (0.0, 4.0));
+        let mirror = axis(Wrap::Mirror, Placement::Edges, 4);
+        assert_eq!((mirror.position(1.25), mirror.position(-0.25)), ((3.0, -1.0), (1.0, -1.0)));
+        assert_eq!(mirror.position(2.25), (1.0, 1.0));
     }
 
     #[test]
@@ -125,7 +152,7 @@ mod tests {
         for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp, Wrap::Black, Wrap::Transparent] {
             for u in [f64::NAN, f64::INFINITY, -f64::MAX, 1e300, -1e-300, 1e17] {
                 let axis = axis(wrap, Placement::Edges, 5);
-                let x = axis.position(u).floor() as i64;
+                let x = axis.position(u).0.floor() as i64;
                 assert!(axis.texel(x, 5).is_none_or(|t| t < 5), "{wrap:?} {u}");
             }
         }

@@ -5,7 +5,7 @@ use super::fields::Fields;
 use crate::image::read_image;
 use crate::text::nearest::nearest;
 use crate::text::report::Message;
-use crate::text::schema::{self, DEFAULT_KIND, FILTERS, PLACEMENTS, TEXTURES, WRAPS};
+use crate::text::schema::{self, DEFAULT_KIND, FILTERS, PLACEMENTS, PREFILTERS, TEXTURES, WRAPS};
 use crate::text::syntax::{Node, Span};
 use canaletto::texture::{ColorSpace, ImageTexture, Texture, TextureKind};
 use std::collections::HashMap;
@@ -79,6 +79,7 @@ impl<'a> Decoder<'a> {
         let image = self.image(f.text("file")?, f.span("file"))?;
         Some(ImageTexture {
             filter: one_of(f, "filter", FILTERS).unwrap_or_default(),
+            prefilter: one_of(f, "prefilter", PREFILTERS).unwrap_or_default(),
             wrap: [axis("wrap-u"), axis("wrap-v")],
             placement: one_of(f, "texels", PLACEMENTS).unwrap_or_default(),
             space: f.text("space").map(|space| match space {

@@ -14,7 +14,7 @@ pub(crate) use settings::{
     AMBIENT, BACKGROUND, CAMERA, DEFAULT_CAMERA, DEFAULT_GRID, DEFAULT_SIGMA, DEFAULT_THRESHOLD, FILM, FILTER,
     INTEGRATOR, MATERIAL, SAMPLE, SETTINGS,
 };
-pub(crate) use textures::{DEFAULT_KIND, FILTERS, PLACEMENTS, TEXTURES, WRAPS, texture};
+pub(crate) use textures::{DEFAULT_KIND, FILTERS, PLACEMENTS, PREFILTERS, TEXTURES, WRAPS, texture};
 
 /// What a word takes.
 #[derive(Clone, Copy)]

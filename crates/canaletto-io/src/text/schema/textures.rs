@@ -2,7 +2,7 @@
 
 use super::settings::quoted;
 use super::{Takes, Word, Words};
-use canaletto::texture::{Filter, Placement, Wrap};
+use canaletto::texture::{Filter, Placement, Prefilter, Wrap};
 
 const NAME: Word = Word::new("name", Takes::Text, "the name that materials refer to").needed();
 
@@ -22,7 +22,18 @@ const fn kind(word: &'static [&'static str]) -> Word {
 }
 
 /// The filters with their words.
-pub(crate) const FILTERS: &[(&str, Filter)] = &[("nearest", Filter::Nearest), ("bilinear", Filter::Bilinear)];
+pub(crate) const FILTERS: &[(&str, Filter)] = &[
+    ("nearest", Filter::Nearest),
+    ("bilinear", Filter::Bilinear),
+    ("biquadratic", Filter::Biquadratic),
+    ("bicubic", Filter::Bicubic),
+    ("quadratic-spline", Filter::QuadraticSpline),
+    ("cubic-spline", Filter::CubicSpline),
+];
+
+/// The prefilters with their words.
+pub(crate) const PREFILTERS: &[(&str, Prefilter)] =
+    &[("none", Prefilter::None), ("trilinear", Prefilter::Trilinear), ("ewa", Prefilter::Ewa)];
 
 /// The wrap modes with their words.
 pub(crate) const WRAPS: &[(&str, Wrap)] = &[
@@ -36,6 +47,8 @@ pub(crate) const WRAPS: &[(&str, Wrap)] = &[
 /// The placements with their words.
 pub(crate) const PLACEMENTS: &[(&str, Placement)] = &[("centers", Placement::Centers), ("edges", Placement::Edges)];
 
+const FILTER_WORDS: Takes =
+    Takes::Word(&["nearest", "bilinear", "biquadratic", "bicubic", "quadratic-spline", "cubic-spline"]);
 const WRAP_WORDS: Takes = Takes::Word(&["repeat", "mirror", "clamp", "black", "transparent"]);
 
 /// The word for a value.
@@ -49,8 +62,13 @@ static IMAGE: Words = Words::new(
     &[&[
         kind(&["image"]).or(|| quoted(DEFAULT_KIND)),
         Word::new("file", Takes::Text, "the image: PNG; relative paths start at this file's folder").needed(),
-        Word::new("filter", Takes::Word(&["nearest", "bilinear"]), "how texels become a function")
-            .or(|| word_of(FILTERS, &Filter::default())),
+        Word::new("filter", FILTER_WORDS, "how texels become a function").or(|| word_of(FILTERS, &Filter::default())),
+        Word::new(
+            "prefilter",
+            Takes::Word(&["none", "trilinear", "ewa"]),
+            "what is done where texels are smaller than pixels: nothing, the mean over a square, or the mean over the pixel's ellipse",
+        )
+        .or(|| word_of(PREFILTERS, &Prefilter::default())),
         Word::new("wrap", WRAP_WORDS, "what is outside the unit square: the image again, the image mirrored, its border, opaque black, or nothing")
             .or(|| word_of(WRAPS, &Wrap::default())),
         Word::new("wrap-u", WRAP_WORDS, "the same, to the left and to the right only").or(|| "as `wrap`".into()),

@@ -1,0 +1,230 @@
+//! From an image's numbers to linear light, and back for the coarser levels of a pyramid.
+
+use super::half::{from_half, to_half};
+use super::space::srgb_encode;
+use super::{ColorSpace, Samples, srgb_decode};
+
+/// How the numbers of an image are meant.
+#[derive(Debug)]
+pub(super) struct Codec {
+    /// Numbers of each texel, 1 to 4.
+    pub(super) channels: usize,
+    /// Whether a last channel is an alpha that weighs the others.
+    pub(super) alpha: Alpha,
+    /// Whether the numbers are no colours.
+    data: bool,
+    /// Whether integers are on the sRGB curve. Floating-point numbers were made linear before.
+    curved: bool,
+    /// What each possible integer of a colour channel is in linear light.
+    table: Vec<f32>,
+    /// From linear light to bytes on the curve.
+    encoder: Option<Encoder>,
+}
+
+/// What becomes of a last channel of two or four.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Alpha {
+    /// It is a number like the others.
+    Data,
+    /// Colours have to be multiplied by it before they are averaged.
+    Straight,
+    /// Colours were multiplied by it.
+    Premultiplied,
+}
+
+/// A texel's number in a weighted sum: its position in the level, and its weight.
+pub(super) type Tap = (u32, f32);
+
+impl Codec {
+    pub(super) fn new(channels: u8, samples: &Samples, space: ColorSpace, premultiplied: bool) -> Codec {
+        let curved = space == ColorSpace::Srgb;
+        let curve = |v: f32| if curved { srgb_decode(v) } else { v };
+        let table: Vec<f32> = match samples {
+            Samples::U8(_) => (0..=255u8).map(|v| curve(f32::from(v) / 255.0)).collect(),
+            Samples::U16(_) => (0..=65535u16).map(|v| curve(f32::from(v) / 65535.0)).collect(),
+            _ => Vec::new(),
+        };
+        let alpha = match (space, premultiplied) {
+            _ if !channels.is_multiple_of(2) => Alpha::Data,
+            (ColorSpace::Raw, _) => Alpha::Data,
+            (_, true) => Alpha::Premultiplied,
+            (_, false) => Alpha::Straight,
+        };
+        let encoder = (curved && matches!(samples, Samples::U8(_))).then(Encoder::new);
+        Codec { channels: usize::from(channels), alpha, data: space == ColorSpace::Raw, curved, table, encoder }
+    }
+
+    /// The weighted sum of texels in linear light, colours multiplied by alpha.
+    pub(super) fn sum(&self, samples: &Samples, taps: &[Tap]) -> [f32; 4] {
+        match samples {
+            Samples::U8(data) => match <&[f32; 256]>::try_from(self.table.as_slice()) {
+                Ok(table) => self.sum_of(data, taps, |v| table[usize::from(v)], |v| f32::from(v) * (1.0 / 255.0)),
+                Err(_) => [0.0; 4],
+            },
+            Samples::U16(data) => {
+                self.sum_of(data, taps, |v| self.table[usize::from(v)], |v| f32::from(v) * (1.0 / 65535.0))
+            }
+            Samples::F16(data) => self.sum_of(data, taps, from_half, from_half),
+            Samples::F32(data) => self.sum_of(data, taps, |v| v, |v| v),
+        }
+    }
+
+    fn sum_of<T: Copy>(
+        &self,
+        data: &[T],
+        taps: &[Tap],
+        color: impl Fn(T) -> f32,
+        plain: impl Fn(T) -> f32,
+    ) -> [f32; 4] {
+        let multiply = self.alpha == Alpha::Straight;
+        match self.channels {
+            1 => gather::<T, 1>(data, taps, color, plain, multiply),
+            2 => gather::<T, 2>(data, taps, color, plain, multiply),
+            3 => gather::<T, 3>(data, taps, color, plain, multiply),
+            _ => gather::<T, 4>(data, taps, color, plain, multiply),
+        }
+    }
+
+    /// A filtered colour as textures give it: not multiplied by alpha. Filters with negative weights overshoot; light
+    /// and alpha are cut off below 0, and above 1 where the format holds nothing above 1.
+    pub(super) fn finish(&self, sum: [f32; 4], samples: &Samples) -> [f32; 4] {
+        let [r, g, b, a] = sum;
+        if self.data {
+            return sum;
+        }
+        let a = a.clamp(0.0, 1.0);
+        let divide = self.alpha != Alpha::Data && a > 0.0 && a < 1.0;
+        let most = if matches!(samples, Samples::U8(_) | Samples::U16(_)) { 1.0 } else { f32::MAX };
+        let color = |v: f32| (if divide { v / a } else { v }).clamp(0.0, most);
+        [color(r), color(g), color(b), a]
+    }
+
+    /// Puts a mean of texels into a level, at `data[at..at + channels]`.
+    pub(super) fn store(&self, mean: [f32; 4], slot: &mut Slot) {
+        let [mut r, mut g, mut b, a] = mean;
+        if self.alpha == Alpha::Straight && a > 0.0 && a < 1.0 {
+            (r, g, b) = (r / a, g / a, b / a);
+        }
+        let numbers = match self.channels {
+            1 => [r, 0.0, 0.0, 0.0],
+            2 => [r, a, 0.0, 0.0],
+            3 => [r, g, b, 0.0],
+            _ => [r, g, b, a],
+        };
+        let plain = |i: usize| self.channels.is_multiple_of(2) && i == self.channels - 1;
+        for (i, v) in numbers.into_iter().take(self.channels).enumerate() {
+            match slot {
+                Slot::U8(data) => {
+                    data[i] = match &self.encoder {
+                        Some(encoder) if !plain(i) => encoder.encode(v),
+                        _ => (v.clamp(0.0, 1.0) * 255.0).round() as u8,
+                    }
+                }
+                Slot::U16(data) => {
+                    let v = v.clamp(0.0, 1.0);
+                    let v = if self.curved && !plain(i) { srgb_encode(v) } else { v };
+                    data[i] = (v * 65535.0).round() as u16;
+                }
+                Slot::F16(data) => data[i] = to_half(v),
+                Slot::F32(data) => data[i] = v,
+            }
+        }
+    }
+}
+
+/// The place of a texel in a level.
+pub(super) enum Slot<'a> {
+    /// Bytes.
+    U8(&'a mut [u8]),
+    /// Two bytes.
+    U16(&'a mut [u16]),
+    /// Half precision.
+    F16(&'a mut [u16]),
+    /// Single precision.
+    F32(&'a mut [f32]),
+}
+
+#[inline]
+fn gather<T: Copy, const C: usize>(
+    data: &[T],
+    taps: &[Tap],
+    color: impl Fn(T) -> f32,
+    plain: impl Fn(T) -> f32,
+    multiply: bool,
+) -> [f32; 4] {
+    let mut sum = [0.0; 4];
+    for &(at, weight) in taps {
+        let at = at as usize * C;
+        let texel = &data[at..at + C];
+        match C {
+            1 => sum[0] += color(texel[0]) * weight,
+            3 => {
+                for i in 0..3 {
+                    sum[i] += color(texel[i]) * weight;
+                }
+            }
+            _ => {
+                let alpha = plain(texel[C - 1]);
+                let colored = if multiply { weight * alpha } else { weight };
+                for i in 0..C - 1 {
+                    sum[i] += color(texel[i]) * colored;
+                }
+                sum[3] += alpha * weight;
+            }
+        }
+        if C % 2 == 1 {
+            sum[3] += weight;
+        }
+    }
+    if C < 3 { [sum[0], sum[0], sum[0], sum[3]] } else { sum }
+}
+
+/// From linear light to bytes on the sRGB curve, rounded to the nearest: the power that the curve needs would be most of
+/// a pyramid's time.
+#[derive(Debug)]
+struct Encoder {
+    /// Where byte i ends and i + 1 begins.
+    ends: Vec<f32>,
+    /// The byte at each start of [`Encoder::STEPS`] equal parts of 0 to 1.
+    starts: Vec<u8>,
+}
+
+impl Encoder {
+    const STEPS: usize = 4096;
+
+    fn new() -> Encoder {
+        let ends: Vec<f32> = (0..255u8).map(|i| srgb_decode((f32::from(i) + 0.5) / 255.0)).collect();
+        let starts = (0..=Encoder::STEPS)
+            .map(|i| ends.partition_point(|end| *end <= i as f32 / Encoder::STEPS as f32) as u8)
+            .collect();
+        Encoder { ends, starts }
+    }
+
+    fn encode(&self, v: f32) -> u8 {
+        let v = v.clamp(0.0, 1.0);
+        let mut byte = self.starts[(v * Encoder::STEPS as f32) as usize];
+        while self.ends.get(usize::from(byte)).is_some_and(|end| *end <= v) {
+            byte += 1;
+        }
+        byte
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_are_the_nearest_on_the_curve() {
+        let encoder = Encoder::new();
+        for byte in 0..=255u8 {
+            assert_eq!(encoder.encode(srgb_decode(f32::from(byte) / 255.0)), byte);
+        }
+        for i in 0..=100_000 {
+            let v = i as f32 / 100_000.0;
+            let exact = srgb_encode(v) * 255.0;
+            assert!((f32::from(encoder.encode(v)) - exact).abs() < 0.501, "{v}");
+        }
+        assert_eq!((encoder.encode(-1.0), encoder.encode(7.0), encoder.encode(f32::NAN)), (0, 255, 0));
+    }
+}

@@ -1,0 +1,247 @@
+//! Mip pyramids (Williams, *Pyramidal Parametrics*, SIGGRAPH 1983): an image at ever lower resolutions.
+//!
+//! Each level has half the texels of the one before, rounded down. A texel is the mean over exactly the area that it
+//! covers, with shares of texels where a side is odd, so that no part of an image of any size weighs more than another. Means
+//! are of linear light, and of colours multiplied by alpha. Levels keep the format of the image: bytes stay bytes.
+
+use super::codec::{Codec, Slot, Tap};
+use super::level::{Level, TILE, index};
+use super::{ColorSpace, Image, Samples, srgb_decode};
+use crate::texture::half::{from_half, to_half};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// An image ready to be looked up, with coarser levels if they are needed.
+#[derive(Debug)]
+pub(super) struct Pyramid {
+    /// The finest first; shared with pyramids of the same image in another colour space.
+    base: Arc<Level>,
+    coarser: Vec<Level>,
+    pub(super) codec: Codec,
+}
+
+impl Pyramid {
+    /// A pyramid of one level.
+    pub(super) fn new(base: Arc<Level>, image: &Header, space: ColorSpace) -> Pyramid {
+        let base = if space == ColorSpace::Srgb { straightened(base) } else { base };
+        let codec = Codec::new(image.channels, &base.samples, space, image.premultiplied);
+        Pyramid { base, coarser: Vec::new(), codec }
+    }
+
+    /// Makes the coarser levels, down to a single texel.
+    pub(super) fn with_levels(mut self) -> Pyramid {
+        while self.level(self.len() - 1).width > 1 || self.level(self.len() - 1).height > 1 {
+            let next = halve(self.level(self.len() - 1), &self.codec);
+            self.coarser.push(next);
+        }
+        self
+    }
+
+    pub(super) fn len(&self) -> usize {
+        1 + self.coarser.len()
+    }
+
+    pub(super) fn level(&self, number: usize) -> &Level {
+        if number == 0 { &self.base } else { &self.coarser[number - 1] }
+    }
+}
+
+/// What is left of an image when its numbers were moved.
+#[derive(Debug)]
+pub(super) struct Header {
+    pub(super) channels: u8,
+    pub(super) space: ColorSpace,
+    pub(super) premultiplied: bool,
+}
+
+impl Header {
+    /// Takes an image apart.
+    pub(super) fn split(image: Image) -> (Header, Level) {
+        let Image { width, height, channels, samples, space, premultiplied, .. } = image;
+        (Header { channels, space, premultiplied }, Level::from_rows(width, height, usize::from(channels), samples))
+    }
+}
+
+/// Floating-point numbers on the sRGB curve made linear once and for all: a power for every lookup would be dear.
+fn straightened(base: Arc<Level>) -> Arc<Level> {
+    let samples = match &base.samples {
+        Samples::U8(_) | Samples::U16(_) => return base,
+        Samples::F16(data) => Samples::F16(data.par_iter().map(|v| to_half(srgb_decode(from_half(*v)))).collect()),
+        Samples::F32(data) => Samples::F32(data.par_iter().map(|v| srgb_decode(*v)).collect()),
+    };
+    Arc::new(Level { width: base.width, height: base.height, samples })
+}
+
+/// The next coarser level.
+fn halve(fine: &Level, codec: &Codec) -> Level {
+    let (width, height) = ((fine.width / 2).max(1), (fine.height / 2).max(1));
+    let columns = shares(fine.width, width);
+    let rows = shares(fine.height, height);
+    let channels = codec.channels;
+    // A whole band of tiles is one piece of memory.
+    let band = (width * TILE) as usize * channels;
+    let texel = |x: usize, y: usize| {
+        let (column, row) = (&columns[x], &rows[y]);
+        let mut taps = [(0, 0.0); 16];
+        let mut count = 0;
+        for (j, weight) in row.iter() {
+            for (i, share) in column.iter() {
+                taps[count] = (fine.index(i, j), share * weight);
+                count += 1;
+            }
+        }
+        codec.sum(&fine.samples, &taps[..count])
+    };
+    let fill = |number: usize, put: &mut dyn FnMut(usize, [f32; 4])| {
+        let top = number as u32 * TILE;
+        let down = TILE.min(height - top);
+        for y in 0..down {
+            for x in 0..width {
+                put(index(width, down, x, y) as usize * channels, texel(x as usize, (top + y) as usize));
+            }
+        }
+    };
+    let count = width as usize * height as usize * channels;
+    let samples = match &fine.samples {
+        Samples::U8(_) => {
+            let mut data = vec![0; count];
+            data.par_chunks_mut(band).enumerate().for_each(|(number, band)| {
+                fill(number, &mut |at, mean| codec.store(mean, &mut Slot::U8(&mut band[at..at + channels])));
+            });
+            Samples::U8(data)
+        }
+        Samples::U16(_) => {
+            let mut data = vec![0; count];
+            data.par_chunks_mut(band).enumerate().for_each(|(number, band)| {
+                fill(number, &mut |at, mean| codec.store(mean, &mut Slot::U16(&mut band[at..at + channels])));
+            });
+            Samples::U16(data)
+        }
+        Samples::F16(_) => {
+            let mut data = vec![0; count];
+            data.par_chunks_mut(band).enumerate().for_each(|(number, band)| {
+                fill(number, &mut |at, mean| codec.store(mean, &mut Slot::F16(&mut band[at..at + channels])));
+            });
+            Samples::F16(data)
+        }
+        Samples::F32(_) => {
+            let mut data = vec![0.0; count];
+            data.par_chunks_mut(band).enumerate().for_each(|(number, band)| {
+                fill(number, &mut |at, mean| codec.store(mean, &mut Slot::F32(&mut band[at..at + channels])));
+            });
+            Samples::F32(data)
+        }
+    };
+    Level { width, height, samples }
+}
+
+/// The texels that one coarser texel covers, and its share of each.
+struct Share {
+    first: u32,
+    count: u32,
+    weights: [f32; 4],
+}
+
+impl Share {
+    fn iter(&self) -> impl Iterator<Item = Tap> + '_ {
+        (self.first..self.first + self.count).zip(self.weights)
+    }
+}
+
+/// For each of `coarse` texels, the part of `fine` ones that it covers.
+fn shares(fine: u32, coarse: u32) -> Vec<Share> {
+    let ratio = f64::from(fine) / f64::from(coarse);
+    let share = |i: u32| {
+        // Exact in whole numbers: texel i covers [i fine / coarse, (i + 1) fine / coarse].
+        let (start, end) = (u64::from(i) * u64::from(fine), u64::from(i + 1) * u64::from(fine));
+        let (first, last) = (start / u64::from(coarse), end.div_ceil(u64::from(coarse)));
+        let mut weights = [0.0; 4];
+        for (weight, j) in weights.iter_mut().zip(first..last) {
+            let low = (j * u64::from(coarse)).max(start);
+            let high = ((j + 1) * u64::from(coarse)).min(end);
+            *weight = ((high - low) as f64 / f64::from(coarse) / ratio) as f32;
+        }
+        Share { first: first as u32, count: (last - first) as u32, weights }
+    };
+    (0..coarse).map(share).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pyramid(width: u32, height: u32, channels: u8, samples: Samples, space: ColorSpace) -> Pyramid {
+        let image = Image { name: "i".into(), width, height, channels, samples, space, premultiplied: false };
+        image.check().unwrap();
+        let (header, level) = Header::split(image);
+        Pyramid::new(Arc::new(level), &header, space).with_levels()
+    }
+
+    fn texel(pyramid: &Pyramid, level: usize, x: u32, y: u32) -> [f32; 4] {
+        let level = pyramid.level(level);
+        pyramid.codec.sum(&level.samples, &[(level.index(x, y), 1.0)])
+    }
+
+    #[test]
+    fn the_last_level_is_the_mean_for_any_size() {
+        for (width, height) in [(1, 1), (2, 2), (3, 1), (5, 7), (17, 6), (33, 31), (100, 3)] {
+            let count = (width * height) as usize;
+            let data: Vec<f32> = (0..count).map(|i| ((i * 37 + 11) % 101) as f32).collect();
+            let mean = data.iter().map(|v| f64::from(*v)).sum::<f64>() / count as f64;
+            let p = pyramid(width, height, 1, Samples::F32(data), ColorSpace::Linear);
+            let last = p.len() - 1;
+            assert_eq!((p.level(last).width, p.level(last).height), (1, 1));
+            let value = f64::from(texel(&p, last, 0, 0)[0]);
+            assert!((value - mean).abs() < 1e-4, "{width} × {height}: {value} for {mean}");
+        }
+    }
+
+    #[test]
+    fn every_texel_of_an_odd_side_counts_by_its_area() {
+        // 3 → 1, and 5 → 2: texels of 2.5.
+        let p = pyramid(5, 1, 1, Samples::F32(vec![1.0, 2.0, 4.0, 8.0, 16.0]), ColorSpace::Linear);
+        assert!((texel(&p, 1, 0, 0)[0] - (1.0 + 2.0 + 2.0) / 2.5).abs() < 1e-6);
+        assert!((texel(&p, 1, 1, 0)[0] - (2.0 + 8.0 + 16.0) / 2.5).abs() < 1e-6);
+    }
+
+    #[test]
+    fn means_are_of_linear_light() {
+        // Black and white: half the light is byte 188 on the sRGB curve, not 128.
+        let bytes = [0, 255, 255, 0].iter().flat_map(|v| [*v; 3]).collect();
+        let p = pyramid(2, 2, 3, Samples::U8(bytes), ColorSpace::Srgb);
+        let Samples::U8(data) = &p.level(1).samples else { panic!() };
+        assert_eq!(data, &[188; 3]);
+        let p = pyramid(2, 2, 1, Samples::U8(vec![0, 255, 255, 0]), ColorSpace::Raw);
+        let Samples::U8(data) = &p.level(1).samples else { panic!() };
+        assert_eq!(data, &[128]);
+    }
+
+    #[test]
+    fn clear_texels_have_no_colour_to_give() {
+        // Opaque red beside clear green: half-clear red, without a green fringe.
+        let p = pyramid(2, 1, 4, Samples::U8(vec![255, 0, 0, 255, 0, 255, 0, 0]), ColorSpace::Srgb);
+        let Samples::U8(data) = &p.level(1).samples else { panic!() };
+        assert_eq!(data, &[255, 0, 0, 128]);
+        // Numbers that are no colours are averaged each by itself.
+        let p = pyramid(2, 1, 4, Samples::U8(vec![255, 0, 0, 255, 0, 255, 0, 0]), ColorSpace::Raw);
+        let Samples::U8(data) = &p.level(1).samples else { panic!() };
+        assert_eq!(data, &[128, 128, 0, 128]);
+    }
+
+    #[test]
+    fn a_constant_stays_the_same_in_every_format() {
+        let count = 13 * 9 * 3;
+        let all = [
+            Samples::U8(vec![77; count]),
+            Samples::U16(vec![7777; count]),
+            Samples::F16(vec![0x3555; count]),
+            Samples::F32(vec![0.3; count]),
+        ];
+        for samples in all {
+            let p = pyramid(13, 9, 3, samples, ColorSpace::Linear);
+            let first = texel(&p, 0, 0, 0);
+            let last = texel(&p, p.len() - 1, 0, 0);
+            assert!((first[1] - last[1]).abs() <= 1e-6, "{first:?} {last:?}");
+        }
+    }
+}
