@@ -4,9 +4,9 @@ use canaletto::Ray;
 use canaletto::explain::explain;
 use canaletto::math::Rgb;
 use canaletto::render::{Aov, render};
-use canaletto::scene::{Filter, Sampling, Stage};
+use canaletto::scene::{Filter, SamplerKind, Sampling, Stage};
 use canaletto::world::World;
-use canaletto_tests::gallery::{still_life, still_life_job};
+use canaletto_tests::gallery::{distributed_job, distributed_still_life, still_life, still_life_job};
 use glam::Vec3;
 
 #[test]
@@ -62,6 +62,31 @@ fn the_explanations_sum_is_the_pixel_bit_for_bit() {
         }
     }
     assert!(different.len() > 5000, "the pictures show something: {} colours", different.len());
+}
+
+#[test]
+fn the_explanation_of_distributed_rays_is_as_exact() {
+    let world = World::build(distributed_still_life(1.0)).unwrap();
+    for (sampler, _) in SamplerKind::ALL {
+        let job = distributed_job(1.0, 24, 18, 3, sampler);
+        let picture = render(&world, &job, &()).unwrap().picture;
+        for y in 0..18 {
+            for x in 0..24 {
+                let tree = explain(&world, &job, x, y).unwrap();
+                let pixel = picture.pixel(x, y);
+                assert_eq!(bits(tree.sum()), bits(pixel), "{sampler:?}: pixel {x}, {y}\n{tree}");
+                for sample in &tree.samples {
+                    let [right, up] = sample.lens.expect("the lens's point is told");
+                    let offset = glam::DVec3::from(sample.ray.origin.map(f64::from)) - job.camera.eye();
+                    let expected = job.camera.axes()[0] * right + job.camera.axes()[1] * up;
+                    assert!((offset - expected).length() < 1e-6);
+                }
+            }
+        }
+        let tree = explain(&world, &job, 12, 12).unwrap();
+        let text = tree.to_string();
+        assert!(text.contains("from the lens's point") && text.contains("(random point 1 at ("), "{text}");
+    }
 }
 
 #[test]

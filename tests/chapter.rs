@@ -24,7 +24,8 @@ fn printed<T: Copy + Into<f64>, const N: usize>(value: [T; N], chapter: [f64; N]
 }
 
 fn exercise_1_camera() -> Camera {
-    let intrinsics = Intrinsics { fovy: 90.0, width: 400, height: 400, near: 30.0, far: 230.0, shift: [0.0; 2] };
+    let intrinsics =
+        Intrinsics { fovy: 90.0, width: 400, height: 400, near: 30.0, far: 230.0, ..Intrinsics::default() };
     let extrinsics = Extrinsics { eye: DVec3::new(100.0, 40.0, 40.0), center: DVec3::ZERO, up: DVec3::Y };
     Camera::new(&intrinsics, &extrinsics).unwrap()
 }
@@ -308,7 +309,7 @@ fn chapter_sphere_world() -> World {
 fn the_box_of_example_5_4_is_where_its_numbers_put_it() {
     // One more look through the whole program: the chapter's sphere appears in the picture where project() says.
     let camera = exercise_1_camera();
-    let job = Job::new(camera, FilmSettings::default(), IntegratorSettings::default());
+    let job = Job::new(camera.clone(), FilmSettings::default(), IntegratorSettings::default());
     let picture: Picture = render(&chapter_sphere_world(), &job, &()).unwrap().picture;
     let center = camera.project(DVec3::new(0.0, 20.0, 0.0)).unwrap();
     let blue = picture.pixel(center.x as u32, 399 - center.y as u32);

@@ -2,9 +2,9 @@
 
 use canaletto::film::Picture;
 use canaletto::render::{Aov, render};
-use canaletto::scene::Sampling;
+use canaletto::scene::{SamplerKind, Sampling};
 use canaletto::world::World;
-use canaletto_tests::gallery::{still_life, still_life_job};
+use canaletto_tests::gallery::{distributed_job, distributed_still_life, still_life, still_life_job};
 
 /// Every bit of a picture and its layers.
 fn bits(picture: &Picture) -> Vec<u32> {
@@ -64,5 +64,26 @@ fn a_power_of_two_as_unit_changes_no_bit() {
         let scaled = picture(k);
         let differing = unscaled.iter().zip(&scaled).filter(|(a, b)| a != b).count();
         assert_eq!(differing, 0, "scaled by 2^{k}");
+    }
+}
+
+#[test]
+fn distributed_rays_are_as_reproducible() {
+    let picture = |threads: usize, tile: u32, k: i32, sampler| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let scale = 2f32.powi(k);
+            let world = World::build(distributed_still_life(scale)).unwrap();
+            let mut job = distributed_job(scale, 30, 24, 4, sampler);
+            job.tile = tile;
+            let rendering = render(&world, &job, &()).unwrap();
+            (bits(&rendering.picture), rendering.counts)
+        })
+    };
+    for (sampler, _) in SamplerKind::ALL {
+        let first = picture(1, 16, 0, sampler);
+        for (threads, tile, k) in [(2, 7, 0), (3, 64, 0), (7, 5, 0), (2, 16, -20), (2, 16, 11)] {
+            assert!(picture(threads, tile, k, sampler) == first, "{sampler:?}, {threads} threads, 2^{k}");
+        }
     }
 }

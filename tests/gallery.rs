@@ -5,7 +5,10 @@ use canaletto::light::{Directional, DiskLight, Falloff, Light, LightKind, Omni, 
 use canaletto::material::{Material, Phong};
 use canaletto::math::{Rgb, Transform};
 use canaletto::render::Job;
-use canaletto::scene::{Content, Extrinsics, FilmSettings, IntegratorSettings, Intrinsics, Node, Sampling, Scene};
+use canaletto::scene::{
+    Aperture, Content, Extrinsics, FilmSettings, Focus, IntegratorSettings, Intrinsics, Lens, Node, SamplerKind,
+    Sampling, Scene, View,
+};
 use canaletto::shape::{
     Cone, Cuboid, Cylinder, CylinderCloud, Disk, Mesh, Plane, Shape, Sphere, SphereCloud, Torus, Triangle,
 };
@@ -143,12 +146,39 @@ pub fn still_life(scale: f32) -> Scene {
 
 /// A job on the still life, small enough for tests.
 pub fn still_life_job(scale: f32, width: u32, height: u32, sampling: Sampling) -> Job {
+    let camera = Camera::of(&still_life_view(scale, width, height)).unwrap();
+    Job::new(camera, FilmSettings { sampling, ..FilmSettings::default() }, IntegratorSettings::default())
+}
+
+/// The still life with everything that is sampled: random points of its light.
+pub fn distributed_still_life(scale: f32) -> Scene {
+    let mut scene = still_life(scale);
+    for node in &mut scene.nodes {
+        if let Content::Light(light) = &mut node.content
+            && light.has_area()
+        {
+            light.samples = 2;
+        }
+    }
+    scene
+}
+
+/// A job on it, through a lens.
+pub fn distributed_job(scale: f32, width: u32, height: u32, samples: u32, sampler: SamplerKind) -> Job {
     let s = f64::from(scale);
-    let intrinsics = Intrinsics { fovy: 45.0, width, height, near: s, far: 100.0 * s, shift: [0.0; 2] };
+    let still = still_life_view(scale, width, height);
+    let lens = Lens { aperture: Aperture::Radius(0.1 * s), focus: Focus::Center, blades: 5, rotation: 10.0 };
+    let view = View { intrinsics: Intrinsics { lens: Some(lens), ..still.intrinsics }, ..still };
+    let film = FilmSettings { sampling: Sampling::Sampled(samples), sampler, ..FilmSettings::default() };
+    Job::new(Camera::of(&view).unwrap(), film, IntegratorSettings::default())
+}
+
+fn still_life_view(scale: f32, width: u32, height: u32) -> View {
+    let s = f64::from(scale);
+    let intrinsics = Intrinsics { fovy: 45.0, width, height, near: s, far: 100.0 * s, ..Intrinsics::default() };
     let extrinsics =
         Extrinsics { eye: DVec3::new(2.0, 3.0, 7.0) * s, center: DVec3::new(0.0, 0.5, 0.0) * s, up: DVec3::Y };
-    let camera = Camera::new(&intrinsics, &extrinsics).unwrap();
-    Job::new(camera, FilmSettings { sampling, ..FilmSettings::default() }, IntegratorSettings::default())
+    View { name: "still life".into(), intrinsics, extrinsics, motion: Vec::new() }
 }
 
 /// A sphere of 20 · 4ⁿ triangles, closed, counter-clockwise from outside.

@@ -26,11 +26,11 @@ impl Settings {
     /// What the flags make of a scene. `name` is the scene's file.
     pub(crate) fn new(name: &str, scene: &Scene, flags: &PictureFlags) -> Result<Settings, Failure> {
         let view = choose_view(name, &scene.views, flags.camera.as_deref())?;
-        let mut intrinsics = view.intrinsics;
+        let mut view = view.clone();
         if let Some([width, height]) = flags.size {
-            (intrinsics.width, intrinsics.height) = (width, height);
+            (view.intrinsics.width, view.intrinsics.height) = (width, height);
         }
-        let camera = Camera::new(&intrinsics, &view.extrinsics)
+        let camera = Camera::of(&view)
             .map_err(|e| Failure::new(Exit::Scene, format!("{name}: camera \"{}\": {e}", view.name)))?;
         let film = FilmSettings {
             sampling: sampling(scene.film.sampling, flags)?,
@@ -48,7 +48,7 @@ impl Settings {
         };
         let job = Job { seed: flags.seed.unwrap_or(0), ..Job::new(camera, film, integrator) };
         job.check().map_err(|e| wrong_job(name, &e, flags))?;
-        Ok(Settings { job, camera: view.name.clone() })
+        Ok(Settings { job, camera: view.name })
     }
 }
 

@@ -51,7 +51,7 @@ pub(super) fn frame(
         return None;
     }
     let intrinsics = Intrinsics { near: (near - depth) / 2.0, far: (far - depth) * 100.0, ..intrinsics };
-    Some(View { name: "main".into(), intrinsics, extrinsics: Extrinsics { eye, center, up } })
+    Some(View { name: "main".into(), intrinsics, extrinsics: Extrinsics { eye, center, up }, motion: Vec::new() })
 }
 
 /// How often the middle is sought; each pass halves what is left, or better.

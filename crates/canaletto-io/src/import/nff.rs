@@ -161,7 +161,12 @@ impl<'a> Reader<'a> {
             intrinsics.near = distance * 1e-3;
         }
         intrinsics.far = intrinsics.near.max(distance) * 1e3;
-        self.view = Some(View { name: "main".into(), intrinsics, extrinsics: Extrinsics { eye, center, up } });
+        self.view = Some(View {
+            name: "main".into(),
+            intrinsics,
+            extrinsics: Extrinsics { eye, center, up },
+            motion: Vec::new(),
+        });
         Ok(())
     }
 

@@ -19,6 +19,7 @@ pub fn reference_markdown() -> String {
                 node(&mut out, &schema::SAMPLE, "film: sample");
                 node(&mut out, &schema::FILTER, "film: filter");
             }
+            "camera" => node(&mut out, &schema::LENS, "camera: lens"),
             "include" => out.push_str(INCLUDES),
             _ => {}
         }

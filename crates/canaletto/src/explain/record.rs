@@ -14,9 +14,11 @@ use canaletto_bvh::Ray;
 /// Builds the tree from the integrator's calls.
 pub(super) struct Recorder<'w> {
     world: &'w World,
-    camera: Camera,
+    camera: &'w Camera,
     samples: Vec<SampleNode>,
     sample: Option<([f64; 2], f64)>,
+    /// When it was taken and through which point of the lens.
+    drawn: (Option<f64>, Option<[f64; 2]>),
     /// The rays from the eye to the current one.
     open: Vec<RayNode>,
     blockers: Vec<BlockerNode>,
@@ -24,12 +26,13 @@ pub(super) struct Recorder<'w> {
 }
 
 impl<'w> Recorder<'w> {
-    pub(super) fn new(world: &'w World, camera: Camera) -> Recorder<'w> {
+    pub(super) fn new(world: &'w World, camera: &'w Camera) -> Recorder<'w> {
         Recorder {
             world,
             camera,
             samples: Vec::new(),
             sample: None,
+            drawn: (None, None),
             open: Vec::new(),
             blockers: Vec::new(),
             textures: Vec::new(),
@@ -51,6 +54,10 @@ impl<'w> Recorder<'w> {
 impl Probe for Recorder<'_> {
     fn sample(&mut self, position: [f64; 2], weight: f64) {
         self.sample = Some((position, weight));
+    }
+
+    fn drawn(&mut self, time: Option<f64>, lens: Option<[f64; 2]>) {
+        self.drawn = (time, lens);
     }
 
     fn ray(&mut self, kind: RayKind, ray: &Ray, depth: u32, factor: Rgb) {
@@ -161,6 +168,7 @@ impl Probe for Recorder<'_> {
         let node = LightNode {
             light: name,
             point: term.point,
+            position: term.sampled.map(|p| p.to_array()),
             direction: term.direction.to_array(),
             distance: term.distance,
             intensity: term.intensity,
@@ -194,8 +202,10 @@ impl Probe for Recorder<'_> {
                 parent.children.push(ray);
             }
         } else if let Some((position, weight)) = self.sample {
-            let (_, d) = self.camera.chapter_ray(position[0], position[1]);
-            self.samples.push(SampleNode { position, weight, chapter_direction: d.to_array(), ray });
+            let (time, lens) = self.drawn;
+            let camera = self.camera.at(time.unwrap_or(0.0));
+            let (_, d) = camera.chapter_ray(position[0], position[1]);
+            self.samples.push(SampleNode { position, weight, time, lens, chapter_direction: d.to_array(), ray });
         }
     }
 }

@@ -36,6 +36,12 @@ impl Display for PixelTree {
 fn write_sample(f: &mut Formatter, sample: &SampleNode) -> fmt::Result {
     let ([x, y], d) = (sample.position, sample.chapter_direction);
     writeln!(f, "eye ray through x = {x}, y = {y}: d = ({:.6}, {:.6}, {:.6})  (5.10)", d[0], d[1], d[2])?;
+    if let Some(time) = sample.time {
+        writeln!(f, "at time {time} of 0 (shutter opens) to 1 (shutter closes)")?;
+    }
+    if let Some([right, up]) = sample.lens {
+        writeln!(f, "from the lens's point {right} to the right and {up} upwards of the eye")?;
+    }
     write_ray(f, &sample.ray, "")
 }
 
@@ -169,7 +175,11 @@ fn write_light(f: &mut Formatter, light: &LightNode, indent: &str) -> fmt::Resul
         f,
         "{indent}    + {}{}: {}",
         light.light,
-        if light.point > 0 { format!(" (point {})", light.point) } else { String::new() },
+        match light.position {
+            Some(p) => format!(" (random point {} at {})", light.point, vector(p)),
+            None if light.point > 0 => format!(" (point {})", light.point),
+            None => String::new(),
+        },
         rgb(light.contribution)
     )?;
     writeln!(

@@ -28,7 +28,14 @@ pub struct SampleNode {
     pub position: [f64; 2],
     /// Its weight; the pixel is the weighted mean.
     pub weight: f64,
-    /// d of (5.10), from the eye to the projection plane. The ray below has the same direction with length 1.
+    /// When, from 0, the shutter's opening, to 1, its closing; if anything moves.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time: Option<f64>,
+    /// The point of the lens that the ray left, to the right and upwards from the eye; without a lens it left the eye.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lens: Option<[f64; 2]>,
+    /// d of (5.10), from the eye to the projection plane. Without a lens, the ray below has the same direction with
+    /// length 1.
     pub chapter_direction: [f64; 3],
     /// The ray.
     pub ray: RayNode,
@@ -167,6 +174,9 @@ pub struct LightNode {
     pub light: String,
     /// Which of its points.
     pub point: u32,
+    /// Where the point is, if it was chosen at random.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub position: Option<[f32; 3]>,
     /// L̂.
     pub direction: [f32; 3],
     /// Its distance; `null` in JSON for light from infinity.

@@ -32,6 +32,8 @@ pub struct LightTerm {
     pub light: u32,
     /// Which of the light's points.
     pub point: u32,
+    /// Where the point is, if it was chosen at random.
+    pub sampled: Option<Vec3>,
     /// L̂, the unit direction to it.
     pub direction: Vec3,
     /// Its distance; infinite for light from infinity.
@@ -61,6 +63,9 @@ pub trait Probe {
     const ACTIVE: bool = true;
     /// A sample of the pixel begins: its place in pixels (y upwards) and its weight.
     fn sample(&mut self, _position: [f64; 2], _weight: f64) {}
+    /// What was chosen at random for the sample: its time in 0..=1, if anything moves, and the point of the lens that its ray
+    /// leaves, to the right and upwards, if there is a lens.
+    fn drawn(&mut self, _time: Option<f64>, _lens: Option<[f64; 2]>) {}
     /// A ray starts. `depth` is 1 for eye rays; `factor` is what its colour is multiplied with.
     fn ray(&mut self, _kind: RayKind, _ray: &Ray, _depth: u32, _factor: Rgb) {}
     /// It met nothing.

@@ -8,6 +8,7 @@
 use super::{LightTerm, Probe, RayCounts, RayKind};
 use crate::material::{MaterialPoint, reflect, refract};
 use crate::math::{Line, Rgb, Spread, offset_origin};
+use crate::sampler::{Dimension, Sample, Sampler};
 use crate::scene::{IntegratorSettings, Stage};
 use crate::shape::Surface;
 use crate::world::{Blocker, Hit, World};
@@ -24,13 +25,15 @@ pub struct Whitted<'w> {
     cancelled: Option<&'w (dyn Fn(u64) -> bool + Sync)>,
     /// Whether it said so: from then on no child ray is followed, and colours are worth nothing.
     gave_up: bool,
-    /// Child rays until it is asked again.
+    /// Rays until it is asked again.
     patience: u32,
     /// What stood in each light's way last.
     blockers: Vec<Blocker>,
+    /// Where random numbers come from.
+    sample: Sample,
 }
 
-/// How many child rays are followed before somebody is asked whether they are still wanted.
+/// How many rays from the eye and child rays are followed before somebody is asked whether they are still wanted.
 const PATIENCE: u32 = 4096;
 
 /// Where a ray stands in the ray tree.
@@ -44,6 +47,19 @@ struct Branch {
     weight: Rgb,
     /// How often it went on past a surface that is there in part.
     passed: u32,
+    /// What keeps random numbers here apart from those elsewhere in the tree.
+    place: Dimension,
+}
+
+/// Uses of random numbers at a hit.
+mod uses {
+    /// The rays from there; the eye's has uses 0 to 2 of its own.
+    pub(super) const REFLECTED: u32 = 3;
+    pub(super) const REFRACTED: u32 = 4;
+    pub(super) const PASSED: u32 = 5;
+    pub(super) const EYE: u32 = 6;
+    /// The first light; each has a use of its own.
+    pub(super) const LIGHTS: u32 = 8;
 }
 
 /// How often a ray and its children go on past surfaces that are there in part.
@@ -105,6 +121,7 @@ impl<'w> Whitted<'w> {
             gave_up: false,
             patience: PATIENCE,
             blockers: vec![Blocker::NONE; world.lights.len()],
+            sample: Sampler::new(0, 0, [0; 2]).sample(0, 1),
         }
     }
 
@@ -124,11 +141,18 @@ impl<'w> Whitted<'w> {
         self.world
     }
 
+    /// Begins a sample of a pixel: where random numbers come from until the next one.
+    pub fn begin(&mut self, sample: Sample) {
+        self.sample = sample;
+    }
+
     /// The colour that an eye ray brings. `spread` is how it changes to the neighbouring samples, if the world
     /// [wants](World::wants_spread) to know.
     pub fn eye<P: Probe>(&mut self, line: impl Into<Line>, spread: Option<&Spread>, probe: &mut P) -> Rgb {
         let line = line.into();
-        let branch = Branch { kind: RayKind::Eye, depth: 1, factor: Rgb::WHITE, weight: Rgb::WHITE, passed: 0 };
+        self.ask();
+        let place = Dimension::EYE.of(uses::EYE);
+        let branch = Branch { kind: RayKind::Eye, depth: 1, factor: Rgb::WHITE, weight: Rgb::WHITE, passed: 0, place };
         self.trace(&line.rounded(), line, spread, branch, probe)
     }
 
@@ -254,7 +278,7 @@ impl<'w> Whitted<'w> {
         let mirrored = reflect(at.wo, at.normal); // (5.37)
         for (index, light) in self.world.lights.iter().enumerate() {
             for point in 0..light.points() {
-                let term = self.light(at, mirrored, index as u32, point, probe);
+                let term = self.light(at, mirrored, branch.place, index as u32, point, probe);
                 color = (color + term.contribution).saturated();
                 probe.light(&term);
             }
@@ -288,14 +312,28 @@ impl<'w> Whitted<'w> {
     }
 
     /// One point of one light: (5.39a)'s summand.
-    fn light<P: Probe>(&mut self, at: &Shading, mirrored: DVec3, light: u32, point: u32, probe: &mut P) -> LightTerm {
+    fn light<P: Probe>(
+        &mut self,
+        at: &Shading,
+        mirrored: DVec3,
+        place: Dimension,
+        light: u32,
+        point: u32,
+        probe: &mut P,
+    ) -> LightTerm {
         let phong = &at.material.phong;
         let source = &self.world.lights[light as usize];
-        let arriving = source.illuminate(point, at.surface.exact);
+        let arriving = if source.is_sampled() {
+            let u = self.sample.two_of(place.of(uses::LIGHTS + light), point, source.points());
+            source.sample(u, at.surface.exact)
+        } else {
+            source.illuminate(point, at.surface.exact)
+        };
         let n_dot_l = at.normal.dot(arriving.direction) as f32;
         let mut term = LightTerm {
             light,
             point,
+            sampled: if source.is_sampled() { arriving.position } else { None },
             direction: arriving.direction.as_vec3(),
             distance: arriving.distance,
             intensity: arriving.intensity,
@@ -344,18 +382,30 @@ impl<'w> Whitted<'w> {
 
     /// The branch of a child ray, unless depth or weight ends the tree here.
     fn child<P: Probe>(&mut self, parent: Branch, kind: RayKind, factor: Rgb, probe: &mut P) -> Option<Branch> {
-        self.patience -= 1;
-        if self.patience == 0 {
-            self.patience = PATIENCE;
-            self.gave_up |= self.cancelled.is_some_and(|cancelled| cancelled(self.counts.total()));
-        }
+        self.ask();
         let weight = (parent.weight * factor).saturated();
         if self.gave_up || parent.depth >= self.settings.max_depth || weight.max_component() < self.settings.min_weight
         {
             probe.cut(kind, factor);
             return None;
         }
-        Some(Branch { kind, depth: parent.depth + 1, factor, weight, passed: parent.passed })
+        let place = parent.place.of(match kind {
+            RayKind::Eye => uses::EYE,
+            RayKind::Reflected => uses::REFLECTED,
+            RayKind::Refracted | RayKind::TotallyReflected => uses::REFRACTED,
+            RayKind::Passed => uses::PASSED,
+        });
+        Some(Branch { kind, depth: parent.depth + 1, factor, weight, place, ..parent })
+    }
+
+    /// Asks now and then whether to give up.
+    #[inline]
+    fn ask(&mut self) {
+        self.patience -= 1;
+        if self.patience == 0 {
+            self.patience = PATIENCE;
+            self.gave_up |= self.cancelled.is_some_and(|cancelled| cancelled(self.counts.total()));
+        }
     }
 }
 

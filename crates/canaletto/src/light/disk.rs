@@ -1,5 +1,6 @@
-//! A light spread over points of a disk, for soft shadows (fig. 5.24c).
+//! A light spread over a disk, for soft shadows (fig. 5.24c): over fixed points of it, or random ones.
 
+use super::Light;
 use crate::math::Transform;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -13,14 +14,12 @@ pub struct DiskLight {
     pub normal: Vec3,
     /// The disk's radius, > 0.
     pub radius: f32,
-    /// The number of points, at least 1; each has 1/points of the intensity.
+    /// The number of fixed points, at least 1; each has 1/points of the intensity. Where [`Light::samples`] isn't 0, random
+    /// points take their place.
     pub points: u32,
 }
 
 impl DiskLight {
-    /// The most points a light may have; each costs a shadow ray for every lit hit.
-    pub const MAX_POINTS: u32 = 4096;
-
     /// Point i of n by the sunflower spiral (Vogel 1979): radius R √((i + ½)/n), each turned by the golden angle, so
     /// that every point stands for an equal area.
     pub fn point(&self, index: u32) -> Vec3 {
@@ -51,8 +50,8 @@ impl DiskLight {
         if !self.radius.is_finite() || self.radius <= 0.0 {
             return Err(format!("radius is {}; it must be more than 0", self.radius));
         }
-        if !(1..=DiskLight::MAX_POINTS).contains(&self.points) {
-            return Err(format!("points is {}; it must be between 1 and {}", self.points, DiskLight::MAX_POINTS));
+        if !(1..=Light::MAX_POINTS).contains(&self.points) {
+            return Err(format!("points is {}; it must be between 1 and {}", self.points, Light::MAX_POINTS));
         }
         Ok(())
     }

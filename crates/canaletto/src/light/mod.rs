@@ -1,5 +1,6 @@
 //! Lights: where light comes from, and how much of it reaches a point (5.4).
 
+mod area;
 mod directional;
 mod disk;
 mod omni;
@@ -26,6 +27,10 @@ pub struct Light {
     pub shadows: bool,
     /// c, l, q: light from distance d is divided by c + l d + q d². Not for light from infinity.
     pub attenuation: [f32; 3],
+    /// How many random points of its surface shine on each hit, each with a shadow ray; 0 for the light's fixed points.
+    /// Only for lights that have a surface.
+    #[serde(default)]
+    pub samples: u32,
     /// Where the light comes from.
     pub kind: LightKind,
 }
@@ -45,9 +50,12 @@ pub enum LightKind {
 }
 
 impl Light {
+    /// The most points that a light may have; each costs a shadow ray for every lit hit.
+    pub const MAX_POINTS: u32 = 4096;
+
     /// A light of this kind with shadows and no attenuation.
     pub fn new(kind: LightKind, intensity: Rgb) -> Light {
-        Light { name: None, intensity, shadows: true, attenuation: [1.0, 0.0, 0.0], kind }
+        Light { name: None, intensity, shadows: true, attenuation: [1.0, 0.0, 0.0], samples: 0, kind }
     }
 
     /// The same light moved by a transform.
@@ -59,6 +67,11 @@ impl Light {
             LightKind::Disk(light) => LightKind::Disk(light.transformed(t)),
         };
         Light { kind, ..self.clone() }
+    }
+
+    /// Whether it has a surface, of which random points can be taken.
+    pub fn has_area(&self) -> bool {
+        matches!(self.kind, LightKind::Disk(_))
     }
 
     /// The word for this kind of light in scene text and explanations.
@@ -84,6 +97,16 @@ impl Light {
         let sum = c + l + q;
         if [c, l, q].iter().any(|v| !v.is_finite() || *v < 0.0) || sum == 0.0 {
             return Err(format!("attenuation is {c} {l} {q}; each must be 0 or more, and not all 0"));
+        }
+        if self.samples > Light::MAX_POINTS {
+            return Err(format!("samples is {}; it must be at most {}", self.samples, Light::MAX_POINTS));
+        }
+        if self.samples > 0 && !self.has_area() {
+            return Err(format!(
+                "samples is {}, but a light \"{}\" has no area to sample",
+                self.samples,
+                self.kind_name()
+            ));
         }
         match &self.kind {
             LightKind::Omni(light) => light.check(),

@@ -1,5 +1,6 @@
 //! A light ready to illuminate: what does not depend on the point is computed once.
 
+use super::area::Area;
 use super::{Light, LightKind};
 use crate::math::Rgb;
 use glam::{DVec3, Vec3};
@@ -16,6 +17,8 @@ pub struct Source {
     /// The intensity of each point.
     intensity: Rgb,
     cone: Option<super::spot::Cone>,
+    /// The surface, if random points of it shine.
+    area: Option<Area>,
 }
 
 /// Light arriving at a point from one of a light's points.
@@ -45,18 +48,39 @@ impl Source {
                 points.push(spot.position);
                 cone = Some(spot.cone());
             }
+            LightKind::Disk(_) if light.samples > 0 => {}
             LightKind::Disk(disk) => {
                 points.extend((0..disk.points).map(|index| disk.point(index)));
                 share = 1.0 / disk.points as f32;
             }
         }
+        let area = if light.samples > 0 { Area::of(&light.kind) } else { None };
+        if area.is_some() {
+            share = 1.0 / light.samples as f32;
+        }
         let intensity = light.intensity * share;
-        Source { light, points, towards, intensity, cone }
+        Source { light, points, towards, intensity, cone, area }
     }
 
     /// The number of points that illuminate, each with a shadow ray of its own.
     pub fn points(&self) -> u32 {
-        self.points.len().max(1) as u32
+        if self.area.is_some() { self.light.samples } else { self.points.len().max(1) as u32 }
+    }
+
+    /// Whether its points are chosen at random, for [`Source::sample`].
+    #[inline]
+    pub fn is_sampled(&self) -> bool {
+        self.area.is_some()
+    }
+
+    /// What arrives at `p` from the random point at `u` of the unit square: one of [`Source::points`] many, whose
+    /// intensities sum to the light's. Lights without a surface have only the one point.
+    #[inline(never)]
+    pub fn sample(&self, u: [f64; 2], p: DVec3) -> Illumination {
+        match &self.area {
+            Some(area) => self.arriving(area.point(u), p),
+            None => self.illuminate(0, p),
+        }
     }
 
     /// What arrives at `p` from point number `index`. Intensities over all points sum to the light's.
@@ -65,6 +89,11 @@ impl Source {
         let Some(&position) = self.points.get(index as usize) else {
             return self.arriving_from_infinity(p.as_vec3());
         };
+        self.arriving(position, p)
+    }
+
+    #[inline]
+    fn arriving(&self, position: Vec3, p: DVec3) -> Illumination {
         let to_light = position.as_dvec3() - p;
         let length = to_light.length();
         let (direction, distance) = (to_light / length, length as f32);
@@ -152,5 +181,21 @@ mod tests {
         assert!((points.iter().sum::<Vec3>() / 64.0).length() < 0.1);
         let sum: Rgb = (0..64).map(|i| light.illuminate(i, DVec3::ZERO).intensity).sum();
         assert!((sum.r - 1.0).abs() < 1e-5);
+    }
+    #[test]
+    fn random_points_of_a_disk_lie_on_it_evenly() {
+        let disk = DiskLight { position: Vec3::Y, normal: Vec3::new(0.0, -1.0, 1.0), radius: 2.0, points: 16 };
+        let light = Source::new(Light { samples: 4, ..Light::new(LightKind::Disk(disk), Rgb::WHITE) });
+        assert!(light.is_sampled() && light.points() == 4);
+        let n = 64;
+        let at = |i: u32| (f64::from(i) + 0.5) / f64::from(n);
+        let all: Vec<Illumination> = (0..n * n).map(|i| light.sample([at(i % n), at(i / n)], DVec3::ZERO)).collect();
+        let points: Vec<Vec3> = all.iter().map(|l| l.position.unwrap() - Vec3::Y).collect();
+        assert!(points.iter().all(|p| p.dot(disk.normal).abs() < 1e-5 && p.length() <= 2.0));
+        let mean = |f: &dyn Fn(&Vec3) -> f32| points.iter().map(f).sum::<f32>() / points.len() as f32;
+        // Of an even disk, the mean squared radius is R²/2 and that of each axis R²/4.
+        assert!((mean(&|p| p.length_squared()) - 2.0).abs() < 1e-2 && (mean(&|p| p.x * p.x) - 1.0).abs() < 1e-2);
+        assert!(mean(&|p| p.x).abs() < 1e-4 && mean(&|p| p.y).abs() < 1e-4);
+        assert!(all.iter().all(|l| l.intensity.r == 0.25));
     }
 }

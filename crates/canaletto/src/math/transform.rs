@@ -29,6 +29,11 @@ impl Transform {
         if forward.is_finite() && inverse.is_finite() { Ok(Transform { forward, inverse }) } else { Err(NotInvertible) }
     }
 
+    /// A map and its inverse, both known.
+    pub(crate) fn from_parts(forward: DAffine3, inverse: DAffine3) -> Transform {
+        Transform { forward, inverse }
+    }
+
     /// Moves by `offset`.
     pub fn translate(offset: DVec3) -> Transform {
         Transform { forward: DAffine3::from_translation(offset), inverse: DAffine3::from_translation(-offset) }

@@ -4,13 +4,15 @@ use super::Job;
 use crate::film::{FilterTable, display_all};
 use crate::integrator::{Probe, Whitted};
 use crate::math::Rgb;
-use crate::sampler::Sampler;
+use crate::sampler::{Sample, Sampler};
 use crate::scene::Sampling;
 
 /// Renders single pixels of a job.
 pub(crate) struct PixelRenderer<'a> {
     job: &'a Job,
     filter: FilterTable,
+    /// Whether rays from the eye need no random numbers besides their place in the pixel.
+    plain: bool,
 }
 
 /// Weighted colours in `f64`.
@@ -42,7 +44,7 @@ pub(crate) fn weighted_mean(samples: impl IntoIterator<Item = (Rgb, f64)>) -> Rg
 
 impl<'a> PixelRenderer<'a> {
     pub(crate) fn new(job: &'a Job) -> PixelRenderer<'a> {
-        PixelRenderer { job, filter: FilterTable::new(job.film.filter) }
+        PixelRenderer { job, filter: FilterTable::new(job.film.filter), plain: job.camera.is_plain() }
     }
 
     /// The colour of the pixel in column `x` and row `y` from the top left.
@@ -51,14 +53,16 @@ impl<'a> PixelRenderer<'a> {
         let corner = [f64::from(x), f64::from(self.job.camera.size()[1] - 1 - y)];
         let sampler = Sampler::new(self.job.seed, self.job.frame, [x, y]).of_kind(self.job.film.sampler);
         match self.job.film.sampling {
-            Sampling::Corner => self.sample(whitted, corner, [1.0; 2], probe),
-            Sampling::Center => self.sample(whitted, [corner[0] + 0.5, corner[1] + 0.5], [1.0; 2], probe),
-            Sampling::Regular(n) => self.grid(whitted, corner, n, |_, _| 0.5, probe),
-            Sampling::Jittered(n) => self.grid(whitted, corner, n, |i, axis| sampler.uniform(i, axis), probe),
+            Sampling::Corner => self.sample(whitted, corner, [1.0; 2], sampler.sample(0, 1), probe),
+            Sampling::Center => {
+                self.sample(whitted, [corner[0] + 0.5, corner[1] + 0.5], [1.0; 2], sampler.sample(0, 1), probe)
+            }
+            Sampling::Regular(n) => self.grid(whitted, corner, sampler, n, |_, _| 0.5, probe),
+            Sampling::Jittered(n) => self.grid(whitted, corner, sampler, n, |i, axis| sampler.uniform(i, axis), probe),
             Sampling::Sampled(n) => self.sampled(whitted, corner, sampler, n, probe),
             Sampling::Adaptive { n, threshold } => self
-                .adaptive(whitted, corner, threshold, probe)
-                .unwrap_or_else(|| self.grid(whitted, corner, n, |i, axis| sampler.uniform(i, axis), probe)),
+                .adaptive(whitted, corner, sampler, threshold, probe)
+                .unwrap_or_else(|| self.grid(whitted, corner, sampler, n, |i, axis| sampler.uniform(i, axis), probe)),
         }
     }
 
@@ -69,12 +73,21 @@ impl<'a> PixelRenderer<'a> {
         whitted: &mut Whitted,
         position: [f64; 2],
         [weight, spacing]: [f64; 2],
+        sample: Sample,
         probe: &mut P,
     ) -> Rgb {
         probe.sample(position, weight);
-        let line = self.job.camera.line(position[0], position[1]);
-        let spread = whitted.world().wants_spread().then(|| self.job.camera.spread(position[0], position[1], spacing));
-        whitted.eye(line, spread.as_ref(), probe)
+        let (camera, [x, y]) = (&self.job.camera, position);
+        whitted.begin(sample);
+        let wants_spread = whitted.world().wants_spread();
+        if self.plain {
+            let spread = wants_spread.then(|| camera.spread(x, y, spacing));
+            return whitted.eye(camera.line(x, y), spread.as_ref(), probe);
+        }
+        let numbers = sample.eye();
+        let ray = camera.ray(x, y, numbers.lens, numbers.time, wants_spread.then_some(spacing));
+        probe.drawn(camera.moves().then_some(numbers.time), ray.lens.map(|p| p.to_array()));
+        whitted.eye(ray.line, ray.spread.as_ref(), probe)
     }
 
     /// n × n sub-pixels, one ray in each, `place` of the way across (fig. 5.36); spread and weighted by the filter.
@@ -82,6 +95,7 @@ impl<'a> PixelRenderer<'a> {
         &self,
         whitted: &mut Whitted,
         corner: [f64; 2],
+        sampler: Sampler,
         n: u32,
         place: impl Fn(u32, u32) -> f64,
         probe: &mut P,
@@ -91,7 +105,7 @@ impl<'a> PixelRenderer<'a> {
             let (dx, wx) = self.filter.sample((f64::from(i % n) + place(i, 0)) / f64::from(n));
             let (dy, wy) = self.filter.sample((f64::from(i / n) + place(i, 1)) / f64::from(n));
             let position = [corner[0] + 0.5 + dx, corner[1] + 0.5 + dy];
-            (self.sample(whitted, position, [wx * wy, spacing], probe), wx * wy)
+            (self.sample(whitted, position, [wx * wy, spacing], sampler.sample(i, n * n), probe), wx * wy)
         }))
     }
 
@@ -106,10 +120,11 @@ impl<'a> PixelRenderer<'a> {
     ) -> Rgb {
         let spacing = 1.0 / f64::from(n).sqrt();
         weighted_mean((0..n).map(|i| {
-            let [u, v] = sampler.sample(i, n).eye().film;
+            let sample = sampler.sample(i, n);
+            let [u, v] = sample.eye().film;
             let ((dx, wx), (dy, wy)) = (self.filter.sample(u), self.filter.sample(v));
             let position = [corner[0] + 0.5 + dx, corner[1] + 0.5 + dy];
-            (self.sample(whitted, position, [wx * wy, spacing], probe), wx * wy)
+            (self.sample(whitted, position, [wx * wy, spacing], sample, probe), wx * wy)
         }))
     }
 
@@ -119,6 +134,7 @@ impl<'a> PixelRenderer<'a> {
         &self,
         whitted: &mut Whitted,
         corner: [f64; 2],
+        sampler: Sampler,
         threshold: f32,
         probe: &mut P,
     ) -> Option<Rgb> {
@@ -126,7 +142,9 @@ impl<'a> PixelRenderer<'a> {
         /// Four of the five are shared with the neighbours: two samples for each pixel.
         const SPACING: f64 = std::f64::consts::FRAC_1_SQRT_2;
         let positions = PLACES.map(|[dx, dy]| [corner[0] + dx, corner[1] + dy]);
-        let colors = positions.map(|position| self.sample(whitted, position, [1.0, SPACING], &mut ()));
+        let sample = |i: usize| sampler.sample(i as u32, PLACES.len() as u32);
+        let colors: [Rgb; 5] =
+            std::array::from_fn(|i| self.sample(whitted, positions[i], [1.0, SPACING], sample(i), &mut ()));
         let mut shown = colors;
         display_all(&mut shown, self.job.film.transfer);
         let shown = shown.map(Rgb::to_array);
@@ -140,8 +158,8 @@ impl<'a> PixelRenderer<'a> {
         if P::ACTIVE {
             // A probe should see the samples that count, and these once: their rays are counted already.
             let counts = whitted.counts;
-            positions.into_iter().for_each(|position| {
-                self.sample(whitted, position, [1.0, SPACING], probe);
+            positions.into_iter().enumerate().for_each(|(i, position)| {
+                self.sample(whitted, position, [1.0, SPACING], sample(i), probe);
             });
             whitted.counts = counts;
         }

@@ -12,6 +12,11 @@ pub struct View {
     pub intrinsics: Intrinsics,
     /// Where it stands.
     pub extrinsics: Extrinsics,
+    /// Where it stands while the shutter is open: nothing if it stays, else at least two places, evenly spaced in time from
+    /// the opening to the closing, which replace `extrinsics`. The eye moves on straight lines from one to the next, and the
+    /// axes turn.
+    #[serde(default)]
+    pub motion: Vec<Extrinsics>,
 }
 
 /// The parameters of `gluPerspective` and the picture's size: what stays when the camera moves.
@@ -30,11 +35,55 @@ pub struct Intrinsics {
     /// How far the window is moved off the optical axis, as fractions of its width and height. (0.5, 0) puts the
     /// optical axis on the window's left edge (exercise 3).
     pub shift: [f64; 2],
+    /// The lens that takes the place of the pinhole, for depth of field.
+    #[serde(default)]
+    pub lens: Option<Lens>,
+}
+
+/// A thin lens.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Lens {
+    /// How large its opening is.
+    pub aperture: Aperture,
+    /// What is sharp.
+    pub focus: Focus,
+    /// The corners of the opening: 0 for a round one, else 3..=[`Lens::MAX_BLADES`].
+    pub blades: u32,
+    /// The angle of the first corner in degrees, counter-clockwise from the right.
+    pub rotation: f64,
+}
+
+impl Lens {
+    /// The most corners.
+    pub const MAX_BLADES: u32 = 64;
+}
+
+/// How large a lens's opening is.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Aperture {
+    /// Its radius (that of its corners if it has any), in the scene's unit, > 0.
+    Radius(f64),
+    /// The f-number N > 0: the opening is d_f / N wide. That takes the projection plane at d_f = `near` for the film, and
+    /// so that distance for the focal length.
+    Number(f64),
+}
+
+/// What a lens shows sharp: a plane parallel to the film.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Focus {
+    /// Its distance from the eye along the optical axis, > 0.
+    Distance(f64),
+    /// A point of it, in front of the eye.
+    Point(DVec3),
+    /// It goes through [`Extrinsics::center`].
+    Center,
 }
 
 impl Default for Intrinsics {
     fn default() -> Intrinsics {
-        Intrinsics { fovy: 60.0, width: 640, height: 480, near: 1.0, far: 1000.0, shift: [0.0, 0.0] }
+        Intrinsics { fovy: 60.0, width: 640, height: 480, near: 1.0, far: 1000.0, shift: [0.0, 0.0], lens: None }
     }
 }
 

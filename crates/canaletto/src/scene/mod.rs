@@ -7,7 +7,7 @@ mod film;
 mod integrator;
 mod node;
 
-pub use camera::{Extrinsics, Intrinsics, View};
+pub use camera::{Aperture, Extrinsics, Focus, Intrinsics, Lens, View};
 pub use film::{FilmSettings, Filter, SamplerKind, Sampling, Tone, Transfer};
 pub use integrator::{IntegratorSettings, Stage};
 pub use node::{Content, Node};

@@ -450,6 +450,7 @@ impl Builder {
     fn light(&mut self, part: &mut Part, light: Light) -> Result<(), BuildError> {
         check_light(&light, "after its transforms, ")?;
         let points = match &light.kind {
+            _ if light.samples > 0 => light.samples as usize,
             LightKind::Disk(disk) => disk.points as usize,
             _ => 1,
         };

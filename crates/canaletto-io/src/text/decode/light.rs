@@ -22,6 +22,11 @@ impl Decoder<'_> {
             Light::new(self.kind(kind, &fields)?, fields.rgb("intensity").unwrap_or(Rgb::gray(DEFAULT_INTENSITY)));
         light.name = fields.text("name").map(str::to_owned);
         light.shadows = fields.flag("shadows").unwrap_or(light.shadows);
+        light.samples = fields.count("samples").unwrap_or(light.samples);
+        self.either(&fields, "points", "samples");
+        if fields.count("samples") == Some(0) {
+            self.out_of_range(&fields, "samples is 0; it must be between 1 and 4096");
+        }
         light.attenuation = fields.vec("attenuation").map_or(light.attenuation, |v| v.to_array());
         if fields.sound
             && let Err(problem) = light.check()

@@ -2,6 +2,7 @@
 
 mod cloud;
 mod fields;
+mod lens;
 mod light;
 mod mesh;
 mod names;

@@ -119,11 +119,17 @@ impl<'a> Decoder<'a> {
                             name: name.to_owned(),
                             intrinsics: Intrinsics::default(),
                             extrinsics: Extrinsics::default(),
+                            motion: Vec::new(),
                         };
                         self.scene.views.push(view);
                         self.scene.views.len() - 1
                     });
-                    change_view(&mut self.scene.views[index], &fields);
+                    let lens = self.lens(&fields);
+                    let view = &mut self.scene.views[index];
+                    change_view(view, &fields);
+                    if let Some(lens) = lens {
+                        view.intrinsics.lens = Some(lens);
+                    }
                     if index < last.len() { last[index] = fields } else { last.push(fields) }
                 }
             }
@@ -265,8 +271,7 @@ impl<'a> Decoder<'a> {
         let mut outside = None;
         let mut inside = false;
         for (index, fields) in last.iter().enumerate() {
-            let View { intrinsics, extrinsics, .. } = self.scene.views[index];
-            match Camera::new(&intrinsics, &extrinsics) {
+            match Camera::of(&self.scene.views[index]) {
                 Err(problem) if fields.sound => self.out_of_range(fields, &problem.to_string()),
                 Err(_) => {}
                 Ok(camera) => {

@@ -1,10 +1,12 @@
 //! The words of the scene text in one table: the decoder's judge and the reference's source.
 
+mod lens;
 mod motion;
 mod objects;
 mod settings;
 mod textures;
 
+pub(crate) use lens::{DEFAULT_BLADES, DEFAULT_LENS_ROTATION, LENS};
 pub(crate) use motion::{ANIMATION, CAMERA_FOLLOW, DEFAULT_FPS, EASE, FOLLOW, PATH, POINT_FOLLOW, TURN, ease_words};
 pub(crate) use objects::{
     DEFAULT_CAPS, DEFAULT_INNER, DEFAULT_INTENSITY, DEFAULT_POINTS, DEFAULT_TOP_RADIUS, LIGHTS, OBJECTS, TRANSFORMS,
@@ -151,6 +153,8 @@ pub(crate) fn node(name: &str) -> Option<&'static Words> {
 /// Words that people bring from elsewhere, and ours for the same thing.
 pub(crate) const SYNONYMS: &[(&str, &str)] = &[
     ("albedo", "kd"),
+    ("aperture", "lens"),
+    ("aperture", "radius"),
     ("alpha", "opacity"),
     ("area", "disk"),
     ("cap", "caps"),
@@ -166,6 +170,9 @@ pub(crate) const SYNONYMS: &[(&str, &str)] = &[
     ("depth", "max-depth"),
     ("diffuse", "kd"),
     ("fov", "fovy"),
+    ("f-stop", "f-number"),
+    ("focal-distance", "focus"),
+    ("focus-distance", "focus"),
     ("from", "eye"),
     ("image", "film"),
     ("index", "eta"),

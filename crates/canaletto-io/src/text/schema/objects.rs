@@ -284,6 +284,12 @@ const ATTENUATION: Word = Word::new("attenuation", POINT, "c l q: light from dis
         format!("{c} {l} {q}")
     });
 
+const SAMPLES: Word = Word::new(
+    "samples",
+    Takes::Count,
+    "how many random points of it shine on each hit, other ones for each ray of a pixel, instead of points (1 to 4096)",
+);
+
 const fn kind(word: &'static [&'static str]) -> Word {
     Word::new("kind", Takes::Word(word), "the kind of light").needed()
 }
@@ -354,14 +360,15 @@ static SPOT: Words = Words::new(
 
 static DISK_LIGHT: Words = Words::new(
     "light",
-    "Points of light spread over a disk, for soft shadows.",
+    "Light spread over a disk, for soft shadows.",
     &[
         &[
             Word::new("position", POINT, "the disk's centre").needed(),
             Word::new("normal", POINT, "the disk's axis").needed(),
             Word::new("radius", NUMBER, "the disk's radius, more than 0").needed(),
-            Word::new("points", Takes::Count, "how many points; each costs a shadow ray")
+            Word::new("points", Takes::Count, "how many points, always the same; each costs a shadow ray")
                 .or(|| DEFAULT_POINTS.to_string()),
+            SAMPLES,
             ATTENUATION,
         ],
         LIGHT,

@@ -1,5 +1,6 @@
 //! Camera, film, integrator, materials and the scene's own colours.
 
+use super::lens::LENS;
 use super::motion::{ANIMATION, CAMERA_FOLLOW, PATH};
 use super::{NUMBER, POINT, Takes, Word, Words};
 use canaletto::material::Phong;
@@ -54,6 +55,7 @@ pub(crate) static CAMERA: Words = Words::new(
             let [x, y] = Intrinsics::default().shift;
             format!("{x} {y}")
         }),
+        Word::new("lens", Takes::Node(&LENS), "a lens, for depth of field; see below").or(|| "a pinhole".into()),
         Word::new("follow", Takes::Node(&CAMERA_FOLLOW), "a path that the camera moves on, instead of `eye`; see Motion"),
     ]],
 )

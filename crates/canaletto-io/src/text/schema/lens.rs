@@ -1,0 +1,31 @@
+//! What the eye's rays are spread over besides the pixel: the words about lens and shutter.
+
+use super::{NUMBER, POINT, Takes, Word, Words};
+
+/// `lens` in a camera.
+pub(crate) static LENS: Words = Words::new(
+    "lens",
+    "A thin lens in place of the pinhole: only what lies at its focus is sharp. It takes several rays in a pixel, such as \
+     `film { samples 64 }`.",
+    &[&[
+        Word::new("radius", NUMBER, "the radius of its opening, to the corners if it has any; or `f-number`"),
+        Word::new(
+            "f-number",
+            NUMBER,
+            "N of a photographer's f/N: the opening is as wide as the camera's `near`, the distance of the film, divided by N",
+        ),
+        Word::new("focus", NUMBER, "the distance of what is sharp, along the optical axis; or `focus-point`"),
+        Word::new("focus-point", POINT, "a point that is sharp, and with it the plane through it parallel to the film")
+            .or(|| "`center`".into()),
+        Word::new("blades", Takes::Count, "the corners of the opening, from 3 to 64, or 0 for a round one")
+            .or(|| DEFAULT_BLADES.to_string()),
+        Word::new("rotation", NUMBER, "turns the corners counter-clockwise by degrees; at 0 the first is on the right")
+            .or(|| DEFAULT_LENS_ROTATION.to_string()),
+    ]],
+)
+.example("camera { eye 0 2 9; center 0 1 0; lens { radius 0.1; focus-point 0 1 2; blades 6; rotation 15 } }");
+
+/// The corners of a lens where nothing says so.
+pub(crate) const DEFAULT_BLADES: u32 = 0;
+/// How they are turned where nothing says so.
+pub(crate) const DEFAULT_LENS_ROTATION: f64 = 0.0;

@@ -1,0 +1,457 @@
+//! The camera (5.2): rays from pixels, and pixels from points. A pinhole, unless it has a lens; standing still, unless it
+//! moves while its shutter is open.
+//!
+//! In `f64`: a camera makes one ray per sample, and the first rounding to `f32` should be the ray's direction itself.
+
+mod lens;
+
+use crate::math::{Line, Path, Spread, Transform};
+use crate::scene::{Extrinsics, Intrinsics, View};
+use glam::{DAffine3, DMat3, DVec2, DVec3};
+use lens::Optics;
+
+/// A camera ready to make rays (box 5.2).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Camera {
+    eye: DVec3,
+    /// The unit axes x̂ₑ (right), ŷₑ (up), ẑₑ (backwards).
+    axes: [DVec3; 3],
+    /// d_f, the distance of the projection plane.
+    near: f64,
+    /// The window's width ("base") and height on the projection plane.
+    window: DVec2,
+    shift: DVec2,
+    size: [u32; 2],
+    /// The lens and the depth that it is focused at.
+    lens: Option<(Optics, f64)>,
+    /// How it moves while the shutter is open.
+    motion: Option<Motion>,
+}
+
+/// A camera's way.
+#[derive(Clone, Debug, PartialEq)]
+struct Motion {
+    path: Path,
+    /// The depth of focus at each pose.
+    depths: Vec<f64>,
+}
+
+/// A ray from the eye with what was chosen for it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EyeRay {
+    /// The ray, of unit direction.
+    pub line: Line,
+    /// The point of the lens that it left, to the right and upwards from the eye; `None` without a lens.
+    pub lens: Option<DVec2>,
+    /// How it changes to the neighbouring samples, if that was asked for.
+    pub spread: Option<Spread>,
+}
+
+/// Why parameters make no camera.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum CameraError {
+    /// There is no optical axis.
+    #[error("eye and center are the same point; the camera has no direction to look in")]
+    NoDirection,
+    /// The picture could be turned any way.
+    #[error("up is parallel to the direction from eye to center (or zero); the picture has no upward side")]
+    NoUp,
+    /// The angle of view is out of range.
+    #[error("fovy is {0}; the angle of view must be more than 0 and less than 180 degrees")]
+    Fovy(f64),
+    /// The picture has no pixels, or more than can be counted.
+    #[error("size is {0} x {1}; each side must be between 1 and {max} pixels", max = Camera::MAX_SIDE)]
+    Size(u32, u32),
+    /// The planes do not bound a view.
+    #[error("near is {0} and far is {1}; they must satisfy 0 < near < far")]
+    Planes(f64, f64),
+    /// A parameter is NaN or infinite.
+    #[error("{0} holds a number that isn't finite")]
+    NotFinite(&'static str),
+    /// The lens makes no picture; says why.
+    #[error("lens: {0}")]
+    Lens(String),
+    /// The camera can't move as it should; says why.
+    #[error("motion: {0}")]
+    Motion(String),
+}
+
+impl Camera {
+    /// The longest side of a picture.
+    pub const MAX_SIDE: u32 = 65_536;
+
+    /// The camera of these parameters.
+    ///
+    /// # Errors
+    /// [`CameraError`] says which parameters make no picture.
+    pub fn new(intrinsics: &Intrinsics, extrinsics: &Extrinsics) -> Result<Camera, CameraError> {
+        let Intrinsics { fovy, width, height, near, far, shift, lens } = *intrinsics;
+        let extrinsics = *extrinsics;
+        let Extrinsics { eye, center, up } = extrinsics;
+        for (name, finite) in [
+            ("eye", eye.is_finite()),
+            ("center", center.is_finite()),
+            ("up", up.is_finite()),
+            ("shift", shift.iter().all(|s| s.is_finite())),
+        ] {
+            if !finite {
+                return Err(CameraError::NotFinite(name));
+            }
+        }
+        if !(fovy > 0.0 && fovy < 180.0) {
+            return Err(CameraError::Fovy(fovy));
+        }
+        if !(1..=Camera::MAX_SIDE).contains(&width) || !(1..=Camera::MAX_SIDE).contains(&height) {
+            return Err(CameraError::Size(width, height));
+        }
+        if !(near > 0.0 && near < far && far.is_finite()) {
+            return Err(CameraError::Planes(near, far));
+        }
+        let axes = axes(extrinsics)?;
+        let lens = match &lens {
+            Some(lens) => Some((Optics::new(lens, near)?, Optics::depth(lens, &extrinsics, axes[2])?)),
+            None => None,
+        };
+        let window_height = 2.0 * near * libm::tan(fovy.to_radians() / 2.0); // (5.2b)
+        let window_width = f64::from(width) / f64::from(height) * window_height; // (5.2c)
+        Ok(Camera {
+            eye,
+            axes,
+            near,
+            window: DVec2::new(window_width, window_height),
+            shift: DVec2::from(shift),
+            size: [width, height],
+            lens,
+            motion: None,
+        })
+    }
+
+    /// The camera of a view, which may move while the shutter is open.
+    ///
+    /// # Errors
+    /// [`CameraError`] says which parameters make no picture.
+    pub fn of(view: &View) -> Result<Camera, CameraError> {
+        let View { intrinsics, extrinsics, motion, .. } = view;
+        let Some(first) = motion.first() else { return Camera::new(intrinsics, extrinsics) };
+        let (mut poses, mut depths) = (Vec::new(), Vec::new());
+        for place in motion {
+            let camera = Camera::new(intrinsics, place).map_err(|e| match e {
+                CameraError::Lens(_) | CameraError::Motion(_) => e,
+                other => CameraError::Motion(other.to_string()),
+            })?;
+            let forward = DAffine3 {
+                matrix3: DMat3::from_cols_array_2d(&camera.axes.map(|a| a.to_array())),
+                translation: camera.eye,
+            };
+            poses.push(Transform::new(forward).map_err(|e| CameraError::Motion(e.to_string()))?);
+            depths.push(camera.lens.map_or(0.0, |(_, depth)| depth));
+        }
+        let path = Path::new(&poses).map_err(|e| CameraError::Motion(e.to_string()))?;
+        Ok(Camera { motion: Some(Motion { path, depths }), ..Camera::new(intrinsics, first)? })
+    }
+
+    /// Whether it is a pinhole that stays where it is, so that all rays are [`Camera::line`]s.
+    pub fn is_plain(&self) -> bool {
+        self.lens.is_none() && self.motion.is_none()
+    }
+
+    /// Whether it moves while the shutter is open.
+    pub fn moves(&self) -> bool {
+        self.motion.is_some()
+    }
+
+    /// The camera at a time in 0..=1, from the shutter's opening to its closing, standing still.
+    pub fn at(&self, time: f64) -> Camera {
+        let Some(Motion { path, depths }) = &self.motion else { return self.clone() };
+        let pose = path.at(time);
+        let (m, eye) = (pose.matrix().matrix3, pose.matrix().translation);
+        let x = time.clamp(0.0, 1.0) * (depths.len() - 1) as f64;
+        let index = (x as usize).min(depths.len() - 2);
+        let f = x - index as f64;
+        let depth = depths[index] * (1.0 - f) + depths[index + 1] * f;
+        Camera {
+            eye,
+            axes: [m.x_axis, m.y_axis, m.z_axis],
+            lens: self.lens.map(|(optics, _)| (optics, depth)),
+            motion: None,
+            ..*self
+        }
+    }
+
+    /// The ray for (x, y) that leaves the lens at `lens` of the unit square, at a time in 0..=1. A point of the plane of
+    /// focus is met through every point of the lens. With a `spacing` it knows how it changes to samples that many pixels
+    /// away, through the same point of the lens.
+    pub fn ray(&self, x: f64, y: f64, lens: [f64; 2], time: f64, spacing: Option<f64>) -> EyeRay {
+        if self.moves() {
+            return self.at(time).ray(x, y, lens, 0.0, spacing);
+        }
+        let Some((optics, depth)) = &self.lens else {
+            let spread = spacing.map(|spacing| self.spread(x, y, spacing));
+            return EyeRay { line: self.line(x, y), lens: None, spread };
+        };
+        let point = optics.point(lens);
+        let (eye, d) = self.chapter_ray(x, y);
+        let offset = self.axes[0] * point.x + self.axes[1] * point.y;
+        // d ends on the projection plane at depth d_f.
+        let scale = depth / self.near;
+        let d = d * scale - offset;
+        let spread = spacing.map(|spacing| self.spread_of(d, spacing * scale));
+        EyeRay { line: Line { origin: eye + offset, direction: d.normalize() }, lens: Some(point), spread }
+    }
+
+    /// The chapter's ray for (x, y) in pixels, y upwards: eye and d of (5.10), of the length that reaches the
+    /// projection plane. (0, 0) is the lower left corner of the picture, (w, h) the upper right one.
+    pub fn chapter_ray(&self, x: f64, y: f64) -> (DVec3, DVec3) {
+        let [x_e, y_e, z_e] = self.axes;
+        let u = self.window.x * (x / f64::from(self.size[0]) - 0.5 + self.shift.x);
+        let v = self.window.y * (y / f64::from(self.size[1]) - 0.5 + self.shift.y);
+        (self.eye, -z_e * self.near + y_e * v + x_e * u) // (5.10)
+    }
+
+    /// The same ray with a unit direction, as the integrators trace it.
+    pub fn line(&self, x: f64, y: f64) -> Line {
+        let (origin, d) = self.chapter_ray(x, y);
+        Line { origin, direction: d.normalize() }
+    }
+
+    /// How that ray changes to samples `spacing` pixels to the right and above (Igehy 1999, (8)).
+    pub fn spread(&self, x: f64, y: f64, spacing: f64) -> Spread {
+        let (_, d) = self.chapter_ray(x, y);
+        self.spread_of(d, spacing)
+    }
+
+    /// The same for a ray along `d`, which moves over the picture like the projection plane `scale` times as large.
+    fn spread_of(&self, d: DVec3, scale: f64) -> Spread {
+        let [x_e, y_e, _] = self.axes;
+        let [right, up] = [
+            x_e * (self.window.x * scale / f64::from(self.size[0])),
+            y_e * (self.window.y * scale / f64::from(self.size[1])),
+        ];
+        let length = d.length();
+        let unit = d / length;
+        let turn = |across: DVec3| (across - unit * unit.dot(across)) / length;
+        Spread { origin: [DVec3::ZERO; 2], direction: [turn(right), turn(up)] }
+    }
+
+    /// Where a point appears, in pixels with y upwards; `None` for points that are not in front of the eye. The
+    /// inverse of [`Camera::chapter_ray`].
+    pub fn project(&self, p: DVec3) -> Option<DVec2> {
+        let [x_e, y_e, z_e] = self.axes;
+        let v = p - self.eye;
+        let depth = -v.dot(z_e);
+        if depth.is_nan() || depth <= 0.0 {
+            return None;
+        }
+        let on_window = DVec2::new(v.dot(x_e), v.dot(y_e)) * (self.near / depth) / self.window;
+        let [w, h] = self.size.map(f64::from);
+        Some((on_window + 0.5 - self.shift) * DVec2::new(w, h))
+    }
+
+    /// The centre of projection.
+    pub fn eye(&self) -> DVec3 {
+        self.eye
+    }
+
+    /// The unit axes x̂ₑ, ŷₑ, ẑₑ of (5.3).
+    pub fn axes(&self) -> [DVec3; 3] {
+        self.axes
+    }
+
+    /// The picture's width and height in pixels.
+    pub fn size(&self) -> [u32; 2] {
+        self.size
+    }
+
+    /// d_f, the distance of the projection plane (5.2a).
+    pub fn focal_distance(&self) -> f64 {
+        self.near
+    }
+
+    /// The window's width and height on the projection plane (5.2b, c).
+    pub fn window(&self) -> DVec2 {
+        self.window
+    }
+}
+
+/// The unit axes x̂ₑ, ŷₑ, ẑₑ.
+fn axes(Extrinsics { eye, center, up }: Extrinsics) -> Result<[DVec3; 3], CameraError> {
+    let z = (eye - center).try_normalize().ok_or(CameraError::NoDirection)?; // (5.3a)
+    let sideways = up.try_normalize().ok_or(CameraError::NoUp)?.cross(z);
+    // The cross product of unit vectors is the sine between them: below this it holds no digits of `up`.
+    if sideways.length() < 1e-9 {
+        return Err(CameraError::NoUp);
+    }
+    let x = sideways.normalize(); // (5.3b)
+    Ok([x, z.cross(x), z]) // (5.3c)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Aperture, Focus, Lens};
+
+    fn exercise_1() -> (Intrinsics, Extrinsics) {
+        (
+            Intrinsics { fovy: 90.0, width: 400, height: 400, near: 30.0, far: 230.0, ..Intrinsics::default() },
+            Extrinsics { eye: DVec3::new(100.0, 40.0, 40.0), center: DVec3::ZERO, up: DVec3::Y },
+        )
+    }
+
+    #[test]
+    fn projecting_a_ray_gives_its_pixel_back() {
+        let (mut intrinsics, extrinsics) = exercise_1();
+        intrinsics.shift = [0.3, -0.2];
+        let camera = Camera::new(&intrinsics, &extrinsics).unwrap();
+        for (x, y) in [(0.0, 0.0), (210.0, 265.0), (399.5, 17.25)] {
+            let (eye, d) = camera.chapter_ray(x, y);
+            let back = camera.project(eye + d * 3.7).unwrap();
+            assert!((back - DVec2::new(x, y)).length() < 1e-9, "{back}");
+            assert_eq!(camera.project(eye - d), None);
+        }
+    }
+
+    #[test]
+    fn the_spread_is_the_difference_of_neighbouring_rays() {
+        let (mut intrinsics, extrinsics) = exercise_1();
+        (intrinsics.width, intrinsics.shift) = (300, [0.3, -0.2]);
+        let camera = Camera::new(&intrinsics, &extrinsics).unwrap();
+        for (x, y) in [(0.0, 0.0), (210.0, 265.0), (299.5, 17.25)] {
+            let at = |x, y| camera.line(x, y).direction;
+            let spread = camera.spread(x, y, 0.25);
+            let step = 1e-5;
+            let differences = [at(x + step, y) - at(x - step, y), at(x, y + step) - at(x, y - step)];
+            for (found, difference) in spread.direction.into_iter().zip(differences) {
+                let expected = difference * (0.25 / (2.0 * step));
+                assert!((found - expected).length() < 1e-6 * expected.length(), "{found} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn half_a_window_of_shift_puts_the_axis_on_the_edge() {
+        let (mut intrinsics, extrinsics) = exercise_1();
+        intrinsics.shift = [0.5, 0.0];
+        let camera = Camera::new(&intrinsics, &extrinsics).unwrap();
+        let (_, d) = camera.chapter_ray(0.0, 200.0);
+        assert!((d.normalize() + camera.axes()[2]).length() < 1e-12);
+    }
+
+    #[test]
+    fn degenerate_cameras_say_why() {
+        let (intrinsics, extrinsics) = exercise_1();
+        let error = |i: Intrinsics, e: Extrinsics| Camera::new(&i, &e).unwrap_err();
+        assert_eq!(error(intrinsics, Extrinsics { center: extrinsics.eye, ..extrinsics }), CameraError::NoDirection);
+        assert_eq!(error(intrinsics, Extrinsics { up: extrinsics.eye * 3.0, ..extrinsics }), CameraError::NoUp);
+        assert_eq!(error(intrinsics, Extrinsics { up: DVec3::ZERO, ..extrinsics }), CameraError::NoUp);
+        assert_eq!(error(Intrinsics { fovy: 180.0, ..intrinsics }, extrinsics), CameraError::Fovy(180.0));
+        assert_eq!(error(Intrinsics { width: 0, ..intrinsics }, extrinsics), CameraError::Size(0, 400));
+        assert_eq!(error(Intrinsics { near: 230.0, ..intrinsics }, extrinsics), CameraError::Planes(230.0, 230.0));
+        let nan = Extrinsics { eye: DVec3::NAN, ..extrinsics };
+        assert_eq!(error(intrinsics, nan), CameraError::NotFinite("eye"));
+    }
+
+    /// A point off the plane of focus is seen through each point of the lens in another place: the circle of confusion.
+    #[test]
+    fn points_are_blurred_by_the_circle_of_confusion() {
+        let (mut intrinsics, extrinsics) = exercise_1();
+        let (radius, focus) = (4.0, 120.0);
+        let lens = Lens { aperture: Aperture::Radius(radius), focus: Focus::Distance(focus), blades: 0, rotation: 0.0 };
+        intrinsics.lens = Some(lens);
+        let camera = Camera::new(&intrinsics, &extrinsics).unwrap();
+        let plain = Camera::new(&Intrinsics { lens: None, ..intrinsics }, &extrinsics).unwrap();
+        assert!(plain.is_plain() && !camera.is_plain());
+        let n = 64;
+        let at = |i: u32| (f64::from(i) + 0.5) / f64::from(n);
+        for depth in [40.0, 120.0, 700.0] {
+            // Where rays through pixel (150, 260) meet the plane at this depth, in pixels from where the pinhole's does.
+            let z = camera.axes()[2];
+            let (mut largest, mut squares) = (0f64, 0.0);
+            for i in 0..n * n {
+                let EyeRay { line, lens, .. } = camera.ray(150.0, 260.0, [at(i % n), at(i / n)], 0.0, None);
+                assert!(lens.unwrap().length() <= radius && (line.direction.length() - 1.0).abs() < 1e-12);
+                assert!(((line.origin - camera.eye()).dot(z)).abs() < 1e-9, "the lens is parallel to the film");
+                let t = (depth + (line.origin - camera.eye()).dot(z)) / -line.direction.dot(z);
+                let pixel = plain.project(line.origin + line.direction * t).unwrap();
+                let off = (pixel - DVec2::new(150.0, 260.0)).length();
+                largest = largest.max(off);
+                squares += off * off / f64::from(n * n);
+            }
+            // r |f - z| / f at this depth; 200 pixels are as wide as the depth, since fovy is 90°.
+            let circle = radius * (focus - depth).abs() / focus * 200.0 / depth;
+            assert!((largest - circle).abs() <= 0.02 * circle + 1e-9, "depth {depth}: {largest}, not {circle}");
+            assert!(
+                (squares - circle * circle / 2.0).abs() <= 1e-3 * circle * circle + 1e-9,
+                "depth {depth}: not even"
+            );
+        }
+    }
+
+    #[test]
+    fn the_spread_through_a_lens_is_the_difference_of_neighbouring_rays() {
+        let (mut intrinsics, extrinsics) = exercise_1();
+        let lens = Lens { aperture: Aperture::Radius(5.0), focus: Focus::Center, blades: 7, rotation: 3.0 };
+        intrinsics.lens = Some(lens);
+        let camera = Camera::new(&intrinsics, &extrinsics).unwrap();
+        let at = |x, y| camera.ray(x, y, [0.7, 0.4], 0.0, Some(0.25));
+        let (spread, step) = (at(210.0, 30.0).spread.unwrap(), 1e-5);
+        let change = |a: EyeRay, b: EyeRay| (a.line.direction - b.line.direction) * (0.25 / (2.0 * step));
+        let differences = [
+            change(at(210.0 + step, 30.0), at(210.0 - step, 30.0)),
+            change(at(210.0, 30.0 + step), at(210.0, 30.0 - step)),
+        ];
+        for (found, expected) in spread.direction.into_iter().zip(differences) {
+            assert!((found - expected).length() < 1e-6 * expected.length(), "{found} {expected}");
+        }
+    }
+
+    #[test]
+    fn apertures_and_focus_have_two_forms() {
+        let (mut intrinsics, extrinsics) = exercise_1();
+        let of = |lens| Camera::new(&Intrinsics { lens: Some(lens), ..intrinsics }, &extrinsics);
+        // 30 / (2 · 2.5); the centre lies |(100, 40, 40)| away on the axis.
+        let number = Lens { aperture: Aperture::Number(2.5), focus: Focus::Center, blades: 6, rotation: 15.0 };
+        let distance = 13200f64.sqrt();
+        let radius = Lens { aperture: Aperture::Radius(6.0), focus: Focus::Distance(distance), ..number };
+        let point = Lens { focus: Focus::Point(DVec3::ZERO), ..number };
+        let [a, b, c] =
+            [of(number), of(radius), of(point)].map(|c| c.unwrap().ray(3.0, 4.0, [0.2, 0.9], 0.0, None).line);
+        for b in [b, c] {
+            assert!((a.origin - b.origin).length() < 1e-9 && (a.direction - b.direction).length() < 1e-12);
+        }
+        for (wrong, word) in [
+            (Lens { aperture: Aperture::Radius(0.0), ..radius }, "lens: radius is 0"),
+            (Lens { aperture: Aperture::Number(-1.0), ..radius }, "lens: f-number is -1"),
+            (Lens { focus: Focus::Distance(0.0), ..radius }, "lens: focus is 0"),
+            (Lens { focus: Focus::Point(DVec3::splat(200.0)), ..radius }, "in front of the eye"),
+            (Lens { blades: 2, ..radius }, "lens: blades is 2"),
+        ] {
+            assert!(of(wrong).unwrap_err().to_string().contains(word), "{word}");
+        }
+        intrinsics.lens = Some(radius);
+        assert!(Camera::new(&intrinsics, &extrinsics).is_ok());
+    }
+
+    #[test]
+    fn a_moving_camera_goes_through_its_places_and_turns_between() {
+        let (intrinsics, extrinsics) = exercise_1();
+        let circle = |degrees: f64| {
+            let (sin, cos) = libm::sincos(degrees.to_radians());
+            Extrinsics { eye: DVec3::new(100.0 * sin, 0.0, 100.0 * cos), ..extrinsics }
+        };
+        let motion = vec![circle(0.0), circle(60.0), circle(90.0)];
+        let view = View { name: "v".into(), intrinsics, extrinsics, motion };
+        let camera = Camera::of(&view).unwrap();
+        for (time, degrees) in [(0.0, 0.0), (0.5, 60.0), (1.0, 90.0)] {
+            let (still, there) = (camera.at(time), Camera::new(&intrinsics, &circle(degrees)).unwrap());
+            assert!((still.eye() - there.eye()).length() < 1e-12);
+            assert!((0..3).all(|i| (still.axes()[i] - there.axes()[i]).length() < 1e-12), "{time}");
+            let (a, b) = (camera.ray(7.0, 9.0, [0.5; 2], time, None).line, there.line(7.0, 9.0));
+            assert!((a.direction - b.direction).length() < 1e-12);
+        }
+        // Half way along the chord, and looking half way round.
+        let between = camera.at(0.25);
+        assert!((between.eye() - (circle(0.0).eye + circle(60.0).eye) / 2.0).length() < 1e-12);
+        assert!((between.axes()[2] - circle(30.0).eye / 100.0).length() < 1e-12);
+        assert!(Camera::of(&View { motion: vec![circle(0.0)], ..view }).unwrap_err().to_string().contains("2 poses"));
+    }
+}
