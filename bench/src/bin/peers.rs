@@ -9,7 +9,7 @@ use canaletto_bench::peers::embree::{Quality, Settings};
 use canaletto_bench::peers::mesh::{RECIPES, Recipe};
 use canaletto_bench::peers::rays::SETS;
 use canaletto_bench::peers::statistics::Clock;
-use canaletto_bench::peers::trace;
+use canaletto_bench::peers::{build, trace};
 use clap::{Parser, Subcommand};
 
 #[derive(Parser)]
@@ -38,6 +38,12 @@ struct Arguments {
 enum What {
     /// Rays through triangle meshes, ours and Embree's.
     Rays(Rays),
+    /// Hierarchies over triangle meshes, ours and Embree's.
+    Build {
+        /// Meshes, see `list`; all by default.
+        #[arg(long, value_delimiter = ',', value_parser = recipe)]
+        mesh: Vec<Recipe>,
+    },
     /// The meshes and ray sets there are.
     List,
 }
@@ -71,6 +77,11 @@ fn recipe(name: &str) -> Result<Recipe, String> {
     RECIPES.into_iter().find(|r| r.name == name).ok_or(format!("there are {names}"))
 }
 
+/// All if none is named.
+fn meshes(named: Vec<Recipe>) -> Vec<Recipe> {
+    if named.is_empty() { RECIPES.to_vec() } else { named }
+}
+
 fn main() -> ExitCode {
     match run(Arguments::parse()) {
         Ok(()) => ExitCode::SUCCESS,
@@ -88,7 +99,7 @@ fn run(arguments: Arguments) -> Result<(), String> {
     }
     let report = match what {
         What::Rays(Rays { mesh, sets, quality, robust, compact }) => trace::run(&trace::Options {
-            meshes: if mesh.is_empty() { RECIPES.to_vec() } else { mesh },
+            meshes: meshes(mesh),
             sets,
             threads,
             clock,
@@ -96,6 +107,9 @@ fn run(arguments: Arguments) -> Result<(), String> {
             rounds: rounds.into(),
             settings: Settings { quality, robust, compact },
         })?,
+        What::Build { mesh } => {
+            build::run(&build::Options { meshes: meshes(mesh), threads, clock, rounds: rounds.into() })?
+        }
         What::List => {
             RECIPES.iter().for_each(|recipe| println!("{:12} {}", recipe.name, recipe.about));
             println!();

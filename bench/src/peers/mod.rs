@@ -4,6 +4,7 @@
 //! anyone has the same.
 
 mod atrium;
+pub mod build;
 pub mod embree;
 mod field;
 pub mod mesh;

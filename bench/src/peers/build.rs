@@ -1,0 +1,126 @@
+//! Building hierarchies over meshes: seconds, memory kept and memory needed on the way.
+
+use serde_json::{Value, json};
+
+use super::embree::{Embree, Quality, Settings};
+use super::mesh::{Mesh, Recipe};
+use super::ours::Ours;
+use super::statistics::{Clock, Times};
+
+/// What to compare.
+pub struct Options {
+    /// The meshes.
+    pub meshes: Vec<Recipe>,
+    /// Numbers of threads.
+    pub threads: Vec<usize>,
+    /// What times are.
+    pub clock: Clock,
+    /// How many times each takes its turn.
+    pub rounds: usize,
+}
+
+/// Who builds: their name, seconds per round, bytes that a build keeps and the most it needed on the way.
+#[derive(Default)]
+struct Builder {
+    name: &'static str,
+    times: Times,
+    bytes: usize,
+    peak: usize,
+}
+
+impl Builder {
+    /// One round. What is built is dropped off the clock; `bytes` tells its size.
+    fn turn<T>(
+        &mut self,
+        clock: Clock,
+        warm_up: bool,
+        build: impl FnOnce() -> Result<T, String>,
+        bytes: impl FnOnce(&T) -> usize,
+    ) -> Result<(), String> {
+        let before = resident_peak(true);
+        let mut built = None;
+        let seconds = clock.time(|| built = Some(build()));
+        let peak = resident_peak(false).saturating_sub(before);
+        let Some(built) = built else { return Ok(()) };
+        self.bytes = bytes(&built?);
+        if warm_up {
+            // Later rounds may find pages that the allocator kept.
+            self.peak = peak;
+        } else {
+            self.times.0.push(seconds);
+        }
+        Ok(())
+    }
+}
+
+/// The most bytes that the process had in memory since the last time that this was called with `reset`; only on Linux, else 0.
+fn resident_peak(reset: bool) -> usize {
+    if reset {
+        // Where this isn't allowed, peaks are those of the whole run.
+        let _ = std::fs::write("/proc/self/clear_refs", "5");
+    }
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    line.and_then(|line| line.split_whitespace().next()?.parse::<usize>().ok()).unwrap_or(0) * 1024
+}
+
+/// Compares and prints, and tells all in JSON.
+pub fn run(options: &Options) -> Result<Value, String> {
+    println!("{} interleaved rounds, medians; ratio: their time / ours [least, greatest of a round]", options.rounds);
+    println!("kept: what Embree says that it allocated, what ours takes for tracing; peak: growth of the process\n");
+    println!("{:10} {:>2} {:>14} {:>9} {:>9} {:>9}   ratio", "mesh", "th", "builder", "s", "kept MiB", "peak MiB");
+    let mut rows = Vec::new();
+    for recipe in &options.meshes {
+        let mesh = recipe.make();
+        for &threads in &options.threads {
+            rows.extend(compare(&mesh, threads, options)?);
+        }
+    }
+    Ok(json!({ "what": "build", "rounds": options.rounds, "clock": format!("{:?}", options.clock), "rows": rows }))
+}
+
+fn compare(mesh: &Mesh, threads: usize, options: &Options) -> Result<Vec<Value>, String> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|e| e.to_string())?;
+    let embree = Embree::new(threads).map_err(|message| println!("{message}")).ok();
+    let shared = embree.as_ref().map(|embree| embree.prepare(mesh));
+    let peers = [("Embree medium", Quality::Medium), ("Embree high", Quality::High)];
+    let mut builders = vec![Builder { name: "ours", ..Builder::default() }];
+    if embree.is_some() {
+        builders.extend(peers.map(|(name, _)| Builder { name, ..Builder::default() }));
+    }
+    for round in 0..=options.rounds {
+        for builder in &mut builders {
+            let quality = peers.iter().find(|peer| peer.0 == builder.name).map(|peer| peer.1);
+            match (quality, &embree, &shared) {
+                (Some(quality), Some(embree), Some(shared)) => builder.turn(
+                    options.clock,
+                    round == 0,
+                    || {
+                        let settings = Settings { quality, robust: false, compact: false };
+                        embree.build(shared, settings)
+                    },
+                    |scene| scene.bytes,
+                )?,
+                _ => builder.turn(options.clock, round == 0, || pool.install(|| Ours::build(mesh)), Ours::bytes)?,
+            }
+        }
+    }
+    let mebi = |bytes: usize| bytes as f64 / f64::from(1 << 20);
+    let mut rows = Vec::new();
+    for builder in &builders {
+        let ratio = builders[0].times.faster_than(&builder.times);
+        println!(
+            "{:10} {threads:2} {:>14} {:9.4} {:9.1} {:9.1}   {ratio}",
+            mesh.name,
+            builder.name,
+            builder.times.median(),
+            mebi(builder.bytes),
+            mebi(builder.peak)
+        );
+        rows.push(json!({ "mesh": mesh.name, "triangles": mesh.triangles.len(), "threads": threads,
+            "builder": builder.name, "seconds": builder.times.0, "bytes": builder.bytes, "peak": builder.peak,
+            "ratio": ratio.median, "ratio_min": ratio.min, "ratio_max": ratio.max }));
+    }
+    println!();
+    Ok(rows)
+}
