@@ -8,8 +8,9 @@ use std::process::ExitCode;
 use canaletto_bench::peers::embree::{Quality, Settings};
 use canaletto_bench::peers::mesh::{RECIPES, Recipe};
 use canaletto_bench::peers::rays::SETS;
+use canaletto_bench::peers::stages::{self, Stage};
 use canaletto_bench::peers::statistics::Clock;
-use canaletto_bench::peers::{build, trace};
+use canaletto_bench::peers::{build, pictures, recursion, trace};
 use clap::{Parser, Subcommand};
 
 #[derive(Parser)]
@@ -43,6 +44,24 @@ enum What {
         /// Meshes, see `list`; all by default.
         #[arg(long, value_delimiter = ',', value_parser = recipe)]
         mesh: Vec<Recipe>,
+    },
+    /// Whole pictures by whole processes: ours, a plain recursion over Embree, POV-Ray, Tachyon.
+    Pictures {
+        /// The scenes; all by default.
+        #[arg(long = "scene", value_enum, value_delimiter = ',', default_value = "balls,serpent,shapes")]
+        stages: Vec<Stage>,
+        /// Let Tachyon render meshes, too, which takes minutes.
+        #[arg(long)]
+        slow: bool,
+    },
+    /// The chapter's scene of 230 × 230 beside starting a process and writing a PNG alone.
+    Start,
+    /// Renders one picture by a plain recursion over Embree's single rays.
+    #[command(hide = true)]
+    Recursion {
+        scene: PathBuf,
+        #[arg(short, value_name = "FILE")]
+        o: PathBuf,
     },
     /// The meshes and ray sets there are.
     List,
@@ -109,6 +128,16 @@ fn run(arguments: Arguments) -> Result<(), String> {
         })?,
         What::Build { mesh } => {
             build::run(&build::Options { meshes: meshes(mesh), threads, clock, rounds: rounds.into() })?
+        }
+        What::Pictures { stages, slow } => {
+            let rounds = rounds.into();
+            pictures::run(&pictures::Options { stages, threads, clock, size, rounds, slow })?
+        }
+        What::Start => pictures::start(&threads, rounds.into(), clock)?,
+        What::Recursion { scene, o } => {
+            let [build, trace] = recursion::render(&stages::load(&scene)?, size, threads[0], &o)?;
+            println!("built in {build:.3} s, traced in {trace:.3} s");
+            return Ok(());
         }
         What::List => {
             RECIPES.iter().for_each(|recipe| println!("{:12} {}", recipe.name, recipe.about));

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::embree::{Embree, Quality, Settings};
+use super::embree::{Embree, Part, Quality, Settings};
 use super::mesh::{Mesh, Recipe};
 use super::ours::Ours;
 use super::statistics::{Clock, Times};
@@ -82,7 +82,7 @@ pub fn run(options: &Options) -> Result<Value, String> {
 fn compare(mesh: &Mesh, threads: usize, options: &Options) -> Result<Vec<Value>, String> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|e| e.to_string())?;
     let embree = Embree::new(threads).map_err(|message| println!("{message}")).ok();
-    let shared = embree.as_ref().map(|embree| embree.prepare(mesh));
+    let parts = [Part::triangles(&mesh.positions, &mesh.triangles)];
     let peers = [("Embree medium", Quality::Medium), ("Embree high", Quality::High)];
     let mut builders = vec![Builder { name: "ours", ..Builder::default() }];
     if embree.is_some() {
@@ -91,13 +91,13 @@ fn compare(mesh: &Mesh, threads: usize, options: &Options) -> Result<Vec<Value>,
     for round in 0..=options.rounds {
         for builder in &mut builders {
             let quality = peers.iter().find(|peer| peer.0 == builder.name).map(|peer| peer.1);
-            match (quality, &embree, &shared) {
-                (Some(quality), Some(embree), Some(shared)) => builder.turn(
+            match (quality, &embree) {
+                (Some(quality), Some(embree)) => builder.turn(
                     options.clock,
                     round == 0,
                     || {
                         let settings = Settings { quality, robust: false, compact: false };
-                        embree.build(shared, settings)
+                        embree.build(&parts, settings)
                     },
                     |scene| scene.bytes,
                 )?,

@@ -9,9 +9,9 @@
 use std::ffi::{CString, c_char, c_void};
 use std::sync::atomic::{AtomicIsize, Ordering};
 
+use glam::Vec3;
 use libloading::Library;
 
-use super::mesh::Mesh;
 use super::rays::{Packet, Segment};
 use super::trace::{Hits, Tracer};
 
@@ -24,7 +24,11 @@ const FORMAT_UINT3: i32 = 0x5003;
 const FORMAT_FLOAT3: i32 = 0x9003;
 const BUFFER_INDEX: i32 = 0;
 const BUFFER_VERTEX: i32 = 1;
+const FORMAT_UINT: i32 = 0x5001;
+const FORMAT_FLOAT4: i32 = 0x9004;
 const TRIANGLES: i32 = 0;
+const CONES: i32 = 15;
+const SPHERES: i32 = 50;
 const COHERENT: i32 = 1;
 
 /// How well the tree is built.
@@ -235,41 +239,57 @@ impl Embree {
         format!("{}.{}.{}", part(1), part(2), part(3))
     }
 
-    /// Copies a mesh into the layout that Embree shares.
-    pub fn prepare(&self, mesh: &Mesh) -> Shared {
-        let mut positions: Vec<[f32; 3]> = Vec::with_capacity(mesh.positions.len() + 1);
-        positions.extend(mesh.positions.iter().map(|p| p.to_array()));
-        // Embree reads 16 bytes of the last vertex, too.
-        positions.push([0.0; 3]);
-        Shared { positions, triangles: mesh.triangles.clone() }
-    }
-
-    /// Builds a scene over a mesh.
-    pub fn build<'a>(&'a self, shared: &'a Shared, settings: Settings) -> Result<Scene<'a>, String> {
+    /// Builds a scene over parts; the primitives of each are numbered after those of the parts before it.
+    pub fn build<'a>(&'a self, parts: &'a [Part], settings: Settings) -> Result<Scene<'a>, String> {
         let f = &self.functions;
         let before = self.memory.now.load(Ordering::Relaxed);
         self.memory.peak.store(before, Ordering::Relaxed);
-        let Shared { positions, triangles } = shared;
         let flags = i32::from(settings.compact) << 1 | i32::from(settings.robust) << 2;
-        // SAFETY: the buffers are as long as said, the vertices with one more behind, and borrowed for the scene's life.
+        // SAFETY: the device is valid.
         let scene = unsafe {
             let scene = (f.new_scene)(self.device);
             (f.set_quality)(scene, settings.quality as i32);
             (f.set_flags)(scene, flags);
-            let geometry = (f.new_geometry)(self.device, TRIANGLES);
-            let (points, count) = (positions.as_ptr().cast(), positions.len() - 1);
-            (f.share_buffer)(geometry, BUFFER_VERTEX, 0, FORMAT_FLOAT3, points, 0, 12, count);
-            let (indices, count) = (triangles.as_ptr().cast(), triangles.len());
-            (f.share_buffer)(geometry, BUFFER_INDEX, 0, FORMAT_UINT3, indices, 0, 12, count);
-            (f.commit_geometry)(geometry);
-            (f.attach)(scene, geometry);
-            (f.release_geometry)(geometry);
-            (f.commit_scene)(scene);
             scene
         };
+        let mut bases = vec![0];
+        for part in parts {
+            let kind = match part {
+                Part::Triangles { .. } => TRIANGLES,
+                Part::Spheres(_) => SPHERES,
+                Part::Cylinders { .. } => CONES,
+            };
+            // SAFETY: each buffer is as long as said, borrowed for the scene's life, and where 16 bytes would be read of
+            // a last element of 12, one more is behind it.
+            unsafe {
+                let geometry = (f.new_geometry)(self.device, kind);
+                let share = |buffer, format, pointer: *const c_void, stride, count| {
+                    (f.share_buffer)(geometry, buffer, 0, format, pointer, 0, stride, count);
+                };
+                match part {
+                    Part::Triangles { positions, triangles } => {
+                        share(BUFFER_VERTEX, FORMAT_FLOAT3, positions.as_ptr().cast(), 12, positions.len() - 1);
+                        share(BUFFER_INDEX, FORMAT_UINT3, triangles.as_ptr().cast(), 12, triangles.len());
+                    }
+                    Part::Spheres(spheres) => {
+                        share(BUFFER_VERTEX, FORMAT_FLOAT4, spheres.as_ptr().cast(), 16, spheres.len());
+                    }
+                    Part::Cylinders { ends, firsts } => {
+                        share(BUFFER_VERTEX, FORMAT_FLOAT4, ends.as_ptr().cast(), 16, ends.len());
+                        share(BUFFER_INDEX, FORMAT_UINT, firsts.as_ptr().cast(), 4, firsts.len());
+                    }
+                }
+                (f.commit_geometry)(geometry);
+                (f.attach)(scene, geometry);
+                (f.release_geometry)(geometry);
+            }
+            bases.push(bases[bases.len() - 1] + part.len() as u32);
+        }
+        // SAFETY: the scene is valid and all its geometries are committed.
+        unsafe { (f.commit_scene)(scene) };
         let bytes = self.memory.now.load(Ordering::Relaxed) - before;
         let peak = self.memory.peak.load(Ordering::Relaxed) - before;
-        let scene = Scene { embree: self, scene, bytes: bytes.max(0) as usize, peak: peak.max(0) as usize };
+        let scene = Scene { embree: self, scene, bases, bytes: bytes.max(0) as usize, peak: peak.max(0) as usize };
         // SAFETY: the device is valid.
         match unsafe { (f.device_error)(self.device) } {
             0 => Ok(scene),
@@ -285,16 +305,57 @@ impl Drop for Embree {
     }
 }
 
-/// A mesh in Embree's layout.
-pub struct Shared {
-    positions: Vec<[f32; 3]>,
-    triangles: Vec<[u32; 3]>,
+/// Primitives of one kind in Embree's layout.
+pub enum Part {
+    /// Triangles.
+    Triangles {
+        /// Corners, and one more that is none.
+        positions: Vec<[f32; 3]>,
+        /// Each three corners.
+        triangles: Vec<[u32; 3]>,
+    },
+    /// Spheres: centre and radius.
+    Spheres(Vec<[f32; 4]>),
+    /// Cylinders with closed ends.
+    Cylinders {
+        /// The ends of all axes, each with its radius.
+        ends: Vec<[f32; 4]>,
+        /// The first end of each; the other one follows.
+        firsts: Vec<u32>,
+    },
 }
 
-/// A mesh in Embree.
+impl Part {
+    /// Triangles from their corners.
+    pub fn triangles(positions: &[Vec3], triangles: &[[u32; 3]]) -> Self {
+        let mut copy: Vec<[f32; 3]> = Vec::with_capacity(positions.len() + 1);
+        copy.extend(positions.iter().map(|p| p.to_array()));
+        copy.push([0.0; 3]);
+        Self::Triangles { positions: copy, triangles: triangles.to_vec() }
+    }
+
+    /// Cylinders from their axes and radii.
+    pub fn cylinders(all: impl Iterator<Item = ([Vec3; 2], f32)>) -> Self {
+        let ends: Vec<[f32; 4]> = all.flat_map(|(axis, r)| axis.map(|p| p.extend(r).to_array())).collect();
+        let firsts = (0..ends.len() as u32).step_by(2).collect();
+        Self::Cylinders { ends, firsts }
+    }
+
+    pub(super) fn len(&self) -> usize {
+        match self {
+            Self::Triangles { triangles, .. } => triangles.len(),
+            Self::Spheres(spheres) => spheres.len(),
+            Self::Cylinders { firsts, .. } => firsts.len(),
+        }
+    }
+}
+
+/// A scene in Embree.
 pub struct Scene<'a> {
     embree: &'a Embree,
     scene: Pointer,
+    /// The number of each part's first primitive, and of all.
+    bases: Vec<u32>,
     /// What Embree allocated for it and kept; the shared buffers don't count.
     pub bytes: usize,
     /// The most that Embree had allocated while it built.
@@ -310,6 +371,58 @@ impl Drop for Scene<'_> {
     fn drop(&mut self) {
         // SAFETY: the scene is released once.
         unsafe { (self.embree.functions.release_scene)(self.scene) }
+    }
+}
+
+/// What a ray hits.
+#[derive(Clone, Copy, Debug)]
+pub struct Found {
+    /// The ray's parameter.
+    pub t: f32,
+    /// The primitive, as all parts count.
+    pub id: u32,
+    /// The geometric normal, of any length.
+    pub normal: Vec3,
+}
+
+impl Scene<'_> {
+    /// The number of a primitive as all parts count; without a hit, `u32::MAX`.
+    #[inline]
+    fn number(&self, geometry: u32, primitive: u32) -> u32 {
+        if self.bases.len() == 2 || primitive == INVALID {
+            primitive
+        } else {
+            self.bases[geometry as usize] + primitive
+        }
+    }
+
+    #[inline]
+    fn intersect(&self, segment: &Segment, context: &mut Context) -> RayHit1 {
+        let hit = Hit1 { normal: [0.0; 3], u: 0.0, v: 0.0, primitive: INVALID, geometry: INVALID, instance: INVALID };
+        let mut both = RayHit1 { ray: single(segment), hit };
+        // SAFETY: a committed scene, and a ray laid out as declared.
+        unsafe { (self.embree.functions.intersect1)(self.scene, context, &raw mut both) };
+        both
+    }
+
+    #[inline]
+    fn meets(&self, segment: &Segment, context: &mut Context) -> bool {
+        let mut ray = single(segment);
+        // SAFETY: a committed scene, and a ray laid out as declared.
+        unsafe { (self.embree.functions.occluded1)(self.scene, context, &raw mut ray) };
+        ray.far < 0.0
+    }
+
+    /// The nearest hit of one ray.
+    pub fn nearest(&self, segment: &Segment) -> Option<Found> {
+        let RayHit1 { ray, hit } = self.intersect(segment, &mut context(false));
+        let id = self.number(hit.geometry, hit.primitive);
+        (id != INVALID).then_some(Found { t: ray.far, id, normal: hit.normal.into() })
+    }
+
+    /// Whether one ray hits anything.
+    pub fn occluded(&self, segment: &Segment) -> bool {
+        self.meets(segment, &mut context(false))
     }
 }
 
@@ -331,25 +444,18 @@ fn single(segment: &Segment) -> Ray1 {
 
 impl Tracer for Single<'_> {
     fn closest(&self, rays: &[Segment], _packets: &[Packet], coherent: bool, out: &mut Hits<'_>) {
-        let (f, mut context) = (&self.0.embree.functions, context(coherent));
+        let mut context = context(coherent);
         for (i, segment) in rays.iter().enumerate() {
-            let hit =
-                Hit1 { normal: [0.0; 3], u: 0.0, v: 0.0, primitive: INVALID, geometry: INVALID, instance: INVALID };
-            let mut both = RayHit1 { ray: single(segment), hit };
-            // SAFETY: a committed scene, and a ray laid out as declared.
-            unsafe { (f.intersect1)(self.0.scene, &raw mut context, &raw mut both) };
-            (out.t[i], out.u[i], out.v[i]) = (both.ray.far, both.hit.u, both.hit.v);
-            out.id[i] = both.hit.primitive;
+            let RayHit1 { ray, hit } = self.0.intersect(segment, &mut context);
+            (out.t[i], out.u[i], out.v[i]) = (ray.far, hit.u, hit.v);
+            out.id[i] = self.0.number(hit.geometry, hit.primitive);
         }
     }
 
     fn any(&self, rays: &[Segment], _packets: &[Packet], coherent: bool, out: &mut [u8]) {
-        let (f, mut context) = (&self.0.embree.functions, context(coherent));
+        let mut context = context(coherent);
         for (segment, out) in rays.iter().zip(out) {
-            let mut ray = single(segment);
-            // SAFETY: a committed scene, and a ray laid out as declared.
-            unsafe { (f.occluded1)(self.0.scene, &raw mut context, &raw mut ray) };
-            *out = u8::from(ray.far < 0.0);
+            *out = u8::from(self.0.meets(segment, &mut context));
         }
     }
 }
@@ -399,7 +505,9 @@ fn closest<const N: usize>(
         out.t[first..first + n].copy_from_slice(&both.ray.far[..n]);
         out.u[first..first + n].copy_from_slice(&both.u[..n]);
         out.v[first..first + n].copy_from_slice(&both.v[..n]);
-        out.id[first..first + n].copy_from_slice(&both.primitive[..n]);
+        for (lane, out) in out.id[first..first + n].iter_mut().enumerate() {
+            *out = scene.number(both.geometry[lane], both.primitive[lane]);
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
-use super::embree::{Eights, Embree, Settings, Single, Sixteens};
+use super::embree::{Eights, Embree, Part, Scene, Settings, Single, Sixteens};
 use super::mesh::{Mesh, Recipe};
 use super::ours::Ours;
 use super::rays::{self, Packet, RaySet, Segment};
@@ -132,14 +132,14 @@ impl Differences {
 }
 
 /// Closest hits by our side, for making rays.
-fn hits(ours: &Ours, rays: &[Segment]) -> Vec<Option<(u32, f32)>> {
+pub(super) fn hits(ours: &dyn Tracer, rays: &[Segment]) -> Vec<Option<(u32, f32)>> {
     let set = RaySet::new("", false, false, rays.to_vec());
     let mut results = Results::for_rays(&set);
     results.trace(ours, &set);
     results.id.iter().zip(results.t).map(|(&id, t)| (id != u32::MAX).then_some((id, t))).collect()
 }
 
-fn pool(threads: usize) -> Result<rayon::ThreadPool, String> {
+pub(super) fn pool(threads: usize) -> Result<rayon::ThreadPool, String> {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|e| e.to_string())
 }
 
@@ -179,30 +179,51 @@ fn compare(mesh: &Mesh, embree: Option<&Embree>, options: &Options) -> Result<Ve
     let most = options.threads.iter().copied().max().unwrap_or(1);
     let everyone = pool(most)?;
     let ours = everyone.install(|| Ours::build(mesh))?;
-    let shared = embree.map(|embree| embree.prepare(mesh));
-    let scene = match (embree, &shared) {
-        (Some(embree), Some(shared)) => Some(embree.build(shared, options.settings)?),
-        _ => None,
-    };
+    let parts = [Part::triangles(&mesh.positions, &mesh.triangles)];
+    let scene = embree.map(|embree| embree.build(&parts, options.settings)).transpose()?;
     let wanted = |name: &str| options.sets.is_empty() || options.sets.iter().any(|s| s == name);
     let sets = everyone.install(|| rays::make(mesh, options.size, wanted, |rays| hits(&ours, rays)));
-    let singles = scene.as_ref().map(Single);
-    let eights = scene.as_ref().map(Eights);
-    let sixteens = scene.as_ref().map(Sixteens);
+    println!("{}: {} triangles", mesh.name, mesh.triangles.len());
+    rounds(mesh.name, mesh.extent(), &sets, &ours, scene.as_ref(), options.into())
+}
+
+/// How often and how to take turns.
+#[derive(Clone, Copy)]
+pub(super) struct Turns<'a> {
+    pub(super) threads: &'a [usize],
+    pub(super) rounds: usize,
+    pub(super) clock: Clock,
+}
+
+impl<'a> From<&'a Options> for Turns<'a> {
+    fn from(options: &'a Options) -> Self {
+        Self { threads: &options.threads, rounds: options.rounds, clock: options.clock }
+    }
+}
+
+/// Traces all sets on a scene of that name and extent, and prints a line for each and number of threads.
+pub(super) fn rounds(
+    name: &str,
+    extent: f32,
+    sets: &[RaySet],
+    ours: &dyn Tracer,
+    scene: Option<&Scene<'_>>,
+    turns: Turns<'_>,
+) -> Result<Vec<Value>, String> {
+    let (singles, eights, sixteens) = (scene.map(Single), scene.map(Eights), scene.map(Sixteens));
     let mut peers: Vec<(&str, &dyn Tracer)> = Vec::new();
     if let (Some(singles), Some(eights), Some(sixteens)) = (&singles, &eights, &sixteens) {
         peers.extend([("1", singles as &dyn Tracer), ("8", eights), ("16", sixteens)]);
     }
-    println!("{}: {} triangles", mesh.name, mesh.triangles.len());
     println!(
         "{:11} {:>2} {:>5} | {:>7} {:>7} {:>7} {:>7} | {:>17} {:>17} {:>17} | hits that differ",
         "rays", "th", "Mrays", "ours", "e1", "e8", "e16", "ours/e1", "ours/e8", "ours/e16"
     );
     let mut rows = Vec::new();
-    for set in &sets {
-        for &threads in &options.threads {
+    for set in sets {
+        for &threads in turns.threads {
             let pool = pool(threads)?;
-            rows.push(pool.install(|| row(mesh, set, threads, &ours, &peers, options)));
+            rows.push(pool.install(|| row(name, extent, set, threads, ours, &peers, turns)));
         }
     }
     println!();
@@ -210,21 +231,22 @@ fn compare(mesh: &Mesh, embree: Option<&Embree>, options: &Options) -> Result<Ve
 }
 
 fn row(
-    mesh: &Mesh,
+    name: &str,
+    extent: f32,
     set: &RaySet,
     threads: usize,
-    ours: &Ours,
+    ours: &dyn Tracer,
     peers: &[(&str, &dyn Tracer)],
-    options: &Options,
+    turns: Turns<'_>,
 ) -> Value {
     let mut contestants: Vec<&dyn Tracer> = vec![ours];
     contestants.extend(peers.iter().map(|peer| peer.1));
     let mut results: Vec<Results> = contestants.iter().map(|_| Results::for_rays(set)).collect();
     let mut times = vec![Times::default(); contestants.len()];
     // The first round warms up and is where the hits come from.
-    for round in 0..=options.rounds {
+    for round in 0..=turns.rounds {
         for (i, &tracer) in contestants.iter().enumerate() {
-            let seconds = options.clock.time(|| results[i].trace(tracer, set));
+            let seconds = turns.clock.time(|| results[i].trace(tracer, set));
             if round > 0 {
                 times[i].0.push(seconds);
             }
@@ -232,7 +254,6 @@ fn row(
     }
     let rate = |i: usize| times.get(i).map_or(f64::NAN, |t| set.rays.len() as f64 / t.median() / 1e6);
     let ratios: Vec<_> = times[1..].iter().map(|theirs| times[0].faster_than(theirs)).collect();
-    let extent = mesh.extent();
     let differences: Vec<_> = results[1..].iter().map(|r| Differences::between(&results[0], r, extent)).collect();
     let hit = results[0].id.iter().filter(|&&id| id != u32::MAX).count()
         + results[0].any.iter().filter(|&&any| any != 0).count();
@@ -254,7 +275,7 @@ fn row(
             "ratio": ratios[i].median, "ratio_min": ratios[i].min, "ratio_max": ratios[i].max,
             "different": differences[i].json() })
     };
-    json!({ "mesh": mesh.name, "triangles": mesh.triangles.len(), "rays": set.name, "threads": threads,
+    json!({ "scene": name, "rays": set.name, "threads": threads,
         "count": set.rays.len(), "hit": hit, "mrays": rate(0), "seconds": times[0].0,
         "peers": peers.iter().enumerate().map(theirs).collect::<Vec<_>>() })
 }

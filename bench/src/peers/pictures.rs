@@ -1,0 +1,245 @@
+//! Whole pictures, whole processes: from starting the program to the written file.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use canaletto::scene::{Scene, Transfer};
+use canaletto_io::picture::{Depth, decode, encode_png};
+use serde_json::{Value, json};
+
+use super::stages::{Stage, load};
+use super::statistics::{Clock, Times};
+use super::{povray, tachyon};
+
+/// What to compare.
+pub struct Options {
+    /// The scenes.
+    pub stages: Vec<Stage>,
+    /// Numbers of threads.
+    pub threads: Vec<usize>,
+    /// What times are.
+    pub clock: Clock,
+    /// The size of the pictures.
+    pub size: [u32; 2],
+    /// How many times each takes its turn.
+    pub rounds: usize,
+    /// Whether Tachyon renders meshes, too, which takes minutes.
+    pub slow: bool,
+}
+
+/// Who renders: their name, how, and seconds per round.
+struct Renderer<'a> {
+    name: &'static str,
+    command: Box<dyn Fn() -> Command + 'a>,
+    times: Times,
+    rounds: usize,
+}
+
+/// A program beside this one.
+fn beside(name: &str) -> Result<PathBuf, String> {
+    let program = std::env::current_exe().map_err(|e| e.to_string())?.with_file_name(name);
+    if program.is_file() { Ok(program) } else { Err(format!("build {name} first: cargo build --release")) }
+}
+
+fn quiet(command: &mut Command) -> &mut Command {
+    command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null())
+}
+
+/// Runs to the end and tells how many seconds it took.
+fn timed(mut command: Command, clock: Clock) -> Result<f64, String> {
+    let name = command.get_program().to_string_lossy().into_owned();
+    let mut status = None;
+    let seconds = clock.time_child(|| status = Some(quiet(&mut command).status()));
+    match status {
+        Some(Ok(status)) if status.success() => Ok(seconds),
+        Some(Ok(status)) => Err(format!("{name} failed: {status}")),
+        Some(Err(e)) => Err(format!("{name}: {e}")),
+        None => Ok(seconds),
+    }
+}
+
+fn installed(program: &str) -> bool {
+    quiet(Command::new(program).arg("--version")).status().is_ok()
+}
+
+/// A folder that is removed when this is dropped.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new() -> Result<Self, String> {
+        let folder = std::env::temp_dir().join(format!("canaletto-peers-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+        Ok(Self(folder))
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        // Somebody may look at the pictures.
+        if std::env::var_os("CANALETTO_KEEP").is_none() {
+            let _ = std::fs::remove_dir_all(&self.0);
+        }
+    }
+}
+
+fn canaletto(program: &Path, file: &Path, picture: &Path, size: Option<[u32; 2]>, threads: usize) -> Command {
+    let mut command = Command::new(program);
+    command.arg("render").arg(file).args(["--quiet", "--progress", "none", "--threads", &threads.to_string()]);
+    if let Some([width, height]) = size {
+        command.arg("--size").arg(format!("{width}x{height}"));
+    }
+    command.arg("-o").arg(picture);
+    command
+}
+
+/// Compares and prints, and tells all in JSON.
+pub fn run(options: &Options) -> Result<Value, String> {
+    let folder = Folder::new()?;
+    println!("whole processes; {} interleaved rounds, medians; ratio: their time / ours", options.rounds);
+    println!("difference: mean of that of channels to ours, of 255\n");
+    println!("{:8} {:>2} {:>10} {:>9}   {:24} difference", "scene", "th", "renderer", "s", "ratio");
+    let mut rows = Vec::new();
+    for &stage in &options.stages {
+        let file = stage.file(&folder.0)?;
+        let scene = load(&file)?;
+        for &threads in &options.threads {
+            rows.extend(compare(stage, &file, &scene, threads, &folder.0, options)?);
+        }
+    }
+    Ok(json!({ "what": "pictures", "size": options.size, "clock": format!("{:?}", options.clock), "rows": rows }))
+}
+
+fn compare(
+    stage: Stage,
+    file: &Path,
+    scene: &Scene,
+    threads: usize,
+    folder: &Path,
+    options: &Options,
+) -> Result<Vec<Value>, String> {
+    let program = beside("canaletto")?;
+    let this = std::env::current_exe().map_err(|e| e.to_string())?;
+    let at = |name: &str| folder.join(format!("{}-{name}", stage.name()));
+    let (ours, plain) = (at("ours.png"), at("embree.png"));
+    let (pov, pov_picture, tachyon_file, tachyon_picture) = (at("pov"), at("povray.png"), at("dat"), at("tachyon.tga"));
+    let size = options.size;
+    let mut renderers = vec![Renderer {
+        name: "ours",
+        command: Box::new(|| canaletto(&program, file, &ours, Some(size), threads)),
+        times: Times::default(),
+        rounds: options.rounds,
+    }];
+    let mut add = |name, command: Box<dyn Fn() -> Command>, rounds| {
+        renderers.push(Renderer { name, command, times: Times::default(), rounds });
+    };
+    match super::embree::Embree::new(threads) {
+        Ok(_) => {
+            let (file, plain) = (file.to_owned(), plain.clone());
+            let recursion = move || {
+                let mut command = Command::new(&this);
+                command.arg("recursion").arg(&file).arg("-o").arg(&plain);
+                command.args(["--threads", &threads.to_string(), "--size", &format!("{}x{}", size[0], size[1])]);
+                command
+            };
+            add("embree", Box::new(recursion), options.rounds);
+        }
+        Err(message) => println!("{message}"),
+    }
+    if installed("povray") {
+        write(&pov, &povray::scene(scene, size)?)?;
+        let (pov, picture) = (pov.clone(), pov_picture.clone());
+        add("povray", Box::new(move || povray::command(&pov, &picture, size, threads)), options.rounds.min(3));
+    } else {
+        println!("POV-Ray isn't installed; on Debian: {}", povray::INSTALL);
+    }
+    if stage == Stage::Serpent && !options.slow {
+        println!("Tachyon takes minutes for meshes; --slow lets it");
+    } else if installed("tachyon") {
+        write(&tachyon_file, &tachyon::scene(scene, size)?)?;
+        let (file, picture) = (tachyon_file.clone(), tachyon_picture.clone());
+        let rounds = if stage == Stage::Serpent { 1 } else { options.rounds.min(3) };
+        add("tachyon", Box::new(move || tachyon::command(&file, &picture, size, threads)), rounds);
+    } else {
+        println!("Tachyon isn't installed; on Debian: {}", tachyon::INSTALL);
+    }
+    for round in 0..options.rounds {
+        for renderer in &mut renderers {
+            if round < renderer.rounds {
+                renderer.times.0.push(timed((renderer.command)(), options.clock)?);
+            }
+        }
+    }
+    let mut rows = Vec::new();
+    for renderer in &renderers {
+        let ratio = renderers[0].times.faster_than(&renderer.times);
+        let picture = match renderer.name {
+            "embree" => Some(&plain),
+            "povray" => Some(&pov_picture),
+            _ => None,
+        };
+        let difference = picture.map(|picture| difference(&ours, picture)).transpose()?;
+        let median = renderer.times.median();
+        let shown = difference.map_or(String::new(), |d| format!("{d:.2}"));
+        let ratio_text = ratio.to_string();
+        println!("{:8} {threads:2} {:>10} {median:9.3}   {ratio_text:24} {shown}", stage.name(), renderer.name);
+        rows.push(json!({ "scene": stage.name(), "threads": threads, "renderer": renderer.name,
+            "seconds": renderer.times.0, "ratio": ratio.median, "ratio_min": ratio.min, "ratio_max": ratio.max,
+            "difference": difference }));
+    }
+    println!();
+    Ok(rows)
+}
+
+fn write(path: &Path, text: &str) -> Result<(), String> {
+    std::fs::write(path, text).map_err(|e| format!("{}: {e}", path.display()))
+}
+
+/// The mean of the differences of two pictures' channels, of 255.
+fn difference(ours: &Path, theirs: &Path) -> Result<f64, String> {
+    let read = |path: &Path| {
+        let bytes = std::fs::read(path).map_err(|e| format!("{}: {e}", path.display()))?;
+        decode(&bytes).map(|decoded| decoded.image).map_err(|e| format!("{}: {e}", path.display()))
+    };
+    let [a, b] = [read(ours)?, read(theirs)?];
+    let (Some(a), Some(b)) = (a.rgb(), b.rgb()) else { return Err("a picture without colours".into()) };
+    let pairs = a.iter().zip(b).flat_map(|(a, b)| a.iter().zip(b));
+    let (sum, count) = pairs.fold((0.0, 0), |(sum, n), (a, b)| (sum + f64::from((a - b).abs()), n + 1));
+    Ok(255.0 * sum / f64::from(count.max(1)))
+}
+
+/// The chapter's scene of 230 × 230: our whole process beside starting the process and writing that picture alone.
+pub fn start(threads: &[usize], rounds: usize, clock: Clock) -> Result<Value, String> {
+    let folder = Folder::new()?;
+    let program = beside("canaletto")?;
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/chapter/fig-5.24b-shadow.kdl");
+    println!("the chapter's scene at 230 × 230; {rounds} interleaved rounds, medians; ratio: ours / (start + PNG)");
+    let mut rows = Vec::new();
+    for &threads in threads {
+        let picture = folder.0.join("picture.png");
+        let render = || timed(canaletto(&program, &file, &picture, None, threads), clock);
+        render()?;
+        let bytes = std::fs::read(&picture).map_err(|e| e.to_string())?;
+        let image = decode(&bytes).map_err(|e| e.to_string())?.image;
+        let (mut whole, mut starts, mut writes) = (Times::default(), Times::default(), Times::default());
+        for _ in 0..rounds {
+            whole.0.push(render()?);
+            let mut version = Command::new(&program);
+            version.arg("--version");
+            starts.0.push(timed(version, clock)?);
+            let again = folder.0.join("again.png");
+            let mut written = Ok(());
+            writes.0.push(clock.time(|| {
+                let png = encode_png(&image, Depth::Eight, Transfer::Srgb, &[]).unwrap_or_default();
+                written = std::fs::write(&again, png);
+            }));
+            written.map_err(|e| e.to_string())?;
+        }
+        let alone = Times(starts.0.iter().zip(&writes.0).map(|(a, b)| a + b).collect());
+        let ratio = alone.faster_than(&whole);
+        let [a, b, c] = [&whole, &starts, &writes].map(|times| times.median() * 1e3);
+        println!("{threads} threads: {a:.2} ms; start {b:.2} ms, PNG {c:.2} ms; ratio {ratio}");
+        rows.push(json!({ "threads": threads, "seconds": whole.0, "start": starts.0, "png": writes.0,
+            "ratio": ratio.median, "ratio_min": ratio.min, "ratio_max": ratio.max }));
+    }
+    Ok(json!({ "what": "start", "clock": format!("{clock:?}"), "rows": rows }))
+}
