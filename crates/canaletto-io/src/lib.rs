@@ -7,5 +7,6 @@ pub mod assets;
 pub mod diagnostic;
 pub mod image;
 pub mod import;
+pub mod movie;
 pub mod picture;
 pub mod text;

@@ -10,12 +10,13 @@ mod transfer;
 mod write;
 
 pub use self::exr::{decode_exr, encode_exr};
+pub(crate) use self::png::png_texts;
 pub use self::png::{Depth, decode_png, encode_png};
 pub use compare::{Comparison, Difference, Unequal, compare, difference};
 pub use flip::{Flip, PIXELS_PER_DEGREE, flip};
 pub use ssim::ssim;
 pub use transfer::{decode_srgb, encode_srgb};
-pub use write::{WriteError, WriteOptions, write_atomically};
+pub use write::{AtomicFile, WriteError, WriteOptions, write_atomically};
 
 use canaletto::scene::Transfer;
 

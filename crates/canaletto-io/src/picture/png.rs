@@ -5,7 +5,7 @@ use ::png::{
     BitDepth, ColorType, Compression, Decoder, Encoder, Limits, ScaledFloat, SrgbRenderingIntent, Transformations,
 };
 use canaletto::scene::Transfer;
-use std::io::Cursor;
+use std::io::{Cursor, Write};
 
 /// Bits of each number.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -48,15 +48,7 @@ pub fn encode_png(
         encoder.set_source_srgb(SrgbRenderingIntent::RelativeColorimetric);
         encoder.set_source_gamma(ScaledFloat::from_scaled(45_455));
     }
-    let software = ("Software".to_owned(), concat!("Canaletto ", env!("CARGO_PKG_VERSION")).to_owned());
-    for (key, text) in std::iter::once(&software).chain(metadata) {
-        let latin = text.chars().all(|c| matches!(c, '\n' | ' '..='~' | '\u{a1}'..='\u{ff}'));
-        let add = if latin { Encoder::add_text_chunk } else { Encoder::add_itxt_chunk };
-        if key.is_empty() || key.chars().count() > 79 {
-            return Err(PictureError::Unfit(format!("\"{key}\" can't be a PNG's text key: it needs 1 to 79 letters")));
-        }
-        add(&mut encoder, key.clone(), text.clone()).map_err(unfit)?;
-    }
+    png_texts(&mut encoder, metadata)?;
     let mut writer = encoder.write_header().map_err(unfit)?;
     let values = (0..image.pixels()).flat_map(|i| channels.iter().map(move |c| c[i]));
     let level = |v: f32, most: f32| (v.clamp(0.0, 1.0) * most).round(); // NaN stays and becomes 0
@@ -67,6 +59,21 @@ pub fn encode_png(
     writer.write_image_data(&data).map_err(unfit)?;
     writer.finish().map_err(unfit)?;
     Ok(out)
+}
+
+/// Adds texts to a PNG: the program's name and `metadata`.
+pub(crate) fn png_texts<W: Write>(encoder: &mut Encoder<'_, W>, metadata: &[(String, String)]) -> Result<(), PictureError> {
+    let unfit = |e: ::png::EncodingError| PictureError::Unfit(format!("PNG can't hold it: {e}"));
+    let software = ("Software".to_owned(), concat!("Canaletto ", env!("CARGO_PKG_VERSION")).to_owned());
+    for (key, text) in std::iter::once(&software).chain(metadata) {
+        let latin = text.chars().all(|c| matches!(c, '\n' | ' '..='~' | '\u{a1}'..='\u{ff}'));
+        let add = if latin { Encoder::add_text_chunk } else { Encoder::add_itxt_chunk };
+        if key.is_empty() || key.chars().count() > 79 {
+            return Err(PictureError::Unfit(format!("\"{key}\" can't be a PNG's text key: it needs 1 to 79 letters")));
+        }
+        add(encoder, key.clone(), text.clone()).map_err(unfit)?;
+    }
+    Ok(())
 }
 
 /// Reads a PNG. Values are shares of the largest as they are stored; palettes are looked up.

@@ -1,9 +1,9 @@
 //! Writing a file so that it is there whole or not at all.
 
-use std::fs;
+use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
-use tempfile::Builder;
+use tempfile::{Builder, NamedTempFile};
 
 /// How to write.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -53,55 +53,119 @@ pub fn write_atomically(
     options: WriteOptions,
     write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> Result<(), WriteError> {
-    let failed = |reason: io::Error| WriteError::Failed { path: path.to_owned(), reason };
-    if path == Path::new("-") {
-        let mut out = BufWriter::new(io::stdout().lock());
-        return write(&mut out).and_then(|()| out.flush()).map_err(failed);
-    }
-    let existing = fs::metadata(path).ok();
-    match &existing {
-        Some(old) if old.is_dir() => return Err(WriteError::IsFolder(path.to_owned())),
-        Some(_) if options.no_clobber => return Err(WriteError::Exists(path.to_owned())),
-        Some(old) if !old.is_file() => {
-            let mut out = BufWriter::new(fs::OpenOptions::new().write(true).open(path).map_err(failed)?);
-            return write(&mut out).and_then(|()| out.flush()).map_err(failed);
-        }
-        _ => {}
-    }
-    let target = if existing.is_some() { fs::canonicalize(path).map_err(failed)? } else { path.to_owned() };
-    let folder = match target.parent() {
-        Some(folder) if folder != Path::new("") => folder,
-        _ => Path::new("."),
-    };
-    let mut builder = Builder::new();
-    builder.prefix(".canaletto-").suffix(".tmp");
-    #[cfg(unix)]
+    let file = AtomicFile::begin(path, options)?;
     {
-        use std::os::unix::fs::PermissionsExt;
-        // As any new file; the system takes the user's mask off.
-        let mode = existing.as_ref().map_or(0o666, |old| old.permissions().mode() & 0o777);
-        builder.permissions(fs::Permissions::from_mode(mode));
+        let mut out = BufWriter::new(file.handle()?);
+        write(&mut out).and_then(|()| out.flush()).map_err(|reason| file.failed(reason))?;
     }
-    let mut temporary = builder.tempfile_in(folder).map_err(|reason| {
-        if reason.kind() == io::ErrorKind::NotFound {
-            WriteError::NoFolder(folder.to_owned())
-        } else {
-            WriteError::Folder { folder: folder.to_owned(), reason: root_cause(reason) }
+    file.commit()
+}
+
+/// A file that is being written, and that nobody sees before [`AtomicFile::commit`]. Dropping it leaves nothing.
+#[derive(Debug)]
+pub struct AtomicFile {
+    path: PathBuf,
+    no_clobber: bool,
+    place: Place,
+}
+
+#[derive(Debug)]
+enum Place {
+    Stdout,
+    /// A device or pipe.
+    Direct(File),
+    Temporary(NamedTempFile, PathBuf),
+}
+
+impl AtomicFile {
+    /// Begins a file as [`write_atomically`] does.
+    ///
+    /// # Errors
+    /// [`WriteError`] says why it can't be written.
+    pub fn begin(path: &Path, options: WriteOptions) -> Result<AtomicFile, WriteError> {
+        let failed = |reason: io::Error| WriteError::Failed { path: path.to_owned(), reason };
+        let file = |place| AtomicFile { path: path.to_owned(), no_clobber: options.no_clobber, place };
+        if path == Path::new("-") {
+            return Ok(file(Place::Stdout));
         }
-    })?;
-    {
-        let mut out = BufWriter::new(temporary.as_file_mut());
-        write(&mut out).and_then(|()| out.flush()).map_err(failed)?;
-    }
-    if options.no_clobber {
-        temporary.persist_noclobber(&target).map_err(|e| match e.error.kind() {
-            io::ErrorKind::AlreadyExists => WriteError::Exists(path.to_owned()),
-            _ => failed(e.error),
+        let existing = fs::metadata(path).ok();
+        match &existing {
+            Some(old) if old.is_dir() => return Err(WriteError::IsFolder(path.to_owned())),
+            Some(_) if options.no_clobber => return Err(WriteError::Exists(path.to_owned())),
+            Some(old) if !old.is_file() => {
+                return Ok(file(Place::Direct(fs::OpenOptions::new().write(true).open(path).map_err(failed)?)));
+            }
+            _ => {}
+        }
+        let target = if existing.is_some() { fs::canonicalize(path).map_err(failed)? } else { path.to_owned() };
+        let folder = match target.parent() {
+            Some(folder) if folder != Path::new("") => folder,
+            _ => Path::new("."),
+        };
+        let mut builder = Builder::new();
+        builder.prefix(".canaletto-").suffix(".tmp");
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            // As any new file; the system takes the user's mask off.
+            let mode = existing.as_ref().map_or(0o666, |old| old.permissions().mode() & 0o777);
+            builder.permissions(fs::Permissions::from_mode(mode));
+        }
+        let temporary = builder.tempfile_in(folder).map_err(|reason| {
+            if reason.kind() == io::ErrorKind::NotFound {
+                WriteError::NoFolder(folder.to_owned())
+            } else {
+                WriteError::Folder { folder: folder.to_owned(), reason: root_cause(reason) }
+            }
         })?;
-    } else {
-        temporary.persist(&target).map_err(|e| failed(e.error))?;
+        Ok(file(Place::Temporary(temporary, target)))
     }
-    Ok(())
+
+    /// What to write to. Nothing is buffered.
+    ///
+    /// # Errors
+    /// [`WriteError::Failed`] if the system has no handles left.
+    pub fn handle(&self) -> Result<Box<dyn Write + Send>, WriteError> {
+        let clone = |file: &File| file.try_clone().map_err(|reason| self.failed(reason));
+        Ok(match &self.place {
+            Place::Stdout => Box::new(io::stdout()),
+            Place::Direct(file) => Box::new(clone(file)?),
+            Place::Temporary(file, _) => Box::new(clone(file.as_file())?),
+        })
+    }
+
+    /// The file in which it grows, if it is one.
+    pub fn temporary(&self) -> Option<&Path> {
+        if let Place::Temporary(file, _) = &self.place { Some(file.path()) } else { None }
+    }
+
+    /// What happened while writing, with the file's name.
+    pub fn failed(&self, reason: io::Error) -> WriteError {
+        WriteError::Failed { path: self.path.clone(), reason }
+    }
+
+    /// Puts the file in its place.
+    ///
+    /// # Errors
+    /// [`WriteError`] if that fails; then nothing is left of it.
+    pub fn commit(self) -> Result<(), WriteError> {
+        let AtomicFile { path, no_clobber, place } = self;
+        let failed = |reason: io::Error| WriteError::Failed { path: path.clone(), reason };
+        let (temporary, target) = match place {
+            Place::Stdout => return io::stdout().flush().map_err(failed),
+            Place::Direct(_) => return Ok(()),
+            Place::Temporary(temporary, target) => (temporary, target),
+        };
+        if no_clobber {
+            temporary.persist_noclobber(&target).map_err(|e| match e.error.kind() {
+                io::ErrorKind::AlreadyExists => WriteError::Exists(path.clone()),
+                _ => failed(e.error),
+            })?;
+        } else {
+            temporary.persist(&target).map_err(|e| failed(e.error))?;
+        }
+        Ok(())
+    }
 }
 
 /// The system's own words: `tempfile` adds the temporary path to them.

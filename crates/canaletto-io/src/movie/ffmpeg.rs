@@ -1,0 +1,149 @@
+//! MP4 and WebM through the program `ffmpeg`, if it is installed.
+//!
+//! It is found in PATH when it is needed, gets raw pixels through a pipe, and writes a temporary file that is renamed
+//! when it has ended well. Its arguments are a list, no shell reads them, and the file's name starts with `file:`, so
+//! that neither a dash nor a colon in it means anything. What it says when it fails is shown.
+
+use super::{Area, Frames, MovieError, MovieFormat, MovieSettings};
+use crate::picture::{AtomicFile, WriteOptions};
+use std::ffi::OsString;
+use std::io::{self, Read, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::thread::{self, JoinHandle};
+use std::{env, fs};
+
+pub(super) struct Ffmpeg {
+    file: AtomicFile,
+    running: Running,
+}
+
+/// A process that doesn't outlive this.
+struct Running {
+    child: Child,
+    pixels: Option<ChildStdin>,
+    /// What it says.
+    said: Option<JoinHandle<String>>,
+}
+
+/// The most of its words that are kept.
+const MAX_WORDS: u64 = 4096;
+
+/// Where `ffmpeg` is; folders of PATH that aren't absolute are passed over, since anybody may put a program there.
+pub fn find_ffmpeg() -> Option<PathBuf> {
+    let name = if cfg!(windows) { "ffmpeg.exe" } else { "ffmpeg" };
+    let path = env::var_os("PATH")?;
+    env::split_paths(&path).filter(|folder| folder.is_absolute()).map(|folder| folder.join(name)).find(|file| runs(file))
+}
+
+fn runs(file: &Path) -> bool {
+    let Ok(metadata) = fs::metadata(file) else { return false };
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        metadata.is_file() && metadata.permissions().mode() & 0o111 != 0
+    }
+    #[cfg(not(unix))]
+    metadata.is_file()
+}
+
+impl Ffmpeg {
+    pub(super) fn begin(
+        format: MovieFormat,
+        path: &Path,
+        options: WriteOptions,
+        settings: &MovieSettings,
+    ) -> Result<Ffmpeg, MovieError> {
+        let program = find_ffmpeg().ok_or(MovieError::NoFfmpeg)?;
+        let file = AtomicFile::begin(path, options)?;
+        let Some(temporary) = file.temporary() else {
+            return Err(MovieError::Unfit(format!("{} isn't a file that ffmpeg can write its film to", path.display())));
+        };
+        let target = fs::canonicalize(temporary).map_err(|reason| file.failed(reason))?;
+        let mut command = Command::new(program);
+        command.args(arguments(format, settings)).arg(protocol(&target));
+        command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
+        #[cfg(unix)]
+        {
+            use std::os::unix::process::CommandExt;
+            // Ctrl-C is for us; we end it.
+            command.process_group(0);
+        }
+        let mut child = command.spawn().map_err(|e| MovieError::Ffmpeg(format!("it can't be started: {e}")))?;
+        let stderr = child.stderr.take();
+        // Read at once, so that it never waits for us to listen.
+        let said = stderr.map(|stderr| thread::spawn(move || listen(stderr)));
+        let pixels = child.stdin.take();
+        Ok(Ffmpeg { file, running: Running { child, pixels, said } })
+    }
+}
+
+/// All arguments but the file's name.
+fn arguments(format: MovieFormat, settings: &MovieSettings) -> Vec<String> {
+    let MovieSettings { width, height, rate, .. } = settings;
+    let input = format!(
+        "-nostdin -hide_banner -loglevel error -y -f rawvideo -pixel_format rgb24 -video_size {width}x{height} \
+         -framerate {}/{} -i pipe:0 -an",
+        rate.frames, rate.seconds
+    );
+    // Colours have half the resolution, so that sides are even: an odd one gets a black row. Numbers are those of
+    // BT.709, and said to be.
+    let colors = "-vf pad=ceil(iw/2)*2:ceil(ih/2)*2,scale=out_color_matrix=bt709:out_range=tv -pix_fmt yuv420p \
+                  -colorspace bt709 -color_primaries bt709 -color_trc iec61966-2-1 -color_range tv";
+    let codec = match format {
+        MovieFormat::WebM => "-c:v libvpx-vp9 -crf 24 -b:v 0 -row-mt 1 -f webm",
+        _ => "-c:v libx264 -preset medium -crf 18 -movflags +faststart -f mp4",
+    };
+    [input.as_str(), colors, codec].iter().flat_map(|part| part.split_whitespace()).map(str::to_owned).collect()
+}
+
+fn protocol(file: &Path) -> OsString {
+    let mut name = OsString::from("file:");
+    name.push(file);
+    name
+}
+
+/// The first of what is said; the rest is heard, but not kept.
+fn listen(mut stderr: impl Read) -> String {
+    let mut words = Vec::new();
+    let _ = stderr.by_ref().take(MAX_WORDS).read_to_end(&mut words);
+    let _ = io::copy(&mut stderr, &mut io::sink());
+    String::from_utf8_lossy(&words).trim().to_owned()
+}
+
+impl Frames for Ffmpeg {
+    fn add(&mut self, _: u32, rgb: &[u8], _: Area) -> Result<(), MovieError> {
+        let sent = self.running.pixels.as_mut().map_or(Err(io::ErrorKind::BrokenPipe.into()), |pipe| pipe.write_all(rgb));
+        // It has gone: what it said says why.
+        sent.map_err(|e| self.running.failure(&e.to_string()))
+    }
+
+    fn finish(self: Box<Ffmpeg>) -> Result<(), MovieError> {
+        let Ffmpeg { file, mut running } = *self;
+        drop(running.pixels.take());
+        let status = running.child.wait().map_err(|e| MovieError::Ffmpeg(e.to_string()))?;
+        if !status.success() {
+            return Err(running.failure(&status.to_string()));
+        }
+        Ok(file.commit()?)
+    }
+}
+
+impl Running {
+    /// Ends the process, and tells why it failed: what it said, else `otherwise`.
+    fn failure(&mut self, otherwise: &str) -> MovieError {
+        drop(self.pixels.take());
+        // If it failed it ends by itself, and may still have something to say.
+        let _ = self.child.wait();
+        let said = self.said.take().and_then(|said| said.join().ok()).unwrap_or_default();
+        MovieError::Ffmpeg(if said.is_empty() { otherwise.to_owned() } else { said })
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        drop(self.pixels.take());
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}

@@ -1,0 +1,72 @@
+//! GIF 89a: 256 colours for each frame, chosen for it.
+//!
+//! Up to 256 colours a frame keeps all of its own. For more, the crate `color_quant` chooses them (A. Dekker's NeuQuant,
+//! a self-organising map over the frame's pixels); every pixel takes the nearest, without dithering, which would flicker
+//! from frame to frame. Nothing in it is random.
+
+use super::{Area, Frames, MovieError, MovieSettings, Rate};
+use crate::picture::{AtomicFile, WriteOptions};
+use ::gif::{DisposalMethod, Encoder, EncodingError, Frame, Repeat};
+use std::io::{BufWriter, Write};
+use std::path::Path;
+
+pub(super) struct Gif {
+    file: AtomicFile,
+    encoder: Encoder<BufWriter<Box<dyn Write + Send>>>,
+    width: u32,
+    rate: Rate,
+}
+
+/// Viewers show a frame of less than 2 hundredths of a second for 10.
+const FASTEST: f64 = 50.0;
+
+/// Of a large frame NeuQuant looks at each n-th pixel only, so that about this many are seen.
+const SEEN: u32 = 1 << 18;
+
+impl Gif {
+    pub(super) fn begin(path: &Path, options: WriteOptions, settings: &MovieSettings) -> Result<Gif, MovieError> {
+        if settings.rate.fps() > FASTEST {
+            return Err(MovieError::Unfit(format!(
+                "GIF shows at most {FASTEST} frames a second, and this film has {}",
+                settings.rate.fps()
+            )));
+        }
+        let side = |n: u32| {
+            u16::try_from(n).map_err(|_| MovieError::Unfit(format!("a side of a GIF has at most 65535 pixels, not {n}")))
+        };
+        let (width, height) = (side(settings.width)?, side(settings.height)?);
+        let file = AtomicFile::begin(path, options)?;
+        let mut encoder =
+            Encoder::new(BufWriter::new(file.handle()?), width, height, &[]).map_err(|e| wrong(&file, e))?;
+        encoder.set_repeat(Repeat::Infinite).map_err(|e| wrong(&file, e))?;
+        Ok(Gif { file, encoder, width: settings.width, rate: settings.rate })
+    }
+}
+
+impl Frames for Gif {
+    fn add(&mut self, index: u32, rgb: &[u8], area: Area) -> Result<(), MovieError> {
+        let part = area.cut(rgb, self.width);
+        let speed = (area.width * area.height / SEEN + 1).min(30) as i32;
+        let mut frame = Frame::from_rgb_speed(area.width as u16, area.height as u16, &part, speed);
+        (frame.left, frame.top) = (area.left as u16, area.top as u16);
+        frame.dispose = DisposalMethod::Keep;
+        // Whole hundredths that add up to the right time.
+        let time = self.rate.hundredths(index + 1) - self.rate.hundredths(index);
+        frame.delay = time.min(u64::from(u16::MAX)) as u16;
+        self.encoder.write_frame(&frame).map_err(|e| wrong(&self.file, e))
+    }
+
+    fn finish(self: Box<Gif>) -> Result<(), MovieError> {
+        let Gif { file, encoder, .. } = *self;
+        let mut out = encoder.into_inner().map_err(|e| wrong(&file, e))?;
+        out.flush().map_err(|reason| file.failed(reason))?;
+        Ok(file.commit()?)
+    }
+}
+
+fn wrong(file: &AtomicFile, error: EncodingError) -> MovieError {
+    match error {
+        EncodingError::Io(reason) => file.failed(reason).into(),
+        other => MovieError::Unfit(format!("GIF can't hold it: {other}")),
+    }
+}
