@@ -8,6 +8,7 @@ mod command;
 mod exit;
 mod failure;
 mod flags;
+mod frames;
 mod interrupt;
 mod layers;
 #[cfg(test)]
@@ -15,6 +16,7 @@ mod manual;
 mod output;
 mod progress;
 mod report;
+mod series;
 mod settings;
 mod source;
 mod stdout;

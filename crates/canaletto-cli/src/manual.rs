@@ -24,9 +24,11 @@ With `--progress json` stderr carries one JSON object per line, each with its ki
 |---|---|---|
 | `diagnostics` | the scene is read, and there are warnings | `diagnostics`: a list of `severity`, `message`, `file`, `bytes`, `start`, `end`, `label`, `help` |
 | `plan` | with `--dry-run`, in place of all that follow | `scene`, `camera`, `size`, `frames`, `files`, `census` |
-| `start` | a frame begins | `scene`, `camera`, `frame`, `frames` (first and last), `size`, `pixels`, `threads`, `files` |
-| `progress` | at most five times a second | `frame`, `pixels_done`, `pixels`, `percent`, `rays`, `rays_per_second`, `seconds`, `seconds_left` |
+| `skipped` | a frame is complete already | `frame`, `files` |
+| `start` | a frame begins | `scene`, `camera`, `frame`, `frames` (first and last), `frames_done`, `frames_total`, `size`, `pixels`, `threads`, `files` |
+| `progress` | at most five times a second | `frame`, `pixels_done`, `pixels`, `percent`, `rays`, `rays_per_second`, `seconds`, `seconds_left`, `frames_done`, `frames_total`, `seconds_left_in_all` |
 | `done` | a frame is written | `frame`, `complete` (false if interrupted), `pixels_done`, `pixels`, `files`, `size`, `primitives`, `rays` (by kind: `traced`, `hit`), `rays_total`, `rays_per_second`, `threads`, `seconds` (`read`, `build`, `render`, `write`) |
+| `finished` | all frames of `--frames` are complete | `frames`, `rendered`, `skipped`, `seconds` |
 | `error` | something failed; the last line | `exit`: the exit code, and `message` and `help`, or `diagnostics` |
 
 ";

@@ -3,6 +3,7 @@
 use crate::exit::Exit;
 use crate::failure::{Failure, reason};
 use crate::interrupt;
+use canaletto_io::movie::{MovieError, MovieFormat, find_ffmpeg};
 use canaletto_io::picture::{Depth, PictureError, WriteError, WriteOptions, write_atomically};
 use clap::{Args, ValueEnum};
 use std::collections::HashSet;
@@ -16,8 +17,8 @@ use std::path::{Path, PathBuf};
 pub(crate) struct OutputFlags {
     /// Where the picture goes [default: the scene's name with .png, in the current folder]
     ///
-    /// The extension chooses the format: .png or .exr. `-` writes to the standard output. With --frames, #### stands
-    /// for the frame's number with that many digits.
+    /// The extension chooses the format: .png or .exr, and for a film in one file .apng, .gif, .mp4 or .webm. `-` writes to
+    /// the standard output. With --frames, #### stands for the frame's number with that many digits.
     #[arg(short, long, value_name = "PATH", help_heading = "Output")]
     pub output: Option<PathBuf>,
 
@@ -41,63 +42,46 @@ pub(crate) enum Format {
     Png,
     /// Linear light in 32-bit floats, with any number of layers (OpenEXR)
     Exr,
+    /// A film as animated PNG, in full colour
+    Apng,
+    /// A film as GIF, with 256 colours in each frame and at most 50 frames a second
+    Gif,
+    /// A film as MP4 (H.264), made by the program ffmpeg
+    Mp4,
+    /// A film as WebM (VP9), made by the program ffmpeg
+    Webm,
 }
 
 impl Format {
+    /// All, with their extensions and what people call them.
+    const ALL: [(Format, &str, &str); 6] = [
+        (Format::Png, "png", "PNG"),
+        (Format::Exr, "exr", "OpenEXR"),
+        (Format::Apng, "apng", "animated PNG"),
+        (Format::Gif, "gif", "GIF"),
+        (Format::Mp4, "mp4", "MP4"),
+        (Format::Webm, "webm", "WebM"),
+    ];
+
     fn extension(self) -> &'static str {
+        Format::ALL.iter().find(|(format, ..)| *format == self).map_or("", |(_, extension, _)| extension)
+    }
+
+    /// The format of a film in one file; nothing for pictures.
+    pub(crate) fn film(self) -> Option<MovieFormat> {
         match self {
-            Format::Png => "png",
-            Format::Exr => "exr",
+            Format::Png | Format::Exr => None,
+            Format::Apng => Some(MovieFormat::Apng),
+            Format::Gif => Some(MovieFormat::Gif),
+            Format::Mp4 => Some(MovieFormat::Mp4),
+            Format::Webm => Some(MovieFormat::WebM),
         }
     }
 }
 
 impl fmt::Display for Format {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Format::Png => "PNG",
-            Format::Exr => "OpenEXR",
-        })
-    }
-}
-
-/// The frames of an animation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Frames {
-    pub first: u32,
-    pub last: u32,
-}
-
-/// The most frames of one run; each name is looked at before the first is rendered.
-const MAX_FRAMES: u32 = 1_000_000;
-
-impl Frames {
-    /// One picture, number 0.
-    pub(crate) const STILL: Frames = Frames { first: 0, last: 0 };
-
-    /// "7" or "1-100".
-    pub(crate) fn parse(text: &str) -> Result<Frames, String> {
-        let number = |text: &str| {
-            text.trim().parse::<u32>().map_err(|_| "write a number or two with - between, such as 1-100".to_owned())
-        };
-        let (first, last) = text.split_once('-').unwrap_or((text, text));
-        let (first, last) = (number(first)?, number(last)?);
-        if last.saturating_sub(first) >= MAX_FRAMES {
-            return Err(format!("the most frames of one run are {MAX_FRAMES}"));
-        }
-        if first > last {
-            Err(format!("the first frame, {first}, comes after the last, {last}"))
-        } else {
-            Ok(Frames { first, last })
-        }
-    }
-
-    pub(crate) fn iter(self) -> impl Iterator<Item = u32> {
-        self.first..=self.last
-    }
-
-    pub(crate) fn count(self) -> u64 {
-        u64::from(self.last) - u64::from(self.first) + 1
+        f.write_str(Format::ALL.iter().find(|(format, ..)| format == self).map_or("", |(.., name)| name))
     }
 }
 
@@ -114,42 +98,57 @@ pub(crate) struct Output {
 }
 
 impl Output {
-    /// What the flags mean; `stem` is the scene's name.
-    pub(crate) fn new(flags: &OutputFlags, stem: &str, frames: Option<Frames>) -> Result<Output, Failure> {
-        let many = frames.is_some_and(|frames| frames.count() > 1);
+    /// What the flags mean; `stem` is the scene's name. `numbered`: frames were asked for; `many`: more than one.
+    pub(crate) fn new(flags: &OutputFlags, stem: &str, numbered: bool, many: bool) -> Result<Output, Failure> {
         let pattern = flags.output.clone().unwrap_or_else(|| {
-            let number = if frames.is_some() { ".####" } else { "" };
-            PathBuf::from(format!("{stem}{number}.{}", flags.format.unwrap_or(Format::Png).extension()))
+            let format = flags.format.unwrap_or(Format::Png);
+            let number = if numbered && format.film().is_none() { ".####" } else { "" };
+            PathBuf::from(format!("{stem}{number}.{}", format.extension()))
         });
         let to_stdout = pattern == Path::new("-");
         let extension = pattern.extension().map(|e| e.to_string_lossy().to_lowercase());
-        let format = match (flags.format, extension.as_deref()) {
+        let known = Format::ALL.iter().find(|(_, name, _)| extension.as_deref() == Some(*name));
+        let format = match (flags.format, known) {
             (Some(format), _) => format,
             (None, _) if to_stdout => Format::Png,
-            (None, Some("png")) => Format::Png,
-            (None, Some("exr")) => Format::Exr,
-            (None, other) => {
+            (None, Some((format, ..))) => *format,
+            (None, None) => {
                 let shown = pattern.display();
-                let failure = Failure::usage(match other {
+                let failure = Failure::usage(match extension {
                     Some(other) => format!("--output {shown}: pictures can't be written as .{other}"),
                     None => format!("--output {shown} has no extension to choose the format by"),
                 });
-                return Err(failure.help("end the name in .png or .exr, or give --format"));
+                return Err(failure
+                    .help("end the name in .png or .exr, for films in .apng, .gif, .mp4 or .webm, or give --format"));
             }
         };
-        if many && to_stdout {
-            return Err(Failure::usage("--output - takes one picture, but --frames asks for several")
-                .help("render into files such as --output shot.####.png"));
+        match format.film() {
+            Some(film) if film.needs_ffmpeg() && to_stdout => {
+                return Err(Failure::usage(format!("{format} can't be written to the standard output"))
+                    .help("--format apng and --format gif can"));
+            }
+            Some(film) if film.needs_ffmpeg() && find_ffmpeg().is_none() => return Err(no_ffmpeg(format)),
+            None if many && to_stdout => {
+                return Err(Failure::usage("--output - takes one picture, but --frames asks for several")
+                    .help("render into files such as --output shot.####.png, or a film with --format apng"));
+            }
+            None if many && crate::output::numbered(&pattern).is_none() => {
+                return Err(Failure::usage(format!("every frame would be written to {}", pattern.display())).help(
+                    "put #### where the frame's number belongs, such as --output shot.####.png; \
+                     a film in one file ends in .apng, .gif, .mp4 or .webm",
+                ));
+            }
+            _ => {}
         }
-        if many && numbered(&pattern).is_none() {
-            return Err(Failure::usage(format!("every frame would be written to {}", pattern.display()))
-                .help("put #### where the frame's number belongs, such as --output shot.####.png"));
-        }
-        if format == Format::Exr && flags.bits.is_some() {
-            return Err(Failure::usage("--bits is for PNG; an EXR always has 32-bit floats"));
+        if format != Format::Png && flags.bits.is_some() {
+            return Err(Failure::usage(match format {
+                Format::Exr => "--bits is for PNG; an EXR always has 32-bit floats",
+                _ => "--bits is for PNG; a film always has 8 bits",
+            }));
         }
         let depth = if flags.bits.as_deref() == Some("16") { Depth::Sixteen } else { Depth::Eight };
-        Ok(Output { pattern, format, depth, no_clobber: flags.no_clobber, numbered: frames.is_some() })
+        let numbered = numbered && format.film().is_none();
+        Ok(Output { pattern, format, depth, no_clobber: flags.no_clobber, numbered })
     }
 
     /// The file of a frame; `-` for the standard output.
@@ -168,6 +167,11 @@ impl Output {
         let stem = path.file_stem().unwrap_or(OsStr::new("picture")).to_string_lossy().into_owned();
         let extension = path.extension().map_or_else(String::new, |e| format!(".{}", e.to_string_lossy()));
         path.with_file_name(format!("{stem}.{layer}{extension}"))
+    }
+
+    /// Whether an existing file may not be replaced.
+    pub(crate) fn options(&self) -> WriteOptions {
+        WriteOptions { no_clobber: self.no_clobber }
     }
 
     pub(crate) fn is_stdout(&self) -> bool {
@@ -243,6 +247,22 @@ pub(crate) fn unfit(error: &PictureError) -> Failure {
     Failure::new(Exit::Failed, error)
 }
 
+/// What went wrong with a film.
+pub(crate) fn film_failed(format: Format, error: MovieError) -> Failure {
+    match error {
+        MovieError::Write(error) => wrong(error),
+        MovieError::NoFfmpeg => no_ffmpeg(format),
+        MovieError::Ffmpeg(_) => Failure::new(Exit::Failed, error)
+            .help("render numbered pictures (--output shot.####.png) and call ffmpeg on them yourself"),
+        MovieError::Unfit(_) => Failure::new(Exit::Usage, error),
+    }
+}
+
+fn no_ffmpeg(format: Format) -> Failure {
+    Failure::new(Exit::Failed, format!("{format} needs the program ffmpeg, which isn't in PATH"))
+        .help("install it (https://ffmpeg.org), or take .apng or .gif, which need nothing")
+}
+
 fn wrong(error: WriteError) -> Failure {
     match &error {
         WriteError::Failed { path, reason } if path == Path::new("-") => Failure::stdout(reason),
@@ -279,7 +299,7 @@ mod tests {
 
     #[test]
     fn numbers_replace_the_longest_run() {
-        let output = Output::new(&flags("a#/shot#.####.png"), "s", Some(Frames { first: 9, last: 10 })).unwrap();
+        let output = Output::new(&flags("a#/shot#.####.png"), "s", true, true).unwrap();
         assert_eq!(output.path(9), Path::new("a#/shot#.0009.png"));
         assert_eq!(output.path(123_456), Path::new("a#/shot#.123456.png"));
         assert_eq!(output.layer_path(9, "depth"), Path::new("a#/shot#.0009.depth.png"));
@@ -287,24 +307,18 @@ mod tests {
 
     #[test]
     fn names_and_formats() {
-        let new = |output: &str| Output::new(&flags(output), "s", None);
+        let new = |output: &str| Output::new(&flags(output), "s", false, false);
         assert_eq!(new("a.EXR").unwrap().format, Format::Exr);
         assert_eq!(new("-").unwrap().format, Format::Png);
+        assert_eq!(new("a.gif").unwrap().format.film(), Some(MovieFormat::Gif));
+        let film = OutputFlags { format: Some(Format::Apng), ..flags("a.png") };
+        assert_eq!(Output::new(&film, "s", true, true).unwrap().path(7), Path::new("a.png"));
         assert_eq!(new("a.jpg").unwrap_err().exit(), Exit::Usage);
         assert_eq!(new("a").unwrap_err().exit(), Exit::Usage);
         let none = OutputFlags { output: None, format: Some(Format::Exr), bits: None, no_clobber: false };
-        assert_eq!(Output::new(&none, "s", None).unwrap().path(0), Path::new("s.exr"));
-        let frames = Some(Frames { first: 1, last: 2 });
-        assert_eq!(Output::new(&none, "s", frames).unwrap().path(2), Path::new("s.0002.exr"));
-        assert!(Output::new(&flags("a.png"), "s", frames).is_err());
-        assert!(Output::new(&flags("a.png"), "s", Some(Frames { first: 4, last: 4 })).is_ok());
-    }
-
-    #[test]
-    fn frames_are_a_range() {
-        assert_eq!(Frames::parse("1-100"), Ok(Frames { first: 1, last: 100 }));
-        assert_eq!(Frames::parse("7").map(Frames::count), Ok(1));
-        assert!(Frames::parse("5-3").is_err() && Frames::parse("a-b").is_err() && Frames::parse("-3").is_err());
-        assert!(Frames::parse("0-999999").is_ok() && Frames::parse("0-1000000").is_err());
+        assert_eq!(Output::new(&none, "s", false, false).unwrap().path(0), Path::new("s.exr"));
+        assert_eq!(Output::new(&none, "s", true, true).unwrap().path(2), Path::new("s.0002.exr"));
+        assert!(Output::new(&flags("a.png"), "s", true, true).is_err());
+        assert!(Output::new(&flags("a.png"), "s", true, false).is_ok());
     }
 }

@@ -79,6 +79,30 @@ struct ProgressEvent {
     rays_per_second: f64,
     seconds: f64,
     seconds_left: f64,
+    frames_done: u64,
+    frames_total: u64,
+    seconds_left_in_all: f64,
+}
+
+/// The frames around the one that is watched.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Whole {
+    /// How many there are.
+    pub frames: u64,
+    /// How many are complete.
+    pub done: u64,
+    /// How many of these were rendered now, and how long that took.
+    pub rendered: u64,
+    pub spent: Duration,
+}
+
+impl Whole {
+    /// The seconds left for all, with `share` of a frame rendered in `seconds`: as if the frames that are left took as
+    /// long as those so far.
+    fn left(&self, share: f64, seconds: f64) -> f64 {
+        let each = (self.spent.as_secs_f64() + seconds) / (self.rendered as f64 + share);
+        each * ((self.frames - self.done) as f64 - share).max(0.0)
+    }
 }
 
 /// Watches one render.
@@ -86,6 +110,7 @@ pub(crate) struct Watch {
     style: Style,
     frame: u32,
     label: String,
+    whole: Whole,
     start: Instant,
     bar: Option<ProgressBar>,
     state: Mutex<State>,
@@ -98,7 +123,7 @@ struct State {
 
 impl Watch {
     /// Begins now. `label` says which frame of how many, if there are several.
-    pub(crate) fn begin(style: Style, frame: u32, label: String, pixels: u64) -> Watch {
+    pub(crate) fn begin(style: Style, frame: u32, label: String, pixels: u64, whole: Whole) -> Watch {
         let bar = (style == Style::Bar).then(|| {
             let bar = ProgressBar::new(pixels);
             // Only a wrong template fails, and the test below tries this one.
@@ -109,7 +134,7 @@ impl Watch {
             bar
         });
         let now = Instant::now();
-        Watch { style, frame, label, start: now, bar, state: Mutex::new(State { last: now, pixels_done: 0 }) }
+        Watch { style, frame, label, whole, start: now, bar, state: Mutex::new(State { last: now, pixels_done: 0 }) }
     }
 
     /// Clears the bar and says how long it took.
@@ -150,17 +175,24 @@ impl Observer for Watch {
             rays_per_second: (progress.rays as f64 / seconds).round(),
             seconds,
             seconds_left: seconds * (1.0 - share) / share,
+            frames_done: self.whole.done,
+            frames_total: self.whole.frames,
+            seconds_left_in_all: self.whole.left(share, seconds),
         };
         let speed = rate(event.rays_per_second);
-        let left = duration(Duration::from_secs_f64(event.seconds_left.clamp(0.0, 1e9)));
+        let time = |seconds: f64| duration(Duration::from_secs_f64(seconds.clamp(0.0, 1e9)));
+        let left = match self.whole.frames {
+            1 => format!("{} left", time(event.seconds_left)),
+            _ => format!("{} left, {} in all", time(event.seconds_left), time(event.seconds_left_in_all)),
+        };
         match self.style {
             Style::Silent => {}
             Style::Json => emit(&event),
-            Style::Plain => eprint_line(&format!("{}{:.0}%, {speed}, {left} left", self.label, event.percent)),
+            Style::Plain => eprint_line(&format!("{}{:.0}%, {speed}, {left}", self.label, event.percent)),
             Style::Bar => {
                 if let Some(bar) = &self.bar {
                     bar.set_position(event.pixels_done);
-                    bar.set_message(format!("{speed}, {left} left"));
+                    bar.set_message(format!("{speed}, {left}"));
                 }
             }
         }
@@ -174,6 +206,13 @@ mod tests {
     #[test]
     fn the_bar_has_a_look() {
         assert!(ProgressStyle::with_template(TEMPLATE).is_ok());
+    }
+
+    #[test]
+    fn time_left_in_all() {
+        let whole = Whole { frames: 10, done: 5, rendered: 2, spent: Duration::from_secs(20) };
+        // Two and a half frames in 25 seconds: the 4½ that are left take 45.
+        assert_eq!(whole.left(0.5, 5.0), 45.0);
     }
 
     #[test]

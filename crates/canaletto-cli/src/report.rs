@@ -46,6 +46,18 @@ pub(crate) struct Times {
 }
 
 impl Report {
+    /// For people, the beginning of a line: one of many frames.
+    pub(crate) fn line(&self) -> String {
+        let Times { read, build, render, write } = self.seconds;
+        let time = duration(Duration::from_secs_f64((read + build + render + write).max(0.0)));
+        format!(
+            "{}: frame {}, {time}, {}",
+            self.files.first().map_or("-", String::as_str),
+            self.frame,
+            rate(self.rays_per_second)
+        )
+    }
+
     /// For people, some lines.
     pub(crate) fn text(&self, sampling: &str) -> String {
         let mut out = String::new();

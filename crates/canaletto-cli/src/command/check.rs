@@ -2,7 +2,8 @@
 
 use crate::exit::Exit;
 use crate::failure::{Failure, plural, print_diagnostics};
-use crate::source::{Source, build};
+use crate::frames::Frames;
+use crate::source::{Reader, build};
 use crate::stdout::{print, print_json};
 use canaletto::camera::Camera;
 use canaletto::render::Job;
@@ -22,6 +23,10 @@ pub(crate) struct CheckFlags {
     /// Lets scenes read files outside their own folder
     #[arg(long, help_heading = "Scene")]
     pub allow_outside: bool,
+
+    /// Checks this frame only [default: for a scene that moves, its first and those at its keys]
+    #[arg(long, value_name = "N", help_heading = "Scene")]
+    pub frame: Option<u32>,
 
     /// Takes warnings for errors
     #[arg(long, help_heading = "Messages")]
@@ -46,7 +51,7 @@ pub(crate) fn run(flags: &CheckFlags) -> Result<Exit, Failure> {
     let mut all_well = true;
     let mut results = Vec::new();
     for path in &flags.scenes {
-        let (found, failure) = match check(path, flags.allow_outside) {
+        let (found, failure) = match check(path, flags.allow_outside, flags.frame) {
             Ok(warnings) => (warnings, None),
             Err(Failure::Diagnostics(errors)) => (errors, None),
             Err(other) => (Diagnostics::new(), Some(other)),
@@ -84,16 +89,39 @@ fn summary(found: &Diagnostics, failed: bool) -> String {
     }
 }
 
-/// Everything that `render` would find, for every camera.
-fn check(path: &Path, allow_outside: bool) -> Result<Diagnostics, Failure> {
-    let source = Source::read_file(path, &[], allow_outside)?;
-    for view in &source.scene.views {
-        let wrong = |e: &dyn std::fmt::Display| {
-            Failure::new(Exit::Scene, format!("{}: camera \"{}\": {e}", source.name, view.name))
-        };
-        let camera = Camera::new(&view.intrinsics, &view.extrinsics).map_err(|e| wrong(&e))?;
-        Job::new(camera, source.scene.film, source.scene.integrator).check().map_err(|e| wrong(&e))?;
+/// Everything that `render` would find, for every camera: at a frame, or at those by which all others can be judged.
+fn check(path: &Path, allow_outside: bool, frame: Option<u32>) -> Result<Diagnostics, Failure> {
+    let mut reader = Reader::open_file(path, &[], allow_outside)?;
+    let clip = reader.clip();
+    let frames = match (frame, clip.frames) {
+        (Some(frame), _) => vec![frame],
+        (None, Some([first, last])) => {
+            Frames::new(first, last, 1).map_or(vec![first], |f| f.next_to(&reader.key_frames()))
+        }
+        (None, None) => {
+            let keys = reader.key_frames();
+            let last = keys.iter().fold(0.0, |a: f64, b| a.max(*b)).min(f64::from(u32::MAX)) as u32;
+            let mut frames: Vec<u32> = keys.iter().flat_map(|key| [key.floor() as u32, key.ceil() as u32]).collect();
+            frames.push(reader.first_frame());
+            frames.retain(|frame| *frame <= last);
+            frames.sort_unstable();
+            frames.dedup();
+            frames
+        }
+    };
+    let mut warnings = None;
+    for frame in frames {
+        let source = reader.at(frame)?;
+        for view in &source.scene.views {
+            let wrong = |e: &dyn std::fmt::Display| {
+                let at = if clip.moves { format!(" at frame {frame}") } else { String::new() };
+                Failure::new(Exit::Scene, format!("{}: camera \"{}\"{at}: {e}", source.name, view.name))
+            };
+            let camera = Camera::new(&view.intrinsics, &view.extrinsics).map_err(|e| wrong(&e))?;
+            Job::new(camera, source.scene.film, source.scene.integrator).check().map_err(|e| wrong(&e))?;
+        }
+        build(&source.name, source.scene)?;
+        warnings.get_or_insert(source.warnings);
     }
-    build(&source.name, source.scene)?;
-    Ok(source.warnings)
+    Ok(warnings.unwrap_or_default())
 }

@@ -4,7 +4,7 @@ use crate::exit::Exit;
 use crate::failure::{Failure, print_diagnostics};
 use crate::flags::{PictureFlags, SourceFlags, pixel};
 use crate::settings::Settings;
-use crate::source::{Source, build, on_threads};
+use crate::source::{Reader, build, on_threads};
 use crate::stdout::print;
 use canaletto::explain::{PixelTree, explain};
 use canaletto::math::Rgb;
@@ -29,9 +29,9 @@ pub(crate) struct ExplainFlags {
     #[arg(long, help_heading = "Pixel")]
     pub y_up: bool,
 
-    /// The frame, as of `render --frames`
-    #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Pixel")]
-    pub frame: u32,
+    /// The frame, as of `render --frames` [default: the scene's first, or 0]
+    #[arg(long, value_name = "N", help_heading = "Pixel")]
+    pub frame: Option<u32>,
 
     #[command(flatten)]
     pub picture: PictureFlags,
@@ -69,11 +69,13 @@ pub(crate) fn run(flags: &ExplainFlags) -> Result<Exit, Failure> {
 }
 
 fn tree(flags: &ExplainFlags) -> Result<PixelTree, Failure> {
-    let source = Source::read(&flags.source)?;
+    let mut reader = Reader::open(&flags.source)?;
+    let frame = flags.frame.unwrap_or(reader.first_frame());
+    let source = reader.at(frame)?;
     print_diagnostics(&source.warnings, false);
     let settings = Settings::new(&source.name, &source.scene, &flags.picture)?;
     let (world, _) = build(&source.name, source.scene)?;
-    let job = Job { frame: flags.frame, ..settings.job };
+    let job = Job { frame, ..settings.job };
     let [x, y] = flags.pixel;
     let [_, height] = job.camera.size();
     // A row that doesn't exist stays one that doesn't, so that the message tells the user's own number.

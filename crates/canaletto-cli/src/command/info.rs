@@ -22,6 +22,10 @@ pub(crate) struct InfoFlags {
     #[command(flatten)]
     pub source: SourceFlags,
 
+    /// The frame to look at [default: the scene's first, or 0]
+    #[arg(long, value_name = "N", help_heading = "Scene")]
+    pub frame: Option<u32>,
+
     /// Prints JSON
     #[arg(long, help_heading = "Messages")]
     pub json: bool,
@@ -46,7 +50,7 @@ struct Info {
 /// Runs the command.
 pub(crate) fn run(flags: &InfoFlags) -> Result<Exit, Failure> {
     let info = on_threads(flags.source.threads, || {
-        let source = Source::read(&flags.source)?;
+        let source = Source::read(&flags.source, flags.frame)?;
         print_diagnostics(&source.warnings, false);
         let Source { name, scene, files, time: read, .. } = source;
         let (views, materials) = (scene.views.clone(), scene.materials.clone());

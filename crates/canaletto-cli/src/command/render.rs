@@ -1,27 +1,27 @@
 //! `canaletto render`: from a scene to pictures.
 
 use crate::exit::Exit;
-use crate::failure::{Failure, eprint_line, print_diagnostics};
+use crate::failure::{Failure, print_diagnostics};
 use crate::flags::{PictureFlags, SourceFlags};
+use crate::frames::{Frames, FramesFlag, fps};
 use crate::interrupt;
-use crate::layers::{self, MAPPINGS};
-use crate::output::{Format, Frames, Output, OutputFlags, unfit};
-use crate::progress::{ProgressFlag, Style, Watch, emit};
-use crate::report::{Report, Times};
-use crate::settings::{Settings, list, metadata, sampling_words, transfer_word};
-use crate::source::{Source, build, on_threads};
+use crate::layers::MAPPINGS;
+use crate::output::{Format, Output, OutputFlags};
+use crate::progress::{ProgressFlag, Style, emit};
+use crate::series::Series;
+use crate::settings::{Settings, list, sampling_words};
+use crate::source::{Reader, build, on_threads};
 use crate::stdout::print;
-use crate::terminal::Paint;
 use crate::words::{bytes, count, plural};
-use canaletto::render::{Aov, Job, Rendering};
+use canaletto::render::Aov;
 use canaletto::scene::{Stage, Transfer};
 use canaletto::world::World;
-use canaletto_io::picture::{Image, MAX_PIXELS, encode_exr, encode_png};
+use canaletto_io::movie::Rate;
+use canaletto_io::picture::MAX_PIXELS;
 use canaletto_io::text::nearest;
 use clap::Args;
 use serde_json::json;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 /// Renders a scene or a model to a picture.
 #[derive(Args, Clone, Debug)]
@@ -34,9 +34,22 @@ pub(crate) struct RenderFlags {
     #[command(flatten)]
     pub picture: PictureFlags,
 
-    /// Renders frames A to B, each with random numbers of its own
-    #[arg(long, allow_hyphen_values = true, value_name = "A-B", value_parser = Frames::parse, help_heading = "Output")]
-    pub frames: Option<Frames>,
+    /// Renders frames A to B, or every Nth of them, or all of the scene's animation
+    ///
+    /// Each has random numbers of its own. A frame whose files are whole, of the same size, settings and scene is kept as it
+    /// is, so that the same command goes on where it was stopped. Films are always rendered from their first frame on.
+    #[arg(long, allow_hyphen_values = true, value_name = "A-B[xN]|all", value_parser = FramesFlag::parse, help_heading = "Frames")]
+    pub frames: Option<FramesFlag>,
+
+    /// Frames of a second [default: as the scene says, or 25]
+    ///
+    /// The speed of films, and what keys in seconds mean.
+    #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = fps, help_heading = "Frames")]
+    pub fps: Option<f64>,
+
+    /// Renders frames that are complete already, too
+    #[arg(long, help_heading = "Frames")]
+    pub force: bool,
 
     /// Extra layers beside the picture, such as normal,depth, or all
     #[arg(long, value_name = "LAYERS", value_delimiter = ',', value_parser = aov, help_heading = "Output")]
@@ -73,11 +86,13 @@ Examples:
   canaletto render bunny.ply -o bunny.png --size 1600x1200 --samples 16
   canaletto render shot.kdl -o shot.exr --aov normal,depth   # layers in the same file
   canaletto render shot.kdl -o out/shot.####.png --frames 1-100
+  canaletto render shot.kdl -o shot.gif --frames 1-50 --fps 12
   canaletto render shot.kdl --set camera.fovy=40 -o - | display";
 
 fn long_help() -> String {
     format!(
-        "{EXAMPLES}\n\n{MAPPINGS}\n\nCtrl-C stops rendering and saves the picture so far; a second one exits at once."
+        "{EXAMPLES}\n\n{MAPPINGS}\n\nCtrl-C stops rendering and saves the picture so far; a second one exits at once. Of several frames \
+         those that are finished stay, and the same command goes on with the next one; of a film nothing is written."
     )
 }
 
@@ -95,19 +110,26 @@ fn aov(text: &str) -> Result<Layers, String> {
 }
 
 /// What `render` does, all flags understood.
-struct Plan {
-    output: Output,
-    frames: Frames,
+pub(crate) struct Plan {
+    pub output: Output,
+    pub frames: Frames,
     /// Whether frames were asked for.
-    numbered: bool,
-    aovs: Vec<Aov>,
-    style: Style,
+    pub numbered: bool,
+    pub rate: Rate,
+    pub aovs: Vec<Aov>,
+    pub style: Style,
 }
 
 impl Plan {
-    fn new(flags: &RenderFlags) -> Result<Plan, Failure> {
+    fn new(flags: &RenderFlags, style: Style, reader: &Reader) -> Result<Plan, Failure> {
         let stem = flags.source.scene.file_stem().map_or_else(|| "picture".into(), |s| s.to_string_lossy());
-        let output = Output::new(&flags.output, &stem, flags.frames)?;
+        let many = match flags.frames {
+            Some(FramesFlag::These(frames)) => frames.count() > 1,
+            Some(FramesFlag::All) => true,
+            None => false,
+        };
+        let output = Output::new(&flags.output, &stem, flags.frames.is_some(), many)?;
+        let frames = frames(flags, &output, reader)?;
         let mut aovs: Vec<Aov> = Vec::new();
         for layers in &flags.aov {
             let named = match layers {
@@ -124,36 +146,63 @@ impl Plan {
             return Err(Failure::usage("--aov with PNG writes several files, but --output - takes one")
                 .help("--format exr holds all layers in one file"));
         }
-        let style = Style::new(flags.progress, flags.quiet);
-        Ok(Plan {
-            output,
-            frames: flags.frames.unwrap_or(Frames::STILL),
-            numbered: flags.frames.is_some(),
-            aovs,
-            style,
-        })
+        if output.format.film().is_some() && !aovs.is_empty() {
+            return Err(Failure::usage(format!("--aov: {} has no layers", output.format))
+                .help("render numbered pictures, such as --output shot.####.exr"));
+        }
+        let rate = Rate::new(flags.fps.unwrap_or(reader.clip().fps));
+        Ok(Plan { output, frames, numbered: flags.frames.is_some(), rate, aovs, style })
     }
 
     /// The files of a frame, the picture first.
-    fn files(&self, frame: u32) -> Vec<PathBuf> {
+    pub(crate) fn files(&self, frame: u32) -> Vec<PathBuf> {
         let mut files = vec![self.output.path(frame)];
         if self.output.format == Format::Png {
             files.extend(self.aovs.iter().map(|aov| self.output.layer_path(frame, aov.name())));
         }
         files
     }
+
+    /// All files, each once.
+    fn all_files(&self) -> impl Iterator<Item = PathBuf> {
+        let one = self.output.format.film().is_some();
+        self.frames.iter().take(if one { 1 } else { usize::MAX }).flat_map(|frame| self.files(frame))
+    }
+}
+
+/// Which frames are wanted.
+fn frames(flags: &RenderFlags, output: &Output, reader: &Reader) -> Result<Frames, Failure> {
+    let own = || {
+        let frames = reader.clip().frames.map(|[first, last]| Frames::new(first, last, 1));
+        frames.transpose().map_err(|e| Failure::new(Exit::Scene, format!("{}: animation: {e}", reader.name)))
+    };
+    let none = |what: &str| {
+        Failure::usage(format!("{what}, but {} doesn't say which", reader.name))
+            .help("give --frames 1-100, or write animation { frames 1 100 } in the scene")
+    };
+    match flags.frames {
+        Some(FramesFlag::These(frames)) => Ok(frames),
+        Some(FramesFlag::All) => own()?.ok_or_else(|| none("--frames all means the frames of the scene's animation")),
+        None if output.format.film().is_some() => own()?.ok_or_else(|| none("a film needs its frames")),
+        None => Ok(Frames::one(reader.first_frame())),
+    }
 }
 
 /// Runs the command.
 pub(crate) fn run(flags: &RenderFlags) -> Result<Exit, Failure> {
-    let plan = Plan::new(flags)?;
-    plan.output.check(plan.frames.iter().flat_map(|frame| plan.files(frame)))?;
-    interrupt::install(plan.style == Style::Json);
-    on_threads(flags.source.threads, || on_pool(flags, &plan))?
+    let style = Style::new(flags.progress, flags.quiet);
+    let mut reader = Reader::open(&flags.source)?;
+    if let Some(fps) = flags.fps {
+        reader.set_fps(fps);
+    }
+    let plan = Plan::new(flags, style, &reader)?;
+    plan.output.check(plan.all_files())?;
+    interrupt::install(style == Style::Json);
+    on_threads(flags.source.threads, || on_pool(flags, &plan, reader))?
 }
 
-fn on_pool(flags: &RenderFlags, plan: &Plan) -> Result<Exit, Failure> {
-    let source = Source::read(&flags.source)?;
+fn on_pool(flags: &RenderFlags, plan: &Plan, mut reader: Reader) -> Result<Exit, Failure> {
+    let source = reader.at(plan.frames.first)?;
     if !flags.quiet {
         print_diagnostics(&source.warnings, plan.style == Style::Json);
     }
@@ -167,32 +216,20 @@ fn on_pool(flags: &RenderFlags, plan: &Plan) -> Result<Exit, Failure> {
     }
     room(&plan.aovs, [width, height])?;
     let inputs = source.files.iter().map(|used| Path::new(&used.file));
-    plan.output.spare(plan.frames.iter().flat_map(|frame| plan.files(frame)), inputs)?;
-    let Source { name, scene, files, time, .. } = source;
-    let (world, build_time) = build(&name, scene)?;
+    plan.output.spare(plan.all_files(), inputs)?;
     if flags.dry_run {
-        return dry_run(flags, plan, &settings, &world, files.len());
+        let files = source.files.len();
+        let (world, _) = build(&source.name, source.scene)?;
+        return dry_run(flags, plan, &settings, &world, files);
     }
-    let times = Times { read: time.as_secs_f64(), build: build_time.as_secs_f64(), ..Times::default() };
-    let texts = metadata(&flags.source, &settings);
-    let job = Job { aovs: plan.aovs.clone(), tile: flags.tile, ..settings.job };
-    let session = Session { plan, name, camera: settings.camera, world, job, texts, times, pixels };
-    let _rendering = interrupt::Rendering::begin();
-    for frame in plan.frames.iter() {
-        let report = session.frame(frame)?;
-        match plan.style {
-            Style::Json => emit(&report),
-            _ if flags.quiet => {}
-            _ => eprint_line(&report.text(&sampling_words(&session.job.film))),
-        }
-        if !report.complete || (interrupt::requested() && frame < plan.frames.last) {
-            if plan.style != Style::Json {
-                eprint_line(&interrupted(&report));
-            }
-            return Ok(Exit::Interrupted);
+    // What goes wrong at a later key is better known before the first frame is rendered than after many.
+    if reader.clip().moves && plan.frames.count() > 1 {
+        for frame in plan.frames.next_to(&reader.key_frames()).into_iter().filter(|frame| *frame != plan.frames.first) {
+            let source = reader.at(frame)?;
+            Settings::new(&source.name, &source.scene, &flags.picture)?;
         }
     }
-    Ok(Exit::Done)
+    Series::new(flags, plan, reader).run(source)
 }
 
 /// Whether there is memory for a picture with its layers: thrice, since it is put into the order of its file and
@@ -207,107 +244,6 @@ fn room(aovs: &[Aov], [width, height]: [u32; 2]) -> Result<(), Failure> {
     let (layers, size) = (plural(aovs.len() as u64, "layer"), bytes(size));
     let message = format!("there is no memory for {width} x {height} pixels with {layers}: it takes {size}");
     Err(Failure::new(Exit::Failed, message).help("render it in parts with --crop, or with fewer layers"))
-}
-
-/// All that the frames have in common.
-struct Session<'a> {
-    plan: &'a Plan,
-    /// The scene's file.
-    name: String,
-    camera: String,
-    world: World,
-    job: Job,
-    /// What the files carry besides pixels.
-    texts: Vec<(String, String)>,
-    times: Times,
-    /// Of one frame.
-    pixels: u64,
-}
-
-impl Session<'_> {
-    /// Renders a frame and writes it.
-    fn frame(&self, frame: u32) -> Result<Report, Failure> {
-        let Session { plan, pixels, .. } = *self;
-        let job = Job { frame, ..self.job.clone() };
-        let [_, _, width, height] = job.window();
-        let threads = rayon::current_num_threads();
-        let (first, last) = (plan.frames.first, plan.frames.last);
-        if plan.style == Style::Json {
-            emit(&json!({
-                "event": "start", "scene": self.name, "camera": self.camera, "frame": frame, "frames": [first, last],
-                "size": [width, height], "pixels": pixels, "threads": threads, "files": plan.files(frame),
-            }));
-        }
-        let label = if plan.numbered { format!("frame {frame} of {first}-{last}  ") } else { String::new() };
-        let watch = Watch::begin(plan.style, frame, label, pixels);
-        let rendered = canaletto::render::render(&self.world, &job, &watch);
-        let render = watch.finish().as_secs_f64();
-        let rendering = rendered.map_err(|e| Failure::new(Exit::Scene, format!("{}: {e}", self.name)))?;
-        let start = Instant::now();
-        // A black picture is worth nothing, and might replace a good one.
-        let files = if rendering.pixels_done > 0 { self.save(&job, &rendering)? } else { Vec::new() };
-        let rays_total = rendering.counts.total();
-        Ok(Report {
-            event: "done",
-            frame,
-            complete: rendering.complete,
-            pixels_done: rendering.pixels_done,
-            pixels,
-            files,
-            size: [width, height],
-            primitives: self.world.census().primitives,
-            rays: rendering.counts,
-            rays_total,
-            rays_per_second: (rays_total as f64 / render.max(1e-9)).round(),
-            threads,
-            seconds: Times { render, write: start.elapsed().as_secs_f64(), ..self.times },
-        })
-    }
-
-    /// Writes a picture and its layers; returns the files' names.
-    fn save(&self, job: &Job, rendering: &Rendering) -> Result<Vec<String>, Failure> {
-        let mut texts = self.texts.clone();
-        texts.push(("frame".into(), job.frame.to_string()));
-        if !rendering.complete {
-            texts.push(("unfinished".into(), "interrupted; black parts aren't rendered".into()));
-        }
-        let (picture, film, output) = (&rendering.picture, &job.film, &self.plan.output);
-        let files = self.plan.files(job.frame);
-        if output.format == Format::Exr {
-            let bytes = encode_exr(&layers::linear(picture), &texts).map_err(|e| unfit(&e))?;
-            output.write(&files[0], &bytes)?;
-        } else {
-            let write = |file: &Path, image: &Image, transfer, texts: &[_]| {
-                output.write(file, &encode_png(image, output.depth, transfer, texts).map_err(|e| unfit(&e))?)
-            };
-            write(&files[0], &layers::developed(picture, film), film.transfer, &texts)?;
-            for (layer, file) in picture.layers.iter().zip(&files[1..]) {
-                let (image, transfer) = layers::to_image(layer, picture, film, &self.world.bounds());
-                let mut texts = texts.clone();
-                texts.retain(|(key, _)| key != "transfer");
-                texts.push(("transfer".into(), transfer_word(transfer).into()));
-                texts.push(("layer".into(), layer.name.into()));
-                write(file, &image, transfer, &texts)?;
-            }
-        }
-        Ok(files.iter().map(|file| file.display().to_string()).collect())
-    }
-}
-
-fn interrupted(report: &Report) -> String {
-    let paint = Paint::stderr().yellow("interrupted:");
-    let percent = match report.pixels_done * 100 / report.pixels.max(1) {
-        0 => "less than 1%".to_owned(),
-        n => format!("{n}%"),
-    };
-    match report.files.first() {
-        _ if report.complete => format!("{paint} frame {} is finished, the rest isn't rendered", report.frame),
-        Some(file) => {
-            let file = if file == "-" { "the standard output" } else { file };
-            format!("{paint} {percent} of the picture is rendered; {file} has it, the rest is black")
-        }
-        None => format!("{paint} no part of the picture was finished, so nothing is written"),
-    }
 }
 
 fn dry_run(
@@ -332,7 +268,8 @@ fn dry_run(
     let shadows = if integrator.shadows { "shadows" } else { "no shadows" };
     let kind = match (plan.output.format, job.film.transfer) {
         (Format::Exr, _) => "OpenEXR, linear".to_owned(),
-        (Format::Png, transfer) => format!(
+        (film, _) if film.film().is_some() => format!("{film}, {} frames a second", plan.rate.fps()),
+        (_, transfer) => format!(
             "PNG, {} bits, {}",
             flags.output.bits.as_deref().unwrap_or("8"),
             if transfer == Transfer::Srgb { "sRGB" } else { "no transfer curve" }
@@ -340,8 +277,10 @@ fn dry_run(
     };
     let names: Vec<String> = first.iter().map(|file| file.display().to_string()).collect();
     let names = list(&names.iter().map(String::as_str).collect::<Vec<_>>()).replace('"', "");
-    let frames =
-        if plan.numbered { format!("; frames {} to {}", plan.frames.first, plan.frames.last) } else { String::new() };
+    let frames = match plan.frames.count() {
+        1 if !plan.numbered => String::new(),
+        n => format!("; {}: {}", plural(n, "frame"), plan.frames),
+    };
     print(&format!(
         "scene     {}, {}\ncamera    {}, {width} x {height} pixels\nsampling  {}\nlight     stage {stage}, depth {}, {shadows}\n\
          world     {}, {}, {}\noutput    {names} ({kind}){frames}\nnothing is rendered or written (--dry-run)\n",

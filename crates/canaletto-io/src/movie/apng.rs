@@ -28,7 +28,10 @@ impl Apng {
         png_texts(&mut encoder, &settings.metadata).map_err(|e| MovieError::Unfit(e.to_string()))?;
         let part = |n: u32| {
             u16::try_from(n).map_err(|_| {
-                MovieError::Unfit(format!("animated PNG counts up to 65535 in a rate, and this one is {}", settings.rate.fps()))
+                MovieError::Unfit(format!(
+                    "animated PNG counts up to 65535 in a rate, and this one is {}",
+                    settings.rate.fps()
+                ))
             })
         };
         let (delay, of) = (part(settings.rate.seconds)?, part(settings.rate.frames)?);

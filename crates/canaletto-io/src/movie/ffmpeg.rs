@@ -33,7 +33,10 @@ const MAX_WORDS: u64 = 4096;
 pub fn find_ffmpeg() -> Option<PathBuf> {
     let name = if cfg!(windows) { "ffmpeg.exe" } else { "ffmpeg" };
     let path = env::var_os("PATH")?;
-    env::split_paths(&path).filter(|folder| folder.is_absolute()).map(|folder| folder.join(name)).find(|file| runs(file))
+    env::split_paths(&path)
+        .filter(|folder| folder.is_absolute())
+        .map(|folder| folder.join(name))
+        .find(|file| runs(file))
 }
 
 fn runs(file: &Path) -> bool {
@@ -57,7 +60,10 @@ impl Ffmpeg {
         let program = find_ffmpeg().ok_or(MovieError::NoFfmpeg)?;
         let file = AtomicFile::begin(path, options)?;
         let Some(temporary) = file.temporary() else {
-            return Err(MovieError::Unfit(format!("{} isn't a file that ffmpeg can write its film to", path.display())));
+            return Err(MovieError::Unfit(format!(
+                "{} isn't a file that ffmpeg can write its film to",
+                path.display()
+            )));
         };
         let target = fs::canonicalize(temporary).map_err(|reason| file.failed(reason))?;
         let mut command = Command::new(program);
@@ -113,7 +119,8 @@ fn listen(mut stderr: impl Read) -> String {
 
 impl Frames for Ffmpeg {
     fn add(&mut self, _: u32, rgb: &[u8], _: Area) -> Result<(), MovieError> {
-        let sent = self.running.pixels.as_mut().map_or(Err(io::ErrorKind::BrokenPipe.into()), |pipe| pipe.write_all(rgb));
+        let sent =
+            self.running.pixels.as_mut().map_or(Err(io::ErrorKind::BrokenPipe.into()), |pipe| pipe.write_all(rgb));
         // It has gone: what it said says why.
         sent.map_err(|e| self.running.failure(&e.to_string()))
     }

@@ -32,7 +32,8 @@ impl Gif {
             )));
         }
         let side = |n: u32| {
-            u16::try_from(n).map_err(|_| MovieError::Unfit(format!("a side of a GIF has at most 65535 pixels, not {n}")))
+            u16::try_from(n)
+                .map_err(|_| MovieError::Unfit(format!("a side of a GIF has at most 65535 pixels, not {n}")))
         };
         let (width, height) = (side(settings.width)?, side(settings.height)?);
         let file = AtomicFile::begin(path, options)?;

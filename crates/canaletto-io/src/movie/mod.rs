@@ -112,9 +112,7 @@ impl Movie {
         let writer: Box<dyn Frames> = match format {
             MovieFormat::Apng => Box::new(apng::Apng::begin(path, options, &settings)?),
             MovieFormat::Gif => Box::new(gif::Gif::begin(path, options, &settings)?),
-            MovieFormat::Mp4 | MovieFormat::WebM => {
-                Box::new(ffmpeg::Ffmpeg::begin(format, path, options, &settings)?)
-            }
+            MovieFormat::Mp4 | MovieFormat::WebM => Box::new(ffmpeg::Ffmpeg::begin(format, path, options, &settings)?),
         };
         Ok(Movie { settings, writer, added: 0, last: Vec::new() })
     }
@@ -124,7 +122,9 @@ impl Movie {
     /// # Errors
     /// [`MovieError`] if it isn't like the film, or can't be written.
     pub fn add(&mut self, image: &Image) -> Result<(), MovieError> {
-        let Some([r, g, b]) = image.rgb() else { return Err(MovieError::Unfit("a frame needs red, green and blue".into())) };
+        let Some([r, g, b]) = image.rgb() else {
+            return Err(MovieError::Unfit("a frame needs red, green and blue".into()));
+        };
         if (image.width, image.height) != (self.settings.width, self.settings.height) {
             return Err(MovieError::Unfit(format!(
                 "a frame of {} × {} pixels doesn't fit into a film of {} × {}",

@@ -45,8 +45,14 @@ mod tests {
 
     #[test]
     fn numbers_become_fractions() {
-        let of = |fps: f64| { let r = Rate::new(fps); (r.frames, r.seconds) };
-        assert_eq!([of(25.0), of(23.976), of(29.97), of(59.94)], [(25, 1), (24000, 1001), (30000, 1001), (60000, 1001)]);
+        let of = |fps: f64| {
+            let r = Rate::new(fps);
+            (r.frames, r.seconds)
+        };
+        assert_eq!(
+            [of(25.0), of(23.976), of(29.97), of(59.94)],
+            [(25, 1), (24000, 1001), (30000, 1001), (60000, 1001)]
+        );
         assert_eq!([of(12.5), of(0.01), of(0.5), of(16.667)], [(25, 2), (1, 100), (1, 2), (16667, 1000)]);
     }
 }

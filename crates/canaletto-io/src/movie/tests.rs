@@ -113,9 +113,11 @@ fn many_colours_become_256_near_ones() {
     let mut reader = options.read_info(Cursor::new(&bytes)).unwrap();
     let frame = reader.read_next_frame().unwrap().unwrap();
     let right = bytes_of(&image);
-    let errors = frame.buffer.chunks_exact(4).zip(right.chunks_exact(3)).map(|(a, b)| {
-        (0..3).map(|c| f64::from(a[c].abs_diff(b[c])).powi(2)).sum::<f64>()
-    });
+    let errors = frame
+        .buffer
+        .chunks_exact(4)
+        .zip(right.chunks_exact(3))
+        .map(|(a, b)| (0..3).map(|c| f64::from(a[c].abs_diff(b[c])).powi(2)).sum::<f64>());
     let rms = (errors.sum::<f64>() / f64::from(3 * w * h)).sqrt();
     // 4096 colours on a square by 256: a regular choice of 16 × 16 is off by 16/√12 · √(2/3) = 3.8 levels; a map
     // that has to find them may need twice that.

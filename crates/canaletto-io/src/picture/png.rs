@@ -17,6 +17,16 @@ pub enum Depth {
     Sixteen,
 }
 
+impl Depth {
+    /// As a number.
+    pub fn bits(self) -> u8 {
+        match self {
+            Depth::Eight => 8,
+            Depth::Sixteen => 16,
+        }
+    }
+}
+
 /// The bytes of a PNG of the channels R G B, or Y; A, if there is one, is kept. Values are display values and rounded
 /// to the nearest of 0 to 1; other channels are left out. `transfer` only says how the values are encoded already: sRGB
 /// is noted in the file (chunks sRGB and gAMA), values as they are get no note. `metadata` become texts.
@@ -62,7 +72,10 @@ pub fn encode_png(
 }
 
 /// Adds texts to a PNG: the program's name and `metadata`.
-pub(crate) fn png_texts<W: Write>(encoder: &mut Encoder<'_, W>, metadata: &[(String, String)]) -> Result<(), PictureError> {
+pub(crate) fn png_texts<W: Write>(
+    encoder: &mut Encoder<'_, W>,
+    metadata: &[(String, String)],
+) -> Result<(), PictureError> {
     let unfit = |e: ::png::EncodingError| PictureError::Unfit(format!("PNG can't hold it: {e}"));
     let software = ("Software".to_owned(), concat!("Canaletto ", env!("CARGO_PKG_VERSION")).to_owned());
     for (key, text) in std::iter::once(&software).chain(metadata) {

@@ -1,0 +1,363 @@
+//! The frames of a render, one after the other: what is complete is kept, the rest is rendered and written.
+
+use crate::command::render::{Plan, RenderFlags};
+use crate::exit::Exit;
+use crate::failure::{Failure, eprint_line, print_diagnostics};
+use crate::interrupt;
+use crate::layers;
+use crate::output::{Format, film_failed, unfit};
+use crate::progress::{Style, Watch, Whole, emit};
+use crate::report::{Report, Times};
+use crate::settings::{Settings, metadata, sampling_words, transfer_word};
+use crate::source::{Reader, Source, build, fingerprint};
+use crate::terminal::Paint;
+use crate::words::{count, duration, plural};
+use canaletto::render::{Job, Rendering};
+use canaletto::scene::Scene;
+use canaletto::world::World;
+use canaletto_io::movie::{Movie, MovieSettings};
+use canaletto_io::picture::{Image, decode, encode_exr, encode_png};
+use serde_json::json;
+use std::collections::HashSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// Renders the frames of a plan.
+pub(crate) struct Series<'a> {
+    flags: &'a RenderFlags,
+    plan: &'a Plan,
+    reader: Reader,
+    film: Option<Movie>,
+    /// Warnings that were told already.
+    told: HashSet<String>,
+    start: Instant,
+    /// Frames that were rendered, those that were complete before, and the time that the former took.
+    rendered: u64,
+    kept: u64,
+    spent: Duration,
+}
+
+/// What a frame is made of. If nothing moves it serves them all.
+struct Stage {
+    camera: String,
+    job: Job,
+    /// What the files carry besides pixels.
+    texts: Vec<(String, String)>,
+    times: Times,
+    scene: Option<Scene>,
+    world: Option<World>,
+}
+
+/// A frame that was rendered.
+struct Rendered {
+    report: Report,
+    /// Whether it counts: part of one of many frames is dropped.
+    whole: bool,
+}
+
+impl<'a> Series<'a> {
+    pub(crate) fn new(flags: &'a RenderFlags, plan: &'a Plan, reader: Reader) -> Series<'a> {
+        Series {
+            flags,
+            plan,
+            reader,
+            film: None,
+            told: HashSet::new(),
+            start: Instant::now(),
+            rendered: 0,
+            kept: 0,
+            spent: Duration::ZERO,
+        }
+    }
+
+    /// Renders all frames; `first` is the scene at the first one, its warnings told.
+    pub(crate) fn run(mut self, first: Source) -> Result<Exit, Failure> {
+        let _rendering = interrupt::Rendering::begin();
+        self.told.insert(first.warnings.to_string());
+        let moves = self.reader.clip().moves;
+        let mut stage = self.stage(first)?;
+        for frame in self.plan.frames.iter() {
+            if interrupt::requested() {
+                return Ok(self.interrupted(None));
+            }
+            let begun = Instant::now();
+            if moves && frame != self.plan.frames.first {
+                let source = self.reader.at(frame)?;
+                if !self.flags.quiet && self.told.insert(source.warnings.to_string()) {
+                    print_diagnostics(&source.warnings, self.plan.style == Style::Json);
+                }
+                stage = self.stage(source)?;
+            }
+            if self.keeps(&stage, frame) {
+                self.kept += 1;
+                if self.plan.style == Style::Json {
+                    emit(&json!({ "event": "skipped", "frame": frame, "files": self.plan.files(frame) }));
+                }
+                continue;
+            }
+            if let Some(scene) = stage.scene.take() {
+                let (world, time) = build(&self.reader.name, scene)?;
+                (stage.world, stage.times.build) = (Some(world), time.as_secs_f64());
+            }
+            let Some(world) = &stage.world else { continue };
+            let Rendered { report, whole } = self.frame(&stage, world, frame)?;
+            if whole {
+                self.rendered += 1;
+                self.spent += begun.elapsed();
+            }
+            self.tell(&report, &stage.job);
+            if !report.complete {
+                return Ok(self.interrupted(Some(&report)));
+            }
+            // Reading and building served this frame; where nothing moves, the next ones cost none of it.
+            (stage.times.read, stage.times.build) = (0.0, 0.0);
+        }
+        self.finish()
+    }
+
+    /// What a scene means for its frame.
+    fn stage(&self, source: Source) -> Result<Stage, Failure> {
+        let settings = Settings::new(&source.name, &source.scene, &self.flags.picture)?;
+        let mut texts = metadata(&self.flags.source, &settings);
+        if self.plan.numbered {
+            texts.push(("fingerprint".into(), fingerprint(&source.files)));
+            if self.reader.clip().seconds {
+                texts.push(("fps".into(), self.plan.rate.fps().to_string()));
+            }
+        }
+        let job = Job { aovs: self.plan.aovs.clone(), tile: self.flags.tile, ..settings.job };
+        let times = Times { read: source.time.as_secs_f64(), ..Times::default() };
+        Ok(Stage { camera: settings.camera, job, texts, times, scene: Some(source.scene), world: None })
+    }
+
+    /// Whether a frame's files are there, whole, and made of the same scene with the same settings.
+    fn keeps(&self, stage: &Stage, frame: u32) -> bool {
+        let output = &self.plan.output;
+        if self.flags.force || !self.plan.numbered || output.format.film().is_some() || output.is_stdout() {
+            return false;
+        }
+        let [_, _, width, height] = stage.job.window();
+        let layers: usize = self.plan.aovs.iter().map(|aov| aov.channels().len()).sum();
+        let channels = if output.format == Format::Exr { 3 + layers } else { 3 };
+        // A file that is much larger than these pixels is something else, and need not be read.
+        let most = u64::from(width) * u64::from(height) * channels as u64 * 8 + (1 << 20);
+        let mut texts = stage.texts.clone();
+        texts.push(("frame".into(), frame.to_string()));
+        let whole = |file: &PathBuf, layer: bool| {
+            let bytes =
+                fs::metadata(file).ok().filter(|m| m.is_file() && m.len() <= most).and_then(|_| fs::read(file).ok());
+            let Some(picture) = bytes.and_then(|bytes| decode(&bytes).ok()) else { return false };
+            let bits = if output.format == Format::Exr { picture.bits } else { output.depth.bits() };
+            (picture.image.width, picture.image.height, picture.bits) == (width, height, bits)
+                && picture.image.channels.len() == channels
+                && picture.metadata.iter().all(|(key, _)| key != UNFINISHED)
+                // Layers have a transfer of their own.
+                && texts.iter().all(|text| (layer && text.0 == "transfer") || picture.metadata.contains(text))
+        };
+        self.plan.files(frame).iter().enumerate().all(|(index, file)| whole(file, index > 0))
+    }
+
+    /// Renders a frame and writes it.
+    fn frame(&mut self, stage: &Stage, world: &World, frame: u32) -> Result<Rendered, Failure> {
+        let plan = self.plan;
+        let job = Job { frame, ..stage.job.clone() };
+        let [_, _, width, height] = job.window();
+        let pixels = u64::from(width) * u64::from(height);
+        let threads = rayon::current_num_threads();
+        let (first, last) = (plan.frames.first, plan.frames.last);
+        let whole = Whole {
+            frames: plan.frames.count(),
+            done: self.rendered + self.kept,
+            rendered: self.rendered,
+            spent: self.spent,
+        };
+        if plan.style == Style::Json {
+            emit(&json!({
+                "event": "start", "scene": self.reader.name, "camera": stage.camera, "frame": frame,
+                "frames": [first, last], "frames_done": whole.done, "frames_total": whole.frames,
+                "size": [width, height], "pixels": pixels, "threads": threads, "files": plan.files(frame),
+            }));
+        }
+        let label = if whole.frames > 1 || plan.numbered {
+            format!("frame {frame} of {}  ", plan.frames)
+        } else {
+            String::new()
+        };
+        let watch = Watch::begin(plan.style, frame, label, pixels, whole);
+        let rendered = canaletto::render::render(world, &job, &watch);
+        let render = watch.finish().as_secs_f64();
+        let rendering = rendered.map_err(|e| Failure::new(Exit::Scene, format!("{}: {e}", self.reader.name)))?;
+        let start = Instant::now();
+        // A black picture is worth nothing, and might replace a good one; so might part of one of many frames, which
+        // will be rendered again.
+        let alone = plan.frames.count() == 1 && plan.output.format.film().is_none();
+        let files = match rendering.complete || (alone && rendering.pixels_done > 0) {
+            true => self.save(stage, world, &job, &rendering)?,
+            false => Vec::new(),
+        };
+        let rays_total = rendering.counts.total();
+        let report = Report {
+            event: "done",
+            frame,
+            complete: rendering.complete,
+            pixels_done: rendering.pixels_done,
+            pixels,
+            files,
+            size: [width, height],
+            primitives: world.census().primitives,
+            rays: rendering.counts,
+            rays_total,
+            rays_per_second: (rays_total as f64 / render.max(1e-9)).round(),
+            threads,
+            seconds: Times { render, write: start.elapsed().as_secs_f64(), ..stage.times },
+        };
+        Ok(Rendered { whole: report.complete, report })
+    }
+
+    /// Writes a picture and its layers, or adds it to the film; returns the files' names.
+    fn save(&mut self, stage: &Stage, world: &World, job: &Job, rendering: &Rendering) -> Result<Vec<String>, Failure> {
+        let (picture, film, output) = (&rendering.picture, &job.film, &self.plan.output);
+        let mut texts = stage.texts.clone();
+        let files = self.plan.files(job.frame);
+        if output.format.film().is_some() {
+            self.add_to_film(&layers::developed(picture, film), job, texts)?;
+            return Ok(files.iter().map(|file| file.display().to_string()).collect());
+        }
+        texts.push(("frame".into(), job.frame.to_string()));
+        if !rendering.complete {
+            texts.push((UNFINISHED.into(), "interrupted; black parts aren't rendered".into()));
+        }
+        if output.format == Format::Exr {
+            let bytes = encode_exr(&layers::linear(picture), &texts).map_err(|e| unfit(&e))?;
+            output.write(&files[0], &bytes)?;
+        } else {
+            let write = |file: &Path, image: &Image, transfer, texts: &[_]| {
+                output.write(file, &encode_png(image, output.depth, transfer, texts).map_err(|e| unfit(&e))?)
+            };
+            write(&files[0], &layers::developed(picture, film), film.transfer, &texts)?;
+            for (layer, file) in picture.layers.iter().zip(&files[1..]) {
+                let (image, transfer) = layers::to_image(layer, picture, film, &world.bounds());
+                let mut texts = texts.clone();
+                texts.retain(|(key, _)| key != "transfer");
+                texts.push(("transfer".into(), transfer_word(transfer).into()));
+                texts.push(("layer".into(), layer.name.into()));
+                write(file, &image, transfer, &texts)?;
+            }
+        }
+        Ok(files.iter().map(|file| file.display().to_string()).collect())
+    }
+
+    fn add_to_film(&mut self, image: &Image, job: &Job, mut metadata: Vec<(String, String)>) -> Result<(), Failure> {
+        let (output, format) = (&self.plan.output, self.plan.output.format);
+        let failed = |error| film_failed(format, error);
+        let mut film = match (self.film.take(), format.film()) {
+            (Some(film), _) => film,
+            (None, None) => return Ok(()),
+            (None, Some(kind)) => {
+                metadata.push(("frames".into(), self.plan.frames.to_string()));
+                let settings = MovieSettings {
+                    width: image.width,
+                    height: image.height,
+                    rate: self.plan.rate,
+                    frames: self.plan.frames.count() as u32,
+                    transfer: job.film.transfer,
+                    metadata,
+                };
+                Movie::begin(kind, &output.path(0), output.options(), settings).map_err(failed)?
+            }
+        };
+        film.add(image).map_err(failed)?;
+        self.film = Some(film);
+        Ok(())
+    }
+
+    /// Says that a frame is done.
+    fn tell(&self, report: &Report, job: &Job) {
+        match self.plan.style {
+            Style::Json => emit(report),
+            _ if self.flags.quiet => {}
+            _ if self.plan.frames.count() == 1 => eprint_line(&report.text(&sampling_words(&job.film))),
+            _ if !report.complete => {}
+            _ => {
+                let done = self.rendered + self.kept;
+                let left = self.spent.mul_f64((self.plan.frames.count() - done) as f64 / self.rendered.max(1) as f64);
+                let left =
+                    if done < self.plan.frames.count() { format!(", {} left", duration(left)) } else { String::new() };
+                eprint_line(&format!("{}; {done} of {}{left}", report.line(), self.plan.frames.count()));
+            }
+        }
+    }
+
+    /// The end: the film gets its name.
+    fn finish(self) -> Result<Exit, Failure> {
+        let format = self.plan.output.format;
+        if let Some(film) = self.film {
+            let _guard = interrupt::writing();
+            film.finish().map_err(|e| film_failed(format, e))?;
+        }
+        let (rendered, kept, frames) = (self.rendered, self.kept, self.plan.frames.count());
+        if self.plan.style == Style::Json {
+            if frames == 1 && !self.plan.numbered {
+                return Ok(Exit::Done);
+            }
+            emit(&json!({
+                "event": "finished", "frames": frames, "rendered": rendered, "skipped": kept,
+                "seconds": self.start.elapsed().as_secs_f64(),
+            }));
+        } else if !self.flags.quiet && (frames > 1 || kept > 0) {
+            let kept = match kept {
+                0 => String::new(),
+                n => format!(", {} complete before (--force renders all anew)", count(n)),
+            };
+            let file = match format.film() {
+                Some(_) => format!("{}: ", self.plan.output.path(0).display()),
+                None => String::new(),
+            };
+            let time = duration(self.start.elapsed());
+            eprint_line(&format!("{file}{} rendered{kept}, {time} in all", plural(rendered, "frame")));
+        }
+        Ok(Exit::Done)
+    }
+
+    /// Says what there is and how to go on. `report`: the frame that was interrupted, if one was.
+    fn interrupted(&self, report: Option<&Report>) -> Exit {
+        if self.plan.style == Style::Json {
+            return Exit::Interrupted;
+        }
+        let paint = Paint::stderr().yellow("interrupted:");
+        let (frames, done) = (self.plan.frames, self.rendered + self.kept);
+        eprint_line(&match report {
+            _ if self.plan.output.format.film().is_some() => format!(
+                "{paint} {done} of {} were rendered, and nothing is written: a film is written when it is whole. Numbered \
+                 pictures (--output shot.####.png) can be gone on with",
+                plural(frames.count(), "frame")
+            ),
+            Some(report) if frames.count() == 1 => one_interrupted(&paint, report),
+            _ => {
+                let next = report.map(|report| report.frame).or_else(|| frames.iter().nth(done as usize));
+                let next =
+                    next.map_or_else(String::new, |next| format!("; the same command goes on with frame {next}"));
+                format!("{paint} {done} of {} are complete{next}", plural(frames.count(), "frame"))
+            }
+        });
+        Exit::Interrupted
+    }
+}
+
+/// The key of the text in files that hold part of a picture.
+const UNFINISHED: &str = "unfinished";
+
+fn one_interrupted(paint: &str, report: &Report) -> String {
+    let percent = match report.pixels_done * 100 / report.pixels.max(1) {
+        0 => "less than 1%".to_owned(),
+        n => format!("{n}%"),
+    };
+    match report.files.first() {
+        Some(file) => {
+            let file = if file == "-" { "the standard output" } else { file };
+            format!("{paint} {percent} of the picture is rendered; {file} has it, the rest is black")
+        }
+        None => format!("{paint} no part of the picture was finished, so nothing is written"),
+    }
+}

@@ -1,0 +1,304 @@
+//! Animations on the command line: frames, going on after a stop, films.
+
+use canaletto_io::picture::{Decoded, decode};
+use std::fs;
+use std::path::PathBuf;
+use std::process::{Command, Output, Stdio};
+use std::time::SystemTime;
+
+/// A ball that crosses the picture in 8 frames.
+const SCENE: &str = r#"
+animation { frames 1 4; fps 10 }
+camera { eye 0 0 10; center 0 0 0; fovy 40; size 24 16 }
+material "red" { kd 0.8 0.2 0.1 }
+sphere name="ball" material="red" { center 0 0 0; radius 1; translate { key 1 -4 0 0; key 9 4 0 0; ease "linear" } }
+light "omni" { position 3 5 9 }
+"#;
+
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    fn new() -> Folder {
+        let folder = Folder(tempfile::tempdir().unwrap());
+        fs::write(folder.path("s.kdl"), SCENE).unwrap();
+        folder
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn command(&self, arguments: &str) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_canaletto"));
+        command.args(arguments.split_whitespace()).current_dir(self.0.path());
+        command
+    }
+
+    fn run(&self, arguments: &str) -> Output {
+        self.command(arguments).output().unwrap()
+    }
+
+    /// Runs and expects an exit code and words on stderr or stdout.
+    #[track_caller]
+    fn says(&self, arguments: &str, code: i32, words: &[&str]) -> String {
+        said(self.run(arguments), code, words)
+    }
+
+    fn picture(&self, name: &str) -> Decoded {
+        decode(&fs::read(self.path(name)).unwrap()).unwrap()
+    }
+
+    fn time(&self, name: &str) -> SystemTime {
+        fs::metadata(self.path(name)).unwrap().modified().unwrap()
+    }
+
+    fn names(&self) -> Vec<String> {
+        let entries = fs::read_dir(self.0.path()).unwrap();
+        let mut names: Vec<String> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+        names.retain(|name| name != "s.kdl");
+        names.sort();
+        names
+    }
+}
+
+#[track_caller]
+fn said(output: Output, code: i32, words: &[&str]) -> String {
+    let text = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert_eq!(output.status.code(), Some(code), "{text}");
+    for word in words {
+        assert!(text.contains(word), "{word:?} isn't in:\n{text}");
+    }
+    text
+}
+
+/// The column of the reddest pixel, from the left.
+fn ball(picture: &Decoded) -> usize {
+    let (red, width) = (&picture.image.rgb().unwrap()[0], picture.image.width as usize);
+    let row = &red[8 * width..9 * width];
+    let lit: Vec<usize> = (0..width).filter(|x| row[*x] > 0.2).collect();
+    lit[lit.len() / 2]
+}
+
+#[test]
+fn frames_move() {
+    let folder = Folder::new();
+    folder.says("render s.kdl --frames 1-9x4 -o f.##.png", 0, &["3 of 3", "3 frames rendered", "in all"]);
+    assert_eq!(folder.names(), ["f.01.png", "f.05.png", "f.09.png"]);
+    let places = ["f.01.png", "f.05.png", "f.09.png"].map(|name| ball(&folder.picture(name)));
+    assert!(places[0] < 6 && (11..=13).contains(&places[1]) && places[2] > 18, "{places:?}");
+    // Without frames it is the scene's first; explain and check may look at any.
+    folder.says("render s.kdl -q", 0, &[]);
+    assert_eq!(folder.picture("s.png").image, folder.picture("f.01.png").image);
+    folder.says("explain s.kdl --frame 5 -p 12,8", 0, &["ball"]);
+    assert!(!folder.says("explain s.kdl -p 12,8", 0, &[]).contains("ball"));
+    folder.says("render s.kdl --frames all -o a.#.png --dry-run", 0, &["4 frames: 1-4"]);
+    folder.says("info s.kdl --frame 9", 0, &["bounds"]);
+    folder.says("render s.kdl --frames 1-9x0", 2, &["at least 1"]);
+    folder.says("render s.kdl --fps 0", 2, &["between 0.01 and 1000"]);
+}
+
+#[test]
+fn complete_frames_are_kept() {
+    let folder = Folder::new();
+    folder.says("render s.kdl --frames 1-3 -o f.#.png --aov depth", 0, &["3 frames rendered"]);
+    let before = folder.time("f.1.png");
+    // One is cut off, one lacks a layer, one belongs to another size.
+    let bytes = fs::read(folder.path("f.2.png")).unwrap();
+    fs::write(folder.path("f.2.png"), &bytes[..bytes.len() / 2]).unwrap();
+    fs::remove_file(folder.path("f.3.depth.png")).unwrap();
+    folder.says(
+        "render s.kdl --frames 1-4 -o f.#.png --aov depth",
+        0,
+        &["4 of 4", "3 frames rendered, 1 complete before (--force"],
+    );
+    assert_eq!(folder.time("f.1.png"), before);
+    assert_eq!(fs::read(folder.path("f.2.png")).unwrap(), bytes, "the same again");
+    let again = "render s.kdl --frames 1-4 -o f.#.png --aov depth";
+    folder.says(again, 0, &["0 frames rendered, 4 complete before"]);
+    let json = folder.says(&format!("{again} --progress json"), 0, &["\"skipped\":4", "\"rendered\":0"]);
+    assert_eq!(json.matches("\"event\":\"skipped\"").count(), 4);
+    // What would look different is rendered again: another size, other settings, another scene.
+    for change in ["--force", "--size 12x8", "--samples 4", "--seed 7", "--set sphere.ball.radius=2", "--bits 16"] {
+        folder.says(&format!("{again} {change}"), 0, &["4 frames rendered"]);
+    }
+    folder.says(again, 0, &["4 frames rendered"]);
+    fs::write(folder.path("s.kdl"), SCENE.replace("radius 1", "radius 1.5")).unwrap();
+    folder.says(again, 0, &["4 frames rendered"]);
+    folder.says(&format!("{again} --no-clobber"), 1, &["exists already"]);
+}
+
+#[test]
+fn exr_frames_are_kept_with_their_layers() {
+    let folder = Folder::new();
+    let run = "render s.kdl --frames 1-2 -o f.#.exr";
+    folder.says(&format!("{run} --aov normal,depth"), 0, &["2 frames rendered"]);
+    folder.says(&format!("{run} --aov normal,depth"), 0, &["2 complete before"]);
+    folder.says(run, 0, &["2 frames rendered"]);
+}
+
+#[test]
+fn mistakes_at_later_keys_are_told_before_the_first_frame() {
+    let folder = Folder::new();
+    fs::write(folder.path("s.kdl"), SCENE.replace("radius 1", "radius { key 1 1; key 90 -1; key 100 -1 }")).unwrap();
+    folder.says("render s.kdl --frames 1-100 -o f.###.png", 3, &["radius is -1"]);
+    assert!(folder.names().is_empty());
+    folder.says("render s.kdl --frames 1-20 -o f.###.png -q", 0, &[]);
+    folder.says("check s.kdl", 0, &["ok"]);
+    folder.says("check s.kdl --frame 95", 3, &["radius is -1"]);
+}
+
+#[test]
+fn files_are_read_once() {
+    let folder = Folder::new();
+    fs::write(folder.path("m.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    fs::write(folder.path("s.kdl"), format!("{SCENE}\nmesh file=\"m.obj\" {{ rotate-y {{ key 1 0; key 9 90 }} }}"))
+        .unwrap();
+    let text = folder.says("render s.kdl --frames 1-3 -o f.#.png --progress json", 0, &[]);
+    assert_eq!(text.matches("\"event\":\"done\"").count(), 3, "{text}");
+    // A changed mesh is another scene.
+    fs::write(folder.path("m.obj"), "v 0 0 0\nv 2 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    folder.says("render s.kdl --frames 1-3 -o f.#.png", 0, &["3 frames rendered"]);
+}
+
+#[test]
+fn films_in_one_file() {
+    let folder = Folder::new();
+    folder.says("render s.kdl -o f.apng", 0, &["f.apng: 4 frames rendered"]);
+    let still = folder.run("render s.kdl -o one.png -q");
+    assert!(still.status.success());
+    let film = fs::read(folder.path("f.apng")).unwrap();
+    assert_eq!(decode(&film).unwrap().image, folder.picture("one.png").image);
+    let mut reader = png::Decoder::new(std::io::Cursor::new(&film)).read_info().unwrap();
+    assert_eq!(reader.info().animation_control.unwrap().num_frames, 4);
+    let mut data = vec![0; reader.output_buffer_size().unwrap()];
+    reader.next_frame(&mut data).unwrap();
+    let control = *reader.info().frame_control().unwrap();
+    assert_eq!((control.delay_num, control.delay_den), (1, 10));
+    folder.says("render s.kdl --frames 2-3 -o f.png --format apng --fps 24", 0, &["2 frames"]);
+    folder.says("render s.kdl --frames 1-9 -o f.gif --fps 20 -q", 0, &[]);
+    assert!(fs::read(folder.path("f.gif")).unwrap().starts_with(b"GIF89a"));
+    assert!(folder.run("render s.kdl -o - --format gif -q").stdout.starts_with(b"GIF89a"));
+    folder.says("render s.kdl -o f.gif --fps 60", 2, &["at most 50"]);
+    folder.says("render s.kdl -o f.gif --aov depth", 2, &["GIF has no layers"]);
+    folder.says("render s.kdl -o f.gif --bits 16", 2, &["8 bits"]);
+    folder.says("render s.kdl -o f.gif --no-clobber", 1, &["exists already"]);
+    fs::write(folder.path("s.kdl"), SCENE.replace("frames 1 4; ", "")).unwrap();
+    folder.says("render s.kdl -o f.gif", 2, &["a film needs its frames", "animation { frames 1 100 }"]);
+    folder.says("render s.kdl --frames all", 2, &["doesn't say which"]);
+    assert!(folder.names().iter().all(|name| !name.contains("tmp")));
+}
+
+/// The same bytes on 1, 2, 3 and 7 threads.
+#[test]
+fn threads_change_no_film() {
+    let folder = Folder::new();
+    for format in ["apng", "gif"] {
+        let film = |threads| {
+            folder.run(&format!("render s.kdl --samples 4 -o - --format {format} -q --threads {threads}")).stdout
+        };
+        let one = film(1);
+        assert!(one.len() > 100);
+        for threads in [2, 3, 7] {
+            assert!(film(threads) == one, "{format} on {threads} threads");
+        }
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_keeps_what_is_finished_and_the_same_command_goes_on() {
+    use std::io::{BufRead, BufReader};
+    let folder = Folder::new();
+    let run = "render s.kdl --frames 1-9 -o f.#.png --size 300x200 --samples 64 --progress json --threads 1";
+    let mut child = folder.command(run).stderr(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
+    // While the third frame is rendered.
+    assert!(lines.by_ref().any(|line| line.unwrap().contains("\"event\":\"progress\",\"frame\":3")));
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let rest: Vec<String> = lines.map(|line| line.unwrap()).collect();
+    assert_eq!(child.wait().unwrap().code(), Some(130), "{rest:?}");
+    assert_eq!(folder.names(), ["f.1.png", "f.2.png"]);
+    folder.says(&run.replace("1-9", "1-3"), 0, &["\"skipped\":2", "\"rendered\":1"]);
+    // A film that isn't whole leaves nothing.
+    let run = "render s.kdl --frames 1-9 -o f.gif --size 300x200 --samples 64 --threads 1 --progress plain";
+    let child = folder.command(run).stderr(Stdio::piped()).spawn().unwrap();
+    std::thread::sleep(std::time::Duration::from_millis(1500));
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    said(child.wait_with_output().unwrap(), 130, &["interrupted:", "nothing is written"]);
+    assert_eq!(folder.names(), ["f.1.png", "f.2.png", "f.3.png"]);
+}
+
+/// Programs that take the place of ffmpeg: what is sent to it, and what happens when it fails.
+#[cfg(unix)]
+mod ffmpeg {
+    use super::*;
+    use std::os::unix::fs::PermissionsExt;
+
+    /// Runs with only a folder of the test in PATH, in which `script` is called ffmpeg.
+    fn with(folder: &Folder, script: Option<&str>, arguments: &str) -> Output {
+        let bin = folder.path("bin");
+        fs::create_dir_all(&bin).unwrap();
+        if let Some(script) = script {
+            let file = bin.join("ffmpeg");
+            fs::write(&file, format!("#!/bin/sh\n{script}\n")).unwrap();
+            fs::set_permissions(&file, fs::Permissions::from_mode(0o755)).unwrap();
+        }
+        folder.command(arguments).env("PATH", &bin).output().unwrap()
+    }
+
+    #[test]
+    fn it_gets_all_pixels_and_safe_arguments() {
+        let folder = Folder::new();
+        let script = "for last; do :; done\necho \"$@\" > arguments\n/bin/cat > \"${last#file:}\"";
+        let output = with(&folder, Some(script), "render s.kdl -o -odd:name.mp4 --fps 23.976");
+        // A name that starts with a dash needs the = form.
+        assert_eq!(output.status.code(), Some(2));
+        let output = with(&folder, Some(script), "render s.kdl --output=-odd:name.mp4 --fps 23.976");
+        said(output, 0, &["4 frames rendered"]);
+        let film = fs::read(folder.path("-odd:name.mp4")).unwrap();
+        assert_eq!(film.len(), 4 * 24 * 16 * 3);
+        folder.says("render s.kdl --frames 1-4 -o f.#.png -q", 0, &[]);
+        for (frame, sent) in film.chunks_exact(24 * 16 * 3).enumerate() {
+            let picture = folder.picture(&format!("f.{}.png", frame + 1));
+            let [r, g, b] = picture.image.rgb().unwrap();
+            let level = |v: f32| (v * 255.0).round() as u8;
+            assert!(sent.chunks_exact(3).enumerate().all(|(i, p)| p == [level(r[i]), level(g[i]), level(b[i])]));
+        }
+        let arguments = fs::read_to_string(folder.path("arguments")).unwrap();
+        for words in ["-nostdin", "-video_size 24x16", "-framerate 24000/1001", "-f mp4 file:/"] {
+            assert!(arguments.contains(words), "{arguments}");
+        }
+    }
+
+    #[test]
+    fn its_failure_is_shown_and_leaves_nothing() {
+        let folder = Folder::new();
+        let film = "render s.kdl -o f.webm";
+        said(with(&folder, None, film), 1, &["WebM needs the program ffmpeg", "help: install it"]);
+        let script = "/bin/cat > /dev/null; echo 'Unknown encoder: libvpx' >&2; exit 1";
+        said(with(&folder, Some(script), film), 1, &["ffmpeg failed: Unknown encoder: libvpx", "help:"]);
+        // It leaves while we are still sending.
+        let large = "render s.kdl -o f.webm --size 600x400";
+        said(with(&folder, Some("echo 'no such option' >&2; exit 8"), large), 1, &["no such option"]);
+        said(with(&folder, Some("exit 8"), film), 1, &["ffmpeg failed: "]);
+        assert_eq!(folder.names(), ["bin"]);
+        said(with(&folder, Some("exit 0"), "render s.kdl -o - --format mp4"), 2, &["standard output"]);
+    }
+
+    /// With the real program, if it is installed.
+    #[test]
+    fn films_by_ffmpeg_itself() {
+        let Some(program) = canaletto_io::movie::find_ffmpeg() else {
+            eprintln!("films_by_ffmpeg_itself: skipped, ffmpeg isn't installed");
+            return;
+        };
+        let folder = Folder::new();
+        for name in ["f.mp4", "f.webm"] {
+            folder.says(&format!("render s.kdl -o {name} --size 31x17"), 0, &["4 frames rendered"]);
+            let mut command = Command::new(&program);
+            command.args(["-v", "error", "-i", name, "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]);
+            let output = command.current_dir(folder.0.path()).output().unwrap();
+            assert_eq!(output.stdout.len(), 4 * 32 * 18 * 3, "{}", String::from_utf8_lossy(&output.stderr));
+        }
+    }
+}
