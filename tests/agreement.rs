@@ -7,6 +7,7 @@ use canaletto::render::{Aov, render};
 use canaletto::scene::{Filter, SamplerKind, Sampling, Stage};
 use canaletto::world::World;
 use canaletto_tests::gallery::{distributed_job, distributed_still_life, still_life, still_life_job};
+use canaletto_tests::textured::textured_still_life;
 use glam::Vec3;
 
 #[test]
@@ -29,7 +30,16 @@ fn the_hierarchies_find_what_brute_force_finds() {
 /// Every way of sampling, every filter, every stage: the recorded terms sum to each pixel of the picture.
 #[test]
 fn the_explanations_sum_is_the_pixel_bit_for_bit() {
-    let world = World::build(still_life(1.0)).unwrap();
+    sums_are_pixels(&World::build(still_life(1.0)).unwrap());
+}
+
+/// The same with textures for everything: prints, cut-outs, bumps.
+#[test]
+fn the_explanations_sum_is_the_pixel_with_textures_too() {
+    sums_are_pixels(&World::build(textured_still_life(1.0)).unwrap());
+}
+
+fn sums_are_pixels(world: &World) {
     let samplings = [
         (Sampling::Corner, Filter::Box),
         (Sampling::Center, Filter::Mitchell),
@@ -45,10 +55,10 @@ fn the_explanations_sum_is_the_pixel_bit_for_bit() {
             let mut job = still_life_job(1.0, 24, 18, sampling);
             job.film.filter = filter;
             job.integrator.stage = stage;
-            let picture = render(&world, &job, &()).unwrap().picture;
+            let picture = render(world, &job, &()).unwrap().picture;
             for y in 0..18 {
                 for x in 0..24 {
-                    let tree = explain(&world, &job, x, y).unwrap();
+                    let tree = explain(world, &job, x, y).unwrap();
                     let pixel = picture.pixel(x, y);
                     assert_eq!(
                         bits(tree.sum()),
@@ -91,12 +101,16 @@ fn the_explanation_of_distributed_rays_is_as_exact() {
 
 #[test]
 fn the_light_layers_sum_to_the_picture() {
-    let world = World::build(still_life(1.0)).unwrap();
+    layers_sum(&World::build(still_life(1.0)).unwrap());
+    layers_sum(&World::build(textured_still_life(1.0)).unwrap());
+}
+
+fn layers_sum(world: &World) {
     let mut job = still_life_job(1.0, 32, 24, Sampling::Jittered(2));
     job.aovs = Aov::ALL.iter().map(|(aov, ..)| *aov).collect();
-    let with = render(&world, &job, &()).unwrap().picture;
+    let with = render(world, &job, &()).unwrap().picture;
     job.aovs.clear();
-    let without = render(&world, &job, &()).unwrap().picture;
+    let without = render(world, &job, &()).unwrap().picture;
     assert_eq!(with.pixels, without.pixels, "asking for layers changes no pixel");
     let mut seen = [false; 3];
     for (i, pixel) in with.pixels.iter().enumerate() {

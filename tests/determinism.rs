@@ -2,9 +2,10 @@
 
 use canaletto::film::Picture;
 use canaletto::render::{Aov, render};
-use canaletto::scene::{SamplerKind, Sampling};
+use canaletto::scene::{SamplerKind, Sampling, Scene};
 use canaletto::world::World;
 use canaletto_tests::gallery::{distributed_job, distributed_still_life, still_life, still_life_job};
+use canaletto_tests::textured::textured_still_life;
 
 /// Every bit of a picture and its layers.
 fn bits(picture: &Picture) -> Vec<u32> {
@@ -14,6 +15,15 @@ fn bits(picture: &Picture) -> Vec<u32> {
 
 #[test]
 fn threads_and_tiles_change_no_bit() {
+    threads_and_tiles(still_life);
+}
+
+#[test]
+fn threads_and_tiles_change_no_bit_of_textures() {
+    threads_and_tiles(textured_still_life);
+}
+
+fn threads_and_tiles(scene: fn(f32) -> Scene) {
     let samplings =
         [Sampling::Center, Sampling::Jittered(2), Sampling::Adaptive { n: 4, threshold: 0.05 }, Sampling::Sampled(3)];
     for sampling in samplings {
@@ -21,7 +31,7 @@ fn threads_and_tiles_change_no_bit() {
         for threads in [1, 2, 3, 7] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| {
-                let world = World::build(still_life(1.0)).unwrap();
+                let world = World::build(scene(1.0)).unwrap();
                 for tile in [1, 5, 16, 64] {
                     let mut job = still_life_job(1.0, 60, 45, sampling);
                     job.tile = tile;
@@ -53,9 +63,18 @@ fn seeds_and_frames_change_jittered_pictures_only() {
 
 #[test]
 fn a_power_of_two_as_unit_changes_no_bit() {
+    power_of_two(still_life);
+}
+
+#[test]
+fn a_power_of_two_as_unit_changes_no_bit_of_textures() {
+    power_of_two(textured_still_life);
+}
+
+fn power_of_two(scene: fn(f32) -> Scene) {
     let picture = |k: i32| {
         let scale = 2f32.powi(k);
-        let world = World::build(still_life(scale)).unwrap();
+        let world = World::build(scene(scale)).unwrap();
         let job = still_life_job(scale, 80, 60, Sampling::Jittered(2));
         bits(&render(&world, &job, &()).unwrap().picture)
     };

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 /// The scenes of figures, and whether the reference knows all that is in them: spheres, boxes and omni lights, one ray in
 /// each pixel's corner.
-const FIGURES: [(&str, bool); 16] = [
+const FIGURES: [(&str, bool); 22] = [
     ("fig-5.18-unlit", true),
     ("fig-5.21b-diffuse", true),
     ("fig-5.21c-ambient", true),
@@ -31,6 +31,12 @@ const FIGURES: [(&str, bool); 16] = [
     ("fig-5.26b-mirror", true),
     ("fig-5.26c-mirror-floor", true),
     ("fig-5.27b-glass", true),
+    ("fig-5.30-textures", false),
+    ("fig-5.31-box-faces", false),
+    ("fig-5.33a-replace", false),
+    ("fig-5.33b-decal", false),
+    ("fig-5.33c-diffuse", false),
+    ("fig-5.34a-bump", false),
     ("fig-5.37a-aliased", true),
     ("fig-5.37b-jittered", false),
 ];

@@ -2,6 +2,7 @@
 
 pub mod gallery;
 pub mod reference;
+pub mod textured;
 
 use std::path::{Path, PathBuf};
 

@@ -102,6 +102,9 @@ fn examples_of_the_reference_are_right() {
         if example.contains("name=\"lamp\"") {
             scene.clear();
         }
+        if example.contains("texture \"bricks\"") && !example.contains("texture \"bricks\" file") {
+            scene += "texture \"bricks\" file=\"bricks.png\"\n";
+        }
         scene += example;
         if let Err(errors) = read_scene_text(&scene, "example", &assets, &[]) {
             panic!("{errors}");
@@ -139,7 +142,7 @@ fn the_chapters_scenes_are_right() {
     for path in scenes("scenes/chapter") {
         let (assets, file) = FolderAssets::beside(&path).expect("the folder");
         let (scene, warnings) = read_scene(&file, &assets).unwrap_or_else(|errors| panic!("{errors}"));
-        let part = ["camera.kdl", "stage.kdl", "float.kdl"].contains(&file.as_str());
+        let part = ["camera.kdl", "stage.kdl", "float.kdl", "textured.kdl"].contains(&file.as_str());
         assert!(part || warnings.is_empty(), "{warnings}");
         assert_eq!(scene.views.len(), 1, "{file}");
     }

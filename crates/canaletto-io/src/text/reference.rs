@@ -20,6 +20,7 @@ pub fn reference_markdown() -> String {
                 node(&mut out, &schema::FILTER, "film: filter");
             }
             "camera" => node(&mut out, &schema::LENS, "camera: lens"),
+            "material" => node(&mut out, &schema::SURFACE_TEXTURE, "material: texture"),
             "include" => out.push_str(INCLUDES),
             _ => {}
         }

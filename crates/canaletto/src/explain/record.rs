@@ -1,7 +1,7 @@
 //! The probe that records the tree.
 
 use super::tree::{
-    BlockerNode, CutNode, HitNode, LightNode, Outcome, RayNode, ReadingNode, SampleNode, Side, TextureNode,
+    BlockerNode, CutNode, HitNode, ImageNode, LightNode, Outcome, RayNode, ReadingNode, SampleNode, Side, TextureNode,
 };
 use crate::camera::Camera;
 use crate::integrator::{LightTerm, Probe, RayKind};
@@ -123,7 +123,7 @@ impl Probe for Recorder<'_> {
             weight: r.weight,
             at: r.lookup.at.to_array(),
             footprint: [r.lookup.dx.to_array(), r.lookup.dy.to_array()],
-            texels: r.texels,
+            image: r.footprint.map(|f| ImageNode { texel: f.texel, size: f.size, radii: f.radii, level: f.level }),
         };
         self.textures.push(TextureNode {
             texture: read.name.to_owned(),

@@ -149,14 +149,23 @@ fn write_texture(f: &mut Formatter, texture: &TextureNode, indent: &str) -> fmt:
     for r in &texture.readings {
         let ([u, v, w], [dx, dy]) = (r.at, r.footprint);
         let share = if texture.readings.len() > 1 { format!("{:.6} of ", r.weight) } else { String::new() };
-        write!(f, "{indent}        {share}t({u:.6}, {v:.6}, {w:.6}), footprint ")?;
-        match r.texels {
-            Some([dx, dy]) => {
-                writeln!(f, "({:.4}, {:.4}) x ({:.4}, {:.4}) texels", dx[0], dx[1], dy[0], dy[1])?;
+        writeln!(f, "{indent}        {share}t({u:.6}, {v:.6}, {w:.6})")?;
+        match &r.image {
+            Some(image) => {
+                let ([x, y], [width, height], [long, short]) = (image.texel, image.size, image.radii);
+                let sample = if long > 0.0 {
+                    format!(
+                        ", a sample is {long:.4} by {short:.4} texels wide from its middle: level {:.3}",
+                        image.level
+                    )
+                } else {
+                    String::new()
+                };
+                writeln!(f, "{indent}        texel ({x:.3}, {y:.3}) of {width} x {height}{sample}")?;
             }
             None => {
                 let side = |d: [f64; 3]| format!("({:.6}, {:.6}, {:.6})", d[0], d[1], d[2]);
-                writeln!(f, "{} x {}", side(dx), side(dy))?;
+                writeln!(f, "{indent}        a sample is {} by {} wide", side(dx), side(dy))?;
             }
         }
     }

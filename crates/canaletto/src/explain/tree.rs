@@ -162,9 +162,22 @@ pub struct ReadingNode {
     pub at: [f64; 3],
     /// How they change to the next sample on the right and above.
     pub footprint: [[f64; 3]; 2],
-    /// The same in texels, along u and v.
+    /// Where that is on the texture's image.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub texels: Option<[[f64; 2]; 2]>,
+    pub image: Option<ImageNode>,
+}
+
+/// Where a lookup lies on an image.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ImageNode {
+    /// The place in texels, (0, 0) the upper left corner of the first one.
+    pub texel: [f64; 2],
+    /// The image's width and height in texels.
+    pub size: [u32; 2],
+    /// The longer and the shorter radius of the sample's ellipse, in texels.
+    pub radii: [f64; 2],
+    /// The level of the pyramid: 0 is the image itself; below it texels are larger than samples.
+    pub level: f64,
 }
 
 /// One point of a light as a hit sees it.

@@ -5,11 +5,11 @@ use super::instance::{Instance, NONE, Unbounded};
 use super::wants::Wants;
 use super::{Object, World};
 use crate::light::{Light, LightKind, Source};
-use crate::material::{Channel, Material, Phong};
+use crate::material::{Channel, Material, Phong, Target};
 use crate::math::Transform;
 use crate::scene::{Content, Node, Scene};
 use crate::shape::{CylinderCloud, Mesh, Shape, SphereCloud};
-use crate::texture::{ColorSpace, Image, ImageTexture, Pattern, Texture, TextureKind, Unresolved};
+use crate::texture::{ColorSpace, Image, ImageTexture, Pattern, Prefilter, Texture, TextureKind, Unresolved};
 use canaletto_bvh::{Aabb, Bvh};
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -106,7 +106,7 @@ impl World {
             nodes,
             ..
         } = scene;
-        let (textures, texture_names) = resolve_textures(images, textures, &mut materials)?;
+        let (textures, texture_names, wants_spread) = resolve_textures(images, textures, &mut materials)?;
         let wants = materials.iter().map(Wants::of).collect();
         let mut builder = Builder::new(wants, meshes, spheres, cylinders, prototypes);
         builder.count_uses(&nodes);
@@ -128,7 +128,7 @@ impl World {
             background,
             ambient,
             lights: lights.into_iter().map(Source::new).collect(),
-            wants_spread: materials.iter().any(|m| !m.textures.is_empty()),
+            wants_spread,
             textures,
             texture_names,
             has_clear: materials.iter().any(|m| !m.is_opaque()),
@@ -143,16 +143,16 @@ impl World {
     }
 }
 
-/// The patterns of textures, and their names. Numbers that aren't colours are read from images as they stand, unless the
+/// The patterns of textures, their names, and whether any of those in use needs footprints. Numbers that aren't colours are read from images as they stand, unless the
 /// texture says what its image holds; materials are turned to the patterns that do.
 fn resolve_textures(
     images: Vec<Image>,
     mut textures: Vec<Texture>,
     materials: &mut [Material],
-) -> Result<(Vec<Pattern>, Vec<String>), BuildError> {
+) -> Result<(Vec<Pattern>, Vec<String>, bool), BuildError> {
     let count = textures.len();
     let mut raw: HashMap<u32, u32> = HashMap::new();
-    for material in materials {
+    for material in &mut *materials {
         for texture in &mut material.textures {
             let index = texture.texture;
             let Some(described) = textures.get(index as usize) else {
@@ -172,7 +172,14 @@ fn resolve_textures(
         }
     }
     let names = textures.iter().map(|texture| texture.name.clone()).collect();
-    Ok((Pattern::resolve(images, &textures)?, names))
+    let wants_spread = materials.iter().flat_map(|m| &m.textures).any(|used| {
+        let filtered = match &textures[used.texture as usize].kind {
+            TextureKind::Constant(_) => false,
+            TextureKind::Image(image) => image.prefilter != Prefilter::None,
+        };
+        filtered || used.target == Target::Bump
+    });
+    Ok((Pattern::resolve(images, &textures)?, names, wants_spread))
 }
 
 /// Gives each instance the number that, added to an object's, makes a number of its own for every placed copy, from 1

@@ -6,7 +6,7 @@ use crate::integrator::Probe;
 use crate::material::{MaterialPoint, Place, Spot, Spots, Target, TextureUse, bumped, on_the_outside, tilted};
 use crate::math::{Line, Transform};
 use crate::shape::{Patch, Surface};
-use crate::texture::{Lookup, Pattern};
+use crate::texture::{Footprint, Lookup, Pattern};
 use canaletto_bvh::Aabb;
 use glam::DVec3;
 
@@ -36,8 +36,8 @@ pub struct Reading {
     pub lookup: Lookup,
     /// Its share in the value.
     pub weight: f64,
-    /// The footprint's sides in texels, if the texture has texels.
-    pub texels: Option<[[f64; 2]; 2]>,
+    /// Where that is on the texture's image, if it has one.
+    pub footprint: Option<Footprint>,
 }
 
 /// A hit in the space of its object.
@@ -84,8 +84,9 @@ impl World {
             let pattern = &self.textures[used.texture as usize];
             let spots = used.mapping.spots(&at.place);
             let (before, was) = (point, normal);
-            let mut readings = [Reading { lookup: Lookup::default(), weight: 0.0, texels: None }; 3];
-            let value = at.value(pattern, used, &spots, &mut readings);
+            let mut readings = [Reading { lookup: Lookup::default(), weight: 0.0, footprint: None }; 3];
+            let room = if P::ACTIVE { &mut readings[..] } else { &mut [] };
+            let value = at.value(pattern, used, &spots, room);
             match used.target {
                 Target::Bump => normal = bumped(normal, at.slope(pattern, used, &spots)),
                 Target::Normal { strength, down } => {
@@ -202,8 +203,7 @@ impl<'a> At<'a> {
         let one = |spot: &Spot, reading: Option<&mut Reading>| {
             let lookup = self.lookup(spot);
             if let Some(reading) = reading {
-                let texels = pattern.spacing().map(|[u, v]| [lookup.dx, lookup.dy].map(|d| [d.x / u, d.y / v]));
-                *reading = Reading { lookup, weight: spot.weight, texels };
+                *reading = Reading { lookup, weight: spot.weight, footprint: pattern.footprint(&lookup) };
             }
             pattern.eval(&lookup)
         };

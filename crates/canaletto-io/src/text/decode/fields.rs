@@ -120,7 +120,7 @@ impl<'a> Judge<'a> {
     fn add<'n>(&mut self, fields: &mut Fields<'n>, mut got: Got<'n>, key: Span, title: &str) {
         let repeatable = TRANSFORMS.iter().any(|word| std::ptr::eq(word, got.word));
         let earlier = fields.got.iter().find(|other| other.word.name == got.word.name).map(|other| other.span);
-        if let Some(earlier) = earlier.filter(|_| !repeatable) {
+        if let Some(earlier) = earlier.filter(|_| !repeatable && !got.word.many) {
             let place = self.files.first(earlier, key);
             let message = Message::error(key, format!("{title} has two {}", plural(got.word.name)));
             self.report.push(message.label(place));
@@ -379,6 +379,11 @@ impl<'a> Judge<'a> {
 impl<'a> Fields<'a> {
     fn got(&self, name: &str) -> Option<&Got<'a>> {
         self.got.iter().find(|got| got.word.name == name)
+    }
+
+    /// Every place where a word stands that may stand more than once.
+    pub(crate) fn every(&self, name: &str) -> impl Iterator<Item = &Got<'a>> {
+        self.got.iter().filter(move |got| got.word.name == name && got.good)
     }
 
     /// Whether the word was written at all.

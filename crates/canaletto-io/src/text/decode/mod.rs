@@ -8,6 +8,7 @@ mod mesh;
 mod names;
 mod object;
 mod settings;
+mod surface_texture;
 mod texture;
 mod transform;
 

@@ -50,8 +50,9 @@ impl<'a> Decoder<'a> {
                 eta: fields.real("eta").unwrap_or(d.eta),
                 opacity: fields.real("opacity").unwrap_or(d.opacity),
             };
-            let material = Material::new(name, phong);
-            if let Err(problem) = material.check() {
+            let mut material = Material::new(name, phong);
+            material.textures = self.surface_textures(&fields);
+            if let Err(problem) = material.phong.check() {
                 self.out_of_range(&fields, &problem);
             }
             self.materials.insert(name, self.scene.materials.len() as u32);

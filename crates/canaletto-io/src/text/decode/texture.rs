@@ -139,7 +139,7 @@ impl<'a> Decoder<'a> {
 }
 
 /// The value of a word that is one of several.
-fn one_of<T: Copy>(f: &Fields, word: &str, words: &[(&str, T)]) -> Option<T> {
+pub(super) fn one_of<T: Copy>(f: &Fields, word: &str, words: &[(&str, T)]) -> Option<T> {
     let text = f.text(word)?;
     words.iter().find(|(name, _)| *name == text).map(|(_, value)| *value)
 }

@@ -4,6 +4,7 @@ mod lens;
 mod motion;
 mod objects;
 mod settings;
+mod surface_textures;
 mod textures;
 
 pub(crate) use lens::{DEFAULT_BLADES, DEFAULT_LENS_ROTATION, LENS};
@@ -16,6 +17,7 @@ pub(crate) use settings::{
     AMBIENT, BACKGROUND, CAMERA, DEFAULT_CAMERA, DEFAULT_GRID, DEFAULT_SIGMA, DEFAULT_THRESHOLD, FILM, FILTER,
     INTEGRATOR, MATERIAL, SAMPLE, SETTINGS,
 };
+pub(crate) use surface_textures::{CHANNELS, PROJECTIONS, SPACES, SURFACE_TEXTURE};
 pub(crate) use textures::{DEFAULT_KIND, FILTERS, PLACEMENTS, PREFILTERS, TEXTURES, WRAPS, texture};
 
 /// What a word takes.
@@ -52,6 +54,8 @@ pub(crate) struct Word {
     pub(crate) takes: Takes,
     /// Whether the node means nothing without it.
     pub(crate) needed: bool,
+    /// Whether it may stand there more than once.
+    pub(crate) many: bool,
     /// What holds without it; asked from the code that uses it.
     pub(crate) default: fn() -> String,
     pub(crate) doc: &'static str,
@@ -75,11 +79,16 @@ pub(crate) struct Words {
 
 impl Word {
     pub(crate) const fn new(name: &'static str, takes: Takes, doc: &'static str) -> Word {
-        Word { name, takes, needed: false, default: String::new, doc }
+        Word { name, takes, needed: false, many: false, default: String::new, doc }
     }
 
     pub(crate) const fn needed(mut self) -> Word {
         self.needed = true;
+        self
+    }
+
+    pub(crate) const fn many(mut self) -> Word {
+        self.many = true;
         self
     }
 

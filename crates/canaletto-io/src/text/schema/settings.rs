@@ -2,7 +2,7 @@
 
 use super::lens::LENS;
 use super::motion::{ANIMATION, CAMERA_FOLLOW, PATH};
-use super::{NUMBER, POINT, Takes, Word, Words};
+use super::{NUMBER, POINT, SURFACE_TEXTURE, Takes, Word, Words};
 use canaletto::material::Phong;
 use canaletto::math::Rgb;
 use canaletto::scene::{
@@ -207,6 +207,8 @@ pub(crate) static MATERIAL: Words = Words::new(
             .or(|| rgb(Phong::default().k)),
         Word::new("eta", NUMBER, "the coefficient of refraction, more than 0").or(|| Phong::default().eta.to_string()),
         Word::new("opacity", NUMBER, "0 clear to 1 opaque").or(|| Phong::default().opacity.to_string()),
+        Word::new("texture", Takes::Node(&SURFACE_TEXTURE), "a texture for any of these, or over all; see below")
+            .many(),
     ]],
 )
 .argument(Word::new("name", Takes::Text, "the name that objects refer to").needed())

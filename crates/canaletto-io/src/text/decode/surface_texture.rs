@@ -1,0 +1,126 @@
+//! Textures on materials.
+
+use super::Decoder;
+use super::fields::{Fields, Got};
+use super::texture::one_of;
+use crate::text::report::Message;
+use crate::text::schema::{CHANNELS, PROJECTIONS, SPACES, SURFACE_TEXTURE};
+use canaletto::material::{Mapping, Projection, Repeat, Space, Target, TextureUse};
+use canaletto::texture::TextureKind;
+
+impl Decoder<'_> {
+    /// The textures of a material, in their order.
+    pub(super) fn surface_textures(&mut self, material: &Fields) -> Vec<TextureUse> {
+        material.every("texture").filter_map(|got| self.surface_texture(got)).collect()
+    }
+
+    fn surface_texture(&mut self, got: &Got) -> Option<TextureUse> {
+        let Some(node) = got.node else {
+            // A property: no more than the texture's name.
+            let name = got.values.first()?.as_text()?;
+            let texture = self.named_texture(name, got.span)?;
+            return Some(TextureUse { mapping: self.mapping_of(texture), ..TextureUse::new(texture, Target::Diffuse) });
+        };
+        let name = node.values.first().and_then(|v| v.as_text());
+        let title = name.map_or("texture".into(), |n| format!("texture \"{n}\""));
+        let f = self.judge.fields(node, &SURFACE_TEXTURE, &title);
+        self.sound &= f.sound;
+        let target = match f.text("use") {
+            None => Target::Diffuse,
+            Some(word) => Target::ALL.iter().find(|(_, name)| *name == word)?.0,
+        };
+        let texture = self.named_texture(f.text("texture")?, f.span("texture"))?;
+        let mut used = TextureUse { mapping: self.mapping(&f, texture), ..TextureUse::new(texture, target) };
+        self.only_for(&f, target);
+        used.channel = one_of(&f, "channel", CHANNELS).unwrap_or(used.channel);
+        used.range = f.numbers("range").map_or(used.range, |[low, high]: [f64; 2]| [low as f32, high as f32]);
+        match &mut used.target {
+            Target::Bump => {
+                if let Some(height) = f.real("height") {
+                    used.range = [0.0, height];
+                } else if f.sound && !f.has("range") {
+                    let message = Message::error(f.node.name_span, format!("{title} needs height for \"bump\""));
+                    let help = "for example: height=0.1, in the units of the object's own space";
+                    self.judge.report.push(message.help(help));
+                    self.sound = false;
+                }
+            }
+            Target::Normal { strength, down } => {
+                *strength = f.real("strength").unwrap_or(*strength);
+                *down = f.text("y") == Some("down");
+            }
+            _ => {}
+        }
+        if f.sound
+            && let Err(problem) = used.check()
+        {
+            self.out_of_range(&f, &problem);
+        }
+        Some(used)
+    }
+
+    /// The texture of this name.
+    fn named_texture(&mut self, name: &str, span: crate::text::syntax::Span) -> Option<u32> {
+        let found = self.textures.get(name).copied();
+        if found.is_none() {
+            self.judge.unknown_name("texture", name, span, self.textures.keys().copied());
+            self.sound = false;
+        }
+        found
+    }
+
+    /// The mapping of a texture where nothing says which.
+    fn mapping_of(&self, texture: u32) -> Mapping {
+        match self.scene.textures.get(texture as usize).map(|texture| &texture.kind) {
+            None | Some(TextureKind::Constant(_) | TextureKind::Image(_)) => Mapping::default(),
+        }
+    }
+
+    fn mapping(&mut self, f: &Fields, texture: u32) -> Mapping {
+        let projection = one_of(f, "mapping", PROJECTIONS).unwrap_or(self.mapping_of(texture).projection);
+        let space = match projection {
+            Projection::Triplanar | Projection::Solid => Space::Object,
+            _ => Space::Bounds,
+        };
+        let repeat = match f.numbers("repeat") {
+            Some([both]) => [both; 2],
+            None => f.numbers("repeat").unwrap_or([1.0; 2]),
+        };
+        for (word, wrong, why) in [
+            ("space", projection == Projection::Uv, "the surface's own coordinates are the same in every space"),
+            ("repeat", projection == Projection::Solid, "scale makes the pattern smaller or larger"),
+        ] {
+            if wrong && f.sound && f.has(word) {
+                let mapping = PROJECTIONS.iter().find(|(_, p)| *p == projection).map_or("", |(name, _)| name);
+                let message = Message::error(f.span(word), format!("{word} has no meaning for mapping \"{mapping}\""));
+                self.judge.report.push(message.help(why));
+                self.sound = false;
+            }
+        }
+        let space = one_of(f, "space", SPACES).unwrap_or(space);
+        Mapping { projection, space, transform: self.transform(f), repeat: Repeat(repeat) }
+    }
+
+    /// Reports words that say nothing about this use.
+    fn only_for(&mut self, f: &Fields, target: Target) {
+        let normal = matches!(target, Target::Normal { .. });
+        let one = !target.takes_color() && !normal;
+        for (word, meant) in [
+            ("height", target == Target::Bump),
+            ("strength", normal),
+            ("y", normal),
+            ("channel", one),
+            ("range", !(normal || target == Target::Bump && f.has("height"))),
+        ] {
+            if !meant && f.sound && f.has(word) {
+                let with = if word == "range" && !normal { "height or range" } else { target.name() };
+                let message = match word {
+                    "range" if !normal => format!("\"bump\" has either {with}"),
+                    _ => format!("{word} has no meaning for the use \"{with}\""),
+                };
+                self.judge.report.error(f.span(word), message);
+                self.sound = false;
+            }
+        }
+    }
+}
