@@ -6,10 +6,17 @@
 //!
 //! [`texture::Image::MAX_TEXELS`]: canaletto::texture::Image::MAX_TEXELS
 
+mod exr;
+mod hdr;
+mod jpeg;
 mod png;
+#[cfg(test)]
+mod tests;
+mod webp;
 
 use crate::assets::Asset;
-use canaletto::texture::Image;
+use canaletto::texture::{Image, Samples};
+use rayon::prelude::*;
 
 /// Why a file can't be used as an image.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -79,7 +86,7 @@ impl ImageError {
     /// What the reader could do about it.
     pub fn help(&self) -> Option<&'static str> {
         match self {
-            ImageError::Unknown => Some("images are read from PNG files"),
+            ImageError::Unknown => Some("images are read from PNG, JPEG, OpenEXR, Radiance HDR and WebP files"),
             ImageError::Damaged { .. } | ImageError::Unexplained { .. } => {
                 Some("make the file anew, or open and save it with a program for pictures")
             }
@@ -89,16 +96,64 @@ impl ImageError {
     }
 }
 
-/// Reads an image; its name is the file's.
+/// The largest number of an image that is kept; what is beyond it, and no image means, is cut to it.
+const BRIGHTEST: f32 = Image::MAX_VALUE;
+
+/// Reads an image; its name is the file's. With it comes what is worth knowing about it.
 ///
 /// # Errors
 /// [`ImageError`] says why not.
-pub fn read_image(asset: &Asset) -> Result<Image, ImageError> {
-    let bytes = &asset.bytes;
-    let mut image =
-        if bytes.starts_with(b"\x89PNG\r\n\x1a\n") { png::read(bytes)? } else { return Err(ImageError::Unknown) };
+pub fn read_image(asset: &Asset) -> Result<(Image, Vec<String>), ImageError> {
+    let bytes = asset.bytes.as_slice();
+    let mut image = if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
+        png::read(bytes)?
+    } else if bytes.starts_with(b"\xff\xd8\xff") {
+        jpeg::read(bytes)?
+    } else if bytes.starts_with(b"\x76\x2f\x31\x01") {
+        exr::read(bytes)?
+    } else if bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP") {
+        webp::read(bytes)?
+    } else if hdr::is_hdr(bytes) {
+        hdr::read(bytes)?
+    } else {
+        return Err(ImageError::Unknown);
+    };
     image.name = asset.path.name().to_owned();
-    Ok(image)
+    let odd = tidy(&mut image.samples);
+    let notes = match odd {
+        0 => Vec::new(),
+        1 => vec!["one of its numbers is infinite or no number; it is taken as the largest or as 0".into()],
+        _ => vec![format!("{odd} of its numbers are infinite or no numbers; they are taken as the largest or as 0")],
+    };
+    Ok((image, notes))
+}
+
+/// Puts numbers that can't be computed with in order; tells how many there were.
+fn tidy(samples: &mut Samples) -> usize {
+    match samples {
+        Samples::U8(_) | Samples::U16(_) => 0,
+        Samples::F16(data) => data
+            .par_iter_mut()
+            .map(|v| {
+                let odd = *v & 0x7c00 == 0x7c00;
+                if odd {
+                    let nan = *v & 0x03ff != 0;
+                    *v = if nan { 0 } else { *v & 0x8000 | 0x7bff };
+                }
+                usize::from(odd)
+            })
+            .sum(),
+        Samples::F32(data) => data
+            .par_iter_mut()
+            .map(|v| {
+                let odd = !v.is_finite() || v.abs() > BRIGHTEST;
+                if odd {
+                    *v = if v.is_nan() { 0.0 } else { v.clamp(-BRIGHTEST, BRIGHTEST) };
+                }
+                usize::from(odd)
+            })
+            .sum(),
+    }
 }
 
 /// Judges a size before memory is taken for it. `explained` is how many texels the file's bytes can hold at most.

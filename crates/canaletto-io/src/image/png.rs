@@ -16,7 +16,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Image, ImageError> {
     let mut reader = decoder.read_info().map_err(damaged)?;
     let info = reader.info();
     let (width, height) = (info.width, info.height);
-    let gamma = match (info.srgb, info.source_gamma.map(|g| g.into_scaled())) {
+    let gamma = match (info.srgb, info.gama_chunk.map(|g| g.into_scaled())) {
         (Some(_), _) | (_, None | Some(0)) => None,
         (_, Some(gamma)) => Some(gamma),
     };

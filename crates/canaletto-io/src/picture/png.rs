@@ -112,7 +112,7 @@ pub fn decode_png(bytes: &[u8]) -> Result<Decoded, PictureError> {
         return Err(too_large);
     }
     let bits = info.bit_depth as u8;
-    let transfer = match (info.srgb, info.source_gamma.map(|g| g.into_scaled())) {
+    let transfer = match (info.srgb, info.gama_chunk.map(|g| g.into_scaled())) {
         (Some(_), _) | (None, Some(45_000..=46_000)) => Some(Transfer::Srgb),
         (None, Some(100_000)) => Some(Transfer::None),
         _ => None,

@@ -1,7 +1,7 @@
 //! Half-precision numbers (IEEE 754 binary16).
 
 /// The value of a half-precision number.
-pub(super) fn from_half(bits: u16) -> f32 {
+pub fn from_half(bits: u16) -> f32 {
     let sign = u32::from(bits & 0x8000) << 16;
     let rest = u32::from(bits & 0x7fff);
     let magnitude = match rest {
@@ -14,7 +14,7 @@ pub(super) fn from_half(bits: u16) -> f32 {
 }
 
 /// The nearest half-precision number, of two the even one; what is beyond the largest becomes the largest.
-pub(super) fn to_half(v: f32) -> u16 {
+pub fn to_half(v: f32) -> u16 {
     let sign = ((v.to_bits() >> 16) & 0x8000) as u16;
     let v = v.abs();
     if v >= 65504.0 {

@@ -1,6 +1,7 @@
 //! Images: rows of texels as compact as their file holds them.
 
 use super::ColorSpace;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// A picture to be used as a texture.
@@ -41,6 +42,9 @@ impl Image {
     /// The longest side in texels.
     pub const MAX_SIDE: u32 = 1 << 20;
 
+    /// The largest number in magnitude: sums of such numbers stay finite.
+    pub const MAX_VALUE: f32 = 1e30;
+
     /// Checks size and count of numbers.
     ///
     /// # Errors
@@ -69,6 +73,14 @@ impl Image {
                 "the image has {} numbers; {width} × {height} texels of {channels} channels need {expected}",
                 self.samples.len()
             ));
+        }
+        let odd = match &self.samples {
+            Samples::U8(_) | Samples::U16(_) => false,
+            Samples::F16(data) => data.par_iter().any(|v| v & 0x7c00 == 0x7c00),
+            Samples::F32(data) => data.par_iter().any(|v| !v.is_finite() || v.abs() > Image::MAX_VALUE),
+        };
+        if odd {
+            return Err(format!("the image has numbers that aren't finite or are beyond ±{:e}", Image::MAX_VALUE));
         }
         Ok(())
     }

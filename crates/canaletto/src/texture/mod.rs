@@ -21,6 +21,7 @@ mod pyramid;
 mod space;
 mod wrap;
 
+pub use half::{from_half, to_half};
 pub use image::{Image, Samples};
 pub use pattern::{Footprint, Lookup, Pattern, Unresolved};
 pub use space::{ColorSpace, srgb_decode};

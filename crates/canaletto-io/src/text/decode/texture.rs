@@ -11,6 +11,9 @@ use canaletto::texture::{ColorSpace, ImageTexture, Texture, TextureKind};
 use std::collections::HashMap;
 use std::path::PathBuf;
 
+/// The most memory that a scene's images may take together.
+pub(crate) const MAX_IMAGE_BYTES: u64 = 8 << 30;
+
 /// The images that were read. Nothing stands for those that can't be, which is said once.
 #[derive(Default)]
 pub(super) struct Images {
@@ -120,7 +123,18 @@ impl<'a> Decoder<'a> {
         }
         let key = format!("image {}", asset.path.identity().display());
         let image = match self.keep.get(key, || read_image(&asset)) {
-            Ok(image) => {
+            Ok((image, notes)) => {
+                for note in notes {
+                    let message = Message::warning(Some(span), format!("\"{file}\": {note}"));
+                    self.judge.report.push(message);
+                }
+                let bytes: u64 = self.scene.images.iter().chain([&image]).map(|i| i.samples.bytes() as u64).sum();
+                if bytes > MAX_IMAGE_BYTES {
+                    let message = format!("the scene's images take more than {} GiB of memory", MAX_IMAGE_BYTES >> 30);
+                    let message = Message::error(span, message).help("scale some of them down");
+                    self.judge.report.push(message);
+                    return None;
+                }
                 self.scene.images.push(image);
                 Some(self.scene.images.len() as u32 - 1)
             }

@@ -61,7 +61,7 @@ static IMAGE: Words = Words::new(
     "An image over the unit square: u runs from its left to its right, v from its top row to its bottom row.",
     &[&[
         kind(&["image"]).or(|| quoted(DEFAULT_KIND)),
-        Word::new("file", Takes::Text, "the image: PNG; relative paths start at this file's folder").needed(),
+        Word::new("file", Takes::Text, "the image: PNG, JPEG, OpenEXR, Radiance HDR or WebP; relative paths start at this file's folder").needed(),
         Word::new("filter", FILTER_WORDS, "how texels become a function").or(|| word_of(FILTERS, &Filter::default())),
         Word::new(
             "prefilter",
