@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 /// The scenes of figures, and whether the reference knows all that is in them: spheres, boxes and omni lights, one ray in
 /// each pixel's corner.
-const FIGURES: [(&str, bool); 22] = [
+const FIGURES: [(&str, bool); 23] = [
     ("fig-5.18-unlit", true),
     ("fig-5.21b-diffuse", true),
     ("fig-5.21c-ambient", true),
@@ -37,9 +37,13 @@ const FIGURES: [(&str, bool); 22] = [
     ("fig-5.33b-decal", false),
     ("fig-5.33c-diffuse", false),
     ("fig-5.34a-bump", false),
+    ("fig-5.35-environment", false),
     ("fig-5.37a-aliased", true),
     ("fig-5.37b-jittered", false),
 ];
+
+/// Scenes elsewhere whose pictures the book shows, by folder and name.
+const PICTURES: [(&str, &str); 1] = [("scenes", "sky")];
 
 fn scene(folder: &str, name: &str) -> Scene {
     let assets = FolderAssets::new(root().join(folder)).expect("the scenes are there");
@@ -119,8 +123,9 @@ fn figures_look_as_they_did_when_people_looked_at_them() {
     let (folder, failed) = (root().join("docs/pictures"), root().join("target/changed-figures"));
     let bless = std::env::var_os("CANALETTO_BLESS").is_some();
     let mut changed = Vec::new();
-    for (name, _) in FIGURES {
-        let scene = scene("scenes/chapter", name);
+    let figures = FIGURES.map(|(name, _)| ("scenes/chapter", name));
+    for (place, name) in figures.into_iter().chain(PICTURES) {
+        let scene = scene(place, name);
         let film = scene.film;
         let rendering = picture(scene);
         let shown = develop(&rendering.picture, film.tone, film.transfer);

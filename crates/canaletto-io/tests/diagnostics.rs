@@ -90,7 +90,11 @@ fn examples_of_the_reference_are_right() {
         .with("stage.kdl", "")
         .with("base.kdl", "")
         .with("bricks.png", png(2, 2))
+        .with("cross.png", png(8, 6))
+        .with("studio.png", png(4, 2))
         .with("bunny.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    let faces = ["px", "nx", "py", "ny", "pz", "nz"];
+    let assets = faces.iter().fold(assets, |assets, face| assets.with(&format!("{face}.png"), png(2, 2)));
     let base = "prototype name=\"lamp\" { sphere { center 0 0 0; radius 1 } }\nmaterial \"blue\"\n";
     let mut count = 0;
     for block in reference.split("```kdl\n").skip(1) {

@@ -1,6 +1,6 @@
 //! The reference of the scene text, `docs/scene-text.md`, from the schema that the decoder judges by.
 
-use super::schema::{self, LIGHTS, OBJECTS, SETTINGS, TEXTURES, TRANSFORMS, Takes, Word, Words};
+use super::schema::{self, ENVIRONMENTS, LIGHTS, OBJECTS, SETTINGS, TEXTURES, TRANSFORMS, Takes, Word, Words};
 use super::syntax::{MAX_DEPTH, MAX_ITEMS};
 use canaletto::world::World;
 use std::fmt::Write;
@@ -24,6 +24,10 @@ pub fn reference_markdown() -> String {
             "include" => out.push_str(INCLUDES),
             _ => {}
         }
+    }
+    out.push_str(ENVIRONMENT_RULES);
+    for (kind, words) in ENVIRONMENTS {
+        node(&mut out, words, &format!("environment \"{kind}\""));
     }
     out.push_str(TEXTURE_RULES);
     for (kind, words) in TEXTURES {
@@ -147,6 +151,13 @@ integrator "whitted" { stage "shadow" }
 ```
 
 Files must lie below the folder of the scene, unless `--allow-outside` is given.
+"#;
+
+const ENVIRONMENT_RULES: &str = r#"
+## Environments
+
+What surrounds the scene, infinitely far, instead of the background. There is one at most; in a later file, another one takes
+its place. It can be turned by `rotate-x`, `rotate-y`, `rotate-z` and `rotate`. See [What surrounds the scene](environment.md).
 "#;
 
 const TEXTURE_RULES: &str = r#"

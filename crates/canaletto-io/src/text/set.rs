@@ -64,7 +64,8 @@ impl Setter<'_> {
             self.report.push(message.help(help));
             return;
         }
-        let single = matches!(word.as_str(), "background" | "ambient" | "film" | "integrator" | "animation");
+        let single =
+            matches!(word.as_str(), "background" | "environment" | "ambient" | "film" | "integrator" | "animation");
         match &path[1..] {
             [] if matches!(word.as_str(), "background" | "ambient") => self.replace(value),
             [_] if single => {

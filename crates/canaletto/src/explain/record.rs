@@ -5,6 +5,7 @@ use super::tree::{
 };
 use crate::camera::Camera;
 use crate::integrator::{LightTerm, Probe, RayKind};
+use crate::light::environment::Sighting;
 use crate::material::{MaterialPoint, Target};
 use crate::math::Rgb;
 use crate::shape::Surface;
@@ -68,14 +69,20 @@ impl Probe for Recorder<'_> {
             origin: ray.origin.to_array(),
             direction: ray.direction.to_array(),
             holes: Vec::new(),
-            outcome: Outcome::Miss { background: Rgb::BLACK },
+            outcome: Outcome::Miss { background: Rgb::BLACK, environment: None },
             color: Rgb::BLACK,
         });
     }
 
-    fn miss(&mut self, background: Rgb) {
-        if let Some(ray) = self.open.last_mut() {
-            ray.outcome = Outcome::Miss { background };
+    fn sighting(&mut self, sighting: &Sighting) {
+        if let Some(RayNode { outcome: Outcome::Miss { environment, .. }, .. }) = self.open.last_mut() {
+            *environment = Some(Box::new(*sighting));
+        }
+    }
+
+    fn miss(&mut self, color: Rgb) {
+        if let Some(RayNode { outcome: Outcome::Miss { background, .. }, .. }) = self.open.last_mut() {
+            *background = color;
         }
     }
 

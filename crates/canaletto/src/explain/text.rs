@@ -2,6 +2,7 @@
 
 use super::tree::{HitNode, LightNode, Outcome, PixelTree, RayNode, SampleNode, Side, TextureNode};
 use crate::integrator::RayKind;
+use crate::light::environment::{Footprint, Part, Place, Sighting};
 use crate::math::Rgb;
 use std::fmt::{self, Display, Formatter};
 
@@ -58,9 +59,49 @@ fn write_ray(f: &mut Formatter, ray: &RayNode, indent: &str) -> fmt::Result {
         writeln!(f, "{indent}  goes through a hole in {hole}")?;
     }
     match &ray.outcome {
-        Outcome::Miss { background } => writeln!(f, "{indent}  meets nothing: background {}", rgb(*background)),
+        Outcome::Miss { background, environment: None } => {
+            writeln!(f, "{indent}  meets nothing: background {}", rgb(*background))
+        }
+        Outcome::Miss { environment: Some(sighting), .. } => write_sighting(f, sighting, indent),
         Outcome::Hit(hit) => write_hit(f, hit, ray.color, indent),
     }
+}
+
+fn write_sighting(f: &mut Formatter, seen: &Sighting, indent: &str) -> fmt::Result {
+    let (d, local) = (seen.direction, seen.local);
+    writeln!(f, "{indent}  meets nothing: environment \"{}\" {}", seen.kind, rgb(seen.radiance))?;
+    write!(f, "{indent}    direction ({}, {}, {})", d.x, d.y, d.z)?;
+    if (local - d).length() > 1e-12 {
+        write!(f, ", before the environment was turned ({}, {}, {})", local.x, local.y, local.z)?;
+    }
+    writeln!(f)?;
+    match seen.place {
+        Place::Face { face, uv: [u, v] } => {
+            writeln!(f, "{indent}    face {}, u = {u}, v = {v} from its upper left corner  (fig. 5.35)", face.name())?;
+        }
+        Place::Panorama { uv: [u, v] } => {
+            writeln!(f, "{indent}    picture u = {u}, v = {v} from its upper left corner")?;
+        }
+        Place::Height(height) => writeln!(f, "{indent}    {height} degrees above the horizon")?,
+        Place::Sky(part) => {
+            let part = match part {
+                Part::Air => "the sky",
+                Part::Sun => "the sun's disk",
+                Part::Ground => "the ground below the horizon",
+            };
+            writeln!(f, "{indent}    {part}")?;
+        }
+    }
+    match seen.footprint {
+        Some(Footprint { level, looks }) if level > 0.0 || looks > 1 => {
+            writeln!(f, "{indent}    mean of {looks} looks at mip level {level}")?;
+        }
+        _ => {}
+    }
+    if seen.value == seen.radiance {
+        return Ok(());
+    }
+    writeln!(f, "{indent}    = value {} by the environment's intensity", rgb(seen.value))
 }
 
 fn write_hit(f: &mut Formatter, hit: &HitNode, color: Rgb, indent: &str) -> fmt::Result {

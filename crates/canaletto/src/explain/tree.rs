@@ -1,6 +1,7 @@
 //! The tree of rays behind a pixel, as plain data.
 
 use crate::integrator::RayKind;
+use crate::light::environment::Sighting;
 use crate::material::Phong;
 use crate::math::Rgb;
 use crate::render::weighted_mean;
@@ -71,6 +72,9 @@ pub enum Outcome {
     Miss {
         /// The background's colour.
         background: Rgb,
+        /// The look at the environment that brought it, if the scene has one.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        environment: Option<Box<Sighting>>,
     },
     /// A surface.
     Hit(Box<HitNode>),
@@ -249,7 +253,7 @@ impl RayNode {
     /// The ray's colour from the terms of its hit and its children.
     pub fn sum(&self) -> Rgb {
         let hit = match &self.outcome {
-            Outcome::Miss { background } => return *background,
+            Outcome::Miss { background, .. } => return *background,
             Outcome::Hit(hit) => hit,
         };
         if let Some(kd) = hit.unlit {

@@ -1,6 +1,7 @@
 //! What an integrator tells whoever watches it. The picture and its explanation run the same code: the integrator is
 //! generic over a probe, and the empty one compiles to nothing.
 
+use crate::light::environment::Sighting;
 use crate::material::MaterialPoint;
 use crate::math::Rgb;
 use crate::shape::Surface;
@@ -68,6 +69,8 @@ pub trait Probe {
     fn drawn(&mut self, _time: Option<f64>, _lens: Option<[f64; 2]>) {}
     /// A ray starts. `depth` is 1 for eye rays; `factor` is what its colour is multiplied with.
     fn ray(&mut self, _kind: RayKind, _ray: &Ray, _depth: u32, _factor: Rgb) {}
+    /// It met nothing, and this is what it saw of the environment; [`Probe::miss`] follows. Not called without one.
+    fn sighting(&mut self, _sighting: &Sighting) {}
     /// It met nothing.
     fn miss(&mut self, _background: Rgb) {}
     /// It passed through a hole that a texture cuts out of this.

@@ -168,9 +168,10 @@ impl<'w> Whitted<'w> {
         probe.ray(branch.kind, ray, branch.depth, branch.factor);
         self.counts.of_mut(branch.kind).traced += 1;
         let Some(met) = self.meet(ray, line, spread, probe) else {
-            probe.miss(self.world.background);
-            probe.end(self.world.background);
-            return self.world.background;
+            let color = self.background(line.direction, spread, probe);
+            probe.miss(color);
+            probe.end(color);
+            return color;
         };
         let Met { hit, surface, material, line, footprint } = &met;
         self.counts.of_mut(branch.kind).hit += 1;
@@ -259,6 +260,14 @@ impl<'w> Whitted<'w> {
         let spread = at.footprint.map(|f| f.spread.passed(f.step));
         let behind = self.trace(&start(at, line), line, spread.as_ref(), child, probe) * factor;
         (color + behind.saturated()).saturated()
+    }
+
+    /// What a ray in this direction sees where it meets nothing.
+    fn background<P: Probe>(&self, direction: DVec3, spread: Option<&Spread>, probe: &mut P) -> Rgb {
+        let Some(environment) = &self.world.environment else { return self.world.background };
+        let sighting = environment.look(direction, spread.map_or([DVec3::ZERO; 2], |spread| spread.direction));
+        probe.sighting(&sighting);
+        sighting.radiance
     }
 
     /// Box 5.8, `shade`: (5.39b), as far as the stage goes.

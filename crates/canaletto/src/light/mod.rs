@@ -1,8 +1,10 @@
-//! Lights: where light comes from, and how much of it reaches a point (5.4).
+//! Lights: where light comes from, and how much of it reaches a point (5.4). What surrounds the scene is in
+//! [`environment`].
 
 mod area;
 mod directional;
 mod disk;
+pub mod environment;
 mod omni;
 mod source;
 mod spot;

@@ -12,6 +12,7 @@ pub use film::{FilmSettings, Filter, SamplerKind, Sampling, Tone, Transfer};
 pub use integrator::{IntegratorSettings, Stage};
 pub use node::{Content, Node};
 
+use crate::light::environment::Environment;
 use crate::material::Material;
 use crate::math::Rgb;
 use crate::shape::{CylinderCloud, Mesh, SphereCloud};
@@ -21,8 +22,10 @@ use serde::{Deserialize, Serialize};
 /// A whole scene. Indices of materials, textures, images, meshes, clouds and prototypes are positions in the lists here.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Scene {
-    /// The colour of rays that meet nothing.
+    /// The colour of rays that meet nothing, where there is no environment.
     pub background: Rgb,
+    /// What surrounds the scene, instead of the background.
+    pub environment: Option<Environment>,
     /// Iₐ, the ambient light of (5.33).
     pub ambient: Rgb,
     /// The views that the scene offers; the first one is taken where none is named.
@@ -35,7 +38,7 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// The textures, each with its name.
     pub textures: Vec<Texture>,
-    /// The images that textures use.
+    /// The images that textures and the environment use.
     pub images: Vec<Image>,
     /// Triangle meshes.
     pub meshes: Vec<Mesh>,

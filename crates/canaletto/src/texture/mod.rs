@@ -24,6 +24,7 @@ mod wrap;
 pub use half::{from_half, to_half};
 pub use image::{Image, Samples};
 pub use pattern::{Footprint, Lookup, Pattern, Unresolved};
+pub(crate) use pyramid::Pyramid;
 pub use space::{ColorSpace, srgb_decode};
 pub use wrap::{Placement, Wrap};
 

@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 /// An image ready to be looked up, with coarser levels if they are needed.
 #[derive(Debug)]
-pub(super) struct Pyramid {
+pub(crate) struct Pyramid {
     /// The finest first; shared with pyramids of the same image in another colour space.
     base: Arc<Level>,
     coarser: Vec<Level>,
@@ -37,7 +37,29 @@ impl Pyramid {
         self
     }
 
-    pub(super) fn len(&self) -> usize {
+    /// The pyramid of an image that is looked up texel by texel, of one level or all.
+    pub(crate) fn of(image: Image, all: bool) -> Pyramid {
+        let space = image.space;
+        let (header, level) = Header::split(image);
+        let pyramid = Pyramid::new(Arc::new(level), &header, space);
+        if all { pyramid.with_levels() } else { pyramid }
+    }
+
+    /// A texel of a level in linear light, its colours multiplied by its alpha.
+    #[inline]
+    pub(crate) fn texel(&self, level: usize, x: u32, y: u32) -> [f32; 4] {
+        let level = self.level(level);
+        self.codec.sum(&level.samples, &[(level.index(x, y), 1.0)])
+    }
+
+    /// The width and height of a level.
+    pub(crate) fn size(&self, level: usize) -> [u32; 2] {
+        let level = self.level(level);
+        [level.width, level.height]
+    }
+
+    /// How many levels there are.
+    pub(crate) fn len(&self) -> usize {
         1 + self.coarser.len()
     }
 

@@ -4,6 +4,7 @@ use super::geometry::Geometry;
 use super::instance::{Instance, NONE, Unbounded};
 use super::wants::Wants;
 use super::{Object, World};
+use crate::light::environment::{Backdrop, Environment};
 use crate::light::{Light, LightKind, Source};
 use crate::material::{Channel, Material, Phong, Target};
 use crate::math::Transform;
@@ -95,10 +96,11 @@ impl World {
         }
         let Scene {
             background,
+            environment,
             ambient,
             mut materials,
             textures,
-            images,
+            mut images,
             meshes,
             spheres,
             cylinders,
@@ -106,13 +108,20 @@ impl World {
             nodes,
             ..
         } = scene;
+        let backdrop =
+            environment.as_ref().map(|environment| backdrop(environment, &mut images, &textures)).transpose()?;
+        let ambient = match (&environment, &backdrop) {
+            (Some(Environment { ambient: true, .. }), Some(backdrop)) => (ambient + backdrop.mean()).saturated(),
+            _ => ambient,
+        };
         let (textures, texture_names, wants_spread) = resolve_textures(images, textures, &mut materials)?;
         let wants = materials.iter().map(Wants::of).collect();
         let mut builder = Builder::new(wants, meshes, spheres, cylinders, prototypes);
         builder.count_uses(&nodes);
         let mut root = Part::default();
         builder.flatten(&nodes, &Place::default(), &mut root, 0)?;
-        let (mut instances, lights, unbounded) = builder.finish_part(root, NONE)?;
+        let (mut instances, mut lights, unbounded) = builder.finish_part(root, NONE)?;
+        lights.extend(environment.as_ref().zip(backdrop.as_ref()).and_then(|(described, ready)| ready.sun(described)));
         let unbounded_id_base = number_objects(&mut instances, &builder.geometries);
         let bounds: Vec<Aabb> = instances
             .iter()
@@ -126,9 +135,10 @@ impl World {
         materials.push(Material::new("default", Phong::default()));
         Ok(World {
             background,
+            wants_spread: wants_spread || backdrop.as_ref().is_some_and(Backdrop::wants_footprint),
+            environment: backdrop,
             ambient,
             lights: lights.into_iter().map(Source::new).collect(),
-            wants_spread,
             textures,
             texture_names,
             has_clear: materials.iter().any(|m| !m.is_opaque()),
@@ -143,8 +153,16 @@ impl World {
     }
 }
 
-/// The patterns of textures, their names, and whether any of those in use needs footprints. Numbers that aren't colours are read from images as they stand, unless the
-/// texture says what its image holds; materials are turned to the patterns that do.
+/// The environment, ready to be looked at; its images are taken unless a texture has them too.
+fn backdrop(environment: &Environment, images: &mut [Image], textures: &[Texture]) -> Result<Backdrop, BuildError> {
+    let kept = |index| textures.iter().any(|t| matches!(&t.kind, TextureKind::Image(t) if t.image == index));
+    Backdrop::new(environment, images, kept)
+        .map_err(|problem| BuildError::Invalid { object: "the environment".into(), problem })
+}
+
+/// The patterns of textures, their names, and whether any of those in use needs footprints. Numbers that aren't colours
+/// are read from images as they stand, unless the texture says what its image holds; materials are turned to the
+/// patterns that do.
 fn resolve_textures(
     images: Vec<Image>,
     mut textures: Vec<Texture>,

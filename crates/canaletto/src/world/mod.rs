@@ -13,6 +13,7 @@ pub use query::{Blocker, Hit};
 pub use textured::{Reading, TextureRead};
 
 use crate::light::Source;
+use crate::light::environment::Backdrop;
 use crate::material::Material;
 use crate::math::Rgb;
 use crate::texture::Pattern;
@@ -23,8 +24,10 @@ use instance::{Instance, Unbounded};
 /// A scene ready to be traced.
 #[derive(Debug)]
 pub struct World {
-    /// The colour of rays that meet nothing.
+    /// The colour of rays that meet nothing, where there is no environment.
     pub background: Rgb,
+    /// What surrounds the scene, instead of the background.
+    pub environment: Option<Backdrop>,
     /// Iₐ of (5.33).
     pub ambient: Rgb,
     /// All lights, in world space.
@@ -32,7 +35,7 @@ pub struct World {
     /// All textures, ready to be looked up; the first ones are those of [`crate::scene::Scene::textures`].
     pub textures: Vec<Pattern>,
     texture_names: Vec<String>,
-    /// Whether any texture has to know how large a piece of it a sample sees.
+    /// Whether any texture or the environment has to know how large a piece of it a sample sees.
     wants_spread: bool,
     /// All materials; the last one is the default for objects that name none.
     materials: Vec<Material>,

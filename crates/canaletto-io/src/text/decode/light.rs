@@ -13,7 +13,8 @@ use canaletto::scene::{self, Content};
 impl Decoder<'_> {
     /// A light in its place.
     pub(super) fn light(&mut self, node: &Node) -> Option<scene::Node> {
-        let kind = self.light_kind(node)?;
+        let kinds: Vec<&str> = LIGHTS.iter().map(|(kind, _)| *kind).collect();
+        let kind = self.kind_after(node, "light", &kinds)?;
         let title = format!("light \"{kind}\"");
         let fields = self.judge.fields(node, schema::light(kind)?, &title);
         let transform = self.transform(&fields);
@@ -37,30 +38,29 @@ impl Decoder<'_> {
         Some(scene::Node { name, transform, ..scene::Node::new(Content::Light(light)) })
     }
 
-    /// The word after `light`.
-    fn light_kind<'n>(&mut self, node: &'n Node) -> Option<&'n str> {
-        let kinds = LIGHTS.iter().map(|(kind, _)| *kind);
-        let list: Vec<String> = kinds.clone().map(|kind| format!("\"{kind}\"")).collect();
-        let help = format!("kinds of light: {}", list.join(", "));
+    /// The word after `light` or `environment`, which says what other words there are.
+    pub(super) fn kind_after(&mut self, node: &Node, what: &str, kinds: &[&'static str]) -> Option<&'static str> {
+        let list: Vec<String> = kinds.iter().map(|kind| format!("\"{kind}\"")).collect();
+        let list = format!("inds of {what}: {}", list.join(", "));
         let Some(value) = node.values.first() else {
             if !node.broken {
-                let message = Message::error(node.name_span, "light needs its kind right after the word");
-                self.judge.report.push(message.help(help));
+                let message = Message::error(node.name_span, format!("{what} needs its kind right after the word"));
+                self.judge.report.push(message.help(format!("k{list}")));
             }
             return None;
         };
         let text = value.as_text();
-        if let Some(kind) = text.filter(|text| kinds.clone().any(|kind| kind == *text)) {
+        if let Some(kind) = kinds.iter().find(|kind| Some(**kind) == text) {
             return Some(kind);
         }
         let message = match text {
-            Some(text) => format!("there is no kind of light \"{text}\""),
-            None => "light takes its kind as a text".into(),
+            Some(text) => format!("there is no kind of {what} \"{text}\""),
+            None => format!("{what} takes its kind as a text"),
         };
-        let same = |text: &str| kinds.clone().find(|kind| schema::SYNONYMS.contains(&(text, *kind)));
-        let help = match text.and_then(|text| same(text).or_else(|| nearest(text, kinds.clone()))) {
-            Some(right) => format!("did you mean \"{right}\"? Kinds of light: {}", list.join(", ")),
-            None => help,
+        let same = |text: &str| kinds.iter().copied().find(|kind| schema::SYNONYMS.contains(&(text, *kind)));
+        let help = match text.and_then(|text| same(text).or_else(|| nearest(text, kinds.iter().copied()))) {
+            Some(right) => format!("did you mean \"{right}\"? K{list}"),
+            None => format!("k{list}"),
         };
         self.judge.report.push(Message::error(value.span, message).help(help));
         None

@@ -1,6 +1,7 @@
 //! From nodes to a [`Scene`]: every mistake is reported, then the next node is read.
 
 mod cloud;
+mod environment;
 mod fields;
 mod lens;
 mod light;
@@ -93,7 +94,11 @@ impl Decoder<'_> {
         let has = |light: bool| {
             nodes.iter().any(|node| any(node, &|n| if light { &*n.name == "light" } else { is_thing(&n.name) }))
         };
-        let dark = self.scene.ambient == Rgb::BLACK && self.scene.integrator.stage > Stage::Unlit;
+        let lit = match &self.scene.environment {
+            Some(environment) => environment.ambient || environment.has_sun(),
+            None => false,
+        };
+        let dark = !lit && self.scene.ambient == Rgb::BLACK && self.scene.integrator.stage > Stage::Unlit;
         if !has(false) {
             self.judge.report.push(Message::warning(None, "the scene has no objects"));
         } else if dark && !has(true) {

@@ -17,7 +17,7 @@ use canaletto::scene::{
 use std::collections::HashMap;
 
 pub(super) fn is_setting(node: &Node) -> bool {
-    &*node.name == "texture" || schema::SETTINGS.iter().any(|words| words.name == &*node.name)
+    matches!(&*node.name, "environment" | "texture") || schema::SETTINGS.iter().any(|words| words.name == &*node.name)
 }
 
 impl<'a> Decoder<'a> {
@@ -68,7 +68,7 @@ impl<'a> Decoder<'a> {
         let mut film_fields = None;
         for node in nodes {
             let name = match &*node.name {
-                "background" | "ambient" | "film" | "integrator" => "",
+                "background" | "environment" | "ambient" | "film" | "integrator" => "",
                 "camera" => node.values.first().and_then(|v| v.as_text()).unwrap_or(schema::DEFAULT_CAMERA),
                 "include" => {
                     let message = Message::error(node.name_span, "include has no place here");
@@ -90,6 +90,12 @@ impl<'a> Decoder<'a> {
                 let message = Message::error(node.name_span, format!("the file has {what}"));
                 self.judge.report.push(message.label(place));
                 self.sound = false;
+            }
+            if &*node.name == "environment" {
+                let environment = self.environment(node);
+                self.sound &= environment.is_some();
+                self.scene.environment = environment;
+                continue;
             }
             let words: &'static Words = match &*node.name {
                 "background" => &schema::BACKGROUND,

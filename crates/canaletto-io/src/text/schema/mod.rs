@@ -1,5 +1,6 @@
 //! The words of the scene text in one table: the decoder's judge and the reference's source.
 
+mod environments;
 mod lens;
 mod motion;
 mod objects;
@@ -7,6 +8,7 @@ mod settings;
 mod surface_textures;
 mod textures;
 
+pub(crate) use environments::{ENVIRONMENTS, SMOOTHINGS, environment};
 pub(crate) use lens::{DEFAULT_BLADES, DEFAULT_LENS_ROTATION, LENS};
 pub(crate) use motion::{ANIMATION, CAMERA_FOLLOW, DEFAULT_FPS, EASE, FOLLOW, PATH, POINT_FOLLOW, TURN, ease_words};
 pub(crate) use objects::{
@@ -151,7 +153,7 @@ pub(crate) fn objects() -> impl Iterator<Item = &'static str> {
 
 /// The words for what may stand at the top of a file.
 pub(crate) fn top() -> Vec<&'static str> {
-    SETTINGS.iter().map(|words| words.name).chain(["texture"]).chain(objects()).collect()
+    SETTINGS.iter().map(|words| words.name).chain(["environment", "texture"]).chain(objects()).collect()
 }
 
 /// The node of this name; a light by its kind.
@@ -255,9 +257,14 @@ impl std::fmt::Display for Takes {
 pub(crate) fn home(word: &str) -> Option<String> {
     let all = SETTINGS.iter().chain(OBJECTS).map(|words| (*words, words.name.to_owned()));
     let lights = LIGHTS.iter().map(|(kind, words)| (*words, format!("light \"{kind}\"")));
+    let environments = ENVIRONMENTS.iter().map(|(kind, words)| (*words, format!("environment \"{kind}\"")));
     let textures = TEXTURES.iter().map(|(kind, words)| (*words, format!("texture kind=\"{kind}\"")));
-    let mut homes =
-        all.chain(lights).chain(textures).filter(|(words, _)| words.word(word).is_some()).map(|(_, name)| name);
+    let mut homes = all
+        .chain(lights)
+        .chain(environments)
+        .chain(textures)
+        .filter(|(words, _)| words.word(word).is_some())
+        .map(|(_, name)| name);
     let first = homes.next()?;
     let rest: Vec<String> = homes.collect();
     match rest.as_slice() {

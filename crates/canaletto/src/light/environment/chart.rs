@@ -1,0 +1,218 @@
+//! Pictures all around: six faces of a cube or one latitude-longitude picture, looked up by direction without seams.
+//!
+//! Texels are areas that tile the sphere of directions, and filters reach over edges: on the cube to the texel next door
+//! on the neighbouring face, on a panorama around the seam and across the poles. At a corner of the cube, where three
+//! faces meet, the fourth texel of a bilinear filter is the mean of the three.
+//!
+//! Footprints are prefiltered by a mip pyramid: several trilinear looks along the longer axis of the footprint's
+//! ellipse, each as wide as the shorter one (after McCormack et al., *Feline*, SIGGRAPH 1999, with equal weights).
+
+use super::face::Face;
+use super::panorama;
+use super::{Footprint, Place, Smoothing};
+use crate::math::Rgb;
+use crate::texture::{Image, Pyramid};
+use glam::DVec3;
+
+/// How pages cover the directions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Layout {
+    /// Six square pages in the order of [`Face::ALL`].
+    Cube,
+    /// One page.
+    Panorama,
+}
+
+/// Pictures all around.
+#[derive(Debug)]
+pub(super) struct Chart {
+    layout: Layout,
+    smoothing: Smoothing,
+    /// All of one size.
+    pages: Vec<Pyramid>,
+}
+
+/// The most looks along the longer axis of a footprint.
+const MAX_LOOKS: f64 = 32.0;
+
+impl Chart {
+    /// A chart of pages that fit to the layout; all are of one size.
+    pub(super) fn new(layout: Layout, smoothing: Smoothing, pages: Vec<Image>) -> Chart {
+        let all = smoothing == Smoothing::Bilinear;
+        Chart { layout, smoothing, pages: pages.into_iter().map(|image| Pyramid::of(image, all)).collect() }
+    }
+
+    /// Whether footprints are of use.
+    pub(super) fn is_smooth(&self) -> bool {
+        self.smoothing == Smoothing::Bilinear
+    }
+
+    /// What is seen in a unit direction, and where; `footprint` is how it changes to the next pixel's to the right and
+    /// above, or zero for a look without prefilter.
+    pub(super) fn look(&self, direction: DVec3, footprint: [DVec3; 2]) -> (Place, Footprint, Rgb) {
+        let (page, uv) = self.place(direction);
+        let place = match self.layout {
+            Layout::Cube => Place::Face { face: Face::ALL[page].0, uv },
+            Layout::Panorama => Place::Panorama { uv },
+        };
+        let point = Footprint { level: 0.0, looks: 1 };
+        if self.smoothing == Smoothing::Nearest {
+            let size = self.size_of(0);
+            let [x, y] = [0, 1].map(|i| ((uv[i] * f64::from(size[i])) as u32).min(size[i] - 1));
+            return (place, point, Rgb::from(self.texel(0, page, [x, y])));
+        }
+        let [a, b] = footprint.map(|change| self.texels(direction, change));
+        if !(a + b).is_finite() || (a == DVec3::ZERO && b == DVec3::ZERO) {
+            return (place, point, Rgb::from(self.bilinear(0, page, uv)));
+        }
+        // The axes of the ellipse that the pixel's circle becomes.
+        let turn = 0.5 * libm::atan2(2.0 * a.dot(b), a.length_squared() - b.length_squared());
+        let (sin, cos) = libm::sincos(turn);
+        let long = (a * cos + b * sin).length();
+        let short = (b * cos - a * sin).length();
+        let looks = (long / short.max(1.0)).round().clamp(1.0, MAX_LOOKS);
+        let level = libm::log2((long / looks).max(short).max(1.0));
+        let axis = footprint[0] * cos + footprint[1] * sin;
+        let mut sum = [0.0; 3];
+        for i in 0..looks as u32 {
+            let along = (f64::from(i) + 0.5) / looks - 0.5;
+            let seen = self.trilinear((direction + axis * along).normalize_or(direction), level);
+            sum.iter_mut().zip(seen).for_each(|(sum, v)| *sum += v);
+        }
+        let mean = Rgb::from(sum) / looks as f32;
+        (place, Footprint { level: level as f32, looks: looks as u32 }, mean)
+    }
+
+    /// A change of a unit direction in texels.
+    fn texels(&self, direction: DVec3, change: DVec3) -> DVec3 {
+        // Beyond once around there is nothing new.
+        const ALL: f64 = std::f64::consts::TAU;
+        match self.layout {
+            Layout::Cube => {
+                // With the largest coordinate c, 1/c² more texels than in the middle of the face lie along one way in
+                // an angle, 1/c along the other. The mean of the two is taken: faces side by side agree about it.
+                let stretch = 1.0 / direction.abs().max_element();
+                let density = 0.5 * f64::from(self.size_of(0)[0]) * stretch * stretch.sqrt();
+                change.clamp(DVec3::splat(-ALL), DVec3::splat(ALL)) * density
+            }
+            Layout::Panorama => {
+                let [u, v] = panorama::uv_change(direction, change);
+                let [w, h] = self.size_of(0).map(f64::from);
+                DVec3::new(u.clamp(-1.0, 1.0) * w, v.clamp(-1.0, 1.0) * h, 0.0)
+            }
+        }
+    }
+
+    /// The page of a unit direction and the place on it.
+    fn place(&self, direction: DVec3) -> (usize, [f64; 2]) {
+        match self.layout {
+            Layout::Cube => {
+                let face = Face::of(direction);
+                (face as usize, face.uv(direction))
+            }
+            Layout::Panorama => (0, panorama::uv(direction)),
+        }
+    }
+
+    fn trilinear(&self, direction: DVec3, level: f64) -> [f32; 3] {
+        let (page, uv) = self.place(direction);
+        let last = self.last();
+        let lower = (level.floor() as usize).min(last);
+        let fine = self.bilinear(lower, page, uv);
+        let t = (level - lower as f64) as f32;
+        if lower == last || t <= 0.0 {
+            return fine;
+        }
+        mix(fine, self.bilinear(lower + 1, page, uv), t)
+    }
+
+    fn bilinear(&self, level: usize, page: usize, uv: [f64; 2]) -> [f32; 3] {
+        let size = self.size_of(level);
+        let [x, y] = [0, 1].map(|i| uv[i] * f64::from(size[i]) - 0.5);
+        let (x0, y0) = (x.floor(), y.floor());
+        let (fx, fy) = ((x - x0) as f32, (y - y0) as f32);
+        let (i, j) = (x0 as i64, y0 as i64);
+        let around = [[i, j], [i + 1, j], [i, j + 1], [i + 1, j + 1]].map(|place| self.near(level, page, place));
+        let texels = match around {
+            [Some(a), Some(b), Some(c), Some(d)] => [a, b, c, d],
+            _ => {
+                let mut mean = [0.0; 3];
+                for texel in around.iter().flatten() {
+                    mean.iter_mut().zip(texel).for_each(|(sum, v)| *sum += v / 3.0);
+                }
+                around.map(|texel| texel.unwrap_or(mean))
+            }
+        };
+        let [a, b, c, d] = texels;
+        mix(mix(a, b, fx), mix(c, d, fx), fy)
+    }
+
+    /// A texel on a page or beyond its edge by one; nothing beyond a corner of the cube.
+    fn near(&self, level: usize, page: usize, [x, y]: [i64; 2]) -> Option<[f32; 3]> {
+        let [w, h] = self.size_of(level).map(i64::from);
+        if (0..w).contains(&x) && (0..h).contains(&y) {
+            return Some(self.texel(level, page, [x as u32, y as u32]));
+        }
+        match self.layout {
+            Layout::Cube => {
+                let (face, place) = Face::ALL[page].0.fold([x, y], w)?;
+                Some(self.texel(level, face as usize, place))
+            }
+            Layout::Panorama => {
+                // Beyond a pole it goes on half a turn away.
+                let (x, y) = match y {
+                    ..0 => (x + w / 2, -1 - y),
+                    _ if y >= h => (x + w / 2, 2 * h - 1 - y),
+                    _ => (x, y),
+                };
+                Some(self.texel(level, page, [x.rem_euclid(w) as u32, y.clamp(0, h - 1) as u32]))
+            }
+        }
+    }
+
+    #[inline]
+    fn texel(&self, level: usize, page: usize, [x, y]: [u32; 2]) -> [f32; 3] {
+        let [r, g, b, _] = self.pages[page].texel(level, x, y);
+        [r, g, b]
+    }
+
+    fn size_of(&self, level: usize) -> [u32; 2] {
+        self.pages[0].size(level)
+    }
+
+    /// The number of the coarsest level.
+    fn last(&self) -> usize {
+        self.pages[0].len() - 1
+    }
+
+    /// The mean over all directions.
+    pub(super) fn mean(&self) -> Rgb {
+        // From a level that is small but still tells rows apart.
+        let level = (0..self.last()).find(|&level| self.size_of(level)[0] <= 64).unwrap_or(self.last());
+        let [w, h] = self.size_of(level);
+        let (mut sum, mut weights) = ([0.0; 3], 0.0);
+        for page in 0..self.pages.len() {
+            for y in 0..h {
+                for x in 0..w {
+                    let [u, v] = [(f64::from(x) + 0.5) / f64::from(w), (f64::from(y) + 0.5) / f64::from(h)];
+                    let weight = match self.layout {
+                        // The solid angle of a small part of the face.
+                        Layout::Cube => {
+                            let d = Face::Front.direction([u, v]).length_squared();
+                            1.0 / (d * d.sqrt())
+                        }
+                        Layout::Panorama => libm::sin(v * std::f64::consts::PI),
+                    };
+                    let texel = self.texel(level, page, [x, y]);
+                    sum.iter_mut().zip(texel).for_each(|(sum, v)| *sum += weight * f64::from(v));
+                    weights += weight;
+                }
+            }
+        }
+        Rgb::from(sum.map(|v| (v / weights) as f32)).saturated()
+    }
+}
+
+fn mix(a: [f32; 3], b: [f32; 3], t: f32) -> [f32; 3] {
+    std::array::from_fn(|c| a[c] * (1.0 - t) + b[c] * t)
+}

@@ -1,0 +1,364 @@
+//! What surrounds the scene, infinitely far: seen by rays that meet nothing, in mirrors and through glass too (5.5,
+//! fig. 5.35).
+//!
+//! An [`Environment`] is a description; [`Backdrop`] is ready to be looked at. What is seen depends on the direction
+//! alone, not on where one stands.
+
+mod chart;
+mod cross;
+mod face;
+mod gradient;
+mod panorama;
+mod sky;
+mod sun;
+#[cfg(test)]
+mod tests;
+
+pub use face::Face;
+pub use gradient::Gradient;
+pub use sky::{Part, Sky};
+pub use sun::{Moment, bearing};
+
+use super::{Directional, Light, LightKind};
+use crate::math::{Rgb, Transform};
+use crate::texture::{Image, Samples};
+use chart::{Chart, Layout};
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+use sky::Dome;
+
+/// What surrounds the scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Environment {
+    /// What it is.
+    pub kind: EnvironmentKind,
+    /// How it is turned: from its own directions to the scene's. A rotation.
+    pub rotation: Transform,
+    /// Multiplies all that is seen of it; each component ≥ 0.
+    pub intensity: Rgb,
+    /// Whether its mean over all directions is added to the scene's ambient light.
+    pub ambient: bool,
+}
+
+/// The kinds of environments. Numbers of images are indices into [`crate::scene::Scene::images`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum EnvironmentKind {
+    /// Six square images of one size, in the order of [`Face::ALL`].
+    Cube {
+        /// The images.
+        faces: [u32; 6],
+        /// How texels become a function of the direction.
+        smoothing: Smoothing,
+    },
+    /// The six faces in one image: 4 × 3 squares (left, front, right, back in the middle row, top and bottom above and
+    /// below the front), or 3 × 4 (left, front, right; top, front, bottom and the back on its head in the middle column).
+    Cross {
+        /// The image.
+        image: u32,
+        /// How texels become a function of the direction.
+        smoothing: Smoothing,
+    },
+    /// One image of all directions: −z in its middle, +x at three quarters, +y along its upper edge.
+    LatLong {
+        /// The image.
+        image: u32,
+        /// How texels become a function of the direction.
+        smoothing: Smoothing,
+    },
+    /// Colours by height above the horizon.
+    Gradient(Gradient),
+    /// A physical sky by day.
+    Sky(Sky),
+}
+
+/// How texels become a function of the direction.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Smoothing {
+    /// The nearest texel, without prefilter.
+    Nearest,
+    /// Linear between the four nearest, over all edges, with a prefilter for what is small in the picture.
+    #[default]
+    Bilinear,
+}
+
+impl Environment {
+    /// The environment of this kind as it is.
+    pub fn new(kind: EnvironmentKind) -> Environment {
+        Environment { kind, rotation: Transform::IDENTITY, intensity: Rgb::WHITE, ambient: false }
+    }
+
+    /// The word for this kind in scene text and explanations.
+    pub fn kind_name(&self) -> &'static str {
+        match &self.kind {
+            EnvironmentKind::Cube { .. } => "cube",
+            EnvironmentKind::Cross { .. } => "cross",
+            EnvironmentKind::LatLong { .. } => "lat-long",
+            EnvironmentKind::Gradient(_) => "gradient",
+            EnvironmentKind::Sky(_) => "sky",
+        }
+    }
+
+    /// Whether its sun lights the scene.
+    pub fn has_sun(&self) -> bool {
+        matches!(&self.kind, EnvironmentKind::Sky(sky) if sky.light)
+    }
+
+    /// The images that it uses.
+    fn images(&self) -> &[u32] {
+        match &self.kind {
+            EnvironmentKind::Cube { faces, .. } => faces,
+            EnvironmentKind::Cross { image, .. } | EnvironmentKind::LatLong { image, .. } => {
+                std::slice::from_ref(image)
+            }
+            EnvironmentKind::Gradient(_) | EnvironmentKind::Sky(_) => &[],
+        }
+    }
+
+    /// Checks every number's range and the images' sizes. Images that do not exist are not its business.
+    ///
+    /// # Errors
+    /// A sentence that starts with what is wrong: a word of the scene text, "the image", or a face's.
+    pub fn check(&self, images: &[Image]) -> Result<(), String> {
+        let c = self.intensity;
+        if c.to_array().iter().any(|v| !v.is_finite() || *v < 0.0) {
+            return Err(format!("intensity is {} {} {}; each component must be 0 or more", c.r, c.g, c.b));
+        }
+        let turn = self.rotation.matrix();
+        let rigid = self.rotation.uniform_scale().is_some_and(|scale| (scale - 1.0).abs() < 1e-6);
+        if !rigid || turn.matrix3.determinant() < 0.0 || turn.translation != DVec3::ZERO {
+            return Err("an environment is infinitely far: it can be turned, but not moved, scaled or mirrored".into());
+        }
+        let size = |index: u32| images.get(index as usize).map(|image| [image.width, image.height]);
+        match &self.kind {
+            EnvironmentKind::Cube { faces, .. } => {
+                let mut first = None;
+                for ((_, word), index) in Face::ALL.iter().zip(faces) {
+                    let Some([w, h]) = size(*index) else { continue };
+                    if w != h {
+                        return Err(format!("{word} is {w} × {h} pixels; the faces of a cube must be square"));
+                    }
+                    let (n, of) = *first.get_or_insert((w, word));
+                    if w != n {
+                        return Err(format!(
+                            "{word} is {w} × {h} pixels, but {of} is {n} × {n}; all faces must be of one size"
+                        ));
+                    }
+                }
+                Ok(())
+            }
+            EnvironmentKind::Cross { image, .. } => match size(*image) {
+                Some(size) if cross::side(size).is_none() => Err(format!(
+                    "file is {} × {} pixels; a cross has 4 × 3 or 3 × 4 squares, such as 1024 × 768",
+                    size[0], size[1]
+                )),
+                _ => Ok(()),
+            },
+            EnvironmentKind::LatLong { .. } => Ok(()),
+            EnvironmentKind::Gradient(gradient) => gradient.check(),
+            EnvironmentKind::Sky(sky) => sky.check(),
+        }
+    }
+}
+
+/// An environment ready to be looked at.
+#[derive(Debug)]
+pub struct Backdrop {
+    kind_name: &'static str,
+    to_local: Transform,
+    intensity: Rgb,
+    kind: Kind,
+}
+
+#[derive(Debug)]
+enum Kind {
+    Chart(Chart),
+    Gradient(Gradient),
+    Sky(Dome),
+}
+
+/// Where a look met an environment.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Place {
+    /// A face of the cube, and (u, v) from the upper left corner of its picture (fig. 5.35).
+    Face {
+        /// The face.
+        face: Face,
+        /// Where on it.
+        uv: [f64; 2],
+    },
+    /// (u, v) from the upper left corner of a latitude-longitude picture.
+    Panorama {
+        /// Where on it.
+        uv: [f64; 2],
+    },
+    /// Degrees above the horizon of a gradient.
+    Height(f64),
+    /// A part of the sky.
+    Sky(Part),
+}
+
+/// How much of a picture a look covered.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Footprint {
+    /// The level of the mip pyramid: texels of 2^level of the picture's own.
+    pub level: f32,
+    /// How many looks along the longer axis of the footprint.
+    pub looks: u32,
+}
+
+/// A look at an environment.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Sighting {
+    /// The word for the kind of environment.
+    pub kind: &'static str,
+    /// The unit direction in the scene.
+    pub direction: DVec3,
+    /// The same before the environment was turned.
+    pub local: DVec3,
+    /// Where that is.
+    pub place: Place,
+    /// How much of a picture was averaged; nothing for environments without pictures.
+    pub footprint: Option<Footprint>,
+    /// What the environment holds there, before its intensity.
+    pub value: Rgb,
+    /// What is seen: value ⊗ intensity.
+    pub radiance: Rgb,
+}
+
+impl Backdrop {
+    /// Makes an environment ready. Its images are taken out of the list, unless something else `keeps` them.
+    ///
+    /// # Errors
+    /// A sentence that says which image is missing, or what is wrong ([`Environment::check`]).
+    pub fn new(
+        environment: &Environment,
+        images: &mut [Image],
+        keeps: impl Fn(u32) -> bool,
+    ) -> Result<Backdrop, String> {
+        let count = images.len();
+        if let Some(index) = environment.images().iter().find(|&&index| index as usize >= count) {
+            return Err(format!("it refers to image number {index}, but the scene has only {count}"));
+        }
+        environment.check(images)?;
+        // What is named once more, by another face or by a texture, is copied.
+        let used = environment.images();
+        let mut take = |place: usize| {
+            let image = &mut images[used[place] as usize];
+            checked(image)?;
+            let shared = keeps(used[place]) || used[place + 1..].contains(&used[place]);
+            Ok::<Image, String>(if shared { image.clone() } else { std::mem::replace(image, nothing()) })
+        };
+        let kind = match &environment.kind {
+            EnvironmentKind::Cube { smoothing, .. } => {
+                let pages: Result<Vec<Image>, String> = (0..6).map(&mut take).collect();
+                Kind::Chart(Chart::new(Layout::Cube, *smoothing, pages?))
+            }
+            EnvironmentKind::Cross { smoothing, .. } => {
+                Kind::Chart(Chart::new(Layout::Cube, *smoothing, cross::faces(&take(0)?)))
+            }
+            EnvironmentKind::LatLong { smoothing, .. } => {
+                Kind::Chart(Chart::new(Layout::Panorama, *smoothing, vec![take(0)?]))
+            }
+            EnvironmentKind::Gradient(gradient) => Kind::Gradient(gradient.clone()),
+            EnvironmentKind::Sky(sky) => Kind::Sky(Dome::new(sky)),
+        };
+        Ok(Backdrop {
+            kind_name: environment.kind_name(),
+            to_local: environment.rotation.inverse(),
+            intensity: environment.intensity,
+            kind,
+        })
+    }
+
+    /// Whether looks want to know their footprint: those at pictures with a prefilter.
+    pub fn wants_footprint(&self) -> bool {
+        matches!(&self.kind, Kind::Chart(chart) if chart.is_smooth())
+    }
+
+    /// What is seen in a direction of any length but zero. `footprint` is how the unit direction changes to the next
+    /// pixel's to the right and above; zero looks without a prefilter.
+    pub fn look(&self, direction: DVec3, footprint: [DVec3; 2]) -> Sighting {
+        let direction = direction.normalize();
+        let local = self.to_local.vector(direction).normalize();
+        let (place, footprint, value) = match &self.kind {
+            Kind::Chart(chart) => {
+                let (place, footprint, value) = chart.look(local, footprint.map(|change| self.to_local.vector(change)));
+                (place, Some(footprint), value)
+            }
+            Kind::Gradient(gradient) => {
+                let height = Gradient::height(local);
+                (Place::Height(height), None, gradient.at(height))
+            }
+            Kind::Sky(dome) => {
+                let (part, value) = dome.look(local);
+                (Place::Sky(part), None, value)
+            }
+        };
+        let radiance = (value * self.intensity).saturated();
+        Sighting { kind: self.kind_name, direction, local, place, footprint, value, radiance }
+    }
+
+    /// The light of the sun, if the environment has one that lights the scene.
+    pub fn sun(&self, environment: &Environment) -> Option<Light> {
+        let (EnvironmentKind::Sky(sky), Kind::Sky(dome)) = (&environment.kind, &self.kind) else { return None };
+        let towards = environment.rotation.vector(-sky.sun.as_dvec3().normalize()).as_vec3();
+        let kind = LightKind::Directional(Directional { towards, beam: None });
+        let intensity = (dome.sunlight() * self.intensity).saturated();
+        sky.light.then(|| Light { name: Some("sun".into()), ..Light::new(kind, intensity) })
+    }
+
+    /// The mean over all directions: what a ball of white matte clay returns on average.
+    pub fn mean(&self) -> Rgb {
+        let mean = match &self.kind {
+            Kind::Chart(chart) => chart.mean(),
+            _ => {
+                // Fibonacci's sphere: each direction stands for the same solid angle.
+                const COUNT: u32 = 4096;
+                let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+                let mut sum = [0.0; 3];
+                for i in 0..COUNT {
+                    let y = 1.0 - (2.0 * f64::from(i) + 1.0) / f64::from(COUNT);
+                    let (sin, cos) = libm::sincos(f64::from(i) * golden);
+                    let across = (1.0 - y * y).sqrt();
+                    let local = DVec3::new(across * cos, y, across * sin);
+                    let value = match &self.kind {
+                        Kind::Gradient(gradient) => gradient.at(Gradient::height(local)),
+                        Kind::Sky(dome) => dome.look_past_the_sun(local),
+                        Kind::Chart(_) => Rgb::BLACK,
+                    };
+                    sum.iter_mut().zip(value.to_array()).for_each(|(sum, v)| *sum += f64::from(v));
+                }
+                Rgb::from(sum.map(|v| (v / f64::from(COUNT)) as f32))
+            }
+        };
+        (mean * self.intensity).saturated()
+    }
+}
+
+/// What is left of an image that was taken.
+fn nothing() -> Image {
+    Image {
+        name: String::new(),
+        width: 1,
+        height: 1,
+        channels: 1,
+        samples: Samples::U8(vec![0]),
+        space: crate::texture::ColorSpace::Linear,
+        premultiplied: false,
+    }
+}
+
+/// Whether an image is complete and finite.
+fn checked(image: &Image) -> Result<(), String> {
+    image.check()?;
+    let finite = match &image.samples {
+        Samples::U8(_) | Samples::U16(_) => true,
+        // An exponent of all ones.
+        Samples::F16(data) => data.iter().all(|bits| bits & 0x7c00 != 0x7c00),
+        Samples::F32(data) => data.iter().all(|v| v.is_finite()),
+    };
+    if finite { Ok(()) } else { Err(format!("image \"{}\" holds a number that isn't finite", image.name)) }
+}

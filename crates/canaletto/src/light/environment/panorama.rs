@@ -1,0 +1,76 @@
+//! Latitude-longitude pictures: the whole sphere of directions in a rectangle twice as wide as high.
+//!
+//! The middle of the picture is −z, where a camera looks by itself; its right quarter is +x, its upper edge +y.
+
+use glam::DVec3;
+use std::f64::consts::{PI, TAU};
+
+/// (u, v) of a unit direction, from the picture's upper left corner (0, 0) to its lower right one (1, 1).
+/// At the poles, where every u is right, it is that of the middle.
+pub(super) fn uv(direction: DVec3) -> [f64; 2] {
+    let u = 0.5 + libm::atan2(direction.x, -direction.z) / TAU;
+    let across = libm::sqrt(direction.x * direction.x + direction.z * direction.z);
+    [u, libm::atan2(across, direction.y) / PI]
+}
+
+/// The unit direction to (u, v).
+#[cfg(test)]
+pub(super) fn direction([u, v]: [f64; 2]) -> DVec3 {
+    let (sin_u, cos_u) = libm::sincos((u - 0.5) * TAU);
+    let (sin_v, cos_v) = libm::sincos(v * PI);
+    DVec3::new(sin_v * sin_u, cos_v, -sin_v * cos_u)
+}
+
+/// How (u, v) move when the unit direction moves by `change`; towards the poles u moves without bounds.
+pub(super) fn uv_change(direction: DVec3, change: DVec3) -> [f64; 2] {
+    let across2 = (direction.x * direction.x + direction.z * direction.z).max(f64::MIN_POSITIVE);
+    // Derivatives of atan2(x, −z) and of atan2(√(x² + z²), y).
+    let du = (direction.x * change.z - direction.z * change.x) / across2 / TAU;
+    let dv = -change.y / libm::sqrt(across2) / PI;
+    [du, dv]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_axes_are_where_the_header_says() {
+        for (d, uv_there) in [
+            (DVec3::NEG_Z, [0.5, 0.5]),
+            (DVec3::X, [0.75, 0.5]),
+            (DVec3::NEG_X, [0.25, 0.5]),
+            (DVec3::new(1e-9, 0.0, 1.0), [1.0, 0.5]),
+            (DVec3::new(-1e-9, 0.0, 1.0), [0.0, 0.5]),
+            (DVec3::new(0.0, 0.5f64.sqrt(), -(0.5f64.sqrt())), [0.5, 0.25]),
+        ] {
+            let got = uv(d);
+            assert!((got[0] - uv_there[0]).abs() < 1e-9 && (got[1] - uv_there[1]).abs() < 1e-9, "{d}: {got:?}");
+        }
+        assert_eq!((uv(DVec3::Y)[1], uv(DVec3::NEG_Y)[1]), (0.0, 1.0));
+    }
+
+    #[test]
+    fn there_and_back() {
+        for i in 0..100 {
+            for j in 1..50 {
+                let place = [f64::from(i) / 100.0, f64::from(j) / 50.0];
+                let back = uv(direction(place));
+                assert!((back[0] - place[0]).abs() < 1e-14 && (back[1] - place[1]).abs() < 1e-14, "{place:?} {back:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn coordinates_move_as_differences_say() {
+        let d = DVec3::new(0.3, -0.2, 0.7).normalize();
+        // Perpendicular to the direction, as differences of unit directions are.
+        let change = d.cross(DVec3::new(0.1, 0.9, -0.4));
+        let h = 1e-6;
+        let [a, b] = [uv((d - change * h).normalize()), uv((d + change * h).normalize())];
+        let slope = uv_change(d, change);
+        for i in 0..2 {
+            assert!(((b[i] - a[i]) / (2.0 * h) - slope[i]).abs() < 1e-8, "{slope:?}");
+        }
+    }
+}
