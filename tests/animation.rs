@@ -1,0 +1,129 @@
+//! The animation in the book: its frames beside those of `docs/pictures/bouncing-ball.png`, which people have looked at
+//! (`CANALETTO_BLESS=1` puts the present ones there), on any number of threads, and where things must be in them.
+
+use canaletto::camera::Camera;
+use canaletto::film::develop;
+use canaletto::render::{Job, render};
+use canaletto::scene::{Content, FilmSettings, Scene};
+use canaletto::world::World;
+use canaletto_io::assets::FolderAssets;
+use canaletto_io::movie::{Movie, MovieFormat, MovieSettings, Rate};
+use canaletto_io::picture::{Image, WriteOptions};
+use canaletto_io::text::Script;
+use canaletto_tests::root;
+use glam::DVec3;
+use std::fs::{self, File};
+use std::io::BufReader;
+use std::path::PathBuf;
+
+fn script() -> (Script, FolderAssets) {
+    let (assets, name) = FolderAssets::beside(root().join("scenes/chapter/bouncing-ball.kdl")).unwrap();
+    (Script::read(&name, &assets, &[]).unwrap_or_else(|errors| panic!("{errors}")), assets)
+}
+
+fn scene(frame: u32) -> Scene {
+    let (mut script, assets) = script();
+    let (scene, warnings) = script.scene(&assets, f64::from(frame)).unwrap_or_else(|errors| panic!("{errors}"));
+    assert!(warnings.is_empty(), "{warnings}");
+    scene
+}
+
+fn picture(frame: u32) -> (Image, FilmSettings) {
+    let scene = scene(frame);
+    let camera = Camera::new(&scene.views[0].intrinsics, &scene.views[0].extrinsics).unwrap();
+    let film = scene.film;
+    let job = Job { frame, ..Job::new(camera, film, scene.integrator) };
+    let picture = render(&World::build(scene).unwrap(), &job, &()).unwrap().picture;
+    let shown = develop(&picture, film.tone, film.transfer);
+    (Image::from_rgb(picture.width, picture.height, shown.iter().map(|c| c.to_array())), film)
+}
+
+fn bytes(image: &Image) -> Vec<u8> {
+    let [r, g, b] = image.rgb().unwrap();
+    let level = |v: f32| (v * 255.0).round() as u8;
+    (0..r.len()).flat_map(|i| [level(r[i]), level(g[i]), level(b[i])]).collect()
+}
+
+fn golden() -> PathBuf {
+    root().join("docs/pictures/bouncing-ball.png")
+}
+
+/// The frames of an animated PNG of 8 bits and 3 channels, put together from their changed parts.
+fn frames() -> Vec<Vec<u8>> {
+    let mut reader = png::Decoder::new(BufReader::new(File::open(golden()).unwrap())).read_info().unwrap();
+    let (width, height) = (reader.info().width as usize, reader.info().height as usize);
+    let count = reader.info().animation_control.unwrap().num_frames;
+    let (mut canvas, mut data) = (vec![0; width * height * 3], vec![0; reader.output_buffer_size().unwrap()]);
+    (0..count)
+        .map(|_| {
+            let part = reader.next_frame(&mut data).unwrap();
+            let at = *reader.info().frame_control().unwrap();
+            for (y, row) in data.chunks_exact(part.line_size).take(part.height as usize).enumerate() {
+                let to = ((at.y_offset as usize + y) * width + at.x_offset as usize) * 3;
+                canvas[to..to + row.len()].copy_from_slice(row);
+            }
+            canvas.clone()
+        })
+        .collect()
+}
+
+#[test]
+fn frames_look_as_they_did_when_people_looked_at_them() {
+    let (script, _) = script();
+    let [first, last] = script.clip().frames.unwrap();
+    if std::env::var_os("CANALETTO_BLESS").is_some() {
+        let (image, film) = picture(first);
+        let settings = MovieSettings {
+            width: image.width,
+            height: image.height,
+            rate: Rate::new(script.clip().fps),
+            frames: last - first + 1,
+            transfer: film.transfer,
+            metadata: Vec::new(),
+        };
+        let mut movie = Movie::begin(MovieFormat::Apng, &golden(), WriteOptions::default(), settings).unwrap();
+        for frame in first..=last {
+            movie.add(&picture(frame).0).unwrap();
+        }
+        movie.finish().unwrap();
+    }
+    let golden_frames = frames();
+    assert_eq!(golden_frames.len() as u32, last - first + 1);
+    for frame in [0, 7, 12, 24, 31, 47] {
+        assert!(golden_frames[frame as usize] == bytes(&picture(frame).0), "frame {frame} has changed");
+    }
+    assert!(fs::metadata(golden()).unwrap().len() <= 200 << 10);
+}
+
+#[test]
+fn frames_are_the_same_on_any_number_of_threads() {
+    let on = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| picture(19).0)
+    };
+    let one = on(1);
+    assert!([2, 3, 7].into_iter().all(|threads| on(threads) == one));
+}
+
+/// Where the ball is by the laws of free fall, and that the camera stays on its rail and keeps its intrinsic parameters.
+#[test]
+fn the_ball_falls_and_the_camera_moves_on_its_rail() {
+    let intrinsics = scene(0).views[0].intrinsics;
+    let (start, end) = (DVec3::new(100.0, 40.0, 40.0), DVec3::new(-20.0, 50.0, 110.0));
+    for frame in 0..=48 {
+        let scene = scene(frame);
+        let ball = scene.nodes.iter().find(|node| node.name.as_deref() == Some("ball")).unwrap();
+        assert!(matches!(ball.content, Content::Shape(_)));
+        let height = ball.transform.point(DVec3::ZERO).y;
+        // Of 24 frames 12 to fall: 60 (t/12)² below the highest point, t from the frame at which it is there.
+        let t = f64::from(((frame + 12) % 24).abs_diff(12));
+        assert!((height - (20.0 - 60.0 * (t / 12.0) * (t / 12.0))).abs() < 1e-12, "frame {frame}: {height}");
+        let view = &scene.views[0];
+        assert_eq!(view.intrinsics, intrinsics);
+        match frame {
+            0 | 48 => assert_eq!(view.extrinsics.eye, start),
+            24 => assert!((view.extrinsics.eye - end).length() < 1e-9),
+            _ => assert!(view.extrinsics.eye.length() > 100.0),
+        }
+    }
+}
