@@ -2,9 +2,10 @@
 
 use canaletto::light::LightKind;
 use canaletto::math::Rgb;
-use canaletto::scene::{Content, Node, Scene, Stage};
+use canaletto::scene::{Content, Node, Scene, Stage, Transfer};
 use canaletto::shape::Shape;
 use canaletto_io::assets::{Asset, AssetError, AssetPath, Assets, MemoryAssets};
+use canaletto_io::picture::{Depth, Image, encode_png};
 use canaletto_io::text::{Script, read_scene_text};
 use glam::{DVec3, Vec3};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -57,6 +58,33 @@ fn everything_moves() {
     assert_eq!(at(text, 5.0).integrator.stage, Stage::Full);
     // Before the first and after the last key values hold.
     assert_eq!((at(text, -7.0), at(text, 99.0)), (at(text, 0.0), at(text, 10.0)));
+}
+
+#[test]
+fn textures_and_environments_move() {
+    let pixel = Image::from_rgb(1, 1, [[0.5; 3]].into_iter());
+    let png = encode_png(&pixel, Depth::Eight, Transfer::Srgb, &[]).unwrap();
+    let assets = MemoryAssets::new().with("a.png", png);
+    let text = r#"
+        texture "a" file="a.png" { filter { key 0 "nearest"; key 5 "bilinear" } }
+        material "m" { texture "a" use="bump" { height { key 0 0; key 10 1; ease "linear" }
+            translate { key 0 0 0 0; key 10 1 0 0; ease "linear" } } }
+        sphere material="m" { center 0 0 0; radius 1 }
+        environment "gradient" { intensity { key 0 1; key 10 2; ease "linear" }; rotate-y { key 0 0; key 10 180; ease "linear" }
+            stops -90 0 0 0  90 1 1 1 }
+        light "omni" { position 0 9 0 }
+    "#;
+    let mut script = Script::of_text(text, "s", &assets, &[]).ok().unwrap();
+    let mut at = |frame| script.scene(&assets, frame).unwrap_or_else(|errors| panic!("{errors}")).0;
+    let (first, later) = (at(0.0), at(5.0));
+    assert_ne!(first.textures, later.textures);
+    assert_eq!(first.images, later.images);
+    let place = &later.materials[0].textures[0];
+    assert_eq!(place.range, [0.0, 0.5]);
+    assert_eq!(place.mapping.transform.point(DVec3::ZERO), DVec3::X / 2.0);
+    let environment = later.environment.unwrap();
+    assert_eq!(environment.intensity, Rgb::gray(1.5));
+    assert!((environment.rotation.vector(DVec3::X) - DVec3::NEG_Z).length() < 1e-12);
 }
 
 #[test]

@@ -144,8 +144,10 @@ const STILL: [&str; 3] = ["name", "size", "crop"];
 impl Animator<'_> {
     /// A setting, an object or a light.
     fn top(&mut self, node: &mut Node) {
+        let kind = node.values.first().and_then(|v| v.as_text());
         let words = match &*node.name {
-            "light" => node.values.first().and_then(|v| v.as_text()).and_then(schema::light),
+            "light" => kind.and_then(schema::light),
+            "environment" => kind.and_then(schema::environment),
             "texture" => schema::texture(node.text("kind").map_or(schema::DEFAULT_KIND, |(kind, _)| kind)),
             "include" | "animation" | "path" => None,
             name => schema::node(name),
