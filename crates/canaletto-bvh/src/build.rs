@@ -71,8 +71,9 @@ struct Item {
     id: u32,
 }
 
-/// The tree and, for each slot, its primitive.
-pub(crate) fn build(bounds: &[Aabb]) -> Result<(Vec<Binary>, Vec<u32>), BuildError> {
+/// The tree and, for each slot, its primitive. A leaf costs as much as the blocks of `block` primitives that it fills, and no
+/// leaf of one block is split.
+pub(crate) fn build(bounds: &[Aabb], block: usize) -> Result<(Vec<Binary>, Vec<u32>), BuildError> {
     if bounds.len() > MAX_PRIMITIVES {
         return Err(BuildError::TooManyPrimitives { count: bounds.len() });
     }
@@ -87,17 +88,17 @@ pub(crate) fn build(bounds: &[Aabb]) -> Result<(Vec<Binary>, Vec<u32>), BuildErr
         .collect();
     let mut nodes = Vec::new();
     if !items.is_empty() {
-        subdivide(&mut items, 0, 0, &mut nodes);
+        subdivide(&mut items, 0, 0, block, &mut nodes);
     }
     Ok((nodes, items.par_iter().map(|item| item.id).collect()))
 }
 
 /// Appends the tree over `items`, whose first slot is `first`.
-fn subdivide(items: &mut [Item], first: u32, depth: u32, nodes: &mut Vec<Binary>) {
+fn subdivide(items: &mut [Item], first: u32, depth: u32, block: usize, nodes: &mut Vec<Binary>) {
     let extent = Extent::of(items);
     let index = nodes.len();
     nodes.push(Binary { bounds: extent.bounds, link: first, count: items.len() as u32 });
-    let Some(middle) = split(items, &extent, depth) else {
+    let Some(middle) = split(items, &extent, depth, block) else {
         return;
     };
     let (left, right) = items.split_at_mut(middle);
@@ -105,37 +106,37 @@ fn subdivide(items: &mut [Item], first: u32, depth: u32, nodes: &mut Vec<Binary>
     if left.len() + right.len() > PARALLEL_BUILD {
         let (mut left_nodes, mut right_nodes) = (Vec::new(), Vec::new());
         rayon::join(
-            || subdivide(left, first, depth + 1, &mut left_nodes),
-            || subdivide(right, right_first, depth + 1, &mut right_nodes),
+            || subdivide(left, first, depth + 1, block, &mut left_nodes),
+            || subdivide(right, right_first, depth + 1, block, &mut right_nodes),
         );
         nodes.append(&mut left_nodes);
         nodes[index].link = (nodes.len() - index) as u32;
         nodes.append(&mut right_nodes);
     } else {
-        subdivide(left, first, depth + 1, nodes);
+        subdivide(left, first, depth + 1, block, nodes);
         nodes[index].link = (nodes.len() - index) as u32;
-        subdivide(right, right_first, depth + 1, nodes);
+        subdivide(right, right_first, depth + 1, block, nodes);
     }
     nodes[index].count = 0;
 }
 
 /// Reorders `items` into two parts and tells where the second starts, or None for a leaf.
-fn split(items: &mut [Item], extent: &Extent, depth: u32) -> Option<usize> {
+fn split(items: &mut [Item], extent: &Extent, depth: u32, block: usize) -> Option<usize> {
     let n = items.len();
     // Levels that median splits down to single primitives still need: ⌈log₂ n⌉.
     let needed = usize::BITS - (n - 1).leading_zeros();
     if depth + needed >= MAX_DEPTH {
         return (n > MAX_LEAF).then(|| split_at_median(items, extent));
     }
-    if n == 1 {
+    if n <= block {
         return None;
     }
-    let Some(plan) = Plan::best(items, extent) else {
+    let Some(plan) = Plan::best(items, extent, block) else {
         // Centers that coincide: any halves are as good.
         return (n > MAX_LEAF).then_some(n / 2);
     };
     let area = extent.bounds.half_area();
-    if n <= MAX_LEAF && NODE_COST * area + plan.cost >= n as f64 * area {
+    if n <= MAX_LEAF && NODE_COST * area + plan.cost >= n.div_ceil(block) as f64 * area {
         return None;
     }
     Some(partition(items, |item| plan.grid.bin(item, plan.axis) < plan.bin))
@@ -233,8 +234,8 @@ impl Bin {
         Self { bounds: join(self.bounds, other.bounds), count: self.count + other.count }
     }
 
-    fn cost(&self) -> f64 {
-        self.bounds.half_area() * self.count as f64
+    fn cost(&self, block: usize) -> f64 {
+        self.bounds.half_area() * self.count.div_ceil(block) as f64
     }
 }
 
@@ -267,13 +268,13 @@ struct Plan {
     grid: Grid,
     axis: usize,
     bin: usize,
-    /// Sum over both sides of area times primitives.
+    /// Sum over both sides of area times blocks.
     cost: f64,
 }
 
 impl Plan {
     /// The cheapest split, of equal ones the first. None if all centers fall into one bin.
-    fn best(items: &[Item], extent: &Extent) -> Option<Self> {
+    fn best(items: &[Item], extent: &Extent, block: usize) -> Option<Self> {
         let grid = Grid::new(&extent.centers, items.len().clamp(4, MAX_BINS));
         let bins = fill(items, &grid);
         let mut best: Option<Self> = None;
@@ -283,7 +284,7 @@ impl Plan {
             let mut right = Bin::EMPTY;
             for i in (1..bins.len()).rev() {
                 right = right.merge(bins[i]);
-                right_costs[i] = right.cost();
+                right_costs[i] = right.cost(block);
             }
             let mut left = Bin::EMPTY;
             for i in 1..bins.len() {
@@ -291,7 +292,7 @@ impl Plan {
                 if left.count == 0 || left.count == items.len() {
                     continue;
                 }
-                let cost = left.cost() + right_costs[i];
+                let cost = left.cost(block) + right_costs[i];
                 if best.as_ref().is_none_or(|best| cost < best.cost) {
                     best = Some(Self { grid, axis, bin: i, cost });
                 }
@@ -333,7 +334,7 @@ mod tests {
             assert_eq!(a.union(b), node.bounds);
             (node.bounds, 1 + left.max(right))
         }
-        let (nodes, order) = build(bounds).unwrap();
+        let (nodes, order) = build(bounds, 1).unwrap();
         let mut slots = Vec::new();
         let (_, height) = visit(&nodes, 0, &nodes[0].bounds, &mut slots);
         assert!(slots.into_iter().eq(0..bounds.len() as u32), "each slot in one leaf, in order");
@@ -424,7 +425,7 @@ mod tests {
     fn halves_are_found_where_the_gap_is() {
         // Two clusters along y: the root's children must be the clusters.
         let cluster = |y: f32| (0..10).map(move |i| Aabb::from_points([Vec3::new(i as f32, y, 0.0)]));
-        let (nodes, _) = build(&cluster(0.0).chain(cluster(1000.0)).collect::<Vec<_>>()).unwrap();
+        let (nodes, _) = build(&cluster(0.0).chain(cluster(1000.0)).collect::<Vec<_>>(), 1).unwrap();
         let [left, right] = nodes[0].children(0);
         assert_eq!(nodes[left as usize].bounds.max.y, 0.0);
         assert_eq!(nodes[right as usize].bounds.min.y, 1000.0);

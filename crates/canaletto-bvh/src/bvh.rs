@@ -1,11 +1,10 @@
-//! The bounding volume hierarchy and its traversal.
-
-use std::ops::Range;
+//! The bounding volume hierarchy.
 
 use crate::build::{self, BuildError};
-use crate::node::{Link, Node, Statistics, collapse};
-use crate::slab::Slabs;
+use crate::node::{Leaf, Link, Node, Statistics, collapse};
+use crate::traverse::{self, Any, Closest, ClosestOfMany};
 use crate::{Aabb, PreparedRay};
+use std::ops::Range;
 
 /// A tree of boxes over primitives that the caller keeps.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,23 +14,34 @@ pub struct Bvh {
     bounds: Aabb,
 }
 
-/// A child to visit.
-#[derive(Clone, Copy, Default)]
-struct Entry {
-    near: f32,
-    link: Link,
-}
-
 impl Bvh {
     /// Builds the tree over `bounds`, one box per primitive, in parallel; the tree does not depend on the number of
-    /// threads. Boxes may be flat and may coincide.
+    /// threads. Boxes may be flat and may coincide. A leaf is a range of slots, whose primitives [`Bvh::order`] tells.
+    ///
+    /// # Errors
+    /// [`BuildError`] names the first box that is not finite or is empty, or says that there are too many.
     pub fn build(bounds: &[Aabb]) -> Result<Self, BuildError> {
-        let (binary, order) = build::build(bounds)?;
+        let (binary, order) = build::build(bounds, 1)?;
         let bounds = binary.first().map_or(Aabb::EMPTY, |root| root.bounds);
-        Ok(Self { nodes: collapse(&binary), order, bounds })
+        Ok(Self { nodes: collapse(&binary, &|leaf| Link::leaf(leaf.link, leaf.count)), order, bounds })
     }
 
-    /// From slot to primitive: the caller permutes its primitives into this order.
+    /// Builds a tree whose leaves are blocks of up to four primitives that are tested side by side: a block costs the same
+    /// however full it is. [`Leaf::first`] is then the block's number. Returns the primitives of each block, too; the tree itself keeps none.
+    ///
+    /// # Errors
+    /// As [`Bvh::build`].
+    pub fn build_blocks(bounds: &[Aabb]) -> Result<(Self, Blocks), BuildError> {
+        let (binary, order) = build::build(bounds, build::MAX_LEAF)?;
+        let bounds = binary.first().map_or(Aabb::EMPTY, |root| root.bounds);
+        // Leaves lie in the order of their slots.
+        let starts: Vec<u32> = binary.iter().filter(|node| node.is_leaf()).map(|leaf| leaf.link).collect();
+        let block = |leaf: &build::Binary| Link::leaf(starts.partition_point(|&s| s < leaf.link) as u32, leaf.count);
+        let nodes = collapse(&binary, &block);
+        Ok((Self { nodes, order: Vec::new(), bounds }, Blocks { starts, order }))
+    }
+
+    /// From slot to primitive: the caller permutes its primitives into this order. Empty for a tree over blocks.
     pub fn order(&self) -> &[u32] {
         &self.order
     }
@@ -46,165 +56,74 @@ impl Bvh {
         Statistics::of(&self.nodes, &self.bounds, self.order.len())
     }
 
-    /// Calls `leaf` for the leaves that `ray` meets within (0, t_max], roughly from near to far, with a range of
-    /// slots and the current t_max, which it lowers to the nearest hit that it finds.
+    /// Calls `leaf` for the leaves that `ray` meets within (0, t_max], roughly from near to far, with the current t_max,
+    /// which it lowers to the nearest hit that it finds.
     #[inline]
-    pub fn intersect(&self, ray: &PreparedRay, t_max: f32, mut leaf: impl FnMut(Range<u32>, &mut f32)) {
-        if self.nodes.is_empty() {
-            return;
-        }
-        let mut t_max = t_max;
-        let mut stack = Stack::new();
-        let mut link = Link::node(0);
-        loop {
-            match link.follow() {
-                Ok(slots) => leaf(slots, &mut t_max),
-                Err(index) => {
-                    let node = &self.nodes[index];
-                    let (near, far) = ray.slabs.clip(&node.boxes, t_max);
-                    let mut met = near.cmple(far).bitmask();
-                    if met != 0 {
-                        let near = near.to_array();
-                        let next = |met: &mut u32| {
-                            let lane = met.trailing_zeros() as usize & 3;
-                            *met &= *met - 1;
-                            Entry { near: near[lane], link: node.children[lane] }
-                        };
-                        // The nearest is next, the others wait in order; of equally near ones the lower lane goes first.
-                        let first = next(&mut met);
-                        if met == 0 {
-                            link = first.link;
-                            continue;
-                        }
-                        let second = next(&mut met);
-                        let mut found = if second.near < first.near { [first, second] } else { [second, first] };
-                        if met != 0 {
-                            let third = next(&mut met);
-                            let fourth = (met != 0).then(|| next(&mut met));
-                            found = sort(&mut stack, found, third, fourth);
-                        }
-                        let [farther, nearest] = found;
-                        stack.push(farther);
-                        link = nearest.link;
-                        continue;
-                    }
-                }
-            }
-            loop {
-                let Some(entry) = stack.pop() else { return };
-                if Slabs::within(entry.near, t_max) {
-                    link = entry.link;
-                    break;
-                }
-            }
-        }
+    pub fn intersect(&self, ray: &PreparedRay, t_max: f32, leaf: impl FnMut(Leaf, &mut f32)) {
+        self.closest(ray, t_max, leaf);
+    }
+
+    #[inline]
+    pub(crate) fn closest(&self, ray: &PreparedRay, t_max: f32, leaf: impl Closest) {
+        traverse::closest(&self.nodes, &ray.slabs, t_max, leaf);
     }
 
     /// Calls `leaf` for the leaves that `ray` meets within (0, t_max], in no particular order, until it answers
     /// that something is hit there.
     #[inline]
-    pub fn occluded(&self, ray: &PreparedRay, t_max: f32, mut leaf: impl FnMut(Range<u32>) -> bool) -> bool {
-        if self.nodes.is_empty() {
-            return false;
-        }
-        let mut stack = Stack::new();
-        let mut link = Link::node(0);
-        loop {
-            match link.follow() {
-                Ok(slots) => {
-                    if leaf(slots) {
-                        return true;
-                    }
-                }
-                Err(index) => {
-                    let node = &self.nodes[index];
-                    let (near, far) = ray.slabs.clip(&node.boxes, t_max);
-                    let mut met = near.cmple(far).bitmask();
-                    if met != 0 {
-                        link = node.children[met.trailing_zeros() as usize & 3];
-                        met &= met - 1;
-                        while met != 0 {
-                            stack.push(node.children[met.trailing_zeros() as usize & 3]);
-                            met &= met - 1;
-                        }
-                        continue;
-                    }
-                }
-            }
-            let Some(waiting) = stack.pop() else { return false };
-            link = waiting;
-        }
-    }
-}
-
-/// Sorts a third and perhaps a fourth child into two, the nearer last; what is not among the nearest two then waits on the
-/// stack.
-#[inline]
-fn sort(stack: &mut Stack<Entry>, [mut b, mut a]: [Entry; 2], mut c: Entry, fourth: Option<Entry>) -> [Entry; 2] {
-    // Later lanes move up only if they are strictly nearer.
-    if c.near < b.near {
-        (b, c) = (c, b);
-        if b.near < a.near {
-            (a, b) = (b, a);
-        }
-    }
-    let Some(mut d) = fourth else {
-        stack.push(c);
-        return [b, a];
-    };
-    if d.near < c.near {
-        (c, d) = (d, c);
-        if c.near < b.near {
-            (b, c) = (c, b);
-            if b.near < a.near {
-                (a, b) = (b, a);
-            }
-        }
-    }
-    stack.push(d);
-    stack.push(c);
-    [b, a]
-}
-
-/// What waits to be visited: the first few in place, so that most rays neither clear nor allocate much memory.
-struct Stack<T> {
-    first: [T; IN_PLACE],
-    len: usize,
-    rest: Vec<T>,
-}
-
-/// Enough for most rays; each level of the tree leaves at most three waiting.
-const IN_PLACE: usize = 32;
-
-impl<T: Copy + Default> Stack<T> {
-    #[inline]
-    fn new() -> Self {
-        Self { first: [T::default(); IN_PLACE], len: 0, rest: Vec::new() }
+    pub fn occluded(&self, ray: &PreparedRay, t_max: f32, leaf: impl FnMut(Leaf) -> bool) -> bool {
+        self.any(ray, t_max, leaf)
     }
 
     #[inline]
-    fn push(&mut self, item: T) {
-        match self.first.get_mut(self.len) {
-            Some(place) => *place = item,
-            None => self.rest.push(item),
-        }
-        self.len += 1;
+    pub(crate) fn any(&self, ray: &PreparedRay, t_max: f32, leaf: impl Any) -> bool {
+        traverse::any(&self.nodes, &ray.slabs, t_max, leaf)
+    }
+
+    /// [`Bvh::intersect`] for many rays that need not go the same way. Several are on their way at once, so that none
+    /// waits for memory alone. `leaf` gets the number of the ray and that ray's t_max in `t_max`.
+    #[inline]
+    pub fn intersect_stream(&self, rays: &[PreparedRay], t_max: &mut [f32], leaf: impl FnMut(usize, Leaf, &mut f32)) {
+        self.closest_of_many(rays, t_max, leaf);
     }
 
     #[inline]
-    fn pop(&mut self) -> Option<T> {
-        self.len = self.len.checked_sub(1)?;
-        match self.first.get(self.len) {
-            Some(&item) => Some(item),
-            None => self.rest.pop(),
-        }
+    pub(crate) fn closest_of_many(&self, rays: &[PreparedRay], t_max: &mut [f32], leaf: impl ClosestOfMany) {
+        traverse::closest_of_many(&self.nodes, rays, t_max, leaf);
     }
 }
+
+/// The primitives of the leaves of a tree over blocks.
+#[derive(Clone, Debug)]
+pub struct Blocks {
+    starts: Vec<u32>,
+    order: Vec<u32>,
+}
+
+impl Blocks {
+    /// How many blocks there are.
+    pub fn len(&self) -> usize {
+        self.starts.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.starts.is_empty()
+    }
+
+    /// The 1 to 4 primitives of a block.
+    pub fn block(&self, index: usize) -> &[u32] {
+        let end = self.starts.get(index + 1).map_or(self.order.len(), |&s| s as usize);
+        let Range { start, end } = self.starts[index] as usize..end;
+        &self.order[start..end]
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Ray;
     use crate::testing::{Random, awkward_ray, nearest, nearest_in_tree, tree, zoo};
+    use crate::{InstructionSet, Ray};
     use glam::Vec3;
 
     #[test]
@@ -225,7 +144,7 @@ mod tests {
                         "{name} {ray:?}"
                     );
                     let occluded = bvh.occluded(&ray.prepare(), t_max, |leaf| {
-                        let ids = &bvh.order()[leaf.start as usize..leaf.end as usize];
+                        let ids = &bvh.order()[leaf.first() as usize..leaf.slots().end as usize];
                         nearest(&scene, ids, &ray, t_max).is_some()
                     });
                     assert_eq!(occluded, all.is_some_and(|hit| hit.0 <= t_max), "{name} {ray:?}");
@@ -287,9 +206,9 @@ mod tests {
             }
             // As for any direction too short for a reciprocal, no lane without a child may be visited.
             let ray = Ray::new(Vec3::ZERO, Vec3::splat(1e-45));
-            bvh.intersect(&ray.prepare(), f32::INFINITY, |leaf, _| assert!(!leaf.is_empty()));
+            bvh.intersect(&ray.prepare(), f32::INFINITY, |leaf, _| assert!(!leaf.slots().is_empty()));
             bvh.occluded(&ray.prepare(), f32::INFINITY, |leaf| {
-                assert!(!leaf.is_empty());
+                assert!(!leaf.slots().is_empty());
                 false
             });
         }
@@ -302,13 +221,13 @@ mod tests {
         for (origin, direction) in [(-1.0, Vec3::X), (64.0, -Vec3::X)] {
             let mut met = Vec::new();
             bvh.intersect(&Ray::new(Vec3::X * origin, direction).prepare(), 40.5, |leaf, t_max| {
-                met.push(leaf.start);
+                met.push(leaf.first());
                 *t_max = t_max.min(30.5);
             });
-            let mut sorted = met.clone();
-            sorted.sort_unstable_by_key(|&m| if direction.x > 0.0 { m } else { 64 - m });
-            assert_eq!(met, sorted);
-            assert!((30 / 4..=31).contains(&met.len()), "{met:?}");
+            // The nearest comes first; behind the hit nothing comes.
+            assert_eq!(met[0] as usize, if direction.x > 0.0 { 0 } else { bvh.order().len() - 4 });
+            let culled = bvh.order().len() - met.len();
+            assert!((30 / 4..=31).contains(&met.len()) && culled > 30, "{met:?}");
         }
     }
 
@@ -327,14 +246,33 @@ mod tests {
     }
 
     #[test]
-    fn equally_near_leaves_come_in_order() {
-        let bounds: Vec<Aabb> =
-            (0..16).map(|i| Aabb::from_points([Vec3::ZERO, Vec3::new(1.0, (1 + 10 * (i / 4)) as f32, 1.0)])).collect();
-        let bvh = Bvh::build(&bounds).unwrap();
-        let mut visits = Vec::new();
-        let ray = Ray::new(Vec3::new(-1.0, 0.5, 0.5), Vec3::X);
-        bvh.intersect(&ray.prepare(), f32::INFINITY, |leaf, _| visits.push(leaf.start));
-        assert_eq!(visits, [0, 4, 8, 12]);
+    fn every_instruction_set_and_a_stream_find_the_same() {
+        // `limit` is for all threads: other tests then run with fewer instructions, which changes no answer.
+        let random = &mut Random(4);
+        for (name, scene) in zoo() {
+            let bvh = tree(&scene);
+            let rays: Vec<Ray> = (0..300).map(|_| awkward_ray(&scene, random)).collect();
+            for set in InstructionSet::available() {
+                set.limit();
+                let prepared: Vec<PreparedRay> = rays.iter().map(Ray::prepare).collect();
+                let mut t_max = vec![f32::INFINITY; rays.len()];
+                let mut best = vec![None; rays.len()];
+                bvh.intersect_stream(&prepared, &mut t_max, |index, leaf, t_max| {
+                    let ids = &bvh.order()[leaf.first() as usize..leaf.slots().end as usize];
+                    if let Some(hit) = nearest(&scene, ids, &rays[index], *t_max)
+                        && best[index].is_none_or(|best: crate::testing::Hit| hit.0 < best.0 || hit.3 < best.3)
+                    {
+                        (best[index], *t_max) = (Some(hit), hit.0);
+                    }
+                });
+                for (ray, best) in rays.iter().zip(best) {
+                    let ids: Vec<u32> = (0..scene.len() as u32).collect();
+                    let all = nearest(&scene, &ids, ray, f32::INFINITY);
+                    assert_eq!(best, all, "{name} {set:?} {ray:?}");
+                    assert_eq!(nearest_in_tree(&scene, &bvh, ray, f32::INFINITY).0, all, "{name} {set:?} {ray:?}");
+                }
+            }
+        }
     }
 
     #[test]
@@ -344,9 +282,9 @@ mod tests {
             (0..10_000).map(|_| random.vector()).map(|p| Aabb::from_points([p, p + 0.01])).collect();
         let s = Bvh::build(&bounds).unwrap().statistics();
         assert!((2500..=10_000).contains(&s.leaves), "{s:?}");
-        assert!((s.leaves / 3..s.leaves).contains(&s.inner_nodes), "{s:?}");
-        assert!((6..20).contains(&s.depth), "{s:?}");
+        assert!((s.leaves / 7..s.leaves / 2).contains(&s.inner_nodes), "{s:?}");
+        assert!((4..14).contains(&s.depth), "{s:?}");
         assert!((5.0..60.0).contains(&s.sah_cost), "{s:?}");
-        assert_eq!(s.bytes, 128 * s.inner_nodes + 4 * bounds.len());
+        assert_eq!(s.bytes, 256 * s.inner_nodes + 4 * bounds.len());
     }
 }

@@ -24,7 +24,7 @@
 //! let ray = Ray::new(Vec3::new(-10.0, 0.0, 0.0), Vec3::X).prepare();
 //! let mut nearest = None;
 //! bvh.intersect(&ray, f32::INFINITY, |leaf, t_max| {
-//!     for slot in leaf {
+//!     for slot in leaf.slots() {
 //!         if let Some(t) = sphere::intersect(&ray, slots[slot as usize], 1.0, *t_max) {
 //!             *t_max = t;
 //!             nearest = Some((bvh.order()[slot as usize], t));
@@ -41,16 +41,22 @@ mod aabb;
 mod build;
 mod bvh;
 mod exact;
+mod lanes;
+mod memory;
 mod node;
 mod ray;
 mod slab;
 pub mod sphere;
 #[cfg(test)]
 mod testing;
+mod traverse;
 pub mod triangle;
+mod triangles;
 
 pub use aabb::Aabb;
 pub use build::BuildError;
-pub use bvh::Bvh;
-pub use node::Statistics;
+pub use bvh::{Blocks, Bvh};
+pub use lanes::InstructionSet;
+pub use node::{Leaf, Statistics};
 pub use ray::{PreparedRay, Ray};
+pub use triangles::{Nearest, Triangles};

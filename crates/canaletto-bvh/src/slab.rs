@@ -1,4 +1,4 @@
-//! Rays against boxes, four at a time: the slab test of Kay and Kajiya, made conservative after Ize, "Robust BVH
+//! Rays against boxes: the slab test of Kay and Kajiya, made conservative after Ize, "Robust BVH
 //! ray traversal" (2013).
 //!
 //! Where it goes further, so that the tree agrees with a loop over the primitives bit for bit:
@@ -10,30 +10,36 @@
 //!   rounding is monotone, so a box that holds another gets an interval that holds the other's: what `confine`
 //!   lets pass no ancestor in the tree can cull.
 
-use glam::Vec4;
+use glam::Vec3;
 
 use crate::{Aabb, Ray};
 
-/// Four boxes: the lower then the upper planes of x, y and z.
-pub(crate) type Boxes = [[Vec4; 3]; 2];
+/// How many boxes lie side by side.
+pub(crate) const WIDTH: usize = 8;
+
+/// Eight boxes: the lower then the upper planes of x, y and z.
+pub(crate) type Boxes = [[[f32; WIDTH]; 3]; 2];
 
 /// 1 + 2⁻²⁰ ≥ 1 + 2γ(3), with slack.
 const INFLATE: f32 = 1.0 + 8.0 * f32::EPSILON;
+/// What [`Slabs::leaving`] has of it already: so much that its one rounding ends above the two of `confine`.
+const LEAVE: f32 = 1.0 + 16.0 * f32::EPSILON;
 /// The slack that `confine` leaves to t; `INFLATE * DEFLATE` > 1 also after rounding.
 const DEFLATE: f32 = 1.0 - 4.0 * f32::EPSILON;
 
 /// A ray, prepared for boxes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Slabs {
-    /// The origin, each coordinate four times.
-    origin: [Vec4; 3],
-    /// 1 / direction, likewise, where that is a normal number.
-    reciprocal: [Vec4; 3],
+    pub(crate) origin: [f32; 3],
+    /// 1 / direction, where that is a normal number.
+    pub(crate) reciprocal: [f32; 3],
+    /// The reciprocal inflated, for the planes where the ray leaves.
+    pub(crate) leaving: [f32; 3],
     /// Which of the planes is met first: 0, the lower, or 1, the upper.
-    entry: [usize; 3],
+    pub(crate) entry: [u8; 3],
     motion: [Motion; 3],
     /// All axes are `Crossing`, and the origin is finite.
-    regular: bool,
+    pub(crate) regular: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,10 +54,10 @@ enum Motion {
 
 impl Motion {
     #[cold]
-    fn of(direction: [f32; 3], reciprocal: [f32; 3]) -> [Motion; 3] {
+    fn of(direction: [f32; 3], crosses: [bool; 3]) -> [Motion; 3] {
         [0, 1, 2].map(|axis| match direction[axis] {
             0.0 => Motion::Still,
-            _ if reciprocal[axis].is_normal() => Motion::Crossing,
+            _ if crosses[axis] => Motion::Crossing,
             _ => Motion::Extreme,
         })
     }
@@ -61,98 +67,84 @@ impl Slabs {
     #[inline]
     pub(crate) fn new(ray: &Ray) -> Self {
         let direction = ray.direction.to_array();
-        let reciprocal = (Vec4::ONE / ray.direction.extend(1.0)).truncate().to_array();
-        let regular = reciprocal.iter().all(|r| r.is_normal()) && ray.origin.is_finite();
+        let reciprocal = (Vec3::ONE / ray.direction).to_array();
+        let leaving = reciprocal.map(|r| r * LEAVE);
+        let crosses = [0, 1, 2].map(|axis: usize| reciprocal[axis].is_normal() && leaving[axis].is_normal());
+        let regular = crosses == [true; 3] && ray.origin.is_finite();
         Self {
-            origin: ray.origin.to_array().map(Vec4::splat),
-            reciprocal: reciprocal.map(Vec4::splat),
-            entry: direction.map(|d| usize::from(d < 0.0)),
-            motion: if regular { [Motion::Crossing; 3] } else { Motion::of(direction, reciprocal) },
+            origin: ray.origin.to_array(),
+            reciprocal,
+            leaving,
+            entry: direction.map(|d| u8::from(d < 0.0)),
+            motion: if regular { [Motion::Crossing; 3] } else { Motion::of(direction, crosses) },
             regular,
         }
     }
 
-    /// The origin's coordinate along an axis, four times.
+    /// One bit for each axis along which the ray moves backwards.
     #[inline]
-    pub(crate) fn origin(&self, axis: usize) -> Vec4 {
-        self.origin[axis]
+    pub(crate) fn octant(&self) -> usize {
+        usize::from(self.entry[0] | self.entry[1] << 1 | self.entry[2] << 2)
     }
 
-    /// Where the ray enters and leaves four boxes, within (0, t_max]. It meets a box if entry ≤ exit.
+    /// Up to where something must be entered to be worth a visit.
     #[inline]
-    pub(crate) fn clip(&self, boxes: &Boxes, t_max: f32) -> (Vec4, Vec4) {
-        if !self.regular {
-            return self.clip_carefully(boxes, t_max);
-        }
-        let (n0, f0) = self.cross(boxes, 0);
-        let (n1, f1) = self.cross(boxes, 1);
-        let (n2, f2) = self.cross(boxes, 2);
-        let near = n0.max(n1).max(n2.max(Vec4::ZERO));
-        let far = f0.min(f1).min(f2.min(Vec4::splat(t_max)));
-        (near, far * INFLATE)
+    pub(crate) fn limit(t_max: f32) -> f32 {
+        t_max * INFLATE
     }
 
-    #[inline]
-    fn cross(&self, boxes: &Boxes, axis: usize) -> (Vec4, Vec4) {
-        let entry = self.entry[axis] & 1;
-        let (origin, reciprocal) = (self.origin[axis], self.reciprocal[axis]);
-        ((boxes[entry][axis] - origin) * reciprocal, (boxes[entry ^ 1][axis] - origin) * reciprocal)
-    }
-
+    /// Where the ray enters and leaves a box, within (0, limit]. It meets the box if entry ≤ exit. For rays that are not
+    /// `regular`.
     #[cold]
     #[inline(never)]
-    fn clip_carefully(&self, boxes: &Boxes, t_max: f32) -> (Vec4, Vec4) {
-        let mut near = Vec4::ZERO;
+    pub(crate) fn clip_carefully(&self, bounds: &Aabb, limit: f32) -> (f32, f32) {
+        let mut near = 0.0;
         // No lane without a child may be met, even if no axis culls or the origin is infinite.
-        let mut far = Vec4::select(boxes[0][0].cmple(boxes[1][0]), Vec4::splat(t_max), Vec4::NEG_INFINITY);
+        let mut far = if bounds.is_empty() { f32::NEG_INFINITY } else { limit };
         for axis in 0..3 {
+            let planes = [bounds.min[axis], bounds.max[axis]];
+            let origin = self.origin[axis];
             match self.motion[axis] {
                 Motion::Crossing => {
-                    let (n, f) = self.cross(boxes, axis);
-                    near = near.max(n);
-                    far = far.min(f);
+                    let entry = usize::from(self.entry[axis]);
+                    near = ((planes[entry] - origin) * self.reciprocal[axis]).max(near);
+                    far = ((planes[entry ^ 1] - origin) * self.leaving[axis]).min(far);
                 }
-                Motion::Still => {
-                    let origin = self.origin[axis];
-                    let inside = boxes[0][axis].cmple(origin) & origin.cmple(boxes[1][axis]);
-                    far = Vec4::select(inside, far, Vec4::NEG_INFINITY);
-                }
-                Motion::Extreme => {}
+                Motion::Still if !(planes[0] <= origin && origin <= planes[1]) => far = f32::NEG_INFINITY,
+                Motion::Still | Motion::Extreme => {}
             }
         }
-        (near, far * INFLATE)
+        (near, far)
     }
 
-    /// [`Slabs::clip`] for a single box and any t, the same numbers.
+    /// [`Slabs::clip_carefully`] for a `regular` ray.
     #[inline]
     fn clip_one(&self, bounds: &Aabb) -> (f32, f32) {
-        let [n, f] = [0, 1].map(|side| {
-            let at = |axis: usize| {
-                let plane = if self.entry[axis] == side { bounds.min[axis] } else { bounds.max[axis] };
-                (plane - self.origin[axis].x) * self.reciprocal[axis].x
-            };
-            [at(0), at(1), at(2)]
-        });
+        let cross = |axis: usize, plane: f32| (plane - self.origin[axis]) * self.reciprocal[axis];
+        let planes = |axis: usize| {
+            let (low, high) = (bounds.min[axis], bounds.max[axis]);
+            if self.entry[axis] == 0 {
+                (cross(axis, low), cross(axis, high))
+            } else {
+                (cross(axis, high), cross(axis, low))
+            }
+        };
+        let ((n0, f0), (n1, f1), (n2, f2)) = (planes(0), planes(1), planes(2));
         // Unlike f32::max, one instruction: there is no NaN here.
         let max = |a: f32, b: f32| if a > b { a } else { b };
         let min = |a: f32, b: f32| if a < b { a } else { b };
-        let near = max(max(n[0], n[1]), max(n[2], 0.0));
-        let far = min(min(f[0], f[1]), min(f[2], f32::INFINITY));
+        let near = max(max(n0, n1), max(n2, 0.0));
+        let far = min(min(f0, f1), min(f2, f32::INFINITY));
         (near, far * INFLATE)
     }
 
+    /// The same for any ray, with the smaller inflation of `clip_one`.
     #[cold]
     #[inline(never)]
     fn clip_one_carefully(&self, bounds: &Aabb) -> (f32, f32) {
-        let boxes = [bounds.min.to_array().map(Vec4::splat), bounds.max.to_array().map(Vec4::splat)];
-        let (near, far) = self.clip_carefully(&boxes, f32::INFINITY);
-        (near.x, far.x)
-    }
-
-    /// Whether something entered at `near` is still worth a visit.
-    #[inline]
-    pub(crate) fn within(near: f32, t_max: f32) -> bool {
-        near <= t_max * INFLATE
+        let narrow = Self { leaving: self.reciprocal, ..*self };
+        let (near, far) = narrow.clip_carefully(bounds, f32::INFINITY);
+        (near, far * INFLATE)
     }
 
     /// The hit at `t` on a primitive, moved into the primitive's own box by no more than rounding explains, unless
@@ -178,10 +170,9 @@ mod tests {
     use glam::Vec3;
 
     fn meets(origin: Vec3, direction: Vec3, bounds: Aabb, t_max: f32) -> bool {
-        let boxes = [bounds.min.to_array().map(Vec4::splat), bounds.max.to_array().map(Vec4::splat)];
-        let (near, far) = Slabs::new(&Ray::new(origin, direction)).clip(&boxes, t_max);
+        let (near, far) = Slabs::new(&Ray::new(origin, direction)).clip_carefully(&bounds, Slabs::limit(t_max));
         assert!(!near.is_nan() && !far.is_nan());
-        near.x <= far.x
+        near <= far
     }
 
     #[test]

@@ -89,8 +89,8 @@ pub(crate) fn nearest_in_tree(scene: &[Primitive], bvh: &Bvh, ray: &Ray, t_max: 
     let mut best: Option<Hit> = None;
     let mut visits = Vec::new();
     bvh.intersect(&ray.prepare(), t_max, |leaf, t_max| {
-        visits.push(leaf.start);
-        let ids = &bvh.order()[leaf.start as usize..leaf.end as usize];
+        visits.push(leaf.first());
+        let ids = &bvh.order()[leaf.first() as usize..leaf.slots().end as usize];
         if let Some(hit) = nearest(scene, ids, ray, *t_max)
             && best.is_none_or(|best| hit.0 < best.0 || hit.3 < best.3)
         {

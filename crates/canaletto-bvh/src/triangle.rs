@@ -15,6 +15,7 @@
 use glam::{DVec3, Vec3, Vec4, Vec4Swizzles};
 
 use crate::exact::difference_of_products;
+use crate::triangles::Nearest;
 use crate::{Aabb, PreparedRay, Ray};
 
 /// Three corners side by side: the rows x, y and z, each with the coordinate of a, b and c, and that of c again.
@@ -27,7 +28,8 @@ impl Triangle {
     /// The triangle abc.
     #[inline]
     pub fn new([a, b, c]: [Vec3; 3]) -> Self {
-        Self { rows: [0, 1, 2].map(|axis| Vec4::new(a[axis], b[axis], c[axis], c[axis])) }
+        let row = |axis: usize| Vec4::new(a[axis], b[axis], c[axis], c[axis]);
+        Self { rows: [row(0), row(1), row(2)] }
     }
 
     fn corner(&self, lane: usize) -> DVec3 {
@@ -38,8 +40,117 @@ impl Triangle {
     fn bounds(&self) -> Aabb {
         let min = |row: Vec4| row.x.min(row.y).min(row.z);
         let max = |row: Vec4| row.x.max(row.y).max(row.z);
-        Aabb { min: self.rows.map(min).into(), max: self.rows.map(max).into() }
+        let [x, y, z] = self.rows;
+        Aabb { min: Vec3::new(min(x), min(y), min(z)), max: Vec3::new(max(x), max(y), max(z)) }
     }
+}
+
+/// Four triangles side by side: for each corner the rows x, y and z. Where there are fewer, NaN, which is never hit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C, align(32))]
+pub(crate) struct Block {
+    corners: [[Vec4; 3]; 3],
+    ids: [u32; 4],
+}
+
+impl Block {
+    /// A block of 1 to 4 triangles, each with its id.
+    pub(crate) fn new(triangles: impl Iterator<Item = (u32, [Vec3; 3])>) -> Self {
+        let mut block = Self { corners: [[Vec4::NAN; 3]; 3], ids: [u32::MAX; 4] };
+        for (lane, (id, corners)) in triangles.enumerate() {
+            block.ids[lane] = id;
+            for (rows, corner) in block.corners.iter_mut().zip(corners) {
+                for (row, coordinate) in rows.iter_mut().zip(corner.to_array()) {
+                    row[lane] = coordinate;
+                }
+            }
+        }
+        block
+    }
+
+    /// The triangle in this lane.
+    #[inline]
+    pub(crate) fn triangle(&self, lane: usize) -> Triangle {
+        let corner = |rows: &[Vec4; 3]| Vec3::new(rows[0][lane], rows[1][lane], rows[2][lane]);
+        let [a, b, c] = &self.corners;
+        Triangle::new([corner(a), corner(b), corner(c)])
+    }
+
+    /// Makes the triangle in this lane the nearest if it is.
+    #[inline]
+    pub(crate) fn offer(&self, lane: usize, ray: &PreparedRay, nearest: &mut Nearest, front_only: bool) {
+        let id = self.ids[lane];
+        if let Some(hit) = intersect_exactly(ray, &self.triangle(lane), nearest.t)
+            && (hit.t < nearest.t || id < nearest.id)
+            && (hit.front || !front_only)
+        {
+            *nearest = Nearest { t: hit.t, u: hit.u, v: hit.v, id };
+        }
+    }
+
+    /// The triangles that may be hit before `t_max`, a bit for each: [`surely_missed`] for four, with one bound for the three edges of each;
+    /// and where the ray surely meets a plane behind its origin or beyond `t_max`, this sorts out as well.
+    #[inline(always)]
+    fn candidates(&self, ray: &PreparedRay, t_max: f32) -> u32 {
+        let [kx, ky, kz] = ray.shear.axes;
+        let (kx, ky, kz) = (kx % 3, ky % 3, kz % 3);
+        let origin = &ray.slabs.origin;
+        let (ox, oy, oz) = (Vec4::splat(origin[kx]), Vec4::splat(origin[ky]), Vec4::splat(origin[kz]));
+        let (sx, sy) = (Vec4::splat(ray.shear.rough[0]), Vec4::splat(ray.shear.rough[1]));
+        // As |s| ≤ 1, what a sheared coordinate is summed from has at most twice the size of the largest difference.
+        let [a, b, c] = &self.corners;
+        let (ax, ay, az) = (a[kx] - ox, a[ky] - oy, a[kz] - oz);
+        let (bx, by, bz) = (b[kx] - ox, b[ky] - oy, b[kz] - oz);
+        let (cx, cy, cz) = (c[kx] - ox, c[ky] - oy, c[kz] - oz);
+        let size = |x: Vec4, y: Vec4, z: Vec4| x.abs().max(y.abs()).max(z.abs());
+        let d = size(ax, ay, az).max(size(bx, by, bz)).max(size(cx, cy, cz)) * 2.0;
+        let there = ax.cmpeq(ax);
+        let (ax, ay) = (ax - sx * az, ay - sy * az);
+        let (bx, by) = (bx - sx * bz, by - sy * bz);
+        let (cx, cy) = (cx - sx * cz, cy - sy * cz);
+        let m = size(ax, ay, bx).max(size(by, cx, cy));
+        let wa = bx * cy - by * cx;
+        let wb = cx * ay - cy * ax;
+        let wc = ax * by - ay * bx;
+        let bound = d * m * (2.0 * RELATIVE) + (d * (2.0 * UNDERFLOW) + f32::MIN_POSITIVE);
+        let missed = wa.max(wb).max(wc).cmpgt(bound) & wa.min(wb).min(wc).cmplt(-bound);
+        // Lanes without a triangle are NaN, which no comparison sorts out.
+        there.bitmask() & !missed.bitmask()
+    }
+}
+
+const RELATIVE: f32 = 10.0 * f32::EPSILON;
+const UNDERFLOW: f32 = f32::MIN_POSITIVE * 256.0;
+
+/// Makes the nearest of a block's triangles `nearest`, if one is.
+#[inline(always)]
+pub(crate) fn nearest_in_block(ray: &PreparedRay, block: &Block, nearest: &mut Nearest, front_only: bool) {
+    let mut candidates = block.candidates(ray, nearest.t);
+    while candidates != 0 {
+        block.offer(candidates.trailing_zeros() as usize, ray, nearest, front_only);
+        candidates &= candidates - 1;
+    }
+}
+
+/// The lane of a triangle that is hit at or before `t_max` and `blocks`.
+#[inline(always)]
+pub(crate) fn any_in_block(
+    ray: &PreparedRay,
+    block: &Block,
+    t_max: f32,
+    front_only: bool,
+    blocks: &mut impl FnMut(u32) -> bool,
+) -> Option<u32> {
+    let mut candidates = block.candidates(ray, t_max);
+    while candidates != 0 {
+        let lane = candidates.trailing_zeros();
+        let hit = intersect_exactly(ray, &block.triangle(lane as usize), t_max);
+        if hit.is_some_and(|hit| hit.front || !front_only) && blocks(block.ids[lane as usize]) {
+            return Some(lane);
+        }
+        candidates &= candidates - 1;
+    }
+    None
 }
 
 /// The shear that takes a ray to the z axis.
@@ -50,7 +161,7 @@ pub(crate) struct Shear {
     /// Shears of x and y.
     exact: [f64; 2],
     /// The same, rounded; NaN, which decides nothing, where that would take digits off.
-    rough: [Vec4; 2],
+    rough: [f32; 2],
 }
 
 impl Shear {
@@ -72,7 +183,7 @@ impl Shear {
         // NaN for a zero direction, which fails every comparison below.
         let exact = [direction[x] / direction[z], direction[y] / direction[z]];
         let rough = |s: f64| if s == 0.0 || (s as f32).is_normal() { s as f32 } else { f32::NAN };
-        Self { axes: [x, y, z], exact, rough: exact.map(|s| Vec4::splat(rough(s))) }
+        Self { axes: [x, y, z], exact, rough: exact.map(rough) }
     }
 }
 
@@ -101,10 +212,8 @@ pub fn intersect(ray: &PreparedRay, triangle: &Triangle, t_max: f32) -> Option<T
 /// does the bound.
 #[inline]
 fn surely_missed(ray: &PreparedRay, triangle: &Triangle) -> bool {
-    const RELATIVE: f32 = 10.0 * f32::EPSILON;
-    const UNDERFLOW: f32 = f32::MIN_POSITIVE * 256.0;
-    let [x, y, z] = ray.shear.axes.map(|axis| triangle.rows[axis % 3] - ray.slabs.origin(axis % 3));
-    let [sx, sy] = ray.shear.rough.map(|s| s * z);
+    let [x, y, z] = ray.shear.axes.map(|axis| triangle.rows[axis % 3] - Vec4::splat(ray.slabs.origin[axis % 3]));
+    let [sx, sy] = ray.shear.rough.map(|s| Vec4::splat(s) * z);
     let (px, py) = (x - sx, y - sy);
     let edges = px.yzxw() * py.zxyw() - py.yzxw() * px.zxyw();
     let m = px.abs().max(py.abs());
@@ -115,12 +224,13 @@ fn surely_missed(ray: &PreparedRay, triangle: &Triangle) -> bool {
     edges.cmpgt(bound).any() && edges.cmplt(-bound).any()
 }
 
-#[inline(never)]
+#[inline(always)]
 fn intersect_exactly(ray: &PreparedRay, triangle: &Triangle, t_max: f32) -> Option<TriangleHit> {
-    let [x, y, z] = ray.shear.axes.map(|axis| {
+    let relative = |axis: usize| {
         let (row, origin) = (triangle.rows[axis % 3].to_array(), ray.origin[axis % 3]);
         [f64::from(row[0]) - origin, f64::from(row[1]) - origin, f64::from(row[2]) - origin]
-    });
+    };
+    let (x, y, z) = (relative(ray.shear.axes[0]), relative(ray.shear.axes[1]), relative(ray.shear.axes[2]));
     // The vertices relative to the ray, sheared.
     let [sx, sy] = ray.shear.exact;
     let [ax, bx, cx] = [x[0] - sx * z[0], x[1] - sx * z[1], x[2] - sx * z[2]];
@@ -137,7 +247,7 @@ fn intersect_exactly(ray: &PreparedRay, triangle: &Triangle, t_max: f32) -> Opti
     let depth = (wa * z[0] + wb * z[1] + wc * z[2]) / area;
     let t = depth / ray.direction[ray.shear.axes[2]];
     let t = ray.slabs.confine(&triangle.bounds(), t, t_max)?;
-    let [a, b, c] = [0, 1, 2].map(|lane| triangle.corner(lane));
+    let (a, b, c) = (triangle.corner(0), triangle.corner(1), triangle.corner(2));
     let normal = cross(b - a, c - a);
     if normal == DVec3::ZERO {
         return None;

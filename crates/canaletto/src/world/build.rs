@@ -125,7 +125,7 @@ impl World {
         let unbounded_id_base = number_objects(&mut instances, &builder.geometries);
         let bounds: Vec<Aabb> = instances
             .iter()
-            .map(|instance| instance.bounds(builder.geometries[instance.geometry as usize].bvh.bounds()))
+            .map(|instance| instance.bounds(builder.geometries[instance.geometry as usize].bounds()))
             .collect();
         if let Some(index) = bounds.iter().position(|b| !(b.is_empty() || b.is_finite())) {
             let object = builder.objects.get(instances[index].object as usize).map_or("an object", |o| o.name.as_str());

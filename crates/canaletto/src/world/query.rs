@@ -1,7 +1,7 @@
 //! What integrators ask of a world: the nearest hit, the surface there, the light that passes.
 
 use super::World;
-use super::geometry::{NO_PRIMITIVE, Nearest, Primitives};
+use super::geometry::{Geometry, NO_PRIMITIVE, Nearest};
 use super::instance::{NONE, Unbounded};
 use crate::integrator::Probe;
 use crate::material::Material;
@@ -55,8 +55,8 @@ impl World {
     pub fn intersect(&self, ray: &Ray, t_max: f32) -> Option<Hit> {
         self.nearest(ray, t_max, |world, ray, mut best| {
             world.top.intersect(ray, best.t, |leaf, t_max| {
-                for slot in leaf {
-                    world.try_instance(ray, world.top.order()[slot as usize], &mut best, super::Geometry::intersect);
+                for slot in leaf.slots() {
+                    world.try_instance(ray, world.top.order()[slot as usize], &mut best, Geometry::intersect);
                 }
                 *t_max = best.t;
             });
@@ -68,7 +68,7 @@ impl World {
     pub fn intersect_brute_force(&self, ray: &Ray, t_max: f32) -> Option<Hit> {
         self.nearest(ray, t_max, |world, ray, mut best| {
             for index in 0..world.instances.len() as u32 {
-                world.try_instance(ray, index, &mut best, super::Geometry::intersect_brute_force);
+                world.try_instance(ray, index, &mut best, Geometry::intersect_brute_force);
             }
             best
         })
@@ -93,7 +93,7 @@ impl World {
         ray: &PreparedRay,
         index: u32,
         best: &mut Hit,
-        intersect: impl Fn(&super::Geometry, &PreparedRay, f32) -> Option<Nearest>,
+        intersect: impl Fn(&Geometry, &PreparedRay, f32) -> Option<Nearest>,
     ) {
         let instance = &self.instances[index as usize];
         let geometry = &self.geometries[instance.geometry as usize];
@@ -181,7 +181,7 @@ impl World {
         let blocked = self.unbounded.iter().enumerate().any(|(index, Unbounded { shape, .. })| {
             shape.intersect(ray, t_max).is_some() && opaque(Hit::UNBOUNDED, index as u32)
         }) || self.top.occluded(prepared, t_max, |leaf| {
-            leaf.into_iter().any(|slot| {
+            leaf.slots().any(|slot| {
                 let index = self.top.order()[slot as usize];
                 let instance = &self.instances[index as usize];
                 let geometry = &self.geometries[instance.geometry as usize];
@@ -225,13 +225,13 @@ impl World {
             return first([self.unbounded[hit.primitive as usize].material, NONE, NONE]);
         }
         let instance = &self.instances[hit.instance as usize];
-        let own = match &self.geometries[instance.geometry as usize].primitives {
-            Primitives::Shapes { materials, .. } => materials[hit.primitive as usize],
-            Primitives::Mesh { mesh, .. } => {
+        let own = match &self.geometries[instance.geometry as usize] {
+            Geometry::Shapes { materials, .. } => materials[hit.primitive as usize],
+            Geometry::Mesh { mesh, .. } => {
                 let slot = mesh.slots.get(hit.primitive as usize).map_or(0, |&slot| slot as usize);
                 mesh.materials.get(slot).copied().unwrap_or(NONE)
             }
-            Primitives::Spheres { .. } | Primitives::Cylinders { .. } => NONE,
+            Geometry::Spheres { .. } | Geometry::Cylinders { .. } => NONE,
         };
         first([instance.material, own, instance.inherited])
     }
@@ -254,8 +254,8 @@ impl World {
             return self.unbounded[hit.primitive as usize].object;
         }
         let instance = &self.instances[hit.instance as usize];
-        match &self.geometries[instance.geometry as usize].primitives {
-            Primitives::Shapes { objects, .. } => objects[hit.primitive as usize],
+        match &self.geometries[instance.geometry as usize] {
+            Geometry::Shapes { objects, .. } => objects[hit.primitive as usize],
             _ => instance.object,
         }
     }

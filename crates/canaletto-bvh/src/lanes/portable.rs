@@ -1,0 +1,122 @@
+//! Boxes in two halves of four, with what the compiler and glam make of them: SSE2, NEON or plain numbers.
+
+use super::Lanes;
+use crate::node::{Link, Node};
+use crate::slab::{Slabs, WIDTH};
+use glam::Vec4;
+
+/// See the module.
+#[derive(Clone, Copy)]
+pub(crate) struct Portable;
+
+#[derive(Clone, Copy)]
+pub(crate) struct Ray {
+    origin: [Vec4; 3],
+    reciprocal: [Vec4; 3],
+    leaving: [Vec4; 3],
+    entry: [usize; 3],
+    octant: usize,
+}
+
+/// Writes the lanes of a mask from far to near.
+#[inline(always)]
+unsafe fn write(
+    mut mask: u32,
+    octant: usize,
+    node: &Node,
+    near: &[f32; WIDTH],
+    out: *mut f32,
+    links: *mut Link,
+) -> usize {
+    let mut count = 0;
+    if mask & (mask.wrapping_sub(1)) == 0 {
+        if mask == 0 {
+            return 0;
+        }
+        let lane = mask.trailing_zeros() as usize;
+        // SAFETY: the caller has room for eight entries.
+        unsafe {
+            *out = near[lane];
+            *links = node.children[lane];
+        }
+        return 1;
+    }
+    // Bit i becomes that of lane i ^ octant ^ 7: the farthest first.
+    let mirror = octant ^ (WIDTH - 1);
+    if mirror & 1 != 0 {
+        mask = (mask & 0x55) << 1 | (mask & 0xaa) >> 1;
+    }
+    if mirror & 2 != 0 {
+        mask = (mask & 0x33) << 2 | (mask & 0xcc) >> 2;
+    }
+    if mirror & 4 != 0 {
+        mask = (mask & 0x0f) << 4 | mask >> 4;
+    }
+    while mask != 0 {
+        let lane = (mask.trailing_zeros() as usize ^ mirror) & (WIDTH - 1);
+        // SAFETY: the caller has room for eight entries.
+        unsafe {
+            *out.add(count) = near[lane];
+            *links.add(count) = node.children[lane];
+        }
+        count += 1;
+        mask &= mask - 1;
+    }
+    count
+}
+
+impl Lanes for Portable {
+    type Ray = Ray;
+
+    #[inline(always)]
+    unsafe fn ray(slabs: &Slabs) -> Ray {
+        Ray {
+            origin: slabs.origin.map(Vec4::splat),
+            reciprocal: slabs.reciprocal.map(Vec4::splat),
+            leaving: slabs.leaving.map(Vec4::splat),
+            entry: slabs.entry.map(usize::from),
+            octant: slabs.octant(),
+        }
+    }
+
+    #[inline(always)]
+    unsafe fn visit(node: &Node, ray: &Ray, limit: f32, out: *mut f32, links: *mut Link) -> usize {
+        let mut near = [0.0; WIDTH];
+        let mut mask = 0;
+        for half in 0..2 {
+            let plane = |side: usize, axis: usize| Vec4::from_slice(&node.boxes[side & 1][axis][4 * half..]);
+            let enter = |axis: usize| (plane(ray.entry[axis], axis) - ray.origin[axis]) * ray.reciprocal[axis];
+            let leave = |axis: usize| (plane(ray.entry[axis] ^ 1, axis) - ray.origin[axis]) * ray.leaving[axis];
+            let n = enter(0).max(enter(1)).max(enter(2).max(Vec4::ZERO));
+            let f = leave(0).min(leave(1)).min(leave(2).min(Vec4::splat(limit)));
+            near[4 * half..4 * half + 4].copy_from_slice(&n.to_array());
+            mask |= n.cmple(f).bitmask() << (4 * half);
+        }
+        // SAFETY: the caller's promise.
+        unsafe { write(mask, ray.octant, node, &near, out, links) }
+    }
+}
+
+/// For rays that move along no axis of the three, or hardly.
+#[derive(Clone, Copy)]
+pub(crate) struct Careful;
+
+impl Lanes for Careful {
+    type Ray = Slabs;
+
+    unsafe fn ray(slabs: &Slabs) -> Slabs {
+        *slabs
+    }
+
+    unsafe fn visit(node: &Node, slabs: &Slabs, limit: f32, out: *mut f32, links: *mut Link) -> usize {
+        let mut near = [0.0; WIDTH];
+        let mut mask = 0;
+        for (lane, near) in near.iter_mut().enumerate() {
+            let (enter, leave) = slabs.clip_carefully(&node.get_box(lane), limit);
+            *near = enter;
+            mask |= u32::from(enter <= leave) << lane;
+        }
+        // SAFETY: the caller's promise.
+        unsafe { write(mask, slabs.octant(), node, &near, out, links) }
+    }
+}

@@ -1,0 +1,30 @@
+//! Memory for what rays visit at random: in large pages, where the system gives them, since most of the time of a ray in a large tree is
+//! spent on finding out where a small page lies.
+
+/// An empty list with room for `capacity` items.
+pub(crate) fn in_large_pages<T>(capacity: usize) -> Vec<T> {
+    let list = Vec::with_capacity(capacity);
+    advise(list.as_ptr(), capacity);
+    list
+}
+
+#[cfg(target_os = "linux")]
+#[allow(unsafe_code)] // A hint to the system about memory that is ours.
+fn advise<T>(start: *const T, capacity: usize) {
+    /// No system's small pages are larger.
+    const PAGE: usize = 1 << 16;
+    const LARGE: usize = 1 << 21;
+    let end = (start.addr() + capacity * size_of::<T>()) / PAGE * PAGE;
+    let skip = start.addr().next_multiple_of(PAGE) - start.addr();
+    let first = start.cast::<u8>().wrapping_add(skip);
+    if end.saturating_sub(first.addr()) >= LARGE {
+        // SAFETY: the pages lie wholly within the allocation, and the advice changes nothing but how they are mapped. Where it isn't
+        // taken, all goes on as before.
+        unsafe {
+            libc::madvise(first.cast_mut().cast(), end - first.addr(), libc::MADV_HUGEPAGE);
+        }
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+fn advise<T>(_start: *const T, _capacity: usize) {}

@@ -1,0 +1,251 @@
+//! A tree over triangles, four of which are tested side by side.
+
+use crate::memory::in_large_pages;
+use crate::traverse::{Any, Closest, ClosestOfMany};
+use crate::triangle::{self, Block};
+use crate::{Aabb, BuildError, Bvh, Leaf, PreparedRay, Statistics};
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Triangles, ready for rays. A triangle's id is its place in the list that the tree was built from.
+#[derive(Clone, Debug)]
+pub struct Triangles {
+    bvh: Bvh,
+    blocks: Vec<Block>,
+    count: usize,
+}
+
+/// The nearest triangle that a ray meets.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Nearest {
+    /// The ray's parameter.
+    pub t: f32,
+    /// Weight of the second corner.
+    pub u: f32,
+    /// Weight of the third corner.
+    pub v: f32,
+    /// The triangle, or [`Nearest::NONE`].
+    pub id: u32,
+}
+
+impl Nearest {
+    /// No triangle; larger than every id, so that ties go to a real one.
+    pub const NONE: u32 = u32::MAX;
+
+    /// Nothing met up to `t_max`.
+    #[inline]
+    pub fn before(t_max: f32) -> Self {
+        Self { t: t_max, u: 0.0, v: 0.0, id: Self::NONE }
+    }
+}
+
+impl Triangles {
+    /// Builds the tree over `count` triangles, in parallel.
+    ///
+    /// # Errors
+    /// [`BuildError`] names the first triangle with a corner that is not finite, or says that there are too many.
+    pub fn build(count: usize, corners: impl Fn(u32) -> [Vec3; 3] + Sync) -> Result<Self, BuildError> {
+        let bounds: Vec<Aabb> = (0..count as u32).into_par_iter().map(|id| Aabb::from_points(corners(id))).collect();
+        let (bvh, leaves) = Bvh::build_blocks(&bounds)?;
+        drop(bounds);
+        let mut blocks = in_large_pages(leaves.len());
+        (0..leaves.len())
+            .into_par_iter()
+            .map(|index| Block::new(leaves.block(index).iter().map(|&id| (id, corners(id)))))
+            .collect_into_vec(&mut blocks);
+        Ok(Self { bvh, blocks, count })
+    }
+
+    /// How many triangles there are.
+    pub fn len(&self) -> usize {
+        self.count
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    /// The box around all of them.
+    pub fn bounds(&self) -> Aabb {
+        self.bvh.bounds()
+    }
+
+    /// What the tree is like. `bytes` includes the triangles.
+    pub fn statistics(&self) -> Statistics {
+        let nodes = self.bvh.statistics();
+        Statistics { bytes: nodes.bytes + size_of_val(self.blocks.as_slice()), ..nodes }
+    }
+
+    /// The nearest triangle in front of the origin and not beyond `nearest.t`; of equally near ones that of the lowest id, which also
+    /// has to be below `nearest.id` where it is as near as that. `nearest` stays where there is none. With `front_only`, triangles seen from behind don't count.
+    #[inline]
+    pub fn intersect(&self, ray: &PreparedRay, nearest: &mut Nearest, front_only: bool) {
+        self.bvh.closest(ray, nearest.t, OfRay { blocks: &self.blocks, ray, nearest, front_only });
+    }
+
+    /// [`Triangles::intersect`] for many rays that need not go the same way.
+    ///
+    /// # Panics
+    /// If there are not as many `nearest` as rays.
+    pub fn intersect_stream(&self, rays: &[PreparedRay], nearest: &mut [Nearest], front_only: bool) {
+        assert_eq!(rays.len(), nearest.len());
+        let mut t_max: Vec<f32> = nearest.iter().map(|n| n.t).collect();
+        self.bvh.closest_of_many(rays, &mut t_max, OfRays { blocks: &self.blocks, rays, nearest, front_only });
+    }
+
+    /// A place in the list of triangles: see [`Triangles::occluded`].
+    #[inline]
+    pub fn occluded(
+        &self,
+        ray: &PreparedRay,
+        t_max: f32,
+        front_only: bool,
+        counts: impl FnMut(u32) -> bool,
+    ) -> Option<u32> {
+        let mut place = None;
+        let blocks = &self.blocks;
+        self.bvh.any(ray, t_max, AnyOf { blocks, ray, t_max, front_only, counts, place: &mut place });
+        place
+    }
+
+    /// Whether the triangle at this place is met at or before `t_max`.
+    #[inline]
+    pub fn blocks(&self, place: u32, ray: &PreparedRay, t_max: f32, front_only: bool) -> bool {
+        let triangle = self.blocks[(place >> 2) as usize].triangle((place & 3) as usize);
+        triangle::intersect(ray, &triangle, t_max).is_some_and(|hit| hit.front || !front_only)
+    }
+
+    /// [`Triangles::intersect`] by trying all of them.
+    pub fn intersect_brute_force(&self, ray: &PreparedRay, nearest: &mut Nearest, front_only: bool) {
+        for block in &self.blocks {
+            for lane in 0..4 {
+                block.offer(lane, ray, nearest, front_only);
+            }
+        }
+    }
+}
+
+struct OfRay<'a> {
+    blocks: &'a [Block],
+    ray: &'a PreparedRay,
+    nearest: &'a mut Nearest,
+    front_only: bool,
+}
+
+impl Closest for OfRay<'_> {
+    #[inline(always)]
+    fn leaf(&mut self, leaf: Leaf, t_max: &mut f32) {
+        triangle::nearest_in_block(self.ray, &self.blocks[leaf.first() as usize], self.nearest, self.front_only);
+        *t_max = self.nearest.t;
+    }
+}
+
+struct OfRays<'a> {
+    blocks: &'a [Block],
+    rays: &'a [PreparedRay],
+    nearest: &'a mut [Nearest],
+    front_only: bool,
+}
+
+impl ClosestOfMany for OfRays<'_> {
+    #[inline(always)]
+    fn leaf(&mut self, ray: usize, leaf: Leaf, t_max: &mut f32) {
+        let nearest = &mut self.nearest[ray];
+        triangle::nearest_in_block(&self.rays[ray], &self.blocks[leaf.first() as usize], nearest, self.front_only);
+        *t_max = nearest.t;
+    }
+
+    #[inline(always)]
+    fn places(&self) -> Option<(*const u8, usize)> {
+        Some((self.blocks.as_ptr().cast(), size_of::<Block>()))
+    }
+}
+
+struct AnyOf<'a, F> {
+    blocks: &'a [Block],
+    ray: &'a PreparedRay,
+    t_max: f32,
+    front_only: bool,
+    counts: F,
+    place: &'a mut Option<u32>,
+}
+
+impl<F: FnMut(u32) -> bool> Any for AnyOf<'_, F> {
+    #[inline(always)]
+    fn leaf(&mut self, leaf: Leaf) -> bool {
+        let block = leaf.first();
+        let blocks = &self.blocks[block as usize];
+        *self.place = triangle::any_in_block(self.ray, blocks, self.t_max, self.front_only, &mut self.counts)
+            .map(|lane| block << 2 | lane);
+        self.place.is_some()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{Primitive, Random, awkward_ray, nearest, zoo};
+    use crate::{InstructionSet, Ray};
+
+    #[test]
+    fn blocks_find_what_a_loop_over_single_triangles_finds() {
+        let random = &mut Random(31);
+        for (name, mut scene) in zoo() {
+            scene.retain(|p| matches!(p, Primitive::Triangle(_)));
+            if scene.is_empty() {
+                continue;
+            }
+            let corners = |id: u32| match scene[id as usize] {
+                Primitive::Triangle(corners) => corners,
+                Primitive::Sphere(..) => unreachable!(),
+            };
+            let triangles = Triangles::build(scene.len(), corners).unwrap();
+            let ids: Vec<u32> = (0..scene.len() as u32).collect();
+            let rays: Vec<Ray> = (0..300).map(|_| awkward_ray(&scene, random)).collect();
+            let prepared: Vec<PreparedRay> = rays.iter().map(Ray::prepare).collect();
+            for set in InstructionSet::available() {
+                set.limit();
+                let mut stream = vec![Nearest::before(f32::INFINITY); rays.len()];
+                triangles.intersect_stream(&prepared, &mut stream, false);
+                for ((ray, prepared), stream) in rays.iter().zip(&prepared).zip(stream) {
+                    let expected = nearest(&scene, &ids, ray, f32::INFINITY)
+                        .map_or(Nearest::before(f32::INFINITY), |(t, u, v, id)| Nearest { t, u, v, id });
+                    assert_eq!(stream, expected, "{name} {set:?} {ray:?}");
+                    // Up to the hit itself, and not quite up to it.
+                    for t_max in [f32::INFINITY, expected.t, expected.t.next_down()] {
+                        let expected = if expected.t <= t_max { expected } else { Nearest::before(t_max) };
+                        let mut found = Nearest::before(t_max);
+                        triangles.intersect(prepared, &mut found, false);
+                        assert_eq!(found, expected, "{name} {set:?} {ray:?}");
+                        let place = triangles.occluded(prepared, t_max, false, |_| true);
+                        assert_eq!(place.is_some(), expected.id != Nearest::NONE, "{name} {set:?} {ray:?}");
+                        assert!(place.is_none_or(|place| triangles.blocks(place, prepared, t_max, false)));
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_seen_from_behind_can_be_left_out() {
+        let corners = [[Vec3::ZERO, Vec3::X, Vec3::Y], [-Vec3::Z, -Vec3::Z + Vec3::Y, -Vec3::Z + Vec3::X]];
+        let triangles = Triangles::build(2, |id| corners[id as usize]).unwrap();
+        for (z, way, expected) in [(1.0, -1.0, [0, 0]), (-2.0, 1.0, [1, 1]), (-0.5, 1.0, [0, Nearest::NONE])] {
+            let ray = Ray::new(Vec3::new(0.25, 0.25, z), Vec3::Z * way).prepare();
+            for (front_only, expected) in [false, true].into_iter().zip(expected) {
+                let mut found = Nearest::before(f32::INFINITY);
+                triangles.intersect(&ray, &mut found, front_only);
+                assert_eq!(found.id, expected);
+                let place = triangles.occluded(&ray, f32::INFINITY, front_only, |_| true);
+                assert_eq!(place.is_some(), expected != Nearest::NONE);
+            }
+        }
+    }
+
+    #[test]
+    fn a_corner_that_is_not_a_number_is_named() {
+        let error = Triangles::build(3, |id| [Vec3::ZERO, Vec3::X, if id == 1 { Vec3::NAN } else { Vec3::Y }]);
+        assert!(matches!(error, Err(BuildError::InvalidBox { index: 1, .. })));
+    }
+}
