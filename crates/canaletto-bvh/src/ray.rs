@@ -49,13 +49,14 @@ impl PreparedRay {
     #[inline]
     pub fn new(ray: &Ray) -> Self {
         let direction = ray.direction.as_dvec3();
+        let slabs = Slabs::new(ray);
         Self {
             ray: *ray,
             origin: ray.origin.as_dvec3(),
             direction,
             squared: direction.dot(direction),
-            slabs: Slabs::new(ray),
-            shear: Shear::new(ray),
+            slabs,
+            shear: Shear::new(ray, &slabs),
         }
     }
 }

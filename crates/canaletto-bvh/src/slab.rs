@@ -25,7 +25,7 @@ const INFLATE: f32 = 1.0 + 8.0 * f32::EPSILON;
 /// What [`Slabs::leaving`] has of it already: so much that its one rounding ends above the two of `confine`.
 const LEAVE: f32 = 1.0 + 16.0 * f32::EPSILON;
 /// The slack that `confine` leaves to t; `INFLATE * DEFLATE` > 1 also after rounding.
-const DEFLATE: f32 = 1.0 - 4.0 * f32::EPSILON;
+pub(crate) const DEFLATE: f32 = 1.0 - 4.0 * f32::EPSILON;
 
 /// A ray, prepared for boxes.
 #[derive(Clone, Copy, Debug)]

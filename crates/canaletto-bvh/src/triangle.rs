@@ -15,6 +15,7 @@
 use glam::{DVec3, Vec3, Vec4, Vec4Swizzles};
 
 use crate::exact::difference_of_products;
+use crate::slab::{DEFLATE, Slabs};
 use crate::triangles::Nearest;
 use crate::{Aabb, PreparedRay, Ray};
 
@@ -89,7 +90,7 @@ impl Block {
     }
 
     /// The triangles that may be hit before `t_max`, a bit for each: [`surely_missed`] for four, with one bound for the three edges of each;
-    /// and where the ray surely meets a plane behind its origin or beyond `t_max`, this sorts out as well.
+    /// and none that lies behind the origin or beyond `t_max`.
     #[inline(always)]
     fn candidates(&self, ray: &PreparedRay, t_max: f32) -> u32 {
         let [kx, ky, kz] = ray.shear.axes;
@@ -105,6 +106,10 @@ impl Block {
         let size = |x: Vec4, y: Vec4, z: Vec4| x.abs().max(y.abs()).max(z.abs());
         let d = size(ax, ay, az).max(size(bx, by, bz)).max(size(cx, cy, cz)) * 2.0;
         let there = ax.cmpeq(ax);
+        // Between the corners along the longest axis lies the triangle, and what `confine` makes of t: its very products.
+        let along = Vec4::splat(ray.shear.along);
+        let (ta, tb, tc) = (az * along, bz * along, cz * along);
+        let beyond = (ta.min(tb).min(tc) * DEFLATE).cmpgt(Vec4::splat(t_max)) | ta.max(tb).max(tc).cmple(Vec4::ZERO);
         let (ax, ay) = (ax - sx * az, ay - sy * az);
         let (bx, by) = (bx - sx * bz, by - sy * bz);
         let (cx, cy) = (cx - sx * cz, cy - sy * cz);
@@ -115,7 +120,7 @@ impl Block {
         let bound = d * m * (2.0 * RELATIVE) + (d * (2.0 * UNDERFLOW) + f32::MIN_POSITIVE);
         let missed = wa.max(wb).max(wc).cmpgt(bound) & wa.min(wb).min(wc).cmplt(-bound);
         // Lanes without a triangle are NaN, which no comparison sorts out.
-        there.bitmask() & !missed.bitmask()
+        there.bitmask() & !(missed | beyond).bitmask()
     }
 }
 
@@ -162,11 +167,13 @@ pub(crate) struct Shear {
     exact: [f64; 2],
     /// The same, rounded; NaN, which decides nothing, where that would take digits off.
     rough: [f32; 2],
+    /// 1 / direction along the last axis; NaN, which decides nothing, for rays that the slabs are careful with.
+    along: f32,
 }
 
 impl Shear {
     #[inline]
-    pub(crate) fn new(ray: &Ray) -> Self {
+    pub(crate) fn new(ray: &Ray, slabs: &Slabs) -> Self {
         let direction = ray.direction.as_dvec3();
         let length = ray.direction.abs();
         let z = if length.x >= length.y && length.x >= length.z {
@@ -183,7 +190,8 @@ impl Shear {
         // NaN for a zero direction, which fails every comparison below.
         let exact = [direction[x] / direction[z], direction[y] / direction[z]];
         let rough = |s: f64| if s == 0.0 || (s as f32).is_normal() { s as f32 } else { f32::NAN };
-        Self { axes: [x, y, z], exact, rough: exact.map(rough) }
+        let along = if slabs.regular { slabs.reciprocal[z] } else { f32::NAN };
+        Self { axes: [x, y, z], exact, rough: [rough(exact[0]), rough(exact[1])], along }
     }
 }
 

@@ -255,7 +255,7 @@ impl Geometry {
     pub(super) fn object_bounds(&self, primitive: u32) -> Option<Aabb> {
         match self {
             Geometry::Shapes { shapes, .. } => shapes[primitive as usize].bounds(),
-            _ => Some(self.bvh.bounds()),
+            _ => Some(self.bounds()),
         }
     }
 
