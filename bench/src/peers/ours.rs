@@ -46,8 +46,17 @@ impl Tracer for Ours {
     }
 
     fn any(&self, rays: &[Segment], _packets: &[Packet], _coherent: bool, out: &mut [u8]) {
-        for (segment, out) in rays.iter().zip(out) {
-            *out = u8::from(self.triangles.occluded(&prepare(segment), segment.t_max, false, |_| true).is_some());
+        let mut prepared = Vec::with_capacity(CHUNK);
+        let mut t_max = Vec::with_capacity(CHUNK);
+        for (rays, out) in rays.chunks(CHUNK).zip(out.chunks_mut(CHUNK)) {
+            prepared.clear();
+            prepared.extend(rays.iter().map(prepare));
+            t_max.clear();
+            t_max.extend(rays.iter().map(|ray| ray.t_max));
+            self.triangles.occluded_stream(&prepared, &mut t_max, false);
+            for (out, t) in out.iter_mut().zip(&t_max) {
+                *out = u8::from(*t == f32::NEG_INFINITY);
+            }
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::build::{self, BuildError};
 use crate::node::{Leaf, Link, Node, Statistics, collapse};
-use crate::traverse::{self, Any, Closest, ClosestOfMany};
+use crate::traverse::{self, Any, AnyOfMany, Closest, ClosestOfMany};
 use crate::{Aabb, PreparedRay};
 use std::ops::Range;
 
@@ -85,6 +85,11 @@ impl Bvh {
     #[inline]
     pub fn intersect_stream(&self, rays: &[PreparedRay], t_max: &mut [f32], leaf: impl FnMut(usize, Leaf, &mut f32)) {
         self.closest_of_many(rays, t_max, leaf);
+    }
+
+    #[inline]
+    pub(crate) fn any_of_many(&self, rays: &[PreparedRay], t_max: &mut [f32], leaf: impl AnyOfMany) {
+        traverse::any_of_many(&self.nodes, rays, t_max, leaf);
     }
 
     #[inline]

@@ -37,6 +37,8 @@ pub(crate) struct Slabs {
     pub(crate) leaving: [f32; 3],
     /// Which of the planes is met first: 0, the lower, or 1, the upper.
     pub(crate) entry: [u8; 3],
+    /// Where these planes lie in [`Boxes`], in bytes.
+    pub(crate) entry_rows: [usize; 3],
     motion: [Motion; 3],
     /// All axes are `Crossing`, and the origin is finite.
     pub(crate) regular: bool,
@@ -68,14 +70,17 @@ impl Slabs {
     pub(crate) fn new(ray: &Ray) -> Self {
         let direction = ray.direction.to_array();
         let reciprocal = (Vec3::ONE / ray.direction).to_array();
-        let leaving = reciprocal.map(|r| r * LEAVE);
-        let crosses = [0, 1, 2].map(|axis: usize| reciprocal[axis].is_normal() && leaving[axis].is_normal());
+        let leaving = [reciprocal[0] * LEAVE, reciprocal[1] * LEAVE, reciprocal[2] * LEAVE];
+        let crosses = |axis: usize| reciprocal[axis].is_normal() && leaving[axis].is_normal();
+        let crosses = [crosses(0), crosses(1), crosses(2)];
+        let side = |axis: usize| usize::from(direction[axis] < 0.0);
         let regular = crosses == [true; 3] && ray.origin.is_finite();
         Self {
             origin: ray.origin.to_array(),
             reciprocal,
             leaving,
-            entry: direction.map(|d| u8::from(d < 0.0)),
+            entry: [side(0) as u8, side(1) as u8, side(2) as u8],
+            entry_rows: [96 * side(0), 96 * side(1) + 32, 96 * side(2) + 64],
             motion: if regular { [Motion::Crossing; 3] } else { Motion::of(direction, crosses) },
             regular,
         }

@@ -56,13 +56,13 @@ impl Stack {
     /// # Safety
     /// As for [`Lanes`]; the node must be one of the tree that the stack was made for.
     #[inline(always)]
-    unsafe fn push<L: Lanes>(&mut self, node: &Node, ray: &L::Ray, limit: f32) {
+    unsafe fn push<L: Lanes>(&mut self, node: &Node, slabs: &Slabs, limit: f32) {
         debug_assert!(self.len + WIDTH <= STACK);
         // SAFETY: no tree is deeper than MAX_DEPTH, so that there is always room for eight.
         unsafe {
             let near = self.near.as_mut_ptr().add(self.len).cast();
             let links = self.links.as_mut_ptr().add(self.len).cast();
-            self.len += L::visit(node, ray, limit, near, links);
+            self.len += L::visit(node, slabs, limit, near, links);
         }
     }
 
@@ -173,10 +173,9 @@ unsafe fn closest_with<L: Lanes, F: Closest>(nodes: &[Node], slabs: &Slabs, mut 
     let mut limit = Slabs::limit(t_max);
     // SAFETY: the caller's promise; links lead to nodes.
     unsafe {
-        let ray = L::ray(slabs);
         while let Some(link) = stack.pop(limit) {
             match link.follow() {
-                Err(node) => stack.push::<L>(nodes.get_unchecked(node), &ray, limit),
+                Err(node) => stack.push::<L>(nodes.get_unchecked(node), slabs, limit),
                 Ok(slots) => {
                     leaf.leaf(slots, &mut t_max);
                     limit = Slabs::limit(t_max);
@@ -201,10 +200,9 @@ unsafe fn any_with<L: Lanes, F: Any>(nodes: &[Node], slabs: &Slabs, t_max: f32, 
     let limit = Slabs::limit(t_max);
     // SAFETY: the caller's promise; links lead to nodes.
     unsafe {
-        let ray = L::ray(slabs);
         while let Some(link) = stack.pop(f32::INFINITY) {
             match link.follow() {
-                Err(node) => stack.push::<L>(nodes.get_unchecked(node), &ray, limit),
+                Err(node) => stack.push::<L>(nodes.get_unchecked(node), slabs, limit),
                 Ok(slots) => {
                     if leaf.leaf(slots) {
                         return true;
@@ -216,6 +214,16 @@ unsafe fn any_with<L: Lanes, F: Any>(nodes: &[Node], slabs: &Slabs, t_max: f32, 
     false
 }
 
+/// [`Any`] for many rays.
+pub(crate) trait AnyOfMany {
+    /// Whether something is hit in a leaf by the ray of this number.
+    fn leaf(&mut self, ray: usize, leaf: Leaf) -> bool;
+    /// As in [`ClosestOfMany`].
+    fn places(&self) -> Option<(*const u8, usize)> {
+        None
+    }
+}
+
 /// How many rays of a stream are on their way at once.
 const FLIGHTS: usize = 8;
 
@@ -224,6 +232,29 @@ struct Flight {
     ray: usize,
     limit: f32,
     stack: Stack,
+}
+
+/// Any hit: nothing is nearer than t = −∞, which ends the ray's way.
+struct Ended<F>(F);
+
+impl<F: AnyOfMany> ClosestOfMany for Ended<F> {
+    #[inline(always)]
+    fn leaf(&mut self, ray: usize, leaf: Leaf, t_max: &mut f32) {
+        if self.0.leaf(ray, leaf) {
+            *t_max = f32::NEG_INFINITY;
+        }
+    }
+
+    #[inline(always)]
+    fn places(&self) -> Option<(*const u8, usize)> {
+        self.0.places()
+    }
+}
+
+/// [`Any`] for many rays: those that are hit get −∞ as their `t_max`.
+#[inline]
+pub(crate) fn any_of_many(nodes: &[Node], rays: &[PreparedRay], t_max: &mut [f32], leaf: impl AnyOfMany) {
+    closest_of_many(nodes, rays, t_max, Ended(leaf));
 }
 
 /// [`crate::Bvh::intersect_stream`].
@@ -285,8 +316,8 @@ unsafe fn stream_with<L: Lanes, F: ClosestOfMany>(
                 };
                 match link.follow() {
                     Err(node) => {
-                        let ray = L::ray(&rays.get_unchecked(flight.ray).slabs);
-                        flight.stack.push::<L>(nodes.get_unchecked(node), &ray, flight.limit);
+                        let slabs = &rays.get_unchecked(flight.ray).slabs;
+                        flight.stack.push::<L>(nodes.get_unchecked(node), slabs, flight.limit);
                     }
                     Ok(slots) => {
                         let t_max = t_max.get_unchecked_mut(flight.ray);

@@ -252,23 +252,34 @@ fn intersect_exactly(ray: &PreparedRay, triangle: &Triangle, t_max: f32) -> Opti
     if !inside || area == 0.0 {
         return None;
     }
-    let depth = (wa * z[0] + wb * z[1] + wc * z[2]) / area;
-    let t = depth / ray.direction[ray.shear.axes[2]];
+    let depth = wa * z[0] + wb * z[1] + wc * z[2];
+    let t = depth / area / ray.direction[ray.shear.axes[2]];
     let t = ray.slabs.confine(&triangle.bounds(), t, t_max)?;
-    let (a, b, c) = (triangle.corner(0), triangle.corner(1), triangle.corner(2));
-    let normal = cross(b - a, c - a);
-    if normal == DVec3::ZERO {
-        return None;
-    }
-    // An origin on the plane is at t = 0, which rounding must not turn into a hit; unless all of the ray lies in
-    // the plane, when the triangle may stand between two that are seen from the sides.
-    let (height, slope) = ((a - ray.origin).dot(normal), ray.direction.dot(normal));
-    if height == 0.0 && slope != 0.0 {
+    // As the shear leaves volumes as they are, `depth` is the origin's height times the size of the normal, and `area` the slope. Far
+    // from rounding, they tell that neither normal nor height is 0.
+    let size = |v: &[f64; 3]| v[0].abs().max(v[1].abs()).max(v[2].abs());
+    let d = size(&x).max(size(&y)).max(size(&z));
+    let far = |value: f64, scale: f64| value.abs() > scale * SURELY;
+    if !(far(area, d * d) && far(depth, d * d * d)) && degenerate(ray, triangle) {
         return None;
     }
     let u = ((wb / area) as f32).clamp(0.0, 1.0);
     let v = ((wc / area) as f32).clamp(0.0, 1.0 - u);
     Some(TriangleHit { t, u, v, front: area < 0.0 })
+}
+
+/// 2⁻⁴⁰: far above what rounding in f64 makes of products of differences of corners.
+const SURELY: f64 = 1.0 / (1u64 << 40) as f64;
+
+/// Whether the triangle has no area, or the origin lies on its plane: then it is at t = 0, which rounding must not turn into a hit;
+/// unless all of the ray lies in the plane, when the triangle may stand between two that are seen from the sides.
+#[cold]
+#[inline(never)]
+fn degenerate(ray: &PreparedRay, triangle: &Triangle) -> bool {
+    let (a, b, c) = (triangle.corner(0), triangle.corner(1), triangle.corner(2));
+    let normal = cross(b - a, c - a);
+    let (height, slope) = ((a - ray.origin).dot(normal), ray.direction.dot(normal));
+    normal == DVec3::ZERO || height == 0.0 && slope != 0.0
 }
 
 /// The cross product, exactly 0 for parallel vectors.

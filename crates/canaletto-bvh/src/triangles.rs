@@ -1,7 +1,7 @@
 //! A tree over triangles, four of which are tested side by side.
 
 use crate::memory::in_large_pages;
-use crate::traverse::{Any, Closest, ClosestOfMany};
+use crate::traverse::{Any, AnyOfMany, Closest, ClosestOfMany};
 use crate::triangle::{self, Block};
 use crate::{Aabb, BuildError, Bvh, Leaf, PreparedRay, Statistics};
 use glam::Vec3;
@@ -109,6 +109,17 @@ impl Triangles {
         place
     }
 
+    /// Whether each of many rays meets a triangle at or before its `t_max`, which is −∞ afterwards for those that do. The rays need
+    /// not go the same way.
+    ///
+    /// # Panics
+    /// If there are not as many `t_max` as rays.
+    pub fn occluded_stream(&self, rays: &[PreparedRay], t_max: &mut [f32], front_only: bool) {
+        let limits = t_max.to_vec();
+        let blocks = &self.blocks;
+        self.bvh.any_of_many(rays, t_max, AnyOfRays { blocks, rays, limits: &limits, front_only });
+    }
+
     /// Whether the triangle at this place is met at or before `t_max`.
     #[inline]
     pub fn blocks(&self, place: u32, ray: &PreparedRay, t_max: f32, front_only: bool) -> bool {
@@ -154,6 +165,26 @@ impl ClosestOfMany for OfRays<'_> {
         let nearest = &mut self.nearest[ray];
         triangle::nearest_in_block(&self.rays[ray], &self.blocks[leaf.first() as usize], nearest, self.front_only);
         *t_max = nearest.t;
+    }
+
+    #[inline(always)]
+    fn places(&self) -> Option<(*const u8, usize)> {
+        Some((self.blocks.as_ptr().cast(), size_of::<Block>()))
+    }
+}
+
+struct AnyOfRays<'a> {
+    blocks: &'a [Block],
+    rays: &'a [PreparedRay],
+    limits: &'a [f32],
+    front_only: bool,
+}
+
+impl AnyOfMany for AnyOfRays<'_> {
+    #[inline(always)]
+    fn leaf(&mut self, ray: usize, leaf: Leaf) -> bool {
+        let block = &self.blocks[leaf.first() as usize];
+        triangle::any_in_block(&self.rays[ray], block, self.limits[ray], self.front_only, &mut |_| true).is_some()
     }
 
     #[inline(always)]
@@ -208,6 +239,11 @@ mod tests {
                 set.limit();
                 let mut stream = vec![Nearest::before(f32::INFINITY); rays.len()];
                 triangles.intersect_stream(&prepared, &mut stream, false);
+                let mut any = vec![f32::INFINITY; rays.len()];
+                triangles.occluded_stream(&prepared, &mut any, false);
+                for (any, stream) in any.iter().zip(&stream) {
+                    assert_eq!(*any == f32::NEG_INFINITY, stream.id != Nearest::NONE);
+                }
                 for ((ray, prepared), stream) in rays.iter().zip(&prepared).zip(stream) {
                     let expected = nearest(&scene, &ids, ray, f32::INFINITY)
                         .map_or(Nearest::before(f32::INFINITY), |(t, u, v, id)| Nearest { t, u, v, id });

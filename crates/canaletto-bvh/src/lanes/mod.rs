@@ -23,21 +23,12 @@ use std::sync::atomic::{AtomicU8, Ordering};
 
 /// A way to test a ray against a node.
 pub(crate) trait Lanes: Copy {
-    /// The ray as the test wants it.
-    type Ray: Copy;
-
-    /// Prepares a ray; `regular`, but for [`Careful`].
-    ///
-    /// # Safety
-    /// The machine must have the instructions.
-    unsafe fn ray(slabs: &Slabs) -> Self::Ray;
-
-    /// Writes the children that the ray meets before `limit`, and where it enters them, the nearest in general last. Returns how
+    /// Writes the children that the ray, a `regular` one but for [`Careful`], meets before `limit`, and where it enters them, the nearest in general last. Returns how
     /// many they are.
     ///
     /// # Safety
     /// The machine must have the instructions, and there must be room for eight entries.
-    unsafe fn visit(node: &Node, ray: &Self::Ray, limit: f32, near: *mut f32, links: *mut Link) -> usize;
+    unsafe fn visit(node: &Node, slabs: &Slabs, limit: f32, near: *mut f32, links: *mut Link) -> usize;
 }
 
 /// Sets of instructions that kernels exist for, each with all before it.

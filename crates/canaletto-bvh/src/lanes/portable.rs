@@ -9,15 +9,6 @@ use glam::Vec4;
 #[derive(Clone, Copy)]
 pub(crate) struct Portable;
 
-#[derive(Clone, Copy)]
-pub(crate) struct Ray {
-    origin: [Vec4; 3],
-    reciprocal: [Vec4; 3],
-    leaving: [Vec4; 3],
-    entry: [usize; 3],
-    octant: usize,
-}
-
 /// Writes the lanes of a mask from far to near.
 #[inline(always)]
 unsafe fn write(
@@ -66,34 +57,26 @@ unsafe fn write(
 }
 
 impl Lanes for Portable {
-    type Ray = Ray;
-
     #[inline(always)]
-    unsafe fn ray(slabs: &Slabs) -> Ray {
-        Ray {
-            origin: slabs.origin.map(Vec4::splat),
-            reciprocal: slabs.reciprocal.map(Vec4::splat),
-            leaving: slabs.leaving.map(Vec4::splat),
-            entry: slabs.entry.map(usize::from),
-            octant: slabs.octant(),
-        }
-    }
-
-    #[inline(always)]
-    unsafe fn visit(node: &Node, ray: &Ray, limit: f32, out: *mut f32, links: *mut Link) -> usize {
+    unsafe fn visit(node: &Node, slabs: &Slabs, limit: f32, out: *mut f32, links: *mut Link) -> usize {
         let mut near = [0.0; WIDTH];
         let mut mask = 0;
         for half in 0..2 {
-            let plane = |side: usize, axis: usize| Vec4::from_slice(&node.boxes[side & 1][axis][4 * half..]);
-            let enter = |axis: usize| (plane(ray.entry[axis], axis) - ray.origin[axis]) * ray.reciprocal[axis];
-            let leave = |axis: usize| (plane(ray.entry[axis] ^ 1, axis) - ray.origin[axis]) * ray.leaving[axis];
+            let plane = |side: u8, axis: usize| Vec4::from_slice(&node.boxes[usize::from(side & 1)][axis][4 * half..]);
+            let (entry, origin) = (&slabs.entry, &slabs.origin);
+            let enter = |axis: usize| {
+                (plane(entry[axis], axis) - Vec4::splat(origin[axis])) * Vec4::splat(slabs.reciprocal[axis])
+            };
+            let leave = |axis: usize| {
+                (plane(entry[axis] ^ 1, axis) - Vec4::splat(origin[axis])) * Vec4::splat(slabs.leaving[axis])
+            };
             let n = enter(0).max(enter(1)).max(enter(2).max(Vec4::ZERO));
             let f = leave(0).min(leave(1)).min(leave(2).min(Vec4::splat(limit)));
             near[4 * half..4 * half + 4].copy_from_slice(&n.to_array());
             mask |= n.cmple(f).bitmask() << (4 * half);
         }
         // SAFETY: the caller's promise.
-        unsafe { write(mask, ray.octant, node, &near, out, links) }
+        unsafe { write(mask, slabs.octant(), node, &near, out, links) }
     }
 }
 
@@ -102,12 +85,6 @@ impl Lanes for Portable {
 pub(crate) struct Careful;
 
 impl Lanes for Careful {
-    type Ray = Slabs;
-
-    unsafe fn ray(slabs: &Slabs) -> Slabs {
-        *slabs
-    }
-
     unsafe fn visit(node: &Node, slabs: &Slabs, limit: f32, out: *mut f32, links: *mut Link) -> usize {
         let mut near = [0.0; WIDTH];
         let mut mask = 0;
