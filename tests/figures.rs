@@ -43,7 +43,8 @@ const FIGURES: [(&str, bool); 23] = [
 ];
 
 /// Scenes elsewhere whose pictures the book shows, by folder and name.
-const PICTURES: [(&str, &str); 1] = [("scenes", "sky")];
+const PICTURES: [(&str, &str); 3] =
+    [("scenes", "sky"), ("scenes/chapter", "horizon-filtered"), ("scenes/chapter", "horizon-points")];
 
 fn scene(folder: &str, name: &str) -> Scene {
     let assets = FolderAssets::new(root().join(folder)).expect("the scenes are there");

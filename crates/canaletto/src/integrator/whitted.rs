@@ -296,7 +296,7 @@ impl<'w> Whitted<'w> {
             let kind = RayKind::Reflected;
             if let Some(child) = self.child(branch, kind, phong.k, probe) {
                 let line = leave(at, above(mirrored, at));
-                let spread = at.footprint.map(|f| f.spread.reflected(f.step, -at.wo, at.normal, &at.bend));
+                let spread = spread_above(mirrored, at);
                 color += (self.trace(&start(at, line), line, spread.as_ref(), child, probe) * phong.k).saturated();
             }
         }
@@ -308,11 +308,11 @@ impl<'w> Whitted<'w> {
                 Some(direction) => (RayKind::Refracted, below(direction, at, eta_ratio)),
                 None => (RayKind::TotallyReflected, above(mirrored, at)),
             };
-            let spread = at.footprint.map(|f| match kind {
-                RayKind::Refracted => f.spread.refracted(f.step, -at.wo, at.normal, &at.bend, eta_ratio),
-                _ => f.spread.reflected(f.step, -at.wo, at.normal, &at.bend),
-            });
             if let Some(child) = self.child(branch, kind, factor, probe) {
+                let spread = match kind {
+                    RayKind::Refracted => spread_below(at, eta_ratio),
+                    _ => spread_above(mirrored, at),
+                };
                 let line = leave(at, direction);
                 color += (self.trace(&start(at, line), line, spread.as_ref(), child, probe) * factor).saturated();
             }
@@ -437,4 +437,19 @@ fn above(direction: DVec3, at: &Shading) -> DVec3 {
 /// A refracted direction that goes below the surface, likewise.
 fn below(direction: DVec3, at: &Shading, eta_ratio: f64) -> DVec3 {
     if direction.dot(at.facing) < 0.0 { direction } else { refract(at.wo, at.facing, eta_ratio).unwrap_or(-at.facing) }
+}
+
+/// How the ray that [`above`] gives spreads.
+fn spread_above(mirrored: DVec3, at: &Shading) -> Option<Spread> {
+    let stays = mirrored.dot(at.facing) > 0.0;
+    let (normal, bend) = if stays { (at.normal, at.bend) } else { (at.facing, DMat3::ZERO) };
+    at.footprint.map(|f| f.spread.reflected(f.step, -at.wo, normal, &bend))
+}
+
+/// How the ray that [`below`] gives spreads.
+fn spread_below(at: &Shading, eta_ratio: f64) -> Option<Spread> {
+    let footprint = at.footprint?;
+    let stays = refract(at.wo, at.normal, eta_ratio).is_some_and(|direction| direction.dot(at.facing) < 0.0);
+    let (normal, bend) = if stays { (at.normal, at.bend) } else { (at.facing, DMat3::ZERO) };
+    Some(footprint.spread.refracted(footprint.step, -at.wo, normal, &bend, eta_ratio))
 }
