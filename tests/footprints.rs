@@ -12,13 +12,16 @@ use canaletto::world::{Hit, TextureRead, World};
 use canaletto_tests::gallery::icosphere;
 use glam::{DVec3, Vec3};
 
+/// Each hit from the eye on: kind of ray, instance, primitive, and part with side.
+type Way = Vec<(RayKind, u32, u32, u32)>;
+
 /// Where a ray and its children read textures, and by which way they came there.
 #[derive(Default)]
 struct Reads {
-    way: Vec<(RayKind, u32, u32, u32)>,
+    way: Way,
     open: Vec<RayKind>,
     /// Each with the hits before it.
-    reads: Vec<(Vec<(RayKind, u32, u32, u32)>, DVec3, [DVec3; 2])>,
+    reads: Vec<(Way, DVec3, [DVec3; 2])>,
     pending: Vec<(DVec3, [DVec3; 2])>,
 }
 

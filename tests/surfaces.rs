@@ -1,0 +1,201 @@
+//! What textures do to surfaces: holes let light through, bumps don't.
+
+use canaletto::Ray;
+use canaletto::integrator::Whitted;
+use canaletto::light::{Light, LightKind, Omni};
+use canaletto::material::{Mapping, Material, Phong, Projection, Space, Target, TextureUse};
+use canaletto::math::{Rgb, Transform};
+use canaletto::scene::{IntegratorSettings, Node, Scene};
+use canaletto::shape::{Cuboid, Plane, Shape, Sphere};
+use canaletto::texture::{
+    ColorSpace, Filter, Image, ImageTexture, Placement, Prefilter, Samples, Texture, TextureKind,
+};
+use canaletto::world::{Blocker, World};
+use canaletto_tests::textured::textured_still_life;
+use glam::{DVec3, Vec3};
+
+/// Texels side by side, each as wide as the others, taken as they are.
+fn strip(texels: &[[u8; 4]], filter: Filter) -> (Image, Texture) {
+    let image = Image {
+        name: "strip".into(),
+        width: texels.len() as u32,
+        height: 1,
+        channels: 4,
+        samples: Samples::U8(texels.concat()),
+        space: ColorSpace::Linear,
+        premultiplied: false,
+    };
+    let texture =
+        ImageTexture { filter, placement: Placement::Edges, prefilter: Prefilter::None, ..ImageTexture::new(0) };
+    (image, Texture { name: "strip".into(), kind: TextureKind::Image(texture) })
+}
+
+/// A lit floor, and above it a board with this material; `board` gives it another place.
+fn scene(material: Material, strip: (Image, Texture), board: Shape) -> Scene {
+    let light = Light::new(LightKind::Omni(Omni::at(Vec3::new(0.0, 8.0, 0.0))), Rgb::WHITE);
+    Scene {
+        background: Rgb::new(0.1, 0.2, 0.3),
+        ambient: Rgb::gray(0.1),
+        materials: vec![
+            material,
+            Material::new("floor", Phong::default()),
+            Material::new("mirror", Phong { kd: Rgb::BLACK, k: Rgb::WHITE, ..Phong::default() }),
+        ],
+        images: vec![strip.0],
+        textures: vec![strip.1],
+        nodes: vec![
+            Node::from(board).with_material(0),
+            Node::from(Shape::Plane(Plane { point: Vec3::ZERO, normal: Vec3::Y })).with_material(1),
+            Node::from(Shape::Box(Cuboid { min: Vec3::new(6.0, 0.0, -2.0), max: Vec3::new(6.5, 7.0, 2.0) }))
+                .with_material(2),
+            Node::from(light),
+        ],
+        ..Scene::default()
+    }
+}
+
+fn board() -> Shape {
+    Shape::Box(Cuboid { min: Vec3::new(-2.0, 4.0, -2.0), max: Vec3::new(2.0, 4.0, 2.0) })
+}
+
+fn color(scene: &Scene, from: [f32; 3], to: [f32; 3]) -> Rgb {
+    let world = World::build(scene.clone()).unwrap();
+    let (from, to) = (Vec3::from(from), Vec3::from(to));
+    Whitted::new(&world, IntegratorSettings::default()).eye(&Ray::new(from, (to - from).normalize()), None, &mut ())
+}
+
+/// A board whose left half is cut out, and the same scene with the board far away.
+fn halved(share: u8) -> (Scene, Scene) {
+    let cut = TextureUse::new(0, Target::Cutout);
+    let texels = strip(&[[255, 255, 255, share], [255; 4]], Filter::Nearest);
+    let material = Material::new("cut", Phong { kd: Rgb::new(0.9, 0.1, 0.1), ..Phong::default() }).with_texture(cut);
+    let with = scene(material.clone(), texels.clone(), board());
+    let away = Shape::Box(Cuboid { min: Vec3::splat(900.0), max: Vec3::splat(901.0) });
+    (with, scene(material, texels, away))
+}
+
+#[test]
+fn rays_shadows_and_mirrors_go_through_holes() {
+    let (with, without) = halved(0);
+    // From above, on the floor below, and by way of the mirror: each half in turn.
+    let views = [
+        ([-1.0, 7.0, 0.1], [-1.0, 0.0, 0.1], [1.0, 7.0, 0.1], [1.0, 0.0, 0.1]),
+        ([-5.0, 1.0, 0.1], [-1.0, 0.0, 0.1], [5.0, 1.0, 0.1], [1.0, 0.0, 0.1]),
+        ([3.0, 6.0, 0.1], [6.0, 5.4, 0.1], [3.0, 6.0, 0.1], [6.0, 5.25, 0.1]),
+    ];
+    for (from, to, from_right, to_right) in views {
+        assert_eq!(color(&with, from, to), color(&without, from, to), "{from:?} {to:?}");
+        assert_ne!(color(&with, from_right, to_right), color(&without, from_right, to_right), "{from:?} {to:?}");
+    }
+}
+
+#[test]
+fn a_surface_that_is_there_in_part_blends_with_what_is_behind() {
+    let (with, without) = halved(51);
+    let (whole, _) = halved(255);
+    let (from, to) = ([-1.0, 7.0, 0.1], [-1.0, 3.99, 0.1]);
+    let [part, front] = [&with, &whole].map(|scene| color(scene, from, to));
+    // The floor behind lies in the board's shadow, of which a fifth is there.
+    let floor = color(&with, [-5.0, 1.0, 0.1], [-1.0, 0.0, 0.1]);
+    let lit = color(&without, [-5.0, 1.0, 0.1], [-1.0, 0.0, 0.1]);
+    assert!(floor.r < lit.r && floor.r > 0.5 * lit.r);
+    let expected = front * 0.2 + floor * 0.8;
+    assert!((part - expected).to_array().into_iter().all(|d| d.abs() < 1e-5), "{part:?} {expected:?}");
+}
+
+#[test]
+fn a_bent_normal_lets_no_light_in_from_behind() {
+    // Heights as steep as they come, and a light just below the board's plane, without shadows.
+    let texels: Vec<[u8; 4]> = (0..64).map(|i| if i / 2 % 2 == 0 { [0, 0, 0, 255] } else { [255; 4] }).collect();
+    let bump = TextureUse { range: [0.0, 3.0], ..TextureUse::new(0, Target::Bump) };
+    let material = Material::new("rough", Phong { ks: Rgb::WHITE, n: 2.0, ..Phong::default() });
+    let mut scene = scene(material.with_texture(bump), strip(&texels, Filter::Bilinear), board());
+    scene.ambient = Rgb::BLACK;
+    scene.nodes.pop();
+    let mut light = Light::new(LightKind::Omni(Omni::at(Vec3::new(9.0, 3.9, 0.0))), Rgb::WHITE);
+    light.shadows = false;
+    scene.nodes.push(Node::from(light.clone()));
+    let brightest = |scene: &Scene| {
+        let at = |i: i32| color(scene, [0.0, 9.0, 0.0], [i as f32 * 0.019 - 1.9, 4.0, 0.2]).max_component();
+        (0..200).map(at).fold(0.0, f32::max)
+    };
+    assert_eq!(brightest(&scene), 0.0, "lit from below");
+    // A little above the plane it lights the slopes that lean to it.
+    light.kind = LightKind::Omni(Omni::at(Vec3::new(9.0, 4.1, 0.0)));
+    scene.nodes.pop();
+    scene.nodes.push(Node::from(light));
+    assert!(brightest(&scene) > 0.2, "not lit from above");
+}
+
+#[test]
+fn a_slope_is_shaded_like_a_turned_plane() {
+    // A height that grows by 2 over the board's width of 4 is a plane at an angle whose tangent is one half.
+    let texels: Vec<[u8; 4]> = (0..256).map(|i| [i as u8, i as u8, i as u8, 255]).collect();
+    let bump = TextureUse { range: [0.0, 2.0], ..TextureUse::new(0, Target::Bump) };
+    let material = Material::new("slope", Phong::default()).with_texture(bump);
+    let mut bumped = scene(material, strip(&texels, Filter::Bilinear), board());
+    bumped.ambient = Rgb::BLACK;
+    let found = color(&bumped, [0.5, 7.0, 0.5], [0.5, 4.0, 0.5]).r;
+    let normal = DVec3::new(-0.5, 1.0, 0.0).normalize();
+    let to_light = (DVec3::new(0.0, 8.0, 0.0) - DVec3::new(0.5, 4.0, 0.5)).normalize();
+    // 255 steps over 256 texels.
+    assert!((f64::from(found) - 0.8 * normal.dot(to_light)).abs() < 2e-3, "{found}");
+}
+
+#[test]
+fn a_turned_or_moved_object_takes_its_texture_along() {
+    let texels = strip(&[[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255], [255; 4]], Filter::Nearest);
+    let ball = Shape::Sphere(Sphere { center: Vec3::ZERO, radius: 1.0 });
+    let turn = Transform::translate(DVec3::new(0.0, 3.0, 0.0))
+        .after(&Transform::rotate(DVec3::new(1.0, 0.5, 0.2), 70.0).unwrap())
+        .after(&Transform::scale(DVec3::splat(1.5)).unwrap());
+    for (projection, space) in [
+        (Projection::Uv, Space::Object),
+        (Projection::Planar, Space::Object),
+        (Projection::Planar, Space::Bounds),
+        (Projection::Solid, Space::Object),
+    ] {
+        let mapping = Mapping::new(projection, space);
+        let material = Material::new("m", Phong::default())
+            .with_texture(TextureUse { mapping, ..TextureUse::new(0, Target::Replace) });
+        let still = scene(material.clone(), texels.clone(), ball);
+        let mut turned = scene(material, texels.clone(), ball);
+        turned.nodes[0] = turned.nodes[0].clone().with_transform(&turn);
+        let (mut seen, mut borders) = (std::collections::HashSet::new(), 0);
+        for i in 0..300 {
+            let (a, b) = (f64::from(i) * 0.77, f64::from(i) * 1.31 + 0.2);
+            let out = DVec3::new(libm::sin(a) * libm::cos(b), libm::sin(b), libm::cos(a) * libm::cos(b));
+            let ray = |scene: &Scene, t: &Transform| {
+                let [from, to] = [out * 1.3, out * 0.5].map(|p| t.point(p).as_vec3().to_array());
+                color(scene, from, to).to_array().map(f32::to_bits)
+            };
+            let (one, other) = (ray(&still, &Transform::IDENTITY), ray(&turned, &turn));
+            seen.insert(one);
+            borders += u32::from(one != other);
+        }
+        // A texel's border may lie between the two.
+        assert!(borders <= 3, "{projection:?} {space:?}: {borders} of 300 differ");
+        assert!(seen.len() >= 3, "{projection:?}: {} colours", seen.len());
+    }
+}
+
+#[test]
+fn the_last_blocker_changes_no_shadow() {
+    let world = World::build(textured_still_life(1.0)).unwrap();
+    let mut last = Blocker::NONE;
+    let (mut dark, mut half) = (0, 0);
+    for i in 0..4000u32 {
+        let h = |k: u32| {
+            let x = i.wrapping_mul(2654435761).wrapping_add(k.wrapping_mul(0x9e37_79b1));
+            (x ^ (x >> 15)).wrapping_mul(0x85eb_ca6b) as f32 / u32::MAX as f32 * 2.0 - 1.0
+        };
+        let origin = Vec3::new(h(1) * 3.0, h(2) + 1.1, h(3) * 3.0);
+        let ray = Ray { origin, direction: Vec3::new(4.0, 6.0, 5.0) - origin };
+        let with = world.transmittance(&ray, 1.0, None, &mut last, &mut ());
+        let without = world.transmittance(&ray, 1.0, None, &mut Blocker::NONE.clone(), &mut ());
+        assert_eq!(with, without, "{ray:?}");
+        dark += u32::from(with == 0.0);
+        half += u32::from(with > 0.0 && with < 1.0);
+    }
+    assert!(dark > 100 && half > 100, "{dark} {half}");
+}
