@@ -150,15 +150,33 @@ pub fn still_life_job(scale: f32, width: u32, height: u32, sampling: Sampling) -
     Job::new(camera, FilmSettings { sampling, ..FilmSettings::default() }, IntegratorSettings::default())
 }
 
-/// The still life with everything that is sampled: random points of its light.
+/// The still life with everything that is sampled: random points of its light, and a lot of things that move while the
+/// shutter is open, lights and copies among them.
 pub fn distributed_still_life(scale: f32) -> Scene {
     let mut scene = still_life(scale);
-    for node in &mut scene.nodes {
-        if let Content::Light(light) = &mut node.content
-            && light.has_area()
-        {
-            light.samples = 2;
+    let step = |x: f64, y: f64, z: f64| Transform::translate(DVec3::new(x, y, z) * f64::from(scale));
+    let turn = |degrees: f64| Transform::rotate(DVec3::new(0.2, 1.0, -0.3), degrees).unwrap();
+    for (index, node) in scene.nodes.iter_mut().enumerate() {
+        if let Content::Light(light) = &mut node.content {
+            if light.has_area() {
+                light.samples = 2;
+            } else if matches!(light.kind, LightKind::Omni(_)) {
+                node.motion = vec![Transform::IDENTITY, step(0.5, 0.0, 0.0)];
+            }
+            continue;
         }
+        // The ground stays, as do a few others.
+        node.motion = match index % 4 {
+            _ if index == 0 => Vec::new(),
+            0 => vec![Transform::IDENTITY, step(0.2, 0.1, 0.0), step(0.1, 0.3, 0.1).after(&turn(20.0))],
+            1 => vec![turn(-10.0), turn(25.0)],
+            2 => vec![Transform::IDENTITY, turn(15.0).after(&Transform::scale(DVec3::new(1.2, 1.0, 0.9)).unwrap())],
+            _ => Vec::new(),
+        };
+    }
+    // The lamp's parts move in the lamp, which moves in its copies.
+    if let Content::Group(parts) = &mut scene.prototypes[0].content {
+        parts[0].motion = vec![Transform::IDENTITY, step(0.0, 0.2, 0.0)];
     }
     scene
 }

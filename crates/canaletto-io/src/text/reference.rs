@@ -19,7 +19,10 @@ pub fn reference_markdown() -> String {
                 node(&mut out, &schema::SAMPLE, "film: sample");
                 node(&mut out, &schema::FILTER, "film: filter");
             }
-            "camera" => node(&mut out, &schema::LENS, "camera: lens"),
+            "camera" => {
+                node(&mut out, &schema::LENS, "camera: lens");
+                node(&mut out, &schema::CAMERA_MOTION, "camera: motion");
+            }
             "material" => node(&mut out, &schema::SURFACE_TEXTURE, "material: texture"),
             "include" => out.push_str(INCLUDES),
             _ => {}
@@ -49,6 +52,8 @@ pub fn reference_markdown() -> String {
     for word in TRANSFORMS {
         let _ = writeln!(out, "| `{}` | {} | {} |", word.name, word.takes, word.doc);
     }
+    out.push_str("\n## Motion blur\n");
+    node(&mut out, &schema::MOTION, "motion, in an object, group or light");
     motion(&mut out);
     let _ = write!(
         out,

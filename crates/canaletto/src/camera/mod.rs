@@ -68,6 +68,9 @@ pub enum CameraError {
     /// A parameter is NaN or infinite.
     #[error("{0} holds a number that isn't finite")]
     NotFinite(&'static str),
+    /// The shutter closes before it opens, or is open for too long.
+    #[error("shutter is {0} {1}; it opens before it closes, at most {max} frames from the frame's time", max = Intrinsics::MAX_SHUTTER)]
+    Shutter(f64, f64),
     /// The lens makes no picture; says why.
     #[error("lens: {0}")]
     Lens(String),
@@ -85,7 +88,7 @@ impl Camera {
     /// # Errors
     /// [`CameraError`] says which parameters make no picture.
     pub fn new(intrinsics: &Intrinsics, extrinsics: &Extrinsics) -> Result<Camera, CameraError> {
-        let Intrinsics { fovy, width, height, near, far, shift, lens } = *intrinsics;
+        let Intrinsics { fovy, width, height, near, far, shift, lens, shutter } = *intrinsics;
         let extrinsics = *extrinsics;
         let Extrinsics { eye, center, up } = extrinsics;
         for (name, finite) in [
@@ -106,6 +109,10 @@ impl Camera {
         }
         if !(near > 0.0 && near < far && far.is_finite()) {
             return Err(CameraError::Planes(near, far));
+        }
+        let most = Intrinsics::MAX_SHUTTER;
+        if !(shutter[0] <= shutter[1] && shutter.iter().all(|t| t.abs() <= most)) {
+            return Err(CameraError::Shutter(shutter[0], shutter[1]));
         }
         let axes = axes(extrinsics)?;
         let lens = match &lens {

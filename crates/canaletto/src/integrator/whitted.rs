@@ -6,6 +6,7 @@
 //! largest number ([`Rgb::saturated`]), so that no colour is ever infinite or NaN.
 
 use super::{LightTerm, Probe, RayCounts, RayKind};
+use crate::light::Source;
 use crate::material::{MaterialPoint, reflect, refract};
 use crate::math::{Line, Rgb, Spread, offset_origin};
 use crate::sampler::{Dimension, Sample, Sampler};
@@ -31,6 +32,10 @@ pub struct Whitted<'w> {
     blockers: Vec<Blocker>,
     /// Where random numbers come from.
     sample: Sample,
+    /// When it is, from the shutter's opening at 0 to its closing at 1.
+    time: f32,
+    /// The world's lights at that time; empty if none of them moves.
+    lights: Vec<Source>,
 }
 
 /// How many rays from the eye and child rays are followed before somebody is asked whether they are still wanted.
@@ -122,6 +127,8 @@ impl<'w> Whitted<'w> {
             patience: PATIENCE,
             blockers: vec![Blocker::NONE; world.lights.len()],
             sample: Sampler::new(0, 0, [0; 2]).sample(0, 1),
+            time: 0.0,
+            lights: if world.lights_move() { world.lights.clone() } else { Vec::new() },
         }
     }
 
@@ -141,9 +148,14 @@ impl<'w> Whitted<'w> {
         self.world
     }
 
-    /// Begins a sample of a pixel: where random numbers come from until the next one.
-    pub fn begin(&mut self, sample: Sample) {
+    /// Begins a sample of a pixel: where random numbers come from until the next one, and when it is, from the shutter's
+    /// opening at 0 to its closing at 1.
+    pub fn begin(&mut self, sample: Sample, time: f32) {
         self.sample = sample;
+        if time != self.time {
+            self.time = time;
+            self.world.move_lights(&mut self.lights, time);
+        }
     }
 
     /// The colour that an eye ray brings. `spread` is how it changes to the neighbouring samples, if the world
@@ -205,7 +217,7 @@ impl<'w> Whitted<'w> {
 
     /// The nearest surface on the way, past holes.
     fn meet<P: Probe>(&self, ray: &Ray, line: Line, spread: Option<&Spread>, probe: &mut P) -> Option<Met> {
-        let hit = self.world.intersect(ray, f32::INFINITY)?;
+        let hit = self.world.intersect_at(ray, f32::INFINITY, self.time)?;
         let surface = self.world.surface(line, &hit);
         let material = self.world.material(&hit);
         if !material.textures.is_empty() {
@@ -236,7 +248,7 @@ impl<'w> Whitted<'w> {
             line.origin = surface.exact;
             spread = footprint.map(|f| f.spread.passed(f.step));
             let origin = offset_origin(surface.point, surface.error, surface.normal, line.direction);
-            hit = self.world.intersect(&line.from_origin(origin), f32::INFINITY)?;
+            hit = self.world.intersect_at(&line.from_origin(origin), f32::INFINITY, self.time)?;
             surface = self.world.surface(line, &hit);
         }
         None
@@ -331,7 +343,7 @@ impl<'w> Whitted<'w> {
         probe: &mut P,
     ) -> LightTerm {
         let phong = &at.material.phong;
-        let source = &self.world.lights[light as usize];
+        let source = self.lights.get(light as usize).unwrap_or(&self.world.lights[light as usize]);
         let arriving = if source.is_sampled() {
             let u = self.sample.two_of(place.of(uses::LIGHTS + light), point, source.points());
             source.sample(u, at.surface.exact)
@@ -376,7 +388,8 @@ impl<'w> Whitted<'w> {
             let spread =
                 at.footprint.map(|f| Spread::to_light(f.step, arriving.direction, f64::from(arriving.distance)));
             let last = &mut self.blockers[light as usize];
-            term.f_s = self.world.transmittance(&Ray { origin, direction }, t_max, spread.as_ref(), last, probe);
+            let ray = Ray { origin, direction };
+            term.f_s = self.world.transmittance(&ray, t_max, self.time, spread.as_ref(), last, probe);
             self.counts.shadow.traced += 1;
             self.counts.shadow.hit += u64::from(term.f_s == 0.0);
         }

@@ -78,15 +78,19 @@ impl<'a> PixelRenderer<'a> {
     ) -> Rgb {
         probe.sample(position, weight);
         let (camera, [x, y]) = (&self.job.camera, position);
-        whitted.begin(sample);
         let wants_spread = whitted.world().wants_spread();
-        if self.plain {
+        let moves = whitted.world().moves() || camera.moves();
+        if self.plain && !moves {
+            whitted.begin(sample, 0.0);
             let spread = wants_spread.then(|| camera.spread(x, y, spacing));
             return whitted.eye(camera.line(x, y), spread.as_ref(), probe);
         }
         let numbers = sample.eye();
-        let ray = camera.ray(x, y, numbers.lens, numbers.time, wants_spread.then_some(spacing));
-        probe.drawn(camera.moves().then_some(numbers.time), ray.lens.map(|p| p.to_array()));
+        // Rounded once, so that camera and world agree about it.
+        let time = if moves { numbers.time as f32 } else { 0.0 };
+        whitted.begin(sample, time);
+        let ray = camera.ray(x, y, numbers.lens, f64::from(time), wants_spread.then_some(spacing));
+        probe.drawn(moves.then_some(f64::from(time)), ray.lens.map(|p| p.to_array()));
         whitted.eye(ray.line, ray.spread.as_ref(), probe)
     }
 
@@ -121,7 +125,7 @@ impl<'a> PixelRenderer<'a> {
         let spacing = 1.0 / f64::from(n).sqrt();
         weighted_mean((0..n).map(|i| {
             let sample = sampler.sample(i, n);
-            let [u, v] = sample.eye().film;
+            let [u, v] = sample.film();
             let ((dx, wx), (dy, wy)) = (self.filter.sample(u), self.filter.sample(v));
             let position = [corner[0] + 0.5 + dx, corner[1] + 0.5 + dy];
             (self.sample(whitted, position, [wx * wy, spacing], sample, probe), wx * wy)

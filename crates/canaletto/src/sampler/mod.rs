@@ -101,14 +101,14 @@ impl Sample {
         self.sampler.two(dimension, index, self.count.saturating_mul(of))
     }
 
-    /// The numbers of the ray from the eye. With Sobol's they are well spread together, not only each for itself.
+    /// The numbers of the ray from the eye.
     pub fn eye(&self) -> EyeNumbers {
-        if self.sampler.kind == SamplerKind::Sobol {
-            let [x, y, u, v, time] = sobol::points(self.index, self.sampler.key_of(Dimension::EYE));
-            return EyeNumbers { film: [x, y], lens: [u, v], time };
-        }
-        let [film, lens, time] = [0, 1, 2].map(|n| Dimension::EYE.of(n));
-        EyeNumbers { film: self.two(film), lens: self.two(lens), time: self.one(time) }
+        EyeNumbers { film: self.film(), lens: self.two(Dimension::EYE.of(1)), time: self.one(Dimension::EYE.of(2)) }
+    }
+
+    /// Where in the pixel the ray from the eye goes: [`EyeNumbers::film`] alone.
+    pub fn film(&self) -> [f64; 2] {
+        self.two(Dimension::EYE)
     }
 }
 

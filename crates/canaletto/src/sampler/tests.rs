@@ -122,8 +122,8 @@ fn rate(kind: SamplerKind, integral: f64, f: impl Fn([f64; 2]) -> f64, draw: imp
 }
 
 /// Theory: independent samples err by N^-1/2 always; one in each cell of a grid by N^-1 if the integrand is smooth and by
-/// N^-3/4 at an edge (Mitchell 1996); Owen's nets by N^-3/2 (times a logarithm) if it is smooth (Owen 1997), and by N^-3/4
-/// at an edge in no special direction.
+/// N^-3/4 at an edge (Mitchell 1996); Owen's nets by N^-3/2 (log N)^1/2 if it is smooth (Owen 1997), which from 4 to 4096
+/// samples looks like N^-1.37, and by N^-3/4 at an edge in no special direction.
 #[test]
 fn errors_fall_as_theory_says() {
     let smooth = |[x, y]: [f64; 2]| (x * y).exp();
@@ -133,11 +133,11 @@ fn errors_fall_as_theory_says() {
     let quarter = std::f64::consts::FRAC_PI_4;
     let light = |s: &Sample| s.two(Dimension::EYE.of(12));
     let film = |s: &Sample| s.eye().film;
-    for (kind, smooth_rate, edge_rate) in [(Sobol, -1.5, -0.75), (Jittered, -1.0, -0.75), (Independent, -0.5, -0.5)] {
+    for (kind, smooth_rate, edge_rate) in [(Sobol, -1.37, -0.75), (Jittered, -1.0, -0.75), (Independent, -0.5, -0.5)] {
         for (use_of, draw) in [("light", &light as &dyn Fn(&Sample) -> [f64; 2]), ("film", &film)] {
             let found = [rate(kind, integral, smooth, draw), rate(kind, quarter, edge, draw)];
             println!("{kind:?} {use_of}: {:.3} smooth, {:.3} edge", found[0], found[1]);
-            assert!((found[0] - smooth_rate).abs() < 0.12, "{kind:?} {use_of}: N^{} for a smooth integrand", found[0]);
+            assert!((found[0] - smooth_rate).abs() < 0.06, "{kind:?} {use_of}: N^{} for a smooth integrand", found[0]);
             assert!((found[1] - edge_rate).abs() < 0.08, "{kind:?} {use_of}: N^{} at an edge", found[1]);
         }
     }

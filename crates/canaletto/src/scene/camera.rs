@@ -38,6 +38,16 @@ pub struct Intrinsics {
     /// The lens that takes the place of the pinhole, for depth of field.
     #[serde(default)]
     pub lens: Option<Lens>,
+    /// When the shutter opens and closes, in frames from the frame's own time, at most [`Intrinsics::MAX_SHUTTER`] of them
+    /// away; the second number isn't less than the first. Whoever fills [`View::motion`] and [`super::Node::motion`] from
+    /// an animation takes the poses of that time. Rays only know the share of it that has passed, 0 to 1.
+    #[serde(default)]
+    pub shutter: [f64; 2],
+}
+
+impl Intrinsics {
+    /// The most frames that a shutter opens before or closes after the frame's time.
+    pub const MAX_SHUTTER: f64 = 1000.0;
 }
 
 /// A thin lens.
@@ -83,7 +93,16 @@ pub enum Focus {
 
 impl Default for Intrinsics {
     fn default() -> Intrinsics {
-        Intrinsics { fovy: 60.0, width: 640, height: 480, near: 1.0, far: 1000.0, shift: [0.0, 0.0], lens: None }
+        Intrinsics {
+            fovy: 60.0,
+            width: 640,
+            height: 480,
+            near: 1.0,
+            far: 1000.0,
+            shift: [0.0, 0.0],
+            lens: None,
+            shutter: [0.0, 0.0],
+        }
     }
 }
 

@@ -15,6 +15,11 @@ pub struct Node {
     pub material: Option<u32>,
     /// From this node's space to its parent's.
     pub transform: Transform,
+    /// How it moves while the shutter is open: nothing if it stays, else at least two poses, evenly spaced in time from the
+    /// opening to the closing. They come after `transform`; between them things move evenly and turn
+    /// ([`crate::math::Path`]).
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub motion: Vec<Transform>,
     /// What it is.
     pub content: Content,
 }
@@ -41,7 +46,7 @@ pub enum Content {
 impl Node {
     /// An unnamed node without material or transform.
     pub fn new(content: Content) -> Node {
-        Node { name: None, material: None, transform: Transform::IDENTITY, content }
+        Node { name: None, material: None, transform: Transform::IDENTITY, motion: Vec::new(), content }
     }
 
     /// The same node with a name.
@@ -59,6 +64,12 @@ impl Node {
     /// The same node, moved by `transform` after its own.
     pub fn with_transform(mut self, transform: &Transform) -> Node {
         self.transform = transform.after(&self.transform);
+        self
+    }
+
+    /// The same node, moving through these poses while the shutter is open.
+    pub fn with_motion(mut self, poses: Vec<Transform>) -> Node {
+        self.motion = poses;
         self
     }
 }

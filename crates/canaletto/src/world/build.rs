@@ -2,18 +2,20 @@
 
 use super::geometry::Geometry;
 use super::instance::{Instance, NONE, Unbounded};
+use super::motion::{Chain, MovingLight};
 use super::wants::Wants;
 use super::{Object, World};
 use crate::light::environment::{Backdrop, Environment};
 use crate::light::{Light, LightKind, Source};
 use crate::material::{Channel, Material, Phong, Target};
-use crate::math::Transform;
+use crate::math::{Path, Transform};
 use crate::scene::{Content, Node, Scene};
 use crate::shape::{CylinderCloud, Mesh, Shape, SphereCloud};
 use crate::texture::{ColorSpace, Image, ImageTexture, Pattern, Prefilter, Texture, TextureKind, Unresolved};
 use canaletto_bvh::{Aabb, Bvh};
 use rayon::prelude::*;
 use std::collections::HashMap;
+use std::sync::Arc;
 
 /// Why a scene can't be rendered.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -47,6 +49,9 @@ pub enum BuildError {
     /// Lights, each counted with its points and as often as instances repeat it.
     #[error("the scene expands to more than {max} points of light", max = World::MAX_LIGHT_POINTS)]
     TooManyLights,
+    /// Instances that move, likewise.
+    #[error("the scene expands to more than {max} objects that move while the shutter is open", max = World::MAX_MOVING)]
+    TooManyMoving,
     /// Shapes without bounds, which every ray has to be tested with.
     #[error("the scene expands to more than {max} planes", max = World::MAX_UNBOUNDED)]
     TooManyPlanes,
@@ -76,6 +81,8 @@ impl World {
     /// The most instances that a scene and its prototypes may expand to, all together: a few lines in which each
     /// prototype has two of the one before would fill any memory.
     pub const MAX_INSTANCES: usize = 1 << 22;
+    /// The most instances that move while the shutter is open, likewise; each needs its own way.
+    pub const MAX_MOVING: usize = 1 << 20;
     /// The most points of light, likewise.
     pub const MAX_LIGHT_POINTS: usize = 1 << 20;
     /// The most shapes without bounds, likewise.
@@ -120,12 +127,12 @@ impl World {
         builder.count_uses(&nodes);
         let mut root = Part::default();
         builder.flatten(&nodes, &Place::default(), &mut root, 0)?;
-        let (mut instances, mut lights, unbounded) = builder.finish_part(root, NONE)?;
+        let Finished { mut instances, mut lights, moving_lights, unbounded } = builder.finish_part(root, NONE)?;
         lights.extend(environment.as_ref().zip(backdrop.as_ref()).and_then(|(described, ready)| ready.sun(described)));
         let unbounded_id_base = number_objects(&mut instances, &builder.geometries);
         let bounds: Vec<Aabb> = instances
             .iter()
-            .map(|instance| instance.bounds(builder.geometries[instance.geometry as usize].bounds()))
+            .map(|instance| instance.bounds(&builder.chains, builder.geometries[instance.geometry as usize].bounds()))
             .collect();
         if let Some(index) = bounds.iter().position(|b| !(b.is_empty() || b.is_finite())) {
             let object = builder.objects.get(instances[index].object as usize).map_or("an object", |o| o.name.as_str());
@@ -146,6 +153,8 @@ impl World {
             objects: builder.objects,
             geometries: builder.geometries,
             instances,
+            chains: builder.chains,
+            moving_lights,
             top,
             unbounded,
             unbounded_id_base,
@@ -249,10 +258,17 @@ struct Part {
     shape_materials: Vec<u32>,
     instances: Vec<Instance>,
     lights: Vec<Light>,
+    moving_lights: Vec<MovingLight>,
     unbounded: Vec<Unbounded>,
 }
 
-type Finished = (Vec<Instance>, Vec<Light>, Vec<Unbounded>);
+/// A part whose loose shapes have become one more instance.
+struct Finished {
+    instances: Vec<Instance>,
+    lights: Vec<Light>,
+    moving_lights: Vec<MovingLight>,
+    unbounded: Vec<Unbounded>,
+}
 
 #[derive(Default)]
 struct Builder {
@@ -273,6 +289,8 @@ struct Builder {
     finished: HashMap<u32, Finished>,
     open: Vec<u32>,
     objects: Vec<Object>,
+    /// Where instances that move are, of all parts so far.
+    chains: Vec<Chain>,
     /// Instances, points of light and shapes without bounds in all parts so far.
     placed: [usize; 3],
     kinds: HashMap<&'static str, u32>,
@@ -326,6 +344,62 @@ impl Builder {
     }
 
     fn place(&mut self, node: &Node, place: &Place, part: &mut Part, depth: usize) -> Result<(), BuildError> {
+        if node.motion.is_empty() {
+            self.place_still(node, place, part, depth)
+        } else {
+            self.place_moving(node, place, part, depth)
+        }
+    }
+
+    /// What moves becomes a part of its own, which is then placed along its path.
+    fn place_moving(&mut self, node: &Node, place: &Place, part: &mut Part, depth: usize) -> Result<(), BuildError> {
+        let called = || node.name.as_ref().map_or_else(|| "an unnamed node".into(), |name| format!("\"{name}\""));
+        let path = Path::new(&node.motion)
+            .map_err(|e| BuildError::Invalid { object: called(), problem: e.to_string() })
+            .map(Arc::new)?;
+        let mut inner = Part::default();
+        let own = Place { transform: Transform::IDENTITY, inherited: place.inherited };
+        self.place_still(node, &own, &mut inner, depth)?;
+        let first_object = inner.shape_objects.first().copied().unwrap_or(NONE);
+        let Finished { instances, lights, moving_lights, unbounded } = self.finish_part(inner, first_object)?;
+        if let Some(plane) = unbounded.first() {
+            let problem = "a plane has no bounds and can't move while the shutter is open; take a large disk or box";
+            return Err(self.invalid(plane.object, problem.into()));
+        }
+        for instance in instances {
+            let chain = match instance.motion {
+                NONE => Chain::still(instance.to_world.unwrap_or_default()),
+                motion => self.chains[motion as usize].clone(),
+            };
+            let moving = self.moving(&instance, chain.along(&path).inside(&place.transform))?;
+            part.instances.push(moving);
+        }
+        let base = part.lights.len() as u32;
+        let mut chains: Vec<(Light, Chain)> =
+            lights.into_iter().map(|light| (light, Chain::still(Transform::IDENTITY))).collect();
+        for MovingLight { index, light, chain } in moving_lights {
+            chains[index as usize] = (light, chain);
+        }
+        for (index, (light, chain)) in chains.into_iter().enumerate() {
+            let chain = chain.along(&path).inside(&place.transform);
+            part.lights.push(light.transformed(&chain.at(0.0)));
+            check_light(&part.lights[base as usize + index], "after its transforms, ")?;
+            part.moving_lights.push(MovingLight { index: base + index as u32, light, chain });
+        }
+        Ok(())
+    }
+
+    /// The instance with its place changing like this.
+    fn moving(&mut self, instance: &Instance, chain: Chain) -> Result<Instance, BuildError> {
+        if self.chains.len() >= World::MAX_MOVING {
+            return Err(BuildError::TooManyMoving);
+        }
+        let to_world = Some(chain.at(0.0));
+        self.chains.push(chain);
+        Ok(Instance { to_world, motion: self.chains.len() as u32 - 1, ..*instance })
+    }
+
+    fn place_still(&mut self, node: &Node, place: &Place, part: &mut Part, depth: usize) -> Result<(), BuildError> {
         let transform = place.transform.after(&node.transform);
         if !(transform.matrix().is_finite() && transform.inverse().matrix().is_finite()) {
             let object = node.name.as_ref().map_or_else(|| "an unnamed node".into(), |name| format!("\"{name}\""));
@@ -355,19 +429,28 @@ impl Builder {
                 let object = self.object(node, "mesh");
                 let (geometry, moved) = self.mesh_geometry(node, *index, [own, inherited], &transform)?;
                 let to_world = (!moved && !transform.is_identity()).then_some(transform);
-                self.instance(part, Instance { geometry, object, id_base: 0, material: own, inherited, to_world })
+                self.instance(
+                    part,
+                    Instance { geometry, object, id_base: 0, material: own, inherited, to_world, motion: NONE },
+                )
             }
             Content::Spheres(index) => {
                 let object = self.object(node, "spheres");
                 let geometry = self.spheres_geometry(node, *index)?;
                 let to_world = (!transform.is_identity()).then_some(transform);
-                self.instance(part, Instance { geometry, object, id_base: 0, material: own, inherited, to_world })
+                self.instance(
+                    part,
+                    Instance { geometry, object, id_base: 0, material: own, inherited, to_world, motion: NONE },
+                )
             }
             Content::Cylinders(index) => {
                 let object = self.object(node, "cylinders");
                 let geometry = self.cylinders_geometry(node, *index)?;
                 let to_world = (!transform.is_identity()).then_some(transform);
-                self.instance(part, Instance { geometry, object, id_base: 0, material: own, inherited, to_world })
+                self.instance(
+                    part,
+                    Instance { geometry, object, id_base: 0, material: own, inherited, to_world, motion: NONE },
+                )
             }
             Content::Group(children) => self.flatten(children, &Place { transform, inherited }, part, depth + 1),
             Content::Instance(index) => {
@@ -405,7 +488,7 @@ impl Builder {
                 let to_world = Some(*transform);
                 self.instance(
                     part,
-                    Instance { geometry, object, id_base: 0, material: NONE, inherited: NONE, to_world },
+                    Instance { geometry, object, id_base: 0, material: NONE, inherited: NONE, to_world, motion: NONE },
                 )?;
             }
         }
@@ -441,24 +524,35 @@ impl Builder {
             self.open.pop();
         }
         let Some(finished) = self.finished.remove(&index) else { return Ok(()) };
-        let (instances, lights, unbounded) = &finished;
+        let Finished { instances, lights, moving_lights, unbounded } = &finished;
         self.count(0, instances.len())?;
         let or = |a: u32, b: u32| if a == NONE { b } else { a };
-        part.instances.extend(instances.iter().map(|inner| {
+        for inner in instances {
             let to_world = match &inner.to_world {
                 Some(t) => transform.after(t),
                 None => transform,
             };
-            Instance {
+            let mut placed = Instance {
                 material: or(own, inner.material),
                 inherited: or(inner.inherited, inherited),
                 to_world: (!to_world.is_identity()).then_some(to_world),
                 ..*inner
+            };
+            if inner.motion != NONE {
+                let chain = self.chains[inner.motion as usize].clone();
+                placed = self.moving(&placed, chain.inside(&transform))?;
             }
-        }));
+            part.instances.push(placed);
+        }
+        let base = part.lights.len() as u32;
         for light in lights {
             self.light(part, light.transformed(&transform))?;
         }
+        part.moving_lights.extend(moving_lights.iter().map(|MovingLight { index, light, chain }| MovingLight {
+            index: base + index,
+            light: light.clone(),
+            chain: chain.clone().inside(&transform),
+        }));
         for Unbounded { shape, object, material, own: place } in unbounded {
             let moved = shape.transformed(&transform).ok_or_else(|| self.invalid(*object, too_far()))?;
             let material = or(own, or(*material, inherited));
@@ -513,15 +607,24 @@ impl Builder {
 
     /// Turns a part's loose shapes into one more instance.
     fn finish_part(&mut self, part: Part, object: u32) -> Result<Finished, BuildError> {
-        let Part { shapes, shape_objects, shape_materials, mut instances, lights, unbounded } = part;
+        let Part { shapes, shape_objects, shape_materials, mut instances, lights, moving_lights, unbounded } = part;
         if !shapes.is_empty() {
             let geometry =
                 Geometry::shapes(shapes, shape_objects, shape_materials).map_err(|e| hierarchy_error("shapes", &e))?;
             self.geometries.push(geometry);
             let geometry = self.geometries.len() as u32 - 1;
-            instances.push(Instance { geometry, object, id_base: 0, material: NONE, inherited: NONE, to_world: None });
+            let (material, inherited) = (NONE, NONE);
+            instances.push(Instance {
+                geometry,
+                object,
+                id_base: 0,
+                material,
+                inherited,
+                to_world: None,
+                motion: NONE,
+            });
         }
-        Ok((instances, lights, unbounded))
+        Ok(Finished { instances, lights, moving_lights, unbounded })
     }
 
     fn mesh_geometry(

@@ -1,5 +1,6 @@
 //! Instances: geometries placed in the world.
 
+use super::motion::{Chain, around, outwards};
 use crate::math::{Line, Transform};
 use crate::shape::Shape;
 use canaletto_bvh::{Aabb, PreparedRay};
@@ -20,8 +21,10 @@ pub(super) struct Instance {
     pub(super) material: u32,
     /// The material for what has none, or [`NONE`].
     pub(super) inherited: u32,
-    /// From the geometry's space to the world's; `None` is the identity.
+    /// From the geometry's space to the world's; `None` is the identity. Where it is at time 0, if it moves.
     pub(super) to_world: Option<Transform>,
+    /// Index into the world's chains if it moves, or [`NONE`].
+    pub(super) motion: u32,
 }
 
 /// A shape without bounds, placed in the world.
@@ -39,38 +42,45 @@ pub(super) struct Unbounded {
 impl Instance {
     /// Calls `f` with the ray in the geometry's space. Its parameter t stays the same: the direction isn't normalised.
     #[inline]
-    pub(super) fn with_local_ray<T>(&self, ray: &PreparedRay, f: impl FnOnce(&PreparedRay) -> T) -> T {
+    pub(super) fn with_local_ray<T>(
+        &self,
+        ray: &PreparedRay,
+        chains: &[Chain],
+        time: f32,
+        f: impl FnOnce(&PreparedRay) -> T,
+    ) -> T {
         match &self.to_world {
             None => f(ray),
-            Some(_) => f(&self.local_line(Line::from(&ray.ray)).rounded().prepare()),
-        }
-    }
-
-    /// The line in the geometry's space.
-    pub(super) fn local_line(&self, line: Line) -> Line {
-        match &self.to_world {
-            None => line,
-            Some(t) => {
-                let to_local = t.inverse();
-                Line { origin: to_local.point(line.origin), direction: to_local.vector(line.direction) }
+            Some(t) if self.motion == NONE => f(&to_local(t, Line::from(&ray.ray)).rounded().prepare()),
+            Some(_) => {
+                let t = chains[self.motion as usize].at(time);
+                f(&to_local(&t, Line::from(&ray.ray)).rounded().prepare())
             }
         }
     }
 
-    /// World bounds of local ones, rounded outwards.
-    pub(super) fn bounds(&self, local: Aabb) -> Aabb {
+    /// From the geometry's space to the world's at a time in 0..=1.
+    pub(super) fn placed(&self, chains: &[Chain], time: f32) -> Option<Transform> {
+        if self.motion == NONE { self.to_world } else { Some(chains[self.motion as usize].at(time)) }
+    }
+
+    /// World bounds of local ones over all times, rounded outwards.
+    pub(super) fn bounds(&self, chains: &[Chain], local: Aabb) -> Aabb {
         let Some(t) = &self.to_world else { return local };
         if local.is_empty() {
             return local;
         }
+        if self.motion != NONE {
+            return chains[self.motion as usize].bounds(local);
+        }
         let (min, max) = (local.min.as_dvec3(), local.max.as_dvec3());
-        let (center, half) = ((min + max) * 0.5, (max - min) * 0.5);
-        let m = t.matrix().matrix3;
-        let center = t.point(center);
-        let half = m.x_axis.abs() * half.x + m.y_axis.abs() * half.y + m.z_axis.abs() * half.z;
-        // The ray is rounded on its way into the geometry's space: give the box that much, relative to its own numbers.
-        let slack = (center.abs() + half) * f64::from(f32::EPSILON) * 4.0;
-        let (low, high) = ((center - half - slack).as_vec3(), (center + half + slack).as_vec3());
-        Aabb { min: low.map(f32::next_down), max: high.map(f32::next_up) }
+        let (center, half) = around(t, (min + max) * 0.5, (max - min) * 0.5);
+        outwards(center, half)
     }
+}
+
+/// The line in the space that `to_world` leads out of.
+pub(super) fn to_local(to_world: &Transform, line: Line) -> Line {
+    let back = to_world.inverse();
+    Line { origin: back.point(line.origin), direction: back.vector(line.direction) }
 }

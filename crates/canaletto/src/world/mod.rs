@@ -4,6 +4,7 @@
 mod build;
 mod geometry;
 mod instance;
+mod motion;
 mod query;
 mod textured;
 mod wants;
@@ -20,6 +21,7 @@ use crate::texture::Pattern;
 use canaletto_bvh::{Aabb, Bvh};
 use geometry::Geometry;
 use instance::{Instance, Unbounded};
+use motion::{Chain, MovingLight};
 
 /// A scene ready to be traced.
 #[derive(Debug)]
@@ -30,7 +32,7 @@ pub struct World {
     pub environment: Option<Backdrop>,
     /// Iₐ of (5.33).
     pub ambient: Rgb,
-    /// All lights, in world space.
+    /// All lights, in world space; those that move where they are when the shutter opens.
     pub lights: Vec<Source>,
     /// All textures, ready to be looked up; the first ones are those of [`crate::scene::Scene::textures`].
     pub textures: Vec<Pattern>,
@@ -43,6 +45,10 @@ pub struct World {
     objects: Vec<Object>,
     geometries: Vec<Geometry>,
     instances: Vec<Instance>,
+    /// Where instances that move are at each time.
+    chains: Vec<Chain>,
+    /// The lights that move; `lights` has them where they are at time 0.
+    moving_lights: Vec<MovingLight>,
     /// Over the bounds of `instances`, the first level.
     top: Bvh,
     /// Shapes without bounds, met one by one. Their hits carry [`Hit::UNBOUNDED`] as instance.

@@ -2,8 +2,9 @@
 
 use super::World;
 use super::geometry::{Geometry, NO_PRIMITIVE, Nearest};
-use super::instance::{NONE, Unbounded};
+use super::instance::{NONE, Unbounded, to_local};
 use crate::integrator::Probe;
+use crate::light::Source;
 use crate::material::Material;
 use crate::math::{Line, Spread, offset_origin};
 use crate::shape::{ShapeHit, Surface};
@@ -22,6 +23,8 @@ pub struct Hit {
     pub part: u32,
     /// Barycentric coordinates on triangles.
     pub uv: [f32; 2],
+    /// When, from 0 (the shutter opens) to 1 (it closes).
+    pub time: f32,
 }
 
 /// Something opaque that stood in a light's way. A hint: it changes no answer.
@@ -53,7 +56,13 @@ impl Hit {
 impl World {
     /// The nearest hit with 0 < t ≤ t_max; ties go to the lowest instance, then the lowest primitive.
     pub fn intersect(&self, ray: &Ray, t_max: f32) -> Option<Hit> {
-        self.nearest(ray, t_max, |world, ray, mut best| {
+        self.intersect_at(ray, t_max, 0.0)
+    }
+
+    /// The same at a time in 0..=1, from the shutter's opening to its closing.
+    #[inline]
+    pub fn intersect_at(&self, ray: &Ray, t_max: f32, time: f32) -> Option<Hit> {
+        self.nearest(ray, t_max, time, |world, ray, mut best| {
             world.top.intersect(ray, best.t, |leaf, t_max| {
                 for slot in leaf.slots() {
                     world.try_instance(ray, world.top.order()[slot as usize], &mut best, Geometry::intersect);
@@ -66,7 +75,12 @@ impl World {
 
     /// [`World::intersect`] without hierarchies: the oracle for tests.
     pub fn intersect_brute_force(&self, ray: &Ray, t_max: f32) -> Option<Hit> {
-        self.nearest(ray, t_max, |world, ray, mut best| {
+        self.intersect_brute_force_at(ray, t_max, 0.0)
+    }
+
+    /// [`World::intersect_at`] without hierarchies.
+    pub fn intersect_brute_force_at(&self, ray: &Ray, t_max: f32, time: f32) -> Option<Hit> {
+        self.nearest(ray, t_max, time, |world, ray, mut best| {
             for index in 0..world.instances.len() as u32 {
                 world.try_instance(ray, index, &mut best, Geometry::intersect_brute_force);
             }
@@ -74,11 +88,18 @@ impl World {
         })
     }
 
-    fn nearest(&self, ray: &Ray, t_max: f32, instances: impl FnOnce(&World, &PreparedRay, Hit) -> Hit) -> Option<Hit> {
-        let mut best = Hit { t: t_max, instance: NONE, primitive: NO_PRIMITIVE, part: 0, uv: [0.0; 2] };
+    #[inline]
+    fn nearest(
+        &self,
+        ray: &Ray,
+        t_max: f32,
+        time: f32,
+        instances: impl FnOnce(&World, &PreparedRay, Hit) -> Hit,
+    ) -> Option<Hit> {
+        let mut best = Hit { t: t_max, instance: NONE, primitive: NO_PRIMITIVE, part: 0, uv: [0.0; 2], time };
         for (index, Unbounded { shape, .. }) in self.unbounded.iter().enumerate() {
             if let Some(ShapeHit { t, part, uv }) = shape.intersect(ray, best.t) {
-                let hit = Hit { t, instance: Hit::UNBOUNDED, primitive: index as u32, part, uv };
+                let hit = Hit { t, instance: Hit::UNBOUNDED, primitive: index as u32, part, uv, time };
                 if hit.nearer_than(best.t, best.instance, best.primitive) {
                     best = hit;
                 }
@@ -98,9 +119,9 @@ impl World {
         let instance = &self.instances[index as usize];
         let geometry = &self.geometries[instance.geometry as usize];
         if let Some(Nearest { t, primitive, part, uv }) =
-            instance.with_local_ray(ray, |ray| intersect(geometry, ray, best.t))
+            instance.with_local_ray(ray, &self.chains, best.time, |ray| intersect(geometry, ray, best.t))
         {
-            let hit = Hit { t, instance: index, primitive, part, uv };
+            let hit = Hit { t, instance: index, primitive, part, uv, time: best.time };
             if hit.nearer_than(best.t, best.instance, best.primitive) {
                 *best = hit;
             }
@@ -113,12 +134,13 @@ impl World {
         &self,
         ray: &Ray,
         t_max: f32,
+        time: f32,
         spread: Option<&Spread>,
         last: &mut Blocker,
         probe: &mut P,
     ) -> f32 {
         // Anything opaque in between settles it; only a recording probe wants to know what stands in which order.
-        let (blocked, clear) = self.between(ray, t_max, last);
+        let (blocked, clear) = self.between(ray, t_max, time, last);
         if blocked && !P::ACTIVE {
             return 0.0;
         }
@@ -129,7 +151,7 @@ impl World {
         let (mut ray, mut t_max) = (*ray, t_max);
         let (line, end) = (Line::from(&ray), ray.origin + ray.direction);
         for _ in 0..Self::MAX_CROSSINGS {
-            let Some(hit) = self.intersect(&ray, t_max) else { break };
+            let Some(hit) = self.intersect_at(&ray, t_max, time) else { break };
             let surface = self.surface(&ray, &hit);
             let material = self.material(&hit);
             let opacity = if material.textures.is_empty() {
@@ -161,11 +183,11 @@ impl World {
     const MAX_CROSSINGS: usize = 1 << 16;
 
     /// Whether anything opaque stands before `t_max`; and if not, whether anything clear does.
-    fn between(&self, ray: &Ray, t_max: f32, last: &mut Blocker) -> (bool, bool) {
+    fn between(&self, ray: &Ray, t_max: f32, time: f32, last: &mut Blocker) -> (bool, bool) {
         let prepared = &ray.prepare();
         if let Some(instance) = self.instances.get(last.instance as usize) {
             let geometry = &self.geometries[instance.geometry as usize];
-            if instance.with_local_ray(prepared, |ray| geometry.blocks(last.slot, ray, t_max)) {
+            if instance.with_local_ray(prepared, &self.chains, time, |ray| geometry.blocks(last.slot, ray, t_max)) {
                 return (true, false);
             }
             // Once past its shadow's border it would be tried in vain.
@@ -173,7 +195,7 @@ impl World {
         }
         let mut clear = false;
         let mut opaque = |instance: u32, primitive: u32| {
-            let hit = Hit { t: 0.0, instance, primitive, part: 0, uv: [0.0; 2] };
+            let hit = Hit { t: 0.0, instance, primitive, part: 0, uv: [0.0; 2], time };
             let opaque = !self.has_clear || self.material(&hit).is_opaque();
             clear |= !opaque;
             opaque
@@ -185,7 +207,7 @@ impl World {
                 let index = self.top.order()[slot as usize];
                 let instance = &self.instances[index as usize];
                 let geometry = &self.geometries[instance.geometry as usize];
-                let slot = instance.with_local_ray(prepared, |ray| {
+                let slot = instance.with_local_ray(prepared, &self.chains, time, |ray| {
                     geometry.occluded(ray, t_max, |primitive| opaque(index, primitive))
                 });
                 if let Some(slot) = slot {
@@ -205,11 +227,34 @@ impl World {
         }
         let instance = &self.instances[hit.instance as usize];
         let geometry = &self.geometries[instance.geometry as usize];
-        let local = geometry.surface(instance.local_line(line), hit.primitive, &hit.shape_hit());
-        match &instance.to_world {
-            None => local,
-            Some(t) => local.transformed(t),
+        let moved;
+        let to_world = if instance.motion == NONE {
+            &instance.to_world
+        } else {
+            moved = instance.placed(&self.chains, hit.time);
+            &moved
+        };
+        match to_world {
+            None => geometry.surface(line, hit.primitive, &hit.shape_hit()),
+            Some(t) => geometry.surface(to_local(t, line), hit.primitive, &hit.shape_hit()).transformed(t),
         }
+    }
+
+    /// Whether anything moves while the shutter is open.
+    pub fn moves(&self) -> bool {
+        !self.chains.is_empty() || !self.moving_lights.is_empty()
+    }
+
+    /// Puts the lights that move to where they are at a time in 0..=1. `lights` are this world's, at any time.
+    pub(crate) fn move_lights(&self, lights: &mut [Source], time: f32) {
+        for moving in &self.moving_lights {
+            lights[moving.index as usize] = moving.at(time);
+        }
+    }
+
+    /// Whether any light moves while the shutter is open.
+    pub(crate) fn lights_move(&self) -> bool {
+        !self.moving_lights.is_empty()
     }
 
     /// The material at a hit.

@@ -1,6 +1,7 @@
 //! The third stage of a hit, on surfaces with textures: what the material's textures make of its numbers and of the
 //! normal there. A world without textures never comes here.
 
+use super::instance::to_local;
 use super::{Hit, World};
 use crate::integrator::Probe;
 use crate::material::{MaterialPoint, Place, Spot, Spots, Target, TextureUse, bumped, on_the_outside, tilted};
@@ -41,10 +42,10 @@ pub struct Reading {
 }
 
 /// A hit in the space of its object.
-struct Local<'w> {
+struct Local {
     surface: Surface,
     patch: Patch,
-    to_world: Option<&'w Transform>,
+    to_world: Option<Transform>,
     bounds: Option<Aabb>,
 }
 
@@ -57,7 +58,7 @@ impl World {
     /// How the surface goes on around a hit of this line's ray, in the world's space.
     pub fn patch(&self, line: impl Into<Line>, hit: &Hit) -> Patch {
         let local = self.local(line.into(), hit);
-        match local.to_world {
+        match &local.to_world {
             None => local.patch,
             Some(t) => local.patch.transformed(t, &local.surface),
         }
@@ -102,7 +103,7 @@ impl World {
                 point.bent = true;
             }
             if P::ACTIVE {
-                let outwards = |n: DVec3| local.to_world.map_or(n, |t| t.normal(n).normalize());
+                let outwards = |n: DVec3| local.to_world.as_ref().map_or(n, |t| t.normal(n).normalize());
                 probe.texture(&TextureRead {
                     used,
                     name: &self.texture_names[used.texture as usize],
@@ -115,7 +116,7 @@ impl World {
             }
         }
         if point.bent {
-            surface.shading_normal = match local.to_world {
+            surface.shading_normal = match &local.to_world {
                 None => normal,
                 Some(t) => on_the_outside(t.normal(normal).normalize(), surface.normal),
             };
@@ -141,30 +142,27 @@ impl World {
         point.blocked()
     }
 
-    fn local(&self, line: Line, hit: &Hit) -> Local<'_> {
+    fn local(&self, line: Line, hit: &Hit) -> Local {
         let shape_hit = hit.shape_hit();
         if hit.instance == Hit::UNBOUNDED {
             let unbounded = &self.unbounded[hit.primitive as usize];
-            let (shape, to_world) = unbounded.own.as_ref().map_or((&unbounded.shape, None), |(s, t)| (s, Some(t)));
-            let line = to_world.map_or(line, |t| local_line(t, line));
+            let (shape, to_world) = unbounded.own.as_ref().map_or((&unbounded.shape, None), |(s, t)| (s, Some(*t)));
+            let line = to_world.as_ref().map_or(line, |t| to_local(t, line));
             let surface = shape.surface(line, &shape_hit);
             return Local { surface, patch: shape.patch(&surface, &shape_hit), to_world, bounds: None };
         }
         let instance = &self.instances[hit.instance as usize];
         let geometry = &self.geometries[instance.geometry as usize];
-        let surface = geometry.surface(instance.local_line(line), hit.primitive, &shape_hit);
+        let to_world = instance.placed(&self.chains, hit.time);
+        let local_line = to_world.as_ref().map_or(line, |t| to_local(t, line));
+        let surface = geometry.surface(local_line, hit.primitive, &shape_hit);
         Local {
             surface,
             patch: geometry.patch(hit.primitive, &shape_hit, &surface),
-            to_world: instance.to_world.as_ref(),
+            to_world,
             bounds: geometry.object_bounds(hit.primitive),
         }
     }
-}
-
-fn local_line(to_world: &Transform, line: Line) -> Line {
-    let back = to_world.inverse();
-    Line { origin: back.point(line.origin), direction: back.vector(line.direction) }
 }
 
 /// A hit as its textures see it.
@@ -177,7 +175,7 @@ struct At<'a> {
 impl<'a> At<'a> {
     fn new(world: &World, local: &'a Local, step: Option<[DVec3; 2]>) -> At<'a> {
         debug_assert!(step.is_none() || world.wants_spread);
-        let steps = match (step, local.to_world) {
+        let steps = match (step, &local.to_world) {
             (None, _) => [DVec3::ZERO; 2],
             (Some(step), None) => step,
             (Some(step), Some(t)) => step.map(|s| t.inverse().vector(s)),
@@ -187,7 +185,7 @@ impl<'a> At<'a> {
             normal: local.surface.normal,
             uv: local.surface.uv.as_dvec2(),
             patch: &local.patch,
-            to_world: local.to_world,
+            to_world: local.to_world.as_ref(),
             bounds: local.bounds,
         };
         At { place, steps }

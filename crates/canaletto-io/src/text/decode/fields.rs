@@ -477,7 +477,9 @@ impl Got<'_> {
 }
 
 fn find(words: &'static Words, name: &str) -> Option<&'static Word> {
-    words.word(name).or_else(|| TRANSFORMS.iter().find(|word| words.transforms && word.name == name))
+    let motion = || (words.may_move() && name == schema::MOTION_WORD.name).then_some(&schema::MOTION_WORD);
+    let transform = || TRANSFORMS.iter().find(|word| words.transforms && word.name == name);
+    words.word(name).or_else(transform).or_else(motion)
 }
 
 fn is_usable(number: f64) -> bool {

@@ -1,33 +1,46 @@
-//! A camera's lens.
+//! A camera's lens, and its way while the shutter is open.
 
 use super::Decoder;
 use super::fields::Fields;
 use crate::text::report::Message;
-use crate::text::schema::{self, DEFAULT_BLADES, DEFAULT_LENS_ROTATION};
-use canaletto::scene::{Aperture, Focus, Lens};
+use crate::text::schema::{self, DEFAULT_BLADES, DEFAULT_LENS_ROTATION, Words};
+use canaletto::scene::{Aperture, Extrinsics, Focus, Lens};
 
 impl Decoder<'_> {
-    /// The lens in a camera's braces. Its ranges are checked with the whole camera.
-    pub(super) fn lens(&mut self, camera: &Fields) -> Option<Lens> {
-        let node = camera.raw("lens")?.node;
-        let Some(node) = node else {
-            let message = Message::error(camera.span("lens"), "lens takes a block");
-            self.judge.report.push(message.help(format!("for example: {}", schema::LENS.example)));
+    /// The words in the block that a word stands before; nothing after a mistake in them.
+    pub(super) fn block<'n>(&mut self, fields: &Fields<'n>, words: &'static Words) -> Option<Fields<'n>> {
+        let Some(node) = fields.raw(words.name)?.node else {
+            let message = Message::error(fields.span(words.name), format!("{} takes a block", words.name));
+            self.judge.report.push(message.help(format!("for example: {}", words.example)));
             self.sound = false;
             return None;
         };
-        let fields = self.judge.fields(node, &schema::LENS, "lens");
-        self.sound &= fields.sound;
-        if !fields.sound {
-            return None;
-        }
+        let inner = self.judge.fields(node, words, words.name);
+        self.sound &= inner.sound;
+        inner.sound.then_some(inner)
+    }
+
+    /// Where the camera goes while the shutter is open, from where it is.
+    pub(super) fn camera_motion(&mut self, camera: &Fields, from: Extrinsics) -> Option<Vec<Extrinsics>> {
+        let fields = self.block(camera, &schema::CAMERA_MOTION)?;
+        let to = Extrinsics {
+            eye: fields.dvec("eye").unwrap_or(from.eye),
+            center: fields.dvec("center").unwrap_or(from.center),
+            up: fields.dvec("up").unwrap_or(from.up),
+        };
+        Some(vec![from, to])
+    }
+
+    /// The lens in a camera's braces. Its ranges are checked with the whole camera.
+    pub(super) fn lens(&mut self, camera: &Fields) -> Option<Lens> {
+        let fields = self.block(camera, &schema::LENS)?;
         self.either(&fields, "radius", "f-number");
         self.either(&fields, "focus", "focus-point");
         let aperture = match (fields.number("radius"), fields.number("f-number")) {
             (Some(radius), _) => Aperture::Radius(radius),
             (None, Some(number)) => Aperture::Number(number),
             (None, None) => {
-                let message = Message::error(node.name_span, "lens needs its radius or its f-number");
+                let message = Message::error(fields.node.name_span, "lens needs its radius or its f-number");
                 self.judge.report.push(message.help(format!("for example: {}", schema::LENS.example)));
                 self.sound = false;
                 return None;

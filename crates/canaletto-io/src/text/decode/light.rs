@@ -18,6 +18,7 @@ impl Decoder<'_> {
         let title = format!("light \"{kind}\"");
         let fields = self.judge.fields(node, schema::light(kind)?, &title);
         let transform = self.transform(&fields);
+        let motion = self.motion(&fields);
         self.sound &= fields.sound;
         let mut light =
             Light::new(self.kind(kind, &fields)?, fields.rgb("intensity").unwrap_or(Rgb::gray(DEFAULT_INTENSITY)));
@@ -35,7 +36,7 @@ impl Decoder<'_> {
             self.out_of_range(&fields, &problem);
         }
         let name = light.name.clone();
-        Some(scene::Node { name, transform, ..scene::Node::new(Content::Light(light)) })
+        Some(scene::Node { name, transform, motion, ..scene::Node::new(Content::Light(light)) })
     }
 
     /// The word after `light` or `environment`, which says what other words there are.

@@ -28,6 +28,7 @@ impl Decoder<'_> {
         let fields = self.judge.fields(node, words, words.name);
         let material = self.material(&fields);
         let transform = self.transform(&fields);
+        let motion = self.motion(&fields);
         let content = match words.name {
             "group" | "prototype" => Some(Content::Group(self.group(&fields))),
             "instance" => self.instance(&fields),
@@ -38,7 +39,7 @@ impl Decoder<'_> {
         };
         let name = fields.text("name").map(str::to_owned);
         self.sound &= fields.sound;
-        Some(scene::Node { name, material, transform, content: content? })
+        Some(scene::Node { name, material, transform, motion, content: content? })
     }
 
     fn group(&mut self, fields: &Fields) -> Vec<scene::Node> {

@@ -131,12 +131,13 @@ impl<'a> Decoder<'a> {
                         self.scene.views.push(view);
                         self.scene.views.len() - 1
                     });
-                    let lens = self.lens(&fields);
+                    let lens = if fields.has("lens") { self.lens(&fields) } else { None };
+                    change_view(&mut self.scene.views[index], &fields);
+                    let from = self.scene.views[index].extrinsics;
+                    let motion = if fields.has("motion") { self.camera_motion(&fields, from) } else { None };
                     let view = &mut self.scene.views[index];
-                    change_view(view, &fields);
-                    if let Some(lens) = lens {
-                        view.intrinsics.lens = Some(lens);
-                    }
+                    set(&mut view.intrinsics.lens, lens.map(Some));
+                    set(&mut view.motion, motion);
                     if index < last.len() { last[index] = fields } else { last.push(fields) }
                 }
             }
@@ -315,6 +316,7 @@ fn change_view(view: &mut View, fields: &Fields) {
     set(&mut i.near, fields.number("near"));
     set(&mut i.far, fields.number("far"));
     set(&mut i.shift, fields.numbers("shift"));
+    set(&mut i.shutter, fields.numbers("shutter"));
     if let Some([width, height]) = fields.counts("size") {
         (i.width, i.height) = (width, height);
     }

@@ -1,9 +1,10 @@
-//! Transforms, applied in the order in which they are written.
+//! Transforms, applied in the order in which they are written, at once or while the shutter is open.
 
 use super::Decoder;
 use super::fields::{Fields, Got};
 use crate::text::report::Message;
-use canaletto::math::Transform;
+use crate::text::schema::{self, MOTION_WORD};
+use canaletto::math::{Path, Transform};
 use glam::{DAffine3, DMat3, DVec3};
 
 impl Decoder<'_> {
@@ -25,6 +26,74 @@ impl Decoder<'_> {
             self.judge.report.error(span, "its transforms together go beyond what can be computed with");
         }
         all
+    }
+
+    /// The poses of what moves while the shutter is open: its transforms done in part, ever more of them. Things turn from
+    /// pose to pose by the short way, so that large turns take several.
+    pub(super) fn motion(&mut self, fields: &Fields) -> Vec<Transform> {
+        if !fields.has(MOTION_WORD.name) {
+            return Vec::new();
+        }
+        let Some(inner) = self.block(fields, &schema::MOTION) else { return Vec::new() };
+        let span = inner.node.name_span;
+        let mut wrong = |message: String, at| {
+            self.sound = false;
+            self.judge.report.push(Message::error(at, message));
+            Vec::new()
+        };
+        if inner.transforms.is_empty() {
+            return wrong("motion has no transforms, so nothing moves".into(), span);
+        }
+        let angles = inner.transforms.iter().map(|got| match got.word.name {
+            "rotate" => got.numbers::<4>().map_or(0.0, |[.., degrees]| degrees.abs()),
+            "rotate-x" | "rotate-y" | "rotate-z" => got.numbers().map_or(0.0, |[degrees]| degrees.abs()),
+            _ => 0.0,
+        });
+        let angle: f64 = angles.sum();
+        if angle > MOST_TURN {
+            return wrong(format!("motion turns by {angle} degrees; it can be up to {MOST_TURN}"), span);
+        }
+        let steps = ((angle / TURN_STEP).ceil() as u32).max(1);
+        let mut poses = Vec::new();
+        for step in 0..=steps {
+            let mut pose = Transform::IDENTITY;
+            for got in &inner.transforms {
+                match partly(got, f64::from(step) / f64::from(steps)) {
+                    Ok(transform) => pose = transform.after(&pose),
+                    Err(message) => return wrong(message, got.span),
+                }
+            }
+            poses.push(pose);
+        }
+        match Path::new(&poses) {
+            Ok(_) => poses,
+            Err(problem) => wrong(problem.to_string(), span),
+        }
+    }
+}
+
+/// The most degrees that `motion` turns by.
+const MOST_TURN: f64 = 2880.0;
+/// The degrees between two of its poses, well below the half turn of which nobody knows which way it goes.
+const TURN_STEP: f64 = 45.0;
+
+/// The share `f` of a transform.
+fn partly(got: &Got, f: f64) -> Result<Transform, String> {
+    let whole = single(got)?;
+    if f == 1.0 {
+        return Ok(whole);
+    }
+    let around = |axis: DVec3, degrees: f64| Transform::rotate(axis, degrees * f).map_err(|e| e.to_string());
+    let degrees = || got.numbers().map_or(0.0, |[degrees]| degrees);
+    match got.word.name {
+        "rotate-x" => around(DVec3::X, degrees()),
+        "rotate-y" => around(DVec3::Y, degrees()),
+        "rotate-z" => around(DVec3::Z, degrees()),
+        "rotate" => {
+            let [x, y, z, degrees] = got.numbers().unwrap_or_default();
+            around(DVec3::new(x, y, z), degrees)
+        }
+        _ => Path::new(&[Transform::IDENTITY, whole]).map(|path| path.at(f)).map_err(|e| e.to_string()),
     }
 }
 

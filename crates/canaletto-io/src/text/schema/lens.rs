@@ -25,6 +25,33 @@ pub(crate) static LENS: Words = Words::new(
 )
 .example("camera { eye 0 2 9; center 0 1 0; lens { radius 0.1; focus-point 0 1 2; blades 6; rotation 15 } }");
 
+/// `motion` in whatever has transforms.
+pub(crate) static MOTION: Words = Words::new(
+    "motion",
+    "What happens to an object, group or light while the shutter is open, after its own transforms: the transforms in here, \
+     from not at all when the shutter opens to wholly when it closes. Turns are turns all the way, up to 8 times around.",
+    &[],
+)
+.transforms()
+.example("box { min -1 -1 -1; max 1 1 1; rotate-x 10; motion { rotate-y 90; translate 3 0 0 } }");
+
+/// The word for it.
+pub(crate) static MOTION_WORD: Word =
+    Word::new("motion", Takes::Node(&MOTION), "how it moves while the shutter is open; see Motion blur");
+
+/// `motion` in a camera.
+pub(crate) static CAMERA_MOTION: Words = Words::new(
+    "motion",
+    "Where the camera is when the shutter closes, in the words that change. The eye moves on a straight line, and the \
+     picture's axes turn.",
+    &[&[
+        Word::new("eye", POINT, "where it stands then").or(|| "`eye`".into()),
+        Word::new("center", POINT, "a point that it looks at then").or(|| "`center`".into()),
+        Word::new("up", POINT, "what is upwards then").or(|| "`up`".into()),
+    ]],
+)
+.example("camera { eye 0 2 9; center 0 1 0; motion { eye 1 2 9 } }");
+
 /// The corners of a lens where nothing says so.
 pub(crate) const DEFAULT_BLADES: u32 = 0;
 /// How they are turned where nothing says so.

@@ -9,7 +9,7 @@ mod surface_textures;
 mod textures;
 
 pub(crate) use environments::{ENVIRONMENTS, SMOOTHINGS, environment};
-pub(crate) use lens::{DEFAULT_BLADES, DEFAULT_LENS_ROTATION, LENS};
+pub(crate) use lens::{CAMERA_MOTION, DEFAULT_BLADES, DEFAULT_LENS_ROTATION, LENS, MOTION, MOTION_WORD};
 pub(crate) use motion::{ANIMATION, CAMERA_FOLLOW, DEFAULT_FPS, EASE, FOLLOW, PATH, POINT_FOLLOW, TURN, ease_words};
 pub(crate) use objects::{
     DEFAULT_CAPS, DEFAULT_INNER, DEFAULT_INTENSITY, DEFAULT_POINTS, DEFAULT_TOP_RADIUS, LIGHTS, OBJECTS, TRANSFORMS,
@@ -125,6 +125,11 @@ impl Words {
         self
     }
 
+    /// Whether `motion` may stand in it: wherever transforms may, except in itself.
+    pub(crate) fn may_move(&self) -> bool {
+        self.transforms && self.name != MOTION.name
+    }
+
     pub(crate) fn own(&self) -> impl Iterator<Item = &'static Word> {
         self.words.iter().flat_map(|group| group.iter())
     }
@@ -138,6 +143,7 @@ impl Words {
         let mut all: Vec<&str> = self.own().map(|word| word.name).collect();
         if self.transforms {
             all.extend(TRANSFORMS.iter().map(|word| word.name));
+            all.extend(self.may_move().then_some(MOTION_WORD.name));
         }
         if self.objects {
             all.extend(objects());

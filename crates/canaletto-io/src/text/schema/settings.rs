@@ -1,6 +1,6 @@
 //! Camera, film, integrator, materials and the scene's own colours.
 
-use super::lens::LENS;
+use super::lens::{CAMERA_MOTION, LENS};
 use super::motion::{ANIMATION, CAMERA_FOLLOW, PATH};
 use super::{NUMBER, POINT, SURFACE_TEXTURE, Takes, Word, Words};
 use canaletto::material::Phong;
@@ -56,6 +56,17 @@ pub(crate) static CAMERA: Words = Words::new(
             format!("{x} {y}")
         }),
         Word::new("lens", Takes::Node(&LENS), "a lens, for depth of field; see below").or(|| "a pinhole".into()),
+        Word::new(
+            "shutter",
+            Takes::Numbers(&[2]),
+            "when the shutter opens and closes, in frames from the frame's own time: what keys move is blurred by as much",
+        )
+        .or(|| {
+            let [open, close] = Intrinsics::default().shutter;
+            format!("{open} {close}")
+        }),
+        Word::new("motion", Takes::Node(&CAMERA_MOTION), "how it moves while the shutter is open; see below")
+            .or(|| "it stays".into()),
         Word::new("follow", Takes::Node(&CAMERA_FOLLOW), "a path that the camera moves on, instead of `eye`; see Motion"),
     ]],
 )

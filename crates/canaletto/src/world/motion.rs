@@ -1,0 +1,89 @@
+//! Instances and lights that move while the shutter is open.
+//!
+//! The first level of the hierarchy holds an instance's bounds over the whole time; a ray is moved into the instance's space
+//! as that stands at the ray's own time. What moves is never baked into its place, and a motion within a motion, such as a
+//! wheel's on a car, stays a chain of both, so that turns stay turns.
+
+use crate::light::{Light, Source};
+use crate::math::{Path, Transform};
+use canaletto_bvh::Aabb;
+use glam::{DVec3, Vec3};
+use std::sync::Arc;
+
+/// A place that changes with time: transforms with paths between them, the outermost first.
+#[derive(Clone, Debug)]
+pub(super) struct Chain {
+    links: Vec<(Transform, Arc<Path>)>,
+    innermost: Transform,
+}
+
+impl Chain {
+    /// A place that stays.
+    pub(super) fn still(place: Transform) -> Chain {
+        Chain { links: Vec::new(), innermost: place }
+    }
+
+    /// The same place moved along a path.
+    pub(super) fn along(mut self, path: &Arc<Path>) -> Chain {
+        self.links.insert(0, (Transform::IDENTITY, path.clone()));
+        self
+    }
+
+    /// The same place after one more transform.
+    pub(super) fn inside(mut self, outer: &Transform) -> Chain {
+        let first = self.links.first_mut().map_or(&mut self.innermost, |(before, _)| before);
+        *first = outer.after(first);
+        self
+    }
+
+    /// The place at a time in 0..=1.
+    pub(super) fn at(&self, time: f32) -> Transform {
+        let inner = |inner: Transform, (before, path): &(Transform, Arc<Path>)| {
+            let moved = path.at(f64::from(time)).after(&inner);
+            if before.is_identity() { moved } else { before.after(&moved) }
+        };
+        self.links.iter().rev().fold(self.innermost, inner)
+    }
+
+    /// Bounds over all times of something with these bounds, rounded outwards.
+    pub(super) fn bounds(&self, local: Aabb) -> Aabb {
+        if local.is_empty() {
+            return local;
+        }
+        let (min, max) = (local.min.as_dvec3(), local.max.as_dvec3());
+        let start = around(&self.innermost, (min + max) * 0.5, (max - min) * 0.5);
+        let (center, half) = self.links.iter().rev().fold(start, |(center, half), (before, path)| {
+            let (center, half) = path.swept(center, half);
+            around(before, center, half)
+        });
+        outwards(center, half)
+    }
+}
+
+/// A light that moves: which one, what it is in its own space, and where that goes.
+#[derive(Clone, Debug)]
+pub(super) struct MovingLight {
+    pub(super) index: u32,
+    pub(super) light: Light,
+    pub(super) chain: Chain,
+}
+
+impl MovingLight {
+    /// The light ready to illuminate at a time in 0..=1.
+    pub(super) fn at(&self, time: f32) -> Source {
+        Source::new(self.light.transformed(&self.chain.at(time)))
+    }
+}
+
+/// The centre and half size of the box around a moved box.
+pub(super) fn around(t: &Transform, center: DVec3, half: DVec3) -> (DVec3, DVec3) {
+    let m = t.matrix().matrix3;
+    (t.point(center), m.x_axis.abs() * half.x + m.y_axis.abs() * half.y + m.z_axis.abs() * half.z)
+}
+
+/// The box in `f32`, with room for the rounding of rays on their way into the geometry's space, relative to its numbers.
+pub(super) fn outwards(center: DVec3, half: DVec3) -> Aabb {
+    let slack = (center.abs() + half) * f64::from(f32::EPSILON) * 4.0;
+    let (low, high): (Vec3, Vec3) = ((center - half - slack).as_vec3(), (center + half + slack).as_vec3());
+    Aabb { min: low.map(f32::next_down), max: high.map(f32::next_up) }
+}
