@@ -191,8 +191,8 @@ fn the_last_blocker_changes_no_shadow() {
         };
         let origin = Vec3::new(h(1) * 3.0, h(2) + 1.1, h(3) * 3.0);
         let ray = Ray { origin, direction: Vec3::new(4.0, 6.0, 5.0) - origin };
-        let with = world.transmittance(&ray, 1.0, None, &mut last, &mut ());
-        let without = world.transmittance(&ray, 1.0, None, &mut Blocker::NONE.clone(), &mut ());
+        let with = world.transmittance(&ray, 1.0, 0.0, None, &mut last, &mut ());
+        let without = world.transmittance(&ray, 1.0, 0.0, None, &mut Blocker::NONE.clone(), &mut ());
         assert_eq!(with, without, "{ray:?}");
         dark += u32::from(with == 0.0);
         half += u32::from(with > 0.0 && with < 1.0);
