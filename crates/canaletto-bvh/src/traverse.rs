@@ -227,6 +227,25 @@ pub(crate) trait AnyOfMany {
 /// How many rays of a stream are on their way at once.
 const FLIGHTS: usize = 8;
 
+/// The rays that have not started; those that are not regular never do.
+struct Waiting<'a> {
+    rays: &'a [PreparedRay],
+    next: usize,
+}
+
+impl Waiting<'_> {
+    #[inline(always)]
+    fn next(&mut self) -> Option<usize> {
+        while let Some(ray) = self.rays.get(self.next) {
+            self.next += 1;
+            if ray.slabs.regular {
+                return Some(self.next - 1);
+            }
+        }
+        None
+    }
+}
+
 /// A ray on its way.
 struct Flight {
     ray: usize,
@@ -282,9 +301,10 @@ unsafe fn stream_with<L: Lanes, F: ClosestOfMany>(
     if nodes.is_empty() {
         return;
     }
-    let mut waiting = rays.iter().enumerate().filter(|(_, ray)| ray.slabs.regular).map(|(index, _)| index);
+    let mut waiting = Waiting { rays, next: 0 };
     let mut flights: [MaybeUninit<Flight>; FLIGHTS] = [const { MaybeUninit::uninit() }; FLIGHTS];
-    let mut order: [usize; FLIGHTS] = std::array::from_fn(|i| i);
+    let mut order = [0, 1, 2, 3, 4, 5, 6, 7];
+    const { assert!(FLIGHTS == 8) };
     let mut active = 0;
     // SAFETY: the caller's promise; links lead to nodes; flights below `active` in `order` were started.
     unsafe {
