@@ -211,6 +211,76 @@ fn every_moment_is_a_still_world() {
     }
 }
 
+/// In a room of one colour a rough mirror is as bright as a polished one, and frosted glass that takes nothing away can't be
+/// seen.
+#[test]
+fn rough_surfaces_lose_no_light() {
+    let room = |material: Phong, depth: u32| {
+        let materials = vec![Material::new("rough", material)];
+        let nodes = vec![ball(Vec3::ZERO, 1.0)];
+        let world = World::build(Scene { background: Rgb::gray(0.5), materials, nodes, ..Scene::default() }).unwrap();
+        let intrinsics = Intrinsics { fovy: 40.0, width: 40, height: 30, ..Intrinsics::default() };
+        let extrinsics = Extrinsics { eye: DVec3::new(0.0, 0.0, 3.0), ..Extrinsics::default() };
+        let film = FilmSettings { sampling: Sampling::Sampled(16), ..FilmSettings::default() };
+        let settings = IntegratorSettings { max_depth: depth, ..IntegratorSettings::default() };
+        let job = Job::new(Camera::new(&intrinsics, &extrinsics).unwrap(), film, settings);
+        let picture = render(&world, &job, &()).unwrap().picture;
+        assert!(world.intersect(&job.camera.line(20.0, 15.0).rounded(), f32::INFINITY).is_some());
+        let values: Vec<f32> = picture.pixels.iter().map(|p| p.r).collect();
+        let (least, most) = values.iter().fold((1f32, 0f32), |(a, b), &v| (a.min(v), b.max(v)));
+        (least, most, values.iter().sum::<f32>() / values.len() as f32)
+    };
+    let black = Phong { kd: Rgb::BLACK, ..Phong::default() };
+    for roughness in [0.05, 0.4, 1.0] {
+        // Of the ball, and of the background beside it.
+        let (least, most, _) = room(Phong { k: Rgb::gray(0.8), roughness, ..black }, 3);
+        assert!((least - 0.4).abs() < 1e-6 && (most - 0.5).abs() < 1e-6, "{roughness}: {least} to {most}");
+        // Few rays creep along inside of the ball for longer than anybody follows them.
+        let (_, most, mean) = room(Phong { opacity: 0.0, eta: 1.5, roughness, ..black }, 256);
+        println!("{roughness}: {mean}");
+        assert!((mean - 0.5).abs() < 1e-3 && (most - 0.5).abs() < 1e-6, "{roughness}: up to {most}, mean {mean}");
+    }
+}
+
+/// A white ball in a rough mirror, against the integral over all facets by Walter's density of those in sight.
+#[test]
+fn rough_mirrors_scatter_by_the_ggx_density() {
+    let (center, radius) = (DVec3::new(-2.0, 1.5, 0.5), 1.2);
+    let eye = DVec3::new(3.0, 3.0, 0.0);
+    let wo = eye.normalize();
+    for roughness in [0.2f32, 0.5, 0.8] {
+        let mut materials = white();
+        materials[1].phong.roughness = roughness;
+        let floor = Shape::Disk(Disk { center: Vec3::ZERO, normal: Vec3::Y, radius: 0.01 });
+        let nodes = vec![Node::from(floor).with_material(1), ball(center.as_vec3(), radius as f32)];
+        let scene = Scene { materials, nodes, ambient: Rgb::WHITE, ..Scene::default() };
+        let found = pixel(scene, &narrow(eye, DVec3::ZERO), 1 << 14, Stage::Reflection);
+        let alpha = f64::from(roughness * roughness);
+        let n = 1500;
+        let mut expected = 0.0;
+        for i in 0..n * n {
+            let at = |k: u32| (f64::from(k) + 0.5) / f64::from(n);
+            let (theta, phi) = (at(i % n) * std::f64::consts::FRAC_PI_2, at(i / n) * std::f64::consts::TAU);
+            let m = DVec3::new(theta.sin() * phi.cos(), theta.cos(), theta.sin() * phi.sin());
+            let t = (1.0 - m.y * m.y) / (alpha * alpha) + m.y * m.y;
+            let d = 1.0 / (std::f64::consts::PI * alpha * alpha * t * t);
+            let g1 = 2.0 / (1.0 + (1.0 + alpha * alpha * (1.0 - wo.y * wo.y) / (wo.y * wo.y)).sqrt());
+            let density = d * g1 * wo.dot(m).max(0.0) / wo.y;
+            // What would go into the floor leaves it mirrored.
+            let mirrored = m * (2.0 * wo.dot(m)) - wo;
+            let ray = DVec3::new(mirrored.x, mirrored.y.abs(), mirrored.z);
+            let along = center.dot(ray);
+            let meets = along > 0.0 && center.length_squared() - along * along < radius * radius;
+            if meets {
+                expected += density * theta.sin();
+            }
+        }
+        expected *= std::f64::consts::PI * std::f64::consts::PI / f64::from(n * n);
+        assert!((found - expected).abs() < 3e-3, "{roughness}: {found}, not {expected}");
+        assert!(expected > 0.1 && expected < 0.999, "{expected}");
+    }
+}
+
 /// A small part of the half shadow of a ball under a disk light, and of the outline of a ball out of focus: pixels that are
 /// integrals over a light's disk, or over a lens, with one edge in them.
 fn half_shadow_and_blur() -> [(&'static str, Scene, View, Stage); 2] {

@@ -29,7 +29,15 @@ pub fn still_life(scale: f32) -> Scene {
         ),
         material(
             "glass",
-            Phong { kd: Rgb::new(0.0, 0.1, 0.0), ks: Rgb::WHITE, n: 80.0, k: Rgb::gray(0.1), eta: 1.5, opacity: 0.2 },
+            Phong {
+                kd: Rgb::new(0.0, 0.1, 0.0),
+                ks: Rgb::WHITE,
+                n: 80.0,
+                k: Rgb::gray(0.1),
+                eta: 1.5,
+                opacity: 0.2,
+                ..Phong::default()
+            },
         ),
         material("red", shiny(Rgb::new(0.8, 0.1, 0.1))),
     ];
@@ -150,7 +158,7 @@ pub fn still_life_job(scale: f32, width: u32, height: u32, sampling: Sampling) -
     Job::new(camera, FilmSettings { sampling, ..FilmSettings::default() }, IntegratorSettings::default())
 }
 
-/// The still life with everything that is sampled: random points of its light, and a lot of things that move while the
+/// The still life with everything that is sampled: random points of its light, rough mirrors and glass, and a lot of things that move while the
 /// shutter is open, lights and copies among them.
 pub fn distributed_still_life(scale: f32) -> Scene {
     let mut scene = still_life(scale);
@@ -174,6 +182,8 @@ pub fn distributed_still_life(scale: f32) -> Scene {
             _ => Vec::new(),
         };
     }
+    // Mirrors and glass are rough.
+    (scene.materials[2].phong.roughness, scene.materials[3].phong.roughness) = (0.3, 0.4);
     // The lamp's parts move in the lamp, which moves in its copies.
     if let Content::Group(parts) = &mut scene.prototypes[0].content {
         parts[0].motion = vec![Transform::IDENTITY, step(0.0, 0.2, 0.0)];

@@ -51,6 +51,7 @@ impl Draft {
             k: if mirror { self.ks } else { Rgb::BLACK },
             eta: if glass || self.illum.is_none() { self.eta.unwrap_or(1.0) } else { 1.0 },
             opacity: self.opacity.unwrap_or_else(clear),
+            ..plain
         };
         Material::new(self.name, phong)
     }
@@ -171,7 +172,8 @@ mod tests {
         let (phong, warnings) = one("Kd 0.1 .2 0.3\nKs 0.5\nNs 40\nd 0.4\nNi 1.5\n");
         assert_eq!(warnings, "");
         let ks = Rgb::gray(0.5);
-        assert_eq!(phong, Phong { kd: Rgb::new(0.1, 0.2, 0.3), ks, n: 40.0, k: Rgb::BLACK, eta: 1.5, opacity: 0.4 });
+        let kd = Rgb::new(0.1, 0.2, 0.3);
+        assert_eq!(phong, Phong { kd, ks, n: 40.0, k: Rgb::BLACK, eta: 1.5, opacity: 0.4, roughness: 0.0 });
     }
 
     #[test]

@@ -180,6 +180,7 @@ impl<'a> Reader<'a> {
             k: Rgb::gray(ks),
             eta: if index == 0.0 { 1.0 } else { index },
             opacity: 1.0 - t,
+            ..Phong::default()
         };
         phong.check().map_err(|message| start.wrong(message))?;
         let next = self.scene.materials.len();

@@ -8,8 +8,8 @@ mod text;
 mod tree;
 
 pub use tree::{
-    BlockerNode, CutNode, HitNode, ImageNode, LightNode, Outcome, PixelTree, RayNode, ReadingNode, SampleNode, Side,
-    TextureNode,
+    BlockerNode, CutNode, HitNode, ImageNode, LightNode, LobeNode, Outcome, PixelTree, RayNode, ReadingNode,
+    SampleNode, Side, TextureNode,
 };
 
 use crate::integrator::Whitted;

@@ -1,7 +1,8 @@
 //! The probe that records the tree.
 
 use super::tree::{
-    BlockerNode, CutNode, HitNode, ImageNode, LightNode, Outcome, RayNode, ReadingNode, SampleNode, Side, TextureNode,
+    BlockerNode, CutNode, HitNode, ImageNode, LightNode, LobeNode, Outcome, RayNode, ReadingNode, SampleNode, Side,
+    TextureNode,
 };
 use crate::camera::Camera;
 use crate::integrator::{LightTerm, Probe, RayKind};
@@ -20,6 +21,8 @@ pub(super) struct Recorder<'w> {
     sample: Option<([f64; 2], f64)>,
     /// When it was taken and through which point of the lens.
     drawn: (Option<f64>, Option<[f64; 2]>),
+    /// The facet that the next ray leaves.
+    lobe: Option<LobeNode>,
     /// The rays from the eye to the current one.
     open: Vec<RayNode>,
     blockers: Vec<BlockerNode>,
@@ -34,6 +37,7 @@ impl<'w> Recorder<'w> {
             samples: Vec::new(),
             sample: None,
             drawn: (None, None),
+            lobe: None,
             open: Vec::new(),
             blockers: Vec::new(),
             textures: Vec::new(),
@@ -70,8 +74,13 @@ impl Probe for Recorder<'_> {
             direction: ray.direction.to_array(),
             holes: Vec::new(),
             outcome: Outcome::Miss { background: Rgb::BLACK, environment: None },
+            lobe: self.lobe.take(),
             color: Rgb::BLACK,
         });
+    }
+
+    fn lobe(&mut self, roughness: f32, facet: glam::DVec3) {
+        self.lobe = Some(LobeNode { roughness, facet: facet.as_vec3().to_array() });
     }
 
     fn sighting(&mut self, sighting: &Sighting) {
@@ -229,6 +238,7 @@ fn replaced(read: &TextureRead) -> [Vec<f32>; 2] {
             Target::Exponent => vec![phong.n],
             Target::Eta => vec![phong.eta],
             Target::Opacity => vec![phong.opacity],
+            Target::Roughness => vec![phong.roughness],
             Target::Cutout => vec![point.coverage],
             Target::Bump | Target::Normal { .. } => normal.as_vec3().to_array().to_vec(),
         }

@@ -58,6 +58,9 @@ fn write_ray(f: &mut Formatter, ray: &RayNode, indent: &str) -> fmt::Result {
     for hole in &ray.holes {
         writeln!(f, "{indent}  goes through a hole in {hole}")?;
     }
+    if let Some(lobe) = &ray.lobe {
+        writeln!(f, "{indent}  from a random facet with n = {}, roughness {}", vector(lobe.facet), lobe.roughness)?;
+    }
     match &ray.outcome {
         Outcome::Miss { background, environment: None } => {
             writeln!(f, "{indent}  meets nothing: background {}", rgb(*background))
@@ -129,6 +132,9 @@ fn write_hit(f: &mut Formatter, hit: &HitNode, color: Rgb, indent: &str) -> fmt:
         m.eta,
         m.opacity
     )?;
+    if m.roughness > 0.0 {
+        writeln!(f, "{indent}        roughness {}", m.roughness)?;
+    }
     for texture in &hit.textures {
         write_texture(f, texture, indent)?;
     }

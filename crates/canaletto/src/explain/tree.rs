@@ -55,6 +55,9 @@ pub struct RayNode {
     pub origin: [f32; 3],
     /// Its unit direction.
     pub direction: [f32; 3],
+    /// Of a rough surface, the facet that sent it this way.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lobe: Option<LobeNode>,
     /// The objects through whose cut-out holes it went before.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub holes: Vec<String>,
@@ -62,6 +65,15 @@ pub struct RayNode {
     pub outcome: Outcome,
     /// The colour it brought, before the factor.
     pub color: Rgb,
+}
+
+/// The facet of a rough surface that a ray leaves, chosen at random.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct LobeNode {
+    /// How far such facets lean, 0..=1.
+    pub roughness: f32,
+    /// Its unit normal, on the viewer's side: the ray is mirrored or refracted by it.
+    pub facet: [f32; 3],
 }
 
 /// What a ray met.

@@ -7,7 +7,7 @@ use crate::math::Rgb;
 use crate::shape::Surface;
 use crate::world::{Hit, TextureRead};
 use canaletto_bvh::Ray;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use serde::Serialize;
 
 /// Why a ray is traced.
@@ -67,6 +67,8 @@ pub trait Probe {
     /// What was chosen at random for the sample: its time in 0..=1, if anything moves, and the point of the lens that its ray
     /// leaves, to the right and upwards, if there is a lens.
     fn drawn(&mut self, _time: Option<f64>, _lens: Option<[f64; 2]>) {}
+    /// The ray that starts next leaves a rough surface from a facet with this unit normal, chosen at random.
+    fn lobe(&mut self, _roughness: f32, _facet: DVec3) {}
     /// A ray starts. `depth` is 1 for eye rays; `factor` is what its colour is multiplied with.
     fn ray(&mut self, _kind: RayKind, _ray: &Ray, _depth: u32, _factor: Rgb) {}
     /// It met nothing, and this is what it saw of the environment; [`Probe::miss`] follows. Not called without one.

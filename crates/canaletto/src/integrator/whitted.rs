@@ -7,7 +7,7 @@
 
 use super::{LightTerm, Probe, RayCounts, RayKind};
 use crate::light::Source;
-use crate::material::{MaterialPoint, reflect, refract};
+use crate::material::{MaterialPoint, on_the_side, reflect, refract, visible_facet};
 use crate::math::{Line, Rgb, Spread, offset_origin};
 use crate::sampler::{Dimension, Sample, Sampler};
 use crate::scene::{IntegratorSettings, Stage};
@@ -58,7 +58,9 @@ struct Branch {
 
 /// Uses of random numbers at a hit.
 mod uses {
-    /// The rays from there; the eye's has uses 0 to 2 of its own.
+    /// The facets of rough surfaces, and the rays from there.
+    pub(super) const MIRROR_FACET: u32 = 1;
+    pub(super) const CLEAR_FACET: u32 = 2;
     pub(super) const REFLECTED: u32 = 3;
     pub(super) const REFRACTED: u32 = 4;
     pub(super) const PASSED: u32 = 5;
@@ -307,7 +309,14 @@ impl<'w> Whitted<'w> {
         if stage >= Stage::Reflection && at.material.is_mirror() {
             let kind = RayKind::Reflected;
             if let Some(child) = self.child(branch, kind, phong.k, probe) {
-                let line = leave(at, above(mirrored, at));
+                let direction = match self.facet(at, branch.place, uses::MIRROR_FACET) {
+                    None => above(mirrored, at),
+                    Some(facet) => {
+                        probe.lobe(phong.roughness, facet);
+                        on_the_side(reflect(at.wo, facet), at.facing)
+                    }
+                };
+                let line = leave(at, direction);
                 let spread = spread_above(mirrored, at);
                 color += (self.trace(&start(at, line), line, spread.as_ref(), child, probe) * phong.k).saturated();
             }
@@ -316,11 +325,17 @@ impl<'w> Whitted<'w> {
             let factor = Rgb::gray(1.0 - phong.opacity);
             let eta = f64::from(phong.eta);
             let eta_ratio = if at.outside { 1.0 / eta } else { eta };
-            let (kind, direction) = match refract(at.wo, at.normal, eta_ratio) {
-                Some(direction) => (RayKind::Refracted, below(direction, at, eta_ratio)),
-                None => (RayKind::TotallyReflected, above(mirrored, at)),
+            let facet = self.facet(at, branch.place, uses::CLEAR_FACET);
+            let (kind, direction) = match (refract(at.wo, facet.unwrap_or(at.normal), eta_ratio), facet) {
+                (Some(direction), None) => (RayKind::Refracted, below(direction, at, eta_ratio)),
+                (Some(direction), Some(_)) => (RayKind::Refracted, on_the_side(direction, -at.facing)),
+                (None, None) => (RayKind::TotallyReflected, above(mirrored, at)),
+                (None, Some(facet)) => (RayKind::TotallyReflected, on_the_side(reflect(at.wo, facet), at.facing)),
             };
             if let Some(child) = self.child(branch, kind, factor, probe) {
+                if let Some(facet) = facet {
+                    probe.lobe(phong.roughness, facet);
+                }
                 let spread = match kind {
                     RayKind::Refracted => spread_below(at, eta_ratio),
                     _ => spread_above(mirrored, at),
@@ -330,6 +345,16 @@ impl<'w> Whitted<'w> {
             }
         }
         color.saturated()
+    }
+
+    /// The normal of the facet that a ray leaves, chosen at random, if the surface is rough.
+    fn facet(&self, at: &Shading, place: Dimension, use_of: u32) -> Option<DVec3> {
+        let roughness = at.material.phong.roughness;
+        if roughness == 0.0 {
+            return None;
+        }
+        let normal = if at.wo.dot(at.normal) > 0.0 { at.normal } else { at.facing };
+        Some(visible_facet(at.wo, normal, f64::from(roughness), self.sample.two(place.of(use_of))))
     }
 
     /// One point of one light: (5.39a)'s summand.

@@ -1,12 +1,14 @@
 //! What surfaces do with light.
 
 mod bump;
+mod facet;
 mod mapping;
 mod phong;
 mod refract;
 mod texture_use;
 
 pub use bump::{bumped, on_the_outside, tilted};
+pub use facet::{on_the_side, visible_facet};
 pub use mapping::{Mapping, Place, Projection, Repeat, Space, Spot, Spots};
 pub use phong::Phong;
 pub use refract::{reflect, refract};

@@ -18,11 +18,15 @@ pub struct Phong {
     pub eta: f32,
     /// o, the opacity: 0 clear, 1 opaque. The refracted ray carries 1 − o.
     pub opacity: f32,
+    /// How rough the mirror or the boundary of the clear body is, 0 (polished) to 1: reflected and refracted rays are
+    /// scattered around their directions, each a random one. Highlights have n of their own.
+    #[serde(default)]
+    pub roughness: f32,
 }
 
 impl Default for Phong {
     fn default() -> Phong {
-        Phong { kd: Rgb::gray(0.8), ks: Rgb::BLACK, n: 1.0, k: Rgb::BLACK, eta: 1.0, opacity: 1.0 }
+        Phong { kd: Rgb::gray(0.8), ks: Rgb::BLACK, n: 1.0, k: Rgb::BLACK, eta: 1.0, opacity: 1.0, roughness: 0.0 }
     }
 }
 
@@ -45,6 +49,9 @@ impl Phong {
         }
         if !(0.0..=1.0).contains(&self.opacity) {
             return Err(format!("opacity is {}; it must be between 0 (clear) and 1 (opaque)", self.opacity));
+        }
+        if !(0.0..=1.0).contains(&self.roughness) {
+            return Err(format!("roughness is {}; it must be between 0 (polished) and 1", self.roughness));
         }
         Ok(())
     }

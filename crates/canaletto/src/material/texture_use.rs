@@ -41,6 +41,8 @@ pub enum Target {
     Eta,
     /// o.
     Opacity,
+    /// The roughness.
+    Roughness,
     /// The share of the surface that is there at all; where it is 0 there is a hole.
     Cutout,
     /// Heights, of which only the slope is seen (Blinn, *Simulation of Wrinkled Surfaces*, 1978). `range` says which
@@ -89,7 +91,7 @@ impl Channel {
 
 impl Target {
     /// Every kind of target with the word that scenes use, in the order of the reference.
-    pub const ALL: [(Target, &'static str); 11] = [
+    pub const ALL: [(Target, &'static str); 12] = [
         (Target::Replace, "replace"),
         (Target::Decal, "decal"),
         (Target::Diffuse, "diffuse"),
@@ -98,6 +100,7 @@ impl Target {
         (Target::Mirror, "k"),
         (Target::Eta, "eta"),
         (Target::Opacity, "opacity"),
+        (Target::Roughness, "roughness"),
         (Target::Cutout, "cutout"),
         (Target::Bump, "bump"),
         (Target::Normal { strength: 1.0, down: false }, "normal"),
@@ -184,6 +187,7 @@ impl TextureUse {
             Target::Exponent => phong.n = number(),
             Target::Eta => phong.eta = number().max(1e-3),
             Target::Opacity => phong.opacity = number().min(1.0),
+            Target::Roughness => phong.roughness = number().min(1.0),
             Target::Cutout => point.coverage = number().min(1.0),
             Target::Bump | Target::Normal { .. } => {}
         }
@@ -221,6 +225,7 @@ mod tests {
         let luminance = 0.2126 * 0.25 + 0.7152 * 0.5 + 0.0722 * 0.75;
         assert_eq!(applied(Target::Exponent, [0.0, 100.0]).phong.n, luminance * 100.0);
         assert_eq!(applied(Target::Opacity, [0.0, 1.0]).phong.opacity, luminance);
+        assert_eq!(applied(Target::Roughness, [0.0, 1.0]).phong.roughness, luminance);
         assert_eq!(applied(Target::Eta, [1.0, 2.0]).phong.eta, 1.0 + luminance);
     }
 

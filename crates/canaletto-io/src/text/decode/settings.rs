@@ -49,6 +49,7 @@ impl<'a> Decoder<'a> {
                 k: fields.rgb("k").unwrap_or(d.k),
                 eta: fields.real("eta").unwrap_or(d.eta),
                 opacity: fields.real("opacity").unwrap_or(d.opacity),
+                roughness: fields.real("roughness").unwrap_or(d.roughness),
             };
             let mut material = Material::new(name, phong);
             material.textures = self.surface_textures(&fields);

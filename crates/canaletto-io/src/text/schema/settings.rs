@@ -218,6 +218,13 @@ pub(crate) static MATERIAL: Words = Words::new(
             .or(|| rgb(Phong::default().k)),
         Word::new("eta", NUMBER, "the coefficient of refraction, more than 0").or(|| Phong::default().eta.to_string()),
         Word::new("opacity", NUMBER, "0 clear to 1 opaque").or(|| Phong::default().opacity.to_string()),
+        Word::new(
+            "roughness",
+            NUMBER,
+            "0 polished to 1 rough: scatters mirrored and refracted rays; it takes several rays in a pixel, such as \
+             `film { samples 64 }`",
+        )
+        .or(|| Phong::default().roughness.to_string()),
         Word::new("texture", Takes::Node(&SURFACE_TEXTURE), "a texture for any of these, or over all; see below")
             .many(),
     ]],

@@ -38,7 +38,7 @@ pub(crate) static SURFACE_TEXTURE: Words = Words::new(
         Word::new(
             "use",
             Takes::Word(&[
-                "replace", "decal", "diffuse", "ks", "n", "k", "eta", "opacity", "cutout", "bump", "normal",
+                "replace", "decal", "diffuse", "ks", "n", "k", "eta", "opacity", "roughness", "cutout", "bump", "normal",
             ]),
             "what it is for: the colour instead of the shaded one, or over it by its alpha; kd; another number of the \
              material; what is there of the surface at all; heights, or normals, that bend the normal",
