@@ -10,7 +10,7 @@ use canaletto_bench::peers::mesh::{RECIPES, Recipe};
 use canaletto_bench::peers::rays::SETS;
 use canaletto_bench::peers::stages::{self, Stage};
 use canaletto_bench::peers::statistics::Clock;
-use canaletto_bench::peers::{build, pictures, recursion, trace};
+use canaletto_bench::peers::{build, load, pictures, recursion, trace};
 use clap::{Parser, Subcommand};
 
 #[derive(Parser)]
@@ -56,6 +56,15 @@ enum What {
     },
     /// The chapter's scene of 230 × 230 beside starting a process and writing a PNG alone.
     Start,
+    /// Files of ten million triangles: ours beside copying their bytes.
+    Load {
+        /// The formats.
+        #[arg(long, value_delimiter = ',', default_value = "ply,obj", value_parser = ["ply", "obj"])]
+        format: Vec<String>,
+        /// The mesh has 400,000 times the square of this triangles.
+        #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=20))]
+        fineness: u32,
+    },
     /// Renders one picture by a plain recursion over Embree's single rays.
     #[command(hide = true)]
     Recursion {
@@ -134,6 +143,7 @@ fn run(arguments: Arguments) -> Result<(), String> {
             pictures::run(&pictures::Options { stages, threads, clock, size, rounds, slow })?
         }
         What::Start => pictures::start(&threads, rounds.into(), clock)?,
+        What::Load { format, fineness } => load::run(fineness, &format, &threads, rounds.into(), clock)?,
         What::Recursion { scene, o } => {
             let [build, trace] = recursion::render(&stages::load(&scene)?, size, threads[0], &o)?;
             println!("built in {build:.3} s, traced in {trace:.3} s");

@@ -54,13 +54,22 @@ impl Builder {
 }
 
 /// The most bytes that the process had in memory since the last time that this was called with `reset`; only on Linux, else 0.
-fn resident_peak(reset: bool) -> usize {
+pub(super) fn resident_peak(reset: bool) -> usize {
     if reset {
         // Where this isn't allowed, peaks are those of the whole run.
         let _ = std::fs::write("/proc/self/clear_refs", "5");
     }
+    status("VmHWM:")
+}
+
+/// The bytes that the process has in memory; only on Linux, else 0.
+pub(super) fn resident() -> usize {
+    status("VmRSS:")
+}
+
+fn status(field: &str) -> usize {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    let line = status.lines().find_map(|line| line.strip_prefix(field));
     line.and_then(|line| line.split_whitespace().next()?.parse::<usize>().ok()).unwrap_or(0) * 1024
 }
 

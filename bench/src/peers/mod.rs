@@ -7,6 +7,7 @@ mod atrium;
 pub mod build;
 pub mod embree;
 mod field;
+pub mod load;
 pub mod mesh;
 mod noise;
 pub mod ours;

@@ -7,7 +7,7 @@ use canaletto::scene::{Scene, Transfer};
 use canaletto_io::picture::{Depth, decode, encode_png};
 use serde_json::{Value, json};
 
-use super::stages::{Stage, load};
+use super::stages::{Folder, Stage, load};
 use super::statistics::{Clock, Times};
 use super::{povray, tachyon};
 
@@ -60,26 +60,6 @@ fn timed(mut command: Command, clock: Clock) -> Result<f64, String> {
 
 fn installed(program: &str) -> bool {
     quiet(Command::new(program).arg("--version")).status().is_ok()
-}
-
-/// A folder that is removed when this is dropped.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new() -> Result<Self, String> {
-        let folder = std::env::temp_dir().join(format!("canaletto-peers-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
-        Ok(Self(folder))
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        // Somebody may look at the pictures.
-        if std::env::var_os("CANALETTO_KEEP").is_none() {
-            let _ = std::fs::remove_dir_all(&self.0);
-        }
-    }
 }
 
 fn canaletto(program: &Path, file: &Path, picture: &Path, size: Option<[u32; 2]>, threads: usize) -> Command {
