@@ -1,13 +1,18 @@
 //! Building a binary tree: the surface area heuristic in bins (Wald, "On fast construction of SAH-based bounding
 //! volume hierarchies", 2007), top down and in parallel.
 //!
-//! Nothing depends on the number of threads: both halves of a split are built apart and joined in order, and bins
-//! filled apart are merged by counts, minima and maxima.
+//! Nothing depends on the number of threads: chunks are of a fixed size, bins filled apart are merged by counts, minima and
+//! maxima, and both halves of a split are built apart and joined in order.
 
-use glam::Vec3;
+mod bins;
+mod item;
+mod partition;
+
 use rayon::prelude::*;
 
 use crate::Aabb;
+use bins::Plan;
+use item::{Box4, Extent, Item};
 
 /// The most primitives in a leaf.
 pub(crate) const MAX_LEAF: usize = 4;
@@ -16,11 +21,10 @@ pub(crate) const MAX_LEAF: usize = 4;
 pub(crate) const MAX_DEPTH: u32 = 40;
 /// The most primitives: a link packs a leaf's first slot and its length into 31 bits.
 pub(crate) const MAX_PRIMITIVES: usize = 1 << 29;
-const MAX_BINS: usize = 16;
 /// Above it, the halves of a split are built in parallel.
 const PARALLEL_BUILD: usize = 4096;
-/// Above it, a node's primitives are binned in parallel, in chunks of this size.
-const PARALLEL_BINS: usize = 1 << 16;
+/// Above it, a node's primitives are gone through in parallel, in chunks of this size.
+const CHUNK: usize = 1 << 15;
 /// Cost of a node in units of the cost of a primitive.
 const NODE_COST: f64 = 1.0;
 
@@ -65,12 +69,6 @@ impl Binary {
     }
 }
 
-#[derive(Clone, Copy)]
-struct Item {
-    bounds: Aabb,
-    id: u32,
-}
-
 /// The tree and, for each slot, its primitive. A leaf costs as much as the blocks of `block` primitives that it fills, and no
 /// leaf of one block is split.
 pub(crate) fn build(bounds: &[Aabb], block: usize) -> Result<(Vec<Binary>, Vec<u32>), BuildError> {
@@ -80,226 +78,124 @@ pub(crate) fn build(bounds: &[Aabb], block: usize) -> Result<(Vec<Binary>, Vec<u
     if let Some(index) = bounds.par_iter().position_first(|b| !b.is_finite() || b.is_empty()) {
         return Err(BuildError::InvalidBox { index, bounds: bounds[index] });
     }
-    // Adding 0 turns -0 into 0, of which minima would keep either, as it happens.
-    let mut items: Vec<Item> = bounds
-        .par_iter()
-        .enumerate()
-        .map(|(id, b)| Item { bounds: Aabb { min: b.min + 0.0, max: b.max + 0.0 }, id: id as u32 })
-        .collect();
+    let mut items: Vec<Item> = bounds.par_iter().enumerate().map(|(id, b)| Item::new(b, id as u32)).collect();
     let mut nodes = Vec::new();
     if !items.is_empty() {
-        subdivide(&mut items, 0, 0, block, &mut nodes);
+        let extent = Extent::of(&items);
+        Builder { block }.subtree(&mut items, 0, 0, extent).flatten(&mut nodes);
     }
-    Ok((nodes, items.par_iter().map(|item| item.id).collect()))
+    Ok((nodes, items.par_iter().map(Item::id).collect()))
 }
 
-/// Appends the tree over `items`, whose first slot is `first`.
-fn subdivide(items: &mut [Item], first: u32, depth: u32, block: usize, nodes: &mut Vec<Binary>) {
-    let extent = Extent::of(items);
-    let index = nodes.len();
-    nodes.push(Binary { bounds: extent.bounds, link: first, count: items.len() as u32 });
-    let Some(middle) = split(items, &extent, depth, block) else {
-        return;
-    };
-    let (left, right) = items.split_at_mut(middle);
-    let right_first = first + middle as u32;
-    if left.len() + right.len() > PARALLEL_BUILD {
-        let (mut left_nodes, mut right_nodes) = (Vec::new(), Vec::new());
-        rayon::join(
-            || subdivide(left, first, depth + 1, block, &mut left_nodes),
-            || subdivide(right, right_first, depth + 1, block, &mut right_nodes),
+/// A tree in the pieces that threads built.
+enum Subtree {
+    Whole(Vec<Binary>),
+    Split(Box4, Box<[Subtree; 2]>),
+}
+
+impl Subtree {
+    fn len(&self) -> usize {
+        match self {
+            Self::Whole(nodes) => nodes.len(),
+            Self::Split(_, halves) => 1 + halves[0].len() + halves[1].len(),
+        }
+    }
+
+    fn flatten(self, nodes: &mut Vec<Binary>) {
+        nodes.reserve_exact(if nodes.is_empty() { self.len() } else { 0 });
+        match self {
+            Self::Whole(mut own) => nodes.append(&mut own),
+            Self::Split(bounds, halves) => {
+                let index = nodes.len();
+                nodes.push(Binary { bounds: bounds.aabb(), link: 0, count: 0 });
+                let [left, right] = *halves;
+                left.flatten(nodes);
+                nodes[index].link = (nodes.len() - index) as u32;
+                right.flatten(nodes);
+            }
+        }
+    }
+}
+
+struct Builder {
+    block: usize,
+}
+
+impl Builder {
+    /// The tree over `items`, whose first slot is `first`.
+    fn subtree(&self, items: &mut [Item], first: u32, depth: u32, extent: Extent) -> Subtree {
+        let n = items.len();
+        if n <= PARALLEL_BUILD {
+            let mut nodes = Vec::with_capacity(2 * n.div_ceil(self.block));
+            self.subdivide(items, first, depth, extent, &mut nodes);
+            return Subtree::Whole(nodes);
+        }
+        let Some((middle, [a, b])) = self.split(items, &extent, depth) else {
+            // Not reached: so many are always split.
+            return Subtree::Whole(vec![Binary { bounds: extent.bounds.aabb(), link: first, count: n as u32 }]);
+        };
+        let (left, right) = items.split_at_mut(middle);
+        let (left, right) = rayon::join(
+            || self.subtree(left, first, depth + 1, a),
+            || self.subtree(right, first + middle as u32, depth + 1, b),
         );
-        nodes.append(&mut left_nodes);
-        nodes[index].link = (nodes.len() - index) as u32;
-        nodes.append(&mut right_nodes);
-    } else {
-        subdivide(left, first, depth + 1, block, nodes);
-        nodes[index].link = (nodes.len() - index) as u32;
-        subdivide(right, right_first, depth + 1, block, nodes);
+        Subtree::Split(extent.bounds, Box::new([left, right]))
     }
-    nodes[index].count = 0;
-}
 
-/// Reorders `items` into two parts and tells where the second starts, or None for a leaf.
-fn split(items: &mut [Item], extent: &Extent, depth: u32, block: usize) -> Option<usize> {
-    let n = items.len();
-    // Levels that median splits down to single primitives still need: ⌈log₂ n⌉.
-    let needed = usize::BITS - (n - 1).leading_zeros();
-    if depth + needed >= MAX_DEPTH {
-        return (n > MAX_LEAF).then(|| split_at_median(items, extent));
+    /// Appends the tree over `items`.
+    fn subdivide(&self, items: &mut [Item], first: u32, depth: u32, extent: Extent, nodes: &mut Vec<Binary>) {
+        let index = nodes.len();
+        nodes.push(Binary { bounds: extent.bounds.aabb(), link: first, count: items.len() as u32 });
+        let Some((middle, [a, b])) = self.split(items, &extent, depth) else {
+            return;
+        };
+        let (left, right) = items.split_at_mut(middle);
+        self.subdivide(left, first, depth + 1, a, nodes);
+        nodes[index].link = (nodes.len() - index) as u32;
+        self.subdivide(right, first + middle as u32, depth + 1, b, nodes);
+        nodes[index].count = 0;
     }
-    if n <= block {
-        return None;
+
+    /// Reorders `items` into two parts and tells where the second starts, and the extents of both; None for a leaf.
+    fn split(&self, items: &mut [Item], extent: &Extent, depth: u32) -> Option<(usize, [Extent; 2])> {
+        let n = items.len();
+        let halves = |items: &[Item], middle| {
+            let (left, right) = items.split_at(middle);
+            Some((middle, [Extent::of(left), Extent::of(right)]))
+        };
+        // Levels that median splits down to single primitives still need: ⌈log₂ n⌉.
+        let needed = usize::BITS - (n - 1).leading_zeros();
+        if depth + needed >= MAX_DEPTH {
+            if n <= MAX_LEAF {
+                return None;
+            }
+            let middle = split_at_median(items, extent);
+            return halves(items, middle);
+        }
+        if n <= self.block {
+            return None;
+        }
+        let Some(plan) = Plan::best(items, &extent.centers, self.block) else {
+            // Centers that coincide: any halves are as good.
+            return if n > MAX_LEAF { halves(items, n / 2) } else { None };
+        };
+        let area = extent.bounds.half_area();
+        if n <= MAX_LEAF && NODE_COST * area + plan.cost >= n.div_ceil(self.block) as f64 * area {
+            return None;
+        }
+        let (middle, [a, b]) = partition::partition(items, &plan);
+        let [left, right] = plan.bounds;
+        Some((middle, [Extent { bounds: left, centers: a }, Extent { bounds: right, centers: b }]))
     }
-    let Some(plan) = Plan::best(items, extent, block) else {
-        // Centers that coincide: any halves are as good.
-        return (n > MAX_LEAF).then_some(n / 2);
-    };
-    let area = extent.bounds.half_area();
-    if n <= MAX_LEAF && NODE_COST * area + plan.cost >= n.div_ceil(block) as f64 * area {
-        return None;
-    }
-    Some(partition(items, |item| plan.grid.bin(item, plan.axis) < plan.bin))
 }
 
 fn split_at_median(items: &mut [Item], extent: &Extent) -> usize {
-    let size = extent.centers.max - extent.centers.min;
-    let axis = size.max_position();
+    let size = extent.centers.0.max - extent.centers.0.min;
+    let axis = size.truncate().max_position();
     let middle = items.len() / 2;
-    let key = |item: &Item| item.bounds.center()[axis];
-    items.select_nth_unstable_by(middle, |a, b| key(a).total_cmp(&key(b)).then(a.id.cmp(&b.id)));
+    let key = |item: &Item| item.center()[axis];
+    items.select_nth_unstable_by(middle, |a, b| key(a).total_cmp(&key(b)).then(a.id().cmp(&b.id())));
     middle
-}
-
-/// Moves the items for which `left` holds to the front and tells how many they are.
-fn partition(items: &mut [Item], left: impl Fn(&Item) -> bool) -> usize {
-    let mut start = 0;
-    let mut end = items.len();
-    loop {
-        while start < end && left(&items[start]) {
-            start += 1;
-        }
-        while start < end && !left(&items[end - 1]) {
-            end -= 1;
-        }
-        if start == end {
-            return start;
-        }
-        items.swap(start, end - 1);
-    }
-}
-
-/// `Aabb::union` for boxes known to hold no NaN.
-fn join(a: Aabb, b: Aabb) -> Aabb {
-    Aabb { min: a.min.min(b.min), max: a.max.max(b.max) }
-}
-
-/// The box around some items, and that around their centers.
-#[derive(Clone, Copy)]
-struct Extent {
-    bounds: Aabb,
-    centers: Aabb,
-}
-
-impl Extent {
-    const EMPTY: Self = Self { bounds: Aabb::EMPTY, centers: Aabb::EMPTY };
-
-    fn of(items: &[Item]) -> Self {
-        if items.len() > PARALLEL_BINS {
-            return items.par_chunks(PARALLEL_BINS).map(Self::of).reduce(|| Self::EMPTY, Self::merge);
-        }
-        items.iter().fold(Self::EMPTY, |extent, item| {
-            let center = item.bounds.center();
-            extent.merge(Self { bounds: item.bounds, centers: Aabb { min: center, max: center } })
-        })
-    }
-
-    fn merge(self, other: Self) -> Self {
-        Self { bounds: join(self.bounds, other.bounds), centers: join(self.centers, other.centers) }
-    }
-}
-
-/// Where a center falls among equal bins along each axis.
-#[derive(Clone, Copy)]
-struct Grid {
-    origin: Vec3,
-    scale: Vec3,
-    bins: usize,
-}
-
-impl Grid {
-    /// A size of 0 or too small to divide by makes the scale infinite, and one too large makes it 0: fewer bins or
-    /// one are used then, since a float becomes an integer by saturation, NaN becoming 0.
-    fn new(centers: &Aabb, bins: usize) -> Self {
-        Self { origin: centers.min, scale: bins as f32 / (centers.max - centers.min), bins }
-    }
-
-    #[inline]
-    fn bin(&self, item: &Item, axis: usize) -> usize {
-        let x = (item.bounds.center()[axis] - self.origin[axis]) * self.scale[axis];
-        (x as usize).min(self.bins - 1)
-    }
-}
-
-#[derive(Clone, Copy)]
-struct Bin {
-    bounds: Aabb,
-    count: usize,
-}
-
-impl Bin {
-    const EMPTY: Self = Self { bounds: Aabb::EMPTY, count: 0 };
-
-    fn merge(self, other: Self) -> Self {
-        Self { bounds: join(self.bounds, other.bounds), count: self.count + other.count }
-    }
-
-    fn cost(&self, block: usize) -> f64 {
-        self.bounds.half_area() * self.count.div_ceil(block) as f64
-    }
-}
-
-type Bins = [[Bin; MAX_BINS]; 3];
-
-fn fill(items: &[Item], grid: &Grid) -> Bins {
-    if items.len() > PARALLEL_BINS {
-        return items.par_chunks(PARALLEL_BINS).map(|chunk| fill(chunk, grid)).reduce(
-            || [[Bin::EMPTY; MAX_BINS]; 3],
-            |mut a, b| {
-                for (a, b) in a.iter_mut().flatten().zip(b.iter().flatten()) {
-                    *a = a.merge(*b);
-                }
-                a
-            },
-        );
-    }
-    let mut bins = [[Bin::EMPTY; MAX_BINS]; 3];
-    for item in items {
-        for (axis, bins) in bins.iter_mut().enumerate() {
-            let bin = &mut bins[grid.bin(item, axis)];
-            *bin = bin.merge(Bin { bounds: item.bounds, count: 1 });
-        }
-    }
-    bins
-}
-
-/// A split: items whose bin along `axis` lies below `bin` go left.
-struct Plan {
-    grid: Grid,
-    axis: usize,
-    bin: usize,
-    /// Sum over both sides of area times blocks.
-    cost: f64,
-}
-
-impl Plan {
-    /// The cheapest split, of equal ones the first. None if all centers fall into one bin.
-    fn best(items: &[Item], extent: &Extent, block: usize) -> Option<Self> {
-        let grid = Grid::new(&extent.centers, items.len().clamp(4, MAX_BINS));
-        let bins = fill(items, &grid);
-        let mut best: Option<Self> = None;
-        for (axis, bins) in bins.iter().enumerate() {
-            let bins = &bins[..grid.bins];
-            let mut right_costs = [0.0; MAX_BINS];
-            let mut right = Bin::EMPTY;
-            for i in (1..bins.len()).rev() {
-                right = right.merge(bins[i]);
-                right_costs[i] = right.cost(block);
-            }
-            let mut left = Bin::EMPTY;
-            for i in 1..bins.len() {
-                left = left.merge(bins[i - 1]);
-                if left.count == 0 || left.count == items.len() {
-                    continue;
-                }
-                let cost = left.cost(block) + right_costs[i];
-                if best.as_ref().is_none_or(|best| cost < best.cost) {
-                    best = Some(Self { grid, axis, bin: i, cost });
-                }
-            }
-        }
-        best
-    }
 }
 
 #[cfg(test)]
@@ -307,6 +203,7 @@ mod tests {
     use super::*;
     use crate::Bvh;
     use crate::testing::{Primitive, Random, zoo};
+    use glam::Vec3;
 
     fn boxes(n: usize) -> Vec<Aabb> {
         let random = &mut Random(7);
@@ -356,6 +253,8 @@ mod tests {
             assert!(check(&bounds) <= MAX_DEPTH);
         }
         check(&boxes(20_000));
+        // Enough for chunks that are parted apart.
+        check(&boxes(5 * CHUNK + 17));
     }
 
     #[test]
@@ -377,7 +276,7 @@ mod tests {
     #[test]
     fn trees_do_not_depend_on_the_number_of_threads() {
         // Enough for the bins of the first levels to be filled in parallel.
-        let bounds = boxes(3 * PARALLEL_BINS);
+        let bounds = boxes(7 * CHUNK + 5);
         let build = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| Bvh::build(&bounds).unwrap())

@@ -1,0 +1,97 @@
+//! Moving items to their sides of a split, in place; many of them in parallel: chunks are parted each by itself, then
+//! what stands on the wrong side changes places. What comes out does not depend on the number of threads.
+
+use rayon::prelude::*;
+
+use super::CHUNK;
+use super::bins::Plan;
+use super::item::{Centers, Item};
+
+/// Moves the items that go left to the front and tells how many they are, and the boxes around the centers of both
+/// sides.
+pub(super) fn partition(items: &mut [Item], plan: &Plan) -> (usize, [Centers; 2]) {
+    if items.len() <= 2 * CHUNK {
+        return part(items, plan);
+    }
+    let parts: Vec<_> = items.par_chunks_mut(CHUNK).map(|chunk| part(chunk, plan)).collect();
+    let middle = parts.iter().map(|part| part.0).sum();
+    // Ranges before the middle that belong behind it, and the other way.
+    let (mut late, mut early) = (Vec::new(), Vec::new());
+    for (i, &(lefts, _)) in parts.iter().enumerate() {
+        let (start, end) = (i * CHUNK, (i * CHUNK + CHUNK).min(items.len()));
+        let border = start + lefts;
+        late.push(border.min(middle)..end.min(middle));
+        early.push(start.max(middle)..border.max(middle));
+    }
+    let (front, back) = items.split_at_mut(middle);
+    let late = slices(front, 0, late);
+    let early = slices(back, middle, early);
+    pairs(late, early).into_par_iter().for_each(|(a, b)| a.swap_with_slice(b));
+    let centers = parts.iter().fold([Centers::NONE; 2], |[a, b], (_, [c, d])| [a.join(*c), b.join(*d)]);
+    (middle, centers)
+}
+
+fn part(items: &mut [Item], plan: &Plan) -> (usize, [Centers; 2]) {
+    let mut centers = [Centers::NONE; 2];
+    let mut left = |item: &Item| {
+        let center = item.center();
+        let left = plan.grid.bin(center, plan.axis) < plan.bin;
+        centers[usize::from(!left)].add(center);
+        left
+    };
+    let (mut start, mut end) = (0, items.len());
+    loop {
+        while start < end && left(&items[start]) {
+            start += 1;
+        }
+        if start == end {
+            break;
+        }
+        // The item at `start` goes right and is counted already.
+        end -= 1;
+        while start < end && !left(&items[end]) {
+            end -= 1;
+        }
+        if start == end {
+            break;
+        }
+        items.swap(start, end);
+        start += 1;
+    }
+    (start, centers)
+}
+
+/// The slices of ranges that come in order, `items` starting at `first`.
+fn slices(mut items: &mut [Item], first: usize, ranges: Vec<std::ops::Range<usize>>) -> Vec<&mut [Item]> {
+    let mut at = first;
+    let mut out = Vec::with_capacity(ranges.len());
+    for range in ranges.into_iter().filter(|range| !range.is_empty()) {
+        let (_, rest) = items.split_at_mut(range.start - at);
+        let (slice, rest) = rest.split_at_mut(range.len());
+        out.push(slice);
+        at = range.end;
+        items = rest;
+    }
+    out
+}
+
+/// Cuts both lists, which are equally long in all, into pairs of equal length.
+fn pairs<'a>(a: Vec<&'a mut [Item]>, b: Vec<&'a mut [Item]>) -> Vec<(&'a mut [Item], &'a mut [Item])> {
+    let (mut a, mut b) = (a.into_iter(), b.into_iter());
+    let mut out = Vec::new();
+    let (mut x, mut y): (&mut [Item], &mut [Item]) = (&mut [], &mut []);
+    loop {
+        if x.is_empty() {
+            let Some(next) = a.next() else { return out };
+            x = next;
+        }
+        if y.is_empty() {
+            let Some(next) = b.next() else { return out };
+            y = next;
+        }
+        let n = x.len().min(y.len());
+        let ((x_now, x_rest), (y_now, y_rest)) = (x.split_at_mut(n), y.split_at_mut(n));
+        out.push((x_now, y_now));
+        (x, y) = (x_rest, y_rest);
+    }
+}
