@@ -11,7 +11,7 @@ mod partition;
 use rayon::prelude::*;
 
 use crate::Aabb;
-use bins::Plan;
+use bins::{Bins, Measure, Plan};
 use item::{Box4, Extent, Item};
 
 /// The most primitives in a leaf.
@@ -26,7 +26,7 @@ const PARALLEL_BUILD: usize = 4096;
 /// Above it, a node's primitives are gone through in parallel, in chunks of this size.
 const CHUNK: usize = 1 << 15;
 /// Cost of a node in units of the cost of a primitive.
-const NODE_COST: f64 = 1.0;
+const NODE_COST: f32 = 1.0;
 
 /// Why there is no tree.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -82,7 +82,8 @@ pub(crate) fn build(bounds: &[Aabb], block: usize) -> Result<(Vec<Binary>, Vec<u
     let mut nodes = Vec::new();
     if !items.is_empty() {
         let extent = Extent::of(&items);
-        Builder { block }.subtree(&mut items, 0, 0, extent).flatten(&mut nodes);
+        let measure = Measure { block: block as u32, scale: extent.bounds.scale() };
+        Builder { measure }.subtree(&mut items, 0, 0, extent).flatten(&mut nodes);
     }
     Ok((nodes, items.par_iter().map(Item::id).collect()))
 }
@@ -118,7 +119,7 @@ impl Subtree {
 }
 
 struct Builder {
-    block: usize,
+    measure: Measure,
 }
 
 impl Builder {
@@ -126,11 +127,11 @@ impl Builder {
     fn subtree(&self, items: &mut [Item], first: u32, depth: u32, extent: Extent) -> Subtree {
         let n = items.len();
         if n <= PARALLEL_BUILD {
-            let mut nodes = Vec::with_capacity(2 * n.div_ceil(self.block));
-            self.subdivide(items, first, depth, extent, &mut nodes);
+            let mut nodes = Vec::with_capacity(2 * n.div_ceil(self.measure.block as usize));
+            self.subdivide(items, first, depth, extent, &mut nodes, &mut { Bins::EMPTY });
             return Subtree::Whole(nodes);
         }
-        let Some((middle, [a, b])) = self.split(items, &extent, depth) else {
+        let Some((middle, [a, b])) = self.split(items, &extent, depth, &mut { Bins::EMPTY }) else {
             // Not reached: so many are always split.
             return Subtree::Whole(vec![Binary { bounds: extent.bounds.aabb(), link: first, count: n as u32 }]);
         };
@@ -143,21 +144,29 @@ impl Builder {
     }
 
     /// Appends the tree over `items`.
-    fn subdivide(&self, items: &mut [Item], first: u32, depth: u32, extent: Extent, nodes: &mut Vec<Binary>) {
+    fn subdivide(
+        &self,
+        items: &mut [Item],
+        first: u32,
+        depth: u32,
+        extent: Extent,
+        nodes: &mut Vec<Binary>,
+        bins: &mut Bins,
+    ) {
         let index = nodes.len();
         nodes.push(Binary { bounds: extent.bounds.aabb(), link: first, count: items.len() as u32 });
-        let Some((middle, [a, b])) = self.split(items, &extent, depth) else {
+        let Some((middle, [a, b])) = self.split(items, &extent, depth, bins) else {
             return;
         };
         let (left, right) = items.split_at_mut(middle);
-        self.subdivide(left, first, depth + 1, a, nodes);
+        self.subdivide(left, first, depth + 1, a, nodes, bins);
         nodes[index].link = (nodes.len() - index) as u32;
-        self.subdivide(right, first + middle as u32, depth + 1, b, nodes);
+        self.subdivide(right, first + middle as u32, depth + 1, b, nodes, bins);
         nodes[index].count = 0;
     }
 
     /// Reorders `items` into two parts and tells where the second starts, and the extents of both; None for a leaf.
-    fn split(&self, items: &mut [Item], extent: &Extent, depth: u32) -> Option<(usize, [Extent; 2])> {
+    fn split(&self, items: &mut [Item], extent: &Extent, depth: u32, bins: &mut Bins) -> Option<(usize, [Extent; 2])> {
         let n = items.len();
         let halves = |items: &[Item], middle| {
             let (left, right) = items.split_at(middle);
@@ -172,15 +181,15 @@ impl Builder {
             let middle = split_at_median(items, extent);
             return halves(items, middle);
         }
-        if n <= self.block {
+        if n <= self.measure.block as usize {
             return None;
         }
-        let Some(plan) = Plan::best(items, &extent.centers, self.block) else {
+        let Some(plan) = Plan::best(items, &extent.centers, &self.measure, bins) else {
             // Centers that coincide: any halves are as good.
             return if n > MAX_LEAF { halves(items, n / 2) } else { None };
         };
-        let area = extent.bounds.half_area();
-        if n <= MAX_LEAF && NODE_COST * area + plan.cost >= n.div_ceil(self.block) as f64 * area {
+        let area = extent.bounds.half_area(self.measure.scale);
+        if n <= MAX_LEAF && NODE_COST * area + plan.cost >= self.measure.blocks(n as u32) * area {
             return None;
         }
         let (middle, [a, b]) = partition::partition(items, &plan);

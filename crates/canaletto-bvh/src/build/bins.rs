@@ -39,33 +39,42 @@ impl Grid {
     }
 }
 
-/// For each axis the boxes and numbers of items in each bin.
+/// For each bin along each axis the box around its items and their number.
 #[derive(Clone)]
-struct Bins {
+pub(super) struct Bins {
     boxes: [[Box4; MAX_BINS]; 3],
     counts: [[u32; MAX_BINS]; 3],
 }
 
 impl Bins {
-    const EMPTY: Self = Self { boxes: [[Box4::EMPTY; MAX_BINS]; 3], counts: [[0; MAX_BINS]; 3] };
+    pub(super) const EMPTY: Self = Self { boxes: [[Box4::EMPTY; MAX_BINS]; 3], counts: [[0; MAX_BINS]; 3] };
 
-    fn fill(items: &[Item], grid: &Grid) -> Self {
+    /// Empties the bins that a grid has.
+    fn clear(&mut self, bins: usize) {
+        self.boxes.iter_mut().for_each(|boxes| boxes[..bins].fill(Box4::EMPTY));
+        self.counts.iter_mut().for_each(|counts| counts[..bins].fill(0));
+    }
+
+    fn fill(&mut self, items: &[Item], grid: &Grid) {
         if items.len() > super::CHUNK {
-            return items
-                .par_chunks(super::CHUNK)
-                .map(|chunk| Self::fill(chunk, grid))
-                .reduce(|| Self::EMPTY, Self::join);
+            let one = |chunk| {
+                let mut own = Self::EMPTY;
+                own.fill(chunk, grid);
+                own
+            };
+            let all = items.par_chunks(super::CHUNK).map(one).reduce(|| Self::EMPTY, Self::join);
+            *self = all;
+            return;
         }
-        let mut all = Self::EMPTY;
+        self.clear(grid.bins);
         for item in items {
             let bounds = item.bounds();
             for (axis, bin) in grid.bins(item.center()).into_iter().enumerate() {
-                let place = &mut all.boxes[axis][bin];
+                let place = &mut self.boxes[axis][bin];
                 *place = place.join(bounds);
-                all.counts[axis][bin] += 1;
+                self.counts[axis][bin] += 1;
             }
         }
-        all
     }
 
     fn join(mut self, other: Self) -> Self {
@@ -85,18 +94,38 @@ pub(super) struct Plan {
     pub(super) axis: usize,
     pub(super) bin: usize,
     /// The sum over both sides of area times blocks of primitives.
-    pub(super) cost: f64,
+    pub(super) cost: f32,
     /// The boxes of both sides.
     pub(super) bounds: [Box4; 2],
 }
 
+/// What a cost is counted in.
+#[derive(Clone, Copy)]
+pub(super) struct Measure {
+    /// Primitives that cost as much as one.
+    pub(super) block: u32,
+    /// The unit of lengths, see [`Box4::half_area`].
+    pub(super) scale: f32,
+}
+
+impl Measure {
+    pub(super) fn blocks(&self, count: u32) -> f32 {
+        count.div_ceil(self.block) as f32
+    }
+
+    #[inline]
+    fn cost(&self, bounds: &Box4, count: u32) -> f32 {
+        bounds.half_area(self.scale) * self.blocks(count)
+    }
+}
+
 impl Plan {
-    /// The cheapest split, of equal ones the first. None if all centers fall into one bin.
-    pub(super) fn best(items: &[Item], centers: &Centers, block: usize) -> Option<Self> {
-        let grid = Grid::new(centers, items.len().clamp(4, MAX_BINS));
-        let all = Bins::fill(items, &grid);
-        let blocks = |count: u32| (count as usize).div_ceil(block) as f64;
-        let mut best: Option<(f64, usize, usize)> = None;
+    /// The cheapest split, of equal ones the first. None if all centers fall into one bin. `all` is room to work in.
+    pub(super) fn best(items: &[Item], centers: &Centers, measure: &Measure, all: &mut Bins) -> Option<Self> {
+        // Few bins do for few items.
+        let grid = Grid::new(centers, (4 + items.len() / 8).min(MAX_BINS));
+        all.fill(items, &grid);
+        let mut best: Option<(f32, usize, usize)> = None;
         for axis in 0..3 {
             let (boxes, counts) = (&all.boxes[axis][..grid.bins], &all.counts[axis][..grid.bins]);
             let mut right_costs = [0.0; MAX_BINS];
@@ -105,8 +134,10 @@ impl Plan {
                 if counts[i] > 0 {
                     right = right.join(boxes[i]);
                     count += counts[i];
+                    right_costs[i] = measure.cost(&right, count);
+                } else if i + 1 < grid.bins {
+                    right_costs[i] = right_costs[i + 1];
                 }
-                right_costs[i] = right.half_area() * blocks(count);
             }
             let (mut left, mut count) = (Box4::EMPTY, 0);
             for i in 1..grid.bins {
@@ -119,7 +150,7 @@ impl Plan {
                 if count as usize == items.len() {
                     break;
                 }
-                let cost = left.half_area() * blocks(count) + right_costs[i];
+                let cost = measure.cost(&left, count) + right_costs[i];
                 if best.is_none_or(|best| cost < best.0) {
                     best = Some((cost, axis, i));
                 }
@@ -127,7 +158,7 @@ impl Plan {
         }
         let (cost, axis, bin) = best?;
         let side = |boxes: &[Box4]| boxes.iter().fold(Box4::EMPTY, |a, &b| a.join(b));
-        let (left, right) = all.boxes[axis].split_at(bin);
+        let (left, right) = all.boxes[axis][..grid.bins].split_at(bin);
         Some(Self { grid, axis, bin, cost, bounds: [side(left), side(right)] })
     }
 }

@@ -20,23 +20,23 @@ impl Box4 {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
-    pub(super) fn is_empty(&self) -> bool {
-        self.min.x > self.max.x
-    }
-
     pub(super) fn aabb(&self) -> Aabb {
         Aabb { min: self.min.truncate(), max: self.max.truncate() }
     }
 
-    /// As [`Aabb::half_area`].
+    /// Half of the surface area in units that `scale` makes of lengths, so that no product overflows.
     #[inline]
-    pub(super) fn half_area(&self) -> f64 {
-        if self.is_empty() {
-            return 0.0;
-        }
-        let side = |axis: usize| f64::from(self.max[axis]) - f64::from(self.min[axis]);
-        let [x, y, z] = [side(0), side(1), side(2)];
-        x * y + y * z + z * x
+    pub(super) fn half_area(&self, scale: f32) -> f32 {
+        let d = self.max * scale - self.min * scale;
+        d.x * d.y + d.y * d.z + d.z * d.x
+    }
+
+    /// A power of two that makes this box about as large as 1, so that scaling a scene by such changes nothing.
+    pub(super) fn scale(&self) -> f32 {
+        // Halved, since a difference may be twice as large as the largest float.
+        let half = (self.max * 0.5 - self.min * 0.5).truncate().max_element();
+        let exponent = half.to_bits() >> 23;
+        f32::from_bits((253 - exponent).clamp(1, 253) << 23)
     }
 }
 
