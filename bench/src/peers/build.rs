@@ -114,6 +114,8 @@ fn compare(mesh: &Mesh, threads: usize, options: &Options) -> Result<Vec<Value>,
             }
         }
     }
+    let visits = pool.install(|| Ours::build(mesh))?.expected_visits();
+    println!("{}: a random ray is expected to visit {visits:.2} of our nodes and primitives", mesh.name);
     let mebi = |bytes: usize| bytes as f64 / f64::from(1 << 20);
     let mut rows = Vec::new();
     for builder in &builders {
@@ -128,7 +130,8 @@ fn compare(mesh: &Mesh, threads: usize, options: &Options) -> Result<Vec<Value>,
         );
         rows.push(json!({ "mesh": mesh.name, "triangles": mesh.triangles.len(), "threads": threads,
             "builder": builder.name, "seconds": builder.times.0, "bytes": builder.bytes, "peak": builder.peak,
-            "ratio": ratio.median, "ratio_min": ratio.min, "ratio_max": ratio.max }));
+            "ratio": ratio.median, "ratio_min": ratio.min, "ratio_max": ratio.max,
+            "expected_visits": (builder.name == "ours").then_some(visits) }));
     }
     println!();
     Ok(rows)

@@ -19,6 +19,11 @@ impl Ours {
         Ok(Self { triangles })
     }
 
+    /// Nodes and primitives that a random ray is expected to visit.
+    pub fn expected_visits(&self) -> f64 {
+        self.bvh.statistics().sah_cost
+    }
+
     /// Memory of all that tracing needs.
     pub fn bytes(&self) -> usize {
         self.triangles.statistics().bytes
