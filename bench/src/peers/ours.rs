@@ -21,7 +21,7 @@ impl Ours {
 
     /// Nodes and primitives that a random ray is expected to visit.
     pub fn expected_visits(&self) -> f64 {
-        self.bvh.statistics().sah_cost
+        self.triangles.statistics().sah_cost
     }
 
     /// Memory of all that tracing needs.
