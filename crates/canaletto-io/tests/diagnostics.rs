@@ -3,7 +3,7 @@
 //! `tests/bad/*.kdl` each have their messages in a `.txt`; `CANALETTO_BLESS=1` writes them anew.
 
 use canaletto::scene::{Content, Scene, Transfer};
-use canaletto::texture::{ColorSpace, Filter, Placement, TextureKind, Wrap};
+use canaletto::texture::{ColorSpace, Filter, Function, Placement, TextureKind, Wrap};
 use canaletto_io::assets::{FolderAssets, MemoryAssets};
 use canaletto_io::diagnostic::Diagnostics;
 use canaletto_io::picture::{Depth, Image, encode_png};
@@ -90,6 +90,8 @@ fn examples_of_the_reference_are_right() {
         .with("stage.kdl", "")
         .with("base.kdl", "")
         .with("bricks.png", png(2, 2))
+        .with("slice-01.png", png(2, 2))
+        .with("slice-02.png", png(2, 2))
         .with("cross.png", png(8, 6))
         .with("studio.png", png(4, 2))
         .with("bunny.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
@@ -139,6 +141,25 @@ fn textures_of_one_file_share_its_image() {
     assert_eq!((x.image, x.wrap, x.placement), (0, [Wrap::Mirror, Wrap::Black], Placement::Edges));
     assert_eq!((y.image, y.filter, y.space), (0, Filter::Nearest, Some(ColorSpace::Raw)));
     assert_eq!((z.image, z.wrap), (1, [Wrap::Clamp; 2]));
+}
+
+#[test]
+fn grids_come_from_numbers_and_from_stacks() {
+    let numbers: Vec<u8> = (0..24u16).flat_map(|i| (i * 1000).to_le_bytes()).collect();
+    let assets = MemoryAssets::new().with("n.raw", numbers).with("s07.png", png(3, 2)).with("s08.png", png(3, 2));
+    let scene = "texture \"x\" kind=\"grid\" file=\"n.raw\" { size 4 3 2; format \"u16\" }\n\
+                 texture \"y\" kind=\"grid\" stack=\"s##.png\" { slices 7 8; space \"raw\" }\n\
+                 texture \"z\" kind=\"wood\" { strength 0.1; octaves 3; seed 4; stops 0 1 0 0 1 0 0 1 }\n\
+                 material \"m\" { texture \"y\" }\nsphere material=\"m\" { center 0 0 0; radius 1 }\nambient 1";
+    let (scene, _) = read_scene_text(scene, "s", &assets, &[]).unwrap_or_else(|errors| panic!("{errors}"));
+    let TextureKind::Grid(x) = scene.textures[0].kind else { panic!() };
+    let TextureKind::Grid(y) = scene.textures[1].kind else { panic!() };
+    assert_eq!((x.image, x.slices, y.image, y.slices), (0, 2, 1, 2));
+    assert_eq!((scene.images[0].width, scene.images[0].height, scene.images[1].height), (4, 6, 4));
+    assert!(scene.images.iter().all(|image| image.check().is_ok()));
+    let TextureKind::Procedural(z) = &scene.textures[2].kind else { panic!() };
+    assert!(z.seed == 4 && matches!(z.function, Function::Wood { strength: 0.1, .. }) && z.ramp.stops.len() == 2);
+    canaletto::world::World::build(scene).expect("a world");
 }
 
 #[test]

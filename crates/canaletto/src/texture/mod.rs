@@ -11,20 +11,28 @@ mod codec;
 mod ellipse;
 #[cfg(test)]
 mod filter_tests;
+mod grid;
 mod half;
 mod image;
 mod image_map;
 mod kernel;
 mod level;
+mod noise;
 mod pattern;
+mod procedural;
 mod pyramid;
+mod ramp;
 mod space;
+mod worley;
 mod wrap;
 
+pub use grid::GridTexture;
 pub use half::{from_half, to_half};
 pub use image::{Image, Samples};
 pub use pattern::{Footprint, Lookup, Pattern, Unresolved};
+pub use procedural::{Feature, Function, Gradient, Procedural, Spectrum};
 pub(crate) use pyramid::Pyramid;
+pub use ramp::{Interpolation, Ramp, Stop};
 pub use space::{ColorSpace, srgb_decode};
 pub use wrap::{Placement, Wrap};
 
@@ -46,6 +54,10 @@ pub enum TextureKind {
     Constant([f32; 4]),
     /// An image over the unit square.
     Image(ImageTexture),
+    /// A grid of voxels over the unit cube.
+    Grid(GridTexture),
+    /// A function that is computed.
+    Procedural(Procedural),
 }
 
 /// An image as a texture: u goes from its left (0) to its right (1), v from its top row (0) to its bottom row (1).

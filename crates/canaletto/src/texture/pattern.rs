@@ -1,7 +1,9 @@
 //! Textures ready to be looked up.
 
+use super::grid::{GridMap, GridTexture};
 use super::image_map::ImageMap;
 use super::level::Level;
+use super::procedural::Computed;
 use super::pyramid::{Header, Pyramid};
 use super::{ColorSpace, Image, ImageTexture, Prefilter, Texture, TextureKind};
 use glam::DVec3;
@@ -51,6 +53,8 @@ pub struct Pattern {
 enum Kind {
     Constant([f32; 4]),
     Image(ImageMap),
+    Grid(GridMap),
+    Computed(Box<Computed>),
 }
 
 impl Pattern {
@@ -60,14 +64,17 @@ impl Pattern {
         match &self.kind {
             Kind::Constant(value) => *value,
             Kind::Image(map) => map.eval(lookup),
+            Kind::Grid(map) => map.eval(lookup),
+            Kind::Computed(computed) => computed.eval(lookup),
         }
     }
 
     /// How far apart its texels are along u and v; nothing if it has none.
     pub fn spacing(&self) -> Option<[f64; 2]> {
         match &self.kind {
-            Kind::Constant(_) => None,
             Kind::Image(map) => Some(map.spacing()),
+            Kind::Grid(map) => Some(map.spacing()),
+            Kind::Constant(_) | Kind::Computed(_) => None,
         }
     }
 
@@ -75,7 +82,7 @@ impl Pattern {
     pub fn footprint(&self, lookup: &Lookup) -> Option<Footprint> {
         match &self.kind {
             Kind::Image(map) => Some(map.footprint(lookup)),
-            Kind::Constant(_) => None,
+            _ => None,
         }
     }
 
@@ -149,19 +156,40 @@ impl Store {
                 }
                 Kind::Constant(*value)
             }
+            TextureKind::Procedural(function) => {
+                let invalid =
+                    |problem| Unresolved::Invalid { object: format!("texture \"{}\"", texture.name), problem };
+                function.check().map_err(invalid)?;
+                Kind::Computed(Box::new(Computed::new(function)))
+            }
+            TextureKind::Grid(grid) => Kind::Grid(self.grid(texture, grid)?),
             TextureKind::Image(image) => Kind::Image(ImageMap::new(self.pyramid(texture, image)?, image)),
         };
         Ok(Pattern { kind })
     }
 
-    fn pyramid(&mut self, texture: &Texture, image: &ImageTexture) -> Result<Arc<Pyramid>, Unresolved> {
-        let index = image.image;
-        let (header, base) = self.images.get(index as usize).ok_or_else(|| Unresolved::Missing {
+    /// The image that a texture names.
+    fn image(&self, texture: &Texture, index: u32) -> Result<&(Header, Arc<Level>), Unresolved> {
+        self.images.get(index as usize).ok_or_else(|| Unresolved::Missing {
             object: format!("texture \"{}\"", texture.name),
             what: "image",
             index,
             count: self.images.len(),
-        })?;
+        })
+    }
+
+    fn grid(&self, texture: &Texture, grid: &GridTexture) -> Result<GridMap, Unresolved> {
+        let (header, base) = self.image(texture, grid.image)?;
+        if grid.slices == 0 || !base.height.is_multiple_of(grid.slices) {
+            let problem = format!("its {} rows can't be cut into {} slices of one height", base.height, grid.slices);
+            return Err(Unresolved::Invalid { object: format!("texture \"{}\"", texture.name), problem });
+        }
+        Ok(GridMap::new(base, header, grid))
+    }
+
+    fn pyramid(&mut self, texture: &Texture, image: &ImageTexture) -> Result<Arc<Pyramid>, Unresolved> {
+        let index = image.image;
+        let (header, base) = self.image(texture, index)?;
         let key = (index, image.space.unwrap_or(header.space));
         if let Some(pyramid) = self.pyramids.get(&key) {
             return Ok(Arc::clone(pyramid));

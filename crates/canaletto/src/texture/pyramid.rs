@@ -85,7 +85,7 @@ impl Header {
 }
 
 /// Floating-point numbers on the sRGB curve made linear once and for all: a power for every lookup would be dear.
-fn straightened(base: Arc<Level>) -> Arc<Level> {
+pub(super) fn straightened(base: Arc<Level>) -> Arc<Level> {
     let samples = match &base.samples {
         Samples::U8(_) | Samples::U16(_) => return base,
         Samples::F16(data) => Samples::F16(data.par_iter().map(|v| to_half(srgb_decode(from_half(*v)))).collect()),
@@ -99,12 +99,9 @@ fn halve(fine: &Level, codec: &Codec) -> Level {
     let (width, height) = ((fine.width / 2).max(1), (fine.height / 2).max(1));
     let columns = shares(fine.width, width);
     let rows = shares(fine.height, height);
-    let channels = codec.channels;
-    // A whole band of tiles is one piece of memory.
-    let band = (width * TILE) as usize * channels;
     let texel = |x: usize, y: usize| {
         let (column, row) = (&columns[x], &rows[y]);
-        let mut taps = [(0, 0.0); 16];
+        let mut taps: [Tap; 16] = [(0, 0.0); 16];
         let mut count = 0;
         for (j, weight) in row.iter() {
             for (i, share) in column.iter() {
@@ -114,64 +111,77 @@ fn halve(fine: &Level, codec: &Codec) -> Level {
         }
         codec.sum(&fine.samples, &taps[..count])
     };
-    let fill = |number: usize, put: &mut dyn FnMut(usize, [f32; 4])| {
+    // A whole band of tiles is one piece of memory.
+    let band = (width * TILE) as usize;
+    let samples = fill(&fine.samples, width as usize * height as usize, band, codec, |number, put| {
         let top = number as u32 * TILE;
         let down = TILE.min(height - top);
         for y in 0..down {
             for x in 0..width {
-                put(index(width, down, x, y) as usize * channels, texel(x as usize, (top + y) as usize));
+                put(index(width, down, x, y) as usize, texel(x as usize, (top + y) as usize));
             }
         }
-    };
-    let count = width as usize * height as usize * channels;
-    let samples = match &fine.samples {
-        Samples::U8(_) => {
-            let mut data = vec![0; count];
-            data.par_chunks_mut(band).enumerate().for_each(|(number, band)| {
-                fill(number, &mut |at, mean| codec.store(mean, &mut Slot::U8(&mut band[at..at + channels])));
-            });
-            Samples::U8(data)
-        }
-        Samples::U16(_) => {
-            let mut data = vec![0; count];
-            data.par_chunks_mut(band).enumerate().for_each(|(number, band)| {
-                fill(number, &mut |at, mean| codec.store(mean, &mut Slot::U16(&mut band[at..at + channels])));
-            });
-            Samples::U16(data)
-        }
-        Samples::F16(_) => {
-            let mut data = vec![0; count];
-            data.par_chunks_mut(band).enumerate().for_each(|(number, band)| {
-                fill(number, &mut |at, mean| codec.store(mean, &mut Slot::F16(&mut band[at..at + channels])));
-            });
-            Samples::F16(data)
-        }
-        Samples::F32(_) => {
-            let mut data = vec![0.0; count];
-            data.par_chunks_mut(band).enumerate().for_each(|(number, band)| {
-                fill(number, &mut |at, mean| codec.store(mean, &mut Slot::F32(&mut band[at..at + channels])));
-            });
-            Samples::F32(data)
-        }
-    };
+    });
     Level { width, height, samples }
 }
 
+/// Numbers in the format of others, for `count` texels in pieces of `piece`, which are filled in parallel: `make` is
+/// called with a piece's number and what puts a texel to its position in it.
+pub(super) fn fill(
+    like: &Samples,
+    count: usize,
+    piece: usize,
+    codec: &Codec,
+    make: impl Fn(usize, &mut dyn FnMut(usize, [f32; 4])) + Sync,
+) -> Samples {
+    let work = Work { count, piece, codec };
+    match like {
+        Samples::U8(_) => Samples::U8(work.run(|d| Slot::U8(d), &make)),
+        Samples::U16(_) => Samples::U16(work.run(|d| Slot::U16(d), &make)),
+        Samples::F16(_) => Samples::F16(work.run(|d| Slot::F16(d), &make)),
+        Samples::F32(_) => Samples::F32(work.run(|d| Slot::F32(d), &make)),
+    }
+}
+
+struct Work<'a> {
+    count: usize,
+    piece: usize,
+    codec: &'a Codec,
+}
+
+impl Work<'_> {
+    fn run<T: Copy + Default + Send>(
+        &self,
+        slot: impl for<'s> Fn(&'s mut [T]) -> Slot<'s> + Sync,
+        make: &(impl Fn(usize, &mut dyn FnMut(usize, [f32; 4])) + Sync),
+    ) -> Vec<T> {
+        let channels = self.codec.channels;
+        let mut data = vec![T::default(); self.count * channels];
+        data.par_chunks_mut(self.piece * channels).enumerate().for_each(|(number, part)| {
+            make(number, &mut |at, mean| {
+                let at = at * channels;
+                self.codec.store(mean, &mut slot(&mut part[at..at + channels]));
+            });
+        });
+        data
+    }
+}
+
 /// The texels that one coarser texel covers, and its share of each.
-struct Share {
+pub(super) struct Share {
     first: u32,
     count: u32,
     weights: [f32; 4],
 }
 
 impl Share {
-    fn iter(&self) -> impl Iterator<Item = Tap> + '_ {
+    pub(super) fn iter(&self) -> impl Iterator<Item = Tap> + '_ {
         (self.first..self.first + self.count).zip(self.weights)
     }
 }
 
 /// For each of `coarse` texels, the part of `fine` ones that it covers.
-fn shares(fine: u32, coarse: u32) -> Vec<Share> {
+pub(super) fn shares(fine: u32, coarse: u32) -> Vec<Share> {
     let ratio = f64::from(fine) / f64::from(coarse);
     let share = |i: u32| {
         // Exact in whole numbers: texel i covers [i fine / coarse, (i + 1) fine / coarse].

@@ -11,7 +11,7 @@ use crate::material::{Channel, Material, Phong, Target};
 use crate::math::{Path, Transform};
 use crate::scene::{Content, Node, Scene};
 use crate::shape::{CylinderCloud, Mesh, Shape, SphereCloud};
-use crate::texture::{ColorSpace, Image, ImageTexture, Pattern, Prefilter, Texture, TextureKind, Unresolved};
+use crate::texture::{ColorSpace, Image, Pattern, Prefilter, Texture, TextureKind, Unresolved};
 use canaletto_bvh::{Aabb, Bvh};
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -186,14 +186,23 @@ fn resolve_textures(
                 let object = format!("material \"{}\"", material.name);
                 return Err(BuildError::Missing { object, what: "texture", index, count });
             };
-            let TextureKind::Image(image) = &described.kind else { continue };
-            if image.space.is_some() || texture.target.takes_color() || texture.channel == Channel::Alpha {
+            let space = match &described.kind {
+                TextureKind::Image(image) => image.space,
+                TextureKind::Grid(grid) => grid.space,
+                TextureKind::Constant(_) | TextureKind::Procedural(_) => continue,
+            };
+            if space.is_some() || texture.target.takes_color() || texture.channel == Channel::Alpha {
                 continue;
             }
-            let image = ImageTexture { space: Some(ColorSpace::Raw), ..*image };
+            let mut kind = described.kind.clone();
+            match &mut kind {
+                TextureKind::Image(image) => image.space = Some(ColorSpace::Raw),
+                TextureKind::Grid(grid) => grid.space = Some(ColorSpace::Raw),
+                TextureKind::Constant(_) | TextureKind::Procedural(_) => {}
+            }
             texture.texture = *raw.entry(index).or_insert_with(|| {
                 let name = textures[index as usize].name.clone();
-                textures.push(Texture { name, kind: TextureKind::Image(image) });
+                textures.push(Texture { name, kind });
                 textures.len() as u32 - 1
             });
         }
@@ -203,6 +212,8 @@ fn resolve_textures(
         let filtered = match &textures[used.texture as usize].kind {
             TextureKind::Constant(_) => false,
             TextureKind::Image(image) => image.prefilter != Prefilter::None,
+            TextureKind::Grid(grid) => grid.prefilter != Prefilter::None,
+            TextureKind::Procedural(_) => true,
         };
         filtered || used.target == Target::Bump
     });

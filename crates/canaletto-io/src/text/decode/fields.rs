@@ -257,6 +257,7 @@ impl<'a> Judge<'a> {
             Takes::Numbers(counts) => counts,
             Takes::Rgb => &[1, 3],
             Takes::Counts(2) => &[2],
+            Takes::Counts(3) => &[3],
             Takes::Counts(_) => &[4],
             Takes::Flag if got.node.is_some() => &[0, 1],
             Takes::Many(n) => return self.many(subject, n, got),

@@ -9,6 +9,7 @@ mod mesh;
 mod names;
 mod object;
 mod settings;
+mod solid_texture;
 mod surface_texture;
 mod texture;
 mod transform;

@@ -6,7 +6,9 @@ use super::texture::one_of;
 use crate::text::report::Message;
 use crate::text::schema::{CHANNELS, PROJECTIONS, SPACES, SURFACE_TEXTURE};
 use canaletto::material::{Mapping, Projection, Repeat, Space, Target, TextureUse};
-use canaletto::texture::TextureKind;
+use canaletto::math::Transform;
+use canaletto::texture::{Function, Gradient, TextureKind};
+use glam::DVec3;
 
 impl Decoder<'_> {
     /// The textures of a material, in their order.
@@ -73,12 +75,24 @@ impl Decoder<'_> {
     fn mapping_of(&self, texture: u32) -> Mapping {
         match self.scene.textures.get(texture as usize).map(|texture| &texture.kind) {
             None | Some(TextureKind::Constant(_) | TextureKind::Image(_)) => Mapping::default(),
+            Some(TextureKind::Procedural(p)) => match p.function {
+                // A ramp is a texture of a line: of u.
+                Function::Gradient { shape: Gradient::Linear, .. } => Mapping::default(),
+                _ => Mapping { projection: Projection::Solid, space: Space::Object, ..Mapping::default() },
+            },
+            // The grid's cube from 0 to 1 covers the object's bounds, which are a cube around the origin.
+            Some(TextureKind::Grid(_)) => {
+                let transform = Transform::translate(DVec3::splat(-0.5));
+                Mapping { projection: Projection::Solid, space: Space::Bounds, transform, ..Mapping::default() }
+            }
         }
     }
 
     fn mapping(&mut self, f: &Fields, texture: u32) -> Mapping {
-        let projection = one_of(f, "mapping", PROJECTIONS).unwrap_or(self.mapping_of(texture).projection);
+        let usual = self.mapping_of(texture);
+        let projection = one_of(f, "mapping", PROJECTIONS).unwrap_or(usual.projection);
         let space = match projection {
+            Projection::Solid if usual.projection == Projection::Solid => usual.space,
             Projection::Triplanar | Projection::Solid => Space::Object,
             _ => Space::Bounds,
         };
@@ -98,7 +112,8 @@ impl Decoder<'_> {
             }
         }
         let space = one_of(f, "space", SPACES).unwrap_or(space);
-        Mapping { projection, space, transform: self.transform(f), repeat: Repeat(repeat) }
+        let usual = if projection == usual.projection { usual.transform } else { Transform::IDENTITY };
+        Mapping { projection, space, transform: self.transform(f).after(&usual), repeat: Repeat(repeat) }
     }
 
     /// Reports words that say nothing about this use.

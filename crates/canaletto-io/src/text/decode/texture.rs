@@ -2,12 +2,13 @@
 
 use super::Decoder;
 use super::fields::Fields;
+use crate::assets::{Asset, AssetPath};
 use crate::image::read_image;
 use crate::text::nearest::nearest;
 use crate::text::report::Message;
 use crate::text::schema::{self, DEFAULT_KIND, FILTERS, PLACEMENTS, PREFILTERS, TEXTURES, WRAPS};
 use crate::text::syntax::{Node, Span};
-use canaletto::texture::{ColorSpace, ImageTexture, Texture, TextureKind};
+use canaletto::texture::{ColorSpace, Image, ImageTexture, Texture, TextureKind};
 use std::collections::HashMap;
 use std::path::PathBuf;
 
@@ -72,8 +73,11 @@ impl<'a> Decoder<'a> {
     }
 
     fn kind_of_texture(&mut self, kind: &str, f: &Fields) -> Option<TextureKind> {
-        let _ = kind;
-        Some(TextureKind::Image(self.image_texture(f)?))
+        Some(match kind {
+            "image" => TextureKind::Image(self.image_texture(f)?),
+            "grid" => TextureKind::Grid(self.grid(f)?),
+            _ => TextureKind::Procedural(self.procedural(kind, f)?),
+        })
     }
 
     fn image_texture(&mut self, f: &Fields) -> Option<ImageTexture> {
@@ -85,11 +89,7 @@ impl<'a> Decoder<'a> {
             prefilter: one_of(f, "prefilter", PREFILTERS).unwrap_or_default(),
             wrap: [axis("wrap-u"), axis("wrap-v")],
             placement: one_of(f, "texels", PLACEMENTS).unwrap_or_default(),
-            space: f.text("space").map(|space| match space {
-                "srgb" => ColorSpace::Srgb,
-                "linear" => ColorSpace::Linear,
-                _ => ColorSpace::Raw,
-            }),
+            space: color_space(f),
             ..ImageTexture::new(image)
         })
     }
@@ -106,18 +106,8 @@ impl<'a> Decoder<'a> {
         image
     }
 
-    fn read_image(&mut self, file: &str, span: Span, from: &crate::assets::AssetPath) -> Option<u32> {
-        let asset = match self.assets.read(file, from) {
-            Ok(asset) => asset,
-            Err(error) => {
-                let message = Message::error(span, error.to_string());
-                self.judge.report.push(match error.help() {
-                    Some(help) => message.help(help),
-                    None => message,
-                });
-                return None;
-            }
-        };
+    fn read_image(&mut self, file: &str, span: Span, from: &AssetPath) -> Option<u32> {
+        let asset = self.opened(file, span, from)?;
         if let Some(known) = self.images.by_identity.get(asset.path.identity()) {
             return *known;
         }
@@ -128,15 +118,7 @@ impl<'a> Decoder<'a> {
                     let message = Message::warning(Some(span), format!("\"{file}\": {note}"));
                     self.judge.report.push(message);
                 }
-                let bytes: u64 = self.scene.images.iter().chain([&image]).map(|i| i.samples.bytes() as u64).sum();
-                if bytes > MAX_IMAGE_BYTES {
-                    let message = format!("the scene's images take more than {} GiB of memory", MAX_IMAGE_BYTES >> 30);
-                    let message = Message::error(span, message).help("scale some of them down");
-                    self.judge.report.push(message);
-                    return None;
-                }
-                self.scene.images.push(image);
-                Some(self.scene.images.len() as u32 - 1)
+                self.add_image(image, span)
             }
             Err(error) => {
                 let message = Message::error(span, format!("\"{file}\": {error}"));
@@ -150,6 +132,42 @@ impl<'a> Decoder<'a> {
         self.images.by_identity.insert(asset.path.identity().to_owned(), image);
         image
     }
+
+    /// The bytes of a file that a node names; what is wrong with it is reported.
+    pub(super) fn opened(&mut self, file: &str, span: Span, from: &AssetPath) -> Option<Asset> {
+        match self.assets.read(file, from) {
+            Ok(asset) => Some(asset),
+            Err(error) => {
+                let message = Message::error(span, error.to_string());
+                self.judge.report.push(match error.help() {
+                    Some(help) => message.help(help),
+                    None => message,
+                });
+                None
+            }
+        }
+    }
+
+    /// Adds an image to the scene's, if there is room; its number.
+    pub(super) fn add_image(&mut self, image: Image, span: Span) -> Option<u32> {
+        let bytes: u64 = self.scene.images.iter().chain([&image]).map(|i| i.samples.bytes() as u64).sum();
+        if bytes > MAX_IMAGE_BYTES {
+            let message = format!("the scene's images take more than {} GiB of memory", MAX_IMAGE_BYTES >> 30);
+            self.judge.report.push(Message::error(span, message).help("scale some of them down"));
+            return None;
+        }
+        self.scene.images.push(image);
+        Some(self.scene.images.len() as u32 - 1)
+    }
+}
+
+/// The colour space that a texture gives its image.
+pub(super) fn color_space(f: &Fields) -> Option<ColorSpace> {
+    f.text("space").map(|space| match space {
+        "srgb" => ColorSpace::Srgb,
+        "linear" => ColorSpace::Linear,
+        _ => ColorSpace::Raw,
+    })
 }
 
 /// The value of a word that is one of several.

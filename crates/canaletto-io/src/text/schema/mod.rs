@@ -20,7 +20,10 @@ pub(crate) use settings::{
     INTEGRATOR, MATERIAL, SAMPLE, SETTINGS,
 };
 pub(crate) use surface_textures::{CHANNELS, PROJECTIONS, SPACES, SURFACE_TEXTURE};
-pub(crate) use textures::{DEFAULT_KIND, FILTERS, PLACEMENTS, PREFILTERS, TEXTURES, WRAPS, texture};
+pub(crate) use textures::{
+    DEFAULT_JITTER, DEFAULT_KIND, DEFAULT_MARBLE, DEFAULT_RAMP_WRAP, DEFAULT_WOOD, FEATURES, FILTERS, GRADIENTS,
+    INTERPOLATIONS, NUMBERS, PLACEMENTS, PREFILTERS, TEXTURES, WRAPS, texture,
+};
 
 /// What a word takes.
 #[derive(Clone, Copy)]

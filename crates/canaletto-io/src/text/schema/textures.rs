@@ -1,8 +1,8 @@
 //! Textures.
 
 use super::settings::quoted;
-use super::{Takes, Word, Words};
-use canaletto::texture::{Filter, Placement, Prefilter, Wrap};
+use super::{NUMBER, Takes, Word, Words};
+use canaletto::texture::{Feature, Filter, Gradient, Interpolation, Placement, Prefilter, Spectrum, Wrap};
 
 const NAME: Word = Word::new("name", Takes::Text, "the name that materials refer to").needed();
 
@@ -10,7 +10,19 @@ const NAME: Word = Word::new("name", Takes::Text, "the name that materials refer
 pub(crate) const DEFAULT_KIND: &str = "image";
 
 /// The textures, by kind, in the order of the reference.
-pub(crate) const TEXTURES: &[(&str, &Words)] = &[("image", &IMAGE)];
+pub(crate) const TEXTURES: &[(&str, &Words)] = &[
+    ("image", &IMAGE),
+    ("ramp", &RAMP),
+    ("grid", &GRID),
+    ("checker", &CHECKER),
+    ("gradient", &GRADIENT),
+    ("noise", &NOISE),
+    ("fbm", &FBM),
+    ("turbulence", &TURBULENCE),
+    ("marble", &MARBLE),
+    ("wood", &WOOD),
+    ("worley", &WORLEY),
+];
 
 /// The words of a kind of texture.
 pub(crate) fn texture(kind: &str) -> Option<&'static Words> {
@@ -56,6 +68,13 @@ pub(crate) fn word_of<T: PartialEq>(words: &[(&'static str, T)], value: &T) -> S
     words.iter().find(|(_, v)| v == value).map_or_else(String::new, |(word, _)| quoted(word))
 }
 
+const SPACE: Word = Word::new(
+    "space",
+    Takes::Word(&["srgb", "linear", "raw"]),
+    "what the numbers mean: colours on the sRGB curve, linear colours, or no colours at all (heights, normals, masks)",
+)
+.or(|| "as the file says".into());
+
 static IMAGE: Words = Words::new(
     "texture",
     "An image over the unit square: u runs from its left to its right, v from its top row to its bottom row.",
@@ -79,13 +98,207 @@ static IMAGE: Words = Words::new(
             "whether u = 0 and u = 1 are the centres of the first and the last texel, as in the textbook, or their outer edges, as in OpenGL: for images made to be repeated and for spheres",
         )
         .or(|| word_of(PLACEMENTS, &Placement::default())),
-        Word::new(
-            "space",
-            Takes::Word(&["srgb", "linear", "raw"]),
-            "what the numbers mean: colours on the sRGB curve, linear colours, or no colours at all (heights, normals, masks)",
-        )
-        .or(|| "as the file says".into()),
+        SPACE,
     ]],
 )
 .argument(NAME)
 .example("texture \"bricks\" file=\"bricks.png\" { filter \"bilinear\"; wrap \"repeat\"; texels \"edges\" }");
+
+/// The interpolations of ramps with their words.
+pub(crate) const INTERPOLATIONS: &[(&str, Interpolation)] =
+    &[("step", Interpolation::Step), ("linear", Interpolation::Linear), ("smooth", Interpolation::Smooth)];
+
+/// What gradients measure, with their words.
+pub(crate) const GRADIENTS: &[(&str, Gradient)] = &[
+    ("linear", Gradient::Linear),
+    ("cylindrical", Gradient::Cylindrical),
+    ("spherical", Gradient::Spherical),
+    ("angular", Gradient::Angular),
+];
+
+/// What Worley's texture measures, with its words.
+pub(crate) const FEATURES: &[(&str, Feature)] =
+    &[("nearest", Feature::Nearest), ("second", Feature::Second), ("edge", Feature::Edge)];
+
+/// The numbers of raw grids, with their words.
+pub(crate) const NUMBERS: &[(&str, usize)] = &[("u8", 1), ("u16", 2), ("f32", 4)];
+
+/// The shift of marble's waves and of wood's rings where nothing says so.
+pub(crate) const DEFAULT_MARBLE: f32 = 2.0;
+pub(crate) const DEFAULT_WOOD: f32 = 0.3;
+/// How far Worley's points are scattered where nothing says so.
+pub(crate) const DEFAULT_JITTER: f32 = 1.0;
+/// The wrap mode of ramps and gradients where nothing says so.
+pub(crate) const DEFAULT_RAMP_WRAP: Wrap = Wrap::Clamp;
+
+/// The words of what becomes a colour through a ramp.
+const COLORS: &[Word] = &[
+    Word::new("stops", Takes::Many(4), "colours at places: the place, then red, green and blue")
+        .or(|| "0 0 0 0  1 1 1 1".into()),
+    Word::new("stops-alpha", Takes::Many(5), "the same with an alpha behind each, instead of `stops`"),
+    Word::new("interpolation", Takes::Word(&["step", "linear", "smooth"]), "what is between the stops")
+        .or(|| word_of(INTERPOLATIONS, &Interpolation::default())),
+];
+
+const SEED: Word =
+    Word::new("seed", Takes::Count, "another number gives another pattern of the same kind").or(|| "0".into());
+
+const SPECTRUM: &[Word] = &[
+    Word::new("octaves", Takes::Count, "how many noises are added up, 1 to 32")
+        .or(|| Spectrum::default().octaves.to_string()),
+    Word::new("lacunarity", NUMBER, "how many times finer each is than the one before, 1 to 16")
+        .or(|| Spectrum::default().lacunarity.to_string()),
+    Word::new("gain", NUMBER, "how strong each is, compared with the one before, 0 to 1")
+        .or(|| Spectrum::default().gain.to_string()),
+    SEED,
+];
+
+const RAMP_WRAP: Word = Word::new("wrap", WRAP_WORDS, "what is outside of 0 to 1; \"clamp\" goes on to stops beyond")
+    .or(|| word_of(WRAPS, &DEFAULT_RAMP_WRAP));
+
+static RAMP: Words = Words::new(
+    "texture",
+    "A texture of a line: colours along u.",
+    &[&[kind(&["ramp"]).needed(), RAMP_WRAP], COLORS],
+)
+.argument(NAME)
+.example("texture \"rainbow\" kind=\"ramp\" { stops 0 1 0 0  0.5 0 1 0  1 0 0 1; interpolation \"smooth\"; wrap \"mirror\" }");
+
+static GRID: Words = Words::new(
+    "texture",
+    "A texture of space, stored: voxels in the unit cube, which covers the object's bounding box. They stand in a `file` of numbers without a header, or in a `stack` of images.",
+    &[&[
+        kind(&["grid"]).needed(),
+        Word::new("file", Takes::Text, "numbers without a header, the lowest byte first: x runs fastest, z slowest"),
+        Word::new("size", Takes::Counts(3), "for `file`: voxels along x, y and z"),
+        Word::new("format", Takes::Word(&["u8", "u16", "f32"]), "for `file`: what its numbers are; whole ones stand for 0 to 1")
+            .or(|| quoted("u8")),
+        Word::new("channels", Takes::Count, "for `file`: numbers of each voxel, 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha")
+            .or(|| "1".into()),
+        Word::new("stack", Takes::Text, "images of slices, `####` standing for their numbers: \"slice-###.png\""),
+        Word::new("slices", Takes::Counts(2), "for `stack`: the numbers of the first and the last slice"),
+        Word::new("filter", FILTER_WORDS, "how voxels become a function").or(|| word_of(FILTERS, &Filter::default())),
+        Word::new(
+            "prefilter",
+            Takes::Word(&["none", "trilinear"]),
+            "what is done where voxels are smaller than pixels: nothing, or the mean over a cube",
+        )
+        .or(|| word_of(PREFILTERS, &Prefilter::Trilinear)),
+        Word::new("wrap", WRAP_WORDS, "what is outside of the unit cube").or(|| word_of(WRAPS, &Wrap::default())),
+        Word::new(
+            "texels",
+            Takes::Word(&["centers", "edges"]),
+            "whether 0 and 1 are the centres of the outermost voxels or their outer edges",
+        )
+        .or(|| word_of(PLACEMENTS, &Placement::default())),
+        SPACE,
+    ]],
+)
+.argument(NAME)
+.example("texture \"scan\" kind=\"grid\" stack=\"slice-##.png\" { slices 1 2; filter \"bicubic\"; wrap \"clamp\" }");
+
+static CHECKER: Words = Words::new(
+    "texture",
+    "Cubes of side 1 in two colours. Their mean over a pixel is exact, if it is a box along the axes.",
+    &[&[
+        kind(&["checker"]).needed(),
+        Word::new("even", Takes::Rgb, "the colour of the cube from 0 to 1").or(|| "0".into()),
+        Word::new("odd", Takes::Rgb, "the colour of its neighbours").or(|| "1".into()),
+    ]],
+)
+.argument(NAME)
+.example("texture \"tiles\" kind=\"checker\" { even 0.1; odd 0.9 0.9 0.8 }");
+
+static GRADIENT: Words = Words::new(
+    "texture",
+    "Colours by a distance or an angle.",
+    &[
+        &[
+            kind(&["gradient"]).needed(),
+            Word::new(
+                "shape",
+                Takes::Word(&["linear", "cylindrical", "spherical", "angular"]),
+                "x, the distance from the y axis, the distance from the origin, or the angle around the y axis as a share of the whole turn",
+            )
+            .or(|| word_of(GRADIENTS, &Gradient::default())),
+            RAMP_WRAP,
+        ],
+        COLORS,
+    ],
+)
+.argument(NAME)
+.example("texture \"rings\" kind=\"gradient\" { shape \"spherical\"; wrap \"repeat\" }");
+
+static NOISE: Words = Words::new("texture", "Perlin's noise (2002).", &[&[kind(&["noise"]).needed(), SEED], COLORS])
+    .argument(NAME)
+    .example("texture \"clouds\" kind=\"noise\" { stops 0.3 0 0 1  0.7 1 1 1 }");
+
+static FBM: Words = Words::new(
+    "texture",
+    "Noises of several frequencies (fractional Brownian motion), 0 to 1 and mostly around 0.5.",
+    &[&[kind(&["fbm"]).needed()], SPECTRUM, COLORS],
+)
+.argument(NAME)
+.example("texture \"ground\" kind=\"fbm\" { octaves 8; stops 0.3 0.1 0.3 0.1  0.7 0.5 0.4 0.3 }");
+
+static TURBULENCE: Words = Words::new(
+    "texture",
+    "Absolute values of noises of several frequencies, 0 to 1 and mostly around 0.2.",
+    &[&[kind(&["turbulence"]).needed()], SPECTRUM, COLORS],
+)
+.argument(NAME)
+.example("texture \"smoke\" kind=\"turbulence\" { gain 0.6 }");
+
+static MARBLE: Words = Words::new(
+    "texture",
+    "Waves along x, one in each unit, shifted by turbulence.",
+    &[
+        &[
+            kind(&["marble"]).needed(),
+            Word::new("strength", NUMBER, "how many units the waves are shifted by at most")
+                .or(|| DEFAULT_MARBLE.to_string()),
+        ],
+        SPECTRUM,
+        COLORS,
+    ],
+)
+.argument(NAME)
+.example("texture \"veins\" kind=\"marble\" { stops 0 0.05 0.1 0.05  0.7 0.1 0.35 0.2  1 0.8 0.9 0.8 }");
+
+static WOOD: Words = Words::new(
+    "texture",
+    "Rings around the y axis, one in each unit, shifted by noise; each ring runs through the ramp.",
+    &[
+        &[
+            kind(&["wood"]).needed(),
+            Word::new("strength", NUMBER, "how many units the rings are shifted by at most")
+                .or(|| DEFAULT_WOOD.to_string()),
+        ],
+        SPECTRUM,
+        COLORS,
+    ],
+)
+.argument(NAME)
+.example("texture \"oak\" kind=\"wood\" { stops 0 0.5 0.3 0.15  0.8 0.35 0.2 0.1  1 0.2 0.1 0.05 }");
+
+static WORLEY: Words = Words::new(
+    "texture",
+    "Worley's cells around scattered points, one in each unit cube.",
+    &[
+        &[
+            kind(&["worley"]).needed(),
+            Word::new(
+                "feature",
+                Takes::Word(&["nearest", "second", "edge"]),
+                "the distance to the nearest point, to the second nearest, or the difference of the two, which is 0 where cells meet",
+            )
+            .or(|| word_of(FEATURES, &Feature::default())),
+            Word::new("jitter", NUMBER, "how far points are scattered: 0 a regular grid, 1 anywhere in their cubes")
+                .or(|| DEFAULT_JITTER.to_string()),
+            SEED,
+        ],
+        COLORS,
+    ],
+)
+.argument(NAME)
+.example("texture \"cells\" kind=\"worley\" { feature \"edge\"; stops 0 0 0 0  0.1 1 1 1 }");

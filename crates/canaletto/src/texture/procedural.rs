@@ -1,0 +1,438 @@
+//! Functions of space that are computed, not stored (5.5): noise, marble, wood, checkers and their like. Each gives a
+//! number, which a ramp turns into a colour.
+//!
+//! Against aliasing, noise fades octave by octave as the footprint grows, and the ramp's mean is taken over the range
+//! that the number has in the footprint; checkers are integrated exactly over an axis-aligned box around it.
+
+use super::noise::{Filtered, Noise, Octaves, seen};
+use super::ramp::RampTable;
+use super::worley;
+use super::{Lookup, Ramp, Wrap};
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+/// A computed texture.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Procedural {
+    /// What gives the number.
+    pub function: Function,
+    /// What makes a colour of it.
+    pub ramp: Ramp,
+    /// Another number gives another texture of the same kind; 0 is Perlin's own lattice.
+    pub seed: u32,
+}
+
+/// Functions of space. Their features have a size of about 1.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Function {
+    /// Cubes of side 1 that are 0 and 1 in turn.
+    Checker,
+    /// A distance or angle.
+    Gradient {
+        /// Which one.
+        shape: Gradient,
+        /// What the ramp is outside of 0 to 1.
+        wrap: Wrap,
+    },
+    /// Perlin's noise, moved from −1 to 1 into 0 to 1.
+    Noise,
+    /// Noise of several frequencies, moved into 0 to 1 (fractional Brownian motion).
+    Fbm(Spectrum),
+    /// Absolute values of noise of several frequencies, 0 to 1.
+    Turbulence(Spectrum),
+    /// Waves along x, one in each unit, shifted by turbulence.
+    Marble {
+        /// The turbulence.
+        spectrum: Spectrum,
+        /// How many units the waves are shifted by at most.
+        strength: f32,
+    },
+    /// Rings around the y axis, one in each unit, shifted by noise. Each runs through the ramp once.
+    Wood {
+        /// The noise.
+        spectrum: Spectrum,
+        /// How many units the rings are shifted by at most.
+        strength: f32,
+    },
+    /// Cells around scattered points, one in each unit cube.
+    Worley {
+        /// Which distance.
+        feature: Feature,
+        /// How far points are scattered: 0 a regular grid, 1 anywhere in their cubes.
+        jitter: f32,
+    },
+}
+
+/// What a gradient measures.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Gradient {
+    /// x: what a texture of a line has for its u.
+    #[default]
+    Linear,
+    /// The distance from the y axis.
+    Cylindrical,
+    /// The distance from the origin.
+    Spherical,
+    /// The angle around the y axis, from z towards x, as a share of the whole turn, 0 to 1.
+    Angular,
+}
+
+/// What Worley's texture measures.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Feature {
+    /// The distance to the nearest point, mostly 0 to 1.
+    #[default]
+    Nearest,
+    /// The distance to the second nearest.
+    Second,
+    /// The difference of the two: 0 where cells meet.
+    Edge,
+}
+
+/// How noises of several frequencies are added up.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Spectrum {
+    /// How many, 1 to 32.
+    pub octaves: u32,
+    /// The factor of frequency from one to the next, 1 to 16.
+    pub lacunarity: f32,
+    /// The factor of amplitude, 0 to 1.
+    pub gain: f32,
+}
+
+impl Default for Spectrum {
+    fn default() -> Spectrum {
+        Spectrum { octaves: 6, lacunarity: 2.0, gain: 0.5 }
+    }
+}
+
+impl Spectrum {
+    fn lowered(&self) -> Octaves {
+        Octaves { count: self.octaves, lacunarity: self.lacunarity.into(), gain: self.gain.into() }
+    }
+}
+
+impl Procedural {
+    /// Checks every number's range.
+    ///
+    /// # Errors
+    /// A sentence that starts with the number's name.
+    pub fn check(&self) -> Result<(), String> {
+        self.ramp.check()?;
+        let spectrum = match self.function {
+            Function::Fbm(spectrum) | Function::Turbulence(spectrum) => Some((spectrum, 0.0)),
+            Function::Marble { spectrum, strength } | Function::Wood { spectrum, strength } => {
+                Some((spectrum, strength))
+            }
+            Function::Worley { jitter, .. } if !(0.0..=1.0).contains(&jitter) => {
+                return Err(format!("jitter is {jitter}; it must be between 0 and 1"));
+            }
+            _ => None,
+        };
+        let Some((Spectrum { octaves, lacunarity, gain }, strength)) = spectrum else { return Ok(()) };
+        if !(1..=32).contains(&octaves) {
+            return Err(format!("octaves is {octaves}; it must be between 1 and 32"));
+        }
+        if !(1.0..=16.0).contains(&lacunarity) {
+            return Err(format!("lacunarity is {lacunarity}; it must be between 1 and 16"));
+        }
+        if !(0.0..=1.0).contains(&gain) {
+            return Err(format!("gain is {gain}; it must be between 0 and 1"));
+        }
+        if !strength.is_finite() || strength.abs() > 1e6 {
+            return Err(format!("strength is {strength}; it must be between -1e6 and 1e6"));
+        }
+        Ok(())
+    }
+}
+
+/// A computed texture ready to be looked up.
+#[derive(Debug)]
+pub(super) struct Computed {
+    function: Function,
+    noise: Noise,
+    ramp: RampTable,
+    seed: u32,
+}
+
+/// The half width of an interval with the same variance as the weight (1 − r²)² has along a derivative of length 1.
+const HALF: f64 = 0.612;
+/// The width of such an interval.
+const WHOLE: f64 = 2.0 * HALF;
+/// What remains of Worley's distances in footprints of many cells: their means when points are fully scattered, and
+/// the variances of the nearest, the second and their difference.
+const WORLEY_MEANS: [f64; 2] = [0.521, 0.717];
+const WORLEY_VARIANCES: [f64; 3] = [0.030, 0.021, 0.025];
+
+impl Computed {
+    pub(super) fn new(texture: &Procedural) -> Computed {
+        let wrap = match texture.function {
+            Function::Gradient { wrap, .. } => wrap,
+            Function::Wood { .. } => Wrap::Repeat,
+            _ => Wrap::Clamp,
+        };
+        let ramp = RampTable::new(&texture.ramp, wrap);
+        Computed { function: texture.function, noise: Noise::new(texture.seed), ramp, seed: texture.seed }
+    }
+
+    pub(super) fn eval(&self, lookup: &Lookup) -> [f32; 4] {
+        let finite = |d: DVec3| if d.is_finite() { d } else { DVec3::splat(1e12) };
+        let (at, dx, dy) =
+            (if lookup.at.is_finite() { lookup.at } else { DVec3::ZERO }, finite(lookup.dx), finite(lookup.dy));
+        let width = WHOLE * dx.length().max(dy.length());
+        match self.function {
+            Function::Checker => self.checker(at, dx, dy),
+            Function::Marble { .. } => {
+                let phase = self.value(at, width);
+                let radius = if width > 0.0 { self.spread(at, dx, dy, phase, width) } else { 0.0 };
+                let phase = phase.value;
+                let angle = std::f64::consts::TAU * radius;
+                // The mean of a wave over an interval is the wave in its middle, lowered.
+                let rest = if angle > 1e-6 { libm::sin(angle) / angle } else { 1.0 };
+                let wave = libm::sin(std::f64::consts::TAU * (phase - phase.floor())) * rest;
+                self.ramp.mean(0.5 + 0.5 * wave, 0.5 * (1.0 - rest * rest).max(0.0).sqrt())
+            }
+            Function::Noise | Function::Fbm(_) | Function::Turbulence(_) if self.ramp.is_a_line() => {
+                self.ramp.mean(self.value(at, width).value, 0.0)
+            }
+            _ => {
+                let value = self.value(at, width);
+                let radius = if width > 0.0 { self.spread(at, dx, dy, value, width) } else { 0.0 };
+                self.ramp.mean(value.value, radius)
+            }
+        }
+    }
+
+    /// The half width of the range that the function has in the footprint.
+    fn spread(&self, at: DVec3, dx: DVec3, dy: DVec3, center: Filtered, width: f64) -> f64 {
+        let change = |d: DVec3| {
+            let change = self.value(at + d, width).value - center.value;
+            match self.function {
+                // Around the seam it is the short way.
+                Function::Gradient { shape: Gradient::Angular, .. } => change - change.round(),
+                _ => change,
+            }
+        };
+        let (x, y) = (change(dx), change(dy));
+        // An interval's variance is a third of its squared half width.
+        (HALF * HALF * (x * x + y * y) + 3.0 * center.lost).sqrt()
+    }
+
+    /// The function's number; of marble the phase, of wood the ring.
+    fn value(&self, p: DVec3, width: f64) -> Filtered {
+        let exact = |value| Filtered { value, lost: 0.0 };
+        let placed = |n: Filtered, start: f64, factor: f64| Filtered {
+            value: start + factor * n.value,
+            lost: factor * factor * n.lost,
+        };
+        match self.function {
+            Function::Checker => exact(0.0),
+            Function::Gradient { shape, .. } => exact(match shape {
+                Gradient::Linear => p.x,
+                Gradient::Cylindrical => (p.x * p.x + p.z * p.z).sqrt(),
+                Gradient::Spherical => p.length(),
+                Gradient::Angular => {
+                    let turn = libm::atan2(p.x, p.z) * (0.5 / std::f64::consts::PI);
+                    if turn < 0.0 { turn + 1.0 } else { turn }
+                }
+            }),
+            Function::Noise => {
+                let one = Octaves { count: 1, lacunarity: 1.0, gain: 1.0 };
+                placed(self.noise.fbm(p, one, width), 0.5, 0.5)
+            }
+            Function::Fbm(spectrum) => placed(self.noise.fbm(p, spectrum.lowered(), width), 0.5, 0.5),
+            Function::Turbulence(spectrum) => self.noise.turbulence(p, spectrum.lowered(), width),
+            Function::Marble { spectrum, strength } => {
+                placed(self.noise.turbulence(p, spectrum.lowered(), width), p.x, strength.into())
+            }
+            Function::Wood { spectrum, strength } => {
+                let ring = (p.x * p.x + p.z * p.z).sqrt();
+                placed(self.noise.fbm(p, spectrum.lowered(), width), ring, strength.into())
+            }
+            Function::Worley { feature, jitter } => {
+                let share = seen(width);
+                let [first, second] = if share > 0.0 {
+                    let exact = worley::distances(p, jitter.into(), self.seed);
+                    [0, 1].map(|i: usize| WORLEY_MEANS[i] + (exact[i] - WORLEY_MEANS[i]) * share)
+                } else {
+                    WORLEY_MEANS
+                };
+                let (value, variance) = match feature {
+                    Feature::Nearest => (first, WORLEY_VARIANCES[0]),
+                    Feature::Second => (second, WORLEY_VARIANCES[1]),
+                    Feature::Edge => (second - first, WORLEY_VARIANCES[2]),
+                };
+                Filtered { value, lost: variance * (1.0 - share * share) }
+            }
+        }
+    }
+
+    /// The mean of the checkers over the box around the footprint's parallelogram.
+    fn checker(&self, at: DVec3, dx: DVec3, dy: DVec3) -> [f32; 4] {
+        let mut product = 1.0;
+        for i in 0..3 {
+            let width = dx[i].abs() + dy[i].abs();
+            product *= square_wave(at[i], width);
+        }
+        let ends = [self.ramp.mean(0.0, 0.0), self.ramp.mean(1.0, 0.0)];
+        let share = (0.5 - 0.5 * product) as f32;
+        if share <= 0.0 || share >= 1.0 {
+            return ends[usize::from(share >= 0.5)];
+        }
+        let alpha = ends[0][3] + (ends[1][3] - ends[0][3]) * share;
+        let color = |c: usize| {
+            let [a, b] = [0, 1].map(|i: usize| ends[i][c] * ends[i][3]);
+            let mixed = a + (b - a) * share;
+            if alpha > 0.0 { mixed / alpha } else { 0.0 }
+        };
+        [color(0), color(1), color(2), alpha]
+    }
+}
+
+/// The mean of 1 from 0 to 1, −1 from 1 to 2, and so on, over an interval of this width.
+fn square_wave(x: f64, width: f64) -> f64 {
+    // Its antiderivative: up and down again in each period of 2.
+    let integral = |x: f64| 1.0 - (x - 2.0 * (x * 0.5).floor() - 1.0).abs();
+    if width > 1e-7 * x.abs().max(1.0) {
+        ((integral(x + 0.5 * width) - integral(x - 0.5 * width)) / width).clamp(-1.0, 1.0)
+    } else {
+        let cell = x.floor();
+        if cell - 2.0 * (cell * 0.5).floor() == 0.0 { 1.0 } else { -1.0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::texture::noise::scatter;
+    use crate::texture::{Interpolation, Stop};
+
+    fn computed(function: Function, ramp: Ramp) -> Computed {
+        let texture = Procedural { function, ramp, seed: 0 };
+        texture.check().unwrap();
+        Computed::new(&texture)
+    }
+
+    fn all() -> Vec<Function> {
+        let spectrum = Spectrum::default();
+        vec![
+            Function::Checker,
+            Function::Gradient { shape: Gradient::Linear, wrap: Wrap::Mirror },
+            Function::Gradient { shape: Gradient::Cylindrical, wrap: Wrap::Repeat },
+            Function::Gradient { shape: Gradient::Spherical, wrap: Wrap::Repeat },
+            Function::Gradient { shape: Gradient::Angular, wrap: Wrap::Repeat },
+            Function::Noise,
+            Function::Fbm(spectrum),
+            Function::Turbulence(spectrum),
+            Function::Marble { spectrum, strength: 2.0 },
+            Function::Wood { spectrum, strength: 0.5 },
+            Function::Worley { feature: Feature::Nearest, jitter: 1.0 },
+            Function::Worley { feature: Feature::Second, jitter: 1.0 },
+            Function::Worley { feature: Feature::Edge, jitter: 1.0 },
+        ]
+    }
+
+    fn random(i: u64) -> f64 {
+        (scatter(i) >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    #[test]
+    fn checkers_are_exact_over_boxes_along_the_axes() {
+        let table = computed(Function::Checker, Ramp::default());
+        for i in 0..60u64 {
+            let r = |k: u64| random(100 * i + k);
+            let at = DVec3::new(r(0) * 9.0 - 4.0, r(1) * 9.0 - 4.0, 0.5);
+            let (dx, dy) = (DVec3::X * r(2) * 2.5, DVec3::Y * r(3) * 2.5);
+            let mut sum = 0.0;
+            for j in 0..200 {
+                for k in 0..200 {
+                    let [p, q] = [j, k].map(|v: i32| (f64::from(v) + 0.5) / 200.0 - 0.5);
+                    let cell = (at + dx * p + dy * q).floor();
+                    sum += (cell.x + cell.y + cell.z).rem_euclid(2.0) / 40_000.0;
+                }
+            }
+            let got = f64::from(table.eval(&Lookup { at, dx, dy })[0]);
+            assert!((got - sum).abs() < 0.01, "{at} {dx} {dy}: {got} for {sum}");
+        }
+        assert_eq!(table.eval(&Lookup::point(DVec3::new(0.5, 0.5, 0.5)))[0], 0.0);
+        assert_eq!(table.eval(&Lookup::point(DVec3::new(-0.5, 0.5, 0.5)))[0], 1.0);
+    }
+
+    #[test]
+    fn footprints_bring_values_nearer_to_their_means() {
+        // A ramp with jumps, seen with footprints from a tenth to three units.
+        let stop = |at: f32, v: f32| Stop { at, color: [v, v, v, 1.0] };
+        let stops = vec![stop(0.0, 0.1), stop(0.45, 0.9), stop(0.6, 0.2)];
+        for function in all() {
+            let ramp = Ramp { stops: stops.clone(), interpolation: Interpolation::Step };
+            let table = computed(function, if function == Function::Checker { Ramp::default() } else { ramp });
+            let (mut filtered, mut plain) = (0.0, 0.0);
+            for i in 0..60u64 {
+                let r = |k: u64| random(1000 * i + k);
+                let at = DVec3::new(r(0), r(1), r(2)) * 8.0 - 4.0;
+                let size = 0.1 * 30f64.powf(r(3));
+                let (dx, dy) = (DVec3::new(size, 0.2 * size, 0.0), DVec3::new(-0.1 * size, 0.1 * size, 0.7 * size));
+                let (mut sum, mut total) = (0.0, 0.0);
+                for j in 0..32 {
+                    for k in 0..32 {
+                        let [p, q] = [j, k].map(|v: i32| (f64::from(v) + 0.5) / 16.0 - 1.0);
+                        let weight = (1.0 - p * p - q * q).max(0.0).powi(2);
+                        sum += weight * f64::from(table.eval(&Lookup::point(at + dx * p + dy * q))[0]);
+                        total += weight;
+                    }
+                }
+                let mean = sum / total;
+                filtered += (f64::from(table.eval(&Lookup { at, dx, dy })[0]) - mean).powi(2);
+                plain += (f64::from(table.eval(&Lookup::point(at))[0]) - mean).powi(2);
+            }
+            println!("{function:?}: {:.4} for {:.4}", (filtered / 60.0).sqrt(), (plain / 60.0).sqrt());
+            assert!(filtered < 0.5 * plain, "{function:?}: {filtered} for {plain}");
+        }
+    }
+
+    #[test]
+    fn the_cells_means_are_those_of_many_points() {
+        let (mut sums, count) = ([[0.0; 2]; 3], 20_000u64);
+        for i in 0..count {
+            let p = DVec3::new(random(3 * i), random(3 * i + 1), random(3 * i + 2)) * 90.0;
+            let [first, second] = worley::distances(p, 1.0, 3);
+            for (sum, v) in sums.iter_mut().zip([first, second, second - first]) {
+                sum[0] += v / count as f64;
+                sum[1] += v * v / count as f64;
+            }
+        }
+        let means = sums.map(|[mean, _]| mean);
+        let variances = sums.map(|[mean, square]| square - mean * mean);
+        println!("{means:?} {variances:?}");
+        assert!((0..2).all(|i| (means[i] - WORLEY_MEANS[i]).abs() < 0.01));
+        assert!((0..3).all(|i| (variances[i] - WORLEY_VARIANCES[i]).abs() < 0.003));
+    }
+
+    #[test]
+    fn no_lookup_is_hostile() {
+        let values = [0.0, 1.0, -1.0, 1e9, -1e300, f64::NAN, f64::INFINITY];
+        for function in all() {
+            let table = computed(function, Ramp::default());
+            for a in values {
+                for b in values {
+                    let lookup =
+                        Lookup { at: DVec3::new(a, b, 0.1), dx: DVec3::new(b, 0.0, a), dy: DVec3::new(0.0, a, b) };
+                    let color = table.eval(&lookup);
+                    assert!(color.iter().all(|v| v.is_finite()), "{function:?} {lookup:?}: {color:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn wrong_numbers_are_told() {
+        let wrong = |function| Procedural { function, ramp: Ramp::default(), seed: 0 }.check().unwrap_err();
+        let spectrum = Spectrum { octaves: 0, ..Spectrum::default() };
+        assert!(wrong(Function::Fbm(spectrum)).starts_with("octaves is 0"));
+        let spectrum = Spectrum { lacunarity: f32::NAN, ..Spectrum::default() };
+        assert!(wrong(Function::Turbulence(spectrum)).starts_with("lacunarity is NaN"));
+        let marble = Function::Marble { spectrum: Spectrum::default(), strength: f32::INFINITY };
+        assert!(wrong(marble).starts_with("strength is inf"));
+        assert!(wrong(Function::Worley { feature: Feature::Edge, jitter: 1.5 }).starts_with("jitter is 1.5"));
+    }
+}
