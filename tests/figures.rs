@@ -43,8 +43,12 @@ const FIGURES: [(&str, bool); 23] = [
 ];
 
 /// Scenes elsewhere whose pictures the book shows, by folder and name.
-const PICTURES: [(&str, &str); 3] =
-    [("scenes", "sky"), ("scenes/chapter", "horizon-filtered"), ("scenes/chapter", "horizon-points")];
+const PICTURES: [(&str, &str); 4] = [
+    ("scenes", "sky"),
+    ("scenes", "area-lights"),
+    ("scenes/chapter", "horizon-filtered"),
+    ("scenes/chapter", "horizon-points"),
+];
 
 fn scene(folder: &str, name: &str) -> Scene {
     let assets = FolderAssets::new(root().join(folder)).expect("the scenes are there");

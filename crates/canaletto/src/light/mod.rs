@@ -8,12 +8,14 @@ pub mod environment;
 mod omni;
 mod source;
 mod spot;
+mod surface_light;
 
 pub use directional::Directional;
 pub use disk::DiskLight;
 pub use omni::Omni;
 pub use source::{Illumination, Source};
 pub use spot::{Falloff, Spot};
+pub use surface_light::{Emission, MeshLight, RectangleLight, SphereLight};
 
 use crate::math::{Rgb, Transform};
 use serde::{Deserialize, Serialize};
@@ -33,12 +35,15 @@ pub struct Light {
     /// Only for lights that have a surface.
     #[serde(default)]
     pub samples: u32,
+    /// How its surface shines, if it has one.
+    #[serde(default)]
+    pub emission: Emission,
     /// Where the light comes from.
     pub kind: LightKind,
 }
 
 /// The forms of lights.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LightKind {
     /// From a point in all directions.
@@ -49,6 +54,12 @@ pub enum LightKind {
     Spot(Spot),
     /// Several points spread over a disk, for soft shadows.
     Disk(DiskLight),
+    /// A rectangle or parallelogram.
+    Rectangle(RectangleLight),
+    /// A sphere.
+    Sphere(SphereLight),
+    /// The triangles of meshes.
+    Mesh(Box<MeshLight>),
 }
 
 impl Light {
@@ -57,7 +68,15 @@ impl Light {
 
     /// A light of this kind with shadows and no attenuation.
     pub fn new(kind: LightKind, intensity: Rgb) -> Light {
-        Light { name: None, intensity, shadows: true, attenuation: [1.0, 0.0, 0.0], samples: 0, kind }
+        Light {
+            name: None,
+            intensity,
+            shadows: true,
+            attenuation: [1.0, 0.0, 0.0],
+            samples: 0,
+            emission: Emission::Even,
+            kind,
+        }
     }
 
     /// The same light moved by a transform.
@@ -67,13 +86,32 @@ impl Light {
             LightKind::Directional(light) => LightKind::Directional(light.transformed(t)),
             LightKind::Spot(light) => LightKind::Spot(light.transformed(t)),
             LightKind::Disk(light) => LightKind::Disk(light.transformed(t)),
+            LightKind::Rectangle(light) => LightKind::Rectangle(light.transformed(t)),
+            LightKind::Sphere(light) => LightKind::Sphere(light.transformed(t)),
+            LightKind::Mesh(light) => LightKind::Mesh(Box::new(light.transformed(t))),
         };
         Light { kind, ..self.clone() }
     }
 
     /// Whether it has a surface, of which random points can be taken.
     pub fn has_area(&self) -> bool {
-        matches!(self.kind, LightKind::Disk(_))
+        self.fixed_points().is_some()
+    }
+
+    /// How many fixed points a light with a surface has.
+    fn fixed_points(&self) -> Option<u32> {
+        match &self.kind {
+            LightKind::Disk(light) => Some(light.points),
+            LightKind::Rectangle(light) => Some(light.points),
+            LightKind::Sphere(light) => Some(light.points),
+            LightKind::Mesh(light) => Some(light.points),
+            LightKind::Omni(_) | LightKind::Directional(_) | LightKind::Spot(_) => None,
+        }
+    }
+
+    /// How many of its points shine on each hit, each with a shadow ray of its own.
+    pub fn points(&self) -> u32 {
+        if self.samples > 0 { self.samples } else { self.fixed_points().unwrap_or(1) }
     }
 
     /// The word for this kind of light in scene text and explanations.
@@ -83,6 +121,9 @@ impl Light {
             LightKind::Directional(_) => "directional",
             LightKind::Spot(_) => "spot",
             LightKind::Disk(_) => "disk",
+            LightKind::Rectangle(_) => "rectangle",
+            LightKind::Sphere(_) => "sphere",
+            LightKind::Mesh(_) => "mesh",
         }
     }
 
@@ -110,11 +151,17 @@ impl Light {
                 self.kind_name()
             ));
         }
+        if self.emission == Emission::Matte && !self.has_area() {
+            return Err(format!("emission is \"matte\", but a light \"{}\" has no surface", self.kind_name()));
+        }
         match &self.kind {
             LightKind::Omni(light) => light.check(),
             LightKind::Directional(light) => light.check(),
             LightKind::Spot(light) => light.check(),
             LightKind::Disk(light) => light.check(),
+            LightKind::Rectangle(light) => light.check(),
+            LightKind::Sphere(light) => light.check(),
+            LightKind::Mesh(light) => light.check(),
         }
     }
 }

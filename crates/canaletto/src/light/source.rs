@@ -1,7 +1,7 @@
 //! A light ready to illuminate: what does not depend on the point is computed once.
 
-use super::area::Area;
-use super::{Light, LightKind};
+use super::area::{self, Area};
+use super::{Emission, Light, LightKind, surface_light};
 use crate::math::Rgb;
 use glam::{DVec3, Vec3};
 
@@ -17,8 +17,10 @@ pub struct Source {
     /// The intensity of each point.
     intensity: Rgb,
     cone: Option<super::spot::Cone>,
-    /// The surface, if random points of it shine.
+    /// The surface, if points of it are found for each hit: random ones, or those of a matte light.
     area: Option<Area>,
+    /// How many points shine.
+    count: u32,
 }
 
 /// Light arriving at a point from one of a light's points.
@@ -35,9 +37,20 @@ pub struct Illumination {
 }
 
 impl Source {
-    /// The source of a light whose numbers are in range ([`Light::check`]).
+    /// The source of a light whose numbers are in range ([`Light::check`]). One of meshes is dark without its triangles.
     pub fn new(light: Light) -> Source {
-        let (mut points, mut towards, mut cone, mut share) = (Vec::new(), DVec3::ZERO, None, 1.0);
+        Source::of_triangles(light, &[])
+    }
+
+    /// The source of a light that may be one of meshes, whose triangles these are, in the meshes' own space.
+    pub fn of_triangles(light: Light, triangles: &[[Vec3; 3]]) -> Source {
+        let (mut points, mut towards, mut cone) = (Vec::new(), DVec3::ZERO, None);
+        let mut area = surface_light::area(&light.kind, triangles);
+        let count = light.points();
+        let mut intensity = light.intensity;
+        if light.has_area() {
+            intensity *= 1.0 / count as f32;
+        }
         match &light.kind {
             LightKind::Omni(omni) => match omni.towards_infinity() {
                 Some(direction) => towards = direction,
@@ -48,29 +61,33 @@ impl Source {
                 points.push(spot.position);
                 cone = Some(spot.cone());
             }
-            LightKind::Disk(_) if light.samples > 0 => {}
-            LightKind::Disk(disk) => {
-                points.extend((0..disk.points).map(|index| disk.point(index)));
-                share = 1.0 / disk.points as f32;
+            _ if light.samples > 0 || light.emission == Emission::Matte => {}
+            LightKind::Disk(disk) => points.extend((0..count).map(|index| disk.point(index))),
+            _ => {
+                let area = area.iter();
+                points.extend(area.flat_map(|a| (0..count).map(|i| a.point(area::fixed(i, count)).0.as_vec3())));
             }
         }
-        let area = if light.samples > 0 { Area::of(&light.kind) } else { None };
-        if area.is_some() {
-            share = 1.0 / light.samples as f32;
+        if light.has_area() && area.is_none() {
+            // Nothing shines.
+            intensity = Rgb::BLACK;
+            points = vec![Vec3::ZERO; count as usize];
         }
-        let intensity = light.intensity * share;
-        Source { light, points, towards, intensity, cone, area }
+        if !points.is_empty() {
+            area = None;
+        }
+        Source { light, points, towards, intensity, cone, area, count }
     }
 
     /// The number of points that illuminate, each with a shadow ray of its own.
     pub fn points(&self) -> u32 {
-        if self.area.is_some() { self.light.samples } else { self.points.len().max(1) as u32 }
+        self.count
     }
 
     /// Whether its points are chosen at random, for [`Source::sample`].
     #[inline]
     pub fn is_sampled(&self) -> bool {
-        self.area.is_some()
+        self.area.is_some() && self.light.samples > 0
     }
 
     /// What arrives at `p` from the random point at `u` of the unit square: one of [`Source::points`] many, whose
@@ -78,7 +95,14 @@ impl Source {
     #[inline(never)]
     pub fn sample(&self, u: [f64; 2], p: DVec3) -> Illumination {
         match &self.area {
-            Some(area) => self.arriving(area.point(u), p),
+            Some(area) if self.light.emission == Emission::Matte => match area.seen(u, p) {
+                Some((position, share)) => {
+                    let arriving = self.arriving(position.as_vec3(), p);
+                    Illumination { intensity: (arriving.intensity * share as f32).saturated(), ..arriving }
+                }
+                None => Illumination { intensity: Rgb::BLACK, ..self.arriving(area.point(u).0.as_vec3(), p) },
+            },
+            Some(area) => self.arriving(area.point(u).0.as_vec3(), p),
             None => self.illuminate(0, p),
         }
     }
@@ -87,7 +111,10 @@ impl Source {
     #[inline]
     pub fn illuminate(&self, index: u32, p: DVec3) -> Illumination {
         let Some(&position) = self.points.get(index as usize) else {
-            return self.arriving_from_infinity(p.as_vec3());
+            return match self.area {
+                Some(_) => self.sample(area::fixed(index, self.count), p),
+                None => self.arriving_from_infinity(p.as_vec3()),
+            };
         };
         self.arriving(position, p)
     }
@@ -182,6 +209,7 @@ mod tests {
         let sum: Rgb = (0..64).map(|i| light.illuminate(i, DVec3::ZERO).intensity).sum();
         assert!((sum.r - 1.0).abs() < 1e-5);
     }
+
     #[test]
     fn random_points_of_a_disk_lie_on_it_evenly() {
         let disk = DiskLight { position: Vec3::Y, normal: Vec3::new(0.0, -1.0, 1.0), radius: 2.0, points: 16 };

@@ -2,11 +2,12 @@
 
 use super::geometry::Geometry;
 use super::instance::{Instance, NONE, Unbounded};
+use super::light_meshes::LightMeshes;
 use super::motion::{Chain, MovingLight};
 use super::wants::Wants;
 use super::{Object, World};
+use crate::light::Light;
 use crate::light::environment::{Backdrop, Environment};
-use crate::light::{Light, LightKind, Source};
 use crate::material::{Channel, Material, Phong, Target};
 use crate::math::{Path, Transform};
 use crate::scene::{Content, Node, Scene};
@@ -46,8 +47,8 @@ pub enum BuildError {
     /// Instances of instances multiply beyond bounds.
     #[error("the scene expands to more than {max} instances", max = World::MAX_INSTANCES)]
     TooManyInstances,
-    /// Lights, each counted with its points and as often as instances repeat it.
-    #[error("the scene expands to more than {max} points of light", max = World::MAX_LIGHT_POINTS)]
+    /// Lights, each counted with its points, those of meshes with their triangles too, and as often as instances repeat it.
+    #[error("the scene expands to more than {max} points of light and triangles that shine", max = World::MAX_LIGHT_POINTS)]
     TooManyLights,
     /// Instances that move, likewise.
     #[error("the scene expands to more than {max} objects that move while the shutter is open", max = World::MAX_MOVING)]
@@ -83,7 +84,7 @@ impl World {
     pub const MAX_INSTANCES: usize = 1 << 22;
     /// The most instances that move while the shutter is open, likewise; each needs its own way.
     pub const MAX_MOVING: usize = 1 << 20;
-    /// The most points of light, likewise.
+    /// The most points of light and triangles of lights, likewise.
     pub const MAX_LIGHT_POINTS: usize = 1 << 20;
     /// The most shapes without bounds, likewise.
     pub const MAX_UNBOUNDED: usize = 1 << 16;
@@ -123,7 +124,9 @@ impl World {
         };
         let (textures, texture_names, wants_spread) = resolve_textures(images, textures, &mut materials)?;
         let wants = materials.iter().map(Wants::of).collect();
+        let light_meshes = LightMeshes::collect(nodes.iter().chain(&prototypes), &meshes)?;
         let mut builder = Builder::new(wants, meshes, spheres, cylinders, prototypes);
+        builder.light_meshes = light_meshes;
         builder.count_uses(&nodes);
         let mut root = Part::default();
         builder.flatten(&nodes, &Place::default(), &mut root, 0)?;
@@ -145,7 +148,8 @@ impl World {
             wants_spread: wants_spread || backdrop.as_ref().is_some_and(Backdrop::wants_footprint),
             environment: backdrop,
             ambient,
-            lights: lights.into_iter().map(Source::new).collect(),
+            lights: lights.into_iter().map(|light| builder.light_meshes.source(light)).collect(),
+            light_meshes: builder.light_meshes,
             textures,
             texture_names,
             has_clear: materials.iter().any(|m| !m.is_opaque()),
@@ -291,6 +295,8 @@ struct Builder {
     spheres: Vec<Option<SphereCloud>>,
     cylinders: Vec<Option<CylinderCloud>>,
     prototypes: Vec<Node>,
+    /// The triangles that shine.
+    light_meshes: LightMeshes,
     /// How often the description refers to each mesh; one that is met once is moved into place.
     mesh_uses: Vec<u32>,
     geometries: Vec<Geometry>,
@@ -579,11 +585,7 @@ impl Builder {
 
     fn light(&mut self, part: &mut Part, light: Light) -> Result<(), BuildError> {
         check_light(&light, "after its transforms, ")?;
-        let points = match &light.kind {
-            _ if light.samples > 0 => light.samples as usize,
-            LightKind::Disk(disk) => disk.points as usize,
-            _ => 1,
-        };
+        let points = light.points() as usize + self.light_meshes.count(&light);
         self.count(1, points)?;
         part.lights.push(light);
         Ok(())

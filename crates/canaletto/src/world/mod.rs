@@ -4,6 +4,7 @@
 mod build;
 mod geometry;
 mod instance;
+mod light_meshes;
 mod motion;
 mod query;
 mod textured;
@@ -21,6 +22,7 @@ use crate::texture::Pattern;
 use canaletto_bvh::{Aabb, Bvh};
 use geometry::Geometry;
 use instance::{Instance, Unbounded};
+use light_meshes::LightMeshes;
 use motion::{Chain, MovingLight};
 
 /// A scene ready to be traced.
@@ -49,6 +51,8 @@ pub struct World {
     chains: Vec<Chain>,
     /// The lights that move; `lights` has them where they are at time 0.
     moving_lights: Vec<MovingLight>,
+    /// The triangles of meshes that shine, for lights that move.
+    light_meshes: LightMeshes,
     /// Over the bounds of `instances`, the first level.
     top: Bvh,
     /// Shapes without bounds, met one by one. Their hits carry [`Hit::UNBOUNDED`] as instance.

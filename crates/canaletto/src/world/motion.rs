@@ -4,6 +4,7 @@
 //! as that stands at the ray's own time. What moves is never baked into its place, and a motion within a motion, such as a
 //! wheel's on a car, stays a chain of both, so that turns stay turns.
 
+use super::light_meshes::LightMeshes;
 use crate::light::{Light, Source};
 use crate::math::{Path, Transform};
 use canaletto_bvh::Aabb;
@@ -70,8 +71,8 @@ pub(super) struct MovingLight {
 
 impl MovingLight {
     /// The light ready to illuminate at a time in 0..=1.
-    pub(super) fn at(&self, time: f32) -> Source {
-        Source::new(self.light.transformed(&self.chain.at(time)))
+    pub(super) fn at(&self, time: f32, meshes: &LightMeshes) -> Source {
+        meshes.source(self.light.transformed(&self.chain.at(time)))
     }
 }
 

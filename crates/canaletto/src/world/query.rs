@@ -248,7 +248,7 @@ impl World {
     /// Puts the lights that move to where they are at a time in 0..=1. `lights` are this world's, at any time.
     pub(crate) fn move_lights(&self, lights: &mut [Source], time: f32) {
         for moving in &self.moving_lights {
-            lights[moving.index as usize] = moving.at(time);
+            lights[moving.index as usize] = moving.at(time, &self.light_meshes);
         }
     }
 

@@ -6,8 +6,10 @@ use crate::text::nearest::nearest;
 use crate::text::report::Message;
 use crate::text::schema::{self, DEFAULT_INNER, DEFAULT_INTENSITY, DEFAULT_POINTS, LIGHTS};
 use crate::text::syntax::Node;
-use canaletto::light::{Directional, DiskLight, Falloff, Light, LightKind, Omni, Spot};
-use canaletto::math::Rgb;
+use canaletto::light::{
+    Directional, DiskLight, Emission, Falloff, Light, LightKind, MeshLight, Omni, RectangleLight, SphereLight, Spot,
+};
+use canaletto::math::{Rgb, Transform};
 use canaletto::scene::{self, Content};
 
 impl Decoder<'_> {
@@ -24,6 +26,8 @@ impl Decoder<'_> {
             Light::new(self.kind(kind, &fields)?, fields.rgb("intensity").unwrap_or(Rgb::gray(DEFAULT_INTENSITY)));
         light.name = fields.text("name").map(str::to_owned);
         light.shadows = fields.flag("shadows").unwrap_or(light.shadows);
+        let emission = fields.text("emission").and_then(|word| Emission::ALL.iter().find(|(_, name)| *name == word));
+        light.emission = emission.map_or(light.emission, |(emission, _)| *emission);
         light.samples = fields.count("samples").unwrap_or(light.samples);
         self.either(&fields, "points", "samples");
         if fields.count("samples") == Some(0) {
@@ -68,6 +72,7 @@ impl Decoder<'_> {
     }
 
     fn kind(&mut self, kind: &str, f: &Fields) -> Option<LightKind> {
+        let points = f.count("points").unwrap_or(DEFAULT_POINTS);
         Some(match kind {
             "omni" => LightKind::Omni(match f.numbers::<4>("position") {
                 Some(p) => Omni { position: glam::DVec4::from_array(p).as_vec4() },
@@ -79,12 +84,32 @@ impl Decoder<'_> {
                 target: f.vec("target")?,
                 falloff: self.falloff(f)?,
             }),
-            _ => LightKind::Disk(DiskLight {
+            "disk" => LightKind::Disk(DiskLight {
                 position: f.vec("position")?,
                 normal: f.vec("normal")?,
                 radius: f.real("radius")?,
-                points: f.count("points").unwrap_or(DEFAULT_POINTS),
+                points,
             }),
+            "rectangle" => LightKind::Rectangle(RectangleLight {
+                corner: f.vec("corner")?,
+                u: f.vec("u")?,
+                v: f.vec("v")?,
+                points,
+            }),
+            "sphere" => LightKind::Sphere(SphereLight { center: f.vec("center")?, radius: f.real("radius")?, points }),
+            _ => {
+                let meshes = match self.mesh(f, None)? {
+                    Content::Mesh(index) => vec![index],
+                    Content::Group(parts) => {
+                        let index = |part: &scene::Node| {
+                            if let Content::Mesh(index) = part.content { Some(index) } else { None }
+                        };
+                        parts.iter().filter_map(index).collect()
+                    }
+                    _ => Vec::new(),
+                };
+                LightKind::Mesh(Box::new(MeshLight { meshes, transform: Transform::IDENTITY, points }))
+            }
         })
     }
 

@@ -1,9 +1,9 @@
 //! Shapes, meshes, clouds, groups and lights.
 
 use super::motion::FOLLOW;
-use super::settings::flag;
+use super::settings::{flag, quoted};
 use super::{NUMBER, POINT, Takes, Word, Words};
-use canaletto::light::{Light, LightKind, Omni};
+use canaletto::light::{Emission, Light, LightKind, Omni};
 use canaletto::math::Rgb;
 use glam::Vec3;
 
@@ -290,13 +290,34 @@ const SAMPLES: Word = Word::new(
     "how many random points of it shine on each hit, other ones for each ray of a pixel, instead of points (1 to 4096)",
 );
 
+const POINTS: Word =
+    Word::new("points", Takes::Count, "how many points, always the same, 1 to 4096; each costs a shadow ray")
+        .or(|| DEFAULT_POINTS.to_string());
+
+const EMISSION: Word = Word::new(
+    "emission",
+    Takes::Word(&["even", "matte"]),
+    "each point shines evenly in all directions; or all shine as a matte surface of radiance l, from its outer side, weaker aslant and from afar",
+)
+.or(|| {
+    let default = Emission::default();
+    Emission::ALL.iter().find(|(e, _)| *e == default).map_or_else(String::new, |(_, word)| quoted(word))
+});
+
 const fn kind(word: &'static [&'static str]) -> Word {
     Word::new("kind", Takes::Word(word), "the kind of light").needed()
 }
 
 /// The lights, by kind, in the order of the reference.
-pub(crate) const LIGHTS: &[(&str, &Words)] =
-    &[("omni", &OMNI), ("directional", &DIRECTIONAL), ("spot", &SPOT), ("disk", &DISK_LIGHT)];
+pub(crate) const LIGHTS: &[(&str, &Words)] = &[
+    ("omni", &OMNI),
+    ("directional", &DIRECTIONAL),
+    ("spot", &SPOT),
+    ("disk", &DISK_LIGHT),
+    ("rectangle", &RECTANGLE_LIGHT),
+    ("sphere", &SPHERE_LIGHT),
+    ("mesh", &MESH_LIGHT),
+];
 
 /// The words of a kind of light.
 pub(crate) fn light(kind: &str) -> Option<&'static Words> {
@@ -366,9 +387,9 @@ static DISK_LIGHT: Words = Words::new(
             Word::new("position", POINT, "the disk's centre").needed(),
             Word::new("normal", POINT, "the disk's axis").needed(),
             Word::new("radius", NUMBER, "the disk's radius, more than 0").needed(),
-            Word::new("points", Takes::Count, "how many points, always the same; each costs a shadow ray")
-                .or(|| DEFAULT_POINTS.to_string()),
+            POINTS,
             SAMPLES,
+            EMISSION,
             ATTENUATION,
         ],
         LIGHT,
@@ -377,3 +398,60 @@ static DISK_LIGHT: Words = Words::new(
 .argument(kind(&["disk"]))
 .transforms()
 .example("light \"disk\" { position 40 120 0; normal 0 -1 0; radius 10; intensity 0.8; points 16 }");
+
+static RECTANGLE_LIGHT: Words = Words::new(
+    "light",
+    "Light spread over a rectangle, or any parallelogram, for soft shadows.",
+    &[
+        &[
+            Word::new("corner", POINT, "a corner").needed(),
+            Word::new("u", POINT, "an edge from there").needed(),
+            Word::new("v", POINT, "the other edge from there; u × v looks out of its outer side").needed(),
+            POINTS,
+            SAMPLES,
+            EMISSION,
+            ATTENUATION,
+        ],
+        LIGHT,
+    ],
+)
+.argument(kind(&["rectangle"]))
+.transforms()
+.example("light \"rectangle\" { corner -1 5 -1; u 2 0 0; v 0 0 2; samples 1; emission \"matte\"; intensity 8 }");
+
+static SPHERE_LIGHT: Words = Words::new(
+    "light",
+    "Light spread over a sphere, for soft shadows.",
+    &[
+        &[
+            Word::new("center", POINT, "its centre").needed(),
+            Word::new("radius", NUMBER, "its radius, more than 0").needed(),
+            POINTS,
+            SAMPLES,
+            EMISSION,
+            ATTENUATION,
+        ],
+        LIGHT,
+    ],
+)
+.argument(kind(&["sphere"]))
+.transforms()
+.example("light \"sphere\" { center 0 5 0; radius 0.5; points 32 }");
+
+static MESH_LIGHT: Words = Words::new(
+    "light",
+    "Light spread over the triangles of a file, evenly by their area. The light itself is not seen, as no light is.",
+    &[
+        &[
+            Word::new("file", Takes::Text, "the file; relative paths start at this file's folder").needed(),
+            POINTS,
+            SAMPLES,
+            EMISSION,
+            ATTENUATION,
+        ],
+        LIGHT,
+    ],
+)
+.argument(kind(&["mesh"]))
+.transforms()
+.example("light \"mesh\" file=\"bunny.obj\" { scale 0.1; translate 0 5 0; samples 4; intensity 0.8 }");

@@ -247,7 +247,7 @@ impl Backdrop {
         let used = environment.images();
         let mut take = |place: usize| {
             let image = &mut images[used[place] as usize];
-            checked(image)?;
+            image.check().map_err(|problem| format!("image \"{}\": {problem}", image.name))?;
             let shared = keeps(used[place]) || used[place + 1..].contains(&used[place]);
             Ok::<Image, String>(if shared { image.clone() } else { std::mem::replace(image, nothing()) })
         };
@@ -349,16 +349,4 @@ fn nothing() -> Image {
         space: crate::texture::ColorSpace::Linear,
         premultiplied: false,
     }
-}
-
-/// Whether an image is complete and finite.
-fn checked(image: &Image) -> Result<(), String> {
-    image.check()?;
-    let finite = match &image.samples {
-        Samples::U8(_) | Samples::U16(_) => true,
-        // An exponent of all ones.
-        Samples::F16(data) => data.iter().all(|bits| bits & 0x7c00 != 0x7c00),
-        Samples::F32(data) => data.iter().all(|v| v.is_finite()),
-    };
-    if finite { Ok(()) } else { Err(format!("image \"{}\" holds a number that isn't finite", image.name)) }
 }

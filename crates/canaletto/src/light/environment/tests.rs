@@ -269,7 +269,7 @@ fn faces_and_crosses_of_wrong_sizes_are_refused() {
     let cross = EnvironmentKind::Cross { image: 0, smoothing: Smoothing::Bilinear };
     assert!(problem(&cross, vec![plain(8, 8)]).contains("4 × 3 or 3 × 4 squares"));
     let sky = EnvironmentKind::LatLong { image: 0, smoothing: Smoothing::Bilinear };
-    assert!(problem(&sky, vec![image(2, 1, |_, _| [f32::INFINITY; 3])]).contains("isn't finite"));
+    assert!(problem(&sky, vec![image(2, 1, |_, _| [f32::INFINITY; 3])]).contains("aren't finite"));
 }
 
 /// Sizes of one texel, odd sizes, and footprints of any size and kind give finite colours.

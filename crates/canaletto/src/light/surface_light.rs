@@ -1,0 +1,148 @@
+//! Lights with surfaces besides the disk: parallelograms, spheres and meshes, for soft shadows.
+
+use super::area::{Area, Triangles};
+use super::{Light, LightKind};
+use crate::math::Transform;
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+
+/// Light from a rectangle, or any parallelogram.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RectangleLight {
+    /// A corner.
+    pub corner: Vec3,
+    /// An edge from there.
+    pub u: Vec3,
+    /// The other edge from there; not along `u`. u × v looks out of the side that shines, where only one does.
+    pub v: Vec3,
+    /// The number of fixed points, at least 1.
+    pub points: u32,
+}
+
+/// Light from a sphere.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SphereLight {
+    /// The sphere's centre.
+    pub center: Vec3,
+    /// Its radius, > 0. Transforms that stretch keep its volume a sphere's.
+    pub radius: f32,
+    /// The number of fixed points, at least 1.
+    pub points: u32,
+}
+
+/// Light from the triangles of meshes. The light is not seen itself; a mesh node at the same place shows it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MeshLight {
+    /// Indices into [`crate::scene::Scene::meshes`]: all of them together are the surface.
+    pub meshes: Vec<u32>,
+    /// From the meshes' space to the light's.
+    pub transform: Transform,
+    /// The number of fixed points, at least 1.
+    pub points: u32,
+}
+
+/// How the points of a surface shine.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Emission {
+    /// Each as a point light of its share of the intensity, evenly in all directions and at any distance.
+    #[default]
+    Even,
+    /// As a matte surface: less aslant (by the cosine) and far off (by the distance squared), and from one side. The
+    /// intensity is its radiance, as bright as a white surface lit by a light of that intensity.
+    Matte,
+}
+
+impl Emission {
+    /// Every emission with its word.
+    pub const ALL: [(Emission, &'static str); 2] = [(Emission::Even, "even"), (Emission::Matte, "matte")];
+}
+
+impl RectangleLight {
+    pub(super) fn transformed(&self, t: &Transform) -> RectangleLight {
+        let edge = |v: Vec3| t.vector(v.as_dvec3()).as_vec3();
+        let corner = t.point(self.corner.as_dvec3()).as_vec3();
+        RectangleLight { corner, u: edge(self.u), v: edge(self.v), points: self.points }
+    }
+
+    pub(super) fn check(&self) -> Result<(), String> {
+        let RectangleLight { corner, u, v, points } = self;
+        if !(corner.is_finite() && u.is_finite() && v.is_finite()) {
+            return Err("corner, u or v holds a number that isn't finite".into());
+        }
+        if u.as_dvec3().cross(v.as_dvec3()).try_normalize().is_none() {
+            return Err("u and v must be two edges of a rectangle, of different directions".into());
+        }
+        check_points(*points)
+    }
+}
+
+impl SphereLight {
+    pub(super) fn transformed(&self, t: &Transform) -> SphereLight {
+        let scale = t.matrix().matrix3.determinant().abs().cbrt();
+        SphereLight {
+            center: t.point(self.center.as_dvec3()).as_vec3(),
+            radius: (f64::from(self.radius) * scale) as f32,
+            points: self.points,
+        }
+    }
+
+    pub(super) fn check(&self) -> Result<(), String> {
+        if !self.center.is_finite() {
+            return Err("center holds a number that isn't finite".into());
+        }
+        if !self.radius.is_finite() || self.radius <= 0.0 {
+            return Err(format!("radius is {}; it must be more than 0", self.radius));
+        }
+        check_points(self.points)
+    }
+}
+
+impl MeshLight {
+    pub(super) fn transformed(&self, t: &Transform) -> MeshLight {
+        MeshLight { transform: t.after(&self.transform), ..self.clone() }
+    }
+
+    pub(super) fn check(&self) -> Result<(), String> {
+        if self.meshes.is_empty() {
+            return Err("file holds no mesh to shine".into());
+        }
+        check_points(self.points)
+    }
+}
+
+fn check_points(points: u32) -> Result<(), String> {
+    if (1..=Light::MAX_POINTS).contains(&points) {
+        Ok(())
+    } else {
+        Err(format!("points is {points}; it must be between 1 and {}", Light::MAX_POINTS))
+    }
+}
+
+/// The surface of a light whose numbers are in range. Those of meshes have to bring their `triangles`, in their own space;
+/// nothing if these have no area.
+pub(super) fn area(kind: &LightKind, triangles: &[[Vec3; 3]]) -> Option<Area> {
+    match kind {
+        LightKind::Disk(disk) => {
+            let normal = disk.normal.normalize();
+            let (x, y) = normal.any_orthonormal_pair();
+            let radius = f64::from(disk.radius);
+            let radii = [x.as_dvec3() * radius, y.as_dvec3() * radius];
+            Some(Area::Disk(disk.position.as_dvec3(), radii, normal.as_dvec3()))
+        }
+        LightKind::Rectangle(rectangle) => {
+            let [corner, u, v] = [rectangle.corner, rectangle.u, rectangle.v].map(|v| v.as_dvec3());
+            Some(Area::Rectangle(corner, [u, v], u.cross(v).normalize()))
+        }
+        LightKind::Sphere(sphere) => Some(Area::Sphere(sphere.center.as_dvec3(), f64::from(sphere.radius))),
+        LightKind::Mesh(mesh) => {
+            let mirrored = mesh.transform.matrix().matrix3.determinant() < 0.0;
+            let moved = triangles.iter().map(|corners| {
+                let [a, b, c] = corners.map(|p| mesh.transform.point(p.as_dvec3()).as_vec3());
+                if mirrored { [a, c, b] } else { [a, b, c] }
+            });
+            Triangles::new(moved.collect()).map(Area::Triangles)
+        }
+        LightKind::Omni(_) | LightKind::Directional(_) | LightKind::Spot(_) => None,
+    }
+}

@@ -1,0 +1,76 @@
+//! The triangles of meshes that shine, kept for lights before the meshes go where rays meet them.
+
+use super::{BuildError, World};
+use crate::light::{Light, LightKind, Source};
+use crate::scene::{Content, Node};
+use crate::shape::Mesh;
+use glam::Vec3;
+use std::collections::HashMap;
+
+/// The triangles of meshes that shine, each in its mesh's own space.
+#[derive(Debug, Default)]
+pub(super) struct LightMeshes {
+    by_mesh: HashMap<u32, Vec<[Vec3; 3]>>,
+}
+
+impl LightMeshes {
+    /// Those of all lights in these nodes.
+    pub(super) fn collect<'n>(
+        nodes: impl Iterator<Item = &'n Node>,
+        meshes: &[Mesh],
+    ) -> Result<LightMeshes, BuildError> {
+        let mut found = LightMeshes::default();
+        for node in nodes {
+            found.add(node, meshes, 0)?;
+        }
+        Ok(found)
+    }
+
+    fn add(&mut self, node: &Node, meshes: &[Mesh], depth: usize) -> Result<(), BuildError> {
+        match &node.content {
+            Content::Group(children) if depth < World::MAX_NESTING => {
+                children.iter().try_for_each(|child| self.add(child, meshes, depth + 1))
+            }
+            Content::Light(Light { kind: LightKind::Mesh(light), name, .. }) => {
+                let name = node.name.as_ref().or(name.as_ref());
+                let object = || name.map_or_else(|| "mesh light".into(), |name| format!("light \"{name}\""));
+                let mut area = 0.0;
+                for &index in &light.meshes {
+                    let mesh = meshes.get(index as usize).ok_or_else(|| BuildError::Missing {
+                        object: object(),
+                        what: "mesh",
+                        index,
+                        count: meshes.len(),
+                    })?;
+                    mesh.check().map_err(|problem| BuildError::Invalid { object: object(), problem })?;
+                    let triangles =
+                        self.by_mesh.entry(index).or_insert_with(|| (0..mesh.len()).map(|i| mesh.corners(i)).collect());
+                    let edges = |[a, b, c]: [Vec3; 3]| (b - a).as_dvec3().cross((c - a).as_dvec3());
+                    area += triangles.iter().map(|corners| edges(*corners).length()).sum::<f64>();
+                }
+                if area > 0.0 || light.meshes.is_empty() {
+                    return Ok(());
+                }
+                Err(BuildError::Invalid {
+                    object: object(),
+                    problem: "its meshes have no area that could shine".into(),
+                })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// How many triangles a light has.
+    pub(super) fn count(&self, light: &Light) -> usize {
+        let LightKind::Mesh(mesh) = &light.kind else { return 0 };
+        mesh.meshes.iter().filter_map(|index| self.by_mesh.get(index)).map(Vec::len).sum()
+    }
+
+    /// The source of a light in its place.
+    pub(super) fn source(&self, light: Light) -> Source {
+        let LightKind::Mesh(mesh) = &light.kind else { return Source::new(light) };
+        let triangles: Vec<[Vec3; 3]> =
+            mesh.meshes.iter().filter_map(|index| self.by_mesh.get(index)).flatten().copied().collect();
+        Source::of_triangles(light, &triangles)
+    }
+}
