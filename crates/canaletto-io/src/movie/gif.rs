@@ -1,9 +1,7 @@
-//! GIF 89a: 256 colours for each frame, chosen for it.
-//!
-//! Up to 256 colours a frame keeps all of its own. For more, the crate `color_quant` chooses them (A. Dekker's NeuQuant,
-//! a self-organising map over the frame's pixels); every pixel takes the nearest, without dithering, which would flicker
-//! from frame to frame. Nothing in it is random.
+//! GIF 89a: 256 colours for each frame, chosen for it ([`super::palette`]). Every pixel takes the nearest, without
+//! dithering, which would flicker from frame to frame.
 
+use super::palette::palette;
 use super::{Area, Frames, MovieError, MovieSettings, Rate};
 use crate::picture::{AtomicFile, WriteOptions};
 use ::gif::{DisposalMethod, Encoder, EncodingError, Frame, Repeat};
@@ -19,9 +17,6 @@ pub(super) struct Gif {
 
 /// Viewers show a frame of less than 2 hundredths of a second for 10.
 const FASTEST: f64 = 50.0;
-
-/// Of a large frame NeuQuant looks at each n-th pixel only, so that about this many are seen.
-const SEEN: u32 = 1 << 18;
 
 impl Gif {
     pub(super) fn begin(path: &Path, options: WriteOptions, settings: &MovieSettings) -> Result<Gif, MovieError> {
@@ -47,8 +42,8 @@ impl Gif {
 impl Frames for Gif {
     fn add(&mut self, index: u32, rgb: &[u8], area: Area) -> Result<(), MovieError> {
         let part = area.cut(rgb, self.width);
-        let speed = (area.width * area.height / SEEN + 1).min(30) as i32;
-        let mut frame = Frame::from_rgb_speed(area.width as u16, area.height as u16, &part, speed);
+        let (colors, indices) = palette(&part);
+        let mut frame = Frame::from_palette_pixels(area.width as u16, area.height as u16, indices, colors, None);
         (frame.left, frame.top) = (area.left as u16, area.top as u16);
         frame.dispose = DisposalMethod::Keep;
         // Whole hundredths that add up to the right time.

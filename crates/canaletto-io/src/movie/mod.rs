@@ -6,6 +6,7 @@
 mod apng;
 mod ffmpeg;
 mod gif;
+mod palette;
 mod rate;
 
 pub use ffmpeg::find_ffmpeg;
