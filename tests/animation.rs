@@ -2,13 +2,13 @@
 //! (`CANALETTO_BLESS=1` puts the present ones there), on any number of threads, and where things must be in them.
 
 use canaletto::camera::Camera;
-use canaletto::film::develop;
+use canaletto::film::{Picture, develop};
 use canaletto::render::{Job, render};
 use canaletto::scene::{Content, FilmSettings, Scene};
 use canaletto::world::World;
 use canaletto_io::assets::FolderAssets;
 use canaletto_io::movie::{Movie, MovieFormat, MovieSettings, Rate};
-use canaletto_io::picture::{Image, WriteOptions};
+use canaletto_io::picture::{Depth, Image, WriteOptions, decode, encode_png};
 use canaletto_io::text::Script;
 use canaletto_tests::root;
 use glam::DVec3;
@@ -16,24 +16,37 @@ use std::fs::{self, File};
 use std::io::BufReader;
 use std::path::PathBuf;
 
-fn script() -> (Script, FolderAssets) {
-    let (assets, name) = FolderAssets::beside(root().join("scenes/chapter/bouncing-ball.kdl")).unwrap();
-    (Script::read(&name, &assets, &[]).unwrap_or_else(|errors| panic!("{errors}")), assets)
+fn open(name: &str, set: &[&str]) -> (Script, FolderAssets) {
+    let (assets, name) = FolderAssets::beside(root().join("scenes/chapter").join(name)).unwrap();
+    let set: Vec<String> = set.iter().map(|set| (*set).to_owned()).collect();
+    (Script::read(&name, &assets, &set).unwrap_or_else(|errors| panic!("{errors}")), assets)
 }
 
-fn scene(frame: u32) -> Scene {
-    let (mut script, assets) = script();
-    let (scene, warnings) = script.scene(&assets, f64::from(frame)).unwrap_or_else(|errors| panic!("{errors}"));
+fn script() -> (Script, FolderAssets) {
+    open("bouncing-ball.kdl", &[])
+}
+
+fn scene_of((script, assets): &mut (Script, FolderAssets), frame: f64) -> Scene {
+    let (scene, warnings) = script.scene(assets, frame).unwrap_or_else(|errors| panic!("{errors}"));
     assert!(warnings.is_empty(), "{warnings}");
     scene
 }
 
+fn scene(frame: u32) -> Scene {
+    scene_of(&mut script(), f64::from(frame))
+}
+
+/// A picture in linear light.
+fn rendered(scene: Scene, frame: u32) -> Picture {
+    let camera = Camera::of(&scene.views[0]).unwrap();
+    let job = Job { frame, ..Job::new(camera, scene.film, scene.integrator) };
+    render(&World::build(scene).unwrap(), &job, &()).unwrap().picture
+}
+
 fn picture(frame: u32) -> (Image, FilmSettings) {
     let scene = scene(frame);
-    let camera = Camera::new(&scene.views[0].intrinsics, &scene.views[0].extrinsics).unwrap();
     let film = scene.film;
-    let job = Job { frame, ..Job::new(camera, film, scene.integrator) };
-    let picture = render(&World::build(scene).unwrap(), &job, &()).unwrap().picture;
+    let picture = rendered(scene, frame);
     let shown = develop(&picture, film.tone, film.transfer);
     (Image::from_rgb(picture.width, picture.height, shown.iter().map(|c| c.to_array())), film)
 }
@@ -126,4 +139,46 @@ fn the_ball_falls_and_the_camera_moves_on_its_rail() {
             _ => assert!(view.extrinsics.eye.length() > 100.0),
         }
     }
+}
+
+/// What the shutter blurs, against the mean of pictures at 48 moments while it is open: nothing in common but the keys.
+#[test]
+fn blur_is_the_mean_of_sharp_pictures() {
+    let set = ["camera.size=80 60", "film.sample=\"jittered\" n=6"];
+    let blurred = scene_of(&mut open("bouncing-ball-blurred.kdl", &set), 9.0);
+    let ball = blurred.nodes.iter().find(|node| node.name.as_deref() == Some("ball")).unwrap();
+    assert!(ball.motion.len() > 2 && blurred.views[0].motion.len() > 2);
+    let blurred = rendered(blurred, 9);
+    let moments = 48;
+    let mut mean = vec![DVec3::ZERO; blurred.pixels.len()];
+    let mut sharp = open("bouncing-ball.kdl", &["camera.size=80 60"]);
+    for moment in 0..moments {
+        let frame = 8.0 + 2.0 * (f64::from(moment) + 0.5) / f64::from(moments);
+        let picture = rendered(scene_of(&mut sharp, frame), moment);
+        for (sum, pixel) in mean.iter_mut().zip(&picture.pixels) {
+            *sum += DVec3::from_array(pixel.to_array().map(f64::from)) / f64::from(moments);
+        }
+    }
+    let still = rendered(scene_of(&mut sharp, 9.0), 9);
+    let rms = |picture: &Picture| {
+        let pixels = picture.pixels.iter().map(|pixel| DVec3::from_array(pixel.to_array().map(f64::from)));
+        (pixels.zip(&mean).map(|(a, b)| (a - *b).length_squared()).sum::<f64>() / (3.0 * mean.len() as f64)).sqrt()
+    };
+    println!("blurred: {:.4} from the mean, sharp: {:.4}", rms(&blurred), rms(&still));
+    assert!(rms(&blurred) < 0.008 && rms(&still) > 4.0 * rms(&blurred));
+}
+
+#[test]
+fn the_blurred_frame_looks_as_it_did() {
+    let scene = scene_of(&mut open("bouncing-ball-blurred.kdl", &[]), 9.0);
+    let film = scene.film;
+    let picture = rendered(scene, 9);
+    let shown = develop(&picture, film.tone, film.transfer);
+    let image = Image::from_rgb(picture.width, picture.height, shown.iter().map(|c| c.to_array()));
+    let path = root().join("docs/pictures/bouncing-ball-blurred.png");
+    if std::env::var_os("CANALETTO_BLESS").is_some() {
+        fs::write(&path, encode_png(&image, Depth::Eight, film.transfer, &[]).unwrap()).unwrap();
+    }
+    let golden = decode(&fs::read(path).unwrap()).unwrap().image;
+    assert!(bytes(&golden) == bytes(&image));
 }

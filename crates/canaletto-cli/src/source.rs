@@ -127,6 +127,13 @@ impl Reader {
         Ok(Reader { name, kind, assets, time: start.elapsed() })
     }
 
+    /// Chooses the camera whose shutter counts.
+    pub(crate) fn look_through(&mut self, camera: Option<&str>) {
+        if let (Kind::Script(script), Some(camera)) = (&mut self.kind, camera) {
+            script.look_through(camera);
+        }
+    }
+
     /// How it counts time.
     pub(crate) fn clip(&self) -> Clip {
         if let Kind::Script(script) = &self.kind { *script.clip() } else { Clip::default() }

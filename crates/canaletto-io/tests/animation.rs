@@ -223,3 +223,36 @@ fn mistakes_that_come_with_time_are_told_then() {
     let errors = script.scene(&MemoryAssets::new(), 5.0).err().unwrap().to_string();
     assert!(errors.contains("radius is -0.11"), "{errors}");
 }
+
+/// With a shutter from 0 to half a frame there are 17 poses, at 0, 1/32, … 1/2 of a frame.
+#[test]
+fn what_keys_move_is_blurred_by_the_shutter() {
+    let text = r#"
+        camera { eye { key 0  0 0 9; key 8  8 0 9; ease "linear" }; center 0 0 0; shutter 0 0.5 }
+        camera "fast" { eye 0 0 9 }
+        sphere { center 0 0 0; radius 1; scale 2; translate 1 0 0
+            rotate-y { key 0 0; key 8 720; ease "linear" }; translate { key 0  0 0 0; key 8  0 8 0; ease "in" } }
+        sphere { center 0 0 0; radius 1; translate { key 20  0 0 0; key 30  1 0 0 } }
+        light "omni" { position 0 9 0; translate { key 0 0 0 0; key 8 8 0 0; ease "linear" } }
+    "#;
+    let scene = at(text, 4.0);
+    let node = &scene.nodes[0];
+    // What stands before the first that moves stays.
+    assert_eq!(node.transform.point(DVec3::X), DVec3::new(3.0, 0.0, 0.0));
+    assert_eq!(node.motion.len(), 17);
+    for (k, pose) in node.motion.iter().enumerate() {
+        let frame = 4.0 + 0.5 * k as f64 / 16.0;
+        let (sin, cos) = libm::sincos((frame * 90.0).to_radians());
+        let expected = DVec3::new(cos, 8.0 * (frame / 8.0) * (frame / 8.0), -sin);
+        assert!((pose.point(DVec3::X) - expected).length() < 1e-12, "{k}");
+        assert!((scene.views[0].motion[k].eye - DVec3::new(frame, 0.0, 9.0)).length() < 1e-12);
+        assert!((scene.nodes[2].motion[k].point(DVec3::ZERO) - DVec3::new(frame, 0.0, 0.0)).length() < 1e-12);
+    }
+    // What holds while the shutter is open has no poses, and a camera without a shutter blurs nothing.
+    assert!(scene.nodes[1].motion.is_empty() && scene.views[1].motion.is_empty());
+    let mut script = script(text);
+    script.look_through("fast");
+    let scene = script.scene(&MemoryAssets::new(), 4.0).ok().unwrap().0;
+    assert!(scene.nodes.iter().all(|node| node.motion.is_empty()) && scene.views[0].motion.is_empty());
+    assert!((scene.nodes[0].transform.vector(DVec3::X) - DVec3::X * 2.0).length() < 1e-12);
+}

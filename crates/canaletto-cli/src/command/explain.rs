@@ -70,6 +70,7 @@ pub(crate) fn run(flags: &ExplainFlags) -> Result<Exit, Failure> {
 
 fn tree(flags: &ExplainFlags) -> Result<PixelTree, Failure> {
     let mut reader = Reader::open(&flags.source)?;
+    reader.look_through(flags.picture.camera.as_deref());
     let frame = flags.frame.unwrap_or(reader.first_frame());
     let source = reader.at(frame)?;
     print_diagnostics(&source.warnings, false);

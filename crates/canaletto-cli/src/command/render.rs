@@ -192,6 +192,7 @@ fn frames(flags: &RenderFlags, output: &Output, reader: &Reader) -> Result<Frame
 pub(crate) fn run(flags: &RenderFlags) -> Result<Exit, Failure> {
     let style = Style::new(flags.progress, flags.quiet);
     let mut reader = Reader::open(&flags.source)?;
+    reader.look_through(flags.picture.camera.as_deref());
     if let Some(fps) = flags.fps {
         reader.set_fps(fps);
     }

@@ -64,6 +64,8 @@ pub struct Script {
     /// What is wrong with the text whatever the frame.
     report: Report,
     clip: Clip,
+    /// The camera whose shutter counts; else the first.
+    camera: Option<String>,
     keep: Keep,
 }
 
@@ -106,7 +108,7 @@ impl Script {
         set::apply_set(&mut nodes, set, &mut files, &mut report);
         let (clip, report) = animate::clip(&nodes, &files, report);
         let keep = Keep::new(clip.moves);
-        Ok(Script { nodes, files, report, clip, keep })
+        Ok(Script { nodes, files, report, clip, camera: None, keep })
     }
 
     /// How it counts time.
@@ -117,6 +119,11 @@ impl Script {
     /// Changes the frames of a second, which must lie in [`Clip::FPS`].
     pub fn set_fps(&mut self, fps: f64) {
         self.clip.fps = fps;
+    }
+
+    /// Chooses the camera by whose shutter things that move are blurred; without it the first one's counts.
+    pub fn look_through(&mut self, camera: &str) {
+        self.camera = Some(camera.to_owned());
     }
 
     /// The frame that is meant where none is named: the first of its animation, else 0.
@@ -139,7 +146,7 @@ impl Script {
         let mut moved;
         let nodes = if self.clip.worded {
             moved = self.nodes.clone();
-            report = animate::animate(&mut moved, &self.clip, frame, &self.files, report);
+            report = animate::animate(&mut moved, &self.clip, frame, self.camera.as_deref(), &self.files, report);
             &moved
         } else {
             &self.nodes

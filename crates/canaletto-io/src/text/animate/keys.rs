@@ -1,6 +1,6 @@
 //! Keys: `key TIME VALUES…`, with `ease` and `turn` beside them.
 
-use super::{Animator, STILL};
+use super::{Animator, MOST_TURN, POSES, STILL};
 use crate::animation::{Curve, Ease, Key, axis_angle, quaternion, turned};
 use crate::text::report::Message;
 use crate::text::schema::{EASE, TURN, Takes, Word};
@@ -76,6 +76,7 @@ impl Animator<'_> {
                 Some(false)
             }
         };
+        let mut short = shortest == Some(true);
         let moment: Box<dyn Fn(f64) -> Vec<f64>> = if word.name == "rotate" {
             let axes = plain.keys().windows(2).all(|k| k[0].values[..3] == k[1].values[..3]);
             if shortest == Some(false) && !axes {
@@ -85,7 +86,8 @@ impl Animator<'_> {
                 node.broken = true;
                 return;
             }
-            if shortest.unwrap_or(!axes) {
+            short = shortest.unwrap_or(!axes);
+            if short {
                 let turns = |k: &Written| {
                     let n: Vec<f64> = k.values.iter().filter_map(Value::as_number).collect();
                     let q = <[f64; 4]>::try_from(n).ok().and_then(quaternion);
@@ -118,8 +120,24 @@ impl Animator<'_> {
             moment(time).into_iter().map(|n| Value { kind: ValueKind::Number(n), span }).collect()
         };
         node.values = values(self.time);
-        if written.len() > 1 {
-            node.moving = self.shutter.iter().map(|time| values(*time)).collect();
+        let moving: Vec<Vec<Value>> = self.shutter.iter().map(|time| values(*time)).collect();
+        // Where an angle counts it is the last number; the short way between rotations is never as far.
+        let angle = |values: &[Value]| values.last().and_then(Value::as_number).unwrap_or(0.0);
+        let counts = word.name.starts_with("rotate-") || (word.name == "rotate" && !short);
+        if let Some(fast) = moving.windows(2).find(|two| counts && (angle(&two[1]) - angle(&two[0])).abs() > MOST_TURN)
+        {
+            let message = format!(
+                "{name} turns by {:.0} degrees while the shutter is open; it can be followed up to {:.0}",
+                (angle(&fast[1]) - angle(&fast[0])).abs() * (POSES - 1) as f64,
+                MOST_TURN * (POSES - 1) as f64
+            );
+            self.judge.report.error(fast[0].first().map_or(keys[0].span, |value| value.span), message);
+            node.broken = true;
+            return;
+        }
+        // What stays for as long as the shutter is open costs nothing more.
+        if moving.windows(2).any(|two| two[0].iter().zip(&two[1]).any(|(a, b)| a.kind != b.kind)) {
+            node.moving = moving;
         }
     }
 

@@ -112,14 +112,33 @@ pub(crate) fn times(nodes: &[Node]) -> Vec<f64> {
     times
 }
 
-/// Replaces keys and paths by the values of a frame.
-pub(crate) fn animate(nodes: &mut Vec<Node>, clip: &Clip, frame: f64, files: &Files, report: Report) -> Report {
+/// Poses while the shutter is open, evenly spaced from its opening to its closing. Things move straight and turn evenly
+/// from one to the next, so this many follow a curve closely.
+pub(crate) const POSES: usize = 17;
+
+/// The most degrees between two of them; from a half turn on nobody knows which way it goes.
+const MOST_TURN: f64 = 150.0;
+
+/// Replaces keys and paths by the values of a frame; those that change while the shutter of `camera` (else of the first
+/// one) is open are there at [`POSES`] moments, too.
+pub(crate) fn animate(
+    nodes: &mut Vec<Node>,
+    clip: &Clip,
+    frame: f64,
+    camera: Option<&str>,
+    files: &Files,
+    report: Report,
+) -> Report {
     let mut animator = Animator {
         judge: Judge::new(files, report),
         time: clip.time(frame),
         shutter: Vec::new(),
         paths: HashMap::new(),
     };
+    if let Some([open, close]) = animator.shutter(nodes, camera).filter(|[open, close]| open < close) {
+        let moment = |k: usize| clip.time(frame + open + (close - open) * k as f64 / (POSES - 1) as f64);
+        animator.shutter = (0..POSES).map(moment).collect();
+    }
     animator.paths(nodes);
     for node in nodes.iter_mut() {
         animator.top(node);
@@ -190,6 +209,25 @@ impl Animator<'_> {
         {
             self.follow_with_point(node, word);
         }
+    }
+
+    /// When the shutter opens and closes, in frames from the frame: as the last node of the camera says that says so.
+    fn shutter(&mut self, nodes: &mut [Node], camera: Option<&str>) -> Option<[f64; 2]> {
+        let word = schema::CAMERA.word("shutter")?;
+        let name =
+            |node: &Node| node.values.first().and_then(|v| v.as_text()).unwrap_or(schema::DEFAULT_CAMERA).to_owned();
+        let cameras = || nodes.iter().filter(|node| *node.name == *schema::CAMERA.name);
+        let wanted = camera.map(str::to_owned).or_else(|| cameras().next().map(name))?;
+        let mut shutter = None;
+        for node in nodes.iter_mut().filter(|node| *node.name == *schema::CAMERA.name && name(node) == wanted) {
+            for child in node.children.iter_mut().filter(|child| *child.name == *word.name) {
+                self.value(child, word);
+                let numbers: Vec<f64> = child.values.iter().filter_map(|v| v.as_number()).collect();
+                // Anything else is a mistake, which the decoder tells.
+                shutter = <[f64; 2]>::try_from(numbers).ok().filter(|s| s.iter().all(|s| s.is_finite())).or(shutter);
+            }
+        }
+        shutter
     }
 
     /// The paths of the scene, at its time.

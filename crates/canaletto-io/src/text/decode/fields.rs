@@ -471,6 +471,17 @@ impl Got<'_> {
         moving.iter().filter_map(|values| values.first()?.as_number()).collect()
     }
 
+    /// The same word with the values that it has at a moment while the shutter is open; itself if it stays.
+    pub(crate) fn at(&self, moment: usize) -> Got<'_> {
+        let values = self.node.and_then(|node| node.moving.get(moment)).map_or(self.values, Vec::as_slice);
+        Got { word: self.word, values, node: self.node, span: self.span, good: self.good }
+    }
+
+    /// Whether keys move it while the shutter is open.
+    pub(crate) fn moves(&self) -> bool {
+        self.good && self.node.is_some_and(|node| !node.moving.is_empty())
+    }
+
     /// Whether the values have the right form.
     pub(crate) fn is_good(&self) -> bool {
         self.good

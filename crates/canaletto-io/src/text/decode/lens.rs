@@ -1,7 +1,7 @@
 //! A camera's lens, and its way while the shutter is open.
 
 use super::Decoder;
-use super::fields::Fields;
+use super::fields::{Fields, Got};
 use crate::text::report::Message;
 use crate::text::schema::{self, DEFAULT_BLADES, DEFAULT_LENS_ROTATION, Words};
 use canaletto::scene::{Aperture, Extrinsics, Focus, Lens};
@@ -23,6 +23,12 @@ impl Decoder<'_> {
     /// Where the camera goes while the shutter is open, from where it is.
     pub(super) fn camera_motion(&mut self, camera: &Fields, from: Extrinsics) -> Option<Vec<Extrinsics>> {
         let fields = self.block(camera, &schema::CAMERA_MOTION)?;
+        if ["eye", "center", "up"].into_iter().any(|word| camera.raw(word).is_some_and(Got::moves)) {
+            let message = "both keys and motion say how the camera moves while the shutter is open";
+            self.judge.report.error(camera.span("motion"), message);
+            self.sound = false;
+            return None;
+        }
         let to = Extrinsics {
             eye: fields.dvec("eye").unwrap_or(from.eye),
             center: fields.dvec("center").unwrap_or(from.center),

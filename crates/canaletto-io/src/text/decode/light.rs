@@ -19,8 +19,7 @@ impl Decoder<'_> {
         let kind = self.kind_after(node, "light", &kinds)?;
         let title = format!("light \"{kind}\"");
         let fields = self.judge.fields(node, schema::light(kind)?, &title);
-        let transform = self.transform(&fields);
-        let motion = self.motion(&fields);
+        let (transform, motion) = self.placed_in_time(&fields);
         self.sound &= fields.sound;
         let mut light =
             Light::new(self.kind(kind, &fields)?, fields.rgb("intensity").unwrap_or(Rgb::gray(DEFAULT_INTENSITY)));

@@ -27,8 +27,7 @@ impl Decoder<'_> {
         let words = schema::node(&node.name)?;
         let fields = self.judge.fields(node, words, words.name);
         let material = self.material(&fields);
-        let transform = self.transform(&fields);
-        let motion = self.motion(&fields);
+        let (transform, motion) = self.placed_in_time(&fields);
         let content = match words.name {
             "group" | "prototype" => Some(Content::Group(self.group(&fields))),
             "instance" => self.instance(&fields),

@@ -3,7 +3,8 @@
 //! Of a node that stands in several files, the later ones change what they say and keep the rest.
 
 use super::Decoder;
-use super::fields::Fields;
+use super::fields::{Fields, Got};
+use crate::text::animate::POSES;
 use crate::text::report::Message;
 use crate::text::schema::{self, Words};
 use crate::text::syntax::{Node, Span};
@@ -14,6 +15,7 @@ use canaletto::scene::{
     Extrinsics, FilmSettings, Filter, IntegratorSettings, Intrinsics, SamplerKind, Sampling, Stage, Tone, Transfer,
     View,
 };
+use glam::DVec3;
 use std::collections::HashMap;
 
 pub(super) fn is_setting(node: &Node) -> bool {
@@ -136,6 +138,7 @@ impl<'a> Decoder<'a> {
                     change_view(&mut self.scene.views[index], &fields);
                     let from = self.scene.views[index].extrinsics;
                     let motion = if fields.has("motion") { self.camera_motion(&fields, from) } else { None };
+                    let motion = motion.or_else(|| keyed_motion(&self.scene.views[index], &fields));
                     let view = &mut self.scene.views[index];
                     set(&mut view.intrinsics.lens, lens.map(Some));
                     set(&mut view.motion, motion);
@@ -306,6 +309,23 @@ impl<'a> Decoder<'a> {
         self.judge.report.error(span, problem);
         self.sound = false;
     }
+}
+
+/// Where the camera is while the shutter is open, if keys in this node or one before move it.
+fn keyed_motion(view: &View, fields: &Fields) -> Option<Vec<Extrinsics>> {
+    let moves = |word| fields.raw(word).is_some_and(Got::moves);
+    let mut motion = match view.motion.len() {
+        POSES => view.motion.clone(),
+        _ if ["eye", "center", "up"].into_iter().any(moves) => vec![view.extrinsics; POSES],
+        _ => return None,
+    };
+    for (moment, place) in motion.iter_mut().enumerate() {
+        let at = |word| fields.raw(word).and_then(|got| got.at(moment).numbers()).map(DVec3::from_array);
+        set(&mut place.eye, at("eye"));
+        set(&mut place.center, at("center"));
+        set(&mut place.up, at("up"));
+    }
+    Some(motion)
 }
 
 fn change_view(view: &mut View, fields: &Fields) {

@@ -2,6 +2,7 @@
 
 use super::Decoder;
 use super::fields::{Fields, Got};
+use crate::text::animate::POSES;
 use crate::text::report::Message;
 use crate::text::schema::{self, MOTION_WORD};
 use canaletto::math::{Path, Transform};
@@ -26,6 +27,44 @@ impl Decoder<'_> {
             self.judge.report.error(span, "its transforms together go beyond what can be computed with");
         }
         all
+    }
+
+    /// Where a node is, and how it moves from there while the shutter is open: by keys in its transforms, or by `motion`.
+    pub(super) fn placed_in_time(&mut self, fields: &Fields) -> (Transform, Vec<Transform>) {
+        let Some(first) = fields.transforms.iter().position(Got::moves) else {
+            return (self.transform(fields), self.motion(fields));
+        };
+        let span = fields.transforms[first].span;
+        // What comes before the first that moves stays; the whole is checked as it is at the frame's own time.
+        self.transform(fields);
+        let mut wrong = |message: String, at| {
+            self.sound = false;
+            self.judge.report.push(Message::error(at, message));
+            (Transform::IDENTITY, Vec::new())
+        };
+        if fields.has(MOTION_WORD.name) {
+            let message = "both keys and motion say how it moves while the shutter is open";
+            return wrong(message.into(), fields.span(MOTION_WORD.name));
+        }
+        let all = |gots: &[Got], moment: usize| {
+            let mut pose = Transform::IDENTITY;
+            for got in gots.iter().filter(|got| got.is_good()) {
+                pose = single(&got.at(moment)).ok()?.after(&pose);
+            }
+            Transform::new(*pose.matrix()).ok()
+        };
+        let (still, moving) = fields.transforms.split_at(first);
+        let poses: Option<Vec<Transform>> = (0..POSES).map(|moment| all(moving, moment)).collect();
+        match (all(still, 0), poses) {
+            (Some(still), Some(poses)) => match Path::new(&poses) {
+                Ok(_) => (still, poses),
+                Err(problem) => wrong(problem.to_string(), span),
+            },
+            _ => wrong(
+                "while the shutter is open its transforms make the object flat, or go beyond all numbers".into(),
+                span,
+            ),
+        }
     }
 
     /// The poses of what moves while the shutter is open: its transforms done in part, ever more of them. Things turn from
