@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 /// The scenes of figures, and whether the reference knows all that is in them: spheres, boxes and omni lights, one ray in
 /// each pixel's corner.
-const FIGURES: [(&str, bool); 23] = [
+const FIGURES: [(&str, bool); 25] = [
     ("fig-5.18-unlit", true),
     ("fig-5.21b-diffuse", true),
     ("fig-5.21c-ambient", true),
@@ -38,16 +38,22 @@ const FIGURES: [(&str, bool); 23] = [
     ("fig-5.33c-diffuse", false),
     ("fig-5.34a-bump", false),
     ("fig-5.35-environment", false),
+    ("fig-5.36-subpixels", false),
     ("fig-5.37a-aliased", true),
     ("fig-5.37b-jittered", false),
+    ("fig-5.37c-regular", false),
 ];
 
 /// Scenes elsewhere whose pictures the book shows, by folder and name.
-const PICTURES: [(&str, &str); 4] = [
+const PICTURES: [(&str, &str); 8] = [
     ("scenes", "sky"),
     ("scenes", "area-lights"),
     ("scenes/chapter", "horizon-filtered"),
     ("scenes/chapter", "horizon-points"),
+    ("scenes", "depth-of-field"),
+    ("scenes", "motion-blur"),
+    ("scenes", "rough"),
+    ("scenes/chapter", "soft-shadow-sampled"),
 ];
 
 fn scene(folder: &str, name: &str) -> Scene {
@@ -62,8 +68,7 @@ fn scene(folder: &str, name: &str) -> Scene {
 }
 
 fn picture(scene: Scene) -> Rendering {
-    let view = &scene.views[0];
-    let camera = Camera::new(&view.intrinsics, &view.extrinsics).unwrap();
+    let camera = Camera::of(&scene.views[0]).unwrap();
     let job = Job::new(camera, scene.film, scene.integrator);
     render(&World::build(scene).unwrap(), &job, &()).unwrap()
 }
