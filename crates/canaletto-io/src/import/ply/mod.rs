@@ -10,6 +10,7 @@
 
 mod header;
 mod payload;
+mod table;
 
 use super::lines::Complaint;
 use super::mesh_part::mend_normals;
@@ -179,6 +180,12 @@ fn vertices(element: &Element, payload: &mut Payload<'_>) -> Result<Vertices, Co
         return Err(Complaint::file(format!("it has {} vertices, more than 32 bits can count", element.count)));
     }
     payload.check_room(element)?;
+    if extra.radius.is_none() && extra.color.is_none() {
+        let columns = table::Columns { position, normal, uv: uv.as_ref() };
+        if let Some((positions, normals, uvs)) = table::vertices(element, payload, &columns) {
+            return Ok(Vertices { positions, normals, uvs, ..Vertices::default() });
+        }
+    }
     let mut out = Vertices { positions: Vec::with_capacity(element.count as usize), ..Vertices::default() };
     payload.rows(element, |_, row| {
         let vector = |properties: [usize; 3]| Vec3::from(properties.map(|property| row.numbers[property] as f32));
@@ -201,6 +208,12 @@ fn faces(element: &Element, payload: &mut Payload<'_>, mesh: &mut Mesh) -> Resul
     let Some(property) = element.property(&["vertex_indices", "vertex_index"]) else { return Ok(0) };
     if element.properties[property].length.is_none() {
         return Err(Complaint::file(format!("`{}` of its faces must be a list", element.properties[property].name)));
+    }
+    if mesh.triangles.is_empty()
+        && let Some(triangles) = table::triangles(element, payload, mesh.positions.len())
+    {
+        mesh.triangles = triangles;
+        return Ok(0);
     }
     let (mut corners, mut points, mut thin) = (Vec::new(), Vec::new(), 0);
     let mut triangulator = Triangulator::new();

@@ -105,6 +105,23 @@ impl<'a> Payload<'a> {
         Ok(())
     }
 
+    /// The rows of an element whose rows are all of `stride` bytes, if that many are left. They count as read once
+    /// [`Payload::pass`] is called.
+    pub(super) fn table(&self, element: &Element, stride: usize) -> Option<&'a [u8]> {
+        let size = usize::try_from(element.count).ok()?.checked_mul(stride)?;
+        (self.encoding != Encoding::Ascii).then(|| self.bytes[self.at..].get(..size)).flatten()
+    }
+
+    /// Goes on behind a table.
+    pub(super) fn pass(&mut self, table: &[u8]) {
+        self.at += table.len();
+    }
+
+    /// Whether numbers start with their highest byte.
+    pub(super) fn is_big(&self) -> bool {
+        self.encoding == Encoding::Big
+    }
+
     fn cut_off(&self, element: &Element, index: u64) -> Complaint {
         Complaint::file(format!("the file ends inside {} {index} of {}", element.name, element.count))
             .help("the file may have been cut off")

@@ -147,3 +147,66 @@ fn a_binary_list_longer_than_the_file_fails() {
     bytes.extend(u32::MAX.to_le_bytes());
     assert_eq!(read_mesh("a", &bytes).unwrap_err().message, "the file ends inside face 0 of 1");
 }
+
+/// A file with normals and texture coordinates of other types than usual, as text and in both byte orders; faces as given.
+fn tables(faces: &[&[i32]]) -> [Vec<u8>; 3] {
+    let header = format!(
+        "element vertex 4\nproperty double x\nproperty float y\nproperty short z\nproperty char nx\nproperty float ny\n\
+         property uint nz\nproperty float u\nproperty double v\nelement face {}\n\
+         property list uchar int vertex_indices\nend_header\n",
+        faces.len()
+    );
+    ["ascii", "binary_little_endian", "binary_big_endian"].map(|encoding| {
+        let mut out = format!("ply\nformat {encoding} 1.0\n{header}").into_bytes();
+        let mut put = |text: String, little: &[u8]| match encoding {
+            "ascii" => out.extend(format!("{text} ").into_bytes()),
+            "binary_big_endian" => out.extend(little.iter().rev()),
+            _ => out.extend(little),
+        };
+        for i in 0..4u8 {
+            let (x, y, z) = (0.1 + f64::from(i), 0.3 * f32::from(i) * f32::from(i), -i16::from(i) * i16::from(i % 2));
+            put(x.to_string(), &x.to_le_bytes());
+            put(y.to_string(), &y.to_le_bytes());
+            put(z.to_string(), &z.to_le_bytes());
+            put((-(i as i8)).to_string(), &[i.wrapping_neg()]);
+            put("0.25".into(), &0.25f32.to_le_bytes());
+            put("16777217".into(), &16_777_217u32.to_le_bytes());
+            put(y.to_string(), &y.to_le_bytes());
+            let v = if i == 2 { f64::NAN } else { x };
+            put(v.to_string(), &v.to_le_bytes());
+            put("\n".into(), &[]);
+        }
+        for face in faces {
+            put(face.len().to_string(), &[face.len() as u8]);
+            face.iter().for_each(|v| put(v.to_string(), &v.to_le_bytes()));
+            put("\n".into(), &[]);
+        }
+        out
+    })
+}
+
+#[test]
+fn tables_are_read_as_rows_are() {
+    // All triangles; one that isn't; a thin one.
+    for faces in [&[&[0, 1, 2][..], &[2, 1, 3], &[3, 0, 1]][..], &[&[0, 1, 2], &[0, 1, 3, 2]], &[&[0, 1, 2], &[0, 1]]] {
+        let [text, little, big] = tables(faces).map(|bytes| read_mesh("m", &bytes).unwrap());
+        assert_eq!(text.0.triangles.len(), faces.iter().map(|f| f.len() - 2).sum::<usize>());
+        assert_eq!(text.0.uvs[2], Vec2::ZERO);
+        assert_eq!(little, text);
+        assert_eq!(big, text);
+    }
+    // Mistakes are told as ever.
+    for (wrong, message) in
+        [(4, "face 1: it refers to vertex 4, but only 4 exist"), (-1, "face 1: it refers to vertex -1")]
+    {
+        let faces: &[&[i32]] = &[&[0, 1, 2], &[1, wrong, 2]];
+        for bytes in &tables(faces)[1..] {
+            let told = read_mesh("m", bytes).unwrap_err().error("m").message;
+            assert!(told.contains(message), "{told}");
+        }
+    }
+    for bytes in &tables(&[&[0, 1, 2], &[1, 3, 2]])[1..] {
+        let told = read_mesh("m", &bytes[..bytes.len() - 1]).unwrap_err().error("m").message;
+        assert!(told.contains("bytes are left") || told.contains("ends inside face 1 of 2"), "{told}");
+    }
+}
