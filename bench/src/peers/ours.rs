@@ -1,6 +1,6 @@
 //! Our side of the comparison: everything that uses the hierarchy's interface is in this file.
 
-use canaletto_bvh::{Nearest, PreparedRay, Ray, Triangles};
+use canaletto_bvh::{Nearest, Ray, Triangles};
 
 use super::mesh::Mesh;
 use super::rays::{Packet, Segment};
@@ -34,15 +34,22 @@ impl Ours {
 const CHUNK: usize = 256;
 
 impl Tracer for Ours {
-    fn closest(&self, rays: &[Segment], _packets: &[Packet], _coherent: bool, out: &mut Hits<'_>) {
+    fn closest(&self, rays: &[Segment], _packets: &[Packet], coherent: bool, out: &mut Hits<'_>) {
+        let mut single = Vec::with_capacity(CHUNK);
         let mut prepared = Vec::with_capacity(CHUNK);
         let mut nearest = Vec::with_capacity(CHUNK);
         for (chunk, rays) in rays.chunks(CHUNK).enumerate() {
-            prepared.clear();
-            prepared.extend(rays.iter().map(prepare));
             nearest.clear();
             nearest.extend(rays.iter().map(|ray| Nearest::before(ray.t_max)));
-            self.triangles.intersect_stream(&prepared, &mut nearest, false);
+            if coherent {
+                single.clear();
+                single.extend(rays.iter().map(ray));
+                self.triangles.intersect_coherent(&single, &mut nearest, false);
+            } else {
+                prepared.clear();
+                prepared.extend(rays.iter().map(|segment| ray(segment).prepare()));
+                self.triangles.intersect_stream(&prepared, &mut nearest, false);
+            }
             for (i, hit) in nearest.iter().enumerate() {
                 let i = chunk * CHUNK + i;
                 (out.t[i], out.id[i], out.u[i], out.v[i]) = (hit.t, hit.id, hit.u, hit.v);
@@ -50,15 +57,22 @@ impl Tracer for Ours {
         }
     }
 
-    fn any(&self, rays: &[Segment], _packets: &[Packet], _coherent: bool, out: &mut [u8]) {
+    fn any(&self, rays: &[Segment], _packets: &[Packet], coherent: bool, out: &mut [u8]) {
+        let mut single = Vec::with_capacity(CHUNK);
         let mut prepared = Vec::with_capacity(CHUNK);
         let mut t_max = Vec::with_capacity(CHUNK);
         for (rays, out) in rays.chunks(CHUNK).zip(out.chunks_mut(CHUNK)) {
-            prepared.clear();
-            prepared.extend(rays.iter().map(prepare));
             t_max.clear();
             t_max.extend(rays.iter().map(|ray| ray.t_max));
-            self.triangles.occluded_stream(&prepared, &mut t_max, false);
+            if coherent {
+                single.clear();
+                single.extend(rays.iter().map(ray));
+                self.triangles.occluded_coherent(&single, &mut t_max, false);
+            } else {
+                prepared.clear();
+                prepared.extend(rays.iter().map(|segment| ray(segment).prepare()));
+                self.triangles.occluded_stream(&prepared, &mut t_max, false);
+            }
             for (out, t) in out.iter_mut().zip(&t_max) {
                 *out = u8::from(*t == f32::NEG_INFINITY);
             }
@@ -66,6 +80,6 @@ impl Tracer for Ours {
     }
 }
 
-fn prepare(segment: &Segment) -> PreparedRay {
-    Ray::new(segment.origin, segment.direction).prepare()
+fn ray(segment: &Segment) -> Ray {
+    Ray::new(segment.origin, segment.direction)
 }

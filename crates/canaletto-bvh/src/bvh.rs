@@ -87,6 +87,10 @@ impl Bvh {
         self.closest_of_many(rays, t_max, leaf);
     }
 
+    pub(crate) fn nodes(&self) -> &[Node] {
+        &self.nodes
+    }
+
     #[inline]
     pub(crate) fn any_of_many(&self, rays: &[PreparedRay], t_max: &mut [f32], leaf: impl AnyOfMany) {
         traverse::any_of_many(&self.nodes, rays, t_max, leaf);

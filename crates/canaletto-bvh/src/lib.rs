@@ -44,6 +44,7 @@ mod exact;
 mod lanes;
 mod memory;
 mod node;
+mod packet;
 mod ray;
 mod slab;
 pub mod sphere;

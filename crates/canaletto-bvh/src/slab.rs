@@ -21,9 +21,9 @@ pub(crate) const WIDTH: usize = 8;
 pub(crate) type Boxes = [[[f32; WIDTH]; 3]; 2];
 
 /// 1 + 2⁻²⁰ ≥ 1 + 2γ(3), with slack.
-const INFLATE: f32 = 1.0 + 8.0 * f32::EPSILON;
+pub(crate) const INFLATE: f32 = 1.0 + 8.0 * f32::EPSILON;
 /// What [`Slabs::leaving`] has of it already: so much that its one rounding ends above the two of `confine`.
-const LEAVE: f32 = 1.0 + 16.0 * f32::EPSILON;
+pub(crate) const LEAVE: f32 = 1.0 + 16.0 * f32::EPSILON;
 /// The slack that `confine` leaves to t; `INFLATE * DEFLATE` > 1 also after rounding.
 pub(crate) const DEFLATE: f32 = 1.0 - 4.0 * f32::EPSILON;
 

@@ -12,7 +12,7 @@ use crate::slab::{Slabs, WIDTH};
 use std::mem::MaybeUninit;
 
 /// Each level takes one entry and leaves at most eight; a visit may write eight more beyond the last.
-const STACK: usize = (MAX_DEPTH as usize + 1) * (WIDTH - 1) + 1 + WIDTH;
+pub(crate) const STACK: usize = (MAX_DEPTH as usize + 1) * (WIDTH - 1) + 1 + WIDTH;
 
 /// What waits to be visited, and where the ray enters it.
 struct Stack {

@@ -77,6 +77,17 @@ impl Block {
         Triangle::new([corner(a), corner(b), corner(c)])
     }
 
+    /// The triangle in this lane and its id, the coordinates in the order of `axes`.
+    #[inline(always)]
+    pub(crate) fn ordered(&self, lane: usize, axes: [usize; 3]) -> (u32, [[f32; 3]; 3]) {
+        let corner = |rows: &[Vec4; 3]| {
+            let at = |k: usize| rows[axes[k] % 3].as_ref()[lane & 3];
+            [at(0), at(1), at(2)]
+        };
+        let [a, b, c] = &self.corners;
+        (self.ids[lane & 3], [corner(a), corner(b), corner(c)])
+    }
+
     /// Makes the triangle in this lane the nearest if it is.
     #[inline]
     pub(crate) fn offer(&self, lane: usize, ray: &PreparedRay, nearest: &mut Nearest, front_only: bool) {
@@ -124,8 +135,8 @@ impl Block {
     }
 }
 
-const RELATIVE: f32 = 10.0 * f32::EPSILON;
-const UNDERFLOW: f32 = f32::MIN_POSITIVE * 256.0;
+pub(crate) const RELATIVE: f32 = 10.0 * f32::EPSILON;
+pub(crate) const UNDERFLOW: f32 = f32::MIN_POSITIVE * 256.0;
 
 /// Makes the nearest of a block's triangles `nearest`, if one is.
 #[inline(always)]
@@ -162,11 +173,11 @@ pub(crate) fn any_in_block(
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shear {
     /// The axis of the longest component of the direction last, the other two ordered such that winding is kept.
-    axes: [usize; 3],
+    pub(crate) axes: [usize; 3],
     /// Shears of x and y.
-    exact: [f64; 2],
+    pub(crate) exact: [f64; 2],
     /// The same, rounded; NaN, which decides nothing, where that would take digits off.
-    rough: [f32; 2],
+    pub(crate) rough: [f32; 2],
     /// 1 / direction along the last axis; NaN, which decides nothing, for rays that the slabs are careful with.
     along: f32,
 }
@@ -269,7 +280,7 @@ fn intersect_exactly(ray: &PreparedRay, triangle: &Triangle, t_max: f32) -> Opti
 }
 
 /// 2⁻⁴⁰: far above what rounding in f64 makes of products of differences of corners.
-const SURELY: f64 = 1.0 / (1u64 << 40) as f64;
+pub(crate) const SURELY: f64 = 1.0 / (1u64 << 40) as f64;
 
 /// Whether the triangle has no area, or the origin lies on its plane: then it is at t = 0, which rounding must not turn into a hit;
 /// unless all of the ray lies in the plane, when the triangle may stand between two that are seen from the sides.

@@ -1,9 +1,10 @@
 //! A tree over triangles, four of which are tested side by side.
 
 use crate::memory::in_large_pages;
+use crate::packet::{Hits, LANES, Packet};
 use crate::traverse::{Any, AnyOfMany, Closest, ClosestOfMany};
 use crate::triangle::{self, Block};
-use crate::{Aabb, BuildError, Bvh, Leaf, PreparedRay, Statistics};
+use crate::{Aabb, BuildError, Bvh, Leaf, PreparedRay, Ray, Statistics};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -92,6 +93,51 @@ impl Triangles {
         assert_eq!(rays.len(), nearest.len());
         let mut t_max: Vec<f32> = nearest.iter().map(|n| n.t).collect();
         self.bvh.closest_of_many(rays, &mut t_max, OfRays { blocks: &self.blocks, rays, nearest, front_only });
+    }
+
+    /// [`Triangles::intersect`] for rays of which neighbours in the list go nearly the same way, as those through neighbouring pixels do:
+    /// sixteen at a time go through the tree together. Any rays give the right answer.
+    ///
+    /// # Panics
+    /// If there are not as many `nearest` as rays.
+    pub fn intersect_coherent(&self, rays: &[Ray], nearest: &mut [Nearest], front_only: bool) {
+        assert_eq!(rays.len(), nearest.len());
+        for (rays, nearest) in rays.chunks(LANES).zip(nearest.chunks_mut(LANES)) {
+            let fresh = nearest.iter().all(|n| n.id == Nearest::NONE);
+            match Packet::new(rays, |i| nearest[i].t).filter(|_| fresh) {
+                Some(mut packet) => {
+                    packet.trace(self.bvh.nodes(), &self.blocks, front_only, false);
+                    for (i, nearest) in nearest.iter_mut().enumerate() {
+                        let Hits { t, u, v, id } = &packet.nearest;
+                        *nearest = Nearest { t: t[i], u: u[i], v: v[i], id: id[i] };
+                    }
+                }
+                None => {
+                    let prepared: Vec<PreparedRay> = rays.iter().map(Ray::prepare).collect();
+                    self.intersect_stream(&prepared, nearest, front_only);
+                }
+            }
+        }
+    }
+
+    /// [`Triangles::occluded_stream`] for rays of which neighbours in the list go nearly the same way.
+    ///
+    /// # Panics
+    /// If there are not as many `t_max` as rays.
+    pub fn occluded_coherent(&self, rays: &[Ray], t_max: &mut [f32], front_only: bool) {
+        assert_eq!(rays.len(), t_max.len());
+        for (rays, t_max) in rays.chunks(LANES).zip(t_max.chunks_mut(LANES)) {
+            match Packet::new(rays, |i| t_max[i]) {
+                Some(mut packet) => {
+                    packet.trace(self.bvh.nodes(), &self.blocks, front_only, true);
+                    t_max.copy_from_slice(&packet.nearest.t[..rays.len()]);
+                }
+                None => {
+                    let prepared: Vec<PreparedRay> = rays.iter().map(Ray::prepare).collect();
+                    self.occluded_stream(&prepared, t_max, front_only);
+                }
+            }
+        }
     }
 
     /// A place in the list of triangles: see [`Triangles::occluded`].
@@ -216,8 +262,8 @@ impl<F: FnMut(u32) -> bool> Any for AnyOf<'_, F> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::InstructionSet;
     use crate::testing::{Primitive, Random, awkward_ray, nearest, zoo};
-    use crate::{InstructionSet, Ray};
 
     #[test]
     fn blocks_find_what_a_loop_over_single_triangles_finds() {
@@ -260,6 +306,57 @@ mod tests {
                     }
                 }
             }
+        }
+    }
+
+    #[test]
+    fn packets_find_what_single_rays_find() {
+        let random = &mut Random(33);
+        for (name, mut scene) in zoo() {
+            scene.retain(|p| matches!(p, Primitive::Triangle(_)));
+            if scene.is_empty() {
+                continue;
+            }
+            let corners = |id: u32| match scene[id as usize] {
+                Primitive::Triangle(corners) => corners,
+                Primitive::Sphere(..) => unreachable!(),
+            };
+            let triangles = Triangles::build(scene.len(), corners).unwrap();
+            let mut together = 0;
+            for n in 0..60 {
+                // A ray and up to fifteen that hardly differ from it; where it leads through a corner or an edge, so do some of them.
+                let first = awkward_ray(&scene, random);
+                let size = first.direction.abs().max_element();
+                let rays: Vec<Ray> = (0..1 + n % 16)
+                    .map(|i| {
+                        let turned = random.vector() * size * [0.0, 1e-6, 0.01, 0.1][random.below(4)];
+                        let moved = turned * [0.0, 1.0][i % 2];
+                        Ray::new(first.origin + moved, first.direction + turned - moved * 0.5)
+                    })
+                    .collect();
+                together += usize::from(Packet::new(&rays, |_| f32::INFINITY).is_some());
+                for front_only in [false, true] {
+                    let mut expected = vec![Nearest::before(f32::INFINITY); rays.len()];
+                    for (ray, nearest) in rays.iter().zip(&mut expected) {
+                        triangles.intersect_brute_force(&ray.prepare(), nearest, front_only);
+                    }
+                    for set in InstructionSet::available() {
+                        set.limit();
+                        let mut found = vec![Nearest::before(f32::INFINITY); rays.len()];
+                        triangles.intersect_coherent(&rays, &mut found, front_only);
+                        assert_eq!(found, expected, "{name} {set:?} {rays:?}");
+                        for limit in [f32::INFINITY, 0.5] {
+                            let mut t_max: Vec<f32> = expected.iter().map(|e| e.t.min(limit)).collect();
+                            triangles.occluded_coherent(&rays, &mut t_max, front_only);
+                            for (t_max, e) in t_max.iter().zip(&expected) {
+                                let hit = e.id != Nearest::NONE && e.t <= limit;
+                                assert_eq!(*t_max == f32::NEG_INFINITY, hit, "{name} {set:?} {rays:?}");
+                            }
+                        }
+                    }
+                }
+            }
+            assert!(together > 10, "{name}: {together}");
         }
     }
 
