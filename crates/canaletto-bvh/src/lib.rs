@@ -35,7 +35,7 @@
 //! # Ok::<(), canaletto_bvh::BuildError>(())
 //! ```
 #![deny(missing_docs)]
-// The workspace denies `unsafe`. This is the one crate where it will be allowed, in modules of SIMD kernels.
+// The workspace denies `unsafe`. This is the one crate where modules allow it, for SIMD kernels and memory in large pages.
 
 mod aabb;
 mod build;
