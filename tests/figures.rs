@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 /// The scenes of figures, and whether the reference knows all that is in them: spheres, boxes and omni lights, one ray in
 /// each pixel's corner.
-const FIGURES: [(&str, bool); 25] = [
+const FIGURES: [(&str, bool); 26] = [
     ("fig-5.18-unlit", true),
     ("fig-5.21b-diffuse", true),
     ("fig-5.21c-ambient", true),
@@ -37,6 +37,7 @@ const FIGURES: [(&str, bool); 25] = [
     ("fig-5.33b-decal", false),
     ("fig-5.33c-diffuse", false),
     ("fig-5.34a-bump", false),
+    ("fig-5.34b-displacement", false),
     ("fig-5.35-environment", false),
     ("fig-5.36-subpixels", false),
     ("fig-5.37a-aliased", true),

@@ -3,7 +3,7 @@
 use canaletto::Ray;
 use canaletto::integrator::Whitted;
 use canaletto::light::{Light, LightKind, Omni};
-use canaletto::material::{Mapping, Material, Phong, Projection, Space, Target, TextureUse};
+use canaletto::material::{Mapping, Material, Phong, Projection, Repeat, Space, Target, TextureUse};
 use canaletto::math::{Rgb, Transform};
 use canaletto::scene::{IntegratorSettings, Node, Scene};
 use canaletto::shape::{Cuboid, Plane, Shape, Sphere};
@@ -198,4 +198,59 @@ fn the_last_blocker_changes_no_shadow() {
         half += u32::from(with > 0.0 && with < 1.0);
     }
     assert!(dark > 100 && half > 100, "{dark} {half}");
+}
+
+/// The heights of a strip: a ridge all around the middle.
+fn ridge(target: Target, range: [f32; 2]) -> Material {
+    Material::new("ridge", Phong::default()).with_texture(TextureUse {
+        range,
+        mapping: Mapping {
+            transform: Transform::rotate(DVec3::Z, 90.0).unwrap(),
+            ..Mapping::new(Projection::Planar, Space::Bounds)
+        },
+        ..TextureUse::new(0, target)
+    })
+}
+
+#[test]
+fn outline_and_shadow_follow_a_displacement() {
+    let texels = strip(&[[0, 0, 0, 255], [0, 0, 0, 255], [255; 4], [0, 0, 0, 255], [0, 0, 0, 255]], Filter::Bilinear);
+    let ball = Shape::Sphere(Sphere { center: Vec3::new(0.0, 4.0, 0.0), radius: 1.0 });
+    let displaced = scene(ridge(Target::Displace { detail: 100.0 }, [0.0, 0.5]), texels.clone(), ball);
+    let bumped = scene(ridge(Target::Bump, [0.0, 0.5]), texels, ball);
+    // Beside the ball at its middle: the ridge is there, and over the floor its shadow.
+    let looks = [([1.3, 4.0, 9.0], [1.3, 4.0, 0.0]), ([2.45, 3.0, 4.0], [2.45, 0.0, 0.0])];
+    for (from, to) in looks {
+        assert_ne!(color(&displaced, from, to), color(&bumped, from, to), "{from:?}");
+    }
+    // Above it nothing has changed.
+    let (from, to) = ([0.5, 5.2, 9.0], [0.5, 5.2, 0.0]);
+    assert_eq!(color(&displaced, from, to), color(&bumped, from, to));
+}
+
+#[test]
+fn what_cant_be_displaced_is_told() {
+    let texels = strip(&[[0, 0, 0, 255], [255; 4]], Filter::Bilinear);
+    let error = |material: Material, shape: Shape| {
+        World::build(scene(material, texels.clone(), shape)).expect_err("a mistake").to_string()
+    };
+    let displace = Target::Displace { detail: 64.0 };
+    let floor = Shape::Plane(Plane { point: Vec3::ZERO, normal: Vec3::Y });
+    assert_eq!(
+        error(ridge(displace, [0.0, 1.0]), floor),
+        "plane #1: a plane can't be displaced; spheres, boxes, triangles, cylinders, cones and meshes can be"
+    );
+    let mut world = ridge(displace, [0.0, 1.0]);
+    world.textures[0].mapping.space = Space::World;
+    assert!(error(world, board()).contains("happens in the object's own space"));
+    let mut fine = ridge(Target::Displace { detail: 60000.0 }, [0.0, 1e6]);
+    fine.textures[0].mapping = Mapping { repeat: Repeat([4321.0, 1234.0]), ..Mapping::default() };
+    let explodes = error(fine, board());
+    assert!(explodes.starts_with("box #1: its displacement needs more than 2097152 triangles"), "{explodes}");
+    let far = error(ridge(displace, [0.0, 3e38]), Shape::Sphere(Sphere { center: Vec3::X * 3e38, radius: 1e37 }));
+    assert!(far.contains("reaches beyond"), "{far}");
+    assert_eq!(
+        error(ridge(Target::Displace { detail: 2.0 }, [0.0, 1.0]), board()),
+        "material \"ridge\": texture for displace: detail is 2; it must be between 16 and 65536"
+    );
 }

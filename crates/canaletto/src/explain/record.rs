@@ -240,6 +240,7 @@ fn replaced(read: &TextureRead) -> [Vec<f32>; 2] {
             Target::Opacity => vec![phong.opacity],
             Target::Roughness => vec![phong.roughness],
             Target::Cutout => vec![point.coverage],
+            Target::Displace { .. } => Vec::new(),
             Target::Bump | Target::Normal { .. } => normal.as_vec3().to_array().to_vec(),
         }
     };

@@ -48,6 +48,13 @@ pub enum Target {
     /// Heights, of which only the slope is seen (Blinn, *Simulation of Wrinkled Surfaces*, 1978). `range` says which
     /// heights 0 and 1 are, in the units of the object before its transforms, outwards.
     Bump,
+    /// Heights by which the surface is raised along its normal, in the object's units before its transforms; `range` says
+    /// which heights 0 and 1 are. Done when the world is built: the object becomes triangles, whose smallest edges are its
+    /// size divided by `detail`.
+    Displace {
+        /// 16 and more.
+        detail: f32,
+    },
     /// Normals of tangent space: red, green and blue from 0 to 1 are x, y and z from −1 to 1; x goes along u, y towards
     /// smaller v (OpenGL's; upwards in the image), z outwards. `range` isn't used.
     Normal {
@@ -91,7 +98,7 @@ impl Channel {
 
 impl Target {
     /// Every kind of target with the word that scenes use, in the order of the reference.
-    pub const ALL: [(Target, &'static str); 12] = [
+    pub const ALL: [(Target, &'static str); 13] = [
         (Target::Replace, "replace"),
         (Target::Decal, "decal"),
         (Target::Diffuse, "diffuse"),
@@ -103,8 +110,12 @@ impl Target {
         (Target::Roughness, "roughness"),
         (Target::Cutout, "cutout"),
         (Target::Bump, "bump"),
+        (Target::Displace { detail: Target::DEFAULT_DETAIL }, "displace"),
         (Target::Normal { strength: 1.0, down: false }, "normal"),
     ];
+
+    /// The detail of displacements where nothing says so.
+    pub const DEFAULT_DETAIL: f32 = 128.0;
 
     /// The scene text's word for it.
     pub fn name(&self) -> &'static str {
@@ -148,6 +159,11 @@ impl TextureUse {
         {
             return Err(format!("strength is {strength}; it must be 0 or more and finite"));
         }
+        if let Target::Displace { detail } = self.target
+            && !(16.0..=65536.0).contains(&detail)
+        {
+            return Err(format!("detail is {detail}; it must be between 16 and 65536"));
+        }
         self.mapping.check()
     }
 
@@ -189,7 +205,7 @@ impl TextureUse {
             Target::Opacity => phong.opacity = number().min(1.0),
             Target::Roughness => phong.roughness = number().min(1.0),
             Target::Cutout => point.coverage = number().min(1.0),
-            Target::Bump | Target::Normal { .. } => {}
+            Target::Bump | Target::Displace { .. } | Target::Normal { .. } => {}
         }
     }
 }

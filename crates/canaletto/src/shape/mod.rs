@@ -8,6 +8,7 @@ mod cone;
 mod cuboid;
 mod cylinder;
 mod disk;
+pub(crate) mod displace;
 mod frustum;
 mod mesh;
 mod patch;

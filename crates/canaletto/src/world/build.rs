@@ -4,6 +4,7 @@ use super::geometry::Geometry;
 use super::instance::{Instance, NONE, Unbounded};
 use super::light_meshes::LightMeshes;
 use super::motion::{Chain, MovingLight};
+use super::relief::Relief;
 use super::wants::Wants;
 use super::{Object, World};
 use crate::light::Light;
@@ -88,6 +89,8 @@ impl World {
     pub const MAX_LIGHT_POINTS: usize = 1 << 20;
     /// The most shapes without bounds, likewise.
     pub const MAX_UNBOUNDED: usize = 1 << 16;
+    /// The most triangles that displacements may make of all objects together.
+    pub const MAX_DISPLACED: usize = 1 << 21;
     /// The deepest nesting of groups and instances, from the root through all prototypes.
     pub const MAX_NESTING: usize = 256;
 
@@ -125,7 +128,8 @@ impl World {
         let (textures, texture_names, wants_spread) = resolve_textures(images, textures, &mut materials)?;
         let wants = materials.iter().map(Wants::of).collect();
         let light_meshes = LightMeshes::collect(nodes.iter().chain(&prototypes), &meshes)?;
-        let mut builder = Builder::new(wants, meshes, spheres, cylinders, prototypes);
+        let relief = Relief::new(textures, &materials);
+        let mut builder = Builder::new(wants, relief, meshes, spheres, cylinders, prototypes);
         builder.light_meshes = light_meshes;
         builder.count_uses(&nodes);
         let mut root = Part::default();
@@ -150,7 +154,7 @@ impl World {
             ambient,
             lights: lights.into_iter().map(|light| builder.light_meshes.source(light)).collect(),
             light_meshes: builder.light_meshes,
-            textures,
+            textures: builder.relief.patterns,
             texture_names,
             has_clear: materials.iter().any(|m| !m.is_opaque()),
             materials,
@@ -291,6 +295,7 @@ struct Builder {
     /// What each material's textures want to know of objects, and what all of them want together.
     wants: Vec<Wants>,
     all_wants: Wants,
+    relief: Relief,
     meshes: Vec<Option<Mesh>>,
     spheres: Vec<Option<SphereCloud>>,
     cylinders: Vec<Option<CylinderCloud>>,
@@ -300,7 +305,8 @@ struct Builder {
     /// How often the description refers to each mesh; one that is met once is moved into place.
     mesh_uses: Vec<u32>,
     geometries: Vec<Geometry>,
-    geometry_of_mesh: HashMap<u32, u32>,
+    /// By the mesh and the material that displaces it, or [`NONE`].
+    geometry_of_mesh: HashMap<(u32, u32), u32>,
     geometry_of_spheres: HashMap<u32, u32>,
     geometry_of_cylinders: HashMap<u32, u32>,
     finished: HashMap<u32, Finished>,
@@ -316,6 +322,7 @@ struct Builder {
 impl Builder {
     fn new(
         wants: Vec<Wants>,
+        relief: Relief,
         meshes: Vec<Mesh>,
         spheres: Vec<SphereCloud>,
         cylinders: Vec<CylinderCloud>,
@@ -325,6 +332,7 @@ impl Builder {
             material_count: wants.len(),
             all_wants: wants.iter().fold(Wants::default(), |all, wants| all.and(*wants)),
             wants,
+            relief,
             mesh_uses: vec![0; meshes.len()],
             meshes: meshes.into_iter().map(Some).collect(),
             spheres: spheres.into_iter().map(Some).collect(),
@@ -453,6 +461,7 @@ impl Builder {
             }
             Content::Spheres(index) => {
                 let object = self.object(node, "spheres");
+                self.refuse_relief(inherited, object)?;
                 let geometry = self.spheres_geometry(node, *index)?;
                 let to_world = (!transform.is_identity()).then_some(transform);
                 self.instance(
@@ -462,6 +471,7 @@ impl Builder {
             }
             Content::Cylinders(index) => {
                 let object = self.object(node, "cylinders");
+                self.refuse_relief(inherited, object)?;
                 let geometry = self.cylinders_geometry(node, *index)?;
                 let to_world = (!transform.is_identity()).then_some(transform);
                 self.instance(
@@ -485,6 +495,10 @@ impl Builder {
         transform: &Transform,
         part: &mut Part,
     ) -> Result<(), BuildError> {
+        if self.relief.raises(material) {
+            let mesh = self.relief.shape(shape, material).map_err(|problem| self.invalid(object, problem))?;
+            return self.displaced(mesh, object, [NONE, material], transform, part);
+        }
         let moved = if transform.is_identity() { Some(*shape) } else { shape.transformed(transform) };
         let stays = self.wants(material).allow(shape, transform);
         match moved {
@@ -510,6 +524,29 @@ impl Builder {
             }
         }
         Ok(())
+    }
+
+    /// Clouds are too many to become triangles.
+    fn refuse_relief(&self, material: u32, object: u32) -> Result<(), BuildError> {
+        if self.relief.raises(material) {
+            let problem = "a cloud can't be displaced; single spheres and cylinders can be";
+            return Err(self.invalid(object, problem.into()));
+        }
+        Ok(())
+    }
+
+    /// A mesh that stands for a displaced object.
+    fn displaced(
+        &mut self,
+        mesh: Mesh,
+        object: u32,
+        [own, inherited]: [u32; 2],
+        transform: &Transform,
+        part: &mut Part,
+    ) -> Result<(), BuildError> {
+        let geometry = self.push(Geometry::mesh(mesh), object)?;
+        let to_world = (!transform.is_identity()).then_some(*transform);
+        self.instance(part, Instance { geometry, object, id_base: 0, material: own, inherited, to_world, motion: NONE })
     }
 
     fn place_prototype(
@@ -648,17 +685,31 @@ impl Builder {
         transform: &Transform,
     ) -> Result<(u32, bool), BuildError> {
         let count = self.meshes.len();
-        if let Some(&geometry) = self.geometry_of_mesh.get(&index) {
+        let slot = self.meshes.get_mut(index as usize).ok_or_else(|| missing(node, "mesh", index, count))?;
+        // A material in place of all others, or one for what has none, displaces it in its own way.
+        let by = if own == NONE { inherited } else { own };
+        let key = (index, if self.relief.raises(by) { by } else { NONE });
+        if let Some(&geometry) = self.geometry_of_mesh.get(&key) {
             return Ok((geometry, false));
         }
-        let slot = self.meshes.get_mut(index as usize).ok_or_else(|| missing(node, "mesh", index, count))?;
-        let mut mesh = slot.take().unwrap_or_default();
+        // Another use may want it as it is.
+        let again = self.relief.any() && self.mesh_uses[index as usize] > 1;
+        let mut mesh = if again { slot.clone() } else { slot.take() }.unwrap_or_default();
         let object = self.objects.len() as u32 - 1;
         mesh.check().map_err(|problem| self.invalid(object, problem))?;
         if let Some(&bad) = mesh.materials.iter().find(|&&m| m as usize >= self.material_count) {
             return Err(missing(node, "material", bad, self.material_count));
         }
-        let mut wants = self.wants(if own == NONE { inherited } else { own });
+        let of_slot = |slot: u32| match mesh.materials.get(slot as usize) {
+            Some(&material) if own == NONE => material,
+            _ => by,
+        };
+        if (0..mesh.materials.len().max(1) as u32).any(|slot| self.relief.raises(of_slot(slot))) {
+            let materials: Vec<u32> = (0..mesh.materials.len().max(1) as u32).map(of_slot).collect();
+            let of_slot = |slot: u32| materials.get(slot as usize).copied().unwrap_or(NONE);
+            mesh = self.relief.mesh(mesh, &of_slot).map_err(|problem| self.invalid(object, problem))?;
+        }
+        let mut wants = self.wants(by);
         if own == NONE {
             wants = mesh.materials.iter().fold(wants, |all, m| all.and(self.wants(*m)));
         }
@@ -668,7 +719,7 @@ impl Builder {
             mesh.check().map_err(|problem| self.invalid(object, format!("after its transforms, {problem}")))?;
         }
         let geometry = self.push(Geometry::mesh(mesh), object)?;
-        self.geometry_of_mesh.insert(index, geometry);
+        self.geometry_of_mesh.insert(key, geometry);
         Ok((geometry, moved))
     }
 

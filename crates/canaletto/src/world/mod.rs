@@ -7,6 +7,7 @@ mod instance;
 mod light_meshes;
 mod motion;
 mod query;
+mod relief;
 mod textured;
 mod wants;
 

@@ -81,7 +81,8 @@ impl World {
         surface.uv = local.surface.uv;
         let at = At::new(self, &local, step);
         let mut normal = local.surface.shading_normal;
-        for used in &material.textures {
+        // What is raised was so when the world was built.
+        for used in material.textures.iter().filter(|used| !matches!(used.target, Target::Displace { .. })) {
             let pattern = &self.textures[used.texture as usize];
             let spots = used.mapping.spots(&at.place);
             let (before, was) = (point, normal);

@@ -19,6 +19,10 @@ pub(super) struct Wants {
 impl Wants {
     pub(super) fn of(material: &Material) -> Wants {
         material.textures.iter().fold(Wants::default(), |mut wants, texture| {
+            // What is raised was so in the object's own space, before it is moved.
+            if matches!(texture.target, Target::Displace { .. }) {
+                return wants;
+            }
             match (texture.mapping.projection, texture.mapping.space) {
                 (Projection::Uv, _) => wants.uv = true,
                 (_, Space::Object) => wants.object = true,

@@ -37,11 +37,15 @@ impl Decoder<'_> {
         used.channel = one_of(&f, "channel", CHANNELS).unwrap_or(used.channel);
         used.range = f.numbers("range").map_or(used.range, |[low, high]: [f64; 2]| [low as f32, high as f32]);
         match &mut used.target {
-            Target::Bump => {
+            Target::Bump | Target::Displace { .. } => {
+                if let Target::Displace { detail } = &mut used.target {
+                    *detail = f.real("detail").unwrap_or(*detail);
+                }
                 if let Some(height) = f.real("height") {
                     used.range = [0.0, height];
                 } else if f.sound && !f.has("range") {
-                    let message = Message::error(f.node.name_span, format!("{title} needs height for \"bump\""));
+                    let message =
+                        Message::error(f.node.name_span, format!("{title} needs height for {:?}", target.name()));
                     let help = "for example: height=0.1, in the units of the object's own space";
                     self.judge.report.push(message.help(help));
                     self.sound = false;
@@ -119,18 +123,20 @@ impl Decoder<'_> {
     /// Reports words that say nothing about this use.
     fn only_for(&mut self, f: &Fields, target: Target) {
         let normal = matches!(target, Target::Normal { .. });
+        let heights = matches!(target, Target::Bump | Target::Displace { .. });
         let one = !target.takes_color() && !normal;
         for (word, meant) in [
-            ("height", target == Target::Bump),
+            ("height", heights),
+            ("detail", matches!(target, Target::Displace { .. })),
             ("strength", normal),
             ("y", normal),
             ("channel", one),
-            ("range", !(normal || target == Target::Bump && f.has("height"))),
+            ("range", !(normal || heights && f.has("height"))),
         ] {
             if !meant && f.sound && f.has(word) {
                 let with = if word == "range" && !normal { "height or range" } else { target.name() };
                 let message = match word {
-                    "range" if !normal => format!("\"bump\" has either {with}"),
+                    "range" if !normal => format!("{:?} has either {with}", target.name()),
                     _ => format!("{word} has no meaning for the use \"{with}\""),
                 };
                 self.judge.report.error(f.span(word), message);

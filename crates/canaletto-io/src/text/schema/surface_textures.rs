@@ -38,10 +38,10 @@ pub(crate) static SURFACE_TEXTURE: Words = Words::new(
         Word::new(
             "use",
             Takes::Word(&[
-                "replace", "decal", "diffuse", "ks", "n", "k", "eta", "opacity", "roughness", "cutout", "bump", "normal",
+                "replace", "decal", "diffuse", "ks", "n", "k", "eta", "opacity", "roughness", "cutout", "bump", "displace", "normal",
             ]),
             "what it is for: the colour instead of the shaded one, or over it by its alpha; kd; another number of the \
-             material; what is there of the surface at all; heights, or normals, that bend the normal",
+             material; what is there of the surface at all; heights, or normals, that bend the normal; heights that move the surface",
         )
         .or(|| quoted(Target::Diffuse.name())),
         Word::new(
@@ -69,8 +69,14 @@ pub(crate) static SURFACE_TEXTURE: Words = Words::new(
         Word::new(
             "height",
             NUMBER,
-            "for \"bump\": the height of the value 1 over that of 0, in the object's units before its transforms",
+            "for \"bump\" and \"displace\": the height of the value 1 over that of 0, in the object's units before its transforms",
         ),
+        Word::new(
+            "detail",
+            NUMBER,
+            "for \"displace\": the object's size divided by this is the shortest edge of the triangles that it becomes; 16 and more",
+        )
+        .or(|| Target::DEFAULT_DETAIL.to_string()),
         Word::new("strength", NUMBER, "for \"normal\": how strongly the normals lean").or(|| "1".into()),
         Word::new(
             "y",

@@ -1,0 +1,101 @@
+//! Displacement at build time: which materials raise surfaces, and by how much.
+
+use super::World;
+use crate::material::{Material, Place, Space, Target, TextureUse};
+use crate::shape::Patch;
+use crate::shape::displace::{Net, Unraised, Vertex};
+use crate::shape::{Mesh, Shape};
+use crate::texture::{Lookup, Pattern};
+use canaletto_bvh::Aabb;
+use glam::{DMat3, DVec3};
+
+/// The displacements of a scene's materials.
+#[derive(Default)]
+pub(super) struct Relief {
+    /// All textures, until the world takes them.
+    pub(super) patterns: Vec<Pattern>,
+    /// The displacing uses of each material.
+    uses: Vec<Vec<TextureUse>>,
+    /// Triangles made so far.
+    made: usize,
+}
+
+impl Relief {
+    pub(super) fn new(patterns: Vec<Pattern>, materials: &[Material]) -> Relief {
+        let displaces = |used: &&TextureUse| matches!(used.target, Target::Displace { .. });
+        let uses = materials.iter().map(|m| m.textures.iter().filter(displaces).copied().collect()).collect();
+        Relief { patterns, uses, made: 0 }
+    }
+
+    /// Whether this material raises surfaces.
+    pub(super) fn raises(&self, material: u32) -> bool {
+        self.uses.get(material as usize).is_some_and(|uses| !uses.is_empty())
+    }
+
+    /// Whether any does.
+    pub(super) fn any(&self) -> bool {
+        self.uses.iter().any(|uses| !uses.is_empty())
+    }
+
+    /// A shape as the mesh that it is with this material.
+    pub(super) fn shape(&mut self, shape: &Shape, material: u32) -> Result<Mesh, String> {
+        let Some(net) = Net::of_shape(shape) else {
+            let kinds = "spheres, boxes, triangles, cylinders, cones and meshes can be";
+            return Err(format!("a {} can't be displaced; {kinds}", shape.kind()));
+        };
+        self.raise(net, shape.bounds(), &|_| material, &[material])
+    }
+
+    /// A mesh raised where its materials say so; `material` says which one each slot has.
+    pub(super) fn mesh(&mut self, mesh: Mesh, material: &(dyn Fn(u32) -> u32 + Sync)) -> Result<Mesh, String> {
+        let bounds = Aabb::from_points(mesh.positions.iter().copied());
+        let slots = mesh.materials.len().max(1) as u32;
+        let materials: Vec<u32> = (0..slots).map(material).collect();
+        self.raise(Net::of_mesh(mesh), Some(bounds), material, &materials)
+    }
+
+    fn raise(
+        &mut self,
+        net: Net,
+        bounds: Option<Aabb>,
+        material: &(dyn Fn(u32) -> u32 + Sync),
+        materials: &[u32],
+    ) -> Result<Mesh, String> {
+        let all = materials.iter().flat_map(|m| self.uses.get(*m as usize)).flatten();
+        let mut detail = 0.0f64;
+        for used in all {
+            if let Target::Displace { detail: wanted } = used.target {
+                detail = detail.max(wanted.into());
+            }
+            if used.mapping.space == Space::World && used.mapping.projection != crate::material::Projection::Uv {
+                return Err(
+                    "a displacement happens in the object's own space; space \"world\" can't be used for it".into()
+                );
+            }
+        }
+        let limit = World::MAX_DISPLACED.saturating_sub(self.made);
+        let height = |vertex: &Vertex| {
+            let uses = self.uses.get(material(vertex.slot) as usize);
+            uses.into_iter().flatten().map(|used| self.height(used, vertex, bounds)).sum()
+        };
+        let mesh = net.raised(detail, limit, &height).map_err(|problem| match problem {
+            Unraised::TooMany => format!(
+                "its displacement needs more than {limit} triangles (the scene may have {} displaced ones); a smaller detail than {detail} makes fewer",
+                World::MAX_DISPLACED
+            ),
+            Unraised::TooFar => format!("its displacement reaches beyond ±{:e}, the largest coordinate possible", f32::MAX),
+        })?;
+        self.made += mesh.len();
+        Ok(mesh)
+    }
+
+    fn height(&self, used: &TextureUse, vertex: &Vertex, bounds: Option<Aabb>) -> f64 {
+        let patch = Patch { gradients: [DVec3::ZERO; 2], bend: DMat3::ZERO, round: false };
+        let place =
+            Place { point: vertex.point, normal: vertex.normal, uv: vertex.uv, patch: &patch, to_world: None, bounds };
+        let pattern = &self.patterns[used.texture as usize];
+        let spots = used.mapping.spots(&place);
+        let at = |at: DVec3| f64::from(used.number(pattern.eval(&Lookup::point(at))));
+        spots.iter().map(|spot| at(spot.at) * spot.weight).sum()
+    }
+}
