@@ -1,10 +1,9 @@
 //! The bounding volume hierarchy.
 
 use crate::build::{self, BuildError};
-use crate::node::{Leaf, Link, Node, Statistics, collapse};
-use crate::traverse::{self, Any, AnyOfMany, Closest, ClosestOfMany};
+use crate::node::{Leaf, Node, Statistics, collapse};
+use crate::traverse::{self, Any, Closest, ClosestOfMany};
 use crate::{Aabb, PreparedRay};
-use std::ops::Range;
 
 /// A tree of boxes over primitives that the caller keeps.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,7 +22,7 @@ impl Bvh {
     pub fn build(bounds: &[Aabb]) -> Result<Self, BuildError> {
         let (binary, order) = build::build(bounds, 1)?;
         let bounds = binary.first().map_or(Aabb::EMPTY, |root| root.bounds);
-        Ok(Self { nodes: collapse(&binary, &|leaf| Link::leaf(leaf.link, leaf.count)), order, bounds })
+        Ok(Self { nodes: collapse(&binary), order, bounds })
     }
 
     /// Builds a tree whose leaves are blocks of up to four primitives that are tested side by side: a block costs the same
@@ -32,12 +31,14 @@ impl Bvh {
     /// # Errors
     /// As [`Bvh::build`].
     pub fn build_blocks(bounds: &[Aabb]) -> Result<(Self, Blocks), BuildError> {
-        let (binary, order) = build::build(bounds, build::MAX_LEAF)?;
+        let (mut binary, order) = build::build(bounds, build::MAX_LEAF)?;
         let bounds = binary.first().map_or(Aabb::EMPTY, |root| root.bounds);
-        // Leaves lie in the order of their slots.
-        let starts: Vec<u32> = binary.iter().filter(|node| node.is_leaf()).map(|leaf| leaf.link).collect();
-        let block = |leaf: &build::Binary| Link::leaf(starts.partition_point(|&s| s < leaf.link) as u32, leaf.count);
-        let nodes = collapse(&binary, &block);
+        let mut starts = Vec::new();
+        for leaf in binary.iter_mut().filter(|node| node.is_leaf()) {
+            let block = starts.len() as u32;
+            starts.push(std::mem::replace(&mut leaf.link, block));
+        }
+        let nodes = collapse(&binary);
         Ok((Self { nodes, order: Vec::new(), bounds }, Blocks { starts, order }))
     }
 
@@ -80,20 +81,8 @@ impl Bvh {
         traverse::any(&self.nodes, &ray.slabs, t_max, leaf)
     }
 
-    /// [`Bvh::intersect`] for many rays that need not go the same way. Several are on their way at once, so that none
-    /// waits for memory alone. `leaf` gets the number of the ray and that ray's t_max in `t_max`.
-    #[inline]
-    pub fn intersect_stream(&self, rays: &[PreparedRay], t_max: &mut [f32], leaf: impl FnMut(usize, Leaf, &mut f32)) {
-        self.closest_of_many(rays, t_max, leaf);
-    }
-
     pub(crate) fn nodes(&self) -> &[Node] {
         &self.nodes
-    }
-
-    #[inline]
-    pub(crate) fn any_of_many(&self, rays: &[PreparedRay], t_max: &mut [f32], leaf: impl AnyOfMany) {
-        traverse::any_of_many(&self.nodes, rays, t_max, leaf);
     }
 
     #[inline]
@@ -123,8 +112,7 @@ impl Blocks {
     /// The 1 to 4 primitives of a block.
     pub fn block(&self, index: usize) -> &[u32] {
         let end = self.starts.get(index + 1).map_or(self.order.len(), |&s| s as usize);
-        let Range { start, end } = self.starts[index] as usize..end;
-        &self.order[start..end]
+        &self.order[self.starts[index] as usize..end]
     }
 }
 
@@ -266,7 +254,7 @@ mod tests {
                 let prepared: Vec<PreparedRay> = rays.iter().map(Ray::prepare).collect();
                 let mut t_max = vec![f32::INFINITY; rays.len()];
                 let mut best = vec![None; rays.len()];
-                bvh.intersect_stream(&prepared, &mut t_max, |index, leaf, t_max| {
+                bvh.closest_of_many(&prepared, &mut t_max, |index: usize, leaf: Leaf, t_max: &mut f32| {
                     let ids = &bvh.order()[leaf.first() as usize..leaf.slots().end as usize];
                     if let Some(hit) = nearest(&scene, ids, &rays[index], *t_max)
                         && best[index].is_none_or(|best: crate::testing::Hit| hit.0 < best.0 || hit.3 < best.3)

@@ -38,7 +38,7 @@ impl Link {
     }
 
     /// Of 1 to [`MAX_LEAF`] primitives.
-    pub(crate) fn leaf(first: u32, count: u32) -> Self {
+    fn leaf(first: u32, count: u32) -> Self {
         Self(Self::LEAF | (count - 1) << FIRST_BITS | first)
     }
 
@@ -104,8 +104,8 @@ const PART: u32 = 1 << 14;
 
 /// Collapses a binary tree: each node adopts the children of its largest inner child until it has eight (Wald,
 /// Benthin and Boulos, "Getting rid of packets", 2008). The uppermost nodes lie together, then parts in depth-first order.
-pub(crate) fn collapse(binary: &[Binary], leaf: &(dyn Fn(&Binary) -> Link + Sync)) -> Vec<Node> {
-    let mut top = Collapse { binary, leaf, nodes: Vec::new(), parts: Vec::new(), part: PART };
+pub(crate) fn collapse(binary: &[Binary]) -> Vec<Node> {
+    let mut top = Collapse { binary, nodes: Vec::new(), parts: Vec::new(), part: PART };
     if binary.is_empty() {
         return top.nodes;
     }
@@ -114,7 +114,7 @@ pub(crate) fn collapse(binary: &[Binary], leaf: &(dyn Fn(&Binary) -> Link + Sync
     let below: Vec<Vec<Node>> = parts
         .par_iter()
         .map(|part| {
-            let mut inner = Collapse { binary, leaf, nodes: Vec::new(), parts: Vec::new(), part: 0 };
+            let mut inner = Collapse { binary, nodes: Vec::new(), parts: Vec::new(), part: 0 };
             inner.adopt(part.root, part.end);
             inner.nodes
         })
@@ -131,7 +131,6 @@ pub(crate) fn collapse(binary: &[Binary], leaf: &(dyn Fn(&Binary) -> Link + Sync
 
 struct Collapse<'a> {
     binary: &'a [Binary],
-    leaf: &'a (dyn Fn(&Binary) -> Link + Sync),
     nodes: Vec<Node>,
     /// Parts left to be collapsed apart.
     parts: Vec<Part>,
@@ -174,7 +173,7 @@ impl Collapse<'_> {
             let node = &self.binary[child as usize];
             self.nodes[index].set_box(lane, &node.bounds);
             if node.is_leaf() {
-                self.nodes[index].children[lane] = (self.leaf)(node);
+                self.nodes[index].children[lane] = Link::leaf(node.link, node.count);
             } else if end - child <= self.part {
                 self.parts.push(Part { root: child, end, parent: index, lane });
             } else {

@@ -11,7 +11,7 @@
 #![allow(clippy::needless_range_loop)] // Lanes of many lists side by side.
 
 use crate::node::{Leaf, Link, Node};
-use crate::slab::{DEFLATE, INFLATE, LEAVE, Slabs, WIDTH};
+use crate::slab::{DEFLATE, INFLATE, LEAVE, Slabs, WIDTH, max, min};
 use crate::traverse::STACK;
 use crate::triangle::{self, Block, RELATIVE, SURELY, Shear, UNDERFLOW};
 use crate::triangles::Nearest;
@@ -402,18 +402,6 @@ fn difference(a: f64, b: f64, c: f64, d: f64) -> (f64, bool) {
 #[inline(always)]
 fn normal(a: f32) -> bool {
     (a.abs() >= f32::MIN_POSITIVE) & (a.abs() < f32::INFINITY)
-}
-
-// Unlike f32::max, one instruction each.
-
-#[inline(always)]
-fn max(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
-}
-
-#[inline(always)]
-fn min(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
 }
 
 /// `f32::clamp` from 0; like that one, it leaves −0 alone.

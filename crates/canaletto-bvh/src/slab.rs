@@ -135,9 +135,6 @@ impl Slabs {
             }
         };
         let ((n0, f0), (n1, f1), (n2, f2)) = (planes(0), planes(1), planes(2));
-        // Unlike f32::max, one instruction: there is no NaN here.
-        let max = |a: f32, b: f32| if a > b { a } else { b };
-        let min = |a: f32, b: f32| if a < b { a } else { b };
         let near = max(max(n0, n1), max(n2, 0.0));
         let far = min(min(f0, f1), min(f2, f32::INFINITY));
         (near, far * INFLATE)
@@ -167,6 +164,18 @@ impl Slabs {
         }
         (t > 0.0 && t <= t_max && t < f32::INFINITY).then_some(t)
     }
+}
+
+/// Unlike `f32::max`, one instruction: for what is no NaN.
+#[inline(always)]
+pub(crate) fn max(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+/// Unlike `f32::min`, one instruction: for what is no NaN.
+#[inline(always)]
+pub(crate) fn min(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
 }
 
 #[cfg(test)]

@@ -143,7 +143,7 @@ impl<F: FnMut(Leaf) -> bool> Any for F {
 
 /// The same for many rays.
 pub(crate) trait ClosestOfMany {
-    /// Tests a leaf with the ray of this number, and lowers `t_max` to the nearest hit.
+    /// Tests a leaf with the ray of this number, and lowers `t_max` to the nearest hit; to −∞ if the ray's way ends here.
     fn leaf(&mut self, ray: usize, leaf: Leaf, t_max: &mut f32);
     /// Where the leaves' data lie, to be fetched in advance: the first's start, and how many bytes each has.
     fn places(&self) -> Option<(*const u8, usize)> {
@@ -214,16 +214,6 @@ unsafe fn any_with<L: Lanes, F: Any>(nodes: &[Node], slabs: &Slabs, t_max: f32, 
     false
 }
 
-/// [`Any`] for many rays.
-pub(crate) trait AnyOfMany {
-    /// Whether something is hit in a leaf by the ray of this number.
-    fn leaf(&mut self, ray: usize, leaf: Leaf) -> bool;
-    /// As in [`ClosestOfMany`].
-    fn places(&self) -> Option<(*const u8, usize)> {
-        None
-    }
-}
-
 /// How many rays of a stream are on their way at once.
 const FLIGHTS: usize = 8;
 
@@ -253,30 +243,16 @@ struct Flight {
     stack: Stack,
 }
 
-/// Any hit: nothing is nearer than t = −∞, which ends the ray's way.
-struct Ended<F>(F);
-
-impl<F: AnyOfMany> ClosestOfMany for Ended<F> {
+impl Flight {
     #[inline(always)]
-    fn leaf(&mut self, ray: usize, leaf: Leaf, t_max: &mut f32) {
-        if self.0.leaf(ray, leaf) {
-            *t_max = f32::NEG_INFINITY;
-        }
-    }
-
-    #[inline(always)]
-    fn places(&self) -> Option<(*const u8, usize)> {
-        self.0.places()
+    fn start(&mut self, ray: usize, t_max: f32) {
+        self.ray = ray;
+        self.limit = Slabs::limit(t_max);
+        self.stack.restart();
     }
 }
 
-/// [`Any`] for many rays: those that are hit get −∞ as their `t_max`.
-#[inline]
-pub(crate) fn any_of_many(nodes: &[Node], rays: &[PreparedRay], t_max: &mut [f32], leaf: impl AnyOfMany) {
-    closest_of_many(nodes, rays, t_max, Ended(leaf));
-}
-
-/// [`crate::Bvh::intersect_stream`].
+/// [`closest`] for many rays that need not go the same way. Several are on their way at once, so that none waits for memory alone.
 #[inline]
 pub(crate) fn closest_of_many<F: ClosestOfMany>(nodes: &[Node], rays: &[PreparedRay], t_max: &mut [f32], mut leaf: F) {
     assert_eq!(rays.len(), t_max.len());
@@ -303,17 +279,13 @@ unsafe fn stream_with<L: Lanes, F: ClosestOfMany>(
     }
     let mut waiting = Waiting { rays, next: 0 };
     let mut flights: [MaybeUninit<Flight>; FLIGHTS] = [const { MaybeUninit::uninit() }; FLIGHTS];
-    let mut order = [0, 1, 2, 3, 4, 5, 6, 7];
-    const { assert!(FLIGHTS == 8) };
+    let mut order: [usize; FLIGHTS] = std::array::from_fn(|i| i);
     let mut active = 0;
     // SAFETY: the caller's promise; links lead to nodes; flights below `active` in `order` were started.
     unsafe {
         while active < FLIGHTS {
             let Some(ray) = waiting.next() else { break };
-            let flight = flights[active].as_mut_ptr();
-            (*flight).ray = ray;
-            (*flight).limit = Slabs::limit(t_max[ray]);
-            (*flight).stack.restart();
+            (*flights[active].as_mut_ptr()).start(ray, t_max[ray]);
             active += 1;
         }
         while active > 0 {
@@ -322,11 +294,7 @@ unsafe fn stream_with<L: Lanes, F: ClosestOfMany>(
                 let flight = &mut *flights[order[i]].as_mut_ptr();
                 let Some(link) = flight.stack.pop(flight.limit) else {
                     match waiting.next() {
-                        Some(ray) => {
-                            flight.ray = ray;
-                            flight.limit = Slabs::limit(t_max[ray]);
-                            flight.stack.restart();
-                        }
+                        Some(ray) => flight.start(ray, t_max[ray]),
                         None => {
                             active -= 1;
                             order.swap(i, active);

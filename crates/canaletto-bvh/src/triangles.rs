@@ -2,7 +2,7 @@
 
 use crate::memory::in_large_pages;
 use crate::packet::{Hits, LANES, Packet};
-use crate::traverse::{Any, AnyOfMany, Closest, ClosestOfMany};
+use crate::traverse::{Any, Closest, ClosestOfMany};
 use crate::triangle::{self, Block};
 use crate::{Aabb, BuildError, Bvh, Leaf, PreparedRay, Ray, Statistics};
 use glam::Vec3;
@@ -140,7 +140,7 @@ impl Triangles {
         }
     }
 
-    /// A place in the list of triangles: see [`Triangles::occluded`].
+    /// The place, as [`Triangles::blocks`] takes it, of a triangle that is met at or before `t_max` and for whose id `counts` holds.
     #[inline]
     pub fn occluded(
         &self,
@@ -161,9 +161,7 @@ impl Triangles {
     /// # Panics
     /// If there are not as many `t_max` as rays.
     pub fn occluded_stream(&self, rays: &[PreparedRay], t_max: &mut [f32], front_only: bool) {
-        let limits = t_max.to_vec();
-        let blocks = &self.blocks;
-        self.bvh.any_of_many(rays, t_max, AnyOfRays { blocks, rays, limits: &limits, front_only });
+        self.bvh.closest_of_many(rays, t_max, AnyOfRays { blocks: &self.blocks, rays, front_only });
     }
 
     /// Whether the triangle at this place is met at or before `t_max`.
@@ -222,15 +220,16 @@ impl ClosestOfMany for OfRays<'_> {
 struct AnyOfRays<'a> {
     blocks: &'a [Block],
     rays: &'a [PreparedRay],
-    limits: &'a [f32],
     front_only: bool,
 }
 
-impl AnyOfMany for AnyOfRays<'_> {
+impl ClosestOfMany for AnyOfRays<'_> {
     #[inline(always)]
-    fn leaf(&mut self, ray: usize, leaf: Leaf) -> bool {
+    fn leaf(&mut self, ray: usize, leaf: Leaf, t_max: &mut f32) {
         let block = &self.blocks[leaf.first() as usize];
-        triangle::any_in_block(&self.rays[ray], block, self.limits[ray], self.front_only, &mut |_| true).is_some()
+        if triangle::any_in_block(&self.rays[ray], block, *t_max, self.front_only, &mut |_| true).is_some() {
+            *t_max = f32::NEG_INFINITY;
+        }
     }
 
     #[inline(always)]
@@ -265,19 +264,23 @@ mod tests {
     use crate::InstructionSet;
     use crate::testing::{Primitive, Random, awkward_ray, nearest, zoo};
 
-    #[test]
-    fn blocks_find_what_a_loop_over_single_triangles_finds() {
-        let random = &mut Random(31);
-        for (name, mut scene) in zoo() {
+    /// The triangles of each scene that has some, by themselves and in a tree.
+    fn triangles_of_the_zoo() -> impl Iterator<Item = (&'static str, Vec<Primitive>, Triangles)> {
+        zoo().into_iter().filter_map(|(name, mut scene)| {
             scene.retain(|p| matches!(p, Primitive::Triangle(_)));
-            if scene.is_empty() {
-                continue;
-            }
             let corners = |id: u32| match scene[id as usize] {
                 Primitive::Triangle(corners) => corners,
                 Primitive::Sphere(..) => unreachable!(),
             };
             let triangles = Triangles::build(scene.len(), corners).unwrap();
+            (!scene.is_empty()).then_some((name, scene, triangles))
+        })
+    }
+
+    #[test]
+    fn blocks_find_what_a_loop_over_single_triangles_finds() {
+        let random = &mut Random(31);
+        for (name, scene, triangles) in triangles_of_the_zoo() {
             let ids: Vec<u32> = (0..scene.len() as u32).collect();
             let rays: Vec<Ray> = (0..300).map(|_| awkward_ray(&scene, random)).collect();
             let prepared: Vec<PreparedRay> = rays.iter().map(Ray::prepare).collect();
@@ -312,16 +315,7 @@ mod tests {
     #[test]
     fn packets_find_what_single_rays_find() {
         let random = &mut Random(33);
-        for (name, mut scene) in zoo() {
-            scene.retain(|p| matches!(p, Primitive::Triangle(_)));
-            if scene.is_empty() {
-                continue;
-            }
-            let corners = |id: u32| match scene[id as usize] {
-                Primitive::Triangle(corners) => corners,
-                Primitive::Sphere(..) => unreachable!(),
-            };
-            let triangles = Triangles::build(scene.len(), corners).unwrap();
+        for (name, scene, triangles) in triangles_of_the_zoo() {
             let mut together = 0;
             for n in 0..60 {
                 // A ray and up to fifteen that hardly differ from it; where it leads through a corner or an edge, so do some of them.
