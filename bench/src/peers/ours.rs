@@ -30,25 +30,21 @@ impl Ours {
     }
 }
 
-/// How many rays are prepared at a time.
-const CHUNK: usize = 256;
+/// How many rays are asked about at a time.
+const CHUNK: usize = 1024;
 
 impl Tracer for Ours {
     fn closest(&self, rays: &[Segment], _packets: &[Packet], coherent: bool, out: &mut Hits<'_>) {
-        let mut single = Vec::with_capacity(CHUNK);
-        let mut prepared = Vec::with_capacity(CHUNK);
-        let mut nearest = Vec::with_capacity(CHUNK);
+        let (mut chunk_rays, mut nearest) = (Vec::with_capacity(CHUNK), Vec::with_capacity(CHUNK));
         for (chunk, rays) in rays.chunks(CHUNK).enumerate() {
             nearest.clear();
             nearest.extend(rays.iter().map(|ray| Nearest::before(ray.t_max)));
+            chunk_rays.clear();
+            chunk_rays.extend(rays.iter().map(ray));
             if coherent {
-                single.clear();
-                single.extend(rays.iter().map(ray));
-                self.triangles.intersect_coherent(&single, &mut nearest, false);
+                self.triangles.intersect_coherent(&chunk_rays, &mut nearest, false);
             } else {
-                prepared.clear();
-                prepared.extend(rays.iter().map(|segment| ray(segment).prepare()));
-                self.triangles.intersect_stream(&prepared, &mut nearest, false);
+                self.triangles.intersect_stream(&chunk_rays, &mut nearest, false);
             }
             for (i, hit) in nearest.iter().enumerate() {
                 let i = chunk * CHUNK + i;
@@ -58,20 +54,16 @@ impl Tracer for Ours {
     }
 
     fn any(&self, rays: &[Segment], _packets: &[Packet], coherent: bool, out: &mut [u8]) {
-        let mut single = Vec::with_capacity(CHUNK);
-        let mut prepared = Vec::with_capacity(CHUNK);
-        let mut t_max = Vec::with_capacity(CHUNK);
+        let (mut chunk_rays, mut t_max) = (Vec::with_capacity(CHUNK), Vec::with_capacity(CHUNK));
         for (rays, out) in rays.chunks(CHUNK).zip(out.chunks_mut(CHUNK)) {
             t_max.clear();
             t_max.extend(rays.iter().map(|ray| ray.t_max));
+            chunk_rays.clear();
+            chunk_rays.extend(rays.iter().map(ray));
             if coherent {
-                single.clear();
-                single.extend(rays.iter().map(ray));
-                self.triangles.occluded_coherent(&single, &mut t_max, false);
+                self.triangles.occluded_coherent(&chunk_rays, &mut t_max, false);
             } else {
-                prepared.clear();
-                prepared.extend(rays.iter().map(|segment| ray(segment).prepare()));
-                self.triangles.occluded_stream(&prepared, &mut t_max, false);
+                self.triangles.occluded_stream(&chunk_rays, &mut t_max, false);
             }
             for (out, t) in out.iter_mut().zip(&t_max) {
                 *out = u8::from(*t == f32::NEG_INFINITY);

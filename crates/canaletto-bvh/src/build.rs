@@ -20,7 +20,7 @@ pub(crate) const MAX_LEAF: usize = 4;
 /// be unbalanced in; with none left, the median it is. Bounds the traversal's stack and the time of the build.
 pub(crate) const MAX_DEPTH: u32 = 40;
 /// The most primitives: a link packs a leaf's first slot and its length into 31 bits.
-pub(crate) const MAX_PRIMITIVES: usize = 1 << 29;
+pub(crate) const MAX_PRIMITIVES: usize = 1 << 28;
 /// Above it, the halves of a split are built in parallel.
 const PARALLEL_BUILD: usize = 4096;
 /// Above it, a node's primitives are gone through in parallel, in chunks of this size.

@@ -66,7 +66,7 @@ impl Bvh {
 
     #[inline]
     pub(crate) fn closest(&self, ray: &PreparedRay, t_max: f32, leaf: impl Closest) {
-        traverse::closest(&self.nodes, &ray.slabs, t_max, leaf);
+        traverse::closest(&self.nodes, ray, t_max, leaf);
     }
 
     /// Calls `leaf` for the leaves that `ray` meets within (0, t_max], in no particular order, until it answers
@@ -78,7 +78,7 @@ impl Bvh {
 
     #[inline]
     pub(crate) fn any(&self, ray: &PreparedRay, t_max: f32, leaf: impl Any) -> bool {
-        traverse::any(&self.nodes, &ray.slabs, t_max, leaf)
+        traverse::any(&self.nodes, ray, t_max, leaf)
     }
 
     pub(crate) fn nodes(&self) -> &[Node] {

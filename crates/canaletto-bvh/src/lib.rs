@@ -38,6 +38,7 @@
 // The workspace denies `unsafe`. This is the one crate where modules allow it, for SIMD kernels and memory in large pages.
 
 mod aabb;
+mod block;
 mod build;
 mod bvh;
 mod exact;

@@ -38,8 +38,38 @@ impl Link {
     }
 
     /// Of 1 to [`MAX_LEAF`] primitives.
-    fn leaf(first: u32, count: u32) -> Self {
+    fn to_leaf(first: u32, count: u32) -> Self {
         Self(Self::LEAF | (count - 1) << FIRST_BITS | first)
+    }
+
+    #[inline(always)]
+    pub(crate) fn bits(self) -> u32 {
+        self.0
+    }
+
+    #[inline(always)]
+    pub(crate) fn from_bits(bits: u32) -> Self {
+        Self(bits)
+    }
+
+    /// No place at all.
+    pub(crate) const END: Self = Self(u32::MAX);
+
+    #[inline(always)]
+    pub(crate) fn is_leaf(self) -> bool {
+        self.0 & Self::LEAF != 0
+    }
+
+    /// Of the node, or the leaf's first slot or block.
+    #[inline(always)]
+    pub(crate) fn index(self) -> usize {
+        (self.0 & ((1 << FIRST_BITS) - 1)) as usize
+    }
+
+    /// The leaf that it leads to.
+    #[inline(always)]
+    pub(crate) fn leaf(self) -> Leaf {
+        Leaf(self.0)
     }
 
     /// The leaf, else the node.
@@ -56,7 +86,7 @@ impl Link {
 
 /// Bits for the first slot of a leaf.
 const FIRST_BITS: u32 = 29;
-const _: () = assert!(MAX_PRIMITIVES <= 1 << FIRST_BITS && MAX_LEAF <= 1 << (31 - FIRST_BITS));
+const _: () = assert!(MAX_PRIMITIVES < 1 << FIRST_BITS && MAX_LEAF <= 1 << (31 - FIRST_BITS));
 
 /// Primitives that a ray has to be tested against.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -173,7 +203,7 @@ impl Collapse<'_> {
             let node = &self.binary[child as usize];
             self.nodes[index].set_box(lane, &node.bounds);
             if node.is_leaf() {
-                self.nodes[index].children[lane] = Link::leaf(node.link, node.count);
+                self.nodes[index].children[lane] = Link::to_leaf(node.link, node.count);
             } else if end - child <= self.part {
                 self.parts.push(Part { root: child, end, parent: index, lane });
             } else {

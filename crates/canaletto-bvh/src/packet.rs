@@ -10,10 +10,11 @@
 
 #![allow(clippy::needless_range_loop)] // Lanes of many lists side by side.
 
+use crate::block::Block;
 use crate::node::{Leaf, Link, Node};
-use crate::slab::{DEFLATE, INFLATE, LEAVE, Slabs, WIDTH, max, min};
+use crate::slab::{self, DEFLATE, INFLATE, WIDTH, max, min};
 use crate::traverse::STACK;
-use crate::triangle::{self, Block, RELATIVE, SURELY, Shear, UNDERFLOW};
+use crate::triangle::{self, RELATIVE, SURELY, UNDERFLOW};
 use crate::triangles::Nearest;
 use crate::{InstructionSet, Ray};
 use std::mem::MaybeUninit;
@@ -29,13 +30,13 @@ pub(crate) struct Packet {
     /// x, y and z.
     origin: [Lanes<f32>; 3],
     reciprocal: [Lanes<f32>; 3],
-    leaving: [Lanes<f32>; 3],
     /// Up to where anything must be entered to be worth a visit.
     limits: Lanes<f32>,
     /// Which planes of a box are met first.
     entry: [usize; 3],
     /// The axes as the shear orders them, and all below in that order.
     axes: [usize; 3],
+    rows: [u8; 3],
     wide_origin: [Lanes<f64>; 3],
     shear: [Lanes<f64>; 2],
     direction: Lanes<f64>,
@@ -51,7 +52,6 @@ struct Interval {
     enter: f32,
     leave: f32,
     reciprocal: [f32; 2],
-    leaving: [f32; 2],
 }
 
 /// The nearest hits so far; a lane whose t is −∞ takes no part.
@@ -67,21 +67,21 @@ impl Packet {
     pub(crate) fn new(rays: &[Ray], t_max: impl Fn(usize) -> f32) -> Option<Packet> {
         let last = rays.len() - 1;
         let rays: Lanes<Ray> = std::array::from_fn(|i| rays[i.min(last)]);
-        let first = Slabs::new(&rays[0]);
-        let axes = Shear::new(&rays[0], &first).axes;
+        let first = rays[0].prepare();
+        let axes = first.axes();
         let mut packet = Packet {
             rays,
             origin: [[0.0; LANES]; 3],
             reciprocal: [[0.0; LANES]; 3],
-            leaving: [[0.0; LANES]; 3],
             limits: [0.0; LANES],
-            entry: first.entry.map(usize::from),
+            entry: [0, 1, 2].map(|axis| usize::from(first.octant >> axis & 1)),
             axes,
+            rows: first.rows,
             wide_origin: [[0.0; LANES]; 3],
             shear: [[0.0; LANES]; 2],
             direction: [0.0; LANES],
             rough: [[0.0; LANES]; 2],
-            interval: [Interval { enter: 0.0, leave: 0.0, reciprocal: [0.0; 2], leaving: [0.0; 2] }; 3],
+            interval: [Interval { enter: 0.0, leave: 0.0, reciprocal: [0.0; 2] }; 3],
             nearest: Hits { t: [0.0; LANES], u: [0.0; LANES], v: [0.0; LANES], id: [Nearest::NONE; LANES] },
         };
         // The numbers of `Slabs` and `Shear`, lane by lane.
@@ -98,13 +98,10 @@ impl Packet {
             for i in 0..LANES {
                 let d = direction[axis][i];
                 let r = 1.0 / d;
-                let l = r * LEAVE;
                 packet.reciprocal[axis][i] = r;
-                packet.leaving[axis][i] = l;
                 // Within the axis' length; of equal ones `Shear` takes the first, which is then another ray's way.
                 let shorter = d.abs() < longest[i].abs() || axis == axes[2];
-                together &=
-                    normal(r) & normal(l) & packet.origin[axis][i].is_finite() & ((d < 0.0) == backwards) & shorter;
+                together &= normal(r) & packet.origin[axis][i].is_finite() & ((d < 0.0) == backwards) & shorter;
             }
         }
         if !together {
@@ -136,7 +133,6 @@ impl Packet {
                 enter: if backwards { low } else { high },
                 leave: if backwards { high } else { low },
                 reciprocal: ends(&packet.reciprocal[axis]),
-                leaving: ends(&packet.leaving[axis]),
             };
         }
         Some(packet)
@@ -147,7 +143,7 @@ impl Packet {
     fn limit(&mut self) -> f32 {
         let mut largest = f32::NEG_INFINITY;
         for i in 0..LANES {
-            self.limits[i] = Slabs::limit(self.nearest.t[i]);
+            self.limits[i] = slab::limit(self.nearest.t[i]);
             largest = max(largest, self.limits[i]);
         }
         largest
@@ -156,16 +152,19 @@ impl Packet {
     /// Where the rays may enter and leave the boxes of a node: bounds for all of them, by monotone rounding.
     #[inline(always)]
     fn clip(&self, node: &Node, limit: f32) -> ([f32; WIDTH], [f32; WIDTH]) {
-        let (mut near, mut far) = ([0.0f32; WIDTH], [limit; WIDTH]);
+        let (mut near, mut far) = ([0.0f32; WIDTH], [f32::INFINITY; WIDTH]);
         for axis in 0..3 {
-            let Interval { enter, leave, reciprocal: [r0, r1], leaving: [l0, l1] } = self.interval[axis];
+            let Interval { enter, leave, reciprocal: [r0, r1] } = self.interval[axis];
             let (first, second) =
                 (&node.boxes[self.entry[axis] & 1][axis], &node.boxes[(self.entry[axis] & 1) ^ 1][axis]);
             for i in 0..WIDTH {
                 let (x, y) = (first[i] - enter, second[i] - leave);
                 near[i] = max(near[i], min(x * r0, x * r1));
-                far[i] = min(far[i], max(y * l0, y * l1));
+                far[i] = min(far[i], max(y * r0, y * r1));
             }
+        }
+        for far in &mut far {
+            *far = min(*far * INFLATE, limit);
         }
         (near, far)
     }
@@ -178,11 +177,12 @@ impl Packet {
             (node.boxes[entry][axis][lane & 7], node.boxes[entry ^ 1][axis][lane & 7])
         };
         let [(x0, x1), (y0, y1), (z0, z1)] = [planes(0), planes(1), planes(2)];
-        let ([ox, oy, oz], [rx, ry, rz], [lx, ly, lz]) = (&self.origin, &self.reciprocal, &self.leaving);
+        let ([ox, oy, oz], [rx, ry, rz]) = (&self.origin, &self.reciprocal);
         let mut any = 0u32;
         for i in 0..LANES {
             let near = max(max((x0 - ox[i]) * rx[i], (y0 - oy[i]) * ry[i]), max((z0 - oz[i]) * rz[i], 0.0));
-            let far = min(min((x1 - ox[i]) * lx[i], (y1 - oy[i]) * ly[i]), min((z1 - oz[i]) * lz[i], self.limits[i]));
+            let far = min(min((x1 - ox[i]) * rx[i], (y1 - oy[i]) * ry[i]), (z1 - oz[i]) * rz[i]) * INFLATE;
+            let far = min(far, self.limits[i]);
             any |= u32::from(near <= far);
         }
         any != 0
@@ -313,7 +313,7 @@ impl Packet {
     #[inline(always)]
     fn leaf(&mut self, block: &Block, leaf: Leaf, front_only: bool, any: bool) {
         for lane in 0..leaf.count() as usize {
-            let (id, corners) = block.ordered(lane, self.axes);
+            let (id, corners) = (block.id(lane), block.ordered(lane, self.rows));
             if self.may_meet(&corners) {
                 self.meet(&corners, id, front_only);
             }

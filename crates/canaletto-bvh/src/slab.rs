@@ -6,13 +6,11 @@
 //!   of a hit's t.
 //! - A ray that moves along no axis of the three gives no 0 × ∞ there: on an axis with direction 0 the origin is
 //!   compared with the slab, on an axis whose reciprocal would overflow or lose bits nothing is culled.
-//! - A kernel that has found a hit passes it through [`Slabs::confine`] with the primitive's own box. Each
+//! - A kernel that has found a hit passes it through [`PreparedRay::confine`] with the primitive's own box. Each
 //!   rounding is monotone, so a box that holds another gets an interval that holds the other's: what `confine`
 //!   lets pass no ancestor in the tree can cull.
 
-use glam::Vec3;
-
-use crate::{Aabb, Ray};
+use crate::{Aabb, PreparedRay};
 
 /// How many boxes lie side by side.
 pub(crate) const WIDTH: usize = 8;
@@ -22,82 +20,16 @@ pub(crate) type Boxes = [[[f32; WIDTH]; 3]; 2];
 
 /// 1 + 2⁻²⁰ ≥ 1 + 2γ(3), with slack.
 pub(crate) const INFLATE: f32 = 1.0 + 8.0 * f32::EPSILON;
-/// What [`Slabs::leaving`] has of it already: so much that its one rounding ends above the two of `confine`.
-pub(crate) const LEAVE: f32 = 1.0 + 16.0 * f32::EPSILON;
 /// The slack that `confine` leaves to t; `INFLATE * DEFLATE` > 1 also after rounding.
 pub(crate) const DEFLATE: f32 = 1.0 - 4.0 * f32::EPSILON;
 
-/// A ray, prepared for boxes.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Slabs {
-    pub(crate) origin: [f32; 3],
-    /// 1 / direction, where that is a normal number.
-    pub(crate) reciprocal: [f32; 3],
-    /// The reciprocal inflated, for the planes where the ray leaves.
-    pub(crate) leaving: [f32; 3],
-    /// Which of the planes is met first: 0, the lower, or 1, the upper.
-    pub(crate) entry: [u8; 3],
-    /// Where these planes lie in [`Boxes`], in bytes.
-    pub(crate) entry_rows: [usize; 3],
-    motion: [Motion; 3],
-    /// All axes are `Crossing`, and the origin is finite.
-    pub(crate) regular: bool,
+/// Up to where something must be entered to be worth a visit.
+#[inline]
+pub(crate) fn limit(t_max: f32) -> f32 {
+    t_max * INFLATE
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Motion {
-    /// The ray crosses the planes at (plane − origin) × reciprocal.
-    Crossing,
-    /// Direction 0.
-    Still,
-    /// The direction's reciprocal is no normal number.
-    Extreme,
-}
-
-impl Motion {
-    #[cold]
-    fn of(direction: [f32; 3], crosses: [bool; 3]) -> [Motion; 3] {
-        [0, 1, 2].map(|axis| match direction[axis] {
-            0.0 => Motion::Still,
-            _ if crosses[axis] => Motion::Crossing,
-            _ => Motion::Extreme,
-        })
-    }
-}
-
-impl Slabs {
-    #[inline]
-    pub(crate) fn new(ray: &Ray) -> Self {
-        let direction = ray.direction.to_array();
-        let reciprocal = (Vec3::ONE / ray.direction).to_array();
-        let leaving = [reciprocal[0] * LEAVE, reciprocal[1] * LEAVE, reciprocal[2] * LEAVE];
-        let crosses = |axis: usize| reciprocal[axis].is_normal() && leaving[axis].is_normal();
-        let crosses = [crosses(0), crosses(1), crosses(2)];
-        let side = |axis: usize| usize::from(direction[axis] < 0.0);
-        let regular = crosses == [true; 3] && ray.origin.is_finite();
-        Self {
-            origin: ray.origin.to_array(),
-            reciprocal,
-            leaving,
-            entry: [side(0) as u8, side(1) as u8, side(2) as u8],
-            entry_rows: [96 * side(0), 96 * side(1) + 32, 96 * side(2) + 64],
-            motion: if regular { [Motion::Crossing; 3] } else { Motion::of(direction, crosses) },
-            regular,
-        }
-    }
-
-    /// One bit for each axis along which the ray moves backwards.
-    #[inline]
-    pub(crate) fn octant(&self) -> usize {
-        usize::from(self.entry[0] | self.entry[1] << 1 | self.entry[2] << 2)
-    }
-
-    /// Up to where something must be entered to be worth a visit.
-    #[inline]
-    pub(crate) fn limit(t_max: f32) -> f32 {
-        t_max * INFLATE
-    }
-
+impl PreparedRay {
     /// Where the ray enters and leaves a box, within (0, limit]. It meets the box if entry ≤ exit. For rays that are not
     /// `regular`.
     #[cold]
@@ -105,47 +37,35 @@ impl Slabs {
     pub(crate) fn clip_carefully(&self, bounds: &Aabb, limit: f32) -> (f32, f32) {
         let mut near = 0.0;
         // No lane without a child may be met, even if no axis culls or the origin is infinite.
-        let mut far = if bounds.is_empty() { f32::NEG_INFINITY } else { limit };
+        let mut far = if bounds.is_empty() { f32::NEG_INFINITY } else { f32::INFINITY };
         for axis in 0..3 {
-            let planes = [bounds.min[axis], bounds.max[axis]];
-            let origin = self.origin[axis];
-            match self.motion[axis] {
-                Motion::Crossing => {
-                    let entry = usize::from(self.entry[axis]);
-                    near = ((planes[entry] - origin) * self.reciprocal[axis]).max(near);
-                    far = ((planes[entry ^ 1] - origin) * self.leaving[axis]).min(far);
+            let (low, high, origin) = (bounds.min[axis], bounds.max[axis], self.ray.origin[axis]);
+            let reciprocal = self.reciprocal[axis];
+            if self.ray.direction[axis] == 0.0 {
+                if !(low <= origin && origin <= high) {
+                    far = f32::NEG_INFINITY;
                 }
-                Motion::Still if !(planes[0] <= origin && origin <= planes[1]) => far = f32::NEG_INFINITY,
-                Motion::Still | Motion::Extreme => {}
+            } else if reciprocal.is_normal() {
+                let (first, second) = if self.octant >> axis & 1 == 0 { (low, high) } else { (high, low) };
+                near = ((first - origin) * reciprocal).max(near);
+                far = ((second - origin) * reciprocal).min(far);
             }
         }
-        (near, far)
+        (near, (far * INFLATE).min(limit))
     }
 
-    /// [`Slabs::clip_carefully`] for a `regular` ray.
+    /// [`PreparedRay::clip_carefully`] for a `regular` ray, without limit.
     #[inline]
     fn clip_one(&self, bounds: &Aabb) -> (f32, f32) {
-        let cross = |axis: usize, plane: f32| (plane - self.origin[axis]) * self.reciprocal[axis];
+        let cross = |axis: usize, plane: f32| (plane - self.ray.origin[axis]) * self.reciprocal[axis];
+        // The nearer plane is the one with the lesser product.
         let planes = |axis: usize| {
-            let (low, high) = (bounds.min[axis], bounds.max[axis]);
-            if self.entry[axis] == 0 {
-                (cross(axis, low), cross(axis, high))
-            } else {
-                (cross(axis, high), cross(axis, low))
-            }
+            let (low, high) = (cross(axis, bounds.min[axis]), cross(axis, bounds.max[axis]));
+            (min(low, high), max(low, high))
         };
         let ((n0, f0), (n1, f1), (n2, f2)) = (planes(0), planes(1), planes(2));
         let near = max(max(n0, n1), max(n2, 0.0));
         let far = min(min(f0, f1), min(f2, f32::INFINITY));
-        (near, far * INFLATE)
-    }
-
-    /// The same for any ray, with the smaller inflation of `clip_one`.
-    #[cold]
-    #[inline(never)]
-    fn clip_one_carefully(&self, bounds: &Aabb) -> (f32, f32) {
-        let narrow = Self { leaving: self.reciprocal, ..*self };
-        let (near, far) = narrow.clip_carefully(bounds, f32::INFINITY);
         (near, far * INFLATE)
     }
 
@@ -154,7 +74,7 @@ impl Slabs {
     /// the hit lies outside (0, t_max].
     #[inline]
     pub(crate) fn confine(&self, bounds: &Aabb, t: f64, t_max: f32) -> Option<f32> {
-        let (near, far) = if self.regular { self.clip_one(bounds) } else { self.clip_one_carefully(bounds) };
+        let (near, far) = if self.regular { self.clip_one(bounds) } else { self.clip_carefully(bounds, f32::INFINITY) };
         if near > far {
             return None;
         }
@@ -181,10 +101,11 @@ pub(crate) fn min(a: f32, b: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Ray;
     use glam::Vec3;
 
     fn meets(origin: Vec3, direction: Vec3, bounds: Aabb, t_max: f32) -> bool {
-        let (near, far) = Slabs::new(&Ray::new(origin, direction)).clip_carefully(&bounds, Slabs::limit(t_max));
+        let (near, far) = Ray::new(origin, direction).prepare().clip_carefully(&bounds, limit(t_max));
         assert!(!near.is_nan() && !far.is_nan());
         near <= far
     }
@@ -229,7 +150,7 @@ mod tests {
     #[test]
     fn a_hit_is_confined_to_its_box() {
         let b = Aabb { min: Vec3::ONE, max: Vec3::splat(2.0) };
-        let confine = |d, t, t_max| Slabs::new(&Ray::new(Vec3::ZERO, d)).confine(&b, t, t_max);
+        let confine = |d, t, t_max| Ray::new(Vec3::ZERO, d).prepare().confine(&b, t, t_max);
         assert_eq!(confine(Vec3::ONE, 1.5, 2.0), Some(1.5));
         assert_eq!(confine(Vec3::ONE, 1.5, 1.5), Some(1.5));
         assert_eq!(confine(Vec3::ONE, 1.5, 1.4), None);

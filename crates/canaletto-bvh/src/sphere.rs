@@ -26,13 +26,14 @@ pub fn bounds(center: Vec3, radius: f32) -> Aabb {
 /// above 0 is never hit.
 #[inline]
 pub fn intersect(ray: &PreparedRay, center: Vec3, radius: f32, t_max: f32) -> Option<f32> {
-    let f = ray.origin - center.as_dvec3();
+    let (origin, direction) = (ray.ray.origin.as_dvec3(), ray.ray.direction.as_dvec3());
+    let f = origin - center.as_dvec3();
     let r = f64::from(radius);
     // a t² − 2 b t + c = 0
-    let a = ray.squared;
-    let b = -f.dot(ray.direction);
+    let a = direction.dot(direction);
+    let b = -f.dot(direction);
     // r² minus the squared distance of center and ray: b² − a c without its cancellation (eq. 5).
-    let l = f + (b / a) * ray.direction;
+    let l = f + (b / a) * direction;
     let discriminant = r * r - l.dot(l);
     // NaN, for a zero direction, must fail as well.
     if !(discriminant >= 0.0 && r > 0.0) {
@@ -48,7 +49,7 @@ pub fn intersect(ray: &PreparedRay, center: Vec3, radius: f32, t_max: f32) -> Op
     if !(t > 0.0 && t <= 2.0 * f64::from(t_max)) {
         return None;
     }
-    ray.slabs.confine(&bounds(center, radius), t, t_max)
+    ray.confine(&bounds(center, radius), t, t_max)
 }
 
 #[cfg(test)]

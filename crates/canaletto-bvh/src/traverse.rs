@@ -8,11 +8,29 @@ use crate::PreparedRay;
 use crate::build::MAX_DEPTH;
 use crate::lanes::{Careful, InstructionSet, Lanes, Portable};
 use crate::node::{Leaf, Link, Node};
-use crate::slab::{Slabs, WIDTH};
+use crate::slab::{WIDTH, limit as limit_of};
+use std::hint::select_unpredictable;
 use std::mem::MaybeUninit;
 
 /// Each level takes one entry and leaves at most eight; a visit may write eight more beyond the last.
 pub(crate) const STACK: usize = (MAX_DEPTH as usize + 1) * (WIDTH - 1) + 1 + WIDTH;
+
+/// `a` unless `count` is 0, then `b`: without a branch, which the compiler would make of anything else that says so.
+#[inline(always)]
+fn choose(count: usize, a: Link, b: Link) -> Link {
+    #[cfg(target_arch = "x86_64")]
+    {
+        let (mut chosen, other) = (a.bits(), b.bits());
+        // SAFETY: numbers in, a number out.
+        unsafe {
+            std::arch::asm!("test {0}, {0}", "cmovz {1:e}, {2:e}", in(reg) count, inout(reg) chosen, in(reg) other,
+                options(pure, nomem, nostack));
+        }
+        Link::from_bits(chosen)
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    select_unpredictable(count == 0, b, a)
+}
 
 /// What waits to be visited, and where the ray enters it.
 struct Stack {
@@ -23,75 +41,90 @@ struct Stack {
 
 impl Stack {
     #[inline(always)]
-    fn at_root() -> Stack {
+    fn new() -> Stack {
         let mut stack = Stack { near: [MaybeUninit::uninit(); STACK], links: [MaybeUninit::uninit(); STACK], len: 0 };
-        stack.restart();
+        stack.clear();
         stack
     }
 
+    /// Leaves nothing but [`Link::END`].
     #[inline(always)]
-    fn restart(&mut self) {
-        self.near[0].write(0.0);
-        self.links[0].write(Link::node(0));
+    fn clear(&mut self) {
+        self.near[0].write(f32::NEG_INFINITY);
+        self.links[0].write(Link::END);
         self.len = 1;
     }
 
-    /// What to visit next, among what is entered before `limit`.
     #[inline(always)]
-    fn pop(&mut self, limit: f32) -> Option<Link> {
-        while self.len > 0 {
-            self.len -= 1;
-            // SAFETY: entries below `len` were written.
-            unsafe {
-                if self.near.get_unchecked(self.len).assume_init() <= limit {
-                    return Some(self.links.get_unchecked(self.len).assume_init());
-                }
-            }
-        }
-        None
+    fn pop(&mut self) -> Link {
+        self.len -= 1;
+        // SAFETY: entries below `len` were written, and END, the lowest, is popped once.
+        unsafe { self.links.get_unchecked(self.len).assume_init() }
     }
 
-    /// Puts what the ray meets in a node on top.
+    /// Puts what the ray meets in a node on top. Returns how much it is, and the topmost, if there is one.
     ///
     /// # Safety
     /// As for [`Lanes`]; the node must be one of the tree that the stack was made for.
     #[inline(always)]
-    unsafe fn push<L: Lanes>(&mut self, node: &Node, slabs: &Slabs, limit: f32) {
-        debug_assert!(self.len + WIDTH <= STACK);
+    unsafe fn push<L: Lanes>(&mut self, node: &Node, ray: &PreparedRay, limit: f32) -> (usize, Link) {
+        debug_assert!(self.len > 0 && self.len + WIDTH <= STACK);
         // SAFETY: no tree is deeper than MAX_DEPTH, so that there is always room for eight.
         unsafe {
             let near = self.near.as_mut_ptr().add(self.len).cast();
             let links = self.links.as_mut_ptr().add(self.len).cast();
-            self.len += L::visit(node, slabs, limit, near, links);
+            let (count, nearest) = L::visit(node, ray, limit, near, links);
+            self.len += count;
+            (count, nearest)
         }
     }
 
-    /// Tells the caches what comes next.
+    /// Visits a node. Returns what to visit next, chosen by a branch: the next visit then starts before this one has ended, if the processor guesses
+    /// well.
+    ///
+    /// # Safety
+    /// As for [`Stack::push`].
     #[inline(always)]
-    fn prefetch(&self, nodes: &[Node], leaves: Option<(*const u8, usize)>) {
-        if self.len == 0 {
-            return;
-        }
-        // SAFETY: entries below `len` were written; prefetching reads nothing.
-        let link = unsafe { self.links.get_unchecked(self.len - 1).assume_init() };
-        let (start, lines) = match (link.follow(), leaves) {
-            (Err(node), _) => (nodes.as_ptr().wrapping_add(node).cast::<u8>(), 4),
-            (Ok(leaf), Some((first, size))) => {
-                (first.wrapping_add(leaf.first() as usize * size), size.div_ceil(64) + usize::from(size % 64 != 0))
+    unsafe fn visit<L: Lanes>(&mut self, node: &Node, ray: &PreparedRay, limit: f32) -> Link {
+        // SAFETY: the caller's promise.
+        match unsafe { self.push::<L>(node, ray, limit) } {
+            (0, _) => self.pop(),
+            (_, nearest) => {
+                self.len -= 1;
+                nearest
             }
-            _ => return,
-        };
-        #[cfg(target_arch = "x86_64")]
-        for line in 0..lines {
-            // SAFETY: every x86-64 has SSE; a prefetch of any address is harmless.
+        }
+    }
+
+    /// The same without a branch: a wrong guess would undo visits of other rays.
+    ///
+    /// # Safety
+    /// As for [`Stack::push`].
+    #[inline(always)]
+    unsafe fn visit_without_branch<L: Lanes>(&mut self, node: &Node, ray: &PreparedRay, limit: f32) -> Link {
+        // SAFETY: the caller's promise; entries below `len` were written.
+        unsafe {
+            let before = self.links.get_unchecked(self.len - 1).assume_init();
+            let (count, nearest) = self.push::<L>(node, ray, limit);
+            self.len -= 1;
+            choose(count, nearest, before)
+        }
+    }
+
+    /// Forgets what is entered beyond `limit`, but for the lowest entry.
+    #[inline(always)]
+    fn cull(&mut self, limit: f32) {
+        let mut kept = 1;
+        for i in 1..self.len {
+            // SAFETY: entries below `len` were written, and `kept` ≤ i.
             unsafe {
-                std::arch::x86_64::_mm_prefetch::<{ std::arch::x86_64::_MM_HINT_T0 }>(
-                    start.wrapping_add(64 * line).cast(),
-                );
+                let near = self.near.get_unchecked(i).assume_init();
+                *self.near.get_unchecked_mut(kept) = MaybeUninit::new(near);
+                *self.links.get_unchecked_mut(kept) = *self.links.get_unchecked(i);
+                kept += usize::from(near <= limit);
             }
         }
-        #[cfg(not(target_arch = "x86_64"))]
-        let _ = (start, lines);
+        self.len = kept;
     }
 }
 
@@ -141,10 +174,15 @@ impl<F: FnMut(Leaf) -> bool> Any for F {
     }
 }
 
-/// The same for many rays.
+/// The same for many rays. A leaf is tested in two steps, so that what depends on a rough test's outcome is done apart, for all rays for which
+/// something is left to do.
 pub(crate) trait ClosestOfMany {
-    /// Tests a leaf with the ray of this number, and lowers `t_max` to the nearest hit; to −∞ if the ray's way ends here.
-    fn leaf(&mut self, ray: usize, leaf: Leaf, t_max: &mut f32);
+    /// What the first step finds.
+    type Finding: Copy;
+    /// Tells whether anything in a leaf may be hit by the ray of this number before `t_max`.
+    fn test(&self, ray: usize, leaf: Leaf, t_max: f32) -> (bool, Self::Finding);
+    /// Completes the test, and lowers `t_max` to the nearest hit; to −∞ if the ray's way ends here.
+    fn leaf(&mut self, ray: usize, leaf: Leaf, finding: &Self::Finding, t_max: &mut f32);
     /// Where the leaves' data lie, to be fetched in advance: the first's start, and how many bytes each has.
     fn places(&self) -> Option<(*const u8, usize)> {
         None
@@ -152,70 +190,86 @@ pub(crate) trait ClosestOfMany {
 }
 
 impl<F: FnMut(usize, Leaf, &mut f32)> ClosestOfMany for F {
+    type Finding = ();
+
     #[inline(always)]
-    fn leaf(&mut self, ray: usize, leaf: Leaf, t_max: &mut f32) {
+    fn test(&self, _ray: usize, _leaf: Leaf, _t_max: f32) -> (bool, ()) {
+        (true, ())
+    }
+
+    #[inline(always)]
+    fn leaf(&mut self, ray: usize, leaf: Leaf, _finding: &(), t_max: &mut f32) {
         self(ray, leaf, t_max);
     }
 }
 
 /// [`crate::Bvh::intersect`].
 #[inline]
-pub(crate) fn closest(nodes: &[Node], slabs: &Slabs, t_max: f32, leaf: impl Closest) {
-    dispatch!(slabs.regular, closest_with(nodes, slabs, t_max, leaf), closest_avx2, closest_avx512)
+pub(crate) fn closest(nodes: &[Node], ray: &PreparedRay, t_max: f32, leaf: impl Closest) {
+    dispatch!(ray.regular, closest_with(nodes, ray, t_max, leaf), closest_avx2, closest_avx512)
 }
 
 #[inline(always)]
-unsafe fn closest_with<L: Lanes, F: Closest>(nodes: &[Node], slabs: &Slabs, mut t_max: f32, mut leaf: F) {
+unsafe fn closest_with<L: Lanes, F: Closest>(nodes: &[Node], ray: &PreparedRay, mut t_max: f32, mut leaf: F) {
     if nodes.is_empty() {
         return;
     }
-    let mut stack = Stack::at_root();
-    let mut limit = Slabs::limit(t_max);
+    let mut stack = Stack::new();
+    let mut limit = limit_of(t_max);
+    let mut link = Link::node(0);
     // SAFETY: the caller's promise; links lead to nodes.
     unsafe {
-        while let Some(link) = stack.pop(limit) {
-            match link.follow() {
-                Err(node) => stack.push::<L>(nodes.get_unchecked(node), slabs, limit),
-                Ok(slots) => {
-                    leaf.leaf(slots, &mut t_max);
-                    limit = Slabs::limit(t_max);
-                }
+        loop {
+            while !link.is_leaf() {
+                link = stack.visit::<L>(nodes.get_unchecked(link.index()), ray, limit);
             }
+            if link == Link::END {
+                return;
+            }
+            let before = t_max;
+            leaf.leaf(link.leaf(), &mut t_max);
+            if t_max < before {
+                limit = limit_of(t_max);
+                stack.cull(limit);
+            }
+            link = stack.pop();
         }
     }
 }
 
 /// [`crate::Bvh::occluded`].
 #[inline]
-pub(crate) fn any(nodes: &[Node], slabs: &Slabs, t_max: f32, leaf: impl Any) -> bool {
-    dispatch!(slabs.regular, any_with(nodes, slabs, t_max, leaf), any_avx2, any_avx512)
+pub(crate) fn any(nodes: &[Node], ray: &PreparedRay, t_max: f32, leaf: impl Any) -> bool {
+    dispatch!(ray.regular, any_with(nodes, ray, t_max, leaf), any_avx2, any_avx512)
 }
 
 #[inline(always)]
-unsafe fn any_with<L: Lanes, F: Any>(nodes: &[Node], slabs: &Slabs, t_max: f32, mut leaf: F) -> bool {
+unsafe fn any_with<L: Lanes, F: Any>(nodes: &[Node], ray: &PreparedRay, t_max: f32, mut leaf: F) -> bool {
     if nodes.is_empty() {
         return false;
     }
-    let mut stack = Stack::at_root();
-    let limit = Slabs::limit(t_max);
+    let mut stack = Stack::new();
+    let limit = limit_of(t_max);
+    let mut link = Link::node(0);
     // SAFETY: the caller's promise; links lead to nodes.
     unsafe {
-        while let Some(link) = stack.pop(f32::INFINITY) {
-            match link.follow() {
-                Err(node) => stack.push::<L>(nodes.get_unchecked(node), slabs, limit),
-                Ok(slots) => {
-                    if leaf.leaf(slots) {
-                        return true;
-                    }
-                }
+        loop {
+            while !link.is_leaf() {
+                link = stack.visit::<L>(nodes.get_unchecked(link.index()), ray, limit);
             }
+            if link == Link::END {
+                return false;
+            }
+            if leaf.leaf(link.leaf()) {
+                return true;
+            }
+            link = stack.pop();
         }
     }
-    false
 }
 
 /// How many rays of a stream are on their way at once.
-const FLIGHTS: usize = 8;
+const FLIGHTS: usize = 32;
 
 /// The rays that have not started; those that are not regular never do.
 struct Waiting<'a> {
@@ -228,7 +282,7 @@ impl Waiting<'_> {
     fn next(&mut self) -> Option<usize> {
         while let Some(ray) = self.rays.get(self.next) {
             self.next += 1;
-            if ray.slabs.regular {
+            if ray.regular {
                 return Some(self.next - 1);
             }
         }
@@ -236,30 +290,106 @@ impl Waiting<'_> {
     }
 }
 
-/// A ray on its way.
+/// A ray on its way. Its stack's lowest entry is [`Link::END`].
 struct Flight {
     ray: usize,
     limit: f32,
+    /// Where it is.
+    link: Link,
     stack: Stack,
 }
 
 impl Flight {
+    /// # Safety
+    /// `flight` must point to memory for a flight.
     #[inline(always)]
-    fn start(&mut self, ray: usize, t_max: f32) {
-        self.ray = ray;
-        self.limit = Slabs::limit(t_max);
-        self.stack.restart();
+    unsafe fn start(flight: *mut Flight, ray: usize, t_max: f32) {
+        // SAFETY: the caller's promise; a stack needs nothing but its length and lowest entry.
+        unsafe {
+            (*flight).ray = ray;
+            (*flight).limit = limit_of(t_max);
+            (*flight).link = Link::node(0);
+            (*flight).stack.clear();
+        }
     }
 }
 
-/// [`closest`] for many rays that need not go the same way. Several are on their way at once, so that none waits for memory alone.
+/// What flights do next: a bit for each. In registers, not in lists in memory: where a list's next entry goes is known late, and all that is
+/// read from memory later would have to wait until then.
+#[derive(Clone, Copy)]
+struct Queues {
+    nodes: u32,
+    leaves: u32,
+    ended: u32,
+}
+
+/// Takes the lowest flight from a queue.
+#[inline(always)]
+fn next(queue: &mut u32) -> Option<usize> {
+    if *queue == 0 {
+        return None;
+    }
+    let number = queue.trailing_zeros() as usize;
+    *queue &= *queue - 1;
+    Some(number)
+}
+
+/// Where nodes and the data of leaves lie, to be fetched in advance.
+#[derive(Clone, Copy)]
+struct Places {
+    node: *const u8,
+    leaf: *const u8,
+    /// Of a leaf's data.
+    bytes: usize,
+}
+
+impl Places {
+    #[inline(always)]
+    fn fetch(self, link: Link) {
+        #[cfg(target_arch = "x86_64")]
+        {
+            let node = self.node.wrapping_add(link.index() * size_of::<Node>());
+            let leaf = self.leaf.wrapping_add(link.index() * self.bytes);
+            let start = select_unpredictable(link.is_leaf(), leaf, node);
+            let start = select_unpredictable(link == Link::END, self.node, start);
+            for line in 0..4 {
+                // SAFETY: every x86-64 has SSE; a prefetch of any address is harmless.
+                unsafe {
+                    std::arch::x86_64::_mm_prefetch::<{ std::arch::x86_64::_MM_HINT_T0 }>(
+                        start.wrapping_add(64 * line).cast(),
+                    );
+                }
+            }
+        }
+    }
+}
+
+impl Queues {
+    /// Sends a flight to its next place, and tells the caches.
+    #[inline(always)]
+    fn send(&mut self, number: usize, flight: &mut Flight, link: Link, places: Places) {
+        flight.link = link;
+        let (bit, leaf, end) = (1 << number, u32::from(link.is_leaf()), u32::from(link == Link::END));
+        // Without branches, since nobody could foretell them.
+        self.nodes |= bit & leaf.wrapping_sub(1);
+        self.leaves |= bit & (leaf ^ end).wrapping_neg();
+        self.ended |= bit & end.wrapping_neg();
+        places.fetch(link);
+    }
+}
+
+/// [`closest`] for many rays that need not go the same way. Several are on their way at once. In each round all that are at nodes visit
+/// these, then all that are at leaves test these: nothing branches on where a single ray goes, so that the processor works on
+/// several visits at once and waits neither for memory nor for branches that it guessed wrong.
 #[inline]
 pub(crate) fn closest_of_many<F: ClosestOfMany>(nodes: &[Node], rays: &[PreparedRay], t_max: &mut [f32], mut leaf: F) {
     assert_eq!(rays.len(), t_max.len());
-    for (index, ray) in rays.iter().enumerate().filter(|(_, ray)| !ray.slabs.regular) {
+    for (index, ray) in rays.iter().enumerate().filter(|(_, ray)| !ray.regular) {
         let mut nearest = t_max[index];
-        closest(nodes, &ray.slabs, nearest, |slots: Leaf, limit: &mut f32| {
-            leaf.leaf(index, slots, limit);
+        closest(nodes, ray, nearest, |slots: Leaf, limit: &mut f32| {
+            if let (true, finding) = leaf.test(index, slots, *limit) {
+                leaf.leaf(index, slots, &finding, limit);
+            }
             nearest = *limit;
         });
         t_max[index] = nearest;
@@ -279,42 +409,58 @@ unsafe fn stream_with<L: Lanes, F: ClosestOfMany>(
     }
     let mut waiting = Waiting { rays, next: 0 };
     let mut flights: [MaybeUninit<Flight>; FLIGHTS] = [const { MaybeUninit::uninit() }; FLIGHTS];
-    let mut order: [usize; FLIGHTS] = std::array::from_fn(|i| i);
-    let mut active = 0;
-    // SAFETY: the caller's promise; links lead to nodes; flights below `active` in `order` were started.
+    let mut findings: [MaybeUninit<F::Finding>; FLIGHTS] = [const { MaybeUninit::uninit() }; FLIGHTS];
+    let (leaf_start, bytes) = leaf.places().unwrap_or((nodes.as_ptr().cast(), 0));
+    let places = Places { node: nodes.as_ptr().cast(), leaf: leaf_start, bytes };
+    let mut queues = Queues { nodes: 0, leaves: 0, ended: u32::MAX >> (32 - FLIGHTS) };
+    // SAFETY: the caller's promise; links lead to nodes; flights in queues of nodes and leaves were started, and their rays exist.
     unsafe {
-        while active < FLIGHTS {
-            let Some(ray) = waiting.next() else { break };
-            (*flights[active].as_mut_ptr()).start(ray, t_max[ray]);
-            active += 1;
+        macro_rules! flight {
+            ($number:expr) => {
+                &mut *flights.get_unchecked_mut($number).as_mut_ptr()
+            };
         }
-        while active > 0 {
-            let mut i = 0;
-            while i < active {
-                let flight = &mut *flights[order[i]].as_mut_ptr();
-                let Some(link) = flight.stack.pop(flight.limit) else {
-                    match waiting.next() {
-                        Some(ray) => flight.start(ray, t_max[ray]),
-                        None => {
-                            active -= 1;
-                            order.swap(i, active);
-                        }
-                    }
-                    continue;
-                };
-                match link.follow() {
-                    Err(node) => {
-                        let slabs = &rays.get_unchecked(flight.ray).slabs;
-                        flight.stack.push::<L>(nodes.get_unchecked(node), slabs, flight.limit);
-                    }
-                    Ok(slots) => {
-                        let t_max = t_max.get_unchecked_mut(flight.ray);
-                        leaf.leaf(flight.ray, slots, t_max);
-                        flight.limit = Slabs::limit(*t_max);
-                    }
+        loop {
+            let mut free = std::mem::take(&mut queues.ended);
+            while let Some(number) = next(&mut free) {
+                let Some(ray) = waiting.next() else { break };
+                Flight::start(flights.get_unchecked_mut(number).as_mut_ptr(), ray, t_max[ray]);
+                queues.nodes |= 1 << number;
+            }
+            if queues.nodes | queues.leaves == 0 {
+                break;
+            }
+            let mut visiting = std::mem::take(&mut queues.nodes);
+            while let Some(number) = next(&mut visiting) {
+                let flight = flight!(number);
+                let (node, ray) = (nodes.get_unchecked(flight.link.index()), rays.get_unchecked(flight.ray));
+                let link = flight.stack.visit_without_branch::<L>(node, ray, flight.limit);
+                queues.send(number, flight, link, places);
+            }
+            let tested = std::mem::take(&mut queues.leaves);
+            let mut hopeful = 0;
+            let mut testing = tested;
+            while let Some(number) = next(&mut testing) {
+                let flight = flight!(number);
+                let (hope, finding) = leaf.test(flight.ray, flight.link.leaf(), *t_max.get_unchecked(flight.ray));
+                findings.get_unchecked_mut(number).write(finding);
+                hopeful |= u32::from(hope) << number;
+            }
+            while let Some(number) = next(&mut hopeful) {
+                let flight = flight!(number);
+                let t_max = t_max.get_unchecked_mut(flight.ray);
+                let before = *t_max;
+                leaf.leaf(flight.ray, flight.link.leaf(), findings.get_unchecked(number).assume_init_ref(), t_max);
+                if *t_max < before {
+                    flight.limit = limit_of(*t_max);
+                    flight.stack.cull(flight.limit);
                 }
-                flight.stack.prefetch(nodes, leaf.places());
-                i += 1;
+            }
+            testing = tested;
+            while let Some(number) = next(&mut testing) {
+                let flight = flight!(number);
+                let link = flight.stack.pop();
+                queues.send(number, flight, link, places);
             }
         }
     }
@@ -328,15 +474,15 @@ mod x86 {
     macro_rules! kernels {
         ($features:literal, $lanes:ident, $closest:ident, $any:ident, $stream:ident) => {
             #[target_feature(enable = $features)]
-            pub(super) unsafe fn $closest<F: Closest>(nodes: &[Node], slabs: &Slabs, t_max: f32, leaf: F) {
+            pub(super) unsafe fn $closest<F: Closest>(nodes: &[Node], ray: &PreparedRay, t_max: f32, leaf: F) {
                 // SAFETY: the caller's promise.
-                unsafe { closest_with::<$lanes, F>(nodes, slabs, t_max, leaf) }
+                unsafe { closest_with::<$lanes, F>(nodes, ray, t_max, leaf) }
             }
 
             #[target_feature(enable = $features)]
-            pub(super) unsafe fn $any<F: Any>(nodes: &[Node], slabs: &Slabs, t_max: f32, leaf: F) -> bool {
+            pub(super) unsafe fn $any<F: Any>(nodes: &[Node], ray: &PreparedRay, t_max: f32, leaf: F) -> bool {
                 // SAFETY: the caller's promise.
-                unsafe { any_with::<$lanes, F>(nodes, slabs, t_max, leaf) }
+                unsafe { any_with::<$lanes, F>(nodes, ray, t_max, leaf) }
             }
 
             #[target_feature(enable = $features)]

@@ -15,196 +15,39 @@
 use glam::{DVec3, Vec3, Vec4, Vec4Swizzles};
 
 use crate::exact::difference_of_products;
-use crate::slab::{DEFLATE, Slabs};
-use crate::triangles::Nearest;
-use crate::{Aabb, PreparedRay, Ray};
+use crate::ray::component;
+use crate::{Aabb, PreparedRay};
 
-/// Three corners side by side: the rows x, y and z, each with the coordinate of a, b and c, and that of c again.
+/// Three corners.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Triangle {
-    rows: [Vec4; 3],
+    corners: [Vec3; 3],
 }
 
 impl Triangle {
     /// The triangle abc.
     #[inline]
-    pub fn new([a, b, c]: [Vec3; 3]) -> Self {
-        let row = |axis: usize| Vec4::new(a[axis], b[axis], c[axis], c[axis]);
-        Self { rows: [row(0), row(1), row(2)] }
+    pub fn new(corners: [Vec3; 3]) -> Self {
+        Self { corners }
     }
 
-    fn corner(&self, lane: usize) -> DVec3 {
-        let [x, y, z] = self.rows;
-        Vec3::new(x[lane], y[lane], z[lane]).as_dvec3()
-    }
-
-    fn bounds(&self) -> Aabb {
-        let min = |row: Vec4| row.x.min(row.y).min(row.z);
-        let max = |row: Vec4| row.x.max(row.y).max(row.z);
-        let [x, y, z] = self.rows;
-        Aabb { min: Vec3::new(min(x), min(y), min(z)), max: Vec3::new(max(x), max(y), max(z)) }
-    }
-}
-
-/// Four triangles side by side: for each corner the rows x, y and z. Where there are fewer, NaN, which is never hit.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[repr(C, align(32))]
-pub(crate) struct Block {
-    corners: [[Vec4; 3]; 3],
-    ids: [u32; 4],
-}
-
-impl Block {
-    /// A block of 1 to 4 triangles, each with its id.
-    pub(crate) fn new(triangles: impl Iterator<Item = (u32, [Vec3; 3])>) -> Self {
-        let mut block = Self { corners: [[Vec4::NAN; 3]; 3], ids: [u32::MAX; 4] };
-        for (lane, (id, corners)) in triangles.enumerate() {
-            block.ids[lane] = id;
-            for (rows, corner) in block.corners.iter_mut().zip(corners) {
-                for (row, coordinate) in rows.iter_mut().zip(corner.to_array()) {
-                    row[lane] = coordinate;
-                }
-            }
-        }
-        block
-    }
-
-    /// The triangle in this lane.
-    #[inline]
-    pub(crate) fn triangle(&self, lane: usize) -> Triangle {
-        let corner = |rows: &[Vec4; 3]| Vec3::new(rows[0][lane], rows[1][lane], rows[2][lane]);
-        let [a, b, c] = &self.corners;
-        Triangle::new([corner(a), corner(b), corner(c)])
-    }
-
-    /// The triangle in this lane and its id, the coordinates in the order of `axes`.
     #[inline(always)]
-    pub(crate) fn ordered(&self, lane: usize, axes: [usize; 3]) -> (u32, [[f32; 3]; 3]) {
-        let corner = |rows: &[Vec4; 3]| {
-            let at = |k: usize| rows[axes[k] % 3].as_ref()[lane & 3];
-            [at(0), at(1), at(2)]
-        };
-        let [a, b, c] = &self.corners;
-        (self.ids[lane & 3], [corner(a), corner(b), corner(c)])
+    pub(crate) fn bounds(&self) -> Aabb {
+        let [a, b, c] = self.corners;
+        Aabb { min: a.min(b).min(c), max: a.max(b).max(c) }
     }
 
-    /// Makes the triangle in this lane the nearest if it is.
-    #[inline]
-    pub(crate) fn offer(&self, lane: usize, ray: &PreparedRay, nearest: &mut Nearest, front_only: bool) {
-        let id = self.ids[lane];
-        if let Some(hit) = intersect_exactly(ray, &self.triangle(lane), nearest.t)
-            && (hit.t < nearest.t || id < nearest.id)
-            && (hit.front || !front_only)
-        {
-            *nearest = Nearest { t: hit.t, u: hit.u, v: hit.v, id };
-        }
-    }
-
-    /// The triangles that may be hit before `t_max`, a bit for each: [`surely_missed`] for four, with one bound for the three edges of each;
-    /// and none that lies behind the origin or beyond `t_max`.
+    /// The corners, the coordinates in the order of a ray's `rows`.
     #[inline(always)]
-    fn candidates(&self, ray: &PreparedRay, t_max: f32) -> u32 {
-        let [kx, ky, kz] = ray.shear.axes;
-        let (kx, ky, kz) = (kx % 3, ky % 3, kz % 3);
-        let origin = &ray.slabs.origin;
-        let (ox, oy, oz) = (Vec4::splat(origin[kx]), Vec4::splat(origin[ky]), Vec4::splat(origin[kz]));
-        let (sx, sy) = (Vec4::splat(ray.shear.rough[0]), Vec4::splat(ray.shear.rough[1]));
-        // As |s| ≤ 1, what a sheared coordinate is summed from has at most twice the size of the largest difference.
+    fn ordered(&self, rows: [u8; 3]) -> [[f32; 3]; 3] {
+        let corner = |p: &Vec3| [component(p, rows[0]), component(p, rows[1]), component(p, rows[2])];
         let [a, b, c] = &self.corners;
-        let (ax, ay, az) = (a[kx] - ox, a[ky] - oy, a[kz] - oz);
-        let (bx, by, bz) = (b[kx] - ox, b[ky] - oy, b[kz] - oz);
-        let (cx, cy, cz) = (c[kx] - ox, c[ky] - oy, c[kz] - oz);
-        let size = |x: Vec4, y: Vec4, z: Vec4| x.abs().max(y.abs()).max(z.abs());
-        let d = size(ax, ay, az).max(size(bx, by, bz)).max(size(cx, cy, cz)) * 2.0;
-        let there = ax.cmpeq(ax);
-        // Between the corners along the longest axis lies the triangle, and what `confine` makes of t: its very products.
-        let along = Vec4::splat(ray.shear.along);
-        let (ta, tb, tc) = (az * along, bz * along, cz * along);
-        let beyond = (ta.min(tb).min(tc) * DEFLATE).cmpgt(Vec4::splat(t_max)) | ta.max(tb).max(tc).cmple(Vec4::ZERO);
-        let (ax, ay) = (ax - sx * az, ay - sy * az);
-        let (bx, by) = (bx - sx * bz, by - sy * bz);
-        let (cx, cy) = (cx - sx * cz, cy - sy * cz);
-        let m = size(ax, ay, bx).max(size(by, cx, cy));
-        let wa = bx * cy - by * cx;
-        let wb = cx * ay - cy * ax;
-        let wc = ax * by - ay * bx;
-        let bound = d * m * (2.0 * RELATIVE) + (d * (2.0 * UNDERFLOW) + f32::MIN_POSITIVE);
-        let missed = wa.max(wb).max(wc).cmpgt(bound) & wa.min(wb).min(wc).cmplt(-bound);
-        // Lanes without a triangle are NaN, which no comparison sorts out.
-        there.bitmask() & !(missed | beyond).bitmask()
+        [corner(a), corner(b), corner(c)]
     }
 }
 
 pub(crate) const RELATIVE: f32 = 10.0 * f32::EPSILON;
 pub(crate) const UNDERFLOW: f32 = f32::MIN_POSITIVE * 256.0;
-
-/// Makes the nearest of a block's triangles `nearest`, if one is.
-#[inline(always)]
-pub(crate) fn nearest_in_block(ray: &PreparedRay, block: &Block, nearest: &mut Nearest, front_only: bool) {
-    let mut candidates = block.candidates(ray, nearest.t);
-    while candidates != 0 {
-        block.offer(candidates.trailing_zeros() as usize, ray, nearest, front_only);
-        candidates &= candidates - 1;
-    }
-}
-
-/// The lane of a triangle that is hit at or before `t_max` and `blocks`.
-#[inline(always)]
-pub(crate) fn any_in_block(
-    ray: &PreparedRay,
-    block: &Block,
-    t_max: f32,
-    front_only: bool,
-    blocks: &mut impl FnMut(u32) -> bool,
-) -> Option<u32> {
-    let mut candidates = block.candidates(ray, t_max);
-    while candidates != 0 {
-        let lane = candidates.trailing_zeros();
-        let hit = intersect_exactly(ray, &block.triangle(lane as usize), t_max);
-        if hit.is_some_and(|hit| hit.front || !front_only) && blocks(block.ids[lane as usize]) {
-            return Some(lane);
-        }
-        candidates &= candidates - 1;
-    }
-    None
-}
-
-/// The shear that takes a ray to the z axis.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Shear {
-    /// The axis of the longest component of the direction last, the other two ordered such that winding is kept.
-    pub(crate) axes: [usize; 3],
-    /// Shears of x and y.
-    pub(crate) exact: [f64; 2],
-    /// The same, rounded; NaN, which decides nothing, where that would take digits off.
-    pub(crate) rough: [f32; 2],
-    /// 1 / direction along the last axis; NaN, which decides nothing, for rays that the slabs are careful with.
-    along: f32,
-}
-
-impl Shear {
-    #[inline]
-    pub(crate) fn new(ray: &Ray, slabs: &Slabs) -> Self {
-        let direction = ray.direction.as_dvec3();
-        let length = ray.direction.abs();
-        let z = if length.x >= length.y && length.x >= length.z {
-            0
-        } else if length.y >= length.z {
-            1
-        } else {
-            2
-        };
-        let (mut x, mut y) = ((z + 1) % 3, (z + 2) % 3);
-        if direction[z] < 0.0 {
-            (x, y) = (y, x);
-        }
-        // NaN for a zero direction, which fails every comparison below.
-        let exact = [direction[x] / direction[z], direction[y] / direction[z]];
-        let rough = |s: f64| if s == 0.0 || (s as f32).is_normal() { s as f32 } else { f32::NAN };
-        let along = if slabs.regular { slabs.reciprocal[z] } else { f32::NAN };
-        Self { axes: [x, y, z], exact, rough: [rough(exact[0]), rough(exact[1])], along }
-    }
-}
 
 /// Where a ray meets a triangle abc.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -222,7 +65,8 @@ pub struct TriangleHit {
 /// The hit on a triangle with 0 < t ≤ t_max. Both sides are hit; a triangle of no area never is.
 #[inline]
 pub fn intersect(ray: &PreparedRay, triangle: &Triangle, t_max: f32) -> Option<TriangleHit> {
-    if surely_missed(ray, triangle) { None } else { intersect_exactly(ray, triangle, t_max) }
+    let corners = &triangle.ordered(ray.rows);
+    if surely_missed(ray, corners) { None } else { intersect_exactly(ray, corners, &triangle.bounds(), t_max) }
 }
 
 /// Whether two edge functions have opposite signs for certain, told in f32: with D the sum of the sizes of what a sheared
@@ -230,9 +74,13 @@ pub fn intersect(ray: &PreparedRay, triangle: &Triangle, t_max: f32) -> Option<T
 /// 10 u (D₁ m₂ + m₁ D₂). The bound is twice that, plus what underflow may have taken; where something overflows, so
 /// does the bound.
 #[inline]
-fn surely_missed(ray: &PreparedRay, triangle: &Triangle) -> bool {
-    let [x, y, z] = ray.shear.axes.map(|axis| triangle.rows[axis % 3] - Vec4::splat(ray.slabs.origin[axis % 3]));
-    let [sx, sy] = ray.shear.rough.map(|s| Vec4::splat(s) * z);
+fn surely_missed(ray: &PreparedRay, corners: &[[f32; 3]; 3]) -> bool {
+    let relative = |k: usize| {
+        let [a, b, c] = corners;
+        Vec4::new(a[k], b[k], c[k], c[k]) - Vec4::splat(ray.origin(ray.rows[k]))
+    };
+    let (x, y, z) = (relative(0), relative(1), relative(2));
+    let (sx, sy) = (Vec4::splat(ray.shear[0]) * z, Vec4::splat(ray.shear[1]) * z);
     let (px, py) = (x - sx, y - sy);
     let edges = px.yzxw() * py.zxyw() - py.yzxw() * px.zxyw();
     let m = px.abs().max(py.abs());
@@ -243,15 +91,22 @@ fn surely_missed(ray: &PreparedRay, triangle: &Triangle) -> bool {
     edges.cmpgt(bound).any() && edges.cmplt(-bound).any()
 }
 
+/// [`intersect`] for corners in the order of the ray's `rows`, with the box around them.
 #[inline(always)]
-fn intersect_exactly(ray: &PreparedRay, triangle: &Triangle, t_max: f32) -> Option<TriangleHit> {
-    let relative = |axis: usize| {
-        let (row, origin) = (triangle.rows[axis % 3].to_array(), ray.origin[axis % 3]);
-        [f64::from(row[0]) - origin, f64::from(row[1]) - origin, f64::from(row[2]) - origin]
+pub(crate) fn intersect_exactly(
+    ray: &PreparedRay,
+    corners: &[[f32; 3]; 3],
+    bounds: &Aabb,
+    t_max: f32,
+) -> Option<TriangleHit> {
+    let relative = |k: usize| {
+        let ([a, b, c], origin) = (corners, f64::from(ray.origin(ray.rows[k])));
+        [f64::from(a[k]) - origin, f64::from(b[k]) - origin, f64::from(c[k]) - origin]
     };
-    let (x, y, z) = (relative(ray.shear.axes[0]), relative(ray.shear.axes[1]), relative(ray.shear.axes[2]));
+    let (x, y, z) = (relative(0), relative(1), relative(2));
+    let along = |k: usize| f64::from(ray.direction(ray.rows[k]));
+    let (sx, sy) = (along(0) / along(2), along(1) / along(2));
     // The vertices relative to the ray, sheared.
-    let [sx, sy] = ray.shear.exact;
     let [ax, bx, cx] = [x[0] - sx * z[0], x[1] - sx * z[1], x[2] - sx * z[2]];
     let [ay, by, cy] = [y[0] - sy * z[0], y[1] - sy * z[1], y[2] - sy * z[2]];
     // Twice the signed areas that the ray spans with each edge, i.e. unnormalised weights of a, b and c.
@@ -264,14 +119,14 @@ fn intersect_exactly(ray: &PreparedRay, triangle: &Triangle, t_max: f32) -> Opti
         return None;
     }
     let depth = wa * z[0] + wb * z[1] + wc * z[2];
-    let t = depth / area / ray.direction[ray.shear.axes[2]];
-    let t = ray.slabs.confine(&triangle.bounds(), t, t_max)?;
+    let t = depth / area / along(2);
+    let t = ray.confine(bounds, t, t_max)?;
     // As the shear leaves volumes as they are, `depth` is the origin's height times the size of the normal, and `area` the slope. Far
     // from rounding, they tell that neither normal nor height is 0.
     let size = |v: &[f64; 3]| v[0].abs().max(v[1].abs()).max(v[2].abs());
     let d = size(&x).max(size(&y)).max(size(&z));
     let far = |value: f64, scale: f64| value.abs() > scale * SURELY;
-    if !(far(area, d * d) && far(depth, d * d * d)) && degenerate(ray, triangle) {
+    if !(far(area, d * d) && far(depth, d * d * d)) && degenerate(ray, corners) {
         return None;
     }
     let u = ((wb / area) as f32).clamp(0.0, 1.0);
@@ -286,10 +141,14 @@ pub(crate) const SURELY: f64 = 1.0 / (1u64 << 40) as f64;
 /// unless all of the ray lies in the plane, when the triangle may stand between two that are seen from the sides.
 #[cold]
 #[inline(never)]
-fn degenerate(ray: &PreparedRay, triangle: &Triangle) -> bool {
-    let (a, b, c) = (triangle.corner(0), triangle.corner(1), triangle.corner(2));
+fn degenerate(ray: &PreparedRay, corners: &[[f32; 3]; 3]) -> bool {
+    let [mut a, mut b, mut c] = [DVec3::ZERO; 3];
+    for (k, axis) in ray.axes().into_iter().enumerate() {
+        (a[axis], b[axis], c[axis]) = (corners[0][k].into(), corners[1][k].into(), corners[2][k].into());
+    }
     let normal = cross(b - a, c - a);
-    let (height, slope) = ((a - ray.origin).dot(normal), ray.direction.dot(normal));
+    let (origin, direction) = (ray.ray.origin.as_dvec3(), ray.ray.direction.as_dvec3());
+    let (height, slope) = ((a - origin).dot(normal), direction.dot(normal));
     normal == DVec3::ZERO || height == 0.0 && slope != 0.0
 }
 
@@ -305,6 +164,7 @@ fn cross(a: DVec3, b: DVec3) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Ray;
     use crate::testing::{Primitive, Random, closed_mesh, nearest_in_tree, tree};
     use glam::Vec3Swizzles;
 
@@ -382,8 +242,9 @@ mod tests {
             let scale = 10f32.powi(random.below(60) as i32 - 30);
             let ray = Ray::new(origin * scale, direction * [1.0, scale][i % 2]).prepare();
             let triangle = Triangle::new([a, b, c].map(|p| p * scale));
-            let surely = surely_missed(&ray, &triangle);
-            let exactly = intersect_exactly(&ray, &triangle, f32::INFINITY).is_none();
+            let corners = &triangle.ordered(ray.rows);
+            let surely = surely_missed(&ray, corners);
+            let exactly = intersect_exactly(&ray, corners, &triangle.bounds(), f32::INFINITY).is_none();
             assert!(!surely || exactly, "{ray:?} {triangle:?}");
             sorted_out += usize::from(surely);
             missed += usize::from(exactly);

@@ -1,9 +1,10 @@
 //! A tree over triangles, four of which are tested side by side.
 
+use crate::block::{Block, Bound, Search, Tested};
 use crate::memory::in_large_pages;
 use crate::packet::{Hits, LANES, Packet};
 use crate::traverse::{Any, Closest, ClosestOfMany};
-use crate::triangle::{self, Block};
+use crate::triangle;
 use crate::{Aabb, BuildError, Bvh, Leaf, PreparedRay, Ray, Statistics};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -39,6 +40,9 @@ impl Nearest {
         Self { t: t_max, u: 0.0, v: 0.0, id: Self::NONE }
     }
 }
+
+/// Rays of a stream that are prepared at a time.
+const STREAM: usize = 256;
 
 impl Triangles {
     /// Builds the tree over `count` triangles, in parallel.
@@ -82,17 +86,54 @@ impl Triangles {
     /// has to be below `nearest.id` where it is as near as that. `nearest` stays where there is none. With `front_only`, triangles seen from behind don't count.
     #[inline]
     pub fn intersect(&self, ray: &PreparedRay, nearest: &mut Nearest, front_only: bool) {
-        self.bvh.closest(ray, nearest.t, OfRay { blocks: &self.blocks, ray, nearest, front_only });
+        let mut search = Search::new(ray, &self.bounds(), nearest.t);
+        let mut t_max = nearest.t;
+        let blocks = &self.blocks;
+        let (of_ray, last) = (&mut *nearest, &mut t_max);
+        self.bvh.closest(ray, *last, OfRay { blocks, ray, nearest: of_ray, search: &mut search, last, front_only });
+        search.settle(blocks, ray, nearest, t_max, front_only);
+        if search.failed {
+            self.intersect_at_once(ray, nearest, front_only);
+        }
     }
 
-    /// [`Triangles::intersect`] for many rays that need not go the same way.
+    /// [`Triangles::intersect`], each triangle tested exactly when it is met.
+    #[cold]
+    #[inline(never)]
+    fn intersect_at_once(&self, ray: &PreparedRay, nearest: &mut Nearest, front_only: bool) {
+        self.bvh.intersect(ray, nearest.t, |leaf, t_max| {
+            for lane in 0..leaf.count() as usize {
+                self.blocks[leaf.first() as usize].offer(lane, ray, nearest, front_only);
+            }
+            *t_max = nearest.t;
+        });
+    }
+
+    /// [`Triangles::intersect`] for many rays that need not go the same way: several are on their way at once.
     ///
     /// # Panics
     /// If there are not as many `nearest` as rays.
-    pub fn intersect_stream(&self, rays: &[PreparedRay], nearest: &mut [Nearest], front_only: bool) {
+    pub fn intersect_stream(&self, rays: &[Ray], nearest: &mut [Nearest], front_only: bool) {
         assert_eq!(rays.len(), nearest.len());
-        let mut t_max: Vec<f32> = nearest.iter().map(|n| n.t).collect();
-        self.bvh.closest_of_many(rays, &mut t_max, OfRays { blocks: &self.blocks, rays, nearest, front_only });
+        let (blocks, bounds) = (&self.blocks, self.bounds());
+        let (mut prepared, mut searches, mut t_max) = (Vec::new(), Vec::new(), Vec::new());
+        for (rays, nearest) in rays.chunks(STREAM).zip(nearest.chunks_mut(STREAM)) {
+            prepared.clear();
+            prepared.extend(rays.iter().map(PreparedRay::new));
+            t_max.clear();
+            t_max.extend(nearest.iter().map(|nearest| nearest.t));
+            searches.clear();
+            searches.extend(prepared.iter().zip(&t_max).map(|(ray, &t)| Search::new(ray, &bounds, t)));
+            let of_rays =
+                OfRays { blocks, rays: &prepared, nearest: &mut *nearest, searches: &mut searches, front_only };
+            self.bvh.closest_of_many(&prepared, &mut t_max, of_rays);
+            for (((ray, nearest), search), &t_max) in prepared.iter().zip(nearest).zip(&mut searches).zip(&t_max) {
+                search.settle(blocks, ray, nearest, t_max, front_only);
+                if search.failed {
+                    self.intersect_at_once(ray, nearest, front_only);
+                }
+            }
+        }
     }
 
     /// [`Triangles::intersect`] for rays of which neighbours in the list go nearly the same way, as those through neighbouring pixels do:
@@ -113,8 +154,7 @@ impl Triangles {
                     }
                 }
                 None => {
-                    let prepared: Vec<PreparedRay> = rays.iter().map(Ray::prepare).collect();
-                    self.intersect_stream(&prepared, nearest, front_only);
+                    self.intersect_stream(rays, nearest, front_only);
                 }
             }
         }
@@ -133,8 +173,7 @@ impl Triangles {
                     t_max.copy_from_slice(&packet.nearest.t[..rays.len()]);
                 }
                 None => {
-                    let prepared: Vec<PreparedRay> = rays.iter().map(Ray::prepare).collect();
-                    self.occluded_stream(&prepared, t_max, front_only);
+                    self.occluded_stream(rays, t_max, front_only);
                 }
             }
         }
@@ -150,8 +189,8 @@ impl Triangles {
         counts: impl FnMut(u32) -> bool,
     ) -> Option<u32> {
         let mut place = None;
-        let blocks = &self.blocks;
-        self.bvh.any(ray, t_max, AnyOf { blocks, ray, t_max, front_only, counts, place: &mut place });
+        let (blocks, bound) = (&self.blocks, Bound::new(ray, &self.bounds()));
+        self.bvh.any(ray, t_max, AnyOf { blocks, ray, bound, t_max, front_only, counts, place: &mut place });
         place
     }
 
@@ -160,8 +199,21 @@ impl Triangles {
     ///
     /// # Panics
     /// If there are not as many `t_max` as rays.
-    pub fn occluded_stream(&self, rays: &[PreparedRay], t_max: &mut [f32], front_only: bool) {
-        self.bvh.closest_of_many(rays, t_max, AnyOfRays { blocks: &self.blocks, rays, front_only });
+    pub fn occluded_stream(&self, rays: &[Ray], t_max: &mut [f32], front_only: bool) {
+        assert_eq!(rays.len(), t_max.len());
+        let (blocks, around) = (&self.blocks, self.bounds());
+        let (mut prepared, mut bounds) = (Vec::new(), Vec::new());
+        for (rays, t_max) in rays.chunks(STREAM).zip(t_max.chunks_mut(STREAM)) {
+            prepared.clear();
+            prepared.extend(rays.iter().map(PreparedRay::new));
+            bounds.clear();
+            bounds.extend(prepared.iter().map(|ray| Bound::new(ray, &around)));
+            self.bvh.closest_of_many(
+                &prepared,
+                t_max,
+                AnyOfRays { blocks, rays: &prepared, bounds: &bounds, front_only },
+            );
+        }
     }
 
     /// Whether the triangle at this place is met at or before `t_max`.
@@ -185,14 +237,20 @@ struct OfRay<'a> {
     blocks: &'a [Block],
     ray: &'a PreparedRay,
     nearest: &'a mut Nearest,
+    search: &'a mut Search,
+    last: &'a mut f32,
     front_only: bool,
 }
 
 impl Closest for OfRay<'_> {
     #[inline(always)]
     fn leaf(&mut self, leaf: Leaf, t_max: &mut f32) {
-        triangle::nearest_in_block(self.ray, &self.blocks[leaf.first() as usize], self.nearest, self.front_only);
-        *t_max = self.nearest.t;
+        let (hope, tested) = self.search.test(&self.blocks[leaf.first() as usize], self.ray, *t_max);
+        if hope {
+            let index = leaf.first();
+            self.search.complete(self.blocks, index, self.ray, &tested, self.nearest, t_max, self.front_only);
+            *self.last = *t_max;
+        }
     }
 }
 
@@ -200,15 +258,22 @@ struct OfRays<'a> {
     blocks: &'a [Block],
     rays: &'a [PreparedRay],
     nearest: &'a mut [Nearest],
+    searches: &'a mut [Search],
     front_only: bool,
 }
 
 impl ClosestOfMany for OfRays<'_> {
+    type Finding = Tested;
+
     #[inline(always)]
-    fn leaf(&mut self, ray: usize, leaf: Leaf, t_max: &mut f32) {
-        let nearest = &mut self.nearest[ray];
-        triangle::nearest_in_block(&self.rays[ray], &self.blocks[leaf.first() as usize], nearest, self.front_only);
-        *t_max = nearest.t;
+    fn test(&self, ray: usize, leaf: Leaf, t_max: f32) -> (bool, Tested) {
+        self.searches[ray].test(&self.blocks[leaf.first() as usize], &self.rays[ray], t_max)
+    }
+
+    #[inline(always)]
+    fn leaf(&mut self, ray: usize, leaf: Leaf, tested: &Tested, t_max: &mut f32) {
+        let (search, nearest) = (&mut self.searches[ray], &mut self.nearest[ray]);
+        search.complete(self.blocks, leaf.first(), &self.rays[ray], tested, nearest, t_max, self.front_only);
     }
 
     #[inline(always)]
@@ -220,14 +285,24 @@ impl ClosestOfMany for OfRays<'_> {
 struct AnyOfRays<'a> {
     blocks: &'a [Block],
     rays: &'a [PreparedRay],
+    bounds: &'a [Bound],
     front_only: bool,
 }
 
 impl ClosestOfMany for AnyOfRays<'_> {
+    type Finding = u32;
+
     #[inline(always)]
-    fn leaf(&mut self, ray: usize, leaf: Leaf, t_max: &mut f32) {
+    fn test(&self, ray: usize, leaf: Leaf, t_max: f32) -> (bool, u32) {
         let block = &self.blocks[leaf.first() as usize];
-        if triangle::any_in_block(&self.rays[ray], block, *t_max, self.front_only, &mut |_| true).is_some() {
+        let candidates = block.candidates(&self.rays[ray], self.bounds[ray], t_max);
+        (candidates != 0, candidates)
+    }
+
+    #[inline(always)]
+    fn leaf(&mut self, ray: usize, leaf: Leaf, &candidates: &u32, t_max: &mut f32) {
+        let block = &self.blocks[leaf.first() as usize];
+        if block.any(&self.rays[ray], candidates, *t_max, self.front_only, &mut |_| true).is_some() {
             *t_max = f32::NEG_INFINITY;
         }
     }
@@ -241,6 +316,7 @@ impl ClosestOfMany for AnyOfRays<'_> {
 struct AnyOf<'a, F> {
     blocks: &'a [Block],
     ray: &'a PreparedRay,
+    bound: Bound,
     t_max: f32,
     front_only: bool,
     counts: F,
@@ -252,7 +328,9 @@ impl<F: FnMut(u32) -> bool> Any for AnyOf<'_, F> {
     fn leaf(&mut self, leaf: Leaf) -> bool {
         let block = leaf.first();
         let blocks = &self.blocks[block as usize];
-        *self.place = triangle::any_in_block(self.ray, blocks, self.t_max, self.front_only, &mut self.counts)
+        let candidates = blocks.candidates(self.ray, self.bound, self.t_max);
+        *self.place = blocks
+            .any(self.ray, candidates, self.t_max, self.front_only, &mut self.counts)
             .map(|lane| block << 2 | lane);
         self.place.is_some()
     }
@@ -287,9 +365,9 @@ mod tests {
             for set in InstructionSet::available() {
                 set.limit();
                 let mut stream = vec![Nearest::before(f32::INFINITY); rays.len()];
-                triangles.intersect_stream(&prepared, &mut stream, false);
+                triangles.intersect_stream(&rays, &mut stream, false);
                 let mut any = vec![f32::INFINITY; rays.len()];
-                triangles.occluded_stream(&prepared, &mut any, false);
+                triangles.occluded_stream(&rays, &mut any, false);
                 for (any, stream) in any.iter().zip(&stream) {
                     assert_eq!(*any == f32::NEG_INFINITY, stream.id != Nearest::NONE);
                 }

@@ -1,13 +1,24 @@
 //! All eight boxes at once; what is met is brought together by a table of permutations.
 
 use super::Lanes;
+use crate::PreparedRay;
 use crate::node::{Link, Node};
-use crate::slab::{Slabs, WIDTH};
+use crate::slab::{INFLATE, WIDTH};
 use std::arch::x86_64::*;
 
 /// See the module.
 #[derive(Clone, Copy)]
 pub(crate) struct Avx2;
+
+/// The end of the interval in which boxes are met.
+///
+/// # Safety
+/// The machine must have AVX2.
+#[inline]
+#[target_feature(enable = "avx2")]
+pub(super) unsafe fn end(far: __m256, limit: f32) -> __m256 {
+    _mm256_min_ps(_mm256_mul_ps(far, _mm256_set1_ps(INFLATE)), _mm256_set1_ps(limit))
+}
 
 /// For each octant, the lanes from far to near: lane i takes the child of lane i ^ octant ^ 7.
 #[repr(align(32))]
@@ -51,54 +62,55 @@ static COMPRESS: [[u8; WIDTH]; 256] = {
 /// The machine must have AVX2.
 #[inline]
 #[target_feature(enable = "avx2")]
-pub(super) unsafe fn order(slabs: &Slabs) -> __m256i {
+pub(super) unsafe fn order(ray: &PreparedRay) -> __m256i {
     // SAFETY: there are eight octants, each with a row of eight aligned numbers.
-    unsafe { _mm256_load_si256(ORDERS.0.get_unchecked(slabs.octant()).as_ptr().cast()) }
+    unsafe { _mm256_load_si256(ORDERS.0.get_unchecked(usize::from(ray.octant)).as_ptr().cast()) }
 }
 
-/// Where the ray enters and leaves the boxes, within (0, limit].
+/// Where the ray enters and leaves the boxes; the latter neither inflated nor limited.
 ///
 /// # Safety
 /// The machine must have AVX2.
 #[inline]
 #[target_feature(enable = "avx2")]
-pub(super) unsafe fn clip(node: &Node, slabs: &Slabs, limit: f32) -> (__m256, __m256) {
+pub(super) unsafe fn clip(node: &Node, ray: &PreparedRay) -> (__m256, __m256) {
     // No closures: they would be functions without the instructions until they are inlined.
     macro_rules! cross {
-        ($axis:literal, $offset:expr, $reciprocal:ident) => {{
+        ($axis:literal, $offset:expr) => {{
             // SAFETY: the offset is that of a row of eight aligned numbers.
             let planes = unsafe { _mm256_load_ps((&raw const *node).cast::<f32>().byte_add($offset)) };
             _mm256_mul_ps(
-                _mm256_sub_ps(planes, _mm256_set1_ps(slabs.origin[$axis])),
-                _mm256_set1_ps(slabs.$reciprocal[$axis]),
+                _mm256_sub_ps(planes, _mm256_set1_ps(ray.ray.origin.to_array()[$axis])),
+                _mm256_set1_ps(ray.reciprocal[$axis]),
             )
         }};
     }
-    let [x, y, z] = slabs.entry_rows;
-    let enter = [cross!(0, x, reciprocal), cross!(1, y, reciprocal), cross!(2, z, reciprocal)];
-    let leave = [cross!(0, 96 - x, leaving), cross!(1, 160 - y, leaving), cross!(2, 224 - z, leaving)];
+    let [x, y, z] = ray.entries;
+    let (x, y, z) = (usize::from(x), usize::from(y), usize::from(z));
+    let enter = [cross!(0, x), cross!(1, y), cross!(2, z)];
+    let leave = [cross!(0, 96 - x), cross!(1, 160 - y), cross!(2, 224 - z)];
     let near = _mm256_max_ps(_mm256_max_ps(enter[0], enter[1]), _mm256_max_ps(enter[2], _mm256_setzero_ps()));
-    let far = _mm256_min_ps(_mm256_min_ps(leave[0], leave[1]), _mm256_min_ps(leave[2], _mm256_set1_ps(limit)));
+    let far = _mm256_min_ps(_mm256_min_ps(leave[0], leave[1]), leave[2]);
     (near, far)
 }
 
 impl Lanes for Avx2 {
     #[inline]
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-    unsafe fn visit(node: &Node, slabs: &Slabs, limit: f32, out: *mut f32, links: *mut Link) -> usize {
+    unsafe fn visit(node: &Node, ray: &PreparedRay, limit: f32, out: *mut f32, links: *mut Link) -> (usize, Link) {
         // SAFETY: the caller's promise: AVX2, and room for eight entries.
         unsafe {
-            let order = order(slabs);
-            let (near, far) = clip(node, slabs, limit);
+            let order = order(ray);
+            let (near, far) = clip(node, ray);
             let near = _mm256_permutevar8x32_ps(near, order);
-            let far = _mm256_permutevar8x32_ps(far, order);
+            let far = end(_mm256_permutevar8x32_ps(far, order), limit);
             let mask = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(near, far)) as usize;
             let row = COMPRESS.get_unchecked(mask & 255).as_ptr();
             let met = _mm256_cvtepu8_epi32(_mm_loadl_epi64(row.cast()));
             _mm256_storeu_ps(out, _mm256_permutevar8x32_ps(near, met));
             let children = _mm256_permutevar8x32_epi32(_mm256_load_si256(node.children.as_ptr().cast()), order);
             _mm256_storeu_si256(links.cast(), _mm256_permutevar8x32_epi32(children, met));
-            mask.count_ones() as usize
+            (mask.count_ones() as usize, super::nearest(node, ray, mask as u32))
         }
     }
 }

@@ -2,8 +2,8 @@
 //! Hamann and Ebert, "Accelerated single ray tracing for wide vector units", 2017).
 
 use super::{Lanes, avx2};
+use crate::PreparedRay;
 use crate::node::{Link, Node};
-use crate::slab::Slabs;
 use std::arch::x86_64::*;
 
 /// See the module.
@@ -13,18 +13,18 @@ pub(crate) struct Avx512;
 impl Lanes for Avx512 {
     #[inline]
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512bw,avx512dq")]
-    unsafe fn visit(node: &Node, slabs: &Slabs, limit: f32, out: *mut f32, links: *mut Link) -> usize {
+    unsafe fn visit(node: &Node, ray: &PreparedRay, limit: f32, out: *mut f32, links: *mut Link) -> (usize, Link) {
         // SAFETY: the caller's promise: AVX-512, and room for eight entries.
         unsafe {
-            let order = avx2::order(slabs);
-            let (near, far) = avx2::clip(node, slabs, limit);
+            let order = avx2::order(ray);
+            let (near, far) = avx2::clip(node, ray);
             let near = _mm256_permutexvar_ps(order, near);
-            let far = _mm256_permutexvar_ps(order, far);
+            let far = avx2::end(_mm256_permutexvar_ps(order, far), limit);
             let children = _mm256_permutexvar_epi32(order, _mm256_load_si256(node.children.as_ptr().cast()));
             let mask = _mm256_cmp_ps_mask::<_CMP_LE_OQ>(near, far);
             _mm256_storeu_ps(out, _mm256_maskz_compress_ps(mask, near));
             _mm256_storeu_si256(links.cast(), _mm256_maskz_compress_epi32(mask, children));
-            mask.count_ones() as usize
+            (mask.count_ones() as usize, super::nearest(node, ray, u32::from(mask)))
         }
     }
 }

@@ -17,18 +17,27 @@ pub(crate) use avx2::Avx2;
 pub(crate) use avx512::Avx512;
 pub(crate) use portable::{Careful, Portable};
 
+use crate::PreparedRay;
 use crate::node::{Link, Node};
-use crate::slab::Slabs;
+use crate::slab::WIDTH;
 use std::sync::atomic::{AtomicU8, Ordering};
 
 /// A way to test a ray against a node.
 pub(crate) trait Lanes: Copy {
     /// Writes the children that the ray, a `regular` one but for [`Careful`], meets before `limit`, and where it enters them, the nearest in general last. Returns how
-    /// many they are.
+    /// many they are, and the last link again, if there is one: to read it where it was just written would have to wait until a part of a wide store
+    /// can be read.
     ///
     /// # Safety
     /// The machine must have the instructions, and there must be room for eight entries.
-    unsafe fn visit(node: &Node, slabs: &Slabs, limit: f32, near: *mut f32, links: *mut Link) -> usize;
+    unsafe fn visit(node: &Node, ray: &PreparedRay, limit: f32, near: *mut f32, links: *mut Link) -> (usize, Link);
+}
+
+/// The child of the highest lane in a mask of lanes in the order of `visit`; any child, if there is none.
+#[inline(always)]
+fn nearest(node: &Node, ray: &PreparedRay, mask: u32) -> Link {
+    let last = 31u32.wrapping_sub(mask.leading_zeros()) as usize;
+    node.children[(last ^ usize::from(ray.octant) ^ (WIDTH - 1)) & (WIDTH - 1)]
 }
 
 /// Sets of instructions that kernels exist for, each with all before it.

@@ -1,8 +1,9 @@
 //! Boxes in two halves of four, with what the compiler and glam make of them: SSE2, NEON or plain numbers.
 
 use super::Lanes;
+use crate::PreparedRay;
 use crate::node::{Link, Node};
-use crate::slab::{Slabs, WIDTH};
+use crate::slab::{INFLATE, WIDTH};
 use glam::Vec4;
 
 /// See the module.
@@ -18,11 +19,11 @@ unsafe fn write(
     near: &[f32; WIDTH],
     out: *mut f32,
     links: *mut Link,
-) -> usize {
-    let mut count = 0;
+) -> (usize, Link) {
+    let (mut count, mut nearest) = (0, Link::END);
     if mask & (mask.wrapping_sub(1)) == 0 {
         if mask == 0 {
-            return 0;
+            return (0, Link::END);
         }
         let lane = mask.trailing_zeros() as usize;
         // SAFETY: the caller has room for eight entries.
@@ -30,7 +31,7 @@ unsafe fn write(
             *out = near[lane];
             *links = node.children[lane];
         }
-        return 1;
+        return (1, node.children[lane]);
     }
     // Bit i becomes that of lane i ^ octant ^ 7: the farthest first.
     let mirror = octant ^ (WIDTH - 1);
@@ -48,35 +49,34 @@ unsafe fn write(
         // SAFETY: the caller has room for eight entries.
         unsafe {
             *out.add(count) = near[lane];
-            *links.add(count) = node.children[lane];
+            nearest = node.children[lane];
+            *links.add(count) = nearest;
         }
         count += 1;
         mask &= mask - 1;
     }
-    count
+    (count, nearest)
 }
 
 impl Lanes for Portable {
     #[inline(always)]
-    unsafe fn visit(node: &Node, slabs: &Slabs, limit: f32, out: *mut f32, links: *mut Link) -> usize {
+    unsafe fn visit(node: &Node, ray: &PreparedRay, limit: f32, out: *mut f32, links: *mut Link) -> (usize, Link) {
         let mut near = [0.0; WIDTH];
         let mut mask = 0;
         for half in 0..2 {
-            let plane = |side: u8, axis: usize| Vec4::from_slice(&node.boxes[usize::from(side & 1)][axis][4 * half..]);
-            let (entry, origin) = (&slabs.entry, &slabs.origin);
-            let enter = |axis: usize| {
-                (plane(entry[axis], axis) - Vec4::splat(origin[axis])) * Vec4::splat(slabs.reciprocal[axis])
+            let cross = |side: u8, axis: usize| {
+                let planes = Vec4::from_slice(&node.boxes[usize::from(side & 1)][axis][4 * half..]);
+                (planes - Vec4::splat(ray.ray.origin[axis])) * Vec4::splat(ray.reciprocal[axis])
             };
-            let leave = |axis: usize| {
-                (plane(entry[axis] ^ 1, axis) - Vec4::splat(origin[axis])) * Vec4::splat(slabs.leaving[axis])
-            };
+            let enter = |axis: usize| cross(ray.octant >> axis, axis);
+            let leave = |axis: usize| cross(!ray.octant >> axis, axis);
             let n = enter(0).max(enter(1)).max(enter(2).max(Vec4::ZERO));
-            let f = leave(0).min(leave(1)).min(leave(2).min(Vec4::splat(limit)));
+            let f = (leave(0).min(leave(1)).min(leave(2)) * INFLATE).min(Vec4::splat(limit));
             near[4 * half..4 * half + 4].copy_from_slice(&n.to_array());
             mask |= n.cmple(f).bitmask() << (4 * half);
         }
         // SAFETY: the caller's promise.
-        unsafe { write(mask, slabs.octant(), node, &near, out, links) }
+        unsafe { write(mask, usize::from(ray.octant), node, &near, out, links) }
     }
 }
 
@@ -85,15 +85,15 @@ impl Lanes for Portable {
 pub(crate) struct Careful;
 
 impl Lanes for Careful {
-    unsafe fn visit(node: &Node, slabs: &Slabs, limit: f32, out: *mut f32, links: *mut Link) -> usize {
+    unsafe fn visit(node: &Node, ray: &PreparedRay, limit: f32, out: *mut f32, links: *mut Link) -> (usize, Link) {
         let mut near = [0.0; WIDTH];
         let mut mask = 0;
         for (lane, near) in near.iter_mut().enumerate() {
-            let (enter, leave) = slabs.clip_carefully(&node.get_box(lane), limit);
+            let (enter, leave) = ray.clip_carefully(&node.get_box(lane), limit);
             *near = enter;
             mask |= u32::from(enter <= leave) << lane;
         }
         // SAFETY: the caller's promise.
-        unsafe { write(mask, slabs.octant(), node, &near, out, links) }
+        unsafe { write(mask, usize::from(ray.octant), node, &near, out, links) }
     }
 }

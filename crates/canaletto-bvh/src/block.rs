@@ -1,0 +1,299 @@
+//! Four triangles side by side.
+//!
+//! A ray tests them in f32, which sorts out nearly all that it misses, bounds where it meets the others, and tells for most of these that
+//! they are met. The exact kernel (`triangle`) has the last word, but for the nearest hit it is asked once in general: a
+//! triangle that lies before all others waits until the ray's way has ended ([`Search`]).
+#![allow(unsafe_code)] // Rows told by byte offsets.
+
+use glam::{Vec3, Vec4};
+
+use crate::slab::{DEFLATE, INFLATE};
+use crate::triangle::{Triangle, TriangleHit, UNDERFLOW, intersect_exactly};
+use crate::triangles::Nearest;
+use crate::{Aabb, PreparedRay};
+
+/// Four triangles: for each corner the rows x, y and z. Where there are fewer, corners at infinity, which lie beyond all that a ray
+/// reaches.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C, align(32))]
+pub(crate) struct Block {
+    corners: [[Vec4; 3]; 3],
+    /// The upper bits of the last two are the exponent of a power of two above the sizes of all triangles.
+    ids: [u32; 4],
+}
+
+/// Bits of an id.
+pub(crate) const ID_BITS: u32 = 28;
+const ID: u32 = (1 << ID_BITS) - 1;
+
+impl Block {
+    /// A block of 1 to 4 triangles, each with its id.
+    pub(crate) fn new(triangles: impl Iterator<Item = (u32, [Vec3; 3])>) -> Self {
+        let mut block = Self { corners: [[Vec4::INFINITY; 3]; 3], ids: [ID; 4] };
+        let mut size = 0.0f32;
+        for (lane, (id, corners)) in triangles.enumerate() {
+            block.ids[lane] = id;
+            let bounds = Aabb::from_points(corners);
+            size = size.max((bounds.max - bounds.min).max_element());
+            for (rows, corner) in block.corners.iter_mut().zip(corners) {
+                for (row, coordinate) in rows.iter_mut().zip(corner.to_array()) {
+                    row[lane] = coordinate;
+                }
+            }
+        }
+        let exponent = (size.to_bits() >> 23) + 1;
+        block.ids[2] |= exponent << ID_BITS;
+        block.ids[3] |= exponent >> 4 << ID_BITS;
+        block
+    }
+
+    /// More than any triangle's extent along any axis.
+    #[inline(always)]
+    fn size(&self) -> f32 {
+        f32::from_bits((self.ids[2] & !ID) >> 5 | (self.ids[3] & !ID) >> 1)
+    }
+
+    #[inline(always)]
+    pub(crate) fn id(&self, lane: usize) -> u32 {
+        self.ids[lane & 3] & ID
+    }
+
+    /// The triangle in this lane.
+    #[inline(always)]
+    pub(crate) fn triangle(&self, lane: usize) -> Triangle {
+        let corner = |rows: &[Vec4; 3]| {
+            let at = |k: usize| rows[k].as_ref()[lane & 3];
+            [at(0), at(1), at(2)]
+        };
+        let [a, b, c] = &self.corners;
+        Triangle::new([corner(a).into(), corner(b).into(), corner(c).into()])
+    }
+
+    /// The corners of the triangle in this lane, the coordinates in the order of a ray's `rows`.
+    #[inline(always)]
+    pub(crate) fn ordered(&self, lane: usize, rows: [u8; 3]) -> [[f32; 3]; 3] {
+        let corner = |corner: usize| {
+            let at = |k: u8| {
+                debug_assert!(k <= 32);
+                // SAFETY: a ray's rows are 0, 16 and 32, where those of a corner lie, each of four numbers.
+                unsafe { *self.corners[corner].as_ptr().byte_add(usize::from(k)).cast::<f32>().add(lane & 3) }
+            };
+            [at(rows[0]), at(rows[1]), at(rows[2])]
+        };
+        [corner(0), corner(1), corner(2)]
+    }
+
+    /// The hit on the triangle in this lane, by the exact kernel.
+    #[inline(always)]
+    fn intersect(&self, lane: usize, ray: &PreparedRay, t_max: f32) -> Option<TriangleHit> {
+        let bounds = self.triangle(lane).bounds();
+        intersect_exactly(ray, &self.ordered(lane, ray.rows), &bounds, t_max)
+    }
+
+    /// Makes the triangle in this lane the nearest if it is. Tells whether it is.
+    #[inline(always)]
+    pub(crate) fn offer(&self, lane: usize, ray: &PreparedRay, nearest: &mut Nearest, front_only: bool) -> bool {
+        let id = self.id(lane);
+        if let Some(hit) = self.intersect(lane, ray, nearest.t)
+            && (hit.t < nearest.t || id < nearest.id)
+            && (hit.front || !front_only)
+        {
+            *nearest = Nearest { t: hit.t, u: hit.u, v: hit.v, id };
+            return true;
+        }
+        false
+    }
+
+    /// What f32 tells of all four.
+    #[inline(always)]
+    fn test(&self, ray: &PreparedRay, bound: Bound, t_max: f32) -> Tested {
+        let [kx, ky, kz] = ray.rows;
+        // SAFETY: a ray's rows are 0, 16 and 32, where those of a corner lie.
+        let row = |corner: usize, k: u8| unsafe { *self.corners[corner].as_ptr().byte_add(usize::from(k)) };
+        let origin = |k: u8| Vec4::splat(ray.origin(k));
+        let (ox, oy, oz) = (origin(kx), origin(ky), origin(kz));
+        let (sx, sy) = (Vec4::splat(ray.shear[0]), Vec4::splat(ray.shear[1]));
+        let (az, bz, cz) = (row(0, kz) - oz, row(1, kz) - oz, row(2, kz) - oz);
+        // Between the corners along the longest axis lies the triangle, and what `confine` makes of t: its very products.
+        let along = Vec4::splat(ray.along);
+        let (ta, tb, tc) = (az * along, bz * along, cz * along);
+        let low = ta.min(tb).min(tc) * DEFLATE;
+        let last = ta.max(tb).max(tc);
+        // Not `t_max` as it is: what lies at infinity is beyond it.
+        let beyond = low.cmpgt(Vec4::splat(t_max.min(f32::MAX))) | last.cmple(Vec4::ZERO);
+        let (ax, ay) = (row(0, kx) - ox - sx * az, row(0, ky) - oy - sy * az);
+        let (bx, by) = (row(1, kx) - ox - sx * bz, row(1, ky) - oy - sy * bz);
+        let (cx, cy) = (row(2, kx) - ox - sx * cz, row(2, ky) - oy - sy * cz);
+        let wa = bx * cy - by * cx;
+        let wb = cx * ay - cy * ax;
+        let wc = ax * by - ay * bx;
+        let bound = Vec4::splat(bound.of(self.size()));
+        let (least, most) = (wa.min(wb).min(wc), wa.max(wb).max(wc));
+        let missed = most.cmpgt(bound) & least.cmplt(-bound);
+        let mut candidates = !(missed | beyond).bitmask() & 15;
+        if !ray.regular {
+            // Nothing is known to be beyond.
+            candidates &= self.corners[0][0].cmplt(Vec4::INFINITY).bitmask();
+        }
+        Tested { candidates, low, last, least, most, bound }
+    }
+
+    /// The triangles that may be hit before `t_max`, a bit for each.
+    #[inline(always)]
+    pub(crate) fn candidates(&self, ray: &PreparedRay, bound: Bound, t_max: f32) -> u32 {
+        self.test(ray, bound, t_max).candidates
+    }
+
+    /// The lane of a candidate that is hit at or before `t_max` and `blocks`.
+    #[inline(always)]
+    pub(crate) fn any(
+        &self,
+        ray: &PreparedRay,
+        mut candidates: u32,
+        t_max: f32,
+        front_only: bool,
+        blocks: &mut impl FnMut(u32) -> bool,
+    ) -> Option<u32> {
+        while candidates != 0 {
+            let lane = candidates.trailing_zeros();
+            let hit = self.intersect(lane as usize, ray, t_max);
+            if hit.is_some_and(|hit| hit.front || !front_only) && blocks(self.id(lane as usize)) {
+                return Some(lane);
+            }
+            candidates &= candidates - 1;
+        }
+        None
+    }
+}
+
+/// What f32 tells of the triangles of a block.
+#[derive(Clone, Copy)]
+pub(crate) struct Tested {
+    /// The triangles that may be hit, a bit for each.
+    candidates: u32,
+    /// No hit is nearer.
+    low: Vec4,
+    /// t of the farthest corner.
+    last: Vec4,
+    /// The least and the greatest edge functions, and by how much they may be wrong.
+    least: Vec4,
+    most: Vec4,
+    bound: Vec4,
+}
+
+/// How far rounding may take the edge functions of a ray and a tree's triangles.
+///
+/// With u = 2⁻²⁴ and no corner farther from the origin than D along any axis, a sheared coordinate m is wrong by at most δ = 8 u D. The
+/// edge functions of a triangle that the ray meets are made of coordinates not larger than M, twice the triangle's size, since their
+/// origin lies between them; so they are wrong by at most 4 δ (M + δ) for the coordinates and 4 u (M + δ)² for the
+/// products, which with M + δ ≤ 2 D (1 + 8 u) is below 80 u D (size + 10 u D). Of a triangle that the ray doesn't meet, nothing is claimed.
+/// The bound is above twice that, plus what underflow may have taken; where something overflows, so does the bound.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Bound {
+    scale: f32,
+    least: f32,
+}
+
+impl Bound {
+    /// For triangles within a box.
+    #[inline(always)]
+    pub(crate) fn new(ray: &PreparedRay, bounds: &Aabb) -> Self {
+        let reach = (bounds.max - ray.ray.origin).abs().max((bounds.min - ray.ray.origin).abs());
+        let reach = reach.x.max(reach.y).max(reach.z);
+        let scale = reach * (100.0 * f32::EPSILON);
+        let least = scale * (reach * (8.0 * f32::EPSILON)) + (reach * (4.0 * UNDERFLOW) + f32::MIN_POSITIVE);
+        Self { scale, least }
+    }
+
+    #[inline(always)]
+    fn of(self, size: f32) -> f32 {
+        size * self.scale + self.least
+    }
+}
+
+/// The way of a ray to its nearest triangle: where t is bounded for a triangle that all but certainly is hit, and lies before all others,
+/// the exact test waits. If it then fails (an origin so close to the triangle's plane that rounding can't tell), the search was in vain and the ray
+/// has to be sent again, another way.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Search {
+    bound: Bound,
+    /// No hit of the triangle that waits is nearer; without one, the nearest hit.
+    low: f32,
+    /// The triangle that waits: four times its block plus its lane.
+    waits: u32,
+    /// A triangle that had waited was not hit.
+    pub(crate) failed: bool,
+}
+
+const NOTHING: u32 = u32::MAX;
+
+impl Search {
+    #[inline(always)]
+    pub(crate) fn new(ray: &PreparedRay, bounds: &Aabb, t_max: f32) -> Self {
+        Self { bound: Bound::new(ray, bounds), low: t_max, waits: NOTHING, failed: false }
+    }
+
+    /// Tests a block, roughly; tells whether [`Search::complete`] has anything to do.
+    #[inline(always)]
+    pub(crate) fn test(&self, block: &Block, ray: &PreparedRay, t_max: f32) -> (bool, Tested) {
+        let tested = block.test(ray, self.bound, t_max);
+        (tested.candidates != 0, tested)
+    }
+
+    /// Considers the candidates of a block. `t_max` is lowered to where the nearest triangle surely is.
+    #[inline(always)]
+    pub(crate) fn complete(
+        &mut self,
+        blocks: &[Block],
+        index: u32,
+        ray: &PreparedRay,
+        tested: &Tested,
+        nearest: &mut Nearest,
+        t_max: &mut f32,
+        front_only: bool,
+    ) {
+        let block = &blocks[index as usize];
+        let mut candidates = tested.candidates;
+        let front = tested.most.cmplt(-tested.bound).bitmask();
+        let back = tested.least.cmpgt(tested.bound).bitmask();
+        if front_only {
+            candidates &= !back;
+        }
+        let (low, high) = (tested.low.to_array(), (tested.last * INFLATE).to_array());
+        while candidates != 0 {
+            let lane = candidates.trailing_zeros() as usize & 3;
+            candidates &= candidates - 1;
+            if low[lane] > *t_max {
+                continue;
+            }
+            if (front | back) >> lane & 1 == 1 && low[lane] > 0.0 && high[lane] < self.low {
+                self.waits = index << 2 | lane as u32;
+                self.low = low[lane];
+                *t_max = high[lane];
+            } else {
+                self.settle(blocks, ray, nearest, *t_max, front_only);
+                block.offer(lane, ray, nearest, front_only);
+                self.low = nearest.t;
+                *t_max = nearest.t;
+            }
+        }
+    }
+
+    /// Tests the triangle that waits, if one does, exactly.
+    #[inline(always)]
+    pub(crate) fn settle(
+        &mut self,
+        blocks: &[Block],
+        ray: &PreparedRay,
+        nearest: &mut Nearest,
+        t_max: f32,
+        front_only: bool,
+    ) {
+        if self.waits == NOTHING {
+            return;
+        }
+        let met = blocks[(self.waits >> 2) as usize].offer(self.waits as usize & 3, ray, nearest, front_only);
+        self.failed |= !met || nearest.t > t_max;
+        self.waits = NOTHING;
+    }
+}
