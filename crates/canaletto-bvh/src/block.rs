@@ -49,7 +49,7 @@ impl Block {
 
     /// More than any triangle's extent along any axis.
     #[inline(always)]
-    fn size(&self) -> f32 {
+    pub(crate) fn size(&self) -> f32 {
         f32::from_bits((self.ids[2] & !ID) >> 5 | (self.ids[3] & !ID) >> 1)
     }
 
@@ -106,7 +106,7 @@ impl Block {
 
     /// What f32 tells of all four.
     #[inline(always)]
-    fn test(&self, ray: &PreparedRay, bound: Bound, t_max: f32) -> Tested {
+    pub(crate) fn test(&self, ray: &PreparedRay, bound: Bound, t_max: f32) -> Tested {
         let [kx, ky, kz] = ray.rows;
         // SAFETY: a ray's rows are 0, 16 and 32, where those of a corner lie.
         let row = |corner: usize, k: u8| unsafe { *self.corners[corner].as_ptr().byte_add(usize::from(k)) };
@@ -135,29 +135,31 @@ impl Block {
             // Nothing is known to be beyond.
             candidates &= self.corners[0][0].cmplt(Vec4::INFINITY).bitmask();
         }
-        Tested { candidates, low, last, least, most, bound }
+        let (sum, weighed) = (wa + wb + wc, wa * ta + wb * tb + wc * tc);
+        Tested { candidates, low, last, least, most, bound, sum, weighed }
     }
 
-    /// The triangles that may be hit before `t_max`, a bit for each.
-    #[inline(always)]
-    pub(crate) fn candidates(&self, ray: &PreparedRay, bound: Bound, t_max: f32) -> u32 {
-        self.test(ray, bound, t_max).candidates
-    }
-
-    /// The lane of a candidate that is hit at or before `t_max` and `blocks`.
+    /// The lane of a candidate that is hit at or before `t_max` and `blocks`. Where rounding can't have told wrongly, no exact test is made.
     #[inline(always)]
     pub(crate) fn any(
         &self,
         ray: &PreparedRay,
-        mut candidates: u32,
+        bound: Bound,
+        tested: &Tested,
         t_max: f32,
         front_only: bool,
         blocks: &mut impl FnMut(u32) -> bool,
     ) -> Option<u32> {
+        let mut candidates = tested.candidates;
+        if front_only {
+            candidates &= !tested.back();
+        }
+        let surely = tested.surely_hit(ray, bound, t_max);
         while candidates != 0 {
             let lane = candidates.trailing_zeros();
-            let hit = self.intersect(lane as usize, ray, t_max);
-            if hit.is_some_and(|hit| hit.front || !front_only) && blocks(self.id(lane as usize)) {
+            let hit = surely >> lane & 1 == 1
+                || self.intersect(lane as usize, ray, t_max).is_some_and(|hit| hit.front || !front_only);
+            if hit && blocks(self.id(lane as usize)) {
                 return Some(lane);
             }
             candidates &= candidates - 1;
@@ -170,7 +172,7 @@ impl Block {
 #[derive(Clone, Copy)]
 pub(crate) struct Tested {
     /// The triangles that may be hit, a bit for each.
-    candidates: u32,
+    pub(crate) candidates: u32,
     /// No hit is nearer.
     low: Vec4,
     /// t of the farthest corner.
@@ -179,34 +181,99 @@ pub(crate) struct Tested {
     least: Vec4,
     most: Vec4,
     bound: Vec4,
+    /// The sum of the edge functions, and that of t of the corners weighed with them.
+    sum: Vec4,
+    weighed: Vec4,
+}
+
+/// What t of a hit may be wrong by besides what edge functions are, as a share of the largest t of a corner: 16 units in the last place, with what
+/// `confine` adds.
+pub(crate) const BLUR: f32 = 16.0 * f32::EPSILON;
+
+impl Tested {
+    /// The triangles that are seen from the front for certain, if they are met at all.
+    #[inline(always)]
+    fn front(&self) -> u32 {
+        self.most.cmplt(-self.bound).bitmask()
+    }
+
+    /// The same from behind.
+    #[inline(always)]
+    fn back(&self) -> u32 {
+        self.least.cmpgt(self.bound).bitmask()
+    }
+
+    /// The triangles of which the exact test would say that they are hit at or before `t_max`, from either side: the line passes between the
+    /// edges, all of the triangle lies between origin and end, and area and volume are so large that the test won't take it for degenerate.
+    #[inline(always)]
+    fn surely_hit(&self, ray: &PreparedRay, bound: Bound, t_max: f32) -> u32 {
+        let area = self.least.abs().max(self.most.abs());
+        let (low, high) = self.between();
+        let large =
+            area.cmpgt(Vec4::splat(bound.area)) & (area * low).cmpgt(Vec4::splat(bound.volume * ray.along.abs()));
+        let between = low.cmpgt(Vec4::ZERO) & high.cmple(Vec4::splat(t_max.min(f32::MAX)));
+        (self.front() | self.back()) & (large & between).bitmask()
+    }
+
+    /// Between what t of a hit lies: between t of the corners, and where the line certainly passes between the edges, next to their mean,
+    /// weighed with the edge functions.
+    #[inline(always)]
+    fn between(&self) -> (Vec4, Vec4) {
+        let inside = self.most.cmplt(-self.bound) | self.least.cmpgt(self.bound);
+        let (high, size) = (self.last * INFLATE, self.last.abs().max(self.low.abs()));
+        let mean = self.weighed / self.sum;
+        let off = (self.bound * 4.0 / self.sum.abs()) * (self.last - self.low) + size * BLUR;
+        // Unless something overflows or vanishes.
+        let told = inside
+            & mean.cmpge(self.low)
+            & mean.cmple(high)
+            & (self.sum.abs() * size).cmpge(Vec4::splat(f32::MIN_POSITIVE));
+        (Vec4::select(told, self.low.max(mean - off), self.low), Vec4::select(told, high.min(mean + off), high))
+    }
 }
 
 /// How far rounding may take the edge functions of a ray and a tree's triangles.
 ///
-/// With u = 2⁻²⁴ and no corner farther from the origin than D along any axis, a sheared coordinate m is wrong by at most δ = 8 u D. The
+/// With u = 2⁻²⁴ and no corner farther from the origin than D along any axis, a sheared coordinate is wrong by at most δ = 6 u D: u D for the
+/// difference, 3 u D for the shear times another, and u times the result, which is at most 2 D. The
 /// edge functions of a triangle that the ray meets are made of coordinates not larger than M, twice the triangle's size, since their
 /// origin lies between them; so they are wrong by at most 4 δ (M + δ) for the coordinates and 4 u (M + δ)² for the
-/// products, which with M + δ ≤ 2 D (1 + 8 u) is below 80 u D (size + 10 u D). Of a triangle that the ray doesn't meet, nothing is claimed.
-/// The bound is above twice that, plus what underflow may have taken; where something overflows, so does the bound.
+/// products, which is below 64 u D size + 200 u² D². Of a triangle that the ray doesn't meet, nothing is claimed.
+/// The bound has a quarter more, and what underflow may have taken; where something overflows, so does the bound.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Bound {
-    scale: f32,
-    least: f32,
+    pub(crate) scale: f32,
+    pub(crate) least: f32,
+    /// Areas above it, and volumes above the other, are none that the exact test might take for degenerate: 2⁻⁴⁰ times powers of D, and
+    /// more than what rounding may add.
+    pub(crate) area: f32,
+    pub(crate) volume: f32,
 }
 
 impl Bound {
     /// For triangles within a box.
     #[inline(always)]
     pub(crate) fn new(ray: &PreparedRay, bounds: &Aabb) -> Self {
-        let reach = (bounds.max - ray.ray.origin).abs().max((bounds.min - ray.ray.origin).abs());
+        Self::within(ray.ray.origin, ray.ray.origin, bounds)
+    }
+
+    /// For rays whose origins lie between two corners of a box.
+    #[inline(always)]
+    pub(crate) fn within(low: Vec3, high: Vec3, bounds: &Aabb) -> Self {
+        let reach = (bounds.max - low).max(high - bounds.min).abs();
         let reach = reach.x.max(reach.y).max(reach.z);
-        let scale = reach * (100.0 * f32::EPSILON);
-        let least = scale * (reach * (8.0 * f32::EPSILON)) + (reach * (4.0 * UNDERFLOW) + f32::MIN_POSITIVE);
-        Self { scale, least }
+        let scale = reach * (40.0 * f32::EPSILON);
+        Self {
+            scale,
+            least: scale * (reach * (8.0 * f32::EPSILON)) + (reach * (4.0 * UNDERFLOW) + f32::MIN_POSITIVE),
+            // ∞, where a product may overflow.
+            area: ((reach * 4.0) * (reach * 4.0) * 2f32.powi(-34)).max(f32::MIN_POSITIVE),
+            volume: (reach * reach * reach * 2f32.powi(-38)).max(f32::MIN_POSITIVE),
+        }
     }
 
     #[inline(always)]
-    fn of(self, size: f32) -> f32 {
+    pub(crate) fn of(self, size: f32) -> f32 {
         size * self.scale + self.least
     }
 }
@@ -254,12 +321,13 @@ impl Search {
     ) {
         let block = &blocks[index as usize];
         let mut candidates = tested.candidates;
-        let front = tested.most.cmplt(-tested.bound).bitmask();
-        let back = tested.least.cmpgt(tested.bound).bitmask();
+        let (front, back) = (tested.front(), tested.back());
         if front_only {
             candidates &= !back;
         }
-        let (low, high) = (tested.low.to_array(), (tested.last * INFLATE).to_array());
+        let (low, high) = tested.between();
+        candidates &= !high.cmple(Vec4::ZERO).bitmask();
+        let (low, high) = (low.to_array(), high.to_array());
         while candidates != 0 {
             let lane = candidates.trailing_zeros() as usize & 3;
             candidates &= candidates - 1;
@@ -295,5 +363,56 @@ impl Search {
         let met = blocks[(self.waits >> 2) as usize].offer(self.waits as usize & 3, ray, nearest, front_only);
         self.failed |= !met || nearest.t > t_max;
         self.waits = NOTHING;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Ray;
+    use crate::testing::Random;
+
+    #[test]
+    fn what_a_block_is_sure_of_is_so() {
+        let random = &mut Random(44);
+        let (mut hits, mut candidates, mut surely_hit) = (0, 0, 0);
+        for i in 0..200_000 {
+            // From large ones nearby to dots far away, of all magnitudes, aimed at beside, on and next to their borders.
+            let far = random.vector() * 10f32.powi(random.below(6) as i32 - 1);
+            let scale = 10f32.powi(random.below(60) as i32 - 30);
+            let triangles = [0; 4].map(|_| [0; 3].map(|_| (far + random.vector() * [1.0, 1e-2, 1e-4][i % 3]) * scale));
+            let [a, b, c] = triangles[random.below(4)];
+            let edge = a + (b - a) * random.signed();
+            let target = [a, edge, edge + (c - a) * random.signed() * 10f32.powi(-(random.below(8) as i32))];
+            let origin = random.vector() * [1.0, 0.0, 1e-3][random.below(3)] * scale;
+            let mut direction = target[random.below(3)] - origin;
+            direction[random.below(3)] *= [1.0, 1.0, 0.0, 1e-20, 1e-39][random.below(5)];
+            let ray = Ray::new(origin, direction * [1.0, 1.0 / scale][i % 2]).prepare();
+            let mut bounds = Aabb::from_points(triangles.into_iter().flatten());
+            bounds.min -= (bounds.max - bounds.min) * random.below(2) as f32;
+            let block = Block::new(triangles.into_iter().enumerate().map(|(id, corners)| (id as u32, corners)));
+            let bound = Bound::new(&ray, &bounds);
+            for t_max in [f32::INFINITY, 1.0] {
+                let tested = block.test(&ray, bound, t_max);
+                let surely = tested.surely_hit(&ray, bound, t_max);
+                for lane in 0..4 {
+                    let hit = block.intersect(lane, &ray, t_max);
+                    let candidate = tested.candidates >> lane & 1 == 1;
+                    assert!(candidate || hit.is_none(), "{ray:?} {block:?}");
+                    let sure = surely & tested.candidates;
+                    assert!(sure >> lane & 1 == 0 || hit.is_some(), "{ray:?} {block:?}");
+                    if let Some(hit) = hit {
+                        let (low, high) = tested.between();
+                        assert!(low[lane] <= hit.t && hit.t <= high[lane] || !ray.regular, "{ray:?} {block:?}");
+                        assert!(tested.front() >> lane & 1 == 0 || hit.front, "{ray:?} {block:?}");
+                        assert!(tested.back() >> lane & 1 == 0 || !hit.front, "{ray:?} {block:?}");
+                    }
+                    hits += u32::from(hit.is_some());
+                    candidates += u32::from(candidate);
+                    surely_hit += sure >> lane & 1;
+                }
+            }
+        }
+        assert!(hits > 50_000 && candidates < 1_000_000 && surely_hit > 5_000, "{hits} {candidates} {surely_hit}");
     }
 }

@@ -2,21 +2,24 @@
 //! may meet it (Boulos, Wald and Shirley, "Geometric and arithmetic culling methods for entire ray packets", 2006), and
 //! triangles are tested against all rays side by side.
 //!
-//! The answers are those of single rays, bit for bit: the same operations in the same order, lane by lane. Where a lane would
-//! leave the straight way (products that nearly cancel, triangles without area), that ray's triangle is decided alone.
+//! The answers are those of single rays, bit for bit. As there (`block`), triangles are tested in f32, and one that all but certainly is the nearest waits
+//! for its exact test until the way has ended: then all rays are tested side by side with what waits for them, by the operations of the exact kernel in the same
+//! order. Where a lane would leave the straight way (edges, products that nearly cancel, triangles without area), that ray
+//! is served alone.
 //!
 //! The loops over lanes have no branches, so that the compiler makes vectors of them, for whatever instructions the function around them
 //! is compiled for.
 
 #![allow(clippy::needless_range_loop)] // Lanes of many lists side by side.
 
-use crate::block::Block;
-use crate::node::{Leaf, Link, Node};
+use crate::block::{BLUR, Block, Bound};
+use crate::node::{Link, Node};
 use crate::slab::{self, DEFLATE, INFLATE, WIDTH, max, min};
 use crate::traverse::STACK;
-use crate::triangle::{self, RELATIVE, SURELY, UNDERFLOW};
+use crate::triangle::SURELY;
 use crate::triangles::Nearest;
-use crate::{InstructionSet, Ray};
+use crate::{Aabb, InstructionSet, Leaf, PreparedRay, Ray};
+use glam::Vec3;
 use std::mem::MaybeUninit;
 
 /// Rays in a packet.
@@ -24,27 +27,48 @@ pub(crate) const LANES: usize = 16;
 
 type Lanes<T> = [T; LANES];
 
+/// What packets go through.
+#[derive(Clone, Copy)]
+pub(crate) struct Scene<'a> {
+    pub(crate) nodes: &'a [Node],
+    pub(crate) blocks: &'a [Block],
+    pub(crate) bounds: Aabb,
+    /// Triangles seen from behind don't count.
+    pub(crate) front_only: bool,
+}
+
+/// What became of a packet.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Outcome {
+    /// All rays have their answers.
+    Done,
+    /// The rays don't go together; nothing was done.
+    Apart,
+    /// These rays, a bit for each, have to be sent again, another way; what they know of hits is true.
+    Again(u32),
+}
+
 /// Rays of one octant and one longest axis.
-pub(crate) struct Packet {
-    rays: Lanes<Ray>,
+#[repr(C, align(64))]
+struct Packet {
     /// x, y and z.
     origin: [Lanes<f32>; 3],
     reciprocal: [Lanes<f32>; 3],
+    shear: [Lanes<f32>; 2],
+    /// Up to where anything counts; −∞ for a ray that takes no part any more.
+    t_max: Lanes<f32>,
     /// Up to where anything must be entered to be worth a visit.
     limits: Lanes<f32>,
-    /// Which planes of a box are met first.
-    entry: [usize; 3],
-    /// The axes as the shear orders them, and all below in that order.
-    axes: [usize; 3],
-    rows: [u8; 3],
-    wide_origin: [Lanes<f64>; 3],
-    shear: [Lanes<f64>; 2],
-    direction: Lanes<f64>,
-    rough: [Lanes<f32>; 2],
+    /// No hit of the triangle that waits is nearer; without one, the nearest hit.
+    low: Lanes<f32>,
+    /// The triangle that waits: four times its block plus its lane, or [`NOTHING`].
+    waits: Lanes<u32>,
     /// For each axis what all rays lie between: the origin that meets entry and exit planes first and last, and the
     /// reciprocals.
     interval: [Interval; 3],
-    pub(crate) nearest: Hits,
+    octant: usize,
+    rows: [u8; 3],
+    bound: Bound,
 }
 
 #[derive(Clone, Copy)]
@@ -54,99 +78,83 @@ struct Interval {
     reciprocal: [f32; 2],
 }
 
-/// The nearest hits so far; a lane whose t is −∞ takes no part.
-pub(crate) struct Hits {
-    pub(crate) t: Lanes<f32>,
-    pub(crate) u: Lanes<f32>,
-    pub(crate) v: Lanes<f32>,
-    pub(crate) id: Lanes<u32>,
-}
+const NOTHING: u32 = u32::MAX;
 
 impl Packet {
-    /// The packet of 1 to 16 rays, if they go together. No ray has met anything before its `t_max`.
-    pub(crate) fn new(rays: &[Ray], t_max: impl Fn(usize) -> f32) -> Option<Packet> {
+    /// The packet of 1 to 16 rays, if they go together.
+    #[inline(always)]
+    fn gather(rays: &[Ray], t_max: impl Fn(usize) -> f32, bounds: &Aabb) -> Option<Packet> {
         let last = rays.len() - 1;
-        let rays: Lanes<Ray> = std::array::from_fn(|i| rays[i.min(last)]);
         let first = rays[0].prepare();
-        let axes = first.axes();
-        let mut packet = Packet {
-            rays,
-            origin: [[0.0; LANES]; 3],
-            reciprocal: [[0.0; LANES]; 3],
-            limits: [0.0; LANES],
-            entry: [0, 1, 2].map(|axis| usize::from(first.octant >> axis & 1)),
-            axes,
-            rows: first.rows,
-            wide_origin: [[0.0; LANES]; 3],
-            shear: [[0.0; LANES]; 2],
-            direction: [0.0; LANES],
-            rough: [[0.0; LANES]; 2],
-            interval: [Interval { enter: 0.0, leave: 0.0, reciprocal: [0.0; 2] }; 3],
-            nearest: Hits { t: [0.0; LANES], u: [0.0; LANES], v: [0.0; LANES], id: [Nearest::NONE; LANES] },
-        };
-        // The numbers of `Slabs` and `Shear`, lane by lane.
+        let [_, _, longest] = first.axes();
+        let mut origin = [[0.0f32; LANES]; 3];
         let mut direction = [[0.0f32; LANES]; 3];
-        for (i, ray) in packet.rays.iter().enumerate() {
-            for axis in 0..3 {
-                packet.origin[axis][i] = ray.origin[axis];
-                direction[axis][i] = ray.direction[axis];
-            }
+        for i in 0..LANES {
+            let Ray { origin: o, direction: d } = rays[min_of(i, last)];
+            (origin[0][i], origin[1][i], origin[2][i]) = (o.x, o.y, o.z);
+            (direction[0][i], direction[1][i], direction[2][i]) = (d.x, d.y, d.z);
         }
-        let mut together = true;
+        let mut reciprocal = [[0.0f32; LANES]; 3];
+        let mut apart = 0u32;
         for axis in 0..3 {
-            let (backwards, longest) = (packet.entry[axis] == 1, &direction[axes[2]]);
+            let backwards = first.octant >> axis & 1 == 1;
+            let long = &direction[longest];
+            let is_longest = axis == longest;
             for i in 0..LANES {
                 let d = direction[axis][i];
                 let r = 1.0 / d;
-                packet.reciprocal[axis][i] = r;
-                // Within the axis' length; of equal ones `Shear` takes the first, which is then another ray's way.
-                let shorter = d.abs() < longest[i].abs() || axis == axes[2];
-                together &= normal(r) & packet.origin[axis][i].is_finite() & ((d < 0.0) == backwards) & shorter;
+                reciprocal[axis][i] = r;
+                // Within the longest axis' length; of equal ones a single ray takes the first, which is then another way.
+                let shorter = (d.abs() < long[i].abs()) | is_longest;
+                let together = normal(r) & (origin[axis][i].abs() < f32::INFINITY) & ((d < 0.0) == backwards) & shorter;
+                apart |= u32::from(!together);
             }
         }
-        if !together {
+        if apart != 0 {
             return None;
         }
-        for k in 0..3 {
-            for i in 0..LANES {
-                packet.wide_origin[k][i] = f64::from(packet.origin[axes[k]][i]);
-            }
-        }
+        let mut shear = [[0.0f32; LANES]; 2];
         for k in 0..2 {
+            let (along, long) = (&direction[first.axes()[k]], &direction[longest]);
             for i in 0..LANES {
-                let exact = f64::from(direction[axes[k]][i]) / f64::from(direction[axes[2]][i]);
-                let rough = exact as f32;
-                packet.shear[k][i] = exact;
-                packet.rough[k][i] = if exact == 0.0 || normal(rough) { rough } else { f32::NAN };
+                let s = along[i] / long[i];
+                shear[k][i] = if (s == 0.0) | normal(s) { s } else { f32::NAN };
             }
         }
-        for i in 0..LANES {
-            packet.direction[i] = f64::from(direction[axes[2]][i]);
-            packet.nearest.t[i] = if i <= last { t_max(i) } else { f32::NEG_INFINITY };
+        let mut t = [f32::NEG_INFINITY; LANES];
+        for i in 0..=last {
+            t[i] = t_max(i);
         }
-        let ends =
-            |v: &Lanes<f32>| v.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[a, b], &v| [a.min(v), b.max(v)]);
+        let mut interval = [Interval { enter: 0.0, leave: 0.0, reciprocal: [0.0; 2] }; 3];
+        let mut corners = [Vec3::ZERO; 2];
         for axis in 0..3 {
-            let [low, high] = ends(&packet.origin[axis]);
-            let backwards = packet.entry[axis] == 1;
-            packet.interval[axis] = Interval {
-                enter: if backwards { low } else { high },
-                leave: if backwards { high } else { low },
-                reciprocal: ends(&packet.reciprocal[axis]),
-            };
+            let [low, high] = ends(&origin[axis]);
+            (corners[0][axis], corners[1][axis]) = (low, high);
+            let (enter, leave) = if first.octant >> axis & 1 == 1 { (low, high) } else { (high, low) };
+            interval[axis] = Interval { enter, leave, reciprocal: ends(&reciprocal[axis]) };
         }
-        Some(packet)
+        Some(Packet {
+            origin,
+            reciprocal,
+            shear,
+            t_max: t,
+            limits: [0.0; LANES],
+            low: t,
+            waits: [NOTHING; LANES],
+            interval,
+            octant: usize::from(first.octant),
+            rows: first.rows,
+            bound: Bound::within(corners[0], corners[1], bounds),
+        })
     }
 
     /// Sets `limits` and returns the largest.
     #[inline(always)]
     fn limit(&mut self) -> f32 {
-        let mut largest = f32::NEG_INFINITY;
         for i in 0..LANES {
-            self.limits[i] = slab::limit(self.nearest.t[i]);
-            largest = max(largest, self.limits[i]);
+            self.limits[i] = slab::limit(self.t_max[i]);
         }
-        largest
+        largest(&self.limits)
     }
 
     /// Where the rays may enter and leave the boxes of a node: bounds for all of them, by monotone rounding.
@@ -155,8 +163,8 @@ impl Packet {
         let (mut near, mut far) = ([0.0f32; WIDTH], [f32::INFINITY; WIDTH]);
         for axis in 0..3 {
             let Interval { enter, leave, reciprocal: [r0, r1] } = self.interval[axis];
-            let (first, second) =
-                (&node.boxes[self.entry[axis] & 1][axis], &node.boxes[(self.entry[axis] & 1) ^ 1][axis]);
+            let entry = self.octant >> axis & 1;
+            let (first, second) = (&node.boxes[entry][axis], &node.boxes[entry ^ 1][axis]);
             for i in 0..WIDTH {
                 let (x, y) = (first[i] - enter, second[i] - leave);
                 near[i] = max(near[i], min(x * r0, x * r1));
@@ -173,7 +181,7 @@ impl Packet {
     #[inline(always)]
     fn enters(&self, node: &Node, lane: usize) -> bool {
         let planes = |axis: usize| {
-            let entry = self.entry[axis] & 1;
+            let entry = self.octant >> axis & 1;
             (node.boxes[entry][axis][lane & 7], node.boxes[entry ^ 1][axis][lane & 7])
         };
         let [(x0, x1), (y0, y1), (z0, z1)] = [planes(0), planes(1), planes(2)];
@@ -182,214 +190,385 @@ impl Packet {
         for i in 0..LANES {
             let near = max(max((x0 - ox[i]) * rx[i], (y0 - oy[i]) * ry[i]), max((z0 - oz[i]) * rz[i], 0.0));
             let far = min(min((x1 - ox[i]) * rx[i], (y1 - oy[i]) * ry[i]), (z1 - oz[i]) * rz[i]) * INFLATE;
-            let far = min(far, self.limits[i]);
-            any |= u32::from(near <= far);
+            any |= u32::from(near <= min(far, self.limits[i]));
         }
         any != 0
     }
 
-    /// Whether any ray may meet the triangle: `Block::candidates` with rays for lanes.
+    /// Tests a triangle, its corners in the order of `rows`, and lets it wait for the rays that all but certainly meet it before all else; with
+    /// `any`, ends those that certainly meet it. Returns the rays for which it has to be decided alone, as a nonzero number for each.
     #[inline(always)]
-    fn may_meet(&self, corners: &[[f32; 3]; 3]) -> bool {
+    fn test(
+        &mut self,
+        corners: &[[f32; 3]; 3],
+        bound: f32,
+        place: u32,
+        front_only: bool,
+        any: bool,
+    ) -> Option<Lanes<u32>> {
         let [a, b, c] = corners;
-        let [kx, ky, kz] = self.axes;
-        let (ox, oy, oz) = (&self.origin[kx % 3], &self.origin[ky % 3], &self.origin[kz % 3]);
-        let (along, nearest) = (&self.reciprocal[kz % 3], &self.nearest.t);
-        let mut may = 0u32;
+        let k = |k: usize| usize::from(self.rows[k] >> 4) % 3;
+        let (ox, oy, oz) = (&self.origin[k(0)], &self.origin[k(1)], &self.origin[k(2)]);
+        let (along, [sx, sy]) = (&self.reciprocal[k(2)], &self.shear);
+        // Into lists of their own first: the compiler can't tell that nothing that is read here is written.
+        let (mut undecided, mut taken) = ([0u32; LANES], [0u32; LANES]);
+        let (mut lows, mut highs) = ([0.0f32; LANES], [0.0f32; LANES]);
         for i in 0..LANES {
-            let (ax, ay, az) = (a[0] - ox[i], a[1] - oy[i], a[2] - oz[i]);
-            let (bx, by, bz) = (b[0] - ox[i], b[1] - oy[i], b[2] - oz[i]);
-            let (cx, cy, cz) = (c[0] - ox[i], c[1] - oy[i], c[2] - oz[i]);
-            let size = |x: f32, y: f32, z: f32| max(max(x.abs(), y.abs()), z.abs());
-            let d = max(max(size(ax, ay, az), size(bx, by, bz)), size(cx, cy, cz)) * 2.0;
+            let (az, bz, cz) = (a[2] - oz[i], b[2] - oz[i], c[2] - oz[i]);
             let (ta, tb, tc) = (az * along[i], bz * along[i], cz * along[i]);
-            let beyond = min(min(ta, tb), tc) * DEFLATE > nearest[i] || max(max(ta, tb), tc) <= 0.0;
-            let (sx, sy) = (self.rough[0][i], self.rough[1][i]);
-            let (ax, ay) = (ax - sx * az, ay - sy * az);
-            let (bx, by) = (bx - sx * bz, by - sy * bz);
-            let (cx, cy) = (cx - sx * cz, cy - sy * cz);
-            let m = max(size(ax, ay, bx), size(by, cx, cy));
+            let low = min(min(ta, tb), tc) * DEFLATE;
+            let last = max(max(ta, tb), tc);
+            let high = last * INFLATE;
+            let (ax, ay) = (a[0] - ox[i] - sx[i] * az, a[1] - oy[i] - sy[i] * az);
+            let (bx, by) = (b[0] - ox[i] - sx[i] * bz, b[1] - oy[i] - sy[i] * bz);
+            let (cx, cy) = (c[0] - ox[i] - sx[i] * cz, c[1] - oy[i] - sy[i] * cz);
             let (wa, wb, wc) = (bx * cy - by * cx, cx * ay - cy * ax, ax * by - ay * bx);
-            let bound = d * m * (2.0 * RELATIVE) + (d * (2.0 * UNDERFLOW) + f32::MIN_POSITIVE);
-            let missed = max(max(wa, wb), wc) > bound && min(min(wa, wb), wc) < -bound;
-            may |= u32::from(!(missed | beyond));
-        }
-        may != 0
-    }
-
-    /// `intersect_exactly` with rays for lanes; the nearest hits are kept.
-    #[inline(always)]
-    fn meet(&mut self, corners: &[[f32; 3]; 3], id: u32, front_only: bool) {
-        let [a, b, c] = corners.map(|corner| corner.map(f64::from));
-        let [ox, oy, oz] = &self.wide_origin;
-        let [sx, sy] = &self.shear;
-        let (mut t, mut u, mut v) = ([0.0f64; LANES], [0.0f64; LANES], [0.0f64; LANES]);
-        let (mut inside, mut alone) = ([0u64; LANES], [0u64; LANES]);
-        for i in 0..LANES {
-            let (ax, ay, az) = (a[0] - ox[i], a[1] - oy[i], a[2] - oz[i]);
-            let (bx, by, bz) = (b[0] - ox[i], b[1] - oy[i], b[2] - oz[i]);
-            let (cx, cy, cz) = (c[0] - ox[i], c[1] - oy[i], c[2] - oz[i]);
-            let size = |x: f64, y: f64, z: f64| wide_max(wide_max(x.abs(), y.abs()), z.abs());
-            let d = wide_max(wide_max(size(ax, ay, az), size(bx, by, bz)), size(cx, cy, cz));
-            let (ax, ay) = (ax - sx[i] * az, ay - sy[i] * az);
-            let (bx, by) = (bx - sx[i] * bz, by - sy[i] * bz);
-            let (cx, cy) = (cx - sx[i] * cz, cy - sy[i] * cz);
-            let ((wa, sa), (wb, sb), (wc, sc)) =
-                (difference(bx, cy, by, cx), difference(cx, ay, cy, ax), difference(ax, by, ay, bx));
-            let positive = (wa >= 0.0) & (wb >= 0.0) & (wc >= 0.0);
-            let negative = (wa <= 0.0) & (wb <= 0.0) & (wc <= 0.0);
-            let area = wa + wb + wc;
-            let depth = wa * az + wb * bz + wc * cz;
-            t[i] = depth / area / self.direction[i];
-            u[i] = wb / area;
-            v[i] = wc / area;
-            let sure = sa & sb & sc;
-            let far = (area.abs() > d * d * SURELY) & (depth.abs() > d * d * d * SURELY);
-            let counts = if front_only { area < 0.0 } else { true };
-            // What isn't sure may be inside or not.
-            inside[i] = u64::from(sure & (positive | negative) & far & counts);
-            alone[i] = u64::from(!sure | ((positive | negative) & !far));
-        }
-        let planes = |axis: usize| {
-            let k = [self.axes[0] % 3, self.axes[1] % 3, self.axes[2] % 3];
-            let at = if k[0] == axis {
-                0
-            } else if k[1] == axis {
-                1
+            let (least, most) = (min(min(wa, wb), wc), max(max(wa, wb), wc));
+            let missed = (most > bound) & (least < -bound);
+            let beyond = (low > min(self.t_max[i], f32::MAX)) | (last <= 0.0);
+            let (front, back) = (most < -bound, least > bound);
+            let met = !(missed | beyond) & !(front_only & back);
+            let sure = (front | back) & (low > 0.0);
+            let take = if any {
+                let area = max(least.abs(), most.abs());
+                let large = (area > self.bound.area) & (area * low > self.bound.volume * along[i].abs());
+                met & sure & large & (high <= min(self.t_max[i], f32::MAX))
             } else {
-                2
+                met & sure & (high < self.low[i])
             };
-            let [a, b, c] = [corners[0][at], corners[1][at], corners[2][at]];
-            let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-            if self.entry[axis] == 0 { (low, high) } else { (high, low) }
-        };
-        let [(x0, x1), (y0, y1), (z0, z1)] = [planes(0), planes(1), planes(2)];
-        let ([ox, oy, oz], [rx, ry, rz]) = (&self.origin, &self.reciprocal);
-        let hits = &mut self.nearest;
+            taken[i] = u32::from(take);
+            undecided[i] = u32::from(met & !take);
+            (lows[i], highs[i]) = (low, high);
+        }
+        let mut some = 0;
         for i in 0..LANES {
-            let (x0, x1) = ((x0 - ox[i]) * rx[i], (x1 - ox[i]) * rx[i]);
-            let (y0, y1) = ((y0 - oy[i]) * ry[i], (y1 - oy[i]) * ry[i]);
-            let (z0, z1) = ((z0 - oz[i]) * rz[i], (z1 - oz[i]) * rz[i]);
-            let near = max(max(x0, y0), max(z0, 0.0));
-            let far = min(min(x1, y1), min(z1, f32::INFINITY)) * INFLATE;
-            let confined = min(t[i] as f32, far);
-            let confined = if near > 0.0 { max(confined, near * DEFLATE) } else { confined };
-            let nearer = (confined < hits.t[i]) | ((confined == hits.t[i]) & (id < hits.id[i]));
-            let met = (inside[i] != 0) & (near <= far) & (confined > 0.0) & (confined < f32::INFINITY) & nearer;
-            let u = clamp(u[i] as f32, 1.0);
-            let v = clamp(v[i] as f32, 1.0 - u);
-            hits.t[i] = if met { confined } else { hits.t[i] };
-            hits.u[i] = if met { u } else { hits.u[i] };
-            hits.v[i] = if met { v } else { hits.v[i] };
-            hits.id[i] = if met { id } else { hits.id[i] };
+            some |= undecided[i];
         }
-        if alone.iter().fold(0, |a, b| a | b) != 0 {
-            self.meet_alone(corners, id, front_only, &alone);
-        }
-    }
-
-    /// The same for single rays.
-    #[cold]
-    #[inline(never)]
-    fn meet_alone(&mut self, corners: &[[f32; 3]; 3], id: u32, front_only: bool, alone: &Lanes<u64>) {
-        let mut in_order = [[0.0; 3]; 3];
-        for (to, from) in in_order.iter_mut().zip(corners) {
-            for (axis, value) in self.axes.iter().zip(from) {
-                to[*axis] = *value;
-            }
-        }
-        let corners = triangle::Triangle::new(in_order.map(Into::into));
-        for i in (0..LANES).filter(|&i| alone[i] != 0) {
-            let hits = &mut self.nearest;
-            if let Some(hit) = triangle::intersect(&self.rays[i].prepare(), &corners, hits.t[i])
-                && (hit.t < hits.t[i] || id < hits.id[i])
-                && (hit.front || !front_only)
-            {
-                (hits.t[i], hits.u[i], hits.v[i], hits.id[i]) = (hit.t, hit.u, hit.v, id);
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn leaf(&mut self, block: &Block, leaf: Leaf, front_only: bool, any: bool) {
-        for lane in 0..leaf.count() as usize {
-            let (id, corners) = (block.id(lane), block.ordered(lane, self.rows));
-            if self.may_meet(&corners) {
-                self.meet(&corners, id, front_only);
-            }
-        }
-        if any {
+        if some != 0 {
+            // A closer look: `Tested::between`.
+            some = 0;
             for i in 0..LANES {
-                let hit = self.nearest.id[i] != Nearest::NONE;
-                self.nearest.t[i] = if hit { f32::NEG_INFINITY } else { self.nearest.t[i] };
+                let (az, bz, cz) = (a[2] - oz[i], b[2] - oz[i], c[2] - oz[i]);
+                let (ta, tb, tc) = (az * along[i], bz * along[i], cz * along[i]);
+                let (ax, ay) = (a[0] - ox[i] - sx[i] * az, a[1] - oy[i] - sy[i] * az);
+                let (bx, by) = (b[0] - ox[i] - sx[i] * bz, b[1] - oy[i] - sy[i] * bz);
+                let (cx, cy) = (c[0] - ox[i] - sx[i] * cz, c[1] - oy[i] - sy[i] * cz);
+                let (wa, wb, wc) = (bx * cy - by * cx, cx * ay - cy * ax, ax * by - ay * bx);
+                let (least, most) = (min(min(wa, wb), wc), max(max(wa, wb), wc));
+                let inside = (most < -bound) | (least > bound);
+                let (sum, weighed) = (wa + wb + wc, wa * ta + wb * tb + wc * tc);
+                let (first, last) = (min(min(ta, tb), tc) * DEFLATE, max(max(ta, tb), tc));
+                let (high, size) = (last * INFLATE, max(last.abs(), first.abs()));
+                let mean = weighed / sum;
+                let off = (bound * 4.0 / sum.abs()) * (last - first) + size * BLUR;
+                let told = inside & (mean >= first) & (mean <= high) & (sum.abs() * size >= f32::MIN_POSITIVE);
+                let low = if told { max(first, mean - off) } else { first };
+                let high = if told { min(high, mean + off) } else { high };
+                let certain = inside & (undecided[i] != 0);
+                let end = min(self.t_max[i], f32::MAX);
+                let take = if any {
+                    let area = max(least.abs(), most.abs());
+                    let large = (area > self.bound.area) & (area * low > self.bound.volume * along[i].abs());
+                    certain & (low > 0.0) & large & (high <= end)
+                } else {
+                    certain & (low > 0.0) & (high < self.low[i])
+                };
+                let gone = certain & ((high <= 0.0) | (low > end));
+                taken[i] |= u32::from(take);
+                undecided[i] &= u32::from(!(take | gone));
+                lows[i] = if take { low } else { lows[i] };
+                highs[i] = if take { high } else { highs[i] };
+            }
+            for i in 0..LANES {
+                some |= undecided[i];
             }
         }
+        for i in 0..LANES {
+            let take = taken[i] != 0;
+            if any {
+                self.t_max[i] = if take { f32::NEG_INFINITY } else { self.t_max[i] };
+            } else {
+                self.t_max[i] = if take { highs[i] } else { self.t_max[i] };
+                self.low[i] = if take { lows[i] } else { self.low[i] };
+                self.waits[i] = if take { place } else { self.waits[i] };
+            }
+        }
+        (some != 0).then_some(undecided)
+    }
+}
+
+/// The way of a packet through the tree.
+struct Walk {
+    stack: [MaybeUninit<(f32, Link)>; STACK],
+    len: usize,
+}
+
+impl Walk {
+    #[inline(always)]
+    fn new() -> Walk {
+        let mut stack = [const { MaybeUninit::uninit() }; STACK];
+        stack[0].write((f32::NEG_INFINITY, Link::node(0)));
+        Walk { stack, len: 1 }
     }
 
-    /// Takes the rays through the tree. With `any`, a ray ends at the first hit that it finds, and its t becomes −∞.
-    pub(crate) fn trace(&mut self, nodes: &[Node], blocks: &[Block], front_only: bool, any: bool) {
-        #[allow(unsafe_code)] // `current` never tells more than the machine has.
-        #[cfg(target_arch = "x86_64")]
-        match InstructionSet::current() {
-            // SAFETY: as said.
-            InstructionSet::Avx512 => return unsafe { trace_avx512(self, nodes, blocks, front_only, any) },
-            // SAFETY: as said.
-            InstructionSet::Avx2 => return unsafe { trace_avx2(self, nodes, blocks, front_only, any) },
-            InstructionSet::Baseline => {}
+    /// The next leaf that a ray of the packet may meet. (It is a function that is asked, not one that calls another for each leaf, since that
+    /// would not be compiled for the same instructions.)
+    #[inline(always)]
+    fn next(&mut self, packet: &mut Packet, nodes: &[Node]) -> Option<Leaf> {
+        let limit = packet.limit();
+        while self.len > 0 {
+            self.len -= 1;
+            #[allow(unsafe_code)]
+            // SAFETY: entries below `len` were written.
+            let (near, link) = unsafe { self.stack[self.len].assume_init() };
+            if near > limit {
+                continue;
+            }
+            if link.is_leaf() {
+                return Some(link.leaf());
+            }
+            let node = &nodes[link.index()];
+            let (near, far) = packet.clip(node, limit);
+            let mut met = [false; WIDTH];
+            for lane in 0..WIDTH {
+                met[lane] = near[lane] <= far[lane];
+            }
+            for i in 0..WIDTH {
+                let lane = (i ^ packet.octant ^ (WIDTH - 1)) & (WIDTH - 1);
+                if met[lane] && packet.enters(node, lane) {
+                    self.stack[self.len].write((near[lane], node.children[lane]));
+                    self.len += 1;
+                }
+            }
         }
-        trace(self, nodes, blocks, front_only, any);
+        None
     }
+}
+
+/// The largest of all lanes, by halves, which become vectors.
+#[inline(always)]
+fn largest(v: &Lanes<f32>) -> f32 {
+    let (mut a, mut b, mut c) = ([0.0f32; 8], [0.0f32; 4], [0.0f32; 2]);
+    for i in 0..8 {
+        a[i] = max(v[i], v[i + 8]);
+    }
+    for i in 0..4 {
+        b[i] = max(a[i], a[i + 4]);
+    }
+    for i in 0..2 {
+        c[i] = max(b[i], b[i + 2]);
+    }
+    max(c[0], c[1])
+}
+
+/// The smallest and the largest.
+#[inline(always)]
+fn ends(v: &Lanes<f32>) -> [f32; 2] {
+    let mut negated = [0.0f32; LANES];
+    for i in 0..LANES {
+        negated[i] = -v[i];
+    }
+    [-largest(&negated), largest(v)]
 }
 
 #[inline(always)]
-fn trace(packet: &mut Packet, nodes: &[Node], blocks: &[Block], front_only: bool, any: bool) {
-    if nodes.is_empty() {
-        return;
+fn closest_with(scene: Scene<'_>, rays: &[Ray], nearest: &mut [Nearest]) -> Outcome {
+    if scene.nodes.is_empty() {
+        return Outcome::Done;
     }
-    let mirror = packet.entry[0] | packet.entry[1] << 1 | packet.entry[2] << 2 ^ (WIDTH - 1);
-    let mut stack = [const { MaybeUninit::<(f32, Link)>::uninit() }; STACK];
-    stack[0].write((f32::NEG_INFINITY, Link::node(0)));
-    let mut len = 1;
-    let mut limit = packet.limit();
-    while len > 0 {
-        len -= 1;
-        #[allow(unsafe_code)]
-        // SAFETY: entries below `len` were written.
-        let (near, link) = unsafe { stack[len].assume_init() };
-        if near > limit {
-            continue;
-        }
-        match link.follow() {
-            Err(node) => {
-                let node = &nodes[node];
-                let (near, far) = packet.clip(node, limit);
-                for i in 0..WIDTH {
-                    let lane = (i ^ mirror) & (WIDTH - 1);
-                    if near[lane] <= far[lane] && packet.enters(node, lane) {
-                        stack[len].write((near[lane], node.children[lane]));
-                        len += 1;
-                    }
+    let Some(mut packet) = Packet::gather(rays, |i| nearest[i].t, &scene.bounds) else { return Outcome::Apart };
+    let mut again = 0;
+    let (packet, mut walk) = (&mut packet, Walk::new());
+    while let Some(leaf) = walk.next(packet, scene.nodes) {
+        let block = &scene.blocks[leaf.first() as usize];
+        let bound = packet.bound.of(block.size());
+        for lane in 0..leaf.count() as usize {
+            let corners = block.ordered(lane, packet.rows);
+            let place = leaf.first() << 2 | lane as u32;
+            if let Some(undecided) = packet.test(&corners, bound, place, scene.front_only, false) {
+                for i in (0..rays.len()).filter(|&i| undecided[i] != 0) {
+                    again |= decide(packet, scene, i, place, &rays[i], &mut nearest[i]);
                 }
             }
-            Ok(leaf) => {
-                packet.leaf(&blocks[leaf.first() as usize], leaf, front_only, any);
-                limit = packet.limit();
+        }
+    }
+    let alone = settle(packet, scene, rays, nearest);
+    for i in (0..rays.len()).filter(|i| alone >> i & 1 == 1) {
+        again |= decide(packet, scene, i, NOTHING, &rays[i], &mut nearest[i]);
+    }
+    if again == 0 { Outcome::Done } else { Outcome::Again(again) }
+}
+
+/// Tests what waits for a ray, then a triangle, exactly. Returns the ray's bit if what had waited was not met.
+#[cold]
+#[inline(never)]
+fn decide(packet: &mut Packet, scene: Scene<'_>, i: usize, place: u32, ray: &Ray, nearest: &mut Nearest) -> u32 {
+    let ray = PreparedRay::new(ray);
+    let mut offer =
+        |place: u32| scene.blocks[(place >> 2) as usize].offer(place as usize & 3, &ray, nearest, scene.front_only);
+    let waits = std::mem::replace(&mut packet.waits[i], NOTHING);
+    let failed = waits != NOTHING && !offer(waits);
+    if place != NOTHING {
+        offer(place);
+    }
+    let failed = failed || waits != NOTHING && nearest.t > packet.t_max[i];
+    (packet.t_max[i], packet.low[i]) = (nearest.t, nearest.t);
+    u32::from(failed) << i
+}
+
+/// Tests for all rays what waits for them: `triangle::intersect_exactly` with rays for lanes. Returns the rays for which this has to be
+/// done alone, a bit for each.
+#[inline(always)]
+fn settle(packet: &Packet, scene: Scene<'_>, rays: &[Ray], nearest: &mut [Nearest]) -> u32 {
+    let mut corners = [[[0.0f32; LANES]; 3]; 3];
+    for i in 0..rays.len() {
+        if packet.waits[i] != NOTHING {
+            let place = packet.waits[i];
+            let triangle = scene.blocks[(place >> 2) as usize].ordered(place as usize & 3, packet.rows);
+            for corner in 0..3 {
+                for k in 0..3 {
+                    corners[corner][k][i] = triangle[corner][k];
+                }
             }
         }
     }
+    let mut direction = [[0.0f32; LANES]; 3];
+    for i in 0..LANES {
+        let d = rays[min_of(i, rays.len() - 1)].direction;
+        (direction[0][i], direction[1][i], direction[2][i]) = (d.x, d.y, d.z);
+    }
+    let k = [0, 1, 2].map(|k| usize::from(packet.rows[k] >> 4) % 3);
+    let (ox, oy, oz) = (&packet.origin[k[0]], &packet.origin[k[1]], &packet.origin[k[2]]);
+    let (dx, dy, dz) = (&direction[k[0]], &direction[k[1]], &direction[k[2]]);
+    let [a, b, c] = &corners;
+    let (mut t, mut u, mut v) = ([0.0f32; LANES], [0.0f32; LANES], [0.0f32; LANES]);
+    let mut met = [0u32; LANES];
+    for i in 0..LANES {
+        let wide = |x: f32, o: f32| f64::from(x) - f64::from(o);
+        let (ax, ay, az) = (wide(a[0][i], ox[i]), wide(a[1][i], oy[i]), wide(a[2][i], oz[i]));
+        let (bx, by, bz) = (wide(b[0][i], ox[i]), wide(b[1][i], oy[i]), wide(b[2][i], oz[i]));
+        let (cx, cy, cz) = (wide(c[0][i], ox[i]), wide(c[1][i], oy[i]), wide(c[2][i], oz[i]));
+        let size = |x: f64, y: f64, z: f64| wide_max(wide_max(x.abs(), y.abs()), z.abs());
+        let d = wide_max(wide_max(size(ax, ay, az), size(bx, by, bz)), size(cx, cy, cz));
+        let along = f64::from(dz[i]);
+        let (sx, sy) = (f64::from(dx[i]) / along, f64::from(dy[i]) / along);
+        let (ax, ay) = (ax - sx * az, ay - sy * az);
+        let (bx, by) = (bx - sx * bz, by - sy * bz);
+        let (cx, cy) = (cx - sx * cz, cy - sy * cz);
+        let ((wa, sa), (wb, sb), (wc, sc)) =
+            (difference(bx, cy, by, cx), difference(cx, ay, cy, ax), difference(ax, by, ay, bx));
+        let positive = (wa >= 0.0) & (wb >= 0.0) & (wc >= 0.0);
+        let negative = (wa <= 0.0) & (wb <= 0.0) & (wc <= 0.0);
+        let area = wa + wb + wc;
+        let depth = wa * az + wb * bz + wc * cz;
+        t[i] = (depth / area / along) as f32;
+        u[i] = clamp((wb / area) as f32, 1.0);
+        v[i] = clamp((wc / area) as f32, 1.0 - u[i]);
+        let far = (area.abs() > d * d * SURELY) & (depth.abs() > d * d * d * SURELY);
+        let counts = (area < 0.0) | !scene.front_only;
+        met[i] = u32::from(sa & sb & sc & (positive | negative) & far & counts);
+    }
+    // `PreparedRay::confine`, the axes in another order.
+    for i in 0..LANES {
+        let (mut near, mut far) = (0.0f32, f32::INFINITY);
+        for axis in 0..3 {
+            let ends = [min(min(a[axis][i], b[axis][i]), c[axis][i]), max(max(a[axis][i], b[axis][i]), c[axis][i])];
+            let (o, r) = (packet.origin[k[axis]][i], packet.reciprocal[k[axis]][i]);
+            let (low, high) = ((ends[0] - o) * r, (ends[1] - o) * r);
+            (near, far) = (max(near, min(low, high)), min(far, max(low, high)));
+        }
+        let far = far * INFLATE;
+        let confined = min(t[i], far);
+        let confined = if near > 0.0 { max(confined, near * DEFLATE) } else { confined };
+        met[i] &= u32::from((near <= far) & (confined > 0.0) & (confined <= packet.t_max[i]));
+        t[i] = confined;
+    }
+    let mut alone = 0;
+    for i in 0..rays.len() {
+        if packet.waits[i] == NOTHING {
+            continue;
+        }
+        if met[i] == 0 {
+            alone |= 1 << i;
+            continue;
+        }
+        let id = scene.blocks[(packet.waits[i] >> 2) as usize].id(packet.waits[i] as usize & 3);
+        nearest[i] = Nearest { t: t[i], u: u[i], v: v[i], id };
+    }
+    alone
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-fn trace_avx2(packet: &mut Packet, nodes: &[Node], blocks: &[Block], front_only: bool, any: bool) {
-    trace(packet, nodes, blocks, front_only, any);
+#[inline(always)]
+fn any_with(scene: Scene<'_>, rays: &[Ray], t_max: &mut [f32]) -> Outcome {
+    if scene.nodes.is_empty() {
+        return Outcome::Done;
+    }
+    let Some(mut packet) = Packet::gather(rays, |i| t_max[i], &scene.bounds) else { return Outcome::Apart };
+    let (packet, mut walk) = (&mut packet, Walk::new());
+    while let Some(leaf) = walk.next(packet, scene.nodes) {
+        let block = &scene.blocks[leaf.first() as usize];
+        let bound = packet.bound.of(block.size());
+        for lane in 0..leaf.count() as usize {
+            let corners = block.ordered(lane, packet.rows);
+            if let Some(undecided) = packet.test(&corners, bound, NOTHING, scene.front_only, true) {
+                for i in (0..rays.len()).filter(|&i| undecided[i] != 0) {
+                    end(packet, scene, i, block, lane, &rays[i]);
+                }
+            }
+        }
+    }
+    t_max.copy_from_slice(&packet.t_max[..rays.len()]);
+    Outcome::Done
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512bw,avx512dq")]
-fn trace_avx512(packet: &mut Packet, nodes: &[Node], blocks: &[Block], front_only: bool, any: bool) {
-    trace(packet, nodes, blocks, front_only, any);
+/// Ends a ray if a triangle is met, by the exact test.
+#[cold]
+#[inline(never)]
+fn end(packet: &mut Packet, scene: Scene<'_>, i: usize, block: &Block, lane: usize, ray: &Ray) {
+    let mut nearest = Nearest::before(packet.t_max[i]);
+    if block.offer(lane, &ray.prepare(), &mut nearest, scene.front_only) {
+        packet.t_max[i] = f32::NEG_INFINITY;
+    }
 }
+
+macro_rules! for_instructions {
+    ($(#[$doc:meta])* $name:ident, $with:ident, $avx2:ident, $avx512:ident, $answers:ty) => {
+        $(#[$doc])*
+        pub(crate) fn $name(scene: Scene<'_>, rays: &[Ray], answers: &mut [$answers]) -> Outcome {
+            #[allow(unsafe_code)]
+            #[cfg(target_arch = "x86_64")]
+            match InstructionSet::current() {
+                // SAFETY: `current` never tells more than the machine has.
+                InstructionSet::Avx512 => return unsafe { $avx512(scene, rays, answers) },
+                // SAFETY: as said.
+                InstructionSet::Avx2 => return unsafe { $avx2(scene, rays, answers) },
+                InstructionSet::Baseline => {}
+            }
+            $with(scene, rays, answers)
+        }
+
+        #[cfg(target_arch = "x86_64")]
+        #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+        fn $avx2(scene: Scene<'_>, rays: &[Ray], answers: &mut [$answers]) -> Outcome {
+            $with(scene, rays, answers)
+        }
+
+        #[cfg(target_arch = "x86_64")]
+        #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512bw,avx512dq")]
+        fn $avx512(scene: Scene<'_>, rays: &[Ray], answers: &mut [$answers]) -> Outcome {
+            $with(scene, rays, answers)
+        }
+    };
+}
+
+for_instructions!(
+    /// Finds the nearest triangles that 1 to 16 rays meet, nearer than what is in `nearest`.
+    closest, closest_with, closest_avx2, closest_avx512, Nearest
+);
+for_instructions!(
+    /// Tells which of 1 to 16 rays meet a triangle at or before `t_max`, by −∞.
+    any, any_with, any_avx2, any_avx512, f32
+);
 
 /// `exact::difference_of_products`, where rounding can't have spoilt the sign; tells whether that is so.
 #[inline(always)]
@@ -414,4 +593,9 @@ fn clamp(a: f32, end: f32) -> f32 {
 #[inline(always)]
 fn wide_max(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
+}
+
+#[inline(always)]
+fn min_of(a: usize, b: usize) -> usize {
+    if a < b { a } else { b }
 }

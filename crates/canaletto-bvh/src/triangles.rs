@@ -2,7 +2,7 @@
 
 use crate::block::{Block, Bound, Search, Tested};
 use crate::memory::in_large_pages;
-use crate::packet::{Hits, LANES, Packet};
+use crate::packet::{self, LANES, Outcome};
 use crate::traverse::{Any, Closest, ClosestOfMany};
 use crate::triangle;
 use crate::{Aabb, BuildError, Bvh, Leaf, PreparedRay, Ray, Statistics};
@@ -143,21 +143,22 @@ impl Triangles {
     /// If there are not as many `nearest` as rays.
     pub fn intersect_coherent(&self, rays: &[Ray], nearest: &mut [Nearest], front_only: bool) {
         assert_eq!(rays.len(), nearest.len());
+        let scene = self.scene(front_only);
         for (rays, nearest) in rays.chunks(LANES).zip(nearest.chunks_mut(LANES)) {
-            let fresh = nearest.iter().all(|n| n.id == Nearest::NONE);
-            match Packet::new(rays, |i| nearest[i].t).filter(|_| fresh) {
-                Some(mut packet) => {
-                    packet.trace(self.bvh.nodes(), &self.blocks, front_only, false);
-                    for (i, nearest) in nearest.iter_mut().enumerate() {
-                        let Hits { t, u, v, id } = &packet.nearest;
-                        *nearest = Nearest { t: t[i], u: u[i], v: v[i], id: id[i] };
+            match packet::closest(scene, rays, nearest) {
+                Outcome::Done => {}
+                Outcome::Apart => self.intersect_stream(rays, nearest, front_only),
+                Outcome::Again(which) => {
+                    for i in (0..rays.len()).filter(|i| which >> i & 1 == 1) {
+                        self.intersect_at_once(&rays[i].prepare(), &mut nearest[i], front_only);
                     }
-                }
-                None => {
-                    self.intersect_stream(rays, nearest, front_only);
                 }
             }
         }
+    }
+
+    fn scene(&self, front_only: bool) -> packet::Scene<'_> {
+        packet::Scene { nodes: self.bvh.nodes(), blocks: &self.blocks, bounds: self.bounds(), front_only }
     }
 
     /// [`Triangles::occluded_stream`] for rays of which neighbours in the list go nearly the same way.
@@ -166,15 +167,10 @@ impl Triangles {
     /// If there are not as many `t_max` as rays.
     pub fn occluded_coherent(&self, rays: &[Ray], t_max: &mut [f32], front_only: bool) {
         assert_eq!(rays.len(), t_max.len());
+        let scene = self.scene(front_only);
         for (rays, t_max) in rays.chunks(LANES).zip(t_max.chunks_mut(LANES)) {
-            match Packet::new(rays, |i| t_max[i]) {
-                Some(mut packet) => {
-                    packet.trace(self.bvh.nodes(), &self.blocks, front_only, true);
-                    t_max.copy_from_slice(&packet.nearest.t[..rays.len()]);
-                }
-                None => {
-                    self.occluded_stream(rays, t_max, front_only);
-                }
+            if packet::any(scene, rays, t_max) == Outcome::Apart {
+                self.occluded_stream(rays, t_max, front_only);
             }
         }
     }
@@ -290,19 +286,18 @@ struct AnyOfRays<'a> {
 }
 
 impl ClosestOfMany for AnyOfRays<'_> {
-    type Finding = u32;
+    type Finding = Tested;
 
     #[inline(always)]
-    fn test(&self, ray: usize, leaf: Leaf, t_max: f32) -> (bool, u32) {
-        let block = &self.blocks[leaf.first() as usize];
-        let candidates = block.candidates(&self.rays[ray], self.bounds[ray], t_max);
-        (candidates != 0, candidates)
+    fn test(&self, ray: usize, leaf: Leaf, t_max: f32) -> (bool, Tested) {
+        let tested = self.blocks[leaf.first() as usize].test(&self.rays[ray], self.bounds[ray], t_max);
+        (tested.candidates != 0, tested)
     }
 
     #[inline(always)]
-    fn leaf(&mut self, ray: usize, leaf: Leaf, &candidates: &u32, t_max: &mut f32) {
-        let block = &self.blocks[leaf.first() as usize];
-        if block.any(&self.rays[ray], candidates, *t_max, self.front_only, &mut |_| true).is_some() {
+    fn leaf(&mut self, ray: usize, leaf: Leaf, tested: &Tested, t_max: &mut f32) {
+        let (block, bound) = (&self.blocks[leaf.first() as usize], self.bounds[ray]);
+        if block.any(&self.rays[ray], bound, tested, *t_max, self.front_only, &mut |_| true).is_some() {
             *t_max = f32::NEG_INFINITY;
         }
     }
@@ -328,9 +323,12 @@ impl<F: FnMut(u32) -> bool> Any for AnyOf<'_, F> {
     fn leaf(&mut self, leaf: Leaf) -> bool {
         let block = leaf.first();
         let blocks = &self.blocks[block as usize];
-        let candidates = blocks.candidates(self.ray, self.bound, self.t_max);
+        let tested = blocks.test(self.ray, self.bound, self.t_max);
+        if tested.candidates == 0 {
+            return false;
+        }
         *self.place = blocks
-            .any(self.ray, candidates, self.t_max, self.front_only, &mut self.counts)
+            .any(self.ray, self.bound, &tested, self.t_max, self.front_only, &mut self.counts)
             .map(|lane| block << 2 | lane);
         self.place.is_some()
     }
@@ -406,7 +404,8 @@ mod tests {
                         Ray::new(first.origin + moved, first.direction + turned - moved * 0.5)
                     })
                     .collect();
-                together += usize::from(Packet::new(&rays, |_| f32::INFINITY).is_some());
+                let mut found = vec![Nearest::before(f32::INFINITY); rays.len()];
+                together += usize::from(packet::closest(triangles.scene(false), &rays, &mut found) != Outcome::Apart);
                 for front_only in [false, true] {
                     let mut expected = vec![Nearest::before(f32::INFINITY); rays.len()];
                     for (ray, nearest) in rays.iter().zip(&mut expected) {
