@@ -1,6 +1,6 @@
 //! The bounding volume hierarchy.
 
-use crate::build::{self, BuildError};
+use crate::build::{self, BuildError, Items};
 use crate::node::{Leaf, Node, Statistics, collapse};
 use crate::traverse::{self, Any, Closest, ClosestOfMany};
 use crate::{Aabb, PreparedRay};
@@ -20,26 +20,32 @@ impl Bvh {
     /// # Errors
     /// [`BuildError`] names the first box that is not finite or is empty, or says that there are too many.
     pub fn build(bounds: &[Aabb]) -> Result<Self, BuildError> {
-        let (binary, order) = build::build(bounds, 1)?;
+        let (binary, order) = build::build(Items::new(bounds.len(), |i| bounds[i])?, 1);
         let bounds = binary.first().map_or(Aabb::EMPTY, |root| root.bounds);
         Ok(Self { nodes: collapse(&binary), order, bounds })
     }
 
     /// Builds a tree whose leaves are blocks of up to four primitives that are tested side by side: a block costs the same
-    /// however full it is. [`Leaf::first`] is then the block's number. Returns the primitives of each block, too; the tree itself keeps none.
+    /// however full it is. [`Leaf::first`] is then the block's number. `bounds` tells the box of each of `count` primitives. Returns the
+    /// primitives of each block, too; the tree itself keeps none.
     ///
     /// # Errors
     /// As [`Bvh::build`].
-    pub fn build_blocks(bounds: &[Aabb]) -> Result<(Self, Blocks), BuildError> {
-        let (mut binary, order) = build::build(bounds, build::MAX_LEAF)?;
+    pub fn build_blocks(count: usize, bounds: impl Fn(usize) -> Aabb + Sync) -> Result<(Self, Blocks), BuildError> {
+        Ok(Self::over_blocks(Items::new(count, bounds)?))
+    }
+
+    fn over_blocks(items: Items) -> (Self, Blocks) {
+        let (mut binary, order) = build::build(items, build::MAX_LEAF);
         let bounds = binary.first().map_or(Aabb::EMPTY, |root| root.bounds);
         let mut starts = Vec::new();
         for leaf in binary.iter_mut().filter(|node| node.is_leaf()) {
             let block = starts.len() as u32;
-            starts.push(std::mem::replace(&mut leaf.link, block));
+            starts.push(leaf.first());
+            leaf.set_first(block);
         }
         let nodes = collapse(&binary);
-        Ok((Self { nodes, order: Vec::new(), bounds }, Blocks { starts, order }))
+        (Self { nodes, order: Vec::new(), bounds }, Blocks { starts, order })
     }
 
     /// From slot to primitive: the caller permutes its primitives into this order. Empty for a tree over blocks.

@@ -53,6 +53,7 @@ mod testing;
 mod traverse;
 pub mod triangle;
 mod triangles;
+mod visits;
 
 pub use aabb::Aabb;
 pub use build::BuildError;
@@ -61,3 +62,4 @@ pub use lanes::InstructionSet;
 pub use node::{Leaf, Statistics};
 pub use ray::{PreparedRay, Ray};
 pub use triangles::{Nearest, Triangles};
+pub use visits::Visits;

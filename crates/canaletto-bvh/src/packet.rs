@@ -346,7 +346,7 @@ fn trace(packet: &mut Packet, nodes: &[Node], blocks: &[Block], front_only: bool
     if nodes.is_empty() {
         return;
     }
-    let mirror = packet.entry[0] | packet.entry[1] << 1 | packet.entry[2] << 2 ^ (WIDTH - 1);
+    let octant = packet.entry[0] | packet.entry[1] << 1 | packet.entry[2] << 2;
     let mut stack = [const { MaybeUninit::<(f32, Link)>::uninit() }; STACK];
     stack[0].write((f32::NEG_INFINITY, Link::node(0)));
     let mut len = 1;
@@ -363,8 +363,7 @@ fn trace(packet: &mut Packet, nodes: &[Node], blocks: &[Block], front_only: bool
             Err(node) => {
                 let node = &nodes[node];
                 let (near, far) = packet.clip(node, limit);
-                for i in 0..WIDTH {
-                    let lane = (i ^ mirror) & (WIDTH - 1);
+                for lane in node.order(octant) {
                     if near[lane] <= far[lane] && packet.enters(node, lane) {
                         stack[len].write((near[lane], node.children[lane]));
                         len += 1;

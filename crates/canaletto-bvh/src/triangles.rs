@@ -1,6 +1,7 @@
 //! A tree over triangles, four of which are tested side by side.
 
 use crate::memory::in_large_pages;
+use crate::node::Node;
 use crate::packet::{Hits, LANES, Packet};
 use crate::traverse::{Any, Closest, ClosestOfMany};
 use crate::triangle::{self, Block};
@@ -46,9 +47,7 @@ impl Triangles {
     /// # Errors
     /// [`BuildError`] names the first triangle with a corner that is not finite, or says that there are too many.
     pub fn build(count: usize, corners: impl Fn(u32) -> [Vec3; 3] + Sync) -> Result<Self, BuildError> {
-        let bounds: Vec<Aabb> = (0..count as u32).into_par_iter().map(|id| Aabb::from_points(corners(id))).collect();
-        let (bvh, leaves) = Bvh::build_blocks(&bounds)?;
-        drop(bounds);
+        let (bvh, leaves) = Bvh::build_blocks(count, |id| Aabb::of_triangle(corners(id as u32)))?;
         let mut blocks = in_large_pages(leaves.len());
         (0..leaves.len())
             .into_par_iter()
@@ -169,6 +168,15 @@ impl Triangles {
     pub fn blocks(&self, place: u32, ray: &PreparedRay, t_max: f32, front_only: bool) -> bool {
         let triangle = self.blocks[(place >> 2) as usize].triangle((place & 3) as usize);
         triangle::intersect(ray, &triangle, t_max).is_some_and(|hit| hit.front || !front_only)
+    }
+
+    pub(crate) fn nodes(&self) -> &[Node] {
+        self.bvh.nodes()
+    }
+
+    /// Makes the nearest of a leaf's triangles `nearest`, if one is.
+    pub(crate) fn offer_leaf(&self, leaf: Leaf, ray: &PreparedRay, nearest: &mut Nearest) {
+        triangle::nearest_in_block(ray, &self.blocks[leaf.first() as usize], nearest, false);
     }
 
     /// [`Triangles::intersect`] by trying all of them.

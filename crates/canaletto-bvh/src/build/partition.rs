@@ -31,18 +31,21 @@ pub(super) fn partition(items: &mut [Item], plan: &Plan) -> (usize, [Centers; 2]
     (middle, centers)
 }
 
-/// Without branches that nobody could predict: each item goes to the border, which moves on if it goes left.
-fn part(items: &mut [Item], plan: &Plan) -> (usize, [Centers; 2]) {
-    let mut centers = [Centers::NONE; 2];
-    let mut border = 0;
-    for i in 0..items.len() {
-        let center = items[i].center();
-        let left = plan.grid.bin(center, plan.axis) < plan.bin;
-        centers[usize::from(!left)].add(center);
-        items.swap(i, border);
-        border += usize::from(left);
+super::compiled_wide! {
+    /// Without branches that nobody could predict: each item goes to the border, which moves on if it goes left.
+    fn part(items: &mut [Item], plan: &Plan) -> (usize, [Centers; 2]) {
+        let [mut a, mut b] = [Centers::NONE; 2];
+        let mut border = 0;
+        for i in 0..items.len() {
+            let center = items[i].center();
+            let left = plan.grid.bin(center, plan.axis) < plan.bin;
+            a.add(center, left);
+            b.add(center, !left);
+            items.swap(i, border);
+            border += usize::from(left);
+        }
+        (border, [a, b])
     }
-    (border, centers)
 }
 
 /// The slices of ranges that come in order, `items` starting at `first`.

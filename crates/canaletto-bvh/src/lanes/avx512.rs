@@ -16,7 +16,7 @@ impl Lanes for Avx512 {
     unsafe fn visit(node: &Node, slabs: &Slabs, limit: f32, out: *mut f32, links: *mut Link) -> usize {
         // SAFETY: the caller's promise: AVX-512, and room for eight entries.
         unsafe {
-            let order = avx2::order(slabs);
+            let order = avx2::order(node, slabs);
             let (near, far) = avx2::clip(node, slabs, limit);
             let near = _mm256_permutexvar_ps(order, near);
             let far = _mm256_permutexvar_ps(order, far);
