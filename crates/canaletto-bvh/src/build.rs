@@ -29,6 +29,8 @@ macro_rules! compiled_wide {
 }
 pub(crate) use compiled_wide;
 
+#[cfg(target_arch = "x86_64")]
+mod avx2;
 mod bins;
 mod item;
 mod partition;
@@ -293,8 +295,8 @@ fn split_at_median(items: &mut [Item], extent: &Extent) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Bvh;
     use crate::testing::{Primitive, Random, zoo};
+    use crate::{Bvh, InstructionSet};
 
     fn boxes(n: usize) -> Vec<Aabb> {
         let random = &mut Random(7);
@@ -369,7 +371,7 @@ mod tests {
     }
 
     #[test]
-    fn trees_do_not_depend_on_the_number_of_threads() {
+    fn trees_depend_neither_on_threads_nor_on_instructions() {
         // Enough for the bins of the first levels to be filled in parallel.
         let bounds = boxes(7 * CHUNK + 5);
         let build = |threads| {
@@ -377,6 +379,10 @@ mod tests {
             pool.install(|| Bvh::build(&bounds).unwrap())
         };
         let one = build(1);
+        for set in InstructionSet::available() {
+            set.limit();
+            assert!(build(2) == one, "{set:?}");
+        }
         for threads in [2, 3, 7] {
             assert!(build(threads) == one, "{threads} threads");
         }

@@ -3,14 +3,15 @@
 use rayon::prelude::*;
 
 use super::item::{Box8, Centers, Item};
+use crate::InstructionSet;
 
-const MAX_BINS: usize = 16;
+pub(super) const MAX_BINS: usize = 16;
 
 /// Where a center falls among equal bins along each axis.
 #[derive(Clone, Copy)]
 pub(super) struct Grid {
-    origin: [f32; 4],
-    scale: [f32; 4],
+    pub(super) origin: [f32; 4],
+    pub(super) scale: [f32; 4],
     bins: usize,
 }
 
@@ -50,8 +51,8 @@ impl Grid {
 /// For each bin along each axis the box around its items and their number.
 #[derive(Clone)]
 pub(super) struct Bins {
-    boxes: [[Box8; MAX_BINS]; 3],
-    counts: [[u32; MAX_BINS]; 3],
+    pub(super) boxes: [[Box8; MAX_BINS]; 3],
+    pub(super) counts: [[u32; MAX_BINS]; 3],
 }
 
 impl Bins {
@@ -82,25 +83,29 @@ impl Bins {
     }
 }
 
-super::compiled_wide! {
-    fn fill(all: &mut Bins, items: &[Item], grid: &Grid) -> () {
-        // Only the bins that the grid has.
-        for axis in 0..3 {
-            all.boxes[axis][..grid.bins].fill(Box8::EMPTY);
-            all.counts[axis] = [0; MAX_BINS];
-        }
-        let [xs, ys, zs] = &mut all.boxes;
-        let [nx, ny, nz] = &mut all.counts;
-        for item in items {
-            let bounds = item.bounds();
-            let [x, y, z] = grid.bins(item.center());
-            xs[x] = xs[x].join(bounds);
-            ys[y] = ys[y].join(bounds);
-            zs[z] = zs[z].join(bounds);
-            nx[x] += 1;
-            ny[y] += 1;
-            nz[z] += 1;
-        }
+fn fill(all: &mut Bins, items: &[Item], grid: &Grid) {
+    // Only the bins that the grid has.
+    for axis in 0..3 {
+        all.boxes[axis][..grid.bins].fill(Box8::EMPTY);
+        all.counts[axis] = [0; MAX_BINS];
+    }
+    #[cfg(target_arch = "x86_64")]
+    if InstructionSet::current() >= InstructionSet::Avx2 {
+        #[allow(unsafe_code)]
+        // SAFETY: `current` never tells more than the machine has.
+        return unsafe { super::avx2::fill(all, items, grid) };
+    }
+    let [xs, ys, zs] = &mut all.boxes;
+    let [nx, ny, nz] = &mut all.counts;
+    for item in items {
+        let bounds = item.bounds();
+        let [x, y, z] = grid.bins(item.center());
+        xs[x] = xs[x].join(bounds);
+        ys[y] = ys[y].join(bounds);
+        zs[z] = zs[z].join(bounds);
+        nx[x] += 1;
+        ny[y] += 1;
+        nz[z] += 1;
     }
 }
 
