@@ -53,23 +53,46 @@ fn four(numbers: &[f32; 4]) -> __m128 {
 /// Adds the items to the bins.
 #[target_feature(enable = "avx2,bmi1,bmi2")]
 pub(super) fn fill(all: &mut Bins, items: &[Item], grid: &Grid) {
+    // Neighbours often fall into one bin, which then would have to wait for itself.
+    if items.len() >= APART {
+        let mut other = Bins::EMPTY;
+        let (pairs, last) = items.as_chunks();
+        for [one, two] in pairs {
+            add(all, one, grid);
+            add(&mut other, two, grid);
+        }
+        for item in last {
+            add(all, item, grid);
+        }
+        all.join(&other, grid.bins);
+    } else {
+        for item in items {
+            add(all, item, grid);
+        }
+    }
+}
+
+/// So many items are worth two sets of bins.
+const APART: usize = 256;
+
+#[inline]
+#[target_feature(enable = "avx2,bmi1,bmi2")]
+fn add(all: &mut Bins, item: &Item, grid: &Grid) {
     let (origin, scale) = (four(&grid.origin), four(&grid.scale));
     let [xs, ys, zs] = &mut all.boxes;
     let [nx, ny, nz] = &mut all.counts;
-    for item in items {
-        let bounds = load(item.bounds());
-        let bins = bins(center(bounds), origin, scale);
-        let xy = _mm_cvtsi128_si64(bins) as u64;
-        let x = xy as usize & (MAX_BINS - 1);
-        let y = (xy >> 32) as usize & (MAX_BINS - 1);
-        let z = _mm_extract_epi32::<2>(bins) as usize & (MAX_BINS - 1);
-        join(&mut xs[x], bounds);
-        join(&mut ys[y], bounds);
-        join(&mut zs[z], bounds);
-        nx[x] += 1;
-        ny[y] += 1;
-        nz[z] += 1;
-    }
+    let bounds = load(item.bounds());
+    let bins = bins(center(bounds), origin, scale);
+    let xy = _mm_cvtsi128_si64(bins) as u64;
+    let x = xy as usize & (MAX_BINS - 1);
+    let y = (xy >> 32) as usize & (MAX_BINS - 1);
+    let z = _mm_extract_epi32::<2>(bins) as usize & (MAX_BINS - 1);
+    join(&mut xs[x], bounds);
+    join(&mut ys[y], bounds);
+    join(&mut zs[z], bounds);
+    nx[x] += 1;
+    ny[y] += 1;
+    nz[z] += 1;
 }
 
 /// Moves the items that go left to the front.

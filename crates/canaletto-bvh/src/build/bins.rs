@@ -12,7 +12,7 @@ pub(super) const MAX_BINS: usize = 16;
 pub(super) struct Grid {
     pub(super) origin: [f32; 4],
     pub(super) scale: [f32; 4],
-    bins: usize,
+    pub(super) bins: usize,
 }
 
 impl Grid {
@@ -65,21 +65,26 @@ impl Bins {
                 fill(&mut own, chunk, grid);
                 own
             };
-            let all = items.par_chunks(super::CHUNK).map(one).reduce(|| Self::EMPTY, Self::join);
+            let all = items.par_chunks(super::CHUNK).map(one).reduce(
+                || Self::EMPTY,
+                |mut a, b| {
+                    a.join(&b, grid.bins);
+                    a
+                },
+            );
             *self = all;
             return;
         }
         fill(self, items, grid);
     }
 
-    fn join(mut self, other: Self) -> Self {
+    pub(super) fn join(&mut self, other: &Self, bins: usize) {
         for axis in 0..3 {
-            for bin in 0..MAX_BINS {
+            for bin in 0..bins {
                 self.boxes[axis][bin] = self.boxes[axis][bin].join(&other.boxes[axis][bin]);
                 self.counts[axis][bin] += other.counts[axis][bin];
             }
         }
-        self
     }
 }
 
@@ -146,7 +151,7 @@ impl Plan {
     /// The cheapest split, of equal ones the first. None if all centers fall into one bin. `all` is room to work in.
     pub(super) fn best(items: &[Item], centers: &Centers, measure: &Measure, all: &mut Bins) -> Option<Self> {
         // Few bins do for few items.
-        let grid = Grid::new(centers, (4 + items.len() / 8).min(MAX_BINS));
+        let grid = Grid::new(centers, (4 + items.len() / 16).min(MAX_BINS));
         all.fill(items, &grid);
         cheapest(all, &grid, items.len(), measure)
     }
