@@ -34,6 +34,7 @@ mod avx2;
 mod bins;
 mod item;
 mod partition;
+mod reinsert;
 mod widen;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -61,6 +62,16 @@ const CHUNK: usize = 1 << 15;
 const NODE_COST: f32 = 1.0;
 /// Of a node, where that of all is about 1: so that there are few nodes where they have no area, too.
 const LEAST_COST: f32 = 1e-30;
+
+/// How much work to put into a tree. No answer depends on it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Quality {
+    /// Soon done.
+    #[default]
+    Medium,
+    /// For trees that many rays visit: fewer visits for several times the work.
+    High,
+}
 
 /// Why there is no tree.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -156,13 +167,16 @@ impl Items {
 }
 
 /// The tree and, for each slot, its primitive. A leaf costs as much as the blocks of `block` primitives that it fills, and no
-/// leaf of one block is split.
-pub(crate) fn build(Items(mut items): Items, block: usize) -> (Vec<Binary>, Vec<u32>) {
+/// leaf of one block is split. With [`Quality::High`] the leaves need not come in the order of their slots.
+pub(crate) fn build(Items(mut items): Items, block: usize, quality: Quality) -> (Vec<Binary>, Vec<u32>) {
     let mut nodes = Vec::new();
     if !items.is_empty() {
         let extent = Extent::of(&items);
         let measure = Measure { block: block as u32, scale: extent.bounds.scale() };
         Builder { measure }.subtree(&mut items, 0, 0, extent).0.flatten(&mut nodes);
+        if quality == Quality::High {
+            reinsert::optimize(&mut nodes, &measure);
+        }
     }
     (nodes, items.par_iter().map(Item::id).collect())
 }
@@ -217,7 +231,7 @@ impl Builder {
             || self.subtree(left, first, depth + 1, a),
             || self.subtree(right, first + middle as u32, depth + 1, b),
         );
-        let (costs, lanes) = widen::join(self.node_cost(&extent), &a, &b);
+        let (costs, lanes) = widen::join(self.measure.node(&extent.bounds), &a, &b);
         (Subtree::Split(extent.bounds, lanes, Box::new([left, right])), costs)
     }
 
@@ -241,13 +255,9 @@ impl Builder {
         let a = self.subdivide(left, first, depth + 1, a, nodes, bins);
         nodes[index].link = (nodes.len() - index) as u32;
         let b = self.subdivide(right, first + middle as u32, depth + 1, b, nodes, bins);
-        let (costs, lanes) = widen::join(self.node_cost(&extent), &a, &b);
+        let (costs, lanes) = widen::join(self.measure.node(&extent.bounds), &a, &b);
         nodes[index].lanes = Some(lanes);
         costs
-    }
-
-    fn node_cost(&self, extent: &Extent) -> f32 {
-        (NODE_COST * extent.bounds.half_area(self.measure.scale)).max(LEAST_COST)
     }
 
     /// Reorders `items` into two parts and tells where the second starts, and the extents of both; None for a leaf.
@@ -309,7 +319,7 @@ mod tests {
     }
 
     fn build_boxes(bounds: &[Aabb]) -> (Vec<Binary>, Vec<u32>) {
-        build(Items::new(bounds.len(), |i| bounds[i]).unwrap(), 1)
+        build(Items::new(bounds.len(), |i| bounds[i]).unwrap(), 1, Quality::Medium)
     }
 
     /// Checks the tree and returns its height.

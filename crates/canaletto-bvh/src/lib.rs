@@ -56,7 +56,7 @@ mod triangles;
 mod visits;
 
 pub use aabb::Aabb;
-pub use build::BuildError;
+pub use build::{BuildError, Quality};
 pub use bvh::{Blocks, Bvh};
 pub use lanes::InstructionSet;
 pub use node::{Leaf, Statistics};

@@ -141,6 +141,12 @@ impl Measure {
         (if self.block == 1 { count } else { count.div_ceil(super::MAX_LEAF as u32) }) as f32
     }
 
+    /// What a node with these bounds costs.
+    pub(super) fn node(&self, bounds: &Box8) -> f32 {
+        (super::NODE_COST * bounds.half_area(self.scale)).max(super::LEAST_COST)
+    }
+
+    /// What a leaf costs.
     #[inline(always)]
     pub(super) fn cost(&self, bounds: &Box8, count: u32) -> f32 {
         bounds.half_area(self.scale) * self.blocks(count)

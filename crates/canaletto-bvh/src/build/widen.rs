@@ -7,6 +7,9 @@
 
 use std::num::NonZeroU32;
 
+use super::Binary;
+use super::bins::Measure;
+use super::item::Box8;
 use crate::slab::WIDTH;
 
 /// The least costs of a subtree that may take one lane, two, … up to eight.
@@ -17,6 +20,9 @@ pub(super) type Costs = [f32; WIDTH];
 pub(crate) struct Lanes(NonZeroU32);
 
 impl Lanes {
+    /// Of a node whose costs are not known yet.
+    pub(super) const UNKNOWN: Self = Self(NonZeroU32::MIN);
+
     /// How many of 2 to 8 lanes that this node may take go to its left child; the right one gets the rest. None: the node takes one
     /// lane, that of a wide node.
     pub(crate) fn left(self, lanes: usize) -> Option<usize> {
@@ -28,6 +34,44 @@ impl Lanes {
 /// What a leaf costs in any number of lanes.
 pub(super) fn leaf(cost: f32) -> Costs {
     [cost; WIDTH]
+}
+
+/// Finds the ways of a whole tree, and its cost.
+pub(super) fn all(binary: &mut [Binary], measure: &Measure) -> f32 {
+    let mut costs = vec![[0.0; WIDTH]; binary.len()];
+    // Children come later than their parents.
+    for index in (0..binary.len()).rev() {
+        let node = &mut binary[index];
+        let bounds = Box8::new(&node.bounds, [0.0; 2]);
+        if node.is_leaf() {
+            costs[index] = leaf(measure.cost(&bounds, node.count()));
+        } else {
+            let [left, right] = node.children(index as u32);
+            let (least, lanes) = join(measure.node(&bounds), &costs[left as usize], &costs[right as usize]);
+            costs[index] = least;
+            node.lanes = Some(lanes);
+        }
+    }
+    costs[0][0]
+}
+
+/// How many wide nodes lie on the longest way to a leaf.
+pub(super) fn depth(binary: &[Binary]) -> u32 {
+    // For each tree the lanes that it may take and the wide nodes above.
+    let mut given = vec![(WIDTH, 1); binary.len()];
+    let mut deepest = 0;
+    for (index, node) in binary.iter().enumerate().filter(|(_, node)| !node.is_leaf()) {
+        let (mut lanes, mut depth) = given[index];
+        if lanes == 1 || node.left_lanes(lanes).is_none() {
+            (lanes, depth) = (WIDTH, depth + 1);
+        }
+        let [left, right] = node.children(index as u32);
+        let to_left = node.left_lanes(lanes).unwrap_or(1);
+        given[left as usize] = (to_left, depth);
+        given[right as usize] = (lanes - to_left, depth);
+        deepest = deepest.max(depth);
+    }
+    deepest
 }
 
 super::compiled_wide! {
