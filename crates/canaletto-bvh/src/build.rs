@@ -32,6 +32,8 @@ pub(crate) use compiled_wide;
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 mod bins;
+#[cfg(test)]
+mod hostile;
 mod item;
 mod partition;
 mod reinsert;

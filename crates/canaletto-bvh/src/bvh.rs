@@ -2,6 +2,7 @@
 
 use crate::build::{self, BuildError, Items, Quality};
 use crate::node::{Leaf, Node, Statistics, collapse};
+use crate::refit;
 use crate::traverse::{self, Any, Closest, ClosestOfMany};
 use crate::{Aabb, PreparedRay};
 
@@ -89,6 +90,11 @@ impl Bvh {
     #[inline]
     pub(crate) fn any(&self, ray: &PreparedRay, t_max: f32, leaf: impl Any) -> bool {
         traverse::any(&self.nodes, &ray.slabs, t_max, leaf)
+    }
+
+    /// Fits the boxes to leaves that moved; `leaf` tells the box of that with this first slot or of this block.
+    pub(crate) fn refit(&mut self, leaf: impl Fn(u32) -> Aabb + Sync) {
+        self.bounds = refit::refit(&mut self.nodes, leaf);
     }
 
     pub(crate) fn nodes(&self) -> &[Node] {

@@ -46,6 +46,7 @@ mod memory;
 mod node;
 mod packet;
 mod ray;
+mod refit;
 mod slab;
 pub mod sphere;
 #[cfg(test)]

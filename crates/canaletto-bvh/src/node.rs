@@ -95,11 +95,33 @@ impl Node {
         (0..WIDTH).map(move |i| (order >> (3 * i)) as usize & (WIDTH - 1))
     }
 
-    fn set_box(&mut self, lane: usize, bounds: &Aabb) {
+    /// Adding 0 turns −0 into 0, so that equal boxes are the same bits.
+    pub(crate) fn set_box(&mut self, lane: usize, bounds: &Aabb) {
         for axis in 0..3 {
-            self.boxes[0][axis][lane] = bounds.min[axis];
-            self.boxes[1][axis][lane] = bounds.max[axis];
+            self.boxes[0][axis][lane] = bounds.min[axis] + 0.0;
+            self.boxes[1][axis][lane] = bounds.max[axis] + 0.0;
         }
+    }
+
+    /// The box around all children.
+    pub(crate) fn bounds(&self) -> Aabb {
+        (0..WIDTH).fold(Aabb::EMPTY, |bounds, lane| bounds.union(self.get_box(lane)))
+    }
+
+    /// Finds the orders of the children.
+    #[allow(clippy::needless_range_loop)] // Lanes of lists side by side.
+    pub(crate) fn sort(&mut self) {
+        let middle = self.bounds().center();
+        let mut ways = [[0.0; WIDTH]; 3];
+        for lane in 0..WIDTH {
+            let bounds = self.get_box(lane);
+            if !bounds.is_empty() {
+                // Quarters, of which three sum up without overflow.
+                let way = (bounds.center() - middle) * 0.25;
+                (ways[0][lane], ways[1][lane], ways[2][lane]) = (way.x, way.y, way.z);
+            }
+        }
+        self.orders = orders(&ways);
     }
 
     pub(crate) fn get_box(&self, lane: usize) -> Aabb {
@@ -185,14 +207,9 @@ impl Collapse<'_> {
         let children = &children.all[..children.len];
         let index = self.nodes.len();
         self.nodes.push(Node::EMPTY);
-        let middle = self.binary[root as usize].bounds.center();
-        let mut ways = [[0.0; WIDTH]; 3];
         for (lane, &(child, end)) in children.iter().enumerate() {
             let node = &self.binary[child as usize];
             self.nodes[index].set_box(lane, &node.bounds);
-            // Quarters, of which three sum up without overflow.
-            let way = (node.bounds.center() - middle) * 0.25;
-            (ways[0][lane], ways[1][lane], ways[2][lane]) = (way.x, way.y, way.z);
             if node.is_leaf() {
                 self.nodes[index].children[lane] = Link::leaf(node.first(), node.count());
             } else if end - child <= self.part {
@@ -202,7 +219,7 @@ impl Collapse<'_> {
                 self.adopt(child, end);
             }
         }
-        self.nodes[index].orders = orders(&ways);
+        self.nodes[index].sort();
     }
 }
 

@@ -182,6 +182,10 @@ impl Triangles {
         triangle::intersect(ray, &triangle, t_max).is_some_and(|hit| hit.front || !front_only)
     }
 
+    pub(crate) fn parts(&mut self) -> (&mut Bvh, &mut [Block]) {
+        (&mut self.bvh, &mut self.blocks)
+    }
+
     pub(crate) fn nodes(&self) -> &[Node] {
         self.bvh.nodes()
     }
