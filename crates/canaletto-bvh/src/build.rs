@@ -54,6 +54,8 @@ pub(crate) const MAX_LEAF: usize = 4;
 /// The most levels below the root. Half of them would do for median splits, so the heuristic has the other half to
 /// be unbalanced in; with none left, the median it is. Bounds the traversal's stack and the time of the build.
 pub(crate) const MAX_DEPTH: u32 = 40;
+/// As many levels more than median splits need may lie above many primitives.
+const LEVELS_TO_SPARE: u32 = 8;
 /// The most primitives: a link packs a leaf's first slot and its length into 31 bits.
 pub(crate) const MAX_PRIMITIVES: usize = 1 << 29;
 /// Above it, the halves of a split are built in parallel.
@@ -175,7 +177,8 @@ pub(crate) fn build(Items(mut items): Items, block: usize, quality: Quality) -> 
     if !items.is_empty() {
         let extent = Extent::of(&items);
         let measure = Measure { block: block as u32, scale: extent.bounds.scale() };
-        Builder { measure }.subtree(&mut items, 0, 0, extent).0.flatten(&mut nodes);
+        let most_levels = (levels(items.len()) + LEVELS_TO_SPARE).min(MAX_DEPTH);
+        Builder { measure, most_levels }.subtree(&mut items, 0, 0, extent).0.flatten(&mut nodes);
         if quality == Quality::High {
             reinsert::optimize(&mut nodes, &measure);
         }
@@ -215,6 +218,8 @@ impl Subtree {
 
 struct Builder {
     measure: Measure,
+    /// Within which many primitives must fit in: bounds the time where each split takes off a few of very many.
+    most_levels: u32,
 }
 
 impl Builder {
@@ -269,9 +274,8 @@ impl Builder {
             let (left, right) = items.split_at(middle);
             Some((middle, [Extent::of(left), Extent::of(right)]))
         };
-        // Levels that median splits down to single primitives still need: ⌈log₂ n⌉.
-        let needed = usize::BITS - (n - 1).leading_zeros();
-        if depth + needed >= MAX_DEPTH {
+        let needed = levels(n);
+        if depth + needed >= if n > PARALLEL_BUILD { self.most_levels } else { MAX_DEPTH } {
             if n <= MAX_LEAF {
                 return None;
             }
@@ -293,6 +297,11 @@ impl Builder {
         let [left, right] = plan.bounds;
         Some((middle, [Extent { bounds: left, centers: a }, Extent { bounds: right, centers: b }]))
     }
+}
+
+/// Levels that median splits down to single primitives need: ⌈log₂ n⌉.
+fn levels(n: usize) -> u32 {
+    usize::BITS - (n - 1).leading_zeros()
 }
 
 fn split_at_median(items: &mut [Item], extent: &Extent) -> usize {
