@@ -11,6 +11,7 @@ use canaletto_bench::peers::rays::SETS;
 use canaletto_bench::peers::stages::{self, Stage};
 use canaletto_bench::peers::statistics::Clock;
 use canaletto_bench::peers::{build, load, pictures, recursion, trace};
+use canaletto_bvh::Quality as Own;
 use clap::{Parser, Subcommand};
 
 #[derive(Parser)]
@@ -87,6 +88,9 @@ struct Rays {
     /// How well Embree builds.
     #[arg(long, value_enum, default_value = "high")]
     quality: Quality,
+    /// Build our side's trees with more work, too.
+    #[arg(long)]
+    high: bool,
     /// Embree's watertight mode.
     #[arg(long)]
     robust: bool,
@@ -126,7 +130,7 @@ fn run(arguments: Arguments) -> Result<(), String> {
         return Err("--threads takes numbers above 0".into());
     }
     let report = match what {
-        What::Rays(Rays { mesh, sets, quality, robust, compact }) => trace::run(&trace::Options {
+        What::Rays(Rays { mesh, sets, quality, high, robust, compact }) => trace::run(&trace::Options {
             meshes: meshes(mesh),
             sets,
             threads,
@@ -134,6 +138,7 @@ fn run(arguments: Arguments) -> Result<(), String> {
             size,
             rounds: rounds.into(),
             settings: Settings { quality, robust, compact },
+            own: if high { Own::High } else { Own::Medium },
         })?,
         What::Build { mesh } => {
             build::run(&build::Options { meshes: meshes(mesh), threads, clock, rounds: rounds.into() })?

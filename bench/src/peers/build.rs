@@ -1,5 +1,6 @@
 //! Building hierarchies over meshes: seconds, memory kept and memory needed on the way.
 
+use canaletto_bvh::Quality as Own;
 use serde_json::{Value, json};
 
 use super::embree::{Embree, Part, Quality, Settings};
@@ -93,7 +94,7 @@ fn compare(mesh: &Mesh, threads: usize, options: &Options) -> Result<Vec<Value>,
     let embree = Embree::new(threads).map_err(|message| println!("{message}")).ok();
     let parts = [Part::triangles(&mesh.positions, &mesh.triangles)];
     let peers = [("Embree medium", Quality::Medium), ("Embree high", Quality::High)];
-    let mut builders = vec![Builder { name: "ours", ..Builder::default() }];
+    let mut builders: Vec<Builder> = ["ours", "ours high"].map(|name| Builder { name, ..Builder::default() }).into();
     if embree.is_some() {
         builders.extend(peers.map(|(name, _)| Builder { name, ..Builder::default() }));
     }
@@ -110,12 +111,21 @@ fn compare(mesh: &Mesh, threads: usize, options: &Options) -> Result<Vec<Value>,
                     },
                     |scene| scene.bytes,
                 )?,
-                _ => builder.turn(options.clock, round == 0, || pool.install(|| Ours::build(mesh)), Ours::bytes)?,
+                _ => {
+                    let own = if builder.name == "ours" { Own::Medium } else { Own::High };
+                    builder.turn(options.clock, round == 0, || pool.install(|| Ours::build(mesh, own)), Ours::bytes)?;
+                }
             }
         }
     }
-    let visits = pool.install(|| Ours::build(mesh))?.expected_visits();
-    println!("{}: a random ray is expected to visit {visits:.2} of our nodes and primitives", mesh.name);
+    let visits = |quality| pool.install(|| Ours::build(mesh, quality)).map(|ours| ours.expected_visits());
+    let visits = [visits(Own::Medium)?, visits(Own::High)?];
+    let [medium, high] = visits;
+    let expected = |name: &str| ["ours", "ours high"].iter().position(|&n| n == name).map(|i| visits[i]);
+    println!(
+        "{}: a random ray is expected to visit {medium:.2}, high {high:.2} of our nodes and primitives",
+        mesh.name
+    );
     let mebi = |bytes: usize| bytes as f64 / f64::from(1 << 20);
     let mut rows = Vec::new();
     for builder in &builders {
@@ -131,7 +141,7 @@ fn compare(mesh: &Mesh, threads: usize, options: &Options) -> Result<Vec<Value>,
         rows.push(json!({ "mesh": mesh.name, "triangles": mesh.triangles.len(), "threads": threads,
             "builder": builder.name, "seconds": builder.times.0, "bytes": builder.bytes, "peak": builder.peak,
             "ratio": ratio.median, "ratio_min": ratio.min, "ratio_max": ratio.max,
-            "expected_visits": (builder.name == "ours").then_some(visits) }));
+            "expected_visits": expected(builder.name) }));
     }
     println!();
     Ok(rows)

@@ -1,6 +1,6 @@
 //! Our side of the comparison: everything that uses the hierarchy's interface is in this file.
 
-use canaletto_bvh::{Nearest, Ray, Triangles};
+use canaletto_bvh::{Nearest, Quality, Ray, Triangles};
 
 use super::mesh::Mesh;
 use super::rays::{Packet, Segment};
@@ -13,9 +13,9 @@ pub struct Ours {
 
 impl Ours {
     /// Builds it, on the current pool of threads.
-    pub fn build(mesh: &Mesh) -> Result<Self, String> {
-        let triangles =
-            Triangles::build(mesh.triangles.len(), |id| mesh.corners(id as usize)).map_err(|e| e.to_string())?;
+    pub fn build(mesh: &Mesh, quality: Quality) -> Result<Self, String> {
+        let triangles = Triangles::build_with(quality, mesh.triangles.len(), |id| mesh.corners(id as usize))
+            .map_err(|e| e.to_string())?;
         Ok(Self { triangles })
     }
 

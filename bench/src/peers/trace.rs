@@ -45,6 +45,8 @@ pub struct Options {
     pub rounds: usize,
     /// How Embree builds.
     pub settings: Settings,
+    /// How we build.
+    pub own: canaletto_bvh::Quality,
 }
 
 /// Rays that a thread takes at a time; a multiple of sixteen.
@@ -178,7 +180,7 @@ pub fn run(options: &Options) -> Result<Value, String> {
 fn compare(mesh: &Mesh, embree: Option<&Embree>, options: &Options) -> Result<Vec<Value>, String> {
     let most = options.threads.iter().copied().max().unwrap_or(1);
     let everyone = pool(most)?;
-    let ours = everyone.install(|| Ours::build(mesh))?;
+    let ours = everyone.install(|| Ours::build(mesh, options.own))?;
     let parts = [Part::triangles(&mesh.positions, &mesh.triangles)];
     let scene = embree.map(|embree| embree.build(&parts, options.settings)).transpose()?;
     let wanted = |name: &str| options.sets.is_empty() || options.sets.iter().any(|s| s == name);

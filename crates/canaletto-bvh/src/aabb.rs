@@ -1,5 +1,6 @@
 //! Axis-aligned boxes.
 
+use crate::slab;
 use glam::Vec3;
 
 /// The points between two corners, both included.
@@ -18,6 +19,19 @@ impl Aabb {
     /// The smallest box around `points`. A NaN coordinate stays, so that [`Aabb::is_finite`] can tell.
     pub fn from_points(points: impl IntoIterator<Item = Vec3>) -> Self {
         points.into_iter().fold(Self::EMPTY, Self::include)
+    }
+
+    /// [`Aabb::from_points`] for three.
+    #[inline]
+    pub(crate) fn of_triangle(corners: [Vec3; 3]) -> Self {
+        let [a, b, c] = corners;
+        let of = |pick: fn(f32, f32) -> f32| {
+            Vec3::new(pick(pick(a.x, b.x), c.x), pick(pick(a.y, b.y), c.y), pick(pick(a.z, b.z), c.z))
+        };
+        if !(a.is_finite() && b.is_finite() && c.is_finite()) {
+            return Self::from_points(corners);
+        }
+        Self { min: of(slab::min), max: of(slab::max) }
     }
 
     /// The smallest box around both.

@@ -47,6 +47,16 @@ impl Block {
         block
     }
 
+    /// How many triangles there are.
+    pub(crate) fn len(&self) -> usize {
+        self.corners[0][0].cmplt(Vec4::INFINITY).bitmask().count_ones() as usize
+    }
+
+    /// The same triangles elsewhere.
+    pub(crate) fn with(&self, corners: impl Fn(u32) -> [Vec3; 3]) -> Self {
+        Self::new((0..self.len()).map(|lane| (self.id(lane), corners(self.id(lane)))))
+    }
+
     /// More than any triangle's extent along any axis.
     #[inline(always)]
     pub(crate) fn size(&self) -> f32 {

@@ -4,21 +4,58 @@
 //! Nothing depends on the number of threads: chunks are of a fixed size, bins filled apart are merged by counts, minima and
 //! maxima, and both halves of a split are built apart and joined in order.
 
+/// A function that is also compiled for AVX2, and runs as that where the machine has it.
+macro_rules! compiled_wide {
+    ($(#[$about:meta])* $vis:vis fn $name:ident($($arg:ident: $type:ty),*) -> $result:ty $body:block) => {
+        $(#[$about])*
+        $vis fn $name($($arg: $type),*) -> $result {
+            #[inline(always)]
+            fn code($($arg: $type),*) -> $result $body
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[target_feature(enable = "avx2,bmi1,bmi2")]
+                fn wide($($arg: $type),*) -> $result {
+                    code($($arg),*)
+                }
+                if crate::InstructionSet::current() >= crate::InstructionSet::Avx2 {
+                    #[allow(unsafe_code)]
+                    // SAFETY: `current` never tells more than the machine has.
+                    return unsafe { wide($($arg),*) };
+                }
+            }
+            code($($arg),*)
+        }
+    };
+}
+pub(crate) use compiled_wide;
+
+#[cfg(target_arch = "x86_64")]
+mod avx2;
 mod bins;
+#[cfg(test)]
+mod hostile;
 mod item;
 mod partition;
+mod reinsert;
+mod widen;
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::Aabb;
 use bins::{Bins, Measure, Plan};
-use item::{Box4, Extent, Item};
+use item::{Box8, Centers, Extent, Item};
+use widen::{Costs, Lanes};
 
 /// The most primitives in a leaf.
 pub(crate) const MAX_LEAF: usize = 4;
 /// The most levels below the root. Half of them would do for median splits, so the heuristic has the other half to
 /// be unbalanced in; with none left, the median it is. Bounds the traversal's stack and the time of the build.
 pub(crate) const MAX_DEPTH: u32 = 40;
+/// As many levels more than median splits need may lie above many primitives.
+const LEVELS_TO_SPARE: u32 = 8;
 /// The most primitives: a link packs a leaf's first slot and its length into 31 bits.
 pub(crate) const MAX_PRIMITIVES: usize = 1 << 28;
 /// Above it, the halves of a split are built in parallel.
@@ -27,6 +64,18 @@ const PARALLEL_BUILD: usize = 4096;
 const CHUNK: usize = 1 << 15;
 /// Cost of a node in units of the cost of a primitive.
 const NODE_COST: f32 = 1.0;
+/// Of a node, where that of all is about 1: so that there are few nodes where they have no area, too.
+const LEAST_COST: f32 = 1e-30;
+
+/// How much work to put into a tree. No answer depends on it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Quality {
+    /// Soon done.
+    #[default]
+    Medium,
+    /// For trees that many rays visit: fewer visits for several times the work.
+    High,
+}
 
 /// Why there is no tree.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -52,15 +101,42 @@ pub enum BuildError {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Binary {
     pub(crate) bounds: Aabb,
-    /// The first slot of a leaf; the distance to the right child of a node.
-    pub(crate) link: u32,
-    /// Primitives in a leaf; 0 for a node.
-    pub(crate) count: u32,
+    /// The first slot of a leaf and how many more it has; the distance to the right child of a node.
+    link: u32,
+    /// How a node becomes part of a wide one; none for a leaf.
+    lanes: Option<Lanes>,
 }
 
+/// Bits for the first slot of a leaf.
+const FIRST_BITS: u32 = MAX_PRIMITIVES.ilog2();
+const _: () = assert!(MAX_LEAF <= 1 << (32 - FIRST_BITS) && size_of::<Binary>() == 32);
+
 impl Binary {
+    fn leaf(bounds: &Box8, first: u32, count: usize) -> Self {
+        Self { bounds: bounds.aabb(), link: first | (count as u32 - 1) << FIRST_BITS, lanes: None }
+    }
+
     pub(crate) fn is_leaf(&self) -> bool {
-        self.count > 0
+        self.lanes.is_none()
+    }
+
+    /// The first slot of a leaf.
+    pub(crate) fn first(&self) -> u32 {
+        self.link & ((1 << FIRST_BITS) - 1)
+    }
+
+    pub(crate) fn set_first(&mut self, first: u32) {
+        self.link = first | (self.count() - 1) << FIRST_BITS;
+    }
+
+    /// Primitives in a leaf.
+    pub(crate) fn count(&self) -> u32 {
+        1 + (self.link >> FIRST_BITS)
+    }
+
+    /// How many of 2 to 8 lanes that this subtree may take go to its left child; None if it takes a single one.
+    pub(crate) fn left_lanes(&self, lanes: usize) -> Option<usize> {
+        self.lanes?.left(lanes)
     }
 
     /// The children of this node, which lies at `index`.
@@ -69,36 +145,58 @@ impl Binary {
     }
 }
 
+/// What a builder sorts: boxes and numbers of primitives.
+pub(crate) struct Items(Vec<Item>);
+
+impl Items {
+    /// `count` primitives and their boxes.
+    pub(crate) fn new(count: usize, bounds: impl Fn(usize) -> Aabb + Sync) -> Result<Self, BuildError> {
+        if count > MAX_PRIMITIVES {
+            return Err(BuildError::TooManyPrimitives { count });
+        }
+        let bad = AtomicUsize::new(usize::MAX);
+        let item = |index: usize| {
+            let bounds = bounds(index);
+            if !bounds.is_finite() || bounds.is_empty() {
+                bad.fetch_min(index, Ordering::Relaxed);
+            }
+            Item::new(&bounds, index as u32)
+        };
+        let items = (0..count).into_par_iter().with_min_len(1024).map(item).collect();
+        match bad.into_inner() {
+            usize::MAX => Ok(Self(items)),
+            index => Err(BuildError::InvalidBox { index, bounds: bounds(index) }),
+        }
+    }
+}
+
 /// The tree and, for each slot, its primitive. A leaf costs as much as the blocks of `block` primitives that it fills, and no
-/// leaf of one block is split.
-pub(crate) fn build(bounds: &[Aabb], block: usize) -> Result<(Vec<Binary>, Vec<u32>), BuildError> {
-    if bounds.len() > MAX_PRIMITIVES {
-        return Err(BuildError::TooManyPrimitives { count: bounds.len() });
-    }
-    if let Some(index) = bounds.par_iter().position_first(|b| !b.is_finite() || b.is_empty()) {
-        return Err(BuildError::InvalidBox { index, bounds: bounds[index] });
-    }
-    let mut items: Vec<Item> = bounds.par_iter().enumerate().map(|(id, b)| Item::new(b, id as u32)).collect();
+/// leaf of one block is split. With [`Quality::High`] the leaves need not come in the order of their slots.
+pub(crate) fn build(Items(mut items): Items, block: usize, quality: Quality) -> (Vec<Binary>, Vec<u32>) {
     let mut nodes = Vec::new();
     if !items.is_empty() {
         let extent = Extent::of(&items);
         let measure = Measure { block: block as u32, scale: extent.bounds.scale() };
-        Builder { measure }.subtree(&mut items, 0, 0, extent).flatten(&mut nodes);
+        let most_levels = (levels(items.len()) + LEVELS_TO_SPARE).min(MAX_DEPTH);
+        Builder { measure, most_levels }.subtree(&mut items, 0, 0, extent).0.flatten(&mut nodes);
+        if quality == Quality::High {
+            reinsert::optimize(&mut nodes, &measure);
+        }
     }
-    Ok((nodes, items.par_iter().map(Item::id).collect()))
+    (nodes, items.par_iter().map(Item::id).collect())
 }
 
 /// A tree in the pieces that threads built.
 enum Subtree {
     Whole(Vec<Binary>),
-    Split(Box4, Box<[Subtree; 2]>),
+    Split(Box8, Lanes, Box<[Subtree; 2]>),
 }
 
 impl Subtree {
     fn len(&self) -> usize {
         match self {
             Self::Whole(nodes) => nodes.len(),
-            Self::Split(_, halves) => 1 + halves[0].len() + halves[1].len(),
+            Self::Split(_, _, halves) => 1 + halves[0].len() + halves[1].len(),
         }
     }
 
@@ -106,9 +204,9 @@ impl Subtree {
         nodes.reserve_exact(if nodes.is_empty() { self.len() } else { 0 });
         match self {
             Self::Whole(mut own) => nodes.append(&mut own),
-            Self::Split(bounds, halves) => {
+            Self::Split(bounds, lanes, halves) => {
                 let index = nodes.len();
-                nodes.push(Binary { bounds: bounds.aabb(), link: 0, count: 0 });
+                nodes.push(Binary { bounds: bounds.aabb(), link: 0, lanes: Some(lanes) });
                 let [left, right] = *halves;
                 left.flatten(nodes);
                 nodes[index].link = (nodes.len() - index) as u32;
@@ -120,27 +218,28 @@ impl Subtree {
 
 struct Builder {
     measure: Measure,
+    /// Within which many primitives must fit in: bounds the time where each split takes off a few of very many.
+    most_levels: u32,
 }
 
 impl Builder {
     /// The tree over `items`, whose first slot is `first`.
-    fn subtree(&self, items: &mut [Item], first: u32, depth: u32, extent: Extent) -> Subtree {
+    fn subtree(&self, items: &mut [Item], first: u32, depth: u32, extent: Extent) -> (Subtree, Costs) {
         let n = items.len();
         if n <= PARALLEL_BUILD {
             let mut nodes = Vec::with_capacity(2 * n.div_ceil(self.measure.block as usize));
-            self.subdivide(items, first, depth, extent, &mut nodes, &mut { Bins::EMPTY });
-            return Subtree::Whole(nodes);
+            let costs = self.subdivide(items, first, depth, extent, &mut nodes, &mut { Bins::EMPTY });
+            return (Subtree::Whole(nodes), costs);
         }
-        let Some((middle, [a, b])) = self.split(items, &extent, depth, &mut { Bins::EMPTY }) else {
-            // Not reached: so many are always split.
-            return Subtree::Whole(vec![Binary { bounds: extent.bounds.aabb(), link: first, count: n as u32 }]);
-        };
+        let (middle, [a, b]) =
+            self.split(items, &extent, depth, &mut { Bins::EMPTY }).expect("more than a leaf's primitives are split");
         let (left, right) = items.split_at_mut(middle);
-        let (left, right) = rayon::join(
+        let ((left, a), (right, b)) = rayon::join(
             || self.subtree(left, first, depth + 1, a),
             || self.subtree(right, first + middle as u32, depth + 1, b),
         );
-        Subtree::Split(extent.bounds, Box::new([left, right]))
+        let (costs, lanes) = widen::join(self.measure.node(&extent.bounds), &a, &b);
+        (Subtree::Split(extent.bounds, lanes, Box::new([left, right])), costs)
     }
 
     /// Appends the tree over `items`.
@@ -152,17 +251,20 @@ impl Builder {
         extent: Extent,
         nodes: &mut Vec<Binary>,
         bins: &mut Bins,
-    ) {
-        let index = nodes.len();
-        nodes.push(Binary { bounds: extent.bounds.aabb(), link: first, count: items.len() as u32 });
+    ) -> Costs {
         let Some((middle, [a, b])) = self.split(items, &extent, depth, bins) else {
-            return;
+            nodes.push(Binary::leaf(&extent.bounds, first, items.len()));
+            return widen::leaf(self.measure.cost(&extent.bounds, items.len() as u32));
         };
+        let index = nodes.len();
+        nodes.push(Binary { bounds: extent.bounds.aabb(), link: 0, lanes: None });
         let (left, right) = items.split_at_mut(middle);
-        self.subdivide(left, first, depth + 1, a, nodes, bins);
+        let a = self.subdivide(left, first, depth + 1, a, nodes, bins);
         nodes[index].link = (nodes.len() - index) as u32;
-        self.subdivide(right, first + middle as u32, depth + 1, b, nodes, bins);
-        nodes[index].count = 0;
+        let b = self.subdivide(right, first + middle as u32, depth + 1, b, nodes, bins);
+        let (costs, lanes) = widen::join(self.measure.node(&extent.bounds), &a, &b);
+        nodes[index].lanes = Some(lanes);
+        costs
     }
 
     /// Reorders `items` into two parts and tells where the second starts, and the extents of both; None for a leaf.
@@ -172,9 +274,8 @@ impl Builder {
             let (left, right) = items.split_at(middle);
             Some((middle, [Extent::of(left), Extent::of(right)]))
         };
-        // Levels that median splits down to single primitives still need: ⌈log₂ n⌉.
-        let needed = usize::BITS - (n - 1).leading_zeros();
-        if depth + needed >= MAX_DEPTH {
+        let needed = levels(n);
+        if depth + needed >= if n > PARALLEL_BUILD { self.most_levels } else { MAX_DEPTH } {
             if n <= MAX_LEAF {
                 return None;
             }
@@ -198,9 +299,14 @@ impl Builder {
     }
 }
 
+/// Levels that median splits down to single primitives need: ⌈log₂ n⌉.
+fn levels(n: usize) -> u32 {
+    usize::BITS - (n - 1).leading_zeros()
+}
+
 fn split_at_median(items: &mut [Item], extent: &Extent) -> usize {
-    let size = extent.centers.0.max - extent.centers.0.min;
-    let axis = size.truncate().max_position();
+    let Centers(centers) = &extent.centers;
+    let axis = Vec3::from([0, 1, 2].map(|axis| centers.max(axis) - centers.min(axis))).max_position();
     let middle = items.len() / 2;
     let key = |item: &Item| item.center()[axis];
     items.select_nth_unstable_by(middle, |a, b| key(a).total_cmp(&key(b)).then(a.id().cmp(&b.id())));
@@ -210,9 +316,8 @@ fn split_at_median(items: &mut [Item], extent: &Extent) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Bvh;
     use crate::testing::{Primitive, Random, zoo};
-    use glam::Vec3;
+    use crate::{Bvh, InstructionSet};
 
     fn boxes(n: usize) -> Vec<Aabb> {
         let random = &mut Random(7);
@@ -224,14 +329,18 @@ mod tests {
             .collect()
     }
 
+    fn build_boxes(bounds: &[Aabb]) -> (Vec<Binary>, Vec<u32>) {
+        build(Items::new(bounds.len(), |i| bounds[i]).unwrap(), 1, Quality::Medium)
+    }
+
     /// Checks the tree and returns its height.
     fn check(bounds: &[Aabb]) -> u32 {
         fn visit(nodes: &[Binary], index: u32, parent: &Aabb, slots: &mut Vec<u32>) -> (Aabb, u32) {
             let node = &nodes[index as usize];
             assert_eq!(parent.union(node.bounds), *parent);
             if node.is_leaf() {
-                assert!(node.count as usize <= MAX_LEAF);
-                slots.extend(node.link..node.link + node.count);
+                assert!(node.count() as usize <= MAX_LEAF);
+                slots.extend(node.first()..node.first() + node.count());
                 return (node.bounds, 0);
             }
             let [left, right] = node.children(index);
@@ -240,12 +349,12 @@ mod tests {
             assert_eq!(a.union(b), node.bounds);
             (node.bounds, 1 + left.max(right))
         }
-        let (nodes, order) = build(bounds, 1).unwrap();
+        let (nodes, order) = build_boxes(bounds);
         let mut slots = Vec::new();
         let (_, height) = visit(&nodes, 0, &nodes[0].bounds, &mut slots);
         assert!(slots.into_iter().eq(0..bounds.len() as u32), "each slot in one leaf, in order");
         for node in nodes.iter().filter(|node| node.is_leaf()) {
-            let ids = &order[node.link as usize..][..node.count as usize];
+            let ids = &order[node.first() as usize..][..node.count() as usize];
             let union = ids.iter().fold(Aabb::EMPTY, |b, &id| b.union(bounds[id as usize]));
             assert_eq!(union, node.bounds, "a leaf fits its primitives");
         }
@@ -283,7 +392,7 @@ mod tests {
     }
 
     #[test]
-    fn trees_do_not_depend_on_the_number_of_threads() {
+    fn trees_depend_neither_on_threads_nor_on_instructions() {
         // Enough for the bins of the first levels to be filled in parallel.
         let bounds = boxes(7 * CHUNK + 5);
         let build = |threads| {
@@ -291,6 +400,10 @@ mod tests {
             pool.install(|| Bvh::build(&bounds).unwrap())
         };
         let one = build(1);
+        for set in InstructionSet::available() {
+            set.limit();
+            assert!(build(2) == one, "{set:?}");
+        }
         for threads in [2, 3, 7] {
             assert!(build(threads) == one, "{threads} threads");
         }
@@ -333,7 +446,7 @@ mod tests {
     fn halves_are_found_where_the_gap_is() {
         // Two clusters along y: the root's children must be the clusters.
         let cluster = |y: f32| (0..10).map(move |i| Aabb::from_points([Vec3::new(i as f32, y, 0.0)]));
-        let (nodes, _) = build(&cluster(0.0).chain(cluster(1000.0)).collect::<Vec<_>>(), 1).unwrap();
+        let (nodes, _) = build_boxes(&cluster(0.0).chain(cluster(1000.0)).collect::<Vec<_>>());
         let [left, right] = nodes[0].children(0);
         assert_eq!(nodes[left as usize].bounds.max.y, 0.0);
         assert_eq!(nodes[right as usize].bounds.min.y, 1000.0);

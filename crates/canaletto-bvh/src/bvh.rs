@@ -1,7 +1,8 @@
 //! The bounding volume hierarchy.
 
-use crate::build::{self, BuildError};
+use crate::build::{self, BuildError, Items, Quality};
 use crate::node::{Leaf, Node, Statistics, collapse};
+use crate::refit;
 use crate::traverse::{self, Any, Closest, ClosestOfMany};
 use crate::{Aabb, PreparedRay};
 
@@ -20,26 +21,36 @@ impl Bvh {
     /// # Errors
     /// [`BuildError`] names the first box that is not finite or is empty, or says that there are too many.
     pub fn build(bounds: &[Aabb]) -> Result<Self, BuildError> {
-        let (binary, order) = build::build(bounds, 1)?;
+        let (binary, order) = build::build(Items::new(bounds.len(), |i| bounds[i])?, 1, Quality::Medium);
         let bounds = binary.first().map_or(Aabb::EMPTY, |root| root.bounds);
         Ok(Self { nodes: collapse(&binary), order, bounds })
     }
 
     /// Builds a tree whose leaves are blocks of up to four primitives that are tested side by side: a block costs the same
-    /// however full it is. [`Leaf::first`] is then the block's number. Returns the primitives of each block, too; the tree itself keeps none.
+    /// however full it is. [`Leaf::first`] is then the block's number. `bounds` tells the box of each of `count` primitives. Returns the
+    /// primitives of each block, too; the tree itself keeps none.
     ///
     /// # Errors
     /// As [`Bvh::build`].
-    pub fn build_blocks(bounds: &[Aabb]) -> Result<(Self, Blocks), BuildError> {
-        let (mut binary, order) = build::build(bounds, build::MAX_LEAF)?;
+    pub fn build_blocks(
+        count: usize,
+        bounds: impl Fn(usize) -> Aabb + Sync,
+        quality: Quality,
+    ) -> Result<(Self, Blocks), BuildError> {
+        Ok(Self::over_blocks(Items::new(count, bounds)?, quality))
+    }
+
+    fn over_blocks(items: Items, quality: Quality) -> (Self, Blocks) {
+        let (mut binary, order) = build::build(items, build::MAX_LEAF, quality);
         let bounds = binary.first().map_or(Aabb::EMPTY, |root| root.bounds);
-        let mut starts = Vec::new();
+        let mut leaves = Vec::new();
         for leaf in binary.iter_mut().filter(|node| node.is_leaf()) {
-            let block = starts.len() as u32;
-            starts.push(std::mem::replace(&mut leaf.link, block));
+            let block = leaves.len() as u32;
+            leaves.push((leaf.first(), leaf.count()));
+            leaf.set_first(block);
         }
         let nodes = collapse(&binary);
-        Ok((Self { nodes, order: Vec::new(), bounds }, Blocks { starts, order }))
+        (Self { nodes, order: Vec::new(), bounds }, Blocks { leaves, order })
     }
 
     /// From slot to primitive: the caller permutes its primitives into this order. Empty for a tree over blocks.
@@ -81,6 +92,11 @@ impl Bvh {
         traverse::any(&self.nodes, ray, t_max, leaf)
     }
 
+    /// Fits the boxes to leaves that moved; `leaf` tells the box of that with this first slot or of this block.
+    pub(crate) fn refit(&mut self, leaf: impl Fn(u32) -> Aabb + Sync) {
+        self.bounds = refit::refit(&mut self.nodes, leaf);
+    }
+
     pub(crate) fn nodes(&self) -> &[Node] {
         &self.nodes
     }
@@ -94,25 +110,26 @@ impl Bvh {
 /// The primitives of the leaves of a tree over blocks.
 #[derive(Clone, Debug)]
 pub struct Blocks {
-    starts: Vec<u32>,
+    /// The first slot of each, and how many it has.
+    leaves: Vec<(u32, u32)>,
     order: Vec<u32>,
 }
 
 impl Blocks {
     /// How many blocks there are.
     pub fn len(&self) -> usize {
-        self.starts.len()
+        self.leaves.len()
     }
 
     /// Whether there is none.
     pub fn is_empty(&self) -> bool {
-        self.starts.is_empty()
+        self.leaves.is_empty()
     }
 
     /// The 1 to 4 primitives of a block.
     pub fn block(&self, index: usize) -> &[u32] {
-        let end = self.starts.get(index + 1).map_or(self.order.len(), |&s| s as usize);
-        &self.order[self.starts[index] as usize..end]
+        let (first, count) = self.leaves[index];
+        &self.order[first as usize..][..count as usize]
     }
 }
 

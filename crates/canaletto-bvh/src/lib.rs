@@ -47,6 +47,7 @@ mod memory;
 mod node;
 mod packet;
 mod ray;
+mod refit;
 mod slab;
 pub mod sphere;
 #[cfg(test)]
@@ -54,11 +55,13 @@ mod testing;
 mod traverse;
 pub mod triangle;
 mod triangles;
+mod visits;
 
 pub use aabb::Aabb;
-pub use build::BuildError;
+pub use build::{BuildError, Quality};
 pub use bvh::{Blocks, Bvh};
 pub use lanes::InstructionSet;
 pub use node::{Leaf, Statistics};
 pub use ray::{PreparedRay, Ray};
 pub use triangles::{Nearest, Triangles};
+pub use visits::Visits;

@@ -1,28 +1,27 @@
 //! The nodes of the tree that rays walk: eight children each, their boxes side by side for SIMD tests.
 //!
-//! A child's lane tells where it lies: bit 0 is set for one rather towards +x, bit 1 for +y, bit 2 for +z, as well as
-//! one child per lane allows. Seen along a ray of octant o, the lanes i ^ o for i = 0, 1, … then come roughly from near
-//! to far, and nothing needs to be sorted (Garanzha and Loop, "Fast ray sorting and breadth-first packet traversal for
-//! GPU ray tracing", 2010; Ylitie, Karras and Laine, "Efficient incoherent ray traversal on GPUs through compressed
-//! wide BVHs", 2017).
+//! For each octant of directions a node knows in which order its children's centers come along the octant's diagonal, so that
+//! nothing needs to be sorted on the way (Dammertz, Hanika and Keller, "Shallow bounding volume hierarchies for fast SIMD ray tracing of
+//! incoherent rays", 2008, have the order of splits instead).
 
 use std::ops::Range;
 
-use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::Aabb;
-use crate::build::{Binary, MAX_LEAF, MAX_PRIMITIVES};
+use crate::build::{Binary, MAX_LEAF, MAX_PRIMITIVES, compiled_wide};
 use crate::memory::in_large_pages;
 use crate::slab::{Boxes, WIDTH};
 
-/// Eight children. 256 bytes, four cache lines, of which 224 are used.
+/// Eight children. 256 bytes, four cache lines.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(64))]
 pub(crate) struct Node {
     /// The children's boxes; where there is no child, a box that no ray meets.
     pub(crate) boxes: Boxes,
     pub(crate) children: [Link; WIDTH],
+    /// For rays of each octant the lanes in three bits each, the farthest lowest.
+    pub(crate) orders: [u32; 8],
 }
 
 /// A node or a leaf.
@@ -113,14 +112,46 @@ impl Leaf {
 }
 
 impl Node {
-    const EMPTY: Self =
-        Self { boxes: [[[f32::INFINITY; WIDTH]; 3], [[f32::NEG_INFINITY; WIDTH]; 3]], children: [Link(0); WIDTH] };
+    const EMPTY: Self = Self {
+        boxes: [[[f32::INFINITY; WIDTH]; 3], [[f32::NEG_INFINITY; WIDTH]; 3]],
+        children: [Link(0); WIDTH],
+        orders: [0; 8],
+    };
 
-    fn set_box(&mut self, lane: usize, bounds: &Aabb) {
+    /// The lanes from far to near for a ray of an octant, which has a bit for each axis along which it moves backwards.
+    #[inline(always)]
+    pub(crate) fn order(&self, octant: usize) -> impl Iterator<Item = usize> + use<> {
+        let order = self.orders[octant & 7];
+        (0..WIDTH).map(move |i| (order >> (3 * i)) as usize & (WIDTH - 1))
+    }
+
+    /// Adding 0 turns −0 into 0, so that equal boxes are the same bits.
+    pub(crate) fn set_box(&mut self, lane: usize, bounds: &Aabb) {
         for axis in 0..3 {
-            self.boxes[0][axis][lane] = bounds.min[axis];
-            self.boxes[1][axis][lane] = bounds.max[axis];
+            self.boxes[0][axis][lane] = bounds.min[axis] + 0.0;
+            self.boxes[1][axis][lane] = bounds.max[axis] + 0.0;
         }
+    }
+
+    /// The box around all children.
+    pub(crate) fn bounds(&self) -> Aabb {
+        (0..WIDTH).fold(Aabb::EMPTY, |bounds, lane| bounds.union(self.get_box(lane)))
+    }
+
+    /// Finds the orders of the children.
+    #[allow(clippy::needless_range_loop)] // Lanes of lists side by side.
+    pub(crate) fn sort(&mut self) {
+        let middle = self.bounds().center();
+        let mut ways = [[0.0; WIDTH]; 3];
+        for lane in 0..WIDTH {
+            let bounds = self.get_box(lane);
+            if !bounds.is_empty() {
+                // Quarters, of which three sum up without overflow.
+                let way = (bounds.center() - middle) * 0.25;
+                (ways[0][lane], ways[1][lane], ways[2][lane]) = (way.x, way.y, way.z);
+            }
+        }
+        self.orders = orders(&ways);
     }
 
     pub(crate) fn get_box(&self, lane: usize) -> Aabb {
@@ -132,8 +163,8 @@ impl Node {
 /// Above it, a part of the binary tree is collapsed apart from the rest.
 const PART: u32 = 1 << 14;
 
-/// Collapses a binary tree: each node adopts the children of its largest inner child until it has eight (Wald,
-/// Benthin and Boulos, "Getting rid of packets", 2008). The uppermost nodes lie together, then parts in depth-first order.
+/// Makes the wide nodes that cost least of a binary tree (see `build::widen`). The uppermost nodes lie together, then parts in
+/// depth-first order.
 pub(crate) fn collapse(binary: &[Binary]) -> Vec<Node> {
     let mut top = Collapse { binary, nodes: Vec::new(), parts: Vec::new(), part: PART };
     if binary.is_empty() {
@@ -144,7 +175,8 @@ pub(crate) fn collapse(binary: &[Binary]) -> Vec<Node> {
     let below: Vec<Vec<Node>> = parts
         .par_iter()
         .map(|part| {
-            let mut inner = Collapse { binary, nodes: Vec::new(), parts: Vec::new(), part: 0 };
+            let room = (part.end - part.root) as usize / 10;
+            let mut inner = Collapse { binary, nodes: Vec::with_capacity(room), parts: Vec::new(), part: 0 };
             inner.adopt(part.root, part.end);
             inner.nodes
         })
@@ -175,35 +207,41 @@ struct Part {
     lane: usize,
 }
 
+/// Children of a wide node: where their trees begin and end.
+struct Children {
+    all: [(u32, u32); WIDTH],
+    len: usize,
+}
+
 impl Collapse<'_> {
+    /// Collects what the tree at `root`, the nodes of which end before `end`, puts into so many lanes.
+    fn gather(&self, root: u32, end: u32, lanes: usize, children: &mut Children) {
+        let node = &self.binary[root as usize];
+        match if lanes == 1 { None } else { node.left_lanes(lanes) } {
+            Some(to_left) => {
+                let [left, right] = node.children(root);
+                self.gather(left, right, to_left, children);
+                self.gather(right, end, lanes - to_left, children);
+            }
+            None => {
+                children.all[children.len] = (root, end);
+                children.len += 1;
+            }
+        }
+    }
+
     /// Collapses the tree at `root`, the nodes of which end before `end`.
     fn adopt(&mut self, root: u32, end: u32) {
-        let mut children = [(root, end); WIDTH];
-        let mut len = 1;
-        while len < WIDTH {
-            let largest = (0..len)
-                .filter(|&i| !self.binary[children[i].0 as usize].is_leaf())
-                .map(|i| (i, self.binary[children[i].0 as usize].bounds.half_area()))
-                .reduce(|best, next| if next.1 > best.1 { next } else { best });
-            let Some((i, _)) = largest else { break };
-            let (at, end) = children[i];
-            let [left, right] = self.binary[at as usize].children(at);
-            children[i] = (left, right);
-            children[len] = (right, end);
-            len += 1;
-        }
-        let children = &children[..len];
-        let lanes = lanes(
-            children.iter().map(|c| self.binary[c.0 as usize].bounds.center()),
-            &self.binary[root as usize].bounds,
-        );
+        let mut children = Children { all: [(0, 0); WIDTH], len: 0 };
+        self.gather(root, end, WIDTH, &mut children);
+        let children = &children.all[..children.len];
         let index = self.nodes.len();
         self.nodes.push(Node::EMPTY);
-        for (&(child, end), &lane) in children.iter().zip(&lanes) {
+        for (lane, &(child, end)) in children.iter().enumerate() {
             let node = &self.binary[child as usize];
             self.nodes[index].set_box(lane, &node.bounds);
             if node.is_leaf() {
-                self.nodes[index].children[lane] = Link::to_leaf(node.link, node.count);
+                self.nodes[index].children[lane] = Link::to_leaf(node.first(), node.count());
             } else if end - child <= self.part {
                 self.parts.push(Part { root: child, end, parent: index, lane });
             } else {
@@ -211,40 +249,36 @@ impl Collapse<'_> {
                 self.adopt(child, end);
             }
         }
+        self.nodes[index].sort();
     }
 }
 
-/// A lane of its own for each child, given the centers of all and the box around them: the pair of child and lane that suit each
-/// other best first.
-fn lanes(centers: impl ExactSizeIterator<Item = Vec3>, bounds: &Aabb) -> [usize; WIDTH] {
-    let count = centers.len();
-    let middle = bounds.center();
-    // How well each lane suits each child: the child's way from the middle along the lane's diagonal.
-    let mut suits = [[f32::NEG_INFINITY; WIDTH]; WIDTH];
-    for (suits, center) in suits.iter_mut().zip(centers) {
-        let Vec3 { x, y, z } = (center - middle) * 0.25;
-        for (lane, suits) in suits.iter_mut().enumerate() {
-            let along = |way: f32, bit: usize| if lane & bit == 0 { -way } else { way };
-            *suits = along(x, 1) + along(y, 2) + along(z, 4);
-        }
-    }
-    let mut lanes = [0; WIDTH];
-    let (mut children, mut free) = ((1u32 << count) - 1, (1u32 << WIDTH) - 1);
-    while children != 0 {
-        let mut best = (f32::NEG_INFINITY, children.trailing_zeros() as usize, free.trailing_zeros() as usize);
-        for child in (0..count).filter(|child| children >> child & 1 == 1) {
-            for lane in (0..WIDTH).filter(|lane| free >> lane & 1 == 1) {
-                if suits[child][lane] > best.0 {
-                    best = (suits[child][lane], child, lane);
+compiled_wide! {
+    /// The orders of eight points, given x, y and z of all.
+    #[allow(clippy::needless_range_loop)] // Lanes of lists side by side.
+    fn orders(ways: &[[f32; WIDTH]; 3]) -> [u32; 8] {
+        let mut orders = [0; 8];
+        for octant in 0..4 {
+            let sign = |axis: usize| if octant >> axis & 1 == 1 { -1.0 } else { 1.0 };
+            let mut along = [0.0; WIDTH];
+            for i in 0..WIDTH {
+                along[i] = ways[0][i] * sign(0) + ways[1][i] * sign(1) + ways[2][i] * sign(2);
+            }
+            // How many are farther; of equals, those in later lanes.
+            let mut ranks = [0; WIDTH];
+            for other in 0..WIDTH {
+                for i in 0..WIDTH {
+                    ranks[i] += u32::from(along[other] > along[i] || along[other] == along[i] && other > i);
                 }
             }
+            for i in 0..WIDTH {
+                orders[octant] |= (i as u32) << (3 * ranks[i]);
+                // The opposite way, the other way around.
+                orders[octant ^ 7] |= (i as u32) << (3 * (7 - ranks[i]));
+            }
         }
-        let (_, child, lane) = best;
-        lanes[child] = lane;
-        children &= !(1 << child);
-        free &= !(1 << lane);
+        orders
     }
-    lanes
 }
 
 /// What a tree is like.
@@ -292,5 +326,30 @@ impl Statistics {
             }
         }
         s
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Random;
+    use glam::Vec3;
+
+    #[test]
+    fn each_octant_has_its_children_from_far_to_near() {
+        let random = &mut Random(43);
+        for n in 0..200 {
+            // Some coincide.
+            let points: Vec<Vec3> = (0..WIDTH).map(|_| (random.vector() * 3.0).round() * [1.0, 0.0][n % 2]).collect();
+            let row = |axis: usize| std::array::from_fn(|lane| points[lane][axis]);
+            let node = Node { orders: orders(&[row(0), row(1), row(2)]), ..Node::EMPTY };
+            for octant in 0..8 {
+                let way = Vec3::from([0, 1, 2].map(|axis| if octant >> axis & 1 == 1 { -1.0 } else { 1.0 }));
+                let mut lanes: Vec<usize> = node.order(octant).collect();
+                assert!(lanes.is_sorted_by(|&a, &b| points[a].dot(way) >= points[b].dot(way)));
+                lanes.sort_unstable();
+                assert!(lanes.into_iter().eq(0..WIDTH), "each lane once");
+            }
+        }
     }
 }

@@ -333,8 +333,7 @@ impl Walk {
             for lane in 0..WIDTH {
                 met[lane] = near[lane] <= far[lane];
             }
-            for i in 0..WIDTH {
-                let lane = (i ^ packet.octant ^ (WIDTH - 1)) & (WIDTH - 1);
+            for lane in node.order(packet.octant) {
                 if met[lane] && packet.enters(node, lane) {
                     self.stack[self.len].write((near[lane], node.children[lane]));
                     self.len += 1;

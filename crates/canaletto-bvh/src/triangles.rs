@@ -2,10 +2,11 @@
 
 use crate::block::{Block, Bound, Search, Tested};
 use crate::memory::in_large_pages;
+use crate::node::Node;
 use crate::packet::{self, LANES, Outcome};
 use crate::traverse::{Any, Closest, ClosestOfMany};
 use crate::triangle;
-use crate::{Aabb, BuildError, Bvh, Leaf, PreparedRay, Ray, Statistics};
+use crate::{Aabb, BuildError, Bvh, Leaf, PreparedRay, Quality, Ray, Statistics};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -50,9 +51,19 @@ impl Triangles {
     /// # Errors
     /// [`BuildError`] names the first triangle with a corner that is not finite, or says that there are too many.
     pub fn build(count: usize, corners: impl Fn(u32) -> [Vec3; 3] + Sync) -> Result<Self, BuildError> {
-        let bounds: Vec<Aabb> = (0..count as u32).into_par_iter().map(|id| Aabb::from_points(corners(id))).collect();
-        let (bvh, leaves) = Bvh::build_blocks(&bounds)?;
-        drop(bounds);
+        Self::build_with(Quality::Medium, count, corners)
+    }
+
+    /// [`Triangles::build`] with so much work.
+    ///
+    /// # Errors
+    /// As [`Triangles::build`].
+    pub fn build_with(
+        quality: Quality,
+        count: usize,
+        corners: impl Fn(u32) -> [Vec3; 3] + Sync,
+    ) -> Result<Self, BuildError> {
+        let (bvh, leaves) = Bvh::build_blocks(count, |id| Aabb::of_triangle(corners(id as u32)), quality)?;
         let mut blocks = in_large_pages(leaves.len());
         (0..leaves.len())
             .into_par_iter()
@@ -102,9 +113,7 @@ impl Triangles {
     #[inline(never)]
     fn intersect_at_once(&self, ray: &PreparedRay, nearest: &mut Nearest, front_only: bool) {
         self.bvh.intersect(ray, nearest.t, |leaf, t_max| {
-            for lane in 0..leaf.count() as usize {
-                self.blocks[leaf.first() as usize].offer(lane, ray, nearest, front_only);
-            }
+            self.offer_leaf(leaf, ray, nearest, front_only);
             *t_max = nearest.t;
         });
     }
@@ -219,10 +228,25 @@ impl Triangles {
         triangle::intersect(ray, &triangle, t_max).is_some_and(|hit| hit.front || !front_only)
     }
 
+    pub(crate) fn parts(&mut self) -> (&mut Bvh, &mut [Block]) {
+        (&mut self.bvh, &mut self.blocks)
+    }
+
+    pub(crate) fn nodes(&self) -> &[Node] {
+        self.bvh.nodes()
+    }
+
+    /// Makes the nearest of a leaf's triangles `nearest`, if one is.
+    pub(crate) fn offer_leaf(&self, leaf: Leaf, ray: &PreparedRay, nearest: &mut Nearest, front_only: bool) {
+        for lane in 0..leaf.count() as usize {
+            self.blocks[leaf.first() as usize].offer(lane, ray, nearest, front_only);
+        }
+    }
+
     /// [`Triangles::intersect`] by trying all of them.
     pub fn intersect_brute_force(&self, ray: &PreparedRay, nearest: &mut Nearest, front_only: bool) {
         for block in &self.blocks {
-            for lane in 0..4 {
+            for lane in 0..block.len() {
                 block.offer(lane, ray, nearest, front_only);
             }
         }
@@ -340,15 +364,18 @@ mod tests {
     use crate::InstructionSet;
     use crate::testing::{Primitive, Random, awkward_ray, nearest, zoo};
 
-    /// The triangles of each scene that has some, by themselves and in a tree.
+    /// The triangles of each scene that has some, by themselves and in trees of each quality.
     fn triangles_of_the_zoo() -> impl Iterator<Item = (&'static str, Vec<Primitive>, Triangles)> {
-        zoo().into_iter().filter_map(|(name, mut scene)| {
+        let scenes = zoo()
+            .into_iter()
+            .flat_map(|(name, scene)| [(Quality::Medium, name, scene.clone()), (Quality::High, name, scene)]);
+        scenes.filter_map(|(quality, name, mut scene)| {
             scene.retain(|p| matches!(p, Primitive::Triangle(_)));
             let corners = |id: u32| match scene[id as usize] {
                 Primitive::Triangle(corners) => corners,
                 Primitive::Sphere(..) => unreachable!(),
             };
-            let triangles = Triangles::build(scene.len(), corners).unwrap();
+            let triangles = Triangles::build_with(quality, scene.len(), corners).unwrap();
             (!scene.is_empty()).then_some((name, scene, triangles))
         })
     }
@@ -427,7 +454,7 @@ mod tests {
                     }
                 }
             }
-            assert!(together > 10, "{name}: {together}");
+            assert!(together > 5, "{name}: {together}");
         }
     }
 

@@ -1,40 +1,67 @@
-//! What is sorted: a primitive's box and number in 32 bytes, for vectors of four.
-
-use glam::Vec4;
+//! What is sorted: a primitive's box and number in 32 bytes, one vector of eight.
 
 use crate::Aabb;
+use crate::slab::max;
 
-/// A box whose fourth lanes hold nothing that matters.
+/// A box as one vector: the lower corner negated, so that both corners join by maxima. The fourth lane of either corner holds
+/// nothing that matters.
 #[derive(Clone, Copy)]
-pub(super) struct Box4 {
-    pub(super) min: Vec4,
-    pub(super) max: Vec4,
-}
+#[repr(align(32))]
+pub(super) struct Box8(pub(super) [f32; 8]);
 
-impl Box4 {
-    pub(super) const EMPTY: Self = Self { min: Vec4::INFINITY, max: Vec4::NEG_INFINITY };
+impl Box8 {
+    pub(super) const EMPTY: Self = Self([f32::NEG_INFINITY; 8]);
 
     /// Of boxes known to hold no NaN.
-    #[inline]
-    pub(super) fn join(self, other: Self) -> Self {
-        Self { min: self.min.min(other.min), max: self.max.max(other.max) }
+    #[inline(always)]
+    pub(super) fn join(&self, other: &Self) -> Self {
+        let (Self(a), Self(b)) = (self, other);
+        Self([
+            max(a[0], b[0]),
+            max(a[1], b[1]),
+            max(a[2], b[2]),
+            max(a[3], b[3]),
+            max(a[4], b[4]),
+            max(a[5], b[5]),
+            max(a[6], b[6]),
+            max(a[7], b[7]),
+        ])
+    }
+
+    /// Adding 0 turns −0 into 0, of which maxima would keep either, as it happens.
+    #[inline(always)]
+    pub(super) fn new(bounds: &Aabb, [low, high]: [f32; 2]) -> Self {
+        let Aabb { min, max } = bounds;
+        Self([0.0 - min.x, 0.0 - min.y, 0.0 - min.z, low, max.x + 0.0, max.y + 0.0, max.z + 0.0, high])
+    }
+
+    #[inline(always)]
+    pub(super) fn min(&self, axis: usize) -> f32 {
+        0.0 - self.0[axis]
+    }
+
+    #[inline(always)]
+    pub(super) fn max(&self, axis: usize) -> f32 {
+        self.0[4 + axis]
     }
 
     pub(super) fn aabb(&self) -> Aabb {
-        Aabb { min: self.min.truncate(), max: self.max.truncate() }
+        let corner = |at: fn(&Self, usize) -> f32| [0, 1, 2].map(|axis| at(self, axis)).into();
+        Aabb { min: corner(Self::min), max: corner(Self::max) }
     }
 
     /// Half of the surface area in units that `scale` makes of lengths, so that no product overflows.
-    #[inline]
+    #[inline(always)]
     pub(super) fn half_area(&self, scale: f32) -> f32 {
-        let d = self.max * scale - self.min * scale;
-        d.x * d.y + d.y * d.z + d.z * d.x
+        let d = |axis: usize| self.0[4 + axis] * scale + self.0[axis] * scale;
+        let (x, y, z) = (d(0), d(1), d(2));
+        x * y + y * z + z * x
     }
 
     /// A power of two that makes this box about as large as 1, so that scaling a scene by such changes nothing.
     pub(super) fn scale(&self) -> f32 {
         // Halved, since a difference may be twice as large as the largest float.
-        let half = (self.max * 0.5 - self.min * 0.5).truncate().max_element();
+        let half = (0..3).map(|axis| self.max(axis) * 0.5 - self.min(axis) * 0.5).fold(0.0, max);
         let exponent = half.to_bits() >> 23;
         f32::from_bits((253 - exponent).clamp(1, 253) << 23)
     }
@@ -43,75 +70,87 @@ impl Box4 {
 /// A primitive. Its number lies in the fourth lane of the lower corner, as a float that is normal and finite, since
 /// arithmetic on whole vectors slows down on others.
 #[derive(Clone, Copy)]
-pub(super) struct Item(Box4);
+pub(super) struct Item(Box8);
 
 /// Added to a number of 29 bits: the bits of a normal float between 2⁻⁶³ and 2.
 const NORMAL: u32 = 1 << 29;
 const _: () = assert!(super::MAX_PRIMITIVES <= 1 << 29);
 
 impl Item {
-    /// Adding 0 turns −0 into 0, of which minima would keep either, as it happens.
+    #[inline(always)]
     pub(super) fn new(bounds: &Aabb, id: u32) -> Self {
-        let min = (bounds.min + 0.0).extend(f32::from_bits(id + NORMAL));
-        Self(Box4 { min, max: (bounds.max + 0.0).extend(1.0) })
+        Self(Box8::new(bounds, [f32::from_bits(id + NORMAL), 1.0]))
     }
 
     pub(super) fn id(&self) -> u32 {
-        self.0.min.w.to_bits() - NORMAL
+        self.0.0[3].to_bits() - NORMAL
     }
 
-    #[inline]
-    pub(super) fn bounds(&self) -> Box4 {
-        self.0
+    #[inline(always)]
+    pub(super) fn bounds(&self) -> &Box8 {
+        &self.0
     }
 
     /// Half of the center, so that differences of two don't overflow either.
-    #[inline]
-    pub(super) fn center(&self) -> Vec4 {
-        self.0.min * 0.25 + self.0.max * 0.25
+    #[inline(always)]
+    pub(super) fn center(&self) -> [f32; 4] {
+        let Box8([ax, ay, az, aw, bx, by, bz, bw]) = self.0;
+        [bx * 0.25 - ax * 0.25, by * 0.25 - ay * 0.25, bz * 0.25 - az * 0.25, bw * 0.25 - aw * 0.25]
     }
 }
 
 /// The box around some centers.
 #[derive(Clone, Copy)]
-pub(super) struct Centers(pub(super) Box4);
+pub(super) struct Centers(pub(super) Box8);
 
 impl Centers {
-    pub(super) const NONE: Self = Self(Box4::EMPTY);
+    pub(super) const NONE: Self = Self(Box8::EMPTY);
 
-    #[inline]
-    pub(super) fn add(&mut self, center: Vec4) {
-        self.0 = self.0.join(Box4 { min: center, max: center });
+    /// Adds a center if `counts`, without a branch.
+    #[inline(always)]
+    pub(super) fn add(&mut self, [x, y, z, w]: [f32; 4], counts: bool) {
+        let Self(Box8(own)) = self;
+        let new = [-x, -y, -z, -w, x, y, z, w];
+        for (own, new) in own.iter_mut().zip(new) {
+            *own = if counts & (new > *own) { new } else { *own };
+        }
     }
 
     pub(super) fn join(self, other: Self) -> Self {
-        Self(self.0.join(other.0))
+        Self(self.0.join(&other.0))
     }
 }
 
 /// The box around some items, and that around their centers.
 #[derive(Clone, Copy)]
 pub(super) struct Extent {
-    pub(super) bounds: Box4,
+    pub(super) bounds: Box8,
     pub(super) centers: Centers,
 }
 
 impl Extent {
-    pub(super) const EMPTY: Self = Self { bounds: Box4::EMPTY, centers: Centers::NONE };
+    pub(super) const EMPTY: Self = Self { bounds: Box8::EMPTY, centers: Centers::NONE };
 
     pub(super) fn of(items: &[Item]) -> Self {
         use rayon::prelude::*;
         if items.len() > super::CHUNK {
             return items.par_chunks(super::CHUNK).map(Self::of).reduce(|| Self::EMPTY, Self::join);
         }
-        items.iter().fold(Self::EMPTY, |mut extent, item| {
-            extent.bounds = extent.bounds.join(item.bounds());
-            extent.centers.add(item.center());
-            extent
-        })
+        of_few(items)
     }
 
     fn join(self, other: Self) -> Self {
-        Self { bounds: self.bounds.join(other.bounds), centers: self.centers.join(other.centers) }
+        Self { bounds: self.bounds.join(&other.bounds), centers: self.centers.join(other.centers) }
+    }
+}
+
+super::compiled_wide! {
+    fn of_few(items: &[Item]) -> Extent {
+        let mut extent = Extent::EMPTY;
+        for item in items {
+            extent.bounds = extent.bounds.join(item.bounds());
+            extent.centers.add(item.center(), true);
+        }
+        extent
     }
 }

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use super::CHUNK;
 use super::bins::Plan;
 use super::item::{Centers, Item};
+use crate::InstructionSet;
 
 /// Moves the items that go left to the front and tells how many they are, and the boxes around the centers of both
 /// sides.
@@ -33,16 +34,23 @@ pub(super) fn partition(items: &mut [Item], plan: &Plan) -> (usize, [Centers; 2]
 
 /// Without branches that nobody could predict: each item goes to the border, which moves on if it goes left.
 fn part(items: &mut [Item], plan: &Plan) -> (usize, [Centers; 2]) {
-    let mut centers = [Centers::NONE; 2];
+    #[cfg(target_arch = "x86_64")]
+    if InstructionSet::current() >= InstructionSet::Avx2 {
+        #[allow(unsafe_code)]
+        // SAFETY: `current` never tells more than the machine has.
+        return unsafe { super::avx2::part(items, plan) };
+    }
+    let [mut a, mut b] = [Centers::NONE; 2];
     let mut border = 0;
     for i in 0..items.len() {
         let center = items[i].center();
         let left = plan.grid.bin(center, plan.axis) < plan.bin;
-        centers[usize::from(!left)].add(center);
+        a.add(center, left);
+        b.add(center, !left);
         items.swap(i, border);
         border += usize::from(left);
     }
-    (border, centers)
+    (border, [a, b])
 }
 
 /// The slices of ranges that come in order, `items` starting at `first`.

@@ -20,24 +20,6 @@ pub(super) unsafe fn end(far: __m256, limit: f32) -> __m256 {
     _mm256_min_ps(_mm256_mul_ps(far, _mm256_set1_ps(INFLATE)), _mm256_set1_ps(limit))
 }
 
-/// For each octant, the lanes from far to near: lane i takes the child of lane i ^ octant ^ 7.
-#[repr(align(32))]
-struct Orders([[u32; WIDTH]; 8]);
-
-static ORDERS: Orders = {
-    let mut orders = [[0; WIDTH]; 8];
-    let mut octant = 0;
-    while octant < 8 {
-        let mut lane = 0;
-        while lane < WIDTH {
-            orders[octant][lane] = (lane ^ octant ^ (WIDTH - 1)) as u32;
-            lane += 1;
-        }
-        octant += 1;
-    }
-    Orders(orders)
-};
-
 /// For each mask, the lanes that are set, in order.
 static COMPRESS: [[u8; WIDTH]; 256] = {
     let mut table = [[0; WIDTH]; 256];
@@ -56,15 +38,16 @@ static COMPRESS: [[u8; WIDTH]; 256] = {
     table
 };
 
-/// The lanes from far to near.
+/// The lanes from far to near, in the lowest three bits of each.
 ///
 /// # Safety
 /// The machine must have AVX2.
 #[inline]
 #[target_feature(enable = "avx2")]
-pub(super) unsafe fn order(ray: &PreparedRay) -> __m256i {
-    // SAFETY: there are eight octants, each with a row of eight aligned numbers.
-    unsafe { _mm256_load_si256(ORDERS.0.get_unchecked(usize::from(ray.octant)).as_ptr().cast()) }
+pub(super) unsafe fn order(node: &Node, ray: &PreparedRay) -> __m256i {
+    // SAFETY: there are eight octants.
+    let order = unsafe { *node.orders.get_unchecked(usize::from(ray.octant)) };
+    _mm256_srlv_epi32(_mm256_set1_epi32(order as i32), _mm256_setr_epi32(0, 3, 6, 9, 12, 15, 18, 21))
 }
 
 /// Where the ray enters and leaves the boxes; the latter neither inflated nor limited.
@@ -100,7 +83,7 @@ impl Lanes for Avx2 {
     unsafe fn visit(node: &Node, ray: &PreparedRay, limit: f32, out: *mut f32, links: *mut Link) -> (usize, Link) {
         // SAFETY: the caller's promise: AVX2, and room for eight entries.
         unsafe {
-            let order = order(ray);
+            let order = order(node, ray);
             let (near, far) = clip(node, ray);
             let near = _mm256_permutevar8x32_ps(near, order);
             let far = end(_mm256_permutevar8x32_ps(far, order), limit);

@@ -16,7 +16,7 @@ impl Lanes for Avx512 {
     unsafe fn visit(node: &Node, ray: &PreparedRay, limit: f32, out: *mut f32, links: *mut Link) -> (usize, Link) {
         // SAFETY: the caller's promise: AVX-512, and room for eight entries.
         unsafe {
-            let order = avx2::order(ray);
+            let order = avx2::order(node, ray);
             let (near, far) = avx2::clip(node, ray);
             let near = _mm256_permutexvar_ps(order, near);
             let far = avx2::end(_mm256_permutexvar_ps(order, far), limit);

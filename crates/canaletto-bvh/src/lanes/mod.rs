@@ -37,7 +37,7 @@ pub(crate) trait Lanes: Copy {
 #[inline(always)]
 fn nearest(node: &Node, ray: &PreparedRay, mask: u32) -> Link {
     let last = 31u32.wrapping_sub(mask.leading_zeros()) as usize;
-    node.children[(last ^ usize::from(ray.octant) ^ (WIDTH - 1)) & (WIDTH - 1)]
+    node.children[(node.orders[usize::from(ray.octant) & 7] >> ((3 * last) & 31)) as usize & (WIDTH - 1)]
 }
 
 /// Sets of instructions that kernels exist for, each with all before it.

@@ -13,49 +13,27 @@ pub(crate) struct Portable;
 /// Writes the lanes of a mask from far to near.
 #[inline(always)]
 unsafe fn write(
-    mut mask: u32,
+    mask: u32,
     octant: usize,
     node: &Node,
     near: &[f32; WIDTH],
     out: *mut f32,
     links: *mut Link,
 ) -> (usize, Link) {
-    let (mut count, mut nearest) = (0, Link::END);
-    if mask & (mask.wrapping_sub(1)) == 0 {
-        if mask == 0 {
-            return (0, Link::END);
-        }
-        let lane = mask.trailing_zeros() as usize;
-        // SAFETY: the caller has room for eight entries.
-        unsafe {
-            *out = near[lane];
-            *links = node.children[lane];
-        }
-        return (1, node.children[lane]);
+    if mask == 0 {
+        return (0, Link::END);
     }
-    // Bit i becomes that of lane i ^ octant ^ 7: the farthest first.
-    let mirror = octant ^ (WIDTH - 1);
-    if mirror & 1 != 0 {
-        mask = (mask & 0x55) << 1 | (mask & 0xaa) >> 1;
-    }
-    if mirror & 2 != 0 {
-        mask = (mask & 0x33) << 2 | (mask & 0xcc) >> 2;
-    }
-    if mirror & 4 != 0 {
-        mask = (mask & 0x0f) << 4 | mask >> 4;
-    }
-    while mask != 0 {
-        let lane = (mask.trailing_zeros() as usize ^ mirror) & (WIDTH - 1);
-        // SAFETY: the caller has room for eight entries.
+    let mut count = 0;
+    for lane in node.order(octant) {
+        // SAFETY: the caller has room for eight entries, and before the last lane there are at most seven.
         unsafe {
             *out.add(count) = near[lane];
-            nearest = node.children[lane];
-            *links.add(count) = nearest;
+            *links.add(count) = node.children[lane];
         }
-        count += 1;
-        mask &= mask - 1;
+        count += (mask >> lane & 1) as usize;
     }
-    (count, nearest)
+    // SAFETY: something is met.
+    (count, unsafe { *links.add(count - 1) })
 }
 
 impl Lanes for Portable {

@@ -1,0 +1,176 @@
+//! How binary trees become wide: for each subtree and each number of a node's lanes that it may take, what is the least cost, and
+//! how many of the lanes go to its left child (Ylitie, Karras and Laine, "Efficient incoherent ray traversal on GPUs through
+//! compressed wide BVHs", 2017, section 3.1).
+//!
+//! A node costs its area, since all of its boxes are tested at once, and so does a block of primitives. The least
+//! costs are needed only until those of the parent are known; the ways are kept, in three bits for each number of lanes.
+
+use std::num::NonZeroU32;
+
+use super::Binary;
+use super::bins::Measure;
+use super::item::Box8;
+use crate::slab::WIDTH;
+
+/// The least costs of a subtree that may take one lane, two, … up to eight.
+pub(super) type Costs = [f32; WIDTH];
+
+/// How the lanes are shared out, see [`Lanes::left`].
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Lanes(NonZeroU32);
+
+impl Lanes {
+    /// Of a node whose costs are not known yet.
+    pub(super) const UNKNOWN: Self = Self(NonZeroU32::MIN);
+
+    /// How many of 2 to 8 lanes that this node may take go to its left child; the right one gets the rest. None: the node takes one
+    /// lane, that of a wide node.
+    pub(crate) fn left(self, lanes: usize) -> Option<usize> {
+        let left = (self.0.get() >> (3 * (lanes - 2))) as usize & 7;
+        (left > 0).then_some(left)
+    }
+}
+
+/// What a leaf costs in any number of lanes.
+pub(super) fn leaf(cost: f32) -> Costs {
+    [cost; WIDTH]
+}
+
+/// Finds the ways of a whole tree, and its cost.
+pub(super) fn all(binary: &mut [Binary], measure: &Measure) -> f32 {
+    let mut costs = vec![[0.0; WIDTH]; binary.len()];
+    // Children come later than their parents.
+    for index in (0..binary.len()).rev() {
+        let node = &mut binary[index];
+        let bounds = Box8::new(&node.bounds, [0.0; 2]);
+        if node.is_leaf() {
+            costs[index] = leaf(measure.cost(&bounds, node.count()));
+        } else {
+            let [left, right] = node.children(index as u32);
+            let (least, lanes) = join(measure.node(&bounds), &costs[left as usize], &costs[right as usize]);
+            costs[index] = least;
+            node.lanes = Some(lanes);
+        }
+    }
+    costs[0][0]
+}
+
+/// How many wide nodes lie on the longest way to a leaf.
+pub(super) fn depth(binary: &[Binary]) -> u32 {
+    // For each tree the lanes that it may take and the wide nodes above.
+    let mut given = vec![(WIDTH, 1); binary.len()];
+    let mut deepest = 0;
+    for (index, node) in binary.iter().enumerate().filter(|(_, node)| !node.is_leaf()) {
+        let (mut lanes, mut depth) = given[index];
+        if lanes == 1 || node.left_lanes(lanes).is_none() {
+            (lanes, depth) = (WIDTH, depth + 1);
+        }
+        let [left, right] = node.children(index as u32);
+        let to_left = node.left_lanes(lanes).unwrap_or(1);
+        given[left as usize] = (to_left, depth);
+        given[right as usize] = (lanes - to_left, depth);
+        deepest = deepest.max(depth);
+    }
+    deepest
+}
+
+super::compiled_wide! {
+    /// The costs of a node that itself costs `own`, and the ways to them.
+    pub(super) fn join(own: f32, left: &Costs, right: &Costs) -> (Costs, Lanes) {
+        // Lane by lane the costs of the right child, so that a window shows them moved.
+        let mut moved = [f32::INFINITY; 2 * WIDTH];
+        moved[WIDTH..].copy_from_slice(right);
+        let (mut least, mut ways) = ([f32::INFINITY; WIDTH], [0u32; WIDTH]);
+        for lanes in 1..WIDTH {
+            let window = &moved[WIDTH - lanes..][..WIDTH];
+            for i in 0..WIDTH {
+                let cost = left[lanes - 1] + window[i];
+                let better = cost < least[i];
+                least[i] = if better { cost } else { least[i] };
+                ways[i] = if better { lanes as u32 } else { ways[i] };
+            }
+        }
+        let mut way = ways[WIDTH - 1] << (3 * (WIDTH - 2));
+        least[0] = least[WIDTH - 1] + own;
+        // The lane that an equal way in fewer lanes leaves to the right child costs nothing.
+        let mut before = 0;
+        for i in 1..WIDTH - 1 {
+            if least[i] < least[i - 1] {
+                before = ways[i];
+            } else {
+                least[i] = least[i - 1];
+            }
+            way |= before << (3 * (i - 1));
+        }
+        // All eight lanes are always shared out.
+        (least, Lanes(NonZeroU32::new(way).unwrap_or(NonZeroU32::MIN)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Random;
+
+    /// A tree with the cost of each node and leaf by itself.
+    enum Tree {
+        Leaf(f32),
+        Node(f32, Box<[Tree; 2]>),
+    }
+
+    fn random_tree(leaves: usize, random: &mut Random) -> Tree {
+        // Whole numbers, which sum up exactly in any order.
+        let cost = random.below(1000) as f32;
+        if leaves == 1 {
+            return Tree::Leaf(cost);
+        }
+        let left = 1 + random.below(leaves - 1);
+        Tree::Node(cost, Box::new([random_tree(left, random), random_tree(leaves - left, random)]))
+    }
+
+    /// The least cost in at most so many lanes, by trying all ways.
+    fn least(tree: &Tree, lanes: usize) -> f32 {
+        let shared = |halves: &[Tree; 2], lanes: usize| {
+            (1..lanes).map(|k| least(&halves[0], k) + least(&halves[1], lanes - k)).fold(f32::INFINITY, f32::min)
+        };
+        match tree {
+            Tree::Leaf(cost) => *cost,
+            Tree::Node(cost, halves) => (cost + shared(halves, WIDTH)).min(shared(halves, lanes)),
+        }
+    }
+
+    fn costs(tree: &Tree) -> (Costs, Option<Lanes>) {
+        match tree {
+            Tree::Leaf(cost) => (leaf(*cost), None),
+            Tree::Node(cost, halves) => {
+                let (costs, lanes) = join(*cost, &costs(&halves[0]).0, &costs(&halves[1]).0);
+                (costs, Some(lanes))
+            }
+        }
+    }
+
+    /// What it costs to go the ways that were kept.
+    fn cost_of_ways(tree: &Tree, lanes: usize) -> f32 {
+        let Tree::Node(cost, halves) = tree else { return costs(tree).0[0] };
+        let ways = costs(tree).1.unwrap();
+        let shared = |lanes: usize, k: usize| cost_of_ways(&halves[0], k) + cost_of_ways(&halves[1], lanes - k);
+        match if lanes == 1 { None } else { ways.left(lanes) } {
+            Some(left) => shared(lanes, left),
+            None => cost + shared(WIDTH, ways.left(WIDTH).unwrap()),
+        }
+    }
+
+    #[test]
+    fn no_way_to_share_lanes_is_cheaper() {
+        let random = &mut Random(41);
+        for n in 2..14 {
+            for _ in 0..6 {
+                let tree = random_tree(n, random);
+                for lanes in 1..WIDTH {
+                    assert_eq!(costs(&tree).0[lanes - 1], least(&tree, lanes));
+                    assert_eq!(cost_of_ways(&tree, lanes), least(&tree, lanes), "{n} leaves in {lanes} lanes");
+                }
+            }
+        }
+    }
+}
