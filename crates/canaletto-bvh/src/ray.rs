@@ -2,6 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
+use crate::Aabb;
 use crate::slab::Slabs;
 use crate::triangle::Shear;
 
@@ -58,6 +59,13 @@ impl PreparedRay {
             slabs,
             shear: Shear::new(ray, &slabs),
         }
+    }
+
+    /// The hit at `t` on something in this box, moved into it by no more than rounding explains, so that no tree over such boxes can lose it; `None`
+    /// if the ray misses the box or the hit lies outside (0, t_max].
+    #[inline]
+    pub fn confine(&self, bounds: &Aabb, t: f64, t_max: f32) -> Option<f32> {
+        self.slabs.confine(bounds, t, t_max)
     }
 }
 
