@@ -10,7 +10,7 @@ use canaletto_bench::peers::mesh::{RECIPES, Recipe};
 use canaletto_bench::peers::rays::SETS;
 use canaletto_bench::peers::stages::{self, Stage};
 use canaletto_bench::peers::statistics::Clock;
-use canaletto_bench::peers::{build, load, pictures, recursion, trace};
+use canaletto_bench::peers::{build, clouds, load, pictures, recursion, trace};
 use clap::{Parser, Subcommand};
 
 #[derive(Parser)]
@@ -39,6 +39,8 @@ struct Arguments {
 enum What {
     /// Rays through triangle meshes, ours and Embree's.
     Rays(Rays),
+    /// Rays through a million spheres and a million cylinders, ours and Embree's; see `pictures` for Tachyon's.
+    Clouds(Rays),
     /// Hierarchies over triangle meshes, ours and Embree's.
     Build {
         /// Meshes, see `list`; all by default.
@@ -125,25 +127,25 @@ fn run(arguments: Arguments) -> Result<(), String> {
     if threads.contains(&0) {
         return Err("--threads takes numbers above 0".into());
     }
+    let rounds = usize::from(rounds);
+    let of_rays = |Rays { mesh, sets, quality, robust, compact }, threads| trace::Options {
+        meshes: meshes(mesh),
+        sets,
+        threads,
+        clock,
+        size,
+        rounds,
+        settings: Settings { quality, robust, compact },
+    };
     let report = match what {
-        What::Rays(Rays { mesh, sets, quality, robust, compact }) => trace::run(&trace::Options {
-            meshes: meshes(mesh),
-            sets,
-            threads,
-            clock,
-            size,
-            rounds: rounds.into(),
-            settings: Settings { quality, robust, compact },
-        })?,
-        What::Build { mesh } => {
-            build::run(&build::Options { meshes: meshes(mesh), threads, clock, rounds: rounds.into() })?
-        }
+        What::Rays(rays) => trace::run(&of_rays(rays, threads))?,
+        What::Clouds(rays) => clouds::run(&of_rays(rays, threads))?,
+        What::Build { mesh } => build::run(&build::Options { meshes: meshes(mesh), threads, clock, rounds })?,
         What::Pictures { stages, slow } => {
-            let rounds = rounds.into();
             pictures::run(&pictures::Options { stages, threads, clock, size, rounds, slow })?
         }
-        What::Start => pictures::start(&threads, rounds.into(), clock)?,
-        What::Load { format, fineness } => load::run(fineness, &format, &threads, rounds.into(), clock)?,
+        What::Start => pictures::start(&threads, rounds, clock)?,
+        What::Load { format, fineness } => load::run(fineness, &format, &threads, rounds, clock)?,
         What::Recursion { scene, o } => {
             let [build, trace] = recursion::render(&stages::load(&scene)?, size, threads[0], &o)?;
             println!("built in {build:.3} s, traced in {trace:.3} s");

@@ -5,6 +5,7 @@
 
 mod atrium;
 pub mod build;
+pub mod clouds;
 pub mod embree;
 mod field;
 pub mod load;
