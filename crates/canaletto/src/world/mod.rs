@@ -2,6 +2,8 @@
 //! once, then immutable; building is the last step that can fail.
 
 mod build;
+mod flatten;
+mod geometries;
 mod geometry;
 mod instance;
 mod light_meshes;
