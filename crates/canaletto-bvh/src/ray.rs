@@ -61,6 +61,12 @@ impl PreparedRay {
         }
     }
 
+    /// Whether the ray meets a box within (0, t_max], as trees ask it: true in doubt.
+    #[inline]
+    pub fn enters(&self, bounds: &Aabb, t_max: f32) -> bool {
+        self.slabs.enters(bounds, t_max)
+    }
+
     /// The hit at `t` on something in this box, moved into it by no more than rounding explains, so that no tree over such boxes can lose it; `None`
     /// if the ray misses the box or the hit lies outside (0, t_max].
     #[inline]

@@ -149,6 +149,23 @@ impl Slabs {
         (near, far * INFLATE)
     }
 
+    /// Whether the ray meets a box within (0, t_max], as nodes of trees ask it.
+    #[inline]
+    pub(crate) fn enters(&self, bounds: &Aabb, t_max: f32) -> bool {
+        let limit = Self::limit(t_max);
+        if !self.regular {
+            let (near, far) = self.clip_carefully(bounds, limit);
+            return near <= far;
+        }
+        let cross = |axis: usize| {
+            let (low, high) = (bounds.min[axis] - self.origin[axis], bounds.max[axis] - self.origin[axis]);
+            let (first, second) = if self.entry[axis] == 0 { (low, high) } else { (high, low) };
+            (first * self.reciprocal[axis], second * self.leaving[axis])
+        };
+        let ((n0, f0), (n1, f1), (n2, f2)) = (cross(0), cross(1), cross(2));
+        max(max(n0, n1), max(n2, 0.0)) <= min(min(f0, f1), min(f2, limit))
+    }
+
     /// The hit at `t` on a primitive, moved into the primitive's own box by no more than rounding explains, unless
     /// `t` is badly conditioned (a grazed triangle); then by as much as it takes. None if the ray misses the box or
     /// the hit lies outside (0, t_max].
@@ -186,6 +203,7 @@ mod tests {
     fn meets(origin: Vec3, direction: Vec3, bounds: Aabb, t_max: f32) -> bool {
         let (near, far) = Slabs::new(&Ray::new(origin, direction)).clip_carefully(&bounds, Slabs::limit(t_max));
         assert!(!near.is_nan() && !far.is_nan());
+        assert_eq!(Ray::new(origin, direction).prepare().enters(&bounds, t_max), near <= far);
         near <= far
     }
 

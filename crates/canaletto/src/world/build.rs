@@ -141,6 +141,7 @@ impl World {
             return Err(BuildError::Invalid { object: object.into(), problem: too_far() });
         }
         let top = Bvh::build(&bounds).map_err(|e| hierarchy_error("the scene", &e))?;
+        let bounds = top.order().iter().map(|&index| bounds[index as usize]).collect();
         materials.push(Material::new("default", Phong::default()));
         Ok(World {
             background,
@@ -159,6 +160,7 @@ impl World {
             chains: builder.chains,
             moving_lights,
             top,
+            bounds,
             unbounded,
             unbounded_id_base,
         })
