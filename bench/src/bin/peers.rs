@@ -10,7 +10,7 @@ use canaletto_bench::peers::mesh::{RECIPES, Recipe};
 use canaletto_bench::peers::rays::SETS;
 use canaletto_bench::peers::stages::{self, Stage};
 use canaletto_bench::peers::statistics::Clock;
-use canaletto_bench::peers::{build, clouds, load, pictures, recursion, trace};
+use canaletto_bench::peers::{build, clouds, instances, load, pictures, recursion, trace};
 use clap::{Parser, Subcommand};
 
 #[derive(Parser)]
@@ -41,6 +41,12 @@ enum What {
     Rays(Rays),
     /// Rays through a million spheres and a million cylinders, ours and Embree's; see `pictures` for Tachyon's.
     Clouds(Rays),
+    /// Ten thousand copies of a mesh, as a list and nested, beside the mesh alone.
+    Instances {
+        /// The mesh, see `list`.
+        #[arg(long, default_value = "statue", value_parser = recipe)]
+        mesh: Recipe,
+    },
     /// Hierarchies over triangle meshes, ours and Embree's.
     Build {
         /// Meshes, see `list`; all by default.
@@ -139,6 +145,11 @@ fn run(arguments: Arguments) -> Result<(), String> {
     };
     let report = match what {
         What::Rays(rays) => trace::run(&of_rays(rays, threads))?,
+        What::Instances { mesh } => {
+            let settings = Settings { quality: Quality::High, robust: false, compact: false };
+            let (meshes, sets) = (vec![mesh], Vec::new());
+            instances::run(&trace::Options { meshes, sets, threads, clock, size, rounds, settings })?
+        }
         What::Clouds(rays) => clouds::run(&of_rays(rays, threads))?,
         What::Build { mesh } => build::run(&build::Options { meshes: meshes(mesh), threads, clock, rounds })?,
         What::Pictures { stages, slow } => {

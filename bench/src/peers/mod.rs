@@ -8,6 +8,7 @@ pub mod build;
 pub mod clouds;
 pub mod embree;
 mod field;
+pub mod instances;
 pub mod load;
 pub mod mesh;
 mod noise;
