@@ -10,7 +10,7 @@ use canaletto_bench::peers::mesh::{RECIPES, Recipe};
 use canaletto_bench::peers::rays::SETS;
 use canaletto_bench::peers::stages::{self, Stage};
 use canaletto_bench::peers::statistics::Clock;
-use canaletto_bench::peers::{build, load, pictures, recursion, trace};
+use canaletto_bench::peers::{build, clouds, instances, load, pictures, recursion, trace};
 use canaletto_bvh::Quality as Own;
 use clap::{Parser, Subcommand};
 
@@ -40,6 +40,14 @@ struct Arguments {
 enum What {
     /// Rays through triangle meshes, ours and Embree's.
     Rays(Rays),
+    /// Rays through a million spheres and a million cylinders, ours and Embree's; see `pictures` for Tachyon's.
+    Clouds(Rays),
+    /// Ten thousand copies of a mesh, as a list and nested, beside the mesh alone.
+    Instances {
+        /// The mesh, see `list`.
+        #[arg(long, default_value = "statue", value_parser = recipe)]
+        mesh: Recipe,
+    },
     /// Hierarchies over triangle meshes, ours and Embree's.
     Build {
         /// Meshes, see `list`; all by default.
@@ -129,26 +137,31 @@ fn run(arguments: Arguments) -> Result<(), String> {
     if threads.contains(&0) {
         return Err("--threads takes numbers above 0".into());
     }
+    let rounds = usize::from(rounds);
+    let of_rays = |Rays { mesh, sets, quality, high, robust, compact }, threads| trace::Options {
+        meshes: meshes(mesh),
+        sets,
+        threads,
+        clock,
+        size,
+        rounds,
+        settings: Settings { quality, robust, compact },
+        own: if high { Own::High } else { Own::Medium },
+    };
     let report = match what {
-        What::Rays(Rays { mesh, sets, quality, high, robust, compact }) => trace::run(&trace::Options {
-            meshes: meshes(mesh),
-            sets,
-            threads,
-            clock,
-            size,
-            rounds: rounds.into(),
-            settings: Settings { quality, robust, compact },
-            own: if high { Own::High } else { Own::Medium },
-        })?,
-        What::Build { mesh } => {
-            build::run(&build::Options { meshes: meshes(mesh), threads, clock, rounds: rounds.into() })?
+        What::Rays(rays) => trace::run(&of_rays(rays, threads))?,
+        What::Instances { mesh } => {
+            let settings = Settings { quality: Quality::High, robust: false, compact: false };
+            let (meshes, sets) = (vec![mesh], Vec::new());
+            instances::run(&trace::Options { meshes, sets, threads, clock, size, rounds, settings, own: Own::Medium })?
         }
+        What::Clouds(rays) => clouds::run(&of_rays(rays, threads))?,
+        What::Build { mesh } => build::run(&build::Options { meshes: meshes(mesh), threads, clock, rounds })?,
         What::Pictures { stages, slow } => {
-            let rounds = rounds.into();
             pictures::run(&pictures::Options { stages, threads, clock, size, rounds, slow })?
         }
-        What::Start => pictures::start(&threads, rounds.into(), clock)?,
-        What::Load { format, fineness } => load::run(fineness, &format, &threads, rounds.into(), clock)?,
+        What::Start => pictures::start(&threads, rounds, clock)?,
+        What::Load { format, fineness } => load::run(fineness, &format, &threads, rounds, clock)?,
         What::Recursion { scene, o } => {
             let [build, trace] = recursion::render(&stages::load(&scene)?, size, threads[0], &o)?;
             println!("built in {build:.3} s, traced in {trace:.3} s");

@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 
+use super::rays::View;
 use super::{atrium, field, statue};
 
 /// Triangles, and a view of them.
@@ -75,6 +76,18 @@ impl Mesh {
     /// The largest size of a coordinate.
     pub fn extent(&self) -> f32 {
         self.positions.iter().fold(0.0, |m: f32, p| m.max(p.abs().max_element()))
+    }
+
+    /// How it is looked at.
+    pub fn view(&self) -> View {
+        let &Self { eye, target, fovy, light, .. } = self;
+        View { eye, target, fovy, light, extent: self.extent() }
+    }
+
+    /// Which way a triangle faces.
+    pub fn normal(&self, triangle: u32) -> Vec3 {
+        let [a, b, c] = self.corners(triangle as usize);
+        (b - a).cross(c - a)
     }
 
     pub(super) fn point(&mut self, p: Vec3) -> u32 {

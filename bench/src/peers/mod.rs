@@ -5,8 +5,10 @@
 
 mod atrium;
 pub mod build;
+pub mod clouds;
 pub mod embree;
 mod field;
+pub mod instances;
 pub mod load;
 pub mod mesh;
 mod noise;

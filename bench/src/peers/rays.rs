@@ -3,7 +3,6 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::mesh::Mesh;
 use super::noise::{around, uniform};
 
 /// One ray, laid out for single-ray interfaces: the points `origin + t * direction`, 0 < t ≤ `t_max`.
@@ -48,6 +47,21 @@ pub const SETS: [(&str, &str); 7] = [
     ("ao", "from the hits of primary, spread by the cosine, short, any hit"),
 ];
 
+/// How a scene is looked at.
+#[derive(Clone, Copy)]
+pub struct View {
+    /// Where it is seen from.
+    pub eye: Vec3,
+    /// What the eye looks at.
+    pub target: Vec3,
+    /// Vertical field of view in degrees.
+    pub fovy: f32,
+    /// A light at a point.
+    pub light: Vec3,
+    /// The largest size of a coordinate.
+    pub extent: f32,
+}
+
 /// What is known of a hit when rays start there.
 #[derive(Clone, Copy)]
 pub struct Start {
@@ -79,11 +93,11 @@ impl RaySet {
 }
 
 /// Rays from the eye, tile after tile of 8 × 8 pixels.
-fn primary(mesh: &Mesh, [width, height]: [u32; 2]) -> Vec<Segment> {
-    let forward = (mesh.target - mesh.eye).normalize();
+fn primary(view: &View, [width, height]: [u32; 2]) -> Vec<Segment> {
+    let forward = (view.target - view.eye).normalize();
     let right = forward.cross(Vec3::Z).normalize();
     let up = right.cross(forward);
-    let half = libm::tanf(mesh.fovy.to_radians() / 2.0);
+    let half = libm::tanf(view.fovy.to_radians() / 2.0);
     let tiles = [width.div_ceil(8), height.div_ceil(8)];
     let pixels = (0..tiles[0] * tiles[1]).flat_map(|tile| {
         let corner = [tile % tiles[0] * 8, tile / tiles[0] * 8];
@@ -94,7 +108,7 @@ fn primary(mesh: &Mesh, [width, height]: [u32; 2]) -> Vec<Segment> {
         .map(|[x, y]| {
             let x = (x as f32 + 0.5 - width as f32 / 2.0) / height as f32 * 2.0 * half;
             let y = (height as f32 / 2.0 - y as f32 - 0.5) / height as f32 * 2.0 * half;
-            Segment { origin: mesh.eye, t_max: f32::INFINITY, direction: (forward + right * x + up * y).normalize() }
+            Segment { origin: view.eye, t_max: f32::INFINITY, direction: (forward + right * x + up * y).normalize() }
         })
         .collect()
 }
@@ -111,22 +125,24 @@ fn spread(starts: &[Start], seed: u64, t_max: f32) -> Vec<Segment> {
         .collect()
 }
 
-/// The sets named, for pictures of a size. `hits` tells where rays hit the mesh, each with its triangle and t.
+/// The sets named, for pictures of a size. `hits` tells where rays hit the scene, each with its primitive and t; `normal` which way the primitive's
+/// surface faces at a point, with any length.
 pub fn make(
-    mesh: &Mesh,
+    view: &View,
     size: [u32; 2],
     wanted: impl Fn(&str) -> bool,
+    normal: impl Fn(u32, Vec3) -> Vec3,
     hits: impl Fn(&[Segment]) -> Vec<Option<(u32, f32)>>,
 ) -> Vec<RaySet> {
-    let extent = mesh.extent();
+    let extent = view.extent;
     let starts = |rays: &[Segment]| -> Vec<Start> {
         let start = |(ray, hit): (&Segment, Option<(u32, f32)>)| {
-            let (triangle, t) = hit?;
-            let [a, b, c] = mesh.corners(triangle as usize);
-            let normal = (b - a).cross(c - a).normalize_or_zero();
+            let (primitive, t) = hit?;
+            let point = ray.origin + t * ray.direction;
+            let normal = normal(primitive, point).normalize_or_zero();
             let normal = if normal.dot(ray.direction) > 0.0 { -normal } else { normal };
-            // Far enough that no peer hits the same triangle again.
-            Some(Start { point: ray.origin + t * ray.direction + normal * (extent * 1e-5), normal })
+            // Far enough that no peer hits the same primitive again.
+            Some(Start { point: point + normal * (extent * 1e-5), normal })
         };
         rays.iter().zip(hits(rays)).filter_map(start).filter(|start| start.normal.is_normalized()).collect()
     };
@@ -136,10 +152,10 @@ pub fn make(
             sets.push(RaySet::new(name, any, coherent, rays.to_vec()));
         }
     };
-    let eye = primary(mesh, size);
+    let eye = primary(view, size);
     add("primary", false, true, &eye);
     let first = starts(&eye);
-    let to_light = |start: &Start| Segment { origin: start.point, t_max: 1.0, direction: mesh.light - start.point };
+    let to_light = |start: &Start| Segment { origin: start.point, t_max: 1.0, direction: view.light - start.point };
     add("shadow", true, true, &first.iter().map(to_light).collect::<Vec<_>>());
     let diffuse = spread(&first, 1, f32::INFINITY);
     add("diffuse", false, false, &diffuse);

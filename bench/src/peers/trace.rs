@@ -147,6 +147,18 @@ pub(super) fn pool(threads: usize) -> Result<rayon::ThreadPool, String> {
 
 /// Compares and prints, and tells all in JSON.
 pub fn run(options: &Options) -> Result<Value, String> {
+    let embree = introduce(options);
+    let mut rows = Vec::new();
+    for recipe in &options.meshes {
+        let mesh = recipe.make();
+        rows.extend(compare(&mesh, embree.as_ref(), options)?);
+    }
+    Ok(json!({ "what": "rays", "embree": embree.map(|e| e.version()), "size": options.size, "rounds": options.rounds,
+        "clock": format!("{:?}", options.clock), "rows": rows }))
+}
+
+/// Starts Embree, if it is there, and prints what the columns mean.
+pub(super) fn introduce(options: &Options) -> Option<Embree> {
     let most = options.threads.iter().copied().max().unwrap_or(1);
     let embree = match Embree::new(most) {
         Ok(embree) => {
@@ -167,14 +179,8 @@ pub fn run(options: &Options) -> Result<Value, String> {
     let [width, height] = options.size;
     println!("rays of pictures of {width} × {height}; {} interleaved rounds; Mrays/s of medians", options.rounds);
     println!("ratios: ours / theirs, of medians [least, greatest of a round]; above 1 we are faster");
-    println!("hits that differ: only ours + only theirs + other triangle + same triangle elsewhere (ties apart)\n");
-    let mut rows = Vec::new();
-    for recipe in &options.meshes {
-        let mesh = recipe.make();
-        rows.extend(compare(&mesh, embree.as_ref(), options)?);
-    }
-    Ok(json!({ "what": "rays", "embree": embree.map(|e| e.version()), "size": options.size, "rounds": options.rounds,
-        "clock": format!("{:?}", options.clock), "rows": rows }))
+    println!("hits that differ: only ours + only theirs + other primitive + same one elsewhere (ties apart)\n");
+    embree
 }
 
 fn compare(mesh: &Mesh, embree: Option<&Embree>, options: &Options) -> Result<Vec<Value>, String> {
@@ -184,7 +190,8 @@ fn compare(mesh: &Mesh, embree: Option<&Embree>, options: &Options) -> Result<Ve
     let parts = [Part::triangles(&mesh.positions, &mesh.triangles)];
     let scene = embree.map(|embree| embree.build(&parts, options.settings)).transpose()?;
     let wanted = |name: &str| options.sets.is_empty() || options.sets.iter().any(|s| s == name);
-    let sets = everyone.install(|| rays::make(mesh, options.size, wanted, |rays| hits(&ours, rays)));
+    let normal = |triangle, _| mesh.normal(triangle);
+    let sets = everyone.install(|| rays::make(&mesh.view(), options.size, wanted, normal, |rays| hits(&ours, rays)));
     println!("{}: {} triangles", mesh.name, mesh.triangles.len());
     rounds(mesh.name, mesh.extent(), &sets, &ours, scene.as_ref(), options.into())
 }

@@ -2,7 +2,8 @@
 //!
 //! This crate knows boxes, rays and ids, nothing of scenes. [`Bvh::build`] takes one box per primitive; the
 //! caller keeps the primitives, permuted by [`Bvh::order`], and answers for a range of them at each leaf. The
-//! kernels in [`triangle`] and [`sphere`] are what such an answer calls.
+//! kernels in [`triangle`] and [`sphere`] are what such an answer calls. [`Triangles`] and [`Rounds`] keep their
+//! primitives themselves, four of which are tested side by side.
 //!
 //! What holds everywhere:
 //! - A hit has 0 < t ≤ t_max. The upper end is inclusive, so that the caller can break ties by the lowest id.
@@ -41,6 +42,7 @@ mod aabb;
 mod block;
 mod build;
 mod bvh;
+mod cylinder;
 mod exact;
 mod lanes;
 mod memory;
@@ -48,6 +50,8 @@ mod node;
 mod packet;
 mod ray;
 mod refit;
+mod round;
+mod rounds;
 mod slab;
 pub mod sphere;
 #[cfg(test)]
@@ -63,5 +67,7 @@ pub use bvh::{Blocks, Bvh};
 pub use lanes::InstructionSet;
 pub use node::{Leaf, Statistics};
 pub use ray::{PreparedRay, Ray};
+pub use round::{Ask, Asked, Met, Round};
+pub use rounds::Rounds;
 pub use triangles::{Nearest, Triangles};
 pub use visits::Visits;

@@ -69,11 +69,19 @@ impl PreparedRay {
         (near, far * INFLATE)
     }
 
-    /// The hit at `t` on a primitive, moved into the primitive's own box by no more than rounding explains, unless
-    /// `t` is badly conditioned (a grazed triangle); then by as much as it takes. None if the ray misses the box or
-    /// the hit lies outside (0, t_max].
+    /// Whether the ray meets a box within (0, t_max], as trees ask it: true in doubt.
     #[inline]
-    pub(crate) fn confine(&self, bounds: &Aabb, t: f64, t_max: f32) -> Option<f32> {
+    pub fn enters(&self, bounds: &Aabb, t_max: f32) -> bool {
+        let limit = limit(t_max);
+        let (near, far) = if self.regular { self.clip_one(bounds) } else { self.clip_carefully(bounds, limit) };
+        near <= far && near <= limit
+    }
+
+    /// The hit at `t` on something in this box, moved into it by no more than rounding explains, unless
+    /// `t` is badly conditioned (a grazed triangle); then by as much as it takes; so that no tree over such boxes can lose it. `None` if the ray
+    /// misses the box or the hit lies outside (0, t_max].
+    #[inline]
+    pub fn confine(&self, bounds: &Aabb, t: f64, t_max: f32) -> Option<f32> {
         let (near, far) = if self.regular { self.clip_one(bounds) } else { self.clip_carefully(bounds, f32::INFINITY) };
         if near > far {
             return None;
@@ -107,6 +115,7 @@ mod tests {
     fn meets(origin: Vec3, direction: Vec3, bounds: Aabb, t_max: f32) -> bool {
         let (near, far) = Ray::new(origin, direction).prepare().clip_carefully(&bounds, limit(t_max));
         assert!(!near.is_nan() && !far.is_nan());
+        assert_eq!(Ray::new(origin, direction).prepare().enters(&bounds, t_max), near <= far);
         near <= far
     }
 

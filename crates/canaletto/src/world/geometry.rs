@@ -1,24 +1,23 @@
-//! Geometries: primitives of one kind in the order of their hierarchy's leaves.
+//! Geometries: primitives of one kind under their hierarchy.
 
 use super::Census;
 use crate::math::Line;
-use crate::shape::{CylinderCloud, Mesh, Patch, Shape, ShapeHit, SphereCloud, Surface};
-use canaletto_bvh::{self as bvh, Aabb, Bvh, Leaf, PreparedRay, Triangles, sphere};
-use glam::Vec3;
+use crate::shape::{Cylinder, CylinderCloud, Mesh, Patch, Shape, ShapeHit, SphereCloud, Surface};
+use canaletto_bvh::{self as bvh, Aabb, Asked, Met, PreparedRay, Round, Rounds, Triangles, sphere};
 use rayon::prelude::*;
 
-/// Primitives of one kind under one hierarchy: the second level. Primitive ids are positions in the description;
-/// slots are positions in leaf order.
+/// Primitives of one kind under one hierarchy: the second level. Primitive ids are positions in the description.
 #[derive(Debug)]
 pub(super) enum Geometry {
-    /// Single shapes of any kind, with the object and material (or [`super::instance::NONE`]) of each, by id.
-    Shapes { bvh: Bvh, slots: Vec<Shape>, shapes: Vec<Shape>, objects: Vec<u32>, materials: Vec<u32> },
+    /// Single shapes of any kind, with the object and material (or [`super::instance::NONE`]) of each. The tree knows the
+    /// spheres and cylinders.
+    Shapes { tree: Rounds, shapes: Vec<Shape>, objects: Vec<u32>, materials: Vec<u32> },
     /// A mesh; corners are stored once more as rays read them.
     Mesh { triangles: Triangles, mesh: Mesh },
-    /// A cloud of spheres, its lists in id order; centre and radius in slot order.
-    Spheres { bvh: Bvh, slots: Vec<(Vec3, f32)>, cloud: SphereCloud },
-    /// A cloud of cylinders.
-    Cylinders { bvh: Bvh, slots: Vec<Shape>, cloud: CylinderCloud },
+    /// A cloud of spheres, stored once more as rays read them.
+    Spheres { tree: Rounds, cloud: SphereCloud },
+    /// A cloud of cylinders, likewise.
+    Cylinders { tree: Rounds, cloud: CylinderCloud },
 }
 
 /// The nearest hit inside one geometry so far.
@@ -32,39 +31,52 @@ pub(super) struct Nearest {
 
 /// No primitive yet; larger than any id, so that ties go to a real one.
 pub(super) const NO_PRIMITIVE: u32 = u32::MAX;
+const _: () = assert!(NO_PRIMITIVE == Met::NONE && NO_PRIMITIVE == bvh::Nearest::NONE);
 
-impl Nearest {
-    fn offer(&mut self, hit: ShapeHit, primitive: u32) {
-        // Ties by the lowest id: the answer doesn't depend on the order in which leaves are met.
-        if hit.t < self.t || (hit.t == self.t && primitive < self.primitive) {
-            *self = Nearest { t: hit.t, primitive, part: hit.part, uv: hit.uv };
-        }
+impl From<Met> for Nearest {
+    fn from(Met { t, id, part, uv }: Met) -> Nearest {
+        Nearest { t, primitive: id, part, uv }
     }
 }
 
-/// [`Shape::intersect`], with spheres, the most frequent shape, on the prepared ray.
-#[inline]
-fn meet(shape: &Shape, ray: &PreparedRay, t_max: f32) -> Option<ShapeHit> {
-    match shape {
-        Shape::Sphere(s) => sphere::intersect(ray, s.center, s.radius, t_max).map(plain),
-        other => meet_other(other, ray, t_max),
+impl From<bvh::Nearest> for Nearest {
+    fn from(bvh::Nearest { t, u, v, id }: bvh::Nearest) -> Nearest {
+        Nearest { t, primitive: id, part: 0, uv: [u, v] }
     }
 }
 
-#[inline(never)]
-fn meet_other(shape: &Shape, ray: &PreparedRay, t_max: f32) -> Option<ShapeHit> {
-    shape.intersect(&ray.ray, t_max)
-}
-
-/// The first slot of a leaf for which `met` holds.
+/// The exact kernel of a shape, its hit kept in the box by which the tree finds the shape.
 #[inline]
-fn first(leaf: Leaf, mut met: impl FnMut(usize) -> bool) -> Option<u32> {
-    leaf.slots().find(|&slot| met(slot as usize))
+fn meet(shape: &Shape, ray: &PreparedRay, t_max: f32) -> Option<Met> {
+    confined(shape.intersect(&ray.ray, t_max)?, &shape.bounds()?, ray, t_max)
 }
 
-/// A hit that needs no more than t.
-fn plain(t: f32) -> ShapeHit {
-    ShapeHit { t, part: 0, uv: [0.0; 2] }
+#[inline]
+fn confined(ShapeHit { t, part, uv }: ShapeHit, bounds: &Aabb, ray: &PreparedRay, t_max: f32) -> Option<Met> {
+    Some(Met { t: ray.confine(bounds, t.into(), t_max)?, id: Met::NONE, part, uv })
+}
+
+/// The kernel of shapes that are no spheres.
+fn other(shapes: &[Shape]) -> impl Fn(Asked, &PreparedRay, f32) -> Option<Met> {
+    #[inline(never)]
+    fn one(shape: &Shape, ray: &PreparedRay, t_max: f32) -> Option<Met> {
+        meet(shape, ray, t_max)
+    }
+    |asked, ray, t_max| one(&shapes[asked.id as usize], ray, t_max)
+}
+
+/// Where there are only spheres.
+fn none(_: Asked, _: &PreparedRay, _: f32) -> Option<Met> {
+    None
+}
+
+/// The kernel of a cloud's cylinders.
+fn cylinder(cloud: &CylinderCloud) -> impl Fn(Asked, &PreparedRay, f32) -> Option<Met> {
+    let caps = cloud.caps;
+    move |Asked { ends: [base, top], radius, .. }, ray, t_max| {
+        let cylinder = Cylinder { base, top, radius, caps };
+        confined(cylinder.intersect(&ray.ray, t_max)?, &cylinder.bounds(), ray, t_max)
+    }
 }
 
 impl Geometry {
@@ -74,9 +86,12 @@ impl Geometry {
         materials: Vec<u32>,
     ) -> Result<Geometry, bvh::BuildError> {
         let bounds: Vec<Aabb> = shapes.par_iter().map(|s| s.bounds().unwrap_or(Aabb::EMPTY)).collect();
-        let bvh = Bvh::build(&bounds)?;
-        let slots = bvh.order().iter().map(|&id| shapes[id as usize]).collect();
-        Ok(Geometry::Shapes { bvh, slots, shapes, objects, materials })
+        let tree = Rounds::build(&bounds, |id| match &shapes[id as usize] {
+            Shape::Sphere(s) => Round::Sphere { center: s.center, radius: s.radius },
+            Shape::Cylinder(c) => Round::Cylinder { ends: [c.base, c.top], radius: c.radius },
+            _ => Round::Other,
+        })?;
+        Ok(Geometry::Shapes { tree, shapes, objects, materials })
     }
 
     pub(super) fn mesh(mesh: Mesh) -> Result<Geometry, bvh::BuildError> {
@@ -85,20 +100,18 @@ impl Geometry {
     }
 
     pub(super) fn spheres(cloud: SphereCloud) -> Result<Geometry, bvh::BuildError> {
-        let bounds: Vec<Aabb> =
-            (0..cloud.len()).into_par_iter().map(|id| sphere::bounds(cloud.centers[id], cloud.radius(id))).collect();
-        let bvh = Bvh::build(&bounds)?;
-        let slots = bvh.order().par_iter().map(|&id| (cloud.centers[id as usize], cloud.radius(id as usize))).collect();
-        Ok(Geometry::Spheres { bvh, slots, cloud })
+        let bounds = |id: usize| sphere::bounds(cloud.centers[id], cloud.radius(id));
+        let bounds: Vec<Aabb> = (0..cloud.len()).into_par_iter().map(bounds).collect();
+        let sphere = |id: usize| Round::Sphere { center: cloud.centers[id], radius: cloud.radius(id) };
+        let tree = Rounds::build(&bounds, |id| sphere(id as usize))?;
+        Ok(Geometry::Spheres { tree, cloud })
     }
 
     pub(super) fn cylinders(cloud: CylinderCloud) -> Result<Geometry, bvh::BuildError> {
-        let shape = |id: usize| Shape::Cylinder(cloud.cylinder(id));
-        let bounds: Vec<Aabb> =
-            (0..cloud.len()).into_par_iter().map(|id| shape(id).bounds().unwrap_or(Aabb::EMPTY)).collect();
-        let bvh = Bvh::build(&bounds)?;
-        let slots = bvh.order().par_iter().map(|&id| shape(id as usize)).collect();
-        Ok(Geometry::Cylinders { bvh, slots, cloud })
+        let bounds: Vec<Aabb> = (0..cloud.len()).into_par_iter().map(|id| cloud.bounds(id)).collect();
+        let cylinder = |id: usize| Round::Cylinder { ends: cloud.axes[id], radius: cloud.radius(id) };
+        let tree = Rounds::build(&bounds, |id| cylinder(id as usize))?;
+        Ok(Geometry::Cylinders { tree, cloud })
     }
 
     /// How many primitives it has.
@@ -114,8 +127,8 @@ impl Geometry {
     /// The box around all of it.
     pub(super) fn bounds(&self) -> Aabb {
         match self {
-            Geometry::Shapes { bvh, .. } | Geometry::Spheres { bvh, .. } | Geometry::Cylinders { bvh, .. } => {
-                bvh.bounds()
+            Geometry::Shapes { tree, .. } | Geometry::Spheres { tree, .. } | Geometry::Cylinders { tree, .. } => {
+                tree.bounds()
             }
             Geometry::Mesh { triangles, .. } => triangles.bounds(),
         }
@@ -131,102 +144,54 @@ impl Geometry {
 
     /// The nearest hit at or before `t_max` (ties with a hit elsewhere are the caller's).
     pub(super) fn intersect(&self, ray: &PreparedRay, t_max: f32) -> Option<Nearest> {
-        let mut nearest = Nearest { t: t_max, primitive: NO_PRIMITIVE, part: 0, uv: [0.0; 2] };
-        let best = &mut nearest;
+        let mut met = Met::before(t_max);
         match self {
-            Geometry::Shapes { bvh, slots, .. } | Geometry::Cylinders { bvh, slots, .. } => {
-                bvh.intersect(ray, t_max, |leaf, t_max| {
-                    for slot in leaf.slots() {
-                        if let Some(hit) = meet(&slots[slot as usize], ray, *t_max) {
-                            best.offer(hit, bvh.order()[slot as usize]);
-                            *t_max = best.t;
-                        }
-                    }
-                });
-            }
             Geometry::Mesh { triangles, mesh } => {
-                let mut hit = bvh::Nearest::before(t_max);
-                triangles.intersect(ray, &mut hit, mesh.one_sided);
-                *best = Nearest { t: hit.t, primitive: hit.id, part: 0, uv: [hit.u, hit.v] };
+                let mut nearest = bvh::Nearest::before(t_max);
+                triangles.intersect(ray, &mut nearest, mesh.one_sided);
+                return real(nearest.into());
             }
-            Geometry::Spheres { bvh, slots, .. } => {
-                bvh.intersect(ray, t_max, |leaf, t_max| {
-                    for slot in leaf.slots() {
-                        let (center, radius) = slots[slot as usize];
-                        if let Some(t) = sphere::intersect(ray, center, radius, *t_max) {
-                            best.offer(plain(t), bvh.order()[slot as usize]);
-                            *t_max = best.t;
-                        }
-                    }
-                });
-            }
+            Geometry::Shapes { tree, shapes, .. } => tree.intersect(ray, &mut met, &other(shapes)),
+            Geometry::Spheres { tree, .. } => tree.intersect(ray, &mut met, &none),
+            Geometry::Cylinders { tree, cloud } => tree.intersect(ray, &mut met, &cylinder(cloud)),
         }
-        (nearest.primitive != NO_PRIMITIVE).then_some(nearest)
+        real(met.into())
     }
 
-    /// The slot of a primitive that is met at or before `t_max` and `blocks`, if there is one.
-    pub(super) fn occluded(&self, ray: &PreparedRay, t_max: f32, mut blocks: impl FnMut(u32) -> bool) -> Option<u32> {
-        let mut blocker = None;
+    /// The place of a primitive that is met at or before `t_max` and `blocks`, if there is one.
+    pub(super) fn occluded(&self, ray: &PreparedRay, t_max: f32, blocks: impl FnMut(u32) -> bool) -> Option<u32> {
         match self {
-            Geometry::Shapes { bvh, slots, .. } | Geometry::Cylinders { bvh, slots, .. } => {
-                bvh.occluded(ray, t_max, |leaf| {
-                    blocker = first(leaf, |slot| meet(&slots[slot], ray, t_max).is_some() && blocks(bvh.order()[slot]));
-                    blocker.is_some()
-                });
-            }
-            Geometry::Mesh { triangles, mesh } => return triangles.occluded(ray, t_max, mesh.one_sided, blocks),
-            Geometry::Spheres { bvh, slots, .. } => {
-                bvh.occluded(ray, t_max, |leaf| {
-                    blocker = first(leaf, |slot| {
-                        let (center, radius) = slots[slot];
-                        sphere::intersect(ray, center, radius, t_max).is_some() && blocks(bvh.order()[slot])
-                    });
-                    blocker.is_some()
-                });
-            }
+            Geometry::Mesh { triangles, mesh } => triangles.occluded(ray, t_max, mesh.one_sided, blocks),
+            Geometry::Shapes { tree, shapes, .. } => tree.occluded(ray, t_max, &other(shapes), blocks),
+            Geometry::Spheres { tree, .. } => tree.occluded(ray, t_max, &none, blocks),
+            Geometry::Cylinders { tree, cloud } => tree.occluded(ray, t_max, &cylinder(cloud), blocks),
         }
-        blocker
     }
 
-    /// Whether the primitive in this slot is met at or before `t_max`.
-    pub(super) fn blocks(&self, slot: u32, ray: &PreparedRay, t_max: f32) -> bool {
+    /// Whether the primitive in this place is met at or before `t_max`.
+    pub(super) fn blocks(&self, place: u32, ray: &PreparedRay, t_max: f32) -> bool {
         match self {
-            Geometry::Shapes { slots, .. } | Geometry::Cylinders { slots, .. } => {
-                meet(&slots[slot as usize], ray, t_max).is_some()
-            }
-            Geometry::Mesh { triangles, mesh } => triangles.blocks(slot, ray, t_max, mesh.one_sided),
-            Geometry::Spheres { slots, .. } => {
-                let (center, radius) = slots[slot as usize];
-                sphere::intersect(ray, center, radius, t_max).is_some()
-            }
+            Geometry::Mesh { triangles, mesh } => triangles.blocks(place, ray, t_max, mesh.one_sided),
+            Geometry::Shapes { tree, shapes, .. } => tree.blocks(place, ray, t_max, &other(shapes)),
+            Geometry::Spheres { tree, .. } => tree.blocks(place, ray, t_max, &none),
+            Geometry::Cylinders { tree, cloud } => tree.blocks(place, ray, t_max, &cylinder(cloud)),
         }
     }
 
-    /// The same question answered by trying every primitive: the oracle that the hierarchy is tested against.
+    /// The same question as [`Geometry::intersect`] answered by trying every primitive: the oracle that the hierarchy is tested against.
     pub(super) fn intersect_brute_force(&self, ray: &PreparedRay, t_max: f32) -> Option<Nearest> {
-        let mut nearest = Nearest { t: t_max, primitive: NO_PRIMITIVE, part: 0, uv: [0.0; 2] };
+        let mut met = Met::before(t_max);
         match self {
-            Geometry::Shapes { bvh, slots, .. } | Geometry::Cylinders { bvh, slots, .. } => {
-                for (shape, &id) in slots.iter().zip(bvh.order()) {
-                    if let Some(hit) = shape.intersect(&ray.ray, nearest.t) {
-                        nearest.offer(hit, id);
-                    }
-                }
-            }
             Geometry::Mesh { triangles, mesh } => {
-                let mut hit = bvh::Nearest::before(t_max);
-                triangles.intersect_brute_force(ray, &mut hit, mesh.one_sided);
-                nearest = Nearest { t: hit.t, primitive: hit.id, part: 0, uv: [hit.u, hit.v] };
+                let mut nearest = bvh::Nearest::before(t_max);
+                triangles.intersect_brute_force(ray, &mut nearest, mesh.one_sided);
+                return real(nearest.into());
             }
-            Geometry::Spheres { bvh, slots, .. } => {
-                for (&(center, radius), &id) in slots.iter().zip(bvh.order()) {
-                    if let Some(t) = sphere::intersect(ray, center, radius, nearest.t) {
-                        nearest.offer(plain(t), id);
-                    }
-                }
-            }
+            Geometry::Shapes { tree, shapes, .. } => tree.intersect_brute_force(ray, &mut met, &other(shapes)),
+            Geometry::Spheres { tree, .. } => tree.intersect_brute_force(ray, &mut met, &none),
+            Geometry::Cylinders { tree, cloud } => tree.intersect_brute_force(ray, &mut met, &cylinder(cloud)),
         }
-        (nearest.primitive != NO_PRIMITIVE).then_some(nearest)
+        real(met.into())
     }
 
     /// The second stage of a hit, in this geometry's space.
@@ -263,15 +228,15 @@ impl Geometry {
         let n = self.len() as u64;
         let list = |bytes: usize, len: usize| (bytes * len) as u64;
         census.bytes += match self {
-            Geometry::Shapes { bvh, .. } | Geometry::Spheres { bvh, .. } | Geometry::Cylinders { bvh, .. } => {
-                bvh.statistics().bytes as u64
+            Geometry::Shapes { tree, .. } | Geometry::Spheres { tree, .. } | Geometry::Cylinders { tree, .. } => {
+                tree.statistics().bytes as u64
             }
             Geometry::Mesh { triangles, .. } => triangles.statistics().bytes as u64,
         };
         census.bytes += match self {
-            Geometry::Shapes { slots, .. } => {
+            Geometry::Shapes { shapes, .. } => {
                 census.shapes += n;
-                list(2 * size_of::<Shape>() + 8, slots.len())
+                list(size_of::<Shape>() + 8, shapes.len())
             }
             Geometry::Mesh { mesh, .. } => {
                 census.triangles += n;
@@ -281,12 +246,174 @@ impl Geometry {
             }
             Geometry::Spheres { cloud, .. } => {
                 census.cloud_spheres += n;
-                list(28, cloud.len()) + list(4, cloud.radii.len()) + list(12, cloud.colors.len())
+                list(12, cloud.len()) + list(4, cloud.radii.len()) + list(12, cloud.colors.len())
             }
-            Geometry::Cylinders { slots, cloud, .. } => {
+            Geometry::Cylinders { cloud, .. } => {
                 census.cloud_cylinders += n;
-                list(size_of::<Shape>(), slots.len()) + list(28, cloud.len()) + list(12, cloud.colors.len())
+                list(24, cloud.len()) + list(4, cloud.radii.len()) + list(12, cloud.colors.len())
             }
         };
+    }
+}
+
+/// A hit on a primitive.
+fn real(nearest: Nearest) -> Option<Nearest> {
+    (nearest.primitive != NO_PRIMITIVE).then_some(nearest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shape::{Cone, Sphere, Torus};
+    use bvh::{InstructionSet, Ray};
+    use glam::Vec3;
+    use std::cell::Cell;
+
+    /// Marsaglia's xorshift.
+    struct Random(u64);
+
+    impl Random {
+        fn signed(&mut self) -> f32 {
+            self.0 ^= self.0 << 13;
+            self.0 ^= self.0 >> 7;
+            self.0 ^= self.0 << 17;
+            (self.0.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 40) as f32 / (1u64 << 23) as f32 - 1.0
+        }
+
+        fn below(&mut self, n: usize) -> usize {
+            ((0.5 + 0.5 * self.signed()) * n as f32) as usize
+        }
+
+        fn vector(&mut self) -> Vec3 {
+            Vec3::new(self.signed(), self.signed(), self.signed())
+        }
+    }
+
+    /// From rods to needles and disks, some of them along axes, some side by side.
+    fn cylinders(count: usize, caps: bool, scale: f32, random: &mut Random) -> CylinderCloud {
+        let mut cloud = CylinderCloud { caps, ..CylinderCloud::default() };
+        for i in 0..count {
+            let base = random.vector() * [1.0, 1.0, 100.0][i % 3];
+            let mut axis = random.vector() * [0.3, 1.0, 1e-2][random.below(3)];
+            if i % 4 == 0 {
+                axis *= Vec3::AXES[random.below(3)];
+            }
+            let radius = (0.5 + 0.5 * random.signed().abs()) * [0.1, 1e-3, 1e-6][random.below(3)];
+            cloud.axes.push([base * scale, (base + axis.normalize_or(Vec3::X) * axis.length().max(1e-3)) * scale]);
+            cloud.radii.push(radius * scale);
+        }
+        cloud
+    }
+
+    /// At, beside and along a cylinder: through rims, in the planes of caps, tangents; from anywhere, also from on it and within.
+    fn ray_near(cylinder: &Cylinder, scale: f32, random: &mut Random) -> Ray {
+        let axis = cylinder.top - cylinder.base;
+        let out = axis.normalize().cross(random.vector()).normalize_or(Vec3::X) * cylinder.radius;
+        let height = [0.0, 1.0, 0.5 + 0.5 * random.signed(), random.signed() * 3.0][random.below(4)];
+        let off = [1.0, 1.0 + random.signed() * 10f32.powi(-(random.below(8) as i32)), random.signed(), 0.0];
+        let target = cylinder.base + axis * height + out * off[random.below(4)];
+        let mut direction = match random.below(5) {
+            0 => axis + out * random.signed() * 10f32.powi(-(random.below(8) as i32)),
+            1 => out.cross(axis) / axis.length() + axis * random.signed() * [0.0, 1.0][random.below(2)],
+            2 => out * random.signed() + out.cross(axis) / axis.length() * random.signed(),
+            _ => random.vector() * scale,
+        };
+        direction[random.below(3)] *= [1.0, 1.0, 1.0, 0.0, 1e-20][random.below(5)];
+        let back = [0.0, 1.0, 3.0, 1e3][random.below(4)] * (0.5 + 0.5 * random.signed());
+        Ray::new(target - direction * back, direction * [1.0, 1e-3, 1.0 / scale, 1e3][random.below(4)])
+    }
+
+    #[test]
+    fn cylinders_side_by_side_are_met_as_one_by_one() {
+        let random = &mut Random(51);
+        let mut hits = 0;
+        for round in 0..24 {
+            let scale = [1.0, 1e-3, 1e4, 1e-12, 1e12, 1e-25][round % 6];
+            let cloud = cylinders([4, 40, 200][round % 3], round % 2 == 0, scale, random);
+            let rays: Vec<Ray> =
+                (0..2000).map(|_| ray_near(&cloud.cylinder(random.below(cloud.len())), scale, random)).collect();
+            let geometry = Geometry::cylinders(cloud).unwrap();
+            let Geometry::Cylinders { tree, cloud } = &geometry else { panic!() };
+            let prepared: Vec<PreparedRay> = rays.iter().map(Ray::prepare).collect();
+            for set in InstructionSet::available() {
+                set.limit();
+                let mut stream = vec![Met::before(f32::INFINITY); rays.len()];
+                tree.intersect_stream(&prepared, &mut stream, &cylinder(cloud));
+                for (ray, met) in prepared.iter().zip(stream) {
+                    let expected = geometry.intersect_brute_force(ray, f32::INFINITY);
+                    let bits = |n: Option<Nearest>| n.map(|n| (n.t.to_bits(), n.primitive, n.part));
+                    assert_eq!(bits(real(met.into())), bits(expected), "{scale} {:?}", ray.ray);
+                    let t = expected.map_or(1.0, |n| n.t);
+                    for t_max in [f32::INFINITY, t, t.next_down()] {
+                        let expected = expected.filter(|n| n.t <= t_max);
+                        assert_eq!(bits(geometry.intersect(ray, t_max)), bits(expected), "{scale} {:?}", ray.ray);
+                        let place = geometry.occluded(ray, t_max, |_| true);
+                        assert_eq!(place.is_some(), expected.is_some(), "{scale} {:?} {t_max}", ray.ray);
+                        assert!(place.is_none_or(|place| geometry.blocks(place, ray, t_max)));
+                    }
+                    hits += usize::from(expected.is_some());
+                }
+            }
+        }
+        assert!(hits > 20_000, "{hits}");
+    }
+
+    #[test]
+    fn few_cylinders_that_are_missed_are_asked_for() {
+        let random = &mut Random(52);
+        let axis = |random: &mut Random| (random.vector(), random.vector() * 0.2);
+        let axes = (0..4000).map(|_| axis(random)).map(|(at, way)| [at, at + way]).collect();
+        let cloud = CylinderCloud { axes, radii: vec![0.01], ..CylinderCloud::default() };
+        let Ok(Geometry::Cylinders { tree, cloud }) = Geometry::cylinders(cloud) else { panic!() };
+        let (asked, met) = (Cell::new(0), Cell::new(0));
+        let kernel = cylinder(&cloud);
+        let ask = |what: Asked, ray: &PreparedRay, t_max: f32| {
+            asked.set(asked.get() + 1);
+            let answer = kernel(what, ray, t_max);
+            met.set(met.get() + usize::from(answer.is_some()));
+            answer
+        };
+        for _ in 0..1000 {
+            let ray = Ray::new(random.vector() * 2.0, random.vector()).prepare();
+            tree.intersect(&ray, &mut Met::before(f32::INFINITY), &ask);
+        }
+        assert!(met.get() > 150 && asked.get() * 9 < met.get() * 10, "{asked:?} {met:?}");
+    }
+
+    #[test]
+    fn shapes_of_all_kinds_are_met_as_one_by_one() {
+        let random = &mut Random(53);
+        let mut hits = 0;
+        for _ in 0..8 {
+            let shapes: Vec<Shape> = (0..60)
+                .map(|i| {
+                    let (center, axis, radius) = (random.vector(), random.vector(), 0.2 + 0.1 * random.signed());
+                    let top = center + axis * 0.3;
+                    match i % 4 {
+                        0 => Cylinder { base: center, top, radius, caps: i % 8 == 0 }.into(),
+                        1 => Shape::Cone(Cone { base: center, top, radius, top_radius: 0.1, caps: i % 8 == 1 }),
+                        2 => Shape::Torus(Torus { center, axis, radius, tube: 0.05 }),
+                        _ => Sphere { center, radius }.into(),
+                    }
+                })
+                .collect();
+            let near: Vec<Ray> = (0..1000)
+                .map(|i| {
+                    let bounds = shapes[i % 60].bounds().unwrap();
+                    let target = bounds.min + (bounds.max - bounds.min) * (0.5 + 0.5 * random.vector());
+                    let origin = random.vector() * 3.0;
+                    Ray::new(origin, target - origin)
+                })
+                .collect();
+            let geometry = Geometry::shapes(shapes, vec![0; 60], vec![0; 60]).unwrap();
+            for ray in near.iter().map(Ray::prepare) {
+                let [tree, all] =
+                    [geometry.intersect(&ray, f32::INFINITY), geometry.intersect_brute_force(&ray, f32::INFINITY)]
+                        .map(|n| n.map(|n| (n.t.to_bits(), n.primitive, n.part)));
+                assert_eq!(tree, all, "{:?}", ray.ray);
+                hits += usize::from(tree.is_some());
+            }
+        }
+        assert!(hits > 2000, "{hits}");
     }
 }

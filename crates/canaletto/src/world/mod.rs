@@ -2,6 +2,8 @@
 //! once, then immutable; building is the last step that can fail.
 
 mod build;
+mod flatten;
+mod geometries;
 mod geometry;
 mod instance;
 mod light_meshes;
@@ -56,6 +58,8 @@ pub struct World {
     light_meshes: LightMeshes,
     /// Over the bounds of `instances`, the first level.
     top: Bvh,
+    /// Those bounds in the order of its slots: a leaf may hold several, and a ray into an instance's space costs more than a box.
+    bounds: Vec<Aabb>,
     /// Shapes without bounds, met one by one. Their hits carry [`Hit::UNBOUNDED`] as instance.
     unbounded: Vec<Unbounded>,
     /// The number of the first of them; see [`World::object_id`].
@@ -118,7 +122,8 @@ impl World {
             light_points: self.lights.iter().map(|l| u64::from(l.points())).sum(),
             materials: self.materials.len() as u64,
             primitives: self.unbounded.len() as u64,
-            bytes: (self.instances.len() * size_of::<Instance>()) as u64 + self.top.statistics().bytes as u64,
+            bytes: (self.instances.len() * (size_of::<Instance>() + size_of::<Aabb>())) as u64
+                + self.top.statistics().bytes as u64,
             ..Census::default()
         };
         for geometry in &self.geometries {

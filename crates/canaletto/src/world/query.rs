@@ -65,7 +65,9 @@ impl World {
         self.nearest(ray, t_max, time, |world, ray, mut best| {
             world.top.intersect(ray, best.t, |leaf, t_max| {
                 for slot in leaf.slots() {
-                    world.try_instance(ray, world.top.order()[slot as usize], &mut best, Geometry::intersect);
+                    if ray.enters(&world.bounds[slot as usize], best.t) {
+                        world.try_instance(ray, world.top.order()[slot as usize], &mut best, Geometry::intersect);
+                    }
                 }
                 *t_max = best.t;
             });
@@ -204,6 +206,9 @@ impl World {
             shape.intersect(ray, t_max).is_some() && opaque(Hit::UNBOUNDED, index as u32)
         }) || self.top.occluded(prepared, t_max, |leaf| {
             leaf.slots().any(|slot| {
+                if !prepared.enters(&self.bounds[slot as usize], t_max) {
+                    return false;
+                }
                 let index = self.top.order()[slot as usize];
                 let instance = &self.instances[index as usize];
                 let geometry = &self.geometries[instance.geometry as usize];

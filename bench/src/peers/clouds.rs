@@ -1,0 +1,187 @@
+//! Rays through a million spheres and a million cylinders: ours and Embree's spheres and cones.
+
+use canaletto::shape::Cylinder;
+use canaletto_bvh::{Aabb, Asked, Met, PreparedRay, Ray, Round, Rounds, sphere};
+use glam::Vec3;
+use rayon::prelude::*;
+use serde_json::{Value, json};
+
+use super::embree::Part;
+use super::rays::{self, Packet, RaySet, Segment, View};
+use super::stages::{COUNT, cylinder, sphere};
+use super::trace::{Hits, Options, Tracer, hits, introduce, pool, rounds};
+
+/// Each cloud in a hierarchy, as worlds have them; cylinders are numbered after spheres.
+struct Ours {
+    spheres: Rounds,
+    cylinders: Rounds,
+}
+
+fn build() -> Result<Ours, String> {
+    let grown = |rounds: Vec<(Aabb, Round)>| {
+        let bounds: Vec<Aabb> = rounds.par_iter().map(|round| round.0).collect();
+        Rounds::build(&bounds, |id| rounds[id as usize].1).map_err(|e| e.to_string())
+    };
+    let ball = |i| {
+        let (center, radius) = sphere(i);
+        (sphere::bounds(center, radius), Round::Sphere { center, radius })
+    };
+    let stick = |i| {
+        let (ends, radius) = cylinder(i);
+        (closed(ends, radius).bounds(), Round::Cylinder { ends, radius })
+    };
+    Ok(Ours {
+        spheres: grown((0..COUNT).into_par_iter().map(ball).collect())?,
+        cylinders: grown((0..COUNT).into_par_iter().map(stick).collect())?,
+    })
+}
+
+fn closed([base, top]: [Vec3; 2], radius: f32) -> Cylinder {
+    Cylinder { base, top, radius, caps: true }
+}
+
+/// The exact kernel of cylinders, as worlds use it.
+fn ask(Asked { ends, radius, .. }: Asked, ray: &PreparedRay, t_max: f32) -> Option<Met> {
+    let cylinder = closed(ends, radius);
+    let hit = cylinder.intersect(&ray.ray, t_max)?;
+    let t = ray.confine(&cylinder.bounds(), hit.t.into(), t_max)?;
+    Some(Met { part: hit.part, ..Met::before(t) })
+}
+
+fn none(_: Asked, _: &PreparedRay, _: f32) -> Option<Met> {
+    None
+}
+
+/// How many rays are prepared at a time.
+const CHUNK: usize = 256;
+
+impl Ours {
+    /// One ray; as rays that go alike find all in the caches, they needn't be in flight together.
+    fn intersect(&self, segment: &Segment) -> (f32, u32) {
+        let ray = ray(segment);
+        let mut met = Met::before(segment.t_max);
+        self.spheres.intersect(&ray, &mut met, &none);
+        // Ties go to the sphere.
+        let sphere = met;
+        met.id = if met.id == Met::NONE { Met::NONE } else { 0 };
+        self.cylinders.intersect(&ray, &mut met, &ask);
+        if met.id != Met::NONE && (met.t < sphere.t || sphere.id == Met::NONE) {
+            return (met.t, COUNT as u32 + met.id);
+        }
+        (sphere.t, sphere.id)
+    }
+
+    fn occluded(&self, segment: &Segment) -> bool {
+        let ray = ray(segment);
+        self.spheres.occluded(&ray, segment.t_max, &none, |_| true).is_some()
+            || self.cylinders.occluded(&ray, segment.t_max, &ask, |_| true).is_some()
+    }
+}
+
+impl Tracer for Ours {
+    fn closest(&self, rays: &[Segment], _packets: &[Packet], coherent: bool, out: &mut Hits<'_>) {
+        if coherent {
+            for (i, segment) in rays.iter().enumerate() {
+                (out.t[i], out.id[i]) = self.intersect(segment);
+            }
+            return;
+        }
+        let (mut prepared, mut nearest) = (Vec::with_capacity(CHUNK), Vec::with_capacity(CHUNK));
+        for (chunk, rays) in rays.chunks(CHUNK).enumerate() {
+            prepared.clear();
+            prepared.extend(rays.iter().map(ray));
+            nearest.clear();
+            nearest.extend(rays.iter().map(|ray| Met::before(ray.t_max)));
+            self.spheres.intersect_stream(&prepared, &mut nearest, &none);
+            for (i, met) in nearest.iter_mut().enumerate() {
+                let i = chunk * CHUNK + i;
+                (out.t[i], out.id[i], out.u[i], out.v[i]) = (met.t, met.id, 0.0, 0.0);
+                met.id = if met.id == Met::NONE { Met::NONE } else { 0 };
+            }
+            self.cylinders.intersect_stream(&prepared, &mut nearest, &ask);
+            for (i, met) in nearest.iter().enumerate() {
+                let i = chunk * CHUNK + i;
+                if met.t < out.t[i] || out.id[i] == Met::NONE && met.id != Met::NONE {
+                    (out.t[i], out.id[i]) = (met.t, COUNT as u32 + met.id);
+                }
+            }
+        }
+    }
+
+    fn any(&self, rays: &[Segment], _packets: &[Packet], coherent: bool, out: &mut [u8]) {
+        if coherent {
+            rays.iter().zip(out).for_each(|(segment, out)| *out = u8::from(self.occluded(segment)));
+            return;
+        }
+        let (mut prepared, mut t_max) = (Vec::with_capacity(CHUNK), Vec::with_capacity(CHUNK));
+        for (rays, out) in rays.chunks(CHUNK).zip(out.chunks_mut(CHUNK)) {
+            prepared.clear();
+            prepared.extend(rays.iter().map(ray));
+            t_max.clear();
+            t_max.extend(rays.iter().map(|ray| ray.t_max));
+            self.spheres.occluded_stream(&prepared, &mut t_max, &none);
+            self.cylinders.occluded_stream(&prepared, &mut t_max, &ask);
+            for (out, t) in out.iter_mut().zip(&t_max) {
+                *out = u8::from(*t == f32::NEG_INFINITY);
+            }
+        }
+    }
+}
+
+fn ray(segment: &Segment) -> PreparedRay {
+    Ray::new(segment.origin, segment.direction).prepare()
+}
+
+/// The same ray with a direction of length 1.
+fn unit(segment: &Segment) -> Segment {
+    let length = segment.direction.length();
+    Segment { t_max: segment.t_max * length, direction: segment.direction / length, ..*segment }
+}
+
+/// As the scene of `pictures` is looked at.
+const VIEW: View = View {
+    eye: Vec3::new(70.0, -80.0, 60.0),
+    target: Vec3::new(0.0, 0.0, -4.0),
+    fovy: 40.0,
+    light: Vec3::new(-40.0, 30.0, 90.0),
+    extent: 45.0,
+};
+
+/// Which way a sphere or a cylinder's side faces at a point; close enough for its ends.
+fn normal(id: u32, point: Vec3) -> Vec3 {
+    let id = u64::from(id);
+    if id < COUNT {
+        return point - sphere(id).0;
+    }
+    let ([base, top], _) = cylinder(id - COUNT);
+    let axis = (top - base).normalize();
+    let out = point - base;
+    out - axis * out.dot(axis)
+}
+
+/// Compares and prints, and tells all in JSON.
+pub fn run(options: &Options) -> Result<Value, String> {
+    let embree = introduce(options);
+    let parts = [
+        Part::Spheres((0..COUNT).map(sphere).map(|(center, r)| center.extend(r).to_array()).collect()),
+        Part::cylinders((0..COUNT).map(cylinder)),
+    ];
+    let everyone = pool(options.threads.iter().copied().max().unwrap_or(1))?;
+    let ours = everyone.install(build)?;
+    let scene = embree.as_ref().map(|embree| embree.build(&parts, options.settings)).transpose()?;
+    let sets = |name: &str| match options.sets.as_slice() {
+        [] => ["primary", "shadow", "ao"].contains(&name),
+        named => named.iter().any(|s| s == name),
+    };
+    let mut sets = everyone.install(|| rays::make(&VIEW, options.size, sets, normal, |rays| hits(&ours, rays)));
+    // Embree's cones are met in wrong places by rays whose direction isn't of length 1.
+    for set in &mut sets {
+        *set = RaySet::new(set.name, set.any, set.coherent, set.rays.iter().map(unit).collect());
+    }
+    let ours_mib = (ours.spheres.statistics().bytes + ours.cylinders.statistics().bytes) >> 20;
+    let theirs = scene.as_ref().map_or("-".into(), |scene| (scene.bytes >> 20).to_string());
+    println!("{COUNT} spheres and {COUNT} cylinders; {ours_mib} MiB, Embree {theirs} MiB beside the shared buffers");
+    let rows = rounds("clouds", VIEW.extent, &sets, &ours, scene.as_ref(), options.into())?;
+    Ok(json!({ "what": "clouds", "embree": embree.as_ref().map(|e| e.version()), "size": options.size,
+        "rounds": options.rounds, "clock": format!("{:?}", options.clock), "rows": rows }))
+}

@@ -1,0 +1,251 @@
+//! Spheres, cylinders and whatever is among them: blocks of four for trees.
+
+use crate::{PreparedRay, cylinder, sphere};
+use glam::{Vec3, Vec4};
+
+/// How many primitives a block has at most.
+pub(crate) const LANES: usize = 4;
+
+/// The part of the size of numbers that bounds what f32 makes of a few sums and products of them; see [`sphere`].
+pub(crate) const RELATIVE: f32 = 8.0 * f32::EPSILON;
+
+/// The nearest primitive that a ray meets.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Met {
+    /// The ray's parameter.
+    pub t: f32,
+    /// The primitive, or [`Met::NONE`].
+    pub id: u32,
+    /// Which part of it, as the exact kernel counts.
+    pub part: u32,
+    /// Coordinates on it, if the exact kernel gives some.
+    pub uv: [f32; 2],
+}
+
+impl Met {
+    /// No primitive; larger than every id, so that ties go to a real one.
+    pub const NONE: u32 = u32::MAX;
+
+    /// Nothing met up to `t_max`.
+    #[inline]
+    pub fn before(t_max: f32) -> Self {
+        Self { t: t_max, id: Self::NONE, part: 0, uv: [0.0; 2] }
+    }
+}
+
+/// A ray in lengths, rounded to f32.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rough {
+    pub(crate) origin: [f32; 3],
+    /// The direction of length 1; NaN for none.
+    pub(crate) unit: [f32; 3],
+    /// What t grows by for each unit of length; NaN, which decides nothing, where that loses digits.
+    pub(crate) per_length: f32,
+}
+
+impl Rough {
+    #[inline]
+    pub(crate) fn new(ray: &PreparedRay) -> Self {
+        let direction = ray.ray.direction.as_dvec3();
+        let per_length = 1.0 / direction.dot(direction).sqrt();
+        let unit = direction * per_length;
+        let per_length = if (per_length as f32).is_normal() { per_length as f32 } else { f32::NAN };
+        Self { origin: ray.ray.origin.to_array(), unit: [unit.x as f32, unit.y as f32, unit.z as f32], per_length }
+    }
+}
+
+/// Which lanes of a block may be met, a bit for each, and no later than where each is.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sorted {
+    pub(crate) lanes: u32,
+    pub(crate) near: [f32; LANES],
+}
+
+impl Sorted {
+    pub(crate) const NONE: Self = Self { lanes: 0, near: [f32::INFINITY; LANES] };
+
+    #[inline(always)]
+    fn of(self, lanes: u32) -> Self {
+        Self { lanes: self.lanes & lanes, ..self }
+    }
+}
+
+/// What a primitive is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Round {
+    /// A sphere, in [`sphere::bounds`]; its kernel is [`sphere::intersect`].
+    Sphere {
+        /// Its centre.
+        center: Vec3,
+        /// Its radius.
+        radius: f32,
+    },
+    /// A cylinder with or without caps.
+    Cylinder {
+        /// The ends of its axis.
+        ends: [Vec3; 2],
+        /// Its radius, more than 0.
+        radius: f32,
+    },
+    /// Something else, about which the kernel is asked whenever a ray comes near.
+    Other,
+}
+
+/// Whoever knows the exact kernel of what is no sphere: the nearest hit with 0 < t ≤ t_max on the primitive of an id; its own id doesn't count. What
+/// it finds must lie in the primitive's box as [`PreparedRay::confine`] tells.
+pub trait Ask: Fn(Asked, &PreparedRay, f32) -> Option<Met> {}
+impl<F: Fn(Asked, &PreparedRay, f32) -> Option<Met>> Ask for F {}
+
+/// What the exact kernel is told.
+#[derive(Clone, Copy, Debug)]
+pub struct Asked {
+    /// The primitive.
+    pub id: u32,
+    /// The ends of a cylinder's axis.
+    pub ends: [Vec3; 2],
+    /// A cylinder's radius.
+    pub radius: f32,
+}
+
+pub(crate) type Rows = [Vec4; 3];
+
+/// Up to four primitives side by side. Of spheres alone, rays that pass read the first half only.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C, align(64))]
+pub(crate) struct Block {
+    /// Centres of spheres, or ends of cylinders.
+    base: Rows,
+    /// Negative for a cylinder, NaN for what is neither, which is never sorted out.
+    radius: Vec4,
+    /// The cylinders' other ends.
+    top: Rows,
+    pub(crate) ids: [u32; LANES],
+}
+
+impl Block {
+    pub(crate) fn new(primitives: impl Iterator<Item = (u32, Round)>) -> Self {
+        let (zero, ids) = ([Vec4::ZERO; 3], [u32::MAX; LANES]);
+        let mut block = Self { base: zero, radius: Vec4::ZERO, top: zero, ids };
+        for (lane, (id, round)) in primitives.enumerate() {
+            block.ids[lane] = id;
+            let ([base, top], radius) = match round {
+                // What has no radius is never hit.
+                Round::Sphere { center, radius } => ([center; 2], if radius > 0.0 { radius } else { 0.0 }),
+                Round::Cylinder { ends, radius } if radius > 0.0 => (ends, -radius),
+                Round::Cylinder { .. } | Round::Other => ([Vec3::ZERO; 2], f32::NAN),
+            };
+            for axis in 0..3 {
+                (block.base[axis][lane], block.top[axis][lane]) = (base[axis], top[axis]);
+            }
+            block.radius[lane] = radius;
+        }
+        block
+    }
+
+    /// The lanes with cylinders.
+    #[inline(always)]
+    fn cylinders(&self) -> u32 {
+        self.radius.cmplt(Vec4::ZERO).bitmask()
+    }
+
+    #[inline(always)]
+    fn sort_cylinders(&self, ray: &Rough, t_max: f32) -> Sorted {
+        cylinder::sort(&self.base, &self.top, -self.radius, ray, t_max)
+    }
+
+    /// What of the filled lanes may be met before `t_max`.
+    #[inline(always)]
+    pub(crate) fn sort(&self, filled: u32, ray: &Rough, t_max: f32) -> Sorted {
+        let cylinders = self.cylinders();
+        if cylinders == 0 {
+            return sphere::sort(&self.base, self.radius, ray, t_max).of(filled);
+        }
+        let mut sorted = self.sort_cylinders(ray, t_max).of(cylinders);
+        if filled & !cylinders != 0 {
+            let spheres = sphere::sort(&self.base, self.radius, ray, t_max).of(filled & !cylinders);
+            for lane in 0..LANES {
+                let of = if cylinders >> lane & 1 == 0 { &spheres } else { &sorted };
+                sorted.near[lane] = of.near[lane];
+            }
+            sorted.lanes |= spheres.lanes;
+        }
+        sorted
+    }
+
+    /// The same, only for whether: what may be met, and what surely is.
+    #[inline(always)]
+    pub(crate) fn sort_any(&self, filled: u32, ray: &Rough, t_max: f32) -> (u32, u32) {
+        let cylinders = self.cylinders();
+        let (mut lanes, mut surely) = (0, 0);
+        if filled & !cylinders != 0 {
+            (lanes, surely) = sphere::sort_any(&self.base, self.radius, ray, t_max);
+            (lanes, surely) = (lanes & filled & !cylinders, surely & filled & !cylinders);
+        }
+        if cylinders != 0 && surely == 0 {
+            lanes |= self.sort_cylinders(ray, t_max).lanes & cylinders;
+        }
+        (lanes, surely)
+    }
+
+    /// What the exact kernel says.
+    #[inline(always)]
+    pub(crate) fn exact(&self, lane: usize, ray: &PreparedRay, t_max: f32, ask: &impl Ask) -> Option<Met> {
+        // As lists: indexing vectors would choose by a branch that nobody can foretell.
+        let at = |row: &Vec4| row.as_ref()[lane & (LANES - 1)];
+        let point = |[x, y, z]: &Rows| Vec3::new(at(x), at(y), at(z));
+        let (base, radius) = (point(&self.base), at(&self.radius));
+        if radius >= 0.0 {
+            return sphere::intersect_inline(ray, base, radius, t_max).map(Met::before);
+        }
+        let top = point(&self.top);
+        ask(Asked { id: self.ids[lane], ends: [base, top], radius: -radius }, ray, t_max)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Ray;
+    use crate::testing::Random;
+
+    #[test]
+    fn what_is_sorted_out_is_missed_and_what_is_surely_met_is_met() {
+        let random = &mut Random(43);
+        let (mut sorted_out, mut missed, mut surely_met, mut met) = (0, 0, 0, 0);
+        for i in 0..400_000 {
+            // From large ones nearby to dots far away, of all magnitudes, aimed at beside, on and next to their rims; also from on them and within.
+            let far = random.vector() * 10f32.powi(random.below(6) as i32 - 1);
+            let radius = random.signed().abs() * [1.0, 1e-2, 1e-4][i % 3];
+            let aside = random.vector().normalize();
+            let off = [1.0, 1.0 + random.signed() * 10f32.powi(-(random.below(8) as i32)), random.signed()];
+            let target = far + aside * radius * off[random.below(3)];
+            let origin = [random.vector(), Vec3::ZERO, random.vector() * 1e-3, far + random.vector() * radius];
+            let origin = origin[random.below(4)];
+            let mut direction = target - origin;
+            if random.below(2) == 0 {
+                // Across the way to the rim: tangents.
+                direction = direction.cross(aside).cross(aside);
+            }
+            direction[random.below(3)] *= [1.0, 1.0, 0.0, 1e-20, 1e-39][random.below(5)];
+            let scale = 10f32.powi(random.below(60) as i32 - 30);
+            let ray = Ray::new(origin * scale, direction * [1.0, scale][i % 2]).prepare();
+            let (center, radius) = (far * scale, radius * scale);
+            let all = sphere::intersect(&ray, center, radius, f32::INFINITY);
+            let t = all.unwrap_or(1.0);
+            let t_max = [f32::INFINITY, t, t.next_down(), t * 2.0, t * 0.5][random.below(5)];
+            let block = Block::new(std::iter::once((0, Round::Sphere { center, radius })));
+            let (rough, exactly) = (Rough::new(&ray), all.is_some_and(|t| t <= t_max));
+            let Sorted { lanes, near } = block.sort(1, &rough, t_max);
+            let (any, surely) = block.sort_any(1, &rough, t_max);
+            assert!(!exactly || lanes & any & 1 == 1, "{ray:?} {center} {radius} {t_max}");
+            assert!(!exactly || near[0].is_nan() || near[0] <= t, "{ray:?} {center} {radius} {near:?}");
+            assert!(exactly || surely & 1 == 0, "{ray:?} {center} {radius} {t_max}");
+            sorted_out += usize::from(lanes & 1 == 0);
+            missed += usize::from(!exactly);
+            surely_met += surely as usize & 1;
+            met += usize::from(exactly);
+        }
+        assert!(missed / 4 < sorted_out && sorted_out < missed, "{sorted_out} of {missed}");
+        assert!(met / 10 < surely_met && surely_met < met, "{surely_met} of {met}");
+    }
+}

@@ -1,0 +1,481 @@
+//! The tree of nodes flattened: groups and prototypes dissolved, shapes moved into place, the rest placed as instances.
+
+use super::build::{hierarchy_error, too_far};
+use super::geometry::Geometry;
+use super::instance::{Instance, NONE, Unbounded};
+use super::light_meshes::LightMeshes;
+use super::motion::{Chain, MovingLight};
+use super::relief::Relief;
+use super::wants::Wants;
+use super::{BuildError, Object, World};
+use crate::light::Light;
+use crate::math::{Path, Transform};
+use crate::scene::{Content, Node};
+use crate::shape::{CylinderCloud, Mesh, Shape, SphereCloud};
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// Where a node stands while the tree is walked.
+#[derive(Clone, Copy)]
+pub(super) struct Place {
+    transform: Transform,
+    inherited: u32,
+}
+
+impl Default for Place {
+    fn default() -> Place {
+        Place { transform: Transform::IDENTITY, inherited: NONE }
+    }
+}
+
+/// How an instance stands.
+struct Placed {
+    transform: Transform,
+    own: u32,
+    inherited: u32,
+}
+
+/// What one walk collects: the root's, or a prototype's in its own space.
+#[derive(Clone, Default)]
+pub(super) struct Part {
+    shapes: Vec<Shape>,
+    shape_objects: Vec<u32>,
+    shape_materials: Vec<u32>,
+    instances: Vec<Instance>,
+    lights: Vec<Light>,
+    moving_lights: Vec<MovingLight>,
+    unbounded: Vec<Unbounded>,
+}
+
+/// A part whose loose shapes have become one more instance.
+pub(super) struct Finished {
+    pub(super) instances: Vec<Instance>,
+    pub(super) lights: Vec<Light>,
+    pub(super) moving_lights: Vec<MovingLight>,
+    pub(super) unbounded: Vec<Unbounded>,
+}
+
+#[derive(Default)]
+pub(super) struct Builder {
+    pub(super) material_count: usize,
+    /// What each material's textures want to know of objects, and what all of them want together.
+    pub(super) wants: Vec<Wants>,
+    pub(super) all_wants: Wants,
+    pub(super) relief: Relief,
+    pub(super) meshes: Vec<Option<Mesh>>,
+    pub(super) spheres: Vec<Option<SphereCloud>>,
+    pub(super) cylinders: Vec<Option<CylinderCloud>>,
+    pub(super) prototypes: Vec<Node>,
+    /// The triangles that shine.
+    pub(super) light_meshes: LightMeshes,
+    /// How often the description refers to each mesh; one that is met once is moved into place.
+    pub(super) mesh_uses: Vec<u32>,
+    pub(super) geometries: Vec<Geometry>,
+    /// By the mesh and the material that displaces it, or [`NONE`].
+    pub(super) geometry_of_mesh: HashMap<(u32, u32), u32>,
+    pub(super) geometry_of_spheres: HashMap<u32, u32>,
+    pub(super) geometry_of_cylinders: HashMap<u32, u32>,
+    pub(super) finished: HashMap<u32, Finished>,
+    pub(super) open: Vec<u32>,
+    pub(super) objects: Vec<Object>,
+    /// Where instances that move are, of all parts so far.
+    pub(super) chains: Vec<Chain>,
+    /// Instances, points of light and shapes without bounds in all parts so far.
+    pub(super) placed: [usize; 3],
+    pub(super) kinds: HashMap<&'static str, u32>,
+}
+
+impl Builder {
+    pub(super) fn new(
+        wants: Vec<Wants>,
+        relief: Relief,
+        meshes: Vec<Mesh>,
+        spheres: Vec<SphereCloud>,
+        cylinders: Vec<CylinderCloud>,
+        prototypes: Vec<Node>,
+    ) -> Builder {
+        Builder {
+            material_count: wants.len(),
+            all_wants: wants.iter().fold(Wants::default(), |all, wants| all.and(*wants)),
+            wants,
+            relief,
+            mesh_uses: vec![0; meshes.len()],
+            meshes: meshes.into_iter().map(Some).collect(),
+            spheres: spheres.into_iter().map(Some).collect(),
+            cylinders: cylinders.into_iter().map(Some).collect(),
+            prototypes,
+            ..Builder::default()
+        }
+    }
+
+    /// Counts references to meshes; those inside prototypes count as many.
+    pub(super) fn count_uses(&mut self, nodes: &[Node]) {
+        fn walk(uses: &mut [u32], node: &Node, weight: u32, depth: usize) {
+            match &node.content {
+                Content::Mesh(index) => {
+                    if let Some(n) = uses.get_mut(*index as usize) {
+                        *n = n.saturating_add(weight);
+                    }
+                }
+                Content::Group(children) if depth < World::MAX_NESTING => {
+                    children.iter().for_each(|child| walk(uses, child, weight, depth + 1));
+                }
+                _ => {}
+            }
+        }
+        nodes.iter().for_each(|node| walk(&mut self.mesh_uses, node, 1, 0));
+        self.prototypes.iter().for_each(|node| walk(&mut self.mesh_uses, node, 2, 0));
+    }
+
+    pub(super) fn flatten(
+        &mut self,
+        nodes: &[Node],
+        place: &Place,
+        part: &mut Part,
+        depth: usize,
+    ) -> Result<(), BuildError> {
+        if depth > World::MAX_NESTING {
+            return Err(BuildError::TooDeep);
+        }
+        nodes.iter().try_for_each(|node| self.place(node, place, part, depth))
+    }
+
+    fn place(&mut self, node: &Node, place: &Place, part: &mut Part, depth: usize) -> Result<(), BuildError> {
+        if node.motion.is_empty() {
+            self.place_still(node, place, part, depth)
+        } else {
+            self.place_moving(node, place, part, depth)
+        }
+    }
+
+    /// What moves becomes a part of its own, which is then placed along its path.
+    fn place_moving(&mut self, node: &Node, place: &Place, part: &mut Part, depth: usize) -> Result<(), BuildError> {
+        let called = || node.name.as_ref().map_or_else(|| "an unnamed node".into(), |name| format!("\"{name}\""));
+        let path = Path::new(&node.motion)
+            .map_err(|e| BuildError::Invalid { object: called(), problem: e.to_string() })
+            .map(Arc::new)?;
+        let mut inner = Part::default();
+        let own = Place { transform: Transform::IDENTITY, inherited: place.inherited };
+        self.place_still(node, &own, &mut inner, depth)?;
+        let first_object = inner.shape_objects.first().copied().unwrap_or(NONE);
+        let Finished { instances, lights, moving_lights, unbounded } = self.finish_part(inner, first_object)?;
+        if let Some(plane) = unbounded.first() {
+            let problem = "a plane has no bounds and can't move while the shutter is open; take a large disk or box";
+            return Err(self.invalid(plane.object, problem.into()));
+        }
+        for instance in instances {
+            let chain = match instance.motion {
+                NONE => Chain::still(instance.to_world.unwrap_or_default()),
+                motion => self.chains[motion as usize].clone(),
+            };
+            let moving = self.moving(&instance, chain.along(&path).inside(&place.transform))?;
+            part.instances.push(moving);
+        }
+        let base = part.lights.len() as u32;
+        let mut chains: Vec<(Light, Chain)> =
+            lights.into_iter().map(|light| (light, Chain::still(Transform::IDENTITY))).collect();
+        for MovingLight { index, light, chain } in moving_lights {
+            chains[index as usize] = (light, chain);
+        }
+        for (index, (light, chain)) in chains.into_iter().enumerate() {
+            let chain = chain.along(&path).inside(&place.transform);
+            part.lights.push(light.transformed(&chain.at(0.0)));
+            check_light(&part.lights[base as usize + index], "after its transforms, ")?;
+            part.moving_lights.push(MovingLight { index: base + index as u32, light, chain });
+        }
+        Ok(())
+    }
+
+    /// The instance with its place changing like this.
+    fn moving(&mut self, instance: &Instance, chain: Chain) -> Result<Instance, BuildError> {
+        if self.chains.len() >= World::MAX_MOVING {
+            return Err(BuildError::TooManyMoving);
+        }
+        let to_world = Some(chain.at(0.0));
+        self.chains.push(chain);
+        Ok(Instance { to_world, motion: self.chains.len() as u32 - 1, ..*instance })
+    }
+
+    fn place_still(&mut self, node: &Node, place: &Place, part: &mut Part, depth: usize) -> Result<(), BuildError> {
+        let transform = place.transform.after(&node.transform);
+        if !(transform.matrix().is_finite() && transform.inverse().matrix().is_finite()) {
+            let object = node.name.as_ref().map_or_else(|| "an unnamed node".into(), |name| format!("\"{name}\""));
+            let problem = "its transforms and those around it together scale or move beyond all numbers".into();
+            return Err(BuildError::Invalid { object, problem });
+        }
+        let own = match node.material {
+            Some(index) if index as usize >= self.material_count => {
+                return Err(missing(node, "material", index, self.material_count));
+            }
+            Some(index) => index,
+            None => NONE,
+        };
+        let inherited = if own == NONE { place.inherited } else { own };
+        match &node.content {
+            Content::Shape(shape) => {
+                let object = self.object(node, shape.kind());
+                shape.check().map_err(|problem| self.invalid(object, problem))?;
+                self.place_shape(shape, object, inherited, &transform, part)
+            }
+            Content::Light(light) => {
+                let light = Light { name: node.name.clone().or(light.name.clone()), ..light.clone() };
+                check_light(&light, "")?;
+                self.light(part, light.transformed(&transform))
+            }
+            Content::Mesh(index) => {
+                let object = self.object(node, "mesh");
+                let (geometry, moved) = self.mesh_geometry(node, *index, [own, inherited], &transform)?;
+                let to_world = (!moved && !transform.is_identity()).then_some(transform);
+                self.instance(
+                    part,
+                    Instance { geometry, object, id_base: 0, material: own, inherited, to_world, motion: NONE },
+                )
+            }
+            Content::Spheres(index) => {
+                let object = self.object(node, "spheres");
+                self.refuse_relief(inherited, object)?;
+                let geometry = self.spheres_geometry(node, *index)?;
+                let to_world = (!transform.is_identity()).then_some(transform);
+                self.instance(
+                    part,
+                    Instance { geometry, object, id_base: 0, material: own, inherited, to_world, motion: NONE },
+                )
+            }
+            Content::Cylinders(index) => {
+                let object = self.object(node, "cylinders");
+                self.refuse_relief(inherited, object)?;
+                let geometry = self.cylinders_geometry(node, *index)?;
+                let to_world = (!transform.is_identity()).then_some(transform);
+                self.instance(
+                    part,
+                    Instance { geometry, object, id_base: 0, material: own, inherited, to_world, motion: NONE },
+                )
+            }
+            Content::Group(children) => self.flatten(children, &Place { transform, inherited }, part, depth + 1),
+            Content::Instance(index) => {
+                self.place_prototype(node, *index, &Placed { transform, own, inherited }, part, depth)
+            }
+        }
+    }
+
+    /// A shape goes into the part's own geometry where the transform keeps its kind; else it becomes an instance.
+    fn place_shape(
+        &mut self,
+        shape: &Shape,
+        object: u32,
+        material: u32,
+        transform: &Transform,
+        part: &mut Part,
+    ) -> Result<(), BuildError> {
+        if self.relief.raises(material) {
+            let mesh = self.relief.shape(shape, material).map_err(|problem| self.invalid(object, problem))?;
+            return self.displaced(mesh, object, [NONE, material], transform, part);
+        }
+        let moved = if transform.is_identity() { Some(*shape) } else { shape.transformed(transform) };
+        let stays = self.wants(material).allow(shape, transform);
+        match moved {
+            Some(moved) if moved.bounds().is_none() => {
+                let own = (!stays).then_some((*shape, *transform));
+                self.unbounded(part, Unbounded { shape: moved, object, material, own })?;
+            }
+            Some(moved) if stays => {
+                moved.check().map_err(|problem| self.invalid(object, format!("after its transforms, {problem}")))?;
+                part.shapes.push(moved);
+                part.shape_objects.push(object);
+                part.shape_materials.push(material);
+            }
+            None if shape.bounds().is_none() => return Err(self.invalid(object, too_far())),
+            // Its kind or what its textures hold on to would be lost.
+            _ => {
+                let geometry = self.push(Geometry::shapes(vec![*shape], vec![object], vec![material]), object)?;
+                let to_world = Some(*transform);
+                self.instance(
+                    part,
+                    Instance { geometry, object, id_base: 0, material: NONE, inherited: NONE, to_world, motion: NONE },
+                )?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Clouds are too many to become triangles.
+    fn refuse_relief(&self, material: u32, object: u32) -> Result<(), BuildError> {
+        if self.relief.raises(material) {
+            let problem = "a cloud can't be displaced; single spheres and cylinders can be";
+            return Err(self.invalid(object, problem.into()));
+        }
+        Ok(())
+    }
+
+    /// A mesh that stands for a displaced object.
+    fn displaced(
+        &mut self,
+        mesh: Mesh,
+        object: u32,
+        [own, inherited]: [u32; 2],
+        transform: &Transform,
+        part: &mut Part,
+    ) -> Result<(), BuildError> {
+        let geometry = self.push(Geometry::mesh(mesh), object)?;
+        let to_world = (!transform.is_identity()).then_some(*transform);
+        self.instance(part, Instance { geometry, object, id_base: 0, material: own, inherited, to_world, motion: NONE })
+    }
+
+    fn place_prototype(
+        &mut self,
+        node: &Node,
+        index: u32,
+        placed: &Placed,
+        part: &mut Part,
+        depth: usize,
+    ) -> Result<(), BuildError> {
+        let Placed { transform, own, inherited } = *placed;
+        if index as usize >= self.prototypes.len() {
+            return Err(missing(node, "prototype", index, self.prototypes.len()));
+        }
+        if !self.finished.contains_key(&index) {
+            if self.open.contains(&index) {
+                let name = self.prototypes[index as usize].name.clone();
+                return Err(BuildError::Cycle(
+                    name.map_or_else(|| format!("prototype {index}"), |n| format!("\"{n}\"")),
+                ));
+            }
+            self.open.push(index);
+            let prototype = self.prototypes[index as usize].clone();
+            let mut inner = Part::default();
+            self.flatten(std::slice::from_ref(&prototype), &Place::default(), &mut inner, depth + 1)?;
+            let first_object = inner.shape_objects.first().copied().unwrap_or(NONE);
+            let finished = self.finish_part(inner, first_object)?;
+            self.finished.insert(index, finished);
+            self.open.pop();
+        }
+        let Some(finished) = self.finished.remove(&index) else { return Ok(()) };
+        let Finished { instances, lights, moving_lights, unbounded } = &finished;
+        self.count(0, instances.len())?;
+        let or = |a: u32, b: u32| if a == NONE { b } else { a };
+        for inner in instances {
+            let to_world = match &inner.to_world {
+                Some(t) => transform.after(t),
+                None => transform,
+            };
+            let mut placed = Instance {
+                material: or(own, inner.material),
+                inherited: or(inner.inherited, inherited),
+                to_world: (!to_world.is_identity()).then_some(to_world),
+                ..*inner
+            };
+            if inner.motion != NONE {
+                let chain = self.chains[inner.motion as usize].clone();
+                placed = self.moving(&placed, chain.inside(&transform))?;
+            }
+            part.instances.push(placed);
+        }
+        let base = part.lights.len() as u32;
+        for light in lights {
+            self.light(part, light.transformed(&transform))?;
+        }
+        part.moving_lights.extend(moving_lights.iter().map(|MovingLight { index, light, chain }| MovingLight {
+            index: base + index,
+            light: light.clone(),
+            chain: chain.clone().inside(&transform),
+        }));
+        for Unbounded { shape, object, material, own: place } in unbounded {
+            let moved = shape.transformed(&transform).ok_or_else(|| self.invalid(*object, too_far()))?;
+            let material = or(own, or(*material, inherited));
+            let place = match place {
+                Some((shape, t)) => Some((*shape, transform.after(t))),
+                None => (!self.wants(material).allow(shape, &transform)).then_some((*shape, transform)),
+            };
+            self.unbounded(part, Unbounded { shape: moved, object: *object, material, own: place })?;
+        }
+        self.finished.insert(index, finished);
+        Ok(())
+    }
+
+    fn light(&mut self, part: &mut Part, light: Light) -> Result<(), BuildError> {
+        check_light(&light, "after its transforms, ")?;
+        let points = light.points() as usize + self.light_meshes.count(&light);
+        self.count(1, points)?;
+        part.lights.push(light);
+        Ok(())
+    }
+
+    /// What the textures of this material want to know of an object. Inside of prototypes an instance may still put
+    /// another material in its place.
+    pub(super) fn wants(&self, material: u32) -> Wants {
+        if self.open.is_empty() {
+            self.wants.get(material as usize).copied().unwrap_or_default()
+        } else {
+            self.all_wants
+        }
+    }
+
+    fn unbounded(&mut self, part: &mut Part, shape: Unbounded) -> Result<(), BuildError> {
+        self.count(2, 1)?;
+        part.unbounded.push(shape);
+        Ok(())
+    }
+
+    /// Counts what is placed before memory is taken for it: instances, points of light, shapes without bounds.
+    fn count(&mut self, what: usize, more: usize) -> Result<(), BuildError> {
+        self.placed[what] = self.placed[what].saturating_add(more);
+        match what {
+            0 if self.placed[0] > World::MAX_INSTANCES => Err(BuildError::TooManyInstances),
+            1 if self.placed[1] > World::MAX_LIGHT_POINTS => Err(BuildError::TooManyLights),
+            2 if self.placed[2] > World::MAX_UNBOUNDED => Err(BuildError::TooManyPlanes),
+            _ => Ok(()),
+        }
+    }
+
+    /// Turns a part's loose shapes into one more instance.
+    pub(super) fn finish_part(&mut self, part: Part, object: u32) -> Result<Finished, BuildError> {
+        let Part { shapes, shape_objects, shape_materials, mut instances, lights, moving_lights, unbounded } = part;
+        if !shapes.is_empty() {
+            let geometry =
+                Geometry::shapes(shapes, shape_objects, shape_materials).map_err(|e| hierarchy_error("shapes", &e))?;
+            self.geometries.push(geometry);
+            let geometry = self.geometries.len() as u32 - 1;
+            let (material, inherited) = (NONE, NONE);
+            instances.push(Instance {
+                geometry,
+                object,
+                id_base: 0,
+                material,
+                inherited,
+                to_world: None,
+                motion: NONE,
+            });
+        }
+        Ok(Finished { instances, lights, moving_lights, unbounded })
+    }
+
+    fn instance(&mut self, part: &mut Part, instance: Instance) -> Result<(), BuildError> {
+        self.count(0, 1)?;
+        part.instances.push(instance);
+        Ok(())
+    }
+
+    /// Enters an object into the register: by its own name, or by kind and number.
+    fn object(&mut self, node: &Node, kind: &'static str) -> u32 {
+        let number = self.kinds.entry(kind).or_default();
+        *number += 1;
+        let name = node.name.clone().unwrap_or_else(|| format!("{kind} #{number}"));
+        self.objects.push(Object { name, kind });
+        self.objects.len() as u32 - 1
+    }
+
+    pub(super) fn invalid(&self, object: u32, problem: String) -> BuildError {
+        BuildError::Invalid { object: self.objects[object as usize].name.clone(), problem }
+    }
+}
+
+fn check_light(light: &Light, when: &str) -> Result<(), BuildError> {
+    light.check().map_err(|problem| BuildError::Invalid {
+        object: light.name.clone().map_or(format!("{} light", light.kind_name()), |n| format!("light \"{n}\"")),
+        problem: format!("{when}{problem}"),
+    })
+}
+
+pub(super) fn missing(node: &Node, what: &'static str, index: u32, count: usize) -> BuildError {
+    BuildError::Missing { object: node.name.clone().unwrap_or_else(|| "an unnamed node".into()), what, index, count }
+}

@@ -1,0 +1,109 @@
+//! Meshes and clouds of the description become geometries, each once for all of its uses.
+
+use super::BuildError;
+use super::build::hierarchy_error;
+use super::flatten::{Builder, missing};
+use super::geometry::Geometry;
+use super::instance::NONE;
+use crate::math::Transform;
+use crate::scene::Node;
+use crate::shape::Mesh;
+use rayon::prelude::*;
+
+impl Builder {
+    pub(super) fn mesh_geometry(
+        &mut self,
+        node: &Node,
+        index: u32,
+        [own, inherited]: [u32; 2],
+        transform: &Transform,
+    ) -> Result<(u32, bool), BuildError> {
+        let count = self.meshes.len();
+        let slot = self.meshes.get_mut(index as usize).ok_or_else(|| missing(node, "mesh", index, count))?;
+        // A material in place of all others, or one for what has none, displaces it in its own way.
+        let by = if own == NONE { inherited } else { own };
+        let key = (index, if self.relief.raises(by) { by } else { NONE });
+        if let Some(&geometry) = self.geometry_of_mesh.get(&key) {
+            return Ok((geometry, false));
+        }
+        // Another use may want it as it is.
+        let again = self.relief.any() && self.mesh_uses[index as usize] > 1;
+        let mut mesh = if again { slot.clone() } else { slot.take() }.unwrap_or_default();
+        let object = self.objects.len() as u32 - 1;
+        mesh.check().map_err(|problem| self.invalid(object, problem))?;
+        if let Some(&bad) = mesh.materials.iter().find(|&&m| m as usize >= self.material_count) {
+            return Err(missing(node, "material", bad, self.material_count));
+        }
+        let of_slot = |slot: u32| match mesh.materials.get(slot as usize) {
+            Some(&material) if own == NONE => material,
+            _ => by,
+        };
+        if (0..mesh.materials.len().max(1) as u32).any(|slot| self.relief.raises(of_slot(slot))) {
+            let materials: Vec<u32> = (0..mesh.materials.len().max(1) as u32).map(of_slot).collect();
+            let of_slot = |slot: u32| materials.get(slot as usize).copied().unwrap_or(NONE);
+            mesh = self.relief.mesh(mesh, &of_slot).map_err(|problem| self.invalid(object, problem))?;
+        }
+        let mut wants = self.wants(by);
+        if own == NONE {
+            wants = mesh.materials.iter().fold(wants, |all, m| all.and(self.wants(*m)));
+        }
+        let moved = self.mesh_uses[index as usize] == 1 && (wants.allow_mesh() || transform.is_identity());
+        if moved && !transform.is_identity() {
+            move_mesh(&mut mesh, transform);
+            mesh.check().map_err(|problem| self.invalid(object, format!("after its transforms, {problem}")))?;
+        }
+        let geometry = self.push(Geometry::mesh(mesh), object)?;
+        self.geometry_of_mesh.insert(key, geometry);
+        Ok((geometry, moved))
+    }
+
+    pub(super) fn spheres_geometry(&mut self, node: &Node, index: u32) -> Result<u32, BuildError> {
+        let count = self.spheres.len();
+        if let Some(&geometry) = self.geometry_of_spheres.get(&index) {
+            return Ok(geometry);
+        }
+        let slot =
+            self.spheres.get_mut(index as usize).ok_or_else(|| missing(node, "cloud of spheres", index, count))?;
+        let cloud = slot.take().unwrap_or_default();
+        let object = self.objects.len() as u32 - 1;
+        cloud.check().map_err(|problem| self.invalid(object, problem))?;
+        let geometry = self.push(Geometry::spheres(cloud), object)?;
+        self.geometry_of_spheres.insert(index, geometry);
+        Ok(geometry)
+    }
+
+    pub(super) fn cylinders_geometry(&mut self, node: &Node, index: u32) -> Result<u32, BuildError> {
+        let count = self.cylinders.len();
+        if let Some(&geometry) = self.geometry_of_cylinders.get(&index) {
+            return Ok(geometry);
+        }
+        let slot =
+            self.cylinders.get_mut(index as usize).ok_or_else(|| missing(node, "cloud of cylinders", index, count))?;
+        let cloud = slot.take().unwrap_or_default();
+        let object = self.objects.len() as u32 - 1;
+        cloud.check().map_err(|problem| self.invalid(object, problem))?;
+        let geometry = self.push(Geometry::cylinders(cloud), object)?;
+        self.geometry_of_cylinders.insert(index, geometry);
+        Ok(geometry)
+    }
+
+    pub(super) fn push(
+        &mut self,
+        geometry: Result<Geometry, canaletto_bvh::BuildError>,
+        object: u32,
+    ) -> Result<u32, BuildError> {
+        let geometry = geometry.map_err(|e| hierarchy_error(&self.objects[object as usize].name, &e))?;
+        self.geometries.push(geometry);
+        Ok(self.geometries.len() as u32 - 1)
+    }
+}
+
+/// Moves a mesh's vertices. A mirroring transform turns the corners round, so that they stay counter-clockwise seen from
+/// outside.
+fn move_mesh(mesh: &mut Mesh, transform: &Transform) {
+    mesh.positions.par_iter_mut().for_each(|p| *p = transform.point(p.as_dvec3()).as_vec3());
+    mesh.normals.par_iter_mut().for_each(|n| *n = transform.normal(n.as_dvec3()).normalize_or_zero().as_vec3());
+    if transform.matrix().matrix3.determinant() < 0.0 {
+        mesh.triangles.iter_mut().for_each(|corners| corners.swap(1, 2));
+    }
+}
