@@ -64,7 +64,21 @@ pub(crate) struct Hits {
 
 impl Packet {
     /// The packet of 1 to 16 rays, if they go together. No ray has met anything before its `t_max`.
+    #[inline]
     pub(crate) fn new(rays: &[Ray], t_max: impl Fn(usize) -> f32) -> Option<Packet> {
+        #[allow(unsafe_code)]
+        // SAFETY: `current` never tells more than the machine has.
+        match InstructionSet::current() {
+            #[cfg(target_arch = "x86_64")]
+            InstructionSet::Avx512 => unsafe { gather_avx512(rays, t_max) },
+            #[cfg(target_arch = "x86_64")]
+            InstructionSet::Avx2 => unsafe { gather_avx2(rays, t_max) },
+            _ => Packet::gather(rays, t_max),
+        }
+    }
+
+    #[inline(always)]
+    fn gather(rays: &[Ray], t_max: impl Fn(usize) -> f32) -> Option<Packet> {
         let last = rays.len() - 1;
         let rays: Lanes<Ray> = std::array::from_fn(|i| rays[i.min(last)]);
         let first = Slabs::new(&rays[0]);
@@ -389,6 +403,18 @@ fn trace_avx2(packet: &mut Packet, nodes: &[Node], blocks: &[Block], front_only:
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512bw,avx512dq")]
 fn trace_avx512(packet: &mut Packet, nodes: &[Node], blocks: &[Block], front_only: bool, any: bool) {
     trace(packet, nodes, blocks, front_only, any);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+fn gather_avx2(rays: &[Ray], t_max: impl Fn(usize) -> f32) -> Option<Packet> {
+    Packet::gather(rays, t_max)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512bw,avx512dq")]
+fn gather_avx512(rays: &[Ray], t_max: impl Fn(usize) -> f32) -> Option<Packet> {
+    Packet::gather(rays, t_max)
 }
 
 /// `exact::difference_of_products`, where rounding can't have spoilt the sign; tells whether that is so.
