@@ -1,5 +1,6 @@
 //! From description to world: the tree of nodes flattened, shapes moved into place, hierarchies built.
 
+use super::bundle::FEW;
 use super::geometry::Geometry;
 use super::instance::{Instance, NONE, Unbounded};
 use super::light_meshes::LightMeshes;
@@ -156,7 +157,7 @@ impl World {
             light_meshes: builder.light_meshes,
             textures: builder.relief.patterns,
             texture_names,
-            has_clear: materials.iter().any(|m| !m.is_opaque()),
+            clear_instances: clear_instances(&instances, &builder.geometries, &materials),
             materials,
             objects: builder.objects,
             geometries: builder.geometries,
@@ -164,10 +165,26 @@ impl World {
             chains: builder.chains,
             moving_lights,
             top,
+            instance_bounds: if bounds.len() <= FEW { bounds } else { Vec::new() },
             unbounded,
             unbounded_id_base,
         })
     }
+}
+
+/// Which instances may let light through; none if no material does. The last material is the default.
+fn clear_instances(instances: &[Instance], geometries: &[Geometry], materials: &[Material]) -> Vec<bool> {
+    if materials.iter().all(Material::is_opaque) {
+        return Vec::new();
+    }
+    let own: Vec<Vec<u32>> = geometries.iter().map(Geometry::own_materials).collect();
+    let clear = |instance: &Instance| {
+        own[instance.geometry as usize].iter().any(|&own| {
+            let index = instance.effective_material(own).unwrap_or(materials.len() as u32 - 1);
+            !materials[index as usize].is_opaque()
+        })
+    };
+    instances.iter().map(clear).collect()
 }
 
 /// The environment, ready to be looked at; its images are taken unless a texture has them too.

@@ -1,6 +1,7 @@
 //! Geometries: primitives of one kind in the order of their hierarchy's leaves.
 
 use super::Census;
+use super::instance::NONE;
 use crate::math::Line;
 use crate::shape::{CylinderCloud, Mesh, Patch, Shape, ShapeHit, SphereCloud, Surface};
 use canaletto_bvh::{self as bvh, Aabb, Bvh, Leaf, PreparedRay, Triangles, sphere};
@@ -11,7 +12,7 @@ use rayon::prelude::*;
 /// slots are positions in leaf order.
 #[derive(Debug)]
 pub(super) enum Geometry {
-    /// Single shapes of any kind, with the object and material (or [`super::instance::NONE`]) of each, by id.
+    /// Single shapes of any kind, with the object and material (or [`NONE`]) of each, by id.
     Shapes { bvh: Bvh, slots: Vec<Shape>, shapes: Vec<Shape>, objects: Vec<u32>, materials: Vec<u32> },
     /// A mesh; corners are stored once more as rays read them.
     Mesh { triangles: Triangles, mesh: Mesh },
@@ -34,6 +35,12 @@ pub(super) struct Nearest {
 pub(super) const NO_PRIMITIVE: u32 = u32::MAX;
 
 impl Nearest {
+    /// Nothing up to `t_max`.
+    #[inline]
+    pub(super) fn before(t_max: f32) -> Nearest {
+        Nearest { t: t_max, primitive: NO_PRIMITIVE, part: 0, uv: [0.0; 2] }
+    }
+
     fn offer(&mut self, hit: ShapeHit, primitive: u32) {
         // Ties by the lowest id: the answer doesn't depend on the order in which leaves are met.
         if hit.t < self.t || (hit.t == self.t && primitive < self.primitive) {
@@ -129,9 +136,23 @@ impl Geometry {
         }
     }
 
+    /// The materials that its primitives name, in any order, [`NONE`] for those that name none.
+    pub(super) fn own_materials(&self) -> Vec<u32> {
+        match self {
+            Geometry::Shapes { materials, .. } => {
+                let mut all = materials.clone();
+                all.sort_unstable();
+                all.dedup();
+                all
+            }
+            Geometry::Mesh { mesh, .. } if !mesh.materials.is_empty() => mesh.materials.clone(),
+            Geometry::Mesh { .. } | Geometry::Spheres { .. } | Geometry::Cylinders { .. } => vec![NONE],
+        }
+    }
+
     /// The nearest hit at or before `t_max` (ties with a hit elsewhere are the caller's).
     pub(super) fn intersect(&self, ray: &PreparedRay, t_max: f32) -> Option<Nearest> {
-        let mut nearest = Nearest { t: t_max, primitive: NO_PRIMITIVE, part: 0, uv: [0.0; 2] };
+        let mut nearest = Nearest::before(t_max);
         let best = &mut nearest;
         match self {
             Geometry::Shapes { bvh, slots, .. } | Geometry::Cylinders { bvh, slots, .. } => {
@@ -204,7 +225,7 @@ impl Geometry {
 
     /// The same question answered by trying every primitive: the oracle that the hierarchy is tested against.
     pub(super) fn intersect_brute_force(&self, ray: &PreparedRay, t_max: f32) -> Option<Nearest> {
-        let mut nearest = Nearest { t: t_max, primitive: NO_PRIMITIVE, part: 0, uv: [0.0; 2] };
+        let mut nearest = Nearest::before(t_max);
         match self {
             Geometry::Shapes { bvh, slots, .. } | Geometry::Cylinders { bvh, slots, .. } => {
                 for (shape, &id) in slots.iter().zip(bvh.order()) {
@@ -237,6 +258,17 @@ impl Geometry {
             Geometry::Mesh { mesh, .. } => mesh.surface(id, hit.uv[0], hit.uv[1]),
             Geometry::Spheres { cloud, .. } => cloud.surface(id, line, hit),
             Geometry::Cylinders { cloud, .. } => cloud.surface(id, line, hit),
+        }
+    }
+
+    /// The same for whoever doesn't read its texture coordinates, which may be left out.
+    pub(super) fn bare_surface(&self, line: Line, primitive: u32, hit: &ShapeHit) -> Surface {
+        let id = primitive as usize;
+        match self {
+            Geometry::Shapes { shapes, .. } => shapes[id].bare_surface(line, hit),
+            Geometry::Mesh { mesh, .. } => mesh.surface(id, hit.uv[0], hit.uv[1]),
+            Geometry::Spheres { cloud, .. } => cloud.bare_surface(id, line, hit),
+            Geometry::Cylinders { cloud, .. } => cloud.bare_surface(id, line, hit),
         }
     }
 

@@ -2,6 +2,8 @@
 //! once, then immutable; building is the last step that can fail.
 
 mod build;
+mod bundle;
+mod corridor;
 mod geometry;
 mod instance;
 mod light_meshes;
@@ -12,6 +14,7 @@ mod textured;
 mod wants;
 
 pub use build::BuildError;
+pub use bundle::{Between, Bundle};
 pub use query::{Blocker, Hit};
 pub use textured::{Reading, TextureRead};
 
@@ -54,14 +57,16 @@ pub struct World {
     moving_lights: Vec<MovingLight>,
     /// The triangles of meshes that shine, for lights that move.
     light_meshes: LightMeshes,
+    /// The bounds of each instance, if there are few.
+    instance_bounds: Vec<Aabb>,
     /// Over the bounds of `instances`, the first level.
     top: Bvh,
     /// Shapes without bounds, met one by one. Their hits carry [`Hit::UNBOUNDED`] as instance.
     unbounded: Vec<Unbounded>,
     /// The number of the first of them; see [`World::object_id`].
     unbounded_id_base: u32,
-    /// Whether any material lets light through.
-    has_clear: bool,
+    /// Which of the instances may let light through; empty if no material does.
+    clear_instances: Vec<bool>,
 }
 
 /// One object of the scene's description.
