@@ -6,5 +6,4 @@ mod whitted;
 
 pub use counts::{RayCount, RayCounts};
 pub use probe::{LightTerm, Probe, RayKind};
-pub(crate) use whitted::Eye;
 pub use whitted::Whitted;

@@ -2,8 +2,8 @@
 
 use super::Job;
 use crate::film::{FilterTable, display_all};
-use crate::integrator::{Eye, Probe, Whitted};
-use crate::math::Rgb;
+use crate::integrator::{Probe, Whitted};
+use crate::math::{Line, Rgb, Spread};
 use crate::sampler::{Sample, Sampler};
 use crate::scene::Sampling;
 use crate::world::World;
@@ -52,6 +52,17 @@ struct Shot {
     /// How far the pixel's samples are from each other, as if they stood on a grid.
     spacing: f64,
     numbers: Sample,
+}
+
+/// The ray of a sample.
+struct Eye {
+    line: Line,
+    /// How it changes to the neighbouring samples, if the world wants to know.
+    spread: Option<Spread>,
+    /// When it is, from the shutter's opening at 0 to its closing at 1.
+    time: f32,
+    /// The point of the lens that it leaves.
+    lens: Option<DVec2>,
 }
 
 impl<'a> PixelRenderer<'a> {
@@ -123,16 +134,38 @@ impl<'a> PixelRenderer<'a> {
 
     /// The colours and weights of all samples of some pixels.
     fn samples(&self, whitted: &mut Whitted, pixels: &[[u32; 2]], sampling: Sampling) -> Vec<(Rgb, f64)> {
-        let count = shots(sampling);
         let world = whitted.world();
-        let (mut weights, mut colors) = (Vec::new(), Vec::new());
-        let shots = pixels.iter().flat_map(|&pixel| (0..count).map(move |i| self.shot(pixel, sampling, i)));
-        let eyes = shots.map(|shot| {
-            weights.push(shot.weight);
-            self.eye(world, &shot).0
-        });
-        whitted.eyes(eyes, self.moves(world), &mut colors);
-        colors.into_iter().zip(weights).collect()
+        let mut samples: Vec<(Rgb, f64)> = Vec::with_capacity(pixels.len() * shots(sampling) as usize);
+        // Lights and moving instances are where they are at one time.
+        let alone = self.moves(world);
+        let (plain, wants_spread) = (self.plain && !alone, world.wants_spread());
+        let mut done = 0;
+        let mut arrive = |whitted: &mut Whitted, samples: &mut Vec<(Rgb, f64)>| {
+            for ((color, _), arrived) in samples[done..].iter_mut().zip(whitted.arrive(&mut ())) {
+                *color = *arrived;
+            }
+            done = samples.len();
+        };
+        for &pixel in pixels {
+            for i in 0..shots(sampling) {
+                let shot = self.shot(pixel, sampling, i);
+                if plain {
+                    let [x, y] = shot.position;
+                    let spread = wants_spread.then(|| self.job.camera.spread(x, y, shot.spacing));
+                    whitted.depart(self.job.camera.line(x, y), spread, shot.numbers);
+                } else {
+                    let Eye { line, spread, time, .. } = self.eye(world, &shot);
+                    whitted.begin(shot.numbers, time);
+                    whitted.depart(line, spread, shot.numbers);
+                }
+                samples.push((Rgb::BLACK, shot.weight));
+                if alone || whitted.is_full() {
+                    arrive(whitted, &mut samples);
+                }
+            }
+        }
+        arrive(whitted, &mut samples);
+        samples
     }
 
     /// Sample number `index` of a pixel.
@@ -175,21 +208,20 @@ impl<'a> PixelRenderer<'a> {
         }
     }
 
-    /// The ray of a sample, and the point of the lens that it leaves.
     #[inline]
-    fn eye(&self, world: &World, shot: &Shot) -> (Eye, Option<DVec2>) {
-        let (camera, [x, y], sample) = (&self.job.camera, shot.position, shot.numbers);
+    fn eye(&self, world: &World, shot: &Shot) -> Eye {
+        let (camera, [x, y]) = (&self.job.camera, shot.position);
         let wants_spread = world.wants_spread();
         let moves = self.moves(world);
         if self.plain && !moves {
             let spread = wants_spread.then(|| camera.spread(x, y, shot.spacing));
-            return (Eye { line: camera.line(x, y), spread, sample, time: 0.0 }, None);
+            return Eye { line: camera.line(x, y), spread, time: 0.0, lens: None };
         }
-        let numbers = sample.eye();
+        let numbers = shot.numbers.eye();
         // Rounded once, so that camera and world agree about it.
         let time = if moves { numbers.time as f32 } else { 0.0 };
         let ray = camera.ray(x, y, numbers.lens, f64::from(time), wants_spread.then_some(shot.spacing));
-        (Eye { line: ray.line, spread: ray.spread, sample, time }, ray.lens)
+        Eye { line: ray.line, spread: ray.spread, time, lens: ray.lens }
     }
 
     fn moves(&self, world: &World) -> bool {
@@ -199,12 +231,12 @@ impl<'a> PixelRenderer<'a> {
     /// A sample whose rays a probe sees.
     fn watched<P: Probe>(&self, whitted: &mut Whitted, shot: &Shot, probe: &mut P) -> Rgb {
         probe.sample(shot.position, shot.weight);
-        let (eye, lens) = self.eye(whitted.world(), shot);
+        let eye = self.eye(whitted.world(), shot);
         let moves = self.moves(whitted.world());
         if !self.plain || moves {
-            probe.drawn(moves.then_some(f64::from(eye.time)), lens.map(|p| p.to_array()));
+            probe.drawn(moves.then_some(f64::from(eye.time)), eye.lens.map(|p| p.to_array()));
         }
-        whitted.begin(eye.sample, eye.time);
+        whitted.begin(shot.numbers, eye.time);
         whitted.eye(eye.line, eye.spread.as_ref(), probe)
     }
 

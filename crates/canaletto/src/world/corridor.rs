@@ -69,3 +69,59 @@ impl Corridor {
         near > far
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whether a ray comes near a box: at points along it, in `f64`, with more than enough of them.
+    fn meets(ray: &Ray, t_max: f32, bounds: &Aabb) -> bool {
+        let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
+        let end = f64::from(t_max.min(16.0));
+        (1..=4000).any(|i| {
+            let p = ray.origin.as_dvec3() + ray.direction.as_dvec3() * (end * f64::from(i) / 4000.0);
+            p.cmpge(min).all() && p.cmple(max).all()
+        })
+    }
+
+    #[test]
+    fn no_box_is_missed_that_a_ray_meets() {
+        let mut state = 1u32;
+        let mut random = || {
+            state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+            (state >> 8) as f32 / (1 << 23) as f32 - 1.0
+        };
+        let (mut missed, mut met) = (0, 0);
+        for n in 0..600 {
+            let mut vector = || Vec3::new(random(), random(), random());
+            let (origin, corner) = (vector() * 4.0, vector() * 2.0);
+            let direction = if n % 4 < 3 { (corner - origin) * 0.6 + vector() } else { vector() };
+            let spread = [0.0, 0.01, 0.3][n % 3];
+            let rays: Vec<Ray> =
+                (0..8).map(|_| Ray::new(origin + vector() * spread, direction + vector() * spread)).collect();
+            let t_max = [[f32::INFINITY; 8], [1.0; 8]][n % 2];
+            let bounds = Aabb { min: corner, max: corner + vector().abs() };
+            let any = rays.iter().zip(&t_max).any(|(ray, &t_max)| meets(ray, t_max, &bounds));
+            let misses = Corridor::of(&rays, &t_max).misses(&bounds);
+            assert!(!(misses && any), "{rays:?} {bounds:?}");
+            missed += u32::from(misses);
+            met += u32::from(any);
+        }
+        assert!(missed > 100 && met > 30, "{missed} {met}");
+    }
+
+    #[test]
+    fn boxes_on_the_way_and_rays_along_axes() {
+        let unit = Aabb { min: Vec3::ZERO, max: Vec3::ONE };
+        let group = |direction: Vec3, t_max: f32| {
+            let rays: Vec<Ray> = (0..4).map(|i| Ray::new(Vec3::new(-2.0, 0.1 * i as f32, 0.5), direction)).collect();
+            Corridor::of(&rays, &[t_max; 4])
+        };
+        let ahead = Vec3::new(1.0, 1e-3, 1e-3);
+        assert!(!group(ahead, f32::INFINITY).misses(&unit) && !group(ahead, 2.0).misses(&unit));
+        assert!(group(ahead, 1.9).misses(&unit) && group(-ahead, f32::INFINITY).misses(&unit));
+        assert!(group(ahead, f32::NEG_INFINITY).misses(&unit));
+        // Nothing is said about rays along an axis.
+        assert!(!group(Vec3::NEG_X, f32::INFINITY).misses(&unit));
+    }
+}

@@ -63,7 +63,7 @@ impl Whitted<'_> {
         let mut any = false;
         for stop in generation.stops.iter_mut().filter(|stop| stop.material.coverage < 1.0) {
             probe.coverage(stop.material.coverage);
-            stop.color = stop.color * stop.material.coverage;
+            stop.color *= stop.material.coverage;
             any = true;
         }
         if !any {
@@ -102,7 +102,9 @@ impl Whitted<'_> {
             let way = &generation.ways[stop.way as usize];
             if let Some((way, spread)) = child(self, way, stop, generation.footprints.get(index), probe) {
                 children.ways.push(way);
-                children.spreads.extend(spread);
+                if let Some(spread) = spread {
+                    children.spreads.push(spread);
+                }
                 children.parents.push(index as u32);
             }
         }

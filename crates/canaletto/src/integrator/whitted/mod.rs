@@ -43,21 +43,12 @@ pub struct Whitted<'w> {
     time: f32,
     /// The world's lights at that time; empty if none of them moves.
     lights: Vec<Source>,
+    /// Rays from the eye that have not been traced.
+    waiting: Generation,
     /// What is asked of the world.
     bundle: Bundle,
     /// Memory of bundles that have been shaded.
     spare: Vec<Generation>,
-}
-
-/// A ray from the eye.
-pub(crate) struct Eye {
-    pub(crate) line: Line,
-    /// How it changes to the neighbouring samples, if the world [wants](World::wants_spread) to know.
-    pub(crate) spread: Option<Spread>,
-    /// Where its random numbers come from.
-    pub(crate) sample: Sample,
-    /// When it is, from the shutter's opening at 0 to its closing at 1.
-    pub(crate) time: f32,
 }
 
 /// Rays that are traced together, and where they are met.
@@ -99,6 +90,7 @@ impl<'w> Whitted<'w> {
             sample: Sampler::new(0, 0, [0; 2]).sample(0, 1),
             time: 0.0,
             lights: if world.lights_move() { world.lights.clone() } else { Vec::new() },
+            waiting: Generation::default(),
             bundle: Bundle::default(),
             spare: Vec::new(),
         }
@@ -122,6 +114,7 @@ impl<'w> Whitted<'w> {
 
     /// Begins a sample of a pixel: where random numbers come from until the next one, and when it is, from the shutter's
     /// opening at 0 to its closing at 1.
+    #[inline]
     pub fn begin(&mut self, sample: Sample, time: f32) {
         self.sample = sample;
         if time != self.time {
@@ -133,45 +126,38 @@ impl<'w> Whitted<'w> {
     /// The colour that an eye ray brings. `spread` is how it changes to the neighbouring samples, if the world
     /// [wants](World::wants_spread) to know.
     pub fn eye<P: Probe>(&mut self, line: impl Into<Line>, spread: Option<&Spread>, probe: &mut P) -> Rgb {
-        let eye = Eye { line: line.into(), spread: spread.copied(), sample: self.sample, time: self.time };
-        let mut generation = self.generation();
-        self.depart(&mut generation, eye);
-        self.trace(&mut generation, probe);
-        let color = generation.colors[0];
-        self.spare.push(generation);
-        color
+        self.depart(line.into(), spread.copied(), self.sample);
+        self.arrive(probe)[0]
     }
 
-    /// Adds the colours that some eye rays bring, of which neighbours go nearly the same way; all at one time unless each is
-    /// to be traced `alone`.
-    pub(crate) fn eyes(&mut self, mut eyes: impl Iterator<Item = Eye>, alone: bool, colors: &mut Vec<Rgb>) {
-        let most = if alone { 1 } else { BUNDLE };
-        loop {
-            let mut generation = self.generation();
-            for eye in eyes.by_ref().take(most) {
-                // Lights and moving instances are where they are at one time.
-                self.begin(eye.sample, eye.time);
-                self.depart(&mut generation, eye);
-            }
-            let any = !generation.ways.is_empty();
-            if any {
-                self.trace(&mut generation, &mut ());
-                colors.extend_from_slice(&generation.colors);
-            }
-            self.spare.push(generation);
-            if !any {
-                return;
-            }
+    /// Lets a ray from the eye wait for others of its time, of which the last ones should go nearly the same way. `spread` is as
+    /// for [`Whitted::eye`].
+    #[inline]
+    pub(crate) fn depart(&mut self, line: Line, spread: Option<Spread>, sample: Sample) {
+        self.ask();
+        self.waiting.ways.push(Way { ray: line.rounded(), line, branch: Branch::eye(), sample });
+        if let Some(spread) = spread {
+            self.waiting.spreads.push(spread);
         }
     }
 
-    /// Adds an eye ray to a generation of its like.
+    /// Whether as many wait as are best traced together.
     #[inline]
-    fn depart(&mut self, generation: &mut Generation, eye: Eye) {
-        let Eye { line, spread, sample, .. } = eye;
-        self.ask();
-        generation.ways.push(Way { ray: line.rounded(), line, branch: Branch::eye(), sample });
-        generation.spreads.extend(spread);
+    pub(crate) fn is_full(&self) -> bool {
+        self.waiting.ways.len() >= BUNDLE
+    }
+
+    /// The colours that the waiting rays bring.
+    pub(crate) fn arrive<P: Probe>(&mut self, probe: &mut P) -> &[Rgb] {
+        let mut generation = std::mem::take(&mut self.waiting);
+        if generation.ways.is_empty() {
+            return &[];
+        }
+        self.trace(&mut generation, probe);
+        generation.ways.clear();
+        generation.spreads.clear();
+        self.waiting = generation;
+        &self.waiting.colors
     }
 
     /// An empty one.
@@ -229,7 +215,9 @@ impl<'w> Whitted<'w> {
                         self.world.bare_surface(way.line, &hit)
                     };
                     let material = self.world.material(&hit).at(&surface);
-                    footprints.extend(Footprint::new(spread, &way.line, &surface));
+                    if let Some(footprint) = Footprint::new(spread, &way.line, &surface) {
+                        footprints.push(footprint);
+                    }
                     stops.push(Stop::new(index, hit, surface, material, &way.line));
                     true
                 }
