@@ -51,8 +51,10 @@ pub enum Between {
 #[derive(Debug, Default)]
 pub(super) struct Rays {
     rays: Vec<Ray>,
-    /// The same, as soon as somebody wants them.
+    /// Some of them, as somebody wanted them last.
     prepared: Vec<PreparedRay>,
+    /// Which.
+    ready: Range<usize>,
     /// What a mesh answers.
     triangles: Vec<bvh::Nearest>,
 }
@@ -65,7 +67,7 @@ struct Part<'a> {
 
 impl Part<'_> {
     fn prepare(&mut self) -> &[PreparedRay] {
-        &self.rays.prepare()[self.range.clone()]
+        self.rays.prepare(&self.range)
     }
 }
 
@@ -90,14 +92,16 @@ fn for_runs(corridors: &[Corridor], rays: usize, bounds: &Aabb, mut f: impl FnMu
 impl Rays {
     fn clear(&mut self) {
         self.rays.clear();
-        self.prepared.clear();
+        self.ready = 0..0;
     }
 
-    fn prepare(&mut self) -> &[PreparedRay] {
-        if self.prepared.is_empty() {
-            self.prepared.extend(self.rays.iter().map(Ray::prepare));
+    fn prepare(&mut self, range: &Range<usize>) -> &[PreparedRay] {
+        if range.start < self.ready.start || self.ready.end < range.end {
+            self.prepared.clear();
+            self.prepared.extend(self.rays[range.clone()].iter().map(Ray::prepare));
+            self.ready = range.clone();
         }
-        &self.prepared
+        &self.prepared[range.start - self.ready.start..range.end - self.ready.start]
     }
 }
 

@@ -5,7 +5,7 @@
 //! whether directions of a group change their signs.
 
 use canaletto_bvh::{Aabb, Ray};
-use glam::Vec3;
+use glam::Vec3A;
 
 /// How many rays a group has.
 pub(super) const GROUP: usize = 16;
@@ -19,8 +19,8 @@ const REGULAR: std::ops::RangeInclusive<f32> = 1e-37..=1e37;
 /// A group of rays.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Corridor {
-    origin: [Vec3; 2],
-    direction: [Vec3; 2],
+    origin: [Vec3A; 2],
+    direction: [Vec3A; 2],
     /// Up to where any of them counts.
     t_max: f32,
     /// Whether boxes can be told to be missed.
@@ -30,23 +30,19 @@ pub(super) struct Corridor {
 impl Corridor {
     /// The corridor of at least one ray.
     pub(super) fn of(rays: &[Ray], t_max: &[f32]) -> Corridor {
-        let mut corridor = Corridor {
-            origin: [Vec3::INFINITY, Vec3::NEG_INFINITY],
-            direction: [Vec3::INFINITY, Vec3::NEG_INFINITY],
-            t_max: f32::NEG_INFINITY,
-            regular: true,
-        };
-        let [mut least, mut most] = [Vec3::INFINITY, Vec3::ZERO];
-        for (Ray { origin, direction }, t_max) in rays.iter().zip(t_max) {
-            let Corridor { origin: [o0, o1], direction: [d0, d1], t_max: end, .. } = &mut corridor;
-            (*o0, *o1) = (o0.min(*origin), o1.max(*origin));
-            (*d0, *d1) = (d0.min(*direction), d1.max(*direction));
-            *end = end.max(*t_max);
+        let nothing = [Vec3A::INFINITY, Vec3A::NEG_INFINITY];
+        let ([mut o0, mut o1], [mut d0, mut d1], mut end) = (nothing, nothing, f32::NEG_INFINITY);
+        let [mut least, mut most] = [Vec3A::INFINITY, Vec3A::ZERO];
+        for (ray, t_max) in rays.iter().zip(t_max) {
+            let (origin, direction) = (Vec3A::from(ray.origin), Vec3A::from(ray.direction));
+            (o0, o1) = (o0.min(origin), o1.max(origin));
+            (d0, d1) = (d0.min(direction), d1.max(direction));
             let size = direction.abs();
             (least, most) = (least.min(size), most.max(size));
+            end = end.max(*t_max);
         }
-        corridor.regular = REGULAR.contains(&least.min_element()) && REGULAR.contains(&most.max_element());
-        corridor
+        let regular = REGULAR.contains(&least.min_element()) && REGULAR.contains(&most.max_element());
+        Corridor { origin: [o0, o1], direction: [d0, d1], t_max: end, regular }
     }
 
     /// Whether all trees would say that no ray of the group meets the box.
@@ -73,6 +69,7 @@ impl Corridor {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::Vec3;
 
     /// Whether a ray comes near a box: at points along it, in `f64`, with more than enough of them.
     fn meets(ray: &Ray, t_max: f32, bounds: &Aabb) -> bool {

@@ -114,7 +114,13 @@ impl World {
         &self.materials
     }
 
-    /// Counts what the world is made of.
+    /// The primitives that rays can meet, each instance counted.
+    pub fn primitives(&self) -> u64 {
+        let of_instances = self.instances.iter().map(|i| self.geometries[i.geometry as usize].len() as u64);
+        of_instances.sum::<u64>() + self.unbounded.len() as u64
+    }
+
+    /// Counts what the world is made of. Visits all of it.
     pub fn census(&self) -> Census {
         let mut census = Census {
             objects: self.objects.len() as u64,
@@ -122,15 +128,12 @@ impl World {
             shapes: self.unbounded.len() as u64,
             light_points: self.lights.iter().map(|l| u64::from(l.points())).sum(),
             materials: self.materials.len() as u64,
-            primitives: self.unbounded.len() as u64,
+            primitives: self.primitives(),
             bytes: (self.instances.len() * size_of::<Instance>()) as u64 + self.top.statistics().bytes as u64,
             ..Census::default()
         };
         for geometry in &self.geometries {
             geometry.count(&mut census);
-        }
-        for instance in &self.instances {
-            census.primitives += self.geometries[instance.geometry as usize].len() as u64;
         }
         census
     }
