@@ -42,7 +42,12 @@ struct Stack {
 impl Stack {
     #[inline(always)]
     fn new() -> Stack {
-        let mut stack = Stack { near: [MaybeUninit::uninit(); STACK], links: [MaybeUninit::uninit(); STACK], len: 0 };
+        // Not `[MaybeUninit::uninit(); STACK]`, which the compiler fills with zeros.
+        let mut stack = Stack {
+            near: [const { MaybeUninit::uninit() }; STACK],
+            links: [const { MaybeUninit::uninit() }; STACK],
+            len: 0,
+        };
         stack.clear();
         stack
     }

@@ -205,7 +205,7 @@ impl<'a> Series<'a> {
             pixels,
             files,
             size: [width, height],
-            primitives: world.census().primitives,
+            primitives: world.primitives(),
             rays: rendering.counts,
             rays_total,
             rays_per_second: (rays_total as f64 / render.max(1e-9)).round(),

@@ -60,15 +60,33 @@ pub fn encode_png(
     }
     png_texts(&mut encoder, metadata)?;
     let mut writer = encoder.write_header().map_err(unfit)?;
-    let values = (0..image.pixels()).flat_map(|i| channels.iter().map(move |c| c[i]));
-    let level = |v: f32, most: f32| (v.clamp(0.0, 1.0) * most).round(); // NaN stays and becomes 0
-    let data: Vec<u8> = match depth {
-        Depth::Eight => values.map(|v| level(v, 255.0) as u8).collect(),
-        Depth::Sixteen => values.flat_map(|v| (level(v, 65535.0) as u16).to_be_bytes()).collect(),
+    let data = match depth {
+        Depth::Eight => interleaved(&channels, |v| [level(v, 255.0) as u8]),
+        Depth::Sixteen => interleaved(&channels, |v| (level(v, 65535.0) as u16).to_be_bytes()),
     };
     writer.write_image_data(&data).map_err(unfit)?;
     writer.finish().map_err(unfit)?;
     Ok(out)
+}
+
+/// The nearest of 0 to `most` to a share of it, halves upwards; 0 for NaN.
+#[inline]
+fn level(v: f32, most: f32) -> u32 {
+    let v = v.clamp(0.0, 1.0) * most;
+    let below = v as u32;
+    below + u32::from(v - below as f32 >= 0.5)
+}
+
+/// All values, pixel by pixel, as bytes.
+fn interleaved<const BYTES: usize>(channels: &[&[f32]], bytes: impl Fn(f32) -> [u8; BYTES]) -> Vec<u8> {
+    let pixel = channels.len() * BYTES;
+    let mut data = vec![0; channels[0].len() * pixel];
+    for (index, channel) in channels.iter().enumerate() {
+        for (place, &v) in data[index * BYTES..].chunks_mut(pixel).zip(*channel) {
+            place[..BYTES].copy_from_slice(&bytes(v));
+        }
+    }
+    data
 }
 
 /// Adds texts to a PNG: the program's name and `metadata`.
@@ -169,6 +187,19 @@ mod tests {
             assert!(read.metadata.iter().any(|(k, v)| k == "Software" && v.starts_with("Canaletto 0.")));
             assert!(texts.iter().all(|text| read.metadata.contains(text)));
         }
+    }
+
+    #[test]
+    fn the_nearest_level_is_taken() {
+        for most in [255.0, 65535.0] {
+            for step in 0..=2 * most as u32 {
+                let v = step as f32 / (2.0 * most);
+                for v in [v.next_down(), v, v.next_up()] {
+                    assert_eq!(level(v, most) as f32, (v.clamp(0.0, 1.0) * most).round(), "{v}");
+                }
+            }
+        }
+        assert_eq!([level(f32::NAN, 255.0), level(-0.1, 255.0), level(9.0, 255.0)], [0, 0, 255]);
     }
 
     #[test]

@@ -158,11 +158,13 @@ impl Camera {
     }
 
     /// Whether it is a pinhole that stays where it is, so that all rays are [`Camera::line`]s.
+    #[inline]
     pub fn is_plain(&self) -> bool {
         self.lens.is_none() && self.motion.is_none()
     }
 
     /// Whether it moves while the shutter is open.
+    #[inline]
     pub fn moves(&self) -> bool {
         self.motion.is_some()
     }
@@ -208,6 +210,7 @@ impl Camera {
 
     /// The chapter's ray for (x, y) in pixels, y upwards: eye and d of (5.10), of the length that reaches the
     /// projection plane. (0, 0) is the lower left corner of the picture, (w, h) the upper right one.
+    #[inline]
     pub fn chapter_ray(&self, x: f64, y: f64) -> (DVec3, DVec3) {
         let [x_e, y_e, z_e] = self.axes;
         let u = self.window.x * (x / f64::from(self.size[0]) - 0.5 + self.shift.x);
@@ -216,6 +219,7 @@ impl Camera {
     }
 
     /// The same ray with a unit direction, as the integrators trace it.
+    #[inline]
     pub fn line(&self, x: f64, y: f64) -> Line {
         let (origin, d) = self.chapter_ray(x, y);
         Line { origin, direction: d.normalize() }

@@ -43,12 +43,14 @@ impl Material {
     }
 
     /// The material with its numbers for one point of a surface, before any texture.
+    #[inline]
     pub fn at(&self, surface: &Surface) -> MaterialPoint {
         let phong = Phong { kd: surface.color.unwrap_or(self.phong.kd), ..self.phong };
         MaterialPoint { phong, ..MaterialPoint::default() }
     }
 
     /// Whether it lets no light through anywhere.
+    #[inline]
     pub fn is_opaque(&self) -> bool {
         self.phong.opacity >= 1.0 && !self.textures.iter().any(|texture| texture.target.clears())
     }
@@ -86,11 +88,13 @@ impl Default for MaterialPoint {
 
 impl MaterialPoint {
     /// Whether light passes: o < 1.
+    #[inline]
     pub fn is_clear(&self) -> bool {
         self.phong.opacity < 1.0
     }
 
     /// Whether a reflected ray counts: k ≠ 0.
+    #[inline]
     pub fn is_mirror(&self) -> bool {
         !self.phong.k.is_black()
     }
@@ -101,6 +105,7 @@ impl MaterialPoint {
     }
 
     /// (5.32): kd ⊗ l (n·L).
+    #[inline]
     pub fn diffuse(&self, intensity: Rgb, n_dot_l: f32) -> Rgb {
         (intensity * self.phong.kd).saturated() * n_dot_l
     }

@@ -57,6 +57,7 @@ impl Phong {
     }
 
     /// cosⁿα of (5.38), r·L cut off below 0: pow(max(0, r·L), n). An n of 0 gives 1 everywhere.
+    #[inline]
     pub fn highlight(&self, r_dot_l: f32) -> f32 {
         if r_dot_l <= 0.0 && self.n > 0.0 { 0.0 } else { libm::powf(r_dot_l.max(0.0), self.n) }
     }

@@ -8,6 +8,7 @@ const UNIT_ROUNDOFF: f32 = f32::EPSILON * 0.5;
 
 /// γₙ = n u / (1 − n u): the relative error of n roundings in a row (Higham, *Accuracy and Stability of Numerical
 /// Algorithms*, §3.1).
+#[inline]
 pub const fn gamma(n: u32) -> f32 {
     let nu = n as f32 * UNIT_ROUNDOFF;
     nu / (1.0 - nu)
@@ -15,6 +16,7 @@ pub const fn gamma(n: u32) -> f32 {
 
 /// The error of each coordinate of a point that was computed in `f64` and rounded to `f32`; a whole unit in the last
 /// place rather than half of one, which covers the `f64` arithmetic before it.
+#[inline]
 pub fn rounding(p: Vec3) -> Vec3 {
     p.abs() * f32::EPSILON
 }
@@ -22,6 +24,7 @@ pub fn rounding(p: Vec3) -> Vec3 {
 /// Moves `p`, known up to ± `error` in each coordinate, along the unit geometric normal until it lies on `side` of the
 /// surface for certain: the side that `direction` points to. (pbrt-v4, §6.8.6; the sum's own rounding is covered by
 /// adding it to the bound instead of stepping to the next float, which keeps the offset scale-invariant.)
+#[inline]
 pub fn offset_origin(p: Vec3, error: Vec3, normal: DVec3, direction: DVec3) -> Vec3 {
     let side = normal.dot(direction);
     let normal = normal.as_vec3();

@@ -17,17 +17,20 @@ pub struct Line {
 
 impl Line {
     /// The ray of this line from another origin, next to its own.
+    #[inline]
     pub fn from_origin(&self, origin: glam::Vec3) -> Ray {
         Ray { origin, direction: self.direction.as_vec3() }
     }
 
     /// The rounded ray.
+    #[inline]
     pub fn rounded(&self) -> Ray {
         self.from_origin(self.origin.as_vec3())
     }
 }
 
 impl From<&Ray> for Line {
+    #[inline]
     fn from(ray: &Ray) -> Line {
         Line { origin: ray.origin.as_dvec3(), direction: ray.direction.as_dvec3() }
     }

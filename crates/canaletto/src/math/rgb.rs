@@ -24,54 +24,64 @@ impl Rgb {
     pub const WHITE: Rgb = Rgb::gray(1.0);
 
     /// The colour (r, g, b).
+    #[inline]
     pub const fn new(r: f32, g: f32, b: f32) -> Rgb {
         Rgb { r, g, b }
     }
 
     /// The same value in each component.
+    #[inline]
     pub const fn gray(value: f32) -> Rgb {
         Rgb::new(value, value, value)
     }
 
     /// The largest component.
+    #[inline]
     pub fn max_component(self) -> f32 {
         self.r.max(self.g).max(self.b)
     }
 
     /// Whether every component is zero, so that whatever it multiplies vanishes.
+    #[inline]
     pub fn is_black(self) -> bool {
         self == Rgb::BLACK
     }
 
     /// Whether no component is infinite or NaN.
+    #[inline]
     pub fn is_finite(self) -> bool {
         self.r.is_finite() && self.g.is_finite() && self.b.is_finite()
     }
 
     /// The same colour with what overflowed put back to the largest number: light may become too bright to be told
     /// from brighter light, but never infinite.
+    #[inline]
     pub fn saturated(self) -> Rgb {
         self.map(|v| v.clamp(-f32::MAX, f32::MAX))
     }
 
     /// The components as (r, g, b).
+    #[inline]
     pub fn to_array(self) -> [f32; 3] {
         [self.r, self.g, self.b]
     }
 
     /// Applies `f` to each component.
+    #[inline]
     pub fn map(self, mut f: impl FnMut(f32) -> f32) -> Rgb {
         Rgb::new(f(self.r), f(self.g), f(self.b))
     }
 }
 
 impl From<[f32; 3]> for Rgb {
+    #[inline]
     fn from([r, g, b]: [f32; 3]) -> Rgb {
         Rgb { r, g, b }
     }
 }
 
 impl From<Rgb> for [f32; 3] {
+    #[inline]
     fn from(c: Rgb) -> [f32; 3] {
         c.to_array()
     }
@@ -79,12 +89,14 @@ impl From<Rgb> for [f32; 3] {
 
 impl Add for Rgb {
     type Output = Rgb;
+    #[inline]
     fn add(self, o: Rgb) -> Rgb {
         Rgb::new(self.r + o.r, self.g + o.g, self.b + o.b)
     }
 }
 
 impl AddAssign for Rgb {
+    #[inline]
     fn add_assign(&mut self, o: Rgb) {
         *self = *self + o;
     }
@@ -92,6 +104,7 @@ impl AddAssign for Rgb {
 
 impl Sub for Rgb {
     type Output = Rgb;
+    #[inline]
     fn sub(self, o: Rgb) -> Rgb {
         Rgb::new(self.r - o.r, self.g - o.g, self.b - o.b)
     }
@@ -100,6 +113,7 @@ impl Sub for Rgb {
 /// The chapter's ⊗, component by component (5.32b).
 impl Mul for Rgb {
     type Output = Rgb;
+    #[inline]
     fn mul(self, o: Rgb) -> Rgb {
         Rgb::new(self.r * o.r, self.g * o.g, self.b * o.b)
     }
@@ -107,12 +121,14 @@ impl Mul for Rgb {
 
 impl Mul<f32> for Rgb {
     type Output = Rgb;
+    #[inline]
     fn mul(self, s: f32) -> Rgb {
         Rgb::new(self.r * s, self.g * s, self.b * s)
     }
 }
 
 impl MulAssign<f32> for Rgb {
+    #[inline]
     fn mul_assign(&mut self, s: f32) {
         *self = *self * s;
     }
@@ -120,12 +136,14 @@ impl MulAssign<f32> for Rgb {
 
 impl Div<f32> for Rgb {
     type Output = Rgb;
+    #[inline]
     fn div(self, s: f32) -> Rgb {
         Rgb::new(self.r / s, self.g / s, self.b / s)
     }
 }
 
 impl Sum for Rgb {
+    #[inline]
     fn sum<I: Iterator<Item = Rgb>>(iter: I) -> Rgb {
         iter.fold(Rgb::BLACK, Add::add)
     }

@@ -9,6 +9,7 @@ pub(crate) use pixel::{PixelRenderer, weighted_mean};
 use crate::camera::Camera;
 use crate::film::{Layer, Picture};
 use crate::integrator::{RayCounts, Whitted};
+use crate::math::Rgb;
 use crate::scene::{FilmSettings, IntegratorSettings};
 use crate::world::World;
 use aov::AovProbe;
@@ -120,7 +121,7 @@ impl Job {
 
 /// Watches a render, and may stop it. Called from many threads.
 pub trait Observer: Sync {
-    /// Asked before every pixel, and now and then within one; once true, tiles in work are dropped and the picture so far is returned.
+    /// Asked before every few pixels, and now and then within them; once true, tiles in work are dropped and the picture so far is returned.
     fn cancelled(&self) -> bool {
         false
     }
@@ -202,6 +203,7 @@ struct Worker<'a> {
     pixels: PixelRenderer<'a>,
     whitted: Whitted<'a>,
     aovs: &'a [Aov],
+    colors: Vec<Rgb>,
 }
 
 /// A finished tile.
@@ -213,7 +215,7 @@ struct Tile {
 impl<'a> Worker<'a> {
     fn new(world: &'a World, job: &'a Job, cancelled: &'a (dyn Fn(u64) -> bool + Sync)) -> Worker<'a> {
         let whitted = Whitted::new(world, job.integrator).until(cancelled);
-        Worker { pixels: PixelRenderer::new(job), whitted, aovs: &job.aovs }
+        Worker { pixels: PixelRenderer::new(job), whitted, aovs: &job.aovs, colors: Vec::new() }
     }
 
     /// Renders the pixels of an area (x, y, width, height); `None` if cancelled.
@@ -221,29 +223,55 @@ impl<'a> Worker<'a> {
         let mut part = Picture::new(width, height);
         part.layers = self.aovs.iter().map(|aov| aov.layer(width, height)).collect();
         self.whitted.counts = RayCounts::default();
+        if self.aovs.is_empty() {
+            let places = in_groups([width, height]);
+            for places in places.chunks(self.pixels.together()) {
+                if observer.cancelled() {
+                    return None;
+                }
+                let pixels: Vec<[u32; 2]> = places.iter().map(|[x, y]| [x0 + x, y0 + y]).collect();
+                self.pixels.pixels(&mut self.whitted, &pixels, &mut self.colors);
+                if self.whitted.gave_up() {
+                    return None;
+                }
+                for ([x, y], color) in places.iter().zip(&self.colors) {
+                    part.pixels[(y * width + x) as usize] = *color;
+                }
+            }
+            return Some(Tile { part, counts: self.whitted.counts });
+        }
         for (index, pixel) in part.pixels.iter_mut().enumerate() {
             if observer.cancelled() {
                 return None;
             }
             let (x, y) = (x0 + index as u32 % width, y0 + index as u32 / width);
-            *pixel = if self.aovs.is_empty() {
-                self.pixels.pixel(&mut self.whitted, x, y, &mut ())
-            } else {
-                let mut probe = AovProbe::new(self.whitted.world(), self.whitted.counts.total());
-                let color = self.pixels.pixel(&mut self.whitted, x, y, &mut probe);
-                probe.finish(self.whitted.counts.total());
-                for (aov, layer) in self.aovs.iter().zip(&mut part.layers) {
-                    let n = layer.channels.len();
-                    probe.write(*aov, &mut layer.data[index * n..(index + 1) * n]);
-                }
-                color
-            };
+            let mut probe = AovProbe::new(self.whitted.world(), self.whitted.counts.total());
+            *pixel = self.pixels.pixel(&mut self.whitted, x, y, &mut probe);
+            probe.finish(self.whitted.counts.total());
+            for (aov, layer) in self.aovs.iter().zip(&mut part.layers) {
+                let n = layer.channels.len();
+                probe.write(*aov, &mut layer.data[index * n..(index + 1) * n]);
+            }
             if self.whitted.gave_up() {
                 return None;
             }
         }
         Some(Tile { part, counts: self.whitted.counts })
     }
+}
+
+/// The places of an area in groups of 4 × 4, so that few neighbours in the list are close to each other in both directions.
+fn in_groups([width, height]: [u32; 2]) -> Vec<[u32; 2]> {
+    const SIDE: u32 = 4;
+    let mut places = Vec::with_capacity((width * height) as usize);
+    for y0 in (0..height).step_by(SIDE as usize) {
+        for x0 in (0..width).step_by(SIDE as usize) {
+            for y in y0..(y0 + SIDE).min(height) {
+                places.extend((x0..(x0 + SIDE).min(width)).map(|x| [x, y]));
+            }
+        }
+    }
+    places
 }
 
 impl Tile {

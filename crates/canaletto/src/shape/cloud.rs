@@ -99,6 +99,11 @@ macro_rules! cloud {
                 Surface { color: self.color(i), ..self.element(i).surface(line, hit) }
             }
 
+            /// The same for whoever doesn't read its texture coordinates, which may be left out.
+            pub(crate) fn bare_surface(&self, i: usize, line: Line, hit: &ShapeHit) -> Surface {
+                Surface { color: self.color(i), ..Shape::from(self.element(i)).bare_surface(line, hit) }
+            }
+
             /// How the surface of number `i` goes on around a hit whose surface is this.
             pub fn patch(&self, i: usize, surface: &Surface, hit: &ShapeHit) -> Patch {
                 Shape::from(self.element(i)).patch(surface, hit)

@@ -118,6 +118,15 @@ impl Shape {
         each!(self, s => s.surface(line, hit))
     }
 
+    /// The same for whoever doesn't read its texture coordinates, which may be left out.
+    #[inline]
+    pub(crate) fn bare_surface(&self, line: Line, hit: &ShapeHit) -> Surface {
+        match self {
+            Shape::Sphere(s) => s.bare_surface(line, hit),
+            other => other.surface(line, hit),
+        }
+    }
+
     /// How the surface goes on around a hit whose surface is this.
     pub fn patch(&self, surface: &Surface, hit: &ShapeHit) -> Patch {
         match self {

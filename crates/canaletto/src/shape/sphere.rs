@@ -8,7 +8,7 @@ use super::solve::{self, Local};
 use super::{Patch, ShapeHit, Surface};
 use crate::math::{Line, Transform, quadratic};
 use canaletto_bvh::{Aabb, Ray};
-use glam::{DMat3, DVec3, Vec3};
+use glam::{DMat3, DVec3, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
@@ -41,13 +41,19 @@ impl Sphere {
 
     /// The surface at a hit: the point of (5.21) put back on the sphere, the normal of (5.22).
     pub fn surface(&self, line: impl Into<Line>, hit: &ShapeHit) -> Surface {
-        let (l, roots) = self.roots(line.into());
+        let surface = self.bare_surface(line.into(), hit);
+        let n = surface.normal;
+        let theta = libm::atan2((n.x * n.x + n.z * n.z).sqrt(), n.y);
+        Surface { uv: Vec2::new(solve::turn(n.x, n.z) as f32, (theta / PI) as f32), ..surface } // (5.45)
+    }
+
+    /// The same without texture coordinates.
+    pub(super) fn bare_surface(&self, line: Line, hit: &ShapeHit) -> Surface {
+        let (l, roots) = self.roots(line);
         let t = solve::nearest(roots.as_ref().map_or(&[], |r| r), hit.t);
         let n = l.at(t).normalize_or(DVec3::Y);
         let (c, r) = (self.center.as_dvec3(), f64::from(self.radius));
-        let theta = libm::atan2((n.x * n.x + n.z * n.z).sqrt(), n.y);
-        let uv = [solve::turn(n.x, n.z), theta / PI]; // (5.45)
-        solve::surface(c + n * r, c.abs().max_element() + r, n, uv)
+        solve::surface(c + n * r, c.abs().max_element() + r, n, [0.0; 2])
     }
 
     /// How the surface goes on around one of its points.

@@ -1,6 +1,7 @@
 //! From description to world: materials and textures resolved, the tree of nodes flattened, hierarchies built.
 
 use super::World;
+use super::bundle::FEW;
 use super::flatten::{Builder, Finished, Part, Place};
 use super::geometry::Geometry;
 use super::instance::{Instance, NONE};
@@ -141,7 +142,7 @@ impl World {
             return Err(BuildError::Invalid { object: object.into(), problem: too_far() });
         }
         let top = Bvh::build(&bounds).map_err(|e| hierarchy_error("the scene", &e))?;
-        let bounds = top.order().iter().map(|&index| bounds[index as usize]).collect();
+        let slot_bounds = top.order().iter().map(|&index| bounds[index as usize]).collect();
         materials.push(Material::new("default", Phong::default()));
         Ok(World {
             background,
@@ -152,7 +153,7 @@ impl World {
             light_meshes: builder.light_meshes,
             textures: builder.relief.patterns,
             texture_names,
-            has_clear: materials.iter().any(|m| !m.is_opaque()),
+            clear_instances: clear_instances(&instances, &builder.geometries, &materials),
             materials,
             objects: builder.objects,
             geometries: builder.geometries,
@@ -160,11 +161,27 @@ impl World {
             chains: builder.chains,
             moving_lights,
             top,
-            bounds,
+            slot_bounds,
+            instance_bounds: if bounds.len() <= FEW { bounds } else { Vec::new() },
             unbounded,
             unbounded_id_base,
         })
     }
+}
+
+/// Which instances may let light through; none if no material does. The last material is the default.
+fn clear_instances(instances: &[Instance], geometries: &[Geometry], materials: &[Material]) -> Vec<bool> {
+    if materials.iter().all(Material::is_opaque) {
+        return Vec::new();
+    }
+    let own: Vec<Vec<u32>> = geometries.iter().map(Geometry::own_materials).collect();
+    let clear = |instance: &Instance| {
+        own[instance.geometry as usize].iter().any(|&own| {
+            let index = instance.effective_material(own).unwrap_or(materials.len() as u32 - 1);
+            !materials[index as usize].is_opaque()
+        })
+    };
+    instances.iter().map(clear).collect()
 }
 
 /// The environment, ready to be looked at; its images are taken unless a texture has them too.

@@ -1,6 +1,7 @@
 //! Geometries: primitives of one kind under their hierarchy.
 
 use super::Census;
+use super::instance::NONE;
 use crate::math::Line;
 use crate::shape::{Cylinder, CylinderCloud, Mesh, Patch, Shape, ShapeHit, SphereCloud, Surface};
 use canaletto_bvh::{self as bvh, Aabb, Asked, Met, PreparedRay, Round, Rounds, Triangles, sphere};
@@ -9,7 +10,7 @@ use rayon::prelude::*;
 /// Primitives of one kind under one hierarchy: the second level. Primitive ids are positions in the description.
 #[derive(Debug)]
 pub(super) enum Geometry {
-    /// Single shapes of any kind, with the object and material (or [`super::instance::NONE`]) of each. The tree knows the
+    /// Single shapes of any kind, with the object and material (or [`NONE`]) of each. The tree knows the
     /// spheres and cylinders.
     Shapes { tree: Rounds, shapes: Vec<Shape>, objects: Vec<u32>, materials: Vec<u32> },
     /// A mesh; corners are stored once more as rays read them.
@@ -32,6 +33,14 @@ pub(super) struct Nearest {
 /// No primitive yet; larger than any id, so that ties go to a real one.
 pub(super) const NO_PRIMITIVE: u32 = u32::MAX;
 const _: () = assert!(NO_PRIMITIVE == Met::NONE && NO_PRIMITIVE == bvh::Nearest::NONE);
+
+impl Nearest {
+    /// Nothing up to `t_max`.
+    #[inline]
+    pub(super) fn before(t_max: f32) -> Nearest {
+        Nearest { t: t_max, primitive: NO_PRIMITIVE, part: 0, uv: [0.0; 2] }
+    }
+}
 
 impl From<Met> for Nearest {
     fn from(Met { t, id, part, uv }: Met) -> Nearest {
@@ -142,6 +151,20 @@ impl Geometry {
         }
     }
 
+    /// The materials that its primitives name, in any order, [`NONE`] for those that name none.
+    pub(super) fn own_materials(&self) -> Vec<u32> {
+        match self {
+            Geometry::Shapes { materials, .. } => {
+                let mut all = materials.clone();
+                all.sort_unstable();
+                all.dedup();
+                all
+            }
+            Geometry::Mesh { mesh, .. } if !mesh.materials.is_empty() => mesh.materials.clone(),
+            Geometry::Mesh { .. } | Geometry::Spheres { .. } | Geometry::Cylinders { .. } => vec![NONE],
+        }
+    }
+
     /// The nearest hit at or before `t_max` (ties with a hit elsewhere are the caller's).
     pub(super) fn intersect(&self, ray: &PreparedRay, t_max: f32) -> Option<Nearest> {
         let mut met = Met::before(t_max);
@@ -202,6 +225,17 @@ impl Geometry {
             Geometry::Mesh { mesh, .. } => mesh.surface(id, hit.uv[0], hit.uv[1]),
             Geometry::Spheres { cloud, .. } => cloud.surface(id, line, hit),
             Geometry::Cylinders { cloud, .. } => cloud.surface(id, line, hit),
+        }
+    }
+
+    /// The same for whoever doesn't read its texture coordinates, which may be left out.
+    pub(super) fn bare_surface(&self, line: Line, primitive: u32, hit: &ShapeHit) -> Surface {
+        let id = primitive as usize;
+        match self {
+            Geometry::Shapes { shapes, .. } => shapes[id].bare_surface(line, hit),
+            Geometry::Mesh { mesh, .. } => mesh.surface(id, hit.uv[0], hit.uv[1]),
+            Geometry::Spheres { cloud, .. } => cloud.bare_surface(id, line, hit),
+            Geometry::Cylinders { cloud, .. } => cloud.bare_surface(id, line, hit),
         }
     }
 

@@ -59,6 +59,12 @@ impl Instance {
         }
     }
 
+    /// The material of a primitive that names `own`, if any of them names one.
+    #[inline]
+    pub(super) fn effective_material(&self, own: u32) -> Option<u32> {
+        [self.material, own, self.inherited].into_iter().find(|&m| m != NONE)
+    }
+
     /// From the geometry's space to the world's at a time in 0..=1.
     pub(super) fn placed(&self, chains: &[Chain], time: f32) -> Option<Transform> {
         if self.motion == NONE { self.to_world } else { Some(chains[self.motion as usize].at(time)) }

@@ -2,6 +2,8 @@
 //! once, then immutable; building is the last step that can fail.
 
 mod build;
+mod bundle;
+mod corridor;
 mod flatten;
 mod geometries;
 mod geometry;
@@ -14,6 +16,7 @@ mod textured;
 mod wants;
 
 pub use build::BuildError;
+pub use bundle::{Between, Bundle};
 pub use query::{Blocker, Hit};
 pub use textured::{Reading, TextureRead};
 
@@ -56,16 +59,18 @@ pub struct World {
     moving_lights: Vec<MovingLight>,
     /// The triangles of meshes that shine, for lights that move.
     light_meshes: LightMeshes,
+    /// The bounds of each instance, if there are few.
+    instance_bounds: Vec<Aabb>,
     /// Over the bounds of `instances`, the first level.
     top: Bvh,
     /// Those bounds in the order of its slots: a leaf may hold several, and a ray into an instance's space costs more than a box.
-    bounds: Vec<Aabb>,
+    slot_bounds: Vec<Aabb>,
     /// Shapes without bounds, met one by one. Their hits carry [`Hit::UNBOUNDED`] as instance.
     unbounded: Vec<Unbounded>,
     /// The number of the first of them; see [`World::object_id`].
     unbounded_id_base: u32,
-    /// Whether any material lets light through.
-    has_clear: bool,
+    /// Which of the instances may let light through; empty if no material does.
+    clear_instances: Vec<bool>,
 }
 
 /// One object of the scene's description.
@@ -113,7 +118,13 @@ impl World {
         &self.materials
     }
 
-    /// Counts what the world is made of.
+    /// The primitives that rays can meet, each instance counted.
+    pub fn primitives(&self) -> u64 {
+        let of_instances = self.instances.iter().map(|i| self.geometries[i.geometry as usize].len() as u64);
+        of_instances.sum::<u64>() + self.unbounded.len() as u64
+    }
+
+    /// Counts what the world is made of. Visits all of it.
     pub fn census(&self) -> Census {
         let mut census = Census {
             objects: self.objects.len() as u64,
@@ -121,16 +132,13 @@ impl World {
             shapes: self.unbounded.len() as u64,
             light_points: self.lights.iter().map(|l| u64::from(l.points())).sum(),
             materials: self.materials.len() as u64,
-            primitives: self.unbounded.len() as u64,
+            primitives: self.primitives(),
             bytes: (self.instances.len() * (size_of::<Instance>() + size_of::<Aabb>())) as u64
                 + self.top.statistics().bytes as u64,
             ..Census::default()
         };
         for geometry in &self.geometries {
             geometry.count(&mut census);
-        }
-        for instance in &self.instances {
-            census.primitives += self.geometries[instance.geometry as usize].len() as u64;
         }
         census
     }

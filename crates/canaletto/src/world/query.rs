@@ -1,13 +1,14 @@
 //! What integrators ask of a world: the nearest hit, the surface there, the light that passes.
 
 use super::World;
+use super::bundle::Between;
 use super::geometry::{Geometry, NO_PRIMITIVE, Nearest};
 use super::instance::{NONE, Unbounded, to_local};
 use crate::integrator::Probe;
 use crate::light::Source;
 use crate::material::Material;
 use crate::math::{Line, Spread, offset_origin};
-use crate::shape::{ShapeHit, Surface};
+use crate::shape::{Shape, ShapeHit, Surface};
 use canaletto_bvh::{PreparedRay, Ray};
 
 /// The first stage of a hit: where, and on what. [`World::surface`] is the second stage.
@@ -37,7 +38,15 @@ pub struct Blocker {
 
 impl Blocker {
     /// Nothing so far.
-    pub const NONE: Blocker = Blocker { instance: NONE, slot: 0 };
+    pub const NONE: Blocker = Blocker { instance: NONE, slot: NONE };
+
+    /// The slot if it is of this instance, of which it shall be from now on.
+    pub(super) fn slot_in(&mut self, instance: u32) -> &mut u32 {
+        if self.instance != instance {
+            *self = Blocker { instance, slot: NONE };
+        }
+        &mut self.slot
+    }
 }
 
 impl Hit {
@@ -65,7 +74,7 @@ impl World {
         self.nearest(ray, t_max, time, |world, ray, mut best| {
             world.top.intersect(ray, best.t, |leaf, t_max| {
                 for slot in leaf.slots() {
-                    if ray.enters(&world.bounds[slot as usize], best.t) {
+                    if ray.enters(&world.slot_bounds[slot as usize], best.t) {
                         world.try_instance(ray, world.top.order()[slot as usize], &mut best, Geometry::intersect);
                     }
                 }
@@ -142,13 +151,23 @@ impl World {
         probe: &mut P,
     ) -> f32 {
         // Anything opaque in between settles it; only a recording probe wants to know what stands in which order.
-        let (blocked, clear) = self.between(ray, t_max, time, last);
-        if blocked && !P::ACTIVE {
-            return 0.0;
+        match self.between(ray, t_max, time, last) {
+            Between::Nothing => 1.0,
+            Between::Opaque if !P::ACTIVE => 0.0,
+            between => self.through(ray, t_max, time, spread, between, probe),
         }
-        if !blocked && !clear {
-            return 1.0;
-        }
+    }
+
+    /// [`World::transmittance`] where something stands between.
+    pub(crate) fn through<P: Probe>(
+        &self,
+        ray: &Ray,
+        t_max: f32,
+        time: f32,
+        spread: Option<&Spread>,
+        between: Between,
+        probe: &mut P,
+    ) -> f32 {
         let mut passed = 1.0;
         let (mut ray, mut t_max) = (*ray, t_max);
         let (line, end) = (Line::from(&ray), ray.origin + ray.direction);
@@ -178,27 +197,28 @@ impl World {
                 t_max = 1.0 - f32::EPSILON;
             }
         }
-        if blocked { 0.0 } else { passed }
+        if between == Between::Opaque { 0.0 } else { passed }
     }
 
     /// The most clear surfaces that a shadow ray passes; light beyond them arrives as it is.
     const MAX_CROSSINGS: usize = 1 << 16;
 
-    /// Whether anything opaque stands before `t_max`; and if not, whether anything clear does.
-    fn between(&self, ray: &Ray, t_max: f32, time: f32, last: &mut Blocker) -> (bool, bool) {
+    /// What stands before `t_max`.
+    pub(super) fn between(&self, ray: &Ray, t_max: f32, time: f32, last: &mut Blocker) -> Between {
         let prepared = &ray.prepare();
-        if let Some(instance) = self.instances.get(last.instance as usize) {
+        if let Some(instance) = self.instances.get(last.instance as usize)
+            && last.slot != NONE
+        {
             let geometry = &self.geometries[instance.geometry as usize];
             if instance.with_local_ray(prepared, &self.chains, time, |ray| geometry.blocks(last.slot, ray, t_max)) {
-                return (true, false);
+                return Between::Opaque;
             }
             // Once past its shadow's border it would be tried in vain.
             *last = Blocker::NONE;
         }
         let mut clear = false;
         let mut opaque = |instance: u32, primitive: u32| {
-            let hit = Hit { t: 0.0, instance, primitive, part: 0, uv: [0.0; 2], time };
-            let opaque = !self.has_clear || self.material(&hit).is_opaque();
+            let opaque = self.is_opaque(instance, primitive);
             clear |= !opaque;
             opaque
         };
@@ -206,7 +226,7 @@ impl World {
             shape.intersect(ray, t_max).is_some() && opaque(Hit::UNBOUNDED, index as u32)
         }) || self.top.occluded(prepared, t_max, |leaf| {
             leaf.slots().any(|slot| {
-                if !prepared.enters(&self.bounds[slot as usize], t_max) {
+                if !prepared.enters(&self.slot_bounds[slot as usize], t_max) {
                     return false;
                 }
                 let index = self.top.order()[slot as usize];
@@ -221,14 +241,41 @@ impl World {
                 slot.is_some()
             })
         });
-        (blocked, clear)
+        match (blocked, clear) {
+            (true, _) => Between::Opaque,
+            (false, true) => Between::Clear,
+            (false, false) => Between::Nothing,
+        }
+    }
+
+    /// Whether a primitive lets no light through.
+    #[inline]
+    pub(super) fn is_opaque(&self, instance: u32, primitive: u32) -> bool {
+        let hit = Hit { t: 0.0, instance, primitive, part: 0, uv: [0.0; 2], time: 0.0 };
+        self.clear_instances.is_empty() || self.material(&hit).is_opaque()
     }
 
     /// The second stage: the surface at a hit of this line's ray.
     pub fn surface(&self, line: impl Into<Line>, hit: &Hit) -> Surface {
-        let line = line.into();
+        self.surface_with(line.into(), hit, Shape::surface, Geometry::surface)
+    }
+
+    /// The same for whoever doesn't read its texture coordinates, which may be left out.
+    #[inline]
+    pub(crate) fn bare_surface(&self, line: Line, hit: &Hit) -> Surface {
+        self.surface_with(line, hit, Shape::bare_surface, Geometry::bare_surface)
+    }
+
+    #[inline]
+    fn surface_with(
+        &self,
+        line: Line,
+        hit: &Hit,
+        of_shape: impl Fn(&Shape, Line, &ShapeHit) -> Surface,
+        of_geometry: impl Fn(&Geometry, Line, u32, &ShapeHit) -> Surface,
+    ) -> Surface {
         if hit.instance == Hit::UNBOUNDED {
-            return self.unbounded[hit.primitive as usize].shape.surface(line, &hit.shape_hit());
+            return of_shape(&self.unbounded[hit.primitive as usize].shape, line, &hit.shape_hit());
         }
         let instance = &self.instances[hit.instance as usize];
         let geometry = &self.geometries[instance.geometry as usize];
@@ -240,12 +287,13 @@ impl World {
             &moved
         };
         match to_world {
-            None => geometry.surface(line, hit.primitive, &hit.shape_hit()),
-            Some(t) => geometry.surface(to_local(t, line), hit.primitive, &hit.shape_hit()).transformed(t),
+            None => of_geometry(geometry, line, hit.primitive, &hit.shape_hit()),
+            Some(t) => of_geometry(geometry, to_local(t, line), hit.primitive, &hit.shape_hit()).transformed(t),
         }
     }
 
     /// Whether anything moves while the shutter is open.
+    #[inline]
     pub fn moves(&self) -> bool {
         !self.chains.is_empty() || !self.moving_lights.is_empty()
     }
@@ -263,16 +311,18 @@ impl World {
     }
 
     /// The material at a hit.
+    #[inline]
     pub fn material(&self, hit: &Hit) -> &Material {
         &self.materials[self.material_index(hit) as usize]
     }
 
     /// The index of the material at a hit, into [`World::materials`].
+    #[inline]
     pub fn material_index(&self, hit: &Hit) -> u32 {
         let default = self.materials.len() as u32 - 1;
-        let first = |candidates: [u32; 3]| candidates.into_iter().find(|&m| m != NONE).unwrap_or(default);
         if hit.instance == Hit::UNBOUNDED {
-            return first([self.unbounded[hit.primitive as usize].material, NONE, NONE]);
+            let own = self.unbounded[hit.primitive as usize].material;
+            return if own == NONE { default } else { own };
         }
         let instance = &self.instances[hit.instance as usize];
         let own = match &self.geometries[instance.geometry as usize] {
@@ -283,7 +333,7 @@ impl World {
             }
             Geometry::Spheres { .. } | Geometry::Cylinders { .. } => NONE,
         };
-        first([instance.material, own, instance.inherited])
+        instance.effective_material(own).unwrap_or(default)
     }
 
     /// The object that was hit.

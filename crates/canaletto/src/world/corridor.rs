@@ -1,0 +1,124 @@
+//! What all rays of a group lie between, so that one look at a box may spare them all.
+//!
+//! Interval arithmetic after Boulos, Wald and Shirley, "Geometric and arithmetic culling methods for entire ray packets"
+//! (2006), but with half-spaces that move along the rays instead of reciprocals of intervals, so that it does not matter
+//! whether directions of a group change their signs.
+
+use canaletto_bvh::{Aabb, Ray};
+use glam::Vec3A;
+
+/// How many rays a group has.
+pub(super) const GROUP: usize = 16;
+
+/// The slack of what is met along a ray: more than the trees leave to it, so that none of them would go where this says no.
+const SLACK: f64 = 1.0 + 1.0 / (1 << 18) as f64;
+
+/// Sizes of components whose reciprocals are normal numbers; trees tell nothing about others.
+const REGULAR: std::ops::RangeInclusive<f32> = 1e-37..=1e37;
+
+/// A group of rays.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Corridor {
+    origin: [Vec3A; 2],
+    direction: [Vec3A; 2],
+    /// Up to where any of them counts.
+    t_max: f32,
+    /// Whether boxes can be told to be missed.
+    regular: bool,
+}
+
+impl Corridor {
+    /// The corridor of at least one ray.
+    pub(super) fn of(rays: &[Ray], t_max: &[f32]) -> Corridor {
+        let nothing = [Vec3A::INFINITY, Vec3A::NEG_INFINITY];
+        let ([mut o0, mut o1], [mut d0, mut d1], mut end) = (nothing, nothing, f32::NEG_INFINITY);
+        let [mut least, mut most] = [Vec3A::INFINITY, Vec3A::ZERO];
+        for (ray, t_max) in rays.iter().zip(t_max) {
+            let (origin, direction) = (Vec3A::from(ray.origin), Vec3A::from(ray.direction));
+            (o0, o1) = (o0.min(origin), o1.max(origin));
+            (d0, d1) = (d0.min(direction), d1.max(direction));
+            let size = direction.abs();
+            (least, most) = (least.min(size), most.max(size));
+            end = end.max(*t_max);
+        }
+        let regular = REGULAR.contains(&least.min_element()) && REGULAR.contains(&most.max_element());
+        Corridor { origin: [o0, o1], direction: [d0, d1], t_max: end, regular }
+    }
+
+    /// Whether all trees would say that no ray of the group meets the box.
+    pub(super) fn misses(&self, bounds: &Aabb) -> bool {
+        if !self.regular {
+            return false;
+        }
+        let (mut near, mut far) = (0.0f64, f64::from(self.t_max) * SLACK);
+        // t such that the rays that go along `way` from `from` are not yet past `plane`, or past it already.
+        let mut clip = |plane: f32, from: f32, way: f32| {
+            let t = (f64::from(plane) - f64::from(from)) / f64::from(way);
+            if way > 0.0 { far = far.min(t * SLACK) } else { near = near.max(t) }
+        };
+        for axis in 0..3 {
+            let [o0, o1] = self.origin.map(|o| o[axis]);
+            let [d0, d1] = self.direction.map(|d| d[axis]);
+            clip(bounds.max[axis], o0, d0);
+            clip(-bounds.min[axis], -o1, -d1);
+        }
+        near > far
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+
+    /// Whether a ray comes near a box: at points along it, in `f64`, with more than enough of them.
+    fn meets(ray: &Ray, t_max: f32, bounds: &Aabb) -> bool {
+        let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
+        let end = f64::from(t_max.min(16.0));
+        (1..=4000).any(|i| {
+            let p = ray.origin.as_dvec3() + ray.direction.as_dvec3() * (end * f64::from(i) / 4000.0);
+            p.cmpge(min).all() && p.cmple(max).all()
+        })
+    }
+
+    #[test]
+    fn no_box_is_missed_that_a_ray_meets() {
+        let mut state = 1u32;
+        let mut random = || {
+            state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+            (state >> 8) as f32 / (1 << 23) as f32 - 1.0
+        };
+        let (mut missed, mut met) = (0, 0);
+        for n in 0..600 {
+            let mut vector = || Vec3::new(random(), random(), random());
+            let (origin, corner) = (vector() * 4.0, vector() * 2.0);
+            let direction = if n % 4 < 3 { (corner - origin) * 0.6 + vector() } else { vector() };
+            let spread = [0.0, 0.01, 0.3][n % 3];
+            let rays: Vec<Ray> =
+                (0..8).map(|_| Ray::new(origin + vector() * spread, direction + vector() * spread)).collect();
+            let t_max = [[f32::INFINITY; 8], [1.0; 8]][n % 2];
+            let bounds = Aabb { min: corner, max: corner + vector().abs() };
+            let any = rays.iter().zip(&t_max).any(|(ray, &t_max)| meets(ray, t_max, &bounds));
+            let misses = Corridor::of(&rays, &t_max).misses(&bounds);
+            assert!(!(misses && any), "{rays:?} {bounds:?}");
+            missed += u32::from(misses);
+            met += u32::from(any);
+        }
+        assert!(missed > 100 && met > 30, "{missed} {met}");
+    }
+
+    #[test]
+    fn boxes_on_the_way_and_rays_along_axes() {
+        let unit = Aabb { min: Vec3::ZERO, max: Vec3::ONE };
+        let group = |direction: Vec3, t_max: f32| {
+            let rays: Vec<Ray> = (0..4).map(|i| Ray::new(Vec3::new(-2.0, 0.1 * i as f32, 0.5), direction)).collect();
+            Corridor::of(&rays, &[t_max; 4])
+        };
+        let ahead = Vec3::new(1.0, 1e-3, 1e-3);
+        assert!(!group(ahead, f32::INFINITY).misses(&unit) && !group(ahead, 2.0).misses(&unit));
+        assert!(group(ahead, 1.9).misses(&unit) && group(-ahead, f32::INFINITY).misses(&unit));
+        assert!(group(ahead, f32::NEG_INFINITY).misses(&unit));
+        // Nothing is said about rays along an axis.
+        assert!(!group(Vec3::NEG_X, f32::INFINITY).misses(&unit));
+    }
+}

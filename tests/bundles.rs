@@ -1,0 +1,169 @@
+//! Rays that go together find what each finds alone.
+
+use canaletto::Ray;
+use canaletto::explain::explain;
+use canaletto::light::{Light, LightKind, Omni};
+use canaletto::material::{Material, Phong};
+use canaletto::math::{Rgb, Transform};
+use canaletto::render::{Aov, Job, render};
+use canaletto::scene::{Content, Node, Sampling, Scene};
+use canaletto::shape::{Plane, Shape, Sphere};
+use canaletto::world::{Between, Blocker, Bundle, World};
+use canaletto_tests::gallery::{icosphere, still_life, still_life_job};
+use glam::{DVec3, Vec3};
+
+/// Few things, so that each is handed whole bundles: meshes as they stand, turned and with a hole's worth of glass, loose
+/// spheres, a plane; a mesh that moves if it is to.
+fn few_things(moves: bool) -> Scene {
+    let phong = |kd: Rgb, k: f32, opacity: f32| Phong {
+        kd,
+        ks: Rgb::gray(0.5),
+        n: 30.0,
+        k: Rgb::gray(k),
+        eta: 1.4,
+        opacity,
+        ..Phong::default()
+    };
+    let materials = vec![
+        Material::new("clay", phong(Rgb::new(0.6, 0.5, 0.4), 0.0, 1.0)),
+        Material::new("silver", phong(Rgb::gray(0.1), 0.8, 1.0)),
+        Material::new("glass", phong(Rgb::gray(0.05), 0.1, 0.3)),
+    ];
+    let at = |x: f64, y: f64, z: f64| Transform::translate(DVec3::new(x, y, z));
+    let turned = at(-1.5, 0.6, -0.5).after(&Transform::rotate(DVec3::new(1.0, 2.0, 0.5), 40.0).unwrap());
+    let squeezed = at(1.6, 0.5, 0.2).after(&Transform::scale(DVec3::new(0.5, 0.8, 0.7)).unwrap());
+    let ball = |x: f32, y: f32, z: f32, r: f32, m: u32| {
+        Node::from(Shape::Sphere(Sphere { center: Vec3::new(x, y, z), radius: r })).with_material(m)
+    };
+    let mut moving = Node::new(Content::Mesh(1)).with_material(0).with_transform(&at(0.4, 1.6, -1.0));
+    if moves {
+        moving.motion = vec![Transform::IDENTITY, at(0.6, 0.2, 0.0)];
+    }
+    let light = |x: f32, y: f32, z: f32, w: f32| {
+        let position = Vec3::new(x, y, z).extend(w);
+        Node::new(Content::Light(Light::new(LightKind::Omni(Omni { position }), Rgb::gray(0.5))))
+    };
+    Scene {
+        materials,
+        meshes: vec![icosphere(4, 0.8, true), icosphere(2, 0.6, false), icosphere(0, 0.4, false)],
+        nodes: vec![
+            Node::from(Shape::Plane(Plane { point: Vec3::NEG_Y * 0.5, normal: Vec3::Y })).with_material(0),
+            Node::new(Content::Mesh(0)).with_material(0),
+            Node::new(Content::Mesh(0)).with_material(1).with_transform(&turned),
+            Node::new(Content::Mesh(1)).with_material(2).with_transform(&squeezed),
+            Node::new(Content::Mesh(2)).with_material(0).with_transform(&at(0.0, 0.0, 2.0)),
+            moving,
+            ball(1.0, 0.0, 1.5, 0.5, 1),
+            ball(-0.8, 0.1, 1.4, 0.45, 2),
+            ball(0.2, -0.3, 1.3, 0.2, 0),
+            light(3.0, 6.0, 5.0, 1.0),
+            light(-1.0, 2.0, 1.0, 0.0),
+        ],
+        ..Scene::default()
+    }
+}
+
+struct Random(u32);
+
+impl Random {
+    fn next(&mut self) -> f32 {
+        self.0 = self.0.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+        let x = ((self.0 >> ((self.0 >> 28) + 4)) ^ self.0).wrapping_mul(277_803_737);
+        ((x >> 22) ^ x) as f32 / u32::MAX as f32 * 2.0 - 1.0
+    }
+
+    fn vector(&mut self) -> Vec3 {
+        Vec3::new(self.next(), self.next(), self.next())
+    }
+}
+
+/// Bundles of any size whose rays go nearly the same way, or any way, some along an axis; to the end of their directions, or
+/// without end.
+fn bundles(count: usize) -> impl Iterator<Item = Vec<(Ray, f32)>> {
+    let mut random = Random(5);
+    (0..count).map(move |n| {
+        let spread = [0.0, 0.003, 0.1, 1.0][n % 4];
+        let (origin, to) = (random.vector() * 3.0 + Vec3::Y, random.vector());
+        let axis = n % 7 == 0;
+        (0..1 + n % 50)
+            .map(|i| {
+                let origin = origin + random.vector() * spread;
+                let mut direction = to + random.vector() * spread - origin;
+                if axis && i % 5 == 0 {
+                    direction.x = 0.0;
+                }
+                (Ray::new(origin, direction), [f32::INFINITY, 1.0 - f32::EPSILON][(n + i) / 3 % 2])
+            })
+            .collect()
+    })
+}
+
+#[test]
+fn bundles_find_what_brute_force_finds() {
+    for (name, scene, times) in [
+        ("few", few_things(false), &[0.0][..]),
+        ("moving", few_things(true), &[0.0, 0.3, 1.0]),
+        ("many", still_life(1.0), &[0.0]),
+    ] {
+        let world = World::build(scene).unwrap();
+        assert_eq!(world.census().instances > 8, name == "many");
+        let (mut bundle, mut last) = (Bundle::default(), Blocker::NONE);
+        let mut found = [0; 4];
+        for (n, rays) in bundles(900).enumerate() {
+            let time = times[n % times.len()];
+            bundle.clear();
+            rays.iter().for_each(|(ray, t_max)| bundle.push(*ray, *t_max));
+            world.intersect_bundle(&mut bundle, time);
+            world.between_bundle(&mut bundle, time, &mut last);
+            for (index, (ray, t_max)) in rays.iter().enumerate() {
+                let expected = world.intersect_brute_force_at(ray, *t_max, time);
+                assert_eq!(bundle.hit(index, time), expected, "{name} {ray:?}");
+                // Light that nothing dims passes whole, and none passes what is opaque.
+                let passes = world.transmittance(ray, *t_max, time, None, &mut Blocker::NONE.clone(), &mut ());
+                let between = match (expected, passes) {
+                    (None, _) => Between::Nothing,
+                    (_, 0.0) => Between::Opaque,
+                    _ => Between::Clear,
+                };
+                assert_eq!(bundle.between(index), between, "{name} {ray:?} {t_max}");
+                found[between as usize] += 1;
+                found[3] += usize::from(expected.is_some());
+            }
+        }
+        assert!(found.iter().all(|&n| n > 100), "{name}: {found:?}");
+    }
+}
+
+fn job(width: u32, height: u32, sampling: Sampling) -> Job {
+    still_life_job(1.0, width, height, sampling)
+}
+
+#[test]
+fn what_bundles_paint_is_explained() {
+    let world = World::build(few_things(false)).unwrap();
+    for sampling in [Sampling::Center, Sampling::Jittered(2), Sampling::Adaptive { n: 2, threshold: 0.05 }] {
+        let job = job(48, 36, sampling);
+        let picture = render(&world, &job, &()).unwrap().picture;
+        for (x, y) in (0..36).flat_map(|y| (0..48).map(move |x| (x, y))) {
+            let (sum, pixel) = (explain(&world, &job, x, y).unwrap().sum(), picture.pixel(x, y));
+            assert_eq!(sum.to_array().map(f32::to_bits), pixel.to_array().map(f32::to_bits), "{sampling:?} {x} {y}");
+        }
+    }
+}
+
+#[test]
+fn rays_are_counted_alike_alone_and_together() {
+    for moves in [false, true] {
+        let world = World::build(few_things(moves)).unwrap();
+        for sampling in [Sampling::Corner, Sampling::Sampled(3), Sampling::Adaptive { n: 3, threshold: 0.1 }] {
+            let together = job(50, 37, sampling);
+            // Layers are written by a probe, which sees ray after ray.
+            let alone = Job { aovs: vec![Aov::Cost], tile: 7, ..together.clone() };
+            let [together, alone] = [together, alone].map(|job| render(&world, &job, &()).unwrap());
+            assert_eq!(together.picture.pixels, alone.picture.pixels);
+            assert_eq!(together.counts, alone.counts);
+            let cost: f32 = alone.picture.layers[0].data.iter().sum();
+            assert_eq!(cost as u64, together.counts.total());
+        }
+    }
+}
