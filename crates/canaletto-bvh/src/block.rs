@@ -7,6 +7,7 @@
 
 use glam::{Vec3, Vec4};
 
+use crate::node::Node;
 use crate::slab::{DEFLATE, INFLATE};
 use crate::triangle::{Triangle, TriangleHit, UNDERFLOW, intersect_exactly};
 use crate::triangles::Nearest;
@@ -20,6 +21,16 @@ pub(crate) struct Block {
     corners: [[Vec4; 3]; 3],
     /// The upper bits of the last two are the exponent of a power of two above the sizes of all triangles.
     ids: [u32; 4],
+}
+
+/// A tree over triangles as kernels see it.
+#[derive(Clone, Copy)]
+pub(crate) struct Scene<'a> {
+    pub(crate) nodes: &'a [Node],
+    pub(crate) blocks: &'a [Block],
+    pub(crate) bounds: Aabb,
+    /// Triangles seen from behind don't count.
+    pub(crate) front_only: bool,
 }
 
 /// Bits of an id.
@@ -321,18 +332,17 @@ impl Search {
     #[inline(always)]
     pub(crate) fn complete(
         &mut self,
-        blocks: &[Block],
+        scene: Scene<'_>,
         index: u32,
         ray: &PreparedRay,
         tested: &Tested,
         nearest: &mut Nearest,
         t_max: &mut f32,
-        front_only: bool,
     ) {
-        let block = &blocks[index as usize];
+        let block = &scene.blocks[index as usize];
         let mut candidates = tested.candidates;
         let (front, back) = (tested.front(), tested.back());
-        if front_only {
+        if scene.front_only {
             candidates &= !back;
         }
         let (low, high) = tested.between();
@@ -349,8 +359,8 @@ impl Search {
                 self.low = low[lane];
                 *t_max = high[lane];
             } else {
-                self.settle(blocks, ray, nearest, *t_max, front_only);
-                block.offer(lane, ray, nearest, front_only);
+                self.settle(scene, ray, nearest, *t_max);
+                block.offer(lane, ray, nearest, scene.front_only);
                 self.low = nearest.t;
                 *t_max = nearest.t;
             }
@@ -359,18 +369,12 @@ impl Search {
 
     /// Tests the triangle that waits, if one does, exactly.
     #[inline(always)]
-    pub(crate) fn settle(
-        &mut self,
-        blocks: &[Block],
-        ray: &PreparedRay,
-        nearest: &mut Nearest,
-        t_max: f32,
-        front_only: bool,
-    ) {
+    pub(crate) fn settle(&mut self, scene: Scene<'_>, ray: &PreparedRay, nearest: &mut Nearest, t_max: f32) {
         if self.waits == NOTHING {
             return;
         }
-        let met = blocks[(self.waits >> 2) as usize].offer(self.waits as usize & 3, ray, nearest, front_only);
+        let block = &scene.blocks[(self.waits >> 2) as usize];
+        let met = block.offer(self.waits as usize & 3, ray, nearest, scene.front_only);
         self.failed |= !met || nearest.t > t_max;
         self.waits = NOTHING;
     }

@@ -12,7 +12,7 @@
 
 #![allow(clippy::needless_range_loop)] // Lanes of many lists side by side.
 
-use crate::block::{BLUR, Block, Bound};
+use crate::block::{BLUR, Block, Bound, Scene};
 use crate::node::{Link, Node};
 use crate::slab::{self, DEFLATE, INFLATE, WIDTH, max, min};
 use crate::traverse::STACK;
@@ -26,16 +26,6 @@ use std::mem::MaybeUninit;
 pub(crate) const LANES: usize = 16;
 
 type Lanes<T> = [T; LANES];
-
-/// What packets go through.
-#[derive(Clone, Copy)]
-pub(crate) struct Scene<'a> {
-    pub(crate) nodes: &'a [Node],
-    pub(crate) blocks: &'a [Block],
-    pub(crate) bounds: Aabb,
-    /// Triangles seen from behind don't count.
-    pub(crate) front_only: bool,
-}
 
 /// What became of a packet.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -206,81 +196,46 @@ impl Packet {
         front_only: bool,
         any: bool,
     ) -> Option<Lanes<u32>> {
-        let [a, b, c] = corners;
         let k = |k: usize| usize::from(self.rows[k] >> 4) % 3;
-        let (ox, oy, oz) = (&self.origin[k(0)], &self.origin[k(1)], &self.origin[k(2)]);
+        let origin = [&self.origin[k(0)], &self.origin[k(1)], &self.origin[k(2)]];
         let (along, [sx, sy]) = (&self.reciprocal[k(2)], &self.shear);
+        let look =
+            |i: usize| Look::new(corners, [origin[0][i], origin[1][i], origin[2][i]], [sx[i], sy[i]], along[i], bound);
+        let certainly = |i: usize, look: &Look, low: f32, high: f32| {
+            if any {
+                let area = max(look.least.abs(), look.most.abs());
+                let large = (area > self.bound.area) & (area * low > self.bound.volume * along[i].abs());
+                (low > 0.0) & large & (high <= min(self.t_max[i], f32::MAX))
+            } else {
+                (low > 0.0) & (high < self.low[i])
+            }
+        };
         // Into lists of their own first: the compiler can't tell that nothing that is read here is written.
         let (mut undecided, mut taken) = ([0u32; LANES], [0u32; LANES]);
         let (mut lows, mut highs) = ([0.0f32; LANES], [0.0f32; LANES]);
         for i in 0..LANES {
-            let (az, bz, cz) = (a[2] - oz[i], b[2] - oz[i], c[2] - oz[i]);
-            let (ta, tb, tc) = (az * along[i], bz * along[i], cz * along[i]);
-            let low = min(min(ta, tb), tc) * DEFLATE;
-            let last = max(max(ta, tb), tc);
-            let high = last * INFLATE;
-            let (ax, ay) = (a[0] - ox[i] - sx[i] * az, a[1] - oy[i] - sy[i] * az);
-            let (bx, by) = (b[0] - ox[i] - sx[i] * bz, b[1] - oy[i] - sy[i] * bz);
-            let (cx, cy) = (c[0] - ox[i] - sx[i] * cz, c[1] - oy[i] - sy[i] * cz);
-            let (wa, wb, wc) = (bx * cy - by * cx, cx * ay - cy * ax, ax * by - ay * bx);
-            let (least, most) = (min(min(wa, wb), wc), max(max(wa, wb), wc));
-            let missed = (most > bound) & (least < -bound);
-            let beyond = (low > min(self.t_max[i], f32::MAX)) | (last <= 0.0);
-            let (front, back) = (most < -bound, least > bound);
-            let met = !(missed | beyond) & !(front_only & back);
-            let sure = (front | back) & (low > 0.0);
-            let take = if any {
-                let area = max(least.abs(), most.abs());
-                let large = (area > self.bound.area) & (area * low > self.bound.volume * along[i].abs());
-                met & sure & large & (high <= min(self.t_max[i], f32::MAX))
-            } else {
-                met & sure & (high < self.low[i])
-            };
+            let look = look(i);
+            let missed = (look.most > bound) & (look.least < -bound);
+            let beyond = (look.first > min(self.t_max[i], f32::MAX)) | (look.last <= 0.0);
+            let met = !(missed | beyond) & !(front_only & (look.least > bound));
+            let (low, high) = (look.first, look.last * INFLATE);
+            let take = met & look.inside & certainly(i, &look, low, high);
             taken[i] = u32::from(take);
             undecided[i] = u32::from(met & !take);
             (lows[i], highs[i]) = (low, high);
         }
-        let mut some = 0;
-        for i in 0..LANES {
-            some |= undecided[i];
-        }
-        if some != 0 {
-            // A closer look: `Tested::between`.
-            some = 0;
+        if some(&undecided) {
+            // A closer look.
             for i in 0..LANES {
-                let (az, bz, cz) = (a[2] - oz[i], b[2] - oz[i], c[2] - oz[i]);
-                let (ta, tb, tc) = (az * along[i], bz * along[i], cz * along[i]);
-                let (ax, ay) = (a[0] - ox[i] - sx[i] * az, a[1] - oy[i] - sy[i] * az);
-                let (bx, by) = (b[0] - ox[i] - sx[i] * bz, b[1] - oy[i] - sy[i] * bz);
-                let (cx, cy) = (c[0] - ox[i] - sx[i] * cz, c[1] - oy[i] - sy[i] * cz);
-                let (wa, wb, wc) = (bx * cy - by * cx, cx * ay - cy * ax, ax * by - ay * bx);
-                let (least, most) = (min(min(wa, wb), wc), max(max(wa, wb), wc));
-                let inside = (most < -bound) | (least > bound);
-                let (sum, weighed) = (wa + wb + wc, wa * ta + wb * tb + wc * tc);
-                let (first, last) = (min(min(ta, tb), tc) * DEFLATE, max(max(ta, tb), tc));
-                let (high, size) = (last * INFLATE, max(last.abs(), first.abs()));
-                let mean = weighed / sum;
-                let off = (bound * 4.0 / sum.abs()) * (last - first) + size * BLUR;
-                let told = inside & (mean >= first) & (mean <= high) & (sum.abs() * size >= f32::MIN_POSITIVE);
-                let low = if told { max(first, mean - off) } else { first };
-                let high = if told { min(high, mean + off) } else { high };
-                let certain = inside & (undecided[i] != 0);
-                let end = min(self.t_max[i], f32::MAX);
-                let take = if any {
-                    let area = max(least.abs(), most.abs());
-                    let large = (area > self.bound.area) & (area * low > self.bound.volume * along[i].abs());
-                    certain & (low > 0.0) & large & (high <= end)
-                } else {
-                    certain & (low > 0.0) & (high < self.low[i])
-                };
-                let gone = certain & ((high <= 0.0) | (low > end));
+                let look = look(i);
+                let (low, high) = look.between();
+                let waiting = look.inside & (undecided[i] != 0);
+                let take = waiting & certainly(i, &look, low, high);
+                let gone = waiting & ((high <= 0.0) | (low > min(self.t_max[i], f32::MAX)));
                 taken[i] |= u32::from(take);
                 undecided[i] &= u32::from(!(take | gone));
                 lows[i] = if take { low } else { lows[i] };
                 highs[i] = if take { high } else { highs[i] };
-            }
-            for i in 0..LANES {
-                some |= undecided[i];
             }
         }
         for i in 0..LANES {
@@ -293,8 +248,65 @@ impl Packet {
                 self.waits[i] = if take { place } else { self.waits[i] };
             }
         }
-        (some != 0).then_some(undecided)
+        some(&undecided).then_some(undecided)
     }
+}
+
+/// What f32 tells of a ray and a triangle: `block::Tested` for one.
+struct Look {
+    first: f32,
+    last: f32,
+    least: f32,
+    most: f32,
+    /// The line certainly passes between the edges.
+    inside: bool,
+    bound: f32,
+    sum: f32,
+    weighed: f32,
+}
+
+impl Look {
+    #[inline(always)]
+    fn new([a, b, c]: &[[f32; 3]; 3], [ox, oy, oz]: [f32; 3], [sx, sy]: [f32; 2], along: f32, bound: f32) -> Look {
+        let (az, bz, cz) = (a[2] - oz, b[2] - oz, c[2] - oz);
+        let (ta, tb, tc) = (az * along, bz * along, cz * along);
+        let (ax, ay) = (a[0] - ox - sx * az, a[1] - oy - sy * az);
+        let (bx, by) = (b[0] - ox - sx * bz, b[1] - oy - sy * bz);
+        let (cx, cy) = (c[0] - ox - sx * cz, c[1] - oy - sy * cz);
+        let (wa, wb, wc) = (bx * cy - by * cx, cx * ay - cy * ax, ax * by - ay * bx);
+        let (least, most) = (min(min(wa, wb), wc), max(max(wa, wb), wc));
+        Look {
+            first: min(min(ta, tb), tc) * DEFLATE,
+            last: max(max(ta, tb), tc),
+            least,
+            most,
+            inside: (most < -bound) | (least > bound),
+            bound,
+            sum: wa + wb + wc,
+            weighed: wa * ta + wb * tb + wc * tc,
+        }
+    }
+
+    /// `Tested::between`.
+    #[inline(always)]
+    fn between(&self) -> (f32, f32) {
+        let (first, high, sum) = (self.first, self.last * INFLATE, self.sum);
+        let size = max(self.last.abs(), first.abs());
+        let mean = self.weighed / sum;
+        let off = (self.bound * 4.0 / sum.abs()) * (self.last - first) + size * BLUR;
+        let told = self.inside & (mean >= first) & (mean <= high) & (sum.abs() * size >= f32::MIN_POSITIVE);
+        (if told { max(first, mean - off) } else { first }, if told { min(high, mean + off) } else { high })
+    }
+}
+
+/// Whether any is not 0.
+#[inline(always)]
+fn some(lanes: &Lanes<u32>) -> bool {
+    let mut some = 0;
+    for i in 0..LANES {
+        some |= lanes[i];
+    }
+    some != 0
 }
 
 /// The way of a packet through the tree.

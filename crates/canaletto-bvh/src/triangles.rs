@@ -1,6 +1,6 @@
 //! A tree over triangles, four of which are tested side by side.
 
-use crate::block::{Block, Bound, Search, Tested};
+use crate::block::{Block, Bound, Scene, Search, Tested};
 use crate::memory::in_large_pages;
 use crate::node::Node;
 use crate::packet::{self, LANES, Outcome};
@@ -99,10 +99,10 @@ impl Triangles {
     pub fn intersect(&self, ray: &PreparedRay, nearest: &mut Nearest, front_only: bool) {
         let mut search = Search::new(ray, &self.bounds(), nearest.t);
         let mut t_max = nearest.t;
-        let blocks = &self.blocks;
+        let scene = self.scene(front_only);
         let (of_ray, last) = (&mut *nearest, &mut t_max);
-        self.bvh.closest(ray, *last, OfRay { blocks, ray, nearest: of_ray, search: &mut search, last, front_only });
-        search.settle(blocks, ray, nearest, t_max, front_only);
+        self.bvh.closest(ray, *last, OfRay { scene, ray, nearest: of_ray, search: &mut search, last });
+        search.settle(scene, ray, nearest, t_max);
         if search.failed {
             self.intersect_at_once(ray, nearest, front_only);
         }
@@ -124,7 +124,7 @@ impl Triangles {
     /// If there are not as many `nearest` as rays.
     pub fn intersect_stream(&self, rays: &[Ray], nearest: &mut [Nearest], front_only: bool) {
         assert_eq!(rays.len(), nearest.len());
-        let (blocks, bounds) = (&self.blocks, self.bounds());
+        let scene = self.scene(front_only);
         let (mut prepared, mut searches, mut t_max) = (Vec::new(), Vec::new(), Vec::new());
         for (rays, nearest) in rays.chunks(STREAM).zip(nearest.chunks_mut(STREAM)) {
             prepared.clear();
@@ -132,12 +132,11 @@ impl Triangles {
             t_max.clear();
             t_max.extend(nearest.iter().map(|nearest| nearest.t));
             searches.clear();
-            searches.extend(prepared.iter().zip(&t_max).map(|(ray, &t)| Search::new(ray, &bounds, t)));
-            let of_rays =
-                OfRays { blocks, rays: &prepared, nearest: &mut *nearest, searches: &mut searches, front_only };
+            searches.extend(prepared.iter().zip(&t_max).map(|(ray, &t)| Search::new(ray, &scene.bounds, t)));
+            let of_rays = OfRays { scene, rays: &prepared, nearest: &mut *nearest, searches: &mut searches };
             self.bvh.closest_of_many(&prepared, &mut t_max, of_rays);
             for (((ray, nearest), search), &t_max) in prepared.iter().zip(nearest).zip(&mut searches).zip(&t_max) {
-                search.settle(blocks, ray, nearest, t_max, front_only);
+                search.settle(scene, ray, nearest, t_max);
                 if search.failed {
                     self.intersect_at_once(ray, nearest, front_only);
                 }
@@ -166,8 +165,8 @@ impl Triangles {
         }
     }
 
-    fn scene(&self, front_only: bool) -> packet::Scene<'_> {
-        packet::Scene { nodes: self.bvh.nodes(), blocks: &self.blocks, bounds: self.bounds(), front_only }
+    fn scene(&self, front_only: bool) -> Scene<'_> {
+        Scene { nodes: self.bvh.nodes(), blocks: &self.blocks, bounds: self.bounds(), front_only }
     }
 
     /// [`Triangles::occluded_stream`] for rays of which neighbours in the list go nearly the same way.
@@ -194,8 +193,8 @@ impl Triangles {
         counts: impl FnMut(u32) -> bool,
     ) -> Option<u32> {
         let mut place = None;
-        let (blocks, bound) = (&self.blocks, Bound::new(ray, &self.bounds()));
-        self.bvh.any(ray, t_max, AnyOf { blocks, ray, bound, t_max, front_only, counts, place: &mut place });
+        let (scene, bound) = (self.scene(front_only), Bound::new(ray, &self.bounds()));
+        self.bvh.any(ray, t_max, AnyOf { scene, ray, bound, t_max, counts, place: &mut place });
         place
     }
 
@@ -206,18 +205,14 @@ impl Triangles {
     /// If there are not as many `t_max` as rays.
     pub fn occluded_stream(&self, rays: &[Ray], t_max: &mut [f32], front_only: bool) {
         assert_eq!(rays.len(), t_max.len());
-        let (blocks, around) = (&self.blocks, self.bounds());
+        let scene = self.scene(front_only);
         let (mut prepared, mut bounds) = (Vec::new(), Vec::new());
         for (rays, t_max) in rays.chunks(STREAM).zip(t_max.chunks_mut(STREAM)) {
             prepared.clear();
             prepared.extend(rays.iter().map(PreparedRay::new));
             bounds.clear();
-            bounds.extend(prepared.iter().map(|ray| Bound::new(ray, &around)));
-            self.bvh.closest_of_many(
-                &prepared,
-                t_max,
-                AnyOfRays { blocks, rays: &prepared, bounds: &bounds, front_only },
-            );
+            bounds.extend(prepared.iter().map(|ray| Bound::new(ray, &scene.bounds)));
+            self.bvh.closest_of_many(&prepared, t_max, AnyOfRays { scene, rays: &prepared, bounds: &bounds });
         }
     }
 
@@ -254,32 +249,29 @@ impl Triangles {
 }
 
 struct OfRay<'a> {
-    blocks: &'a [Block],
+    scene: Scene<'a>,
     ray: &'a PreparedRay,
     nearest: &'a mut Nearest,
     search: &'a mut Search,
     last: &'a mut f32,
-    front_only: bool,
 }
 
 impl Closest for OfRay<'_> {
     #[inline(always)]
     fn leaf(&mut self, leaf: Leaf, t_max: &mut f32) {
-        let (hope, tested) = self.search.test(&self.blocks[leaf.first() as usize], self.ray, *t_max);
+        let (hope, tested) = self.search.test(&self.scene.blocks[leaf.first() as usize], self.ray, *t_max);
         if hope {
-            let index = leaf.first();
-            self.search.complete(self.blocks, index, self.ray, &tested, self.nearest, t_max, self.front_only);
+            self.search.complete(self.scene, leaf.first(), self.ray, &tested, self.nearest, t_max);
             *self.last = *t_max;
         }
     }
 }
 
 struct OfRays<'a> {
-    blocks: &'a [Block],
+    scene: Scene<'a>,
     rays: &'a [PreparedRay],
     nearest: &'a mut [Nearest],
     searches: &'a mut [Search],
-    front_only: bool,
 }
 
 impl ClosestOfMany for OfRays<'_> {
@@ -287,26 +279,25 @@ impl ClosestOfMany for OfRays<'_> {
 
     #[inline(always)]
     fn test(&self, ray: usize, leaf: Leaf, t_max: f32) -> (bool, Tested) {
-        self.searches[ray].test(&self.blocks[leaf.first() as usize], &self.rays[ray], t_max)
+        self.searches[ray].test(&self.scene.blocks[leaf.first() as usize], &self.rays[ray], t_max)
     }
 
     #[inline(always)]
     fn leaf(&mut self, ray: usize, leaf: Leaf, tested: &Tested, t_max: &mut f32) {
         let (search, nearest) = (&mut self.searches[ray], &mut self.nearest[ray]);
-        search.complete(self.blocks, leaf.first(), &self.rays[ray], tested, nearest, t_max, self.front_only);
+        search.complete(self.scene, leaf.first(), &self.rays[ray], tested, nearest, t_max);
     }
 
     #[inline(always)]
     fn places(&self) -> Option<(*const u8, usize)> {
-        Some((self.blocks.as_ptr().cast(), size_of::<Block>()))
+        Some((self.scene.blocks.as_ptr().cast(), size_of::<Block>()))
     }
 }
 
 struct AnyOfRays<'a> {
-    blocks: &'a [Block],
+    scene: Scene<'a>,
     rays: &'a [PreparedRay],
     bounds: &'a [Bound],
-    front_only: bool,
 }
 
 impl ClosestOfMany for AnyOfRays<'_> {
@@ -314,30 +305,29 @@ impl ClosestOfMany for AnyOfRays<'_> {
 
     #[inline(always)]
     fn test(&self, ray: usize, leaf: Leaf, t_max: f32) -> (bool, Tested) {
-        let tested = self.blocks[leaf.first() as usize].test(&self.rays[ray], self.bounds[ray], t_max);
+        let tested = self.scene.blocks[leaf.first() as usize].test(&self.rays[ray], self.bounds[ray], t_max);
         (tested.candidates != 0, tested)
     }
 
     #[inline(always)]
     fn leaf(&mut self, ray: usize, leaf: Leaf, tested: &Tested, t_max: &mut f32) {
-        let (block, bound) = (&self.blocks[leaf.first() as usize], self.bounds[ray]);
-        if block.any(&self.rays[ray], bound, tested, *t_max, self.front_only, &mut |_| true).is_some() {
+        let (block, bound) = (&self.scene.blocks[leaf.first() as usize], self.bounds[ray]);
+        if block.any(&self.rays[ray], bound, tested, *t_max, self.scene.front_only, &mut |_| true).is_some() {
             *t_max = f32::NEG_INFINITY;
         }
     }
 
     #[inline(always)]
     fn places(&self) -> Option<(*const u8, usize)> {
-        Some((self.blocks.as_ptr().cast(), size_of::<Block>()))
+        Some((self.scene.blocks.as_ptr().cast(), size_of::<Block>()))
     }
 }
 
 struct AnyOf<'a, F> {
-    blocks: &'a [Block],
+    scene: Scene<'a>,
     ray: &'a PreparedRay,
     bound: Bound,
     t_max: f32,
-    front_only: bool,
     counts: F,
     place: &'a mut Option<u32>,
 }
@@ -345,15 +335,14 @@ struct AnyOf<'a, F> {
 impl<F: FnMut(u32) -> bool> Any for AnyOf<'_, F> {
     #[inline(always)]
     fn leaf(&mut self, leaf: Leaf) -> bool {
-        let block = leaf.first();
-        let blocks = &self.blocks[block as usize];
-        let tested = blocks.test(self.ray, self.bound, self.t_max);
+        let block = &self.scene.blocks[leaf.first() as usize];
+        let tested = block.test(self.ray, self.bound, self.t_max);
         if tested.candidates == 0 {
             return false;
         }
-        *self.place = blocks
-            .any(self.ray, self.bound, &tested, self.t_max, self.front_only, &mut self.counts)
-            .map(|lane| block << 2 | lane);
+        *self.place = block
+            .any(self.ray, self.bound, &tested, self.t_max, self.scene.front_only, &mut self.counts)
+            .map(|lane| leaf.first() << 2 | lane);
         self.place.is_some()
     }
 }
