@@ -234,7 +234,13 @@ impl Collapse<'_> {
     fn adopt(&mut self, root: u32, end: u32) {
         let mut children = Children { all: [(0, 0); WIDTH], len: 0 };
         self.gather(root, end, WIDTH, &mut children);
-        let children = &children.all[..children.len];
+        let children = &mut children.all[..children.len];
+        // The largest last: it is the first that any-hit rays visit.
+        children.sort_by(|a, b| {
+            let area = |child: &(u32, u32)| self.binary[child.0 as usize].bounds.half_area();
+            area(a).total_cmp(&area(b)).then(a.0.cmp(&b.0))
+        });
+        let children = &*children;
         let index = self.nodes.len();
         self.nodes.push(Node::EMPTY);
         for (lane, &(child, end)) in children.iter().enumerate() {

@@ -326,7 +326,7 @@ impl Walk {
     /// The next leaf that a ray of the packet may meet. (It is a function that is asked, not one that calls another for each leaf, since that
     /// would not be compiled for the same instructions.)
     #[inline(always)]
-    fn next(&mut self, packet: &mut Packet, nodes: &[Node]) -> Option<Leaf> {
+    fn next<const ORDERED: bool>(&mut self, packet: &mut Packet, nodes: &[Node]) -> Option<Leaf> {
         let limit = packet.limit();
         while self.len > 0 {
             self.len -= 1;
@@ -345,7 +345,8 @@ impl Walk {
             for lane in 0..WIDTH {
                 met[lane] = near[lane] <= far[lane];
             }
-            for lane in node.order(packet.octant) {
+            for (i, ordered) in node.order(packet.octant).enumerate() {
+                let lane = if ORDERED { ordered } else { i };
                 if met[lane] && packet.enters(node, lane) {
                     self.stack[self.len].write((near[lane], node.children[lane]));
                     self.len += 1;
@@ -390,7 +391,7 @@ fn closest_with(scene: Scene<'_>, rays: &[Ray], nearest: &mut [Nearest]) -> Outc
     let Some(mut packet) = Packet::gather(rays, |i| nearest[i].t, &scene.bounds) else { return Outcome::Apart };
     let mut again = 0;
     let (packet, mut walk) = (&mut packet, Walk::new());
-    while let Some(leaf) = walk.next(packet, scene.nodes) {
+    while let Some(leaf) = walk.next::<true>(packet, scene.nodes) {
         let block = &scene.blocks[leaf.first() as usize];
         let bound = packet.bound.of(block.size());
         for lane in 0..leaf.count() as usize {
@@ -516,7 +517,7 @@ fn any_with(scene: Scene<'_>, rays: &[Ray], t_max: &mut [f32]) -> Outcome {
     }
     let Some(mut packet) = Packet::gather(rays, |i| t_max[i], &scene.bounds) else { return Outcome::Apart };
     let (packet, mut walk) = (&mut packet, Walk::new());
-    while let Some(leaf) = walk.next(packet, scene.nodes) {
+    while let Some(leaf) = walk.next::<false>(packet, scene.nodes) {
         let block = &scene.blocks[leaf.first() as usize];
         let bound = packet.bound.of(block.size());
         for lane in 0..leaf.count() as usize {

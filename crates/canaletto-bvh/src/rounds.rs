@@ -221,6 +221,7 @@ struct AnyOfRays<'a, A> {
 
 impl<A: Ask> ClosestOfMany for AnyOfRays<'_, A> {
     type Finding = (u32, u32);
+    const NEAREST: bool = false;
 
     #[inline(always)]
     fn test(&self, ray: usize, leaf: Leaf, t_max: f32) -> (bool, (u32, u32)) {

@@ -72,13 +72,18 @@ impl Stack {
     /// # Safety
     /// As for [`Lanes`]; the node must be one of the tree that the stack was made for.
     #[inline(always)]
-    unsafe fn push<L: Lanes>(&mut self, node: &Node, ray: &PreparedRay, limit: f32) -> (usize, Link) {
+    unsafe fn push<L: Lanes, const ORDERED: bool>(
+        &mut self,
+        node: &Node,
+        ray: &PreparedRay,
+        limit: f32,
+    ) -> (usize, Link) {
         debug_assert!(self.len > 0 && self.len + WIDTH <= STACK);
         // SAFETY: no tree is deeper than MAX_DEPTH, so that there is always room for eight.
         unsafe {
             let near = self.near.as_mut_ptr().add(self.len).cast();
             let links = self.links.as_mut_ptr().add(self.len).cast();
-            let (count, nearest) = L::visit(node, ray, limit, near, links);
+            let (count, nearest) = L::visit::<ORDERED>(node, ray, limit, near, links);
             self.len += count;
             (count, nearest)
         }
@@ -90,9 +95,9 @@ impl Stack {
     /// # Safety
     /// As for [`Stack::push`].
     #[inline(always)]
-    unsafe fn visit<L: Lanes>(&mut self, node: &Node, ray: &PreparedRay, limit: f32) -> Link {
+    unsafe fn visit<L: Lanes, const ORDERED: bool>(&mut self, node: &Node, ray: &PreparedRay, limit: f32) -> Link {
         // SAFETY: the caller's promise.
-        match unsafe { self.push::<L>(node, ray, limit) } {
+        match unsafe { self.push::<L, ORDERED>(node, ray, limit) } {
             (0, _) => self.pop(),
             (_, nearest) => {
                 self.len -= 1;
@@ -106,11 +111,16 @@ impl Stack {
     /// # Safety
     /// As for [`Stack::push`].
     #[inline(always)]
-    unsafe fn visit_without_branch<L: Lanes>(&mut self, node: &Node, ray: &PreparedRay, limit: f32) -> Link {
+    unsafe fn visit_without_branch<L: Lanes, const ORDERED: bool>(
+        &mut self,
+        node: &Node,
+        ray: &PreparedRay,
+        limit: f32,
+    ) -> Link {
         // SAFETY: the caller's promise; entries below `len` were written.
         unsafe {
             let before = self.links.get_unchecked(self.len - 1).assume_init();
-            let (count, nearest) = self.push::<L>(node, ray, limit);
+            let (count, nearest) = self.push::<L, ORDERED>(node, ray, limit);
             self.len -= 1;
             choose(count, nearest, before)
         }
@@ -184,6 +194,8 @@ impl<F: FnMut(Leaf) -> bool> Any for F {
 pub(crate) trait ClosestOfMany {
     /// What the first step finds.
     type Finding: Copy;
+    /// Whether it counts what is nearest.
+    const NEAREST: bool = true;
     /// Tells whether anything in a leaf may be hit by the ray of this number before `t_max`.
     fn test(&self, ray: usize, leaf: Leaf, t_max: f32) -> (bool, Self::Finding);
     /// Completes the test, and lowers `t_max` to the nearest hit; to −∞ if the ray's way ends here.
@@ -226,7 +238,7 @@ unsafe fn closest_with<L: Lanes, F: Closest>(nodes: &[Node], ray: &PreparedRay, 
     unsafe {
         loop {
             while !link.is_leaf() {
-                link = stack.visit::<L>(nodes.get_unchecked(link.index()), ray, limit);
+                link = stack.visit::<L, true>(nodes.get_unchecked(link.index()), ray, limit);
             }
             if link == Link::END {
                 return;
@@ -260,7 +272,7 @@ unsafe fn any_with<L: Lanes, F: Any>(nodes: &[Node], ray: &PreparedRay, t_max: f
     unsafe {
         loop {
             while !link.is_leaf() {
-                link = stack.visit::<L>(nodes.get_unchecked(link.index()), ray, limit);
+                link = stack.visit::<L, false>(nodes.get_unchecked(link.index()), ray, limit);
             }
             if link == Link::END {
                 return false;
@@ -439,7 +451,11 @@ unsafe fn stream_with<L: Lanes, F: ClosestOfMany>(
             while let Some(number) = next(&mut visiting) {
                 let flight = flight!(number);
                 let (node, ray) = (nodes.get_unchecked(flight.link.index()), rays.get_unchecked(flight.ray));
-                let link = flight.stack.visit_without_branch::<L>(node, ray, flight.limit);
+                let link = if F::NEAREST {
+                    flight.stack.visit_without_branch::<L, true>(node, ray, flight.limit)
+                } else {
+                    flight.stack.visit_without_branch::<L, false>(node, ray, flight.limit)
+                };
                 queues.send(number, flight, link, places);
             }
             let tested = std::mem::take(&mut queues.leaves);

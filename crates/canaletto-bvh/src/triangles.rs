@@ -302,6 +302,7 @@ struct AnyOfRays<'a> {
 
 impl ClosestOfMany for AnyOfRays<'_> {
     type Finding = Tested;
+    const NEAREST: bool = false;
 
     #[inline(always)]
     fn test(&self, ray: usize, leaf: Leaf, t_max: f32) -> (bool, Tested) {

@@ -80,20 +80,30 @@ pub(super) unsafe fn clip(node: &Node, ray: &PreparedRay) -> (__m256, __m256) {
 impl Lanes for Avx2 {
     #[inline]
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-    unsafe fn visit(node: &Node, ray: &PreparedRay, limit: f32, out: *mut f32, links: *mut Link) -> (usize, Link) {
+    unsafe fn visit<const ORDERED: bool>(
+        node: &Node,
+        ray: &PreparedRay,
+        limit: f32,
+        out: *mut f32,
+        links: *mut Link,
+    ) -> (usize, Link) {
         // SAFETY: the caller's promise: AVX2, and room for eight entries.
         unsafe {
-            let order = order(node, ray);
-            let (near, far) = clip(node, ray);
-            let near = _mm256_permutevar8x32_ps(near, order);
-            let far = end(_mm256_permutevar8x32_ps(far, order), limit);
+            let (mut near, mut far) = clip(node, ray);
+            let mut children = _mm256_load_si256(node.children.as_ptr().cast());
+            if ORDERED {
+                let order = order(node, ray);
+                near = _mm256_permutevar8x32_ps(near, order);
+                far = _mm256_permutevar8x32_ps(far, order);
+                children = _mm256_permutevar8x32_epi32(children, order);
+            }
+            let far = end(far, limit);
             let mask = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(near, far)) as usize;
             let row = COMPRESS.get_unchecked(mask & 255).as_ptr();
             let met = _mm256_cvtepu8_epi32(_mm_loadl_epi64(row.cast()));
             _mm256_storeu_ps(out, _mm256_permutevar8x32_ps(near, met));
-            let children = _mm256_permutevar8x32_epi32(_mm256_load_si256(node.children.as_ptr().cast()), order);
             _mm256_storeu_si256(links.cast(), _mm256_permutevar8x32_epi32(children, met));
-            (mask.count_ones() as usize, super::nearest(node, ray, mask as u32))
+            (mask.count_ones() as usize, super::last::<ORDERED>(node, ray, mask as u32))
         }
     }
 }

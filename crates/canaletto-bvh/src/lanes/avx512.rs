@@ -13,18 +13,28 @@ pub(crate) struct Avx512;
 impl Lanes for Avx512 {
     #[inline]
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512bw,avx512dq")]
-    unsafe fn visit(node: &Node, ray: &PreparedRay, limit: f32, out: *mut f32, links: *mut Link) -> (usize, Link) {
+    unsafe fn visit<const ORDERED: bool>(
+        node: &Node,
+        ray: &PreparedRay,
+        limit: f32,
+        out: *mut f32,
+        links: *mut Link,
+    ) -> (usize, Link) {
         // SAFETY: the caller's promise: AVX-512, and room for eight entries.
         unsafe {
-            let order = avx2::order(node, ray);
-            let (near, far) = avx2::clip(node, ray);
-            let near = _mm256_permutexvar_ps(order, near);
-            let far = avx2::end(_mm256_permutexvar_ps(order, far), limit);
-            let children = _mm256_permutexvar_epi32(order, _mm256_load_si256(node.children.as_ptr().cast()));
+            let (mut near, mut far) = avx2::clip(node, ray);
+            let mut children = _mm256_load_si256(node.children.as_ptr().cast());
+            if ORDERED {
+                let order = avx2::order(node, ray);
+                near = _mm256_permutexvar_ps(order, near);
+                far = _mm256_permutexvar_ps(order, far);
+                children = _mm256_permutexvar_epi32(order, children);
+            }
+            let far = avx2::end(far, limit);
             let mask = _mm256_cmp_ps_mask::<_CMP_LE_OQ>(near, far);
             _mm256_storeu_ps(out, _mm256_maskz_compress_ps(mask, near));
             _mm256_storeu_si256(links.cast(), _mm256_maskz_compress_epi32(mask, children));
-            (mask.count_ones() as usize, super::nearest(node, ray, u32::from(mask)))
+            (mask.count_ones() as usize, super::last::<ORDERED>(node, ray, u32::from(mask)))
         }
     }
 }

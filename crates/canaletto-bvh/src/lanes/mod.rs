@@ -24,20 +24,28 @@ use std::sync::atomic::{AtomicU8, Ordering};
 
 /// A way to test a ray against a node.
 pub(crate) trait Lanes: Copy {
-    /// Writes the children that the ray, a `regular` one but for [`Careful`], meets before `limit`, and where it enters them, the nearest in general last. Returns how
+    /// Writes the children that the ray, a `regular` one but for [`Careful`], meets before `limit`, and where it enters them: the nearest in
+    /// general last, or, unless `ORDERED`, the largest. Returns how
     /// many they are, and the last link again, if there is one: to read it where it was just written would have to wait until a part of a wide store
     /// can be read.
     ///
     /// # Safety
     /// The machine must have the instructions, and there must be room for eight entries.
-    unsafe fn visit(node: &Node, ray: &PreparedRay, limit: f32, near: *mut f32, links: *mut Link) -> (usize, Link);
+    unsafe fn visit<const ORDERED: bool>(
+        node: &Node,
+        ray: &PreparedRay,
+        limit: f32,
+        near: *mut f32,
+        links: *mut Link,
+    ) -> (usize, Link);
 }
 
 /// The child of the highest lane in a mask of lanes in the order of `visit`; any child, if there is none.
 #[inline(always)]
-fn nearest(node: &Node, ray: &PreparedRay, mask: u32) -> Link {
+fn last<const ORDERED: bool>(node: &Node, ray: &PreparedRay, mask: u32) -> Link {
     let last = 31u32.wrapping_sub(mask.leading_zeros()) as usize;
-    node.children[(node.orders[usize::from(ray.octant) & 7] >> ((3 * last) & 31)) as usize & (WIDTH - 1)]
+    let lane = if ORDERED { (node.orders[usize::from(ray.octant) & 7] >> ((3 * last) & 31)) as usize } else { last };
+    node.children[lane & (WIDTH - 1)]
 }
 
 /// Sets of instructions that kernels exist for, each with all before it.

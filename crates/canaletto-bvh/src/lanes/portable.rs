@@ -10,9 +10,9 @@ use glam::Vec4;
 #[derive(Clone, Copy)]
 pub(crate) struct Portable;
 
-/// Writes the lanes of a mask from far to near.
+/// Writes the lanes of a mask, from far to near if `ORDERED`.
 #[inline(always)]
-unsafe fn write(
+unsafe fn write<const ORDERED: bool>(
     mask: u32,
     octant: usize,
     node: &Node,
@@ -24,7 +24,8 @@ unsafe fn write(
         return (0, Link::END);
     }
     let mut count = 0;
-    for lane in node.order(octant) {
+    for (i, ordered) in node.order(octant).enumerate() {
+        let lane = if ORDERED { ordered } else { i };
         // SAFETY: the caller has room for eight entries, and before the last lane there are at most seven.
         unsafe {
             *out.add(count) = near[lane];
@@ -38,7 +39,13 @@ unsafe fn write(
 
 impl Lanes for Portable {
     #[inline(always)]
-    unsafe fn visit(node: &Node, ray: &PreparedRay, limit: f32, out: *mut f32, links: *mut Link) -> (usize, Link) {
+    unsafe fn visit<const ORDERED: bool>(
+        node: &Node,
+        ray: &PreparedRay,
+        limit: f32,
+        out: *mut f32,
+        links: *mut Link,
+    ) -> (usize, Link) {
         let mut near = [0.0; WIDTH];
         let mut mask = 0;
         for half in 0..2 {
@@ -54,7 +61,7 @@ impl Lanes for Portable {
             mask |= n.cmple(f).bitmask() << (4 * half);
         }
         // SAFETY: the caller's promise.
-        unsafe { write(mask, usize::from(ray.octant), node, &near, out, links) }
+        unsafe { write::<ORDERED>(mask, usize::from(ray.octant), node, &near, out, links) }
     }
 }
 
@@ -63,7 +70,13 @@ impl Lanes for Portable {
 pub(crate) struct Careful;
 
 impl Lanes for Careful {
-    unsafe fn visit(node: &Node, ray: &PreparedRay, limit: f32, out: *mut f32, links: *mut Link) -> (usize, Link) {
+    unsafe fn visit<const ORDERED: bool>(
+        node: &Node,
+        ray: &PreparedRay,
+        limit: f32,
+        out: *mut f32,
+        links: *mut Link,
+    ) -> (usize, Link) {
         let mut near = [0.0; WIDTH];
         let mut mask = 0;
         for (lane, near) in near.iter_mut().enumerate() {
@@ -72,6 +85,6 @@ impl Lanes for Careful {
             mask |= u32::from(enter <= leave) << lane;
         }
         // SAFETY: the caller's promise.
-        unsafe { write(mask, usize::from(ray.octant), node, &near, out, links) }
+        unsafe { write::<ORDERED>(mask, usize::from(ray.octant), node, &near, out, links) }
     }
 }
