@@ -10,14 +10,17 @@ use super::instance::{Instance, NONE, Unbounded, to_local};
 use super::query::{Blocker, Hit};
 use crate::math::Line;
 use crate::shape::ShapeHit;
-use canaletto_bvh::{self as bvh, Aabb, PreparedRay, Ray};
+use canaletto_bvh::{self as bvh, Aabb, Met, PreparedRay, Ray};
 use std::ops::Range;
 
 /// The most instances that are each handed all rays.
 pub(super) const FEW: usize = 8;
 
-/// The fewest triangles for which rays go in packets.
+/// The fewest primitives for which rays go together.
 const MANY: usize = 32;
+
+/// The fewest rays for which a stream is worth its start.
+const STREAM: usize = 8;
 
 /// Rays that are asked about together, of which neighbours go nearly the same way, and the answers.
 #[derive(Debug, Default)]
@@ -57,6 +60,8 @@ pub(super) struct Rays {
     ready: Range<usize>,
     /// What a mesh answers.
     triangles: Vec<bvh::Nearest>,
+    /// What spheres, cylinders and other shapes answer.
+    met: Vec<Met>,
 }
 
 /// Some rays of a list.
@@ -276,6 +281,19 @@ impl Geometry {
                 triangles.intersect_coherent(&rays[part.range], hits, mesh.one_sided);
                 for (found, hit) in found.iter_mut().zip(hits) {
                     *found = Nearest { t: hit.t, primitive: hit.id, part: 0, uv: [hit.u, hit.v] };
+                }
+            }
+            Geometry::Shapes { .. } | Geometry::Spheres { .. } | Geometry::Cylinders { .. }
+                if part.range.len() >= STREAM && self.len() >= MANY =>
+            {
+                part.prepare();
+                let Rays { prepared, ready, met, .. } = part.rays;
+                let rays = &prepared[part.range.start - ready.start..part.range.end - ready.start];
+                met.clear();
+                met.extend(found.iter().map(|f| Met::before(f.t)));
+                self.intersect_stream(rays, met);
+                for (found, met) in found.iter_mut().zip(met) {
+                    *found = (*met).into();
                 }
             }
             _ => {

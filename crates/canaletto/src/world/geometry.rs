@@ -181,6 +181,16 @@ impl Geometry {
         real(met.into())
     }
 
+    /// [`Geometry::intersect`] for many rays on what is no mesh.
+    pub(super) fn intersect_stream(&self, rays: &[PreparedRay], met: &mut [Met]) {
+        match self {
+            Geometry::Mesh { .. } => unreachable!("meshes have packets"),
+            Geometry::Shapes { tree, shapes, .. } => tree.intersect_stream(rays, met, &other(shapes)),
+            Geometry::Spheres { tree, .. } => tree.intersect_stream(rays, met, &none),
+            Geometry::Cylinders { tree, cloud } => tree.intersect_stream(rays, met, &cylinder(cloud)),
+        }
+    }
+
     /// The place of a primitive that is met at or before `t_max` and `blocks`, if there is one.
     pub(super) fn occluded(&self, ray: &PreparedRay, t_max: f32, blocks: impl FnMut(u32) -> bool) -> Option<u32> {
         match self {
