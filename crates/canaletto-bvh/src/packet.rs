@@ -30,8 +30,8 @@ type Lanes<T> = [T; LANES];
 /// What became of a packet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Outcome {
-    /// All rays have their answers.
-    Done,
+    /// All rays have their answers. So many triangles were tested on the way.
+    Done(usize),
     /// The rays don't go together; nothing was done.
     Apart,
     /// These rays, a bit for each, have to be sent again, another way; what they know of hits is true.
@@ -313,6 +313,8 @@ fn some(lanes: &Lanes<u32>) -> bool {
 struct Walk {
     stack: [MaybeUninit<(f32, Link)>; STACK],
     len: usize,
+    /// Triangles so far.
+    triangles: usize,
 }
 
 impl Walk {
@@ -320,7 +322,7 @@ impl Walk {
     fn new() -> Walk {
         let mut stack = [const { MaybeUninit::uninit() }; STACK];
         stack[0].write((f32::NEG_INFINITY, Link::node(0)));
-        Walk { stack, len: 1 }
+        Walk { stack, len: 1, triangles: 0 }
     }
 
     /// The next leaf that a ray of the packet may meet. (It is a function that is asked, not one that calls another for each leaf, since that
@@ -337,6 +339,7 @@ impl Walk {
                 continue;
             }
             if link.is_leaf() {
+                self.triangles += link.leaf().count() as usize;
                 return Some(link.leaf());
             }
             let node = &nodes[link.index()];
@@ -386,7 +389,7 @@ fn ends(v: &Lanes<f32>) -> [f32; 2] {
 #[inline(always)]
 fn closest_with(scene: Scene<'_>, rays: &[Ray], nearest: &mut [Nearest]) -> Outcome {
     if scene.nodes.is_empty() {
-        return Outcome::Done;
+        return Outcome::Done(0);
     }
     let Some(mut packet) = Packet::gather(rays, |i| nearest[i].t, &scene.bounds) else { return Outcome::Apart };
     let mut again = 0;
@@ -408,7 +411,7 @@ fn closest_with(scene: Scene<'_>, rays: &[Ray], nearest: &mut [Nearest]) -> Outc
     for i in (0..rays.len()).filter(|i| alone >> i & 1 == 1) {
         again |= decide(packet, scene, i, NOTHING, &rays[i], &mut nearest[i]);
     }
-    if again == 0 { Outcome::Done } else { Outcome::Again(again) }
+    if again == 0 { Outcome::Done(walk.triangles) } else { Outcome::Again(again) }
 }
 
 /// Tests what waits for a ray, then a triangle, exactly. Returns the ray's bit if what had waited was not met.
@@ -513,7 +516,7 @@ fn settle(packet: &Packet, scene: Scene<'_>, rays: &[Ray], nearest: &mut [Neares
 #[inline(always)]
 fn any_with(scene: Scene<'_>, rays: &[Ray], t_max: &mut [f32]) -> Outcome {
     if scene.nodes.is_empty() {
-        return Outcome::Done;
+        return Outcome::Done(0);
     }
     let Some(mut packet) = Packet::gather(rays, |i| t_max[i], &scene.bounds) else { return Outcome::Apart };
     let (packet, mut walk) = (&mut packet, Walk::new());
@@ -530,7 +533,7 @@ fn any_with(scene: Scene<'_>, rays: &[Ray], t_max: &mut [f32]) -> Outcome {
         }
     }
     t_max.copy_from_slice(&packet.t_max[..rays.len()]);
-    Outcome::Done
+    Outcome::Done(walk.triangles)
 }
 
 /// Ends a ray if a triangle is met, by the exact test.
