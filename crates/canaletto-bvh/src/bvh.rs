@@ -76,8 +76,8 @@ impl Bvh {
     }
 
     #[inline]
-    pub(crate) fn closest(&self, ray: &PreparedRay, t_max: f32, leaf: impl Closest) {
-        traverse::closest(&self.nodes, ray, t_max, leaf);
+    pub(crate) fn closest(&self, ray: &PreparedRay, t_max: f32, leaf: impl Closest) -> f32 {
+        traverse::closest(&self.nodes, ray, t_max, leaf)
     }
 
     /// Calls `leaf` for the leaves that `ray` meets within (0, t_max], in no particular order, until it answers

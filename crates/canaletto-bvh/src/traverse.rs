@@ -1,7 +1,7 @@
 //! Ways of rays through the tree.
 //!
 //! Nothing branches on how many children a ray meets: what it meets goes on its stack at once, the nearest on top. That
-//! order is approximate (see `node`); where each child is entered is kept, and what a hit has cut off is skipped.
+//! order is approximate (see `node`); where each child is entered is kept, and what a hit has cut off is forgotten.
 #![allow(unsafe_code)] // Kernels compiled for instructions that are asked for at run time, and stacks that are not cleared.
 
 use crate::PreparedRay;
@@ -220,16 +220,16 @@ impl<F: FnMut(usize, Leaf, &mut f32)> ClosestOfMany for F {
     }
 }
 
-/// [`crate::Bvh::intersect`].
+/// [`crate::Bvh::intersect`]. Returns what `t_max` is in the end.
 #[inline]
-pub(crate) fn closest(nodes: &[Node], ray: &PreparedRay, t_max: f32, leaf: impl Closest) {
+pub(crate) fn closest(nodes: &[Node], ray: &PreparedRay, t_max: f32, leaf: impl Closest) -> f32 {
     dispatch!(ray.regular, closest_with(nodes, ray, t_max, leaf), closest_avx2, closest_avx512)
 }
 
 #[inline(always)]
-unsafe fn closest_with<L: Lanes, F: Closest>(nodes: &[Node], ray: &PreparedRay, mut t_max: f32, mut leaf: F) {
+unsafe fn closest_with<L: Lanes, F: Closest>(nodes: &[Node], ray: &PreparedRay, mut t_max: f32, mut leaf: F) -> f32 {
     if nodes.is_empty() {
-        return;
+        return t_max;
     }
     let mut stack = Stack::new();
     let mut limit = limit_of(t_max);
@@ -241,7 +241,7 @@ unsafe fn closest_with<L: Lanes, F: Closest>(nodes: &[Node], ray: &PreparedRay, 
                 link = stack.visit::<L, true>(nodes.get_unchecked(link.index()), ray, limit);
             }
             if link == Link::END {
-                return;
+                return t_max;
             }
             let before = t_max;
             leaf.leaf(link.leaf(), &mut t_max);
@@ -402,14 +402,11 @@ impl Queues {
 pub(crate) fn closest_of_many<F: ClosestOfMany>(nodes: &[Node], rays: &[PreparedRay], t_max: &mut [f32], mut leaf: F) {
     assert_eq!(rays.len(), t_max.len());
     for (index, ray) in rays.iter().enumerate().filter(|(_, ray)| !ray.regular) {
-        let mut nearest = t_max[index];
-        closest(nodes, ray, nearest, |slots: Leaf, limit: &mut f32| {
+        t_max[index] = closest(nodes, ray, t_max[index], |slots: Leaf, limit: &mut f32| {
             if let (true, finding) = leaf.test(index, slots, *limit) {
                 leaf.leaf(index, slots, &finding, limit);
             }
-            nearest = *limit;
         });
-        t_max[index] = nearest;
     }
     dispatch!(true, stream_with(nodes, rays, t_max, leaf), stream_avx2, stream_avx512)
 }
@@ -495,7 +492,7 @@ mod x86 {
     macro_rules! kernels {
         ($features:literal, $lanes:ident, $closest:ident, $any:ident, $stream:ident) => {
             #[target_feature(enable = $features)]
-            pub(super) unsafe fn $closest<F: Closest>(nodes: &[Node], ray: &PreparedRay, t_max: f32, leaf: F) {
+            pub(super) unsafe fn $closest<F: Closest>(nodes: &[Node], ray: &PreparedRay, t_max: f32, leaf: F) -> f32 {
                 // SAFETY: the caller's promise.
                 unsafe { closest_with::<$lanes, F>(nodes, ray, t_max, leaf) }
             }

@@ -102,10 +102,8 @@ impl Triangles {
     #[inline]
     pub fn intersect(&self, ray: &PreparedRay, nearest: &mut Nearest, front_only: bool) {
         let mut search = Search::new(ray, &self.bounds(), nearest.t);
-        let mut t_max = nearest.t;
         let scene = self.scene(front_only);
-        let (of_ray, last) = (&mut *nearest, &mut t_max);
-        self.bvh.closest(ray, *last, OfRay { scene, ray, nearest: of_ray, search: &mut search, last });
+        let t_max = self.bvh.closest(ray, nearest.t, OfRay { scene, ray, nearest: &mut *nearest, search: &mut search });
         search.settle(scene, ray, nearest, t_max);
         if search.failed {
             self.intersect_at_once(ray, nearest, front_only);
@@ -266,7 +264,6 @@ struct OfRay<'a> {
     ray: &'a PreparedRay,
     nearest: &'a mut Nearest,
     search: &'a mut Search,
-    last: &'a mut f32,
 }
 
 impl Closest for OfRay<'_> {
@@ -275,7 +272,6 @@ impl Closest for OfRay<'_> {
         let (hope, tested) = self.search.test(&self.scene.blocks[leaf.first() as usize], self.ray, *t_max);
         if hope {
             self.search.complete(self.scene, leaf.first(), self.ray, &tested, self.nearest, t_max);
-            *self.last = *t_max;
         }
     }
 }
