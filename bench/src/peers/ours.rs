@@ -1,6 +1,7 @@
 //! Our side of the comparison: everything that uses the hierarchy's interface is in this file.
 
 use canaletto_bvh::{Nearest, Quality, Ray, Triangles};
+use glam::Vec3;
 
 use super::mesh::Mesh;
 use super::rays::{Packet, Segment};
@@ -30,48 +31,51 @@ impl Ours {
     }
 }
 
-/// How many rays are asked about at a time.
+/// The most rays that are asked about at a time.
 const CHUNK: usize = 1024;
+
+/// How many rays are asked about at a time: few where all of it should stay in the first cache, many where rays overtake each other.
+fn chunk(coherent: bool) -> usize {
+    if coherent { CHUNK / 4 } else { CHUNK }
+}
 
 impl Tracer for Ours {
     fn closest(&self, rays: &[Segment], _packets: &[Packet], coherent: bool, out: &mut Hits<'_>) {
-        let (mut chunk_rays, mut nearest) = (Vec::with_capacity(CHUNK), Vec::with_capacity(CHUNK));
-        for (chunk, rays) in rays.chunks(CHUNK).enumerate() {
-            nearest.clear();
-            nearest.extend(rays.iter().map(|ray| Nearest::before(ray.t_max)));
-            chunk_rays.clear();
-            chunk_rays.extend(rays.iter().map(ray));
+        let (mut chunk_rays, mut nearest) = ([Ray::new(Vec3::ZERO, Vec3::ZERO); CHUNK], [Nearest::before(0.0); CHUNK]);
+        for (number, rays) in rays.chunks(chunk(coherent)).enumerate() {
+            let (chunk_rays, nearest) = (&mut chunk_rays[..rays.len()], &mut nearest[..rays.len()]);
+            for ((segment, own), nearest) in rays.iter().zip(&mut *chunk_rays).zip(&mut *nearest) {
+                (own.origin, own.direction) = (segment.origin, segment.direction);
+                *nearest = Nearest::before(segment.t_max);
+            }
             if coherent {
-                self.triangles.intersect_coherent(&chunk_rays, &mut nearest, false);
+                self.triangles.intersect_coherent(chunk_rays, nearest, false);
             } else {
-                self.triangles.intersect_stream(&chunk_rays, &mut nearest, false);
+                self.triangles.intersect_stream(chunk_rays, nearest, false);
             }
             for (i, hit) in nearest.iter().enumerate() {
-                let i = chunk * CHUNK + i;
+                let i = number * chunk(coherent) + i;
                 (out.t[i], out.id[i], out.u[i], out.v[i]) = (hit.t, hit.id, hit.u, hit.v);
             }
         }
     }
 
     fn any(&self, rays: &[Segment], _packets: &[Packet], coherent: bool, out: &mut [u8]) {
-        let (mut chunk_rays, mut t_max) = (Vec::with_capacity(CHUNK), Vec::with_capacity(CHUNK));
-        for (rays, out) in rays.chunks(CHUNK).zip(out.chunks_mut(CHUNK)) {
-            t_max.clear();
-            t_max.extend(rays.iter().map(|ray| ray.t_max));
-            chunk_rays.clear();
-            chunk_rays.extend(rays.iter().map(ray));
-            if coherent {
-                self.triangles.occluded_coherent(&chunk_rays, &mut t_max, false);
-            } else {
-                self.triangles.occluded_stream(&chunk_rays, &mut t_max, false);
+        let (mut chunk_rays, mut t_max) = ([Ray::new(Vec3::ZERO, Vec3::ZERO); CHUNK], [0.0; CHUNK]);
+        for (rays, out) in rays.chunks(chunk(coherent)).zip(out.chunks_mut(chunk(coherent))) {
+            let (chunk_rays, t_max) = (&mut chunk_rays[..rays.len()], &mut t_max[..rays.len()]);
+            for ((segment, own), t_max) in rays.iter().zip(&mut *chunk_rays).zip(&mut *t_max) {
+                (own.origin, own.direction) = (segment.origin, segment.direction);
+                *t_max = segment.t_max;
             }
-            for (out, t) in out.iter_mut().zip(&t_max) {
+            if coherent {
+                self.triangles.occluded_coherent(chunk_rays, t_max, false);
+            } else {
+                self.triangles.occluded_stream(chunk_rays, t_max, false);
+            }
+            for (out, t) in out.iter_mut().zip(t_max) {
                 *out = u8::from(*t == f32::NEG_INFINITY);
             }
         }
     }
-}
-
-fn ray(segment: &Segment) -> Ray {
-    Ray::new(segment.origin, segment.direction)
 }

@@ -11,10 +11,10 @@ use super::noise::{around, uniform};
 pub struct Segment {
     /// Where t = 0.
     pub origin: Vec3,
-    /// Where it ends.
-    pub t_max: f32,
     /// The way of growing t.
     pub direction: Vec3,
+    /// Where it ends.
+    pub t_max: f32,
 }
 
 /// Sixteen rays side by side, for packet interfaces: rows of origin x y z, direction x y z and `t_max`.

@@ -7,9 +7,10 @@
 
 use glam::{Vec3, Vec4};
 
+use crate::lanes::{Instructions, Sixteen};
 use crate::node::Node;
 use crate::slab::{DEFLATE, INFLATE};
-use crate::triangle::{Triangle, TriangleHit, UNDERFLOW, intersect_exactly};
+use crate::triangle::{SURELY, Triangle, TriangleHit, UNDERFLOW, intersect_exactly};
 use crate::triangles::Nearest;
 use crate::{Aabb, PreparedRay};
 
@@ -262,14 +263,22 @@ impl Tested {
 /// products, which is below 64 u D size + 200 u² D². Of a triangle that the ray doesn't meet, nothing is claimed.
 /// The bound has a quarter more, and what underflow may have taken; where something overflows, so does the bound.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Bound {
-    pub(crate) scale: f32,
-    pub(crate) least: f32,
+pub(crate) struct Bound<N = f32> {
+    /// D.
+    reach: N,
+    scale: N,
+    least: N,
     /// Areas above it, and volumes above the other, are none that the exact test might take for degenerate: 2⁻⁴⁰ times powers of D, and
     /// more than what rounding may add.
-    pub(crate) area: f32,
-    pub(crate) volume: f32,
+    pub(crate) area: N,
+    pub(crate) volume: N,
 }
+
+/// What makes a bound of D.
+const SCALE: f32 = 40.0 * f32::EPSILON;
+const LEAST: [f32; 2] = [8.0 * f32::EPSILON, 4.0 * UNDERFLOW];
+const AREA: f32 = 16.0 / (1u64 << 34) as f32;
+const VOLUME: f32 = 1.0 / (1u64 << 38) as f32;
 
 impl Bound {
     /// For triangles within a box.
@@ -283,19 +292,60 @@ impl Bound {
     pub(crate) fn within(low: Vec3, high: Vec3, bounds: &Aabb) -> Self {
         let reach = (bounds.max - low).max(high - bounds.min).abs();
         let reach = reach.x.max(reach.y).max(reach.z);
-        let scale = reach * (40.0 * f32::EPSILON);
+        let scale = reach * SCALE;
         Self {
+            reach,
             scale,
-            least: scale * (reach * (8.0 * f32::EPSILON)) + (reach * (4.0 * UNDERFLOW) + f32::MIN_POSITIVE),
+            least: scale * (reach * LEAST[0]) + (reach * LEAST[1] + f32::MIN_POSITIVE),
             // ∞, where a product may overflow.
-            area: ((reach * 4.0) * (reach * 4.0) * 2f32.powi(-34)).max(f32::MIN_POSITIVE),
-            volume: (reach * reach * reach * 2f32.powi(-38)).max(f32::MIN_POSITIVE),
+            area: (reach * reach * AREA).max(f32::MIN_POSITIVE),
+            volume: (reach * reach * reach * VOLUME).max(f32::MIN_POSITIVE),
         }
+    }
+
+    /// The same bounds in f64, for all rays and triangles, as `triangle::intersect_exactly` has them for one.
+    #[inline(always)]
+    pub(crate) fn surely(self) -> (f64, f64) {
+        let reach = f64::from(self.reach);
+        (reach * reach * SURELY, reach * reach * reach * SURELY)
     }
 
     #[inline(always)]
     pub(crate) fn of(self, size: f32) -> f32 {
         size * self.scale + self.least
+    }
+
+    /// For sixteen rays side by side.
+    #[inline(always)]
+    pub(crate) fn splat<S: Instructions>(self, s: S) -> Bound<S::Sixteen> {
+        Bound {
+            reach: s.splat(self.reach),
+            scale: s.splat(self.scale),
+            least: s.splat(self.least),
+            area: s.splat(self.area),
+            volume: s.splat(self.volume),
+        }
+    }
+}
+
+impl<N: Sixteen> Bound<N> {
+    /// For sixteen rays, no corner being farther from an origin than this.
+    #[inline(always)]
+    pub(crate) fn of_sixteen<S: Instructions<Sixteen = N>>(s: S, reach: N) -> Self {
+        let (scale, least) = (reach * s.splat(SCALE), s.splat(f32::MIN_POSITIVE));
+        Self {
+            reach,
+            scale,
+            least: scale * (reach * s.splat(LEAST[0])) + (reach * s.splat(LEAST[1]) + least),
+            area: (reach * reach * s.splat(AREA)).max(least),
+            volume: (reach * reach * reach * s.splat(VOLUME)).max(least),
+        }
+    }
+
+    /// By how much edge functions of triangles of this size may be wrong.
+    #[inline(always)]
+    pub(crate) fn for_size<S: Instructions<Sixteen = N>>(self, s: S, size: f32) -> N {
+        s.splat(size) * self.scale + self.least
     }
 }
 

@@ -10,12 +10,16 @@ mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
 mod portable;
+mod sixteen;
 
 #[cfg(target_arch = "x86_64")]
 pub(crate) use avx2::Avx2;
 #[cfg(target_arch = "x86_64")]
 pub(crate) use avx512::Avx512;
 pub(crate) use portable::{Careful, Portable};
+pub(crate) use sixteen::{Baseline, Instructions, Mask, Row, SIXTEEN, Sixteen};
+#[cfg(target_arch = "x86_64")]
+pub(crate) use sixteen::{WithAvx2, WithAvx512};
 
 use crate::PreparedRay;
 use crate::node::{Link, Node};
@@ -73,7 +77,9 @@ impl InstructionSet {
         #[cfg(target_arch = "x86_64")]
         {
             if is_x86_feature_detected!("avx2")
+                && is_x86_feature_detected!("bmi1")
                 && is_x86_feature_detected!("bmi2")
+                && is_x86_feature_detected!("lzcnt")
                 && is_x86_feature_detected!("popcnt")
             {
                 if is_x86_feature_detected!("avx512f")

@@ -1,0 +1,190 @@
+//! Sixteen rays that go nearly the same way, side by side.
+
+#![allow(clippy::needless_range_loop)] // Lanes of many lists side by side.
+
+use crate::lanes::{Instructions, Mask, Row, SIXTEEN, Sixteen};
+use crate::node::Node;
+use crate::slab::{INFLATE, WIDTH};
+use crate::{PreparedRay, Ray};
+use glam::Vec3;
+
+/// What rays have in common that go together.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Way {
+    /// A bit for each axis along which the rays move backwards.
+    pub(super) octant: usize,
+    /// As `PreparedRay`'s.
+    pub(super) rows: [u8; 3],
+}
+
+impl Way {
+    fn of(ray: &Ray) -> Way {
+        let PreparedRay { octant, rows, .. } = ray.prepare();
+        Way { octant: usize::from(octant), rows }
+    }
+
+    /// The axes in the order of `rows`.
+    #[inline(always)]
+    pub(super) fn axes(&self) -> [usize; 3] {
+        let [x, y, z] = self.rows;
+        [usize::from(x >> 4) % 3, usize::from(y >> 4) % 3, usize::from(z >> 4) % 3]
+    }
+}
+
+/// Rays of one octant and one longest axis.
+#[repr(C, align(64))]
+pub(super) struct Group {
+    /// x, y and z.
+    pub(super) origin: [Row<f32>; 3],
+    pub(super) direction: [Row<f32>; 3],
+    pub(super) reciprocal: [Row<f32>; 3],
+    pub(super) shear: [Row<f32>; 2],
+    /// Up to where anything counts; −∞ for a ray that takes no part any more.
+    pub(super) t_max: Row<f32>,
+    /// No hit of the triangle that waits is nearer; without one, the nearest hit.
+    pub(super) low: Row<f32>,
+    /// The triangle that waits: four times its block plus its lane, or [`NOTHING`].
+    pub(super) waits: Row<u32>,
+    /// The place of its first ray in the list.
+    pub(super) first: usize,
+    /// The rays that take part.
+    pub(super) part: u32,
+}
+
+pub(super) const NOTHING: u32 = u32::MAX;
+
+/// What the numbers of all rays of a group lie between, along one axis.
+#[derive(Clone, Copy)]
+pub(super) struct Interval {
+    pub(super) origin: [f32; 2],
+    pub(super) reciprocal: [f32; 2],
+}
+
+#[inline(always)]
+fn put(origin: &mut [Row<f32>; 3], direction: &mut [Row<f32>; 3], i: usize, ray: &Ray) {
+    let Ray { origin: o, direction: d } = ray;
+    (origin[0].0[i], origin[1].0[i], origin[2].0[i]) = (o.x, o.y, o.z);
+    (direction[0].0[i], direction[1].0[i], direction[2].0[i]) = (d.x, d.y, d.z);
+}
+
+/// The rays side by side; where there are fewer than sixteen, the last is repeated.
+#[inline(always)]
+fn transpose(rays: &[Ray], origin: &mut [Row<f32>; 3], direction: &mut [Row<f32>; 3]) {
+    if let Ok(rays) = <&[Ray; SIXTEEN]>::try_from(rays) {
+        for i in 0..SIXTEEN {
+            put(origin, direction, i, &rays[i]);
+        }
+    } else {
+        for i in 0..SIXTEEN {
+            put(origin, direction, i, &rays[if i < rays.len() { i } else { rays.len() - 1 }]);
+        }
+    }
+}
+
+/// The smallest and the largest of those numbers that take part, of which there is one in lane `first`.
+#[inline(always)]
+fn ends<S: Instructions>(s: S, part: Mask<S>, row: &Row<f32>, first: usize) -> [f32; 2] {
+    let all = S::Sixteen::select(part, s.load(row), s.splat(row.0[first]));
+    [-(s.splat(0.0) - all).largest(), all.largest()]
+}
+
+impl Group {
+    pub(super) const EMPTY: Self = Self {
+        origin: [Row([0.0; SIXTEEN]); 3],
+        direction: [Row([0.0; SIXTEEN]); 3],
+        reciprocal: [Row([0.0; SIXTEEN]); 3],
+        shear: [Row([0.0; SIXTEEN]); 2],
+        t_max: Row([f32::NEG_INFINITY; SIXTEEN]),
+        low: Row([f32::NEG_INFINITY; SIXTEEN]),
+        waits: Row([NOTHING; SIXTEEN]),
+        first: 0,
+        part: 0,
+    };
+
+    /// Takes those of 1 to 16 rays that go together with the first that may go with any. Those that are left have no bit in `part`.
+    #[inline(always)]
+    pub(super) fn gather<S: Instructions>(
+        &mut self,
+        s: S,
+        rays: &[Ray],
+        t_max: impl Fn(usize) -> f32,
+    ) -> Option<(Way, [Interval; 3])> {
+        transpose(rays, &mut self.origin, &mut self.direction);
+        let (origin, direction) = (&self.origin, &self.direction);
+        let (least, infinity) = (s.splat(f32::MIN_POSITIVE), s.splat(f32::INFINITY));
+        let mut part = s.mask(u32::MAX >> (32 - rays.len()));
+        let zero = s.splat(0.0);
+        for axis in 0..3 {
+            let reciprocal = s.splat(1.0) / s.load(&direction[axis]);
+            reciprocal.store(&mut self.reciprocal[axis]);
+            let size = reciprocal.abs();
+            part = part & least.less_or_equal(size) & size.less(infinity);
+            part = part & s.load(&origin[axis]).abs().less(infinity);
+        }
+        let together = S::Sixteen::bits(part);
+        self.part = together;
+        if together == 0 {
+            return None;
+        }
+        let first = together.trailing_zeros() as usize % SIXTEEN;
+        let way = Way::of(&rays[first]);
+        let [k0, k1, longest] = way.axes();
+        let length = s.load(&direction[longest]);
+        for axis in 0..3 {
+            let d = s.load(&direction[axis]);
+            part = part & if way.octant >> axis & 1 == 1 { d.less(zero) } else { zero.less(d) };
+            if axis != longest {
+                // Of equal ones a single ray takes the first, which is then another way.
+                part = part & d.abs().less(length.abs());
+            }
+        }
+        let axes = [k0, k1];
+        for k in 0..2 {
+            let along = s.load(&direction[axes[k]]) / length;
+            // No direction is 0 here, but what a quotient vanishes to.
+            let size = along.abs();
+            let sure = (least.less_or_equal(size) & size.less(infinity)) | size.less_or_equal(zero);
+            S::Sixteen::select(sure, along, s.splat(f32::NAN)).store(&mut self.shear[k]);
+        }
+        self.part = S::Sixteen::bits(part);
+        for i in 0..rays.len() {
+            self.t_max.0[i] = t_max(i);
+        }
+        let t = S::Sixteen::select(part, s.load(&self.t_max), s.splat(f32::NEG_INFINITY));
+        t.store(&mut self.t_max);
+        t.store(&mut self.low);
+        self.waits = Row([NOTHING; SIXTEEN]);
+        let mut intervals = [Interval { origin: [0.0; 2], reciprocal: [0.0; 2] }; 3];
+        for axis in 0..3 {
+            let (o, r) = (&origin[axis], &self.reciprocal[axis]);
+            intervals[axis] = Interval { origin: ends(s, part, o, first), reciprocal: ends(s, part, r, first) };
+        }
+        Some((way, intervals))
+    }
+
+    /// Whether any ray meets the box in this lane of a node.
+    #[inline(always)]
+    pub(super) fn enters<S: Instructions>(&self, s: S, node: &Node, lane: usize, octant: usize) -> bool {
+        let (mut near, mut far) = (s.splat(0.0), s.load(&self.t_max));
+        for axis in 0..3 {
+            let entry = octant >> axis & 1;
+            let (first, second) = (node.boxes[entry][axis][lane % WIDTH], node.boxes[entry ^ 1][axis][lane % WIDTH]);
+            let (o, r) = (s.load(&self.origin[axis]), s.load(&self.reciprocal[axis]));
+            near = near.max((s.splat(first) - o) * r);
+            far = far.min((s.splat(second) - o) * r);
+        }
+        S::Sixteen::bits(near.less_or_equal(far * s.splat(INFLATE))) != 0
+    }
+
+    /// The ray in a lane.
+    pub(super) fn ray(&self, lane: usize) -> Ray {
+        let at = |rows: &[Row<f32>; 3]| Vec3::new(rows[0].0[lane], rows[1].0[lane], rows[2].0[lane]);
+        Ray::new(at(&self.origin), at(&self.direction))
+    }
+
+    /// Up to where all that counts lies, for all rays together.
+    #[inline(always)]
+    pub(super) fn farthest<S: Instructions>(&self, s: S) -> f32 {
+        s.load(&self.t_max).largest()
+    }
+}

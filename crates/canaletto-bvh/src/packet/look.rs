@@ -1,0 +1,143 @@
+//! What f32 tells of a triangle and the rays of a group: `block::Tested` with rays for lanes.
+
+use super::group::{Group, Way};
+use crate::block::{BLUR, Bound};
+use crate::lanes::{Instructions, Mask, Sixteen};
+use crate::slab::{DEFLATE, INFLATE};
+
+/// How triangles are tested.
+#[derive(Clone, Copy)]
+pub(super) struct Terms {
+    pub(super) way: Way,
+    pub(super) bound: Bound,
+    /// Triangles seen from behind don't count.
+    pub(super) front_only: bool,
+    /// It counts that something is hit, not what.
+    pub(super) any: bool,
+}
+
+/// What a test did.
+#[derive(Clone, Copy)]
+pub(super) struct Told {
+    /// Rays that now have a hit, or end.
+    pub(super) taken: u32,
+    /// Rays for which the triangle has to be decided alone.
+    pub(super) undecided: u32,
+}
+
+/// Whether hits certainly count.
+#[derive(Clone, Copy)]
+struct Certainly<N> {
+    bound: Bound<N>,
+    area: N,
+    along: N,
+    end: N,
+}
+
+impl<N: Sixteen> Certainly<N> {
+    /// Of those on a triangle between `low` and `high`.
+    #[inline(always)]
+    fn met<S: Instructions<Sixteen = N>>(self, s: S, terms: &Terms, group: &Group, low: N, high: N) -> N::Mask {
+        let zero = s.splat(0.0);
+        if terms.any {
+            let large = self.bound.area.less(self.area) & (self.bound.volume * self.along).less(self.area * low);
+            zero.less(low) & large & high.less_or_equal(self.end)
+        } else {
+            zero.less(low) & high.less(s.load(&group.low))
+        }
+    }
+}
+
+impl Group {
+    /// Tests a triangle, its corners in the order of `rows`, and lets it wait for the rays that all but certainly meet it before all else; with
+    /// `any`, ends those that certainly meet it. `size` is more than its extent along any axis.
+    #[inline(always)]
+    pub(super) fn test<S: Instructions>(
+        &mut self,
+        s: S,
+        terms: &Terms,
+        [a, b, c]: &[[f32; 3]; 3],
+        size: f32,
+        place: u32,
+    ) -> Told {
+        let [kx, ky, kz] = terms.way.axes();
+        let (ox, oy, oz) = (s.load(&self.origin[kx]), s.load(&self.origin[ky]), s.load(&self.origin[kz]));
+        let (sx, sy) = (s.load(&self.shear[0]), s.load(&self.shear[1]));
+        let t_max = s.load(&self.t_max);
+        let off = terms.bound.of(size);
+        let (zero, bound, bound_below) = (s.splat(0.0), s.splat(off), s.splat(-off));
+        let (az, bz, cz) = (s.splat(a[2]) - oz, s.splat(b[2]) - oz, s.splat(c[2]) - oz);
+        let (ax, ay) = (s.splat(a[0]) - ox - sx * az, s.splat(a[1]) - oy - sy * az);
+        let (bx, by) = (s.splat(b[0]) - ox - sx * bz, s.splat(b[1]) - oy - sy * bz);
+        let (cx, cy) = (s.splat(c[0]) - ox - sx * cz, s.splat(c[1]) - oy - sy * cz);
+        let (wa, wb, wc) = (bx * cy - by * cx, cx * ay - cy * ax, ax * by - ay * bx);
+        let (least, most) = (wa.min(wb).min(wc), wa.max(wb).max(wc));
+        let missed = bound.less(most) & least.less(bound_below);
+        let mut met = !missed & zero.less(t_max);
+        if terms.front_only {
+            met = met & !bound.less(least);
+        }
+        if S::Sixteen::bits(met) == 0 {
+            return Told { taken: 0, undecided: 0 };
+        }
+        let along = s.load(&self.reciprocal[kz]);
+        let (ta, tb, tc) = (az * along, bz * along, cz * along);
+        let low = ta.min(tb).min(tc) * s.splat(DEFLATE);
+        let last = ta.max(tb).max(tc);
+        let high = last * s.splat(INFLATE);
+        let end = t_max.min(s.splat(f32::MAX));
+        met = met & !(end.less(low) | last.less_or_equal(zero));
+        // The line certainly passes between the edges.
+        let inside = most.less(bound_below) | bound.less(least);
+        let certainly =
+            Certainly { bound: terms.bound.splat(s), area: least.abs().max(most.abs()), along: along.abs(), end };
+        let take = met & inside & certainly.met(s, terms, self, low, high);
+        let undecided = met & !take;
+        self.take(s, take, low, high, terms.any, place);
+        let (mut taken, mut left) = (S::Sixteen::bits(take), S::Sixteen::bits(undecided));
+        if left != 0 {
+            // A closer look, as `Tested::between`, at triangles near the origin with less error than at those at the scene's other end.
+            let farthest = |x: f32, y: f32, z: f32, o: S::Sixteen| {
+                (s.splat(x) - o).abs().max((s.splat(y) - o).abs()).max((s.splat(z) - o).abs())
+            };
+            let distance =
+                farthest(a[0], b[0], c[0], ox).max(farthest(a[1], b[1], c[1], oy)).max(farthest(a[2], b[2], c[2], oz));
+            let bound = Bound::of_sixteen(s, distance);
+            let off = bound.for_size(s, size);
+            let inside = most.less(zero - off) | off.less(least);
+            let mut missed = off.less(most) & least.less(zero - off);
+            if terms.front_only {
+                missed = missed | off.less(least);
+            }
+            let (sum, weighed) = (wa + wb + wc, wa * ta + wb * tb + wc * tc);
+            let reach = last.abs().max(low.abs());
+            let mean = weighed / sum;
+            let blur = (off * s.splat(4.0) / sum.abs()) * (last - low) + reach * s.splat(BLUR);
+            let told = inside
+                & low.less_or_equal(mean)
+                & mean.less_or_equal(high)
+                & s.splat(f32::MIN_POSITIVE).less_or_equal(sum.abs() * reach);
+            let low = S::Sixteen::select(told, low.max(mean - blur), low);
+            let high = S::Sixteen::select(told, high.min(mean + blur), high);
+            let waiting = undecided & inside & !missed;
+            let certainly = Certainly { bound, ..certainly };
+            let take = waiting & certainly.met(s, terms, self, low, high);
+            let gone = (waiting & (high.less_or_equal(zero) | end.less(low))) | missed;
+            self.take(s, take, low, high, terms.any, place);
+            taken |= S::Sixteen::bits(take);
+            left &= !S::Sixteen::bits(take | gone);
+        }
+        Told { taken, undecided: left }
+    }
+
+    #[inline(always)]
+    fn take<S: Instructions>(&mut self, s: S, take: Mask<S>, low: S::Sixteen, high: S::Sixteen, any: bool, place: u32) {
+        if any {
+            s.splat(f32::NEG_INFINITY).store_where(take, &mut self.t_max);
+        } else {
+            high.store_where(take, &mut self.t_max);
+            low.store_where(take, &mut self.low);
+            S::Sixteen::put_where(take, place, &mut self.waits);
+        }
+    }
+}

@@ -1,0 +1,301 @@
+//! Rays that go nearly the same way, through the tree together. Groups of sixteen are clipped to the boxes of nodes by the interval of all their rays (Boulos, Wald and Shirley,
+//! "Geometric and arithmetic culling methods for entire ray packets", 2006), up to four groups at once, and triangles are tested
+//! against all rays of a group side by side.
+//!
+//! The answers are those of single rays, bit for bit. As there (`block`), triangles are tested in f32, and one that all but certainly is the nearest waits
+//! for its exact test until the way has ended: then all rays are tested side by side with what waits for them, by the operations of the exact kernel in the same
+//! order. Where a lane would leave the straight way (edges, products that nearly cancel, triangles without area), that ray
+//! is served alone.
+
+mod group;
+mod look;
+mod settle;
+mod walk;
+
+use crate::block::{Block, Bound, Scene};
+use crate::lanes::{Baseline, Instructions, SIXTEEN};
+#[cfg(target_arch = "x86_64")]
+use crate::lanes::{WithAvx2, WithAvx512};
+use crate::triangles::Nearest;
+use crate::{InstructionSet, PreparedRay, Ray};
+use glam::Vec3;
+use group::{Group, Interval, NOTHING, Way};
+use look::Terms;
+use walk::{GROUPS, Walk};
+
+/// The most rays in a packet.
+pub(crate) const RAYS: usize = GROUPS * SIXTEEN;
+
+/// What became of a packet.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Outcome {
+    /// A bit for each ray that doesn't go with its neighbours; nothing was done for them.
+    pub(crate) apart: u64,
+    /// Rays that have to be sent again, another way; what they know of hits is true.
+    pub(crate) again: u64,
+    /// How often triangles were tested against a group.
+    pub(crate) tested: usize,
+}
+
+/// Up to four groups that go the same way.
+pub(crate) struct Packet {
+    groups: [Group; GROUPS],
+    intervals: [[Interval; 3]; GROUPS],
+    len: usize,
+    way: Way,
+    walk: Walk,
+}
+
+impl Packet {
+    #[inline(always)]
+    pub(crate) fn new() -> Self {
+        let nothing = [Interval { origin: [0.0; 2], reciprocal: [0.0; 2] }; 3];
+        Self {
+            groups: [Group::EMPTY; GROUPS],
+            intervals: [nothing; GROUPS],
+            len: 0,
+            way: Way { octant: 0, rows: [0; 3] },
+            walk: Walk::new(),
+        }
+    }
+
+    /// The corners between which all origins lie.
+    #[inline(always)]
+    fn origins(&self) -> [Vec3; 2] {
+        let mut corners = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+        for [x, y, z] in &self.intervals[..self.len] {
+            corners[0] = corners[0].min(Vec3::new(x.origin[0], y.origin[0], z.origin[0]));
+            corners[1] = corners[1].max(Vec3::new(x.origin[1], y.origin[1], z.origin[1]));
+        }
+        corners
+    }
+
+    #[inline(always)]
+    fn terms(&self, scene: &Scene<'_>, any: bool) -> Terms {
+        let [low, high] = self.origins();
+        Terms { way: self.way, bound: Bound::within(low, high, &scene.bounds), front_only: scene.front_only, any }
+    }
+
+    /// Starts the way.
+    #[inline(always)]
+    fn start<S: Instructions>(&mut self, s: S) {
+        self.walk.start(self.way.octant);
+        for i in 0..self.len {
+            self.walk.set(i, &self.intervals[i]);
+            self.walk.limit(i, self.groups[i].farthest(s));
+        }
+    }
+
+    #[inline(always)]
+    fn closest<S: Instructions>(&mut self, s: S, scene: Scene<'_>, nearest: &mut [Nearest], outcome: &mut Outcome) {
+        let terms = self.terms(&scene, false);
+        self.start(s);
+        while let Some((leaf, mut groups)) = self.walk.next::<S, true>(s, scene.nodes, &self.groups) {
+            let block = &scene.blocks[leaf.first() as usize];
+            let size = block.size();
+            while groups != 0 {
+                let index = groups.trailing_zeros() as usize % GROUPS;
+                groups &= groups - 1;
+                let group = &mut self.groups[index];
+                let mut taken = 0;
+                for lane in 0..leaf.count() as usize {
+                    let corners = block.ordered(lane, terms.way.rows);
+                    let place = leaf.first() << 2 | lane as u32;
+                    let told = group.test(s, &terms, &corners, size, place);
+                    taken |= told.taken | told.undecided;
+                    let mut undecided = told.undecided;
+                    while undecided != 0 {
+                        let i = undecided.trailing_zeros() as usize;
+                        undecided &= undecided - 1;
+                        let failed = decide(group, scene, i, place, &mut nearest[group.first + i]);
+                        outcome.again |= u64::from(failed) << (group.first + i);
+                    }
+                }
+                outcome.tested += leaf.count() as usize;
+                if taken != 0 {
+                    let farthest = group.farthest(s);
+                    self.walk.limit(index, farthest);
+                }
+            }
+        }
+        for group in &mut self.groups[..self.len] {
+            let mut alone = settle::settle(group, &terms, scene, nearest);
+            while alone != 0 {
+                let i = alone.trailing_zeros() as usize;
+                alone &= alone - 1;
+                let failed = decide(group, scene, i, NOTHING, &mut nearest[group.first + i]);
+                outcome.again |= u64::from(failed) << (group.first + i);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn any<S: Instructions>(&mut self, s: S, scene: Scene<'_>, t_max: &mut [f32], outcome: &mut Outcome) {
+        let terms = self.terms(&scene, true);
+        self.start(s);
+        while let Some((leaf, mut groups)) = self.walk.next::<S, false>(s, scene.nodes, &self.groups) {
+            let block = &scene.blocks[leaf.first() as usize];
+            let size = block.size();
+            while groups != 0 {
+                let index = groups.trailing_zeros() as usize % GROUPS;
+                groups &= groups - 1;
+                let group = &mut self.groups[index];
+                let mut taken = 0;
+                for lane in 0..leaf.count() as usize {
+                    let corners = block.ordered(lane, terms.way.rows);
+                    let told = group.test(s, &terms, &corners, size, NOTHING);
+                    taken |= told.taken | told.undecided;
+                    let mut undecided = told.undecided;
+                    while undecided != 0 {
+                        let i = undecided.trailing_zeros() as usize;
+                        undecided &= undecided - 1;
+                        end(group, scene, i, block, lane);
+                    }
+                }
+                outcome.tested += leaf.count() as usize;
+                if taken != 0 {
+                    let farthest = group.farthest(s);
+                    self.walk.limit(index, farthest);
+                }
+            }
+        }
+        for group in &self.groups[..self.len] {
+            for i in (0..SIXTEEN).filter(|i| group.part >> i & 1 == 1) {
+                t_max[group.first + i] = group.t_max.0[i];
+            }
+        }
+    }
+}
+
+/// Tests what waits for a ray, then a triangle, exactly. Returns whether what had waited was not met.
+#[cold]
+#[inline(never)]
+fn decide(group: &mut Group, scene: Scene<'_>, i: usize, place: u32, nearest: &mut Nearest) -> bool {
+    let ray = PreparedRay::new(&group.ray(i));
+    let mut offer =
+        |place: u32| scene.blocks[(place >> 2) as usize].offer(place as usize & 3, &ray, nearest, scene.front_only);
+    let waits = std::mem::replace(&mut group.waits.0[i], NOTHING);
+    let failed = waits != NOTHING && !offer(waits);
+    if place != NOTHING {
+        offer(place);
+    }
+    let failed = failed || waits != NOTHING && nearest.t > group.t_max.0[i];
+    (group.t_max.0[i], group.low.0[i]) = (nearest.t, nearest.t);
+    failed
+}
+
+/// Ends a ray if a triangle is met, by the exact test.
+#[cold]
+#[inline(never)]
+fn end(group: &mut Group, scene: Scene<'_>, i: usize, block: &Block, lane: usize) {
+    let mut nearest = Nearest::before(group.t_max.0[i]);
+    if block.offer(lane, &group.ray(i).prepare(), &mut nearest, scene.front_only) {
+        group.t_max.0[i] = f32::NEG_INFINITY;
+    }
+}
+
+/// Gathers up to 64 rays in packets, and calls `go` for each. (A function that is handed to another would not be compiled for the same
+/// instructions.)
+macro_rules! in_packets {
+    ($s:expr, $packet:ident, $rays:expr, $t_max:expr, $outcome:ident, $go:expr) => {
+        $packet.len = 0;
+        let mut next = 0;
+        let mut waiting = None;
+        loop {
+            if let Some((way, intervals)) = waiting.take() {
+                $packet.way = way;
+                $packet.intervals[0] = intervals;
+                $packet.len = 1;
+            }
+            while next < $rays.len() {
+                let first = next;
+                let rays = &$rays[first..if $rays.len() - first < SIXTEEN { $rays.len() } else { first + SIXTEEN }];
+                next += rays.len();
+                let len = $packet.len % GROUPS;
+                let group = &mut $packet.groups[len];
+                group.first = first;
+                let gathered = group.gather($s, rays, |i| $t_max(first + i));
+                $outcome.apart |= u64::from(!group.part & (u32::MAX >> (32 - rays.len()))) << first;
+                let Some((way, intervals)) = gathered else { continue };
+                if len > 0 && way != $packet.way {
+                    waiting = gathered;
+                    break;
+                }
+                $packet.way = way;
+                $packet.intervals[len] = intervals;
+                $packet.len += 1;
+            }
+            if $packet.len == 0 {
+                break;
+            }
+            let len = $packet.len;
+            $go;
+            if waiting.is_some() {
+                $packet.groups.swap(0, len);
+            }
+            $packet.len = 0;
+        }
+    };
+}
+
+#[inline(always)]
+fn closest_with<S: Instructions>(
+    s: S,
+    scene: Scene<'_>,
+    packet: &mut Packet,
+    rays: &[Ray],
+    nearest: &mut [Nearest],
+) -> Outcome {
+    let mut outcome = Outcome::default();
+    in_packets!(s, packet, rays, |i: usize| nearest[i].t, outcome, packet.closest(s, scene, nearest, &mut outcome));
+    outcome
+}
+
+#[inline(always)]
+fn any_with<S: Instructions>(s: S, scene: Scene<'_>, packet: &mut Packet, rays: &[Ray], t_max: &mut [f32]) -> Outcome {
+    let mut outcome = Outcome::default();
+    in_packets!(s, packet, rays, |i: usize| t_max[i], outcome, packet.any(s, scene, t_max, &mut outcome));
+    outcome
+}
+
+macro_rules! for_instructions {
+    ($(#[$doc:meta])* $name:ident, $with:ident, $avx2:ident, $avx512:ident, $answers:ty) => {
+        $(#[$doc])*
+        pub(crate) fn $name(scene: Scene<'_>, packet: &mut Packet, rays: &[Ray], answers: &mut [$answers]) -> Outcome {
+            if scene.nodes.is_empty() {
+                return Outcome::default();
+            }
+            #[allow(unsafe_code)]
+            #[cfg(target_arch = "x86_64")]
+            match InstructionSet::current() {
+                // SAFETY: `current` never tells more than the machine has.
+                InstructionSet::Avx512 => return unsafe { $avx512(WithAvx512::new(), scene, packet, rays, answers) },
+                // SAFETY: as said.
+                InstructionSet::Avx2 => return unsafe { $avx2(WithAvx2::new(), scene, packet, rays, answers) },
+                InstructionSet::Baseline => {}
+            }
+            $with(Baseline, scene, packet, rays, answers)
+        }
+
+        #[cfg(target_arch = "x86_64")]
+        #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+        fn $avx2(s: WithAvx2, scene: Scene<'_>, packet: &mut Packet, rays: &[Ray], answers: &mut [$answers]) -> Outcome {
+            $with(s, scene, packet, rays, answers)
+        }
+
+        #[cfg(target_arch = "x86_64")]
+        #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512bw,avx512dq")]
+        fn $avx512(s: WithAvx512, scene: Scene<'_>, packet: &mut Packet, rays: &[Ray], answers: &mut [$answers]) -> Outcome {
+            $with(s, scene, packet, rays, answers)
+        }
+    };
+}
+
+for_instructions!(
+    /// Finds the nearest triangles that 1 to 64 rays meet, nearer than what is in `nearest`.
+    closest, closest_with, closest_avx2, closest_avx512, Nearest
+);
+for_instructions!(
+    /// Tells which of 1 to 64 rays meet a triangle at or before `t_max`, by −∞.
+    any, any_with, any_avx2, any_avx512, f32
+);

@@ -1,0 +1,111 @@
+//! The exact test of what waits for the rays of a group.
+//!
+//! The loops over lanes have no branches, so that the compiler makes vectors of them, for whatever instructions the function around them
+//! is compiled for.
+
+#![allow(clippy::needless_range_loop)] // Lanes of many lists side by side.
+
+use super::group::{Group, NOTHING};
+use super::look::Terms;
+use crate::block::Scene;
+use crate::lanes::SIXTEEN;
+use crate::slab::{DEFLATE, INFLATE, max, min};
+use crate::triangles::Nearest;
+
+/// Tests for all rays what waits for them: `triangle::intersect_exactly` with rays for lanes. Returns the rays for which this has to be
+/// done alone, a bit for each.
+#[inline(always)]
+pub(super) fn settle(group: &Group, terms: &Terms, scene: Scene<'_>, nearest: &mut [Nearest]) -> u32 {
+    let mut waits = 0;
+    for i in 0..SIXTEEN {
+        waits |= u32::from(group.waits.0[i] != NOTHING) << i;
+    }
+    if waits == 0 {
+        return 0;
+    }
+    let (mut corners, mut ids) = ([[[0.0f32; SIXTEEN]; 3]; 3], [0; SIXTEEN]);
+    for i in 0..SIXTEEN {
+        // Where nothing waits, any triangle.
+        let place = if group.waits.0[i] == NOTHING { 0 } else { group.waits.0[i] };
+        let block = &scene.blocks[(place >> 2) as usize];
+        let triangle = block.ordered(place as usize & 3, terms.way.rows);
+        for corner in 0..3 {
+            for k in 0..3 {
+                corners[corner][k][i] = triangle[corner][k];
+            }
+        }
+        ids[i] = block.id(place as usize & 3);
+    }
+    let k = terms.way.axes();
+    let (area_bound, volume_bound) = terms.bound.surely();
+    let (ox, oy, oz) = (&group.origin[k[0]].0, &group.origin[k[1]].0, &group.origin[k[2]].0);
+    let (dx, dy, dz) = (&group.direction[k[0]].0, &group.direction[k[1]].0, &group.direction[k[2]].0);
+    let [a, b, c] = &corners;
+    let (mut t, mut u, mut v) = ([0.0f32; SIXTEEN], [0.0f32; SIXTEEN], [0.0f32; SIXTEEN]);
+    let mut met = [0u32; SIXTEEN];
+    for i in 0..SIXTEEN {
+        let wide = |x: f32, o: f32| f64::from(x) - f64::from(o);
+        let (ax, ay, az) = (wide(a[0][i], ox[i]), wide(a[1][i], oy[i]), wide(a[2][i], oz[i]));
+        let (bx, by, bz) = (wide(b[0][i], ox[i]), wide(b[1][i], oy[i]), wide(b[2][i], oz[i]));
+        let (cx, cy, cz) = (wide(c[0][i], ox[i]), wide(c[1][i], oy[i]), wide(c[2][i], oz[i]));
+        let along = f64::from(dz[i]);
+        let (sx, sy) = (f64::from(dx[i]) / along, f64::from(dy[i]) / along);
+        let (ax, ay) = (ax - sx * az, ay - sy * az);
+        let (bx, by) = (bx - sx * bz, by - sy * bz);
+        let (cx, cy) = (cx - sx * cz, cy - sy * cz);
+        let ((wa, sa), (wb, sb), (wc, sc)) =
+            (difference(bx, cy, by, cx), difference(cx, ay, cy, ax), difference(ax, by, ay, bx));
+        let positive = (wa >= 0.0) & (wb >= 0.0) & (wc >= 0.0);
+        let negative = (wa <= 0.0) & (wb <= 0.0) & (wc <= 0.0);
+        let area = wa + wb + wc;
+        let depth = wa * az + wb * bz + wc * cz;
+        t[i] = (depth / area / along) as f32;
+        u[i] = clamp((wb / area) as f32, 1.0);
+        v[i] = clamp((wc / area) as f32, 1.0 - u[i]);
+        let far = (area.abs() > area_bound) & (depth.abs() > volume_bound);
+        let counts = (area < 0.0) | !scene.front_only;
+        met[i] = u32::from(sa & sb & sc & (positive | negative) & far & counts);
+    }
+    // `PreparedRay::confine`, the axes in another order.
+    for i in 0..SIXTEEN {
+        let (mut near, mut far) = (0.0f32, f32::INFINITY);
+        for axis in 0..3 {
+            let ends = [min(min(a[axis][i], b[axis][i]), c[axis][i]), max(max(a[axis][i], b[axis][i]), c[axis][i])];
+            let (o, r) = (group.origin[k[axis]].0[i], group.reciprocal[k[axis]].0[i]);
+            let (low, high) = ((ends[0] - o) * r, (ends[1] - o) * r);
+            (near, far) = (max(near, min(low, high)), min(far, max(low, high)));
+        }
+        let far = far * INFLATE;
+        let confined = min(t[i], far);
+        let confined = if near > 0.0 { max(confined, near * DEFLATE) } else { confined };
+        met[i] &= u32::from((near <= far) & (confined > 0.0) & (confined <= group.t_max.0[i]));
+        t[i] = confined;
+    }
+    let mut done = 0;
+    for i in 0..SIXTEEN {
+        done |= met[i] << i;
+    }
+    done &= waits;
+    let mut left = done;
+    while left != 0 {
+        let i = left.trailing_zeros() as usize % SIXTEEN;
+        left &= left - 1;
+        nearest[group.first + i] = Nearest { t: t[i], u: u[i], v: v[i], id: ids[i] };
+    }
+    waits & !done
+}
+
+/// `exact::difference_of_products`, where rounding can't have spoilt the sign; tells whether that is so.
+#[inline(always)]
+fn difference(a: f64, b: f64, c: f64, d: f64) -> (f64, bool) {
+    let (p, q) = (a * b, c * d);
+    let e = p - q;
+    (e, e.abs() > (p.abs() + q.abs()) * f64::EPSILON * 2.0)
+}
+
+/// `f32::clamp` from 0; like that one, it leaves −0 alone.
+#[inline(always)]
+fn clamp(a: f32, end: f32) -> f32 {
+    let a = if a < 0.0 { 0.0 } else { a };
+    if a > end { end } else { a }
+}
