@@ -13,6 +13,7 @@
 #![allow(clippy::needless_range_loop)] // Lanes of many lists side by side.
 
 use crate::block::{BLUR, Block, Bound, Scene};
+use crate::exact::CANCELLED;
 use crate::node::{Link, Node};
 use crate::slab::{self, DEFLATE, INFLATE, WIDTH, max, min};
 use crate::traverse::STACK;
@@ -53,6 +54,8 @@ struct Packet {
     low: Lanes<f32>,
     /// The triangle that waits: four times its block plus its lane, or [`NOTHING`].
     waits: Lanes<u32>,
+    /// The id of that triangle, or of the last one that waited or was the nearest: it may be met again in another leaf.
+    known: Lanes<u32>,
     /// For each axis what all rays lie between: the origin that meets entry and exit planes first and last, and the
     /// reciprocals.
     interval: [Interval; 3],
@@ -131,6 +134,7 @@ impl Packet {
             limits: [0.0; LANES],
             low: t,
             waits: [NOTHING; LANES],
+            known: [Nearest::NONE; LANES],
             interval,
             octant: usize::from(first.octant),
             rows: first.rows,
@@ -193,6 +197,7 @@ impl Packet {
         corners: &[[f32; 3]; 3],
         bound: f32,
         place: u32,
+        id: u32,
         front_only: bool,
         any: bool,
     ) -> Option<Lanes<u32>> {
@@ -205,7 +210,7 @@ impl Packet {
             if any {
                 let area = max(look.least.abs(), look.most.abs());
                 let large = (area > self.bound.area) & (area * low > self.bound.volume * along[i].abs());
-                (low > 0.0) & large & (high <= min(self.t_max[i], f32::MAX))
+                (low >= f32::MIN_POSITIVE) & large & (high <= min(self.t_max[i], f32::MAX))
             } else {
                 (low > 0.0) & (high < self.low[i])
             }
@@ -229,6 +234,8 @@ impl Packet {
             for i in 0..LANES {
                 let look = look(i);
                 let (low, high) = look.between();
+                // A triangle may be met again in another leaf.
+                undecided[i] &= u32::from(self.known[i] != id);
                 let waiting = look.inside & (undecided[i] != 0);
                 let take = waiting & certainly(i, &look, low, high);
                 let gone = waiting & ((high <= 0.0) | (low > min(self.t_max[i], f32::MAX)));
@@ -246,6 +253,7 @@ impl Packet {
                 self.t_max[i] = if take { highs[i] } else { self.t_max[i] };
                 self.low[i] = if take { lows[i] } else { self.low[i] };
                 self.waits[i] = if take { place } else { self.waits[i] };
+                self.known[i] = if take { id } else { self.known[i] };
             }
         }
         some(&undecided).then_some(undecided)
@@ -399,8 +407,8 @@ fn closest_with(scene: Scene<'_>, rays: &[Ray], nearest: &mut [Nearest]) -> Outc
         let bound = packet.bound.of(block.size());
         for lane in 0..leaf.count() as usize {
             let corners = block.ordered(lane, packet.rows);
-            let place = leaf.first() << 2 | lane as u32;
-            if let Some(undecided) = packet.test(&corners, bound, place, scene.front_only, false) {
+            let (place, id) = (leaf.first() << 2 | lane as u32, block.id(lane));
+            if let Some(undecided) = packet.test(&corners, bound, place, id, scene.front_only, false) {
                 for i in (0..rays.len()).filter(|&i| undecided[i] != 0) {
                     again |= decide(packet, scene, i, place, &rays[i], &mut nearest[i]);
                 }
@@ -423,8 +431,8 @@ fn decide(packet: &mut Packet, scene: Scene<'_>, i: usize, place: u32, ray: &Ray
         |place: u32| scene.blocks[(place >> 2) as usize].offer(place as usize & 3, &ray, nearest, scene.front_only);
     let waits = std::mem::replace(&mut packet.waits[i], NOTHING);
     let failed = waits != NOTHING && !offer(waits);
-    if place != NOTHING {
-        offer(place);
+    if place != NOTHING && offer(place) {
+        packet.known[i] = scene.blocks[(place >> 2) as usize].id(place as usize & 3);
     }
     let failed = failed || waits != NOTHING && nearest.t > packet.t_max[i];
     (packet.t_max[i], packet.low[i]) = (nearest.t, nearest.t);
@@ -483,19 +491,20 @@ fn settle(packet: &Packet, scene: Scene<'_>, rays: &[Ray], nearest: &mut [Neares
         let counts = (area < 0.0) | !scene.front_only;
         met[i] = u32::from(sa & sb & sc & (positive | negative) & far & counts);
     }
-    // `PreparedRay::confine`, the axes in another order.
+    // `PreparedRay::confine_to_triangle`, the axes in another order: the longest comes last.
     for i in 0..LANES {
-        let (mut near, mut far) = (0.0f32, f32::INFINITY);
+        let (mut near, mut far, mut last) = (0.0f32, f32::INFINITY, 0.0);
         for axis in 0..3 {
             let ends = [min(min(a[axis][i], b[axis][i]), c[axis][i]), max(max(a[axis][i], b[axis][i]), c[axis][i])];
             let (o, r) = (packet.origin[k[axis]][i], packet.reciprocal[k[axis]][i]);
             let (low, high) = ((ends[0] - o) * r, (ends[1] - o) * r);
-            (near, far) = (max(near, min(low, high)), min(far, max(low, high)));
+            last = max(low, high);
+            (near, far) = (max(near, min(low, high)), min(far, last));
         }
-        let far = far * INFLATE;
-        let confined = min(t[i], far);
-        let confined = if near > 0.0 { max(confined, near * DEFLATE) } else { confined };
-        met[i] &= u32::from((near <= far) & (confined > 0.0) & (confined <= packet.t_max[i]));
+        let (far, last) = (far * INFLATE, last * INFLATE);
+        let confined = if t[i] > last { last } else { t[i] };
+        let confined = max(confined, near * DEFLATE);
+        met[i] &= u32::from((near <= far) & (confined >= f32::MIN_POSITIVE) & (confined <= packet.t_max[i]));
         t[i] = confined;
     }
     let mut alone = 0;
@@ -525,7 +534,7 @@ fn any_with(scene: Scene<'_>, rays: &[Ray], t_max: &mut [f32]) -> Outcome {
         let bound = packet.bound.of(block.size());
         for lane in 0..leaf.count() as usize {
             let corners = block.ordered(lane, packet.rows);
-            if let Some(undecided) = packet.test(&corners, bound, NOTHING, scene.front_only, true) {
+            if let Some(undecided) = packet.test(&corners, bound, NOTHING, NOTHING - 1, scene.front_only, true) {
                 for i in (0..rays.len()).filter(|&i| undecided[i] != 0) {
                     end(packet, scene, i, block, lane, &rays[i]);
                 }
@@ -585,12 +594,12 @@ for_instructions!(
     any, any_with, any_avx2, any_avx512, f32
 );
 
-/// `exact::difference_of_products`, where rounding can't have spoilt the sign; tells whether that is so.
+/// `exact::difference_of_products`, where that is not careful; tells whether that is so.
 #[inline(always)]
 fn difference(a: f64, b: f64, c: f64, d: f64) -> (f64, bool) {
     let (p, q) = (a * b, c * d);
     let e = p - q;
-    (e, e.abs() > (p.abs() + q.abs()) * f64::EPSILON * 2.0)
+    (e, e.abs() > (p.abs() + q.abs()) * CANCELLED)
 }
 
 #[inline(always)]
