@@ -233,7 +233,7 @@ impl Tested {
         let (low, high) = self.between();
         let large =
             area.cmpgt(Vec4::splat(bound.area)) & (area * low).cmpgt(Vec4::splat(bound.volume * ray.along.abs()));
-        let between = low.cmpgt(Vec4::ZERO) & high.cmple(Vec4::splat(t_max.min(f32::MAX)));
+        let between = low.cmpge(Vec4::splat(f32::MIN_POSITIVE)) & high.cmple(Vec4::splat(t_max.min(f32::MAX)));
         (self.front() | self.back()) & (large & between).bitmask()
     }
 
@@ -359,6 +359,8 @@ pub(crate) struct Search {
     low: f32,
     /// The triangle that waits: four times its block plus its lane.
     waits: u32,
+    /// The id of that triangle, or of the last one that waited or was the nearest: it may be met again in another leaf.
+    known: u32,
     /// A triangle that had waited was not hit.
     pub(crate) failed: bool,
 }
@@ -368,7 +370,7 @@ const NOTHING: u32 = u32::MAX;
 impl Search {
     #[inline(always)]
     pub(crate) fn new(ray: &PreparedRay, bounds: &Aabb, t_max: f32) -> Self {
-        Self { bound: Bound::new(ray, bounds), low: t_max, waits: NOTHING, failed: false }
+        Self { bound: Bound::new(ray, bounds), low: t_max, waits: NOTHING, known: Nearest::NONE, failed: false }
     }
 
     /// Tests a block, roughly; tells whether [`Search::complete`] has anything to do.
@@ -401,16 +403,19 @@ impl Search {
         while candidates != 0 {
             let lane = candidates.trailing_zeros() as usize & 3;
             candidates &= candidates - 1;
-            if low[lane] > *t_max {
+            if low[lane] > *t_max || block.id(lane) == self.known {
                 continue;
             }
             if (front | back) >> lane & 1 == 1 && low[lane] > 0.0 && high[lane] < self.low {
                 self.waits = index << 2 | lane as u32;
+                self.known = block.id(lane);
                 self.low = low[lane];
                 *t_max = high[lane];
             } else {
                 self.settle(scene, ray, nearest, *t_max);
-                block.offer(lane, ray, nearest, scene.front_only);
+                if block.offer(lane, ray, nearest, scene.front_only) {
+                    self.known = block.id(lane);
+                }
                 self.low = nearest.t;
                 *t_max = nearest.t;
             }

@@ -36,10 +36,12 @@ mod bins;
 mod hostile;
 mod item;
 mod partition;
+mod presplit;
 mod reinsert;
 mod widen;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -55,7 +57,7 @@ pub(crate) const MAX_LEAF: usize = 4;
 /// be unbalanced in; with none left, the median it is. Bounds the traversal's stack and the time of the build.
 pub(crate) const MAX_DEPTH: u32 = 40;
 /// As many levels more than median splits need may lie above many primitives.
-const LEVELS_TO_SPARE: u32 = 8;
+const LEVELS_TO_SPARE: u32 = 5;
 /// The most primitives: a link packs a leaf's first slot and its length into 31 bits.
 pub(crate) const MAX_PRIMITIVES: usize = 1 << 28;
 /// Above it, the halves of a split are built in parallel.
@@ -73,7 +75,8 @@ pub enum Quality {
     /// Soon done.
     #[default]
     Medium,
-    /// For trees that many rays visit: fewer visits for several times the work.
+    /// For trees that many rays visit: fewer visits for several times the work. Triangles that fill little of their boxes are split
+    /// into references, at most 30 % more than there are triangles.
     High,
 }
 
@@ -125,8 +128,9 @@ impl Binary {
         self.link & ((1 << FIRST_BITS) - 1)
     }
 
-    pub(crate) fn set_first(&mut self, first: u32) {
-        self.link = first | (self.count() - 1) << FIRST_BITS;
+    /// Gives a leaf another first slot and number of primitives.
+    pub(crate) fn set(&mut self, first: u32, count: u32) {
+        self.link = first | (count - 1) << FIRST_BITS;
     }
 
     /// Primitives in a leaf.
@@ -146,9 +150,18 @@ impl Binary {
 }
 
 /// What a builder sorts: boxes and numbers of primitives.
-pub(crate) struct Items(Vec<Item>);
+pub(crate) struct Items<'a> {
+    list: Vec<Item>,
+    /// The box around all primitives, where those of the list are wider.
+    whole: Option<Aabb>,
+    /// If the primitives are triangles.
+    corners: Option<&'a Corners<'a>>,
+}
 
-impl Items {
+/// The corners of a triangle.
+type Corners<'a> = dyn Fn(u32) -> [Vec3; 3] + Sync + 'a;
+
+impl<'a> Items<'a> {
     /// `count` primitives and their boxes.
     pub(crate) fn new(count: usize, bounds: impl Fn(usize) -> Aabb + Sync) -> Result<Self, BuildError> {
         if count > MAX_PRIMITIVES {
@@ -164,26 +177,57 @@ impl Items {
         };
         let items = (0..count).into_par_iter().with_min_len(1024).map(item).collect();
         match bad.into_inner() {
-            usize::MAX => Ok(Self(items)),
+            usize::MAX => Ok(Self { list: items, whole: None, corners: None }),
             index => Err(BuildError::InvalidBox { index, bounds: bounds(index) }),
         }
     }
+
+    /// `count` triangles, large ones in several parts if the tree is to be good.
+    pub(crate) fn of_triangles(
+        count: usize,
+        corners: &'a (impl Fn(u32) -> [Vec3; 3] + Sync),
+        quality: Quality,
+    ) -> Result<Self, BuildError> {
+        let mut items = Self::new(count, |id| Aabb::of_triangle(corners(id as u32)))?;
+        items.corners = Some(corners);
+        if quality == Quality::High {
+            presplit::split(&mut items, corners, presplit::Budget::DEFAULT);
+        }
+        Ok(items)
+    }
 }
 
-/// The tree and, for each slot, its primitive. A leaf costs as much as the blocks of `block` primitives that it fills, and no
-/// leaf of one block is split. With [`Quality::High`] the leaves need not come in the order of their slots.
-pub(crate) fn build(Items(mut items): Items, block: usize, quality: Quality) -> (Vec<Binary>, Vec<u32>) {
-    let mut nodes = Vec::new();
+/// What is built.
+pub(crate) struct Built {
+    /// With [`Quality::High`] the leaves need not come in the order of their slots.
+    pub(crate) nodes: Vec<Binary>,
+    /// For each slot its primitive.
+    pub(crate) order: Vec<u32>,
+    /// The box around all primitives.
+    pub(crate) bounds: Aabb,
+    /// Triangles of which another has all corners: the other, which comes first, and the one that is in no leaf.
+    pub(crate) copies: Vec<[u32; 2]>,
+}
+
+/// Builds the tree. A leaf costs as much as the blocks of `block` primitives that it fills, and no leaf of one block is split.
+pub(crate) fn build(items: Items<'_>, block: usize, quality: Quality) -> Built {
+    let Items { list: mut items, whole, corners } = items;
+    let (mut nodes, mut copies) = (Vec::new(), Vec::new());
     if !items.is_empty() {
         let extent = Extent::of(&items);
         let measure = Measure { block: block as u32, scale: extent.bounds.scale() };
         let most_levels = (levels(items.len()) + LEVELS_TO_SPARE).min(MAX_DEPTH);
-        Builder { measure, most_levels }.subtree(&mut items, 0, 0, extent).0.flatten(&mut nodes);
+        let builder = Builder { measure, most_levels, corners, copies: Mutex::new(Vec::new()) };
+        builder.subtree(&mut items, 0, 0, extent).0.flatten(&mut nodes);
+        copies = builder.copies.into_inner().unwrap_or_else(PoisonError::into_inner);
+        copies.sort_unstable();
+        copies.dedup();
         if quality == Quality::High {
             reinsert::optimize(&mut nodes, &measure);
         }
     }
-    (nodes, items.par_iter().map(Item::id).collect())
+    let root = nodes.first().map_or(Aabb::EMPTY, |root| root.bounds);
+    Built { nodes, order: items.par_iter().map(Item::id).collect(), bounds: whole.unwrap_or(root), copies }
 }
 
 /// A tree in the pieces that threads built.
@@ -216,13 +260,41 @@ impl Subtree {
     }
 }
 
-struct Builder {
+struct Builder<'a> {
     measure: Measure,
     /// Within which many primitives must fit in: bounds the time where each split takes off a few of very many.
     most_levels: u32,
+    corners: Option<&'a Corners<'a>>,
+    /// As in [`Built`], in any order.
+    copies: Mutex<Vec<[u32; 2]>>,
 }
 
-impl Builder {
+/// What becomes of some items, which are reordered.
+enum Split {
+    /// A leaf of the first so many.
+    Leaf(usize),
+    /// Two parts: where they end, and their extents.
+    Halves([usize; 2], [Extent; 2]),
+}
+
+impl Split {
+    fn at(items: &[Item], middle: usize) -> Self {
+        let (left, right) = items.split_at(middle);
+        Self::Halves([middle, items.len()], [Extent::of(left), Extent::of(right)])
+    }
+
+    /// For the first so many items, whose centers coincide: any halves are as good.
+    fn anywhere(items: &[Item], count: usize) -> Self {
+        if count <= MAX_LEAF {
+            return Self::Leaf(count);
+        }
+        let (left, right) = items[..count].split_at(count / 2);
+        let extents = [left, right].map(|half| Extent { distinct: true, ..Extent::of(half) });
+        Self::Halves([count / 2, count], extents)
+    }
+}
+
+impl Builder<'_> {
     /// The tree over `items`, whose first slot is `first`.
     fn subtree(&self, items: &mut [Item], first: u32, depth: u32, extent: Extent) -> (Subtree, Costs) {
         let n = items.len();
@@ -231,15 +303,23 @@ impl Builder {
             let costs = self.subdivide(items, first, depth, extent, &mut nodes, &mut { Bins::EMPTY });
             return (Subtree::Whole(nodes), costs);
         }
-        let (middle, [a, b]) =
-            self.split(items, &extent, depth, &mut { Bins::EMPTY }).expect("more than a leaf's primitives are split");
-        let (left, right) = items.split_at_mut(middle);
+        let ([middle, end], [a, b]) = match self.split(items, &extent, depth, &mut { Bins::EMPTY }) {
+            Split::Halves(ends, extents) => (ends, extents),
+            Split::Leaf(count) => {
+                return (Subtree::Whole(vec![Binary::leaf(&extent.bounds, first, count)]), self.leaf(&extent, count));
+            }
+        };
+        let (left, right) = items[..end].split_at_mut(middle);
         let ((left, a), (right, b)) = rayon::join(
             || self.subtree(left, first, depth + 1, a),
             || self.subtree(right, first + middle as u32, depth + 1, b),
         );
         let (costs, lanes) = widen::join(self.measure.node(&extent.bounds), &a, &b);
         (Subtree::Split(extent.bounds, lanes, Box::new([left, right])), costs)
+    }
+
+    fn leaf(&self, extent: &Extent, count: usize) -> Costs {
+        widen::leaf(self.measure.cost(&extent.bounds, count as u32))
     }
 
     /// Appends the tree over `items`.
@@ -252,13 +332,16 @@ impl Builder {
         nodes: &mut Vec<Binary>,
         bins: &mut Bins,
     ) -> Costs {
-        let Some((middle, [a, b])) = self.split(items, &extent, depth, bins) else {
-            nodes.push(Binary::leaf(&extent.bounds, first, items.len()));
-            return widen::leaf(self.measure.cost(&extent.bounds, items.len() as u32));
+        let ([middle, end], [a, b]) = match self.split(items, &extent, depth, bins) {
+            Split::Halves(ends, extents) => (ends, extents),
+            Split::Leaf(count) => {
+                nodes.push(Binary::leaf(&extent.bounds, first, count));
+                return self.leaf(&extent, count);
+            }
         };
         let index = nodes.len();
         nodes.push(Binary { bounds: extent.bounds.aabb(), link: 0, lanes: None });
-        let (left, right) = items.split_at_mut(middle);
+        let (left, right) = items[..end].split_at_mut(middle);
         let a = self.subdivide(left, first, depth + 1, a, nodes, bins);
         nodes[index].link = (nodes.len() - index) as u32;
         let b = self.subdivide(right, first + middle as u32, depth + 1, b, nodes, bins);
@@ -267,35 +350,74 @@ impl Builder {
         costs
     }
 
-    /// Reorders `items` into two parts and tells where the second starts, and the extents of both; None for a leaf.
-    fn split(&self, items: &mut [Item], extent: &Extent, depth: u32, bins: &mut Bins) -> Option<(usize, [Extent; 2])> {
+    fn split(&self, items: &mut [Item], extent: &Extent, depth: u32, bins: &mut Bins) -> Split {
         let n = items.len();
-        let halves = |items: &[Item], middle| {
-            let (left, right) = items.split_at(middle);
-            Some((middle, [Extent::of(left), Extent::of(right)]))
-        };
         let needed = levels(n);
         if depth + needed >= if n > PARALLEL_BUILD { self.most_levels } else { MAX_DEPTH } {
             if n <= MAX_LEAF {
-                return None;
+                return Split::Leaf(n);
             }
             let middle = split_at_median(items, extent);
-            return halves(items, middle);
+            return Split::at(items, middle);
         }
         if n <= self.measure.block as usize {
-            return None;
+            return Split::Leaf(n);
+        }
+        if extent.distinct {
+            return Split::anywhere(items, n);
         }
         let Some(plan) = Plan::best(items, &extent.centers, &self.measure, bins) else {
-            // Centers that coincide: any halves are as good.
-            return if n > MAX_LEAF { halves(items, n / 2) } else { None };
+            let count = if n > MAX_LEAF { self.distinct(items) } else { n };
+            return Split::anywhere(items, count);
         };
         let area = extent.bounds.half_area(self.measure.scale);
         if n <= MAX_LEAF && NODE_COST * area + plan.cost >= self.measure.blocks(n as u32) * area {
-            return None;
+            return Split::Leaf(n);
         }
         let (middle, [a, b]) = partition::partition(items, &plan);
         let [left, right] = plan.bounds;
-        Some((middle, [Extent { bounds: left, centers: a }, Extent { bounds: right, centers: b }]))
+        let extents = [(left, a), (right, b)].map(|(bounds, centers)| Extent { bounds, centers, distinct: false });
+        Split::Halves([middle, n], extents)
+    }
+
+    /// Moves to the front what is not the same triangle as another with a lower id, and tells how many that are. A ray that meets one
+    /// meets all of them at the same t, and a tie goes to the lowest id.
+    fn distinct(&self, items: &mut [Item]) -> usize {
+        let Some(corners) = self.corners else { return items.len() };
+        // The references of a triangle that was split have boxes of their own, and the same as those of its copies.
+        let bits = |item: &Item| {
+            let Aabb { min, max } = item.bounds().aabb();
+            let [a, b, c] = corners(item.id());
+            [a, b, c, min, max].map(|p| p.to_array().map(f32::to_bits))
+        };
+        // What differs in its hash is distinct; of what does not, all is compared.
+        let hash = |item: &Item| {
+            let mix =
+                |hash: u64, &bits: &u32| (hash ^ u64::from(bits)).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(29);
+            bits(item).as_flattened().iter().fold(0, mix)
+        };
+        let mut sorted: Vec<(u64, u32, u32)> =
+            items.par_iter().zip(0..items.len() as u32).map(|(item, place)| (hash(item), item.id(), place)).collect();
+        sorted.par_sort_unstable();
+        let mut copies = Vec::new();
+        let mut kept = vec![true; items.len()];
+        for same in sorted.chunk_by(|a, b| a.0 == b.0) {
+            let (_, original, place) = same[0];
+            let first = bits(&items[place as usize]);
+            for &(_, copy, place) in &same[1..] {
+                if bits(&items[place as usize]) == first {
+                    kept[place as usize] = false;
+                    copies.push([original, copy]);
+                }
+            }
+        }
+        let mut count = 0;
+        for place in (0..items.len()).filter(|&place| kept[place]) {
+            items.swap(count, place);
+            count += 1;
+        }
+        self.copies.lock().unwrap_or_else(PoisonError::into_inner).append(&mut copies);
+        count
     }
 }
 
@@ -330,7 +452,8 @@ mod tests {
     }
 
     fn build_boxes(bounds: &[Aabb]) -> (Vec<Binary>, Vec<u32>) {
-        build(Items::new(bounds.len(), |i| bounds[i]).unwrap(), 1, Quality::Medium)
+        let built = build(Items::new(bounds.len(), |i| bounds[i]).unwrap(), 1, Quality::Medium);
+        (built.nodes, built.order)
     }
 
     /// Checks the tree and returns its height.

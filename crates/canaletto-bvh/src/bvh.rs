@@ -1,6 +1,6 @@
 //! The bounding volume hierarchy.
 
-use crate::build::{self, BuildError, Items, Quality};
+use crate::build::{self, BuildError, Built, Items, Quality};
 use crate::node::{Leaf, Node, Statistics, collapse};
 use crate::refit;
 use crate::traverse::{self, Any, Closest, ClosestOfMany};
@@ -21,9 +21,9 @@ impl Bvh {
     /// # Errors
     /// [`BuildError`] names the first box that is not finite or is empty, or says that there are too many.
     pub fn build(bounds: &[Aabb]) -> Result<Self, BuildError> {
-        let (binary, order) = build::build(Items::new(bounds.len(), |i| bounds[i])?, 1, Quality::Medium);
-        let bounds = binary.first().map_or(Aabb::EMPTY, |root| root.bounds);
-        Ok(Self { nodes: collapse(&binary), order, bounds })
+        let items = Items::new(bounds.len(), |i| bounds[i])?;
+        let Built { nodes, order, bounds, .. } = build::build(items, 1, Quality::Medium);
+        Ok(Self { nodes: collapse(&nodes), order, bounds })
     }
 
     /// Builds a tree whose leaves are blocks of up to four primitives that are tested side by side: a block costs the same
@@ -40,17 +40,19 @@ impl Bvh {
         Ok(Self::over_blocks(Items::new(count, bounds)?, quality))
     }
 
-    fn over_blocks(items: Items, quality: Quality) -> (Self, Blocks) {
-        let (mut binary, order) = build::build(items, build::MAX_LEAF, quality);
-        let bounds = binary.first().map_or(Aabb::EMPTY, |root| root.bounds);
+    /// A primitive may come in several items; then it may be in several blocks.
+    pub(crate) fn over_blocks(items: Items<'_>, quality: Quality) -> (Self, Blocks) {
+        let built = build::build(items, build::MAX_LEAF, quality);
+        let Built { nodes: mut binary, mut order, bounds, copies } = built;
         let mut leaves = Vec::new();
         for leaf in binary.iter_mut().filter(|node| node.is_leaf()) {
             let block = leaves.len() as u32;
-            leaves.push((leaf.first(), leaf.count()));
-            leaf.set_first(block);
+            let count = distinct(&mut order[leaf.first() as usize..][..leaf.count() as usize]);
+            leaves.push((leaf.first(), count));
+            leaf.set(block, count);
         }
         let nodes = collapse(&binary);
-        (Self { nodes, order: Vec::new(), bounds }, Blocks { leaves, order })
+        (Self { nodes, order: Vec::new(), bounds }, Blocks { leaves, order, copies })
     }
 
     /// From slot to primitive: the caller permutes its primitives into this order. Empty for a tree over blocks.
@@ -107,12 +109,26 @@ impl Bvh {
     }
 }
 
+/// Moves the distinct of a few ids to the front and tells how many they are.
+fn distinct(ids: &mut [u32]) -> u32 {
+    let mut count = 0;
+    for i in 0..ids.len() {
+        if !ids[..count].contains(&ids[i]) {
+            ids[count] = ids[i];
+            count += 1;
+        }
+    }
+    count as u32
+}
+
 /// The primitives of the leaves of a tree over blocks.
 #[derive(Clone, Debug)]
 pub struct Blocks {
     /// The first slot of each, and how many it has.
     leaves: Vec<(u32, u32)>,
     order: Vec<u32>,
+    /// See [`Built`].
+    pub(crate) copies: Vec<[u32; 2]>,
 }
 
 impl Blocks {

@@ -17,26 +17,37 @@ fn halves(a: f64) -> (f64, f64) {
     (high, a - high)
 }
 
-/// `a * b - c * d`, never of the wrong sign: it has the sign of the exact value, or is 0 when that is closer to 0
-/// than 2⁻¹⁰⁰ of the products. Swapping the products negates the result exactly.
+/// 2⁻²⁹: a difference that is a smaller part of its products has lost too many digits.
+pub(crate) const CANCELLED: f64 = 1.0 / (1u64 << 29) as f64;
+
+/// `a * b - c * d`, off by no more than 2⁻²³ of itself, so never of the wrong sign. Swapping the products negates the result exactly.
 #[inline]
 pub(crate) fn difference_of_products(a: f64, b: f64, c: f64, d: f64) -> f64 {
     let p = a * b;
     let q = c * d;
     let e = p - q;
-    if e.abs() > (p.abs() + q.abs()) * f64::EPSILON * 2.0 {
+    if e.abs() > (p.abs() + q.abs()) * CANCELLED {
         return e;
     }
     careful(a, b, c, d)
 }
 
-/// p and q nearly cancel: p − q is exact (Sterbenz). Rounding is monotone, so neither the difference of the
-/// remainders nor the last sum can cross 0.
+/// p and q nearly cancel: p − q is exact (Sterbenz), and so is the sum of it, of the remainders' difference and of what rounding took from
+/// that. Each is less than the last place of the one before, so that only the last rounding counts.
 #[cold]
 fn careful(a: f64, b: f64, c: f64, d: f64) -> f64 {
     let (p, p_rest) = two_product(a, b);
     let (q, q_rest) = two_product(c, d);
-    (p - q) + (p_rest - q_rest)
+    let (rest, lost) = two_sum(p_rest, -q_rest);
+    let (high, low) = two_sum(p - q, rest);
+    high + (low + lost)
+}
+
+/// `a + b` as rounded sum and exact remainder (Knuth).
+fn two_sum(a: f64, b: f64) -> (f64, f64) {
+    let s = a + b;
+    let b_part = s - a;
+    (s, (a - (s - b_part)) + (b - b_part))
 }
 
 #[cfg(test)]
@@ -57,6 +68,26 @@ mod tests {
             let (a, b) = (next(), next());
             let (p, rest) = two_product(a as f64, b as f64);
             assert_eq!(p as i128 + rest as i128, a as i128 * b as i128);
+        }
+    }
+
+    #[test]
+    fn a_difference_is_right_to_many_digits_however_much_cancels() {
+        let mut x = 0x9e37_79b9_7f4a_7c15_u64;
+        for i in 0..100_000 {
+            let mut next = || {
+                x ^= x << 13;
+                x ^= x >> 7;
+                x ^= x << 17;
+                (x >> 12) as i64
+            };
+            // a b and c d agree in all but a few or in most of the leading bits.
+            let (a, b) = (next(), next());
+            let shift = i % 52;
+            let (c, d) = (a + (next() >> shift), b - (next() >> (51 - shift)));
+            let exact = a as i128 * b as i128 - c as i128 * d as i128;
+            let e = difference_of_products(a as f64, b as f64, c as f64, d as f64);
+            assert!((e as i128 - exact).abs() <= exact.abs() >> 23, "{a} {b} {c} {d}");
         }
     }
 

@@ -10,6 +10,9 @@
 //!   rounding is monotone, so a box that holds another gets an interval that holds the other's: what `confine`
 //!   lets pass no ancestor in the tree can cull.
 
+use glam::Vec3;
+
+use crate::ray::component;
 use crate::{Aabb, PreparedRay};
 
 /// How many boxes lie side by side.
@@ -94,6 +97,28 @@ impl PreparedRay {
     }
 }
 
+impl PreparedRay {
+    /// [`PreparedRay::confine`] for a triangle whose t leads to one of its points as closely as [`crate::triangle`] says: moved back only to
+    /// the farthest corner along the longest axis, since a shorter one may move it by as much as it likes, off the triangle's other parts.
+    #[inline]
+    pub(crate) fn confine_to_triangle(&self, bounds: &Aabb, t: f64, t_max: f32) -> Option<f32> {
+        let (near, far) = if self.regular { self.clip_one(bounds) } else { self.clip_carefully(bounds, f32::INFINITY) };
+        if near > far {
+            return None;
+        }
+        let row = self.rows[2];
+        let cross = |corner: &Vec3| (component(corner, row) - self.origin(row)) * self.along;
+        let last = max(cross(&bounds.min), cross(&bounds.max)) * INFLATE;
+        let mut t = t as f32;
+        // NaN, for a ray that is not regular, moves nothing.
+        if t > last {
+            t = last;
+        }
+        t = max(t, near * DEFLATE);
+        (t >= f32::MIN_POSITIVE && t <= t_max && t < f32::INFINITY).then_some(t)
+    }
+}
+
 /// Unlike `f32::max`, one instruction: for what is no NaN.
 #[inline(always)]
 pub(crate) fn max(a: f32, b: f32) -> f32 {
@@ -110,7 +135,6 @@ pub(crate) fn min(a: f32, b: f32) -> f32 {
 mod tests {
     use super::*;
     use crate::Ray;
-    use glam::Vec3;
 
     fn meets(origin: Vec3, direction: Vec3, bounds: Aabb, t_max: f32) -> bool {
         let (near, far) = Ray::new(origin, direction).prepare().clip_carefully(&bounds, limit(t_max));

@@ -10,7 +10,24 @@
 //!   the projected triangles are those of exact points in the plane, with closed borders.
 //! - t, by weights as in the paper, is confined to the triangle's box (`slab`); and an origin exactly on the plane
 //!   is no hit, which the weights alone could not tell.
+//! - t leads to a point of the triangle also where it is seen edge-on (below), and is at least the least normal number.
 //! - Nothing overflows or vanishes: products of three differences of f32 stay far within the range of f64.
+//!
+//! # Triangles in parts
+//!
+//! A tree may hold a triangle as several references, boxes around its parts (`build/presplit`), if wherever the kernel reports a hit at t, at
+//! least one of these boxes is entered, by t at the latest. Seen edge-on, t can't be told from the line alone; but *some* part is entered if t belongs to some point of
+//! the triangle that is next to the line's point at t. Let S be the triangle's largest extent and d the direction.
+//!
+//! 1. Edge functions are off by δ ≤ 2⁻²³ of themselves (`exact`), so the weights λ, all of one sign, are those of a point p = Σ λ T of the
+//!    triangle. The exact ones take the sheared corners v to Σ μ v = 0, and Σ |λ − μ| ≤ 2 δ. As corners lie at most 2 S apart, |Σ λ v| ≤ 2 δ S.
+//! 2. Coordinates relative to the origin and their shears are off by 2⁻⁵³ of S + t |d| and of the shear, which is at most 1, times as much.
+//! 3. t is off by 2⁻⁵⁰ of S + t |d_z| along the longest axis z, since the weights have one sign.
+//!
+//! Together, along each axis, p is at most 2⁻²¹ S + 2⁻⁴⁶ t |d| away from the line's point at t, d being the direction along that axis. The first is covered by boxes that are 2⁻²¹ S wider
+//! than the parts on all sides, the second and the rounding of the slab test, 4 units in the last place where numbers are normal, by the 16 of
+//! `slab::INFLATE`. Moving t to the farthest corner along z takes it no farther than 3., which the same slack covers: |d| ≤ |d_z|, so that the
+//! line moves less along the other axes. Any other way to confine t downwards may take it off all parts; upwards does no harm.
 
 use glam::{DVec3, Vec3, Vec4, Vec4Swizzles};
 
@@ -120,7 +137,7 @@ pub(crate) fn intersect_exactly(
     }
     let depth = wa * z[0] + wb * z[1] + wc * z[2];
     let t = depth / area / along(2);
-    let t = ray.confine(bounds, t, t_max)?;
+    let t = ray.confine_to_triangle(bounds, t, t_max)?;
     // As the shear leaves volumes as they are, `depth` is the origin's height times the size of the normal, and `area` the slope. Far
     // from rounding, they tell that neither normal nor height is 0.
     let size = |v: &[f64; 3]| v[0].abs().max(v[1].abs()).max(v[2].abs());

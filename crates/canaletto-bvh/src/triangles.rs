@@ -1,6 +1,7 @@
 //! A tree over triangles, four of which are tested side by side.
 
 use crate::block::{Block, Bound, Scene, Search, Tested};
+use crate::build::Items;
 use crate::memory::in_large_pages;
 use crate::node::Node;
 use crate::packet::{self, Packet, RAYS};
@@ -16,6 +17,9 @@ pub struct Triangles {
     bvh: Bvh,
     blocks: Vec<Block>,
     count: usize,
+    quality: Quality,
+    /// Pairs of triangles with the same corners, the second of which is in no block, in order.
+    copies: Vec<[u32; 2]>,
 }
 
 /// The nearest triangle that a ray meets.
@@ -63,13 +67,22 @@ impl Triangles {
         count: usize,
         corners: impl Fn(u32) -> [Vec3; 3] + Sync,
     ) -> Result<Self, BuildError> {
-        let (bvh, leaves) = Bvh::build_blocks(count, |id| Aabb::of_triangle(corners(id as u32)), quality)?;
+        Ok(Self::over(Items::of_triangles(count, &corners, quality)?, quality, count, &corners))
+    }
+
+    pub(crate) fn over(
+        items: Items<'_>,
+        quality: Quality,
+        count: usize,
+        corners: impl Fn(u32) -> [Vec3; 3] + Sync,
+    ) -> Self {
+        let (bvh, leaves) = Bvh::over_blocks(items, quality);
         let mut blocks = in_large_pages(leaves.len());
         (0..leaves.len())
             .into_par_iter()
             .map(|index| Block::new(leaves.block(index).iter().map(|&id| (id, corners(id)))))
             .collect_into_vec(&mut blocks);
-        Ok(Self { bvh, blocks, count })
+        Self { bvh, blocks, count, quality, copies: leaves.copies }
     }
 
     /// How many triangles there are.
@@ -90,7 +103,10 @@ impl Triangles {
     /// What the tree is like. `bytes` includes the triangles.
     pub fn statistics(&self) -> Statistics {
         let nodes = self.bvh.statistics();
-        Statistics { bytes: nodes.bytes + size_of_val(self.blocks.as_slice()), ..nodes }
+        Statistics {
+            bytes: nodes.bytes + size_of_val(self.blocks.as_slice()) + size_of_val(self.copies.as_slice()),
+            ..nodes
+        }
     }
 
     /// The nearest triangle in front of the origin and not beyond `nearest.t`; of equally near ones that of the lowest id, which also
@@ -204,16 +220,18 @@ impl Triangles {
         }
     }
 
-    /// The place, as [`Triangles::blocks`] takes it, of a triangle that is met at or before `t_max` and for whose id `counts` holds.
+    /// The place, as [`Triangles::blocks`] takes it, of a triangle that is met at or before `t_max` and for whose id `counts` holds, or for
+    /// that of one with the same corners. `counts` may be asked more than once about an id.
     #[inline]
     pub fn occluded(
         &self,
         ray: &PreparedRay,
         t_max: f32,
         front_only: bool,
-        counts: impl FnMut(u32) -> bool,
+        mut counts: impl FnMut(u32) -> bool,
     ) -> Option<u32> {
         let mut place = None;
+        let counts = |id| counts(id) || copies_of(&self.copies, id).any(&mut counts);
         let (scene, bound) = (self.scene(front_only), Bound::new(ray, &self.bounds()));
         self.bvh.any(ray, t_max, AnyOf { scene, ray, bound, t_max, counts, place: &mut place });
         place
@@ -244,12 +262,27 @@ impl Triangles {
         triangle::intersect(ray, &triangle, t_max).is_some_and(|hit| hit.front || !front_only)
     }
 
+    /// How it was built.
+    pub(crate) fn quality(&self) -> Quality {
+        self.quality
+    }
+
+    /// Pairs of triangles with the same corners, the second of which is in no block.
+    pub(crate) fn copies(&self) -> &[[u32; 2]] {
+        &self.copies
+    }
+
     pub(crate) fn parts(&mut self) -> (&mut Bvh, &mut [Block]) {
         (&mut self.bvh, &mut self.blocks)
     }
 
     pub(crate) fn nodes(&self) -> &[Node] {
         self.bvh.nodes()
+    }
+
+    #[cfg(test)]
+    pub(crate) fn block_lengths(&self) -> impl Iterator<Item = usize> {
+        self.blocks.iter().map(Block::len)
     }
 
     /// Makes the nearest of a leaf's triangles `nearest`, if one is.
@@ -267,6 +300,12 @@ impl Triangles {
             }
         }
     }
+}
+
+/// The triangles that are in no block since this one has the same corners.
+fn copies_of(copies: &[[u32; 2]], id: u32) -> impl Iterator<Item = u32> {
+    let first = copies.partition_point(|&[original, _]| original < id);
+    copies[first..].iter().take_while(move |&&[original, _]| original == id).map(|&[_, copy]| copy)
 }
 
 struct OfRay<'a> {
@@ -488,6 +527,46 @@ mod tests {
             for (ray, t_max) in rays.iter().zip(t_max) {
                 let single = triangles.occluded(&ray.prepare(), 2.0, false, |_| true).is_some();
                 assert_eq!(t_max == f32::NEG_INFINITY, single, "{name} {ray:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn of_triangles_with_the_same_corners_the_first_is_tested_and_all_are_asked() {
+        let random = &mut Random(46);
+        let one = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        // Among them others, and some with the same box.
+        let others: Vec<[Vec3; 3]> = (0..300).map(|_| [0; 3].map(|_| random.vector() + 10.0)).collect();
+        let corners = |id: u32| match id % 50 {
+            7 => others[id as usize / 50],
+            11 => [Vec3::ZERO, Vec3::X, Vec3::new(0.25, 1.0, 0.0)],
+            _ => one,
+        };
+        for quality in [Quality::Medium, Quality::High] {
+            let triangles = Triangles::build_with(quality, 15_000, corners).unwrap();
+            assert_eq!(triangles.len(), 15_000);
+            assert!(triangles.block_lengths().sum::<usize>() < 2000 && triangles.copies().len() > 14_600);
+            let ray = Ray::new(Vec3::new(0.25, 0.25, 1e-3), -Vec3::Z).prepare();
+            let mut found = Nearest::before(f32::INFINITY);
+            triangles.intersect(&ray, &mut found, false);
+            assert_eq!((found.t, found.id), (1e-3, 0));
+            let mut asked = Vec::new();
+            triangles.occluded(&ray, 1e-3, false, |id| {
+                asked.push(id);
+                false
+            });
+            asked.sort_unstable();
+            let expected: Vec<u32> = (0..15_000).filter(|&id| id % 50 != 7).collect();
+            assert_eq!(asked, expected);
+            assert!(triangles.occluded(&ray, 1e-3, false, |id| id == 14_999).is_some());
+            // Where they part, all are there.
+            let mut parted = triangles.clone();
+            parted.refit(|id| if id % 50 == 7 { corners(id) } else { one.map(|p| p - Vec3::Z * id as f32) }).unwrap();
+            for id in [0, 1234, 14_999] {
+                let mut found = Nearest::before(f32::INFINITY);
+                let ray = Ray::new(Vec3::new(0.25, 0.25, 0.5 - id as f32), -Vec3::Z).prepare();
+                parted.intersect(&ray, &mut found, false);
+                assert_eq!((found.t, found.id), (0.5, id));
             }
         }
     }

@@ -1,5 +1,5 @@
 //! How much longer builds take over what is hard to build over: `cargo test --release -p canaletto-bvh hostile -- --ignored --nocapture`.
-//! Twice the time is the aim; only sizes of all exponents around one point take longer, as each split takes off only the largest.
+//! No kind may take more than twice the time of clean geometry.
 
 use std::time::Instant;
 
@@ -73,9 +73,9 @@ fn hostile_geometry_takes_little_more_time() {
         }),
     ];
     for quality in [Quality::Medium, Quality::High] {
-        let mut medians = Vec::new();
+        let mut fastest = Vec::new();
         for (name, corners) in kinds {
-            let mut times: Vec<f64> = (0..5)
+            let time = (0..5)
                 .map(|_| {
                     let all: Vec<[Vec3; 3]> = (0..COUNT).map(corners).collect();
                     let start = Instant::now();
@@ -83,13 +83,12 @@ fn hostile_geometry_takes_little_more_time() {
                     assert_eq!(triangles.len(), all.len());
                     start.elapsed().as_secs_f64()
                 })
-                .collect();
-            times.sort_by(f64::total_cmp);
-            medians.push((name, times[2]));
-            println!("{quality:?} {name:24} {:.4} s, {:.2} of clean", times[2], times[2] / medians[0].1);
+                .fold(f64::INFINITY, f64::min);
+            fastest.push((name, time));
+            println!("{quality:?} {name:24} {time:.4} s, {:.2} of clean", time / fastest[0].1);
         }
-        for (name, time) in &medians {
-            assert!(*time <= 3.0 * medians[0].1, "{name}");
+        for (name, time) in &fastest {
+            assert!(*time <= 2.0 * fastest[0].1, "{name}");
         }
     }
 }

@@ -126,10 +126,12 @@ impl Centers {
 pub(super) struct Extent {
     pub(super) bounds: Box8,
     pub(super) centers: Centers,
+    /// The centers coincide, and copies were left out.
+    pub(super) distinct: bool,
 }
 
 impl Extent {
-    pub(super) const EMPTY: Self = Self { bounds: Box8::EMPTY, centers: Centers::NONE };
+    pub(super) const EMPTY: Self = Self { bounds: Box8::EMPTY, centers: Centers::NONE, distinct: false };
 
     pub(super) fn of(items: &[Item]) -> Self {
         use rayon::prelude::*;
@@ -140,7 +142,7 @@ impl Extent {
     }
 
     fn join(self, other: Self) -> Self {
-        Self { bounds: self.bounds.join(&other.bounds), centers: self.centers.join(other.centers) }
+        Self { bounds: self.bounds.join(&other.bounds), centers: self.centers.join(other.centers), distinct: false }
     }
 }
 

@@ -5,7 +5,7 @@
 use crate::lanes::{Instructions, Mask, Row, SIXTEEN, Sixteen};
 use crate::node::Node;
 use crate::slab::{INFLATE, WIDTH};
-use crate::{PreparedRay, Ray};
+use crate::{Nearest, PreparedRay, Ray};
 use glam::Vec3;
 
 /// What rays have in common that go together.
@@ -45,6 +45,8 @@ pub(super) struct Group {
     pub(super) low: Row<f32>,
     /// The triangle that waits: four times its block plus its lane, or [`NOTHING`].
     pub(super) waits: Row<u32>,
+    /// The id of that triangle, or of the last one that waited or was the nearest: it may be met again in another leaf.
+    pub(super) known: Row<u32>,
     /// The place of its first ray in the list.
     pub(super) first: usize,
     /// The rays that take part.
@@ -97,6 +99,7 @@ impl Group {
         t_max: Row([f32::NEG_INFINITY; SIXTEEN]),
         low: Row([f32::NEG_INFINITY; SIXTEEN]),
         waits: Row([NOTHING; SIXTEEN]),
+        known: Row([Nearest::NONE; SIXTEEN]),
         first: 0,
         part: 0,
     };
@@ -154,6 +157,7 @@ impl Group {
         t.store(&mut self.t_max);
         t.store(&mut self.low);
         self.waits = Row([NOTHING; SIXTEEN]);
+        self.known = Row([Nearest::NONE; SIXTEEN]);
         let mut intervals = [Interval { origin: [0.0; 2], reciprocal: [0.0; 2] }; 3];
         for axis in 0..3 {
             let (o, r) = (&origin[axis], &self.reciprocal[axis]);

@@ -1,6 +1,6 @@
 //! What f32 tells of a triangle and the rays of a group: `block::Tested` with rays for lanes.
 
-use super::group::{Group, Way};
+use super::group::{Group, NOTHING, Way};
 use crate::block::{BLUR, Bound};
 use crate::lanes::{Instructions, Mask, Sixteen};
 use crate::slab::{DEFLATE, INFLATE};
@@ -14,6 +14,19 @@ pub(super) struct Terms {
     pub(super) front_only: bool,
     /// It counts that something is hit, not what.
     pub(super) any: bool,
+}
+
+/// A triangle.
+#[derive(Clone, Copy)]
+pub(super) struct Which {
+    /// Four times its block plus its lane.
+    pub(super) place: u32,
+    pub(super) id: u32,
+}
+
+impl Which {
+    /// Where it doesn't matter.
+    pub(super) const ANY: Self = Self { place: NOTHING, id: NOTHING - 1 };
 }
 
 /// What a test did.
@@ -41,7 +54,7 @@ impl<N: Sixteen> Certainly<N> {
         let zero = s.splat(0.0);
         if terms.any {
             let large = self.bound.area.less(self.area) & (self.bound.volume * self.along).less(self.area * low);
-            zero.less(low) & large & high.less_or_equal(self.end)
+            s.splat(f32::MIN_POSITIVE).less_or_equal(low) & large & high.less_or_equal(self.end)
         } else {
             zero.less(low) & high.less(s.load(&group.low))
         }
@@ -58,7 +71,7 @@ impl Group {
         terms: &Terms,
         [a, b, c]: &[[f32; 3]; 3],
         size: f32,
-        place: u32,
+        which: Which,
     ) -> Told {
         let [kx, ky, kz] = terms.way.axes();
         let (ox, oy, oz) = (s.load(&self.origin[kx]), s.load(&self.origin[ky]), s.load(&self.origin[kz]));
@@ -93,7 +106,7 @@ impl Group {
             Certainly { bound: terms.bound.splat(s), area: least.abs().max(most.abs()), along: along.abs(), end };
         let take = met & inside & certainly.met(s, terms, self, low, high);
         let undecided = met & !take;
-        self.take(s, take, low, high, terms.any, place);
+        self.take(s, take, low, high, terms.any, which);
         let (mut taken, mut left) = (S::Sixteen::bits(take), S::Sixteen::bits(undecided));
         if left != 0 {
             // A closer look, as `Tested::between`, at triangles near the origin with less error than at those at the scene's other end.
@@ -119,25 +132,46 @@ impl Group {
                 & s.splat(f32::MIN_POSITIVE).less_or_equal(sum.abs() * reach);
             let low = S::Sixteen::select(told, low.max(mean - blur), low);
             let high = S::Sixteen::select(told, high.min(mean + blur), high);
+            // A triangle may be met again in another leaf.
+            let undecided = undecided & !self.knows(s, which.id);
             let waiting = undecided & inside & !missed;
             let certainly = Certainly { bound, ..certainly };
             let take = waiting & certainly.met(s, terms, self, low, high);
             let gone = (waiting & (high.less_or_equal(zero) | end.less(low))) | missed;
-            self.take(s, take, low, high, terms.any, place);
+            self.take(s, take, low, high, terms.any, which);
             taken |= S::Sixteen::bits(take);
-            left &= !S::Sixteen::bits(take | gone);
+            left = S::Sixteen::bits(undecided & !(take | gone));
         }
         Told { taken, undecided: left }
     }
 
+    /// The rays whose `known` is a triangle.
     #[inline(always)]
-    fn take<S: Instructions>(&mut self, s: S, take: Mask<S>, low: S::Sixteen, high: S::Sixteen, any: bool, place: u32) {
+    fn knows<S: Instructions>(&self, s: S, id: u32) -> Mask<S> {
+        let mut same = 0;
+        for (i, &known) in self.known.0.iter().enumerate() {
+            same |= u32::from(known == id) << i;
+        }
+        s.mask(same)
+    }
+
+    #[inline(always)]
+    fn take<S: Instructions>(
+        &mut self,
+        s: S,
+        take: Mask<S>,
+        low: S::Sixteen,
+        high: S::Sixteen,
+        any: bool,
+        which: Which,
+    ) {
         if any {
             s.splat(f32::NEG_INFINITY).store_where(take, &mut self.t_max);
         } else {
             high.store_where(take, &mut self.t_max);
             low.store_where(take, &mut self.low);
-            S::Sixteen::put_where(take, place, &mut self.waits);
+            S::Sixteen::put_where(take, which.place, &mut self.waits);
+            S::Sixteen::put_where(take, which.id, &mut self.known);
         }
     }
 }

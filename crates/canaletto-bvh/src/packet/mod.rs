@@ -20,7 +20,7 @@ use crate::triangles::Nearest;
 use crate::{InstructionSet, PreparedRay, Ray};
 use glam::Vec3;
 use group::{Group, Interval, NOTHING, Way};
-use look::Terms;
+use look::{Terms, Which};
 use walk::{GROUPS, Walk};
 
 /// The most rays in a packet.
@@ -100,14 +100,14 @@ impl Packet {
                 let mut taken = 0;
                 for lane in 0..leaf.count() as usize {
                     let corners = block.ordered(lane, terms.way.rows);
-                    let place = leaf.first() << 2 | lane as u32;
-                    let told = group.test(s, &terms, &corners, size, place);
+                    let which = Which { place: leaf.first() << 2 | lane as u32, id: block.id(lane) };
+                    let told = group.test(s, &terms, &corners, size, which);
                     taken |= told.taken | told.undecided;
                     let mut undecided = told.undecided;
                     while undecided != 0 {
                         let i = undecided.trailing_zeros() as usize;
                         undecided &= undecided - 1;
-                        let failed = decide(group, scene, i, place, &mut nearest[group.first + i]);
+                        let failed = decide(group, scene, i, which.place, &mut nearest[group.first + i]);
                         outcome.again |= u64::from(failed) << (group.first + i);
                     }
                 }
@@ -143,7 +143,7 @@ impl Packet {
                 let mut taken = 0;
                 for lane in 0..leaf.count() as usize {
                     let corners = block.ordered(lane, terms.way.rows);
-                    let told = group.test(s, &terms, &corners, size, NOTHING);
+                    let told = group.test(s, &terms, &corners, size, Which::ANY);
                     taken |= told.taken | told.undecided;
                     let mut undecided = told.undecided;
                     while undecided != 0 {
@@ -176,8 +176,8 @@ fn decide(group: &mut Group, scene: Scene<'_>, i: usize, place: u32, nearest: &m
         |place: u32| scene.blocks[(place >> 2) as usize].offer(place as usize & 3, &ray, nearest, scene.front_only);
     let waits = std::mem::replace(&mut group.waits.0[i], NOTHING);
     let failed = waits != NOTHING && !offer(waits);
-    if place != NOTHING {
-        offer(place);
+    if place != NOTHING && offer(place) {
+        group.known.0[i] = scene.blocks[(place >> 2) as usize].id(place as usize & 3);
     }
     let failed = failed || waits != NOTHING && nearest.t > group.t_max.0[i];
     (group.t_max.0[i], group.low.0[i]) = (nearest.t, nearest.t);

@@ -8,6 +8,7 @@
 use super::group::{Group, NOTHING};
 use super::look::Terms;
 use crate::block::Scene;
+use crate::exact::CANCELLED;
 use crate::lanes::SIXTEEN;
 use crate::slab::{DEFLATE, INFLATE, max, min};
 use crate::triangles::Nearest;
@@ -66,19 +67,20 @@ pub(super) fn settle(group: &Group, terms: &Terms, scene: Scene<'_>, nearest: &m
         let counts = (area < 0.0) | !scene.front_only;
         met[i] = u32::from(sa & sb & sc & (positive | negative) & far & counts);
     }
-    // `PreparedRay::confine`, the axes in another order.
+    // `PreparedRay::confine_to_triangle`, the axes in another order: the longest comes last.
     for i in 0..SIXTEEN {
-        let (mut near, mut far) = (0.0f32, f32::INFINITY);
+        let (mut near, mut far, mut last) = (0.0f32, f32::INFINITY, 0.0);
         for axis in 0..3 {
             let ends = [min(min(a[axis][i], b[axis][i]), c[axis][i]), max(max(a[axis][i], b[axis][i]), c[axis][i])];
             let (o, r) = (group.origin[k[axis]].0[i], group.reciprocal[k[axis]].0[i]);
             let (low, high) = ((ends[0] - o) * r, (ends[1] - o) * r);
-            (near, far) = (max(near, min(low, high)), min(far, max(low, high)));
+            last = max(low, high);
+            (near, far) = (max(near, min(low, high)), min(far, last));
         }
-        let far = far * INFLATE;
-        let confined = min(t[i], far);
-        let confined = if near > 0.0 { max(confined, near * DEFLATE) } else { confined };
-        met[i] &= u32::from((near <= far) & (confined > 0.0) & (confined <= group.t_max.0[i]));
+        let (far, last) = (far * INFLATE, last * INFLATE);
+        let confined = if t[i] > last { last } else { t[i] };
+        let confined = max(confined, near * DEFLATE);
+        met[i] &= u32::from((near <= far) & (confined >= f32::MIN_POSITIVE) & (confined <= group.t_max.0[i]));
         t[i] = confined;
     }
     let mut done = 0;
@@ -95,12 +97,12 @@ pub(super) fn settle(group: &Group, terms: &Terms, scene: Scene<'_>, nearest: &m
     waits & !done
 }
 
-/// `exact::difference_of_products`, where rounding can't have spoilt the sign; tells whether that is so.
+/// `exact::difference_of_products`, where that is not careful; tells whether that is so.
 #[inline(always)]
 fn difference(a: f64, b: f64, c: f64, d: f64) -> (f64, bool) {
     let (p, q) = (a * b, c * d);
     let e = p - q;
-    (e, e.abs() > (p.abs() + q.abs()) * f64::EPSILON * 2.0)
+    (e, e.abs() > (p.abs() + q.abs()) * CANCELLED)
 }
 
 /// `f32::clamp` from 0; like that one, it leaves −0 alone.
