@@ -43,7 +43,7 @@ fn doubled(what: &str, times: u32) -> String {
 
 #[test]
 fn instances_of_instances_do_not_fill_memory() {
-    assert_eq!(world(&doubled(BALL, 40)).unwrap_err(), BuildError::TooManyInstances);
+    assert_eq!(world(&doubled(BALL, 40)).unwrap_err(), BuildError::TooManyCopies("\"p32\"".into()));
     assert_eq!(world(&doubled("plane { point 0 0 0; normal 0 1 0 }", 40)).unwrap_err(), BuildError::TooManyPlanes);
     assert_eq!(world(&doubled("light \"omni\" { position 0 1 0 }", 40)).unwrap_err(), BuildError::TooManyLights);
     let disk = "light \"disk\" { position 0 1 0; normal 0 1 0; radius 1; points 4096 }";

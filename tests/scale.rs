@@ -1,12 +1,17 @@
-//! A million spheres from a data file: read, built and rendered, with the answers that brute force gives.
+//! Many things: a million spheres from a data file, read, built and rendered, with the answers that brute force gives; more copies of
+//! a mesh than any list could hold.
 
 use canaletto::Ray;
 use canaletto::camera::Camera;
+use canaletto::material::{Material, Phong};
+use canaletto::math::{Rgb, Transform};
 use canaletto::render::{Job, render};
-use canaletto::world::World;
+use canaletto::scene::{Content, Extrinsics, FilmSettings, IntegratorSettings, Intrinsics, Node, Scene};
+use canaletto::world::{BuildError, Hit, World};
 use canaletto_io::assets::MemoryAssets;
 use canaletto_io::text::read_scene;
-use glam::Vec3;
+use canaletto_tests::gallery::icosphere;
+use glam::{DVec3, Vec3};
 
 const COUNT: u32 = 1_000_000;
 
@@ -46,4 +51,85 @@ fn a_million_spheres() {
         assert!(hit.is_some());
         assert_eq!(hit, world.intersect_brute_force(&ray, f32::INFINITY));
     }
+}
+
+/// Member `k` of a group of a thousand, in a grid, each turned in its own way.
+fn member(k: u32, pitch: f64) -> Transform {
+    let at = DVec3::new(f64::from(k % 10), f64::from(k / 10 % 10), f64::from(k / 100)) - 4.5;
+    let turn = Transform::rotate(DVec3::new(1.0, f64::from(k % 7), 0.5), f64::from(k) * 17.0).unwrap();
+    Transform::translate(at * pitch).after(&turn)
+}
+
+/// A thousand times a thousand times a thousand copies of a mesh.
+fn thousand_million() -> Scene {
+    let thousand = |content: Content, pitch: f64| -> Vec<Node> {
+        (0..1000).map(|k| Node::new(content.clone()).with_transform(&member(k, pitch))).collect()
+    };
+    let (grove, forest) = (thousand(Content::Mesh(0), 3.0), thousand(Content::Instance(0), 60.0));
+    Scene {
+        materials: vec![Material::new("leaf", Phong { kd: Rgb::new(0.2, 0.7, 0.3), ..Phong::default() })],
+        meshes: vec![icosphere(1, 1.0, false)],
+        prototypes: vec![Node::new(Content::Group(grove)), Node::new(Content::Group(forest)).with_material(0)],
+        nodes: thousand(Content::Instance(1), 1200.0),
+        ..Scene::default()
+    }
+}
+
+#[test]
+fn a_thousand_million_copies() {
+    let world = World::build(thousand_million()).unwrap();
+    let census = world.census();
+    assert_eq!((census.instances, census.primitives), (1_000_000_000, 80_000_000_000));
+    assert!(census.instances > World::MAX_INSTANCES as u64 && census.bytes < 2 << 20, "{census:?}");
+    let mut met = 0;
+    for n in 0..400u32 {
+        let k = [7, 13, 29].map(|step| n.wrapping_mul(2_654_435_761) % 1_000_003 / step % 1000);
+        let place = [1200.0, 60.0, 3.0];
+        let [outer, middle, inner] = [0, 1, 2].map(|level| member(k[level], place[level]));
+        let transform = outer.after(&middle.after(&inner));
+        // From beside it, so that nothing else is in the way.
+        let from = transform.point(DVec3::new(0.3, 1.4, 0.2)).as_vec3();
+        let ray = Ray::new(from, transform.point(DVec3::new(0.0, 0.1, 0.05)).as_vec3() - from);
+        // The same mesh alone in the same place.
+        let alone = Scene {
+            prototypes: vec![Node::new(Content::Mesh(0))],
+            nodes: vec![Node { transform, ..Node::new(Content::Instance(0)).with_material(0) }],
+            ..thousand_million()
+        };
+        let alone = World::build(alone).unwrap();
+        let (found, expected) = (world.intersect(&ray, 1.0), alone.intersect(&ray, 1.0));
+        let number = k[0] * 1_000_000 + k[1] * 1000 + k[2];
+        assert_eq!(found, expected.map(|hit| Hit { instance: number, ..hit }), "{k:?}");
+        if let (Some(found), Some(expected)) = (found, expected) {
+            assert_eq!(world.surface(&ray, &found), alone.surface(&ray, &expected));
+            assert_eq!((world.object_id(&found), world.material_index(&found)), (number + 1, 0));
+            met += 1;
+        }
+    }
+    assert_eq!(met, 400);
+
+    let camera = Camera::new(
+        &Intrinsics { fovy: 50.0, width: 64, height: 48, ..Intrinsics::default() },
+        &Extrinsics { eye: DVec3::new(3000.0, 4000.0, 17_000.0), ..Extrinsics::default() },
+    );
+    let job = Job::new(camera.unwrap(), FilmSettings::default(), IntegratorSettings::default());
+    assert!(render(&world, &job, &()).unwrap().counts.eye.hit > 300);
+}
+
+#[test]
+fn more_copies_than_numbers_are_refused() {
+    let twice = |of: u32| {
+        let copy = |x: f64| Node::new(Content::Instance(of)).with_transform(&Transform::translate(DVec3::X * x));
+        Node::new(Content::Group(vec![copy(0.0), copy(f64::from(of + 1))])).named(format!("p{}", of + 1))
+    };
+    let scene = |times: u32| Scene {
+        meshes: vec![icosphere(0, 1.0, false)],
+        prototypes: [Node::new(Content::Mesh(0))].into_iter().chain((0..times).map(twice)).collect(),
+        nodes: vec![Node::new(Content::Instance(times))],
+        ..Scene::default()
+    };
+    assert_eq!(World::build(scene(31)).unwrap().census().instances, 1 << 31);
+    let refused = World::build(scene(40)).unwrap_err();
+    assert_eq!(refused, BuildError::TooManyCopies("\"p32\"".into()));
+    assert_eq!(refused.to_string(), "\"p32\" expands to more than 4294967294 copies");
 }

@@ -1,5 +1,6 @@
-//! Ten thousand copies of a mesh, as a list and nested, beside the mesh alone: the rays are the same, seen from the copy that they are for, so that
-//! the ratio is what finding the copy costs.
+//! Ten thousand copies of a mesh, as a list and as rows of copies, beside the mesh alone: the rays are the same, seen from the copy that they are
+//! for, so that the ratio is what finding the copy costs. The same rays again where that square of rows is one of a hundred, or of a hundred
+//! thousand, a million copies or a thousand million, which no list could hold.
 
 use canaletto::math::Transform;
 use canaletto::scene::{Content, Node, Scene};
@@ -9,6 +10,7 @@ use canaletto_bvh::Ray;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use serde_json::{Value, json};
+use std::time::Instant;
 
 use super::mesh::Mesh;
 use super::noise::uniform;
@@ -29,22 +31,56 @@ fn row(j: u32, pitch: f64) -> Transform {
     Transform::translate(DVec3::Y * (f64::from(j) - 0.5 * f64::from(SIDE - 1)) * pitch)
 }
 
-/// The mesh in these places; with `nested`, as rows of copies.
-fn world(mesh: &Mesh, pitch: f64, copies: u32, nested: bool) -> Result<World, String> {
+/// Where one of the squares stands that are side by side, the first in the middle; a province has a hundred of them.
+fn square(k: u32, pitch: f64) -> Transform {
+    let (x, y) = (f64::from((k + 5) % 10) - 5.0, f64::from((k / 10 + 5) % 10) - 5.0);
+    Transform::translate(DVec3::new(x, y, 0.0) * pitch * 4.0 * f64::from(SIDE))
+}
+
+fn province(k: u32, pitch: f64) -> Transform {
+    Transform::translate(DVec3::new(f64::from(k % 32), f64::from(k / 32), 0.0) * pitch * 80.0 * f64::from(SIDE))
+}
+
+/// How the copies are arranged.
+#[derive(Clone, Copy, PartialEq)]
+enum Arrangement {
+    Alone,
+    List,
+    /// A square of rows.
+    Rows,
+    /// A hundred squares.
+    Squares,
+    /// A thousand times these.
+    Provinces,
+}
+
+const ARRANGEMENTS: [(&str, Arrangement); 5] = [
+    ("alone", Arrangement::Alone),
+    ("list", Arrangement::List),
+    ("rows", Arrangement::Rows),
+    ("squares", Arrangement::Squares),
+    ("provinces", Arrangement::Provinces),
+];
+
+/// The mesh in these places.
+fn world(mesh: &Mesh, pitch: f64, arrangement: Arrangement) -> Result<World, String> {
     let mesh =
         shape::Mesh { positions: mesh.positions.clone(), triangles: mesh.triangles.clone(), ..shape::Mesh::default() };
     let at = |transform, content| Node { transform, ..Node::new(content) };
-    let (mut nodes, mut prototypes) = (Vec::new(), Vec::new());
-    if copies == 1 {
-        nodes.push(Node::new(Content::Mesh(0)));
-    } else if nested {
-        let copies = (0..SIDE).map(|i| at(place(i, pitch), Content::Mesh(0))).collect();
-        prototypes.push(Node::new(Content::Group(copies)));
-        nodes.extend((0..SIDE).map(|j| at(row(j, pitch), Content::Instance(0))));
-    } else {
-        let copy = |n: u32| at(row(n / SIDE, pitch).after(&place(n % SIDE, pitch)), Content::Mesh(0));
-        nodes.extend((0..SIDE * SIDE).map(copy));
-    }
+    let group = |nodes: Vec<Node>| Node::new(Content::Group(nodes));
+    let repeat = |of: u32, count: u32, place: fn(u32, f64) -> Transform| -> Vec<Node> {
+        (0..count).map(|k| at(place(k, pitch), Content::Instance(of))).collect()
+    };
+    let copy = |n: u32| at(row(n / SIDE, pitch).after(&place(n % SIDE, pitch)), Content::Mesh(0));
+    let copies = (0..SIDE).map(|i| at(place(i, pitch), Content::Mesh(0))).collect();
+    let prototypes = vec![group(copies), group(repeat(0, SIDE, row)), group(repeat(1, 100, square))];
+    let nodes = match arrangement {
+        Arrangement::Alone => vec![Node::new(Content::Mesh(0))],
+        Arrangement::List => (0..SIDE * SIDE).map(copy).collect(),
+        Arrangement::Rows => repeat(0, SIDE, row),
+        Arrangement::Squares => repeat(1, 100, square),
+        Arrangement::Provinces => repeat(2, 1000, province),
+    };
     let scene = Scene { meshes: vec![mesh], prototypes, nodes, ..Scene::default() };
     World::build(scene).map_err(|e| e.to_string())
 }
@@ -71,15 +107,15 @@ pub fn run(options: &Options) -> Result<Value, String> {
 fn compare(mesh: &Mesh, options: &Options) -> Result<Vec<Value>, String> {
     let extent = mesh.extent();
     let pitch = 2.2 * f64::from(extent);
-    let [alone, list, nested] = [
-        world(mesh, pitch, 1, false)?,
-        world(mesh, pitch, SIDE * SIDE, false)?,
-        world(mesh, pitch, SIDE * SIDE, true)?,
-    ];
-    for (name, world) in [("alone", &alone), ("list", &list), ("nested", &nested)] {
-        let census = world.census();
-        println!("{name:7} {} instances, {} MiB", census.instances, census.bytes >> 20);
+    let mut worlds = Vec::new();
+    for (name, arrangement) in ARRANGEMENTS {
+        let start = Instant::now();
+        let world = world(mesh, pitch, arrangement)?;
+        let (census, seconds) = (world.census(), start.elapsed().as_secs_f64());
+        println!("{name:9} {:10} instances, {} KiB, built in {seconds:.3} s", census.instances, census.bytes >> 10);
+        worlds.push(world);
     }
+    let list = &worlds[1];
     let count = mesh.triangles.len() as u32;
     let placed = |n: u32| row(n / SIDE, pitch).after(&place(n % SIDE, pitch));
     // Copies are numbered row by row, as the world does.
@@ -111,17 +147,17 @@ fn compare(mesh: &Mesh, options: &Options) -> Result<Vec<Value>, String> {
         let seen = rays.iter().zip(&copies).map(local).collect();
         let [rays, seen] = [rays, seen].map(|rays| RaySet::new(set.name, false, set.coherent, rays));
         for &threads in &options.threads {
-            rows.push(pool(threads)?.install(|| turns(&rays, &seen, [&alone, &list, &nested], threads, options)));
+            rows.push(pool(threads)?.install(|| turns(&rays, &seen, &worlds, threads, options)));
         }
     }
     Ok(rows)
 }
 
-fn turns(rays: &RaySet, seen: &RaySet, worlds: [&World; 3], threads: usize, options: &Options) -> Value {
-    let mut times = [const { Times(Vec::new()) }; 3];
-    let mut hits = [0; 3];
+fn turns(rays: &RaySet, seen: &RaySet, worlds: &[World], threads: usize, options: &Options) -> Value {
+    let mut times = [const { Times(Vec::new()) }; ARRANGEMENTS.len()];
+    let mut hits = [0; ARRANGEMENTS.len()];
     for round in 0..=options.rounds {
-        for (i, world) in worlds.into_iter().enumerate() {
+        for (i, world) in worlds.iter().enumerate() {
             let (seconds, met) = trace(world, if i == 0 { seen } else { rays }, options.clock);
             hits[i] = met;
             if round > 0 {
@@ -131,17 +167,16 @@ fn turns(rays: &RaySet, seen: &RaySet, worlds: [&World; 3], threads: usize, opti
     }
     let count = rays.rays.len();
     let rate = times.each_ref().map(|times| count as f64 / times.median() / 1e6);
-    let cost = [1, 2].map(|i| times[0].faster_than(&times[i]));
+    let cost = times.each_ref().map(|other| times[0].faster_than(other));
     println!(
-        "{:8} {threads} threads, {:.2} M rays: alone {:.2}, list {:.2}, nested {:.2} Mrays/s; cost of list {}, nested {}; hits {hits:?}",
+        "{:8} {threads} threads, {:.2} M rays, {:.2} Mrays/s alone; hits {hits:?}; cost of",
         rays.name,
         count as f64 / 1e6,
-        rate[0],
-        rate[1],
-        rate[2],
-        cost[0],
-        cost[1]
+        rate[0]
     );
+    for ((name, _), cost) in ARRANGEMENTS.iter().zip(&cost).skip(1) {
+        println!("  {name:9} {cost}");
+    }
     json!({ "rays": rays.name, "threads": threads, "count": count, "hits": hits, "mrays": rate,
         "cost": cost.map(|c| c.median) })
 }

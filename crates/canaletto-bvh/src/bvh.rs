@@ -4,7 +4,7 @@ use crate::build::{self, BuildError, Built, Items, Quality};
 use crate::node::{Leaf, Node, Statistics, collapse};
 use crate::refit;
 use crate::traverse::{self, Any, Closest, ClosestOfMany};
-use crate::{Aabb, PreparedRay};
+use crate::{Aabb, PreparedRay, WideRay};
 
 /// A tree of boxes over primitives that the caller keeps.
 #[derive(Clone, Debug, PartialEq)]
@@ -92,6 +92,16 @@ impl Bvh {
     #[inline]
     pub(crate) fn any(&self, ray: &PreparedRay, t_max: f32, leaf: impl Any) -> bool {
         traverse::any(&self.nodes, ray, t_max, leaf)
+    }
+
+    /// [`Bvh::intersect`] for a ray with a margin.
+    pub fn intersect_wide(&self, ray: &WideRay, t_max: f32, leaf: impl FnMut(Leaf, &mut f32)) {
+        traverse::closest_wide(&self.nodes, ray, t_max, leaf);
+    }
+
+    /// [`Bvh::occluded`] for a ray with a margin.
+    pub fn occluded_wide(&self, ray: &WideRay, t_max: f32, leaf: impl FnMut(Leaf) -> bool) -> bool {
+        traverse::any_wide(&self.nodes, ray, t_max, leaf)
     }
 
     /// Fits the boxes to leaves that moved; `leaf` tells the box of that with this first slot or of this block.

@@ -60,6 +60,7 @@ mod traverse;
 pub mod triangle;
 mod triangles;
 mod visits;
+mod wide;
 
 pub use aabb::Aabb;
 pub use build::{BuildError, Quality};
@@ -71,3 +72,4 @@ pub use round::{Ask, Asked, Met, Round};
 pub use rounds::Rounds;
 pub use triangles::{Nearest, Triangles};
 pub use visits::Visits;
+pub use wide::WideRay;

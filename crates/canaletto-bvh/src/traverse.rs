@@ -4,11 +4,11 @@
 //! order is approximate (see `node`); where each child is entered is kept, and what a hit has cut off is forgotten.
 #![allow(unsafe_code)] // Kernels compiled for instructions that are asked for at run time, and stacks that are not cleared.
 
-use crate::PreparedRay;
 use crate::build::MAX_DEPTH;
-use crate::lanes::{Careful, InstructionSet, Lanes, Portable};
+use crate::lanes::{Careful, InstructionSet, Lanes, Portable, Wide};
 use crate::node::{Leaf, Link, Node};
 use crate::slab::{WIDTH, limit as limit_of};
+use crate::{PreparedRay, WideRay};
 use std::hint::select_unpredictable;
 use std::mem::MaybeUninit;
 
@@ -72,12 +72,7 @@ impl Stack {
     /// # Safety
     /// As for [`Lanes`]; the node must be one of the tree that the stack was made for.
     #[inline(always)]
-    unsafe fn push<L: Lanes, const ORDERED: bool>(
-        &mut self,
-        node: &Node,
-        ray: &PreparedRay,
-        limit: f32,
-    ) -> (usize, Link) {
+    unsafe fn push<L: Lanes, const ORDERED: bool>(&mut self, node: &Node, ray: &L::Ray, limit: f32) -> (usize, Link) {
         debug_assert!(self.len > 0 && self.len + WIDTH <= STACK);
         // SAFETY: no tree is deeper than MAX_DEPTH, so that there is always room for eight.
         unsafe {
@@ -95,7 +90,7 @@ impl Stack {
     /// # Safety
     /// As for [`Stack::push`].
     #[inline(always)]
-    unsafe fn visit<L: Lanes, const ORDERED: bool>(&mut self, node: &Node, ray: &PreparedRay, limit: f32) -> Link {
+    unsafe fn visit<L: Lanes, const ORDERED: bool>(&mut self, node: &Node, ray: &L::Ray, limit: f32) -> Link {
         // SAFETY: the caller's promise.
         match unsafe { self.push::<L, ORDERED>(node, ray, limit) } {
             (0, _) => self.pop(),
@@ -114,7 +109,7 @@ impl Stack {
     unsafe fn visit_without_branch<L: Lanes, const ORDERED: bool>(
         &mut self,
         node: &Node,
-        ray: &PreparedRay,
+        ray: &L::Ray,
         limit: f32,
     ) -> Link {
         // SAFETY: the caller's promise; entries below `len` were written.
@@ -227,7 +222,7 @@ pub(crate) fn closest(nodes: &[Node], ray: &PreparedRay, t_max: f32, leaf: impl 
 }
 
 #[inline(always)]
-unsafe fn closest_with<L: Lanes, F: Closest>(nodes: &[Node], ray: &PreparedRay, mut t_max: f32, mut leaf: F) -> f32 {
+unsafe fn closest_with<L: Lanes, F: Closest>(nodes: &[Node], ray: &L::Ray, mut t_max: f32, mut leaf: F) -> f32 {
     if nodes.is_empty() {
         return t_max;
     }
@@ -261,7 +256,7 @@ pub(crate) fn any(nodes: &[Node], ray: &PreparedRay, t_max: f32, leaf: impl Any)
 }
 
 #[inline(always)]
-unsafe fn any_with<L: Lanes, F: Any>(nodes: &[Node], ray: &PreparedRay, t_max: f32, mut leaf: F) -> bool {
+unsafe fn any_with<L: Lanes, F: Any>(nodes: &[Node], ray: &L::Ray, t_max: f32, mut leaf: F) -> bool {
     if nodes.is_empty() {
         return false;
     }
@@ -283,6 +278,36 @@ unsafe fn any_with<L: Lanes, F: Any>(nodes: &[Node], ray: &PreparedRay, t_max: f
             link = stack.pop();
         }
     }
+}
+
+/// [`closest`] for a ray with a margin. Not inlined, for callers that call themselves: the stack is large.
+#[inline(never)]
+pub(crate) fn closest_wide(nodes: &[Node], ray: &WideRay, t_max: f32, leaf: impl Closest) -> f32 {
+    dispatch!(ray.ray.regular, closest_with_margin(nodes, ray, t_max, leaf), closest_wide_avx2, closest_wide_avx512)
+}
+
+#[inline(always)]
+unsafe fn closest_with_margin<L: Lanes, F: Closest>(nodes: &[Node], ray: &WideRay, t_max: f32, leaf: F) -> f32
+where
+    Wide<L>: Lanes<Ray = WideRay>,
+{
+    // SAFETY: the caller's promise.
+    unsafe { closest_with::<Wide<L>, F>(nodes, ray, t_max, leaf) }
+}
+
+/// [`any`] for a ray with a margin.
+#[inline(never)]
+pub(crate) fn any_wide(nodes: &[Node], ray: &WideRay, t_max: f32, leaf: impl Any) -> bool {
+    dispatch!(ray.ray.regular, any_with_margin(nodes, ray, t_max, leaf), any_wide_avx2, any_wide_avx512)
+}
+
+#[inline(always)]
+unsafe fn any_with_margin<L: Lanes, F: Any>(nodes: &[Node], ray: &WideRay, t_max: f32, leaf: F) -> bool
+where
+    Wide<L>: Lanes<Ray = WideRay>,
+{
+    // SAFETY: the caller's promise.
+    unsafe { any_with::<Wide<L>, F>(nodes, ray, t_max, leaf) }
 }
 
 /// How many rays of a stream are on their way at once.
@@ -412,7 +437,7 @@ pub(crate) fn closest_of_many<F: ClosestOfMany>(nodes: &[Node], rays: &[Prepared
 }
 
 #[inline(always)]
-unsafe fn stream_with<L: Lanes, F: ClosestOfMany>(
+unsafe fn stream_with<L: Lanes<Ray = PreparedRay>, F: ClosestOfMany>(
     nodes: &[Node],
     rays: &[PreparedRay],
     t_max: &mut [f32],
@@ -490,7 +515,7 @@ mod x86 {
     use crate::lanes::{Avx2, Avx512};
 
     macro_rules! kernels {
-        ($features:literal, $lanes:ident, $closest:ident, $any:ident, $stream:ident) => {
+        ($features:literal, $lanes:ident, $closest:ident, $any:ident, $stream:ident, $closest_wide:ident, $any_wide:ident) => {
             #[target_feature(enable = $features)]
             pub(super) unsafe fn $closest<F: Closest>(nodes: &[Node], ray: &PreparedRay, t_max: f32, leaf: F) -> f32 {
                 // SAFETY: the caller's promise.
@@ -501,6 +526,18 @@ mod x86 {
             pub(super) unsafe fn $any<F: Any>(nodes: &[Node], ray: &PreparedRay, t_max: f32, leaf: F) -> bool {
                 // SAFETY: the caller's promise.
                 unsafe { any_with::<$lanes, F>(nodes, ray, t_max, leaf) }
+            }
+
+            #[target_feature(enable = $features)]
+            pub(super) unsafe fn $closest_wide<F: Closest>(nodes: &[Node], ray: &WideRay, t_max: f32, leaf: F) -> f32 {
+                // SAFETY: the caller's promise.
+                unsafe { closest_with::<Wide<$lanes>, F>(nodes, ray, t_max, leaf) }
+            }
+
+            #[target_feature(enable = $features)]
+            pub(super) unsafe fn $any_wide<F: Any>(nodes: &[Node], ray: &WideRay, t_max: f32, leaf: F) -> bool {
+                // SAFETY: the caller's promise.
+                unsafe { any_with::<Wide<$lanes>, F>(nodes, ray, t_max, leaf) }
             }
 
             #[target_feature(enable = $features)]
@@ -516,14 +553,27 @@ mod x86 {
         };
     }
 
-    kernels!("avx2,bmi1,bmi2,lzcnt,popcnt", Avx2, closest_avx2, any_avx2, stream_avx2);
+    kernels!(
+        "avx2,bmi1,bmi2,lzcnt,popcnt",
+        Avx2,
+        closest_avx2,
+        any_avx2,
+        stream_avx2,
+        closest_wide_avx2,
+        any_wide_avx2
+    );
     kernels!(
         "avx2,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512bw,avx512dq",
         Avx512,
         closest_avx512,
         any_avx512,
-        stream_avx512
+        stream_avx512,
+        closest_wide_avx512,
+        any_wide_avx512
     );
 }
 #[cfg(target_arch = "x86_64")]
-use x86::{any_avx2, any_avx512, closest_avx2, closest_avx512, stream_avx2, stream_avx512};
+use x86::{
+    any_avx2, any_avx512, any_wide_avx2, any_wide_avx512, closest_avx2, closest_avx512, closest_wide_avx2,
+    closest_wide_avx512, stream_avx2, stream_avx512,
+};

@@ -214,7 +214,7 @@ pub(crate) fn build(name: &str, scene: Scene) -> Result<(World, Duration), Failu
 /// What to do about a scene that can't be built.
 fn advice(error: &BuildError) -> Option<&'static str> {
     Some(match error {
-        BuildError::TooManyInstances => {
+        BuildError::TooManyInstances | BuildError::TooManyCopies(_) => {
             "instances of instances multiply; a cloud (spheres, cylinders) or a mesh holds many more things in less memory"
         }
         BuildError::TooManyLights => "each point of light costs a shadow ray wherever something is seen: take fewer",

@@ -62,7 +62,11 @@ fn scenes_that_multiply_say_so() {
         text += &format!("prototype name=\"p{i}\" {{ instance of=\"p{last}\"; instance of=\"p{last}\" }}\n");
     }
     let folder = Folder::new(&(text + "instance of=\"p39\""));
-    folder.expect(&["render", "s.kdl"], 3, &["expands to more than 4194304 instances", "help: instances of instances"]);
+    folder.expect(
+        &["render", "s.kdl"],
+        3,
+        &["\"p32\" expands to more than 4294967294 copies", "help: instances of instances"],
+    );
     let folder = Folder::new("sphere name=\"moon\" { center 0 0 0; radius 1; scale 1e30; scale 1e30 }");
     folder.expect(&["render", "s.kdl"], 3, &["moon: after its transforms it reaches beyond", "help: transforms of an"]);
     let folder = Folder::new(BALL);

@@ -24,10 +24,13 @@ pub(crate) use sixteen::{WithAvx2, WithAvx512};
 use crate::PreparedRay;
 use crate::node::{Link, Node};
 use crate::slab::WIDTH;
+use std::marker::PhantomData;
 use std::sync::atomic::{AtomicU8, Ordering};
 
 /// A way to test a ray against a node.
 pub(crate) trait Lanes: Copy {
+    /// The rays that it knows.
+    type Ray;
     /// Writes the children that the ray, a `regular` one but for [`Careful`], meets before `limit`, and where it enters them: the nearest in
     /// general last, or, unless `ORDERED`, the largest. Returns how
     /// many they are, and the last link again, if there is one: to read it where it was just written would have to wait until a part of a wide store
@@ -37,12 +40,16 @@ pub(crate) trait Lanes: Copy {
     /// The machine must have the instructions, and there must be room for eight entries.
     unsafe fn visit<const ORDERED: bool>(
         node: &Node,
-        ray: &PreparedRay,
+        ray: &Self::Ray,
         limit: f32,
         near: *mut f32,
         links: *mut Link,
     ) -> (usize, Link);
 }
+
+/// The same instructions for rays with a margin.
+#[derive(Clone, Copy)]
+pub(crate) struct Wide<L>(PhantomData<L>);
 
 /// The child of the highest lane in a mask of lanes in the order of `visit`; any child, if there is none.
 #[inline(always)]

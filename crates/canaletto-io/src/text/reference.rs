@@ -57,8 +57,9 @@ pub fn reference_markdown() -> String {
     motion(&mut out);
     let _ = write!(
         out,
-        "\n{NAMES}\n{SET}\n## Limits\n\nBlocks may stand {MAX_DEPTH} deep in each other. A scene's text may have {} MiB, and each file of it {MAX_ITEMS} nodes and values; large data belongs into files of its own, as meshes and clouds. A scene expands to at most {} instances, {} points of light and {} planes, and groups and instances stand at most {} deep in each other.\n",
+        "\n{NAMES}\n{SET}\n## Limits\n\nBlocks may stand {MAX_DEPTH} deep in each other. A scene's text may have {} MiB, and each file of it {MAX_ITEMS} nodes and values; large data belongs into files of its own, as meshes and clouds. A scene expands to at most {} copies of things, of which at most {} are kept one by one (not those in a prototype that is repeated as a whole), {} points of light and {} planes, and groups and instances stand at most {} deep in each other.\n",
         super::files::MAX_TEXT >> 20,
+        World::MAX_COPIES,
         World::MAX_INSTANCES,
         World::MAX_LIGHT_POINTS,
         World::MAX_UNBOUNDED,

@@ -66,6 +66,7 @@ impl Transform {
     }
 
     /// First `inner`, then `self`.
+    #[inline]
     pub fn after(&self, inner: &Transform) -> Transform {
         Transform { forward: self.forward * inner.forward, inverse: inner.inverse * self.inverse }
     }
@@ -78,6 +79,11 @@ impl Transform {
     /// The matrix from the object's space to the space around it.
     pub fn matrix(&self) -> &DAffine3 {
         &self.forward
+    }
+
+    /// The matrix back.
+    pub(crate) fn back(&self) -> &DAffine3 {
+        &self.inverse
     }
 
     /// Where a point goes.

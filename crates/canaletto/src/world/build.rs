@@ -4,15 +4,17 @@ use super::World;
 use super::bundle::FEW;
 use super::flatten::{Builder, Finished, Part, Place};
 use super::geometry::Geometry;
+use super::group::Group;
 use super::instance::{Instance, NONE};
 use super::light_meshes::LightMeshes;
+use super::nesting::{Nesting, uses_of};
 use super::relief::Relief;
 use super::wants::Wants;
 use crate::light::environment::{Backdrop, Environment};
 use crate::material::{Channel, Material, Phong, Target};
 use crate::scene::Scene;
 use crate::texture::{ColorSpace, Image, Pattern, Prefilter, Texture, TextureKind, Unresolved};
-use canaletto_bvh::{Aabb, Bvh};
+use canaletto_bvh::Aabb;
 use std::collections::HashMap;
 
 /// Why a scene can't be rendered.
@@ -41,9 +43,12 @@ pub enum BuildError {
     /// A prototype contains itself.
     #[error("{0} contains an instance of itself")]
     Cycle(String),
-    /// Instances of instances multiply beyond bounds.
+    /// Instances that are kept one by one multiply beyond bounds.
     #[error("the scene expands to more than {max} instances", max = World::MAX_INSTANCES)]
     TooManyInstances,
+    /// Instances of instances multiply beyond numbers.
+    #[error("{0} expands to more than {max} copies", max = World::MAX_COPIES)]
+    TooManyCopies(String),
     /// Lights, each counted with its points, those of meshes with their triangles too, and as often as instances repeat it.
     #[error("the scene expands to more than {max} points of light and triangles that shine", max = World::MAX_LIGHT_POINTS)]
     TooManyLights,
@@ -76,9 +81,11 @@ impl From<Unresolved> for BuildError {
 }
 
 impl World {
-    /// The most instances that a scene and its prototypes may expand to, all together: a few lines in which each
-    /// prototype has two of the one before would fill any memory.
+    /// The most instances that are kept one by one, in a scene and its prototypes together: what stands at the top, what each prototype
+    /// holds, and each copy of what a prototype holds that has few members or moves.
     pub const MAX_INSTANCES: usize = 1 << 22;
+    /// The most copies of things that instances of instances may make; they have numbers of 32 bits.
+    pub const MAX_COPIES: u32 = u32::MAX - 1;
     /// The most instances that move while the shutter is open, likewise; each needs its own way.
     pub const MAX_MOVING: usize = 1 << 20;
     /// The most points of light and triangles of lights, likewise.
@@ -95,6 +102,10 @@ impl World {
     /// # Errors
     /// The first thing that can't be rendered. Nothing after this can fail.
     pub fn build(scene: Scene) -> Result<World, BuildError> {
+        World::build_with(scene, Nesting::default())
+    }
+
+    pub(super) fn build_with(scene: Scene, nesting: Nesting) -> Result<World, BuildError> {
         for material in &scene.materials {
             material.check().map_err(|problem| BuildError::Invalid {
                 object: format!("material \"{}\"", material.name),
@@ -125,24 +136,21 @@ impl World {
         let wants = materials.iter().map(Wants::of).collect();
         let light_meshes = LightMeshes::collect(nodes.iter().chain(&prototypes), &meshes)?;
         let relief = Relief::new(textures, &materials);
+        let uses = uses_of(&nodes, &prototypes);
         let mut builder = Builder::new(wants, relief, meshes, spheres, cylinders, prototypes);
         builder.light_meshes = light_meshes;
+        (builder.nesting, builder.uses) = (nesting, uses);
         builder.count_uses(&nodes);
         let mut root = Part::default();
         builder.flatten(&nodes, &Place::default(), &mut root, 0)?;
-        let Finished { mut instances, mut lights, moving_lights, unbounded } = builder.finish_part(root, NONE)?;
+        let Finished { instances, mut lights, moving_lights, unbounded } = builder.finish_part(root, NONE)?;
         lights.extend(environment.as_ref().zip(backdrop.as_ref()).and_then(|(described, ready)| ready.sun(described)));
-        let unbounded_id_base = number_objects(&mut instances, &builder.geometries);
-        let bounds: Vec<Aabb> = instances
-            .iter()
-            .map(|instance| instance.bounds(&builder.chains, builder.geometries[instance.geometry as usize].bounds()))
-            .collect();
+        let bounds: Vec<Aabb> = instances.iter().map(|instance| builder.stock().bounds(instance)).collect();
         if let Some(index) = bounds.iter().position(|b| !(b.is_empty() || b.is_finite())) {
             let object = builder.objects.get(instances[index].object as usize).map_or("an object", |o| o.name.as_str());
             return Err(BuildError::Invalid { object: object.into(), problem: too_far() });
         }
-        let top = Bvh::build(&bounds).map_err(|e| hierarchy_error("the scene", &e))?;
-        let slot_bounds = top.order().iter().map(|&index| bounds[index as usize]).collect();
+        let root = Group::new(instances, &bounds, 1, "the scene", builder.stock())?;
         materials.push(Material::new("default", Phong::default()));
         Ok(World {
             background,
@@ -153,18 +161,17 @@ impl World {
             light_meshes: builder.light_meshes,
             textures: builder.relief.patterns,
             texture_names,
-            clear_instances: clear_instances(&instances, &builder.geometries, &materials),
+            clear_instances: clear_instances(&root.instances, &builder.geometries, &materials),
             materials,
             objects: builder.objects,
             geometries: builder.geometries,
-            instances,
+            unbounded_id_base: 1u32.wrapping_add(root.numbers),
+            root,
+            groups: builder.groups,
             chains: builder.chains,
             moving_lights,
-            top,
-            slot_bounds,
             instance_bounds: if bounds.len() <= FEW { bounds } else { Vec::new() },
             unbounded,
-            unbounded_id_base,
         })
     }
 }
@@ -176,6 +183,9 @@ fn clear_instances(instances: &[Instance], geometries: &[Geometry], materials: &
     }
     let own: Vec<Vec<u32>> = geometries.iter().map(Geometry::own_materials).collect();
     let clear = |instance: &Instance| {
+        if instance.group != NONE {
+            return true;
+        }
         own[instance.geometry as usize].iter().any(|&own| {
             let index = instance.effective_material(own).unwrap_or(materials.len() as u32 - 1);
             !materials[index as usize].is_opaque()
@@ -240,19 +250,6 @@ fn resolve_textures(
         filtered || used.target == Target::Bump
     });
     Ok((Pattern::resolve(images, &textures)?, names, wants_spread))
-}
-
-/// Gives each instance the number that, added to an object's, makes a number of its own for every placed copy, from 1
-/// on. Returns the first number that is left.
-fn number_objects(instances: &mut [Instance], geometries: &[Geometry]) -> u32 {
-    let mut next = 1u32;
-    for instance in instances {
-        let (first, last) =
-            geometries[instance.geometry as usize].objects().unwrap_or((instance.object, instance.object));
-        instance.id_base = next.wrapping_sub(first);
-        next = next.wrapping_add(last - first + 1);
-    }
-    next
 }
 
 pub(super) fn too_far() -> String {

@@ -1,7 +1,7 @@
 //! Many rays at once: the same questions as for one, with the same answers bit for bit.
 //!
 //! A world of few instances hands each of them all groups of rays that may meet it, and a mesh sends them through its tree in
-//! packets. In a world of many, and where something clear may stand in a light's way, rays are asked about one by one.
+//! packets. In a world of many or of groups, and where something clear may stand in a light's way, rays are asked about one by one.
 
 use super::World;
 use super::corridor::{Corridor, GROUP};
@@ -143,7 +143,7 @@ impl World {
     pub fn intersect_bundle(&self, bundle: &mut Bundle, time: f32) {
         let Bundle { rays, t_max, nearest, local, found, corridors, .. } = bundle;
         nearest.clear();
-        if rays.rays.len() == 1 || self.instances.len() > FEW {
+        if rays.rays.len() == 1 || !self.is_small() {
             nearest.extend(rays.rays.iter().zip(t_max).map(
                 |(ray, &mut t_max)| match self.intersect_at(ray, t_max, time) {
                     Some(Hit { t, instance, primitive, part, uv, .. }) => {
@@ -165,7 +165,7 @@ impl World {
         corridors.clear();
         corridors
             .extend(rays.rays.chunks(GROUP).zip(t_max.chunks(GROUP)).map(|(rays, t_max)| Corridor::of(rays, t_max)));
-        for (index, (instance, bounds)) in self.instances.iter().zip(&self.instance_bounds).enumerate() {
+        for (index, (instance, bounds)) in self.root.instances.iter().zip(&self.instance_bounds).enumerate() {
             let geometry = &self.geometries[instance.geometry as usize];
             let mut mapped = false;
             for_runs(corridors, rays.rays.len(), bounds, |range| {
@@ -180,12 +180,17 @@ impl World {
         }
     }
 
+    /// Whether each instance is one geometry, and they are few.
+    fn is_small(&self) -> bool {
+        self.root.is_flat() && self.root.instances.len() <= FEW
+    }
+
     /// What stands between the origin and the end of each ray of a bundle; [`Bundle::between`] tells. `last` is what stood in the
     /// way of the ray before, a hint.
     pub fn between_bundle(&self, bundle: &mut Bundle, time: f32, last: &mut Blocker) {
         let Bundle { rays, t_max, between, local, open, corridors, .. } = bundle;
         between.clear();
-        if rays.rays.len() <= 1 || self.instances.len() > FEW {
+        if rays.rays.len() <= 1 || !self.is_small() {
             between.extend(rays.rays.iter().zip(t_max).map(|(ray, &mut t_max)| self.between(ray, t_max, time, last)));
             return;
         }
@@ -207,7 +212,7 @@ impl World {
         }
         corridors.clear();
         corridors.extend(rays.rays.chunks(GROUP).zip(open.chunks(GROUP)).map(|(rays, open)| Corridor::of(rays, open)));
-        for (index, (instance, bounds)) in self.instances.iter().zip(&self.instance_bounds).enumerate() {
+        for (index, (instance, bounds)) in self.root.instances.iter().zip(&self.instance_bounds).enumerate() {
             let geometry = &self.geometries[instance.geometry as usize];
             let clear = self.clear_instances.get(index) == Some(&true);
             let mut mapped = false;

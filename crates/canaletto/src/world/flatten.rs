@@ -1,10 +1,12 @@
-//! The tree of nodes flattened: groups and prototypes dissolved, shapes moved into place, the rest placed as instances.
+//! The tree of nodes flattened: groups and most prototypes dissolved, shapes moved into place, the rest placed as instances.
 
 use super::build::{hierarchy_error, too_far};
 use super::geometry::Geometry;
-use super::instance::{Instance, NONE, Unbounded};
+use super::group::Group;
+use super::instance::{Instance, NONE, Placed, Unbounded};
 use super::light_meshes::LightMeshes;
 use super::motion::{Chain, MovingLight};
+use super::nesting::Nesting;
 use super::relief::Relief;
 use super::wants::Wants;
 use super::{BuildError, Object, World};
@@ -26,13 +28,6 @@ impl Default for Place {
     fn default() -> Place {
         Place { transform: Transform::IDENTITY, inherited: NONE }
     }
-}
-
-/// How an instance stands.
-struct Placed {
-    transform: Transform,
-    own: u32,
-    inherited: u32,
 }
 
 /// What one walk collects: the root's, or a prototype's in its own space.
@@ -71,6 +66,11 @@ pub(super) struct Builder {
     /// How often the description refers to each mesh; one that is met once is moved into place.
     pub(super) mesh_uses: Vec<u32>,
     pub(super) geometries: Vec<Geometry>,
+    /// Prototypes that stay whole.
+    pub(super) groups: Vec<Group>,
+    pub(super) nesting: Nesting,
+    /// How often the description refers to each prototype.
+    pub(super) uses: Vec<u32>,
     /// By the mesh and the material that displaces it, or [`NONE`].
     pub(super) geometry_of_mesh: HashMap<(u32, u32), u32>,
     pub(super) geometry_of_spheres: HashMap<u32, u32>,
@@ -163,7 +163,7 @@ impl Builder {
             let problem = "a plane has no bounds and can't move while the shutter is open; take a large disk or box";
             return Err(self.invalid(plane.object, problem.into()));
         }
-        for instance in instances {
+        for instance in self.dissolved(instances)? {
             let chain = match instance.motion {
                 NONE => Chain::still(instance.to_world.unwrap_or_default()),
                 motion => self.chains[motion as usize].clone(),
@@ -226,30 +226,21 @@ impl Builder {
                 let object = self.object(node, "mesh");
                 let (geometry, moved) = self.mesh_geometry(node, *index, [own, inherited], &transform)?;
                 let to_world = (!moved && !transform.is_identity()).then_some(transform);
-                self.instance(
-                    part,
-                    Instance { geometry, object, id_base: 0, material: own, inherited, to_world, motion: NONE },
-                )
+                self.instance(part, Instance { material: own, inherited, to_world, ..Instance::of(geometry, object) })
             }
             Content::Spheres(index) => {
                 let object = self.object(node, "spheres");
                 self.refuse_relief(inherited, object)?;
                 let geometry = self.spheres_geometry(node, *index)?;
                 let to_world = (!transform.is_identity()).then_some(transform);
-                self.instance(
-                    part,
-                    Instance { geometry, object, id_base: 0, material: own, inherited, to_world, motion: NONE },
-                )
+                self.instance(part, Instance { material: own, inherited, to_world, ..Instance::of(geometry, object) })
             }
             Content::Cylinders(index) => {
                 let object = self.object(node, "cylinders");
                 self.refuse_relief(inherited, object)?;
                 let geometry = self.cylinders_geometry(node, *index)?;
                 let to_world = (!transform.is_identity()).then_some(transform);
-                self.instance(
-                    part,
-                    Instance { geometry, object, id_base: 0, material: own, inherited, to_world, motion: NONE },
-                )
+                self.instance(part, Instance { material: own, inherited, to_world, ..Instance::of(geometry, object) })
             }
             Content::Group(children) => self.flatten(children, &Place { transform, inherited }, part, depth + 1),
             Content::Instance(index) => {
@@ -289,10 +280,7 @@ impl Builder {
             _ => {
                 let geometry = self.push(Geometry::shapes(vec![*shape], vec![object], vec![material]), object)?;
                 let to_world = Some(*transform);
-                self.instance(
-                    part,
-                    Instance { geometry, object, id_base: 0, material: NONE, inherited: NONE, to_world, motion: NONE },
-                )?;
+                self.instance(part, Instance { to_world, ..Instance::of(geometry, object) })?;
             }
         }
         Ok(())
@@ -318,18 +306,18 @@ impl Builder {
     ) -> Result<(), BuildError> {
         let geometry = self.push(Geometry::mesh(mesh), object)?;
         let to_world = (!transform.is_identity()).then_some(*transform);
-        self.instance(part, Instance { geometry, object, id_base: 0, material: own, inherited, to_world, motion: NONE })
+        self.instance(part, Instance { material: own, inherited, to_world, ..Instance::of(geometry, object) })
     }
 
     fn place_prototype(
         &mut self,
         node: &Node,
         index: u32,
-        placed: &Placed,
+        place: &Placed,
         part: &mut Part,
         depth: usize,
     ) -> Result<(), BuildError> {
-        let Placed { transform, own, inherited } = *placed;
+        let Placed { transform, own, inherited } = *place;
         if index as usize >= self.prototypes.len() {
             return Err(missing(node, "prototype", index, self.prototypes.len()));
         }
@@ -345,7 +333,8 @@ impl Builder {
             let mut inner = Part::default();
             self.flatten(std::slice::from_ref(&prototype), &Place::default(), &mut inner, depth + 1)?;
             let first_object = inner.shape_objects.first().copied().unwrap_or(NONE);
-            let finished = self.finish_part(inner, first_object)?;
+            let mut finished = self.finish_part(inner, first_object)?;
+            finished.instances = self.whole(index, finished.instances)?;
             self.finished.insert(index, finished);
             self.open.pop();
         }
@@ -354,16 +343,7 @@ impl Builder {
         self.count(0, instances.len())?;
         let or = |a: u32, b: u32| if a == NONE { b } else { a };
         for inner in instances {
-            let to_world = match &inner.to_world {
-                Some(t) => transform.after(t),
-                None => transform,
-            };
-            let mut placed = Instance {
-                material: or(own, inner.material),
-                inherited: or(inner.inherited, inherited),
-                to_world: (!to_world.is_identity()).then_some(to_world),
-                ..*inner
-            };
+            let mut placed = inner.inside(place);
             if inner.motion != NONE {
                 let chain = self.chains[inner.motion as usize].clone();
                 placed = self.moving(&placed, chain.inside(&transform))?;
@@ -416,6 +396,15 @@ impl Builder {
         Ok(())
     }
 
+    /// How many instances may still be placed.
+    pub(super) fn room(&self) -> usize {
+        World::MAX_INSTANCES.saturating_sub(self.placed[0])
+    }
+
+    pub(super) fn count_instances(&mut self, more: usize) -> Result<(), BuildError> {
+        self.count(0, more)
+    }
+
     /// Counts what is placed before memory is taken for it: instances, points of light, shapes without bounds.
     fn count(&mut self, what: usize, more: usize) -> Result<(), BuildError> {
         self.placed[what] = self.placed[what].saturating_add(more);
@@ -435,16 +424,7 @@ impl Builder {
                 Geometry::shapes(shapes, shape_objects, shape_materials).map_err(|e| hierarchy_error("shapes", &e))?;
             self.geometries.push(geometry);
             let geometry = self.geometries.len() as u32 - 1;
-            let (material, inherited) = (NONE, NONE);
-            instances.push(Instance {
-                geometry,
-                object,
-                id_base: 0,
-                material,
-                inherited,
-                to_world: None,
-                motion: NONE,
-            });
+            instances.push(Instance::of(geometry, object));
         }
         Ok(Finished { instances, lights, moving_lights, unbounded })
     }

@@ -8,23 +8,36 @@ use canaletto_bvh::{Aabb, PreparedRay};
 /// No index.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// A geometry placed in the world.
+/// A geometry or a group placed in the world, or in the space of the group that it is a member of.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Instance {
-    /// Index into the world's geometries.
+    /// Index into the world's geometries; [`NONE`] for a group.
     pub(super) geometry: u32,
+    /// Index into the world's groups, or [`NONE`].
+    pub(super) group: u32,
     /// The object it belongs to; shapes have their own.
     pub(super) object: u32,
-    /// What is added to an object's number to tell copies apart.
+    /// What is added to an object's number to tell copies apart; the sum of it and those of all groups around.
     pub(super) id_base: u32,
     /// The material that replaces all others, or [`NONE`].
     pub(super) material: u32,
     /// The material for what has none, or [`NONE`].
     pub(super) inherited: u32,
-    /// From the geometry's space to the world's; `None` is the identity. Where it is at time 0, if it moves.
+    /// From the geometry's space to the world's; `None` is the identity, but groups that are placed always have one. Where it is at
+    /// time 0, if it moves.
     pub(super) to_world: Option<Transform>,
     /// Index into the world's chains if it moves, or [`NONE`].
     pub(super) motion: u32,
+}
+
+/// How an instance of a prototype stands.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Placed {
+    pub(super) transform: Transform,
+    /// The material that replaces all others, or [`NONE`].
+    pub(super) own: u32,
+    /// The material for what has none, or [`NONE`].
+    pub(super) inherited: u32,
 }
 
 /// A shape without bounds, placed in the world.
@@ -40,6 +53,52 @@ pub(super) struct Unbounded {
 }
 
 impl Instance {
+    /// A geometry where it is, its materials its own.
+    pub(super) fn of(geometry: u32, object: u32) -> Instance {
+        let (material, inherited) = (NONE, NONE);
+        Instance { geometry, group: NONE, object, id_base: 0, material, inherited, to_world: None, motion: NONE }
+    }
+
+    /// A group that has no place yet.
+    pub(super) fn of_group(group: u32, object: u32) -> Instance {
+        Instance { group, ..Instance::of(NONE, object) }
+    }
+
+    /// The same thing where an instance of what it belongs to stands like this. All places come from here and from [`Instance::enclose`]:
+    /// they are folded from the innermost outwards, so that a group whose members are found on the way has the bits of one that
+    /// was dissolved.
+    pub(super) fn inside(&self, Placed { transform, own, inherited }: &Placed) -> Instance {
+        let mut placed = *self;
+        if self.group != NONE {
+            // Its first place; those of its members come before it.
+            debug_assert!(self.to_world.is_none());
+            return Instance { to_world: Some(*transform), material: *own, inherited: *inherited, ..*self };
+        }
+        placed.enclose(&Instance {
+            to_world: Some(*transform),
+            material: *own,
+            inherited: *inherited,
+            ..Instance::of(NONE, NONE)
+        });
+        placed
+    }
+
+    /// A member of a group becomes what it is where this instance of the group stands; as [`Instance::inside`].
+    #[inline]
+    pub(super) fn enclose(&mut self, group: &Instance) {
+        if let Some(transform) = &group.to_world {
+            let to_world = self.to_world.as_ref().map_or(*transform, |t| transform.after(t));
+            self.to_world = (!to_world.is_identity()).then_some(to_world);
+        }
+        if group.material != NONE {
+            self.material = group.material;
+        }
+        if self.inherited == NONE {
+            self.inherited = group.inherited;
+        }
+        self.id_base = self.id_base.wrapping_add(group.id_base);
+    }
+
     /// Calls `f` with the ray in the geometry's space. Its parameter t stays the same: the direction isn't normalised.
     #[inline]
     pub(super) fn with_local_ray<T>(

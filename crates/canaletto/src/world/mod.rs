@@ -1,5 +1,5 @@
-//! What rays meet: a scene lowered to flat arrays and `u32` ids, with bounding volume hierarchies on two levels. Built
-//! once, then immutable; building is the last step that can fail.
+//! What rays meet: a scene lowered to flat arrays and `u32` ids, with bounding volume hierarchies on two levels, or on
+//! more where prototypes stay whole. Built once, then immutable; building is the last step that can fail.
 
 mod build;
 mod bundle;
@@ -7,9 +7,13 @@ mod corridor;
 mod flatten;
 mod geometries;
 mod geometry;
+mod group;
 mod instance;
 mod light_meshes;
 mod motion;
+mod nesting;
+#[cfg(test)]
+mod nesting_tests;
 mod query;
 mod relief;
 mod textured;
@@ -25,9 +29,10 @@ use crate::light::environment::Backdrop;
 use crate::material::Material;
 use crate::math::Rgb;
 use crate::texture::Pattern;
-use canaletto_bvh::{Aabb, Bvh};
+use canaletto_bvh::Aabb;
 use geometry::Geometry;
-use instance::{Instance, Unbounded};
+use group::Group;
+use instance::Unbounded;
 use light_meshes::LightMeshes;
 use motion::{Chain, MovingLight};
 
@@ -52,24 +57,23 @@ pub struct World {
     /// What the scene's nodes are called.
     objects: Vec<Object>,
     geometries: Vec<Geometry>,
-    instances: Vec<Instance>,
+    /// All of it.
+    root: Group,
+    /// What many instances repeat and is kept once.
+    groups: Vec<Group>,
     /// Where instances that move are at each time.
     chains: Vec<Chain>,
     /// The lights that move; `lights` has them where they are at time 0.
     moving_lights: Vec<MovingLight>,
     /// The triangles of meshes that shine, for lights that move.
     light_meshes: LightMeshes,
-    /// The bounds of each instance, if there are few.
+    /// The bounds of each of the root's instances, if there are few.
     instance_bounds: Vec<Aabb>,
-    /// Over the bounds of `instances`, the first level.
-    top: Bvh,
-    /// Those bounds in the order of its slots: a leaf may hold several, and a ray into an instance's space costs more than a box.
-    slot_bounds: Vec<Aabb>,
     /// Shapes without bounds, met one by one. Their hits carry [`Hit::UNBOUNDED`] as instance.
     unbounded: Vec<Unbounded>,
     /// The number of the first of them; see [`World::object_id`].
     unbounded_id_base: u32,
-    /// Which of the instances may let light through; empty if no material does.
+    /// Which of the root's instances may let light through; empty if no material does.
     clear_instances: Vec<bool>,
 }
 
@@ -110,7 +114,7 @@ pub struct Census {
 impl World {
     /// The bounds of everything that has bounds.
     pub fn bounds(&self) -> Aabb {
-        self.top.bounds()
+        self.root.tree.bounds()
     }
 
     /// The materials; the last one is the default.
@@ -120,21 +124,19 @@ impl World {
 
     /// The primitives that rays can meet, each instance counted.
     pub fn primitives(&self) -> u64 {
-        let of_instances = self.instances.iter().map(|i| self.geometries[i.geometry as usize].len() as u64);
-        of_instances.sum::<u64>() + self.unbounded.len() as u64
+        self.root.primitives.saturating_add(self.unbounded.len() as u64)
     }
 
     /// Counts what the world is made of. Visits all of it.
     pub fn census(&self) -> Census {
         let mut census = Census {
             objects: self.objects.len() as u64,
-            instances: self.instances.len() as u64,
+            instances: self.root.leaves.into(),
             shapes: self.unbounded.len() as u64,
             light_points: self.lights.iter().map(|l| u64::from(l.points())).sum(),
             materials: self.materials.len() as u64,
             primitives: self.primitives(),
-            bytes: (self.instances.len() * (size_of::<Instance>() + size_of::<Aabb>())) as u64
-                + self.top.statistics().bytes as u64,
+            bytes: self.groups.iter().chain([&self.root]).map(|group| group.bytes() as u64).sum(),
             ..Census::default()
         };
         for geometry in &self.geometries {

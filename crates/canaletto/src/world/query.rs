@@ -3,13 +3,14 @@
 use super::World;
 use super::bundle::Between;
 use super::geometry::{Geometry, NO_PRIMITIVE, Nearest};
-use super::instance::{NONE, Unbounded, to_local};
+use super::group::Way;
+use super::instance::{Instance, NONE, Unbounded, to_local};
 use crate::integrator::Probe;
 use crate::light::Source;
 use crate::material::Material;
 use crate::math::{Line, Spread, offset_origin};
 use crate::shape::{Shape, ShapeHit, Surface};
-use canaletto_bvh::{PreparedRay, Ray};
+use canaletto_bvh::{Aabb, PreparedRay, Ray};
 
 /// The first stage of a hit: where, and on what. [`World::surface`] is the second stage.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,6 +54,10 @@ impl Hit {
     /// The instance number of shapes without bounds. The largest, so that ties go to shapes with bounds.
     pub const UNBOUNDED: u32 = u32::MAX;
 
+    fn of(instance: u32, Nearest { t, primitive, part, uv }: Nearest, time: f32) -> Hit {
+        Hit { t, instance, primitive, part, uv, time }
+    }
+
     fn nearer_than(&self, t: f32, instance: u32, primitive: u32) -> bool {
         (self.t, self.instance, self.primitive) < (t, instance, primitive)
     }
@@ -72,10 +77,17 @@ impl World {
     #[inline]
     pub fn intersect_at(&self, ray: &Ray, t_max: f32, time: f32) -> Option<Hit> {
         self.nearest(ray, t_max, time, |world, ray, mut best| {
-            world.top.intersect(ray, best.t, |leaf, t_max| {
+            let root = &world.root;
+            root.tree.intersect(ray, best.t, |leaf, t_max| {
                 for slot in leaf.slots() {
-                    if ray.enters(&world.slot_bounds[slot as usize], best.t) {
-                        world.try_instance(ray, world.top.order()[slot as usize], &mut best, Geometry::intersect);
+                    if ray.enters(&root.slot_bounds[slot as usize], best.t) {
+                        let index = root.tree.order()[slot as usize];
+                        let instance = &root.instances[index as usize];
+                        if instance.group == NONE {
+                            world.try_instance(ray, instance, root.first(index), &mut best, Geometry::intersect);
+                        } else {
+                            world.try_group(ray, &Way::to(instance, root.first(index), None, &world.groups), &mut best);
+                        }
                     }
                 }
                 *t_max = best.t;
@@ -92,8 +104,10 @@ impl World {
     /// [`World::intersect_at`] without hierarchies.
     pub fn intersect_brute_force_at(&self, ray: &Ray, t_max: f32, time: f32) -> Option<Hit> {
         self.nearest(ray, t_max, time, |world, ray, mut best| {
-            for index in 0..world.instances.len() as u32 {
-                world.try_instance(ray, index, &mut best, Geometry::intersect_brute_force);
+            for number in 0..world.root.leaves {
+                world.with_instance(number, |instance| {
+                    world.try_instance(ray, instance, number, &mut best, Geometry::intersect_brute_force);
+                });
             }
             best
         })
@@ -120,22 +134,61 @@ impl World {
         (best.primitive != NO_PRIMITIVE).then_some(best)
     }
 
+    /// A group's instances, each as it stands in the world.
+    #[inline(never)]
+    fn try_group(&self, ray: &PreparedRay, way: &Way, best: &mut Hit) {
+        way.group.intersect(&way.feeler(&ray.ray), best.t, |index| {
+            let (instance, number) = (&way.group.instances[index as usize], way.number(index));
+            if instance.group != NONE {
+                self.try_group(ray, &Way::to(instance, number, Some(way), &self.groups), best);
+                return best.t;
+            }
+            let admitted = |t_max| ray.enters(&self.bounds_of(&way.placed(instance)), t_max);
+            if let Some(local) = way.local_ray(instance, &ray.ray) {
+                let nearest = self.geometries[instance.geometry as usize].intersect(&local, best.t);
+                // Nearly all that are met are admitted.
+                if let Some(hit) = nearest.map(|nearest| Hit::of(number, nearest, best.time))
+                    && hit.nearer_than(best.t, best.instance, best.primitive)
+                    && admitted(best.t)
+                {
+                    *best = hit;
+                }
+            } else if admitted(best.t) {
+                self.try_instance(ray, &way.placed(instance), number, best, Geometry::intersect);
+            }
+            best.t
+        });
+    }
+
+    /// Where a geometry's instance is in the world.
+    fn bounds_of(&self, placed: &Instance) -> Aabb {
+        placed.bounds(&self.chains, self.geometries[placed.geometry as usize].bounds())
+    }
+
+    /// Calls `f` with the instance of this number.
+    #[inline]
+    pub(super) fn with_instance<T>(&self, number: u32, f: impl FnOnce(&Instance) -> T) -> T {
+        if self.root.is_flat() {
+            f(&self.root.instances[number as usize])
+        } else {
+            f(&self.root.resolve(number, &self.groups))
+        }
+    }
+
     fn try_instance(
         &self,
         ray: &PreparedRay,
-        index: u32,
+        instance: &Instance,
+        number: u32,
         best: &mut Hit,
         intersect: impl Fn(&Geometry, &PreparedRay, f32) -> Option<Nearest>,
     ) {
-        let instance = &self.instances[index as usize];
         let geometry = &self.geometries[instance.geometry as usize];
-        if let Some(Nearest { t, primitive, part, uv }) =
-            instance.with_local_ray(ray, &self.chains, best.time, |ray| intersect(geometry, ray, best.t))
+        let nearest = instance.with_local_ray(ray, &self.chains, best.time, |ray| intersect(geometry, ray, best.t));
+        if let Some(hit) = nearest.map(|nearest| Hit::of(number, nearest, best.time))
+            && hit.nearer_than(best.t, best.instance, best.primitive)
         {
-            let hit = Hit { t, instance: index, primitive, part, uv, time: best.time };
-            if hit.nearer_than(best.t, best.instance, best.primitive) {
-                *best = hit;
-            }
+            *best = hit;
         }
     }
 
@@ -206,46 +259,87 @@ impl World {
     /// What stands before `t_max`.
     pub(super) fn between(&self, ray: &Ray, t_max: f32, time: f32, last: &mut Blocker) -> Between {
         let prepared = &ray.prepare();
-        if let Some(instance) = self.instances.get(last.instance as usize)
-            && last.slot != NONE
-        {
-            let geometry = &self.geometries[instance.geometry as usize];
-            if instance.with_local_ray(prepared, &self.chains, time, |ray| geometry.blocks(last.slot, ray, t_max)) {
+        if last.slot != NONE && last.instance < self.root.leaves {
+            let again = self.with_instance(last.instance, |instance| {
+                let geometry = &self.geometries[instance.geometry as usize];
+                instance.with_local_ray(prepared, &self.chains, time, |ray| geometry.blocks(last.slot, ray, t_max))
+            });
+            if again {
                 return Between::Opaque;
             }
             // Once past its shadow's border it would be tried in vain.
             *last = Blocker::NONE;
         }
         let mut clear = false;
-        let mut opaque = |instance: u32, primitive: u32| {
-            let opaque = self.is_opaque(instance, primitive);
+        let blocked = self.unbounded.iter().enumerate().any(|(index, Unbounded { shape, .. })| {
+            if shape.intersect(ray, t_max).is_none() {
+                return false;
+            }
+            let opaque = self.is_opaque(Hit::UNBOUNDED, index as u32);
             clear |= !opaque;
             opaque
-        };
-        let blocked = self.unbounded.iter().enumerate().any(|(index, Unbounded { shape, .. })| {
-            shape.intersect(ray, t_max).is_some() && opaque(Hit::UNBOUNDED, index as u32)
-        }) || self.top.occluded(prepared, t_max, |leaf| {
-            leaf.slots().any(|slot| {
-                if !prepared.enters(&self.slot_bounds[slot as usize], t_max) {
-                    return false;
-                }
-                let index = self.top.order()[slot as usize];
-                let instance = &self.instances[index as usize];
+        }) || {
+            let root = &self.root;
+            let mut block = |instance: &Instance, number: u32| {
                 let geometry = &self.geometries[instance.geometry as usize];
                 let slot = instance.with_local_ray(prepared, &self.chains, time, |ray| {
-                    geometry.occluded(ray, t_max, |primitive| opaque(index, primitive))
+                    geometry.occluded(ray, t_max, |primitive| {
+                        let opaque = self.clear_instances.is_empty() || self.made_of(instance, primitive).is_opaque();
+                        clear |= !opaque;
+                        opaque
+                    })
                 });
                 if let Some(slot) = slot {
-                    *last = Blocker { instance: index, slot };
+                    *last = Blocker { instance: number, slot };
                 }
                 slot.is_some()
+            };
+            root.tree.occluded(prepared, t_max, |leaf| {
+                leaf.slots().any(|slot| {
+                    if !prepared.enters(&root.slot_bounds[slot as usize], t_max) {
+                        return false;
+                    }
+                    let index = root.tree.order()[slot as usize];
+                    let instance = &root.instances[index as usize];
+                    if instance.group == NONE {
+                        return block(instance, root.first(index));
+                    }
+                    let way = Way::to(instance, root.first(index), None, &self.groups);
+                    self.blocked_by_group(prepared, t_max, &way, &mut block)
+                })
             })
-        });
+        };
         match (blocked, clear) {
             (true, _) => Between::Opaque,
             (false, true) => Between::Clear,
             (false, false) => Between::Nothing,
         }
+    }
+
+    /// Whether one of a group's instances, as they stand in the world, blocks a ray.
+    #[inline(never)]
+    fn blocked_by_group(
+        &self,
+        ray: &PreparedRay,
+        t_max: f32,
+        way: &Way,
+        block: &mut dyn FnMut(&Instance, u32) -> bool,
+    ) -> bool {
+        way.group.occluded(&way.feeler(&ray.ray), t_max, |index| {
+            let (instance, number) = (&way.group.instances[index as usize], way.number(index));
+            if instance.group != NONE {
+                let way = Way::to(instance, number, Some(way), &self.groups);
+                return self.blocked_by_group(ray, t_max, &way, block);
+            }
+            if self.clear_instances.is_empty()
+                && let Some(local) = way.local_ray(instance, &ray.ray)
+                && self.geometries[instance.geometry as usize].occluded(&local, t_max, |_| true).is_none()
+            {
+                return false;
+            }
+            let placed = way.placed(instance);
+            ray.enters(&self.bounds_of(&placed), t_max) && block(&placed, number)
+        })
     }
 
     /// Whether a primitive lets no light through.
@@ -277,19 +371,20 @@ impl World {
         if hit.instance == Hit::UNBOUNDED {
             return of_shape(&self.unbounded[hit.primitive as usize].shape, line, &hit.shape_hit());
         }
-        let instance = &self.instances[hit.instance as usize];
-        let geometry = &self.geometries[instance.geometry as usize];
-        let moved;
-        let to_world = if instance.motion == NONE {
-            &instance.to_world
-        } else {
-            moved = instance.placed(&self.chains, hit.time);
-            &moved
-        };
-        match to_world {
-            None => of_geometry(geometry, line, hit.primitive, &hit.shape_hit()),
-            Some(t) => of_geometry(geometry, to_local(t, line), hit.primitive, &hit.shape_hit()).transformed(t),
-        }
+        self.with_instance(hit.instance, |instance| {
+            let geometry = &self.geometries[instance.geometry as usize];
+            let moved;
+            let to_world = if instance.motion == NONE {
+                &instance.to_world
+            } else {
+                moved = instance.placed(&self.chains, hit.time);
+                &moved
+            };
+            match to_world {
+                None => of_geometry(geometry, line, hit.primitive, &hit.shape_hit()),
+                Some(t) => of_geometry(geometry, to_local(t, line), hit.primitive, &hit.shape_hit()).transformed(t),
+            }
+        })
     }
 
     /// Whether anything moves while the shutter is open.
@@ -319,43 +414,55 @@ impl World {
     /// The index of the material at a hit, into [`World::materials`].
     #[inline]
     pub fn material_index(&self, hit: &Hit) -> u32 {
-        let default = self.materials.len() as u32 - 1;
         if hit.instance == Hit::UNBOUNDED {
             let own = self.unbounded[hit.primitive as usize].material;
-            return if own == NONE { default } else { own };
+            return if own == NONE { self.default_material() } else { own };
         }
-        let instance = &self.instances[hit.instance as usize];
+        self.with_instance(hit.instance, |instance| self.material_of(instance, hit.primitive))
+    }
+
+    fn default_material(&self) -> u32 {
+        self.materials.len() as u32 - 1
+    }
+
+    fn material_of(&self, instance: &Instance, primitive: u32) -> u32 {
         let own = match &self.geometries[instance.geometry as usize] {
-            Geometry::Shapes { materials, .. } => materials[hit.primitive as usize],
+            Geometry::Shapes { materials, .. } => materials[primitive as usize],
             Geometry::Mesh { mesh, .. } => {
-                let slot = mesh.slots.get(hit.primitive as usize).map_or(0, |&slot| slot as usize);
+                let slot = mesh.slots.get(primitive as usize).map_or(0, |&slot| slot as usize);
                 mesh.materials.get(slot).copied().unwrap_or(NONE)
             }
             Geometry::Spheres { .. } | Geometry::Cylinders { .. } => NONE,
         };
-        instance.effective_material(own).unwrap_or(default)
+        instance.effective_material(own).unwrap_or_else(|| self.default_material())
+    }
+
+    fn made_of(&self, instance: &Instance, primitive: u32) -> &Material {
+        &self.materials[self.material_of(instance, primitive) as usize]
     }
 
     /// The object that was hit.
     pub fn object(&self, hit: &Hit) -> &super::Object {
-        &self.objects[self.object_index(hit) as usize]
+        let index = match hit.instance {
+            Hit::UNBOUNDED => self.unbounded[hit.primitive as usize].object,
+            number => self.with_instance(number, |instance| self.object_of(instance, hit.primitive)),
+        };
+        &self.objects[index as usize]
     }
 
-    /// A number from 1 on for the object that was hit, different for each copy of an instanced one.
+    /// A number from 1 on for the object that was hit, different for each copy of an instanced one, as far as 32 bits go.
     pub fn object_id(&self, hit: &Hit) -> u32 {
         match hit.instance {
             Hit::UNBOUNDED => self.unbounded_id_base.wrapping_add(hit.primitive),
-            instance => self.instances[instance as usize].id_base.wrapping_add(self.object_index(hit)),
+            number => self.with_instance(number, |instance| {
+                instance.id_base.wrapping_add(self.object_of(instance, hit.primitive))
+            }),
         }
     }
 
-    fn object_index(&self, hit: &Hit) -> u32 {
-        if hit.instance == Hit::UNBOUNDED {
-            return self.unbounded[hit.primitive as usize].object;
-        }
-        let instance = &self.instances[hit.instance as usize];
+    fn object_of(&self, instance: &Instance, primitive: u32) -> u32 {
         match &self.geometries[instance.geometry as usize] {
-            Geometry::Shapes { objects, .. } => objects[hit.primitive as usize],
+            Geometry::Shapes { objects, .. } => objects[primitive as usize],
             _ => instance.object,
         }
     }

@@ -152,9 +152,9 @@ impl World {
             let surface = shape.surface(line, &shape_hit);
             return Local { surface, patch: shape.patch(&surface, &shape_hit), to_world, bounds: None };
         }
-        let instance = &self.instances[hit.instance as usize];
-        let geometry = &self.geometries[instance.geometry as usize];
-        let to_world = instance.placed(&self.chains, hit.time);
+        let (geometry, to_world) =
+            self.with_instance(hit.instance, |instance| (instance.geometry, instance.placed(&self.chains, hit.time)));
+        let geometry = &self.geometries[geometry as usize];
         let local_line = to_world.as_ref().map_or(line, |t| to_local(t, line));
         let surface = geometry.surface(local_line, hit.primitive, &shape_hit);
         Local {

@@ -1,0 +1,365 @@
+//! Groups: instances under one hierarchy. The world is one; a prototype that many instances repeat is another, kept once for
+//! all of them, and may hold groups itself.
+//!
+//! A ray finds its way through a group in the group's own space, and meets the geometries there as if the group had been
+//! dissolved: each by the one transform that all those on the way make together, and only if it comes to the box that
+//! the geometry has in the world. So both ways give the same bits, if on the way nothing is culled that would
+//! have been met. There the ray is wide ([`WideRay`]): what is met in a geometry's space lies near its box up to the rounding of the
+//! ray and of the hit in that space, and [`Blur`] knows what these amount to in the group's.
+
+use super::build::hierarchy_error;
+use super::geometry::Geometry;
+use super::instance::{Instance, NONE};
+use super::motion::Chain;
+use super::{BuildError, World};
+use crate::math::{Line, Transform};
+use canaletto_bvh::{Aabb, Bvh, PreparedRay, Ray, WideRay};
+use glam::{DAffine3, DMat3, DVec3};
+
+/// Instances in one space, under their hierarchy.
+#[derive(Debug)]
+pub(super) struct Group {
+    pub(super) instances: Vec<Instance>,
+    /// How many geometries, those of groups counted, stand before each instance; empty if no instance is a group.
+    firsts: Vec<u32>,
+    /// How many geometries stand here, those of groups counted.
+    pub(super) leaves: u32,
+    /// Primitives, likewise.
+    pub(super) primitives: u64,
+    /// How many numbers its objects take.
+    pub(super) numbers: u32,
+    /// Over the bounds of `instances`.
+    pub(super) tree: Bvh,
+    /// Those bounds in the order of its slots: a leaf may hold several, and a ray into an instance's space costs more than a box.
+    pub(super) slot_bounds: Vec<Aabb>,
+    blur: Blur,
+}
+
+/// How uncertain, by the rounding in the spaces of all that it holds, a ray is in a group's space: by a share of its origin's length and of
+/// the reach.
+#[derive(Clone, Copy, Debug)]
+struct Blur {
+    /// By how much a rounding may grow on the way to the space where it happens and back; at least 1.
+    stretch: f64,
+    reach: f64,
+}
+
+/// The share. Rays in a geometry's space are rounded to half a unit in the last place, 2⁻²⁴, in origin and direction, hits are confined to
+/// boxes up to [`canaletto_bvh`]'s slack in t of 2⁻²⁰, and tests of boxes in the group's space round a few more times: less than 1.7 × 2⁻²⁰
+/// altogether.
+const SHARE: f64 = 1.0 / (1 << 19) as f64;
+
+/// The same for the transforms' roundings in `f64`, relative to their terms, with room for sums that cancel on the way.
+const FINE_SHARE: f64 = 1.0 / (1u64 << 40) as f64;
+
+/// Extents of groups' spaces, so far from the ends of `f32` that no product in a test of a box loses bits.
+const EXTENTS: std::ops::RangeInclusive<f64> = 1e-30..=1e30;
+
+/// What groups are made of.
+#[derive(Clone, Copy)]
+pub(super) struct Stock<'a> {
+    pub(super) geometries: &'a [Geometry],
+    pub(super) groups: &'a [Group],
+    pub(super) chains: &'a [Chain],
+}
+
+impl Stock<'_> {
+    /// The bounds of an instance in the space that it is placed in.
+    pub(super) fn bounds(&self, instance: &Instance) -> Aabb {
+        let local = match instance.group {
+            NONE => self.geometries[instance.geometry as usize].bounds(),
+            group => self.groups[group as usize].tree.bounds(),
+        };
+        instance.bounds(self.chains, local)
+    }
+}
+
+impl Group {
+    /// The group of these instances, which have these bounds. The object numbers of its members start from `first_number`.
+    ///
+    /// # Errors
+    /// If they are too many; `name` is the group's.
+    pub(super) fn new(
+        mut instances: Vec<Instance>,
+        bounds: &[Aabb],
+        first_number: u32,
+        name: &str,
+        stock: Stock,
+    ) -> Result<Group, BuildError> {
+        let mut firsts = Vec::new();
+        let (mut leaves, mut primitives, mut number) = (0u64, 0u64, first_number);
+        let nested = instances.iter().any(|instance| instance.group != NONE);
+        for instance in &mut instances {
+            if nested {
+                firsts.push(leaves as u32);
+            }
+            if let Some(group) = stock.groups.get(instance.group as usize) {
+                instance.id_base = number;
+                number = number.wrapping_add(group.numbers);
+                leaves += u64::from(group.leaves);
+                primitives = primitives.saturating_add(group.primitives);
+            } else {
+                let geometry = &stock.geometries[instance.geometry as usize];
+                let (first, last) = geometry.objects().unwrap_or((instance.object, instance.object));
+                instance.id_base = number.wrapping_sub(first);
+                number = number.wrapping_add(last - first + 1);
+                leaves += 1;
+                primitives = primitives.saturating_add(geometry.len() as u64);
+            }
+            if leaves > u64::from(World::MAX_COPIES) {
+                return Err(BuildError::TooManyCopies(name.into()));
+            }
+        }
+        let tree = Bvh::build(bounds).map_err(|e| hierarchy_error(name, &e))?;
+        let slot_bounds = tree.order().iter().map(|&index| bounds[index as usize]).collect();
+        let numbers = number.wrapping_sub(first_number);
+        let blur = Blur { stretch: 1.0, reach: 0.0 };
+        Ok(Group { instances, firsts, leaves: leaves as u32, primitives, numbers, tree, slot_bounds, blur })
+    }
+
+    /// The same for a prototype, whose space isn't the world's; `Err` has the instances if their places are so extreme that rays couldn't
+    /// find their way in that space.
+    pub(super) fn of_prototype(
+        instances: Vec<Instance>,
+        name: &str,
+        stock: Stock,
+    ) -> Result<Result<Group, Vec<Instance>>, BuildError> {
+        let bounds: Vec<Aabb> = instances.iter().map(|instance| stock.bounds(instance)).collect();
+        if instances.is_empty() || bounds.iter().any(|b| b.is_empty() || !b.is_finite()) {
+            return Ok(Err(instances));
+        }
+        let blur = instances.iter().map(|instance| Blur::outside_of(instance, stock)).fold(
+            Blur { stretch: 1.0, reach: bounds.iter().map(extent).fold(0.0, f64::max) },
+            |all, one| Blur { stretch: all.stretch.max(one.stretch), reach: all.reach.max(one.reach) },
+        );
+        if !(EXTENTS.contains(&blur.reach) && EXTENTS.contains(&blur.stretch)) {
+            return Ok(Err(instances));
+        }
+        Group::new(instances, &bounds, 0, name, stock).map(|group| Ok(Group { blur, ..group }))
+    }
+
+    /// The number of an instance, that of its first geometry if it is a group.
+    #[inline]
+    pub(super) fn first(&self, index: u32) -> u32 {
+        self.firsts.get(index as usize).copied().unwrap_or(index)
+    }
+
+    /// Whether each instance is one geometry.
+    #[inline]
+    pub(super) fn is_flat(&self) -> bool {
+        self.firsts.is_empty()
+    }
+
+    /// The instance that a geometry of this number belongs to.
+    fn index_of(&self, number: u32) -> u32 {
+        if self.is_flat() { number } else { self.firsts.partition_point(|&first| first <= number) as u32 - 1 }
+    }
+
+    /// The geometry of a number as it stands in the group's space.
+    pub(super) fn resolve(&self, number: u32, groups: &[Group]) -> Instance {
+        let index = self.index_of(number);
+        let instance = &self.instances[index as usize];
+        match groups.get(instance.group as usize) {
+            None => *instance,
+            Some(group) => {
+                let mut placed = group.resolve(number - self.first(index), groups);
+                placed.enclose(instance);
+                placed
+            }
+        }
+    }
+
+    pub(super) fn bytes(&self) -> usize {
+        self.instances.len() * (size_of::<Instance>() + size_of::<Aabb>())
+            + self.firsts.len() * 4
+            + self.tree.statistics().bytes
+    }
+}
+
+/// The farthest that a point of a box is away from the origin.
+fn extent(bounds: &Aabb) -> f64 {
+    bounds.min.abs().max(bounds.max.abs()).as_dvec3().length()
+}
+
+impl Blur {
+    /// That of what an instance places, in the space that it is placed in.
+    fn outside_of(instance: &Instance, stock: Stock) -> Blur {
+        let inner = match stock.groups.get(instance.group as usize) {
+            Some(group) => group.blur,
+            None => Blur { stretch: 1.0, reach: extent(&stock.geometries[instance.geometry as usize].bounds()) },
+        };
+        let Some(t) = &instance.to_world else { return inner };
+        let [there, back] = growths(t);
+        let stretch = there * inner.stretch * back;
+        Blur { stretch, reach: stretch * t.matrix().translation.length() + there * inner.reach }
+    }
+}
+
+/// By how much lengths grow at most on the way out of a space, and into it.
+fn growths(t: &Transform) -> [f64; 2] {
+    if let Some(scale) = t.uniform_scale() {
+        return [scale, 1.0 / scale].map(|s| s * (1.0 + 1e-9));
+    }
+    [t.matrix().matrix3, t.inverse().matrix().matrix3].map(spectral_bound)
+}
+
+/// No less than the largest singular value.
+fn spectral_bound(m: DMat3) -> f64 {
+    let columns = [m.x_axis, m.y_axis, m.z_axis];
+    let frobenius = columns.iter().map(|c| c.length_squared()).sum::<f64>();
+    let one = columns.iter().map(|c| c.abs().element_sum()).fold(0.0, f64::max);
+    let infinity = columns.iter().map(|c| c.abs()).sum::<DVec3>().max_element();
+    frobenius.min(one * infinity).sqrt()
+}
+
+/// Whether a transform's inverse may be that of the identity, up to rounding.
+#[inline]
+fn is_near_identity(t: &DAffine3) -> bool {
+    let near = |a: DVec3, b: DVec3| (a - b).abs().max_element() < 0.01;
+    near(t.matrix3.x_axis, DVec3::X) && near(t.matrix3.y_axis, DVec3::Y) && near(t.matrix3.z_axis, DVec3::Z)
+}
+
+/// The way to a group: the instances that lead there.
+#[derive(Clone, Copy)]
+pub(super) struct Way<'a> {
+    outer: Option<&'a Way<'a>>,
+    instance: &'a Instance,
+    pub(super) group: &'a Group,
+    /// The number of its first geometry.
+    first: u32,
+    /// From the world's space to the group's.
+    inwards: DAffine3,
+}
+
+impl<'a> Way<'a> {
+    /// The way to the group of an instance whose first geometry has this number; `outer` leads to where it stands, if that isn't the world.
+    pub(super) fn to(instance: &'a Instance, first: u32, outer: Option<&'a Way<'a>>, groups: &'a [Group]) -> Way<'a> {
+        let last = instance.to_world.as_ref().map_or(&DAffine3::IDENTITY, Transform::back);
+        let inwards = outer.map_or(*last, |outer| *last * outer.inwards);
+        Way { outer, instance, group: &groups[instance.group as usize], first, inwards }
+    }
+
+    /// The number of an instance in the group, that of its first geometry if it is a group.
+    #[inline]
+    pub(super) fn number(&self, index: u32) -> u32 {
+        self.first + self.group.first(index)
+    }
+
+    /// An instance of a geometry in the group, as it stands in the world.
+    #[inline]
+    pub(super) fn placed(&self, member: &Instance) -> Instance {
+        let mut placed = *member;
+        let mut next = Some(self);
+        while let Some(way) = next {
+            placed.enclose(way.instance);
+            next = way.outer;
+        }
+        placed
+    }
+
+    /// A ray of the world's in the space of a geometry's instance in the group, with the bits that [`Way::placed`] would give it but without the
+    /// transform outwards; `None` where that might make a difference, because it could be the identity.
+    pub(super) fn local_ray(&self, member: &Instance, ray: &Ray) -> Option<PreparedRay> {
+        let mut inwards = member.to_world.as_ref().map(|t| *t.back());
+        let mut next = Some(self);
+        while let Some(way) = next {
+            let outer = way.instance.to_world.as_ref()?.back();
+            let all = inwards.map_or(*outer, |inwards| inwards * *outer);
+            if is_near_identity(&all) {
+                return None;
+            }
+            inwards = Some(all);
+            next = way.outer;
+        }
+        let (inwards, Line { origin, direction }) = (inwards?, Line::from(ray));
+        let line = Line { origin: inwards.transform_point3(origin), direction: inwards.transform_vector3(direction) };
+        Some(line.rounded().prepare())
+    }
+
+    /// A ray of the world's in the group's space.
+    pub(super) fn feeler(&self, ray: &Ray) -> Feeler {
+        Feeler::new(ray, &self.inwards, self.group.blur).unwrap_or_else(Feeler::everywhere)
+    }
+}
+
+/// A ray of the world's in a group's space, to cull by.
+#[derive(Clone, Copy)]
+pub(super) struct Feeler {
+    ray: WideRay,
+    /// Its parameter for that of the world's ray: a power of two, such that the direction's longest component lies in 1..2.
+    pace: f64,
+}
+
+impl Feeler {
+    /// `None` if it can't be told in `f32` where it goes.
+    fn new(ray: &Ray, inwards: &DAffine3, blur: Blur) -> Option<Feeler> {
+        let far = ray.origin.as_dvec3();
+        let (origin, direction) = (inwards.transform_point3(far), inwards.matrix3 * ray.direction.as_dvec3());
+        // The power of two below.
+        let pace = f64::from_bits(direction.abs().max_element().to_bits() & f64::INFINITY.to_bits());
+        let m = inwards.matrix3;
+        let terms = m.x_axis.abs() * far.x.abs() + m.y_axis.abs() * far.y.abs() + m.z_axis.abs() * far.z.abs();
+        let margin = SHARE * (blur.stretch * origin.length() + blur.reach)
+            + FINE_SHARE * blur.stretch * (terms + inwards.translation.abs()).length();
+        let known = origin.is_finite() && (1e-200..=1e200).contains(&pace) && margin <= 1e30;
+        known.then(|| Feeler {
+            ray: WideRay::new(&Ray::new(origin.as_vec3(), (direction * (1.0 / pace)).as_vec3()), margin as f32),
+            pace,
+        })
+    }
+
+    /// Meets all boxes of a group.
+    fn everywhere() -> Feeler {
+        let ray = Ray::new(glam::Vec3::ZERO, glam::Vec3::ONE);
+        Feeler { ray: WideRay::new(&ray, 1e34), pace: f64::INFINITY }
+    }
+
+    /// Its parameter where the world's ray has this one, greater than 0.
+    #[inline]
+    fn at(&self, t: f32) -> f32 {
+        ((f64::from(t) * self.pace) as f32).max(f32::MIN_POSITIVE)
+    }
+}
+
+/// Up to how many instances are asked for one by one: a chain of groups in groups then takes little of the stack.
+const FEW: usize = 4;
+
+impl Group {
+    /// Calls `visit` for the instances that the ray may meet within (0, t_max], roughly from near to far; it answers what t_max is
+    /// from then on.
+    pub(super) fn intersect(&self, feeler: &Feeler, t_max: f32, mut visit: impl FnMut(u32) -> f32) {
+        let Group { tree, slot_bounds, .. } = self;
+        let mut limit = feeler.at(t_max);
+        if slot_bounds.len() <= FEW {
+            for (bounds, &index) in slot_bounds.iter().zip(tree.order()) {
+                if feeler.ray.enters(bounds, limit) {
+                    limit = feeler.at(visit(index));
+                }
+            }
+            return;
+        }
+        tree.intersect_wide(&feeler.ray, limit, |leaf, limit| {
+            for slot in leaf.slots() {
+                if leaf.count() == 1 || feeler.ray.enters(&slot_bounds[slot as usize], *limit) {
+                    *limit = feeler.at(visit(tree.order()[slot as usize]));
+                }
+            }
+        });
+    }
+
+    /// The same in no particular order, until it answers that something is met.
+    pub(super) fn occluded(&self, feeler: &Feeler, t_max: f32, mut visit: impl FnMut(u32) -> bool) -> bool {
+        let Group { tree, slot_bounds, .. } = self;
+        let limit = feeler.at(t_max);
+        if slot_bounds.len() <= FEW {
+            let mut all = slot_bounds.iter().zip(tree.order());
+            return all.any(|(bounds, &index)| feeler.ray.enters(bounds, limit) && visit(index));
+        }
+        tree.occluded_wide(&feeler.ray, limit, |leaf| {
+            leaf.slots().any(|slot| {
+                (leaf.count() == 1 || feeler.ray.enters(&slot_bounds[slot as usize], limit))
+                    && visit(tree.order()[slot as usize])
+            })
+        })
+    }
+}
