@@ -45,7 +45,7 @@ mod bvh;
 mod cylinder;
 mod exact;
 mod lanes;
-mod memory;
+pub mod memory;
 mod node;
 mod packet;
 mod ray;

@@ -1,5 +1,16 @@
 //! Memory for what rays visit at random: in large pages, where the system gives them, since most of the time of a ray in a large tree is
-//! spent on finding out where a small page lies.
+//! spent on finding out where a small page lies. Lists that are filled from files have them too: to bring about millions of
+//! small pages takes longer than to read the file.
+
+use bytemuck::Zeroable;
+
+/// A list of `count` zeros. The system brings about large lists where they are first touched, so that this takes no time, and
+/// whoever writes them in parallel gets memory in parallel.
+pub fn zeros<T: Zeroable>(count: usize) -> Vec<T> {
+    let list = bytemuck::zeroed_vec(count);
+    advise(list.as_ptr(), count);
+    list
+}
 
 /// An empty list with room for `capacity` items.
 pub(crate) fn in_large_pages<T>(capacity: usize) -> Vec<T> {

@@ -5,7 +5,7 @@ use crate::failure::{Failure, plural, reason};
 use crate::flags::SourceFlags;
 use canaletto::scene::Scene;
 use canaletto::world::{BuildError, World};
-use canaletto_io::assets::{Asset, AssetError, AssetPath, Assets, FolderAssets};
+use canaletto_io::assets::{Asset, AssetError, AssetPath, Assets, FolderAssets, OpenAsset};
 use canaletto_io::diagnostic::{Diagnostic, Diagnostics};
 use canaletto_io::import;
 use canaletto_io::text::{Clip, Script, nearest};
@@ -55,7 +55,15 @@ pub(crate) fn fingerprint(files: &[UsedFile]) -> String {
 /// FNV-1a, eight bytes at a time with the bits stirred after each: fast, and the same everywhere. It tells an edited
 /// scene from an old one; it isn't meant against forgery.
 fn hash_of(start: u64, bytes: &[u8]) -> u64 {
-    let mut hash = start ^ 0xcbf2_9ce4_8422_2325 ^ bytes.len() as u64;
+    hash_on(hash_start(start, bytes.len()), bytes)
+}
+
+fn hash_start(start: u64, length: usize) -> u64 {
+    start ^ 0xcbf2_9ce4_8422_2325 ^ length as u64
+}
+
+/// Goes on with these bytes, a multiple of eight unless they are the last.
+fn hash_on(mut hash: u64, bytes: &[u8]) -> u64 {
     let mut chunks = bytes.chunks_exact(8);
     let mut stir = |word: u64| {
         hash = (hash ^ word).wrapping_mul(0x0000_0100_0000_01b3);
@@ -253,14 +261,38 @@ struct Recording {
     files: Mutex<Vec<UsedFile>>,
 }
 
+impl Recording {
+    /// Remembers a file, whose hash is asked for if it isn't known.
+    fn note(&self, file: &str, bytes: usize, hash: impl FnOnce() -> io::Result<u64>) -> io::Result<()> {
+        let mut files = self.files.lock().unwrap_or_else(PoisonError::into_inner);
+        if !files.iter().any(|used| used.file == file) {
+            files.push(UsedFile { file: file.to_owned(), bytes: bytes as u64, hash: hash()? });
+        }
+        Ok(())
+    }
+}
+
 impl Assets for Recording {
     fn read(&self, path: &str, from: &AssetPath) -> Result<Asset, AssetError> {
         let asset = self.inner.read(path, from)?;
-        let mut files = self.files.lock().unwrap_or_else(PoisonError::into_inner);
-        if !files.iter().any(|used| used.file == asset.path.name()) {
-            let (bytes, hash) = (asset.bytes.len() as u64, hash_of(0, &asset.bytes));
-            files.push(UsedFile { file: asset.path.name().to_owned(), bytes, hash });
-        }
+        self.note(asset.path.name(), asset.bytes.len(), || Ok(hash_of(0, &asset.bytes)))
+            .map_err(|e| AssetError::Unreadable { path: path.into(), reason: reason(&e) })?;
+        Ok(asset)
+    }
+
+    fn open(&self, path: &str, from: &AssetPath) -> Result<OpenAsset, AssetError> {
+        let asset = self.inner.open(path, from)?;
+        let view = asset.content.view();
+        let hash = || {
+            const PIECE: usize = 1 << 18;
+            let mut buffer = Vec::new();
+            let mut starts = (0..view.size()).step_by(PIECE);
+            starts.try_fold(hash_start(0, view.size()), |hash, at| {
+                Ok(hash_on(hash, view.piece(at..at + PIECE, &mut buffer)?))
+            })
+        };
+        self.note(asset.path.name(), view.size(), hash)
+            .map_err(|e| AssetError::Unreadable { path: path.into(), reason: reason(&e) })?;
         Ok(asset)
     }
 }

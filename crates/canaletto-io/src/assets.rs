@@ -3,10 +3,12 @@
 //! A scene file may come from a stranger, so what it names must lie below the scene's own folder unless the user says
 //! otherwise. Paths are taken literally (nothing is percent-decoded) and judged after symbolic links are resolved.
 
+use crate::content::Content;
+use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 use std::fmt;
 use std::fs::{self, File, Metadata};
-use std::io::{self, Read};
+use std::io;
 use std::path::{Component, Path, PathBuf};
 
 /// Gives out the bytes of files that scenes name.
@@ -17,6 +19,24 @@ pub trait Assets: Send + Sync {
     /// # Errors
     /// [`AssetError`] says why there are no bytes.
     fn read(&self, path: &str, from: &AssetPath) -> Result<Asset, AssetError>;
+
+    /// Opens the file that [`Assets::read`] would read, for those who read it in pieces. Its bytes are in memory, unless an
+    /// implementation knows better.
+    ///
+    /// # Errors
+    /// As [`Assets::read`].
+    fn open(&self, path: &str, from: &AssetPath) -> Result<OpenAsset, AssetError> {
+        self.read(path, from).map(|Asset { path, bytes }| OpenAsset { path, content: Content::Memory(bytes) })
+    }
+}
+
+/// A file that is open, and where it came from.
+#[derive(Debug)]
+pub struct OpenAsset {
+    /// Where it came from; the `from` of paths that this file names.
+    pub path: AssetPath,
+    /// What it holds.
+    pub content: Content,
 }
 
 /// A file's content and where it came from.
@@ -242,31 +262,32 @@ impl FolderAssets {
 
 impl Assets for FolderAssets {
     fn read(&self, path: &str, from: &AssetPath) -> Result<Asset, AssetError> {
+        let OpenAsset { path: found, content } = self.open(path, from)?;
+        match content {
+            Content::Memory(bytes) => Ok(bytes),
+            Content::File(..) => content.view().whole().map(Cow::into_owned),
+        }
+        .map(|bytes| Asset { path: found, bytes })
+        .map_err(|e| AssetError::Unreadable { path: path.into(), reason: reason(&e) })
+    }
+
+    fn open(&self, path: &str, from: &AssetPath) -> Result<OpenAsset, AssetError> {
         let found = self.resolve(path, from)?;
         let unreadable = |e: io::Error| AssetError::Unreadable { path: path.into(), reason: reason(&e) };
         let check = |metadata: &Metadata| {
             if !metadata.is_file() {
                 return Err(AssetError::NotAFile { path: path.into(), kind: kind_of(metadata) });
             }
-            if metadata.len() > self.limit {
-                return Err(AssetError::TooLarge { path: path.into(), size: metadata.len(), limit: self.limit });
+            match usize::try_from(metadata.len()) {
+                Ok(size) if metadata.len() <= self.limit => Ok(size),
+                _ => Err(AssetError::TooLarge { path: path.into(), size: metadata.len(), limit: self.limit }),
             }
-            Ok(metadata.len())
         };
         // Before opening, since opening a pipe waits for its writer; again after, in case it was swapped.
         check(&fs::metadata(&found.identity).map_err(unreadable)?)?;
         let file = File::open(&found.identity).map_err(unreadable)?;
         let size = check(&file.metadata().map_err(unreadable)?)?;
-        let mut bytes = Vec::new();
-        bytes.try_reserve_exact(usize::try_from(size).unwrap_or(usize::MAX)).map_err(|_| AssetError::Unreadable {
-            path: path.into(),
-            reason: format!("there is no memory for its {size} bytes"),
-        })?;
-        file.take(self.limit.saturating_add(1)).read_to_end(&mut bytes).map_err(unreadable)?;
-        if bytes.len() as u64 > self.limit {
-            return Err(AssetError::TooLarge { path: path.into(), size: bytes.len() as u64, limit: self.limit });
-        }
-        Ok(Asset { path: found, bytes })
+        Ok(OpenAsset { path: found, content: Content::File(file, size) })
     }
 }
 

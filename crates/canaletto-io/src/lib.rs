@@ -4,6 +4,7 @@
 
 mod animation;
 pub mod assets;
+pub mod content;
 pub mod diagnostic;
 pub mod image;
 pub mod import;

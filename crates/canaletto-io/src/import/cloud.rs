@@ -58,7 +58,7 @@ pub fn read_spheres(asset: &Asset, format: CloudFormat, radius: Option<f32>) -> 
             radii: table.radii,
             colors: table.colors,
         }),
-        CloudFormat::Ply => ply::read_spheres(name, &asset.bytes),
+        CloudFormat::Ply => ply::read_spheres(name, asset.bytes.as_slice().into()),
         CloudFormat::Binary => records::<4>(&asset.bytes, "x y z radius").map(|(rows, radii)| SphereCloud {
             name: name.to_owned(),
             centers: rows.iter().map(|row| Vec3::from_slice(row)).collect(),
@@ -86,7 +86,7 @@ pub fn read_cylinders(asset: &Asset, format: CloudFormat, radius: Option<f32>) -
             colors: table.colors,
             caps: true,
         }),
-        CloudFormat::Ply => ply::read_cylinders(name, &asset.bytes),
+        CloudFormat::Ply => ply::read_cylinders(name, asset.bytes.as_slice().into()),
         CloudFormat::Binary => {
             records::<7>(&asset.bytes, "x1 y1 z1 x2 y2 z2 radius").map(|(rows, radii)| CylinderCloud {
                 name: name.to_owned(),
@@ -109,7 +109,7 @@ pub fn read_cylinders(asset: &Asset, format: CloudFormat, radius: Option<f32>) -
 fn failure(asset: &Asset, format: CloudFormat, complaint: Complaint) -> Diagnostics {
     let mut errors = Diagnostics::from(complaint.error(asset.path.name()));
     if format == CloudFormat::Text || asset.bytes.get(4..16).is_some_and(|start| start.starts_with(b"format ascii")) {
-        super::attach_source(&mut errors, asset.path.name(), &asset.bytes);
+        super::attach_source(&mut errors, asset.path.name(), asset.bytes.as_slice().into());
     }
     errors
 }

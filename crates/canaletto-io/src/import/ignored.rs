@@ -9,6 +9,8 @@ use std::ops::Range;
 pub(super) struct Ignored {
     list: Vec<Entry>,
     more: usize,
+    /// Whether this is about a part of a file, and all are listed.
+    part: bool,
 }
 
 struct Entry {
@@ -22,14 +24,34 @@ impl Ignored {
     /// The most words that are told apart.
     const MAX: usize = 24;
 
+    /// Nothing yet of a part of a file, which is [appended](Ignored::append) to others.
+    pub(super) fn of_part() -> Ignored {
+        Ignored { part: true, ..Ignored::default() }
+    }
+
     /// Counts a word; `why` completes "`word` …".
     pub(super) fn note(&mut self, word: &Word<'_>, why: &'static str) {
-        if let Some(entry) = self.list.iter_mut().find(|e| e.word == word.text && e.why == why) {
+        let mut told = self.list.iter_mut().take(Ignored::MAX);
+        if let Some(entry) = told.find(|e| e.word == word.text && e.why == why) {
             entry.count += 1;
-        } else if self.list.len() < Ignored::MAX {
+        } else if self.part || self.list.len() < Ignored::MAX {
             self.list.push(Entry { word: word.text.into(), first: word.span(), count: 1, why });
         } else {
             self.more += 1;
+        }
+    }
+
+    /// Adds what a later part of the file has. Only here is what comes first told from what is merely counted, so that
+    /// it doesn't matter where parts end.
+    pub(super) fn append(&mut self, later: Ignored) {
+        for entry in later.list {
+            if let Some(known) = self.list.iter_mut().find(|e| e.word == entry.word && e.why == entry.why) {
+                known.count += entry.count;
+            } else if self.list.len() < Ignored::MAX {
+                self.list.push(entry);
+            } else {
+                self.more += entry.count;
+            }
         }
     }
 

@@ -1,5 +1,7 @@
 //! Text as bytes: lines, words and numbers that know their place, for formats of words between spaces.
 
+use super::number;
+use super::text::Piece;
 use crate::diagnostic::Diagnostic;
 use std::ops::Range;
 
@@ -31,8 +33,7 @@ impl<'a> Word<'a> {
 
     /// A finite number.
     pub(super) fn number(&self) -> Result<f32, Complaint> {
-        let parsed: Option<f32> = std::str::from_utf8(self.text).ok().and_then(|text| text.parse().ok());
-        match parsed {
+        match number::parse_f32(self.text) {
             Some(value) if value.is_finite() => Ok(value),
             Some(_) => Err(self.wrong(format!("\"{}\" is not a finite number up to 3.4e38", self.shown()))),
             None => Err(self.wrong(format!("\"{}\" is not a number", self.shown()))),
@@ -102,8 +103,16 @@ pub(super) struct Words<'a> {
     at: usize,
 }
 
+#[inline]
 fn is_space(byte: u8) -> bool {
-    matches!(byte, b' ' | b'\t' | b'\r' | b'\n' | b'\x0b' | b'\x0c')
+    matches!(byte, b' ' | b'\t'..=b'\r')
+}
+
+/// Where the next word starts behind a word that ends at `at`, on the same line.
+#[inline]
+pub(super) fn gap(line: &[u8], at: usize) -> Option<usize> {
+    let spaces = line.get(at..)?.iter().position(|byte| !matches!(byte, b' ' | b'\t'))?;
+    (spaces > 0).then_some(at + spaces)
 }
 
 impl<'a> Words<'a> {
@@ -155,6 +164,8 @@ impl<'a> Iterator for Words<'a> {
 pub(super) struct Lines<'a> {
     bytes: &'a [u8],
     at: usize,
+    /// Where the bytes start in the file.
+    base: usize,
     /// Whether a backslash at a line's end, comments apart, joins the next line.
     joined: bool,
 }
@@ -162,10 +173,36 @@ pub(super) struct Lines<'a> {
 /// The lines of `bytes`, without a byte order mark.
 pub(super) fn lines(bytes: &[u8]) -> Lines<'_> {
     let at = if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
-    Lines { bytes, at, joined: false }
+    Lines { at, ..Lines::new(bytes, 0) }
 }
 
-impl Lines<'_> {
+impl<'a> Lines<'a> {
+    /// The lines of a part of a file that starts at `base`.
+    pub(super) fn new(bytes: &'a [u8], base: usize) -> Lines<'a> {
+        Lines { bytes, at: 0, base, joined: false }
+    }
+
+    /// The lines of a piece of a text; the first starts behind the byte order mark, if there is one.
+    pub(super) fn of_piece(piece: Piece<'a>) -> Lines<'a> {
+        let at = if piece.start == 0 && piece.bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
+        Lines { at, ..Lines::new(piece.bytes, piece.start) }
+    }
+
+    /// What `read` makes of the next line, if it makes something of it. It is given the bytes from the line's start on, and
+    /// tells how many it used, none of which may be a backslash or end a line; if there is more on the line, all counts for
+    /// nothing. Most lines of large files are read so, without first looking for their end.
+    #[inline]
+    pub(super) fn easy<T>(&mut self, read: impl FnOnce(&[u8]) -> Option<(T, usize)>) -> Option<T> {
+        let rest = self.bytes.get(self.at..)?;
+        let lead = rest.iter().position(|b| !is_space(*b))?;
+        let (value, length) = read(&rest[lead..])?;
+        let end = lead + length;
+        matches!(rest.get(end), None | Some(b'\n' | b'\r')).then(|| {
+            self.at += end;
+            value
+        })
+    }
+
     /// How far the bytes are read.
     pub(super) fn position(&self) -> usize {
         self.at
@@ -187,8 +224,7 @@ impl<'a> Iterator for Lines<'a> {
             let start = self.at + lead;
             let mut end = start;
             loop {
-                end +=
-                    self.bytes[end..].iter().position(|b| *b == b'\n' || *b == b'\r').unwrap_or(self.bytes.len() - end);
+                end += memchr::memchr2(b'\n', b'\r', &self.bytes[end..]).unwrap_or(self.bytes.len() - end);
                 let joins = self.joined && end > start && self.bytes[end - 1] == b'\\' && self.bytes[start] != b'#';
                 if end == self.bytes.len() || !joins {
                     break;
@@ -197,7 +233,7 @@ impl<'a> Iterator for Lines<'a> {
             }
             self.at = end;
             if end > start {
-                return Some(Word { start, text: self.bytes[start..end].trim_ascii_end() });
+                return Some(Word { start: self.base + start, text: self.bytes[start..end].trim_ascii_end() });
             }
         }
         None

@@ -7,23 +7,29 @@
 mod cloud;
 mod frame;
 mod ignored;
+mod join;
 mod lines;
-mod mesh_part;
+mod mend;
 mod mtl;
 mod nff;
+mod number;
 mod obj;
 mod ply;
 mod polygon;
 mod smooth;
 mod studio;
+mod text;
 
 pub use cloud::{CloudFormat, read_cylinders, read_spheres};
 
-use crate::assets::{Asset, AssetPath, Assets};
+use crate::assets::{Asset, AssetPath, Assets, OpenAsset, reason};
+use crate::content::View;
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use canaletto::material::Material;
 use canaletto::scene::Scene;
 use canaletto::shape::Mesh;
+use lines::Complaint;
+use std::io;
 
 /// A model: its meshes, and the materials that came with it.
 #[derive(Clone, Debug, Default)]
@@ -49,7 +55,9 @@ pub const SCENE_EXTENSIONS: [&str; 3] = ["nff", "obj", "ply"];
 pub fn load(path: &str, assets: &dyn Assets) -> Result<(Scene, Diagnostics), Diagnostics> {
     let asset = open(path, assets, &AssetPath::base(), &SCENE_EXTENSIONS)?;
     if asset.path.extension() == "nff" {
-        return nff::read(&asset);
+        let OpenAsset { path: name, content } = asset;
+        let bytes = content.view().whole().map_err(|e| Diagnostics::from(unreadable(&e).error(name.name())))?;
+        return nff::read(&Asset { path: name, bytes: bytes.into_owned() });
     }
     let mut model = read_mesh(&asset, assets)?;
     let warnings = std::mem::take(&mut model.warnings);
@@ -76,7 +84,7 @@ pub fn load_mesh(path: &str, assets: &dyn Assets, from: &AssetPath) -> Result<Im
 ///
 /// # Errors
 /// As [`load_mesh`].
-pub fn read_mesh(asset: &Asset, assets: &dyn Assets) -> Result<Imported, Diagnostics> {
+pub fn read_mesh(asset: &OpenAsset, assets: &dyn Assets) -> Result<Imported, Diagnostics> {
     match asset.path.extension().as_str() {
         "obj" => obj::read(asset, assets),
         "ply" => read_ply(asset),
@@ -84,9 +92,9 @@ pub fn read_mesh(asset: &Asset, assets: &dyn Assets) -> Result<Imported, Diagnos
     }
 }
 
-fn read_ply(asset: &Asset) -> Result<Imported, Diagnostics> {
+fn read_ply(asset: &OpenAsset) -> Result<Imported, Diagnostics> {
     let file = asset.path.name();
-    match ply::read_mesh(file.rsplit('/').next().unwrap_or_default(), &asset.bytes) {
+    match ply::read_mesh(file.rsplit('/').next().unwrap_or_default(), asset.content.view()) {
         Ok((mesh, thin)) => {
             let mut warnings = Diagnostics::new();
             if thin > 0 {
@@ -96,18 +104,18 @@ fn read_ply(asset: &Asset) -> Result<Imported, Diagnostics> {
         }
         Err(complaint) => {
             let mut errors = Diagnostics::from(complaint.error(file));
-            attach_source(&mut errors, file, &asset.bytes);
+            attach_source(&mut errors, file, asset.content.view());
             Err(errors)
         }
     }
 }
 
-fn open(path: &str, assets: &dyn Assets, from: &AssetPath, known: &[&str]) -> Result<Asset, Diagnostics> {
+fn open(path: &str, assets: &dyn Assets, from: &AssetPath, known: &[&str]) -> Result<OpenAsset, Diagnostics> {
     let extension = AssetPath::new(path, path, path).extension();
     if !known.contains(&extension.as_str()) {
         return Err(unsupported(path, &extension, known).into());
     }
-    assets.read(path, from).map_err(|error| {
+    assets.open(path, from).map_err(|error| {
         let mut diagnostic = Diagnostic::error(path, error.to_string());
         diagnostic.help = error.help();
         diagnostic.into()
@@ -132,12 +140,19 @@ fn unsupported(file: &str, extension: &str, known: &[&str]) -> Diagnostic {
     Diagnostic::error(file, format!("{name} isn't supported yet")).help(format!("supported are {}", known.join(", ")))
 }
 
+/// The complaint that a file which is open can't be read.
+fn unreadable(error: &io::Error) -> Complaint {
+    Complaint::file(format!("it can't be read: {}", reason(error)))
+}
+
 /// Adds the file's text, if a message points into it, so that it shows lines. Bytes that aren't UTF-8 become
 /// question marks, which keeps the places.
-fn attach_source(diagnostics: &mut Diagnostics, file: &str, bytes: &[u8]) {
+fn attach_source(diagnostics: &mut Diagnostics, file: &str, view: View<'_>) {
     if !diagnostics.iter().any(|d| d.file == file && d.span.is_some()) {
         return;
     }
+    // Without it, messages name no lines.
+    let Ok(bytes) = view.whole() else { return };
     let mut text = String::with_capacity(bytes.len());
     for chunk in bytes.utf8_chunks() {
         text.push_str(chunk.valid());

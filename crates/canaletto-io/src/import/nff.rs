@@ -46,12 +46,12 @@ pub(super) fn read(asset: &Asset) -> Result<(Scene, Diagnostics), Diagnostics> {
                 let message = format!("{}{times}", complaint.message);
                 said.push(Complaint { message, ..complaint }.warning(file));
             }
-            super::attach_source(&mut said, file, &asset.bytes);
+            super::attach_source(&mut said, file, asset.bytes.as_slice().into());
             Ok((reader.finish(), said))
         }
         Err(complaint) => {
             let mut errors = Diagnostics::from(complaint.error(file));
-            super::attach_source(&mut errors, file, &asset.bytes);
+            super::attach_source(&mut errors, file, asset.bytes.as_slice().into());
             Err(errors)
         }
     }

@@ -4,6 +4,7 @@ use earcut::Earcut;
 use glam::{DVec2, DVec3, Vec3};
 
 /// Cuts polygons; keeps its memory between them.
+#[derive(Default)]
 pub(super) struct Triangulator {
     earcut: Earcut<f64>,
     flat: Vec<[f64; 2]>,

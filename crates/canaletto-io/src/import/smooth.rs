@@ -3,6 +3,7 @@
 use super::polygon::vector_area;
 use canaletto::shape::Mesh;
 use glam::{DVec3, Vec3};
+use rayon::prelude::*;
 use std::collections::HashMap;
 
 /// cos 40°: faces that meet at a larger angle form a crease.
@@ -16,7 +17,7 @@ pub(super) fn smooth(mesh: &mut Mesh) {
     }
     let welded = weld(&mesh.positions);
     let normals: Vec<DVec3> =
-        mesh.triangles.iter().map(|t| vector_area(&t.map(|i| mesh.positions[i as usize]))).collect();
+        mesh.triangles.par_iter().map(|t| vector_area(&t.map(|i| mesh.positions[i as usize]))).collect();
     // Corner 3 t + i is corner i of triangle t. Corners at one vertex that are joined share a normal.
     let mut joined = Joined { parent: (0..3 * mesh.triangles.len() as u32).collect() };
     for edge in edges(mesh, &welded).chunk_by(|a, b| a.0 == b.0) {
@@ -92,7 +93,7 @@ fn edges(mesh: &Mesh, welded: &[u32]) -> Vec<(u64, u32)> {
             }
         }
     }
-    all.sort_unstable();
+    all.par_sort_unstable();
     all
 }
 

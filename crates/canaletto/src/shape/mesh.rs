@@ -9,6 +9,7 @@ use crate::math::Rgb;
 use canaletto_bvh::triangle::{self as kernel, Triangle};
 use canaletto_bvh::{Aabb, PreparedRay};
 use glam::{DMat3, DVec3, Vec2, Vec3};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// A triangle mesh as an importer delivers it. Counter-clockwise corners face outwards (5.23).
@@ -168,25 +169,28 @@ impl Mesh {
                 "there are {slots} slots for {triangles} triangles; there must be none or one for each"
             ));
         }
-        for (i, corners) in self.triangles.iter().enumerate() {
-            if let Some(v) = corners.iter().find(|v| **v as usize >= vertices) {
-                return Err(format!("triangle {i} has vertex {v}; there are {vertices}, counted from 0"));
-            }
+        let missing = |corners: &[u32; 3]| corners.iter().any(|v| *v as usize >= vertices);
+        if let Some(i) = self.triangles.par_iter().position_first(missing) {
+            let v = self.triangles[i].iter().find(|v| **v as usize >= vertices).unwrap_or(&0);
+            return Err(format!("triangle {i} has vertex {v}; there are {vertices}, counted from 0"));
         }
         let materials = self.materials.len().max(1);
-        if let Some((i, slot)) = self.slots.iter().enumerate().find(|(_, slot)| **slot as usize >= materials) {
+        if let Some((i, slot)) = self.slots.par_iter().enumerate().find_first(|(_, slot)| **slot as usize >= materials)
+        {
             return Err(format!("triangle {i} has material slot {slot}; there are {materials}, counted from 0"));
         }
-        for (i, p) in self.positions.iter().enumerate() {
-            solve::finite(&format_args!("vertex {i}"), *p)?;
+        let wrong = |(i, p): (usize, &Vec3)| solve::finite(&format_args!("vertex {i}"), *p).err();
+        if let Some(wrong) = self.positions.par_iter().enumerate().find_map_first(wrong) {
+            return Err(wrong);
         }
-        for (i, n) in self.normals.iter().enumerate() {
-            solve::direction(&format_args!("the normal of vertex {i}"), *n)?;
+        let wrong = |(i, n): (usize, &Vec3)| solve::direction(&format_args!("the normal of vertex {i}"), *n).err();
+        if let Some(wrong) = self.normals.par_iter().enumerate().find_map_first(wrong) {
+            return Err(wrong);
         }
-        if let Some((i, uv)) = self.uvs.iter().enumerate().find(|(_, uv)| !uv.is_finite()) {
+        if let Some((i, uv)) = self.uvs.par_iter().enumerate().find_first(|(_, uv)| !uv.is_finite()) {
             return Err(format!("uv of vertex {i} is {} {}; each component must be finite", uv.x, uv.y));
         }
-        if let Some((i, c)) = self.colors.iter().enumerate().find(|(_, c)| !c.is_finite()) {
+        if let Some((i, c)) = self.colors.par_iter().enumerate().find_first(|(_, c)| !c.is_finite()) {
             let Rgb { r, g, b } = c;
             return Err(format!("the colour of vertex {i} is {r} {g} {b}; each component must be finite"));
         }

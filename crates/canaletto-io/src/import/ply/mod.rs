@@ -13,8 +13,10 @@ mod payload;
 mod table;
 
 use super::lines::Complaint;
-use super::mesh_part::mend_normals;
+use super::mend::mend_normals;
 use super::polygon::Triangulator;
+use super::unreadable;
+use crate::content::View;
 use crate::picture::decode_srgb;
 use canaletto::math::Rgb;
 use canaletto::shape::{CylinderCloud, Mesh, SphereCloud};
@@ -23,16 +25,19 @@ use header::{Element, Header};
 use payload::{Payload, Row};
 
 /// A mesh, and how many faces had fewer than three corners.
-pub(super) fn read_mesh(name: &str, bytes: &[u8]) -> Result<(Mesh, u64), Complaint> {
-    let header = header::read(bytes)?;
+pub(super) fn read_mesh(name: &str, view: View<'_>) -> Result<(Mesh, u64), Complaint> {
+    let header = read_header(view)?;
+    read_payload(name, &header, Payload::new(&header, view))
+}
+
+fn read_payload(name: &str, header: &Header, mut payload: Payload<'_>) -> Result<(Mesh, u64), Complaint> {
     let mut mesh = Mesh { name: name.to_owned(), ..Mesh::default() };
     let mut thin = 0;
-    let mut payload = Payload::new(&header, bytes);
     if !header.elements.iter().any(|e| is_faces(e) || e.name == "tristrips") {
         return Err(Complaint::file("it has points but no faces")
             .help("a cloud of spheres takes points: `spheres file=…` with a radius"));
     }
-    for element in in_order(&header)? {
+    for element in in_order(header)? {
         match element.name.as_str() {
             "vertex" => vertices(element, &mut payload)?.into_mesh(&mut mesh),
             "face" if is_faces(element) => thin += faces(element, &mut payload, &mut mesh)?,
@@ -48,9 +53,9 @@ pub(super) fn read_mesh(name: &str, bytes: &[u8]) -> Result<(Mesh, u64), Complai
 }
 
 /// The vertices as spheres, with the radius of property `radius` or `r` if there is one.
-pub(super) fn read_spheres(name: &str, bytes: &[u8]) -> Result<SphereCloud, Complaint> {
-    let header = header::read(bytes)?;
-    let mut payload = Payload::new(&header, bytes);
+pub(super) fn read_spheres(name: &str, view: View<'_>) -> Result<SphereCloud, Complaint> {
+    let header = read_header(view)?;
+    let mut payload = Payload::new(&header, view);
     for element in in_order(&header)? {
         if element.name == "vertex" {
             let Vertices { positions, radii, colors, .. } = vertices(element, &mut payload)?;
@@ -62,9 +67,9 @@ pub(super) fn read_spheres(name: &str, bytes: &[u8]) -> Result<SphereCloud, Comp
 }
 
 /// The edges as cylinders: element `edge` with `vertex1`, `vertex2` and perhaps `radius` and colours.
-pub(super) fn read_cylinders(name: &str, bytes: &[u8]) -> Result<CylinderCloud, Complaint> {
-    let header = header::read(bytes)?;
-    let mut payload = Payload::new(&header, bytes);
+pub(super) fn read_cylinders(name: &str, view: View<'_>) -> Result<CylinderCloud, Complaint> {
+    let header = read_header(view)?;
+    let mut payload = Payload::new(&header, view);
     let mut cloud = CylinderCloud { name: name.to_owned(), ..CylinderCloud::default() };
     if !header.elements.iter().any(|e| e.name == "edge") {
         return Err(Complaint::file("it has no element `edge`").help("edges have vertex1, vertex2 and perhaps radius"));
@@ -77,16 +82,41 @@ pub(super) fn read_cylinders(name: &str, bytes: &[u8]) -> Result<CylinderCloud, 
                 let ends = element.numbers(["vertex1", "vertex2"]);
                 let ends = ends.ok_or_else(|| Complaint::file("edges need the properties vertex1 and vertex2"))?;
                 let extra = Extra::of(element);
-                payload.rows(element, |_, row| {
-                    let [a, b] = ends.map(|property| index(row.numbers[property], points.len()));
-                    cloud.axes.push([points[a? as usize], points[b? as usize]]);
-                    extra.read(row, &mut cloud.radii, &mut cloud.colors)
-                })?;
+                let points = &points;
+                payload.rows(
+                    element,
+                    CylinderCloud::default,
+                    |some, _, row| {
+                        let [a, b] = ends.map(|property| index(row.numbers[property], points.len()));
+                        some.axes.push([points[a? as usize], points[b? as usize]]);
+                        extra.read(row, &mut some.radii, &mut some.colors)
+                    },
+                    |some| {
+                        cloud.axes.extend(some.axes);
+                        cloud.radii.extend(some.radii);
+                        cloud.colors.extend(some.colors);
+                    },
+                )?;
             }
             _ => payload.skip(element)?,
         }
     }
     Ok(cloud)
+}
+
+/// Reads the header from as much of the file as it takes.
+fn read_header(view: View<'_>) -> Result<Header, Complaint> {
+    let mut buffer = Vec::new();
+    let mut size = 1 << 16;
+    loop {
+        let start = view.piece(0..size, &mut buffer).map_err(|e| unreadable(&e))?;
+        match header::read(start) {
+            // The header's end may have one more character.
+            Ok(header) if header.end < size => return Ok(header),
+            result if size >= view.size() => return result,
+            _ => size = size.saturating_mul(4),
+        }
+    }
 }
 
 fn is_faces(element: &Element) -> bool {
@@ -130,24 +160,33 @@ impl Extra {
 
     fn read(&self, row: &Row, radii: &mut Vec<f32>, colors: &mut Vec<Rgb>) -> Result<(), String> {
         if let Some(property) = self.radius {
-            let radius = row.numbers[property] as f32;
-            if !radius.is_finite() || radius <= 0.0 {
-                return Err(format!("radius is {radius}; it must be more than 0"));
-            }
-            radii.push(radius);
+            radii.push(self.radius(row.numbers[property])?);
         }
-        if let Some((properties, share)) = self.color {
-            let color = properties.map(|property| row.numbers[property]);
-            if let Some(v) = color.iter().find(|v| !v.is_finite() || **v < 0.0) {
-                return Err(format!("a colour is {v}; it must be 0 or more"));
-            }
-            colors.push(Rgb::from(color.map(|v| match share {
-                Some(255.0) => self.bytes[(v as usize).min(255)],
-                Some(most) => decode_srgb((v / most) as f32),
-                None => v as f32,
-            })));
+        if let Some((properties, _)) = self.color {
+            let [r, g, b] = properties.map(|property| self.channel(row.numbers[property]));
+            colors.push(Rgb::new(r?, g?, b?));
         }
         Ok(())
+    }
+
+    fn radius(&self, number: f64) -> Result<f32, String> {
+        let radius = number as f32;
+        if radius.is_finite() && radius > 0.0 {
+            return Ok(radius);
+        }
+        Err(format!("radius is {radius}; it must be more than 0"))
+    }
+
+    /// One of red, green and blue.
+    fn channel(&self, number: f64) -> Result<f32, String> {
+        if !number.is_finite() || number < 0.0 {
+            return Err(format!("a colour is {number}; it must be 0 or more"));
+        }
+        Ok(match self.color {
+            Some((_, Some(255.0))) => self.bytes[(number as usize).min(255)],
+            Some((_, Some(most))) => decode_srgb((number / most) as f32),
+            _ => number as f32,
+        })
     }
 }
 
@@ -169,86 +208,135 @@ impl Vertices {
     }
 }
 
-fn vertices(element: &Element, payload: &mut Payload<'_>) -> Result<Vertices, Complaint> {
-    let position = element.numbers(["x", "y", "z"]);
-    let position = position.ok_or_else(|| Complaint::file("its vertices need the properties x, y and z"))?;
-    let normal = element.numbers(["nx", "ny", "nz"]);
-    let names = [["u", "v"], ["s", "t"], ["texture_u", "texture_v"], ["texture_s", "texture_t"]];
-    let uv = names.iter().find_map(|names| element.numbers(*names));
-    let extra = Extra::of(element);
-    if element.count >= u64::from(u32::MAX) {
-        return Err(Complaint::file(format!("it has {} vertices, more than 32 bits can count", element.count)));
+/// Which properties of vertices have a meaning.
+struct Wanted {
+    position: [usize; 3],
+    normal: Option<[usize; 3]>,
+    uv: Option<[usize; 2]>,
+    extra: Extra,
+}
+
+impl Wanted {
+    fn of(element: &Element) -> Option<Wanted> {
+        let names = [["u", "v"], ["s", "t"], ["texture_u", "texture_v"], ["texture_s", "texture_t"]];
+        Some(Wanted {
+            position: element.numbers(["x", "y", "z"])?,
+            normal: element.numbers(["nx", "ny", "nz"]),
+            uv: names.iter().find_map(|names| element.numbers(*names)),
+            extra: Extra::of(element),
+        })
     }
-    payload.check_room(element)?;
-    if extra.radius.is_none() && extra.color.is_none() {
-        let columns = table::Columns { position, normal, uv: uv.as_ref() };
-        if let Some((positions, normals, uvs)) = table::vertices(element, payload, &columns) {
-            return Ok(Vertices { positions, normals, uvs, ..Vertices::default() });
-        }
-    }
-    let mut out = Vertices { positions: Vec::with_capacity(element.count as usize), ..Vertices::default() };
-    payload.rows(element, |_, row| {
+
+    fn read(&self, row: &Row, out: &mut Vertices) -> Result<(), String> {
         let vector = |properties: [usize; 3]| Vec3::from(properties.map(|property| row.numbers[property] as f32));
-        let p = vector(position);
+        let p = vector(self.position);
         if !p.is_finite() {
             return Err(format!("its position {} {} {} is not finite", p.x, p.y, p.z));
         }
         out.positions.push(p);
-        out.normals.extend(normal.map(vector));
-        out.uvs.extend(uv.map(|uv| Vec2::from(uv.map(|property| row.numbers[property] as f32))));
-        extra.read(row, &mut out.radii, &mut out.colors)
-    })?;
-    if out.uvs.iter().any(|uv| !uv.is_finite()) {
-        out.uvs.iter_mut().filter(|uv| !uv.is_finite()).for_each(|uv| *uv = Vec2::ZERO);
+        out.normals.extend(self.normal.map(vector));
+        let uv = self.uv.map(|uv| Vec2::from(uv.map(|property| row.numbers[property] as f32)));
+        out.uvs.extend(uv.map(|uv| if uv.is_finite() { uv } else { Vec2::ZERO }));
+        self.extra.read(row, &mut out.radii, &mut out.colors)
     }
+}
+
+fn vertices(element: &Element, payload: &mut Payload<'_>) -> Result<Vertices, Complaint> {
+    let wanted = Wanted::of(element);
+    let wanted = wanted.ok_or_else(|| Complaint::file("its vertices need the properties x, y and z"))?;
+    if element.count >= u64::from(u32::MAX) {
+        return Err(Complaint::file(format!("it has {} vertices, more than 32 bits can count", element.count)));
+    }
+    payload.check_room(element)?;
+    if let Some(vertices) = table::vertices(element, &wanted, payload) {
+        return Ok(vertices);
+    }
+    let mut out = Vertices::default();
+    payload.rows(
+        element,
+        Vertices::default,
+        |some, _, row| wanted.read(row, some),
+        |some| {
+            out.positions.extend(some.positions);
+            out.normals.extend(some.normals);
+            out.uvs.extend(some.uvs);
+            out.radii.extend(some.radii);
+            out.colors.extend(some.colors);
+        },
+    )?;
     Ok(out)
 }
 
+/// Reads faces; how many have fewer than three corners.
 fn faces(element: &Element, payload: &mut Payload<'_>, mesh: &mut Mesh) -> Result<u64, Complaint> {
     let Some(property) = element.property(&["vertex_indices", "vertex_index"]) else { return Ok(0) };
     if element.properties[property].length.is_none() {
         return Err(Complaint::file(format!("`{}` of its faces must be a list", element.properties[property].name)));
     }
     if mesh.triangles.is_empty()
-        && let Some(triangles) = table::triangles(element, payload, mesh.positions.len())
+        && let Some(triangles) = table::triangles(element, property, payload, mesh.positions.len())
     {
         mesh.triangles = triangles;
         return Ok(0);
     }
-    let (mut corners, mut points, mut thin) = (Vec::new(), Vec::new(), 0);
-    let mut triangulator = Triangulator::new();
-    payload.rows(element, |_, row| {
-        corners.clear();
-        for entry in row.list(property) {
-            corners.push(index(*entry, mesh.positions.len())?);
+    let Mesh { positions, triangles, .. } = mesh;
+    let mut thin = 0;
+    payload.rows(
+        element,
+        Faces::default,
+        |some, _, row| some.read(row.list(property), positions),
+        |some| {
+            triangles.extend(some.triangles);
+            thin += some.thin;
+        },
+    )?;
+    Ok(thin)
+}
+
+/// Some faces, cut into triangles.
+#[derive(Default)]
+struct Faces {
+    triangles: Vec<[u32; 3]>,
+    /// How many have fewer than three corners.
+    thin: u64,
+    corners: Vec<u32>,
+    points: Vec<Vec3>,
+    triangulator: Triangulator,
+}
+
+impl Faces {
+    fn read(&mut self, entries: &[f64], positions: &[Vec3]) -> Result<(), String> {
+        self.corners.clear();
+        for entry in entries {
+            self.corners.push(index(*entry, positions.len())?);
         }
-        match *corners {
-            [] | [_] | [_, _] => thin += 1,
-            [a, b, c] => mesh.triangles.push([a, b, c]),
+        match *self.corners {
+            [] | [_] | [_, _] => self.thin += 1,
+            [a, b, c] => self.triangles.push([a, b, c]),
             _ => {
+                let Faces { triangles, corners, points, triangulator, .. } = self;
                 points.clear();
-                points.extend(corners.iter().map(|i| mesh.positions[*i as usize]));
-                triangulator.cut(&points, |t| mesh.triangles.push(t.map(|i| corners[i])))?;
+                points.extend(corners.iter().map(|i| positions[*i as usize]));
+                triangulator.cut(points, |t| triangles.push(t.map(|i| corners[i])))?;
             }
         }
         Ok(())
-    })?;
-    Ok(thin)
+    }
 }
 
 fn strips(element: &Element, payload: &mut Payload<'_>, mesh: &mut Mesh) -> Result<(), Complaint> {
     let property = element.property(&["vertex_indices", "vertex_index"]);
     let property = property.filter(|at| element.properties[*at].length.is_some());
     let property = property.ok_or_else(|| Complaint::file("its strips need the list `vertex_indices`"))?;
-    let mut strip = Vec::new();
-    payload.rows(element, |_, row| {
-        strip.clear();
+    let Mesh { positions, triangles, .. } = mesh;
+    let read = |some: &mut Vec<[u32; 3]>, _, row: &Row| {
+        let mut strip = Vec::new();
         for entry in row.list(property) {
             if *entry == -1.0 {
                 strip.clear();
                 continue;
             }
-            strip.push(index(*entry, mesh.positions.len())?);
+            strip.push(index(*entry, positions.len())?);
             // Every second triangle turns the other way.
             let n = strip.len();
             if n >= 3 {
@@ -256,12 +344,13 @@ fn strips(element: &Element, payload: &mut Payload<'_>, mesh: &mut Mesh) -> Resu
                 let triangle = if n % 2 == 1 { [a, b, c] } else { [b, a, c] };
                 // Strips are joined by repeated corners.
                 if a != b && b != c && c != a {
-                    mesh.triangles.push(triangle);
+                    some.push(triangle);
                 }
             }
         }
         Ok(())
-    })
+    };
+    payload.rows(element, Vec::new, read, |some| triangles.extend(some))
 }
 
 fn index(entry: f64, count: usize) -> Result<u32, String> {

@@ -1,7 +1,13 @@
 //! The numbers of a PLY file, row by row.
+//!
+//! A window goes over the file. Where rows start in it is found out one after another; what they mean, in parallel.
 
 use super::header::{Element, Encoding, Header, Kind};
-use crate::import::lines::{Complaint, Lines, Word, lines};
+use crate::content::View;
+use crate::import::lines::{Complaint, Lines, Word};
+use crate::import::{number, unreadable};
+use rayon::prelude::*;
+use std::ops::Range;
 
 /// The numbers of one row.
 #[derive(Default)]
@@ -28,21 +34,46 @@ impl Row {
     }
 }
 
+/// The bytes of a window for each thread.
+const WINDOW: usize = 1 << 22;
+
+/// Rows that are understood together.
+const GROUP: u64 = 1024;
+
 /// Goes through the elements in the order of the file.
 pub(super) struct Payload<'a> {
     encoding: Encoding,
-    bytes: &'a [u8],
+    view: View<'a>,
     at: usize,
+    window: usize,
+}
+
+/// Some of the rows in a window.
+struct Group {
+    /// The number of the first, the window's first being 0.
+    first: u64,
+    rows: u64,
+    /// Their bytes.
+    bytes: Range<usize>,
 }
 
 impl<'a> Payload<'a> {
-    pub(super) fn new(header: &Header, bytes: &'a [u8]) -> Payload<'a> {
-        Payload { encoding: header.encoding, bytes, at: header.end }
+    pub(super) fn new(header: &Header, view: View<'a>) -> Payload<'a> {
+        Payload::with_window(header, view, WINDOW * rayon::current_num_threads())
+    }
+
+    /// With a window of so many bytes, at least one.
+    pub(super) fn with_window(header: &Header, view: View<'a>, window: usize) -> Payload<'a> {
+        Payload { encoding: header.encoding, view, at: header.end, window }
+    }
+
+    fn left(&self) -> usize {
+        self.view.size().saturating_sub(self.at)
     }
 
     /// Fails if the rest of the file can't hold this element, before anything is allocated for it.
     pub(super) fn check_room(&self, element: &Element) -> Result<(), Complaint> {
-        let rest = (self.bytes.len() - self.at) as u64;
+        let rest = self.left() as u64;
         let least = element.count.saturating_mul(element.row_size(self.encoding));
         // The last line of text may have no end.
         if least <= rest.saturating_add(1) {
@@ -64,40 +95,84 @@ impl<'a> Payload<'a> {
             self.check_room(element)?;
             let size = element.count.saturating_mul(element.row_size(self.encoding));
             let end = (self.at as u64).saturating_add(size);
-            if end > self.bytes.len() as u64 {
+            if end > self.view.size() as u64 {
                 return Err(self.cut_off(element, 0));
             }
             self.at = end as usize;
             return Ok(());
         }
-        self.rows(element, |_, _| Ok(()))
+        self.rows(element, || (), |(), _, _| Ok(()), |()| ())
     }
 
-    /// Hands out the rows of an element with their numbers from 0.
-    pub(super) fn rows(
+    /// Reads the rows of an element: groups of them at a time, each into a state of its own, by `row`, which is told the
+    /// row's number from 0. The states are handed to `merge` in the order of the file.
+    pub(super) fn rows<S: Send>(
         &mut self,
         element: &Element,
-        mut row: impl FnMut(u64, &Row) -> Result<(), String>,
+        state: impl Fn() -> S + Sync,
+        row: impl Fn(&mut S, u64, &Row) -> Result<(), String> + Sync,
+        mut merge: impl FnMut(S),
     ) -> Result<(), Complaint> {
         self.check_room(element)?;
         if element.properties.is_empty() {
             return Ok(());
         }
+        let (mut next, mut size, mut buffer) = (0, self.window, Vec::new());
+        while next < element.count {
+            let range = self.at..self.at.saturating_add(size);
+            let window = self.view.piece(range, &mut buffer).map_err(|e| unreadable(&e))?;
+            let last = self.at + window.len() == self.view.size();
+            let left = element.count - next;
+            let scan = if self.encoding == Encoding::Ascii {
+                scan_text(window, left, last)
+            } else {
+                scan_binary(window, left, element, self.encoding)
+            };
+            let understand = |group: &Group| {
+                let mut state = state();
+                self.understand(element, next, window, group, |index, values| row(&mut state, index, values))?;
+                Ok(state)
+            };
+            let states: Vec<Result<S, Complaint>> = scan.groups.par_iter().map(understand).collect();
+            for state in states {
+                merge(state?);
+            }
+            next += scan.rows;
+            self.at += scan.end;
+            if scan.end == 0 {
+                if last {
+                    return Err(self.cut_off(element, next));
+                }
+                // A row that the window can't hold.
+                size = size.saturating_mul(2);
+            }
+        }
+        Ok(())
+    }
+
+    /// Hands out the rows of a group; the window starts with row `first` of the element.
+    fn understand(
+        &self,
+        element: &Element,
+        first: u64,
+        window: &[u8],
+        group: &Group,
+        mut row: impl FnMut(u64, &Row) -> Result<(), String>,
+    ) -> Result<(), Complaint> {
         let mut buffer = Row::default();
+        let bytes = &window[group.bytes.clone()];
+        let indices = first + group.first..first + group.first + group.rows;
         if self.encoding == Encoding::Ascii {
-            let mut all: Lines<'_> = lines(&self.bytes[self.at..]);
-            for index in 0..element.count {
-                let Some(line) = all.next() else { return Err(self.cut_off(element, index)) };
-                let line = Word { start: line.start + self.at, text: line.text };
+            for (index, line) in indices.zip(Lines::new(bytes, self.at + group.bytes.start)) {
                 let what = || format!("{} {index}", element.name);
                 text_row(element, &line, &mut buffer).map_err(|complaint| complaint.within(&what()))?;
                 row(index, &buffer).map_err(|message| line.wrong(message).within(&what()))?;
             }
-            self.at += all.position();
             return Ok(());
         }
-        for index in 0..element.count {
-            if self.binary_row(element, &mut buffer).is_none() {
+        let mut numbers = Numbers { bytes, big: self.encoding == Encoding::Big };
+        for index in indices {
+            if numbers.row(element, &mut buffer).is_none() {
                 return Err(self.cut_off(element, index));
             }
             row(index, &buffer).map_err(|message| Complaint::file(format!("{} {index}: {message}", element.name)))?;
@@ -105,44 +180,124 @@ impl<'a> Payload<'a> {
         Ok(())
     }
 
-    /// The rows of an element whose rows are all of `stride` bytes, if that many are left. They count as read once
-    /// [`Payload::pass`] is called.
-    pub(super) fn table(&self, element: &Element, stride: usize) -> Option<&'a [u8]> {
+    /// Where the rows of an element start whose rows are all of `stride` bytes, if that many are left. They count as read
+    /// once [`Payload::pass`] is called.
+    pub(super) fn table(&self, element: &Element, stride: usize) -> Option<usize> {
         let size = usize::try_from(element.count).ok()?.checked_mul(stride)?;
-        (self.encoding != Encoding::Ascii).then(|| self.bytes[self.at..].get(..size)).flatten()
+        (self.encoding != Encoding::Ascii && stride > 0 && size <= self.left()).then_some(self.at)
     }
 
-    /// Goes on behind a table.
-    pub(super) fn pass(&mut self, table: &[u8]) {
-        self.at += table.len();
+    /// Goes on behind so many bytes.
+    pub(super) fn pass(&mut self, bytes: usize) {
+        self.at += bytes;
     }
 
-    /// Whether numbers start with their highest byte.
-    pub(super) fn is_big(&self) -> bool {
-        self.encoding == Encoding::Big
+    pub(super) fn encoding(&self) -> Encoding {
+        self.encoding
+    }
+
+    pub(super) fn view(&self) -> View<'a> {
+        self.view
     }
 
     fn cut_off(&self, element: &Element, index: u64) -> Complaint {
         Complaint::file(format!("the file ends inside {} {index} of {}", element.name, element.count))
             .help("the file may have been cut off")
     }
+}
 
-    fn binary_row(&mut self, element: &Element, row: &mut Row) -> Option<()> {
+/// What is found in a window.
+struct Scan {
+    groups: Vec<Group>,
+    /// How many rows are in the groups.
+    rows: u64,
+    /// Where the first row starts that isn't.
+    end: usize,
+}
+
+impl Scan {
+    /// Adds a group of so many rows, which ends there.
+    fn push(&mut self, rows: u64, end: usize) {
+        if rows > 0 {
+            self.groups.push(Group { first: self.rows, rows, bytes: self.end..end });
+            (self.rows, self.end) = (self.rows + rows, end);
+        }
+    }
+}
+
+/// Finds up to `most` lines. In the last window the last line needs no end.
+fn scan_text(window: &[u8], most: u64, last: bool) -> Scan {
+    let whole = if last { window.len() } else { memchr::memrchr2(b'\n', b'\r', window).unwrap_or(0) };
+    let mut all = Lines::new(&window[..whole], 0);
+    let mut scan = Scan { groups: Vec::new(), rows: 0, end: 0 };
+    while scan.rows < most {
+        let rows = all.by_ref().take((most - scan.rows).min(GROUP) as usize).count() as u64;
+        if rows == 0 {
+            scan.end = whole;
+            break;
+        }
+        scan.push(rows, all.position());
+    }
+    scan
+}
+
+/// Finds up to `most` rows of numbers that are there as a whole.
+fn scan_binary(window: &[u8], most: u64, element: &Element, encoding: Encoding) -> Scan {
+    let mut numbers = Numbers { bytes: window, big: encoding == Encoding::Big };
+    let mut scan = Scan { groups: Vec::new(), rows: 0, end: 0 };
+    let (mut rows, mut end) = (0, 0);
+    while scan.rows + rows < most && numbers.pass(element).is_some() {
+        (rows, end) = (rows + 1, window.len() - numbers.bytes.len());
+        if rows == GROUP {
+            scan.push(rows, end);
+            rows = 0;
+        }
+    }
+    scan.push(rows, end);
+    scan
+}
+
+/// Binary numbers, one after another.
+struct Numbers<'a> {
+    bytes: &'a [u8],
+    big: bool,
+}
+
+impl Numbers<'_> {
+    /// Passes over a row.
+    #[inline]
+    fn pass(&mut self, element: &Element) -> Option<()> {
+        for property in &element.properties {
+            let size = match property.length {
+                Some(kind) => self.length(kind)?.checked_mul(property.kind.size())?,
+                None => property.kind.size(),
+            };
+            self.bytes = self.bytes.get(size..)?;
+        }
+        Some(())
+    }
+
+    #[inline]
+    fn length(&mut self, kind: Kind) -> Option<usize> {
+        let length = self.next(kind)?;
+        (length >= 0.0).then_some(length as usize)
+    }
+
+    fn row(&mut self, element: &Element, row: &mut Row) -> Option<()> {
         row.clear();
         for property in &element.properties {
             if let Some(kind) = property.length {
-                let length = self.binary(kind)?;
-                let size = (length.max(0.0) as u64).checked_mul(property.kind.size() as u64)?;
-                if length < 0.0 || size > (self.bytes.len() - self.at) as u64 {
+                let length = self.length(kind)?;
+                if length.checked_mul(property.kind.size())? > self.bytes.len() {
                     return None;
                 }
-                row.numbers.push(length);
-                for _ in 0..length as u64 {
-                    let entry = self.binary(property.kind)?;
+                row.numbers.push(length as f64);
+                for _ in 0..length {
+                    let entry = self.next(property.kind)?;
                     row.entries.push(entry);
                 }
             } else {
-                let number = self.binary(property.kind)?;
+                let number = self.next(property.kind)?;
                 row.numbers.push(number);
             }
             row.ends.push(row.entries.len());
@@ -151,14 +306,12 @@ impl<'a> Payload<'a> {
     }
 
     #[inline]
-    fn binary(&mut self, kind: Kind) -> Option<f64> {
-        let rest = self.bytes.get(self.at..)?;
-        self.at += kind.size();
-        let big = self.encoding == Encoding::Big;
+    fn next(&mut self, kind: Kind) -> Option<f64> {
         macro_rules! number {
             ($type:ty) => {{
-                let bytes = *rest.first_chunk()?;
-                f64::from(if big { <$type>::from_be_bytes(bytes) } else { <$type>::from_le_bytes(bytes) })
+                let (bytes, rest) = self.bytes.split_first_chunk()?;
+                self.bytes = rest;
+                f64::from(if self.big { <$type>::from_be_bytes(*bytes) } else { <$type>::from_le_bytes(*bytes) })
             }};
         }
         Some(match kind {
@@ -181,7 +334,7 @@ fn text_row(element: &Element, line: &Word<'_>, row: &mut Row) -> Result<(), Com
         let mut number = |what: &str| {
             let word = words.next().ok_or_else(|| line.wrong(format!("the line ends before {what}")))?;
             // As f64, since f32 doesn't hold all indices.
-            let parsed: Option<f64> = std::str::from_utf8(word.text).ok().and_then(|text| text.parse().ok());
+            let parsed = number::parse(word.text);
             parsed.ok_or_else(|| word.wrong(format!("{what}: \"{}\" is not a number", word.shown())))
         };
         let value = number(&property.name)?;

@@ -1,23 +1,23 @@
 //! Large binary files whose rows are all alike, read in parallel: vertices of plain numbers, and faces of which each is a
 //! triangle. Whatever else is met, be it a mistake, is left to the reader of single rows, which knows all forms and says
 //! what is wrong.
+//!
+//! Rows are read in pieces that fit into the cache of a core and become what they mean there, so that memory sees little more
+//! than what the mesh keeps.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::header::{Element, Kind};
+use super::header::{Element, Encoding, Kind};
 use super::payload::Payload;
+use super::{Extra, Vertices, Wanted};
+use crate::content::View;
+use canaletto::math::Rgb;
+use canaletto::memory;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-/// Which properties of vertices are wanted.
-pub(super) struct Columns<'a> {
-    pub(super) position: [usize; 3],
-    pub(super) normal: Option<[usize; 3]>,
-    pub(super) uv: Option<&'a [usize; 2]>,
-}
-
-/// Positions, normals and texture coordinates.
-type Lists = (Vec<Vec3>, Vec<Vec3>, Vec<Vec2>);
+/// The bytes of rows that are read at a time. Larger pieces push each other out of the cache, smaller ones ask the system too often.
+const PIECE: usize = 1 << 18;
 
 /// A number of each row.
 #[derive(Clone, Copy)]
@@ -28,102 +28,271 @@ struct Column {
 }
 
 impl Column {
-    /// The numbers that rows of `f32` hold are exact; others are rounded as the reader of single rows does.
+    fn of(element: &Element, property: usize, big: bool) -> Column {
+        let offset = element.properties[..property].iter().map(|p| p.kind.size()).sum();
+        Column { offset, kind: element.properties[property].kind, big }
+    }
+
+    /// Hands out the number of each row. It may be more exact than the `f32` that is kept.
     #[inline]
-    fn read(self, row: &[u8]) -> f32 {
-        fn at<const N: usize>(row: &[u8], offset: usize, big: bool) -> [u8; N] {
-            let mut bytes = [0; N];
-            bytes.copy_from_slice(&row[offset..offset + N]);
-            if big {
-                bytes.reverse();
-            }
-            bytes
+    fn each(self, rows: &[u8], stride: usize, mut put: impl FnMut(usize, f64)) {
+        macro_rules! each {
+            ($type:ty) => {{
+                for (i, row) in rows.chunks_exact(stride).enumerate() {
+                    if let Some(bytes) = row[self.offset..].first_chunk() {
+                        let bytes = *bytes;
+                        put(
+                            i,
+                            if self.big { <$type>::from_be_bytes(bytes) } else { <$type>::from_le_bytes(bytes) }.into(),
+                        );
+                    }
+                }
+            }};
         }
-        let Self { offset, kind, big } = self;
-        match kind {
-            Kind::F32 => f32::from_le_bytes(at(row, offset, big)),
-            Kind::F64 => f64::from_le_bytes(at(row, offset, big)) as f32,
-            Kind::I8 => f32::from(i8::from_le_bytes(at(row, offset, big))),
-            Kind::U8 => f32::from(u8::from_le_bytes(at(row, offset, big))),
-            Kind::I16 => f32::from(i16::from_le_bytes(at(row, offset, big))),
-            Kind::U16 => f32::from(u16::from_le_bytes(at(row, offset, big))),
-            Kind::I32 => i32::from_le_bytes(at(row, offset, big)) as f32,
-            Kind::U32 => u32::from_le_bytes(at(row, offset, big)) as f32,
+        match self.kind {
+            Kind::I8 => each!(i8),
+            Kind::U8 => each!(u8),
+            Kind::I16 => each!(i16),
+            Kind::U16 => each!(u16),
+            Kind::I32 => each!(i32),
+            Kind::U32 => each!(u32),
+            Kind::F32 => each!(f32),
+            Kind::F64 => each!(f64),
+        }
+    }
+
+    fn is_plain(self) -> bool {
+        self.kind == Kind::F32 && !self.big
+    }
+}
+
+/// Reads vectors. What is written is what the reader of single rows would keep.
+fn vectors<const N: usize, V: From<[f32; N]> + Into<[f32; N]> + Copy>(
+    columns: [Column; N],
+    rows: &[u8],
+    stride: usize,
+    out: &mut [V],
+) {
+    let first = columns[0];
+    if columns.iter().enumerate().all(|(k, c)| c.is_plain() && c.offset == first.offset + 4 * k) {
+        for (out, row) in out.iter_mut().zip(rows.chunks_exact(stride)) {
+            let numbers = &row[first.offset..first.offset + 4 * N];
+            *out = std::array::from_fn(|k| {
+                f32::from_le_bytes([numbers[4 * k], numbers[4 * k + 1], numbers[4 * k + 2], numbers[4 * k + 3]])
+            })
+            .into();
+        }
+        return;
+    }
+    for (k, column) in columns.into_iter().enumerate() {
+        column.each(rows, stride, |i, number| {
+            let mut vector: [f32; N] = out[i].into();
+            vector[k] = number as f32;
+            out[i] = vector.into();
+        });
+    }
+}
+
+/// A part of the lists of vertices; what the file doesn't have is empty.
+struct Part<'a> {
+    positions: &'a mut [Vec3],
+    normals: &'a mut [Vec3],
+    uvs: &'a mut [Vec2],
+    radii: &'a mut [f32],
+    colors: &'a mut [[f32; 3]],
+}
+
+impl<'a> Part<'a> {
+    /// Takes the first `count` of each.
+    fn take(&mut self, count: usize) -> Part<'a> {
+        fn first<'a, T>(list: &mut &'a mut [T], count: usize) -> &'a mut [T] {
+            list.split_off_mut(..count.min(list.len())).unwrap_or_default()
+        }
+        Part {
+            positions: first(&mut self.positions, count),
+            normals: first(&mut self.normals, count),
+            uvs: first(&mut self.uvs, count),
+            radii: first(&mut self.radii, count),
+            colors: first(&mut self.colors, count),
         }
     }
 }
 
-/// The vertices, if the element is a table and every position is finite.
-pub(super) fn vertices(element: &Element, payload: &mut Payload<'_>, columns: &Columns<'_>) -> Option<Lists> {
+/// What to read of vertices.
+struct VertexRows<'a> {
+    view: View<'a>,
+    stride: usize,
+    position: [Column; 3],
+    normal: Option<[Column; 3]>,
+    uv: Option<[Column; 2]>,
+    radius: Option<Column>,
+    color: Option<[Column; 3]>,
+    extra: &'a Extra,
+}
+
+impl VertexRows<'_> {
+    /// Reads the rows at `at`; whether there is nothing odd about them.
+    fn read(&self, at: usize, part: Part<'_>, buffer: &mut Vec<u8>) -> bool {
+        let stride = self.stride;
+        if stride == size_of::<Vec3>() && self.position[0].offset == 0 && self.positions_are_plain() {
+            // The file's bytes are those of the list.
+            return self.view.fill(at, bytemuck::cast_slice_mut(part.positions)).is_ok() && finite(part.positions);
+        }
+        let Ok(rows) = self.view.piece(at..at + part.positions.len() * stride, buffer) else { return false };
+        vectors(self.position, rows, stride, part.positions);
+        if let Some(columns) = self.normal {
+            vectors(columns, rows, stride, part.normals);
+        }
+        if let Some(columns) = self.uv {
+            vectors(columns, rows, stride, part.uvs);
+            part.uvs.iter_mut().filter(|uv| !uv.is_finite()).for_each(|uv| *uv = Vec2::ZERO);
+        }
+        let mut good = finite(part.positions);
+        if let Some(column) = self.radius {
+            column.each(rows, stride, |i, radius| match self.extra.radius(radius) {
+                Ok(radius) => part.radii[i] = radius,
+                Err(_) => good = false,
+            });
+        }
+        for (k, column) in self.color.into_iter().flatten().enumerate() {
+            if let (Kind::U8, Some((_, Some(255.0)))) = (column.kind, self.extra.color) {
+                for (color, row) in part.colors.iter_mut().zip(rows.chunks_exact(stride)) {
+                    color[k] = self.extra.bytes[usize::from(row[column.offset])];
+                }
+                continue;
+            }
+            column.each(rows, stride, |i, channel| match self.extra.channel(channel) {
+                Ok(channel) => part.colors[i][k] = channel,
+                Err(_) => good = false,
+            });
+        }
+        good
+    }
+
+    fn positions_are_plain(&self) -> bool {
+        let [x, y, z] = self.position;
+        let in_order = (y.offset, z.offset) == (x.offset + 4, x.offset + 8);
+        cfg!(target_endian = "little") && in_order && self.position.iter().all(|column| column.is_plain())
+    }
+}
+
+fn finite(positions: &[Vec3]) -> bool {
+    // Without a way out in between, so that many are tested at a time.
+    positions.iter().fold(true, |all, p| all & p.is_finite())
+}
+
+/// The vertices, if the element is a table without anything odd in it.
+pub(super) fn vertices(element: &Element, wanted: &Wanted, payload: &mut Payload<'_>) -> Option<Vertices> {
     if element.properties.iter().any(|p| p.length.is_some()) {
         return None;
     }
-    let stride = element.properties.iter().map(|p| p.kind.size()).sum();
-    let table = payload.table(element, stride)?;
-    let big = payload.is_big();
-    let column = |property: usize| Column {
-        offset: element.properties[..property].iter().map(|p| p.kind.size()).sum(),
-        kind: element.properties[property].kind,
-        big,
+    let stride: usize = element.properties.iter().map(|p| p.kind.size()).sum();
+    let start = payload.table(element, stride)?;
+    let big = payload.encoding() == Encoding::Big;
+    let column = |property: usize| Column::of(element, property, big);
+    let rows = VertexRows {
+        view: payload.view(),
+        stride,
+        position: wanted.position.map(column),
+        normal: wanted.normal.map(|properties| properties.map(column)),
+        uv: wanted.uv.map(|properties| properties.map(column)),
+        radius: wanted.extra.radius.map(column),
+        color: wanted.extra.color.map(|(properties, _)| properties.map(column)),
+        extra: &wanted.extra,
     };
-    let vectors = |properties: [usize; 3]| {
-        let columns = properties.map(column);
-        let mut list = Vec::new();
-        table
-            .par_chunks_exact(stride)
-            .map(|row| Vec3::from(columns.map(|column| column.read(row))))
-            .collect_into_vec(&mut list);
-        list
+    let count = element.count as usize;
+    let if_there = |there: bool| if there { count } else { 0 };
+    let mut positions = memory::zeros(count);
+    let mut normals = memory::zeros(if_there(rows.normal.is_some()));
+    let mut uvs = memory::zeros(if_there(rows.uv.is_some()));
+    let mut radii = memory::zeros(if_there(rows.radius.is_some()));
+    let mut colors = memory::zeros(if_there(rows.color.is_some()));
+    let mut rest = Part {
+        positions: &mut positions,
+        normals: &mut normals,
+        uvs: &mut uvs,
+        radii: &mut radii,
+        colors: &mut colors,
     };
-    let positions = vectors(columns.position);
-    if !positions.par_iter().all(|p| p.is_finite()) {
-        return None;
-    }
-    let normals = columns.normal.map_or(Vec::new(), vectors);
-    let uvs = columns.uv.map_or(Vec::new(), |properties| {
-        let columns = properties.map(column);
-        let mut list = Vec::new();
-        table
-            .par_chunks_exact(stride)
-            .map(|row| Vec2::from(columns.map(|column| column.read(row))))
-            // What is not finite becomes 0.
-            .map(|uv| if uv.is_finite() { uv } else { Vec2::ZERO })
-            .collect_into_vec(&mut list);
-        list
-    });
-    payload.pass(table);
-    Some((positions, normals, uvs))
+    let step = (PIECE / stride).max(1);
+    let parts: Vec<(usize, Part<'_>)> =
+        (0..count).step_by(step).map(|first| (start + first * stride, rest.take(step))).collect();
+    let good = in_parallel(parts, |buffer, (at, part)| rows.read(at, part, buffer));
+    good.then(|| payload.pass(count * stride))?;
+    let colors = colors.into_iter().map(Rgb::from).collect();
+    Some(Vertices { positions, normals, uvs, radii, colors })
 }
 
-/// The faces, if they are all triangles of vertices that exist, in rows that hold nothing else.
-pub(super) fn triangles(element: &Element, payload: &mut Payload<'_>, vertices: usize) -> Option<Vec<[u32; 3]>> {
-    let [only] = element.properties.as_slice() else { return None };
-    if !matches!(only.length, Some(Kind::U8 | Kind::I8)) || !matches!(only.kind, Kind::I32 | Kind::U32) {
-        return None;
-    }
-    let table = payload.table(element, 13)?;
-    let big = payload.is_big();
-    // A negative index becomes one beyond all: no mesh has 2³¹ vertices and negative indices both.
-    let vertices = u32::try_from(vertices).ok().filter(|&n| only.kind == Kind::U32 || n <= i32::MAX as u32)?;
+/// Whether `work` finds nothing odd anywhere; where it does, what has not begun is left out. Each has a buffer to use.
+fn in_parallel<T: Send>(parts: Vec<T>, work: impl Fn(&mut Vec<u8>, T) -> bool + Sync) -> bool {
     let odd = AtomicBool::new(false);
-    let mut list = Vec::new();
-    table
-        .par_chunks_exact(13)
-        .map(|row| {
-            let corner = |i: usize| {
-                let bytes = [row[i], row[i + 1], row[i + 2], row[i + 3]];
-                if big { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) }
-            };
-            let triangle = [corner(1), corner(5), corner(9)];
-            if row[0] != 3 || triangle.iter().any(|&v| v >= vertices) {
-                odd.store(true, Ordering::Relaxed);
-            }
-            triangle
-        })
-        .collect_into_vec(&mut list);
-    if odd.into_inner() {
-        return None;
-    }
-    payload.pass(table);
+    parts.into_par_iter().for_each_init(Vec::new, |buffer, part| {
+        if !odd.load(Ordering::Relaxed) && !work(buffer, part) {
+            odd.store(true, Ordering::Relaxed);
+        }
+    });
+    !odd.into_inner()
+}
+
+/// The faces, if they are all triangles of vertices that exist, with a list and otherwise plain numbers in each row.
+pub(super) fn triangles(
+    element: &Element,
+    property: usize,
+    payload: &mut Payload<'_>,
+    vertices: usize,
+) -> Option<Vec<[u32; 3]>> {
+    let lists = element.properties.iter().filter(|p| p.length.is_some());
+    let (list, 1) = (&element.properties[property], lists.count()) else { return None };
+    let length = list.length?;
+    let size = |p: &super::header::Property| p.length.map_or(p.kind.size(), |length| length.size() + 3 * p.kind.size());
+    let stride = element.properties.iter().map(size).sum();
+    let start = payload.table(element, stride)?;
+    let big = payload.encoding() == Encoding::Big;
+    let offset: usize = element.properties[..property].iter().map(size).sum();
+    let entry = |k: usize| Column { offset: offset + length.size() + k * list.kind.size(), kind: list.kind, big };
+    let vertices = u32::try_from(vertices).ok()?;
+    // A negative index becomes one beyond all: no mesh has 2³¹ vertices and negative indices both.
+    let plain = !big
+        && (stride, length.size(), list.kind.size()) == (13, 1, 4)
+        && (list.kind == Kind::U32 || list.kind == Kind::I32 && vertices <= i32::MAX as u32);
+    let view = payload.view();
+    let read = |at: usize, out: &mut [[u32; 3]], buffer: &mut Vec<u8>| {
+        let Ok(rows) = view.piece(at..at + out.len() * stride, buffer) else { return false };
+        if plain {
+            return plain_triangles(rows, out, vertices);
+        }
+        let mut good = true;
+        let length = Column { offset, kind: length, big };
+        length.each(rows, stride, |_, length| good &= length == 3.0);
+        for (k, column) in [0, 1, 2].map(entry).into_iter().enumerate() {
+            column.each(rows, stride, |i, index| {
+                // Neither negative, nor a fraction, nor too large.
+                out[i][k] = index as u32;
+                good &= f64::from(index as u32) == index && (index as u32) < vertices;
+            });
+        }
+        good
+    };
+    let count = element.count as usize;
+    let mut list = memory::zeros(count);
+    let step = (PIECE / stride).max(1);
+    let parts = list.chunks_mut(step).enumerate();
+    let parts: Vec<(usize, &mut [[u32; 3]])> = parts.map(|(i, part)| (start + i * step * stride, part)).collect();
+    let good = in_parallel(parts, |buffer, (at, part)| read(at, part, buffer));
+    good.then(|| payload.pass(count * stride))?;
     Some(list)
+}
+
+/// Rows of a byte, which must be 3, and three numbers, which must be less than `vertices`.
+fn plain_triangles(rows: &[u8], out: &mut [[u32; 3]], vertices: u32) -> bool {
+    let (mut lengths, mut largest) = (0, 0);
+    for (triangle, row) in out.iter_mut().zip(rows.as_chunks::<13>().0) {
+        let [length, entries @ ..] = row;
+        let corner =
+            |k: usize| u32::from_le_bytes([entries[4 * k], entries[4 * k + 1], entries[4 * k + 2], entries[4 * k + 3]]);
+        *triangle = [corner(0), corner(1), corner(2)];
+        lengths |= length ^ 3;
+        largest = triangle[0].max(triangle[1]).max(triangle[2]).max(largest);
+    }
+    lengths == 0 && largest < vertices
 }

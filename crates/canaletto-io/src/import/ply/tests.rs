@@ -40,6 +40,10 @@ fn binary(big: bool) -> Vec<u8> {
     out
 }
 
+fn read_mesh(name: &str, bytes: &[u8]) -> Result<(Mesh, u64), Complaint> {
+    super::read_mesh(name, bytes.into())
+}
+
 fn error(text: &str) -> String {
     read_mesh("a", text.as_bytes()).unwrap_err().message
 }
@@ -80,13 +84,13 @@ fn clouds_take_points_and_edges() {
     let text = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\n\
         property float radius\nelement edge 1\nproperty int vertex1\nproperty int vertex2\nproperty float radius\nend_header\n\
         1 2 3 0.5\n4 5 6 0.25\n0 1 0.125\n";
-    let spheres = read_spheres("a", text.as_bytes()).unwrap();
+    let spheres = read_spheres("a", text.as_bytes().into()).unwrap();
     assert_eq!((spheres.centers[1], spheres.radii.as_slice()), (Vec3::new(4., 5., 6.), &[0.5, 0.25][..]));
-    let cylinders = read_cylinders("a", text.as_bytes()).unwrap();
+    let cylinders = read_cylinders("a", text.as_bytes().into()).unwrap();
     assert_eq!((cylinders.axes[0][1], cylinders.radii.as_slice()), (Vec3::new(4., 5., 6.), &[0.125][..]));
     assert!(error(text).contains("it has points but no faces"));
     assert_eq!(
-        read_spheres("a", text.replace("0.25", "0").as_bytes()).unwrap_err().message,
+        read_spheres("a", text.replace("0.25", "0").as_bytes().into()).unwrap_err().message,
         "vertex 1: radius is 0; it must be more than 0"
     );
 }
@@ -208,5 +212,105 @@ fn tables_are_read_as_rows_are() {
     for bytes in &tables(&[&[0, 1, 2], &[1, 3, 2]])[1..] {
         let told = read_mesh("m", &bytes[..bytes.len() - 1]).unwrap_err().error("m").message;
         assert!(told.contains("bytes are left") || told.contains("ends inside face 1 of 2"), "{told}");
+    }
+}
+
+/// A mesh of many rows with colours, radii and polygons of all kinds, as text and in both byte orders.
+fn large(count: usize, odd: impl Fn(usize, &mut Vec<i32>)) -> [Vec<u8>; 3] {
+    let header = format!(
+        "element vertex {count}\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\n\
+         property uchar green\nproperty uchar blue\nelement face {count}\nproperty uchar quality\n\
+         property list uchar int vertex_indices\nend_header\n"
+    );
+    ["ascii", "binary_little_endian", "binary_big_endian"].map(|encoding| {
+        let mut out = format!("ply\nformat {encoding} 1.0\n{header}").into_bytes();
+        let mut put = |text: String, little: &[u8]| match encoding {
+            "ascii" => out.extend(format!("{text} ").into_bytes()),
+            "binary_big_endian" => out.extend(little.iter().rev()),
+            _ => out.extend(little),
+        };
+        for i in 0..count {
+            for p in [i as f32, (i * i % 97) as f32 * 0.3, (i % 5) as f32] {
+                put(p.to_string(), &p.to_le_bytes());
+            }
+            (0..3).for_each(|k| put(((i + k) % 256).to_string(), &[((i + k) % 256) as u8]));
+            put("\n".into(), &[]);
+        }
+        for i in 0..count {
+            let mut face: Vec<i32> = (0..3).map(|k| ((i * 7 + k * 3) % count) as i32).collect();
+            odd(i, &mut face);
+            put("7".into(), &[7]);
+            put(face.len().to_string(), &[face.len() as u8]);
+            face.iter().for_each(|v| put(v.to_string(), &v.to_le_bytes()));
+            put(if i % 3 == 0 { "\n\n".into() } else { "\n".into() }, &[]);
+        }
+        out
+    })
+}
+
+/// All ways to read a file: at once and in small windows, from memory and from a disk, by one thread and by three.
+fn every_way(bytes: &[u8]) -> Result<(Mesh, u64), Complaint> {
+    let mut file = tempfile::tempfile().unwrap();
+    std::io::Write::write_all(&mut file, bytes).unwrap();
+    let expected = read_mesh("m", bytes);
+    let told = |result: &Result<(Mesh, u64), Complaint>| match result {
+        Ok(mesh) => (Some(mesh.clone()), String::new()),
+        Err(complaint) => (None, format!("{} {:?}", complaint.message, complaint.span)),
+    };
+    for threads in [1, 3] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        for view in [View::Memory(bytes), View::File(&file, bytes.len())] {
+            let header = read_header(view).unwrap();
+            for window in [1, 1000, 100_000] {
+                let payload = Payload::with_window(&header, view, window);
+                let found = pool.install(|| read_payload("m", &header, payload));
+                assert!(told(&found) == told(&expected), "{threads} threads, windows of {window}: {}", told(&found).1);
+            }
+        }
+    }
+    expected
+}
+
+#[test]
+fn neither_windows_nor_threads_change_anything() {
+    let triangles = |_: usize, _: &mut Vec<i32>| ();
+    let polygons = |i: usize, face: &mut Vec<i32>| match i % 7 {
+        1 => face.truncate(2),
+        2 => face.push((i as i32 + 11) % 5000),
+        3 => face.extend([1, 2, 3]),
+        _ => {}
+    };
+    let mistakes = |i: usize, face: &mut Vec<i32>| match i {
+        4100 => face[2] = -3,
+        2200 | 2201 | 4900 => face[1] = 5000 + i as i32,
+        _ => {}
+    };
+    let all = large(5000, triangles).map(|bytes| every_way(&bytes).unwrap());
+    assert_eq!((all[0].0.triangles.len(), all[0].0.colors.len()), (5000, 5000));
+    assert!(all[1] == all[0] && all[2] == all[0]);
+    let all = large(5000, polygons).map(|bytes| every_way(&bytes).unwrap());
+    assert_eq!(all[0].1, 715);
+    assert!(all[1] == all[0] && all[2] == all[0]);
+    for bytes in large(5000, mistakes) {
+        let message = every_way(&bytes).unwrap_err().message;
+        assert!(message.starts_with("face 2200: it refers to vertex 7200, but only 5000 exist"), "{message}");
+    }
+    for bytes in large(5000, polygons) {
+        let message = every_way(&bytes[..bytes.len() - 2000]).unwrap_err().message;
+        assert!(message.contains("face 4") || message.contains("bytes are left"), "{message}");
+    }
+}
+
+#[test]
+fn headers_of_any_length_are_read() {
+    let text = String::from_utf8(ascii()).unwrap();
+    for length in [1 << 16, 1 << 18, 1 << 20] {
+        for more in length - 500..length + 20 {
+            let comment = format!("comment {}\nelement vertex", "c".repeat(more));
+            let long = text.replacen("element vertex", &comment, 1);
+            if more % 97 == 0 || long.find("end_header").unwrap().abs_diff(length) < 16 {
+                assert_eq!(read_mesh("a", long.as_bytes()).unwrap().0.triangles.len(), 3);
+            }
+        }
     }
 }

@@ -1,5 +1,9 @@
 use super::*;
 use crate::assets::{AssetPath, MemoryAssets};
+use crate::content::Content;
+use canaletto::math::Rgb;
+use glam::{Vec2, Vec3};
+use proptest::prelude::*;
 
 fn load(text: &str, others: &[(&str, &str)]) -> Result<Imported, Diagnostics> {
     let mut files = MemoryAssets::new().with("a.obj", text);
@@ -173,4 +177,85 @@ fn many_groups_and_shared_corners_stay_fast() {
     let start = std::time::Instant::now();
     assert_eq!(good(&text).meshes.len(), 7000);
     assert!(start.elapsed().as_secs() < 5);
+}
+
+/// All ways to read a file: in pieces of a few bytes and at once, from memory and from a disk, by one thread and by three.
+/// Tells meshes, materials and all messages, or the mistakes.
+fn every_way(text: &[u8]) -> Result<Imported, String> {
+    let assets = MemoryAssets::new().with("a.obj", text).with("m.mtl", "newmtl red\nnewmtl blue\nwhat 1\n");
+    let mut file = tempfile::tempfile().unwrap();
+    std::io::Write::write_all(&mut file, text).unwrap();
+    let memory = assets.open("a.obj", &AssetPath::base()).unwrap();
+    let disk = OpenAsset { path: memory.path.clone(), content: Content::File(file, text.len()) };
+    let read = |asset: &OpenAsset, size: usize| {
+        let text = Text { view: asset.content.view(), size };
+        read_pieces(asset, &assets, text).map_err(|errors| errors.to_string())
+    };
+    let expected = read(&memory, text.len().max(1));
+    let told = |result: &Result<Imported, String>| match result {
+        Ok(model) => format!("{:?} {:?} {}", model.meshes, model.materials, model.warnings),
+        Err(message) => message.clone(),
+    };
+    for threads in [1, 3] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        for size in [1, 2, 3, 5, 8, 13, 40, 200] {
+            let found = pool.install(|| read(if size % 2 == 0 { &memory } else { &disk }, size));
+            assert_eq!(told(&found), told(&expected), "{threads} threads, pieces of {size}");
+        }
+    }
+    expected
+}
+
+#[test]
+fn pieces_change_nothing() {
+    let model = every_way(
+        b"\xef\xbb\xbff 1 2 3\r\n\r\nmtllib m.mtl\rv 0 0 0\nv 1 0 \\\r\n 0\nv 1 1 0 1 0 0\nusemtl red\n# c \\\nf -1 -2 -3\n\
+        \n\n\\\n\nv 0 1 0\nf 1 2 3 \\\n 4\nusemtl blue\nf -4 -3 -1\ns 1\nvn 0 0 1\ng a\nf 1//1 2//1 3//-1\nf 1/9 2 3\n\
+        usemtl none\ns 2\nl 1 2\nf 2 3\nf 2 3 4\n",
+    );
+    let model = model.unwrap();
+    assert_eq!((model.meshes.len(), model.materials.len()), (2, 3));
+    assert_eq!(model.meshes[0].slots, [0, 1, 1, 1, 2]);
+    assert_eq!(model.meshes[1].triangles.len(), 3);
+    // Of several mistakes the first is told, those of vertices before those of faces.
+    for (text, message) in [
+        ("v 1 2 3\nf 1 1 4\nf 1 1 5\nf x\n", "a.obj:2:7: error: face refers to vertex 4, but only 1 exist"),
+        ("v 1 2 3\nf 1 1 -2\nv 1 2 3\nf 1 1 9\n", "a.obj:2:7: error: face refers to vertex -2, but only 1 come"),
+        ("f 1 2 3\nv 1 2 3\nv 1 2\nv 1\n", "a.obj:3:1: error: vertex needs 3 numbers, and here are 2"),
+    ] {
+        let told = every_way(text.as_bytes()).unwrap_err();
+        assert!(told.starts_with(message), "{told}");
+    }
+}
+
+#[test]
+fn plain_files_keep_their_vertices() {
+    let mesh = &good(&format!("v 9 9 9\n{SQUARE}f 2 3 4 5\n")).meshes[0];
+    assert_eq!((mesh.positions.len(), mesh.triangles[0]), (5, [1, 2, 3]));
+    let both = "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvn 0 0 2\nvn 0 0 1\nvn 0 0 1\nvn 0 0 1\nf 4/4/4 3/3/3 1/1/1\n";
+    let mesh = &good(&format!("{SQUARE}{both}")).meshes[0];
+    assert_eq!((mesh.triangles[0], mesh.uvs[2], mesh.normals[0]), ([3, 2, 0], Vec2::ONE, Vec3::Z));
+    // Texture coordinates that vertices don't share.
+    let mesh = &good(&format!("{SQUARE}vt 5 5\n{both}f 1/1 2/2 3/3\n")).meshes[0];
+    assert_eq!(mesh.triangles, [[0, 1, 2], [3, 4, 5]]);
+}
+
+proptest! {
+    #[test]
+    fn pieces_never_change_anything(lines in prop::collection::vec(prop::sample::select(vec![
+        "v 0 0 0", "v 1 0 0", "v 0 1 0 0.5 0 0", "v 1 1 \\\n 1", "vt 0 1", "vn 0 0 1", "f 1 2 3", "f 1/1 2/2 3/3", "f 1//1 2//1 3//1",
+        "f -1 -2 -3", "f 1 2 3 4", "f 3 2 1 # back \\", "# v \\", "usemtl red", "usemtl blue", "usemtl no", "g a", "g b", "o c", "s 1",
+        "l 1 2", "mtllib m.mtl", "", "\\", "\r", "f 1 2", "what 1", "fo 2 3 1", "f 1/9/9 2 3", " \tv 3 1 2 \r",
+    ]), 0..40), broken in prop::sample::select(vec!["", "", "v 1", "f 1 2 x", "f 1 2 99", "f 0 1 2", "v 1e40 0 0"])) {
+        let mut text = "v 0 0 0\nv 2 0 0\nv 0 2 0\nv 2 2 0\n".to_owned();
+        for (i, line) in lines.iter().enumerate() {
+            text += line;
+            text += if i % 5 == 4 { "\r\n" } else { "\n" };
+            if i == 17 {
+                text += broken;
+                text += "\n";
+            }
+        }
+        let _ = every_way(text.as_bytes());
+    }
 }

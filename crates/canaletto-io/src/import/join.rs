@@ -1,0 +1,18 @@
+//! Lists that were made in parts become one.
+
+use bytemuck::Pod;
+use canaletto::memory;
+use rayon::prelude::*;
+
+/// The parts one after another, copied in parallel. Each part's memory is given back as soon as it is copied.
+pub(super) fn join<T: Pod + Send + Sync>(mut parts: Vec<Vec<T>>) -> Vec<T> {
+    parts.retain(|part| !part.is_empty());
+    if parts.len() < 2 {
+        return parts.pop().unwrap_or_default();
+    }
+    let mut all = memory::zeros(parts.iter().map(Vec::len).sum());
+    let mut rest = all.as_mut_slice();
+    let places: Vec<&mut [T]> = parts.iter().map(|part| rest.split_off_mut(..part.len()).unwrap_or_default()).collect();
+    places.into_par_iter().zip(parts).for_each(|(place, part)| place.copy_from_slice(&part));
+    all
+}

@@ -1,0 +1,160 @@
+//! Numbers of decimal digits. Most are exact in an instant (Clinger, *How to read floating point numbers accurately*, 1990,
+//! the fast path): both their digits and a power of ten fit into an `f64`, so that one operation rounds once. The others, and
+//! what is no number, are left to the standard library, which gives the same bits.
+
+/// The number that a text says.
+pub(super) fn parse(text: &[u8]) -> Option<f64> {
+    match leading(text) {
+        Some((number, rest)) if rest == text.len() => Some(number),
+        _ => std::str::from_utf8(text).ok()?.parse().ok(),
+    }
+}
+
+/// The number that a text says, rounded to `f32` once.
+pub(super) fn parse_f32(text: &[u8]) -> Option<f32> {
+    match leading_f32(text) {
+        Some((number, rest)) if rest == text.len() => Some(number),
+        _ => std::str::from_utf8(text).ok()?.parse().ok(),
+    }
+}
+
+/// The number at a text's start and where it ends, if it is an easy one.
+#[inline]
+pub(super) fn leading_f32(text: &[u8]) -> Option<(f32, usize)> {
+    let (number, end) = leading(text)?;
+    // In the middle between two `f32`, the digits would have to be asked once more to which side it falls; below the normal
+    // numbers, the middles are elsewhere.
+    let middle = number.to_bits() & 0x1fff_ffff == 0x1000_0000;
+    let normal = number == 0.0 || (f64::from(f32::MIN_POSITIVE)..f64::from(f32::MAX)).contains(&number.abs());
+    (!middle && normal).then_some((number as f32, end))
+}
+
+/// The digit at a place.
+#[inline(always)]
+pub(super) fn digit(text: &[u8], at: usize) -> Option<u8> {
+    text.get(at).map(|byte| byte.wrapping_sub(b'0')).filter(|digit| *digit < 10)
+}
+
+#[inline]
+fn leading(text: &[u8]) -> Option<(f64, usize)> {
+    const POWERS: [f64; 23] = [
+        1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19,
+        1e20, 1e21, 1e22,
+    ];
+    let negative = text.first() == Some(&b'-');
+    let mut at = usize::from(negative);
+    let mut digits = 0u64;
+    let mut take = |at: &mut usize| {
+        let start = *at;
+        while let Some(digit) = digit(text, *at) {
+            digits = digits.wrapping_mul(10).wrapping_add(u64::from(digit));
+            *at += 1;
+        }
+        *at - start
+    };
+    let whole = take(&mut at);
+    let mut fraction = 0;
+    if text.get(at) == Some(&b'.') {
+        at += 1;
+        fraction = take(&mut at);
+    }
+    // As many always fit.
+    if whole + fraction == 0 || whole + fraction > 19 || digits > 1 << 53 {
+        return None;
+    }
+    let mut power = -(fraction as i32);
+    if let Some(b'e' | b'E') = text.get(at) {
+        let down = text.get(at + 1) == Some(&b'-');
+        at += 1 + usize::from(down || text.get(at + 1) == Some(&b'+'));
+        let (start, mut exponent) = (at, 0);
+        while let Some(digit) = digit(text, at) {
+            exponent = (exponent * 10 + i32::from(digit)).min(1000);
+            at += 1;
+        }
+        if at == start {
+            return None;
+        }
+        power += if down { -exponent } else { exponent };
+    }
+    let scale = *POWERS.get(power.unsigned_abs() as usize)?;
+    let number = if power < 0 { digits as f64 / scale } else { digits as f64 * scale };
+    Some((if negative { -number } else { number }, at))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn same(text: &str) {
+        let bits = |number: Option<f64>| number.map(f64::to_bits);
+        assert_eq!(bits(parse(text.as_bytes())), bits(text.parse().ok()), "{text}");
+        let bits = |number: Option<f32>| number.map(f32::to_bits);
+        assert_eq!(bits(parse_f32(text.as_bytes())), bits(text.parse().ok()), "{text}");
+    }
+
+    #[test]
+    fn odd_numbers_are_as_ever() {
+        for text in [
+            "",
+            "-",
+            "+",
+            ".",
+            "-.",
+            "1.",
+            ".5",
+            "-.5e+01",
+            "+1",
+            "1e",
+            "1e+",
+            "1e-",
+            "e5",
+            "1e99999999999",
+            "-0",
+            "0e99",
+            "1 ",
+            "1x",
+            "nan",
+            "inf",
+            "-inf",
+            "0x1",
+            "1e22",
+            "1e23",
+            "9007199254740992",
+            "9007199254740993",
+            "99999999999999999999",
+            "18446744073709551616",
+            "00000000000000000000001",
+            "1e-45",
+            "1e-38",
+            "3.5e38",
+            "3.4028235e38",
+            "3.4028236e38",
+            "1.1754943e-38",
+            "1e1e1",
+            "1..2",
+            "--1",
+            // In the middle between two f32, and a little beside it.
+            "16777217",
+            "16777217.0000000001",
+            "16777216.9999999999",
+            "1.00000005960464477539",
+            "1.000000059604644776",
+        ] {
+            same(text);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn all_numbers_are_as_the_standard_library_reads_them(bits in any::<u32>(), digits in 1usize..18, text in "[-+]?[0-9]{0,12}[.]?[0-9]{0,9}([eE][-+]?[0-9]{1,2})?") {
+            let number = f32::from_bits(bits);
+            same(&number.to_string());
+            same(&format!("{number:.digits$e}"));
+            same(&format!("{:.digits$}", f64::from(number)));
+            // Half way to the next f32.
+            same(&format!("{}", (f64::from(number) + f64::from(f32::from_bits(bits ^ 1))) / 2.0));
+            same(&text);
+        }
+    }
+}

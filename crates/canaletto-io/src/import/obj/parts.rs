@@ -1,0 +1,198 @@
+//! Meshes from triangles whose corners index positions, texture coordinates and normals apart.
+
+use super::super::join::join;
+use super::super::mend::mend_normals;
+use super::faces::{Corner, NONE, Pattern, Triangles};
+use super::vertices::Vertices;
+use canaletto::shape::Mesh;
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+use std::collections::HashMap;
+use std::ops::Range;
+
+/// The meshes of a file, by name, and the triangles so far.
+#[derive(Default)]
+pub(super) struct Parts {
+    list: Vec<Part>,
+    names: HashMap<String, usize>,
+    slots: HashMap<(usize, u32), u32>,
+    pieces: Vec<Triangles>,
+    runs: Vec<Run>,
+}
+
+struct Part {
+    name: String,
+    materials: Vec<u32>,
+}
+
+/// Triangles of a piece that follow one another and belong together.
+struct Run {
+    piece: usize,
+    triangles: Range<usize>,
+    part: usize,
+    slot: u32,
+}
+
+impl Parts {
+    /// The number of the part of this name.
+    pub(super) fn named(&mut self, name: &str) -> usize {
+        if let Some(part) = self.names.get(name) {
+            return *part;
+        }
+        self.names.insert(name.to_owned(), self.list.len());
+        self.list.push(Part { name: name.to_owned(), materials: Vec::new() });
+        self.list.len() - 1
+    }
+
+    /// The slot of a material in a part.
+    pub(super) fn slot(&mut self, part: usize, material: u32) -> u32 {
+        let materials = &mut self.list[part].materials;
+        *self.slots.entry((part, material)).or_insert_with(|| {
+            materials.push(material);
+            materials.len() as u32 - 1
+        })
+    }
+
+    /// Says what some triangles of the piece belong to that is added next.
+    pub(super) fn run(&mut self, triangles: Range<usize>, part: usize, slot: u32) {
+        self.runs.push(Run { piece: self.pieces.len(), triangles, part, slot });
+    }
+
+    /// Adds the triangles of a piece.
+    pub(super) fn add(&mut self, triangles: Triangles) {
+        self.pieces.push(triangles);
+    }
+
+    /// The meshes. Faces without a material get `default`, asked for only where others have one.
+    ///
+    /// A single mesh keeps the file's vertices as they are, if it can. Others get vertices in the order in which their
+    /// triangles come to them, one for each combination of position, texture coordinates and normal.
+    pub(super) fn finish(mut self, vertices: Vertices, mut default: impl FnMut() -> u32) -> Vec<Mesh> {
+        for part in &mut self.list {
+            if part.materials == [NONE] {
+                part.materials.clear();
+            }
+            part.materials.iter_mut().filter(|m| **m == NONE).for_each(|m| *m = default());
+        }
+        let mut meshes = match self.pattern(&vertices) {
+            Some(pattern) => vec![self.whole(vertices, pattern)],
+            None => self.apart(&vertices),
+        };
+        meshes.iter_mut().for_each(mend_normals);
+        meshes
+    }
+
+    /// What all corners have, if there is one mesh only, and texture coordinates and normals are numbered as positions are.
+    fn pattern(&self, vertices: &Vertices) -> Option<Pattern> {
+        let mut patterns = self.pieces.iter().filter(|piece| piece.len() > 0).map(|piece| match piece {
+            Triangles::Plain(pattern, _) => Some(*pattern),
+            Triangles::Full(_) => None,
+        });
+        let pattern = patterns.next()??;
+        let counts = [vertices.uvs.len(), vertices.normals.len()];
+        let fits = pattern.iter().zip(counts).all(|(there, count)| !there || count == vertices.positions.len());
+        (self.list.len() == 1 && fits && patterns.all(|other| other == Some(pattern))).then_some(pattern)
+    }
+
+    /// The only mesh.
+    fn whole(self, vertices: Vertices, [uv, normal]: Pattern) -> Mesh {
+        let slots = self.runs.iter().map(|run| (run.slot, run.triangles.len()));
+        let slots = slots.flat_map(|(slot, count)| std::iter::repeat_n(slot, count));
+        let plain = |piece| match piece {
+            Triangles::Plain(_, list) => list,
+            Triangles::Full(_) => Vec::new(),
+        };
+        let Vertices { positions, colors, uvs, normals } = vertices;
+        let materials = self.list.iter().flat_map(|part| part.materials.iter().copied()).collect::<Vec<_>>();
+        Mesh {
+            name: self.list.iter().map(|part| part.name.as_str()).collect(),
+            positions,
+            normals: if normal { normals } else { Vec::new() },
+            uvs: if uv { uvs } else { Vec::new() },
+            colors,
+            slots: if materials.len() < 2 { Vec::new() } else { slots.collect() },
+            triangles: join(self.pieces.into_iter().map(plain).collect()),
+            materials,
+            one_sided: false,
+        }
+    }
+
+    /// The meshes with vertices of their own.
+    fn apart(self, vertices: &Vertices) -> Vec<Mesh> {
+        let Parts { list, pieces, runs, .. } = self;
+        let mut numbers = Numbers { latest: vec![None; vertices.positions.len()], others: HashMap::new() };
+        let mut drafts: Vec<Draft> = list.iter().map(|_| Draft::default()).collect();
+        let mut runs = runs.into_iter().peekable();
+        for (index, piece) in pieces.into_iter().enumerate() {
+            while let Some(run) = runs.next_if(|run| run.piece == index) {
+                let Draft { corners, triangles, slots } = &mut drafts[run.part];
+                for triangle in run.triangles {
+                    let triangle = piece.corners(triangle);
+                    triangles.push(triangle.map(|corner| numbers.of(run.part as u32, corner, corners)));
+                    slots.push(run.slot);
+                }
+            }
+        }
+        drop(numbers);
+        let parts = list.into_iter().zip(drafts);
+        parts.map(|(part, draft)| draft.finish(part, vertices)).collect()
+    }
+}
+
+/// The numbers that corners have in their meshes.
+struct Numbers {
+    /// For each position the corner met last and its number, with the part: the usual case needs no hash.
+    latest: Vec<Option<(u32, Corner, u32)>>,
+    others: HashMap<(u32, Corner), u32>,
+}
+
+impl Numbers {
+    /// The number of a corner in a part, whose corners so far are given.
+    fn of(&mut self, part: u32, corner: Corner, corners: &mut Vec<Corner>) -> u32 {
+        let latest = &mut self.latest[corner[0] as usize];
+        if let Some((of, known, number)) = *latest {
+            if of == part && known == corner {
+                return number;
+            }
+            self.others.insert((of, known), number);
+        }
+        let number = self.others.get(&(part, corner)).copied().unwrap_or_else(|| {
+            corners.push(corner);
+            corners.len() as u32 - 1
+        });
+        *latest = Some((part, corner, number));
+        number
+    }
+}
+
+/// A mesh under construction.
+#[derive(Default)]
+struct Draft {
+    corners: Vec<Corner>,
+    triangles: Vec<[u32; 3]>,
+    slots: Vec<u32>,
+}
+
+impl Draft {
+    fn finish(self, part: Part, vertices: &Vertices) -> Mesh {
+        let Draft { corners, triangles, mut slots } = self;
+        if part.materials.len() < 2 {
+            slots = Vec::new();
+        }
+        let some = |which: usize| corners.par_iter().any(|c| c[which] != NONE);
+        let take = |c: &Corner, which: usize| (c[which] != NONE).then_some(c[which] as usize);
+        let (mut uvs, mut normals, mut colors) = (Vec::new(), Vec::new(), Vec::new());
+        if some(1) {
+            uvs = corners.par_iter().map(|c| take(c, 1).map_or(Vec2::ZERO, |i| vertices.uvs[i])).collect();
+        }
+        if some(2) {
+            normals = corners.par_iter().map(|c| take(c, 2).map_or(Vec3::ZERO, |i| vertices.normals[i])).collect();
+        }
+        if !vertices.colors.is_empty() {
+            colors = corners.par_iter().map(|c| vertices.colors[c[0] as usize]).collect();
+        }
+        let positions = corners.par_iter().map(|c| vertices.positions[c[0] as usize]).collect();
+        let Part { name, materials } = part;
+        Mesh { name, positions, normals, uvs, colors, triangles, slots, materials, one_sided: false }
+    }
+}
