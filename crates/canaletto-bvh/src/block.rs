@@ -5,6 +5,8 @@
 //! triangle that lies before all others waits until the ray's way has ended ([`Search`]).
 #![allow(unsafe_code)] // Rows told by byte offsets.
 
+use std::ops::{Add, Mul};
+
 use glam::{Vec3, Vec4};
 
 use crate::lanes::{Instructions, Sixteen};
@@ -280,6 +282,22 @@ const LEAST: [f32; 2] = [8.0 * f32::EPSILON, 4.0 * UNDERFLOW];
 const AREA: f32 = 16.0 / (1u64 << 34) as f32;
 const VOLUME: f32 = 1.0 / (1u64 << 38) as f32;
 
+impl<N: Copy + Add<Output = N> + Mul<Output = N>> Bound<N> {
+    /// For D, one for all or for each lane. `splat` gives the same number to all lanes.
+    #[inline(always)]
+    fn with(reach: N, splat: impl Fn(f32) -> N, max: impl Fn(N, N) -> N) -> Self {
+        let (scale, least) = (reach * splat(SCALE), splat(f32::MIN_POSITIVE));
+        Self {
+            reach,
+            scale,
+            least: scale * (reach * splat(LEAST[0])) + (reach * splat(LEAST[1]) + least),
+            // ∞, where a product may overflow.
+            area: max(reach * reach * splat(AREA), least),
+            volume: max(reach * reach * reach * splat(VOLUME), least),
+        }
+    }
+}
+
 impl Bound {
     /// For triangles within a box.
     #[inline(always)]
@@ -292,15 +310,7 @@ impl Bound {
     pub(crate) fn within(low: Vec3, high: Vec3, bounds: &Aabb) -> Self {
         let reach = (bounds.max - low).max(high - bounds.min).abs();
         let reach = reach.x.max(reach.y).max(reach.z);
-        let scale = reach * SCALE;
-        Self {
-            reach,
-            scale,
-            least: scale * (reach * LEAST[0]) + (reach * LEAST[1] + f32::MIN_POSITIVE),
-            // ∞, where a product may overflow.
-            area: (reach * reach * AREA).max(f32::MIN_POSITIVE),
-            volume: (reach * reach * reach * VOLUME).max(f32::MIN_POSITIVE),
-        }
+        Self::with(reach, |x| x, f32::max)
     }
 
     /// The same bounds in f64, for all rays and triangles, as `triangle::intersect_exactly` has them for one.
@@ -332,14 +342,7 @@ impl<N: Sixteen> Bound<N> {
     /// For sixteen rays, no corner being farther from an origin than this.
     #[inline(always)]
     pub(crate) fn of_sixteen<S: Instructions<Sixteen = N>>(s: S, reach: N) -> Self {
-        let (scale, least) = (reach * s.splat(SCALE), s.splat(f32::MIN_POSITIVE));
-        Self {
-            reach,
-            scale,
-            least: scale * (reach * s.splat(LEAST[0])) + (reach * s.splat(LEAST[1]) + least),
-            area: (reach * reach * s.splat(AREA)).max(least),
-            volume: (reach * reach * reach * s.splat(VOLUME)).max(least),
-        }
+        Self::with(reach, |x| s.splat(x), N::max)
     }
 
     /// By how much edge functions of triangles of this size may be wrong.
