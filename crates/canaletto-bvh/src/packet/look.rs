@@ -1,6 +1,6 @@
 //! What f32 tells of a triangle and the rays of a group: `block::Tested` with rays for lanes.
 
-use super::group::{Group, NOTHING, Way};
+use super::group::{Group, Way};
 use crate::block::{BLUR, Bound};
 use crate::lanes::{Instructions, Mask, Sixteen};
 use crate::slab::{DEFLATE, INFLATE};
@@ -22,11 +22,6 @@ pub(super) struct Which {
     /// Four times its block plus its lane.
     pub(super) place: u32,
     pub(super) id: u32,
-}
-
-impl Which {
-    /// Where it doesn't matter.
-    pub(super) const ANY: Self = Self { place: NOTHING, id: NOTHING - 1 };
 }
 
 /// What a test did.

@@ -12,7 +12,7 @@ mod look;
 mod settle;
 mod walk;
 
-use crate::block::{Block, Bound, Scene};
+use crate::block::{Bound, Scene};
 use crate::lanes::{Baseline, Instructions, SIXTEEN};
 #[cfg(target_arch = "x86_64")]
 use crate::lanes::{WithAvx2, WithAvx512};
@@ -20,7 +20,7 @@ use crate::triangles::Nearest;
 use crate::{InstructionSet, PreparedRay, Ray};
 use glam::Vec3;
 use group::{Group, Interval, NOTHING, Way};
-use look::{Terms, Which};
+use look::{Terms, Told, Which};
 use walk::{GROUPS, Walk};
 
 /// The most rays in a packet.
@@ -33,8 +33,6 @@ pub(crate) struct Outcome {
     pub(crate) apart: u64,
     /// Rays that have to be sent again, another way; what they know of hits is true.
     pub(crate) again: u64,
-    /// How often triangles were tested against a group.
-    pub(crate) tested: usize,
 }
 
 /// Up to four groups that go the same way.
@@ -86,79 +84,63 @@ impl Packet {
         }
     }
 
+    /// Takes all groups to the leaves that they may meet; `alone` is called for rays that have to be tested against a triangle exactly: with
+    /// their group, their lane, and four times the block plus the triangle's lane.
     #[inline(always)]
-    fn closest<S: Instructions>(&mut self, s: S, scene: Scene<'_>, nearest: &mut [Nearest], outcome: &mut Outcome) {
-        let terms = self.terms(&scene, false);
+    fn go<S: Instructions, const NEAREST: bool>(
+        &mut self,
+        s: S,
+        scene: Scene<'_>,
+        mut alone: impl FnMut(&mut Group, usize, u32),
+    ) -> Terms {
+        let terms = self.terms(&scene, !NEAREST);
         self.start(s);
-        while let Some((leaf, mut groups)) = self.walk.next::<S, true>(s, scene.nodes, &self.groups) {
+        while let Some((leaf, mut groups)) = self.walk.next::<S, NEAREST>(s, scene.nodes, &self.groups) {
             let block = &scene.blocks[leaf.first() as usize];
             let size = block.size();
             while groups != 0 {
                 let index = groups.trailing_zeros() as usize % GROUPS;
                 groups &= groups - 1;
                 let group = &mut self.groups[index];
-                let mut taken = 0;
+                let mut changed = 0;
                 for lane in 0..leaf.count() as usize {
                     let corners = block.ordered(lane, terms.way.rows);
                     let which = Which { place: leaf.first() << 2 | lane as u32, id: block.id(lane) };
-                    let told = group.test(s, &terms, &corners, size, which);
-                    taken |= told.taken | told.undecided;
-                    let mut undecided = told.undecided;
+                    let Told { taken, mut undecided } = group.test(s, &terms, &corners, size, which);
+                    changed |= taken | undecided;
                     while undecided != 0 {
-                        let i = undecided.trailing_zeros() as usize;
+                        alone(group, undecided.trailing_zeros() as usize, which.place);
                         undecided &= undecided - 1;
-                        let failed = decide(group, scene, i, which.place, &mut nearest[group.first + i]);
-                        outcome.again |= u64::from(failed) << (group.first + i);
                     }
                 }
-                outcome.tested += leaf.count() as usize;
-                if taken != 0 {
+                if changed != 0 {
                     let farthest = group.farthest(s);
                     self.walk.limit(index, farthest);
                 }
             }
         }
+        terms
+    }
+
+    #[inline(always)]
+    fn closest<S: Instructions>(&mut self, s: S, scene: Scene<'_>, nearest: &mut [Nearest], outcome: &mut Outcome) {
+        let mut alone = |group: &mut Group, i: usize, place: u32, nearest: &mut [Nearest]| {
+            let ray = group.first + i;
+            outcome.again |= u64::from(decide(group, scene, i, place, &mut nearest[ray])) << ray;
+        };
+        let terms = self.go::<S, true>(s, scene, |group, i, place| alone(group, i, place, nearest));
         for group in &mut self.groups[..self.len] {
-            let mut alone = settle::settle(group, &terms, scene, nearest);
-            while alone != 0 {
-                let i = alone.trailing_zeros() as usize;
-                alone &= alone - 1;
-                let failed = decide(group, scene, i, NOTHING, &mut nearest[group.first + i]);
-                outcome.again |= u64::from(failed) << (group.first + i);
+            let mut left = settle::settle(group, &terms, scene, nearest);
+            while left != 0 {
+                alone(group, left.trailing_zeros() as usize, NOTHING, nearest);
+                left &= left - 1;
             }
         }
     }
 
     #[inline(always)]
-    fn any<S: Instructions>(&mut self, s: S, scene: Scene<'_>, t_max: &mut [f32], outcome: &mut Outcome) {
-        let terms = self.terms(&scene, true);
-        self.start(s);
-        while let Some((leaf, mut groups)) = self.walk.next::<S, false>(s, scene.nodes, &self.groups) {
-            let block = &scene.blocks[leaf.first() as usize];
-            let size = block.size();
-            while groups != 0 {
-                let index = groups.trailing_zeros() as usize % GROUPS;
-                groups &= groups - 1;
-                let group = &mut self.groups[index];
-                let mut taken = 0;
-                for lane in 0..leaf.count() as usize {
-                    let corners = block.ordered(lane, terms.way.rows);
-                    let told = group.test(s, &terms, &corners, size, Which::ANY);
-                    taken |= told.taken | told.undecided;
-                    let mut undecided = told.undecided;
-                    while undecided != 0 {
-                        let i = undecided.trailing_zeros() as usize;
-                        undecided &= undecided - 1;
-                        end(group, scene, i, block, lane);
-                    }
-                }
-                outcome.tested += leaf.count() as usize;
-                if taken != 0 {
-                    let farthest = group.farthest(s);
-                    self.walk.limit(index, farthest);
-                }
-            }
-        }
+    fn any<S: Instructions>(&mut self, s: S, scene: Scene<'_>, t_max: &mut [f32]) {
+        self.go::<S, false>(s, scene, |group, i, place| end(group, scene, i, place));
         for group in &self.groups[..self.len] {
             for i in (0..SIXTEEN).filter(|i| group.part >> i & 1 == 1) {
                 t_max[group.first + i] = group.t_max.0[i];
@@ -187,9 +169,9 @@ fn decide(group: &mut Group, scene: Scene<'_>, i: usize, place: u32, nearest: &m
 /// Ends a ray if a triangle is met, by the exact test.
 #[cold]
 #[inline(never)]
-fn end(group: &mut Group, scene: Scene<'_>, i: usize, block: &Block, lane: usize) {
-    let mut nearest = Nearest::before(group.t_max.0[i]);
-    if block.offer(lane, &group.ray(i).prepare(), &mut nearest, scene.front_only) {
+fn end(group: &mut Group, scene: Scene<'_>, i: usize, place: u32) {
+    let (mut nearest, block) = (Nearest::before(group.t_max.0[i]), &scene.blocks[(place >> 2) as usize]);
+    if block.offer(place as usize & 3, &group.ray(i).prepare(), &mut nearest, scene.front_only) {
         group.t_max.0[i] = f32::NEG_INFINITY;
     }
 }
@@ -254,7 +236,7 @@ fn closest_with<S: Instructions>(
 #[inline(always)]
 fn any_with<S: Instructions>(s: S, scene: Scene<'_>, packet: &mut Packet, rays: &[Ray], t_max: &mut [f32]) -> Outcome {
     let mut outcome = Outcome::default();
-    in_packets!(s, packet, rays, |i: usize| t_max[i], outcome, packet.any(s, scene, t_max, &mut outcome));
+    in_packets!(s, packet, rays, |i: usize| t_max[i], outcome, packet.any(s, scene, t_max));
     outcome
 }
 
