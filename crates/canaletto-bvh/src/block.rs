@@ -1,9 +1,12 @@
 //! Four triangles side by side.
 //!
 //! A ray tests them in f32, which sorts out nearly all that it misses, bounds where it meets the others, and tells for most of these that
-//! they are met. The exact kernel (`triangle`) has the last word, but for the nearest hit it is asked once in general: a
-//! triangle that lies before all others waits until the ray's way has ended ([`Search`]).
+//! they are met. The exact kernel (`triangle`) has the last word. For the nearest hit of a single ray it is asked once in general: a
+//! triangle that lies before all others waits until the ray's way has ended ([`Search`]). Streams, in which nothing waits for its answer, ask it at
+//! once, about all four triangles side by side (`exactly`).
 #![allow(unsafe_code)] // Rows told by byte offsets.
+
+mod exactly;
 
 use std::ops::{Add, Mul};
 
@@ -11,7 +14,7 @@ use glam::{Vec3, Vec4};
 
 use crate::lanes::{Instructions, Sixteen};
 use crate::node::Node;
-use crate::slab::{DEFLATE, INFLATE};
+use crate::slab::{DEFLATE, INFLATE, max};
 use crate::triangle::{SURELY, Triangle, TriangleHit, UNDERFLOW, intersect_exactly};
 use crate::triangles::Nearest;
 use crate::{Aabb, PreparedRay};
@@ -107,6 +110,20 @@ impl Block {
         [corner(0), corner(1), corner(2)]
     }
 
+    /// A corner's coordinates along an axis of `rows`.
+    #[inline(always)]
+    fn row(&self, corner: usize, k: u8) -> Vec4 {
+        debug_assert!(k <= 32);
+        // SAFETY: a ray's rows are 0, 16 and 32, where those of a corner lie.
+        unsafe { *self.corners[corner].as_ptr().byte_add(usize::from(k)) }
+    }
+
+    /// The lane that has this id, a bit for it.
+    #[inline(always)]
+    pub(crate) fn lane_of(&self, id: u32) -> u32 {
+        (0..4).fold(0, |lanes, lane| lanes | u32::from(self.id(lane) == id) << lane)
+    }
+
     /// The hit on the triangle in this lane, by the exact kernel.
     #[inline(always)]
     fn intersect(&self, lane: usize, ray: &PreparedRay, t_max: f32) -> Option<TriangleHit> {
@@ -132,8 +149,7 @@ impl Block {
     #[inline(always)]
     pub(crate) fn test(&self, ray: &PreparedRay, bound: Bound, t_max: f32) -> Tested {
         let [kx, ky, kz] = ray.rows;
-        // SAFETY: a ray's rows are 0, 16 and 32, where those of a corner lie.
-        let row = |corner: usize, k: u8| unsafe { *self.corners[corner].as_ptr().byte_add(usize::from(k)) };
+        let row = |corner, k| self.row(corner, k);
         let origin = |k: u8| Vec4::splat(ray.origin(k));
         let (ox, oy, oz) = (origin(kx), origin(ky), origin(kz));
         let (sx, sy) = (Vec4::splat(ray.shear[0]), Vec4::splat(ray.shear[1]));
@@ -308,9 +324,8 @@ impl Bound {
     /// For rays whose origins lie between two corners of a box.
     #[inline(always)]
     pub(crate) fn within(low: Vec3, high: Vec3, bounds: &Aabb) -> Self {
-        let reach = (bounds.max - low).max(high - bounds.min).abs();
-        let reach = reach.x.max(reach.y).max(reach.z);
-        Self::with(reach, |x| x, f32::max)
+        let reach = |axis: usize| max(bounds.max[axis] - low[axis], high[axis] - bounds.min[axis]).abs();
+        Self::with(max(max(reach(0), reach(1)), reach(2)), |x| x, max)
     }
 
     /// The same bounds in f64, for all rays and triangles, as `triangle::intersect_exactly` has them for one.

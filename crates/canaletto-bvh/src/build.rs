@@ -32,6 +32,7 @@ pub(crate) use compiled_wide;
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 mod bins;
+pub(crate) mod copies;
 #[cfg(test)]
 mod hostile;
 mod item;
@@ -40,7 +41,6 @@ mod presplit;
 mod reinsert;
 mod widen;
 
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use glam::Vec3;
@@ -48,7 +48,8 @@ use rayon::prelude::*;
 
 use crate::Aabb;
 use bins::{Bins, Measure, Plan};
-use item::{Box8, Centers, Extent, Item};
+pub(crate) use item::Items;
+use item::{Box8, Centers, Corners, Extent, Item};
 use widen::{Costs, Lanes};
 
 /// The most primitives in a leaf.
@@ -146,54 +147,6 @@ impl Binary {
     /// The children of this node, which lies at `index`.
     pub(crate) fn children(&self, index: u32) -> [u32; 2] {
         [index + 1, index + self.link]
-    }
-}
-
-/// What a builder sorts: boxes and numbers of primitives.
-pub(crate) struct Items<'a> {
-    list: Vec<Item>,
-    /// The box around all primitives, where those of the list are wider.
-    whole: Option<Aabb>,
-    /// If the primitives are triangles.
-    corners: Option<&'a Corners<'a>>,
-}
-
-/// The corners of a triangle.
-type Corners<'a> = dyn Fn(u32) -> [Vec3; 3] + Sync + 'a;
-
-impl<'a> Items<'a> {
-    /// `count` primitives and their boxes.
-    pub(crate) fn new(count: usize, bounds: impl Fn(usize) -> Aabb + Sync) -> Result<Self, BuildError> {
-        if count > MAX_PRIMITIVES {
-            return Err(BuildError::TooManyPrimitives { count });
-        }
-        let bad = AtomicUsize::new(usize::MAX);
-        let item = |index: usize| {
-            let bounds = bounds(index);
-            if !bounds.is_finite() || bounds.is_empty() {
-                bad.fetch_min(index, Ordering::Relaxed);
-            }
-            Item::new(&bounds, index as u32)
-        };
-        let items = (0..count).into_par_iter().with_min_len(1024).map(item).collect();
-        match bad.into_inner() {
-            usize::MAX => Ok(Self { list: items, whole: None, corners: None }),
-            index => Err(BuildError::InvalidBox { index, bounds: bounds(index) }),
-        }
-    }
-
-    /// `count` triangles, large ones in several parts if the tree is to be good.
-    pub(crate) fn of_triangles(
-        count: usize,
-        corners: &'a (impl Fn(u32) -> [Vec3; 3] + Sync),
-        quality: Quality,
-    ) -> Result<Self, BuildError> {
-        let mut items = Self::new(count, |id| Aabb::of_triangle(corners(id as u32)))?;
-        items.corners = Some(corners);
-        if quality == Quality::High {
-            presplit::split(&mut items, corners, presplit::Budget::DEFAULT);
-        }
-        Ok(items)
     }
 }
 
@@ -380,42 +333,10 @@ impl Builder<'_> {
         Split::Halves([middle, n], extents)
     }
 
-    /// Moves to the front what is not the same triangle as another with a lower id, and tells how many that are. A ray that meets one
-    /// meets all of them at the same t, and a tie goes to the lowest id.
+    /// Moves the first of each kind to the front and tells how many that are.
     fn distinct(&self, items: &mut [Item]) -> usize {
         let Some(corners) = self.corners else { return items.len() };
-        // The references of a triangle that was split have boxes of their own, and the same as those of its copies.
-        let bits = |item: &Item| {
-            let Aabb { min, max } = item.bounds().aabb();
-            let [a, b, c] = corners(item.id());
-            [a, b, c, min, max].map(|p| p.to_array().map(f32::to_bits))
-        };
-        // What differs in its hash is distinct; of what does not, all is compared.
-        let hash = |item: &Item| {
-            let mix =
-                |hash: u64, &bits: &u32| (hash ^ u64::from(bits)).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(29);
-            bits(item).as_flattened().iter().fold(0, mix)
-        };
-        let mut sorted: Vec<(u64, u32, u32)> =
-            items.par_iter().zip(0..items.len() as u32).map(|(item, place)| (hash(item), item.id(), place)).collect();
-        sorted.par_sort_unstable();
-        let mut copies = Vec::new();
-        let mut kept = vec![true; items.len()];
-        for same in sorted.chunk_by(|a, b| a.0 == b.0) {
-            let (_, original, place) = same[0];
-            let first = bits(&items[place as usize]);
-            for &(_, copy, place) in &same[1..] {
-                if bits(&items[place as usize]) == first {
-                    kept[place as usize] = false;
-                    copies.push([original, copy]);
-                }
-            }
-        }
-        let mut count = 0;
-        for place in (0..items.len()).filter(|&place| kept[place]) {
-            items.swap(count, place);
-            count += 1;
-        }
+        let (count, mut copies) = copies::distinct(items, corners);
         self.copies.lock().unwrap_or_else(PoisonError::into_inner).append(&mut copies);
         count
     }

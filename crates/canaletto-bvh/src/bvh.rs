@@ -94,14 +94,16 @@ impl Bvh {
         traverse::any(&self.nodes, ray, t_max, leaf)
     }
 
-    /// [`Bvh::intersect`] for a ray with a margin.
+    /// [`Bvh::intersect`] for a ray with a margin. Not inlined, for callers that call themselves: the stack is large.
+    #[inline(never)]
     pub fn intersect_wide(&self, ray: &WideRay, t_max: f32, leaf: impl FnMut(Leaf, &mut f32)) {
-        traverse::closest_wide(&self.nodes, ray, t_max, leaf);
+        traverse::closest(&self.nodes, ray, t_max, leaf);
     }
 
-    /// [`Bvh::occluded`] for a ray with a margin.
+    /// [`Bvh::occluded`] for a ray with a margin. Not inlined, either.
+    #[inline(never)]
     pub fn occluded_wide(&self, ray: &WideRay, t_max: f32, leaf: impl FnMut(Leaf) -> bool) -> bool {
-        traverse::any_wide(&self.nodes, ray, t_max, leaf)
+        traverse::any(&self.nodes, ray, t_max, leaf)
     }
 
     /// Fits the boxes to leaves that moved; `leaf` tells the box of that with this first slot or of this block.

@@ -43,6 +43,8 @@ pub struct PreparedRay {
     pub(crate) along: f32,
     /// Where the planes of x, y and z that are met first lie in [`crate::slab::Boxes`], in bytes.
     pub(crate) entries: [u8; 3],
+    /// The same of those that are met last.
+    pub(crate) exits: [u8; 3],
     /// 16 times each axis, the longest component of the direction last, the other two ordered such that winding is kept.
     pub(crate) rows: [u8; 3],
     /// One bit for each axis along which the ray moves backwards.
@@ -107,6 +109,7 @@ impl PreparedRay {
             shear: [shear(rows[0]), shear(rows[1])],
             along: if regular { component(&reciprocal, rows[2]) } else { f32::NAN },
             entries: ENTRIES[octant as usize & 7],
+            exits: ENTRIES[!octant as usize & 7],
             rows,
             octant: octant as u8,
             regular,
@@ -117,6 +120,12 @@ impl PreparedRay {
     #[inline(always)]
     pub(crate) fn origin(&self, row: u8) -> f32 {
         component(&self.ray.origin, row)
+    }
+
+    /// 1 / direction along an axis of `rows`.
+    #[inline(always)]
+    pub(crate) fn reciprocal(&self, row: u8) -> f32 {
+        component(&Vec3::from_array(self.reciprocal), row)
     }
 
     /// The direction along an axis of `rows`.

@@ -1,6 +1,8 @@
 //! Trees over triangles that move but stay the same ones: boxes and orders are computed anew, which takes a fraction of a build. Rays
 //! slow down as far as neighbours part.
 
+use std::cmp::Ordering;
+
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -24,19 +26,42 @@ impl Triangles {
     /// # Errors
     /// [`BuildError`] names the first triangle with a corner that is not finite; then nothing has changed.
     pub fn refit(&mut self, corners: impl Fn(u32) -> [Vec3; 3] + Sync) -> Result<(), BuildError> {
+        self.refit_within(f64::INFINITY, corners).map(|_| ())
+    }
+
+    /// [`Triangles::refit`] for as long as that leaves a good tree: it is built anew where it would cost more than `most` times
+    /// what it did ([`crate::Statistics::sah_cost`]) when it was last built. Tells whether it was; that depends on nothing but the
+    /// triangles, there and on their way.
+    ///
+    /// # Errors
+    /// As [`Triangles::refit`].
+    pub fn refit_within(&mut self, most: f64, corners: impl Fn(u32) -> [Vec3; 3] + Sync) -> Result<bool, BuildError> {
         let bad = |&id: &u32| !corners(id).iter().all(|corner| corner.is_finite());
         if let Some(id) = (0..self.len() as u32).into_par_iter().find_first(bad) {
             return Err(BuildError::InvalidBox { index: id as usize, bounds: Aabb::from_points(corners(id)) });
         }
         if self.copies().iter().any(|&[original, copy]| !same(corners(original), corners(copy))) {
-            *self = Self::build_with(self.quality(), self.len(), corners)?;
-            return Ok(());
+            return self.rebuild(corners);
         }
+        let cost = self.built().unwrap_or_else(|| self.statistics().sah_cost);
+        *self.built() = Some(cost);
         let (bvh, blocks) = self.parts();
         blocks.par_iter_mut().for_each(|block| *block = block.with(&corners));
         let blocks = &*blocks;
         bvh.refit(|first| bounds(&blocks[first as usize]));
-        Ok(())
+        // A cost that is no number is none to go on with.
+        let worse = || self.statistics().sah_cost.partial_cmp(&(cost * most)).is_none_or(Ordering::is_gt);
+        if most < f64::INFINITY && worse() {
+            return self.rebuild(corners);
+        }
+        Ok(false)
+    }
+
+    /// Builds the tree anew for finite corners, without the old blocks beside the new ones.
+    fn rebuild(&mut self, corners: impl Fn(u32) -> [Vec3; 3] + Sync) -> Result<bool, BuildError> {
+        *self.parts().1 = Vec::new();
+        *self = Self::build_with(self.quality(), self.len(), corners)?;
+        Ok(true)
     }
 }
 
@@ -121,6 +146,35 @@ mod tests {
                 assert!(triangles.nodes() == original.nodes() || leaves != scene.len(), "{name}");
             }
         }
+    }
+
+    #[test]
+    fn a_tree_is_built_anew_before_it_gets_too_bad() {
+        // A strip that is turned out of the plane that it was built in, a little more each time, and shuffled in the end.
+        let at = |n: u32, turn: f32| Vec3::new(n as f32, (n % 2) as f32, 0.0).rotate_z(turn);
+        let strip = |turn: f32| move |id: u32| [at(id, turn), at(id + 1, turn), at(id + 2, turn)];
+        let mut triangles = Triangles::build(3000, strip(0.0)).unwrap();
+        let mut built = triangles.statistics().sah_cost;
+        let (mut anew, mut kept) = (0, 0);
+        for step in 1..40 {
+            let turn = step as f32 * 0.01;
+            if triangles.refit_within(1.5, strip(turn)).unwrap() {
+                anew += 1;
+                built = triangles.statistics().sah_cost;
+                assert!(triangles.nodes() == Triangles::build(3000, strip(turn)).unwrap().nodes());
+            } else {
+                kept += 1;
+                let cost = triangles.statistics().sah_cost;
+                assert!(cost <= built * 1.5, "{step}: {cost} {built}");
+            }
+        }
+        // The same triangles, each where another was.
+        let shuffled = |id: u32| strip(0.0)(id * 7919 % 3000);
+        let mut forever = triangles.clone();
+        assert!(!forever.refit_within(f64::INFINITY, shuffled).unwrap());
+        assert!(triangles.refit_within(1.5, shuffled).unwrap());
+        assert!(forever.statistics().sah_cost > triangles.statistics().sah_cost * 1.5);
+        assert!(kept > 10, "{kept} kept, {anew} built anew");
     }
 
     #[test]

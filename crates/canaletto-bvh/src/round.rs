@@ -1,6 +1,6 @@
 //! Spheres, cylinders and whatever is among them: blocks of four for trees.
 
-use crate::{PreparedRay, cylinder, sphere};
+use crate::{PreparedRay, Ray, cylinder, sphere};
 use glam::{Vec3, Vec4};
 
 /// How many primitives a block has at most.
@@ -45,12 +45,12 @@ pub(crate) struct Rough {
 
 impl Rough {
     #[inline]
-    pub(crate) fn new(ray: &PreparedRay) -> Self {
-        let direction = ray.ray.direction.as_dvec3();
+    pub(crate) fn new(ray: &Ray) -> Self {
+        let direction = ray.direction.as_dvec3();
         let per_length = 1.0 / direction.dot(direction).sqrt();
         let unit = direction * per_length;
         let per_length = if (per_length as f32).is_normal() { per_length as f32 } else { f32::NAN };
-        Self { origin: ray.ray.origin.to_array(), unit: [unit.x as f32, unit.y as f32, unit.z as f32], per_length }
+        Self { origin: ray.origin.to_array(), unit: [unit.x as f32, unit.y as f32, unit.z as f32], per_length }
     }
 }
 
@@ -142,6 +142,18 @@ impl Block {
         block
     }
 
+    /// The lanes that hold something.
+    #[inline(always)]
+    pub(crate) fn filled(&self) -> u32 {
+        let bit = |lane: usize| u32::from(self.ids[lane] != u32::MAX) << lane;
+        bit(0) | bit(1) | bit(2) | bit(3)
+    }
+
+    /// Whether rays that pass far from any of its primitives need no exact kernel to know.
+    pub(crate) fn is_sorted_out(&self) -> bool {
+        !self.radius.is_nan()
+    }
+
     /// The lanes with cylinders.
     #[inline(always)]
     fn cylinders(&self) -> u32 {
@@ -205,7 +217,6 @@ impl Block {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Ray;
     use crate::testing::Random;
 
     #[test]
@@ -234,7 +245,7 @@ mod tests {
             let t = all.unwrap_or(1.0);
             let t_max = [f32::INFINITY, t, t.next_down(), t * 2.0, t * 0.5][random.below(5)];
             let block = Block::new(std::iter::once((0, Round::Sphere { center, radius })));
-            let (rough, exactly) = (Rough::new(&ray), all.is_some_and(|t| t <= t_max));
+            let (rough, exactly) = (Rough::new(&ray.ray), all.is_some_and(|t| t <= t_max));
             let Sorted { lanes, near } = block.sort(1, &rough, t_max);
             let (any, surely) = block.sort_any(1, &rough, t_max);
             assert!(!exactly || lanes & any & 1 == 1, "{ray:?} {center} {radius} {t_max}");

@@ -1,10 +1,14 @@
 //! Trees over spheres and cylinders, four of which are sorted out side by side before an exact kernel decides about the rest.
 
+#![allow(unsafe_code)] // What is done at leaves may be compiled for a stream's instructions, though here it needs none.
+
+use crate::lanes::Exact;
 use crate::memory::in_large_pages;
 use crate::round::{Ask, Block, LANES, Met, Rough, Round, Sorted};
 use crate::traverse::{Any, Closest, ClosestOfMany};
-use crate::{Aabb, BuildError, Bvh, Leaf, PreparedRay, Quality, Statistics};
+use crate::{Aabb, BuildError, Bvh, Leaf, PreparedRay, Quality, Ray, Statistics};
 use rayon::prelude::*;
+use std::borrow::Borrow;
 
 /// Spheres, cylinders and whatever is among them, ready for rays. A primitive's id is its place in the list that the tree was built from.
 #[derive(Clone, Debug)]
@@ -12,6 +16,7 @@ pub struct Rounds {
     bvh: Bvh,
     blocks: Vec<Block>,
     count: usize,
+    few: bool,
 }
 
 impl Rounds {
@@ -26,7 +31,8 @@ impl Rounds {
             .into_par_iter()
             .map(|index| Block::new(leaves.block(index).iter().map(|&id| (id, round(id)))))
             .collect_into_vec(&mut blocks);
-        Ok(Self { bvh, blocks, count: bounds.len() })
+        let few = blocks.len() <= 1 && blocks.iter().all(Block::is_sorted_out);
+        Ok(Self { bvh, blocks, count: bounds.len(), few })
     }
 
     /// How many primitives there are.
@@ -54,7 +60,69 @@ impl Rounds {
     /// be below `nearest.id` where it is as near as that. `nearest` stays where there is none.
     #[inline]
     pub fn intersect(&self, ray: &PreparedRay, nearest: &mut Met, ask: &impl Ask) {
-        self.bvh.closest(ray, nearest.t, OfRay { blocks: &self.blocks, ray, rough: Rough::new(ray), nearest, ask });
+        if self.is_few() {
+            return self.offer_all(&ray.ray, || ray, nearest, ask);
+        }
+        self.bvh.closest(
+            ray,
+            nearest.t,
+            OfRay { blocks: &self.blocks, ray, rough: Rough::new(&ray.ray), nearest, ask },
+        );
+    }
+
+    /// Whether a look at all of them is shorter than a way through the tree: up to four spheres and cylinders.
+    #[inline]
+    pub fn is_few(&self) -> bool {
+        self.few
+    }
+
+    /// [`Rounds::intersect`] by a look at all of them, best where they [are few](Rounds::is_few): rays that meet none need not be prepared.
+    #[inline]
+    pub fn intersect_few(&self, ray: &Ray, nearest: &mut Met, ask: &impl Ask) {
+        self.offer_all(ray, || ray.prepare(), nearest, ask);
+    }
+
+    #[inline(always)]
+    fn offer_all<R: Borrow<PreparedRay>>(
+        &self,
+        ray: &Ray,
+        prepared: impl Fn() -> R,
+        nearest: &mut Met,
+        ask: &impl Ask,
+    ) {
+        let rough = Rough::new(ray);
+        for block in &self.blocks {
+            let sorted = block.sort(block.filled(), &rough, nearest.t);
+            if sorted.lanes != 0 {
+                closest(block, &sorted, prepared().borrow(), nearest, ask);
+            }
+        }
+    }
+
+    /// [`Rounds::occluded`] likewise.
+    #[inline]
+    pub fn occluded_few(&self, ray: &Ray, t_max: f32, ask: &impl Ask, counts: impl FnMut(u32) -> bool) -> Option<u32> {
+        self.any_of_all(ray, || ray.prepare(), t_max, ask, counts)
+    }
+
+    #[inline(always)]
+    fn any_of_all<R: Borrow<PreparedRay>>(
+        &self,
+        ray: &Ray,
+        prepared: impl Fn() -> R,
+        t_max: f32,
+        ask: &impl Ask,
+        mut counts: impl FnMut(u32) -> bool,
+    ) -> Option<u32> {
+        let rough = Rough::new(ray);
+        self.blocks.iter().enumerate().find_map(|(index, block)| {
+            let sorted = block.sort_any(block.filled(), &rough, t_max);
+            if sorted == (0, 0) {
+                return None;
+            }
+            let lane = any(block, sorted, prepared().borrow(), t_max, ask, &mut counts)?;
+            Some((index * LANES) as u32 + lane)
+        })
     }
 
     /// [`Rounds::intersect`] for many rays that need not go the same way.
@@ -64,7 +132,7 @@ impl Rounds {
     pub fn intersect_stream(&self, rays: &[PreparedRay], nearest: &mut [Met], ask: &impl Ask) {
         assert_eq!(rays.len(), nearest.len());
         let mut t_max: Vec<f32> = nearest.iter().map(|n| n.t).collect();
-        let rough: Vec<Rough> = rays.iter().map(Rough::new).collect();
+        let rough: Vec<Rough> = rays.iter().map(|ray| Rough::new(&ray.ray)).collect();
         let leaf = OfRays { blocks: &self.blocks, rays, rough: &rough, nearest, ask };
         self.bvh.closest_of_many(rays, &mut t_max, leaf);
     }
@@ -78,7 +146,10 @@ impl Rounds {
         ask: &impl Ask,
         counts: impl FnMut(u32) -> bool,
     ) -> Option<u32> {
-        let (mut place, blocks, rough) = (None, &self.blocks, Rough::new(ray));
+        if self.is_few() {
+            return self.any_of_all(&ray.ray, || ray, t_max, ask, counts);
+        }
+        let (mut place, blocks, rough) = (None, &self.blocks, Rough::new(&ray.ray));
         self.bvh.any(ray, t_max, AnyOf { blocks, ray, rough, t_max, ask, counts, place: &mut place });
         place
     }
@@ -89,7 +160,7 @@ impl Rounds {
     /// # Panics
     /// If there are not as many `t_max` as rays.
     pub fn occluded_stream(&self, rays: &[PreparedRay], t_max: &mut [f32], ask: &impl Ask) {
-        let rough: Vec<Rough> = rays.iter().map(Rough::new).collect();
+        let rough: Vec<Rough> = rays.iter().map(|ray| Rough::new(&ray.ray)).collect();
         self.bvh.closest_of_many(rays, t_max, AnyOfRays { blocks: &self.blocks, rays, rough: &rough, ask });
     }
 
@@ -200,7 +271,7 @@ impl<A: Ask> ClosestOfMany for OfRays<'_, A> {
     }
 
     #[inline(always)]
-    fn leaf(&mut self, ray: usize, leaf: Leaf, sorted: &Sorted, t_max: &mut f32) {
+    unsafe fn leaf<E: Exact>(&mut self, ray: usize, leaf: Leaf, sorted: &Sorted, t_max: &mut f32) {
         let (block, nearest) = (&self.blocks[leaf.first() as usize], &mut self.nearest[ray]);
         closest(block, sorted, &self.rays[ray], nearest, self.ask);
         *t_max = nearest.t;
@@ -230,7 +301,7 @@ impl<A: Ask> ClosestOfMany for AnyOfRays<'_, A> {
     }
 
     #[inline(always)]
-    fn leaf(&mut self, ray: usize, leaf: Leaf, sorted: &(u32, u32), t_max: &mut f32) {
+    unsafe fn leaf<E: Exact>(&mut self, ray: usize, leaf: Leaf, sorted: &(u32, u32), t_max: &mut f32) {
         let block = &self.blocks[leaf.first() as usize];
         if any(block, *sorted, &self.rays[ray], *t_max, self.ask, &mut |_| true).is_some() {
             *t_max = f32::NEG_INFINITY;

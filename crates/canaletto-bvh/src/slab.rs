@@ -72,6 +72,13 @@ impl PreparedRay {
         (near, far * INFLATE)
     }
 
+    /// Where the ray enters and leaves a box, if it meets it.
+    #[inline]
+    fn clip(&self, bounds: &Aabb) -> Option<(f32, f32)> {
+        let (near, far) = if self.regular { self.clip_one(bounds) } else { self.clip_carefully(bounds, f32::INFINITY) };
+        if near > far { None } else { Some((near, far)) }
+    }
+
     /// Whether the ray meets a box within (0, t_max], as trees ask it: true in doubt.
     #[inline]
     pub fn enters(&self, bounds: &Aabb, t_max: f32) -> bool {
@@ -85,10 +92,7 @@ impl PreparedRay {
     /// misses the box or the hit lies outside (0, t_max].
     #[inline]
     pub fn confine(&self, bounds: &Aabb, t: f64, t_max: f32) -> Option<f32> {
-        let (near, far) = if self.regular { self.clip_one(bounds) } else { self.clip_carefully(bounds, f32::INFINITY) };
-        if near > far {
-            return None;
-        }
+        let (near, far) = self.clip(bounds)?;
         let mut t = (t as f32).min(far);
         if near > 0.0 {
             t = t.max(near * DEFLATE);
@@ -102,10 +106,7 @@ impl PreparedRay {
     /// the farthest corner along the longest axis, since a shorter one may move it by as much as it likes, off the triangle's other parts.
     #[inline]
     pub(crate) fn confine_to_triangle(&self, bounds: &Aabb, t: f64, t_max: f32) -> Option<f32> {
-        let (near, far) = if self.regular { self.clip_one(bounds) } else { self.clip_carefully(bounds, f32::INFINITY) };
-        if near > far {
-            return None;
-        }
+        let (near, _) = self.clip(bounds)?;
         let row = self.rows[2];
         let cross = |corner: &Vec3| (component(corner, row) - self.origin(row)) * self.along;
         let last = max(cross(&bounds.min), cross(&bounds.max)) * INFLATE;
@@ -194,5 +195,18 @@ mod tests {
         }
         assert_eq!(confine(-Vec3::ONE, 1.5, 9.0), None);
         assert_eq!(confine(Vec3::new(1.0, 1.0, 3.0), 1.5, 9.0), None);
+    }
+
+    #[test]
+    fn a_hit_on_a_triangle_is_moved_back_no_farther_than_to_its_last_corner() {
+        // Left through the top at t = 1.2, while the last corner along the longest axis is at 2.
+        let b = Aabb { min: Vec3::X, max: Vec3::new(2.0, 0.9, 2.0) };
+        let ray = Ray::new(Vec3::ZERO, Vec3::new(1.0, 0.75, 0.5)).prepare();
+        assert_eq!(ray.confine_to_triangle(&b, 1.5, 9.0), Some(1.5));
+        assert_eq!(ray.confine_to_triangle(&b, 1.5, 1.4), None);
+        let last = ray.confine_to_triangle(&b, 9.0, 9.0).unwrap();
+        assert!((2.0..2.0 * (1.0 + 2e-6)).contains(&last), "{last}");
+        let first = ray.confine_to_triangle(&b, -9.0, 9.0).unwrap();
+        assert!((1.0 - 1e-6..=1.0).contains(&first), "{first}");
     }
 }

@@ -319,6 +319,17 @@ mod tests {
     }
 
     #[test]
+    fn a_t_that_is_no_normal_number_is_none() {
+        for (height, is_hit) in [(2.0, true), (0.5, false)] {
+            // A reciprocal that is a normal number, and one that is not.
+            for speed in [8e37, 3e38] {
+                let hit = intersect(Vec3::new(1.0, 1.0, height * (speed / 8e37)), -Vec3::Z * speed, [A, B, C], 1.0);
+                assert_eq!(hit.is_some(), is_hit, "{height} {speed}");
+            }
+        }
+    }
+
+    #[test]
     fn weights_stay_within_the_triangle_and_give_the_point() {
         let random = &mut Random(13);
         let mut hits = 0;

@@ -1,14 +1,16 @@
 //! A tree over triangles, four of which are tested side by side.
 
-use crate::block::{Block, Bound, Scene, Search, Tested};
-use crate::build::Items;
+mod leaves;
+
+use crate::block::{Block, Bound, Scene, Search};
+use crate::build::{Items, copies};
 use crate::memory::in_large_pages;
 use crate::node::Node;
 use crate::packet::{self, Packet, RAYS};
-use crate::traverse::{Any, Closest, ClosestOfMany};
 use crate::triangle;
 use crate::{Aabb, BuildError, Bvh, Leaf, PreparedRay, Quality, Ray, Statistics};
 use glam::Vec3;
+use leaves::{AnyOf, AnyOfRays, OfRay, OfRays, Way};
 use rayon::prelude::*;
 
 /// Triangles, ready for rays. A triangle's id is its place in the list that the tree was built from.
@@ -18,6 +20,8 @@ pub struct Triangles {
     blocks: Vec<Block>,
     count: usize,
     quality: Quality,
+    /// What the tree cost when it was built, if it has been refitted since.
+    built: Option<f64>,
     /// Pairs of triangles with the same corners, the second of which is in no block, in order.
     copies: Vec<[u32; 2]>,
 }
@@ -47,7 +51,7 @@ impl Nearest {
 }
 
 /// Rays of a stream that are prepared at a time.
-const STREAM: usize = 256;
+const STREAM: usize = 1024;
 
 impl Triangles {
     /// Builds the tree over `count` triangles, in parallel.
@@ -82,7 +86,7 @@ impl Triangles {
             .into_par_iter()
             .map(|index| Block::new(leaves.block(index).iter().map(|&id| (id, corners(id)))))
             .collect_into_vec(&mut blocks);
-        Self { bvh, blocks, count, quality, copies: leaves.copies }
+        Self { bvh, blocks, count, quality, built: None, copies: leaves.copies }
     }
 
     /// How many triangles there are.
@@ -139,22 +143,16 @@ impl Triangles {
     pub fn intersect_stream(&self, rays: &[Ray], nearest: &mut [Nearest], front_only: bool) {
         assert_eq!(rays.len(), nearest.len());
         let scene = self.scene(front_only);
-        let (mut prepared, mut searches, mut t_max) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut prepared, mut ways, mut t_max) = (Vec::new(), Vec::new(), Vec::new());
         for (rays, nearest) in rays.chunks(STREAM).zip(nearest.chunks_mut(STREAM)) {
             prepared.clear();
             prepared.extend(rays.iter().map(PreparedRay::new));
             t_max.clear();
             t_max.extend(nearest.iter().map(|nearest| nearest.t));
-            searches.clear();
-            searches.extend(prepared.iter().zip(&t_max).map(|(ray, &t)| Search::new(ray, &scene.bounds, t)));
-            let of_rays = OfRays { scene, rays: &prepared, nearest: &mut *nearest, searches: &mut searches };
+            ways.clear();
+            ways.extend(prepared.iter().map(|ray| Way { bound: Bound::new(ray, &scene.bounds), known: Nearest::NONE }));
+            let of_rays = OfRays { scene, rays: &prepared, nearest, ways: &mut ways };
             self.bvh.closest_of_many(&prepared, &mut t_max, of_rays);
-            for (((ray, nearest), search), &t_max) in prepared.iter().zip(nearest).zip(&mut searches).zip(&t_max) {
-                search.settle(scene, ray, nearest, t_max);
-                if search.failed {
-                    self.intersect_at_once(ray, nearest, front_only);
-                }
-            }
         }
     }
 
@@ -169,23 +167,11 @@ impl Triangles {
         for (rays, nearest) in rays.chunks(RAYS).zip(nearest.chunks_mut(RAYS)) {
             let outcome = packet::closest(scene, &mut packet, rays, nearest);
             if outcome.apart != 0 {
-                self.intersect_some(rays, nearest, outcome.apart, front_only);
+                some(rays, nearest, outcome.apart, |rays, nearest| self.intersect_stream(rays, nearest, front_only));
             }
             for i in (0..rays.len()).filter(|i| outcome.again >> i & 1 == 1) {
                 self.intersect_at_once(&rays[i].prepare(), &mut nearest[i], front_only);
             }
-        }
-    }
-
-    /// [`Triangles::intersect_stream`] for those rays that have a bit.
-    #[cold]
-    fn intersect_some(&self, rays: &[Ray], nearest: &mut [Nearest], which: u64, front_only: bool) {
-        let places = || (0..rays.len()).filter(|i| which >> i & 1 == 1);
-        let some: Vec<Ray> = places().map(|i| rays[i]).collect();
-        let mut found: Vec<Nearest> = places().map(|i| nearest[i]).collect();
-        self.intersect_stream(&some, &mut found, front_only);
-        for (i, found) in places().zip(found) {
-            nearest[i] = found;
         }
     }
 
@@ -203,20 +189,8 @@ impl Triangles {
         for (rays, t_max) in rays.chunks(RAYS).zip(t_max.chunks_mut(RAYS)) {
             let outcome = packet::any(scene, &mut packet, rays, t_max);
             if outcome.apart != 0 {
-                self.occluded_some(rays, t_max, outcome.apart, front_only);
+                some(rays, t_max, outcome.apart, |rays, t_max| self.occluded_stream(rays, t_max, front_only));
             }
-        }
-    }
-
-    /// [`Triangles::occluded_stream`] for those rays that have a bit.
-    #[cold]
-    fn occluded_some(&self, rays: &[Ray], t_max: &mut [f32], which: u64, front_only: bool) {
-        let places = || (0..rays.len()).filter(|i| which >> i & 1 == 1);
-        let some: Vec<Ray> = places().map(|i| rays[i]).collect();
-        let mut open: Vec<f32> = places().map(|i| t_max[i]).collect();
-        self.occluded_stream(&some, &mut open, front_only);
-        for (i, open) in places().zip(open) {
-            t_max[i] = open;
         }
     }
 
@@ -231,7 +205,7 @@ impl Triangles {
         mut counts: impl FnMut(u32) -> bool,
     ) -> Option<u32> {
         let mut place = None;
-        let counts = |id| counts(id) || copies_of(&self.copies, id).any(&mut counts);
+        let counts = |id| counts(id) || copies::of(&self.copies, id).any(&mut counts);
         let (scene, bound) = (self.scene(front_only), Bound::new(ray, &self.bounds()));
         self.bvh.any(ray, t_max, AnyOf { scene, ray, bound, t_max, counts, place: &mut place });
         place
@@ -263,7 +237,7 @@ impl Triangles {
     }
 
     /// How it was built.
-    pub(crate) fn quality(&self) -> Quality {
+    pub fn quality(&self) -> Quality {
         self.quality
     }
 
@@ -272,8 +246,13 @@ impl Triangles {
         &self.copies
     }
 
-    pub(crate) fn parts(&mut self) -> (&mut Bvh, &mut [Block]) {
+    pub(crate) fn parts(&mut self) -> (&mut Bvh, &mut Vec<Block>) {
         (&mut self.bvh, &mut self.blocks)
+    }
+
+    /// What a ray costs ([`Statistics::sah_cost`]) in the tree as it was built.
+    pub(crate) fn built(&mut self) -> &mut Option<f64> {
+        &mut self.built
     }
 
     pub(crate) fn nodes(&self) -> &[Node] {
@@ -302,107 +281,15 @@ impl Triangles {
     }
 }
 
-/// The triangles that are in no block since this one has the same corners.
-fn copies_of(copies: &[[u32; 2]], id: u32) -> impl Iterator<Item = u32> {
-    let first = copies.partition_point(|&[original, _]| original < id);
-    copies[first..].iter().take_while(move |&&[original, _]| original == id).map(|&[_, copy]| copy)
-}
-
-struct OfRay<'a> {
-    scene: Scene<'a>,
-    ray: &'a PreparedRay,
-    nearest: &'a mut Nearest,
-    search: &'a mut Search,
-}
-
-impl Closest for OfRay<'_> {
-    #[inline(always)]
-    fn leaf(&mut self, leaf: Leaf, t_max: &mut f32) {
-        let (hope, tested) = self.search.test(&self.scene.blocks[leaf.first() as usize], self.ray, *t_max);
-        if hope {
-            self.search.complete(self.scene, leaf.first(), self.ray, &tested, self.nearest, t_max);
-        }
-    }
-}
-
-struct OfRays<'a> {
-    scene: Scene<'a>,
-    rays: &'a [PreparedRay],
-    nearest: &'a mut [Nearest],
-    searches: &'a mut [Search],
-}
-
-impl ClosestOfMany for OfRays<'_> {
-    type Finding = Tested;
-
-    #[inline(always)]
-    fn test(&self, ray: usize, leaf: Leaf, t_max: f32) -> (bool, Tested) {
-        self.searches[ray].test(&self.scene.blocks[leaf.first() as usize], &self.rays[ray], t_max)
-    }
-
-    #[inline(always)]
-    fn leaf(&mut self, ray: usize, leaf: Leaf, tested: &Tested, t_max: &mut f32) {
-        let (search, nearest) = (&mut self.searches[ray], &mut self.nearest[ray]);
-        search.complete(self.scene, leaf.first(), &self.rays[ray], tested, nearest, t_max);
-    }
-
-    #[inline(always)]
-    fn places(&self) -> Option<(*const u8, usize)> {
-        Some((self.scene.blocks.as_ptr().cast(), size_of::<Block>()))
-    }
-}
-
-struct AnyOfRays<'a> {
-    scene: Scene<'a>,
-    rays: &'a [PreparedRay],
-    bounds: &'a [Bound],
-}
-
-impl ClosestOfMany for AnyOfRays<'_> {
-    type Finding = Tested;
-    const NEAREST: bool = false;
-
-    #[inline(always)]
-    fn test(&self, ray: usize, leaf: Leaf, t_max: f32) -> (bool, Tested) {
-        let tested = self.scene.blocks[leaf.first() as usize].test(&self.rays[ray], self.bounds[ray], t_max);
-        (tested.candidates != 0, tested)
-    }
-
-    #[inline(always)]
-    fn leaf(&mut self, ray: usize, leaf: Leaf, tested: &Tested, t_max: &mut f32) {
-        let (block, bound) = (&self.scene.blocks[leaf.first() as usize], self.bounds[ray]);
-        if block.any(&self.rays[ray], bound, tested, *t_max, self.scene.front_only, &mut |_| true).is_some() {
-            *t_max = f32::NEG_INFINITY;
-        }
-    }
-
-    #[inline(always)]
-    fn places(&self) -> Option<(*const u8, usize)> {
-        Some((self.scene.blocks.as_ptr().cast(), size_of::<Block>()))
-    }
-}
-
-struct AnyOf<'a, F> {
-    scene: Scene<'a>,
-    ray: &'a PreparedRay,
-    bound: Bound,
-    t_max: f32,
-    counts: F,
-    place: &'a mut Option<u32>,
-}
-
-impl<F: FnMut(u32) -> bool> Any for AnyOf<'_, F> {
-    #[inline(always)]
-    fn leaf(&mut self, leaf: Leaf) -> bool {
-        let block = &self.scene.blocks[leaf.first() as usize];
-        let tested = block.test(self.ray, self.bound, self.t_max);
-        if tested.candidates == 0 {
-            return false;
-        }
-        *self.place = block
-            .any(self.ray, self.bound, &tested, self.t_max, self.scene.front_only, &mut self.counts)
-            .map(|lane| leaf.first() << 2 | lane);
-        self.place.is_some()
+/// Asks about those rays that have a bit.
+#[cold]
+fn some<T: Copy>(rays: &[Ray], told: &mut [T], which: u64, ask: impl FnOnce(&[Ray], &mut [T])) {
+    let places = || (0..rays.len()).filter(|i| which >> i & 1 == 1);
+    let some: Vec<Ray> = places().map(|i| rays[i]).collect();
+    let mut of_some: Vec<T> = places().map(|i| told[i]).collect();
+    ask(&some, &mut of_some);
+    for (i, of_one) in places().zip(of_some) {
+        told[i] = of_one;
     }
 }
 

@@ -1,8 +1,13 @@
 //! Counting what rays visit: how good a tree is, whatever a machine makes of it.
 
-use crate::node::Link;
-use crate::slab;
-use crate::{Nearest, PreparedRay, Triangles};
+#![allow(unsafe_code)] // The kernels that it counts for.
+
+use std::cell::Cell;
+
+use crate::lanes::{Careful, Exact, Lanes};
+use crate::node::{Link, Node};
+use crate::traverse::closest_by;
+use crate::{Leaf, Nearest, PreparedRay, Triangles};
 
 /// What one ray visits on its way to the nearest triangle, or what many visit together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -17,30 +22,42 @@ impl Triangles {
     /// Adds what the ray visits until its nearest triangle is known: what [`Triangles::intersect`] does, slowly.
     pub fn count_visits(&self, ray: &PreparedRay, t_max: f32, visits: &mut Visits) {
         let mut nearest = Nearest::before(t_max);
-        let nodes = self.nodes();
-        let mut stack: Vec<(f32, Link)> = Vec::new();
-        stack.extend((!nodes.is_empty()).then_some((0.0, Link::node(0))));
-        while let Some((near, link)) = stack.pop() {
-            let limit = slab::limit(nearest.t);
-            if near > limit {
-                continue;
-            }
-            match link.follow() {
-                Ok(leaf) => {
-                    visits.leaves += 1;
-                    self.offer_leaf(leaf, ray, &mut nearest, false);
-                }
-                Err(node) => {
-                    visits.nodes += 1;
-                    for lane in nodes[node].order(usize::from(ray.octant)) {
-                        let (near, far) = ray.clip_carefully(&nodes[node].get_box(lane), limit);
-                        if near <= far {
-                            stack.push((near, nodes[node].children[lane]));
-                        }
-                    }
-                }
-            }
-        }
+        let counted = Counted { ray, nodes: Cell::new(0) };
+        let leaf = |leaf: Leaf, t_max: &mut f32| {
+            visits.leaves += 1;
+            self.offer_leaf(leaf, ray, &mut nearest, false);
+            *t_max = nearest.t;
+        };
+        // SAFETY: `Counting` needs no more than `Careful`, which needs nothing.
+        unsafe { closest_by::<_, Counting, _>(self.nodes(), &counted, t_max, leaf) };
+        visits.nodes += counted.nodes.get();
+    }
+}
+
+/// A ray, and how many nodes it has visited.
+struct Counted<'a> {
+    ray: &'a PreparedRay,
+    nodes: Cell<u64>,
+}
+
+#[derive(Clone, Copy)]
+struct Counting;
+
+impl Exact for Counting {
+    type Four = <Careful as Exact>::Four;
+}
+
+impl Lanes<Counted<'_>> for Counting {
+    unsafe fn visit<const ORDERED: bool>(
+        node: &Node,
+        counted: &Counted<'_>,
+        limit: f32,
+        near: *mut f32,
+        links: *mut Link,
+    ) -> (usize, Link) {
+        counted.nodes.set(counted.nodes.get() + 1);
+        // SAFETY: the caller's promise.
+        unsafe { Careful::visit::<ORDERED>(node, counted.ray, limit, near, links) }
     }
 }
 

@@ -1,5 +1,11 @@
 //! What is sorted: a primitive's box and number in 32 bytes, one vector of eight.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::{BuildError, MAX_PRIMITIVES, Quality, presplit};
 use crate::Aabb;
 use crate::slab::max;
 
@@ -154,5 +160,53 @@ super::compiled_wide! {
             extent.centers.add(item.center(), true);
         }
         extent
+    }
+}
+
+/// What a builder sorts: boxes and numbers of primitives.
+pub(crate) struct Items<'a> {
+    pub(super) list: Vec<Item>,
+    /// The box around all primitives, where those of the list are wider.
+    pub(super) whole: Option<Aabb>,
+    /// If the primitives are triangles.
+    pub(super) corners: Option<&'a Corners<'a>>,
+}
+
+/// The corners of a triangle.
+pub(super) type Corners<'a> = dyn Fn(u32) -> [Vec3; 3] + Sync + 'a;
+
+impl<'a> Items<'a> {
+    /// `count` primitives and their boxes.
+    pub(crate) fn new(count: usize, bounds: impl Fn(usize) -> Aabb + Sync) -> Result<Self, BuildError> {
+        if count > MAX_PRIMITIVES {
+            return Err(BuildError::TooManyPrimitives { count });
+        }
+        let bad = AtomicUsize::new(usize::MAX);
+        let item = |index: usize| {
+            let bounds = bounds(index);
+            if !bounds.is_finite() || bounds.is_empty() {
+                bad.fetch_min(index, Ordering::Relaxed);
+            }
+            Item::new(&bounds, index as u32)
+        };
+        let items = (0..count).into_par_iter().with_min_len(1024).map(item).collect();
+        match bad.into_inner() {
+            usize::MAX => Ok(Self { list: items, whole: None, corners: None }),
+            index => Err(BuildError::InvalidBox { index, bounds: bounds(index) }),
+        }
+    }
+
+    /// `count` triangles, large ones in several parts if the tree is to be good.
+    pub(crate) fn of_triangles(
+        count: usize,
+        corners: &'a (impl Fn(u32) -> [Vec3; 3] + Sync),
+        quality: Quality,
+    ) -> Result<Self, BuildError> {
+        let mut items = Self::new(count, |id| Aabb::of_triangle(corners(id as u32)))?;
+        items.corners = Some(corners);
+        if quality == Quality::High {
+            presplit::split(&mut items, corners, presplit::Budget::DEFAULT);
+        }
+        Ok(items)
     }
 }

@@ -1,9 +1,9 @@
 //! All eight boxes at once; what is met is brought together by a table of permutations.
 
-use super::{Lanes, Wide};
+use super::{Lanes, Passing};
+use crate::PreparedRay;
 use crate::node::{Link, Node};
 use crate::slab::{INFLATE, WIDTH};
-use crate::{PreparedRay, WideRay};
 use std::arch::x86_64::*;
 
 /// See the module.
@@ -62,86 +62,61 @@ pub(super) unsafe fn clip(node: &Node, ray: &PreparedRay, origins: [&[f32; 3]; 2
     macro_rules! cross {
         ($side:literal, $axis:literal, $offset:expr) => {{
             // SAFETY: the offset is that of a row of eight aligned numbers.
-            let planes = unsafe { _mm256_load_ps((&raw const *node).cast::<f32>().byte_add($offset)) };
+            let planes = unsafe { _mm256_load_ps((&raw const *node).cast::<f32>().byte_add(usize::from($offset))) };
             _mm256_mul_ps(
                 _mm256_sub_ps(planes, _mm256_set1_ps(origins[$side][$axis])),
                 _mm256_set1_ps(ray.reciprocal[$axis]),
             )
         }};
     }
-    let [x, y, z] = ray.entries;
-    let (x, y, z) = (usize::from(x), usize::from(y), usize::from(z));
+    let ([x, y, z], [u, v, w]) = (ray.entries, ray.exits);
     let enter = [cross!(0, 0, x), cross!(0, 1, y), cross!(0, 2, z)];
-    let leave = [cross!(1, 0, 96 - x), cross!(1, 1, 160 - y), cross!(1, 2, 224 - z)];
+    let leave = [cross!(1, 0, u), cross!(1, 1, v), cross!(1, 2, w)];
     let near = _mm256_max_ps(_mm256_max_ps(enter[0], enter[1]), _mm256_max_ps(enter[2], _mm256_setzero_ps()));
     let far = _mm256_min_ps(_mm256_min_ps(leave[0], leave[1]), leave[2]);
     (near, far)
 }
 
-/// Writes the children that are entered before they are left and before the limit.
+/// How many links there are, and the last of them; any, if there is none.
 ///
 /// # Safety
-/// The machine must have AVX2, and there must be room for eight entries.
+/// The machine must have AVX2.
 #[inline]
-#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-unsafe fn write<const ORDERED: bool>(
-    node: &Node,
-    ray: &PreparedRay,
-    (mut near, mut far): (__m256, __m256),
-    limit: f32,
-    out: *mut f32,
-    links: *mut Link,
-) -> (usize, Link) {
-    // SAFETY: the caller's promise.
-    unsafe {
-        let mut children = _mm256_load_si256(node.children.as_ptr().cast());
-        if ORDERED {
-            let order = order(node, ray);
-            near = _mm256_permutevar8x32_ps(near, order);
-            far = _mm256_permutevar8x32_ps(far, order);
-            children = _mm256_permutevar8x32_epi32(children, order);
+#[target_feature(enable = "avx2")]
+pub(super) unsafe fn with_last(count: u32, links: __m256i) -> (usize, Link) {
+    let last = _mm256_permutevar8x32_epi32(links, _mm256_set1_epi32(count.wrapping_sub(1) as i32));
+    (count as usize, Link::from_bits(_mm256_cvtsi256_si32(last) as u32))
+}
+
+impl<R: Passing> Lanes<R> for Avx2 {
+    #[inline]
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+    unsafe fn visit<const ORDERED: bool>(
+        node: &Node,
+        ray: &R,
+        limit: f32,
+        out: *mut f32,
+        links: *mut Link,
+    ) -> (usize, Link) {
+        // SAFETY: the caller's promise.
+        unsafe {
+            let (mut near, mut far) = clip(node, ray.ray(), ray.origins());
+            let ray = ray.ray();
+            let mut children = _mm256_load_si256(node.children.as_ptr().cast());
+            if ORDERED {
+                let order = order(node, ray);
+                near = _mm256_permutevar8x32_ps(near, order);
+                far = _mm256_permutevar8x32_ps(far, order);
+                children = _mm256_permutevar8x32_epi32(children, order);
+            }
+            let far = end(far, limit);
+            let mask = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(near, far)) as usize;
+            let row = COMPRESS.get_unchecked(mask & 255).as_ptr();
+            let met = _mm256_cvtepu8_epi32(_mm_loadl_epi64(row.cast()));
+            _mm256_storeu_ps(out, _mm256_permutevar8x32_ps(near, met));
+            let met = _mm256_permutevar8x32_epi32(children, met);
+            _mm256_storeu_si256(links.cast(), met);
+            with_last(mask.count_ones(), met)
         }
-        let far = end(far, limit);
-        let mask = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(near, far)) as usize;
-        let row = COMPRESS.get_unchecked(mask & 255).as_ptr();
-        let met = _mm256_cvtepu8_epi32(_mm_loadl_epi64(row.cast()));
-        _mm256_storeu_ps(out, _mm256_permutevar8x32_ps(near, met));
-        _mm256_storeu_si256(links.cast(), _mm256_permutevar8x32_epi32(children, met));
-        (mask.count_ones() as usize, super::last::<ORDERED>(node, ray, mask as u32))
-    }
-}
-
-impl Lanes for Avx2 {
-    type Ray = PreparedRay;
-
-    #[inline]
-    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-    unsafe fn visit<const ORDERED: bool>(
-        node: &Node,
-        ray: &PreparedRay,
-        limit: f32,
-        out: *mut f32,
-        links: *mut Link,
-    ) -> (usize, Link) {
-        let origin = &ray.ray.origin.to_array();
-        // SAFETY: the caller's promise: AVX2, and room for eight entries.
-        unsafe { write::<ORDERED>(node, ray, clip(node, ray, [origin, origin]), limit, out, links) }
-    }
-}
-
-impl Lanes for Wide<Avx2> {
-    type Ray = WideRay;
-
-    #[inline]
-    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-    unsafe fn visit<const ORDERED: bool>(
-        node: &Node,
-        WideRay { ray, origins: [first, last], .. }: &WideRay,
-        limit: f32,
-        out: *mut f32,
-        links: *mut Link,
-    ) -> (usize, Link) {
-        // SAFETY: the caller's promise: AVX2, and room for eight entries.
-        unsafe { write::<ORDERED>(node, ray, clip(node, ray, [first, last]), limit, out, links) }
     }
 }

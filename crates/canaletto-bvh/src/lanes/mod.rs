@@ -5,10 +5,27 @@
 
 #![allow(unsafe_code)] // Intrinsics, and stacks written without bounds checks.
 
+/// Operators of what wraps numbers side by side, by functions of what it wraps.
+macro_rules! operators {
+    ($type:ty { $($trait:ident $name:ident ($a:ident, $b:ident) $do:expr;)* }) => {
+        $(impl $trait for $type {
+            type Output = Self;
+            #[inline(always)]
+            fn $name(self, other: Self) -> Self {
+                let ($a, $b) = (self.0, other.0);
+                #[allow(unused_unsafe)]
+                // SAFETY: who made the values knows that the machine has the instructions.
+                unsafe { Self($do) }
+            }
+        })*
+    };
+}
+
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+mod four;
 mod portable;
 mod sixteen;
 
@@ -16,23 +33,88 @@ mod sixteen;
 pub(crate) use avx2::Avx2;
 #[cfg(target_arch = "x86_64")]
 pub(crate) use avx512::Avx512;
+pub(crate) use four::Four;
 pub(crate) use portable::{Careful, Portable};
 pub(crate) use sixteen::{Baseline, Instructions, Mask, Row, SIXTEEN, Sixteen};
 #[cfg(target_arch = "x86_64")]
 pub(crate) use sixteen::{WithAvx2, WithAvx512};
 
-use crate::PreparedRay;
 use crate::node::{Link, Node};
-use crate::slab::WIDTH;
-use std::marker::PhantomData;
+use crate::{Aabb, PreparedRay, WideRay};
 use std::sync::atomic::{AtomicU8, Ordering};
 
+/// What goes through a tree: a ray with or without a margin.
+pub(crate) trait Passing {
+    /// The ray itself.
+    fn ray(&self) -> &PreparedRay;
+    /// The origins from which the planes that it enters by, and those that it leaves by, are seen.
+    fn origins(&self) -> [&[f32; 3]; 2];
+    /// A box with its margin.
+    fn grown(&self, bounds: Aabb) -> Aabb;
+}
+
+impl Passing for PreparedRay {
+    #[inline(always)]
+    fn ray(&self) -> &PreparedRay {
+        self
+    }
+
+    #[inline(always)]
+    fn origins(&self) -> [&[f32; 3]; 2] {
+        [self.ray.origin.as_ref(); 2]
+    }
+
+    #[inline(always)]
+    fn grown(&self, bounds: Aabb) -> Aabb {
+        bounds
+    }
+}
+
+impl Passing for WideRay {
+    #[inline(always)]
+    fn ray(&self) -> &PreparedRay {
+        &self.ray
+    }
+
+    #[inline(always)]
+    fn origins(&self) -> [&[f32; 3]; 2] {
+        self.origins.each_ref()
+    }
+
+    #[inline(always)]
+    fn grown(&self, bounds: Aabb) -> Aabb {
+        WideRay::grown(self, &bounds)
+    }
+}
+
+/// What the exact kernel for four triangles is made of.
+pub(crate) trait Exact {
+    /// The same instructions for f64.
+    type Four: Four;
+}
+
+impl Exact for Portable {
+    type Four = four::Loops;
+}
+
+impl Exact for Careful {
+    type Four = four::Loops;
+}
+
+#[cfg(target_arch = "x86_64")]
+impl Exact for Avx2 {
+    type Four = four::InAvx;
+}
+
+#[cfg(target_arch = "x86_64")]
+impl Exact for Avx512 {
+    type Four = four::InAvx;
+}
+
 /// A way to test a ray against a node.
-pub(crate) trait Lanes: Copy {
-    /// The rays that it knows.
-    type Ray;
+pub(crate) trait Lanes<R = PreparedRay>: Copy + Exact {
     /// Writes the children that the ray, a `regular` one but for [`Careful`], meets before `limit`, and where it enters them: the nearest in
-    /// general last, or, unless `ORDERED`, the largest. Returns how
+    /// general last, or, unless `ORDERED`, the most promising for any hit. Returns how
     /// many they are, and the last link again, if there is one: to read it where it was just written would have to wait until a part of a wide store
     /// can be read.
     ///
@@ -40,23 +122,11 @@ pub(crate) trait Lanes: Copy {
     /// The machine must have the instructions, and there must be room for eight entries.
     unsafe fn visit<const ORDERED: bool>(
         node: &Node,
-        ray: &Self::Ray,
+        ray: &R,
         limit: f32,
         near: *mut f32,
         links: *mut Link,
     ) -> (usize, Link);
-}
-
-/// The same instructions for rays with a margin.
-#[derive(Clone, Copy)]
-pub(crate) struct Wide<L>(PhantomData<L>);
-
-/// The child of the highest lane in a mask of lanes in the order of `visit`; any child, if there is none.
-#[inline(always)]
-fn last<const ORDERED: bool>(node: &Node, ray: &PreparedRay, mask: u32) -> Link {
-    let last = 31u32.wrapping_sub(mask.leading_zeros()) as usize;
-    let lane = if ORDERED { (node.orders[usize::from(ray.octant) & 7] >> ((3 * last) & 31)) as usize } else { last };
-    node.children[lane & (WIDTH - 1)]
 }
 
 /// Sets of instructions that kernels exist for, each with all before it.

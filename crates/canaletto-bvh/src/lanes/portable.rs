@@ -1,9 +1,8 @@
 //! Boxes in two halves of four, with what the compiler and glam make of them: SSE2, NEON or plain numbers.
 
-use super::{Lanes, Wide};
+use super::{Lanes, Passing};
 use crate::node::{Link, Node};
 use crate::slab::{INFLATE, WIDTH};
-use crate::{PreparedRay, WideRay};
 use glam::Vec4;
 
 /// See the module.
@@ -37,38 +36,30 @@ unsafe fn write<const ORDERED: bool>(
     (count, unsafe { *links.add(count - 1) })
 }
 
-/// Where a ray enters the boxes, and those that it meets; the origins are those from which the planes that it enters and leaves by are seen.
-#[inline(always)]
-fn clip(node: &Node, ray: &PreparedRay, origins: &[[f32; 3]; 2], limit: f32) -> ([f32; WIDTH], u32) {
-    let mut near = [0.0; WIDTH];
-    let mut mask = 0;
-    for half in 0..2 {
-        let cross = |side: u8, axis: usize, origin: f32| {
-            let planes = Vec4::from_slice(&node.boxes[usize::from(side & 1)][axis][4 * half..]);
-            (planes - Vec4::splat(origin)) * Vec4::splat(ray.reciprocal[axis])
-        };
-        let enter = |axis: usize| cross(ray.octant >> axis, axis, origins[0][axis]);
-        let leave = |axis: usize| cross(!ray.octant >> axis, axis, origins[1][axis]);
-        let n = enter(0).max(enter(1)).max(enter(2).max(Vec4::ZERO));
-        let f = (leave(0).min(leave(1)).min(leave(2)) * INFLATE).min(Vec4::splat(limit));
-        near[4 * half..4 * half + 4].copy_from_slice(&n.to_array());
-        mask |= n.cmple(f).bitmask() << (4 * half);
-    }
-    (near, mask)
-}
-
-impl Lanes for Portable {
-    type Ray = PreparedRay;
-
+impl<R: Passing> Lanes<R> for Portable {
     #[inline(always)]
     unsafe fn visit<const ORDERED: bool>(
         node: &Node,
-        ray: &PreparedRay,
+        ray: &R,
         limit: f32,
         out: *mut f32,
         links: *mut Link,
     ) -> (usize, Link) {
-        let (near, mask) = clip(node, ray, &[ray.ray.origin.to_array(); 2], limit);
+        let (origins, ray) = (ray.origins(), ray.ray());
+        let mut near = [0.0; WIDTH];
+        let mut mask = 0;
+        for half in 0..2 {
+            let cross = |side: u8, axis: usize, origin: f32| {
+                let planes = Vec4::from_slice(&node.boxes[usize::from(side & 1)][axis][4 * half..]);
+                (planes - Vec4::splat(origin)) * Vec4::splat(ray.reciprocal[axis])
+            };
+            let enter = |axis: usize| cross(ray.octant >> axis, axis, origins[0][axis]);
+            let leave = |axis: usize| cross(!ray.octant >> axis, axis, origins[1][axis]);
+            let n = enter(0).max(enter(1)).max(enter(2).max(Vec4::ZERO));
+            let f = (leave(0).min(leave(1)).min(leave(2)) * INFLATE).min(Vec4::splat(limit));
+            near[4 * half..4 * half + 4].copy_from_slice(&n.to_array());
+            mask |= n.cmple(f).bitmask() << (4 * half);
+        }
         // SAFETY: the caller's promise.
         unsafe { write::<ORDERED>(mask, usize::from(ray.octant), node, &near, out, links) }
     }
@@ -78,12 +69,10 @@ impl Lanes for Portable {
 #[derive(Clone, Copy)]
 pub(crate) struct Careful;
 
-impl Lanes for Careful {
-    type Ray = PreparedRay;
-
+impl<R: Passing> Lanes<R> for Careful {
     unsafe fn visit<const ORDERED: bool>(
         node: &Node,
-        ray: &PreparedRay,
+        ray: &R,
         limit: f32,
         out: *mut f32,
         links: *mut Link,
@@ -91,50 +80,11 @@ impl Lanes for Careful {
         let mut near = [0.0; WIDTH];
         let mut mask = 0;
         for (lane, near) in near.iter_mut().enumerate() {
-            let (enter, leave) = ray.clip_carefully(&node.get_box(lane), limit);
+            let (enter, leave) = ray.ray().clip_carefully(&ray.grown(node.get_box(lane)), limit);
             *near = enter;
             mask |= u32::from(enter <= leave) << lane;
         }
         // SAFETY: the caller's promise.
-        unsafe { write::<ORDERED>(mask, usize::from(ray.octant), node, &near, out, links) }
-    }
-}
-
-impl Lanes for Wide<Portable> {
-    type Ray = WideRay;
-
-    #[inline(always)]
-    unsafe fn visit<const ORDERED: bool>(
-        node: &Node,
-        WideRay { ray, origins, .. }: &WideRay,
-        limit: f32,
-        out: *mut f32,
-        links: *mut Link,
-    ) -> (usize, Link) {
-        let (near, mask) = clip(node, ray, origins, limit);
-        // SAFETY: the caller's promise.
-        unsafe { write::<ORDERED>(mask, usize::from(ray.octant), node, &near, out, links) }
-    }
-}
-
-impl Lanes for Wide<Careful> {
-    type Ray = WideRay;
-
-    unsafe fn visit<const ORDERED: bool>(
-        node: &Node,
-        wide: &WideRay,
-        limit: f32,
-        out: *mut f32,
-        links: *mut Link,
-    ) -> (usize, Link) {
-        let mut near = [0.0; WIDTH];
-        let mut mask = 0;
-        for (lane, near) in near.iter_mut().enumerate() {
-            let (enter, leave) = wide.ray.clip_carefully(&wide.grown(&node.get_box(lane)), limit);
-            *near = enter;
-            mask |= u32::from(enter <= leave) << lane;
-        }
-        // SAFETY: the caller's promise.
-        unsafe { write::<ORDERED>(mask, usize::from(wide.ray.octant), node, &near, out, links) }
+        unsafe { write::<ORDERED>(mask, usize::from(ray.ray().octant), node, &near, out, links) }
     }
 }

@@ -117,21 +117,6 @@ fn each<A: Copy, B: Copy, C: Copy + Default>(a: [A; SIXTEEN], b: [B; SIXTEEN], f
     c
 }
 
-macro_rules! operators {
-    ($type:ty { $($trait:ident $name:ident ($a:ident, $b:ident) $do:expr;)* }) => {
-        $(impl $trait for $type {
-            type Output = Self;
-            #[inline(always)]
-            fn $name(self, other: Self) -> Self {
-                let ($a, $b) = (self.0, other.0);
-                #[allow(unused_unsafe)]
-                // SAFETY: see below.
-                unsafe { Self($do) }
-            }
-        })*
-    };
-}
-
 operators!(Loops {
     Add add(a, b) each(a, b, |a, b| a + b);
     Sub sub(a, b) each(a, b, |a, b| a - b);

@@ -1,0 +1,42 @@
+//! Loops that are compiled once for each instruction set.
+
+#![allow(unsafe_code)] // Functions for instructions that only some machines have.
+
+use crate::InstructionSet;
+
+/// Loops over numbers side by side, which the compiler makes wide by whatever instructions it may use. They give the same bits with all of
+/// them: + − × ÷ and sqrt are never fused.
+pub trait Kernel {
+    /// What it finds.
+    type Answer;
+    /// Does the work. Has to be `#[inline(always)]`, as must be all it calls, or it is compiled for the baseline.
+    fn run(self) -> Self::Answer;
+}
+
+impl InstructionSet {
+    /// Runs a kernel by the instructions in use.
+    #[inline]
+    pub fn run<K: Kernel>(kernel: K) -> K::Answer {
+        #[cfg(target_arch = "x86_64")]
+        match InstructionSet::current() {
+            // SAFETY: `current` never tells more than the machine has.
+            InstructionSet::Avx512 => return unsafe { avx512(kernel) },
+            // SAFETY: as said.
+            InstructionSet::Avx2 => return unsafe { avx2(kernel) },
+            InstructionSet::Baseline => {}
+        }
+        kernel.run()
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+fn avx2<K: Kernel>(kernel: K) -> K::Answer {
+    kernel.run()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512bw,avx512dq")]
+fn avx512<K: Kernel>(kernel: K) -> K::Answer {
+    kernel.run()
+}

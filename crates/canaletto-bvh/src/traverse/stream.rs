@@ -1,0 +1,272 @@
+//! Many rays through the tree at once, which need not go the same way.
+
+use std::hint::select_unpredictable;
+use std::mem::MaybeUninit;
+
+use super::stack::Stack;
+use super::{Passage, closest, run};
+use crate::PreparedRay;
+use crate::lanes::{Exact, Lanes, Portable};
+use crate::node::{Leaf, Link, Node};
+use crate::slab::limit as limit_of;
+
+/// What is done at leaves for many rays. A leaf is tested in two steps, so that what depends on a rough test's outcome is done apart, for all rays for which
+/// something is left to do.
+pub(crate) trait ClosestOfMany {
+    /// What the first step finds.
+    type Finding: Copy;
+    /// Whether it counts what is nearest.
+    const NEAREST: bool = true;
+    /// Tells whether anything in a leaf may be hit by the ray of this number before `t_max`.
+    fn test(&self, ray: usize, leaf: Leaf, t_max: f32) -> (bool, Self::Finding);
+    /// Completes the test, and lowers `t_max` to the nearest hit; to −∞ if the ray's way ends here.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `E`.
+    unsafe fn leaf<E: Exact>(&mut self, ray: usize, leaf: Leaf, finding: &Self::Finding, t_max: &mut f32);
+    /// Where the leaves' data lie, to be fetched in advance: the first's start, and how many bytes each has.
+    fn places(&self) -> Option<(*const u8, usize)> {
+        None
+    }
+}
+
+impl<F: FnMut(usize, Leaf, &mut f32)> ClosestOfMany for F {
+    type Finding = ();
+
+    #[inline(always)]
+    fn test(&self, _ray: usize, _leaf: Leaf, _t_max: f32) -> (bool, ()) {
+        (true, ())
+    }
+
+    #[inline(always)]
+    unsafe fn leaf<E: Exact>(&mut self, ray: usize, leaf: Leaf, _finding: &(), t_max: &mut f32) {
+        self(ray, leaf, t_max);
+    }
+}
+
+/// How many rays of a stream are on their way at once.
+const FLIGHTS: usize = 32;
+
+/// The rays that have not started; those that are not regular never do.
+struct Waiting<'a> {
+    rays: &'a [PreparedRay],
+    next: usize,
+}
+
+impl Waiting<'_> {
+    #[inline(always)]
+    fn next(&mut self) -> Option<usize> {
+        while let Some(ray) = self.rays.get(self.next) {
+            self.next += 1;
+            if ray.regular {
+                return Some(self.next - 1);
+            }
+        }
+        None
+    }
+}
+
+/// A ray on its way. Its stack's lowest entry is [`Link::END`].
+struct Flight<'a> {
+    ray: usize,
+    prepared: &'a PreparedRay,
+    limit: f32,
+    /// Where it is.
+    link: Link,
+    stack: Stack,
+}
+
+impl<'a> Flight<'a> {
+    /// # Safety
+    /// `flight` must point to memory for a flight.
+    #[inline(always)]
+    unsafe fn start(flight: *mut Self, ray: usize, prepared: &'a PreparedRay, t_max: f32) {
+        // SAFETY: the caller's promise; a stack needs nothing but its length and lowest entry.
+        unsafe {
+            (*flight).ray = ray;
+            (*flight).prepared = prepared;
+            (*flight).limit = limit_of(t_max);
+            (*flight).link = Link::node(0);
+            (*flight).stack.clear();
+        }
+    }
+}
+
+/// What flights do next: a bit for each. In registers, not in lists in memory: where a list's next entry goes is known late, and all that is
+/// read from memory later would have to wait until then.
+#[derive(Clone, Copy)]
+struct Queues {
+    nodes: u32,
+    leaves: u32,
+    ended: u32,
+}
+
+/// Takes the lowest flight from a queue.
+#[inline(always)]
+fn next(queue: &mut u32) -> Option<usize> {
+    if *queue == 0 {
+        return None;
+    }
+    let number = queue.trailing_zeros() as usize;
+    *queue &= *queue - 1;
+    Some(number)
+}
+
+/// Where nodes and the data of leaves lie, to be fetched in advance.
+#[derive(Clone, Copy)]
+struct Places {
+    node: *const u8,
+    leaf: *const u8,
+    /// Of a leaf's data.
+    bytes: usize,
+}
+
+impl Places {
+    #[inline(always)]
+    fn fetch(self, link: Link) {
+        let node = self.node.wrapping_add(link.index() * size_of::<Node>());
+        let leaf = self.leaf.wrapping_add(link.index() * self.bytes);
+        let start = select_unpredictable(link.is_leaf(), leaf, node);
+        let start = select_unpredictable(link == Link::END, self.node, start);
+        for line in 0..4 {
+            prefetch(start.wrapping_add(64 * line));
+        }
+    }
+}
+
+/// Tells the caches that this address will be read. Does nothing where stable Rust has no instruction for it.
+#[inline(always)]
+fn prefetch(address: *const u8) {
+    #[cfg(target_arch = "x86_64")]
+    // SAFETY: every x86-64 has SSE; a prefetch of any address is harmless.
+    unsafe {
+        std::arch::x86_64::_mm_prefetch::<{ std::arch::x86_64::_MM_HINT_T0 }>(address.cast());
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = address;
+}
+
+impl Queues {
+    /// Sends a flight to its next place, and tells the caches. It goes to `leaves` also where it has ended: see [`Queues::part`].
+    #[inline(always)]
+    fn send(&mut self, number: usize, flight: &mut Flight<'_>, link: Link, places: Places) {
+        flight.link = link;
+        // Without branches, since nobody could foretell them.
+        self.leaves |= u32::from(link.is_leaf()) << number;
+        self.ended |= u32::from(link == Link::END) << number;
+        places.fetch(link);
+    }
+
+    /// Tells flights at nodes, leaves and ends apart, when these were sent.
+    #[inline(always)]
+    fn part(&mut self, sent: u32) {
+        self.nodes |= sent & !self.leaves;
+        self.leaves &= !self.ended;
+    }
+}
+
+/// [`closest`] for many rays that need not go the same way. Several are on their way at once. In each round all that are at nodes visit
+/// these, then all that are at leaves test these: nothing branches on where a single ray goes, so that the processor works on
+/// several visits at once and waits neither for memory nor for branches that it guessed wrong.
+#[inline]
+pub(crate) fn closest_of_many<F: ClosestOfMany>(nodes: &[Node], rays: &[PreparedRay], t_max: &mut [f32], mut leaf: F) {
+    assert_eq!(rays.len(), t_max.len());
+    for (index, ray) in rays.iter().enumerate().filter(|(_, ray)| !ray.regular) {
+        t_max[index] = closest(nodes, ray, t_max[index], |slots: Leaf, limit: &mut f32| {
+            if let (true, finding) = leaf.test(index, slots, *limit) {
+                // SAFETY: every machine has those instructions.
+                unsafe { leaf.leaf::<Portable>(index, slots, &finding, limit) };
+            }
+        });
+    }
+    run(true, Stream { nodes, rays, t_max, leaf });
+}
+
+struct Stream<'a, F> {
+    nodes: &'a [Node],
+    rays: &'a [PreparedRay],
+    t_max: &'a mut [f32],
+    leaf: F,
+}
+
+impl<F: ClosestOfMany> Passage for Stream<'_, F> {
+    type Ray = PreparedRay;
+    type Answer = ();
+
+    #[inline(always)]
+    unsafe fn run<L: Lanes>(self) {
+        let Self { nodes, rays, t_max, mut leaf } = self;
+        if nodes.is_empty() {
+            return;
+        }
+        let mut waiting = Waiting { rays, next: 0 };
+        let mut flights: [MaybeUninit<Flight>; FLIGHTS] = [const { MaybeUninit::uninit() }; FLIGHTS];
+        let mut findings: [MaybeUninit<F::Finding>; FLIGHTS] = [const { MaybeUninit::uninit() }; FLIGHTS];
+        let (leaf_start, bytes) = leaf.places().unwrap_or((nodes.as_ptr().cast(), 0));
+        let places = Places { node: nodes.as_ptr().cast(), leaf: leaf_start, bytes };
+        let mut queues = Queues { nodes: 0, leaves: 0, ended: u32::MAX >> (32 - FLIGHTS) };
+        // SAFETY: the caller's promise; links lead to nodes; flights in queues of nodes and leaves were started, and their rays exist.
+        unsafe {
+            macro_rules! flight {
+                ($number:expr) => {
+                    &mut *flights.get_unchecked_mut($number).as_mut_ptr()
+                };
+            }
+            loop {
+                let mut free = std::mem::take(&mut queues.ended);
+                while let Some(number) = next(&mut free) {
+                    let Some(ray) = waiting.next() else { break };
+                    Flight::start(flights.get_unchecked_mut(number).as_mut_ptr(), ray, &rays[ray], t_max[ray]);
+                    queues.nodes |= 1 << number;
+                }
+                if queues.nodes | queues.leaves == 0 {
+                    break;
+                }
+                let visited = std::mem::take(&mut queues.nodes);
+                let mut visiting = visited;
+                while let Some(number) = next(&mut visiting) {
+                    let flight = flight!(number);
+                    let (node, ray) = (nodes.get_unchecked(flight.link.node_index()), flight.prepared);
+                    let link = if F::NEAREST {
+                        flight.stack.visit_without_branch::<_, L, true>(node, ray, flight.limit)
+                    } else {
+                        flight.stack.visit_without_branch::<_, L, false>(node, ray, flight.limit)
+                    };
+                    queues.send(number, flight, link, places);
+                }
+                queues.part(visited);
+                let tested = std::mem::take(&mut queues.leaves);
+                let mut hopeful = 0;
+                let mut testing = tested;
+                while let Some(number) = next(&mut testing) {
+                    let flight = flight!(number);
+                    let (hope, finding) = leaf.test(flight.ray, flight.link.leaf(), *t_max.get_unchecked(flight.ray));
+                    findings.get_unchecked_mut(number).write(finding);
+                    hopeful |= u32::from(hope) << number;
+                }
+                while let Some(number) = next(&mut hopeful) {
+                    let flight = flight!(number);
+                    let t_max = t_max.get_unchecked_mut(flight.ray);
+                    let before = *t_max;
+                    leaf.leaf::<L>(
+                        flight.ray,
+                        flight.link.leaf(),
+                        findings.get_unchecked(number).assume_init_ref(),
+                        t_max,
+                    );
+                    if *t_max < before {
+                        flight.limit = limit_of(*t_max);
+                        flight.stack.cull(flight.limit);
+                    }
+                }
+                testing = tested;
+                while let Some(number) = next(&mut testing) {
+                    let flight = flight!(number);
+                    let link = flight.stack.pop();
+                    queues.send(number, flight, link, places);
+                }
+                queues.part(tested);
+            }
+        }
+    }
+}
