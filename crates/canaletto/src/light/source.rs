@@ -21,6 +21,8 @@ pub struct Source {
     area: Option<Area>,
     /// How many points shine.
     count: u32,
+    /// Whether its light loses by distance.
+    attenuated: bool,
 }
 
 /// Light arriving at a point from one of a light's points.
@@ -76,7 +78,8 @@ impl Source {
         if !points.is_empty() {
             area = None;
         }
-        Source { light, points, towards, intensity, cone, area, count }
+        let attenuated = light.attenuation != [1.0, 0.0, 0.0];
+        Source { light, points, towards, intensity, cone, area, count, attenuated }
     }
 
     /// The number of points that illuminate, each with a shadow ray of its own.
@@ -119,14 +122,26 @@ impl Source {
         self.arriving(position, p)
     }
 
+    /// Where point number `index` is, if it is the same seen from everywhere: then [`Source::along`] tells what arrives.
+    #[inline]
+    pub(crate) fn point(&self, index: u32) -> Option<Vec3> {
+        if self.is_sampled() { None } else { self.points.get(index as usize).copied() }
+    }
+
     #[inline]
     fn arriving(&self, position: Vec3, p: DVec3) -> Illumination {
         let to_light = position.as_dvec3() - p;
         let length = to_light.length();
         let (direction, distance) = (to_light / length, length as f32);
+        Illumination { direction, distance, position: Some(position), intensity: self.along(direction, distance) }
+    }
+
+    /// The intensity that arrives from a point of it that lies in this direction so far away.
+    #[inline]
+    pub(crate) fn along(&self, direction: DVec3, distance: f32) -> Rgb {
         let mut intensity = self.intensity;
-        let [c, l, q] = self.light.attenuation;
-        if [c, l, q] != [1.0, 0.0, 0.0] {
+        if self.attenuated {
+            let [c, l, q] = self.light.attenuation;
             // A light on the very point may have nothing to divide by; black stays black.
             let divisor = (c + l * distance + q * distance * distance).max(f32::MIN_POSITIVE);
             intensity = (intensity / divisor).saturated();
@@ -134,7 +149,7 @@ impl Source {
         if let Some(cone) = &self.cone {
             intensity *= cone.factor(-direction.as_vec3());
         }
-        Illumination { direction, distance, position: Some(position), intensity }
+        intensity
     }
 
     fn arriving_from_infinity(&self, p: Vec3) -> Illumination {

@@ -11,6 +11,7 @@ pub use bump::{bumped, on_the_outside, tilted};
 pub use facet::{on_the_side, visible_facet};
 pub use mapping::{Mapping, Place, Projection, Repeat, Space, Spot, Spots};
 pub use phong::Phong;
+pub(crate) use phong::highlights;
 pub use refract::{reflect, refract};
 pub use texture_use::{Channel, Target, TextureUse};
 

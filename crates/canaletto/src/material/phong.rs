@@ -1,6 +1,6 @@
 //! Phong's model (5.4) with the chapter's mirror and transparency.
 
-use crate::math::Rgb;
+use crate::math::{Rgb, power_all};
 use serde::{Deserialize, Serialize};
 
 /// The coefficients of (5.39b).
@@ -56,11 +56,20 @@ impl Phong {
         Ok(())
     }
 
-    /// cosⁿα of (5.38), r·L cut off below 0: pow(max(0, r·L), n). An n of 0 gives 1 everywhere.
-    #[inline]
+    /// cosⁿα of (5.38) for one r·L; see [`highlights`].
     pub fn highlight(&self, r_dot_l: f32) -> f32 {
-        if r_dot_l <= 0.0 && self.n > 0.0 { 0.0 } else { libm::powf(r_dot_l.max(0.0), self.n) }
+        let mut value = [r_dot_l];
+        highlights(&mut value, &[self.n]);
+        value[0]
     }
+}
+
+/// Makes cosⁿα of (5.38) of each r·L, cut off below 0: pow(max(0, r·L), n). An n of 0 gives 1 everywhere.
+pub(crate) fn highlights(r_dot_l: &mut [f32], n: &[f32]) {
+    for cosine in &mut *r_dot_l {
+        *cosine = cosine.max(0.0);
+    }
+    power_all(r_dot_l, n);
 }
 
 #[cfg(test)]

@@ -224,7 +224,7 @@ impl<'a> Worker<'a> {
         part.layers = self.aovs.iter().map(|aov| aov.layer(width, height)).collect();
         self.whitted.counts = RayCounts::default();
         if self.aovs.is_empty() {
-            let places = in_groups([width, height]);
+            let places = in_squares([width, height]);
             for places in places.chunks(self.pixels.together()) {
                 if observer.cancelled() {
                     return None;
@@ -260,17 +260,20 @@ impl<'a> Worker<'a> {
     }
 }
 
-/// The places of an area in groups of 4 × 4, so that few neighbours in the list are close to each other in both directions.
-fn in_groups([width, height]: [u32; 2]) -> Vec<[u32; 2]> {
-    const SIDE: u32 = 4;
-    let mut places = Vec::with_capacity((width * height) as usize);
-    for y0 in (0..height).step_by(SIDE as usize) {
-        for x0 in (0..width).step_by(SIDE as usize) {
-            for y in y0..(y0 + SIDE).min(height) {
-                places.extend((x0..(x0 + SIDE).min(width)).map(|x| [x, y]));
-            }
+/// The places of an area along a Z-shaped curve (Morton order), so that neighbours in the list are close to each other in both
+/// directions: every 4ⁿ of them that begin at a multiple of 4ⁿ fill a square, where the area doesn't end within it.
+fn in_squares([width, height]: [u32; 2]) -> Vec<[u32; 2]> {
+    fn square(places: &mut Vec<[u32; 2]>, [x, y]: [u32; 2], side: u32, area: [u32; 2]) {
+        if x >= area[0] || y >= area[1] {
+            return;
+        }
+        let Some(half) = (side > 1).then_some(side / 2) else { return places.push([x, y]) };
+        for corner in [[x, y], [x + half, y], [x, y + half], [x + half, y + half]] {
+            square(places, corner, half, area);
         }
     }
+    let mut places = Vec::with_capacity((width * height) as usize);
+    square(&mut places, [0, 0], width.max(height).next_power_of_two(), [width, height]);
     places
 }
 

@@ -1,6 +1,7 @@
 //! From description to world: materials and textures resolved, the tree of nodes flattened, hierarchies built.
 
 use super::World;
+use super::before::Before;
 use super::bundle::FEW;
 use super::flatten::{Builder, Finished, Part, Place};
 use super::geometry::Geometry;
@@ -14,8 +15,18 @@ use crate::light::environment::{Backdrop, Environment};
 use crate::material::{Channel, Material, Phong, Target};
 use crate::scene::Scene;
 use crate::texture::{ColorSpace, Image, Pattern, Prefilter, Texture, TextureKind, Unresolved};
-use canaletto_bvh::Aabb;
+use canaletto_bvh::{Aabb, Quality};
 use std::collections::HashMap;
+
+/// How a world is built. No picture depends on it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct BuildOptions {
+    /// How much work to put into hierarchies over triangles.
+    pub quality: Quality,
+    /// About how many rays the world is for, 0 if nobody knows: whether a hierarchy is worth more work than to refit it; see
+    /// [`World::build_after`].
+    pub rays: u64,
+}
 
 /// Why a scene can't be rendered.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -102,10 +113,23 @@ impl World {
     /// # Errors
     /// The first thing that can't be rendered. Nothing after this can fail.
     pub fn build(scene: Scene) -> Result<World, BuildError> {
-        World::build_with(scene, Nesting::default())
+        World::build_with(scene, &BuildOptions::default())
     }
 
-    pub(super) fn build_with(scene: Scene, nesting: Nesting) -> Result<World, BuildError> {
+    /// [`World::build`] in this way.
+    ///
+    /// # Errors
+    /// As [`World::build`].
+    pub fn build_with(scene: Scene, options: &BuildOptions) -> Result<World, BuildError> {
+        World::lower(scene, options, Nesting::default(), Before::default())
+    }
+
+    pub(super) fn lower(
+        scene: Scene,
+        options: &BuildOptions,
+        nesting: Nesting,
+        before: Before,
+    ) -> Result<World, BuildError> {
         for material in &scene.materials {
             material.check().map_err(|problem| BuildError::Invalid {
                 object: format!("material \"{}\"", material.name),
@@ -140,6 +164,7 @@ impl World {
         let mut builder = Builder::new(wants, relief, meshes, spheres, cylinders, prototypes);
         builder.light_meshes = light_meshes;
         (builder.nesting, builder.uses) = (nesting, uses);
+        (builder.quality, builder.before) = (options.quality, before);
         builder.count_uses(&nodes);
         let mut root = Part::default();
         builder.flatten(&nodes, &Place::default(), &mut root, 0)?;
@@ -165,6 +190,8 @@ impl World {
             materials,
             objects: builder.objects,
             geometries: builder.geometries,
+            owners: builder.owners,
+            origins: builder.origins,
             unbounded_id_base: 1u32.wrapping_add(root.numbers),
             root,
             groups: builder.groups,

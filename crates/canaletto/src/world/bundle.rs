@@ -124,6 +124,23 @@ impl Bundle {
         self.t_max.push(t_max);
     }
 
+    /// Whether there is no ray.
+    pub fn is_empty(&self) -> bool {
+        self.t_max.is_empty()
+    }
+
+    /// How many rays there are.
+    #[inline]
+    pub fn len(&self) -> usize {
+        self.t_max.len()
+    }
+
+    /// Ray number `index`, and up to where it counts.
+    #[inline]
+    pub fn ray(&self, index: usize) -> (Ray, f32) {
+        (self.rays.rays[index], self.t_max[index])
+    }
+
     /// What ray number `index` met, if [`World::intersect_bundle`] was asked for this time.
     #[inline]
     pub fn hit(&self, index: usize, time: f32) -> Option<Hit> {
@@ -181,7 +198,7 @@ impl World {
     }
 
     /// Whether each instance is one geometry, and they are few.
-    fn is_small(&self) -> bool {
+    pub(super) fn is_small(&self) -> bool {
         self.root.is_flat() && self.root.instances.len() <= FEW
     }
 
@@ -219,21 +236,11 @@ impl World {
             for_runs(corridors, rays.rays.len(), bounds, |range| {
                 let open = &mut open[range.clone()];
                 let between = &mut between[range.clone()];
-                let mut part = Part { rays: self.in_space_of(instance, rays, local, time, &mut mapped), range };
-                if !clear {
-                    return geometry.occluded_bundle(part, open, || last.slot_in(index as u32));
-                }
-                for ((ray, open), between) in part.prepare().iter().zip(open).zip(between) {
-                    let opaque = |primitive| {
-                        let opaque = self.is_opaque(index as u32, primitive);
-                        if !opaque {
-                            *between = Between::Clear;
-                        }
-                        opaque
-                    };
-                    if *open > 0.0 && geometry.occluded(ray, *open, opaque).is_some() {
-                        *open = f32::NEG_INFINITY;
-                    }
+                let part = Part { rays: self.in_space_of(instance, rays, local, time, &mut mapped), range };
+                if clear {
+                    geometry.between_bundle(part, open, between, |primitive| self.is_opaque(index as u32, primitive));
+                } else {
+                    geometry.occluded_bundle(part, open, || last.slot_in(index as u32));
                 }
             });
         }
@@ -279,7 +286,7 @@ impl Geometry {
     /// [`Geometry::intersect`] for many rays; `found` says up to where each counts, and takes the answers.
     fn intersect_bundle(&self, mut part: Part, found: &mut [Nearest]) {
         match self {
-            Geometry::Mesh { triangles, mesh } if triangles.len() >= MANY => {
+            Geometry::Mesh { triangles, mesh } => {
                 let Rays { rays, triangles: hits, .. } = part.rays;
                 hits.clear();
                 hits.extend(found.iter().map(|f| bvh::Nearest::before(f.t)));
@@ -301,6 +308,13 @@ impl Geometry {
                     *found = (*met).into();
                 }
             }
+            _ if self.is_few() => {
+                for (ray, found) in part.rays.rays[part.range].iter().zip(found) {
+                    if let Some(hit) = self.intersect_few(ray, found.t) {
+                        *found = hit;
+                    }
+                }
+            }
             _ => {
                 for (ray, found) in part.prepare().iter().zip(found) {
                     if let Some(hit) = self.intersect(ray, found.t) {
@@ -315,8 +329,15 @@ impl Geometry {
     /// [`NONE`].
     fn occluded_bundle<'a>(&self, mut part: Part, t_max: &mut [f32], last: impl FnOnce() -> &'a mut u32) {
         match self {
-            Geometry::Mesh { triangles, mesh } if triangles.len() >= MANY => {
+            Geometry::Mesh { triangles, mesh } => {
                 triangles.occluded_coherent(&part.rays.rays[part.range], t_max, mesh.one_sided);
+            }
+            _ if self.is_few() => {
+                for (ray, t_max) in part.rays.rays[part.range].iter().zip(t_max).filter(|(_, t_max)| **t_max > 0.0) {
+                    if self.occluded_few(ray, *t_max, |_| true).is_some() {
+                        *t_max = f32::NEG_INFINITY;
+                    }
+                }
             }
             _ => {
                 let last = last();
@@ -329,6 +350,38 @@ impl Geometry {
                         *t_max = f32::NEG_INFINITY;
                     }
                 }
+            }
+        }
+    }
+
+    /// [`Geometry::occluded_bundle`] where some primitives are not opaque: what they leave open is `Clear`.
+    fn between_bundle(
+        &self,
+        mut part: Part,
+        t_max: &mut [f32],
+        between: &mut [Between],
+        is_opaque: impl Fn(u32) -> bool,
+    ) {
+        let few = self.is_few();
+        if !few {
+            part.prepare();
+        }
+        let Part { rays: Rays { rays, prepared, ready, .. }, range } = part;
+        for (index, (t_max, between)) in t_max.iter_mut().zip(between).enumerate().filter(|(_, (t, _))| **t > 0.0) {
+            let blocks = |primitive| {
+                let opaque = is_opaque(primitive);
+                if !opaque {
+                    *between = Between::Clear;
+                }
+                opaque
+            };
+            let blocker = if few {
+                self.occluded_few(&rays[range.start + index], *t_max, blocks)
+            } else {
+                self.occluded(&prepared[range.start - ready.start + index], *t_max, blocks)
+            };
+            if blocker.is_some() {
+                *t_max = f32::NEG_INFINITY;
             }
         }
     }

@@ -5,7 +5,7 @@
 //! whether directions of a group change their signs.
 
 use canaletto_bvh::{Aabb, Ray};
-use glam::Vec3A;
+use glam::{Vec3, Vec3A};
 
 /// How many rays a group has.
 pub(super) const GROUP: usize = 16;
@@ -19,12 +19,20 @@ const REGULAR: std::ops::RangeInclusive<f32> = 1e-37..=1e37;
 /// A group of rays.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Corridor {
-    origin: [Vec3A; 2],
-    direction: [Vec3A; 2],
+    /// The least coordinates of origins, then the largest ones' negatives.
+    from: [f32; 6],
+    /// The same of directions.
+    way: [f32; 6],
     /// Up to where any of them counts.
     t_max: f32,
     /// Whether boxes can be told to be missed.
     regular: bool,
+}
+
+/// Three numbers, then the negatives of three others.
+#[inline]
+fn six(a: Vec3, b: Vec3) -> [f32; 6] {
+    [a.x, a.y, a.z, -b.x, -b.y, -b.z]
 }
 
 impl Corridor {
@@ -42,7 +50,7 @@ impl Corridor {
             end = end.max(*t_max);
         }
         let regular = REGULAR.contains(&least.min_element()) && REGULAR.contains(&most.max_element());
-        Corridor { origin: [o0, o1], direction: [d0, d1], t_max: end, regular }
+        Corridor { from: six(o0.into(), o1.into()), way: six(d0.into(), d1.into()), t_max: end, regular }
     }
 
     /// Whether all trees would say that no ray of the group meets the box.
@@ -50,17 +58,12 @@ impl Corridor {
         if !self.regular {
             return false;
         }
+        let planes = six(bounds.max, bounds.min);
         let (mut near, mut far) = (0.0f64, f64::from(self.t_max) * SLACK);
-        // t such that the rays that go along `way` from `from` are not yet past `plane`, or past it already.
-        let mut clip = |plane: f32, from: f32, way: f32| {
+        for ((plane, from), way) in planes.into_iter().zip(self.from).zip(self.way) {
+            // t such that the rays that go along `way` from `from` are not yet past a plane, or past it already.
             let t = (f64::from(plane) - f64::from(from)) / f64::from(way);
             if way > 0.0 { far = far.min(t * SLACK) } else { near = near.max(t) }
-        };
-        for axis in 0..3 {
-            let [o0, o1] = self.origin.map(|o| o[axis]);
-            let [d0, d1] = self.direction.map(|d| d[axis]);
-            clip(bounds.max[axis], o0, d0);
-            clip(-bounds.min[axis], -o1, -d1);
         }
         near > far
     }
@@ -69,7 +72,6 @@ impl Corridor {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::Vec3;
 
     /// Whether a ray comes near a box: at points along it, in `f64`, with more than enough of them.
     fn meets(ray: &Ray, t_max: f32, bounds: &Aabb) -> bool {

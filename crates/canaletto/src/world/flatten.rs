@@ -1,5 +1,6 @@
 //! The tree of nodes flattened: groups and most prototypes dissolved, shapes moved into place, the rest placed as instances.
 
+use super::before::{Before, Origins};
 use super::build::{hierarchy_error, too_far};
 use super::geometry::Geometry;
 use super::group::Group;
@@ -14,6 +15,7 @@ use crate::light::Light;
 use crate::math::{Path, Transform};
 use crate::scene::{Content, Node};
 use crate::shape::{CylinderCloud, Mesh, Shape, SphereCloud};
+use canaletto_bvh::Quality;
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -65,7 +67,14 @@ pub(super) struct Builder {
     pub(super) light_meshes: LightMeshes,
     /// How often the description refers to each mesh; one that is met once is moved into place.
     pub(super) mesh_uses: Vec<u32>,
+    /// Of hierarchies over triangles.
+    pub(super) quality: Quality,
     pub(super) geometries: Vec<Geometry>,
+    /// The object that each geometry is the only one of, or [`NONE`].
+    pub(super) owners: Vec<u32>,
+    /// What the world before leaves.
+    pub(super) before: Before,
+    pub(super) origins: Origins,
     /// Prototypes that stay whole.
     pub(super) groups: Vec<Group>,
     pub(super) nesting: Nesting,
@@ -304,7 +313,7 @@ impl Builder {
         transform: &Transform,
         part: &mut Part,
     ) -> Result<(), BuildError> {
-        let geometry = self.push(Geometry::mesh(mesh), object)?;
+        let geometry = self.push_mesh(mesh, object)?;
         let to_world = (!transform.is_identity()).then_some(*transform);
         self.instance(part, Instance { material: own, inherited, to_world, ..Instance::of(geometry, object) })
     }
@@ -423,6 +432,7 @@ impl Builder {
             let geometry =
                 Geometry::shapes(shapes, shape_objects, shape_materials).map_err(|e| hierarchy_error("shapes", &e))?;
             self.geometries.push(geometry);
+            self.owners.push(NONE);
             let geometry = self.geometries.len() as u32 - 1;
             instances.push(Instance::of(geometry, object));
         }

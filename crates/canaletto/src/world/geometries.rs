@@ -1,6 +1,7 @@
 //! Meshes and clouds of the description become geometries, each once for all of its uses.
 
 use super::BuildError;
+use super::before::Found;
 use super::build::hierarchy_error;
 use super::flatten::{Builder, missing};
 use super::geometry::Geometry;
@@ -52,7 +53,7 @@ impl Builder {
             move_mesh(&mut mesh, transform);
             mesh.check().map_err(|problem| self.invalid(object, format!("after its transforms, {problem}")))?;
         }
-        let geometry = self.push(Geometry::mesh(mesh), object)?;
+        let geometry = self.push_mesh(mesh, object)?;
         self.geometry_of_mesh.insert(key, geometry);
         Ok((geometry, moved))
     }
@@ -67,7 +68,8 @@ impl Builder {
         let cloud = slot.take().unwrap_or_default();
         let object = self.objects.len() as u32 - 1;
         cloud.check().map_err(|problem| self.invalid(object, problem))?;
-        let geometry = self.push(Geometry::spheres(cloud), object)?;
+        let before = self.before_of(object);
+        let geometry = self.push_found(Geometry::spheres_after(before, cloud), object)?;
         self.geometry_of_spheres.insert(index, geometry);
         Ok(geometry)
     }
@@ -82,9 +84,28 @@ impl Builder {
         let cloud = slot.take().unwrap_or_default();
         let object = self.objects.len() as u32 - 1;
         cloud.check().map_err(|problem| self.invalid(object, problem))?;
-        let geometry = self.push(Geometry::cylinders(cloud), object)?;
+        let before = self.before_of(object);
+        let geometry = self.push_found(Geometry::cylinders_after(before, cloud), object)?;
         self.geometry_of_cylinders.insert(index, geometry);
         Ok(geometry)
+    }
+
+    pub(super) fn push_mesh(&mut self, mesh: Mesh, object: u32) -> Result<u32, BuildError> {
+        let before = self.before_of(object);
+        self.push_found(Geometry::mesh_after(before, mesh, self.quality, self.before.slack), object)
+    }
+
+    fn push_found(&mut self, found: Found, object: u32) -> Result<u32, BuildError> {
+        let found = found.map(|(geometry, origin)| {
+            self.origins.count(origin);
+            geometry
+        });
+        self.push(found, object)
+    }
+
+    /// What the object was in the world before.
+    fn before_of(&mut self, object: u32) -> Option<Geometry> {
+        self.before.take(&self.objects[object as usize].name)
     }
 
     pub(super) fn push(
@@ -94,6 +115,7 @@ impl Builder {
     ) -> Result<u32, BuildError> {
         let geometry = geometry.map_err(|e| hierarchy_error(&self.objects[object as usize].name, &e))?;
         self.geometries.push(geometry);
+        self.owners.push(object);
         Ok(self.geometries.len() as u32 - 1)
     }
 }

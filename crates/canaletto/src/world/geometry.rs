@@ -4,7 +4,7 @@ use super::Census;
 use super::instance::NONE;
 use crate::math::Line;
 use crate::shape::{Cylinder, CylinderCloud, Mesh, Patch, Shape, ShapeHit, SphereCloud, Surface};
-use canaletto_bvh::{self as bvh, Aabb, Asked, Met, PreparedRay, Round, Rounds, Triangles, sphere};
+use canaletto_bvh::{self as bvh, Aabb, Asked, Met, PreparedRay, Quality, Ray, Round, Rounds, Triangles, sphere};
 use rayon::prelude::*;
 
 /// Primitives of one kind under one hierarchy: the second level. Primitive ids are positions in the description.
@@ -103,8 +103,8 @@ impl Geometry {
         Ok(Geometry::Shapes { tree, shapes, objects, materials })
     }
 
-    pub(super) fn mesh(mesh: Mesh) -> Result<Geometry, bvh::BuildError> {
-        let triangles = Triangles::build(mesh.len(), |id| mesh.corners(id as usize))?;
+    pub(super) fn mesh(mesh: Mesh, quality: Quality) -> Result<Geometry, bvh::BuildError> {
+        let triangles = Triangles::build_with(quality, mesh.len(), |id| mesh.corners(id as usize))?;
         Ok(Geometry::Mesh { triangles, mesh })
     }
 
@@ -179,6 +179,39 @@ impl Geometry {
             Geometry::Cylinders { tree, cloud } => tree.intersect(ray, &mut met, &cylinder(cloud)),
         }
         real(met.into())
+    }
+
+    /// Whether it is spheres and cylinders so few that rays need not be prepared for them.
+    #[inline]
+    pub(super) fn is_few(&self) -> bool {
+        match self {
+            Geometry::Mesh { .. } => false,
+            Geometry::Shapes { tree, .. } | Geometry::Spheres { tree, .. } | Geometry::Cylinders { tree, .. } => {
+                tree.is_few()
+            }
+        }
+    }
+
+    /// [`Geometry::intersect`] where it [is few](Geometry::is_few).
+    pub(super) fn intersect_few(&self, ray: &Ray, t_max: f32) -> Option<Nearest> {
+        let mut met = Met::before(t_max);
+        match self {
+            Geometry::Mesh { .. } => unreachable!("meshes have packets"),
+            Geometry::Shapes { tree, shapes, .. } => tree.intersect_few(ray, &mut met, &other(shapes)),
+            Geometry::Spheres { tree, .. } => tree.intersect_few(ray, &mut met, &none),
+            Geometry::Cylinders { tree, cloud } => tree.intersect_few(ray, &mut met, &cylinder(cloud)),
+        }
+        real(met.into())
+    }
+
+    /// [`Geometry::occluded`] where it [is few](Geometry::is_few).
+    pub(super) fn occluded_few(&self, ray: &Ray, t_max: f32, blocks: impl FnMut(u32) -> bool) -> Option<u32> {
+        match self {
+            Geometry::Mesh { .. } => unreachable!("meshes have packets"),
+            Geometry::Shapes { tree, shapes, .. } => tree.occluded_few(ray, t_max, &other(shapes), blocks),
+            Geometry::Spheres { tree, .. } => tree.occluded_few(ray, t_max, &none, blocks),
+            Geometry::Cylinders { tree, cloud } => tree.occluded_few(ray, t_max, &cylinder(cloud), blocks),
+        }
     }
 
     /// [`Geometry::intersect`] for many rays on what is no mesh.
@@ -309,7 +342,7 @@ fn real(nearest: Nearest) -> Option<Nearest> {
 mod tests {
     use super::*;
     use crate::shape::{Cone, Sphere, Torus};
-    use bvh::{InstructionSet, Ray};
+    use bvh::InstructionSet;
     use glam::Vec3;
     use std::cell::Cell;
 

@@ -1,6 +1,9 @@
 //! What rays meet: a scene lowered to flat arrays and `u32` ids, with bounding volume hierarchies on two levels, or on
 //! more where prototypes stay whole. Built once, then immutable; building is the last step that can fail.
 
+mod before;
+#[cfg(test)]
+mod before_tests;
 mod build;
 mod bundle;
 mod corridor;
@@ -19,8 +22,10 @@ mod relief;
 mod textured;
 mod wants;
 
-pub use build::BuildError;
+pub use before::Origins;
+pub use build::{BuildError, BuildOptions};
 pub use bundle::{Between, Bundle};
+pub use canaletto_bvh::Quality;
 pub use query::{Blocker, Hit};
 pub use textured::{Reading, TextureRead};
 
@@ -57,6 +62,9 @@ pub struct World {
     /// What the scene's nodes are called.
     objects: Vec<Object>,
     geometries: Vec<Geometry>,
+    /// The object that each of them is the only geometry of; for the world after this.
+    owners: Vec<u32>,
+    origins: Origins,
     /// All of it.
     root: Group,
     /// What many instances repeat and is kept once.

@@ -1,7 +1,8 @@
 //! Prototypes that stay whole are seen as those that are dissolved, bit for bit.
 
+use super::before::Before;
 use super::nesting::Nesting;
-use super::{Blocker, Bundle, Hit, World};
+use super::{Blocker, BuildOptions, Bundle, Hit, World};
 use crate::camera::Camera;
 use crate::explain::explain;
 use crate::light::{Light, LightKind, Omni};
@@ -15,6 +16,10 @@ use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 const WHOLE: Nesting = Nesting { members: 1, part: usize::MAX };
 const DISSOLVED: Nesting = Nesting { members: usize::MAX, part: 1 };
+
+fn built(scene: &Scene, nesting: Nesting) -> World {
+    World::lower(scene.clone(), &BuildOptions::default(), nesting, Before::default()).unwrap()
+}
 
 /// Marsaglia's xorshift.
 struct Random(u64);
@@ -154,7 +159,7 @@ fn whole_prototypes_are_met_as_dissolved_ones() {
     let (mut hits, mut nested, mut far) = (0, 0, 0);
     for round in 0..24 {
         let scene = scene(random, round % 4 == 3);
-        let [whole, flat] = [WHOLE, DISSOLVED].map(|nesting| World::build_with(scene.clone(), nesting).unwrap());
+        let [whole, flat] = [WHOLE, DISSOLVED].map(|nesting| built(&scene, nesting));
         assert!(flat.groups.is_empty() && flat.root.is_flat());
         nested += usize::from(!whole.root.is_flat());
         let census = whole.census();
@@ -201,7 +206,7 @@ fn whole_prototypes_make_the_same_pictures() {
     let random = &mut Random(72);
     for _ in 0..3 {
         let scene = scene(random, false);
-        let [whole, flat] = [WHOLE, DISSOLVED].map(|nesting| World::build_with(scene.clone(), nesting).unwrap());
+        let [whole, flat] = [WHOLE, DISSOLVED].map(|nesting| built(&scene, nesting));
         let intrinsics = Intrinsics { fovy: 50.0, width: 40, height: 30, ..Intrinsics::default() };
         let extrinsics = Extrinsics { eye: DVec3::new(0.0, 2.0, 14.0), ..Extrinsics::default() };
         let camera = Camera::new(&intrinsics, &extrinsics).unwrap();
@@ -226,7 +231,7 @@ fn a_long_chain_of_prototypes_is_followed_to_its_end() {
     prototypes.extend((0..250).map(|n| Node::new(Content::Instance(n)).with_transform(&step)));
     let nodes = vec![Node::new(Content::Instance(250))];
     let scene = Scene { meshes: vec![tetrahedron(Vec3::ZERO)], prototypes, nodes, ..Scene::default() };
-    let [whole, flat] = [WHOLE, DISSOLVED].map(|nesting| World::build_with(scene.clone(), nesting).unwrap());
+    let [whole, flat] = [WHOLE, DISSOLVED].map(|nesting| built(&scene, nesting));
     assert_eq!(whole.groups.len(), 251);
     for n in 0..9 {
         let ray = Ray::new(Vec3::new(2.6, n as f32 + 0.1, 4.0), Vec3::new(0.0, 0.0, -1.0));

@@ -225,8 +225,12 @@ impl World {
         let (mut ray, mut t_max) = (*ray, t_max);
         let (line, end) = (Line::from(&ray), ray.origin + ray.direction);
         for _ in 0..Self::MAX_CROSSINGS {
-            let Some(hit) = self.intersect_at(&ray, t_max, time) else { break };
-            let surface = self.surface(&ray, &hit);
+            let hit = match between {
+                Between::Clear => self.intersect_clear(&ray, t_max, time),
+                _ => self.intersect_at(&ray, t_max, time),
+            };
+            let Some(hit) = hit else { break };
+            let surface = self.bare_surface(Line::from(&ray), &hit);
             let material = self.material(&hit);
             let opacity = if material.textures.is_empty() {
                 material.phong.opacity
@@ -251,6 +255,20 @@ impl World {
             }
         }
         if between == Between::Opaque { 0.0 } else { passed }
+    }
+
+    /// The nearest hit for a ray that meets nothing opaque: instances where all is opaque need not be asked, where they are few.
+    fn intersect_clear(&self, ray: &Ray, t_max: f32, time: f32) -> Option<Hit> {
+        if !self.is_small() {
+            return self.intersect_at(ray, t_max, time);
+        }
+        self.nearest(ray, t_max, time, |world, ray, mut best| {
+            let clear = world.root.instances.iter().zip(&world.clear_instances).enumerate();
+            for (index, (instance, _)) in clear.filter(|(_, (_, clear))| **clear) {
+                world.try_instance(ray, instance, index as u32, &mut best, Geometry::intersect);
+            }
+            best
+        })
     }
 
     /// The most clear surfaces that a shadow ray passes; light beyond them arrives as it is.

@@ -23,7 +23,7 @@ impl Whitted<'_> {
                 None => above(at.mirrored, at),
                 Some(facet) => {
                     probe.lobe(phong.roughness, facet);
-                    on_the_side(reflect(at.wo, facet), at.facing)
+                    on_the_side(reflect(at.wo, facet), at.facing())
                 }
             };
             Some((onwards(at, way, branch, direction), spread_above(at, footprint)))
@@ -40,11 +40,11 @@ impl Whitted<'_> {
             let eta = f64::from(phong.eta);
             let eta_ratio = if at.outside { 1.0 / eta } else { eta };
             let facet = facet(at, way, uses::CLEAR_FACET);
-            let (kind, direction) = match (refract(at.wo, facet.unwrap_or(at.normal), eta_ratio), facet) {
+            let (kind, direction) = match (refract(at.wo, facet.unwrap_or(at.normal()), eta_ratio), facet) {
                 (Some(direction), None) => (RayKind::Refracted, below(direction, at, eta_ratio)),
-                (Some(direction), Some(_)) => (RayKind::Refracted, on_the_side(direction, -at.facing)),
+                (Some(direction), Some(_)) => (RayKind::Refracted, on_the_side(direction, -at.facing())),
                 (None, None) => (RayKind::TotallyReflected, above(at.mirrored, at)),
-                (None, Some(facet)) => (RayKind::TotallyReflected, on_the_side(reflect(at.wo, facet), at.facing)),
+                (None, Some(facet)) => (RayKind::TotallyReflected, on_the_side(reflect(at.wo, facet), at.facing())),
             };
             let branch = whitted.child(way.branch, kind, Rgb::gray(1.0 - phong.opacity), probe)?;
             if let Some(facet) = facet {
@@ -148,33 +148,37 @@ fn facet(at: &Stop, way: &Way, use_of: u32) -> Option<DVec3> {
     if roughness == 0.0 {
         return None;
     }
-    let normal = if at.wo.dot(at.normal) > 0.0 { at.normal } else { at.facing };
+    let normal = if at.wo.dot(at.normal()) > 0.0 { at.normal() } else { at.facing() };
     Some(visible_facet(at.wo, normal, f64::from(roughness), way.sample.two(way.branch.place.of(use_of))))
 }
 
 /// A mirrored direction that stays above the surface: where an interpolated normal would send it below, the geometric
 /// normal mirrors instead.
 fn above(direction: DVec3, at: &Stop) -> DVec3 {
-    if direction.dot(at.facing) > 0.0 { direction } else { reflect(at.wo, at.facing) }
+    if direction.dot(at.facing()) > 0.0 { direction } else { reflect(at.wo, at.facing()) }
 }
 
 /// A refracted direction that goes below the surface, likewise.
 fn below(direction: DVec3, at: &Stop, eta_ratio: f64) -> DVec3 {
-    if direction.dot(at.facing) < 0.0 { direction } else { refract(at.wo, at.facing, eta_ratio).unwrap_or(-at.facing) }
+    if direction.dot(at.facing()) < 0.0 {
+        direction
+    } else {
+        refract(at.wo, at.facing(), eta_ratio).unwrap_or(-at.facing())
+    }
 }
 
 /// How the ray that [`above`] gives spreads.
 fn spread_above(at: &Stop, footprint: Option<&Footprint>) -> Option<Spread> {
     let footprint = footprint?;
-    let stays = at.mirrored.dot(at.facing) > 0.0;
-    let (normal, bend) = if stays { (at.normal, footprint.bend) } else { (at.facing, DMat3::ZERO) };
+    let stays = at.mirrored.dot(at.facing()) > 0.0;
+    let (normal, bend) = if stays { (at.normal(), footprint.bend) } else { (at.facing(), DMat3::ZERO) };
     Some(footprint.spread.reflected(footprint.step, -at.wo, normal, &bend))
 }
 
 /// How the ray that [`below`] gives spreads.
 fn spread_below(at: &Stop, footprint: Option<&Footprint>, eta_ratio: f64) -> Option<Spread> {
     let footprint = footprint?;
-    let stays = refract(at.wo, at.normal, eta_ratio).is_some_and(|direction| direction.dot(at.facing) < 0.0);
-    let (normal, bend) = if stays { (at.normal, footprint.bend) } else { (at.facing, DMat3::ZERO) };
+    let stays = refract(at.wo, at.normal(), eta_ratio).is_some_and(|direction| direction.dot(at.facing()) < 0.0);
+    let (normal, bend) = if stays { (at.normal(), footprint.bend) } else { (at.facing(), DMat3::ZERO) };
     Some(footprint.spread.refracted(footprint.step, -at.wo, normal, &bend, eta_ratio))
 }

@@ -11,6 +11,7 @@
 
 mod children;
 mod light;
+mod octet;
 mod way;
 
 use super::{Probe, RayCounts};
@@ -20,7 +21,7 @@ use crate::sampler::{Sample, Sampler};
 use crate::scene::{IntegratorSettings, Stage};
 use crate::world::{Blocker, Bundle, Hit, World};
 use glam::DVec3;
-use light::Arrival;
+use light::Lighting;
 use way::{Branch, Footprint, Met, Stop, Way};
 
 /// The classic integrator on one world.
@@ -49,6 +50,8 @@ pub struct Whitted<'w> {
     bundle: Bundle,
     /// Memory of bundles that have been shaded.
     spare: Vec<Generation>,
+    /// Memory for lights.
+    lighting: Lighting,
 }
 
 /// Rays that are traced together, and where they are met.
@@ -64,7 +67,6 @@ struct Generation {
     stops: Vec<Stop>,
     /// Of each stop, if its way spreads.
     footprints: Vec<Footprint>,
-    arrivals: Vec<Arrival>,
 }
 
 /// How many rays from the eye and child rays are followed before somebody is asked whether they are still wanted.
@@ -93,6 +95,7 @@ impl<'w> Whitted<'w> {
             waiting: Generation::default(),
             bundle: Bundle::default(),
             spare: Vec::new(),
+            lighting: Lighting::default(),
         }
     }
 
@@ -203,28 +206,30 @@ impl<'w> Whitted<'w> {
             self.counts.of_mut(way.branch.kind).traced += 1;
             self.bundle.push(way.ray, f32::INFINITY);
         }
-        self.world.intersect_bundle(&mut self.bundle, self.time);
+        let world = self.world;
+        world.intersect_bundle(&mut self.bundle, self.time);
         for (index, way) in ways.iter().enumerate() {
             let spread = spreads.get(index);
-            let met = match self.bundle.hit(index, self.time) {
-                Some(hit) if self.world.material(&hit).textures.is_empty() => {
+            let found = self.bundle.hit(index, self.time).map(|hit| (hit, world.material(&hit)));
+            // It starts anew behind holes.
+            let mut last = way.line;
+            let met = match found {
+                Some((hit, material)) if material.textures.is_empty() => {
                     // Only a probe asks for texture coordinates that no texture reads.
-                    let surface = if P::ACTIVE {
-                        self.world.surface(way.line, &hit)
-                    } else {
-                        self.world.bare_surface(way.line, &hit)
-                    };
-                    let material = self.world.material(&hit).at(&surface);
+                    let surface =
+                        if P::ACTIVE { world.surface(way.line, &hit) } else { world.bare_surface(way.line, &hit) };
+                    let material = material.at(&surface);
                     if let Some(footprint) = Footprint::new(spread, &way.line, &surface) {
                         footprints.push(footprint);
                     }
                     stops.push(Stop::new(index, hit, surface, material, &way.line));
                     true
                 }
-                Some(hit) => match self.meet_textured(way, hit, spread, probe) {
+                Some((hit, _)) => match self.meet_textured(way, hit, spread, probe) {
                     Some(Met { hit, surface, material, line, footprint }) => {
                         footprints.extend(footprint);
                         stops.push(Stop::new(index, hit, surface, material, &line));
+                        last = line;
                         true
                     }
                     None => false,
@@ -244,8 +249,7 @@ impl<'w> Whitted<'w> {
                 && (stop.material.is_mirror() || stop.material.is_clear())
             {
                 let side = if stop.outside { 1.0 } else { -1.0 };
-                let line = Line { origin: stop.origin, direction: way.line.direction };
-                footprint.bend = self.world.patch(line, &stop.hit).bend * side;
+                footprint.bend = world.patch(last, &stop.hit).bend * side;
             }
         }
     }

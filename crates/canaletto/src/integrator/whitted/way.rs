@@ -64,16 +64,10 @@ pub(super) struct Stop {
     pub(super) material: MaterialPoint,
     /// v̂, towards where the ray came from.
     pub(super) wo: DVec3,
-    /// The unit geometric normal on the viewer's side.
-    pub(super) facing: DVec3,
-    /// The unit shading normal on the viewer's side.
-    pub(super) normal: DVec3,
     /// r, the mirrored direction (5.37).
     pub(super) mirrored: DVec3,
     /// Whether the ray came from the outer side.
     pub(super) outside: bool,
-    /// Where the line that ends here began, anew behind holes.
-    pub(super) origin: DVec3,
     /// The sum so far.
     pub(super) color: Rgb,
 }
@@ -109,25 +103,31 @@ impl Footprint {
     }
 }
 
+/// A normal on the outer side or the inner one.
+#[inline]
+fn on_side(normal: DVec3, outside: bool) -> DVec3 {
+    normal * if outside { 1.0 } else { -1.0 }
+}
+
 impl Stop {
     #[inline(always)]
     pub(super) fn new(way: usize, hit: Hit, surface: Surface, material: MaterialPoint, line: &Line) -> Stop {
         let outside = line.direction.dot(surface.normal) < 0.0;
-        let side = if outside { 1.0 } else { -1.0 };
-        let (wo, normal) = (-line.direction.normalize(), surface.shading_normal * side);
-        Stop {
-            way: way as u32,
-            hit,
-            surface,
-            material,
-            wo,
-            facing: surface.normal * side,
-            normal,
-            mirrored: reflect(wo, normal),
-            outside,
-            origin: line.origin,
-            color: Rgb::BLACK,
-        }
+        let wo = -line.direction.normalize();
+        let mirrored = reflect(wo, on_side(surface.shading_normal, outside));
+        Stop { way: way as u32, hit, surface, material, wo, mirrored, outside, color: Rgb::BLACK }
+    }
+
+    /// The unit geometric normal on the viewer's side.
+    #[inline]
+    pub(super) fn facing(&self) -> DVec3 {
+        on_side(self.surface.normal, self.outside)
+    }
+
+    /// The unit shading normal on the viewer's side.
+    #[inline]
+    pub(super) fn normal(&self) -> DVec3 {
+        on_side(self.surface.shading_normal, self.outside)
     }
 
     /// Whether anything but a print is seen of it.
