@@ -1,11 +1,13 @@
-//! Same bytes for any number of threads, any tile size, and any power of two as unit of length.
+//! Same bytes for any number of threads, any tile size, any work on hierarchies, and any power of two as unit of length.
 
 use canaletto::film::Picture;
 use canaletto::render::{Aov, render};
-use canaletto::scene::{SamplerKind, Sampling, Scene};
-use canaletto::world::World;
+use canaletto::scene::{Content, Node, SamplerKind, Sampling, Scene};
+use canaletto::shape::Mesh;
+use canaletto::world::{BuildOptions, Quality, World};
 use canaletto_tests::gallery::{distributed_job, distributed_still_life, still_life, still_life_job};
 use canaletto_tests::textured::textured_still_life;
+use glam::{Vec2, Vec3};
 
 /// Every bit of a picture and its layers.
 fn bits(picture: &Picture) -> Vec<u32> {
@@ -43,6 +45,41 @@ fn threads_and_tiles(scene: fn(f32) -> Scene) {
             });
         }
         assert!(pictures.windows(2).all(|pair| pair[0] == pair[1]), "{sampling:?}");
+    }
+}
+
+/// Beams of two triangles each, crosswise, of which every eighth reaches through the whole still life.
+fn beams() -> Mesh {
+    let mut mesh = Mesh::default();
+    for n in 0..400 {
+        let way = Vec2::from_angle(n as f32 * 2.399).extend((n % 7) as f32 * 0.2 - 0.6).normalize();
+        let side = way.cross(Vec3::new(0.3, 0.2, 1.0)).normalize() * 0.01;
+        let at = Vec3::new((n % 20) as f32 * 0.4 - 4.0, (n / 20) as f32 * 0.3 - 3.0, (n % 9) as f32 * 0.5 - 4.0);
+        let half = way * if n % 8 == 0 { 6.0 } else { 0.1 };
+        let first = mesh.positions.len() as u32;
+        mesh.positions.extend([at - half, at + half, at + half + side, at - half + side]);
+        mesh.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+    }
+    mesh
+}
+
+#[test]
+fn work_on_hierarchies_changes_no_bit() {
+    let mut scene = still_life(1.0);
+    scene.nodes.push(Node::new(Content::Mesh(scene.meshes.len() as u32)));
+    scene.meshes.push(beams());
+    let worlds = [Quality::Medium, Quality::High]
+        .map(|quality| World::build_with(scene.clone(), &BuildOptions { quality, ..BuildOptions::default() }).unwrap());
+    let [medium, high] = worlds.each_ref().map(|world| world.census().bytes);
+    assert!(high > medium, "no triangle was split: {medium} and {high} bytes");
+    for sampling in [Sampling::Center, Sampling::Jittered(2)] {
+        let mut job = still_life_job(1.0, 120, 90, sampling);
+        job.aovs = Aov::ALL.iter().map(|(aov, ..)| *aov).collect();
+        let [a, b] = worlds.each_ref().map(|world| render(world, &job, &()).unwrap());
+        assert!(bits(&a.picture) == bits(&b.picture) && a.counts == b.counts);
+        job.aovs.clear();
+        let [a, b] = worlds.each_ref().map(|world| render(world, &job, &()).unwrap());
+        assert!(bits(&a.picture) == bits(&b.picture) && a.counts == b.counts);
     }
 }
 

@@ -2,6 +2,7 @@
 
 use canaletto::camera::Camera;
 use canaletto::scene::{SamplerKind, Sampling, Stage, Tone, Transfer};
+use canaletto::world::{BuildOptions, Quality};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
@@ -30,6 +31,33 @@ pub(crate) struct SourceFlags {
     /// The picture doesn't depend on it.
     #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Scene")]
     pub threads: Option<u16>,
+
+    /// How much work goes into the hierarchies that rays find triangles by; changes no picture
+    ///
+    /// High pays where many rays meet long or large triangles, as in architecture: they take less time, building takes twice as
+    /// long.
+    #[arg(long, value_name = "WORK", default_value = "medium", help_heading = "Scene")]
+    pub build: BuildFlag,
+}
+
+impl SourceFlags {
+    /// How a world is built that is for about so many rays.
+    pub(crate) fn build_options(&self, rays: u64) -> BuildOptions {
+        let quality = match self.build {
+            BuildFlag::Medium => Quality::Medium,
+            BuildFlag::High => Quality::High,
+        };
+        BuildOptions { quality, rays }
+    }
+}
+
+/// How much work goes into hierarchies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum BuildFlag {
+    /// Soon done
+    Medium,
+    /// Long and large triangles are split, and subtrees put where rays meet them least
+    High,
 }
 
 /// Which picture of the scene. What isn't given is as the scene says.

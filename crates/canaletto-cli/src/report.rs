@@ -2,6 +2,7 @@
 
 use crate::words::{count, duration, plural, rate};
 use canaletto::integrator::RayCounts;
+use canaletto::world::Origins;
 use serde::Serialize;
 use std::time::Duration;
 
@@ -24,6 +25,8 @@ pub(crate) struct Report {
     pub size: [u32; 2],
     /// Primitives in the world.
     pub primitives: u64,
+    /// Where hierarchies over meshes and clouds come from.
+    pub hierarchies: Origins,
     /// Rays by kind.
     pub rays: RayCounts,
     /// Rays in all.

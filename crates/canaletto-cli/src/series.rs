@@ -13,8 +13,8 @@ use crate::source::{Reader, Source, build, fingerprint};
 use crate::terminal::Paint;
 use crate::words::{count, duration, plural};
 use canaletto::render::{Job, Rendering};
-use canaletto::scene::Scene;
-use canaletto::world::World;
+use canaletto::scene::{Sampling, Scene};
+use canaletto::world::{Origins, World};
 use canaletto_io::movie::{Movie, MovieSettings};
 use canaletto_io::picture::{Image, decode, encode_exr, encode_png};
 use serde_json::json;
@@ -47,6 +47,20 @@ struct Stage {
     times: Times,
     scene: Option<Scene>,
     world: Option<World>,
+    /// The world of the frame that was rendered before, which saves work on this one.
+    before: Option<World>,
+    hierarchies: Origins,
+}
+
+/// About how many rays a picture takes: two for each from the eye.
+fn rays(job: &Job) -> u64 {
+    let [_, _, width, height] = job.window();
+    let samples = match job.film.sampling {
+        Sampling::Corner | Sampling::Center => 1,
+        Sampling::Regular(n) | Sampling::Jittered(n) | Sampling::Adaptive { n, .. } => n * n,
+        Sampling::Sampled(n) => n,
+    };
+    2 * u64::from(width) * u64::from(height) * u64::from(samples)
 }
 
 /// A frame that was rendered.
@@ -87,7 +101,8 @@ impl<'a> Series<'a> {
                 if !self.flags.quiet && self.told.insert(source.warnings.to_string()) {
                     print_diagnostics(&source.warnings, self.plan.style == Style::Json);
                 }
-                stage = self.stage(source)?;
+                let before = stage.world.take().or(stage.before.take());
+                stage = Stage { before, ..self.stage(source)? };
             }
             if self.keeps(&stage, frame) {
                 self.kept += 1;
@@ -97,8 +112,10 @@ impl<'a> Series<'a> {
                 continue;
             }
             if let Some(scene) = stage.scene.take() {
-                let (world, time) = build(&self.reader.name, scene)?;
-                (stage.world, stage.times.build) = (Some(world), time.as_secs_f64());
+                let options = self.flags.source.build_options(rays(&stage.job));
+                let (world, time) = build(&self.reader.name, scene, &options, stage.before.take())?;
+                (stage.hierarchies, stage.times.build) = (world.origins(), time.as_secs_f64());
+                stage.world = Some(world);
             }
             let Some(world) = &stage.world else { continue };
             let Rendered { report, whole } = self.frame(&stage, world, frame)?;
@@ -112,6 +129,8 @@ impl<'a> Series<'a> {
             }
             // Reading and building served this frame; where nothing moves, the next ones cost none of it.
             (stage.times.read, stage.times.build) = (0.0, 0.0);
+            let Origins { kept, refitted, built } = stage.hierarchies;
+            stage.hierarchies = Origins { kept: kept + refitted + built, ..Origins::default() };
         }
         self.finish()
     }
@@ -128,7 +147,16 @@ impl<'a> Series<'a> {
         }
         let job = Job { aovs: self.plan.aovs.clone(), tile: self.flags.tile, ..settings.job };
         let times = Times { read: source.time.as_secs_f64(), ..Times::default() };
-        Ok(Stage { camera: settings.camera, job, texts, times, scene: Some(source.scene), world: None })
+        Ok(Stage {
+            camera: settings.camera,
+            job,
+            texts,
+            times,
+            scene: Some(source.scene),
+            world: None,
+            before: None,
+            hierarchies: Origins::default(),
+        })
     }
 
     /// Whether a frame's files are there, whole, and made of the same scene with the same settings.
@@ -206,6 +234,7 @@ impl<'a> Series<'a> {
             files,
             size: [width, height],
             primitives: world.primitives(),
+            hierarchies: stage.hierarchies,
             rays: rendering.counts,
             rays_total,
             rays_per_second: (rays_total as f64 / render.max(1e-9)).round(),

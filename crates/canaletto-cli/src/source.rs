@@ -4,7 +4,7 @@ use crate::exit::Exit;
 use crate::failure::{Failure, plural, reason};
 use crate::flags::SourceFlags;
 use canaletto::scene::Scene;
-use canaletto::world::{BuildError, World};
+use canaletto::world::{BuildError, BuildOptions, World};
 use canaletto_io::assets::{Asset, AssetError, AssetPath, Assets, FolderAssets, OpenAsset};
 use canaletto_io::diagnostic::{Diagnostic, Diagnostics};
 use canaletto_io::import;
@@ -206,10 +206,19 @@ fn missing(path: &Path, error: &io::Error) -> Failure {
     }
 }
 
-/// Builds a scene's world; `name` is its file's.
-pub(crate) fn build(name: &str, scene: Scene) -> Result<(World, Duration), Failure> {
+/// Builds a scene's world; `name` is its file's. What stayed as it was in the world of the frame before is kept.
+pub(crate) fn build(
+    name: &str,
+    scene: Scene,
+    options: &BuildOptions,
+    before: Option<World>,
+) -> Result<(World, Duration), Failure> {
     let start = Instant::now();
-    let world = World::build(scene).map_err(|e| {
+    let built = match before {
+        Some(before) => World::build_after(before, scene, options),
+        None => World::build_with(scene, options),
+    };
+    let world = built.map_err(|e| {
         let diagnostic = Diagnostic::error(name, e.to_string());
         Diagnostics::from(match advice(&e) {
             Some(advice) => diagnostic.help(advice),

@@ -160,6 +160,63 @@ fn files_are_read_once() {
     folder.says("render s.kdl --frames 1-3 -o f.#.png", 0, &["3 frames rendered"]);
 }
 
+/// Kept, refitted and built hierarchies of each frame that was rendered.
+fn hierarchies(events: &str) -> Vec<[u64; 3]> {
+    let events = events.lines().filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok());
+    let done = events.filter(|event| event["event"] == "done");
+    done.map(|event| ["kept", "refitted", "built"].map(|word| event["hierarchies"][word].as_u64().unwrap())).collect()
+}
+
+#[test]
+fn what_stays_between_frames_changes_no_byte() {
+    let folder = Folder::new();
+    let mut sheet = String::new();
+    for n in 0..400 {
+        sheet +=
+            &format!("v {} {} {}\n", (n % 20) as f32 * 0.1 - 1.0, (n / 20) as f32 * 0.1 - 1.0, (n as f32).sin() * 0.1);
+    }
+    for n in (1..380).filter(|n| n % 20 != 0) {
+        sheet += &format!("f {n} {} {}\nf {} {} {}\n", n + 1, n + 20, n + 1, n + 21, n + 20);
+    }
+    fs::write(folder.path("sheet.obj"), sheet).unwrap();
+    let more = r#"
+        texture "bumps" kind="noise"
+        material "rough" { kd 0.4 0.5 0.6; texture "bumps" use="displace" { detail 16; height { key 1 0.1; key 9 0.3 } } }
+        mesh name="turns" file="sheet.obj" { translate 2 1 0; rotate-y { key 1 0; key 9 8; ease "linear" } }
+        mesh name="stays" file="sheet.obj" one-sided=#true { translate -2 -1 0 }
+        sphere name="swells" material="rough" { center -2 2 0; radius 0.8 }
+        spheres radius=0.2 { points 2 -2 0  2.5 -2 0  2.2 -1.5 0.3; translate { key 1 0 0 0; key 9 0 1 0 } }
+    "#;
+    fs::write(folder.path("s.kdl"), format!("{SCENE}{more}")).unwrap();
+    let row = "render s.kdl --frames 1-6 --samples 4 -o a.#.png --progress json";
+    let found = hierarchies(&folder.says(row, 0, &[]));
+    assert_eq!(found[0], [0, 0, 4]);
+    assert!(found.len() == 6 && found[1..].iter().all(|[kept, _, built]| *kept == 2 && *built <= 2), "{found:?}");
+    assert!(found.iter().any(|[_, refitted, _]| *refitted > 0), "{found:?}");
+    let bytes = |name: &str, frame: u32| fs::read(folder.path(&format!("{name}.{frame}.png"))).unwrap();
+    let whole: Vec<Vec<u8>> = (1..=6).map(|frame| bytes("a", frame)).collect();
+    assert!(whole.windows(2).all(|pair| pair[0] != pair[1]));
+    // Each by itself, on other threads, with other hierarchies.
+    for frame in 1..=6 {
+        let work = ["medium --threads 1", "high --threads 3"][frame as usize % 2];
+        folder.says(&format!("render s.kdl --frames {frame} --samples 4 -o b.#.png -q --build {work}"), 0, &[]);
+        assert!(bytes("b", frame) == whole[frame as usize - 1], "{frame}");
+    }
+    // Some again, after others that are complete; and every other one.
+    for frame in [2, 5, 6] {
+        fs::remove_file(folder.path(&format!("a.{frame}.png"))).unwrap();
+    }
+    assert_eq!(hierarchies(&folder.says(row, 0, &["\"skipped\":3"])).len(), 3);
+    assert!((1..=6).all(|frame| bytes("a", frame) == whole[frame as usize - 1]));
+    folder.says("render s.kdl --frames 1-5x2 --samples 4 -o c.#.png -q", 0, &[]);
+    assert!([1, 3, 5].into_iter().all(|frame| bytes("c", frame) == whole[frame as usize - 1]));
+    // Where nothing moves, one world serves all frames.
+    let still = "camera { eye 0 -5 3; center 0 0 0; up 0 0 1; fovy 45; size 24 16 }\nmesh file=\"sheet.obj\"\n";
+    fs::write(folder.path("s.kdl"), format!("{still}light \"omni\" {{ position 3 5 9 }}")).unwrap();
+    let still = hierarchies(&folder.says("render s.kdl --frames 1-3 --size 24x16 -o d.#.png --progress json", 0, &[]));
+    assert_eq!(still, [[0, 0, 1], [1, 0, 0], [1, 0, 0]]);
+}
+
 #[test]
 fn films_in_one_file() {
     let folder = Folder::new();

@@ -7,6 +7,7 @@ use crate::source::{Reader, build};
 use crate::stdout::{print, print_json};
 use canaletto::camera::Camera;
 use canaletto::render::Job;
+use canaletto::world::BuildOptions;
 use canaletto_io::diagnostic::Diagnostics;
 use clap::Args;
 use serde_json::json;
@@ -120,7 +121,7 @@ fn check(path: &Path, allow_outside: bool, frame: Option<u32>) -> Result<Diagnos
             let camera = Camera::new(&view.intrinsics, &view.extrinsics).map_err(|e| wrong(&e))?;
             Job::new(camera, source.scene.film, source.scene.integrator).check().map_err(|e| wrong(&e))?;
         }
-        build(&source.name, source.scene)?;
+        build(&source.name, source.scene, &BuildOptions::default(), None)?;
         warnings.get_or_insert(source.warnings);
     }
     Ok(warnings.unwrap_or_default())

@@ -75,7 +75,7 @@ fn tree(flags: &ExplainFlags) -> Result<PixelTree, Failure> {
     let source = reader.at(frame)?;
     print_diagnostics(&source.warnings, false);
     let settings = Settings::new(&source.name, &source.scene, &flags.picture)?;
-    let (world, _) = build(&source.name, source.scene)?;
+    let (world, _) = build(&source.name, source.scene, &flags.source.build_options(0), None)?;
     let job = Job { frame, ..settings.job };
     let [x, y] = flags.pixel;
     let [_, height] = job.camera.size();

@@ -34,6 +34,7 @@ pub(crate) struct InfoFlags {
 const EXAMPLES: &str = "\
 Examples:
   canaletto info bunny.ply
+  canaletto info hall.ply --build high             # memory and time of the better hierarchies
   canaletto info shot.kdl --json | jq .census.primitives";
 
 /// All that is told.
@@ -54,7 +55,7 @@ pub(crate) fn run(flags: &InfoFlags) -> Result<Exit, Failure> {
         print_diagnostics(&source.warnings, false);
         let Source { name, scene, files, time: read, .. } = source;
         let (views, materials) = (scene.views.clone(), scene.materials.clone());
-        let (world, build) = build(&name, scene)?;
+        let (world, build) = build(&name, scene, &flags.source.build_options(0), None)?;
         Ok::<Info, Failure>(Info { name, files, views, materials, world, read, build })
     })??;
     if flags.json {

@@ -87,6 +87,7 @@ Examples:
   canaletto render shot.kdl -o shot.exr --aov normal,depth   # layers in the same file
   canaletto render shot.kdl -o out/shot.####.png --frames 1-100
   canaletto render shot.kdl -o shot.gif --frames 1-50 --fps 12
+  canaletto render hall.ply --samples 256 --build high       # long triangles, many rays
   canaletto render shot.kdl --set camera.fovy=40 -o - | display";
 
 fn long_help() -> String {
@@ -220,7 +221,7 @@ fn on_pool(flags: &RenderFlags, plan: &Plan, mut reader: Reader) -> Result<Exit,
     plan.output.spare(plan.all_files(), inputs)?;
     if flags.dry_run {
         let files = source.files.len();
-        let (world, _) = build(&source.name, source.scene)?;
+        let (world, _) = build(&source.name, source.scene, &flags.source.build_options(0), None)?;
         return dry_run(flags, plan, &settings, &world, files);
     }
     // What goes wrong at a later key is better known before the first frame is rendered than after many.

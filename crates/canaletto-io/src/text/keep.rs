@@ -1,14 +1,21 @@
-//! What is read once for all frames: files that didn't change are neither read nor understood again.
+//! What is read once for all frames that use it: files are neither read nor understood again as long as each frame names them.
 
 use std::any::Any;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Things by what they were made of. Keeps nothing for scenes of a single frame.
+/// Things by what they were made of. Keeps nothing for scenes of a single frame, and for others what the last one used, so that
+/// memory doesn't grow with their number.
 pub(crate) struct Keep {
     /// Whether there will be a next time.
     pub(crate) on: bool,
-    things: HashMap<String, Arc<dyn Any + Send + Sync>>,
+    things: HashMap<String, Thing>,
+}
+
+struct Thing {
+    thing: Arc<dyn Any + Send + Sync>,
+    /// Whether this frame used it.
+    used: bool,
 }
 
 impl Keep {
@@ -25,12 +32,20 @@ impl Keep {
         if !self.on {
             return make();
         }
-        if let Some(thing) = self.things.get(&key).and_then(|thing| thing.downcast_ref::<T>()) {
+        if let Some(Thing { thing, used }) = self.things.get_mut(&key)
+            && let Some(thing) = thing.downcast_ref::<T>()
+        {
+            *used = true;
             return Ok(thing.clone());
         }
         let made = make()?;
-        self.things.insert(key, Arc::new(made.clone()));
+        self.things.insert(key, Thing { thing: Arc::new(made.clone()), used: true });
         Ok(made)
+    }
+
+    /// A frame is read: what it didn't use is dropped.
+    pub(crate) fn turn(&mut self) {
+        self.things.retain(|_, thing| std::mem::take(&mut thing.used));
     }
 }
 
@@ -53,5 +68,27 @@ mod tests {
             assert_eq!(count, expected);
             assert_eq!(keep.get("number 7".into(), || Err::<String, _>("made anew")), Err("made anew"));
         }
+    }
+
+    #[test]
+    fn what_a_frame_leaves_out_is_dropped() {
+        let mut keep = Keep::new(true);
+        let mut count = 0;
+        for frame in 0..6 {
+            let mut use_of = |name: &str| {
+                keep.get::<u32, ()>(name.into(), || {
+                    count += 1;
+                    Ok(count)
+                })
+            };
+            use_of("always").unwrap();
+            if frame % 2 == 0 {
+                use_of("now and then").unwrap();
+            }
+            keep.turn();
+        }
+        assert_eq!(count, 1 + 3);
+        keep.turn();
+        assert!(keep.things.is_empty());
     }
 }

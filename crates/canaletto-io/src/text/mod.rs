@@ -137,7 +137,7 @@ impl Script {
         animate::times(&self.nodes).into_iter().map(|time| self.clip.frame(time)).collect()
     }
 
-    /// The scene at a frame, whole or in between, with warnings. Files are read once for all frames.
+    /// The scene at a frame, whole or in between, with warnings. A file is read once for all frames in a row that name it.
     ///
     /// # Errors
     /// Every mistake in it and the files that it names.
@@ -152,6 +152,7 @@ impl Script {
             &self.nodes
         };
         let (scene, report) = decode::decode(nodes, &self.files, assets, report, &mut self.keep);
+        self.keep.turn();
         let failed = report.has_errors();
         let diagnostics = report.finish(&self.files);
         match scene {
