@@ -1,3 +1,4 @@
 //! Benchmarks and comparisons.
 
 pub mod peers;
+pub mod say;

@@ -11,6 +11,7 @@ use canaletto_bench::peers::rays::SETS;
 use canaletto_bench::peers::stages::{self, Stage};
 use canaletto_bench::peers::statistics::Clock;
 use canaletto_bench::peers::{build, clouds, instances, load, pictures, recursion, trace};
+use canaletto_bench::say;
 use canaletto_bvh::Quality as Own;
 use clap::{Parser, Subcommand};
 
@@ -54,7 +55,7 @@ enum What {
         #[arg(long, value_delimiter = ',', value_parser = recipe)]
         mesh: Vec<Recipe>,
     },
-    /// Whole pictures by whole processes: ours, a plain recursion over Embree, POV-Ray, Tachyon.
+    /// Whole pictures by whole processes: ours, a plain recursion over Embree, POV-Ray, Tachyon, Mitsuba.
     Pictures {
         /// The scenes; all by default.
         #[arg(long = "scene", value_enum, value_delimiter = ',', default_value = "balls,serpent,shapes")]
@@ -123,13 +124,8 @@ fn meshes(named: Vec<Recipe>) -> Vec<Recipe> {
 }
 
 fn main() -> ExitCode {
-    match run(Arguments::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(message) => {
-            eprintln!("error: {message}");
-            ExitCode::FAILURE
-        }
-    }
+    let arguments = Arguments::parse();
+    say::run(|| run(arguments))
 }
 
 fn run(arguments: Arguments) -> Result<(), String> {
@@ -164,13 +160,13 @@ fn run(arguments: Arguments) -> Result<(), String> {
         What::Load { format, fineness } => load::run(fineness, &format, &threads, rounds, clock)?,
         What::Recursion { scene, o } => {
             let [build, trace] = recursion::render(&stages::load(&scene)?, size, threads[0], &o)?;
-            println!("built in {build:.3} s, traced in {trace:.3} s");
+            say!("built in {build:.3} s, traced in {trace:.3} s");
             return Ok(());
         }
         What::List => {
-            RECIPES.iter().for_each(|recipe| println!("{:12} {}", recipe.name, recipe.about));
-            println!();
-            SETS.iter().for_each(|(name, about)| println!("{name:12} {about}"));
+            RECIPES.iter().for_each(|recipe| say!("{:12} {}", recipe.name, recipe.about));
+            say!();
+            SETS.iter().for_each(|(name, about)| say!("{name:12} {about}"));
             return Ok(());
         }
     };

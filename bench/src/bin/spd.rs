@@ -15,6 +15,7 @@ use canaletto::math::Rgb;
 use canaletto::render::{Job, render};
 use canaletto::scene::{FilmSettings, IntegratorSettings, Intrinsics, Sampling, View};
 use canaletto::world::World;
+use canaletto_bench::say;
 use canaletto_io::assets::FolderAssets;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -31,30 +32,34 @@ const PUBLISHED: [(&str, [u64; 4]); 7] = [
 ];
 
 fn main() -> ExitCode {
+    say::run(run)
+}
+
+fn run() -> Result<(), String> {
     let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/spd");
     let folders: Vec<PathBuf> = std::iter::once(own).chain(std::env::args_os().skip(1).map(PathBuf::from)).collect();
-    println!("ours / published (difference)");
-    println!("{:7} {:>26} {:>26} {:>26} {:>28}", "", "eye rays that hit", "reflected", "refracted", "shadow");
-    let mut failed = false;
+    say!("ours / published (difference)");
+    say!("{:7} {:>26} {:>26} {:>26} {:>28}", "", "eye rays that hit", "reflected", "refracted", "shadow");
+    let mut failed = Vec::new();
     for (name, published) in PUBLISHED {
         let file = format!("{name}.nff");
         let Some(path) = folders.iter().map(|folder| folder.join(&file)).find(|path| path.is_file()) else {
-            println!("{name:8} {file} is in none of the folders; see scenes/spd/README.md");
+            say!("{name:8} {file} is in none of the folders; see scenes/spd/README.md");
             continue;
         };
         match count(&path) {
             Ok(counts) => {
                 let ours = [counts.eye.hit, counts.reflected.traced, counts.refracted.traced, counts.shadow.traced];
                 let [eye, reflected, refracted, shadow] = [0, 1, 2, 3].map(|i| beside(ours[i], published[i]));
-                println!("{name:7} {eye:>26} {reflected:>26} {refracted:>26} {shadow:>28}");
+                say!("{name:7} {eye:>26} {reflected:>26} {refracted:>26} {shadow:>28}");
             }
             Err(message) => {
-                println!("{name:8} {message}");
-                failed = true;
+                say!("{name:8} {message}");
+                failed.push(name);
             }
         }
     }
-    ExitCode::from(u8::from(failed))
+    if failed.is_empty() { Ok(()) } else { Err(format!("not rendered: {}", failed.join(", "))) }
 }
 
 /// Both numbers, and the difference in per cent unless the published one is 0.

@@ -11,30 +11,42 @@
 use canaletto::scene::Scene;
 use canaletto::texture::{Filter, ImageTexture, Lookup, Pattern, Prefilter, Texture, TextureKind};
 use canaletto::world::World;
+use canaletto_bench::{say, say_on};
 use canaletto_io::assets::{AssetPath, Assets, MemoryAssets};
 use canaletto_io::image::read_image;
 use glam::DVec3;
+use std::process::ExitCode;
 use std::time::Instant;
 
-fn main() {
-    let size: u32 = std::env::args().nth(1).and_then(|text| text.parse().ok()).unwrap_or(1 << 14);
+/// The largest side of an image.
+const MAX_SIZE: u32 = 1 << 16;
+
+fn main() -> ExitCode {
+    say::run(|| match std::env::args().nth(1).map(|text| text.parse()) {
+        None => run(1 << 14),
+        Some(Ok(size @ 1..=MAX_SIZE)) => run(size),
+        Some(_) => Err(format!("SIZE is a number from 1 to {MAX_SIZE}")),
+    })
+}
+
+fn run(size: u32) -> Result<(), String> {
     let whole = f64::from(size) * f64::from(size);
-    println!("an image of {size} × {size} texels, RGB, 8 bits: {:.0} MB", 3.0 * whole / 1e6);
+    say!("an image of {size} × {size} texels, RGB, 8 bits: {:.0} MB", 3.0 * whole / 1e6);
 
     let start = Instant::now();
-    let bytes = pack(size);
-    println!("made and packed in {:.1} s: {:.0} MB", start.elapsed().as_secs_f64(), bytes.len() as f64 / 1e6);
+    let bytes = pack(size).map_err(|e| e.to_string())?;
+    say!("made and packed in {:.1} s: {:.0} MB", start.elapsed().as_secs_f64(), bytes.len() as f64 / 1e6);
     let assets = MemoryAssets::new().with("large.png", bytes);
-    let asset = assets.read("large.png", &AssetPath::base()).expect("the file is there");
+    let asset = assets.read("large.png", &AssetPath::base()).map_err(|e| e.to_string())?;
     drop(assets);
 
     let before = memory();
     let start = Instant::now();
-    let (image, _) = read_image(&asset).expect("a PNG");
+    let (image, _) = read_image(&asset).map_err(|e| e.to_string())?;
     let read = start.elapsed().as_secs_f64();
     drop(asset);
     let (after, peak) = (memory(), peak());
-    println!("read in {read:.2} s; {}", told(before, after, peak));
+    say!("read in {read:.2} s; {}", told(before, after, peak));
 
     let texture = |filter, prefilter| {
         let kind = TextureKind::Image(ImageTexture { filter, prefilter, ..ImageTexture::new(0) });
@@ -48,22 +60,24 @@ fn main() {
     ];
     let textures = kinds.iter().map(|(_, filter, prefilter)| texture(*filter, *prefilter)).collect();
     let start = Instant::now();
-    let world = World::build(Scene { images: vec![image], textures, ..Scene::default() }).expect("a world");
-    println!("tiles and pyramid in {:.2} s; {}", start.elapsed().as_secs_f64(), told(before, memory(), self::peak()));
+    let scene = Scene { images: vec![image], textures, ..Scene::default() };
+    let world = World::build(scene).map_err(|e| e.to_string())?;
+    say!("tiles and pyramid in {:.2} s; {}", start.elapsed().as_secs_f64(), told(before, memory(), self::peak()));
 
     for (title, order) in [("places at random", random as fn(u32, f64) -> DVec3), ("neighbouring pixels", rows)] {
-        println!("\n{title}: ns a lookup (ratio to bilinear without a pyramid)");
+        say!("\n{title}: ns a lookup (ratio to bilinear without a pyramid)");
         for (footprint, spacing, slant) in
             [("a texel", 1.0, 1.0), ("4 texels", 4.0, 1.0), ("32 texels", 32.0, 1.0), ("4 × 32 texels", 4.0, 8.0)]
         {
             let times = measure(&world.textures, order, f64::from(size), spacing, slant);
-            print!("  footprint {footprint:>14}:");
+            say_on!("  footprint {footprint:>14}:");
             for ((name, ..), time) in kinds.iter().zip(&times) {
-                print!("  {name} {time:.0} ({:.2})", time / times[0]);
+                say_on!("  {name} {time:.0} ({:.2})", time / times[0]);
             }
-            println!();
+            say!();
         }
     }
+    Ok(())
 }
 
 /// Nanoseconds of a lookup in each texture; the best of some turns.
@@ -84,7 +98,7 @@ fn measure(textures: &[Pattern], order: fn(u32, f64) -> DVec3, size: f64, spacin
             *best = best.min(start.elapsed().as_secs_f64() * 1e9 / f64::from(COUNT));
         }
     }
-    assert!(light.is_finite());
+    std::hint::black_box(light);
     best
 }
 
@@ -100,7 +114,7 @@ fn rows(i: u32, step: f64) -> DVec3 {
 }
 
 /// A PNG of this size, its rows made as they are packed.
-fn pack(size: u32) -> Vec<u8> {
+fn pack(size: u32) -> Result<Vec<u8>, png::EncodingError> {
     let row = |y: u32, data: &mut [u8]| {
         for (x, texel) in (0..size).zip(data.chunks_exact_mut(3)) {
             let noise = (x ^ y.wrapping_mul(0x9e37)).wrapping_mul(0x85eb_ca6b) >> 29;
@@ -114,16 +128,16 @@ fn pack(size: u32) -> Vec<u8> {
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_compression(png::Compression::Fastest);
-    let mut writer = encoder.write_header().expect("a header");
-    let mut stream = writer.stream_writer().expect("a stream");
+    let mut writer = encoder.write_header()?;
+    let mut stream = writer.stream_writer()?;
     let mut data = vec![0; 3 * size as usize];
     for y in 0..size {
         row(y, &mut data);
-        std::io::Write::write_all(&mut stream, &data).expect("a row");
+        std::io::Write::write_all(&mut stream, &data)?;
     }
-    stream.finish().expect("an end");
-    writer.finish().expect("an end");
-    bytes
+    stream.finish()?;
+    writer.finish()?;
+    Ok(bytes)
 }
 
 /// What the system says about this program's memory, in bytes; nothing where it doesn't say so in this way.

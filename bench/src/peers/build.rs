@@ -7,6 +7,7 @@ use super::embree::{Embree, Part, Quality, Settings};
 use super::mesh::{Mesh, Recipe};
 use super::ours::Ours;
 use super::statistics::{Clock, Times};
+use crate::say;
 
 /// What to compare.
 pub struct Options {
@@ -76,9 +77,9 @@ fn status(field: &str) -> usize {
 
 /// Compares and prints, and tells all in JSON.
 pub fn run(options: &Options) -> Result<Value, String> {
-    println!("{} interleaved rounds, medians; ratio: their time / ours [least, greatest of a round]", options.rounds);
-    println!("kept: what Embree says that it allocated, what ours takes for tracing; peak: growth of the process\n");
-    println!("{:10} {:>2} {:>14} {:>9} {:>9} {:>9}   ratio", "mesh", "th", "builder", "s", "kept MiB", "peak MiB");
+    say!("{} interleaved rounds, medians; ratio: their time / ours [least, greatest of a round]", options.rounds);
+    say!("kept: what Embree says that it allocated, what ours takes for tracing; peak: growth of the process\n");
+    say!("{:10} {:>2} {:>14} {:>9} {:>9} {:>9}   ratio", "mesh", "th", "builder", "s", "kept MiB", "peak MiB");
     let mut rows = Vec::new();
     for recipe in &options.meshes {
         let mesh = recipe.make();
@@ -91,7 +92,7 @@ pub fn run(options: &Options) -> Result<Value, String> {
 
 fn compare(mesh: &Mesh, threads: usize, options: &Options) -> Result<Vec<Value>, String> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|e| e.to_string())?;
-    let embree = Embree::new(threads).map_err(|message| println!("{message}")).ok();
+    let embree = Embree::new(threads).map_err(|message| say!("{message}")).ok();
     let parts = [Part::triangles(&mesh.positions, &mesh.triangles)];
     let peers = [("Embree medium", Quality::Medium), ("Embree high", Quality::High)];
     let mut builders: Vec<Builder> = ["ours", "ours high"].map(|name| Builder { name, ..Builder::default() }).into();
@@ -122,15 +123,12 @@ fn compare(mesh: &Mesh, threads: usize, options: &Options) -> Result<Vec<Value>,
     let visits = [visits(Own::Medium)?, visits(Own::High)?];
     let [medium, high] = visits;
     let expected = |name: &str| ["ours", "ours high"].iter().position(|&n| n == name).map(|i| visits[i]);
-    println!(
-        "{}: a random ray is expected to visit {medium:.2}, high {high:.2} of our nodes and primitives",
-        mesh.name
-    );
+    say!("{}: a random ray is expected to visit {medium:.2}, high {high:.2} of our nodes and primitives", mesh.name);
     let mebi = |bytes: usize| bytes as f64 / f64::from(1 << 20);
     let mut rows = Vec::new();
     for builder in &builders {
         let ratio = builders[0].times.faster_than(&builder.times);
-        println!(
+        say!(
             "{:10} {threads:2} {:>14} {:9.4} {:9.1} {:9.1}   {ratio}",
             mesh.name,
             builder.name,
@@ -143,6 +141,6 @@ fn compare(mesh: &Mesh, threads: usize, options: &Options) -> Result<Vec<Value>,
             "ratio": ratio.median, "ratio_min": ratio.min, "ratio_max": ratio.max,
             "expected_visits": expected(builder.name) }));
     }
-    println!();
+    say!();
     Ok(rows)
 }

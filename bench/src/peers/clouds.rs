@@ -10,6 +10,7 @@ use super::embree::Part;
 use super::rays::{self, Packet, RaySet, Segment, View};
 use super::stages::{COUNT, cylinder, sphere};
 use super::trace::{Hits, Options, Tracer, hits, introduce, pool, rounds};
+use crate::say;
 
 /// Each cloud in a hierarchy, as worlds have them; cylinders are numbered after spheres.
 struct Ours {
@@ -180,7 +181,7 @@ pub fn run(options: &Options) -> Result<Value, String> {
     }
     let ours_mib = (ours.spheres.statistics().bytes + ours.cylinders.statistics().bytes) >> 20;
     let theirs = scene.as_ref().map_or("-".into(), |scene| (scene.bytes >> 20).to_string());
-    println!("{COUNT} spheres and {COUNT} cylinders; {ours_mib} MiB, Embree {theirs} MiB beside the shared buffers");
+    say!("{COUNT} spheres and {COUNT} cylinders; {ours_mib} MiB, Embree {theirs} MiB beside the shared buffers");
     let rows = rounds("clouds", VIEW.extent, &sets, &ours, scene.as_ref(), options.into())?;
     Ok(json!({ "what": "clouds", "embree": embree.as_ref().map(|e| e.version()), "size": options.size,
         "rounds": options.rounds, "clock": format!("{:?}", options.clock), "rows": rows }))

@@ -17,6 +17,7 @@ use super::noise::uniform;
 use super::rays::{self, RaySet, Segment, View};
 use super::statistics::{Clock, Times};
 use super::trace::{Options, pool};
+use crate::say;
 
 /// Copies along each side of the square.
 const SIDE: u32 = 100;
@@ -95,7 +96,7 @@ fn trace(world: &World, set: &RaySet, clock: Clock) -> (f64, usize) {
 
 /// Compares and prints, and tells all in JSON.
 pub fn run(options: &Options) -> Result<Value, String> {
-    println!("closest hits one by one; copies beside the mesh alone on the same rays; {} rounds", options.rounds);
+    say!("closest hits one by one; copies beside the mesh alone on the same rays; {} rounds", options.rounds);
     let mut rows = Vec::new();
     for recipe in &options.meshes {
         let mesh = recipe.make();
@@ -112,7 +113,7 @@ fn compare(mesh: &Mesh, options: &Options) -> Result<Vec<Value>, String> {
         let start = Instant::now();
         let world = world(mesh, pitch, arrangement)?;
         let (census, seconds) = (world.census(), start.elapsed().as_secs_f64());
-        println!("{name:9} {:10} instances, {} KiB, built in {seconds:.3} s", census.instances, census.bytes >> 10);
+        say!("{name:9} {:10} instances, {} KiB, built in {seconds:.3} s", census.instances, census.bytes >> 10);
         worlds.push(world);
     }
     let list = &worlds[1];
@@ -168,14 +169,14 @@ fn turns(rays: &RaySet, seen: &RaySet, worlds: &[World], threads: usize, options
     let count = rays.rays.len();
     let rate = times.each_ref().map(|times| count as f64 / times.median() / 1e6);
     let cost = times.each_ref().map(|other| times[0].faster_than(other));
-    println!(
+    say!(
         "{:8} {threads} threads, {:.2} M rays, {:.2} Mrays/s alone; hits {hits:?}; cost of",
         rays.name,
         count as f64 / 1e6,
         rate[0]
     );
     for ((name, _), cost) in ARRANGEMENTS.iter().zip(&cost).skip(1) {
-        println!("  {name:9} {cost}");
+        say!("  {name:9} {cost}");
     }
     json!({ "rays": rays.name, "threads": threads, "count": count, "hits": hits, "mrays": rate,
         "cost": cost.map(|c| c.median) })

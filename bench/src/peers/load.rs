@@ -16,6 +16,7 @@ use super::mesh::Mesh;
 use super::stages::{Folder, write_ply};
 use super::statistics::{Clock, Times};
 use super::statue;
+use crate::say;
 
 /// A mesh as OBJ text.
 fn write_obj(mesh: &Mesh, path: &Path) -> std::io::Result<()> {
@@ -33,16 +34,26 @@ pub fn run(fineness: u32, formats: &[String], threads: &[usize], rounds: usize, 
     let count = mesh.triangles.len();
     for format in formats {
         let path = folder.0.join(format!("mesh.{format}"));
-        let written = if format == "ply" { write_ply(&mesh, &path) } else { write_obj(&mesh, &path) };
+        let written =
+            if format == "ply" { write_ply(&mesh.positions, &mesh.triangles, &path) } else { write_obj(&mesh, &path) };
         written.map_err(|e| format!("{}: {e}", path.display()))?;
         files.push(path);
     }
     drop(mesh);
-    println!("{count} triangles; {rounds} interleaved rounds, medians; peaks are the growth of the process, MiB");
-    println!("copy: the file's bytes from memory to memory that is there already, on one thread\n");
-    println!(
+    say!("{count} triangles; {rounds} interleaved rounds, medians; peaks are the growth of the process, MiB");
+    say!("copy: the file's bytes from memory to memory that is there already, on one thread\n");
+    say!(
         "{:4} {:>2} {:>7} | {:>7} {:>7} {:>9} | {:>7} {:>7} {:>7} {:>7}",
-        "file", "th", "MiB", "copy s", "load s", "copy/load", "peak", "world s", "kept", "peak"
+        "file",
+        "th",
+        "MiB",
+        "copy s",
+        "load s",
+        "copy/load",
+        "peak",
+        "world s",
+        "kept",
+        "peak"
     );
     let mebi = |bytes: usize| bytes as f64 / f64::from(1 << 20);
     let mut rows = Vec::new();
@@ -82,7 +93,7 @@ pub fn run(fineness: u32, formats: &[String], threads: &[usize], rounds: usize, 
             }
             let [copy, load, build] = [&copies, &loads, &builds].map(Times::median);
             let format = path.extension().unwrap_or_default().to_string_lossy();
-            println!(
+            say!(
                 "{format:4} {threads:2} {:7.1} | {copy:7.4} {load:7.4} {:9.3} | {:7.1} {build:7.3} {:7.1} {:7.1}",
                 mebi(size),
                 copy / load,

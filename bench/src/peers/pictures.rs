@@ -3,13 +3,16 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use canaletto::scene::{Scene, Transfer};
+use canaletto::scene::Transfer;
 use canaletto_io::picture::{Depth, decode, encode_png};
 use serde_json::{Value, json};
 
+use super::mitsuba::{Python, write};
+use super::plain::Plain;
 use super::stages::{Folder, Stage, load};
 use super::statistics::{Clock, Times};
-use super::{povray, tachyon};
+use super::{mitsuba, povray, tachyon};
+use crate::say;
 
 /// What to compare.
 pub struct Options {
@@ -33,6 +36,21 @@ struct Renderer<'a> {
     command: Box<dyn Fn() -> Command + 'a>,
     times: Times,
     rounds: usize,
+    /// The picture, if the model is the same.
+    picture: Option<PathBuf>,
+    /// Where it writes its own times, and those of all rounds.
+    told: Option<(PathBuf, mitsuba::Told)>,
+}
+
+impl<'a> Renderer<'a> {
+    fn new(name: &'static str, rounds: usize, command: impl Fn() -> Command + 'a) -> Self {
+        Self { name, command: Box::new(command), times: Times::default(), rounds, picture: None, told: None }
+    }
+
+    /// With a picture that ought to be like ours.
+    fn like_ours(self, picture: &Path) -> Self {
+        Self { picture: Some(picture.to_owned()), ..self }
+    }
 }
 
 /// A program beside this one.
@@ -75,103 +93,129 @@ fn canaletto(program: &Path, file: &Path, picture: &Path, size: Option<[u32; 2]>
 /// Compares and prints, and tells all in JSON.
 pub fn run(options: &Options) -> Result<Value, String> {
     let folder = Folder::new()?;
-    println!("whole processes; {} interleaved rounds, medians; ratio: their time / ours", options.rounds);
-    println!("difference: mean of that of channels to ours, of 255\n");
-    println!("{:8} {:>2} {:>10} {:>9}   {:24} difference", "scene", "th", "renderer", "s", "ratio");
+    say!("whole processes; {} interleaved rounds, medians; ratio: their time / ours", options.rounds);
+    say!("difference: mean of that of channels to ours, of 255\n");
+    say!("{:8} {:>2} {:>10} {:>9}   {:24} difference", "scene", "th", "renderer", "s", "ratio");
     let mut rows = Vec::new();
+    let python = Python::find(&folder.0)?;
+    let mut variants = Vec::new();
+    match &python {
+        Some(python) => {
+            variants.extend(mitsuba::VARIANTS.into_iter().filter(|(_, variant)| python.has(variant)));
+            if variants.len() < mitsuba::VARIANTS.len() {
+                say!("a variant of Mitsuba doesn't work here; on Debian: {}", mitsuba::INSTALL_LLVM);
+            }
+        }
+        None => say!("Mitsuba isn't installed: {}", mitsuba::INSTALL),
+    }
+    let mitsuba = python.as_ref().map(|python| (python, &variants[..]));
     for &stage in &options.stages {
         let file = stage.file(&folder.0)?;
         let scene = load(&file)?;
+        let plain = Plain::new(&scene, options.size)?;
         for &threads in &options.threads {
-            rows.extend(compare(stage, &file, &scene, threads, &folder.0, options)?);
+            let renderers = renderers(stage, &file, &plain, threads, &folder.0, mitsuba, options)?;
+            rows.extend(compare(stage, renderers, threads, options)?);
         }
     }
     Ok(json!({ "what": "pictures", "size": options.size, "clock": format!("{:?}", options.clock), "rows": rows }))
 }
 
-fn compare(
+/// Everybody who is there, ourselves first, with the scene in their own language.
+fn renderers<'a>(
     stage: Stage,
-    file: &Path,
-    scene: &Scene,
+    file: &'a Path,
+    plain: &Plain<'_>,
     threads: usize,
     folder: &Path,
-    options: &Options,
-) -> Result<Vec<Value>, String> {
+    mitsuba: Option<(&'a Python, &[(&'static str, &'static str)])>,
+    options: &'a Options,
+) -> Result<Vec<Renderer<'a>>, String> {
     let program = beside("canaletto")?;
     let this = std::env::current_exe().map_err(|e| e.to_string())?;
     let at = |name: &str| folder.join(format!("{}-{name}", stage.name()));
-    let (ours, plain) = (at("ours.png"), at("embree.png"));
-    let (pov, pov_picture, tachyon_file, tachyon_picture) = (at("pov"), at("povray.png"), at("dat"), at("tachyon.tga"));
-    let size = options.size;
-    let mut renderers = vec![Renderer {
-        name: "ours",
-        command: Box::new(|| canaletto(&program, file, &ours, Some(size), threads)),
-        times: Times::default(),
-        rounds: options.rounds,
-    }];
-    let mut add = |name, command: Box<dyn Fn() -> Command>, rounds| {
-        renderers.push(Renderer { name, command, times: Times::default(), rounds });
-    };
+    let (size, few) = (options.size, options.rounds.min(3));
+    let picture = at("ours.png");
+    let ours = move || canaletto(&program, file, &picture, Some(size), threads);
+    let mut all = vec![Renderer::new("ours", options.rounds, ours).like_ours(&at("ours.png"))];
     match super::embree::Embree::new(threads) {
         Ok(_) => {
-            let (file, plain) = (file.to_owned(), plain.clone());
+            let picture = at("embree.png");
             let recursion = move || {
                 let mut command = Command::new(&this);
-                command.arg("recursion").arg(&file).arg("-o").arg(&plain);
+                command.arg("recursion").arg(file).arg("-o").arg(&picture);
                 command.args(["--threads", &threads.to_string(), "--size", &format!("{}x{}", size[0], size[1])]);
                 command
             };
-            add("embree", Box::new(recursion), options.rounds);
+            all.push(Renderer::new("embree", options.rounds, recursion).like_ours(&at("embree.png")));
         }
-        Err(message) => println!("{message}"),
+        Err(message) => say!("{message}"),
     }
     if installed("povray") {
-        write(&pov, &povray::scene(scene, size)?)?;
-        let (pov, picture) = (pov.clone(), pov_picture.clone());
-        add("povray", Box::new(move || povray::command(&pov, &picture, size, threads)), options.rounds.min(3));
+        let (input, picture) = (at("pov"), at("povray.png"));
+        write(&input, &povray::scene(plain, size))?;
+        let command = move || povray::command(&input, &picture, size, threads);
+        all.push(Renderer::new("povray", few, command).like_ours(&at("povray.png")));
     } else {
-        println!("POV-Ray isn't installed; on Debian: {}", povray::INSTALL);
+        say!("POV-Ray isn't installed; on Debian: {}", povray::INSTALL);
     }
     if stage == Stage::Serpent && !options.slow {
-        println!("Tachyon takes minutes for meshes; --slow lets it");
+        say!("Tachyon takes minutes for meshes; --slow lets it");
     } else if installed("tachyon") {
-        write(&tachyon_file, &tachyon::scene(scene, size)?)?;
-        let (file, picture) = (tachyon_file.clone(), tachyon_picture.clone());
-        let rounds = if stage == Stage::Serpent { 1 } else { options.rounds.min(3) };
-        add("tachyon", Box::new(move || tachyon::command(&file, &picture, size, threads)), rounds);
+        let (input, picture) = (at("dat"), at("tachyon.tga"));
+        write(&input, &tachyon::scene(plain, size))?;
+        let rounds = if stage == Stage::Serpent { 1 } else { few };
+        all.push(Renderer::new("tachyon", rounds, move || tachyon::command(&input, &picture, size, threads)));
     } else {
-        println!("Tachyon isn't installed; on Debian: {}", tachyon::INSTALL);
+        say!("Tachyon isn't installed; on Debian: {}", tachyon::INSTALL);
     }
+    if let Some((python, variants)) = mitsuba {
+        let input = at("mitsuba.xml");
+        mitsuba::write_scene(plain, size, &input)?;
+        for &(name, variant) in variants {
+            let (input, picture, seconds) = (input.clone(), at(&format!("{name}.png")), at(&format!("{name}.json")));
+            let told = Some((seconds.clone(), mitsuba::Told::default()));
+            let command = move || python.command(variant, threads, [&input, &picture, &seconds]);
+            all.push(Renderer { told, ..Renderer::new(name, few, command) });
+        }
+    }
+    Ok(all)
+}
+
+/// Lets everybody take turns, and prints a line for each.
+fn compare(
+    stage: Stage,
+    mut renderers: Vec<Renderer<'_>>,
+    threads: usize,
+    options: &Options,
+) -> Result<Vec<Value>, String> {
     for round in 0..options.rounds {
-        for renderer in &mut renderers {
-            if round < renderer.rounds {
-                renderer.times.0.push(timed((renderer.command)(), options.clock)?);
+        for renderer in renderers.iter_mut().filter(|renderer| round < renderer.rounds) {
+            renderer.times.0.push(timed((renderer.command)(), options.clock)?);
+            if let Some((file, told)) = &mut renderer.told {
+                told.add(file, options.clock)?;
             }
         }
     }
     let mut rows = Vec::new();
+    let (times, ours) = (&renderers[0].times, renderers[0].picture.as_deref());
     for renderer in &renderers {
-        let ratio = renderers[0].times.faster_than(&renderer.times);
-        let picture = match renderer.name {
-            "embree" => Some(&plain),
-            "povray" => Some(&pov_picture),
-            _ => None,
-        };
-        let difference = picture.map(|picture| difference(&ours, picture)).transpose()?;
+        let ratio = times.faster_than(&renderer.times);
+        let pair = ours.zip(renderer.picture.as_deref()).filter(|(ours, theirs)| ours != theirs);
+        let difference = pair.map(|(ours, theirs)| difference(ours, theirs)).transpose()?;
         let median = renderer.times.median();
         let shown = difference.map_or(String::new(), |d| format!("{d:.2}"));
         let ratio_text = ratio.to_string();
-        println!("{:8} {threads:2} {:>10} {median:9.3}   {ratio_text:24} {shown}", stage.name(), renderer.name);
+        say!("{:8} {threads:2} {:>10} {median:9.3}   {ratio_text:24} {shown}", stage.name(), renderer.name);
+        if let Some((_, told)) = &renderer.told {
+            say!("{:22}   {told}", "");
+        }
         rows.push(json!({ "scene": stage.name(), "threads": threads, "renderer": renderer.name,
             "seconds": renderer.times.0, "ratio": ratio.median, "ratio_min": ratio.min, "ratio_max": ratio.max,
-            "difference": difference }));
+            "difference": difference, "own": renderer.told.as_ref().map(|(_, told)| told.json()) }));
     }
-    println!();
+    say!();
     Ok(rows)
-}
-
-fn write(path: &Path, text: &str) -> Result<(), String> {
-    std::fs::write(path, text).map_err(|e| format!("{}: {e}", path.display()))
 }
 
 /// The mean of the differences of two pictures' channels, of 255.
@@ -192,7 +236,7 @@ pub fn start(threads: &[usize], rounds: usize, clock: Clock) -> Result<Value, St
     let folder = Folder::new()?;
     let program = beside("canaletto")?;
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/chapter/fig-5.24b-shadow.kdl");
-    println!("the chapter's scene at 230 × 230; {rounds} interleaved rounds, medians; ratio: ours / (start + PNG)");
+    say!("the chapter's scene at 230 × 230; {rounds} interleaved rounds, medians; ratio: ours / (start + PNG)");
     let mut rows = Vec::new();
     for &threads in threads {
         let picture = folder.0.join("picture.png");
@@ -217,7 +261,7 @@ pub fn start(threads: &[usize], rounds: usize, clock: Clock) -> Result<Value, St
         let alone = Times(starts.0.iter().zip(&writes.0).map(|(a, b)| a + b).collect());
         let ratio = alone.faster_than(&whole);
         let [a, b, c] = [&whole, &starts, &writes].map(|times| times.median() * 1e3);
-        println!("{threads} threads: {a:.2} ms; start {b:.2} ms, PNG {c:.2} ms; ratio {ratio}");
+        say!("{threads} threads: {a:.2} ms; start {b:.2} ms, PNG {c:.2} ms; ratio {ratio}");
         rows.push(json!({ "threads": threads, "seconds": whole.0, "start": starts.0, "png": writes.0,
             "ratio": ratio.median, "ratio_min": ratio.min, "ratio_max": ratio.max }));
     }

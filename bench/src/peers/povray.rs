@@ -5,12 +5,10 @@ use std::fmt::Write;
 use std::path::Path;
 use std::process::Command;
 
-use canaletto::camera::Camera;
-use canaletto::light::LightKind;
 use canaletto::math::Rgb;
-use canaletto::scene::{Content, Node, Scene};
-use canaletto::shape::Shape;
 use glam::{DVec3, Vec3};
+
+use super::plain::{Form, Plain, joined};
 
 /// How to get it.
 pub(super) const INSTALL: &str = "apt-get install povray";
@@ -25,11 +23,9 @@ pub(super) fn command(file: &Path, picture: &Path, [width, height]: [u32; 2], th
 }
 
 /// The scene in POV-Ray's language, vectors of the camera spelled out so that its handedness doesn't matter.
-pub(super) fn scene(scene: &Scene, [width, height]: [u32; 2]) -> Result<String, String> {
-    let view = &scene.views[0];
-    let camera = Camera::new(&view.intrinsics, &view.extrinsics).map_err(|e| e.to_string())?;
+pub(super) fn scene(plain: &Plain<'_>, [width, height]: [u32; 2]) -> String {
+    let Plain { scene, camera, distance, .. } = plain;
     let [x, y, z] = camera.axes();
-    let distance = 0.5 / (view.intrinsics.fovy.to_radians() / 2.0).tan();
     let aspect = f64::from(width) / f64::from(height);
     let mut out = String::new();
     let depth = scene.integrator.max_depth;
@@ -59,27 +55,29 @@ pub(super) fn scene(scene: &Scene, [width, height]: [u32; 2]) -> Result<String, 
             p.eta
         );
     }
-    for node in &scene.nodes {
-        write_node(&mut out, scene, node)?;
+    for &(position, intensity) in &plain.lights {
+        let _ = writeln!(out, "light_source {{ {} {} }}", vector(position), color(intensity));
     }
-    Ok(out)
+    for thing in &plain.things {
+        write_thing(&mut out, &thing.form, &format!("material {{ M{} }}", thing.material));
+    }
+    out
 }
 
-fn write_node(out: &mut String, scene: &Scene, node: &Node) -> Result<(), String> {
-    match &node.content {
-        Content::Light(light) => {
-            let LightKind::Omni(omni) = &light.kind else {
-                return Err("only omni lights are written for POV-Ray".into());
-            };
-            let _ = writeln!(out, "light_source {{ {} {} }}", vector(omni.position.truncate()), color(light.intensity));
+fn write_thing(out: &mut String, form: &Form<'_>, material: &str) {
+    match form {
+        Form::Spheres(spheres) => {
+            for &(center, radius) in spheres {
+                let _ = writeln!(out, "sphere {{ {}, {radius} {material} }}", vector(center));
+            }
         }
-        Content::Shape(Shape::Sphere(s)) => {
-            let m = node.material.unwrap_or_default();
-            let _ = writeln!(out, "sphere {{ {}, {} material {{ M{m} }} }}", vector(s.center), s.radius);
+        Form::Cylinders(cylinders) => {
+            for &(axis, radius) in cylinders {
+                let [a, b] = axis.map(vector);
+                let _ = writeln!(out, "cylinder {{ {a}, {b}, {radius} {material} }}");
+            }
         }
-        Content::Mesh(index) => {
-            let mesh = &scene.meshes[*index as usize];
-            let m = node.material.or(mesh.materials.first().copied()).unwrap_or_default();
+        Form::Mesh(mesh) => {
             let _ = writeln!(out, "mesh2 {{");
             let list = |out: &mut String, word: &str, items: &mut dyn Iterator<Item = String>, count: usize| {
                 let _ = write!(out, "{word} {{ {count}");
@@ -91,34 +89,19 @@ fn write_node(out: &mut String, scene: &Scene, node: &Node) -> Result<(), String
             list(out, "vertex_vectors", &mut mesh.positions.iter().map(|&p| vector(p)), mesh.positions.len());
             let triangles = mesh.triangles.iter().map(|[a, b, c]| format!("<{a}, {b}, {c}>"));
             list(out, "face_indices", &mut { triangles }, mesh.triangles.len());
-            let _ = writeln!(out, "material {{ M{m} }} }}");
+            let _ = writeln!(out, "{material} }}");
         }
-        Content::Spheres(index) => {
-            let (cloud, m) = (&scene.spheres[*index as usize], node.material.unwrap_or_default());
-            for (i, &center) in cloud.centers.iter().enumerate() {
-                let _ = writeln!(out, "sphere {{ {}, {} material {{ M{m} }} }}", vector(center), cloud.radius(i));
-            }
-        }
-        Content::Cylinders(index) => {
-            let (cloud, m) = (&scene.cylinders[*index as usize], node.material.unwrap_or_default());
-            for (i, &axis) in cloud.axes.iter().enumerate() {
-                let [a, b] = axis.map(vector);
-                let _ = writeln!(out, "cylinder {{ {a}, {b}, {} material {{ M{m} }} }}", cloud.radius(i));
-            }
-        }
-        _ => return Err("only spheres, meshes, clouds and omni lights are written for POV-Ray".into()),
     }
-    Ok(())
 }
 
 fn color(c: Rgb) -> String {
-    format!("rgb <{}, {}, {}>", c.r, c.g, c.b)
+    format!("rgb <{}>", joined(c.to_array(), ", "))
 }
 
 fn vector(v: Vec3) -> String {
-    format!("<{}, {}, {}>", v.x, v.y, v.z)
+    format!("<{}>", joined(v, ", "))
 }
 
 fn point(v: DVec3) -> String {
-    format!("<{}, {}, {}>", v.x, v.y, v.z)
+    format!("<{}>", joined(v, ", "))
 }

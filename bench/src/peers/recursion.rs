@@ -5,18 +5,16 @@
 use std::path::Path;
 use std::time::Instant;
 
-use canaletto::camera::Camera;
 use canaletto::film::srgb_encode;
-use canaletto::light::LightKind;
 use canaletto::material::Phong;
 use canaletto::math::Rgb;
-use canaletto::scene::{Content, Scene as Description, Transfer};
-use canaletto::shape::Shape;
+use canaletto::scene::{Scene as Description, Transfer};
 use canaletto_io::picture::{Depth, Image, encode_png};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::embree::{Embree, Part, Quality, Scene, Settings};
+use super::plain::{Form, Plain, Thing};
 use super::rays::Segment;
 
 struct Recursion<'a> {
@@ -30,81 +28,39 @@ struct Recursion<'a> {
     offset: f32,
 }
 
-/// Embree's parts of a scene, each with its material.
-pub(super) fn parts(scene: &Description) -> Result<(Vec<Part>, Vec<u32>), String> {
-    let (mut parts, mut materials) = (Vec::new(), Vec::new());
-    let mut loose: Vec<(u32, Vec<[f32; 4]>)> = Vec::new();
-    for node in &scene.nodes {
-        let material = node.material.unwrap_or_default();
-        let part = match &node.content {
-            Content::Light(_) => continue,
-            Content::Shape(Shape::Sphere(s)) => {
-                let sphere = s.center.extend(s.radius).to_array();
-                match loose.iter_mut().find(|group| group.0 == material) {
-                    Some(group) => group.1.push(sphere),
-                    None => loose.push((material, vec![sphere])),
-                }
-                continue;
-            }
-            Content::Mesh(index) => {
-                let mesh = &scene.meshes[*index as usize];
-                materials.push(node.material.or(mesh.materials.first().copied()).unwrap_or_default());
-                parts.push(Part::triangles(&mesh.positions, &mesh.triangles));
-                continue;
-            }
-            Content::Spheres(index) => {
-                let cloud = &scene.spheres[*index as usize];
-                let sphere = |(i, c): (usize, &Vec3)| c.extend(cloud.radius(i)).to_array();
-                Part::Spheres(cloud.centers.iter().enumerate().map(sphere).collect())
-            }
-            Content::Cylinders(index) => {
-                let cloud = &scene.cylinders[*index as usize];
-                Part::cylinders(cloud.axes.iter().enumerate().map(|(i, &axis)| (axis, cloud.radius(i))))
-            }
-            _ => return Err("only spheres, meshes and clouds are given to Embree".into()),
-        };
-        parts.push(part);
-        materials.push(material);
+/// A thing as Embree has it.
+fn part(form: &Form<'_>) -> Part {
+    match form {
+        Form::Mesh(mesh) => Part::triangles(&mesh.positions, &mesh.triangles),
+        Form::Spheres(spheres) => Part::Spheres(spheres.iter().map(|(c, r)| c.extend(*r).to_array()).collect()),
+        Form::Cylinders(cylinders) => Part::cylinders(cylinders.iter().copied()),
     }
-    for (material, spheres) in loose {
-        parts.push(Part::Spheres(spheres));
-        materials.push(material);
-    }
-    Ok((parts, materials))
 }
 
 /// Renders the scene and writes a PNG; tells seconds for building and tracing.
 pub fn render(scene: &Description, [width, height]: [u32; 2], threads: usize, out: &Path) -> Result<[f64; 2], String> {
     let embree = Embree::new(threads)?;
-    let (parts, materials) = parts(scene)?;
+    let Plain { view, camera, lights, things, .. } = Plain::new(scene, [width, height])?;
+    let parts: Vec<Part> = things.iter().map(|thing| part(&thing.form)).collect();
     let start = Instant::now();
     let built = embree.build(&parts, Settings { quality: Quality::Medium, robust: false, compact: false })?;
     let build = start.elapsed().as_secs_f64();
     let mut first = 0;
-    let of_part = |(part, &material): (&Part, &u32)| {
+    let of_part = |(part, thing): (&Part, &Thing<'_>)| {
         let base = first;
         first += part.len() as u32;
-        (base, scene.materials[material as usize].phong)
+        (base, scene.materials[thing.material as usize].phong)
     };
-    let materials = parts.iter().zip(&materials).map(of_part).collect();
-    let lights = scene.nodes.iter().filter_map(|node| match &node.content {
-        Content::Light(light) => match &light.kind {
-            LightKind::Omni(omni) => Some((omni.position.truncate(), light.intensity)),
-            _ => None,
-        },
-        _ => None,
-    });
-    let view = &scene.views[0];
-    let intrinsics = canaletto::scene::Intrinsics { width, height, ..view.intrinsics };
-    let camera = Camera::new(&intrinsics, &view.extrinsics).map_err(|e| e.to_string())?;
+    let materials = parts.iter().zip(&things).map(of_part).collect();
+    let extrinsics = &view.extrinsics;
     let recursion = Recursion {
         scene: built,
         materials,
-        lights: lights.collect(),
+        lights,
         background: scene.background,
         ambient: scene.ambient,
         depth: scene.integrator.max_depth,
-        offset: 1e-4 * (view.extrinsics.eye - view.extrinsics.center).length() as f32,
+        offset: 1e-4 * (extrinsics.eye - extrinsics.center).length() as f32,
     };
     let pool = super::trace::pool(threads)?;
     let start = Instant::now();

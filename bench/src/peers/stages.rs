@@ -9,7 +9,6 @@ use canaletto_io::assets::FolderAssets;
 use canaletto_io::{import, text};
 use glam::Vec3;
 
-use super::mesh::Mesh;
 use super::noise::uniform;
 use super::statue;
 
@@ -59,8 +58,11 @@ impl Stage {
         let path = folder.join(format!("{}.kdl", self.name()));
         let made = match self {
             Self::Balls => return Ok(Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/spd/balls.nff")),
-            Self::Serpent => write_ply(&statue::serpent(1), &folder.join("serpent.ply"))
-                .and_then(|()| std::fs::write(&path, SERPENT)),
+            Self::Serpent => {
+                let mesh = statue::serpent(1);
+                write_ply(&mesh.positions, &mesh.triangles, &folder.join("serpent.ply"))
+                    .and_then(|()| std::fs::write(&path, SERPENT))
+            }
             Self::Shapes => write_shapes(folder).and_then(|()| std::fs::write(&path, SHAPES)),
         };
         made.map_err(|e| format!("{}: {e}", folder.display()))?;
@@ -134,19 +136,19 @@ fn write_shapes(folder: &Path) -> std::io::Result<()> {
 }
 
 /// A mesh as a binary PLY.
-pub(super) fn write_ply(mesh: &Mesh, path: &Path) -> std::io::Result<()> {
+pub(super) fn write_ply(positions: &[Vec3], triangles: &[[u32; 3]], path: &Path) -> std::io::Result<()> {
     let mut file = BufWriter::with_capacity(1 << 20, File::create(path)?);
     write!(
         file,
         "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n\
          element face {}\nproperty list uchar int vertex_indices\nend_header\n",
-        mesh.positions.len(),
-        mesh.triangles.len()
+        positions.len(),
+        triangles.len()
     )?;
-    for p in &mesh.positions {
+    for p in positions {
         p.to_array().iter().try_for_each(|v| file.write_all(&v.to_le_bytes()))?;
     }
-    for triangle in &mesh.triangles {
+    for triangle in triangles {
         file.write_all(&[3])?;
         triangle.iter().try_for_each(|v| file.write_all(&v.to_le_bytes()))?;
     }

@@ -8,6 +8,7 @@ use super::mesh::{Mesh, Recipe};
 use super::ours::Ours;
 use super::rays::{self, Packet, RaySet, Segment};
 use super::statistics::{Clock, Times};
+use crate::say;
 
 /// Where results go, one value per ray; `id` is `u32::MAX` for a ray that hits nothing.
 pub struct Hits<'a> {
@@ -163,7 +164,7 @@ pub(super) fn introduce(options: &Options) -> Option<Embree> {
     let embree = match Embree::new(most) {
         Ok(embree) => {
             let Settings { quality, robust, compact } = options.settings;
-            println!(
+            say!(
                 "Embree {}, {quality:?} quality{}{}",
                 embree.version(),
                 if robust { ", robust" } else { ", fast (not robust)" },
@@ -172,14 +173,14 @@ pub(super) fn introduce(options: &Options) -> Option<Embree> {
             Some(embree)
         }
         Err(message) => {
-            println!("{message}; our side runs alone");
+            say!("{message}; our side runs alone");
             None
         }
     };
     let [width, height] = options.size;
-    println!("rays of pictures of {width} × {height}; {} interleaved rounds; Mrays/s of medians", options.rounds);
-    println!("ratios: ours / theirs, of medians [least, greatest of a round]; above 1 we are faster");
-    println!("hits that differ: only ours + only theirs + other primitive + same one elsewhere (ties apart)\n");
+    say!("rays of pictures of {width} × {height}; {} interleaved rounds; Mrays/s of medians", options.rounds);
+    say!("ratios: ours / theirs, of medians [least, greatest of a round]; above 1 we are faster");
+    say!("hits that differ: only ours + only theirs + other primitive + same one elsewhere (ties apart)\n");
     embree
 }
 
@@ -192,7 +193,7 @@ fn compare(mesh: &Mesh, embree: Option<&Embree>, options: &Options) -> Result<Ve
     let wanted = |name: &str| options.sets.is_empty() || options.sets.iter().any(|s| s == name);
     let normal = |triangle, _| mesh.normal(triangle);
     let sets = everyone.install(|| rays::make(&mesh.view(), options.size, wanted, normal, |rays| hits(&ours, rays)));
-    println!("{}: {} triangles", mesh.name, mesh.triangles.len());
+    say!("{}: {} triangles", mesh.name, mesh.triangles.len());
     rounds(mesh.name, mesh.extent(), &sets, &ours, scene.as_ref(), options.into())
 }
 
@@ -224,9 +225,18 @@ pub(super) fn rounds(
     if let (Some(singles), Some(eights), Some(sixteens)) = (&singles, &eights, &sixteens) {
         peers.extend([("1", singles as &dyn Tracer), ("8", eights), ("16", sixteens)]);
     }
-    println!(
+    say!(
         "{:11} {:>2} {:>5} | {:>7} {:>7} {:>7} {:>7} | {:>17} {:>17} {:>17} | hits that differ",
-        "rays", "th", "Mrays", "ours", "e1", "e8", "e16", "ours/e1", "ours/e8", "ours/e16"
+        "rays",
+        "th",
+        "Mrays",
+        "ours",
+        "e1",
+        "e8",
+        "e16",
+        "ours/e1",
+        "ours/e8",
+        "ours/e16"
     );
     let mut rows = Vec::new();
     for set in sets {
@@ -235,7 +245,7 @@ pub(super) fn rounds(
             rows.push(pool.install(|| row(name, extent, set, threads, ours, &peers, turns)));
         }
     }
-    println!();
+    say!();
     Ok(rows)
 }
 
@@ -278,7 +288,7 @@ fn row(
     for d in &differences {
         line += &format!(" {}+{}+{}+{} ({})", d.ours_only, d.theirs_only, d.other, d.distance, d.ties);
     }
-    println!("{line}");
+    say!("{line}");
     let theirs = |(i, (name, _)): (usize, &(&str, &dyn Tracer))| {
         json!({ "name": format!("rtc{name}"), "mrays": rate(i + 1), "seconds": times[i + 1].0,
             "ratio": ratios[i].median, "ratio_min": ratios[i].min, "ratio_max": ratios[i].max,
