@@ -56,6 +56,60 @@ impl<N: Sixteen> Certainly<N> {
     }
 }
 
+/// What f32 makes of sixteen rays and a triangle.
+#[derive(Clone, Copy)]
+struct Seen<N> {
+    /// The least and the most of the edge functions, and their sum.
+    least: N,
+    most: N,
+    sum: N,
+    /// The sum of the edge functions times t at the opposite corners.
+    weighed: N,
+    /// Between them lies t of all points of the triangle.
+    first: N,
+    last: N,
+}
+
+/// What is certain of [`Seen`] if the edge functions are wrong by no more than a bound.
+struct Within<N: Sixteen> {
+    /// The line passes between the edges.
+    inside: N::Mask,
+    /// It doesn't, or what it meets doesn't count.
+    missed: N::Mask,
+    /// Between them lies t of the hit, if there is one.
+    low: N,
+    high: N,
+}
+
+impl<N: Sixteen> Seen<N> {
+    /// `closely`, t is found from the edge functions where that helps, as in `Tested::between`, not from the corners alone.
+    #[inline(always)]
+    fn within<S: Instructions<Sixteen = N>>(self, s: S, off: N, front_only: bool, closely: bool) -> Within<N> {
+        let Self { least, most, sum, weighed, first, last } = self;
+        let below = s.splat(0.0) - off;
+        let inside = most.less(below) | off.less(least);
+        let mut missed = off.less(most) & least.less(below);
+        if front_only {
+            missed = missed | off.less(least);
+        }
+        let high = last * s.splat(INFLATE);
+        if !closely {
+            return Within { inside, missed, low: first, high };
+        }
+        let reach = last.abs().max(first.abs());
+        let mean = weighed / sum;
+        let blur = (off * s.splat(4.0) / sum.abs()) * (last - first) + reach * s.splat(BLUR);
+        // Unless something overflows or vanishes.
+        let told = inside
+            & first.less_or_equal(mean)
+            & mean.less_or_equal(high)
+            & s.splat(f32::MIN_POSITIVE).less_or_equal(sum.abs() * reach);
+        let low = N::select(told, first.max(mean - blur), first);
+        let high = N::select(told, high.min(mean + blur), high);
+        Within { inside, missed, low, high }
+    }
+}
+
 impl Group {
     /// Tests a triangle, its corners in the order of `rows`, and lets it wait for the rays that all but certainly meet it before all else; with
     /// `any`, ends those that certainly meet it. `size` is more than its extent along any axis.
@@ -73,14 +127,14 @@ impl Group {
         let (sx, sy) = (s.load(&self.shear[0]), s.load(&self.shear[1]));
         let t_max = s.load(&self.t_max);
         let off = terms.bound.of(size);
-        let (zero, bound, bound_below) = (s.splat(0.0), s.splat(off), s.splat(-off));
+        let (zero, bound) = (s.splat(0.0), s.splat(off));
         let (az, bz, cz) = (s.splat(a[2]) - oz, s.splat(b[2]) - oz, s.splat(c[2]) - oz);
         let (ax, ay) = (s.splat(a[0]) - ox - sx * az, s.splat(a[1]) - oy - sy * az);
         let (bx, by) = (s.splat(b[0]) - ox - sx * bz, s.splat(b[1]) - oy - sy * bz);
         let (cx, cy) = (s.splat(c[0]) - ox - sx * cz, s.splat(c[1]) - oy - sy * cz);
         let (wa, wb, wc) = (bx * cy - by * cx, cx * ay - cy * ax, ax * by - ay * bx);
         let (least, most) = (wa.min(wb).min(wc), wa.max(wb).max(wc));
-        let missed = bound.less(most) & least.less(bound_below);
+        let missed = bound.less(most) & least.less(s.splat(-off));
         let mut met = !missed & zero.less(t_max);
         if terms.front_only {
             met = met & !bound.less(least);
@@ -90,43 +144,34 @@ impl Group {
         }
         let along = s.load(&self.reciprocal[kz]);
         let (ta, tb, tc) = (az * along, bz * along, cz * along);
-        let low = ta.min(tb).min(tc) * s.splat(DEFLATE);
-        let last = ta.max(tb).max(tc);
-        let high = last * s.splat(INFLATE);
+        let seen = Seen {
+            least,
+            most,
+            sum: wa + wb + wc,
+            weighed: wa * ta + wb * tb + wc * tc,
+            first: ta.min(tb).min(tc) * s.splat(DEFLATE),
+            last: ta.max(tb).max(tc),
+        };
         let end = t_max.min(s.splat(f32::MAX));
-        met = met & !(end.less(low) | last.less_or_equal(zero));
-        // The line certainly passes between the edges.
-        let inside = most.less(bound_below) | bound.less(least);
+        let met = met & !(end.less(seen.first) | seen.last.less_or_equal(zero));
         let certainly =
             Certainly { bound: terms.bound.splat(s), area: least.abs().max(most.abs()), along: along.abs(), end };
+        // For a shadow t is seldom of interest; for the nearest hit, bounds that are close leave out more.
+        let Within { inside, low, high, .. } = seen.within(s, bound, terms.front_only, !terms.any);
         let take = met & inside & certainly.met(s, terms, self, low, high);
-        let undecided = met & !take;
         self.take(s, take, low, high, terms.any, which);
+        let gone = inside & (high.less_or_equal(zero) | end.less(low));
+        let undecided = met & !(take | gone);
         let (mut taken, mut left) = (S::Sixteen::bits(take), S::Sixteen::bits(undecided));
         if left != 0 {
-            // A closer look, as `Tested::between`, at triangles near the origin with less error than at those at the scene's other end.
+            // A closer look at triangles near the origin with less error than at those at the scene's other end.
             let farthest = |x: f32, y: f32, z: f32, o: S::Sixteen| {
                 (s.splat(x) - o).abs().max((s.splat(y) - o).abs()).max((s.splat(z) - o).abs())
             };
             let distance =
                 farthest(a[0], b[0], c[0], ox).max(farthest(a[1], b[1], c[1], oy)).max(farthest(a[2], b[2], c[2], oz));
             let bound = Bound::of_sixteen(s, distance);
-            let off = bound.for_size(s, size);
-            let inside = most.less(zero - off) | off.less(least);
-            let mut missed = off.less(most) & least.less(zero - off);
-            if terms.front_only {
-                missed = missed | off.less(least);
-            }
-            let (sum, weighed) = (wa + wb + wc, wa * ta + wb * tb + wc * tc);
-            let reach = last.abs().max(low.abs());
-            let mean = weighed / sum;
-            let blur = (off * s.splat(4.0) / sum.abs()) * (last - low) + reach * s.splat(BLUR);
-            let told = inside
-                & low.less_or_equal(mean)
-                & mean.less_or_equal(high)
-                & s.splat(f32::MIN_POSITIVE).less_or_equal(sum.abs() * reach);
-            let low = S::Sixteen::select(told, low.max(mean - blur), low);
-            let high = S::Sixteen::select(told, high.min(mean + blur), high);
+            let Within { inside, missed, low, high } = seen.within(s, bound.for_size(s, size), terms.front_only, true);
             // A triangle may be met again in another leaf.
             let undecided = undecided & !self.knows(s, which.id);
             let waiting = undecided & inside & !missed;
