@@ -31,18 +31,13 @@ impl Ours {
     }
 }
 
-/// The most rays that are asked about at a time.
+/// Rays that are asked about at a time.
 const CHUNK: usize = 1024;
-
-/// How many rays are asked about at a time: few where all of it should stay in the first cache, many where rays overtake each other.
-fn chunk(coherent: bool) -> usize {
-    if coherent { CHUNK / 4 } else { CHUNK }
-}
 
 impl Tracer for Ours {
     fn closest(&self, rays: &[Segment], _packets: &[Packet], coherent: bool, out: &mut Hits<'_>) {
         let (mut chunk_rays, mut nearest) = ([Ray::new(Vec3::ZERO, Vec3::ZERO); CHUNK], [Nearest::before(0.0); CHUNK]);
-        for (number, rays) in rays.chunks(chunk(coherent)).enumerate() {
+        for (number, rays) in rays.chunks(CHUNK).enumerate() {
             let (chunk_rays, nearest) = (&mut chunk_rays[..rays.len()], &mut nearest[..rays.len()]);
             for ((segment, own), nearest) in rays.iter().zip(&mut *chunk_rays).zip(&mut *nearest) {
                 (own.origin, own.direction) = (segment.origin, segment.direction);
@@ -54,7 +49,7 @@ impl Tracer for Ours {
                 self.triangles.intersect_stream(chunk_rays, nearest, false);
             }
             for (i, hit) in nearest.iter().enumerate() {
-                let i = number * chunk(coherent) + i;
+                let i = number * CHUNK + i;
                 (out.t[i], out.id[i], out.u[i], out.v[i]) = (hit.t, hit.id, hit.u, hit.v);
             }
         }
@@ -62,7 +57,7 @@ impl Tracer for Ours {
 
     fn any(&self, rays: &[Segment], _packets: &[Packet], coherent: bool, out: &mut [u8]) {
         let (mut chunk_rays, mut t_max) = ([Ray::new(Vec3::ZERO, Vec3::ZERO); CHUNK], [0.0; CHUNK]);
-        for (rays, out) in rays.chunks(chunk(coherent)).zip(out.chunks_mut(chunk(coherent))) {
+        for (rays, out) in rays.chunks(CHUNK).zip(out.chunks_mut(CHUNK)) {
             let (chunk_rays, t_max) = (&mut chunk_rays[..rays.len()], &mut t_max[..rays.len()]);
             for ((segment, own), t_max) in rays.iter().zip(&mut *chunk_rays).zip(&mut *t_max) {
                 (own.origin, own.direction) = (segment.origin, segment.direction);

@@ -84,14 +84,14 @@ impl Packet {
         }
     }
 
-    /// Takes all groups to the leaves that they may meet; `alone` is called for rays that have to be tested against a triangle exactly: with
-    /// their group, their lane, and four times the block plus the triangle's lane.
+    /// Takes all groups to the leaves that they may meet; `exactly` is called for rays that have to be tested against a triangle exactly: with
+    /// their group, a bit for each lane, and four times the block plus the triangle's lane.
     #[inline(always)]
     fn go<S: Instructions, const NEAREST: bool>(
         &mut self,
         s: S,
         scene: Scene<'_>,
-        mut alone: impl FnMut(&mut Group, usize, u32),
+        mut exactly: impl FnMut(&mut Group, &Terms, u32, u32),
     ) -> Terms {
         let terms = self.terms(&scene, !NEAREST);
         self.start(s);
@@ -106,11 +106,10 @@ impl Packet {
                 for lane in 0..leaf.count() as usize {
                     let corners = block.ordered(lane, terms.way.rows);
                     let which = Which { place: leaf.first() << 2 | lane as u32, id: block.id(lane) };
-                    let Told { taken, mut undecided } = group.test(s, &terms, &corners, size, which);
+                    let Told { taken, undecided } = group.test(s, &terms, &corners, size, which);
                     changed |= taken | undecided;
-                    while undecided != 0 {
-                        alone(group, undecided.trailing_zeros() as usize, which.place);
-                        undecided &= undecided - 1;
+                    if undecided != 0 {
+                        exactly(group, &terms, undecided, which.place);
                     }
                 }
                 if changed != 0 {
@@ -128,25 +127,56 @@ impl Packet {
             let ray = group.first + i;
             outcome.again |= u64::from(decide(group, scene, i, place, &mut nearest[ray])) << ray;
         };
-        let terms = self.go::<S, true>(s, scene, |group, i, place| alone(group, i, place, nearest));
+        let terms = self.go::<S, true>(s, scene, |group, terms, rays, place| {
+            for i in lanes(nearer(group, terms, scene, rays, place)) {
+                alone(group, i, place, nearest);
+            }
+        });
         for group in &mut self.groups[..self.len] {
-            let mut left = settle::settle(group, &terms, scene, nearest);
-            while left != 0 {
-                alone(group, left.trailing_zeros() as usize, NOTHING, nearest);
-                left &= left - 1;
+            for i in lanes(settle::settle(group, &terms, scene, nearest)) {
+                alone(group, i, NOTHING, nearest);
             }
         }
     }
 
     #[inline(always)]
     fn any<S: Instructions>(&mut self, s: S, scene: Scene<'_>, t_max: &mut [f32]) {
-        self.go::<S, false>(s, scene, |group, i, place| end(group, scene, i, place));
+        self.go::<S, false>(s, scene, |group, terms, rays, place| end(group, terms, scene, rays, place));
         for group in &self.groups[..self.len] {
-            for i in (0..SIXTEEN).filter(|i| group.part >> i & 1 == 1) {
+            for i in lanes(group.part) {
                 t_max[group.first + i] = group.t_max.0[i];
             }
         }
     }
+}
+
+/// The places of bits.
+#[inline(always)]
+fn lanes(mut bits: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let lane = bits.trailing_zeros() as usize;
+        bits &= bits.wrapping_sub(1);
+        (lane < SIXTEEN).then_some(lane)
+    })
+}
+
+/// Lets a triangle wait for those of some rays that meet it before all else. Returns the rays for which it has to be decided alone.
+#[cold]
+#[inline(never)]
+fn nearer(group: &mut Group, terms: &Terms, scene: Scene<'_>, rays: u32, place: u32) -> u32 {
+    let exactly = settle::settle_one(group, terms, scene, place);
+    let mut left = rays & !exactly.missed;
+    for i in lanes(left & exactly.met) {
+        let t = exactly.t[i];
+        // What is as near as what waits may have the lower id.
+        if t < group.low.0[i] {
+            (group.t_max.0[i], group.low.0[i]) = (t, t);
+            group.waits.0[i] = place;
+            group.known.0[i] = scene.blocks[(place >> 2) as usize].id(place as usize & 3);
+            left &= !(1 << i);
+        }
+    }
+    left
 }
 
 /// Tests what waits for a ray, then a triangle, exactly. Returns whether what had waited was not met.
@@ -166,13 +196,19 @@ fn decide(group: &mut Group, scene: Scene<'_>, i: usize, place: u32, nearest: &m
     failed
 }
 
-/// Ends a ray if a triangle is met, by the exact test.
+/// Ends those of some rays that meet a triangle, by the exact test.
 #[cold]
 #[inline(never)]
-fn end(group: &mut Group, scene: Scene<'_>, i: usize, place: u32) {
-    let (mut nearest, block) = (Nearest::before(group.t_max.0[i]), &scene.blocks[(place >> 2) as usize]);
-    if block.offer(place as usize & 3, &group.ray(i).prepare(), &mut nearest, scene.front_only) {
-        group.t_max.0[i] = f32::NEG_INFINITY;
+fn end(group: &mut Group, terms: &Terms, scene: Scene<'_>, rays: u32, place: u32) {
+    let exactly = settle::settle_one(group, terms, scene, place);
+    let block = &scene.blocks[(place >> 2) as usize];
+    for i in lanes(rays & !exactly.missed) {
+        let mut nearest = Nearest::before(group.t_max.0[i]);
+        if exactly.met >> i & 1 == 1
+            || block.offer(place as usize & 3, &group.ray(i).prepare(), &mut nearest, scene.front_only)
+        {
+            group.t_max.0[i] = f32::NEG_INFINITY;
+        }
     }
 }
 
