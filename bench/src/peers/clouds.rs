@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::embree::Part;
-use super::rays::{self, Packet, RaySet, Segment, View};
+use super::rays::{self, RaySet, Run, Segment, View};
 use super::stages::{COUNT, cylinder, sphere};
 use super::trace::{Hits, Options, Tracer, hits, introduce, pool, rounds};
 use crate::say;
@@ -80,7 +80,7 @@ impl Ours {
 }
 
 impl Tracer for Ours {
-    fn closest(&self, rays: &[Segment], _packets: &[Packet], coherent: bool, out: &mut Hits<'_>) {
+    fn closest(&self, Run { rays, coherent, .. }: Run<'_>, out: &mut Hits<'_>) {
         if coherent {
             for (i, segment) in rays.iter().enumerate() {
                 (out.t[i], out.id[i]) = self.intersect(segment);
@@ -109,7 +109,7 @@ impl Tracer for Ours {
         }
     }
 
-    fn any(&self, rays: &[Segment], _packets: &[Packet], coherent: bool, out: &mut [u8]) {
+    fn any(&self, Run { rays, coherent, .. }: Run<'_>, out: &mut [u8]) {
         if coherent {
             rays.iter().zip(out).for_each(|(segment, out)| *out = u8::from(self.occluded(segment)));
             return;

@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicIsize, Ordering};
 use glam::Vec3;
 use libloading::Library;
 
-use super::rays::{Packet, Segment};
+use super::rays::{Packet, Run, Segment};
 use super::trace::{Hits, Tracer};
 
 /// How to get it.
@@ -443,7 +443,7 @@ fn single(segment: &Segment) -> Ray1 {
 }
 
 impl Tracer for Single<'_> {
-    fn closest(&self, rays: &[Segment], _packets: &[Packet], coherent: bool, out: &mut Hits<'_>) {
+    fn closest(&self, Run { rays, coherent, .. }: Run<'_>, out: &mut Hits<'_>) {
         let mut context = context(coherent);
         for (i, segment) in rays.iter().enumerate() {
             let RayHit1 { ray, hit } = self.0.intersect(segment, &mut context);
@@ -452,7 +452,7 @@ impl Tracer for Single<'_> {
         }
     }
 
-    fn any(&self, rays: &[Segment], _packets: &[Packet], coherent: bool, out: &mut [u8]) {
+    fn any(&self, Run { rays, coherent, .. }: Run<'_>, out: &mut [u8]) {
         let mut context = context(coherent);
         for (segment, out) in rays.iter().zip(out) {
             *out = u8::from(self.0.meets(segment, &mut context));
@@ -483,8 +483,7 @@ fn several<const N: usize>(packet: &Packet, first: usize) -> RayN<N> {
 fn closest<const N: usize>(
     scene: &Scene<'_>,
     trace: Packets<RayHitN<N>>,
-    packets: &[Packet],
-    coherent: bool,
+    Run { packets, coherent, .. }: Run<'_>,
     out: &mut Hits<'_>,
 ) {
     let (valid, mut context) = (Valid([-1; N]), context(coherent));
@@ -511,7 +510,12 @@ fn closest<const N: usize>(
     }
 }
 
-fn any<const N: usize>(scene: &Scene<'_>, trace: Packets<RayN<N>>, packets: &[Packet], coherent: bool, out: &mut [u8]) {
+fn any<const N: usize>(
+    scene: &Scene<'_>,
+    trace: Packets<RayN<N>>,
+    Run { packets, coherent, .. }: Run<'_>,
+    out: &mut [u8],
+) {
     let (valid, mut context) = (Valid([-1; N]), context(coherent));
     for (i, out) in out.chunks_mut(N).enumerate() {
         let first = i * N;
@@ -525,21 +529,21 @@ fn any<const N: usize>(scene: &Scene<'_>, trace: Packets<RayN<N>>, packets: &[Pa
 }
 
 impl Tracer for Eights<'_> {
-    fn closest(&self, _rays: &[Segment], packets: &[Packet], coherent: bool, out: &mut Hits<'_>) {
-        closest::<8>(self.0, self.0.embree.functions.intersect8, packets, coherent, out);
+    fn closest(&self, run: Run<'_>, out: &mut Hits<'_>) {
+        closest::<8>(self.0, self.0.embree.functions.intersect8, run, out);
     }
 
-    fn any(&self, _rays: &[Segment], packets: &[Packet], coherent: bool, out: &mut [u8]) {
-        any::<8>(self.0, self.0.embree.functions.occluded8, packets, coherent, out);
+    fn any(&self, run: Run<'_>, out: &mut [u8]) {
+        any::<8>(self.0, self.0.embree.functions.occluded8, run, out);
     }
 }
 
 impl Tracer for Sixteens<'_> {
-    fn closest(&self, _rays: &[Segment], packets: &[Packet], coherent: bool, out: &mut Hits<'_>) {
-        closest::<16>(self.0, self.0.embree.functions.intersect16, packets, coherent, out);
+    fn closest(&self, run: Run<'_>, out: &mut Hits<'_>) {
+        closest::<16>(self.0, self.0.embree.functions.intersect16, run, out);
     }
 
-    fn any(&self, _rays: &[Segment], packets: &[Packet], coherent: bool, out: &mut [u8]) {
-        any::<16>(self.0, self.0.embree.functions.occluded16, packets, coherent, out);
+    fn any(&self, run: Run<'_>, out: &mut [u8]) {
+        any::<16>(self.0, self.0.embree.functions.occluded16, run, out);
     }
 }

@@ -1,10 +1,9 @@
 //! Our side of the comparison: everything that uses the hierarchy's interface is in this file.
 
-use canaletto_bvh::{Nearest, Quality, Ray, Triangles};
-use glam::Vec3;
+use canaletto_bvh::{Nearest, Quality, Triangles};
 
 use super::mesh::Mesh;
-use super::rays::{Packet, Segment};
+use super::rays::Run;
 use super::trace::{Hits, Tracer};
 
 /// A mesh in our hierarchy.
@@ -35,18 +34,17 @@ impl Ours {
 const CHUNK: usize = 1024;
 
 impl Tracer for Ours {
-    fn closest(&self, rays: &[Segment], _packets: &[Packet], coherent: bool, out: &mut Hits<'_>) {
-        let (mut chunk_rays, mut nearest) = ([Ray::new(Vec3::ZERO, Vec3::ZERO); CHUNK], [Nearest::before(0.0); CHUNK]);
-        for (number, rays) in rays.chunks(CHUNK).enumerate() {
-            let (chunk_rays, nearest) = (&mut chunk_rays[..rays.len()], &mut nearest[..rays.len()]);
-            for ((segment, own), nearest) in rays.iter().zip(&mut *chunk_rays).zip(&mut *nearest) {
-                (own.origin, own.direction) = (segment.origin, segment.direction);
-                *nearest = Nearest::before(segment.t_max);
+    fn closest(&self, Run { own, t_max, coherent, .. }: Run<'_>, out: &mut Hits<'_>) {
+        let mut nearest = [Nearest::before(0.0); CHUNK];
+        for ((number, own), t_max) in own.chunks(CHUNK).enumerate().zip(t_max.chunks(CHUNK)) {
+            let nearest = &mut nearest[..own.len()];
+            for (nearest, t_max) in nearest.iter_mut().zip(t_max) {
+                *nearest = Nearest::before(*t_max);
             }
             if coherent {
-                self.triangles.intersect_coherent(chunk_rays, nearest, false);
+                self.triangles.intersect_coherent(own, nearest, false);
             } else {
-                self.triangles.intersect_stream(chunk_rays, nearest, false);
+                self.triangles.intersect_stream(own, nearest, false);
             }
             for (i, hit) in nearest.iter().enumerate() {
                 let i = number * CHUNK + i;
@@ -55,20 +53,17 @@ impl Tracer for Ours {
         }
     }
 
-    fn any(&self, rays: &[Segment], _packets: &[Packet], coherent: bool, out: &mut [u8]) {
-        let (mut chunk_rays, mut t_max) = ([Ray::new(Vec3::ZERO, Vec3::ZERO); CHUNK], [0.0; CHUNK]);
-        for (rays, out) in rays.chunks(CHUNK).zip(out.chunks_mut(CHUNK)) {
-            let (chunk_rays, t_max) = (&mut chunk_rays[..rays.len()], &mut t_max[..rays.len()]);
-            for ((segment, own), t_max) in rays.iter().zip(&mut *chunk_rays).zip(&mut *t_max) {
-                (own.origin, own.direction) = (segment.origin, segment.direction);
-                *t_max = segment.t_max;
-            }
+    fn any(&self, Run { own, t_max, coherent, .. }: Run<'_>, out: &mut [u8]) {
+        let mut ends = [0.0; CHUNK];
+        for ((own, t_max), out) in own.chunks(CHUNK).zip(t_max.chunks(CHUNK)).zip(out.chunks_mut(CHUNK)) {
+            let ends = &mut ends[..own.len()];
+            ends.copy_from_slice(t_max);
             if coherent {
-                self.triangles.occluded_coherent(chunk_rays, t_max, false);
+                self.triangles.occluded_coherent(own, ends, false);
             } else {
-                self.triangles.occluded_stream(chunk_rays, t_max, false);
+                self.triangles.occluded_stream(own, ends, false);
             }
-            for (out, t) in out.iter_mut().zip(t_max) {
+            for (out, t) in out.iter_mut().zip(ends) {
                 *out = u8::from(*t == f32::NEG_INFINITY);
             }
         }

@@ -1,5 +1,6 @@
 //! The rays: from the eye, and from what they hit, in the order in which a renderer would meet them.
 
+use canaletto_bvh::Ray;
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -22,7 +23,7 @@ pub struct Segment {
 #[repr(C, align(64))]
 pub struct Packet(pub [[f32; 16]; 7]);
 
-/// Rays to be traced, in both layouts.
+/// Rays to be traced, in the layouts of all interfaces.
 pub struct RaySet {
     /// What they are called on the command line.
     pub name: &'static str,
@@ -34,6 +35,25 @@ pub struct RaySet {
     pub rays: Vec<Segment>,
     /// The same by sixteens; the last is filled up with its last ray.
     pub packets: Vec<Packet>,
+    /// The same as our interface takes them.
+    pub own: Vec<Ray>,
+    /// Where those end.
+    pub t_max: Vec<f32>,
+}
+
+/// Some rays of a set that follow each other, in all layouts.
+#[derive(Clone, Copy)]
+pub struct Run<'a> {
+    /// One by one.
+    pub rays: &'a [Segment],
+    /// By sixteens, from the first of `rays` on.
+    pub packets: &'a [Packet],
+    /// As our interface takes them.
+    pub own: &'a [Ray],
+    /// Where those end.
+    pub t_max: &'a [f32],
+    /// Whether neighbours run alike.
+    pub coherent: bool,
 }
 
 /// The names of all sets.
@@ -72,7 +92,7 @@ pub struct Start {
 }
 
 impl RaySet {
-    /// Rays in both layouts.
+    /// Rays in all layouts.
     pub fn new(name: &'static str, any: bool, coherent: bool, rays: Vec<Segment>) -> Self {
         let packets = rays
             .par_chunks(16)
@@ -88,7 +108,17 @@ impl RaySet {
                 packet
             })
             .collect();
-        Self { name, any, coherent, rays, packets }
+        let own = rays.iter().map(|segment| Ray::new(segment.origin, segment.direction)).collect();
+        let t_max = rays.iter().map(|segment| segment.t_max).collect();
+        Self { name, any, coherent, rays, packets, own, t_max }
+    }
+
+    /// All, in runs of a multiple of sixteen.
+    pub fn runs(&self, len: usize) -> impl IndexedParallelIterator<Item = Run<'_>> {
+        let embree = self.rays.par_chunks(len).zip(self.packets.par_chunks(len / 16));
+        let own = self.own.par_chunks(len).zip(self.t_max.par_chunks(len));
+        let coherent = self.coherent;
+        embree.zip(own).map(move |((rays, packets), (own, t_max))| Run { rays, packets, own, t_max, coherent })
     }
 }
 

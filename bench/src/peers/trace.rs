@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use super::embree::{Eights, Embree, Part, Scene, Settings, Single, Sixteens};
 use super::mesh::{Mesh, Recipe};
 use super::ours::Ours;
-use super::rays::{self, Packet, RaySet, Segment};
+use super::rays::{self, RaySet, Run, Segment};
 use super::statistics::{Clock, Times};
 use crate::say;
 
@@ -22,12 +22,12 @@ pub struct Hits<'a> {
     pub id: &'a mut [u32],
 }
 
-/// Who traces a run of rays on the current thread. The rays come in both layouts; `packets` starts with the first of `rays`.
+/// Who traces a run of rays on the current thread.
 pub trait Tracer: Sync {
     /// Closest hits.
-    fn closest(&self, rays: &[Segment], packets: &[Packet], coherent: bool, out: &mut Hits<'_>);
+    fn closest(&self, run: Run<'_>, out: &mut Hits<'_>);
     /// Whether anything is hit: 1, else 0.
-    fn any(&self, rays: &[Segment], packets: &[Packet], coherent: bool, out: &mut [u8]);
+    fn any(&self, run: Run<'_>, out: &mut [u8]);
 }
 
 /// What to compare.
@@ -74,22 +74,16 @@ impl Results {
 
     /// Traces all of the set on the current pool.
     fn trace(&mut self, tracer: &dyn Tracer, set: &RaySet) {
-        let packets = |i: usize, n: usize| &set.packets[i * CHUNK / 16..][..n.div_ceil(16)];
-        let rays = set.rays.par_chunks(CHUNK);
+        let runs = set.runs(CHUNK);
         if set.any {
-            self.any.par_chunks_mut(CHUNK).zip(rays).enumerate().for_each(|(i, (out, rays))| {
-                tracer.any(rays, packets(i, rays.len()), set.coherent, out);
-            });
+            self.any.par_chunks_mut(CHUNK).zip(runs).for_each(|(out, run)| tracer.any(run, out));
             return;
         }
         let Self { t, u, v, id, .. } = self;
         (t.par_chunks_mut(CHUNK), u.par_chunks_mut(CHUNK), v.par_chunks_mut(CHUNK), id.par_chunks_mut(CHUNK))
             .into_par_iter()
-            .zip(rays)
-            .enumerate()
-            .for_each(|(i, ((t, u, v, id), rays))| {
-                tracer.closest(rays, packets(i, rays.len()), set.coherent, &mut Hits { t, u, v, id });
-            });
+            .zip(runs)
+            .for_each(|((t, u, v, id), run)| tracer.closest(run, &mut Hits { t, u, v, id }));
     }
 }
 

@@ -4,7 +4,7 @@ mod leaves;
 
 use crate::block::{Block, Bound, Scene, Search};
 use crate::build::{Items, copies};
-use crate::memory::in_large_pages;
+use crate::memory::{in_large_pages, prefetch_all};
 use crate::node::Node;
 use crate::packet::{self, Packet, RAYS};
 use crate::triangle;
@@ -164,7 +164,9 @@ impl Triangles {
     pub fn intersect_coherent(&self, rays: &[Ray], nearest: &mut [Nearest], front_only: bool) {
         assert_eq!(rays.len(), nearest.len());
         let (scene, mut packet) = (self.scene(front_only), Packet::new());
+        let mut next = rays.chunks(RAYS).skip(1);
         for (rays, nearest) in rays.chunks(RAYS).zip(nearest.chunks_mut(RAYS)) {
+            prefetch_all(next.next().unwrap_or_default());
             let outcome = packet::closest(scene, &mut packet, rays, nearest);
             if outcome.apart != 0 {
                 some(rays, nearest, outcome.apart, |rays, nearest| self.intersect_stream(rays, nearest, front_only));
@@ -186,7 +188,9 @@ impl Triangles {
     pub fn occluded_coherent(&self, rays: &[Ray], t_max: &mut [f32], front_only: bool) {
         assert_eq!(rays.len(), t_max.len());
         let (scene, mut packet) = (self.scene(front_only), Packet::new());
+        let mut next = rays.chunks(RAYS).skip(1);
         for (rays, t_max) in rays.chunks(RAYS).zip(t_max.chunks_mut(RAYS)) {
+            prefetch_all(next.next().unwrap_or_default());
             let outcome = packet::any(scene, &mut packet, rays, t_max);
             if outcome.apart != 0 {
                 some(rays, t_max, outcome.apart, |rays, t_max| self.occluded_stream(rays, t_max, front_only));

@@ -7,6 +7,7 @@ use super::stack::Stack;
 use super::{Passage, closest, run};
 use crate::PreparedRay;
 use crate::lanes::{Exact, Lanes, Portable};
+use crate::memory::prefetch;
 use crate::node::{Leaf, Link, Node};
 use crate::slab::limit as limit_of;
 
@@ -132,18 +133,6 @@ impl Places {
             prefetch(start.wrapping_add(64 * line));
         }
     }
-}
-
-/// Tells the caches that this address will be read. Does nothing where stable Rust has no instruction for it.
-#[inline(always)]
-fn prefetch(address: *const u8) {
-    #[cfg(target_arch = "x86_64")]
-    // SAFETY: every x86-64 has SSE; a prefetch of any address is harmless.
-    unsafe {
-        std::arch::x86_64::_mm_prefetch::<{ std::arch::x86_64::_MM_HINT_T0 }>(address.cast());
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    let _ = address;
 }
 
 impl Queues {
