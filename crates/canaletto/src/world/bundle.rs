@@ -1,7 +1,7 @@
 //! Many rays at once: the same questions as for one, with the same answers bit for bit.
 //!
-//! A world of few instances hands each of them all groups of rays that may meet it, and a mesh sends them through its tree in
-//! packets. In a world of many or of groups, and where something clear may stand in a light's way, rays are asked about one by one.
+//! A world of few instances hands each of them all groups of rays that may meet it, and a mesh, a cloud or many shapes send them through
+//! their tree in packets. In a world of many or of groups, and where something clear may stand in a light's way, rays are asked about one by one.
 
 use super::World;
 use super::corridor::{Corridor, GROUP};
