@@ -41,8 +41,8 @@ impl Roughs {
             self.unit[1].0[i] = (y * per_length) as f32;
             self.unit[2].0[i] = (z * per_length) as f32;
             let per_length = per_length as f32;
-            let normal = (per_length >= f32::MIN_POSITIVE) & (per_length < f32::INFINITY);
-            self.per_length.0[i] = if normal { per_length } else { f32::NAN };
+            // Of those that take part none is infinite, as no reciprocal is.
+            self.per_length.0[i] = if per_length < f32::MIN_POSITIVE { f32::NAN } else { per_length };
         }
     }
 
