@@ -57,35 +57,59 @@ fn none(_: Asked, _: &PreparedRay, _: f32) -> Option<Met> {
 const CHUNK: usize = 256;
 
 impl Ours {
-    /// One ray; as rays that go alike find all in the caches, they needn't be in flight together.
-    fn intersect(&self, segment: &Segment) -> (f32, u32) {
-        let ray = ray(segment);
-        let mut met = Met::before(segment.t_max);
-        self.spheres.intersect(&ray, &mut met, &none);
-        // Ties go to the sphere.
-        let sphere = met;
-        met.id = if met.id == Met::NONE { Met::NONE } else { 0 };
-        self.cylinders.intersect(&ray, &mut met, &ask);
-        if met.id != Met::NONE && (met.t < sphere.t || sphere.id == Met::NONE) {
-            return (met.t, COUNT as u32 + met.id);
+    fn closest_together(&self, rays: &[Segment], out: &mut Hits<'_>) {
+        let (mut own, mut nearest) = (Vec::with_capacity(CHUNK), Vec::with_capacity(CHUNK));
+        for (chunk, rays) in rays.chunks(CHUNK).enumerate() {
+            own.clear();
+            own.extend(rays.iter().map(|ray| Ray::new(ray.origin, ray.direction)));
+            nearest.clear();
+            nearest.extend(rays.iter().map(|ray| Met::before(ray.t_max)));
+            self.spheres.intersect_coherent(&own, &mut nearest, &none);
+            keep(chunk * CHUNK, &mut nearest, out);
+            self.cylinders.intersect_coherent(&own, &mut nearest, &ask);
+            add(chunk * CHUNK, &nearest, out);
         }
-        (sphere.t, sphere.id)
     }
 
-    fn occluded(&self, segment: &Segment) -> bool {
-        let ray = ray(segment);
-        self.spheres.occluded(&ray, segment.t_max, &none, |_| true).is_some()
-            || self.cylinders.occluded(&ray, segment.t_max, &ask, |_| true).is_some()
+    fn any_together(&self, rays: &[Segment], out: &mut [u8]) {
+        let (mut own, mut t_max) = (Vec::with_capacity(CHUNK), Vec::with_capacity(CHUNK));
+        for (rays, out) in rays.chunks(CHUNK).zip(out.chunks_mut(CHUNK)) {
+            own.clear();
+            own.extend(rays.iter().map(|ray| Ray::new(ray.origin, ray.direction)));
+            t_max.clear();
+            t_max.extend(rays.iter().map(|ray| ray.t_max));
+            self.spheres.occluded_coherent(&own, &mut t_max, &none);
+            self.cylinders.occluded_coherent(&own, &mut t_max, &ask);
+            for (out, t) in out.iter_mut().zip(&t_max) {
+                *out = u8::from(*t == f32::NEG_INFINITY);
+            }
+        }
+    }
+}
+
+/// Writes down what spheres were met; ties go to them.
+fn keep(first: usize, nearest: &mut [Met], out: &mut Hits<'_>) {
+    for (i, met) in nearest.iter_mut().enumerate() {
+        let i = first + i;
+        (out.t[i], out.id[i], out.u[i], out.v[i]) = (met.t, met.id, 0.0, 0.0);
+        met.id = if met.id == Met::NONE { Met::NONE } else { 0 };
+    }
+}
+
+/// Writes down what cylinders are nearer.
+fn add(first: usize, nearest: &[Met], out: &mut Hits<'_>) {
+    for (i, met) in nearest.iter().enumerate() {
+        let i = first + i;
+        if met.t < out.t[i] || out.id[i] == Met::NONE && met.id != Met::NONE {
+            (out.t[i], out.id[i]) = (met.t, COUNT as u32 + met.id);
+        }
     }
 }
 
 impl Tracer for Ours {
     fn closest(&self, Run { rays, coherent, .. }: Run<'_>, out: &mut Hits<'_>) {
         if coherent {
-            for (i, segment) in rays.iter().enumerate() {
-                (out.t[i], out.id[i]) = self.intersect(segment);
-            }
-            return;
+            return self.closest_together(rays, out);
         }
         let (mut prepared, mut nearest) = (Vec::with_capacity(CHUNK), Vec::with_capacity(CHUNK));
         for (chunk, rays) in rays.chunks(CHUNK).enumerate() {
@@ -94,25 +118,15 @@ impl Tracer for Ours {
             nearest.clear();
             nearest.extend(rays.iter().map(|ray| Met::before(ray.t_max)));
             self.spheres.intersect_stream(&prepared, &mut nearest, &none);
-            for (i, met) in nearest.iter_mut().enumerate() {
-                let i = chunk * CHUNK + i;
-                (out.t[i], out.id[i], out.u[i], out.v[i]) = (met.t, met.id, 0.0, 0.0);
-                met.id = if met.id == Met::NONE { Met::NONE } else { 0 };
-            }
+            keep(chunk * CHUNK, &mut nearest, out);
             self.cylinders.intersect_stream(&prepared, &mut nearest, &ask);
-            for (i, met) in nearest.iter().enumerate() {
-                let i = chunk * CHUNK + i;
-                if met.t < out.t[i] || out.id[i] == Met::NONE && met.id != Met::NONE {
-                    (out.t[i], out.id[i]) = (met.t, COUNT as u32 + met.id);
-                }
-            }
+            add(chunk * CHUNK, &nearest, out);
         }
     }
 
     fn any(&self, Run { rays, coherent, .. }: Run<'_>, out: &mut [u8]) {
         if coherent {
-            rays.iter().zip(out).for_each(|(segment, out)| *out = u8::from(self.occluded(segment)));
-            return;
+            return self.any_together(rays, out);
         }
         let (mut prepared, mut t_max) = (Vec::with_capacity(CHUNK), Vec::with_capacity(CHUNK));
         for (rays, out) in rays.chunks(CHUNK).zip(out.chunks_mut(CHUNK)) {

@@ -6,7 +6,7 @@ use crate::round::{RELATIVE, Rough, Rows, Sorted};
 use crate::slab::DEFLATE;
 
 /// What the lengths of f32 vanish to when they are squared: √(3 · 2⁻¹⁴⁹), with slack.
-const VANISHED: f32 = 1e-22;
+pub(crate) const VANISHED: f32 = 1e-22;
 
 #[inline(always)]
 fn cross([ax, ay, az]: Rows, [bx, by, bz]: Rows) -> Rows {

@@ -1,6 +1,6 @@
 //! Spheres, cylinders and whatever is among them: blocks of four for trees.
 
-use crate::{PreparedRay, Ray, cylinder, sphere};
+use crate::{Aabb, PreparedRay, Ray, cylinder, sphere};
 use glam::{Vec3, Vec4};
 
 /// How many primitives a block has at most.
@@ -107,32 +107,40 @@ pub struct Asked {
     pub radius: f32,
 }
 
+/// A primitive of a block.
+pub(crate) enum Target {
+    Sphere([f32; 3], f32),
+    Cylinder([[f32; 3]; 2], f32),
+    /// Something in a box.
+    Other(Aabb),
+}
+
 pub(crate) type Rows = [Vec4; 3];
 
 /// Up to four primitives side by side. Of spheres alone, rays that pass read the first half only.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(64))]
 pub(crate) struct Block {
-    /// Centres of spheres, or ends of cylinders.
+    /// Centres of spheres, ends of cylinders, or the lower corners of the boxes of what is neither.
     base: Rows,
     /// Negative for a cylinder, NaN for what is neither, which is never sorted out.
     radius: Vec4,
-    /// The cylinders' other ends.
+    /// The cylinders' other ends, the boxes' upper corners.
     top: Rows,
     pub(crate) ids: [u32; LANES],
 }
 
 impl Block {
-    pub(crate) fn new(primitives: impl Iterator<Item = (u32, Round)>) -> Self {
+    pub(crate) fn new(primitives: impl Iterator<Item = (u32, Aabb, Round)>) -> Self {
         let (zero, ids) = ([Vec4::ZERO; 3], [u32::MAX; LANES]);
         let mut block = Self { base: zero, radius: Vec4::ZERO, top: zero, ids };
-        for (lane, (id, round)) in primitives.enumerate() {
+        for (lane, (id, bounds, round)) in primitives.enumerate() {
             block.ids[lane] = id;
             let ([base, top], radius) = match round {
                 // What has no radius is never hit.
                 Round::Sphere { center, radius } => ([center; 2], if radius > 0.0 { radius } else { 0.0 }),
                 Round::Cylinder { ends, radius } if radius > 0.0 => (ends, -radius),
-                Round::Cylinder { .. } | Round::Other => ([Vec3::ZERO; 2], f32::NAN),
+                Round::Cylinder { .. } | Round::Other => ([bounds.min, bounds.max], f32::NAN),
             };
             for axis in 0..3 {
                 (block.base[axis][lane], block.top[axis][lane]) = (base[axis], top[axis]);
@@ -199,6 +207,23 @@ impl Block {
         (lanes, surely)
     }
 
+    /// A primitive as packets look at it.
+    #[inline(always)]
+    pub(crate) fn target(&self, lane: usize) -> Target {
+        // As lists: indexing vectors would choose by a branch that nobody can foretell.
+        let at = |row: &Vec4| row.as_ref()[lane & (LANES - 1)];
+        let point = |[x, y, z]: &Rows| [at(x), at(y), at(z)];
+        let (base, radius) = (point(&self.base), at(&self.radius));
+        if radius >= 0.0 {
+            return Target::Sphere(base, radius);
+        }
+        let top = point(&self.top);
+        if radius < 0.0 {
+            return Target::Cylinder([base, top], -radius);
+        }
+        Target::Other(Aabb { min: base.into(), max: top.into() })
+    }
+
     /// What the exact kernel says.
     #[inline(always)]
     pub(crate) fn exact(&self, lane: usize, ray: &PreparedRay, t_max: f32, ask: &impl Ask) -> Option<Met> {
@@ -244,7 +269,7 @@ mod tests {
             let all = sphere::intersect(&ray, center, radius, f32::INFINITY);
             let t = all.unwrap_or(1.0);
             let t_max = [f32::INFINITY, t, t.next_down(), t * 2.0, t * 0.5][random.below(5)];
-            let block = Block::new(std::iter::once((0, Round::Sphere { center, radius })));
+            let block = Block::new(std::iter::once((0, Aabb::EMPTY, Round::Sphere { center, radius })));
             let (rough, exactly) = (Rough::new(&ray.ray), all.is_some_and(|t| t <= t_max));
             let Sorted { lanes, near } = block.sort(1, &rough, t_max);
             let (any, surely) = block.sort_any(1, &rough, t_max);

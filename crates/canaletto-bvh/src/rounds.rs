@@ -1,12 +1,14 @@
 //! Trees over spheres and cylinders, four of which are sorted out side by side before an exact kernel decides about the rest.
 
-#![allow(unsafe_code)] // What is done at leaves may be compiled for a stream's instructions, though here it needs none.
+mod leaves;
 
-use crate::lanes::Exact;
 use crate::memory::in_large_pages;
-use crate::round::{Ask, Block, LANES, Met, Rough, Round, Sorted};
-use crate::traverse::{Any, Closest, ClosestOfMany};
-use crate::{Aabb, BuildError, Bvh, Leaf, PreparedRay, Quality, Ray, Statistics};
+use crate::packet::rounds::Field;
+use crate::packet::{self, Packet, RAYS};
+use crate::round::{Ask, Block, LANES, Met, Rough, Round};
+use crate::{Aabb, BuildError, Bvh, PreparedRay, Quality, Ray, Statistics};
+pub(crate) use leaves::offer;
+use leaves::{AnyOf, AnyOfRays, OfRay, OfRays, any, closest};
 use rayon::prelude::*;
 use std::borrow::Borrow;
 
@@ -29,7 +31,7 @@ impl Rounds {
         let mut blocks = in_large_pages(leaves.len());
         (0..leaves.len())
             .into_par_iter()
-            .map(|index| Block::new(leaves.block(index).iter().map(|&id| (id, round(id)))))
+            .map(|index| Block::new(leaves.block(index).iter().map(|&id| (id, bounds[id as usize], round(id)))))
             .collect_into_vec(&mut blocks);
         let few = blocks.len() <= 1 && blocks.iter().all(Block::is_sorted_out);
         Ok(Self { bvh, blocks, count: bounds.len(), few })
@@ -137,6 +139,39 @@ impl Rounds {
         self.bvh.closest_of_many(rays, &mut t_max, leaf);
     }
 
+    /// [`Rounds::intersect`] for rays of which neighbours in the list go nearly the same way, as those through neighbouring pixels do:
+    /// sixteen at a time go through the tree together. Any rays give the right answer.
+    ///
+    /// # Panics
+    /// If there are not as many `nearest` as rays.
+    pub fn intersect_coherent(&self, rays: &[Ray], nearest: &mut [Met], ask: &impl Ask) {
+        assert_eq!(rays.len(), nearest.len());
+        let (field, mut packet, mut left) = (self.field(ask), Packet::new(), Left::default());
+        for (number, (rays, nearest)) in rays.chunks(RAYS).zip(nearest.chunks_mut(RAYS)).enumerate() {
+            let outcome = packet::rounds::closest(field, &mut packet, rays, nearest);
+            left.add(number, outcome.apart | outcome.again, rays);
+        }
+        left.serve(nearest, |rays, nearest| self.intersect_stream(rays, nearest, ask));
+    }
+
+    fn field<'a, A: Ask>(&'a self, ask: &'a A) -> Field<'a, A> {
+        Field { nodes: self.bvh.nodes(), blocks: &self.blocks, ask }
+    }
+
+    /// [`Rounds::occluded_stream`] for rays of which neighbours in the list go nearly the same way.
+    ///
+    /// # Panics
+    /// If there are not as many `t_max` as rays.
+    pub fn occluded_coherent(&self, rays: &[Ray], t_max: &mut [f32], ask: &impl Ask) {
+        assert_eq!(rays.len(), t_max.len());
+        let (field, mut packet, mut left) = (self.field(ask), Packet::new(), Left::default());
+        for (number, (rays, t_max)) in rays.chunks(RAYS).zip(t_max.chunks_mut(RAYS)).enumerate() {
+            let outcome = packet::rounds::any(field, &mut packet, rays, t_max);
+            left.add(number, outcome.apart, rays);
+        }
+        left.serve(t_max, |rays, t_max| self.occluded_stream(rays, t_max, ask));
+    }
+
     /// The place, as [`Rounds::blocks`] takes it, of a primitive that is met at or before `t_max` and for whose id `counts` holds.
     #[inline]
     pub fn occluded(
@@ -181,157 +216,35 @@ impl Rounds {
     }
 }
 
-/// The bits of the lanes of a leaf that hold something.
-#[inline(always)]
-fn filled(leaf: Leaf) -> u32 {
-    (1 << leaf.count()) - 1
+/// Rays that packets leave to a stream.
+#[derive(Default)]
+struct Left {
+    places: Vec<usize>,
+    rays: Vec<PreparedRay>,
 }
 
-/// Makes the primitive in this lane the nearest if it is.
-#[inline(always)]
-fn offer(block: &Block, lane: usize, ray: &PreparedRay, nearest: &mut Met, ask: &impl Ask) {
-    let id = block.ids[lane];
-    if let Some(met) = block.exact(lane, ray, nearest.t, ask)
-        && (met.t < nearest.t || id < nearest.id)
-    {
-        *nearest = Met { id, ..met };
-    }
-}
-
-#[inline(always)]
-fn closest(block: &Block, sorted: &Sorted, ray: &PreparedRay, nearest: &mut Met, ask: &impl Ask) {
-    let mut lanes = sorted.lanes;
-    while lanes != 0 {
-        let lane = lanes.trailing_zeros() as usize;
-        lanes &= lanes - 1;
-        // What was met meanwhile may be nearer; where the bound is no number it can't be told.
-        if sorted.near[lane] > nearest.t {
-            continue;
-        }
-        offer(block, lane, ray, nearest, ask);
-    }
-}
-
-#[inline(always)]
-fn any(
-    block: &Block,
-    (lanes, surely): (u32, u32),
-    ray: &PreparedRay,
-    t_max: f32,
-    ask: &impl Ask,
-    counts: &mut impl FnMut(u32) -> bool,
-) -> Option<u32> {
-    // Those that need no asking first.
-    for (mut lanes, surely) in [(surely, true), (lanes & !surely, false)] {
-        while lanes != 0 {
-            let lane = lanes.trailing_zeros();
-            lanes &= lanes - 1;
-            let met = surely || block.exact(lane as usize, ray, t_max, ask).is_some();
-            if met && counts(block.ids[lane as usize]) {
-                return Some(lane);
-            }
-        }
-    }
-    None
-}
-
-struct OfRay<'a, A> {
-    blocks: &'a [Block],
-    ray: &'a PreparedRay,
-    rough: Rough,
-    nearest: &'a mut Met,
-    ask: &'a A,
-}
-
-impl<A: Ask> Closest for OfRay<'_, A> {
-    #[inline(always)]
-    fn leaf(&mut self, leaf: Leaf, t_max: &mut f32) {
-        let block = &self.blocks[leaf.first() as usize];
-        let sorted = block.sort(filled(leaf), &self.rough, self.nearest.t);
-        closest(block, &sorted, self.ray, self.nearest, self.ask);
-        *t_max = self.nearest.t;
-    }
-}
-
-struct OfRays<'a, A> {
-    blocks: &'a [Block],
-    rays: &'a [PreparedRay],
-    rough: &'a [Rough],
-    nearest: &'a mut [Met],
-    ask: &'a A,
-}
-
-impl<A: Ask> ClosestOfMany for OfRays<'_, A> {
-    type Finding = Sorted;
-
-    #[inline(always)]
-    fn test(&self, ray: usize, leaf: Leaf, t_max: f32) -> (bool, Sorted) {
-        let sorted = self.blocks[leaf.first() as usize].sort(filled(leaf), &self.rough[ray], t_max);
-        (sorted.lanes != 0, sorted)
-    }
-
-    #[inline(always)]
-    unsafe fn leaf<E: Exact>(&mut self, ray: usize, leaf: Leaf, sorted: &Sorted, t_max: &mut f32) {
-        let (block, nearest) = (&self.blocks[leaf.first() as usize], &mut self.nearest[ray]);
-        closest(block, sorted, &self.rays[ray], nearest, self.ask);
-        *t_max = nearest.t;
-    }
-
-    #[inline(always)]
-    fn places(&self) -> Option<(*const u8, usize)> {
-        Some((self.blocks.as_ptr().cast(), size_of::<Block>()))
-    }
-}
-
-struct AnyOfRays<'a, A> {
-    blocks: &'a [Block],
-    rays: &'a [PreparedRay],
-    rough: &'a [Rough],
-    ask: &'a A,
-}
-
-impl<A: Ask> ClosestOfMany for AnyOfRays<'_, A> {
-    type Finding = (u32, u32);
-    const NEAREST: bool = false;
-
-    #[inline(always)]
-    fn test(&self, ray: usize, leaf: Leaf, t_max: f32) -> (bool, (u32, u32)) {
-        let sorted = self.blocks[leaf.first() as usize].sort_any(filled(leaf), &self.rough[ray], t_max);
-        (sorted.0 | sorted.1 != 0, sorted)
-    }
-
-    #[inline(always)]
-    unsafe fn leaf<E: Exact>(&mut self, ray: usize, leaf: Leaf, sorted: &(u32, u32), t_max: &mut f32) {
-        let block = &self.blocks[leaf.first() as usize];
-        if any(block, *sorted, &self.rays[ray], *t_max, self.ask, &mut |_| true).is_some() {
-            *t_max = f32::NEG_INFINITY;
+impl Left {
+    /// Adds those rays of a packet that have a bit.
+    #[inline]
+    fn add(&mut self, packet: usize, mut which: u64, rays: &[Ray]) {
+        while which != 0 {
+            let i = which.trailing_zeros() as usize;
+            which &= which - 1;
+            self.places.push(packet * RAYS + i);
+            self.rays.push(rays[i].prepare());
         }
     }
 
-    #[inline(always)]
-    fn places(&self) -> Option<(*const u8, usize)> {
-        Some((self.blocks.as_ptr().cast(), size_of::<Block>()))
-    }
-}
-
-struct AnyOf<'a, A, F> {
-    blocks: &'a [Block],
-    ray: &'a PreparedRay,
-    rough: Rough,
-    t_max: f32,
-    ask: &'a A,
-    counts: F,
-    place: &'a mut Option<u32>,
-}
-
-impl<A: Ask, F: FnMut(u32) -> bool> Any for AnyOf<'_, A, F> {
-    #[inline(always)]
-    fn leaf(&mut self, leaf: Leaf) -> bool {
-        let block = &self.blocks[leaf.first() as usize];
-        let sorted = block.sort_any(filled(leaf), &self.rough, self.t_max);
-        *self.place = any(block, sorted, self.ray, self.t_max, self.ask, &mut self.counts)
-            .map(|lane| leaf.first() * LANES as u32 + lane);
-        self.place.is_some()
+    /// Has them asked about.
+    fn serve<T: Copy>(self, told: &mut [T], ask: impl FnOnce(&[PreparedRay], &mut [T])) {
+        if self.places.is_empty() {
+            return;
+        }
+        let mut of_these: Vec<T> = self.places.iter().map(|&place| told[place]).collect();
+        ask(&self.rays, &mut of_these);
+        for (place, of_one) in self.places.into_iter().zip(of_these) {
+            told[place] = of_one;
+        }
     }
 }
 
@@ -423,6 +336,66 @@ mod tests {
                     }
                 }
             }
+        }
+    }
+    #[test]
+    fn packets_find_what_single_rays_find() {
+        let random = &mut Random(44);
+        for (name, scene, tree) in mixed() {
+            let (ask, mut together) = (ask(&scene), 0);
+            for n in 0..30 {
+                // A ray and up to a hundred that hardly differ from it, so that some of them touch what it touches.
+                let Ray { origin, direction } = awkward_ray(&scene, random);
+                let direction = direction * [1.0, 1.0, 1e-3, 1e30, 1e-37][n % 5];
+                let size = direction.abs().max_element();
+                let rays: Vec<Ray> = (0..[1 + n % 16, n + 40][n % 2])
+                    .map(|_| {
+                        let turned = random.vector() * size * [0.0, 1e-6, 0.01, 0.03][random.below(4)];
+                        let moved = turned * [0.0, 1.0][random.below(2)];
+                        Ray::new(origin + moved, direction + turned - moved * 0.5)
+                    })
+                    .collect();
+                let mut found = vec![Met::before(f32::INFINITY); rays.len()];
+                let few = rays.len().min(RAYS);
+                let outcome = packet::rounds::closest(tree.field(&ask), &mut Packet::new(), &rays[..few], &mut found);
+                together += usize::from(outcome.apart == 0);
+                let expected = |i: usize, mut met: Met| {
+                    tree.intersect_brute_force(&rays[i].prepare(), &mut met, &ask);
+                    met
+                };
+                let nothing = Met::before(f32::INFINITY);
+                let first: Vec<Met> = (0..rays.len()).map(|i| expected(i, nothing)).collect();
+                // Up to anywhere, up to the hit, short of it, and where something as near is known already.
+                let starts = [0, 1, 2, 3, 4].map(|start| {
+                    let known = |met: &Met| match start {
+                        0 => nothing,
+                        1 => Met::before(met.t),
+                        2 => Met::before(met.t.next_down()),
+                        3 => *met,
+                        _ => Met { id: met.id.saturating_add(1), part: 7, ..*met },
+                    };
+                    let before: Vec<Met> = first.iter().map(known).collect();
+                    let after: Vec<Met> = before.iter().enumerate().map(|(i, met)| expected(i, *met)).collect();
+                    (before, after)
+                });
+                for set in InstructionSet::available() {
+                    set.limit();
+                    for (before, after) in &starts {
+                        let mut found = before.clone();
+                        tree.intersect_coherent(&rays, &mut found, &ask);
+                        assert_eq!(&found, after, "{name} {set:?} {rays:?} {before:?}");
+                    }
+                    for limit in [f32::INFINITY, 0.5] {
+                        let mut t_max: Vec<f32> = first.iter().map(|met| met.t.min(limit)).collect();
+                        tree.occluded_coherent(&rays, &mut t_max, &ask);
+                        for (i, (t_max, met)) in t_max.iter().zip(&first).enumerate() {
+                            let hit = met.id != Met::NONE && met.t <= limit;
+                            assert_eq!(*t_max == f32::NEG_INFINITY, hit, "{name} {set:?} {:?}", rays[i]);
+                        }
+                    }
+                }
+            }
+            assert!(together > 2, "{name}: {together}");
         }
     }
 }

@@ -58,6 +58,8 @@ pub(crate) trait Sixteen:
 
     fn abs(self) -> Self;
 
+    fn sqrt(self) -> Self;
+
     fn less(self, other: Self) -> Self::Mask;
 
     fn less_or_equal(self, other: Self) -> Self::Mask;
@@ -206,6 +208,11 @@ impl Sixteen for Loops {
     }
 
     #[inline(always)]
+    fn sqrt(self) -> Self {
+        Self(each(self.0, self.0, |a, _| a.sqrt()))
+    }
+
+    #[inline(always)]
     fn less(self, other: Self) -> LoopMask {
         LoopMask(each(self.0, other.0, |a, b| if a < b { u32::MAX } else { 0 }))
     }
@@ -318,6 +325,11 @@ mod x86 {
         #[inline(always)]
         fn abs(self) -> Self {
             unsafe { Self(_mm512_abs_ps(self.0)) }
+        }
+
+        #[inline(always)]
+        fn sqrt(self) -> Self {
+            unsafe { Self(_mm512_sqrt_ps(self.0)) }
         }
 
         #[inline(always)]
@@ -477,6 +489,11 @@ mod x86 {
         #[inline(always)]
         fn abs(self) -> Self {
             Self(both(self.0, self.0, |a, _| unsafe { _mm256_andnot_ps(_mm256_set1_ps(-0.0), a) }))
+        }
+
+        #[inline(always)]
+        fn sqrt(self) -> Self {
+            Self(both(self.0, self.0, |a, _| unsafe { _mm256_sqrt_ps(a) }))
         }
 
         #[inline(always)]

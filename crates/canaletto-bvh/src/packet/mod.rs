@@ -9,6 +9,8 @@
 
 mod group;
 mod look;
+mod round;
+pub(crate) mod rounds;
 mod settle;
 mod walk;
 
@@ -255,6 +257,8 @@ macro_rules! in_packets {
         }
     };
 }
+
+use in_packets;
 
 #[inline(always)]
 fn closest_with<S: Instructions>(

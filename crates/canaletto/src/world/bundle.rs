@@ -1,7 +1,7 @@
 //! Many rays at once: the same questions as for one, with the same answers bit for bit.
 //!
-//! A world of few instances hands each of them all groups of rays that may meet it, and a mesh sends them through its tree in
-//! packets. In a world of many or of groups, and where something clear may stand in a light's way, rays are asked about one by one.
+//! A world of few instances hands each of them all groups of rays that may meet it, and a mesh, a cloud or many shapes send them through
+//! their tree in packets. In a world of many or of groups, and where something clear may stand in a light's way, rays are asked about one by one.
 
 use super::World;
 use super::corridor::{Corridor, GROUP};
@@ -19,8 +19,8 @@ pub(super) const FEW: usize = 8;
 /// The fewest primitives for which rays go together.
 const MANY: usize = 32;
 
-/// The fewest rays for which a stream is worth its start.
-const STREAM: usize = 8;
+/// The fewest rays that go together.
+const TOGETHER: usize = 8;
 
 /// Rays that are asked about together, of which neighbours go nearly the same way, and the answers.
 #[derive(Debug, Default)]
@@ -296,14 +296,12 @@ impl Geometry {
                 }
             }
             Geometry::Shapes { .. } | Geometry::Spheres { .. } | Geometry::Cylinders { .. }
-                if part.range.len() >= STREAM && self.len() >= MANY =>
+                if part.range.len() >= TOGETHER && self.len() >= MANY =>
             {
-                part.prepare();
-                let Rays { prepared, ready, met, .. } = part.rays;
-                let rays = &prepared[part.range.start - ready.start..part.range.end - ready.start];
+                let Rays { rays, met, .. } = part.rays;
                 met.clear();
                 met.extend(found.iter().map(|f| Met::before(f.t)));
-                self.intersect_stream(rays, met);
+                self.intersect_coherent(&rays[part.range], met);
                 for (found, met) in found.iter_mut().zip(met) {
                     *found = (*met).into();
                 }
@@ -329,8 +327,9 @@ impl Geometry {
     /// [`NONE`].
     fn occluded_bundle<'a>(&self, mut part: Part, t_max: &mut [f32], last: impl FnOnce() -> &'a mut u32) {
         match self {
-            Geometry::Mesh { triangles, mesh } => {
-                triangles.occluded_coherent(&part.rays.rays[part.range], t_max, mesh.one_sided);
+            Geometry::Mesh { .. } => self.occluded_coherent(&part.rays.rays[part.range], t_max),
+            _ if part.range.len() >= TOGETHER && self.len() >= MANY => {
+                self.occluded_coherent(&part.rays.rays[part.range], t_max);
             }
             _ if self.is_few() => {
                 for (ray, t_max) in part.rays.rays[part.range].iter().zip(t_max).filter(|(_, t_max)| **t_max > 0.0) {

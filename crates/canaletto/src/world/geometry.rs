@@ -214,13 +214,23 @@ impl Geometry {
         }
     }
 
-    /// [`Geometry::intersect`] for many rays on what is no mesh.
-    pub(super) fn intersect_stream(&self, rays: &[PreparedRay], met: &mut [Met]) {
+    /// [`Geometry::intersect`] for many rays, of which neighbours best go nearly the same way, unless this is a mesh.
+    pub(super) fn intersect_coherent(&self, rays: &[Ray], met: &mut [Met]) {
         match self {
-            Geometry::Mesh { .. } => unreachable!("meshes have packets"),
-            Geometry::Shapes { tree, shapes, .. } => tree.intersect_stream(rays, met, &other(shapes)),
-            Geometry::Spheres { tree, .. } => tree.intersect_stream(rays, met, &none),
-            Geometry::Cylinders { tree, cloud } => tree.intersect_stream(rays, met, &cylinder(cloud)),
+            Geometry::Mesh { .. } => unreachable!("meshes have other answers"),
+            Geometry::Shapes { tree, shapes, .. } => tree.intersect_coherent(rays, met, &other(shapes)),
+            Geometry::Spheres { tree, .. } => tree.intersect_coherent(rays, met, &none),
+            Geometry::Cylinders { tree, cloud } => tree.intersect_coherent(rays, met, &cylinder(cloud)),
+        }
+    }
+
+    /// Sets those of `t_max` to −∞ whose rays meet something at or before; best where neighbours go nearly the same way.
+    pub(super) fn occluded_coherent(&self, rays: &[Ray], t_max: &mut [f32]) {
+        match self {
+            Geometry::Mesh { triangles, mesh } => triangles.occluded_coherent(rays, t_max, mesh.one_sided),
+            Geometry::Shapes { tree, shapes, .. } => tree.occluded_coherent(rays, t_max, &other(shapes)),
+            Geometry::Spheres { tree, .. } => tree.occluded_coherent(rays, t_max, &none),
+            Geometry::Cylinders { tree, cloud } => tree.occluded_coherent(rays, t_max, &cylinder(cloud)),
         }
     }
 
@@ -433,6 +443,47 @@ mod tests {
             }
         }
         assert!(hits > 20_000, "{hits}");
+    }
+
+    #[test]
+    fn cylinders_are_met_by_rays_together_as_by_each() {
+        let random = &mut Random(54);
+        let mut hits = 0;
+        for round in 0..240 {
+            let scale = [1.0, 1e-3, 1e4, 1e-12, 1e12, 1e-25][round % 6];
+            let cloud = cylinders([4, 40, 200][round / 6 % 3], round % 4 < 2, scale, random);
+            // Most of them ahead of the ray that all others hardly differ from.
+            let first = ray_near(&cloud.cylinder(random.below(cloud.len())), scale, random);
+            let size = first.direction.abs().max_element();
+            let rays: Vec<Ray> = (0..100)
+                .map(|_| {
+                    let turned = random.vector() * size * [0.0, 1e-5, 1e-3, 0.03][random.below(4)];
+                    Ray::new(first.origin, first.direction + turned)
+                })
+                .collect();
+            let geometry = Geometry::cylinders(cloud).unwrap();
+            let expected: Vec<Option<Nearest>> =
+                rays.iter().map(|ray| geometry.intersect_brute_force(&ray.prepare(), f32::INFINITY)).collect();
+            let ends: Vec<f32> = expected.iter().map(|n| n.map_or(f32::INFINITY, |n| n.t)).collect();
+            for set in InstructionSet::available() {
+                set.limit();
+                for end in 0..3 {
+                    let up_to = |&t: &f32| [f32::INFINITY, t, t.next_down()][end];
+                    let mut met: Vec<Met> = ends.iter().map(|t| Met::before(up_to(t))).collect();
+                    geometry.intersect_coherent(&rays, &mut met);
+                    let mut any: Vec<f32> = ends.iter().map(up_to).collect();
+                    geometry.occluded_coherent(&rays, &mut any);
+                    for (i, (met, any)) in met.into_iter().zip(any).enumerate() {
+                        let expected = expected[i].filter(|_| end < 2);
+                        let bits = |n: Option<Nearest>| n.map(|n| (n.t.to_bits(), n.primitive, n.part));
+                        assert_eq!(bits(real(met.into())), bits(expected), "{scale} {:?}", rays[i]);
+                        assert_eq!(any == f32::NEG_INFINITY, expected.is_some(), "{scale} {:?}", rays[i]);
+                    }
+                }
+                hits += expected.iter().flatten().count();
+            }
+        }
+        assert!(hits > 5_000, "{hits}");
     }
 
     #[test]

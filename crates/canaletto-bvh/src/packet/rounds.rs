@@ -1,0 +1,237 @@
+//! Packets among spheres, cylinders and whatever else there is.
+
+#![allow(clippy::needless_range_loop)] // Lanes of many lists side by side.
+
+use super::group::{Group, NOTHING};
+use super::round::{Roughs, Target, Told};
+use super::walk::GROUPS;
+use super::{Outcome, Packet, in_packets};
+use crate::lanes::{Baseline, Instructions, SIXTEEN};
+#[cfg(target_arch = "x86_64")]
+use crate::lanes::{WithAvx2, WithAvx512};
+use crate::node::Node;
+use crate::round::{Ask, Block, LANES, Met};
+use crate::rounds::offer;
+use crate::{InstructionSet, PreparedRay, Ray};
+
+/// What rays go through.
+pub(crate) struct Field<'a, A> {
+    pub(crate) nodes: &'a [Node],
+    pub(crate) blocks: &'a [Block],
+    pub(crate) ask: &'a A,
+}
+
+impl<A> Clone for Field<'_, A> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<A> Copy for Field<'_, A> {}
+
+/// Rays of a group whose directions, at length 1, differ by more than this along an axis are better off one by one: what they
+/// visit is rarely the same. The times of whole pictures hardly depend on it between a fifth and five times as much.
+const ASTRAY: f32 = 0.1;
+
+/// Takes all groups to the leaves that they may meet; `alone` is called for rays that have to be tested against a primitive exactly: with
+/// their group, their lane, and the primitive's place.
+#[inline(always)]
+fn go<S: Instructions, A: Ask, const NEAREST: bool>(
+    s: S,
+    field: Field<'_, A>,
+    packet: &mut Packet,
+    outcome: &mut Outcome,
+    mut alone: impl FnMut(&mut Group, usize, u32),
+) {
+    let mut roughs = [Roughs::EMPTY; GROUPS];
+    for i in 0..packet.len {
+        roughs[i].set(&packet.groups[i]);
+        let group = &mut packet.groups[i];
+        if roughs[i].spread(s, group) > ASTRAY {
+            outcome.apart |= u64::from(group.part) << group.first;
+            group.part = 0;
+            group.t_max = crate::lanes::Row([f32::NEG_INFINITY; SIXTEEN]);
+        }
+    }
+    packet.start(s);
+    while let Some((leaf, mut groups)) = packet.walk.next::<S, NEAREST>(s, field.nodes, &packet.groups) {
+        let block = &field.blocks[leaf.first() as usize];
+        while groups != 0 {
+            let index = groups.trailing_zeros() as usize % GROUPS;
+            groups &= groups - 1;
+            let (group, rough) = (&mut packet.groups[index], &roughs[index]);
+            let mut changed = 0;
+            for lane in 0..leaf.count() as usize {
+                let place = leaf.first() * LANES as u32 + lane as u32;
+                let Told { taken, mut undecided } = match block.target(lane) {
+                    Target::Sphere(center, radius) => group.test_sphere::<S, NEAREST>(s, rough, center, radius, place),
+                    Target::Cylinder(ends, radius) => group.test_cylinder::<S, NEAREST>(s, rough, ends, radius, place),
+                    Target::Other(bounds) => group.test_box(s, bounds),
+                };
+                changed |= taken | undecided;
+                while undecided != 0 {
+                    alone(group, undecided.trailing_zeros() as usize % SIXTEEN, place);
+                    undecided &= undecided - 1;
+                }
+            }
+            if changed != 0 {
+                let farthest = group.farthest(s);
+                packet.walk.limit(index, farthest);
+            }
+        }
+    }
+}
+
+/// Tests what waits for a ray, then a primitive, exactly. Returns whether what had waited was not met.
+#[inline(never)]
+fn decide<A: Ask>(group: &mut Group, field: Field<'_, A>, i: usize, place: u32, nearest: &mut Met) -> bool {
+    let ray = PreparedRay::new(&group.ray(i));
+    let mut offer = |place: u32| {
+        let (block, lane) = (&field.blocks[place as usize / LANES], place as usize % LANES);
+        offer(block, lane, &ray, nearest, field.ask)
+    };
+    let waits = std::mem::replace(&mut group.waits.0[i], NOTHING);
+    let mut failed = waits != NOTHING && !offer(waits);
+    if place != NOTHING {
+        offer(place);
+    }
+    failed |= waits != NOTHING && nearest.t > group.t_max.0[i];
+    (group.t_max.0[i], group.low.0[i]) = (nearest.t, nearest.t);
+    failed
+}
+
+/// Ends a ray if a primitive is met, by the exact test.
+#[inline(never)]
+fn end<A: Ask>(group: &mut Group, field: Field<'_, A>, i: usize, place: u32) {
+    let (block, lane) = (&field.blocks[place as usize / LANES], place as usize % LANES);
+    if block.exact(lane, &group.ray(i).prepare(), group.t_max.0[i], field.ask).is_some() {
+        group.t_max.0[i] = f32::NEG_INFINITY;
+    }
+}
+
+#[inline(always)]
+fn closest_in<S: Instructions, A: Ask>(
+    s: S,
+    field: Field<'_, A>,
+    packet: &mut Packet,
+    nearest: &mut [Met],
+    outcome: &mut Outcome,
+) {
+    let mut again = 0;
+    let mut alone = |group: &mut Group, i: usize, place: u32| {
+        let ray = group.first + i;
+        again |= u64::from(decide(group, field, i, place, &mut nearest[ray])) << ray;
+    };
+    go::<S, A, true>(s, field, packet, outcome, &mut alone);
+    for group in &mut packet.groups[..packet.len] {
+        for i in 0..SIXTEEN {
+            if group.waits.0[i] != NOTHING {
+                alone(group, i, NOTHING);
+            }
+        }
+    }
+    outcome.again |= again;
+}
+
+#[inline(always)]
+fn any_in<S: Instructions, A: Ask>(
+    s: S,
+    field: Field<'_, A>,
+    packet: &mut Packet,
+    t_max: &mut [f32],
+    outcome: &mut Outcome,
+) {
+    go::<S, A, false>(s, field, packet, outcome, |group, i, place| end(group, field, i, place));
+    for group in &packet.groups[..packet.len] {
+        for i in (0..SIXTEEN).filter(|i| group.part >> i & 1 == 1) {
+            t_max[group.first + i] = group.t_max.0[i];
+        }
+    }
+}
+
+/// What is compiled for each set of instructions.
+trait Passage {
+    fn run<S: Instructions>(self, s: S) -> Outcome;
+}
+
+fn run(passage: impl Passage) -> Outcome {
+    #[allow(unsafe_code)]
+    #[cfg(target_arch = "x86_64")]
+    match InstructionSet::current() {
+        // SAFETY: `current` never tells more than the machine has.
+        InstructionSet::Avx512 => return unsafe { avx512(WithAvx512::new(), passage) },
+        // SAFETY: as said.
+        InstructionSet::Avx2 => return unsafe { avx2(WithAvx2::new(), passage) },
+        InstructionSet::Baseline => {}
+    }
+    passage.run(Baseline)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+fn avx2(s: WithAvx2, passage: impl Passage) -> Outcome {
+    passage.run(s)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512bw,avx512dq")]
+fn avx512(s: WithAvx512, passage: impl Passage) -> Outcome {
+    passage.run(s)
+}
+
+struct Closest<'a, A> {
+    field: Field<'a, A>,
+    packet: &'a mut Packet,
+    rays: &'a [Ray],
+    nearest: &'a mut [Met],
+}
+
+impl<A: Ask> Passage for Closest<'_, A> {
+    #[inline(always)]
+    fn run<S: Instructions>(self, s: S) -> Outcome {
+        let Self { field, packet, rays, nearest } = self;
+        let mut outcome = Outcome::default();
+        in_packets!(
+            s,
+            packet,
+            rays,
+            |i: usize| nearest[i].t,
+            outcome,
+            closest_in(s, field, packet, nearest, &mut outcome)
+        );
+        outcome
+    }
+}
+
+struct Any<'a, A> {
+    field: Field<'a, A>,
+    packet: &'a mut Packet,
+    rays: &'a [Ray],
+    t_max: &'a mut [f32],
+}
+
+impl<A: Ask> Passage for Any<'_, A> {
+    #[inline(always)]
+    fn run<S: Instructions>(self, s: S) -> Outcome {
+        let Self { field, packet, rays, t_max } = self;
+        let mut outcome = Outcome::default();
+        in_packets!(s, packet, rays, |i: usize| t_max[i], outcome, any_in(s, field, packet, t_max, &mut outcome));
+        outcome
+    }
+}
+
+/// [`super::closest`] among what is round.
+pub(crate) fn closest<A: Ask>(field: Field<'_, A>, packet: &mut Packet, rays: &[Ray], nearest: &mut [Met]) -> Outcome {
+    if field.nodes.is_empty() {
+        return Outcome::default();
+    }
+    run(Closest { field, packet, rays, nearest })
+}
+
+/// [`super::any`] among what is round.
+pub(crate) fn any<A: Ask>(field: Field<'_, A>, packet: &mut Packet, rays: &[Ray], t_max: &mut [f32]) -> Outcome {
+    if field.nodes.is_empty() {
+        return Outcome::default();
+    }
+    run(Any { field, packet, rays, t_max })
+}
