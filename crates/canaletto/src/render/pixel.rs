@@ -243,10 +243,9 @@ impl<'a> PixelRenderer<'a> {
     /// Whether a pixel's corners and centre differ by no more than the threshold once developed (after Whitted 1980, §4, with
     /// a grid in place of his recursion).
     fn is_even(&self, colors: &[Rgb], threshold: f32) -> bool {
-        let mut shown = [Rgb::BLACK; CORNERS as usize];
-        shown.copy_from_slice(colors);
-        display_all(&mut shown, self.job.film.transfer);
-        let shown = shown.map(Rgb::to_array);
+        let mut shown = [[0.0; 3]; CORNERS as usize];
+        shown.iter_mut().zip(colors).for_each(|(shown, color)| *shown = color.to_array());
+        display_all(shown.as_flattened_mut(), self.job.film.transfer);
         let contrast = (0..3).map(|channel| {
             let values = shown.map(|c| c[channel]);
             values.into_iter().fold(0.0, f32::max) - values.into_iter().fold(1.0, f32::min)
