@@ -7,7 +7,7 @@ use canaletto::material::{Material, Phong};
 use canaletto::math::{Rgb, Transform};
 use canaletto::render::{Aov, Job, render};
 use canaletto::scene::{Content, Node, Sampling, Scene};
-use canaletto::shape::{Plane, Shape, Sphere};
+use canaletto::shape::{Cone, Cuboid, Cylinder, Disk, Plane, Shape, Sphere, Torus, Triangle};
 use canaletto::world::{Between, Blocker, Bundle, World};
 use canaletto_tests::gallery::{icosphere, still_life, still_life_job};
 use glam::{DVec3, Vec3};
@@ -63,6 +63,33 @@ fn few_things(moves: bool) -> Scene {
     }
 }
 
+/// Loose shapes of all kinds, every third of glass, two boxes with their upper sides in one plane: eight, which no tree is asked for, or
+/// more.
+fn loose_things(count: usize) -> Scene {
+    let v = Vec3::new;
+    let (base, top, radius, caps) = (v(-1.2, -0.5, -0.4), v(-1.0, 0.8, -0.2), 0.4, true);
+    let shapes = [
+        Shape::Box(Cuboid { min: v(-2.0, -0.7, -2.0), max: v(0.5, -0.5, 2.0) }),
+        Shape::Box(Cuboid { min: v(-0.5, -0.9, -2.0), max: v(2.0, -0.5, 2.0) }),
+        Shape::Sphere(Sphere { center: v(1.0, 0.0, 0.5), radius: 0.5 }),
+        Shape::Triangle(Triangle {
+            a: v(-1.0, -0.4, 1.0),
+            b: v(0.6, -0.5, 0.9),
+            c: v(0.0, 0.9, 0.8),
+            one_sided: false,
+        }),
+        Shape::Disk(Disk { center: v(0.2, 1.0, 0.0), normal: v(0.1, 1.0, 0.3), radius: 0.7 }),
+        Shape::Cylinder(Cylinder { base, top, radius, caps }),
+        Shape::Cone(Cone { base: top, top: base, radius, top_radius: 0.1, caps: false }),
+        Shape::Torus(Torus { center: v(0.3, 0.1, -0.9), axis: v(0.2, 1.0, 0.5), radius: 0.6, tube: 0.2 }),
+    ];
+    let place = |i: usize| Transform::translate(DVec3::new(0.1, 0.2, -0.3) * (i / shapes.len()) as f64);
+    let nodes = (0..count).map(|i| {
+        Node::from(shapes[i % shapes.len()]).with_material(if i % 3 == 2 { 2 } else { 0 }).with_transform(&place(i))
+    });
+    Scene { materials: few_things(false).materials, nodes: nodes.collect(), ..Scene::default() }
+}
+
 struct Random(u32);
 
 impl Random {
@@ -103,6 +130,8 @@ fn bundles_find_what_brute_force_finds() {
     for (name, scene, times) in [
         ("few", few_things(false), &[0.0][..]),
         ("moving", few_things(true), &[0.0, 0.3, 1.0]),
+        ("loose", loose_things(8), &[0.0]),
+        ("more loose", loose_things(13), &[0.0]),
         ("many", still_life(1.0), &[0.0]),
     ] {
         let world = World::build(scene).unwrap();

@@ -6,7 +6,7 @@ use glam::{Vec3, Vec4};
 
 use crate::round::{RELATIVE, Rough, Rows, Sorted};
 use crate::slab::{DEFLATE, INFLATE};
-use crate::{Aabb, PreparedRay};
+use crate::{Aabb, PreparedRay, Ray};
 
 /// A box around the sphere, rounded outwards so that it holds all of it.
 #[inline]
@@ -35,9 +35,23 @@ pub fn intersect(ray: &PreparedRay, center: Vec3, radius: f32, t_max: f32) -> Op
     intersect_inline(ray, center, radius, t_max)
 }
 
+/// [`intersect`] for a ray that is not prepared, and need not be if it misses.
+#[inline]
+pub fn intersect_once(ray: &Ray, center: Vec3, radius: f32, t_max: f32) -> Option<f32> {
+    let t = parameter(ray, center, radius, t_max)?;
+    ray.prepare().confine(&bounds(center, radius), t, t_max)
+}
+
 #[inline(always)]
 pub(crate) fn intersect_inline(ray: &PreparedRay, center: Vec3, radius: f32, t_max: f32) -> Option<f32> {
-    let (origin, direction) = (ray.ray.origin.as_dvec3(), ray.ray.direction.as_dvec3());
+    let t = parameter(&ray.ray, center, radius, t_max)?;
+    ray.confine(&bounds(center, radius), t, t_max)
+}
+
+/// The hit's t, still to be confined to the sphere's box and to `t_max`.
+#[inline(always)]
+fn parameter(ray: &Ray, center: Vec3, radius: f32, t_max: f32) -> Option<f64> {
+    let (origin, direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
     let f = origin - center.as_dvec3();
     let r = f64::from(radius);
     // a t² − 2 b t + c = 0
@@ -57,10 +71,7 @@ pub(crate) fn intersect_inline(ray: &PreparedRay, center: Vec3, radius: f32, t_m
     let (first, second) = if t0 < t1 { (t0, t1) } else { (t1, t0) };
     // NaN, 0 / 0, is the origin on the surface of a sphere seen tangentially: no hit ahead.
     let t = if first > 0.0 { first } else { second };
-    if !(t > 0.0 && t <= 2.0 * f64::from(t_max)) {
-        return None;
-    }
-    ray.confine(&bounds(center, radius), t, t_max)
+    (t > 0.0 && t <= 2.0 * f64::from(t_max)).then_some(t)
 }
 
 /// How a ray passes four spheres, in lengths, with E, the bound of the error that f32 has made of them:
@@ -136,7 +147,6 @@ pub(crate) fn sort_any(center: &Rows, radius: Vec4, ray: &Rough, t_max: f32) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Ray;
     use crate::testing::Random;
 
     fn hit(origin: [f32; 3], direction: [f32; 3], radius: f32) -> Option<f32> {

@@ -16,11 +16,11 @@ use canaletto::render::{Job, Rendering};
 use canaletto::scene::{Sampling, Scene};
 use canaletto::world::{Origins, World};
 use canaletto_io::movie::{Movie, MovieSettings};
-use canaletto_io::picture::{Image, decode, encode_exr, encode_png};
+use canaletto_io::picture::{Image, decode, develop_png, encode_exr, encode_png};
 use serde_json::json;
 use std::collections::HashSet;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 /// Renders the frames of a plan.
@@ -261,17 +261,16 @@ impl<'a> Series<'a> {
             let bytes = encode_exr(&layers::linear(picture), &texts).map_err(|e| unfit(&e))?;
             output.write(&files[0], &bytes)?;
         } else {
-            let write = |file: &Path, image: &Image, transfer, texts: &[_]| {
-                output.write(file, &encode_png(image, output.depth, transfer, texts).map_err(|e| unfit(&e))?)
-            };
-            write(&files[0], &layers::developed(picture, film), film.transfer, &texts)?;
+            let bytes = develop_png(picture, film, output.depth, &texts).map_err(|e| unfit(&e))?;
+            output.write(&files[0], &bytes)?;
             for (layer, file) in picture.layers.iter().zip(&files[1..]) {
                 let (image, transfer) = layers::to_image(layer, picture, film, &world.bounds());
                 let mut texts = texts.clone();
                 texts.retain(|(key, _)| key != "transfer");
                 texts.push(("transfer".into(), transfer_word(transfer).into()));
                 texts.push(("layer".into(), layer.name.into()));
-                write(file, &image, transfer, &texts)?;
+                let bytes = encode_png(&image, output.depth, transfer, &texts).map_err(|e| unfit(&e))?;
+                output.write(file, &bytes)?;
             }
         }
         Ok(files.iter().map(|file| file.display().to_string()).collect())

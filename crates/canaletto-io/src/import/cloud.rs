@@ -61,7 +61,7 @@ pub fn read_spheres(asset: &Asset, format: CloudFormat, radius: Option<f32>) -> 
         CloudFormat::Ply => ply::read_spheres(name, asset.bytes.as_slice().into()),
         CloudFormat::Binary => records::<4>(&asset.bytes, "x y z radius").map(|(rows, radii)| SphereCloud {
             name: name.to_owned(),
-            centers: rows.iter().map(|row| Vec3::from_slice(row)).collect(),
+            centers: rows.par_iter().map(|row| Vec3::from_slice(row)).collect(),
             radii,
             colors: Vec::new(),
         }),
@@ -90,7 +90,7 @@ pub fn read_cylinders(asset: &Asset, format: CloudFormat, radius: Option<f32>) -
         CloudFormat::Binary => {
             records::<7>(&asset.bytes, "x1 y1 z1 x2 y2 z2 radius").map(|(rows, radii)| CylinderCloud {
                 name: name.to_owned(),
-                axes: rows.iter().map(|row| axis(row)).collect(),
+                axes: rows.par_iter().map(|row| axis(row)).collect(),
                 radii,
                 colors: Vec::new(),
                 caps: true,
@@ -98,7 +98,7 @@ pub fn read_cylinders(asset: &Asset, format: CloudFormat, radius: Option<f32>) -
         }
     };
     let cloud = cloud.and_then(|mut cloud| {
-        if let Some(row) = cloud.axes.iter().position(|[a, b]| a == b) {
+        if let Some(row) = cloud.axes.par_iter().position_first(|[a, b]| a == b) {
             return Err(Complaint::file(format!("cylinder {} has no length: its ends are the same point", row + 1)));
         }
         settle_radius(&mut cloud.radii, cloud.axes.len(), radius).map(|()| cloud)
@@ -140,18 +140,16 @@ fn records<const N: usize>(bytes: &[u8], columns: &str) -> Result<(Vec<[f32; N]>
         .par_chunks_exact(size)
         .map(|record| std::array::from_fn(|i| f32::from_le_bytes(std::array::from_fn(|b| record[4 * i + b]))))
         .collect();
-    let radii: Vec<f32> = rows.iter().map(|row| row[N - 1]).collect();
-    for (index, row) in rows.iter().enumerate() {
-        if row.iter().any(|v| !v.is_finite()) {
-            return Err(Complaint::file(format!("record {index} (from 0) has a number that isn't finite")));
-        }
-        if row[N - 1] <= 0.0 {
-            return Err(Complaint::file(format!(
-                "record {index} (from 0): radius is {}; it must be more than 0",
-                row[N - 1]
-            )));
-        }
+    let finite = |row: &[f32; N]| row.iter().all(|v| v.is_finite());
+    if let Some(index) = rows.par_iter().position_first(|row| !finite(row) || row[N - 1] <= 0.0) {
+        let row = &rows[index];
+        return Err(Complaint::file(if finite(row) {
+            format!("record {index} (from 0): radius is {}; it must be more than 0", row[N - 1])
+        } else {
+            format!("record {index} (from 0) has a number that isn't finite")
+        }));
     }
+    let radii = rows.par_iter().map(|row| row[N - 1]).collect();
     Ok((rows, radii))
 }
 

@@ -11,7 +11,7 @@ mod write;
 
 pub use self::exr::{decode_exr, encode_exr};
 pub(crate) use self::png::png_texts;
-pub use self::png::{Depth, decode_png, encode_png};
+pub use self::png::{Depth, decode_png, develop_png, encode_png};
 pub use compare::{Comparison, Difference, Unequal, compare, difference};
 pub use flip::{Flip, PIXELS_PER_DEGREE, flip};
 pub use ssim::ssim;
@@ -137,7 +137,7 @@ pub fn decode(bytes: &[u8]) -> Result<Decoded, PictureError> {
 /// Checks that every channel has a value for each pixel.
 fn check(image: &Image) -> Result<(), PictureError> {
     if image.pixels() == 0 {
-        return Err(PictureError::Unfit("a picture needs at least one pixel".into()));
+        return Err(no_pixels());
     }
     match image.channels.iter().find(|c| c.data.len() != image.pixels()) {
         Some(c) => Err(PictureError::Unfit(format!(
@@ -149,4 +149,8 @@ fn check(image: &Image) -> Result<(), PictureError> {
         ))),
         None => Ok(()),
     }
+}
+
+fn no_pixels() -> PictureError {
+    PictureError::Unfit("a picture needs at least one pixel".into())
 }

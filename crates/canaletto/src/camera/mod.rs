@@ -7,6 +7,7 @@ mod lens;
 
 use crate::math::{Line, Path, Spread, Transform};
 use crate::scene::{Extrinsics, Intrinsics, View};
+use canaletto_bvh::{InstructionSet, Kernel};
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 use lens::Optics;
 
@@ -225,6 +226,12 @@ impl Camera {
         Line { origin, direction: d.normalize() }
     }
 
+    /// The same for many places at once; `lines` are empty before.
+    pub(crate) fn lines(&self, places: &[[f64; 2]], lines: &mut Vec<Line>) {
+        lines.resize(places.len(), Line { origin: self.eye, direction: DVec3::ZERO });
+        InstructionSet::run(Lines { camera: self, places, lines });
+    }
+
     /// How that ray changes to samples `spacing` pixels to the right and above (Igehy 1999, (8)).
     pub fn spread(&self, x: f64, y: f64, spacing: f64) -> Spread {
         let (_, d) = self.chapter_ray(x, y);
@@ -284,6 +291,47 @@ impl Camera {
     }
 }
 
+/// [`Camera::line`] for many places, eight side by side.
+struct Lines<'a> {
+    camera: &'a Camera,
+    places: &'a [[f64; 2]],
+    lines: &'a mut [Line],
+}
+
+impl Kernel for Lines<'_> {
+    type Answer = ();
+
+    #[inline(always)]
+    fn run(self) {
+        const LANES: usize = 8;
+        let camera = self.camera;
+        let ([w, h], [x_e, y_e, z_e]) = (camera.size.map(f64::from), camera.axes);
+        let forward = -z_e * camera.near;
+        for (places, lines) in self.places.chunks(LANES).zip(self.lines.chunks_mut(LANES)) {
+            let (mut x, mut y) = ([0.0; LANES], [0.0; LANES]);
+            for (i, place) in places.iter().enumerate() {
+                [x[i], y[i]] = *place;
+            }
+            let mut directions = [[0.0; LANES]; 3];
+            for i in 0..LANES {
+                let u = camera.window.x * (x[i] / w - 0.5 + camera.shift.x);
+                let v = camera.window.y * (y[i] / h - 0.5 + camera.shift.y);
+                let along = |f: f64, y: f64, x: f64| f + y * v + x * u;
+                let d =
+                    [along(forward.x, y_e.x, x_e.x), along(forward.y, y_e.y, x_e.y), along(forward.z, y_e.z, x_e.z)];
+                let reciprocal = 1.0 / (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
+                for axis in 0..3 {
+                    directions[axis][i] = d[axis] * reciprocal;
+                }
+            }
+            let [x, y, z] = directions;
+            for (i, line) in lines.iter_mut().enumerate() {
+                line.direction = DVec3::new(x[i], y[i], z[i]);
+            }
+        }
+    }
+}
+
 /// The unit axes x̂ₑ, ŷₑ, ẑₑ.
 fn axes(Extrinsics { eye, center, up }: Extrinsics) -> Result<[DVec3; 3], CameraError> {
     let z = (eye - center).try_normalize().ok_or(CameraError::NoDirection)?; // (5.3a)
@@ -318,6 +366,23 @@ mod tests {
             let back = camera.project(eye + d * 3.7).unwrap();
             assert!((back - DVec2::new(x, y)).length() < 1e-9, "{back}");
             assert_eq!(camera.project(eye - d), None);
+        }
+    }
+
+    #[test]
+    fn many_lines_have_the_bits_of_each() {
+        let (mut intrinsics, extrinsics) = exercise_1();
+        (intrinsics.width, intrinsics.shift) = (301, [0.3, -0.2]);
+        let camera = Camera::new(&intrinsics, &extrinsics).unwrap();
+        let places: Vec<[f64; 2]> = (0..1003).map(|i| [f64::from(i) * 0.31, f64::from(i * i % 401) + 0.125]).collect();
+        for set in InstructionSet::available() {
+            set.limit();
+            let mut lines = Vec::new();
+            camera.lines(&places, &mut lines);
+            for (line, [x, y]) in lines.iter().zip(&places) {
+                let bits = |line: &Line| line.direction.to_array().map(f64::to_bits);
+                assert_eq!((line.origin, bits(line)), (camera.eye, bits(&camera.line(*x, *y))), "{set:?} {x} {y}");
+            }
         }
     }
 

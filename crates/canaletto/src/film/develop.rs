@@ -5,35 +5,56 @@ use crate::math::Rgb;
 use crate::scene::{Tone, Transfer};
 use rayon::prelude::*;
 
+/// What turns a picture's linear colours into display values.
+#[derive(Clone, Copy, Debug)]
+pub struct Developer {
+    scale: f32,
+    transfer: Transfer,
+}
+
+impl Developer {
+    /// For this picture.
+    pub fn new(picture: &Picture, tone: Tone, transfer: Transfer) -> Developer {
+        let scale = match tone {
+            Tone::Clamp => 1.0,
+            Tone::Scale => {
+                let largest = picture.pixels.par_iter().map(|c| c.max_component()).reduce(|| 0.0, f32::max);
+                if largest > 1.0 { 1.0 / largest } else { 1.0 }
+            }
+        };
+        Developer { scale, transfer }
+    }
+
+    /// Turns components of the picture's colours into display values in [0, 1], in place.
+    pub fn develop(&self, values: &mut [f32]) {
+        values.iter_mut().for_each(|v| *v *= self.scale);
+        display_all(values, self.transfer);
+    }
+}
+
 /// The picture's colours as display values in [0, 1], the top row first.
 pub fn develop(picture: &Picture, tone: Tone, transfer: Transfer) -> Vec<Rgb> {
-    let scale = match tone {
-        Tone::Clamp => 1.0,
-        Tone::Scale => {
-            let largest = picture.pixels.iter().map(|c| c.max_component()).fold(0.0, f32::max);
-            if largest > 1.0 { 1.0 / largest } else { 1.0 }
-        }
-    };
-    let mut shown: Vec<Rgb> = picture.pixels.par_iter().map(|&c| c * scale).collect();
-    shown.par_chunks_mut(4096).for_each(|part| display_all(part, transfer));
+    let developer = Developer::new(picture, tone, transfer);
+    let mut shown = picture.pixels.clone();
+    shown.par_chunks_mut(256).for_each(|part| {
+        let mut values = [[0.0; 3]; 256];
+        let values = &mut values[..part.len()];
+        values.iter_mut().zip(&*part).for_each(|(value, color)| *value = color.to_array());
+        developer.develop(values.as_flattened_mut());
+        part.iter_mut().zip(values).for_each(|(color, value)| *color = Rgb::from(*value));
+    });
     shown
 }
 
-/// Turns colours into display values: cut to [0, 1], then encoded.
-pub(crate) fn display_all(colors: &mut [Rgb], transfer: Transfer) {
-    let cut = |v: f32| if v.is_nan() { 0.0 } else { v.clamp(0.0, 1.0) };
-    for part in colors.chunks_mut(16) {
-        let mut values = [0.0; 48];
-        let values = &mut values[..3 * part.len()];
-        for (v, color) in values.chunks_exact_mut(3).zip(part.iter()) {
-            v.copy_from_slice(&color.to_array().map(cut));
-        }
-        if transfer == Transfer::Srgb {
-            srgb::encode_all(values);
-        }
-        for (color, v) in part.iter_mut().zip(values.chunks_exact(3)) {
-            *color = Rgb::new(v[0], v[1], v[2]);
-        }
+/// Turns values into display values: cut to [0, 1], then encoded.
+pub(crate) fn display_all(values: &mut [f32], transfer: Transfer) {
+    for v in &mut *values {
+        // NaN is black.
+        let positive = if *v > 0.0 { *v } else { 0.0 };
+        *v = if positive < 1.0 { positive } else { 1.0 };
+    }
+    if transfer == Transfer::Srgb {
+        srgb::encode_all(values);
     }
 }
 

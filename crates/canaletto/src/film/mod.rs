@@ -6,6 +6,6 @@ mod picture;
 mod srgb;
 
 pub(crate) use develop::display_all;
-pub use develop::{develop, srgb_encode};
+pub use develop::{Developer, develop, srgb_encode};
 pub use filter::FilterTable;
 pub use picture::{Layer, Picture};

@@ -6,4 +6,5 @@ mod whitted;
 
 pub use counts::{RayCount, RayCounts};
 pub use probe::{LightTerm, Probe, RayKind};
+pub(crate) use whitted::BUNDLE;
 pub use whitted::Whitted;

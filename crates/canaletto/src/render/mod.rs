@@ -203,6 +203,11 @@ struct Worker<'a> {
     pixels: PixelRenderer<'a>,
     whitted: Whitted<'a>,
     aovs: &'a [Aov],
+    /// Of the last tile: its size, and its places [in squares](in_squares).
+    size: [u32; 2],
+    places: Vec<[u32; 2]>,
+    /// Pixels that go together, and their colours.
+    together: Vec<[u32; 2]>,
     colors: Vec<Rgb>,
 }
 
@@ -215,7 +220,15 @@ struct Tile {
 impl<'a> Worker<'a> {
     fn new(world: &'a World, job: &'a Job, cancelled: &'a (dyn Fn(u64) -> bool + Sync)) -> Worker<'a> {
         let whitted = Whitted::new(world, job.integrator).until(cancelled);
-        Worker { pixels: PixelRenderer::new(job), whitted, aovs: &job.aovs, colors: Vec::new() }
+        Worker {
+            pixels: PixelRenderer::new(job),
+            whitted,
+            aovs: &job.aovs,
+            size: [0; 2],
+            places: Vec::new(),
+            together: Vec::new(),
+            colors: Vec::new(),
+        }
     }
 
     /// Renders the pixels of an area (x, y, width, height); `None` if cancelled.
@@ -224,13 +237,16 @@ impl<'a> Worker<'a> {
         part.layers = self.aovs.iter().map(|aov| aov.layer(width, height)).collect();
         self.whitted.counts = RayCounts::default();
         if self.aovs.is_empty() {
-            let places = in_squares([width, height]);
-            for places in places.chunks(self.pixels.together()) {
+            if self.size != [width, height] {
+                (self.size, self.places) = ([width, height], in_squares([width, height]));
+            }
+            for places in self.places.chunks(self.pixels.together()) {
                 if observer.cancelled() {
                     return None;
                 }
-                let pixels: Vec<[u32; 2]> = places.iter().map(|[x, y]| [x0 + x, y0 + y]).collect();
-                self.pixels.pixels(&mut self.whitted, &pixels, &mut self.colors);
+                self.together.clear();
+                self.together.extend(places.iter().map(|[x, y]| [x0 + x, y0 + y]));
+                self.pixels.pixels(&mut self.whitted, &self.together, &mut self.colors);
                 if self.whitted.gave_up() {
                     return None;
                 }

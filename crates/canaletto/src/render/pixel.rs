@@ -2,7 +2,7 @@
 
 use super::Job;
 use crate::film::{FilterTable, display_all};
-use crate::integrator::{Probe, Whitted};
+use crate::integrator::{BUNDLE, Probe, Whitted};
 use crate::math::{Line, Rgb, Spread};
 use crate::sampler::{Sample, Sampler};
 use crate::scene::Sampling;
@@ -15,6 +15,16 @@ pub(crate) struct PixelRenderer<'a> {
     filter: FilterTable,
     /// Whether rays from the eye need no random numbers besides their place in the pixel.
     plain: bool,
+    /// Memory for samples that go together.
+    waiting: Waiting,
+}
+
+/// Samples that go together, with their places and lines.
+#[derive(Default)]
+struct Waiting {
+    shots: Vec<Shot>,
+    places: Vec<[f64; 2]>,
+    lines: Vec<Line>,
 }
 
 /// Weighted colours in `f64`.
@@ -67,7 +77,8 @@ struct Eye {
 
 impl<'a> PixelRenderer<'a> {
     pub(crate) fn new(job: &'a Job) -> PixelRenderer<'a> {
-        PixelRenderer { job, filter: FilterTable::new(job.film.filter), plain: job.camera.is_plain() }
+        let (filter, plain) = (FilterTable::new(job.film.filter), job.camera.is_plain());
+        PixelRenderer { job, filter, plain, waiting: Waiting::default() }
     }
 
     /// The colour of the pixel in column `x` and row `y` from the top left, with a probe that sees ray after ray.
@@ -102,11 +113,11 @@ impl<'a> PixelRenderer<'a> {
 
     /// How many pixels are best given to [`PixelRenderer::pixels`] at a time.
     pub(crate) fn together(&self) -> usize {
-        (128 / shots(self.job.film.sampling)).max(1) as usize
+        (BUNDLE / shots(self.job.film.sampling) as usize).max(1)
     }
 
     /// The colours of many pixels, of which neighbours in the list are neighbours in the picture: rays of several go together.
-    pub(crate) fn pixels(&self, whitted: &mut Whitted, pixels: &[[u32; 2]], colors: &mut Vec<Rgb>) {
+    pub(crate) fn pixels(&mut self, whitted: &mut Whitted, pixels: &[[u32; 2]], colors: &mut Vec<Rgb>) {
         let sampling = self.job.film.sampling;
         let shown = self.samples(whitted, pixels, sampling);
         colors.clear();
@@ -133,7 +144,7 @@ impl<'a> PixelRenderer<'a> {
     }
 
     /// The colours and weights of all samples of some pixels.
-    fn samples(&self, whitted: &mut Whitted, pixels: &[[u32; 2]], sampling: Sampling) -> Vec<(Rgb, f64)> {
+    fn samples(&mut self, whitted: &mut Whitted, pixels: &[[u32; 2]], sampling: Sampling) -> Vec<(Rgb, f64)> {
         let world = whitted.world();
         let mut samples: Vec<(Rgb, f64)> = Vec::with_capacity(pixels.len() * shots(sampling) as usize);
         // Lights and moving instances are where they are at one time.
@@ -146,25 +157,46 @@ impl<'a> PixelRenderer<'a> {
             }
             done = samples.len();
         };
-        for &pixel in pixels {
-            for i in 0..shots(sampling) {
+        if !plain {
+            for (pixel, i) in pixels.iter().flat_map(|pixel| (0..shots(sampling)).map(move |i| (*pixel, i))) {
                 let shot = self.shot(pixel, sampling, i);
-                if plain {
-                    let [x, y] = shot.position;
-                    let spread = wants_spread.then(|| self.job.camera.spread(x, y, shot.spacing));
-                    whitted.depart(self.job.camera.line(x, y), spread, shot.numbers);
-                } else {
-                    let Eye { line, spread, time, .. } = self.eye(world, &shot);
-                    whitted.begin(shot.numbers, time);
-                    whitted.depart(line, spread, shot.numbers);
-                }
+                let Eye { line, spread, time, .. } = self.eye(world, &shot);
+                whitted.begin(shot.numbers, time);
+                whitted.depart(line, spread, shot.numbers);
                 samples.push((Rgb::BLACK, shot.weight));
                 if alone || whitted.is_full() {
                     arrive(whitted, &mut samples);
                 }
             }
+            arrive(whitted, &mut samples);
+            return samples;
         }
-        arrive(whitted, &mut samples);
+        let camera = &self.job.camera;
+        let Waiting { shots: mut together, mut places, mut lines } = std::mem::take(&mut self.waiting);
+        let mut send = |together: &mut Vec<Shot>| {
+            places.clear();
+            places.extend(together.iter().map(|shot| shot.position));
+            lines.clear();
+            camera.lines(&places, &mut lines);
+            for (shot, line) in together.iter().zip(&lines) {
+                let [x, y] = shot.position;
+                let spread = wants_spread.then(|| camera.spread(x, y, shot.spacing));
+                whitted.depart(*line, spread, shot.numbers);
+                samples.push((Rgb::BLACK, shot.weight));
+            }
+            arrive(whitted, &mut samples);
+            together.clear();
+        };
+        for &pixel in pixels {
+            for i in 0..shots(sampling) {
+                together.push(self.shot(pixel, sampling, i));
+                if together.len() == BUNDLE {
+                    send(&mut together);
+                }
+            }
+        }
+        send(&mut together);
+        self.waiting = Waiting { shots: together, places, lines };
         samples
     }
 
@@ -243,10 +275,9 @@ impl<'a> PixelRenderer<'a> {
     /// Whether a pixel's corners and centre differ by no more than the threshold once developed (after Whitted 1980, §4, with
     /// a grid in place of his recursion).
     fn is_even(&self, colors: &[Rgb], threshold: f32) -> bool {
-        let mut shown = [Rgb::BLACK; CORNERS as usize];
-        shown.copy_from_slice(colors);
-        display_all(&mut shown, self.job.film.transfer);
-        let shown = shown.map(Rgb::to_array);
+        let mut shown = [[0.0; 3]; CORNERS as usize];
+        shown.iter_mut().zip(colors).for_each(|(shown, color)| *shown = color.to_array());
+        display_all(shown.as_flattened_mut(), self.job.film.transfer);
         let contrast = (0..3).map(|channel| {
             let values = shown.map(|c| c[channel]);
             values.into_iter().fold(0.0, f32::max) - values.into_iter().fold(1.0, f32::min)

@@ -56,12 +56,14 @@ pub struct EyeNumbers {
 
 impl Sampler {
     /// The default kind of source for one pixel of one frame.
+    #[inline]
     pub fn new(seed: u64, frame: u32, pixel: [u32; 2]) -> Sampler {
         let position = u64::from(pixel[0]) << 32 | u64::from(pixel[1]);
         Sampler { key: mix(mix(mix(seed) ^ u64::from(frame)) ^ position), kind: SamplerKind::default() }
     }
 
     /// The same source with numbers spread in another way.
+    #[inline]
     pub fn of_kind(self, kind: SamplerKind) -> Sampler {
         Sampler { kind, ..self }
     }
@@ -72,6 +74,7 @@ impl Sampler {
     }
 
     /// Sample number `index` of `count`.
+    #[inline]
     pub fn sample(self, index: u32, count: u32) -> Sample {
         Sample { sampler: self, index, count }
     }

@@ -4,6 +4,7 @@ use super::{Cylinder, Patch, Shape, ShapeHit, Sphere, Surface};
 use crate::math::{Line, Rgb};
 use canaletto_bvh::{Aabb, Ray};
 use glam::Vec3;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// Many spheres of one object.
@@ -115,18 +116,20 @@ macro_rules! cloud {
             /// A sentence that names the number, its value and the range.
             pub fn check(&self) -> Result<(), String> {
                 check_lists(self.len(), &self.radii, &self.colors, $of)?;
-                for i in 0..self.len() {
-                    self.element(i).check().map_err(|e| format!(concat!($word, " {}: {}"), i, e))?;
+                let wrong = (0..self.len()).into_par_iter().find_map_first(|i| {
+                    if let Err(e) = self.element(i).check() {
+                        return Some(format!(concat!($word, " {}: {}"), i, e));
+                    }
                     let Aabb { min, max } = self.bounds(i);
-                    if !(min.is_finite() && max.is_finite()) {
-                        return Err(format!(
+                    (!(min.is_finite() && max.is_finite())).then(|| {
+                        format!(
                             concat!($word, " {} reaches beyond ±{:e}, the largest coordinate possible"),
                             i,
                             f32::MAX
-                        ));
-                    }
-                }
-                Ok(())
+                        )
+                    })
+                });
+                wrong.map_or(Ok(()), Err)
             }
 
             fn element(&self, i: usize) -> $element {

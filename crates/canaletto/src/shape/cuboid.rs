@@ -23,6 +23,7 @@ pub struct Cuboid {
 impl Cuboid {
     /// The nearest t in (0, t_max]: where the ray has entered through all three pairs of faces, or from inside where it
     /// first leaves one. A ray in the plane of a face doesn't meet the box.
+    #[inline]
     pub fn intersect(&self, ray: &Ray, t_max: f32) -> Option<ShapeHit> {
         let (mut enter, mut leave) = ((f64::NEG_INFINITY, 0), (f64::INFINITY, 0));
         for axis in 0..3 {
@@ -53,14 +54,8 @@ impl Cuboid {
 
     /// The surface at a hit: the point lies exactly on its face.
     pub fn surface(&self, line: impl Into<Line>, hit: &ShapeHit) -> Surface {
-        let (axis, upper) = (hit.part as usize / 2, hit.part % 2 == 1);
-        let plane = if upper { self.max[axis] } else { self.min[axis] };
-        let Line { origin: o, direction: d } = line.into();
-        let t = (f64::from(plane) - o[axis]) / d[axis];
-        let mut point = (o + d * t).clamp(self.min.as_dvec3(), self.max.as_dvec3());
-        point[axis] = f64::from(plane);
-        let mut normal = DVec3::ZERO;
-        normal[axis] = if upper { 1.0 } else { -1.0 };
+        let surface = self.bare_surface(line.into(), hit);
+        let point = surface.exact;
         // Fractions of the way from min to max, and from max to min.
         let fraction = |along: usize, from: Vec3| {
             let size = f64::from(self.max[along]) - f64::from(self.min[along]);
@@ -76,7 +71,21 @@ impl Cuboid {
             4 => Vec2::new(down(0), down(1)),
             _ => Vec2::new(up(0), down(1)),
         };
-        Surface::at(point, normal, uv)
+        Surface { uv, ..surface }
+    }
+
+    /// The same without texture coordinates.
+    #[inline]
+    pub(super) fn bare_surface(&self, line: Line, hit: &ShapeHit) -> Surface {
+        let (axis, upper) = (hit.part as usize / 2, hit.part % 2 == 1);
+        let plane = if upper { self.max[axis] } else { self.min[axis] };
+        let Line { origin: o, direction: d } = line;
+        let t = (f64::from(plane) - o[axis]) / d[axis];
+        let mut point = (o + d * t).clamp(self.min.as_dvec3(), self.max.as_dvec3());
+        point[axis] = f64::from(plane);
+        let mut normal = DVec3::ZERO;
+        normal[axis] = if upper { 1.0 } else { -1.0 };
+        Surface::at(point, normal, Vec2::ZERO)
     }
 
     /// How the surface goes on around a hit.

@@ -123,6 +123,7 @@ impl Shape {
     pub(crate) fn bare_surface(&self, line: Line, hit: &ShapeHit) -> Surface {
         match self {
             Shape::Sphere(s) => s.bare_surface(line, hit),
+            Shape::Box(s) => s.bare_surface(line, hit),
             other => other.surface(line, hit),
         }
     }

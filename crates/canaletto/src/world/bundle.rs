@@ -7,6 +7,7 @@ use super::World;
 use super::corridor::{Corridor, GROUP};
 use super::geometry::{Geometry, NO_PRIMITIVE, Nearest};
 use super::instance::{Instance, NONE, Unbounded, to_local};
+use super::loose;
 use super::query::{Blocker, Hit};
 use crate::math::Line;
 use crate::shape::ShapeHit;
@@ -53,7 +54,7 @@ pub enum Between {
 /// Rays in one space.
 #[derive(Debug, Default)]
 pub(super) struct Rays {
-    rays: Vec<Ray>,
+    pub(super) rays: Vec<Ray>,
     /// Some of them, as somebody wanted them last.
     prepared: Vec<PreparedRay>,
     /// Which.
@@ -65,9 +66,11 @@ pub(super) struct Rays {
 }
 
 /// Some rays of a list.
-struct Part<'a> {
-    rays: &'a mut Rays,
-    range: Range<usize>,
+pub(super) struct Part<'a> {
+    pub(super) rays: &'a mut Rays,
+    pub(super) range: Range<usize>,
+    /// What their groups lie between, in the space where they are, if anybody knows.
+    pub(super) corridors: &'a [Corridor],
 }
 
 impl Part<'_> {
@@ -77,7 +80,7 @@ impl Part<'_> {
 }
 
 /// Calls `f` for each run of groups that a box isn't surely missed by, with the places of their rays.
-fn for_runs(corridors: &[Corridor], rays: usize, bounds: &Aabb, mut f: impl FnMut(Range<usize>)) {
+pub(super) fn for_runs(corridors: &[Corridor], rays: usize, bounds: &Aabb, mut f: impl FnMut(Range<usize>)) {
     let mut start = None;
     for (index, corridor) in corridors.iter().enumerate() {
         match (corridor.misses(bounds), start) {
@@ -188,8 +191,9 @@ impl World {
             for_runs(corridors, rays.rays.len(), bounds, |range| {
                 found.clear();
                 found.extend(nearest[range.clone()].iter().map(|best| Nearest::before(best.1.t)));
+                let corridors = known(instance, corridors, &range);
                 let rays = self.in_space_of(instance, rays, local, time, &mut mapped);
-                geometry.intersect_bundle(Part { rays, range: range.clone() }, found);
+                geometry.intersect_bundle(Part { rays, range: range.clone(), corridors }, found);
                 for (best, &found) in nearest[range].iter_mut().zip(&*found) {
                     offer(best, index as u32, found);
                 }
@@ -236,7 +240,8 @@ impl World {
             for_runs(corridors, rays.rays.len(), bounds, |range| {
                 let open = &mut open[range.clone()];
                 let between = &mut between[range.clone()];
-                let part = Part { rays: self.in_space_of(instance, rays, local, time, &mut mapped), range };
+                let corridors = known(instance, corridors, &range);
+                let part = Part { rays: self.in_space_of(instance, rays, local, time, &mut mapped), range, corridors };
                 if clear {
                     geometry.between_bundle(part, open, between, |primitive| self.is_opaque(index as u32, primitive));
                 } else {
@@ -274,6 +279,11 @@ impl World {
     }
 }
 
+/// The corridors of some rays if they are those of an instance's space, too.
+fn known<'a>(instance: &Instance, corridors: &'a [Corridor], rays: &Range<usize>) -> &'a [Corridor] {
+    if instance.to_world.is_none() { &corridors[rays.start / GROUP..rays.end.div_ceil(GROUP)] } else { &[] }
+}
+
 /// Makes a hit the nearest if it is; ties go to the lowest instance, then the lowest primitive.
 #[inline]
 fn offer(best: &mut (u32, Nearest), instance: u32, found: Nearest) {
@@ -295,6 +305,7 @@ impl Geometry {
                     *found = Nearest { t: hit.t, primitive: hit.id, part: 0, uv: [hit.u, hit.v] };
                 }
             }
+            Geometry::Shapes { shapes, .. } if shapes.len() <= loose::FEW => loose::intersect(shapes, &part, found),
             Geometry::Shapes { .. } | Geometry::Spheres { .. } | Geometry::Cylinders { .. }
                 if part.range.len() >= TOGETHER && self.len() >= MANY =>
             {
@@ -331,6 +342,9 @@ impl Geometry {
             _ if part.range.len() >= TOGETHER && self.len() >= MANY => {
                 self.occluded_coherent(&part.rays.rays[part.range], t_max);
             }
+            Geometry::Shapes { shapes, .. } if shapes.len() <= loose::FEW => {
+                loose::between(shapes, &part, t_max, |_, _| true);
+            }
             _ if self.is_few() => {
                 for (ray, t_max) in part.rays.rays[part.range].iter().zip(t_max).filter(|(_, t_max)| **t_max > 0.0) {
                     if self.occluded_few(ray, *t_max, |_| true).is_some() {
@@ -361,11 +375,22 @@ impl Geometry {
         between: &mut [Between],
         is_opaque: impl Fn(u32) -> bool,
     ) {
+        if let Geometry::Shapes { shapes, .. } = self
+            && shapes.len() <= loose::FEW
+        {
+            return loose::between(shapes, &part, t_max, |ray, shape| {
+                let opaque = is_opaque(shape);
+                if !opaque {
+                    between[ray] = Between::Clear;
+                }
+                opaque
+            });
+        }
         let few = self.is_few();
         if !few {
             part.prepare();
         }
-        let Part { rays: Rays { rays, prepared, ready, .. }, range } = part;
+        let Part { rays: Rays { rays, prepared, ready, .. }, range, .. } = part;
         for (index, (t_max, between)) in t_max.iter_mut().zip(between).enumerate().filter(|(_, (t, _))| **t > 0.0) {
             let blocks = |primitive| {
                 let opaque = is_opaque(primitive);

@@ -54,12 +54,6 @@ impl From<bvh::Nearest> for Nearest {
     }
 }
 
-/// The exact kernel of a shape, its hit kept in the box by which the tree finds the shape.
-#[inline]
-fn meet(shape: &Shape, ray: &PreparedRay, t_max: f32) -> Option<Met> {
-    confined(shape.intersect(&ray.ray, t_max)?, &shape.bounds()?, ray, t_max)
-}
-
 #[inline]
 fn confined(ShapeHit { t, part, uv }: ShapeHit, bounds: &Aabb, ray: &PreparedRay, t_max: f32) -> Option<Met> {
     Some(Met { t: ray.confine(bounds, t.into(), t_max)?, id: Met::NONE, part, uv })
@@ -69,7 +63,8 @@ fn confined(ShapeHit { t, part, uv }: ShapeHit, bounds: &Aabb, ray: &PreparedRay
 fn other(shapes: &[Shape]) -> impl Fn(Asked, &PreparedRay, f32) -> Option<Met> {
     #[inline(never)]
     fn one(shape: &Shape, ray: &PreparedRay, t_max: f32) -> Option<Met> {
-        meet(shape, ray, t_max)
+        // Kept in the box by which the tree finds the shape.
+        confined(shape.intersect(&ray.ray, t_max)?, &shape.bounds()?, ray, t_max)
     }
     |asked, ray, t_max| one(&shapes[asked.id as usize], ray, t_max)
 }

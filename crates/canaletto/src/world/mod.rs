@@ -13,6 +13,7 @@ mod geometry;
 mod group;
 mod instance;
 mod light_meshes;
+mod loose;
 mod motion;
 mod nesting;
 #[cfg(test)]

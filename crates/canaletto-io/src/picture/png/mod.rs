@@ -1,11 +1,15 @@
 //! PNG (ISO/IEC 15948): 8 and 16 bits, with texts; read in all its types.
 
-use super::{Channel, Decoded, Image, MAX_PIXELS, PictureError, check};
-use ::png::{
-    BitDepth, ColorType, Compression, Decoder, Encoder, Limits, ScaledFloat, SrgbRenderingIntent, Transformations,
-};
-use canaletto::scene::Transfer;
+mod bands;
+
+use super::{Channel, Decoded, Image, MAX_PIXELS, PictureError, check, no_pixels};
+use ::png::chunk::IDAT;
+use ::png::{BitDepth, ColorType, Decoder, Encoder, Limits, ScaledFloat, SrgbRenderingIntent, Transformations};
+use bands::Shape;
+use canaletto::film::{Developer, Picture};
+use canaletto::scene::{FilmSettings, Transfer};
 use std::io::{Cursor, Write};
+use std::ops::Range;
 
 /// Bits of each number.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -25,6 +29,22 @@ impl Depth {
             Depth::Sixteen => 16,
         }
     }
+
+    fn bytes(self) -> usize {
+        usize::from(self.bits() / 8)
+    }
+
+    /// Writes values as bytes.
+    fn put(self, values: &[f32], bytes: &mut [u8]) {
+        match self {
+            Depth::Eight => bytes.iter_mut().zip(values).for_each(|(byte, &v)| *byte = level(v, 255.0) as u8),
+            Depth::Sixteen => {
+                for (two, &v) in bytes.as_chunks_mut().0.iter_mut().zip(values) {
+                    *two = (level(v, 65535.0) as u16).to_be_bytes();
+                }
+            }
+        }
+    }
 }
 
 /// The bytes of a PNG of the channels R G B, or Y; A, if there is one, is kept. Values are display values and rounded
@@ -40,53 +60,98 @@ pub fn encode_png(
     metadata: &[(String, String)],
 ) -> Result<Vec<u8>, PictureError> {
     check(image)?;
-    let unfit = |e: ::png::EncodingError| PictureError::Unfit(format!("PNG can't hold it: {e}"));
     let mut channels: Vec<&[f32]> = match (image.rgb(), image.channel("R")) {
         (Some(rgb), Some(_)) => rgb.to_vec(),
         (Some([y, ..]), None) => vec![y],
         (None, _) => return Err(PictureError::Unfit("PNG needs the channels R G B, or Y".into())),
     };
     channels.extend(image.channel("A"));
-    let color = [ColorType::Grayscale, ColorType::GrayscaleAlpha, ColorType::Rgb, ColorType::Rgba][channels.len() - 1];
+    let count = channels.len();
+    encode([image.width, image.height], count, depth, transfer, metadata, |range, values| {
+        for (index, channel) in channels.iter().enumerate() {
+            for (value, &v) in values[index..].iter_mut().step_by(count).zip(&channel[range.clone()]) {
+                *value = v;
+            }
+        }
+    })
+}
 
+/// The bytes of a PNG of a picture in linear light, developed as its film says. `metadata` become texts.
+///
+/// # Errors
+/// [`PictureError::Unfit`] if there is no pixel, or a key isn't 1 to 79 Latin letters.
+pub fn develop_png(
+    picture: &Picture,
+    film: &FilmSettings,
+    depth: Depth,
+    metadata: &[(String, String)],
+) -> Result<Vec<u8>, PictureError> {
+    if picture.pixels.is_empty() {
+        return Err(no_pixels());
+    }
+    let developer = Developer::new(picture, film.tone, film.transfer);
+    encode([picture.width, picture.height], 3, depth, film.transfer, metadata, |range, values| {
+        for (value, color) in values.as_chunks_mut().0.iter_mut().zip(&picture.pixels[range]) {
+            *value = color.to_array();
+        }
+        developer.develop(values);
+    })
+}
+
+/// A PNG whose values `fill` gives, for a range of pixels.
+fn encode(
+    [width, height]: [u32; 2],
+    channels: usize,
+    depth: Depth,
+    transfer: Transfer,
+    metadata: &[(String, String)],
+    fill: impl Fn(Range<usize>, &mut [f32]) + Sync,
+) -> Result<Vec<u8>, PictureError> {
+    let unfit = |e: ::png::EncodingError| PictureError::Unfit(format!("PNG can't hold it: {e}"));
+    let color = [ColorType::Grayscale, ColorType::GrayscaleAlpha, ColorType::Rgb, ColorType::Rgba][channels - 1];
     let mut out = Vec::new();
-    let mut encoder = Encoder::new(&mut out, image.width, image.height);
+    let mut encoder = Encoder::new(&mut out, width, height);
     encoder.set_color(color);
     encoder.set_depth(if depth == Depth::Eight { BitDepth::Eight } else { BitDepth::Sixteen });
-    encoder.set_compression(Compression::Fast);
     if transfer == Transfer::Srgb {
         encoder.set_source_srgb(SrgbRenderingIntent::RelativeColorimetric);
         encoder.set_source_gamma(ScaledFloat::from_scaled(45_455));
     }
     png_texts(&mut encoder, metadata)?;
     let mut writer = encoder.write_header().map_err(unfit)?;
-    let data = match depth {
-        Depth::Eight => interleaved(&channels, |v| [level(v, 255.0) as u8]),
-        Depth::Sixteen => interleaved(&channels, |v| (level(v, 65535.0) as u16).to_be_bytes()),
+    let bytes = |range: Range<usize>, bytes: &mut [u8]| {
+        /// As many values as stay in the nearest cache.
+        const FEW: usize = 1 << 10;
+        let mut values = [0.0; FEW];
+        let (few, pixel) = (FEW / channels, channels * depth.bytes());
+        for (start, bytes) in range.clone().step_by(few).zip(bytes.chunks_mut(few * pixel)) {
+            let part = start..range.end.min(start + few);
+            let values = &mut values[..part.len() * channels];
+            fill(part, values);
+            depth.put(values, bytes);
+        }
     };
-    writer.write_image_data(&data).map_err(unfit)?;
+    let shape = Shape { width: width as usize, height: height as usize, pixel: channels * depth.bytes() };
+    let broken = |e: std::io::Error| PictureError::Unfit(format!("PNG can't hold it: {e}"));
+    for part in bands::compressed(shape, bytes).map_err(broken)? {
+        writer.write_chunk(IDAT, &part).map_err(unfit)?;
+    }
     writer.finish().map_err(unfit)?;
     Ok(out)
 }
 
-/// The nearest of 0 to `most` to a share of it, halves upwards; 0 for NaN.
+/// The nearest of 0 to `most` to a share of it, halves upwards; 0 for NaN. Nothing but sums and choices, which go side by side on every
+/// machine.
 #[inline]
 fn level(v: f32, most: f32) -> u32 {
-    let v = v.clamp(0.0, 1.0) * most;
-    let below = v as u32;
-    below + u32::from(v - below as f32 >= 0.5)
-}
-
-/// All values, pixel by pixel, as bytes.
-fn interleaved<const BYTES: usize>(channels: &[&[f32]], bytes: impl Fn(f32) -> [u8; BYTES]) -> Vec<u8> {
-    let pixel = channels.len() * BYTES;
-    let mut data = vec![0; channels[0].len() * pixel];
-    for (index, channel) in channels.iter().enumerate() {
-        for (place, &v) in data[index * BYTES..].chunks_mut(pixel).zip(*channel) {
-            place[..BYTES].copy_from_slice(&bytes(v));
-        }
-    }
-    data
+    /// From here on floats are whole, and their last bits count.
+    const WHOLE: f32 = (1 << 23) as f32;
+    let v = if v > 0.0 { v } else { 0.0 };
+    let v = if v < 1.0 { v } else { 1.0 } * most;
+    // To the nearest, halves to an even one, which may be below.
+    let even = v + WHOLE - WHOLE;
+    let nearest = even + if v - even >= 0.5 { 1.0 } else { 0.0 };
+    (nearest + WHOLE).to_bits() & 0xffff
 }
 
 /// Adds texts to a PNG: the program's name and `metadata`.
@@ -168,6 +233,8 @@ pub fn decode_png(bytes: &[u8]) -> Result<Decoded, PictureError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use canaletto::film::develop;
+    use canaletto::scene::Tone;
 
     fn ramp() -> Image {
         Image::from_rgb(16, 16, (0..256).map(|i| [i as f32 / 255.0, 1.0 - i as f32 / 255.0, 0.5]))
@@ -187,6 +254,44 @@ mod tests {
             assert!(read.metadata.iter().any(|(k, v)| k == "Software" && v.starts_with("Canaletto 0.")));
             assert!(texts.iter().all(|text| read.metadata.contains(text)));
         }
+    }
+
+    /// Of several bands, with noise and flat parts, so that all filters have their turn.
+    fn picture() -> Picture {
+        let (width, height) = (301, 403);
+        let value = |i: usize, c: usize| match i / width / 80 {
+            0 => 0.25,
+            1 => (i % width) as f32 / 300.0,
+            2 => (i / width) as f32 / 403.0 * (c as f32 + 1.0),
+            3 => (i.wrapping_mul(2_654_435_761).wrapping_add(c * 77_777) >> 7 & 0xff) as f32 / 255.0,
+            _ => ((i % width + i / width) % 256) as f32 / 255.0,
+        };
+        let mut picture = Picture::new(width as u32, height);
+        for (i, color) in picture.pixels.iter_mut().enumerate() {
+            *color = [0, 1, 2].map(|c| value(i, c)).into();
+        }
+        picture
+    }
+
+    #[test]
+    fn bands_are_one_picture_whatever_the_threads() {
+        let (picture, texts) = (picture(), vec![("seed".to_owned(), "7".to_owned())]);
+        for (depth, tone) in [(Depth::Eight, Tone::Clamp), (Depth::Sixteen, Tone::Scale)] {
+            let film = FilmSettings { tone, transfer: Transfer::Srgb, ..FilmSettings::default() };
+            let shown = develop(&picture, film.tone, film.transfer);
+            let image = Image::from_rgb(picture.width, picture.height, shown.iter().map(|c| c.to_array()));
+            let [one, many] = [1, 5].map(|threads| {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                pool.install(|| develop_png(&picture, &film, depth, &texts).unwrap())
+            });
+            assert!(one == many && one == encode_png(&image, depth, film.transfer, &texts).unwrap());
+            assert!(one.windows(4).filter(|w| w == b"IDAT").count() > 3);
+            let most = if depth == Depth::Eight { 255.0 } else { 65535.0 };
+            for (a, b) in decode_png(&one).unwrap().image.channels.iter().zip(&image.channels) {
+                assert!(a.data.iter().zip(&b.data).all(|(a, b)| a * most == level(*b, most) as f32));
+            }
+        }
+        assert!(develop_png(&Picture::new(0, 3), &FilmSettings::default(), Depth::Eight, &[]).is_err());
     }
 
     #[test]
