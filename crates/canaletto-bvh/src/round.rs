@@ -1,5 +1,6 @@
 //! Spheres, cylinders and whatever is among them: blocks of four for trees.
 
+use crate::slab::{DEFLATE, INFLATE};
 use crate::{Aabb, PreparedRay, Ray, cylinder, sphere};
 use glam::{Vec3, Vec4};
 
@@ -68,6 +69,16 @@ impl Sorted {
     fn of(self, lanes: u32) -> Self {
         Self { lanes: self.lanes & lanes, ..self }
     }
+
+    /// Those of both, which have no lane in common.
+    #[inline(always)]
+    fn and(mut self, other: Self) -> Self {
+        for lane in 0..LANES {
+            self.near[lane] = if other.lanes >> lane & 1 == 1 { other.near[lane] } else { self.near[lane] };
+        }
+        self.lanes |= other.lanes;
+        self
+    }
 }
 
 /// What a primitive is.
@@ -87,7 +98,7 @@ pub enum Round {
         /// Its radius, more than 0.
         radius: f32,
     },
-    /// Something else, about which the kernel is asked whenever a ray comes near.
+    /// Something else, about which the kernel is asked whenever a ray enters its box.
     Other,
 }
 
@@ -123,7 +134,7 @@ pub(crate) type Rows = [Vec4; 3];
 pub(crate) struct Block {
     /// Centres of spheres, ends of cylinders, or the lower corners of the boxes of what is neither.
     base: Rows,
-    /// Negative for a cylinder, NaN for what is neither, which is never sorted out.
+    /// Negative for a cylinder, NaN for what is neither.
     radius: Vec4,
     /// The cylinders' other ends, the boxes' upper corners.
     top: Rows,
@@ -157,8 +168,8 @@ impl Block {
         bit(0) | bit(1) | bit(2) | bit(3)
     }
 
-    /// Whether rays that pass far from any of its primitives need no exact kernel to know.
-    pub(crate) fn is_sorted_out(&self) -> bool {
+    /// Whether it holds spheres and cylinders alone.
+    pub(crate) fn is_round(&self) -> bool {
         !self.radius.is_nan()
     }
 
@@ -173,36 +184,75 @@ impl Block {
         cylinder::sort(&self.base, &self.top, -self.radius, ray, t_max)
     }
 
+    /// The lanes with what is neither sphere nor cylinder.
+    #[inline(always)]
+    fn others(&self) -> u32 {
+        self.radius.is_nan_mask().bitmask()
+    }
+
+    /// The boxes of such, entered as [`PreparedRay::confine`] tells, which holds their hits to them.
+    #[inline(always)]
+    fn sort_others(&self, ray: &PreparedRay, t_max: f32) -> Sorted {
+        if !ray.regular {
+            return Sorted { lanes: u32::MAX, near: [0.0; LANES] };
+        }
+        let (mut near, mut far) = (Vec4::ZERO, Vec4::INFINITY);
+        for axis in 0..3 {
+            let (origin, reciprocal) = (ray.ray.origin[axis], ray.reciprocal[axis]);
+            let (low, high) = ((self.base[axis] - origin) * reciprocal, (self.top[axis] - origin) * reciprocal);
+            (near, far) = (near.max(low.min(high)), far.min(low.max(high)));
+        }
+        let before = near * DEFLATE;
+        let lanes = near.cmple(far * INFLATE) & before.cmple(Vec4::splat(t_max));
+        Sorted { lanes: lanes.bitmask(), near: before.to_array() }
+    }
+
     /// What of the filled lanes may be met before `t_max`.
     #[inline(always)]
-    pub(crate) fn sort(&self, filled: u32, ray: &Rough, t_max: f32) -> Sorted {
-        let cylinders = self.cylinders();
-        if cylinders == 0 {
-            return sphere::sort(&self.base, self.radius, ray, t_max).of(filled);
+    pub(crate) fn sort(&self, filled: u32, ray: &PreparedRay, rough: &Rough, t_max: f32) -> Sorted {
+        let others = filled & self.others();
+        let sorted = self.sort_round(filled & !others, rough, t_max);
+        if others == 0 { sorted } else { sorted.and(self.sort_others(ray, t_max).of(others)) }
+    }
+
+    /// The same of spheres and cylinders alone.
+    #[inline(always)]
+    pub(crate) fn sort_round(&self, filled: u32, rough: &Rough, t_max: f32) -> Sorted {
+        let cylinders = filled & self.cylinders();
+        let spheres = filled & !cylinders;
+        let mut sorted = Sorted::NONE;
+        if spheres != 0 {
+            sorted = sphere::sort(&self.base, self.radius, rough, t_max).of(spheres);
         }
-        let mut sorted = self.sort_cylinders(ray, t_max).of(cylinders);
-        if filled & !cylinders != 0 {
-            let spheres = sphere::sort(&self.base, self.radius, ray, t_max).of(filled & !cylinders);
-            for lane in 0..LANES {
-                let of = if cylinders >> lane & 1 == 0 { &spheres } else { &sorted };
-                sorted.near[lane] = of.near[lane];
-            }
-            sorted.lanes |= spheres.lanes;
+        if cylinders != 0 {
+            sorted = sorted.and(self.sort_cylinders(rough, t_max).of(cylinders));
         }
         sorted
     }
 
-    /// The same, only for whether: what may be met, and what surely is.
+    /// [`Block::sort`] only for whether: what may be met, and what surely is.
     #[inline(always)]
-    pub(crate) fn sort_any(&self, filled: u32, ray: &Rough, t_max: f32) -> (u32, u32) {
-        let cylinders = self.cylinders();
-        let (mut lanes, mut surely) = (0, 0);
-        if filled & !cylinders != 0 {
-            (lanes, surely) = sphere::sort_any(&self.base, self.radius, ray, t_max);
-            (lanes, surely) = (lanes & filled & !cylinders, surely & filled & !cylinders);
+    pub(crate) fn sort_any(&self, filled: u32, ray: &PreparedRay, rough: &Rough, t_max: f32) -> (u32, u32) {
+        let others = filled & self.others();
+        let (mut lanes, surely) = self.sort_any_round(filled & !others, rough, t_max);
+        if others != 0 {
+            lanes |= self.sort_others(ray, t_max).lanes & others;
         }
-        if cylinders != 0 && surely == 0 {
-            lanes |= self.sort_cylinders(ray, t_max).lanes & cylinders;
+        (lanes, surely)
+    }
+
+    /// The same of spheres and cylinders alone.
+    #[inline(always)]
+    pub(crate) fn sort_any_round(&self, filled: u32, rough: &Rough, t_max: f32) -> (u32, u32) {
+        let cylinders = filled & self.cylinders();
+        let spheres = filled & !cylinders;
+        let (mut lanes, mut surely) = (0, 0);
+        if spheres != 0 {
+            (lanes, surely) = sphere::sort_any(&self.base, self.radius, rough, t_max);
+            (lanes, surely) = (lanes & spheres, surely & spheres);
+        }
+        if cylinders != 0 {
+            lanes |= self.sort_cylinders(rough, t_max).lanes & cylinders;
         }
         (lanes, surely)
     }
@@ -245,6 +295,50 @@ mod tests {
     use crate::testing::Random;
 
     #[test]
+    fn what_is_surely_met_hides_nothing_that_may_count_in_its_place() {
+        let at = |z: f32| Aabb { min: Vec3::new(-1.0, -1.0, z - 1.0), max: Vec3::new(1.0, 1.0, z + 1.0) };
+        let sphere = Round::Sphere { center: -Vec3::Z * 5.0, radius: 1.0 };
+        let cylinder = Round::Cylinder { ends: [Vec3::new(-1.0, 0.0, -9.0), Vec3::new(1.0, 0.0, -9.0)], radius: 1.0 };
+        let all = [(0, at(-5.0), sphere), (1, at(-9.0), cylinder), (2, at(-20.0), Round::Other)];
+        let ray = Ray::new(Vec3::ZERO, -Vec3::Z).prepare();
+        let sorted = Block::new(all.into_iter()).sort_any(0b111, &ray, &Rough::new(&ray.ray), f32::INFINITY);
+        assert_eq!(sorted, (0b111, 0b001));
+    }
+
+    #[test]
+    fn hits_lie_in_boxes_that_are_not_sorted_out() {
+        let random = &mut Random(53);
+        let (mut sorted_out, mut missed, mut met) = (0, 0, 0);
+        for i in 0..200_000 {
+            let scale = [1.0, 1e-30, 1e30][i % 3];
+            let boxes: [Aabb; LANES] = std::array::from_fn(|_| {
+                let (a, b) = (random.vector(), random.vector() * [1.0, 0.01, 0.0][random.below(3)]);
+                Aabb { min: a.min(a + b) * scale, max: a.max(a + b) * scale }
+            });
+            // Also along axes, and from on a box or within.
+            let target = boxes[random.below(LANES)];
+            let origin = [random.vector() * 2.0 * scale, target.min, target.center()][random.below(3)];
+            let mut direction = [random.vector() * scale, target.max - origin][random.below(2)];
+            direction[random.below(3)] *= [1.0, 0.0][random.below(2)];
+            let ray = Ray::new(origin, direction).prepare();
+            let block = Block::new((0..).zip(boxes).map(|(id, bounds)| (id, bounds, Round::Other)));
+            let t = random.signed().abs() * 2.0;
+            let t_max = [f32::INFINITY, t, t * 0.5][random.below(3)];
+            let Sorted { lanes, near } = block.sort(0b1111, &ray, &Rough::new(&ray.ray), t_max);
+            assert_eq!(block.sort_any(0b1111, &ray, &Rough::new(&ray.ray), t_max), (lanes, 0));
+            for (lane, bounds) in boxes.iter().enumerate() {
+                let (passed, hit) = (lanes >> lane & 1 == 0, ray.confine(bounds, t.into(), t_max));
+                let what = format!("{ray:?} {bounds:?} {t} {t_max}");
+                assert!(hit.is_none_or(|t| !passed && near[lane] <= t), "{hit:?} {what}");
+                sorted_out += usize::from(passed);
+                missed += usize::from(ray.regular && !ray.enters(bounds, t_max));
+                met += usize::from(hit.is_some());
+            }
+        }
+        assert!(met > 20_000 && sorted_out == missed, "{met}, {sorted_out} of {missed}");
+    }
+
+    #[test]
     fn what_is_sorted_out_is_missed_and_what_is_surely_met_is_met() {
         let random = &mut Random(43);
         let (mut sorted_out, mut missed, mut surely_met, mut met) = (0, 0, 0, 0);
@@ -271,8 +365,8 @@ mod tests {
             let t_max = [f32::INFINITY, t, t.next_down(), t * 2.0, t * 0.5][random.below(5)];
             let block = Block::new(std::iter::once((0, Aabb::EMPTY, Round::Sphere { center, radius })));
             let (rough, exactly) = (Rough::new(&ray.ray), all.is_some_and(|t| t <= t_max));
-            let Sorted { lanes, near } = block.sort(1, &rough, t_max);
-            let (any, surely) = block.sort_any(1, &rough, t_max);
+            let Sorted { lanes, near } = block.sort(1, &ray, &rough, t_max);
+            let (any, surely) = block.sort_any(1, &ray, &rough, t_max);
             assert!(!exactly || lanes & any & 1 == 1, "{ray:?} {center} {radius} {t_max}");
             assert!(!exactly || near[0].is_nan() || near[0] <= t, "{ray:?} {center} {radius} {near:?}");
             assert!(exactly || surely & 1 == 0, "{ray:?} {center} {radius} {t_max}");

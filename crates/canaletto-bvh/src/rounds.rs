@@ -33,7 +33,7 @@ impl Rounds {
             .into_par_iter()
             .map(|index| Block::new(leaves.block(index).iter().map(|&id| (id, bounds[id as usize], round(id)))))
             .collect_into_vec(&mut blocks);
-        let few = blocks.len() <= 1 && blocks.iter().all(Block::is_sorted_out);
+        let few = blocks.len() <= 1 && blocks.iter().all(Block::is_round);
         Ok(Self { bvh, blocks, count: bounds.len(), few })
     }
 
@@ -94,7 +94,7 @@ impl Rounds {
     ) {
         let rough = Rough::new(ray);
         for block in &self.blocks {
-            let sorted = block.sort(block.filled(), &rough, nearest.t);
+            let sorted = block.sort_round(block.filled(), &rough, nearest.t);
             if sorted.lanes != 0 {
                 closest(block, &sorted, prepared().borrow(), nearest, ask);
             }
@@ -118,7 +118,7 @@ impl Rounds {
     ) -> Option<u32> {
         let rough = Rough::new(ray);
         self.blocks.iter().enumerate().find_map(|(index, block)| {
-            let sorted = block.sort_any(block.filled(), &rough, t_max);
+            let sorted = block.sort_any_round(block.filled(), &rough, t_max);
             if sorted == (0, 0) {
                 return None;
             }

@@ -74,7 +74,7 @@ impl<A: Ask> Closest for OfRay<'_, A> {
     #[inline(always)]
     fn leaf(&mut self, leaf: Leaf, t_max: &mut f32) {
         let block = &self.blocks[leaf.first() as usize];
-        let sorted = block.sort(filled(leaf), &self.rough, self.nearest.t);
+        let sorted = block.sort(filled(leaf), self.ray, &self.rough, self.nearest.t);
         closest(block, &sorted, self.ray, self.nearest, self.ask);
         *t_max = self.nearest.t;
     }
@@ -93,7 +93,7 @@ impl<A: Ask> ClosestOfMany for OfRays<'_, A> {
 
     #[inline(always)]
     fn test(&self, ray: usize, leaf: Leaf, t_max: f32) -> (bool, Sorted) {
-        let sorted = self.blocks[leaf.first() as usize].sort(filled(leaf), &self.rough[ray], t_max);
+        let sorted = self.blocks[leaf.first() as usize].sort(filled(leaf), &self.rays[ray], &self.rough[ray], t_max);
         (sorted.lanes != 0, sorted)
     }
 
@@ -123,7 +123,8 @@ impl<A: Ask> ClosestOfMany for AnyOfRays<'_, A> {
 
     #[inline(always)]
     fn test(&self, ray: usize, leaf: Leaf, t_max: f32) -> (bool, (u32, u32)) {
-        let sorted = self.blocks[leaf.first() as usize].sort_any(filled(leaf), &self.rough[ray], t_max);
+        let sorted =
+            self.blocks[leaf.first() as usize].sort_any(filled(leaf), &self.rays[ray], &self.rough[ray], t_max);
         (sorted.0 | sorted.1 != 0, sorted)
     }
 
@@ -155,7 +156,7 @@ impl<A: Ask, F: FnMut(u32) -> bool> Any for AnyOf<'_, A, F> {
     #[inline(always)]
     fn leaf(&mut self, leaf: Leaf) -> bool {
         let block = &self.blocks[leaf.first() as usize];
-        let sorted = block.sort_any(filled(leaf), &self.rough, self.t_max);
+        let sorted = block.sort_any(filled(leaf), self.ray, &self.rough, self.t_max);
         *self.place = any(block, sorted, self.ray, self.t_max, self.ask, &mut self.counts)
             .map(|lane| leaf.first() * LANES as u32 + lane);
         self.place.is_some()
