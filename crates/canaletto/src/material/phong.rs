@@ -55,13 +55,6 @@ impl Phong {
         }
         Ok(())
     }
-
-    /// cosⁿα of (5.38) for one r·L; see [`highlights`].
-    pub fn highlight(&self, r_dot_l: f32) -> f32 {
-        let mut value = [r_dot_l];
-        highlights(&mut value, &[self.n]);
-        value[0]
-    }
 }
 
 /// Makes cosⁿα of (5.38) of each r·L, cut off below 0: pow(max(0, r·L), n). An n of 0 gives 1 everywhere.
@@ -78,9 +71,10 @@ mod tests {
 
     #[test]
     fn highlights_follow_the_power() {
-        let phong = Phong { n: 30.0, ..Phong::default() };
-        assert!((phong.highlight(0.969) - 0.969f32.powi(30)).abs() < 1e-6); // exercise 18
-        assert_eq!(phong.highlight(-0.2), 0.0);
+        let mut cosines = [0.969, -0.2];
+        highlights(&mut cosines, &[30.0; 2]);
+        assert!((cosines[0] - 0.969f32.powi(30)).abs() < 1e-6); // exercise 18
+        assert_eq!(cosines[1], 0.0);
     }
 
     #[test]
