@@ -53,39 +53,8 @@ fn none(_: Asked, _: &PreparedRay, _: f32) -> Option<Met> {
     None
 }
 
-/// How many rays are prepared at a time.
+/// How many rays are asked about at a time.
 const CHUNK: usize = 256;
-
-impl Ours {
-    fn closest_together(&self, rays: &[Segment], out: &mut Hits<'_>) {
-        let (mut own, mut nearest) = (Vec::with_capacity(CHUNK), Vec::with_capacity(CHUNK));
-        for (chunk, rays) in rays.chunks(CHUNK).enumerate() {
-            own.clear();
-            own.extend(rays.iter().map(|ray| Ray::new(ray.origin, ray.direction)));
-            nearest.clear();
-            nearest.extend(rays.iter().map(|ray| Met::before(ray.t_max)));
-            self.spheres.intersect_coherent(&own, &mut nearest, &none);
-            keep(chunk * CHUNK, &mut nearest, out);
-            self.cylinders.intersect_coherent(&own, &mut nearest, &ask);
-            add(chunk * CHUNK, &nearest, out);
-        }
-    }
-
-    fn any_together(&self, rays: &[Segment], out: &mut [u8]) {
-        let (mut own, mut t_max) = (Vec::with_capacity(CHUNK), Vec::with_capacity(CHUNK));
-        for (rays, out) in rays.chunks(CHUNK).zip(out.chunks_mut(CHUNK)) {
-            own.clear();
-            own.extend(rays.iter().map(|ray| Ray::new(ray.origin, ray.direction)));
-            t_max.clear();
-            t_max.extend(rays.iter().map(|ray| ray.t_max));
-            self.spheres.occluded_coherent(&own, &mut t_max, &none);
-            self.cylinders.occluded_coherent(&own, &mut t_max, &ask);
-            for (out, t) in out.iter_mut().zip(&t_max) {
-                *out = u8::from(*t == f32::NEG_INFINITY);
-            }
-        }
-    }
-}
 
 /// Writes down what spheres were met; ties go to them.
 fn keep(first: usize, nearest: &mut [Met], out: &mut Hits<'_>) {
@@ -107,44 +76,48 @@ fn add(first: usize, nearest: &[Met], out: &mut Hits<'_>) {
 }
 
 impl Tracer for Ours {
-    fn closest(&self, Run { rays, coherent, .. }: Run<'_>, out: &mut Hits<'_>) {
-        if coherent {
-            return self.closest_together(rays, out);
-        }
+    fn closest(&self, Run { own, t_max, coherent, .. }: Run<'_>, out: &mut Hits<'_>) {
         let (mut prepared, mut nearest) = (Vec::with_capacity(CHUNK), Vec::with_capacity(CHUNK));
-        for (chunk, rays) in rays.chunks(CHUNK).enumerate() {
-            prepared.clear();
-            prepared.extend(rays.iter().map(ray));
+        for (chunk, (rays, t_max)) in own.chunks(CHUNK).zip(t_max.chunks(CHUNK)).enumerate() {
             nearest.clear();
-            nearest.extend(rays.iter().map(|ray| Met::before(ray.t_max)));
-            self.spheres.intersect_stream(&prepared, &mut nearest, &none);
-            keep(chunk * CHUNK, &mut nearest, out);
-            self.cylinders.intersect_stream(&prepared, &mut nearest, &ask);
+            nearest.extend(t_max.iter().map(|&t_max| Met::before(t_max)));
+            if coherent {
+                self.spheres.intersect_coherent(rays, &mut nearest, &none);
+                keep(chunk * CHUNK, &mut nearest, out);
+                self.cylinders.intersect_coherent(rays, &mut nearest, &ask);
+            } else {
+                prepare(rays, &mut prepared);
+                self.spheres.intersect_stream(&prepared, &mut nearest, &none);
+                keep(chunk * CHUNK, &mut nearest, out);
+                self.cylinders.intersect_stream(&prepared, &mut nearest, &ask);
+            }
             add(chunk * CHUNK, &nearest, out);
         }
     }
 
-    fn any(&self, Run { rays, coherent, .. }: Run<'_>, out: &mut [u8]) {
-        if coherent {
-            return self.any_together(rays, out);
-        }
-        let (mut prepared, mut t_max) = (Vec::with_capacity(CHUNK), Vec::with_capacity(CHUNK));
-        for (rays, out) in rays.chunks(CHUNK).zip(out.chunks_mut(CHUNK)) {
-            prepared.clear();
-            prepared.extend(rays.iter().map(ray));
-            t_max.clear();
-            t_max.extend(rays.iter().map(|ray| ray.t_max));
-            self.spheres.occluded_stream(&prepared, &mut t_max, &none);
-            self.cylinders.occluded_stream(&prepared, &mut t_max, &ask);
-            for (out, t) in out.iter_mut().zip(&t_max) {
+    fn any(&self, Run { own, t_max, coherent, .. }: Run<'_>, out: &mut [u8]) {
+        let (mut prepared, mut ends) = (Vec::with_capacity(CHUNK), Vec::with_capacity(CHUNK));
+        for ((rays, t_max), out) in own.chunks(CHUNK).zip(t_max.chunks(CHUNK)).zip(out.chunks_mut(CHUNK)) {
+            ends.clear();
+            ends.extend_from_slice(t_max);
+            if coherent {
+                self.spheres.occluded_coherent(rays, &mut ends, &none);
+                self.cylinders.occluded_coherent(rays, &mut ends, &ask);
+            } else {
+                prepare(rays, &mut prepared);
+                self.spheres.occluded_stream(&prepared, &mut ends, &none);
+                self.cylinders.occluded_stream(&prepared, &mut ends, &ask);
+            }
+            for (out, t) in out.iter_mut().zip(&ends) {
                 *out = u8::from(*t == f32::NEG_INFINITY);
             }
         }
     }
 }
 
-fn ray(segment: &Segment) -> PreparedRay {
-    Ray::new(segment.origin, segment.direction).prepare()
+fn prepare(rays: &[Ray], prepared: &mut Vec<PreparedRay>) {
+    prepared.clear();
+    prepared.extend(rays.iter().map(Ray::prepare));
 }
 
 /// The same ray with a direction of length 1.
