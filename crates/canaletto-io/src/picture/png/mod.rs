@@ -8,6 +8,7 @@ use ::png::{BitDepth, ColorType, Decoder, Encoder, Limits, ScaledFloat, SrgbRend
 use bands::Shape;
 use canaletto::film::{Developer, Picture};
 use canaletto::scene::{FilmSettings, Transfer};
+use std::fmt::Display;
 use std::io::{Cursor, Write};
 use std::ops::Range;
 
@@ -107,7 +108,6 @@ fn encode(
     metadata: &[(String, String)],
     fill: impl Fn(Range<usize>, &mut [f32]) + Sync,
 ) -> Result<Vec<u8>, PictureError> {
-    let unfit = |e: ::png::EncodingError| PictureError::Unfit(format!("PNG can't hold it: {e}"));
     let color = [ColorType::Grayscale, ColorType::GrayscaleAlpha, ColorType::Rgb, ColorType::Rgba][channels - 1];
     let mut out = Vec::new();
     let mut encoder = Encoder::new(&mut out, width, height);
@@ -132,12 +132,15 @@ fn encode(
         }
     };
     let shape = Shape { width: width as usize, height: height as usize, pixel: channels * depth.bytes() };
-    let broken = |e: std::io::Error| PictureError::Unfit(format!("PNG can't hold it: {e}"));
-    for part in bands::compressed(shape, bytes).map_err(broken)? {
+    for part in bands::compressed(shape, bytes).map_err(unfit)? {
         writer.write_chunk(IDAT, &part).map_err(unfit)?;
     }
     writer.finish().map_err(unfit)?;
     Ok(out)
+}
+
+fn unfit(reason: impl Display) -> PictureError {
+    PictureError::Unfit(format!("PNG can't hold it: {reason}"))
 }
 
 /// The nearest of 0 to `most` to a share of it, halves upwards; 0 for NaN. Nothing but sums and choices, which go side by side on every
@@ -159,7 +162,6 @@ pub(crate) fn png_texts<W: Write>(
     encoder: &mut Encoder<'_, W>,
     metadata: &[(String, String)],
 ) -> Result<(), PictureError> {
-    let unfit = |e: ::png::EncodingError| PictureError::Unfit(format!("PNG can't hold it: {e}"));
     let software = ("Software".to_owned(), concat!("Canaletto ", env!("CARGO_PKG_VERSION")).to_owned());
     for (key, text) in std::iter::once(&software).chain(metadata) {
         let latin = text.chars().all(|c| matches!(c, '\n' | ' '..='~' | '\u{a1}'..='\u{ff}'));
