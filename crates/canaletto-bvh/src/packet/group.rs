@@ -4,8 +4,9 @@
 
 use crate::lanes::{Instructions, Mask, Row, SIXTEEN, Sixteen};
 use crate::node::Node;
+use crate::ray::way;
 use crate::slab::{INFLATE, WIDTH};
-use crate::{Nearest, PreparedRay, Ray};
+use crate::{Nearest, Ray};
 use glam::Vec3;
 
 /// What rays have in common that go together.
@@ -18,8 +19,9 @@ pub(super) struct Way {
 }
 
 impl Way {
+    #[inline(always)]
     fn of(ray: &Ray) -> Way {
-        let PreparedRay { octant, rows, .. } = ray.prepare();
+        let (octant, rows) = way(ray.direction.extend(1.0));
         Way { octant: usize::from(octant), rows }
     }
 
@@ -54,6 +56,9 @@ pub(super) struct Group {
 }
 
 pub(super) const NOTHING: u32 = u32::MAX;
+
+/// The corners of a triangle for each ray, the coordinates in the order of the way's `rows`.
+pub(super) type Corners = [[Row<f32>; 3]; 3];
 
 /// What the numbers of all rays of a group lie between, along one axis.
 #[derive(Clone, Copy)]
@@ -106,11 +111,12 @@ impl Group {
 
     /// Takes those of 1 to 16 rays that go together with the first that may go with any. Those that are left have no bit in `part`.
     #[inline(always)]
-    pub(super) fn gather<S: Instructions>(
+    pub(super) fn gather<S: Instructions, T>(
         &mut self,
         s: S,
         rays: &[Ray],
-        t_max: impl Fn(usize) -> f32,
+        told: &[T],
+        t_max: impl Fn(&T) -> f32,
     ) -> Option<(Way, [Interval; 3])> {
         transpose(rays, &mut self.origin, &mut self.direction);
         let (origin, direction) = (&self.origin, &self.direction);
@@ -150,8 +156,14 @@ impl Group {
             S::Sixteen::select(sure, along, s.splat(f32::NAN)).store(&mut self.shear[k]);
         }
         self.part = S::Sixteen::bits(part);
-        for i in 0..rays.len() {
-            self.t_max.0[i] = t_max(i);
+        if let Ok(told) = <&[T; SIXTEEN]>::try_from(told) {
+            for i in 0..SIXTEEN {
+                self.t_max.0[i] = t_max(&told[i]);
+            }
+        } else {
+            for (to, told) in self.t_max.0.iter_mut().zip(told) {
+                *to = t_max(told);
+            }
         }
         let t = S::Sixteen::select(part, s.load(&self.t_max), s.splat(f32::NEG_INFINITY));
         t.store(&mut self.t_max);

@@ -5,7 +5,7 @@
 use super::group::{Group, Interval};
 use crate::Leaf;
 use crate::lanes::{Instructions, Row, SIXTEEN, Sixteen};
-use crate::node::{Link, Node};
+use crate::node::{Link, Node, Places};
 use crate::slab::{self, INFLATE, WIDTH};
 use crate::traverse::STACK;
 use glam::Vec4;
@@ -108,21 +108,30 @@ impl Walk {
         &mut self,
         s: S,
         nodes: &[Node],
+        data: Places,
         all: &[Group; GROUPS],
     ) -> Option<(Leaf, u32)> {
         while self.len > 0 {
             self.len -= 1;
-            #[allow(unsafe_code)]
-            // SAFETY: entries below `len` were written.
-            let (near, place) = unsafe { (self.near[self.len].assume_init(), self.places[self.len].assume_init()) };
+            let (near, place) = self.entry(self.len);
             let mut groups = near.cmple(Vec4::from_array(self.limits.0)).bitmask();
+            if groups == 0 {
+                continue;
+            }
+            if self.len > 0 {
+                let (_, place) = self.entry(self.len - 1);
+                data.fetch(nodes[place as usize / WIDTH].children[place as usize % WIDTH]);
+            }
             let mut link = Link::node(0);
             if place != ROOT {
                 let (node, lane) = (&nodes[place as usize / WIDTH], place as usize % WIDTH);
-                // All groups, as a branch on whether one takes part is dearer. (A loop might not be unrolled.)
-                let enters = |i: usize| u32::from(all[i].enters(s, node, lane, self.octant)) << i;
-                groups &= enters(0) | enters(1) | enters(2) | enters(3);
                 link = node.children[lane];
+                // On the way to the nearest hit, nearly all rays that may enter a node do; to a shadow's, often none does.
+                if link.is_leaf() || !ORDERED {
+                    // All groups, as a branch on whether one takes part is dearer. (A loop might not be unrolled.)
+                    let enters = |i: usize| u32::from(all[i].enters(s, node, lane, self.octant)) << i;
+                    groups &= enters(0) | enters(1) | enters(2) | enters(3);
+                }
             }
             if groups == 0 {
                 continue;
@@ -133,6 +142,17 @@ impl Walk {
             self.visit::<S, ORDERED>(s, &nodes[link.index()], link.index() as u32, groups);
         }
         None
+    }
+
+    /// What waits at a place of the stack.
+    #[inline(always)]
+    fn entry(&self, index: usize) -> (Vec4, u32) {
+        debug_assert!(index <= self.len);
+        #[allow(unsafe_code)]
+        // SAFETY: only called for entries that were written.
+        unsafe {
+            (self.near[index].assume_init(), self.places[index].assume_init())
+        }
     }
 
     #[inline(always)]
