@@ -171,20 +171,36 @@ fn lanes(mut bits: u32) -> impl Iterator<Item = usize> {
 #[cold]
 #[inline(never)]
 fn nearer(group: &mut Group, waiting: &mut Corners, terms: &Terms, scene: Scene<'_>, rays: u32, place: u32) -> u32 {
-    let exactly = settle::settle_one(group, terms, scene, place);
+    let (block, lane) = (&scene.blocks[(place >> 2) as usize], place as usize & 3);
+    let (id, corners) = (block.id(lane), block.ordered(lane, terms.way.rows));
+    let exactly = settle::settle_one(group, terms, corners);
     let mut left = rays & !exactly.missed;
+    let take = |group: &mut Group, waiting: &mut Corners, i: usize, t: f32| {
+        (group.t_max.0[i], group.low.0[i]) = (t, t);
+        (group.waits.0[i], group.known.0[i]) = (place, id);
+        for (rows, corner) in waiting.iter_mut().zip(corners) {
+            for (row, x) in rows.iter_mut().zip(corner) {
+                row.0[i] = x;
+            }
+        }
+    };
+    let mut contested = 0;
     for i in lanes(left & exactly.met) {
-        let t = exactly.t[i];
-        // What is as near as what waits may have the lower id.
-        if t < group.low.0[i] {
-            (group.t_max.0[i], group.low.0[i]) = (t, t);
-            let block = &scene.blocks[(place >> 2) as usize];
-            group.waits.0[i] = place;
-            group.known.0[i] = block.id(place as usize & 3);
-            for (rows, corner) in waiting.iter_mut().zip(block.ordered(place as usize & 3, terms.way.rows)) {
-                for (row, x) in rows.iter_mut().zip(corner) {
-                    row.0[i] = x;
-                }
+        if exactly.t[i] < group.low.0[i] {
+            take(group, waiting, i, exactly.t[i]);
+            left &= !(1 << i);
+        } else if group.waits.0[i] != NOTHING {
+            contested |= 1 << i;
+        }
+    }
+    if contested != 0 {
+        let waited = settle::settle_each(group, terms, waiting);
+        for i in lanes(contested & waited.met) {
+            // What is as near as what waits may have the lower id.
+            if (exactly.t[i], id) < (waited.t[i], group.known.0[i]) {
+                take(group, waiting, i, exactly.t[i]);
+            } else {
+                (group.t_max.0[i], group.low.0[i]) = (waited.t[i], waited.t[i]);
             }
             left &= !(1 << i);
         }
@@ -213,13 +229,11 @@ fn decide(group: &mut Group, scene: Scene<'_>, i: usize, place: u32, nearest: &m
 #[cold]
 #[inline(never)]
 fn end(group: &mut Group, terms: &Terms, scene: Scene<'_>, rays: u32, place: u32) {
-    let exactly = settle::settle_one(group, terms, scene, place);
-    let block = &scene.blocks[(place >> 2) as usize];
+    let (block, lane) = (&scene.blocks[(place >> 2) as usize], place as usize & 3);
+    let exactly = settle::settle_one(group, terms, block.ordered(lane, terms.way.rows));
     for i in lanes(rays & !exactly.missed) {
         let mut nearest = Nearest::before(group.t_max.0[i]);
-        if exactly.met >> i & 1 == 1
-            || block.offer(place as usize & 3, &group.ray(i).prepare(), &mut nearest, scene.front_only)
-        {
+        if exactly.met >> i & 1 == 1 || block.offer(lane, &group.ray(i).prepare(), &mut nearest, scene.front_only) {
             group.t_max.0[i] = f32::NEG_INFINITY;
         }
     }

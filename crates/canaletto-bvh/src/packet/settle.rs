@@ -7,7 +7,6 @@
 
 use super::group::{Corners, Group, NOTHING};
 use super::look::Terms;
-use crate::block::Scene;
 use crate::exact::CANCELLED;
 use crate::lanes::{Row, SIXTEEN};
 use crate::slab::{DEFLATE, INFLATE, max, min};
@@ -46,25 +45,30 @@ pub(super) fn settle(group: &Group, corners: &Corners, terms: &Terms, nearest: &
 /// Tests one triangle for all rays.
 #[cold]
 #[inline(never)]
-pub(super) fn settle_one(group: &Group, terms: &Terms, scene: Scene<'_>, place: u32) -> Exactly {
-    InstructionSet::run(One { group, terms, scene, place })
+pub(super) fn settle_one(group: &Group, terms: &Terms, [a, b, c]: [[f32; 3]; 3]) -> Exactly {
+    let for_all = |corner: [f32; 3]| corner.map(|x| Row([x; SIXTEEN]));
+    settle_each(group, terms, &[for_all(a), for_all(b), for_all(c)])
 }
 
-struct One<'a> {
+/// Tests a triangle for each ray.
+#[cold]
+#[inline(never)]
+pub(super) fn settle_each(group: &Group, terms: &Terms, corners: &Corners) -> Exactly {
+    InstructionSet::run(Each { group, terms, corners })
+}
+
+struct Each<'a> {
     group: &'a Group,
     terms: &'a Terms,
-    scene: Scene<'a>,
-    place: u32,
+    corners: &'a Corners,
 }
 
-impl Kernel for One<'_> {
+impl Kernel for Each<'_> {
     type Answer = Exactly;
 
     #[inline(always)]
     fn run(self) -> Exactly {
-        let block = &self.scene.blocks[(self.place >> 2) as usize];
-        let triangle = block.ordered(self.place as usize & 3, self.terms.way.rows);
-        exactly(self.group, self.terms, &triangle.map(|corner| corner.map(|x| Row([x; SIXTEEN]))))
+        exactly(self.group, self.terms, self.corners)
     }
 }
 
