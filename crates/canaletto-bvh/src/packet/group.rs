@@ -29,7 +29,7 @@ impl Way {
     #[inline(always)]
     pub(super) fn axes(&self) -> [usize; 3] {
         let [x, y, z] = self.rows;
-        [usize::from(x >> 4) % 3, usize::from(y >> 4) % 3, usize::from(z >> 4) % 3]
+        [usize::from(x >> 4).min(2), usize::from(y >> 4).min(2), usize::from(z >> 4).min(2)]
     }
 }
 
@@ -118,6 +118,8 @@ impl Group {
         told: &[T],
         t_max: impl Fn(&T) -> f32,
     ) -> Option<(Way, [Interval; 3])> {
+        // Nearly always it is the first; which is told only after divisions.
+        let mut way = Way::of(&rays[0]);
         transpose(rays, &mut self.origin, &mut self.direction);
         let (origin, direction) = (&self.origin, &self.direction);
         let (least, infinity) = (s.splat(f32::MIN_POSITIVE), s.splat(f32::INFINITY));
@@ -136,7 +138,9 @@ impl Group {
             return None;
         }
         let first = together.trailing_zeros() as usize % SIXTEEN;
-        let way = Way::of(&rays[first]);
+        if first != 0 {
+            way = Way::of(&rays[first]);
+        }
         let [k0, k1, longest] = way.axes();
         let length = s.load(&direction[longest]);
         for axis in 0..3 {
