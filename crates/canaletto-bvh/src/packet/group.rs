@@ -5,7 +5,7 @@
 use crate::lanes::{Instructions, Mask, Row, SIXTEEN, Sixteen};
 use crate::node::Node;
 use crate::ray::way;
-use crate::slab::{INFLATE, WIDTH};
+use crate::slab::{self, INFLATE, WIDTH};
 use crate::{Nearest, Ray};
 use glam::Vec3;
 
@@ -60,11 +60,24 @@ pub(super) const NOTHING: u32 = u32::MAX;
 /// The corners of a triangle for each ray, the coordinates in the order of the way's `rows`.
 pub(super) type Corners = [[Row<f32>; 3]; 3];
 
-/// What the numbers of all rays of a group lie between, along one axis.
+/// What the numbers of all rays of a group, or of some, lie between, along one axis.
 #[derive(Clone, Copy)]
 pub(super) struct Interval {
     pub(super) origin: [f32; 2],
     pub(super) reciprocal: [f32; 2],
+}
+
+impl Interval {
+    /// Of no rays.
+    pub(super) const NONE: Self =
+        Self { origin: [f32::INFINITY, f32::NEG_INFINITY], reciprocal: [f32::INFINITY, f32::NEG_INFINITY] };
+
+    /// The interval of the rays of both.
+    #[inline(always)]
+    pub(super) fn union(self, other: Self) -> Self {
+        let both = |[a, b]: [f32; 2], [c, d]: [f32; 2]| [slab::min(a, c), slab::max(b, d)];
+        Self { origin: both(self.origin, other.origin), reciprocal: both(self.reciprocal, other.reciprocal) }
+    }
 }
 
 #[inline(always)]
@@ -174,7 +187,7 @@ impl Group {
         t.store(&mut self.low);
         self.waits = Row([NOTHING; SIXTEEN]);
         self.known = Row([Nearest::NONE; SIXTEEN]);
-        let mut intervals = [Interval { origin: [0.0; 2], reciprocal: [0.0; 2] }; 3];
+        let mut intervals = [Interval::NONE; 3];
         for axis in 0..3 {
             let (o, r) = (&origin[axis], &self.reciprocal[axis]);
             intervals[axis] = Interval { origin: ends(s, part, o, first), reciprocal: ends(s, part, r, first) };

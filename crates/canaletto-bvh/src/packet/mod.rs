@@ -1,6 +1,6 @@
-//! Rays that go nearly the same way, through the tree together. Groups of sixteen are clipped to the boxes of nodes by the interval of all their rays (Boulos, Wald and Shirley,
-//! "Geometric and arithmetic culling methods for entire ray packets", 2006), up to four groups at once, and triangles are tested
-//! against all rays of a group side by side.
+//! Rays that go nearly the same way, through the tree together. Up to four groups of sixteen are clipped to the boxes of nodes by one interval of all their rays
+//! (Boulos, Wald and Shirley, "Geometric and arithmetic culling methods for entire ray packets", 2006), and triangles are tested against all
+//! rays of a group side by side.
 //!
 //! The answers are those of single rays, bit for bit. As there (`block`), triangles are tested in f32, and one that all but certainly is the nearest waits
 //! for its exact test until the way has ended: then all rays are tested side by side with what waits for them, by the operations of the exact kernel in the same
@@ -52,40 +52,41 @@ pub(crate) struct Packet {
 impl Packet {
     #[inline(always)]
     pub(crate) fn new() -> Self {
-        let nothing = [Interval { origin: [0.0; 2], reciprocal: [0.0; 2] }; 3];
         Self {
             groups: [Group::EMPTY; GROUPS],
             corners: [[[Row([0.0; SIXTEEN]); 3]; 3]; GROUPS],
-            intervals: [nothing; GROUPS],
+            intervals: [[Interval::NONE; 3]; GROUPS],
             len: 0,
             way: Way { octant: 0, rows: [0; 3] },
             walk: Walk::new(),
         }
     }
 
-    /// The corners between which all origins lie.
+    /// What all rays that take part lie between.
     #[inline(always)]
-    fn origins(&self) -> [Vec3; 2] {
-        let mut corners = [Vec3::INFINITY, Vec3::NEG_INFINITY];
-        for [x, y, z] in &self.intervals[..self.len] {
-            corners[0] = corners[0].min(Vec3::new(x.origin[0], y.origin[0], z.origin[0]));
-            corners[1] = corners[1].max(Vec3::new(x.origin[1], y.origin[1], z.origin[1]));
+    fn hull(&self) -> [Interval; 3] {
+        let mut hull = [Interval::NONE; 3];
+        for (group, intervals) in self.groups.iter().zip(&self.intervals).take(self.len) {
+            if group.part != 0 {
+                hull = [0, 1, 2].map(|axis| hull[axis].union(intervals[axis]));
+            }
         }
-        corners
+        hull
     }
 
     #[inline(always)]
     fn terms(&self, scene: &Scene<'_>, any: bool) -> Terms {
-        let [low, high] = self.origins();
-        Terms { way: self.way, bound: Bound::within(low, high, &scene.bounds), front_only: scene.front_only, any }
+        let [x, y, z] = self.hull();
+        let corner = |i: usize| Vec3::new(x.origin[i], y.origin[i], z.origin[i]);
+        let bound = Bound::within(corner(0), corner(1), &scene.bounds);
+        Terms { way: self.way, bound, front_only: scene.front_only, any }
     }
 
     /// Starts the way.
     #[inline(always)]
     fn start<S: Instructions>(&mut self, s: S) {
-        self.walk.start(self.way.octant);
+        self.walk.start(self.way.octant, self.hull());
         for i in 0..self.len {
-            self.walk.set(i, &self.intervals[i]);
             self.walk.limit(i, self.groups[i].farthest(s));
         }
     }
