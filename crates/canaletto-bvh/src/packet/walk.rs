@@ -94,13 +94,10 @@ impl Walk {
             let mut link = Link::node(0);
             if place != ROOT {
                 let (node, lane) = (&nodes[place as usize / WIDTH], place as usize % WIDTH);
+                // All groups, as a branch on whether one takes part is dearer. (A loop might not be unrolled.)
+                let enters = |i: usize| u32::from(all[i].enters(s, node, lane, self.octant)) << i;
+                groups &= enters(0) | enters(1) | enters(2) | enters(3);
                 link = node.children[lane];
-                // On the way to the nearest hit, nearly all rays that may enter a node do; to a shadow's, often none does.
-                if link.is_leaf() || !ORDERED {
-                    // All groups, as a branch on whether one takes part is dearer. (A loop might not be unrolled.)
-                    let enters = |i: usize| u32::from(all[i].enters(s, node, lane, self.octant)) << i;
-                    groups &= enters(0) | enters(1) | enters(2) | enters(3);
-                }
             }
             if groups == 0 {
                 continue;
