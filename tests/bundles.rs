@@ -146,7 +146,7 @@ fn bundles_find_what_brute_force_finds() {
             world.between_bundle(&mut bundle, time, &mut last);
             for (index, (ray, t_max)) in rays.iter().enumerate() {
                 let expected = world.intersect_brute_force_at(ray, *t_max, time);
-                assert_eq!(bundle.hit(index, time), expected, "{name} {ray:?}");
+                assert_eq!(bundle.hit(index), expected, "{name} {ray:?}");
                 // Light that nothing dims passes whole, and none passes what is opaque.
                 let passes = world.transmittance(ray, *t_max, time, None, &mut Blocker::NONE.clone(), &mut ());
                 let between = match (expected, passes) {
