@@ -31,7 +31,7 @@ impl Ours {
 }
 
 /// Rays that are asked about at a time.
-const CHUNK: usize = 1024;
+const CHUNK: usize = 256;
 
 impl Tracer for Ours {
     fn closest(&self, Run { own, t_max, coherent, .. }: Run<'_>, out: &mut Hits<'_>) {
@@ -46,9 +46,11 @@ impl Tracer for Ours {
             } else {
                 self.triangles.intersect_stream(own, nearest, false);
             }
-            for (i, hit) in nearest.iter().enumerate() {
-                let i = number * CHUNK + i;
-                (out.t[i], out.id[i], out.u[i], out.v[i]) = (hit.t, hit.id, hit.u, hit.v);
+            let place = number * CHUNK..number * CHUNK + nearest.len();
+            let (t, u) = (&mut out.t[place.clone()], &mut out.u[place.clone()]);
+            let (v, id) = (&mut out.v[place.clone()], &mut out.id[place]);
+            for ((((hit, t), u), v), id) in nearest.iter().zip(t).zip(u).zip(v).zip(id) {
+                (*t, *u, *v, *id) = (hit.t, hit.u, hit.v, hit.id);
             }
         }
     }

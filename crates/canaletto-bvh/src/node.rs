@@ -4,13 +4,14 @@
 //! nothing needs to be sorted on the way (Dammertz, Hanika and Keller, "Shallow bounding volume hierarchies for fast SIMD ray tracing of
 //! incoherent rays", 2008, have the order of splits instead).
 
+use std::hint::select_unpredictable;
 use std::ops::Range;
 
 use rayon::prelude::*;
 
 use crate::Aabb;
 use crate::build::{Binary, MAX_LEAF, MAX_PRIMITIVES, compiled_wide};
-use crate::memory::in_large_pages;
+use crate::memory::{in_large_pages, prefetch};
 use crate::slab::{Boxes, WIDTH};
 
 /// Eight children. 256 bytes, four cache lines.
@@ -86,6 +87,41 @@ impl Link {
     /// The same place in a list that starts `nodes` later; leaves stay.
     fn moved(self, nodes: usize) -> Self {
         if self.0 & Self::LEAF == 0 { Self(self.0 + nodes as u32) } else { self }
+    }
+}
+
+/// Where nodes and the data of leaves lie, to be fetched in advance.
+#[derive(Clone, Copy)]
+pub(crate) struct Places {
+    node: *const u8,
+    leaf: *const u8,
+    /// Of a leaf's data.
+    bytes: usize,
+}
+
+impl Places {
+    /// Where each leaf's data are one of these.
+    #[inline(always)]
+    pub(crate) fn new<T>(nodes: &[Node], leaves: &[T]) -> Self {
+        Self { node: nodes.as_ptr().cast(), leaf: leaves.as_ptr().cast(), bytes: size_of::<T>() }
+    }
+
+    /// Where nothing is known of leaves' data.
+    #[inline(always)]
+    pub(crate) fn of_nodes(nodes: &[Node]) -> Self {
+        Self { node: nodes.as_ptr().cast(), leaf: nodes.as_ptr().cast(), bytes: 0 }
+    }
+
+    /// Tells the caches that what a link leads to will be read.
+    #[inline(always)]
+    pub(crate) fn fetch(self, link: Link) {
+        let node = self.node.wrapping_add(link.index() * size_of::<Node>());
+        let leaf = self.leaf.wrapping_add(link.index() * self.bytes);
+        let start = select_unpredictable(link.is_leaf(), leaf, node);
+        let start = select_unpredictable(link == Link::END, self.node, start);
+        for line in 0..4 {
+            prefetch(start.wrapping_add(64 * line));
+        }
     }
 }
 

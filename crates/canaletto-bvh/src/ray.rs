@@ -81,6 +81,16 @@ const LONGEST: [usize; 8] = [2, 2, 2, 0, 1, 1, 1, 0];
 /// `rows` by longest axis, and whether the ray moves backwards along it.
 const ROWS: [[[u8; 3]; 2]; 3] = [[[16, 32, 0], [32, 16, 0]], [[32, 0, 16], [0, 32, 16]], [[0, 16, 32], [16, 0, 32]]];
 
+/// `octant` and `rows` of a direction; its fourth component is positive.
+#[inline(always)]
+pub(crate) fn way(direction: Vec4) -> (u8, [u8; 3]) {
+    let octant = direction.cmplt(Vec4::ZERO).bitmask();
+    let length = direction.abs();
+    let pairs = length.xxyw().cmpge(length.yzzw()).bitmask() & 7;
+    let z = LONGEST[pairs as usize];
+    (octant as u8, ROWS[z][(octant >> z & 1) as usize])
+}
+
 impl PreparedRay {
     /// Prepares `ray`.
     #[inline]
@@ -92,11 +102,7 @@ impl PreparedRay {
         let normal = size.cmpge(Vec4::splat(f32::MIN_POSITIVE)) & size.cmplt(Vec4::INFINITY);
         let regular = (normal & finite).all();
         let reciprocal = reciprocal.truncate();
-        let octant = direction.cmplt(Vec4::ZERO).bitmask();
-        let length = direction.abs();
-        let pairs = length.xxyw().cmpge(length.yzzw()).bitmask() & 7;
-        let z = LONGEST[pairs as usize];
-        let rows = ROWS[z][(octant >> z & 1) as usize];
+        let (octant, rows) = way(direction);
         let along = |row: u8| component(&ray.direction, row);
         // NaN for a zero direction, too.
         let shear = |row: u8| {
@@ -108,10 +114,10 @@ impl PreparedRay {
             reciprocal: reciprocal.to_array(),
             shear: [shear(rows[0]), shear(rows[1])],
             along: if regular { component(&reciprocal, rows[2]) } else { f32::NAN },
-            entries: ENTRIES[octant as usize & 7],
-            exits: ENTRIES[!octant as usize & 7],
+            entries: ENTRIES[usize::from(octant & 7)],
+            exits: ENTRIES[usize::from(!octant & 7)],
             rows,
-            octant: octant as u8,
+            octant,
             regular,
         }
     }

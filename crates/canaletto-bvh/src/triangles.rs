@@ -463,6 +463,34 @@ mod tests {
     }
 
     #[test]
+    fn what_a_ray_passes_at_a_distance_is_not_met_however_small_it_is() {
+        let random = &mut Random(47);
+        for i in 0..2000 {
+            // Of a few units in the last place.
+            let size = f32::EPSILON * [0.5, 2.0, 8.0, 64.0][i % 4];
+            let corners = [0; 4].map(|_| {
+                let far = random.vector() + 2.0 * Vec3::Z;
+                [0; 3].map(|_| far + random.vector() * size)
+            });
+            let triangles = Triangles::build(4, |id| corners[id as usize]).unwrap();
+            let rays = [0; RAYS].map(|_| Ray::new(random.vector() * 0.1, random.vector() * 0.5 + 2.0 * Vec3::Z));
+            for together in [false, true] {
+                let mut t_max = [f32::INFINITY; RAYS];
+                if together {
+                    triangles.occluded_coherent(&rays, &mut t_max, false);
+                } else {
+                    triangles.occluded_stream(&rays, &mut t_max, false);
+                }
+                for (ray, t_max) in rays.iter().zip(t_max) {
+                    let mut found = Nearest::before(f32::INFINITY);
+                    triangles.intersect_brute_force(&ray.prepare(), &mut found, false);
+                    assert_eq!(t_max == f32::NEG_INFINITY, found.id != Nearest::NONE, "{ray:?} {corners:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
     fn what_is_seen_from_behind_can_be_left_out() {
         let corners = [[Vec3::ZERO, Vec3::X, Vec3::Y], [-Vec3::Z, -Vec3::Z + Vec3::Y, -Vec3::Z + Vec3::X]];
         let triangles = Triangles::build(2, |id| corners[id as usize]).unwrap();

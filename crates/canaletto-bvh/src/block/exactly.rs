@@ -69,7 +69,8 @@ impl Block {
         let inside = zero.at_most(wa.min(wb).min(wc)) | wa.max(wb).max(wc).at_most(zero);
         let area = wa + wb + wc;
         let depth = wa * az + wb * bz + wc * cz;
-        let t = (depth / area / splat!(along)).narrow();
+        let scale = splat!(1.0) / (area * splat!(along));
+        let t = (depth * scale).narrow();
         // `PreparedRay::confine_to_triangle`. Rounding is monotone, so that the box's planes are met where the corners' planes are.
         let (mut near, mut far, mut last) = (Vec4::ZERO, Vec4::INFINITY, Vec4::ZERO);
         for axis in 0..3 {
@@ -104,9 +105,9 @@ impl Block {
                 }
             }
             if let Some(lane) = found {
-                let (wb, wc, area) = (wb.to_array()[lane], wc.to_array()[lane], area.to_array()[lane]);
-                nearest.u = ((wb / area) as f32).clamp(0.0, 1.0);
-                nearest.v = ((wc / area) as f32).clamp(0.0, 1.0 - nearest.u);
+                let (wb, wc, scale) = (wb.to_array()[lane], wc.to_array()[lane], scale.to_array()[lane]);
+                nearest.u = ((wb * along * scale) as f32).clamp(0.0, 1.0);
+                nearest.v = ((wc * along * scale) as f32).clamp(0.0, 1.0 - nearest.u);
             }
         }
         while alone != 0 {

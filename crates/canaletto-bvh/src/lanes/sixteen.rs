@@ -88,18 +88,6 @@ pub(crate) trait Sixteen:
         }
         larger(c[0], c[1])
     }
-
-    /// For each of eight lanes of `a` and `b`, `[a₀, a₈, b₀, b₈]` and so on.
-    #[inline(always)]
-    fn columns(a: Self, b: Self) -> [Row<f32>; 2] {
-        let (mut rows, mut columns) = ([Row([0.0; SIXTEEN]); 2], [Row([0.0; SIXTEEN]); 2]);
-        a.store(&mut rows[0]);
-        b.store(&mut rows[1]);
-        for (i, column) in columns.iter_mut().flat_map(|c| c.0.chunks_exact_mut(4)).enumerate() {
-            column.copy_from_slice(&[rows[0].0[i], rows[0].0[i + 8], rows[1].0[i], rows[1].0[i + 8]]);
-        }
-        columns
-    }
 }
 
 /// What the compiler makes of loops.
@@ -355,18 +343,6 @@ mod x86 {
         #[inline(always)]
         fn largest(self) -> f32 {
             unsafe { _mm512_reduce_max_ps(self.0) }
-        }
-
-        #[inline(always)]
-        fn columns(a: Self, b: Self) -> [Row<f32>; 2] {
-            let mut columns = [Row([0.0; SIXTEEN]); 2];
-            unsafe {
-                let first = _mm512_setr_epi32(0, 8, 16, 24, 1, 9, 17, 25, 2, 10, 18, 26, 3, 11, 19, 27);
-                let second = _mm512_add_epi32(first, _mm512_set1_epi32(4));
-                Self(_mm512_permutex2var_ps(a.0, first, b.0)).store(&mut columns[0]);
-                Self(_mm512_permutex2var_ps(a.0, second, b.0)).store(&mut columns[1]);
-            }
-            columns
         }
     }
 

@@ -4,8 +4,9 @@
 
 use crate::lanes::{Instructions, Mask, Row, SIXTEEN, Sixteen};
 use crate::node::Node;
-use crate::slab::{INFLATE, WIDTH};
-use crate::{Nearest, PreparedRay, Ray};
+use crate::ray::way;
+use crate::slab::{self, INFLATE, WIDTH};
+use crate::{Nearest, Ray};
 use glam::Vec3;
 
 /// What rays have in common that go together.
@@ -18,8 +19,9 @@ pub(super) struct Way {
 }
 
 impl Way {
+    #[inline(always)]
     fn of(ray: &Ray) -> Way {
-        let PreparedRay { octant, rows, .. } = ray.prepare();
+        let (octant, rows) = way(ray.direction.extend(1.0));
         Way { octant: usize::from(octant), rows }
     }
 
@@ -27,7 +29,7 @@ impl Way {
     #[inline(always)]
     pub(super) fn axes(&self) -> [usize; 3] {
         let [x, y, z] = self.rows;
-        [usize::from(x >> 4) % 3, usize::from(y >> 4) % 3, usize::from(z >> 4) % 3]
+        [usize::from(x >> 4).min(2), usize::from(y >> 4).min(2), usize::from(z >> 4).min(2)]
     }
 }
 
@@ -55,11 +57,27 @@ pub(super) struct Group {
 
 pub(super) const NOTHING: u32 = u32::MAX;
 
-/// What the numbers of all rays of a group lie between, along one axis.
+/// The corners of a triangle for each ray, the coordinates in the order of the way's `rows`.
+pub(super) type Corners = [[Row<f32>; 3]; 3];
+
+/// What the numbers of all rays of a group, or of some, lie between, along one axis.
 #[derive(Clone, Copy)]
 pub(super) struct Interval {
     pub(super) origin: [f32; 2],
     pub(super) reciprocal: [f32; 2],
+}
+
+impl Interval {
+    /// Of no rays.
+    pub(super) const NONE: Self =
+        Self { origin: [f32::INFINITY, f32::NEG_INFINITY], reciprocal: [f32::INFINITY, f32::NEG_INFINITY] };
+
+    /// The interval of the rays of both.
+    #[inline(always)]
+    pub(super) fn union(self, other: Self) -> Self {
+        let both = |[a, b]: [f32; 2], [c, d]: [f32; 2]| [slab::min(a, c), slab::max(b, d)];
+        Self { origin: both(self.origin, other.origin), reciprocal: both(self.reciprocal, other.reciprocal) }
+    }
 }
 
 #[inline(always)]
@@ -106,12 +124,15 @@ impl Group {
 
     /// Takes those of 1 to 16 rays that go together with the first that may go with any. Those that are left have no bit in `part`.
     #[inline(always)]
-    pub(super) fn gather<S: Instructions>(
+    pub(super) fn gather<S: Instructions, T>(
         &mut self,
         s: S,
         rays: &[Ray],
-        t_max: impl Fn(usize) -> f32,
+        told: &[T],
+        t_max: impl Fn(&T) -> f32,
     ) -> Option<(Way, [Interval; 3])> {
+        // Nearly always it is the first; which is told only after divisions.
+        let mut way = Way::of(&rays[0]);
         transpose(rays, &mut self.origin, &mut self.direction);
         let (origin, direction) = (&self.origin, &self.direction);
         let (least, infinity) = (s.splat(f32::MIN_POSITIVE), s.splat(f32::INFINITY));
@@ -130,7 +151,9 @@ impl Group {
             return None;
         }
         let first = together.trailing_zeros() as usize % SIXTEEN;
-        let way = Way::of(&rays[first]);
+        if first != 0 {
+            way = Way::of(&rays[first]);
+        }
         let [k0, k1, longest] = way.axes();
         let length = s.load(&direction[longest]);
         for axis in 0..3 {
@@ -150,15 +173,21 @@ impl Group {
             S::Sixteen::select(sure, along, s.splat(f32::NAN)).store(&mut self.shear[k]);
         }
         self.part = S::Sixteen::bits(part);
-        for i in 0..rays.len() {
-            self.t_max.0[i] = t_max(i);
+        if let Ok(told) = <&[T; SIXTEEN]>::try_from(told) {
+            for i in 0..SIXTEEN {
+                self.t_max.0[i] = t_max(&told[i]);
+            }
+        } else {
+            for (to, told) in self.t_max.0.iter_mut().zip(told) {
+                *to = t_max(told);
+            }
         }
         let t = S::Sixteen::select(part, s.load(&self.t_max), s.splat(f32::NEG_INFINITY));
         t.store(&mut self.t_max);
         t.store(&mut self.low);
         self.waits = Row([NOTHING; SIXTEEN]);
         self.known = Row([Nearest::NONE; SIXTEEN]);
-        let mut intervals = [Interval { origin: [0.0; 2], reciprocal: [0.0; 2] }; 3];
+        let mut intervals = [Interval::NONE; 3];
         for axis in 0..3 {
             let (o, r) = (&origin[axis], &self.reciprocal[axis]);
             intervals[axis] = Interval { origin: ends(s, part, o, first), reciprocal: ends(s, part, r, first) };

@@ -1,6 +1,6 @@
 //! What f32 tells of a triangle and the rays of a group: `block::Tested` with rays for lanes.
 
-use super::group::{Group, Way};
+use super::group::{Corners, Group, Way};
 use crate::block::{BLUR, Bound};
 use crate::lanes::{Instructions, Mask, Sixteen};
 use crate::slab::{DEFLATE, INFLATE};
@@ -22,6 +22,8 @@ pub(super) struct Which {
     /// Four times its block plus its lane.
     pub(super) place: u32,
     pub(super) id: u32,
+    /// The coordinates in the order of the way's `rows`.
+    pub(super) corners: [[f32; 3]; 3],
 }
 
 /// What a test did.
@@ -111,17 +113,18 @@ impl<N: Sixteen> Seen<N> {
 }
 
 impl Group {
-    /// Tests a triangle, its corners in the order of `rows`, and lets it wait for the rays that all but certainly meet it before all else; with
-    /// `any`, ends those that certainly meet it. `size` is more than its extent along any axis.
+    /// Tests a triangle, and lets it wait for the rays that all but certainly meet it before all else; with
+    /// `any`, ends those that certainly meet it. `size` is more than its extent along any axis; `waiting` has the corners of what waits.
     #[inline(always)]
     pub(super) fn test<S: Instructions>(
         &mut self,
         s: S,
         terms: &Terms,
-        [a, b, c]: &[[f32; 3]; 3],
-        size: f32,
         which: Which,
+        size: f32,
+        waiting: &mut Corners,
     ) -> Told {
+        let [a, b, c] = &which.corners;
         let [kx, ky, kz] = terms.way.axes();
         let (ox, oy, oz) = (s.load(&self.origin[kx]), s.load(&self.origin[ky]), s.load(&self.origin[kz]));
         let (sx, sy) = (s.load(&self.shear[0]), s.load(&self.shear[1]));
@@ -159,7 +162,7 @@ impl Group {
         // For a shadow t is seldom of interest; for the nearest hit, bounds that are close leave out more.
         let Within { inside, low, high, .. } = seen.within(s, bound, terms.front_only, !terms.any);
         let take = met & inside & certainly.met(s, terms, self, low, high);
-        self.take(s, take, low, high, terms.any, which);
+        self.take(s, take, [low, high], terms.any, which, waiting);
         let gone = inside & (high.less_or_equal(zero) | end.less(low));
         let undecided = met & !(take | gone);
         let (mut taken, mut left) = (S::Sixteen::bits(take), S::Sixteen::bits(undecided));
@@ -174,11 +177,11 @@ impl Group {
             let Within { inside, missed, low, high } = seen.within(s, bound.for_size(s, size), terms.front_only, true);
             // A triangle may be met again in another leaf.
             let undecided = undecided & !self.knows(s, which.id);
-            let waiting = undecided & inside & !missed;
+            let inside = undecided & inside & !missed;
             let certainly = Certainly { bound, ..certainly };
-            let take = waiting & certainly.met(s, terms, self, low, high);
-            let gone = (waiting & (high.less_or_equal(zero) | end.less(low))) | missed;
-            self.take(s, take, low, high, terms.any, which);
+            let take = inside & certainly.met(s, terms, self, low, high);
+            let gone = (inside & (high.less_or_equal(zero) | end.less(low))) | missed;
+            self.take(s, take, [low, high], terms.any, which, waiting);
             taken |= S::Sixteen::bits(take);
             left = S::Sixteen::bits(undecided & !(take | gone));
         }
@@ -200,10 +203,10 @@ impl Group {
         &mut self,
         s: S,
         take: Mask<S>,
-        low: S::Sixteen,
-        high: S::Sixteen,
+        [low, high]: [S::Sixteen; 2],
         any: bool,
         which: Which,
+        waiting: &mut Corners,
     ) {
         if any {
             s.splat(f32::NEG_INFINITY).store_where(take, &mut self.t_max);
@@ -212,6 +215,11 @@ impl Group {
             low.store_where(take, &mut self.low);
             S::Sixteen::put_where(take, which.place, &mut self.waits);
             S::Sixteen::put_where(take, which.id, &mut self.known);
+            for (rows, corner) in waiting.iter_mut().zip(which.corners) {
+                for (row, x) in rows.iter_mut().zip(corner) {
+                    s.splat(x).store_where(take, row);
+                }
+            }
         }
     }
 }

@@ -1,6 +1,6 @@
-//! Rays that go nearly the same way, through the tree together. Groups of sixteen are clipped to the boxes of nodes by the interval of all their rays (Boulos, Wald and Shirley,
-//! "Geometric and arithmetic culling methods for entire ray packets", 2006), up to four groups at once, and triangles are tested
-//! against all rays of a group side by side.
+//! Rays that go nearly the same way, through the tree together. Up to four groups of sixteen are clipped to the boxes of nodes by one interval of all their rays
+//! (Boulos, Wald and Shirley, "Geometric and arithmetic culling methods for entire ray packets", 2006), and triangles are tested against all
+//! rays of a group side by side.
 //!
 //! The answers are those of single rays, bit for bit. As there (`block`), triangles are tested in f32, and one that all but certainly is the nearest waits
 //! for its exact test until the way has ended: then all rays are tested side by side with what waits for them, by the operations of the exact kernel in the same
@@ -15,13 +15,14 @@ mod settle;
 mod walk;
 
 use crate::block::{Bound, Scene};
-use crate::lanes::{Baseline, Instructions, SIXTEEN};
+use crate::lanes::{Baseline, Instructions, Row, SIXTEEN};
 #[cfg(target_arch = "x86_64")]
 use crate::lanes::{WithAvx2, WithAvx512};
+use crate::node::Places;
 use crate::triangles::Nearest;
 use crate::{InstructionSet, PreparedRay, Ray};
 use glam::Vec3;
-use group::{Group, Interval, NOTHING, Way};
+use group::{Corners, Group, Interval, NOTHING, Way};
 use look::{Terms, Told, Which};
 use walk::{GROUPS, Walk};
 
@@ -40,6 +41,8 @@ pub(crate) struct Outcome {
 /// Up to four groups that go the same way.
 pub(crate) struct Packet {
     groups: [Group; GROUPS],
+    /// Of the triangles that wait.
+    corners: [Corners; GROUPS],
     intervals: [[Interval; 3]; GROUPS],
     len: usize,
     way: Way,
@@ -49,69 +52,72 @@ pub(crate) struct Packet {
 impl Packet {
     #[inline(always)]
     pub(crate) fn new() -> Self {
-        let nothing = [Interval { origin: [0.0; 2], reciprocal: [0.0; 2] }; 3];
         Self {
             groups: [Group::EMPTY; GROUPS],
-            intervals: [nothing; GROUPS],
+            corners: [[[Row([0.0; SIXTEEN]); 3]; 3]; GROUPS],
+            intervals: [[Interval::NONE; 3]; GROUPS],
             len: 0,
             way: Way { octant: 0, rows: [0; 3] },
             walk: Walk::new(),
         }
     }
 
-    /// The corners between which all origins lie.
+    /// What all rays that take part lie between.
     #[inline(always)]
-    fn origins(&self) -> [Vec3; 2] {
-        let mut corners = [Vec3::INFINITY, Vec3::NEG_INFINITY];
-        for [x, y, z] in &self.intervals[..self.len] {
-            corners[0] = corners[0].min(Vec3::new(x.origin[0], y.origin[0], z.origin[0]));
-            corners[1] = corners[1].max(Vec3::new(x.origin[1], y.origin[1], z.origin[1]));
+    fn hull(&self) -> [Interval; 3] {
+        let mut hull = [Interval::NONE; 3];
+        for (group, intervals) in self.groups.iter().zip(&self.intervals).take(self.len) {
+            if group.part != 0 {
+                hull = [0, 1, 2].map(|axis| hull[axis].union(intervals[axis]));
+            }
         }
-        corners
+        hull
     }
 
     #[inline(always)]
     fn terms(&self, scene: &Scene<'_>, any: bool) -> Terms {
-        let [low, high] = self.origins();
-        Terms { way: self.way, bound: Bound::within(low, high, &scene.bounds), front_only: scene.front_only, any }
+        let [x, y, z] = self.hull();
+        let corner = |i: usize| Vec3::new(x.origin[i], y.origin[i], z.origin[i]);
+        let bound = Bound::within(corner(0), corner(1), &scene.bounds);
+        Terms { way: self.way, bound, front_only: scene.front_only, any }
     }
 
     /// Starts the way.
     #[inline(always)]
     fn start<S: Instructions>(&mut self, s: S) {
-        self.walk.start(self.way.octant);
+        self.walk.start(self.way.octant, self.hull());
         for i in 0..self.len {
-            self.walk.set(i, &self.intervals[i]);
             self.walk.limit(i, self.groups[i].farthest(s));
         }
     }
 
     /// Takes all groups to the leaves that they may meet; `exactly` is called for rays that have to be tested against a triangle exactly: with
-    /// their group, a bit for each lane, and four times the block plus the triangle's lane.
+    /// their group, the corners of what waits there, a bit for each lane, and four times the block plus the triangle's lane.
     #[inline(always)]
     fn go<S: Instructions, const NEAREST: bool>(
         &mut self,
         s: S,
         scene: Scene<'_>,
-        mut exactly: impl FnMut(&mut Group, &Terms, u32, u32),
+        mut exactly: impl FnMut(&mut Group, &mut Corners, &Terms, u32, u32),
     ) -> Terms {
         let terms = self.terms(&scene, !NEAREST);
         self.start(s);
-        while let Some((leaf, mut groups)) = self.walk.next::<S, NEAREST>(s, scene.nodes, &self.groups) {
+        let data = Places::new(scene.nodes, scene.blocks);
+        while let Some((leaf, mut groups)) = self.walk.next::<S, NEAREST>(s, scene.nodes, data, &self.groups) {
             let block = &scene.blocks[leaf.first() as usize];
             let size = block.size();
             while groups != 0 {
                 let index = groups.trailing_zeros() as usize % GROUPS;
                 groups &= groups - 1;
-                let group = &mut self.groups[index];
+                let (group, waiting) = (&mut self.groups[index], &mut self.corners[index]);
                 let mut changed = 0;
                 for lane in 0..leaf.count() as usize {
-                    let corners = block.ordered(lane, terms.way.rows);
-                    let which = Which { place: leaf.first() << 2 | lane as u32, id: block.id(lane) };
-                    let Told { taken, undecided } = group.test(s, &terms, &corners, size, which);
+                    let place = leaf.first() << 2 | lane as u32;
+                    let which = Which { place, id: block.id(lane), corners: block.ordered(lane, terms.way.rows) };
+                    let Told { taken, undecided } = group.test(s, &terms, which, size, waiting);
                     changed |= taken | undecided;
                     if undecided != 0 {
-                        exactly(group, &terms, undecided, which.place);
+                        exactly(group, waiting, &terms, undecided, place);
                     }
                 }
                 if changed != 0 {
@@ -129,13 +135,13 @@ impl Packet {
             let ray = group.first + i;
             outcome.again |= u64::from(decide(group, scene, i, place, &mut nearest[ray])) << ray;
         };
-        let terms = self.go::<S, true>(s, scene, |group, terms, rays, place| {
-            for i in lanes(nearer(group, terms, scene, rays, place)) {
+        let terms = self.go::<S, true>(s, scene, |group, waiting, terms, rays, place| {
+            for i in lanes(nearer(group, waiting, terms, scene, rays, place)) {
                 alone(group, i, place, nearest);
             }
         });
-        for group in &mut self.groups[..self.len] {
-            for i in lanes(settle::settle(group, &terms, scene, nearest)) {
+        for (group, corners) in self.groups[..self.len].iter_mut().zip(&self.corners) {
+            for i in lanes(settle::settle(group, corners, &terms, nearest)) {
                 alone(group, i, NOTHING, nearest);
             }
         }
@@ -143,7 +149,7 @@ impl Packet {
 
     #[inline(always)]
     fn any<S: Instructions>(&mut self, s: S, scene: Scene<'_>, t_max: &mut [f32]) {
-        self.go::<S, false>(s, scene, |group, terms, rays, place| end(group, terms, scene, rays, place));
+        self.go::<S, false>(s, scene, |group, _, terms, rays, place| end(group, terms, scene, rays, place));
         for group in &self.groups[..self.len] {
             for i in lanes(group.part) {
                 t_max[group.first + i] = group.t_max.0[i];
@@ -165,16 +171,38 @@ fn lanes(mut bits: u32) -> impl Iterator<Item = usize> {
 /// Lets a triangle wait for those of some rays that meet it before all else. Returns the rays for which it has to be decided alone.
 #[cold]
 #[inline(never)]
-fn nearer(group: &mut Group, terms: &Terms, scene: Scene<'_>, rays: u32, place: u32) -> u32 {
-    let exactly = settle::settle_one(group, terms, scene, place);
+fn nearer(group: &mut Group, waiting: &mut Corners, terms: &Terms, scene: Scene<'_>, rays: u32, place: u32) -> u32 {
+    let (block, lane) = (&scene.blocks[(place >> 2) as usize], place as usize & 3);
+    let (id, corners) = (block.id(lane), block.ordered(lane, terms.way.rows));
+    let exactly = settle::settle_one(group, terms, corners);
     let mut left = rays & !exactly.missed;
+    let take = |group: &mut Group, waiting: &mut Corners, i: usize, t: f32| {
+        (group.t_max.0[i], group.low.0[i]) = (t, t);
+        (group.waits.0[i], group.known.0[i]) = (place, id);
+        for (rows, corner) in waiting.iter_mut().zip(corners) {
+            for (row, x) in rows.iter_mut().zip(corner) {
+                row.0[i] = x;
+            }
+        }
+    };
+    let mut contested = 0;
     for i in lanes(left & exactly.met) {
-        let t = exactly.t[i];
-        // What is as near as what waits may have the lower id.
-        if t < group.low.0[i] {
-            (group.t_max.0[i], group.low.0[i]) = (t, t);
-            group.waits.0[i] = place;
-            group.known.0[i] = scene.blocks[(place >> 2) as usize].id(place as usize & 3);
+        if exactly.t[i] < group.low.0[i] {
+            take(group, waiting, i, exactly.t[i]);
+            left &= !(1 << i);
+        } else if group.waits.0[i] != NOTHING {
+            contested |= 1 << i;
+        }
+    }
+    if contested != 0 {
+        let waited = settle::settle_each(group, terms, waiting);
+        for i in lanes(contested & waited.met) {
+            // What is as near as what waits may have the lower id.
+            if (exactly.t[i], id) < (waited.t[i], group.known.0[i]) {
+                take(group, waiting, i, exactly.t[i]);
+            } else {
+                (group.t_max.0[i], group.low.0[i]) = (waited.t[i], waited.t[i]);
+            }
             left &= !(1 << i);
         }
     }
@@ -202,13 +230,11 @@ fn decide(group: &mut Group, scene: Scene<'_>, i: usize, place: u32, nearest: &m
 #[cold]
 #[inline(never)]
 fn end(group: &mut Group, terms: &Terms, scene: Scene<'_>, rays: u32, place: u32) {
-    let exactly = settle::settle_one(group, terms, scene, place);
-    let block = &scene.blocks[(place >> 2) as usize];
+    let (block, lane) = (&scene.blocks[(place >> 2) as usize], place as usize & 3);
+    let exactly = settle::settle_one(group, terms, block.ordered(lane, terms.way.rows));
     for i in lanes(rays & !exactly.missed) {
         let mut nearest = Nearest::before(group.t_max.0[i]);
-        if exactly.met >> i & 1 == 1
-            || block.offer(place as usize & 3, &group.ray(i).prepare(), &mut nearest, scene.front_only)
-        {
+        if exactly.met >> i & 1 == 1 || block.offer(lane, &group.ray(i).prepare(), &mut nearest, scene.front_only) {
             group.t_max.0[i] = f32::NEG_INFINITY;
         }
     }
@@ -217,7 +243,7 @@ fn end(group: &mut Group, terms: &Terms, scene: Scene<'_>, rays: u32, place: u32
 /// Gathers up to 64 rays in packets, and calls `go` for each. (A function that is handed to another would not be compiled for the same
 /// instructions.)
 macro_rules! in_packets {
-    ($s:expr, $packet:ident, $rays:expr, $t_max:expr, $outcome:ident, $go:expr) => {
+    ($s:expr, $packet:ident, $rays:expr, $told:expr, $t_max:expr, $outcome:ident, $go:expr) => {
         $packet.len = 0;
         let mut next = 0;
         let mut waiting = None;
@@ -234,7 +260,7 @@ macro_rules! in_packets {
                 let len = $packet.len % GROUPS;
                 let group = &mut $packet.groups[len];
                 group.first = first;
-                let gathered = group.gather($s, rays, |i| $t_max(first + i));
+                let gathered = group.gather($s, rays, &$told[first..next], $t_max);
                 $outcome.apart |= u64::from(!group.part & (u32::MAX >> (32 - rays.len()))) << first;
                 let Some((way, intervals)) = gathered else { continue };
                 if len > 0 && way != $packet.way {
@@ -269,14 +295,22 @@ fn closest_with<S: Instructions>(
     nearest: &mut [Nearest],
 ) -> Outcome {
     let mut outcome = Outcome::default();
-    in_packets!(s, packet, rays, |i: usize| nearest[i].t, outcome, packet.closest(s, scene, nearest, &mut outcome));
+    in_packets!(
+        s,
+        packet,
+        rays,
+        nearest,
+        |nearest: &Nearest| nearest.t,
+        outcome,
+        packet.closest(s, scene, nearest, &mut outcome)
+    );
     outcome
 }
 
 #[inline(always)]
 fn any_with<S: Instructions>(s: S, scene: Scene<'_>, packet: &mut Packet, rays: &[Ray], t_max: &mut [f32]) -> Outcome {
     let mut outcome = Outcome::default();
-    in_packets!(s, packet, rays, |i: usize| t_max[i], outcome, packet.any(s, scene, t_max));
+    in_packets!(s, packet, rays, t_max, |t_max| *t_max, outcome, packet.any(s, scene, t_max));
     outcome
 }
 

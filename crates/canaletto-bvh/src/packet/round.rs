@@ -251,7 +251,7 @@ mod tests {
             let exact = |ray: &Ray| sphere::intersect(&ray.prepare(), center, radius, f32::INFINITY);
             let end = exact(&rays[0]).map_or(f32::INFINITY, |t| [t, t.next_down(), 2.0 * t][random.below(3)]);
             let (mut group, mut rough) = (Group::EMPTY, Roughs::EMPTY);
-            group.gather(Baseline, &rays, |_| end);
+            group.gather(Baseline, &rays, &rays, |_| end);
             rough.set(&group);
             let (low, part) = (group.low, group.part);
             let nearest = group.test_sphere::<_, true>(Baseline, &rough, center.to_array(), radius, 5);

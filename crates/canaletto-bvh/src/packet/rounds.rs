@@ -9,7 +9,7 @@ use super::{Outcome, Packet, in_packets};
 use crate::lanes::{Baseline, Instructions, SIXTEEN};
 #[cfg(target_arch = "x86_64")]
 use crate::lanes::{WithAvx2, WithAvx512};
-use crate::node::Node;
+use crate::node::{Node, Places};
 use crate::round::{Ask, Block, LANES, Met};
 use crate::rounds::offer;
 use crate::{InstructionSet, PreparedRay, Ray};
@@ -54,7 +54,8 @@ fn go<S: Instructions, A: Ask, const NEAREST: bool>(
         }
     }
     packet.start(s);
-    while let Some((leaf, mut groups)) = packet.walk.next::<S, NEAREST>(s, field.nodes, &packet.groups) {
+    let data = Places::new(field.nodes, field.blocks);
+    while let Some((leaf, mut groups)) = packet.walk.next::<S, NEAREST>(s, field.nodes, data, &packet.groups) {
         let block = &field.blocks[leaf.first() as usize];
         while groups != 0 {
             let index = groups.trailing_zeros() as usize % GROUPS;
@@ -195,7 +196,8 @@ impl<A: Ask> Passage for Closest<'_, A> {
             s,
             packet,
             rays,
-            |i: usize| nearest[i].t,
+            nearest,
+            |nearest: &Met| nearest.t,
             outcome,
             closest_in(s, field, packet, nearest, &mut outcome)
         );
@@ -215,7 +217,7 @@ impl<A: Ask> Passage for Any<'_, A> {
     fn run<S: Instructions>(self, s: S) -> Outcome {
         let Self { field, packet, rays, t_max } = self;
         let mut outcome = Outcome::default();
-        in_packets!(s, packet, rays, |i: usize| t_max[i], outcome, any_in(s, field, packet, t_max, &mut outcome));
+        in_packets!(s, packet, rays, t_max, |t_max| *t_max, outcome, any_in(s, field, packet, t_max, &mut outcome));
         outcome
     }
 }

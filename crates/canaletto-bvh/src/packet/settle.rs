@@ -5,18 +5,17 @@
 
 #![allow(clippy::needless_range_loop)] // Lanes of many lists side by side.
 
-use super::group::{Group, NOTHING};
+use super::group::{Corners, Group, NOTHING};
 use super::look::Terms;
-use crate::block::Scene;
 use crate::exact::CANCELLED;
-use crate::lanes::SIXTEEN;
+use crate::lanes::{Row, SIXTEEN};
 use crate::slab::{DEFLATE, INFLATE, max, min};
 use crate::triangles::Nearest;
 use crate::{InstructionSet, Kernel};
 
 /// Tests for all rays what waits for them. Returns the rays for which this has to be done alone, a bit for each.
 #[inline(always)]
-pub(super) fn settle(group: &Group, terms: &Terms, scene: Scene<'_>, nearest: &mut [Nearest]) -> u32 {
+pub(super) fn settle(group: &Group, corners: &Corners, terms: &Terms, nearest: &mut [Nearest]) -> u32 {
     let mut waits = 0;
     for i in 0..SIXTEEN {
         waits |= u32::from(group.waits.0[i] != NOTHING) << i;
@@ -24,26 +23,21 @@ pub(super) fn settle(group: &Group, terms: &Terms, scene: Scene<'_>, nearest: &m
     if waits == 0 {
         return 0;
     }
-    let (mut corners, mut ids) = ([[[0.0f32; SIXTEEN]; 3]; 3], [0; SIXTEEN]);
-    for i in 0..SIXTEEN {
-        // Where nothing waits, any triangle.
-        let place = if group.waits.0[i] == NOTHING { 0 } else { group.waits.0[i] };
-        let block = &scene.blocks[(place >> 2) as usize];
-        let triangle = block.ordered(place as usize & 3, terms.way.rows);
-        for corner in 0..3 {
-            for k in 0..3 {
-                corners[corner][k][i] = triangle[corner][k];
-            }
-        }
-        ids[i] = block.id(place as usize & 3);
-    }
-    let Exactly { t, u, v, met, .. } = exactly(group, terms, &corners);
+    let Exactly { t, u, v, met, .. } = exactly(group, terms, corners);
     let done = met & waits;
-    let mut left = done;
-    while left != 0 {
-        let i = left.trailing_zeros() as usize % SIXTEEN;
-        left &= left - 1;
-        nearest[group.first + i] = Nearest { t: t[i], u: u[i], v: v[i], id: ids[i] };
+    let nearest = &mut nearest[group.first..];
+    let found = |i: usize| Nearest { t: t[i], u: u[i], v: v[i], id: group.known.0[i] };
+    // All of them are written side by side.
+    if let Some(nearest) = nearest.first_chunk_mut::<SIXTEEN>()
+        && done == 0xffff
+    {
+        for i in 0..SIXTEEN {
+            nearest[i] = found(i);
+        }
+    } else {
+        for i in super::lanes(done) {
+            nearest[i] = found(i);
+        }
     }
     waits & !done
 }
@@ -51,31 +45,30 @@ pub(super) fn settle(group: &Group, terms: &Terms, scene: Scene<'_>, nearest: &m
 /// Tests one triangle for all rays.
 #[cold]
 #[inline(never)]
-pub(super) fn settle_one(group: &Group, terms: &Terms, scene: Scene<'_>, place: u32) -> Exactly {
-    InstructionSet::run(One { group, terms, scene, place })
+pub(super) fn settle_one(group: &Group, terms: &Terms, [a, b, c]: [[f32; 3]; 3]) -> Exactly {
+    let for_all = |corner: [f32; 3]| corner.map(|x| Row([x; SIXTEEN]));
+    settle_each(group, terms, &[for_all(a), for_all(b), for_all(c)])
 }
 
-struct One<'a> {
+/// Tests a triangle for each ray.
+#[cold]
+#[inline(never)]
+pub(super) fn settle_each(group: &Group, terms: &Terms, corners: &Corners) -> Exactly {
+    InstructionSet::run(Each { group, terms, corners })
+}
+
+struct Each<'a> {
     group: &'a Group,
     terms: &'a Terms,
-    scene: Scene<'a>,
-    place: u32,
+    corners: &'a Corners,
 }
 
-impl Kernel for One<'_> {
+impl Kernel for Each<'_> {
     type Answer = Exactly;
 
     #[inline(always)]
     fn run(self) -> Exactly {
-        let block = &self.scene.blocks[(self.place >> 2) as usize];
-        let triangle = block.ordered(self.place as usize & 3, self.terms.way.rows);
-        let mut corners = [[[0.0f32; SIXTEEN]; 3]; 3];
-        for corner in 0..3 {
-            for k in 0..3 {
-                corners[corner][k] = [triangle[corner][k]; SIXTEEN];
-            }
-        }
-        exactly(self.group, self.terms, &corners)
+        exactly(self.group, self.terms, self.corners)
     }
 }
 
@@ -92,7 +85,7 @@ pub(super) struct Exactly {
 
 /// `triangle::intersect_exactly` with rays for lanes, each with a triangle.
 #[inline(always)]
-fn exactly(group: &Group, terms: &Terms, [a, b, c]: &[[[f32; SIXTEEN]; 3]; 3]) -> Exactly {
+fn exactly(group: &Group, terms: &Terms, [a, b, c]: &Corners) -> Exactly {
     let k = terms.way.axes();
     let (area_bound, volume_bound) = terms.bound.surely();
     let (ox, oy, oz) = (&group.origin[k[0]].0, &group.origin[k[1]].0, &group.origin[k[2]].0);
@@ -101,9 +94,9 @@ fn exactly(group: &Group, terms: &Terms, [a, b, c]: &[[[f32; SIXTEEN]; 3]; 3]) -
     let (mut counts, mut told, mut far) = ([0u32; SIXTEEN], [0u32; SIXTEEN], [0u32; SIXTEEN]);
     for i in 0..SIXTEEN {
         let wide = |x: f32, o: f32| f64::from(x) - f64::from(o);
-        let (ax, ay, az) = (wide(a[0][i], ox[i]), wide(a[1][i], oy[i]), wide(a[2][i], oz[i]));
-        let (bx, by, bz) = (wide(b[0][i], ox[i]), wide(b[1][i], oy[i]), wide(b[2][i], oz[i]));
-        let (cx, cy, cz) = (wide(c[0][i], ox[i]), wide(c[1][i], oy[i]), wide(c[2][i], oz[i]));
+        let (ax, ay, az) = (wide(a[0].0[i], ox[i]), wide(a[1].0[i], oy[i]), wide(a[2].0[i], oz[i]));
+        let (bx, by, bz) = (wide(b[0].0[i], ox[i]), wide(b[1].0[i], oy[i]), wide(b[2].0[i], oz[i]));
+        let (cx, cy, cz) = (wide(c[0].0[i], ox[i]), wide(c[1].0[i], oy[i]), wide(c[2].0[i], oz[i]));
         let along = f64::from(dz[i]);
         let (sx, sy) = (f64::from(dx[i]) / along, f64::from(dy[i]) / along);
         let (ax, ay) = (ax - sx * az, ay - sy * az);
@@ -115,9 +108,10 @@ fn exactly(group: &Group, terms: &Terms, [a, b, c]: &[[[f32; SIXTEEN]; 3]; 3]) -
         let negative = (wa <= 0.0) & (wb <= 0.0) & (wc <= 0.0);
         let area = wa + wb + wc;
         let depth = wa * az + wb * bz + wc * cz;
-        t[i] = (depth / area / along) as f32;
-        u[i] = clamp((wb / area) as f32, 1.0);
-        v[i] = clamp((wc / area) as f32, 1.0 - u[i]);
+        let scale = 1.0 / (area * along);
+        t[i] = (depth * scale) as f32;
+        u[i] = clamp((wb * along * scale) as f32, 1.0);
+        v[i] = clamp((wc * along * scale) as f32, 1.0 - u[i]);
         counts[i] = u32::from((positive | negative) & ((area < 0.0) | !terms.front_only));
         told[i] = u32::from(sa & sb & sc);
         far[i] = u32::from((area.abs() > area_bound) & (depth.abs() > volume_bound));
@@ -126,7 +120,10 @@ fn exactly(group: &Group, terms: &Terms, [a, b, c]: &[[[f32; SIXTEEN]; 3]; 3]) -
     for i in 0..SIXTEEN {
         let (mut near, mut far, mut last) = (0.0f32, f32::INFINITY, 0.0);
         for axis in 0..3 {
-            let ends = [min(min(a[axis][i], b[axis][i]), c[axis][i]), max(max(a[axis][i], b[axis][i]), c[axis][i])];
+            let ends = [
+                min(min(a[axis].0[i], b[axis].0[i]), c[axis].0[i]),
+                max(max(a[axis].0[i], b[axis].0[i]), c[axis].0[i]),
+            ];
             let (o, r) = (group.origin[k[axis]].0[i], group.reciprocal[k[axis]].0[i]);
             let (low, high) = ((ends[0] - o) * r, (ends[1] - o) * r);
             last = max(low, high);

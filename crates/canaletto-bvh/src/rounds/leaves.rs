@@ -2,6 +2,7 @@
 #![allow(unsafe_code)] // What is done at leaves may be compiled for a stream's instructions, though here it needs none.
 
 use crate::lanes::Exact;
+use crate::node::{Node, Places};
 use crate::round::{Ask, Block, LANES, Met, Rough, Sorted};
 use crate::traverse::{Any, Closest, ClosestOfMany};
 use crate::{Leaf, PreparedRay};
@@ -105,8 +106,8 @@ impl<A: Ask> ClosestOfMany for OfRays<'_, A> {
     }
 
     #[inline(always)]
-    fn places(&self) -> Option<(*const u8, usize)> {
-        Some((self.blocks.as_ptr().cast(), size_of::<Block>()))
+    fn places(&self, nodes: &[Node]) -> Places {
+        Places::new(nodes, self.blocks)
     }
 }
 
@@ -137,8 +138,8 @@ impl<A: Ask> ClosestOfMany for AnyOfRays<'_, A> {
     }
 
     #[inline(always)]
-    fn places(&self) -> Option<(*const u8, usize)> {
-        Some((self.blocks.as_ptr().cast(), size_of::<Block>()))
+    fn places(&self, nodes: &[Node]) -> Places {
+        Places::new(nodes, self.blocks)
     }
 }
 

@@ -1,14 +1,12 @@
 //! Many rays through the tree at once, which need not go the same way.
 
-use std::hint::select_unpredictable;
 use std::mem::MaybeUninit;
 
 use super::stack::Stack;
 use super::{Passage, closest, run};
 use crate::PreparedRay;
 use crate::lanes::{Exact, Lanes, Portable};
-use crate::memory::prefetch;
-use crate::node::{Leaf, Link, Node};
+use crate::node::{Leaf, Link, Node, Places};
 use crate::slab::limit as limit_of;
 
 /// What is done at leaves for many rays. A leaf is tested in two steps, so that what depends on a rough test's outcome is done apart, for all rays for which
@@ -25,9 +23,9 @@ pub(crate) trait ClosestOfMany {
     /// # Safety
     /// The machine must have the instructions of `E`.
     unsafe fn leaf<E: Exact>(&mut self, ray: usize, leaf: Leaf, finding: &Self::Finding, t_max: &mut f32);
-    /// Where the leaves' data lie, to be fetched in advance: the first's start, and how many bytes each has.
-    fn places(&self) -> Option<(*const u8, usize)> {
-        None
+    /// Where nodes and the leaves' data lie, to be fetched in advance.
+    fn places(&self, nodes: &[Node]) -> Places {
+        Places::of_nodes(nodes)
     }
 }
 
@@ -113,28 +111,6 @@ fn next(queue: &mut u32) -> Option<usize> {
     Some(number)
 }
 
-/// Where nodes and the data of leaves lie, to be fetched in advance.
-#[derive(Clone, Copy)]
-struct Places {
-    node: *const u8,
-    leaf: *const u8,
-    /// Of a leaf's data.
-    bytes: usize,
-}
-
-impl Places {
-    #[inline(always)]
-    fn fetch(self, link: Link) {
-        let node = self.node.wrapping_add(link.index() * size_of::<Node>());
-        let leaf = self.leaf.wrapping_add(link.index() * self.bytes);
-        let start = select_unpredictable(link.is_leaf(), leaf, node);
-        let start = select_unpredictable(link == Link::END, self.node, start);
-        for line in 0..4 {
-            prefetch(start.wrapping_add(64 * line));
-        }
-    }
-}
-
 impl Queues {
     /// Sends a flight to its next place, and tells the caches. It goes to `leaves` also where it has ended: see [`Queues::part`].
     #[inline(always)]
@@ -191,8 +167,7 @@ impl<F: ClosestOfMany> Passage for Stream<'_, F> {
         let mut waiting = Waiting { rays, next: 0 };
         let mut flights: [MaybeUninit<Flight>; FLIGHTS] = [const { MaybeUninit::uninit() }; FLIGHTS];
         let mut findings: [MaybeUninit<F::Finding>; FLIGHTS] = [const { MaybeUninit::uninit() }; FLIGHTS];
-        let (leaf_start, bytes) = leaf.places().unwrap_or((nodes.as_ptr().cast(), 0));
-        let places = Places { node: nodes.as_ptr().cast(), leaf: leaf_start, bytes };
+        let places = leaf.places(nodes);
         let mut queues = Queues { nodes: 0, leaves: 0, ended: u32::MAX >> (32 - FLIGHTS) };
         // SAFETY: the caller's promise; links lead to nodes; flights in queues of nodes and leaves were started, and their rays exist.
         unsafe {

@@ -2,8 +2,9 @@
 #![allow(unsafe_code)] // Kernels for the instructions that a stream is compiled for.
 
 use super::Nearest;
-use crate::block::{Block, Bound, Scene, Search, Tested};
+use crate::block::{Bound, Scene, Search, Tested};
 use crate::lanes::Exact;
+use crate::node::{Node, Places};
 use crate::traverse::{Any, Closest, ClosestOfMany};
 use crate::{Leaf, PreparedRay};
 
@@ -63,8 +64,8 @@ impl ClosestOfMany for OfRays<'_> {
     }
 
     #[inline(always)]
-    fn places(&self) -> Option<(*const u8, usize)> {
-        Some((self.scene.blocks.as_ptr().cast(), size_of::<Block>()))
+    fn places(&self, nodes: &[Node]) -> Places {
+        Places::new(nodes, self.scene.blocks)
     }
 }
 
@@ -93,8 +94,8 @@ impl ClosestOfMany for AnyOfRays<'_> {
     }
 
     #[inline(always)]
-    fn places(&self) -> Option<(*const u8, usize)> {
-        Some((self.scene.blocks.as_ptr().cast(), size_of::<Block>()))
+    fn places(&self, nodes: &[Node]) -> Places {
+        Places::new(nodes, self.scene.blocks)
     }
 }
 
