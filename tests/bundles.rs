@@ -7,7 +7,9 @@ use canaletto::material::{Material, Phong};
 use canaletto::math::{Rgb, Transform};
 use canaletto::render::{Aov, Job, render};
 use canaletto::scene::{Content, Node, Sampling, Scene};
-use canaletto::shape::{Cone, Cuboid, Cylinder, Disk, Plane, Shape, Sphere, Torus, Triangle};
+use canaletto::shape::{
+    Cone, Cuboid, Cylinder, CylinderCloud, Disk, Plane, Shape, Sphere, SphereCloud, Torus, Triangle,
+};
 use canaletto::world::{Between, Blocker, Bundle, World};
 use canaletto_tests::gallery::{icosphere, still_life, still_life_job};
 use glam::{DVec3, Vec3};
@@ -104,6 +106,32 @@ impl Random {
     }
 }
 
+/// Clouds of so many spheres and so many cylinders, of clay and of glass, the latter turned: few of them are looked at together, and rays go to
+/// more one by one, to many in packets.
+fn clouds(count: usize) -> Scene {
+    let mut random = Random(count as u32);
+    let mut spheres = || SphereCloud {
+        centers: (0..count).map(|_| random.vector()).collect(),
+        radii: vec![0.8 / (count as f32).cbrt()],
+        ..SphereCloud::default()
+    };
+    let spheres = vec![spheres(), spheres()];
+    let mut cylinders = || CylinderCloud {
+        axes: (0..count).map(|_| [random.vector(), random.vector()]).collect(),
+        radii: vec![0.2 / (count as f32).cbrt()],
+        ..CylinderCloud::default()
+    };
+    let cylinders = vec![cylinders(), cylinders()];
+    let turned = Transform::rotate(DVec3::new(1.0, 2.0, 0.5), 40.0).unwrap();
+    let node = |(content, glass): (Content, bool)| {
+        let place = if glass { turned } else { Transform::IDENTITY };
+        Node::new(content).with_material(if glass { 2 } else { 0 }).with_transform(&place)
+    };
+    let nodes = (0..2).flat_map(|i| [Content::Spheres(i), Content::Cylinders(i)].map(|content| (content, i == 1)));
+    let nodes = nodes.map(node).collect();
+    Scene { materials: few_things(false).materials, spheres, cylinders, nodes, ..Scene::default() }
+}
+
 /// Bundles of any size whose rays go nearly the same way, or any way, some along an axis; to the end of their directions, or
 /// without end.
 fn bundles(count: usize) -> impl Iterator<Item = Vec<(Ray, f32)>> {
@@ -132,6 +160,9 @@ fn bundles_find_what_brute_force_finds() {
         ("moving", few_things(true), &[0.0, 0.3, 1.0]),
         ("loose", loose_things(8), &[0.0]),
         ("more loose", loose_things(13), &[0.0]),
+        ("few in clouds", clouds(4), &[0.0]),
+        ("more in clouds", clouds(20), &[0.0]),
+        ("many in clouds", clouds(40), &[0.0]),
         ("many", still_life(1.0), &[0.0]),
     ] {
         let world = World::build(scene).unwrap();
@@ -146,7 +177,7 @@ fn bundles_find_what_brute_force_finds() {
             world.between_bundle(&mut bundle, time, &mut last);
             for (index, (ray, t_max)) in rays.iter().enumerate() {
                 let expected = world.intersect_brute_force_at(ray, *t_max, time);
-                assert_eq!(bundle.hit(index, time), expected, "{name} {ray:?}");
+                assert_eq!(bundle.hit(index), expected, "{name} {ray:?}");
                 // Light that nothing dims passes whole, and none passes what is opaque.
                 let passes = world.transmittance(ray, *t_max, time, None, &mut Blocker::NONE.clone(), &mut ());
                 let between = match (expected, passes) {

@@ -5,12 +5,11 @@
 
 use super::World;
 use super::corridor::{Corridor, GROUP};
-use super::geometry::{Geometry, NO_PRIMITIVE, Nearest};
-use super::instance::{Instance, NONE, Unbounded, to_local};
+use super::geometry::Geometry;
+use super::instance::{NONE, to_local};
 use super::loose;
 use super::query::{Blocker, Hit};
 use crate::math::Line;
-use crate::shape::ShapeHit;
 use canaletto_bvh::{self as bvh, Aabb, Met, PreparedRay, Ray};
 use std::ops::Range;
 
@@ -30,14 +29,17 @@ pub struct Bundle {
     /// Up to where each counts.
     t_max: Vec<f32>,
     /// What each met, by [`World::intersect_bundle`].
-    nearest: Vec<(u32, Nearest)>,
+    nearest: Vec<Hit>,
     /// What stands in each one's way, by [`World::between_bundle`].
     between: Vec<Between>,
     /// The rays in an instance's space.
     local: Rays,
-    found: Vec<Nearest>,
-    open: Vec<f32>,
     corridors: Vec<Corridor>,
+    /// What a geometry answers.
+    found: Vec<Met>,
+    /// What a mesh's tree does.
+    triangles: Vec<bvh::Nearest>,
+    open: Vec<f32>,
 }
 
 /// What stands between a ray's origin and its end.
@@ -53,34 +55,56 @@ pub enum Between {
 
 /// Rays in one space.
 #[derive(Debug, Default)]
-pub(super) struct Rays {
-    pub(super) rays: Vec<Ray>,
+struct Rays {
+    rays: Vec<Ray>,
     /// Some of them, as somebody wanted them last.
     prepared: Vec<PreparedRay>,
     /// Which.
     ready: Range<usize>,
-    /// What a mesh answers.
-    triangles: Vec<bvh::Nearest>,
-    /// What spheres, cylinders and other shapes answer.
-    met: Vec<Met>,
+}
+
+impl Rays {
+    fn clear(&mut self) {
+        self.rays.clear();
+        self.ready = 0..0;
+    }
 }
 
 /// Some rays of a list.
 pub(super) struct Part<'a> {
-    pub(super) rays: &'a mut Rays,
-    pub(super) range: Range<usize>,
+    all: &'a mut Rays,
+    range: Range<usize>,
     /// What their groups lie between, in the space where they are, if anybody knows.
-    pub(super) corridors: &'a [Corridor],
+    corridors: &'a [Corridor],
 }
 
 impl Part<'_> {
+    #[inline]
+    pub(super) fn rays(&self) -> &[Ray] {
+        &self.all.rays[self.range.clone()]
+    }
+
     fn prepare(&mut self) -> &[PreparedRay] {
-        self.rays.prepare(&self.range)
+        let (Rays { rays, prepared, ready }, range) = (&mut *self.all, &self.range);
+        if range.start < ready.start || ready.end < range.end {
+            prepared.clear();
+            prepared.extend(rays[range.clone()].iter().map(Ray::prepare));
+            *ready = range.clone();
+        }
+        &prepared[range.start - ready.start..range.end - ready.start]
+    }
+
+    /// [`for_runs`] of the groups of these rays, if they are known.
+    pub(super) fn for_runs(&self, bounds: &Aabb, mut f: impl FnMut(Range<usize>)) {
+        match self.corridors {
+            [] => f(0..self.range.len()),
+            corridors => for_runs(corridors, self.range.len(), bounds, f),
+        }
     }
 }
 
 /// Calls `f` for each run of groups that a box isn't surely missed by, with the places of their rays.
-pub(super) fn for_runs(corridors: &[Corridor], rays: usize, bounds: &Aabb, mut f: impl FnMut(Range<usize>)) {
+fn for_runs(corridors: &[Corridor], rays: usize, bounds: &Aabb, mut f: impl FnMut(Range<usize>)) {
     let mut start = None;
     for (index, corridor) in corridors.iter().enumerate() {
         match (corridor.misses(bounds), start) {
@@ -97,19 +121,13 @@ pub(super) fn for_runs(corridors: &[Corridor], rays: usize, bounds: &Aabb, mut f
     }
 }
 
-impl Rays {
-    fn clear(&mut self) {
-        self.rays.clear();
-        self.ready = 0..0;
-    }
-
-    fn prepare(&mut self, range: &Range<usize>) -> &[PreparedRay] {
-        if range.start < self.ready.start || self.ready.end < range.end {
-            self.prepared.clear();
-            self.prepared.extend(self.rays[range.clone()].iter().map(Ray::prepare));
-            self.ready = range.clone();
+/// Sets those of `t_max` to −∞ whose rays are `blocked` at or before; that is asked for the ray of a number.
+#[inline]
+pub(super) fn end<R>(rays: &[R], t_max: &mut [f32], mut blocked: impl FnMut(usize, &R, f32) -> bool) {
+    for (index, (ray, t_max)) in rays.iter().zip(t_max).enumerate() {
+        if *t_max > 0.0 && blocked(index, ray, *t_max) {
+            *t_max = f32::NEG_INFINITY;
         }
-        &self.prepared[range.start - self.ready.start..range.end - self.ready.start]
     }
 }
 
@@ -144,11 +162,10 @@ impl Bundle {
         (self.rays.rays[index], self.t_max[index])
     }
 
-    /// What ray number `index` met, if [`World::intersect_bundle`] was asked for this time.
+    /// What ray number `index` met, if [`World::intersect_bundle`] was asked.
     #[inline]
-    pub fn hit(&self, index: usize, time: f32) -> Option<Hit> {
-        let (instance, Nearest { t, primitive, part, uv }) = self.nearest[index];
-        (primitive != NO_PRIMITIVE).then_some(Hit { t, instance, primitive, part, uv, time })
+    pub fn hit(&self, index: usize) -> Option<Hit> {
+        self.nearest[index].real()
     }
 
     /// What stands in the way of ray number `index`, if [`World::between_bundle`] was asked.
@@ -161,44 +178,32 @@ impl Bundle {
 impl World {
     /// [`World::intersect_at`] for each ray of a bundle; [`Bundle::hit`] tells.
     pub fn intersect_bundle(&self, bundle: &mut Bundle, time: f32) {
-        let Bundle { rays, t_max, nearest, local, found, corridors, .. } = bundle;
+        let Bundle { rays, t_max, nearest, local, corridors, found, triangles, .. } = bundle;
         nearest.clear();
-        if rays.rays.len() == 1 || !self.is_small() {
-            nearest.extend(rays.rays.iter().zip(t_max).map(
-                |(ray, &mut t_max)| match self.intersect_at(ray, t_max, time) {
-                    Some(Hit { t, instance, primitive, part, uv, .. }) => {
-                        (instance, Nearest { t, primitive, part, uv })
-                    }
-                    None => (NONE, Nearest::before(t_max)),
-                },
-            ));
+        if !self.is_asked_together(&rays.rays) {
+            let hit = |ray, t_max| self.intersect_at(ray, t_max, time).unwrap_or(Hit::before(t_max, time));
+            nearest.extend(rays.rays.iter().zip(t_max).map(|(ray, &mut t_max)| hit(ray, t_max)));
             return;
         }
-        nearest.extend(t_max.iter().map(|&t_max| (NONE, Nearest::before(t_max))));
-        for (index, Unbounded { shape, .. }) in self.unbounded.iter().enumerate() {
-            for (ray, best) in rays.rays.iter().zip(&mut *nearest) {
-                if let Some(ShapeHit { t, part, uv }) = shape.intersect(ray, best.1.t) {
-                    offer(best, Hit::UNBOUNDED, Nearest { t, primitive: index as u32, part, uv });
-                }
+        nearest.extend(t_max.iter().map(|&t_max| Hit::before(t_max, time)));
+        if !self.unbounded.is_empty() {
+            rays.rays.iter().zip(&mut *nearest).for_each(|(ray, best)| self.try_unbounded(ray, best));
+        }
+        Corridor::of_groups(corridors, &rays.rays, t_max);
+        self.for_near(rays, local, corridors, time, |number, geometry, part| {
+            let nearest = &mut nearest[part.range.clone()];
+            found.clear();
+            found.extend(nearest.iter().map(|best| Met::before(best.t)));
+            geometry.intersect_bundle(part, found, triangles);
+            for (best, &found) in nearest.iter_mut().zip(&*found) {
+                best.offer(number, found);
             }
-        }
-        corridors.clear();
-        corridors
-            .extend(rays.rays.chunks(GROUP).zip(t_max.chunks(GROUP)).map(|(rays, t_max)| Corridor::of(rays, t_max)));
-        for (index, (instance, bounds)) in self.root.instances.iter().zip(&self.instance_bounds).enumerate() {
-            let geometry = &self.geometries[instance.geometry as usize];
-            let mut mapped = false;
-            for_runs(corridors, rays.rays.len(), bounds, |range| {
-                found.clear();
-                found.extend(nearest[range.clone()].iter().map(|best| Nearest::before(best.1.t)));
-                let corridors = known(instance, corridors, &range);
-                let rays = self.in_space_of(instance, rays, local, time, &mut mapped);
-                geometry.intersect_bundle(Part { rays, range: range.clone(), corridors }, found);
-                for (best, &found) in nearest[range].iter_mut().zip(&*found) {
-                    offer(best, index as u32, found);
-                }
-            });
-        }
+        });
+    }
+
+    /// Whether each instance is handed all of some rays.
+    fn is_asked_together(&self, rays: &[Ray]) -> bool {
+        rays.len() > 1 && self.is_small()
     }
 
     /// Whether each instance is one geometry, and they are few.
@@ -211,7 +216,7 @@ impl World {
     pub fn between_bundle(&self, bundle: &mut Bundle, time: f32, last: &mut Blocker) {
         let Bundle { rays, t_max, between, local, open, corridors, .. } = bundle;
         between.clear();
-        if rays.rays.len() <= 1 || !self.is_small() {
+        if !self.is_asked_together(&rays.rays) {
             between.extend(rays.rays.iter().zip(t_max).map(|(ray, &mut t_max)| self.between(ray, t_max, time, last)));
             return;
         }
@@ -219,36 +224,27 @@ impl World {
         // A ray that something opaque was found for takes no further part.
         open.clear();
         open.extend_from_slice(t_max);
-        for (index, Unbounded { shape, .. }) in self.unbounded.iter().enumerate() {
-            let opaque = self.is_opaque(Hit::UNBOUNDED, index as u32);
-            for ((ray, open), between) in rays.rays.iter().zip(&mut *open).zip(&mut *between) {
-                if *open > 0.0 && shape.intersect(ray, *open).is_some() {
-                    if opaque {
-                        *open = f32::NEG_INFINITY;
-                    } else {
-                        *between = Between::Clear;
-                    }
-                }
-            }
-        }
-        corridors.clear();
-        corridors.extend(rays.rays.chunks(GROUP).zip(open.chunks(GROUP)).map(|(rays, open)| Corridor::of(rays, open)));
-        for (index, (instance, bounds)) in self.root.instances.iter().zip(&self.instance_bounds).enumerate() {
-            let geometry = &self.geometries[instance.geometry as usize];
-            let clear = self.clear_instances.get(index) == Some(&true);
-            let mut mapped = false;
-            for_runs(corridors, rays.rays.len(), bounds, |range| {
-                let open = &mut open[range.clone()];
-                let between = &mut between[range.clone()];
-                let corridors = known(instance, corridors, &range);
-                let part = Part { rays: self.in_space_of(instance, rays, local, time, &mut mapped), range, corridors };
-                if clear {
-                    geometry.between_bundle(part, open, between, |primitive| self.is_opaque(index as u32, primitive));
-                } else {
-                    geometry.occluded_bundle(part, open, || last.slot_in(index as u32));
-                }
+        if !self.unbounded.is_empty() {
+            end(&rays.rays, open, |index, ray, t_max| {
+                between[index] = self.between_unbounded(ray, t_max);
+                between[index] == Between::Opaque
             });
         }
+        Corridor::of_groups(corridors, &rays.rays, open);
+        self.for_near(rays, local, corridors, time, |number, geometry, part| {
+            let (open, between) = (&mut open[part.range.clone()], &mut between[part.range.clone()]);
+            if self.clear_instances.get(number as usize) == Some(&true) {
+                geometry.between_bundle(part, open, |ray, primitive| {
+                    let opaque = self.is_opaque(number, primitive);
+                    if !opaque {
+                        between[ray] = Between::Clear;
+                    }
+                    opaque
+                });
+            } else {
+                geometry.occluded_bundle(part, open, || last.slot_in(number));
+            }
+        });
         for (open, between) in open.iter().zip(between) {
             if *open == f32::NEG_INFINITY {
                 *between = Between::Opaque;
@@ -256,79 +252,53 @@ impl World {
         }
     }
 
-    /// The rays in an instance's space, where they are `mapped` to once. Their parameter t stays the same: directions aren't
-    /// normalised.
-    fn in_space_of<'a>(
+    /// Calls `f` with each instance's number and geometry and the rays of each run of groups that may meet it, in its space. Their parameter t
+    /// stays the same: directions aren't normalised.
+    fn for_near(
         &self,
-        instance: &Instance,
-        rays: &'a mut Rays,
-        local: &'a mut Rays,
+        rays: &mut Rays,
+        local: &mut Rays,
+        corridors: &[Corridor],
         time: f32,
-        mapped: &mut bool,
-    ) -> &'a mut Rays {
-        if instance.to_world.is_none() {
-            return rays;
-        }
-        if !std::mem::replace(mapped, true)
-            && let Some(to_world) = instance.placed(&self.chains, time)
-        {
+        mut f: impl FnMut(u32, &Geometry, Part),
+    ) {
+        for (number, (instance, bounds)) in (0..).zip(self.root.instances.iter().zip(&self.instance_bounds)) {
             local.clear();
-            local.rays.extend(rays.rays.iter().map(|ray| to_local(&to_world, Line::from(ray)).rounded()));
+            for_runs(corridors, rays.rays.len(), bounds, |range| {
+                let part = if let Some(to_world) = instance.placed(&self.chains, time) {
+                    if local.rays.is_empty() {
+                        local.rays.extend(rays.rays.iter().map(|r| to_local(&to_world, Line::from(r)).rounded()));
+                    }
+                    Part { all: local, range, corridors: &[] }
+                } else {
+                    let groups = range.start / GROUP..range.end.div_ceil(GROUP);
+                    Part { all: rays, range, corridors: &corridors[groups] }
+                };
+                f(number, &self.geometries[instance.geometry as usize], part);
+            });
         }
-        local
-    }
-}
-
-/// The corridors of some rays if they are those of an instance's space, too.
-fn known<'a>(instance: &Instance, corridors: &'a [Corridor], rays: &Range<usize>) -> &'a [Corridor] {
-    if instance.to_world.is_none() { &corridors[rays.start / GROUP..rays.end.div_ceil(GROUP)] } else { &[] }
-}
-
-/// Makes a hit the nearest if it is; ties go to the lowest instance, then the lowest primitive.
-#[inline]
-fn offer(best: &mut (u32, Nearest), instance: u32, found: Nearest) {
-    if found.primitive != NO_PRIMITIVE && (found.t, instance, found.primitive) < (best.1.t, best.0, best.1.primitive) {
-        *best = (instance, found);
     }
 }
 
 impl Geometry {
+    /// Whether rays as many as these go through its tree in packets.
+    fn has_packets_of(&self, rays: &[Ray]) -> bool {
+        matches!(self, Geometry::Mesh { .. }) || rays.len() >= TOGETHER && self.len() >= MANY
+    }
+
     /// [`Geometry::intersect`] for many rays; `found` says up to where each counts, and takes the answers.
-    fn intersect_bundle(&self, mut part: Part, found: &mut [Nearest]) {
+    fn intersect_bundle(&self, mut part: Part, found: &mut [Met], triangles: &mut Vec<bvh::Nearest>) {
         match self {
-            Geometry::Mesh { triangles, mesh } => {
-                let Rays { rays, triangles: hits, .. } = part.rays;
-                hits.clear();
-                hits.extend(found.iter().map(|f| bvh::Nearest::before(f.t)));
-                triangles.intersect_coherent(&rays[part.range], hits, mesh.one_sided);
-                for (found, hit) in found.iter_mut().zip(hits) {
-                    *found = Nearest { t: hit.t, primitive: hit.id, part: 0, uv: [hit.u, hit.v] };
-                }
-            }
-            Geometry::Shapes { shapes, .. } if shapes.len() <= loose::FEW => loose::intersect(shapes, &part, found),
-            Geometry::Shapes { .. } | Geometry::Spheres { .. } | Geometry::Cylinders { .. }
-                if part.range.len() >= TOGETHER && self.len() >= MANY =>
-            {
-                let Rays { rays, met, .. } = part.rays;
-                met.clear();
-                met.extend(found.iter().map(|f| Met::before(f.t)));
-                self.intersect_coherent(&rays[part.range], met);
-                for (found, met) in found.iter_mut().zip(met) {
-                    *found = (*met).into();
-                }
-            }
+            _ if self.has_packets_of(part.rays()) => self.intersect_coherent(part.rays(), found, triangles),
+            Geometry::Shapes { shapes, .. } if self.is_few() => loose::intersect(shapes, &part, found),
             _ if self.is_few() => {
-                for (ray, found) in part.rays.rays[part.range].iter().zip(found) {
-                    if let Some(hit) = self.intersect_few(ray, found.t) {
-                        *found = hit;
-                    }
+                for (ray, found) in part.rays().iter().zip(found) {
+                    *found = self.intersect_few(ray, found.t);
                 }
             }
             _ => {
                 for (ray, found) in part.prepare().iter().zip(found) {
-                    if let Some(hit) = self.intersect(ray, found.t) {
-                        *found = hit;
-                    }
+                    *found = self.intersect(ray, found.t);
                 }
             }
         }
@@ -337,76 +307,32 @@ impl Geometry {
     /// Sets those of `t_max` to −∞ whose rays meet something at or before. `last` is asked for the slot of what was met before, or
     /// [`NONE`].
     fn occluded_bundle<'a>(&self, mut part: Part, t_max: &mut [f32], last: impl FnOnce() -> &'a mut u32) {
-        match self {
-            Geometry::Mesh { .. } => self.occluded_coherent(&part.rays.rays[part.range], t_max),
-            _ if part.range.len() >= TOGETHER && self.len() >= MANY => {
-                self.occluded_coherent(&part.rays.rays[part.range], t_max);
-            }
-            Geometry::Shapes { shapes, .. } if shapes.len() <= loose::FEW => {
-                loose::between(shapes, &part, t_max, |_, _| true);
-            }
-            _ if self.is_few() => {
-                for (ray, t_max) in part.rays.rays[part.range].iter().zip(t_max).filter(|(_, t_max)| **t_max > 0.0) {
-                    if self.occluded_few(ray, *t_max, |_| true).is_some() {
-                        *t_max = f32::NEG_INFINITY;
-                    }
+        if self.has_packets_of(part.rays()) {
+            self.occluded_coherent(part.rays(), t_max);
+        } else if self.is_few() {
+            self.between_bundle(part, t_max, |_, _| true);
+        } else {
+            let last = last();
+            end(part.prepare(), t_max, |_, ray, t_max| {
+                // Once past its shadow's border it would be tried in vain.
+                if *last == NONE || !self.blocks(*last, ray, t_max) {
+                    *last = self.occluded(ray, t_max, |_| true).unwrap_or(NONE);
                 }
-            }
-            _ => {
-                let last = last();
-                for (ray, t_max) in part.prepare().iter().zip(t_max).filter(|(_, t_max)| **t_max > 0.0) {
-                    // Once past its shadow's border it would be tried in vain.
-                    if *last == NONE || !self.blocks(*last, ray, *t_max) {
-                        *last = self.occluded(ray, *t_max, |_| true).unwrap_or(NONE);
-                    }
-                    if *last != NONE {
-                        *t_max = f32::NEG_INFINITY;
-                    }
-                }
-            }
+                *last != NONE
+            });
         }
     }
 
-    /// [`Geometry::occluded_bundle`] where some primitives are not opaque: what they leave open is `Clear`.
-    fn between_bundle(
-        &self,
-        mut part: Part,
-        t_max: &mut [f32],
-        between: &mut [Between],
-        is_opaque: impl Fn(u32) -> bool,
-    ) {
-        if let Geometry::Shapes { shapes, .. } = self
-            && shapes.len() <= loose::FEW
-        {
-            return loose::between(shapes, &part, t_max, |ray, shape| {
-                let opaque = is_opaque(shape);
-                if !opaque {
-                    between[ray] = Between::Clear;
-                }
-                opaque
-            });
-        }
-        let few = self.is_few();
-        if !few {
-            part.prepare();
-        }
-        let Part { rays: Rays { rays, prepared, ready, .. }, range, .. } = part;
-        for (index, (t_max, between)) in t_max.iter_mut().zip(between).enumerate().filter(|(_, (t, _))| **t > 0.0) {
-            let blocks = |primitive| {
-                let opaque = is_opaque(primitive);
-                if !opaque {
-                    *between = Between::Clear;
-                }
-                opaque
-            };
-            let blocker = if few {
-                self.occluded_few(&rays[range.start + index], *t_max, blocks)
-            } else {
-                self.occluded(&prepared[range.start - ready.start + index], *t_max, blocks)
-            };
-            if blocker.is_some() {
-                *t_max = f32::NEG_INFINITY;
-            }
+    /// Sets those of `t_max` to −∞ whose rays meet something at or before that `blocks` the ray of this number.
+    fn between_bundle(&self, mut part: Part, t_max: &mut [f32], mut blocks: impl FnMut(usize, u32) -> bool) {
+        match self {
+            Geometry::Shapes { shapes, .. } if self.is_few() => loose::between(shapes, &part, t_max, blocks),
+            _ if self.is_few() => end(part.rays(), t_max, |index, ray, t_max| {
+                self.occluded_few(ray, t_max, |primitive| blocks(index, primitive)).is_some()
+            }),
+            _ => end(part.prepare(), t_max, |index, ray, t_max| {
+                self.occluded(ray, t_max, |primitive| blocks(index, primitive)).is_some()
+            }),
         }
     }
 }

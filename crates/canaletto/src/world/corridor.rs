@@ -53,6 +53,12 @@ impl Corridor {
         Corridor { from: six(o0.into(), o1.into()), way: six(d0.into(), d1.into()), t_max: end, regular }
     }
 
+    /// Makes `corridors` those of the groups of some rays.
+    pub(super) fn of_groups(corridors: &mut Vec<Corridor>, rays: &[Ray], t_max: &[f32]) {
+        corridors.clear();
+        corridors.extend(rays.chunks(GROUP).zip(t_max.chunks(GROUP)).map(|(rays, t_max)| Corridor::of(rays, t_max)));
+    }
+
     /// Whether all trees would say that no ray of the group meets the box.
     pub(super) fn misses(&self, bounds: &Aabb) -> bool {
         if !self.regular {

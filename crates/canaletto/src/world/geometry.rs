@@ -2,9 +2,12 @@
 
 use super::Census;
 use super::instance::NONE;
+use super::loose;
 use crate::math::Line;
 use crate::shape::{Cylinder, CylinderCloud, Mesh, Patch, Shape, ShapeHit, SphereCloud, Surface};
-use canaletto_bvh::{self as bvh, Aabb, Asked, Met, PreparedRay, Quality, Ray, Round, Rounds, Triangles, sphere};
+use canaletto_bvh::{
+    Aabb, Asked, BuildError, Met, Nearest, PreparedRay, Quality, Ray, Round, Rounds, Triangles, sphere,
+};
 use rayon::prelude::*;
 
 /// Primitives of one kind under one hierarchy: the second level. Primitive ids are positions in the description.
@@ -21,49 +24,29 @@ pub(super) enum Geometry {
     Cylinders { tree: Rounds, cloud: CylinderCloud },
 }
 
-/// The nearest hit inside one geometry so far.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Nearest {
-    pub(super) t: f32,
-    pub(super) primitive: u32,
-    pub(super) part: u32,
-    pub(super) uv: [f32; 2],
+const _: () = assert!(Met::NONE == Nearest::NONE);
+
+/// A hit on a mesh as on everything else.
+fn on_triangle(Nearest { t, u, v, id }: Nearest) -> Met {
+    Met { t, id, part: 0, uv: [u, v] }
 }
 
-/// No primitive yet; larger than any id, so that ties go to a real one.
-pub(super) const NO_PRIMITIVE: u32 = u32::MAX;
-const _: () = assert!(NO_PRIMITIVE == Met::NONE && NO_PRIMITIVE == bvh::Nearest::NONE);
-
-impl Nearest {
-    /// Nothing up to `t_max`.
-    #[inline]
-    pub(super) fn before(t_max: f32) -> Nearest {
-        Nearest { t: t_max, primitive: NO_PRIMITIVE, part: 0, uv: [0.0; 2] }
-    }
+/// A hit on a shape whose number the caller knows.
+#[inline(always)]
+pub(super) fn on_shape(ShapeHit { t, part, uv }: ShapeHit) -> Met {
+    Met { t, id: Met::NONE, part, uv }
 }
 
-impl From<Met> for Nearest {
-    fn from(Met { t, id, part, uv }: Met) -> Nearest {
-        Nearest { t, primitive: id, part, uv }
-    }
-}
-
-impl From<bvh::Nearest> for Nearest {
-    fn from(bvh::Nearest { t, u, v, id }: bvh::Nearest) -> Nearest {
-        Nearest { t, primitive: id, part: 0, uv: [u, v] }
-    }
-}
-
-#[inline]
-fn confined(ShapeHit { t, part, uv }: ShapeHit, bounds: &Aabb, ray: &PreparedRay, t_max: f32) -> Option<Met> {
-    Some(Met { t: ray.confine(bounds, t.into(), t_max)?, id: Met::NONE, part, uv })
+/// The same kept in the box by which a tree finds the shape.
+#[inline(always)]
+pub(super) fn confined(hit: ShapeHit, bounds: &Aabb, ray: &PreparedRay, t_max: f32) -> Option<Met> {
+    Some(Met { t: ray.confine(bounds, hit.t.into(), t_max)?, ..on_shape(hit) })
 }
 
 /// The kernel of shapes that are no spheres.
 fn other(shapes: &[Shape]) -> impl Fn(Asked, &PreparedRay, f32) -> Option<Met> {
     #[inline(never)]
     fn one(shape: &Shape, ray: &PreparedRay, t_max: f32) -> Option<Met> {
-        // Kept in the box by which the tree finds the shape.
         confined(shape.intersect(&ray.ray, t_max)?, &shape.bounds()?, ray, t_max)
     }
     |asked, ray, t_max| one(&shapes[asked.id as usize], ray, t_max)
@@ -84,11 +67,7 @@ fn cylinder(cloud: &CylinderCloud) -> impl Fn(Asked, &PreparedRay, f32) -> Optio
 }
 
 impl Geometry {
-    pub(super) fn shapes(
-        shapes: Vec<Shape>,
-        objects: Vec<u32>,
-        materials: Vec<u32>,
-    ) -> Result<Geometry, bvh::BuildError> {
+    pub(super) fn shapes(shapes: Vec<Shape>, objects: Vec<u32>, materials: Vec<u32>) -> Result<Geometry, BuildError> {
         let bounds: Vec<Aabb> = shapes.par_iter().map(|s| s.bounds().unwrap_or(Aabb::EMPTY)).collect();
         let tree = Rounds::build(&bounds, |id| match &shapes[id as usize] {
             Shape::Sphere(s) => Round::Sphere { center: s.center, radius: s.radius },
@@ -98,12 +77,12 @@ impl Geometry {
         Ok(Geometry::Shapes { tree, shapes, objects, materials })
     }
 
-    pub(super) fn mesh(mesh: Mesh, quality: Quality) -> Result<Geometry, bvh::BuildError> {
+    pub(super) fn mesh(mesh: Mesh, quality: Quality) -> Result<Geometry, BuildError> {
         let triangles = Triangles::build_with(quality, mesh.len(), |id| mesh.corners(id as usize))?;
         Ok(Geometry::Mesh { triangles, mesh })
     }
 
-    pub(super) fn spheres(cloud: SphereCloud) -> Result<Geometry, bvh::BuildError> {
+    pub(super) fn spheres(cloud: SphereCloud) -> Result<Geometry, BuildError> {
         let bounds = |id: usize| sphere::bounds(cloud.centers[id], cloud.radius(id));
         let bounds: Vec<Aabb> = (0..cloud.len()).into_par_iter().map(bounds).collect();
         let sphere = |id: usize| Round::Sphere { center: cloud.centers[id], radius: cloud.radius(id) };
@@ -111,7 +90,7 @@ impl Geometry {
         Ok(Geometry::Spheres { tree, cloud })
     }
 
-    pub(super) fn cylinders(cloud: CylinderCloud) -> Result<Geometry, bvh::BuildError> {
+    pub(super) fn cylinders(cloud: CylinderCloud) -> Result<Geometry, BuildError> {
         let bounds: Vec<Aabb> = (0..cloud.len()).into_par_iter().map(|id| cloud.bounds(id)).collect();
         let cylinder = |id: usize| Round::Cylinder { ends: cloud.axes[id], radius: cloud.radius(id) };
         let tree = Rounds::build(&bounds, |id| cylinder(id as usize))?;
@@ -160,59 +139,64 @@ impl Geometry {
         }
     }
 
-    /// The nearest hit at or before `t_max` (ties with a hit elsewhere are the caller's).
-    pub(super) fn intersect(&self, ray: &PreparedRay, t_max: f32) -> Option<Nearest> {
+    /// The nearest hit at or before `t_max` (ties with a hit elsewhere are the caller's), [`Met::NONE`] if there is none.
+    pub(super) fn intersect(&self, ray: &PreparedRay, t_max: f32) -> Met {
         let mut met = Met::before(t_max);
         match self {
             Geometry::Mesh { triangles, mesh } => {
-                let mut nearest = bvh::Nearest::before(t_max);
+                let mut nearest = Nearest::before(t_max);
                 triangles.intersect(ray, &mut nearest, mesh.one_sided);
-                return real(nearest.into());
+                return on_triangle(nearest);
             }
             Geometry::Shapes { tree, shapes, .. } => tree.intersect(ray, &mut met, &other(shapes)),
             Geometry::Spheres { tree, .. } => tree.intersect(ray, &mut met, &none),
             Geometry::Cylinders { tree, cloud } => tree.intersect(ray, &mut met, &cylinder(cloud)),
         }
-        real(met.into())
+        met
     }
 
-    /// Whether it is spheres and cylinders so few that rays need not be prepared for them.
+    /// Whether a look at all of its primitives is shorter than a way through its tree.
     #[inline]
     pub(super) fn is_few(&self) -> bool {
         match self {
             Geometry::Mesh { .. } => false,
-            Geometry::Shapes { tree, .. } | Geometry::Spheres { tree, .. } | Geometry::Cylinders { tree, .. } => {
-                tree.is_few()
-            }
+            Geometry::Shapes { shapes, .. } => shapes.len() <= loose::FEW,
+            Geometry::Spheres { tree, .. } | Geometry::Cylinders { tree, .. } => tree.is_few(),
         }
     }
 
-    /// [`Geometry::intersect`] where it [is few](Geometry::is_few).
-    pub(super) fn intersect_few(&self, ray: &Ray, t_max: f32) -> Option<Nearest> {
+    /// [`Geometry::intersect`] for a ray that isn't prepared, which spheres or cylinders that [are few](Geometry::is_few) rarely ask for.
+    pub(super) fn intersect_few(&self, ray: &Ray, t_max: f32) -> Met {
         let mut met = Met::before(t_max);
         match self {
-            Geometry::Mesh { .. } => unreachable!("meshes have packets"),
-            Geometry::Shapes { tree, shapes, .. } => tree.intersect_few(ray, &mut met, &other(shapes)),
             Geometry::Spheres { tree, .. } => tree.intersect_few(ray, &mut met, &none),
             Geometry::Cylinders { tree, cloud } => tree.intersect_few(ray, &mut met, &cylinder(cloud)),
+            _ => return self.intersect(&ray.prepare(), t_max),
         }
-        real(met.into())
+        met
     }
 
-    /// [`Geometry::occluded`] where it [is few](Geometry::is_few).
+    /// [`Geometry::occluded`] likewise.
     pub(super) fn occluded_few(&self, ray: &Ray, t_max: f32, blocks: impl FnMut(u32) -> bool) -> Option<u32> {
         match self {
-            Geometry::Mesh { .. } => unreachable!("meshes have packets"),
-            Geometry::Shapes { tree, shapes, .. } => tree.occluded_few(ray, t_max, &other(shapes), blocks),
             Geometry::Spheres { tree, .. } => tree.occluded_few(ray, t_max, &none, blocks),
             Geometry::Cylinders { tree, cloud } => tree.occluded_few(ray, t_max, &cylinder(cloud), blocks),
+            _ => self.occluded(&ray.prepare(), t_max, blocks),
         }
     }
 
-    /// [`Geometry::intersect`] for many rays, of which neighbours best go nearly the same way, unless this is a mesh.
-    pub(super) fn intersect_coherent(&self, rays: &[Ray], met: &mut [Met]) {
+    /// [`Geometry::intersect`] for many rays, of which neighbours best go nearly the same way; `met` says up to where each counts, and
+    /// takes the answers.
+    pub(super) fn intersect_coherent(&self, rays: &[Ray], met: &mut [Met], nearest: &mut Vec<Nearest>) {
         match self {
-            Geometry::Mesh { .. } => unreachable!("meshes have other answers"),
+            Geometry::Mesh { triangles, mesh } => {
+                nearest.clear();
+                nearest.extend(met.iter().map(|met| Nearest::before(met.t)));
+                triangles.intersect_coherent(rays, nearest, mesh.one_sided);
+                for (met, &nearest) in met.iter_mut().zip(&*nearest) {
+                    *met = on_triangle(nearest);
+                }
+            }
             Geometry::Shapes { tree, shapes, .. } => tree.intersect_coherent(rays, met, &other(shapes)),
             Geometry::Spheres { tree, .. } => tree.intersect_coherent(rays, met, &none),
             Geometry::Cylinders { tree, cloud } => tree.intersect_coherent(rays, met, &cylinder(cloud)),
@@ -250,19 +234,19 @@ impl Geometry {
     }
 
     /// The same question as [`Geometry::intersect`] answered by trying every primitive: the oracle that the hierarchy is tested against.
-    pub(super) fn intersect_brute_force(&self, ray: &PreparedRay, t_max: f32) -> Option<Nearest> {
+    pub(super) fn intersect_brute_force(&self, ray: &PreparedRay, t_max: f32) -> Met {
         let mut met = Met::before(t_max);
         match self {
             Geometry::Mesh { triangles, mesh } => {
-                let mut nearest = bvh::Nearest::before(t_max);
+                let mut nearest = Nearest::before(t_max);
                 triangles.intersect_brute_force(ray, &mut nearest, mesh.one_sided);
-                return real(nearest.into());
+                return on_triangle(nearest);
             }
             Geometry::Shapes { tree, shapes, .. } => tree.intersect_brute_force(ray, &mut met, &other(shapes)),
             Geometry::Spheres { tree, .. } => tree.intersect_brute_force(ray, &mut met, &none),
             Geometry::Cylinders { tree, cloud } => tree.intersect_brute_force(ray, &mut met, &cylinder(cloud)),
         }
-        real(met.into())
+        met
     }
 
     /// The second stage of a hit, in this geometry's space.
@@ -338,16 +322,11 @@ impl Geometry {
     }
 }
 
-/// A hit on a primitive.
-fn real(nearest: Nearest) -> Option<Nearest> {
-    (nearest.primitive != NO_PRIMITIVE).then_some(nearest)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::shape::{Cone, Sphere, Torus};
-    use bvh::InstructionSet;
+    use canaletto_bvh::InstructionSet;
     use glam::Vec3;
     use std::cell::Cell;
 
@@ -369,6 +348,10 @@ mod tests {
         fn vector(&mut self) -> Vec3 {
             Vec3::new(self.signed(), self.signed(), self.signed())
         }
+    }
+
+    fn real(met: Met) -> Option<Met> {
+        (met.id != Met::NONE).then_some(met)
     }
 
     /// From rods to needles and disks, some of them along axes, some side by side.
@@ -422,13 +405,13 @@ mod tests {
                 let mut stream = vec![Met::before(f32::INFINITY); rays.len()];
                 tree.intersect_stream(&prepared, &mut stream, &cylinder(cloud));
                 for (ray, met) in prepared.iter().zip(stream) {
-                    let expected = geometry.intersect_brute_force(ray, f32::INFINITY);
-                    let bits = |n: Option<Nearest>| n.map(|n| (n.t.to_bits(), n.primitive, n.part));
-                    assert_eq!(bits(real(met.into())), bits(expected), "{scale} {:?}", ray.ray);
+                    let expected = real(geometry.intersect_brute_force(ray, f32::INFINITY));
+                    let bits = |n: Option<Met>| n.map(|n| (n.t.to_bits(), n.id, n.part));
+                    assert_eq!(bits(real(met)), bits(expected), "{scale} {:?}", ray.ray);
                     let t = expected.map_or(1.0, |n| n.t);
                     for t_max in [f32::INFINITY, t, t.next_down()] {
                         let expected = expected.filter(|n| n.t <= t_max);
-                        assert_eq!(bits(geometry.intersect(ray, t_max)), bits(expected), "{scale} {:?}", ray.ray);
+                        assert_eq!(bits(real(geometry.intersect(ray, t_max))), bits(expected), "{scale} {:?}", ray.ray);
                         let place = geometry.occluded(ray, t_max, |_| true);
                         assert_eq!(place.is_some(), expected.is_some(), "{scale} {:?} {t_max}", ray.ray);
                         assert!(place.is_none_or(|place| geometry.blocks(place, ray, t_max)));
@@ -457,21 +440,21 @@ mod tests {
                 })
                 .collect();
             let geometry = Geometry::cylinders(cloud).unwrap();
-            let expected: Vec<Option<Nearest>> =
-                rays.iter().map(|ray| geometry.intersect_brute_force(&ray.prepare(), f32::INFINITY)).collect();
+            let expected: Vec<Option<Met>> =
+                rays.iter().map(|ray| real(geometry.intersect_brute_force(&ray.prepare(), f32::INFINITY))).collect();
             let ends: Vec<f32> = expected.iter().map(|n| n.map_or(f32::INFINITY, |n| n.t)).collect();
             for set in InstructionSet::available() {
                 set.limit();
                 for end in 0..3 {
                     let up_to = |&t: &f32| [f32::INFINITY, t, t.next_down()][end];
                     let mut met: Vec<Met> = ends.iter().map(|t| Met::before(up_to(t))).collect();
-                    geometry.intersect_coherent(&rays, &mut met);
+                    geometry.intersect_coherent(&rays, &mut met, &mut Vec::new());
                     let mut any: Vec<f32> = ends.iter().map(up_to).collect();
                     geometry.occluded_coherent(&rays, &mut any);
                     for (i, (met, any)) in met.into_iter().zip(any).enumerate() {
                         let expected = expected[i].filter(|_| end < 2);
-                        let bits = |n: Option<Nearest>| n.map(|n| (n.t.to_bits(), n.primitive, n.part));
-                        assert_eq!(bits(real(met.into())), bits(expected), "{scale} {:?}", rays[i]);
+                        let bits = |n: Option<Met>| n.map(|n| (n.t.to_bits(), n.id, n.part));
+                        assert_eq!(bits(real(met)), bits(expected), "{scale} {:?}", rays[i]);
                         assert_eq!(any == f32::NEG_INFINITY, expected.is_some(), "{scale} {:?}", rays[i]);
                     }
                 }
@@ -532,9 +515,9 @@ mod tests {
             for ray in near.iter().map(Ray::prepare) {
                 let [tree, all] =
                     [geometry.intersect(&ray, f32::INFINITY), geometry.intersect_brute_force(&ray, f32::INFINITY)]
-                        .map(|n| n.map(|n| (n.t.to_bits(), n.primitive, n.part)));
+                        .map(|n| (n.t.to_bits(), n.id, n.part));
                 assert_eq!(tree, all, "{:?}", ray.ray);
-                hits += usize::from(tree.is_some());
+                hits += usize::from(tree.1 != Met::NONE);
             }
         }
         assert!(hits > 2000, "{hits}");

@@ -2,7 +2,7 @@
 
 use super::World;
 use super::bundle::Between;
-use super::geometry::{Geometry, NO_PRIMITIVE, Nearest};
+use super::geometry::{Geometry, on_shape};
 use super::group::Way;
 use super::instance::{Instance, NONE, Unbounded, to_local};
 use crate::integrator::Probe;
@@ -10,7 +10,7 @@ use crate::light::Source;
 use crate::material::Material;
 use crate::math::{Line, Spread, offset_origin};
 use crate::shape::{Shape, ShapeHit, Surface};
-use canaletto_bvh::{Aabb, PreparedRay, Ray};
+use canaletto_bvh::{Aabb, Met, PreparedRay, Ray};
 
 /// The first stage of a hit: where, and on what. [`World::surface`] is the second stage.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,12 +54,31 @@ impl Hit {
     /// The instance number of shapes without bounds. The largest, so that ties go to shapes with bounds.
     pub const UNBOUNDED: u32 = u32::MAX;
 
-    fn of(instance: u32, Nearest { t, primitive, part, uv }: Nearest, time: f32) -> Hit {
-        Hit { t, instance, primitive, part, uv, time }
+    /// Nothing up to `t_max`.
+    #[inline]
+    pub(super) fn before(t_max: f32, time: f32) -> Hit {
+        Hit { t: t_max, instance: NONE, primitive: Met::NONE, part: 0, uv: [0.0; 2], time }
     }
 
-    fn nearer_than(&self, t: f32, instance: u32, primitive: u32) -> bool {
-        (self.t, self.instance, self.primitive) < (t, instance, primitive)
+    /// It, if something was met.
+    #[inline]
+    pub(super) fn real(self) -> Option<Hit> {
+        (self.primitive != Met::NONE).then_some(self)
+    }
+
+    /// What is met on an instance, if anything is and it is nearer; ties go to the lowest instance, then the lowest primitive.
+    #[inline]
+    fn nearer(&self, instance: u32, Met { t, id, part, uv }: Met) -> Option<Hit> {
+        let nearer = id != Met::NONE && (t, instance, id) < (self.t, self.instance, self.primitive);
+        nearer.then_some(Hit { t, instance, primitive: id, part, uv, time: self.time })
+    }
+
+    /// Becomes that.
+    #[inline]
+    pub(super) fn offer(&mut self, instance: u32, met: Met) {
+        if let Some(hit) = self.nearer(instance, met) {
+            *self = hit;
+        }
     }
 
     pub(super) fn shape_hit(&self) -> ShapeHit {
@@ -121,17 +140,19 @@ impl World {
         time: f32,
         instances: impl FnOnce(&World, &PreparedRay, Hit) -> Hit,
     ) -> Option<Hit> {
-        let mut best = Hit { t: t_max, instance: NONE, primitive: NO_PRIMITIVE, part: 0, uv: [0.0; 2], time };
-        for (index, Unbounded { shape, .. }) in self.unbounded.iter().enumerate() {
-            if let Some(ShapeHit { t, part, uv }) = shape.intersect(ray, best.t) {
-                let hit = Hit { t, instance: Hit::UNBOUNDED, primitive: index as u32, part, uv, time };
-                if hit.nearer_than(best.t, best.instance, best.primitive) {
-                    best = hit;
-                }
+        let mut best = Hit::before(t_max, time);
+        self.try_unbounded(ray, &mut best);
+        instances(self, &ray.prepare(), best).real()
+    }
+
+    /// All shapes without bounds.
+    #[inline]
+    pub(super) fn try_unbounded(&self, ray: &Ray, best: &mut Hit) {
+        for (id, Unbounded { shape, .. }) in (0..).zip(&self.unbounded) {
+            if let Some(hit) = shape.intersect(ray, best.t) {
+                best.offer(Hit::UNBOUNDED, Met { id, ..on_shape(hit) });
             }
         }
-        let best = instances(self, &ray.prepare(), best);
-        (best.primitive != NO_PRIMITIVE).then_some(best)
     }
 
     /// A group's instances, each as it stands in the world.
@@ -145,10 +166,9 @@ impl World {
             }
             let admitted = |t_max| ray.enters(&self.bounds_of(&way.placed(instance)), t_max);
             if let Some(local) = way.local_ray(instance, &ray.ray) {
-                let nearest = self.geometries[instance.geometry as usize].intersect(&local, best.t);
+                let met = self.geometries[instance.geometry as usize].intersect(&local, best.t);
                 // Nearly all that are met are admitted.
-                if let Some(hit) = nearest.map(|nearest| Hit::of(number, nearest, best.time))
-                    && hit.nearer_than(best.t, best.instance, best.primitive)
+                if let Some(hit) = best.nearer(number, met)
                     && admitted(best.t)
                 {
                     *best = hit;
@@ -181,15 +201,11 @@ impl World {
         instance: &Instance,
         number: u32,
         best: &mut Hit,
-        intersect: impl Fn(&Geometry, &PreparedRay, f32) -> Option<Nearest>,
+        intersect: impl Fn(&Geometry, &PreparedRay, f32) -> Met,
     ) {
         let geometry = &self.geometries[instance.geometry as usize];
-        let nearest = instance.with_local_ray(ray, &self.chains, best.time, |ray| intersect(geometry, ray, best.t));
-        if let Some(hit) = nearest.map(|nearest| Hit::of(number, nearest, best.time))
-            && hit.nearer_than(best.t, best.instance, best.primitive)
-        {
-            *best = hit;
-        }
+        let met = instance.with_local_ray(ray, &self.chains, best.time, |ray| intersect(geometry, ray, best.t));
+        best.offer(number, met);
     }
 
     /// f_s of (5.39a): the product of 1 − o over the surfaces between the ray's origin and `t_max`. `last` is what blocked
@@ -288,15 +304,9 @@ impl World {
             // Once past its shadow's border it would be tried in vain.
             *last = Blocker::NONE;
         }
-        let mut clear = false;
-        let blocked = self.unbounded.iter().enumerate().any(|(index, Unbounded { shape, .. })| {
-            if shape.intersect(ray, t_max).is_none() {
-                return false;
-            }
-            let opaque = self.is_opaque(Hit::UNBOUNDED, index as u32);
-            clear |= !opaque;
-            opaque
-        }) || {
+        let unbounded = self.between_unbounded(ray, t_max);
+        let mut clear = unbounded == Between::Clear;
+        let blocked = unbounded == Between::Opaque || {
             let root = &self.root;
             let mut block = |instance: &Instance, number: u32| {
                 let geometry = &self.geometries[instance.geometry as usize];
@@ -332,6 +342,21 @@ impl World {
             (false, true) => Between::Clear,
             (false, false) => Between::Nothing,
         }
+    }
+
+    /// What of the shapes without bounds stands before `t_max`.
+    #[inline]
+    pub(super) fn between_unbounded(&self, ray: &Ray, t_max: f32) -> Between {
+        let mut between = Between::Nothing;
+        for (index, Unbounded { shape, .. }) in (0..).zip(&self.unbounded) {
+            if shape.intersect(ray, t_max).is_some() {
+                if self.is_opaque(Hit::UNBOUNDED, index) {
+                    return Between::Opaque;
+                }
+                between = Between::Clear;
+            }
+        }
+        between
     }
 
     /// Whether one of a group's instances, as they stand in the world, blocks a ray.

@@ -210,7 +210,7 @@ impl<'w> Whitted<'w> {
         world.intersect_bundle(&mut self.bundle, self.time);
         for (index, way) in ways.iter().enumerate() {
             let spread = spreads.get(index);
-            let found = self.bundle.hit(index, self.time).map(|hit| (hit, world.material(&hit)));
+            let found = self.bundle.hit(index).map(|hit| (hit, world.material(&hit)));
             // It starts anew behind holes.
             let mut last = way.line;
             let met = match found {
