@@ -31,7 +31,7 @@ impl Ours {
 }
 
 /// Rays that are asked about at a time.
-const CHUNK: usize = 256;
+const CHUNK: usize = 1024;
 
 impl Tracer for Ours {
     fn closest(&self, Run { own, t_max, coherent, .. }: Run<'_>, out: &mut Hits<'_>) {
