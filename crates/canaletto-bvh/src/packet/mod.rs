@@ -75,20 +75,21 @@ impl Packet {
     }
 
     #[inline(always)]
-    fn terms(&self, scene: &Scene<'_>, any: bool) -> Terms {
-        let [x, y, z] = self.hull();
+    fn terms(&self, scene: &Scene<'_>, any: bool, [x, y, z]: [Interval; 3]) -> Terms {
         let corner = |i: usize| Vec3::new(x.origin[i], y.origin[i], z.origin[i]);
         let bound = Bound::within(corner(0), corner(1), &scene.bounds);
         Terms { way: self.way, bound, front_only: scene.front_only, any }
     }
 
-    /// Starts the way.
+    /// Starts the way, and tells what all rays lie between.
     #[inline(always)]
-    fn start<S: Instructions>(&mut self, s: S) {
-        self.walk.start(self.way.octant, self.hull());
+    fn start<S: Instructions>(&mut self, s: S) -> [Interval; 3] {
+        let hull = self.hull();
+        self.walk.start(self.way.octant, hull);
         for i in 0..self.len {
             self.walk.limit(i, self.groups[i].farthest(s));
         }
+        hull
     }
 
     /// Takes all groups to the leaves that they may meet; `exactly` is called for rays that have to be tested against a triangle exactly: with
@@ -100,8 +101,8 @@ impl Packet {
         scene: Scene<'_>,
         mut exactly: impl FnMut(&mut Group, &mut Corners, &Terms, u32, u32),
     ) -> Terms {
-        let terms = self.terms(&scene, !NEAREST);
-        self.start(s);
+        let hull = self.start(s);
+        let terms = self.terms(&scene, !NEAREST, hull);
         let data = Places::new(scene.nodes, scene.blocks);
         while let Some((leaf, mut groups)) = self.walk.next::<S, NEAREST>(s, scene.nodes, data, &self.groups) {
             let block = &scene.blocks[leaf.first() as usize];
