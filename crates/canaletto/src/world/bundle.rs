@@ -265,14 +265,16 @@ impl World {
         for (number, (instance, bounds)) in (0..).zip(self.root.instances.iter().zip(&self.instance_bounds)) {
             local.clear();
             for_runs(corridors, rays.rays.len(), bounds, |range| {
-                let part = if let Some(to_world) = instance.placed(&self.chains, time) {
-                    if local.rays.is_empty() {
+                let part = if instance.to_world.is_none() {
+                    let groups = range.start / GROUP..range.end.div_ceil(GROUP);
+                    Part { all: rays, range, corridors: &corridors[groups] }
+                } else {
+                    if local.rays.is_empty()
+                        && let Some(to_world) = instance.placed(&self.chains, time)
+                    {
                         local.rays.extend(rays.rays.iter().map(|r| to_local(&to_world, Line::from(r)).rounded()));
                     }
                     Part { all: local, range, corridors: &[] }
-                } else {
-                    let groups = range.start / GROUP..range.end.div_ceil(GROUP);
-                    Part { all: rays, range, corridors: &corridors[groups] }
                 };
                 f(number, &self.geometries[instance.geometry as usize], part);
             });
