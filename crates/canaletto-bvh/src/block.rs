@@ -12,7 +12,7 @@ use std::ops::{Add, Mul};
 
 use glam::{Vec3, Vec4};
 
-use crate::lanes::{Instructions, Sixteen};
+use crate::lanes::{Instructions, Vector};
 use crate::node::Node;
 use crate::slab::{DEFLATE, INFLATE, max};
 use crate::triangle::{SURELY, Triangle, TriangleHit, UNDERFLOW, intersect_exactly};
@@ -342,9 +342,9 @@ impl Bound {
         size * self.scale + self.least
     }
 
-    /// For sixteen rays side by side.
+    /// For rays side by side.
     #[inline(always)]
-    pub(crate) fn splat<S: Instructions>(self, s: S) -> Bound<S::Sixteen> {
+    pub(crate) fn splat<S: Instructions>(self, s: S) -> Bound<S::Vector> {
         Bound {
             reach: s.splat(self.reach),
             scale: s.splat(self.scale),
@@ -355,16 +355,16 @@ impl Bound {
     }
 }
 
-impl<N: Sixteen> Bound<N> {
-    /// For sixteen rays, no corner being farther from an origin than this.
+impl<N: Vector> Bound<N> {
+    /// For rays side by side, no corner being farther from an origin than this.
     #[inline(always)]
-    pub(crate) fn of_sixteen<S: Instructions<Sixteen = N>>(s: S, reach: N) -> Self {
+    pub(crate) fn of_rays<S: Instructions<Vector = N>>(s: S, reach: N) -> Self {
         Self::with(reach, |x| s.splat(x), N::max)
     }
 
     /// By how much edge functions of triangles of this size may be wrong.
     #[inline(always)]
-    pub(crate) fn for_size<S: Instructions<Sixteen = N>>(self, s: S, size: f32) -> N {
+    pub(crate) fn for_size<S: Instructions<Vector = N>>(self, s: S, size: f32) -> N {
         s.splat(size) * self.scale + self.least
     }
 }

@@ -4,7 +4,7 @@ mod leaves;
 
 use crate::memory::in_large_pages;
 use crate::packet::rounds::Field;
-use crate::packet::{self, Packet, RAYS};
+use crate::packet::{self, Left, Packet, RAYS};
 use crate::round::{Ask, Block, LANES, Met, Rough, Round};
 use crate::{Aabb, BuildError, Bvh, PreparedRay, Quality, Ray, Statistics};
 pub(crate) use leaves::offer;
@@ -151,7 +151,7 @@ impl Rounds {
             let outcome = packet::rounds::closest(field, &mut packet, rays, nearest);
             left.add(number, outcome.apart | outcome.again, rays);
         }
-        left.serve(nearest, |rays, nearest| self.intersect_stream(rays, nearest, ask));
+        left.serve(nearest, |rays, nearest| self.intersect_stream(&prepared(rays), nearest, ask));
     }
 
     fn field<'a, A: Ask>(&'a self, ask: &'a A) -> Field<'a, A> {
@@ -169,7 +169,7 @@ impl Rounds {
             let outcome = packet::rounds::any(field, &mut packet, rays, t_max);
             left.add(number, outcome.apart, rays);
         }
-        left.serve(t_max, |rays, t_max| self.occluded_stream(rays, t_max, ask));
+        left.serve(t_max, |rays, t_max| self.occluded_stream(&prepared(rays), t_max, ask));
     }
 
     /// The place, as [`Rounds::blocks`] takes it, of a primitive that is met at or before `t_max` and for whose id `counts` holds.
@@ -216,36 +216,8 @@ impl Rounds {
     }
 }
 
-/// Rays that packets leave to a stream.
-#[derive(Default)]
-struct Left {
-    places: Vec<usize>,
-    rays: Vec<PreparedRay>,
-}
-
-impl Left {
-    /// Adds those rays of a packet that have a bit.
-    #[inline]
-    fn add(&mut self, packet: usize, mut which: u64, rays: &[Ray]) {
-        while which != 0 {
-            let i = which.trailing_zeros() as usize;
-            which &= which - 1;
-            self.places.push(packet * RAYS + i);
-            self.rays.push(rays[i].prepare());
-        }
-    }
-
-    /// Has them asked about.
-    fn serve<T: Copy>(self, told: &mut [T], ask: impl FnOnce(&[PreparedRay], &mut [T])) {
-        if self.places.is_empty() {
-            return;
-        }
-        let mut of_these: Vec<T> = self.places.iter().map(|&place| told[place]).collect();
-        ask(&self.rays, &mut of_these);
-        for (place, of_one) in self.places.into_iter().zip(of_these) {
-            told[place] = of_one;
-        }
-    }
+fn prepared(rays: &[Ray]) -> Vec<PreparedRay> {
+    rays.iter().map(Ray::prepare).collect()
 }
 
 #[cfg(test)]

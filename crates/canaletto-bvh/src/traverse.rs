@@ -10,7 +10,6 @@ mod stream;
 use crate::lanes::{Careful, InstructionSet, Lanes, Passing, Portable};
 use crate::node::{Leaf, Link, Node};
 use crate::slab::limit as limit_of;
-pub(crate) use stack::STACK;
 use stack::Stack;
 pub(crate) use stream::{ClosestOfMany, closest_of_many};
 
@@ -50,13 +49,13 @@ mod x86 {
     use super::Passage;
     use crate::lanes::{Avx2, Avx512};
 
-    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
     pub(super) unsafe fn avx2<P: Passage>(passage: P) -> P::Answer {
         // SAFETY: the caller's promise.
         unsafe { passage.run::<Avx2>() }
     }
 
-    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512bw,avx512dq")]
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512bw,avx512dq")]
     pub(super) unsafe fn avx512<P: Passage>(passage: P) -> P::Answer {
         // SAFETY: the caller's promise.
         unsafe { passage.run::<Avx512>() }

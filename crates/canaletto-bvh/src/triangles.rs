@@ -6,7 +6,7 @@ use crate::block::{Block, Bound, Scene, Search};
 use crate::build::{Items, copies};
 use crate::memory::{in_large_pages, prefetch_all};
 use crate::node::Node;
-use crate::packet::{self, Packet, RAYS};
+use crate::packet::{self, Left, Packet, RAYS};
 use crate::triangle;
 use crate::{Aabb, BuildError, Bvh, Leaf, PreparedRay, Quality, Ray, Statistics};
 use glam::Vec3;
@@ -162,19 +162,30 @@ impl Triangles {
     /// # Panics
     /// If there are not as many `nearest` as rays.
     pub fn intersect_coherent(&self, rays: &[Ray], nearest: &mut [Nearest], front_only: bool) {
+        self.closest_in_packets(rays, nearest, front_only, true);
+    }
+
+    /// In packets; what these leave, too, if they are to try it `again`.
+    fn closest_in_packets(&self, rays: &[Ray], nearest: &mut [Nearest], front_only: bool, again: bool) {
         assert_eq!(rays.len(), nearest.len());
-        let (scene, mut packet) = (self.scene(front_only), Packet::new());
+        let (scene, mut packet, mut left) = (self.scene(front_only), Packet::new(), Left::default());
         let mut next = rays.chunks(RAYS).skip(1);
-        for (rays, nearest) in rays.chunks(RAYS).zip(nearest.chunks_mut(RAYS)) {
+        for (number, (rays, nearest)) in rays.chunks(RAYS).zip(nearest.chunks_mut(RAYS)).enumerate() {
             prefetch_all(next.next().unwrap_or_default());
             let outcome = packet::closest(scene, &mut packet, rays, nearest);
-            if outcome.apart != 0 {
-                some(rays, nearest, outcome.apart, |rays, nearest| self.intersect_stream(rays, nearest, front_only));
-            }
+            left.add(number, outcome.apart, rays);
             for i in (0..rays.len()).filter(|i| outcome.again >> i & 1 == 1) {
                 self.intersect_at_once(&rays[i].prepare(), &mut nearest[i], front_only);
             }
         }
+        let again = again && left.are_few_of(rays.len());
+        left.serve(nearest, |rays, nearest| {
+            if again {
+                self.closest_in_packets(rays, nearest, front_only, false);
+            } else {
+                self.intersect_stream(rays, nearest, front_only);
+            }
+        });
     }
 
     fn scene(&self, front_only: bool) -> Scene<'_> {
@@ -186,16 +197,26 @@ impl Triangles {
     /// # Panics
     /// If there are not as many `t_max` as rays.
     pub fn occluded_coherent(&self, rays: &[Ray], t_max: &mut [f32], front_only: bool) {
+        self.any_in_packets(rays, t_max, front_only, true);
+    }
+
+    fn any_in_packets(&self, rays: &[Ray], t_max: &mut [f32], front_only: bool, again: bool) {
         assert_eq!(rays.len(), t_max.len());
-        let (scene, mut packet) = (self.scene(front_only), Packet::new());
+        let (scene, mut packet, mut left) = (self.scene(front_only), Packet::new(), Left::default());
         let mut next = rays.chunks(RAYS).skip(1);
-        for (rays, t_max) in rays.chunks(RAYS).zip(t_max.chunks_mut(RAYS)) {
+        for (number, (rays, t_max)) in rays.chunks(RAYS).zip(t_max.chunks_mut(RAYS)).enumerate() {
             prefetch_all(next.next().unwrap_or_default());
             let outcome = packet::any(scene, &mut packet, rays, t_max);
-            if outcome.apart != 0 {
-                some(rays, t_max, outcome.apart, |rays, t_max| self.occluded_stream(rays, t_max, front_only));
-            }
+            left.add(number, outcome.apart, rays);
         }
+        let again = again && left.are_few_of(rays.len());
+        left.serve(t_max, |rays, t_max| {
+            if again {
+                self.any_in_packets(rays, t_max, front_only, false);
+            } else {
+                self.occluded_stream(rays, t_max, front_only);
+            }
+        });
     }
 
     /// The place, as [`Triangles::blocks`] takes it, of a triangle that is met at or before `t_max` and for whose id `counts` holds, or for
@@ -282,18 +303,6 @@ impl Triangles {
                 block.offer(lane, ray, nearest, front_only);
             }
         }
-    }
-}
-
-/// Asks about those rays that have a bit.
-#[cold]
-fn some<T: Copy>(rays: &[Ray], told: &mut [T], which: u64, ask: impl FnOnce(&[Ray], &mut [T])) {
-    let places = || (0..rays.len()).filter(|i| which >> i & 1 == 1);
-    let some: Vec<Ray> = places().map(|i| rays[i]).collect();
-    let mut of_some: Vec<T> = places().map(|i| told[i]).collect();
-    ask(&some, &mut of_some);
-    for (i, of_one) in places().zip(of_some) {
-        told[i] = of_one;
     }
 }
 

@@ -90,7 +90,7 @@ pub(super) unsafe fn with_last(count: u32, links: __m256i) -> (usize, Link) {
 
 impl<R: Passing> Lanes<R> for Avx2 {
     #[inline]
-    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
     unsafe fn visit<const ORDERED: bool>(
         node: &Node,
         ray: &R,

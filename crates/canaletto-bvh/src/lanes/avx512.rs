@@ -11,7 +11,7 @@ pub(crate) struct Avx512;
 
 impl<R: Passing> Lanes<R> for Avx512 {
     #[inline]
-    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512bw,avx512dq")]
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512bw,avx512dq")]
     unsafe fn visit<const ORDERED: bool>(
         node: &Node,
         ray: &R,

@@ -27,7 +27,7 @@ mod avx2;
 mod avx512;
 mod four;
 mod portable;
-mod sixteen;
+mod vector;
 
 #[cfg(target_arch = "x86_64")]
 pub(crate) use avx2::Avx2;
@@ -35,9 +35,9 @@ pub(crate) use avx2::Avx2;
 pub(crate) use avx512::Avx512;
 pub(crate) use four::Four;
 pub(crate) use portable::{Careful, Portable};
-pub(crate) use sixteen::{Baseline, Instructions, Mask, Row, SIXTEEN, Sixteen};
+pub(crate) use vector::{Baseline, Instructions, Mask, Row, SIXTEEN, Vector};
 #[cfg(target_arch = "x86_64")]
-pub(crate) use sixteen::{WithAvx2, WithAvx512};
+pub(crate) use vector::{WithAvx2, WithAvx512};
 
 use crate::node::{Link, Node};
 use crate::{Aabb, PreparedRay, WideRay};
@@ -135,7 +135,7 @@ pub(crate) trait Lanes<R = PreparedRay>: Copy + Exact {
 pub enum InstructionSet {
     /// What every machine has: SSE2 on x86-64, NEON on ARM.
     Baseline = 1,
-    /// AVX2.
+    /// AVX2 and FMA.
     Avx2 = 2,
     /// AVX-512 F, VL, BW and DQ.
     Avx512 = 3,
@@ -154,6 +154,7 @@ impl InstructionSet {
         #[cfg(target_arch = "x86_64")]
         {
             if is_x86_feature_detected!("avx2")
+                && is_x86_feature_detected!("fma")
                 && is_x86_feature_detected!("bmi1")
                 && is_x86_feature_detected!("bmi2")
                 && is_x86_feature_detected!("lzcnt")

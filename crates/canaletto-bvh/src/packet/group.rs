@@ -2,7 +2,7 @@
 
 #![allow(clippy::needless_range_loop)] // Lanes of many lists side by side.
 
-use crate::lanes::{Instructions, Mask, Row, SIXTEEN, Sixteen};
+use crate::lanes::{Instructions, Row, SIXTEEN, Vector};
 use crate::node::Node;
 use crate::ray::way;
 use crate::slab::{self, INFLATE, WIDTH};
@@ -103,9 +103,13 @@ fn transpose(rays: &[Ray], origin: &mut [Row<f32>; 3], direction: &mut [Row<f32>
 
 /// The smallest and the largest of those numbers that take part, of which there is one in lane `first`.
 #[inline(always)]
-fn ends<S: Instructions>(s: S, part: Mask<S>, row: &Row<f32>, first: usize) -> [f32; 2] {
-    let all = S::Sixteen::select(part, s.load(row), s.splat(row.0[first]));
-    [-(s.splat(0.0) - all).largest(), all.largest()]
+fn ends<S: Instructions>(s: S, rays: u32, row: &Row<f32>, first: usize) -> [f32; 2] {
+    let (mut low, mut high) = (s.splat(row.0[first]), s.splat(row.0[first]));
+    for part in 0..S::Vector::PARTS {
+        let all = S::Vector::select(s.mask(rays, part), s.load(row, part), s.splat(row.0[first]));
+        (low, high) = (low.min(all), high.max(all));
+    }
+    [-(s.splat(0.0) - low).largest(), high.largest()]
 }
 
 impl Group {
@@ -136,16 +140,19 @@ impl Group {
         transpose(rays, &mut self.origin, &mut self.direction);
         let (origin, direction) = (&self.origin, &self.direction);
         let (least, infinity) = (s.splat(f32::MIN_POSITIVE), s.splat(f32::INFINITY));
-        let mut part = s.mask(u32::MAX >> (32 - rays.len()));
         let zero = s.splat(0.0);
-        for axis in 0..3 {
-            let reciprocal = s.splat(1.0) / s.load(&direction[axis]);
-            reciprocal.store(&mut self.reciprocal[axis]);
-            let size = reciprocal.abs();
-            part = part & least.less_or_equal(size) & size.less(infinity);
-            part = part & s.load(&origin[axis]).abs().less(infinity);
+        let mut together = 0;
+        for part in 0..S::Vector::PARTS {
+            let mut fit = s.mask(u32::MAX >> (32 - rays.len()), part);
+            for axis in 0..3 {
+                let reciprocal = s.splat(1.0) / s.load(&direction[axis], part);
+                reciprocal.store(&mut self.reciprocal[axis], part);
+                let size = reciprocal.abs();
+                fit = fit & least.less_or_equal(size) & size.less(infinity);
+                fit = fit & s.load(&origin[axis], part).abs().less(infinity);
+            }
+            together |= S::Vector::bits(fit, part);
         }
-        let together = S::Sixteen::bits(part);
         self.part = together;
         if together == 0 {
             return None;
@@ -154,25 +161,6 @@ impl Group {
         if first != 0 {
             way = Way::of(&rays[first]);
         }
-        let [k0, k1, longest] = way.axes();
-        let length = s.load(&direction[longest]);
-        for axis in 0..3 {
-            let d = s.load(&direction[axis]);
-            part = part & if way.octant >> axis & 1 == 1 { d.less(zero) } else { zero.less(d) };
-            if axis != longest {
-                // Of equal ones a single ray takes the first, which is then another way.
-                part = part & d.abs().less(length.abs());
-            }
-        }
-        let axes = [k0, k1];
-        for k in 0..2 {
-            let along = s.load(&direction[axes[k]]) / length;
-            // No direction is 0 here, but what a quotient vanishes to.
-            let size = along.abs();
-            let sure = (least.less_or_equal(size) & size.less(infinity)) | size.less_or_equal(zero);
-            S::Sixteen::select(sure, along, s.splat(f32::NAN)).store(&mut self.shear[k]);
-        }
-        self.part = S::Sixteen::bits(part);
         if let Ok(told) = <&[T; SIXTEEN]>::try_from(told) {
             for i in 0..SIXTEEN {
                 self.t_max.0[i] = t_max(&told[i]);
@@ -182,31 +170,70 @@ impl Group {
                 *to = t_max(told);
             }
         }
-        let t = S::Sixteen::select(part, s.load(&self.t_max), s.splat(f32::NEG_INFINITY));
-        t.store(&mut self.t_max);
-        t.store(&mut self.low);
+        let [k0, k1, longest] = way.axes();
+        let axes = [k0, k1];
+        self.part = 0;
+        for part in 0..S::Vector::PARTS {
+            let mut fit = s.mask(together, part);
+            let length = s.load(&direction[longest], part);
+            for axis in 0..3 {
+                let d = s.load(&direction[axis], part);
+                fit = fit & if way.octant >> axis & 1 == 1 { d.less(zero) } else { zero.less(d) };
+                if axis != longest {
+                    // Of equal ones a single ray takes the first, which is then another way.
+                    fit = fit & d.abs().less(length.abs());
+                }
+            }
+            for k in 0..2 {
+                let along = s.load(&direction[axes[k]], part) / length;
+                // No direction is 0 here, but what a quotient vanishes to.
+                let size = along.abs();
+                let sure = (least.less_or_equal(size) & size.less(infinity)) | size.less_or_equal(zero);
+                S::Vector::select(sure, along, s.splat(f32::NAN)).store(&mut self.shear[k], part);
+            }
+            let t = S::Vector::select(fit, s.load(&self.t_max, part), s.splat(f32::NEG_INFINITY));
+            t.store(&mut self.t_max, part);
+            t.store(&mut self.low, part);
+            self.part |= S::Vector::bits(fit, part);
+        }
         self.waits = Row([NOTHING; SIXTEEN]);
         self.known = Row([Nearest::NONE; SIXTEEN]);
         let mut intervals = [Interval::NONE; 3];
         for axis in 0..3 {
             let (o, r) = (&origin[axis], &self.reciprocal[axis]);
-            intervals[axis] = Interval { origin: ends(s, part, o, first), reciprocal: ends(s, part, r, first) };
+            intervals[axis] =
+                Interval { origin: ends(s, self.part, o, first), reciprocal: ends(s, self.part, r, first) };
         }
         Some((way, intervals))
     }
 
-    /// Whether any ray meets the box in this lane of a node.
+    /// The parts with rays that meet the box in this lane of a node.
     #[inline(always)]
-    pub(super) fn enters<S: Instructions>(&self, s: S, node: &Node, lane: usize, octant: usize) -> bool {
-        let (mut near, mut far) = (s.splat(0.0), s.load(&self.t_max));
-        for axis in 0..3 {
-            let entry = octant >> axis & 1;
-            let (first, second) = (node.boxes[entry][axis][lane % WIDTH], node.boxes[entry ^ 1][axis][lane % WIDTH]);
-            let (o, r) = (s.load(&self.origin[axis]), s.load(&self.reciprocal[axis]));
-            near = near.max((s.splat(first) - o) * r);
-            far = far.min((s.splat(second) - o) * r);
+    pub(super) fn entering<S: Instructions>(&self, s: S, node: &Node, lane: usize, octant: usize) -> u32 {
+        let mut met = 0;
+        for part in 0..S::Vector::PARTS {
+            let (mut near, mut far) = (s.splat(0.0), s.load(&self.t_max, part));
+            for axis in 0..3 {
+                let entry = octant >> axis & 1;
+                let (first, second) =
+                    (node.boxes[entry][axis][lane % WIDTH], node.boxes[entry ^ 1][axis][lane % WIDTH]);
+                let (o, r) = (s.load(&self.origin[axis], part), s.load(&self.reciprocal[axis], part));
+                near = near.max((s.splat(first) - o) * r);
+                far = far.min((s.splat(second) - o) * r);
+            }
+            met |= u32::from(S::Vector::lanes(near.less_or_equal(far * s.splat(INFLATE))) != 0) << part;
         }
-        S::Sixteen::bits(near.less_or_equal(far * s.splat(INFLATE))) != 0
+        met
+    }
+
+    /// The rays for which something waits.
+    #[inline(always)]
+    pub(super) fn waiting(&self) -> u32 {
+        let mut waiting = 0;
+        for i in 0..SIXTEEN {
+            waiting |= u32::from(self.waits.0[i] != NOTHING) << i;
+        }
+        waiting
     }
 
     /// The ray in a lane.
@@ -218,6 +245,10 @@ impl Group {
     /// Up to where all that counts lies, for all rays together.
     #[inline(always)]
     pub(super) fn farthest<S: Instructions>(&self, s: S) -> f32 {
-        s.load(&self.t_max).largest()
+        let mut most = s.load(&self.t_max, 0);
+        for part in 1..S::Vector::PARTS {
+            most = most.max(s.load(&self.t_max, part));
+        }
+        most.largest()
     }
 }

@@ -1,14 +1,16 @@
 //! What f32 tells of a triangle and the rays of a group: `block::Tested` with rays for lanes.
 
-use super::group::{Corners, Group, Way};
+use super::group::{Corners, Group};
 use crate::block::{BLUR, Bound};
-use crate::lanes::{Instructions, Mask, Sixteen};
+use crate::lanes::{Instructions, Mask, Vector};
 use crate::slab::{DEFLATE, INFLATE};
 
 /// How triangles are tested.
 #[derive(Clone, Copy)]
 pub(super) struct Terms {
-    pub(super) way: Way,
+    /// Of the rays' way.
+    pub(super) rows: [u8; 3],
+    pub(super) axes: [usize; 3],
     pub(super) bound: Bound,
     /// Triangles seen from behind don't count.
     pub(super) front_only: bool,
@@ -26,13 +28,17 @@ pub(super) struct Which {
     pub(super) corners: [[f32; 3]; 3],
 }
 
-/// What a test did.
+/// What a test did: a bit for each ray of the group.
 #[derive(Clone, Copy)]
 pub(super) struct Told {
     /// Rays that now have a hit, or end.
     pub(super) taken: u32,
     /// Rays for which the triangle has to be decided alone.
     pub(super) undecided: u32,
+}
+
+impl Told {
+    pub(super) const NOTHING: Self = Self { taken: 0, undecided: 0 };
 }
 
 /// Whether hits certainly count.
@@ -44,21 +50,21 @@ struct Certainly<N> {
     end: N,
 }
 
-impl<N: Sixteen> Certainly<N> {
-    /// Of those on a triangle between `low` and `high`.
+impl<N: Vector> Certainly<N> {
+    /// Of those on a triangle between `low` and `high`, where nothing nearer than `nearest` is known.
     #[inline(always)]
-    fn met<S: Instructions<Sixteen = N>>(self, s: S, terms: &Terms, group: &Group, low: N, high: N) -> N::Mask {
+    fn met<S: Instructions<Vector = N>>(self, s: S, any: bool, nearest: N, low: N, high: N) -> N::Mask {
         let zero = s.splat(0.0);
-        if terms.any {
+        if any {
             let large = self.bound.area.less(self.area) & (self.bound.volume * self.along).less(self.area * low);
             s.splat(f32::MIN_POSITIVE).less_or_equal(low) & large & high.less_or_equal(self.end)
         } else {
-            zero.less(low) & high.less(s.load(&group.low))
+            zero.less(low) & high.less(nearest)
         }
     }
 }
 
-/// What f32 makes of sixteen rays and a triangle.
+/// What f32 makes of rays and a triangle.
 #[derive(Clone, Copy)]
 struct Seen<N> {
     /// The least and the most of the edge functions, and their sum.
@@ -73,7 +79,7 @@ struct Seen<N> {
 }
 
 /// What is certain of [`Seen`] if the edge functions are wrong by no more than a bound.
-struct Within<N: Sixteen> {
+struct Within<N: Vector> {
     /// The line passes between the edges.
     inside: N::Mask,
     /// It doesn't, or what it meets doesn't count.
@@ -83,10 +89,10 @@ struct Within<N: Sixteen> {
     high: N,
 }
 
-impl<N: Sixteen> Seen<N> {
+impl<N: Vector> Seen<N> {
     /// `closely`, t is found from the edge functions where that helps, as in `Tested::between`, not from the corners alone.
     #[inline(always)]
-    fn within<S: Instructions<Sixteen = N>>(self, s: S, off: N, front_only: bool, closely: bool) -> Within<N> {
+    fn within<S: Instructions<Vector = N>>(self, s: S, off: N, front_only: bool, closely: bool) -> Within<N> {
         let Self { least, most, sum, weighed, first, last } = self;
         let below = s.splat(0.0) - off;
         let inside = most.less(below) | off.less(least);
@@ -112,29 +118,37 @@ impl<N: Sixteen> Seen<N> {
     }
 }
 
+/// The farthest of three numbers from those of sixteen rays. Not a closure: that would be a function without the instructions.
+#[inline(always)]
+fn farthest<S: Instructions>(s: S, [x, y, z]: [f32; 3], o: S::Vector) -> S::Vector {
+    (s.splat(x) - o).abs().max((s.splat(y) - o).abs()).max((s.splat(z) - o).abs())
+}
+
 impl Group {
-    /// Tests a triangle, and lets it wait for the rays that all but certainly meet it before all else; with
+    /// Tests a triangle, and lets it wait for those rays of a part that all but certainly meet it before all else; with
     /// `any`, ends those that certainly meet it. `size` is more than its extent along any axis; `waiting` has the corners of what waits.
     #[inline(always)]
     pub(super) fn test<S: Instructions>(
         &mut self,
         s: S,
+        part: usize,
         terms: &Terms,
         which: Which,
         size: f32,
         waiting: &mut Corners,
     ) -> Told {
         let [a, b, c] = &which.corners;
-        let [kx, ky, kz] = terms.way.axes();
-        let (ox, oy, oz) = (s.load(&self.origin[kx]), s.load(&self.origin[ky]), s.load(&self.origin[kz]));
-        let (sx, sy) = (s.load(&self.shear[0]), s.load(&self.shear[1]));
-        let t_max = s.load(&self.t_max);
+        let [kx, ky, kz] = terms.axes;
+        let (ox, oy, oz) =
+            (s.load(&self.origin[kx], part), s.load(&self.origin[ky], part), s.load(&self.origin[kz], part));
+        let (sx, sy) = (s.load(&self.shear[0], part), s.load(&self.shear[1], part));
+        let t_max = s.load(&self.t_max, part);
         let off = terms.bound.of(size);
         let (zero, bound) = (s.splat(0.0), s.splat(off));
         let (az, bz, cz) = (s.splat(a[2]) - oz, s.splat(b[2]) - oz, s.splat(c[2]) - oz);
-        let (ax, ay) = (s.splat(a[0]) - ox - sx * az, s.splat(a[1]) - oy - sy * az);
-        let (bx, by) = (s.splat(b[0]) - ox - sx * bz, s.splat(b[1]) - oy - sy * bz);
-        let (cx, cy) = (s.splat(c[0]) - ox - sx * cz, s.splat(c[1]) - oy - sy * cz);
+        let (ax, ay) = ((s.splat(a[0]) - ox).minus_product(sx, az), (s.splat(a[1]) - oy).minus_product(sy, az));
+        let (bx, by) = ((s.splat(b[0]) - ox).minus_product(sx, bz), (s.splat(b[1]) - oy).minus_product(sy, bz));
+        let (cx, cy) = ((s.splat(c[0]) - ox).minus_product(sx, cz), (s.splat(c[1]) - oy).minus_product(sy, cz));
         let (wa, wb, wc) = (bx * cy - by * cx, cx * ay - cy * ax, ax * by - ay * bx);
         let (least, most) = (wa.min(wb).min(wc), wa.max(wb).max(wc));
         let missed = bound.less(most) & least.less(s.splat(-off));
@@ -142,10 +156,10 @@ impl Group {
         if terms.front_only {
             met = met & !bound.less(least);
         }
-        if S::Sixteen::bits(met) == 0 {
-            return Told { taken: 0, undecided: 0 };
+        if S::Vector::lanes(met) == 0 {
+            return Told::NOTHING;
         }
-        let along = s.load(&self.reciprocal[kz]);
+        let along = s.load(&self.reciprocal[kz], part);
         let (ta, tb, tc) = (az * along, bz * along, cz * along);
         let seen = Seen {
             least,
@@ -161,64 +175,76 @@ impl Group {
             Certainly { bound: terms.bound.splat(s), area: least.abs().max(most.abs()), along: along.abs(), end };
         // For a shadow t is seldom of interest; for the nearest hit, bounds that are close leave out more.
         let Within { inside, low, high, .. } = seen.within(s, bound, terms.front_only, !terms.any);
-        let take = met & inside & certainly.met(s, terms, self, low, high);
-        self.take(s, take, [low, high], terms.any, which, waiting);
+        let take = met & inside & certainly.met(s, terms.any, s.load(&self.low, part), low, high);
+        if terms.any {
+            self.end(s, part, take);
+        } else {
+            self.take(s, part, take, [low, high], which, waiting);
+        }
         let gone = inside & (high.less_or_equal(zero) | end.less(low));
         let undecided = met & !(take | gone);
-        let (mut taken, mut left) = (S::Sixteen::bits(take), S::Sixteen::bits(undecided));
+        let (mut taken, mut left) = (S::Vector::bits(take, part), S::Vector::bits(undecided, part));
         if left != 0 {
             // A closer look at triangles near the origin with less error than at those at the scene's other end.
-            let farthest = |x: f32, y: f32, z: f32, o: S::Sixteen| {
-                (s.splat(x) - o).abs().max((s.splat(y) - o).abs()).max((s.splat(z) - o).abs())
-            };
-            let distance =
-                farthest(a[0], b[0], c[0], ox).max(farthest(a[1], b[1], c[1], oy)).max(farthest(a[2], b[2], c[2], oz));
-            let bound = Bound::of_sixteen(s, distance);
+            let distance = farthest(s, [a[0], b[0], c[0]], ox).max(farthest(s, [a[1], b[1], c[1]], oy)).max(farthest(
+                s,
+                [a[2], b[2], c[2]],
+                oz,
+            ));
+            let bound = Bound::of_rays(s, distance);
             let Within { inside, missed, low, high } = seen.within(s, bound.for_size(s, size), terms.front_only, true);
             // A triangle may be met again in another leaf.
-            let undecided = undecided & !self.knows(s, which.id);
+            let undecided = undecided & !self.knows(s, part, which.id);
             let inside = undecided & inside & !missed;
             let certainly = Certainly { bound, ..certainly };
-            let take = inside & certainly.met(s, terms, self, low, high);
+            let take = inside & certainly.met(s, terms.any, s.load(&self.low, part), low, high);
             let gone = (inside & (high.less_or_equal(zero) | end.less(low))) | missed;
-            self.take(s, take, [low, high], terms.any, which, waiting);
-            taken |= S::Sixteen::bits(take);
-            left = S::Sixteen::bits(undecided & !(take | gone));
+            if terms.any {
+                self.end(s, part, take);
+            } else {
+                self.take(s, part, take, [low, high], which, waiting);
+            }
+            taken |= S::Vector::bits(take, part);
+            left = S::Vector::bits(undecided & !(take | gone), part);
         }
         Told { taken, undecided: left }
     }
 
     /// The rays whose `known` is a triangle.
     #[inline(always)]
-    fn knows<S: Instructions>(&self, s: S, id: u32) -> Mask<S> {
+    fn knows<S: Instructions>(&self, s: S, part: usize, id: u32) -> Mask<S> {
         let mut same = 0;
         for (i, &known) in self.known.0.iter().enumerate() {
             same |= u32::from(known == id) << i;
         }
-        s.mask(same)
+        s.mask(same, part)
+    }
+
+    #[inline(always)]
+    fn end<S: Instructions>(&mut self, s: S, part: usize, rays: Mask<S>) {
+        s.splat(f32::NEG_INFINITY).store_where(rays, &mut self.t_max, part);
     }
 
     #[inline(always)]
     fn take<S: Instructions>(
         &mut self,
         s: S,
-        take: Mask<S>,
-        [low, high]: [S::Sixteen; 2],
-        any: bool,
+        part: usize,
+        rays: Mask<S>,
+        [low, high]: [S::Vector; 2],
         which: Which,
         waiting: &mut Corners,
     ) {
-        if any {
-            s.splat(f32::NEG_INFINITY).store_where(take, &mut self.t_max);
-        } else {
-            high.store_where(take, &mut self.t_max);
-            low.store_where(take, &mut self.low);
-            S::Sixteen::put_where(take, which.place, &mut self.waits);
-            S::Sixteen::put_where(take, which.id, &mut self.known);
-            for (rows, corner) in waiting.iter_mut().zip(which.corners) {
-                for (row, x) in rows.iter_mut().zip(corner) {
-                    s.splat(x).store_where(take, row);
-                }
+        if S::Vector::BLENDS && S::Vector::lanes(rays) == 0 {
+            return;
+        }
+        high.store_where(rays, &mut self.t_max, part);
+        low.store_where(rays, &mut self.low, part);
+        S::Vector::put_where(rays, which.place, &mut self.waits, part);
+        S::Vector::put_where(rays, which.id, &mut self.known, part);
+        for (rows, corner) in waiting.iter_mut().zip(which.corners) {
+            for (row, x) in rows.iter_mut().zip(corner) {
+                s.splat(x).store_where(rays, row, part);
             }
         }
     }

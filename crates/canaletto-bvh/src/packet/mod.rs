@@ -8,6 +8,7 @@
 //! is served alone.
 
 mod group;
+mod left;
 mod look;
 mod round;
 pub(crate) mod rounds;
@@ -15,7 +16,7 @@ mod settle;
 mod walk;
 
 use crate::block::{Bound, Scene};
-use crate::lanes::{Baseline, Instructions, Row, SIXTEEN};
+use crate::lanes::{Baseline, Instructions, Row, SIXTEEN, Vector};
 #[cfg(target_arch = "x86_64")]
 use crate::lanes::{WithAvx2, WithAvx512};
 use crate::node::Places;
@@ -23,6 +24,7 @@ use crate::triangles::Nearest;
 use crate::{InstructionSet, PreparedRay, Ray};
 use glam::Vec3;
 use group::{Corners, Group, Interval, NOTHING, Way};
+pub(crate) use left::Left;
 use look::{Terms, Told, Which};
 use walk::{GROUPS, Walk};
 
@@ -78,7 +80,7 @@ impl Packet {
     fn terms(&self, scene: &Scene<'_>, any: bool, [x, y, z]: [Interval; 3]) -> Terms {
         let corner = |i: usize| Vec3::new(x.origin[i], y.origin[i], z.origin[i]);
         let bound = Bound::within(corner(0), corner(1), &scene.bounds);
-        Terms { way: self.way, bound, front_only: scene.front_only, any }
+        Terms { rows: self.way.rows, axes: self.way.axes(), bound, front_only: scene.front_only, any }
     }
 
     /// Starts the way, and tells what all rays lie between.
@@ -104,18 +106,19 @@ impl Packet {
         let hull = self.start(s);
         let terms = self.terms(&scene, !NEAREST, hull);
         let data = Places::new(scene.nodes, scene.blocks);
-        while let Some((leaf, mut groups)) = self.walk.next::<S, NEAREST>(s, scene.nodes, data, &self.groups) {
+        while let Some((leaf, mut parts)) = self.walk.next::<S, NEAREST>(s, scene.nodes, data, &self.groups) {
             let block = &scene.blocks[leaf.first() as usize];
             let size = block.size();
-            while groups != 0 {
-                let index = groups.trailing_zeros() as usize % GROUPS;
-                groups &= groups - 1;
+            while parts != 0 {
+                let number = parts.trailing_zeros() as usize;
+                parts &= parts - 1;
+                let (index, part) = (number / S::Vector::PARTS % GROUPS, number % S::Vector::PARTS);
                 let (group, waiting) = (&mut self.groups[index], &mut self.corners[index]);
                 let mut changed = 0;
                 for lane in 0..leaf.count() as usize {
                     let place = leaf.first() << 2 | lane as u32;
-                    let which = Which { place, id: block.id(lane), corners: block.ordered(lane, terms.way.rows) };
-                    let Told { taken, undecided } = group.test(s, &terms, which, size, waiting);
+                    let which = Which { place, id: block.id(lane), corners: block.ordered(lane, terms.rows) };
+                    let Told { taken, undecided } = group.test(s, part, &terms, which, size, waiting);
                     changed |= taken | undecided;
                     if undecided != 0 {
                         exactly(group, waiting, &terms, undecided, place);
@@ -151,6 +154,12 @@ impl Packet {
     #[inline(always)]
     fn any<S: Instructions>(&mut self, s: S, scene: Scene<'_>, t_max: &mut [f32]) {
         self.go::<S, false>(s, scene, |group, _, terms, rays, place| end(group, terms, scene, rays, place));
+        self.tell(t_max);
+    }
+
+    /// Writes up to where each ray goes on.
+    #[inline(always)]
+    fn tell(&self, t_max: &mut [f32]) {
         for group in &self.groups[..self.len] {
             for i in lanes(group.part) {
                 t_max[group.first + i] = group.t_max.0[i];
@@ -169,12 +178,18 @@ fn lanes(mut bits: u32) -> impl Iterator<Item = usize> {
     })
 }
 
+/// From so many rays on a triangle is tested exactly for all of a group.
+const SEVERAL: u32 = 4;
+
 /// Lets a triangle wait for those of some rays that meet it before all else. Returns the rays for which it has to be decided alone.
 #[cold]
 #[inline(never)]
 fn nearer(group: &mut Group, waiting: &mut Corners, terms: &Terms, scene: Scene<'_>, rays: u32, place: u32) -> u32 {
+    if rays.count_ones() < SEVERAL {
+        return rays;
+    }
     let (block, lane) = (&scene.blocks[(place >> 2) as usize], place as usize & 3);
-    let (id, corners) = (block.id(lane), block.ordered(lane, terms.way.rows));
+    let (id, corners) = (block.id(lane), block.ordered(lane, terms.rows));
     let exactly = settle::settle_one(group, terms, corners);
     let mut left = rays & !exactly.missed;
     let take = |group: &mut Group, waiting: &mut Corners, i: usize, t: f32| {
@@ -232,12 +247,17 @@ fn decide(group: &mut Group, scene: Scene<'_>, i: usize, place: u32, nearest: &m
 #[inline(never)]
 fn end(group: &mut Group, terms: &Terms, scene: Scene<'_>, rays: u32, place: u32) {
     let (block, lane) = (&scene.blocks[(place >> 2) as usize], place as usize & 3);
-    let exactly = settle::settle_one(group, terms, block.ordered(lane, terms.way.rows));
-    for i in lanes(rays & !exactly.missed) {
+    let (mut met, mut alone) = (0, rays);
+    if rays.count_ones() >= SEVERAL {
+        let exactly = settle::settle_one(group, terms, block.ordered(lane, terms.rows));
+        (met, alone) = (rays & exactly.met, rays & !(exactly.met | exactly.missed));
+    }
+    for i in lanes(alone) {
         let mut nearest = Nearest::before(group.t_max.0[i]);
-        if exactly.met >> i & 1 == 1 || block.offer(lane, &group.ray(i).prepare(), &mut nearest, scene.front_only) {
-            group.t_max.0[i] = f32::NEG_INFINITY;
-        }
+        met |= u32::from(block.offer(lane, &group.ray(i).prepare(), &mut nearest, scene.front_only)) << i;
+    }
+    for i in lanes(met) {
+        group.t_max.0[i] = f32::NEG_INFINITY;
     }
 }
 
@@ -287,72 +307,92 @@ macro_rules! in_packets {
 
 use in_packets;
 
-#[inline(always)]
-fn closest_with<S: Instructions>(
-    s: S,
-    scene: Scene<'_>,
-    packet: &mut Packet,
-    rays: &[Ray],
-    nearest: &mut [Nearest],
-) -> Outcome {
-    let mut outcome = Outcome::default();
-    in_packets!(
-        s,
-        packet,
-        rays,
-        nearest,
-        |nearest: &Nearest| nearest.t,
-        outcome,
-        packet.closest(s, scene, nearest, &mut outcome)
-    );
-    outcome
+/// What is done with rays in packets, compiled for each set of instructions.
+trait Packets {
+    /// To be inlined, with all that it calls.
+    fn run<S: Instructions>(self, s: S) -> Outcome;
 }
 
-#[inline(always)]
-fn any_with<S: Instructions>(s: S, scene: Scene<'_>, packet: &mut Packet, rays: &[Ray], t_max: &mut [f32]) -> Outcome {
-    let mut outcome = Outcome::default();
-    in_packets!(s, packet, rays, t_max, |t_max| *t_max, outcome, packet.any(s, scene, t_max));
-    outcome
+/// Does it by the instructions in use.
+fn in_use(packets: impl Packets) -> Outcome {
+    #[allow(unsafe_code)]
+    #[cfg(target_arch = "x86_64")]
+    match InstructionSet::current() {
+        // SAFETY: `current` never tells more than the machine has.
+        InstructionSet::Avx512 => return unsafe { avx512(WithAvx512::new(), packets) },
+        // SAFETY: as said.
+        InstructionSet::Avx2 => return unsafe { avx2(WithAvx2::new(), packets) },
+        InstructionSet::Baseline => {}
+    }
+    packets.run(Baseline)
 }
 
-macro_rules! for_instructions {
-    ($(#[$doc:meta])* $name:ident, $with:ident, $avx2:ident, $avx512:ident, $answers:ty) => {
-        $(#[$doc])*
-        pub(crate) fn $name(scene: Scene<'_>, packet: &mut Packet, rays: &[Ray], answers: &mut [$answers]) -> Outcome {
-            if scene.nodes.is_empty() {
-                return Outcome::default();
-            }
-            #[allow(unsafe_code)]
-            #[cfg(target_arch = "x86_64")]
-            match InstructionSet::current() {
-                // SAFETY: `current` never tells more than the machine has.
-                InstructionSet::Avx512 => return unsafe { $avx512(WithAvx512::new(), scene, packet, rays, answers) },
-                // SAFETY: as said.
-                InstructionSet::Avx2 => return unsafe { $avx2(WithAvx2::new(), scene, packet, rays, answers) },
-                InstructionSet::Baseline => {}
-            }
-            $with(Baseline, scene, packet, rays, answers)
-        }
-
-        #[cfg(target_arch = "x86_64")]
-        #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-        fn $avx2(s: WithAvx2, scene: Scene<'_>, packet: &mut Packet, rays: &[Ray], answers: &mut [$answers]) -> Outcome {
-            $with(s, scene, packet, rays, answers)
-        }
-
-        #[cfg(target_arch = "x86_64")]
-        #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512bw,avx512dq")]
-        fn $avx512(s: WithAvx512, scene: Scene<'_>, packet: &mut Packet, rays: &[Ray], answers: &mut [$answers]) -> Outcome {
-            $with(s, scene, packet, rays, answers)
-        }
-    };
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+fn avx2(s: WithAvx2, packets: impl Packets) -> Outcome {
+    packets.run(s)
 }
 
-for_instructions!(
-    /// Finds the nearest triangles that 1 to 64 rays meet, nearer than what is in `nearest`.
-    closest, closest_with, closest_avx2, closest_avx512, Nearest
-);
-for_instructions!(
-    /// Tells which of 1 to 64 rays meet a triangle at or before `t_max`, by −∞.
-    any, any_with, any_avx2, any_avx512, f32
-);
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512bw,avx512dq")]
+fn avx512(s: WithAvx512, packets: impl Packets) -> Outcome {
+    packets.run(s)
+}
+
+struct Closest<'a> {
+    scene: Scene<'a>,
+    packet: &'a mut Packet,
+    rays: &'a [Ray],
+    nearest: &'a mut [Nearest],
+}
+
+impl Packets for Closest<'_> {
+    #[inline(always)]
+    fn run<S: Instructions>(self, s: S) -> Outcome {
+        let Self { scene, packet, rays, nearest } = self;
+        let mut outcome = Outcome::default();
+        in_packets!(
+            s,
+            packet,
+            rays,
+            nearest,
+            |nearest: &Nearest| nearest.t,
+            outcome,
+            packet.closest(s, scene, nearest, &mut outcome)
+        );
+        outcome
+    }
+}
+
+struct Any<'a> {
+    scene: Scene<'a>,
+    packet: &'a mut Packet,
+    rays: &'a [Ray],
+    t_max: &'a mut [f32],
+}
+
+impl Packets for Any<'_> {
+    #[inline(always)]
+    fn run<S: Instructions>(self, s: S) -> Outcome {
+        let Self { scene, packet, rays, t_max } = self;
+        let mut outcome = Outcome::default();
+        in_packets!(s, packet, rays, t_max, |t_max| *t_max, outcome, packet.any(s, scene, t_max));
+        outcome
+    }
+}
+
+/// Finds the nearest triangles that 1 to 64 rays meet, nearer than what is in `nearest`.
+pub(crate) fn closest(scene: Scene<'_>, packet: &mut Packet, rays: &[Ray], nearest: &mut [Nearest]) -> Outcome {
+    if scene.nodes.is_empty() {
+        return Outcome::default();
+    }
+    in_use(Closest { scene, packet, rays, nearest })
+}
+
+/// Tells which of 1 to 64 rays meet a triangle at or before `t_max`, by −∞.
+pub(crate) fn any(scene: Scene<'_>, packet: &mut Packet, rays: &[Ray], t_max: &mut [f32]) -> Outcome {
+    if scene.nodes.is_empty() {
+        return Outcome::default();
+    }
+    in_use(Any { scene, packet, rays, t_max })
+}

@@ -8,7 +8,7 @@ use super::group::Group;
 pub(super) use super::look::Told;
 use crate::Aabb;
 use crate::cylinder::VANISHED;
-use crate::lanes::{Instructions, Mask, Row, SIXTEEN, Sixteen};
+use crate::lanes::{Instructions, Mask, Row, SIXTEEN, Vector};
 use crate::round::RELATIVE;
 pub(super) use crate::round::Target;
 use crate::slab::{DEFLATE, INFLATE};
@@ -49,47 +49,50 @@ impl Roughs {
     /// How far apart the directions of those that take part are.
     #[inline(always)]
     pub(super) fn spread<S: Instructions>(&self, s: S, group: &Group) -> f32 {
-        let part = s.mask(group.part);
         let (zero, nothing) = (s.splat(0.0), s.splat(-2.0));
-        let mut most = 0.0;
+        let mut widest = 0.0;
         for row in &self.unit {
-            let unit = s.load(row);
-            let low = S::Sixteen::select(part, zero - unit, nothing).largest();
-            most = crate::slab::max(most, S::Sixteen::select(part, unit, nothing).largest() + low);
+            let (mut least, mut most) = (nothing, nothing);
+            for part in 0..S::Vector::PARTS {
+                let (unit, takes_part) = (s.load(row, part), s.mask(group.part, part));
+                least = least.max(S::Vector::select(takes_part, zero - unit, nothing));
+                most = most.max(S::Vector::select(takes_part, unit, nothing));
+            }
+            widest = crate::slab::max(widest, most.largest() + least.largest());
         }
-        most
+        widest
     }
 
     #[inline(always)]
-    fn load<S: Instructions>(&self, s: S, group: &Group) -> Rays<S::Sixteen> {
+    fn load<S: Instructions>(&self, s: S, part: usize, group: &Group) -> Rays<S::Vector> {
         let ([x, y, z], [ex, ey, ez]) = (&group.origin, &self.unit);
         Rays {
-            origin: [s.load(x), s.load(y), s.load(z)],
-            unit: [s.load(ex), s.load(ey), s.load(ez)],
-            per_length: s.load(&self.per_length),
-            t_max: s.load(&group.t_max),
+            origin: [s.load(x, part), s.load(y, part), s.load(z, part)],
+            unit: [s.load(ex, part), s.load(ey, part), s.load(ez, part)],
+            per_length: s.load(&self.per_length, part),
+            t_max: s.load(&group.t_max, part),
         }
     }
 }
 
 #[inline(always)]
-fn cross<N: Sixteen>([ax, ay, az]: [N; 3], [bx, by, bz]: [N; 3]) -> [N; 3] {
+fn cross<N: Vector>([ax, ay, az]: [N; 3], [bx, by, bz]: [N; 3]) -> [N; 3] {
     [ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx]
 }
 
 #[inline(always)]
-fn dot<N: Sixteen>([ax, ay, az]: [N; 3], [bx, by, bz]: [N; 3]) -> N {
+fn dot<N: Vector>([ax, ay, az]: [N; 3], [bx, by, bz]: [N; 3]) -> N {
     ax * bx + ay * by + az * bz
 }
 
 /// The sum of the sizes of the components, no less than the length.
 #[inline(always)]
-fn size<N: Sixteen>([x, y, z]: [N; 3]) -> N {
+fn size<N: Vector>([x, y, z]: [N; 3]) -> N {
     x.abs() + y.abs() + z.abs()
 }
 
 /// Where the rays that may meet a primitive enter it.
-struct Entry<N: Sixteen> {
+struct Entry<N: Vector> {
     may: N::Mask,
     /// Those that surely meet it where they enter.
     surely: N::Mask,
@@ -102,12 +105,13 @@ impl Group {
     pub(super) fn test_sphere<S: Instructions, const NEAREST: bool>(
         &mut self,
         s: S,
+        part: usize,
         rough: &Roughs,
         center: [f32; 3],
         radius: f32,
         place: u32,
     ) -> Told {
-        let Rays { origin: [ox, oy, oz], unit: [ex, ey, ez], per_length, t_max } = rough.load(s, self);
+        let Rays { origin: [ox, oy, oz], unit: [ex, ey, ez], per_length, t_max } = rough.load(s, part, self);
         let (gx, gy, gz) = (s.splat(center[0]) - ox, s.splat(center[1]) - oy, s.splat(center[2]) - oz);
         let b = gx * ex + gy * ey + gz * ez;
         let (lx, ly, lz) = (gx - b * ex, gy - b * ey, gz - b * ez);
@@ -117,8 +121,8 @@ impl Group {
         let outer = radius + error;
         let reach = outer * outer * s.splat(INFLATE) + least;
         let may = !reach.less(squared) & zero.less(t_max);
-        if S::Sixteen::bits(may) == 0 {
-            return Told { taken: 0, undecided: 0 };
+        if S::Vector::lanes(may) == 0 {
+            return Told::NOTHING;
         }
         let h = (reach - squared).sqrt();
         let low = (b - h - error) * per_length * s.splat(DEFLATE);
@@ -127,19 +131,20 @@ impl Group {
         let within = inner * inner - (squared * s.splat(INFLATE) + least);
         let surely = zero.less(inner) & zero.less(within) & within.less(s.splat(f32::INFINITY)) & outer.less(b);
         let high = (b - within.sqrt() + error) * per_length * s.splat(INFLATE);
-        self.enter::<S, NEAREST>(s, Entry { may, surely, low, high }, place)
+        self.enter::<S, NEAREST>(s, part, Entry { may, surely, low, high }, place)
     }
 
     #[inline(always)]
     pub(super) fn test_cylinder<S: Instructions, const NEAREST: bool>(
         &mut self,
         s: S,
+        part: usize,
         rough: &Roughs,
         [base, top]: [[f32; 3]; 2],
         r: f32,
         place: u32,
     ) -> Told {
-        let Rays { origin: [ox, oy, oz], unit: e, per_length, t_max } = rough.load(s, self);
+        let Rays { origin: [ox, oy, oz], unit: e, per_length, t_max } = rough.load(s, part, self);
         let q = [s.splat(base[0]) - ox, s.splat(base[1]) - oy, s.splat(base[2]) - oz];
         let axis = [top[0] - base[0], top[1] - base[1], top[2] - base[2]];
         let v = [s.splat(axis[0]), s.splat(axis[1]), s.splat(axis[2])];
@@ -155,8 +160,8 @@ impl Group {
         let reach = (length + n_error) * r;
         let k_least = k - k_error;
         let may = !reach.less(k_least) & zero.less(t_max);
-        if S::Sixteen::bits(may) == 0 {
-            return Told { taken: 0, undecided: 0 };
+        if S::Vector::lanes(may) == 0 {
+            return Told::NOTHING;
         }
         let oblique = (n_error * s.splat(32.0)).less(length);
         let v_size = s.splat(v_size);
@@ -183,40 +188,46 @@ impl Group {
         let h2 = last * e_v - q_v;
         let between = h_error.less(h0.min(h2)) & h0.max(h2).less(vv - h_error);
         let surely = oblique & zero.less(inner) & zero.less(within) & error.less(half) & zero.less(s0) & between;
-        let low = S::Sixteen::select(oblique, low, s.splat(f32::NEG_INFINITY));
+        let low = S::Vector::select(oblique, low, s.splat(f32::NEG_INFINITY));
         let high = last * per_length * s.splat(INFLATE);
-        self.enter::<S, NEAREST>(s, Entry { may, surely, low, high }, place)
+        self.enter::<S, NEAREST>(s, part, Entry { may, surely, low, high }, place)
     }
 
     /// The rays that enter a box have to be decided alone.
     #[inline(always)]
-    pub(super) fn test_box<S: Instructions>(&self, s: S, bounds: Aabb) -> Told {
-        let (mut near, t_max) = (s.splat(0.0), s.load(&self.t_max));
-        let (part, mut far) = (near.less(t_max), t_max);
+    pub(super) fn test_box<S: Instructions>(&self, s: S, part: usize, bounds: Aabb) -> Told {
+        let (mut near, t_max) = (s.splat(0.0), s.load(&self.t_max, part));
+        let (takes_part, mut far) = (near.less(t_max), t_max);
         for axis in 0..3 {
-            let (o, r) = (s.load(&self.origin[axis]), s.load(&self.reciprocal[axis]));
+            let (o, r) = (s.load(&self.origin[axis], part), s.load(&self.reciprocal[axis], part));
             let (a, b) = ((s.splat(bounds.min[axis]) - o) * r, (s.splat(bounds.max[axis]) - o) * r);
             near = near.max(a.min(b));
             far = far.min(a.max(b));
         }
-        Told { taken: 0, undecided: S::Sixteen::bits(part & near.less_or_equal(far * s.splat(INFLATE))) }
+        Told { taken: 0, undecided: S::Vector::bits(takes_part & near.less_or_equal(far * s.splat(INFLATE)), part) }
     }
 
     /// Lets a primitive wait for the rays that surely meet it before all else; unless `NEAREST`, ends those that surely meet it.
     #[inline(always)]
-    fn enter<S: Instructions, const NEAREST: bool>(&mut self, s: S, entry: Entry<S::Sixteen>, place: u32) -> Told {
+    fn enter<S: Instructions, const NEAREST: bool>(
+        &mut self,
+        s: S,
+        part: usize,
+        entry: Entry<S::Vector>,
+        place: u32,
+    ) -> Told {
         let Entry { may, surely, low, high } = entry;
         let end: Mask<S>;
         if NEAREST {
-            end = may & surely & high.less(s.load(&self.low));
-            high.store_where(end, &mut self.t_max);
-            low.store_where(end, &mut self.low);
-            S::Sixteen::put_where(end, place, &mut self.waits);
+            end = may & surely & high.less(s.load(&self.low, part));
+            high.store_where(end, &mut self.t_max, part);
+            low.store_where(end, &mut self.low, part);
+            S::Vector::put_where(end, place, &mut self.waits, part);
         } else {
-            end = may & surely & high.less_or_equal(s.load(&self.t_max).min(s.splat(f32::MAX)));
-            s.splat(f32::NEG_INFINITY).store_where(end, &mut self.t_max);
+            end = may & surely & high.less_or_equal(s.load(&self.t_max, part).min(s.splat(f32::MAX)));
+            s.splat(f32::NEG_INFINITY).store_where(end, &mut self.t_max, part);
         }
-        Told { taken: S::Sixteen::bits(end), undecided: S::Sixteen::bits(may & !end) }
+        Told { taken: S::Vector::bits(end, part), undecided: S::Vector::bits(may & !end, part) }
     }
 }
 
@@ -228,6 +239,13 @@ mod tests {
     use crate::testing::Random;
     use crate::{Ray, sphere};
     use glam::Vec3;
+
+    fn all_parts(test: impl FnMut(usize) -> Told) -> Told {
+        (0..4).map(test).fold(Told::NOTHING, |all, part| Told {
+            taken: all.taken | part.taken,
+            undecided: all.undecided | part.undecided,
+        })
+    }
 
     /// Rays from one place to about a sphere's rim, from large spheres nearby to dots far away, of all magnitudes.
     #[test]
@@ -254,10 +272,11 @@ mod tests {
             group.gather(Baseline, &rays, &rays, |_| end);
             rough.set(&group);
             let (low, part) = (group.low, group.part);
-            let nearest = group.test_sphere::<_, true>(Baseline, &rough, center.to_array(), radius, 5);
+            let c = center.to_array();
+            let nearest = all_parts(|part| group.test_sphere::<_, true>(Baseline, part, &rough, c, radius, 5));
             let (lows, highs) = (group.low, group.t_max);
             (group.low, group.t_max) = (low, low);
-            let any = group.test_sphere::<_, false>(Baseline, &rough, center.to_array(), radius, 5);
+            let any = all_parts(|part| group.test_sphere::<_, false>(Baseline, part, &rough, c, radius, 5));
             for (i, ray) in rays.iter().enumerate().filter(|(i, _)| part >> i & 1 == 1) {
                 let bit = |bits: u32| bits >> i & 1 == 1;
                 let t = exact(ray).filter(|t| *t <= end);

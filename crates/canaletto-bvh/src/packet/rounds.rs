@@ -1,18 +1,14 @@
 //! Packets among spheres, cylinders and whatever else there is.
 
-#![allow(clippy::needless_range_loop)] // Lanes of many lists side by side.
-
 use super::group::{Group, NOTHING};
 use super::round::{Roughs, Target, Told};
 use super::walk::GROUPS;
-use super::{Outcome, Packet, in_packets};
-use crate::lanes::{Baseline, Instructions, SIXTEEN};
-#[cfg(target_arch = "x86_64")]
-use crate::lanes::{WithAvx2, WithAvx512};
+use super::{Outcome, Packet, Packets, in_packets, in_use, lanes};
+use crate::lanes::{Instructions, Row, SIXTEEN, Vector};
 use crate::node::{Node, Places};
 use crate::round::{Ask, Block, LANES, Met};
 use crate::rounds::offer;
-use crate::{InstructionSet, PreparedRay, Ray};
+use crate::{PreparedRay, Ray};
 
 /// What rays go through.
 pub(crate) struct Field<'a, A> {
@@ -44,35 +40,38 @@ fn go<S: Instructions, A: Ask, const NEAREST: bool>(
     mut alone: impl FnMut(&mut Group, usize, u32),
 ) {
     let mut roughs = [Roughs::EMPTY; GROUPS];
-    for i in 0..packet.len {
-        roughs[i].set(&packet.groups[i]);
-        let group = &mut packet.groups[i];
-        if roughs[i].spread(s, group) > ASTRAY {
+    for (group, rough) in packet.groups.iter_mut().zip(&mut roughs).take(packet.len) {
+        rough.set(group);
+        if rough.spread(s, group) > ASTRAY {
             outcome.apart |= u64::from(group.part) << group.first;
             group.part = 0;
-            group.t_max = crate::lanes::Row([f32::NEG_INFINITY; SIXTEEN]);
+            group.t_max = Row([f32::NEG_INFINITY; SIXTEEN]);
         }
     }
     packet.start(s);
     let data = Places::new(field.nodes, field.blocks);
-    while let Some((leaf, mut groups)) = packet.walk.next::<S, NEAREST>(s, field.nodes, data, &packet.groups) {
+    while let Some((leaf, mut parts)) = packet.walk.next::<S, NEAREST>(s, field.nodes, data, &packet.groups) {
         let block = &field.blocks[leaf.first() as usize];
-        while groups != 0 {
-            let index = groups.trailing_zeros() as usize % GROUPS;
-            groups &= groups - 1;
+        while parts != 0 {
+            let number = parts.trailing_zeros() as usize;
+            parts &= parts - 1;
+            let (index, part) = (number / S::Vector::PARTS % GROUPS, number % S::Vector::PARTS);
             let (group, rough) = (&mut packet.groups[index], &roughs[index]);
             let mut changed = 0;
             for lane in 0..leaf.count() as usize {
                 let place = leaf.first() * LANES as u32 + lane as u32;
-                let Told { taken, mut undecided } = match block.target(lane) {
-                    Target::Sphere(center, radius) => group.test_sphere::<S, NEAREST>(s, rough, center, radius, place),
-                    Target::Cylinder(ends, radius) => group.test_cylinder::<S, NEAREST>(s, rough, ends, radius, place),
-                    Target::Other(bounds) => group.test_box(s, bounds),
+                let Told { taken, undecided } = match block.target(lane) {
+                    Target::Sphere(center, radius) => {
+                        group.test_sphere::<S, NEAREST>(s, part, rough, center, radius, place)
+                    }
+                    Target::Cylinder(ends, radius) => {
+                        group.test_cylinder::<S, NEAREST>(s, part, rough, ends, radius, place)
+                    }
+                    Target::Other(bounds) => group.test_box(s, part, bounds),
                 };
                 changed |= taken | undecided;
-                while undecided != 0 {
-                    alone(group, undecided.trailing_zeros() as usize % SIXTEEN, place);
-                    undecided &= undecided - 1;
+                for i in lanes(undecided) {
+                    alone(group, i, place);
                 }
             }
             if changed != 0 {
@@ -125,10 +124,8 @@ fn closest_in<S: Instructions, A: Ask>(
     };
     go::<S, A, true>(s, field, packet, outcome, &mut alone);
     for group in &mut packet.groups[..packet.len] {
-        for i in 0..SIXTEEN {
-            if group.waits.0[i] != NOTHING {
-                alone(group, i, NOTHING);
-            }
+        for i in lanes(group.waiting()) {
+            alone(group, i, NOTHING);
         }
     }
     outcome.again |= again;
@@ -143,41 +140,7 @@ fn any_in<S: Instructions, A: Ask>(
     outcome: &mut Outcome,
 ) {
     go::<S, A, false>(s, field, packet, outcome, |group, i, place| end(group, field, i, place));
-    for group in &packet.groups[..packet.len] {
-        for i in (0..SIXTEEN).filter(|i| group.part >> i & 1 == 1) {
-            t_max[group.first + i] = group.t_max.0[i];
-        }
-    }
-}
-
-/// What is compiled for each set of instructions.
-trait Passage {
-    fn run<S: Instructions>(self, s: S) -> Outcome;
-}
-
-fn run(passage: impl Passage) -> Outcome {
-    #[allow(unsafe_code)]
-    #[cfg(target_arch = "x86_64")]
-    match InstructionSet::current() {
-        // SAFETY: `current` never tells more than the machine has.
-        InstructionSet::Avx512 => return unsafe { avx512(WithAvx512::new(), passage) },
-        // SAFETY: as said.
-        InstructionSet::Avx2 => return unsafe { avx2(WithAvx2::new(), passage) },
-        InstructionSet::Baseline => {}
-    }
-    passage.run(Baseline)
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-fn avx2(s: WithAvx2, passage: impl Passage) -> Outcome {
-    passage.run(s)
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512bw,avx512dq")]
-fn avx512(s: WithAvx512, passage: impl Passage) -> Outcome {
-    passage.run(s)
+    packet.tell(t_max);
 }
 
 struct Closest<'a, A> {
@@ -187,7 +150,7 @@ struct Closest<'a, A> {
     nearest: &'a mut [Met],
 }
 
-impl<A: Ask> Passage for Closest<'_, A> {
+impl<A: Ask> Packets for Closest<'_, A> {
     #[inline(always)]
     fn run<S: Instructions>(self, s: S) -> Outcome {
         let Self { field, packet, rays, nearest } = self;
@@ -212,7 +175,7 @@ struct Any<'a, A> {
     t_max: &'a mut [f32],
 }
 
-impl<A: Ask> Passage for Any<'_, A> {
+impl<A: Ask> Packets for Any<'_, A> {
     #[inline(always)]
     fn run<S: Instructions>(self, s: S) -> Outcome {
         let Self { field, packet, rays, t_max } = self;
@@ -227,7 +190,7 @@ pub(crate) fn closest<A: Ask>(field: Field<'_, A>, packet: &mut Packet, rays: &[
     if field.nodes.is_empty() {
         return Outcome::default();
     }
-    run(Closest { field, packet, rays, nearest })
+    in_use(Closest { field, packet, rays, nearest })
 }
 
 /// [`super::any`] among what is round.
@@ -235,5 +198,5 @@ pub(crate) fn any<A: Ask>(field: Field<'_, A>, packet: &mut Packet, rays: &[Ray]
     if field.nodes.is_empty() {
         return Outcome::default();
     }
-    run(Any { field, packet, rays, t_max })
+    in_use(Any { field, packet, rays, t_max })
 }

@@ -5,7 +5,7 @@
 
 #![allow(clippy::needless_range_loop)] // Lanes of many lists side by side.
 
-use super::group::{Corners, Group, NOTHING};
+use super::group::{Corners, Group};
 use super::look::Terms;
 use crate::exact::CANCELLED;
 use crate::lanes::{Row, SIXTEEN};
@@ -16,10 +16,7 @@ use crate::{InstructionSet, Kernel};
 /// Tests for all rays what waits for them. Returns the rays for which this has to be done alone, a bit for each.
 #[inline(always)]
 pub(super) fn settle(group: &Group, corners: &Corners, terms: &Terms, nearest: &mut [Nearest]) -> u32 {
-    let mut waits = 0;
-    for i in 0..SIXTEEN {
-        waits |= u32::from(group.waits.0[i] != NOTHING) << i;
-    }
+    let waits = group.waiting();
     if waits == 0 {
         return 0;
     }
@@ -86,7 +83,7 @@ pub(super) struct Exactly {
 /// `triangle::intersect_exactly` with rays for lanes, each with a triangle.
 #[inline(always)]
 fn exactly(group: &Group, terms: &Terms, [a, b, c]: &Corners) -> Exactly {
-    let k = terms.way.axes();
+    let k = terms.axes;
     let (area_bound, volume_bound) = terms.bound.surely();
     let (ox, oy, oz) = (&group.origin[k[0]].0, &group.origin[k[1]].0, &group.origin[k[2]].0);
     let (dx, dy, dz) = (&group.direction[k[0]].0, &group.direction[k[1]].0, &group.direction[k[2]].0);

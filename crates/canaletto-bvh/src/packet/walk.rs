@@ -4,12 +4,11 @@
 
 use super::group::{Group, Interval};
 use crate::Leaf;
-use crate::lanes::{Instructions, Row, SIXTEEN, Sixteen};
-use crate::node::{Link, Node, Places};
+use crate::build::MAX_DEPTH;
+use crate::lanes::{Instructions, Row, SIXTEEN, Vector};
+use crate::node::{Node, Places};
 use crate::slab::{self, INFLATE, WIDTH};
-use crate::traverse::STACK;
 use glam::Vec4;
-use std::mem::MaybeUninit;
 
 /// Groups in a packet.
 pub(super) const GROUPS: usize = 4;
@@ -17,6 +16,38 @@ pub(super) const GROUPS: usize = 4;
 /// One number for each group.
 #[repr(align(16))]
 struct Limits([f32; GROUPS]);
+
+/// The children of a node that wait to be visited.
+#[derive(Clone, Copy)]
+struct Level {
+    node: u32,
+    /// The lanes in the order of visits, the first highest: as in `Node::orders`.
+    order: u32,
+    /// A bit for each place in the order at which a child waits.
+    waiting: u32,
+}
+
+impl Level {
+    /// Below the root: nothing.
+    const BOTTOM: Self = Self { node: 0, order: IN_ORDER, waiting: 1 };
+
+    /// The place in the order of the child that comes next.
+    #[inline(always)]
+    fn next(self) -> usize {
+        31 - (self.waiting | 1).leading_zeros() as usize
+    }
+
+    #[inline(always)]
+    fn lane(self, place: usize) -> usize {
+        (self.order >> (3 * place)) as usize % WIDTH
+    }
+}
+
+/// The order of lanes that they have.
+const IN_ORDER: u32 = 0o76543210;
+
+/// Levels of a tree, and one below.
+const LEVELS: usize = MAX_DEPTH as usize + 2;
 
 /// What is known of all groups, and what waits to be visited.
 pub(super) struct Walk {
@@ -27,15 +58,15 @@ pub(super) struct Walk {
     /// The greatest of them.
     farthest: f32,
     octant: usize,
-    /// Where the rays may enter first.
-    near: [MaybeUninit<f32>; STACK],
-    /// The node times eight, plus the lane of the child.
-    places: [MaybeUninit<u32>; STACK],
-    len: usize,
+    /// The levels at which something waits; the lowest is [`Level::BOTTOM`].
+    levels: [Level; LEVELS],
+    /// Where the rays may enter the children, in their order.
+    near: [[f32; WIDTH]; LEVELS],
+    /// The uppermost of the levels.
+    top: usize,
+    /// The root has not been visited.
+    starts: bool,
 }
-
-/// Not a child of any.
-const ROOT: u32 = u32::MAX;
 
 impl Walk {
     #[inline(always)]
@@ -45,9 +76,10 @@ impl Walk {
             limits: Limits([f32::NEG_INFINITY; GROUPS]),
             farthest: f32::NEG_INFINITY,
             octant: 0,
-            near: [const { MaybeUninit::uninit() }; STACK],
-            places: [const { MaybeUninit::uninit() }; STACK],
-            len: 0,
+            levels: [Level::BOTTOM; LEVELS],
+            near: [[0.0; WIDTH]; LEVELS],
+            top: 0,
+            starts: false,
         }
     }
 
@@ -57,9 +89,8 @@ impl Walk {
         self.octant = octant;
         self.hull = hull;
         self.limits.0 = [f32::NEG_INFINITY; GROUPS];
-        self.near[0].write(f32::NEG_INFINITY);
-        self.places[0].write(ROOT);
-        self.len = 1;
+        self.top = 0;
+        self.starts = true;
     }
 
     /// Says up to where anything counts for a group.
@@ -70,7 +101,7 @@ impl Walk {
         self.farthest = slab::max(slab::max(a, b), slab::max(c, d));
     }
 
-    /// The next leaf that rays may meet, and a bit for each of their groups. (It is a function that is asked, not one that calls another for each leaf,
+    /// The next leaf that rays may meet, and a bit for each part of their groups. (It is a function that is asked, not one that calls another for each leaf,
     /// since that would not be compiled for the same instructions.)
     #[inline(always)]
     pub(super) fn next<S: Instructions, const ORDERED: bool>(
@@ -80,78 +111,71 @@ impl Walk {
         data: Places,
         all: &[Group; GROUPS],
     ) -> Option<(Leaf, u32)> {
-        while self.len > 0 {
-            self.len -= 1;
-            let (near, place) = self.entry(self.len);
-            let mut groups = Vec4::splat(near).cmple(Vec4::from_array(self.limits.0)).bitmask();
+        if std::mem::take(&mut self.starts) {
+            self.visit::<S, ORDERED>(s, &nodes[0], 0);
+        }
+        while self.top > 0 {
+            let level = self.levels[self.top];
+            let (place, node) = (level.next(), &nodes[level.node as usize]);
+            let (near, lane) = (self.near[self.top][place], level.lane(place));
+            let waiting = level.waiting ^ 1 << place;
+            self.levels[self.top].waiting = waiting;
+            self.top -= usize::from(waiting == 0);
+            let groups = Vec4::splat(near).cmple(Vec4::from_array(self.limits.0)).bitmask();
             if groups == 0 {
                 continue;
             }
-            if self.len > 0 {
-                let (_, place) = self.entry(self.len - 1);
-                data.fetch(nodes[place as usize / WIDTH].children[place as usize % WIDTH]);
+            let after = self.levels[self.top];
+            data.fetch(nodes[after.node as usize].children[after.lane(after.next())]);
+            // All groups, as a branch on whether one takes part is dearer.
+            let mut parts = 0;
+            for (i, group) in all.iter().enumerate() {
+                let taking_part = (groups >> i & 1).wrapping_neg();
+                parts |= (group.entering(s, node, lane, self.octant) & taking_part) << (i * S::Vector::PARTS);
             }
-            let mut link = Link::node(0);
-            if place != ROOT {
-                let (node, lane) = (&nodes[place as usize / WIDTH], place as usize % WIDTH);
-                // All groups, as a branch on whether one takes part is dearer. (A loop might not be unrolled.)
-                let enters = |i: usize| u32::from(all[i].enters(s, node, lane, self.octant)) << i;
-                groups &= enters(0) | enters(1) | enters(2) | enters(3);
-                link = node.children[lane];
-            }
-            if groups == 0 {
+            if parts == 0 {
                 continue;
             }
+            let link = node.children[lane];
             if link.is_leaf() {
-                return Some((link.leaf(), groups));
+                return Some((link.leaf(), parts));
             }
             self.visit::<S, ORDERED>(s, &nodes[link.index()], link.index() as u32);
         }
         None
     }
 
-    /// What waits at a place of the stack.
-    #[inline(always)]
-    fn entry(&self, index: usize) -> (f32, u32) {
-        debug_assert!(index <= self.len);
-        #[allow(unsafe_code)]
-        // SAFETY: only called for entries that were written.
-        unsafe {
-            (self.near[index].assume_init(), self.places[index].assume_init())
-        }
-    }
-
-    /// Puts the children on top that rays may meet. (All groups are clipped by one interval: as they are neighbours, they would meet hardly fewer
+    /// Lets the children wait that rays may meet. (All groups are clipped by one interval: as they are neighbours, they would meet hardly fewer
     /// one by one.)
     #[inline(always)]
     fn visit<S: Instructions, const ORDERED: bool>(&mut self, s: S, node: &Node, index: u32) {
-        let (near, met) = self.clip(s, node);
-        let order = node.orders[self.octant & 7];
-        for i in 0..WIDTH {
-            let lane = if ORDERED { (order >> (3 * i)) as usize & (WIDTH - 1) } else { i };
-            self.near[self.len].write(near.0[lane]);
-            self.places[self.len].write(index * WIDTH as u32 + lane as u32);
-            self.len += (met >> lane & 1) as usize;
-        }
+        let (near, far) = self.clip(s, node);
+        let order = if ORDERED { node.orders[self.octant & 7] } else { IN_ORDER };
+        let above = self.top + 1;
+        let waiting = s.at_most_in_order(&near, &far, order, &mut self.near[above]);
+        self.levels[above] = Level { node: index, order, waiting };
+        self.top = if waiting == 0 { self.top } else { above };
     }
 
-    /// Where the rays may enter the boxes of a node, and which they may enter: bounds for all of them, by monotone rounding.
+    /// Where the rays may enter the boxes of a node, and where they leave them: bounds for all of them, by monotone rounding.
     #[inline(always)]
-    fn clip<S: Instructions>(&self, s: S, node: &Node) -> (Row<f32>, u32) {
-        let (mut near, mut far) = (s.splat(0.0), s.splat(f32::INFINITY));
-        for axis in 0..3 {
-            let Interval { origin: [low, high], reciprocal } = self.hull[axis];
-            let entry = self.octant >> axis & 1;
-            let (enter, leave) = if entry == 1 { (low, high) } else { (high, low) };
-            let x = s.twice(&node.boxes[entry][axis]) - s.splat(enter);
-            let y = s.twice(&node.boxes[entry ^ 1][axis]) - s.splat(leave);
-            let (r0, r1) = (s.splat(reciprocal[0]), s.splat(reciprocal[1]));
-            near = near.max((x * r0).min(x * r1));
-            far = far.min((y * r0).max(y * r1));
+    fn clip<S: Instructions>(&self, s: S, node: &Node) -> (Row<f32>, Row<f32>) {
+        let (mut enter_at, mut leave_at) = (Row([0.0; SIXTEEN]), Row([0.0; SIXTEEN]));
+        for part in 0..S::Vector::PARTS_OF_EIGHT {
+            let (mut near, mut far) = (s.splat(0.0), s.splat(f32::INFINITY));
+            for axis in 0..3 {
+                let Interval { origin: [low, high], reciprocal } = self.hull[axis];
+                let entry = self.octant >> axis & 1;
+                let (enter, leave) = if entry == 1 { (low, high) } else { (high, low) };
+                let x = s.eight(&node.boxes[entry][axis], part) - s.splat(enter);
+                let y = s.eight(&node.boxes[entry ^ 1][axis], part) - s.splat(leave);
+                let (r0, r1) = (s.splat(reciprocal[0]), s.splat(reciprocal[1]));
+                near = near.max((x * r0).min(x * r1));
+                far = far.min((y * r0).max(y * r1));
+            }
+            near.store(&mut enter_at, part);
+            (far * s.splat(INFLATE)).min(s.splat(self.farthest)).store(&mut leave_at, part);
         }
-        let far = (far * s.splat(INFLATE)).min(s.splat(self.farthest));
-        let mut row = Row([0.0; SIXTEEN]);
-        near.store(&mut row);
-        (row, S::Sixteen::bits(near.less_or_equal(far)))
+        (enter_at, leave_at)
     }
 }

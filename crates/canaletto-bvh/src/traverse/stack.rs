@@ -8,7 +8,7 @@ use crate::node::{Link, Node};
 use crate::slab::WIDTH;
 
 /// Each level takes one entry and leaves at most eight; a visit may write eight more beyond the last.
-pub(crate) const STACK: usize = (MAX_DEPTH as usize + 1) * (WIDTH - 1) + 1 + WIDTH;
+const STACK: usize = (MAX_DEPTH as usize + 1) * (WIDTH - 1) + 1 + WIDTH;
 
 /// `a` unless `count` is 0, then `b`: without a branch, which the compiler would make of anything else that says so.
 #[inline(always)]
