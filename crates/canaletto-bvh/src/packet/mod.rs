@@ -16,12 +16,11 @@ mod settle;
 mod walk;
 
 use crate::block::{Bound, Scene};
-use crate::lanes::{Baseline, Instructions, Row, SIXTEEN, Vector};
-#[cfg(target_arch = "x86_64")]
-use crate::lanes::{WithAvx2, WithAvx512};
+use crate::kernel::{self, Explicit};
+use crate::lanes::{Instructions, Row, SIXTEEN, Vector};
 use crate::node::Places;
 use crate::triangles::Nearest;
-use crate::{InstructionSet, PreparedRay, Ray};
+use crate::{PreparedRay, Ray};
 use glam::Vec3;
 use group::{Corners, Group, Interval, NOTHING, Way};
 pub(crate) use left::Left;
@@ -307,38 +306,6 @@ macro_rules! in_packets {
 
 use in_packets;
 
-/// What is done with rays in packets, compiled for each set of instructions.
-trait Packets {
-    /// To be inlined, with all that it calls.
-    fn run<S: Instructions>(self, s: S) -> Outcome;
-}
-
-/// Does it by the instructions in use.
-fn in_use(packets: impl Packets) -> Outcome {
-    #[allow(unsafe_code)]
-    #[cfg(target_arch = "x86_64")]
-    match InstructionSet::current() {
-        // SAFETY: `current` never tells more than the machine has.
-        InstructionSet::Avx512 => return unsafe { avx512(WithAvx512::new(), packets) },
-        // SAFETY: as said.
-        InstructionSet::Avx2 => return unsafe { avx2(WithAvx2::new(), packets) },
-        InstructionSet::Baseline => {}
-    }
-    packets.run(Baseline)
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-fn avx2(s: WithAvx2, packets: impl Packets) -> Outcome {
-    packets.run(s)
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512bw,avx512dq")]
-fn avx512(s: WithAvx512, packets: impl Packets) -> Outcome {
-    packets.run(s)
-}
-
 struct Closest<'a> {
     scene: Scene<'a>,
     packet: &'a mut Packet,
@@ -346,7 +313,9 @@ struct Closest<'a> {
     nearest: &'a mut [Nearest],
 }
 
-impl Packets for Closest<'_> {
+impl Explicit for Closest<'_> {
+    type Answer = Outcome;
+
     #[inline(always)]
     fn run<S: Instructions>(self, s: S) -> Outcome {
         let Self { scene, packet, rays, nearest } = self;
@@ -371,7 +340,9 @@ struct Any<'a> {
     t_max: &'a mut [f32],
 }
 
-impl Packets for Any<'_> {
+impl Explicit for Any<'_> {
+    type Answer = Outcome;
+
     #[inline(always)]
     fn run<S: Instructions>(self, s: S) -> Outcome {
         let Self { scene, packet, rays, t_max } = self;
@@ -386,7 +357,7 @@ pub(crate) fn closest(scene: Scene<'_>, packet: &mut Packet, rays: &[Ray], neare
     if scene.nodes.is_empty() {
         return Outcome::default();
     }
-    in_use(Closest { scene, packet, rays, nearest })
+    kernel::run(Closest { scene, packet, rays, nearest })
 }
 
 /// Tells which of 1 to 64 rays meet a triangle at or before `t_max`, by −∞.
@@ -394,5 +365,5 @@ pub(crate) fn any(scene: Scene<'_>, packet: &mut Packet, rays: &[Ray], t_max: &m
     if scene.nodes.is_empty() {
         return Outcome::default();
     }
-    in_use(Any { scene, packet, rays, t_max })
+    kernel::run(Any { scene, packet, rays, t_max })
 }

@@ -3,7 +3,8 @@
 use super::group::{Group, NOTHING};
 use super::round::{Roughs, Target, Told};
 use super::walk::GROUPS;
-use super::{Outcome, Packet, Packets, in_packets, in_use, lanes};
+use super::{Outcome, Packet, in_packets, lanes};
+use crate::kernel::{self, Explicit};
 use crate::lanes::{Instructions, Row, SIXTEEN, Vector};
 use crate::node::{Node, Places};
 use crate::round::{Ask, Block, LANES, Met};
@@ -150,7 +151,9 @@ struct Closest<'a, A> {
     nearest: &'a mut [Met],
 }
 
-impl<A: Ask> Packets for Closest<'_, A> {
+impl<A: Ask> Explicit for Closest<'_, A> {
+    type Answer = Outcome;
+
     #[inline(always)]
     fn run<S: Instructions>(self, s: S) -> Outcome {
         let Self { field, packet, rays, nearest } = self;
@@ -175,7 +178,9 @@ struct Any<'a, A> {
     t_max: &'a mut [f32],
 }
 
-impl<A: Ask> Packets for Any<'_, A> {
+impl<A: Ask> Explicit for Any<'_, A> {
+    type Answer = Outcome;
+
     #[inline(always)]
     fn run<S: Instructions>(self, s: S) -> Outcome {
         let Self { field, packet, rays, t_max } = self;
@@ -190,7 +195,7 @@ pub(crate) fn closest<A: Ask>(field: Field<'_, A>, packet: &mut Packet, rays: &[
     if field.nodes.is_empty() {
         return Outcome::default();
     }
-    in_use(Closest { field, packet, rays, nearest })
+    kernel::run(Closest { field, packet, rays, nearest })
 }
 
 /// [`super::any`] among what is round.
@@ -198,5 +203,5 @@ pub(crate) fn any<A: Ask>(field: Field<'_, A>, packet: &mut Packet, rays: &[Ray]
     if field.nodes.is_empty() {
         return Outcome::default();
     }
-    in_use(Any { field, packet, rays, t_max })
+    kernel::run(Any { field, packet, rays, t_max })
 }
