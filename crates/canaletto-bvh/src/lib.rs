@@ -9,7 +9,8 @@
 //! - A hit has 0 < t ≤ t_max. The upper end is inclusive, so that the caller can break ties by the lowest id.
 //! - The tree finds what a loop over all primitives would find, bit for bit: box culling is conservative and the
 //!   kernels never report a hit outside of the primitive's own box (see `slab`).
-//! - The same bits on every CPU and for any number of threads: only + − × ÷ and sqrt, never fused.
+//! - The same bits on every CPU and for any number of threads: only + − × ÷ and sqrt, fused at most in
+//!   bounds of which no answer depends on the last bit.
 //! - No length is compared with a constant: scaling a scene by a power of two changes no decision.
 //! - Rays are finite. One with a zero direction hits nothing.
 //!
