@@ -64,6 +64,8 @@ pub(crate) trait Vector:
     const PARTS_OF_EIGHT: usize = if Self::LANES < WIDTH { WIDTH / Self::LANES } else { 1 };
     /// Whether some lanes are stored by reading all: then it pays to look first whether there are any.
     const BLENDS: bool = true;
+    /// From so many rays of a group on it pays to test a triangle exactly for all sixteen.
+    const SEVERAL: u32 = 4;
 
     /// What comparisons give, a yes or no for each.
     type Mask: Copy + BitAnd<Output = Self::Mask> + BitOr<Output = Self::Mask> + Not<Output = Self::Mask>;

@@ -139,7 +139,7 @@ impl Packet {
             outcome.again |= u64::from(decide(group, scene, i, place, &mut nearest[ray])) << ray;
         };
         let terms = self.go::<S, true>(s, scene, |group, waiting, terms, rays, place| {
-            for i in lanes(nearer(group, waiting, terms, scene, rays, place)) {
+            for i in lanes(nearer::<S>(group, waiting, terms, scene, rays, place)) {
                 alone(group, i, place, nearest);
             }
         });
@@ -152,7 +152,7 @@ impl Packet {
 
     #[inline(always)]
     fn any<S: Instructions>(&mut self, s: S, scene: Scene<'_>, t_max: &mut [f32]) {
-        self.go::<S, false>(s, scene, |group, _, terms, rays, place| end(group, terms, scene, rays, place));
+        self.go::<S, false>(s, scene, |group, _, terms, rays, place| end::<S>(group, terms, scene, rays, place));
         self.tell(t_max);
     }
 
@@ -177,14 +177,18 @@ fn lanes(mut bits: u32) -> impl Iterator<Item = usize> {
     })
 }
 
-/// From so many rays on a triangle is tested exactly for all of a group.
-const SEVERAL: u32 = 4;
-
 /// Lets a triangle wait for those of some rays that meet it before all else. Returns the rays for which it has to be decided alone.
 #[cold]
 #[inline(never)]
-fn nearer(group: &mut Group, waiting: &mut Corners, terms: &Terms, scene: Scene<'_>, rays: u32, place: u32) -> u32 {
-    if rays.count_ones() < SEVERAL {
+fn nearer<S: Instructions>(
+    group: &mut Group,
+    waiting: &mut Corners,
+    terms: &Terms,
+    scene: Scene<'_>,
+    rays: u32,
+    place: u32,
+) -> u32 {
+    if rays.count_ones() < S::Vector::SEVERAL {
         return rays;
     }
     let (block, lane) = (&scene.blocks[(place >> 2) as usize], place as usize & 3);
@@ -244,10 +248,10 @@ fn decide(group: &mut Group, scene: Scene<'_>, i: usize, place: u32, nearest: &m
 /// Ends those of some rays that meet a triangle, by the exact test.
 #[cold]
 #[inline(never)]
-fn end(group: &mut Group, terms: &Terms, scene: Scene<'_>, rays: u32, place: u32) {
+fn end<S: Instructions>(group: &mut Group, terms: &Terms, scene: Scene<'_>, rays: u32, place: u32) {
     let (block, lane) = (&scene.blocks[(place >> 2) as usize], place as usize & 3);
     let (mut met, mut alone) = (0, rays);
-    if rays.count_ones() >= SEVERAL {
+    if rays.count_ones() >= S::Vector::SEVERAL {
         let exactly = settle::settle_one(group, terms, block.ordered(lane, terms.rows));
         (met, alone) = (rays & exactly.met, rays & !(exactly.met | exactly.missed));
     }

@@ -58,6 +58,7 @@ impl Instructions for WithAvx512 {
     #[inline(always)]
     fn at_most_in_order(self, row: &Row<f32>, other: &Row<f32>, order: u32, to: &mut [f32; WIDTH]) -> u32 {
         unsafe {
+            // Four bits of each are read, of which the fourth is no matter: the eight numbers are there twice.
             let lanes = _mm512_zextsi256_si512(lanes_of(order));
             let number = _mm512_permutexvar_ps(lanes, _mm512_load_ps(row.0.as_ptr()));
             let other = _mm512_permutexvar_ps(lanes, _mm512_load_ps(other.0.as_ptr()));
@@ -70,6 +71,7 @@ impl Instructions for WithAvx512 {
 impl Vector for Zmm {
     const LANES: usize = 16;
     const BLENDS: bool = false;
+    const SEVERAL: u32 = 1;
     type Mask = __mmask16;
 
     #[inline(always)]
