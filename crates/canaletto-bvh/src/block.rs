@@ -295,24 +295,22 @@ pub(crate) struct Bound<N = f32> {
     pub(crate) volume: N,
 }
 
-/// What makes a bound of D.
-const SCALE: f32 = 40.0 * f32::EPSILON;
-const LEAST: [f32; 2] = [8.0 * f32::EPSILON, 4.0 * UNDERFLOW];
-const AREA: f32 = 16.0 / (1u64 << 34) as f32;
-const VOLUME: f32 = 1.0 / (1u64 << 38) as f32;
+/// What makes a bound of D: that of the scale, two of the least bound, those of area and volume.
+const FACTORS: [f32; 5] =
+    [40.0 * f32::EPSILON, 8.0 * f32::EPSILON, 4.0 * UNDERFLOW, 16.0 / (1u64 << 34) as f32, 1.0 / (1u64 << 38) as f32];
 
 impl<N: Copy + Add<Output = N> + Mul<Output = N>> Bound<N> {
-    /// For D, one for all or for each lane. `splat` gives the same number to all lanes.
+    /// For D, one for all or for each lane, as are [`FACTORS`] and the least number.
     #[inline(always)]
-    fn with(reach: N, splat: impl Fn(f32) -> N, max: impl Fn(N, N) -> N) -> Self {
-        let (scale, least) = (reach * splat(SCALE), splat(f32::MIN_POSITIVE));
+    fn with(reach: N, [scale, a, b, area, volume]: [N; 5], least: N, max: fn(N, N) -> N) -> Self {
+        let scale = reach * scale;
         Self {
             reach,
             scale,
-            least: scale * (reach * splat(LEAST[0])) + (reach * splat(LEAST[1]) + least),
+            least: scale * (reach * a) + (reach * b + least),
             // ∞, where a product may overflow.
-            area: max(reach * reach * splat(AREA), least),
-            volume: max(reach * reach * reach * splat(VOLUME), least),
+            area: max(reach * reach * area, least),
+            volume: max(reach * reach * reach * volume, least),
         }
     }
 }
@@ -328,7 +326,7 @@ impl Bound {
     #[inline(always)]
     pub(crate) fn within(low: Vec3, high: Vec3, bounds: &Aabb) -> Self {
         let reach = |axis: usize| max(bounds.max[axis] - low[axis], high[axis] - bounds.min[axis]).abs();
-        Self::with(max(max(reach(0), reach(1)), reach(2)), |x| x, max)
+        Self::with(max(max(reach(0), reach(1)), reach(2)), FACTORS, f32::MIN_POSITIVE, max)
     }
 
     /// The same bounds in f64, for all rays and triangles, as `triangle::intersect_exactly` has them for one.
@@ -360,7 +358,9 @@ impl<N: Vector> Bound<N> {
     /// For rays side by side, no corner being farther from an origin than this.
     #[inline(always)]
     pub(crate) fn of_rays<S: Instructions<Vector = N>>(s: S, reach: N) -> Self {
-        Self::with(reach, |x| s.splat(x), N::max)
+        let [scale, a, b, area, volume] = FACTORS;
+        let factors = [s.splat(scale), s.splat(a), s.splat(b), s.splat(area), s.splat(volume)];
+        Self::with(reach, factors, s.splat(f32::MIN_POSITIVE), N::max)
     }
 
     /// By how much edge functions of triangles of this size may be wrong.

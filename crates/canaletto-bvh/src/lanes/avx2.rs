@@ -38,6 +38,13 @@ static COMPRESS: [[u8; WIDTH]; 256] = {
     table
 };
 
+/// The lanes of an order, in the lowest three bits of each.
+#[inline]
+#[target_feature(enable = "avx2")]
+pub(super) fn lanes_of(order: u32) -> __m256i {
+    _mm256_srlv_epi32(_mm256_set1_epi32(order as i32), _mm256_setr_epi32(0, 3, 6, 9, 12, 15, 18, 21))
+}
+
 /// The lanes from far to near, in the lowest three bits of each.
 ///
 /// # Safety
@@ -46,8 +53,7 @@ static COMPRESS: [[u8; WIDTH]; 256] = {
 #[target_feature(enable = "avx2")]
 pub(super) unsafe fn order(node: &Node, ray: &PreparedRay) -> __m256i {
     // SAFETY: there are eight octants.
-    let order = unsafe { *node.orders.get_unchecked(usize::from(ray.octant)) };
-    _mm256_srlv_epi32(_mm256_set1_epi32(order as i32), _mm256_setr_epi32(0, 3, 6, 9, 12, 15, 18, 21))
+    lanes_of(unsafe { *node.orders.get_unchecked(usize::from(ray.octant)) })
 }
 
 /// Where the ray enters and leaves the boxes; the latter neither inflated nor limited. The origins are those from which the planes that

@@ -1,4 +1,5 @@
-//! As many numbers side by side as a register holds, by the instructions that the machine has. All give the same numbers.
+//! As many numbers side by side as a register holds, by the instructions that the machine has. All give the same numbers, but for
+//! [`Vector::minus_product`].
 //!
 //! Rows of sixteen are gone through in parts, one after the other, so that what is known of a part stays in registers.
 //! Values are made by [`Instructions`], which is unsafe to get hold of; what is done with them is safe therefore. No closures

@@ -118,7 +118,7 @@ impl<N: Vector> Seen<N> {
     }
 }
 
-/// The farthest of three numbers from those of sixteen rays. Not a closure: that would be a function without the instructions.
+/// The farthest of three numbers from those of rays. Not a closure: that would be a function without the instructions.
 #[inline(always)]
 fn farthest<S: Instructions>(s: S, [x, y, z]: [f32; 3], o: S::Vector) -> S::Vector {
     (s.splat(x) - o).abs().max((s.splat(y) - o).abs()).max((s.splat(z) - o).abs())
@@ -186,12 +186,10 @@ impl Group {
         let (mut taken, mut left) = (S::Vector::bits(take, part), S::Vector::bits(undecided, part));
         if left != 0 {
             // A closer look at triangles near the origin with less error than at those at the scene's other end.
-            let distance = farthest(s, [a[0], b[0], c[0]], ox).max(farthest(s, [a[1], b[1], c[1]], oy)).max(farthest(
-                s,
-                [a[2], b[2], c[2]],
-                oz,
-            ));
-            let bound = Bound::of_rays(s, distance);
+            let x = farthest(s, [a[0], b[0], c[0]], ox);
+            let y = farthest(s, [a[1], b[1], c[1]], oy);
+            let z = farthest(s, [a[2], b[2], c[2]], oz);
+            let bound = Bound::of_rays(s, x.max(y).max(z));
             let Within { inside, missed, low, high } = seen.within(s, bound.for_size(s, size), terms.front_only, true);
             // A triangle may be met again in another leaf.
             let undecided = undecided & !self.knows(s, part, which.id);

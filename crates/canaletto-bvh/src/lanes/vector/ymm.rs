@@ -4,14 +4,8 @@ use std::arch::x86_64::*;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Not, Sub};
 
 use super::{Instructions, Row, Vector};
+use crate::lanes::avx2::lanes_of;
 use crate::slab::WIDTH;
-
-/// The lanes of an order, in the lowest three bits of each.
-#[inline]
-#[target_feature(enable = "avx2")]
-pub(super) fn lanes_of(order: u32) -> __m256i {
-    _mm256_srlv_epi32(_mm256_set1_epi32(order as i32), _mm256_setr_epi32(0, 3, 6, 9, 12, 15, 18, 21))
-}
 
 /// A register of AVX2.
 #[derive(Clone, Copy)]

@@ -3,8 +3,8 @@
 use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Sub};
 
-use super::ymm::lanes_of;
 use super::{Instructions, Row, Vector};
+use crate::lanes::avx2::lanes_of;
 use crate::slab::WIDTH;
 
 /// One register of AVX-512.
