@@ -167,16 +167,38 @@ impl Block {
         let wa = bx * cy - by * cx;
         let wb = cx * ay - cy * ax;
         let wc = ax * by - ay * bx;
-        let bound = Vec4::splat(bound.of(self.size()));
+        let off = Vec4::splat(bound.of(self.size()));
         let (least, most) = (wa.min(wb).min(wc), wa.max(wb).max(wc));
-        let missed = most.cmpgt(bound) & least.cmplt(-bound);
+        let missed = most.cmpgt(off) & least.cmplt(-off);
         let mut candidates = !(missed | beyond).bitmask() & 15;
         if !ray.regular {
             // Nothing is known to be beyond.
             candidates &= self.corners[0][0].cmplt(Vec4::INFINITY).bitmask();
         }
         let (sum, weighed) = (wa + wb + wc, wa * ta + wb * tb + wc * tc);
-        Tested { candidates, low, last, least, most, bound, sum, weighed }
+        Tested { candidates, low, last, least, most, sum, weighed }
+    }
+
+    /// Looks closer at what was tested: origins near triangles have less error than those at the scene's other end.
+    #[inline(always)]
+    pub(crate) fn look<'a>(&self, ray: &PreparedRay, tested: &'a Tested) -> Looked<'a> {
+        let ([x, y, z], origin, size) = (self.corners[0], ray.ray.origin, Vec4::splat(self.size()));
+        let far = (x - Vec4::splat(origin.x)).abs().max((y - Vec4::splat(origin.y)).abs());
+        let far = far.max((z - Vec4::splat(origin.z)).abs());
+        let bound = Bound::of_triangles(far + size);
+        Looked { tested, off: bound.of(size), bound }
+    }
+
+    /// Whether one of these triangles is hit at or before `t_max`, by the exact kernel.
+    #[inline]
+    pub(crate) fn any_exactly(&self, mut lanes: u32, ray: &PreparedRay, t_max: f32, front_only: bool) -> bool {
+        while lanes != 0 {
+            if self.intersect(lanes.trailing_zeros() as usize, ray, t_max).is_some_and(|hit| hit.front || !front_only) {
+                return true;
+            }
+            lanes &= lanes - 1;
+        }
+        false
     }
 
     /// The lane of a candidate that is hit at or before `t_max` and `blocks`. Where rounding can't have told wrongly, no exact test is made.
@@ -184,17 +206,12 @@ impl Block {
     pub(crate) fn any(
         &self,
         ray: &PreparedRay,
-        bound: Bound,
         tested: &Tested,
         t_max: f32,
         front_only: bool,
         blocks: &mut impl FnMut(u32) -> bool,
     ) -> Option<u32> {
-        let mut candidates = tested.candidates;
-        if front_only {
-            candidates &= !tested.back();
-        }
-        let surely = tested.surely_hit(ray, bound, t_max);
+        let (surely, mut candidates) = self.look(ray, tested).any(ray, t_max, front_only);
         while candidates != 0 {
             let lane = candidates.trailing_zeros();
             let hit = surely >> lane & 1 == 1
@@ -217,10 +234,9 @@ pub(crate) struct Tested {
     low: Vec4,
     /// t of the farthest corner.
     last: Vec4,
-    /// The least and the greatest edge functions, and by how much they may be wrong.
+    /// The least and the greatest edge functions.
     least: Vec4,
     most: Vec4,
-    bound: Vec4,
     /// The sum of the edge functions, and that of t of the corners weighed with them.
     sum: Vec4,
     weighed: Vec4,
@@ -230,45 +246,68 @@ pub(crate) struct Tested {
 /// `confine` adds.
 pub(crate) const BLUR: f32 = 16.0 * f32::EPSILON;
 
-impl Tested {
+/// What the bounds of triangles by themselves tell of a block.
+#[derive(Clone, Copy)]
+pub(crate) struct Looked<'a> {
+    tested: &'a Tested,
+    /// By how much edge functions may be wrong.
+    off: Vec4,
+    bound: Bound<Vec4>,
+}
+
+impl Looked<'_> {
     /// The triangles that are seen from the front for certain, if they are met at all.
     #[inline(always)]
     fn front(&self) -> u32 {
-        self.most.cmplt(-self.bound).bitmask()
+        self.tested.most.cmplt(-self.off).bitmask()
     }
 
     /// The same from behind.
     #[inline(always)]
     fn back(&self) -> u32 {
-        self.least.cmpgt(self.bound).bitmask()
+        self.tested.least.cmpgt(self.off).bitmask()
     }
 
-    /// The triangles of which the exact test would say that they are hit at or before `t_max`, from either side: the line passes between the
-    /// edges, all of the triangle lies between origin and end, and area and volume are so large that the test won't take it for degenerate.
+    /// The candidates of which the exact test would say that they are hit at or before `t_max`: the line passes between the
+    /// edges, the hit lies between origin and end, and area and volume are so large that the test won't take it for degenerate. And all
+    /// candidates of which it may say so.
     #[inline(always)]
-    fn surely_hit(&self, ray: &PreparedRay, bound: Bound, t_max: f32) -> u32 {
-        let area = self.least.abs().max(self.most.abs());
+    pub(crate) fn any(&self, ray: &PreparedRay, t_max: f32, front_only: bool) -> (u32, u32) {
+        let area = self.tested.least.abs().max(self.tested.most.abs());
         let (low, high) = self.between();
-        let large =
-            area.cmpgt(Vec4::splat(bound.area)) & (area * low).cmpgt(Vec4::splat(bound.volume * ray.along.abs()));
+        let large = area.cmpgt(self.bound.area) & (area * low).cmpgt(self.bound.volume * Vec4::splat(ray.along.abs()));
         let between = low.cmpge(Vec4::splat(f32::MIN_POSITIVE)) & high.cmple(Vec4::splat(t_max.min(f32::MAX)));
-        (self.front() | self.back()) & (large & between).bitmask()
+        let candidates = self.left(low, high, t_max, front_only);
+        (candidates & (self.front() | self.back()) & (large & between).bitmask(), candidates)
+    }
+
+    /// The candidates that may be hit at or before `t_max`.
+    #[inline(always)]
+    pub(crate) fn closest(&self, t_max: f32, front_only: bool) -> u32 {
+        let (low, high) = self.between();
+        self.left(low, high, t_max, front_only)
+    }
+
+    /// The candidates without those that can't be hit at or before `t_max`, if t lies between these.
+    #[inline(always)]
+    fn left(&self, low: Vec4, high: Vec4, t_max: f32, front_only: bool) -> u32 {
+        let gone = high.cmple(Vec4::ZERO) | low.cmpgt(Vec4::splat(t_max));
+        self.tested.candidates & !gone.bitmask() & !if front_only { self.back() } else { 0 }
     }
 
     /// Between what t of a hit lies: between t of the corners, and where the line certainly passes between the edges, next to their mean,
     /// weighed with the edge functions.
     #[inline(always)]
     fn between(&self) -> (Vec4, Vec4) {
-        let inside = self.most.cmplt(-self.bound) | self.least.cmpgt(self.bound);
-        let (high, size) = (self.last * INFLATE, self.last.abs().max(self.low.abs()));
-        let mean = self.weighed / self.sum;
-        let off = (self.bound * 4.0 / self.sum.abs()) * (self.last - self.low) + size * BLUR;
+        let &Tested { low, last, least, most, sum, weighed, .. } = self.tested;
+        let inside = most.cmplt(-self.off) | least.cmpgt(self.off);
+        let (high, size) = (last * INFLATE, last.abs().max(low.abs()));
+        let mean = weighed / sum;
+        let off = (self.off * 4.0 / sum.abs()) * (last - low) + size * BLUR;
         // Unless something overflows or vanishes.
-        let told = inside
-            & mean.cmpge(self.low)
-            & mean.cmple(high)
-            & (self.sum.abs() * size).cmpge(Vec4::splat(f32::MIN_POSITIVE));
-        (Vec4::select(told, self.low.max(mean - off), self.low), Vec4::select(told, high.min(mean + off), high))
+        let told =
+            inside & mean.cmpge(low) & mean.cmple(high) & (sum.abs() * size).cmpge(Vec4::splat(f32::MIN_POSITIVE));
+        (Vec4::select(told, low.max(mean - off), low), Vec4::select(told, high.min(mean + off), high))
     }
 }
 
@@ -313,6 +352,12 @@ impl<N: Copy + Add<Output = N> + Mul<Output = N>> Bound<N> {
             volume: max(reach * reach * reach * volume, least),
         }
     }
+
+    /// By how much edge functions of triangles of this size may be wrong.
+    #[inline(always)]
+    pub(crate) fn of(self, size: N) -> N {
+        size * self.scale + self.least
+    }
 }
 
 impl Bound {
@@ -336,11 +381,6 @@ impl Bound {
         (reach * reach * SURELY, reach * reach * reach * SURELY)
     }
 
-    #[inline(always)]
-    pub(crate) fn of(self, size: f32) -> f32 {
-        size * self.scale + self.least
-    }
-
     /// For rays side by side.
     #[inline(always)]
     pub(crate) fn splat<S: Instructions>(self, s: S) -> Bound<S::Vector> {
@@ -354,6 +394,17 @@ impl Bound {
     }
 }
 
+impl Bound<Vec4> {
+    /// For triangles side by side, none of whose corners is farther from the origin than this.
+    #[inline(always)]
+    fn of_triangles(reach: Vec4) -> Self {
+        let [scale, a, b, area, volume] = FACTORS;
+        let splat = Vec4::splat;
+        let factors = [splat(scale), splat(a), splat(b), splat(area), splat(volume)];
+        Self::with(reach, factors, splat(f32::MIN_POSITIVE), Vec4::max)
+    }
+}
+
 impl<N: Vector> Bound<N> {
     /// For rays side by side, no corner being farther from an origin than this.
     #[inline(always)]
@@ -361,12 +412,6 @@ impl<N: Vector> Bound<N> {
         let [scale, a, b, area, volume] = FACTORS;
         let factors = [s.splat(scale), s.splat(a), s.splat(b), s.splat(area), s.splat(volume)];
         Self::with(reach, factors, s.splat(f32::MIN_POSITIVE), N::max)
-    }
-
-    /// By how much edge functions of triangles of this size may be wrong.
-    #[inline(always)]
-    pub(crate) fn for_size<S: Instructions<Vector = N>>(self, s: S, size: f32) -> N {
-        s.splat(size) * self.scale + self.least
     }
 }
 
@@ -413,13 +458,10 @@ impl Search {
         t_max: &mut f32,
     ) {
         let block = &scene.blocks[index as usize];
-        let mut candidates = tested.candidates;
-        let (front, back) = (tested.front(), tested.back());
-        if scene.front_only {
-            candidates &= !back;
-        }
-        let (low, high) = tested.between();
-        candidates &= !high.cmple(Vec4::ZERO).bitmask();
+        let looked = block.look(ray, tested);
+        let (low, high) = looked.between();
+        let mut candidates = looked.left(low, high, *t_max, scene.front_only);
+        let certain = looked.front() | looked.back();
         let (low, high) = (low.to_array(), high.to_array());
         while candidates != 0 {
             let lane = candidates.trailing_zeros() as usize & 3;
@@ -427,7 +469,7 @@ impl Search {
             if low[lane] > *t_max || block.id(lane) == self.known {
                 continue;
             }
-            if (front | back) >> lane & 1 == 1 && low[lane] > 0.0 && high[lane] < self.low {
+            if certain >> lane & 1 == 1 && low[lane] > 0.0 && high[lane] < self.low {
                 self.waits = index << 2 | lane as u32;
                 self.known = block.id(lane);
                 self.low = low[lane];
@@ -484,22 +526,23 @@ mod tests {
             let bound = Bound::new(&ray, &bounds);
             for t_max in [f32::INFINITY, 1.0] {
                 let tested = block.test(&ray, bound, t_max);
-                let surely = tested.surely_hit(&ray, bound, t_max);
+                let looked = block.look(&ray, &tested);
+                let (surely, possibly) = looked.any(&ray, t_max, false);
+                assert_eq!(possibly, looked.closest(t_max, false));
                 for lane in 0..4 {
                     let hit = block.intersect(lane, &ray, t_max);
-                    let candidate = tested.candidates >> lane & 1 == 1;
+                    let candidate = possibly >> lane & 1 == 1;
                     assert!(candidate || hit.is_none(), "{ray:?} {block:?}");
-                    let sure = surely & tested.candidates;
-                    assert!(sure >> lane & 1 == 0 || hit.is_some(), "{ray:?} {block:?}");
+                    assert!(surely >> lane & 1 == 0 || hit.is_some(), "{ray:?} {block:?}");
                     if let Some(hit) = hit {
-                        let (low, high) = tested.between();
+                        let (low, high) = looked.between();
                         assert!(low[lane] <= hit.t && hit.t <= high[lane] || !ray.regular, "{ray:?} {block:?}");
-                        assert!(tested.front() >> lane & 1 == 0 || hit.front, "{ray:?} {block:?}");
-                        assert!(tested.back() >> lane & 1 == 0 || !hit.front, "{ray:?} {block:?}");
+                        assert!(looked.front() >> lane & 1 == 0 || hit.front, "{ray:?} {block:?}");
+                        assert!(looked.back() >> lane & 1 == 0 || !hit.front, "{ray:?} {block:?}");
                     }
                     hits += u32::from(hit.is_some());
                     candidates += u32::from(candidate);
-                    surely_hit += sure >> lane & 1;
+                    surely_hit += surely >> lane & 1;
                 }
             }
         }

@@ -3,11 +3,12 @@
 
 use glam::Vec4;
 
-use super::{Block, Bound};
+use super::Block;
 use crate::PreparedRay;
 use crate::exact::CANCELLED;
 use crate::lanes::Four;
 use crate::slab::{DEFLATE, INFLATE};
+use crate::triangle::SURELY;
 use crate::triangles::Nearest;
 
 /// `exact::difference_of_products` where that is not careful, and what is above 0 where that is so.
@@ -19,7 +20,7 @@ fn difference<F: Four>([a, b, c, d]: [F; 4], cancelled: F) -> (F, F) {
 }
 
 impl Block {
-    /// Makes one of these triangles the nearest, if one is, and tells which. The bound is that of the ray and of triangles among which these are.
+    /// Makes one of these triangles the nearest, if one is, and tells which.
     ///
     /// # Safety
     /// The machine must have the instructions of `F`.
@@ -28,7 +29,6 @@ impl Block {
         &self,
         lanes: u32,
         ray: &PreparedRay,
-        bound: Bound,
         nearest: &mut Nearest,
         front_only: bool,
     ) -> Option<usize> {
@@ -54,6 +54,8 @@ impl Block {
         let (ax, ay, az) = (relative!(a, 0, ox), relative!(a, 1, oy), relative!(a, 2, oz));
         let (bx, by, bz) = (relative!(b, 0, ox), relative!(b, 1, oy), relative!(b, 2, oz));
         let (cx, cy, cz) = (relative!(c, 0, ox), relative!(c, 1, oy), relative!(c, 2, oz));
+        // No corner is farther from the origin along any axis.
+        let reach = ax.abs().max(ay.abs()).max(az.abs()) + splat!(self.size().into());
         let along = f64::from(ray.direction(kz));
         let sx = splat!(f64::from(ray.direction(kx)) / along);
         let sy = splat!(f64::from(ray.direction(ky)) / along);
@@ -85,8 +87,8 @@ impl Block {
             & t.cmpge(Vec4::splat(f32::MIN_POSITIVE))
             & t.cmple(Vec4::splat(nearest.t.min(f32::MAX)));
         let between = between.bitmask();
-        let (area_bound, volume_bound) = bound.surely();
-        let far = splat!(area_bound).below(area.abs()) & splat!(volume_bound).below(depth.abs());
+        let enough = reach * reach * splat!(SURELY);
+        let far = enough.below(area.abs()) & (enough * reach).below(depth.abs());
         let mut alone = lanes & (!sure | inside & between & !far);
         let mut hits = lanes & sure & inside & between & far;
         if front_only {

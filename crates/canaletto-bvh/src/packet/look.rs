@@ -190,7 +190,7 @@ impl Group {
             let y = farthest(s, [a[1], b[1], c[1]], oy);
             let z = farthest(s, [a[2], b[2], c[2]], oz);
             let bound = Bound::of_rays(s, x.max(y).max(z));
-            let Within { inside, missed, low, high } = seen.within(s, bound.for_size(s, size), terms.front_only, true);
+            let Within { inside, missed, low, high } = seen.within(s, bound.of(s.splat(size)), terms.front_only, true);
             // A triangle may be met again in another leaf.
             let undecided = undecided & !self.knows(s, part, which.id);
             let inside = undecided & inside & !missed;

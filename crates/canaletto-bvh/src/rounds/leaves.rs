@@ -99,7 +99,7 @@ impl<A: Ask> ClosestOfMany for OfRays<'_, A> {
     }
 
     #[inline(always)]
-    unsafe fn leaf<E: Exact>(&mut self, ray: usize, leaf: Leaf, sorted: &Sorted, t_max: &mut f32) {
+    unsafe fn leaf<E: Exact>(&mut self, ray: usize, leaf: Leaf, sorted: &Sorted, _: u32, t_max: &mut f32) {
         let (block, nearest) = (&self.blocks[leaf.first() as usize], &mut self.nearest[ray]);
         closest(block, sorted, &self.rays[ray], nearest, self.ask);
         *t_max = nearest.t;
@@ -130,7 +130,7 @@ impl<A: Ask> ClosestOfMany for AnyOfRays<'_, A> {
     }
 
     #[inline(always)]
-    unsafe fn leaf<E: Exact>(&mut self, ray: usize, leaf: Leaf, sorted: &(u32, u32), t_max: &mut f32) {
+    unsafe fn leaf<E: Exact>(&mut self, ray: usize, leaf: Leaf, sorted: &(u32, u32), _: u32, t_max: &mut f32) {
         let block = &self.blocks[leaf.first() as usize];
         if any(block, *sorted, &self.rays[ray], *t_max, self.ask, &mut |_| true).is_some() {
             *t_max = f32::NEG_INFINITY;

@@ -1,5 +1,6 @@
 //! Many rays through the tree at once, which need not go the same way.
 
+use std::hint::select_unpredictable;
 use std::mem::MaybeUninit;
 
 use super::stack::Stack;
@@ -9,20 +10,25 @@ use crate::lanes::{Exact, Lanes, Portable};
 use crate::node::{Leaf, Link, Node, Places};
 use crate::slab::limit as limit_of;
 
-/// What is done at leaves for many rays. A leaf is tested in two steps, so that what depends on a rough test's outcome is done apart, for all rays for which
-/// something is left to do.
+/// What is done at leaves for many rays. A leaf is tested in steps, each of which is done for all rays for which the one before has left something
+/// to do.
 pub(crate) trait ClosestOfMany {
     /// What the first step finds.
     type Finding: Copy;
-    /// Whether it counts what is nearest.
+    /// Whether it counts what is nearest, or only that something is hit, after which `t_max` is −∞ and the ray's way ends.
     const NEAREST: bool = true;
     /// Tells whether anything in a leaf may be hit by the ray of this number before `t_max`.
     fn test(&self, ray: usize, leaf: Leaf, t_max: f32) -> (bool, Self::Finding);
-    /// Completes the test, and lowers `t_max` to the nearest hit; to −∞ if the ray's way ends here.
+    /// Looks closer: which primitives may be hit, a bit for each. May lower `t_max` to −∞ where it counts only that something is hit.
+    #[inline(always)]
+    fn look(&self, _ray: usize, _leaf: Leaf, _finding: &Self::Finding, _t_max: &mut f32) -> u32 {
+        u32::MAX
+    }
+    /// Completes the test of these, and lowers `t_max` to the nearest hit.
     ///
     /// # Safety
     /// The machine must have the instructions of `E`.
-    unsafe fn leaf<E: Exact>(&mut self, ray: usize, leaf: Leaf, finding: &Self::Finding, t_max: &mut f32);
+    unsafe fn leaf<E: Exact>(&mut self, ray: usize, leaf: Leaf, finding: &Self::Finding, which: u32, t_max: &mut f32);
     /// Where nodes and the leaves' data lie, to be fetched in advance.
     fn places(&self, nodes: &[Node]) -> Places {
         Places::of_nodes(nodes)
@@ -38,7 +44,7 @@ impl<F: FnMut(usize, Leaf, &mut f32)> ClosestOfMany for F {
     }
 
     #[inline(always)]
-    unsafe fn leaf<E: Exact>(&mut self, ray: usize, leaf: Leaf, _finding: &(), t_max: &mut f32) {
+    unsafe fn leaf<E: Exact>(&mut self, ray: usize, leaf: Leaf, _finding: &(), _which: u32, t_max: &mut f32) {
         self(ray, leaf, t_max);
     }
 }
@@ -139,8 +145,9 @@ pub(crate) fn closest_of_many<F: ClosestOfMany>(nodes: &[Node], rays: &[Prepared
     for (index, ray) in rays.iter().enumerate().filter(|(_, ray)| !ray.regular) {
         t_max[index] = closest(nodes, ray, t_max[index], |slots: Leaf, limit: &mut f32| {
             if let (true, finding) = leaf.test(index, slots, *limit) {
+                let which = leaf.look(index, slots, &finding, limit);
                 // SAFETY: every machine has those instructions.
-                unsafe { leaf.leaf::<Portable>(index, slots, &finding, limit) };
+                unsafe { leaf.leaf::<Portable>(index, slots, &finding, which, limit) };
             }
         });
     }
@@ -167,6 +174,7 @@ impl<F: ClosestOfMany> Passage for Stream<'_, F> {
         let mut waiting = Waiting { rays, next: 0 };
         let mut flights: [MaybeUninit<Flight>; FLIGHTS] = [const { MaybeUninit::uninit() }; FLIGHTS];
         let mut findings: [MaybeUninit<F::Finding>; FLIGHTS] = [const { MaybeUninit::uninit() }; FLIGHTS];
+        let mut which: [MaybeUninit<u32>; FLIGHTS] = [const { MaybeUninit::uninit() }; FLIGHTS];
         let places = leaf.places(nodes);
         let mut queues = Queues { nodes: 0, leaves: 0, ended: u32::MAX >> (32 - FLIGHTS) };
         // SAFETY: the caller's promise; links lead to nodes; flights in queues of nodes and leaves were started, and their rays exist.
@@ -200,7 +208,7 @@ impl<F: ClosestOfMany> Passage for Stream<'_, F> {
                 }
                 queues.part(visited);
                 let tested = std::mem::take(&mut queues.leaves);
-                let mut hopeful = 0;
+                let (mut hopeful, mut left) = (0, 0);
                 let mut testing = tested;
                 while let Some(number) = next(&mut testing) {
                     let flight = flight!(number);
@@ -209,16 +217,18 @@ impl<F: ClosestOfMany> Passage for Stream<'_, F> {
                     hopeful |= u32::from(hope) << number;
                 }
                 while let Some(number) = next(&mut hopeful) {
-                    let flight = flight!(number);
-                    let t_max = t_max.get_unchecked_mut(flight.ray);
+                    let (flight, finding) = (flight!(number), findings.get_unchecked(number).assume_init_ref());
+                    let found = leaf.look(flight.ray, flight.link.leaf(), finding, t_max.get_unchecked_mut(flight.ray));
+                    which.get_unchecked_mut(number).write(found);
+                    left |= u32::from(found != 0) << number;
+                }
+                while let Some(number) = next(&mut left) {
+                    let (flight, finding) = (flight!(number), findings.get_unchecked(number).assume_init_ref());
+                    let (t_max, which) =
+                        (t_max.get_unchecked_mut(flight.ray), which.get_unchecked(number).assume_init());
                     let before = *t_max;
-                    leaf.leaf::<L>(
-                        flight.ray,
-                        flight.link.leaf(),
-                        findings.get_unchecked(number).assume_init_ref(),
-                        t_max,
-                    );
-                    if *t_max < before {
+                    leaf.leaf::<L>(flight.ray, flight.link.leaf(), finding, which, t_max);
+                    if F::NEAREST && *t_max < before {
                         flight.limit = limit_of(*t_max);
                         flight.stack.cull(flight.limit);
                     }
@@ -226,7 +236,11 @@ impl<F: ClosestOfMany> Passage for Stream<'_, F> {
                 testing = tested;
                 while let Some(number) = next(&mut testing) {
                     let flight = flight!(number);
-                    let link = flight.stack.pop();
+                    let mut link = flight.stack.pop();
+                    if !F::NEAREST {
+                        let ended = *t_max.get_unchecked(flight.ray) == f32::NEG_INFINITY;
+                        link = select_unpredictable(ended, Link::END, link);
+                    }
                     queues.send(number, flight, link, places);
                 }
                 queues.part(tested);

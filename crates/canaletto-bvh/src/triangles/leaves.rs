@@ -2,6 +2,8 @@
 #![allow(unsafe_code)] // Kernels for the instructions that a stream is compiled for.
 
 use super::Nearest;
+use std::hint::select_unpredictable;
+
 use crate::block::{Bound, Scene, Search, Tested};
 use crate::lanes::Exact;
 use crate::node::{Node, Places};
@@ -40,25 +42,28 @@ pub(super) struct Way {
 }
 
 impl ClosestOfMany for OfRays<'_> {
-    /// The triangles that may be hit, a bit for each.
-    type Finding = u32;
+    type Finding = Tested;
 
     #[inline(always)]
-    fn test(&self, ray: usize, leaf: Leaf, t_max: f32) -> (bool, u32) {
-        let (block, way) = (&self.scene.blocks[leaf.first() as usize], &self.ways[ray]);
-        let tested = block.test(&self.rays[ray], way.bound, t_max);
-        let candidates = tested.candidates & !block.lane_of(way.known);
-        (candidates != 0, candidates)
+    fn test(&self, ray: usize, leaf: Leaf, t_max: f32) -> (bool, Tested) {
+        let tested = self.scene.blocks[leaf.first() as usize].test(&self.rays[ray], self.ways[ray].bound, t_max);
+        (tested.candidates != 0, tested)
     }
 
     #[inline(always)]
-    unsafe fn leaf<E: Exact>(&mut self, ray: usize, leaf: Leaf, candidates: &u32, t_max: &mut f32) {
-        let (block, way) = (&self.scene.blocks[leaf.first() as usize], &mut self.ways[ray]);
-        let (nearest, front_only) = (&mut self.nearest[ray], self.scene.front_only);
+    fn look(&self, ray: usize, leaf: Leaf, tested: &Tested, t_max: &mut f32) -> u32 {
+        let block = &self.scene.blocks[leaf.first() as usize];
+        let candidates = block.look(&self.rays[ray], tested).closest(*t_max, self.scene.front_only);
+        candidates & !block.lane_of(self.ways[ray].known)
+    }
+
+    #[inline(always)]
+    unsafe fn leaf<E: Exact>(&mut self, ray: usize, leaf: Leaf, _: &Tested, which: u32, t_max: &mut f32) {
+        let (block, nearest) = (&self.scene.blocks[leaf.first() as usize], &mut self.nearest[ray]);
         // SAFETY: the caller's promise.
-        let met = unsafe { block.offer_some::<E::Four>(*candidates, &self.rays[ray], way.bound, nearest, front_only) };
+        let met = unsafe { block.offer_some::<E::Four>(which, &self.rays[ray], nearest, self.scene.front_only) };
         if let Some(lane) = met {
-            way.known = block.id(lane);
+            self.ways[ray].known = block.id(lane);
         }
         *t_max = nearest.t;
     }
@@ -86,9 +91,17 @@ impl ClosestOfMany for AnyOfRays<'_> {
     }
 
     #[inline(always)]
-    unsafe fn leaf<E: Exact>(&mut self, ray: usize, leaf: Leaf, tested: &Tested, t_max: &mut f32) {
-        let (block, bound) = (&self.scene.blocks[leaf.first() as usize], self.bounds[ray]);
-        if block.any(&self.rays[ray], bound, tested, *t_max, self.scene.front_only, &mut |_| true).is_some() {
+    fn look(&self, ray: usize, leaf: Leaf, tested: &Tested, t_max: &mut f32) -> u32 {
+        let (block, ray) = (&self.scene.blocks[leaf.first() as usize], &self.rays[ray]);
+        let (surely, possibly) = block.look(ray, tested).any(ray, *t_max, self.scene.front_only);
+        *t_max = select_unpredictable(surely != 0, f32::NEG_INFINITY, *t_max);
+        select_unpredictable(surely != 0, 0, possibly)
+    }
+
+    #[inline(always)]
+    unsafe fn leaf<E: Exact>(&mut self, ray: usize, leaf: Leaf, _: &Tested, which: u32, t_max: &mut f32) {
+        let block = &self.scene.blocks[leaf.first() as usize];
+        if block.any_exactly(which, &self.rays[ray], *t_max, self.scene.front_only) {
             *t_max = f32::NEG_INFINITY;
         }
     }
@@ -117,7 +130,7 @@ impl<F: FnMut(u32) -> bool> Any for AnyOf<'_, F> {
             return false;
         }
         *self.place = block
-            .any(self.ray, self.bound, &tested, self.t_max, self.scene.front_only, &mut self.counts)
+            .any(self.ray, &tested, self.t_max, self.scene.front_only, &mut self.counts)
             .map(|lane| leaf.first() << 2 | lane);
         self.place.is_some()
     }
