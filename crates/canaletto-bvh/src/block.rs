@@ -128,7 +128,7 @@ impl Block {
     #[inline(always)]
     fn intersect(&self, lane: usize, ray: &PreparedRay, t_max: f32) -> Option<TriangleHit> {
         let bounds = self.triangle(lane).bounds();
-        intersect_exactly(ray, &self.ordered(lane, ray.rows), &bounds, t_max)
+        intersect_exactly(ray, &self.ordered(lane, ray.way.rows), &bounds, t_max)
     }
 
     /// Makes the triangle in this lane the nearest if it is. Tells whether it is.
@@ -148,7 +148,7 @@ impl Block {
     /// What f32 tells of all four.
     #[inline(always)]
     pub(crate) fn test(&self, ray: &PreparedRay, bound: Bound, t_max: f32) -> Tested {
-        let [kx, ky, kz] = ray.rows;
+        let [kx, ky, kz] = ray.way.rows;
         let row = |corner, k| self.row(corner, k);
         let origin = |k: u8| Vec4::splat(ray.origin(k));
         let (ox, oy, oz) = (origin(kx), origin(ky), origin(kz));

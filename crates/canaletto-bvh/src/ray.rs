@@ -1,6 +1,10 @@
 //! Rays.
 
+use std::mem::MaybeUninit;
+
 use glam::{Vec3, Vec4, Vec4Swizzles};
+
+use crate::{InstructionSet, Kernel};
 
 /// The points `origin + t * direction`, t > 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,18 +41,11 @@ pub struct PreparedRay {
     /// 1 / direction.
     pub(crate) reciprocal: [f32; 3],
     /// What takes the ray to the longest axis of its direction: x and y are sheared by these, times z, where x, y and z are the axes
-    /// of `axes`. NaN, which decides nothing, where rounding would take digits off.
+    /// in the order of `way.rows`. NaN, which decides nothing, where rounding would take digits off.
     pub(crate) shear: [f32; 2],
     /// 1 / direction along the longest axis; NaN, which decides nothing, for rays that are not regular.
     pub(crate) along: f32,
-    /// Where the planes of x, y and z that are met first lie in [`crate::slab::Boxes`], in bytes.
-    pub(crate) entries: [u8; 3],
-    /// The same of those that are met last.
-    pub(crate) exits: [u8; 3],
-    /// 16 times each axis, the longest component of the direction last, the other two ordered such that winding is kept.
-    pub(crate) rows: [u8; 3],
-    /// One bit for each axis along which the ray moves backwards.
-    pub(crate) octant: u8,
+    pub(crate) way: Way,
     /// The origin is finite and the reciprocals are normal numbers.
     pub(crate) regular: bool,
 }
@@ -64,60 +61,108 @@ pub(crate) fn component(vector: &Vec3, row: u8) -> f32 {
     unsafe { *(&raw const *vector).cast::<f32>().byte_add(usize::from(row >> 2)) }
 }
 
-/// `entries` by octant.
-const ENTRIES: [[u8; 3]; 8] = {
-    let mut entries = [[0; 3]; 8];
-    let mut octant = 0;
-    while octant < 8 {
-        entries[octant] = [96 * (octant & 1) as u8, 96 * (octant >> 1 & 1) as u8 + 32, 96 * (octant >> 2) as u8 + 64];
-        octant += 1;
+/// Where a ray goes, roughly: what its direction's signs and longest component tell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Way {
+    /// Where the planes of x, y and z that are met first lie in [`crate::slab::Boxes`], in bytes.
+    pub(crate) entries: [u8; 3],
+    /// The same of those that are met last.
+    pub(crate) exits: [u8; 3],
+    /// 16 times each axis, the longest component of the direction last, the other two ordered such that winding is kept.
+    pub(crate) rows: [u8; 3],
+    /// One bit for each axis along which the ray moves backwards.
+    pub(crate) octant: u8,
+}
+
+/// By octant, and whether x ≥ y, x ≥ z and y ≥ z.
+static WAYS: [[Way; 8]; 8] = {
+    const LONGEST: [usize; 8] = [2, 2, 2, 0, 1, 1, 1, 0];
+    const ROWS: [[[u8; 3]; 2]; 3] =
+        [[[16, 32, 0], [32, 16, 0]], [[32, 0, 16], [0, 32, 16]], [[0, 16, 32], [16, 0, 32]]];
+    const fn planes(octant: usize) -> [u8; 3] {
+        [96 * (octant & 1) as u8, 96 * (octant >> 1 & 1) as u8 + 32, 96 * (octant >> 2 & 1) as u8 + 64]
     }
-    entries
+    let mut ways = [[Way::FORWARDS; 8]; 8];
+    let mut i = 0;
+    while i < 64 {
+        let (octant, longest) = (i / 8, LONGEST[i % 8]);
+        let rows = ROWS[longest][octant >> longest & 1];
+        ways[octant][i % 8] = Way { entries: planes(octant), exits: planes(!octant), rows, octant: octant as u8 };
+        i += 1;
+    }
+    ways
 };
 
-/// The longest axis, by whether x ≥ y, x ≥ z and y ≥ z.
-const LONGEST: [usize; 8] = [2, 2, 2, 0, 1, 1, 1, 0];
+impl Way {
+    /// Along z, and not backwards along any axis.
+    pub(crate) const FORWARDS: Self =
+        Self { entries: [0, 32, 64], exits: [96, 128, 160], rows: [0, 16, 32], octant: 0 };
 
-/// `rows` by longest axis, and whether the ray moves backwards along it.
-const ROWS: [[[u8; 3]; 2]; 3] = [[[16, 32, 0], [32, 16, 0]], [[32, 0, 16], [0, 32, 16]], [[0, 16, 32], [16, 0, 32]]];
+    /// Of a direction; its fourth component is positive.
+    #[inline(always)]
+    fn of_four(direction: Vec4) -> Self {
+        let octant = direction.cmplt(Vec4::ZERO).bitmask();
+        let length = direction.abs();
+        let pairs = length.xxyw().cmpge(length.yzzw()).bitmask();
+        WAYS[octant as usize & 7][pairs as usize & 7]
+    }
 
-/// `octant` and `rows` of a direction; its fourth component is positive.
-#[inline(always)]
-pub(crate) fn way(direction: Vec4) -> (u8, [u8; 3]) {
-    let octant = direction.cmplt(Vec4::ZERO).bitmask();
-    let length = direction.abs();
-    let pairs = length.xxyw().cmpge(length.yzzw()).bitmask() & 7;
-    let z = LONGEST[pairs as usize];
-    (octant as u8, ROWS[z][(octant >> z & 1) as usize])
+    /// Of a ray.
+    #[inline(always)]
+    pub(crate) fn of(ray: &Ray) -> Self {
+        Self::of_four(ray.direction.extend(1.0))
+    }
+
+    /// The axes in the order of `rows`.
+    #[inline(always)]
+    pub(crate) fn axes(&self) -> [usize; 3] {
+        let [x, y, z] = self.rows;
+        [usize::from(x >> 4).min(2), usize::from(y >> 4).min(2), usize::from(z >> 4).min(2)]
+    }
 }
 
 impl PreparedRay {
     /// Prepares `ray`.
     #[inline]
     pub fn new(ray: &Ray) -> Self {
+        Self::of(ray)
+    }
+
+    /// [`PreparedRay::new`] for many. Tells between which corners their origins lie.
+    pub(crate) fn prepare_all(rays: &[Ray], prepared: &mut Vec<Self>) -> [Vec3; 2] {
+        prepared.clear();
+        prepared.reserve(rays.len());
+        let corners = InstructionSet::run(Preparation { rays, prepared: prepared.spare_capacity_mut() });
+        // SAFETY: there is room for all, so that each was written.
+        #[allow(unsafe_code)]
+        unsafe {
+            prepared.set_len(rays.len());
+        }
+        corners
+    }
+
+    #[inline(always)]
+    fn of(ray: &Ray) -> Self {
         let direction = ray.direction.extend(1.0);
+        let way = Way::of_four(direction);
         let reciprocal = Vec4::ONE / direction;
         let size = reciprocal.abs();
         let finite = ray.origin.extend(0.0).abs().cmplt(Vec4::INFINITY);
         let normal = size.cmpge(Vec4::splat(f32::MIN_POSITIVE)) & size.cmplt(Vec4::INFINITY);
         let regular = (normal & finite).all();
-        let reciprocal = reciprocal.truncate();
-        let (octant, rows) = way(direction);
-        let along = |row: u8| component(&ray.direction, row);
+        let [x, y, z] = way.rows;
+        let x_y_one = Vec4::new(component(&ray.direction, x), component(&ray.direction, y), 1.0, 1.0);
+        let shear = x_y_one / Vec4::splat(component(&ray.direction, z));
+        let size = shear.abs();
         // NaN for a zero direction, too.
-        let shear = |row: u8| {
-            let s = along(row) / along(rows[2]);
-            if s == 0.0 || s.is_normal() { s } else { f32::NAN }
-        };
+        let told = size.cmpeq(Vec4::ZERO) | size.cmpge(Vec4::splat(f32::MIN_POSITIVE)) & size.cmplt(Vec4::INFINITY);
+        let shear = Vec4::select(told, shear, Vec4::NAN);
         Self {
             ray: *ray,
-            reciprocal: reciprocal.to_array(),
-            shear: [shear(rows[0]), shear(rows[1])],
-            along: if regular { component(&reciprocal, rows[2]) } else { f32::NAN },
-            entries: ENTRIES[usize::from(octant & 7)],
-            exits: ENTRIES[usize::from(!octant & 7)],
-            rows,
-            octant,
+            reciprocal: reciprocal.truncate().to_array(),
+            shear: [shear.x, shear.y],
+            along: if regular { shear.z } else { f32::NAN },
+            way,
             regular,
         }
     }
@@ -139,12 +184,27 @@ impl PreparedRay {
     pub(crate) fn direction(&self, row: u8) -> f32 {
         component(&self.ray.direction, row)
     }
+}
 
-    /// The axes in the order of `rows`.
+struct Preparation<'a> {
+    rays: &'a [Ray],
+    /// No fewer than the rays.
+    prepared: &'a mut [MaybeUninit<PreparedRay>],
+}
+
+impl Kernel for Preparation<'_> {
+    type Answer = [Vec3; 2];
+
     #[inline(always)]
-    pub(crate) fn axes(&self) -> [usize; 3] {
-        let [x, y, z] = self.rows;
-        [usize::from(x >> 4), usize::from(y >> 4), usize::from(z >> 4)]
+    fn run(self) -> [Vec3; 2] {
+        let (mut low, mut high) = (Vec4::INFINITY, Vec4::NEG_INFINITY);
+        for (ray, prepared) in self.rays.iter().zip(self.prepared) {
+            prepared.write(PreparedRay::of(ray));
+            // In this order, what is no number is left out, or makes the corner no number.
+            let origin = ray.origin.extend(0.0);
+            (low, high) = (origin.min(low), origin.max(high));
+        }
+        [low.truncate(), high.truncate()]
     }
 }
 

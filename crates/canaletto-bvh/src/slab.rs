@@ -49,7 +49,7 @@ impl PreparedRay {
                     far = f32::NEG_INFINITY;
                 }
             } else if reciprocal.is_normal() {
-                let (first, second) = if self.octant >> axis & 1 == 0 { (low, high) } else { (high, low) };
+                let (first, second) = if self.way.octant >> axis & 1 == 0 { (low, high) } else { (high, low) };
                 near = ((first - origin) * reciprocal).max(near);
                 far = ((second - origin) * reciprocal).min(far);
             }
@@ -107,7 +107,7 @@ impl PreparedRay {
     #[inline]
     pub(crate) fn confine_to_triangle(&self, bounds: &Aabb, t: f64, t_max: f32) -> Option<f32> {
         let (near, _) = self.clip(bounds)?;
-        let row = self.rows[2];
+        let row = self.way.rows[2];
         let cross = |corner: &Vec3| (component(corner, row) - self.origin(row)) * self.along;
         let last = max(cross(&bounds.min), cross(&bounds.max)) * INFLATE;
         let mut t = t as f32;

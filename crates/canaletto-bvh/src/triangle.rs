@@ -82,7 +82,7 @@ pub struct TriangleHit {
 /// The hit on a triangle with 0 < t ≤ t_max. Both sides are hit; a triangle of no area never is.
 #[inline]
 pub fn intersect(ray: &PreparedRay, triangle: &Triangle, t_max: f32) -> Option<TriangleHit> {
-    let corners = &triangle.ordered(ray.rows);
+    let corners = &triangle.ordered(ray.way.rows);
     if surely_missed(ray, corners) { None } else { intersect_exactly(ray, corners, &triangle.bounds(), t_max) }
 }
 
@@ -94,7 +94,7 @@ pub fn intersect(ray: &PreparedRay, triangle: &Triangle, t_max: f32) -> Option<T
 fn surely_missed(ray: &PreparedRay, corners: &[[f32; 3]; 3]) -> bool {
     let relative = |k: usize| {
         let [a, b, c] = corners;
-        Vec4::new(a[k], b[k], c[k], c[k]) - Vec4::splat(ray.origin(ray.rows[k]))
+        Vec4::new(a[k], b[k], c[k], c[k]) - Vec4::splat(ray.origin(ray.way.rows[k]))
     };
     let (x, y, z) = (relative(0), relative(1), relative(2));
     let (sx, sy) = (Vec4::splat(ray.shear[0]) * z, Vec4::splat(ray.shear[1]) * z);
@@ -117,11 +117,11 @@ pub(crate) fn intersect_exactly(
     t_max: f32,
 ) -> Option<TriangleHit> {
     let relative = |k: usize| {
-        let ([a, b, c], origin) = (corners, f64::from(ray.origin(ray.rows[k])));
+        let ([a, b, c], origin) = (corners, f64::from(ray.origin(ray.way.rows[k])));
         [f64::from(a[k]) - origin, f64::from(b[k]) - origin, f64::from(c[k]) - origin]
     };
     let (x, y, z) = (relative(0), relative(1), relative(2));
-    let along = |k: usize| f64::from(ray.direction(ray.rows[k]));
+    let along = |k: usize| f64::from(ray.direction(ray.way.rows[k]));
     let (sx, sy) = (along(0) / along(2), along(1) / along(2));
     // The vertices relative to the ray, sheared.
     let [ax, bx, cx] = [x[0] - sx * z[0], x[1] - sx * z[1], x[2] - sx * z[2]];
@@ -162,7 +162,7 @@ pub(crate) const SURELY: f64 = 1.0 / (1u64 << 40) as f64;
 #[inline(never)]
 fn degenerate(ray: &PreparedRay, corners: &[[f32; 3]; 3]) -> bool {
     let [mut a, mut b, mut c] = [DVec3::ZERO; 3];
-    for (k, axis) in ray.axes().into_iter().enumerate() {
+    for (k, axis) in ray.way.axes().into_iter().enumerate() {
         (a[axis], b[axis], c[axis]) = (corners[0][k].into(), corners[1][k].into(), corners[2][k].into());
     }
     let normal = cross(b - a, c - a);
@@ -261,7 +261,7 @@ mod tests {
             let scale = 10f32.powi(random.below(60) as i32 - 30);
             let ray = Ray::new(origin * scale, direction * [1.0, scale][i % 2]).prepare();
             let triangle = Triangle::new([a, b, c].map(|p| p * scale));
-            let corners = &triangle.ordered(ray.rows);
+            let corners = &triangle.ordered(ray.way.rows);
             let surely = surely_missed(&ray, corners);
             let exactly = intersect_exactly(&ray, corners, &triangle.bounds(), f32::INFINITY).is_none();
             assert!(!surely || exactly, "{ray:?} {triangle:?}");

@@ -10,7 +10,7 @@ use crate::packet::{self, Left, Packet, RAYS};
 use crate::triangle;
 use crate::{Aabb, BuildError, Bvh, Leaf, PreparedRay, Quality, Ray, Statistics};
 use glam::Vec3;
-use leaves::{AnyOf, AnyOfRays, OfRay, OfRays, Way};
+use leaves::{AnyOf, AnyOfRays, OfRay, OfRays};
 use rayon::prelude::*;
 
 /// Triangles, ready for rays. A triangle's id is its place in the list that the tree was built from.
@@ -143,15 +143,16 @@ impl Triangles {
     pub fn intersect_stream(&self, rays: &[Ray], nearest: &mut [Nearest], front_only: bool) {
         assert_eq!(rays.len(), nearest.len());
         let scene = self.scene(front_only);
-        let (mut prepared, mut ways, mut t_max) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut prepared, mut known, mut t_max) = (Vec::new(), Vec::new(), Vec::new());
         for (rays, nearest) in rays.chunks(STREAM).zip(nearest.chunks_mut(STREAM)) {
-            prepared.clear();
-            prepared.extend(rays.iter().map(PreparedRay::new));
+            // For all of the rays. One for each would be closer, but what counts is looked at closer anyway.
+            let [low, high] = PreparedRay::prepare_all(rays, &mut prepared);
+            let bound = Bound::within(low, high, &scene.bounds);
             t_max.clear();
             t_max.extend(nearest.iter().map(|nearest| nearest.t));
-            ways.clear();
-            ways.extend(prepared.iter().map(|ray| Way { bound: Bound::new(ray, &scene.bounds), known: Nearest::NONE }));
-            let of_rays = OfRays { scene, rays: &prepared, nearest, ways: &mut ways };
+            known.clear();
+            known.resize(rays.len(), Nearest::NONE);
+            let of_rays = OfRays { scene, rays: &prepared, nearest, bound, known: &mut known };
             self.bvh.closest_of_many(&prepared, &mut t_max, of_rays);
         }
     }
@@ -244,13 +245,11 @@ impl Triangles {
     pub fn occluded_stream(&self, rays: &[Ray], t_max: &mut [f32], front_only: bool) {
         assert_eq!(rays.len(), t_max.len());
         let scene = self.scene(front_only);
-        let (mut prepared, mut bounds) = (Vec::new(), Vec::new());
+        let mut prepared = Vec::new();
         for (rays, t_max) in rays.chunks(STREAM).zip(t_max.chunks_mut(STREAM)) {
-            prepared.clear();
-            prepared.extend(rays.iter().map(PreparedRay::new));
-            bounds.clear();
-            bounds.extend(prepared.iter().map(|ray| Bound::new(ray, &scene.bounds)));
-            self.bvh.closest_of_many(&prepared, t_max, AnyOfRays { scene, rays: &prepared, bounds: &bounds });
+            let [low, high] = PreparedRay::prepare_all(rays, &mut prepared);
+            let bound = Bound::within(low, high, &scene.bounds);
+            self.bvh.closest_of_many(&prepared, t_max, AnyOfRays { scene, rays: &prepared, bound });
         }
     }
 

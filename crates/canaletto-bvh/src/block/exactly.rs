@@ -45,7 +45,7 @@ impl Block {
                 unsafe { F::wide($corner[$axis]) - $origin }
             };
         }
-        let [kx, ky, kz] = ray.rows;
+        let [kx, ky, kz] = ray.way.rows;
         let corner = |corner: usize| [self.row(corner, kx), self.row(corner, ky), self.row(corner, kz)];
         let corners = [corner(0), corner(1), corner(2)];
         let origin = [ray.origin(kx), ray.origin(ky), ray.origin(kz)];
@@ -76,7 +76,7 @@ impl Block {
         // `PreparedRay::confine_to_triangle`. Rounding is monotone, so that the box's planes are met where the corners' planes are.
         let (mut near, mut far, mut last) = (Vec4::ZERO, Vec4::INFINITY, Vec4::ZERO);
         for axis in 0..3 {
-            let (origin, scale) = (Vec4::splat(origin[axis]), Vec4::splat(ray.reciprocal(ray.rows[axis])));
+            let (origin, scale) = (Vec4::splat(origin[axis]), Vec4::splat(ray.reciprocal(ray.way.rows[axis])));
             let (a, b, c) = ((a[axis] - origin) * scale, (b[axis] - origin) * scale, (c[axis] - origin) * scale);
             last = a.max(b).max(c);
             near = near.max(a.min(b).min(c));

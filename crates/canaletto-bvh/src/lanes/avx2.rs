@@ -53,7 +53,7 @@ pub(super) fn lanes_of(order: u32) -> __m256i {
 #[target_feature(enable = "avx2")]
 pub(super) unsafe fn order(node: &Node, ray: &PreparedRay) -> __m256i {
     // SAFETY: there are eight octants.
-    lanes_of(unsafe { *node.orders.get_unchecked(usize::from(ray.octant)) })
+    lanes_of(unsafe { *node.orders.get_unchecked(usize::from(ray.way.octant)) })
 }
 
 /// Where the ray enters and leaves the boxes; the latter neither inflated nor limited. The origins are those from which the planes that
@@ -75,7 +75,7 @@ pub(super) unsafe fn clip(node: &Node, ray: &PreparedRay, origins: [&[f32; 3]; 2
             )
         }};
     }
-    let ([x, y, z], [u, v, w]) = (ray.entries, ray.exits);
+    let ([x, y, z], [u, v, w]) = (ray.way.entries, ray.way.exits);
     let enter = [cross!(0, 0, x), cross!(0, 1, y), cross!(0, 2, z)];
     let leave = [cross!(1, 0, u), cross!(1, 1, v), cross!(1, 2, w)];
     let near = _mm256_max_ps(_mm256_max_ps(enter[0], enter[1]), _mm256_max_ps(enter[2], _mm256_setzero_ps()));

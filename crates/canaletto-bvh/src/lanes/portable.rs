@@ -53,15 +53,15 @@ impl<R: Passing> Lanes<R> for Portable {
                 let planes = Vec4::from_slice(&node.boxes[usize::from(side & 1)][axis][4 * half..]);
                 (planes - Vec4::splat(origin)) * Vec4::splat(ray.reciprocal[axis])
             };
-            let enter = |axis: usize| cross(ray.octant >> axis, axis, origins[0][axis]);
-            let leave = |axis: usize| cross(!ray.octant >> axis, axis, origins[1][axis]);
+            let enter = |axis: usize| cross(ray.way.octant >> axis, axis, origins[0][axis]);
+            let leave = |axis: usize| cross(!ray.way.octant >> axis, axis, origins[1][axis]);
             let n = enter(0).max(enter(1)).max(enter(2).max(Vec4::ZERO));
             let f = (leave(0).min(leave(1)).min(leave(2)) * INFLATE).min(Vec4::splat(limit));
             near[4 * half..4 * half + 4].copy_from_slice(&n.to_array());
             mask |= n.cmple(f).bitmask() << (4 * half);
         }
         // SAFETY: the caller's promise.
-        unsafe { write::<ORDERED>(mask, usize::from(ray.octant), node, &near, out, links) }
+        unsafe { write::<ORDERED>(mask, usize::from(ray.way.octant), node, &near, out, links) }
     }
 }
 
@@ -85,6 +85,6 @@ impl<R: Passing> Lanes<R> for Careful {
             mask |= u32::from(enter <= leave) << lane;
         }
         // SAFETY: the caller's promise.
-        unsafe { write::<ORDERED>(mask, usize::from(ray.ray().octant), node, &near, out, links) }
+        unsafe { write::<ORDERED>(mask, usize::from(ray.ray().way.octant), node, &near, out, links) }
     }
 }

@@ -4,34 +4,10 @@
 
 use crate::lanes::{Instructions, Row, SIXTEEN, Vector};
 use crate::node::Node;
-use crate::ray::way;
+use crate::ray::Way;
 use crate::slab::{self, INFLATE, WIDTH};
 use crate::{Nearest, Ray};
 use glam::Vec3;
-
-/// What rays have in common that go together.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Way {
-    /// A bit for each axis along which the rays move backwards.
-    pub(super) octant: usize,
-    /// As `PreparedRay`'s.
-    pub(super) rows: [u8; 3],
-}
-
-impl Way {
-    #[inline(always)]
-    fn of(ray: &Ray) -> Way {
-        let (octant, rows) = way(ray.direction.extend(1.0));
-        Way { octant: usize::from(octant), rows }
-    }
-
-    /// The axes in the order of `rows`.
-    #[inline(always)]
-    pub(super) fn axes(&self) -> [usize; 3] {
-        let [x, y, z] = self.rows;
-        [usize::from(x >> 4).min(2), usize::from(y >> 4).min(2), usize::from(z >> 4).min(2)]
-    }
-}
 
 /// Rays of one octant and one longest axis.
 #[repr(C, align(64))]

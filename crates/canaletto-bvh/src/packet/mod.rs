@@ -19,10 +19,11 @@ use crate::block::{Bound, Scene};
 use crate::kernel::{self, Explicit};
 use crate::lanes::{Instructions, Row, SIXTEEN, Vector};
 use crate::node::Places;
+use crate::ray::Way;
 use crate::triangles::Nearest;
 use crate::{PreparedRay, Ray};
 use glam::Vec3;
-use group::{Corners, Group, Interval, NOTHING, Way};
+use group::{Corners, Group, Interval, NOTHING};
 pub(crate) use left::Left;
 use look::{Terms, Told, Which};
 use walk::{GROUPS, Walk};
@@ -58,7 +59,7 @@ impl Packet {
             corners: [[[Row([0.0; SIXTEEN]); 3]; 3]; GROUPS],
             intervals: [[Interval::NONE; 3]; GROUPS],
             len: 0,
-            way: Way { octant: 0, rows: [0; 3] },
+            way: Way::FORWARDS,
             walk: Walk::new(),
         }
     }
@@ -86,7 +87,7 @@ impl Packet {
     #[inline(always)]
     fn start<S: Instructions>(&mut self, s: S) -> [Interval; 3] {
         let hull = self.hull();
-        self.walk.start(self.way.octant, hull);
+        self.walk.start(usize::from(self.way.octant), hull);
         for i in 0..self.len {
             self.walk.limit(i, self.groups[i].farthest(s));
         }

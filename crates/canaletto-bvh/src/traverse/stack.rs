@@ -114,9 +114,10 @@ impl Stack {
     ) -> Link {
         // SAFETY: the caller's promise; entries below `len` were written.
         unsafe {
-            let before = self.links.get_unchecked(self.len - 1).assume_init();
+            let len = self.len;
+            let before = self.links.get_unchecked(len - 1).assume_init();
             let (count, nearest) = self.push::<R, L, ORDERED>(node, ray, limit);
-            self.len -= 1;
+            self.len = len + count - 1;
             choose(count, nearest, before)
         }
     }

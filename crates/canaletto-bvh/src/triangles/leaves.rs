@@ -31,14 +31,9 @@ pub(super) struct OfRays<'a> {
     pub(super) scene: Scene<'a>,
     pub(super) rays: &'a [PreparedRay],
     pub(super) nearest: &'a mut [Nearest],
-    pub(super) ways: &'a mut [Way],
-}
-
-/// What a ray of a stream knows.
-pub(super) struct Way {
     pub(super) bound: Bound,
-    /// The triangle that was met last, which may come again in another leaf.
-    pub(super) known: u32,
+    /// For each ray the triangle that was met last, which may come again in another leaf.
+    pub(super) known: &'a mut [u32],
 }
 
 impl ClosestOfMany for OfRays<'_> {
@@ -46,7 +41,7 @@ impl ClosestOfMany for OfRays<'_> {
 
     #[inline(always)]
     fn test(&self, ray: usize, leaf: Leaf, t_max: f32) -> (bool, Tested) {
-        let tested = self.scene.blocks[leaf.first() as usize].test(&self.rays[ray], self.ways[ray].bound, t_max);
+        let tested = self.scene.blocks[leaf.first() as usize].test(&self.rays[ray], self.bound, t_max);
         (tested.candidates != 0, tested)
     }
 
@@ -54,7 +49,7 @@ impl ClosestOfMany for OfRays<'_> {
     fn look(&self, ray: usize, leaf: Leaf, tested: &Tested, t_max: &mut f32) -> u32 {
         let block = &self.scene.blocks[leaf.first() as usize];
         let candidates = block.look(&self.rays[ray], tested).closest(*t_max, self.scene.front_only);
-        candidates & !block.lane_of(self.ways[ray].known)
+        candidates & !block.lane_of(self.known[ray])
     }
 
     #[inline(always)]
@@ -63,7 +58,7 @@ impl ClosestOfMany for OfRays<'_> {
         // SAFETY: the caller's promise.
         let met = unsafe { block.offer_some::<E::Four>(which, &self.rays[ray], nearest, self.scene.front_only) };
         if let Some(lane) = met {
-            self.ways[ray].known = block.id(lane);
+            self.known[ray] = block.id(lane);
         }
         *t_max = nearest.t;
     }
@@ -77,7 +72,7 @@ impl ClosestOfMany for OfRays<'_> {
 pub(super) struct AnyOfRays<'a> {
     pub(super) scene: Scene<'a>,
     pub(super) rays: &'a [PreparedRay],
-    pub(super) bounds: &'a [Bound],
+    pub(super) bound: Bound,
 }
 
 impl ClosestOfMany for AnyOfRays<'_> {
@@ -86,7 +81,7 @@ impl ClosestOfMany for AnyOfRays<'_> {
 
     #[inline(always)]
     fn test(&self, ray: usize, leaf: Leaf, t_max: f32) -> (bool, Tested) {
-        let tested = self.scene.blocks[leaf.first() as usize].test(&self.rays[ray], self.bounds[ray], t_max);
+        let tested = self.scene.blocks[leaf.first() as usize].test(&self.rays[ray], self.bound, t_max);
         (tested.candidates != 0, tested)
     }
 
