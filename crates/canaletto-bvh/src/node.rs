@@ -93,32 +93,30 @@ impl Link {
 /// Where nodes and the data of leaves lie, to be fetched in advance.
 #[derive(Clone, Copy)]
 pub(crate) struct Places {
-    node: *const u8,
-    leaf: *const u8,
-    /// Of a leaf's data.
-    bytes: usize,
+    starts: [*const u8; 2],
+    /// Of a node, and of a leaf's data.
+    bytes: [usize; 2],
 }
 
 impl Places {
     /// Where each leaf's data are one of these.
     #[inline(always)]
     pub(crate) fn new<T>(nodes: &[Node], leaves: &[T]) -> Self {
-        Self { node: nodes.as_ptr().cast(), leaf: leaves.as_ptr().cast(), bytes: size_of::<T>() }
+        Self { starts: [nodes.as_ptr().cast(), leaves.as_ptr().cast()], bytes: [size_of::<Node>(), size_of::<T>()] }
     }
 
     /// Where nothing is known of leaves' data.
     #[inline(always)]
     pub(crate) fn of_nodes(nodes: &[Node]) -> Self {
-        Self { node: nodes.as_ptr().cast(), leaf: nodes.as_ptr().cast(), bytes: 0 }
+        Self { starts: [nodes.as_ptr().cast(); 2], bytes: [size_of::<Node>(), 0] }
     }
 
     /// Tells the caches that what a link leads to will be read.
     #[inline(always)]
     pub(crate) fn fetch(self, link: Link) {
-        let node = self.node.wrapping_add(link.index() * size_of::<Node>());
-        let leaf = self.leaf.wrapping_add(link.index() * self.bytes);
-        let start = select_unpredictable(link.is_leaf(), leaf, node);
-        let start = select_unpredictable(link == Link::END, self.node, start);
+        let kind = (link.bits() >> 31) as usize;
+        let start = self.starts[kind].wrapping_add(link.index() * self.bytes[kind]);
+        let start = select_unpredictable(link == Link::END, self.starts[0], start);
         for line in 0..4 {
             prefetch(start.wrapping_add(64 * line));
         }
