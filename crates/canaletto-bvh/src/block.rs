@@ -1,7 +1,8 @@
 //! Four triangles side by side.
 //!
-//! A ray tests them in f32, which sorts out nearly all that it misses, bounds where it meets the others, and tells for most of these that
-//! they are met. The exact kernel (`triangle`) has the last word. For the nearest hit of a single ray it is asked once in general: a
+//! A ray tests them in f32, which sorts out nearly all that it misses. Where something may be left, a closer look ([`Looked`]) bounds
+//! where it is met, and tells for most that they are or are not: a ray that starts on a triangle doesn't meet it again. The exact kernel
+//! (`triangle`) has the last word. For the nearest hit of a single ray it is asked once in general: a
 //! triangle that lies before all others waits until the ray's way has ended ([`Search`]). Streams, in which nothing waits for its answer, ask it at
 //! once, about all four triangles side by side (`exactly`).
 #![allow(unsafe_code)] // Rows told by byte offsets.

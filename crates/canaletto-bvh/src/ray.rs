@@ -211,10 +211,58 @@ impl Kernel for Preparation<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::Random;
+    use glam::Mat3;
 
     #[test]
     fn a_point_lies_t_directions_from_the_origin() {
         let ray = Ray::new(Vec3::new(1.0, 2.0, 3.0), Vec3::new(0.0, -2.0, 4.0));
         assert_eq!(ray.at(0.5), Vec3::new(1.0, 1.0, 5.0));
+    }
+
+    #[test]
+    fn many_rays_are_prepared_as_one_is() {
+        let random = &mut Random(49);
+        let strange = [0.0, -0.0, f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, f32::MIN_POSITIVE, 1e-40];
+        for n in 0..300 {
+            let mut rays: Vec<Ray> = (0..n % 20).map(|_| Ray::new(random.vector() * 10.0, random.vector())).collect();
+            for ray in &mut rays {
+                let vector = if random.below(2) == 0 { &mut ray.origin } else { &mut ray.direction };
+                vector[random.below(3)] *= [1.0, -1.0, strange[random.below(8)]][random.below(3)];
+                if n % 3 == 0 {
+                    ray.direction = ray.direction.signum();
+                }
+            }
+            for set in InstructionSet::available() {
+                set.limit();
+                let mut prepared = Vec::new();
+                let [low, high] = PreparedRay::prepare_all(&rays, &mut prepared);
+                let expected: Vec<PreparedRay> = rays.iter().map(Ray::prepare).collect();
+                assert_eq!(format!("{prepared:?}"), format!("{expected:?}"));
+                for origin in rays.iter().map(|ray| ray.origin) {
+                    assert!(!(low.cmpgt(origin) | high.cmplt(origin)).any(), "{low} {origin} {high}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_way_of_a_ray_is_what_its_signs_and_its_longest_component_say() {
+        let random = &mut Random(50);
+        for _ in 0..1000 {
+            let direction = random.vector();
+            let way = Way::of(&Ray::new(Vec3::ZERO, direction));
+            let [x, y, z] = way.axes();
+            assert_eq!(direction.abs().max_position(), z);
+            // Seen from where it goes to, the corners run the same way round.
+            let sheared = Mat3::from_cols(Vec3::AXES[x], Vec3::AXES[y], Vec3::AXES[z]);
+            assert_eq!(sheared.determinant(), direction[z].signum());
+            for axis in 0..3 {
+                let backwards = direction[axis] < 0.0;
+                assert_eq!(way.octant >> axis & 1 == 1, backwards);
+                let row = |backwards| 32 * axis as u8 + if backwards { 96 } else { 0 };
+                assert_eq!((way.entries[axis], way.exits[axis]), (row(backwards), row(!backwards)));
+            }
+        }
     }
 }

@@ -135,7 +135,7 @@ impl Rounds {
         assert_eq!(rays.len(), nearest.len());
         let mut t_max: Vec<f32> = nearest.iter().map(|n| n.t).collect();
         let rough: Vec<Rough> = rays.iter().map(|ray| Rough::new(&ray.ray)).collect();
-        let leaf = OfRays { blocks: &self.blocks, rays, rough: &rough, nearest, ask };
+        let leaf = OfRays { blocks: &self.blocks, rough: &rough, nearest, ask };
         self.bvh.closest_of_many(rays, &mut t_max, leaf);
     }
 
@@ -196,7 +196,7 @@ impl Rounds {
     /// If there are not as many `t_max` as rays.
     pub fn occluded_stream(&self, rays: &[PreparedRay], t_max: &mut [f32], ask: &impl Ask) {
         let rough: Vec<Rough> = rays.iter().map(|ray| Rough::new(&ray.ray)).collect();
-        self.bvh.closest_of_many(rays, t_max, AnyOfRays { blocks: &self.blocks, rays, rough: &rough, ask });
+        self.bvh.closest_of_many(rays, t_max, AnyOfRays { blocks: &self.blocks, rough: &rough, ask });
     }
 
     /// Whether the primitive at this place is met at or before `t_max`.

@@ -11,7 +11,7 @@ use crate::lanes::{Careful, InstructionSet, Lanes, Passing, Portable};
 use crate::node::{Leaf, Link, Node};
 use crate::slab::limit as limit_of;
 use stack::Stack;
-pub(crate) use stream::{ClosestOfMany, closest_of_many};
+pub(crate) use stream::{ClosestOfMany, Numbered, closest_of_many};
 
 /// What is compiled for each set of instructions.
 trait Passage {

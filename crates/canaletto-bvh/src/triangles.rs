@@ -152,7 +152,7 @@ impl Triangles {
             t_max.extend(nearest.iter().map(|nearest| nearest.t));
             known.clear();
             known.resize(rays.len(), Nearest::NONE);
-            let of_rays = OfRays { scene, rays: &prepared, nearest, bound, known: &mut known };
+            let of_rays = OfRays { scene, nearest, bound, known: &mut known };
             self.bvh.closest_of_many(&prepared, &mut t_max, of_rays);
         }
     }
@@ -249,7 +249,7 @@ impl Triangles {
         for (rays, t_max) in rays.chunks(STREAM).zip(t_max.chunks_mut(STREAM)) {
             let [low, high] = PreparedRay::prepare_all(rays, &mut prepared);
             let bound = Bound::within(low, high, &scene.bounds);
-            self.bvh.closest_of_many(&prepared, t_max, AnyOfRays { scene, rays: &prepared, bound });
+            self.bvh.closest_of_many(&prepared, t_max, AnyOfRays { scene, bound });
         }
     }
 
@@ -356,6 +356,41 @@ mod tests {
                         let place = triangles.occluded(prepared, t_max, false, |_| true);
                         assert_eq!(place.is_some(), expected.id != Nearest::NONE, "{name} {set:?} {ray:?}");
                         assert!(place.is_none_or(|place| triangles.blocks(place, prepared, t_max, false)));
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn rays_without_a_finite_origin_leave_others_of_their_stream_alone() {
+        let random = &mut Random(48);
+        let strange = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, 1e30];
+        for (name, scene, triangles) in triangles_of_the_zoo() {
+            let mut rays: Vec<Ray> = (0..40).map(|_| awkward_ray(&scene, random)).collect();
+            for (i, x) in strange.into_iter().enumerate() {
+                let mut ray = rays[7 * i];
+                ray.origin[i % 3] = x;
+                rays.insert(7 * i, ray);
+            }
+            let mut expected = vec![Nearest::before(f32::INFINITY); rays.len()];
+            for (ray, nearest) in rays.iter().zip(&mut expected) {
+                triangles.intersect_brute_force(&ray.prepare(), nearest, false);
+            }
+            for set in InstructionSet::available() {
+                set.limit();
+                // Each of them by itself among the others, too: one may hide what another does.
+                for n in 0..=strange.len() {
+                    let counts = |i: &usize| n == strange.len() || !i.is_multiple_of(7) || *i > 28 || i / 7 == n;
+                    let which: Vec<usize> = (0..rays.len()).filter(counts).collect();
+                    let some: Vec<Ray> = which.iter().map(|&i| rays[i]).collect();
+                    let mut found = vec![Nearest::before(f32::INFINITY); some.len()];
+                    triangles.intersect_stream(&some, &mut found, false);
+                    let mut any = vec![f32::INFINITY; some.len()];
+                    triangles.occluded_stream(&some, &mut any, false);
+                    for ((&i, found), any) in which.iter().zip(found).zip(any) {
+                        assert_eq!(found, expected[i], "{name} {set:?} {:?}", rays[i]);
+                        assert_eq!(any == f32::NEG_INFINITY, found.id != Nearest::NONE, "{name} {set:?} {:?}", rays[i]);
                     }
                 }
             }

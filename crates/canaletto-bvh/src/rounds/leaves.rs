@@ -4,7 +4,7 @@
 use crate::lanes::Exact;
 use crate::node::{Node, Places};
 use crate::round::{Ask, Block, LANES, Met, Rough, Sorted};
-use crate::traverse::{Any, Closest, ClosestOfMany};
+use crate::traverse::{Any, Closest, ClosestOfMany, Numbered};
 use crate::{Leaf, PreparedRay};
 
 /// The bits of the lanes of a leaf that hold something.
@@ -83,7 +83,6 @@ impl<A: Ask> Closest for OfRay<'_, A> {
 
 pub(super) struct OfRays<'a, A> {
     pub(super) blocks: &'a [Block],
-    pub(super) rays: &'a [PreparedRay],
     pub(super) rough: &'a [Rough],
     pub(super) nearest: &'a mut [Met],
     pub(super) ask: &'a A,
@@ -93,15 +92,15 @@ impl<A: Ask> ClosestOfMany for OfRays<'_, A> {
     type Finding = Sorted;
 
     #[inline(always)]
-    fn test(&self, ray: usize, leaf: Leaf, t_max: f32) -> (bool, Sorted) {
-        let sorted = self.blocks[leaf.first() as usize].sort(filled(leaf), &self.rays[ray], &self.rough[ray], t_max);
+    fn test(&self, ray: Numbered<'_>, leaf: Leaf, t_max: f32) -> (bool, Sorted) {
+        let sorted = self.blocks[leaf.first() as usize].sort(filled(leaf), ray.ray, &self.rough[ray.number], t_max);
         (sorted.lanes != 0, sorted)
     }
 
     #[inline(always)]
-    unsafe fn leaf<E: Exact>(&mut self, ray: usize, leaf: Leaf, sorted: &Sorted, _: u32, t_max: &mut f32) {
-        let (block, nearest) = (&self.blocks[leaf.first() as usize], &mut self.nearest[ray]);
-        closest(block, sorted, &self.rays[ray], nearest, self.ask);
+    unsafe fn leaf<E: Exact>(&mut self, ray: Numbered<'_>, leaf: Leaf, sorted: &Sorted, _: u32, t_max: &mut f32) {
+        let (block, nearest) = (&self.blocks[leaf.first() as usize], &mut self.nearest[ray.number]);
+        closest(block, sorted, ray.ray, nearest, self.ask);
         *t_max = nearest.t;
     }
 
@@ -113,7 +112,6 @@ impl<A: Ask> ClosestOfMany for OfRays<'_, A> {
 
 pub(super) struct AnyOfRays<'a, A> {
     pub(super) blocks: &'a [Block],
-    pub(super) rays: &'a [PreparedRay],
     pub(super) rough: &'a [Rough],
     pub(super) ask: &'a A,
 }
@@ -123,16 +121,15 @@ impl<A: Ask> ClosestOfMany for AnyOfRays<'_, A> {
     const NEAREST: bool = false;
 
     #[inline(always)]
-    fn test(&self, ray: usize, leaf: Leaf, t_max: f32) -> (bool, (u32, u32)) {
-        let sorted =
-            self.blocks[leaf.first() as usize].sort_any(filled(leaf), &self.rays[ray], &self.rough[ray], t_max);
+    fn test(&self, ray: Numbered<'_>, leaf: Leaf, t_max: f32) -> (bool, (u32, u32)) {
+        let sorted = self.blocks[leaf.first() as usize].sort_any(filled(leaf), ray.ray, &self.rough[ray.number], t_max);
         (sorted.0 | sorted.1 != 0, sorted)
     }
 
     #[inline(always)]
-    unsafe fn leaf<E: Exact>(&mut self, ray: usize, leaf: Leaf, sorted: &(u32, u32), _: u32, t_max: &mut f32) {
+    unsafe fn leaf<E: Exact>(&mut self, ray: Numbered<'_>, leaf: Leaf, sorted: &(u32, u32), _: u32, t_max: &mut f32) {
         let block = &self.blocks[leaf.first() as usize];
-        if any(block, *sorted, &self.rays[ray], *t_max, self.ask, &mut |_| true).is_some() {
+        if any(block, *sorted, ray.ray, *t_max, self.ask, &mut |_| true).is_some() {
             *t_max = f32::NEG_INFINITY;
         }
     }

@@ -10,6 +10,13 @@ use crate::lanes::{Exact, Lanes, Portable};
 use crate::node::{Leaf, Link, Node, Places};
 use crate::slab::limit as limit_of;
 
+/// A ray of a list.
+#[derive(Clone, Copy)]
+pub(crate) struct Numbered<'a> {
+    pub(crate) number: usize,
+    pub(crate) ray: &'a PreparedRay,
+}
+
 /// What is done at leaves for many rays. A leaf is tested in steps, each of which is done for all rays for which the one before has left something
 /// to do.
 pub(crate) trait ClosestOfMany {
@@ -17,18 +24,25 @@ pub(crate) trait ClosestOfMany {
     type Finding: Copy;
     /// Whether it counts what is nearest, or only that something is hit, after which `t_max` is −∞ and the ray's way ends.
     const NEAREST: bool = true;
-    /// Tells whether anything in a leaf may be hit by the ray of this number before `t_max`.
-    fn test(&self, ray: usize, leaf: Leaf, t_max: f32) -> (bool, Self::Finding);
+    /// Tells whether anything in a leaf may be hit by a ray before `t_max`.
+    fn test(&self, ray: Numbered<'_>, leaf: Leaf, t_max: f32) -> (bool, Self::Finding);
     /// Looks closer: which primitives may be hit, a bit for each. May lower `t_max` to −∞ where it counts only that something is hit.
     #[inline(always)]
-    fn look(&self, _ray: usize, _leaf: Leaf, _finding: &Self::Finding, _t_max: &mut f32) -> u32 {
+    fn look(&self, _ray: Numbered<'_>, _leaf: Leaf, _finding: &Self::Finding, _t_max: &mut f32) -> u32 {
         u32::MAX
     }
     /// Completes the test of these, and lowers `t_max` to the nearest hit.
     ///
     /// # Safety
     /// The machine must have the instructions of `E`.
-    unsafe fn leaf<E: Exact>(&mut self, ray: usize, leaf: Leaf, finding: &Self::Finding, which: u32, t_max: &mut f32);
+    unsafe fn leaf<E: Exact>(
+        &mut self,
+        ray: Numbered<'_>,
+        leaf: Leaf,
+        finding: &Self::Finding,
+        which: u32,
+        t_max: &mut f32,
+    );
     /// Where nodes and the leaves' data lie, to be fetched in advance.
     fn places(&self, nodes: &[Node]) -> Places {
         Places::of_nodes(nodes)
@@ -39,13 +53,13 @@ impl<F: FnMut(usize, Leaf, &mut f32)> ClosestOfMany for F {
     type Finding = ();
 
     #[inline(always)]
-    fn test(&self, _ray: usize, _leaf: Leaf, _t_max: f32) -> (bool, ()) {
+    fn test(&self, _ray: Numbered<'_>, _leaf: Leaf, _t_max: f32) -> (bool, ()) {
         (true, ())
     }
 
     #[inline(always)]
-    unsafe fn leaf<E: Exact>(&mut self, ray: usize, leaf: Leaf, _finding: &(), _which: u32, t_max: &mut f32) {
-        self(ray, leaf, t_max);
+    unsafe fn leaf<E: Exact>(&mut self, ray: Numbered<'_>, leaf: Leaf, _finding: &(), _which: u32, t_max: &mut f32) {
+        self(ray.number, leaf, t_max);
     }
 }
 
@@ -58,13 +72,13 @@ struct Waiting<'a> {
     next: usize,
 }
 
-impl Waiting<'_> {
+impl<'a> Waiting<'a> {
     #[inline(always)]
-    fn next(&mut self) -> Option<usize> {
+    fn next(&mut self) -> Option<Numbered<'a>> {
         while let Some(ray) = self.rays.get(self.next) {
             self.next += 1;
             if ray.regular {
-                return Some(self.next - 1);
+                return Some(Numbered { number: self.next - 1, ray });
             }
         }
         None
@@ -73,8 +87,7 @@ impl Waiting<'_> {
 
 /// A ray on its way. Its stack's lowest entry is [`Link::END`].
 struct Flight<'a> {
-    ray: usize,
-    prepared: &'a PreparedRay,
+    ray: Numbered<'a>,
     limit: f32,
     /// Where it is.
     link: Link,
@@ -85,11 +98,10 @@ impl<'a> Flight<'a> {
     /// # Safety
     /// `flight` must point to memory for a flight.
     #[inline(always)]
-    unsafe fn start(flight: *mut Self, ray: usize, prepared: &'a PreparedRay, t_max: f32) {
+    unsafe fn start(flight: *mut Self, ray: Numbered<'a>, t_max: f32) {
         // SAFETY: the caller's promise; a stack needs nothing but its length and lowest entry.
         unsafe {
             (*flight).ray = ray;
-            (*flight).prepared = prepared;
             (*flight).limit = limit_of(t_max);
             (*flight).link = Link::node(0);
             (*flight).stack.clear();
@@ -143,11 +155,12 @@ impl Queues {
 pub(crate) fn closest_of_many<F: ClosestOfMany>(nodes: &[Node], rays: &[PreparedRay], t_max: &mut [f32], mut leaf: F) {
     assert_eq!(rays.len(), t_max.len());
     for (index, ray) in rays.iter().enumerate().filter(|(_, ray)| !ray.regular) {
+        let numbered = Numbered { number: index, ray };
         t_max[index] = closest(nodes, ray, t_max[index], |slots: Leaf, limit: &mut f32| {
-            if let (true, finding) = leaf.test(index, slots, *limit) {
-                let which = leaf.look(index, slots, &finding, limit);
+            if let (true, finding) = leaf.test(numbered, slots, *limit) {
+                let which = leaf.look(numbered, slots, &finding, limit);
                 // SAFETY: every machine has those instructions.
-                unsafe { leaf.leaf::<Portable>(index, slots, &finding, which, limit) };
+                unsafe { leaf.leaf::<Portable>(numbered, slots, &finding, which, limit) };
             }
         });
     }
@@ -188,7 +201,7 @@ impl<F: ClosestOfMany> Passage for Stream<'_, F> {
                 let mut free = std::mem::take(&mut queues.ended);
                 while let Some(number) = next(&mut free) {
                     let Some(ray) = waiting.next() else { break };
-                    Flight::start(flights.get_unchecked_mut(number).as_mut_ptr(), ray, &rays[ray], t_max[ray]);
+                    Flight::start(flights.get_unchecked_mut(number).as_mut_ptr(), ray, t_max[ray.number]);
                     queues.nodes |= 1 << number;
                 }
                 if queues.nodes | queues.leaves == 0 {
@@ -198,7 +211,7 @@ impl<F: ClosestOfMany> Passage for Stream<'_, F> {
                 let mut visiting = visited;
                 while let Some(number) = next(&mut visiting) {
                     let flight = flight!(number);
-                    let (node, ray) = (nodes.get_unchecked(flight.link.node_index()), flight.prepared);
+                    let (node, ray) = (nodes.get_unchecked(flight.link.node_index()), flight.ray.ray);
                     let link = if F::NEAREST {
                         flight.stack.visit_without_branch::<_, L, true>(node, ray, flight.limit)
                     } else {
@@ -212,20 +225,22 @@ impl<F: ClosestOfMany> Passage for Stream<'_, F> {
                 let mut testing = tested;
                 while let Some(number) = next(&mut testing) {
                     let flight = flight!(number);
-                    let (hope, finding) = leaf.test(flight.ray, flight.link.leaf(), *t_max.get_unchecked(flight.ray));
+                    let (hope, finding) =
+                        leaf.test(flight.ray, flight.link.leaf(), *t_max.get_unchecked(flight.ray.number));
                     findings.get_unchecked_mut(number).write(finding);
                     hopeful |= u32::from(hope) << number;
                 }
                 while let Some(number) = next(&mut hopeful) {
                     let (flight, finding) = (flight!(number), findings.get_unchecked(number).assume_init_ref());
-                    let found = leaf.look(flight.ray, flight.link.leaf(), finding, t_max.get_unchecked_mut(flight.ray));
+                    let found =
+                        leaf.look(flight.ray, flight.link.leaf(), finding, t_max.get_unchecked_mut(flight.ray.number));
                     which.get_unchecked_mut(number).write(found);
                     left |= u32::from(found != 0) << number;
                 }
                 while let Some(number) = next(&mut left) {
                     let (flight, finding) = (flight!(number), findings.get_unchecked(number).assume_init_ref());
                     let (t_max, which) =
-                        (t_max.get_unchecked_mut(flight.ray), which.get_unchecked(number).assume_init());
+                        (t_max.get_unchecked_mut(flight.ray.number), which.get_unchecked(number).assume_init());
                     let before = *t_max;
                     leaf.leaf::<L>(flight.ray, flight.link.leaf(), finding, which, t_max);
                     if F::NEAREST && *t_max < before {
@@ -238,7 +253,7 @@ impl<F: ClosestOfMany> Passage for Stream<'_, F> {
                     let flight = flight!(number);
                     let mut link = flight.stack.pop();
                     if !F::NEAREST {
-                        let ended = *t_max.get_unchecked(flight.ray) == f32::NEG_INFINITY;
+                        let ended = *t_max.get_unchecked(flight.ray.number) == f32::NEG_INFINITY;
                         link = select_unpredictable(ended, Link::END, link);
                     }
                     queues.send(number, flight, link, places);

@@ -7,7 +7,7 @@ use std::hint::select_unpredictable;
 use crate::block::{Bound, Scene, Search, Tested};
 use crate::lanes::Exact;
 use crate::node::{Node, Places};
-use crate::traverse::{Any, Closest, ClosestOfMany};
+use crate::traverse::{Any, Closest, ClosestOfMany, Numbered};
 use crate::{Leaf, PreparedRay};
 
 pub(super) struct OfRay<'a> {
@@ -29,7 +29,6 @@ impl Closest for OfRay<'_> {
 
 pub(super) struct OfRays<'a> {
     pub(super) scene: Scene<'a>,
-    pub(super) rays: &'a [PreparedRay],
     pub(super) nearest: &'a mut [Nearest],
     pub(super) bound: Bound,
     /// For each ray the triangle that was met last, which may come again in another leaf.
@@ -40,25 +39,25 @@ impl ClosestOfMany for OfRays<'_> {
     type Finding = Tested;
 
     #[inline(always)]
-    fn test(&self, ray: usize, leaf: Leaf, t_max: f32) -> (bool, Tested) {
-        let tested = self.scene.blocks[leaf.first() as usize].test(&self.rays[ray], self.bound, t_max);
+    fn test(&self, ray: Numbered<'_>, leaf: Leaf, t_max: f32) -> (bool, Tested) {
+        let tested = self.scene.blocks[leaf.first() as usize].test(ray.ray, self.bound, t_max);
         (tested.candidates != 0, tested)
     }
 
     #[inline(always)]
-    fn look(&self, ray: usize, leaf: Leaf, tested: &Tested, t_max: &mut f32) -> u32 {
+    fn look(&self, ray: Numbered<'_>, leaf: Leaf, tested: &Tested, t_max: &mut f32) -> u32 {
         let block = &self.scene.blocks[leaf.first() as usize];
-        let candidates = block.look(&self.rays[ray], tested).closest(*t_max, self.scene.front_only);
-        candidates & !block.lane_of(self.known[ray])
+        let candidates = block.look(ray.ray, tested).closest(*t_max, self.scene.front_only);
+        candidates & !block.lane_of(self.known[ray.number])
     }
 
     #[inline(always)]
-    unsafe fn leaf<E: Exact>(&mut self, ray: usize, leaf: Leaf, _: &Tested, which: u32, t_max: &mut f32) {
-        let (block, nearest) = (&self.scene.blocks[leaf.first() as usize], &mut self.nearest[ray]);
+    unsafe fn leaf<E: Exact>(&mut self, ray: Numbered<'_>, leaf: Leaf, _: &Tested, which: u32, t_max: &mut f32) {
+        let (block, nearest) = (&self.scene.blocks[leaf.first() as usize], &mut self.nearest[ray.number]);
         // SAFETY: the caller's promise.
-        let met = unsafe { block.offer_some::<E::Four>(which, &self.rays[ray], nearest, self.scene.front_only) };
+        let met = unsafe { block.offer_some::<E::Four>(which, ray.ray, nearest, self.scene.front_only) };
         if let Some(lane) = met {
-            self.known[ray] = block.id(lane);
+            self.known[ray.number] = block.id(lane);
         }
         *t_max = nearest.t;
     }
@@ -71,7 +70,6 @@ impl ClosestOfMany for OfRays<'_> {
 
 pub(super) struct AnyOfRays<'a> {
     pub(super) scene: Scene<'a>,
-    pub(super) rays: &'a [PreparedRay],
     pub(super) bound: Bound,
 }
 
@@ -80,23 +78,23 @@ impl ClosestOfMany for AnyOfRays<'_> {
     const NEAREST: bool = false;
 
     #[inline(always)]
-    fn test(&self, ray: usize, leaf: Leaf, t_max: f32) -> (bool, Tested) {
-        let tested = self.scene.blocks[leaf.first() as usize].test(&self.rays[ray], self.bound, t_max);
+    fn test(&self, ray: Numbered<'_>, leaf: Leaf, t_max: f32) -> (bool, Tested) {
+        let tested = self.scene.blocks[leaf.first() as usize].test(ray.ray, self.bound, t_max);
         (tested.candidates != 0, tested)
     }
 
     #[inline(always)]
-    fn look(&self, ray: usize, leaf: Leaf, tested: &Tested, t_max: &mut f32) -> u32 {
-        let (block, ray) = (&self.scene.blocks[leaf.first() as usize], &self.rays[ray]);
+    fn look(&self, ray: Numbered<'_>, leaf: Leaf, tested: &Tested, t_max: &mut f32) -> u32 {
+        let (block, ray) = (&self.scene.blocks[leaf.first() as usize], ray.ray);
         let (surely, possibly) = block.look(ray, tested).any(ray, *t_max, self.scene.front_only);
         *t_max = select_unpredictable(surely != 0, f32::NEG_INFINITY, *t_max);
         select_unpredictable(surely != 0, 0, possibly)
     }
 
     #[inline(always)]
-    unsafe fn leaf<E: Exact>(&mut self, ray: usize, leaf: Leaf, _: &Tested, which: u32, t_max: &mut f32) {
+    unsafe fn leaf<E: Exact>(&mut self, ray: Numbered<'_>, leaf: Leaf, _: &Tested, which: u32, t_max: &mut f32) {
         let block = &self.scene.blocks[leaf.first() as usize];
-        if block.any_exactly(which, &self.rays[ray], *t_max, self.scene.front_only) {
+        if block.any_exactly(which, ray.ray, *t_max, self.scene.front_only) {
             *t_max = f32::NEG_INFINITY;
         }
     }
