@@ -16,7 +16,7 @@ use crate::node::Node;
 use crate::slab::{DEFLATE, INFLATE};
 use crate::triangle::{Triangle, TriangleHit, intersect_exactly};
 use crate::triangles::Nearest;
-use crate::{Aabb, PreparedRay};
+use crate::{Aabb, PreparedRay, Ray};
 
 pub(crate) use bound::Bound;
 
@@ -38,6 +38,14 @@ pub(crate) struct Scene<'a> {
     pub(crate) bounds: Aabb,
     /// Triangles seen from behind don't count.
     pub(crate) front_only: bool,
+}
+
+impl Scene<'_> {
+    /// Prepares rays of a stream, and tells the bound for all of them: one for each would be closer, but what counts is looked at closer anyway.
+    pub(crate) fn prepare(&self, rays: &[Ray], prepared: &mut Vec<PreparedRay>) -> Bound {
+        let [low, high] = PreparedRay::prepare_all(rays, prepared);
+        Bound::within(low, high, &self.bounds)
+    }
 }
 
 /// Bits of an id.
@@ -186,33 +194,21 @@ impl Block {
         let ([x, y, z], origin, size) = (self.corners[0], ray.ray.origin, Vec4::splat(self.size()));
         let far = (x - Vec4::splat(origin.x)).abs().max((y - Vec4::splat(origin.y)).abs());
         let far = far.max((z - Vec4::splat(origin.z)).abs());
+        // The other corners are no farther from the first than that.
         let bound = Bound::of_triangles(far + size);
         Looked { tested, off: bound.of(size), bound }
     }
 
-    /// Whether one of these triangles is hit at or before `t_max`, by the exact kernel.
-    #[inline]
-    pub(crate) fn any_exactly(&self, mut lanes: u32, ray: &PreparedRay, t_max: f32, front_only: bool) -> bool {
-        while lanes != 0 {
-            if self.intersect(lanes.trailing_zeros() as usize, ray, t_max).is_some_and(|hit| hit.front || !front_only) {
-                return true;
-            }
-            lanes &= lanes - 1;
-        }
-        false
-    }
-
-    /// The lane of a candidate that is hit at or before `t_max` and `blocks`. Where rounding can't have told wrongly, no exact test is made.
+    /// The lane of one of the candidates that is hit at or before `t_max` and `blocks`. Of those that surely are hit, no exact test is made.
     #[inline(always)]
     pub(crate) fn any(
         &self,
+        (surely, mut candidates): (u32, u32),
         ray: &PreparedRay,
-        tested: &Tested,
         t_max: f32,
         front_only: bool,
         blocks: &mut impl FnMut(u32) -> bool,
     ) -> Option<u32> {
-        let (surely, mut candidates) = self.look(ray, tested).any(ray, t_max, front_only);
         while candidates != 0 {
             let lane = candidates.trailing_zeros();
             let hit = surely >> lane & 1 == 1
@@ -398,7 +394,6 @@ impl Search {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Ray;
     use crate::testing::Random;
 
     #[test]

@@ -93,6 +93,7 @@ impl Link {
 /// Where nodes and the data of leaves lie, to be fetched in advance.
 #[derive(Clone, Copy)]
 pub(crate) struct Places {
+    /// Of the nodes, and of the leaves' data.
     starts: [*const u8; 2],
     /// Of a node, and of a leaf's data.
     bytes: [usize; 2],
@@ -114,7 +115,7 @@ impl Places {
     /// Tells the caches that what a link leads to will be read.
     #[inline(always)]
     pub(crate) fn fetch(self, link: Link) {
-        let kind = (link.bits() >> 31) as usize;
+        let kind = usize::from(link.is_leaf());
         let start = self.starts[kind].wrapping_add(link.index() * self.bytes[kind]);
         let start = select_unpredictable(link == Link::END, self.starts[0], start);
         for line in 0..4 {

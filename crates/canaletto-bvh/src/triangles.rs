@@ -145,9 +145,7 @@ impl Triangles {
         let scene = self.scene(front_only);
         let (mut prepared, mut known, mut t_max) = (Vec::new(), Vec::new(), Vec::new());
         for (rays, nearest) in rays.chunks(STREAM).zip(nearest.chunks_mut(STREAM)) {
-            // For all of the rays. One for each would be closer, but what counts is looked at closer anyway.
-            let [low, high] = PreparedRay::prepare_all(rays, &mut prepared);
-            let bound = Bound::within(low, high, &scene.bounds);
+            let bound = scene.prepare(rays, &mut prepared);
             t_max.clear();
             t_max.extend(nearest.iter().map(|nearest| nearest.t));
             known.clear();
@@ -247,8 +245,7 @@ impl Triangles {
         let scene = self.scene(front_only);
         let mut prepared = Vec::new();
         for (rays, t_max) in rays.chunks(STREAM).zip(t_max.chunks_mut(STREAM)) {
-            let [low, high] = PreparedRay::prepare_all(rays, &mut prepared);
-            let bound = Bound::within(low, high, &scene.bounds);
+            let bound = scene.prepare(rays, &mut prepared);
             self.bvh.closest_of_many(&prepared, t_max, AnyOfRays { scene, bound });
         }
     }

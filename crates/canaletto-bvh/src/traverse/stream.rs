@@ -159,8 +159,10 @@ pub(crate) fn closest_of_many<F: ClosestOfMany>(nodes: &[Node], rays: &[Prepared
         t_max[index] = closest(nodes, ray, t_max[index], |slots: Leaf, limit: &mut f32| {
             if let (true, finding) = leaf.test(numbered, slots, *limit) {
                 let which = leaf.look(numbered, slots, &finding, limit);
-                // SAFETY: every machine has those instructions.
-                unsafe { leaf.leaf::<Portable>(numbered, slots, &finding, which, limit) };
+                if which != 0 {
+                    // SAFETY: every machine has those instructions.
+                    unsafe { leaf.leaf::<Portable>(numbered, slots, &finding, which, limit) };
+                }
             }
         });
     }

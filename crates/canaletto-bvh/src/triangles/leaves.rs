@@ -1,9 +1,9 @@
 //! What single rays and streams do at leaves.
 #![allow(unsafe_code)] // Kernels for the instructions that a stream is compiled for.
 
-use super::Nearest;
 use std::hint::select_unpredictable;
 
+use super::Nearest;
 use crate::block::{Bound, Scene, Search, Tested};
 use crate::lanes::Exact;
 use crate::node::{Node, Places};
@@ -94,7 +94,7 @@ impl ClosestOfMany for AnyOfRays<'_> {
     #[inline(always)]
     unsafe fn leaf<E: Exact>(&mut self, ray: Numbered<'_>, leaf: Leaf, _: &Tested, which: u32, t_max: &mut f32) {
         let block = &self.scene.blocks[leaf.first() as usize];
-        if block.any_exactly(which, ray.ray, *t_max, self.scene.front_only) {
+        if block.any((0, which), ray.ray, *t_max, self.scene.front_only, &mut |_| true).is_some() {
             *t_max = f32::NEG_INFINITY;
         }
     }
@@ -122,9 +122,10 @@ impl<F: FnMut(u32) -> bool> Any for AnyOf<'_, F> {
         if tested.candidates == 0 {
             return false;
         }
-        *self.place = block
-            .any(self.ray, &tested, self.t_max, self.scene.front_only, &mut self.counts)
-            .map(|lane| leaf.first() << 2 | lane);
+        let front_only = self.scene.front_only;
+        let looked = block.look(self.ray, &tested).any(self.ray, self.t_max, front_only);
+        *self.place =
+            block.any(looked, self.ray, self.t_max, front_only, &mut self.counts).map(|lane| leaf.first() << 2 | lane);
         self.place.is_some()
     }
 }
