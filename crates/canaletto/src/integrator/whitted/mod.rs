@@ -152,10 +152,10 @@ impl<'w> Whitted<'w> {
 
     /// The colours that the waiting rays bring.
     pub(crate) fn arrive<P: Probe>(&mut self, probe: &mut P) -> &[Rgb] {
-        let mut generation = std::mem::take(&mut self.waiting);
-        if generation.ways.is_empty() {
+        if self.waiting.ways.is_empty() {
             return &[];
         }
+        let mut generation = std::mem::take(&mut self.waiting);
         self.trace(&mut generation, probe);
         generation.ways.clear();
         generation.spreads.clear();
