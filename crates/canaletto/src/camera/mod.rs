@@ -226,9 +226,8 @@ impl Camera {
         Line { origin, direction: d.normalize() }
     }
 
-    /// The same for many places at once; `lines` are empty before.
-    pub(crate) fn lines(&self, places: &[[f64; 2]], lines: &mut Vec<Line>) {
-        lines.resize(places.len(), Line { origin: self.eye, direction: DVec3::ZERO });
+    /// The same for many places at once, of which there are as many as lines.
+    pub(crate) fn lines(&self, places: &[[f64; 2]], lines: &mut [Line]) {
         InstructionSet::run(Lines { camera: self, places, lines });
     }
 
@@ -326,7 +325,7 @@ impl Kernel for Lines<'_> {
             }
             let [x, y, z] = directions;
             for (i, line) in lines.iter_mut().enumerate() {
-                line.direction = DVec3::new(x[i], y[i], z[i]);
+                *line = Line { origin: camera.eye, direction: DVec3::new(x[i], y[i], z[i]) };
             }
         }
     }
@@ -377,7 +376,7 @@ mod tests {
         let places: Vec<[f64; 2]> = (0..1003).map(|i| [f64::from(i) * 0.31, f64::from(i * i % 401) + 0.125]).collect();
         for set in InstructionSet::available() {
             set.limit();
-            let mut lines = Vec::new();
+            let mut lines = vec![Line { origin: DVec3::ZERO, direction: DVec3::ZERO }; places.len()];
             camera.lines(&places, &mut lines);
             for (line, [x, y]) in lines.iter().zip(&places) {
                 let bits = |line: &Line| line.direction.to_array().map(f64::to_bits);

@@ -3,7 +3,7 @@
 /// A bijection of 64 bits that scatters its input (Stafford's variant 13 of MurmurHash3's finaliser, as in SplitMix64),
 /// after adding its odd constant so that 0 isn't a fixed point.
 #[inline]
-pub(super) fn mix(value: u64) -> u64 {
+pub(super) const fn mix(value: u64) -> u64 {
     let mut x = value.wrapping_add(0x9e37_79b9_7f4a_7c15);
     x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);

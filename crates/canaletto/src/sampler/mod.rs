@@ -21,6 +21,13 @@ pub struct Sampler {
     kind: SamplerKind,
 }
 
+/// The sources of a frame's pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FrameSampler {
+    key: u64,
+    kind: SamplerKind,
+}
+
 /// What a number is used for. Two uses share no numbers; each has a spread of its own over the samples of the pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Dimension(u64);
@@ -30,8 +37,8 @@ impl Dimension {
     pub const EYE: Dimension = Dimension(0);
 
     /// Use number `n` of what happens here: a child ray, a light, a lobe.
-    pub fn of(self, n: u32) -> Dimension {
-        Dimension(mix(self.0 ^ u64::from(n) << 32))
+    pub const fn of(self, n: u32) -> Dimension {
+        Dimension(mix(self.0 ^ (n as u64) << 32))
     }
 }
 
@@ -54,12 +61,24 @@ pub struct EyeNumbers {
     pub time: f64,
 }
 
+impl FrameSampler {
+    /// For this frame, with numbers spread in this way.
+    pub fn new(seed: u64, frame: u32, kind: SamplerKind) -> FrameSampler {
+        FrameSampler { key: mix(mix(seed) ^ u64::from(frame)), kind }
+    }
+
+    /// The source for a pixel.
+    #[inline]
+    pub fn pixel(&self, [x, y]: [u32; 2]) -> Sampler {
+        let position = u64::from(x) << 32 | u64::from(y);
+        Sampler { key: mix(self.key ^ position), kind: self.kind }
+    }
+}
+
 impl Sampler {
     /// The default kind of source for one pixel of one frame.
-    #[inline]
     pub fn new(seed: u64, frame: u32, pixel: [u32; 2]) -> Sampler {
-        let position = u64::from(pixel[0]) << 32 | u64::from(pixel[1]);
-        Sampler { key: mix(mix(mix(seed) ^ u64::from(frame)) ^ position), kind: SamplerKind::default() }
+        FrameSampler::new(seed, frame, SamplerKind::default()).pixel(pixel)
     }
 
     /// The same source with numbers spread in another way.

@@ -138,6 +138,13 @@ impl Bundle {
         self.t_max.clear();
     }
 
+    /// Forgets all rays, and has these, each of which counts up to `t_max`.
+    pub fn set(&mut self, rays: &[Ray], t_max: f32) {
+        self.clear();
+        self.rays.rays.extend_from_slice(rays);
+        self.t_max.resize(rays.len(), t_max);
+    }
+
     /// Adds a ray that counts up to `t_max`.
     #[inline]
     pub fn push(&mut self, ray: Ray, t_max: f32) {

@@ -4,8 +4,8 @@
 //! (2006), but with half-spaces that move along the rays instead of reciprocals of intervals, so that it does not matter
 //! whether directions of a group change their signs.
 
-use canaletto_bvh::{Aabb, Ray};
-use glam::{Vec3, Vec3A};
+use canaletto_bvh::{Aabb, InstructionSet, Kernel, Ray};
+use glam::{Vec3, Vec4};
 
 /// How many rays a group has.
 pub(super) const GROUP: usize = 16;
@@ -30,33 +30,34 @@ pub(super) struct Corridor {
 }
 
 /// Three numbers, then the negatives of three others.
-#[inline]
+#[inline(always)]
 fn six(a: Vec3, b: Vec3) -> [f32; 6] {
     [a.x, a.y, a.z, -b.x, -b.y, -b.z]
 }
 
 impl Corridor {
     /// The corridor of at least one ray.
-    pub(super) fn of(rays: &[Ray], t_max: &[f32]) -> Corridor {
-        let nothing = [Vec3A::INFINITY, Vec3A::NEG_INFINITY];
-        let ([mut o0, mut o1], [mut d0, mut d1], mut end) = (nothing, nothing, f32::NEG_INFINITY);
-        let [mut least, mut most] = [Vec3A::INFINITY, Vec3A::ZERO];
+    #[inline(always)]
+    fn of(rays: &[Ray], t_max: &[f32]) -> Corridor {
+        let (mut o0, mut d0, mut least) = (Vec4::INFINITY, Vec4::INFINITY, Vec4::INFINITY);
+        let (mut o1, mut d1, mut end) = (Vec4::NEG_INFINITY, Vec4::NEG_INFINITY, f32::NEG_INFINITY);
         for (ray, t_max) in rays.iter().zip(t_max) {
-            let (origin, direction) = (Vec3A::from(ray.origin), Vec3A::from(ray.direction));
+            let (origin, direction) = (ray.origin.extend(0.0), ray.direction.extend(1.0));
             (o0, o1) = (o0.min(origin), o1.max(origin));
             (d0, d1) = (d0.min(direction), d1.max(direction));
-            let size = direction.abs();
-            (least, most) = (least.min(size), most.max(size));
-            end = end.max(*t_max);
+            least = least.min(direction.abs());
+            end = if *t_max > end { *t_max } else { end };
         }
+        let most = d1.max(-d0);
         let regular = REGULAR.contains(&least.min_element()) && REGULAR.contains(&most.max_element());
-        Corridor { from: six(o0.into(), o1.into()), way: six(d0.into(), d1.into()), t_max: end, regular }
+        let [o0, o1, d0, d1] = [o0.truncate(), o1.truncate(), d0.truncate(), d1.truncate()];
+        Corridor { from: six(o0, o1), way: six(d0, d1), t_max: end, regular }
     }
 
     /// Makes `corridors` those of the groups of some rays.
     pub(super) fn of_groups(corridors: &mut Vec<Corridor>, rays: &[Ray], t_max: &[f32]) {
         corridors.clear();
-        corridors.extend(rays.chunks(GROUP).zip(t_max.chunks(GROUP)).map(|(rays, t_max)| Corridor::of(rays, t_max)));
+        InstructionSet::run(Groups { rays, t_max, corridors });
     }
 
     /// Whether all trees would say that no ray of the group meets the box.
@@ -72,6 +73,23 @@ impl Corridor {
             if way > 0.0 { far = far.min(t * SLACK) } else { near = near.max(t) }
         }
         near > far
+    }
+}
+
+struct Groups<'a> {
+    rays: &'a [Ray],
+    t_max: &'a [f32],
+    corridors: &'a mut Vec<Corridor>,
+}
+
+impl Kernel for Groups<'_> {
+    type Answer = ();
+
+    #[inline(always)]
+    fn run(self) {
+        for (rays, t_max) in self.rays.chunks(GROUP).zip(self.t_max.chunks(GROUP)) {
+            self.corridors.push(Corridor::of(rays, t_max));
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! The rays that go on from where others stop: mirrored, refracted, past what is there in part.
 
-use super::way::{Branch, Footprint, Stop, Way, uses};
+use super::way::{Branch, Footprint, Stop, Way, Ways, uses};
 use super::{Generation, Whitted};
 use crate::integrator::{Probe, RayKind};
 use crate::material::{on_the_side, reflect, refract, visible_facet};
@@ -13,40 +13,40 @@ const MAX_PASSED: u32 = 64;
 impl Whitted<'_> {
     /// Adds what comes along the mirrored directions.
     pub(super) fn reflect<P: Probe>(&mut self, generation: &mut Generation, probe: &mut P) {
-        self.follow(generation, probe, |whitted, way, at, footprint, probe| {
+        self.follow(generation, probe, |whitted, ways, at, footprint, probe| {
             if !at.is_seen() || !at.material.is_mirror() {
                 return None;
             }
             let phong = &at.material.phong;
-            let branch = whitted.child(way.branch, RayKind::Reflected, phong.k, probe)?;
-            let direction = match facet(at, way, uses::MIRROR_FACET) {
+            let branch = whitted.child(ways.branch(at.way()), RayKind::Reflected, phong.k, probe)?;
+            let direction = match facet(at, ways, uses::MIRROR_FACET) {
                 None => above(at.mirrored, at),
                 Some(facet) => {
                     probe.lobe(phong.roughness, facet);
                     on_the_side(reflect(at.wo, facet), at.facing())
                 }
             };
-            Some((onwards(at, way, branch, direction), spread_above(at, footprint)))
+            Some(onwards(at, ways, branch, direction, spread_above(at, footprint)))
         });
     }
 
     /// Adds what comes through clear bodies.
     pub(super) fn refract<P: Probe>(&mut self, generation: &mut Generation, probe: &mut P) {
-        self.follow(generation, probe, |whitted, way, at, footprint, probe| {
+        self.follow(generation, probe, |whitted, ways, at, footprint, probe| {
             if !at.is_seen() || !at.material.is_clear() {
                 return None;
             }
             let phong = &at.material.phong;
             let eta = f64::from(phong.eta);
             let eta_ratio = if at.outside { 1.0 / eta } else { eta };
-            let facet = facet(at, way, uses::CLEAR_FACET);
+            let facet = facet(at, ways, uses::CLEAR_FACET);
             let (kind, direction) = match (refract(at.wo, facet.unwrap_or(at.normal()), eta_ratio), facet) {
                 (Some(direction), None) => (RayKind::Refracted, below(direction, at, eta_ratio)),
                 (Some(direction), Some(_)) => (RayKind::Refracted, on_the_side(direction, -at.facing())),
                 (None, None) => (RayKind::TotallyReflected, above(at.mirrored, at)),
                 (None, Some(facet)) => (RayKind::TotallyReflected, on_the_side(reflect(at.wo, facet), at.facing())),
             };
-            let branch = whitted.child(way.branch, kind, Rgb::gray(1.0 - phong.opacity), probe)?;
+            let branch = whitted.child(ways.branch(at.way()), kind, Rgb::gray(1.0 - phong.opacity), probe)?;
             if let Some(facet) = facet {
                 probe.lobe(phong.roughness, facet);
             }
@@ -54,7 +54,7 @@ impl Whitted<'_> {
                 RayKind::Refracted => spread_below(at, footprint, eta_ratio),
                 _ => spread_above(at, footprint),
             };
-            Some((onwards(at, way, branch, direction), spread))
+            Some(onwards(at, ways, branch, direction, spread))
         });
     }
 
@@ -69,21 +69,22 @@ impl Whitted<'_> {
         if !any {
             return;
         }
-        self.follow(generation, probe, |whitted, way, at, footprint, probe| {
+        self.follow(generation, probe, |whitted, ways, at, footprint, probe| {
             if at.material.coverage >= 1.0 {
                 return None;
             }
             let factor = Rgb::gray(1.0 - at.material.coverage);
-            if way.branch.passed == MAX_PASSED {
+            let parent = ways.branch(at.way());
+            if parent.passed == MAX_PASSED {
                 probe.cut(RayKind::Passed, factor);
                 return None;
             }
             // The way goes on as if nothing were there: it is no deeper than before.
-            let parent = Branch { depth: way.branch.depth - 1, ..way.branch };
+            let parent = Branch { depth: parent.depth - 1, ..parent };
             let branch = whitted.child(parent, RayKind::Passed, factor, probe)?;
             let branch = Branch { passed: branch.passed + 1, ..branch };
             let spread = footprint.map(|f| f.spread.passed(f.step));
-            Some((onwards(at, way, branch, -at.wo), spread))
+            Some(onwards(at, ways, branch, -at.wo, spread))
         });
         for stop in generation.stops.iter_mut().filter(|stop| stop.material.coverage < 1.0) {
             stop.color = stop.color.saturated();
@@ -95,23 +96,19 @@ impl Whitted<'_> {
         &mut self,
         generation: &mut Generation,
         probe: &mut P,
-        child: impl Fn(&mut Self, &Way, &Stop, Option<&Footprint>, &mut P) -> Option<(Way, Option<Spread>)>,
+        child: impl Fn(&mut Self, &Ways, &Stop, Option<&Footprint>, &mut P) -> Option<Way>,
     ) {
         let mut children = self.generation();
         for (index, stop) in generation.stops.iter().enumerate() {
-            let way = &generation.ways[stop.way as usize];
-            if let Some((way, spread)) = child(self, way, stop, generation.footprints.get(index), probe) {
+            if let Some(way) = child(self, &generation.ways, stop, generation.footprints.get(index), probe) {
                 children.ways.push(way);
-                if let Some(spread) = spread {
-                    children.spreads.push(spread);
-                }
                 children.parents.push(index as u32);
             }
         }
         if !children.ways.is_empty() {
             self.trace(&mut children, probe);
-            for ((way, color), &parent) in children.ways.iter().zip(&children.colors).zip(&children.parents) {
-                generation.stops[parent as usize].color += (*color * way.branch.factor).saturated();
+            for (way, (color, &parent)) in children.colors.iter().zip(&children.parents).enumerate() {
+                generation.stops[parent as usize].color += (*color * children.ways.branch(way).factor).saturated();
             }
         }
         self.spare.push(children);
@@ -119,7 +116,7 @@ impl Whitted<'_> {
 
     /// The branch of a child ray, unless depth or weight ends the tree here.
     fn child<P: Probe>(&mut self, parent: Branch, kind: RayKind, factor: Rgb, probe: &mut P) -> Option<Branch> {
-        self.ask();
+        self.ask(1);
         let weight = (parent.weight * factor).saturated();
         if self.gave_up || parent.depth >= self.settings.max_depth || weight.max_component() < self.settings.min_weight
         {
@@ -137,19 +134,20 @@ impl Whitted<'_> {
 }
 
 /// The way of a child ray.
-fn onwards(at: &Stop, way: &Way, branch: Branch, direction: DVec3) -> Way {
+fn onwards(at: &Stop, ways: &Ways, branch: Branch, direction: DVec3, spread: Option<Spread>) -> Way {
     let line = at.leave(direction);
-    Way { ray: at.start(&line), line, branch, sample: way.sample }
+    Way { ray: at.start(&line), line, branch, sample: *ways.sample(at.way()), spread }
 }
 
 /// The normal of the facet that a ray leaves, chosen at random, if the surface is rough.
-fn facet(at: &Stop, way: &Way, use_of: u32) -> Option<DVec3> {
+fn facet(at: &Stop, ways: &Ways, use_of: u32) -> Option<DVec3> {
     let roughness = at.material.phong.roughness;
     if roughness == 0.0 {
         return None;
     }
     let normal = if at.wo.dot(at.normal()) > 0.0 { at.normal() } else { at.facing() };
-    Some(visible_facet(at.wo, normal, f64::from(roughness), way.sample.two(way.branch.place.of(use_of))))
+    let place = ways.branch(at.way()).place.of(use_of);
+    Some(visible_facet(at.wo, normal, f64::from(roughness), ways.sample(at.way()).two(place)))
 }
 
 /// A mirrored direction that stays above the surface: where an interpolated normal would send it below, the geometric

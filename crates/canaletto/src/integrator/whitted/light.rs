@@ -1,7 +1,7 @@
 //! The light that reaches stops: (5.39a).
 
 use super::octet::{Octet, ToLight, Towards};
-use super::way::{Stop, Way, uses};
+use super::way::{Stop, uses};
 use super::{Generation, Whitted};
 use crate::integrator::{LightTerm, Probe};
 use crate::light::{Illumination, Source};
@@ -69,8 +69,9 @@ impl Lighting {
         }
         arriving.extend(generation.stops.iter().map(|stop| {
             if source.is_sampled() {
-                let Way { sample, branch, .. } = &generation.ways[stop.way as usize];
-                let u = sample.two_of(branch.place.of(uses::LIGHTS + light), point, source.points());
+                let (ways, way) = (&generation.ways, stop.way());
+                let place = ways.branch(way).place.of(uses::LIGHTS + light);
+                let u = ways.sample(way).two_of(place, point, source.points());
                 source.sample(u, stop.surface.exact)
             } else {
                 source.illuminate(point, stop.surface.exact)

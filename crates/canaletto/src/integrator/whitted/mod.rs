@@ -22,7 +22,7 @@ use crate::scene::{IntegratorSettings, Stage};
 use crate::world::{Blocker, Bundle, Hit, World};
 use glam::DVec3;
 use light::Lighting;
-use way::{Branch, Footprint, Met, Stop, Way};
+use way::{Branch, Footprint, Met, Stop, Ways};
 
 /// The classic integrator on one world.
 pub struct Whitted<'w> {
@@ -57,9 +57,7 @@ pub struct Whitted<'w> {
 /// Rays that are traced together, and where they are met.
 #[derive(Default)]
 struct Generation {
-    ways: Vec<Way>,
-    /// How each of them spreads, if anything wants to know.
-    spreads: Vec<Spread>,
+    ways: Ways,
     /// For each of them, the stop of the generation before that it comes from.
     parents: Vec<u32>,
     /// What they bring.
@@ -129,19 +127,15 @@ impl<'w> Whitted<'w> {
     /// The colour that an eye ray brings. `spread` is how it changes to the neighbouring samples, if the world
     /// [wants](World::wants_spread) to know.
     pub fn eye<P: Probe>(&mut self, line: impl Into<Line>, spread: Option<&Spread>, probe: &mut P) -> Rgb {
-        self.depart(line.into(), spread.copied(), self.sample);
+        self.depart(&[line.into()], &[self.sample], spread.copied());
         self.arrive(probe)[0]
     }
 
-    /// Lets a ray from the eye wait for others of its time, of which the last ones should go nearly the same way. `spread` is as
-    /// for [`Whitted::eye`].
-    #[inline]
-    pub(crate) fn depart(&mut self, line: Line, spread: Option<Spread>, sample: Sample) {
-        self.ask();
-        self.waiting.ways.push(Way { ray: line.rounded(), line, branch: Branch::eye(), sample });
-        if let Some(spread) = spread {
-            self.waiting.spreads.push(spread);
-        }
+    /// Lets rays from the eye wait for others of their time, of which the last ones should go nearly the same way. There are as many
+    /// `samples` as `lines`, and `spreads`, unless nothing wants to know them; they are as for [`Whitted::eye`].
+    pub(crate) fn depart(&mut self, lines: &[Line], samples: &[Sample], spreads: impl IntoIterator<Item = Spread>) {
+        self.ask(lines.len() as u32);
+        self.waiting.ways.push_eyes(lines, samples, spreads);
     }
 
     /// Whether as many wait as are best traced together.
@@ -158,7 +152,6 @@ impl<'w> Whitted<'w> {
         let mut generation = std::mem::take(&mut self.waiting);
         self.trace(&mut generation, probe);
         generation.ways.clear();
-        generation.spreads.clear();
         self.waiting = generation;
         &self.waiting.colors
     }
@@ -167,7 +160,6 @@ impl<'w> Whitted<'w> {
     fn generation(&mut self) -> Generation {
         let mut generation = self.spare.pop().unwrap_or_default();
         generation.ways.clear();
-        generation.spreads.clear();
         generation.parents.clear();
         generation
     }
@@ -189,74 +181,78 @@ impl<'w> Whitted<'w> {
         }
         self.pass(generation, probe);
         for stop in &generation.stops {
-            generation.colors[stop.way as usize] = stop.color;
+            generation.colors[stop.way()] = stop.color;
             probe.end(stop.color);
         }
     }
 
     /// The nearest surfaces on the ways, past holes. Colours become what is seen where there is none.
     fn meet<P: Probe>(&mut self, generation: &mut Generation, probe: &mut P) {
-        let Generation { ways, spreads, colors, stops, footprints, .. } = generation;
+        let Generation { ways, colors, stops, footprints, .. } = generation;
+        let world = self.world;
         colors.clear();
+        colors.resize(ways.len(), world.background);
         stops.clear();
         footprints.clear();
-        self.bundle.clear();
-        for way in &*ways {
-            probe.ray(way.branch.kind, &way.ray, way.branch.depth, way.branch.factor);
-            self.counts.of_mut(way.branch.kind).traced += 1;
-            self.bundle.push(way.ray, f32::INFINITY);
+        if P::ACTIVE {
+            let Branch { kind, depth, factor, .. } = ways.branch(0);
+            probe.ray(kind, &ways.rays[0], depth, factor);
         }
-        let world = self.world;
+        ways.count(&mut self.counts);
+        self.bundle.set(&ways.rays, f32::INFINITY);
         world.intersect_bundle(&mut self.bundle, self.time);
-        for (index, way) in ways.iter().enumerate() {
-            let spread = spreads.get(index);
-            let found = self.bundle.hit(index).map(|hit| (hit, world.material(&hit)));
-            // It starts anew behind holes.
-            let mut last = way.line;
-            let met = match found {
-                Some((hit, material)) if material.textures.is_empty() => {
-                    // Only a probe asks for texture coordinates that no texture reads.
-                    let surface =
-                        if P::ACTIVE { world.surface(way.line, &hit) } else { world.bare_surface(way.line, &hit) };
-                    let material = material.at(&surface);
-                    if let Some(footprint) = Footprint::new(spread, &way.line, &surface) {
-                        footprints.push(footprint);
-                    }
-                    stops.push(Stop::new(index, hit, surface, material, &way.line));
-                    true
-                }
-                Some((hit, _)) => match self.meet_textured(way, hit, spread, probe) {
-                    Some(Met { hit, surface, material, line, footprint }) => {
-                        footprints.extend(footprint);
-                        stops.push(Stop::new(index, hit, surface, material, &line));
-                        last = line;
-                        true
-                    }
-                    None => false,
-                },
-                None => false,
+        let miss = |index: usize, color: &mut Rgb, probe: &mut P| {
+            if let Some(environment) = &world.environment {
+                let spread = ways.spread(index).map_or([DVec3::ZERO; 2], |spread| spread.direction);
+                let sighting = environment.look(ways.lines[index].direction, spread);
+                probe.sighting(&sighting);
+                *color = sighting.radiance;
+            }
+            probe.miss(*color);
+            probe.end(*color);
+        };
+        for (index, color) in colors.iter_mut().enumerate() {
+            let Some(hit) = self.bundle.hit(index) else {
+                miss(index, color, probe);
+                continue;
             };
-            colors.push(if met { Rgb::BLACK } else { self.background(way.line.direction, spread, probe) });
-            if !met {
-                probe.miss(colors[index]);
-                probe.end(colors[index]);
+            let (mut line, spread, material) = (ways.lines[index], ways.spread(index), world.material(&hit));
+            if material.textures.is_empty() {
+                // Only a probe asks for texture coordinates that no texture reads.
+                let surface = if P::ACTIVE { world.surface(line, &hit) } else { world.bare_surface(line, &hit) };
+                if let Some(footprint) = Footprint::new(spread, &line, &surface) {
+                    footprints.push(footprint);
+                }
+                stops.push(Stop::new(index, hit, surface, material.at(&surface), &line));
+            } else if let Some(met) = self.meet_textured(line, hit, spread, probe) {
+                footprints.extend(met.footprint);
+                stops.push(Stop::new(index, met.hit, met.surface, met.material, &met.line));
+                line = met.line;
+            } else {
+                miss(index, color, probe);
                 continue;
             }
-            self.counts.of_mut(way.branch.kind).hit += 1;
+            self.counts.of_mut(ways.branch(index).kind).hit += 1;
             let stop = &stops[stops.len() - 1];
             probe.hit(&stop.hit, &stop.surface, &stop.material, stop.outside);
             if let Some(footprint) = footprints.last_mut()
                 && (stop.material.is_mirror() || stop.material.is_clear())
             {
                 let side = if stop.outside { 1.0 } else { -1.0 };
-                footprint.bend = world.patch(last, &stop.hit).bend * side;
+                footprint.bend = world.patch(line, &stop.hit).bend * side;
             }
         }
     }
 
     #[inline(never)]
-    fn meet_textured<P: Probe>(&self, way: &Way, mut hit: Hit, spread: Option<&Spread>, probe: &mut P) -> Option<Met> {
-        let (mut line, mut spread) = (way.line, spread.copied());
+    fn meet_textured<P: Probe>(
+        &self,
+        mut line: Line,
+        mut hit: Hit,
+        spread: Option<&Spread>,
+        probe: &mut P,
+    ) -> Option<Met> {
+        let mut spread = spread.copied();
         for holes in 0.. {
             let mut surface = self.world.surface(line, &hit);
             let footprint = Footprint::new(spread.as_ref(), &line, &surface);
@@ -272,14 +268,6 @@ impl<'w> Whitted<'w> {
             hit = self.world.intersect_at(&line.from_origin(origin), f32::INFINITY, self.time)?;
         }
         None
-    }
-
-    /// What a ray in this direction sees where it meets nothing.
-    fn background<P: Probe>(&self, direction: DVec3, spread: Option<&Spread>, probe: &mut P) -> Rgb {
-        let Some(environment) = &self.world.environment else { return self.world.background };
-        let sighting = environment.look(direction, spread.map_or([DVec3::ZERO; 2], |spread| spread.direction));
-        probe.sighting(&sighting);
-        sighting.radiance
     }
 
     /// Box 5.8, `shade`: (5.39b), as far as the stage goes.
@@ -313,11 +301,12 @@ impl<'w> Whitted<'w> {
         }
     }
 
-    /// Asks now and then whether to give up.
+    /// Asks now and then whether to give up; before this many rays.
     #[inline]
-    fn ask(&mut self) {
-        self.patience -= 1;
-        if self.patience == 0 {
+    fn ask(&mut self, rays: u32) {
+        if let Some(patience) = self.patience.checked_sub(rays) {
+            self.patience = patience;
+        } else {
             self.patience = PATIENCE;
             self.gave_up |= self.cancelled.is_some_and(|cancelled| cancelled(self.counts.total()));
         }

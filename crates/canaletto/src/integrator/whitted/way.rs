@@ -1,6 +1,6 @@
 //! A ray on its way, and where it stops.
 
-use crate::integrator::RayKind;
+use crate::integrator::{RayCounts, RayKind};
 use crate::material::{MaterialPoint, reflect};
 use crate::math::{Line, Rgb, Spread, offset_origin};
 use crate::sampler::{Dimension, Sample};
@@ -30,6 +30,83 @@ pub(super) struct Way {
     pub(super) branch: Branch,
     /// Where random numbers come from.
     pub(super) sample: Sample,
+    /// How it spreads, if anything wants to know.
+    pub(super) spread: Option<Spread>,
+}
+
+/// Rays to be traced together, side by side.
+#[derive(Default)]
+pub(super) struct Ways {
+    pub(super) rays: Vec<Ray>,
+    pub(super) lines: Vec<Line>,
+    /// None if all of them come from the eye.
+    branches: Vec<Branch>,
+    samples: Vec<Sample>,
+    /// None if nothing wants to know.
+    spreads: Vec<Spread>,
+}
+
+impl Ways {
+    pub(super) fn clear(&mut self) {
+        let Ways { rays, lines, branches, samples, spreads } = self;
+        rays.clear();
+        lines.clear();
+        branches.clear();
+        samples.clear();
+        spreads.clear();
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.lines.len()
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.lines.is_empty()
+    }
+
+    /// Adds a child ray.
+    #[inline]
+    pub(super) fn push(&mut self, Way { ray, line, branch, sample, spread }: Way) {
+        self.rays.push(ray);
+        self.lines.push(line);
+        self.branches.push(branch);
+        self.samples.push(sample);
+        self.spreads.extend(spread);
+    }
+
+    /// Adds rays from the eye.
+    #[inline]
+    pub(super) fn push_eyes(&mut self, lines: &[Line], samples: &[Sample], spreads: impl IntoIterator<Item = Spread>) {
+        self.rays.extend(lines.iter().map(Line::rounded));
+        self.lines.extend_from_slice(lines);
+        self.samples.extend_from_slice(samples);
+        self.spreads.extend(spreads);
+    }
+
+    #[inline]
+    pub(super) fn branch(&self, way: usize) -> Branch {
+        self.branches.get(way).copied().unwrap_or(Branch::EYE)
+    }
+
+    #[inline]
+    pub(super) fn sample(&self, way: usize) -> &Sample {
+        &self.samples[way]
+    }
+
+    #[inline]
+    pub(super) fn spread(&self, way: usize) -> Option<&Spread> {
+        self.spreads.get(way)
+    }
+
+    /// Counts the rays by kind.
+    pub(super) fn count(&self, counts: &mut RayCounts) {
+        if self.branches.is_empty() {
+            counts.eye.traced += self.len() as u64;
+        }
+        for branch in &self.branches {
+            counts.of_mut(branch.kind).traced += 1;
+        }
+    }
 }
 
 /// Where a ray stands in the ray tree.
@@ -49,16 +126,19 @@ pub(super) struct Branch {
 
 impl Branch {
     /// A ray from the eye's.
-    pub(super) fn eye() -> Branch {
-        let place = Dimension::EYE.of(uses::EYE);
-        Branch { kind: RayKind::Eye, depth: 1, factor: Rgb::WHITE, weight: Rgb::WHITE, passed: 0, place }
-    }
+    pub(super) const EYE: Branch = Branch {
+        kind: RayKind::Eye,
+        depth: 1,
+        factor: Rgb::WHITE,
+        weight: Rgb::WHITE,
+        passed: 0,
+        place: Dimension::EYE.of(uses::EYE),
+    };
 }
 
 /// Where a way meets the nearest surface: the hit as seen by the ray that made it, and the light that leaves towards it.
 pub(super) struct Stop {
-    /// Which way of the generation stops here.
-    pub(super) way: u32,
+    way: u32,
     pub(super) hit: Hit,
     pub(super) surface: Surface,
     pub(super) material: MaterialPoint,
@@ -116,6 +196,12 @@ impl Stop {
         let wo = -line.direction.normalize();
         let mirrored = reflect(wo, on_side(surface.shading_normal, outside));
         Stop { way: way as u32, hit, surface, material, wo, mirrored, outside, color: Rgb::BLACK }
+    }
+
+    /// Which way of the generation stops here.
+    #[inline]
+    pub(super) fn way(&self) -> usize {
+        self.way as usize
     }
 
     /// The unit geometric normal on the viewer's side.
