@@ -1,6 +1,7 @@
 //! A finished picture in linear light, with its extra layers.
 
 use crate::math::Rgb;
+use canaletto_bvh::memory;
 
 /// Linear pixels in rows from the top left, with layers of other quantities.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,7 +30,8 @@ pub struct Layer {
 impl Picture {
     /// A black picture without layers.
     pub fn new(width: u32, height: u32) -> Picture {
-        Picture { width, height, pixels: vec![Rgb::BLACK; width as usize * height as usize], layers: Vec::new() }
+        // Zeros are black.
+        Picture { width, height, pixels: memory::zeros(width as usize * height as usize), layers: Vec::new() }
     }
 
     /// The colour of a pixel, counted from the top left.

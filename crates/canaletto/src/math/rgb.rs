@@ -1,12 +1,13 @@
 //! Linear RGB, whose `*` is the chapter's ⊗.
 
+use bytemuck::Zeroable;
 use serde::{Deserialize, Serialize};
 use std::iter::Sum;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Sub};
 
 /// A linear RGB triple: an intensity, a reflectance or a factor. Unbounded; nothing clamps it before the film is
 /// developed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Zeroable)]
 #[serde(from = "[f32; 3]", into = "[f32; 3]")]
 pub struct Rgb {
     /// Red.
