@@ -34,6 +34,7 @@ impl Sphere {
     }
 
     /// The nearest t in (0, t_max], from outside or inside; (5.19) with its min restricted to the ray.
+    #[inline]
     pub fn intersect(&self, ray: &Ray, t_max: f32) -> Option<ShapeHit> {
         let t = canaletto_bvh::sphere::intersect_once(ray, self.center, self.radius, t_max)?;
         Some(ShapeHit { t, part: 0, uv: [0.0; 2] })

@@ -33,6 +33,7 @@ pub(super) fn intersect(shapes: &[Shape], part: &Part, found: &mut [Met]) {
                     confined(cuboid.intersect(ray, t_max)?, &bounds, &ray.prepare(), t_max)
                 });
             }
+            Shape::Sphere(s) => offer(id, rays, found, |ray, t_max| Some(on_shape(s.intersect(ray, t_max)?))),
             _ => offer(id, rays, found, |ray, t_max| meet(shape, ray, t_max)),
         }
     });
@@ -64,8 +65,14 @@ fn meet(shape: &Shape, ray: &Ray, t_max: f32) -> Option<Met> {
 /// Sets those of `t_max` to −∞ whose rays meet a shape at or before that `blocks` the ray of this number.
 pub(super) fn between(shapes: &[Shape], part: &Part, t_max: &mut [f32], mut blocks: impl FnMut(usize, u32) -> bool) {
     for_near(shapes, part, |id, shape, near| {
-        end(&part.rays()[near.clone()], &mut t_max[near.clone()], |index, ray, t_max| {
-            meet(shape, ray, t_max).is_some() && blocks(near.start + index, id)
-        });
+        let (rays, t_max) = (&part.rays()[near.clone()], &mut t_max[near.clone()]);
+        match shape {
+            Shape::Sphere(s) => end(rays, t_max, |index, ray, t_max| {
+                s.intersect(ray, t_max).is_some() && blocks(near.start + index, id)
+            }),
+            _ => end(rays, t_max, |index, ray, t_max| {
+                meet(shape, ray, t_max).is_some() && blocks(near.start + index, id)
+            }),
+        }
     });
 }
