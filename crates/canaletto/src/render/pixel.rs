@@ -16,19 +16,22 @@ pub(crate) struct PixelRenderer<'a> {
     sampler: FrameSampler,
     /// Whether rays from the eye need no random numbers besides their place in the pixel.
     plain: bool,
-    /// What was found.
-    found: Found,
+    /// Memory for samples that go together.
+    samples: Samples,
 }
 
-/// The colours of samples, and their weights.
+/// Samples of pixels, side by side.
 #[derive(Default)]
-struct Found {
-    colors: Vec<Rgb>,
+struct Samples {
+    places: Vec<[f64; 2]>,
+    numbers: Vec<Sample>,
     weights: Vec<f64>,
+    /// What they see.
+    colors: Vec<Rgb>,
 }
 
-impl Found {
-    /// For each pixel, of which each has this many samples.
+impl Samples {
+    /// The colours and weights for each pixel, of which each has this many samples.
     fn pixels(&self, samples: u32) -> impl Iterator<Item = impl Iterator<Item = (Rgb, f64)>> {
         let samples = samples as usize;
         let pixels = self.colors.chunks_exact(samples).zip(self.weights.chunks_exact(samples));
@@ -86,7 +89,7 @@ impl<'a> PixelRenderer<'a> {
     pub(crate) fn new(job: &'a Job) -> PixelRenderer<'a> {
         let (filter, plain) = (FilterTable::new(job.film.filter), job.camera.is_plain());
         let sampler = FrameSampler::new(job.seed, job.frame, job.film.sampler);
-        PixelRenderer { job, filter, sampler, plain, found: Found::default() }
+        PixelRenderer { job, filter, sampler, plain, samples: Samples::default() }
     }
 
     /// The colour of the pixel in column `x` and row `y` from the top left, with a probe that sees ray after ray.
@@ -120,78 +123,83 @@ impl<'a> PixelRenderer<'a> {
     /// The colours of many pixels, of which neighbours in the list are neighbours in the picture: rays of several go together.
     pub(crate) fn pixels(&mut self, whitted: &mut Whitted, pixels: &[[u32; 2]], colors: &mut Vec<Rgb>) {
         let sampling = self.job.film.sampling;
-        let mut found = std::mem::take(&mut self.found);
-        self.samples(whitted, pixels, sampling, &mut found);
+        let mut samples = std::mem::take(&mut self.samples);
+        self.samples(whitted, pixels, sampling, &mut samples);
         colors.clear();
         match sampling {
-            Sampling::Corner | Sampling::Center => colors.extend_from_slice(&found.colors),
+            Sampling::Corner | Sampling::Center => colors.extend_from_slice(&samples.colors),
             Sampling::Adaptive { n, threshold } => {
-                let even: Vec<bool> = found
+                let even: Vec<bool> = samples
                     .colors
                     .chunks_exact(CORNERS as usize)
                     .map(|corners| self.is_even(corners, threshold))
                     .collect();
                 let rest: Vec<[u32; 2]> =
                     pixels.iter().zip(&even).filter(|(_, even)| !**even).map(|(pixel, _)| *pixel).collect();
-                let mut fine = Found::default();
+                let mut fine = Samples::default();
                 self.samples(whitted, &rest, Sampling::Jittered(n), &mut fine);
                 let mut fine = fine.pixels(shots(Sampling::Jittered(n))).map(weighted_mean);
-                for (even, coarse) in even.into_iter().zip(found.pixels(CORNERS)) {
+                for (even, coarse) in even.into_iter().zip(samples.pixels(CORNERS)) {
                     colors.push(if even { weighted_mean(coarse) } else { fine.next().unwrap_or_default() });
                 }
             }
-            _ => colors.extend(found.pixels(shots(sampling)).map(weighted_mean)),
+            _ => colors.extend(samples.pixels(shots(sampling)).map(weighted_mean)),
         }
-        self.found = found;
+        self.samples = samples;
     }
 
-    /// Finds the colours and weights of all samples of some pixels.
-    fn samples(&mut self, whitted: &mut Whitted, pixels: &[[u32; 2]], sampling: Sampling, found: &mut Found) {
-        let Found { colors, weights } = found;
+    /// All samples of some pixels.
+    fn samples(&mut self, whitted: &mut Whitted, pixels: &[[u32; 2]], sampling: Sampling, samples: &mut Samples) {
+        // Each is compiled for itself.
+        match sampling {
+            Sampling::Corner => self.choose(pixels, Sampling::Corner, samples),
+            Sampling::Center => self.choose(pixels, Sampling::Center, samples),
+            other => self.choose(pixels, other, samples),
+        }
+        let Samples { places, numbers, colors, .. } = samples;
         colors.clear();
-        weights.clear();
-        let world = whitted.world();
+        let (world, camera, spacing) = (whitted.world(), &self.job.camera, spacing(sampling));
         // Lights and moving instances are where they are at one time.
         let alone = self.moves(world);
-        let (spacing, shots) = (spacing(sampling), shots(sampling));
         if !self.plain || alone {
-            for (pixel, i) in pixels.iter().flat_map(|&pixel| (0..shots).map(move |i| (pixel, i))) {
-                let shot = self.shot(pixel, sampling, i);
-                let Eye { line, spread, time, .. } = self.eye(world, &shot, spacing);
-                whitted.begin(shot.numbers, time);
-                whitted.depart(&[line], &[shot.numbers], spread);
-                weights.push(shot.weight);
+            for (place, numbers) in places.iter().zip(numbers) {
+                let Eye { line, spread, time, .. } = self.eye(world, *place, numbers, spacing);
+                whitted.begin(*numbers, time);
+                whitted.depart(&[line], &[*numbers], spread);
                 if alone || whitted.is_full() {
                     colors.extend_from_slice(whitted.arrive(&mut ()));
                 }
             }
             return colors.extend_from_slice(whitted.arrive(&mut ()));
         }
-        let (camera, wants_spread) = (&self.job.camera, world.wants_spread());
-        let mut send = |places: &[[f64; 2]], numbers: &[Sample]| {
-            let mut lines = [Line { origin: DVec3::ZERO, direction: DVec3::ZERO }; BUNDLE];
+        let wants_spread = world.wants_spread();
+        let mut lines = [Line { origin: DVec3::ZERO, direction: DVec3::ZERO }; BUNDLE];
+        for (places, numbers) in places.chunks(BUNDLE).zip(numbers.chunks(BUNDLE)) {
             let lines = &mut lines[..places.len()];
             camera.lines(places, lines);
             let seen = if wants_spread { places } else { &[] };
             whitted.depart(lines, numbers, seen.iter().map(|[x, y]| camera.spread(*x, *y, spacing)));
             colors.extend_from_slice(whitted.arrive(&mut ()));
-        };
-        let (mut places, mut numbers) = ([[0.0; 2]; BUNDLE], [self.sampler.pixel([0; 2]).sample(0, 1); BUNDLE]);
-        weights.resize(pixels.len() * shots as usize, 1.0);
-        let (mut together, mut weights) = (0, weights.iter_mut());
-        for &pixel in pixels {
-            for (i, weight) in (0..shots).zip(&mut weights) {
-                let shot = self.shot(pixel, sampling, i);
-                (places[together], numbers[together], *weight) = (shot.position, shot.numbers, shot.weight);
-                together += 1;
-                if together == BUNDLE {
-                    send(&places, &numbers);
-                    together = 0;
-                }
-            }
         }
-        if together > 0 {
-            send(&places[..together], &numbers[..together]);
+    }
+
+    /// Where the samples of some pixels are, their weights and random numbers.
+    #[inline(always)]
+    fn choose(&self, pixels: &[[u32; 2]], sampling: Sampling, samples: &mut Samples) {
+        let Samples { places, numbers, weights, .. } = samples;
+        let shots = shots(sampling) as usize;
+        let count = pixels.len() * shots;
+        places.resize(count, [0.0; 2]);
+        numbers.resize(count, self.sampler.pixel([0; 2]).sample(0, 1));
+        weights.resize(count, 1.0);
+        let (places, numbers, weights) = (&mut places[..count], &mut numbers[..count], &mut weights[..count]);
+        let mut at = 0;
+        for &pixel in pixels {
+            for i in 0..shots {
+                let shot = self.shot(pixel, sampling, i as u32);
+                (places[at], numbers[at], weights[at]) = (shot.position, shot.numbers, shot.weight);
+                at += 1;
+            }
         }
     }
 
@@ -230,15 +238,15 @@ impl<'a> PixelRenderer<'a> {
     }
 
     #[inline]
-    fn eye(&self, world: &World, shot: &Shot, spacing: f64) -> Eye {
-        let (camera, [x, y]) = (&self.job.camera, shot.position);
+    fn eye(&self, world: &World, [x, y]: [f64; 2], numbers: &Sample, spacing: f64) -> Eye {
+        let camera = &self.job.camera;
         let wants_spread = world.wants_spread();
         let moves = self.moves(world);
         if self.plain && !moves {
             let spread = wants_spread.then(|| camera.spread(x, y, spacing));
             return Eye { line: camera.line(x, y), spread, time: 0.0, lens: None };
         }
-        let numbers = shot.numbers.eye();
+        let numbers = numbers.eye();
         // Rounded once, so that camera and world agree about it.
         let time = if moves { numbers.time as f32 } else { 0.0 };
         let ray = camera.ray(x, y, numbers.lens, f64::from(time), wants_spread.then_some(spacing));
@@ -260,7 +268,7 @@ impl<'a> PixelRenderer<'a> {
     ) -> (Rgb, f64) {
         let shot = self.shot(pixel, sampling, index);
         probe.sample(shot.position, shot.weight);
-        let eye = self.eye(whitted.world(), &shot, spacing(sampling));
+        let eye = self.eye(whitted.world(), shot.position, &shot.numbers, spacing(sampling));
         let moves = self.moves(whitted.world());
         if !self.plain || moves {
             probe.drawn(moves.then_some(f64::from(eye.time)), eye.lens.map(|p| p.to_array()));
