@@ -136,6 +136,11 @@ impl Source {
         Illumination { direction, distance, position: Some(position), intensity: self.along(direction, distance) }
     }
 
+    /// The intensity that arrives from each of its points, if that is the same everywhere.
+    pub(crate) fn even(&self) -> Option<Rgb> {
+        (!self.attenuated && self.cone.is_none()).then_some(self.intensity)
+    }
+
     /// The intensity that arrives from a point of it that lies in this direction so far away.
     #[inline]
     pub(crate) fn along(&self, direction: DVec3, distance: f32) -> Rgb {

@@ -104,10 +104,4 @@ impl MaterialPoint {
     pub fn blocked(&self) -> f32 {
         if self.coverage < 1.0 { self.coverage * self.phong.opacity } else { self.phong.opacity }
     }
-
-    /// (5.32): kd ⊗ l (n·L).
-    #[inline]
-    pub fn diffuse(&self, intensity: Rgb, n_dot_l: f32) -> Rgb {
-        (intensity * self.phong.kd).saturated() * n_dot_l
-    }
 }

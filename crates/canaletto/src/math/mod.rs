@@ -16,5 +16,6 @@ pub use motion::{NoPath, Path};
 pub use polynomial::{Roots, quadratic, quartic};
 pub(crate) use power::{power, power_all};
 pub use rgb::Rgb;
+pub(crate) use rgb::saturate;
 pub use spread::Spread;
 pub use transform::{NotInvertible, Transform};

@@ -58,7 +58,7 @@ impl Rgb {
     /// from brighter light, but never infinite.
     #[inline]
     pub fn saturated(self) -> Rgb {
-        self.map(|v| v.clamp(-f32::MAX, f32::MAX))
+        self.map(saturate)
     }
 
     /// The components as (r, g, b).
@@ -72,6 +72,12 @@ impl Rgb {
     pub fn map(self, mut f: impl FnMut(f32) -> f32) -> Rgb {
         Rgb::new(f(self.r), f(self.g), f(self.b))
     }
+}
+
+/// [`Rgb::saturated`] for one component.
+#[inline(always)]
+pub(crate) fn saturate(v: f32) -> f32 {
+    v.clamp(-f32::MAX, f32::MAX)
 }
 
 impl From<[f32; 3]> for Rgb {

@@ -1,36 +1,15 @@
 //! The light that reaches stops: (5.39a).
 
-use super::octet::{Octet, ToLight, Towards};
+use super::octet::{Octet, STOPS, Towards, lanes};
 use super::way::{Stop, uses};
 use super::{Generation, Whitted};
 use crate::integrator::{LightTerm, Probe};
 use crate::light::{Illumination, Source};
 use crate::material::highlights;
-use crate::math::{Rgb, Spread, offset_origin};
+use crate::math::Spread;
 use crate::scene::Stage;
 use crate::world::Between;
 use canaletto_bvh::Ray;
-use glam::Vec3;
-
-/// What a point of a light brings to a stop.
-pub(super) struct Arrival {
-    /// The stop.
-    stop: u32,
-    /// The number of its shadow ray, or [`NO_SHADOW`].
-    shadow: u32,
-    /// Whether it comes at all, before shadows.
-    comes: bool,
-    behind: bool,
-    n_dot_l: f32,
-    /// Before shadows.
-    intensity: Rgb,
-    /// f_s, the share that passes.
-    f_s: f32,
-    /// cosⁿα.
-    highlight: f32,
-}
-
-const NO_SHADOW: u32 = u32::MAX;
 
 /// What is kept for lights while a generation is lit.
 #[derive(Default)]
@@ -40,67 +19,84 @@ pub(super) struct Lighting {
     ways: Vec<Towards>,
     /// What arrives from there, if it isn't the same point for all.
     arriving: Vec<Illumination>,
-    arrivals: Vec<Arrival>,
-    /// Where shadow rays start, for each stop.
-    starts: Vec<Vec3>,
-    /// Arrivals with a highlight, with the bases and exponents of their powers.
+    /// The stops of the shadow rays.
+    shadowed: Vec<u32>,
+    /// Stops with a highlight, with the bases and exponents of their powers.
     shining: Vec<u32>,
     cosines: Vec<f32>,
     exponents: Vec<f32>,
 }
 
 impl Lighting {
-    /// Makes what doesn't depend on the light.
-    fn begin(&mut self, stops: &[Stop]) {
-        Octet::fill(&mut self.octets, stops);
-        self.starts.clear();
-        self.starts.extend(stops.iter().map(|at| {
-            let start = if at.outside { at.surface.lifted } else { at.surface.point };
-            offset_origin(start, at.surface.error, at.facing(), at.facing())
-        }));
-    }
-
-    /// Finds the ways to a light's point.
+    /// Finds the ways to a light's point, and what comes along them before shadows.
     fn look(&mut self, source: &Source, (light, point): (u32, u32), generation: &Generation) {
         let Lighting { octets, ways, arriving, .. } = self;
+        let stops = &generation.stops;
         arriving.clear();
         if let Some(position) = source.point(point) {
-            return Towards::point(ways, octets, position);
-        }
-        arriving.extend(generation.stops.iter().map(|stop| {
-            if source.is_sampled() {
-                let (ways, way) = (&generation.ways, stop.way());
-                let place = ways.branch(way).place.of(uses::LIGHTS + light);
-                let u = ways.sample(way).two_of(place, point, source.points());
-                source.sample(u, stop.surface.exact)
-            } else {
-                source.illuminate(point, stop.surface.exact)
+            Towards::point(ways, octets, position);
+            match source.even() {
+                Some(intensity) => ways.iter_mut().for_each(|way| way.set_intensities(intensity)),
+                None => {
+                    for index in 0..stops.len() {
+                        let (way, lane) = (&mut ways[index / STOPS], index % STOPS);
+                        way.set_intensity(lane, source.along(way.direction(lane), way.distance[lane]));
+                    }
+                }
             }
-        }));
-        Towards::known(ways, octets, arriving.iter().map(|a| (a.direction, a.distance)));
+        } else {
+            arriving.extend(stops.iter().map(|stop| {
+                if source.is_sampled() {
+                    let (ways, way) = (&generation.ways, stop.way());
+                    let place = ways.branch(way).place.of(uses::LIGHTS + light);
+                    let u = ways.sample(way).two_of(place, point, source.points());
+                    source.sample(u, stop.surface.exact)
+                } else {
+                    source.illuminate(point, stop.surface.exact)
+                }
+            }));
+            Towards::known(ways, octets, arriving.iter().map(|a| (a.direction, a.distance)));
+            for (index, arriving) in arriving.iter().enumerate() {
+                ways[index / STOPS].set_intensity(index % STOPS, arriving.intensity);
+            }
+        }
+        for (number, (way, octet)) in ways.iter_mut().zip(octets).enumerate() {
+            way.come(octet);
+            for lane in lanes(way.comes & octet.bent) {
+                if is_behind(&stops[number * STOPS + lane], way, lane) {
+                    way.keep_off(lane);
+                }
+            }
+        }
     }
 
-    /// Finds cosⁿα (5.38) of those arrivals that `wants` holds for.
-    fn highlights(&mut self, stops: &[Stop], wants: impl Fn(&Arrival, &Stop) -> bool) {
-        let Lighting { ways, arrivals, shining, cosines, exponents, .. } = self;
+    /// Finds cosⁿα (5.38) where light comes; in shadow only if `anyway`.
+    fn highlights(&mut self, anyway: bool) {
+        let Lighting { octets, ways, shining, cosines, exponents, .. } = self;
         shining.clear();
         cosines.clear();
         exponents.clear();
-        for (index, arrival) in arrivals.iter().enumerate() {
-            let stop = &stops[arrival.stop as usize];
-            let (n, r_dot_l) = (stop.material.phong.n, Towards::r_dot_l(ways, arrival.stop as usize));
-            // From others there is none.
-            if wants(arrival, stop) && (r_dot_l > 0.0 || n == 0.0) {
-                shining.push(index as u32);
-                cosines.push(r_dot_l);
-                exponents.push(n);
+        for (number, (way, octet)) in ways.iter().zip(octets).enumerate() {
+            for lane in lanes(way.comes & octet.shiny) {
+                let (n, r_dot_l) = (octet.n[lane], way.r_dot_l[lane]);
+                // From others there is none.
+                if (anyway || way.f_s[lane] > 0.0) && (r_dot_l > 0.0 || n == 0.0) {
+                    shining.push((number * STOPS + lane) as u32);
+                    cosines.push(r_dot_l);
+                    exponents.push(n);
+                }
             }
         }
         highlights(cosines, exponents);
-        for (&index, &power) in shining.iter().zip(&*cosines) {
-            arrivals[index as usize].highlight = power;
+        for (&stop, &power) in shining.iter().zip(&*cosines) {
+            ways[stop as usize / STOPS].highlight[stop as usize % STOPS] = power;
         }
     }
+}
+
+/// Whether light comes from behind the surface, though not behind its bent normal.
+fn is_behind(stop: &Stop, way: &Towards, lane: usize) -> bool {
+    stop.material.bent && stop.facing().dot(way.direction(lane)) <= 0.0
 }
 
 impl Whitted<'_> {
@@ -110,57 +106,24 @@ impl Whitted<'_> {
             return;
         }
         let mut lighting = std::mem::take(&mut self.lighting);
-        lighting.begin(&generation.stops);
+        Octet::fill(&mut lighting.octets, &generation.stops);
         for light in 0..self.world.lights.len() as u32 {
             for point in 0..self.world.lights[light as usize].points() {
                 lighting.look(self.source(light), (light, point), generation);
-                lighting.arrivals.clear();
-                self.bundle.clear();
-                for (index, stop) in generation.stops.iter().enumerate().filter(|(_, stop)| stop.is_seen()) {
-                    let arrival = self.arrival(index, stop, &lighting, light, point);
-                    if P::ACTIVE || arrival.comes {
-                        lighting.arrivals.push(arrival);
-                    }
-                }
-                self.world.between_bundle(&mut self.bundle, self.time, &mut self.blockers[light as usize]);
-                self.counts.shadow.traced += self.bundle.len() as u64;
-                for arrival in lighting.arrivals.iter_mut().filter(|arrival| arrival.shadow != NO_SHADOW) {
-                    arrival.f_s = self.f_s(arrival, &lighting.ways, generation, probe);
-                    self.counts.shadow.hit += u64::from(arrival.f_s == 0.0);
-                }
+                self.shadow(&mut lighting, (light, point), generation, probe);
                 if self.settings.stage >= Stage::Specular {
                     // In shadow a highlight is black, and only a probe wants to know more.
-                    lighting.highlights(&generation.stops, |arrival, stop| {
-                        arrival.comes && (P::ACTIVE || arrival.f_s > 0.0) && !stop.material.phong.ks.is_black()
-                    });
+                    lighting.highlights(P::ACTIVE);
                 }
-                for arrival in &lighting.arrivals {
-                    let stop = &mut generation.stops[arrival.stop as usize];
-                    let [diffuse, specular] = arrival.lit(stop);
-                    let contribution = (diffuse + specular).saturated() * arrival.f_s; // (5.39a)
-                    stop.color = (stop.color + contribution).saturated();
-                    if P::ACTIVE {
-                        let Arrival { stop, intensity, behind, f_s, .. } = *arrival;
-                        let ToLight { direction, distance, n_dot_l, r_dot_l } =
-                            Towards::of(&lighting.ways, stop as usize);
-                        let sampled = self.source(light).is_sampled();
-                        probe.light(&LightTerm {
-                            light,
-                            point,
-                            sampled: if sampled { lighting.arriving[stop as usize].position } else { None },
-                            direction: direction.as_vec3(),
-                            distance,
-                            intensity,
-                            n_dot_l,
-                            behind,
-                            r_dot_l,
-                            f_s,
-                            diffuse,
-                            specular,
-                            contribution,
-                        });
-                    }
+                Towards::add(&lighting.ways, &mut lighting.octets);
+                if P::ACTIVE {
+                    self.tell(&lighting, (light, point), &generation.stops[0], probe);
                 }
+            }
+        }
+        for (octet, stops) in lighting.octets.iter().zip(generation.stops.chunks_mut(STOPS)) {
+            for (lane, stop) in stops.iter_mut().enumerate().filter(|(_, stop)| stop.is_seen()) {
+                stop.color = octet.color(lane);
             }
         }
         self.lighting = lighting;
@@ -171,61 +134,77 @@ impl Whitted<'_> {
         self.lights.get(light as usize).unwrap_or(&self.world.lights[light as usize])
     }
 
-    /// One point of one light at a stop, before shadows; puts its shadow ray into the bundle.
-    #[inline]
-    fn arrival(&mut self, stop: usize, at: &Stop, lighting: &Lighting, light: u32, point: u32) -> Arrival {
+    /// Finds f_s, the share of the light that passes what is between a light's point and the stops.
+    fn shadow<P: Probe>(
+        &mut self,
+        lighting: &mut Lighting,
+        (light, point): (u32, u32),
+        generation: &Generation,
+        probe: &mut P,
+    ) {
+        let Lighting { octets, ways, arriving, shadowed, .. } = lighting;
         let source = self.source(light);
-        let ToLight { direction, distance, n_dot_l, .. } = Towards::of(&lighting.ways, stop);
-        let (position, intensity) = match lighting.arriving.get(stop) {
-            Some(arriving) => (arriving.position, arriving.intensity),
-            None => (source.point(point), source.along(direction, distance)),
-        };
-        // NaN, which isn't: a light exactly at the point, which adds nothing.
-        let lit = n_dot_l > 0.0 && !intensity.is_black();
-        let behind = lit && at.material.bent && at.facing().dot(direction) <= 0.0;
-        let comes = lit && !behind;
-        let mut shadow = NO_SHADOW;
-        if comes && self.settings.stage >= Stage::Shadow && self.settings.shadows && source.light.shadows {
-            let origin = lighting.starts[stop];
-            // Towards a point the ray ends there, at t = 1; towards infinity it has no end.
-            let (direction, t_max) = match position {
-                Some(position) => (position - origin, 1.0 - f32::EPSILON),
-                None => (direction.as_vec3(), f32::INFINITY),
-            };
-            shadow = self.bundle.len() as u32;
-            self.bundle.push(Ray { origin, direction }, t_max);
+        if self.settings.stage < Stage::Shadow || !self.settings.shadows || !source.light.shadows {
+            return;
         }
-        let f_s = f32::from(u8::from(comes));
-        Arrival { stop: stop as u32, shadow, comes, behind, n_dot_l, intensity, f_s, highlight: 0.0 }
-    }
-
-    /// f_s, the share of the light that passes what is between.
-    #[inline]
-    fn f_s<P: Probe>(&self, arrival: &Arrival, ways: &[Towards], generation: &Generation, probe: &mut P) -> f32 {
-        match self.bundle.between(arrival.shadow as usize) {
-            Between::Nothing => 1.0,
-            // Only a recording probe wants to know what stands in which order.
-            Between::Opaque if !P::ACTIVE => 0.0,
-            between => {
-                let (ray, t_max) = self.bundle.ray(arrival.shadow as usize);
-                let ToLight { direction, distance, .. } = Towards::of(ways, arrival.stop as usize);
-                let footprint = generation.footprints.get(arrival.stop as usize);
-                let spread = footprint.map(|f| Spread::to_light(f.step, direction, f64::from(distance)));
-                self.world.through(&ray, t_max, self.time, spread.as_ref(), between, probe)
+        let position = source.point(point);
+        self.bundle.clear();
+        shadowed.clear();
+        for (number, (way, octet)) in ways.iter().zip(&*octets).enumerate() {
+            for lane in lanes(way.comes) {
+                let (stop, origin) = (number * STOPS + lane, octet.start(lane));
+                // Towards a point the ray ends there, at t = 1; towards infinity it has no end.
+                let (direction, t_max) = match arriving.get(stop).map_or(position, |arriving| arriving.position) {
+                    Some(position) => (position - origin, 1.0 - f32::EPSILON),
+                    None => (way.direction(lane).as_vec3(), f32::INFINITY),
+                };
+                shadowed.push(stop as u32);
+                self.bundle.push(Ray { origin, direction }, t_max);
             }
         }
-    }
-}
-
-impl Arrival {
-    /// The diffuse and the specular light, if f_s lets it arrive.
-    #[inline]
-    fn lit(&self, at: &Stop) -> [Rgb; 2] {
-        if !self.comes {
-            return [Rgb::BLACK; 2];
+        self.world.between_bundle(&mut self.bundle, self.time, &mut self.blockers[light as usize]);
+        self.counts.shadow.traced += shadowed.len() as u64;
+        for (shadow, &stop) in shadowed.iter().enumerate() {
+            let (way, lane) = (&mut ways[stop as usize / STOPS], stop as usize % STOPS);
+            let f_s = match self.bundle.between(shadow) {
+                Between::Nothing => continue,
+                // Only a recording probe wants to know what stands in which order.
+                Between::Opaque if !P::ACTIVE => 0.0,
+                between => {
+                    let (ray, t_max) = self.bundle.ray(shadow);
+                    let spread = generation.footprints.get(stop as usize).map(|footprint| {
+                        Spread::to_light(footprint.step, way.direction(lane), f64::from(way.distance[lane]))
+                    });
+                    self.world.through(&ray, t_max, self.time, spread.as_ref(), between, probe)
+                }
+            };
+            way.f_s[lane] = f_s;
+            self.counts.shadow.hit += u64::from(f_s == 0.0);
         }
-        let diffuse = at.material.diffuse(self.intensity, self.n_dot_l); // (5.32b)
-        let specular = (self.intensity * at.material.phong.ks).saturated() * self.highlight; // (5.38)
-        [diffuse, specular]
+    }
+
+    /// Tells a probe, for which there is one stop, what arrives there.
+    fn tell<P: Probe>(&self, lighting: &Lighting, (light, point): (u32, u32), at: &Stop, probe: &mut P) {
+        let (way, octet, source) = (&lighting.ways[0], &lighting.octets[0], self.source(light));
+        if !at.is_seen() {
+            return;
+        }
+        let [diffuse, specular, contribution] = way.terms(octet, 0);
+        let intensity = way.intensity(0);
+        probe.light(&LightTerm {
+            light,
+            point,
+            sampled: if source.is_sampled() { lighting.arriving[0].position } else { None },
+            direction: way.direction(0).as_vec3(),
+            distance: way.distance[0],
+            intensity,
+            n_dot_l: way.n_dot_l[0],
+            behind: way.n_dot_l[0] > 0.0 && !intensity.is_black() && is_behind(at, way, 0),
+            r_dot_l: way.r_dot_l[0],
+            f_s: way.f_s[0],
+            diffuse,
+            specular,
+            contribution,
+        });
     }
 }
