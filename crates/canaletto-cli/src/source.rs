@@ -250,19 +250,37 @@ fn advice(error: &BuildError) -> Option<&'static str> {
 /// Runs `work` on as many threads as the user wants.
 pub(crate) fn on_threads<T: Send>(threads: Option<u16>, work: impl FnOnce() -> T + Send) -> Result<T, Failure> {
     let threads = threads.map_or(0, usize::from);
-    let pool = rayon::ThreadPoolBuilder::new()
+    let mut pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .thread_name(|index| format!("canaletto-{index}"))
-        .stack_size(STACK)
-        .build()
-        .map_err(|e| {
-            Failure::new(Exit::Failed, format!("can't start {}: {}", plural(threads, "thread"), reason(&e)))
-        })?;
+        .stack_size(STACK);
+    if has_room() {
+        // Not to start a thread, and to wait for it to begin and to end, is a twentieth of a small picture's time.
+        pool = pool.use_current_thread();
+    }
+    let pool = pool.build().map_err(|e| {
+        Failure::new(Exit::Failed, format!("can't start {}: {}", plural(threads, "thread"), reason(&e)))
+    })?;
     Ok(pool.install(work))
 }
 
 /// Room for rays of depth 256 and groups as deep as a world allows.
 const STACK: usize = 16 << 20;
+
+/// Whether this thread's stack has as much room. Linux lets the first thread's grow up to a limit that may be raised while it runs, as
+/// it keeps 128 MiB free for it.
+#[cfg(target_os = "linux")]
+fn has_room() -> bool {
+    use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+    let Rlimit { current, maximum } = getrlimit(Resource::Stack);
+    let enough = |limit: Option<u64>| limit.is_none_or(|limit| limit >= STACK as u64);
+    enough(current) || setrlimit(Resource::Stack, Rlimit { current: Some(STACK as u64), maximum }).is_ok()
+}
+
+#[cfg(not(target_os = "linux"))]
+fn has_room() -> bool {
+    false
+}
 
 /// Remembers what is read.
 struct Recording {
