@@ -234,15 +234,15 @@ impl Towards {
 
     /// The diffuse, the specular and the whole light that arrives at a stop.
     pub(super) fn terms(&self, octet: &Octet, lane: usize) -> [Rgb; 3] {
-        let mut terms = [[0.0; 3]; 3];
-        if self.comes >> lane & 1 == 1 {
-            for c in 0..3 {
-                let diffuse = [octet.kd[c][lane], self.n_dot_l[lane]];
-                let both = lit(self.intensity[c][lane], diffuse, [octet.ks[c][lane], self.highlight[lane]]);
-                [terms[0][c], terms[1][c], terms[2][c]] = [both[0], both[1], contribution(both, self.f_s[lane])];
-            }
+        if self.comes >> lane & 1 == 0 {
+            return [Rgb::BLACK; 3];
         }
-        terms.map(Rgb::from)
+        let both: [[f32; 2]; 3] = std::array::from_fn(|c| {
+            let diffuse = [octet.kd[c][lane], self.n_dot_l[lane]];
+            lit(self.intensity[c][lane], diffuse, [octet.ks[c][lane], self.highlight[lane]])
+        });
+        let whole = both.map(|both| contribution(both, self.f_s[lane]));
+        [both.map(|[diffuse, _]| diffuse), both.map(|[_, specular]| specular), whole].map(Rgb::from)
     }
 
     #[inline(always)]
