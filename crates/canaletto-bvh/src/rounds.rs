@@ -4,7 +4,7 @@ mod leaves;
 
 use crate::memory::in_large_pages;
 use crate::packet::rounds::Field;
-use crate::packet::{self, Left, Packet, RAYS};
+use crate::packet::{self, Packet, Query};
 use crate::round::{Ask, Block, LANES, Met, Rough, Round};
 use crate::{Aabb, BuildError, Bvh, PreparedRay, Quality, Ray, Statistics};
 pub(crate) use leaves::offer;
@@ -145,13 +145,7 @@ impl Rounds {
     /// # Panics
     /// If there are not as many `nearest` as rays.
     pub fn intersect_coherent(&self, rays: &[Ray], nearest: &mut [Met], ask: &impl Ask) {
-        assert_eq!(rays.len(), nearest.len());
-        let (field, mut packet, mut left) = (self.field(ask), Packet::new(), Left::default());
-        for (number, (rays, nearest)) in rays.chunks(RAYS).zip(nearest.chunks_mut(RAYS)).enumerate() {
-            let outcome = packet::rounds::closest(field, &mut packet, rays, nearest);
-            left.add(number, outcome.apart | outcome.again, rays);
-        }
-        left.serve(nearest, |rays, nearest| self.intersect_stream(&prepared(rays), nearest, ask));
+        packet::coherent(&Coherent { rounds: self, ask }, rays, nearest);
     }
 
     fn field<'a, A: Ask>(&'a self, ask: &'a A) -> Field<'a, A> {
@@ -163,13 +157,7 @@ impl Rounds {
     /// # Panics
     /// If there are not as many `t_max` as rays.
     pub fn occluded_coherent(&self, rays: &[Ray], t_max: &mut [f32], ask: &impl Ask) {
-        assert_eq!(rays.len(), t_max.len());
-        let (field, mut packet, mut left) = (self.field(ask), Packet::new(), Left::default());
-        for (number, (rays, t_max)) in rays.chunks(RAYS).zip(t_max.chunks_mut(RAYS)).enumerate() {
-            let outcome = packet::rounds::any(field, &mut packet, rays, t_max);
-            left.add(number, outcome.apart, rays);
-        }
-        left.serve(t_max, |rays, t_max| self.occluded_stream(&prepared(rays), t_max, ask));
+        packet::coherent(&Coherent { rounds: self, ask }, rays, t_max);
     }
 
     /// The place, as [`Rounds::blocks`] takes it, of a primitive that is met at or before `t_max` and for whose id `counts` holds.
@@ -216,6 +204,39 @@ impl Rounds {
     }
 }
 
+/// What is asked about rays that go together.
+struct Coherent<'a, A> {
+    rounds: &'a Rounds,
+    ask: &'a A,
+}
+
+/// The nearest primitives.
+impl<A: Ask> Query<Met> for Coherent<'_, A> {
+    const AGAIN: bool = false;
+
+    fn together(&self, packet: &mut Packet, rays: &[Ray], nearest: &mut [Met]) -> u64 {
+        let outcome = packet::rounds::closest(self.rounds.field(self.ask), packet, rays, nearest);
+        outcome.apart | outcome.again
+    }
+
+    fn apart(&self, rays: &[Ray], nearest: &mut [Met]) {
+        self.rounds.intersect_stream(&prepared(rays), nearest, self.ask);
+    }
+}
+
+/// Whether there is any, by −∞.
+impl<A: Ask> Query<f32> for Coherent<'_, A> {
+    const AGAIN: bool = false;
+
+    fn together(&self, packet: &mut Packet, rays: &[Ray], t_max: &mut [f32]) -> u64 {
+        packet::rounds::any(self.rounds.field(self.ask), packet, rays, t_max).apart
+    }
+
+    fn apart(&self, rays: &[Ray], t_max: &mut [f32]) {
+        self.rounds.occluded_stream(&prepared(rays), t_max, self.ask);
+    }
+}
+
 fn prepared(rays: &[Ray]) -> Vec<PreparedRay> {
     rays.iter().map(Ray::prepare).collect()
 }
@@ -223,6 +244,7 @@ fn prepared(rays: &[Ray]) -> Vec<PreparedRay> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::packet::RAYS;
     use crate::round::Asked;
     use crate::testing::{Primitive, Random, awkward_ray, nearest, zoo};
     use crate::triangle::{self, Triangle};

@@ -4,9 +4,9 @@ mod leaves;
 
 use crate::block::{Block, Bound, Scene, Search};
 use crate::build::{Items, copies};
-use crate::memory::{in_large_pages, prefetch_all};
+use crate::memory::in_large_pages;
 use crate::node::Node;
-use crate::packet::{self, Left, Packet, RAYS};
+use crate::packet::{self, Packet, Query};
 use crate::triangle;
 use crate::{Aabb, BuildError, Bvh, Leaf, PreparedRay, Quality, Ray, Statistics};
 use glam::Vec3;
@@ -161,30 +161,7 @@ impl Triangles {
     /// # Panics
     /// If there are not as many `nearest` as rays.
     pub fn intersect_coherent(&self, rays: &[Ray], nearest: &mut [Nearest], front_only: bool) {
-        self.closest_in_packets(rays, nearest, front_only, true);
-    }
-
-    /// In packets; what these leave, too, if they are to try it `again`.
-    fn closest_in_packets(&self, rays: &[Ray], nearest: &mut [Nearest], front_only: bool, again: bool) {
-        assert_eq!(rays.len(), nearest.len());
-        let (scene, mut packet, mut left) = (self.scene(front_only), Packet::new(), Left::default());
-        let mut next = rays.chunks(RAYS).skip(1);
-        for (number, (rays, nearest)) in rays.chunks(RAYS).zip(nearest.chunks_mut(RAYS)).enumerate() {
-            prefetch_all(next.next().unwrap_or_default());
-            let outcome = packet::closest(scene, &mut packet, rays, nearest);
-            left.add(number, outcome.apart, rays);
-            for i in (0..rays.len()).filter(|i| outcome.again >> i & 1 == 1) {
-                self.intersect_at_once(&rays[i].prepare(), &mut nearest[i], front_only);
-            }
-        }
-        let again = again && left.are_few_of(rays.len());
-        left.serve(nearest, |rays, nearest| {
-            if again {
-                self.closest_in_packets(rays, nearest, front_only, false);
-            } else {
-                self.intersect_stream(rays, nearest, front_only);
-            }
-        });
+        packet::coherent(&Coherent { triangles: self, front_only }, rays, nearest);
     }
 
     fn scene(&self, front_only: bool) -> Scene<'_> {
@@ -196,26 +173,7 @@ impl Triangles {
     /// # Panics
     /// If there are not as many `t_max` as rays.
     pub fn occluded_coherent(&self, rays: &[Ray], t_max: &mut [f32], front_only: bool) {
-        self.any_in_packets(rays, t_max, front_only, true);
-    }
-
-    fn any_in_packets(&self, rays: &[Ray], t_max: &mut [f32], front_only: bool, again: bool) {
-        assert_eq!(rays.len(), t_max.len());
-        let (scene, mut packet, mut left) = (self.scene(front_only), Packet::new(), Left::default());
-        let mut next = rays.chunks(RAYS).skip(1);
-        for (number, (rays, t_max)) in rays.chunks(RAYS).zip(t_max.chunks_mut(RAYS)).enumerate() {
-            prefetch_all(next.next().unwrap_or_default());
-            let outcome = packet::any(scene, &mut packet, rays, t_max);
-            left.add(number, outcome.apart, rays);
-        }
-        let again = again && left.are_few_of(rays.len());
-        left.serve(t_max, |rays, t_max| {
-            if again {
-                self.any_in_packets(rays, t_max, front_only, false);
-            } else {
-                self.occluded_stream(rays, t_max, front_only);
-            }
-        });
+        packet::coherent(&Coherent { triangles: self, front_only }, rays, t_max);
     }
 
     /// The place, as [`Triangles::blocks`] takes it, of a triangle that is met at or before `t_max` and for whose id `counts` holds, or for
@@ -302,10 +260,47 @@ impl Triangles {
     }
 }
 
+/// What is asked about rays that go together.
+struct Coherent<'a> {
+    triangles: &'a Triangles,
+    front_only: bool,
+}
+
+/// The nearest triangles.
+impl Query<Nearest> for Coherent<'_> {
+    const AGAIN: bool = true;
+
+    fn together(&self, packet: &mut Packet, rays: &[Ray], nearest: &mut [Nearest]) -> u64 {
+        let outcome = packet::closest(self.triangles.scene(self.front_only), packet, rays, nearest);
+        for i in (0..rays.len()).filter(|i| outcome.again >> i & 1 == 1) {
+            self.triangles.intersect_at_once(&rays[i].prepare(), &mut nearest[i], self.front_only);
+        }
+        outcome.apart
+    }
+
+    fn apart(&self, rays: &[Ray], nearest: &mut [Nearest]) {
+        self.triangles.intersect_stream(rays, nearest, self.front_only);
+    }
+}
+
+/// Whether there is any, by −∞.
+impl Query<f32> for Coherent<'_> {
+    const AGAIN: bool = true;
+
+    fn together(&self, packet: &mut Packet, rays: &[Ray], t_max: &mut [f32]) -> u64 {
+        packet::any(self.triangles.scene(self.front_only), packet, rays, t_max).apart
+    }
+
+    fn apart(&self, rays: &[Ray], t_max: &mut [f32]) {
+        self.triangles.occluded_stream(rays, t_max, self.front_only);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::InstructionSet;
+    use crate::packet::RAYS;
     use crate::testing::{Primitive, Random, awkward_ray, nearest, zoo};
 
     /// The triangles of each scene that has some, by themselves and in trees of each quality.

@@ -7,8 +7,8 @@
 //! order. Where a lane would leave the straight way (edges, products that nearly cancel, triangles without area), that ray
 //! is served alone.
 
+mod coherent;
 mod group;
-mod left;
 mod look;
 mod round;
 pub(crate) mod rounds;
@@ -22,9 +22,9 @@ use crate::node::Places;
 use crate::ray::Way;
 use crate::triangles::Nearest;
 use crate::{PreparedRay, Ray};
+pub(crate) use coherent::{Query, coherent};
 use glam::Vec3;
 use group::{Corners, Group, Interval, NOTHING};
-pub(crate) use left::Left;
 use look::{Terms, Told, Which};
 use walk::{GROUPS, Walk};
 
