@@ -63,8 +63,6 @@ pub(crate) trait Vector:
     const PARTS: usize = SIXTEEN / Self::LANES;
     /// How many parts eight numbers have.
     const PARTS_OF_EIGHT: usize = if Self::LANES < WIDTH { WIDTH / Self::LANES } else { 1 };
-    /// Whether some lanes are stored by reading all: then it pays to look first whether there are any.
-    const BLENDS: bool = true;
     /// From so many rays of a group on it pays to test a triangle exactly for all sixteen.
     const SEVERAL: u32 = 4;
 
@@ -74,7 +72,8 @@ pub(crate) trait Vector:
     /// To a part of a row.
     fn store(self, row: &mut Row<f32>, part: usize);
 
-    /// Leaves those lanes alone that are not in the mask.
+    /// Leaves those lanes alone that are not in the mask: reads all and writes all, as instructions that write some are slow on processors of
+    /// AMD's, and what they wrote reaches the next read late. (With AVX, a volatile read keeps the compiler from making one of these of it.)
     fn store_where(self, mask: Self::Mask, row: &mut Row<f32>, part: usize);
 
     /// The same with one number.

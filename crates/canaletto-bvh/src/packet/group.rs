@@ -167,9 +167,8 @@ impl Group {
                 let sure = (least.less_or_equal(size) & size.less(infinity)) | size.less_or_equal(zero);
                 S::Vector::select(sure, along, s.splat(f32::NAN)).store(&mut self.shear[k], part);
             }
-            let t = S::Vector::select(fit, s.load(&self.t_max, part), s.splat(f32::NEG_INFINITY));
-            t.store(&mut self.t_max, part);
-            t.store(&mut self.low, part);
+            s.splat(f32::NEG_INFINITY).store_where(!fit, &mut self.t_max, part);
+            s.load(&self.t_max, part).store(&mut self.low, part);
             self.part |= S::Vector::bits(fit, part);
         }
         self.waits = Row([NOTHING; SIXTEEN]);

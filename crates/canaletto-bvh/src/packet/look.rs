@@ -233,7 +233,7 @@ impl Group {
         which: Which,
         waiting: &mut Corners,
     ) {
-        if S::Vector::BLENDS && S::Vector::lanes(rays) == 0 {
+        if S::Vector::lanes(rays) == 0 {
             return;
         }
         high.store_where(rays, &mut self.t_max, part);

@@ -99,16 +99,19 @@ impl Vector for Ymm {
 
     #[inline(always)]
     fn store_where(self, mask: YmmMask, row: &mut Row<f32>, part: usize) {
-        let old = WithAvx2(()).load(row, part);
-        Self::select(mask, self, old).store(row, part);
+        unsafe {
+            let old = row.0[8 * part..8 * part + 8].as_ptr().cast::<__m256>().read_volatile(); // See `Vector::store_where`.
+            Self::select(mask, self, Self(old)).store(row, part);
+        }
     }
 
     #[inline(always)]
     fn put_where(mask: YmmMask, value: u32, row: &mut Row<u32>, part: usize) {
         unsafe {
-            let place = row.0[8 * part..8 * part + 8].as_mut_ptr().cast::<f32>();
+            let place = row.0[8 * part..8 * part + 8].as_mut_ptr();
             let value = _mm256_castsi256_ps(_mm256_set1_epi32(value as i32));
-            _mm256_store_ps(place, _mm256_blendv_ps(_mm256_load_ps(place), value, mask.0));
+            let old = place.cast::<__m256>().read_volatile();
+            _mm256_store_ps(place.cast(), _mm256_blendv_ps(old, value, mask.0));
         }
     }
 

@@ -70,7 +70,6 @@ impl Instructions for WithAvx512 {
 
 impl Vector for Zmm {
     const LANES: usize = 16;
-    const BLENDS: bool = false;
     const SEVERAL: u32 = 1;
     type Mask = __mmask16;
 
@@ -81,12 +80,18 @@ impl Vector for Zmm {
 
     #[inline(always)]
     fn store_where(self, mask: __mmask16, row: &mut Row<f32>, _part: usize) {
-        unsafe { _mm512_mask_store_ps(row.0.as_mut_ptr(), mask, self.0) }
+        unsafe {
+            let old = row.0.as_ptr().cast::<__m512>().read_volatile(); // See `Vector::store_where`.
+            Self::select(mask, self, Self(old)).store(row, 0);
+        }
     }
 
     #[inline(always)]
     fn put_where(mask: __mmask16, value: u32, row: &mut Row<u32>, _part: usize) {
-        unsafe { _mm512_mask_store_epi32(row.0.as_mut_ptr().cast(), mask, _mm512_set1_epi32(value as i32)) }
+        unsafe {
+            let place = row.0.as_mut_ptr().cast::<__m512i>();
+            _mm512_store_si512(place, _mm512_mask_set1_epi32(place.read_volatile(), mask, value as i32));
+        }
     }
 
     #[inline(always)]
