@@ -5,7 +5,7 @@
 use crate::lanes::{Instructions, Row, SIXTEEN, Vector};
 use crate::node::Node;
 use crate::ray::Way;
-use crate::slab::{self, INFLATE, WIDTH};
+use crate::slab::{INFLATE, WIDTH};
 use crate::{Nearest, Ray};
 use glam::Vec3;
 
@@ -47,13 +47,6 @@ impl Interval {
     /// Of no rays.
     pub(super) const NONE: Self =
         Self { origin: [f32::INFINITY, f32::NEG_INFINITY], reciprocal: [f32::INFINITY, f32::NEG_INFINITY] };
-
-    /// The interval of the rays of both.
-    #[inline(always)]
-    pub(super) fn union(self, other: Self) -> Self {
-        let both = |[a, b]: [f32; 2], [c, d]: [f32; 2]| [slab::min(a, c), slab::max(b, d)];
-        Self { origin: both(self.origin, other.origin), reciprocal: both(self.reciprocal, other.reciprocal) }
-    }
 }
 
 #[inline(always)]
@@ -77,15 +70,34 @@ fn transpose(rays: &[Ray], origin: &mut [Row<f32>; 3], direction: &mut [Row<f32>
     }
 }
 
-/// The smallest and the largest of those numbers that take part, of which there is one in lane `first`.
-#[inline(always)]
-fn ends<S: Instructions>(s: S, rays: u32, row: &Row<f32>, first: usize) -> [f32; 2] {
-    let (mut low, mut high) = (s.splat(row.0[first]), s.splat(row.0[first]));
-    for part in 0..S::Vector::PARTS {
-        let all = S::Vector::select(s.mask(rays, part), s.load(row, part), s.splat(row.0[first]));
-        (low, high) = (low.min(all), high.max(all));
+/// The smallest and the largest of numbers, in each lane.
+pub(super) struct Ends<N> {
+    low: N,
+    high: N,
+}
+
+impl<N: Vector> Ends<N> {
+    /// Of no numbers.
+    #[inline(always)]
+    pub(super) fn none<S: Instructions<Vector = N>>(s: S) -> Self {
+        Self { low: s.splat(f32::INFINITY), high: s.splat(f32::NEG_INFINITY) }
     }
-    [-(s.splat(0.0) - low).largest(), high.largest()]
+
+    /// With those numbers of a row that take part.
+    #[inline(always)]
+    pub(super) fn widen<S: Instructions<Vector = N>>(&mut self, s: S, rays: u32, row: &Row<f32>) {
+        for part in 0..N::PARTS {
+            let (mask, numbers) = (s.mask(rays, part), s.load(row, part));
+            self.low = self.low.min(N::select(mask, numbers, self.low));
+            self.high = self.high.max(N::select(mask, numbers, self.high));
+        }
+    }
+
+    /// Of all lanes.
+    #[inline(always)]
+    pub(super) fn of_all<S: Instructions<Vector = N>>(self, s: S) -> [f32; 2] {
+        [-(s.splat(0.0) - self.low).largest(), self.high.largest()]
+    }
 }
 
 impl Group {
@@ -110,7 +122,7 @@ impl Group {
         rays: &[Ray],
         told: &[T],
         t_max: impl Fn(&T) -> f32,
-    ) -> Option<(Way, [Interval; 3])> {
+    ) -> Option<Way> {
         // Nearly always it is the first; which is told only after divisions.
         let mut way = Way::of(&rays[0]);
         transpose(rays, &mut self.origin, &mut self.direction);
@@ -173,13 +185,7 @@ impl Group {
         }
         self.waits = Row([NOTHING; SIXTEEN]);
         self.known = Row([Nearest::NONE; SIXTEEN]);
-        let mut intervals = [Interval::NONE; 3];
-        for axis in 0..3 {
-            let (o, r) = (&origin[axis], &self.reciprocal[axis]);
-            intervals[axis] =
-                Interval { origin: ends(s, self.part, o, first), reciprocal: ends(s, self.part, r, first) };
-        }
-        Some((way, intervals))
+        Some(way)
     }
 
     /// The parts with rays that meet the box in this lane of a node.

@@ -24,7 +24,7 @@ use crate::triangles::Nearest;
 use crate::{PreparedRay, Ray};
 pub(crate) use coherent::{Query, coherent};
 use glam::Vec3;
-use group::{Corners, Group, Interval, NOTHING};
+use group::{Corners, Ends, Group, Interval, NOTHING};
 use look::{Terms, Told, Which};
 use walk::{GROUPS, Walk};
 
@@ -45,7 +45,6 @@ pub(crate) struct Packet {
     groups: [Group; GROUPS],
     /// Of the triangles that wait.
     corners: [Corners; GROUPS],
-    intervals: [[Interval; 3]; GROUPS],
     len: usize,
     way: Way,
     walk: Walk,
@@ -57,7 +56,6 @@ impl Packet {
         Self {
             groups: [Group::EMPTY; GROUPS],
             corners: [[[Row([0.0; SIXTEEN]); 3]; 3]; GROUPS],
-            intervals: [[Interval::NONE; 3]; GROUPS],
             len: 0,
             way: Way::FORWARDS,
             walk: Walk::new(),
@@ -66,12 +64,15 @@ impl Packet {
 
     /// What all rays that take part lie between.
     #[inline(always)]
-    fn hull(&self) -> [Interval; 3] {
+    fn hull<S: Instructions>(&self, s: S) -> [Interval; 3] {
         let mut hull = [Interval::NONE; 3];
-        for (group, intervals) in self.groups.iter().zip(&self.intervals).take(self.len) {
-            if group.part != 0 {
-                hull = [0, 1, 2].map(|axis| hull[axis].union(intervals[axis]));
+        for (axis, interval) in hull.iter_mut().enumerate() {
+            let (mut origin, mut reciprocal) = (Ends::none(s), Ends::none(s));
+            for group in &self.groups[..self.len] {
+                origin.widen(s, group.part, &group.origin[axis]);
+                reciprocal.widen(s, group.part, &group.reciprocal[axis]);
             }
+            *interval = Interval { origin: origin.of_all(s), reciprocal: reciprocal.of_all(s) };
         }
         hull
     }
@@ -86,7 +87,7 @@ impl Packet {
     /// Starts the way, and tells what all rays lie between.
     #[inline(always)]
     fn start<S: Instructions>(&mut self, s: S) -> [Interval; 3] {
-        let hull = self.hull();
+        let hull = self.hull(s);
         self.walk.start(usize::from(self.way.octant), hull);
         for i in 0..self.len {
             self.walk.limit(i, self.groups[i].farthest(s));
@@ -273,9 +274,8 @@ macro_rules! in_packets {
         let mut next = 0;
         let mut waiting = None;
         loop {
-            if let Some((way, intervals)) = waiting.take() {
+            if let Some(way) = waiting.take() {
                 $packet.way = way;
-                $packet.intervals[0] = intervals;
                 $packet.len = 1;
             }
             while next < $rays.len() {
@@ -287,13 +287,12 @@ macro_rules! in_packets {
                 group.first = first;
                 let gathered = group.gather($s, rays, &$told[first..next], $t_max);
                 $outcome.apart |= u64::from(!group.part & (u32::MAX >> (32 - rays.len()))) << first;
-                let Some((way, intervals)) = gathered else { continue };
+                let Some(way) = gathered else { continue };
                 if len > 0 && way != $packet.way {
                     waiting = gathered;
                     break;
                 }
                 $packet.way = way;
-                $packet.intervals[len] = intervals;
                 $packet.len += 1;
             }
             if $packet.len == 0 {
