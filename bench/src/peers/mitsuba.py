@@ -15,8 +15,10 @@ variant = sys.argv[1]
 mitsuba.set_variant(variant)
 if len(sys.argv) == 2:
     if variant.startswith("llvm"):
-        # Some versions are found, and abort when they compile.
-        drjit.eval(drjit.arange(mitsuba.Float, 3) + 1)
+        # Some versions of LLVM are found, and abort when they compile; others, not before it is more than a sum.
+        box = mitsuba.cornell_box()
+        box["sensor"]["film"] |= {"width": 4, "height": 4}
+        drjit.eval(mitsuba.render(mitsuba.load_dict(box), spp=1))
     sys.exit()
 
 threads, scene, picture, seconds = sys.argv[2:]
