@@ -12,7 +12,7 @@ use canaletto_bench::peers::stages::{self, Stage};
 use canaletto_bench::peers::statistics::Clock;
 use canaletto_bench::peers::{build, clouds, instances, load, pictures, recursion, trace};
 use canaletto_bench::say;
-use canaletto_bvh::Quality as Own;
+use canaletto_bvh::{InstructionSet, Quality as Own};
 use clap::{Parser, Subcommand};
 
 #[derive(Parser)]
@@ -106,6 +106,32 @@ struct Rays {
     /// Embree's mode for less memory.
     #[arg(long)]
     compact: bool,
+    /// The instructions that both sides may use at most, as if the machine had no others.
+    #[arg(long, value_enum)]
+    instructions: Option<Instructions>,
+}
+
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum Instructions {
+    Baseline,
+    Avx2,
+    Avx512,
+}
+
+impl Instructions {
+    /// Keeps us and Embree from all beyond.
+    fn limit(self) -> Result<(), String> {
+        let set = match self {
+            Self::Baseline => InstructionSet::Baseline,
+            Self::Avx2 => InstructionSet::Avx2,
+            Self::Avx512 => InstructionSet::Avx512,
+        };
+        if !InstructionSet::available().contains(&set) {
+            return Err(format!("this machine has no {set:?}"));
+        }
+        set.limit();
+        Ok(())
+    }
 }
 
 fn size(text: &str) -> Result<[u32; 2], String> {
@@ -134,24 +160,27 @@ fn run(arguments: Arguments) -> Result<(), String> {
         return Err("--threads takes numbers above 0".into());
     }
     let rounds = usize::from(rounds);
-    let of_rays = |Rays { mesh, sets, quality, high, robust, compact }, threads| trace::Options {
-        meshes: meshes(mesh),
-        sets,
-        threads,
-        clock,
-        size,
-        rounds,
-        settings: Settings { quality, robust, compact },
-        own: if high { Own::High } else { Own::Medium },
+    let of_rays = |Rays { mesh, sets, quality, high, robust, compact, instructions }, threads| {
+        instructions.map_or(Ok(()), Instructions::limit)?;
+        Ok::<_, String>(trace::Options {
+            meshes: meshes(mesh),
+            sets,
+            threads,
+            clock,
+            size,
+            rounds,
+            settings: Settings { quality, robust, compact },
+            own: if high { Own::High } else { Own::Medium },
+        })
     };
     let report = match what {
-        What::Rays(rays) => trace::run(&of_rays(rays, threads))?,
+        What::Rays(rays) => trace::run(&of_rays(rays, threads)?)?,
         What::Instances { mesh } => {
             let settings = Settings { quality: Quality::High, robust: false, compact: false };
             let (meshes, sets) = (vec![mesh], Vec::new());
             instances::run(&trace::Options { meshes, sets, threads, clock, size, rounds, settings, own: Own::Medium })?
         }
-        What::Clouds(rays) => clouds::run(&of_rays(rays, threads))?,
+        What::Clouds(rays) => clouds::run(&of_rays(rays, threads)?)?,
         What::Build { mesh } => build::run(&build::Options { meshes: meshes(mesh), threads, clock, rounds })?,
         What::Pictures { stages, slow } => {
             pictures::run(&pictures::Options { stages, threads, clock, size, rounds, slow })?

@@ -9,6 +9,7 @@
 use std::ffi::{CString, c_char, c_void};
 use std::sync::atomic::{AtomicIsize, Ordering};
 
+use canaletto_bvh::InstructionSet;
 use glam::Vec3;
 use libloading::Library;
 
@@ -217,10 +218,15 @@ unsafe impl Send for Embree {}
 unsafe impl Sync for Embree {}
 
 impl Embree {
-    /// Loads the library; else says what to install.
+    /// Loads the library, which will use no instructions beyond [`InstructionSet::current`]; else says what to install.
     pub fn new(threads: usize) -> Result<Self, String> {
         let functions = Functions::load()?;
-        let config = CString::new(format!("threads={threads}")).map_err(|e| e.to_string())?;
+        let instructions = match InstructionSet::current() {
+            InstructionSet::Baseline => "sse2",
+            InstructionSet::Avx2 => "avx2",
+            InstructionSet::Avx512 => "avx512",
+        };
+        let config = CString::new(format!("threads={threads},max_isa={instructions}")).map_err(|e| e.to_string())?;
         // SAFETY: a string that ends in 0.
         let device = unsafe { (functions.new_device)(config.as_ptr()) };
         if device.is_null() {
