@@ -52,7 +52,7 @@ fn trace<T: Copy, Q: Query<T>>(query: &Q, rays: &[Ray], told: &mut [T], again: b
     memory.give_back();
 }
 
-/// A packet and the rays that packets leave: kept for the next rays of the thread, since to clear it takes about as long as to trace ten.
+/// A packet and the rays that packets leave: kept for the next rays of the thread, since to clear it takes as long as to trace several.
 struct Memory {
     packet: Packet,
     left: Left,
