@@ -218,15 +218,16 @@ unsafe impl Send for Embree {}
 unsafe impl Sync for Embree {}
 
 impl Embree {
-    /// Loads the library, which will use no instructions beyond [`InstructionSet::current`]; else says what to install.
+    /// Loads the library, limited to the instructions that we are if somebody [limited](InstructionSet::limit) us; else says what to install.
     pub fn new(threads: usize) -> Result<Self, String> {
         let functions = Functions::load()?;
-        let instructions = match InstructionSet::current() {
-            InstructionSet::Baseline => "sse2",
-            InstructionSet::Avx2 => "avx2",
-            InstructionSet::Avx512 => "avx512",
+        let limit = match InstructionSet::current() {
+            // It may have kernels for what lies between our sets.
+            set if InstructionSet::available().last() == Some(&set) => "",
+            InstructionSet::Baseline => ",max_isa=sse2",
+            InstructionSet::Avx2 | InstructionSet::Avx512 => ",max_isa=avx2",
         };
-        let config = CString::new(format!("threads={threads},max_isa={instructions}")).map_err(|e| e.to_string())?;
+        let config = CString::new(format!("threads={threads}{limit}")).map_err(|e| e.to_string())?;
         // SAFETY: a string that ends in 0.
         let device = unsafe { (functions.new_device)(config.as_ptr()) };
         if device.is_null() {
