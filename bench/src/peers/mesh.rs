@@ -70,7 +70,8 @@ impl Mesh {
 
     /// The corners of a triangle.
     pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
-        self.triangles[triangle].map(|i| self.positions[i as usize])
+        let [a, b, c] = self.triangles[triangle];
+        [self.positions[a as usize], self.positions[b as usize], self.positions[c as usize]]
     }
 
     /// The largest size of a coordinate.

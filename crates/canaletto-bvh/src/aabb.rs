@@ -1,10 +1,11 @@
 //! Axis-aligned boxes.
 
 use crate::slab;
+use bytemuck::Zeroable;
 use glam::Vec3;
 
 /// The points between two corners, both included.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Zeroable)]
 pub struct Aabb {
     /// The corner of least coordinates.
     pub min: Vec3,

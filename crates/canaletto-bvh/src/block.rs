@@ -55,22 +55,19 @@ const ID: u32 = (1 << ID_BITS) - 1;
 impl Block {
     /// A block of 1 to 4 triangles, each with its id.
     pub(crate) fn new(triangles: impl Iterator<Item = (u32, [Vec3; 3])>) -> Self {
-        let mut block = Self { corners: [[Vec4::INFINITY; 3]; 3], ids: [ID; 4] };
+        let (mut ids, mut all) = ([ID; 4], [[Vec3::INFINITY; 3]; 4]);
         let mut size = 0.0f32;
-        for (lane, (id, corners)) in triangles.enumerate() {
-            block.ids[lane] = id;
+        for ((own_id, own), (id, corners)) in ids.iter_mut().zip(&mut all).zip(triangles) {
+            (*own_id, *own) = (id, corners);
             let bounds = Aabb::from_points(corners);
             size = size.max((bounds.max - bounds.min).max_element());
-            for (rows, corner) in block.corners.iter_mut().zip(corners) {
-                for (row, coordinate) in rows.iter_mut().zip(corner.to_array()) {
-                    row[lane] = coordinate;
-                }
-            }
         }
         let exponent = (size.to_bits() >> 23) + 1;
-        block.ids[2] |= exponent << ID_BITS;
-        block.ids[3] |= exponent >> 4 << ID_BITS;
-        block
+        ids[2] |= exponent << ID_BITS;
+        ids[3] |= exponent >> 4 << ID_BITS;
+        let [a, b, c, d] = all;
+        let row = |i: usize, k: usize| Vec4::new(a[i][k], b[i][k], c[i][k], d[i][k]);
+        Self { corners: [0, 1, 2].map(|i| [row(i, 0), row(i, 1), row(i, 2)]), ids }
     }
 
     /// How many triangles there are.

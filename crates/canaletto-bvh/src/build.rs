@@ -43,10 +43,11 @@ mod widen;
 
 use std::sync::{Mutex, PoisonError};
 
+use bytemuck::Zeroable;
 use glam::Vec3;
-use rayon::prelude::*;
 
 use crate::Aabb;
+use crate::memory::{collected, in_large_pages, zeros};
 use bins::{Bins, Measure, Plan};
 pub(crate) use item::Items;
 use item::{Box8, Centers, Corners, Extent, Item};
@@ -102,13 +103,13 @@ pub enum BuildError {
 }
 
 /// A node of a binary tree in depth-first order, where the left child comes next.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Zeroable)]
 pub(crate) struct Binary {
     pub(crate) bounds: Aabb,
     /// The first slot of a leaf and how many more it has; the distance to the right child of a node.
     link: u32,
-    /// How a node becomes part of a wide one; none for a leaf.
-    lanes: Option<Lanes>,
+    /// How a node becomes part of a wide one.
+    lanes: Lanes,
 }
 
 /// Bits for the first slot of a leaf.
@@ -117,11 +118,11 @@ const _: () = assert!(MAX_LEAF <= 1 << (32 - FIRST_BITS) && size_of::<Binary>() 
 
 impl Binary {
     fn leaf(bounds: &Box8, first: u32, count: usize) -> Self {
-        Self { bounds: bounds.aabb(), link: first | (count as u32 - 1) << FIRST_BITS, lanes: None }
+        Self { bounds: bounds.aabb(), link: first | (count as u32 - 1) << FIRST_BITS, lanes: Lanes::LEAF }
     }
 
     pub(crate) fn is_leaf(&self) -> bool {
-        self.lanes.is_none()
+        self.lanes == Lanes::LEAF
     }
 
     /// The first slot of a leaf.
@@ -141,7 +142,7 @@ impl Binary {
 
     /// How many of 2 to 8 lanes that this subtree may take go to its left child; None if it takes a single one.
     pub(crate) fn left_lanes(&self, lanes: usize) -> Option<usize> {
-        self.lanes?.left(lanes)
+        self.lanes.left(lanes)
     }
 
     /// The children of this node, which lies at `index`.
@@ -171,7 +172,9 @@ pub(crate) fn build(items: Items<'_>, block: usize, quality: Quality) -> Built {
         let measure = Measure { block: block as u32, scale: extent.bounds.scale() };
         let most_levels = (levels(items.len()) + LEVELS_TO_SPARE).min(MAX_DEPTH);
         let builder = Builder { measure, most_levels, corners, copies: Mutex::new(Vec::new()) };
-        builder.subtree(&mut items, 0, 0, extent).0.flatten(&mut nodes);
+        let tree = builder.subtree(&mut items, 0, 0, extent).0;
+        nodes = zeros(tree.len());
+        tree.place(&mut nodes);
         copies = builder.copies.into_inner().unwrap_or_else(PoisonError::into_inner);
         copies.sort_unstable();
         copies.dedup();
@@ -180,7 +183,7 @@ pub(crate) fn build(items: Items<'_>, block: usize, quality: Quality) -> Built {
         }
     }
     let root = nodes.first().map_or(Aabb::EMPTY, |root| root.bounds);
-    Built { nodes, order: items.par_iter().map(Item::id).collect(), bounds: whole.unwrap_or(root), copies }
+    Built { nodes, order: collected(items.len(), |slot| items[slot].id()), bounds: whole.unwrap_or(root), copies }
 }
 
 /// A tree in the pieces that threads built.
@@ -197,17 +200,16 @@ impl Subtree {
         }
     }
 
-    fn flatten(self, nodes: &mut Vec<Binary>) {
-        nodes.reserve_exact(if nodes.is_empty() { self.len() } else { 0 });
+    /// Puts the pieces where they belong among as many nodes.
+    fn place(self, nodes: &mut [Binary]) {
         match self {
-            Self::Whole(mut own) => nodes.append(&mut own),
+            Self::Whole(own) => nodes.copy_from_slice(&own),
             Self::Split(bounds, lanes, halves) => {
-                let index = nodes.len();
-                nodes.push(Binary { bounds: bounds.aabb(), link: 0, lanes: Some(lanes) });
                 let [left, right] = *halves;
-                left.flatten(nodes);
-                nodes[index].link = (nodes.len() - index) as u32;
-                right.flatten(nodes);
+                let Some((root, rest)) = nodes.split_first_mut() else { return };
+                let (on_the_left, on_the_right) = rest.split_at_mut(left.len());
+                *root = Binary { bounds: bounds.aabb(), link: 1 + on_the_left.len() as u32, lanes };
+                rayon::join(|| left.place(on_the_left), || right.place(on_the_right));
             }
         }
     }
@@ -252,7 +254,7 @@ impl Builder<'_> {
     fn subtree(&self, items: &mut [Item], first: u32, depth: u32, extent: Extent) -> (Subtree, Costs) {
         let n = items.len();
         if n <= PARALLEL_BUILD {
-            let mut nodes = Vec::with_capacity(2 * n.div_ceil(self.measure.block as usize));
+            let mut nodes = in_large_pages(2 * n.div_ceil(self.measure.block as usize));
             let costs = self.subdivide(items, first, depth, extent, &mut nodes, &mut { Bins::EMPTY });
             return (Subtree::Whole(nodes), costs);
         }
@@ -293,13 +295,13 @@ impl Builder<'_> {
             }
         };
         let index = nodes.len();
-        nodes.push(Binary { bounds: extent.bounds.aabb(), link: 0, lanes: None });
+        nodes.push(Binary { bounds: extent.bounds.aabb(), link: 0, lanes: Lanes::LEAF });
         let (left, right) = items[..end].split_at_mut(middle);
         let a = self.subdivide(left, first, depth + 1, a, nodes, bins);
         nodes[index].link = (nodes.len() - index) as u32;
         let b = self.subdivide(right, first + middle as u32, depth + 1, b, nodes, bins);
         let (costs, lanes) = widen::join(self.measure.node(&extent.bounds), &a, &b);
-        nodes[index].lanes = Some(lanes);
+        nodes[index].lanes = lanes;
         costs
     }
 

@@ -3,6 +3,7 @@
 //! small pages takes longer than to read the file. And hints of what will be read.
 
 use bytemuck::Zeroable;
+use rayon::prelude::*;
 
 /// A list of `count` zeros. The system brings about large lists where they are first touched, so that this takes no time, and
 /// whoever writes them in parallel gets memory in parallel.
@@ -19,26 +20,46 @@ pub(crate) fn in_large_pages<T>(capacity: usize) -> Vec<T> {
     list
 }
 
+/// What many threads make of the numbers below `count`, in large pages.
+pub(crate) fn collected<T: Send>(count: usize, item: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
+    let mut list = in_large_pages(count);
+    (0..count).into_par_iter().with_min_len(1024).map(item).collect_into_vec(&mut list);
+    list
+}
+
 #[cfg(target_os = "linux")]
 #[allow(unsafe_code)] // A hint to the system about memory that is ours.
 fn advise<T>(start: *const T, capacity: usize) {
-    /// No system's small pages are larger.
-    const PAGE: usize = 1 << 16;
     const LARGE: usize = 1 << 21;
     /// From here on one call is faster than to be interrupted at each page.
-    const SOME: usize = 1 << 18;
-    let end = (start.addr() + capacity * size_of::<T>()) / PAGE * PAGE;
-    let skip = start.addr().next_multiple_of(PAGE) - start.addr();
-    let first = start.cast::<u8>().wrapping_add(skip);
-    let advice = match end.saturating_sub(first.addr()) {
-        LARGE.. => libc::MADV_HUGEPAGE,
-        SOME.. => libc::MADV_POPULATE_WRITE,
-        _ => return,
+    const SOME: usize = 1 << 15;
+    if capacity * size_of::<T>() < SOME {
+        return;
+    }
+    // SAFETY: asks for a number.
+    let page = usize::try_from(unsafe { libc::sysconf(libc::_SC_PAGESIZE) }).unwrap_or(LARGE);
+    let (first, end) = (start.addr().next_multiple_of(page), (start.addr() + capacity * size_of::<T>()) / page * page);
+    if end.saturating_sub(first) < SOME {
+        return;
+    }
+    // Large pages have room between these, if there are any.
+    let (low, high) = (first.next_multiple_of(LARGE).min(end), (end / LARGE * LARGE).max(first));
+    let parts = if low < high {
+        [
+            (first..low, libc::MADV_POPULATE_WRITE),
+            (low..high, libc::MADV_HUGEPAGE),
+            (high..end, libc::MADV_POPULATE_WRITE),
+        ]
+    } else {
+        [(first..end, libc::MADV_POPULATE_WRITE), (end..end, 0), (end..end, 0)]
     };
-    // SAFETY: the pages lie wholly within the allocation, and the advice changes nothing but how and when they are mapped. Where it
-    // isn't taken, all goes on as before.
-    unsafe {
-        libc::madvise(first.cast_mut().cast(), end - first.addr(), advice);
+    for (part, advice) in parts.into_iter().filter(|(part, _)| !part.is_empty()) {
+        let place = start.cast::<u8>().wrapping_add(part.start - start.addr()).cast_mut().cast();
+        // SAFETY: the pages lie wholly within the allocation, and the advice changes nothing but how and when they are mapped. Where it
+        // isn't taken, all goes on as before.
+        unsafe {
+            libc::madvise(place, part.len(), advice);
+        }
     }
 }
 

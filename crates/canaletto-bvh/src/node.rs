@@ -7,15 +7,16 @@
 use std::hint::select_unpredictable;
 use std::ops::Range;
 
+use bytemuck::Zeroable;
 use rayon::prelude::*;
 
 use crate::Aabb;
 use crate::build::{Binary, MAX_LEAF, MAX_PRIMITIVES, compiled_wide};
-use crate::memory::{in_large_pages, prefetch};
+use crate::memory::{prefetch, zeros};
 use crate::slab::{Boxes, WIDTH};
 
 /// Eight children. 256 bytes, four cache lines.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Zeroable)]
 #[repr(C, align(64))]
 pub(crate) struct Node {
     /// The children's boxes; where there is no child, a box that no ray meets.
@@ -26,7 +27,7 @@ pub(crate) struct Node {
 }
 
 /// A node or a leaf.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Zeroable)]
 #[repr(transparent)]
 pub(crate) struct Link(u32);
 
@@ -82,11 +83,6 @@ impl Link {
     #[inline]
     pub(crate) fn follow(self) -> Result<Leaf, usize> {
         if self.0 & Self::LEAF == 0 { Err(self.0 as usize) } else { Ok(Leaf(self.0)) }
-    }
-
-    /// The same place in a list that starts `nodes` later; leaves stay.
-    fn moved(self, nodes: usize) -> Self {
-        if self.0 & Self::LEAF == 0 { Self(self.0 + nodes as u32) } else { self }
     }
 }
 
@@ -202,39 +198,44 @@ impl Node {
 }
 
 /// Above it, a part of the binary tree is collapsed apart from the rest.
-const PART: u32 = 1 << 14;
+const PART: u32 = 1 << 12;
 
 /// Makes the wide nodes that cost least of a binary tree (see `build::widen`). The uppermost nodes lie together, then parts in
 /// depth-first order.
 pub(crate) fn collapse(binary: &[Binary]) -> Vec<Node> {
-    let mut top = Collapse { binary, nodes: Vec::new(), parts: Vec::new(), part: PART };
+    let whole = Tree { root: 0, end: binary.len() as u32 };
     if binary.is_empty() {
-        return top.nodes;
+        return Vec::new();
     }
-    top.adopt(0, binary.len() as u32);
-    let Collapse { nodes: mut upper, parts, .. } = top;
-    let below: Vec<Vec<Node>> = parts
-        .par_iter()
-        .map(|part| {
-            let room = (part.end - part.root) as usize / 10;
-            let mut inner = Collapse { binary, nodes: Vec::with_capacity(room), parts: Vec::new(), part: 0 };
-            inner.adopt(part.root, part.end);
-            inner.nodes
-        })
-        .collect();
-    let mut nodes = in_large_pages(upper.len() + below.iter().map(Vec::len).sum::<usize>());
-    nodes.append(&mut upper);
-    for (part, below) in parts.iter().zip(below) {
-        let first = nodes.len();
-        nodes[part.parent].children[part.lane] = Link::node(first);
-        nodes.extend(below.into_iter().map(|node| Node { children: node.children.map(|c| c.moved(first)), ..node }));
+    let mut upper = vec![Node::EMPTY; whole.wide_nodes(binary, PART)];
+    let mut top = Collapse { binary, nodes: &mut upper, len: 0, first: 0, parts: Vec::new(), part: PART };
+    top.adopt(whole);
+    let parts = top.parts;
+    let sizes: Vec<usize> = parts.par_iter().map(|part| part.tree.wide_nodes(binary, 0)).collect();
+    let mut first = upper.len();
+    let mut nodes = zeros(first + sizes.iter().sum::<usize>());
+    let (above, mut rest) = nodes.split_at_mut(first);
+    let mut below = Vec::with_capacity(parts.len());
+    for (part, size) in parts.iter().zip(sizes) {
+        upper[part.parent].children[part.lane] = Link::node(first);
+        let (nodes, behind) = rest.split_at_mut(size);
+        below.push((part.tree, first, nodes));
+        (first, rest) = (first + size, behind);
     }
+    above.copy_from_slice(&upper);
+    below.into_par_iter().for_each(|(tree, first, nodes)| {
+        Collapse { binary, nodes, len: 0, first, parts: Vec::new(), part: 0 }.adopt(tree);
+    });
     nodes
 }
 
 struct Collapse<'a> {
     binary: &'a [Binary],
-    nodes: Vec<Node>,
+    /// Room for all.
+    nodes: &'a mut [Node],
+    len: usize,
+    /// Where they come in the list of all.
+    first: usize,
     /// Parts left to be collapsed apart.
     parts: Vec<Part>,
     /// Trees of at most so many binary nodes are left.
@@ -242,68 +243,97 @@ struct Collapse<'a> {
 }
 
 struct Part {
-    root: u32,
-    end: u32,
+    tree: Tree,
     parent: usize,
     lane: usize,
 }
 
-/// Children of a wide node: where their trees begin and end.
+/// Where a tree begins and ends among binary nodes.
+#[derive(Clone, Copy)]
+struct Tree {
+    root: u32,
+    end: u32,
+}
+
+/// What becomes the children of a wide node.
 struct Children {
-    all: [(u32, u32); WIDTH],
+    all: [Tree; WIDTH],
     len: usize,
 }
 
-impl Collapse<'_> {
-    /// Collects what the tree at `root`, the nodes of which end before `end`, puts into so many lanes.
-    fn gather(&self, root: u32, end: u32, lanes: usize, children: &mut Children) {
-        let node = &self.binary[root as usize];
+impl Tree {
+    fn children(self, binary: &[Binary]) -> Children {
+        let mut children = Children { all: [Self { root: 0, end: 0 }; WIDTH], len: 0 };
+        self.gather(binary, WIDTH, &mut children);
+        children
+    }
+
+    /// Collects what the tree puts into so many lanes.
+    fn gather(self, binary: &[Binary], lanes: usize, children: &mut Children) {
+        let node = &binary[self.root as usize];
         match if lanes == 1 { None } else { node.left_lanes(lanes) } {
             Some(to_left) => {
-                let [left, right] = node.children(root);
-                self.gather(left, right, to_left, children);
-                self.gather(right, end, lanes - to_left, children);
+                let [left, right] = node.children(self.root);
+                Self { root: left, end: right }.gather(binary, to_left, children);
+                Self { root: right, end: self.end }.gather(binary, lanes - to_left, children);
             }
             None => {
-                children.all[children.len] = (root, end);
+                children.all[children.len] = self;
                 children.len += 1;
             }
         }
     }
 
-    /// How soon a ray that looks for any hit should visit a tree: what many rays enter, what is small, and what fills its box, as flat things do. The
+    /// How many wide nodes it becomes, without trees of at most `part` binary nodes below the root.
+    fn wide_nodes(self, binary: &[Binary], part: u32) -> usize {
+        let Children { all, len } = self.children(binary);
+        let inner = |tree: &&Self| tree.len() > part.max(1);
+        1 + all[..len].iter().filter(inner).map(|tree| tree.wide_nodes(binary, part)).sum::<usize>()
+    }
+
+    /// Its binary nodes.
+    fn len(self) -> u32 {
+        self.end - self.root
+    }
+
+    /// How soon a ray that looks for any hit should visit it: what many rays enter, what is small, and what fills its box, as flat things do. The
     /// powers are those with which rays visited least of the benchmark's meshes: up to a third less than the largest box first.
-    fn promise(&self, (root, end): (u32, u32)) -> f64 {
-        let bounds = &self.binary[root as usize].bounds;
+    fn promise(self, binary: &[Binary]) -> f64 {
+        let bounds = &binary[self.root as usize].bounds;
         let extent = (bounds.max - bounds.min).as_dvec3();
         let longest = extent.max_element();
         let flat = if longest > 0.0 { extent.min_element() / longest } else { 1.0 };
-        bounds.half_area() / ((flat + 1e-3) * f64::from(end - root).sqrt().sqrt())
+        bounds.half_area() / ((flat + 1e-3) * f64::from(self.len()).sqrt().sqrt())
     }
+}
 
-    /// Collapses the tree at `root`, the nodes of which end before `end`.
-    fn adopt(&mut self, root: u32, end: u32) {
-        let mut children = Children { all: [(0, 0); WIDTH], len: 0 };
-        self.gather(root, end, WIDTH, &mut children);
-        let children = &mut children.all[..children.len];
+impl Collapse<'_> {
+    fn adopt(&mut self, tree: Tree) {
+        let Children { all, len } = tree.children(self.binary);
         // The most promising last: it is the first that any-hit rays visit.
-        children.sort_by(|a, b| self.promise(*a).total_cmp(&self.promise(*b)).then(a.0.cmp(&b.0)));
-        let children = &*children;
-        let index = self.nodes.len();
-        self.nodes.push(Node::EMPTY);
-        for (lane, &(child, end)) in children.iter().enumerate() {
-            let node = &self.binary[child as usize];
-            self.nodes[index].set_box(lane, &node.bounds);
-            if node.is_leaf() {
-                self.nodes[index].children[lane] = Link::to_leaf(node.first(), node.count());
-            } else if end - child <= self.part {
-                self.parts.push(Part { root: child, end, parent: index, lane });
+        let mut children = all.map(|tree| (0.0, tree));
+        let children = &mut children[..len];
+        for (promise, tree) in &mut *children {
+            *promise = tree.promise(self.binary);
+        }
+        children.sort_unstable_by(|(a, one), (b, other)| a.total_cmp(b).then(one.root.cmp(&other.root)));
+        let index = self.len;
+        self.len += 1;
+        let mut node = Node::EMPTY;
+        for (lane, &mut (_, tree)) in children.iter_mut().enumerate() {
+            let child = &self.binary[tree.root as usize];
+            node.set_box(lane, &child.bounds);
+            if child.is_leaf() {
+                node.children[lane] = Link::to_leaf(child.first(), child.count());
+            } else if tree.len() <= self.part {
+                self.parts.push(Part { tree, parent: index, lane });
             } else {
-                self.nodes[index].children[lane] = Link::node(self.nodes.len());
-                self.adopt(child, end);
+                node.children[lane] = Link::node(self.first + self.len);
+                self.adopt(tree);
             }
         }
-        self.nodes[index].sort();
+        node.sort();
+        self.nodes[index] = node;
     }
 }
 

@@ -2,12 +2,11 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use glam::Vec3;
-use rayon::prelude::*;
-
 use super::{BuildError, MAX_PRIMITIVES, Quality, presplit};
 use crate::Aabb;
+use crate::memory::collected;
 use crate::slab::max;
+use glam::Vec3;
 
 /// A box as one vector: the lower corner negated, so that both corners join by maxima. The fourth lane of either corner holds
 /// nothing that matters.
@@ -189,7 +188,7 @@ impl<'a> Items<'a> {
             }
             Item::new(&bounds, index as u32)
         };
-        let items = (0..count).into_par_iter().with_min_len(1024).map(item).collect();
+        let items = collected(count, item);
         match bad.into_inner() {
             usize::MAX => Ok(Self { list: items, whole: None, corners: None }),
             index => Err(BuildError::InvalidBox { index, bounds: bounds(index) }),

@@ -203,13 +203,13 @@ impl Tree {
             return true;
         };
         let at = new.len();
-        new.push(Binary { bounds: self.node(index).bounds.aabb(), link: 0, lanes: None });
+        new.push(Binary { bounds: self.node(index).bounds.aabb(), link: 0, lanes: widen::Lanes::LEAF });
         if depth == HIGHEST || !self.flatten(left, old, new, depth + 1) {
             return false;
         }
         new[at].link = (new.len() - at) as u32;
         // Until `widen::all` knows better: what marks it as a node.
-        new[at].lanes = Some(widen::Lanes::UNKNOWN);
+        new[at].lanes = widen::Lanes::UNKNOWN;
         self.flatten(right, old, new, depth + 1)
     }
 }

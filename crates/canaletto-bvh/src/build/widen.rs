@@ -5,7 +5,7 @@
 //! A node costs its area, since all of its boxes are tested at once, and so does a block of primitives. The least
 //! costs are needed only until those of the parent are known; the ways are kept, in three bits for each number of lanes.
 
-use std::num::NonZeroU32;
+use bytemuck::Zeroable;
 
 use super::Binary;
 use super::bins::Measure;
@@ -16,17 +16,19 @@ use crate::slab::WIDTH;
 pub(super) type Costs = [f32; WIDTH];
 
 /// How the lanes are shared out, see [`Lanes::left`].
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Lanes(NonZeroU32);
+#[derive(Clone, Copy, Debug, PartialEq, Zeroable)]
+pub(crate) struct Lanes(u32);
 
 impl Lanes {
+    /// Of a leaf, which takes a single one.
+    pub(super) const LEAF: Self = Self(0);
     /// Of a node whose costs are not known yet.
-    pub(super) const UNKNOWN: Self = Self(NonZeroU32::MIN);
+    pub(super) const UNKNOWN: Self = Self(1);
 
     /// How many of 2 to 8 lanes that this node may take go to its left child; the right one gets the rest. None: the node takes one
     /// lane, that of a wide node.
     pub(crate) fn left(self, lanes: usize) -> Option<usize> {
-        let left = (self.0.get() >> (3 * (lanes - 2))) as usize & 7;
+        let left = (self.0 >> (3 * (lanes - 2))) as usize & 7;
         (left > 0).then_some(left)
     }
 }
@@ -49,7 +51,7 @@ pub(super) fn all(binary: &mut [Binary], measure: &Measure) -> f32 {
             let [left, right] = node.children(index as u32);
             let (least, lanes) = join(measure.node(&bounds), &costs[left as usize], &costs[right as usize]);
             costs[index] = least;
-            node.lanes = Some(lanes);
+            node.lanes = lanes;
         }
     }
     costs[0][0]
@@ -103,7 +105,7 @@ super::compiled_wide! {
             way |= before << (3 * (i - 1));
         }
         // All eight lanes are always shared out.
-        (least, Lanes(NonZeroU32::new(way).unwrap_or(NonZeroU32::MIN)))
+        (least, Lanes(way.max(1)))
     }
 }
 

@@ -48,7 +48,8 @@ impl Mesh {
 
     /// The corners of triangle `i`.
     pub fn corners(&self, i: usize) -> [Vec3; 3] {
-        self.triangles[i].map(|v| self.positions[v as usize])
+        let [a, b, c] = self.triangles[i];
+        [self.positions[a as usize], self.positions[b as usize], self.positions[c as usize]]
     }
 
     /// The slot of triangle `i` in [`Mesh::materials`].
