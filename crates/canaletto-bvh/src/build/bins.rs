@@ -1,5 +1,6 @@
 //! The surface area heuristic in bins: where to split.
 
+use glam::{Mat4, Vec4};
 use rayon::prelude::*;
 
 use super::item::{Box8, Centers, Item};
@@ -159,49 +160,120 @@ impl Plan {
         // Few bins do for few items.
         let grid = Grid::new(centers, (4 + items.len() / 16).min(MAX_BINS));
         all.fill(items, &grid);
-        cheapest(all, &grid, items.len(), measure)
+        cheapest(all, &grid, measure)
+    }
+}
+
+/// What lies on one side of a split, along each axis.
+#[derive(Clone, Copy)]
+struct Side {
+    /// The corners of the boxes, as `Box8` has them.
+    low: [Vec4; 3],
+    high: [Vec4; 3],
+    counts: [u32; 4],
+}
+
+impl Side {
+    const NOTHING: Self = Self { low: [Vec4::NEG_INFINITY; 3], high: [Vec4::NEG_INFINITY; 3], counts: [0; 4] };
+
+    /// Adds this bin of each axis.
+    #[inline(always)]
+    fn add(&mut self, all: &Bins, bin: usize) {
+        for axis in 0..3 {
+            let Box8([a, b, c, d, e, f, g, h]) = all.boxes[axis][bin];
+            self.low[axis] = self.low[axis].max(Vec4::new(a, b, c, d));
+            self.high[axis] = self.high[axis].max(Vec4::new(e, f, g, h));
+            self.counts[axis] += all.counts[axis][bin];
+        }
+    }
+
+    /// [`Measure::cost`] for each axis; no number where there is nothing.
+    #[inline(always)]
+    fn costs(&self, measure: &Measure) -> Vec4 {
+        let scale = Vec4::splat(measure.scale);
+        let extent = |axis: usize| self.high[axis] * scale + self.low[axis] * scale;
+        let Mat4 { x_axis: x, y_axis: y, z_axis: z, .. } =
+            Mat4::from_cols(extent(0), extent(1), extent(2), Vec4::ZERO).transpose();
+        let blocks = self.counts.map(|count| measure.blocks(count));
+        (x * y + y * z + z * x) * Vec4::from_array(blocks)
     }
 }
 
 super::compiled_wide! {
-    fn cheapest(all: &Bins, grid: &Grid, len: usize, measure: &Measure) -> Option<Plan> {
-        let mut best: Option<(f32, usize, usize)> = None;
+    fn cheapest(all: &Bins, grid: &Grid, measure: &Measure) -> Option<Plan> {
+        let mut right_costs = [Vec4::ZERO; MAX_BINS];
+        let mut right = Side::NOTHING;
+        for bin in (1..grid.bins).rev() {
+            right.add(all, bin);
+            right_costs[bin] = right.costs(measure);
+        }
+        let (mut least, mut ends) = (Vec4::INFINITY, Vec4::ZERO);
+        let mut left = Side::NOTHING;
+        for bin in 1..grid.bins {
+            left.add(all, bin - 1);
+            // Where one side has nothing, its cost is no number.
+            let costs = left.costs(measure) + right_costs[bin];
+            let better = costs.cmplt(least);
+            least = Vec4::select(better, costs, least);
+            ends = Vec4::select(better, Vec4::splat(bin as f32), ends);
+        }
+        let mut best: Option<(f32, usize)> = None;
         for axis in 0..3 {
-            if grid.scale[axis] == 0.0 {
-                continue;
-            }
-            let (boxes, counts) = (&all.boxes[axis][..grid.bins], &all.counts[axis][..grid.bins]);
-            let mut right_costs = [0.0; MAX_BINS];
-            let (mut right, mut count) = (Box8::EMPTY, 0);
-            for i in (1..grid.bins).rev() {
-                if counts[i] > 0 {
-                    right = right.join(&boxes[i]);
-                    count += counts[i];
-                    right_costs[i] = measure.cost(&right, count);
-                } else if i + 1 < grid.bins {
-                    right_costs[i] = right_costs[i + 1];
-                }
-            }
-            let (mut left, mut count) = (Box8::EMPTY, 0);
-            for i in 1..grid.bins {
-                // Where nothing comes to the left, the split before costs the same.
-                if counts[i - 1] == 0 {
-                    continue;
-                }
-                left = left.join(&boxes[i - 1]);
-                count += counts[i - 1];
-                if count as usize == len {
-                    break;
-                }
-                let cost = measure.cost(&left, count) + right_costs[i];
-                if best.is_none_or(|best| cost < best.0) {
-                    best = Some((cost, axis, i));
-                }
+            let cost = least[axis];
+            if grid.scale[axis] != 0.0 && cost < best.map_or(f32::INFINITY, |best| best.0) {
+                best = Some((cost, axis));
             }
         }
-        let (cost, axis, bin) = best?;
+        let (cost, axis) = best?;
+        let bin = ends[axis] as usize;
         let side = |boxes: &[Box8]| boxes.iter().fold(Box8::EMPTY, |a, b| a.join(b));
         let (left, right) = all.boxes[axis][..grid.bins].split_at(bin);
         Some(Plan { grid: *grid, axis, bin, cost, bounds: [side(left), side(right)] })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Aabb;
+    use crate::build::item::Extent;
+    use crate::testing::Random;
+
+    #[test]
+    fn of_all_splits_the_first_of_the_cheapest_is_found() {
+        let random = &mut Random(53);
+        let mut none = 0;
+        for n in 2..200 {
+            // In few places, so that bins are empty, splits cost the same, and axes have nothing to split; the last time in one.
+            let cell = [0.25, 1.0, 0.0][n % 3];
+            let items: Vec<Item> = (0..n)
+                .map(|id| {
+                    let p = (random.vector() * 2.0).round() * cell;
+                    Item::new(&Aabb::from_points([p, p + cell]), id as u32)
+                })
+                .collect();
+            let extent = Extent::of(&items);
+            let measure = Measure { block: [1, 4][n % 2], scale: extent.bounds.scale() };
+            let plan = Plan::best(&items, &extent.centers, &measure, &mut { Bins::EMPTY });
+            let grid = Grid::new(&extent.centers, (4 + n / 16).min(MAX_BINS));
+            let mut expected: Option<(f32, usize, usize)> = None;
+            for axis in 0..3 {
+                for bin in 1..grid.bins {
+                    let goes_left = |item: &&Item| grid.bin(item.center(), axis) < bin;
+                    let (left, right): (Vec<&Item>, Vec<&Item>) = items.iter().partition(goes_left);
+                    let cost = |side: &[&Item]| {
+                        let bounds = side.iter().fold(Box8::EMPTY, |all, item| all.join(item.bounds()));
+                        measure.cost(&bounds, side.len() as u32)
+                    };
+                    if !left.is_empty() && !right.is_empty() {
+                        let cost = cost(&left) + cost(&right);
+                        expected = expected.filter(|best| best.0 <= cost).or(Some((cost, axis, bin)));
+                    }
+                }
+            }
+            none += usize::from(expected.is_none());
+            assert_eq!(plan.map(|plan| (plan.cost, plan.axis, plan.bin)), expected, "{n} items");
+        }
+        assert!((60..70).contains(&none), "{none}");
     }
 }
