@@ -8,6 +8,7 @@ use crate::{InstructionSet, Kernel};
 
 /// The points `origin + t * direction`, t > 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)] // Packets read neighbouring numbers at once.
 pub struct Ray {
     /// Where t = 0.
     pub origin: Vec3,

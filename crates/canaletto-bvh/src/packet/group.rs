@@ -7,7 +7,7 @@ use crate::node::Node;
 use crate::ray::Way;
 use crate::slab::{INFLATE, WIDTH};
 use crate::{Nearest, Ray};
-use glam::Vec3;
+use glam::{Mat4, Vec3, Vec4};
 
 /// Rays of one octant and one longest axis.
 #[repr(C, align(64))]
@@ -49,25 +49,35 @@ impl Interval {
         Self { origin: [f32::INFINITY, f32::NEG_INFINITY], reciprocal: [f32::INFINITY, f32::NEG_INFINITY] };
 }
 
-#[inline(always)]
-fn put(origin: &mut [Row<f32>; 3], direction: &mut [Row<f32>; 3], i: usize, ray: &Ray) {
-    let Ray { origin: o, direction: d } = ray;
-    (origin[0].0[i], origin[1].0[i], origin[2].0[i]) = (o.x, o.y, o.z);
-    (direction[0].0[i], direction[1].0[i], direction[2].0[i]) = (d.x, d.y, d.z);
-}
-
-/// The rays side by side; where there are fewer than sixteen, the last is repeated.
+/// The rays side by side, four at a time; where there are fewer than sixteen, the last is repeated. (Numbers written one by one are not
+/// there yet when a register wants to read them.)
 #[inline(always)]
 fn transpose(rays: &[Ray], origin: &mut [Row<f32>; 3], direction: &mut [Row<f32>; 3]) {
     if let Ok(rays) = <&[Ray; SIXTEEN]>::try_from(rays) {
-        for i in 0..SIXTEEN {
-            put(origin, direction, i, &rays[i]);
+        for first in (0..SIXTEEN).step_by(4) {
+            four([&rays[first], &rays[first + 1], &rays[first + 2], &rays[first + 3]], first, origin, direction);
         }
     } else {
-        for i in 0..SIXTEEN {
-            put(origin, direction, i, &rays[if i < rays.len() { i } else { rays.len() - 1 }]);
+        let ray = |i: usize| &rays[if i < rays.len() { i } else { rays.len() - 1 }];
+        for first in (0..SIXTEEN).step_by(4) {
+            four([ray(first), ray(first + 1), ray(first + 2), ray(first + 3)], first, origin, direction);
         }
     }
+}
+
+#[inline(always)]
+fn four(rays: [&Ray; 4], first: usize, origin: &mut [Row<f32>; 3], direction: &mut [Row<f32>; 3]) {
+    let [a, b, c, d] = rays.map(|ray| ray.origin.extend(ray.direction.x));
+    let start = Mat4::from_cols(a, b, c, d).transpose();
+    let [a, b, c, d] = rays.map(|Ray { origin: o, direction: d }| Vec4::new(o.z, d.x, d.y, d.z));
+    let end = Mat4::from_cols(a, b, c, d).transpose();
+    let put = |row: &mut Row<f32>, four: Vec4| four.write_to_slice(&mut row.0[first..first + 4]);
+    put(&mut origin[0], start.x_axis);
+    put(&mut origin[1], start.y_axis);
+    put(&mut origin[2], start.z_axis);
+    put(&mut direction[0], start.w_axis);
+    put(&mut direction[1], end.z_axis);
+    put(&mut direction[2], end.w_axis);
 }
 
 /// The smallest and the largest of numbers, in each lane.
