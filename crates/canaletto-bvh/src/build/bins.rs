@@ -209,10 +209,10 @@ super::compiled_wide! {
         }
         let (mut least, mut ends) = (Vec4::INFINITY, Vec4::ZERO);
         let mut left = Side::NOTHING;
-        for bin in 1..grid.bins {
+        for (bin, right_costs) in right_costs.iter().enumerate().take(grid.bins).skip(1) {
             left.add(all, bin - 1);
             // Where one side has nothing, its cost is no number.
-            let costs = left.costs(measure) + right_costs[bin];
+            let costs = left.costs(measure) + *right_costs;
             let better = costs.cmplt(least);
             least = Vec4::select(better, costs, least);
             ends = Vec4::select(better, Vec4::splat(bin as f32), ends);

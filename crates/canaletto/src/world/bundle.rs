@@ -8,7 +8,8 @@ use super::corridor::{Corridor, GROUP};
 use super::geometry::Geometry;
 use super::instance::{NONE, to_local};
 use super::loose;
-use super::query::{Blocker, Hit};
+use super::query::Hit;
+use super::shadow::{Between, Blocker};
 use crate::math::Line;
 use canaletto_bvh::{self as bvh, Aabb, Met, PreparedRay, Ray};
 use std::ops::Range;
@@ -40,17 +41,6 @@ pub struct Bundle {
     /// What a mesh's tree does.
     triangles: Vec<bvh::Nearest>,
     open: Vec<f32>,
-}
-
-/// What stands between a ray's origin and its end.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Between {
-    /// Nothing.
-    Nothing,
-    /// Something that lets light through, and nothing opaque.
-    Clear,
-    /// Something opaque.
-    Opaque,
 }
 
 /// Rays in one space.
@@ -175,6 +165,23 @@ impl Bundle {
         self.nearest[index].real()
     }
 
+    /// Leaves only those rays that `goes_on` says, which is asked with the place of each, the ray, up to where it counts, and what it met; it may
+    /// change the first two.
+    pub(super) fn retain(&mut self, mut goes_on: impl FnMut(usize, &mut Ray, &mut f32, Option<Hit>) -> bool) {
+        let Self { rays, t_max, nearest, .. } = self;
+        let mut left = 0;
+        for index in 0..t_max.len() {
+            let (mut ray, mut end) = (rays.rays[index], t_max[index]);
+            if goes_on(index, &mut ray, &mut end, nearest[index].real()) {
+                (rays.rays[left], t_max[left]) = (ray, end);
+                left += 1;
+            }
+        }
+        rays.rays.truncate(left);
+        rays.ready = 0..0;
+        t_max.truncate(left);
+    }
+
     /// What stands in the way of ray number `index`, if [`World::between_bundle`] was asked.
     #[inline]
     pub fn between(&self, index: usize) -> Between {
@@ -185,10 +192,21 @@ impl Bundle {
 impl World {
     /// [`World::intersect_at`] for each ray of a bundle; [`Bundle::hit`] tells.
     pub fn intersect_bundle(&self, bundle: &mut Bundle, time: f32) {
+        self.intersect_bundle_with(bundle, time, |ray, t_max| self.intersect_at(ray, t_max, time), |_| true);
+    }
+
+    /// The same with those instances only that `counts` says, for whoever asks for each of a few; else by asking for the nearest that `one` ray meets.
+    pub(super) fn intersect_bundle_with(
+        &self,
+        bundle: &mut Bundle,
+        time: f32,
+        one: impl Fn(&Ray, f32) -> Option<Hit>,
+        counts: impl Fn(u32) -> bool,
+    ) {
         let Bundle { rays, t_max, nearest, local, corridors, found, triangles, .. } = bundle;
         nearest.clear();
         if !self.is_asked_together(&rays.rays) {
-            let hit = |ray, t_max| self.intersect_at(ray, t_max, time).unwrap_or(Hit::before(t_max, time));
+            let hit = |ray, t_max| one(ray, t_max).unwrap_or(Hit::before(t_max, time));
             nearest.extend(rays.rays.iter().zip(t_max).map(|(ray, &mut t_max)| hit(ray, t_max)));
             return;
         }
@@ -197,7 +215,7 @@ impl World {
             rays.rays.iter().zip(&mut *nearest).for_each(|(ray, best)| self.try_unbounded(ray, best));
         }
         Corridor::of_groups(corridors, &rays.rays, t_max);
-        self.for_near(rays, local, corridors, time, |number, geometry, part| {
+        self.for_near((rays, local), corridors, time, counts, |number, geometry, part| {
             let nearest = &mut nearest[part.range.clone()];
             found.clear();
             found.extend(nearest.iter().map(|best| Met::before(best.t)));
@@ -238,20 +256,26 @@ impl World {
             });
         }
         Corridor::of_groups(corridors, &rays.rays, open);
-        self.for_near(rays, local, corridors, time, |number, geometry, part| {
-            let (open, between) = (&mut open[part.range.clone()], &mut between[part.range.clone()]);
-            if self.clear_instances.get(number as usize) == Some(&true) {
-                geometry.between_bundle(part, open, |ray, primitive| {
-                    let opaque = self.is_opaque(number, primitive);
-                    if !opaque {
-                        between[ray] = Between::Clear;
-                    }
-                    opaque
-                });
-            } else {
-                geometry.occluded_bundle(part, open, || last.slot_in(number));
-            }
-        });
+        self.for_near(
+            (rays, local),
+            corridors,
+            time,
+            |_| true,
+            |number, geometry, part| {
+                let (open, between) = (&mut open[part.range.clone()], &mut between[part.range.clone()]);
+                if self.may_let_light_through(number) {
+                    geometry.between_bundle(part, open, |ray, primitive| {
+                        let opaque = self.is_opaque(number, primitive);
+                        if !opaque {
+                            between[ray] = Between::Clear;
+                        }
+                        opaque
+                    });
+                } else {
+                    geometry.occluded_bundle(part, open, || last.slot_in(number));
+                }
+            },
+        );
         for (open, between) in open.iter().zip(between) {
             if *open == f32::NEG_INFINITY {
                 *between = Between::Opaque;
@@ -259,17 +283,20 @@ impl World {
         }
     }
 
-    /// Calls `f` with each instance's number and geometry and the rays of each run of groups that may meet it, in its space. Their parameter t
+    /// Calls `f` with the number and geometry of each instance that `counts` and the rays of each run of groups that may meet it, in its space. Their parameter t
     /// stays the same: directions aren't normalised.
     fn for_near(
         &self,
-        rays: &mut Rays,
-        local: &mut Rays,
+        (rays, local): (&mut Rays, &mut Rays),
         corridors: &[Corridor],
         time: f32,
+        counts: impl Fn(u32) -> bool,
         mut f: impl FnMut(u32, &Geometry, Part),
     ) {
         for (number, (instance, bounds)) in (0..).zip(self.root.instances.iter().zip(&self.instance_bounds)) {
+            if !counts(number) {
+                continue;
+            }
             local.clear();
             for_runs(corridors, rays.rays.len(), bounds, |range| {
                 let part = if instance.to_world.is_none() {

@@ -20,14 +20,17 @@ mod nesting;
 mod nesting_tests;
 mod query;
 mod relief;
+mod shadow;
 mod textured;
 mod wants;
 
 pub use before::Origins;
 pub use build::{BuildError, BuildOptions};
-pub use bundle::{Between, Bundle};
+pub use bundle::Bundle;
 pub use canaletto_bvh::Quality;
-pub use query::{Blocker, Hit};
+pub use query::Hit;
+pub(crate) use shadow::Crossings;
+pub use shadow::{Between, Blocker};
 pub use textured::{Reading, TextureRead};
 
 use crate::light::Source;

@@ -1,14 +1,12 @@
-//! What integrators ask of a world: the nearest hit, the surface there, the light that passes.
+//! What integrators ask of a world: the nearest hit, the surface there and what it is made of.
 
 use super::World;
-use super::bundle::Between;
 use super::geometry::{Geometry, on_shape};
 use super::group::Way;
 use super::instance::{Instance, NONE, Unbounded, to_local};
-use crate::integrator::Probe;
 use crate::light::Source;
 use crate::material::Material;
-use crate::math::{Line, Spread, offset_origin};
+use crate::math::Line;
 use crate::shape::{Shape, ShapeHit, Surface};
 use canaletto_bvh::{Aabb, Met, PreparedRay, Ray};
 
@@ -27,27 +25,6 @@ pub struct Hit {
     pub uv: [f32; 2],
     /// When, from 0 (the shutter opens) to 1 (it closes).
     pub time: f32,
-}
-
-/// Something opaque that stood in a light's way. A hint: it changes no answer.
-#[derive(Clone, Copy, Debug)]
-pub struct Blocker {
-    instance: u32,
-    /// In leaf order.
-    slot: u32,
-}
-
-impl Blocker {
-    /// Nothing so far.
-    pub const NONE: Blocker = Blocker { instance: NONE, slot: NONE };
-
-    /// The slot if it is of this instance, of which it shall be from now on.
-    pub(super) fn slot_in(&mut self, instance: u32) -> &mut u32 {
-        if self.instance != instance {
-            *self = Blocker { instance, slot: NONE };
-        }
-        &mut self.slot
-    }
 }
 
 impl Hit {
@@ -133,7 +110,7 @@ impl World {
     }
 
     #[inline]
-    fn nearest(
+    pub(super) fn nearest(
         &self,
         ray: &Ray,
         t_max: f32,
@@ -181,7 +158,7 @@ impl World {
     }
 
     /// Where a geometry's instance is in the world.
-    fn bounds_of(&self, placed: &Instance) -> Aabb {
+    pub(super) fn bounds_of(&self, placed: &Instance) -> Aabb {
         placed.bounds(&self.chains, self.geometries[placed.geometry as usize].bounds())
     }
 
@@ -195,7 +172,7 @@ impl World {
         }
     }
 
-    fn try_instance(
+    pub(super) fn try_instance(
         &self,
         ray: &PreparedRay,
         instance: &Instance,
@@ -206,190 +183,6 @@ impl World {
         let geometry = &self.geometries[instance.geometry as usize];
         let met = instance.with_local_ray(ray, &self.chains, best.time, |ray| intersect(geometry, ray, best.t));
         best.offer(number, met);
-    }
-
-    /// f_s of (5.39a): the product of 1 − o over the surfaces between the ray's origin and `t_max`. `last` is what blocked
-    /// the light before, which often blocks it again; `spread` is the ray's, for textures that let light through.
-    pub fn transmittance<P: Probe>(
-        &self,
-        ray: &Ray,
-        t_max: f32,
-        time: f32,
-        spread: Option<&Spread>,
-        last: &mut Blocker,
-        probe: &mut P,
-    ) -> f32 {
-        // Anything opaque in between settles it; only a recording probe wants to know what stands in which order.
-        match self.between(ray, t_max, time, last) {
-            Between::Nothing => 1.0,
-            Between::Opaque if !P::ACTIVE => 0.0,
-            between => self.through(ray, t_max, time, spread, between, probe),
-        }
-    }
-
-    /// [`World::transmittance`] where something stands between.
-    pub(crate) fn through<P: Probe>(
-        &self,
-        ray: &Ray,
-        t_max: f32,
-        time: f32,
-        spread: Option<&Spread>,
-        between: Between,
-        probe: &mut P,
-    ) -> f32 {
-        let mut passed = 1.0;
-        let (mut ray, mut t_max) = (*ray, t_max);
-        let (line, end) = (Line::from(&ray), ray.origin + ray.direction);
-        for _ in 0..Self::MAX_CROSSINGS {
-            let hit = match between {
-                Between::Clear => self.intersect_clear(&ray, t_max, time),
-                _ => self.intersect_at(&ray, t_max, time),
-            };
-            let Some(hit) = hit else { break };
-            let surface = self.bare_surface(Line::from(&ray), &hit);
-            let material = self.material(&hit);
-            let opacity = if material.textures.is_empty() {
-                material.phong.opacity
-            } else {
-                let step = spread.map(|s| s.along(&line, surface.exact, surface.normal));
-                self.kept_light(Line::from(&ray), &hit, step)
-            };
-            probe.blocker(&hit, opacity);
-            passed *= 1.0 - opacity;
-            if passed == 0.0 {
-                break;
-            }
-            ray.origin = offset_origin(surface.point, surface.error, surface.normal, ray.direction.as_dvec3());
-            // Towards a point the direction is the rest of the way, so that t stays at most 1.
-            if t_max.is_finite() {
-                let rest = end - ray.origin;
-                if rest.dot(ray.direction) <= 0.0 {
-                    break;
-                }
-                ray.direction = rest;
-                t_max = 1.0 - f32::EPSILON;
-            }
-        }
-        if between == Between::Opaque { 0.0 } else { passed }
-    }
-
-    /// The nearest hit for a ray that meets nothing opaque: instances where all is opaque need not be asked, where they are few.
-    fn intersect_clear(&self, ray: &Ray, t_max: f32, time: f32) -> Option<Hit> {
-        if !self.is_small() {
-            return self.intersect_at(ray, t_max, time);
-        }
-        self.nearest(ray, t_max, time, |world, ray, mut best| {
-            let clear = world.root.instances.iter().zip(&world.clear_instances).enumerate();
-            for (index, (instance, _)) in clear.filter(|(_, (_, clear))| **clear) {
-                world.try_instance(ray, instance, index as u32, &mut best, Geometry::intersect);
-            }
-            best
-        })
-    }
-
-    /// The most clear surfaces that a shadow ray passes; light beyond them arrives as it is.
-    const MAX_CROSSINGS: usize = 1 << 16;
-
-    /// What stands before `t_max`.
-    pub(super) fn between(&self, ray: &Ray, t_max: f32, time: f32, last: &mut Blocker) -> Between {
-        let prepared = &ray.prepare();
-        if last.slot != NONE && last.instance < self.root.leaves {
-            let again = self.with_instance(last.instance, |instance| {
-                let geometry = &self.geometries[instance.geometry as usize];
-                instance.with_local_ray(prepared, &self.chains, time, |ray| geometry.blocks(last.slot, ray, t_max))
-            });
-            if again {
-                return Between::Opaque;
-            }
-            // Once past its shadow's border it would be tried in vain.
-            *last = Blocker::NONE;
-        }
-        let unbounded = self.between_unbounded(ray, t_max);
-        let mut clear = unbounded == Between::Clear;
-        let blocked = unbounded == Between::Opaque || {
-            let root = &self.root;
-            let mut block = |instance: &Instance, number: u32| {
-                let geometry = &self.geometries[instance.geometry as usize];
-                let slot = instance.with_local_ray(prepared, &self.chains, time, |ray| {
-                    geometry.occluded(ray, t_max, |primitive| {
-                        let opaque = self.clear_instances.is_empty() || self.made_of(instance, primitive).is_opaque();
-                        clear |= !opaque;
-                        opaque
-                    })
-                });
-                if let Some(slot) = slot {
-                    *last = Blocker { instance: number, slot };
-                }
-                slot.is_some()
-            };
-            root.tree.occluded(prepared, t_max, |leaf| {
-                leaf.slots().any(|slot| {
-                    if !prepared.enters(&root.slot_bounds[slot as usize], t_max) {
-                        return false;
-                    }
-                    let index = root.tree.order()[slot as usize];
-                    let instance = &root.instances[index as usize];
-                    if instance.group == NONE {
-                        return block(instance, root.first(index));
-                    }
-                    let way = Way::to(instance, root.first(index), None, &self.groups);
-                    self.blocked_by_group(prepared, t_max, &way, &mut block)
-                })
-            })
-        };
-        match (blocked, clear) {
-            (true, _) => Between::Opaque,
-            (false, true) => Between::Clear,
-            (false, false) => Between::Nothing,
-        }
-    }
-
-    /// What of the shapes without bounds stands before `t_max`.
-    #[inline]
-    pub(super) fn between_unbounded(&self, ray: &Ray, t_max: f32) -> Between {
-        let mut between = Between::Nothing;
-        for (index, Unbounded { shape, .. }) in (0..).zip(&self.unbounded) {
-            if shape.intersect(ray, t_max).is_some() {
-                if self.is_opaque(Hit::UNBOUNDED, index) {
-                    return Between::Opaque;
-                }
-                between = Between::Clear;
-            }
-        }
-        between
-    }
-
-    /// Whether one of a group's instances, as they stand in the world, blocks a ray.
-    #[inline(never)]
-    fn blocked_by_group(
-        &self,
-        ray: &PreparedRay,
-        t_max: f32,
-        way: &Way,
-        block: &mut dyn FnMut(&Instance, u32) -> bool,
-    ) -> bool {
-        way.group.occluded(&way.feeler(&ray.ray), t_max, |index| {
-            let (instance, number) = (&way.group.instances[index as usize], way.number(index));
-            if instance.group != NONE {
-                let way = Way::to(instance, number, Some(way), &self.groups);
-                return self.blocked_by_group(ray, t_max, &way, block);
-            }
-            if self.clear_instances.is_empty()
-                && let Some(local) = way.local_ray(instance, &ray.ray)
-                && self.geometries[instance.geometry as usize].occluded(&local, t_max, |_| true).is_none()
-            {
-                return false;
-            }
-            let placed = way.placed(instance);
-            ray.enters(&self.bounds_of(&placed), t_max) && block(&placed, number)
-        })
-    }
-
-    /// Whether a primitive lets no light through.
-    #[inline]
-    pub(super) fn is_opaque(&self, instance: u32, primitive: u32) -> bool {
-        let hit = Hit { t: 0.0, instance, primitive, part: 0, uv: [0.0; 2], time: 0.0 };
-        self.clear_instances.is_empty() || self.material(&hit).is_opaque()
     }
 
     /// The second stage: the surface at a hit of this line's ray.
@@ -480,7 +273,7 @@ impl World {
         instance.effective_material(own).unwrap_or_else(|| self.default_material())
     }
 
-    fn made_of(&self, instance: &Instance, primitive: u32) -> &Material {
+    pub(super) fn made_of(&self, instance: &Instance, primitive: u32) -> &Material {
         &self.materials[self.material_of(instance, primitive) as usize]
     }
 

@@ -21,6 +21,8 @@ pub(super) struct Lighting {
     arriving: Vec<Illumination>,
     /// The stops of the shadow rays.
     shadowed: Vec<u32>,
+    /// Of those, the stops of rays through what is clear.
+    crossing: Vec<u32>,
     /// Stops with a highlight, with the bases and exponents of their powers.
     shining: Vec<u32>,
     cosines: Vec<f32>,
@@ -99,6 +101,12 @@ fn is_behind(stop: &Stop, way: &Towards, lane: usize) -> bool {
     stop.material.bent && stop.facing().dot(way.direction(lane)) <= 0.0
 }
 
+/// How far neighbours of the ray from a stop to the light are, if anything wants to know.
+fn spread_of(generation: &Generation, way: &Towards, stop: usize) -> Option<Spread> {
+    let (footprint, lane) = (generation.footprints.get(stop)?, stop % STOPS);
+    Some(Spread::to_light(footprint.step, way.direction(lane), f64::from(way.distance[lane])))
+}
+
 impl Whitted<'_> {
     /// Adds the light of all lights, one point after the other.
     pub(super) fn light<P: Probe>(&mut self, generation: &mut Generation, probe: &mut P) {
@@ -142,7 +150,7 @@ impl Whitted<'_> {
         generation: &Generation,
         probe: &mut P,
     ) {
-        let Lighting { octets, ways, arriving, shadowed, .. } = lighting;
+        let Lighting { octets, ways, arriving, shadowed, crossing, .. } = lighting;
         let source = self.source(light);
         if self.settings.stage < Stage::Shadow || !self.settings.shadows || !source.light.shadows {
             return;
@@ -164,21 +172,36 @@ impl Whitted<'_> {
         }
         self.world.between_bundle(&mut self.bundle, self.time, &mut self.blockers[light as usize]);
         self.counts.shadow.traced += shadowed.len() as u64;
+        crossing.clear();
+        self.crossings.bundle.clear();
         for (shadow, &stop) in shadowed.iter().enumerate() {
             let (way, lane) = (&mut ways[stop as usize / STOPS], stop as usize % STOPS);
             let f_s = match self.bundle.between(shadow) {
                 Between::Nothing => continue,
                 // Only a recording probe wants to know what stands in which order.
-                Between::Opaque if !P::ACTIVE => 0.0,
-                between => {
+                between if P::ACTIVE => {
                     let (ray, t_max) = self.bundle.ray(shadow);
-                    let spread = generation.footprints.get(stop as usize).map(|footprint| {
-                        Spread::to_light(footprint.step, way.direction(lane), f64::from(way.distance[lane]))
-                    });
+                    let spread = spread_of(generation, way, stop as usize);
                     self.world.through(&ray, t_max, self.time, spread.as_ref(), between, probe)
+                }
+                Between::Opaque => 0.0,
+                Between::Clear => {
+                    let (ray, t_max) = self.bundle.ray(shadow);
+                    crossing.push(stop);
+                    self.crossings.bundle.push(ray, t_max);
+                    continue;
                 }
             };
             way.f_s[lane] = f_s;
+            self.counts.shadow.hit += u64::from(f_s == 0.0);
+        }
+        self.world.through_together(&mut self.crossings, self.time, |number| {
+            let stop = crossing[number] as usize;
+            spread_of(generation, &ways[stop / STOPS], stop)
+        });
+        for (number, &stop) in crossing.iter().enumerate() {
+            let f_s = self.crossings.passed(number);
+            ways[stop as usize / STOPS].f_s[stop as usize % STOPS] = f_s;
             self.counts.shadow.hit += u64::from(f_s == 0.0);
         }
     }

@@ -19,7 +19,7 @@ use crate::light::Source;
 use crate::math::{Line, Rgb, Spread, offset_origin};
 use crate::sampler::{Sample, Sampler};
 use crate::scene::{IntegratorSettings, Stage};
-use crate::world::{Blocker, Bundle, Hit, World};
+use crate::world::{Blocker, Bundle, Crossings, Hit, World};
 use glam::DVec3;
 use light::Lighting;
 use way::{Branch, Footprint, Met, Stop, Ways};
@@ -48,6 +48,8 @@ pub struct Whitted<'w> {
     waiting: Generation,
     /// What is asked of the world.
     bundle: Bundle,
+    /// Shadow rays through what is clear, kept likewise.
+    crossings: Crossings,
     /// Memory of bundles that have been shaded.
     spare: Vec<Generation>,
     /// Memory for lights.
@@ -92,6 +94,7 @@ impl<'w> Whitted<'w> {
             lights: if world.lights_move() { world.lights.clone() } else { Vec::new() },
             waiting: Generation::default(),
             bundle: Bundle::default(),
+            crossings: Crossings::default(),
             spare: Vec::new(),
             lighting: Lighting::default(),
         }

@@ -1,0 +1,328 @@
+//! What stands in a light's way, and how much of the light passes.
+
+use super::World;
+use super::bundle::Bundle;
+use super::geometry::Geometry;
+use super::group::Way;
+use super::instance::{Instance, NONE, Unbounded};
+use super::query::Hit;
+use crate::integrator::Probe;
+use crate::math::{Line, Spread, offset_origin};
+use canaletto_bvh::{PreparedRay, Ray};
+use glam::Vec3;
+
+/// Something opaque that stood in a light's way. A hint: it changes no answer.
+#[derive(Clone, Copy, Debug)]
+pub struct Blocker {
+    instance: u32,
+    /// In leaf order.
+    slot: u32,
+}
+
+impl Blocker {
+    /// Nothing so far.
+    pub const NONE: Blocker = Blocker { instance: NONE, slot: NONE };
+
+    /// The slot if it is of this instance, of which it shall be from now on.
+    pub(super) fn slot_in(&mut self, instance: u32) -> &mut u32 {
+        if self.instance != instance {
+            *self = Blocker { instance, slot: NONE };
+        }
+        &mut self.slot
+    }
+}
+
+/// What stands between a ray's origin and its end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Between {
+    /// Nothing.
+    Nothing,
+    /// Something that lets light through, and nothing opaque.
+    Clear,
+    /// Something opaque.
+    Opaque,
+}
+
+/// A shadow ray that crosses clear surfaces.
+#[derive(Debug)]
+struct Crossing {
+    /// As it started.
+    line: Line,
+    /// Where it leads, if its light has a place.
+    end: Vec3,
+    /// The share of the light that has passed so far.
+    passed: f32,
+}
+
+impl Crossing {
+    fn new(ray: &Ray) -> Self {
+        Self { line: Line::from(ray), end: ray.origin + ray.direction, passed: 1.0 }
+    }
+}
+
+/// Shadow rays that cross clear surfaces together.
+#[derive(Debug, Default)]
+pub(crate) struct Crossings {
+    /// Those that still do.
+    pub(crate) bundle: Bundle,
+    /// Their numbers.
+    on_their_way: Vec<u32>,
+    all: Vec<Crossing>,
+}
+
+impl Crossings {
+    /// The share of the light that passes along the ray of a number.
+    #[inline]
+    pub(crate) fn passed(&self, number: usize) -> f32 {
+        self.all[number].passed
+    }
+}
+
+impl World {
+    /// f_s of (5.39a): the product of 1 − o over the surfaces between the ray's origin and `t_max`. `last` is what blocked
+    /// the light before, which often blocks it again; `spread` is the ray's, for textures that let light through.
+    pub fn transmittance<P: Probe>(
+        &self,
+        ray: &Ray,
+        t_max: f32,
+        time: f32,
+        spread: Option<&Spread>,
+        last: &mut Blocker,
+        probe: &mut P,
+    ) -> f32 {
+        // Anything opaque in between settles it; only a recording probe wants to know what stands in which order.
+        match self.between(ray, t_max, time, last) {
+            Between::Nothing => 1.0,
+            Between::Opaque if !P::ACTIVE => 0.0,
+            between => self.through(ray, t_max, time, spread, between, probe),
+        }
+    }
+
+    /// [`World::transmittance`] where something stands between.
+    pub(crate) fn through<P: Probe>(
+        &self,
+        ray: &Ray,
+        t_max: f32,
+        time: f32,
+        spread: Option<&Spread>,
+        between: Between,
+        probe: &mut P,
+    ) -> f32 {
+        let (mut crossing, mut ray, mut t_max) = (Crossing::new(ray), *ray, t_max);
+        for _ in 0..Self::MAX_CROSSINGS {
+            let hit = match between {
+                Between::Clear => self.intersect_clear(&ray, t_max, time),
+                _ => self.intersect_at(&ray, t_max, time),
+            };
+            let Some(hit) = hit else { break };
+            if !self.cross(&mut crossing, &mut ray, &mut t_max, &hit, spread, probe) {
+                break;
+            }
+        }
+        if between == Between::Opaque { 0.0 } else { crossing.passed }
+    }
+
+    /// [`World::through`] for rays of a bundle in whose way there is something clear and nothing opaque; [`Crossings::passed`] tells. `spread` is
+    /// asked for that of the ray of a number.
+    pub(crate) fn through_together(
+        &self,
+        crossings: &mut Crossings,
+        time: f32,
+        spread: impl Fn(usize) -> Option<Spread>,
+    ) {
+        let Crossings { bundle, on_their_way, all } = crossings;
+        all.clear();
+        all.extend((0..bundle.len()).map(|index| Crossing::new(&bundle.ray(index).0)));
+        on_their_way.clear();
+        on_their_way.extend(0..bundle.len() as u32);
+        for _ in 0..Self::MAX_CROSSINGS {
+            if bundle.is_empty() {
+                break;
+            }
+            self.intersect_clear_bundle(bundle, time);
+            let mut left = 0;
+            bundle.retain(|index, ray, t_max, hit| {
+                let number = on_their_way[index];
+                let goes_on = hit.is_some_and(|hit| {
+                    let spread = spread(number as usize);
+                    self.cross(&mut all[number as usize], ray, t_max, &hit, spread.as_ref(), &mut ())
+                });
+                on_their_way[left] = number;
+                left += usize::from(goes_on);
+                goes_on
+            });
+            on_their_way.truncate(left);
+        }
+    }
+
+    /// What becomes of a shadow ray at a clear surface. Returns whether it goes on.
+    fn cross<P: Probe>(
+        &self,
+        crossing: &mut Crossing,
+        ray: &mut Ray,
+        t_max: &mut f32,
+        hit: &Hit,
+        spread: Option<&Spread>,
+        probe: &mut P,
+    ) -> bool {
+        let surface = self.bare_surface(Line::from(&*ray), hit);
+        let material = self.material(hit);
+        let opacity = if material.textures.is_empty() {
+            material.phong.opacity
+        } else {
+            let step = spread.map(|s| s.along(&crossing.line, surface.exact, surface.normal));
+            self.kept_light(Line::from(&*ray), hit, step)
+        };
+        probe.blocker(hit, opacity);
+        crossing.passed *= 1.0 - opacity;
+        if crossing.passed == 0.0 {
+            return false;
+        }
+        ray.origin = offset_origin(surface.point, surface.error, surface.normal, ray.direction.as_dvec3());
+        // Towards a point the direction is the rest of the way, so that t stays at most 1.
+        if t_max.is_finite() {
+            let rest = crossing.end - ray.origin;
+            if rest.dot(ray.direction) <= 0.0 {
+                return false;
+            }
+            ray.direction = rest;
+            *t_max = 1.0 - f32::EPSILON;
+        }
+        true
+    }
+
+    /// The nearest hit for a ray that meets nothing opaque: instances where all is opaque need not be asked, where they are few.
+    fn intersect_clear(&self, ray: &Ray, t_max: f32, time: f32) -> Option<Hit> {
+        if !self.is_small() {
+            return self.intersect_at(ray, t_max, time);
+        }
+        self.nearest(ray, t_max, time, |world, ray, mut best| {
+            for (number, instance) in (0..).zip(&world.root.instances) {
+                if world.may_let_light_through(number) {
+                    world.try_instance(ray, instance, number, &mut best, Geometry::intersect);
+                }
+            }
+            best
+        })
+    }
+
+    /// The same for a bundle.
+    fn intersect_clear_bundle(&self, bundle: &mut Bundle, time: f32) {
+        self.intersect_bundle_with(
+            bundle,
+            time,
+            |ray, t_max| self.intersect_clear(ray, t_max, time),
+            |number| self.may_let_light_through(number),
+        );
+    }
+
+    /// Whether anything of an instance, where they are few, may be clear.
+    pub(super) fn may_let_light_through(&self, instance: u32) -> bool {
+        self.clear_instances.get(instance as usize) == Some(&true)
+    }
+
+    /// The most clear surfaces that a shadow ray passes; light beyond them arrives as it is.
+    const MAX_CROSSINGS: usize = 1 << 16;
+
+    /// What stands before `t_max`.
+    pub(super) fn between(&self, ray: &Ray, t_max: f32, time: f32, last: &mut Blocker) -> Between {
+        let prepared = &ray.prepare();
+        if last.slot != NONE && last.instance < self.root.leaves {
+            let again = self.with_instance(last.instance, |instance| {
+                let geometry = &self.geometries[instance.geometry as usize];
+                instance.with_local_ray(prepared, &self.chains, time, |ray| geometry.blocks(last.slot, ray, t_max))
+            });
+            if again {
+                return Between::Opaque;
+            }
+            // Once past its shadow's border it would be tried in vain.
+            *last = Blocker::NONE;
+        }
+        let unbounded = self.between_unbounded(ray, t_max);
+        let mut clear = unbounded == Between::Clear;
+        let blocked = unbounded == Between::Opaque || {
+            let root = &self.root;
+            let mut block = |instance: &Instance, number: u32| {
+                let geometry = &self.geometries[instance.geometry as usize];
+                let slot = instance.with_local_ray(prepared, &self.chains, time, |ray| {
+                    geometry.occluded(ray, t_max, |primitive| {
+                        let opaque = self.clear_instances.is_empty() || self.made_of(instance, primitive).is_opaque();
+                        clear |= !opaque;
+                        opaque
+                    })
+                });
+                if let Some(slot) = slot {
+                    *last = Blocker { instance: number, slot };
+                }
+                slot.is_some()
+            };
+            root.tree.occluded(prepared, t_max, |leaf| {
+                leaf.slots().any(|slot| {
+                    if !prepared.enters(&root.slot_bounds[slot as usize], t_max) {
+                        return false;
+                    }
+                    let index = root.tree.order()[slot as usize];
+                    let instance = &root.instances[index as usize];
+                    if instance.group == NONE {
+                        return block(instance, root.first(index));
+                    }
+                    let way = Way::to(instance, root.first(index), None, &self.groups);
+                    self.blocked_by_group(prepared, t_max, &way, &mut block)
+                })
+            })
+        };
+        match (blocked, clear) {
+            (true, _) => Between::Opaque,
+            (false, true) => Between::Clear,
+            (false, false) => Between::Nothing,
+        }
+    }
+
+    /// What of the shapes without bounds stands before `t_max`.
+    #[inline]
+    pub(super) fn between_unbounded(&self, ray: &Ray, t_max: f32) -> Between {
+        let mut between = Between::Nothing;
+        for (index, Unbounded { shape, .. }) in (0..).zip(&self.unbounded) {
+            if shape.intersect(ray, t_max).is_some() {
+                if self.is_opaque(Hit::UNBOUNDED, index) {
+                    return Between::Opaque;
+                }
+                between = Between::Clear;
+            }
+        }
+        between
+    }
+
+    /// Whether one of a group's instances, as they stand in the world, blocks a ray.
+    #[inline(never)]
+    fn blocked_by_group(
+        &self,
+        ray: &PreparedRay,
+        t_max: f32,
+        way: &Way,
+        block: &mut dyn FnMut(&Instance, u32) -> bool,
+    ) -> bool {
+        way.group.occluded(&way.feeler(&ray.ray), t_max, |index| {
+            let (instance, number) = (&way.group.instances[index as usize], way.number(index));
+            if instance.group != NONE {
+                let way = Way::to(instance, number, Some(way), &self.groups);
+                return self.blocked_by_group(ray, t_max, &way, block);
+            }
+            if self.clear_instances.is_empty()
+                && let Some(local) = way.local_ray(instance, &ray.ray)
+                && self.geometries[instance.geometry as usize].occluded(&local, t_max, |_| true).is_none()
+            {
+                return false;
+            }
+            let placed = way.placed(instance);
+            ray.enters(&self.bounds_of(&placed), t_max) && block(&placed, number)
+        })
+    }
+
+    /// Whether a primitive lets no light through.
+    #[inline]
+    pub(super) fn is_opaque(&self, instance: u32, primitive: u32) -> bool {
+        let hit = Hit { t: 0.0, instance, primitive, part: 0, uv: [0.0; 2], time: 0.0 };
+        self.clear_instances.is_empty() || self.material(&hit).is_opaque()
+    }
+}
