@@ -2,11 +2,14 @@
 //! Ray Tracing Gems (2019), chapter 7, in f64. What is missed by more than the rounding of f32 is sorted out in f32, four
 //! spheres side by side.
 
+mod many;
+
 use glam::{Vec3, Vec4};
 
 use crate::round::{RELATIVE, Rough, Rows, Sorted};
 use crate::slab::{DEFLATE, INFLATE};
 use crate::{Aabb, PreparedRay, Ray};
+pub use many::intersect_many;
 
 /// A box around the sphere, rounded outwards so that it holds all of it.
 #[inline]

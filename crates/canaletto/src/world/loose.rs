@@ -4,9 +4,10 @@
 //! look, and what is left goes to the exact kernel.
 
 use super::bundle::{Part, end};
+use super::corridor::GROUP;
 use super::geometry::{confined, on_shape};
-use crate::shape::Shape;
-use canaletto_bvh::{Met, Ray};
+use crate::shape::{Shape, ShapeHit, Sphere};
+use canaletto_bvh::{Met, Ray, sphere};
 use std::ops::Range;
 
 /// The most shapes that are looked at one by one: as many as a node of a tree has children.
@@ -33,7 +34,14 @@ pub(super) fn intersect(shapes: &[Shape], part: &Part, found: &mut [Met]) {
                     confined(cuboid.intersect(ray, t_max)?, &bounds, &ray.prepare(), t_max)
                 });
             }
-            Shape::Sphere(s) => offer(id, rays, found, |ray, t_max| Some(on_shape(s.intersect(ray, t_max)?))),
+            Shape::Sphere(s) => {
+                for (rays, found) in rays.chunks(GROUP).zip(found.chunks_mut(GROUP)) {
+                    let t = meet_sphere(s, rays, found.iter().map(|best| best.t));
+                    for (best, t) in found.iter_mut().zip(t).filter(|(_, t)| !t.is_nan()) {
+                        take(best, Met { id, ..on_shape(ShapeHit { t, part: 0, uv: [0.0; 2] }) });
+                    }
+                }
+            }
             _ => offer(id, rays, found, |ray, t_max| meet(shape, ray, t_max)),
         }
     });
@@ -42,13 +50,29 @@ pub(super) fn intersect(shapes: &[Shape], part: &Part, found: &mut [Met]) {
 #[inline(always)]
 fn offer(id: u32, rays: &[Ray], found: &mut [Met], meet: impl Fn(&Ray, f32) -> Option<Met>) {
     for (ray, best) in rays.iter().zip(found) {
-        // At the same t the lower id stays.
-        if let Some(hit) = meet(ray, best.t)
-            && (hit.t < best.t || best.id == Met::NONE)
-        {
-            *best = Met { id, ..hit };
+        if let Some(hit) = meet(ray, best.t) {
+            take(best, Met { id, ..hit });
         }
     }
+}
+
+/// At the same t the lower id, which came first, stays.
+#[inline(always)]
+fn take(best: &mut Met, met: Met) {
+    if met.t < best.t || best.id == Met::NONE {
+        *best = met;
+    }
+}
+
+/// Where the rays of a group meet a sphere up to `t_max`; NaN where they don't.
+#[inline(always)]
+fn meet_sphere(s: &Sphere, rays: &[Ray], t_max: impl Iterator<Item = f32>) -> [f32; GROUP] {
+    let mut t = [f32::NAN; GROUP];
+    for (t, t_max) in t.iter_mut().zip(t_max) {
+        *t = t_max;
+    }
+    sphere::intersect_many(rays, s.center, s.radius, &mut t[..rays.len()]);
+    t
 }
 
 /// A shape's hit as trees find it.
@@ -67,9 +91,14 @@ pub(super) fn between(shapes: &[Shape], part: &Part, t_max: &mut [f32], mut bloc
     for_near(shapes, part, |id, shape, near| {
         let (rays, t_max) = (&part.rays()[near.clone()], &mut t_max[near.clone()]);
         match shape {
-            Shape::Sphere(s) => end(rays, t_max, |index, ray, t_max| {
-                s.intersect(ray, t_max).is_some() && blocks(near.start + index, id)
-            }),
+            Shape::Sphere(s) => {
+                for (group, (rays, t_max)) in rays.chunks(GROUP).zip(t_max.chunks_mut(GROUP)).enumerate() {
+                    let t = meet_sphere(s, rays, t_max.iter().copied());
+                    end(rays, t_max, |index, _, _| {
+                        !t[index].is_nan() && blocks(near.start + group * GROUP + index, id)
+                    });
+                }
+            }
             _ => end(rays, t_max, |index, ray, t_max| {
                 meet(shape, ray, t_max).is_some() && blocks(near.start + index, id)
             }),
