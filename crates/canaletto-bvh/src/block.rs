@@ -159,7 +159,8 @@ impl Block {
         let origin = |k: u8| Vec4::splat(ray.origin(k));
         let (ox, oy, oz) = (origin(kx), origin(ky), origin(kz));
         let (sx, sy) = (Vec4::splat(ray.shear[0]), Vec4::splat(ray.shear[1]));
-        let (az, bz, cz) = (row(0, kz) - oz, row(1, kz) - oz, row(2, kz) - oz);
+        // From corners to the origin, since what is taken off can be read by the instruction that does it.
+        let (az, bz, cz) = (oz - row(0, kz), oz - row(1, kz), oz - row(2, kz));
         // Between the corners along the longest axis lies the triangle, and what `confine` makes of t: its very products.
         let along = Vec4::splat(ray.along);
         let (ta, tb, tc) = (az * along, bz * along, cz * along);
@@ -167,9 +168,9 @@ impl Block {
         let last = ta.max(tb).max(tc);
         // Not `t_max` as it is: what lies at infinity is beyond it.
         let beyond = low.cmpgt(Vec4::splat(t_max.min(f32::MAX))) | last.cmple(Vec4::ZERO);
-        let (ax, ay) = (row(0, kx) - ox - sx * az, row(0, ky) - oy - sy * az);
-        let (bx, by) = (row(1, kx) - ox - sx * bz, row(1, ky) - oy - sy * bz);
-        let (cx, cy) = (row(2, kx) - ox - sx * cz, row(2, ky) - oy - sy * cz);
+        let (ax, ay) = (ox - row(0, kx) - sx * az, oy - row(0, ky) - sy * az);
+        let (bx, by) = (ox - row(1, kx) - sx * bz, oy - row(1, ky) - sy * bz);
+        let (cx, cy) = (ox - row(2, kx) - sx * cz, oy - row(2, ky) - sy * cz);
         let wa = bx * cy - by * cx;
         let wb = cx * ay - cy * ax;
         let wc = ax * by - ay * bx;

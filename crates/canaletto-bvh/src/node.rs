@@ -89,31 +89,33 @@ impl Link {
 /// Where nodes and the data of leaves lie, to be fetched in advance.
 #[derive(Clone, Copy)]
 pub(crate) struct Places {
-    /// Of the nodes, and of the leaves' data.
-    starts: [*const u8; 2],
-    /// Of a node, and of a leaf's data.
-    bytes: [usize; 2],
+    nodes: *const u8,
+    leaves: *const u8,
+    /// Of a leaf's data.
+    bytes: usize,
 }
 
 impl Places {
     /// Where each leaf's data are one of these.
     #[inline(always)]
     pub(crate) fn new<T>(nodes: &[Node], leaves: &[T]) -> Self {
-        Self { starts: [nodes.as_ptr().cast(), leaves.as_ptr().cast()], bytes: [size_of::<Node>(), size_of::<T>()] }
+        Self { nodes: nodes.as_ptr().cast(), leaves: leaves.as_ptr().cast(), bytes: size_of::<T>() }
     }
 
     /// Where nothing is known of leaves' data.
     #[inline(always)]
     pub(crate) fn of_nodes(nodes: &[Node]) -> Self {
-        Self { starts: [nodes.as_ptr().cast(); 2], bytes: [size_of::<Node>(), 0] }
+        Self { bytes: 0, ..Self::new(nodes, nodes) }
     }
 
     /// Tells the caches that what a link leads to will be read.
     #[inline(always)]
     pub(crate) fn fetch(self, link: Link) {
-        let kind = usize::from(link.is_leaf());
-        let start = self.starts[kind].wrapping_add(link.index() * self.bytes[kind]);
-        let start = select_unpredictable(link == Link::END, self.starts[0], start);
+        // Both computed, and one chosen: a table of the two would be read where it has just been written.
+        let node = self.nodes.wrapping_add(link.index() * size_of::<Node>());
+        let leaf = self.leaves.wrapping_add(link.index() * self.bytes);
+        let start = select_unpredictable(link.is_leaf(), leaf, node);
+        let start = select_unpredictable(link == Link::END, self.nodes, start);
         for line in 0..4 {
             prefetch(start.wrapping_add(64 * line));
         }

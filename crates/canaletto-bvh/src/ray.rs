@@ -39,12 +39,12 @@ impl Ray {
 pub struct PreparedRay {
     /// The ray itself.
     pub ray: Ray,
-    /// 1 / direction.
-    pub(crate) reciprocal: [f32; 3],
+    /// −1 / direction: planes are taken from the origin, so that they can be read by the instruction that does it.
+    pub(crate) backwards: [f32; 3],
     /// What takes the ray to the longest axis of its direction: x and y are sheared by these, times z, where x, y and z are the axes
     /// in the order of `way.rows`. NaN, which decides nothing, where rounding would take digits off.
     pub(crate) shear: [f32; 2],
-    /// 1 / direction along the longest axis; NaN, which decides nothing, for rays that are not regular.
+    /// −1 / direction along the longest axis; NaN, which decides nothing, for rays that are not regular.
     pub(crate) along: f32,
     pub(crate) way: Way,
     /// The origin is finite and the reciprocals are normal numbers.
@@ -146,8 +146,8 @@ impl PreparedRay {
     fn of(ray: &Ray) -> Self {
         let direction = ray.direction.extend(1.0);
         let way = Way::of_four(direction);
-        let reciprocal = Vec4::ONE / direction;
-        let size = reciprocal.abs();
+        let backwards = Vec4::NEG_ONE / direction;
+        let size = backwards.abs();
         let finite = ray.origin.extend(0.0).abs().cmplt(Vec4::INFINITY);
         let normal = size.cmpge(Vec4::splat(f32::MIN_POSITIVE)) & size.cmplt(Vec4::INFINITY);
         let regular = (normal & finite).all();
@@ -160,9 +160,9 @@ impl PreparedRay {
         let shear = Vec4::select(told, shear, Vec4::NAN);
         Self {
             ray: *ray,
-            reciprocal: reciprocal.truncate().to_array(),
+            backwards: backwards.truncate().to_array(),
             shear: [shear.x, shear.y],
-            along: if regular { shear.z } else { f32::NAN },
+            along: if regular { -shear.z } else { f32::NAN },
             way,
             regular,
         }
@@ -174,10 +174,10 @@ impl PreparedRay {
         component(&self.ray.origin, row)
     }
 
-    /// 1 / direction along an axis of `rows`.
+    /// −1 / direction along an axis of `rows`.
     #[inline(always)]
-    pub(crate) fn reciprocal(&self, row: u8) -> f32 {
-        component(&Vec3::from_array(self.reciprocal), row)
+    pub(crate) fn backwards(&self, row: u8) -> f32 {
+        component(&Vec3::from_array(self.backwards), row)
     }
 
     /// The direction along an axis of `rows`.

@@ -198,8 +198,8 @@ impl Block {
         }
         let (mut near, mut far) = (Vec4::ZERO, Vec4::INFINITY);
         for axis in 0..3 {
-            let (origin, reciprocal) = (ray.ray.origin[axis], ray.reciprocal[axis]);
-            let (low, high) = ((self.base[axis] - origin) * reciprocal, (self.top[axis] - origin) * reciprocal);
+            let (origin, backwards) = (Vec4::splat(ray.ray.origin[axis]), ray.backwards[axis]);
+            let (low, high) = ((origin - self.base[axis]) * backwards, (origin - self.top[axis]) * backwards);
             (near, far) = (near.max(low.min(high)), far.min(low.max(high)));
         }
         let before = near * DEFLATE;

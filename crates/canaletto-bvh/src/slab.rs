@@ -43,15 +43,15 @@ impl PreparedRay {
         let mut far = if bounds.is_empty() { f32::NEG_INFINITY } else { f32::INFINITY };
         for axis in 0..3 {
             let (low, high, origin) = (bounds.min[axis], bounds.max[axis], self.ray.origin[axis]);
-            let reciprocal = self.reciprocal[axis];
+            let backwards = self.backwards[axis];
             if self.ray.direction[axis] == 0.0 {
                 if !(low <= origin && origin <= high) {
                     far = f32::NEG_INFINITY;
                 }
-            } else if reciprocal.is_normal() {
+            } else if backwards.is_normal() {
                 let (first, second) = if self.way.octant >> axis & 1 == 0 { (low, high) } else { (high, low) };
-                near = ((first - origin) * reciprocal).max(near);
-                far = ((second - origin) * reciprocal).min(far);
+                near = ((origin - first) * backwards).max(near);
+                far = ((origin - second) * backwards).min(far);
             }
         }
         (near, (far * INFLATE).min(limit))
@@ -60,7 +60,7 @@ impl PreparedRay {
     /// [`PreparedRay::clip_carefully`] for a `regular` ray, without limit.
     #[inline]
     fn clip_one(&self, bounds: &Aabb) -> (f32, f32) {
-        let cross = |axis: usize, plane: f32| (plane - self.ray.origin[axis]) * self.reciprocal[axis];
+        let cross = |axis: usize, plane: f32| (self.ray.origin[axis] - plane) * self.backwards[axis];
         // The nearer plane is the one with the lesser product.
         let planes = |axis: usize| {
             let (low, high) = (cross(axis, bounds.min[axis]), cross(axis, bounds.max[axis]));
@@ -108,7 +108,7 @@ impl PreparedRay {
     pub(crate) fn confine_to_triangle(&self, bounds: &Aabb, t: f64, t_max: f32) -> Option<f32> {
         let (near, _) = self.clip(bounds)?;
         let row = self.way.rows[2];
-        let cross = |corner: &Vec3| (component(corner, row) - self.origin(row)) * self.along;
+        let cross = |corner: &Vec3| (self.origin(row) - component(corner, row)) * self.along;
         let last = max(cross(&bounds.min), cross(&bounds.max)) * INFLATE;
         let mut t = t as f32;
         // NaN, for a ray that is not regular, moves nothing.

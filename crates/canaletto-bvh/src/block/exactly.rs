@@ -76,8 +76,8 @@ impl Block {
         // `PreparedRay::confine_to_triangle`. Rounding is monotone, so that the box's planes are met where the corners' planes are.
         let (mut near, mut far, mut last) = (Vec4::ZERO, Vec4::INFINITY, Vec4::ZERO);
         for axis in 0..3 {
-            let (origin, scale) = (Vec4::splat(origin[axis]), Vec4::splat(ray.reciprocal(ray.way.rows[axis])));
-            let (a, b, c) = ((a[axis] - origin) * scale, (b[axis] - origin) * scale, (c[axis] - origin) * scale);
+            let (origin, scale) = (Vec4::splat(origin[axis]), Vec4::splat(ray.backwards(ray.way.rows[axis])));
+            let (a, b, c) = ((origin - a[axis]) * scale, (origin - b[axis]) * scale, (origin - c[axis]) * scale);
             last = a.max(b).max(c);
             near = near.max(a.min(b).min(c));
             far = far.min(last);

@@ -70,8 +70,8 @@ pub(super) unsafe fn clip(node: &Node, ray: &PreparedRay, origins: [&[f32; 3]; 2
             // SAFETY: the offset is that of a row of eight aligned numbers.
             let planes = unsafe { _mm256_load_ps((&raw const *node).cast::<f32>().byte_add(usize::from($offset))) };
             _mm256_mul_ps(
-                _mm256_sub_ps(planes, _mm256_set1_ps(origins[$side][$axis])),
-                _mm256_set1_ps(ray.reciprocal[$axis]),
+                _mm256_sub_ps(_mm256_set1_ps(origins[$side][$axis]), planes),
+                _mm256_set1_ps(ray.backwards[$axis]),
             )
         }};
     }

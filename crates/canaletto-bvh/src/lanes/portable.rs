@@ -51,7 +51,7 @@ impl<R: Passing> Lanes<R> for Portable {
         for half in 0..2 {
             let cross = |side: u8, axis: usize, origin: f32| {
                 let planes = Vec4::from_slice(&node.boxes[usize::from(side & 1)][axis][4 * half..]);
-                (planes - Vec4::splat(origin)) * Vec4::splat(ray.reciprocal[axis])
+                (Vec4::splat(origin) - planes) * Vec4::splat(ray.backwards[axis])
             };
             let enter = |axis: usize| cross(ray.way.octant >> axis, axis, origins[0][axis]);
             let leave = |axis: usize| cross(!ray.way.octant >> axis, axis, origins[1][axis]);
