@@ -1,10 +1,8 @@
 //! Rays.
 
-use std::mem::MaybeUninit;
+mod many;
 
 use glam::{Vec3, Vec4, Vec4Swizzles};
-
-use crate::{InstructionSet, Kernel};
 
 /// The points `origin + t * direction`, t > 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -129,19 +127,6 @@ impl PreparedRay {
         Self::of(ray)
     }
 
-    /// [`PreparedRay::new`] for many. Tells between which corners their origins lie.
-    pub(crate) fn prepare_all(rays: &[Ray], prepared: &mut Vec<Self>) -> [Vec3; 2] {
-        prepared.clear();
-        prepared.reserve(rays.len());
-        let corners = InstructionSet::run(Preparation { rays, prepared: prepared.spare_capacity_mut() });
-        // SAFETY: there is room for all, so that each was written.
-        #[allow(unsafe_code)]
-        unsafe {
-            prepared.set_len(rays.len());
-        }
-        corners
-    }
-
     #[inline(always)]
     fn of(ray: &Ray) -> Self {
         let direction = ray.direction.extend(1.0);
@@ -187,28 +172,6 @@ impl PreparedRay {
     }
 }
 
-struct Preparation<'a> {
-    rays: &'a [Ray],
-    /// No fewer than the rays.
-    prepared: &'a mut [MaybeUninit<PreparedRay>],
-}
-
-impl Kernel for Preparation<'_> {
-    type Answer = [Vec3; 2];
-
-    #[inline(always)]
-    fn run(self) -> [Vec3; 2] {
-        let (mut low, mut high) = (Vec4::INFINITY, Vec4::NEG_INFINITY);
-        for (ray, prepared) in self.rays.iter().zip(self.prepared) {
-            prepared.write(PreparedRay::of(ray));
-            // In this order, what is no number is left out, or makes the corner no number.
-            let origin = ray.origin.extend(0.0);
-            (low, high) = (origin.min(low), origin.max(high));
-        }
-        [low.truncate(), high.truncate()]
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -219,32 +182,6 @@ mod tests {
     fn a_point_lies_t_directions_from_the_origin() {
         let ray = Ray::new(Vec3::new(1.0, 2.0, 3.0), Vec3::new(0.0, -2.0, 4.0));
         assert_eq!(ray.at(0.5), Vec3::new(1.0, 1.0, 5.0));
-    }
-
-    #[test]
-    fn many_rays_are_prepared_as_one_is() {
-        let random = &mut Random(49);
-        let strange = [0.0, -0.0, f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, f32::MIN_POSITIVE, 1e-40];
-        for n in 0..300 {
-            let mut rays: Vec<Ray> = (0..n % 20).map(|_| Ray::new(random.vector() * 10.0, random.vector())).collect();
-            for ray in &mut rays {
-                let vector = if random.below(2) == 0 { &mut ray.origin } else { &mut ray.direction };
-                vector[random.below(3)] *= [1.0, -1.0, strange[random.below(8)]][random.below(3)];
-                if n % 3 == 0 {
-                    ray.direction = ray.direction.signum();
-                }
-            }
-            for set in InstructionSet::available() {
-                set.limit();
-                let mut prepared = Vec::new();
-                let [low, high] = PreparedRay::prepare_all(&rays, &mut prepared);
-                let expected: Vec<PreparedRay> = rays.iter().map(Ray::prepare).collect();
-                assert_eq!(format!("{prepared:?}"), format!("{expected:?}"));
-                for origin in rays.iter().map(|ray| ray.origin) {
-                    assert!(!(low.cmpgt(origin) | high.cmplt(origin)).any(), "{low} {origin} {high}");
-                }
-            }
-        }
     }
 
     #[test]

@@ -119,7 +119,9 @@ impl<R: Passing> Lanes<R> for Avx2 {
             let mask = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(near, far)) as usize;
             let row = COMPRESS.get_unchecked(mask & 255).as_ptr();
             let met = _mm256_cvtepu8_epi32(_mm_loadl_epi64(row.cast()));
-            _mm256_storeu_ps(out, _mm256_permutevar8x32_ps(near, met));
+            if ORDERED {
+                _mm256_storeu_ps(out, _mm256_permutevar8x32_ps(near, met));
+            }
             let met = _mm256_permutevar8x32_epi32(children, met);
             _mm256_storeu_si256(links.cast(), met);
             with_last(mask.count_ones(), met)

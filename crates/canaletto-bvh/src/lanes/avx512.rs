@@ -32,7 +32,9 @@ impl<R: Passing> Lanes<R> for Avx512 {
             }
             let far = avx2::end(far, limit);
             let mask = _mm256_cmp_ps_mask::<_CMP_LE_OQ>(near, far);
-            _mm256_storeu_ps(out, _mm256_maskz_compress_ps(mask, near));
+            if ORDERED {
+                _mm256_storeu_ps(out, _mm256_maskz_compress_ps(mask, near));
+            }
             let met = _mm256_maskz_compress_epi32(mask, children);
             _mm256_storeu_si256(links.cast(), met);
             avx2::with_last(mask.count_ones(), met)

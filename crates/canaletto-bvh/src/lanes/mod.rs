@@ -113,8 +113,8 @@ impl Exact for Avx512 {
 
 /// A way to test a ray against a node.
 pub(crate) trait Lanes<R = PreparedRay>: Copy + Exact {
-    /// Writes the children that the ray, a `regular` one but for [`Careful`], meets before `limit`, and where it enters them: the nearest in
-    /// general last, or, unless `ORDERED`, the most promising for any hit. Returns how
+    /// Writes the children that the ray, a `regular` one but for [`Careful`], meets before `limit`: if `ORDERED`, the nearest in
+    /// general last, and where it enters them; else the most promising for any hit last. Returns how
     /// many they are, and the last link again, if there is one: to read it where it was just written would have to wait until a part of a wide store
     /// can be read.
     ///

@@ -27,7 +27,9 @@ unsafe fn write<const ORDERED: bool>(
         let lane = if ORDERED { ordered } else { i };
         // SAFETY: the caller has room for eight entries, and before the last lane there are at most seven.
         unsafe {
-            *out.add(count) = near[lane];
+            if ORDERED {
+                *out.add(count) = near[lane];
+            }
             *links.add(count) = node.children[lane];
         }
         count += (mask >> lane & 1) as usize;

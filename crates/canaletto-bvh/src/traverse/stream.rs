@@ -66,25 +66,6 @@ impl<F: FnMut(usize, Leaf, &mut f32)> ClosestOfMany for F {
 /// How many rays of a stream are on their way at once.
 const FLIGHTS: usize = 32;
 
-/// The rays that have not started; those that are not regular never do.
-struct Waiting<'a> {
-    rays: &'a [PreparedRay],
-    next: usize,
-}
-
-impl<'a> Waiting<'a> {
-    #[inline(always)]
-    fn next(&mut self) -> Option<Numbered<'a>> {
-        while let Some(ray) = self.rays.get(self.next) {
-            self.next += 1;
-            if ray.regular {
-                return Some(Numbered { number: self.next - 1, ray });
-            }
-        }
-        None
-    }
-}
-
 /// A ray on its way. Its stack's lowest entry is [`Link::END`].
 struct Flight<'a> {
     ray: Numbered<'a>,
@@ -186,13 +167,13 @@ impl<F: ClosestOfMany> Passage for Stream<'_, F> {
         if nodes.is_empty() {
             return;
         }
-        let mut waiting = Waiting { rays, next: 0 };
+        let mut started = 0;
         let mut flights: [MaybeUninit<Flight>; FLIGHTS] = [const { MaybeUninit::uninit() }; FLIGHTS];
         let mut findings: [MaybeUninit<F::Finding>; FLIGHTS] = [const { MaybeUninit::uninit() }; FLIGHTS];
         let mut which: [MaybeUninit<u32>; FLIGHTS] = [const { MaybeUninit::uninit() }; FLIGHTS];
         let places = leaf.places(nodes);
         let mut queues = Queues { nodes: 0, leaves: 0, ended: u32::MAX >> (32 - FLIGHTS) };
-        // SAFETY: the caller's promise; links lead to nodes; flights in queues of nodes and leaves were started, and their rays exist.
+        // SAFETY: the caller's promise; links lead to nodes; flights in queues of nodes and leaves were started; there is a limit for each ray.
         unsafe {
             macro_rules! flight {
                 ($number:expr) => {
@@ -201,13 +182,22 @@ impl<F: ClosestOfMany> Passage for Stream<'_, F> {
             }
             loop {
                 let mut free = std::mem::take(&mut queues.ended);
-                while let Some(number) = next(&mut free) {
-                    let Some(ray) = waiting.next() else { break };
-                    Flight::start(flights.get_unchecked_mut(number).as_mut_ptr(), ray, t_max[ray.number]);
-                    queues.nodes |= 1 << number;
+                while started < rays.len()
+                    && let Some(number) = next(&mut free)
+                {
+                    let ray = Numbered { number: started, ray: rays.get_unchecked(started) };
+                    let flight = flights.get_unchecked_mut(number).as_mut_ptr();
+                    Flight::start(flight, ray, *t_max.get_unchecked(started));
+                    // Those that are not regular end at once.
+                    queues.nodes |= u32::from(ray.ray.regular) << number;
+                    queues.ended |= u32::from(!ray.ray.regular) << number;
+                    started += 1;
                 }
                 if queues.nodes | queues.leaves == 0 {
-                    break;
+                    if started == rays.len() {
+                        break;
+                    }
+                    continue;
                 }
                 let visited = std::mem::take(&mut queues.nodes);
                 let mut visiting = visited;
