@@ -10,10 +10,10 @@ use std::ops::Range;
 use bytemuck::Zeroable;
 use rayon::prelude::*;
 
-use crate::Aabb;
 use crate::build::{Binary, MAX_LEAF, MAX_PRIMITIVES, compiled_wide};
 use crate::memory::{prefetch, zeros};
 use crate::slab::{Boxes, WIDTH};
+use crate::{Aabb, PreparedRay};
 
 /// Eight children. 256 bytes, four cache lines.
 #[derive(Clone, Copy, Debug, PartialEq, Zeroable)]
@@ -156,6 +156,15 @@ impl Node {
         children: [Link(0); WIDTH],
         orders: [0; 8],
     };
+
+    /// The last child of a mask of those in the order for a ray's octant, or else of those as they lie; any, if there is none. It is read from where
+    /// it has long been: what was just written side by side takes its time until a part of it can be read.
+    #[inline(always)]
+    pub(crate) fn last<const ORDERED: bool>(&self, met: u32, ray: &PreparedRay) -> Link {
+        let last = 31 ^ met.leading_zeros();
+        let lane = if ORDERED { self.orders[usize::from(ray.way.octant & 7)].wrapping_shr(3 * last) } else { last };
+        self.children[lane as usize & 7]
+    }
 
     /// The lanes from far to near for a ray of an octant, which has a bit for each axis along which it moves backwards.
     #[inline(always)]

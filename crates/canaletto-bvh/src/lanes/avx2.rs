@@ -83,17 +83,6 @@ pub(super) unsafe fn clip(node: &Node, ray: &PreparedRay, origins: [&[f32; 3]; 2
     (near, far)
 }
 
-/// How many links there are, and the last of them; any, if there is none.
-///
-/// # Safety
-/// The machine must have AVX2.
-#[inline]
-#[target_feature(enable = "avx2")]
-pub(super) unsafe fn with_last(count: u32, links: __m256i) -> (usize, Link) {
-    let last = _mm256_permutevar8x32_epi32(links, _mm256_set1_epi32(count.wrapping_sub(1) as i32));
-    (count as usize, Link::from_bits(_mm256_cvtsi256_si32(last) as u32))
-}
-
 impl<R: Passing> Lanes<R> for Avx2 {
     #[inline]
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
@@ -122,9 +111,8 @@ impl<R: Passing> Lanes<R> for Avx2 {
             if ORDERED {
                 _mm256_storeu_ps(out, _mm256_permutevar8x32_ps(near, met));
             }
-            let met = _mm256_permutevar8x32_epi32(children, met);
-            _mm256_storeu_si256(links.cast(), met);
-            with_last(mask.count_ones(), met)
+            _mm256_storeu_si256(links.cast(), _mm256_permutevar8x32_epi32(children, met));
+            (mask.count_ones() as usize, node.last::<ORDERED>(mask as u32, ray))
         }
     }
 }

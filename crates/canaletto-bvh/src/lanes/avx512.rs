@@ -35,9 +35,8 @@ impl<R: Passing> Lanes<R> for Avx512 {
             if ORDERED {
                 _mm256_storeu_ps(out, _mm256_maskz_compress_ps(mask, near));
             }
-            let met = _mm256_maskz_compress_epi32(mask, children);
-            _mm256_storeu_si256(links.cast(), met);
-            avx2::with_last(mask.count_ones(), met)
+            _mm256_storeu_si256(links.cast(), _mm256_maskz_compress_epi32(mask, children));
+            (mask.count_ones() as usize, node.last::<ORDERED>(mask.into(), ray))
         }
     }
 }

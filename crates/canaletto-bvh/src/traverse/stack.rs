@@ -116,9 +116,13 @@ impl Stack {
         unsafe {
             let len = self.len;
             let before = self.links.get_unchecked(len - 1).assume_init();
-            let (count, nearest) = self.push::<R, L, ORDERED>(node, ray, limit);
+            let (count, last) = self.push::<R, L, ORDERED>(node, ray, limit);
+            // Where the last one has to be looked for in an order, it costs less to read it where it was just written.
+            if ORDERED {
+                return self.pop();
+            }
             self.len = len + count - 1;
-            choose(count, nearest, before)
+            choose(count, last, before)
         }
     }
 
