@@ -2,7 +2,7 @@
 
 use super::group::{Corners, Group};
 use crate::block::{BLUR, Bound};
-use crate::lanes::{Instructions, Mask, Vector};
+use crate::lanes::{Instructions, Mask, Row, Vector};
 use crate::slab::{DEFLATE, INFLATE};
 
 /// How triangles are tested.
@@ -64,6 +64,25 @@ impl<N: Vector> Certainly<N> {
     }
 }
 
+/// A triangle as rays see it.
+#[derive(Clone, Copy)]
+struct Sheared<N> {
+    /// How far the corners are along the longest axis.
+    z: [N; 3],
+    /// The edge functions, the least and the most of them.
+    edges: [N; 3],
+    least: N,
+    most: N,
+}
+
+impl<N: Vector> Sheared<N> {
+    /// The rays for which not all edge functions have one sign, though they are wrong by no more than `off`.
+    #[inline(always)]
+    fn missed<S: Instructions<Vector = N>>(&self, s: S, off: N) -> N::Mask {
+        off.less(self.most) & self.least.less(s.splat(0.0) - off)
+    }
+}
+
 /// What f32 makes of rays and a triangle.
 #[derive(Clone, Copy)]
 struct Seen<N> {
@@ -120,11 +139,54 @@ impl<N: Vector> Seen<N> {
 
 /// The farthest of three numbers from those of rays. Not a closure: that would be a function without the instructions.
 #[inline(always)]
-fn farthest<S: Instructions>(s: S, [x, y, z]: [f32; 3], o: S::Vector) -> S::Vector {
+fn farthest<S: Instructions>(s: S, part: usize, ([x, y, z], origin): ([f32; 3], &Row<f32>)) -> S::Vector {
+    let o = s.load(origin, part);
     (s.splat(x) - o).abs().max((s.splat(y) - o).abs()).max((s.splat(z) - o).abs())
 }
 
 impl Group {
+    /// The triangle of these corners, seen by the rays of a part. If `TURNED`, from its corners to the
+    /// origins, so that z counts backwards: what is read is then a part of the instruction, which is worth it where little else is done.
+    #[inline(always)]
+    fn see<S: Instructions, const TURNED: bool>(
+        &self,
+        s: S,
+        part: usize,
+        [kx, ky, kz]: [usize; 3],
+        [a, b, c]: &[[f32; 3]; 3],
+    ) -> Sheared<S::Vector> {
+        let (ox, oy, oz) =
+            (s.load(&self.origin[kx], part), s.load(&self.origin[ky], part), s.load(&self.origin[kz], part));
+        let (sx, sy) = (s.load(&self.shear[0], part), s.load(&self.shear[1], part));
+        // In this order, since AVX2 has sixteen registers.
+        macro_rules! from {
+            ($corner:expr, $origin:ident) => {
+                if TURNED { $origin - s.splat($corner) } else { s.splat($corner) - $origin }
+            };
+        }
+        let (az, bz, cz) = (from!(a[2], oz), from!(b[2], oz), from!(c[2], oz));
+        let (ax, ay) = (from!(a[0], ox).minus_product(sx, az), from!(a[1], oy).minus_product(sy, az));
+        let (bx, by) = (from!(b[0], ox).minus_product(sx, bz), from!(b[1], oy).minus_product(sy, bz));
+        let (cx, cy) = (from!(c[0], ox).minus_product(sx, cz), from!(c[1], oy).minus_product(sy, cz));
+        let (wa, wb, wc) = (bx * cy - by * cx, cx * ay - cy * ax, ax * by - ay * bx);
+        Sheared { z: [az, bz, cz], edges: [wa, wb, wc], least: wa.min(wb).min(wc), most: wa.max(wb).max(wc) }
+    }
+
+    /// Whether any ray of a part may meet the triangle of these corners, if it lies where it counts. `size` is more than its extent along any axis.
+    #[inline(always)]
+    pub(super) fn may_meet<S: Instructions>(
+        &self,
+        s: S,
+        part: usize,
+        terms: &Terms,
+        corners: &[[f32; 3]; 3],
+        size: f32,
+    ) -> bool {
+        let seen = self.see::<S, true>(s, part, terms.axes, corners);
+        let missed = seen.missed(s, s.splat(terms.bound.of(size)));
+        S::Vector::lanes(!missed & s.splat(0.0).less(s.load(&self.t_max, part))) != 0
+    }
+
     /// Tests a triangle, and lets it wait for those rays of a part that all but certainly meet it before all else; with
     /// `any`, ends those that certainly meet it. `size` is more than its extent along any axis; `waiting` has the corners of what waits.
     #[inline(always)]
@@ -137,29 +199,18 @@ impl Group {
         size: f32,
         waiting: &mut Corners,
     ) -> Told {
-        let [a, b, c] = &which.corners;
-        let [kx, ky, kz] = terms.axes;
-        let (ox, oy, oz) =
-            (s.load(&self.origin[kx], part), s.load(&self.origin[ky], part), s.load(&self.origin[kz], part));
-        let (sx, sy) = (s.load(&self.shear[0], part), s.load(&self.shear[1], part));
+        let seen = self.see::<S, false>(s, part, terms.axes, &which.corners);
+        let Sheared { z: [az, bz, cz], edges: [wa, wb, wc], least, most } = seen;
         let t_max = s.load(&self.t_max, part);
-        let off = terms.bound.of(size);
-        let (zero, bound) = (s.splat(0.0), s.splat(off));
-        let (az, bz, cz) = (s.splat(a[2]) - oz, s.splat(b[2]) - oz, s.splat(c[2]) - oz);
-        let (ax, ay) = ((s.splat(a[0]) - ox).minus_product(sx, az), (s.splat(a[1]) - oy).minus_product(sy, az));
-        let (bx, by) = ((s.splat(b[0]) - ox).minus_product(sx, bz), (s.splat(b[1]) - oy).minus_product(sy, bz));
-        let (cx, cy) = ((s.splat(c[0]) - ox).minus_product(sx, cz), (s.splat(c[1]) - oy).minus_product(sy, cz));
-        let (wa, wb, wc) = (bx * cy - by * cx, cx * ay - cy * ax, ax * by - ay * bx);
-        let (least, most) = (wa.min(wb).min(wc), wa.max(wb).max(wc));
-        let missed = bound.less(most) & least.less(s.splat(-off));
-        let mut met = !missed & zero.less(t_max);
+        let (zero, bound) = (s.splat(0.0), s.splat(terms.bound.of(size)));
+        let mut met = !seen.missed(s, bound) & zero.less(t_max);
         if terms.front_only {
             met = met & !bound.less(least);
         }
         if S::Vector::lanes(met) == 0 {
             return Told::NOTHING;
         }
-        let along = s.load(&self.reciprocal[kz], part);
+        let along = s.load(&self.reciprocal[terms.axes[2]], part);
         let (ta, tb, tc) = (az * along, bz * along, cz * along);
         let seen = Seen {
             least,
@@ -186,10 +237,14 @@ impl Group {
         let (mut taken, mut left) = (S::Vector::bits(take, part), S::Vector::bits(undecided, part));
         if left != 0 {
             // A closer look at triangles near the origin with less error than at those at the scene's other end.
-            let x = farthest(s, [a[0], b[0], c[0]], ox);
-            let y = farthest(s, [a[1], b[1], c[1]], oy);
-            let z = farthest(s, [a[2], b[2], c[2]], oz);
-            let bound = Bound::of_rays(s, x.max(y).max(z));
+            let far = |axis: usize| {
+                let [a, b, c] = &which.corners;
+                ([a[axis], b[axis], c[axis]], &self.origin[terms.axes[axis]])
+            };
+            let bound = Bound::of_rays(
+                s,
+                farthest(s, part, far(0)).max(farthest(s, part, far(1))).max(farthest(s, part, far(2))),
+            );
             let Within { inside, missed, low, high } = seen.within(s, bound.of(s.splat(size)), terms.front_only, true);
             // A triangle may be met again in another leaf.
             let undecided = undecided & !self.knows(s, part, which.id);

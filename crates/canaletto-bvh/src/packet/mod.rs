@@ -110,22 +110,32 @@ impl Packet {
         while let Some((leaf, mut parts)) = self.walk.next::<S, NEAREST>(s, scene.nodes, data, &self.groups) {
             let block = &scene.blocks[leaf.first() as usize];
             let size = block.size();
+            // First all pairs of a part and a triangle, roughly and without branches on what they tell, which are hard to foretell: to guess wrong
+            // costs more than to begin anew with the few that are left.
+            let mut hopeful = 0u64;
             while parts != 0 {
                 let number = parts.trailing_zeros() as usize;
                 parts &= parts - 1;
                 let (index, part) = (number / S::Vector::PARTS % GROUPS, number % S::Vector::PARTS);
-                let (group, waiting) = (&mut self.groups[index], &mut self.corners[index]);
-                let mut changed = 0;
                 for lane in 0..leaf.count() as usize {
-                    let place = leaf.first() << 2 | lane as u32;
-                    let which = Which { place, id: block.id(lane), corners: block.ordered(lane, terms.rows) };
-                    let Told { taken, undecided } = group.test(s, part, &terms, which, size, waiting);
-                    changed |= taken | undecided;
-                    if undecided != 0 {
-                        exactly(group, waiting, &terms, undecided, place);
-                    }
+                    let corners = block.ordered(lane, terms.rows);
+                    let hope = self.groups[index].may_meet(s, part, &terms, &corners, size);
+                    hopeful |= u64::from(hope) << (number << 2 | lane);
                 }
-                if changed != 0 {
+            }
+            while hopeful != 0 {
+                let pair = hopeful.trailing_zeros() as usize;
+                hopeful &= hopeful - 1;
+                let (number, lane) = (pair >> 2, pair & 3);
+                let (index, part) = (number / S::Vector::PARTS % GROUPS, number % S::Vector::PARTS);
+                let (group, waiting) = (&mut self.groups[index], &mut self.corners[index]);
+                let place = leaf.first() << 2 | lane as u32;
+                let which = Which { place, id: block.id(lane), corners: block.ordered(lane, terms.rows) };
+                let Told { taken, undecided } = group.test(s, part, &terms, which, size, waiting);
+                if undecided != 0 {
+                    exactly(group, waiting, &terms, undecided, place);
+                }
+                if taken | undecided != 0 {
                     let farthest = group.farthest(s);
                     self.walk.limit(index, farthest);
                 }
