@@ -17,8 +17,8 @@ use crate::{Aabb, PreparedRay};
 /// origin lies between them; so they are wrong by at most 4 δ (M + δ) for the coordinates and 4 u (M + δ)² for the
 /// products, which is below 64 u D size + 200 u² D². Of a triangle that the ray doesn't meet, they may be wrong by more if the ray passes it
 /// at a distance; but they never have one sign, since rounding is monotone: a difference of rounded products is not above 0 where the products'
-/// difference isn't. (Of a fused product and difference this would not be true. That of the shear, which packets fuse where the machine can, moves a corner by
-/// less, and to one place for both of its edges.)
+/// difference isn't. (Of a fused product and difference this would not be true: packets use one where only misses are told. That of the shear, which they fuse
+/// where the machine can, moves a corner by less, and to one place for both of its edges.)
 /// The bound has a quarter more, and what underflow may have taken; where something overflows, so does the bound.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Bound<N = f32> {

@@ -146,7 +146,8 @@ fn farthest<S: Instructions>(s: S, part: usize, ([x, y, z], origin): ([f32; 3], 
 
 impl Group {
     /// The triangle of these corners, seen by the rays of a part. If `TURNED`, from its corners to the
-    /// origins, so that z counts backwards: what is read is then a part of the instruction, which is worth it where little else is done.
+    /// origins, so that z counts backwards: what is read is then a part of the instruction, which is worth it where little else is done;
+    /// and only misses can be told from it.
     #[inline(always)]
     fn see<S: Instructions, const TURNED: bool>(
         &self,
@@ -168,7 +169,16 @@ impl Group {
         let (ax, ay) = (from!(a[0], ox).minus_product(sx, az), from!(a[1], oy).minus_product(sy, az));
         let (bx, by) = (from!(b[0], ox).minus_product(sx, bz), from!(b[1], oy).minus_product(sy, bz));
         let (cx, cy) = (from!(c[0], ox).minus_product(sx, cz), from!(c[1], oy).minus_product(sy, cz));
-        let (wa, wb, wc) = (bx * cy - by * cx, cx * ay - cy * ax, ax * by - ay * bx);
+        // Fused where only misses are told: `Bound` holds for those that meet the triangle all the more, but of the others
+        // edge functions may now have one sign.
+        macro_rules! difference {
+            ($a:ident * $b:ident - $c:ident * $d:ident) => {
+                if TURNED { ($a * $b).minus_product($c, $d) } else { $a * $b - $c * $d }
+            };
+        }
+        let wa = difference!(bx * cy - by * cx);
+        let wb = difference!(cx * ay - cy * ax);
+        let wc = difference!(ax * by - ay * bx);
         Sheared { z: [az, bz, cz], edges: [wa, wb, wc], least: wa.min(wb).min(wc), most: wa.max(wb).max(wc) }
     }
 
