@@ -1,7 +1,8 @@
 //! Many rays at once: the same questions as for one, with the same answers bit for bit.
 //!
 //! A world of few instances hands each of them all groups of rays that may meet it, and a mesh, a cloud or many shapes send them through
-//! their tree in packets. In a world of many or of groups, and where something clear may stand in a light's way, rays are asked about one by one.
+//! their tree in packets. Rays are asked about one by one in a world of many or of groups, and for what stands in a light's way where of more than a
+//! few primitives some may be clear.
 
 use super::World;
 use super::corridor::{Corridor, GROUP};
