@@ -203,18 +203,36 @@ impl Group {
     pub(super) fn entering<S: Instructions>(&self, s: S, node: &Node, lane: usize, octant: usize) -> u32 {
         let mut met = 0;
         for part in 0..S::Vector::PARTS {
-            let (mut near, mut far) = (s.splat(0.0), s.load(&self.t_max, part));
-            for axis in 0..3 {
-                let entry = octant >> axis & 1;
-                let (first, second) =
-                    (node.boxes[entry][axis][lane % WIDTH], node.boxes[entry ^ 1][axis][lane % WIDTH]);
-                let (o, r) = (s.load(&self.origin[axis], part), s.load(&self.reciprocal[axis], part));
-                near = near.max((s.splat(first) - o) * r);
-                far = far.min((s.splat(second) - o) * r);
-            }
-            met |= u32::from(S::Vector::lanes(near.less_or_equal(far * s.splat(INFLATE))) != 0) << part;
+            met |= u32::from(self.enters(s, part, node, lane, octant)) << part;
         }
         met
+    }
+
+    /// Whether any ray meets the box in this lane of a node.
+    #[inline(always)]
+    pub(super) fn any_enters<S: Instructions>(&self, s: S, node: &Node, lane: usize, octant: usize) -> bool {
+        let mut part = 0;
+        while part < S::Vector::PARTS {
+            if self.enters(s, part, node, lane, octant) {
+                return true;
+            }
+            part += 1;
+        }
+        false
+    }
+
+    /// Whether any ray of a part does.
+    #[inline(always)]
+    fn enters<S: Instructions>(&self, s: S, part: usize, node: &Node, lane: usize, octant: usize) -> bool {
+        let (mut near, mut far) = (s.splat(0.0), s.load(&self.t_max, part));
+        for axis in 0..3 {
+            let entry = octant >> axis & 1;
+            let (first, second) = (node.boxes[entry][axis][lane % WIDTH], node.boxes[entry ^ 1][axis][lane % WIDTH]);
+            let (o, r) = (s.load(&self.origin[axis], part), s.load(&self.reciprocal[axis], part));
+            near = near.max((s.splat(first) - o) * r);
+            far = far.min((s.splat(second) - o) * r);
+        }
+        S::Vector::lanes(near.less_or_equal(far * s.splat(INFLATE))) != 0
     }
 
     /// The rays for which something waits.

@@ -127,20 +127,28 @@ impl Walk {
             }
             let after = self.levels[self.top];
             data.fetch(nodes[after.node as usize].children[after.lane(after.next())]);
+            let link = node.children[lane];
+            if !link.is_leaf() {
+                let mut left = groups;
+                while left != 0 {
+                    let i = left.trailing_zeros() as usize % GROUPS;
+                    left &= left - 1;
+                    if all[i].any_enters(s, node, lane, self.octant) {
+                        self.visit::<S, ORDERED>(s, &nodes[link.index()], link.index() as u32);
+                        break;
+                    }
+                }
+                continue;
+            }
             // All groups, as a branch on whether one takes part is dearer.
             let mut parts = 0;
             for (i, group) in all.iter().enumerate() {
                 let taking_part = (groups >> i & 1).wrapping_neg();
                 parts |= (group.entering(s, node, lane, self.octant) & taking_part) << (i * S::Vector::PARTS);
             }
-            if parts == 0 {
-                continue;
-            }
-            let link = node.children[lane];
-            if link.is_leaf() {
+            if parts != 0 {
                 return Some((link.leaf(), parts));
             }
-            self.visit::<S, ORDERED>(s, &nodes[link.index()], link.index() as u32);
         }
         None
     }
