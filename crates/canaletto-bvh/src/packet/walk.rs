@@ -13,10 +13,6 @@ use glam::Vec4;
 /// Groups in a packet.
 pub(super) const GROUPS: usize = 4;
 
-/// One number for each group.
-#[repr(align(16))]
-struct Limits([f32; GROUPS]);
-
 /// The children of a node that wait to be visited.
 #[derive(Clone, Copy)]
 struct Level {
@@ -54,7 +50,7 @@ pub(super) struct Walk {
     /// What all rays lie between.
     hull: [Interval; 3],
     /// Up to where anything must be entered by a group to be worth a visit; −∞ without group.
-    limits: Limits,
+    limits: Vec4,
     /// The greatest of them.
     farthest: f32,
     octant: usize,
@@ -73,7 +69,7 @@ impl Walk {
     pub(super) fn new() -> Walk {
         Walk {
             hull: [Interval::NONE; 3],
-            limits: Limits([f32::NEG_INFINITY; GROUPS]),
+            limits: Vec4::NEG_INFINITY,
             farthest: f32::NEG_INFINITY,
             octant: 0,
             levels: [Level::BOTTOM; LEVELS],
@@ -88,7 +84,7 @@ impl Walk {
     pub(super) fn start(&mut self, octant: usize, hull: [Interval; 3]) {
         self.octant = octant;
         self.hull = hull;
-        self.limits.0 = [f32::NEG_INFINITY; GROUPS];
+        self.limits = Vec4::NEG_INFINITY;
         self.top = 0;
         self.starts = true;
     }
@@ -96,9 +92,10 @@ impl Walk {
     /// Says up to where anything counts for a group.
     #[inline(always)]
     pub(super) fn limit(&mut self, group: usize, t_max: f32) {
-        self.limits.0[group] = slab::limit(t_max);
-        let [a, b, c, d] = self.limits.0;
-        self.farthest = slab::max(slab::max(a, b), slab::max(c, d));
+        // All of them are written: a register is read that has not come from four places then.
+        let only = Vec4::splat(group as f32).cmpeq(Vec4::new(0.0, 1.0, 2.0, 3.0));
+        self.limits = Vec4::select(only, Vec4::splat(slab::limit(t_max)), self.limits);
+        self.farthest = self.limits.max_element();
     }
 
     /// The next leaf that rays may meet, and a bit for each part of their groups. (It is a function that is asked, not one that calls another for each leaf,
@@ -121,7 +118,7 @@ impl Walk {
             let waiting = level.waiting ^ 1 << place;
             self.levels[self.top].waiting = waiting;
             self.top -= usize::from(waiting == 0);
-            let groups = Vec4::splat(near).cmple(Vec4::from_array(self.limits.0)).bitmask();
+            let groups = Vec4::splat(near).cmple(self.limits).bitmask();
             if groups == 0 {
                 continue;
             }
