@@ -272,7 +272,10 @@ impl Query<Nearest> for Coherent<'_> {
 
     fn together(&self, packet: &mut Packet, rays: &[Ray], nearest: &mut [Nearest]) -> u64 {
         let outcome = packet::closest(self.triangles.scene(self.front_only), packet, rays, nearest);
-        for i in (0..rays.len()).filter(|i| outcome.again >> i & 1 == 1) {
+        let mut again = outcome.again;
+        while again != 0 {
+            let i = again.trailing_zeros() as usize;
+            again &= again - 1;
             self.triangles.intersect_at_once(&rays[i].prepare(), &mut nearest[i], self.front_only);
         }
         outcome.apart

@@ -14,6 +14,7 @@ mod zmm;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Not, Sub};
 
 use crate::slab::WIDTH;
+use glam::Vec4;
 pub(crate) use quad::Baseline;
 #[cfg(target_arch = "x86_64")]
 pub(crate) use ymm::WithAvx2;
@@ -38,6 +39,9 @@ pub(crate) trait Instructions: Copy {
 
     /// A part of a row.
     fn load(self, row: &Row<f32>, part: usize) -> Self::Vector;
+
+    /// A part of sixteen numbers that have not been written yet: what was written in fours can't be read as one register before it has reached the cache.
+    fn fours(self, row: &[Vec4; 4], part: usize) -> Self::Vector;
 
     /// A part of eight numbers; those again, where there is room for sixteen.
     fn eight(self, row: &[f32; WIDTH], part: usize) -> Self::Vector;

@@ -49,35 +49,34 @@ impl Interval {
         Self { origin: [f32::INFINITY, f32::NEG_INFINITY], reciprocal: [f32::INFINITY, f32::NEG_INFINITY] };
 }
 
-/// The rays side by side, four at a time; where there are fewer than sixteen, the last is repeated. (Numbers written one by one are not
-/// there yet when a register wants to read them.)
+/// Sixteen numbers in fours.
+type Fours = [Vec4; SIXTEEN / 4];
+
+/// The rays' origins and directions side by side, of x, y and z; where there are fewer than sixteen, the last is repeated.
 #[inline(always)]
-fn transpose(rays: &[Ray], origin: &mut [Row<f32>; 3], direction: &mut [Row<f32>; 3]) {
-    if let Ok(rays) = <&[Ray; SIXTEEN]>::try_from(rays) {
-        for first in (0..SIXTEEN).step_by(4) {
-            four([&rays[first], &rays[first + 1], &rays[first + 2], &rays[first + 3]], first, origin, direction);
-        }
-    } else {
-        let ray = |i: usize| &rays[if i < rays.len() { i } else { rays.len() - 1 }];
-        for first in (0..SIXTEEN).step_by(4) {
-            four([ray(first), ray(first + 1), ray(first + 2), ray(first + 3)], first, origin, direction);
-        }
+fn transpose(rays: &[Ray]) -> ([Fours; 3], [Fours; 3]) {
+    let (mut origin, mut direction) = ([[Vec4::ZERO; 4]; 3], [[Vec4::ZERO; 4]; 3]);
+    for i in 0..4 {
+        let [start, end] = match <&[Ray; SIXTEEN]>::try_from(rays) {
+            Ok(rays) => four([&rays[4 * i], &rays[4 * i + 1], &rays[4 * i + 2], &rays[4 * i + 3]]),
+            Err(_) => {
+                let ray = |lane: usize| &rays[(4 * i + lane).min(rays.len() - 1)];
+                four([ray(0), ray(1), ray(2), ray(3)])
+            }
+        };
+        (origin[0][i], origin[1][i], origin[2][i]) = (start.x_axis, start.y_axis, start.z_axis);
+        (direction[0][i], direction[1][i], direction[2][i]) = (start.w_axis, end.z_axis, end.w_axis);
     }
+    (origin, direction)
 }
 
+/// The first four and the last four numbers of four rays.
 #[inline(always)]
-fn four(rays: [&Ray; 4], first: usize, origin: &mut [Row<f32>; 3], direction: &mut [Row<f32>; 3]) {
+fn four(rays: [&Ray; 4]) -> [Mat4; 2] {
     let [a, b, c, d] = rays.map(|ray| ray.origin.extend(ray.direction.x));
     let start = Mat4::from_cols(a, b, c, d).transpose();
     let [a, b, c, d] = rays.map(|Ray { origin: o, direction: d }| Vec4::new(o.z, d.x, d.y, d.z));
-    let end = Mat4::from_cols(a, b, c, d).transpose();
-    let put = |row: &mut Row<f32>, four: Vec4| four.write_to_slice(&mut row.0[first..first + 4]);
-    put(&mut origin[0], start.x_axis);
-    put(&mut origin[1], start.y_axis);
-    put(&mut origin[2], start.z_axis);
-    put(&mut direction[0], start.w_axis);
-    put(&mut direction[1], end.z_axis);
-    put(&mut direction[2], end.w_axis);
+    [start, Mat4::from_cols(a, b, c, d).transpose()]
 }
 
 /// The smallest and the largest of numbers, in each lane.
@@ -135,19 +134,31 @@ impl Group {
     ) -> Option<Way> {
         // Nearly always it is the first; which is told only after divisions.
         let mut way = Way::of(&rays[0]);
-        transpose(rays, &mut self.origin, &mut self.direction);
-        let (origin, direction) = (&self.origin, &self.direction);
+        let (origins, directions) = transpose(rays);
+        let mut ends = [Vec4::ZERO; 4];
+        for i in 0..4 {
+            ends[i] = if told.len() == SIXTEEN {
+                let told = &told[4 * i..4 * i + 4];
+                Vec4::new(t_max(&told[0]), t_max(&told[1]), t_max(&told[2]), t_max(&told[3]))
+            } else {
+                let end = |lane: usize| t_max(&told[(4 * i + lane).min(told.len() - 1)]);
+                Vec4::new(end(0), end(1), end(2), end(3))
+            };
+        }
         let (least, infinity) = (s.splat(f32::MIN_POSITIVE), s.splat(f32::INFINITY));
         let zero = s.splat(0.0);
         let mut together = 0;
         for part in 0..S::Vector::PARTS {
             let mut fit = s.mask(u32::MAX >> (32 - rays.len()), part);
             for axis in 0..3 {
-                let reciprocal = s.splat(1.0) / s.load(&direction[axis], part);
+                let (origin, direction) = (s.fours(&origins[axis], part), s.fours(&directions[axis], part));
+                let reciprocal = s.splat(1.0) / direction;
+                origin.store(&mut self.origin[axis], part);
+                direction.store(&mut self.direction[axis], part);
                 reciprocal.store(&mut self.reciprocal[axis], part);
                 let size = reciprocal.abs();
                 fit = fit & least.less_or_equal(size) & size.less(infinity);
-                fit = fit & s.load(&origin[axis], part).abs().less(infinity);
+                fit = fit & origin.abs().less(infinity);
             }
             together |= S::Vector::bits(fit, part);
         }
@@ -159,23 +170,14 @@ impl Group {
         if first != 0 {
             way = Way::of(&rays[first]);
         }
-        if let Ok(told) = <&[T; SIXTEEN]>::try_from(told) {
-            for i in 0..SIXTEEN {
-                self.t_max.0[i] = t_max(&told[i]);
-            }
-        } else {
-            for (to, told) in self.t_max.0.iter_mut().zip(told) {
-                *to = t_max(told);
-            }
-        }
         let [k0, k1, longest] = way.axes();
         let axes = [k0, k1];
         self.part = 0;
         for part in 0..S::Vector::PARTS {
             let mut fit = s.mask(together, part);
-            let length = s.load(&direction[longest], part);
+            let length = s.load(&self.direction[longest], part);
             for axis in 0..3 {
-                let d = s.load(&direction[axis], part);
+                let d = s.load(&self.direction[axis], part);
                 fit = fit & if way.octant >> axis & 1 == 1 { d.less(zero) } else { zero.less(d) };
                 if axis != longest {
                     // Of equal ones a single ray takes the first, which is then another way.
@@ -183,14 +185,15 @@ impl Group {
                 }
             }
             for k in 0..2 {
-                let along = s.load(&direction[axes[k]], part) / length;
+                let along = s.load(&self.direction[axes[k]], part) / length;
                 // No direction is 0 here, but what a quotient vanishes to.
                 let size = along.abs();
                 let sure = (least.less_or_equal(size) & size.less(infinity)) | size.less_or_equal(zero);
                 S::Vector::select(sure, along, s.splat(f32::NAN)).store(&mut self.shear[k], part);
             }
-            s.splat(f32::NEG_INFINITY).store_where(!fit, &mut self.t_max, part);
-            s.load(&self.t_max, part).store(&mut self.low, part);
+            let end = S::Vector::select(fit, s.fours(&ends, part), s.splat(f32::NEG_INFINITY));
+            end.store(&mut self.t_max, part);
+            end.store(&mut self.low, part);
             self.part |= S::Vector::bits(fit, part);
         }
         self.waits = Row([NOTHING; SIXTEEN]);

@@ -156,7 +156,7 @@ impl Packet {
             }
         });
         for (group, corners) in self.groups[..self.len].iter_mut().zip(&self.corners) {
-            for i in lanes(settle::settle(group, corners, &terms, nearest)) {
+            for i in lanes(settle::settle(s, group, corners, &terms, nearest)) {
                 alone(group, i, NOTHING, nearest);
             }
         }

@@ -8,32 +8,43 @@
 use super::group::{Corners, Group};
 use super::look::Terms;
 use crate::exact::CANCELLED;
-use crate::lanes::{Row, SIXTEEN};
+use crate::kernel::{self, Explicit};
+use crate::lanes::{Instructions, Row, SIXTEEN, Vector};
 use crate::slab::{DEFLATE, INFLATE, max, min};
 use crate::triangles::Nearest;
-use crate::{InstructionSet, Kernel};
+use glam::{Mat4, UVec4, Vec4};
 
 /// Tests for all rays what waits for them. Returns the rays for which this has to be done alone, a bit for each.
 #[inline(always)]
-pub(super) fn settle(group: &Group, corners: &Corners, terms: &Terms, nearest: &mut [Nearest]) -> u32 {
+pub(super) fn settle<S: Instructions>(
+    s: S,
+    group: &Group,
+    corners: &Corners,
+    terms: &Terms,
+    nearest: &mut [Nearest],
+) -> u32 {
     let waits = group.waiting();
     if waits == 0 {
         return 0;
     }
-    let Exactly { t, u, v, met, .. } = exactly(group, terms, corners);
+    let Exactly { t, u, v, met, .. } = exactly(s, group, terms, corners);
     let done = met & waits;
     let nearest = &mut nearest[group.first..];
-    let found = |i: usize| Nearest { t: t[i], u: u[i], v: v[i], id: group.known.0[i] };
-    // All of them are written side by side.
     if let Some(nearest) = nearest.first_chunk_mut::<SIXTEEN>()
         && done == 0xffff
     {
-        for i in 0..SIXTEEN {
-            nearest[i] = found(i);
+        for first in (0..SIXTEEN).step_by(4) {
+            let four = |numbers: &[f32; SIXTEEN]| Vec4::from_slice(&numbers[first..]);
+            let ids = UVec4::from_slice(&group.known.0[first..]);
+            let found = Mat4::from_cols(four(&t), four(&u), four(&v), Vec4::ZERO).transpose();
+            for i in 0..4 {
+                let [t, u, v, _] = found.col(i).to_array();
+                nearest[first + i] = Nearest { t, u, v, id: ids[i] };
+            }
         }
     } else {
         for i in super::lanes(done) {
-            nearest[i] = found(i);
+            nearest[i] = Nearest { t: t[i], u: u[i], v: v[i], id: group.known.0[i] };
         }
     }
     waits & !done
@@ -51,7 +62,7 @@ pub(super) fn settle_one(group: &Group, terms: &Terms, [a, b, c]: [[f32; 3]; 3])
 #[cold]
 #[inline(never)]
 pub(super) fn settle_each(group: &Group, terms: &Terms, corners: &Corners) -> Exactly {
-    InstructionSet::run(Each { group, terms, corners })
+    kernel::run(Each { group, terms, corners })
 }
 
 struct Each<'a> {
@@ -60,12 +71,12 @@ struct Each<'a> {
     corners: &'a Corners,
 }
 
-impl Kernel for Each<'_> {
+impl Explicit for Each<'_> {
     type Answer = Exactly;
 
     #[inline(always)]
-    fn run(self) -> Exactly {
-        exactly(self.group, self.terms, self.corners)
+    fn run<S: Instructions>(self, s: S) -> Exactly {
+        exactly(s, self.group, self.terms, self.corners)
     }
 }
 
@@ -82,7 +93,7 @@ pub(super) struct Exactly {
 
 /// `triangle::intersect_exactly` with rays for lanes, each with a triangle.
 #[inline(always)]
-fn exactly(group: &Group, terms: &Terms, [a, b, c]: &Corners) -> Exactly {
+fn exactly<S: Instructions>(s: S, group: &Group, terms: &Terms, [a, b, c]: &Corners) -> Exactly {
     let k = terms.axes;
     let (area_bound, volume_bound) = terms.bound.surely();
     let (ox, oy, oz) = (&group.origin[k[0]].0, &group.origin[k[1]].0, &group.origin[k[2]].0);
@@ -133,12 +144,22 @@ fn exactly(group: &Group, terms: &Terms, [a, b, c]: &Corners) -> Exactly {
         counts[i] &= u32::from((near <= far) & within);
         t[i] = confined;
     }
-    let (mut met, mut missed) = (0, 0);
+    let (mut met, mut missed) = (Row([0.0; SIXTEEN]), Row([0.0; SIXTEEN]));
     for i in 0..SIXTEEN {
-        met |= (counts[i] & told[i] & far[i]) << i;
-        missed |= (told[i] & !counts[i]) << i;
+        met.0[i] = if counts[i] & told[i] & far[i] != 0 { 1.0 } else { 0.0 };
+        missed.0[i] = if told[i] & !counts[i] != 0 { 1.0 } else { 0.0 };
     }
-    Exactly { t, u, v, met, missed }
+    Exactly { t, u, v, met: positive(s, &met), missed: positive(s, &missed) }
+}
+
+/// A bit for each positive number. (Shifted together one by one, they would be taken out of their register one by one.)
+#[inline(always)]
+fn positive<S: Instructions>(s: S, row: &Row<f32>) -> u32 {
+    let mut bits = 0;
+    for part in 0..S::Vector::PARTS {
+        bits |= S::Vector::bits(s.splat(0.0).less(s.load(row, part)), part);
+    }
+    bits
 }
 
 /// `exact::difference_of_products`, where that is not careful; tells whether that is so.

@@ -53,6 +53,11 @@ impl Instructions for Baseline {
     }
 
     #[inline(always)]
+    fn fours(self, row: &[Vec4; 4], part: usize) -> Quad {
+        Quad(row[part])
+    }
+
+    #[inline(always)]
     fn eight(self, row: &[f32; WIDTH], part: usize) -> Quad {
         Quad(Vec4::from_slice(&row[4 * part..]))
     }

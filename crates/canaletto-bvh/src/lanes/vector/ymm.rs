@@ -3,6 +3,8 @@
 use std::arch::x86_64::*;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Not, Sub};
 
+use glam::Vec4;
+
 use super::{Instructions, Row, Vector};
 use crate::lanes::avx2::lanes_of;
 use crate::slab::WIDTH;
@@ -60,6 +62,11 @@ impl Instructions for WithAvx2 {
     #[inline(always)]
     fn load(self, row: &Row<f32>, part: usize) -> Ymm {
         unsafe { Ymm(_mm256_load_ps(row.0[8 * part..8 * part + 8].as_ptr())) }
+    }
+
+    #[inline(always)]
+    fn fours(self, row: &[Vec4; 4], part: usize) -> Ymm {
+        unsafe { Ymm(_mm256_set_m128(row[2 * part + 1].into(), row[2 * part].into())) }
     }
 
     #[inline(always)]

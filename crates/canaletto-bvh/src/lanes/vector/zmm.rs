@@ -3,6 +3,8 @@
 use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Sub};
 
+use glam::Vec4;
+
 use super::{Instructions, Row, Vector};
 use crate::lanes::avx2::lanes_of;
 use crate::slab::WIDTH;
@@ -43,6 +45,14 @@ impl Instructions for WithAvx512 {
     #[inline(always)]
     fn load(self, row: &Row<f32>, _part: usize) -> Zmm {
         unsafe { Zmm(_mm512_load_ps(row.0.as_ptr())) }
+    }
+
+    #[inline(always)]
+    fn fours(self, [a, b, c, d]: &[Vec4; 4], _part: usize) -> Zmm {
+        unsafe {
+            let (low, high) = (_mm256_set_m128((*b).into(), (*a).into()), _mm256_set_m128((*d).into(), (*c).into()));
+            Zmm(_mm512_insertf32x8::<1>(_mm512_castps256_ps512(low), high))
+        }
     }
 
     #[inline(always)]
