@@ -73,7 +73,7 @@ struct Generation {
 const PATIENCE: u32 = 4096;
 
 /// The most rays from the eye that are traced together: their stops should stay in the nearer caches.
-pub(crate) const BUNDLE: usize = 128;
+pub(crate) const BUNDLE: usize = 256;
 
 /// The most holes that a ray goes through; beyond them it meets what is around the next one.
 const MAX_HOLES: usize = 1 << 16;
