@@ -2,7 +2,7 @@
 //! Ray Tracing Gems (2019), chapter 7, in f64. What is missed by more than the rounding of f32 is sorted out in f32, four
 //! spheres side by side.
 
-mod many;
+pub(crate) mod many;
 
 use glam::{Vec3, Vec4};
 

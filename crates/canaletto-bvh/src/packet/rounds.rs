@@ -9,6 +9,7 @@ use crate::lanes::{Instructions, Row, SIXTEEN, Vector};
 use crate::node::{Node, Places};
 use crate::round::{Ask, Block, LANES, Met};
 use crate::rounds::offer;
+use crate::sphere::many::{self, Side};
 use crate::{PreparedRay, Ray};
 
 /// What rays go through.
@@ -101,6 +102,54 @@ fn decide<A: Ask>(group: &mut Group, field: Field<'_, A>, i: usize, place: u32, 
     failed
 }
 
+/// Tests what waits for the rays of a group exactly, as far as these are spheres, side by side, and tells for which rays that was not met. Of others
+/// everything waits on.
+#[inline(always)]
+fn decide_spheres<A>(group: &mut Group, field: Field<'_, A>, nearest: &mut [Met]) -> u32 {
+    const HALF: usize = many::LANES;
+    let (waiting, mut failed) = (group.waiting(), 0);
+    for first in (0..SIXTEEN).step_by(HALF) {
+        let mut side = Side::NOTHING;
+        let mut spheres = 0;
+        for i in lanes(waiting & ((1 << HALF) - 1) << first) {
+            let place = group.waits.0[i] as usize;
+            if let Target::Sphere(center, radius) = field.blocks[place / LANES].target(place % LANES) {
+                let lane = i - first;
+                for (row, c) in side.center.iter_mut().zip(center) {
+                    row[lane] = c;
+                }
+                side.radius[lane] = radius;
+                side.t_max[lane] = nearest[group.first + i].t;
+                spheres |= 1u32 << i;
+            }
+        }
+        // Fewer aren't worth it.
+        if spheres.count_ones() < 3 {
+            continue;
+        }
+        for axis in 0..3 {
+            side.origin[axis].copy_from_slice(&group.origin[axis].0[first..first + HALF]);
+            side.direction[axis].copy_from_slice(&group.direction[axis].0[first..first + HALF]);
+        }
+        let found = side.intersect(&side.bounds());
+        for i in lanes(spheres) {
+            let (lane, place, nearest) = (i - first, group.waits.0[i] as usize, &mut nearest[group.first + i]);
+            if found.told[lane] == 0 {
+                continue;
+            }
+            let (t, id) = (found.t[lane], field.blocks[place / LANES].ids[place % LANES]);
+            let met = t < nearest.t || t == nearest.t && id < nearest.id;
+            if met {
+                *nearest = Met { id, ..Met::before(t) };
+            }
+            failed |= u32::from(!met || nearest.t > group.t_max.0[i]) << i;
+            group.waits.0[i] = NOTHING;
+            (group.t_max.0[i], group.low.0[i]) = (nearest.t, nearest.t);
+        }
+    }
+    failed
+}
+
 /// Ends a ray if a primitive is met, by the exact test.
 #[inline(never)]
 fn end<A: Ask>(group: &mut Group, field: Field<'_, A>, i: usize, place: u32) {
@@ -119,14 +168,15 @@ fn closest_in<S: Instructions, A: Ask>(
     outcome: &mut Outcome,
 ) {
     let mut again = 0;
-    let mut alone = |group: &mut Group, i: usize, place: u32| {
+    let alone = |group: &mut Group, i: usize, place: u32, nearest: &mut [Met]| {
         let ray = group.first + i;
-        again |= u64::from(decide(group, field, i, place, &mut nearest[ray])) << ray;
+        u64::from(decide(group, field, i, place, &mut nearest[ray])) << ray
     };
-    go::<S, A, true>(s, field, packet, outcome, &mut alone);
+    go::<S, A, true>(s, field, packet, outcome, |group, i, place| again |= alone(group, i, place, nearest));
     for group in &mut packet.groups[..packet.len] {
+        again |= u64::from(decide_spheres(group, field, nearest)) << group.first;
         for i in lanes(group.waiting()) {
-            alone(group, i, NOTHING);
+            again |= alone(group, i, NOTHING, nearest);
         }
     }
     outcome.again |= again;

@@ -1,15 +1,15 @@
-//! One sphere and many rays, side by side: [`intersect_once`] for each, by the same operations in the same order.
+//! Rays and spheres side by side: [`intersect_once`] for each, by the same operations in the same order.
 
 #![allow(clippy::needless_range_loop)] // Lanes of many lists side by side.
 
 use glam::Vec3;
 
-use super::{bounds, intersect_once};
+use super::{intersect_once, outwards};
 use crate::slab::{DEFLATE, INFLATE, max, min};
-use crate::{Aabb, InstructionSet, Kernel, Ray};
+use crate::{InstructionSet, Kernel, Ray};
 
 /// As many as the widest registers have room for in `f64`.
-const LANES: usize = 8;
+pub(crate) const LANES: usize = 8;
 
 /// The nearest t at which each ray meets the sphere, up to what `t` says; NaN where there is none.
 ///
@@ -33,9 +33,11 @@ impl Kernel for Many<'_> {
     #[inline(always)]
     fn run(self) {
         let Self { rays, center, radius, t } = self;
-        let bounds = bounds(center, radius);
+        let mut side = Side::NOTHING;
+        side.radius = [radius; LANES];
+        side.center = center.to_array().map(|c| [c; LANES]);
+        let bounds = side.bounds();
         for (rays, t) in rays.chunks(LANES).zip(t.chunks_mut(LANES)) {
-            let mut side = Side { origin: [[0.0; LANES]; 3], direction: [[0.0; LANES]; 3], t_max: [0.0; LANES] };
             for (i, (ray, t)) in rays.iter().zip(&*t).enumerate() {
                 for axis in 0..3 {
                     side.origin[axis][i] = ray.origin[axis];
@@ -43,7 +45,7 @@ impl Kernel for Many<'_> {
                 }
                 side.t_max[i] = *t;
             }
-            let found = side.intersect(center, radius, &bounds);
+            let found = side.intersect(&bounds);
             for (i, (ray, t)) in rays.iter().zip(t).enumerate() {
                 *t = if found.told[i] == 1 {
                     found.t[i]
@@ -55,30 +57,58 @@ impl Kernel for Many<'_> {
     }
 }
 
-/// Rays side by side.
-struct Side {
-    origin: [[f32; LANES]; 3],
-    direction: [[f32; LANES]; 3],
-    t_max: [f32; LANES],
+/// Rays, each with the sphere that it may meet, and up to where that counts.
+pub(crate) struct Side {
+    pub(crate) origin: Rows,
+    pub(crate) direction: Rows,
+    pub(crate) t_max: [f32; LANES],
+    pub(crate) center: Rows,
+    pub(crate) radius: [f32; LANES],
 }
 
-struct Found {
-    t: [f32; LANES],
+/// x, y and z.
+type Rows = [[f32; LANES]; 3];
+
+/// What is met.
+pub(crate) struct Found {
+    /// NaN where nothing is.
+    pub(crate) t: [f32; LANES],
     /// Whether that is so; else the ray has to be asked about alone.
-    told: [u32; LANES],
+    pub(crate) told: [u32; LANES],
 }
 
 impl Side {
+    pub(crate) const NOTHING: Side = Side {
+        origin: [[0.0; LANES]; 3],
+        direction: [[0.0; LANES]; 3],
+        t_max: [0.0; LANES],
+        center: [[0.0; LANES]; 3],
+        radius: [0.0; LANES],
+    };
+
+    /// The corners of the spheres' boxes: [`bounds`](super::bounds).
     #[inline(always)]
-    fn intersect(&self, center: Vec3, radius: f32, bounds: &Aabb) -> Found {
-        let ([ox, oy, oz], [dx, dy, dz]) = (&self.origin, &self.direction);
-        let center = center.as_dvec3();
-        let r = f64::from(radius);
+    pub(crate) fn bounds(&self) -> [Rows; 2] {
+        let mut bounds = [[[0.0; LANES]; 3]; 2];
+        for axis in 0..3 {
+            for i in 0..LANES {
+                bounds[0][axis][i] = outwards(self.center[axis][i], -self.radius[i]);
+                bounds[1][axis][i] = outwards(self.center[axis][i], self.radius[i]);
+            }
+        }
+        bounds
+    }
+
+    /// Where the rays meet the spheres, whose boxes are `bounds`. To be called from a kernel.
+    #[inline(always)]
+    pub(crate) fn intersect(&self, bounds: &[Rows; 2]) -> Found {
+        let ([ox, oy, oz], [dx, dy, dz], [cx, cy, cz]) = (&self.origin, &self.direction, &self.center);
         let (mut t, mut met, mut told) = ([0.0f32; LANES], [0u32; LANES], [0u32; LANES]);
         // `parameter`.
         for i in 0..LANES {
             let wide = |x: f32| f64::from(x);
-            let (fx, fy, fz) = (wide(ox[i]) - center.x, wide(oy[i]) - center.y, wide(oz[i]) - center.z);
+            let r = wide(self.radius[i]);
+            let (fx, fy, fz) = (wide(ox[i]) - wide(cx[i]), wide(oy[i]) - wide(cy[i]), wide(oz[i]) - wide(cz[i]));
             let (dx, dy, dz) = (wide(dx[i]), wide(dy[i]), wide(dz[i]));
             let a = dx * dx + dy * dy + dz * dz;
             let b = -fx * dx + -fy * dy + -fz * dz;
@@ -103,7 +133,7 @@ impl Side {
                 let (o, reciprocal) = (self.origin[axis][i], 1.0 / self.direction[axis][i]);
                 regular &= (reciprocal.abs() >= f32::MIN_POSITIVE) & (reciprocal.abs() < f32::INFINITY);
                 regular &= o.abs() < f32::INFINITY;
-                let (low, high) = ((bounds.min[axis] - o) * reciprocal, (bounds.max[axis] - o) * reciprocal);
+                let (low, high) = ((bounds[0][axis][i] - o) * reciprocal, (bounds[1][axis][i] - o) * reciprocal);
                 (near, far) = (max(near, min(low, high)), min(far, max(low, high)));
             }
             let far = far * INFLATE;
