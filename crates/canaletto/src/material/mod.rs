@@ -46,8 +46,20 @@ impl Material {
     /// The material with its numbers for one point of a surface, before any texture.
     #[inline]
     pub fn at(&self, surface: &Surface) -> MaterialPoint {
-        let phong = Phong { kd: surface.color.unwrap_or(self.phong.kd), ..self.phong };
-        MaterialPoint { phong, ..MaterialPoint::default() }
+        let mut point = MaterialPoint::default();
+        self.set(&mut point, surface.color);
+        point
+    }
+
+    /// Makes `point` the same for a surface that brings this colour, or none.
+    #[inline]
+    pub(crate) fn set(&self, point: &mut MaterialPoint, color: Option<Rgb>) {
+        let MaterialPoint { phong, print, coverage, bent } = point;
+        *phong = self.phong;
+        if let Some(color) = color {
+            phong.kd = color;
+        }
+        (*print, *coverage, *bent) = ((Rgb::BLACK, 0.0), 1.0, false);
     }
 
     /// Whether it lets no light through anywhere.
@@ -88,6 +100,12 @@ impl Default for MaterialPoint {
 }
 
 impl MaterialPoint {
+    /// Whether anything but a print is seen.
+    #[inline]
+    pub fn is_seen(&self) -> bool {
+        self.print.1 < 1.0
+    }
+
     /// Whether light passes: o < 1.
     #[inline]
     pub fn is_clear(&self) -> bool {

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 /// (5.37) r = 2 (v·n) n − v: `v`, which points away from the surface, mirrored in the unit normal.
-#[inline]
+#[inline(always)]
 pub fn reflect(v: DVec3, n: DVec3) -> DVec3 {
     n * (2.0 * v.dot(n)) - v
 }

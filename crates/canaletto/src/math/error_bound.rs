@@ -16,7 +16,7 @@ pub const fn gamma(n: u32) -> f32 {
 
 /// The error of each coordinate of a point that was computed in `f64` and rounded to `f32`; a whole unit in the last
 /// place rather than half of one, which covers the `f64` arithmetic before it.
-#[inline]
+#[inline(always)]
 pub fn rounding(p: Vec3) -> Vec3 {
     p.abs() * f32::EPSILON
 }
@@ -24,7 +24,7 @@ pub fn rounding(p: Vec3) -> Vec3 {
 /// Moves `p`, known up to ± `error` in each coordinate, along the unit geometric normal until it lies on `side` of the
 /// surface for certain: the side that `direction` points to. (pbrt-v4, §6.8.6; the sum's own rounding is covered by
 /// adding it to the bound instead of stepping to the next float, which keeps the offset scale-invariant.)
-#[inline]
+#[inline(always)]
 pub fn offset_origin(p: Vec3, error: Vec3, normal: DVec3, direction: DVec3) -> Vec3 {
     let side = normal.dot(direction);
     let normal = normal.as_vec3();

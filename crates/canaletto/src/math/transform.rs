@@ -77,6 +77,7 @@ impl Transform {
     }
 
     /// The matrix from the object's space to the space around it.
+    #[inline(always)]
     pub fn matrix(&self) -> &DAffine3 {
         &self.forward
     }
@@ -87,17 +88,20 @@ impl Transform {
     }
 
     /// Where a point goes.
+    #[inline(always)]
     pub fn point(&self, p: DVec3) -> DVec3 {
         self.forward.transform_point3(p)
     }
 
     /// Where a direction or an edge goes.
+    #[inline(always)]
     pub fn vector(&self, v: DVec3) -> DVec3 {
         self.forward.transform_vector3(v)
     }
 
     /// The direction of a normal after the map (inverse transpose; not normalised). Mirroring transforms keep the
     /// normal on the outside.
+    #[inline(always)]
     pub fn normal(&self, n: DVec3) -> DVec3 {
         self.inverse.matrix3.transpose() * n
     }

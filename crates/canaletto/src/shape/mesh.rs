@@ -69,15 +69,19 @@ impl Mesh {
         (hit.front || !self.one_sided).then_some((hit.t, hit.u, hit.v))
     }
 
+    /// What shading without textures and colours needs to know of triangle `i`.
+    #[inline(always)]
+    pub(crate) fn triangle(&self, i: usize) -> Corners {
+        let [a, b, c] = self.triangles[i].map(|v| v as usize);
+        let of = |list: &[Vec3]| [list[a], list[b], list[c]];
+        Corners { positions: of(&self.positions), normals: (!self.normals.is_empty()).then(|| of(&self.normals)) }
+    }
+
     /// The surface of triangle `i` at the point (1 − u − v) a + u b + v c. Without texture coordinates, uv are these.
     pub fn surface(&self, i: usize, u: f32, v: f32) -> Surface {
-        let corners = self.corners(i);
+        let mut surface = self.triangle(i).surface(u, v);
         let indices = self.triangles[i].map(|v| v as usize);
-        let weights = triangle::weights(u, v);
-        let point = triangle::blend(corners, weights);
-        let n = triangle::cross(corners[0], corners[1], corners[2]).normalize_or(DVec3::Z); // (5.23)
-        let mut surface = solve::surface(point, triangle::size(corners), n, [f64::from(u), f64::from(v)]);
-        let [wa, wb, wc] = weights.map(|w| w as f32);
+        let [wa, wb, wc] = triangle::weights(u, v).map(|w| w as f32);
         if !self.uvs.is_empty() {
             let [a, b, c] = indices.map(|v| self.uvs[v]);
             surface.uv = a * wa + b * wb + c * wc;
@@ -85,11 +89,6 @@ impl Mesh {
         if !self.colors.is_empty() {
             let [a, b, c] = indices.map(|v| self.colors[v]);
             surface.color = Some(a * wa + b * wb + c * wc);
-        }
-        if !self.normals.is_empty() {
-            let normals = facing(indices.map(|v| self.normals[v].as_dvec3().normalize_or(n)), n);
-            surface.shading_normal = shading_normal(normals, weights, n);
-            surface.lifted = (point + lift(point, corners, normals, weights, n)).as_vec3();
         }
         surface
     }
@@ -199,13 +198,41 @@ impl Mesh {
     }
 }
 
+/// A triangle of a mesh.
+pub(crate) struct Corners {
+    pub(crate) positions: [Vec3; 3],
+    /// Any length but zero.
+    pub(crate) normals: Option<[Vec3; 3]>,
+}
+
+impl Corners {
+    /// [`Mesh::surface`] without the mesh's texture coordinates and colours. With no branch but for normals, so that the compiler can do several at
+    /// once.
+    #[inline(always)]
+    pub(super) fn surface(&self, u: f32, v: f32) -> Surface {
+        let corners = self.positions;
+        let weights = triangle::weights(u, v);
+        let point = triangle::blend(corners, weights);
+        let n = triangle::cross(corners[0], corners[1], corners[2]).normalize_or(DVec3::Z); // (5.23)
+        let mut surface = solve::surface(point, triangle::size(corners), n, [f64::from(u), f64::from(v)]);
+        if let Some(normals) = self.normals {
+            let normals = facing(normals.map(|normal| normal.as_dvec3().normalize_or(n)), n);
+            surface.shading_normal = shading_normal(normals, weights, n);
+            surface.lifted = (point + lift(point, corners, normals, weights, n)).as_vec3();
+        }
+        surface
+    }
+}
+
 /// The vertex normals, turned around if as a whole they point against the geometric one.
+#[inline(always)]
 fn facing(normals: [DVec3; 3], n: DVec3) -> [DVec3; 3] {
     let [a, b, c] = normals;
     if (a + b + c).dot(n) < 0.0 { [-a, -b, -c] } else { normals }
 }
 
 /// The interpolated normal; mirrored at the triangle's plane where it fell behind it.
+#[inline(always)]
 fn shading_normal([a, b, c]: [DVec3; 3], [wa, wb, wc]: [f64; 3], n: DVec3) -> DVec3 {
     let mean = a * wa + b * wb + c * wc;
     let front = mean - n * (2.0 * mean.dot(n).min(0.0));
@@ -216,6 +243,7 @@ fn shading_normal([a, b, c]: [DVec3; 3], [wa, wb, wc]: [f64; 3], n: DVec3) -> DV
 /// From the flat triangle towards the smooth surface that its normals pretend: the mean of the ways to the planes through
 /// the vertices, perpendicular to their normals, counting only planes above the point (Hanika, Ray Tracing Gems II, ch. 4)
 /// and only normals on the outer side, so that the way never leads inwards.
+#[inline(always)]
 fn lift(point: DVec3, corners: [Vec3; 3], normals: [DVec3; 3], weights: [f64; 3], n: DVec3) -> DVec3 {
     let mut way = DVec3::ZERO;
     for k in 0..3 {

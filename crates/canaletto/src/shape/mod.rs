@@ -20,6 +20,7 @@ mod properties;
 mod solve;
 mod sphere;
 mod surface;
+mod surfaces;
 #[cfg(test)]
 mod testing;
 mod torus;
@@ -35,6 +36,7 @@ pub use patch::Patch;
 pub use plane::Plane;
 pub use sphere::Sphere;
 pub use surface::Surface;
+pub(crate) use surfaces::{Encounters, Rows, SURFACES, Surfaces, Thin, set_thin, set_wide, thin, wide};
 pub use torus::Torus;
 pub use triangle::Triangle;
 
@@ -122,7 +124,7 @@ impl Shape {
     #[inline]
     pub(crate) fn bare_surface(&self, line: Line, hit: &ShapeHit) -> Surface {
         match self {
-            Shape::Sphere(s) => s.bare_surface(line, hit),
+            Shape::Sphere(s) => s.bare_surface(line, hit.t),
             Shape::Box(s) => s.bare_surface(line, hit),
             other => other.surface(line, hit),
         }

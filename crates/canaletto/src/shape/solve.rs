@@ -27,6 +27,7 @@ pub(super) struct Local {
 
 impl Local {
     /// The ray seen from `anchor`; `reach` is how far the shape extends from there.
+    #[inline(always)]
     pub(super) fn new(line: Line, anchor: DVec3, reach: f64) -> Local {
         let (o, d) = (line.origin - anchor, line.direction);
         let dd = d.length_squared();
@@ -38,6 +39,7 @@ impl Local {
     }
 
     /// The point at the ray's parameter `t`, relative to the anchor.
+    #[inline(always)]
     pub(super) fn at(&self, t: f64) -> DVec3 {
         self.o + self.d * (t - self.t0)
     }
@@ -57,6 +59,7 @@ pub(super) fn nearest(roots: &[f64], t: f32) -> f64 {
 
 /// The surface at a point that was computed in `f64` from numbers no larger than `size`. Where the sum nearly cancels,
 /// its own error outgrows the rounding to `f32`; the bound covers both.
+#[inline(always)]
 pub(super) fn surface(point: DVec3, size: f64, normal: DVec3, uv: [f64; 2]) -> Surface {
     let uv = Vec2::new(uv[0] as f32, uv[1] as f32);
     let error = rounding(point.as_vec3()) + Vec3::splat((size * SLACK) as f32);

@@ -6,7 +6,7 @@
 use super::patch::{outer, turn_gradient};
 use super::solve::{self, Local};
 use super::{Patch, ShapeHit, Surface};
-use crate::math::{Line, Transform, quadratic};
+use crate::math::{Line, Transform};
 use canaletto_bvh::{Aabb, Ray};
 use glam::{DMat3, DVec3, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
@@ -22,17 +22,6 @@ pub struct Sphere {
 }
 
 impl Sphere {
-    /// Both parameters in ascending order, as (5.20), negative ones included.
-    fn roots(&self, line: Line) -> (Local, Option<[f64; 2]>) {
-        let r = f64::from(self.radius);
-        let l = Local::new(line, self.center.as_dvec3(), r);
-        let a = l.d.dot(l.d); // (5.16a)
-        let b = 2.0 * l.d.dot(l.o); // (5.16b)
-        let c = l.o.dot(l.o) - r * r; // (5.16c)
-        let roots = quadratic(a, b, c).map(|s| s.map(|s| l.t0 + s));
-        (l, roots)
-    }
-
     /// The nearest t in (0, t_max], from outside or inside; (5.19) with its min restricted to the ray.
     #[inline]
     pub fn intersect(&self, ray: &Ray, t_max: f32) -> Option<ShapeHit> {
@@ -42,19 +31,22 @@ impl Sphere {
 
     /// The surface at a hit: the point of (5.21) put back on the sphere, the normal of (5.22).
     pub fn surface(&self, line: impl Into<Line>, hit: &ShapeHit) -> Surface {
-        let surface = self.bare_surface(line.into(), hit);
+        let surface = self.bare_surface(line.into(), hit.t);
         let n = surface.normal;
         let theta = libm::atan2((n.x * n.x + n.z * n.z).sqrt(), n.y);
         Surface { uv: Vec2::new(solve::turn(n.x, n.z) as f32, (theta / PI) as f32), ..surface } // (5.45)
     }
 
-    /// The same without texture coordinates.
-    pub(super) fn bare_surface(&self, line: Line, hit: &ShapeHit) -> Surface {
-        let (l, roots) = self.roots(line);
-        let t = solve::nearest(roots.as_ref().map_or(&[], |r| r), hit.t);
-        let n = l.at(t).normalize_or(DVec3::Y);
-        let (c, r) = (self.center.as_dvec3(), f64::from(self.radius));
-        solve::surface(c + n * r, c.abs().max_element() + r, n, [0.0; 2])
+    /// The same without texture coordinates, at the ray's parameter `t`. Without a branch, so that the compiler can do several at once.
+    #[inline(always)]
+    pub(super) fn bare_surface(&self, line: Line, t: f32) -> Surface {
+        let (center, r) = (self.center.as_dvec3(), f64::from(self.radius));
+        let l = Local::new(line, center, r);
+        let a = l.d.dot(l.d); // (5.16a)
+        let b = 2.0 * l.d.dot(l.o); // (5.16b)
+        let c = l.o.dot(l.o) - r * r; // (5.16c)
+        let n = l.at(nearest_root([a, b, c], l.t0, t)).normalize_or(DVec3::Y);
+        solve::surface(center + n * r, center.abs().max_element() + r, n, [0.0; 2])
     }
 
     /// How the surface goes on around one of its points.
@@ -90,11 +82,49 @@ impl Sphere {
     }
 }
 
+/// That of both roots of a s² + b s + c = 0 (5.20), as [`quadratic`](crate::math::quadratic) finds them, whose t₀ + s was reported as `t`, or
+/// `t` itself if there is none; as t₀ + s.
+#[inline(always)]
+fn nearest_root([a, b, c]: [f64; 3], t0: f64, t: f32) -> f64 {
+    let t = f64::from(t);
+    let discriminant = b * b - 4.0 * a * c; // (5.18)
+    let q = -0.5 * (b + discriminant.sqrt().copysign(b));
+    // Without a square there is one root.
+    let straight = a == 0.0;
+    let first = if straight { -c / b } else { q / a };
+    let second = if straight { first } else { c / q };
+    let [first, second] = if q == 0.0 && !straight { [0.0; 2] } else { [first, second] };
+    let [near, far] = if first <= second { [first, second] } else { [second, first] }.map(|s| t0 + s);
+    // Bits of numbers without a sign are in the order of the numbers, and NaN comes last.
+    let off = |root: f64| (root - t).abs().to_bits();
+    let root = if off(far) < off(near) { far } else { near };
+    let real = if straight { b != 0.0 } else { discriminant >= 0.0 };
+    if real { root } else { t }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     const INF: f32 = f32::INFINITY;
+
+    #[test]
+    fn the_nearest_root_is_one_of_both() {
+        let numbers = [0.0, -0.0, 1.0, -1.0, 2.0, -3.5, 1e-200, 1e200, -1e200, f64::MAX, f64::NAN, f64::INFINITY];
+        for a in numbers {
+            for b in numbers {
+                for c in numbers {
+                    for t in [0.0, 1.0, -2.5, 1e30] {
+                        let roots = crate::math::quadratic(a, b, c).map(|roots| roots.map(|s| 0.25 + s));
+                        let expected = solve::nearest(roots.as_ref().map_or(&[], |roots| roots), t);
+                        let root = nearest_root([a, b, c], 0.25, t);
+                        let same = root == expected || root.is_nan() && expected.is_nan();
+                        assert!(same, "{a} {b} {c}, {t}: {root} instead of {expected}");
+                    }
+                }
+            }
+        }
+    }
 
     fn first(sphere: &Sphere, ray: &Ray) -> (ShapeHit, Surface) {
         let hit = sphere.intersect(ray, INF).unwrap();

@@ -29,6 +29,7 @@ pub struct Surface {
 
 impl Surface {
     /// A surface point whose coordinates carry nothing but the rounding to `f32`, shaded with its geometric normal.
+    #[inline(always)]
     pub fn at(exact: DVec3, normal: DVec3, uv: Vec2) -> Surface {
         let point = exact.as_vec3();
         Surface { point, exact, error: rounding(point), normal, shading_normal: normal, uv, color: None, lifted: point }
@@ -36,6 +37,7 @@ impl Surface {
 
     /// The same point in the space around an instance. The bound grows by the rounding in object space, mapped
     /// outwards, since the ray that will start here is mapped back into that space.
+    #[inline(always)]
     pub fn transformed(&self, to_world: &Transform) -> Surface {
         let m = to_world.matrix().matrix3;
         let exact = to_world.point(self.exact);

@@ -64,6 +64,7 @@ impl Triangle {
 }
 
 /// (p₂ − p₁) × (p₃ − p₁) of (5.23).
+#[inline(always)]
 pub(super) fn cross(a: Vec3, b: Vec3, c: Vec3) -> DVec3 {
     let a = a.as_dvec3();
     (b.as_dvec3() - a).cross(c.as_dvec3() - a)
@@ -84,6 +85,7 @@ pub(super) fn gradients([a, b, c]: [Vec3; 3]) -> [DVec3; 3] {
 }
 
 /// The weights of the corners; none is negative and they add up to 1, whatever rounding made of u and v.
+#[inline(always)]
 pub(super) fn weights(u: f32, v: f32) -> [f64; 3] {
     let (u, v) = (f64::from(u).max(0.0), f64::from(v).max(0.0));
     let w = (1.0 - u - v).max(0.0);
@@ -92,11 +94,13 @@ pub(super) fn weights(u: f32, v: f32) -> [f64; 3] {
 }
 
 /// The point with these barycentric coordinates.
+#[inline(always)]
 pub(super) fn blend([a, b, c]: [Vec3; 3], [wa, wb, wc]: [f64; 3]) -> DVec3 {
     a.as_dvec3() * wa + b.as_dvec3() * wb + c.as_dvec3() * wc
 }
 
 /// The largest coordinate.
+#[inline(always)]
 pub(super) fn size([a, b, c]: [Vec3; 3]) -> f64 {
     f64::from(a.abs().max(b.abs()).max(c.abs()).max_element())
 }

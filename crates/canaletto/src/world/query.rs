@@ -6,8 +6,8 @@ use super::group::Way;
 use super::instance::{Instance, NONE, Unbounded, to_local};
 use crate::light::Source;
 use crate::material::Material;
-use crate::math::Line;
-use crate::shape::{Shape, ShapeHit, Surface};
+use crate::math::{Line, Rgb};
+use crate::shape::{Encounters, Shape, ShapeHit, Surface, Surfaces};
 use canaletto_bvh::{Aabb, Met, PreparedRay, Ray};
 
 /// The first stage of a hit: where, and on what. [`World::surface`] is the second stage.
@@ -33,7 +33,7 @@ impl Hit {
 
     /// Nothing up to `t_max`.
     #[inline]
-    pub(super) fn before(t_max: f32, time: f32) -> Hit {
+    pub(crate) fn before(t_max: f32, time: f32) -> Hit {
         Hit { t: t_max, instance: NONE, primitive: Met::NONE, part: 0, uv: [0.0; 2], time }
     }
 
@@ -194,6 +194,51 @@ impl World {
     #[inline]
     pub(crate) fn bare_surface(&self, line: Line, hit: &Hit) -> Surface {
         self.surface_with(line, hit, Shape::bare_surface, Geometry::bare_surface)
+    }
+
+    /// The same, in a place among others: the surface goes to `surfaces`, or what is met to `encounters`, which find the surfaces of many side by
+    /// side. The answer is the colour that it brings.
+    #[inline]
+    pub(crate) fn meet(
+        &self,
+        line: &Line,
+        hit: &Hit,
+        lane: usize,
+        encounters: &mut Encounters,
+        surfaces: &mut Surfaces,
+    ) -> Option<Rgb> {
+        if hit.instance != Hit::UNBOUNDED {
+            let together = |instance: &Instance| {
+                let (geometry, id) = (&self.geometries[instance.geometry as usize], hit.primitive as usize);
+                match (geometry, &instance.to_world) {
+                    _ if instance.motion != NONE => return None,
+                    (Geometry::Shapes { shapes, .. }, None) => {
+                        let Shape::Sphere(sphere) = &shapes[id] else { return None };
+                        encounters.set_sphere(lane, sphere, hit.t);
+                    }
+                    (Geometry::Spheres { cloud, .. }, None) => {
+                        encounters.set_sphere(lane, &cloud.sphere(id), hit.t);
+                        return Some(cloud.color(id));
+                    }
+                    (Geometry::Mesh { mesh, .. }, to_world) if mesh.colors.is_empty() => {
+                        if let Some(to_world) = to_world
+                            && !encounters.set_instance(lane, hit.instance, to_world)
+                        {
+                            return None;
+                        }
+                        encounters.set_triangle(lane, &mesh.triangle(id), hit.uv);
+                    }
+                    _ => return None,
+                }
+                Some(None)
+            };
+            if let Some(color) = self.with_instance(hit.instance, together) {
+                return color;
+            }
+        }
+        let surface = self.bare_surface(*line, hit);
+        surfaces.set(lane, &surface);
+        surface.color
     }
 
     #[inline]

@@ -1,0 +1,332 @@
+//! Surfaces of the commonest shapes side by side: the second stage of eight hits at once, by the same formulas as for one.
+
+use super::mesh::Corners;
+use super::{Sphere, Surface};
+use crate::math::{Line, Transform};
+use glam::{DVec3, Vec2, Vec3};
+
+/// How many are side by side.
+pub(crate) const SURFACES: usize = 8;
+
+/// Eight points or directions: rows of x, y and z.
+pub(crate) type Rows = [[f64; SURFACES]; 3];
+
+/// Eight points or colours.
+pub(crate) type Thin = [[f32; SURFACES]; 3];
+
+/// Number `lane` of eight.
+#[inline(always)]
+pub(crate) fn wide([x, y, z]: &Rows, lane: usize) -> DVec3 {
+    DVec3::new(x[lane], y[lane], z[lane])
+}
+
+/// Number `lane` of eight.
+#[inline(always)]
+pub(crate) fn thin([x, y, z]: &Thin, lane: usize) -> Vec3 {
+    Vec3::new(x[lane], y[lane], z[lane])
+}
+
+/// Sets number `lane` of eight.
+#[inline(always)]
+pub(crate) fn set_wide([x, y, z]: &mut Rows, lane: usize, v: DVec3) {
+    (x[lane], y[lane], z[lane]) = (v.x, v.y, v.z);
+}
+
+/// Sets number `lane` of eight.
+#[inline(always)]
+pub(crate) fn set_thin([x, y, z]: &mut Thin, lane: usize, v: Vec3) {
+    (x[lane], y[lane], z[lane]) = (v.x, v.y, v.z);
+}
+
+/// What shading without textures needs of eight surfaces: rows of the numbers of [`Surface`].
+#[derive(Clone, Copy)]
+pub(crate) struct Surfaces {
+    pub(crate) exact: Rows,
+    pub(crate) normal: Rows,
+    pub(crate) shading_normal: Rows,
+    pub(crate) point: Thin,
+    pub(crate) error: Thin,
+    pub(crate) lifted: Thin,
+}
+
+impl Surfaces {
+    /// Eight times nothing.
+    pub(crate) const NOTHING: Surfaces = Surfaces {
+        exact: [[0.0; SURFACES]; 3],
+        normal: [[0.0; SURFACES]; 3],
+        shading_normal: [[0.0; SURFACES]; 3],
+        point: [[0.0; SURFACES]; 3],
+        error: [[0.0; SURFACES]; 3],
+        lifted: [[0.0; SURFACES]; 3],
+    };
+
+    /// Sets number `lane`.
+    #[inline(always)]
+    pub(crate) fn set(&mut self, lane: usize, surface: &Surface) {
+        set_wide(&mut self.exact, lane, surface.exact);
+        set_wide(&mut self.normal, lane, surface.normal);
+        set_wide(&mut self.shading_normal, lane, surface.shading_normal);
+        set_thin(&mut self.point, lane, surface.point);
+        set_thin(&mut self.error, lane, surface.error);
+        set_thin(&mut self.lifted, lane, surface.lifted);
+    }
+
+    /// Number `lane`, without texture coordinates and colour.
+    #[inline(always)]
+    fn get(&self, lane: usize) -> Surface {
+        Surface {
+            point: thin(&self.point, lane),
+            exact: wide(&self.exact, lane),
+            error: thin(&self.error, lane),
+            normal: wide(&self.normal, lane),
+            shading_normal: wide(&self.shading_normal, lane),
+            uv: Vec2::ZERO,
+            color: None,
+            lifted: thin(&self.lifted, lane),
+        }
+    }
+
+    /// Takes over those whose bit is set.
+    #[inline(always)]
+    fn take(&mut self, from: &Surfaces, bits: u32) {
+        let rows = |to: &mut Rows, from: &Rows| {
+            for axis in 0..3 {
+                for i in 0..SURFACES {
+                    to[axis][i] = if bits >> i & 1 == 1 { from[axis][i] } else { to[axis][i] };
+                }
+            }
+        };
+        let thin = |to: &mut Thin, from: &Thin| {
+            for axis in 0..3 {
+                for i in 0..SURFACES {
+                    to[axis][i] = if bits >> i & 1 == 1 { from[axis][i] } else { to[axis][i] };
+                }
+            }
+        };
+        rows(&mut self.exact, &from.exact);
+        rows(&mut self.normal, &from.normal);
+        rows(&mut self.shading_normal, &from.shading_normal);
+        thin(&mut self.point, &from.point);
+        thin(&mut self.error, &from.error);
+        thin(&mut self.lifted, &from.lifted);
+    }
+}
+
+/// Up to eight spheres and triangles that lines meet.
+pub(crate) struct Encounters {
+    /// The lines' origins and directions.
+    origin: Rows,
+    pub(crate) direction: Rows,
+    /// Their parameters, on spheres.
+    t: [f32; SURFACES],
+    center: Thin,
+    radius: [f32; SURFACES],
+    corners: [Thin; 3],
+    /// The corners' normals, where they have any.
+    normals: [Thin; 3],
+    /// Barycentric coordinates on triangles.
+    uv: [[f32; SURFACES]; 2],
+    /// A bit for each that is a sphere, a triangle, a triangle whose corners have normals.
+    spheres: u32,
+    flat: u32,
+    smooth: u32,
+    /// Those of them that are on an instance, from whose space this leads to the world's.
+    moved: u32,
+    instance: u32,
+    to_world: Transform,
+}
+
+impl Encounters {
+    /// None.
+    pub(crate) const NONE: Encounters = Encounters {
+        origin: [[0.0; SURFACES]; 3],
+        direction: [[0.0; SURFACES]; 3],
+        t: [0.0; SURFACES],
+        center: [[0.0; SURFACES]; 3],
+        radius: [1.0; SURFACES],
+        corners: [[[0.0; SURFACES]; 3]; 3],
+        normals: [[[0.0; SURFACES]; 3]; 3],
+        uv: [[0.0; SURFACES]; 2],
+        spheres: 0,
+        flat: 0,
+        smooth: 0,
+        moved: 0,
+        instance: 0,
+        to_world: Transform::IDENTITY,
+    };
+
+    /// Forgets all.
+    pub(crate) fn clear(&mut self) {
+        (self.spheres, self.flat, self.smooth, self.moved) = (0, 0, 0, 0);
+    }
+
+    /// The line of number `lane`.
+    #[inline(always)]
+    pub(crate) fn set_line(&mut self, lane: usize, line: &Line) {
+        set_wide(&mut self.origin, lane, line.origin);
+        set_wide(&mut self.direction, lane, line.direction);
+    }
+
+    /// Number `lane` meets a sphere.
+    #[inline(always)]
+    pub(crate) fn set_sphere(&mut self, lane: usize, sphere: &Sphere, t: f32) {
+        set_thin(&mut self.center, lane, sphere.center);
+        self.radius[lane] = sphere.radius;
+        self.t[lane] = t;
+        self.spheres |= 1 << lane;
+    }
+
+    /// Number `lane` meets a triangle.
+    #[inline(always)]
+    pub(crate) fn set_triangle(&mut self, lane: usize, triangle: &Corners, [u, v]: [f32; 2]) {
+        for (to, &position) in self.corners.iter_mut().zip(&triangle.positions) {
+            set_thin(to, lane, position);
+        }
+        (self.uv[0][lane], self.uv[1][lane]) = (u, v);
+        if let Some(normals) = &triangle.normals {
+            for (to, &normal) in self.normals.iter_mut().zip(normals) {
+                set_thin(to, lane, normal);
+            }
+            self.smooth |= 1 << lane;
+        } else {
+            self.flat |= 1 << lane;
+        }
+    }
+
+    /// The triangle that number `lane` is going to meet is on this instance. The answer is no if others are on another one: there is one map for all.
+    #[inline]
+    pub(crate) fn set_instance(&mut self, lane: usize, instance: u32, to_world: &Transform) -> bool {
+        if self.moved == 0 {
+            (self.instance, self.to_world) = (instance, *to_world);
+        } else if self.instance != instance {
+            return false;
+        }
+        self.moved |= 1 << lane;
+        true
+    }
+
+    /// Finds the surfaces that were met. To be called from a kernel.
+    #[inline(always)]
+    pub(crate) fn surfaces(&self, into: &mut Surfaces) {
+        let mut found = Surfaces::NOTHING;
+        if self.spheres != 0 {
+            for i in 0..SURFACES {
+                let sphere = Sphere { center: thin(&self.center, i), radius: self.radius[i] };
+                let line = Line { origin: wide(&self.origin, i), direction: wide(&self.direction, i) };
+                found.set(i, &sphere.bare_surface(line, self.t[i]));
+            }
+            into.take(&found, self.spheres);
+        }
+        if self.flat != 0 {
+            for i in 0..SURFACES {
+                let positions = self.corners.each_ref().map(|corner| thin(corner, i));
+                let triangle = Corners { positions, normals: None };
+                found.set(i, &triangle.surface(self.uv[0][i], self.uv[1][i]));
+            }
+            into.take(&found, self.flat);
+        }
+        if self.smooth != 0 {
+            for i in 0..SURFACES {
+                let positions = self.corners.each_ref().map(|corner| thin(corner, i));
+                let normals = Some(self.normals.each_ref().map(|normal| thin(normal, i)));
+                let triangle = Corners { positions, normals };
+                found.set(i, &triangle.surface(self.uv[0][i], self.uv[1][i]));
+            }
+            into.take(&found, self.smooth);
+        }
+        if self.moved != 0 {
+            for i in 0..SURFACES {
+                found.set(i, &into.get(i).transformed(&self.to_world));
+            }
+            into.take(&found, self.moved);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::Random;
+    use super::*;
+    use canaletto_bvh::{InstructionSet, Kernel};
+
+    struct Find<'a>(&'a Encounters, &'a mut Surfaces);
+
+    impl Kernel for Find<'_> {
+        type Answer = ();
+
+        #[inline(always)]
+        fn run(self) {
+            self.0.surfaces(self.1);
+        }
+    }
+
+    /// Often along an axis, at times nothing.
+    fn vector(random: &mut Random) -> Vec3 {
+        let keep = [(); 3].map(|()| if random.one_in(3) { 0.0 } else { 1.0 });
+        random.cube() * Vec3::from(keep)
+    }
+
+    /// All numbers bit by bit.
+    fn bits(surface: &Surface) -> ([u64; 9], [u32; 9]) {
+        let wide = [surface.exact, surface.normal, surface.shading_normal].map(|v| v.to_array().map(f64::to_bits));
+        let thin = [surface.point, surface.error, surface.lifted].map(|v| v.to_array().map(f32::to_bits));
+        (wide.as_flattened().try_into().unwrap(), thin.as_flattened().try_into().unwrap())
+    }
+
+    #[test]
+    fn surfaces_side_by_side_are_those_one_by_one() {
+        let random = &mut Random(61);
+        for round in 0..4000 {
+            let scale = [1.0, 1e-3, 1e4, 1e-30, 1e30][round % 5];
+            let to_world = Transform::rotate(DVec3::new(1.0, 2.0, 3.0), f64::from(random.within(-180.0, 180.0)))
+                .unwrap()
+                .after(&Transform::scale(DVec3::new(-1.0, 0.5, 3.0)).unwrap());
+            let mut encounters = Encounters::NONE;
+            let mut known = Surfaces::NOTHING;
+            let expected: [Surface; SURFACES] = std::array::from_fn(|lane| {
+                let line = Line {
+                    origin: (vector(random) * scale * if random.one_in(2) { 100.0 } else { 1.0 }).as_dvec3(),
+                    direction: vector(random).as_dvec3(),
+                };
+                encounters.set_line(lane, &line);
+                match (random.unit() * 4.0) as u32 {
+                    0 => {
+                        let sphere = Sphere { center: vector(random) * scale, radius: scale };
+                        // The rays needn't meet it.
+                        let t = random.within(-scale, scale);
+                        encounters.set_sphere(lane, &sphere, t);
+                        sphere.bare_surface(line, t)
+                    }
+                    1 => {
+                        let surface = Surface::at(line.origin, DVec3::Y, Vec2::ZERO);
+                        known.set(lane, &surface);
+                        surface
+                    }
+                    smooth => {
+                        let mut three = || std::array::from_fn(|_| vector(random));
+                        let (positions, normals) = (three().map(|p| p * scale), three());
+                        let triangle = Corners { positions, normals: (smooth == 2).then_some(normals) };
+                        let [u, v] = [(); 2].map(|()| random.within(-0.5, 1.5));
+                        let moves = random.one_in(2);
+                        // An octet has one map.
+                        if moves {
+                            assert!(encounters.set_instance(lane, 7, &to_world));
+                            assert!(!encounters.set_instance(lane, 8, &to_world));
+                        }
+                        encounters.set_triangle(lane, &triangle, [u, v]);
+                        let surface = triangle.surface(u, v);
+                        if moves { surface.transformed(&to_world) } else { surface }
+                    }
+                }
+            });
+            for set in InstructionSet::available() {
+                set.limit();
+                let mut found = known;
+                InstructionSet::run(Find(&encounters, &mut found));
+                for (lane, expected) in expected.iter().enumerate() {
+                    assert_eq!(bits(&found.get(lane)), bits(expected), "round {round}, number {lane}: {expected:?}");
+                }
+            }
+        }
+    }
+}
