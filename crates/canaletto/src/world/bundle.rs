@@ -12,7 +12,9 @@ use super::loose;
 use super::query::Hit;
 use super::shadow::{Between, Blocker};
 use crate::math::Line;
+use crate::shape::{SURFACES, Thin, thin};
 use canaletto_bvh::{self as bvh, Aabb, Met, PreparedRay, Ray};
+use glam::Vec3;
 use std::ops::Range;
 
 /// The most instances that are each handed all rays.
@@ -141,6 +143,25 @@ impl Bundle {
     pub fn push(&mut self, ray: Ray, t_max: f32) {
         self.rays.rays.push(ray);
         self.t_max.push(t_max);
+    }
+
+    /// Adds those of eight rays whose bit is set, each up to its `t_max`.
+    #[inline]
+    pub(crate) fn push_some(&mut self, bits: u32, origins: &Thin, directions: &Thin, t_max: &[f32; SURFACES]) {
+        if bits == 0 {
+            return;
+        }
+        // Each is written, and the next one over it if it doesn't count: no branch that a processor would guess wrong.
+        let mut end = self.t_max.len();
+        self.rays.rays.resize(end + SURFACES, Ray { origin: Vec3::ZERO, direction: Vec3::ZERO });
+        self.t_max.resize(end + SURFACES, 0.0);
+        for (lane, &reach) in t_max.iter().enumerate() {
+            self.rays.rays[end] = Ray { origin: thin(origins, lane), direction: thin(directions, lane) };
+            self.t_max[end] = reach;
+            end += (bits >> lane & 1) as usize;
+        }
+        self.rays.rays.truncate(end);
+        self.t_max.truncate(end);
     }
 
     /// Whether there is no ray.

@@ -1,6 +1,7 @@
 //! The rays that go on from where others stop: mirrored, refracted, past what is there in part.
 
-use super::way::{Branch, Footprint, Stop, Way, Ways, uses};
+use super::stop::{At, Footprint};
+use super::way::{Branch, Way, Ways, uses};
 use super::{Generation, Whitted};
 use crate::integrator::{Probe, RayKind};
 use crate::material::{on_the_side, reflect, refract, visible_facet};
@@ -14,16 +15,16 @@ impl Whitted<'_> {
     /// Adds what comes along the mirrored directions.
     pub(super) fn reflect<P: Probe>(&mut self, generation: &mut Generation, probe: &mut P) {
         self.follow(generation, probe, |whitted, ways, at, footprint, probe| {
-            if !at.is_seen() || !at.material.is_mirror() {
+            if !at.stop.is_seen() || !at.stop.material.is_mirror() {
                 return None;
             }
-            let phong = &at.material.phong;
-            let branch = whitted.child(ways.branch(at.way()), RayKind::Reflected, phong.k, probe)?;
+            let phong = &at.stop.material.phong;
+            let branch = whitted.child(ways.branch(at.stop.way()), RayKind::Reflected, phong.k, probe)?;
             let direction = match facet(at, ways, uses::MIRROR_FACET) {
-                None => above(at.mirrored, at),
+                None => above(at.mirrored(), at),
                 Some(facet) => {
                     probe.lobe(phong.roughness, facet);
-                    on_the_side(reflect(at.wo, facet), at.facing())
+                    on_the_side(reflect(at.wo(), facet), at.facing())
                 }
             };
             Some(onwards(at, ways, branch, direction, spread_above(at, footprint)))
@@ -33,20 +34,20 @@ impl Whitted<'_> {
     /// Adds what comes through clear bodies.
     pub(super) fn refract<P: Probe>(&mut self, generation: &mut Generation, probe: &mut P) {
         self.follow(generation, probe, |whitted, ways, at, footprint, probe| {
-            if !at.is_seen() || !at.material.is_clear() {
+            if !at.stop.is_seen() || !at.stop.material.is_clear() {
                 return None;
             }
-            let phong = &at.material.phong;
+            let phong = &at.stop.material.phong;
             let eta = f64::from(phong.eta);
-            let eta_ratio = if at.outside { 1.0 / eta } else { eta };
+            let eta_ratio = if at.outside() { 1.0 / eta } else { eta };
             let facet = facet(at, ways, uses::CLEAR_FACET);
-            let (kind, direction) = match (refract(at.wo, facet.unwrap_or(at.normal()), eta_ratio), facet) {
+            let (kind, direction) = match (refract(at.wo(), facet.unwrap_or(at.normal()), eta_ratio), facet) {
                 (Some(direction), None) => (RayKind::Refracted, below(direction, at, eta_ratio)),
                 (Some(direction), Some(_)) => (RayKind::Refracted, on_the_side(direction, -at.facing())),
-                (None, None) => (RayKind::TotallyReflected, above(at.mirrored, at)),
-                (None, Some(facet)) => (RayKind::TotallyReflected, on_the_side(reflect(at.wo, facet), at.facing())),
+                (None, None) => (RayKind::TotallyReflected, above(at.mirrored(), at)),
+                (None, Some(facet)) => (RayKind::TotallyReflected, on_the_side(reflect(at.wo(), facet), at.facing())),
             };
-            let branch = whitted.child(ways.branch(at.way()), kind, Rgb::gray(1.0 - phong.opacity), probe)?;
+            let branch = whitted.child(ways.branch(at.stop.way()), kind, Rgb::gray(1.0 - phong.opacity), probe)?;
             if let Some(facet) = facet {
                 probe.lobe(phong.roughness, facet);
             }
@@ -61,7 +62,7 @@ impl Whitted<'_> {
     /// The colours of surfaces that are there in part only, and of what is behind them.
     pub(super) fn pass<P: Probe>(&mut self, generation: &mut Generation, probe: &mut P) {
         let mut any = false;
-        for stop in generation.stops.iter_mut().filter(|stop| stop.material.coverage < 1.0) {
+        for stop in generation.stops.each_mut().iter_mut().filter(|stop| stop.material.coverage < 1.0) {
             probe.coverage(stop.material.coverage);
             stop.color *= stop.material.coverage;
             any = true;
@@ -70,11 +71,11 @@ impl Whitted<'_> {
             return;
         }
         self.follow(generation, probe, |whitted, ways, at, footprint, probe| {
-            if at.material.coverage >= 1.0 {
+            if at.stop.material.coverage >= 1.0 {
                 return None;
             }
-            let factor = Rgb::gray(1.0 - at.material.coverage);
-            let parent = ways.branch(at.way());
+            let factor = Rgb::gray(1.0 - at.stop.material.coverage);
+            let parent = ways.branch(at.stop.way());
             if parent.passed == MAX_PASSED {
                 probe.cut(RayKind::Passed, factor);
                 return None;
@@ -84,9 +85,9 @@ impl Whitted<'_> {
             let branch = whitted.child(parent, RayKind::Passed, factor, probe)?;
             let branch = Branch { passed: branch.passed + 1, ..branch };
             let spread = footprint.map(|f| f.spread.passed(f.step));
-            Some(onwards(at, ways, branch, -at.wo, spread))
+            Some(onwards(at, ways, branch, -at.wo(), spread))
         });
-        for stop in generation.stops.iter_mut().filter(|stop| stop.material.coverage < 1.0) {
+        for stop in generation.stops.each_mut().iter_mut().filter(|stop| stop.material.coverage < 1.0) {
             stop.color = stop.color.saturated();
         }
     }
@@ -96,11 +97,12 @@ impl Whitted<'_> {
         &mut self,
         generation: &mut Generation,
         probe: &mut P,
-        child: impl Fn(&mut Self, &Ways, &Stop, Option<&Footprint>, &mut P) -> Option<Way>,
+        child: impl Fn(&mut Self, &Ways, &At, Option<&Footprint>, &mut P) -> Option<Way>,
     ) {
         let mut children = self.generation();
-        for (index, stop) in generation.stops.iter().enumerate() {
-            if let Some(way) = child(self, &generation.ways, stop, generation.footprints.get(index), probe) {
+        for index in 0..generation.stops.len() {
+            let at = generation.stops.at(index);
+            if let Some(way) = child(self, &generation.ways, &at, generation.footprints.get(index), probe) {
                 children.ways.push(way);
                 children.parents.push(index as u32);
             }
@@ -108,7 +110,8 @@ impl Whitted<'_> {
         if !children.ways.is_empty() {
             self.trace(&mut children, probe);
             for (way, (color, &parent)) in children.colors.iter().zip(&children.parents).enumerate() {
-                generation.stops[parent as usize].color += (*color * children.ways.branch(way).factor).saturated();
+                generation.stops.each_mut()[parent as usize].color +=
+                    (*color * children.ways.branch(way).factor).saturated();
             }
         }
         self.spare.push(children);
@@ -134,49 +137,49 @@ impl Whitted<'_> {
 }
 
 /// The way of a child ray.
-fn onwards(at: &Stop, ways: &Ways, branch: Branch, direction: DVec3, spread: Option<Spread>) -> Way {
+fn onwards(at: &At, ways: &Ways, branch: Branch, direction: DVec3, spread: Option<Spread>) -> Way {
     let line = at.leave(direction);
-    Way { ray: at.start(&line), line, branch, sample: *ways.sample(at.way()), spread }
+    Way { ray: at.start(&line), line, branch, sample: *ways.sample(at.stop.way()), spread }
 }
 
 /// The normal of the facet that a ray leaves, chosen at random, if the surface is rough.
-fn facet(at: &Stop, ways: &Ways, use_of: u32) -> Option<DVec3> {
-    let roughness = at.material.phong.roughness;
+fn facet(at: &At, ways: &Ways, use_of: u32) -> Option<DVec3> {
+    let roughness = at.stop.material.phong.roughness;
     if roughness == 0.0 {
         return None;
     }
-    let normal = if at.wo.dot(at.normal()) > 0.0 { at.normal() } else { at.facing() };
-    let place = ways.branch(at.way()).place.of(use_of);
-    Some(visible_facet(at.wo, normal, f64::from(roughness), ways.sample(at.way()).two(place)))
+    let normal = if at.wo().dot(at.normal()) > 0.0 { at.normal() } else { at.facing() };
+    let place = ways.branch(at.stop.way()).place.of(use_of);
+    Some(visible_facet(at.wo(), normal, f64::from(roughness), ways.sample(at.stop.way()).two(place)))
 }
 
 /// A mirrored direction that stays above the surface: where an interpolated normal would send it below, the geometric
 /// normal mirrors instead.
-fn above(direction: DVec3, at: &Stop) -> DVec3 {
-    if direction.dot(at.facing()) > 0.0 { direction } else { reflect(at.wo, at.facing()) }
+fn above(direction: DVec3, at: &At) -> DVec3 {
+    if direction.dot(at.facing()) > 0.0 { direction } else { reflect(at.wo(), at.facing()) }
 }
 
 /// A refracted direction that goes below the surface, likewise.
-fn below(direction: DVec3, at: &Stop, eta_ratio: f64) -> DVec3 {
+fn below(direction: DVec3, at: &At, eta_ratio: f64) -> DVec3 {
     if direction.dot(at.facing()) < 0.0 {
         direction
     } else {
-        refract(at.wo, at.facing(), eta_ratio).unwrap_or(-at.facing())
+        refract(at.wo(), at.facing(), eta_ratio).unwrap_or(-at.facing())
     }
 }
 
 /// How the ray that [`above`] gives spreads.
-fn spread_above(at: &Stop, footprint: Option<&Footprint>) -> Option<Spread> {
+fn spread_above(at: &At, footprint: Option<&Footprint>) -> Option<Spread> {
     let footprint = footprint?;
-    let stays = at.mirrored.dot(at.facing()) > 0.0;
+    let stays = at.mirrored().dot(at.facing()) > 0.0;
     let (normal, bend) = if stays { (at.normal(), footprint.bend) } else { (at.facing(), DMat3::ZERO) };
-    Some(footprint.spread.reflected(footprint.step, -at.wo, normal, &bend))
+    Some(footprint.spread.reflected(footprint.step, -at.wo(), normal, &bend))
 }
 
 /// How the ray that [`below`] gives spreads.
-fn spread_below(at: &Stop, footprint: Option<&Footprint>, eta_ratio: f64) -> Option<Spread> {
+fn spread_below(at: &At, footprint: Option<&Footprint>, eta_ratio: f64) -> Option<Spread> {
     let footprint = footprint?;
-    let stays = refract(at.wo, at.normal(), eta_ratio).is_some_and(|direction| direction.dot(at.facing()) < 0.0);
+    let stays = refract(at.wo(), at.normal(), eta_ratio).is_some_and(|direction| direction.dot(at.facing()) < 0.0);
     let (normal, bend) = if stays { (at.normal(), footprint.bend) } else { (at.facing(), DMat3::ZERO) };
-    Some(footprint.spread.refracted(footprint.step, -at.wo, normal, &bend, eta_ratio))
+    Some(footprint.spread.refracted(footprint.step, -at.wo(), normal, &bend, eta_ratio))
 }

@@ -1,7 +1,8 @@
 //! The light that reaches stops: (5.39a).
 
 use super::octet::{Octet, STOPS, Towards, lanes};
-use super::way::{Stop, uses};
+use super::stop::At;
+use super::way::uses;
 use super::{Generation, Whitted};
 use crate::integrator::{LightTerm, Probe};
 use crate::light::{Illumination, Source};
@@ -9,19 +10,15 @@ use crate::material::highlights;
 use crate::math::Spread;
 use crate::scene::Stage;
 use crate::world::Between;
-use canaletto_bvh::Ray;
 
 /// What is kept for lights while a generation is lit.
 #[derive(Default)]
 pub(super) struct Lighting {
-    octets: Vec<Octet>,
     /// To the point whose turn it is.
     ways: Vec<Towards>,
     /// What arrives from there, if it isn't the same point for all.
     arriving: Vec<Illumination>,
-    /// The stops of the shadow rays.
-    shadowed: Vec<u32>,
-    /// Of those, the stops of rays through what is clear.
+    /// The stops of shadow rays through what is clear.
     crossing: Vec<u32>,
     /// Stops with a highlight, with the bases and exponents of their powers.
     shining: Vec<u32>,
@@ -32,8 +29,8 @@ pub(super) struct Lighting {
 impl Lighting {
     /// Finds the ways to a light's point, and what comes along them before shadows.
     fn look(&mut self, source: &Source, (light, point): (u32, u32), generation: &Generation) {
-        let Lighting { octets, ways, arriving, .. } = self;
-        let stops = &generation.stops;
+        let Lighting { ways, arriving, .. } = self;
+        let (stops, octets) = (&generation.stops, generation.stops.octets());
         arriving.clear();
         if let Some(position) = source.point(point) {
             Towards::point(ways, octets, position);
@@ -47,25 +44,23 @@ impl Lighting {
                 }
             }
         } else {
-            arriving.extend(stops.iter().map(|stop| {
+            arriving.extend(stops.each().iter().enumerate().map(|(index, stop)| {
+                let exact = octets[index / STOPS].exact(index % STOPS);
                 if source.is_sampled() {
                     let (ways, way) = (&generation.ways, stop.way());
                     let place = ways.branch(way).place.of(uses::LIGHTS + light);
                     let u = ways.sample(way).two_of(place, point, source.points());
-                    source.sample(u, stop.surface.exact)
+                    source.sample(u, exact)
                 } else {
-                    source.illuminate(point, stop.surface.exact)
+                    source.illuminate(point, exact)
                 }
             }));
-            Towards::known(ways, octets, arriving.iter().map(|a| (a.direction, a.distance)));
-            for (index, arriving) in arriving.iter().enumerate() {
-                ways[index / STOPS].set_intensity(index % STOPS, arriving.intensity);
-            }
+            Towards::known(ways, octets, arriving);
         }
         for (number, (way, octet)) in ways.iter_mut().zip(octets).enumerate() {
             way.come(octet);
             for lane in lanes(way.comes & octet.bent) {
-                if is_behind(&stops[number * STOPS + lane], way, lane) {
+                if is_behind(&stops.at(number * STOPS + lane), way, lane) {
                     way.keep_off(lane);
                 }
             }
@@ -73,8 +68,8 @@ impl Lighting {
     }
 
     /// Finds cosⁿα (5.38) where light comes; in shadow only if `anyway`.
-    fn highlights(&mut self, anyway: bool) {
-        let Lighting { octets, ways, shining, cosines, exponents, .. } = self;
+    fn highlights(&mut self, octets: &[Octet], anyway: bool) {
+        let Lighting { ways, shining, cosines, exponents, .. } = self;
         shining.clear();
         cosines.clear();
         exponents.clear();
@@ -97,8 +92,8 @@ impl Lighting {
 }
 
 /// Whether light comes from behind the surface, though not behind its bent normal.
-fn is_behind(stop: &Stop, way: &Towards, lane: usize) -> bool {
-    stop.material.bent && stop.facing().dot(way.direction(lane)) <= 0.0
+fn is_behind(at: &At, way: &Towards, lane: usize) -> bool {
+    at.stop.material.bent && at.facing().dot(way.direction(lane)) <= 0.0
 }
 
 /// How far neighbours of the ray from a stop to the light are, if anything wants to know.
@@ -114,22 +109,29 @@ impl Whitted<'_> {
             return;
         }
         let mut lighting = std::mem::take(&mut self.lighting);
-        Octet::fill(&mut lighting.octets, &generation.stops);
+        let (stops, octets) = generation.stops.both();
+        for (octet, stops) in octets.iter_mut().zip(stops.chunks(STOPS)) {
+            for (lane, stop) in stops.iter().enumerate() {
+                octet.set_color(lane, stop.color);
+            }
+        }
         for light in 0..self.world.lights.len() as u32 {
             for point in 0..self.world.lights[light as usize].points() {
                 lighting.look(self.source(light), (light, point), generation);
-                self.shadow(&mut lighting, (light, point), generation, probe);
+                self.shadow(&mut lighting, light, generation, probe);
+                let octets = generation.stops.both().1;
                 if self.settings.stage >= Stage::Specular {
                     // In shadow a highlight is black, and only a probe wants to know more.
-                    lighting.highlights(P::ACTIVE);
+                    lighting.highlights(octets, P::ACTIVE);
                 }
-                Towards::add(&lighting.ways, &mut lighting.octets);
+                Towards::add(&lighting.ways, octets);
                 if P::ACTIVE {
-                    self.tell(&lighting, (light, point), &generation.stops[0], probe);
+                    self.tell(&lighting, (light, point), &generation.stops.at(0), probe);
                 }
             }
         }
-        for (octet, stops) in lighting.octets.iter().zip(generation.stops.chunks_mut(STOPS)) {
+        let (stops, octets) = generation.stops.both();
+        for (octet, stops) in octets.iter().zip(stops.chunks_mut(STOPS)) {
             for (lane, stop) in stops.iter_mut().enumerate().filter(|(_, stop)| stop.is_seen()) {
                 stop.color = octet.color(lane);
             }
@@ -143,57 +145,41 @@ impl Whitted<'_> {
     }
 
     /// Finds f_s, the share of the light that passes what is between a light's point and the stops.
-    fn shadow<P: Probe>(
-        &mut self,
-        lighting: &mut Lighting,
-        (light, point): (u32, u32),
-        generation: &Generation,
-        probe: &mut P,
-    ) {
-        let Lighting { octets, ways, arriving, shadowed, crossing, .. } = lighting;
+    fn shadow<P: Probe>(&mut self, lighting: &mut Lighting, light: u32, generation: &Generation, probe: &mut P) {
+        let Lighting { ways, crossing, .. } = lighting;
         let source = self.source(light);
         if self.settings.stage < Stage::Shadow || !self.settings.shadows || !source.light.shadows {
             return;
         }
-        let position = source.point(point);
         self.bundle.clear();
-        shadowed.clear();
-        for (number, (way, octet)) in ways.iter().zip(&*octets).enumerate() {
-            for lane in lanes(way.comes) {
-                let (stop, origin) = (number * STOPS + lane, octet.start(lane));
-                // Towards a point the ray ends there, at t = 1; towards infinity it has no end.
-                let (direction, t_max) = match arriving.get(stop).map_or(position, |arriving| arriving.position) {
-                    Some(position) => (position - origin, 1.0 - f32::EPSILON),
-                    None => (way.direction(lane).as_vec3(), f32::INFINITY),
-                };
-                shadowed.push(stop as u32);
-                self.bundle.push(Ray { origin, direction }, t_max);
-            }
+        for (way, octet) in ways.iter().zip(generation.stops.octets()) {
+            self.bundle.push_some(way.comes, &octet.start, &way.to, &way.reach);
         }
         self.world.between_bundle(&mut self.bundle, self.time, &mut self.blockers[light as usize]);
-        self.counts.shadow.traced += shadowed.len() as u64;
+        self.counts.shadow.traced += self.bundle.len() as u64;
         crossing.clear();
         self.crossings.bundle.clear();
-        for (shadow, &stop) in shadowed.iter().enumerate() {
-            let (way, lane) = (&mut ways[stop as usize / STOPS], stop as usize % STOPS);
-            let f_s = match self.bundle.between(shadow) {
-                Between::Nothing => continue,
-                // Only a recording probe wants to know what stands in which order.
-                between if P::ACTIVE => {
+        let mut shadow = 0;
+        for (number, way) in ways.iter_mut().enumerate() {
+            for lane in lanes(way.comes) {
+                let (between, stop) = (self.bundle.between(shadow), number * STOPS + lane);
+                if between != Between::Nothing && P::ACTIVE {
+                    // Only a recording probe wants to know what stands in which order.
                     let (ray, t_max) = self.bundle.ray(shadow);
-                    let spread = spread_of(generation, way, stop as usize);
-                    self.world.through(&ray, t_max, self.time, spread.as_ref(), between, probe)
-                }
-                Between::Opaque => 0.0,
-                Between::Clear => {
+                    let spread = spread_of(generation, way, stop);
+                    way.f_s[lane] = self.world.through(&ray, t_max, self.time, spread.as_ref(), between, probe);
+                    self.counts.shadow.hit += u64::from(way.f_s[lane] == 0.0);
+                } else if between == Between::Clear {
                     let (ray, t_max) = self.bundle.ray(shadow);
-                    crossing.push(stop);
+                    crossing.push(stop as u32);
                     self.crossings.bundle.push(ray, t_max);
-                    continue;
+                } else {
+                    let opaque = between == Between::Opaque;
+                    way.f_s[lane] = if opaque { 0.0 } else { 1.0 };
+                    self.counts.shadow.hit += u64::from(opaque);
                 }
-            };
-            way.f_s[lane] = f_s;
-            self.counts.shadow.hit += u64::from(f_s == 0.0);
+                shadow += 1;
+            }
         }
         self.world.through_together(&mut self.crossings, self.time, |number| {
             let stop = crossing[number] as usize;
@@ -207,9 +193,9 @@ impl Whitted<'_> {
     }
 
     /// Tells a probe, for which there is one stop, what arrives there.
-    fn tell<P: Probe>(&self, lighting: &Lighting, (light, point): (u32, u32), at: &Stop, probe: &mut P) {
-        let (way, octet, source) = (&lighting.ways[0], &lighting.octets[0], self.source(light));
-        if !at.is_seen() {
+    fn tell<P: Probe>(&self, lighting: &Lighting, (light, point): (u32, u32), at: &At, probe: &mut P) {
+        let (way, octet, source) = (&lighting.ways[0], at.octet, self.source(light));
+        if !at.stop.is_seen() {
             return;
         }
         let [diffuse, specular, contribution] = way.terms(octet, 0);

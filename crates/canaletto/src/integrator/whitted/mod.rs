@@ -12,6 +12,7 @@
 mod children;
 mod light;
 mod octet;
+mod stop;
 mod way;
 
 use super::{Probe, RayCounts};
@@ -19,10 +20,12 @@ use crate::light::Source;
 use crate::math::{Line, Rgb, Spread, offset_origin};
 use crate::sampler::{Sample, Sampler};
 use crate::scene::{IntegratorSettings, Stage};
+use crate::shape::Encounters;
 use crate::world::{Blocker, Bundle, Crossings, Hit, World};
 use glam::DVec3;
 use light::Lighting;
-use way::{Branch, Footprint, Met, Stop, Ways};
+use stop::{Footprint, Met, Stop, Stops};
+use way::{Branch, Ways};
 
 /// The classic integrator on one world.
 pub struct Whitted<'w> {
@@ -48,6 +51,8 @@ pub struct Whitted<'w> {
     waiting: Generation,
     /// What is asked of the world.
     bundle: Bundle,
+    /// What the rays of the last stops meet.
+    encounters: Encounters,
     /// Shadow rays through what is clear, kept likewise.
     crossings: Crossings,
     /// Memory of bundles that have been shaded.
@@ -64,7 +69,7 @@ struct Generation {
     parents: Vec<u32>,
     /// What they bring.
     colors: Vec<Rgb>,
-    stops: Vec<Stop>,
+    stops: Stops,
     /// Of each stop, if its way spreads.
     footprints: Vec<Footprint>,
 }
@@ -94,6 +99,7 @@ impl<'w> Whitted<'w> {
             lights: if world.lights_move() { world.lights.clone() } else { Vec::new() },
             waiting: Generation::default(),
             bundle: Bundle::default(),
+            encounters: Encounters::NONE,
             crossings: Crossings::default(),
             spare: Vec::new(),
             lighting: Lighting::default(),
@@ -171,11 +177,11 @@ impl<'w> Whitted<'w> {
     fn trace<P: Probe>(&mut self, generation: &mut Generation, probe: &mut P) {
         debug_assert!(!P::ACTIVE || generation.ways.len() == 1);
         self.meet(generation, probe);
-        if generation.stops.is_empty() {
+        if generation.stops.len() == 0 {
             return;
         }
         self.shade(generation, probe);
-        for stop in &mut generation.stops {
+        for stop in generation.stops.each_mut() {
             let (print, share) = stop.material.print;
             if share > 0.0 {
                 probe.print(print, share);
@@ -183,7 +189,7 @@ impl<'w> Whitted<'w> {
             }
         }
         self.pass(generation, probe);
-        for stop in &generation.stops {
+        for stop in generation.stops.each() {
             generation.colors[stop.way()] = stop.color;
             probe.end(stop.color);
         }
@@ -192,7 +198,7 @@ impl<'w> Whitted<'w> {
     /// The nearest surfaces on the ways, past holes. Colours become what is seen where there is none.
     fn meet<P: Probe>(&mut self, generation: &mut Generation, probe: &mut P) {
         let Generation { ways, colors, stops, footprints, .. } = generation;
-        let world = self.world;
+        let (world, time) = (self.world, self.time);
         colors.clear();
         colors.resize(ways.len(), world.background);
         stops.clear();
@@ -201,9 +207,8 @@ impl<'w> Whitted<'w> {
             let Branch { kind, depth, factor, .. } = ways.branch(0);
             probe.ray(kind, &ways.rays[0], depth, factor);
         }
-        ways.count(&mut self.counts);
         self.bundle.set(&ways.rays, f32::INFINITY);
-        world.intersect_bundle(&mut self.bundle, self.time);
+        world.intersect_bundle(&mut self.bundle, time);
         let miss = |index: usize, color: &mut Rgb, probe: &mut P| {
             if let Some(environment) = &world.environment {
                 let spread = ways.spread(index).map_or([DVec3::ZERO; 2], |spread| spread.direction);
@@ -214,63 +219,52 @@ impl<'w> Whitted<'w> {
             probe.miss(*color);
             probe.end(*color);
         };
+        let encounters = &mut self.encounters;
+        let mut seen = None;
         for (index, color) in colors.iter_mut().enumerate() {
-            let Some(hit) = self.bundle.hit(index) else {
+            let Some(mut hit) = self.bundle.hit(index) else {
                 miss(index, color, probe);
                 continue;
             };
             let (mut line, spread, material) = (ways.lines[index], ways.spread(index), world.material(&hit));
-            if material.textures.is_empty() {
+            let (octet, lane) = stops.next();
+            if material.textures.is_empty() && spread.is_none() && !P::ACTIVE {
+                encounters.set_line(lane, &line);
+                let color = world.meet(&line, &hit, lane, encounters, &mut octet.surfaces);
+                stops.push(index, &hit, encounters, |point| material.set(point, color));
+                continue;
+            }
+            let (surface, point, footprint) = if material.textures.is_empty() {
                 // Only a probe asks for texture coordinates that no texture reads.
                 let surface = if P::ACTIVE { world.surface(line, &hit) } else { world.bare_surface(line, &hit) };
-                if let Some(footprint) = Footprint::new(spread, &line, &surface) {
-                    footprints.push(footprint);
-                }
-                stops.push(Stop::new(index, hit, surface, material.at(&surface), &line));
-            } else if let Some(met) = self.meet_textured(line, hit, spread, probe) {
-                footprints.extend(met.footprint);
-                stops.push(Stop::new(index, met.hit, met.surface, met.material, &met.line));
-                line = met.line;
+                (surface, material.at(&surface), Footprint::new(spread, &line, &surface))
+            } else if let Some(met) = meet_textured(world, (line, hit, spread), time, probe) {
+                (line, hit) = (met.line, met.hit);
+                (met.surface, met.material, met.footprint)
             } else {
                 miss(index, color, probe);
                 continue;
+            };
+            if let Some(mut footprint) = footprint {
+                if point.is_mirror() || point.is_clear() {
+                    let side = if line.direction.dot(surface.normal) < 0.0 { 1.0 } else { -1.0 };
+                    footprint.bend = world.patch(line, &hit).bend * side;
+                }
+                footprints.push(footprint);
             }
-            self.counts.of_mut(ways.branch(index).kind).hit += 1;
-            let stop = &stops[stops.len() - 1];
-            probe.hit(&stop.hit, &stop.surface, &stop.material, stop.outside);
-            if let Some(footprint) = footprints.last_mut()
-                && (stop.material.is_mirror() || stop.material.is_clear())
-            {
-                let side = if stop.outside { 1.0 } else { -1.0 };
-                footprint.bend = world.patch(line, &stop.hit).bend * side;
-            }
+            octet.surfaces.set(lane, &surface);
+            encounters.set_line(lane, &line);
+            stops.push(index, &hit, encounters, |material| *material = point);
+            seen = Some(surface);
         }
-    }
-
-    #[inline(never)]
-    fn meet_textured<P: Probe>(
-        &self,
-        mut line: Line,
-        mut hit: Hit,
-        spread: Option<&Spread>,
-        probe: &mut P,
-    ) -> Option<Met> {
-        let mut spread = spread.copied();
-        for holes in 0.. {
-            let mut surface = self.world.surface(line, &hit);
-            let footprint = Footprint::new(spread.as_ref(), &line, &surface);
-            let step = footprint.map(|f| f.step);
-            let material = self.world.textured(line, &hit, &mut surface, step, probe);
-            if material.coverage > 0.0 || holes == MAX_HOLES {
-                return Some(Met { hit, surface, material, line, footprint });
-            }
-            probe.hole(&hit);
-            line.origin = surface.exact;
-            spread = footprint.map(|f| f.spread.passed(f.step));
-            let origin = offset_origin(surface.point, surface.error, surface.normal, line.direction);
-            hit = self.world.intersect_at(&line.from_origin(origin), f32::INFINITY, self.time)?;
+        stops.settle(encounters);
+        ways.count(stops.each().iter().map(Stop::way), &mut self.counts);
+        if P::ACTIVE
+            && let Some(surface) = seen
+        {
+            let at = stops.at(0);
+            probe.hit(&at.stop.hit, &surface, &at.stop.material, at.outside());
         }
-        None
     }
 
     /// Box 5.8, `shade`: (5.39b), as far as the stage goes.
@@ -279,14 +273,14 @@ impl<'w> Whitted<'w> {
         // Under an opaque print nothing is seen of the rest.
         let seen = |stop: &&mut Stop| stop.is_seen();
         if stage == Stage::Unlit {
-            for stop in generation.stops.iter_mut().filter(seen) {
+            for stop in generation.stops.each_mut().iter_mut().filter(seen) {
                 stop.color = stop.material.phong.kd;
                 probe.unlit(stop.color);
             }
             return;
         }
         if stage >= Stage::Ambient {
-            for stop in generation.stops.iter_mut().filter(seen) {
+            for stop in generation.stops.each_mut().iter_mut().filter(seen) {
                 let ambient = (self.world.ambient * stop.material.phong.kd).saturated(); // (5.33)
                 probe.ambient(ambient);
                 stop.color += ambient;
@@ -299,7 +293,7 @@ impl<'w> Whitted<'w> {
         if stage >= Stage::Full {
             self.refract(generation, probe);
         }
-        for stop in generation.stops.iter_mut().filter(seen) {
+        for stop in generation.stops.each_mut().iter_mut().filter(seen) {
             stop.color = stop.color.saturated();
         }
     }
@@ -314,4 +308,30 @@ impl<'w> Whitted<'w> {
             self.gave_up |= self.cancelled.is_some_and(|cancelled| cancelled(self.counts.total()));
         }
     }
+}
+
+/// What is met of something that has textures, and behind its holes.
+#[inline(never)]
+fn meet_textured<P: Probe>(
+    world: &World,
+    (mut line, mut hit, spread): (Line, Hit, Option<&Spread>),
+    time: f32,
+    probe: &mut P,
+) -> Option<Met> {
+    let mut spread = spread.copied();
+    for holes in 0.. {
+        let mut surface = world.surface(line, &hit);
+        let footprint = Footprint::new(spread.as_ref(), &line, &surface);
+        let step = footprint.map(|f| f.step);
+        let material = world.textured(line, &hit, &mut surface, step, probe);
+        if material.coverage > 0.0 || holes == MAX_HOLES {
+            return Some(Met { hit, surface, material, line, footprint });
+        }
+        probe.hole(&hit);
+        line.origin = surface.exact;
+        spread = footprint.map(|f| f.spread.passed(f.step));
+        let origin = offset_origin(surface.point, surface.error, surface.normal, line.direction);
+        hit = world.intersect_at(&line.from_origin(origin), f32::INFINITY, time)?;
+    }
+    None
 }

@@ -1,27 +1,31 @@
 //! Stops and the light that comes to them, eight side by side: lengths, directions, cosines and colours are computed for all of them at once.
 
-use super::way::Stop;
+use crate::light::Illumination;
+use crate::material::{MaterialPoint, reflect};
 use crate::math::{Rgb, offset_origin, saturate};
+use crate::shape::{Encounters, Rows, SURFACES, Surfaces, Thin, set_thin, set_wide, thin, wide};
 use canaletto_bvh::{InstructionSet, Kernel};
 use glam::{DVec3, Vec3};
 
 /// How many stops are side by side.
-pub(super) const STOPS: usize = 8;
-
-/// Eight points or directions: rows of x, y and z.
-type Rows = [[f64; STOPS]; 3];
-
-/// Eight points or colours.
-type Thin = [[f32; STOPS]; 3];
+pub(super) const STOPS: usize = SURFACES;
 
 /// Eight stops.
 #[derive(Clone, Copy)]
 pub(super) struct Octet {
-    exact: Rows,
+    pub(super) surfaces: Surfaces,
+    /// 1 for a ray that came from the outer side, or −1.
+    side: [f64; STOPS],
+    /// v̂, towards where the rays came from.
+    wo: Rows,
+    /// The unit geometric normals on the viewer's side.
+    facing: Rows,
+    /// The unit shading normals on the viewer's side.
     normal: Rows,
+    /// r, the mirrored directions (5.37).
     mirrored: Rows,
     /// Where shadow rays start.
-    start: Thin,
+    pub(super) start: Thin,
     kd: Thin,
     ks: Thin,
     /// n, the exponents of highlights.
@@ -49,6 +53,9 @@ pub(super) struct Towards {
     pub(super) r_dot_l: [f32; STOPS],
     /// Before shadows.
     intensity: Thin,
+    /// The directions of shadow rays, and up to where these count: towards a point they end there, at t = 1; towards infinity they have no end.
+    pub(super) to: Thin,
+    pub(super) reach: [f32; STOPS],
     /// A bit for each stop to which any light comes, before shadows.
     pub(super) comes: u32,
     /// f_s, the share that passes; 0 where none comes.
@@ -56,6 +63,9 @@ pub(super) struct Towards {
     /// cosⁿα, where there is a highlight.
     pub(super) highlight: [f32; STOPS],
 }
+
+/// Up to where a ray to a point of light counts.
+const BEFORE_LIGHT: f32 = 1.0 - f32::EPSILON;
 
 const ZERO: Rows = [[0.0; STOPS]; 3];
 const BLACK: Thin = [[0.0; STOPS]; 3];
@@ -69,19 +79,13 @@ pub(super) fn lanes(mut bits: u32) -> impl Iterator<Item = usize> {
     })
 }
 
-fn put(into: &mut Thin, lane: usize, value: [f32; 3]) {
-    for (row, v) in into.iter_mut().zip(value) {
-        row[lane] = v;
-    }
-}
-
-fn take(from: &Thin, lane: usize) -> [f32; 3] {
-    [from[0][lane], from[1][lane], from[2][lane]]
-}
-
 impl Octet {
-    const NOTHING: Octet = Octet {
-        exact: ZERO,
+    /// Eight times nothing.
+    pub(super) const NOTHING: Octet = Octet {
+        surfaces: Surfaces::NOTHING,
+        side: [1.0; STOPS],
+        wo: ZERO,
+        facing: ZERO,
         normal: ZERO,
         mirrored: ZERO,
         start: BLACK,
@@ -94,47 +98,86 @@ impl Octet {
         bent: 0,
     };
 
-    /// Stops side by side, the last octet filled up with nothing.
-    pub(super) fn fill(octets: &mut Vec<Octet>, stops: &[Stop]) {
-        octets.clear();
-        for stops in stops.chunks(STOPS) {
-            octets.push(Octet::NOTHING);
-            let [.., octet] = &mut octets[..] else { return };
-            for (i, stop) in stops.iter().enumerate() {
-                octet.put(i, stop);
-            }
-        }
+    /// Leaves no stop; numbers that nothing reads stay.
+    pub(super) fn clear(&mut self) {
+        (self.seen, self.shiny, self.bent) = (0, 0, 0);
     }
 
+    /// Takes a stop's material.
     #[inline]
-    fn put(&mut self, i: usize, stop: &Stop) {
-        let (surface, phong, normal, facing) = (&stop.surface, &stop.material.phong, stop.normal(), stop.facing());
-        for axis in 0..3 {
-            self.exact[axis][i] = surface.exact[axis];
-            self.normal[axis][i] = normal[axis];
-            self.mirrored[axis][i] = stop.mirrored[axis];
-        }
-        let start = if stop.outside { surface.lifted } else { surface.point };
-        put(&mut self.start, i, offset_origin(start, surface.error, facing, facing).to_array());
-        put(&mut self.kd, i, phong.kd.to_array());
-        put(&mut self.ks, i, phong.ks.to_array());
-        put(&mut self.color, i, stop.color.to_array());
-        self.n[i] = phong.n;
-        self.seen |= u32::from(stop.is_seen()) << i;
-        self.shiny |= u32::from(!phong.ks.is_black()) << i;
-        self.bent |= u32::from(stop.material.bent) << i;
+    pub(super) fn set_material(&mut self, lane: usize, material: &MaterialPoint) {
+        let phong = &material.phong;
+        set_thin(&mut self.kd, lane, phong.kd.to_array().into());
+        set_thin(&mut self.ks, lane, phong.ks.to_array().into());
+        self.n[lane] = phong.n;
+        self.seen |= u32::from(material.is_seen()) << lane;
+        self.shiny |= u32::from(!phong.ks.is_black()) << lane;
+        self.bent |= u32::from(material.bent) << lane;
+    }
+
+    /// Finds the surfaces of `encounters`, and how all look from where the rays came.
+    pub(super) fn settle(&mut self, encounters: &Encounters) {
+        InstructionSet::run(Settle { octet: self, encounters });
+    }
+
+    /// The light so far at a stop.
+    #[inline]
+    pub(super) fn set_color(&mut self, lane: usize, color: Rgb) {
+        set_thin(&mut self.color, lane, color.to_array().into());
+    }
+
+    /// Whether the ray came from the outer side.
+    #[inline]
+    pub(super) fn outside(&self, lane: usize) -> bool {
+        self.side[lane] > 0.0
+    }
+
+    /// v̂, towards where the ray came from.
+    #[inline]
+    pub(super) fn wo(&self, lane: usize) -> DVec3 {
+        wide(&self.wo, lane)
+    }
+
+    /// The unit geometric normal on the viewer's side.
+    #[inline]
+    pub(super) fn facing(&self, lane: usize) -> DVec3 {
+        wide(&self.facing, lane)
+    }
+
+    /// The unit shading normal on the viewer's side.
+    #[inline(always)]
+    pub(super) fn normal(&self, lane: usize) -> DVec3 {
+        wide(&self.normal, lane)
+    }
+
+    /// r, the mirrored direction (5.37).
+    #[inline(always)]
+    pub(super) fn mirrored(&self, lane: usize) -> DVec3 {
+        wide(&self.mirrored, lane)
+    }
+
+    /// The point before it was rounded.
+    #[inline]
+    pub(super) fn exact(&self, lane: usize) -> DVec3 {
+        wide(&self.surfaces.exact, lane)
+    }
+
+    /// The point, and the bound of its error.
+    #[inline]
+    pub(super) fn point(&self, lane: usize) -> [Vec3; 2] {
+        [thin(&self.surfaces.point, lane), thin(&self.surfaces.error, lane)]
     }
 
     /// Where a stop's shadow rays start.
     #[inline]
     pub(super) fn start(&self, lane: usize) -> Vec3 {
-        Vec3::from(take(&self.start, lane))
+        thin(&self.start, lane)
     }
 
     /// The light so far at a stop.
     #[inline]
     pub(super) fn color(&self, lane: usize) -> Rgb {
-        Rgb::from(take(&self.color, lane))
+        Rgb::from(thin(&self.color, lane).to_array())
     }
 }
 
@@ -157,6 +200,8 @@ impl Towards {
         n_dot_l: [0.0; STOPS],
         r_dot_l: [0.0; STOPS],
         intensity: BLACK,
+        to: BLACK,
+        reach: [0.0; STOPS],
         comes: 0,
         f_s: [0.0; STOPS],
         highlight: [0.0; STOPS],
@@ -165,38 +210,43 @@ impl Towards {
     /// The ways to one point.
     pub(super) fn point(ways: &mut Vec<Towards>, octets: &[Octet], position: Vec3) {
         ways.resize(octets.len(), Towards::NOTHING);
-        InstructionSet::run(ToPoint { ways, octets, position: position.as_dvec3().to_array() });
+        InstructionSet::run(ToPoint { ways, octets, position });
     }
 
-    /// Ways that are known: the direction and the distance for each stop.
-    pub(super) fn known(ways: &mut Vec<Towards>, octets: &[Octet], known: impl Iterator<Item = (DVec3, f32)>) {
+    /// Ways on which is known what arrives at each stop.
+    pub(super) fn known(ways: &mut Vec<Towards>, octets: &[Octet], arriving: &[Illumination]) {
         ways.resize(octets.len(), Towards::NOTHING);
-        for (index, (direction, distance)) in known.enumerate() {
-            let (way, i) = (&mut ways[index / STOPS], index % STOPS);
-            for axis in 0..3 {
-                way.direction[axis][i] = direction[axis];
+        for ((way, octet), arriving) in ways.iter_mut().zip(octets).zip(arriving.chunks(STOPS)) {
+            for (lane, arriving) in arriving.iter().enumerate() {
+                set_wide(&mut way.direction, lane, arriving.direction);
+                way.distance[lane] = arriving.distance;
+                let (to, reach) = match arriving.position {
+                    Some(position) => (position - octet.start(lane), BEFORE_LIGHT),
+                    None => (arriving.direction.as_vec3(), f32::INFINITY),
+                };
+                set_thin(&mut way.to, lane, to);
+                way.reach[lane] = reach;
+                way.set_intensity(lane, arriving.intensity);
             }
-            way.distance[i] = distance;
         }
         InstructionSet::run(Cosines { ways, octets });
     }
 
     /// The direction from a stop.
-    #[inline]
+    #[inline(always)]
     pub(super) fn direction(&self, lane: usize) -> DVec3 {
-        let [x, y, z] = &self.direction;
-        DVec3::new(x[lane], y[lane], z[lane])
+        wide(&self.direction, lane)
     }
 
     /// The intensity at a stop, before shadows.
     pub(super) fn intensity(&self, lane: usize) -> Rgb {
-        Rgb::from(take(&self.intensity, lane))
+        Rgb::from(thin(&self.intensity, lane).to_array())
     }
 
     /// Sets the intensity at a stop.
     #[inline]
     pub(super) fn set_intensity(&mut self, lane: usize, intensity: Rgb) {
-        put(&mut self.intensity, lane, intensity.to_array());
+        set_thin(&mut self.intensity, lane, intensity.to_array().into());
     }
 
     /// Sets the intensity at all stops.
@@ -247,10 +297,40 @@ impl Towards {
 
     #[inline(always)]
     fn cosines(&mut self, octet: &Octet) {
-        let dot = |a: &Rows, b: &Rows, i: usize| (a[0][i] * b[0][i] + a[1][i] * b[1][i] + a[2][i] * b[2][i]) as f32;
         for i in 0..STOPS {
-            self.n_dot_l[i] = dot(&octet.normal, &self.direction, i);
-            self.r_dot_l[i] = dot(&octet.mirrored, &self.direction, i);
+            let direction = self.direction(i);
+            self.n_dot_l[i] = octet.normal(i).dot(direction) as f32;
+            self.r_dot_l[i] = octet.mirrored(i).dot(direction) as f32;
+        }
+    }
+}
+
+struct Settle<'a> {
+    octet: &'a mut Octet,
+    encounters: &'a Encounters,
+}
+
+impl Kernel for Settle<'_> {
+    type Answer = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Settle { octet, encounters } = self;
+        encounters.surfaces(&mut octet.surfaces);
+        for i in 0..STOPS {
+            let surfaces = &octet.surfaces;
+            let (direction, outer) = (wide(&encounters.direction, i), wide(&surfaces.normal, i));
+            let outside = direction.dot(outer) < 0.0;
+            let side = if outside { 1.0 } else { -1.0 };
+            let (wo, facing, normal) = (-direction.normalize(), outer * side, wide(&surfaces.shading_normal, i) * side);
+            let [lifted, point] = [&surfaces.lifted, &surfaces.point].map(|rows| thin(rows, i));
+            let start = offset_origin(if outside { lifted } else { point }, thin(&surfaces.error, i), facing, facing);
+            octet.side[i] = side;
+            set_wide(&mut octet.wo, i, wo);
+            set_wide(&mut octet.facing, i, facing);
+            set_wide(&mut octet.normal, i, normal);
+            set_wide(&mut octet.mirrored, i, reflect(wo, normal));
+            set_thin(&mut octet.start, i, start);
         }
     }
 }
@@ -258,7 +338,7 @@ impl Towards {
 struct ToPoint<'a> {
     ways: &'a mut [Towards],
     octets: &'a [Octet],
-    position: [f64; 3],
+    position: Vec3,
 }
 
 impl Kernel for ToPoint<'_> {
@@ -266,16 +346,16 @@ impl Kernel for ToPoint<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let [px, py, pz] = self.position;
+        let position = self.position.as_dvec3();
         for (way, octet) in self.ways.iter_mut().zip(self.octets) {
             for i in 0..STOPS {
-                let (x, y, z) = (px - octet.exact[0][i], py - octet.exact[1][i], pz - octet.exact[2][i]);
-                let length = (x * x + y * y + z * z).sqrt();
-                way.direction[0][i] = x / length;
-                way.direction[1][i] = y / length;
-                way.direction[2][i] = z / length;
+                let to_light = position - wide(&octet.surfaces.exact, i);
+                let length = to_light.length();
+                set_wide(&mut way.direction, i, to_light / length);
                 way.distance[i] = length as f32;
+                set_thin(&mut way.to, i, self.position - thin(&octet.start, i));
             }
+            way.reach = [BEFORE_LIGHT; STOPS];
             way.cosines(octet);
         }
     }

@@ -1,13 +1,9 @@
-//! A ray on its way, and where it stops.
+//! Rays on their way.
 
 use crate::integrator::{RayCounts, RayKind};
-use crate::material::{MaterialPoint, reflect};
-use crate::math::{Line, Rgb, Spread, offset_origin};
+use crate::math::{Line, Rgb, Spread};
 use crate::sampler::{Dimension, Sample};
-use crate::shape::Surface;
-use crate::world::Hit;
 use canaletto_bvh::Ray;
-use glam::{DMat3, DVec3};
 
 /// Uses of random numbers at a hit.
 pub(super) mod uses {
@@ -98,13 +94,18 @@ impl Ways {
         self.spreads.get(way)
     }
 
-    /// Counts the rays by kind.
-    pub(super) fn count(&self, counts: &mut RayCounts) {
+    /// Counts the rays by kind, and those that stopped.
+    pub(super) fn count(&self, stopped: impl ExactSizeIterator<Item = usize>, counts: &mut RayCounts) {
         if self.branches.is_empty() {
             counts.eye.traced += self.len() as u64;
+            counts.eye.hit += stopped.len() as u64;
+            return;
         }
         for branch in &self.branches {
             counts.of_mut(branch.kind).traced += 1;
+        }
+        for way in stopped {
+            counts.of_mut(self.branches[way].kind).hit += 1;
         }
     }
 }
@@ -134,102 +135,4 @@ impl Branch {
         passed: 0,
         place: Dimension::EYE.of(uses::EYE),
     };
-}
-
-/// Where a way meets the nearest surface: the hit as seen by the ray that made it, and the light that leaves towards it.
-pub(super) struct Stop {
-    way: u32,
-    pub(super) hit: Hit,
-    pub(super) surface: Surface,
-    pub(super) material: MaterialPoint,
-    /// v̂, towards where the ray came from.
-    pub(super) wo: DVec3,
-    /// r, the mirrored direction (5.37).
-    pub(super) mirrored: DVec3,
-    /// Whether the ray came from the outer side.
-    pub(super) outside: bool,
-    /// The sum so far.
-    pub(super) color: Rgb,
-}
-
-/// The nearest thing on a way that has textures.
-pub(super) struct Met {
-    pub(super) hit: Hit,
-    pub(super) surface: Surface,
-    pub(super) material: MaterialPoint,
-    /// The way's line, which starts anew behind holes.
-    pub(super) line: Line,
-    pub(super) footprint: Option<Footprint>,
-}
-
-/// How far from here neighbouring samples are.
-#[derive(Clone, Copy)]
-pub(super) struct Footprint {
-    /// The spread of the ray that arrived.
-    pub(super) spread: Spread,
-    /// The ways along the surface to where the neighbours meet it.
-    pub(super) step: [DVec3; 2],
-    /// How the shading normal changes along the surface; zero where nothing asks.
-    pub(super) bend: DMat3,
-}
-
-impl Footprint {
-    pub(super) fn new(spread: Option<&Spread>, line: &Line, surface: &Surface) -> Option<Footprint> {
-        spread.map(|spread| Footprint {
-            spread: *spread,
-            step: spread.along(line, surface.exact, surface.normal),
-            bend: DMat3::ZERO,
-        })
-    }
-}
-
-/// A normal on the outer side or the inner one.
-#[inline]
-fn on_side(normal: DVec3, outside: bool) -> DVec3 {
-    normal * if outside { 1.0 } else { -1.0 }
-}
-
-impl Stop {
-    #[inline(always)]
-    pub(super) fn new(way: usize, hit: Hit, surface: Surface, material: MaterialPoint, line: &Line) -> Stop {
-        let outside = line.direction.dot(surface.normal) < 0.0;
-        let wo = -line.direction.normalize();
-        let mirrored = reflect(wo, on_side(surface.shading_normal, outside));
-        Stop { way: way as u32, hit, surface, material, wo, mirrored, outside, color: Rgb::BLACK }
-    }
-
-    /// Which way of the generation stops here.
-    #[inline]
-    pub(super) fn way(&self) -> usize {
-        self.way as usize
-    }
-
-    /// The unit geometric normal on the viewer's side.
-    #[inline]
-    pub(super) fn facing(&self) -> DVec3 {
-        on_side(self.surface.normal, self.outside)
-    }
-
-    /// The unit shading normal on the viewer's side.
-    #[inline]
-    pub(super) fn normal(&self) -> DVec3 {
-        on_side(self.surface.shading_normal, self.outside)
-    }
-
-    /// Whether anything but a print is seen of it.
-    #[inline]
-    pub(super) fn is_seen(&self) -> bool {
-        self.material.print.1 < 1.0
-    }
-
-    /// The line of a ray that leaves the surface.
-    pub(super) fn leave(&self, direction: DVec3) -> Line {
-        Line { origin: self.surface.exact, direction }
-    }
-
-    /// Its ray, the origin moved off the surface by the error bound.
-    pub(super) fn start(&self, line: &Line) -> Ray {
-        let Surface { point, error, normal, .. } = self.surface;
-        line.from_origin(offset_origin(point, error, normal, line.direction))
-    }
 }
