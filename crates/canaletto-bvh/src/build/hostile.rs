@@ -72,6 +72,7 @@ fn hostile_geometry_takes_little_more_time() {
             [Vec3::X * s, Vec3::X * 1.1 * s, Vec3::new(s, 0.1 * s, 0.1 * s)]
         }),
     ];
+    let mut slow = Vec::new();
     for quality in [Quality::Medium, Quality::High] {
         let mut fastest = Vec::new();
         for (name, corners) in kinds {
@@ -87,8 +88,8 @@ fn hostile_geometry_takes_little_more_time() {
             fastest.push((name, time));
             println!("{quality:?} {name:24} {time:.4} s, {:.2} of clean", time / fastest[0].1);
         }
-        for (name, time) in &fastest {
-            assert!(*time <= 2.0 * fastest[0].1, "{name}");
-        }
+        let clean = fastest[0].1;
+        slow.extend(fastest.into_iter().filter(|(_, time)| *time > 2.0 * clean).map(|(name, _)| (quality, name)));
     }
+    assert!(slow.is_empty(), "{slow:?}");
 }

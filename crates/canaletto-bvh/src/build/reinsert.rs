@@ -30,6 +30,9 @@ struct Move {
 const ROUNDS: usize = 8;
 /// The part of all nodes that is looked at in a round, the largest: most of the cost is theirs.
 const PART: usize = 8;
+/// At how many nodes a search for a place looks at most. Nearly none looks at as many, but where boxes lie around each other each would look at
+/// all.
+const LOOKS: usize = 128;
 /// The most levels of the binary tree: bounds recursion.
 const HIGHEST: u32 = 500;
 
@@ -130,9 +133,14 @@ impl Tree {
         let mut sibling = self.sibling(from);
         let mut without = self.node(sibling).bounds;
         let mut pivot = parent;
-        loop {
+        let mut looks = LOOKS;
+        'search: loop {
             stack.push((saved, sibling));
             while let Some((saved, to)) = stack.pop() {
+                if looks == 0 {
+                    break 'search;
+                }
+                looks -= 1;
                 // A node around the subtree is at least as large as the subtree.
                 if saved - own <= best.gain {
                     continue;
