@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::item::Box8;
 use super::widen;
-use super::{Binary, MAX_DEPTH, Measure};
+use super::{Binary, CHUNK, MAX_DEPTH, Measure};
 
 /// A node of a tree that changes. The root is the first.
 struct Node {
@@ -28,6 +28,8 @@ struct Move {
 
 /// How often moves are looked for.
 const ROUNDS: usize = 8;
+/// A round that takes away less than this share of the area of all nodes is the last.
+const LEAST_GAIN: f64 = 0.01;
 /// The part of all nodes that is looked at in a round, the largest: most of the cost is theirs.
 const PART: usize = 8;
 /// At how many nodes a search for a place looks at most. Nearly none looks at as many, but where boxes lie around each other each would look at
@@ -43,8 +45,9 @@ pub(super) fn optimize(binary: &mut Vec<Binary>, measure: &Measure) {
     }
     let mut tree = Tree { nodes: nodes(binary), scale: measure.scale };
     let mut touched = vec![false; tree.nodes.len()];
+    let least = LEAST_GAIN * tree.whole_area();
     for _ in 0..ROUNDS {
-        if tree.round(&mut touched) == 0 {
+        if tree.round(&mut touched) <= least {
             break;
         }
     }
@@ -82,6 +85,13 @@ impl Tree {
         self.node(index).bounds.half_area(self.scale)
     }
 
+    /// The area of all nodes, summed up by whole chunks, since the order of a sum is in its bits.
+    fn whole_area(&self) -> f64 {
+        let area = |node: &Node| f64::from(node.bounds.half_area(self.scale));
+        let sums: Vec<f64> = self.nodes.par_chunks(CHUNK).map(|chunk| chunk.iter().map(area).sum()).collect();
+        sums.into_iter().sum()
+    }
+
     fn sibling(&self, index: u32) -> u32 {
         match self.node(self.node(index).parent).children {
             Some([left, right]) => left ^ right ^ index,
@@ -89,8 +99,8 @@ impl Tree {
         }
     }
 
-    /// Looks for moves and makes them; tells how many. `touched` is room to work in.
-    fn round(&mut self, touched: &mut [bool]) -> usize {
+    /// Looks for moves and makes them; tells how much area they were to take away. `touched` is room to work in.
+    fn round(&mut self, touched: &mut [bool]) -> f64 {
         let mut largest: Vec<(f32, u32)> = (1..self.nodes.len() as u32)
             .into_par_iter()
             .map(|index| (self.area(index), index))
@@ -106,8 +116,8 @@ impl Tree {
         let mut moves: Vec<Move> = largest.par_iter().filter_map(|&(_, index)| self.find(index)).collect();
         moves.par_sort_unstable_by(|a, b| b.gain.total_cmp(&a.gain).then(a.from.cmp(&b.from)));
         touched.fill(false);
-        let mut made = 0;
-        for Move { from, to, .. } in moves {
+        let mut gained = 0.0;
+        for Move { from, to, gain } in moves {
             let parent = self.node(from).parent;
             let around = [from, self.sibling(from), parent, self.node(parent).parent, to, self.node(to).parent];
             if around.iter().any(|&index| touched[index as usize]) {
@@ -115,9 +125,9 @@ impl Tree {
             }
             around.iter().for_each(|&index| touched[index as usize] = true);
             self.reinsert(from, to);
-            made += 1;
+            gained += f64::from(gain);
         }
-        made
+        gained
     }
 
     /// The best place for a subtree, if there is a better one: branch and bound from below the sibling, then below that of each
