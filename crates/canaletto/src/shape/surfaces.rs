@@ -38,6 +38,16 @@ pub(crate) fn set_thin([x, y, z]: &mut Thin, lane: usize, v: Vec3) {
     (x[lane], y[lane], z[lane]) = (v.x, v.y, v.z);
 }
 
+/// Takes over those whose bit is set.
+#[inline(always)]
+fn take<T: Copy>(to: &mut [[T; SURFACES]; 3], from: &[[T; SURFACES]; 3], bits: u32) {
+    for (to, from) in to.iter_mut().zip(from) {
+        for i in 0..SURFACES {
+            to[i] = if bits >> i & 1 == 1 { from[i] } else { to[i] };
+        }
+    }
+}
+
 /// What shading without textures needs of eight surfaces: rows of the numbers of [`Surface`].
 #[derive(Clone, Copy)]
 pub(crate) struct Surfaces {
@@ -89,26 +99,12 @@ impl Surfaces {
     /// Takes over those whose bit is set.
     #[inline(always)]
     fn take(&mut self, from: &Surfaces, bits: u32) {
-        let rows = |to: &mut Rows, from: &Rows| {
-            for axis in 0..3 {
-                for i in 0..SURFACES {
-                    to[axis][i] = if bits >> i & 1 == 1 { from[axis][i] } else { to[axis][i] };
-                }
-            }
-        };
-        let thin = |to: &mut Thin, from: &Thin| {
-            for axis in 0..3 {
-                for i in 0..SURFACES {
-                    to[axis][i] = if bits >> i & 1 == 1 { from[axis][i] } else { to[axis][i] };
-                }
-            }
-        };
-        rows(&mut self.exact, &from.exact);
-        rows(&mut self.normal, &from.normal);
-        rows(&mut self.shading_normal, &from.shading_normal);
-        thin(&mut self.point, &from.point);
-        thin(&mut self.error, &from.error);
-        thin(&mut self.lifted, &from.lifted);
+        take(&mut self.exact, &from.exact, bits);
+        take(&mut self.normal, &from.normal, bits);
+        take(&mut self.shading_normal, &from.shading_normal, bits);
+        take(&mut self.point, &from.point, bits);
+        take(&mut self.error, &from.error, bits);
+        take(&mut self.lifted, &from.lifted, bits);
     }
 }
 

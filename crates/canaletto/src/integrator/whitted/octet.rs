@@ -116,8 +116,9 @@ impl Octet {
     }
 
     /// Finds the surfaces of `encounters`, and how all look from where the rays came.
-    pub(super) fn settle(&mut self, encounters: &Encounters) {
+    pub(super) fn settle(&mut self, encounters: &mut Encounters) {
         InstructionSet::run(Settle { octet: self, encounters });
+        encounters.clear();
     }
 
     /// The light so far at a stop.
@@ -136,6 +137,12 @@ impl Octet {
     #[inline]
     pub(super) fn wo(&self, lane: usize) -> DVec3 {
         wide(&self.wo, lane)
+    }
+
+    /// The unit geometric normal on the outer side.
+    #[inline]
+    pub(super) fn outer(&self, lane: usize) -> DVec3 {
+        wide(&self.surfaces.normal, lane)
     }
 
     /// The unit geometric normal on the viewer's side.

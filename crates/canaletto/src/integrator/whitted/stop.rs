@@ -85,16 +85,15 @@ impl Stops {
         self.octets[self.len / STOPS].set_material(lane, &stop.material);
         self.len += 1;
         if lane == STOPS - 1 {
-            self.settle(encounters);
+            self.octets[self.len / STOPS - 1].settle(encounters);
         }
     }
 
-    /// Finds what the stops of the last octet are like.
+    /// Finds what the stops of the last octet are like, if it isn't full: else that is known.
     pub(super) fn settle(&mut self, encounters: &mut Encounters) {
-        if let Some(last) = self.len.checked_sub(1) {
-            self.octets[last / STOPS].settle(encounters);
+        if !self.len.is_multiple_of(STOPS) {
+            self.octets[self.len / STOPS].settle(encounters);
         }
-        encounters.clear();
     }
 
     #[inline]
@@ -167,7 +166,7 @@ impl At<'_> {
     /// The unit geometric normal on the outer side.
     #[inline]
     fn outer(&self) -> DVec3 {
-        self.facing() * if self.outside() { 1.0 } else { -1.0 }
+        self.octet.outer(self.lane)
     }
 
     /// The line of a ray that leaves the surface.
