@@ -100,14 +100,27 @@ fn add(all: &mut Bins, item: &Item, grid: &Grid) {
 pub(super) fn part(items: &mut [Item], plan: &Plan) -> (usize, [Centers; 2]) {
     let (origin, scale) = (four(&plan.grid.origin), four(&plan.grid.scale));
     let end = _mm_set1_epi32(plan.bin as i32);
+    part_by(items, plan.axis, |center| _mm_castsi128_ps(_mm_cmpgt_epi32(end, bins(center, origin, scale))))
+}
+
+/// The same where those go left whose centers lie below a limit.
+#[target_feature(enable = "avx2,bmi1,bmi2")]
+pub(super) fn part_below(items: &mut [Item], axis: usize, limit: f32) -> (usize, [Centers; 2]) {
+    let limit = _mm_set1_ps(limit);
+    part_by(items, axis, |center| _mm_cmplt_ps(center, limit))
+}
+
+/// `below` tells for each axis whether a center lies on the left.
+#[inline]
+#[target_feature(enable = "avx2,bmi1,bmi2")]
+fn part_by(items: &mut [Item], axis: usize, below: impl Fn(__m128) -> __m128) -> (usize, [Centers; 2]) {
     let none = _mm256_set1_ps(f32::NEG_INFINITY);
     let (mut a, mut b) = (none, none);
     let mut border = 0;
     for i in 0..items.len() {
         let item = items[i];
         let center = center(load(item.bounds()));
-        let below = _mm_movemask_ps(_mm_castsi128_ps(_mm_cmpgt_epi32(end, bins(center, origin, scale)))) as usize;
-        let left = below >> plan.axis & 1;
+        let left = _mm_movemask_ps(below(center)) as usize >> axis & 1;
         let corners = _mm256_insertf128_ps::<1>(_mm256_castps128_ps256(_mm_xor_ps(center, _mm_set1_ps(-0.0))), center);
         let goes_left = _mm256_castsi256_ps(_mm256_set1_epi32(-(left as i32)));
         a = _mm256_max_ps(_mm256_blendv_ps(none, corners, goes_left), a);

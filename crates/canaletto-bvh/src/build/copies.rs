@@ -25,7 +25,7 @@ pub(super) fn distinct(items: &mut [Item], corners: &Corners<'_>) -> (usize, Vec
     sorted.par_sort_unstable();
     let mut copies = Vec::new();
     let mut kept = vec![true; items.len()];
-    for same in sorted.chunk_by(|a, b| a.0 == b.0) {
+    for same in sorted.chunk_by(|a, b| a.0 == b.0).filter(|same| same.len() > 1) {
         let (_, original, place) = same[0];
         let first = bits(&items[place as usize]);
         for &(_, copy, place) in &same[1..] {

@@ -11,10 +11,20 @@ use crate::InstructionSet;
 /// Moves the items that go left to the front and tells how many they are, and the boxes around the centers of both
 /// sides.
 pub(super) fn partition(items: &mut [Item], plan: &Plan) -> (usize, [Centers; 2]) {
+    all(items, |items| part(items, plan))
+}
+
+/// The same where those items go left whose centers lie below a limit.
+pub(super) fn below(items: &mut [Item], axis: usize, limit: f32) -> usize {
+    all(items, |items| part_below(items, axis, limit)).0
+}
+
+/// Parts all items by a way to part some.
+fn all(items: &mut [Item], part: impl Fn(&mut [Item]) -> (usize, [Centers; 2]) + Sync + Send) -> (usize, [Centers; 2]) {
     if items.len() <= 2 * CHUNK {
-        return part(items, plan);
+        return part(items);
     }
-    let parts: Vec<_> = items.par_chunks_mut(CHUNK).map(|chunk| part(chunk, plan)).collect();
+    let parts: Vec<_> = items.par_chunks_mut(CHUNK).map(part).collect();
     let middle = parts.iter().map(|part| part.0).sum();
     // Ranges before the middle that belong behind it, and the other way.
     let (mut late, mut early) = (Vec::new(), Vec::new());
@@ -32,7 +42,6 @@ pub(super) fn partition(items: &mut [Item], plan: &Plan) -> (usize, [Centers; 2]
     (middle, centers)
 }
 
-/// Without branches that nobody could predict: each item goes to the border, which moves on if it goes left.
 fn part(items: &mut [Item], plan: &Plan) -> (usize, [Centers; 2]) {
     #[cfg(target_arch = "x86_64")]
     if InstructionSet::current() >= InstructionSet::Avx2 {
@@ -40,11 +49,27 @@ fn part(items: &mut [Item], plan: &Plan) -> (usize, [Centers; 2]) {
         // SAFETY: `current` never tells more than the machine has.
         return unsafe { super::avx2::part(items, plan) };
     }
+    part_by(items, |center| plan.grid.bin(center, plan.axis) < plan.bin)
+}
+
+fn part_below(items: &mut [Item], axis: usize, limit: f32) -> (usize, [Centers; 2]) {
+    #[cfg(target_arch = "x86_64")]
+    if InstructionSet::current() >= InstructionSet::Avx2 {
+        #[allow(unsafe_code)]
+        // SAFETY: as above.
+        return unsafe { super::avx2::part_below(items, axis, limit) };
+    }
+    part_by(items, |center| center[axis] < limit)
+}
+
+/// Without branches that nobody could predict: each item goes to the border, which moves on if it goes left.
+#[inline(always)]
+fn part_by(items: &mut [Item], goes_left: impl Fn([f32; 4]) -> bool) -> (usize, [Centers; 2]) {
     let [mut a, mut b] = [Centers::NONE; 2];
     let mut border = 0;
     for i in 0..items.len() {
         let center = items[i].center();
-        let left = plan.grid.bin(center, plan.axis) < plan.bin;
+        let left = goes_left(center);
         a.add(center, left);
         b.add(center, !left);
         items.swap(i, border);
