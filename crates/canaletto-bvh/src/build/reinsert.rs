@@ -32,6 +32,8 @@ const ROUNDS: usize = 8;
 const LEAST_GAIN: f64 = 0.01;
 /// The part of all nodes that is looked at in a round, the largest: most of the cost is theirs.
 const PART: usize = 8;
+/// What has less than this share of the mean area isn't looked at either: where sizes range widely, nearly all of the cost is that of few.
+const LEAST_AREA: f64 = 0.05;
 /// At how many nodes a search for a place looks at most. Nearly none looks at as many, but where boxes lie around each other each would look at
 /// all.
 const LOOKS: usize = 128;
@@ -45,9 +47,10 @@ pub(super) fn optimize(binary: &mut Vec<Binary>, measure: &Measure) {
     }
     let mut tree = Tree { nodes: nodes(binary), scale: measure.scale };
     let mut touched = vec![false; tree.nodes.len()];
-    let least = LEAST_GAIN * tree.whole_area();
+    let whole_area = tree.whole_area();
+    let least_area = (LEAST_AREA * whole_area / tree.nodes.len() as f64) as f32;
     for _ in 0..ROUNDS {
-        if tree.round(&mut touched) <= least {
+        if tree.round(least_area, &mut touched) <= LEAST_GAIN * whole_area {
             break;
         }
     }
@@ -99,13 +102,14 @@ impl Tree {
         }
     }
 
-    /// Looks for moves and makes them; tells how much area they were to take away. `touched` is room to work in.
-    fn round(&mut self, touched: &mut [bool]) -> f64 {
+    /// Looks for moves of what has the least area or more and makes them; tells how much area they were to take away. `touched` is
+    /// room to work in.
+    fn round(&mut self, least_area: f32, touched: &mut [bool]) -> f64 {
         let mut largest: Vec<(f32, u32)> = (1..self.nodes.len() as u32)
             .into_par_iter()
             .map(|index| (self.area(index), index))
             // Below the root's children there is nothing to be moved to.
-            .filter(|&(_, index)| self.node(index).parent != 0)
+            .filter(|&(area, index)| area >= least_area && self.node(index).parent != 0)
             .collect();
         let count = (self.nodes.len() / PART).clamp(1, largest.len().max(1));
         if largest.len() > count {
