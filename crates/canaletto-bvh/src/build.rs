@@ -71,14 +71,14 @@ const NODE_COST: f32 = 1.0;
 /// Of a node, where that of all is about 1: so that there are few nodes where they have no area, too.
 const LEAST_COST: f32 = 1e-30;
 
-/// How much work to put into a tree. No answer depends on it.
+/// How much work to put into a tree. No answer depends on it. Large triangles that fill little of their boxes are split into references,
+/// at most 30 % more than there are triangles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Quality {
     /// Soon done.
     #[default]
     Medium,
-    /// For trees that many rays visit: fewer visits for several times the work. Triangles that fill little of their boxes are split
-    /// into references, at most 30 % more than there are triangles.
+    /// For trees that many rays visit: fewer visits for twice the work.
     High,
 }
 

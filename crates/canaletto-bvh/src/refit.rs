@@ -7,6 +7,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::block::Block;
+use crate::build::Items;
 use crate::node::{Link, Node};
 use crate::slab::WIDTH;
 use crate::{Aabb, BuildError, Triangles};
@@ -21,7 +22,8 @@ fn same(a: [Vec3; 3], b: [Vec3; 3]) -> bool {
 
 impl Triangles {
     /// Takes the triangles to where `corners` tells, in parallel; the tree stays what it is but for its boxes. Answers are those of a
-    /// tree built anew, which it is if triangles part that had the same corners. A triangle that was split (see [`crate::Quality::High`]) has from now on its whole box in each of its leaves.
+    /// tree built anew, which it is if triangles part that had the same corners. A triangle that was split (see [`crate::Quality`]) has
+    /// from now on its whole box in each of its leaves.
     ///
     /// # Errors
     /// [`BuildError`] names the first triangle with a corner that is not finite; then nothing has changed.
@@ -31,7 +33,7 @@ impl Triangles {
 
     /// [`Triangles::refit`] for as long as that leaves a good tree: it is built anew where it would cost more than `most` times
     /// what it did ([`crate::Statistics::sah_cost`]) when it was last built. Tells whether it was; that depends on nothing but the
-    /// triangles, there and on their way.
+    /// triangles, there and on their way. Then no triangle is split, so that it can be refitted again.
     ///
     /// # Errors
     /// As [`Triangles::refit`].
@@ -60,7 +62,7 @@ impl Triangles {
     /// Builds the tree anew for finite corners, without the old blocks beside the new ones.
     fn rebuild(&mut self, corners: impl Fn(u32) -> [Vec3; 3] + Sync) -> Result<bool, BuildError> {
         *self.parts().1 = Vec::new();
-        *self = Self::build_with(self.quality(), self.len(), corners)?;
+        *self = Self::over(Items::of_whole_triangles(self.len(), &corners)?, self.quality(), self.len(), &corners);
         Ok(true)
     }
 }
@@ -175,6 +177,28 @@ mod tests {
         assert!(triangles.refit_within(1.5, shuffled).unwrap());
         assert!(forever.statistics().sah_cost > triangles.statistics().sah_cost * 1.5);
         assert!(kept > 10, "{kept} kept, {anew} built anew");
+    }
+
+    #[test]
+    fn split_triangles_that_move_are_whole_from_then_on() {
+        let random = &mut Random(52);
+        let mut scene = crate::testing::closed_mesh(random);
+        let low = scene.as_flattened().iter().fold(Vec3::INFINITY, |low, p| low.min(*p)).y;
+        let ground = [[-9.0, -9.0], [-9.0, 9.0], [9.0, 9.0], [9.0, -9.0]].map(|[x, z]| Vec3::new(x, low - 0.01 * x, z));
+        scene.extend([[ground[0], ground[1], ground[2]], [ground[0], ground[2], ground[3]]]);
+        let count = scene.len();
+        for quality in [Quality::Medium, Quality::High] {
+            let mut triangles = Triangles::build_with(quality, count, |id| scene[id as usize]).unwrap();
+            assert!(triangles.block_lengths().sum::<usize>() > count);
+            let anew: Vec<bool> = (1..9)
+                .map(|step| {
+                    let turned = |id: u32| scene[id as usize].map(|p| p.rotate_y(0.003 * step as f32));
+                    triangles.refit_within(1.2, turned).unwrap()
+                })
+                .collect();
+            assert_eq!(anew, [true, false, false, false, false, false, false, false]);
+            assert_eq!(triangles.block_lengths().sum::<usize>(), count);
+        }
     }
 
     #[test]

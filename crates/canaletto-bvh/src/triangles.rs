@@ -71,7 +71,7 @@ impl Triangles {
         count: usize,
         corners: impl Fn(u32) -> [Vec3; 3] + Sync,
     ) -> Result<Self, BuildError> {
-        Ok(Self::over(Items::of_triangles(count, &corners, quality)?, quality, count, &corners))
+        Ok(Self::over(Items::of_triangles(count, &corners)?, quality, count, &corners))
     }
 
     pub(crate) fn over(

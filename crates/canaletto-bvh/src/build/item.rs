@@ -2,9 +2,9 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use super::{BuildError, MAX_PRIMITIVES, Quality, presplit};
+use super::{BuildError, MAX_PRIMITIVES, presplit};
 use crate::Aabb;
-use crate::memory::collected;
+use crate::memory::collected_with_room;
 use crate::slab::max;
 use glam::Vec3;
 
@@ -177,6 +177,11 @@ pub(super) type Corners<'a> = dyn Fn(u32) -> [Vec3; 3] + Sync + 'a;
 impl<'a> Items<'a> {
     /// `count` primitives and their boxes.
     pub(crate) fn new(count: usize, bounds: impl Fn(usize) -> Aabb + Sync) -> Result<Self, BuildError> {
+        Self::with_room(count, 0, bounds)
+    }
+
+    /// The same with room for so many items more.
+    fn with_room(count: usize, room: usize, bounds: impl Fn(usize) -> Aabb + Sync) -> Result<Self, BuildError> {
         if count > MAX_PRIMITIVES {
             return Err(BuildError::TooManyPrimitives { count });
         }
@@ -188,24 +193,38 @@ impl<'a> Items<'a> {
             }
             Item::new(&bounds, index as u32)
         };
-        let items = collected(count, item);
+        let items = collected_with_room(count, room, item);
         match bad.into_inner() {
             usize::MAX => Ok(Self { list: items, whole: None, corners: None }),
             index => Err(BuildError::InvalidBox { index, bounds: bounds(index) }),
         }
     }
 
-    /// `count` triangles, large ones in several parts if the tree is to be good.
+    /// `count` triangles, long ones in several parts.
     pub(crate) fn of_triangles(
         count: usize,
         corners: &'a (impl Fn(u32) -> [Vec3; 3] + Sync),
-        quality: Quality,
     ) -> Result<Self, BuildError> {
-        let mut items = Self::new(count, |id| Aabb::of_triangle(corners(id as u32)))?;
-        items.corners = Some(corners);
-        if quality == Quality::High {
-            presplit::split(&mut items, corners, presplit::Budget::DEFAULT);
-        }
+        let budget = presplit::Budget::DEFAULT;
+        let mut items = Self::of_triangles_with_room(count, budget.room(count), corners)?;
+        presplit::split(&mut items, corners, budget);
         Ok(items)
+    }
+
+    /// `count` triangles, all of them whole.
+    pub(crate) fn of_whole_triangles(
+        count: usize,
+        corners: &'a (impl Fn(u32) -> [Vec3; 3] + Sync),
+    ) -> Result<Self, BuildError> {
+        Self::of_triangles_with_room(count, 0, corners)
+    }
+
+    fn of_triangles_with_room(
+        count: usize,
+        room: usize,
+        corners: &'a (impl Fn(u32) -> [Vec3; 3] + Sync),
+    ) -> Result<Self, BuildError> {
+        let items = Self::with_room(count, room, |id| Aabb::of_triangle(corners(id as u32)))?;
+        Ok(Self { corners: Some(corners), ..items })
     }
 }

@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::item::{Extent, Item};
-use super::{CHUNK, Items, MAX_PRIMITIVES};
+use super::{Items, MAX_PRIMITIVES};
 use crate::Aabb;
 
 /// How much to split.
@@ -16,73 +16,84 @@ use crate::Aabb;
 pub(super) struct Budget {
     /// The most references more than triangles, as a part of these.
     most: f64,
-    /// Triangles that waste less than so many times the average are left whole.
+    /// Triangles that waste less than so many times the area of an average box are left whole.
     least: f64,
 }
 
 impl Budget {
-    /// Splits no triangle of a scan, and 2.6 % of references more make a tree over an atrium a fifth cheaper; with more, it costs no less.
-    pub(super) const DEFAULT: Self = Self { most: 0.3, least: 4.0 };
+    /// Splits no triangle of a scan, and 2.6 % of references more make a tree over an atrium a third cheaper; with more, it costs no less.
+    pub(super) const DEFAULT: Self = Self { most: 0.3, least: 3.0 };
+
+    /// The most references more than so many triangles.
+    pub(super) fn room(&self, count: usize) -> usize {
+        ((self.most * count as f64) as usize).min(MAX_PRIMITIVES.saturating_sub(count))
+    }
 }
 
-/// The most references more of one triangle.
-const MOST_OF_ONE: f64 = 4096.0;
+/// The most references more of one triangle. Trees over meshes on a ground of two triangles cost an eighth less than with thousands.
+const MOST_OF_ONE: f64 = 12.0;
 /// Boxes of parts are wider than these by so much of the triangle's largest extent: 2⁻²¹ for the cell that the part is cut out with, and
 /// 2⁻²¹ for the part.
 const MARGIN: f64 = 1.0 / (1u64 << 21) as f64;
 /// Bits of a coordinate in the grid along whose planes triangles are split.
 const GRID_BITS: u32 = 30;
+/// Items that a thread looks at. Of a fixed size, so that rounding doesn't depend on threads.
+const PART: usize = 1 << 12;
 
 /// Replaces the items of triangles that are split by their references.
 pub(super) fn split(all: &mut Items, corners: impl Fn(u32) -> [Vec3; 3] + Sync, budget: Budget) {
     let items = &mut all.list;
-    if items.is_empty() {
+    let areas: Vec<f64> = items.par_chunks(PART).map(|items| items.iter().map(half_area).sum()).collect();
+    let area = areas.iter().sum::<f64>();
+    if area == 0.0 {
         return;
     }
-    let root = Extent::of(items).bounds.aabb();
-    let waste: Vec<f32> = items.par_iter().map(|item| waste(item, &corners(item.id())) as f32).collect();
-    // In chunks of a fixed size, so that rounding doesn't depend on threads.
-    let sums: Vec<f64> = waste.par_chunks(CHUNK).map(|chunk| chunk.iter().map(|&w| f64::from(w)).sum()).collect();
-    let mean = sums.iter().sum::<f64>() / items.len() as f64;
-    if !(mean > 0.0 && mean < f64::from(f32::MAX)) {
+    let mut unit = budget.least * area / items.len() as f64;
+    let waste = |item: &Item| if half_area(item) < unit { 0.0 } else { waste(item, &corners(item.id())) };
+    let wasteful = |(index, item): (usize, &Item)| Some((index, waste(item))).filter(|&(_, waste)| waste >= unit);
+    let long: Vec<(usize, f64)> = items.par_iter().enumerate().with_min_len(PART).filter_map(wasteful).collect();
+    if long.is_empty() {
         return;
     }
-    let most = ((budget.most * items.len() as f64) as usize).min(MAX_PRIMITIVES - items.len());
     // The least unit of waste that keeps the sum of splits within bounds.
-    let mut unit = budget.least * mean;
-    while waste.par_iter().map(|&w| splits(w, unit)).sum::<usize>() > most {
+    let most = budget.room(items.len());
+    while long.par_iter().map(|&(_, waste)| splits(waste, unit)).sum::<usize>() > most {
         unit *= 1.25;
     }
+    let root = Extent::of(items).bounds.aabb();
     let grid = Grid::new(&root);
-    let more: Vec<Vec<Item>> = items
-        .par_chunks_mut(CHUNK)
-        .zip(waste.par_chunks(CHUNK))
-        .map(|(items, waste)| {
-            let mut more = Vec::new();
-            for (item, &waste) in items.iter_mut().zip(waste) {
-                let splits = splits(waste, unit);
-                if splits > 0 {
-                    references(item, &corners(item.id()), splits, &grid, &mut more);
-                }
-            }
-            more
-        })
+    let parts: Vec<Vec<Item>> = long
+        .par_iter()
+        .map(|&(index, waste)| (items[index].id(), splits(waste, unit)))
+        .map(|(id, splits)| references(id, &corners(id), splits, &grid))
         .collect();
-    items.reserve_exact(more.iter().map(Vec::len).sum());
-    more.into_iter().for_each(|mut more| items.append(&mut more));
+    for ((index, _), parts) in long.into_iter().zip(parts) {
+        if let [first, others @ ..] = parts.as_slice() {
+            items[index] = *first;
+            items.extend_from_slice(others);
+        }
+    }
     all.whole = Some(root);
 }
 
-/// Half of the area that a box around a triangle has and ever smaller boxes around its parts would not have.
+/// Half of the surface area of a box.
+#[inline(always)]
+fn half_area(item: &Item) -> f64 {
+    let d = |axis: usize| f64::from(item.bounds().max(axis)) - f64::from(item.bounds().min(axis));
+    let (x, y, z) = (d(0), d(1), d(2));
+    x * y + y * z + z * x
+}
+
+/// Half of the area that a box around a triangle has and ever smaller boxes around its parts would not have: from half of the box's to all.
 fn waste(item: &Item, [a, b, c]: &[Vec3; 3]) -> f64 {
     let a = a.as_dvec3();
     let sides = (b.as_dvec3() - a).cross(c.as_dvec3() - a).abs();
-    item.bounds().aabb().half_area() - 0.5 * sides.element_sum()
+    half_area(item) - 0.5 * sides.element_sum()
 }
 
 /// How often to split a triangle.
-fn splits(waste: f32, unit: f64) -> usize {
-    (f64::from(waste) / unit).sqrt().min(MOST_OF_ONE) as usize
+fn splits(waste: f64, unit: f64) -> usize {
+    (waste / unit).sqrt().min(MOST_OF_ONE) as usize
 }
 
 /// A grid of cubes around the scene. References are split along its coarsest plane that crosses them, so that neighbours are split along the same.
@@ -164,8 +175,8 @@ impl Part {
     }
 }
 
-/// Splits a triangle so many times at most. Its item becomes that of the first part, the others are added to `more`.
-fn references(item: &mut Item, corners: &[Vec3; 3], splits: usize, grid: &Grid, more: &mut Vec<Item>) {
+/// The references of a triangle that is split so many times at most; none if it cannot be split.
+fn references(id: u32, corners: &[Vec3; 3], splits: usize, grid: &Grid) -> Vec<Item> {
     let first = corners[0].as_dvec3();
     let mut part = Part { corners: [DVec3::ZERO; CORNERS], len: 3 };
     for (own, corner) in part.corners.iter_mut().zip(corners) {
@@ -173,7 +184,7 @@ fn references(item: &mut Item, corners: &[Vec3; 3], splits: usize, grid: &Grid, 
     }
     let (low, high) = part.bounds();
     let margin = (high - low).max_element() * MARGIN;
-    let before = more.len();
+    let mut parts = Vec::with_capacity(splits + 1);
     let mut todo = vec![(part, splits)];
     while let Some((part, splits)) = todo.pop() {
         let (low, high) = part.bounds();
@@ -187,10 +198,9 @@ fn references(item: &mut Item, corners: &[Vec3; 3], splits: usize, grid: &Grid, 
         let Some([a, b]) = halves else {
             let bounds = Aabb { min: below(first + low - margin), max: above(first + high + margin) };
             if !bounds.is_finite() {
-                more.truncate(before);
-                return;
+                return Vec::new();
             }
-            more.push(Item::new(&bounds, item.id()));
+            parts.push(Item::new(&bounds, id));
             continue;
         };
         let extent = |part: &Part| {
@@ -202,11 +212,8 @@ fn references(item: &mut Item, corners: &[Vec3; 3], splits: usize, grid: &Grid, 
         todo.push((b, splits - 1 - to_a.min(splits - 1)));
         todo.push((a, to_a.min(splits - 1)));
     }
-    if more.len() > before + 1 {
-        *item = more.swap_remove(before);
-    } else {
-        more.truncate(before);
-    }
+    // A box around all is wider than that of the triangle.
+    if parts.len() > 1 { parts } else { Vec::new() }
 }
 
 /// The nearest numbers that are surely less.
@@ -330,9 +337,11 @@ mod tests {
                 // Off center, so that planes lie anywhere.
                 _ => Aabb { min: whole.min - (whole.max - whole.min) * random.signed().abs(), max: whole.max },
             };
-            let (mut item, mut more) = (Item::new(&whole, 7), Vec::new());
-            references(&mut item, &corners, 40, &Grid::new(&root), &mut more);
-            let parts: Vec<Aabb> = more.iter().chain([&item]).map(|item| item.bounds().aabb()).collect();
+            let parts = references(7, &corners, 40, &Grid::new(&root));
+            let mut parts: Vec<Aabb> = parts.iter().map(|item| item.bounds().aabb()).collect();
+            if parts.is_empty() {
+                parts.push(whole);
+            }
             several += usize::from(parts.len() > 1);
             for _ in 0..if aimed.is_some() { 1 } else { 4 } {
                 let ray = aimed.unwrap_or_else(|| any_ray(corners, &parts, random)).prepare();
@@ -445,14 +454,16 @@ mod tests {
         both.push([Vec3::splat(-9.0), Vec3::splat(9.0), Vec3::new(9.0, 9.0, 8.9)]);
         let references = |corners: &[[Vec3; 3]]| {
             let of = |id: u32| corners[id as usize];
-            let items = Items::of_triangles(corners.len(), &of, Quality::High).unwrap();
+            let items = Items::of_triangles(corners.len(), &of).unwrap();
             assert!(items.list.len() as f64 <= 1.3 * corners.len() as f64);
             items.list.len() - corners.len()
         };
         assert!(references(&scan) < scan.len() / 50);
         assert!(references(&both) > 5);
-        let [whole, split] = [Quality::Medium, Quality::High]
-            .map(|quality| Triangles::build_with(quality, both.len(), |id| both[id as usize]).unwrap());
+        let of = |id: u32| both[id as usize];
+        let items = Items::new(both.len(), |id| Aabb::of_triangle(both[id])).unwrap();
+        let whole = Triangles::over(items, Quality::Medium, both.len(), of);
+        let split = Triangles::build(both.len(), of).unwrap();
         assert!(split.statistics().sah_cost < 0.5 * whole.statistics().sah_cost);
         assert_eq!((split.bounds(), split.len()), (whole.bounds(), both.len()));
     }
@@ -460,7 +471,7 @@ mod tests {
     #[test]
     fn splits_do_not_depend_on_threads() {
         let random = &mut Random(64);
-        let corners: Vec<[Vec3; 3]> = (0..2 * CHUNK + 9)
+        let corners: Vec<[Vec3; 3]> = (0..9 * PART + 9)
             .map(|i| {
                 let p = random.vector();
                 [p, p + random.vector() * 0.01, p + random.vector() * if i % 20 == 0 { 1.0 } else { 0.01 }]
@@ -469,7 +480,7 @@ mod tests {
         let build = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let of = |id: u32| corners[id as usize];
-            let items = pool.install(|| Items::of_triangles(corners.len(), &of, Quality::High));
+            let items = pool.install(|| Items::of_triangles(corners.len(), &of));
             items.unwrap().list.iter().map(|item| (item.id(), item.bounds().0.map(f32::to_bits))).collect::<Vec<_>>()
         };
         let one = build(1);
