@@ -12,23 +12,6 @@
 
 use super::hash::mix;
 
-/// The direction numbers of the second dimension, their bits reversed: the first digit after the point is bit 0. Those of
-/// the first, van der Corput's, are the powers of two.
-static DIRECTIONS: [u32; 32] = directions();
-
-const fn directions() -> [u32; 32] {
-    // Degree s = 1, a = 0 and m = 1: every number is the one before, xor its half.
-    let mut all = [0; 32];
-    let mut v = 1u32 << 31;
-    let mut i = 0;
-    while i < 32 {
-        all[i] = v.reverse_bits();
-        v ^= v >> 1;
-        i += 1;
-    }
-    all
-}
-
 /// Point `index` of the sequence scrambled by `key`, in the first N ≤ 2 dimensions.
 pub(super) fn points<const N: usize>(index: u32, key: u64) -> [f64; N] {
     let index = scramble(index.reverse_bits(), key).reverse_bits();
@@ -44,17 +27,14 @@ pub(super) fn one(index: u32, key: u64) -> f64 {
     points::<1>(index, key)[0]
 }
 
-/// Point `index` in a dimension, the first digit in bit 0.
+/// Point `index` in a dimension, the first digit in bit 0. The first is van der Corput's sequence. In the second, digit j is the sum of those
+/// digits i of the index for which the binomial coefficient of i over j is odd: where i has all bits of j (Lucas). So the matrix is a power of
+/// its upper left quarter of two by two, and five steps do.
 fn digits(index: u32, dimension: usize) -> u32 {
-    if dimension == 0 {
-        return index;
-    }
-    let (mut rest, mut point) = (index, 0);
-    while rest != 0 {
-        point ^= DIRECTIONS[rest.trailing_zeros() as usize];
-        rest &= rest - 1;
-    }
-    point
+    const STEPS: [(u32, u32); 5] =
+        [(1, 0x5555_5555), (2, 0x3333_3333), (4, 0x0f0f_0f0f), (8, 0x00ff_00ff), (16, 0x0000_ffff)];
+    let steps = if dimension == 0 { &[] } else { STEPS.as_slice() };
+    steps.iter().fold(index, |point, &(shift, without)| point ^ point >> shift & without)
 }
 
 /// Owen's scrambling of digits whose first is bit 0: every bit is turned, or not, by what the bits below it and the seed
@@ -91,6 +71,20 @@ mod tests {
         for (index, point) in expected.iter().enumerate() {
             let ours: [f64; 2] = std::array::from_fn(|d| fraction(digits(index as u32, d)));
             assert_eq!(&ours, point, "{index}");
+        }
+    }
+
+    #[test]
+    fn the_second_dimension_is_that_of_its_direction_numbers() {
+        // Degree s = 1, a = 0 and m = 1: every number is the one before, xor its half. The first digit after the point is bit 31.
+        let directions: Vec<u32> = std::iter::successors(Some(1u32 << 31), |v| Some(v ^ v >> 1)).take(32).collect();
+        let sum = |index: u32| {
+            let numbers = directions.iter().enumerate().filter(|(bit, _)| index >> bit & 1 == 1);
+            numbers.fold(0, |sum, (_, v)| sum ^ v)
+        };
+        let indices = (0..5000).map(|n| if n < 1000 { n } else { mix(u64::from(n)) as u32 });
+        for index in indices.chain([u32::MAX]) {
+            assert_eq!(digits(index, 1).reverse_bits(), sum(index), "{index:x}");
         }
     }
 
