@@ -266,7 +266,7 @@ fn threads_change_no_film() {
 fn ctrl_c_keeps_what_is_finished_and_the_same_command_goes_on() {
     use std::io::{BufRead, BufReader};
     let folder = Folder::new();
-    let run = "render s.kdl --frames 1-9 -o f.#.png --size 300x200 --samples 64 --progress json --threads 1";
+    let run = "render s.kdl --frames 1-9 -o f.#.png --size 300x200 --samples 400 --progress json --threads 1";
     let mut child = folder.command(run).stderr(Stdio::piped()).spawn().unwrap();
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
     // While the third frame is rendered.
@@ -277,7 +277,7 @@ fn ctrl_c_keeps_what_is_finished_and_the_same_command_goes_on() {
     assert_eq!(folder.names(), ["f.1.png", "f.2.png"]);
     folder.says(&run.replace("1-9", "1-3"), 0, &["\"skipped\":2", "\"rendered\":1"]);
     // A film that isn't whole leaves nothing.
-    let run = "render s.kdl --frames 1-9 -o f.gif --size 300x200 --samples 64 --threads 1 --progress plain";
+    let run = "render s.kdl --frames 1-9 -o f.gif --size 300x200 --samples 400 --threads 1 --progress plain";
     let child = folder.command(run).stderr(Stdio::piped()).spawn().unwrap();
     std::thread::sleep(std::time::Duration::from_millis(1500));
     assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
