@@ -5,6 +5,7 @@ use canaletto::render::{Aov, render};
 use canaletto::scene::{Content, Node, SamplerKind, Sampling, Scene};
 use canaletto::shape::Mesh;
 use canaletto::world::{BuildOptions, Quality, World};
+use canaletto_bvh::Triangles;
 use canaletto_tests::gallery::{distributed_job, distributed_still_life, still_life, still_life_job};
 use canaletto_tests::textured::textured_still_life;
 use glam::{Vec2, Vec3};
@@ -72,6 +73,16 @@ fn work_on_hierarchies_changes_no_bit() {
         .map(|quality| World::build_with(scene.clone(), &BuildOptions { quality, ..BuildOptions::default() }).unwrap());
     let [medium, high] = worlds.each_ref().map(|world| world.census().bytes);
     assert_ne!(high, medium, "the same trees");
+    // A refit gives back whole boxes.
+    let mesh = beams();
+    let corners = |id: u32| mesh.corners(id as usize);
+    for quality in [Quality::Medium, Quality::High] {
+        let mut triangles = Triangles::build_with(quality, mesh.triangles.len(), corners).unwrap();
+        let built = triangles.statistics().sah_cost;
+        triangles.refit(corners).unwrap();
+        let whole = triangles.statistics().sah_cost;
+        assert!(built < 0.9 * whole, "no triangle was split: {built} and {whole}");
+    }
     for sampling in [Sampling::Center, Sampling::Jittered(2)] {
         let mut job = still_life_job(1.0, 120, 90, sampling);
         job.aovs = Aov::ALL.iter().map(|(aov, ..)| *aov).collect();

@@ -183,7 +183,7 @@ pub(crate) fn build(items: Items<'_>, block: usize, quality: Quality) -> Built {
         }
     }
     let root = nodes.first().map_or(Aabb::EMPTY, |root| root.bounds);
-    Built { nodes, order: collected(items.len(), |slot| items[slot].id()), bounds: whole.unwrap_or(root), copies }
+    Built { nodes, order: collected(items.len(), 0, |slot| items[slot].id()), bounds: whole.unwrap_or(root), copies }
 }
 
 /// A tree in the pieces that threads built.

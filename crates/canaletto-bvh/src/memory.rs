@@ -20,17 +20,8 @@ pub(crate) fn in_large_pages<T>(capacity: usize) -> Vec<T> {
     list
 }
 
-/// What many threads make of the numbers below `count`, in large pages.
-pub(crate) fn collected<T: Send>(count: usize, item: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
-    collected_with_room(count, 0, item)
-}
-
-/// The same with room for so many items more.
-pub(crate) fn collected_with_room<T: Send>(
-    count: usize,
-    room: usize,
-    item: impl Fn(usize) -> T + Sync + Send,
-) -> Vec<T> {
+/// What many threads make of the numbers below `count`, in large pages, with room for so many items more.
+pub(crate) fn collected<T: Send>(count: usize, room: usize, item: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
     let mut list = in_large_pages(count + room);
     (0..count).into_par_iter().with_min_len(1024).map(item).collect_into_vec(&mut list);
     list

@@ -298,6 +298,11 @@ fn work_on_hierarchies_changes_no_byte() {
     }
     let bytes = |name: &str| fs::read(folder.path(name)).unwrap();
     assert!(bytes("medium.png") == bytes("high.png"));
+    let memory = |work: &str| {
+        let info = folder.run(&format!("info long.kdl --json --build {work}")).out();
+        serde_json::from_str::<Value>(&info).unwrap()["census"]["bytes"].as_u64().unwrap()
+    };
+    assert_ne!(memory("high"), memory("medium"), "the same trees");
     let pixel = "explain long.kdl -p 12,8 --build";
     assert_eq!(folder.run(&format!("{pixel} high")).out(), folder.run(&format!("{pixel} medium")).out());
     // Frames of the one are complete for the other.

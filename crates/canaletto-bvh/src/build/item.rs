@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::{BuildError, MAX_PRIMITIVES, presplit};
 use crate::Aabb;
-use crate::memory::collected_with_room;
+use crate::memory::collected;
 use crate::slab::max;
 use glam::Vec3;
 
@@ -193,7 +193,7 @@ impl<'a> Items<'a> {
             }
             Item::new(&bounds, index as u32)
         };
-        let items = collected_with_room(count, room, item);
+        let items = collected(count, room, item);
         match bad.into_inner() {
             usize::MAX => Ok(Self { list: items, whole: None, corners: None }),
             index => Err(BuildError::InvalidBox { index, bounds: bounds(index) }),
