@@ -1,0 +1,1 @@
+//! Pictures against formulas: filters, means of textures and panoramas, lights, samples, depth.

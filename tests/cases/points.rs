@@ -1,0 +1,1 @@
+//! Tables of numbers: PLY, point clouds, CSV, XYZ and NFF.
