@@ -136,6 +136,7 @@ pub fn still_life(scale: f32) -> Scene {
                 .collect(),
             radii: vec![0.1 * scale],
             colors: (0..40).map(|i| Rgb::new(i as f32 / 40.0, 0.3, 0.5)).collect(),
+            ..SphereCloud::default()
         }],
         cylinders: vec![CylinderCloud {
             name: "sticks".into(),
@@ -143,8 +144,8 @@ pub fn still_life(scale: f32) -> Scene {
                 .map(|i| [v(i as f32 * 0.12, 0.0, 0.0), v(i as f32 * 0.12 + 0.1, 0.6, (i % 3) as f32 * 0.2)])
                 .collect(),
             radii: vec![0.04 * scale],
-            colors: Vec::new(),
             caps: true,
+            ..CylinderCloud::default()
         }],
         prototypes: vec![lamp],
         nodes,

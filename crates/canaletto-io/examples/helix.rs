@@ -32,13 +32,13 @@ fn main() -> Result<(), Box<dyn Error>> {
         colors: (0..2 * steps)
             .map(|i| if i < steps { Rgb::new(0.8, 0.25, 0.1) } else { Rgb::new(0.1, 0.35, 0.8) })
             .collect(),
+        ..SphereCloud::default()
     };
     let rungs = CylinderCloud {
         name: "rungs".into(),
         axes: (0..steps).step_by(2).map(|i| [place(i, 0.0), place(i, 1.0)]).collect(),
         radii: vec![0.05],
-        colors: Vec::new(),
-        caps: false,
+        ..CylinderCloud::default()
     };
     let glossy = Phong { kd: Rgb::gray(0.75), ks: Rgb::gray(0.4), n: 60.0, ..Phong::default() };
     let lamp = DiskLight { position: Vec3::new(5.0, 8.0, 6.0), normal: Vec3::NEG_Y, radius: 1.5, points: 16 };

@@ -12,11 +12,12 @@
 
 use super::lines::{Complaint, Word};
 use super::ply;
+use super::positions::Positions;
 use crate::assets::Asset;
 use crate::diagnostic::Diagnostics;
 use canaletto::math::Rgb;
 use canaletto::shape::{CylinderCloud, SphereCloud};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 /// How a cloud's file is written.
@@ -52,15 +53,14 @@ impl CloudFormat {
 pub fn read_spheres(asset: &Asset, format: CloudFormat, radius: Option<f32>) -> Result<SphereCloud, Diagnostics> {
     let name = asset.path.name();
     let cloud = match format {
-        CloudFormat::Text => text(&asset.bytes, &["x", "y", "z"]).map(|table| SphereCloud {
-            name: name.to_owned(),
-            centers: table.points.chunks_exact(3).map(Vec3::from_slice).collect(),
-            radii: table.radii,
-            colors: table.colors,
+        CloudFormat::Text => text(&asset.bytes, &["x", "y", "z"]).map(|Table { points, radii, colors }| {
+            let (origin, centers) = points.settle();
+            SphereCloud { name: name.to_owned(), origin, centers, radii, colors }
         }),
         CloudFormat::Ply => ply::read_spheres(name, asset.bytes.as_slice().into()),
         CloudFormat::Binary => records::<4>(&asset.bytes, "x y z radius").map(|(rows, radii)| SphereCloud {
             name: name.to_owned(),
+            origin: DVec3::ZERO,
             centers: rows.par_iter().map(|row| Vec3::from_slice(row)).collect(),
             radii,
             colors: Vec::new(),
@@ -79,17 +79,18 @@ pub fn read_cylinders(asset: &Asset, format: CloudFormat, radius: Option<f32>) -
     let name = asset.path.name();
     let axis = |row: &[f32]| [Vec3::from_slice(row), Vec3::from_slice(&row[3..])];
     let cloud = match format {
-        CloudFormat::Text => text(&asset.bytes, &["x1", "y1", "z1", "x2", "y2", "z2"]).map(|table| CylinderCloud {
-            name: name.to_owned(),
-            axes: table.points.chunks_exact(6).map(axis).collect(),
-            radii: table.radii,
-            colors: table.colors,
-            caps: true,
-        }),
+        CloudFormat::Text => {
+            text(&asset.bytes, &["x1", "y1", "z1", "x2", "y2", "z2"]).map(|Table { points, radii, colors }| {
+                let (origin, ends) = points.settle();
+                let axes = ends.as_chunks().0.to_vec();
+                CylinderCloud { name: name.to_owned(), origin, axes, radii, colors, caps: true }
+            })
+        }
         CloudFormat::Ply => ply::read_cylinders(name, asset.bytes.as_slice().into()),
         CloudFormat::Binary => {
             records::<7>(&asset.bytes, "x1 y1 z1 x2 y2 z2 radius").map(|(rows, radii)| CylinderCloud {
                 name: name.to_owned(),
+                origin: DVec3::ZERO,
                 axes: rows.par_iter().map(|row| axis(row)).collect(),
                 radii,
                 colors: Vec::new(),
@@ -166,7 +167,7 @@ struct Columns {
 /// A part of the rows.
 #[derive(Default)]
 struct Table {
-    points: Vec<f32>,
+    points: Positions,
     radii: Vec<f32>,
     colors: Vec<Rgb>,
 }
@@ -191,13 +192,14 @@ fn text(bytes: &[u8], points: &[&str]) -> Result<Table, Complaint> {
         .map(|cut| {
             let mut table = Table::default();
             rows(bytes, cut[0]..cut[1]).try_for_each(|row| columns.read(&row, points, &mut table))?;
+            table.points = table.points.part();
             Ok(table)
         })
         .collect();
     let mut all = Table::default();
     for table in tables {
         let table = table?;
-        all.points.extend(table.points);
+        all.points.append(table.points);
         all.radii.extend(table.radii);
         all.colors.extend(table.colors);
     }
@@ -289,10 +291,11 @@ impl Columns {
     fn read(&self, row: &Word<'_>, points: &[&str], table: &mut Table) -> Result<(), Complaint> {
         let n = points.len();
         let mut values = [0.0f32; 10];
+        let mut exact = [0.0f64; 6];
         let mut count = 0;
         for cell in self.cells(row) {
             if let Some(Some(role)) = self.roles.get(count) {
-                let value = cell.number().map_err(|complaint| {
+                let (value, all) = cell.exact_number().map_err(|complaint| {
                     let others = ["radius", "red", "green", "blue"];
                     let name = points.get(*role).copied().unwrap_or_else(|| others[*role - n]);
                     complaint.within(&format!("column {} ({name})", count + 1))
@@ -307,13 +310,18 @@ impl Columns {
                         .help("colours are linear, 0 to 1; a PLY file may have bytes (sRGB)"));
                 }
                 values[*role] = value;
+                if *role < n {
+                    exact[*role] = all;
+                }
             }
             count += 1;
         }
         if count != self.count {
             return Err(row.wrong(format!("this row has {count} columns, and the first one {}", self.count)));
         }
-        table.points.extend(&values[..n]);
+        for (rounded, exact) in values[..n].chunks_exact(3).zip(exact.chunks_exact(3)) {
+            table.points.push(Vec3::from_slice(rounded), DVec3::from_slice(exact));
+        }
         if self.radius {
             table.radii.push(values[n]);
         }

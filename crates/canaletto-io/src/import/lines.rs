@@ -3,6 +3,7 @@
 use super::number;
 use super::text::Piece;
 use crate::diagnostic::Diagnostic;
+use glam::{DVec3, Vec3};
 use std::ops::Range;
 
 /// A piece of a file: bytes without spaces, or a line.
@@ -38,6 +39,12 @@ impl<'a> Word<'a> {
             Some(_) => Err(self.wrong(format!("\"{}\" is not a finite number up to 3.4e38", self.shown()))),
             None => Err(self.wrong(format!("\"{}\" is not a number", self.shown()))),
         }
+    }
+
+    /// The same number, and as exact as `f64` holds it.
+    pub(super) fn exact_number(&self) -> Result<(f32, f64), Complaint> {
+        let rounded = self.number()?;
+        Ok((rounded, number::parse(self.text).unwrap_or(rounded.into())))
     }
 
     /// A complaint about this word.
@@ -134,6 +141,14 @@ impl<'a> Words<'a> {
             *value = word.number().map_err(|c| c.within(what))?;
         }
         Ok(out)
+    }
+
+    /// The next words, which must be the three numbers of a position: rounded, and as exact as they are.
+    pub(super) fn position(&mut self, what: &str) -> Result<(Vec3, DVec3), Complaint> {
+        let mut exact = self.clone();
+        let rounded = self.numbers::<3>(what)?;
+        let exact = rounded.map(|value| exact.next().and_then(|w| number::parse(w.text)).unwrap_or(value.into()));
+        Ok((rounded.into(), exact.into()))
     }
 
     /// What is left of the line, without spaces at its ends.

@@ -16,11 +16,13 @@ mod number;
 mod obj;
 mod ply;
 mod polygon;
+mod positions;
 mod smooth;
 mod studio;
 mod text;
 
 pub use cloud::{CloudFormat, read_cylinders, read_spheres};
+pub(crate) use positions::counted;
 
 use crate::assets::{Asset, AssetPath, Assets, OpenAsset, reason};
 use crate::content::View;

@@ -17,6 +17,7 @@
 use super::frame::frame;
 use super::lines::{Complaint, Word, Words, lines};
 use super::polygon::{Triangulator, vector_area};
+use super::positions::Positions;
 use crate::assets::Asset;
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use canaletto::light::{Light, LightKind, Omni};
@@ -65,6 +66,8 @@ struct Reader<'a> {
     /// Index of each material by the bits of its numbers.
     known: HashMap<[u32; 8], u32>,
     material: Option<u32>,
+    /// The corners of each mesh.
+    corners: Vec<Positions>,
     /// For each material its meshes: without normals, with normals; positions in the scene's list.
     meshes: HashMap<(u32, bool), usize>,
     triangulator: Triangulator,
@@ -81,6 +84,7 @@ impl<'a> Reader<'a> {
             lights: Vec::new(),
             known: HashMap::new(),
             material: None,
+            corners: Vec::new(),
             meshes: HashMap::new(),
             triangulator: Triangulator::new(),
             skipped: std::collections::BTreeMap::new(),
@@ -218,9 +222,10 @@ impl<'a> Reader<'a> {
 
     fn polygon(&mut self, start: &Word<'_>, smooth: bool) -> Result<(), Complaint> {
         let count = self.tokens.count(if smooth { "pp" } else { "p" }, 0, u32::MAX)?;
-        let (mut corners, mut normals) = (Vec::new(), Vec::new());
+        let (mut corners, mut normals) = (Positions::default(), Vec::new());
         for _ in 0..count {
-            corners.push(Vec3::from(self.tokens.numbers::<3>("corner")?));
+            let (rounded, exact) = self.tokens.position("corner")?;
+            corners.push(rounded, exact);
             if smooth {
                 normals.push(Vec3::from(self.tokens.numbers::<3>("normal")?));
             }
@@ -228,26 +233,29 @@ impl<'a> Reader<'a> {
         if corners.len() < 3 {
             return self.skip("a polygon of fewer than 3 corners is left out", start);
         }
-        let face = vector_area(&corners).try_normalize().unwrap_or(DVec3::Y).as_vec3();
+        let form = corners.form();
+        let face = vector_area(&form).try_normalize().unwrap_or(DVec3::Y).as_vec3();
         normals.iter_mut().for_each(|n| *n = n.as_dvec3().try_normalize().map_or(face, |n| n.as_vec3()));
         let material = self.material();
         let scene = &mut self.scene;
         let mesh = *self.meshes.entry((material, smooth)).or_insert_with(|| {
             let index = scene.meshes.len();
             let name = format!("polygons of {}", scene.materials[material as usize].name);
+            self.corners.push(Positions::default());
             scene.meshes.push(Mesh { name, materials: vec![material], ..Mesh::default() });
             scene.nodes.push(Node::new(Content::Mesh(index as u32)).with_material(material));
             index
         });
-        let mesh = &mut scene.meshes[mesh];
-        let first = mesh.positions.len();
+        let (mesh, all) = (&mut scene.meshes[mesh], &mut self.corners[mesh]);
+        let first = all.len();
         if first + corners.len() > u32::MAX as usize {
             return Err(start.wrong("the polygons have more corners than 32 bits can count"));
         }
         let triangles = &mut mesh.triangles;
-        let cut = self.triangulator.cut(&corners, |t| triangles.push(t.map(|i| (first + i) as u32)));
+        let cut = self.triangulator.cut(&form, |t| triangles.push(t.map(|i| (first + i) as u32)));
         cut.map_err(|message| start.wrong(message))?;
-        mesh.positions.extend(corners);
+        drop(form);
+        all.append(corners);
         mesh.normals.extend(normals);
         Ok(())
     }
@@ -273,6 +281,10 @@ impl<'a> Reader<'a> {
 
     fn finish(self) -> Scene {
         let mut scene = self.scene;
+        let (origin, lists) = Positions::settle_each(self.corners);
+        for (mesh, positions) in scene.meshes.iter_mut().zip(lists) {
+            (mesh.origin, mesh.positions) = (origin, positions);
+        }
         let usual = Rgb::gray((self.lights.len() as f32).sqrt() / self.lights.len().max(1) as f32);
         for (position, color) in self.lights {
             scene.nodes.push(Light::new(LightKind::Omni(Omni::at(position)), color.unwrap_or(usual)).into());
@@ -284,7 +296,7 @@ impl<'a> Reader<'a> {
 
 /// A view of everything, for files without one. SPD's scenes have z upwards.
 fn whole_view(scene: &Scene) -> Option<View> {
-    let corners = scene.meshes.iter().flat_map(|mesh| mesh.positions.iter().map(|p| (p.as_dvec3(), 0.0)));
+    let corners = scene.meshes.iter().flat_map(|mesh| mesh.positions.iter().map(|p| (mesh.origin + p.as_dvec3(), 0.0)));
     let balls = scene.nodes.iter().flat_map(|node| match &node.content {
         Content::Shape(Shape::Sphere(s)) => vec![(s.center, s.radius)],
         Content::Shape(Shape::Cylinder(c)) => vec![(c.base, c.radius), (c.top, c.radius)],
@@ -345,6 +357,16 @@ impl<'a> Tokens<'a> {
             *value = self.number(what)?.0;
         }
         Ok(out)
+    }
+
+    /// Three numbers of a position: rounded, and as exact as they are.
+    fn position(&mut self, what: &str) -> Result<(Vec3, DVec3), Complaint> {
+        let (mut rounded, mut exact) = (Vec3::ZERO, DVec3::ZERO);
+        for axis in 0..3 {
+            let word = self.number(what)?.1;
+            (rounded[axis], exact[axis]) = word.exact_number()?;
+        }
+        Ok((rounded, exact))
     }
 
     fn color(&mut self, what: &str) -> Result<Rgb, Complaint> {

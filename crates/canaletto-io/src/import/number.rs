@@ -13,20 +13,20 @@ pub(super) fn parse(text: &[u8]) -> Option<f64> {
 /// The number that a text says, rounded to `f32` once.
 pub(super) fn parse_f32(text: &[u8]) -> Option<f32> {
     match leading_f32(text) {
-        Some((number, rest)) if rest == text.len() => Some(number),
+        Some((number, _, rest)) if rest == text.len() => Some(number),
         _ => std::str::from_utf8(text).ok()?.parse().ok(),
     }
 }
 
-/// The number at a text's start and where it ends, if it is an easy one.
+/// The number at a text's start, rounded to `f32` and as it is, and where it ends, if it is an easy one.
 #[inline]
-pub(super) fn leading_f32(text: &[u8]) -> Option<(f32, usize)> {
+pub(super) fn leading_f32(text: &[u8]) -> Option<(f32, f64, usize)> {
     let (number, end) = leading(text)?;
     // In the middle between two `f32`, the digits would have to be asked once more to which side it falls; below the normal
     // numbers, the middles are elsewhere.
     let middle = number.to_bits() & 0x1fff_ffff == 0x1000_0000;
     let normal = number == 0.0 || (f64::from(f32::MIN_POSITIVE)..f64::from(f32::MAX)).contains(&number.abs());
-    (!middle && normal).then_some((number as f32, end))
+    (!middle && normal).then_some((number as f32, number, end))
 }
 
 /// The digit at a place.

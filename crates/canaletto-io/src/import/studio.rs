@@ -5,7 +5,7 @@ use super::frame::frame;
 use super::smooth::smooth;
 use canaletto::light::{Directional, DiskLight, Light, LightKind};
 use canaletto::material::{Material, Phong};
-use canaletto::math::Rgb;
+use canaletto::math::{Rgb, Transform};
 use canaletto::scene::{Content, FilmSettings, Intrinsics, Node, Sampling, Scene};
 use canaletto::shape::{Plane, Shape};
 use glam::DVec3;
@@ -17,12 +17,14 @@ use glam::DVec3;
 pub(super) fn studio(model: Imported) -> Option<Scene> {
     let mut meshes = model.meshes;
     meshes.iter_mut().for_each(smooth);
+    // All is measured from where the meshes of a file are counted from.
+    let origin = meshes.first().map_or(DVec3::ZERO, |mesh| mesh.origin);
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     let corners =
         || meshes.iter().flat_map(|m| m.triangles.iter().flatten().map(|i| m.positions[*i as usize].as_dvec3()));
     corners().for_each(|p| (low, high) = (low.min(p), high.max(p)));
     let intrinsics = Intrinsics { fovy: 35.0, width: 960, height: 720, ..Intrinsics::default() };
-    let view = frame(corners().map(|p| (p, 0.0)), from_angles(30.0, 20.0), DVec3::Y, intrinsics)?;
+    let mut view = frame(corners().map(|p| (p, 0.0)), from_angles(30.0, 20.0), DVec3::Y, intrinsics)?;
 
     let mut materials = model.materials;
     let next = materials.len() as u32;
@@ -38,8 +40,9 @@ pub(super) fn studio(model: Imported) -> Option<Scene> {
         nodes.push(if mesh.materials.is_empty() { node.with_material(next) } else { node });
     }
     let point = DVec3::new(middle.x, low.y, middle.z).as_vec3();
-    nodes
-        .push(Node::from(Shape::Plane(Plane { point, normal: glam::Vec3::Y })).named("ground").with_material(next + 1));
+    let there = Transform::translate(origin);
+    let ground = Node::from(Shape::Plane(Plane { point, normal: glam::Vec3::Y })).with_transform(&there);
+    nodes.push(ground.named("ground").with_material(next + 1));
     // The key light from the left of the camera casts the shadow; the fill from the right only lifts it.
     let key = DiskLight {
         position: (middle + from_angles(-25.0, 50.0) * (3.0 * size)).as_vec3(),
@@ -53,10 +56,12 @@ pub(super) fn studio(model: Imported) -> Option<Scene> {
     let fill = Directional { towards: -from_angles(85.0, 25.0).as_vec3(), beam: None };
     let light = |name: &str, kind, intensity, shadows| {
         let light = Light { name: Some(name.into()), shadows, ..Light::new(kind, Rgb::gray(intensity)) };
-        Node::from(light).named(name)
+        Node::from(light).with_transform(&there).named(name)
     };
     nodes.push(light("key", LightKind::Disk(key), 0.85, true));
     nodes.push(light("fill", LightKind::Directional(fill), 0.2, false));
+    view.extrinsics.eye += origin;
+    view.extrinsics.center += origin;
     Some(Scene {
         background: Rgb::gray(0.7),
         ambient: Rgb::gray(0.16),

@@ -45,7 +45,7 @@ impl Source {
     }
 
     /// The source of a light that may be one of meshes, whose triangles these are, in the meshes' own space.
-    pub fn of_triangles(light: Light, triangles: &[[Vec3; 3]]) -> Source {
+    pub fn of_triangles(light: Light, triangles: &[[DVec3; 3]]) -> Source {
         let (mut points, mut towards, mut cone) = (Vec::new(), DVec3::ZERO, None);
         let mut area = surface_light::area(&light.kind, triangles);
         let count = light.points();

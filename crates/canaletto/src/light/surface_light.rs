@@ -3,7 +3,7 @@
 use super::area::{Area, Triangles};
 use super::{Light, LightKind};
 use crate::math::Transform;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// Light from a rectangle, or any parallelogram.
@@ -121,7 +121,7 @@ fn check_points(points: u32) -> Result<(), String> {
 
 /// The surface of a light whose numbers are in range. Those of meshes have to bring their `triangles`, in their own space;
 /// nothing if these have no area.
-pub(super) fn area(kind: &LightKind, triangles: &[[Vec3; 3]]) -> Option<Area> {
+pub(super) fn area(kind: &LightKind, triangles: &[[DVec3; 3]]) -> Option<Area> {
     match kind {
         LightKind::Disk(disk) => {
             let normal = disk.normal.normalize();
@@ -138,7 +138,7 @@ pub(super) fn area(kind: &LightKind, triangles: &[[Vec3; 3]]) -> Option<Area> {
         LightKind::Mesh(mesh) => {
             let mirrored = mesh.transform.matrix().matrix3.determinant() < 0.0;
             let moved = triangles.iter().map(|corners| {
-                let [a, b, c] = corners.map(|p| mesh.transform.point(p.as_dvec3()).as_vec3());
+                let [a, b, c] = corners.map(|p| mesh.transform.point(p).as_vec3());
                 if mirrored { [a, c, b] } else { [a, b, c] }
             });
             Triangles::new(moved.collect()).map(Area::Triangles)

@@ -85,6 +85,8 @@ pub struct Place<'a> {
     pub to_world: Option<&'a Transform>,
     /// The object's bounds, unless it has none.
     pub bounds: Option<Aabb>,
+    /// What lies at the zero of coordinates: in the object's space, and in the world's.
+    pub origins: [DVec3; 2],
 }
 
 /// One place of a texture: a mapping has up to three of them, with weights that sum to 1.
@@ -234,17 +236,18 @@ impl Mapping {
         let (mut point, mut linear, mut normal) = (place.point, DMat3::IDENTITY, place.normal);
         match (self.space, place.to_world, place.bounds) {
             (Space::World, Some(t), _) => {
-                point = t.point(point);
+                point = t.point(point) + place.origins[1];
                 linear = t.matrix().matrix3;
                 normal = t.normal(normal).normalize();
             }
+            (Space::World, None, _) => point += place.origins[1],
             (Space::Bounds, _, Some(bounds)) => {
                 let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
                 let size = (max - min).map(|side| if side > 0.0 { side } else { 1.0 });
                 point = (point - (min + max) * 0.5) / size;
                 linear = DMat3::from_diagonal(size.recip());
             }
-            _ => {}
+            (Space::Object, ..) | (Space::Bounds, _, None) => point += place.origins[0],
         }
         if !self.transform.is_identity() {
             let back = self.transform.inverse();

@@ -17,6 +17,7 @@ fn at<T>(shape: &Shape, target: DVec3, to_world: Option<&Transform>, test: impl 
         patch: &patch,
         to_world,
         bounds: shape.bounds(),
+        origins: [DVec3::ZERO; 2],
     })
 }
 

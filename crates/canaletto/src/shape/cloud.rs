@@ -3,7 +3,7 @@
 use super::{Cylinder, Patch, Shape, ShapeHit, Sphere, Surface};
 use crate::math::{Line, Rgb};
 use canaletto_bvh::{Aabb, Ray};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -12,7 +12,10 @@ use serde::{Deserialize, Serialize};
 pub struct SphereCloud {
     /// The file or node it came from, for messages.
     pub name: String,
-    /// The centres.
+    /// Where the centres are counted from: zero, unless they lie so far from it that `f32` would lose what can be seen.
+    #[serde(default)]
+    pub origin: DVec3,
+    /// The centres, from the origin.
     pub centers: Vec<Vec3>,
     /// One radius for all, or one for each centre; > 0.
     pub radii: Vec<f32>,
@@ -25,7 +28,10 @@ pub struct SphereCloud {
 pub struct CylinderCloud {
     /// The file or node it came from, for messages.
     pub name: String,
-    /// The two ends of each axis.
+    /// Where the ends are counted from: zero, unless they lie so far from it that `f32` would lose what can be seen.
+    #[serde(default)]
+    pub origin: DVec3,
+    /// The two ends of each axis, from the origin.
     pub axes: Vec<[Vec3; 2]>,
     /// One radius for all, or one for each axis; > 0.
     pub radii: Vec<f32>,

@@ -512,6 +512,7 @@ impl Net {
         let flat = self.materials.len() <= 1 && self.vertices.iter().all(|v| v.slot == 0);
         Ok(Mesh {
             name: self.name,
+            origin: DVec3::ZERO,
             normals: (0..self.vertices.len())
                 .map(|v| normal(v).normalize_or(self.vertices[v].normal).as_vec3())
                 .collect(),

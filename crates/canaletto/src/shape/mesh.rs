@@ -17,7 +17,10 @@ use serde::{Deserialize, Serialize};
 pub struct Mesh {
     /// The file or object it came from, for messages.
     pub name: String,
-    /// Vertex positions.
+    /// Where the positions are counted from: zero, unless they lie so far from it that `f32` would lose what can be seen.
+    #[serde(default)]
+    pub origin: DVec3,
+    /// Vertex positions, from the origin.
     pub positions: Vec<Vec3>,
     /// A normal for each position, or nothing (flat shading). Any length but zero.
     pub normals: Vec<Vec3>,

@@ -191,6 +191,8 @@ impl World {
             objects: builder.objects,
             geometries: builder.geometries,
             owners: builder.owners,
+            local_origins: builder.local_origins,
+            origin: glam::DVec3::ZERO,
             origins: builder.origins,
             unbounded_id_base: 1u32.wrapping_add(root.numbers),
             root,

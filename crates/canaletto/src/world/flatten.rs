@@ -16,6 +16,7 @@ use crate::math::{Path, Transform};
 use crate::scene::{Content, Node};
 use crate::shape::{CylinderCloud, Mesh, Shape, SphereCloud};
 use canaletto_bvh::Quality;
+use glam::DVec3;
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -75,6 +76,8 @@ pub(super) struct Builder {
     /// What the world before leaves.
     pub(super) before: Before,
     pub(super) origins: Origins,
+    /// Where the coordinates of geometries are counted from, of those that have no zero of their own.
+    pub(super) local_origins: HashMap<u32, DVec3>,
     /// Prototypes that stay whole.
     pub(super) groups: Vec<Group>,
     pub(super) nesting: Nesting,
@@ -234,21 +237,21 @@ impl Builder {
             Content::Mesh(index) => {
                 let object = self.object(node, "mesh");
                 let (geometry, moved) = self.mesh_geometry(node, *index, [own, inherited], &transform)?;
-                let to_world = (!moved && !transform.is_identity()).then_some(transform);
+                let to_world = if moved { None } else { self.place_of(geometry, &transform) };
                 self.instance(part, Instance { material: own, inherited, to_world, ..Instance::of(geometry, object) })
             }
             Content::Spheres(index) => {
                 let object = self.object(node, "spheres");
                 self.refuse_relief(inherited, object)?;
-                let geometry = self.spheres_geometry(node, *index)?;
-                let to_world = (!transform.is_identity()).then_some(transform);
+                let geometry = self.spheres_geometry(node, *index, &transform)?;
+                let to_world = self.place_of(geometry, &transform);
                 self.instance(part, Instance { material: own, inherited, to_world, ..Instance::of(geometry, object) })
             }
             Content::Cylinders(index) => {
                 let object = self.object(node, "cylinders");
                 self.refuse_relief(inherited, object)?;
-                let geometry = self.cylinders_geometry(node, *index)?;
-                let to_world = (!transform.is_identity()).then_some(transform);
+                let geometry = self.cylinders_geometry(node, *index, &transform)?;
+                let to_world = self.place_of(geometry, &transform);
                 self.instance(part, Instance { material: own, inherited, to_world, ..Instance::of(geometry, object) })
             }
             Content::Group(children) => self.flatten(children, &Place { transform, inherited }, part, depth + 1),
@@ -276,7 +279,7 @@ impl Builder {
         match moved {
             Some(moved) if moved.bounds().is_none() => {
                 let own = (!stays).then_some((*shape, *transform));
-                self.unbounded(part, Unbounded { shape: moved, object, material, own })?;
+                self.unbounded(part, Unbounded { shape: moved, object, material, own, origin: DVec3::ZERO })?;
             }
             Some(moved) if stays => {
                 moved.check().map_err(|problem| self.invalid(object, format!("after its transforms, {problem}")))?;
@@ -368,14 +371,14 @@ impl Builder {
             light: light.clone(),
             chain: chain.clone().inside(&transform),
         }));
-        for Unbounded { shape, object, material, own: place } in unbounded {
+        for Unbounded { shape, object, material, own: place, origin } in unbounded {
             let moved = shape.transformed(&transform).ok_or_else(|| self.invalid(*object, too_far()))?;
             let material = or(own, or(*material, inherited));
             let place = match place {
                 Some((shape, t)) => Some((*shape, transform.after(t))),
                 None => (!self.wants(material).allow(shape, &transform)).then_some((*shape, transform)),
             };
-            self.unbounded(part, Unbounded { shape: moved, object: *object, material, own: place })?;
+            self.unbounded(part, Unbounded { shape: moved, object: *object, material, own: place, origin: *origin })?;
         }
         self.finished.insert(index, finished);
         Ok(())

@@ -6,9 +6,11 @@ use super::build::hierarchy_error;
 use super::flatten::{Builder, missing};
 use super::geometry::Geometry;
 use super::instance::NONE;
+use super::origin::{origin_of, span};
 use crate::math::Transform;
 use crate::scene::Node;
 use crate::shape::Mesh;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 impl Builder {
@@ -30,6 +32,7 @@ impl Builder {
         // Another use may want it as it is.
         let again = self.relief.any() && self.mesh_uses[index as usize] > 1;
         let mut mesh = if again { slot.clone() } else { slot.take() }.unwrap_or_default();
+        let transform = &counted_from(mesh.origin, transform);
         let object = self.objects.len() as u32 - 1;
         mesh.check().map_err(|problem| self.invalid(object, problem))?;
         if let Some(&bad) = mesh.materials.iter().find(|&&m| m as usize >= self.material_count) {
@@ -52,42 +55,84 @@ impl Builder {
         if moved && !transform.is_identity() {
             move_mesh(&mut mesh, transform);
             mesh.check().map_err(|problem| self.invalid(object, format!("after its transforms, {problem}")))?;
+            mesh.origin = DVec3::ZERO;
         }
+        if !moved && !transform.is_identity() {
+            mesh.origin += near(&mut mesh.positions);
+        }
+        let origin = mesh.origin;
         let geometry = self.push_mesh(mesh, object)?;
+        self.set_origin(geometry, origin);
         self.geometry_of_mesh.insert(key, geometry);
         Ok((geometry, moved))
     }
 
-    pub(super) fn spheres_geometry(&mut self, node: &Node, index: u32) -> Result<u32, BuildError> {
+    pub(super) fn spheres_geometry(
+        &mut self,
+        node: &Node,
+        index: u32,
+        transform: &Transform,
+    ) -> Result<u32, BuildError> {
         let count = self.spheres.len();
         if let Some(&geometry) = self.geometry_of_spheres.get(&index) {
             return Ok(geometry);
         }
         let slot =
             self.spheres.get_mut(index as usize).ok_or_else(|| missing(node, "cloud of spheres", index, count))?;
-        let cloud = slot.take().unwrap_or_default();
+        let mut cloud = slot.take().unwrap_or_default();
         let object = self.objects.len() as u32 - 1;
         cloud.check().map_err(|problem| self.invalid(object, problem))?;
+        if !transform.is_identity() {
+            cloud.origin += near(&mut cloud.centers);
+        }
+        let origin = cloud.origin;
         let before = self.before_of(object);
         let geometry = self.push_found(Geometry::spheres_after(before, cloud), object)?;
+        self.set_origin(geometry, origin);
         self.geometry_of_spheres.insert(index, geometry);
         Ok(geometry)
     }
 
-    pub(super) fn cylinders_geometry(&mut self, node: &Node, index: u32) -> Result<u32, BuildError> {
+    pub(super) fn cylinders_geometry(
+        &mut self,
+        node: &Node,
+        index: u32,
+        transform: &Transform,
+    ) -> Result<u32, BuildError> {
         let count = self.cylinders.len();
         if let Some(&geometry) = self.geometry_of_cylinders.get(&index) {
             return Ok(geometry);
         }
         let slot =
             self.cylinders.get_mut(index as usize).ok_or_else(|| missing(node, "cloud of cylinders", index, count))?;
-        let cloud = slot.take().unwrap_or_default();
+        let mut cloud = slot.take().unwrap_or_default();
         let object = self.objects.len() as u32 - 1;
         cloud.check().map_err(|problem| self.invalid(object, problem))?;
+        if !transform.is_identity() {
+            cloud.origin += near(cloud.axes.as_flattened_mut());
+        }
+        let origin = cloud.origin;
         let before = self.before_of(object);
         let geometry = self.push_found(Geometry::cylinders_after(before, cloud), object)?;
+        self.set_origin(geometry, origin);
         self.geometry_of_cylinders.insert(index, geometry);
         Ok(geometry)
+    }
+
+    /// Says where the coordinates of a geometry are counted from in its object's space.
+    pub(super) fn set_origin(&mut self, geometry: u32, origin: DVec3) {
+        if origin != DVec3::ZERO {
+            self.local_origins.insert(geometry, origin);
+        }
+    }
+
+    /// From a geometry's coordinates to the world's, if that isn't the identity, for an object that stands like this.
+    pub(super) fn place_of(&self, geometry: u32, transform: &Transform) -> Option<Transform> {
+        let place = match self.local_origins.get(&geometry) {
+            Some(origin) => counted_from(*origin, transform),
+            None => *transform,
+        };
+        (!place.is_identity()).then_some(place)
     }
 
     pub(super) fn push_mesh(&mut self, mesh: Mesh, object: u32) -> Result<u32, BuildError> {
@@ -118,6 +163,24 @@ impl Builder {
         self.owners.push(object);
         Ok(self.geometries.len() as u32 - 1)
     }
+}
+
+/// Coordinates of an instance are far from zero if they are so many times the size of what they belong to: the rays that are
+/// taken into its space would be rounded by more than 2⁻¹⁴ of that size.
+const FAR: f64 = 1024.0;
+
+/// The transform for coordinates that are counted from there.
+fn counted_from(origin: DVec3, transform: &Transform) -> Transform {
+    if origin == DVec3::ZERO { *transform } else { transform.after(&Transform::translate(origin)) }
+}
+
+/// Counts points that lie far from zero from the middle of them, exactly; tells from where.
+fn near(points: &mut [Vec3]) -> DVec3 {
+    let origin = origin_of(span(points), FAR);
+    if origin != DVec3::ZERO {
+        points.par_iter_mut().for_each(|p| *p = (p.as_dvec3() - origin).as_vec3());
+    }
+    origin
 }
 
 /// Moves a mesh's vertices. A mirroring transform turns the corners round, so that they stay counter-clockwise seen from

@@ -4,6 +4,7 @@ use super::motion::{Chain, around, outwards};
 use crate::math::{Line, Transform};
 use crate::shape::Shape;
 use canaletto_bvh::{Aabb, PreparedRay};
+use glam::DVec3;
 
 /// No index.
 pub(super) const NONE: u32 = u32::MAX;
@@ -50,6 +51,8 @@ pub(super) struct Unbounded {
     pub(super) material: u32,
     /// The shape in its own space and where that is, if a texture needs to know and it isn't the world's.
     pub(super) own: Option<(Shape, Transform)>,
+    /// Where the coordinates of that shape are counted from in the object's space.
+    pub(super) origin: DVec3,
 }
 
 impl Instance {

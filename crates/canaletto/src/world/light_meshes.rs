@@ -4,13 +4,13 @@ use super::{BuildError, World};
 use crate::light::{Light, LightKind, Source};
 use crate::scene::{Content, Node};
 use crate::shape::Mesh;
-use glam::Vec3;
+use glam::DVec3;
 use std::collections::HashMap;
 
 /// The triangles of meshes that shine, each in its mesh's own space.
 #[derive(Debug, Default)]
 pub(super) struct LightMeshes {
-    by_mesh: HashMap<u32, Vec<[Vec3; 3]>>,
+    by_mesh: HashMap<u32, Vec<[DVec3; 3]>>,
 }
 
 impl LightMeshes {
@@ -43,9 +43,9 @@ impl LightMeshes {
                         count: meshes.len(),
                     })?;
                     mesh.check().map_err(|problem| BuildError::Invalid { object: object(), problem })?;
-                    let triangles =
-                        self.by_mesh.entry(index).or_insert_with(|| (0..mesh.len()).map(|i| mesh.corners(i)).collect());
-                    let edges = |[a, b, c]: [Vec3; 3]| (b - a).as_dvec3().cross((c - a).as_dvec3());
+                    let corners = |i| mesh.corners(i).map(|p| mesh.origin + p.as_dvec3());
+                    let triangles = self.by_mesh.entry(index).or_insert_with(|| (0..mesh.len()).map(corners).collect());
+                    let edges = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a);
                     area += triangles.iter().map(|corners| edges(*corners).length()).sum::<f64>();
                 }
                 if area > 0.0 || light.meshes.is_empty() {
@@ -69,7 +69,7 @@ impl LightMeshes {
     /// The source of a light in its place.
     pub(super) fn source(&self, light: Light) -> Source {
         let LightKind::Mesh(mesh) = &light.kind else { return Source::new(light) };
-        let triangles: Vec<[Vec3; 3]> =
+        let triangles: Vec<[DVec3; 3]> =
             mesh.meshes.iter().filter_map(|index| self.by_mesh.get(index)).flatten().copied().collect();
         Source::of_triangles(light, &triangles)
     }

@@ -18,6 +18,7 @@ mod motion;
 mod nesting;
 #[cfg(test)]
 mod nesting_tests;
+mod origin;
 mod query;
 mod relief;
 mod shadow;
@@ -40,10 +41,12 @@ use crate::math::Rgb;
 use crate::texture::Pattern;
 use canaletto_bvh::Aabb;
 use geometry::Geometry;
+use glam::DVec3;
 use group::Group;
 use instance::Unbounded;
 use light_meshes::LightMeshes;
 use motion::{Chain, MovingLight};
+use std::collections::HashMap;
 
 /// A scene ready to be traced.
 #[derive(Debug)]
@@ -68,6 +71,10 @@ pub struct World {
     geometries: Vec<Geometry>,
     /// The object that each of them is the only geometry of; for the world after this.
     owners: Vec<u32>,
+    /// Where the coordinates of geometries are counted from in their object's space, of those that have no zero of their own.
+    local_origins: HashMap<u32, DVec3>,
+    /// What lies at the zero of all coordinates.
+    origin: DVec3,
     origins: Origins,
     /// All of it.
     root: Group,

@@ -43,7 +43,7 @@ impl Relief {
             let kinds = "spheres, boxes, triangles, cylinders, cones and meshes can be";
             return Err(format!("a {} can't be displaced; {kinds}", shape.kind()));
         };
-        self.raise(net, shape.bounds(), &|_| material, &[material])
+        self.raise(net, shape.bounds(), DVec3::ZERO, &|_| material, &[material])
     }
 
     /// A mesh raised where its materials say so; `material` says which one each slot has.
@@ -51,13 +51,16 @@ impl Relief {
         let bounds = Aabb::from_points(mesh.positions.iter().copied());
         let slots = mesh.materials.len().max(1) as u32;
         let materials: Vec<u32> = (0..slots).map(material).collect();
-        self.raise(Net::of_mesh(mesh), Some(bounds), material, &materials)
+        let origin = mesh.origin;
+        let raised = self.raise(Net::of_mesh(mesh), Some(bounds), origin, material, &materials)?;
+        Ok(Mesh { origin, ..raised })
     }
 
     fn raise(
         &mut self,
         net: Net,
         bounds: Option<Aabb>,
+        origin: DVec3,
         material: &(dyn Fn(u32) -> u32 + Sync),
         materials: &[u32],
     ) -> Result<Mesh, String> {
@@ -76,7 +79,7 @@ impl Relief {
         let limit = World::MAX_DISPLACED.saturating_sub(self.made);
         let height = |vertex: &Vertex| {
             let uses = self.uses.get(material(vertex.slot) as usize);
-            uses.into_iter().flatten().map(|used| self.height(used, vertex, bounds)).sum()
+            uses.into_iter().flatten().map(|used| self.height(used, vertex, bounds, origin)).sum()
         };
         let mesh = net.raised(detail, limit, &height).map_err(|problem| match problem {
             Unraised::TooMany => format!(
@@ -89,10 +92,11 @@ impl Relief {
         Ok(mesh)
     }
 
-    fn height(&self, used: &TextureUse, vertex: &Vertex, bounds: Option<Aabb>) -> f64 {
+    fn height(&self, used: &TextureUse, vertex: &Vertex, bounds: Option<Aabb>, origin: DVec3) -> f64 {
         let patch = Patch { gradients: [DVec3::ZERO; 2], bend: DMat3::ZERO, round: false };
-        let place =
-            Place { point: vertex.point, normal: vertex.normal, uv: vertex.uv, patch: &patch, to_world: None, bounds };
+        let Vertex { point, normal, uv, .. } = *vertex;
+        let origins = [origin, DVec3::ZERO];
+        let place = Place { point, normal, uv, patch: &patch, to_world: None, bounds, origins };
         let pattern = &self.patterns[used.texture as usize];
         let spots = used.mapping.spots(&place);
         let at = |at: DVec3| f64::from(used.number(pattern.eval(&Lookup::point(at))));

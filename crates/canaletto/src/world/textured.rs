@@ -47,6 +47,8 @@ struct Local {
     patch: Patch,
     to_world: Option<Transform>,
     bounds: Option<Aabb>,
+    /// Where the object's coordinates are counted from.
+    origin: DVec3,
 }
 
 impl World {
@@ -150,11 +152,12 @@ impl World {
             let (shape, to_world) = unbounded.own.as_ref().map_or((&unbounded.shape, None), |(s, t)| (s, Some(*t)));
             let line = to_world.as_ref().map_or(line, |t| to_local(t, line));
             let surface = shape.surface(line, &shape_hit);
-            return Local { surface, patch: shape.patch(&surface, &shape_hit), to_world, bounds: None };
+            let patch = shape.patch(&surface, &shape_hit);
+            return Local { surface, patch, to_world, bounds: None, origin: unbounded.origin };
         }
-        let (geometry, to_world) =
+        let (index, to_world) =
             self.with_instance(hit.instance, |instance| (instance.geometry, instance.placed(&self.chains, hit.time)));
-        let geometry = &self.geometries[geometry as usize];
+        let geometry = &self.geometries[index as usize];
         let local_line = to_world.as_ref().map_or(line, |t| to_local(t, line));
         let surface = geometry.surface(local_line, hit.primitive, &shape_hit);
         Local {
@@ -162,6 +165,7 @@ impl World {
             patch: geometry.patch(hit.primitive, &shape_hit, &surface),
             to_world,
             bounds: geometry.object_bounds(hit.primitive),
+            origin: self.local_origins.get(&index).copied().unwrap_or_default(),
         }
     }
 }
@@ -188,6 +192,7 @@ impl<'a> At<'a> {
             patch: &local.patch,
             to_world: local.to_world.as_ref(),
             bounds: local.bounds,
+            origins: [local.origin, world.origin],
         };
         At { place, steps }
     }

@@ -102,10 +102,11 @@ impl Parts {
             Triangles::Plain(_, list) => list,
             Triangles::Full(_) => Vec::new(),
         };
-        let Vertices { positions, colors, uvs, normals } = vertices;
+        let Vertices { origin, positions, colors, uvs, normals } = vertices;
         let materials = self.list.iter().flat_map(|part| part.materials.iter().copied()).collect::<Vec<_>>();
         Mesh {
             name: self.list.iter().map(|part| part.name.as_str()).collect(),
+            origin,
             positions,
             normals: if normal { normals } else { Vec::new() },
             uvs: if uv { uvs } else { Vec::new() },
@@ -193,6 +194,17 @@ impl Draft {
         }
         let positions = corners.par_iter().map(|c| vertices.positions[c[0] as usize]).collect();
         let Part { name, materials } = part;
-        Mesh { name, positions, normals, uvs, colors, triangles, slots, materials, one_sided: false }
+        Mesh {
+            name,
+            origin: vertices.origin,
+            positions,
+            normals,
+            uvs,
+            colors,
+            triangles,
+            slots,
+            materials,
+            one_sided: false,
+        }
     }
 }

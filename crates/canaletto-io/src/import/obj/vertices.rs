@@ -3,15 +3,18 @@
 use super::super::join::join;
 use super::super::lines::{Complaint, Lines, Words, gap};
 use super::super::number;
+use super::super::positions::Positions;
 use super::super::text::{Piece, Text};
 use super::faces::NONE;
 use crate::picture::decode_srgb;
 use canaletto::math::Rgb;
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 
 /// What the file's lists of vertices hold.
 #[derive(Default)]
 pub(super) struct Vertices {
+    /// Where the positions are counted from.
+    pub(super) origin: DVec3,
     pub(super) positions: Vec<Vec3>,
     /// Empty, or one for each position.
     pub(super) colors: Vec<Rgb>,
@@ -33,6 +36,7 @@ pub(super) struct First {
 /// What a piece holds.
 #[derive(Default)]
 struct Found {
+    positions: Positions,
     vertices: Vertices,
     libraries: Vec<(usize, Vec<u8>)>,
     others: bool,
@@ -50,16 +54,16 @@ pub(super) fn read(text: Text<'_>) -> Result<First, Complaint> {
         &all,
         |_, piece| find(piece),
         |index, found| {
-            let Found { vertices, libraries, others } = found?;
+            let Found { positions: some, vertices, libraries, others } = found?;
             if !vertices.colors.is_empty() {
                 colors.resize(count[0], Rgb::WHITE);
                 colors.extend(vertices.colors);
             }
             first.before.push(count);
-            count[0] += vertices.positions.len();
+            count[0] += some.len();
             count[1] += vertices.uvs.len();
             count[2] += vertices.normals.len();
-            positions.push(vertices.positions);
+            positions.push(some);
             uvs.push(vertices.uvs);
             normals.push(vertices.normals);
             first.libraries.extend(libraries);
@@ -73,7 +77,8 @@ pub(super) fn read(text: Text<'_>) -> Result<First, Complaint> {
     if count.iter().any(|n| *n >= NONE as usize) {
         return Err(Complaint::file("it has more vertices than 32 bits can count"));
     }
-    first.vertices = Vertices { positions: join(positions), colors, uvs: join(uvs), normals: join(normals) };
+    let (origin, positions) = Positions::settle_all(positions);
+    first.vertices = Vertices { origin, positions, colors, uvs: join(uvs), normals: join(normals) };
     Ok(first)
 }
 
@@ -83,20 +88,21 @@ fn find(piece: Piece<'_>) -> Result<Found, Complaint> {
     if memchr::memchr2(b'v', b'm', piece.bytes).is_none() {
         return Ok(Found { others: true, ..found });
     }
-    let Found { vertices: out, libraries, others } = &mut found;
+    let Found { positions, vertices: out, libraries, others } = &mut found;
     let mut lines = Lines::of_piece(piece).joined();
     loop {
-        while let Some(position) = lines.easy(plain_position) {
-            out.positions.push(position);
+        while let Some((rounded, exact)) = lines.easy(plain_position) {
+            positions.push(rounded, exact);
         }
         let Some(line) = lines.next() else { break };
         let mut words = line.words();
         let Some(word) = words.next() else { continue };
         match word.text {
             b"v" => {
-                out.positions.push(words.numbers::<3>("vertex")?.into());
+                let (rounded, exact) = words.position("vertex")?;
+                positions.push(rounded, exact);
                 if let Some(color) = vertex_color(words)? {
-                    out.colors.resize(out.positions.len() - 1, Rgb::WHITE);
+                    out.colors.resize(positions.len() - 1, Rgb::WHITE);
                     out.colors.push(color);
                 }
             }
@@ -113,21 +119,22 @@ fn find(piece: Piece<'_>) -> Result<Found, Complaint> {
             _ => *others = true,
         }
     }
+    found.positions = found.positions.part();
     Ok(found)
 }
 
 /// The position of a line of `v` and three easy numbers, which most lines are, and the line's length.
 #[inline]
-fn plain_position(line: &[u8]) -> Option<(Vec3, usize)> {
+fn plain_position(line: &[u8]) -> Option<((Vec3, DVec3), usize)> {
     let mut at = usize::from(*line.first()? == b'v');
-    let mut numbers = [0.0; 3];
-    for number in &mut numbers {
+    let (mut rounded, mut exact) = ([0.0; 3], [0.0; 3]);
+    for axis in 0..3 {
         at = gap(line, at)?;
-        let (value, length) = number::leading_f32(&line[at..])?;
-        *number = value;
+        let length;
+        (rounded[axis], exact[axis], length) = number::leading_f32(&line[at..])?;
         at += length;
     }
-    Some((Vec3::from(numbers), at))
+    Some(((rounded.into(), exact.into()), at))
 }
 
 /// The colour after a position, if there is one. A single number is the weight of rational curves.

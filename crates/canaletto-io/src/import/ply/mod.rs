@@ -15,12 +15,13 @@ mod table;
 use super::lines::Complaint;
 use super::mend::mend_normals;
 use super::polygon::Triangulator;
+use super::positions::Positions;
 use super::unreadable;
 use crate::content::View;
 use crate::picture::decode_srgb;
 use canaletto::math::Rgb;
 use canaletto::shape::{CylinderCloud, Mesh, SphereCloud};
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use header::{Element, Header};
 use payload::{Payload, Row};
 
@@ -59,7 +60,8 @@ pub(super) fn read_spheres(name: &str, view: View<'_>) -> Result<SphereCloud, Co
     for element in in_order(&header)? {
         if element.name == "vertex" {
             let Vertices { positions, radii, colors, .. } = vertices(element, &mut payload)?;
-            return Ok(SphereCloud { name: name.to_owned(), centers: positions, radii, colors });
+            let (origin, centers) = positions.settle();
+            return Ok(SphereCloud { name: name.to_owned(), origin, centers, radii, colors });
         }
         payload.skip(element)?;
     }
@@ -77,7 +79,7 @@ pub(super) fn read_cylinders(name: &str, view: View<'_>) -> Result<CylinderCloud
     let mut points = Vec::new();
     for element in in_order(&header)? {
         match element.name.as_str() {
-            "vertex" => points = vertices(element, &mut payload)?.positions,
+            "vertex" => (cloud.origin, points) = vertices(element, &mut payload)?.positions.settle(),
             "edge" => {
                 let ends = element.numbers(["vertex1", "vertex2"]);
                 let ends = ends.ok_or_else(|| Complaint::file("edges need the properties vertex1 and vertex2"))?;
@@ -192,7 +194,7 @@ impl Extra {
 
 #[derive(Default)]
 struct Vertices {
-    positions: Vec<Vec3>,
+    positions: Positions,
     normals: Vec<Vec3>,
     uvs: Vec<Vec2>,
     radii: Vec<f32>,
@@ -201,7 +203,7 @@ struct Vertices {
 
 impl Vertices {
     fn into_mesh(self, mesh: &mut Mesh) {
-        mesh.positions = self.positions;
+        (mesh.origin, mesh.positions) = self.positions.settle();
         mesh.normals = self.normals;
         mesh.uvs = self.uvs;
         mesh.colors = self.colors;
@@ -233,7 +235,8 @@ impl Wanted {
         if !p.is_finite() {
             return Err(format!("its position {} {} {} is not finite", p.x, p.y, p.z));
         }
-        out.positions.push(p);
+        let exact = self.position.map(|property| row.numbers[property]);
+        out.positions.push(p, DVec3::from(exact));
         out.normals.extend(self.normal.map(vector));
         let uv = self.uv.map(|uv| Vec2::from(uv.map(|property| row.numbers[property] as f32)));
         out.uvs.extend(uv.map(|uv| if uv.is_finite() { uv } else { Vec2::ZERO }));
@@ -257,7 +260,7 @@ fn vertices(element: &Element, payload: &mut Payload<'_>) -> Result<Vertices, Co
         Vertices::default,
         |some, _, row| wanted.read(row, some),
         |some| {
-            out.positions.extend(some.positions);
+            out.positions.append(some.positions);
             out.normals.extend(some.normals);
             out.uvs.extend(some.uvs);
             out.radii.extend(some.radii);

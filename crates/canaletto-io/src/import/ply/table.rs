@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::header::{Element, Encoding, Kind};
 use super::payload::Payload;
-use super::{Extra, Vertices, Wanted};
+use super::{Extra, Positions, Vertices, Wanted};
 use crate::content::View;
 use canaletto::math::Rgb;
 use canaletto::memory;
@@ -61,6 +61,11 @@ impl Column {
         }
     }
 
+    /// Whether `f32` doesn't hold all of its numbers.
+    fn rounds(self) -> bool {
+        matches!(self.kind, Kind::F64 | Kind::I32 | Kind::U32)
+    }
+
     fn is_plain(self) -> bool {
         self.kind == Kind::F32 && !self.big
     }
@@ -96,6 +101,8 @@ fn vectors<const N: usize, V: From<[f32; N]> + Into<[f32; N]> + Copy>(
 /// A part of the lists of vertices; what the file doesn't have is empty.
 struct Part<'a> {
     positions: &'a mut [Vec3],
+    /// What rounding left of them.
+    rest: &'a mut [Vec3],
     normals: &'a mut [Vec3],
     uvs: &'a mut [Vec2],
     radii: &'a mut [f32],
@@ -110,6 +117,7 @@ impl<'a> Part<'a> {
         }
         Part {
             positions: first(&mut self.positions, count),
+            rest: first(&mut self.rest, count),
             normals: first(&mut self.normals, count),
             uvs: first(&mut self.uvs, count),
             radii: first(&mut self.radii, count),
@@ -140,6 +148,11 @@ impl VertexRows<'_> {
         }
         let Ok(rows) = self.view.piece(at..at + part.positions.len() * stride, buffer) else { return false };
         vectors(self.position, rows, stride, part.positions);
+        if !part.rest.is_empty() {
+            for (k, column) in self.position.into_iter().enumerate() {
+                column.each(rows, stride, |i, number| part.rest[i][k] = (number - f64::from(number as f32)) as f32);
+            }
+        }
         if let Some(columns) = self.normal {
             vectors(columns, rows, stride, part.normals);
         }
@@ -203,12 +216,14 @@ pub(super) fn vertices(element: &Element, wanted: &Wanted, payload: &mut Payload
     let count = element.count as usize;
     let if_there = |there: bool| if there { count } else { 0 };
     let mut positions = memory::zeros(count);
+    let mut rest = memory::zeros(if_there(rows.position.iter().any(|column| column.rounds())));
     let mut normals = memory::zeros(if_there(rows.normal.is_some()));
     let mut uvs = memory::zeros(if_there(rows.uv.is_some()));
     let mut radii = memory::zeros(if_there(rows.radius.is_some()));
     let mut colors = memory::zeros(if_there(rows.color.is_some()));
-    let mut rest = Part {
+    let mut part = Part {
         positions: &mut positions,
+        rest: &mut rest,
         normals: &mut normals,
         uvs: &mut uvs,
         radii: &mut radii,
@@ -216,10 +231,11 @@ pub(super) fn vertices(element: &Element, wanted: &Wanted, payload: &mut Payload
     };
     let step = (PIECE / stride).max(1);
     let parts: Vec<(usize, Part<'_>)> =
-        (0..count).step_by(step).map(|first| (start + first * stride, rest.take(step))).collect();
+        (0..count).step_by(step).map(|first| (start + first * stride, part.take(step))).collect();
     let good = in_parallel(parts, |buffer, (at, part)| rows.read(at, part, buffer));
     good.then(|| payload.pass(count * stride))?;
     let colors = colors.into_iter().map(Rgb::from).collect();
+    let positions = Positions::from_parts(positions, rest);
     Some(Vertices { positions, normals, uvs, radii, colors })
 }
 

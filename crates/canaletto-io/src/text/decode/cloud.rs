@@ -12,7 +12,7 @@ use crate::text::syntax::{Span, Value};
 use canaletto::math::Rgb;
 use canaletto::scene::Content;
 use canaletto::shape::{CylinderCloud, SphereCloud};
-use glam::Vec3;
+use glam::DVec3;
 
 /// The most mistakes that are reported of one cloud.
 const MAX_MISTAKES: usize = 20;
@@ -20,7 +20,7 @@ const MAX_MISTAKES: usize = 20;
 /// Rows of numbers.
 struct Rows {
     columns: usize,
-    numbers: Vec<f32>,
+    numbers: Vec<f64>,
 }
 
 impl Decoder<'_> {
@@ -38,9 +38,10 @@ impl Decoder<'_> {
             }
             source => {
                 let rows = if source == "data" { self.data(f, 3)? } else { numbers(f, "points", 3) };
-                let centers = rows.numbers.chunks_exact(rows.columns).map(Vec3::from_slice).collect();
+                let centers = rows.numbers.chunks_exact(rows.columns).map(DVec3::from_slice);
+                let (origin, centers) = import::counted(centers);
                 let (radii, colors) = self.rest(f, &rows, 3)?;
-                SphereCloud { name: name(f), centers, radii, colors }
+                SphereCloud { name: name(f), origin, centers, radii, colors }
             }
         };
         if let Err(problem) = cloud.check() {
@@ -64,10 +65,11 @@ impl Decoder<'_> {
             }
             source => {
                 let rows = if source == "data" { self.data(f, 6)? } else { numbers(f, "axes", 6) };
-                let ends = |row: &[f32]| [Vec3::from_slice(row), Vec3::from_slice(&row[3..])];
-                let axes = rows.numbers.chunks_exact(rows.columns).map(ends).collect();
+                let ends = |row: &[f64]| [DVec3::from_slice(row), DVec3::from_slice(&row[3..])];
+                let (origin, ends) = import::counted(rows.numbers.chunks_exact(rows.columns).flat_map(ends));
+                let axes = ends.as_chunks().0.to_vec();
                 let (radii, colors) = self.rest(f, &rows, 6)?;
-                CylinderCloud { name: name(f), axes, radii, colors, caps: DEFAULT_CAPS }
+                CylinderCloud { name: name(f), origin, axes, radii, colors, caps: DEFAULT_CAPS }
             }
         };
         cloud.caps = f.flag("caps").unwrap_or(DEFAULT_CAPS);
@@ -171,7 +173,7 @@ impl Decoder<'_> {
         let behind = rows.columns - lead;
         let each = rows.numbers.chunks_exact(rows.columns);
         let radii = if behind == 1 || behind == 4 {
-            each.clone().map(|row| row[lead]).collect()
+            each.clone().map(|row| row[lead] as f32).collect()
         } else if let Some(radius) = f.real("radius") {
             vec![radius]
         } else {
@@ -186,7 +188,8 @@ impl Decoder<'_> {
         let colors = if behind < 3 {
             Vec::new()
         } else {
-            each.map(|row| Rgb::new(row[rows.columns - 3], row[rows.columns - 2], row[rows.columns - 1])).collect()
+            let color = |row: &[f64]| Rgb::from([3, 2, 1].map(|back| row[rows.columns - back] as f32));
+            each.map(color).collect()
         };
         Some((radii, colors))
     }
@@ -228,7 +231,7 @@ fn name(f: &Fields) -> String {
 /// The numbers of a node's word.
 fn numbers(f: &Fields, word: &str, columns: usize) -> Rows {
     let values = f.raw(word).map_or(&[][..], |got| got.values);
-    Rows { columns, numbers: values.iter().filter_map(|v| v.as_number().map(|n| n as f32)).collect() }
+    Rows { columns, numbers: values.iter().filter_map(|v| v.as_number()).collect() }
 }
 
 /// The lines of a text with their places in the file; a text with escapes has one place for all.
@@ -248,11 +251,11 @@ fn lines<'t>(raw: &'t str, text: &'t str, value: &'t Value) -> impl Iterator<Ite
 }
 
 /// Adds a line's numbers; tells whether all of it was numbers.
-fn read_line(line: &str, span: Span, numbers: &mut Vec<f32>, mistakes: &mut Vec<Message>) -> bool {
+fn read_line(line: &str, span: Span, numbers: &mut Vec<f64>, mistakes: &mut Vec<Message>) -> bool {
     let exact = span.end - span.start >= line.len() as u32;
     let separator = |c: char| c.is_whitespace() || c == ',' || c == ';';
     for word in line.split(separator).filter(|word| !word.is_empty()) {
-        match word.parse::<f32>().ok().filter(|number| number.is_finite()) {
+        match word.parse::<f64>().ok().filter(|number| (*number as f32).is_finite()) {
             Some(number) => numbers.push(number),
             None => {
                 let at = span.start + (word.as_ptr() as usize - line.as_ptr() as usize) as u32;

@@ -1,0 +1,195 @@
+//! Positions are read as `f64` and kept as `f32` offsets from an origin of the file, where they lie so far from zero that
+//! `f32` would round what can be seen: survey coordinates of millions with details of millimetres.
+
+use super::join::join;
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+use std::borrow::Cow;
+
+/// Positions lie far from zero if their largest coordinate is so many times the size of the box around them. Rounding to
+/// `f32` then loses more than 2⁻¹⁹ of that size.
+const FAR: f64 = 64.0;
+
+/// Positions of a file or of a part of it: rounded, and what the rounding left, which is dropped where it is of no use.
+#[derive(Default)]
+pub(super) struct Positions {
+    rounded: Vec<Vec3>,
+    /// Empty, or one for each.
+    rest: Vec<Vec3>,
+}
+
+/// The box around points.
+struct Bounds {
+    min: DVec3,
+    max: DVec3,
+}
+
+impl Bounds {
+    fn of(points: &[Vec3]) -> Bounds {
+        let (min, max) = points
+            .par_iter()
+            .fold(|| (Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max), p| (min.min(*p), max.max(*p)))
+            .reduce(|| (Vec3::INFINITY, Vec3::NEG_INFINITY), |a, b| (a.0.min(b.0), a.1.max(b.1)));
+        Bounds { min: min.as_dvec3(), max: max.as_dvec3() }
+    }
+
+    fn size(&self) -> f64 {
+        (self.max - self.min).max_element()
+    }
+
+    /// Whether the largest coordinate is more than `times` the size.
+    fn is_far(&self, times: f64) -> bool {
+        self.min.abs().max(self.max.abs()).max_element() > times * self.size()
+    }
+
+    /// The middle on a grid of about the size, so that coordinates near zero keep the zero as theirs.
+    fn origin(&self) -> DVec3 {
+        let middle = (self.min + self.max) * 0.5;
+        // A single point is its own origin.
+        let step = if self.size() > 0.0 { libm::exp2(libm::ceil(libm::log2(self.size()))) } else { return middle };
+        (middle / step).round() * step
+    }
+}
+
+/// The origin of exact points, and the points as offsets from it; see [`Positions::settle`].
+pub(crate) fn counted(points: impl Iterator<Item = DVec3>) -> (DVec3, Vec<Vec3>) {
+    let mut positions = Positions::default();
+    points.for_each(|p| positions.push(p.as_vec3(), p));
+    positions.settle()
+}
+
+impl Positions {
+    /// Those of two lists that were filled elsewhere: rounded, and what the rounding left, which may be empty.
+    pub(super) fn from_parts(rounded: Vec<Vec3>, rest: Vec<Vec3>) -> Positions {
+        debug_assert!(rest.is_empty() || rest.len() == rounded.len());
+        Positions { rounded, rest }
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.rounded.len()
+    }
+
+    /// Adds a position: rounded once, and as exact as it is known.
+    #[inline]
+    pub(super) fn push(&mut self, rounded: Vec3, exact: DVec3) {
+        let rest = (exact - rounded.as_dvec3()).as_vec3();
+        if rest != Vec3::ZERO || !self.rest.is_empty() {
+            self.rest.resize(self.rounded.len(), Vec3::ZERO);
+            self.rest.push(rest);
+        }
+        self.rounded.push(rounded);
+    }
+
+    /// Drops what rounding left in a part of a file whose positions can't lie [`FAR`] from zero: the box of all is larger.
+    pub(super) fn part(mut self) -> Positions {
+        if !self.rest.is_empty() && !Bounds::of(&self.rounded).is_far(FAR / 2.0) {
+            self.rest = Vec::new();
+        }
+        self
+    }
+
+    /// Puts others behind.
+    pub(super) fn append(&mut self, mut other: Positions) {
+        if !self.rest.is_empty() || !other.rest.is_empty() {
+            self.rest.resize(self.rounded.len(), Vec3::ZERO);
+            other.rest.resize(other.rounded.len(), Vec3::ZERO);
+            self.rest.append(&mut other.rest);
+        }
+        self.rounded.append(&mut other.rounded);
+    }
+
+    /// The origin, and the positions as offsets from it: zero and the rounded positions, unless they lie far from zero and
+    /// rounding lost something.
+    pub(super) fn settle(self) -> (DVec3, Vec<Vec3>) {
+        Positions::settle_all(vec![self])
+    }
+
+    /// The same for the parts of a file, put together.
+    pub(super) fn settle_all(parts: Vec<Positions>) -> (DVec3, Vec<Vec3>) {
+        let (origin, lists) = Positions::settle_each(parts);
+        (origin, join(lists))
+    }
+
+    /// The same for the meshes of a file, which have one origin.
+    pub(super) fn settle_each(mut parts: Vec<Positions>) -> (DVec3, Vec<Vec<Vec3>>) {
+        let mut origin = DVec3::ZERO;
+        if parts.iter().any(|part| !part.rest.is_empty()) {
+            let mut all = Bounds { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
+            for part in &parts {
+                let Bounds { min, max } = Bounds::of(&part.rounded);
+                (all.min, all.max) = (all.min.min(min), all.max.max(max));
+            }
+            if all.is_far(FAR) {
+                origin = all.origin();
+                parts.iter_mut().for_each(|part| part.move_to(origin));
+            }
+        }
+        (origin, parts.into_iter().map(|part| part.rounded).collect())
+    }
+
+    /// The positions for questions about their form alone: counted from the first one if they lie [`FAR`] from zero.
+    pub(super) fn form(&self) -> Cow<'_, [Vec3]> {
+        if self.rest.is_empty() || !Bounds::of(&self.rounded).is_far(FAR) {
+            return Cow::Borrowed(&self.rounded);
+        }
+        let exact = |i: usize| self.rounded[i].as_dvec3() + self.rest[i].as_dvec3();
+        Cow::Owned((0..self.len()).map(|i| (exact(i) - exact(0)).as_vec3()).collect())
+    }
+
+    fn move_to(&mut self, origin: DVec3) {
+        let offset = |p: Vec3, rest: Vec3| (p.as_dvec3() - origin + rest.as_dvec3()).as_vec3();
+        if self.rest.is_empty() {
+            self.rounded.par_iter_mut().for_each(|p| *p = offset(*p, Vec3::ZERO));
+        } else {
+            self.rounded.par_iter_mut().zip(&self.rest).for_each(|(p, rest)| *p = offset(*p, *rest));
+        }
+        self.rest = Vec::new();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn positions(list: &[DVec3]) -> Positions {
+        let mut positions = Positions::default();
+        list.iter().for_each(|p| positions.push(p.as_vec3(), *p));
+        positions
+    }
+
+    const SURVEY: [DVec3; 3] = [
+        DVec3::new(408201.58, 102.4, -4080928.02),
+        DVec3::new(408204.58, 102.57, -4080928.32),
+        DVec3::new(408201.0, 103.0, -4080926.25),
+    ];
+
+    #[test]
+    fn survey_coordinates_keep_their_digits() {
+        let (origin, offsets) = positions(&SURVEY).settle();
+        assert_eq!(origin.y, 104.0);
+        for (offset, exact) in offsets.iter().zip(SURVEY) {
+            assert!((origin + offset.as_dvec3() - exact).length() < 2e-7, "{origin} {offset} {exact}");
+        }
+    }
+
+    #[test]
+    fn parts_of_a_file_have_one_origin() {
+        let parts = || SURVEY.iter().map(|p| positions(&[*p]).part());
+        let mut appended = Positions::default();
+        parts().for_each(|part| appended.append(part));
+        let whole = positions(&SURVEY).settle();
+        assert_eq!(Positions::settle_all(parts().collect()), whole);
+        assert_eq!(appended.settle(), whole);
+    }
+
+    #[test]
+    fn positions_near_zero_are_rounded_as_they_are() {
+        let near = [DVec3::new(0.1, 0.2, 0.3), DVec3::new(10.1, 63.0, -7.7)];
+        let rounded: Vec<Vec3> = near.iter().map(|p| p.as_vec3()).collect();
+        assert_eq!(positions(&near).settle(), (DVec3::ZERO, rounded));
+        // Nothing is lost here.
+        let whole = [DVec3::new(4e6, 1.0, 0.0), DVec3::new(4e6, 2.0, 0.0)];
+        let rounded: Vec<Vec3> = whole.iter().map(|p| p.as_vec3()).collect();
+        assert_eq!(positions(&whole).settle(), (DVec3::ZERO, rounded));
+    }
+}
