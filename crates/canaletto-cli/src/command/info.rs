@@ -179,6 +179,12 @@ fn material(material: &Material) -> String {
     if m.opacity < 1.0 {
         text += &format!(", opacity {}, eta {}", m.opacity, m.eta);
     }
+    if material.coverage < 1.0 {
+        text += &format!(", coverage {}", material.coverage);
+    }
+    if material.priority != 0.0 {
+        text += &format!(", priority {}", material.priority);
+    }
     text
 }
 

@@ -20,21 +20,57 @@ use crate::shape::Surface;
 use serde::{Deserialize, Serialize};
 
 /// A named material.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Material {
     /// The name that objects refer to.
     pub name: String,
     /// The model and its numbers.
     pub phong: Phong,
+    /// The share of the surface that is there, 0 (nothing) to 1: alpha of glTF, `d` of MTL. The rest is open: what is
+    /// behind is seen straight on, by 1 − coverage, and nothing of it is shaded. Opacity is another thing, that of glass,
+    /// whose surface shades as a whole.
+    #[serde(default = "whole")]
+    pub coverage: f32,
+    /// Which clear body fills the place where several overlap: the one with the largest number; among equals the one
+    /// with the smallest volume. Any finite number.
+    #[serde(default)]
+    pub priority: f32,
     /// What textures change of it, in this order.
     #[serde(default)]
     pub textures: Vec<TextureUse>,
 }
 
+/// The coverage of surfaces without holes.
+fn whole() -> f32 {
+    1.0
+}
+
+impl Default for Material {
+    fn default() -> Material {
+        Material {
+            name: String::new(),
+            phong: Phong::default(),
+            coverage: whole(),
+            priority: 0.0,
+            textures: Vec::new(),
+        }
+    }
+}
+
 impl Material {
     /// A material without textures.
     pub fn new(name: impl Into<String>, phong: Phong) -> Material {
-        Material { name: name.into(), phong, textures: Vec::new() }
+        Material { name: name.into(), phong, ..Material::default() }
+    }
+
+    /// The same material with this share of the surface there.
+    pub fn with_coverage(self, coverage: f32) -> Material {
+        Material { coverage, ..self }
+    }
+
+    /// The same material with this priority where clear bodies overlap.
+    pub fn with_priority(self, priority: f32) -> Material {
+        Material { priority, ..self }
     }
 
     /// The same material with one more texture.
@@ -59,13 +95,21 @@ impl Material {
         if let Some(color) = color {
             phong.kd = color;
         }
-        (*print, *coverage, *bent) = ((Rgb::BLACK, 0.0), 1.0, false);
+        (*print, *coverage, *bent) = ((Rgb::BLACK, 0.0), self.coverage, false);
+    }
+
+    /// Whether all surfaces made of it are there, at least in part, and the same everywhere.
+    #[inline]
+    pub(crate) fn is_plain(&self) -> bool {
+        self.textures.is_empty() && self.coverage > 0.0
     }
 
     /// Whether it lets no light through anywhere.
     #[inline]
     pub fn is_opaque(&self) -> bool {
-        self.phong.opacity >= 1.0 && !self.textures.iter().any(|texture| texture.target.clears())
+        self.phong.opacity >= 1.0
+            && self.coverage >= 1.0
+            && !self.textures.iter().any(|texture| texture.target.clears())
     }
 
     /// Checks every number's range.
@@ -74,6 +118,15 @@ impl Material {
     /// A sentence that names the number, its value and the range.
     pub fn check(&self) -> Result<(), String> {
         self.phong.check()?;
+        if !(0.0..=1.0).contains(&self.coverage) {
+            return Err(format!(
+                "coverage is {}; it must be between 0 (nothing is there) and 1 (all of it)",
+                self.coverage
+            ));
+        }
+        if !self.priority.is_finite() {
+            return Err(format!("priority is {}; it must be finite", self.priority));
+        }
         self.textures
             .iter()
             .try_for_each(|texture| texture.check().map_err(|e| format!("texture for {}: {e}", texture.target.name())))

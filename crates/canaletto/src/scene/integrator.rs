@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 pub struct IntegratorSettings {
     /// Rays of this depth have no children; eye rays have depth 1 (box 5.8). At most [`Self::MAX_DEPTH`].
     pub max_depth: u32,
-    /// Rays whose factors multiply to less than this in every component are not followed; 0 follows all.
+    /// Rays whose factors multiply to less than this in every component are not followed; 0 follows all. The default is
+    /// 2⁻¹⁰: between clear mirrors each level of the tree doubles the rays, and what such a ray adds is below a step of 8 bits.
     pub min_weight: f32,
     /// How much of the shading equation is switched on.
     pub stage: Stage,
@@ -22,7 +23,7 @@ impl IntegratorSettings {
 
 impl Default for IntegratorSettings {
     fn default() -> IntegratorSettings {
-        IntegratorSettings { max_depth: 6, min_weight: 0.0, stage: Stage::Full, shadows: true }
+        IntegratorSettings { max_depth: 6, min_weight: 1.0 / 1024.0, stage: Stage::Full, shadows: true }
     }
 }
 

@@ -32,6 +32,9 @@ impl Blocker {
     }
 }
 
+/// How many surfaces in a row may bring a ray no further before it is taken to stand still.
+pub(crate) const MAX_STALLED: u32 = 4;
+
 /// What stands between a ray's origin and its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Between {
@@ -52,11 +55,13 @@ struct Crossing {
     end: Vec3,
     /// The share of the light that has passed so far.
     passed: f32,
+    /// How many surfaces in a row brought it no nearer to its end.
+    stalled: u32,
 }
 
 impl Crossing {
     fn new(ray: &Ray) -> Self {
-        Self { line: Line::from(ray), end: ray.origin + ray.direction, passed: 1.0 }
+        Self { line: Line::from(ray), end: ray.origin + ray.direction, passed: 1.0, stalled: 0 }
     }
 }
 
@@ -168,17 +173,25 @@ impl World {
         let surface = self.bare_surface(Line::from(&*ray), hit);
         let material = self.material(hit);
         let opacity = if material.textures.is_empty() {
-            material.phong.opacity
+            material.coverage * material.phong.opacity
         } else {
             let step = spread.map(|s| s.along(&crossing.line, surface.exact, surface.normal));
             self.kept_light(Line::from(&*ray), hit, step)
         };
         probe.blocker(hit, opacity);
         crossing.passed *= 1.0 - opacity;
-        if crossing.passed == 0.0 {
+        if crossing.passed < Self::LEAST_PASSED {
+            crossing.passed = 0.0;
             return false;
         }
+        let start = ray.origin;
         ray.origin = offset_origin(surface.point, surface.error, surface.normal, ray.direction.as_dvec3());
+        // Where a surface is flatter than roundings, the same one is met again from the same place.
+        let advances = (ray.origin - start).dot(ray.direction) > 0.0;
+        crossing.stalled = if advances { 0 } else { crossing.stalled + 1 };
+        if crossing.stalled > MAX_STALLED {
+            return false;
+        }
         // Towards a point the direction is the rest of the way, so that t stays at most 1.
         if t_max.is_finite() {
             let rest = crossing.end - ray.origin;
@@ -220,6 +233,9 @@ impl World {
     pub(super) fn may_let_light_through(&self, instance: u32) -> bool {
         self.clear_instances.get(instance as usize) == Some(&true)
     }
+
+    /// Less than this share of a light is none.
+    const LEAST_PASSED: f32 = 1.0 / (1u64 << 40) as f32;
 
     /// The most clear surfaces that a shadow ray passes; light beyond them arrives as it is.
     const MAX_CROSSINGS: usize = 1 << 16;

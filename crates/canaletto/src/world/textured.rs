@@ -131,8 +131,9 @@ impl World {
     #[inline(never)]
     pub(super) fn kept_light(&self, line: Line, hit: &Hit, step: Option<[DVec3; 2]>) -> f32 {
         let material = self.material(hit);
-        let mut point = MaterialPoint { phong: material.phong, ..MaterialPoint::default() };
-        if material.is_opaque() {
+        let mut point =
+            MaterialPoint { phong: material.phong, coverage: material.coverage, ..MaterialPoint::default() };
+        if material.textures.is_empty() || material.is_opaque() {
             return point.blocked();
         }
         let local = self.local(line, hit);

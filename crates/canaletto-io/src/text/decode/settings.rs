@@ -54,8 +54,11 @@ impl<'a> Decoder<'a> {
                 roughness: fields.real("roughness").unwrap_or(d.roughness),
             };
             let mut material = Material::new(name, phong);
+            material.coverage = fields.real("coverage").unwrap_or(material.coverage);
+            material.priority = fields.real("priority").unwrap_or(material.priority);
+            let checked = material.check();
             material.textures = self.surface_textures(&fields);
-            if let Err(problem) = material.phong.check() {
+            if let Err(problem) = checked {
                 self.out_of_range(&fields, &problem);
             }
             self.materials.insert(name, self.scene.materials.len() as u32);

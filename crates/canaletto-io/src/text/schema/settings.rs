@@ -3,7 +3,7 @@
 use super::lens::{CAMERA_MOTION, LENS};
 use super::motion::{ANIMATION, CAMERA_FOLLOW, PATH};
 use super::{NUMBER, POINT, SURFACE_TEXTURE, Takes, Word, Words};
-use canaletto::material::Phong;
+use canaletto::material::{Material, Phong};
 use canaletto::math::Rgb;
 use canaletto::scene::{
     Extrinsics, FilmSettings, Filter, IntegratorSettings, Intrinsics, SamplerKind, Sampling, Scene, Stage, Tone,
@@ -217,7 +217,20 @@ pub(crate) static MATERIAL: Words = Words::new(
         Word::new("k", Takes::Rgb, "the factor of the reflected ray: 0 no mirror, 1 a perfect one")
             .or(|| rgb(Phong::default().k)),
         Word::new("eta", NUMBER, "the coefficient of refraction, more than 0").or(|| Phong::default().eta.to_string()),
-        Word::new("opacity", NUMBER, "0 clear to 1 opaque").or(|| Phong::default().opacity.to_string()),
+        Word::new("opacity", NUMBER, "0 clear to 1 opaque, as glass is: its surface shades as a whole")
+            .or(|| Phong::default().opacity.to_string()),
+        Word::new(
+            "coverage",
+            NUMBER,
+            "the share of the surface that is there, 0 to 1, as alpha has it: the rest shades nothing and bends nothing",
+        )
+        .or(|| Material::default().coverage.to_string()),
+        Word::new(
+            "priority",
+            NUMBER,
+            "which of several clear bodies fills the place where they overlap: the largest number, then the smallest volume",
+        )
+        .or(|| Material::default().priority.to_string()),
         Word::new(
             "roughness",
             NUMBER,

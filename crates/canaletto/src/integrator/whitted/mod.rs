@@ -228,13 +228,13 @@ impl<'w> Whitted<'w> {
             };
             let (mut line, spread, material) = (ways.lines[index], ways.spread(index), world.material(&hit));
             let (octet, lane) = stops.next();
-            if material.textures.is_empty() && spread.is_none() && !P::ACTIVE {
+            if material.is_plain() && spread.is_none() && !P::ACTIVE {
                 encounters.set_line(lane, &line);
                 let color = world.meet(&line, &hit, lane, encounters, &mut octet.surfaces);
                 stops.push(index, &hit, encounters, |point| material.set(point, color));
                 continue;
             }
-            let (surface, point, footprint) = if material.textures.is_empty() {
+            let (surface, point, footprint) = if material.is_plain() {
                 // Only a probe asks for texture coordinates that no texture reads.
                 let surface = if P::ACTIVE { world.surface(line, &hit) } else { world.bare_surface(line, &hit) };
                 (surface, material.at(&surface), Footprint::new(spread, &line, &surface))
@@ -310,7 +310,7 @@ impl<'w> Whitted<'w> {
     }
 }
 
-/// What is met of something that has textures, and behind its holes.
+/// What is met of something that has textures or is not there, and behind its holes.
 #[inline(never)]
 fn meet_textured<P: Probe>(
     world: &World,
