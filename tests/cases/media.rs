@@ -40,11 +40,6 @@ impl Case {
         }
         picture.pixels
     }
-
-    /// The explanation of a pixel.
-    fn told(&self, x: u32, y: u32) -> String {
-        explain(&self.world, &self.job, x, y).unwrap().to_string()
-    }
 }
 
 fn pixels(text: &str) -> Vec<Rgb> {
