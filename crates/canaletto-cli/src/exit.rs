@@ -27,7 +27,10 @@ impl Exit {
         (Exit::Usage, "the command line is wrong"),
         (Exit::Scene, "the scene, or a file that it names, is wrong or missing"),
         (Exit::Threshold, "compare: the pictures differ by more than a threshold"),
-        (Exit::Interrupted, "interrupted; render has saved the picture so far, or the frames that were finished"),
+        (
+            Exit::Interrupted,
+            "interrupted; render has kept the frames that were finished, and what there is of a picture as name.partial.png",
+        ),
     ];
 
     /// The number that the shell sees.

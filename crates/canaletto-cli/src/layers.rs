@@ -50,12 +50,22 @@ pub(crate) fn linear(picture: &Picture) -> Image {
     let mut image = rgb_image(picture, &picture.pixels);
     for layer in &picture.layers {
         let count = layer.channels.len();
-        image.channels.extend(layer.channels.iter().enumerate().map(|(index, name)| Channel {
-            name: format!("{}.{name}", layer.name),
+        image.channels.extend(layer.channels.iter().enumerate().map(|(index, channel)| Channel {
+            name: channel_name(layer.name, channel),
             data: layer.data.iter().skip(index).step_by(count).copied().collect(),
         }));
     }
     image
+}
+
+/// The names of the channels of [`linear`] for a picture with these layers.
+pub(crate) fn channel_names(aovs: &[Aov]) -> Vec<String> {
+    let layers = aovs.iter().flat_map(|aov| aov.channels().iter().map(|channel| channel_name(aov.name(), channel)));
+    ["R", "G", "B"].into_iter().map(str::to_owned).chain(layers).collect()
+}
+
+fn channel_name(layer: &str, channel: &str) -> String {
+    format!("{layer}.{channel}")
 }
 
 fn rgb_image(picture: &Picture, pixels: &[Rgb]) -> Image {
@@ -154,7 +164,9 @@ mod tests {
         let mut job = canaletto::render::Job::new(camera, FilmSettings::default(), Default::default());
         job.aovs = Aov::ALL.map(|(aov, ..)| aov).to_vec();
         let picture = canaletto::render::render(&world, &job, &()).unwrap().picture;
-        assert_eq!(linear(&picture).channels.len(), 3 + 1 + 3 + 3 + 2 + 1 + 1 + 6 * 3 + 1 + 1);
+        let names: Vec<String> = linear(&picture).channels.into_iter().map(|channel| channel.name).collect();
+        assert_eq!(names.len(), 3 + 1 + 3 + 3 + 2 + 1 + 1 + 6 * 3 + 1 + 1);
+        assert_eq!(names, channel_names(&job.aovs));
         for layer in &picture.layers {
             let (image, _) = to_image(layer, &picture, &job.film, &world.bounds());
             assert!(image.channels.iter().all(|c| c.data.iter().all(|v| (0.0..=1.0).contains(v))), "{}", layer.name);

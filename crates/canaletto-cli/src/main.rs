@@ -5,15 +5,19 @@
 #![forbid(unsafe_code)]
 
 mod command;
+mod complete;
+mod digest;
 mod exit;
 mod failure;
 mod flags;
 mod frames;
+mod inputs;
 mod interrupt;
 mod layers;
 #[cfg(test)]
 mod manual;
 mod output;
+mod part;
 mod progress;
 mod report;
 mod series;
@@ -75,6 +79,7 @@ fn main() -> ExitCode {
             return u8::try_from(e.exit_code()).map_or(Exit::Usage.into(), ExitCode::from);
         }
     };
+    interrupt::install(cli.command.speaks_json());
     match run(&cli.command) {
         Ok(exit) => exit.into(),
         Err(failure) => {

@@ -1,12 +1,13 @@
 //! Where pictures go: names, formats, and the files themselves.
 
+use crate::digest::Digest;
 use crate::exit::Exit;
 use crate::failure::{Failure, reason};
-use crate::interrupt;
+use crate::part::{free_for_part, remove_part};
+use canaletto::render::Job;
 use canaletto_io::movie::{MovieError, MovieFormat, find_ffmpeg};
-use canaletto_io::picture::{Depth, PictureError, WriteError, WriteOptions, write_atomically};
+use canaletto_io::picture::{Depth, PictureError, WriteError, WriteOptions, sweep, write_atomically};
 use clap::{Args, ValueEnum};
-use std::collections::HashSet;
 use std::ffi::OsStr;
 use std::fmt;
 use std::io::IsTerminal;
@@ -93,6 +94,8 @@ pub(crate) struct Output {
     pub format: Format,
     pub depth: Depth,
     no_clobber: bool,
+    /// Whether a power cut may take nothing that was written: where there are frames, of which many were finished before.
+    durable: bool,
     /// Whether a run of # stands for the frame's number: only with --frames.
     numbered: bool,
 }
@@ -147,8 +150,9 @@ impl Output {
             }));
         }
         let depth = if flags.bits.as_deref() == Some("16") { Depth::Sixteen } else { Depth::Eight };
+        let durable = numbered || format.film().is_some();
         let numbered = numbered && format.film().is_none();
-        Ok(Output { pattern, format, depth, no_clobber: flags.no_clobber, numbered })
+        Ok(Output { pattern, format, depth, no_clobber: flags.no_clobber, durable, numbered })
     }
 
     /// The file of a frame; `-` for the standard output.
@@ -169,9 +173,17 @@ impl Output {
         path.with_file_name(format!("{stem}.{layer}{extension}"))
     }
 
-    /// Whether an existing file may not be replaced.
+    /// Adds what the bytes of a frame's picture depend on: its settings, and all that the flags say about files.
+    pub(crate) fn digest(&self, digest: Digest, texts: &[(String, String)], job: &Job) -> Digest {
+        // Layers of a PNG are in files of their own, and tiles and the frame's number change nothing that isn't told.
+        let aovs = if self.format == Format::Exr { job.aovs.clone() } else { Vec::new() };
+        let job = Job { aovs, tile: 0, frame: 0, ..job.clone() };
+        digest.with(&texts).with(&job).with(&self.format).with(&self.depth)
+    }
+
+    /// How files are written.
     pub(crate) fn options(&self) -> WriteOptions {
-        WriteOptions { no_clobber: self.no_clobber }
+        WriteOptions { no_clobber: self.no_clobber, durable: self.durable }
     }
 
     pub(crate) fn is_stdout(&self) -> bool {
@@ -197,13 +209,11 @@ impl Output {
         if self.pattern.metadata().is_ok_and(|old| !old.is_file()) {
             return Ok(()); // A device or pipe: nothing is put beside it.
         }
-        let folder = match self.pattern.parent() {
-            Some(folder) if folder != Path::new("") => folder,
-            _ => Path::new("."),
-        };
+        let folder = folder_of(&self.pattern);
         if !folder.is_dir() {
             return Err(wrong(WriteError::NoFolder(folder.to_owned())));
         }
+        sweep(folder);
         // A file without a name: nothing is seen of it, and nothing left.
         match tempfile::tempfile_in(folder) {
             Ok(_) => Ok(()),
@@ -211,29 +221,41 @@ impl Output {
         }
     }
 
-    /// Makes sure that no file of `inputs` would be replaced by a picture.
-    pub(crate) fn spare<'a>(
-        &self,
-        files: impl IntoIterator<Item = PathBuf>,
-        inputs: impl IntoIterator<Item = &'a Path>,
-    ) -> Result<(), Failure> {
-        let inputs: HashSet<PathBuf> = inputs.into_iter().filter_map(|input| input.canonicalize().ok()).collect();
-        match files.into_iter().find(|file| file.canonicalize().is_ok_and(|file| inputs.contains(&file))) {
-            Some(file) if !self.is_stdout() => Err(replaced("--output", &file)),
-            _ => Ok(()),
-        }
+    /// Writes a picture whole or not at all. The part that an interrupted run has left of it is of no more use.
+    pub(crate) fn write(&self, path: &Path, bytes: &[u8]) -> Result<(), Failure> {
+        write(path, self.options(), bytes)?;
+        remove_part(path);
+        Ok(())
     }
 
-    /// Writes a file whole or not at all.
-    pub(crate) fn write(&self, path: &Path, bytes: &[u8]) -> Result<(), Failure> {
-        write_file(path, self.no_clobber, bytes)
+    /// Writes the part that there is of a picture, beside it; returns where. What has no place beside it gets the part itself.
+    pub(crate) fn write_part(&self, path: &Path, bytes: &[u8]) -> Result<PathBuf, Failure> {
+        let place = if self.has_place_beside(path) { free_for_part(path) } else { path.to_owned() };
+        write(&place, WriteOptions::default(), bytes)?;
+        Ok(place)
+    }
+
+    /// Whether a part can be put beside this output: not beside the standard output, devices and pipes.
+    pub(crate) fn has_place_beside(&self, path: &Path) -> bool {
+        !self.is_stdout() && path.metadata().map_or(true, |old| old.is_file())
     }
 }
 
-/// Writes a file whole or not at all; `-` is the standard output.
-pub(crate) fn write_file(path: &Path, no_clobber: bool, bytes: &[u8]) -> Result<(), Failure> {
-    let _guard = interrupt::writing();
-    write_atomically(path, WriteOptions { no_clobber }, |out| out.write_all(bytes)).map_err(wrong)
+/// Writes a file whole or not at all; `-` is the standard output. What a killed program has left beside it is removed.
+pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
+    sweep(folder_of(path));
+    write(path, WriteOptions::default(), bytes)
+}
+
+fn write(path: &Path, options: WriteOptions, bytes: &[u8]) -> Result<(), Failure> {
+    write_atomically(path, options, |out| out.write_all(bytes)).map_err(wrong)
+}
+
+fn folder_of(file: &Path) -> &Path {
+    match file.parent() {
+        Some(folder) if folder != Path::new("") => folder,
+        _ => Path::new("."),
+    }
 }
 
 /// A picture would take the place of what it is made from.

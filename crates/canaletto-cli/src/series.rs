@@ -1,26 +1,28 @@
 //! The frames of a render, one after the other: what is complete is kept, the rest is rendered and written.
 
 use crate::command::render::{Plan, RenderFlags};
+use crate::complete::{is_complete, texts};
+use crate::digest::Digest;
 use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line, print_diagnostics};
 use crate::interrupt;
 use crate::layers;
 use crate::output::{Format, film_failed, unfit};
+use crate::part::{UNFINISHED, free_for_part, remove_part};
 use crate::progress::{Style, Watch, Whole, emit};
 use crate::report::{Report, Times};
 use crate::settings::{Settings, metadata, sampling_words, transfer_word};
-use crate::source::{Reader, Source, build, fingerprint};
+use crate::source::{Reader, Source, build};
 use crate::terminal::Paint;
 use crate::words::{count, duration, plural};
 use canaletto::render::{Job, Rendering};
 use canaletto::scene::{Sampling, Scene};
 use canaletto::world::{Origins, World};
 use canaletto_io::movie::{Movie, MovieSettings};
-use canaletto_io::picture::{Image, decode, develop_png, encode_exr, encode_png};
+use canaletto_io::picture::{Image, develop_png, encode_exr, encode_exr_quickly, encode_png};
 use serde_json::json;
 use std::collections::HashSet;
-use std::fs;
-use std::path::PathBuf;
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// Renders the frames of a plan.
@@ -93,7 +95,7 @@ impl<'a> Series<'a> {
         let mut stage = self.stage(first)?;
         for frame in self.plan.frames.iter() {
             if interrupt::requested() {
-                return Ok(self.interrupted(None));
+                return self.interrupted(None);
             }
             let begun = Instant::now();
             if moves && frame != self.plan.frames.first {
@@ -125,7 +127,7 @@ impl<'a> Series<'a> {
             }
             self.tell(&report, &stage.job);
             if !report.complete {
-                return Ok(self.interrupted(Some(&report)));
+                return self.interrupted(Some(&report));
             }
             // Reading and building served this frame; where nothing moves, the next ones cost none of it.
             (stage.times.read, stage.times.build) = (0.0, 0.0);
@@ -139,13 +141,14 @@ impl<'a> Series<'a> {
     fn stage(&self, source: Source) -> Result<Stage, Failure> {
         let settings = Settings::new(&source.name, &source.scene, &self.flags.picture)?;
         let mut texts = metadata(&self.flags.source, &settings);
+        let job = Job { aovs: self.plan.aovs.clone(), tile: self.flags.tile, ..settings.job };
         if self.plan.numbered {
-            texts.push(("fingerprint".into(), fingerprint(&source.files)));
             if self.reader.clip().seconds {
                 texts.push(("fps".into(), self.plan.rate.fps().to_string()));
             }
+            let digest = Digest::of_program().with_files(&source.files).with(&self.flags.source.set);
+            texts.push(("fingerprint".into(), self.plan.output.digest(digest, &texts, &job).to_string()));
         }
-        let job = Job { aovs: self.plan.aovs.clone(), tile: self.flags.tile, ..settings.job };
         let times = Times { read: source.time.as_secs_f64(), ..Times::default() };
         Ok(Stage {
             camera: settings.camera,
@@ -159,31 +162,21 @@ impl<'a> Series<'a> {
         })
     }
 
-    /// Whether a frame's files are there, whole, and made of the same scene with the same settings.
+    /// Whether a frame's files are there, whole, and what would be rendered.
     fn keeps(&self, stage: &Stage, frame: u32) -> bool {
         let output = &self.plan.output;
         if self.flags.force || !self.plan.numbered || output.format.film().is_some() || output.is_stdout() {
             return false;
         }
-        let [_, _, width, height] = stage.job.window();
-        let layers: usize = self.plan.aovs.iter().map(|aov| aov.channels().len()).sum();
-        let channels = if output.format == Format::Exr { 3 + layers } else { 3 };
-        // A file that is much larger than these pixels is something else, and need not be read.
-        let most = u64::from(width) * u64::from(height) * channels as u64 * 8 + (1 << 20);
-        let mut texts = stage.texts.clone();
-        texts.push(("frame".into(), frame.to_string()));
-        let whole = |file: &PathBuf, layer: bool| {
-            let bytes =
-                fs::metadata(file).ok().filter(|m| m.is_file() && m.len() <= most).and_then(|_| fs::read(file).ok());
-            let Some(picture) = bytes.and_then(|bytes| decode(&bytes).ok()) else { return false };
-            let bits = if output.format == Format::Exr { picture.bits } else { output.depth.bits() };
-            (picture.image.width, picture.image.height, picture.bits) == (width, height, bits)
-                && picture.image.channels.len() == channels
-                && picture.metadata.iter().all(|(key, _)| key != UNFINISHED)
-                // Layers have a transfer of their own.
-                && texts.iter().all(|text| (layer && text.0 == "transfer") || picture.metadata.contains(text))
-        };
-        self.plan.files(frame).iter().enumerate().all(|(index, file)| whole(file, index > 0))
+        let job = Job { frame, ..stage.job.clone() };
+        self.plan.files(frame).iter().enumerate().all(|(index, file)| {
+            is_complete(
+                file,
+                &job,
+                output,
+                &texts(&stage.texts, &job, index.checked_sub(1).map(|layer| job.aovs[layer])),
+            )
+        })
     }
 
     /// Renders a frame and writes it.
@@ -217,12 +210,12 @@ impl<'a> Series<'a> {
         let render = watch.finish().as_secs_f64();
         let rendering = rendered.map_err(|e| Failure::new(Exit::Scene, format!("{}: {e}", self.reader.name)))?;
         let start = Instant::now();
-        // A black picture is worth nothing, and might replace a good one; so might part of one of many frames, which
-        // will be rendered again.
-        let alone = plan.frames.count() == 1 && plan.output.format.film().is_none();
-        let files = match rendering.complete || (alone && rendering.pixels_done > 0) {
-            true => self.save(stage, world, &job, &rendering)?,
-            false => Vec::new(),
+        let files = if rendering.complete {
+            self.save(stage, world, &job, &rendering)?
+        } else if rendering.pixels_done > 0 && plan.output.format.film().is_none() {
+            self.save_part(stage, world, &job, &rendering)?
+        } else {
+            Vec::new() // A black picture is worth nothing, and a film has whole frames.
         };
         let rays_total = rendering.counts.total();
         let report = Report {
@@ -246,34 +239,65 @@ impl<'a> Series<'a> {
 
     /// Writes a picture and its layers, or adds it to the film; returns the files' names.
     fn save(&mut self, stage: &Stage, world: &World, job: &Job, rendering: &Rendering) -> Result<Vec<String>, Failure> {
-        let (picture, film, output) = (&rendering.picture, &job.film, &self.plan.output);
-        let mut texts = stage.texts.clone();
-        let files = self.plan.files(job.frame);
-        if output.format.film().is_some() {
-            self.add_to_film(&layers::developed(picture, film), job, texts)?;
-            return Ok(files.iter().map(|file| file.display().to_string()).collect());
-        }
-        texts.push(("frame".into(), job.frame.to_string()));
-        if !rendering.complete {
-            texts.push((UNFINISHED.into(), "interrupted; black parts aren't rendered".into()));
-        }
-        if output.format == Format::Exr {
-            let bytes = encode_exr(&layers::linear(picture), &texts).map_err(|e| unfit(&e))?;
-            output.write(&files[0], &bytes)?;
+        let (plan, files) = (self.plan, self.plan.files(job.frame));
+        if plan.output.format.film().is_some() {
+            self.add_to_film(&layers::developed(&rendering.picture, &job.film), job, stage.texts.clone())?;
         } else {
-            let bytes = develop_png(picture, film, output.depth, &texts).map_err(|e| unfit(&e))?;
-            output.write(&files[0], &bytes)?;
-            for (layer, file) in picture.layers.iter().zip(&files[1..]) {
-                let (image, transfer) = layers::to_image(layer, picture, film, &world.bounds());
-                let mut texts = texts.clone();
-                texts.retain(|(key, _)| key != "transfer");
-                texts.push(("transfer".into(), transfer_word(transfer).into()));
-                texts.push(("layer".into(), layer.name.into()));
-                let bytes = encode_png(&image, output.depth, transfer, &texts).map_err(|e| unfit(&e))?;
-                output.write(file, &bytes)?;
-            }
+            self.encode(stage, world, job, rendering, |index, bytes| plan.output.write(&files[index], bytes))?;
         }
         Ok(files.iter().map(|file| file.display().to_string()).collect())
+    }
+
+    /// Writes what there is of a picture and its layers beside their files; returns the names.
+    fn save_part(
+        &self,
+        stage: &Stage,
+        world: &World,
+        job: &Job,
+        rendering: &Rendering,
+    ) -> Result<Vec<String>, Failure> {
+        let (plan, files) = (self.plan, self.plan.files(job.frame));
+        if plan.output.has_place_beside(&files[0]) {
+            interrupt::Rendering::saves();
+        }
+        let mut names = Vec::new();
+        self.encode(stage, world, job, rendering, |index, bytes| {
+            names.push(plan.output.write_part(&files[index], bytes)?.display().to_string());
+            Ok(())
+        })?;
+        Ok(names)
+    }
+
+    /// Calls `write` with the bytes of each file of a picture: the picture itself, then layers that have files of their own.
+    fn encode(
+        &self,
+        stage: &Stage,
+        world: &World,
+        job: &Job,
+        rendering: &Rendering,
+        mut write: impl FnMut(usize, &[u8]) -> Result<(), Failure>,
+    ) -> Result<(), Failure> {
+        let (picture, film, output) = (&rendering.picture, &job.film, &self.plan.output);
+        let texts = |layer| {
+            let mut texts = texts(&stage.texts, job, layer);
+            if !rendering.complete {
+                texts.push((UNFINISHED.into(), "interrupted; black parts aren't rendered".into()));
+            }
+            texts
+        };
+        if output.format == Format::Exr {
+            let encode = if rendering.complete { encode_exr } else { encode_exr_quickly };
+            return write(0, &encode(&layers::linear(picture), &texts(None)).map_err(|e| unfit(&e))?);
+        }
+        write(0, &develop_png(picture, film, output.depth, &texts(None)).map_err(|e| unfit(&e))?)?;
+        for (index, (layer, aov)) in picture.layers.iter().zip(&job.aovs).enumerate() {
+            let (image, transfer) = layers::to_image(layer, picture, film, &world.bounds());
+            let mut texts = texts(Some(*aov));
+            texts.push(("transfer".into(), transfer_word(transfer).into()));
+            let bytes = encode_png(&image, output.depth, transfer, &texts).map_err(|e| unfit(&e))?;
+            write(index + 1, &bytes)?;
+        }
+        Ok(())
     }
 
     fn add_to_film(&mut self, image: &Image, job: &Job, mut metadata: Vec<(String, String)>) -> Result<(), Failure> {
@@ -292,7 +316,9 @@ impl<'a> Series<'a> {
                     transfer: job.film.transfer,
                     metadata,
                 };
-                Movie::begin(kind, &output.path(0), output.options(), settings).map_err(failed)?
+                let film = Movie::begin(kind, &output.path(0), output.options(), settings).map_err(failed)?;
+                interrupt::remove_on_leaving(film.temporary());
+                film
             }
         };
         film.add(image).map_err(failed)?;
@@ -321,8 +347,9 @@ impl<'a> Series<'a> {
     fn finish(self) -> Result<Exit, Failure> {
         let format = self.plan.output.format;
         if let Some(film) = self.film {
-            let _guard = interrupt::writing();
             film.finish().map_err(|e| film_failed(format, e))?;
+            interrupt::remove_on_leaving(None);
+            remove_part(&self.plan.output.path(0));
         }
         let (rendered, kept, frames) = (self.rendered, self.kept, self.plan.frames.count());
         if self.plan.style == Style::Json {
@@ -349,38 +376,66 @@ impl<'a> Series<'a> {
     }
 
     /// Says what there is and how to go on. `report`: the frame that was interrupted, if one was.
-    fn interrupted(&self, report: Option<&Report>) -> Exit {
-        if self.plan.style == Style::Json {
-            return Exit::Interrupted;
-        }
+    fn interrupted(self, report: Option<&Report>) -> Result<Exit, Failure> {
+        let (json, plan, done) = (self.plan.style == Style::Json, self.plan, self.rendered + self.kept);
+        let (frames, format) = (plan.frames, plan.output.format);
         let paint = Paint::stderr().yellow("interrupted:");
-        let (frames, done) = (self.plan.frames, self.rendered + self.kept);
+        let film_part = match self.film {
+            Some(film) => Self::save_film_part(plan, film)?,
+            None => None,
+        };
+        if json {
+            return Ok(Exit::Interrupted);
+        }
+        let of = plural(frames.count(), "frame");
         eprint_line(&match report {
-            _ if self.plan.output.format.film().is_some() => format!(
-                "{paint} {done} of {} were rendered, and nothing is written: a film is written when it is whole. Numbered \
-                 pictures (--output shot.####.png) can be gone on with",
-                plural(frames.count(), "frame")
+            _ if format.film().is_some() => format!(
+                "{paint} {done} of {of} were rendered; {}. Numbered pictures (--output shot.####.png) can be gone on with",
+                match film_part {
+                    Some(file) => format!("{file} has them"),
+                    None => "nothing is written".to_owned(),
+                }
             ),
             Some(report) if frames.count() == 1 => one_interrupted(&paint, report),
             _ => {
                 let next = report.map(|report| report.frame).or_else(|| frames.iter().nth(done as usize));
                 let next =
                     next.map_or_else(String::new, |next| format!("; the same command goes on with frame {next}"));
-                format!("{paint} {done} of {} are complete{next}", plural(frames.count(), "frame"))
+                let part = report.and_then(|report| Some((percent(report), report.files.first()?)));
+                let part = part.map_or_else(String::new, |(share, file)| format!(", {file} has {share} of the next"));
+                format!("{paint} {done} of {of} are complete{part}{next}")
             }
         });
-        Exit::Interrupted
+        Ok(Exit::Interrupted)
+    }
+
+    /// Puts the frames so far of a film beside it; returns where.
+    fn save_film_part(plan: &Plan, film: Movie) -> Result<Option<String>, Failure> {
+        let format = plan.output.format;
+        let path = plan.output.path(0);
+        let beside = plan.output.has_place_beside(&path);
+        let place = if beside { free_for_part(&path) } else { path };
+        // What ffmpeg has to do may take long: it isn't waited for.
+        if beside && format.film().is_some_and(|film| !film.needs_ffmpeg()) {
+            interrupt::Rendering::saves();
+        }
+        let frames = film.finish_part(&place).map_err(|e| film_failed(format, e))?;
+        interrupt::remove_on_leaving(None);
+        let name = if place == Path::new("-") { "the standard output".to_owned() } else { place.display().to_string() };
+        Ok((frames > 0).then_some(name))
     }
 }
 
-/// The key of the text in files that hold part of a picture.
-const UNFINISHED: &str = "unfinished";
-
-fn one_interrupted(paint: &str, report: &Report) -> String {
-    let percent = match report.pixels_done * 100 / report.pixels.max(1) {
+/// How much of a picture is rendered.
+fn percent(report: &Report) -> String {
+    match report.pixels_done * 100 / report.pixels.max(1) {
         0 => "less than 1%".to_owned(),
         n => format!("{n}%"),
-    };
+    }
+}
+
+fn one_interrupted(paint: &str, report: &Report) -> String {
+    let percent = percent(report);
     match report.files.first() {
         Some(file) => {
             let file = if file == "-" { "the standard output" } else { file };

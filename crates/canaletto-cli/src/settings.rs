@@ -151,7 +151,8 @@ pub(crate) fn sampling_words(film: &FilmSettings) -> String {
     }
 }
 
-/// The settings that a picture's file carries: all that its bytes depend on, and nothing else (no time, no thread count).
+/// The settings that a picture's file carries for people and programs to read: nothing that its bytes don't depend on (no time, no
+/// thread count).
 pub(crate) fn metadata(source: &SourceFlags, settings: &Settings) -> Vec<(String, String)> {
     let Job { camera, film, integrator, seed, .. } = &settings.job;
     let [width, height] = camera.size();

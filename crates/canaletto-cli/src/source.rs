@@ -1,8 +1,10 @@
 //! From the name of a scene or model to its description and its world.
 
+use crate::digest::{hash_of, hash_on, hash_start};
 use crate::exit::Exit;
 use crate::failure::{Failure, plural, reason};
 use crate::flags::SourceFlags;
+use crate::inputs::Guard;
 use canaletto::scene::Scene;
 use canaletto::world::{BuildError, BuildOptions, World};
 use canaletto_io::assets::{Asset, AssetError, AssetPath, Assets, FolderAssets, OpenAsset};
@@ -11,7 +13,7 @@ use canaletto_io::import;
 use canaletto_io::text::{Clip, Script, nearest};
 use serde::Serialize;
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -34,46 +36,14 @@ pub(crate) struct Source {
 pub(crate) struct UsedFile {
     /// Its name as shown in messages.
     pub file: String,
+    /// Its place from the scene's folder, wherever that lies.
+    #[serde(skip)]
+    pub place: PathBuf,
     /// Its size.
     pub bytes: u64,
     /// A hash of its content.
     #[serde(skip)]
     pub hash: u64,
-}
-
-/// A hash of what a scene is made of: its files with their content.
-pub(crate) fn fingerprint(files: &[UsedFile]) -> String {
-    let mut sorted: Vec<&UsedFile> = files.iter().collect();
-    sorted.sort_by(|a, b| a.file.cmp(&b.file));
-    let mut hash = 0;
-    for used in sorted {
-        hash = hash_of(hash, used.file.as_bytes()) ^ used.hash.rotate_left(17);
-    }
-    format!("{hash:016x}")
-}
-
-/// FNV-1a, eight bytes at a time with the bits stirred after each: fast, and the same everywhere. It tells an edited
-/// scene from an old one; it isn't meant against forgery.
-fn hash_of(start: u64, bytes: &[u8]) -> u64 {
-    hash_on(hash_start(start, bytes.len()), bytes)
-}
-
-fn hash_start(start: u64, length: usize) -> u64 {
-    start ^ 0xcbf2_9ce4_8422_2325 ^ length as u64
-}
-
-/// Goes on with these bytes, a multiple of eight unless they are the last.
-fn hash_on(mut hash: u64, bytes: &[u8]) -> u64 {
-    let mut chunks = bytes.chunks_exact(8);
-    let mut stir = |word: u64| {
-        hash = (hash ^ word).wrapping_mul(0x0000_0100_0000_01b3);
-        hash ^= hash >> 29;
-    };
-    for chunk in &mut chunks {
-        stir(u64::from_le_bytes(chunk.try_into().unwrap_or_default()));
-    }
-    chunks.remainder().iter().for_each(|byte| stir(u64::from(*byte)));
-    hash
 }
 
 impl Source {
@@ -162,6 +132,20 @@ impl Reader {
     /// The times of keys, in frames.
     pub(crate) fn key_frames(&self) -> Vec<f64> {
         if let Kind::Script(script) = &self.kind { script.key_frames() } else { Vec::new() }
+    }
+
+    /// The output among these that would replace a file of the scene, whichever frame needs that.
+    pub(crate) fn replaced_by(&self, outputs: impl IntoIterator<Item = PathBuf>) -> Option<PathBuf> {
+        let guard = Guard::new(outputs);
+        if guard.is_idle() {
+            return None;
+        }
+        let folder = &self.assets.inner;
+        let files = self.assets.files.lock().unwrap_or_else(PoisonError::into_inner);
+        let read = files.iter().find_map(|used| guard.find(&folder.root().join(&used.place)));
+        let texts = if let Kind::Script(script) = &self.kind { script.texts() } else { Vec::new() };
+        let named = || texts.iter().find_map(|(text, from)| guard.find_named(&folder.system_path(text, from)));
+        read.or_else(named).map(Path::to_owned)
     }
 
     /// The scene at a frame.
@@ -290,10 +274,11 @@ struct Recording {
 
 impl Recording {
     /// Remembers a file, whose hash is asked for if it isn't known.
-    fn note(&self, file: &str, bytes: usize, hash: impl FnOnce() -> io::Result<u64>) -> io::Result<()> {
+    fn note(&self, path: &AssetPath, bytes: usize, hash: impl FnOnce() -> io::Result<u64>) -> io::Result<()> {
         let mut files = self.files.lock().unwrap_or_else(PoisonError::into_inner);
-        if !files.iter().any(|used| used.file == file) {
-            files.push(UsedFile { file: file.to_owned(), bytes: bytes as u64, hash: hash()? });
+        if !files.iter().any(|used| used.file == path.name()) {
+            let (file, place) = (path.name().to_owned(), path.location().to_owned());
+            files.push(UsedFile { file, place, bytes: bytes as u64, hash: hash()? });
         }
         Ok(())
     }
@@ -302,7 +287,7 @@ impl Recording {
 impl Assets for Recording {
     fn read(&self, path: &str, from: &AssetPath) -> Result<Asset, AssetError> {
         let asset = self.inner.read(path, from)?;
-        self.note(asset.path.name(), asset.bytes.len(), || Ok(hash_of(0, &asset.bytes)))
+        self.note(&asset.path, asset.bytes.len(), || Ok(hash_of(&asset.bytes)))
             .map_err(|e| AssetError::Unreadable { path: path.into(), reason: reason(&e) })?;
         Ok(asset)
     }
@@ -318,7 +303,7 @@ impl Assets for Recording {
                 Ok(hash_on(hash, view.piece(at..at + PIECE, &mut buffer)?))
             })
         };
-        self.note(asset.path.name(), view.size(), hash)
+        self.note(&asset.path, view.size(), hash)
             .map_err(|e| AssetError::Unreadable { path: path.into(), reason: reason(&e) })?;
         Ok(asset)
     }

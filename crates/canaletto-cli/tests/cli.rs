@@ -459,8 +459,8 @@ fn ctrl_c_saves_the_picture_so_far() {
     assert_eq!(child.wait().unwrap().code(), Some(130));
     let done: Value = serde_json::from_str(rest.last().unwrap()).unwrap();
     assert_eq!((&done["event"], &done["complete"]), (&"done".into(), &false.into()));
-    assert_eq!(folder.names(), ["long.png"]);
-    let picture = folder.picture("long.png");
+    assert_eq!(folder.names(), ["long.partial.png"]);
+    let picture = folder.picture("long.partial.png");
     assert!(picture.metadata.iter().any(|(key, _)| key == "unfinished"));
     let pixels = picture.image.rgb().unwrap()[0];
     assert!(pixels.iter().any(|v| *v > 0.0) && pixels.contains(&0.0));
@@ -474,7 +474,7 @@ fn two_signals_leave_no_half_file() {
     signal(&child, "-TERM");
     signal(&child, "-INT");
     assert_eq!(child.wait().unwrap().code(), Some(130));
-    assert!(folder.names().iter().all(|name| name == "long.png"), "{:?}", folder.names());
+    assert!(folder.names().iter().all(|name| name == "long.partial.png"), "{:?}", folder.names());
 }
 
 #[test]

@@ -136,6 +136,72 @@ fn exr_frames_are_kept_with_their_layers() {
     folder.says(run, 0, &["2 frames rendered"]);
 }
 
+/// What a second command would make differently is rendered again, back and forth; what it wouldn't is kept.
+#[test]
+fn only_frames_of_the_same_command_are_kept() {
+    let folder = Folder::new();
+    fs::write(folder.path("s.kdl"), SCENE.replace("camera {", "camera \"é 水\" {")).unwrap();
+    let flags = [
+        "--size 12x9",
+        "--samples 4",
+        "--sample corner",
+        "--sampler independent --samples 3",
+        "--seed 5",
+        "--stage shadow",
+        "--max-depth 2",
+        "--no-shadows",
+        "--tone scale",
+        "--transfer none",
+        "--crop 2,2,4,4",
+        "--crop 4,4,4,4",
+        "--set background=1",
+        "--set ambient=0.5",
+        "--set film.filter=tent",
+        "--set integrator.min-weight=0.5",
+    ];
+    let exr = ["--aov normal", "--aov position", "--aov depth", "--aov object-id", "--aov uv,depth", "--aov depth,uv"];
+    let png = ["--bits 16", "--aov normal", "--aov position"];
+    for (format, more) in [("png", png.as_slice()), ("exr", &exr)] {
+        let run = format!("render s.kdl --frames 1-2 -o f.#.{format}");
+        folder.says(&run, 0, &["2 frames rendered"]);
+        for flag in flags.iter().chain(more) {
+            let with = format!("{run} {flag}");
+            folder.says(&with, 0, &["2 frames rendered"]);
+            folder.says(&with, 0, &["2 complete before"]);
+        }
+        // A PNG doesn't depend on the layers beside it, an EXR holds them.
+        folder.says(&run, 0, &[if format == "png" { "2 complete before" } else { "2 frames rendered" }]);
+        folder.says(&format!("{run} --threads 1 --tile 8 --build high"), 0, &["2 complete before"]);
+    }
+    // Another version of the program.
+    let old = b"Canaletto ";
+    for name in ["f.1.png", "f.1.exr"] {
+        let mut bytes = fs::read(folder.path(name)).unwrap();
+        let at = bytes.windows(old.len()).position(|part| part == old).unwrap() + old.len();
+        let Some(end) = bytes[at..].iter().position(|b| !b.is_ascii_digit() && *b != b'.') else { panic!() };
+        bytes[at] = if bytes[at] == b'9' { b'8' } else { b'9' };
+        if name.ends_with("png") {
+            let chunk = bytes.windows(4).position(|part| part == b"tEXt").unwrap();
+            let sum = crc(&bytes[chunk..at + end]);
+            bytes[at + end..at + end + 4].copy_from_slice(&sum.to_be_bytes());
+        }
+        fs::write(folder.path(name), bytes).unwrap();
+        let format = &name[4..];
+        folder.says(&format!("render s.kdl --frames 1-2 -o f.#.{format}"), 0, &["1 frame rendered, 1 complete before"]);
+    }
+    // A scene that lies elsewhere is the same scene.
+    fs::create_dir(folder.path("moved")).unwrap();
+    fs::copy(folder.path("s.kdl"), folder.path("moved/s.kdl")).unwrap();
+    folder.says("render moved/s.kdl --frames 1-2 -o f.#.png", 0, &["2 complete before"]);
+}
+
+/// The checksum of a PNG's chunk (ISO/IEC 15948, annex D).
+fn crc(bytes: &[u8]) -> u32 {
+    !bytes.iter().fold(!0, |sum, byte| {
+        (0..8).fold(sum ^ u32::from(*byte), |sum, _| (sum >> 1) ^ if sum & 1 == 1 { 0xedb8_8320 } else { 0 })
+    })
+}
+
 #[test]
 fn mistakes_at_later_keys_are_told_before_the_first_frame() {
     let folder = Folder::new();
@@ -261,28 +327,67 @@ fn threads_change_no_film() {
     }
 }
 
+/// Runs until a line of its events holds these words, then interrupts it.
 #[cfg(unix)]
-#[test]
-fn ctrl_c_keeps_what_is_finished_and_the_same_command_goes_on() {
+fn interrupted_at(folder: &Folder, run: &str, words: &str) -> String {
     use std::io::{BufRead, BufReader};
-    let folder = Folder::new();
-    let run = "render s.kdl --frames 1-9 -o f.#.png --size 300x200 --samples 400 --progress json --threads 1";
-    let mut child = folder.command(run).stderr(Stdio::piped()).spawn().unwrap();
+    let run = format!("{run} --progress json --threads 1");
+    let mut child = folder.command(&run).stderr(Stdio::piped()).spawn().unwrap();
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
-    // While the third frame is rendered.
-    assert!(lines.by_ref().any(|line| line.unwrap().contains("\"event\":\"progress\",\"frame\":3")));
+    assert!(lines.by_ref().any(|line| line.unwrap().contains(words)), "{run}");
     assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
     let rest: Vec<String> = lines.map(|line| line.unwrap()).collect();
     assert_eq!(child.wait().unwrap().code(), Some(130), "{rest:?}");
-    assert_eq!(folder.names(), ["f.1.png", "f.2.png"]);
-    folder.says(&run.replace("1-9", "1-3"), 0, &["\"skipped\":2", "\"rendered\":1"]);
-    // A film that isn't whole leaves nothing.
-    let run = "render s.kdl --frames 1-9 -o f.gif --size 300x200 --samples 400 --threads 1 --progress plain";
-    let child = folder.command(run).stderr(Stdio::piped()).spawn().unwrap();
-    std::thread::sleep(std::time::Duration::from_millis(1500));
-    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
-    said(child.wait_with_output().unwrap(), 130, &["interrupted:", "nothing is written"]);
-    assert_eq!(folder.names(), ["f.1.png", "f.2.png", "f.3.png"]);
+    rest.join("\n")
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_keeps_what_is_finished_and_the_same_command_goes_on() {
+    let folder = Folder::new();
+    fs::write(folder.path("f.3.png"), "an older frame").unwrap();
+    let run = "render s.kdl --frames 1-9 -o f.#.png --size 300x200 --samples 400";
+    interrupted_at(&folder, run, "\"event\":\"progress\",\"frame\":3");
+    assert_eq!(folder.names(), ["f.1.png", "f.2.png", "f.3.partial.png", "f.3.png"]);
+    assert_eq!(fs::read(folder.path("f.3.png")).unwrap(), b"an older frame");
+    let part = folder.picture("f.3.partial.png");
+    assert!(part.metadata.iter().any(|(key, _)| key == "unfinished") && part.image.width == 300);
+    folder.says(&run.replace("1-9", "1-3"), 0, &["1 frame rendered, 2 complete before"]);
+    assert_eq!(folder.names(), ["f.1.png", "f.2.png", "f.3.png"], "the part has gone");
+}
+
+#[cfg(unix)]
+#[test]
+fn part_of_a_film_goes_beside_an_older_one() {
+    let folder = Folder::new();
+    for format in ["gif", "apng"] {
+        let (film, part) = (format!("f.{format}"), format!("f.partial.{format}"));
+        fs::write(folder.path(&film), "an older film").unwrap();
+        let run = format!("render s.kdl --frames 1-9 -o {film} --size 300x200 --samples 150");
+        interrupted_at(&folder, &run, "\"event\":\"progress\",\"frame\":3");
+        assert_eq!(fs::read(folder.path(&film)).unwrap(), b"an older film");
+        // It is what a film of the two frames is, besides saying that it isn't whole.
+        let bytes = fs::read(folder.path(&part)).unwrap();
+        folder.says(&run.replace("1-9", "1-2").replace(&film, "two"), 2, &["extension"]);
+        folder.says(&format!("{} --format {format}", run.replace("1-9", "1-2").replace(&film, "two")), 0, &[]);
+        let two = fs::read(folder.path("two")).unwrap();
+        if format == "gif" {
+            assert!(bytes.starts_with(&two[..two.len() - 1]), "all but the trailer");
+        } else {
+            let mut reader = png::Decoder::new(std::io::Cursor::new(&bytes)).read_info().unwrap();
+            assert_eq!(reader.info().animation_control.unwrap().num_frames, 2);
+            let mut data = vec![0; reader.output_buffer_size().unwrap()];
+            assert!(reader.next_frame(&mut data).is_ok() && reader.next_frame(&mut data).is_ok());
+            reader.finish().unwrap();
+        }
+        folder.says(&format!("render s.kdl -o {film} -q"), 0, &[]);
+        assert!(!folder.path(&part).exists(), "the part goes when the whole is there");
+        fs::remove_file(folder.path("two")).unwrap();
+    }
+    // Before the first frame is finished there is nothing.
+    let run = "render s.kdl --frames 1-9 -o g.gif --size 300x200 --samples 1500";
+    interrupted_at(&folder, run, "\"event\":\"progress\"");
+    assert_eq!(folder.names(), ["f.apng", "f.gif"]);
 }
 
 /// Programs that take the place of ffmpeg: what is sent to it, and what happens when it fails.

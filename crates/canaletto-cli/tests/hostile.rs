@@ -2,6 +2,7 @@
 #![cfg(unix)]
 
 use std::fs;
+use std::io::{BufRead, BufReader};
 use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -52,6 +53,51 @@ fn what_is_read_is_never_replaced() {
     let before = fs::read(folder.path().join("a.png")).unwrap();
     folder.expect(&["compare", "a.png", "a.png", "--diff", "./a.png"], 2, &["--diff ./a.png would replace"]);
     assert_eq!(fs::read(folder.path().join("a.png")).unwrap(), before);
+}
+
+/// Whatever a scene reads at any frame, by whatever name.
+#[test]
+fn what_a_later_frame_reads_is_not_replaced() {
+    let folder = Folder::new(
+        "include \"more.kdl\"\nmesh { file { key 1 \"a.obj\"; key 3 \"b.obj\"; key 90 \"sub/c.obj\" } }\n\
+         texture \"t\" kind=\"image\" { file { key 1 \"t.png\"; key 80 \"u.png\" } }\n",
+    );
+    let path = |name: &str| folder.path().join(name);
+    fs::create_dir(path("sub")).unwrap();
+    let mesh = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    for name in ["a.obj", "b.obj"] {
+        fs::write(path(name), mesh).unwrap();
+    }
+    fs::write(path("sub/c.obj"), format!("mtllib my lib.mtl\n{mesh}")).unwrap();
+    fs::write(path("sub/my lib.mtl"), "newmtl m\nKd 1 0 0\n").unwrap();
+    fs::write(path("more.kdl"), BALL).unwrap();
+    let plain = Folder::new(BALL);
+    plain.expect(&["render", "s.kdl", "-q", "-o", "p.png"], 0, &[]);
+    for name in ["t.png", "u.png"] {
+        fs::copy(plain.path().join("p.png"), path(name)).unwrap();
+    }
+    fs::hard_link(path("b.obj"), path("hard.png")).unwrap();
+    std::os::unix::fs::symlink("sub/c.obj", path("soft.png")).unwrap();
+    std::os::unix::fs::symlink("sub", path("other")).unwrap();
+    let inputs =
+        ["b.obj", "./sub/../b.obj", "hard.png", "soft.png", "other/c.obj", "other/my lib.mtl", "more.kdl", "u.png"];
+    for output in inputs {
+        for (format, frames) in [("apng", "1-2"), ("png", "1"), ("exr", "1")] {
+            let run = ["render", "s.kdl", "--format", format, "--frames", frames, "-o", output];
+            folder.expect(&run, 2, &["would replace a file that is read"]);
+        }
+    }
+    // Parts and layers have names of their own, and frames have numbers.
+    fs::hard_link(path("b.obj"), path("p.partial.png")).unwrap();
+    folder.expect(&["render", "s.kdl", "-o", "p.png"], 2, &["p.partial.png would replace"]);
+    fs::hard_link(path("b.obj"), path("l.depth.png")).unwrap();
+    folder.expect(&["render", "s.kdl", "-o", "l.png", "--aov", "depth"], 2, &["l.depth.png would replace"]);
+    fs::hard_link(path("u.png"), path("n.07.png")).unwrap();
+    folder.expect(&["render", "s.kdl", "-o", "n.##.png", "--frames", "5-9"], 2, &["n.07.png would replace"]);
+    folder.expect(&["compare", "t.png", "u.png", "--diff", "n.07.png"], 2, &["--diff n.07.png would replace"]);
+    assert!(["a.obj", "b.obj"].iter().all(|name| fs::read(path(name)).unwrap() == mesh.as_bytes()));
+    folder.expect(&["render", "s.kdl", "-q", "-o", "new.png"], 0, &[]);
+    folder.expect(&["render", "s.kdl", "-q", "-o", "new.png"], 0, &[]);
 }
 
 #[test]
@@ -131,29 +177,144 @@ fn negative_numbers_are_judged_as_numbers() {
     folder.expect(&["compare", "a.png", "a.png", "--diff", "d.png", "--diff-scale", "nan"], 2, &["more than 0"]);
 }
 
+/// Starts a command, waits until it says these words and then for a while, and interrupts it; again if `twice`. The exit code, and
+/// what it said since.
+fn interrupted(folder: &Folder, arguments: &str, words: &str, wait: Duration, twice: bool) -> (Option<i32>, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_canaletto"));
+    command.args(arguments.split_whitespace()).current_dir(folder.path()).stdin(Stdio::null());
+    let mut child = command.stderr(Stdio::piped()).stdout(Stdio::null()).spawn().unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
+    assert!(words.is_empty() || lines.by_ref().any(|line| line.unwrap().contains(words)), "{arguments}");
+    std::thread::sleep(wait);
+    let signal = || Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    signal();
+    if twice {
+        std::thread::sleep(Duration::from_millis(100));
+        signal();
+    }
+    let start = Instant::now();
+    while child.try_wait().unwrap().is_none() {
+        // Two seconds, on a machine that does much else.
+        if start.elapsed() > Duration::from_secs(30) {
+            child.kill().unwrap();
+            panic!("it goes on: {arguments}");
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    let rest: Vec<String> = lines.map(Result::unwrap).collect();
+    (child.wait().unwrap().code(), rest.join("\n"))
+}
+
 /// A pixel that would outlast everybody is no reason not to stop.
 #[test]
 fn ctrl_c_ends_an_endless_pixel() {
-    let folder = Folder::new(
-        "material \"m\" { k 1 1 1; kd 0 0 0; opacity 0; eta 1.5 }\nintegrator { max-depth 256 }\n\
+    let glass = Folder::new(
+        "material \"m\" { k 1 1 1; kd 0 0 0; opacity 0; eta 1.5 }\nintegrator { max-depth 256; min-weight 0 }\n\
          spheres material=\"m\" radius=1 { points 0 0 0 1 0 0 0 1 0 1 1 0 0 0 1 }\n",
     );
+    let lights = Folder::new(
+        "sphere { center 0 0 0; radius 3 }\n\
+         light \"disk\" { position 0 30 50; normal 0 -1 0; radius 2; points 4096 }\n",
+    );
+    for (folder, flags) in [(&glass, ""), (&lights, "--samples 65536"), (&lights, "--samples 65536 --aov depth")] {
+        let run = format!("render s.kdl --crop 5,3,2,2 --threads 2 --progress json {flags}");
+        let wait = Duration::from_millis(300);
+        let (code, said) = interrupted(folder, &run, "\"event\":\"start\"", wait, false);
+        // It stopped by itself, in time to save what there is; here that is nothing, and a black picture replaces nothing.
+        assert!(code == Some(130) && said.contains("\"complete\":false"), "{flags}: {code:?} {said}");
+        assert!(!folder.path().join("s.png").exists() && !folder.path().join("s.partial.png").exists());
+    }
+}
+
+/// Neither files that nobody reads or writes nor large ones keep a command from ending.
+#[test]
+fn ctrl_c_ends_whatever_goes_on() {
+    let folder = Folder::new(BALL);
+    let path = |name: &str| folder.path().join(name);
+    for name in ["nobody.png", "nobody.exr", "nobody.kdl"] {
+        assert!(Command::new("mkfifo").arg(path(name)).status().unwrap().success());
+    }
+    let large: String = (0..400_000).map(|n| format!("sphere {{ center {n} 0 0; radius 0.5 }}\n")).collect();
+    fs::write(path("large.kdl"), format!("{SCENE}{large}")).unwrap();
+    let mut grid: String = (0..1_000_000).map(|n| format!("v {} {} {}\n", n % 1000, n / 1000, n % 7)).collect();
+    for n in (1..999_000).filter(|n| n % 1000 != 0) {
+        grid += &format!("f {n} {} {}\n", n + 1, n + 1000);
+    }
+    fs::write(path("large.obj"), grid).unwrap();
+    for run in [
+        "render s.kdl -o nobody.png",
+        "render s.kdl -o nobody.exr --frames 1",
+        "compare nobody.png nobody.exr",
+        "render large.kdl -o a.png",
+        "check large.kdl",
+        "explain large.kdl --pixel 3,3",
+        "render large.obj -o a.png",
+        "info large.obj",
+    ] {
+        for twice in [false, true] {
+            // Before it listens to signals they end it as they end any program; then it was too early to tell.
+            let waits = [100, 200, 400, 800, 1600].map(Duration::from_millis);
+            let mut ends = waits.iter().map(|wait| interrupted(&folder, run, "", *wait, twice));
+            let end = ends.find(|(code, _)| code.is_some());
+            let Some((code, said)) = end else { panic!("{run}: it never listened") };
+            assert!(code == Some(130) && said.contains("interrupted"), "{run}: {code:?} {said}");
+        }
+    }
+    assert!(!path("a.png").exists());
+    folder.expect(&["render", "nobody.kdl"], 3, &["a pipe, not a file"]);
+}
+
+/// What was there stays; the part lies beside it, and goes when the whole is there.
+#[test]
+fn the_part_of_a_picture_goes_beside_it() {
+    let folder = Folder::new(BALL);
+    let path = |name: &str| folder.path().join(name);
+    for (file, part) in [("a.png", "a.partial.png"), ("a.exr", "a.partial.exr")] {
+        let layer = if file == "a.png" { "a.depth.png" } else { file };
+        let short = format!("render s.kdl -o {file} --aov depth -q --size 300x200");
+        folder.expect(&short.split(' ').collect::<Vec<_>>(), 0, &[]);
+        let whole = [file, layer].map(|name| fs::read(path(name)).unwrap());
+        let long =
+            format!("render s.kdl -o {file} --aov depth --size 300x200 --samples 2000 --tile 4 --progress plain");
+        for _ in 0..2 {
+            let (code, said) = interrupted(&folder, &long, "%", Duration::ZERO, false);
+            assert!(code == Some(130) && said.contains(&format!("{part} has it")), "{code:?} {said}");
+        }
+        assert!([file, layer].map(|name| fs::read(path(name)).unwrap()) == whole);
+        let names = || fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap());
+        let parts = names().filter(|name| name.starts_with("a.") && name.contains(".partial")).count();
+        assert_eq!(parts, if file == "a.png" { 2 } else { 1 }, "{:?}", names().collect::<Vec<_>>());
+        // A file of the user's own is nobody's part, and stays.
+        fs::write(path("b.partial.png"), "mine").unwrap();
+        folder.expect(&["render", "s.kdl", "-o", "b.png", "-q"], 0, &[]);
+        assert_eq!(fs::read(path("b.partial.png")).unwrap(), b"mine");
+        let (_, said) = interrupted(&folder, &long.replace(file, "b.png"), "%", Duration::ZERO, false);
+        assert!(said.contains("b.partial-2.png has it"), "{said}");
+        for name in names().filter(|name| name.starts_with("b.") && name != "b.partial.png") {
+            fs::remove_file(path(&name)).unwrap();
+        }
+        folder.expect(&short.split(' ').collect::<Vec<_>>(), 0, &[]);
+        assert!(names().all(|name| !name.starts_with("a.") || !name.contains(".partial")));
+    }
+}
+
+/// A program that is killed leaves nothing, or the next one removes it.
+#[test]
+fn killed_programs_leave_nothing() {
+    let folder = Folder::new(&format!("animation {{ frames 1 9 }}\n{BALL}"));
+    let names = || fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap());
     let mut command = Command::new(env!("CARGO_BIN_EXE_canaletto"));
-    command.args(["render", "s.kdl", "--crop", "5,3,2,2", "--threads", "2"]).current_dir(folder.path());
-    let mut child = command.stderr(Stdio::null()).spawn().unwrap();
-    std::thread::sleep(Duration::from_millis(500));
-    Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
-    let start = Instant::now();
-    let status = loop {
-        if let Some(status) = child.try_wait().unwrap() {
-            break status;
-        }
-        if start.elapsed() > Duration::from_secs(20) {
-            child.kill().unwrap();
-            panic!("it goes on");
-        }
-        std::thread::sleep(Duration::from_millis(10));
-    };
-    assert_eq!(status.code(), Some(130));
-    assert!(!folder.path().join("s.png").exists(), "a black picture replaces nothing");
+    command.args(["render", "s.kdl", "-o", "f.gif", "--size", "300x200", "--samples", "400"]);
+    let mut child = command.current_dir(folder.path()).stderr(Stdio::null()).spawn().unwrap();
+    std::thread::sleep(Duration::from_millis(1500));
+    child.kill().unwrap();
+    child.wait().unwrap();
+    if cfg!(target_os = "linux") {
+        assert_eq!(names().collect::<Vec<_>>(), ["s.kdl"]);
+    }
+    fs::write(folder.path().join(".canaletto-0123abcd.tmp"), "left behind").unwrap();
+    folder.expect(&["render", "s.kdl", "-o", "a.png", "-q"], 0, &[]);
+    let mut left: Vec<String> = names().collect();
+    left.sort();
+    assert_eq!(left, ["a.png", "s.kdl"]);
 }

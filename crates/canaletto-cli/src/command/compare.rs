@@ -6,6 +6,7 @@ use crate::flags::TransferFlag;
 use crate::output::{replaced, unfit, write_file};
 use crate::stdout::{print, print_json};
 use canaletto::scene::Transfer;
+use canaletto_io::assets::FileId;
 use canaletto_io::picture::{
     Comparison, Decoded, Depth, Image, PIXELS_PER_DEGREE, PictureError, Unequal, compare, decode, decode_srgb,
     difference, encode_exr, encode_png, encode_srgb,
@@ -137,8 +138,8 @@ fn factor(text: &str) -> Result<f32, String> {
 /// Runs the command.
 pub(crate) fn run(flags: &CompareFlags) -> Result<Exit, Failure> {
     if let Some(diff) = &flags.diff
-        && let Ok(file) = diff.canonicalize()
-        && [&flags.a, &flags.b].iter().any(|input| input.canonicalize().is_ok_and(|input| input == file))
+        && let Ok(file) = FileId::of(diff)
+        && [&flags.a, &flags.b].iter().any(|input| FileId::of(input).is_ok_and(|input| input == file))
     {
         return Err(replaced("--diff", diff));
     }
@@ -289,7 +290,7 @@ fn write_difference(flags: &CompareFlags, path: &Path, a: &Image, b: &Image, max
     let image = difference(a, b, scale).map_err(|e| Failure::new(Exit::Failed, e))?;
     let texts = [("scale".to_owned(), scale.to_string())];
     let bytes = if exr { encode_exr(&image, &texts) } else { encode_png(&image, Depth::Eight, Transfer::None, &texts) };
-    write_file(path, false, &bytes.map_err(|e| unfit(&e))?)?;
+    write_file(path, &bytes.map_err(|e| unfit(&e))?)?;
     Ok(scale)
 }
 

@@ -43,8 +43,8 @@ pub(crate) fn run(flags: &ManFlags, mut command: clap::Command) -> Result<Exit, 
         .map_err(|e| Failure::new(Exit::Failed, format!("can't make {}: {}", folder.display(), reason(&e))))?;
     for subcommand in command.get_subcommands().filter(|c| !c.is_hide_set() && c.get_name() != "help") {
         let file = format!("canaletto-{}.1", subcommand.get_name());
-        write_file(&folder.join(file), false, &page(subcommand.clone())?)?;
+        write_file(&folder.join(file), &page(subcommand.clone())?)?;
     }
-    write_file(&folder.join("canaletto.1"), false, &page(command)?)?;
+    write_file(&folder.join("canaletto.1"), &page(command)?)?;
     Ok(Exit::Done)
 }

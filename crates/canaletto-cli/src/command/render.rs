@@ -4,9 +4,9 @@ use crate::exit::Exit;
 use crate::failure::{Failure, print_diagnostics};
 use crate::flags::{PictureFlags, SourceFlags};
 use crate::frames::{Frames, FramesFlag, fps};
-use crate::interrupt;
 use crate::layers::MAPPINGS;
-use crate::output::{Format, Output, OutputFlags};
+use crate::output::{Format, Output, OutputFlags, replaced};
+use crate::part::partial;
 use crate::progress::{ProgressFlag, Style, emit};
 use crate::series::Series;
 use crate::settings::{Settings, list, sampling_words};
@@ -21,7 +21,7 @@ use canaletto_io::picture::MAX_PIXELS;
 use canaletto_io::text::nearest;
 use clap::Args;
 use serde_json::json;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Renders a scene or a model to a picture.
 #[derive(Args, Clone, Debug)]
@@ -36,7 +36,7 @@ pub(crate) struct RenderFlags {
 
     /// Renders frames A to B, or every Nth of them, or all of the scene's animation
     ///
-    /// Each has random numbers of its own. A frame whose files are whole, of the same size, settings and scene is kept as it
+    /// Each has random numbers of its own. A frame whose files are whole and what would be written (same scene, settings and program) is kept as it
     /// is, so that the same command goes on where it was stopped. Films are always rendered from their first frame on.
     #[arg(long, allow_hyphen_values = true, value_name = "A-B[xN]|all", value_parser = FramesFlag::parse, help_heading = "Frames")]
     pub frames: Option<FramesFlag>,
@@ -92,8 +92,10 @@ Examples:
 
 fn long_help() -> String {
     format!(
-        "{EXAMPLES}\n\n{MAPPINGS}\n\nCtrl-C stops rendering and saves the picture so far; a second one exits at once. Of several frames \
-         those that are finished stay, and the same command goes on with the next one; of a film nothing is written."
+        "{EXAMPLES}\n\n{MAPPINGS}\n\nCtrl-C stops rendering and saves the part that is finished beside the picture, as name.partial.png; what is \
+         there as name.png stays, and the part goes when a whole picture is written. Layers, frames and films do the same: a film's part has \
+         the frames so far. Of several frames those that are finished stay, and the same command goes on with the next one. The \
+         program ends within two seconds, unless a large part is still being saved; a second Ctrl-C ends it at once."
     )
 }
 
@@ -199,7 +201,6 @@ pub(crate) fn run(flags: &RenderFlags) -> Result<Exit, Failure> {
     }
     let plan = Plan::new(flags, style, &reader)?;
     plan.output.check(plan.all_files())?;
-    interrupt::install(style == Style::Json);
     on_threads(flags.source.threads, || on_pool(flags, &plan, reader))?
 }
 
@@ -217,8 +218,11 @@ fn on_pool(flags: &RenderFlags, plan: &Plan, mut reader: Reader) -> Result<Exit,
             .help("render it in parts with --crop"));
     }
     room(&plan.aovs, [width, height])?;
-    let inputs = source.files.iter().map(|used| Path::new(&used.file));
-    plan.output.spare(plan.all_files(), inputs)?;
+    if !plan.output.is_stdout()
+        && let Some(file) = reader.replaced_by(plan.all_files().flat_map(|file| [partial(&file), file]))
+    {
+        return Err(replaced("--output", &file));
+    }
     if flags.dry_run {
         let files = source.files.len();
         let (world, _) = build(&source.name, source.scene, &flags.source.build_options(0), None)?;

@@ -1,10 +1,13 @@
 //! Animated PNG (ISO/IEC 15948, third edition): each frame is the part that changed.
 
-use super::{Area, Frames, MovieError, MovieSettings};
+use super::{Area, Frames, MovieError, MovieSettings, Part, UNFINISHED};
 use crate::picture::{AtomicFile, WriteOptions, png_texts};
+use ::png::text_metadata::TEXtChunk;
 use ::png::{BitDepth, ColorType, Compression, Encoder, EncodingError, ScaledFloat, SrgbRenderingIntent, Writer};
 use canaletto::scene::Transfer;
-use std::io::Write;
+use flate2::Crc;
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
 pub(super) struct Apng {
@@ -58,10 +61,47 @@ impl Frames for Apng {
         add().map_err(|e| wrong(&self.file, e))
     }
 
-    fn finish(self: Box<Apng>) -> Result<(), MovieError> {
-        let Apng { file, writer, .. } = *self;
+    fn finish(self: Box<Apng>, part: Option<Part<'_>>) -> Result<(), MovieError> {
+        let Apng { mut file, mut writer, .. } = *self;
+        if part.is_some() {
+            let text = TEXtChunk::new(UNFINISHED, "interrupted");
+            writer.write_text_chunk(&text).map_err(|e| wrong(&file, e))?;
+        }
         writer.finish().map_err(|e| wrong(&file, e))?;
+        if let Some(part) = part {
+            if let Some(written) = file.file() {
+                count_anew(written, part.frames).map_err(|reason| file.failed(reason))?;
+            }
+            file.redirect(part.path);
+        }
         Ok(file.commit()?)
+    }
+
+    fn temporary(&self) -> Option<&Path> {
+        self.file.temporary()
+    }
+}
+
+/// Changes the number of frames that the file announces.
+fn count_anew(mut file: &File, frames: u32) -> io::Result<()> {
+    /// The chunk's name, the numbers of frames and of plays, and the checksum of all three.
+    const SIZE: usize = 4 + 8 + 4;
+    file.seek(SeekFrom::Start(8))?; // the signature
+    loop {
+        let mut size = [0; 4];
+        file.read_exact(&mut size)?;
+        let start = file.stream_position()?;
+        let mut chunk = [0; SIZE];
+        file.read_exact(&mut chunk)?;
+        if chunk.starts_with(b"acTL") {
+            chunk[4..8].copy_from_slice(&frames.to_be_bytes());
+            let mut sum = Crc::new();
+            sum.update(&chunk[..12]);
+            chunk[12..].copy_from_slice(&sum.sum().to_be_bytes());
+            file.seek(SeekFrom::Start(start))?;
+            return file.write_all(&chunk);
+        }
+        file.seek(SeekFrom::Start(start + 4 + u64::from(u32::from_be_bytes(size)) + 4))?;
     }
 }
 

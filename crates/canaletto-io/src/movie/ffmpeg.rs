@@ -4,7 +4,7 @@
 //! when it has ended well. Its arguments are a list, no shell reads them, and the file's name starts with `file:`, so
 //! that neither a dash nor a colon in it means anything. What it says when it fails is shown.
 
-use super::{Area, Frames, MovieError, MovieFormat, MovieSettings};
+use super::{Area, Frames, MovieError, MovieFormat, MovieSettings, Part};
 use crate::picture::{AtomicFile, WriteOptions};
 use std::ffi::OsString;
 use std::io::{self, Read, Write};
@@ -58,7 +58,7 @@ impl Ffmpeg {
         settings: &MovieSettings,
     ) -> Result<Ffmpeg, MovieError> {
         let program = find_ffmpeg().ok_or(MovieError::NoFfmpeg)?;
-        let file = AtomicFile::begin(path, options)?;
+        let file = AtomicFile::begin_named(path, options)?;
         let Some(temporary) = file.temporary() else {
             return Err(MovieError::Unfit(format!(
                 "{} isn't a file that ffmpeg can write its film to",
@@ -125,14 +125,21 @@ impl Frames for Ffmpeg {
         sent.map_err(|e| self.running.failure(&e.to_string()))
     }
 
-    fn finish(self: Box<Ffmpeg>) -> Result<(), MovieError> {
-        let Ffmpeg { file, mut running } = *self;
+    fn finish(self: Box<Ffmpeg>, part: Option<Part<'_>>) -> Result<(), MovieError> {
+        let Ffmpeg { mut file, mut running } = *self;
         drop(running.pixels.take());
         let status = running.child.wait().map_err(|e| MovieError::Ffmpeg(e.to_string()))?;
         if !status.success() {
             return Err(running.failure(&status.to_string()));
         }
+        if let Some(part) = part {
+            file.redirect(part.path);
+        }
         Ok(file.commit()?)
+    }
+
+    fn temporary(&self) -> Option<&Path> {
+        self.file.temporary()
     }
 }
 

@@ -2,9 +2,9 @@
 //! dithering, which would flicker from frame to frame.
 
 use super::palette::palette;
-use super::{Area, Frames, MovieError, MovieSettings, Rate};
+use super::{Area, Frames, MovieError, MovieSettings, Part, Rate, UNFINISHED};
 use crate::picture::{AtomicFile, WriteOptions};
-use ::gif::{DisposalMethod, Encoder, EncodingError, Frame, Repeat};
+use ::gif::{AnyExtension, DisposalMethod, Encoder, EncodingError, Extension, Frame, Repeat};
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
@@ -52,11 +52,20 @@ impl Frames for Gif {
         self.encoder.write_frame(&frame).map_err(|e| wrong(&self.file, e))
     }
 
-    fn finish(self: Box<Gif>) -> Result<(), MovieError> {
-        let Gif { file, encoder, .. } = *self;
+    fn finish(self: Box<Gif>, part: Option<Part<'_>>) -> Result<(), MovieError> {
+        let Gif { mut file, mut encoder, .. } = *self;
+        if let Some(part) = part {
+            let comment = encoder.write_raw_extension(AnyExtension(Extension::Comment as u8), &[UNFINISHED.as_bytes()]);
+            comment.map_err(|e| wrong(&file, e))?;
+            file.redirect(part.path);
+        }
         let mut out = encoder.into_inner().map_err(|e| wrong(&file, e))?;
         out.flush().map_err(|reason| file.failed(reason))?;
         Ok(file.commit()?)
+    }
+
+    fn temporary(&self) -> Option<&Path> {
+        self.file.temporary()
     }
 }
 

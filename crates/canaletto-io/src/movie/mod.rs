@@ -1,7 +1,7 @@
 //! Pictures that move, in one file: animated PNG, GIF, and what the program `ffmpeg` makes (MP4, WebM).
 //!
-//! Frames are written as they come, into a file that takes its name when the last of them is there: an unfinished film
-//! leaves nothing. All of them have 8 bits and no alpha.
+//! Frames are written as they come, into a file that takes its name when the last of them is there. Of an unfinished film nothing
+//! is left, unless it is [asked for](Movie::finish_part). All of them have 8 bits and no alpha.
 
 mod apng;
 mod ffmpeg;
@@ -83,9 +83,20 @@ pub struct Movie {
 trait Frames {
     /// Adds a frame: red, green and blue of each pixel. Only `area` differs from the frame before.
     fn add(&mut self, index: u32, rgb: &[u8], area: Area) -> Result<(), MovieError>;
-    /// All frames are there.
-    fn finish(self: Box<Self>) -> Result<(), MovieError>;
+    /// All frames are there; or those of a part, which goes elsewhere.
+    fn finish(self: Box<Self>, part: Option<Part<'_>>) -> Result<(), MovieError>;
+    /// The temporary name of the file, if it has one.
+    fn temporary(&self) -> Option<&Path>;
 }
+
+/// The first frames of a film that will not be whole.
+struct Part<'a> {
+    frames: u32,
+    path: &'a Path,
+}
+
+/// The key of the text that a part has, where its format holds texts.
+const UNFINISHED: &str = "unfinished";
 
 /// A part of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -153,7 +164,24 @@ impl Movie {
             let (added, frames) = (self.added, self.settings.frames);
             return Err(MovieError::Unfit(format!("the film has {added} of its {frames} frames")));
         }
-        self.writer.finish()
+        self.writer.finish(None)
+    }
+
+    /// Makes a film of the frames so far, if there are any, and puts it in another place, where it replaces what is there. Returns their
+    /// number. The standard output, devices and pipes have no other place.
+    ///
+    /// # Errors
+    /// [`MovieError`] if it can't be written.
+    pub fn finish_part(self, path: &Path) -> Result<u32, MovieError> {
+        if self.added > 0 {
+            self.writer.finish(Some(Part { frames: self.added, path }))?;
+        }
+        Ok(self.added)
+    }
+
+    /// The temporary name of its file, which stays if the program is ended meanwhile.
+    pub fn temporary(&self) -> Option<&Path> {
+        self.writer.temporary()
     }
 }
 

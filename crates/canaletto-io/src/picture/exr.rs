@@ -1,6 +1,7 @@
-//! OpenEXR: linear `f32` channels of one part, ZIP-compressed, with texts as attributes.
+//! OpenEXR: linear `f32` channels of one part, ZIP-compressed, with texts as attributes. All texts and names are UTF-8,
+//! as the format's own library has them.
 
-use super::{Channel, Decoded, Image, MAX_PIXELS, PictureError, check};
+use super::{Channel, Decoded, Image, MAX_PIXELS, PictureError, SOFTWARE, check};
 use ::exr::meta::MetaData;
 use ::exr::prelude as ex;
 use ::exr::prelude::{ReadChannels, ReadLayers, WritableImage};
@@ -10,39 +11,41 @@ use std::io::Cursor;
 /// The bytes of an EXR of all channels. The same bytes for any number of threads.
 ///
 /// # Errors
-/// [`PictureError::Unfit`] if a channel has no or too few values, or a name is used twice, is empty or too long.
+/// [`PictureError::Unfit`] if a channel has no or too few values, or a name is used twice, is empty, longer than 255 bytes or
+/// holds a NUL character.
 pub fn encode_exr(image: &Image, metadata: &[(String, String)]) -> Result<Vec<u8>, PictureError> {
+    encode(image, metadata, ex::Compression::ZIP16)
+}
+
+/// The same without compression, for when time is short.
+///
+/// # Errors
+/// As [`encode_exr`].
+pub fn encode_exr_quickly(image: &Image, metadata: &[(String, String)]) -> Result<Vec<u8>, PictureError> {
+    encode(image, metadata, ex::Compression::Uncompressed)
+}
+
+fn encode(image: &Image, metadata: &[(String, String)], compression: ex::Compression) -> Result<Vec<u8>, PictureError> {
     check(image)?;
-    let text = |text: &str| {
-        let name = ex::Text::new_or_none(text).filter(|_| !text.is_empty() && text.len() < 256);
-        name.ok_or_else(|| {
-            PictureError::Unfit(format!("\"{text}\" can't be a name in an EXR file: it needs 1 to 255 Latin letters"))
-        })
+    let name = |text: &str| {
+        if text.is_empty() || text.len() > 255 || text.contains('\0') {
+            let message = format!("{text:?} can't be a name in an EXR file: it needs 1 to 255 bytes, none of them 0");
+            return Err(PictureError::Unfit(message));
+        }
+        Ok(to_utf8(text))
     };
     let mut channels = Vec::new();
     for channel in &image.channels {
-        if channels.iter().any(|c: &ex::AnyChannel<_>| c.name == *channel.name.as_str()) {
+        if channels.iter().any(|c: &ex::AnyChannel<_>| c.name == to_utf8(&channel.name)) {
             return Err(PictureError::Unfit(format!("channel {} is there twice", channel.name)));
         }
-        channels.push(ex::AnyChannel::new(text(&channel.name)?, ex::FlatSamples::F32(channel.data.clone())));
+        channels.push(ex::AnyChannel::new(name(&channel.name)?, ex::FlatSamples::F32(channel.data.clone())));
     }
-    let mut attributes = ex::LayerAttributes {
-        software_name: Some(concat!("Canaletto ", env!("CARGO_PKG_VERSION")).into()),
-        ..Default::default()
-    };
+    let mut attributes = ex::LayerAttributes { software_name: Some(SOFTWARE.into()), ..Default::default() };
     for (key, value) in metadata {
-        // Values are Latin letters in this format; what isn't is escaped.
-        let latin: String = value
-            .chars()
-            .flat_map(|c| if u32::from(c) < 256 { vec![c] } else { c.escape_unicode().collect() })
-            .collect();
-        attributes.other.insert(text(key)?, ex::AttributeValue::Text(ex::Text::new_or_panic(latin)));
+        attributes.other.insert(name(key)?, ex::AttributeValue::Text(to_utf8(value)));
     }
-    let encoding = ex::Encoding {
-        compression: ex::Compression::ZIP16,
-        blocks: ex::Blocks::ScanLines,
-        line_order: ex::LineOrder::Increasing,
-    };
+    let encoding = ex::Encoding { compression, blocks: ex::Blocks::ScanLines, line_order: ex::LineOrder::Increasing };
     let size = (image.width as usize, image.height as usize);
     let layer = ex::Layer::new(size, attributes, encoding, ex::AnyChannels::sort(channels.into_iter().collect()));
     let mut out = Cursor::new(Vec::new());
@@ -50,6 +53,16 @@ pub fn encode_exr(image: &Image, metadata: &[(String, String)]) -> Result<Vec<u8
     let mut bytes = out.into_inner();
     sort_attributes(&mut bytes);
     Ok(bytes)
+}
+
+/// A text whose bytes are UTF-8: the crate has a byte for each letter.
+fn to_utf8(text: &str) -> ex::Text {
+    ex::Text::new_or_panic(text.bytes().map(char::from).collect::<String>())
+}
+
+/// The text of such bytes; what isn't UTF-8 is Latin-1, as in files of older programs.
+fn from_utf8(text: &ex::Text) -> String {
+    String::from_utf8(text.bytes().to_vec()).unwrap_or_else(|_| text.to_string())
 }
 
 /// Brings the header's attributes into the order of their names; the crate's order is a hash map's, another one in
@@ -104,15 +117,16 @@ pub fn decode_exr(bytes: &[u8]) -> Result<Decoded, PictureError> {
         if layer.size != size {
             return Err(damaged("its parts have different sizes".into()));
         }
-        let part = layer.attributes.layer_name.map_or_else(|| number.to_string(), |name| name.to_string());
+        let part = layer.attributes.layer_name.map_or_else(|| number.to_string(), |name| from_utf8(&name));
         for (key, value) in layer.attributes.other {
             if let ex::AttributeValue::Text(text) = value {
-                metadata.push((key.to_string(), text.to_string()));
+                metadata.push((from_utf8(&key), from_utf8(&text)));
             }
         }
-        metadata.extend(layer.attributes.software_name.map(|name| ("Software".to_owned(), name.to_string())));
+        metadata.extend(layer.attributes.software_name.map(|name| ("Software".to_owned(), from_utf8(&name))));
         for channel in layer.channel_data.list {
-            let name = if many { format!("{part}.{}", channel.name) } else { channel.name.to_string() };
+            let name = from_utf8(&channel.name);
+            let name = if many { format!("{part}.{name}") } else { name };
             bits = bits.max(if matches!(channel.sample_data, ex::FlatSamples::F16(_)) { 16 } else { 32 });
             let data = match channel.sample_data {
                 ex::FlatSamples::F32(data) => data,
@@ -157,8 +171,28 @@ mod tests {
         for channel in &image.channels {
             assert_eq!(read.image.channel(&channel.name).unwrap(), channel.data, "{}", channel.name);
         }
+        assert_eq!(decode_exr(&encode_exr_quickly(&image, &texts()).unwrap()).unwrap(), read);
         assert!(texts().iter().all(|text| read.metadata.contains(text)));
         assert!(read.metadata.iter().any(|(k, v)| k == "Software" && v.starts_with("Canaletto")));
+    }
+
+    #[test]
+    fn texts_are_utf8() {
+        let mut image = picture();
+        image.channels[1].name = "水.X".into();
+        let texts: Vec<_> =
+            ["Grün", "水 😀", "a\nb\u{7f}", ""].map(|text| (format!("key {text}"), text.to_owned())).into();
+        let bytes = encode_exr(&image, &texts).unwrap();
+        assert!(bytes.windows(5).any(|part| part == "Grün".as_bytes()));
+        let read = decode_exr(&bytes).unwrap();
+        assert!(texts.iter().all(|text| read.metadata.contains(text)), "{:?}", read.metadata);
+        assert!(read.image.channel("水.X").is_some());
+        // Files of older programs have Latin-1.
+        let mut latin = bytes.clone();
+        let at = latin.windows(5).rposition(|part| part == "Grün".as_bytes()).unwrap();
+        latin[at..at + 5].copy_from_slice(b"Gr\xfcn ");
+        let read = decode_exr(&latin).unwrap();
+        assert!(read.metadata.iter().any(|(_, value)| value == "Grün "), "{:?}", read.metadata);
     }
 
     #[test]
@@ -175,9 +209,10 @@ mod tests {
         let mut image = picture();
         image.channels[1].name = "R".into();
         assert_eq!(encode_exr(&image, &[]).unwrap_err().to_string(), "channel R is there twice");
-        image.channels[1].name = "水".into();
-        assert!(encode_exr(&image, &[]).unwrap_err().to_string().contains("can't be a name"));
-        assert!(encode_exr(&picture(), &[("a".into(), "水".into())]).is_ok());
+        for name in ["", "a\0b", &"水".repeat(86)] {
+            image.channels[1].name = name.into();
+            assert!(encode_exr(&image, &[]).unwrap_err().to_string().contains("can't be a name"));
+        }
         assert!(decode_exr(b"v/1\x01").is_err());
     }
 

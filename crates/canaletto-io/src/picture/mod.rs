@@ -9,16 +9,19 @@ mod ssim;
 mod transfer;
 mod write;
 
-pub use self::exr::{decode_exr, encode_exr};
+pub use self::exr::{decode_exr, encode_exr, encode_exr_quickly};
 pub(crate) use self::png::png_texts;
 pub use self::png::{Depth, decode_png, develop_png, encode_png};
 pub use compare::{Comparison, Difference, Unequal, compare, difference};
 pub use flip::{Flip, PIXELS_PER_DEGREE, flip};
 pub use ssim::ssim;
 pub use transfer::{decode_srgb, encode_srgb};
-pub use write::{AtomicFile, WriteError, WriteOptions, write_atomically};
+pub use write::{AtomicFile, WriteError, WriteOptions, sweep, write_atomically};
 
 use canaletto::scene::Transfer;
+
+/// The name of the program that its pictures carry, with its version.
+pub const SOFTWARE: &str = concat!("Canaletto ", env!("CARGO_PKG_VERSION"));
 
 /// A picture as named channels of numbers.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -1,6 +1,11 @@
 //! Writing a file so that it is there whole or not at all.
+//!
+//! It grows without a name where the system has such files (Linux, on most file systems), so that nothing is left of it however
+//! the program ends. Elsewhere it has a temporary name beside its own, and is locked while it is written. [`sweep`] removes what
+//! programs that were killed have left: temporary files that nobody has locked.
 
-use std::fs::{self, File};
+use crate::assets::FileId;
+use std::fs::{self, File, TryLockError};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use tempfile::{Builder, NamedTempFile};
@@ -10,6 +15,9 @@ use tempfile::{Builder, NamedTempFile};
 pub struct WriteOptions {
     /// Fail if the file exists.
     pub no_clobber: bool,
+    /// Have the file on the disk before it takes its name, and the name on the disk when it is said to be written, so that a power
+    /// cut leaves the old file or the new one. It costs the time of the disk.
+    pub durable: bool,
 }
 
 /// Why a file isn't written.
@@ -42,7 +50,7 @@ pub enum WriteError {
     },
 }
 
-/// Writes a file through a temporary one in the same folder, which takes its place at the end and is removed if
+/// Writes a file through one that nobody sees, which takes its place at the end and is gone if
 /// anything fails. The path `-` is the standard output. Links are followed (one to nowhere
 /// is replaced); devices and pipes are written directly.
 ///
@@ -65,7 +73,7 @@ pub fn write_atomically(
 #[derive(Debug)]
 pub struct AtomicFile {
     path: PathBuf,
-    no_clobber: bool,
+    options: WriteOptions,
     place: Place,
 }
 
@@ -74,8 +82,15 @@ enum Place {
     Stdout,
     /// A device or pipe.
     Direct(File),
+    /// A file without a name, and where it will get one.
+    #[cfg(target_os = "linux")]
+    Unnamed(File, PathBuf),
     Temporary(NamedTempFile, PathBuf),
 }
+
+/// What temporary names begin and end with; between them are letters and digits.
+const PREFIX: &str = ".canaletto-";
+const SUFFIX: &str = ".tmp";
 
 impl AtomicFile {
     /// Begins a file as [`write_atomically`] does.
@@ -83,8 +98,20 @@ impl AtomicFile {
     /// # Errors
     /// [`WriteError`] says why it can't be written.
     pub fn begin(path: &Path, options: WriteOptions) -> Result<AtomicFile, WriteError> {
+        AtomicFile::begin_with(path, options, false)
+    }
+
+    /// The same, with a temporary name by which another program can write it.
+    ///
+    /// # Errors
+    /// As [`AtomicFile::begin`].
+    pub fn begin_named(path: &Path, options: WriteOptions) -> Result<AtomicFile, WriteError> {
+        AtomicFile::begin_with(path, options, true)
+    }
+
+    fn begin_with(path: &Path, options: WriteOptions, named: bool) -> Result<AtomicFile, WriteError> {
         let failed = |reason: io::Error| WriteError::Failed { path: path.to_owned(), reason };
-        let file = |place| AtomicFile { path: path.to_owned(), no_clobber: options.no_clobber, place };
+        let file = |place| AtomicFile { path: path.to_owned(), options, place };
         if path == Path::new("-") {
             return Ok(file(Place::Stdout));
         }
@@ -98,20 +125,15 @@ impl AtomicFile {
             _ => {}
         }
         let target = if existing.is_some() { fs::canonicalize(path).map_err(failed)? } else { path.to_owned() };
-        let folder = match target.parent() {
-            Some(folder) if folder != Path::new("") => folder,
-            _ => Path::new("."),
-        };
-        let mut builder = Builder::new();
-        builder.prefix(".canaletto-").suffix(".tmp");
-        #[cfg(unix)]
-        {
-            use std::os::unix::fs::PermissionsExt;
-            // As any new file; the system takes the user's mask off.
-            let mode = existing.as_ref().map_or(0o666, |old| old.permissions().mode() & 0o777);
-            builder.permissions(fs::Permissions::from_mode(mode));
+        let folder = folder_of(&target);
+        // As any new file; the system takes the user's mask off.
+        let mode = mode_of(existing.as_ref());
+        #[cfg(target_os = "linux")]
+        if !named && let Some(unnamed) = unnamed(folder, mode) {
+            return Ok(file(Place::Unnamed(unnamed, target)));
         }
-        let temporary = builder.tempfile_in(folder).map_err(|reason| {
+        let _ = named;
+        let temporary = temporary(folder, mode).map_err(|reason| {
             if reason.kind() == io::ErrorKind::NotFound {
                 WriteError::NoFolder(folder.to_owned())
             } else {
@@ -119,6 +141,28 @@ impl AtomicFile {
             }
         })?;
         Ok(file(Place::Temporary(temporary, target)))
+    }
+
+    /// Chooses another place for it: only files have one. It replaces what is there.
+    pub fn redirect(&mut self, path: &Path) {
+        match &mut self.place {
+            #[cfg(target_os = "linux")]
+            Place::Unnamed(_, target) => *target = path.to_owned(),
+            Place::Temporary(_, target) => *target = path.to_owned(),
+            Place::Stdout | Place::Direct(_) => return,
+        }
+        self.path = path.to_owned();
+        self.options = WriteOptions::default();
+    }
+
+    /// The file itself, to read or change what was written; nothing for the standard output, devices and pipes.
+    pub fn file(&self) -> Option<&File> {
+        match &self.place {
+            #[cfg(target_os = "linux")]
+            Place::Unnamed(file, _) => Some(file),
+            Place::Temporary(file, _) => Some(file.as_file()),
+            Place::Stdout | Place::Direct(_) => None,
+        }
     }
 
     /// What to write to. Nothing is buffered.
@@ -130,11 +174,13 @@ impl AtomicFile {
         Ok(match &self.place {
             Place::Stdout => Box::new(io::stdout()),
             Place::Direct(file) => Box::new(clone(file)?),
+            #[cfg(target_os = "linux")]
+            Place::Unnamed(file, _) => Box::new(clone(file)?),
             Place::Temporary(file, _) => Box::new(clone(file.as_file())?),
         })
     }
 
-    /// The file in which it grows, if it is one.
+    /// The name under which it grows, if it has one.
     pub fn temporary(&self) -> Option<&Path> {
         if let Place::Temporary(file, _) = &self.place { Some(file.path()) } else { None }
     }
@@ -149,22 +195,194 @@ impl AtomicFile {
     /// # Errors
     /// [`WriteError`] if that fails; then nothing is left of it.
     pub fn commit(self) -> Result<(), WriteError> {
-        let AtomicFile { path, no_clobber, place } = self;
+        let AtomicFile { path, options, place } = self;
         let failed = |reason: io::Error| WriteError::Failed { path: path.clone(), reason };
-        let (temporary, target) = match place {
+        let kept = |reason: io::Error| match reason.kind() {
+            io::ErrorKind::AlreadyExists => WriteError::Exists(path.clone()),
+            _ => failed(reason),
+        };
+        let target = match place {
             Place::Stdout => return io::stdout().flush().map_err(failed),
             Place::Direct(_) => return Ok(()),
-            Place::Temporary(temporary, target) => (temporary, target),
+            #[cfg(target_os = "linux")]
+            Place::Unnamed(file, target) => {
+                if options.durable {
+                    file.sync_all().map_err(failed)?;
+                }
+                match link(&file, &target) {
+                    Err(e) if e.kind() == io::ErrorKind::AlreadyExists && !options.no_clobber => {
+                        replace(&file, &target).map_err(failed)?;
+                    }
+                    linked => linked.map_err(kept)?,
+                }
+                target
+            }
+            Place::Temporary(temporary, target) => {
+                if options.durable {
+                    temporary.as_file().sync_all().map_err(failed)?;
+                }
+                if options.no_clobber {
+                    temporary.persist_noclobber(&target).map_err(|e| kept(e.error))?;
+                } else {
+                    temporary.persist(&target).map_err(|e| failed(e.error))?;
+                }
+                target
+            }
         };
-        if no_clobber {
-            temporary.persist_noclobber(&target).map_err(|e| match e.error.kind() {
-                io::ErrorKind::AlreadyExists => WriteError::Exists(path.clone()),
-                _ => failed(e.error),
-            })?;
-        } else {
-            temporary.persist(&target).map_err(|e| failed(e.error))?;
+        if options.durable {
+            sync_folder(folder_of(&target)).map_err(failed)?;
         }
         Ok(())
+    }
+}
+
+fn folder_of(file: &Path) -> &Path {
+    match file.parent() {
+        Some(folder) if folder != Path::new("") => folder,
+        _ => Path::new("."),
+    }
+}
+
+/// The permissions of a new file, or of the one that it replaces.
+fn mode_of(existing: Option<&fs::Metadata>) -> u32 {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        existing.map_or(0o666, |old| old.permissions().mode() & 0o777)
+    }
+    #[cfg(not(unix))]
+    {
+        let _ = existing;
+        0
+    }
+}
+
+/// A file without a name; nothing where the file system has none, or nothing could give it a name later.
+#[cfg(target_os = "linux")]
+fn unnamed(folder: &Path, mode: u32) -> Option<File> {
+    use rustix::fs::{CWD, Mode, OFlags, openat};
+    let flags = OFlags::TMPFILE | OFlags::RDWR | OFlags::CLOEXEC;
+    let file: File = openat(CWD, folder, flags, Mode::from_raw_mode(mode)).ok()?.into();
+    // Without /proc it can't be linked.
+    name_of(&file).symlink_metadata().ok()?;
+    // For the moment in which it has a temporary name.
+    let _ = file.try_lock();
+    Some(file)
+}
+
+#[cfg(target_os = "linux")]
+fn name_of(file: &File) -> PathBuf {
+    use std::os::fd::AsRawFd;
+    PathBuf::from(format!("/proc/self/fd/{}", file.as_raw_fd()))
+}
+
+/// Gives a file without a name one that nothing else has.
+#[cfg(target_os = "linux")]
+fn link(file: &File, target: &Path) -> io::Result<()> {
+    use rustix::fs::{AtFlags, CWD, linkat};
+    Ok(linkat(CWD, name_of(file), CWD, target, AtFlags::SYMLINK_FOLLOW)?)
+}
+
+/// Gives a file without a name that of another one. No system does it in one step: for a moment it has a temporary name.
+#[cfg(target_os = "linux")]
+fn replace(file: &File, target: &Path) -> io::Result<()> {
+    let folder = folder_of(target);
+    let temporary = temporary_names(|name| {
+        let name = folder.join(name);
+        link(file, &name).map(|()| name)
+    })?;
+    fs::rename(&temporary, target).inspect_err(|_| _ = fs::remove_file(&temporary))
+}
+
+/// Tries temporary names until one is free.
+#[cfg(target_os = "linux")]
+fn temporary_names<T>(mut with: impl FnMut(String) -> io::Result<T>) -> io::Result<T> {
+    use std::hash::{BuildHasher, Hasher, RandomState};
+    const TRIES: usize = 1000;
+    for _ in 0..TRIES {
+        let random = RandomState::new().build_hasher().finish();
+        match with(format!("{PREFIX}{random:016x}{SUFFIX}")) {
+            Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {}
+            other => return other,
+        }
+    }
+    Err(io::ErrorKind::AlreadyExists.into())
+}
+
+/// A file with a temporary name, locked.
+fn temporary(folder: &Path, mode: u32) -> io::Result<NamedTempFile> {
+    let mut builder = Builder::new();
+    builder.prefix(PREFIX).suffix(SUFFIX);
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(fs::Permissions::from_mode(mode));
+    }
+    #[cfg(not(unix))]
+    let _ = mode;
+    loop {
+        let file = builder.tempfile_in(folder)?;
+        // Some file systems have no locks.
+        let _ = file.as_file().try_lock();
+        // Between the two, another program may have taken it for left behind.
+        match (FileId::of(file.path()), file.as_file().metadata().and_then(|m| FileId::with(file.path(), &m))) {
+            (Ok(named), Ok(open)) if named == open => return Ok(file),
+            (Err(e), _) if e.kind() != io::ErrorKind::NotFound => return Err(e),
+            _ => {}
+        }
+    }
+}
+
+/// Has the names in a folder on the disk.
+fn sync_folder(folder: &Path) -> io::Result<()> {
+    // Only some systems let folders be opened, and only some file systems let them be written out.
+    if cfg!(unix) {
+        match File::open(folder)?.sync_all() {
+            Err(e) if !matches!(e.kind(), io::ErrorKind::InvalidInput | io::ErrorKind::Unsupported) => return Err(e),
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+/// Removes temporary files of ours from a folder that a program has left which was killed: files of the same user that no
+/// program has locked. What can't be read or removed stays.
+pub fn sweep(folder: &Path) {
+    let Ok(entries) = fs::read_dir(folder) else { return };
+    let is_ours = |name: &str| {
+        let middle = name.strip_prefix(PREFIX).and_then(|rest| rest.strip_suffix(SUFFIX));
+        middle.is_some_and(|middle| !middle.is_empty() && middle.bytes().all(|b| b.is_ascii_alphanumeric()))
+    };
+    let names = entries.filter_map(|entry| Some(entry.ok()?.path()));
+    for path in names.filter(|path| path.file_name().and_then(|name| name.to_str()).is_some_and(is_ours)) {
+        if path.symlink_metadata().is_ok_and(|file| file.is_file() && is_of_this_user(&file)) {
+            let _ = remove_unlocked(&path);
+        }
+    }
+}
+
+fn remove_unlocked(path: &Path) -> io::Result<()> {
+    let file = File::open(path)?;
+    match file.try_lock() {
+        Ok(()) => {}
+        Err(TryLockError::WouldBlock) => return Ok(()),
+        Err(TryLockError::Error(error)) => return Err(error),
+    }
+    // Its program may just have given it its name, and another one may have this one now.
+    let same = FileId::of(path)? == FileId::with(path, &file.metadata()?)?;
+    if same { fs::remove_file(path) } else { Ok(()) }
+}
+
+fn is_of_this_user(file: &fs::Metadata) -> bool {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        file.uid() == rustix::process::geteuid().as_raw()
+    }
+    #[cfg(not(unix))]
+    {
+        let _ = file;
+        true
     }
 }
 
@@ -177,7 +395,8 @@ fn root_cause(error: io::Error) -> io::Error {
 mod tests {
     use super::*;
 
-    const KEEP: WriteOptions = WriteOptions { no_clobber: true };
+    const KEEP: WriteOptions = WriteOptions { no_clobber: true, durable: false };
+    const DURABLE: WriteOptions = WriteOptions { no_clobber: false, durable: true };
 
     fn names(folder: &Path) -> Vec<String> {
         let mut names: Vec<String> =
@@ -200,6 +419,53 @@ mod tests {
         write_atomically(&path, WriteOptions::default(), |w| w.write_all(b"second")).unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"second");
         assert!(matches!(write_atomically(&path, KEEP, |_| Ok(())), Err(WriteError::Exists(_))));
+    }
+
+    /// With a temporary name, without one, replacing and not: the same file, and nothing beside it.
+    #[test]
+    fn however_it_grows_it_is_the_same() {
+        for named in [false, true] {
+            let folder = tempfile::tempdir().unwrap();
+            let (path, other) = (folder.path().join("a.png"), folder.path().join("b.png"));
+            for (options, bytes) in [(DURABLE, "1"), (WriteOptions::default(), "2"), (DURABLE, "3")] {
+                let file = AtomicFile::begin_with(&path, options, named).unwrap();
+                assert_eq!(file.temporary().is_some(), named || !cfg!(target_os = "linux"));
+                file.handle().unwrap().write_all(bytes.as_bytes()).unwrap();
+                sweep(folder.path()); // Nobody takes it for left behind.
+                file.commit().unwrap();
+                assert_eq!((fs::read_to_string(&path).unwrap(), names(folder.path()).len()), (bytes.to_owned(), 1));
+            }
+            let mut file = AtomicFile::begin_with(&path, DURABLE, named).unwrap();
+            file.handle().unwrap().write_all(b"part").unwrap();
+            file.redirect(&other);
+            file.commit().unwrap();
+            assert_eq!((fs::read(&path).unwrap(), fs::read(&other).unwrap()), (b"3".to_vec(), b"part".to_vec()));
+            drop(AtomicFile::begin_with(&path, DURABLE, named).unwrap());
+            assert_eq!(names(folder.path()), ["a.png", "b.png"]);
+        }
+    }
+
+    #[test]
+    fn only_what_is_left_behind_is_swept() {
+        let folder = tempfile::tempdir().unwrap();
+        let keep = [".canaletto-.tmp", ".canaletto-a-b.tmp", ".canaletto-abc.png", "canaletto-abc.tmp", "b.tmp"];
+        for name in keep.iter().chain(&[".canaletto-abc123.tmp", ".canaletto-0123456789abcdef.tmp"]) {
+            fs::write(folder.path().join(name), "x").unwrap();
+        }
+        fs::create_dir(folder.path().join(".canaletto-folder.tmp")).unwrap();
+        #[cfg(unix)]
+        std::os::unix::fs::symlink("b.tmp", folder.path().join(".canaletto-link.tmp")).unwrap();
+        let writing = AtomicFile::begin_named(&folder.path().join("a.png"), KEEP).unwrap();
+        let growing = writing.temporary().unwrap().file_name().unwrap().to_str().unwrap().to_owned();
+        sweep(folder.path());
+        let mut expected: Vec<String> = keep.map(str::to_owned).into();
+        expected.extend([".canaletto-folder.tmp".into(), growing]);
+        if cfg!(unix) {
+            expected.push(".canaletto-link.tmp".into());
+        }
+        expected.sort();
+        assert_eq!(names(folder.path()), expected);
+        writing.commit().unwrap();
     }
 
     #[test]

@@ -126,6 +126,21 @@ impl Script {
         self.camera = Some(camera.to_owned());
     }
 
+    /// Every text among its values, names of things aside, with the file in which it stands: all files that it names at any time are
+    /// among them.
+    pub fn texts(&self) -> Vec<(&str, &AssetPath)> {
+        fn collect<'a>(node: &'a syntax::Node, texts: &mut Vec<(&'a str, syntax::Span)>) {
+            let named = node.properties.iter().filter(|property| !["name", "material", "of"].contains(&&*property.key));
+            let values = node.values.iter().chain(named.map(|property| &property.value));
+            texts.extend(values.filter_map(|value| Some((value.as_text()?, value.span))));
+            node.children.iter().for_each(|child| collect(child, texts));
+        }
+        let mut texts = Vec::new();
+        self.nodes.iter().for_each(|node| collect(node, &mut texts));
+        let with_file = |(text, span): (_, syntax::Span)| Some((text, &self.files.get(span.file)?.path));
+        texts.into_iter().filter_map(with_file).collect()
+    }
+
     /// The frame that is meant where none is named: the first of its animation, else 0.
     pub fn first_frame(&self) -> u32 {
         self.clip.frames.map_or(0, |[first, _]| first)

@@ -169,8 +169,12 @@ impl<'a> PixelRenderer<'a> {
                 if alone || whitted.is_full() {
                     colors.extend_from_slice(whitted.arrive(&mut ()));
                 }
+                if whitted.gave_up() {
+                    break;
+                }
             }
-            return colors.extend_from_slice(whitted.arrive(&mut ()));
+            colors.extend_from_slice(whitted.arrive(&mut ()));
+            return colors.resize(places.len(), Rgb::BLACK);
         }
         let wants_spread = world.wants_spread();
         let mut lines = [Line { origin: DVec3::ZERO, direction: DVec3::ZERO }; BUNDLE];
@@ -180,7 +184,11 @@ impl<'a> PixelRenderer<'a> {
             let seen = if wants_spread { places } else { &[] };
             whitted.depart(lines, numbers, seen.iter().map(|[x, y]| camera.spread(*x, *y, spacing)));
             colors.extend_from_slice(whitted.arrive(&mut ()));
+            if whitted.gave_up() {
+                break;
+            }
         }
+        colors.resize(places.len(), Rgb::BLACK);
     }
 
     /// Where the samples of some pixels are, their weights and random numbers.

@@ -2,7 +2,7 @@
 
 mod bands;
 
-use super::{Channel, Decoded, Image, MAX_PIXELS, PictureError, check, no_pixels};
+use super::{Channel, Decoded, Image, MAX_PIXELS, PictureError, SOFTWARE, check, no_pixels};
 use ::png::chunk::IDAT;
 use ::png::{BitDepth, ColorType, Decoder, Encoder, Limits, ScaledFloat, SrgbRenderingIntent, Transformations};
 use bands::Shape;
@@ -162,7 +162,7 @@ pub(crate) fn png_texts<W: Write>(
     encoder: &mut Encoder<'_, W>,
     metadata: &[(String, String)],
 ) -> Result<(), PictureError> {
-    let software = ("Software".to_owned(), concat!("Canaletto ", env!("CARGO_PKG_VERSION")).to_owned());
+    let software = ("Software".to_owned(), SOFTWARE.to_owned());
     for (key, text) in std::iter::once(&software).chain(metadata) {
         let latin = text.chars().all(|c| matches!(c, '\n' | ' '..='~' | '\u{a1}'..='\u{ff}'));
         let add = if latin { Encoder::add_text_chunk } else { Encoder::add_itxt_chunk };

@@ -115,8 +115,13 @@ impl Whitted<'_> {
                 octet.set_color(lane, stop.color);
             }
         }
-        for light in 0..self.world.lights.len() as u32 {
+        let rays = generation.stops.len() as u32;
+        'lights: for light in 0..self.world.lights.len() as u32 {
             for point in 0..self.world.lights[light as usize].points() {
+                self.ask(rays);
+                if self.gave_up {
+                    break 'lights;
+                }
                 lighting.look(self.source(light), (light, point), generation);
                 self.shadow(&mut lighting, light, generation, probe);
                 let octets = generation.stops.both().1;

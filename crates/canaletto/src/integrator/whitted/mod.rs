@@ -177,7 +177,7 @@ impl<'w> Whitted<'w> {
     fn trace<P: Probe>(&mut self, generation: &mut Generation, probe: &mut P) {
         debug_assert!(!P::ACTIVE || generation.ways.len() == 1);
         self.meet(generation, probe);
-        if generation.stops.len() == 0 {
+        if generation.stops.len() == 0 || self.gave_up {
             return;
         }
         self.shade(generation, probe);

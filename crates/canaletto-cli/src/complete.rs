@@ -1,0 +1,43 @@
+//! Files of pictures that an earlier run has written: whether they are whole, and what they show.
+
+use crate::layers::channel_names;
+use crate::output::{Format, Output};
+use crate::part::UNFINISHED;
+use canaletto::render::{Aov, Job};
+use canaletto_io::picture::{SOFTWARE, decode};
+use std::fs;
+use std::path::Path;
+
+/// The texts of a frame's picture, or of a layer in a file of its own. What maps it to colours adds its curve.
+pub(crate) fn texts(settings: &[(String, String)], job: &Job, layer: Option<Aov>) -> Vec<(String, String)> {
+    let mut texts = settings.to_vec();
+    texts.push(("frame".into(), job.frame.to_string()));
+    if let Some(aov) = layer {
+        texts.retain(|(key, _)| key != "transfer");
+        texts.push(("layer".into(), aov.name().into()));
+    }
+    texts
+}
+
+/// Whether a file holds a whole picture of this job with these texts, by this program.
+pub(crate) fn is_complete(file: &Path, job: &Job, output: &Output, texts: &[(String, String)]) -> bool {
+    let [_, _, width, height] = job.window();
+    let mut names = match output.format {
+        Format::Exr => channel_names(&job.aovs),
+        _ => channel_names(&[]),
+    };
+    // A file that is much larger than these pixels is something else, and need not be read.
+    let most = u64::from(width) * u64::from(height) * names.len() as u64 * 8 + (1 << 20);
+    let bytes = fs::metadata(file).ok().filter(|m| m.is_file() && m.len() <= most).and_then(|_| fs::read(file).ok());
+    let Some(picture) = bytes.and_then(|bytes| decode(&bytes).ok()) else { return false };
+    let bits = if output.format == Format::Exr { 32 } else { output.depth.bits() };
+    let mut channels: Vec<&str> = picture.image.channels.iter().map(|channel| channel.name.as_str()).collect();
+    channels.sort_unstable();
+    names.sort_unstable();
+    let has = |key: &str, text: &str| picture.metadata.iter().any(|(k, t)| (k.as_str(), t.as_str()) == (key, text));
+    (picture.image.width, picture.image.height, picture.bits) == (width, height, bits)
+        && channels == names
+        && picture.metadata.iter().all(|(key, _)| key != UNFINISHED)
+        && texts.iter().all(|(key, text)| has(key, text))
+        && has("Software", SOFTWARE)
+}

@@ -1,0 +1,82 @@
+//! The files that a scene is made of at any frame, which no output may replace.
+
+use canaletto_io::assets::FileId;
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+
+/// Finds outputs that are inputs, by what they are and not by how they are called.
+pub(crate) struct Guard {
+    outputs: HashMap<FileId, PathBuf>,
+    /// Whether one of them may be a library of materials, since it is no picture.
+    has_text: bool,
+}
+
+impl Guard {
+    /// For outputs, most of which needn't exist yet.
+    pub(crate) fn new(outputs: impl IntoIterator<Item = PathBuf>) -> Guard {
+        let existing = outputs.into_iter().filter_map(|output| Some((FileId::of(&output).ok()?, output)));
+        let outputs: HashMap<FileId, PathBuf> = existing.filter(|(_, output)| output.is_file()).collect();
+        let has_text = outputs.values().any(|output| !is_picture(output));
+        Guard { outputs, has_text }
+    }
+
+    /// Whether nothing can be replaced.
+    pub(crate) fn is_idle(&self) -> bool {
+        self.outputs.is_empty()
+    }
+
+    /// The output that is this file.
+    pub(crate) fn find(&self, input: &Path) -> Option<&Path> {
+        self.outputs.get(&FileId::of(input).ok()?).map(PathBuf::as_path)
+    }
+
+    /// The output that a text of a scene may mean: a file, one of a row whose number is `#`, or a library that a model names.
+    pub(crate) fn find_named(&self, named: &Path) -> Option<&Path> {
+        let row = || self.outputs.values().find(|output| is_of_row(output, named)).map(PathBuf::as_path);
+        let is_model = named.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("obj"));
+        let libraries = if self.has_text && is_model { libraries(named) } else { Vec::new() };
+        self.find(named).or_else(row).or_else(|| libraries.iter().find_map(|library| self.find(library)))
+    }
+}
+
+/// Whether the first bytes are those of pictures and films.
+fn is_picture(file: &Path) -> bool {
+    let mut start = [0; 12];
+    let read = File::open(file).and_then(|mut file| file.read_exact(&mut start));
+    let starts: [&[u8]; 4] = [b"\x89PNG", b"v/1\x01", b"GIF8", b"\x1a\x45\xdf\xa3"];
+    read.is_ok() && (starts.iter().any(|known| start.starts_with(known)) || &start[4..8] == b"ftyp")
+}
+
+/// Whether a file's name is this one with a number for `#`, in the same folder.
+fn is_of_row(file: &Path, row: &Path) -> bool {
+    let (Some(name), Some(pattern)) =
+        (file.file_name().and_then(|n| n.to_str()), row.file_name().and_then(|n| n.to_str()))
+    else {
+        return false;
+    };
+    let Some((before, after)) = pattern.split_once('#') else { return false };
+    let after = after.trim_start_matches('#');
+    let number = name.strip_prefix(before).and_then(|rest| rest.strip_suffix(after));
+    let folder =
+        |path: &Path| path.parent().and_then(|p| FileId::of(if p == Path::new("") { Path::new(".") } else { p }).ok());
+    number.is_some_and(|n| n.bytes().all(|b| b.is_ascii_digit())) && folder(file) == folder(row)
+}
+
+/// The libraries of materials that an OBJ may mean: one name with spaces, or several names.
+fn libraries(model: &Path) -> Vec<PathBuf> {
+    let folder = model.parent().unwrap_or(Path::new(""));
+    let Some(file) = File::open(model).ok().filter(|_| model.is_file()) else { return Vec::new() };
+    let lines = BufReader::with_capacity(1 << 20, file).split(b'\n').map_while(Result::ok);
+    let names = lines.filter_map(|line| {
+        let names = line.trim_ascii().strip_prefix(b"mtllib")?;
+        Some(String::from_utf8_lossy(names).trim().replace('\\', "/"))
+    });
+    let places = names.flat_map(|names| {
+        let mut all: Vec<PathBuf> = names.split_whitespace().map(|name| folder.join(name.trim_matches('"'))).collect();
+        all.push(folder.join(names.trim_matches('"')));
+        all
+    });
+    places.collect()
+}

@@ -1,0 +1,85 @@
+//! Parts of pictures and films that an interrupted run leaves beside them.
+
+use canaletto_io::picture::SOFTWARE;
+use std::fs::{self, File};
+use std::io::{self, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+/// The key of the text in files that hold part of a picture.
+pub(crate) const UNFINISHED: &str = "unfinished";
+
+/// Where the part goes of what was to become this file: `name.partial.png` beside `name.png`, which may be an older picture that is
+/// whole.
+pub(crate) fn partial(file: &Path) -> PathBuf {
+    numbered(file, 1)
+}
+
+/// The same where several are in the way: the n-th.
+fn numbered(file: &Path, n: u32) -> PathBuf {
+    let mut name = file.file_stem().unwrap_or_default().to_owned();
+    name.push(".partial");
+    if n > 1 {
+        name.push(format!("-{n}"));
+    }
+    if let Some(extension) = file.extension() {
+        name.push(".");
+        name.push(extension);
+    }
+    file.with_file_name(name)
+}
+
+/// The first place for a part where nothing is but the part of an earlier run.
+pub(crate) fn free_for_part(file: &Path) -> PathBuf {
+    let is_free = |place: &PathBuf| place.symlink_metadata().is_err() || is_part(place);
+    (1..).map(|n| numbered(file, n)).find(is_free).unwrap_or_else(|| partial(file))
+}
+
+/// Removes the part that an earlier run has left of what is whole.
+pub(crate) fn remove_part(whole: &Path) {
+    let part = partial(whole);
+    if is_part(&part) {
+        let _ = fs::remove_file(part);
+    }
+}
+
+/// Whether a file says that it is a part, at its start or, as films do, at its end.
+fn is_part(file: &Path) -> bool {
+    if !file.symlink_metadata().is_ok_and(|file| file.is_file()) {
+        return false;
+    }
+    let ends = || -> io::Result<Vec<u8>> {
+        const MOST: u64 = 1 << 16;
+        let (mut file, mut bytes) = (File::open(file)?, Vec::new());
+        file.by_ref().take(MOST).read_to_end(&mut bytes)?;
+        let size = file.metadata()?.len();
+        file.seek(SeekFrom::Start(size.saturating_sub(MOST)))?;
+        file.take(MOST).read_to_end(&mut bytes)?;
+        Ok(bytes)
+    };
+    let has = |bytes: &[u8], text: &str| bytes.windows(text.len()).any(|part| part == text.as_bytes());
+    ends().is_ok_and(|bytes| has(&bytes, UNFINISHED) && (bytes.starts_with(b"GIF8") || has(&bytes, NAME)))
+}
+
+/// The program's name, whatever its version.
+const NAME: &str = SOFTWARE.split_at(9).0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_have_names_of_their_own() {
+        assert_eq!(NAME, "Canaletto");
+        assert_eq!(partial(Path::new("a/b.0001.png")), Path::new("a/b.0001.partial.png"));
+        assert_eq!(partial(Path::new("b")), Path::new("b.partial"));
+        let folder = tempfile::tempdir().unwrap();
+        let whole = folder.path().join("a.png");
+        fs::write(partial(&whole), "somebody's own").unwrap();
+        assert_eq!(free_for_part(&whole), folder.path().join("a.partial-2.png"));
+        remove_part(&whole);
+        fs::write(partial(&whole), format!("{SOFTWARE} {UNFINISHED}")).unwrap();
+        assert_eq!(free_for_part(&whole), partial(&whole));
+        remove_part(&whole);
+        assert!(!partial(&whole).exists());
+    }
+}

@@ -1,0 +1,267 @@
+//! The one way to the files that a scene names: the [`Assets`] trait.
+//!
+//! A scene file may come from a stranger, so what it names must lie below the scene's own folder unless the user says
+//! otherwise. Paths are taken literally (nothing is percent-decoded) and judged by where they lead.
+
+#[cfg(unix)]
+mod beneath;
+mod folder;
+mod identity;
+
+pub use folder::FolderAssets;
+pub use identity::FileId;
+
+use crate::content::Content;
+use std::collections::HashMap;
+use std::fmt;
+use std::path::{Component, Path, PathBuf};
+
+/// Gives out the bytes of files that scenes name.
+pub trait Assets: Send + Sync {
+    /// Reads the file that `from` calls `path`. A relative path starts at the folder of `from`;
+    /// [`AssetPath::base`] stands for the user, whose relative paths start at the root.
+    ///
+    /// # Errors
+    /// [`AssetError`] says why there are no bytes.
+    fn read(&self, path: &str, from: &AssetPath) -> Result<Asset, AssetError>;
+
+    /// Opens the file that [`Assets::read`] would read, for those who read it in pieces. Its bytes are in memory, unless an
+    /// implementation knows better.
+    ///
+    /// # Errors
+    /// As [`Assets::read`].
+    fn open(&self, path: &str, from: &AssetPath) -> Result<OpenAsset, AssetError> {
+        self.read(path, from).map(|Asset { path, bytes }| OpenAsset { path, content: Content::Memory(bytes) })
+    }
+}
+
+/// A file that is open, and where it came from.
+#[derive(Debug)]
+pub struct OpenAsset {
+    /// Where it came from; the `from` of paths that this file names.
+    pub path: AssetPath,
+    /// What it holds.
+    pub content: Content,
+}
+
+/// A file's content and where it came from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Asset {
+    /// Where it came from; the `from` of paths that this file names.
+    pub path: AssetPath,
+    /// Its content.
+    pub bytes: Vec<u8>,
+}
+
+/// Where an asset came from. Two paths of one [`Assets`] with the same identity are the same file.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
+pub struct AssetPath {
+    location: PathBuf,
+    identity: PathBuf,
+    shown: String,
+}
+
+impl AssetPath {
+    /// The place that no file names: relative paths from here start at the root.
+    pub fn base() -> AssetPath {
+        AssetPath::default()
+    }
+
+    /// A path for implementations of [`Assets`]: `location` is the file as reached (its folder is where relative paths
+    /// start), `identity` the same for every way to reach it, `shown` the name for people.
+    pub fn new(location: impl Into<PathBuf>, identity: impl Into<PathBuf>, shown: impl Into<String>) -> AssetPath {
+        AssetPath { location: location.into(), identity: identity.into(), shown: shown.into() }
+    }
+
+    /// The name to show in messages.
+    pub fn name(&self) -> &str {
+        &self.shown
+    }
+
+    /// The file as reached, relative to the root or absolute.
+    pub fn location(&self) -> &Path {
+        &self.location
+    }
+
+    /// What is the same for every way to reach this file.
+    pub fn identity(&self) -> &Path {
+        &self.identity
+    }
+
+    /// The file's name extension in lower case, or nothing.
+    pub fn extension(&self) -> String {
+        self.location.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
+    }
+}
+
+/// Why a file can't be had. `path` is the path as the scene wrote it.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum AssetError {
+    /// There is no such file.
+    #[error("there is no file \"{path}\"")]
+    Missing {
+        /// As written.
+        path: String,
+        /// The most similar name that exists beside it.
+        nearest: Option<String>,
+    },
+    /// It lies outside the folder that the scene may read.
+    #[error("\"{path}\" lies outside the scene's folder")]
+    Outside {
+        /// As written.
+        path: String,
+    },
+    /// It is a folder, a device, a pipe or a socket.
+    #[error("\"{path}\" is {kind}, not a file")]
+    NotAFile {
+        /// As written.
+        path: String,
+        /// What it is, with its article.
+        kind: &'static str,
+    },
+    /// The system refuses to read it.
+    #[error("\"{path}\" can't be read: {reason}")]
+    Unreadable {
+        /// As written.
+        path: String,
+        /// What the system says.
+        reason: String,
+    },
+    /// It is larger than allowed.
+    #[error("\"{path}\" is too large: {size} bytes, and the limit is {limit}")]
+    TooLarge {
+        /// As written.
+        path: String,
+        /// Its size in bytes, as far as known.
+        size: u64,
+        /// The largest size allowed.
+        limit: u64,
+    },
+    /// No file can have this name.
+    #[error("{path:?} can't be a file's name: {reason}")]
+    BadName {
+        /// As written.
+        path: String,
+        /// What is wrong with it.
+        reason: &'static str,
+    },
+}
+
+impl AssetError {
+    /// What the reader could do about it.
+    pub fn help(&self) -> Option<String> {
+        match self {
+            AssetError::Missing { nearest: Some(name), .. } => Some(format!("did you mean \"{name}\"?")),
+            AssetError::Missing { path, .. } if path.contains('\\') => {
+                Some("write / between folders, on every system".into())
+            }
+            AssetError::Missing { .. } => Some("relative paths start at the folder of the file that names them".into()),
+            AssetError::Outside { .. } => Some("allow it with --allow-outside, if you trust the scene".into()),
+            _ => None,
+        }
+    }
+}
+
+/// Files held in memory, for tests and for programs that make their scenes.
+#[derive(Clone, Debug, Default)]
+pub struct MemoryAssets {
+    files: HashMap<String, Vec<u8>>,
+}
+
+impl MemoryAssets {
+    /// No files at all.
+    pub fn new() -> MemoryAssets {
+        MemoryAssets::default()
+    }
+
+    /// The same files and one more; `path` has `/` between folders.
+    pub fn with(mut self, path: &str, bytes: impl Into<Vec<u8>>) -> MemoryAssets {
+        self.files.insert(path.to_owned(), bytes.into());
+        self
+    }
+}
+
+impl Assets for MemoryAssets {
+    fn read(&self, path: &str, from: &AssetPath) -> Result<Asset, AssetError> {
+        check_name(path)?;
+        let outside = || AssetError::Outside { path: path.into() };
+        if is_foreign_absolute(path) || path.starts_with('/') {
+            return Err(outside());
+        }
+        let folder = from.location.parent().unwrap_or(Path::new(""));
+        let location = lexical(&folder.join(path)).ok_or_else(outside)?;
+        let name = location.components().map(|c| c.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/");
+        let Some(bytes) = self.files.get(&name) else {
+            let nearest = crate::text::nearest(path, self.files.keys().map(String::as_str)).map(str::to_owned);
+            return Err(AssetError::Missing { path: path.into(), nearest });
+        };
+        let path = AssetPath { location: name.clone().into(), identity: name.clone().into(), shown: name };
+        Ok(Asset { path, bytes: bytes.clone() })
+    }
+}
+
+fn check_name(path: &str) -> Result<(), AssetError> {
+    let reason = if path.is_empty() {
+        "it is empty"
+    } else if path.contains('\0') {
+        "it holds a NUL character"
+    } else if path.len() > 4096 {
+        "it is longer than 4096 bytes"
+    } else {
+        return Ok(());
+    };
+    Err(AssetError::BadName { path: path.chars().take(80).collect(), reason })
+}
+
+/// Whether the path is absolute on some system, not only on this one: `C:\a`, `C:a`, `\\server\a`, `\a`.
+fn is_foreign_absolute(path: &str) -> bool {
+    let bytes = path.as_bytes();
+    path.starts_with('\\') || (bytes.len() >= 2 && bytes[0].is_ascii_alphabetic() && bytes[1] == b':')
+}
+
+/// The path without `.` and `..`, by its letters alone; nothing if it climbs above its start.
+fn lexical(path: &Path) -> Option<PathBuf> {
+    let mut out = PathBuf::new();
+    let mut depth = 0;
+    for component in path.components() {
+        match component {
+            Component::CurDir => {}
+            Component::ParentDir if depth == 0 => return None,
+            Component::ParentDir => {
+                out.pop();
+                depth -= 1;
+            }
+            Component::Normal(_) => {
+                out.push(component);
+                depth += 1;
+            }
+            Component::Prefix(_) | Component::RootDir => out.push(component),
+        }
+    }
+    Some(out)
+}
+
+/// What the system says, without the number that Rust adds.
+pub fn reason(error: &impl fmt::Display) -> String {
+    let text = error.to_string();
+    text.split(" (os error").next().unwrap_or_default().to_lowercase()
+}
+
+impl fmt::Display for AssetPath {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.shown)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn memory_has_folders_too() {
+        let assets = MemoryAssets::new().with("sub/b.kdl", "b").with("a.kdl", "a");
+        let b = assets.read("sub/./b.kdl", &AssetPath::base()).unwrap();
+        assert_eq!(assets.read("../a.kdl", &b.path).unwrap().path.name(), "a.kdl");
+        assert!(matches!(assets.read("../../a.kdl", &b.path), Err(AssetError::Outside { .. })));
+    }
+}
