@@ -23,13 +23,26 @@ impl<'a> Word<'a> {
 
     /// Its text for messages, shortened.
     pub(super) fn shown(&self) -> String {
-        let text = String::from_utf8_lossy(&self.text[..self.text.len().min(40)]);
-        if self.text.len() > 40 { format!("{text}…") } else { text.into_owned() }
+        const MAX: usize = 40;
+        // A character has at most four bytes, and the last may be cut.
+        let start = &self.text[..self.text.len().min(4 * MAX + 3)];
+        let valid = match std::str::from_utf8(start) {
+            Err(error) if error.error_len().is_none() && start.len() < self.text.len() => &start[..error.valid_up_to()],
+            _ => start,
+        };
+        let text = Word { start: 0, text: valid }.string();
+        match text.char_indices().nth(MAX) {
+            Some((end, _)) => format!("{}…", &text[..end]),
+            None => text,
+        }
     }
 
-    /// Its whole text.
+    /// Its whole text. What isn't UTF-8 is taken for Latin-1, so that different bytes stay different.
     pub(super) fn string(&self) -> String {
-        String::from_utf8_lossy(self.text).into_owned()
+        match std::str::from_utf8(self.text) {
+            Ok(text) => text.to_owned(),
+            Err(_) => self.text.iter().map(|byte| char::from(*byte)).collect(),
+        }
     }
 
     /// A finite number.
@@ -37,7 +50,28 @@ impl<'a> Word<'a> {
         match number::parse_f32(self.text) {
             Some(value) if value.is_finite() => Ok(value),
             Some(_) => Err(self.wrong(format!("\"{}\" is not a finite number up to 3.4e38", self.shown()))),
-            None => Err(self.wrong(format!("\"{}\" is not a number", self.shown()))),
+            None => Err(self.no_number()),
+        }
+    }
+
+    /// A number, which may be infinite or none (NaN).
+    pub(super) fn any_number(&self) -> Result<f32, Complaint> {
+        number::parse_f32(self.text).ok_or_else(|| self.no_number())
+    }
+
+    fn no_number(&self) -> Complaint {
+        let complaint = self.wrong(format!("\"{}\" is not a number", self.shown()));
+        let parts = |separator: &[u8]| {
+            let mut parts = self.text.split(|byte| separator.contains(byte));
+            parts.clone().nth(1).is_some()
+                && parts.all(|part| !part.is_empty() && part.iter().all(|b| b.is_ascii_digit() || *b == b'.'))
+        };
+        if parts(b",") {
+            complaint.help("a decimal point is expected, not a comma")
+        } else if parts(b"+-") {
+            complaint.help("there may be a space missing between two numbers")
+        } else {
+            complaint
         }
     }
 
@@ -115,6 +149,15 @@ fn is_space(byte: u8) -> bool {
     matches!(byte, b' ' | b'\t'..=b'\r')
 }
 
+/// The most spaces that may stand between a backslash that joins lines and the line's end.
+pub(super) const BLANKS: usize = 8;
+
+/// Whether a backslash ends these bytes, but for spaces.
+#[inline]
+pub(super) fn goes_on(bytes: &[u8]) -> bool {
+    bytes.iter().rev().take(BLANKS + 1).find(|byte| !matches!(byte, b' ' | b'\t')) == Some(&b'\\')
+}
+
 /// Where the next word starts behind a word that ends at `at`, on the same line.
 #[inline]
 pub(super) fn gap(line: &[u8], at: usize) -> Option<usize> {
@@ -131,24 +174,37 @@ impl<'a> Words<'a> {
         }
     }
 
-    /// The next words, which must be `N` numbers.
-    pub(super) fn numbers<const N: usize>(&mut self, what: &str) -> Result<[f32; N], Complaint> {
+    /// The next words, which must be `N` numbers; some may be infinite or none (NaN).
+    pub(super) fn any_numbers<const N: usize>(&mut self, what: &str) -> Result<[f32; N], Complaint> {
         let mut out = [0.0; N];
         for (index, value) in out.iter_mut().enumerate() {
             let Some(word) = self.next() else {
                 return Err(self.line.wrong(format!("{what} needs {N} numbers, and here are {index}")));
             };
-            *value = word.number().map_err(|c| c.within(what))?;
+            *value = word.any_number().map_err(|c| c.within(what))?;
         }
         Ok(out)
     }
 
     /// The next words, which must be the three numbers of a position: rounded, and as exact as they are.
+    /// Some may be infinite or none (NaN).
     pub(super) fn position(&mut self, what: &str) -> Result<(Vec3, DVec3), Complaint> {
         let mut exact = self.clone();
-        let rounded = self.numbers::<3>(what)?;
+        let rounded = self.any_numbers::<3>(what)?;
         let exact = rounded.map(|value| exact.next().and_then(|w| number::parse(w.text)).unwrap_or(value.into()));
         Ok((rounded.into(), exact.into()))
+    }
+
+    /// The same words up to a comment, which may follow without a space. `1.#INF` is none.
+    pub(super) fn before_comment(mut self) -> Words<'a> {
+        let text = self.line.text;
+        let number = |at: usize| {
+            at > 0 && text[at - 1] == b'.' && matches!(text.get(at + 1), Some(b'I' | b'i' | b'Q' | b'q' | b'S' | b's'))
+        };
+        if let Some(at) = memchr::memchr_iter(b'#', text).find(|&at| at >= self.at && !number(at)) {
+            self.line.text = &text[..at];
+        }
+        self
     }
 
     /// What is left of the line, without spaces at its ends.
@@ -163,7 +219,10 @@ impl<'a> Iterator for Words<'a> {
     type Item = Word<'a>;
     fn next(&mut self) -> Option<Word<'a>> {
         let text = self.line.text;
-        let joins = |at: usize| text[at] == b'\\' && matches!(text.get(at + 1), Some(b'\n' | b'\r'));
+        let joins = |at: usize| {
+            let behind = || text[at + 1..].iter().take(BLANKS + 1).find(|byte| !matches!(byte, b' ' | b'\t'));
+            text[at] == b'\\' && matches!(behind(), Some(b'\n' | b'\r'))
+        };
         while self.at < text.len() && (is_space(text[self.at]) || joins(self.at)) {
             self.at += 1;
         }
@@ -240,7 +299,7 @@ impl<'a> Iterator for Lines<'a> {
             let mut end = start;
             loop {
                 end += memchr::memchr2(b'\n', b'\r', &self.bytes[end..]).unwrap_or(self.bytes.len() - end);
-                let joins = self.joined && end > start && self.bytes[end - 1] == b'\\' && self.bytes[start] != b'#';
+                let joins = self.joined && goes_on(&self.bytes[start..end]) && self.bytes[start] != b'#';
                 if end == self.bytes.len() || !joins {
                     break;
                 }

@@ -5,6 +5,8 @@
 //! bounded by the file's size, whatever its header announces.
 
 mod cloud;
+mod color;
+mod encoding;
 mod frame;
 mod ignored;
 mod join;

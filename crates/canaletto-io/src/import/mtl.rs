@@ -3,54 +3,97 @@
 //!
 //! | MTL | here |
 //! |---|---|
-//! | `Kd`, `Ks` | kd, ks; linear, as they stand |
-//! | `Ns` | n |
-//! | `d`, or `Tr` = 1 − `d` | opacity |
+//! | `Kd`, `Ks` | kd, ks; linear, as they stand; as [shares](super::color) of 255 if they go that far |
+//! | `Ns` | n; below 1, where a highlight is wider than the light of a matte surface, ks fades with it; none at all is 0 |
+//! | `d` | opacity |
+//! | `Tr` | opacity 1 − `Tr`, without `d`. Since some programs write `Tr 1` for opaque, it counts so unless it is glass |
 //! | `Ni` | eta |
 //! | `illum` 0, 1 | no highlight: ks = 0 |
 //! | `illum` 3, 5, 8 | a mirror: k = `Ks` |
 //! | `illum` 4, 6, 7, 9 | glass: k = `Ks`; without `d` or `Tr` the opacity is 1 − the largest of `Tf`, whose default is 1 |
 //! | other `illum` | `Ks` gives highlights only |
+//! | no `illum` | glass if `Ni` isn't 1, else as 2 |
 //!
-//! Where `illum` is given and isn't glass, light that passes isn't bent: eta = 1, whatever `Ni` says; exporters write
-//! `Ni` with every material. `Ka` is left out in silence, since the scene's ambient light acts on kd and every exporter
-//! writes it; everything else with a warning.
-//! A wrong number is a warning and leaves its default.
+//! Where it isn't glass, light that passes isn't bent: eta = 1, whatever `Ni` says; exporters write `Ni` with every
+//! material. `Ka` is left out in silence, since the scene's ambient light acts on kd and every exporter writes it;
+//! everything else with a warning. A wrong number is a warning and leaves its default. Words may be in capitals.
 
+use super::color::Scale;
 use super::ignored::Ignored;
 use super::lines::{Complaint, Word, Words, lines};
 use crate::diagnostic::Diagnostics;
 use canaletto::material::{Material, Phong};
 use canaletto::math::Rgb;
 
-/// What a material says before `illum` is known.
-struct Draft {
+/// What a material says before all of it is known.
+struct Draft<'a> {
     name: String,
     kd: Option<Rgb>,
     ks: Rgb,
     n: Option<f32>,
     eta: Option<f32>,
-    opacity: Option<f32>,
+    dissolve: Option<f32>,
+    /// With its word.
+    transparency: Option<(f32, Word<'a>)>,
     filter: Option<Rgb>,
     illum: Option<u32>,
 }
 
-impl Draft {
-    fn new(name: String) -> Draft {
-        Draft { name, kd: None, ks: Rgb::BLACK, n: None, eta: None, opacity: None, filter: None, illum: None }
+impl Draft<'_> {
+    fn new(name: String) -> Self {
+        Draft {
+            name,
+            kd: None,
+            ks: Rgb::BLACK,
+            n: None,
+            eta: None,
+            dissolve: None,
+            transparency: None,
+            filter: None,
+            illum: None,
+        }
     }
 
-    fn finish(self) -> Material {
+    fn is_glass(&self) -> bool {
+        match self.illum {
+            Some(illum) => matches!(illum, 4 | 6 | 7 | 9),
+            None => self.eta.is_some_and(|eta| eta != 1.0),
+        }
+    }
+
+    fn opacity(&self, ignored: &mut Ignored) -> f32 {
+        let glass = self.is_glass();
+        match (self.dissolve, self.transparency) {
+            (Some(d), Some((tr, word))) => {
+                if (1.0 - tr - d).abs() > 0.005 {
+                    ignored.note(&word, "disagrees with `d`, and `d` decides");
+                }
+                d
+            }
+            (Some(d), None) => d,
+            (None, Some((tr, word))) if tr > 0.999 && !glass => {
+                ignored.note(&word, "of 1 is read as opaque, as some programs mean it; `d 0` makes faces invisible");
+                1.0
+            }
+            (None, Some((tr, _))) => 1.0 - tr,
+            (None, None) if matches!(self.illum, Some(4 | 6 | 7 | 9)) => {
+                1.0 - self.filter.unwrap_or(Rgb::WHITE).max_component().min(1.0)
+            }
+            (None, None) => 1.0,
+        }
+    }
+
+    fn finish(self, ignored: &mut Ignored) -> Material {
         let plain = Phong::default();
-        let (mirror, glass) = (matches!(self.illum, Some(3..=9)), matches!(self.illum, Some(4 | 6 | 7 | 9)));
-        let clear = || if glass { 1.0 - self.filter.unwrap_or(Rgb::WHITE).max_component().min(1.0) } else { 1.0 };
+        let opacity = self.opacity(ignored);
+        let n = self.n.unwrap_or(0.0);
         let phong = Phong {
             kd: self.kd.unwrap_or(plain.kd),
-            ks: if matches!(self.illum, Some(0 | 1)) { Rgb::BLACK } else { self.ks },
-            n: self.n.unwrap_or(plain.n),
-            k: if mirror { self.ks } else { Rgb::BLACK },
-            eta: if glass || self.illum.is_none() { self.eta.unwrap_or(1.0) } else { 1.0 },
-            opacity: self.opacity.unwrap_or_else(clear),
+            ks: if matches!(self.illum, Some(0 | 1)) { Rgb::BLACK } else { self.ks * n.min(1.0) },
+            n: n.max(1.0),
+            k: if matches!(self.illum, Some(3..=9)) { self.ks } else { Rgb::BLACK },
+            eta: if self.is_glass() { self.eta.unwrap_or(1.0) } else { 1.0 },
+            opacity,
             ..plain
         };
         Material::new(self.name, phong)
@@ -60,17 +103,18 @@ impl Draft {
 /// The materials of an MTL file, in its order.
 pub(super) fn read(file: &str, bytes: &[u8], warnings: &mut Diagnostics) -> Vec<Material> {
     let mut done: Vec<Material> = Vec::new();
-    let mut draft: Option<Draft> = None;
+    let mut draft: Option<Draft<'_>> = None;
     let mut ignored = Ignored::default();
-    let mut wrong = 0;
+    let (mut wrong, mut maps) = (0, 0);
     for line in lines(bytes).joined() {
         let mut words = line.words();
         let Some(word) = words.next() else { continue };
         if word.text.starts_with(b"#") {
             continue;
         }
-        if word.text == b"newmtl" {
-            done.extend(draft.take().map(Draft::finish));
+        let key = word.text.to_ascii_lowercase();
+        if key == b"newmtl" {
+            done.extend(draft.take().map(|draft| draft.finish(&mut ignored)));
             draft = Some(Draft::new(words.rest().string()));
             continue;
         }
@@ -78,32 +122,68 @@ pub(super) fn read(file: &str, bytes: &[u8], warnings: &mut Diagnostics) -> Vec<
             ignored.note(&word, "stands before the first `newmtl` and is left out");
             continue;
         };
-        if let Err(complaint) = property(draft, &word, words, &mut ignored) {
+        if is_map(&key) {
+            maps += 1;
+            if maps <= MAX_TOLD {
+                warnings.push(left_out(&word, words.rest(), &draft.name).warning(file));
+            }
+            continue;
+        }
+        let words = words.before_comment();
+        if let Err(complaint) = property(draft, &key, word, words, &mut ignored) {
             wrong += 1;
-            if wrong <= 20 {
+            if wrong <= MAX_TOLD {
                 warnings.push(complaint.within(&word.shown()).warning(file));
             }
         }
     }
-    done.extend(draft.map(Draft::finish));
+    done.extend(draft.map(|draft| draft.finish(&mut ignored)));
+    for (count, what) in [(maps, "pictures"), (wrong, "properties with wrong values")] {
+        if count > MAX_TOLD {
+            let message = format!("{} more {what} are left out", count - MAX_TOLD);
+            warnings.push(Complaint::file(message).warning(file));
+        }
+    }
     ignored.report(file, warnings);
     done
 }
 
-fn property(draft: &mut Draft, word: &Word<'_>, mut words: Words<'_>, ignored: &mut Ignored) -> Result<(), Complaint> {
-    match word.text {
-        b"Kd" => draft.kd = color(words)?.or(draft.kd),
-        b"Ks" => draft.ks = color(words)?.unwrap_or(draft.ks),
-        b"Tf" => draft.filter = color(words)?.or(draft.filter),
-        b"Ns" => draft.n = Some(at_least(words, 0.0)?),
-        b"Ni" => draft.eta = Some(at_least(words, 1e-3)?),
-        b"Tr" => draft.opacity = Some(1.0 - share(words)?),
+/// The most pictures, and the most wrong values, that are told one by one.
+const MAX_TOLD: usize = 20;
+
+fn is_map(key: &[u8]) -> bool {
+    key.starts_with(b"map_") || [&b"bump"[..], b"disp", b"decal", b"refl", b"norm"].contains(&key)
+}
+
+fn left_out(map: &Word<'_>, picture: Word<'_>, material: &str) -> Complaint {
+    let message = format!(
+        "the `{}` of material `{material}` is left out, since pictures of materials aren't read yet: {}",
+        map.shown(),
+        picture.shown()
+    );
+    map.wrong(message).help("in a scene, a `texture` with this file can be put on the `material` of the mesh")
+}
+
+fn property<'a>(
+    draft: &mut Draft<'a>,
+    key: &[u8],
+    word: Word<'a>,
+    mut words: Words<'a>,
+    ignored: &mut Ignored,
+) -> Result<(), Complaint> {
+    match key {
+        b"kd" => draft.kd = color(word, words, ignored)?.or(draft.kd),
+        b"ks" => draft.ks = color(word, words, ignored)?.unwrap_or(draft.ks),
+        b"tf" => draft.filter = color(word, words, ignored)?.or(draft.filter),
+        b"ns" => draft.n = Some(at_least(words, 0.0)?),
+        b"ni" => draft.eta = Some(at_least(words, 1e-3)?),
+        b"tr" => draft.transparency = Some((share(words)?, word)),
         b"d" => {
-            if words.clone().next().is_some_and(|w| w.text == b"-halo") {
-                ignored.note(&word.clone(), "with -halo is read as the same opacity everywhere");
+            if words.clone().next().is_some_and(|w| w.text.eq_ignore_ascii_case(b"-halo")) {
+                ignored.note(&word, "with -halo is read as the same opacity everywhere");
                 words.next();
             }
-            draft.opacity = Some(share(words)?);
+            draft.dissolve = Some(share(words)?);
         }
         b"illum" => {
             let value = at_least(words, 0.0)?;
@@ -112,32 +192,38 @@ fn property(draft: &mut Draft, word: &Word<'_>, mut words: Words<'_>, ignored: &
             }
             draft.illum = Some(value as u32);
         }
-        b"Ka" => {}
-        b"Ke" => {
+        b"ka" => {}
+        b"ke" => {
             if words.any(|w| w.number().is_ok_and(|v| v != 0.0)) {
-                ignored.note(word, "is left out: surfaces don't emit light yet");
+                ignored.note(&word, "is left out: surfaces don't emit light yet");
             }
         }
-        text if text.starts_with(b"map_") || [&b"bump"[..], b"disp", b"decal", b"refl", b"norm"].contains(&text) => {
-            ignored.note(word, "is not yet supported: textures are left out");
-        }
-        _ => ignored.note(word, "is left out"),
+        _ => ignored.note(&word, "is left out"),
     }
     Ok(())
 }
 
 /// A colour: one number stands for all three. Nothing for spectral curves.
-fn color(words: Words<'_>) -> Result<Option<Rgb>, Complaint> {
+fn color(word: Word<'_>, words: Words<'_>, ignored: &mut Ignored) -> Result<Option<Rgb>, Complaint> {
     let mut words = words;
     let line = words.rest();
-    if words.clone().next().is_some_and(|w| w.text == b"spectral" || w.text == b"xyz") {
+    let curve = |w: Word<'_>| w.text.eq_ignore_ascii_case(b"spectral") || w.text.eq_ignore_ascii_case(b"xyz");
+    if words.clone().next().is_some_and(curve) {
         return Err(line.wrong("colours are understood as red green blue only"));
     }
     let r = words.number("red")?;
     let rgb = if words.clone().next().is_some() { [r, words.number("green")?, words.number("blue")?] } else { [r; 3] };
-    match rgb.iter().find(|v| **v < 0.0) {
-        Some(v) => Err(line.wrong(format!("{v} is less than 0"))),
-        None => Ok(Some(rgb.into())),
+    if let Some(v) = rgb.iter().find(|v| **v < 0.0) {
+        return Err(line.wrong(format!("{v} is less than 0")));
+    }
+    let color = Rgb::from(rgb);
+    match Scale::of(color.max_component()) {
+        Some(Scale::One) => Ok(Some(color)),
+        Some(scale) => {
+            ignored.note(&word, scale.assumed());
+            Ok(Some(color * (1.0 / scale.most())))
+        }
+        None => Err(line.wrong(format!("{} is no colour", line.shown()))),
     }
 }
 
@@ -169,17 +255,18 @@ mod tests {
 
     #[test]
     fn phongs_numbers_are_taken() {
-        let (phong, warnings) = one("Kd 0.1 .2 0.3\nKs 0.5\nNs 40\nd 0.4\nNi 1.5\n");
+        let (phong, warnings) = one("Kd 0.1 .2 0.3 # kd\nKs 0.5#ks\nNs 40\nd 0.4\nNi 1.5\n");
         assert_eq!(warnings, "");
         let ks = Rgb::gray(0.5);
         let kd = Rgb::new(0.1, 0.2, 0.3);
         assert_eq!(phong, Phong { kd, ks, n: 40.0, k: Rgb::BLACK, eta: 1.5, opacity: 0.4, roughness: 0.0 });
+        assert_eq!(one("KD 0.1 .2 0.3\nKS 0.5\nNS 40\nD 0.4\nNI 1.5\n").0, phong);
     }
 
     #[test]
     fn illum_decides_mirror_and_glass() {
         let with = |illum: u32, more: &str| one(&format!("Ks 0.5 0.5 0.5\nNi 1.5\nillum {illum}\n{more}")).0;
-        assert_eq!(with(1, "").ks, Rgb::BLACK);
+        assert_eq!(with(1, "Ns 5").ks, Rgb::BLACK);
         assert_eq!((with(2, "d 0.5").k, with(2, "d 0.5").eta), (Rgb::BLACK, 1.0));
         assert_eq!((with(3, "").k, with(3, "").opacity), (Rgb::gray(0.5), 1.0));
         assert_eq!((with(7, "").k, with(7, "").opacity, with(7, "").eta), (Rgb::gray(0.5), 0.0, 1.5));
@@ -188,10 +275,57 @@ mod tests {
     }
 
     #[test]
+    fn d_decides_before_tr() {
+        for (text, opacity, told) in [
+            ("d 1\nTr 0", 1.0, ""),
+            ("d 1\nTr 1", 1.0, "`Tr` disagrees with `d`, and `d` decides"),
+            ("Tr 1\nd 1", 1.0, "`Tr` disagrees with `d`, and `d` decides"),
+            ("d 0.25\nTr 0.75", 0.25, ""),
+            ("d 0.25\nTr 0.25", 0.25, "disagrees"),
+            ("Tr 0", 1.0, ""),
+            ("Tr 0.25\nillum 2", 0.75, ""),
+            ("Tr 1\nillum 0", 1.0, "`Tr` of 1 is read as opaque"),
+            ("Tr 1\nillum 2", 1.0, "`Tr` of 1 is read as opaque"),
+            ("Tr 0.9999\nillum 3", 1.0, "`Tr` of 1 is read as opaque"),
+            ("Tr 1", 1.0, "`Tr` of 1 is read as opaque"),
+            ("Tr 1\nNi 1.5", 0.0, ""),
+            ("Tr 1\nillum 7", 0.0, ""),
+            ("Tr 1\nillum 4", 0.0, ""),
+            ("d 0\nillum 2", 0.0, ""),
+            ("d -halo 0.5", 0.5, "with -halo"),
+        ] {
+            let (phong, warnings) = one(text);
+            assert_eq!(phong.opacity, opacity, "{text}");
+            assert!(warnings.contains(told) && warnings.is_empty() == told.is_empty(), "{text}: {warnings}");
+        }
+    }
+
+    #[test]
+    fn highlights_wider_than_matte_light_fade() {
+        let ks = |text: &str| one(&format!("Ks 0.5\n{text}")).0.ks.r;
+        assert_eq!((ks("Ns 0"), ks(""), ks("Ns 0.5"), ks("Ns 1"), ks("Ns 200")), (0.0, 0.0, 0.25, 0.5, 0.5));
+        assert_eq!(one("Ks 0.5\nNs 0\nillum 3").0.k, Rgb::gray(0.5));
+    }
+
+    #[test]
+    fn colours_beyond_1_are_shares() {
+        let (phong, warnings) = one("Kd 128 77 51\nKs 65535 0 0\nNs 10\n");
+        assert_eq!(phong.kd, Rgb::new(128.0, 77.0, 51.0) * (1.0 / 255.0));
+        assert_eq!(phong.ks.r, 1.0);
+        assert!(warnings.contains("`Kd` goes beyond 1, so it is read as going from 0 to 255"), "{warnings}");
+        assert_eq!(one("Kd 1.2 0 0").0.kd.r, 1.2);
+        assert!(one("Kd 1e9 0 0").1.contains("is no colour"));
+    }
+
+    #[test]
     fn what_is_left_out_is_told() {
-        let (_, warnings) = one("Ka 1 1 1\nmap_d a.png\nmap_d b.png\nKe 0 0 0\nsharpness 60\n");
-        assert!(warnings.contains("`map_d` is not yet supported: textures are left out (2 times)"), "{warnings}");
-        assert!(warnings.contains("`sharpness` is left out") && !warnings.contains("K"), "{warnings}");
+        let (_, warnings) = one("Ka 1 1 1\nmap_d a.png\nmap_Kd -s 1 1 1 b c.png\nKe 0 0 0\nsharpness 60\n");
+        assert!(warnings.contains("the `map_d` of material `m` is left out"), "{warnings}");
+        assert!(warnings.contains("the `map_Kd` of material `m` is left out"), "{warnings}");
+        assert!(warnings.contains("aren't read yet: -s 1 1 1 b c.png"), "{warnings}");
+        assert!(warnings.contains("`sharpness` is left out") && !warnings.contains("Ka"), "{warnings}");
+        let (_, warnings) = one(&"map_Kd a.png\n".repeat(1000));
+        assert!(warnings.contains("980 more pictures are left out") && warnings.len() < 5000, "{warnings}");
     }
 
     #[test]

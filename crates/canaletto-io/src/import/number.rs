@@ -1,12 +1,13 @@
 //! Numbers of decimal digits. Most are exact in an instant (Clinger, *How to read floating point numbers accurately*, 1990,
 //! the fast path): both their digits and a power of ten fit into an `f64`, so that one operation rounds once. The others, and
-//! what is no number, are left to the standard library, which gives the same bits.
+//! what is no number, are left to the standard library, which gives the same bits. Beyond it are the ways in which C libraries
+//! of Windows write what isn't finite (`-nan(ind)`, `1.#INF`), and the exponents of Fortran (`1.5d+03`).
 
 /// The number that a text says.
 pub(super) fn parse(text: &[u8]) -> Option<f64> {
     match leading(text) {
         Some((number, rest)) if rest == text.len() => Some(number),
-        _ => std::str::from_utf8(text).ok()?.parse().ok(),
+        _ => std::str::from_utf8(text).ok()?.parse().ok().or_else(|| foreign(text)),
     }
 }
 
@@ -14,8 +15,31 @@ pub(super) fn parse(text: &[u8]) -> Option<f64> {
 pub(super) fn parse_f32(text: &[u8]) -> Option<f32> {
     match leading_f32(text) {
         Some((number, _, rest)) if rest == text.len() => Some(number),
-        _ => std::str::from_utf8(text).ok()?.parse().ok(),
+        _ => std::str::from_utf8(text).ok()?.parse().ok().or_else(|| foreign(text).map(|number| number as f32)),
     }
+}
+
+/// A number that the standard library doesn't read.
+fn foreign(text: &[u8]) -> Option<f64> {
+    const LONGEST: usize = 64;
+    let digits = text.strip_prefix(b"-").or_else(|| text.strip_prefix(b"+")).unwrap_or(text);
+    if digits.len() > LONGEST {
+        return None;
+    }
+    let lower = digits.to_ascii_lowercase();
+    let starts = |with: &[&[u8]]| with.iter().any(|start| lower.starts_with(start));
+    let value = if starts(&[b"nan(", b"1.#ind", b"1.#qnan", b"1.#snan"]) {
+        f64::NAN
+    } else if starts(&[b"1.#inf"]) {
+        f64::INFINITY
+    } else {
+        let mut parts = lower.split(|byte| *byte == b'd');
+        let (mantissa, exponent) = (parts.next()?, parts.next()?);
+        let plain = !mantissa.contains(&b'e') && parts.next().is_none();
+        let text = [mantissa, exponent].join(&b'e');
+        plain.then(|| std::str::from_utf8(&text).ok()?.parse().ok())??
+    };
+    Some(if text.starts_with(b"-") { -value } else { value })
 }
 
 /// The number at a text's start, rounded to `f32` and as it is, and where it ends, if it is an easy one.
@@ -142,6 +166,18 @@ mod tests {
             "1.000000059604644776",
         ] {
             same(text);
+        }
+    }
+
+    #[test]
+    fn numbers_of_other_languages_are_read() {
+        for text in ["nan(ind)", "-nan(ind)", "-1.#IND", "1.#QNAN0", "NaN", "-1.#IND000000"] {
+            assert!(parse(text.as_bytes()).unwrap().is_nan() && parse_f32(text.as_bytes()).unwrap().is_nan(), "{text}");
+        }
+        assert_eq!(parse(b"-1.#INF"), Some(f64::NEG_INFINITY));
+        assert_eq!((parse(b"-1.5d+03"), parse_f32(b"2D0")), (Some(-1500.0), Some(2.0)));
+        for text in ["d1", "1d", "1e2d3", "1d2d3", "d", "1.#", "nd"] {
+            assert_eq!(parse(text.as_bytes()), None, "{text}");
         }
     }
 

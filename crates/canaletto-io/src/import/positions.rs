@@ -18,7 +18,7 @@ pub(super) struct Positions {
     rest: Vec<Vec3>,
 }
 
-/// The box around points.
+/// The box around those of some points that are finite.
 struct Bounds {
     min: DVec3,
     max: DVec3,
@@ -28,6 +28,7 @@ impl Bounds {
     fn of(points: &[Vec3]) -> Bounds {
         let (min, max) = points
             .par_iter()
+            .filter(|p| p.is_finite())
             .fold(|| (Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max), p| (min.min(*p), max.max(*p)))
             .reduce(|| (Vec3::INFINITY, Vec3::NEG_INFINITY), |a, b| (a.0.min(b.0), a.1.max(b.1)));
         Bounds { min: min.as_dvec3(), max: max.as_dvec3() }
@@ -78,6 +79,14 @@ impl Positions {
             self.rest.push(rest);
         }
         self.rounded.push(rounded);
+    }
+
+    /// Adds a position that has no finite place. It stays none (NaN), and others are as without it.
+    pub(super) fn push_nowhere(&mut self) {
+        self.rounded.push(Vec3::NAN);
+        if !self.rest.is_empty() {
+            self.rest.push(Vec3::ZERO);
+        }
     }
 
     /// Drops what rounding left in a part of a file whose positions can't lie [`FAR`] from zero: the box of all is larger.

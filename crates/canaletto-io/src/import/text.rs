@@ -3,7 +3,7 @@
 //! Where a piece ends depends on the bytes around alone: at the first line that ends for certain, behind a place that is a
 //! multiple of the pieces' size. Lines that a backslash joins stay together, whatever stands before them.
 
-use super::lines::Complaint;
+use super::lines::{BLANKS, Complaint, goes_on};
 use super::unreadable;
 use crate::content::View;
 use rayon::prelude::*;
@@ -62,7 +62,7 @@ impl<'a> Text<'a> {
         let size = self.view.size();
         let (from, to) = (index * self.size, ((index + 1) * self.size).min(size));
         let mut more = 1 << 12;
-        let base = from.saturating_sub(1);
+        let base = from.saturating_sub(1 + BLANKS);
         let lines = loop {
             // Lines are short, as a rule.
             let range = base..to.saturating_add(more).min(size);
@@ -90,7 +90,7 @@ fn line_end(bytes: &[u8], range: Range<usize>) -> Option<usize> {
     let start = range.start;
     memchr::memchr2_iter(b'\n', b'\r', &bytes[range])
         .map(|at| start + at)
-        .find(|&at| at > 0 && !matches!(bytes[at - 1], b'\\' | b'\n' | b'\r'))
+        .find(|&at| at > 0 && !matches!(bytes[at - 1], b'\n' | b'\r') && !goes_on(&bytes[..at]))
 }
 
 #[cfg(test)]
@@ -101,7 +101,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn pieces_are_whole_lines(text in "[ab#\\\\\n\r ]{0,60}", size in 1usize..20) {
+        fn pieces_are_whole_lines(text in "[ab#\\t\\\\\n\r ]{0,60}", size in 1usize..20) {
             let bytes = text.as_bytes();
             let said = |lines: Lines<'_>| lines.joined().map(|line| (line.start, line.text.to_vec())).collect::<Vec<_>>();
             let pieces = Text { view: bytes.into(), size };

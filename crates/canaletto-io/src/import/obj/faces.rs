@@ -5,6 +5,7 @@ use super::super::lines::{Complaint, Lines, Word, gap};
 use super::super::number;
 use super::super::polygon::Triangulator;
 use super::super::text::Piece;
+use super::keyword::Keyword;
 use super::vertices::Vertices;
 use glam::Vec3;
 
@@ -104,40 +105,43 @@ pub(super) fn read(piece: Piece<'_>, before: [usize; 3], vertices: &Vertices) ->
     let positions = vertices.positions.len();
     let mut lines = Lines::of_piece(piece).joined();
     loop {
-        if let Triangles::Plain([false, false], list) = &mut out.triangles {
+        if vertices.nowhere.is_empty()
+            && let Triangles::Plain([false, false], list) = &mut out.triangles
+        {
             while let Some(triangle) = lines.easy(|line| plain_triangle(line, positions)) {
                 list.push(triangle);
             }
         }
         let Some(line) = lines.next() else { break };
-        let mut words = line.words();
-        let Some(word) = words.next() else { continue };
-        match word.text {
-            b"v" => seen[0] += 1,
-            b"vt" => seen[1] += 1,
-            b"vn" => seen[2] += 1,
-            b"f" | b"fo" => {
-                if polygon.read(line, words, seen, vertices, &mut out.ignored)? {
-                    polygon.cut(&mut out.triangles).map_err(|message| line.wrong(message))?;
-                } else {
+        let Some((keyword, word, mut words)) = Keyword::of(line) else { continue };
+        match keyword {
+            Keyword::Position => seen[0] += 1,
+            Keyword::TexCoord => seen[1] += 1,
+            Keyword::Normal => seen[2] += 1,
+            Keyword::Face => {
+                polygon.read(line, words.before_comment(), seen, vertices, &mut out.ignored)?;
+                if polygon.corners.len() < 3 {
                     out.ignored.note(&word, "with fewer than 3 corners is left out");
+                } else if polygon.corners.iter().any(|corner| vertices.is_nowhere(corner[0])) {
+                    out.ignored.note(&word, "uses a vertex without a finite place and is left out");
+                } else {
+                    polygon.cut(&mut out.triangles).map_err(|message| line.wrong(message))?;
                 }
             }
-            b"o" => out.mark(Mark::Object(words.rest().string())),
-            b"g" => out.mark(Mark::Group(words.rest().string())),
-            b"usemtl" => {
+            Keyword::Object => out.mark(Mark::Object(words.rest().string())),
+            Keyword::Group => out.mark(Mark::Group(words.rest().string())),
+            Keyword::Material => {
                 let name = words.rest();
                 out.mark(Mark::Material(name.span().start, name.text.to_owned()));
             }
-            b"s" => {
+            Keyword::Smoothing => {
                 if words.any(|w| w.text != b"off" && w.text != b"0") {
                     out.ignored.note(&word, "is ignored: smoothing follows the normals, or the angle between faces");
                 }
             }
-            b"l" | b"p" => out.ignored.note(&word, "is left out: lines and points have no area"),
-            b"mtllib" => {}
-            text if text.starts_with(b"#") => {}
-            _ => out.ignored.note(&word, "is left out"),
+            Keyword::Thin => out.ignored.note(&word, "is left out: lines and points have no area"),
+            Keyword::Library | Keyword::Comment => {}
+            Keyword::Other => out.ignored.note(&word, "is left out"),
         }
     }
     out.triangles.shrink();
@@ -181,7 +185,7 @@ struct Polygon {
 }
 
 impl Polygon {
-    /// Reads the corners; false if they are fewer than three. `seen` counts the vertices so far, for negative indices.
+    /// Reads the corners. `seen` counts the vertices so far, for negative indices.
     fn read<'a>(
         &mut self,
         line: Word<'a>,
@@ -189,14 +193,11 @@ impl Polygon {
         seen: [usize; 3],
         vertices: &Vertices,
         ignored: &mut Ignored,
-    ) -> Result<bool, Complaint> {
+    ) -> Result<(), Complaint> {
         self.corners.clear();
         self.points.clear();
         let exist = [vertices.positions.len(), vertices.uvs.len(), vertices.normals.len()];
         for word in words {
-            if word.text.starts_with(b"#") {
-                break;
-            }
             let corner = corner(&word, seen, exist, ignored)?;
             self.points.push(vertices.positions[corner[0] as usize]);
             self.corners.push(corner);
@@ -204,7 +205,7 @@ impl Polygon {
         if self.corners.len() >= NONE as usize {
             return Err(line.wrong("this face has too many corners"));
         }
-        Ok(self.corners.len() >= 3)
+        Ok(())
     }
 
     fn cut(&mut self, into: &mut Triangles) -> Result<(), String> {

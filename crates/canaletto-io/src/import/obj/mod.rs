@@ -9,33 +9,45 @@
 //! (`v x y z r g b`, 0 to 1) are sRGB, as Blender and MeshLab write them. Smoothing groups are ignored.
 
 mod faces;
+mod keyword;
+mod library;
 mod parts;
 mod vertices;
 
+use super::encoding;
 use super::ignored::Ignored;
 use super::lines::{Complaint, Word};
 use super::text::Text;
-use super::{Imported, mtl};
-use crate::assets::{AssetError, Assets, OpenAsset};
+use super::{Imported, unreadable};
+use crate::assets::{Assets, OpenAsset};
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use canaletto::material::{Material, Phong};
 use canaletto::shape::Mesh;
 use faces::{Faces, Mark, NONE};
 use parts::Parts;
-use std::collections::HashMap;
+use std::collections::HashSet;
 use std::ops::Range;
+use std::path::PathBuf;
 use vertices::First;
 
 /// Meshes and materials of an OBJ file.
 pub(super) fn read(asset: &OpenAsset, assets: &dyn Assets) -> Result<Imported, Diagnostics> {
-    read_pieces(asset, assets, Text::new(asset.content.view()))
+    let view = asset.content.view();
+    let failed = |complaint: Complaint| Diagnostics::from(complaint.error(asset.path.name()));
+    let start = view.piece(0..encoding::START, &mut Vec::new()).map(encoding::is_utf16);
+    if !start.map_err(|e| failed(unreadable(&e)))? {
+        return read_pieces(asset, assets, Text::new(view));
+    }
+    let bytes = view.whole().map_err(|e| failed(unreadable(&e)))?;
+    read_pieces(asset, assets, Text::new(encoding::utf8(&bytes)[..].into()))
 }
 
 fn read_pieces(asset: &OpenAsset, assets: &dyn Assets, text: Text<'_>) -> Result<Imported, Diagnostics> {
     let file = asset.path.name();
-    let mut reader = Reader { asset, assets, warnings: Diagnostics::new(), materials: Vec::new() };
+    let mut reader =
+        Reader { asset, assets, warnings: Diagnostics::new(), materials: Vec::new(), read: HashSet::new() };
     let result = vertices::read(text).and_then(|first| {
-        first.libraries.iter().for_each(|(start, text)| reader.materials(Word { start: *start, text }));
+        reader.libraries(&first.libraries);
         reader.faces(text, first)
     });
     let Reader { mut warnings, materials, .. } = reader;
@@ -59,46 +71,14 @@ struct Reader<'a> {
     assets: &'a dyn Assets,
     warnings: Diagnostics,
     materials: Vec<Material>,
+    /// The libraries that were read.
+    read: HashSet<PathBuf>,
 }
 
 impl Reader<'_> {
-    /// Reads the materials of `mtllib`: one name with spaces, or else several names. What is missing is a warning.
-    fn materials(&mut self, names: Word<'_>) {
-        let read = |name: &str| match self.assets.read(name, &self.asset.path) {
-            Err(AssetError::Missing { .. }) if name.contains('\\') => {
-                self.assets.read(&name.replace('\\', "/"), &self.asset.path)
-            }
-            other => other,
-        };
-        let whole = (names, read(&names.string()));
-        let found = match &whole.1 {
-            Err(AssetError::Missing { .. }) if names.words().count() > 1 => {
-                unescaped(names).into_iter().map(|(word, name)| (word, read(&name))).collect()
-            }
-            _ => vec![whole],
-        };
-        for (word, result) in found {
-            match result {
-                Ok(asset) => {
-                    let mut warnings = Diagnostics::new();
-                    self.materials.extend(mtl::read(asset.path.name(), &asset.bytes, &mut warnings));
-                    super::attach_source(&mut warnings, asset.path.name(), asset.bytes.as_slice().into());
-                    self.warnings.append(warnings);
-                }
-                Err(error) => {
-                    let mut warning = Diagnostic::warning(self.asset.path.name(), error.to_string()).at(word.span());
-                    warning.help = error.help();
-                    warning.label = "its materials are left out".into();
-                    self.warnings.push(warning);
-                }
-            }
-        }
-    }
-
     /// The second pass: faces and what groups them. With them comes the material of those that have none, if it is needed.
     fn faces(&mut self, text: Text<'_>, first: First) -> Result<(Vec<Mesh>, Option<Material>), Complaint> {
-        let by_name: HashMap<&[u8], u32> =
-            self.materials.iter().enumerate().rev().map(|(i, m)| (m.name.as_bytes(), i as u32)).collect();
+        let names = library::Names::new(&self.materials);
         let file = self.asset.path.name();
         let mut grouping = Grouping {
             unnamed: file.rsplit('/').next().unwrap_or_default(),
@@ -124,11 +104,8 @@ impl Reader<'_> {
                         Mark::Object(name) => (grouping.object, grouping.group) = (name, String::new()),
                         Mark::Group(name) => grouping.group = name,
                         Mark::Material(at, name) => {
-                            grouping.material = by_name.get(name.as_slice()).copied().unwrap_or(NONE);
-                            if grouping.material == NONE && !name.is_empty() {
-                                let word = Word { start: at, text: &name };
-                                unknown.note(&word, "is no material of this file; its faces get the default");
-                            }
+                            let word = Word { start: at, text: &name };
+                            grouping.material = names.find(&word, &mut unknown).unwrap_or(NONE);
                         }
                     }
                 }
@@ -144,6 +121,10 @@ impl Reader<'_> {
             count
         });
         unknown.report(file, &mut self.warnings);
+        first.ignored.report(file, &mut self.warnings);
+        if let Some(assumed) = first.assumed {
+            self.warnings.push(Diagnostic::warning(file, assumed));
+        }
         ignored.report(file, &mut self.warnings);
         if meshes.is_empty() {
             return Err(Complaint::file("there are no faces in it").help("an OBJ file has lines such as `f 1 2 3`"));
@@ -180,22 +161,6 @@ impl Grouping<'_> {
         });
         parts.run(triangles, part, slot);
     }
-}
-
-/// The names between spaces, of which some may be part of a name after a backslash.
-fn unescaped(names: Word<'_>) -> Vec<(Word<'_>, String)> {
-    let mut out: Vec<(Word<'_>, String)> = Vec::new();
-    for word in names.words() {
-        match out.last_mut().filter(|(_, name)| name.ends_with('\\')) {
-            Some((whole, name)) => {
-                whole.text = &names.text[whole.start - names.start..word.span().end - names.start];
-                name.pop();
-                *name += &format!(" {}", word.string());
-            }
-            None => out.push((word, word.string())),
-        }
-    }
-    out
 }
 
 #[cfg(test)]

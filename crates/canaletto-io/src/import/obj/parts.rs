@@ -102,7 +102,7 @@ impl Parts {
             Triangles::Plain(_, list) => list,
             Triangles::Full(_) => Vec::new(),
         };
-        let Vertices { origin, positions, colors, uvs, normals } = vertices;
+        let Vertices { origin, positions, colors, uvs, normals, .. } = vertices;
         let materials = self.list.iter().flat_map(|part| part.materials.iter().copied()).collect::<Vec<_>>();
         Mesh {
             name: self.list.iter().map(|part| part.name.as_str()).collect(),

@@ -47,7 +47,7 @@ fn corners_are_shared_where_all_their_indices_agree() {
     assert_eq!(mesh.positions.len(), 8);
     assert_eq!((mesh.triangles[0][0], mesh.triangles[1][0]), (0, 0));
     assert_ne!(mesh.triangles[0][2], mesh.triangles[1][1]);
-    assert_eq!((mesh.uvs.len(), mesh.normals.len(), mesh.uvs[mesh.triangles[1][1] as usize]), (8, 8, Vec2::ONE));
+    assert_eq!((mesh.uvs.len(), mesh.normals.len(), mesh.uvs[mesh.triangles[1][1] as usize]), (8, 8, Vec2::X));
 }
 
 #[test]
@@ -116,6 +116,7 @@ fn material_files_may_have_spaces_or_be_many_or_missing() {
     );
     let outside = load(&format!("mtllib ../b.mtl\n{SQUARE}f 1 2 3\n"), &[]).unwrap();
     assert!(outside.warnings.to_string().contains("outside"), "{}", outside.warnings);
+    assert!(outside.materials.is_empty());
 }
 
 #[test]
@@ -158,14 +159,180 @@ fn errors_name_line_and_reason() {
         ("f 1////4 2 3", "\"1////4\" is not a corner"),
         ("f 1 2 99999999999999999999", "is not a corner"),
         ("v 1 2", "a.obj:5:1: error: vertex needs 3 numbers, and here are 2"),
-        ("v 1 2 nan", "a.obj:5:7: error: vertex: \"nan\" is not a finite number up to 3.4e38"),
-        ("v 1 2 3 1 1 -1", "vertex colour -1 is less than 0"),
+        ("v 1 2 nun", "a.obj:5:7: error: vertex: \"nun\" is not a number"),
+        (
+            "v 1,5 2,5 3",
+            "\"1,5\" is not a number\n5 | v 1,5 2,5 3\n  |   ^^^\n  help: a decimal point is expected, not a comma",
+        ),
+        (
+            "v 1.0-2.5-3.0",
+            "\"1.0-2.5-3.0\" is not a number\n5 | v 1.0-2.5-3.0\n  |   ^^^^^^^^^^^\n  help: there may be a space",
+        ),
         ("vn 1 1", "normal needs 3 numbers"),
         ("# nothing", "a.obj: error: there are no faces in it\n  help: an OBJ file has lines such as `f 1 2 3`"),
     ] {
         let found = error(&format!("{SQUARE}{text}\n"));
         assert!(found.contains(message), "{text}: {found}");
     }
+}
+
+#[test]
+fn numbers_that_are_not_finite_are_warnings() {
+    let text = format!(
+        "{SQUARE}v nan 0 0\nv 0 1e40 0\nv -1.#IND 1 1\nvt nan 1\nvt 0.25 0.25\nvn -nan(ind) 0 0\nvn 0 0 1\n\
+        f 1/1/1 2/2/2 3/2/2\nf 1 2 5\nf 1 2 3 6\nf 4 2 1\n"
+    );
+    let model = good(&text);
+    let mesh = &model.meshes[0];
+    assert_eq!(mesh.triangles.len(), 2);
+    mesh.check().unwrap();
+    let [a, b, _] = mesh.triangles[0].map(|i| i as usize);
+    assert_eq!((mesh.normals[a], mesh.uvs[a], mesh.uvs[b]), (Vec3::Z, Vec2::ZERO, Vec2::new(0.25, 0.75)));
+    let told = model.warnings.to_string();
+    for part in [
+        "a.obj:5:1: warning: `v` has no finite place, and faces that use it are left out (3 times)",
+        "`vt` isn't finite and counts as 0 0",
+        "`vn` isn't finite; normals there are computed",
+        "a.obj:13:1: warning: `f` uses a vertex without a finite place and is left out (2 times)",
+    ] {
+        assert!(told.contains(part), "{part}: {told}");
+    }
+    // A vertex that no face uses leaves the others as they are.
+    let model = good(&format!("{SQUARE}v nan nan nan\nf 1 2 3 4\n"));
+    assert_eq!((model.meshes[0].triangles.len(), model.warnings.len()), (2, 1));
+    model.meshes[0].check().unwrap();
+    assert!(error("v inf 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").contains("there are no faces in it"));
+}
+
+#[test]
+fn vertex_colours_of_every_scale_are_read() {
+    let colors = |most: &str, half: &str| {
+        let text = format!("v 0 0 0 {most} 0 0\nv 1 0 0 0 {half} 0\nv 0 1 0\nf 1 2 3\n");
+        let model = good(&text);
+        (model.meshes[0].colors.clone(), model.warnings.to_string())
+    };
+    let (unit, warnings) = colors("1", "0.501961");
+    assert_eq!((warnings.as_str(), unit[0], unit[2]), ("", Rgb::new(1., 0., 0.), Rgb::WHITE));
+    for (most, half, told) in [
+        ("255", "128", "a.obj: warning: vertex colours go up to 255: they are read as shares of 255"),
+        ("200", "128", "shares of 255"),
+        ("65535", "32896", "shares of 65535"),
+    ] {
+        let (found, warnings) = colors(most, half);
+        assert!(warnings.contains(told), "{warnings}");
+        assert!((found[1].g - unit[1].g).abs() < 1e-5 && found[2] == Rgb::WHITE, "{found:?}");
+    }
+    // A little beyond the ends is rounding.
+    let (found, warnings) = colors("1.00001", "-1e-5");
+    assert!((found[0].r - 1.0).abs() < 1e-4 && found[1].g == 0.0, "{found:?}");
+    assert!(
+        warnings.contains("a.obj:2:1: warning: `v` has a colour with numbers below 0, which count as 0"),
+        "{warnings}"
+    );
+    assert_eq!(colors("nan", "0").0[0], Rgb::WHITE);
+    assert!(colors("1e9", "0").0.is_empty() && colors("1e9", "0").1.contains("are left out"));
+    // Comments are no colours, with or without a space.
+    assert!(good("v 0 0 0 # 1 1 1\nv 1 0 0#0 0 0\nv 0 1 0\nf 1 2 3#4 5\n").meshes[0].colors.is_empty());
+}
+
+#[test]
+fn texture_coordinates_are_counted_from_the_top() {
+    let mesh = &good(&format!("{SQUARE}vt 0 0\nvt 1 0.25\nvt 0.5\nf 1/1 2/2 3/3\n")).meshes[0];
+    assert_eq!(mesh.uvs, [Vec2::new(0., 1.), Vec2::new(1., 0.75), Vec2::new(0.5, 1.)]);
+}
+
+#[test]
+fn words_may_be_in_capitals_or_without_spaces() {
+    let plain = good("v 0 0 0\nv 1 0 0\nv 0 -1 0\nvt 0 0\nvn 0 0 1\no a\nf 1/1/1 2/1/1 3/1/1\n");
+    let odd = good("V 0 0 0\r\tV 1.0e+00\t0 0\rv0 -1.0D0 0\nVT0 0\nVn 0 0 1\nO a\nF-3/1/1 2/1/1 \\ \t\n 3/1/1\n");
+    assert_eq!(odd.meshes, plain.meshes);
+    assert!(odd.warnings.is_empty(), "{}", odd.warnings);
+}
+
+#[test]
+fn utf_16_is_read() {
+    let text = format!("\u{feff}{SQUARE}o \u{e9}\nmtllib m.mtl\nusemtl gr\u{fc}n\nf 1 2 3 4\nf 1 2 9\n");
+    let library = "newmtl gr\u{fc}n\nKd 0 1 0\n";
+    for order in [u16::to_le_bytes, u16::to_be_bytes] {
+        let wide = |text: &str| text.encode_utf16().flat_map(order).collect::<Vec<u8>>();
+        let load = |text: &str| {
+            let assets = MemoryAssets::new().with("a.obj", wide(text)).with("m.mtl", wide(library));
+            super::super::load_mesh("a.obj", &assets, &AssetPath::base())
+        };
+        let model = load(&text.replace("f 1 2 9\n", "")).unwrap();
+        assert_eq!((model.meshes[0].name.as_str(), model.materials[0].name.as_str()), ("\u{e9}", "gr\u{fc}n"));
+        assert_eq!(model.meshes[0].materials, [0]);
+        let wrong = load(&text).unwrap_err().to_string();
+        assert!(wrong.contains("a.obj:9:7: error: face refers to vertex 9, but only 4 exist\n9 | f 1 2 9"), "{wrong}");
+    }
+}
+
+#[test]
+fn material_names_are_bytes() {
+    let load = |obj: &[u8], mtl: &[u8]| {
+        let text = [b"mtllib m.mtl\n".as_slice(), SQUARE.as_bytes(), b"usemtl ", obj, b"\nf 1 2 3\n"].concat();
+        let assets = MemoryAssets::new().with("a.obj", text).with("m.mtl", [b"newmtl x\nnewmtl ", mtl, b"\n"].concat());
+        let model = super::super::load_mesh("a.obj", &assets, &AssetPath::base()).unwrap();
+        let materials = model.meshes[0].materials.iter().map(|m| model.materials[*m as usize].name.clone());
+        (materials.collect::<Vec<_>>(), model.warnings.to_string())
+    };
+    let none = String::new();
+    assert_eq!(load(b"gr\xfcn", b"gr\xfcn"), (vec!["gr\u{fc}n".into()], none.clone()));
+    // One file in UTF-8, the other in Latin-1.
+    assert_eq!(load("gr\u{fc}n".as_bytes(), b"gr\xfcn"), (vec!["gr\u{fc}n".into()], none.clone()));
+    assert_eq!(load(b"\xc1\xc2", b"\xc1\xc2").0.len(), 1);
+    assert_eq!(load(b"\xc1\xc2", b"\xc1\xc3").0.len(), 0);
+    assert_eq!(load(b"Material #25", b"Material #25"), (vec!["Material #25".into()], none));
+    for (obj, mtl) in [("RED", "red"), ("red # nice", "red"), ("red", "red # nice"), ("\"red\"", "red")] {
+        let (names, warnings) = load(obj.as_bytes(), mtl.as_bytes());
+        assert_eq!(names, [mtl]);
+        assert!(warnings.contains("but for capitals, quotes or a comment"), "{warnings}");
+    }
+}
+
+#[test]
+fn material_files_are_found_beside_the_model() {
+    let red = ("m.mtl", "newmtl red\n");
+    let found = |names: &str| {
+        let files = [red, ("own b.mtl", "newmtl blue\n"), ("sub/c.mtl", "newmtl green\n")];
+        let model = load(&format!("mtllib {names}\n{SQUARE}f 1 2 3\n"), &files).unwrap();
+        let names: Vec<String> = model.materials.iter().map(|m| m.name.clone()).collect();
+        (names.join(" "), model.warnings.len(), model.warnings.to_string())
+    };
+    for (names, materials, warnings) in [
+        ("m.mtl", "red", 0),
+        ("\"m.mtl\"", "red", 0),
+        ("'m.mtl'", "red", 0),
+        ("./m.mtl", "red", 0),
+        (".\\m.mtl", "red", 0),
+        ("sub\\c.mtl", "green", 0),
+        ("\"own b.mtl\"", "blue", 0),
+        ("own b.mtl", "blue", 0),
+        ("own\\ b.mtl", "blue", 0),
+        ("m.mtl # all of them", "red", 0),
+        ("m.mtl own b.mtl sub/c.mtl", "red blue green", 0),
+        ("\"m.mtl\" \"own b.mtl\"", "red blue", 0),
+        ("m.mtl m.mtl", "red", 0),
+        ("C:\\Users\\some one\\m.mtl", "red", 1),
+        ("\"C:\\Users\\some one\\own b.mtl\"", "blue", 1),
+        ("/home/someone/m.mtl", "red", 1),
+        ("//server/share/m.mtl", "red", 1),
+        ("file:///home/m.mtl", "red", 1),
+        ("../other/m.mtl", "red", 1),
+        ("textures/m.mtl", "red", 1),
+        ("C:\\a\\m.mtl D:\\b\\own b.mtl", "red blue", 2),
+        ("m.mtl none.mtl", "red", 1),
+        ("none.mtl", "", 1),
+        ("", "", 0),
+    ] {
+        let (got, count, told) = found(names);
+        assert_eq!((got.as_str(), count), (materials, warnings), "{names}: {told}");
+        if warnings > 0 && materials != "" && !names.contains("none") {
+            assert!(told.contains("which lies beside the model, is read instead"), "{told}");
+        }
+    }
+    let many = "x.mtl ".repeat(1000);
+    assert_eq!(found(&format!("m.mtl {many}")).1, 256);
 }
 
 #[test]
@@ -234,7 +401,7 @@ fn plain_files_keep_their_vertices() {
     assert_eq!((mesh.positions.len(), mesh.triangles[0]), (5, [1, 2, 3]));
     let both = "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvn 0 0 2\nvn 0 0 1\nvn 0 0 1\nvn 0 0 1\nf 4/4/4 3/3/3 1/1/1\n";
     let mesh = &good(&format!("{SQUARE}{both}")).meshes[0];
-    assert_eq!((mesh.triangles[0], mesh.uvs[2], mesh.normals[0]), ([3, 2, 0], Vec2::ONE, Vec3::Z));
+    assert_eq!((mesh.triangles[0], mesh.uvs[2], mesh.normals[0]), ([3, 2, 0], Vec2::X, Vec3::Z));
     // Texture coordinates that vertices don't share.
     let mesh = &good(&format!("{SQUARE}vt 5 5\n{both}f 1/1 2/2 3/3\n")).meshes[0];
     assert_eq!(mesh.triangles, [[0, 1, 2], [3, 4, 5]]);

@@ -1,14 +1,18 @@
 //! The first pass over an OBJ file: its vertices, and the names of its material files.
 
+use super::super::color::Scale;
+use super::super::ignored::Ignored;
 use super::super::join::join;
-use super::super::lines::{Complaint, Lines, Words, gap};
+use super::super::lines::{Complaint, Lines, Word, Words, gap};
 use super::super::number;
 use super::super::positions::Positions;
 use super::super::text::{Piece, Text};
 use super::faces::NONE;
+use super::keyword::Keyword;
 use crate::picture::decode_srgb;
 use canaletto::math::Rgb;
 use glam::{DVec3, Vec2, Vec3};
+use rayon::prelude::*;
 
 /// What the file's lists of vertices hold.
 #[derive(Default)]
@@ -16,10 +20,21 @@ pub(super) struct Vertices {
     /// Where the positions are counted from.
     pub(super) origin: DVec3,
     pub(super) positions: Vec<Vec3>,
+    /// The numbers of those that have no finite place, in order. They stand anywhere, and no face uses them.
+    pub(super) nowhere: Vec<u32>,
     /// Empty, or one for each position.
     pub(super) colors: Vec<Rgb>,
+    /// With v from the top row of an image, as everywhere here; in the file it is from the bottom.
     pub(super) uvs: Vec<Vec2>,
+    /// Those that are not finite are zero.
     pub(super) normals: Vec<Vec3>,
+}
+
+impl Vertices {
+    /// Whether this position has no finite place.
+    pub(super) fn is_nowhere(&self, position: u32) -> bool {
+        !self.nowhere.is_empty() && self.nowhere.binary_search(&position).is_ok()
+    }
 }
 
 /// What the first pass finds.
@@ -31,6 +46,9 @@ pub(super) struct First {
     pub(super) before: Vec<[usize; 3]>,
     /// The pieces in which there is more than vertices.
     pub(super) others: Vec<usize>,
+    pub(super) ignored: Ignored,
+    /// What colours are taken for that go beyond 1.
+    pub(super) assumed: Option<String>,
 }
 
 /// What a piece holds.
@@ -40,26 +58,35 @@ struct Found {
     vertices: Vertices,
     libraries: Vec<(usize, Vec<u8>)>,
     others: bool,
+    ignored: Ignored,
 }
 
 /// Reads all vertices.
 pub(super) fn read(text: Text<'_>) -> Result<First, Complaint> {
     let all: Vec<usize> = (0..text.len()).collect();
-    let mut first =
-        First { vertices: Vertices::default(), libraries: Vec::new(), before: Vec::new(), others: Vec::new() };
+    let mut first = First {
+        vertices: Vertices::default(),
+        libraries: Vec::new(),
+        before: Vec::new(),
+        others: Vec::new(),
+        ignored: Ignored::default(),
+        assumed: None,
+    };
     let (mut positions, mut uvs, mut normals) = (Vec::new(), Vec::new(), Vec::new());
-    let mut colors: Vec<Rgb> = Vec::new();
+    let (mut colors, mut nowhere): (Vec<Rgb>, Vec<u32>) = Default::default();
     let mut count = [0; 3];
     text.each(
         &all,
         |_, piece| find(piece),
         |index, found| {
-            let Found { positions: some, vertices, libraries, others } = found?;
+            let Found { positions: some, vertices, libraries, others, ignored } = found?;
+            first.ignored.append(ignored);
             if !vertices.colors.is_empty() {
-                colors.resize(count[0], Rgb::WHITE);
+                colors.resize(count[0], NO_COLOR);
                 colors.extend(vertices.colors);
             }
             first.before.push(count);
+            nowhere.extend(vertices.nowhere.iter().map(|i| (count[0] as u32).wrapping_add(*i)));
             count[0] += some.len();
             count[1] += vertices.uvs.len();
             count[2] += vertices.normals.len();
@@ -72,47 +99,87 @@ pub(super) fn read(text: Text<'_>) -> Result<First, Complaint> {
         },
     )?;
     if !colors.is_empty() {
-        colors.resize(count[0], Rgb::WHITE);
+        colors.resize(count[0], NO_COLOR);
+        first.assumed = decode(&mut colors);
     }
     if count.iter().any(|n| *n >= NONE as usize) {
         return Err(Complaint::file("it has more vertices than 32 bits can count"));
     }
-    let (origin, positions) = Positions::settle_all(positions);
-    first.vertices = Vertices { origin, positions, colors, uvs: join(uvs), normals: join(normals) };
+    let (origin, mut positions) = Positions::settle_all(positions);
+    if !nowhere.is_empty() {
+        let anywhere = positions.iter().copied().find(|p| p.is_finite()).unwrap_or_default();
+        nowhere.iter().for_each(|i| positions[*i as usize] = anywhere);
+    }
+    first.vertices = Vertices { origin, positions, nowhere, colors, uvs: join(uvs), normals: join(normals) };
     Ok(first)
 }
 
+/// A vertex that has none among others that have one.
+const NO_COLOR: Rgb = Rgb::new(f32::NAN, f32::NAN, f32::NAN);
+
+/// Decodes sRGB, whatever number stands for full intensity; white where there is no colour. Tells what was assumed.
+fn decode(colors: &mut Vec<Rgb>) -> Option<String> {
+    let largest = colors.par_iter().map(|c| c.max_component()).reduce(|| 0.0, f32::max);
+    let Some(scale) = Scale::of(largest) else {
+        colors.clear();
+        return Some(format!("vertex colours go up to {largest}, which is no colour, and are left out"));
+    };
+    colors.par_iter_mut().for_each(|c| {
+        *c = if c.r.is_nan() { Rgb::WHITE } else { c.map(|value| decode_srgb(value / scale.most())) };
+    });
+    (scale != Scale::One)
+        .then(|| format!("vertex colours go up to {largest}: they are read as shares of {}", scale.most()))
+}
+
 fn find(piece: Piece<'_>) -> Result<Found, Complaint> {
-    let mut found = Found::default();
-    // Faces have neither letter.
-    if memchr::memchr2(b'v', b'm', piece.bytes).is_none() {
+    let mut found = Found { ignored: Ignored::of_part(), ..Found::default() };
+    // Faces have none of these letters.
+    let without = |a, b| memchr::memchr2(a, b, piece.bytes).is_none();
+    if without(b'v', b'm') && without(b'V', b'M') {
         return Ok(Found { others: true, ..found });
     }
-    let Found { positions, vertices: out, libraries, others } = &mut found;
+    let Found { positions, vertices: out, libraries, others, ignored } = &mut found;
     let mut lines = Lines::of_piece(piece).joined();
     loop {
         while let Some((rounded, exact)) = lines.easy(plain_position) {
             positions.push(rounded, exact);
         }
         let Some(line) = lines.next() else { break };
-        let mut words = line.words();
-        let Some(word) = words.next() else { continue };
-        match word.text {
-            b"v" => {
+        let Some((keyword, word, words)) = Keyword::of(line) else { continue };
+        match keyword {
+            Keyword::Position => {
+                let mut words = words.before_comment();
                 let (rounded, exact) = words.position("vertex")?;
-                positions.push(rounded, exact);
-                if let Some(color) = vertex_color(words)? {
-                    out.colors.resize(positions.len() - 1, Rgb::WHITE);
+                if rounded.is_finite() {
+                    positions.push(rounded, exact);
+                } else {
+                    ignored.note(&word, "has no finite place, and faces that use it are left out");
+                    out.nowhere.push(positions.len() as u32);
+                    positions.push_nowhere();
+                }
+                if let Some(color) = vertex_color(&word, words, ignored)? {
+                    out.colors.resize(positions.len() - 1, NO_COLOR);
                     out.colors.push(color);
                 }
             }
-            b"vt" => {
-                let u = words.number("texture coordinate")?;
-                let v = words.next().map_or(Ok(0.0), |w| w.number())?;
-                out.uvs.push(Vec2::new(u, v));
+            Keyword::TexCoord => {
+                let mut words = words.before_comment();
+                let [u] = words.any_numbers("texture coordinate")?;
+                let v = words.next().map_or(Ok(0.0), |w| w.any_number())?;
+                let uv = Vec2::new(u, 1.0 - v);
+                if !uv.is_finite() {
+                    ignored.note(&word, "isn't finite and counts as 0 0");
+                }
+                out.uvs.push(if uv.is_finite() { uv } else { Vec2::ZERO });
             }
-            b"vn" => out.normals.push(words.numbers::<3>("normal")?.into()),
-            b"mtllib" => {
+            Keyword::Normal => {
+                let normal = Vec3::from(words.before_comment().any_numbers::<3>("normal")?);
+                if !normal.is_finite() {
+                    ignored.note(&word, "isn't finite; normals there are computed");
+                }
+                out.normals.push(if normal.is_finite() { normal } else { Vec3::ZERO });
+            }
+            Keyword::Library => {
                 let names = words.rest();
                 libraries.push((names.span().start, names.text.to_owned()));
             }
@@ -137,16 +204,18 @@ fn plain_position(line: &[u8]) -> Option<((Vec3, DVec3), usize)> {
     Some(((rounded.into(), exact.into()), at))
 }
 
-/// The colour after a position, if there is one. A single number is the weight of rational curves.
-fn vertex_color(words: Words<'_>) -> Result<Option<Rgb>, Complaint> {
-    let mut words = words;
+/// The colour after a position as it stands there, if there is one. A single number is the weight of rational curves.
+fn vertex_color(word: &Word<'_>, mut words: Words<'_>, ignored: &mut Ignored) -> Result<Option<Rgb>, Complaint> {
     if words.clone().count() < 3 {
         return Ok(None);
     }
-    let line = words.rest();
-    let color = words.numbers::<3>("vertex colour")?;
-    match color.iter().find(|v| **v < 0.0) {
-        Some(v) => Err(line.wrong(format!("vertex colour {v} is less than 0"))),
-        None => Ok(Some(Rgb::from(color).map(decode_srgb))),
+    let color = Rgb::from(words.any_numbers::<3>("vertex colour")?);
+    if !color.is_finite() {
+        ignored.note(word, "has a colour that isn't finite and counts as white");
+        return Ok(Some(NO_COLOR));
     }
+    if color.to_array().iter().any(|value| *value < 0.0) {
+        ignored.note(word, "has a colour with numbers below 0, which count as 0");
+    }
+    Ok(Some(color.map(|value| value.max(0.0))))
 }

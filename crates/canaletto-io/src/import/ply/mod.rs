@@ -238,10 +238,15 @@ impl Wanted {
         let exact = self.position.map(|property| row.numbers[property]);
         out.positions.push(p, DVec3::from(exact));
         out.normals.extend(self.normal.map(vector));
-        let uv = self.uv.map(|uv| Vec2::from(uv.map(|property| row.numbers[property] as f32)));
-        out.uvs.extend(uv.map(|uv| if uv.is_finite() { uv } else { Vec2::ZERO }));
+        out.uvs.extend(self.uv.map(|uv| from_top(Vec2::from(uv.map(|property| row.numbers[property] as f32)))));
         self.extra.read(row, &mut out.radii, &mut out.colors)
     }
+}
+
+/// Texture coordinates with v from an image's top row, as everywhere here. Programs that write PLY count it from the bottom,
+/// as OBJ does. What isn't finite is 0 0.
+fn from_top(uv: Vec2) -> Vec2 {
+    if uv.is_finite() { Vec2::new(uv.x, 1.0 - uv.y) } else { Vec2::ZERO }
 }
 
 fn vertices(element: &Element, payload: &mut Payload<'_>) -> Result<Vertices, Complaint> {

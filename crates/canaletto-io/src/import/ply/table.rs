@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::header::{Element, Encoding, Kind};
 use super::payload::Payload;
-use super::{Extra, Positions, Vertices, Wanted};
+use super::{Extra, Positions, Vertices, Wanted, from_top};
 use crate::content::View;
 use canaletto::math::Rgb;
 use canaletto::memory;
@@ -158,7 +158,7 @@ impl VertexRows<'_> {
         }
         if let Some(columns) = self.uv {
             vectors(columns, rows, stride, part.uvs);
-            part.uvs.iter_mut().filter(|uv| !uv.is_finite()).for_each(|uv| *uv = Vec2::ZERO);
+            part.uvs.iter_mut().for_each(|uv| *uv = from_top(*uv));
         }
         let mut good = finite(part.positions);
         if let Some(column) = self.radius {

@@ -1,0 +1,69 @@
+//! Text that isn't UTF-8.
+
+use std::borrow::Cow;
+
+/// The text as UTF-8, if it is UTF-16: with a byte order mark, or where every other byte of the first two characters is 0.
+pub(super) fn from_utf16(bytes: &[u8]) -> Option<Vec<u8>> {
+    let read = order(bytes)?;
+    let units = bytes.chunks_exact(2).map(|pair| read([pair[0], pair[1]]));
+    let mut out = Vec::with_capacity(bytes.len() / 2);
+    for unit in char::decode_utf16(units) {
+        let character = unit.unwrap_or(char::REPLACEMENT_CHARACTER);
+        out.extend_from_slice(character.encode_utf8(&mut [0; 4]).as_bytes());
+    }
+    Some(out)
+}
+
+/// How many bytes of a file [`is_utf16`] wants to see.
+pub(super) const START: usize = 4;
+
+/// Whether a file that starts so is UTF-16.
+pub(super) fn is_utf16(start: &[u8]) -> bool {
+    order(start).is_some()
+}
+
+/// The bytes, or what they say as UTF-8.
+pub(super) fn utf8(bytes: &[u8]) -> Cow<'_, [u8]> {
+    from_utf16(bytes).map_or(Cow::Borrowed(bytes), Cow::Owned)
+}
+
+fn order(start: &[u8]) -> Option<fn([u8; 2]) -> u16> {
+    match start {
+        // UTF-32 has the same mark, with zeros behind it.
+        [0xff, 0xfe, 0, 0, ..] => None,
+        [0xff, 0xfe, ..] => Some(u16::from_le_bytes),
+        [0xfe, 0xff, ..] => Some(u16::from_be_bytes),
+        [a, 0, b, 0, ..] if *a != 0 && *b != 0 => Some(u16::from_le_bytes),
+        [0, a, 0, b, ..] if *a != 0 && *b != 0 => Some(u16::from_be_bytes),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_orders_are_read_with_a_mark_and_without() {
+        let text = "\u{feff}v 1 2 3\n# \u{1f600} \u{e9}\n";
+        for text in [text, &text[3..]] {
+            let little: Vec<u8> = text.encode_utf16().flat_map(u16::to_le_bytes).collect();
+            let big: Vec<u8> = text.encode_utf16().flat_map(u16::to_be_bytes).collect();
+            for bytes in [little, big] {
+                assert!(is_utf16(&bytes[..START]));
+                assert_eq!(from_utf16(&bytes).as_deref(), Some(text.as_bytes()));
+                // Half a character at the end is left out.
+                assert!(from_utf16(&bytes[..bytes.len() - 1]).is_some());
+            }
+        }
+        let lone = [0xff, 0xfe, b'a', 0, 0, 0xd8];
+        assert_eq!(from_utf16(&lone).as_deref(), Some("\u{feff}a\u{fffd}".as_bytes()));
+    }
+
+    #[test]
+    fn other_text_is_left_as_it_is() {
+        for text in [&b"v 1 2 3"[..], b"", b"v", b"\xef\xbb\xbfv 1", b"\xff\xfe\0\0v\0\0\0"] {
+            assert_eq!(utf8(text), text);
+        }
+    }
+}

@@ -1,0 +1,197 @@
+//! The materials that an OBJ file names: `mtllib`, and `usemtl`.
+//!
+//! What exporters write after `mtllib` is not always a path that leads somewhere. It may be quoted, have the backslashes of
+//! Windows, be absolute on the machine where it was written, or be several names, of which each may have spaces. A name that
+//! leads nowhere is looked for beside the OBJ file by its last part.
+
+use super::super::encoding;
+use super::super::ignored::Ignored;
+use super::super::lines::Word;
+use super::super::{attach_source, mtl, unreadable};
+use super::Reader;
+use crate::assets::{AssetError, OpenAsset};
+use crate::diagnostic::{Diagnostic, Diagnostics};
+use canaletto::material::Material;
+use std::collections::HashMap;
+
+/// The most names of libraries that are followed.
+const MAX_NAMES: usize = 256;
+
+impl Reader<'_> {
+    /// Reads the materials of all `mtllib`, which name them at these places. What is missing is a warning.
+    pub(super) fn libraries(&mut self, lines: &[(usize, Vec<u8>)]) {
+        let names: Vec<Word<'_>> = lines
+            .iter()
+            .flat_map(|(start, text)| self.names(Word { start: *start, text }))
+            .take(MAX_NAMES + 1)
+            .collect();
+        for (index, name) in names.iter().enumerate() {
+            if index == MAX_NAMES {
+                let message =
+                    format!("more than {MAX_NAMES} names of material files stand in it; this and others are left out");
+                self.warnings.push(Diagnostic::warning(self.asset.path.name(), message).at(name.span()));
+                break;
+            }
+            self.library(name);
+        }
+    }
+
+    /// The names of a line, cut where most of them lead somewhere, if possible without looking elsewhere.
+    fn names<'w>(&self, line: Word<'w>) -> Vec<Word<'w>> {
+        if line.text.is_empty() {
+            return Vec::new();
+        }
+        let mut ways = [vec![line], by_extension(line), by_space(line)];
+        ways.iter_mut().for_each(|way| way.truncate(MAX_NAMES + 1));
+        let found = |there: &dyn Fn(&str) -> bool| {
+            let counts = ways.iter().map(|way| way.iter().filter(|name| there(&path(name))).count());
+            let best = counts.enumerate().rev().max_by_key(|(_, count)| *count);
+            best.filter(|(_, count)| *count > 0).map(|(way, _)| way)
+        };
+        let named = found(&|path| self.open(path).is_ok());
+        let best = named.or_else(|| found(&|path| self.open(last_part(path)).is_ok())).unwrap_or(0);
+        std::mem::take(&mut ways[best])
+    }
+
+    fn library(&mut self, name: &Word<'_>) {
+        let path = path(name);
+        match self.open(&path).map_err(|error| (error, self.open(last_part(&path)))) {
+            Ok(asset) => self.read(&asset),
+            Err((error, Ok(asset))) => {
+                let help = format!("\"{}\", which lies beside the model, is read instead", asset.path.name());
+                self.warnings.push(self.failed(name, &error).help(help));
+                self.read(&asset);
+            }
+            Err((error, Err(_))) => {
+                let mut warning = self.failed(name, &error);
+                warning.help = error.help();
+                warning.label = "its materials are left out".into();
+                self.warnings.push(warning);
+            }
+        }
+    }
+
+    fn open(&self, path: &str) -> Result<OpenAsset, AssetError> {
+        self.assets.open(path, &self.asset.path)
+    }
+
+    fn failed(&self, name: &Word<'_>, error: &AssetError) -> Diagnostic {
+        Diagnostic::warning(self.asset.path.name(), error.to_string()).at(name.span())
+    }
+
+    fn read(&mut self, library: &OpenAsset) {
+        if !self.read.insert(library.path.identity().to_owned()) {
+            return;
+        }
+        let name = library.path.name();
+        let bytes = match library.content.view().whole() {
+            Ok(bytes) => bytes,
+            Err(error) => return self.warnings.push(unreadable(&error).warning(name)),
+        };
+        let text = encoding::utf8(&bytes);
+        let mut warnings = Diagnostics::new();
+        self.materials.extend(mtl::read(name, &text, &mut warnings));
+        attach_source(&mut warnings, name, text[..].into());
+        self.warnings.append(warnings);
+    }
+}
+
+/// The path that a name says: without quotes, and with the slashes that every system reads.
+fn path(name: &Word<'_>) -> String {
+    let text = name.string();
+    let quoted = ['"', '\''].iter().find_map(|quote| text.strip_prefix(*quote)?.strip_suffix(*quote));
+    let text = quoted.unwrap_or(&text);
+    // A backslash before a space is part of the space.
+    text.replace("\\ ", " ").replace('\\', "/")
+}
+
+fn last_part(path: &str) -> &str {
+    path.rsplit('/').next().unwrap_or(path).trim()
+}
+
+/// Names that end with the extension of such files, spaces and all.
+fn by_extension(names: Word<'_>) -> Vec<Word<'_>> {
+    let ends = |word: &Word<'_>| {
+        let text = word.text.strip_suffix(b"\"").or_else(|| word.text.strip_suffix(b"'")).unwrap_or(word.text);
+        text.len() > 4 && text[text.len() - 4..].eq_ignore_ascii_case(b".mtl")
+    };
+    whole(names, ends)
+}
+
+/// Names between spaces, of which some may be part of a name: behind a backslash, or in quotes.
+fn by_space(names: Word<'_>) -> Vec<Word<'_>> {
+    let mut quote = None;
+    let ends = |word: &Word<'_>| {
+        if quote.is_none() {
+            quote = word.text.first().copied().filter(|byte| matches!(byte, b'"' | b'\''));
+        }
+        if quote.is_some() && word.text.last().copied() != quote {
+            return false;
+        }
+        quote = None;
+        !word.text.ends_with(b"\\")
+    };
+    whole(names, ends)
+}
+
+/// Names of one word or more, each of which ends with a word that says so.
+fn whole<'a>(names: Word<'a>, mut ends: impl FnMut(&Word<'a>) -> bool) -> Vec<Word<'a>> {
+    let mut out: Vec<Word<'a>> = Vec::new();
+    let mut open = false;
+    for word in names.words().take_while(|word| !word.text.starts_with(b"#")) {
+        match out.last_mut().filter(|_| open) {
+            Some(name) => name.text = &names.text[name.start - names.start..word.span().end - names.start],
+            None => out.push(word),
+        }
+        open = !ends(&word);
+    }
+    out
+}
+
+/// Materials by the names that files give them.
+pub(super) struct Names {
+    exact: HashMap<String, u32>,
+    /// By what [`loose`] leaves of their names; those that aren't alone with it have nothing.
+    loose: HashMap<String, Option<u32>>,
+}
+
+impl Names {
+    /// Of several materials with the same name the first counts.
+    pub(super) fn new(materials: &[Material]) -> Names {
+        let mut names = Names { exact: HashMap::new(), loose: HashMap::new() };
+        for (index, material) in materials.iter().enumerate() {
+            if names.exact.contains_key(&material.name) {
+                continue;
+            }
+            names.exact.insert(material.name.clone(), index as u32);
+            names.loose.entry(loose(&material.name)).and_modify(|one| *one = None).or_insert(Some(index as u32));
+        }
+        names
+    }
+
+    /// The material that a word names.
+    pub(super) fn find(&self, word: &Word<'_>, unknown: &mut Ignored) -> Option<u32> {
+        let name = word.string();
+        if let Some(index) = self.exact.get(&name) {
+            return Some(*index);
+        }
+        if name.is_empty() {
+            return None;
+        }
+        let found = self.loose.get(&loose(&name)).copied().flatten();
+        unknown.note(
+            word,
+            match found {
+                Some(_) => "is the name of a material but for capitals, quotes or a comment, and is taken for it",
+                None => "is no material of this file; its faces get the default",
+            },
+        );
+        found
+    }
+}
+
+/// A name without what programs change in it: capitals, quotes, a comment behind it.
+fn loose(name: &str) -> String {
+    let name = name.split(" #").next().unwrap_or_default();
+    name.trim_matches(|c: char| c.is_whitespace() || c == '"').to_lowercase()
+}
