@@ -33,6 +33,7 @@ use canaletto::material::Material;
 use canaletto::scene::Scene;
 use canaletto::shape::Mesh;
 use lines::Complaint;
+use smooth::{Smoothing, smooth};
 use std::io;
 
 /// A model: its meshes, and the materials that came with it.
@@ -63,7 +64,7 @@ pub fn load(path: &str, assets: &dyn Assets) -> Result<(Scene, Diagnostics), Dia
         let bytes = content.view().whole().map_err(|e| Diagnostics::from(unreadable(&e).error(name.name())))?;
         return nff::read(&Asset { path: name, bytes: bytes.into_owned() });
     }
-    let mut model = read_mesh(&asset, assets)?;
+    let mut model = read_model(&asset, assets, Unsaid::Creases)?;
     let warnings = std::mem::take(&mut model.warnings);
     match studio::studio(model) {
         Some(scene) => Ok((scene, warnings)),
@@ -89,9 +90,28 @@ pub fn load_mesh(path: &str, assets: &dyn Assets, from: &AssetPath) -> Result<Im
 /// # Errors
 /// As [`load_mesh`].
 pub fn read_mesh(asset: &OpenAsset, assets: &dyn Assets) -> Result<Imported, Diagnostics> {
+    read_model(asset, assets, Unsaid::Flat)
+}
+
+/// How surfaces look of which a file doesn't say whether they are smooth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Unsaid {
+    Flat,
+    /// Smooth but for creases.
+    Creases,
+}
+
+fn read_model(asset: &OpenAsset, assets: &dyn Assets, unsaid: Unsaid) -> Result<Imported, Diagnostics> {
     match asset.path.extension().as_str() {
-        "obj" => obj::read(asset, assets),
-        "ply" => read_ply(asset),
+        "obj" => obj::read(asset, assets, unsaid),
+        "ply" => {
+            let mut model = read_ply(asset)?;
+            if unsaid == Unsaid::Creases {
+                let without = model.meshes.iter_mut().filter(|mesh| mesh.normals.is_empty());
+                without.for_each(|mesh| smooth(mesh, Smoothing::Creases));
+            }
+            Ok(model)
+        }
         other => Err(unsupported(asset.path.name(), other, &MESH_EXTENSIONS).into()),
     }
 }

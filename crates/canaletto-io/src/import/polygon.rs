@@ -1,4 +1,8 @@
-//! Polygons into triangles: convex ones by a fan, the others by clipping ears (crate `earcut`).
+//! Polygons into triangles: by halves where that works, which is so for all that are convex, else by clipping ears (crate
+//! `earcut`).
+//!
+//! A cut is right if no triangle is turned over: then each point is covered as often as the polygon winds around it. This
+//! says more than the turns at the corners do, which are zero at corners that come twice and where an edge goes back.
 
 use earcut::Earcut;
 use glam::{DVec2, DVec3, Vec3};
@@ -7,16 +11,20 @@ use glam::{DVec2, DVec3, Vec3};
 #[derive(Default)]
 pub(super) struct Triangulator {
     earcut: Earcut<f64>,
+    /// The corners that differ from the ones before them.
+    ring: Vec<u32>,
     flat: Vec<[f64; 2]>,
     ears: Vec<u32>,
 }
 
 impl Triangulator {
-    /// The most corners of a polygon that isn't convex: clipping ears takes the square of their number at worst.
-    const MAX_CONCAVE: usize = 10_000;
+    /// The most corners of a polygon whose ears are clipped, which takes the square of their number at worst.
+    const MAX_CLIPPED: usize = 10_000;
+    /// The share of a polygon's area that rounding may turn over.
+    const ROUNDING: f64 = 1e-6;
 
     pub(super) fn new() -> Triangulator {
-        Triangulator { earcut: Earcut::new(), flat: Vec::new(), ears: Vec::new() }
+        Triangulator::default()
     }
 
     /// Hands out triangles as positions in `corners` (at least 3), in the polygon's sense of rotation.
@@ -26,34 +34,55 @@ impl Triangulator {
             triangle([0, 1, 2]);
             return Ok(());
         }
-        let at = |i: usize| corners[i % n].as_dvec3();
-        let normal = vector_area(corners);
-        let turn = |i: usize| (at(i + 1) - at(i)).cross(at(i + 2) - at(i + 1)).dot(normal);
-        if (0..n).any(|i| turn(i) < 0.0) {
-            if n > Triangulator::MAX_CONCAVE {
+        self.ring.clear();
+        self.ring
+            .extend((0..n).filter(|&i| corners[i] != corners[if i == 0 { n - 1 } else { i - 1 }]).map(|i| i as u32));
+        let ring = &self.ring;
+        if ring.len() < 3 {
+            // A place or a line.
+            triangle([0, 1, 2]);
+            return Ok(());
+        }
+        let at = |i: u32| corners[i as usize].as_dvec3();
+        let normal = doubled_area(at(ring[0]), ring.iter().map(|i| at(*i)));
+        let area = |t: [u32; 3]| {
+            let [a, b, c] = t.map(at);
+            (b - a).cross(c - a).dot(normal)
+        };
+        let mut over = 0.0;
+        halves(ring, |t| over -= area(t).min(0.0));
+        let allowed = Triangulator::ROUNDING * normal.length_squared();
+        if over > allowed {
+            if ring.len() > Triangulator::MAX_CLIPPED {
                 return Err(format!(
                     "a polygon of {n} corners must be convex; others may have {}",
-                    Triangulator::MAX_CONCAVE
+                    Triangulator::MAX_CLIPPED
                 ));
             }
-            if self.clip(corners, normal) {
+            self.clip(corners, normal);
+            let area = |t: &[u32]| {
+                let [a, b, c] = [t[0], t[1], t[2]].map(|i| corners[i as usize].as_dvec3());
+                (b - a).cross(c - a).dot(normal)
+            };
+            let clipped: f64 = self.ears.chunks_exact(3).map(|t| -area(t).min(0.0)).sum();
+            if !self.ears.is_empty() && clipped <= over {
                 self.ears.chunks_exact(3).for_each(|t| triangle([t[0] as usize, t[1] as usize, t[2] as usize]));
                 return Ok(());
             }
         }
-        (1..n - 1).for_each(|i| triangle([0, i, i + 1]));
+        halves(&self.ring, |t| triangle(t.map(|i| i as usize)));
         Ok(())
     }
 
-    /// Clips ears in the plane that loses least; whether there were any.
-    fn clip(&mut self, corners: &[Vec3], normal: DVec3) -> bool {
+    /// Clips ears in the plane that loses least.
+    fn clip(&mut self, corners: &[Vec3], normal: DVec3) {
         let project: fn(DVec3) -> DVec2 = match normal.abs().max_position() {
             0 => |p| DVec2::new(p.y, p.z),
             1 => |p| DVec2::new(p.z, p.x),
             _ => |p| DVec2::new(p.x, p.y),
         };
         self.flat.clear();
-        self.flat.extend(corners.iter().map(|p| project(p.as_dvec3()).to_array()));
+        self.flat.extend(self.ring.iter().map(|i| project(corners[*i as usize].as_dvec3()).to_array()));
         self.earcut.earcut_slice(&self.flat, &[] as &[u32], &mut self.ears);
         // The clipper's sense of rotation is its own; the polygon's is given by the normal.
         let area = |i: u32, j: u32, k: u32| {
@@ -64,16 +93,38 @@ impl Triangulator {
         if total * normal[normal.abs().max_position()] < 0.0 {
             self.ears.chunks_exact_mut(3).for_each(|t| t.swap(1, 2));
         }
-        !self.ears.is_empty()
+        self.ears.iter_mut().for_each(|ear| *ear = self.ring[*ear as usize]);
+    }
+}
+
+/// Triangles over the middles of a ring's halves, their halves, and so on: their shapes are better than those of a fan, and
+/// no corner has more of them than halving takes steps. The first corners come first.
+fn halves(ring: &[u32], mut triangle: impl FnMut([u32; 3])) {
+    // Parts whose first half is done, as (first, middle, last).
+    let mut open: Vec<[usize; 3]> = Vec::new();
+    let (mut first, mut last) = (0, ring.len() - 1);
+    loop {
+        while last - first >= 2 {
+            let middle = (first + last).div_ceil(2);
+            open.push([first, middle, last]);
+            last = middle;
+        }
+        let Some(part) = open.pop() else { return };
+        triangle(part.map(|i| ring[i]));
+        [_, first, last] = part;
     }
 }
 
 /// The polygon's vector area, twice: along its normal.
 pub(super) fn vector_area(corners: &[Vec3]) -> DVec3 {
-    let first = corners[0].as_dvec3();
-    let mut sum = DVec3::ZERO;
-    for pair in corners.windows(2) {
-        sum += (pair[0].as_dvec3() - first).cross(pair[1].as_dvec3() - first);
+    doubled_area(corners[0].as_dvec3(), corners.iter().map(|p| p.as_dvec3()))
+}
+
+fn doubled_area(first: DVec3, corners: impl Iterator<Item = DVec3>) -> DVec3 {
+    let (mut sum, mut last) = (DVec3::ZERO, DVec3::ZERO);
+    for corner in corners.map(|corner| corner - first) {
+        sum += last.cross(corner);
+        last = corner;
     }
     sum
 }
@@ -89,13 +140,108 @@ mod tests {
         let areas: DVec3 = out.iter().map(|t| vector_area(&t.map(|i| corners[i]))).sum();
         let whole = vector_area(&corners);
         assert!((areas - whole).length() <= 1e-9 * whole.length(), "{out:?}");
-        assert!(out.iter().all(|t| vector_area(&t.map(|i| corners[i])).dot(whole) >= 0.0), "{out:?} turns over");
+        let least = -1e-6 * whole.length_squared();
+        assert!(out.iter().all(|t| vector_area(&t.map(|i| corners[i])).dot(whole) >= least), "{out:?} turns over");
         out
     }
 
     #[test]
-    fn convex_polygons_become_fans() {
+    fn convex_polygons_become_halves() {
         assert_eq!(cut(&[[0., 0., 0.], [1., 0., 0.], [1., 1., 0.], [0., 1., 0.]]), [[0, 1, 2], [0, 2, 3]]);
+        let round = |n: usize| -> Vec<[f32; 3]> {
+            let angle = |i: usize| i as f64 / n as f64 * std::f64::consts::TAU;
+            (0..n).map(|i| [libm::cos(angle(i)) as f32, 0.5, -libm::sin(angle(i)) as f32]).collect()
+        };
+        assert_eq!(cut(&round(6)), [[0, 1, 2], [0, 2, 3], [0, 3, 5], [3, 4, 5]]);
+        // So many corners that rounding makes many of them concave.
+        let many = cut(&round(100_000));
+        let mut uses = vec![0; 100_000];
+        many.iter().flatten().for_each(|i| uses[*i] += 1);
+        assert!(many.len() == 99_998 && uses.iter().all(|n| (1..=18).contains(n)));
+    }
+
+    /// Twice the area that triangles cover, each counted as positive.
+    fn covered(corners: &[[f32; 3]]) -> f64 {
+        cut(corners).iter().map(|t| vector_area(&t.map(|i| Vec3::from(corners[i]))).length()).sum()
+    }
+
+    /// A polygon of the plane z = 0.
+    fn flat(points: &[[f32; 2]]) -> Vec<[f32; 3]> {
+        points.iter().map(|[x, y]| [*x, *y, 0.0]).collect()
+    }
+
+    #[test]
+    fn corners_that_come_twice_change_nothing() {
+        let dart = [[4., 0.], [1., 1.], [0., 4.], [0., 0.]];
+        assert_eq!(covered(&flat(&dart)), 8.0);
+        // Every corner once to three times, from each start, both ways round.
+        for counts in 0..81 {
+            let mut points: Vec<[f32; 2]> = Vec::new();
+            for (i, point) in dart.iter().enumerate() {
+                points.extend(std::iter::repeat_n(*point, 1 + counts / 3usize.pow(i as u32) % 3));
+            }
+            for turn in 0..points.len() {
+                let mut turned = flat(&points);
+                turned.rotate_left(turn);
+                assert_eq!(covered(&turned), 8.0, "{turned:?}");
+                turned.reverse();
+                assert_eq!(covered(&turned), 8.0, "{turned:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn edges_that_go_back_cover_nothing() {
+        for (points, area) in [
+            // A thorn outwards and inwards, at a corner and on an edge; to its start and beyond.
+            (vec![[4., 0.], [6., 0.], [4., 0.], [1., 1.], [0., 4.], [0., 0.]], 8.0),
+            (vec![[4., 0.], [1., 1.], [2., 2.], [1., 1.], [0., 4.], [0., 0.]], 8.0),
+            (vec![[4., 0.], [1., 1.], [0.5, 0.5], [1., 1.], [0., 4.], [0., 0.]], 8.0),
+            (vec![[4., 0.], [1., 1.], [0., 4.], [0., 6.], [0., 4.], [0., 0.]], 8.0),
+            (vec![[4., 0.], [1., 1.], [0., 4.], [0., 6.], [0., 0.]], 8.0),
+            (vec![[4., 0.], [1., 1.], [0., 4.], [0., 0.], [2., 0.], [0., 0.]], 8.0),
+            // Corners on straight edges.
+            (vec![[0., 0.], [1., 0.], [2., 0.], [4., 0.], [4., 4.], [2., 4.], [0., 4.]], 32.0),
+            (vec![[0., 0.], [2., 0.], [4., 0.], [2.5, 0.5], [1., 1.], [0.5, 2.5], [0., 4.]], 8.0),
+        ] {
+            for turn in 0..points.len() {
+                let mut points = flat(&points);
+                points.rotate_left(turn);
+                assert!((covered(&points) - area).abs() < 1e-9, "{points:?} covers {}", covered(&points));
+            }
+        }
+    }
+
+    #[test]
+    fn holes_behind_a_bridge_stay_open() {
+        let square = |c: f32, r: f32| [[c - r, c - r], [c + r, c - r], [c + r, c + r], [c - r, c + r]];
+        let (outer, mut inner) = (square(4., 4.), square(4., 1.));
+        inner.reverse();
+        // Along a bridge from the outer square's first corner to each corner of the hole, and back.
+        for start in 0..4 {
+            let mut points = outer.to_vec();
+            points.push(outer[0]);
+            points.extend((0..=4).map(|i| inner[(start + i) % 4]));
+            for turn in 0..points.len() {
+                let mut points = flat(&points);
+                points.rotate_left(turn);
+                // The bridge to the far corner crosses the hole.
+                if start != 1 {
+                    assert!((covered(&points) - 120.0).abs() < 1e-9, "{points:?} covers {}", covered(&points));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn bent_polygons_keep_their_side() {
+        let mut points = flat(&[[4., 0.], [4., 0.], [1., 1.], [0., 4.], [0., 0.]]);
+        points[2][2] = 0.25;
+        points[3][2] = -0.25;
+        for _ in 0..5 {
+            points.rotate_left(1);
+            cut(&points);
+        }
     }
 
     #[test]

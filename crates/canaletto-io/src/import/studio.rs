@@ -2,7 +2,6 @@
 
 use super::Imported;
 use super::frame::frame;
-use super::smooth::smooth;
 use canaletto::light::{Directional, DiskLight, Light, LightKind};
 use canaletto::material::{Material, Phong};
 use canaletto::math::{Rgb, Transform};
@@ -15,8 +14,7 @@ use glam::DVec3;
 ///
 /// `None` if the model's coordinates leave no room to stand.
 pub(super) fn studio(model: Imported) -> Option<Scene> {
-    let mut meshes = model.meshes;
-    meshes.iter_mut().for_each(smooth);
+    let meshes = model.meshes;
     // All is measured from where the meshes of a file are counted from.
     let origin = meshes.first().map_or(DVec3::ZERO, |mesh| mesh.origin);
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);

@@ -29,6 +29,8 @@ pub(super) enum Mark {
     Group(String),
     /// With the place of the name in the file.
     Material(usize, Vec<u8>),
+    /// The group of smooth faces; 0 is none.
+    Smoothing(u32),
 }
 
 /// Triangles, with as little as their corners need.
@@ -101,6 +103,7 @@ pub(super) fn read(piece: Piece<'_>, before: [usize; 3], vertices: &Vertices) ->
     let triangles = Triangles::Plain([false; 2], Vec::new());
     let mut out = Faces { triangles, marks: Vec::new(), ignored: Ignored::of_part() };
     let mut seen = before;
+    let mut smoothing = None;
     let mut polygon = Polygon::default();
     let positions = vertices.positions.len();
     let mut lines = Lines::of_piece(piece).joined();
@@ -135,8 +138,13 @@ pub(super) fn read(piece: Piece<'_>, before: [usize; 3], vertices: &Vertices) ->
                 out.mark(Mark::Material(name.span().start, name.text.to_owned()));
             }
             Keyword::Smoothing => {
-                if words.any(|w| w.text != b"off" && w.text != b"0") {
-                    out.ignored.note(&word, "is ignored: smoothing follows the normals, or the angle between faces");
+                let group = words.next().map_or(Some(0), |w| smoothing_group(w.text));
+                if group.is_none() {
+                    out.ignored.note(&word, "names no group of smooth faces: a whole number, or off; it counts as off");
+                }
+                if smoothing != group {
+                    smoothing = group;
+                    out.mark(Mark::Smoothing(group.unwrap_or(0)));
                 }
             }
             Keyword::Thin => out.ignored.note(&word, "is left out: lines and points have no area"),
@@ -151,6 +159,14 @@ pub(super) fn read(piece: Piece<'_>, before: [usize; 3], vertices: &Vertices) ->
 impl Faces {
     fn mark(&mut self, mark: Mark) {
         self.marks.push((self.triangles.len(), mark));
+    }
+}
+
+fn smoothing_group(text: &[u8]) -> Option<u32> {
+    match text.to_ascii_lowercase().as_slice() {
+        b"off" | b"null" => Some(0),
+        b"on" => Some(u32::MAX),
+        text => std::str::from_utf8(text).ok()?.parse().ok(),
     }
 }
 

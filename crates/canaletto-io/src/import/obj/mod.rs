@@ -6,7 +6,8 @@
 //! the pieces' results are put together in the order of the file makes them those of a single piece.
 //!
 //! Each object or group is one mesh, `object/group` if both are named; a group that comes again goes on. Vertex colours
-//! (`v x y z r g b`, 0 to 1) are sRGB, as Blender and MeshLab write them. Smoothing groups are ignored.
+//! (`v x y z r g b`, 0 to 1) are sRGB, as Blender and MeshLab write them. Smoothing groups (`s`) count where faces have no
+//! normals; in a file that has any, faces before the first are flat.
 
 mod faces;
 mod keyword;
@@ -18,7 +19,7 @@ use super::encoding;
 use super::ignored::Ignored;
 use super::lines::{Complaint, Word};
 use super::text::Text;
-use super::{Imported, unreadable};
+use super::{Imported, Unsaid, unreadable};
 use crate::assets::{Assets, OpenAsset};
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use canaletto::material::{Material, Phong};
@@ -31,24 +32,29 @@ use std::path::PathBuf;
 use vertices::First;
 
 /// Meshes and materials of an OBJ file.
-pub(super) fn read(asset: &OpenAsset, assets: &dyn Assets) -> Result<Imported, Diagnostics> {
+pub(super) fn read(asset: &OpenAsset, assets: &dyn Assets, unsaid: Unsaid) -> Result<Imported, Diagnostics> {
     let view = asset.content.view();
     let failed = |complaint: Complaint| Diagnostics::from(complaint.error(asset.path.name()));
     let start = view.piece(0..encoding::START, &mut Vec::new()).map(encoding::is_utf16);
     if !start.map_err(|e| failed(unreadable(&e)))? {
-        return read_pieces(asset, assets, Text::new(view));
+        return read_pieces(asset, assets, Text::new(view), unsaid);
     }
     let bytes = view.whole().map_err(|e| failed(unreadable(&e)))?;
-    read_pieces(asset, assets, Text::new(encoding::utf8(&bytes)[..].into()))
+    read_pieces(asset, assets, Text::new(encoding::utf8(&bytes)[..].into()), unsaid)
 }
 
-fn read_pieces(asset: &OpenAsset, assets: &dyn Assets, text: Text<'_>) -> Result<Imported, Diagnostics> {
+fn read_pieces(
+    asset: &OpenAsset,
+    assets: &dyn Assets,
+    text: Text<'_>,
+    unsaid: Unsaid,
+) -> Result<Imported, Diagnostics> {
     let file = asset.path.name();
     let mut reader =
         Reader { asset, assets, warnings: Diagnostics::new(), materials: Vec::new(), read: HashSet::new() };
     let result = vertices::read(text).and_then(|first| {
         reader.libraries(&first.libraries);
-        reader.faces(text, first)
+        reader.faces(text, first, unsaid)
     });
     let Reader { mut warnings, materials, .. } = reader;
     match result {
@@ -77,7 +83,12 @@ struct Reader<'a> {
 
 impl Reader<'_> {
     /// The second pass: faces and what groups them. With them comes the material of those that have none, if it is needed.
-    fn faces(&mut self, text: Text<'_>, first: First) -> Result<(Vec<Mesh>, Option<Material>), Complaint> {
+    fn faces(
+        &mut self,
+        text: Text<'_>,
+        first: First,
+        unsaid: Unsaid,
+    ) -> Result<(Vec<Mesh>, Option<Material>), Complaint> {
         let names = library::Names::new(&self.materials);
         let file = self.asset.path.name();
         let mut grouping = Grouping {
@@ -85,6 +96,7 @@ impl Reader<'_> {
             object: String::new(),
             group: String::new(),
             material: NONE,
+            smoothing: None,
             place: None,
         };
         let mut parts = Parts::default();
@@ -99,10 +111,13 @@ impl Reader<'_> {
                 for (end, mark) in marks {
                     grouping.run(start..end, &mut parts);
                     start = end;
-                    grouping.place = None;
+                    if !matches!(mark, Mark::Smoothing(_)) {
+                        grouping.place = None;
+                    }
                     match mark {
                         Mark::Object(name) => (grouping.object, grouping.group) = (name, String::new()),
                         Mark::Group(name) => grouping.group = name,
+                        Mark::Smoothing(group) => grouping.smoothing = Some(group),
                         Mark::Material(at, name) => {
                             let word = Word { start: at, text: &name };
                             grouping.material = names.find(&word, &mut unknown).unwrap_or(NONE);
@@ -116,7 +131,7 @@ impl Reader<'_> {
         )?;
         let mut default = None;
         let count = self.materials.len() as u32;
-        let meshes = parts.finish(first.vertices, || {
+        let meshes = parts.finish(first.vertices, unsaid, || {
             default.get_or_insert_with(|| Material::new("default", Phong::default()));
             count
         });
@@ -139,6 +154,8 @@ struct Grouping<'a> {
     object: String,
     group: String,
     material: u32,
+    /// The group of smooth faces, if a line names one; 0 is none.
+    smoothing: Option<u32>,
     /// The part and its slot, once they are known.
     place: Option<(usize, u32)>,
 }
@@ -159,7 +176,7 @@ impl Grouping<'_> {
             let part = parts.named(name);
             (part, parts.slot(part, self.material))
         });
-        parts.run(triangles, part, slot);
+        parts.run(triangles, part, slot, self.smoothing);
     }
 }
 

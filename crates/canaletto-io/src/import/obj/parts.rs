@@ -1,7 +1,9 @@
 //! Meshes from triangles whose corners index positions, texture coordinates and normals apart.
 
+use super::super::Unsaid;
 use super::super::join::join;
 use super::super::mend::mend_normals;
+use super::super::smooth::{Smoothing, smooth};
 use super::faces::{Corner, NONE, Pattern, Triangles};
 use super::vertices::Vertices;
 use canaletto::shape::Mesh;
@@ -31,6 +33,8 @@ struct Run {
     triangles: Range<usize>,
     part: usize,
     slot: u32,
+    /// The group of smooth faces, if a line before them names one.
+    smoothing: Option<u32>,
 }
 
 impl Parts {
@@ -54,8 +58,8 @@ impl Parts {
     }
 
     /// Says what some triangles of the piece belong to that is added next.
-    pub(super) fn run(&mut self, triangles: Range<usize>, part: usize, slot: u32) {
-        self.runs.push(Run { piece: self.pieces.len(), triangles, part, slot });
+    pub(super) fn run(&mut self, triangles: Range<usize>, part: usize, slot: u32, smoothing: Option<u32>) {
+        self.runs.push(Run { piece: self.pieces.len(), triangles, part, slot, smoothing });
     }
 
     /// Adds the triangles of a piece.
@@ -67,19 +71,42 @@ impl Parts {
     ///
     /// A single mesh keeps the file's vertices as they are, if it can. Others get vertices in the order in which their
     /// triangles come to them, one for each combination of position, texture coordinates and normal.
-    pub(super) fn finish(mut self, vertices: Vertices, mut default: impl FnMut() -> u32) -> Vec<Mesh> {
+    pub(super) fn finish(mut self, vertices: Vertices, unsaid: Unsaid, mut default: impl FnMut() -> u32) -> Vec<Mesh> {
         for part in &mut self.list {
             if part.materials == [NONE] {
                 part.materials.clear();
             }
             part.materials.iter_mut().filter(|m| **m == NONE).for_each(|m| *m = default());
         }
+        let groups = self.groups();
         let mut meshes = match self.pattern(&vertices) {
             Some(pattern) => vec![self.whole(vertices, pattern)],
             None => self.apart(&vertices),
         };
-        meshes.iter_mut().for_each(mend_normals);
+        for (index, mesh) in meshes.iter_mut().enumerate() {
+            let groups = groups.as_ref().map(|groups| groups[index].as_slice());
+            mend_normals(mesh, groups.map_or(Smoothing::Creases, Smoothing::Groups));
+            if !mesh.normals.is_empty() {
+                continue;
+            }
+            match groups {
+                Some(groups) if groups.iter().any(|group| *group != 0) => smooth(mesh, Smoothing::Groups(groups)),
+                None if unsaid == Unsaid::Creases => smooth(mesh, Smoothing::Creases),
+                _ => {}
+            }
+        }
         meshes
+    }
+
+    /// For each mesh the groups of smooth faces of its triangles, if the file has any. Faces before the first are in none.
+    fn groups(&self) -> Option<Vec<Vec<u32>>> {
+        self.runs.iter().any(|run| run.smoothing.is_some()).then(|| {
+            let mut groups = vec![Vec::new(); self.list.len()];
+            for run in &self.runs {
+                groups[run.part].extend(std::iter::repeat_n(run.smoothing.unwrap_or(0), run.triangles.len()));
+            }
+            groups
+        })
     }
 
     /// What all corners have, if there is one mesh only, and texture coordinates and normals are numbered as positions are.

@@ -16,6 +16,7 @@ use super::lines::Complaint;
 use super::mend::mend_normals;
 use super::polygon::Triangulator;
 use super::positions::Positions;
+use super::smooth::Smoothing;
 use super::unreadable;
 use crate::content::View;
 use crate::picture::decode_srgb;
@@ -49,7 +50,7 @@ fn read_payload(name: &str, header: &Header, mut payload: Payload<'_>) -> Result
     if mesh.triangles.is_empty() {
         return Err(Complaint::file("there are no faces in it"));
     }
-    mend_normals(&mut mesh);
+    mend_normals(&mut mesh, Smoothing::Creases);
     Ok((mesh, thin))
 }
 
