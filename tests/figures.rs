@@ -46,7 +46,8 @@ const FIGURES: [(&str, bool); 26] = [
 ];
 
 /// Scenes elsewhere whose pictures the book shows, by folder and name.
-const PICTURES: [(&str, &str); 8] = [
+const PICTURES: [(&str, &str); 9] = [
+    ("scenes", "mesh-pictures"),
     ("scenes", "sky"),
     ("scenes", "area-lights"),
     ("scenes/chapter", "horizon-filtered"),

@@ -32,6 +32,7 @@ use crate::diagnostic::{Diagnostic, Diagnostics};
 use canaletto::material::Material;
 use canaletto::scene::Scene;
 use canaletto::shape::Mesh;
+use glam::Vec3;
 use lines::Complaint;
 use smooth::{Smoothing, smooth};
 use std::io;
@@ -102,6 +103,28 @@ enum Unsaid {
 }
 
 fn read_model(asset: &OpenAsset, assets: &dyn Assets, unsaid: Unsaid) -> Result<Imported, Diagnostics> {
+    let model = read_format(asset, assets, unsaid)?;
+    if model.meshes.iter().any(has_area) {
+        return Ok(model);
+    }
+    let count: usize = model.meshes.iter().map(Mesh::len).sum();
+    let wrong = format!("nothing in it has an area: {count} triangles, whose corners lie on a line or at one place");
+    Err(Complaint::file(wrong).error(asset.path.name()).into())
+}
+
+/// Whether some triangle is more than a line, but for what rounding to `f32` makes of one.
+fn has_area(mesh: &Mesh) -> bool {
+    (0..mesh.len()).any(|i| {
+        let corners = mesh.corners(i);
+        let [a, b, c] = corners.map(Vec3::as_dvec3);
+        let doubled = (b - a).cross(c - a).length();
+        let longest = (b - a).length().max((c - b).length()).max((a - c).length());
+        let size = corners.iter().map(|p| f64::from(p.abs().max_element())).fold(0.0, f64::max);
+        doubled > 2.0 * f64::from(f32::EPSILON) * size * longest
+    })
+}
+
+fn read_format(asset: &OpenAsset, assets: &dyn Assets, unsaid: Unsaid) -> Result<Imported, Diagnostics> {
     match asset.path.extension().as_str() {
         "obj" => obj::read(asset, assets, unsaid),
         "ply" => {

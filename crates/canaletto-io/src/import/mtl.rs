@@ -5,8 +5,8 @@
 //! |---|---|
 //! | `Kd`, `Ks` | kd, ks; linear, as they stand; as [shares](super::color) of 255 if they go that far |
 //! | `Ns` | n; below 1, where a highlight is wider than the light of a matte surface, ks fades with it; none at all is 0 |
-//! | `d` | opacity |
-//! | `Tr` | opacity 1 − `Tr`, without `d`. Since some programs write `Tr 1` for opaque, it counts so unless it is glass |
+//! | `d` | coverage, the share of the surface that is there; of glass the opacity |
+//! | `Tr` | 1 − `d`, where there is no `d`. Since some programs write `Tr 1` for opaque, it counts so unless it is glass |
 //! | `Ni` | eta |
 //! | `illum` 0, 1 | no highlight: ks = 0 |
 //! | `illum` 3, 5, 8 | a mirror: k = `Ks` |
@@ -61,7 +61,8 @@ impl Draft<'_> {
         }
     }
 
-    fn opacity(&self, ignored: &mut Ignored) -> f32 {
+    /// What `d` says: the share of the surface that is there, or how opaque it is.
+    fn share(&self, ignored: &mut Ignored) -> f32 {
         let glass = self.is_glass();
         match (self.dissolve, self.transparency) {
             (Some(d), Some((tr, word))) => {
@@ -85,18 +86,19 @@ impl Draft<'_> {
 
     fn finish(self, ignored: &mut Ignored) -> Material {
         let plain = Phong::default();
-        let opacity = self.opacity(ignored);
+        let (share, glass) = (self.share(ignored), self.is_glass());
+        let (coverage, opacity) = if glass { (1.0, share) } else { (share, 1.0) };
         let n = self.n.unwrap_or(0.0);
         let phong = Phong {
             kd: self.kd.unwrap_or(plain.kd),
             ks: if matches!(self.illum, Some(0 | 1)) { Rgb::BLACK } else { self.ks * n.min(1.0) },
             n: n.max(1.0),
             k: if matches!(self.illum, Some(3..=9)) { self.ks } else { Rgb::BLACK },
-            eta: if self.is_glass() { self.eta.unwrap_or(1.0) } else { 1.0 },
+            eta: if glass { self.eta.unwrap_or(1.0) } else { 1.0 },
             opacity,
             ..plain
         };
-        Material::new(self.name, phong)
+        Material::new(self.name, phong).with_coverage(coverage)
     }
 }
 
@@ -245,12 +247,17 @@ fn share(words: Words<'_>) -> Result<f32, Complaint> {
 mod tests {
     use super::*;
 
-    fn one(text: &str) -> (Phong, String) {
+    fn material(text: &str) -> (Material, String) {
         let mut warnings = Diagnostics::new();
-        let list = read("a.mtl", format!("newmtl m\n{text}").as_bytes(), &mut warnings);
+        let mut list = read("a.mtl", format!("newmtl m\n{text}").as_bytes(), &mut warnings);
         assert_eq!((list.len(), list[0].name.as_str()), (1, "m"));
         list[0].check().unwrap();
-        (list[0].phong, warnings.to_string())
+        (list.remove(0), warnings.to_string())
+    }
+
+    fn one(text: &str) -> (Phong, String) {
+        let (material, warnings) = material(text);
+        (material.phong, warnings)
     }
 
     #[test]
@@ -271,7 +278,10 @@ mod tests {
         assert_eq!((with(3, "").k, with(3, "").opacity), (Rgb::gray(0.5), 1.0));
         assert_eq!((with(7, "").k, with(7, "").opacity, with(7, "").eta), (Rgb::gray(0.5), 0.0, 1.5));
         assert_eq!((with(6, "Tf 0.25 0.25 0.5").opacity, with(4, "d 0.75").opacity), (0.5, 0.75));
-        assert_eq!(with(2, "Tr 0.25").opacity, 0.75);
+        for illum in [0, 1, 2, 3, 5, 8, 10] {
+            let dissolved = material(&format!("illum {illum}\nd 0.75")).0;
+            assert_eq!((dissolved.coverage, dissolved.phong.opacity), (0.75, 1.0));
+        }
     }
 
     #[test]
@@ -294,8 +304,10 @@ mod tests {
             ("d 0\nillum 2", 0.0, ""),
             ("d -halo 0.5", 0.5, "with -halo"),
         ] {
-            let (phong, warnings) = one(text);
-            assert_eq!(phong.opacity, opacity, "{text}");
+            let (material, warnings) = material(text);
+            let glass = text.contains("Ni") || text.contains("illum 7") || text.contains("illum 4");
+            let shares = if glass { (1.0, opacity) } else { (opacity, 1.0) };
+            assert_eq!((material.coverage, material.phong.opacity), shares, "{text}");
             assert!(warnings.contains(told) && warnings.is_empty() == told.is_empty(), "{text}: {warnings}");
         }
     }

@@ -121,9 +121,12 @@ fn material_files_may_have_spaces_or_be_many_or_missing() {
 
 #[test]
 fn what_is_left_out_is_told_once_with_its_count() {
-    let warnings = good(&format!("{SQUARE}s 1\ns off\ns 2\nl 1 2\nf 1 2\nvp 1 2\nf 1 2 3\n")).warnings;
+    let warnings = good(&format!("{SQUARE}s 1\ns off\ns soft\ns hard\nl 1 2\nf 1 2\nvp 1 2\nf 1 2 3\n")).warnings;
     let text = warnings.to_string();
-    assert!(text.contains("a.obj:5:1: warning: `s` is ignored") && text.contains("(2 times)"), "{text}");
+    assert!(
+        text.contains("a.obj:7:1: warning: `s` names no group of smooth faces") && text.contains("(2 times)"),
+        "{text}"
+    );
     assert!(text.contains("`l` is left out: lines and points have no area"), "{text}");
     assert!(text.contains("`f` with fewer than 3 corners is left out") && text.contains("`vp` is left out"), "{text}");
     let garbage: String = (0..100).map(|i| format!("word{i} 1\n")).collect();
@@ -327,7 +330,7 @@ fn material_files_are_found_beside_the_model() {
     ] {
         let (got, count, told) = found(names);
         assert_eq!((got.as_str(), count), (materials, warnings), "{names}: {told}");
-        if warnings > 0 && materials != "" && !names.contains("none") {
+        if warnings > 0 && !materials.is_empty() && !names.contains("none") {
             assert!(told.contains("which lies beside the model, is read instead"), "{told}");
         }
     }
