@@ -72,13 +72,13 @@ pub(crate) fn requested() -> bool {
     SIGNALS.load(Ordering::Relaxed) > 0
 }
 
-/// While this lives a first Ctrl-C stops rendering only, so that the picture so far can be saved.
+/// While this lives a first Ctrl-C may meet something that is worth saving.
 pub(crate) struct Rendering;
 
 impl Rendering {
-    pub(crate) fn begin() -> Rendering {
+    /// From now on it stops rendering only, so that the picture so far can be saved.
+    pub(crate) fn begins() {
         DOING.store(RENDERS, Ordering::SeqCst);
-        Rendering
     }
 
     /// From now on the part of a picture is saved into a file: that is waited for.

@@ -27,7 +27,8 @@ With `--progress json` stderr carries one JSON object per line, each with its ki
 | `skipped` | a frame is complete already | `frame`, `files` |
 | `start` | a frame begins | `scene`, `camera`, `frame`, `frames` (first and last), `frames_done`, `frames_total`, `size`, `pixels`, `threads`, `files` |
 | `progress` | at most five times a second | `frame`, `pixels_done`, `pixels`, `percent`, `rays`, `rays_per_second`, `seconds`, `seconds_left`, `frames_done`, `frames_total`, `seconds_left_in_all` |
-| `done` | a frame is written | `frame`, `complete` (false if interrupted), `pixels_done`, `pixels`, `files`, `size`, `primitives`, `hierarchies` over meshes and clouds (`kept` from the frame before, `refitted`, `built`), `rays` (by kind: `traced`, `hit`), `rays_total`, `rays_per_second`, `threads`, `seconds` (`read`, `build`, `render`, `write`) |
+| `done` | a frame is written | `frame`, `complete` (false if interrupted: `files` are parts then), `pixels_done`, `pixels`, `files`, `size`, `primitives`, `hierarchies` over meshes and clouds (`kept` from the frame before, `refitted`, `built`), `rays` (by kind: `traced`, `hit`), `rays_total`, `rays_per_second`, `threads`, `seconds` (`read`, `build`, `render`, `write`) |
+| `interrupted` | a film was stopped, and the frames so far are kept beside it | `frames`: their number, `files` |
 | `finished` | all frames of `--frames` are complete | `frames`, `rendered`, `skipped`, `seconds` |
 | `error` | something failed; the last line | `exit`: the exit code, and `message` and `help`, or `diagnostics` |
 

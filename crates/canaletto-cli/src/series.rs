@@ -89,7 +89,10 @@ impl<'a> Series<'a> {
 
     /// Renders all frames; `first` is the scene at the first one, its warnings told.
     pub(crate) fn run(mut self, first: Source) -> Result<Exit, Failure> {
-        let _rendering = interrupt::Rendering::begin();
+        let _rendering = interrupt::Rendering;
+        if self.plan.frames.count() > 1 {
+            interrupt::Rendering::begins(); // Those that are finished are told, and a film's are kept.
+        }
         self.told.insert(first.warnings.to_string());
         let moves = self.reader.clip().moves;
         let mut stage = self.stage(first)?;
@@ -206,6 +209,7 @@ impl<'a> Series<'a> {
             String::new()
         };
         let watch = Watch::begin(plan.style, frame, label, pixels, whole);
+        interrupt::Rendering::begins();
         let rendered = canaletto::render::render(world, &job, &watch);
         let render = watch.finish().as_secs_f64();
         let rendering = rendered.map_err(|e| Failure::new(Exit::Scene, format!("{}: {e}", self.reader.name)))?;
@@ -385,6 +389,9 @@ impl<'a> Series<'a> {
             None => None,
         };
         if json {
+            if let Some(file) = film_part {
+                emit(&json!({ "event": "interrupted", "frames": done, "files": [file] }));
+            }
             return Ok(Exit::Interrupted);
         }
         let of = plural(frames.count(), "frame");

@@ -6,6 +6,7 @@ mod exr;
 mod flip;
 mod png;
 mod ssim;
+mod temporary;
 mod transfer;
 mod write;
 
@@ -15,8 +16,9 @@ pub use self::png::{Depth, decode_png, develop_png, encode_png};
 pub use compare::{Comparison, Difference, Unequal, compare, difference};
 pub use flip::{Flip, PIXELS_PER_DEGREE, flip};
 pub use ssim::ssim;
+pub use temporary::sweep;
 pub use transfer::{decode_srgb, encode_srgb};
-pub use write::{AtomicFile, WriteError, WriteOptions, sweep, write_atomically};
+pub use write::{AtomicFile, WriteError, WriteOptions, write_atomically};
 
 use canaletto::scene::Transfer;
 

@@ -1,14 +1,12 @@
 //! Writing a file so that it is there whole or not at all.
-//!
-//! It grows without a name where the system has such files (Linux, on most file systems), so that nothing is left of it however
-//! the program ends. Elsewhere it has a temporary name beside its own, and is locked while it is written. [`sweep`] removes what
-//! programs that were killed have left: temporary files that nobody has locked.
 
-use crate::assets::FileId;
-use std::fs::{self, File, TryLockError};
+use super::temporary::temporary;
+#[cfg(target_os = "linux")]
+use super::temporary::{link, replace, unnamed};
+use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
-use tempfile::{Builder, NamedTempFile};
+use tempfile::NamedTempFile;
 
 /// How to write.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -87,10 +85,6 @@ enum Place {
     Unnamed(File, PathBuf),
     Temporary(NamedTempFile, PathBuf),
 }
-
-/// What temporary names begin and end with; between them are letters and digits.
-const PREFIX: &str = ".canaletto-";
-const SUFFIX: &str = ".tmp";
 
 impl AtomicFile {
     /// Begins a file as [`write_atomically`] does.
@@ -236,7 +230,7 @@ impl AtomicFile {
     }
 }
 
-fn folder_of(file: &Path) -> &Path {
+pub(super) fn folder_of(file: &Path) -> &Path {
     match file.parent() {
         Some(folder) if folder != Path::new("") => folder,
         _ => Path::new("."),
@@ -257,82 +251,6 @@ fn mode_of(existing: Option<&fs::Metadata>) -> u32 {
     }
 }
 
-/// A file without a name; nothing where the file system has none, or nothing could give it a name later.
-#[cfg(target_os = "linux")]
-fn unnamed(folder: &Path, mode: u32) -> Option<File> {
-    use rustix::fs::{CWD, Mode, OFlags, openat};
-    let flags = OFlags::TMPFILE | OFlags::RDWR | OFlags::CLOEXEC;
-    let file: File = openat(CWD, folder, flags, Mode::from_raw_mode(mode)).ok()?.into();
-    // Without /proc it can't be linked.
-    name_of(&file).symlink_metadata().ok()?;
-    // For the moment in which it has a temporary name.
-    let _ = file.try_lock();
-    Some(file)
-}
-
-#[cfg(target_os = "linux")]
-fn name_of(file: &File) -> PathBuf {
-    use std::os::fd::AsRawFd;
-    PathBuf::from(format!("/proc/self/fd/{}", file.as_raw_fd()))
-}
-
-/// Gives a file without a name one that nothing else has.
-#[cfg(target_os = "linux")]
-fn link(file: &File, target: &Path) -> io::Result<()> {
-    use rustix::fs::{AtFlags, CWD, linkat};
-    Ok(linkat(CWD, name_of(file), CWD, target, AtFlags::SYMLINK_FOLLOW)?)
-}
-
-/// Gives a file without a name that of another one. No system does it in one step: for a moment it has a temporary name.
-#[cfg(target_os = "linux")]
-fn replace(file: &File, target: &Path) -> io::Result<()> {
-    let folder = folder_of(target);
-    let temporary = temporary_names(|name| {
-        let name = folder.join(name);
-        link(file, &name).map(|()| name)
-    })?;
-    fs::rename(&temporary, target).inspect_err(|_| _ = fs::remove_file(&temporary))
-}
-
-/// Tries temporary names until one is free.
-#[cfg(target_os = "linux")]
-fn temporary_names<T>(mut with: impl FnMut(String) -> io::Result<T>) -> io::Result<T> {
-    use std::hash::{BuildHasher, Hasher, RandomState};
-    const TRIES: usize = 1000;
-    for _ in 0..TRIES {
-        let random = RandomState::new().build_hasher().finish();
-        match with(format!("{PREFIX}{random:016x}{SUFFIX}")) {
-            Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {}
-            other => return other,
-        }
-    }
-    Err(io::ErrorKind::AlreadyExists.into())
-}
-
-/// A file with a temporary name, locked.
-fn temporary(folder: &Path, mode: u32) -> io::Result<NamedTempFile> {
-    let mut builder = Builder::new();
-    builder.prefix(PREFIX).suffix(SUFFIX);
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        builder.permissions(fs::Permissions::from_mode(mode));
-    }
-    #[cfg(not(unix))]
-    let _ = mode;
-    loop {
-        let file = builder.tempfile_in(folder)?;
-        // Some file systems have no locks.
-        let _ = file.as_file().try_lock();
-        // Between the two, another program may have taken it for left behind.
-        match (FileId::of(file.path()), file.as_file().metadata().and_then(|m| FileId::with(file.path(), &m))) {
-            (Ok(named), Ok(open)) if named == open => return Ok(file),
-            (Err(e), _) if e.kind() != io::ErrorKind::NotFound => return Err(e),
-            _ => {}
-        }
-    }
-}
-
 /// Has the names in a folder on the disk.
 fn sync_folder(folder: &Path) -> io::Result<()> {
     // Only some systems let folders be opened, and only some file systems let them be written out.
@@ -343,47 +261,6 @@ fn sync_folder(folder: &Path) -> io::Result<()> {
         }
     }
     Ok(())
-}
-
-/// Removes temporary files of ours from a folder that a program has left which was killed: files of the same user that no
-/// program has locked. What can't be read or removed stays.
-pub fn sweep(folder: &Path) {
-    let Ok(entries) = fs::read_dir(folder) else { return };
-    let is_ours = |name: &str| {
-        let middle = name.strip_prefix(PREFIX).and_then(|rest| rest.strip_suffix(SUFFIX));
-        middle.is_some_and(|middle| !middle.is_empty() && middle.bytes().all(|b| b.is_ascii_alphanumeric()))
-    };
-    let names = entries.filter_map(|entry| Some(entry.ok()?.path()));
-    for path in names.filter(|path| path.file_name().and_then(|name| name.to_str()).is_some_and(is_ours)) {
-        if path.symlink_metadata().is_ok_and(|file| file.is_file() && is_of_this_user(&file)) {
-            let _ = remove_unlocked(&path);
-        }
-    }
-}
-
-fn remove_unlocked(path: &Path) -> io::Result<()> {
-    let file = File::open(path)?;
-    match file.try_lock() {
-        Ok(()) => {}
-        Err(TryLockError::WouldBlock) => return Ok(()),
-        Err(TryLockError::Error(error)) => return Err(error),
-    }
-    // Its program may just have given it its name, and another one may have this one now.
-    let same = FileId::of(path)? == FileId::with(path, &file.metadata()?)?;
-    if same { fs::remove_file(path) } else { Ok(()) }
-}
-
-fn is_of_this_user(file: &fs::Metadata) -> bool {
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::MetadataExt;
-        file.uid() == rustix::process::geteuid().as_raw()
-    }
-    #[cfg(not(unix))]
-    {
-        let _ = file;
-        true
-    }
 }
 
 /// The system's own words: `tempfile` adds the temporary path to them.
@@ -431,7 +308,7 @@ mod tests {
                 let file = AtomicFile::begin_with(&path, options, named).unwrap();
                 assert_eq!(file.temporary().is_some(), named || !cfg!(target_os = "linux"));
                 file.handle().unwrap().write_all(bytes.as_bytes()).unwrap();
-                sweep(folder.path()); // Nobody takes it for left behind.
+                super::super::sweep(folder.path()); // Nobody takes it for left behind.
                 file.commit().unwrap();
                 assert_eq!((fs::read_to_string(&path).unwrap(), names(folder.path()).len()), (bytes.to_owned(), 1));
             }
@@ -443,29 +320,6 @@ mod tests {
             drop(AtomicFile::begin_with(&path, DURABLE, named).unwrap());
             assert_eq!(names(folder.path()), ["a.png", "b.png"]);
         }
-    }
-
-    #[test]
-    fn only_what_is_left_behind_is_swept() {
-        let folder = tempfile::tempdir().unwrap();
-        let keep = [".canaletto-.tmp", ".canaletto-a-b.tmp", ".canaletto-abc.png", "canaletto-abc.tmp", "b.tmp"];
-        for name in keep.iter().chain(&[".canaletto-abc123.tmp", ".canaletto-0123456789abcdef.tmp"]) {
-            fs::write(folder.path().join(name), "x").unwrap();
-        }
-        fs::create_dir(folder.path().join(".canaletto-folder.tmp")).unwrap();
-        #[cfg(unix)]
-        std::os::unix::fs::symlink("b.tmp", folder.path().join(".canaletto-link.tmp")).unwrap();
-        let writing = AtomicFile::begin_named(&folder.path().join("a.png"), KEEP).unwrap();
-        let growing = writing.temporary().unwrap().file_name().unwrap().to_str().unwrap().to_owned();
-        sweep(folder.path());
-        let mut expected: Vec<String> = keep.map(str::to_owned).into();
-        expected.extend([".canaletto-folder.tmp".into(), growing]);
-        if cfg!(unix) {
-            expected.push(".canaletto-link.tmp".into());
-        }
-        expected.sort();
-        assert_eq!(names(folder.path()), expected);
-        writing.commit().unwrap();
     }
 
     #[test]
