@@ -1,12 +1,14 @@
 //! Clear bodies that touch, lie in one another or hold the eye; what a shadow ray crosses.
 
 use canaletto::camera::Camera;
-use canaletto::explain::explain;
+use canaletto::explain::{Outcome, explain};
+use canaletto::integrator::RayKind;
 use canaletto::math::Rgb;
 use canaletto::render::{Job, render};
 use canaletto::world::World;
 use canaletto_io::assets::MemoryAssets;
 use canaletto_io::text::read_scene;
+use glam::DVec3;
 use std::time::Instant;
 
 /// A scene text, ready to be traced.
@@ -176,5 +178,340 @@ mod weight {
         // All of the tree to a depth where a ray still weighs more than the default.
         let deeper = pixels(&text("; min-weight 0.0004"));
         assert_eq!(differing(&by_default, &deeper, 0.02), 0);
+    }
+}
+
+mod nested {
+    use super::*;
+
+    /// One ray through the scene along −z at a distance from the axis; the direction in which it leaves everything, and what it went through.
+    fn way(impact: f64, bodies: &str) -> (DVec3, Vec<[f32; 2]>) {
+        let case = Case::new(&format!(
+            "integrator {{ max-depth 20 }}
+            camera {{ eye {impact} 0 10; center {impact} 0 0; fovy 1; size 1 1 }}\n{bodies}"
+        ));
+        let tree = explain(&case.world, &case.job, 0, 0).unwrap();
+        let (mut ray, mut media) = (&tree.samples[0].ray, Vec::new());
+        while let Outcome::Hit(hit) = &ray.outcome {
+            ray = hit.children.last().unwrap_or_else(|| panic!("a ray goes on\n{tree}"));
+            media.extend(ray.media);
+        }
+        (DVec3::from(ray.direction.map(f64::from)), media)
+    }
+
+    fn glass(name: &str, eta: f64) -> String {
+        format!("material \"{name}\" {{ kd 0; eta {eta}; opacity 0 }}\n")
+    }
+
+    /// Around one centre n r sin θ stays the same (Bouguer), so that the deviation is a sum of arcsines.
+    #[test]
+    fn spheres_in_spheres_bend_by_the_ratio_of_both() {
+        for (outer, inner) in [(1.5, 1.0), (1.33, 1.5), (1.5, 1.33), (1.5, 1.5), (1.2, 2.4)] {
+            for (impact, swapped) in [(0.1, false), (0.3, true), (0.45, false), (0.55, true)] {
+                let (big, small) = (1.0, 0.6);
+                let spheres = [
+                    format!("sphere material=\"a\" {{ center 0 0 0; radius {big} }}\n"),
+                    format!("sphere material=\"b\" {{ center 0 0 0; radius {small} }}\n"),
+                ];
+                let [first, second] = if swapped { [1, 0] } else { [0, 1] };
+                let text = glass("a", outer) + &glass("b", inner) + &spheres[first] + &spheres[second];
+                let (direction, media) = way(impact, &text);
+                let sines = [impact / big, impact / (outer * big), impact / (outer * small), impact / (inner * small)];
+                let [a, b, c, d] = sines.map(f64::asin);
+                let turned = 2.0 * (a - b + c - d);
+                let expected = DVec3::new(-turned.sin(), 0.0, -turned.cos());
+                assert!(
+                    (direction - expected).length() < 1e-5,
+                    "{outer} {inner} {impact}: {direction} instead of {expected}"
+                );
+                let (outer, inner) = (outer as f32, inner as f32);
+                assert_eq!(media, [[1.0, outer], [outer, inner], [inner, outer], [outer, 1.0]]);
+            }
+        }
+    }
+
+    /// Through parallel slabs a ray goes by the angle outside alone, and leaves as it came.
+    #[test]
+    fn slabs_of_glass_in_water_bend_by_the_angle_outside() {
+        let case = Case::new(
+            &(glass("water", 1.33)
+                + &glass("glass", 1.5)
+                + "integrator { max-depth 20 }
+            camera { eye 0 8 6; center 0 0 0; fovy 1; size 1 1 }
+            box material=\"glass\" { min -90 -3 -90; max 90 -1 90 }
+            box material=\"water\" { min -99 -4 -99; max 99 0 99 }"),
+        );
+        let tree = explain(&case.world, &case.job, 0, 0).unwrap();
+        let sine = |direction: [f32; 3]| f64::from(direction[0]).hypot(f64::from(direction[2]));
+        let outside = 0.6;
+        let mut ray = &tree.samples[0].ray;
+        for eta in [1.0, 1.33, 1.5, 1.33, 1.0] {
+            assert!((sine(ray.direction) - outside / eta).abs() < 1e-6, "in {eta}\n{tree}");
+            if let Outcome::Hit(hit) = &ray.outcome {
+                ray = &hit.children[0];
+            }
+        }
+    }
+
+    const STAGE: &str = "ambient 0.3
+        background 0.5 0.6 0.8
+        texture \"t\" kind=\"checker\" { even 0.1; odd 0.9 }
+        material \"f\" { kd 0.8; texture \"t\" mapping=\"solid\" space=\"world\" { scale 0.5 } }
+        camera { eye 0 1.2 6; center 0 1 0; fovy 35; size 60 45 }
+        plane material=\"f\" { point 0 0 0; normal 0 1 0 }
+        light \"directional\" { direction -0.5 -1 -0.3 }
+        integrator { max-depth 16 }
+        material \"g\" { kd 0; eta 1.5; opacity 0 }
+        material \"air\" { kd 0; eta 1; opacity 0 }
+        material \"water\" { kd 0; eta 1.33; opacity 0 }\n";
+
+    #[test]
+    fn glass_in_the_same_glass_bends_nothing() {
+        let sphere = "sphere material=\"g\" { center 0 1 0; radius 1 }\n";
+        let solid = pixels(&format!("{STAGE}{sphere}"));
+        for inner in [
+            "sphere material=\"g\" { center 0.1 1 0; radius 0.8 }",
+            "box material=\"g\" { min -0.5 0.5 -0.5; max 0.5 1.5 0.5 }",
+            "cylinder material=\"g\" { base 0 0.5 0; top 0.2 1.5 0; radius 0.4 }",
+            "cone material=\"g\" { base 0 0.5 0; top 0 1.5 0; radius 0.4; top-radius 0.1 }",
+            "torus material=\"g\" { center 0 1 0; axis 1 1 0; radius 0.5; tube 0.2 }",
+            "group material=\"g\" { translate 0 1 0; rotate-x 30; box { min -0.4 -0.4 -0.4; max 0.4 0.4 0.4 } }",
+            // Its boxes overlap, too.
+            "group name=\"two\" material=\"g\" { box { min 0 0 0; max 0.4 0.4 0.4 }; box { min 0.2 0.2 0.2; max 0.5 0.5 0.5 } }
+            instance of=\"two\" { translate 0 1 0 }
+            instance of=\"two\" { rotate-y 50; translate -0.2 0.6 0.2 }",
+        ] {
+            for text in [format!("{STAGE}{sphere}{inner}"), format!("{STAGE}{inner}\n{sphere}")] {
+                assert!(differing(&pixels(&text), &solid, 1e-3) <= 14, "{inner}");
+            }
+        }
+    }
+
+    /// Of a bubble nothing is seen but a shell: its middle hardly bends.
+    #[test]
+    fn a_bubble_leaves_a_shell() {
+        let sphere = "sphere material=\"g\" { center 0 1 0; radius 1 }\n";
+        let without = pixels(STAGE);
+        let bubble = pixels(&format!("{STAGE}{sphere}sphere material=\"air\" {{ center 0 1 0; radius 0.995 }}"));
+        let solid = pixels(&format!("{STAGE}{sphere}"));
+        let (by_bubble, by_solid) = (differing(&bubble, &without, 0.1), differing(&solid, &without, 0.1));
+        assert!(by_bubble * 5 < by_solid, "{by_bubble} and {by_solid} pixels change");
+    }
+
+    /// A cube with corners of its own for each face, from −1 to 1.
+    const CUBE: &str = "v -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1\nv -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1
+        f 1 2 3 4\nf 6 5 8 7\nf 2 6 7 3\nf 5 1 4 8\nf 4 3 7 8\nf 5 6 2 1\n";
+
+    #[test]
+    fn meshes_are_bodies_as_boxes_are() {
+        let files = || MemoryAssets::new().with("cube.obj", CUBE);
+        let cube =
+            |place: &str, material: &str| format!("mesh file=\"cube.obj\" material=\"{material}\" {{ {place} }}\n");
+        let boxes = format!(
+            "{STAGE}box material=\"water\" {{ min -1 0.1 -1; max 1 2.1 1 }}
+            box material=\"g\" {{ min -0.5 0.6 -0.5; max 0.5 1.6 0.5 }}"
+        );
+        let meshes =
+            STAGE.to_owned() + &cube("scale 0.5; translate 0 1.1 0", "g") + &cube("translate 0 1.1 0", "water");
+        let differ = differing(&pixels(&boxes), &Case::with(&meshes, files()).pixels(), 1e-3);
+        assert!(differ <= 14, "{differ}");
+    }
+
+    /// The eye in water in glass, in a mesh, or between both.
+    #[test]
+    fn the_eye_may_be_inside() {
+        let shapes = [
+            "sphere material=\"M\" { center 0 0 0; radius 1; scale S }",
+            "box material=\"M\" { min -1 -1 -1; max 1 1 1; scale S }",
+            "mesh file=\"cube.obj\" material=\"M\" { scale S }",
+            "group material=\"M\" { rotate-x 40; scale S; mesh file=\"cube.obj\" }",
+        ];
+        for (outer, inner) in shapes.iter().flat_map(|a| shapes.iter().map(move |b| (a, b))) {
+            let named = |shape: &str, name: &str, size: &str| shape.replace('M', name).replace('S', size) + "\n";
+            let text = glass("water", 1.33)
+                + &glass("glass", 1.5)
+                + "integrator { max-depth 9 }\n camera { eye 0.1 0.2 0.3; center 1 1.2 9; fovy 40; size 2 2 }\n"
+                + &named(outer, "glass", "6")
+                + &named(inner, "water", "2");
+            let case = Case::with(&text, MemoryAssets::new().with("cube.obj", CUBE));
+            let tree = explain(&case.world, &case.job, 1, 1).unwrap();
+            let Outcome::Hit(hit) = &tree.samples[0].ray.outcome else { panic!("{tree}") };
+            assert_eq!(hit.children[0].media, Some([1.33, 1.5]), "{text}\n{tree}");
+            let Outcome::Hit(hit) = &hit.children[0].outcome else { panic!("{tree}") };
+            let told = hit.children[0]
+                .media
+                .or_else(|| (hit.children[0].kind == RayKind::TotallyReflected).then_some([1.5, 1.0]));
+            assert_eq!(told, Some([1.5, 1.0]), "{text}\n{tree}");
+        }
+    }
+
+    /// What overlaps is filled by one of both: the picture is that of bodies that end where the other begins.
+    #[test]
+    fn liquid_in_a_glass_may_overlap_its_wall() {
+        let with = |words: &str, wall: &str, liquid: &str| {
+            pixels(&format!(
+                "{STAGE} material \"wall\" {{ kd 0; eta 2.4; opacity 0{words} }}
+                box material=\"wall\" {{ min -1 0.2 {wall} }}
+                box material=\"water\" {{ min -1 0.2 {liquid} }}"
+            ))
+        };
+        let (wall, liquid) = ("-1; max 1 1.8 -0.5", "-0.5; max 1 1.8 1");
+        let glass_first = with("", wall, liquid);
+        let overlapping = "-0.7; max 1 1.8 1";
+        // The wall's volume is smaller.
+        for (words, expected) in [("", &glass_first), ("; priority 1", &glass_first)] {
+            let differ = differing(&with(words, wall, overlapping), expected, 1e-3);
+            assert!(differ <= 20, "{words}: {differ}");
+        }
+        let water_first = with("", "-1; max 1 1.8 -0.7", overlapping);
+        let differ = differing(&with("; priority -1", wall, overlapping), &water_first, 1e-3);
+        assert!(differ <= 20, "{differ}");
+        assert!(differing(&glass_first, &water_first, 1e-3) > 100, "it matters");
+    }
+
+    /// What isn't closed holds nothing.
+    #[test]
+    fn an_open_surface_fills_nothing() {
+        for sheet in [
+            "triangle material=\"s\" { a -9 -9 3; b 9 -9 3; c 0 18 3 }",
+            "disk material=\"s\" { center 0 0 3; normal 0 0 1; radius 9 }",
+            "plane material=\"s\" { point 0 0 3; normal 0 0 1 }",
+            "plane material=\"s\" { point 0 0 3; normal 0 0 -1 }",
+            "cylinder material=\"s\" { base 0 -9 0; top 0 9 0; radius 4; caps #false }",
+        ] {
+            let text = |eta: f64| {
+                glass("g", 1.5) + &glass("s", eta) + "sphere material=\"g\" { center 0 0 0; radius 1 }\n" + sheet
+            };
+            let (without, media) = way(0.4, &(glass("g", 1.5) + "sphere material=\"g\" { center 0 0 0; radius 1 }"));
+            assert_eq!(media, [[1.0, 1.5], [1.5, 1.0]]);
+            let (with, _) = way(0.4, &text(1.0));
+            assert!((with - without).length() < 1e-5, "{sheet}: {with} instead of {without}");
+            let (_, media) = way(0.4, &text(1.7));
+            assert!(media.contains(&[1.0, 1.5]) && media.contains(&[1.5, 1.0]), "{sheet}: {media:?}");
+        }
+    }
+
+    /// A mirrored ray inside a body stays in it.
+    #[test]
+    fn total_reflection_stays_in_the_glass() {
+        let (_, media) = way(
+            0.55,
+            &(glass("g", 1.5)
+                + &glass("air", 1.0)
+                + "sphere material=\"g\" { center 0 0 0; radius 1 }\n sphere material=\"air\" { center 0 0 0; radius 0.5 }"),
+        );
+        // sin θ at the bubble is 0.55 / 0.5 > 1: past it. 0.45 hits it beyond the critical angle.
+        assert_eq!(media, [[1.0, 1.5], [1.5, 1.0]]);
+        let (_, media) = way(
+            0.505,
+            &(glass("g", 1.5)
+                + &glass("air", 1.0)
+                + "sphere material=\"g\" { center 0 0 0; radius 1 }\n sphere material=\"air\" { center 0 0 0; radius 0.4 }"),
+        );
+        assert_eq!(media, [[1.0, 1.5], [1.5, 1.0]]);
+    }
+}
+
+mod touching {
+    use super::*;
+
+    const STAGE: &str = "ambient 0.4
+        background 0.9 0.1 0.1
+        material \"p\" { kd 0.2 0.7 0.3 }
+        material \"m\" { kd 0.2 0.3 0.3; k 0.4; ks 0.5; n 20 }
+        camera { eye 3 4 5; center 0 -0.5 0; fovy 40; size 60 45 }
+        light \"omni\" { position 5 8 6 }
+        integrator { max-depth 9 }\n";
+
+    const CUBE: &str = "v -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1\nv -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1
+        f 1 2 3 4\nf 6 5 8 7\nf 2 6 7 3\nf 5 1 4 8\nf 4 3 7 8\nf 5 6 2 1\n";
+
+    fn picture(material: &str, parts: [&str; 2]) -> Vec<Rgb> {
+        let text = format!("{STAGE} material \"g\" {{ {material} }}\n{}\n{}\n", parts[0], parts[1]);
+        Case::with(&text, MemoryAssets::new().with("cube.obj", CUBE)).pixels()
+    }
+
+    /// Glass that stands on something shows what it shows a little higher.
+    #[test]
+    fn glass_on_anything_shows_what_it_stands_on() {
+        let lifted = |shape: &str, by: &str| shape.replace("BASE", by);
+        for glass in [
+            "box material=\"g\" { min -1 BASE -1; max 1 1 1 }",
+            "cylinder material=\"g\" { base 0 BASE 0; top 0 1 0; radius 1 }",
+            "cone material=\"g\" { base 0 BASE 0; top 0 1 0; radius 1; top-radius 0.5 }",
+            "mesh file=\"cube.obj\" material=\"g\" { translate 0 1 0; translate 0 BASE 0 }",
+            "group material=\"g\" { rotate-y 30; translate 0 BASE 0; box { min -1 0 -1; max 1 2 1 } }",
+        ] {
+            for floor in [
+                "plane material=\"p\" { point 0 -1 0; normal 0 1 0 }",
+                "plane material=\"m\" { point 0 -1 0; normal 0 -1 0 }",
+                "triangle material=\"p\" { a -9 -1 9; b 9 -1 9; c 0 -1 -9 }",
+                "triangle material=\"m\" { a -9 -1 9; b 0 -1 -9; c 9 -1 9 }",
+                "box material=\"m\" { min -3 -2 -3; max 3 -1 3 }",
+                "disk material=\"p\" { center 0 -1 0; normal 0 1 0; radius 4 }",
+                "cylinder material=\"m\" { base 0 -2 0; top 0 -1 0; radius 3 }",
+                "mesh file=\"cube.obj\" material=\"p\" { scale 3 1 3; translate 0 -2 0 }",
+            ] {
+                for material in ["kd 0; eta 1; opacity 0.1", "kd 0.1 0 0; ks 0.5; n 30; k 0.1; eta 1.5; opacity 0.2"] {
+                    let raised = picture(material, [&lifted(glass, "-0.9999"), floor]);
+                    let on = lifted(glass, "-1");
+                    for order in [[&on, floor], [floor, &on]] {
+                        let differ = differing(&picture(material, order), &raised, 0.03);
+                        assert!(differ <= 27, "{order:?} {material}: {differ} of {} pixels", raised.len());
+                    }
+                }
+            }
+        }
+    }
+
+    /// Two halves of one glass are one glass.
+    #[test]
+    fn glass_on_the_same_glass_is_one() {
+        let material = "kd 0; eta 1.5; opacity 0";
+        let whole = "box material=\"g\" { min -1 -1 -1; max 1 1 1 }";
+        let floor = "plane material=\"p\" { point 0 -1.3 0; normal 0 1 0 }";
+        let expected = picture(material, [whole, floor]);
+        for halves in [
+            ["box material=\"g\" { min -1 -1 -1; max 1 0 1 }", "box material=\"g\" { min -1 0 -1; max 1 1 1 }"],
+            ["box material=\"g\" { min -1 -1 -1; max 0.2 1 1 }", "box material=\"g\" { min 0.2 -1 -1; max 1 1 1 }"],
+            [
+                "box material=\"g\" { min -1 -1 -1; max 1 0 1 }",
+                "mesh file=\"cube.obj\" material=\"g\" { scale 1 0.5 1; translate 0 0.5 0 }",
+            ],
+        ] {
+            for [first, second] in [halves, [halves[1], halves[0]]] {
+                let found = picture(material, [&format!("{first}\n{second}"), floor]);
+                let differ = differing(&found, &expected, 0.01);
+                assert!(differ <= 20, "{first} {second}: {differ}");
+            }
+        }
+    }
+
+    /// Light and what is seen lose by each face, as between bodies a little apart.
+    #[test]
+    fn each_of_two_faces_takes_its_share() {
+        let material = "kd 0.05; eta 1; opacity 0.2";
+        let floor = "plane material=\"p\" { point 0 -1.3 0; normal 0 1 0 }";
+        let upper = |at: &str| format!("box material=\"g\" {{ min -1 {at} -1; max 1 1 1 }}\n{floor}");
+        let lower = "box material=\"g\" { min -1 -1 -1; max 1 0 1 }";
+        let apart = picture(material, [&upper("0.0001"), lower]);
+        for order in [[&upper("0"), lower], [lower, &upper("0")]] {
+            let differ = differing(&picture(material, order), &apart, 0.01);
+            assert!(differ <= 20, "{differ}");
+        }
+    }
+
+    /// What is opaque hides the glass that it sticks to.
+    #[test]
+    fn a_sticker_on_glass_is_seen() {
+        let glass = "box material=\"g\" { min -1 -1 -1; max 1 1 1 }";
+        let sticker =
+            |at: &str| format!("triangle material=\"p\" {{ a -0.9 -0.9 {at}; b 0.9 -0.9 {at}; c 0 0.9 {at} }}");
+        let material = "kd 0.1; eta 1.5; opacity 0.3; ks 0.4; n 10";
+        let before = picture(material, [&sticker("1.0001"), glass]);
+        for order in [[&sticker("1"), glass], [glass, &sticker("1")]] {
+            let differ = differing(&picture(material, order), &before, 0.03);
+            assert!(differ <= 20, "{differ}");
+        }
     }
 }

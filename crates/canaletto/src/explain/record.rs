@@ -23,6 +23,8 @@ pub(super) struct Recorder<'w> {
     drawn: (Option<f64>, Option<[f64; 2]>),
     /// The facet that the next ray leaves.
     lobe: Option<LobeNode>,
+    /// η on both sides of the boundary that it crosses.
+    media: Option<[f32; 2]>,
     /// The rays from the eye to the current one.
     open: Vec<RayNode>,
     blockers: Vec<BlockerNode>,
@@ -38,6 +40,7 @@ impl<'w> Recorder<'w> {
             sample: None,
             drawn: (None, None),
             lobe: None,
+            media: None,
             open: Vec::new(),
             blockers: Vec::new(),
             textures: Vec::new(),
@@ -75,6 +78,8 @@ impl Probe for Recorder<'_> {
             holes: Vec::new(),
             outcome: Outcome::Miss { background: Rgb::BLACK, environment: None },
             lobe: self.lobe.take(),
+            media: self.media.take(),
+            hidden: Vec::new(),
             color: Rgb::BLACK,
         });
     }
@@ -123,6 +128,17 @@ impl Probe for Recorder<'_> {
         };
         if let Some(ray) = self.open.last_mut() {
             ray.outcome = Outcome::Hit(Box::new(node));
+        }
+    }
+
+    fn bent(&mut self, from: f64, into: f64) {
+        self.media = Some([from as f32, into as f32]);
+    }
+
+    fn hidden(&mut self, hit: &Hit) {
+        let name = self.world.object(hit).name.clone();
+        if let Some(ray) = self.open.last_mut() {
+            ray.hidden.push(name);
         }
     }
 

@@ -55,6 +55,12 @@ fn write_ray(f: &mut Formatter, ray: &RayNode, indent: &str) -> fmt::Result {
         RayKind::Passed => "ray straight on",
     };
     writeln!(f, "{indent}{kind}, depth {}: o = {}, d = {}", ray.depth, vector(ray.origin), vector(ray.direction))?;
+    if let Some([from, into]) = ray.media {
+        writeln!(f, "{indent}  from eta {from} into eta {into}  (5.43)")?;
+    }
+    for body in &ray.hidden {
+        writeln!(f, "{indent}  goes past the surface of {body}, where another body fills the place")?;
+    }
     for hole in &ray.holes {
         writeln!(f, "{indent}  goes through a hole in {hole}")?;
     }

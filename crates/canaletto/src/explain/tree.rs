@@ -58,6 +58,12 @@ pub struct RayNode {
     /// Of a rough surface, the facet that sent it this way.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lobe: Option<LobeNode>,
+    /// Of a refracted ray, η of the medium that it comes from, and of the one that it goes into.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub media: Option<[f32; 2]>,
+    /// The clear bodies past whose surfaces it went before, since another body fills the place.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub hidden: Vec<String>,
     /// The objects through whose cut-out holes it went before.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub holes: Vec<String>,

@@ -75,6 +75,10 @@ pub trait Probe {
     fn sighting(&mut self, _sighting: &Sighting) {}
     /// It met nothing.
     fn miss(&mut self, _background: Rgb) {}
+    /// The refracted ray that starts next goes from a medium of this η into one of that.
+    fn bent(&mut self, _from: f64, _into: f64) {}
+    /// It passed the surface of a clear body where another one fills the place.
+    fn hidden(&mut self, _hit: &Hit) {}
     /// It passed through a hole that a texture cuts out of this.
     fn hole(&mut self, _hit: &Hit) {}
     /// A texture was read at the hit that [`Probe::hit`] tells next.

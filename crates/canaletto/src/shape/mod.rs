@@ -17,6 +17,7 @@ mod patch_tests;
 mod plane;
 #[cfg(test)]
 mod properties;
+mod solid;
 mod solve;
 mod sphere;
 mod surface;

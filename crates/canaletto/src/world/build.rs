@@ -2,6 +2,7 @@
 
 use super::World;
 use super::before::Before;
+use super::body::shells;
 use super::bundle::FEW;
 use super::flatten::{Builder, Finished, Part, Place};
 use super::geometry::Geometry;
@@ -177,6 +178,9 @@ impl World {
         }
         let root = Group::new(instances, &bounds, 1, "the scene", builder.stock())?;
         materials.push(Material::new("default", Phong::default()));
+        let clear_instances = clear_instances(&root.instances, &builder.geometries, &materials);
+        let clear = clear_geometries(&root, &builder.groups, &builder.geometries, &materials);
+        let clear_bounds = bounds.iter().zip(&clear_instances).filter(|(_, clear)| **clear).map(|(bounds, _)| *bounds);
         Ok(World {
             background,
             wants_spread: wants_spread || backdrop.as_ref().is_some_and(Backdrop::wants_footprint),
@@ -186,7 +190,10 @@ impl World {
             light_meshes: builder.light_meshes,
             textures: builder.relief.patterns,
             texture_names,
-            clear_instances: clear_instances(&root.instances, &builder.geometries, &materials),
+            has_clear: !materials.iter().all(Material::is_opaque),
+            clear_bounds: clear_bounds.fold(Aabb::EMPTY, |a, b| a.union(b)),
+            clear_instances,
+            shells: shells(&builder.geometries, |geometry| clear[geometry]),
             materials,
             objects: builder.objects,
             geometries: builder.geometries,
@@ -221,6 +228,24 @@ fn clear_instances(instances: &[Instance], geometries: &[Geometry], materials: &
         })
     };
     instances.iter().map(clear).collect()
+}
+
+/// Which geometries anything may make clear.
+fn clear_geometries(root: &Group, groups: &[Group], geometries: &[Geometry], materials: &[Material]) -> Vec<bool> {
+    let mut clear = vec![false; geometries.len()];
+    if materials.iter().all(Material::is_opaque) {
+        return clear;
+    }
+    let is_clear = |index: u32| materials.get(index as usize).is_some_and(|material| !material.is_opaque());
+    // What a group is given reaches all that it holds.
+    let all = || groups.iter().chain([root]).flat_map(|group| &group.instances);
+    let given = all().any(|group| group.group != NONE && (is_clear(group.material) || is_clear(group.inherited)));
+    for instance in all().filter(|instance| instance.group == NONE) {
+        let own = geometries[instance.geometry as usize].own_materials();
+        clear[instance.geometry as usize] |=
+            given || own.iter().any(|&own| instance.effective_material(own).is_some_and(is_clear));
+    }
+    clear
 }
 
 /// The environment, ready to be looked at; its images are taken unless a texture has them too.

@@ -4,7 +4,7 @@ use super::Census;
 use super::instance::NONE;
 use super::loose;
 use crate::math::Line;
-use crate::shape::{Cylinder, CylinderCloud, Mesh, Patch, Shape, ShapeHit, SphereCloud, Surface};
+use crate::shape::{Cylinder, CylinderCloud, Mesh, Patch, Shape, ShapeHit, SphereCloud, Surface, Triangle};
 use canaletto_bvh::{
     Aabb, Asked, BuildError, Met, Nearest, PreparedRay, Quality, Ray, Round, Rounds, Triangles, sphere,
 };
@@ -182,6 +182,20 @@ impl Geometry {
             Geometry::Spheres { tree, .. } => tree.occluded_few(ray, t_max, &none, blocks),
             Geometry::Cylinders { tree, cloud } => tree.occluded_few(ray, t_max, &cylinder(cloud), blocks),
             _ => self.occluded(&ray.prepare(), t_max, blocks),
+        }
+    }
+
+    /// Where a ray meets one primitive, if it does at or before `t_max`.
+    pub(super) fn intersect_one(&self, primitive: u32, ray: &PreparedRay, t_max: f32) -> Option<ShapeHit> {
+        let id = primitive as usize;
+        match self {
+            Geometry::Shapes { shapes, .. } => shapes[id].intersect(&ray.ray, t_max),
+            Geometry::Mesh { mesh, .. } => {
+                let [a, b, c] = mesh.corners(id);
+                Triangle { a, b, c, one_sided: mesh.one_sided }.intersect(&ray.ray, t_max)
+            }
+            Geometry::Spheres { cloud, .. } => cloud.sphere(id).intersect(&ray.ray, t_max),
+            Geometry::Cylinders { cloud, .. } => cloud.cylinder(id).intersect(&ray.ray, t_max),
         }
     }
 

@@ -4,8 +4,10 @@
 mod before;
 #[cfg(test)]
 mod before_tests;
+mod body;
 mod build;
 mod bundle;
+mod contact;
 mod corridor;
 mod flatten;
 mod geometries;
@@ -22,16 +24,19 @@ mod origin;
 mod query;
 mod relief;
 mod shadow;
+mod shells;
 mod textured;
 mod wants;
 
 pub use before::Origins;
+pub(crate) use body::Body;
 pub use build::{BuildError, BuildOptions};
 pub use bundle::Bundle;
 pub use canaletto_bvh::Quality;
+pub(crate) use contact::{Contact, touching};
 pub use query::Hit;
-pub(crate) use shadow::Crossings;
 pub use shadow::{Between, Blocker};
+pub(crate) use shadow::{Crossings, MAX_STALLED};
 pub use textured::{Reading, TextureRead};
 
 use crate::light::Source;
@@ -46,6 +51,7 @@ use group::Group;
 use instance::Unbounded;
 use light_meshes::LightMeshes;
 use motion::{Chain, MovingLight};
+use shells::Shells;
 use std::collections::HashMap;
 
 /// A scene ready to be traced.
@@ -94,6 +100,12 @@ pub struct World {
     unbounded_id_base: u32,
     /// Which of the root's instances may let light through; empty if no material does.
     clear_instances: Vec<bool>,
+    /// Whether any material may let light through.
+    has_clear: bool,
+    /// The bounds of all that may let light through.
+    clear_bounds: Aabb,
+    /// Of each geometry that is a mesh and may be clear, what is closed of it.
+    shells: Vec<Option<Shells>>,
 }
 
 /// One object of the scene's description.

@@ -322,6 +322,14 @@ impl World {
         &self.materials[self.material_of(instance, primitive) as usize]
     }
 
+    /// Whether a triangle of a mesh was hit.
+    pub(super) fn is_of_mesh(&self, hit: &Hit) -> bool {
+        hit.instance != Hit::UNBOUNDED
+            && self.with_instance(hit.instance, |instance| {
+                matches!(self.geometries[instance.geometry as usize], Geometry::Mesh { .. })
+            })
+    }
+
     /// The object that was hit.
     pub fn object(&self, hit: &Hit) -> &super::Object {
         let index = match hit.instance {

@@ -2,6 +2,7 @@
 
 use super::World;
 use super::bundle::Bundle;
+use super::contact::{Contact, touching};
 use super::geometry::Geometry;
 use super::group::Way;
 use super::instance::{Instance, NONE, Unbounded};
@@ -57,11 +58,13 @@ struct Crossing {
     passed: f32,
     /// How many surfaces in a row brought it no nearer to its end.
     stalled: u32,
+    /// What lies in the same place as the last one.
+    contacts: Vec<Contact>,
 }
 
 impl Crossing {
     fn new(ray: &Ray) -> Self {
-        Self { line: Line::from(ray), end: ray.origin + ray.direction, passed: 1.0, stalled: 0 }
+        Self { line: Line::from(ray), end: ray.origin + ray.direction, passed: 1.0, stalled: 0, contacts: Vec::new() }
     }
 }
 
@@ -170,16 +173,22 @@ impl World {
         spread: Option<&Spread>,
         probe: &mut P,
     ) -> bool {
-        let surface = self.bare_surface(Line::from(&*ray), hit);
-        let material = self.material(hit);
-        let opacity = if material.textures.is_empty() {
-            material.coverage * material.phong.opacity
-        } else {
-            let step = spread.map(|s| s.along(&crossing.line, surface.exact, surface.normal));
-            self.kept_light(Line::from(&*ray), hit, step)
-        };
+        let line = Line::from(&*ray);
+        let mut surface = self.bare_surface(line, hit);
+        let step = spread.map(|s| s.along(&crossing.line, surface.exact, surface.normal));
+        let opacity = self.kept_light(line, hit, step);
         probe.blocker(hit, opacity);
         crossing.passed *= 1.0 - opacity;
+        self.contacts(&line, hit, &surface, &mut crossing.contacts);
+        if !crossing.contacts.is_empty() {
+            // What is in the same place is crossed with it.
+            surface.error = touching(&surface);
+            for contact in &crossing.contacts {
+                let opacity = self.kept_light(line, &contact.hit, step);
+                probe.blocker(&contact.hit, opacity);
+                crossing.passed *= 1.0 - opacity;
+            }
+        }
         if crossing.passed < Self::LEAST_PASSED {
             crossing.passed = 0.0;
             return false;
@@ -257,12 +266,11 @@ impl World {
         let unbounded = self.between_unbounded(ray, t_max);
         let mut clear = unbounded == Between::Clear;
         let blocked = unbounded == Between::Opaque || {
-            let root = &self.root;
             let mut block = |instance: &Instance, number: u32| {
                 let geometry = &self.geometries[instance.geometry as usize];
                 let slot = instance.with_local_ray(prepared, &self.chains, time, |ray| {
                     geometry.occluded(ray, t_max, |primitive| {
-                        let opaque = self.clear_instances.is_empty() || self.made_of(instance, primitive).is_opaque();
+                        let opaque = !self.has_clear || self.made_of(instance, primitive).is_opaque();
                         clear |= !opaque;
                         opaque
                     })
@@ -272,26 +280,38 @@ impl World {
                 }
                 slot.is_some()
             };
-            root.tree.occluded(prepared, t_max, |leaf| {
-                leaf.slots().any(|slot| {
-                    if !prepared.enters(&root.slot_bounds[slot as usize], t_max) {
-                        return false;
-                    }
-                    let index = root.tree.order()[slot as usize];
-                    let instance = &root.instances[index as usize];
-                    if instance.group == NONE {
-                        return block(instance, root.first(index));
-                    }
-                    let way = Way::to(instance, root.first(index), None, &self.groups);
-                    self.blocked_by_group(prepared, t_max, &way, &mut block)
-                })
-            })
+            self.any_instance(prepared, t_max, &mut block)
         };
         match (blocked, clear) {
             (true, _) => Between::Opaque,
             (false, true) => Between::Clear,
             (false, false) => Between::Nothing,
         }
+    }
+
+    /// Whether an instance that a ray comes to at or before `t_max` `blocks` it.
+    #[inline]
+    pub(super) fn any_instance(
+        &self,
+        ray: &PreparedRay,
+        t_max: f32,
+        blocks: &mut impl FnMut(&Instance, u32) -> bool,
+    ) -> bool {
+        let root = &self.root;
+        root.tree.occluded(ray, t_max, |leaf| {
+            leaf.slots().any(|slot| {
+                if !ray.enters(&root.slot_bounds[slot as usize], t_max) {
+                    return false;
+                }
+                let index = root.tree.order()[slot as usize];
+                let instance = &root.instances[index as usize];
+                if instance.group == NONE {
+                    return blocks(instance, root.first(index));
+                }
+                let way = Way::to(instance, root.first(index), None, &self.groups);
+                self.blocked_by_group(ray, t_max, &way, blocks)
+            })
+        })
     }
 
     /// What of the shapes without bounds stands before `t_max`.
@@ -324,7 +344,7 @@ impl World {
                 let way = Way::to(instance, number, Some(way), &self.groups);
                 return self.blocked_by_group(ray, t_max, &way, block);
             }
-            if self.clear_instances.is_empty()
+            if !self.has_clear
                 && let Some(local) = way.local_ray(instance, &ray.ray)
                 && self.geometries[instance.geometry as usize].occluded(&local, t_max, |_| true).is_none()
             {
@@ -339,6 +359,6 @@ impl World {
     #[inline]
     pub(super) fn is_opaque(&self, instance: u32, primitive: u32) -> bool {
         let hit = Hit { t: 0.0, instance, primitive, part: 0, uv: [0.0; 2], time: 0.0 };
-        self.clear_instances.is_empty() || self.material(&hit).is_opaque()
+        !self.has_clear || self.material(&hit).is_opaque()
     }
 }

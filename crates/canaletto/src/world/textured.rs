@@ -129,7 +129,7 @@ impl World {
 
     /// What the surface keeps of light that crosses it: only the textures that let light through are read.
     #[inline(never)]
-    pub(super) fn kept_light(&self, line: Line, hit: &Hit, step: Option<[DVec3; 2]>) -> f32 {
+    pub(crate) fn kept_light(&self, line: Line, hit: &Hit, step: Option<[DVec3; 2]>) -> f32 {
         let material = self.material(hit);
         let mut point =
             MaterialPoint { phong: material.phong, coverage: material.coverage, ..MaterialPoint::default() };

@@ -1,5 +1,6 @@
 //! The rays that go on from where others stop: mirrored, refracted, past what is there in part.
 
+use super::media::{Bend, Crossing, NONE};
 use super::stop::{At, Footprint};
 use super::way::{Branch, Way, Ways, uses};
 use super::{Generation, Whitted};
@@ -19,7 +20,8 @@ impl Whitted<'_> {
                 return None;
             }
             let phong = &at.stop.material.phong;
-            let branch = whitted.child(ways.branch(at.stop.way()), RayKind::Reflected, phong.k, probe)?;
+            let branch = whitted.child(whitted.parent(at, ways), RayKind::Reflected, phong.k, probe)?;
+            let branch = Branch { meets: whitted.media.crossing(at.stop.crossing).map_or(NONE, |c| c.back), ..branch };
             let direction = match facet(at, ways, uses::MIRROR_FACET) {
                 None => above(at.mirrored(), at),
                 Some(facet) => {
@@ -38,8 +40,17 @@ impl Whitted<'_> {
                 return None;
             }
             let phong = &at.stop.material.phong;
+            let Crossing { bend, beyond, next, back, .. } = *whitted.media.crossing(at.stop.crossing)?;
+            let transmitted = Rgb::gray(1.0 - phong.opacity);
+            let Bend::Outer(outer) = bend else {
+                let branch = whitted.child(whitted.parent(at, ways), RayKind::Refracted, transmitted, probe)?;
+                let branch = Branch { inside: beyond, meets: next, ..branch };
+                let spread = footprint.map(|f| f.spread.passed(f.step));
+                return Some(onwards(at, ways, branch, -at.wo(), spread));
+            };
             let eta = f64::from(phong.eta);
-            let eta_ratio = if at.outside() { 1.0 / eta } else { eta };
+            let [from, into] = if at.outside() { [outer, eta] } else { [eta, outer] };
+            let eta_ratio = from / into;
             let facet = facet(at, ways, uses::CLEAR_FACET);
             let (kind, direction) = match (refract(at.wo(), facet.unwrap_or(at.normal()), eta_ratio), facet) {
                 (Some(direction), None) => (RayKind::Refracted, below(direction, at, eta_ratio)),
@@ -47,7 +58,13 @@ impl Whitted<'_> {
                 (None, None) => (RayKind::TotallyReflected, above(at.mirrored(), at)),
                 (None, Some(facet)) => (RayKind::TotallyReflected, on_the_side(reflect(at.wo(), facet), at.facing())),
             };
-            let branch = whitted.child(ways.branch(at.stop.way()), kind, Rgb::gray(1.0 - phong.opacity), probe)?;
+            let branch = whitted.child(whitted.parent(at, ways), kind, transmitted, probe)?;
+            let branch = if kind == RayKind::Refracted {
+                probe.bent(from, into);
+                Branch { inside: beyond, meets: next, ..branch }
+            } else {
+                Branch { meets: back, ..branch }
+            };
             if let Some(facet) = facet {
                 probe.lobe(phong.roughness, facet);
             }
@@ -75,7 +92,7 @@ impl Whitted<'_> {
                 return None;
             }
             let factor = Rgb::gray(1.0 - at.stop.material.coverage);
-            let parent = ways.branch(at.stop.way());
+            let parent = whitted.parent(at, ways);
             if parent.passed == MAX_PASSED {
                 probe.cut(RayKind::Passed, factor);
                 return None;
@@ -83,6 +100,10 @@ impl Whitted<'_> {
             // The way goes on as if nothing were there: it is no deeper than before.
             let parent = Branch { depth: parent.depth - 1, ..parent };
             let branch = whitted.child(parent, RayKind::Passed, factor, probe)?;
+            let branch = match whitted.media.crossing(at.stop.crossing) {
+                Some(crossing) => Branch { inside: crossing.beyond, meets: crossing.next, ..branch },
+                None => branch,
+            };
             let branch = Branch { passed: branch.passed + 1, ..branch };
             let spread = footprint.map(|f| f.spread.passed(f.step));
             Some(onwards(at, ways, branch, -at.wo(), spread))
@@ -100,6 +121,7 @@ impl Whitted<'_> {
         child: impl Fn(&mut Self, &Ways, &At, Option<&Footprint>, &mut P) -> Option<Way>,
     ) {
         let mut children = self.generation();
+        let mark = self.media.mark();
         for index in 0..generation.stops.len() {
             let at = generation.stops.at(index);
             if let Some(way) = child(self, &generation.ways, &at, generation.footprints.get(index), probe) {
@@ -115,6 +137,12 @@ impl Whitted<'_> {
             }
         }
         self.spare.push(children);
+        self.media.release(mark);
+    }
+
+    /// The branch of the way that stops here, in the bodies that it is in now; a child of it meets nothing at once.
+    fn parent(&self, at: &At, ways: &Ways) -> Branch {
+        Branch { inside: at.stop.inside, meets: NONE, ..ways.branch(at.stop.way()) }
     }
 
     /// The branch of a child ray, unless depth or weight ends the tree here.

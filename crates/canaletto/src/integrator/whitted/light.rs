@@ -1,7 +1,8 @@
 //! The light that reaches stops: (5.39a).
 
+use super::media::NONE;
 use super::octet::{Octet, STOPS, Towards, lanes};
-use super::stop::At;
+use super::stop::{At, Stops};
 use super::way::uses;
 use super::{Generation, Whitted};
 use crate::integrator::{LightTerm, Probe};
@@ -194,6 +195,25 @@ impl Whitted<'_> {
             let f_s = self.crossings.passed(number);
             ways[stop as usize / STOPS].f_s[stop as usize % STOPS] = f_s;
             self.counts.shadow.hit += u64::from(f_s == 0.0);
+        }
+        if self.world.has_clear() {
+            self.cross_back(ways, &generation.stops, probe);
+        }
+    }
+
+    /// Where faces coincide, light comes back through those that the ray from the eye has crossed before.
+    fn cross_back<P: Probe>(&self, ways: &mut [Towards], stops: &Stops, probe: &mut P) {
+        for (index, stop) in stops.each().iter().enumerate().filter(|(_, stop)| stop.crossing != NONE) {
+            let (way, lane) = (&mut ways[index / STOPS], index % STOPS);
+            if way.comes >> lane & 1 == 0 {
+                continue;
+            }
+            let at = stops.at(index);
+            self.media.for_before(stop.crossing, |hit| {
+                let opacity = self.world.kept_light(at.leave(-at.wo()), hit, None);
+                probe.blocker(hit, opacity);
+                way.f_s[lane] *= 1.0 - opacity;
+            });
         }
     }
 

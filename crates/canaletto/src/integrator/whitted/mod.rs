@@ -11,21 +11,23 @@
 
 mod children;
 mod light;
+mod media;
+mod meet;
 mod octet;
 mod stop;
 mod way;
 
 use super::{Probe, RayCounts};
 use crate::light::Source;
-use crate::math::{Line, Rgb, Spread, offset_origin};
+use crate::math::{Line, Rgb, Spread};
 use crate::sampler::{Sample, Sampler};
 use crate::scene::{IntegratorSettings, Stage};
 use crate::shape::Encounters;
-use crate::world::{Blocker, Bundle, Crossings, Hit, World};
-use glam::DVec3;
+use crate::world::{Blocker, Bundle, Crossings, World};
 use light::Lighting;
-use stop::{Footprint, Met, Stop, Stops};
-use way::{Branch, Ways};
+use media::Media;
+use stop::{Footprint, Stop, Stops};
+use way::Ways;
 
 /// The classic integrator on one world.
 pub struct Whitted<'w> {
@@ -59,6 +61,8 @@ pub struct Whitted<'w> {
     spare: Vec<Generation>,
     /// Memory for lights.
     lighting: Lighting,
+    /// The bodies that rays are in.
+    media: Media,
 }
 
 /// Rays that are traced together, and where they are met.
@@ -80,9 +84,6 @@ const PATIENCE: u32 = 4096;
 /// The most rays from the eye that are traced together: their stops should stay in the nearer caches.
 pub(crate) const BUNDLE: usize = 256;
 
-/// The most holes that a ray goes through; beyond them it meets what is around the next one.
-const MAX_HOLES: usize = 1 << 16;
-
 impl<'w> Whitted<'w> {
     /// An integrator that has traced nothing yet.
     pub fn new(world: &'w World, settings: IntegratorSettings) -> Whitted<'w> {
@@ -103,6 +104,7 @@ impl<'w> Whitted<'w> {
             crossings: Crossings::default(),
             spare: Vec::new(),
             lighting: Lighting::default(),
+            media: Media::default(),
         }
     }
 
@@ -159,6 +161,12 @@ impl<'w> Whitted<'w> {
             return &[];
         }
         let mut generation = std::mem::take(&mut self.waiting);
+        if self.world.has_clear() {
+            let Whitted { world, time, media, .. } = self;
+            let depth = self.settings.max_depth;
+            media.clear();
+            generation.ways.set_around(|line| media.around_eye(world, line.origin, *time, depth));
+        }
         self.trace(&mut generation, probe);
         generation.ways.clear();
         self.waiting = generation;
@@ -192,78 +200,6 @@ impl<'w> Whitted<'w> {
         for stop in generation.stops.each() {
             generation.colors[stop.way()] = stop.color;
             probe.end(stop.color);
-        }
-    }
-
-    /// The nearest surfaces on the ways, past holes. Colours become what is seen where there is none.
-    fn meet<P: Probe>(&mut self, generation: &mut Generation, probe: &mut P) {
-        let Generation { ways, colors, stops, footprints, .. } = generation;
-        let (world, time) = (self.world, self.time);
-        colors.clear();
-        colors.resize(ways.len(), world.background);
-        stops.clear();
-        footprints.clear();
-        if P::ACTIVE {
-            let Branch { kind, depth, factor, .. } = ways.branch(0);
-            probe.ray(kind, &ways.rays[0], depth, factor);
-        }
-        self.bundle.set(&ways.rays, f32::INFINITY);
-        world.intersect_bundle(&mut self.bundle, time);
-        let miss = |index: usize, color: &mut Rgb, probe: &mut P| {
-            if let Some(environment) = &world.environment {
-                let spread = ways.spread(index).map_or([DVec3::ZERO; 2], |spread| spread.direction);
-                let sighting = environment.look(ways.lines[index].direction, spread);
-                probe.sighting(&sighting);
-                *color = sighting.radiance;
-            }
-            probe.miss(*color);
-            probe.end(*color);
-        };
-        let encounters = &mut self.encounters;
-        let mut seen = None;
-        for (index, color) in colors.iter_mut().enumerate() {
-            let Some(mut hit) = self.bundle.hit(index) else {
-                miss(index, color, probe);
-                continue;
-            };
-            let (mut line, spread, material) = (ways.lines[index], ways.spread(index), world.material(&hit));
-            let (octet, lane) = stops.next();
-            if material.is_plain() && spread.is_none() && !P::ACTIVE {
-                encounters.set_line(lane, &line);
-                let color = world.meet(&line, &hit, lane, encounters, &mut octet.surfaces);
-                stops.push(index, &hit, encounters, |point| material.set(point, color));
-                continue;
-            }
-            let (surface, point, footprint) = if material.is_plain() {
-                // Only a probe asks for texture coordinates that no texture reads.
-                let surface = if P::ACTIVE { world.surface(line, &hit) } else { world.bare_surface(line, &hit) };
-                (surface, material.at(&surface), Footprint::new(spread, &line, &surface))
-            } else if let Some(met) = meet_textured(world, (line, hit, spread), time, probe) {
-                (line, hit) = (met.line, met.hit);
-                (met.surface, met.material, met.footprint)
-            } else {
-                miss(index, color, probe);
-                continue;
-            };
-            if let Some(mut footprint) = footprint {
-                if point.is_mirror() || point.is_clear() {
-                    let side = if line.direction.dot(surface.normal) < 0.0 { 1.0 } else { -1.0 };
-                    footprint.bend = world.patch(line, &hit).bend * side;
-                }
-                footprints.push(footprint);
-            }
-            octet.surfaces.set(lane, &surface);
-            encounters.set_line(lane, &line);
-            stops.push(index, &hit, encounters, |material| *material = point);
-            seen = Some(surface);
-        }
-        stops.settle(encounters);
-        ways.count(stops.each().iter().map(Stop::way), &mut self.counts);
-        if P::ACTIVE
-            && let Some(surface) = seen
-        {
-            let at = stops.at(0);
-            probe.hit(&at.stop.hit, &surface, &at.stop.material, at.outside());
         }
     }
 
@@ -308,30 +244,4 @@ impl<'w> Whitted<'w> {
             self.gave_up |= self.cancelled.is_some_and(|cancelled| cancelled(self.counts.total()));
         }
     }
-}
-
-/// What is met of something that has textures or is not there, and behind its holes.
-#[inline(never)]
-fn meet_textured<P: Probe>(
-    world: &World,
-    (mut line, mut hit, spread): (Line, Hit, Option<&Spread>),
-    time: f32,
-    probe: &mut P,
-) -> Option<Met> {
-    let mut spread = spread.copied();
-    for holes in 0.. {
-        let mut surface = world.surface(line, &hit);
-        let footprint = Footprint::new(spread.as_ref(), &line, &surface);
-        let step = footprint.map(|f| f.step);
-        let material = world.textured(line, &hit, &mut surface, step, probe);
-        if material.coverage > 0.0 || holes == MAX_HOLES {
-            return Some(Met { hit, surface, material, line, footprint });
-        }
-        probe.hole(&hit);
-        line.origin = surface.exact;
-        spread = footprint.map(|f| f.spread.passed(f.step));
-        let origin = offset_origin(surface.point, surface.error, surface.normal, line.direction);
-        hit = world.intersect_at(&line.from_origin(origin), f32::INFINITY, time)?;
-    }
-    None
 }

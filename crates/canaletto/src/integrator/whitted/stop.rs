@@ -1,5 +1,6 @@
 //! Where rays stop.
 
+use super::media;
 use super::octet::{Octet, STOPS};
 use crate::material::MaterialPoint;
 use crate::math::{Line, Rgb, Spread, offset_origin};
@@ -15,12 +16,24 @@ pub(super) struct Stop {
     pub(super) material: MaterialPoint,
     /// The sum so far.
     pub(super) color: Rgb,
+    /// The bodies that the ray is in.
+    pub(super) inside: u32,
+    /// Where a ray into what is clear goes on, and what else is in the same place.
+    pub(super) crossing: u32,
 }
 
 impl Stop {
     /// Memory for one.
     fn nowhere() -> Stop {
-        Stop { way: 0, hit: Hit::before(0.0, 0.0), material: MaterialPoint::default(), color: Rgb::BLACK }
+        let (inside, crossing) = (media::NONE, media::NONE);
+        Stop {
+            way: 0,
+            hit: Hit::before(0.0, 0.0),
+            material: MaterialPoint::default(),
+            color: Rgb::BLACK,
+            inside,
+            crossing,
+        }
     }
 
     /// Which way of the generation stops here.
@@ -81,12 +94,19 @@ impl Stops {
         let lane = self.len % STOPS;
         let stop = &mut self.stops[self.len];
         (stop.way, stop.hit, stop.color) = (way as u32, *hit, Rgb::BLACK);
+        (stop.inside, stop.crossing) = (media::NONE, media::NONE);
         set(&mut stop.material);
         self.octets[self.len / STOPS].set_material(lane, &stop.material);
         self.len += 1;
         if lane == STOPS - 1 {
             self.octets[self.len / STOPS - 1].settle(encounters);
         }
+    }
+
+    /// The stop that was added last.
+    #[inline]
+    pub(super) fn last_mut(&mut self) -> &mut Stop {
+        &mut self.stops[self.len - 1]
     }
 
     /// Finds what the stops of the last octet are like, if it isn't full: else that is known.
@@ -181,7 +201,7 @@ impl At<'_> {
     }
 }
 
-/// The nearest thing on a way that has textures.
+/// The nearest thing on a way that is cut out, clear or within something clear.
 pub(super) struct Met {
     pub(super) hit: Hit,
     pub(super) surface: Surface,
@@ -189,6 +209,9 @@ pub(super) struct Met {
     /// The way's line, which starts anew behind holes.
     pub(super) line: Line,
     pub(super) footprint: Option<Footprint>,
+    /// The bodies that the way is in there.
+    pub(super) inside: u32,
+    pub(super) crossing: u32,
 }
 
 /// How far from here neighbouring samples are.

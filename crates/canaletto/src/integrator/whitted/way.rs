@@ -1,5 +1,6 @@
 //! Rays on their way.
 
+use super::media;
 use crate::integrator::{RayCounts, RayKind};
 use crate::math::{Line, Rgb, Spread};
 use crate::sampler::{Dimension, Sample};
@@ -40,16 +41,19 @@ pub(super) struct Ways {
     samples: Vec<Sample>,
     /// None if nothing wants to know.
     spreads: Vec<Spread>,
+    /// The bodies that the eye is in; none if it is in none.
+    around: Vec<u32>,
 }
 
 impl Ways {
     pub(super) fn clear(&mut self) {
-        let Ways { rays, lines, branches, samples, spreads } = self;
+        let Ways { rays, lines, branches, samples, spreads, around } = self;
         rays.clear();
         lines.clear();
         branches.clear();
         samples.clear();
         spreads.clear();
+        around.clear();
     }
 
     pub(super) fn len(&self) -> usize {
@@ -79,9 +83,25 @@ impl Ways {
         self.spreads.extend(spreads);
     }
 
+    /// Takes the bodies that each eye is in, as `set` says.
+    pub(super) fn set_around(&mut self, mut set: impl FnMut(&Line) -> u32) {
+        self.around.extend(self.lines.iter().map(|line| set(line)));
+        if self.around.iter().all(|&set| set == media::NONE) {
+            self.around.clear();
+        }
+    }
+
     #[inline]
     pub(super) fn branch(&self, way: usize) -> Branch {
-        self.branches.get(way).copied().unwrap_or(Branch::EYE)
+        let around = || self.around.get(way).copied().unwrap_or(media::NONE);
+        self.branches.get(way).copied().unwrap_or_else(|| Branch { inside: around(), ..Branch::EYE })
+    }
+
+    /// The bodies that a ray is in, and the surface where it starts that it meets first.
+    #[inline]
+    pub(super) fn start_of(&self, way: usize) -> [u32; 2] {
+        let Branch { inside, meets, .. } = self.branch(way);
+        [inside, meets]
     }
 
     #[inline]
@@ -123,6 +143,10 @@ pub(super) struct Branch {
     pub(super) passed: u32,
     /// What keeps random numbers here apart from those elsewhere in the tree.
     pub(super) place: Dimension,
+    /// The bodies that it is in.
+    pub(super) inside: u32,
+    /// The surface where it starts that it meets before any other.
+    pub(super) meets: u32,
 }
 
 impl Branch {
@@ -134,5 +158,7 @@ impl Branch {
         weight: Rgb::WHITE,
         passed: 0,
         place: Dimension::EYE.of(uses::EYE),
+        inside: media::NONE,
+        meets: media::NONE,
     };
 }

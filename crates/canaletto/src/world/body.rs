@@ -1,0 +1,176 @@
+//! Clear bodies: closed surfaces of materials that let light through, filled with their medium.
+//!
+//! A ray that crosses such a surface is in the body or out of it afterwards, and which bodies it is in says between which media
+//! it is bent. Where bodies overlap one of them fills the place, the others aren't there: that with the highest priority
+//! (Schmidt & Budge, *Simple Nested Dielectrics in Ray Traced Images*, 2002), then that with the smallest volume, so that what lies
+//! within another body needs no word. Surfaces that aren't closed bend rays, but hold nothing.
+
+use super::World;
+use super::geometry::Geometry;
+use super::instance::Instance;
+use super::query::Hit;
+use super::shells::Shells;
+use crate::material::{Material, Target, TextureUse};
+use crate::math::Line;
+use crate::shape::{Shape, ShapeHit};
+use canaletto_bvh::{Aabb, Ray};
+use glam::{DVec3, Vec3};
+use std::collections::BTreeMap;
+
+/// What tells clear bodies apart: an instance, and which of its shapes or of its mesh's materials.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct BodyId {
+    instance: u32,
+    part: u32,
+}
+
+/// A clear body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Body {
+    pub(crate) id: BodyId,
+    /// η, the coefficient of refraction, before textures.
+    pub(crate) eta: f32,
+    priority: f32,
+    volume: f64,
+    /// Whether a ray may be in it more than once, as in a mesh whose parts overlap.
+    pub(crate) overlaps_itself: bool,
+}
+
+impl Body {
+    /// Whether it, and not the other one, fills the place that they share.
+    pub(crate) fn fills_before(&self, other: &Body) -> bool {
+        let by_volume = || other.volume.total_cmp(&self.volume);
+        // What comes later in the scene last, as paint goes over paint.
+        self.priority.total_cmp(&other.priority).then_with(by_volume).then(self.id.cmp(&other.id)).is_gt()
+    }
+}
+
+impl Material {
+    /// Whether what a closed surface of it surrounds is a body: light passes everywhere by refraction.
+    fn fills(&self) -> bool {
+        let cut = |texture: &TextureUse| texture.target == Target::Cutout;
+        !self.is_opaque() && self.coverage >= 1.0 && !self.textures.iter().any(cut)
+    }
+}
+
+/// Directions in which nothing is built.
+const ODD_DIRECTIONS: [Vec3; 3] =
+    [Vec3::new(0.3743, 0.8129, 0.4461), Vec3::new(-0.7219, 0.2917, 0.6276), Vec3::new(0.5417, -0.3371, -0.7702)];
+
+impl World {
+    /// Whether anything of the scene may let light through.
+    #[inline]
+    pub(crate) fn has_clear(&self) -> bool {
+        self.has_clear
+    }
+
+    /// The clear body whose surface was met, if it has one that is closed.
+    pub(crate) fn body(&self, hit: &Hit) -> Option<Body> {
+        let material = self.material(hit);
+        if hit.instance == Hit::UNBOUNDED || !material.fills() {
+            return None;
+        }
+        let (part, volume, overlaps_itself) =
+            self.with_instance(hit.instance, |instance| self.part_of(instance, hit))?;
+        let id = BodyId { instance: hit.instance, part };
+        Some(Body { id, eta: material.phong.eta, priority: material.priority, volume, overlaps_itself })
+    }
+
+    /// Which part of an instance is closed around what, and whether that overlaps itself.
+    fn part_of(&self, instance: &Instance, hit: &Hit) -> Option<(u32, f64, bool)> {
+        let id = hit.primitive as usize;
+        let (part, volume, overlaps) = match &self.geometries[instance.geometry as usize] {
+            Geometry::Shapes { shapes, .. } => (hit.primitive, solid(&shapes[id])?, false),
+            Geometry::Spheres { cloud, .. } => (hit.primitive, solid(&Shape::Sphere(cloud.sphere(id)))?, false),
+            Geometry::Cylinders { cloud, .. } => (hit.primitive, solid(&Shape::Cylinder(cloud.cylinder(id)))?, false),
+            Geometry::Mesh { .. } => {
+                let (slot, volume) = self.shells[instance.geometry as usize].as_ref()?.around(hit.primitive)?;
+                (slot, volume, true)
+            }
+        };
+        let scale = instance.placed(&self.chains, hit.time).map_or(1.0, |t| t.matrix().matrix3.determinant().abs());
+        Some((part, volume * scale, overlaps))
+    }
+
+    /// The clear bodies that a point lies in, each with how often; of meshes as rays from there tell.
+    pub(crate) fn bodies_around(&self, point: DVec3, time: f32) -> Vec<(Body, i32)> {
+        let (p, Aabb { min, max }) = (point.as_vec3(), self.clear_bounds);
+        if !(p.cmpge(min).all() && p.cmple(max).all()) {
+            return Vec::new();
+        }
+        let mut counts: BTreeMap<BodyId, (Body, [i32; 3])> = BTreeMap::new();
+        for (way, direction) in ODD_DIRECTIONS.into_iter().enumerate() {
+            let ray = Ray::new(point.as_vec3(), direction);
+            let mut along = Vec::new();
+            self.each_between(&ray, f32::INFINITY, time, &mut |hit| along.push(hit));
+            along.sort_unstable_by_key(|hit| (hit.instance, hit.primitive));
+            along.dedup_by_key(|hit| (hit.instance, hit.primitive));
+            let line = Line { origin: point, direction: direction.as_dvec3() };
+            for hit in &along {
+                let Some(body) = self.body(hit) else { continue };
+                let count = if body.overlaps_itself {
+                    if self.bare_surface(line, hit).normal.dot(line.direction) > 0.0 { 1 } else { -1 }
+                } else {
+                    i32::from(self.contains(hit, point))
+                };
+                counts.entry(body.id).or_insert((body, [0; 3])).1[way] += count;
+            }
+        }
+        // Where a ray goes through an edge, it may count two triangles instead of one; the middle of three counts is right.
+        let middle = |(body, mut counts): (Body, [i32; 3])| {
+            counts.sort_unstable();
+            (counts[1] > 0).then_some((body, counts[1]))
+        };
+        counts.into_values().filter_map(middle).collect()
+    }
+
+    /// Whether a point lies in the shape that was met.
+    fn contains(&self, hit: &Hit, point: DVec3) -> bool {
+        self.with_instance(hit.instance, |instance| {
+            let id = hit.primitive as usize;
+            let local = instance.placed(&self.chains, hit.time).map_or(point, |t| t.inverse().point(point));
+            match &self.geometries[instance.geometry as usize] {
+                Geometry::Shapes { shapes, .. } => shapes[id].contains(local),
+                Geometry::Spheres { cloud, .. } => Shape::Sphere(cloud.sphere(id)).contains(local),
+                Geometry::Cylinders { cloud, .. } => Shape::Cylinder(cloud.cylinder(id)).contains(local),
+                Geometry::Mesh { .. } => false,
+            }
+        })
+    }
+
+    /// Calls `f` once or more with everything that a ray meets at or before `t_max`, in no order. Hits say what and on which part; their t is 0.
+    pub(super) fn each_between(&self, ray: &Ray, t_max: f32, time: f32, f: &mut dyn FnMut(Hit)) {
+        let nowhere = Hit { t: 0.0, instance: Hit::UNBOUNDED, primitive: 0, part: 0, uv: [0.0; 2], time };
+        for (primitive, unbounded) in (0..).zip(&self.unbounded) {
+            if let Some(ShapeHit { part, uv, .. }) = unbounded.shape.intersect(ray, t_max) {
+                f(Hit { primitive, part, uv, ..nowhere });
+            }
+        }
+        self.any_instance(&ray.prepare(), t_max, &mut |instance, number| {
+            let geometry = &self.geometries[instance.geometry as usize];
+            instance.with_local_ray(&ray.prepare(), &self.chains, time, |ray| {
+                geometry.occluded(ray, t_max, |primitive| {
+                    if let Some(ShapeHit { part, uv, .. }) = geometry.intersect_one(primitive, ray, t_max) {
+                        f(Hit { instance: number, primitive, part, uv, ..nowhere });
+                    }
+                    false
+                })
+            });
+            false
+        });
+    }
+}
+
+/// The volume of a shape that is closed.
+fn solid(shape: &Shape) -> Option<f64> {
+    shape.is_closed().then(|| shape.volume())
+}
+
+/// Of each mesh that may be clear, what is closed of it.
+pub(super) fn shells(geometries: &[Geometry], may_be_clear: impl Fn(usize) -> bool + Sync) -> Vec<Option<Shells>> {
+    let of = |(index, geometry): (usize, &Geometry)| match geometry {
+        Geometry::Mesh { mesh, .. } if may_be_clear(index) && !mesh.one_sided => Some(Shells::of(mesh)),
+        _ => None,
+    };
+    geometries.iter().enumerate().map(of).collect()
+}

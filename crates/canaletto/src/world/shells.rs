@@ -1,0 +1,156 @@
+//! Which triangles of a mesh close around something.
+//!
+//! Triangles of one material belong together. What hangs together by vertices in the same place is closed if each edge is gone along as
+//! often one way as the other.
+
+use crate::shape::Mesh;
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+use std::collections::HashMap;
+
+/// What is closed of a mesh.
+#[derive(Debug)]
+pub(super) struct Shells {
+    /// Of each triangle; empty if all of them have the first slot.
+    slots: Vec<u32>,
+    /// Whether each triangle is part of something closed; empty if all are.
+    closed: Vec<bool>,
+    /// The volume inside what is closed of each slot; hollows count less.
+    volumes: Vec<f64>,
+}
+
+/// A triangle's side: its slot and ends, the smaller number first, the triangle, and which way it goes.
+type Side = (u32, u32, u32, u32, bool);
+
+impl Shells {
+    pub(super) fn of(mesh: &Mesh) -> Shells {
+        let last = mesh.materials.len().saturating_sub(1) as u32;
+        let slot = |triangle: usize| mesh.slots.get(triangle).map_or(0, |&slot| slot.min(last));
+        let welded = weld(&mesh.positions);
+        let mut sides: Vec<Side> = (0..mesh.triangles.len())
+            .flat_map(|triangle| {
+                let corners = mesh.triangles[triangle].map(|v| welded[v as usize]);
+                [[0, 1], [1, 2], [2, 0]].map(|[i, j]| {
+                    let (a, b) = (corners[i], corners[j]);
+                    (slot(triangle), a.min(b), a.max(b), triangle as u32, a < b)
+                })
+            })
+            .filter(|(_, a, b, ..)| a != b)
+            .collect();
+        sides.par_sort_unstable();
+        let mut open = Vec::new();
+        for edge in sides.chunk_by(|x, y| (x.0, x.1, x.2) == (y.0, y.1, y.2)) {
+            let balance: i64 = edge.iter().map(|side| if side.4 { 1 } else { -1 }).sum();
+            if balance != 0 {
+                open.extend(edge.iter().map(|side| side.3));
+            }
+        }
+        let closed = if open.is_empty() { Vec::new() } else { closed_parts(&sides, &open, mesh.triangles.len()) };
+        let mut volumes = vec![0.0; last as usize + 1];
+        let origin = mesh.positions.first().map_or(DVec3::ZERO, |p| p.as_dvec3());
+        for triangle in 0..mesh.triangles.len() {
+            if closed.is_empty() || closed[triangle] {
+                let [a, b, c] = mesh.corners(triangle).map(|p| p.as_dvec3() - origin);
+                volumes[slot(triangle) as usize] += a.dot(b.cross(c)) / 6.0;
+            }
+        }
+        let slots = (0..mesh.slots.len()).map(slot).collect();
+        Shells { slots, closed, volumes: volumes.into_iter().map(f64::abs).collect() }
+    }
+
+    /// The slot of a triangle that is part of something closed, and the volume inside.
+    pub(super) fn around(&self, triangle: u32) -> Option<(u32, f64)> {
+        let triangle = triangle as usize;
+        let slot = self.slots.get(triangle).copied().unwrap_or(0);
+        (self.closed.is_empty() || self.closed[triangle]).then(|| (slot, self.volumes[slot as usize]))
+    }
+}
+
+/// For each position, the number of the first one in the same place.
+fn weld(positions: &[Vec3]) -> Vec<u32> {
+    let mut first: HashMap<[u32; 3], u32> = HashMap::with_capacity(positions.len());
+    // −0 is where 0 is.
+    let place = |p: &Vec3| (*p + Vec3::ZERO).to_array().map(f32::to_bits);
+    (0..).zip(positions).map(|(number, p)| *first.entry(place(p)).or_insert(number)).collect()
+}
+
+/// Whether each triangle hangs together with none of those that are open, by sides of its own slot.
+fn closed_parts(sides: &[Side], open: &[u32], triangles: usize) -> Vec<bool> {
+    let mut parents: Vec<u32> = (0..triangles as u32).collect();
+    fn root(parents: &mut [u32], mut of: u32) -> u32 {
+        while parents[of as usize] != of {
+            let above = parents[parents[of as usize] as usize];
+            parents[of as usize] = above;
+            of = above;
+        }
+        of
+    }
+    for edge in sides.chunk_by(|x, y| (x.0, x.1, x.2) == (y.0, y.1, y.2)) {
+        for pair in edge.windows(2) {
+            let [a, b] = [pair[0].3, pair[1].3].map(|triangle| root(&mut parents, triangle));
+            parents[a.max(b) as usize] = a.min(b);
+        }
+    }
+    let mut closed = vec![true; triangles];
+    for &triangle in open {
+        let root = root(&mut parents, triangle);
+        closed[root as usize] = false;
+    }
+    (0..triangles).map(|triangle| closed[root(&mut parents, triangle as u32) as usize]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A cube with corners of its own for each face, turned inside out if `inward`.
+    fn cube(center: f32, size: f32, inward: bool) -> Mesh {
+        let corner = |i: usize| Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2) as f32) * size + center;
+        let faces = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+        let mut mesh = Mesh::default();
+        for face in faces {
+            let first = mesh.positions.len() as u32;
+            mesh.positions.extend(face.map(corner));
+            for [b, c] in [[1, 2], [2, 3]] {
+                let [b, c] = if inward { [c, b] } else { [b, c] };
+                mesh.triangles.push([first, first + b, first + c]);
+            }
+        }
+        mesh
+    }
+
+    fn both(mut a: Mesh, b: &Mesh) -> Mesh {
+        let first = a.positions.len() as u32;
+        a.positions.extend(&b.positions);
+        a.triangles.extend(b.triangles.iter().map(|t| t.map(|v| v + first)));
+        a
+    }
+
+    #[test]
+    fn a_cube_of_loose_faces_is_closed() {
+        let shells = Shells::of(&cube(-0.5, 2.0, false));
+        assert!((0..12).all(|triangle| shells.around(triangle) == Some((0, 8.0))));
+    }
+
+    #[test]
+    fn a_hollow_is_no_part_of_the_volume() {
+        let hollow = both(cube(0.0, 3.0, false), &cube(1.0, 1.0, true));
+        assert_eq!(Shells::of(&hollow).around(23), Some((0, 26.0)));
+    }
+
+    #[test]
+    fn what_is_open_does_not_open_what_hangs_elsewhere() {
+        let mut lid_off = cube(5.0, 1.0, false);
+        lid_off.triangles.pop();
+        let shells = Shells::of(&both(cube(0.0, 2.0, false), &lid_off));
+        assert!((0..12).all(|triangle| shells.around(triangle) == Some((0, 8.0))));
+        assert!((12..23).all(|triangle| shells.around(triangle).is_none()));
+    }
+
+    #[test]
+    fn a_side_turned_round_opens_a_cube() {
+        let mut wrong = cube(0.0, 1.0, false);
+        wrong.triangles[3].swap(0, 1);
+        assert!((0..12).all(|triangle| Shells::of(&wrong).around(triangle).is_none()));
+    }
+}
