@@ -49,7 +49,7 @@ impl Whitted<'_> {
                 && let Some(hit) = found
                 && let material = world.material(&hit)
                 && material.is_plain()
-                && !(has_clear && !material.is_opaque())
+                && (!has_clear || material.is_opaque())
             {
                 let (line, (octet, lane)) = (ways.lines[index], stops.next());
                 encounters.set_line(lane, &line);

@@ -84,8 +84,8 @@ impl Ways {
     }
 
     /// Takes the bodies that each eye is in, as `set` says.
-    pub(super) fn set_around(&mut self, mut set: impl FnMut(&Line) -> u32) {
-        self.around.extend(self.lines.iter().map(|line| set(line)));
+    pub(super) fn set_around(&mut self, set: impl FnMut(&Line) -> u32) {
+        self.around.extend(self.lines.iter().map(set));
         if self.around.iter().all(|&set| set == media::NONE) {
             self.around.clear();
         }
