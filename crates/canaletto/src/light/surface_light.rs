@@ -62,7 +62,10 @@ impl RectangleLight {
     pub(super) fn transformed(&self, t: &Transform) -> RectangleLight {
         let edge = |v: Vec3| t.vector(v.as_dvec3()).as_vec3();
         let corner = t.point(self.corner.as_dvec3()).as_vec3();
-        RectangleLight { corner, u: edge(self.u), v: edge(self.v), points: self.points }
+        let (u, v) = (edge(self.u), edge(self.v));
+        // A mirroring transform turns u × v to the other side of the surface; swapped edges turn it back.
+        let (u, v) = if t.matrix().matrix3.determinant() < 0.0 { (v, u) } else { (u, v) };
+        RectangleLight { corner, u, v, points: self.points }
     }
 
     pub(super) fn check(&self) -> Result<(), String> {
