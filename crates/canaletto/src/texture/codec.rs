@@ -69,6 +69,42 @@ impl Codec {
         }
     }
 
+    /// As many texels from a position on, each as by [`Codec::sum`].
+    pub(super) fn texels(&self, samples: &Samples, first: u32, texels: &mut [[f32; 4]]) {
+        match samples {
+            Samples::U8(data) => {
+                if let Ok(table) = <&[f32; 256]>::try_from(self.table.as_slice()) {
+                    let plain = |v| f32::from(v) * (1.0 / 255.0);
+                    self.texels_of(data, first, texels, |v| table[usize::from(v)], plain);
+                }
+            }
+            Samples::U16(data) => {
+                let plain = |v| f32::from(v) * (1.0 / 65535.0);
+                self.texels_of(data, first, texels, |v| self.table[usize::from(v)], plain);
+            }
+            Samples::F16(data) => self.texels_of(data, first, texels, from_half, from_half),
+            Samples::F32(data) => self.texels_of(data, first, texels, |v| v, |v| v),
+        }
+    }
+
+    fn texels_of<T: Copy>(
+        &self,
+        data: &[T],
+        first: u32,
+        texels: &mut [[f32; 4]],
+        color: impl Fn(T) -> f32 + Copy,
+        plain: impl Fn(T) -> f32 + Copy,
+    ) {
+        let multiply = self.alpha == Alpha::Straight;
+        let data = &data[first as usize * self.channels..];
+        match self.channels {
+            1 => each::<T, 1>(data, texels, color, plain, multiply),
+            2 => each::<T, 2>(data, texels, color, plain, multiply),
+            3 => each::<T, 3>(data, texels, color, plain, multiply),
+            _ => each::<T, 4>(data, texels, color, plain, multiply),
+        }
+    }
+
     fn sum_of<T: Copy>(
         &self,
         data: &[T],
@@ -85,21 +121,31 @@ impl Codec {
         }
     }
 
-    /// A filtered colour as textures give it: not multiplied by alpha. Filters with negative weights overshoot; light
-    /// and alpha are cut off below 0, and above 1 where the format holds nothing above 1.
-    pub(super) fn finish(&self, sum: [f32; 4], samples: &Samples) -> [f32; 4] {
-        let [r, g, b, a] = sum;
+    /// A filtered colour as textures give it: not multiplied by alpha, nor by the share of the filter that lies on the image
+    /// where there may be nothing beside it (`ends`). Filters with negative weights overshoot; light and alpha are cut off
+    /// below 0, and above 1 where the format holds nothing above 1.
+    #[inline]
+    pub(super) fn finish(&self, sum: [f32; 4], samples: &Samples, ends: bool) -> [f32; 4] {
+        let [r, g, b, alpha] = sum;
         if self.data {
             return sum;
         }
-        let a = a.clamp(0.0, 1.0);
-        let divide = self.alpha != Alpha::Data && a > 0.0 && a < 1.0;
+        let a = alpha.clamp(0.0, 1.0);
+        let divide = (ends || self.alpha != Alpha::Data) && a > 0.0 && alpha != 1.0;
         let most = if matches!(samples, Samples::U8(_) | Samples::U16(_)) { 1.0 } else { f32::MAX };
-        let color = |v: f32| (if divide { v / a } else { v }).clamp(0.0, most);
+        let color = |v: f32| (if divide { v / alpha } else { v }).clamp(0.0, most);
         [color(r), color(g), color(b), a]
     }
 
-    /// Puts a mean of texels into a level, at `data[at..at + channels]`.
+    /// Numbers as they stand taken for a colour, where the image ends: without an alpha of their own, they were multiplied by
+    /// the share of the filter that lies on the image.
+    pub(super) fn uncovered(&self, value: [f32; 4]) -> [f32; 4] {
+        let [r, g, b, a] = value;
+        let covered = self.data && !self.channels.is_multiple_of(2) && a > 0.0;
+        if covered { [r / a, g / a, b / a, a] } else { value }
+    }
+
+    /// Puts a mean of texels into a level.
     pub(super) fn store(&self, mean: [f32; 4], slot: &mut Slot) {
         let [mut r, mut g, mut b, a] = mean;
         if self.alpha == Alpha::Straight && a > 0.0 && a < 1.0 {
@@ -117,13 +163,13 @@ impl Codec {
                 Slot::U8(data) => {
                     data[i] = match &self.encoder {
                         Some(encoder) if !plain(i) => encoder.encode(v),
-                        _ => (v.clamp(0.0, 1.0) * 255.0).round() as u8,
+                        _ => (v.clamp(0.0, 1.0) * 255.0).round_ties_even() as u8,
                     }
                 }
                 Slot::U16(data) => {
                     let v = v.clamp(0.0, 1.0);
                     let v = if self.curved && !plain(i) { srgb_encode(v) } else { v };
-                    data[i] = (v * 65535.0).round() as u16;
+                    data[i] = (v * 65535.0).round_ties_even() as u16;
                 }
                 Slot::F16(data) => data[i] = to_half(v),
                 Slot::F32(data) => data[i] = v,
@@ -142,6 +188,19 @@ pub(super) enum Slot<'a> {
     F16(&'a mut [u16]),
     /// Single precision.
     F32(&'a mut [f32]),
+}
+
+#[inline]
+fn each<T: Copy, const C: usize>(
+    data: &[T],
+    texels: &mut [[f32; 4]],
+    color: impl Fn(T) -> f32 + Copy,
+    plain: impl Fn(T) -> f32 + Copy,
+    multiply: bool,
+) {
+    for (texel, data) in texels.iter_mut().zip(data.chunks_exact(C)) {
+        *texel = gather::<T, C>(data, &[(0, 1.0)], color, plain, multiply);
+    }
 }
 
 #[inline]
@@ -179,8 +238,8 @@ fn gather<T: Copy, const C: usize>(
     if C < 3 { [sum[0], sum[0], sum[0], sum[3]] } else { sum }
 }
 
-/// From linear light to bytes on the sRGB curve, rounded to the nearest: the power that the curve needs would be most of
-/// a pyramid's time.
+/// From linear light to bytes on the sRGB curve, rounded to the nearest in linear light, so that many together keep it: the
+/// power that the curve needs would be most of a pyramid's time.
 #[derive(Debug)]
 struct Encoder {
     /// Where byte i ends and i + 1 begins.
@@ -193,7 +252,8 @@ impl Encoder {
     const STEPS: usize = 4096;
 
     fn new() -> Encoder {
-        let ends: Vec<f32> = (0..255u8).map(|i| srgb_decode((f32::from(i) + 0.5) / 255.0)).collect();
+        let light = |byte: u8| srgb_decode(f32::from(byte) / 255.0);
+        let ends: Vec<f32> = (0..255u8).map(|i| 0.5 * (light(i) + light(i + 1))).collect();
         let starts = (0..=Encoder::STEPS)
             .map(|i| ends.partition_point(|end| *end <= i as f32 / Encoder::STEPS as f32) as u8)
             .collect();
@@ -215,15 +275,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bytes_are_the_nearest_on_the_curve() {
+    fn bytes_are_the_nearest_in_linear_light() {
         let encoder = Encoder::new();
+        let light = |byte: u8| srgb_decode(f32::from(byte) / 255.0);
         for byte in 0..=255u8 {
-            assert_eq!(encoder.encode(srgb_decode(f32::from(byte) / 255.0)), byte);
+            assert_eq!(encoder.encode(light(byte)), byte);
         }
         for i in 0..=100_000 {
             let v = i as f32 / 100_000.0;
-            let exact = srgb_encode(v) * 255.0;
-            assert!((f32::from(encoder.encode(v)) - exact).abs() < 0.501, "{v}");
+            let byte = encoder.encode(v);
+            let near = |other: u8| (light(byte) - v).abs() <= (light(other) - v).abs() + 1e-7;
+            assert!(near(byte.saturating_sub(1)) && near(byte.saturating_add(1)), "{v}: {byte}");
         }
         assert_eq!((encoder.encode(-1.0), encoder.encode(7.0), encoder.encode(f32::NAN)), (0, 255, 0));
     }

@@ -7,9 +7,9 @@
 use super::codec::{Codec, Tap};
 use super::kernel::weights;
 use super::level::Level;
-use super::pyramid::{Header, fill, shares, straightened};
+use super::pyramid::{COMPACT, Header, fill, shares, straightened};
 use super::wrap::{Axis, Wrap};
-use super::{ColorSpace, Filter, Lookup, Placement, Prefilter};
+use super::{ColorSpace, Filter, Lookup, Placement, Prefilter, Samples};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -55,11 +55,18 @@ impl GridMap {
         let codec = Codec::new(header.channels, &base.samples, space, header.premultiplied);
         let mut levels = vec![(base, size)];
         while texture.prefilter != Prefilter::None
-            && let Some((fine, size)) = levels.last()
+            && let Some((last, size)) = levels.last()
             && size.iter().any(|n| *n > 1)
         {
-            let (coarse, size) = halve(fine, *size, &codec);
-            levels.push((Arc::new(coarse), size));
+            let half = size.map(|n| (n / 2).max(1));
+            // As in pyramids of images: made from the voxels themselves until there are bits enough.
+            let (base, base_size) = &levels[0];
+            let coarse = match levels.len() {
+                ..COMPACT => coarsen((base, *base_size), half, &codec, &base.samples),
+                COMPACT => coarsen((base, *base_size), half, &codec, &Samples::F32(Vec::new())),
+                _ => coarsen((last, *size), half, &codec, &last.samples),
+            };
+            levels.push((Arc::new(coarse), half));
         }
         GridMap { levels, codec, filter: texture.filter, prefilter: texture.prefilter, axes }
     }
@@ -84,7 +91,17 @@ impl GridMap {
                 std::array::from_fn(|i| fine[i] + (coarse[i] - fine[i]) * t)
             }
         };
-        self.codec.finish(sum, &self.levels[0].0.samples)
+        self.codec.finish(sum, &self.levels[0].0.samples, self.ends())
+    }
+
+    pub(super) fn color(&self, lookup: &Lookup) -> [f32; 4] {
+        let value = self.eval(lookup);
+        if self.ends() { self.codec.uncovered(value) } else { value }
+    }
+
+    /// Whether there is nothing beside it.
+    fn ends(&self) -> bool {
+        self.axes[0].wrap == Wrap::Transparent
     }
 
     /// How far apart voxels are.
@@ -124,28 +141,25 @@ impl GridMap {
     }
 }
 
-/// The next coarser level.
-fn halve(fine: &Level, size: [u32; 3], codec: &Codec) -> (Level, [u32; 3]) {
-    let half = size.map(|n| (n / 2).max(1));
-    let along = [0, 1, 2].map(|i: usize| shares(size[i], half[i]));
-    let [width, height, depth] = half.map(|n| n as usize);
-    let samples = fill(&fine.samples, width * height * depth, width, codec, |row, put| {
+/// A coarser level of this size, in the format of `like`.
+fn coarsen((fine, size): (&Level, [u32; 3]), coarse: [u32; 3], codec: &Codec, like: &Samples) -> Level {
+    let along = [0, 1, 2].map(|i: usize| shares(size[i], coarse[i]));
+    let [width, height, depth] = coarse.map(|n| n as usize);
+    let samples = fill(like, width * height * depth, width, codec, |row, put| {
         let (y, z) = (row % height, row / height);
+        let mut taps: Vec<Tap> = Vec::new();
         for x in 0..width {
-            let mut taps: [Tap; 64] = [(0, 0.0); 64];
-            let mut count = 0;
+            taps.clear();
             for (k, deep) in along[2][z].iter() {
                 for (j, down) in along[1][y].iter() {
-                    for (i, across) in along[0][x].iter() {
-                        taps[count] = (fine.index(i, k * size[1] + j), across * down * deep);
-                        count += 1;
-                    }
+                    let across = along[0][x].iter();
+                    taps.extend(across.map(|(i, share)| (fine.index(i, k * size[1] + j), share * down * deep)));
                 }
             }
-            put(x, codec.sum(&fine.samples, &taps[..count]));
+            put(x, codec.sum(&fine.samples, &taps));
         }
     });
-    (Level::from_rows(half[0], half[1] * half[2], codec.channels, samples), half)
+    Level::from_rows(coarse[0], coarse[1] * coarse[2], codec.channels, samples)
 }
 
 #[cfg(test)]

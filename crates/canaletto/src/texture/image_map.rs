@@ -29,6 +29,8 @@ pub(super) struct ImageMap {
     filter: Filter,
     prefilter: Prefilter,
     axes: [Axis; 2],
+    /// Whether there is nothing beside it somewhere.
+    ends: bool,
 }
 
 /// A lookup in texels of the finest level.
@@ -94,7 +96,8 @@ impl ImageMap {
         let base = pyramid.level(0);
         let axis = |i: usize, size| Axis { wrap: texture.wrap[i], placement: texture.placement, size };
         let axes = [axis(0, base.width), axis(1, base.height)];
-        ImageMap { pyramid, filter: texture.filter, prefilter: texture.prefilter, axes }
+        let ends = texture.wrap.contains(&Wrap::Transparent);
+        ImageMap { pyramid, filter: texture.filter, prefilter: texture.prefilter, axes, ends }
     }
 
     pub(super) fn eval(&self, lookup: &Lookup) -> [f32; 4] {
@@ -106,7 +109,12 @@ impl ImageMap {
             Prefilter::Trilinear => self.trilinear(&place),
             Prefilter::Ewa => self.ewa(&place),
         };
-        self.pyramid.codec.finish(sum, &self.pyramid.level(0).samples)
+        self.pyramid.codec.finish(sum, &self.pyramid.level(0).samples, self.ends)
+    }
+
+    pub(super) fn color(&self, lookup: &Lookup) -> [f32; 4] {
+        let value = self.eval(lookup);
+        if self.ends { self.pyramid.codec.uncovered(value) } else { value }
     }
 
     pub(super) fn spacing(&self) -> [f64; 2] {

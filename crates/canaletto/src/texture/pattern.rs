@@ -4,7 +4,7 @@ use super::grid::{GridMap, GridTexture};
 use super::image_map::ImageMap;
 use super::level::Level;
 use super::procedural::Computed;
-use super::pyramid::{Header, Pyramid};
+use super::pyramid::{Header, Pyramid, Weighing};
 use super::{ColorSpace, Image, ImageTexture, Prefilter, Texture, TextureKind};
 use glam::DVec3;
 use std::collections::{HashMap, HashSet};
@@ -66,6 +66,16 @@ impl Pattern {
             Kind::Image(map) => map.eval(lookup),
             Kind::Grid(map) => map.eval(lookup),
             Kind::Computed(computed) => computed.eval(lookup),
+        }
+    }
+
+    /// The same for a use that takes a colour: numbers as they stand ([`ColorSpace::Raw`]) fade to 0 where their image ends in
+    /// nothing, but a colour has an alpha for that.
+    pub fn color(&self, lookup: &Lookup) -> [f32; 4] {
+        match &self.kind {
+            Kind::Image(map) => map.color(lookup),
+            Kind::Grid(map) => map.color(lookup),
+            _ => self.eval(lookup),
         }
     }
 
@@ -195,7 +205,8 @@ impl Store {
             return Ok(Arc::clone(pyramid));
         }
         let pyramid = Pyramid::new(Arc::clone(base), header, key.1);
-        let pyramid = Arc::new(if self.prefiltered.contains(&key) { pyramid.with_levels() } else { pyramid });
+        let pyramid =
+            Arc::new(if self.prefiltered.contains(&key) { pyramid.with_levels(Weighing::Even) } else { pyramid });
         self.pyramids.insert(key, Arc::clone(&pyramid));
         Ok(pyramid)
     }

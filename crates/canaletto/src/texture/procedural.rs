@@ -155,10 +155,6 @@ pub(super) struct Computed {
     seed: u32,
 }
 
-/// The half width of an interval with the same variance as the weight (1 − r²)² has along a derivative of length 1.
-const HALF: f64 = 0.612;
-/// The width of such an interval.
-const WHOLE: f64 = 2.0 * HALF;
 /// What remains of Worley's distances in footprints of many cells: their means when points are fully scattered, and
 /// the variances of the nearest, the second and their difference.
 const WORLEY_MEANS: [f64; 2] = [0.521, 0.717];
@@ -179,7 +175,7 @@ impl Computed {
         let finite = |d: DVec3| if d.is_finite() { d } else { DVec3::splat(1e12) };
         let (at, dx, dy) =
             (if lookup.at.is_finite() { lookup.at } else { DVec3::ZERO }, finite(lookup.dx), finite(lookup.dy));
-        let width = WHOLE * dx.length().max(dy.length());
+        let width = dx.length().max(dy.length());
         match self.function {
             Function::Checker => self.checker(at, dx, dy),
             Function::Marble { .. } => {
@@ -214,8 +210,9 @@ impl Computed {
             }
         };
         let (x, y) = (change(dx), change(dy));
-        // An interval's variance is a third of its squared half width.
-        (HALF * HALF * (x * x + y * y) + 3.0 * center.lost).sqrt()
+        // Of a function that changes evenly, the pixel's values are a sum of two that are spread evenly over −x/2 to x/2 and
+        // −y/2 to y/2: an interval if one of them is 0, else one of the same variance, a third of the squared half width.
+        (0.25 * (x * x + y * y) + 3.0 * center.lost).sqrt()
     }
 
     /// The function's number; of marble the phase, of wood the ring.
@@ -359,6 +356,19 @@ mod tests {
     }
 
     #[test]
+    fn ramps_along_a_side_of_the_pixel_are_exact() {
+        let stop = |at: f32, v: f32| Stop { at, color: [v, v, v, 1.0] };
+        let ramp = Ramp { stops: vec![stop(0.0, 0.2), stop(0.3, 1.0)], interpolation: Interpolation::Step };
+        // From 0.25 to 0.375, of which 0.05 lie below the step.
+        let exact = (0.05 * 0.2 + 0.075 * 1.0) / 0.125;
+        let linear = Function::Gradient { shape: Gradient::Linear, wrap: Wrap::Clamp };
+        for (dx, dy) in [(DVec3::X * 0.125, DVec3::Y), (DVec3::Z, DVec3::X * -0.125)] {
+            let value = computed(linear, ramp.clone()).eval(&Lookup { at: DVec3::X * 0.3125, dx, dy });
+            assert!((f64::from(value[0]) - exact).abs() < 1e-6, "{value:?} for {exact}");
+        }
+    }
+
+    #[test]
     fn footprints_bring_values_nearer_to_their_means() {
         // A ramp with jumps, seen with footprints from a tenth to three units.
         let stop = |at: f32, v: f32| Stop { at, color: [v, v, v, 1.0] };
@@ -372,16 +382,14 @@ mod tests {
                 let at = DVec3::new(r(0), r(1), r(2)) * 8.0 - 4.0;
                 let size = 0.1 * 30f64.powf(r(3));
                 let (dx, dy) = (DVec3::new(size, 0.2 * size, 0.0), DVec3::new(-0.1 * size, 0.1 * size, 0.7 * size));
-                let (mut sum, mut total) = (0.0, 0.0);
+                let mut sum = 0.0;
                 for j in 0..32 {
                     for k in 0..32 {
-                        let [p, q] = [j, k].map(|v: i32| (f64::from(v) + 0.5) / 16.0 - 1.0);
-                        let weight = (1.0 - p * p - q * q).max(0.0).powi(2);
-                        sum += weight * f64::from(table.eval(&Lookup::point(at + dx * p + dy * q))[0]);
-                        total += weight;
+                        let [p, q] = [j, k].map(|v: i32| (f64::from(v) + 0.5) / 32.0 - 0.5);
+                        sum += f64::from(table.eval(&Lookup::point(at + dx * p + dy * q))[0]);
                     }
                 }
-                let mean = sum / total;
+                let mean = sum / 1024.0;
                 filtered += (f64::from(table.eval(&Lookup { at, dx, dy })[0]) - mean).powi(2);
                 plain += (f64::from(table.eval(&Lookup::point(at))[0]) - mean).powi(2);
             }

@@ -210,7 +210,7 @@ impl<'a> At<'a> {
             if let Some(reading) = reading {
                 *reading = Reading { lookup, weight: spot.weight, footprint: pattern.footprint(&lookup) };
             }
-            pattern.eval(&lookup)
+            if used.target.takes_color() { pattern.color(&lookup) } else { pattern.eval(&lookup) }
         };
         if let [spot] = &spots[..] {
             return one(spot, readings.first_mut());

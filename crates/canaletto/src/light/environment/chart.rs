@@ -11,8 +11,9 @@ use super::face::Face;
 use super::panorama;
 use super::{Footprint, Place, Smoothing};
 use crate::math::Rgb;
-use crate::texture::{Image, Pyramid};
+use crate::texture::{Image, Pyramid, Weighing, zone};
 use glam::DVec3;
+use rayon::prelude::*;
 
 /// How pages cover the directions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,8 +39,12 @@ const MAX_LOOKS: f64 = 32.0;
 impl Chart {
     /// A chart of pages that fit to the layout; all are of one size.
     pub(super) fn new(layout: Layout, smoothing: Smoothing, pages: Vec<Image>) -> Chart {
-        let all = smoothing == Smoothing::Bilinear;
-        Chart { layout, smoothing, pages: pages.into_iter().map(|image| Pyramid::of(image, all)).collect() }
+        let weighing = match layout {
+            Layout::Cube => Weighing::Even,
+            Layout::Panorama => Weighing::Sphere,
+        };
+        let weighing = (smoothing == Smoothing::Bilinear).then_some(weighing);
+        Chart { layout, smoothing, pages: pages.into_iter().map(|image| Pyramid::of(image, weighing)).collect() }
     }
 
     /// Whether footprints are of use.
@@ -185,31 +190,41 @@ impl Chart {
         self.pages[0].len() - 1
     }
 
-    /// The mean over all directions.
+    /// The mean over all directions: of each texel by the solid angle that it covers.
     pub(super) fn mean(&self) -> Rgb {
-        // From a level that is small but still tells rows apart.
-        let level = (0..self.last()).find(|&level| self.size_of(level)[0] <= 64).unwrap_or(self.last());
-        let [w, h] = self.size_of(level);
-        let (mut sum, mut weights) = ([0.0; 3], 0.0);
-        for page in 0..self.pages.len() {
-            for y in 0..h {
-                for x in 0..w {
-                    let [u, v] = [(f64::from(x) + 0.5) / f64::from(w), (f64::from(y) + 0.5) / f64::from(h)];
-                    let weight = match self.layout {
-                        // The solid angle of a small part of the face.
-                        Layout::Cube => {
-                            let d = Face::Front.direction([u, v]).length_squared();
-                            1.0 / (d * d.sqrt())
-                        }
-                        Layout::Panorama => libm::sin(v * std::f64::consts::PI),
-                    };
-                    let texel = self.texel(level, page, [x, y]);
-                    sum.iter_mut().zip(texel).for_each(|(sum, v)| *sum += weight * f64::from(v));
-                    weights += weight;
+        let [w, h] = self.size_of(0);
+        let row = |y: u32| {
+            let angles = self.row_angles([w, h], y);
+            let mut sum = [0.0; 3];
+            for page in 0..self.pages.len() {
+                for (x, angle) in (0..w).zip(&angles) {
+                    let texel = self.texel(0, page, [x, y]);
+                    sum.iter_mut().zip(texel).for_each(|(sum, v)| *sum += angle * f64::from(v));
                 }
             }
+            sum
+        };
+        let rows: Vec<[f64; 3]> = (0..h).into_par_iter().map(row).collect();
+        let mean = rows.iter().fold([0.0; 3], |all, row| std::array::from_fn(|c| all[c] + row[c]));
+        Rgb::from(mean.map(|v| v as f32)).saturated()
+    }
+
+    /// The shares of all directions that the texels of a row cover, on one page.
+    fn row_angles(&self, [w, h]: [u32; 2], y: u32) -> Vec<f64> {
+        match self.layout {
+            Layout::Panorama => {
+                let [from, to] = [y, y + 1].map(|y| f64::from(y) / f64::from(h));
+                vec![zone(from, to) / f64::from(w); w as usize]
+            }
+            Layout::Cube => {
+                let along = |i: u32, n: u32| 2.0 * f64::from(i) / f64::from(n) - 1.0;
+                let [top, bottom] = [along(y, h), along(y + 1, h)];
+                // The solid angle from the middle of a face to a corner is atan(x y / √(x² + y² + 1)).
+                let to = |x: f64, y: f64| libm::atan2(x * y, (x * x + y * y + 1.0).sqrt());
+                let until: Vec<f64> = (0..=w).map(|x| to(along(x, w), bottom) - to(along(x, w), top)).collect();
+                until.windows(2).map(|ends| (ends[1] - ends[0]) / (4.0 * std::f64::consts::PI)).collect()
+            }
         }
-        Rgb::from(sum.map(|v| (v / weights) as f32)).saturated()
     }
 }
 
