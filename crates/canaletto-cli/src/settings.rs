@@ -140,13 +140,12 @@ fn side(samples: Option<u32>, own: Option<u32>) -> Result<u32, Failure> {
 pub(crate) fn sampling_words(film: &FilmSettings) -> String {
     match film.sampling {
         Sampling::Corner => "1 ray per pixel, through its corner".into(),
-        Sampling::Center => "1 ray per pixel, through its centre".into(),
+        Sampling::Center | Sampling::Sampled(1) => "1 ray per pixel, through its centre".into(),
         Sampling::Regular(n) => format!("{} rays per pixel, regular", n * n),
         Sampling::Jittered(n) => format!("{} rays per pixel, jittered", n * n),
         Sampling::Adaptive { n, threshold } => {
-            format!("5 rays per pixel, {} jittered where they differ by more than {threshold}", n * n)
+            format!("2 rays per pixel, {} jittered where they differ by more than {threshold}", n * n)
         }
-        Sampling::Sampled(1) => "1 ray per pixel, at a random place".into(),
         Sampling::Sampled(n) => format!("{n} rays per pixel, {}", film.sampler.name()),
     }
 }

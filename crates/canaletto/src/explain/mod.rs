@@ -56,7 +56,7 @@ pub fn explain(world: &World, job: &Job, x: u32, y: u32) -> Result<PixelTree, Ex
     let mut recorder = Recorder::new(world, &job.camera);
     let too_many = |rays| rays > MAX_RAYS;
     let mut whitted = Whitted::new(world, job.integrator).until(&too_many);
-    let color = PixelRenderer::new(job).pixel(&mut whitted, x, y, &mut recorder);
+    let (color, _) = PixelRenderer::new(job).pixel(&mut whitted, x, y, &mut recorder);
     if whitted.gave_up() {
         return Err(ExplainError::TooManyRays);
     }

@@ -1,60 +1,155 @@
-//! Reconstruction by filter importance sampling: a pixel's samples are spread like the filter and weighted with what
-//! is left, its sign above all (Ernst, Stamminger & Greiner, *Filter Importance Sampling*, 2006).
+//! Reconstruction by filter importance sampling: a pixel's samples are spread like the filter, each with the same weight
+//! (Ernst, Stamminger & Greiner, *Filter Importance Sampling*, 2006).
 //!
 //! Every sample then belongs to one pixel, so that a tile needs nothing of its neighbours and a pixel's explanation is
-//! whole.
+//! whole. A filter with negative lobes is the difference of two densities, f = P f₊ − N f₋ with P − N = 1. Each part has a
+//! number of samples that doesn't depend on chance, so that the pixel is P times the mean of the one less N times that of
+//! the other: no weights are summed up that could cancel.
 
 use crate::scene::Filter;
 
 /// Bins of the tabulated distribution of one axis.
-const BINS: usize = 128;
+const BINS: usize = 1024;
 
-/// One axis of a separable filter, ready to be sampled.
+/// A separable filter, ready to be sampled.
 #[derive(Clone, Debug)]
 pub struct FilterTable {
-    radius: f64,
-    /// Cumulative distribution of |f| over the bins; empty for the box.
-    cumulative: Vec<f64>,
     filter: Filter,
+    /// Where f along one axis is positive, and where it is negative; none for the box.
+    lobes: Option<[Lobe; 2]>,
+    /// ∫ f₊ and ∫ f₋ along one axis; their difference is 1.
+    masses: [f64; 2],
+}
+
+/// A part of the filter in which it has one sign.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// Where the filter is positive.
+    Above,
+    /// Where it is negative.
+    Below,
+}
+
+/// How the samples of a pixel are divided between the parts of its filter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Division {
+    /// The samples of the positive part, which come first.
+    pub above: u32,
+    /// Those of the negative part.
+    pub below: u32,
+    /// The weight of each sample of the positive part, and of the negative one. All of them together are the number of
+    /// samples.
+    pub weights: [f64; 2],
+}
+
+/// A density along one axis: linear within each of equal bins.
+#[derive(Clone, Debug)]
+struct Lobe {
+    radius: f64,
+    /// The density at the bins' ends.
+    density: Vec<f64>,
+    /// The distribution there.
+    cumulative: Vec<f64>,
+}
+
+impl Lobe {
+    /// The density in proportion to `f` on [−radius, radius], and ∫ f; nothing where f is 0 everywhere.
+    fn new(radius: f64, f: impl Fn(f64) -> f64) -> (Lobe, f64) {
+        let width = 2.0 * radius / BINS as f64;
+        let mut density: Vec<f64> =
+            (0..=BINS).map(|i| f(radius * (2.0 * i as f64 / BINS as f64 - 1.0)).max(0.0)).collect();
+        let mut sum = 0.0;
+        let mut cumulative: Vec<f64> = std::iter::once(0.0)
+            .chain(density.windows(2).map(|ends| {
+                sum += 0.5 * width * (ends[0] + ends[1]);
+                sum
+            }))
+            .collect();
+        if sum > 0.0 {
+            density.iter_mut().chain(&mut cumulative).for_each(|v| *v /= sum);
+            cumulative[BINS] = 1.0;
+        }
+        (Lobe { radius, density, cumulative }, sum)
+    }
+
+    /// The place below which a share `u` of the density lies.
+    fn quantile(&self, u: f64) -> f64 {
+        let bin = self.cumulative.partition_point(|&c| c <= u).clamp(1, BINS) - 1;
+        let width = 2.0 * self.radius / BINS as f64;
+        let (a, b) = (self.density[bin], self.density[bin + 1]);
+        // a t + (b − a) t²/2 = r, without cancellation.
+        let rest = (u - self.cumulative[bin]) / width;
+        let root = (a * a + 2.0 * (b - a) * rest).max(0.0).sqrt();
+        let inside = if a + root > 0.0 { (2.0 * rest / (a + root)).clamp(0.0, 1.0) } else { 0.5 };
+        -self.radius + (bin as f64 + inside) * width
+    }
 }
 
 impl FilterTable {
     /// The table of a filter.
     pub fn new(filter: Filter) -> FilterTable {
+        if filter == Filter::Box {
+            return FilterTable { filter, lobes: None, masses: [1.0, 0.0] };
+        }
         let radius = radius(filter);
-        let mut cumulative = Vec::new();
-        if filter != Filter::Box {
-            let size: Vec<f64> = (0..BINS).map(|i| value(filter, radius * bin_center(i)).abs()).collect();
-            let total: f64 = size.iter().sum();
-            let mut sum = 0.0;
-            cumulative.push(0.0);
-            cumulative.extend(size.iter().map(|s| {
-                sum += s / total;
-                sum
-            }));
-            cumulative[BINS] = 1.0;
-        }
-        FilterTable { radius, cumulative, filter }
+        let (above, p) = Lobe::new(radius, |x| value(filter, x));
+        let (below, n) = Lobe::new(radius, |x| -value(filter, x));
+        FilterTable { filter, lobes: Some([above, below]), masses: [p / (p - n), n / (p - n)] }
     }
 
-    /// Maps u in [0, 1] to an offset from the pixel's centre in pixels, and the sample's weight.
-    pub fn sample(&self, u: f64) -> (f64, f64) {
-        if self.cumulative.is_empty() {
-            return (u - 0.5, 1.0);
-        }
-        let bin = self.cumulative.partition_point(|&c| c <= u).clamp(1, BINS) - 1;
-        let (low, high) = (self.cumulative[bin], self.cumulative[bin + 1]);
-        let width = 2.0 * self.radius / BINS as f64;
-        let inside = if high > low { ((u - low) / (high - low)).clamp(0.0, 1.0) } else { 0.5 };
-        let offset = -self.radius + (bin as f64 + inside) * width;
-        let density = (high - low) / width;
-        (offset, value(self.filter, offset) / density)
+    /// How far it reaches from the pixel's centre along each axis, in pixels.
+    pub fn radius(&self) -> f64 {
+        radius(self.filter)
     }
-}
 
-/// The centre of a bin on [−1, 1].
-fn bin_center(i: usize) -> f64 {
-    (i as f64 + 0.5) * 2.0 / BINS as f64 - 1.0
+    /// f at an offset from the pixel's centre.
+    pub fn value(&self, [x, y]: [f64; 2]) -> f64 {
+        let reach = self.radius();
+        let along = |x: f64| if x.abs() > reach { 0.0 } else { value(self.filter, x) };
+        along(x) * along(y)
+    }
+
+    /// P and N: the integrals over the parts where the filter is positive and negative.
+    fn integrals(&self) -> [f64; 2] {
+        let [p, n] = self.masses;
+        [p * p + n * n, 2.0 * p * n]
+    }
+
+    /// Divides `count` samples; the number of those in the negative part is a multiple of `step`. Fewer than `step`²
+    /// samples, or a single one, are all in the positive part.
+    pub fn divide(&self, count: u32, step: u32) -> Division {
+        let [p, n] = self.integrals();
+        if n == 0.0 || count < 2 || count < step * step {
+            return Division { above: count, below: 0, weights: [1.0, 0.0] };
+        }
+        // In proportion to the integrals, as importance has it, but at least one.
+        let steps = (f64::from(count / step) * n / (p + n)).round().max(1.0) as u32;
+        let below = steps * step;
+        let above = count - below;
+        let weight = |integral: f64, samples: u32| integral * f64::from(count) / f64::from(samples);
+        Division { above, below, weights: [weight(p, above), -weight(n, below)] }
+    }
+
+    /// Maps a point of [0, 1)² to an offset from the pixel's centre in pixels; equal areas are equal parts of ∫ |f|.
+    #[inline]
+    pub fn place(&self, part: Part, [u, v]: [f64; 2]) -> [f64; 2] {
+        let Some([above, below]) = &self.lobes else { return [u - 0.5, v - 0.5] };
+        let [p, n] = self.masses;
+        match part {
+            // Where both factors are positive, and in the corners, where both are negative.
+            Part::Above => {
+                let share = p * p / (p * p + n * n);
+                if u < share {
+                    [above.quantile(u / share), above.quantile(v)]
+                } else {
+                    [below.quantile((u - share) / (1.0 - share)), below.quantile(v)]
+                }
+            }
+            // Below and above the middle, then beside it.
+            Part::Below if u < 0.5 => [above.quantile(2.0 * u), below.quantile(v)],
+            Part::Below => [below.quantile(2.0 * u - 1.0), above.quantile(v)],
+        }
+    }
 }
 
 fn radius(filter: Filter) -> f64 {
@@ -90,38 +185,74 @@ fn value(filter: Filter, x: f64) -> f64 {
 mod tests {
     use super::*;
 
-    const FILTERS: [Filter; 4] = [Filter::Box, Filter::Tent, Filter::Gaussian { sigma: 0.5 }, Filter::Mitchell];
+    const FILTERS: [Filter; 5] =
+        [Filter::Box, Filter::Tent, Filter::Gaussian { sigma: 0.5 }, Filter::Gaussian { sigma: 4.0 }, Filter::Mitchell];
 
-    /// ∫ g(x) f(x) dx by the samples themselves.
+    /// ∫ g(x) f(x, y) dx dy by the samples themselves.
     fn mean(filter: Filter, g: impl Fn(f64) -> f64) -> f64 {
         let table = FilterTable::new(filter);
-        let n = 100_000;
-        (0..n).map(|i| table.sample((f64::from(i) + 0.5) / f64::from(n))).map(|(x, w)| w * g(x)).sum::<f64>()
-            / f64::from(n)
+        let n = 1000;
+        let of = |part: Part| {
+            let u = |i: u32| (f64::from(i) + 0.5) / f64::from(n);
+            (0..n * n).map(|i| g(table.place(part, [u(i % n), u(i / n)])[0])).sum::<f64>() / f64::from(n * n)
+        };
+        let [p, n] = table.integrals();
+        p * of(Part::Above) - if n > 0.0 { n * of(Part::Below) } else { 0.0 }
+    }
+
+    /// The same along one axis by a sum over f.
+    fn direct(filter: Filter, g: impl Fn(f64) -> f64) -> f64 {
+        let (n, radius) = (100_000, radius(filter));
+        let step = 2.0 * radius / f64::from(n);
+        (0..n).map(|i| (f64::from(i) + 0.5) * step - radius).map(|x| g(x) * value(filter, x) * step).sum()
     }
 
     #[test]
-    fn weights_sum_to_one_and_are_even() {
+    fn places_are_spread_like_the_filter() {
         for filter in FILTERS {
-            assert!((mean(filter, |_| 1.0) - 1.0).abs() < 1e-3, "{filter:?}");
-            assert!(mean(filter, |x| x).abs() < 1e-3, "{filter:?}");
+            let r = radius(filter);
+            assert!((direct(filter, |_| 1.0) - 1.0).abs() < 1e-5, "{filter:?}");
+            assert!((mean(filter, |_| 1.0) - 1.0).abs() < 1e-12, "{filter:?}");
+            assert!(mean(filter, |x| x).abs() < 1e-4 * r, "{filter:?}");
+            for power in [2, 4] {
+                let (got, exact) = (mean(filter, |x| (x / r).powi(power)), direct(filter, |x| (x / r).powi(power)));
+                assert!((got - exact).abs() < 5e-5, "{filter:?}: moment {power} is {got} instead of {exact}");
+            }
+        }
+        assert!((mean(Filter::Tent, |x| x * x) - 1.0 / 6.0).abs() < 1e-5);
+        assert!(mean(Filter::Mitchell, |x| if x.abs() > 1.2 { 1.0 } else { 0.0 }) < -0.01);
+    }
+
+    #[test]
+    fn places_have_the_sign_of_their_part() {
+        let table = FilterTable::new(Filter::Mitchell);
+        for i in 0..10_000 {
+            let uv = [f64::from(i % 100) / 99.99, f64::from(i / 100) / 99.99];
+            for (part, sign) in [(Part::Above, 1.0), (Part::Below, -1.0)] {
+                let at = table.place(part, uv);
+                assert!(table.value(at) * sign > -1e-4, "{part:?} {uv:?} {at:?}");
+            }
         }
     }
 
     #[test]
-    fn second_moments_are_the_textbooks() {
-        // ∫x² f: box 1/12, tent 1/6; Mitchell's cubic with B = 1/3: B/3 − ... = 1/9 by direct integration.
-        assert!((mean(Filter::Box, |x| x * x) - 1.0 / 12.0).abs() < 1e-6);
-        assert!((mean(Filter::Tent, |x| x * x) - 1.0 / 6.0).abs() < 1e-3);
-        let direct: f64 = (-20_000..20_000)
-            .map(|i| (f64::from(i) + 0.5) * 1e-4)
-            .map(|x| x * x * value(Filter::Mitchell, x) * 1e-4)
-            .sum();
-        assert!((mean(Filter::Mitchell, |x| x * x) - direct).abs() < 1e-3, "{direct}");
-    }
-
-    #[test]
-    fn mitchell_has_its_negative_lobes() {
-        assert!(mean(Filter::Mitchell, |x| if x.abs() > 1.2 { 1.0 } else { 0.0 }) < -0.01);
+    fn samples_are_divided_without_chance() {
+        for filter in FILTERS {
+            let table = FilterTable::new(filter);
+            let [p, n] = table.integrals();
+            for count in 1..=300 {
+                for step in [1, 4] {
+                    let Division { above, below, weights } = table.divide(count, step);
+                    assert!(above >= 1 && above + below == count && below % step == 0);
+                    let (high, low) = (f64::from(above) * weights[0], f64::from(below) * weights[1]);
+                    assert!((high + low - f64::from(count)).abs() < 1e-9 * f64::from(count));
+                    // No picture of values from 0 to 1 goes beyond −N and P.
+                    assert!(high <= p * f64::from(count) * (1.0 + 1e-12));
+                    assert!(low >= -n * f64::from(count) * (1.0 + 1e-12));
+                    assert!(n == 0.0 || count < 2 || count < step * step || below > 0, "{count}");
+                    assert!(n > 0.0 || weights[0] == 1.0);
+                }
+            }
+        }
     }
 }

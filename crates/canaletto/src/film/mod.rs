@@ -7,5 +7,5 @@ mod srgb;
 
 pub(crate) use develop::display_all;
 pub use develop::{Developer, develop, srgb_encode};
-pub use filter::FilterTable;
+pub use filter::{Division, FilterTable, Part};
 pub use picture::{Layer, Picture};

@@ -1,5 +1,6 @@
 //! Extra layers (arbitrary output variables), written by a probe so that they come from the rays that make the picture.
 
+use crate::camera::Camera;
 use crate::film::Layer;
 use crate::integrator::{LightTerm, Probe, RayKind};
 use crate::material::MaterialPoint;
@@ -7,6 +8,7 @@ use crate::math::Rgb;
 use crate::shape::Surface;
 use crate::world::{Hit, World};
 use canaletto_bvh::Ray;
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 /// An extra layer of the picture.
@@ -17,7 +19,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Aov {
-    /// Distance from the eye.
+    /// Distance of the point from the eye, also where the ray leaves another point of a lens.
     Depth,
     /// Shading normal on the viewer's side, world space.
     Normal,
@@ -120,9 +122,11 @@ impl Light {
 /// Collects the layers of one pixel.
 pub(super) struct AovProbe<'w> {
     world: &'w World,
+    camera: &'w Camera,
+    /// Where the eye is at the time of the sample.
+    eye: DVec3,
     /// depth, normal, position, uv, ids: of the first sample.
     geometry: Option<[f32; 11]>,
-    first_ray: Option<Ray>,
     samples: u32,
     weight: f64,
     sums: [[f64; 3]; 6],
@@ -135,11 +139,12 @@ pub(super) struct AovProbe<'w> {
 }
 
 impl<'w> AovProbe<'w> {
-    pub(super) fn new(world: &'w World, rays_before: u64) -> AovProbe<'w> {
+    pub(super) fn new(world: &'w World, camera: &'w Camera) -> AovProbe<'w> {
         AovProbe {
             world,
+            camera,
+            eye: camera.eye(),
             geometry: None,
-            first_ray: None,
             samples: 0,
             weight: 0.0,
             sums: [[0.0; 3]; 6],
@@ -147,13 +152,14 @@ impl<'w> AovProbe<'w> {
             sample: Light::default(),
             stack: Vec::new(),
             tree_depth: 0,
-            rays: rays_before,
+            rays: 0,
         }
     }
 
-    pub(super) fn finish(&mut self, rays_after: u64) {
+    /// Ends the pixel, for which this many rays were traced.
+    pub(super) fn finish(&mut self, rays: u64) {
         self.close_sample();
-        self.rays = rays_after - self.rays;
+        self.rays = rays;
     }
 
     fn close_sample(&mut self) {
@@ -197,8 +203,15 @@ impl Probe for AovProbe<'_> {
         self.sample_weight = weight;
     }
 
-    fn ray(&mut self, kind: RayKind, ray: &Ray, depth: u32, factor: Rgb) {
-        self.first_ray.get_or_insert(*ray);
+    fn drawn(&mut self, time: Option<f64>, _lens: Option<[f64; 2]>) {
+        if let Some(time) = time
+            && self.camera.moves()
+        {
+            self.eye = self.camera.at(time).eye();
+        }
+    }
+
+    fn ray(&mut self, kind: RayKind, _ray: &Ray, depth: u32, factor: Rgb) {
         self.tree_depth = self.tree_depth.max(depth);
         self.stack.push((kind, factor));
     }
@@ -212,8 +225,8 @@ impl Probe for AovProbe<'_> {
     fn hit(&mut self, hit: &Hit, surface: &Surface, _material: &MaterialPoint, outside: bool) {
         if self.samples == 1 && self.stack.len() == 1 {
             let normal = if outside { surface.shading_normal } else { -surface.shading_normal }.as_vec3();
-            let depth = self.first_ray.map_or(hit.t, |ray| hit.t * ray.direction.length());
             let (p, uv) = (surface.point, surface.uv);
+            let depth = (surface.exact - self.eye).length() as f32;
             let (object, material) = (self.world.object_id(hit) as f32, (self.world.material_index(hit) + 1) as f32);
             self.geometry = Some([depth, normal.x, normal.y, normal.z, p.x, p.y, p.z, uv.x, uv.y, object, material]);
         }

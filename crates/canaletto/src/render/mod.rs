@@ -1,6 +1,7 @@
 //! Tiles, pixels, cancellation and progress: from a world and a job to a picture.
 
 mod aov;
+mod lattice;
 mod pixel;
 
 pub use aov::Aov;
@@ -202,6 +203,7 @@ pub fn render(world: &World, job: &Job, observer: &dyn Observer) -> Result<Rende
 struct Worker<'a> {
     pixels: PixelRenderer<'a>,
     whitted: Whitted<'a>,
+    camera: &'a Camera,
     aovs: &'a [Aov],
     /// Of the last tile: its size, and its places [in squares](in_squares).
     size: [u32; 2],
@@ -223,6 +225,7 @@ impl<'a> Worker<'a> {
         Worker {
             pixels: PixelRenderer::new(job),
             whitted,
+            camera: &job.camera,
             aovs: &job.aovs,
             size: [0; 2],
             places: Vec::new(),
@@ -236,6 +239,10 @@ impl<'a> Worker<'a> {
         let mut part = Picture::new(width, height);
         part.layers = self.aovs.iter().map(|aov| aov.layer(width, height)).collect();
         self.whitted.counts = RayCounts::default();
+        self.pixels.survey(&mut self.whitted, [x0, y0, width, height]);
+        if self.whitted.gave_up() {
+            return None;
+        }
         if self.aovs.is_empty() {
             if self.size != [width, height] {
                 (self.size, self.places) = ([width, height], in_squares([width, height]));
@@ -261,9 +268,10 @@ impl<'a> Worker<'a> {
                 return None;
             }
             let (x, y) = (x0 + index as u32 % width, y0 + index as u32 / width);
-            let mut probe = AovProbe::new(self.whitted.world(), self.whitted.counts.total());
-            *pixel = self.pixels.pixel(&mut self.whitted, x, y, &mut probe);
-            probe.finish(self.whitted.counts.total());
+            let mut probe = AovProbe::new(self.whitted.world(), self.camera);
+            let (color, rays) = self.pixels.pixel(&mut self.whitted, x, y, &mut probe);
+            *pixel = color;
+            probe.finish(rays);
             for (aov, layer) in self.aovs.iter().zip(&mut part.layers) {
                 let n = layer.channels.len();
                 probe.write(*aov, &mut layer.data[index * n..(index + 1) * n]);

@@ -1,10 +1,11 @@
 //! A pixel from its samples (5.6): a pure function of world, job and pixel.
 
 use super::Job;
-use crate::film::{FilterTable, display_all};
+use super::lattice::{Lattice, Probes, Site};
+use crate::film::{Division, FilterTable, Part};
 use crate::integrator::{BUNDLE, Probe, Whitted};
 use crate::math::{Line, Rgb, Spread};
-use crate::sampler::{FrameSampler, Sample};
+use crate::sampler::{Dimension, FrameSampler, Sample};
 use crate::scene::Sampling;
 use crate::world::World;
 use glam::{DVec2, DVec3};
@@ -13,9 +14,14 @@ use glam::{DVec2, DVec3};
 pub(crate) struct PixelRenderer<'a> {
     job: &'a Job,
     filter: FilterTable,
+    /// How a pixel's samples are divided between the filter's parts.
+    division: Division,
     sampler: FrameSampler,
     /// Whether rays from the eye need no random numbers besides their place in the pixel.
     plain: bool,
+    /// Where adaptive sampling looks first, for each pixel and in the area at hand.
+    probes: Probes,
+    lattice: Lattice,
     /// Memory for samples that go together.
     samples: Samples,
 }
@@ -67,6 +73,7 @@ pub(crate) fn weighted_mean(samples: impl IntoIterator<Item = (Rgb, f64)>) -> Rg
 }
 
 /// A sample of a pixel.
+#[derive(Clone, Copy)]
 struct Shot {
     /// Its place in the picture, in pixels, y upwards.
     position: [f64; 2],
@@ -89,61 +96,117 @@ impl<'a> PixelRenderer<'a> {
     pub(crate) fn new(job: &'a Job) -> PixelRenderer<'a> {
         let (filter, plain) = (FilterTable::new(job.film.filter), job.camera.is_plain());
         let sampler = FrameSampler::new(job.seed, job.frame, job.film.sampler);
-        PixelRenderer { job, filter, sampler, plain, samples: Samples::default() }
+        let probes = match job.film.sampling {
+            Sampling::Adaptive { .. } => Probes::new(&filter),
+            _ => Probes::default(),
+        };
+        // Places of a regular grid are spread evenly over the four sides of the negative part.
+        let step = if matches!(job.film.sampling, Sampling::Regular(_)) { 4 } else { 1 };
+        let division = filter.divide(shots(job.film.sampling), step);
+        PixelRenderer {
+            job,
+            filter,
+            division,
+            sampler,
+            plain,
+            probes,
+            lattice: Lattice::default(),
+            samples: Samples::default(),
+        }
     }
 
-    /// The colour of the pixel in column `x` and row `y` from the top left, with a probe that sees ray after ray.
-    pub(crate) fn pixel<P: Probe>(&self, whitted: &mut Whitted, x: u32, y: u32, probe: &mut P) -> Rgb {
+    /// The colour of the pixel in column `x` and row `y` from the top left, with a probe that sees ray after ray; and the
+    /// rays that the probe saw.
+    pub(crate) fn pixel<P: Probe>(&mut self, whitted: &mut Whitted, x: u32, y: u32, probe: &mut P) -> (Rgb, u64) {
         let sampling = self.job.film.sampling;
-        if let Sampling::Adaptive { n, threshold } = sampling {
-            let counts = whitted.counts;
-            let corner = |i| self.watched(whitted, [x, y], sampling, i, &mut ()).0;
-            let corners: Vec<Rgb> = (0..CORNERS).map(corner).collect();
-            if !self.is_even(&corners, threshold) {
-                return self.mean_of(whitted, [x, y], Sampling::Jittered(n), probe);
-            }
-            // A probe should see the samples that count, and these once: their rays are counted already.
-            whitted.counts = counts;
+        let Sampling::Adaptive { n, threshold } = sampling else {
+            return self.watched(whitted, self.shots([x, y], sampling), sampling, probe);
+        };
+        let place = self.lattice_place([x, y]);
+        if !self.lattice.covers(place) {
+            self.survey(whitted, [x, y, 1, 1]);
         }
-        self.mean_of(whitted, [x, y], sampling, probe)
+        if !self.lattice.is_even(&self.probes, place, threshold) {
+            return self.watched(whitted, self.shots([x, y], Sampling::Jittered(n)), Sampling::Jittered(n), probe);
+        }
+        // A probe should see the samples that count. Their rays are counted already.
+        let counts = whitted.counts;
+        let sites = self.probes.weighted().map(|(site, weight)| self.probe_shot(site.at(place), weight));
+        let seen = self.watched(whitted, sites, sampling, probe);
+        whitted.counts = counts;
+        seen
     }
 
-    fn mean_of<P: Probe>(&self, whitted: &mut Whitted, pixel: [u32; 2], sampling: Sampling, probe: &mut P) -> Rgb {
-        match sampling {
-            Sampling::Corner | Sampling::Center => self.watched(whitted, pixel, sampling, 0, probe).0,
-            _ => weighted_mean((0..shots(sampling)).map(|i| self.watched(whitted, pixel, sampling, i, probe))),
-        }
+    /// Looks at an area (x, y from the top left, width, height) as far as the filters of its pixels reach, if sampling is
+    /// adaptive: what its pixels need is known then. Neighbours share most of it.
+    pub(crate) fn survey(&mut self, whitted: &mut Whitted, [x, y, width, height]: [u32; 4]) {
+        let Sampling::Adaptive { .. } = self.job.film.sampling else { return };
+        let [left, bottom] = self.lattice_place([x, y + height - 1]);
+        let mut lattice = Lattice::around([left, bottom], [width, height], &self.probes);
+        let mut samples = std::mem::take(&mut self.samples);
+        let mut look = |whitted: &mut Whitted, own: bool| {
+            let sites: Vec<Site> = lattice.sites(own).collect();
+            let shots = sites.iter().map(|site| self.probe_shot(*site, 1.0));
+            samples.places.clear();
+            samples.numbers.clear();
+            for shot in shots {
+                samples.places.push(shot.position);
+                samples.numbers.push(shot.numbers);
+            }
+            self.trace(whitted, self.job.film.sampling, &mut samples);
+            lattice.fill(&sites, &samples.colors);
+        };
+        look(whitted, true);
+        // What belongs to the pixels around is counted with these, so that counts don't depend on tiles.
+        let counts = whitted.counts;
+        look(whitted, false);
+        whitted.counts = counts;
+        lattice.develop(self.job.film.transfer);
+        (self.samples, self.lattice) = (samples, lattice);
+    }
+
+    /// The pixel's column and its row from the bottom, as the chapter counts (fig. 5.9b).
+    fn lattice_place(&self, [x, y]: [u32; 2]) -> [i64; 2] {
+        [i64::from(x), i64::from(self.job.camera.size()[1]) - 1 - i64::from(y)]
     }
 
     /// How many pixels are best given to [`PixelRenderer::pixels`] at a time.
     pub(crate) fn together(&self) -> usize {
-        (BUNDLE / shots(self.job.film.sampling) as usize).max(1)
+        match self.job.film.sampling {
+            // Few of them are refined.
+            Sampling::Adaptive { .. } => BUNDLE / 4,
+            sampling => (BUNDLE / shots(sampling) as usize).max(1),
+        }
     }
 
     /// The colours of many pixels, of which neighbours in the list are neighbours in the picture: rays of several go together.
+    /// With adaptive sampling they lie in the area of the last [`PixelRenderer::survey`].
     pub(crate) fn pixels(&mut self, whitted: &mut Whitted, pixels: &[[u32; 2]], colors: &mut Vec<Rgb>) {
         let sampling = self.job.film.sampling;
         let mut samples = std::mem::take(&mut self.samples);
-        self.samples(whitted, pixels, sampling, &mut samples);
         colors.clear();
         match sampling {
-            Sampling::Corner | Sampling::Center => colors.extend_from_slice(&samples.colors),
+            Sampling::Corner | Sampling::Center => {
+                self.samples(whitted, pixels, sampling, &mut samples);
+                colors.extend_from_slice(&samples.colors);
+            }
             Sampling::Adaptive { n, threshold } => {
-                let even: Vec<bool> = samples
-                    .colors
-                    .chunks_exact(CORNERS as usize)
-                    .map(|corners| self.is_even(corners, threshold))
-                    .collect();
-                let rest: Vec<[u32; 2]> =
-                    pixels.iter().zip(&even).filter(|(_, even)| !**even).map(|(pixel, _)| *pixel).collect();
-                let mut fine = Samples::default();
-                self.samples(whitted, &rest, Sampling::Jittered(n), &mut fine);
-                let mut fine = fine.pixels(shots(Sampling::Jittered(n))).map(weighted_mean);
-                for (even, coarse) in even.into_iter().zip(samples.pixels(CORNERS)) {
-                    colors.push(if even { weighted_mean(coarse) } else { fine.next().unwrap_or_default() });
+                let place = |pixel: &[u32; 2]| self.lattice_place(*pixel);
+                let is_uneven = |pixel: &&[u32; 2]| !self.lattice.is_even(&self.probes, place(pixel), threshold);
+                let rest: Vec<[u32; 2]> = pixels.iter().filter(is_uneven).copied().collect();
+                self.samples(whitted, &rest, Sampling::Jittered(n), &mut samples);
+                let mut fine = rest.iter().zip(samples.pixels(n * n)).peekable();
+                for pixel in pixels {
+                    colors.push(match fine.next_if(|(uneven, _)| *uneven == pixel) {
+                        Some((_, samples)) => weighted_mean(samples),
+                        None => weighted_mean(self.lattice.colors(&self.probes, self.lattice_place(*pixel))),
+                    });
                 }
             }
-            _ => colors.extend(samples.pixels(shots(sampling)).map(weighted_mean)),
+            _ => {
+                self.samples(whitted, pixels, sampling, &mut samples);
+                colors.extend(samples.pixels(shots(sampling)).map(weighted_mean));
+            }
         }
         self.samples = samples;
     }
@@ -156,6 +219,11 @@ impl<'a> PixelRenderer<'a> {
             Sampling::Center => self.choose(pixels, Sampling::Center, samples),
             other => self.choose(pixels, other, samples),
         }
+        self.trace(whitted, sampling, samples);
+    }
+
+    /// The colours that chosen samples see.
+    fn trace(&self, whitted: &mut Whitted, sampling: Sampling, samples: &mut Samples) {
         let Samples { places, numbers, colors, .. } = samples;
         colors.clear();
         let (world, camera, spacing) = (whitted.world(), &self.job.camera, spacing(sampling));
@@ -195,20 +263,25 @@ impl<'a> PixelRenderer<'a> {
     #[inline(always)]
     fn choose(&self, pixels: &[[u32; 2]], sampling: Sampling, samples: &mut Samples) {
         let Samples { places, numbers, weights, .. } = samples;
-        let shots = shots(sampling) as usize;
-        let count = pixels.len() * shots;
+        let each = shots(sampling) as usize;
+        let count = pixels.len() * each;
         places.resize(count, [0.0; 2]);
         numbers.resize(count, self.sampler.pixel([0; 2]).sample(0, 1));
         weights.resize(count, 1.0);
         let (places, numbers, weights) = (&mut places[..count], &mut numbers[..count], &mut weights[..count]);
         let mut at = 0;
         for &pixel in pixels {
-            for i in 0..shots {
+            for i in 0..each {
                 let shot = self.shot(pixel, sampling, i as u32);
                 (places[at], numbers[at], weights[at]) = (shot.position, shot.numbers, shot.weight);
                 at += 1;
             }
         }
+    }
+
+    /// The samples of a pixel.
+    fn shots(&self, pixel: [u32; 2], sampling: Sampling) -> impl Iterator<Item = Shot> + use<'_, 'a> {
+        (0..shots(sampling)).map(move |index| self.shot(pixel, sampling, index))
     }
 
     /// Sample number `index` of a pixel.
@@ -217,32 +290,37 @@ impl<'a> PixelRenderer<'a> {
         // The chapter counts rows from the bottom (fig. 5.9b).
         let corner = [f64::from(x), f64::from(self.job.camera.size()[1] - 1 - y)];
         let sampler = self.sampler.pixel([x, y]);
-        let numbers = sampler.sample(index, shots(sampling));
+        let (numbers, division) = (sampler.sample(index, shots(sampling)), &self.division);
         let at = |[dx, dy]: [f64; 2]| Shot { position: [corner[0] + dx, corner[1] + dy], weight: 1.0, numbers };
-        // Spread and weighted by the filter.
-        let filtered = |[u, v]: [f64; 2]| {
-            let ((dx, wx), (dy, wy)) = (self.filter.sample(u), self.filter.sample(v));
-            let position = [corner[0] + 0.5 + dx, corner[1] + 0.5 + dy];
-            Shot { position, weight: wx * wy, numbers }
-        };
-        // n × n sub-pixels, one ray in each, `place` of the way across (fig. 5.36).
-        let grid = |n: u32, place: [f64; 2]| {
-            let [u, v] = [(index % n, place[0]), (index / n, place[1])];
-            let across = |(i, place)| (f64::from(i) + place) / f64::from(n);
-            filtered([across(u), across(v)])
+        // Spread by the filter.
+        let filtered = |(part, place): (Part, [f64; 2])| {
+            let [dx, dy] = self.filter.place(part, place);
+            let weight = division.weights[part as usize];
+            Shot { position: [corner[0] + 0.5 + dx, corner[1] + 0.5 + dy], weight, numbers }
         };
         match sampling {
             Sampling::Corner => at([0.0; 2]),
-            Sampling::Center => at([0.5; 2]),
-            Sampling::Regular(n) => grid(n, [0.5; 2]),
-            Sampling::Jittered(n) => grid(n, [sampler.uniform(index, 0), sampler.uniform(index, 1)]),
-            Sampling::Sampled(_) => filtered(numbers.film()),
-            Sampling::Adaptive { .. } => {
-                const PLACES: [[f64; 2]; CORNERS as usize] =
-                    [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [0.5, 0.5]];
-                at(PLACES[index as usize])
+            // A single ray goes through the centre, however more of them would be spread.
+            Sampling::Center | Sampling::Sampled(1) => at([0.5; 2]),
+            Sampling::Regular(n) => filtered(cell(index, n, division, [0.5; 2])),
+            Sampling::Jittered(n) | Sampling::Adaptive { n, .. } => {
+                let place = [sampler.uniform(index, 0), sampler.uniform(index, 1)];
+                filtered(cell(index, n, division, place))
             }
+            Sampling::Sampled(_) => filtered(match index.checked_sub(division.above) {
+                None => (Part::Above, numbers.two_among(Dimension::EYE, index, division.above)),
+                Some(index) => (Part::Below, numbers.two_among(Dimension::BELOW, index, division.below)),
+            }),
         }
+    }
+
+    /// A ray with which adaptive sampling begins. Each pixel of the lattice has the numbers of two.
+    fn probe_shot(&self, site: Site, weight: f64) -> Shot {
+        let [x, y] = site.pixel;
+        // Beyond the picture's edges rows and columns count on, around 2³².
+        let row = i64::from(self.job.camera.size()[1]) - 1 - y;
+        let numbers = self.sampler.pixel([x as u32, row as u32]).sample(site.kind as u32, 2);
+        Shot { position: site.position(), weight, numbers }
     }
 
     #[inline]
@@ -265,42 +343,56 @@ impl<'a> PixelRenderer<'a> {
         world.moves() || self.job.camera.moves()
     }
 
-    /// The colour and the weight of a sample, whose rays a probe sees.
+    /// The mean of samples, whose rays a probe sees, and the number of these rays.
     fn watched<P: Probe>(
         &self,
         whitted: &mut Whitted,
-        pixel: [u32; 2],
+        shots: impl Iterator<Item = Shot>,
         sampling: Sampling,
-        index: u32,
         probe: &mut P,
-    ) -> (Rgb, f64) {
-        let shot = self.shot(pixel, sampling, index);
-        probe.sample(shot.position, shot.weight);
-        let eye = self.eye(whitted.world(), shot.position, &shot.numbers, spacing(sampling));
-        let moves = self.moves(whitted.world());
-        if !self.plain || moves {
-            probe.drawn(moves.then_some(f64::from(eye.time)), eye.lens.map(|p| p.to_array()));
-        }
-        whitted.begin(shot.numbers, eye.time);
-        (whitted.eye(eye.line, eye.spread.as_ref(), probe), shot.weight)
-    }
-
-    /// Whether a pixel's corners and centre differ by no more than the threshold once developed (after Whitted 1980, §4, with
-    /// a grid in place of his recursion).
-    fn is_even(&self, colors: &[Rgb], threshold: f32) -> bool {
-        let mut shown = [[0.0; 3]; CORNERS as usize];
-        shown.iter_mut().zip(colors).for_each(|(shown, color)| *shown = color.to_array());
-        display_all(shown.as_flattened_mut(), self.job.film.transfer);
-        let contrast = (0..3).map(|channel| {
-            let values = shown.map(|c| c[channel]);
-            values.into_iter().fold(0.0, f32::max) - values.into_iter().fold(1.0, f32::min)
-        });
-        contrast.fold(0.0, f32::max) <= threshold
+    ) -> (Rgb, u64) {
+        let before = whitted.counts.total();
+        let mut see = |shot: Shot| {
+            probe.sample(shot.position, shot.weight);
+            let eye = self.eye(whitted.world(), shot.position, &shot.numbers, spacing(sampling));
+            let moves = self.moves(whitted.world());
+            if !self.plain || moves {
+                probe.drawn(moves.then_some(f64::from(eye.time)), eye.lens.map(|p| p.to_array()));
+            }
+            whitted.begin(shot.numbers, eye.time);
+            (whitted.eye(eye.line, eye.spread.as_ref(), probe), shot.weight)
+        };
+        let mut shots = shots.map(&mut see);
+        let color = match sampling {
+            Sampling::Corner | Sampling::Center => shots.next().map_or(Rgb::BLACK, |(color, _)| color),
+            _ => weighted_mean(shots),
+        };
+        (color, whitted.counts.total() - before)
     }
 }
 
-/// The corners of a pixel and its centre, with which adaptive sampling begins.
-const CORNERS: u32 = 5;
+/// Where sample `index` of a grid of n × n goes, `place` of the way across its cell (fig. 5.36). Where a part of the samples is
+/// for the filter's negative part, the others keep the grid's rows, some of them shorter and lower by a cell.
+#[inline]
+fn cell(index: u32, n: u32, division: &Division, place: [f64; 2]) -> (Part, [f64; 2]) {
+    if division.below == 0 {
+        let [u, v] = [(index % n, place[0]), (index / n, place[1])];
+        let across = |(i, place)| (f64::from(i) + place) / f64::from(n);
+        return (Part::Above, [across(u), across(v)]);
+    }
+    match index.checked_sub(division.above) {
+        None => (Part::Above, in_rows(index, division.above, n, place)),
+        Some(index) => (Part::Below, in_rows(index, division.below, division.below.min(2), place)),
+    }
+}
+
+/// A place in one of `count` cells of equal area, which stand in rows of nearly equal numbers.
+fn in_rows(index: u32, count: u32, rows: u32, [x, y]: [f64; 2]) -> [f64; 2] {
+    let start = |row: u32| row * count / rows;
+    let row = (0..rows).rev().find(|row| start(*row) <= index).unwrap_or(0);
+    let (first, cells) = (start(row), start(row + 1) - start(row));
+    [(f64::from(index - first) + x) / f64::from(cells), (f64::from(first) + y * f64::from(cells)) / f64::from(count)]
+}
 
 /// How far a pixel's samples are from each other, as if they stood on a grid.
 fn spacing(sampling: Sampling) -> f64 {
@@ -308,17 +400,16 @@ fn spacing(sampling: Sampling) -> f64 {
         Sampling::Corner | Sampling::Center => 1.0,
         Sampling::Regular(n) | Sampling::Jittered(n) => 1.0 / f64::from(n),
         Sampling::Sampled(n) => 1.0 / f64::from(n).sqrt(),
-        // Four of the five are shared with the neighbours: two samples for each pixel.
+        // Two for each pixel.
         Sampling::Adaptive { .. } => std::f64::consts::FRAC_1_SQRT_2,
     }
 }
 
-/// How many samples a pixel has, or begins with.
+/// How many samples a pixel has, where it is refined if sampling is adaptive.
 fn shots(sampling: Sampling) -> u32 {
     match sampling {
         Sampling::Corner | Sampling::Center => 1,
-        Sampling::Regular(n) | Sampling::Jittered(n) => n * n,
+        Sampling::Regular(n) | Sampling::Jittered(n) | Sampling::Adaptive { n, .. } => n * n,
         Sampling::Sampled(n) => n,
-        Sampling::Adaptive { .. } => CORNERS,
     }
 }

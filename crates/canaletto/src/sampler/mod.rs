@@ -35,6 +35,8 @@ pub struct Dimension(u64);
 impl Dimension {
     /// The ray from the eye itself.
     pub const EYE: Dimension = Dimension(0);
+    /// The place in the pixel of rays that a filter's negative part takes.
+    pub const BELOW: Dimension = Dimension::EYE.of(3);
 
     /// Use number `n` of what happens here: a child ray, a light, a lobe.
     pub const fn of(self, n: u32) -> Dimension {
@@ -131,6 +133,12 @@ impl Sample {
     /// Where in the pixel the ray from the eye goes: [`EyeNumbers::film`] alone.
     pub fn film(&self) -> [f64; 2] {
         self.two(Dimension::EYE)
+    }
+
+    /// A point of [0, 1)² for number `index` of `count` samples that are spread by themselves, such as a part of the pixel's.
+    #[inline]
+    pub fn two_among(&self, dimension: Dimension, index: u32, count: u32) -> [f64; 2] {
+        self.sampler.two(dimension, index, count)
     }
 }
 

@@ -33,14 +33,16 @@ pub enum Sampling {
     Regular(u32),
     /// n × n rays, each at a random place of its sub-pixel, n in 1..=16.
     Jittered(u32),
-    /// The pixel's four corners and centre; where these differ, n × n jittered rays instead.
+    /// The corners and centres of pixels, as far as the filter reaches from the pixel: with the box its four corners and its
+    /// centre. Where these differ, n × n jittered rays instead.
     Adaptive {
         /// The refined grid, 2..=16.
         n: u32,
         /// The largest difference in a developed component, 0..=1, that is left unrefined.
         threshold: f32,
     },
-    /// This many rays, 1..=[`Sampling::MAX_SAMPLES`], placed by [`FilmSettings::sampler`].
+    /// This many rays, 1..=[`Sampling::MAX_SAMPLES`], placed by [`FilmSettings::sampler`]; a single one goes through the
+    /// centre.
     Sampled(u32),
 }
 
@@ -75,7 +77,7 @@ impl SamplerKind {
     }
 }
 
-/// The reconstruction filter. Lengths are in pixels.
+/// The reconstruction filter. Lengths are in pixels. A pixel's rays are spread like the filter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub enum Filter {
     /// The mean over the pixel's area: the chapter's.
@@ -88,7 +90,8 @@ pub enum Filter {
         /// σ in pixels; 0.5 is a common choice.
         sigma: f32,
     },
-    /// Mitchell and Netravali's cubic with B = C = 1/3, radius 2.
+    /// Mitchell and Netravali's cubic with B = C = 1/3, radius 2. It is negative beyond 8/7; of two and more rays, some go
+    /// there and are subtracted.
     Mitchell,
 }
 

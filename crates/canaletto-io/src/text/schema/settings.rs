@@ -140,7 +140,11 @@ pub(crate) static FILM: Words = Words::new(
     &[&[
         Word::new("sample", Takes::Node(&SAMPLE), "where in a pixel rays go; see below")
             .or(|| SAMPLE.argument.as_ref().map_or_else(String::new, |word| (word.default)())),
-        Word::new("samples", Takes::Count, "this many rays in a pixel (1 to 65536), placed by the sampler; instead of sample"),
+        Word::new(
+            "samples",
+            Takes::Count,
+            "this many rays in a pixel (1 to 65536), placed by the sampler; 1 goes through the centre; instead of sample",
+        ),
         Word::new(
             "sampler",
             Takes::Word(&["sobol", "jittered", "independent"]),

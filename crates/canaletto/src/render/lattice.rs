@@ -1,0 +1,174 @@
+//! Where adaptive sampling looks first (after Whitted 1980, §4, with a grid in place of his recursion): at the corners and
+//! centres of pixels, as far as a pixel's filter reaches. Where these differ, the pixel is sampled finely; where they don't,
+//! they are the pixel.
+//!
+//! A corner belongs to four pixels, and to more with a wide filter. All that an area needs is looked at once: about two rays
+//! for each pixel.
+
+use super::in_squares;
+use crate::film::{FilterTable, display_all};
+use crate::math::Rgb;
+use crate::scene::Transfer;
+
+/// What a site is of its pixel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// The lower left corner.
+    #[default]
+    Corner,
+    /// The centre.
+    Center,
+}
+
+/// A place of the lattice.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Site {
+    pub(super) kind: Kind,
+    /// Column, and row from the bottom; or how far these are from a pixel's.
+    pub(super) pixel: [i64; 2],
+}
+
+impl Site {
+    /// The site this far from a pixel.
+    pub(super) fn at(&self, [x, y]: [i64; 2]) -> Site {
+        Site { kind: self.kind, pixel: [self.pixel[0] + x, self.pixel[1] + y] }
+    }
+
+    /// Where its ray goes, in pixels.
+    pub(super) fn position(&self) -> [f64; 2] {
+        let inside = if self.kind == Kind::Corner { 0.0 } else { 0.5 };
+        self.pixel.map(|i| i as f64 + inside)
+    }
+}
+
+/// The sites that a pixel's filter reaches.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Probes {
+    /// Corners from the lower left in rows, then centres; each with the filter there.
+    sites: Vec<(Site, f64)>,
+    /// How many corners and centres stand in a row.
+    across: [i64; 2],
+}
+
+impl Probes {
+    pub(super) fn new(filter: &FilterTable) -> Probes {
+        // In halves of a pixel, at which corners are odd and centres even: to the next beyond the filter's end, so that
+        // nothing within is overlooked that reaches out of it.
+        let reach = (2.0 * filter.radius() - 1e-6).ceil().max(1.0) as i64;
+        let along = |odd: i64| (-reach..=reach).filter(move |d| d & 1 == odd);
+        let mut sites = Vec::new();
+        for (kind, odd) in [(Kind::Corner, 1), (Kind::Center, 0)] {
+            for y in along(odd) {
+                for x in along(odd) {
+                    let pixel = [x, y].map(|d| (d + odd) / 2);
+                    sites.push((Site { kind, pixel }, filter.value([x, y].map(|d| 0.5 * d as f64))));
+                }
+            }
+        }
+        Probes { sites, across: [1, 0].map(|odd| along(odd).count() as i64) }
+    }
+
+    /// Those that count, with their weights.
+    pub(super) fn weighted(&self) -> impl Iterator<Item = (Site, f64)> + '_ {
+        self.sites.iter().copied().filter(|(_, weight)| *weight != 0.0)
+    }
+}
+
+/// What is seen at the sites that the pixels of an area need.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Lattice {
+    /// The area's lower left pixel, and its size.
+    pixel: [i64; 2],
+    size: [i64; 2],
+    /// Corners and centres.
+    grids: [Grid; 2],
+}
+
+/// Sites of one kind in rows.
+#[derive(Clone, Debug, Default)]
+struct Grid {
+    /// The pixel of the lower left one.
+    first: [i64; 2],
+    size: [u32; 2],
+    colors: Vec<Rgb>,
+    /// As they are shown.
+    shown: Vec<[f32; 3]>,
+}
+
+impl Grid {
+    fn index(&self, pixel: [i64; 2]) -> usize {
+        let [x, y] = [0, 1].map(|i: usize| (pixel[i] - self.first[i]) as usize);
+        y * self.size[0] as usize + x
+    }
+}
+
+impl Lattice {
+    /// The lattice for an area, not looked at yet.
+    pub(super) fn around(pixel: [i64; 2], size: [u32; 2], probes: &Probes) -> Lattice {
+        let grid = |kind: Kind| {
+            let across = probes.across[kind as usize];
+            let first = probes.sites.iter().find(|(site, _)| site.kind == kind).map_or([0; 2], |(site, _)| site.pixel);
+            let size = size.map(|n| n + (across - 1).max(0) as u32);
+            Grid {
+                first: [0, 1].map(|i: usize| pixel[i] + first[i]),
+                size,
+                colors: vec![Rgb::BLACK; size[0] as usize * size[1] as usize],
+                shown: Vec::new(),
+            }
+        };
+        Lattice { pixel, size: size.map(i64::from), grids: [grid(Kind::Corner), grid(Kind::Center)] }
+    }
+
+    /// Whether the pixel is in the area, so that all its sites are known.
+    pub(super) fn covers(&self, pixel: [i64; 2]) -> bool {
+        (0..2).all(|i| (0..self.size[i]).contains(&(pixel[i] - self.pixel[i])))
+    }
+
+    /// The sites of the area's own pixels, or all others; near ones near each other.
+    pub(super) fn sites(&self, own: bool) -> impl Iterator<Item = Site> + '_ {
+        let all = [Kind::Corner, Kind::Center].into_iter().flat_map(|kind| {
+            let first = self.grids[kind as usize].first;
+            let places = in_squares(self.grids[kind as usize].size).into_iter();
+            places.map(move |place| Site { kind, pixel: place.map(i64::from) }.at(first))
+        });
+        all.filter(move |site| self.covers(site.pixel) == own)
+    }
+
+    /// Takes what is seen at some sites.
+    pub(super) fn fill(&mut self, sites: &[Site], seen: &[Rgb]) {
+        for (site, color) in sites.iter().zip(seen) {
+            let grid = &mut self.grids[site.kind as usize];
+            let index = grid.index(site.pixel);
+            grid.colors[index] = *color;
+        }
+    }
+
+    /// Shows all that was seen.
+    pub(super) fn develop(&mut self, transfer: Transfer) {
+        for grid in &mut self.grids {
+            grid.shown = grid.colors.iter().map(|color| color.to_array()).collect();
+            display_all(grid.shown.as_flattened_mut(), transfer);
+        }
+    }
+
+    /// Whether what a pixel's filter reaches differs by no more than the threshold in any component as shown.
+    pub(super) fn is_even(&self, probes: &Probes, pixel: [i64; 2], threshold: f32) -> bool {
+        let (mut least, mut most) = ([1.0f32; 3], [0.0f32; 3]);
+        for (site, _) in &probes.sites {
+            let grid = &self.grids[site.kind as usize];
+            let shown = grid.shown[grid.index(site.at(pixel).pixel)];
+            for c in 0..3 {
+                (least[c], most[c]) = (least[c].min(shown[c]), most[c].max(shown[c]));
+            }
+        }
+        (0..3).map(|c| most[c] - least[c]).fold(0.0, f32::max) <= threshold
+    }
+
+    /// The colours that make an even pixel, with their weights.
+    pub(super) fn colors<'a>(&'a self, probes: &'a Probes, pixel: [i64; 2]) -> impl Iterator<Item = (Rgb, f64)> + 'a {
+        probes.weighted().map(move |(site, weight)| {
+            let grid = &self.grids[site.kind as usize];
+            (grid.colors[grid.index(site.at(pixel).pixel)], weight)
+        })
+    }
+}
