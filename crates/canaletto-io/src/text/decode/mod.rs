@@ -93,7 +93,9 @@ impl Decoder<'_> {
     /// Warns of what is allowed, but hardly meant.
     fn warn(&mut self, nodes: &[Node]) {
         let has = |light: bool| {
-            nodes.iter().any(|node| any(node, &|n| if light { &*n.name == "light" } else { is_thing(&n.name) }))
+            // Lights of prototypes shine where these are repeated.
+            let within: &[&str] = if light { &["group", "prototype"] } else { &["group"] };
+            nodes.iter().any(|node| any(node, within, &|n| if light { &*n.name == "light" } else { is_thing(&n.name) }))
         };
         let lit = match &self.scene.environment {
             Some(environment) => environment.ambient || environment.has_sun(),
@@ -124,7 +126,7 @@ fn is_thing(name: &str) -> bool {
     !matches!(name, "light" | "group" | "prototype") && super::schema::objects().any(|object| object == name)
 }
 
-/// Whether the test holds for the node or one inside it.
-fn any(node: &Node, test: &dyn Fn(&Node) -> bool) -> bool {
-    test(node) || (&*node.name == "group" && node.children.iter().any(|child| any(child, test)))
+/// Whether the test holds for the node, or for one inside it where it is one of `within`.
+fn any(node: &Node, within: &[&str], test: &dyn Fn(&Node) -> bool) -> bool {
+    test(node) || (within.contains(&&*node.name) && node.children.iter().any(|child| any(child, within, test)))
 }
