@@ -29,6 +29,11 @@ pub(super) struct Site {
 }
 
 impl Site {
+    /// A pixel's own sites.
+    pub(super) fn of(pixel: [i64; 2]) -> [Site; 2] {
+        [Kind::Corner, Kind::Center].map(|kind| Site { kind, pixel })
+    }
+
     /// The site this far from a pixel.
     pub(super) fn at(&self, [x, y]: [i64; 2]) -> Site {
         Site { kind: self.kind, pixel: [self.pixel[0] + x, self.pixel[1] + y] }

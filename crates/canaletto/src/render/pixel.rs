@@ -116,7 +116,7 @@ impl<'a> PixelRenderer<'a> {
     }
 
     /// The colour of the pixel in column `x` and row `y` from the top left, with a probe that sees ray after ray; and the
-    /// rays that the probe saw.
+    /// rays that were traced for it. Of adaptive sampling's first looks, those at its own corner and centre are among them.
     pub(crate) fn pixel<P: Probe>(&mut self, whitted: &mut Whitted, x: u32, y: u32, probe: &mut P) -> (Rgb, u64) {
         let sampling = self.job.film.sampling;
         let Sampling::Adaptive { n, threshold } = sampling else {
@@ -126,15 +126,21 @@ impl<'a> PixelRenderer<'a> {
         if !self.lattice.covers(place) {
             self.survey(whitted, [x, y, 1, 1]);
         }
-        if !self.lattice.is_even(&self.probes, place, threshold) {
-            return self.watched(whitted, self.shots([x, y], Sampling::Jittered(n)), Sampling::Jittered(n), probe);
-        }
-        // A probe should see the samples that count. Their rays are counted already.
+        // The survey's rays are counted already.
         let counts = whitted.counts;
-        let sites = self.probes.weighted().map(|(site, weight)| self.probe_shot(site.at(place), weight));
-        let seen = self.watched(whitted, sites, sampling, probe);
+        let own = Site::of(place).into_iter().map(|site| self.probe_shot(site, 1.0));
+        let (_, rays) = self.watched(whitted, own, sampling, &mut ());
         whitted.counts = counts;
-        seen
+        if !self.lattice.is_even(&self.probes, place, threshold) {
+            let shots = self.shots([x, y], Sampling::Jittered(n));
+            let (color, more) = self.watched(whitted, shots, Sampling::Jittered(n), probe);
+            return (color, rays + more);
+        }
+        // A probe should see the samples that count.
+        let sites = self.probes.weighted().map(|(site, weight)| self.probe_shot(site.at(place), weight));
+        let (color, _) = self.watched(whitted, sites, sampling, probe);
+        whitted.counts = counts;
+        (color, rays)
     }
 
     /// Looks at an area (x, y from the top left, width, height) as far as the filters of its pixels reach, if sampling is
