@@ -46,7 +46,7 @@ impl SourceFlags {
             BuildFlag::Medium => Quality::Medium,
             BuildFlag::High => Quality::High,
         };
-        BuildOptions { quality, rays }
+        BuildOptions { quality, rays, view: 0 }
     }
 }
 

@@ -12,7 +12,7 @@ use crate::part::{UNFINISHED, free_for_part, remove_part};
 use crate::progress::{Style, Watch, Whole, emit};
 use crate::report::{Report, Times};
 use crate::settings::{Settings, metadata, sampling_words, transfer_word};
-use crate::source::{Reader, Source, build};
+use crate::source::{Reader, Source, build, seen_through};
 use crate::terminal::Paint;
 use crate::words::{count, duration, plural};
 use canaletto::render::{Job, Rendering};
@@ -118,6 +118,7 @@ impl<'a> Series<'a> {
             }
             if let Some(scene) = stage.scene.take() {
                 let options = self.flags.source.build_options(rays(&stage.job));
+                let options = seen_through(&stage.camera, &scene, options);
                 let (world, time) = build(&self.reader.name, scene, &options, stage.before.take())?;
                 (stage.hierarchies, stage.times.build) = (world.origins(), time.as_secs_f64());
                 stage.world = Some(world);

@@ -190,6 +190,11 @@ fn missing(path: &Path, error: &io::Error) -> Failure {
     }
 }
 
+/// The options for a world that is seen through the camera of this name.
+pub(crate) fn seen_through(camera: &str, scene: &Scene, options: BuildOptions) -> BuildOptions {
+    BuildOptions { view: scene.views.iter().position(|view| view.name == camera).unwrap_or(0), ..options }
+}
+
 /// Builds a scene's world; `name` is its file's. What stayed as it was in the world of the frame before is kept.
 pub(crate) fn build(
     name: &str,

@@ -4,7 +4,7 @@ use crate::exit::Exit;
 use crate::failure::{Failure, print_diagnostics};
 use crate::flags::{PictureFlags, SourceFlags, pixel};
 use crate::settings::Settings;
-use crate::source::{Reader, build, on_threads};
+use crate::source::{Reader, build, on_threads, seen_through};
 use crate::stdout::print;
 use canaletto::explain::{PixelTree, explain};
 use canaletto::math::Rgb;
@@ -75,7 +75,8 @@ fn tree(flags: &ExplainFlags) -> Result<PixelTree, Failure> {
     let source = reader.at(frame)?;
     print_diagnostics(&source.warnings, false);
     let settings = Settings::new(&source.name, &source.scene, &flags.picture)?;
-    let (world, _) = build(&source.name, source.scene, &flags.source.build_options(0), None)?;
+    let options = seen_through(&settings.camera, &source.scene, flags.source.build_options(0));
+    let (world, _) = build(&source.name, source.scene, &options, None)?;
     let job = Job { frame, ..settings.job };
     let [x, y] = flags.pixel;
     let [_, height] = job.camera.size();

@@ -6,9 +6,9 @@ use crate::flags::SourceFlags;
 use crate::source::{Source, UsedFile, build, on_threads};
 use crate::stdout::{print, print_json};
 use crate::words::{bytes, count, duration, plural};
-use canaletto::light::Source as LightSource;
+use canaletto::light::{Light, Source as LightSource};
 use canaletto::material::Material;
-use canaletto::math::Rgb;
+use canaletto::math::{Rgb, Transform};
 use canaletto::scene::View;
 use canaletto::world::{Census, World};
 use clap::Args;
@@ -73,6 +73,15 @@ impl Info {
         (!bounds.is_empty()).then(|| [bounds.min.to_array(), bounds.max.to_array()])
     }
 
+    /// The lights where they are in the scene.
+    fn lights(&self) -> Vec<Light> {
+        let origin = self.world.origin();
+        let there = |light: &Light| {
+            if origin == Default::default() { light.clone() } else { light.transformed(&Transform::translate(origin)) }
+        };
+        self.world.lights.iter().map(|source| there(&source.light)).collect()
+    }
+
     fn json(&self) -> serde_json::Value {
         json!({
             "scene": self.name,
@@ -82,7 +91,7 @@ impl Info {
             "background": self.world.background,
             "ambient": self.world.ambient,
             "cameras": self.views,
-            "lights": self.world.lights.iter().map(|source| &source.light).collect::<Vec<_>>(),
+            "lights": self.lights(),
             "materials": self.materials,
             "seconds": { "read": self.read.as_secs_f64(), "build": self.build.as_secs_f64() },
         })

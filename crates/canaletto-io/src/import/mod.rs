@@ -112,15 +112,17 @@ fn read_model(asset: &OpenAsset, assets: &dyn Assets, unsaid: Unsaid) -> Result<
     Err(Complaint::file(wrong).error(asset.path.name()).into())
 }
 
-/// Whether some triangle is more than a line, but for what rounding to `f32` makes of one.
+/// Whether some triangle is more than a line, but for what rounding to `f32` makes of one: each coordinate by its own size.
 fn has_area(mesh: &Mesh) -> bool {
     (0..mesh.len()).any(|i| {
         let corners = mesh.corners(i);
         let [a, b, c] = corners.map(Vec3::as_dvec3);
-        let doubled = (b - a).cross(c - a).length();
-        let longest = (b - a).length().max((c - b).length()).max((a - c).length());
-        let size = corners.iter().map(|p| f64::from(p.abs().max_element())).fold(0.0, f64::max);
-        doubled > 2.0 * f64::from(f32::EPSILON) * size * longest
+        let longest =
+            [b - a, c - b, a - c].into_iter().max_by(|x, y| x.length_squared().total_cmp(&y.length_squared()));
+        let (normal, longest) = ((b - a).cross(c - a), longest.unwrap_or_default());
+        let size = corners.iter().fold(Vec3::ZERO, |size, p| size.max(p.abs())).as_dvec3();
+        let across = normal.cross(longest).normalize_or_zero().abs();
+        normal.length() > f64::from(f32::EPSILON) * across.dot(size) * longest.length()
     })
 }
 
@@ -146,6 +148,13 @@ fn read_ply(asset: &OpenAsset) -> Result<Imported, Diagnostics> {
             let mut warnings = Diagnostics::new();
             if thin > 0 {
                 warnings.push(Diagnostic::warning(file, format!("{thin} faces of fewer than 3 corners are left out")));
+            }
+            if ply::is_single(asset.content.view())
+                && let Some([most, step]) = positions::coarse(&mesh)
+            {
+                let message = format!("its coordinates are single precision, which at {most} has steps of {step}");
+                let help = "the program that wrote it can write `double`, or move the model near the origin";
+                warnings.push(Diagnostic::warning(file, message).help(help));
             }
             Ok(Imported { meshes: vec![mesh], materials: Vec::new(), warnings })
         }

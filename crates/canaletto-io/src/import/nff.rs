@@ -62,7 +62,7 @@ struct Reader<'a> {
     tokens: Tokens<'a>,
     scene: Scene,
     view: Option<View>,
-    lights: Vec<(Vec3, Option<Rgb>)>,
+    lights: Vec<((Vec3, DVec3), Option<Rgb>)>,
     /// Index of each material by the bits of its numbers.
     known: HashMap<[u32; 8], u32>,
     material: Option<u32>,
@@ -97,7 +97,7 @@ impl<'a> Reader<'a> {
                 b"b" => self.scene.background = self.tokens.color("background")?,
                 b"v" => self.view(&word)?,
                 b"l" => {
-                    let position = self.tokens.numbers::<3>("light")?.into();
+                    let position = self.tokens.position("light")?;
                     let color =
                         if self.tokens.number_follows() { Some(self.tokens.color("light's colour")?) } else { None };
                     self.lights.push((position, color));
@@ -122,12 +122,12 @@ impl<'a> Reader<'a> {
         while let Some(word) = self.tokens.peek() {
             let vector = |what: &str, tokens: &mut Tokens<'_>| {
                 tokens.next();
-                tokens.numbers::<3>(what).map(|v| Vec3::from(v).as_dvec3())
+                tokens.position(what)
             };
             match word.text {
                 b"from" => eye = Some(vector("from", &mut self.tokens)?),
                 b"at" => center = Some(vector("at", &mut self.tokens)?),
-                b"up" => up = vector("up", &mut self.tokens)?,
+                b"up" => up = vector("up", &mut self.tokens)?.0.as_dvec3(),
                 b"angle" => {
                     self.tokens.next();
                     let (angle, at) = self.tokens.number("angle")?;
@@ -155,6 +155,9 @@ impl<'a> Reader<'a> {
         let (Some(eye), Some(center)) = (eye, center) else {
             return Err(start.wrong("the view needs `from` and `at`"));
         };
+        // Near zero the view is rounded as everything else is.
+        let far = eye.1.abs().max_element() > FAR_EYE * (eye.1 - center.1).abs().max_element();
+        let [eye, center] = [eye, center].map(|(rounded, exact)| if far { exact } else { rounded.as_dvec3() });
         if (center - eye).cross(up).length_squared() == 0.0 {
             return Err(
                 start.wrong("the view has no direction: `from` and `at` are the same point, or `up` points along them")
@@ -196,28 +199,32 @@ impl<'a> Reader<'a> {
     }
 
     fn sphere(&mut self, start: &Word<'_>) -> Result<(), Complaint> {
-        let [x, y, z, radius] = self.tokens.numbers("s")?;
+        let (center, exact) = self.tokens.position("s")?;
+        let [radius] = self.tokens.numbers("s")?;
         if radius == 0.0 {
             return self.skip("a sphere of radius 0 is left out", start);
         }
-        self.place(Shape::Sphere(Sphere { center: Vec3::new(x, y, z), radius: radius.abs() }))
+        self.place(Shape::Sphere(Sphere { center, radius: radius.abs() }), &[exact])
     }
 
     fn cone(&mut self, start: &Word<'_>) -> Result<(), Complaint> {
-        let [bx, by, bz, radius, tx, ty, tz, top_radius] = self.tokens.numbers("c")?;
-        let (base, top) = (Vec3::new(bx, by, bz), Vec3::new(tx, ty, tz));
+        let (base, exact_base) = self.tokens.position("c")?;
+        let [radius] = self.tokens.numbers("c")?;
+        let (top, exact_top) = self.tokens.position("c")?;
+        let [top_radius] = self.tokens.numbers("c")?;
         let (radius, top_radius) = (radius.abs(), top_radius.abs());
-        if (top - base).try_normalize().is_none() {
+        if (exact_top - exact_base).as_vec3().try_normalize().is_none() {
             return self.skip("a cone whose ends are the same point is left out", start);
         }
         if radius == 0.0 && top_radius == 0.0 {
             return self.skip("a cone without radius is left out", start);
         }
-        self.place(if radius == top_radius {
+        let shape = if radius == top_radius {
             Shape::Cylinder(Cylinder { base, top, radius, caps: false })
         } else {
             Shape::Cone(Cone { base, top, radius, top_radius, caps: false })
-        })
+        };
+        self.place(shape, &[exact_base, exact_top])
     }
 
     fn polygon(&mut self, start: &Word<'_>, smooth: bool) -> Result<(), Complaint> {
@@ -268,9 +275,9 @@ impl<'a> Reader<'a> {
         })
     }
 
-    fn place(&mut self, shape: Shape) -> Result<(), Complaint> {
+    fn place(&mut self, shape: Shape, points: &[DVec3]) -> Result<(), Complaint> {
         let material = self.material();
-        self.scene.nodes.push(Node::from(shape).with_material(material));
+        self.scene.nodes.push(Node::from(shape).with_points(points).with_material(material));
         Ok(())
     }
 
@@ -287,12 +294,16 @@ impl<'a> Reader<'a> {
         }
         let usual = Rgb::gray((self.lights.len() as f32).sqrt() / self.lights.len().max(1) as f32);
         for (position, color) in self.lights {
-            scene.nodes.push(Light::new(LightKind::Omni(Omni::at(position)), color.unwrap_or(usual)).into());
+            let light = Light::new(LightKind::Omni(Omni::at(position.0)), color.unwrap_or(usual));
+            scene.nodes.push(Node::from(light).with_points(&[position.1]));
         }
         scene.views.extend(self.view.or_else(|| whole_view(&scene)));
         scene
     }
 }
+
+/// An eye is far from zero if its coordinates are so many times as large as the way to what it looks at.
+const FAR_EYE: f64 = 64.0;
 
 /// A view of everything, for files without one. SPD's scenes have z upwards.
 fn whole_view(scene: &Scene) -> Option<View> {

@@ -2,6 +2,7 @@
 //! `f32` would round what can be seen: survey coordinates of millions with details of millimetres.
 
 use super::join::join;
+use canaletto::shape::Mesh;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -50,6 +51,14 @@ impl Bounds {
         let step = if self.size() > 0.0 { libm::exp2(libm::ceil(libm::log2(self.size()))) } else { return middle };
         (middle / step).round() * step
     }
+}
+
+/// The largest coordinate of a mesh and the step of `f32` there, if its positions are rounded so that it can be seen.
+pub(super) fn coarse(mesh: &Mesh) -> Option<[f32; 2]> {
+    let bounds = Bounds::of(&mesh.positions);
+    let most = bounds.min.abs().max(bounds.max.abs()).max_element() as f32;
+    (mesh.origin == DVec3::ZERO && bounds.size() > 0.0 && bounds.is_far(16.0 * FAR))
+        .then(|| [most, most.next_up() - most])
 }
 
 /// The origin of exact points, and the points as offsets from it; see [`Positions::settle`].

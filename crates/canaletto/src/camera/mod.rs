@@ -15,6 +15,8 @@ use lens::Optics;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {
     eye: DVec3,
+    /// What the eye is counted from.
+    zero: DVec3,
     /// The unit axes x̂ₑ (right), ŷₑ (up), ẑₑ (backwards).
     axes: [DVec3; 3],
     /// d_f, the distance of the projection plane.
@@ -124,6 +126,7 @@ impl Camera {
         let window_width = f64::from(width) / f64::from(height) * window_height; // (5.2c)
         Ok(Camera {
             eye,
+            zero: DVec3::ZERO,
             axes,
             near,
             window: DVec2::new(window_width, window_height),
@@ -158,6 +161,11 @@ impl Camera {
         Ok(Camera { motion: Some(Motion { path, depths }), ..Camera::new(intrinsics, first)? })
     }
 
+    /// The same camera with places counted from a point; see [`crate::world::World::origin`].
+    pub(crate) fn counted_from(&self, origin: DVec3) -> Camera {
+        Camera { eye: self.eye - origin, zero: self.zero + origin, ..self.clone() }
+    }
+
     /// Whether it is a pinhole that stays where it is, so that all rays are [`Camera::line`]s.
     #[inline]
     pub fn is_plain(&self) -> bool {
@@ -180,7 +188,7 @@ impl Camera {
         let f = x - index as f64;
         let depth = depths[index] * (1.0 - f) + depths[index + 1] * f;
         Camera {
-            eye,
+            eye: eye - self.zero,
             axes: [m.x_axis, m.y_axis, m.z_axis],
             lens: self.lens.map(|(optics, _)| (optics, depth)),
             motion: None,

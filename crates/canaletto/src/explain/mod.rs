@@ -53,6 +53,8 @@ pub fn explain(world: &World, job: &Job, x: u32, y: u32) -> Result<PixelTree, Ex
     if x >= width || y >= height {
         return Err(ExplainError::Outside { x, y, width, height });
     }
+    let counted = job.counted_from(world);
+    let job = counted.as_ref().unwrap_or(job);
     let mut recorder = Recorder::new(world, &job.camera);
     let too_many = |rays| rays > MAX_RAYS;
     let mut whitted = Whitted::new(world, job.integrator).until(&too_many);

@@ -12,6 +12,7 @@ use crate::math::Rgb;
 use crate::shape::Surface;
 use crate::world::{Hit, TextureRead, World};
 use canaletto_bvh::Ray;
+use glam::{DVec3, Vec3};
 
 /// Builds the tree from the integrator's calls.
 pub(super) struct Recorder<'w> {
@@ -73,7 +74,7 @@ impl Probe for Recorder<'_> {
             kind,
             depth,
             factor,
-            origin: ray.origin.to_array(),
+            origin: in_the_scene(self.world, ray.origin),
             direction: ray.direction.to_array(),
             holes: Vec::new(),
             outcome: Outcome::Miss { background: Rgb::BLACK, environment: None },
@@ -109,7 +110,7 @@ impl Probe for Recorder<'_> {
             kind: object.kind,
             primitive: if single { hit.primitive } else { 0 },
             t: hit.t,
-            point: surface.point.to_array(),
+            point: in_the_scene(self.world, surface.point),
             normal: surface.normal.as_vec3().to_array(),
             shading_normal: shading_normal.as_vec3().to_array(),
             uv: surface.uv.to_array(),
@@ -200,7 +201,7 @@ impl Probe for Recorder<'_> {
         let node = LightNode {
             light: name,
             point: term.point,
-            position: term.sampled.map(|p| p.to_array()),
+            position: term.sampled.map(|p| in_the_scene(self.world, p)),
             direction: term.direction.to_array(),
             distance: term.distance,
             intensity: term.intensity,
@@ -240,6 +241,15 @@ impl Probe for Recorder<'_> {
             self.samples.push(SampleNode { position, weight, time, lens, chapter_direction: d.to_array(), ray });
         }
     }
+}
+
+/// Where a point of the world is in the scene. A world that is counted from zero has its own numbers, with the digits that
+/// tell them from other `f32`.
+fn in_the_scene(world: &World, p: Vec3) -> [f64; 3] {
+    if world.origin() == DVec3::ZERO {
+        return p.to_array().map(|v| v.to_string().parse().unwrap_or(v.into()));
+    }
+    (world.origin() + p.as_dvec3()).to_array()
 }
 
 /// The number that a texture's value took the place of, and the one that stands there now.

@@ -274,6 +274,6 @@ fn rgb(c: Rgb) -> String {
     format!("({}, {}, {})", c.r, c.g, c.b)
 }
 
-fn vector(v: [f32; 3]) -> String {
+fn vector<T: Display>(v: [T; 3]) -> String {
     format!("({}, {}, {})", v[0], v[1], v[2])
 }

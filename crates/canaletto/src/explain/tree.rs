@@ -52,7 +52,7 @@ pub struct RayNode {
     /// What its colour is multiplied with in its parent: 1, k, or 1 − o.
     pub factor: Rgb,
     /// Its origin.
-    pub origin: [f32; 3],
+    pub origin: [f64; 3],
     /// Its unit direction.
     pub direction: [f32; 3],
     /// Of a rough surface, the facet that sent it this way.
@@ -120,7 +120,7 @@ pub struct HitNode {
     /// The ray's parameter: the distance, since its direction has length 1.
     pub t: f32,
     /// The point.
-    pub point: [f32; 3],
+    pub point: [f64; 3],
     /// The unit geometric normal, on the outer side.
     pub normal: [f32; 3],
     /// The unit normal that is shaded with, on the viewer's side.
@@ -211,7 +211,7 @@ pub struct LightNode {
     pub point: u32,
     /// Where the point is, if it was chosen at random.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub position: Option<[f32; 3]>,
+    pub position: Option<[f64; 3]>,
     /// L̂.
     pub direction: [f32; 3],
     /// Its distance; `null` in JSON for light from infinity.

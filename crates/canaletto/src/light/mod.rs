@@ -18,6 +18,7 @@ pub use spot::{Falloff, Spot};
 pub use surface_light::{Emission, MeshLight, RectangleLight, SphereLight};
 
 use crate::math::{Rgb, Transform};
+use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 /// A light source.
@@ -91,6 +92,23 @@ impl Light {
             LightKind::Mesh(light) => LightKind::Mesh(Box::new(light.transformed(t))),
         };
         Light { kind, ..self.clone() }
+    }
+
+    /// The light with other points: what `f` makes of each and its number.
+    pub(crate) fn with_points(&self, mut f: impl FnMut(usize, Vec3) -> Vec3) -> Light {
+        let mut light = self.clone();
+        match &mut light.kind {
+            LightKind::Omni(Omni { position }) if position.w == 1.0 => {
+                *position = f(0, position.truncate()).extend(1.0)
+            }
+            LightKind::Omni(_) | LightKind::Mesh(_) | LightKind::Directional(Directional { beam: None, .. }) => {}
+            LightKind::Directional(Directional { beam: Some((axis, _)), .. }) => *axis = f(0, *axis),
+            LightKind::Spot(Spot { position, target, .. }) => (*position, *target) = (f(0, *position), f(1, *target)),
+            LightKind::Disk(DiskLight { position, .. }) => *position = f(0, *position),
+            LightKind::Rectangle(RectangleLight { corner, .. }) => *corner = f(0, *corner),
+            LightKind::Sphere(SphereLight { center, .. }) => *center = f(0, *center),
+        }
+        light
     }
 
     /// Whether it has a surface, of which random points can be taken.

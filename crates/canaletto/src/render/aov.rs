@@ -23,7 +23,7 @@ pub enum Aov {
     Depth,
     /// Shading normal on the viewer's side, world space.
     Normal,
-    /// The point, world space.
+    /// The point, world space. It is `f32` and so rounded far from zero.
     Position,
     /// Texture coordinates.
     Uv,
@@ -225,7 +225,7 @@ impl Probe for AovProbe<'_> {
     fn hit(&mut self, hit: &Hit, surface: &Surface, _material: &MaterialPoint, outside: bool) {
         if self.samples == 1 && self.stack.len() == 1 {
             let normal = if outside { surface.shading_normal } else { -surface.shading_normal }.as_vec3();
-            let (p, uv) = (surface.point, surface.uv);
+            let (p, uv) = (self.world.in_the_scene(surface.point), surface.uv);
             let depth = (surface.exact - self.eye).length() as f32;
             let (object, material) = (self.world.object_id(hit) as f32, (self.world.material_index(hit) + 1) as f32);
             self.geometry = Some([depth, normal.x, normal.y, normal.z, p.x, p.y, p.z, uv.x, uv.y, object, material]);

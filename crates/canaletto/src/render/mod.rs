@@ -14,6 +14,7 @@ use crate::math::Rgb;
 use crate::scene::{FilmSettings, IntegratorSettings};
 use crate::world::World;
 use aov::AovProbe;
+use glam::DVec3;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
@@ -113,6 +114,12 @@ impl Job {
         }
     }
 
+    /// The same job with its camera counted from the world's origin, if that isn't zero.
+    pub(crate) fn counted_from(&self, world: &World) -> Option<Job> {
+        let origin = world.origin();
+        (origin != DVec3::ZERO).then(|| Job { camera: self.camera.counted_from(origin), ..self.clone() })
+    }
+
     /// x, y (from the top left), width and height of the part to render.
     pub fn window(&self) -> [u32; 4] {
         let [w, h] = self.camera.size();
@@ -164,6 +171,8 @@ pub struct Rendering {
 /// [`JobError`] if [`Job::check`] finds a mistake; nothing after that can fail.
 pub fn render(world: &World, job: &Job, observer: &dyn Observer) -> Result<Rendering, JobError> {
     job.check()?;
+    let counted = job.counted_from(world);
+    let job = counted.as_ref().unwrap_or(job);
     let [left, top, width, height] = job.window();
     let tile = job.tile.max(1);
     let tiles_across = width.div_ceil(tile) as usize;

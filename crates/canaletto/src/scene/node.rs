@@ -3,6 +3,7 @@
 use crate::light::Light;
 use crate::math::Transform;
 use crate::shape::Shape;
+use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// One object, light or group, placed in the space of its parent.
@@ -22,6 +23,10 @@ pub struct Node {
     pub motion: Vec<Transform>,
     /// What it is.
     pub content: Content,
+    /// What `f32` can't hold of the points of a shape or light, which are those of its fields in their order that transforms
+    /// move. It counts where they lie far from zero.
+    #[serde(default, skip_serializing_if = "is_nothing")]
+    pub rest: [Vec3; 3],
 }
 
 /// What a [`Node`] holds.
@@ -43,10 +48,53 @@ pub enum Content {
     Instance(u32),
 }
 
+fn is_nothing(rest: &[Vec3; 3]) -> bool {
+    *rest == [Vec3::ZERO; 3]
+}
+
 impl Node {
     /// An unnamed node without material or transform.
     pub fn new(content: Content) -> Node {
-        Node { name: None, material: None, transform: Transform::IDENTITY, motion: Vec::new(), content }
+        Node {
+            name: None,
+            material: None,
+            transform: Transform::IDENTITY,
+            motion: Vec::new(),
+            content,
+            rest: [Vec3::ZERO; 3],
+        }
+    }
+
+    /// The same node with the points of its shape or light as exact as these are: those of the fields that transforms move,
+    /// in their order.
+    pub fn with_points(mut self, exact: &[DVec3]) -> Node {
+        let mut rest = [Vec3::ZERO; 3];
+        let left = |i: usize, rounded: Vec3| exact.get(i).map_or(Vec3::ZERO, |p| (*p - rounded.as_dvec3()).as_vec3());
+        match &self.content {
+            Content::Shape(shape) => {
+                shape.with_points(|i, p| {
+                    rest[i] = left(i, p);
+                    p
+                });
+            }
+            Content::Light(light) => {
+                light.with_points(|i, p| {
+                    rest[i] = left(i, p);
+                    p
+                });
+            }
+            _ => {}
+        }
+        self.rest = rest;
+        self
+    }
+
+    /// Its shape, if it is one, counted from the first of its points, so that little of its form is lost to rounding.
+    pub fn shape_at_its_first_point(&self) -> Option<Shape> {
+        match &self.content {
+            Content::Shape(shape) => Some(shape.at_its_first_point(&self.rest).0),
+            _ => None,
+        }
     }
 
     /// The same node with a name.

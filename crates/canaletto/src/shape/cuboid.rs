@@ -8,7 +8,7 @@ use super::solve;
 use super::{Patch, ShapeHit, Surface};
 use crate::math::{Line, Transform};
 use canaletto_bvh::{Aabb, Ray};
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DVec2, DVec3, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// An axis-aligned box.
@@ -54,24 +54,29 @@ impl Cuboid {
 
     /// The surface at a hit: the point lies exactly on its face.
     pub fn surface(&self, line: impl Into<Line>, hit: &ShapeHit) -> Surface {
-        let surface = self.bare_surface(line.into(), hit);
+        let line = line.into();
+        let surface = self.bare_surface(line, hit);
         let point = surface.exact;
         // Fractions of the way from min to max, and from max to min.
         let fraction = |along: usize, from: Vec3| {
             let size = f64::from(self.max[along]) - f64::from(self.min[along]);
             let way = (point[along] - f64::from(from[along])).abs();
-            if size > 0.0 { (way / size) as f32 } else { 0.0 }
+            if size > 0.0 { way / size } else { 0.0 }
         };
         let (up, down) = (|along| fraction(along, self.min), |along| fraction(along, self.max));
         let uv = match hit.part {
-            0 => Vec2::new(up(2), down(1)),
-            1 => Vec2::new(down(2), down(1)),
-            2 => Vec2::new(up(0), down(2)),
-            3 => Vec2::new(up(0), up(2)),
-            4 => Vec2::new(down(0), down(1)),
-            _ => Vec2::new(up(0), down(1)),
+            0 => DVec2::new(up(2), down(1)),
+            1 => DVec2::new(down(2), down(1)),
+            2 => DVec2::new(up(0), down(2)),
+            3 => DVec2::new(up(0), up(2)),
+            4 => DVec2::new(down(0), down(1)),
+            _ => DVec2::new(up(0), down(1)),
         };
-        Surface { uv, ..surface }
+        let size = f64::from((self.max - self.min).max_element());
+        if solve::is_large(size, line.direction, hit.t) {
+            return surface.with_fine_uv(uv);
+        }
+        Surface { uv: uv.as_vec2(), ..surface }
     }
 
     /// The same without texture coordinates.

@@ -40,14 +40,15 @@ impl Disk {
     }
 
     /// The surface at a hit.
-    pub fn surface(&self, line: impl Into<Line>, _hit: &ShapeHit) -> Surface {
+    pub fn surface(&self, line: impl Into<Line>, hit: &ShapeHit) -> Surface {
         let line = line.into();
         let plane = self.plane();
         let r = f64::from(self.radius);
         let p = plane.offset(line, plane.parameter(line));
         let frame = Frame::around(self.normal.as_dvec3());
         let uv = [frame.x, frame.z].map(|axis| 0.5 * (1.0 + p.dot(axis) / r));
-        solve::surface(self.center.as_dvec3() + p, self.size(), frame.y, uv)
+        let surface = solve::surface(self.center.as_dvec3() + p, self.size(), frame.y, uv);
+        if solve::is_large(r, line.direction, hit.t) { surface.with_fine_uv(uv.into()) } else { surface }
     }
 
     /// How the surface goes on around its points.

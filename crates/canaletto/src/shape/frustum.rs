@@ -52,6 +52,15 @@ impl Frustum {
         (self.top_radius - self.radius) / self.height
     }
 
+    /// Whether a point is surely [outside](solve::OUTSIDE) of the closed body.
+    fn is_outside(&self, p: DVec3) -> bool {
+        let p = p - self.base;
+        let h = p.dot(self.axis);
+        let slack = solve::OUTSIDE * (self.height + self.radius.max(self.top_radius));
+        let across = (p - self.axis * h).length() - (self.radius + self.slope() * h);
+        h < -slack || h > self.height + slack || across > slack
+    }
+
     /// The size of the numbers that a point is summed from.
     fn size(&self) -> f64 {
         self.base.abs().max(self.top.abs()).max_element() + self.height + self.radius.max(self.top_radius)
@@ -119,7 +128,10 @@ impl Frustum {
         let frame = Frame::around(self.axis);
         if hit.part == SIDE {
             let roots = quadratic(p.a, p.b, p.c).map(|s| s.map(|s| p.ray.t0 + s));
-            let point = p.ray.at(solve::nearest(roots.as_ref().map_or(&[], |r| r), hit.t));
+            let roots = roots.as_ref().map_or(&[][..], |roots| {
+                if self.caps && p.a > 0.0 && self.is_outside(line.origin) { &roots[..1] } else { roots }
+            });
+            let point = p.ray.at(solve::nearest(roots, hit.t));
             let h = point.dot(self.axis).clamp(0.0, self.height);
             let out = (point - self.axis * point.dot(self.axis)).normalize_or(frame.x);
             let point = self.axis * h + out * (self.radius + self.slope() * h);

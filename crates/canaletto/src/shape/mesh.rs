@@ -4,11 +4,11 @@
 //! exporter that wrote them inwards is corrected, triangle by triangle.
 
 use super::patch::outer;
-use super::{Patch, Surface, solve, triangle};
-use crate::math::Rgb;
+use super::{Patch, ShapeHit, Surface, solve, triangle};
+use crate::math::{Line, Rgb};
 use canaletto_bvh::triangle::{self as kernel, Triangle};
 use canaletto_bvh::{Aabb, PreparedRay};
-use glam::{DMat3, DVec3, Vec2, Vec3};
+use glam::{DMat3, DVec2, DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -82,9 +82,28 @@ impl Mesh {
 
     /// The surface of triangle `i` at the point (1 − u − v) a + u b + v c. Without texture coordinates, uv are these.
     pub fn surface(&self, i: usize, u: f32, v: f32) -> Surface {
-        let mut surface = self.triangle(i).surface(u, v);
+        self.dressed(i, self.triangle(i).surface(u, v), triangle::weights(u.into(), v.into()))
+    }
+
+    /// The surface of triangle `i` at a hit of this line's ray.
+    pub fn surface_at(&self, i: usize, line: &Line, hit: &ShapeHit) -> Surface {
+        let corners = self.triangle(i);
+        if !corners.is_large(line, hit.t) {
+            return self.surface(i, hit.uv[0], hit.uv[1]);
+        }
+        let (surface, weights) = corners.on_line(line);
+        let surface = self.dressed(i, surface, weights);
+        if self.uvs.is_empty() {
+            return surface;
+        }
+        let [a, b, c] = self.triangles[i].map(|v| self.uvs[v as usize].as_dvec2());
+        surface.with_fine_uv(a * weights[0] + b * weights[1] + c * weights[2])
+    }
+
+    /// The surface with the mesh's own texture coordinates and colours.
+    fn dressed(&self, i: usize, mut surface: Surface, weights: [f64; 3]) -> Surface {
         let indices = self.triangles[i].map(|v| v as usize);
-        let [wa, wb, wc] = triangle::weights(u, v).map(|w| w as f32);
+        let [wa, wb, wc] = weights.map(|w| w as f32);
         if !self.uvs.is_empty() {
             let [a, b, c] = indices.map(|v| self.uvs[v]);
             surface.uv = a * wa + b * wb + c * wc;
@@ -113,7 +132,7 @@ impl Mesh {
         if !self.normals.is_empty() {
             let n = triangle::cross(corners[0], corners[1], corners[2]).normalize_or(DVec3::Z);
             let normals = facing(indices.map(|v| self.normals[v].as_dvec3().normalize_or(n)), n);
-            let [wa, wb, wc] = triangle::weights(u, v);
+            let [wa, wb, wc] = triangle::weights(u.into(), v.into());
             let mean = normals[0] * wa + normals[1] * wb + normals[2] * wc;
             let length = mean.length();
             if length > 0.0 {
@@ -213,11 +232,51 @@ impl Corners {
     /// once.
     #[inline(always)]
     pub(super) fn surface(&self, u: f32, v: f32) -> Surface {
+        let weights = triangle::weights(u.into(), v.into());
+        let point = triangle::blend(self.positions, weights);
+        self.around(point, weights, [f64::from(u), f64::from(v)])
+    }
+
+    /// The surface at a hit of this line's ray: by the barycentric coordinates, which are `f32` and exact enough on all but
+    /// triangles that are large beside the ray's way.
+    #[inline]
+    pub(super) fn at(&self, line: &Line, hit: &ShapeHit) -> Surface {
+        if self.is_large(line, hit.t) { self.on_line(line).0 } else { self.surface(hit.uv[0], hit.uv[1]) }
+    }
+
+    /// Whether the triangle is [large](solve::is_large) beside the way to a hit at the ray's parameter `t`.
+    #[inline(always)]
+    pub(super) fn is_large(&self, line: &Line, t: f32) -> bool {
+        let [a, b, c] = self.positions;
+        let size = (b - a).abs().max((c - a).abs()).max_element();
+        solve::is_large(size.into(), line.direction, t)
+    }
+
+    /// The surface where the line meets the triangle's plane (5.28), and the weights of the corners there. With no branch but
+    /// for normals.
+    #[inline(always)]
+    pub(super) fn on_line(&self, line: &Line) -> (Surface, [f64; 3]) {
+        let [a, b, c] = self.positions;
+        let cross = triangle::cross(a, b, c);
+        let (a, b, c) = (a.as_dvec3(), b.as_dvec3(), c.as_dvec3());
+        // The unit normal keeps products of lengths within the numbers.
+        let n = cross.normalize_or(DVec3::Z);
+        let point = line.origin + line.direction * ((a - line.origin).dot(n) / line.direction.dot(n));
+        // A line along the plane leaves its box.
+        let point = point.max(a.min(b).min(c)).min(a.max(b).max(c));
+        // L₂ and L₃ of (5.31).
+        let (p, area) = (point - a, cross.dot(n));
+        let (u, v) = (p.cross(c - a).dot(n) / area, (b - a).cross(p).dot(n) / area);
+        let weights = triangle::weights(u.min(1.0), v.min(1.0));
+        (self.around(point, weights, [u, v]).with_fine_uv(DVec2::new(u, v)), weights)
+    }
+
+    /// The surface at a point of it where the corners have these weights.
+    #[inline(always)]
+    fn around(&self, point: DVec3, weights: [f64; 3], uv: [f64; 2]) -> Surface {
         let corners = self.positions;
-        let weights = triangle::weights(u, v);
-        let point = triangle::blend(corners, weights);
         let n = triangle::cross(corners[0], corners[1], corners[2]).normalize_or(DVec3::Z); // (5.23)
-        let mut surface = solve::surface(point, triangle::size(corners), n, [f64::from(u), f64::from(v)]);
+        let mut surface = solve::surface(point, triangle::size(corners), n, uv);
         if let Some(normals) = self.normals {
             let normals = facing(normals.map(|normal| normal.as_dvec3().normalize_or(n)), n);
             surface.shading_normal = shading_normal(normals, weights, n);

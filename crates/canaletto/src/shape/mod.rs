@@ -43,7 +43,7 @@ pub use triangle::Triangle;
 
 use crate::math::{Line, Transform};
 use canaletto_bvh::{Aabb, Ray};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 use solve::Frame;
 
@@ -176,6 +176,35 @@ impl Shape {
             Shape::Torus(s) => Shape::Torus(s.transformed(t)?),
         };
         moved.check().is_ok().then_some(moved)
+    }
+
+    /// The shape with other points: what `f` makes of each and its number.
+    pub(crate) fn with_points(&self, mut f: impl FnMut(usize, Vec3) -> Vec3) -> Shape {
+        let mut shape = *self;
+        let points: [Option<&mut Vec3>; 3] = match &mut shape {
+            Shape::Sphere(Sphere { center, .. }) | Shape::Disk(Disk { center, .. }) => [Some(center), None, None],
+            Shape::Torus(Torus { center, .. }) => [Some(center), None, None],
+            Shape::Plane(Plane { point, .. }) => [Some(point), None, None],
+            Shape::Box(Cuboid { min, max }) => [Some(min), Some(max), None],
+            Shape::Triangle(Triangle { a, b, c, .. }) => [Some(a), Some(b), Some(c)],
+            Shape::Cylinder(Cylinder { base, top, .. }) | Shape::Cone(Cone { base, top, .. }) => {
+                [Some(base), Some(top), None]
+            }
+        };
+        for (i, point) in points.into_iter().flatten().enumerate() {
+            *point = f(i, *point);
+        }
+        shape
+    }
+
+    /// The shape counted from its first point, and where that is; `rest` is what `f32` doesn't hold of its points.
+    pub(crate) fn at_its_first_point(&self, rest: &[Vec3; 3]) -> (Shape, DVec3) {
+        let mut first = None;
+        let near = self.with_points(|i, p| {
+            let zero = *first.get_or_insert(p.as_dvec3());
+            (p.as_dvec3() - zero + rest[i].as_dvec3()).as_vec3()
+        });
+        (near, first.unwrap_or_default())
     }
 
     /// Whether the shape that [`Shape::transformed`] gives has the same texture coordinates at the moved points. A turned

@@ -40,12 +40,17 @@ impl Plane {
     }
 
     /// The surface at a hit.
-    pub fn surface(&self, line: impl Into<Line>, _hit: &ShapeHit) -> Surface {
+    pub fn surface(&self, line: impl Into<Line>, hit: &ShapeHit) -> Surface {
         let line = line.into();
         let p = self.offset(line, self.parameter(line));
         let frame = Frame::around(self.normal.as_dvec3());
         let size = self.point.as_dvec3().abs().max_element() + p.abs().max_element();
-        solve::surface(self.point.as_dvec3() + p, size, frame.y, [p.dot(frame.x), p.dot(frame.z)])
+        let uv = [p.dot(frame.x), p.dot(frame.z)];
+        let surface = solve::surface(self.point.as_dvec3() + p, size, frame.y, uv);
+        if solve::is_large(uv[0].abs().max(uv[1].abs()), line.direction, hit.t) {
+            return surface.with_fine_uv(uv.into());
+        }
+        surface
     }
 
     /// How the surface goes on around its points.

@@ -57,6 +57,12 @@ pub(super) fn nearest(roots: &[f64], t: f32) -> f64 {
     roots.iter().copied().min_by(|a, b| (a - t).abs().total_cmp(&(b - t).abs())).unwrap_or(t)
 }
 
+/// How far outside of a body of size 1 a line starts if it surely does: more than what rounding makes of points of the surface.
+///
+/// The line's roots aren't those of the rounded ray, and two roots at a graze may be closer to each other than to the ray's. From
+/// outside, a closed body is always entered, so that only the roots count where it is.
+pub(super) const OUTSIDE: f64 = 1.0 / (1u64 << 20) as f64;
+
 /// The surface at a point that was computed in `f64` from numbers no larger than `size`. Where the sum nearly cancels,
 /// its own error outgrows the rounding to `f32`; the bound covers both.
 #[inline(always)]
@@ -64,6 +70,16 @@ pub(super) fn surface(point: DVec3, size: f64, normal: DVec3, uv: [f64; 2]) -> S
     let uv = Vec2::new(uv[0] as f32, uv[1] as f32);
     let error = rounding(point.as_vec3()) + Vec3::splat((size * SLACK) as f32);
     Surface { error, ..Surface::at(point, normal, uv) }
+}
+
+/// How many times larger than the way of the ray to it a shape is if coordinates on it, fractions of its size, are too
+/// coarse in `f32`: 2⁻²⁴ of its size is then 2⁻¹⁶ of that way.
+const LARGE: f64 = 256.0;
+
+/// Whether a shape of this size is large beside the way that a ray takes to it, t times its direction.
+#[inline(always)]
+pub(super) fn is_large(size: f64, direction: DVec3, t: f32) -> bool {
+    size > LARGE * (f64::from(t) * direction.abs().max_element())
 }
 
 /// The box of `center` ± `extent`, rounded outwards; `size` as in [`surface`].

@@ -45,7 +45,8 @@ impl Sphere {
         let a = l.d.dot(l.d); // (5.16a)
         let b = 2.0 * l.d.dot(l.o); // (5.16b)
         let c = l.o.dot(l.o) - r * r; // (5.16c)
-        let n = l.at(nearest_root([a, b, c], l.t0, t)).normalize_or(DVec3::Y);
+        let outside = (line.origin - center).length_squared() > r * r * (1.0 + solve::OUTSIDE);
+        let n = l.at(nearest_root([a, b, c], l.t0, t, outside)).normalize_or(DVec3::Y);
         solve::surface(center + n * r, center.abs().max_element() + r, n, [0.0; 2])
     }
 
@@ -83,9 +84,9 @@ impl Sphere {
 }
 
 /// That of both roots of a s² + b s + c = 0 (5.20), as [`quadratic`](crate::math::quadratic) finds them, whose t₀ + s was reported as `t`, or
-/// `t` itself if there is none; as t₀ + s.
+/// `t` itself if there is none; as t₀ + s. A line from `outside` enters at the first.
 #[inline(always)]
-fn nearest_root([a, b, c]: [f64; 3], t0: f64, t: f32) -> f64 {
+fn nearest_root([a, b, c]: [f64; 3], t0: f64, t: f32, outside: bool) -> f64 {
     let t = f64::from(t);
     let discriminant = b * b - 4.0 * a * c; // (5.18)
     let q = -0.5 * (b + discriminant.sqrt().copysign(b));
@@ -97,7 +98,7 @@ fn nearest_root([a, b, c]: [f64; 3], t0: f64, t: f32) -> f64 {
     let [near, far] = if first <= second { [first, second] } else { [second, first] }.map(|s| t0 + s);
     // Bits of numbers without a sign are in the order of the numbers, and NaN comes last.
     let off = |root: f64| (root - t).abs().to_bits();
-    let root = if off(far) < off(near) { far } else { near };
+    let root = if (off(far) < off(near)) & !outside { far } else { near };
     let real = if straight { b != 0.0 } else { discriminant >= 0.0 };
     if real { root } else { t }
 }
@@ -117,7 +118,7 @@ mod tests {
                     for t in [0.0, 1.0, -2.5, 1e30] {
                         let roots = crate::math::quadratic(a, b, c).map(|roots| roots.map(|s| 0.25 + s));
                         let expected = solve::nearest(roots.as_ref().map_or(&[], |roots| roots), t);
-                        let root = nearest_root([a, b, c], 0.25, t);
+                        let root = nearest_root([a, b, c], 0.25, t, false);
                         let same = root == expected || root.is_nan() && expected.is_nan();
                         assert!(same, "{a} {b} {c}, {t}: {root} instead of {expected}");
                     }

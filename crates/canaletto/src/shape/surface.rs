@@ -1,7 +1,7 @@
 //! The surface at a hit: all that shading sees of a shape.
 
 use crate::math::{Rgb, Transform, rounding};
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DVec2, DVec3, Vec2, Vec3};
 
 /// A point of a surface with what shading needs to know about it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,6 +20,8 @@ pub struct Surface {
     pub shading_normal: DVec3,
     /// Texture coordinates.
     pub uv: Vec2,
+    /// What `f32` doesn't hold of them, on shapes that are large beside the distance from which they are seen.
+    pub uv_rest: Vec2,
     /// A colour that the shape brings for this point (vertex or cloud colours); it replaces kd.
     pub color: Option<Rgb>,
     /// Where shadow rays start instead of `point`, on the outer side: smooth meshes lift it off their facets (Hanika,
@@ -32,7 +34,15 @@ impl Surface {
     #[inline(always)]
     pub fn at(exact: DVec3, normal: DVec3, uv: Vec2) -> Surface {
         let point = exact.as_vec3();
-        Surface { point, exact, error: rounding(point), normal, shading_normal: normal, uv, color: None, lifted: point }
+        let (error, shading_normal, lifted) = (rounding(point), normal, point);
+        Surface { point, exact, error, normal, shading_normal, uv, uv_rest: Vec2::ZERO, color: None, lifted }
+    }
+
+    /// The same with these texture coordinates, of which `f32` doesn't hold all.
+    #[inline(always)]
+    pub(super) fn with_fine_uv(self, fine: DVec2) -> Surface {
+        let uv = fine.as_vec2();
+        Surface { uv, uv_rest: (fine - uv.as_dvec2()).as_vec2(), ..self }
     }
 
     /// The same point in the space around an instance. The bound grows by the rounding in object space, mapped
@@ -52,6 +62,7 @@ impl Surface {
             normal: unit(self.normal),
             shading_normal: unit(self.shading_normal),
             uv: self.uv,
+            uv_rest: self.uv_rest,
             color: self.color,
             lifted: to_world.point(self.lifted.as_dvec3()).as_vec3(),
         }

@@ -91,6 +91,7 @@ impl Surfaces {
             normal: wide(&self.normal, lane),
             shading_normal: wide(&self.shading_normal, lane),
             uv: Vec2::ZERO,
+            uv_rest: Vec2::ZERO,
             color: None,
             lifted: thin(&self.lifted, lane),
         }
@@ -113,7 +114,7 @@ pub(crate) struct Encounters {
     /// The lines' origins and directions.
     origin: Rows,
     pub(crate) direction: Rows,
-    /// Their parameters, on spheres.
+    /// Their parameters.
     t: [f32; SURFACES],
     center: Thin,
     radius: [f32; SURFACES],
@@ -174,10 +175,11 @@ impl Encounters {
 
     /// Number `lane` meets a triangle.
     #[inline(always)]
-    pub(crate) fn set_triangle(&mut self, lane: usize, triangle: &Corners, [u, v]: [f32; 2]) {
+    pub(crate) fn set_triangle(&mut self, lane: usize, triangle: &Corners, t: f32, [u, v]: [f32; 2]) {
         for (to, &position) in self.corners.iter_mut().zip(&triangle.positions) {
             set_thin(to, lane, position);
         }
+        self.t[lane] = t;
         (self.uv[0][lane], self.uv[1][lane]) = (u, v);
         if let Some(normals) = &triangle.normals {
             for (to, &normal) in self.normals.iter_mut().zip(normals) {
@@ -201,6 +203,48 @@ impl Encounters {
         true
     }
 
+    #[inline(always)]
+    fn flat_triangle(&self, lane: usize) -> Corners {
+        Corners { positions: self.corners.each_ref().map(|corner| thin(corner, lane)), normals: None }
+    }
+
+    #[inline(always)]
+    fn smooth_triangle(&self, lane: usize) -> Corners {
+        let normals = Some(self.normals.each_ref().map(|normal| thin(normal, lane)));
+        Corners { normals, ..self.flat_triangle(lane) }
+    }
+
+    /// The line of number `lane` in the space of what it meets.
+    #[inline(always)]
+    fn local(&self, lane: usize) -> Line {
+        let line = Line { origin: wide(&self.origin, lane), direction: wide(&self.direction, lane) };
+        let moved = Line {
+            origin: self.to_world.back().transform_point3(line.origin),
+            direction: self.to_world.back().transform_vector3(line.direction),
+        };
+        if self.moved >> lane & 1 == 1 { moved } else { line }
+    }
+
+    /// A bit for each triangle that is large beside the way to it.
+    #[inline(always)]
+    fn large(&self) -> u32 {
+        if self.flat | self.smooth == 0 {
+            return 0;
+        }
+        let mut large = [false; SURFACES];
+        if self.moved == 0 {
+            for (i, large) in large.iter_mut().enumerate() {
+                let line = Line { origin: DVec3::ZERO, direction: wide(&self.direction, i) };
+                *large = self.flat_triangle(i).is_large(&line, self.t[i]);
+            }
+        } else {
+            for (i, large) in large.iter_mut().enumerate() {
+                *large = self.flat_triangle(i).is_large(&self.local(i), self.t[i]);
+            }
+        }
+        large.iter().rev().fold(0, |bits, large| bits << 1 | u32::from(*large))
+    }
+
     /// Finds the surfaces that were met. To be called from a kernel.
     #[inline(always)]
     pub(crate) fn surfaces(&self, into: &mut Surfaces) {
@@ -215,20 +259,28 @@ impl Encounters {
         }
         if self.flat != 0 {
             for i in 0..SURFACES {
-                let positions = self.corners.each_ref().map(|corner| thin(corner, i));
-                let triangle = Corners { positions, normals: None };
-                found.set(i, &triangle.surface(self.uv[0][i], self.uv[1][i]));
+                found.set(i, &self.flat_triangle(i).surface(self.uv[0][i], self.uv[1][i]));
             }
             into.take(&found, self.flat);
         }
         if self.smooth != 0 {
             for i in 0..SURFACES {
-                let positions = self.corners.each_ref().map(|corner| thin(corner, i));
-                let normals = Some(self.normals.each_ref().map(|normal| thin(normal, i)));
-                let triangle = Corners { positions, normals };
-                found.set(i, &triangle.surface(self.uv[0][i], self.uv[1][i]));
+                found.set(i, &self.smooth_triangle(i).surface(self.uv[0][i], self.uv[1][i]));
             }
             into.take(&found, self.smooth);
+        }
+        let large = self.large();
+        if large & self.flat != 0 {
+            for i in 0..SURFACES {
+                found.set(i, &self.flat_triangle(i).on_line(&self.local(i)).0);
+            }
+            into.take(&found, large & self.flat);
+        }
+        if large & self.smooth != 0 {
+            for i in 0..SURFACES {
+                found.set(i, &self.smooth_triangle(i).on_line(&self.local(i)).0);
+            }
+            into.take(&found, large & self.smooth);
         }
         if self.moved != 0 {
             for i in 0..SURFACES {
@@ -241,6 +293,7 @@ impl Encounters {
 
 #[cfg(test)]
 mod tests {
+    use super::super::ShapeHit;
     use super::super::testing::Random;
     use super::*;
     use canaletto_bvh::{InstructionSet, Kernel};
@@ -254,6 +307,11 @@ mod tests {
         fn run(self) {
             self.0.surfaces(self.1);
         }
+    }
+
+    fn to_local(to_world: &Transform, line: Line) -> Line {
+        let back = to_world.inverse();
+        Line { origin: back.point(line.origin), direction: back.vector(line.direction) }
     }
 
     /// Often along an axis, at times nothing.
@@ -303,14 +361,17 @@ mod tests {
                         let (positions, normals) = (three().map(|p| p * scale), three());
                         let triangle = Corners { positions, normals: (smooth == 2).then_some(normals) };
                         let [u, v] = [(); 2].map(|()| random.within(-0.5, 1.5));
+                        // Some are large beside the way to them.
+                        let t = random.within(0.0, scale) * if random.one_in(2) { 1e-3 } else { 1.0 };
                         let moves = random.one_in(2);
                         // An octet has one map.
                         if moves {
                             assert!(encounters.set_instance(lane, 7, &to_world));
                             assert!(!encounters.set_instance(lane, 8, &to_world));
                         }
-                        encounters.set_triangle(lane, &triangle, [u, v]);
-                        let surface = triangle.surface(u, v);
+                        encounters.set_triangle(lane, &triangle, t, [u, v]);
+                        let line = if moves { to_local(&to_world, line) } else { line };
+                        let surface = triangle.at(&line, &ShapeHit { t, part: 0, uv: [u, v] });
                         if moves { surface.transformed(&to_world) } else { surface }
                     }
                 }

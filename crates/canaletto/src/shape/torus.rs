@@ -50,6 +50,16 @@ impl Torus {
         (f64::from(self.radius) / self.size(), f64::from(self.tube) / self.size())
     }
 
+    /// Whether a point is surely [outside](solve::OUTSIDE); never where the tube meets itself.
+    fn is_outside(&self, p: DVec3) -> bool {
+        let (p, axis) = ((p - self.center.as_dvec3()) / self.size(), self.axis.as_dvec3().normalize());
+        let (big, small) = self.radii();
+        let h = p.dot(axis);
+        let across = (p - axis * h).length() - big;
+        let from_ring = (across * across + h * h).sqrt();
+        big > small && from_ring - small > solve::OUTSIDE
+    }
+
     fn solve(&self, line: Line) -> Option<Scaled> {
         let direction = line.direction;
         let length = direction.length();
@@ -110,7 +120,18 @@ impl Torus {
         let (big, small) = self.radii();
         let p = match self.solve(line) {
             Some(s) => {
-                s.o + s.d * (solve::nearest(&s.roots.map(|x| (s.gone + x) * s.per_unit), hit.t) / s.per_unit - s.gone)
+                let roots = s.roots.map(|x| (s.gone + x) * s.per_unit);
+                // From outside, every second is an entrance.
+                let entrances = match *roots {
+                    [first, _] => Some([first; 2]),
+                    [first, _, third, _] => Some([first, third]),
+                    _ => None,
+                };
+                let t = match entrances.filter(|_| self.is_outside(line.origin)) {
+                    Some(entrances) => solve::nearest(&entrances, hit.t),
+                    None => solve::nearest(&roots, hit.t),
+                };
+                s.o + s.d * (t / s.per_unit - s.gone)
             }
             None => (line.origin - center + line.direction * f64::from(hit.t)) / self.size(),
         };

@@ -2,6 +2,7 @@
 //!
 //! Texture coordinates are the barycentric coordinates of the second and the third corner, L₂ and L₃ of (5.31).
 
+use super::mesh::Corners;
 use super::solve;
 use super::{Patch, ShapeHit, Surface};
 use crate::math::{Line, Transform};
@@ -30,12 +31,9 @@ impl Triangle {
         (hit.front || !self.one_sided).then_some(ShapeHit { t: hit.t, part: 0, uv: [hit.u, hit.v] })
     }
 
-    /// The surface at a hit, its point from the barycentric coordinates.
-    pub fn surface(&self, _line: impl Into<Line>, hit: &ShapeHit) -> Surface {
-        let corners = [self.a, self.b, self.c];
-        let [u, v] = hit.uv;
-        let n = cross(self.a, self.b, self.c).normalize_or(DVec3::Z);
-        solve::surface(blend(corners, weights(u, v)), size(corners), n, [f64::from(u), f64::from(v)])
+    /// The surface at a hit.
+    pub fn surface(&self, line: impl Into<Line>, hit: &ShapeHit) -> Surface {
+        Corners { positions: [self.a, self.b, self.c], normals: None }.at(&line.into(), hit)
     }
 
     /// How the surface goes on around its points.
@@ -86,8 +84,8 @@ pub(super) fn gradients([a, b, c]: [Vec3; 3]) -> [DVec3; 3] {
 
 /// The weights of the corners; none is negative and they add up to 1, whatever rounding made of u and v.
 #[inline(always)]
-pub(super) fn weights(u: f32, v: f32) -> [f64; 3] {
-    let (u, v) = (f64::from(u).max(0.0), f64::from(v).max(0.0));
+pub(super) fn weights(u: f64, v: f64) -> [f64; 3] {
+    let (u, v) = (u.max(0.0), v.max(0.0));
     let w = (1.0 - u - v).max(0.0);
     let sum = w + u + v;
     [w / sum, u / sum, v / sum]

@@ -290,7 +290,8 @@ impl Computed {
 fn square_wave(x: f64, width: f64) -> f64 {
     // Its antiderivative: up and down again in each period of 2.
     let integral = |x: f64| 1.0 - (x - 2.0 * (x * 0.5).floor() - 1.0).abs();
-    if width > 1e-7 * x.abs().max(1.0) {
+    // Far below what the differences of an `f64` antiderivative hold, it is no width.
+    if width > 1e-11 * x.abs().max(1.0) {
         ((integral(x + 0.5 * width) - integral(x - 0.5 * width)) / width).clamp(-1.0, 1.0)
     } else {
         let cell = x.floor();

@@ -149,8 +149,8 @@ fn refitting_ends_before_rays_lose_more_than_it_saves() {
         (Quality::Medium, 0, Quality::High),
         (Quality::High, 0, Quality::Medium),
     ] {
-        let world = World::build_with(scene(), &BuildOptions { quality: first, rays: 0 }).unwrap();
-        let after = World::build_after(world, now.clone(), &BuildOptions { quality: second, rays }).unwrap();
+        let world = World::build_with(scene(), &BuildOptions { quality: first, ..BuildOptions::default() }).unwrap();
+        let after = World::build_after(world, now.clone(), &BuildOptions { quality: second, rays, view: 0 }).unwrap();
         assert_eq!(after.origins().refitted, 0, "{first:?} {second:?}");
         assert_eq!(after.origins().built, if first == second { 1 } else { 2 });
     }

@@ -10,6 +10,7 @@ use super::group::Group;
 use super::instance::{Instance, NONE};
 use super::light_meshes::LightMeshes;
 use super::nesting::{Nesting, uses_of};
+use super::origin::Spans;
 use super::relief::Relief;
 use super::wants::Wants;
 use crate::light::environment::{Backdrop, Environment};
@@ -19,7 +20,7 @@ use crate::texture::{ColorSpace, Image, Pattern, Prefilter, Texture, TextureKind
 use canaletto_bvh::{Aabb, Quality};
 use std::collections::HashMap;
 
-/// How a world is built. No picture depends on it.
+/// How a world is built. No picture of a scene near zero depends on it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BuildOptions {
     /// How much work to put into hierarchies over triangles.
@@ -27,6 +28,9 @@ pub struct BuildOptions {
     /// About how many rays the world is for, 0 if nobody knows: whether a hierarchy is worth more work than to refit it; see
     /// [`World::build_after`].
     pub rays: u64,
+    /// The number of the view in [`Scene::views`] that the world is seen through, where `f32` should hold most; see
+    /// [`World::origin`].
+    pub view: usize,
 }
 
 /// Why a scene can't be rendered.
@@ -149,6 +153,7 @@ impl World {
             cylinders,
             prototypes,
             nodes,
+            views,
             ..
         } = scene;
         let backdrop =
@@ -161,15 +166,17 @@ impl World {
         let wants = materials.iter().map(Wants::of).collect();
         let light_meshes = LightMeshes::collect(nodes.iter().chain(&prototypes), &meshes)?;
         let relief = Relief::new(textures, &materials);
+        let spans = Spans::new(&meshes, &spheres, &cylinders, &prototypes);
+        let origin = spans.world(&nodes, views.get(options.view));
         let uses = uses_of(&nodes, &prototypes);
         let mut builder = Builder::new(wants, relief, meshes, spheres, cylinders, prototypes);
-        builder.light_meshes = light_meshes;
+        (builder.light_meshes, builder.spans) = (light_meshes, spans);
         (builder.nesting, builder.uses) = (nesting, uses);
         (builder.quality, builder.before) = (options.quality, before);
         builder.count_uses(&nodes);
         let mut root = Part::default();
-        builder.flatten(&nodes, &Place::default(), &mut root, 0)?;
-        let Finished { instances, mut lights, moving_lights, unbounded } = builder.finish_part(root, NONE)?;
+        builder.flatten(&nodes, &Place::from(origin), &mut root, 0)?;
+        let Finished { instances, mut lights, moving_lights, unbounded, .. } = builder.finish_part(root, NONE)?;
         lights.extend(environment.as_ref().zip(backdrop.as_ref()).and_then(|(described, ready)| ready.sun(described)));
         let bounds: Vec<Aabb> = instances.iter().map(|instance| builder.stock().bounds(instance)).collect();
         if let Some(index) = bounds.iter().position(|b| !(b.is_empty() || b.is_finite())) {
@@ -199,7 +206,7 @@ impl World {
             geometries: builder.geometries,
             owners: builder.owners,
             local_origins: builder.local_origins,
-            origin: glam::DVec3::ZERO,
+            origin,
             origins: builder.origins,
             unbounded_id_base: 1u32.wrapping_add(root.numbers),
             root,

@@ -8,6 +8,7 @@ use super::instance::{Instance, NONE, Placed, Unbounded};
 use super::light_meshes::LightMeshes;
 use super::motion::{Chain, MovingLight};
 use super::nesting::Nesting;
+use super::origin::{Exactly, FAR, Spans, away_from, counted_from, origin_of, rounded_visibly, shape_span};
 use super::relief::Relief;
 use super::wants::Wants;
 use super::{BuildError, Object, World};
@@ -16,7 +17,7 @@ use crate::math::{Path, Transform};
 use crate::scene::{Content, Node};
 use crate::shape::{CylinderCloud, Mesh, Shape, SphereCloud};
 use canaletto_bvh::Quality;
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -25,11 +26,20 @@ use std::sync::Arc;
 pub(super) struct Place {
     transform: Transform,
     inherited: u32,
+    /// Whether what stands here is counted from an origin that isn't zero.
+    exact: bool,
 }
 
 impl Default for Place {
     fn default() -> Place {
-        Place { transform: Transform::IDENTITY, inherited: NONE }
+        Place { transform: Transform::IDENTITY, inherited: NONE, exact: false }
+    }
+}
+
+impl Place {
+    /// Where coordinates are counted from this.
+    pub(super) fn from(origin: DVec3) -> Place {
+        Place { transform: away_from(origin), inherited: NONE, exact: origin != DVec3::ZERO }
     }
 }
 
@@ -51,6 +61,8 @@ pub(super) struct Finished {
     pub(super) lights: Vec<Light>,
     pub(super) moving_lights: Vec<MovingLight>,
     pub(super) unbounded: Vec<Unbounded>,
+    /// What all of it is counted from.
+    origin: DVec3,
 }
 
 #[derive(Default)]
@@ -78,6 +90,7 @@ pub(super) struct Builder {
     pub(super) origins: Origins,
     /// Where the coordinates of geometries are counted from, of those that have no zero of their own.
     pub(super) local_origins: HashMap<u32, DVec3>,
+    pub(super) spans: Spans,
     /// Prototypes that stay whole.
     pub(super) groups: Vec<Group>,
     pub(super) nesting: Nesting,
@@ -167,10 +180,11 @@ impl Builder {
             .map_err(|e| BuildError::Invalid { object: called(), problem: e.to_string() })
             .map(Arc::new)?;
         let mut inner = Part::default();
-        let own = Place { transform: Transform::IDENTITY, inherited: place.inherited };
+        let origin = self.spans.moving_origin(node);
+        let own = Place { inherited: place.inherited, ..Place::from(origin) };
         self.place_still(node, &own, &mut inner, depth)?;
         let first_object = inner.shape_objects.first().copied().unwrap_or(NONE);
-        let Finished { instances, lights, moving_lights, unbounded } = self.finish_part(inner, first_object)?;
+        let Finished { instances, lights, moving_lights, unbounded, .. } = self.finish_part(inner, first_object)?;
         if let Some(plane) = unbounded.first() {
             let problem = "a plane has no bounds and can't move while the shutter is open; take a large disk or box";
             return Err(self.invalid(plane.object, problem.into()));
@@ -180,13 +194,15 @@ impl Builder {
                 NONE => Chain::still(instance.to_world.unwrap_or_default()),
                 motion => self.chains[motion as usize].clone(),
             };
+            let chain = if origin == DVec3::ZERO { chain } else { chain.inside(&Transform::translate(origin)) };
             let moving = self.moving(&instance, chain.along(&path).inside(&place.transform))?;
             part.instances.push(moving);
         }
         let base = part.lights.len() as u32;
         let mut chains: Vec<(Light, Chain)> =
-            lights.into_iter().map(|light| (light, Chain::still(Transform::IDENTITY))).collect();
+            lights.into_iter().map(|light| (light, Chain::still(counted_from(origin, &Transform::IDENTITY)))).collect();
         for MovingLight { index, light, chain } in moving_lights {
+            let chain = if origin == DVec3::ZERO { chain } else { chain.inside(&Transform::translate(origin)) };
             chains[index as usize] = (light, chain);
         }
         for (index, (light, chain)) in chains.into_iter().enumerate() {
@@ -226,12 +242,22 @@ impl Builder {
         match &node.content {
             Content::Shape(shape) => {
                 let object = self.object(node, shape.kind());
-                shape.check().map_err(|problem| self.invalid(object, problem))?;
-                self.place_shape(shape, object, inherited, &transform, part)
+                self.place_shape(shape, &node.rest, object, inherited, &Place { transform, ..*place }, part)
             }
             Content::Light(light) => {
                 let light = Light { name: node.name.clone().or(light.name.clone()), ..light.clone() };
                 check_light(&light, "")?;
+                // What a light lights is unknown; that it comes much nearer to zero tells of far coordinates.
+                let mut far = false;
+                light.with_points(|_, p| {
+                    let moved = transform.point(p.as_dvec3()).abs().max_element();
+                    far |= f64::from(p.abs().max_element()) > FAR * moved;
+                    p
+                });
+                if place.exact || far && node.rest != [Vec3::ZERO; 3] {
+                    let (exactly, transform) = Exactly::before(&node.rest, transform);
+                    return self.light(part, light.with_points(|i, p| exactly.point(i, p)).transformed(&transform));
+                }
                 self.light(part, light.transformed(&transform))
             }
             Content::Mesh(index) => {
@@ -254,7 +280,9 @@ impl Builder {
                 let to_world = self.place_of(geometry, &transform);
                 self.instance(part, Instance { material: own, inherited, to_world, ..Instance::of(geometry, object) })
             }
-            Content::Group(children) => self.flatten(children, &Place { transform, inherited }, part, depth + 1),
+            Content::Group(children) => {
+                self.flatten(children, &Place { transform, inherited, ..*place }, part, depth + 1)
+            }
             Content::Instance(index) => {
                 self.place_prototype(node, *index, &Placed { transform, own, inherited }, part, depth)
             }
@@ -265,21 +293,33 @@ impl Builder {
     fn place_shape(
         &mut self,
         shape: &Shape,
+        rest: &[Vec3; 3],
         object: u32,
         material: u32,
-        transform: &Transform,
+        place: &Place,
         part: &mut Part,
     ) -> Result<(), BuildError> {
-        if self.relief.raises(material) {
-            let mesh = self.relief.shape(shape, material).map_err(|problem| self.invalid(object, problem))?;
-            return self.displaced(mesh, object, [NONE, material], transform, part);
+        let (mut shape, mut transform, mut origin) = (*shape, place.transform, DVec3::ZERO);
+        let stays = self.wants(material).allow(&shape, &transform);
+        let exact = place.exact
+            || !transform.is_identity()
+                && (rounded_visibly(&shape, rest)
+                    || origin_of(shape_span(&shape, rest), FAR) != DVec3::ZERO
+                        && (!stays || self.relief.raises(material) || shape.transformed(&transform).is_none()));
+        if exact {
+            let (exactly, left) = Exactly::before(rest, transform);
+            (shape, transform, origin) = (shape.with_points(|i, p| exactly.point(i, p)), left, exactly.zero);
         }
-        let moved = if transform.is_identity() { Some(*shape) } else { shape.transformed(transform) };
-        let stays = self.wants(material).allow(shape, transform);
+        shape.check().map_err(|problem| self.invalid(object, problem))?;
+        if self.relief.raises(material) {
+            let mesh = self.relief.shape(&shape, origin, material).map_err(|problem| self.invalid(object, problem))?;
+            return self.displaced(mesh, object, [NONE, material], &transform, part);
+        }
+        let moved = if transform.is_identity() { Some(shape) } else { shape.transformed(&transform) };
         match moved {
             Some(moved) if moved.bounds().is_none() => {
-                let own = (!stays).then_some((*shape, *transform));
-                self.unbounded(part, Unbounded { shape: moved, object, material, own, origin: DVec3::ZERO })?;
+                let own = (!stays).then_some((shape, transform));
+                self.unbounded(part, Unbounded { shape: moved, object, material, own, origin })?;
             }
             Some(moved) if stays => {
                 moved.check().map_err(|problem| self.invalid(object, format!("after its transforms, {problem}")))?;
@@ -290,8 +330,9 @@ impl Builder {
             None if shape.bounds().is_none() => return Err(self.invalid(object, too_far())),
             // Its kind or what its textures hold on to would be lost.
             _ => {
-                let geometry = self.push(Geometry::shapes(vec![*shape], vec![object], vec![material]), object)?;
-                let to_world = Some(*transform);
+                let geometry = self.push(Geometry::shapes(vec![shape], vec![object], vec![material]), object)?;
+                self.set_origin(geometry, origin);
+                let to_world = (!transform.is_identity()).then_some(transform);
                 self.instance(part, Instance { to_world, ..Instance::of(geometry, object) })?;
             }
         }
@@ -316,7 +357,9 @@ impl Builder {
         transform: &Transform,
         part: &mut Part,
     ) -> Result<(), BuildError> {
+        let origin = mesh.origin;
         let geometry = self.push_mesh(mesh, object)?;
+        self.set_origin(geometry, origin);
         let to_world = (!transform.is_identity()).then_some(*transform);
         self.instance(part, Instance { material: own, inherited, to_world, ..Instance::of(geometry, object) })
     }
@@ -329,7 +372,7 @@ impl Builder {
         part: &mut Part,
         depth: usize,
     ) -> Result<(), BuildError> {
-        let Placed { transform, own, inherited } = *place;
+        let Placed { own, inherited, .. } = *place;
         if index as usize >= self.prototypes.len() {
             return Err(missing(node, "prototype", index, self.prototypes.len()));
         }
@@ -343,15 +386,19 @@ impl Builder {
             self.open.push(index);
             let prototype = self.prototypes[index as usize].clone();
             let mut inner = Part::default();
-            self.flatten(std::slice::from_ref(&prototype), &Place::default(), &mut inner, depth + 1)?;
+            let origin = self.spans.prototype_origin(&prototype);
+            self.flatten(std::slice::from_ref(&prototype), &Place::from(origin), &mut inner, depth + 1)?;
             let first_object = inner.shape_objects.first().copied().unwrap_or(NONE);
             let mut finished = self.finish_part(inner, first_object)?;
             finished.instances = self.whole(index, finished.instances)?;
+            finished.origin = origin;
             self.finished.insert(index, finished);
             self.open.pop();
         }
         let Some(finished) = self.finished.remove(&index) else { return Ok(()) };
-        let Finished { instances, lights, moving_lights, unbounded } = &finished;
+        let Finished { instances, lights, moving_lights, unbounded, origin } = &finished;
+        let transform = counted_from(*origin, &place.transform);
+        let place = &Placed { transform, own, inherited };
         self.count(0, instances.len())?;
         let or = |a: u32, b: u32| if a == NONE { b } else { a };
         for inner in instances {
@@ -371,12 +418,12 @@ impl Builder {
             light: light.clone(),
             chain: chain.clone().inside(&transform),
         }));
-        for Unbounded { shape, object, material, own: place, origin } in unbounded {
+        for Unbounded { shape, object, material, own: place, origin: own_origin } in unbounded {
             let moved = shape.transformed(&transform).ok_or_else(|| self.invalid(*object, too_far()))?;
             let material = or(own, or(*material, inherited));
-            let place = match place {
-                Some((shape, t)) => Some((*shape, transform.after(t))),
-                None => (!self.wants(material).allow(shape, &transform)).then_some((*shape, transform)),
+            let (place, origin) = match place {
+                Some((shape, t)) => (Some((*shape, transform.after(t))), own_origin),
+                None => ((!self.wants(material).allow(shape, &transform)).then_some((*shape, transform)), origin),
             };
             self.unbounded(part, Unbounded { shape: moved, object: *object, material, own: place, origin: *origin })?;
         }
@@ -439,7 +486,7 @@ impl Builder {
             let geometry = self.geometries.len() as u32 - 1;
             instances.push(Instance::of(geometry, object));
         }
-        Ok(Finished { instances, lights, moving_lights, unbounded })
+        Ok(Finished { instances, lights, moving_lights, unbounded, origin: DVec3::ZERO })
     }
 
     fn instance(&mut self, part: &mut Part, instance: Instance) -> Result<(), BuildError> {

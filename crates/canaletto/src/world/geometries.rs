@@ -6,7 +6,7 @@ use super::build::hierarchy_error;
 use super::flatten::{Builder, missing};
 use super::geometry::Geometry;
 use super::instance::NONE;
-use super::origin::{origin_of, span};
+use super::origin::{FAR, counted_from, origin_of, span};
 use crate::math::Transform;
 use crate::scene::Node;
 use crate::shape::Mesh;
@@ -163,15 +163,6 @@ impl Builder {
         self.owners.push(object);
         Ok(self.geometries.len() as u32 - 1)
     }
-}
-
-/// Coordinates of an instance are far from zero if they are so many times the size of what they belong to: the rays that are
-/// taken into its space would be rounded by more than 2⁻¹⁴ of that size.
-const FAR: f64 = 1024.0;
-
-/// The transform for coordinates that are counted from there.
-fn counted_from(origin: DVec3, transform: &Transform) -> Transform {
-    if origin == DVec3::ZERO { *transform } else { transform.after(&Transform::translate(origin)) }
 }
 
 /// Counts points that lie far from zero from the middle of them, exactly; tells from where.

@@ -268,7 +268,7 @@ impl Geometry {
         let id = primitive as usize;
         match self {
             Geometry::Shapes { shapes, .. } => shapes[id].surface(line, hit),
-            Geometry::Mesh { mesh, .. } => mesh.surface(id, hit.uv[0], hit.uv[1]),
+            Geometry::Mesh { mesh, .. } => mesh.surface_at(id, &line, hit),
             Geometry::Spheres { cloud, .. } => cloud.surface(id, line, hit),
             Geometry::Cylinders { cloud, .. } => cloud.surface(id, line, hit),
         }
@@ -279,7 +279,7 @@ impl Geometry {
         let id = primitive as usize;
         match self {
             Geometry::Shapes { shapes, .. } => shapes[id].bare_surface(line, hit),
-            Geometry::Mesh { mesh, .. } => mesh.surface(id, hit.uv[0], hit.uv[1]),
+            Geometry::Mesh { mesh, .. } => mesh.surface_at(id, &line, hit),
             Geometry::Spheres { cloud, .. } => cloud.bare_surface(id, line, hit),
             Geometry::Cylinders { cloud, .. } => cloud.bare_surface(id, line, hit),
         }

@@ -46,7 +46,7 @@ use crate::math::Rgb;
 use crate::texture::Pattern;
 use canaletto_bvh::Aabb;
 use geometry::Geometry;
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use group::Group;
 use instance::Unbounded;
 use light_meshes::LightMeshes;
@@ -54,7 +54,7 @@ use motion::{Chain, MovingLight};
 use shells::Shells;
 use std::collections::HashMap;
 
-/// A scene ready to be traced.
+/// A scene ready to be traced. Its coordinates are counted from [`World::origin`].
 #[derive(Debug)]
 pub struct World {
     /// The colour of rays that meet nothing, where there is no environment.
@@ -143,9 +143,24 @@ pub struct Census {
 }
 
 impl World {
-    /// The bounds of everything that has bounds.
+    /// What all coordinates of this world are counted from, those of rays, hits, surfaces and lights: zero, unless the scene or
+    /// what its view looks at lies so far from zero that `f32` would lose what can be seen. Places in the scene are theirs plus the origin.
+    pub fn origin(&self) -> DVec3 {
+        self.origin
+    }
+
+    /// The bounds of everything that has bounds, in the scene's coordinates.
     pub fn bounds(&self) -> Aabb {
-        self.root.tree.bounds()
+        let bounds = self.root.tree.bounds();
+        if self.origin == DVec3::ZERO || bounds.is_empty() {
+            return bounds;
+        }
+        Aabb { min: self.in_the_scene(bounds.min), max: self.in_the_scene(bounds.max) }
+    }
+
+    /// Where a point of the world is in the scene, rounded to `f32`.
+    pub fn in_the_scene(&self, p: Vec3) -> Vec3 {
+        if self.origin == DVec3::ZERO { p } else { (self.origin + p.as_dvec3()).as_vec3() }
     }
 
     /// The materials; the last one is the default.

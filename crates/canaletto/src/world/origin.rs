@@ -1,13 +1,36 @@
 //! Where coordinates are counted from.
 //!
-//! Rays and surfaces are `f32`, which has 24 bits. Meshes and clouds whose coordinates all lie far from zero are
-//! therefore counted from a point among them, which their instance's transform takes back in `f64`.
+//! Rays and surfaces are `f32`, which holds 24 bits: at 4,000,000 its steps are a quarter. What lies far from zero is
+//! therefore counted from a point near it, and the transforms that place it take that into account in `f64`. Each mesh
+//! and cloud, each prototype, what moves as one, and the world have such an origin of their own. It is zero unless
+//! `f32` would lose something that can be seen, so that nothing changes for a scene near zero.
 
-use glam::{DVec3, Vec3};
+use crate::math::Transform;
+use crate::scene::{Content, Extrinsics, Node, View};
+use crate::shape::{CylinderCloud, Mesh, Shape, SphereCloud};
+use crate::world::World;
+use glam::{DAffine3, DVec3, Vec3};
 use rayon::prelude::*;
 
-/// The least and the largest coordinates of some points.
+/// Coordinates are far from zero if they are so many times the size of what they belong to: `f32` rounds them by 2⁻¹⁴ of
+/// that size.
+pub(super) const FAR: f64 = 1024.0;
+
+/// How much larger than the way to what it looks at an eye's coordinates are if they are far: `f32` rounds them by 2⁻¹² of
+/// that way, about a pixel.
+const FAR_EYE: f64 = 4096.0;
+
+/// What is within so many times its size sees an eye at its side.
+const NEAR_EYE: f64 = 64.0;
+
+/// The least and the largest coordinates of something.
 pub(super) type Span = [DVec3; 2];
+
+const EMPTY: Span = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+
+fn join([a, b]: Span, [c, d]: Span) -> Span {
+    [a.min(c), b.max(d)]
+}
 
 /// The span of all these points.
 pub(super) fn span(points: &[Vec3]) -> Span {
@@ -16,17 +39,187 @@ pub(super) fn span(points: &[Vec3]) -> Span {
     points.par_iter().fold(none, |all, p| join(all, [*p, *p])).reduce(none, join).map(Vec3::as_dvec3)
 }
 
-/// A point near the middle of the span if its coordinates are more than `far` times as large as its sides; zero along axes
-/// where they aren't. It is a multiple of a power of two, so that differences of `f32` from it are exact.
-pub(super) fn origin_of([min, max]: Span, far: f64) -> DVec3 {
-    let size = (max - min).max_element();
-    if !(size.is_finite() && size > 0.0) {
-        return DVec3::ZERO;
-    }
-    let step = libm::exp2(libm::ceil(libm::log2(size)));
-    let middle = (min + max) * 0.5;
+/// The least power of two that isn't smaller.
+fn power_of_two(size: f64) -> f64 {
+    libm::exp2(libm::ceil(libm::log2(size)))
+}
+
+/// How large something is, if it has a size.
+fn size([min, max]: Span) -> Option<f64> {
+    Some((max - min).max_element()).filter(|size| size.is_finite() && *size > 0.0)
+}
+
+/// A point near the middle of the span if its coordinates are more than `far` times as large as it; zero along axes
+/// where they aren't. It is a multiple of a power of two, so that differences of `f32` from it are exact, and a scene scaled by a
+/// power of two has its origin scaled.
+pub(super) fn origin_of(span: Span, far: f64) -> DVec3 {
+    let Some(step) = size(span).map(power_of_two) else { return DVec3::ZERO };
+    let middle = (span[0] + span[1]) * 0.5;
     if middle.abs().max_element() <= far * step {
         return DVec3::ZERO;
     }
     (middle / step).round() * step
+}
+
+/// The transform for coordinates that are counted from there.
+pub(super) fn counted_from(origin: DVec3, transform: &Transform) -> Transform {
+    if origin == DVec3::ZERO { *transform } else { transform.after(&Transform::translate(origin)) }
+}
+
+/// The transform into coordinates that are counted from there.
+pub(super) fn away_from(origin: DVec3) -> Transform {
+    if origin == DVec3::ZERO { Transform::IDENTITY } else { Transform::translate(-origin) }
+}
+
+/// Where the things that nodes refer to lie in their own spaces.
+#[derive(Default)]
+pub(super) struct Spans {
+    meshes: Vec<Span>,
+    spheres: Vec<Span>,
+    cylinders: Vec<Span>,
+    prototypes: Vec<Option<Span>>,
+}
+
+impl Spans {
+    pub(super) fn new(
+        meshes: &[Mesh],
+        spheres: &[SphereCloud],
+        cylinders: &[CylinderCloud],
+        prototypes: &[Node],
+    ) -> Spans {
+        let around = |points: &[Vec3], radii: &[f32], origin: DVec3| {
+            let radius = DVec3::splat(radii.iter().fold(0.0, |most: f32, r| most.max(*r)).into());
+            let [min, max] = span(points);
+            [min - radius + origin, max + radius + origin]
+        };
+        let mut spans = Spans {
+            meshes: meshes.iter().map(|m| around(&m.positions, &[], m.origin)).collect(),
+            spheres: spheres.iter().map(|s| around(&s.centers, &s.radii, s.origin)).collect(),
+            cylinders: cylinders.iter().map(|c| around(c.axes.as_flattened(), &c.radii, c.origin)).collect(),
+            prototypes: vec![None; prototypes.len()],
+        };
+        for index in 0..prototypes.len() {
+            spans.prototype(index, prototypes, 0);
+        }
+        spans
+    }
+
+    fn prototype(&mut self, index: usize, prototypes: &[Node], depth: usize) {
+        if self.prototypes.get(index) != Some(&None) || depth > World::MAX_NESTING {
+            return;
+        }
+        // One that contains itself is refused later.
+        self.prototypes[index] = Some(EMPTY);
+        self.referred(&prototypes[index], prototypes, depth);
+        self.prototypes[index] = Some(self.of(&prototypes[index], 0));
+    }
+
+    /// Finds the spans of the prototypes that a node refers to.
+    fn referred(&mut self, node: &Node, prototypes: &[Node], depth: usize) {
+        match &node.content {
+            Content::Group(children) if depth <= World::MAX_NESTING => {
+                children.iter().for_each(|child| self.referred(child, prototypes, depth + 1));
+            }
+            Content::Instance(index) => self.prototype(*index as usize, prototypes, depth + 1),
+            _ => {}
+        }
+    }
+
+    /// Where a node's content lies in the space around the node before it moves; nothing for lights and planes.
+    fn still(&self, node: &Node, depth: usize) -> Span {
+        let at = |list: &[Span], index: u32| list.get(index as usize).copied().unwrap_or(EMPTY);
+        let own = match &node.content {
+            Content::Shape(shape) => shape_span(shape, &node.rest),
+            Content::Mesh(index) => at(&self.meshes, *index),
+            Content::Spheres(index) => at(&self.spheres, *index),
+            Content::Cylinders(index) => at(&self.cylinders, *index),
+            Content::Light(_) => EMPTY,
+            Content::Group(children) if depth <= World::MAX_NESTING => {
+                children.iter().fold(EMPTY, |all, child| join(all, self.of(child, depth + 1)))
+            }
+            Content::Group(_) => EMPTY,
+            Content::Instance(index) => self.prototypes.get(*index as usize).copied().flatten().unwrap_or(EMPTY),
+        };
+        through(&node.transform, own)
+    }
+
+    /// Where a node's content lies in the space around the node while the shutter is open.
+    fn of(&self, node: &Node, depth: usize) -> Span {
+        let still = self.still(node, depth);
+        node.motion.iter().map(|pose| through(pose, still)).reduce(join).unwrap_or(still)
+    }
+
+    /// What a prototype is counted from.
+    pub(super) fn prototype_origin(&self, node: &Node) -> DVec3 {
+        origin_of(self.of(node, 0), FAR)
+    }
+
+    /// What something that moves is counted from before it moves.
+    pub(super) fn moving_origin(&self, node: &Node) -> DVec3 {
+        origin_of(self.still(node, 0), FAR)
+    }
+
+    /// What the world is counted from: a point by the eye if that is far from zero, or sees something small by its side that is;
+    /// else the middle of all if that is far from zero.
+    pub(super) fn world(&self, nodes: &[Node], view: Option<&View>) -> DVec3 {
+        let spans: Vec<Span> = nodes.par_iter().map(|node| self.of(node, 0)).collect();
+        let all = spans.iter().copied().fold(EMPTY, join);
+        if let Some(Extrinsics { eye, center, .. }) = view.map(|v| *v.motion.first().unwrap_or(&v.extrinsics)) {
+            let far = |size: &f64| eye.abs().max_element() > FAR_EYE * power_of_two(*size);
+            let beside = |span: &&Span| {
+                let away = (span[0] - eye).max(eye - span[1]).max_element();
+                size(**span).is_some_and(|size| away <= NEAR_EYE * size)
+            };
+            let seen = size([eye.min(center), eye.max(center)]).filter(far);
+            let small = spans.iter().filter(beside).filter_map(|span| size(*span)).filter(far).reduce(f64::min);
+            if let Some(step) = seen.or(small).map(|size| NEAR_EYE * power_of_two(size)) {
+                return (eye / step).round() * step;
+            }
+        }
+        origin_of(all, FAR)
+    }
+}
+
+/// The span of a box after a transform.
+fn through(transform: &Transform, span: Span) -> Span {
+    if transform.is_identity() || size(span).is_none() && span[0].cmpgt(span[1]).any() {
+        return span;
+    }
+    let corner = |i: usize| DVec3::new(span[i & 1].x, span[i >> 1 & 1].y, span[i >> 2].z);
+    (0..8).map(|i| transform.point(corner(i))).fold(EMPTY, |all, p| join(all, [p, p]))
+}
+
+/// A shape's or light's points as far as they are known.
+#[derive(Clone, Copy)]
+pub(super) struct Exactly<'r> {
+    /// What `f32` could not hold of them.
+    pub(super) rest: &'r [Vec3; 3],
+    /// What they are counted from.
+    pub(super) zero: DVec3,
+}
+
+impl Exactly<'_> {
+    /// Point number `i`, which is rounded to `p`, counted from the zero. Nothing is rounded but this distance.
+    pub(super) fn point(self, i: usize, p: Vec3) -> Vec3 {
+        (p.as_dvec3() - self.zero + self.rest[i].as_dvec3()).as_vec3()
+    }
+
+    /// Points counted from what the transform takes to zero, and what is left of the transform for them.
+    pub(super) fn before(rest: &[Vec3; 3], transform: Transform) -> (Exactly<'_>, Transform) {
+        let zero = transform.inverse().point(DVec3::ZERO);
+        let [forward, back] = [transform.matrix(), transform.back()].map(|m| DAffine3::from_mat3(m.matrix3));
+        (Exactly { rest, zero }, Transform::from_parts(forward, back))
+    }
+}
+
+/// Where a shape lies, from its points as far as they are known.
+pub(super) fn shape_span(shape: &Shape, rest: &[Vec3; 3]) -> Span {
+    let (near, zero) = shape.at_its_first_point(rest);
+    near.bounds().map_or(EMPTY, |bounds| [zero + bounds.min.as_dvec3(), zero + bounds.max.as_dvec3()])
+}
+
+/// Whether rounding took more than 2⁻¹⁶ of its size from a shape.
+pub(super) fn rounded_visibly(shape: &Shape, rest: &[Vec3; 3]) -> bool {
+    let lost = rest.iter().fold(0.0, |most: f32, rest| most.max(rest.abs().max_element()));
+    lost > 0.0 && size(shape_span(shape, rest)).is_none_or(|size| f64::from(lost) * 65_536.0 > size)
 }

@@ -226,7 +226,7 @@ impl World {
                         {
                             return None;
                         }
-                        encounters.set_triangle(lane, &mesh.triangle(id), hit.uv);
+                        encounters.set_triangle(lane, &mesh.triangle(id), hit.t, hit.uv);
                     }
                     _ => return None,
                 }

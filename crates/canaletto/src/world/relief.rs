@@ -38,12 +38,13 @@ impl Relief {
     }
 
     /// A shape as the mesh that it is with this material.
-    pub(super) fn shape(&mut self, shape: &Shape, material: u32) -> Result<Mesh, String> {
+    pub(super) fn shape(&mut self, shape: &Shape, origin: DVec3, material: u32) -> Result<Mesh, String> {
         let Some(net) = Net::of_shape(shape) else {
             let kinds = "spheres, boxes, triangles, cylinders, cones and meshes can be";
             return Err(format!("a {} can't be displaced; {kinds}", shape.kind()));
         };
-        self.raise(net, shape.bounds(), DVec3::ZERO, &|_| material, &[material])
+        let raised = self.raise(net, shape.bounds(), origin, &|_| material, &[material])?;
+        Ok(Mesh { origin, ..raised })
     }
 
     /// A mesh raised where its materials say so; `material` says which one each slot has.

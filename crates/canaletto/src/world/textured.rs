@@ -80,7 +80,7 @@ impl World {
         let material = self.material(hit);
         let mut point = material.at(surface);
         let local = self.local(line, hit);
-        surface.uv = local.surface.uv;
+        (surface.uv, surface.uv_rest) = (local.surface.uv, local.surface.uv_rest);
         let at = At::new(self, &local, step);
         let mut normal = local.surface.shading_normal;
         // What is raised was so when the world was built.
@@ -189,7 +189,7 @@ impl<'a> At<'a> {
         let place = Place {
             point: local.surface.exact,
             normal: local.surface.normal,
-            uv: local.surface.uv.as_dvec2(),
+            uv: local.surface.uv.as_dvec2() + local.surface.uv_rest.as_dvec2(),
             patch: &local.patch,
             to_world: local.to_world.as_ref(),
             bounds: local.bounds,

@@ -32,6 +32,15 @@ pub(super) fn read_mesh(name: &str, view: View<'_>) -> Result<(Mesh, u64), Compl
     read_payload(name, &header, Payload::new(&header, view))
 }
 
+/// Whether the file's positions are of single precision.
+pub(super) fn is_single(view: View<'_>) -> bool {
+    read_header(view).is_ok_and(|header| {
+        let vertices = header.elements.iter().find(|element| element.name == "vertex");
+        let single = |element: &Element, at: usize| element.properties[at].kind == header::Kind::F32;
+        vertices.is_some_and(|e| e.numbers(["x", "y", "z"]).is_some_and(|p| p.into_iter().any(|at| single(e, at))))
+    })
+}
+
 fn read_payload(name: &str, header: &Header, mut payload: Payload<'_>) -> Result<(Mesh, u64), Complaint> {
     let mut mesh = Mesh { name: name.to_owned(), ..Mesh::default() };
     let mut thin = 0;

@@ -2,6 +2,7 @@
 
 use super::Decoder;
 use super::fields::Fields;
+use super::object::exact_points;
 use crate::text::nearest::nearest;
 use crate::text::report::Message;
 use crate::text::schema::{self, DEFAULT_INNER, DEFAULT_INTENSITY, DEFAULT_POINTS, LIGHTS};
@@ -39,7 +40,10 @@ impl Decoder<'_> {
             self.out_of_range(&fields, &problem);
         }
         let name = light.name.clone();
-        Some(scene::Node { name, transform, motion, ..scene::Node::new(Content::Light(light)) })
+        let mut points = exact_points(&fields);
+        points.extend(fields.dvec("axis"));
+        let node = scene::Node { name, transform, motion, ..scene::Node::new(Content::Light(light)) };
+        Some(node.with_points(&points))
     }
 
     /// The word after `light` or `environment`, which says what other words there are.
