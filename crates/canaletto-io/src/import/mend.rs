@@ -15,7 +15,10 @@ pub(super) fn mend_normals(mesh: &mut Mesh, smoothing: Smoothing<'_>) {
     let lacks = |i: &u32| mesh.normals[*i as usize] == Vec3::ZERO;
     if mesh.triangles.par_iter().flatten().all(lacks) {
         mesh.normals = Vec::new();
-    } else {
+    } else if mesh.triangles.par_iter().flatten().any(lacks) {
         smooth(mesh, smoothing);
+    } else {
+        // No triangle uses them, but each must have one.
+        mesh.normals.par_iter_mut().filter(|n| **n == Vec3::ZERO).for_each(|n| *n = Vec3::Y);
     }
 }

@@ -17,6 +17,9 @@ pub(super) struct Triangulator {
     ears: Vec<u32>,
 }
 
+/// A way to cut a ring into triangles.
+type Way = fn(&[u32], &mut dyn FnMut([u32; 3]));
+
 impl Triangulator {
     /// The most corners of a polygon whose ears are clipped, which takes the square of their number at worst.
     const MAX_CLIPPED: usize = 10_000;
@@ -49,28 +52,46 @@ impl Triangulator {
             let [a, b, c] = t.map(at);
             (b - a).cross(c - a).dot(normal)
         };
-        let mut over = 0.0;
-        halves(ring, |t| over -= area(t).min(0.0));
         let allowed = Triangulator::ROUNDING * normal.length_squared();
-        if over > allowed {
+        let turned_over = |way: Way| {
+            let mut over = 0.0;
+            way(ring, &mut |t| over -= area(t).min(0.0));
+            over
+        };
+        // A fan is right for what goes round a convex polygon more than once.
+        let ways: [Way; 2] = [halves, fan];
+        let good = ways.into_iter().find(|way| turned_over(*way) <= allowed);
+        if good.is_none() {
             if ring.len() > Triangulator::MAX_CLIPPED {
                 return Err(format!(
                     "a polygon of {n} corners must be convex; others may have {}",
                     Triangulator::MAX_CLIPPED
                 ));
             }
+            let least = turned_over(halves);
             self.clip(corners, normal);
             let area = |t: &[u32]| {
                 let [a, b, c] = [t[0], t[1], t[2]].map(|i| corners[i as usize].as_dvec3());
                 (b - a).cross(c - a).dot(normal)
             };
             let clipped: f64 = self.ears.chunks_exact(3).map(|t| -area(t).min(0.0)).sum();
-            if !self.ears.is_empty() && clipped <= over {
+            if !self.ears.is_empty() && clipped <= least {
                 self.ears.chunks_exact(3).for_each(|t| triangle([t[0] as usize, t[1] as usize, t[2] as usize]));
                 return Ok(());
             }
         }
-        halves(&self.ring, |t| triangle(t.map(|i| i as usize)));
+        let mut none = true;
+        good.unwrap_or(halves)(&self.ring, &mut |t| {
+            let t = t.map(|i| i as usize);
+            let [a, b, c] = t.map(|i| corners[i]);
+            if a != b && b != c && c != a {
+                none = false;
+                triangle(t);
+            }
+        });
+        if none {
+            triangle([0, 1, 2]);
+        }
         Ok(())
     }
 
@@ -99,7 +120,7 @@ impl Triangulator {
 
 /// Triangles over the middles of a ring's halves, their halves, and so on: their shapes are better than those of a fan, and
 /// no corner has more of them than twice the steps that halving takes. The first corners come first.
-fn halves(ring: &[u32], mut triangle: impl FnMut([u32; 3])) {
+fn halves(ring: &[u32], triangle: &mut dyn FnMut([u32; 3])) {
     // Parts whose first half is done, as (first, middle, last).
     let mut open: Vec<[usize; 3]> = Vec::new();
     let (mut first, mut last) = (0, ring.len() - 1);
@@ -113,6 +134,11 @@ fn halves(ring: &[u32], mut triangle: impl FnMut([u32; 3])) {
         triangle(part.map(|i| ring[i]));
         [_, first, last] = part;
     }
+}
+
+/// Triangles of a ring's first corner with all others.
+fn fan(ring: &[u32], triangle: &mut dyn FnMut([u32; 3])) {
+    ring[1..].windows(2).for_each(|pair| triangle([ring[0], pair[0], pair[1]]));
 }
 
 /// The polygon's vector area, twice: along its normal.
@@ -261,6 +287,14 @@ mod tests {
             corners.reverse();
             assert_eq!(cut(&corners).len(), 2);
         }
+    }
+
+    #[test]
+    fn polygons_that_go_round_twice_are_covered_twice() {
+        let square = [[0., 0.], [2., 0.], [2., 2.], [0., 2.]];
+        assert_eq!(covered(&flat(&square.repeat(2))), 16.0);
+        let many = flat(&square[..3].repeat(100_000));
+        assert_eq!((cut(&many).len(), covered(&many)), (100_000, 400_000.0));
     }
 
     #[test]

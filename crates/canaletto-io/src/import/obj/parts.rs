@@ -83,18 +83,18 @@ impl Parts {
             Some(pattern) => vec![self.whole(vertices, pattern)],
             None => self.apart(&vertices),
         };
-        for (index, mesh) in meshes.iter_mut().enumerate() {
+        meshes.par_iter_mut().enumerate().for_each(|(index, mesh)| {
             let groups = groups.as_ref().map(|groups| groups[index].as_slice());
             mend_normals(mesh, groups.map_or(Smoothing::Creases, Smoothing::Groups));
             if !mesh.normals.is_empty() {
-                continue;
+                return;
             }
             match groups {
                 Some(groups) if groups.iter().any(|group| *group != 0) => smooth(mesh, Smoothing::Groups(groups)),
                 None if unsaid == Unsaid::Creases => smooth(mesh, Smoothing::Creases),
                 _ => {}
             }
-        }
+        });
         meshes
     }
 

@@ -1,0 +1,167 @@
+//! Models: OBJ files, and the MTL files beside them.
+
+use crate::mutate::{Outcome, Random, bounded, run};
+use canaletto_io::assets::MemoryAssets;
+use canaletto_io::import::load;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// The files of these folders with this extension.
+fn seeds(extension: &str) -> Vec<Vec<u8>> {
+    let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let mut paths: Vec<PathBuf> = ["scenes/models", "tests/cases/models"]
+        .iter()
+        .flat_map(|folder| fs::read_dir(repository.join(folder)).expect("the repository's files"))
+        .map(|entry| entry.expect("an entry").path())
+        .filter(|path| path.extension().is_some_and(|e| e == extension))
+        .collect();
+    paths.sort();
+    let read = |path: &PathBuf| fs::read(path).expect("a file");
+    // Damage to a long file hardly ever meets what is rare in it.
+    paths
+        .iter()
+        .map(read)
+        .map(|mut bytes| {
+            bytes.truncate(20_000);
+            bytes
+        })
+        .collect()
+}
+
+const OBJ: &[u8] = b"mtllib a.mtl \"b c.mtl\"\no box\ng side\nv 0 0 0 1 0 0\nv 1 0 0 0 255 0\nv 1 1 0\nv 0 1 \\\n 0\nvt 0 0\nvt 1 0.5\n\
+    vn 0 0 1\nvn nan 0 1\ns 1\nusemtl m\nf 1/1/1 2/2/2 3//1 4\ns off\nf -1 -2 -3\nf 1 2 2 3 4 4\nf 1 2 3 1 2 3 1 2 3\nl 1 2\np 1\n";
+const MTL: &[u8] =
+    b"newmtl m\nKd 0.5 0.5 0.5\nKs 128 0 0\nNs 0\nd 0.5\nTr 0.5\nNi 1.5\nillum 7\nmap_Kd -s 1 1 1 a.png\nTf 1 1 1\n\
+    newmtl n\nd -halo 0.5\nKd spectral a.rfl 1\nKe 1 1 1\nillum 2\nTr 1\n";
+
+/// Words at which readers of text stumble.
+const ODD: [&str; 40] = [
+    "v",
+    "vt",
+    "vn",
+    "f",
+    "s",
+    "o",
+    "g",
+    "usemtl",
+    "mtllib",
+    "F",
+    "#",
+    "/",
+    "//",
+    "\\\n",
+    "\\ \n",
+    "\r",
+    "\n",
+    "\t",
+    "0",
+    "-0",
+    "1",
+    "-1",
+    "-9223372036854775808",
+    "4294967295",
+    "4294967296",
+    "1e39",
+    "-1e-46",
+    "nan",
+    "-1.#IND",
+    "1.#INF",
+    "1d9",
+    "1,5",
+    "3.4028235e38",
+    "1/1/1",
+    "1//1",
+    "-1/-1/-1",
+    "\u{feff}",
+    "newmtl",
+    "Tr",
+    "illum",
+];
+
+/// Replaces words, repeats lines and swaps numbers, as far as the bytes say.
+fn reworded(bytes: &mut Vec<u8>) {
+    let seed =
+        bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash: u64, b| (hash ^ u64::from(*b)).wrapping_mul(0x0100_0000_01b3));
+    let mut random = Random(seed);
+    for _ in 0..random.below(6) {
+        let at = random.below(bytes.len());
+        let start = bytes[..at].iter().rposition(u8::is_ascii_whitespace).map_or(0, |i| i + 1);
+        let end = bytes[at..].iter().position(u8::is_ascii_whitespace).map_or(bytes.len(), |i| at + i).max(start);
+        let line_end = bytes[at..].iter().position(|b| *b == b'\n').map_or(bytes.len(), |i| at + i);
+        let line = bytes[..at].iter().rposition(|b| *b == b'\n').map_or(0, |i| i + 1)..line_end;
+        let odd = ODD[random.below(ODD.len())];
+        match random.below(4) {
+            0 => drop(bytes.splice(start..end, odd.bytes())),
+            1 => drop(bytes.splice(end..end, format!(" {odd}").repeat(1 + random.below(50)).bytes())),
+            2 => {
+                let copied = bytes[line].to_vec();
+                let lines = [copied.as_slice(), b"\n"].concat().repeat(1 + random.below(200));
+                bytes.splice(line_end..line_end, [b"\n", lines.as_slice()].concat());
+            }
+            _ => drop(bytes.drain(line)),
+        }
+        if bytes.is_empty() {
+            bytes.push(b' ');
+        }
+    }
+}
+
+fn read(obj: &[u8], mtl: &[u8]) -> Outcome {
+    let assets = MemoryAssets::new().with("a.obj", obj).with("a.mtl", mtl).with("b c.mtl", mtl);
+    match load("a.obj", &assets) {
+        Ok((scene, warnings)) => {
+            scene.meshes.iter().for_each(|mesh| mesh.check().expect("a mesh that can be used"));
+            scene.materials.iter().for_each(|material| material.check().expect("a material that can be used"));
+            assert!(warnings.len() < 500 && warnings.to_string().len() < 1 << 20, "{} warnings", warnings.len());
+        }
+        Err(errors) => assert!(!errors.to_string().is_empty()),
+    }
+    Outcome::Ordinary
+}
+
+#[test]
+fn obj() {
+    let mut all = seeds("obj");
+    all.extend(std::iter::repeat_n(OBJ.to_vec(), all.len()));
+    run("obj", &all, 400, reworded, |bytes| read(bytes, MTL));
+}
+
+#[test]
+fn mtl() {
+    let mut all = seeds("mtl");
+    all.extend(std::iter::repeat_n(MTL.to_vec(), all.len()));
+    run("mtl", &all, 400, reworded, |bytes| read(OBJ, bytes));
+}
+
+/// Files that make much of little.
+#[test]
+fn models_that_repeat_are_read_in_time() {
+    let square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
+    let comb: String = (0..2_000).map(|i| format!("v {i} {}.5 0\n", i % 2 * 9)).collect();
+    for (name, text) in [
+        ("corners", format!("{square}f{}\n", " 1 2 3 4".repeat(10_000))),
+        ("one place", format!("{square}f{}\n", " 1".repeat(20_000))),
+        (
+            "comb",
+            format!("{comb}v 2000 -9 0\nv -1 -9 0\nf{}\n", (1..=2_002).map(|i| format!(" {i}")).collect::<String>()),
+        ),
+        ("groups", format!("{square}{}", (0..2_000).map(|i| format!("g {i}\ns {i}\nf 1 2 3\n")).collect::<String>())),
+        ("smoothing", format!("{square}{}", "s 1\nf 1 2 3\ns off\nf 1 3 4\n".repeat(10_000))),
+        ("libraries", format!("mtllib {}\n{square}f 1 2 3\n", "x.mtl ".repeat(20_000))),
+        ("libraries on lines", format!("{}{square}f 1 2 3\n", "mtllib a.mtl\n".repeat(10_000))),
+        (
+            "materials",
+            format!(
+                "mtllib a.mtl\n{square}{}",
+                (0..10_000).map(|i| format!("usemtl {i}\nf 1 2 3\n")).collect::<String>()
+            ),
+        ),
+        ("backslashes", format!("{square}f 1 2 {}3\n", "\\\n".repeat(10_000))),
+        ("nowhere", format!("{}{square}f -1 -2 -3\n", "v nan 0 0\n".repeat(30_000))),
+    ] {
+        bounded(name, text.as_bytes(), |bytes| read(bytes, MTL));
+    }
+    for line in ["newmtl a\n", "map_Kd a.png\n", "Kd x\n", "Tr 1\n", "word\n", "newmtl a\nmap_Kd a.png\nKd 300 0 0\n"] {
+        bounded(line.trim(), format!("newmtl m\n{}", line.repeat(10_000)).as_bytes(), |bytes| read(OBJ, bytes));
+    }
+}
