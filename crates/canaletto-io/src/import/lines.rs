@@ -93,7 +93,7 @@ impl<'a> Word<'a> {
 }
 
 /// What is wrong and where, before the file's name is known.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Complaint {
     pub(super) message: String,
     pub(super) span: Option<Range<usize>>,

@@ -21,6 +21,7 @@ mod polygon;
 mod positions;
 mod smooth;
 mod studio;
+mod table_color;
 mod text;
 
 pub use cloud::{CloudFormat, read_cylinders, read_spheres};
@@ -144,11 +145,9 @@ fn read_format(asset: &OpenAsset, assets: &dyn Assets, unsaid: Unsaid) -> Result
 fn read_ply(asset: &OpenAsset) -> Result<Imported, Diagnostics> {
     let file = asset.path.name();
     match ply::read_mesh(file.rsplit('/').next().unwrap_or_default(), asset.content.view()) {
-        Ok((mesh, thin)) => {
+        Ok((mesh, said)) => {
             let mut warnings = Diagnostics::new();
-            if thin > 0 {
-                warnings.push(Diagnostic::warning(file, format!("{thin} faces of fewer than 3 corners are left out")));
-            }
+            said.into_iter().for_each(|complaint| warnings.push(complaint.warning(file)));
             if ply::is_single(asset.content.view())
                 && let Some([most, step]) = positions::coarse(&mesh)
             {

@@ -25,7 +25,7 @@ pub(super) enum Kind {
 
 impl Kind {
     fn named(name: &[u8]) -> Option<Kind> {
-        Some(match name {
+        Some(match name.to_ascii_lowercase().as_slice() {
             b"char" | b"int8" => Kind::I8,
             b"uchar" | b"uint8" => Kind::U8,
             b"short" | b"int16" => Kind::I16,
@@ -45,15 +45,6 @@ impl Kind {
             Kind::I16 | Kind::U16 => 2,
             Kind::I32 | Kind::U32 | Kind::F32 => 4,
             Kind::F64 => 8,
-        }
-    }
-
-    /// The largest value, for those types that stand for shares of it.
-    pub(super) fn share(self) -> Option<f64> {
-        match self {
-            Kind::U8 => Some(255.0),
-            Kind::U16 => Some(65535.0),
-            _ => None,
         }
     }
 }
@@ -87,6 +78,21 @@ impl Element {
         found.iter().all(Option::is_some).then(|| found.map(Option::unwrap_or_default))
     }
 
+    /// What is said of the properties that nothing is made of, if there are any.
+    pub(super) fn unused(&self, used: &[usize]) -> Option<Complaint> {
+        /// The most that are named.
+        const MOST: usize = 12;
+        let names = self.properties.iter().enumerate().filter(|(at, _)| !used.contains(at)).map(|(_, p)| &*p.name);
+        let names: Vec<&str> = names.collect();
+        if names.is_empty() || self.count == 0 {
+            return None;
+        }
+        let more = if names.len() > MOST { format!(" and {} more", names.len() - MOST) } else { String::new() };
+        let (listed, one) = (names[..names.len().min(MOST)].join(", "), names.len() == 1);
+        let (noun, is) = if one { ("property", "is") } else { ("properties", "are") };
+        Some(Complaint::file(format!("the {noun} {listed}{more} of element {} {is} left out", self.name)))
+    }
+
     /// The fewest bytes that a row takes; the size of every row if there are no lists and it is binary.
     pub(super) fn row_size(&self, encoding: Encoding) -> u64 {
         let size =
@@ -100,27 +106,44 @@ impl Element {
 pub(super) struct Header {
     pub(super) encoding: Encoding,
     pub(super) elements: Vec<Element>,
+    /// The pictures that comments name as textures, as MeshLab writes them.
+    pub(super) textures: Vec<String>,
     /// Where the numbers start in the file.
     pub(super) end: usize,
 }
 
-/// Reads the header.
+/// The most pictures that are remembered.
+const MAX_TEXTURES: usize = 16;
+
+/// Reads the header. Keywords, types and names may be in capitals, and spaces or a byte order mark may stand around its lines.
 pub(super) fn read(bytes: &[u8]) -> Result<Header, Complaint> {
-    if !(bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r")) {
+    let start = if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
+    let first = bytes[start..].iter().position(|b| *b == b'\n' || *b == b'\r').map(|length| start + length);
+    let Some(end) = first.filter(|end| bytes[start..*end].trim_ascii().eq_ignore_ascii_case(b"ply")) else {
         return Err(Complaint::file("it doesn't start with the line `ply`").help("is it a PLY file?"));
-    }
-    let mut at = 0;
+    };
+    // Where a single \r ends lines, a \n behind the last one is the first of the numbers.
+    let pairs = bytes[end..].starts_with(b"\r\n");
+    let mut at = start;
     let mut encoding = None;
+    let mut textures = Vec::new();
     let mut elements: Vec<Element> = Vec::new();
     while at < bytes.len() {
         let rest = &bytes[at..];
         let length = rest.iter().position(|b| *b == b'\n' || *b == b'\r').unwrap_or(rest.len());
         let line = Word { start: at, text: &rest[..length] };
-        at += length + if rest[length..].starts_with(b"\r\n") { 2 } else { 1 };
+        at += length + if pairs && rest[length..].starts_with(b"\r\n") { 2 } else { 1 };
         let mut words = line.words();
         let Some(word) = words.next() else { continue };
-        match word.text {
-            b"ply" | b"comment" | b"obj_info" => {}
+        match word.text.to_ascii_lowercase().as_slice() {
+            _ if line.start == start => {}
+            b"ply" | b"obj_info" => {}
+            b"comment" => {
+                let texture = words.next().filter(|word| word.text.eq_ignore_ascii_case(b"texturefile"));
+                if texture.is_some() && textures.len() < MAX_TEXTURES {
+                    textures.push(words.rest().shown());
+                }
+            }
             b"format" => encoding = Some(format(&line, words)?),
             b"element" => elements.push(element(&line, words)?),
             b"property" => {
@@ -131,7 +154,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Header, Complaint> {
             }
             b"end_header" => {
                 let encoding = encoding.ok_or_else(|| line.wrong("the header names no format"))?;
-                return Ok(Header { encoding, elements, end: at.min(bytes.len()) });
+                return Ok(Header { encoding, elements, textures, end: at.min(bytes.len()) });
             }
             _ => return Err(line.wrong(format!("the header has an unknown word, \"{}\"", word.shown()))),
         }
@@ -141,14 +164,14 @@ pub(super) fn read(bytes: &[u8]) -> Result<Header, Complaint> {
 
 fn format(line: &Word<'_>, mut words: Words<'_>) -> Result<Encoding, Complaint> {
     let (name, version) = (words.next(), words.next());
-    let encoding = match name.map(|w| w.text) {
+    let encoding = match name.map(|w| w.text.to_ascii_lowercase()).as_deref() {
         Some(b"ascii") => Encoding::Ascii,
         Some(b"binary_little_endian") => Encoding::Little,
         Some(b"binary_big_endian") => Encoding::Big,
         _ => return Err(line.wrong("the format must be ascii, binary_little_endian or binary_big_endian")),
     };
     match version.map(|w| w.text) {
-        Some(b"1.0") => Ok(encoding),
+        Some(b"1.0" | b"1") => Ok(encoding),
         _ => Err(line.wrong("the format's version must be 1.0")),
     }
 }
@@ -159,7 +182,7 @@ fn element(line: &Word<'_>, mut words: Words<'_>) -> Result<Element, Complaint> 
     };
     let number = std::str::from_utf8(count.text).ok().and_then(|text| text.parse().ok());
     let count = number.ok_or_else(|| count.wrong(format!("\"{}\" is not a count", count.shown())))?;
-    Ok(Element { name: name.string(), count, properties: Vec::new() })
+    Ok(Element { name: name.string().to_lowercase(), count, properties: Vec::new() })
 }
 
 fn property(line: &Word<'_>, mut words: Words<'_>) -> Result<Property, Complaint> {
@@ -168,7 +191,7 @@ fn property(line: &Word<'_>, mut words: Words<'_>) -> Result<Property, Complaint
         Kind::named(word.text).ok_or_else(|| word.wrong(format!("\"{}\" is not a type of PLY", word.shown())))
     };
     let first = words.next();
-    let (length, kind) = if first.is_some_and(|w| w.text == b"list") {
+    let (length, kind) = if first.is_some_and(|w| w.text.eq_ignore_ascii_case(b"list")) {
         (Some(kind(words.next())?), kind(words.next())?)
     } else {
         (None, kind(first)?)
@@ -177,5 +200,5 @@ fn property(line: &Word<'_>, mut words: Words<'_>) -> Result<Property, Complaint
         return Err(line.wrong("a list's length must be of a whole type"));
     }
     let name = words.next().ok_or_else(|| line.wrong("a property needs a type and a name"))?;
-    Ok(Property { name: name.string(), length, kind })
+    Ok(Property { name: name.string().to_lowercase(), length, kind })
 }

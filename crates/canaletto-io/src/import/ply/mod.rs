@@ -4,30 +4,34 @@
 //! property's name, a search for every number of millions. A header that announces more than the file can hold fails
 //! before memory is taken, and every message names its row.
 //!
-//! Vertices have `x y z`, `nx ny nz`, texture coordinates under the usual names and `red green blue`; colours of whole
-//! types are sRGB shares of their largest value, those of `float` are linear. Faces are polygons
-//! (`vertex_indices`) or strips (`tristrips`, −1 between strips). Other elements and properties are passed over.
+//! Vertices have `x y z`, `nx ny nz`, texture coordinates under the usual names and `red green blue`; what numbers colours have,
+//! [`super::table_color`] says. Faces are polygons (`vertex_indices`) or strips (`tristrips`, −1 between strips), see [`faces`]. Other
+//! elements and properties are passed over, and named in a warning. Vertices without a place (a coordinate that is no number, or
+//! infinite) are left out, and faces with them.
 
+mod faces;
 mod header;
 mod payload;
 mod table;
 
 use super::lines::Complaint;
 use super::mend::mend_normals;
-use super::polygon::Triangulator;
 use super::positions::Positions;
 use super::smooth::Smoothing;
+use super::table_color::{self, Written};
 use super::unreadable;
 use crate::content::View;
 use crate::picture::decode_srgb;
 use canaletto::math::Rgb;
 use canaletto::shape::{CylinderCloud, Mesh, SphereCloud};
+use faces::{FaceList, strips};
 use glam::{DVec3, Vec2, Vec3};
-use header::{Element, Header};
+use header::{Element, Header, Kind};
 use payload::{Payload, Row};
+use rayon::prelude::*;
 
-/// A mesh, and how many faces had fewer than three corners.
-pub(super) fn read_mesh(name: &str, view: View<'_>) -> Result<(Mesh, u64), Complaint> {
+/// A mesh, and what is left out or assumed.
+pub(super) fn read_mesh(name: &str, view: View<'_>) -> Result<(Mesh, Vec<Complaint>), Complaint> {
     let header = read_header(view)?;
     read_payload(name, &header, Payload::new(&header, view))
 }
@@ -36,64 +40,123 @@ pub(super) fn read_mesh(name: &str, view: View<'_>) -> Result<(Mesh, u64), Compl
 pub(super) fn is_single(view: View<'_>) -> bool {
     read_header(view).is_ok_and(|header| {
         let vertices = header.elements.iter().find(|element| element.name == "vertex");
-        let single = |element: &Element, at: usize| element.properties[at].kind == header::Kind::F32;
+        let single = |element: &Element, at: usize| element.properties[at].kind == Kind::F32;
         vertices.is_some_and(|e| e.numbers(["x", "y", "z"]).is_some_and(|p| p.into_iter().any(|at| single(e, at))))
     })
 }
 
-fn read_payload(name: &str, header: &Header, mut payload: Payload<'_>) -> Result<(Mesh, u64), Complaint> {
+fn read_payload(name: &str, header: &Header, mut payload: Payload<'_>) -> Result<(Mesh, Vec<Complaint>), Complaint> {
     let mut mesh = Mesh { name: name.to_owned(), ..Mesh::default() };
-    let mut thin = 0;
+    let mut said = Vec::new();
     if !header.elements.iter().any(|e| is_faces(e) || e.name == "tristrips") {
         return Err(Complaint::file("it has points but no faces")
             .help("a cloud of spheres takes points: `spheres file=…` with a radius"));
     }
+    let mut faces = FaceList::default();
     for element in in_order(header)? {
         match element.name.as_str() {
-            "vertex" => vertices(element, &mut payload)?.into_mesh(&mut mesh),
-            "face" if is_faces(element) => thin += faces(element, &mut payload, &mut mesh)?,
+            "vertex" => {
+                let wanted = Wanted::of(element, false)?;
+                said.extend(element.unused(&wanted.used()));
+                vertices(element, &wanted, &mut payload, &mut said)?.into_mesh(&mut mesh);
+            }
+            "face" if is_faces(element) => faces.read(element, &mut payload, &mut mesh, &mut said)?,
             "tristrips" => strips(element, &mut payload, &mut mesh)?,
-            _ => payload.skip(element)?,
+            other => {
+                if element.count > 0 {
+                    said.push(Complaint::file(format!("element {other} ({} rows) is left out", element.count)));
+                }
+                payload.skip(element)?;
+            }
         }
     }
-    if mesh.triangles.is_empty() {
+    said.extend(payload.rest()?);
+    if mesh.triangles.is_empty() && faces.is_empty() {
         return Err(Complaint::file("there are no faces in it"));
     }
+    faces.finish(&mut mesh, &mut said)?;
+    if mesh.triangles.is_empty() {
+        return Err(Complaint::file("none of its faces has three corners with finite coordinates"));
+    }
+    for picture in &header.textures {
+        let help =
+            "name the picture in the scene: texture \"skin\" { file \"…\" }, and that texture in the mesh's material";
+        said.push(Complaint::file(format!("the picture {picture}, which its header names, is left out")).help(help));
+    }
+    let without = mesh.normals.par_iter().filter(|n| !has_direction(n)).count();
+    if without > 0 {
+        said.push(Complaint::file(format!("{without} normals have no direction; they are computed from the faces")));
+    }
     mend_normals(&mut mesh, Smoothing::Creases);
-    Ok((mesh, thin))
+    Ok((mesh, said))
 }
 
-/// The vertices as spheres, with the radius of property `radius` or `r` if there is one.
-pub(super) fn read_spheres(name: &str, view: View<'_>) -> Result<SphereCloud, Complaint> {
+/// Whether a vector can be made a unit vector.
+fn has_direction(n: &Vec3) -> bool {
+    n.is_finite() && *n != Vec3::ZERO
+}
+
+/// The vertices as spheres, with the radius of property `radius` or `r` if there is one; and what is left out or assumed.
+pub(super) fn read_spheres(name: &str, view: View<'_>) -> Result<(SphereCloud, Vec<Complaint>), Complaint> {
     let header = read_header(view)?;
     let mut payload = Payload::new(&header, view);
+    let mut said = Vec::new();
     for element in in_order(&header)? {
         if element.name == "vertex" {
-            let Vertices { positions, radii, colors, .. } = vertices(element, &mut payload)?;
-            let (origin, centers) = positions.settle();
-            return Ok(SphereCloud { name: name.to_owned(), origin, centers, radii, colors });
+            let wanted = Wanted::of(element, true)?;
+            let Vertices { positions, mut radii, mut colors, .. } =
+                vertices(element, &wanted, &mut payload, &mut said)?;
+            let (origin, mut centers) = positions.settle();
+            let good = |i: usize| centers[i].is_finite() && radii.get(i).is_none_or(|r: &f32| r.is_finite());
+            let kept: Vec<bool> = (0..centers.len()).into_par_iter().map(good).collect();
+            said.extend(left_out(&kept, "points"));
+            keep(&mut centers, &kept);
+            keep(&mut radii, &kept);
+            keep(&mut colors, &kept);
+            return Ok((SphereCloud { name: name.to_owned(), origin, centers, radii, colors }, said));
         }
         payload.skip(element)?;
     }
-    Ok(SphereCloud::default())
+    Ok((SphereCloud::default(), said))
+}
+
+/// Drops what isn't to be kept.
+pub(super) fn keep<T>(list: &mut Vec<T>, kept: &[bool]) {
+    let mut kept = kept.iter();
+    // A list that isn't there stays so.
+    list.retain(|_| kept.next().is_none_or(|kept| *kept));
+}
+
+/// What is said of rows that aren't kept.
+pub(super) fn left_out(kept: &[bool], of: &str) -> Option<Complaint> {
+    let lost = kept.par_iter().filter(|kept| !**kept).count();
+    let first = kept.iter().position(|kept| !kept)?;
+    Some(Complaint::file(format!(
+        "{lost} of {} {of} are left out, as a coordinate or the radius isn't a finite number; the first is number {} of them",
+        kept.len(),
+        first + 1
+    )))
 }
 
 /// The edges as cylinders: element `edge` with `vertex1`, `vertex2` and perhaps `radius` and colours.
-pub(super) fn read_cylinders(name: &str, view: View<'_>) -> Result<CylinderCloud, Complaint> {
+pub(super) fn read_cylinders(name: &str, view: View<'_>) -> Result<(CylinderCloud, Vec<Complaint>), Complaint> {
     let header = read_header(view)?;
     let mut payload = Payload::new(&header, view);
     let mut cloud = CylinderCloud { name: name.to_owned(), ..CylinderCloud::default() };
     if !header.elements.iter().any(|e| e.name == "edge") {
         return Err(Complaint::file("it has no element `edge`").help("edges have vertex1, vertex2 and perhaps radius"));
     }
-    let mut points = Vec::new();
+    let (mut points, mut said) = (Vec::new(), Vec::new());
     for element in in_order(&header)? {
         match element.name.as_str() {
-            "vertex" => (cloud.origin, points) = vertices(element, &mut payload)?.positions.settle(),
+            "vertex" => {
+                let wanted = Wanted { extra: Extra::default(), ..Wanted::of(element, false)? };
+                (cloud.origin, points) = vertices(element, &wanted, &mut payload, &mut said)?.positions.settle();
+            }
             "edge" => {
                 let ends = element.numbers(["vertex1", "vertex2"]);
                 let ends = ends.ok_or_else(|| Complaint::file("edges need the properties vertex1 and vertex2"))?;
-                let extra = Extra::of(element);
+                let extra = Extra::of(element, true);
                 let points = &points;
                 payload.rows(
                     element,
@@ -109,11 +172,19 @@ pub(super) fn read_cylinders(name: &str, view: View<'_>) -> Result<CylinderCloud
                         cloud.colors.extend(some.colors);
                     },
                 )?;
+                said.extend(extra.settle(&mut cloud.colors, "edges"));
             }
             _ => payload.skip(element)?,
         }
     }
-    Ok(cloud)
+    let radius = |i: usize| cloud.radii.get(i).is_none_or(|r| r.is_finite());
+    let kept: Vec<bool> =
+        cloud.axes.iter().enumerate().map(|(i, [a, b])| a.is_finite() && b.is_finite() && radius(i)).collect();
+    said.extend(left_out(&kept, "edges"));
+    keep(&mut cloud.axes, &kept);
+    keep(&mut cloud.radii, &kept);
+    keep(&mut cloud.colors, &kept);
+    Ok((cloud, said))
 }
 
 /// Reads the header from as much of the file as it takes.
@@ -138,6 +209,9 @@ fn is_faces(element: &Element) -> bool {
 /// The elements, of which one must be the vertices, before those that refer to them.
 fn in_order(header: &Header) -> Result<&[Element], Complaint> {
     let place = |names: &[&str]| header.elements.iter().position(|e| names.contains(&e.name.as_str()));
+    if header.elements.iter().filter(|e| e.name == "vertex").count() > 1 {
+        return Err(Complaint::file("it has several elements `vertex`, which isn't supported"));
+    }
     match (place(&["vertex"]), place(&["face", "tristrips", "edge"])) {
         (None, _) => Err(Complaint::file("it has no element `vertex`")),
         (Some(vertex), Some(face)) if face < vertex => {
@@ -147,25 +221,26 @@ fn in_order(header: &Header) -> Result<&[Element], Complaint> {
     }
 }
 
-/// Colours and radii, which vertices and edges may have.
+/// Colours and radii, which vertices and edges may have; faces may have colours.
+#[derive(Default)]
 struct Extra {
     radius: Option<usize>,
-    /// The properties of red, green and blue, and their largest value if they are shares of it.
-    color: Option<([usize; 3], Option<f64>)>,
+    /// The properties of red, green and blue, and their type.
+    color: Option<([usize; 3], Kind)>,
     /// sRGB of the 256 values of a byte, decoded.
     bytes: Vec<f32>,
 }
 
 impl Extra {
-    fn of(element: &Element) -> Extra {
+    fn of(element: &Element, with_radius: bool) -> Extra {
         let names = [["red", "green", "blue"], ["diffuse_red", "diffuse_green", "diffuse_blue"]];
         let color = names.iter().find_map(|names| element.numbers(*names));
         let color = color.or_else(|| element.numbers(["r", "g", "b"]));
         let number = |name: &str| element.numbers([name]).map(|[at]| at);
         let radius = number("radius").or_else(|| number("r").filter(|r| color.is_none_or(|c| c[0] != *r)));
         Extra {
-            radius,
-            color: color.map(|c| (c, element.properties[c[0]].kind.share())),
+            radius: radius.filter(|_| with_radius),
+            color: color.map(|c| (c, element.properties[c[0]].kind)),
             bytes: (0..=255).map(|byte| decode_srgb(byte as f32 / 255.0)).collect(),
         }
     }
@@ -175,30 +250,40 @@ impl Extra {
             radii.push(self.radius(row.numbers[property])?);
         }
         if let Some((properties, _)) = self.color {
-            let [r, g, b] = properties.map(|property| self.channel(row.numbers[property]));
-            colors.push(Rgb::new(r?, g?, b?));
+            colors.push(properties.map(|property| self.channel(row.numbers[property])).into());
         }
         Ok(())
     }
 
+    /// A radius, which may be no number; an infinite one is none either.
     fn radius(&self, number: f64) -> Result<f32, String> {
         let radius = number as f32;
-        if radius.is_finite() && radius > 0.0 {
-            return Ok(radius);
+        if radius <= 0.0 && radius.is_finite() {
+            return Err(format!("radius is {radius}; it must be more than 0"));
         }
-        Err(format!("radius is {radius}; it must be more than 0"))
+        Ok(radius)
     }
 
-    /// One of red, green and blue.
-    fn channel(&self, number: f64) -> Result<f32, String> {
-        if !number.is_finite() || number < 0.0 {
-            return Err(format!("a colour is {number}; it must be 0 or more"));
-        }
-        Ok(match self.color {
-            Some((_, Some(255.0))) => self.bytes[(number as usize).min(255)],
-            Some((_, Some(most))) => decode_srgb((number / most) as f32),
+    /// One of red, green and blue: of a byte its light, of other types the number.
+    fn channel(&self, number: f64) -> f32 {
+        match self.color {
+            // The bytes of a signed type are meant as those of the unsigned one.
+            Some((_, Kind::U8 | Kind::I8)) => self.bytes[usize::from(number as i64 as u8)],
             _ => number as f32,
-        })
+        }
+    }
+
+    /// Turns the numbers of all colours into light; see [`table_color::settle`].
+    fn settle(&self, colors: &mut [Rgb], of: &str) -> Vec<Complaint> {
+        let written = match self.color {
+            None | Some((_, Kind::U8 | Kind::I8)) => return Vec::new(),
+            Some((_, Kind::I16)) => Written::Whole(32767.0),
+            Some((_, Kind::U16)) => Written::Whole(65535.0),
+            Some((_, Kind::I32)) => Written::Whole(2_147_483_647.0),
+            Some((_, Kind::U32)) => Written::Whole(4_294_967_295.0),
+            Some((_, Kind::F32 | Kind::F64)) => Written::Real,
+        };
+        table_color::settle(colors, written, of)
     }
 }
 
@@ -229,24 +314,29 @@ struct Wanted {
 }
 
 impl Wanted {
-    fn of(element: &Element) -> Option<Wanted> {
+    fn of(element: &Element, with_radius: bool) -> Result<Wanted, Complaint> {
         let names = [["u", "v"], ["s", "t"], ["texture_u", "texture_v"], ["texture_s", "texture_t"]];
-        Some(Wanted {
-            position: element.numbers(["x", "y", "z"])?,
+        let position = element.numbers(["x", "y", "z"]);
+        Ok(Wanted {
+            position: position.ok_or_else(|| Complaint::file("its vertices need the properties x, y and z"))?,
             normal: element.numbers(["nx", "ny", "nz"]),
             uv: names.iter().find_map(|names| element.numbers(*names)),
-            extra: Extra::of(element),
+            extra: Extra::of(element, with_radius),
         })
+    }
+
+    /// The properties that have a meaning.
+    fn used(&self) -> Vec<usize> {
+        let Wanted { position, normal, uv, extra } = self;
+        let color = extra.color.iter().flat_map(|(properties, _)| properties);
+        let some = position.iter().chain(normal.iter().flatten()).chain(uv.iter().flatten());
+        some.chain(color).chain(&extra.radius).copied().collect()
     }
 
     fn read(&self, row: &Row, out: &mut Vertices) -> Result<(), String> {
         let vector = |properties: [usize; 3]| Vec3::from(properties.map(|property| row.numbers[property] as f32));
-        let p = vector(self.position);
-        if !p.is_finite() {
-            return Err(format!("its position {} {} {} is not finite", p.x, p.y, p.z));
-        }
         let exact = self.position.map(|property| row.numbers[property]);
-        out.positions.push(p, DVec3::from(exact));
+        out.positions.push(vector(self.position), DVec3::from(exact));
         out.normals.extend(self.normal.map(vector));
         out.uvs.extend(self.uv.map(|uv| from_top(Vec2::from(uv.map(|property| row.numbers[property] as f32)))));
         self.extra.read(row, &mut out.radii, &mut out.colors)
@@ -259,116 +349,38 @@ fn from_top(uv: Vec2) -> Vec2 {
     if uv.is_finite() { Vec2::new(uv.x, 1.0 - uv.y) } else { Vec2::ZERO }
 }
 
-fn vertices(element: &Element, payload: &mut Payload<'_>) -> Result<Vertices, Complaint> {
-    let wanted = Wanted::of(element);
-    let wanted = wanted.ok_or_else(|| Complaint::file("its vertices need the properties x, y and z"))?;
+/// Reads vertices. Those without a place are among them, with coordinates that aren't finite.
+fn vertices(
+    element: &Element,
+    wanted: &Wanted,
+    payload: &mut Payload<'_>,
+    said: &mut Vec<Complaint>,
+) -> Result<Vertices, Complaint> {
     if element.count >= u64::from(u32::MAX) {
         return Err(Complaint::file(format!("it has {} vertices, more than 32 bits can count", element.count)));
     }
     payload.check_room(element)?;
-    if let Some(vertices) = table::vertices(element, &wanted, payload) {
-        return Ok(vertices);
-    }
-    let mut out = Vertices::default();
-    payload.rows(
-        element,
-        Vertices::default,
-        |some, _, row| wanted.read(row, some),
-        |some| {
-            out.positions.append(some.positions);
-            out.normals.extend(some.normals);
-            out.uvs.extend(some.uvs);
-            out.radii.extend(some.radii);
-            out.colors.extend(some.colors);
-        },
-    )?;
-    Ok(out)
-}
-
-/// Reads faces; how many have fewer than three corners.
-fn faces(element: &Element, payload: &mut Payload<'_>, mesh: &mut Mesh) -> Result<u64, Complaint> {
-    let Some(property) = element.property(&["vertex_indices", "vertex_index"]) else { return Ok(0) };
-    if element.properties[property].length.is_none() {
-        return Err(Complaint::file(format!("`{}` of its faces must be a list", element.properties[property].name)));
-    }
-    if mesh.triangles.is_empty()
-        && let Some(triangles) = table::triangles(element, property, payload, mesh.positions.len())
-    {
-        mesh.triangles = triangles;
-        return Ok(0);
-    }
-    let Mesh { positions, triangles, .. } = mesh;
-    let mut thin = 0;
-    payload.rows(
-        element,
-        Faces::default,
-        |some, _, row| some.read(row.list(property), positions),
-        |some| {
-            triangles.extend(some.triangles);
-            thin += some.thin;
-        },
-    )?;
-    Ok(thin)
-}
-
-/// Some faces, cut into triangles.
-#[derive(Default)]
-struct Faces {
-    triangles: Vec<[u32; 3]>,
-    /// How many have fewer than three corners.
-    thin: u64,
-    corners: Vec<u32>,
-    points: Vec<Vec3>,
-    triangulator: Triangulator,
-}
-
-impl Faces {
-    fn read(&mut self, entries: &[f64], positions: &[Vec3]) -> Result<(), String> {
-        self.corners.clear();
-        for entry in entries {
-            self.corners.push(index(*entry, positions.len())?);
+    let mut out = match table::vertices(element, wanted, payload) {
+        Some(vertices) => vertices,
+        None => {
+            let mut out = Vertices::default();
+            payload.rows(
+                element,
+                Vertices::default,
+                |some, _, row| wanted.read(row, some),
+                |some| {
+                    out.positions.append(some.positions);
+                    out.normals.extend(some.normals);
+                    out.uvs.extend(some.uvs);
+                    out.radii.extend(some.radii);
+                    out.colors.extend(some.colors);
+                },
+            )?;
+            out
         }
-        match *self.corners {
-            [] | [_] | [_, _] => self.thin += 1,
-            [a, b, c] => self.triangles.push([a, b, c]),
-            _ => {
-                let Faces { triangles, corners, points, triangulator, .. } = self;
-                points.clear();
-                points.extend(corners.iter().map(|i| positions[*i as usize]));
-                triangulator.cut(points, |t| triangles.push(t.map(|i| corners[i])))?;
-            }
-        }
-        Ok(())
-    }
-}
-
-fn strips(element: &Element, payload: &mut Payload<'_>, mesh: &mut Mesh) -> Result<(), Complaint> {
-    let property = element.property(&["vertex_indices", "vertex_index"]);
-    let property = property.filter(|at| element.properties[*at].length.is_some());
-    let property = property.ok_or_else(|| Complaint::file("its strips need the list `vertex_indices`"))?;
-    let Mesh { positions, triangles, .. } = mesh;
-    let read = |some: &mut Vec<[u32; 3]>, _, row: &Row| {
-        let mut strip = Vec::new();
-        for entry in row.list(property) {
-            if *entry == -1.0 {
-                strip.clear();
-                continue;
-            }
-            strip.push(index(*entry, positions.len())?);
-            // Every second triangle turns the other way.
-            let n = strip.len();
-            if n >= 3 {
-                let [a, b, c] = [strip[n - 3], strip[n - 2], strip[n - 1]];
-                let triangle = if n % 2 == 1 { [a, b, c] } else { [b, a, c] };
-                // Strips are joined by repeated corners.
-                if a != b && b != c && c != a {
-                    some.push(triangle);
-                }
-            }
-        }
-        Ok(())
     };
-    payload.rows(element, Vec::new, read, |some| triangles.extend(some))
+    said.extend(wanted.extra.settle(&mut out.colors, "vertices"));
+    Ok(out)
 }
 
 fn index(entry: f64, count: usize) -> Result<u32, String> {

@@ -187,6 +187,20 @@ impl<'a> Payload<'a> {
         (self.encoding != Encoding::Ascii && stride > 0 && size <= self.left()).then_some(self.at)
     }
 
+    /// What is said of bytes behind the last element, if they are more than blanks or a trailer of a few bytes.
+    pub(super) fn rest(&self) -> Result<Option<Complaint>, Complaint> {
+        const FEW: usize = 16;
+        let left = self.left();
+        if left <= FEW && self.encoding != Encoding::Ascii {
+            return Ok(None);
+        }
+        let mut buffer = Vec::new();
+        let some = self.view.piece(self.at..self.at + left.min(1 << 12), &mut buffer).map_err(|e| unreadable(&e))?;
+        let blank = if self.encoding == Encoding::Ascii { some.len() - some.trim_ascii_start().len() } else { 0 };
+        let more = blank < some.len();
+        Ok(more.then(|| Complaint::file(format!("{} bytes behind its last element are left out", left - blank))))
+    }
+
     /// Goes on behind so many bytes.
     pub(super) fn pass(&mut self, bytes: usize) {
         self.at += bytes;

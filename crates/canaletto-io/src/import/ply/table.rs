@@ -144,7 +144,7 @@ impl VertexRows<'_> {
         let stride = self.stride;
         if stride == size_of::<Vec3>() && self.position[0].offset == 0 && self.positions_are_plain() {
             // The file's bytes are those of the list.
-            return self.view.fill(at, bytemuck::cast_slice_mut(part.positions)).is_ok() && finite(part.positions);
+            return self.view.fill(at, bytemuck::cast_slice_mut(part.positions)).is_ok();
         }
         let Ok(rows) = self.view.piece(at..at + part.positions.len() * stride, buffer) else { return false };
         vectors(self.position, rows, stride, part.positions);
@@ -160,7 +160,7 @@ impl VertexRows<'_> {
             vectors(columns, rows, stride, part.uvs);
             part.uvs.iter_mut().for_each(|uv| *uv = from_top(*uv));
         }
-        let mut good = finite(part.positions);
+        let mut good = true;
         if let Some(column) = self.radius {
             column.each(rows, stride, |i, radius| match self.extra.radius(radius) {
                 Ok(radius) => part.radii[i] = radius,
@@ -168,16 +168,13 @@ impl VertexRows<'_> {
             });
         }
         for (k, column) in self.color.into_iter().flatten().enumerate() {
-            if let (Kind::U8, Some((_, Some(255.0)))) = (column.kind, self.extra.color) {
+            if let (Kind::U8, Some((_, Kind::U8))) = (column.kind, self.extra.color) {
                 for (color, row) in part.colors.iter_mut().zip(rows.chunks_exact(stride)) {
                     color[k] = self.extra.bytes[usize::from(row[column.offset])];
                 }
                 continue;
             }
-            column.each(rows, stride, |i, channel| match self.extra.channel(channel) {
-                Ok(channel) => part.colors[i][k] = channel,
-                Err(_) => good = false,
-            });
+            column.each(rows, stride, |i, channel| part.colors[i][k] = self.extra.channel(channel));
         }
         good
     }
@@ -187,11 +184,6 @@ impl VertexRows<'_> {
         let in_order = (y.offset, z.offset) == (x.offset + 4, x.offset + 8);
         cfg!(target_endian = "little") && in_order && self.position.iter().all(|column| column.is_plain())
     }
-}
-
-fn finite(positions: &[Vec3]) -> bool {
-    // Without a way out in between, so that many are tested at a time.
-    positions.iter().fold(true, |all, p| all & p.is_finite())
 }
 
 /// The vertices, if the element is a table without anything odd in it.

@@ -40,8 +40,16 @@ fn binary(big: bool) -> Vec<u8> {
     out
 }
 
-fn read_mesh(name: &str, bytes: &[u8]) -> Result<(Mesh, u64), Complaint> {
+type Read = (Mesh, Vec<Complaint>);
+
+fn read_mesh(name: &str, bytes: &[u8]) -> Result<Read, Complaint> {
     super::read_mesh(name, bytes.into())
+}
+
+/// What is said of a file beside its mesh.
+fn said(bytes: &[u8]) -> String {
+    let said = read_mesh("a", bytes).unwrap().1;
+    said.into_iter().map(|complaint| complaint.message).collect::<Vec<_>>().join("; ")
 }
 
 fn error(text: &str) -> String {
@@ -50,8 +58,13 @@ fn error(text: &str) -> String {
 
 #[test]
 fn all_encodings_give_the_same_mesh() {
-    let (mesh, thin) = read_mesh("a", &ascii()).unwrap();
-    assert_eq!((mesh.positions.len(), thin, mesh.normals.len(), mesh.uvs.len()), (4, 0, 0, 0));
+    let (mesh, _) = read_mesh("a", &ascii()).unwrap();
+    assert_eq!((mesh.positions.len(), mesh.normals.len(), mesh.uvs.len()), (4, 0, 0));
+    assert_eq!(
+        said(&ascii()),
+        "the property flags of element vertex is left out; the property quality of element face is left out; \
+         element edge (1 rows) is left out"
+    );
     assert_eq!(mesh.triangles, [[0, 1, 2], [0, 2, 3], [0, 1, 3]]);
     assert_eq!(mesh.colors[0], Rgb::new(1.0, 0.0, 0.0));
     assert!((mesh.colors[2].r - 0.502_886).abs() < 1e-5);
@@ -67,8 +80,12 @@ fn normals_and_texture_coordinates_are_taken() {
         property float nx\nproperty float ny\nproperty float nz\nproperty float s\nproperty float t\nproperty float red\n\
         property float green\nproperty float blue\nelement face 2\nproperty list int uint vertex_index\nend_header\n\
         0 0 0 0 1 0 0 1 .5 .5 .5\n1 0 0 0 0 0 0 1 .5 .5 .5\n0 1 0 0 1 0 0.5 1 .5 .5 .5\n3 0 1 2\n2 0 1\n";
-    let (mesh, thin) = read_mesh("a", text.as_bytes()).unwrap();
-    assert_eq!((mesh.normals.as_slice(), thin), (&[Vec3::Y, Vec3::Z, Vec3::Y][..], 1));
+    let (mesh, _) = read_mesh("a", text.as_bytes()).unwrap();
+    assert_eq!(mesh.normals, [Vec3::Y, Vec3::Z, Vec3::Y]);
+    assert_eq!(
+        said(text.as_bytes()),
+        "1 faces of fewer than 3 corners are left out; 1 normals have no direction; they are computed from the faces"
+    );
     assert_eq!((mesh.uvs[2], mesh.colors[0]), (Vec2::new(0.5, 0.0), Rgb::gray(0.5)));
 }
 
@@ -84,9 +101,9 @@ fn clouds_take_points_and_edges() {
     let text = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\n\
         property float radius\nelement edge 1\nproperty int vertex1\nproperty int vertex2\nproperty float radius\nend_header\n\
         1 2 3 0.5\n4 5 6 0.25\n0 1 0.125\n";
-    let spheres = read_spheres("a", text.as_bytes().into()).unwrap();
+    let spheres = read_spheres("a", text.as_bytes().into()).unwrap().0;
     assert_eq!((spheres.centers[1], spheres.radii.as_slice()), (Vec3::new(4., 5., 6.), &[0.5, 0.25][..]));
-    let cylinders = read_cylinders("a", text.as_bytes().into()).unwrap();
+    let cylinders = read_cylinders("a", text.as_bytes().into()).unwrap().0;
     assert_eq!((cylinders.axes[0][1], cylinders.radii.as_slice()), (Vec3::new(4., 5., 6.), &[0.125][..]));
     assert!(error(text).contains("it has points but no faces"));
     assert_eq!(
@@ -124,7 +141,6 @@ fn errors_name_the_row() {
         ("4 0 1 2 3 9", "9 0 1 2 3 9", "face 0: the line ends before vertex_indices"),
         ("4 0 1 2 3 9", "-4 0 1 2 3 9", "face 0: vertex_indices can't have -4 entries"),
         ("1 1 0 188", "1 z 0 188", "vertex 2: y: \"z\" is not a number"),
-        ("1 1 0 188", "1 inf 0 188", "vertex 2: its position 1 inf 0 is not finite"),
         ("255 0 0 -1", "255 0 0 -1 5", "vertex 0: \"5\" is more than the header announces for a line"),
         ("3 0 1 3 9\n0 1\n", "", "the file ends inside face 1 of 2"),
         ("float x", "float a", "its vertices need the properties x, y and z"),
@@ -249,11 +265,11 @@ fn large(count: usize, odd: impl Fn(usize, &mut Vec<i32>)) -> [Vec<u8>; 3] {
 }
 
 /// All ways to read a file: at once and in small windows, from memory and from a disk, by one thread and by three.
-fn every_way(bytes: &[u8]) -> Result<(Mesh, u64), Complaint> {
+fn every_way(bytes: &[u8]) -> Result<Read, Complaint> {
     let mut file = tempfile::tempfile().unwrap();
     std::io::Write::write_all(&mut file, bytes).unwrap();
     let expected = read_mesh("m", bytes);
-    let told = |result: &Result<(Mesh, u64), Complaint>| match result {
+    let told = |result: &Result<Read, Complaint>| match result {
         Ok(mesh) => (Some(mesh.clone()), String::new()),
         Err(complaint) => (None, format!("{} {:?}", complaint.message, complaint.span)),
     };
@@ -289,7 +305,8 @@ fn neither_windows_nor_threads_change_anything() {
     assert_eq!((all[0].0.triangles.len(), all[0].0.colors.len()), (5000, 5000));
     assert!(all[1] == all[0] && all[2] == all[0]);
     let all = large(5000, polygons).map(|bytes| every_way(&bytes).unwrap());
-    assert_eq!(all[0].1, 715);
+    let thin = "715 faces of fewer than 3 corners are left out";
+    assert!(all[0].1.iter().any(|complaint| complaint.message == thin), "{:?}", all[0].1);
     assert!(all[1] == all[0] && all[2] == all[0]);
     for bytes in large(5000, mistakes) {
         let message = every_way(&bytes).unwrap_err().message;
@@ -312,5 +329,248 @@ fn headers_of_any_length_are_read() {
                 assert_eq!(read_mesh("a", long.as_bytes()).unwrap().0.triangles.len(), 3);
             }
         }
+    }
+}
+
+/// A cube of six coloured faces, as text and in both byte orders.
+fn cube(faces: &str, row: impl Fn(usize) -> Vec<(String, Vec<u8>)>) -> [Vec<u8>; 3] {
+    let corners = [[0i32, 1, 2, 3], [5, 4, 7, 6], [1, 5, 6, 2], [4, 0, 3, 7], [3, 2, 6, 7], [4, 5, 1, 0]];
+    let points = [[-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1], [-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1]];
+    ["ascii", "binary_little_endian", "binary_big_endian"].map(|encoding| {
+        let mut out = format!(
+            "ply\nformat {encoding} 1.0\ncomment TextureFile wall of brick.png\nelement vertex 8\nproperty char x\n\
+             property char y\nproperty char z\nelement face 6\nproperty list uchar int vertex_indices\n{faces}end_header\n"
+        )
+        .into_bytes();
+        let mut put = |text: String, little: &[u8]| match encoding {
+            "ascii" => out.extend(format!("{text} ").into_bytes()),
+            "binary_big_endian" => out.extend(little.iter().rev()),
+            _ => out.extend(little),
+        };
+        for point in points {
+            point.iter().for_each(|p| put(p.to_string(), &[*p as i8 as u8]));
+            put("\n".into(), &[]);
+        }
+        for (i, face) in corners.iter().enumerate() {
+            put("4".into(), &[4]);
+            face.iter().for_each(|v| put(v.to_string(), &v.to_le_bytes()));
+            row(i).into_iter().for_each(|(text, bytes)| put(text, &bytes));
+            put("\n".into(), &[]);
+        }
+        out
+    })
+}
+
+#[test]
+fn faces_have_colours_of_their_own() {
+    let colors = [[255u8, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 0], [255, 0, 255], [0, 255, 255]];
+    type Number = (String, Vec<u8>);
+    let kinds: [(&str, fn(u8) -> Number); 3] = [
+        ("uchar", |v| (v.to_string(), vec![v])),
+        ("float", |v| ((v / 255).to_string(), f32::from(v / 255).to_le_bytes().to_vec())),
+        ("int", |v| (v.to_string(), i32::from(v).to_le_bytes().to_vec())),
+    ];
+    for (kind, number) in kinds {
+        let header = ["red", "green", "blue"].map(|name| format!("property {kind} {name}\n")).concat();
+        for bytes in cube(&header, |i| colors[i].map(number).to_vec()) {
+            let (mesh, said) = read_mesh("a", &bytes).unwrap();
+            mesh.check().unwrap();
+            assert_eq!((mesh.triangles.len(), mesh.positions.len()), (12, 24));
+            for (t, triangle) in mesh.triangles.iter().enumerate() {
+                let expected = Rgb::from(colors[t / 2].map(|v| f32::from(v / 255)));
+                assert!(triangle.iter().all(|v| mesh.colors[*v as usize] == expected), "{kind}, triangle {t}");
+            }
+            let said: Vec<&str> = said.iter().map(|complaint| &*complaint.message).collect();
+            assert_eq!(said.len(), if kind == "int" { 2 } else { 1 }, "{said:?}");
+            assert!(said.last().unwrap().contains("the picture wall of brick.png, which its header names"), "{said:?}");
+        }
+    }
+}
+
+#[test]
+fn corners_have_texture_coordinates_of_their_own() {
+    let header = "property list uchar float texcoord\nproperty int texnumber\n";
+    let uv = [[0.0f32, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+    for short in [false, true] {
+        let row = |i: usize| {
+            let count = if short && i == 3 { 6u8 } else { 8 };
+            let mut row = vec![(count.to_string(), vec![count])];
+            let flat = uv.iter().flatten().take(count.into());
+            row.extend(flat.map(|v| (v.to_string(), v.to_le_bytes().to_vec())));
+            row.push(("0".into(), vec![0; 4]));
+            row
+        };
+        for bytes in cube(header, row) {
+            let (mesh, complaints) = read_mesh("a", &bytes).unwrap();
+            mesh.check().unwrap();
+            for (t, triangle) in mesh.triangles.iter().enumerate() {
+                let corners = [[0, 1, 2], [0, 2, 3]][t % 2];
+                for (corner, vertex) in corners.into_iter().zip(triangle) {
+                    let [u, v] = uv[corner];
+                    // From an image's top row.
+                    let expected = if short && t / 2 == 3 { [0.0, 0.0] } else { [u, 1.0 - v] };
+                    assert_eq!(mesh.uvs[*vertex as usize].to_array(), expected, "triangle {t}");
+                }
+            }
+            let said: Vec<&str> = complaints.iter().map(|complaint| &*complaint.message).collect();
+            assert_eq!(said[0], "the property texnumber of element face is left out");
+            let without = "1 faces have other than two texture coordinates for each corner; theirs are taken as 0";
+            assert_eq!(said.contains(&without), short, "{said:?}");
+        }
+    }
+}
+
+#[test]
+fn vertices_without_a_place_are_left_out_with_their_faces() {
+    let text = String::from_utf8(ascii()).unwrap();
+    for wrong in ["nan", "inf", "-inf", "1e39"] {
+        // Vertex 2 belongs to the polygon, not to the triangle.
+        let bytes = text.replacen("1 1 0 188", &format!("1 {wrong} 0 188"), 1).into_bytes();
+        let (mesh, _) = read_mesh("a", &bytes).unwrap();
+        mesh.check().unwrap();
+        assert_eq!(mesh.triangles, [[0, 1, 3]]);
+        let message =
+            "1 vertices have a coordinate that isn't a finite number; they are left out, and 1 faces with them";
+        assert!(said(&bytes).contains(message), "{}", said(&bytes));
+    }
+    let nowhere = ["0 0 0 255", "1 0 0 0", "1 1 0 188", "0 1 0 0"]
+        .iter()
+        .fold(text, |text, row| text.replacen(row, &format!("nan{}", &row[1..]), 1));
+    assert_eq!(error(&nowhere), "none of its faces has three corners with finite coordinates");
+    // The same in tables.
+    for odd in large(300, |_, _| ()) {
+        let text = String::from_utf8_lossy(&odd[..60]).into_owned();
+        if text.contains("ascii") {
+            continue;
+        }
+        let mut bytes = odd;
+        let start = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+        // x of vertex 7: all bits set is a NaN in both byte orders.
+        bytes[start + 7 * 15..][..4].fill(0xff);
+        let (mesh, complaints) = read_mesh("m", &bytes).unwrap();
+        mesh.check().unwrap();
+        assert_eq!(mesh.triangles.len(), 297);
+        assert!(complaints.iter().any(|c| c.message.contains("and 3 faces with them")), "{complaints:?}");
+    }
+}
+
+#[test]
+fn points_without_a_place_or_size_are_left_out() {
+    let text = |rows: &str| {
+        format!(
+            "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+             property float radius\nproperty float red\nproperty float green\nproperty float blue\nelement edge 2\n\
+             property int vertex1\nproperty int vertex2\nend_header\n{rows}0 3\n1 3\n"
+        )
+    };
+    let rows = text("0 0 0 1 1 0 0\nnan 0 0 1 1 1 1\n0 1 0 nan 1 1 1\n0 2 0 2 0 nan 1\n");
+    let (cloud, said) = read_spheres("a", rows.as_bytes().into()).unwrap();
+    assert_eq!((cloud.centers.as_slice(), cloud.radii.as_slice()), (&[Vec3::ZERO, Vec3::Y * 2.0][..], &[1.0, 2.0][..]));
+    assert_eq!(cloud.colors, [Rgb::new(1.0, 0.0, 0.0), Rgb::WHITE]);
+    assert!(said[0].message.contains("1 colours of its vertices have a number that isn't finite"), "{said:?}");
+    assert!(
+        said[1].message.starts_with("2 of 4 points are left out") && said[1].message.contains("the first is number 2")
+    );
+    let (cloud, said) = read_cylinders("a", rows.as_bytes().into()).unwrap();
+    assert_eq!(cloud.axes, [[Vec3::ZERO, Vec3::Y * 2.0]]);
+    assert!(said[0].message.starts_with("1 of 2 edges are left out"), "{said:?}");
+}
+
+#[test]
+fn colours_of_every_type_are_bytes_or_say_what_they_are() {
+    for (kind, white, assumed) in [
+        ("uchar", "255", ""),
+        ("char", "-1", ""),
+        ("ushort", "65535", ""),
+        ("ushort", "255", "16-bit numbers up to 255 only"),
+        ("short", "255", "whole numbers up to 255 only"),
+        ("int", "255", "whole numbers up to 255 only"),
+        ("uint", "255", "whole numbers up to 255 only"),
+        ("uint", "4294967295", ""),
+        ("int", "65535", "whole numbers up to 65535 only"),
+        ("float", "1", ""),
+        ("float", "255", "they are taken as sRGB from 0 to 255"),
+        ("double", "255", "they are taken as sRGB from 0 to 255"),
+    ] {
+        let text = String::from_utf8(ascii()).unwrap();
+        let text = ["red", "green", "blue"]
+            .iter()
+            .fold(text, |text, name| text.replacen(&format!("uchar {name}"), &format!("{kind} {name}"), 1));
+        let text = text.replacen("255 0 0 -1", &format!("{white} 0 0 -1"), 1).replacen("0 255 0 2", "0 0 0 2", 1);
+        let text = text.replacen("188 0 0 3", "0 0 0 3", 1);
+        let (mesh, _) = read_mesh("a", text.as_bytes()).unwrap();
+        assert_eq!(mesh.colors[0], Rgb::new(1.0, 0.0, 0.0), "{kind} {white}");
+        let said = said(text.as_bytes());
+        assert_eq!(said.contains("the colours of its vertices"), !assumed.is_empty(), "{kind} {white}: {said}");
+        assert!(said.contains(assumed), "{kind} {white}: {said}");
+    }
+}
+
+#[test]
+fn headers_of_every_habit_are_read() {
+    let expected = read_mesh("a", &ascii()).unwrap().0;
+    let text = String::from_utf8(ascii()).unwrap();
+    let (header, body) = text.split_at(text.find("end_header").unwrap());
+    let spaced = format!("{}end_header \t\n{}", header.replace('\n', "  \n").replace(' ', "  "), &body[11..]);
+    let capitals = format!("{}{body}", header.to_uppercase());
+    for odd in [
+        format!("\u{feff}{text}"),
+        spaced,
+        capitals,
+        text.replace('\n', "\r\n"),
+        text.replace('\n', "\r"),
+        text.replacen("comment made by hand", "obj_info made by hand\n\ncomment\nobj_info", 1),
+        text.replacen("format ascii 1.0", "format ascii 1", 1),
+        format!("{text}\n\n  \n"),
+    ] {
+        let (mesh, _) = read_mesh("a", odd.as_bytes()).unwrap_or_else(|e| panic!("{}: {odd}", e.message));
+        assert_eq!(mesh, expected, "{odd}");
+    }
+    assert!(said(format!("{text}more\n").as_bytes()).contains("5 bytes behind its last element are left out"));
+    // The first number's first byte is that of a line's end: 10 is the low byte of 0x0000_000a.
+    for big in [false, true] {
+        let mut bytes = binary(big);
+        let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+        bytes[end] = b'\n';
+        let expected = read_mesh("a", &bytes).unwrap().0;
+        for ending in [&b"\r"[..], b"\r\n", b" \n"] {
+            let mut odd: Vec<u8> =
+                bytes[..end].iter().flat_map(|b| if *b == b'\n' { ending.to_vec() } else { vec![*b] }).collect();
+            odd.extend(&bytes[end..]);
+            assert_eq!(read_mesh("a", &odd).unwrap().0, expected, "{ending:?}");
+        }
+    }
+}
+
+#[test]
+fn normals_without_any_direction_are_no_normals() {
+    let cube = String::from_utf8(cube("", |_| Vec::new())[0].clone()).unwrap();
+    let header =
+        cube.replacen("property char z", "property char z\nproperty float nx\nproperty float ny\nproperty float nz", 1);
+    let (header, body) = header.split_at(header.find("end_header").unwrap());
+    for normal in ["0 0 0", "nan nan nan", "inf 0 0", "-0 0 0"] {
+        let mut rows: Vec<String> = body.lines().map(str::to_owned).collect();
+        rows[1..9].iter_mut().for_each(|row| row.push_str(normal));
+        let (mesh, _) = read_mesh("a", format!("{header}{}\n", rows.join("\n")).as_bytes()).unwrap();
+        assert!(mesh.normals.is_empty(), "{normal}");
+    }
+}
+
+#[test]
+fn repeated_corners_fill_no_notch() {
+    // An arrow head of area 4, with corners twice: its area is that of its triangles.
+    let header = "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n\
+        element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n2 4 0\n0 2 0\n-2 4 0\n0 2 0\n";
+    for face in
+        ["4 0 1 2 3", "5 0 1 2 2 3", "5 0 1 2 4 3", "6 0 1 2 4 2 3", "5 0 0 1 2 3", "5 0 1 2 3 0", "6 0 1 1 2 3 3"]
+    {
+        let (mesh, _) = read_mesh("a", format!("{header}{face}\n").as_bytes()).unwrap();
+        let area: f32 = (0..mesh.len())
+            .map(|i| {
+                let [a, b, c] = mesh.corners(i);
+                (b - a).cross(c - a).length() / 2.0
+            })
+            .sum();
+        assert!((area - 4.0).abs() < 1e-5, "{face}: {area}");
     }
 }

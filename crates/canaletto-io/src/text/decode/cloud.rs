@@ -34,7 +34,9 @@ impl Decoder<'_> {
                     import::read_spheres(&asset, format, f.real("radius")).map_err(Unread::Wrong)
                 };
                 let read = self.keep.get(key, read);
-                self.unread(f, read)?
+                let (cloud, warnings) = self.unread(f, read)?;
+                self.judge.report.append(warnings);
+                cloud
             }
             source => {
                 let rows = if source == "data" { self.data(f, 3)? } else { numbers(f, "points", 3) };
@@ -61,7 +63,9 @@ impl Decoder<'_> {
                     import::read_cylinders(&asset, format, f.real("radius")).map_err(Unread::Wrong)
                 };
                 let read = self.keep.get(key, read);
-                self.unread(f, read)?
+                let (cloud, warnings) = self.unread(f, read)?;
+                self.judge.report.append(warnings);
+                cloud
             }
             source => {
                 let rows = if source == "data" { self.data(f, 6)? } else { numbers(f, "axes", 6) };

@@ -1,0 +1,167 @@
+//! XYZ, the format of chemists: a count of atoms, a line of remarks, and a line `element x y z` for each atom.
+//!
+//! Radii are van der Waals' (Alvarez, *A cartography of the van der Waals territories*, Dalton Trans. 42, 2013) unless the scene
+//! gives one, and colours the usual ones of Jmol. Extended XYZ says in the remarks what its columns are
+//! (`Properties=species:S:1:pos:R:3:radius:R:1:color:R:3`); columns of forces, charges and the like are passed over. Of several
+//! frames the first is read.
+
+use super::Lost;
+use super::elements::{Element, element};
+use crate::import::lines::{Complaint, Word};
+use crate::import::number;
+use crate::import::positions::Positions;
+use canaletto::math::Rgb;
+use glam::DVec3;
+
+/// The atoms of a file.
+#[derive(Default)]
+pub(super) struct Atoms {
+    pub(super) centers: Positions,
+    /// Those of the file, or of the elements.
+    pub(super) radii: Vec<f32>,
+    pub(super) has_radii: bool,
+    /// Colours of the elements, linear.
+    pub(super) colors: Vec<Rgb>,
+    /// Colours of the file, as it writes them; empty if it has none.
+    pub(super) own_colors: Vec<Rgb>,
+    pub(super) lost: Lost,
+    /// Names that are no elements, the first of them, and how often.
+    pub(super) unknown: Option<(String, u64)>,
+    /// Whether there are more frames behind the first.
+    pub(super) more: bool,
+}
+
+/// Which columns of a line have a meaning.
+struct Columns {
+    species: Option<usize>,
+    position: usize,
+    radius: Option<usize>,
+    color: Option<usize>,
+    count: usize,
+}
+
+/// What a text that starts with a count alone in its first line is.
+pub(super) enum Counted {
+    /// Atoms.
+    Atoms(Atoms),
+    /// Plain rows, which start there.
+    Rows(usize),
+}
+
+/// Reads what stands behind a count, if the text starts with one.
+pub(super) fn read(bytes: &[u8]) -> Option<Result<Counted, Complaint>> {
+    let mut lines = Lines { bytes, at: if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 } };
+    let first = lines.find(|line| !line.text.is_empty())?;
+    let count: u64 = std::str::from_utf8(first.text).ok()?.parse().ok()?;
+    let rows = lines.at;
+    let remarks = lines.next().unwrap_or(Word { start: bytes.len(), text: &[] });
+    // As many rows as the count, all of numbers and none of remarks: points with a count in front, as scanners write them.
+    let mut plain = Lines { bytes, at: rows }.filter(|line| !line.text.is_empty());
+    let numbers = |line: &Word<'_>| line.words().count() >= 3 && line.words().all(|word| word.number().is_ok());
+    if plain.next().is_none_or(|line| numbers(&line)) && plain.count() as u64 + 1 == count {
+        return Some(Ok(Counted::Rows(rows)));
+    }
+    Some(atoms(count, &first, &remarks, lines).map(Counted::Atoms))
+}
+
+fn atoms(count: u64, first: &Word<'_>, remarks: &Word<'_>, mut lines: Lines<'_>) -> Result<Atoms, Complaint> {
+    let columns = Columns::of(remarks)?;
+    let mut atoms = Atoms { has_radii: columns.radius.is_some(), ..Atoms::default() };
+    for index in 0..count {
+        let line = lines.next().filter(|line| !line.text.is_empty());
+        let Some(line) = line else {
+            let message = format!("it announces {count} atoms, but only {index} follow");
+            return Err(first
+                .wrong(message)
+                .help("an XYZ file is a count, a line of remarks, and a line for each atom"));
+        };
+        columns.read(&line, &mut atoms)?;
+    }
+    atoms.more = lines.any(|line| !line.text.is_empty());
+    Ok(atoms)
+}
+
+impl Columns {
+    /// The columns that the remarks announce, or the usual ones.
+    fn of(remarks: &Word<'_>) -> Result<Columns, Complaint> {
+        let usual = Columns { species: Some(0), position: 1, radius: None, color: None, count: 4 };
+        let text = remarks.string();
+        let lower = text.to_ascii_lowercase();
+        let Some(at) = lower.find("properties=") else { return Ok(usual) };
+        let list = text[at + "properties=".len()..].trim_start_matches(['"', '\'']);
+        let list = list.split([' ', '\t', '"', '\'']).next().unwrap_or_default();
+        let fields: Vec<&str> = list.split(':').collect();
+        let mut columns = Columns { species: None, position: usize::MAX, radius: None, color: None, count: 0 };
+        for field in fields.chunks(3) {
+            let wrong = || remarks.wrong(format!("\"{list}\" is not a list of name:type:columns"));
+            let [name, _, width] = field else { return Err(wrong()) };
+            let width: usize = width.parse().ok().filter(|width| (1..=1024).contains(width)).ok_or_else(wrong)?;
+            match (name.to_ascii_lowercase().as_str(), width) {
+                ("species" | "element" | "z", 1) => columns.species = columns.species.or(Some(columns.count)),
+                ("pos" | "positions", 3) => columns.position = columns.count,
+                ("radius" | "radii", 1) => columns.radius = Some(columns.count),
+                ("color" | "colour" | "colors", 3) => columns.color = Some(columns.count),
+                _ => {}
+            }
+            columns.count += width;
+        }
+        if columns.position == usize::MAX {
+            return Err(remarks.wrong("its Properties have no positions: pos:R:3 is expected"));
+        }
+        Ok(columns)
+    }
+
+    fn read(&self, line: &Word<'_>, atoms: &mut Atoms) -> Result<(), Complaint> {
+        let words: Vec<Word<'_>> = line.words().collect();
+        if words.len() < self.count {
+            let message = format!("this line has {} columns; {} are expected", words.len(), self.count);
+            return Err(line.wrong(message).help("a line is the element and its place: C 0.0 0.0 0.0"));
+        }
+        let number = |at: usize, what: &str| {
+            let word = &words[at];
+            let value = number::parse(word.text);
+            value.ok_or_else(|| word.wrong(format!("{what}: \"{}\" is not a number", word.shown())))
+        };
+        let center =
+            DVec3::new(number(self.position, "x")?, number(self.position + 1, "y")?, number(self.position + 2, "z")?);
+        let known = self.species.and_then(|at| element(words[at].text));
+        if let (None, Some(at)) = (known, self.species) {
+            atoms.unknown.get_or_insert_with(|| (words[at].shown(), 0)).1 += 1;
+        }
+        let Element { radius, color } = known.unwrap_or(Element::UNKNOWN);
+        let radius = self.radius.map_or(Ok(radius.into()), |at| number(at, "radius"))? as f32;
+        if radius <= 0.0 && radius.is_finite() {
+            return Err(line.wrong(format!("radius is {radius}; it must be more than 0")));
+        }
+        let own = self.color.map(|at| Ok([number(at, "red")?, number(at + 1, "green")?, number(at + 2, "blue")?]));
+        let own: Option<[f64; 3]> = own.transpose()?;
+        if !(center.as_vec3().is_finite() && radius.is_finite()) {
+            atoms.lost.note(line);
+            return Ok(());
+        }
+        atoms.lost.kept += 1;
+        atoms.centers.push(center.as_vec3(), center);
+        atoms.radii.push(radius);
+        atoms.colors.push(color);
+        atoms.own_colors.extend(own.map(|color| Rgb::from(color.map(|v| v as f32))));
+        Ok(())
+    }
+}
+
+/// All lines, blank ones too, wherever `\n`, `\r` or both end them.
+struct Lines<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Iterator for Lines<'a> {
+    type Item = Word<'a>;
+    fn next(&mut self) -> Option<Word<'a>> {
+        let rest = self.bytes.get(self.at..).filter(|rest| !rest.is_empty())?;
+        let end = memchr::memchr2(b'\n', b'\r', rest).unwrap_or(rest.len());
+        let start = self.at;
+        self.at += end + if rest[end..].starts_with(b"\r\n") { 2 } else { 1 };
+        let line = &rest[..end];
+        Some(Word { start: start + line.len() - line.trim_ascii_start().len(), text: line.trim_ascii() })
+    }
+}

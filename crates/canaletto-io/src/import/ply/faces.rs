@@ -1,0 +1,284 @@
+//! Faces of a PLY file: polygons and strips, and what each face says of itself.
+//!
+//! Meshes hold colours and texture coordinates at their vertices. Where faces have their own (`red green blue`, or a list
+//! `texcoord` of two numbers for each corner, as MeshLab writes for "wedges"), a vertex is copied for each value that it has.
+
+use super::header::Element;
+use super::payload::{Payload, Row};
+use super::{Extra, from_top, index, table};
+use crate::import::lines::Complaint;
+use crate::import::polygon::Triangulator;
+use canaletto::math::Rgb;
+use canaletto::shape::Mesh;
+use glam::{Vec2, Vec3};
+use std::collections::HashMap;
+
+/// Which properties of faces have a meaning.
+struct Wanted {
+    corners: usize,
+    /// The colour of a face.
+    color: Extra,
+    /// Texture coordinates, two numbers for each corner.
+    uv: Option<usize>,
+}
+
+/// All faces of a file, cut into triangles.
+#[derive(Default)]
+pub(super) struct FaceList {
+    /// For each triangle of the mesh so far its face's colour; empty if faces have none.
+    colors: Vec<Rgb>,
+    /// For each triangle the texture coordinates of its corners; empty if faces have none.
+    uvs: Vec<[Vec2; 3]>,
+    /// Faces with fewer than three corners.
+    thin: u64,
+    /// Faces with a corner that has no place.
+    lost: u64,
+    /// Faces whose texture coordinates aren't as many as their corners.
+    without_uv: u64,
+}
+
+impl FaceList {
+    /// Whether nothing at all was read.
+    pub(super) fn is_empty(&self) -> bool {
+        self.thin + self.lost == 0
+    }
+
+    /// Reads an element of polygons.
+    pub(super) fn read(
+        &mut self,
+        element: &Element,
+        payload: &mut Payload<'_>,
+        mesh: &mut Mesh,
+        said: &mut Vec<Complaint>,
+    ) -> Result<(), Complaint> {
+        let Some(corners) = element.property(&["vertex_indices", "vertex_index"]) else { return Ok(()) };
+        if element.properties[corners].length.is_none() {
+            return Err(Complaint::file(format!("`{}` of its faces must be a list", element.properties[corners].name)));
+        }
+        let names = ["texcoord", "texcoords", "texture_coordinates", "uv"];
+        let lists = names.iter().filter_map(|name| element.property(&[name]));
+        let mut wanted = Wanted {
+            corners,
+            color: Extra::of(element, false),
+            uv: lists.into_iter().find(|at| element.properties[*at].length.is_some()),
+        };
+        if !mesh.colors.is_empty() {
+            // Vertices have the finer ones.
+            wanted.color.color = None;
+        }
+        let color = wanted.color.color.iter().flat_map(|(properties, _)| properties);
+        let used: Vec<usize> = color.chain(&wanted.uv).chain([&corners]).copied().collect();
+        said.extend(element.unused(&used));
+        let plain = wanted.color.color.is_none() && wanted.uv.is_none();
+        if plain
+            && mesh.triangles.is_empty()
+            && let Some(triangles) = table::triangles(element, corners, payload, mesh.positions.len())
+        {
+            mesh.triangles = triangles;
+            return Ok(());
+        }
+        // What an element before this one left out.
+        self.colors.resize(if wanted.color.color.is_some() { mesh.triangles.len() } else { 0 }, Rgb::WHITE);
+        self.uvs.resize(if wanted.uv.is_some() { mesh.triangles.len() } else { 0 }, [Vec2::ZERO; 3]);
+        let (positions, triangles) = (&mesh.positions, &mut mesh.triangles);
+        payload.rows(
+            element,
+            Part::default,
+            |some, _, row| some.read(row, &wanted, positions),
+            |some| {
+                triangles.extend(some.triangles);
+                self.colors.extend(some.colors);
+                self.uvs.extend(some.uvs);
+                self.thin += some.thin;
+                self.lost += some.lost;
+                self.without_uv += some.without_uv;
+            },
+        )?;
+        said.extend(wanted.color.settle(&mut self.colors, "faces"));
+        Ok(())
+    }
+
+    /// Brings what faces say to the vertices, drops triangles with a corner that has no place, and says what is left out.
+    pub(super) fn finish(mut self, mesh: &mut Mesh, said: &mut Vec<Complaint>) -> Result<(), Complaint> {
+        if let Some(good) = mesh.positions.iter().copied().find(|p| p.is_finite())
+            && mesh.positions.iter().any(|p| !p.is_finite())
+        {
+            let positions = &mesh.positions;
+            let whole = |t: &[u32; 3]| t.iter().all(|v| positions[*v as usize].is_finite());
+            let kept: Vec<bool> = mesh.triangles.iter().map(whole).collect();
+            self.lost += kept.iter().filter(|kept| !**kept).count() as u64;
+            super::keep(&mut mesh.triangles, &kept);
+            super::keep(&mut self.colors, &kept);
+            super::keep(&mut self.uvs, &kept);
+            let nowhere = positions.iter().filter(|p| !p.is_finite()).count();
+            said.push(Complaint::file(format!(
+                "{nowhere} vertices have a coordinate that isn't a finite number; they are left out, and {} faces with them",
+                self.lost
+            )));
+            // No triangle has them for a corner.
+            mesh.positions.iter_mut().filter(|p| !p.is_finite()).for_each(|p| *p = good);
+        } else if mesh.positions.iter().all(|p| !p.is_finite()) {
+            mesh.triangles.clear();
+            return Ok(());
+        }
+        if self.thin > 0 {
+            said.push(Complaint::file(format!("{} faces of fewer than 3 corners are left out", self.thin)));
+        }
+        if self.without_uv > 0 {
+            said.push(Complaint::file(format!(
+                "{} faces have other than two texture coordinates for each corner; theirs are taken as 0",
+                self.without_uv
+            )));
+        }
+        if mesh.positions.len() + 3 * self.colors.len().max(self.uvs.len()) >= u32::MAX as usize {
+            return Err(Complaint::file("its faces have more corners of their own than 32 bits can count"));
+        }
+        self.split(mesh);
+        Ok(())
+    }
+
+    /// Writes colours and texture coordinates of faces to their vertices, and to copies of those that have several.
+    fn split(&self, mesh: &mut Mesh) {
+        if self.colors.is_empty() && self.uvs.is_empty() {
+            return;
+        }
+        let vertices = mesh.positions.len();
+        // Triangles of another element, without colours or texture coordinates, have the default ones.
+        if !self.colors.is_empty() {
+            mesh.colors = vec![Rgb::WHITE; vertices];
+        }
+        if !self.uvs.is_empty() {
+            mesh.uvs = vec![Vec2::ZERO; vertices];
+        }
+        let mut own: Vec<Option<[u32; 5]>> = vec![None; vertices];
+        let mut copies: HashMap<(u32, [u32; 5]), u32> = HashMap::new();
+        for t in 0..mesh.triangles.len() {
+            for k in 0..3 {
+                let vertex = mesh.triangles[t][k];
+                let color = self.colors.get(t).copied().unwrap_or(Rgb::WHITE);
+                let uv = self.uvs.get(t).map_or(Vec2::ZERO, |uvs| uvs[k]);
+                let value = [color.r, color.g, color.b, uv.x, uv.y].map(f32::to_bits);
+                let known = own[vertex as usize].get_or_insert_with(|| {
+                    self.write(mesh, vertex, color, uv);
+                    value
+                });
+                if *known == value {
+                    continue;
+                }
+                mesh.triangles[t][k] = *copies.entry((vertex, value)).or_insert_with(|| {
+                    let copy = mesh.positions.len() as u32;
+                    again(&mut mesh.positions, vertex);
+                    again(&mut mesh.normals, vertex);
+                    again(&mut mesh.colors, vertex);
+                    again(&mut mesh.uvs, vertex);
+                    self.write(mesh, copy, color, uv);
+                    copy
+                });
+            }
+        }
+    }
+
+    /// Writes what faces say to a vertex.
+    fn write(&self, mesh: &mut Mesh, vertex: u32, color: Rgb, uv: Vec2) {
+        if !self.colors.is_empty() {
+            mesh.colors[vertex as usize] = color;
+        }
+        if !self.uvs.is_empty() {
+            mesh.uvs[vertex as usize] = uv;
+        }
+    }
+}
+
+/// Adds an item once more, if the list has any.
+fn again<T: Copy>(list: &mut Vec<T>, at: u32) {
+    list.extend(list.get(at as usize).copied());
+}
+
+/// Some faces, cut into triangles.
+#[derive(Default)]
+struct Part {
+    triangles: Vec<[u32; 3]>,
+    colors: Vec<Rgb>,
+    uvs: Vec<[Vec2; 3]>,
+    thin: u64,
+    lost: u64,
+    without_uv: u64,
+    corners: Vec<u32>,
+    points: Vec<Vec3>,
+    triangulator: Triangulator,
+}
+
+impl Part {
+    fn read(&mut self, row: &Row, wanted: &Wanted, positions: &[Vec3]) -> Result<(), String> {
+        let Part { triangles, colors, uvs, corners, points, triangulator, .. } = self;
+        corners.clear();
+        for entry in row.list(wanted.corners) {
+            corners.push(index(*entry, positions.len())?);
+        }
+        if corners.len() < 3 {
+            self.thin += 1;
+            return Ok(());
+        }
+        points.clear();
+        points.extend(corners.iter().map(|i| positions[*i as usize]));
+        if points.iter().any(|p| !p.is_finite()) {
+            self.lost += 1;
+            return Ok(());
+        }
+        let first = triangles.len();
+        let uv = wanted.uv.map(|property| row.list(property));
+        self.without_uv += u64::from(uv.is_some_and(|uv| uv.len() != 2 * corners.len()));
+        let uv_of = |corner: usize| match uv {
+            Some(uv) if uv.len() == 2 * corners.len() => {
+                from_top(Vec2::new(uv[2 * corner] as f32, uv[2 * corner + 1] as f32))
+            }
+            _ => Vec2::ZERO,
+        };
+        let mut add = |t: [usize; 3]| {
+            triangles.push(t.map(|i| corners[i]));
+            if wanted.uv.is_some() {
+                uvs.push(t.map(uv_of));
+            }
+        };
+        match points.len() {
+            3 => add([0, 1, 2]),
+            _ => triangulator.cut(points, add)?,
+        }
+        if wanted.color.color.is_some() {
+            let mut one = Vec::new();
+            wanted.color.read(row, &mut Vec::new(), &mut one)?;
+            colors.resize(colors.len() + triangles.len() - first, one[0]);
+        }
+        Ok(())
+    }
+}
+
+/// Reads an element of strips.
+pub(super) fn strips(element: &Element, payload: &mut Payload<'_>, mesh: &mut Mesh) -> Result<(), Complaint> {
+    let property = element.property(&["vertex_indices", "vertex_index"]);
+    let property = property.filter(|at| element.properties[*at].length.is_some());
+    let property = property.ok_or_else(|| Complaint::file("its strips need the list `vertex_indices`"))?;
+    let Mesh { positions, triangles, .. } = mesh;
+    let read = |some: &mut Vec<[u32; 3]>, _, row: &Row| {
+        let mut strip = Vec::new();
+        for entry in row.list(property) {
+            if *entry == -1.0 {
+                strip.clear();
+                continue;
+            }
+            strip.push(index(*entry, positions.len())?);
+            // Every second triangle turns the other way.
+            let n = strip.len();
+            if n >= 3 {
+                let [a, b, c] = [strip[n - 3], strip[n - 2], strip[n - 1]];
+                let triangle = if n % 2 == 1 { [a, b, c] } else { [b, a, c] };
+                // Strips are joined by repeated corners.
+                if a != b && b != c && c != a {
+                    some.push(triangle);
+                }
+            }
+        }
+        Ok(())
+    };
+    payload.rows(element, Vec::new, read, |some| triangles.extend(some))
+}

@@ -1,0 +1,165 @@
+//! Colours as tables give them, made linear and from 0 to 1.
+//!
+//! Files don't say which numbers are white. Whole types of one and two bytes are shares of their largest value, reals are linear
+//! from 0 to 1; where a file's own numbers contradict that, the largest of them decides, and a warning says what was assumed.
+
+use super::lines::Complaint;
+use crate::picture::decode_srgb;
+use canaletto::math::Rgb;
+use rayon::prelude::*;
+
+/// The type in which a file's colours are written.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Written {
+    /// Whole numbers up to this one.
+    Whole(f32),
+    /// Numbers with a fraction, or of a text that has no types.
+    Real,
+}
+
+/// What is white, for numbers that go further than 1.
+const WHITES: [f32; 3] = [1.0, 255.0, 65535.0];
+
+/// The least real that can't be meant as light: from here on the numbers are those of an 8-bit or 16-bit picture.
+const PICTURE: f32 = 16.0;
+
+/// What all numbers of a file's colours have in common.
+#[derive(Clone, Copy, Default)]
+struct Range {
+    most: f32,
+    fraction: bool,
+    /// Colours with a negative number.
+    negative: u64,
+    /// Colours with one that is none, or infinite.
+    missing: u64,
+}
+
+impl Range {
+    fn of(colors: &[Rgb]) -> Range {
+        let one = |mut range: Range, color: &Rgb| {
+            let channels = color.to_array();
+            if channels.iter().any(|v| !v.is_finite()) {
+                range.missing += 1;
+                return range;
+            }
+            range.negative += u64::from(channels.iter().any(|v| *v < 0.0));
+            range.fraction |= channels.iter().any(|v| v.fract() != 0.0);
+            range.most = channels.iter().fold(range.most, |most, v| most.max(*v));
+            range
+        };
+        let join = |a: Range, b: Range| Range {
+            most: a.most.max(b.most),
+            fraction: a.fraction | b.fraction,
+            negative: a.negative + b.negative,
+            missing: a.missing + b.missing,
+        };
+        colors.par_iter().with_min_len(4096).fold(Range::default, one).reduce(Range::default, join)
+    }
+}
+
+/// Turns numbers of a file into linear colours: negative ones become 0, colours with a number that is none become white. What had
+/// to be assumed is said; `of` is what has the colours, such as "vertices".
+pub(super) fn settle(colors: &mut [Rgb], written: Written, of: &str) -> Vec<Complaint> {
+    let range = Range::of(colors);
+    let Range { most, fraction, negative, missing } = range;
+    let mut said = Vec::new();
+    let white = match written {
+        Written::Whole(largest) => {
+            let white =
+                WHITES.into_iter().chain([largest]).find(|white| *white >= most).unwrap_or(largest).min(largest);
+            // Black may be black of any kind.
+            if white != largest && most > 0.0 {
+                let kind = if largest == 65535.0 { "16-bit numbers" } else { "whole numbers" };
+                said.push(Complaint::file(format!(
+                    "the colours of its {of} are {kind} up to {most} only; they are taken as sRGB from 0 to {white}"
+                )));
+            }
+            Some(white)
+        }
+        Written::Real if most <= 1.001 => None,
+        Written::Real => {
+            let white = WHITES[1..].iter().copied().find(|white| most <= *white && (!fraction || most >= PICTURE));
+            said.push(Complaint::file(match white {
+                Some(white) => format!(
+                    "the colours of its {of} go up to {most}; they are taken as sRGB from 0 to {white}, not as linear from 0 to 1"
+                ),
+                None => format!("the colours of its {of} go up to {most}; they are taken as they are, linear, with 1 as white"),
+            }));
+            white
+        }
+    };
+    if negative > 0 {
+        said.push(Complaint::file(format!("{negative} colours of its {of} have a negative number; it is taken as 0")));
+    }
+    if missing > 0 {
+        said.push(Complaint::file(format!(
+            "{missing} colours of its {of} have a number that isn't finite; they are taken as white"
+        )));
+    }
+    let channel = |v: f32| match white {
+        Some(white) => decode_srgb(v.max(0.0) / white),
+        None => v.max(0.0),
+    };
+    if white.is_some() || negative + missing > 0 {
+        colors.par_iter_mut().with_min_len(4096).for_each(|color| {
+            let finite = color.to_array().iter().all(|v| v.is_finite());
+            *color = if finite { color.to_array().map(channel).into() } else { Rgb::WHITE };
+        });
+    }
+    said
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn settled(channels: &[f32], written: Written) -> (Vec<f32>, String) {
+        let mut colors: Vec<Rgb> = channels.iter().map(|v| Rgb::gray(*v)).collect();
+        let said = settle(&mut colors, written, "points");
+        (colors.iter().map(|c| c.g).collect(), said.into_iter().map(|c| c.message).collect::<Vec<_>>().join("; "))
+    }
+
+    #[test]
+    fn the_largest_number_tells_what_is_white() {
+        // The curve of IEC 61966-2-1 at one half.
+        let half = 0.214_041_14;
+        for (channels, written, middle, said) in [
+            ([0.0, 0.5, 1.0], Written::Real, 0.5, ""),
+            ([0.0, 127.5, 255.0], Written::Real, half, "go up to 255; they are taken as sRGB from 0 to 255"),
+            ([0.0, 127.5, 250.0], Written::Real, half, "go up to 250; they are taken as sRGB from 0 to 255"),
+            ([0.0, 32767.5, 65535.0], Written::Real, half, "sRGB from 0 to 65535"),
+            ([0.0, 0.5, 3.5], Written::Real, 0.5, "go up to 3.5; they are taken as they are, linear"),
+            ([0.0, 0.5, 1e6], Written::Real, 0.5, "as they are"),
+            ([0.0, 127.5, 255.0], Written::Whole(65535.0), half, "16-bit numbers up to 255 only"),
+            ([0.0, 32767.5, 60000.0], Written::Whole(65535.0), half, ""),
+            ([0.0, 127.5, 255.0], Written::Whole(4_294_967_295.0), half, "whole numbers up to 255 only"),
+            (
+                [0.0, 32767.5, 60000.0],
+                Written::Whole(2_147_483_647.0),
+                half,
+                "up to 60000 only; they are taken as sRGB from 0 to 65535",
+            ),
+            ([0.0, 2_147_483_648.0, 4e9], Written::Whole(4_294_967_295.0), half, ""),
+            ([0.0, 0.0, 0.0], Written::Whole(65535.0), 0.0, ""),
+        ] {
+            let (found, message) = settled(&channels, written);
+            assert!((found[1] - middle).abs() < 1e-4, "{channels:?} {written:?}: {found:?}");
+            assert!(
+                if said.is_empty() { message.is_empty() } else { message.contains(said) },
+                "{channels:?}: {message}"
+            );
+        }
+        // 0 and 1 of a whole type are black and white.
+        assert_eq!(settled(&[0.0, 1.0, 1.0], Written::Whole(65535.0)).0, [0.0, 1.0, 1.0]);
+    }
+
+    #[test]
+    fn what_is_no_colour_is_said() {
+        let (found, said) = settled(&[-1.0, f32::NAN, 0.5, f32::INFINITY], Written::Real);
+        assert_eq!(found, [0.0, 1.0, 0.5, 1.0]);
+        assert!(
+            said.contains("1 colours of its points have a negative number") && said.contains("2 colours"),
+            "{said}"
+        );
+    }
+}
