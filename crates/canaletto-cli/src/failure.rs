@@ -116,7 +116,8 @@ pub(crate) fn print_diagnostics(all: &Diagnostics, json: bool) {
     }
     let paint = Paint::stderr();
     let renderer = if paint.on() { Renderer::styled() } else { Renderer::plain() }.decor_style(DecorStyle::Ascii);
-    for diagnostic in all {
+    let more: Vec<Diagnostic> = all.more().collect();
+    for diagnostic in all.iter().chain(&more) {
         eprint_line(&show(all, diagnostic, &renderer));
         eprint_line("");
     }

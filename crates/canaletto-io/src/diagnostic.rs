@@ -89,11 +89,22 @@ pub struct Position {
     pub column: usize,
 }
 
-/// Messages, and the texts that they point into.
+/// Messages, and the texts that they point into. The first [`Diagnostics::MOST`] errors and as many warnings are kept, the others
+/// counted.
 #[derive(Clone, Default)]
 pub struct Diagnostics {
     list: Vec<Diagnostic>,
+    /// How many errors and warnings are in the list, and how many more there were.
+    errors: Tally,
+    warnings: Tally,
     sources: HashMap<String, Arc<Source>>,
+}
+
+/// Messages of one severity.
+#[derive(Clone, Copy, Default)]
+struct Tally {
+    listed: usize,
+    more: usize,
 }
 
 struct Source {
@@ -134,6 +145,10 @@ fn floor(text: &str, offset: usize) -> usize {
 }
 
 impl Diagnostics {
+    /// The most errors that are kept, and the most warnings: nobody reads more, and a file of the wrong kind may have one for each
+    /// of its bytes.
+    pub const MOST: usize = 100;
+
     /// No messages.
     pub fn new() -> Diagnostics {
         Diagnostics::default()
@@ -149,14 +164,47 @@ impl Diagnostics {
         self.sources.get(file).map(|source| &*source.text)
     }
 
-    /// Adds a message.
+    /// Adds a message, or counts it if there are [`Diagnostics::MOST`] of its severity.
     pub fn push(&mut self, diagnostic: Diagnostic) {
-        self.list.push(diagnostic);
+        let tally = self.tally(diagnostic.severity);
+        if tally.listed < Diagnostics::MOST {
+            tally.listed += 1;
+            self.list.push(diagnostic);
+        } else {
+            tally.more += 1;
+        }
+    }
+
+    /// Counts messages that nobody kept.
+    pub fn count_more(&mut self, severity: Severity, count: usize) {
+        self.tally(severity).more += count;
+    }
+
+    fn tally(&mut self, severity: Severity) -> &mut Tally {
+        match severity {
+            Severity::Error => &mut self.errors,
+            Severity::Warning => &mut self.warnings,
+        }
+    }
+
+    /// What is said of messages that are not in the list: a message for each severity that has some.
+    pub fn more(&self) -> impl Iterator<Item = Diagnostic> {
+        let more = [(Severity::Error, self.errors.more), (Severity::Warning, self.warnings.more)];
+        more.into_iter().filter(|(_, more)| *more > 0).map(|(severity, more)| {
+            let message = match more {
+                1 => format!("there is 1 more {severity}, which isn't listed"),
+                _ => format!("there are {more} more {severity}s, which aren't listed"),
+            };
+            let file = self.list.iter().rfind(|d| d.severity == severity).map_or("", |d| &d.file);
+            Diagnostic { severity, ..Diagnostic::error(file, message) }
+        })
     }
 
     /// Takes over another list's messages and texts.
     pub fn append(&mut self, other: Diagnostics) {
-        self.list.extend(other.list);
+        other.list.into_iter().for_each(|diagnostic| self.push(diagnostic));
+        self.count_more(Severity::Error, other.errors.more);
+        self.count_more(Severity::Warning, other.warnings.more);
         self.sources.extend(other.sources);
     }
 
@@ -165,29 +213,29 @@ impl Diagnostics {
         self.list.iter()
     }
 
-    /// How many messages there are.
+    /// How many messages are in the list.
     pub fn len(&self) -> usize {
         self.list.len()
     }
 
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
-        self.list.is_empty()
+        self.errors() + self.warnings() == 0
     }
 
-    /// How many errors there are.
+    /// How many errors there are, listed or not.
     pub fn errors(&self) -> usize {
-        self.iter().filter(|d| d.severity == Severity::Error).count()
+        self.errors.listed + self.errors.more
     }
 
-    /// How many warnings there are.
+    /// How many warnings there are, listed or not.
     pub fn warnings(&self) -> usize {
-        self.len() - self.errors()
+        self.warnings.listed + self.warnings.more
     }
 
     /// Whether any message is an error.
     pub fn has_errors(&self) -> bool {
-        self.iter().any(|d| d.severity == Severity::Error)
+        self.errors() > 0
     }
 
     /// Brings the messages into the order of their places, file by file in the order of each file's first message.
@@ -264,10 +312,11 @@ fn excerpt(out: &mut String, number: usize, line: &str, mark: Range<usize>, labe
     let _ = writeln!(out, "{}", text.trim_end());
 }
 
-/// All messages as plain text, an empty line between them.
+/// All messages as plain text, an empty line between them, and how many more there are.
 impl fmt::Display for Diagnostics {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (index, diagnostic) in self.iter().enumerate() {
+        let more: Vec<Diagnostic> = self.more().collect();
+        for (index, diagnostic) in self.iter().chain(&more).enumerate() {
             if index > 0 {
                 f.write_str("\n")?;
             }
@@ -295,15 +344,19 @@ impl<'a> IntoIterator for &'a Diagnostics {
 
 impl From<Diagnostic> for Diagnostics {
     fn from(diagnostic: Diagnostic) -> Diagnostics {
-        Diagnostics { list: vec![diagnostic], sources: HashMap::new() }
+        let mut all = Diagnostics::new();
+        all.push(diagnostic);
+        all
     }
 }
 
-/// A list of messages, each with `start` and `end` as line and column beside its bytes.
+/// A list of messages, each with `start` and `end` as line and column beside its bytes. What isn't in the list has a message that
+/// counts it.
 impl Serialize for Diagnostics {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut list = serializer.serialize_seq(Some(self.len()))?;
-        for diagnostic in self {
+        let more: Vec<Diagnostic> = self.more().collect();
+        let mut list = serializer.serialize_seq(Some(self.len() + more.len()))?;
+        for diagnostic in self.iter().chain(&more) {
             list.serialize_element(&Located(self, diagnostic))?;
         }
         list.end()
@@ -365,6 +418,26 @@ mod tests {
         assert!(lines[1].chars().count() < 130 && lines[1].contains("…aaa"), "{shown}");
         let column = |line: &str, c: char| line.chars().position(|x| x == c);
         assert_eq!(column(lines[1], 'X'), column(lines[2], '^'));
+    }
+
+    #[test]
+    fn only_so_many_messages_are_kept_and_the_others_counted() {
+        let mut all = Diagnostics::new();
+        for i in 0..250 {
+            all.push(Diagnostic::warning("a.kdl", format!("doubt {i}")));
+        }
+        let mut other = Diagnostics::new();
+        (0..120).for_each(|i| other.push(Diagnostic::error("b.kdl", format!("mistake {i}"))));
+        all.append(other);
+        all.append(Diagnostics::from(Diagnostic::error("c.kdl", "one more")));
+        assert_eq!((all.len(), all.errors(), all.warnings()), (200, 121, 250));
+        let text = all.to_string();
+        assert!(text.contains("mistake 99") && !text.contains("mistake 100"), "{text}");
+        assert!(text.contains("b.kdl: error: there are 21 more errors, which aren't listed"), "{text}");
+        assert!(text.contains("a.kdl: warning: there are 150 more warnings, which aren't listed"), "{text}");
+        let json = serde_json::to_value(&all).unwrap();
+        assert_eq!(json.as_array().unwrap().len(), 202);
+        assert_eq!(json[201]["severity"], "warning");
     }
 
     #[test]

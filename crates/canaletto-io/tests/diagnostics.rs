@@ -223,8 +223,8 @@ fn a_hundred_thousand_spheres_are_read_in_linear_time() {
     let bad = scene(20_000).replace("radius 1", "radius -1");
     let start = Instant::now();
     let messages = text(&bad).unwrap_err();
-    assert_eq!(messages.len(), 10_001);
-    assert!(messages.to_string().contains("there are 10000 more mistakes"));
+    assert_eq!((messages.len(), messages.errors()), (100, 20_000));
+    assert!(messages.to_string().contains("there are 19900 more errors, which aren't listed"));
     assert!(start.elapsed().as_secs() < 20);
 }
 

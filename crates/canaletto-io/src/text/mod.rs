@@ -64,6 +64,8 @@ pub struct Script {
     /// What is wrong with the text whatever the frame.
     report: Report,
     clip: Clip,
+    /// The times of all keys, as they count.
+    times: Vec<f64>,
     /// The camera whose shutter counts; else the first.
     camera: Option<String>,
     keep: Keep,
@@ -108,7 +110,11 @@ impl Script {
         set::apply_set(&mut nodes, set, &mut files, &mut report);
         let (clip, report) = animate::clip(&nodes, &files, report);
         let keep = Keep::new(clip.moves);
-        Ok(Script { nodes, files, report, clip, camera: None, keep })
+        let times = animate::times(&nodes);
+        if clip.worded {
+            animate::gather(&mut nodes, &files);
+        }
+        Ok(Script { nodes, files, report, clip, times, camera: None, keep })
     }
 
     /// How it counts time.
@@ -149,7 +155,7 @@ impl Script {
     /// The times of all keys, in frames, in order. Between two of them every value is between those of its keys, or a
     /// little beyond.
     pub fn key_frames(&self) -> Vec<f64> {
-        animate::times(&self.nodes).into_iter().map(|time| self.clip.frame(time)).collect()
+        self.times.iter().map(|time| self.clip.frame(*time)).collect()
     }
 
     /// The scene at a frame, whole or in between, with warnings. A file is read once for all frames in a row that name it.

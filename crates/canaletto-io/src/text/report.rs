@@ -40,7 +40,8 @@ impl Message {
     }
 }
 
-/// The most messages that are kept: a file that isn't a scene at all may have one for each of its bytes.
+/// The most messages that are kept until they are put into the order of their places: a file that isn't a scene at all may have
+/// one for each of its bytes.
 const MAX_MESSAGES: usize = 10_000;
 
 /// All messages of a scene.
@@ -64,6 +65,12 @@ impl Report {
 
     pub(crate) fn error(&mut self, span: Span, message: impl Into<String>) {
         self.push(Message::error(span, message));
+    }
+
+    /// Adds the messages of another report once more.
+    pub(crate) fn repeat(&mut self, other: &Report) {
+        other.messages.iter().for_each(|message| self.push(message.clone()));
+        self.dropped += other.dropped;
     }
 
     /// How many messages there are.
@@ -99,10 +106,7 @@ impl Report {
                 help: m.help,
             });
         }
-        if self.dropped > 0 {
-            let file = files.get(0).map_or_else(String::new, |file| file.name.clone());
-            out.push(Diagnostic::error(file, format!("there are {} more mistakes", self.dropped)));
-        }
+        out.count_more(Severity::Error, self.dropped);
         out.append(self.foreign);
         out
     }

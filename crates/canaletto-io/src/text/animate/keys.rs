@@ -1,10 +1,60 @@
 //! Keys: `key TIME VALUES…`, with `ease` and `turn` beside them.
+//!
+//! The keys of a word are judged once, when a frame first asks for it, so that a film of many keys takes time in proportion to
+//! their number, not to its square. A frame then asks the curve between two of them.
 
 use super::{Animator, MOST_TURN, POSES, STILL};
 use crate::animation::{Curve, Ease, Key, axis_angle, quaternion, turned};
-use crate::text::report::Message;
+use crate::text::report::{Message, Report};
 use crate::text::schema::{EASE, TURN, Takes, Word};
 use crate::text::syntax::{Node, Span, Value, ValueKind};
+use std::fmt;
+use std::sync::{Arc, OnceLock};
+
+/// The keys that stand in a word, and what is beside them.
+pub(crate) struct Keys {
+    children: Vec<Node>,
+    ready: OnceLock<Ready>,
+}
+
+impl fmt::Debug for Keys {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.children.fmt(f)
+    }
+}
+
+/// Keys that were judged.
+struct Ready {
+    /// What they say; nothing after a mistake.
+    track: Option<Track>,
+    /// The values of the first key, which stay after a mistake.
+    first: Vec<Value>,
+    /// Whether the word keeps the values that it has.
+    untouched: bool,
+    messages: Report,
+}
+
+/// A value as a function of time.
+type Moment = Box<dyn Fn(f64) -> Vec<f64> + Send + Sync>;
+
+/// How a word changes with time.
+enum Track {
+    /// It holds until the next key.
+    Jump(Vec<Written>),
+    /// Numbers that go from key to key.
+    Curve {
+        moment: Moment,
+        /// When each key is, and where it stands.
+        places: Vec<(f64, Span)>,
+        /// Whether the last number is an angle that may turn too fast to be followed.
+        turns: bool,
+    },
+}
+
+/// The number of the last key that isn't later; the first one's before all.
+fn place<T>(keys: &[T], time: f64, time_of: impl Fn(&T) -> f64) -> usize {
+    keys.partition_point(|key| time_of(key) <= time).saturating_sub(1)
+}
 
 /// A key as it is written.
 struct Written {
@@ -15,37 +65,94 @@ struct Written {
 }
 
 impl Animator<'_> {
+    /// Takes the keys out of a word's children.
+    pub(super) fn gather(node: &mut Node) {
+        let is_motion = |child: &mut Node| matches!(&*child.name, "key" | "ease" | "turn");
+        if node.keys.is_none() && node.children.iter().any(|child| &*child.name == "key") {
+            let children = node.children.extract_if(.., is_motion).collect();
+            node.keys = Some(Arc::new(Keys { children, ready: OnceLock::new() }));
+        }
+    }
+
     /// Replaces a word's keys by the value that they make now. After a mistake the first key's values stay, so that
     /// nothing is missed that isn't missing.
     pub(super) fn keys(&mut self, node: &mut Node, word: &'static Word) {
+        let Some(keys) = node.keys.take() else { return };
+        let ready = keys.ready.get_or_init(|| self.judged(node, &keys.children, word));
+        self.judge.report.repeat(&ready.messages);
+        let Some(track) = &ready.track else {
+            node.broken = true;
+            if !ready.untouched {
+                node.values.clone_from(&ready.first);
+            }
+            return;
+        };
+        let (moment, places, turns) = match track {
+            Track::Jump(written) => {
+                node.values.clone_from(&written[place(written, self.time, |key| key.time)].values);
+                return;
+            }
+            Track::Curve { moment, places, turns } => (moment, places, *turns),
+        };
+        // What is wrong with a value is wrong with the key before it.
+        let values = |time: f64| -> Vec<Value> {
+            let span = places[place(places, time, |key| key.0)].1;
+            moment(time).into_iter().map(|n| Value { kind: ValueKind::Number(n), span }).collect()
+        };
+        node.values = values(self.time);
+        let moving: Vec<Vec<Value>> = self.shutter.iter().map(|time| values(*time)).collect();
+        let angle = |values: &[Value]| values.last().and_then(Value::as_number).unwrap_or(0.0);
+        if let Some(fast) = moving.windows(2).find(|two| turns && (angle(&two[1]) - angle(&two[0])).abs() > MOST_TURN) {
+            let message = format!(
+                "{} turns by {:.0} degrees while the shutter is open; it can be followed up to {:.0}",
+                node.name,
+                (angle(&fast[1]) - angle(&fast[0])).abs() * (POSES - 1) as f64,
+                MOST_TURN * (POSES - 1) as f64
+            );
+            self.judge.report.error(fast[0].first().map_or(places[0].1, |value| value.span), message);
+            node.broken = true;
+            return;
+        }
+        // What stays for as long as the shutter is open costs nothing more.
+        if moving.windows(2).any(|two| two[0].iter().zip(&two[1]).any(|(a, b)| a.kind != b.kind)) {
+            node.moving = moving;
+        }
+    }
+
+    /// Judges the keys of a word.
+    fn judged(&mut self, node: &Node, motion: &[Node], word: &'static Word) -> Ready {
+        let outer = std::mem::take(&mut self.judge.report);
+        let mut ready = Ready { track: None, first: Vec::new(), untouched: false, messages: Report::default() };
+        let broken = motion.iter().any(|child| &*child.name == "key" && child.broken);
+        let track = self.track(node, motion, word, &mut ready);
+        ready.messages = std::mem::replace(&mut self.judge.report, outer);
+        ready.track = track.filter(|_| !broken && !ready.messages.has_errors());
+        ready
+    }
+
+    /// What keys say; nothing after a mistake, which is reported.
+    fn track(&mut self, node: &Node, motion: &[Node], word: &'static Word, ready: &mut Ready) -> Option<Track> {
         let name = node.name.to_string();
-        let is_motion = |child: &Node| matches!(&*child.name, "key" | "ease" | "turn");
-        let motion: Vec<Node> = node.children.extract_if(.., |child| is_motion(child)).collect();
         let keys: Vec<&Node> = motion.iter().filter(|child| &*child.name == "key").collect();
-        node.broken |= keys.iter().any(|key| key.broken);
+        ready.untouched = true;
         let fixed = STILL.contains(&word.name) || matches!(word.takes, Takes::Word([_]));
         if fixed || (matches!(word.takes, Takes::Text) && *node.name != *word.name) {
             let what = if *node.name == *word.name { name } else { format!("the {} of {name}", word.name) };
             self.judge.report.error(keys[0].name_span, format!("{what} is the same in all frames, so it has no keys"));
-            node.broken = true;
-            return;
+            return None;
         }
         if let Some(value) = node.values.first() {
             let message = Message::error(value.span, format!("{name} has both a value and keys"));
             self.judge.report.push(message.help("leave out one of them; a key at the first frame says how it starts"));
-            node.broken = true;
-            return;
+            return None;
         }
-        let before = self.judge.report.count();
-        let ease = self.beside(&motion, "ease", &EASE).and_then(|(text, span)| Some((Ease::from_name(&text)?, span)));
-        let turn = self.beside(&motion, "turn", &TURN);
+        ready.untouched = false;
+        let ease = self.beside(motion, "ease", &EASE).and_then(|(text, span)| Some((Ease::from_name(&text)?, span)));
+        let turn = self.beside(motion, "turn", &TURN);
         let written = self.written(&keys, &name, word);
-        if let Some(first) = written.first() {
-            node.values = first.values.clone();
-        }
-        if self.judge.report.count() > before || written.is_empty() {
-            node.broken = true;
-            return;
+        ready.first = written.first().map_or(Vec::new(), |first| first.values.clone());
+        if self.judge.report.count() > 0 || written.is_empty() {
+            return None;
         }
         let numbers =
             matches!(word.takes, Takes::Numbers(_) | Takes::Rgb | Takes::Many(_) | Takes::Count | Takes::Counts(_))
@@ -53,10 +160,9 @@ impl Animator<'_> {
         if !numbers {
             if let Some((text, span)) = &turn {
                 self.judge.report.error(*span, format!("turn \"{text}\" is for rotations"));
-                node.broken = true;
             }
-            self.jump(node, word, &written, ease);
-            return;
+            self.may_jump(word, &written, ease);
+            return Some(Track::Jump(written));
         }
         let ease = ease.map_or(Ease::default(), |(ease, _)| ease);
         let curve = |values: &dyn Fn(&Written) -> Vec<f64>| {
@@ -72,19 +178,17 @@ impl Animator<'_> {
             (_, Some((text, span))) => {
                 let message = Message::error(*span, format!("turn \"{text}\" is for rotations"));
                 self.judge.report.push(message.help("rotate, rotate-x, rotate-y and rotate-z have it"));
-                node.broken = true;
                 Some(false)
             }
         };
         let mut short = shortest == Some(true);
-        let moment: Box<dyn Fn(f64) -> Vec<f64>> = if word.name == "rotate" {
+        let moment: Moment = if word.name == "rotate" {
             let axes = plain.keys().windows(2).all(|k| k[0].values[..3] == k[1].values[..3]);
             if shortest == Some(false) && !axes {
                 let span = turn.map_or(keys[0].span, |(_, span)| span);
                 let message = Message::error(span, "turn \"angle\" needs the same axis in every key");
                 self.judge.report.push(message.help("turn \"shortest\" goes between any two rotations"));
-                node.broken = true;
-                return;
+                return None;
             }
             short = shortest.unwrap_or(!axes);
             if short {
@@ -95,8 +199,7 @@ impl Animator<'_> {
                 };
                 if let Some(wrong) = written.iter().find(|k| turns(k).is_empty()) {
                     self.judge.report.error(wrong.span, "rotate needs an axis with a direction");
-                    node.broken = true;
-                    return;
+                    return None;
                 }
                 let curve = curve(&turns);
                 Box::new(move |time| match plain.place(time) {
@@ -114,51 +217,24 @@ impl Animator<'_> {
         } else {
             Box::new(move |time| plain.at(time))
         };
-        // What is wrong with a value is wrong with the key before it.
-        let values = |time: f64| -> Vec<Value> {
-            let span = written.iter().rev().find(|key| key.time <= time).unwrap_or(&written[0]).span;
-            moment(time).into_iter().map(|n| Value { kind: ValueKind::Number(n), span }).collect()
-        };
-        node.values = values(self.time);
-        let moving: Vec<Vec<Value>> = self.shutter.iter().map(|time| values(*time)).collect();
+        let places = written.iter().map(|key| (key.time, key.span)).collect();
         // Where an angle counts it is the last number; the short way between rotations is never as far.
-        let angle = |values: &[Value]| values.last().and_then(Value::as_number).unwrap_or(0.0);
-        let counts = word.name.starts_with("rotate-") || (word.name == "rotate" && !short);
-        if let Some(fast) = moving.windows(2).find(|two| counts && (angle(&two[1]) - angle(&two[0])).abs() > MOST_TURN)
-        {
-            let message = format!(
-                "{name} turns by {:.0} degrees while the shutter is open; it can be followed up to {:.0}",
-                (angle(&fast[1]) - angle(&fast[0])).abs() * (POSES - 1) as f64,
-                MOST_TURN * (POSES - 1) as f64
-            );
-            self.judge.report.error(fast[0].first().map_or(keys[0].span, |value| value.span), message);
-            node.broken = true;
-            return;
-        }
-        // What stays for as long as the shutter is open costs nothing more.
-        if moving.windows(2).any(|two| two[0].iter().zip(&two[1]).any(|(a, b)| a.kind != b.kind)) {
-            node.moving = moving;
-        }
+        let turns = word.name.starts_with("rotate-") || (word.name == "rotate" && !short);
+        Some(Track::Curve { moment, places, turns })
     }
 
-    /// What isn't made of numbers holds until the next key.
-    fn jump(&mut self, node: &mut Node, word: &Word, written: &[Written], ease: Option<(Ease, Span)>) {
+    /// Reports an ease beside what isn't made of numbers, and holds until the next key.
+    fn may_jump(&mut self, word: &Word, written: &[Written], ease: Option<(Ease, Span)>) {
         let beside = ease.filter(|(ease, _)| *ease != Ease::Step).map(|(_, span)| span);
         let own = written.iter().find(|k| k.ease.is_some_and(|ease| ease != Ease::Step)).map(|k| k.span);
-        if let Some(span) = beside.or(own) {
-            let message =
-                format!("{} changes at once, from one key to the next: its ease can only be \"step\"", word.name);
-            let message = Message::error(span, message);
-            self.judge.report.push(if word.name == "matrix" {
-                message.help("translate, rotate and scale move smoothly")
-            } else {
-                message
-            });
-            node.broken = true;
-            return;
-        }
-        let now = written.iter().rev().find(|key| key.time <= self.time).or(written.first());
-        node.values = now.map_or(Vec::new(), |key| key.values.clone());
+        let Some(span) = beside.or(own) else { return };
+        let message = format!("{} changes at once, from one key to the next: its ease can only be \"step\"", word.name);
+        let message = Message::error(span, message);
+        self.judge.report.push(if word.name == "matrix" {
+            message.help("translate, rotate and scale move smoothly")
+        } else {
+            message
+        });
     }
 
     /// The one text of a word beside keys.

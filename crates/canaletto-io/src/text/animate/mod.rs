@@ -8,10 +8,12 @@
 mod follow;
 mod keys;
 
+pub(crate) use keys::Keys;
+
 use super::decode::{Fields, Judge};
 use super::files::Files;
 use super::report::{Message, Report};
-use super::schema::{self, ANIMATION, DEFAULT_FPS, PATH, Takes, Word, Words};
+use super::schema::{self, ANIMATION, CAMERA_FOLLOW, DEFAULT_FPS, FOLLOW, PATH, POINT_FOLLOW, Takes, Word, Words};
 use super::syntax::{Node, Span};
 use crate::animation::Path;
 use std::collections::HashMap;
@@ -131,6 +133,7 @@ pub(crate) fn animate(
 ) -> Report {
     let mut animator = Animator {
         judge: Judge::new(files, report),
+        gathers: false,
         time: clip.time(frame),
         shutter: Vec::new(),
         paths: HashMap::new(),
@@ -147,8 +150,24 @@ pub(crate) fn animate(
     animator.judge.report
 }
 
+/// Takes keys out of the nodes of words that may have them, so that frames share them; see [`keys`].
+pub(crate) fn gather(nodes: &mut [Node], files: &Files) {
+    let mut gatherer = Animator {
+        judge: Judge::new(files, Report::default()),
+        gathers: true,
+        time: 0.0,
+        shutter: Vec::new(),
+        paths: HashMap::new(),
+    };
+    for node in nodes {
+        if *node.name == *PATH.name { gatherer.node(node, &PATH) } else { gatherer.top(node) }
+    }
+}
+
 struct Animator<'a> {
     judge: Judge<'a>,
+    /// Whether keys are only taken out of nodes, and nothing is replaced.
+    gathers: bool,
     /// When it is, as keys count.
     time: f64,
     /// The moments while the shutter is open.
@@ -184,10 +203,19 @@ impl Animator<'_> {
         let mut at = 0;
         while at < node.children.len() {
             let name = node.children[at].name.clone();
-            if &*name == "follow" && std::ptr::eq(words, &schema::CAMERA) {
-                self.follow_with_camera(node, at);
-            } else if &*name == "follow" && words.transforms {
-                self.follow_with_object(&mut node.children[at]);
+            let follows = &*name == "follow";
+            if follows && std::ptr::eq(words, &schema::CAMERA) {
+                if self.gathers {
+                    self.node(&mut node.children[at], &CAMERA_FOLLOW);
+                } else {
+                    self.follow_with_camera(node, at);
+                }
+            } else if follows && words.transforms {
+                if self.gathers {
+                    self.node(&mut node.children[at], &FOLLOW);
+                } else {
+                    self.follow_with_object(&mut node.children[at]);
+                }
             } else if let Some(word) = Judge::find(words, &name) {
                 match word.takes {
                     Takes::Node(inner) => self.node(&mut node.children[at], inner),
@@ -202,12 +230,20 @@ impl Animator<'_> {
 
     /// A word whose values may come from keys or from a path.
     fn value(&mut self, node: &mut Node, word: &'static Word) {
-        if node.children.iter().any(|child| &*child.name == "key") {
-            self.keys(node, word);
+        Animator::gather(node);
+        let follow = |child: &&mut Node| &*child.name == "follow";
+        if node.keys.is_some() {
+            if !self.gathers {
+                self.keys(node, word);
+            }
         } else if matches!(word.takes, Takes::Numbers(counts) if counts.contains(&3))
-            && node.children.iter().any(|child| &*child.name == "follow")
+            && let Some(inner) = node.children.iter_mut().find(follow)
         {
-            self.follow_with_point(node, word);
+            if self.gathers {
+                self.node(inner, &POINT_FOLLOW);
+            } else {
+                self.follow_with_point(node, word);
+            }
         }
     }
 

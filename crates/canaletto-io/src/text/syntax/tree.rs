@@ -1,5 +1,8 @@
 //! The tree of a file.
 
+use crate::text::animate::Keys;
+use std::sync::Arc;
+
 /// Some bytes of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Span {
@@ -20,6 +23,8 @@ pub(crate) struct Node {
     pub(crate) children: Vec<Node>,
     /// Whether a mistake in its values was reported already, so that their number and types mean nothing.
     pub(crate) broken: bool,
+    /// Its keys, once they are taken out of its children.
+    pub(crate) keys: Option<Arc<Keys>>,
     /// What its values are at moments while the shutter is open, if keys move them; otherwise nothing.
     pub(crate) moving: Vec<Vec<Value>>,
 }
@@ -57,6 +62,7 @@ impl Node {
             properties: Vec::new(),
             children: Vec::new(),
             broken: false,
+            keys: None,
             moving: Vec::new(),
         }
     }
