@@ -4,6 +4,147 @@
 
 use bytemuck::Zeroable;
 use rayon::prelude::*;
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::fmt;
+use std::io::Write;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// There is no memory for so many bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("there is no memory for {}", Size(*.0))]
+pub struct NoMemory(pub u64);
+
+/// A number of bytes for people.
+struct Size(u64);
+
+impl fmt::Display for Size {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            bytes @ ..10_000 => write!(f, "{bytes} bytes"),
+            bytes @ ..10_000_000 => write!(f, "{:.1} kB", bytes as f64 / 1e3),
+            bytes @ ..10_000_000_000 => write!(f, "{:.1} MB", bytes as f64 / 1e6),
+            bytes => write!(f, "{:.1} GB", bytes as f64 / 1e9),
+        }
+    }
+}
+
+/// Asks the system for so many bytes, and gives them back: whether there is room for them.
+///
+/// # Errors
+/// [`NoMemory`] if there isn't.
+pub fn room(bytes: u64) -> Result<(), NoMemory> {
+    let size = usize::try_from(bytes).map_err(|_| NoMemory(bytes))?;
+    reserve(&mut Vec::<u8>::new(), size)
+}
+
+/// Makes room for so many more items of a list.
+///
+/// # Errors
+/// [`NoMemory`] if there is none for them.
+pub fn reserve<T>(list: &mut Vec<T>, more: usize) -> Result<(), NoMemory> {
+    heard(|| list.try_reserve(more)).map_err(|_| NoMemory((more as u64).saturating_mul(size_of::<T>() as u64)))
+}
+
+thread_local! {
+    /// Whether what asks for memory wants to hear that there is none.
+    static HEARS: Cell<bool> = const { Cell::new(false) };
+}
+
+fn heard<T>(work: impl FnOnce() -> T) -> T {
+    let before = HEARS.replace(true);
+    let result = work();
+    HEARS.set(before);
+    result
+}
+
+/// The system's allocator for programs, which ends the process with exit code 1 and a message where memory runs out, instead of
+/// aborting it. The message names the bytes that were asked for, and what for: see [`working_at`]. [`room`] and [`reserve`] tell their
+/// callers instead.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Guarded;
+
+/// What the process is doing.
+static WORK: Mutex<&str> = Mutex::new("working");
+
+/// Says what memory will be asked for from now on, such as "reading the scene".
+pub fn working_at(what: &'static str) {
+    if let Ok(mut work) = WORK.try_lock() {
+        *work = what;
+    }
+}
+
+impl Guarded {
+    /// What to do about memory that the system doesn't give.
+    #[cold]
+    fn refused(size: usize) {
+        static SAID: AtomicBool = AtomicBool::new(false);
+        if HEARS.try_with(Cell::get).unwrap_or(false) || SAID.swap(true, Ordering::SeqCst) {
+            return;
+        }
+        let what = WORK.try_lock().map_or("working", |work| *work);
+        // Nothing here may ask for memory.
+        let mut text = [0u8; 256];
+        let mut rest = &mut text[..];
+        let _ = writeln!(rest, "error: out of memory while {what}: {} more are needed", Size(size as u64));
+        let left = rest.len();
+        let _ = std::io::stderr().write_all(&text[..text.len() - left]);
+        leave();
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[allow(unsafe_code)] // Ends the process.
+fn leave() -> ! {
+    // SAFETY: ends the process at once, without asking for memory.
+    unsafe { libc::_exit(1) }
+}
+
+#[cfg(not(target_os = "linux"))]
+fn leave() -> ! {
+    std::process::exit(1)
+}
+
+// SAFETY: all calls go to the system's allocator as they are, and so do its answers.
+#[allow(unsafe_code)]
+unsafe impl GlobalAlloc for Guarded {
+    #[inline]
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        // SAFETY: as the caller promises.
+        let place = unsafe { System.alloc(layout) };
+        if place.is_null() {
+            Guarded::refused(layout.size());
+        }
+        place
+    }
+
+    #[inline]
+    unsafe fn dealloc(&self, place: *mut u8, layout: Layout) {
+        // SAFETY: as the caller promises.
+        unsafe { System.dealloc(place, layout) }
+    }
+
+    #[inline]
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        // SAFETY: as the caller promises.
+        let place = unsafe { System.alloc_zeroed(layout) };
+        if place.is_null() {
+            Guarded::refused(layout.size());
+        }
+        place
+    }
+
+    #[inline]
+    unsafe fn realloc(&self, place: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        // SAFETY: as the caller promises.
+        let place = unsafe { System.realloc(place, layout, size) };
+        if place.is_null() {
+            Guarded::refused(size);
+        }
+        place
+    }
+}
 
 /// A list of `count` zeros. The system brings about large lists where they are first touched, so that this takes no time, and
 /// whoever writes them in parallel gets memory in parallel.

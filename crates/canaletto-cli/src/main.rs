@@ -27,11 +27,15 @@ mod stdout;
 mod terminal;
 mod words;
 
+use canaletto::memory::Guarded;
 use clap::{CommandFactory, Parser, Subcommand};
 use command::{check, compare, completions, explain, info, man, render};
 use exit::Exit;
 use failure::Failure;
 use std::process::ExitCode;
+
+#[global_allocator]
+static MEMORY: Guarded = Guarded;
 
 /// A ray tracer that explains every pixel.
 ///

@@ -5,6 +5,7 @@ use crate::exit::Exit;
 use crate::failure::{Failure, plural, reason};
 use crate::flags::SourceFlags;
 use crate::inputs::Guard;
+use canaletto::memory;
 use canaletto::scene::Scene;
 use canaletto::world::{BuildError, BuildOptions, World};
 use canaletto_io::assets::{Asset, AssetError, AssetPath, Assets, FolderAssets, OpenAsset};
@@ -80,6 +81,7 @@ impl Reader {
     /// Opens a file with changes to its values.
     pub(crate) fn open_file(path: &Path, set: &[String], allow_outside: bool) -> Result<Reader, Failure> {
         let start = Instant::now();
+        memory::working_at("reading the scene");
         let name = path.to_string_lossy().into_owned();
         if let Err(e) = path.metadata() {
             return Err(missing(path, &e));
@@ -151,6 +153,7 @@ impl Reader {
     /// The scene at a frame.
     pub(crate) fn at(&mut self, frame: u32) -> Result<Source, Failure> {
         let start = Instant::now();
+        memory::working_at("reading the scene");
         let (scene, warnings) = match &mut self.kind {
             Kind::Script(script) => script.scene(&self.assets, f64::from(frame))?,
             Kind::Model(file) => import::load(file, &self.assets)?,
@@ -203,6 +206,7 @@ pub(crate) fn build(
     before: Option<World>,
 ) -> Result<(World, Duration), Failure> {
     let start = Instant::now();
+    memory::working_at("building the world");
     let built = match before {
         Some(before) => World::build_after(before, scene, options),
         None => World::build_with(scene, options),

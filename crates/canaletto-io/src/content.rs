@@ -1,6 +1,7 @@
 //! What a file holds, read in pieces from any place and by many threads at once, so that no large file need be in memory
 //! as a whole.
 
+use canaletto::memory;
 use std::borrow::Cow;
 use std::fs::File;
 use std::io;
@@ -93,9 +94,7 @@ impl<'a> View<'a> {
             View::Memory(bytes) => Ok(bytes.into()),
             View::File(file, size) => {
                 let mut bytes = Vec::new();
-                bytes.try_reserve_exact(size).map_err(|_| {
-                    io::Error::new(io::ErrorKind::OutOfMemory, format!("there is no memory for its {size} bytes"))
-                })?;
+                memory::reserve(&mut bytes, size).map_err(|e| io::Error::new(io::ErrorKind::OutOfMemory, e))?;
                 bytes.resize(size, 0);
                 fill(file, 0, &mut bytes)?;
                 Ok(bytes.into())

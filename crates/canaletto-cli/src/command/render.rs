@@ -13,6 +13,7 @@ use crate::settings::{Settings, list, sampling_words};
 use crate::source::{Reader, build, on_threads};
 use crate::stdout::print;
 use crate::words::{bytes, count, plural};
+use canaletto::memory;
 use canaletto::render::Aov;
 use canaletto::scene::{Stage, Transfer};
 use canaletto::world::World;
@@ -243,8 +244,7 @@ fn on_pool(flags: &RenderFlags, plan: &Plan, mut reader: Reader) -> Result<Exit,
 fn room(aovs: &[Aov], [width, height]: [u32; 2]) -> Result<(), Failure> {
     let channels = 3 + aovs.iter().map(|aov| aov.channels().len() as u64).sum::<u64>();
     let size = u64::from(width) * u64::from(height) * channels * size_of::<f32>() as u64 * 3;
-    let size_in_memory = usize::try_from(size).unwrap_or(usize::MAX);
-    if Vec::<u8>::new().try_reserve_exact(size_in_memory).is_ok() {
+    if memory::room(size).is_ok() {
         return Ok(());
     }
     let (layers, size) = (plural(aovs.len() as u64, "layer"), bytes(size));

@@ -5,6 +5,7 @@
 //! what the numbers were multiplied by, is left alone, as other programs do.
 
 use super::{ImageError, judge, room};
+use canaletto::memory;
 use canaletto::texture::{ColorSpace, Image, Samples, to_half};
 
 const FORMAT: &str = "Radiance HDR";
@@ -28,7 +29,8 @@ pub(super) fn read(bytes: &[u8]) -> Result<Image, ImageError> {
         line.clear();
         scanline(&mut input, across as usize, &mut line)?;
         // Grows with what the file really holds, not with what it announces.
-        texels.try_reserve(line.len()).map_err(|_| ImageError::NoMemory(4 * u64::from(width) * u64::from(height)))?;
+        memory::reserve(&mut texels, line.len())
+            .map_err(|_| ImageError::NoMemory(4 * u64::from(width) * u64::from(height)))?;
         texels.extend_from_slice(&line);
     }
     let highest = texels.iter().map(|t| t[3]).max().unwrap_or(0);

@@ -15,6 +15,7 @@ mod tests;
 mod webp;
 
 use crate::assets::Asset;
+use canaletto::memory::{self, NoMemory};
 use canaletto::texture::{Image, Samples};
 use rayon::prelude::*;
 
@@ -174,6 +175,6 @@ fn judge(format: &'static str, width: u64, height: u64, explained: u64, bytes: u
 /// Room for this many numbers, if there is memory.
 fn room<T: Clone + Default>(count: usize) -> Result<Vec<T>, ImageError> {
     let mut data = Vec::new();
-    data.try_reserve_exact(count).map_err(|_| ImageError::NoMemory(count as u64 * size_of::<T>() as u64))?;
+    memory::reserve(&mut data, count).map_err(|NoMemory(bytes)| ImageError::NoMemory(bytes))?;
     Ok(data)
 }

@@ -9,6 +9,7 @@ use super::{Extra, from_top, index, table};
 use crate::import::lines::Complaint;
 use crate::import::polygon::Triangulator;
 use canaletto::math::Rgb;
+use canaletto::memory;
 use canaletto::shape::Mesh;
 use glam::{Vec2, Vec3};
 use std::collections::HashMap;
@@ -69,6 +70,8 @@ impl FaceList {
         let color = wanted.color.color.iter().flat_map(|(properties, _)| properties);
         let used: Vec<usize> = color.chain(&wanted.uv).chain([&corners]).copied().collect();
         said.extend(element.unused(&used));
+        memory::room(element.count.saturating_mul(size_of::<[u32; 3]>() as u64))
+            .map_err(|e| Complaint::file(format!("{e}, which its {} faces take at least", element.count)))?;
         let plain = wanted.color.color.is_none() && wanted.uv.is_none();
         if plain
             && mesh.triangles.is_empty()

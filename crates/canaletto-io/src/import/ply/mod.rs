@@ -23,6 +23,7 @@ use super::unreadable;
 use crate::content::View;
 use crate::picture::decode_srgb;
 use canaletto::math::Rgb;
+use canaletto::memory;
 use canaletto::shape::{CylinderCloud, Mesh, SphereCloud};
 use faces::{FaceList, strips};
 use glam::{DVec3, Vec2, Vec3};
@@ -333,6 +334,13 @@ impl Wanted {
         some.chain(color).chain(&extra.radius).copied().collect()
     }
 
+    /// What a vertex takes in memory.
+    fn bytes(&self) -> u64 {
+        let Wanted { normal, uv, extra: Extra { radius, color, .. }, .. } = self;
+        let of = |there: bool, bytes: u64| if there { bytes } else { 0 };
+        12 + of(normal.is_some(), 12) + of(uv.is_some(), 8) + of(radius.is_some(), 4) + of(color.is_some(), 12)
+    }
+
     fn read(&self, row: &Row, out: &mut Vertices) -> Result<(), String> {
         let vector = |properties: [usize; 3]| Vec3::from(properties.map(|property| row.numbers[property] as f32));
         let exact = self.position.map(|property| row.numbers[property]);
@@ -360,6 +368,10 @@ fn vertices(
         return Err(Complaint::file(format!("it has {} vertices, more than 32 bits can count", element.count)));
     }
     payload.check_room(element)?;
+    memory::room(element.count.saturating_mul(wanted.bytes())).map_err(|e| {
+        let help = "each vertex takes 12 bytes for its place, and as many for its normal and its colour";
+        Complaint::file(format!("{e}, which its {} vertices take", element.count)).help(help)
+    })?;
     let mut out = match table::vertices(element, wanted, payload) {
         Some(vertices) => vertices,
         None => {
