@@ -83,12 +83,15 @@ pub(crate) struct Loader<'a> {
     /// The files being read, the outermost first.
     chain: Vec<u16>,
     size: usize,
+    /// Whether nodes may be packed: nothing changes their values.
+    packs: bool,
 }
 
 impl<'a> Loader<'a> {
-    pub(crate) fn new(assets: &'a dyn Assets) -> Loader<'a> {
+    pub(crate) fn new(assets: &'a dyn Assets, packs: bool) -> Loader<'a> {
         Loader {
             assets,
+            packs,
             files: Files::default(),
             report: Report::default(),
             seen: HashMap::new(),
@@ -127,7 +130,9 @@ impl<'a> Loader<'a> {
                 return Vec::new();
             }
         };
-        let file = self.files.add(name, asset.path.clone(), text.as_str().into());
+        // The text is there once.
+        let text: Arc<str> = text.into();
+        let file = self.files.add(name, asset.path.clone(), Arc::clone(&text));
         self.files.incomplete = incomplete;
         self.seen.insert(asset.path.identity().to_owned(), file);
         self.load_text(&text, file)
@@ -135,7 +140,7 @@ impl<'a> Loader<'a> {
 
     /// The nodes of a text that is in the list of files already.
     pub(crate) fn load_text(&mut self, text: &str, file: u16) -> Vec<Node> {
-        let Some(nodes) = syntax::parse(text, file, &mut self.report) else {
+        let Some(nodes) = syntax::parse(text, file, self.packs, &mut self.report) else {
             self.files.incomplete = true;
             return Vec::new();
         };

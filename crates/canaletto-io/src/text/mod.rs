@@ -82,7 +82,7 @@ impl Script {
             diagnostic.help = error.help();
             diagnostic
         })?;
-        let mut loader = Loader::new(assets);
+        let mut loader = Loader::new(assets, set.is_empty());
         let nodes = loader.load(asset, None);
         Script::new(loader, nodes, set)
     }
@@ -92,7 +92,7 @@ impl Script {
     /// # Errors
     /// If nothing of it can be read. Other mistakes are told with the scene.
     pub fn of_text(text: &str, name: &str, assets: &dyn Assets, set: &[String]) -> Result<Script, Diagnostics> {
-        let mut loader = Loader::new(assets);
+        let mut loader = Loader::new(assets, set.is_empty());
         if text.len() > files::MAX_TEXT {
             return Err(Diagnostic::error(name, format!("the text is more than {} MiB", files::MAX_TEXT >> 20)).into());
         }

@@ -176,6 +176,7 @@ impl World {
         builder.count_uses(&nodes);
         let mut root = Part::default();
         builder.flatten(&nodes, &Place::from(origin), &mut root, 0)?;
+        drop(nodes);
         let Finished { instances, mut lights, moving_lights, unbounded, .. } = builder.finish_part(root, NONE)?;
         lights.extend(environment.as_ref().zip(backdrop.as_ref()).and_then(|(described, ready)| ready.sun(described)));
         let bounds: Vec<Aabb> = instances.iter().map(|instance| builder.stock().bounds(instance)).collect();

@@ -52,6 +52,7 @@ pub(crate) fn decode(
     decoder.textures(nodes);
     decoder.materials(nodes);
     decoder.settings(nodes);
+    decoder.scene.nodes.reserve_exact(nodes.iter().filter(|node| is_object(node)).count());
     for node in nodes.iter().filter(|node| is_object(node)) {
         if let Some(node) = decoder.object(node) {
             decoder.scene.nodes.push(node);

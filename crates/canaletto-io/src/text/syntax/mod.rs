@@ -13,7 +13,7 @@ mod parser;
 mod string;
 mod tree;
 
-pub(crate) use parser::{MAX_DEPTH, MAX_ITEMS, parse, parse_entries};
+pub(crate) use parser::{MAX_DEPTH, MAX_ITEMS, parse, parse_entries, unpack};
 pub(crate) use tree::{Node, Span, Value, ValueKind};
 
 #[cfg(test)]

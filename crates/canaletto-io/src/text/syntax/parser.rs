@@ -13,17 +13,41 @@ pub(crate) const MAX_ITEMS: usize = 1 << 24;
 
 /// Reads a whole file; mistakes go into the report. Nothing comes back of a file in which not even the blocks are
 /// clear.
-pub(crate) fn parse(text: &str, file: u16, report: &mut Report) -> Option<Vec<Node>> {
-    let mut parser = Parser { lexer: Lexer::new(text, 0, file, report), nodes: Vec::new(), open: Vec::new(), items: 0 };
+///
+/// With `packs`, of many nodes in a row those that are objects without a name are packed: see [`unpack`].
+pub(crate) fn parse(text: &str, file: u16, packs: bool, report: &mut Report) -> Option<Vec<Node>> {
+    let mut parser = Parser::new(Lexer::new(text, 0, file, report));
+    parser.packs = packs;
     parser.lexer.check_characters();
     parser.document()
+}
+
+/// Reads a packed node again, whose text this is.
+pub(crate) fn unpack(node: &Node, text: &str) -> Option<Node> {
+    let mut report = Report::default();
+    Parser::new(Lexer::new(text, node.span.start as usize, node.span.file, &mut report)).document()?.pop()
+}
+
+/// From so many nodes at the top of a file on they are packed.
+const MANY: usize = 4096;
+
+/// Whether a node may be packed: an object that nothing but the decoder asks about, without names and keys.
+fn is_plain(node: &Node) -> bool {
+    const OBJECTS: [&str; 10] =
+        ["light", "sphere", "box", "triangle", "cylinder", "cone", "plane", "disk", "torus", "instance"];
+    let named = node.properties.iter().any(|property| &*property.key == "name");
+    let said = |child: &Node| {
+        let apart = matches!(&*child.name, "name" | "of" | "key" | "follow" | "ease" | "turn");
+        !(apart || child.broken) && child.children.is_empty()
+    };
+    !(node.broken || named) && OBJECTS.contains(&&*node.name) && node.children.iter().all(said)
 }
 
 /// Reads the values and properties in a piece of text at `base` of its file into a node. `true` may stand for `#true`.
 pub(crate) fn parse_entries(text: &str, base: usize, node: &mut Node, report: &mut Report) {
     let mut lexer = Lexer::new(text, base, node.span.file, report);
     lexer.bare_keywords = true;
-    let mut parser = Parser { lexer, nodes: Vec::new(), open: Vec::new(), items: 0 };
+    let mut parser = Parser::new(lexer);
     parser.lexer.check_characters();
     loop {
         parser.lexer.skip_node_space();
@@ -74,9 +98,15 @@ struct Parser<'a> {
     open: Vec<Open>,
     /// How many nodes and values there were.
     items: usize,
+    /// Whether nodes are packed.
+    packs: bool,
 }
 
-impl Parser<'_> {
+impl<'a> Parser<'a> {
+    fn new(lexer: Lexer<'a>) -> Parser<'a> {
+        Parser { lexer, nodes: Vec::new(), open: Vec::new(), items: 0, packs: false }
+    }
+
     fn document(mut self) -> Option<Vec<Node>> {
         loop {
             self.lexer.skip_line_space();
@@ -91,7 +121,7 @@ impl Parser<'_> {
                     self.lexer.error(span, "this { belongs to no node", help);
                     // Most probably to the one before.
                     let mut node = match self.nodes.pop() {
-                        Some(node) if node.children.is_empty() => node,
+                        Some(node) if node.children.is_empty() && !node.packed => node,
                         other => {
                             self.nodes.extend(other);
                             Node::new("", span)
@@ -211,6 +241,10 @@ impl Parser<'_> {
             }
             node.span.end = self.lexer.span(end, end).end;
             if dropped == Dropped::Nothing {
+                let many = self.packs && self.nodes.len() >= MANY && self.open.is_empty();
+                if many && self.lexer.report.count() == 0 && is_plain(&node) {
+                    node.pack();
+                }
                 self.nodes.push(node);
             }
             return Some(());

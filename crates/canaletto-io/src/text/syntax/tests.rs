@@ -4,7 +4,7 @@ use crate::text::report::Report;
 
 fn read(text: &str) -> Result<Vec<Node>, String> {
     let mut report = Report::default();
-    let nodes = parse(text, 0, &mut report);
+    let nodes = parse(text, 0, false, &mut report);
     if report.has_errors() { Err(report.finish(&Files::default()).to_string()) } else { Ok(nodes.unwrap_or_default()) }
 }
 

@@ -23,6 +23,8 @@ pub(crate) struct Node {
     pub(crate) children: Vec<Node>,
     /// Whether a mistake in its values was reported already, so that their number and types mean nothing.
     pub(crate) broken: bool,
+    /// Whether its values and what stands in it are left out, and must be read again: see [`super::unpack`].
+    pub(crate) packed: bool,
     /// Its keys, once they are taken out of its children.
     pub(crate) keys: Option<Arc<Keys>>,
     /// What its values are at moments while the shutter is open, if keys move them; otherwise nothing.
@@ -62,9 +64,18 @@ impl Node {
             properties: Vec::new(),
             children: Vec::new(),
             broken: false,
+            packed: false,
             keys: None,
             moving: Vec::new(),
         }
+    }
+
+    /// Leaves out what it takes most memory for, but for what it is an instance of.
+    pub(crate) fn pack(&mut self) {
+        self.packed = true;
+        (self.values, self.children) = (Vec::new(), Vec::new());
+        self.properties.retain(|property| &*property.key == "of");
+        self.properties.shrink_to_fit();
     }
 
     /// The one text that `key` has as property or child, without judging anything.
