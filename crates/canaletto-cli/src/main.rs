@@ -16,6 +16,7 @@ mod interrupt;
 mod layers;
 #[cfg(test)]
 mod manual;
+mod memory;
 mod output;
 mod part;
 mod progress;

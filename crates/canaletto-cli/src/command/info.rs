@@ -3,6 +3,8 @@
 use crate::exit::Exit;
 use crate::failure::{Failure, print_diagnostics};
 use crate::flags::SourceFlags;
+use crate::memory::Memory;
+use crate::output::Format;
 use crate::source::{Source, UsedFile, build, on_threads};
 use crate::stdout::{print, print_json};
 use crate::words::{bytes, count, duration, plural};
@@ -46,6 +48,8 @@ struct Info {
     world: World,
     read: Duration,
     build: Duration,
+    /// What a render through the first camera takes, without layers.
+    memory: Memory,
 }
 
 /// Runs the command.
@@ -56,7 +60,10 @@ pub(crate) fn run(flags: &InfoFlags) -> Result<Exit, Failure> {
         let Source { name, scene, files, time: read, .. } = source;
         let (views, materials) = (scene.views.clone(), scene.materials.clone());
         let (world, build) = build(&name, scene, &flags.source.build_options(0), None)?;
-        Ok::<Info, Failure>(Info { name, files, views, materials, world, read, build })
+        let pixels =
+            views.first().map_or(0, |view| u64::from(view.intrinsics.width) * u64::from(view.intrinsics.height));
+        let memory = Memory::of(&world, pixels, &[], Format::Png);
+        Ok::<Info, Failure>(Info { name, files, views, materials, world, read, build, memory })
     })??;
     if flags.json {
         print_json(&info.json())?
@@ -87,6 +94,7 @@ impl Info {
             "scene": self.name,
             "files": self.files,
             "census": self.world.census(),
+            "memory": self.memory,
             "bounds": self.bounds(),
             "background": self.world.background,
             "ambient": self.world.ambient,
@@ -104,7 +112,16 @@ impl Info {
         several(&mut rows, "files", files);
         let census = self.world.census();
         rows.push(("contents", contents(&census)));
-        rows.push(("memory", bytes(census.bytes)));
+        rows.push(("hierarchies", bytes(census.bytes)));
+        rows.push((
+            "memory",
+            format!(
+                "about {} to render: {} with the world, {} for the picture",
+                bytes(self.memory.peak),
+                bytes(self.memory.world),
+                bytes(self.memory.picture)
+            ),
+        ));
         if let Some([low, high]) = self.bounds() {
             rows.push(("bounds", format!("{} to {}", vector(low), vector(high))));
         }

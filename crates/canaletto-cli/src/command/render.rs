@@ -5,6 +5,7 @@ use crate::failure::{Failure, print_diagnostics};
 use crate::flags::{PictureFlags, SourceFlags};
 use crate::frames::{Frames, FramesFlag, fps};
 use crate::layers::MAPPINGS;
+use crate::memory::Memory;
 use crate::output::{Format, Output, OutputFlags, replaced};
 use crate::part::partial;
 use crate::progress::{ProgressFlag, Style, emit};
@@ -262,10 +263,12 @@ fn dry_run(
     let (job, census) = (&settings.job, world.census());
     let [_, _, width, height] = job.window();
     let first = plan.files(plan.frames.first);
+    let memory = Memory::of(world, u64::from(width) * u64::from(height), &plan.aovs, plan.output.format);
     if plan.style == Style::Json {
         emit(&json!({
             "event": "plan", "scene": flags.source.scene, "camera": settings.camera, "size": [width, height],
             "frames": [plan.frames.first, plan.frames.last], "files": first, "census": census,
+            "memory": memory,
         }));
         return Ok(Exit::Done);
     }
@@ -289,7 +292,7 @@ fn dry_run(
     };
     print(&format!(
         "scene     {}, {}\ncamera    {}, {width} x {height} pixels\nsampling  {}\nlight     stage {stage}, depth {}, {shadows}\n\
-         world     {}, {}, {}\noutput    {names} ({kind}){frames}\nnothing is rendered or written (--dry-run)\n",
+         world     {}, {}, {}\nmemory    about {}: {} with the world, {} for the picture\noutput    {names} ({kind}){frames}\nnothing is rendered or written (--dry-run)\n",
         flags.source.scene.display(),
         plural(files as u64, "file"),
         settings.camera,
@@ -301,6 +304,9 @@ fn dry_run(
             n => format!("{} points of light", count(n)),
         },
         bytes(census.bytes),
+        bytes(memory.peak),
+        bytes(memory.world),
+        bytes(memory.picture),
     ))?;
     Ok(Exit::Done)
 }
