@@ -188,8 +188,8 @@ spheres material="blue" { data """
 ```
 
 Every line has the same count of numbers. A colour replaces the material's kd. Files are tables in the same columns
-(`.csv`, `.xyz`, `.txt`), PLY, or little-endian `f32` records (`.bin`: `x y z radius`, or `x y z x y z radius`); see
-[Files that come in](import.md).
+(`.csv`, `.tsv`, `.xyz`, `.txt`), atoms of an XYZ file, PLY, or little-endian `f32` records (`.bin`: `x y z radius`, or
+`x y z x y z radius`); see [Files that come in](import.md).
 "#;
 
 const TRANSFORM_RULES: &str = r#"

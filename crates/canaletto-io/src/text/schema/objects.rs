@@ -190,7 +190,8 @@ static MESH: Words = Words::new(
 .transforms()
 .example("mesh file=\"bunny.obj\" material=\"blue\" { scale 10; rotate-y 30; translate 0 1 0 }");
 
-const CLOUD_FILE: Word = Word::new("file", Takes::Text, "a file with them: .csv, .tsv, .xyz, .txt, .ply or .bin; see below");
+const CLOUD_FILE: Word =
+    Word::new("file", Takes::Text, "a file with them: .csv, .tsv, .xyz, .txt, .ply or .bin; see below");
 
 static SPHERES: Words = Words::new(
     "spheres",
