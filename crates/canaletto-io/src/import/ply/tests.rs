@@ -364,8 +364,8 @@ fn cube(faces: &str, row: impl Fn(usize) -> Vec<(String, Vec<u8>)>) -> [Vec<u8>;
 #[test]
 fn faces_have_colours_of_their_own() {
     let colors = [[255u8, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 0], [255, 0, 255], [0, 255, 255]];
-    type Number = (String, Vec<u8>);
-    let kinds: [(&str, fn(u8) -> Number); 3] = [
+    type Number = fn(u8) -> (String, Vec<u8>);
+    let kinds: [(&str, Number); 3] = [
         ("uchar", |v| (v.to_string(), vec![v])),
         ("float", |v| ((v / 255).to_string(), f32::from(v / 255).to_le_bytes().to_vec())),
         ("int", |v| (v.to_string(), i32::from(v).to_le_bytes().to_vec())),
