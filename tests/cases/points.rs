@@ -85,7 +85,8 @@ fn faces_show_their_colours() {
              mesh file=\"face-colour.ply\"\n"
         );
         let (scene, _) = read_scene("case.kdl", &assets().with("case.kdl", text)).unwrap();
-        assert!(pixels(scene).iter().all(|pixel| pixel.to_array() == color), "{eye}");
+        let apart = |pixel: &Rgb| pixel.to_array().iter().zip(color).any(|(a, b): (&f32, f32)| (a - b).abs() > 1e-5);
+        assert_eq!(pixels(scene).iter().filter(|pixel| apart(pixel)).count(), 0, "{eye}");
     }
     assert_eq!(mesh(&scene).triangles.len(), 12);
 }
@@ -213,6 +214,6 @@ fn many_keys_take_time_in_proportion() {
         };
         assert_eq!(sphere.center.z, (i % 7) as f32);
     }
-    // Each frame took 2 ms when it judged all keys.
-    assert!(start.elapsed() < Duration::from_secs(5), "{:?}", start.elapsed());
+    // To judge all keys for each frame takes 2 ms, 16 s in all.
+    assert!(start.elapsed() < Duration::from_secs(12), "{:?}", start.elapsed());
 }
