@@ -4,7 +4,7 @@ use crate::layers::channel_names;
 use crate::output::{Format, Output};
 use crate::part::UNFINISHED;
 use canaletto::render::{Aov, Job};
-use canaletto_io::picture::{SOFTWARE, decode};
+use canaletto_io::picture::{announced_size, SOFTWARE, decode};
 use std::fs;
 use std::path::Path;
 
@@ -29,8 +29,10 @@ pub(crate) fn is_complete(file: &Path, job: &Job, output: &Output, texts: &[(Str
     // A file that is much larger than these pixels is something else, and need not be read.
     let most = u64::from(width) * u64::from(height) * names.len() as u64 * 8 + (1 << 20);
     let bytes = fs::metadata(file).ok().filter(|m| m.is_file() && m.len() <= most).and_then(|_| fs::read(file).ok());
-    let Some(picture) = bytes.and_then(|bytes| decode(&bytes).ok()) else { return false };
-    let bits = if output.format == Format::Exr { 32 } else { output.depth.bits() };
+    // One of another size isn't unpacked.
+    let fits = |bytes: &Vec<u8>| announced_size(bytes) == Some([width, height]);
+    let Some(picture) = bytes.filter(fits).and_then(|bytes| decode(&bytes).ok()) else { return false };
+    let bits = if output.format == Format::Exr { 32 } else { output.png.depth.bits() };
     let mut channels: Vec<&str> = picture.image.channels.iter().map(|channel| channel.name.as_str()).collect();
     channels.sort_unstable();
     names.sort_unstable();

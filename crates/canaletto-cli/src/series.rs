@@ -294,12 +294,12 @@ impl<'a> Series<'a> {
             let encode = if rendering.complete { encode_exr } else { encode_exr_quickly };
             return write(0, &encode(&layers::linear(picture), &texts(None)).map_err(|e| unfit(&e))?);
         }
-        write(0, &develop_png(picture, film, output.depth, &texts(None)).map_err(|e| unfit(&e))?)?;
+        write(0, &develop_png(picture, film, output.png, &texts(None)).map_err(|e| unfit(&e))?)?;
         for (index, (layer, aov)) in picture.layers.iter().zip(&job.aovs).enumerate() {
             let (image, transfer) = layers::to_image(layer, picture, film, &world.bounds());
             let mut texts = texts(Some(*aov));
             texts.push(("transfer".into(), transfer_word(transfer).into()));
-            let bytes = encode_png(&image, output.depth, transfer, &texts).map_err(|e| unfit(&e))?;
+            let bytes = encode_png(&image, output.png, transfer, &texts).map_err(|e| unfit(&e))?;
             write(index + 1, &bytes)?;
         }
         Ok(())
@@ -319,6 +319,7 @@ impl<'a> Series<'a> {
                     rate: self.plan.rate,
                     frames: self.plan.frames.count() as u32,
                     transfer: job.film.transfer,
+                    compression: output.png.compression,
                     metadata,
                 };
                 let film = Movie::begin(kind, &output.path(0), output.options(), settings).map_err(failed)?;

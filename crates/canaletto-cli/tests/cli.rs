@@ -178,6 +178,25 @@ fn no_clobber_keeps_files() {
 }
 
 #[test]
+fn compression_changes_sizes_and_no_pixel() {
+    let folder = Folder::new();
+    let size = |how: &str, kind: &str| {
+        let file = format!("{how}.{kind}");
+        let frames = if kind == "apng" { "--frames 1-2" } else { "" };
+        folder.run(&format!("render s.kdl -q --size 300x200 -o {file} --compression {how} {frames}")).says(0, &[]);
+        (folder.picture(&file).image, fs::metadata(folder.path(&file)).unwrap().len())
+    };
+    for kind in ["png", "apng"] {
+        let [fast, default, best] = ["fast", "default", "best"].map(|how| size(how, kind));
+        assert!(fast.0 == default.0 && default.0 == best.0);
+        assert!(fast.1 > default.1 && default.1 >= best.1, "{} {} {}", fast.1, default.1, best.1);
+    }
+    folder.run("render s.kdl -q --size 300x200 -o none.png").says(0, &[]);
+    assert_eq!(fs::read(folder.path("none.png")).unwrap(), fs::read(folder.path("default.png")).unwrap());
+    folder.run("render s.kdl -o s.exr --compression best").says(2, &["--compression is for PNG and APNG"]);
+}
+
+#[test]
 fn the_standard_output_takes_a_picture() {
     let folder = Folder::new();
     let png = folder.run("render s.kdl -o -");

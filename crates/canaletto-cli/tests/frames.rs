@@ -97,6 +97,27 @@ fn frames_move() {
     folder.says("render s.kdl --fps 0", 2, &["between 0.01 and 1000"]);
 }
 
+/// The `png` crate panics at its palette.
+const PALETTE_OF_FOUR_BYTES: &[u8] = include_bytes!("../../canaletto-io/tests/fuzz/seeds/palette-of-four-bytes.png");
+
+#[test]
+fn what_breaks_a_decoder_in_the_place_of_a_frame_is_replaced() {
+    let folder = Folder::new();
+    folder.says("render s.kdl --frames 1-3 -o f.#.png", 0, &["3 frames rendered"]);
+    let whole = ["f.1.png", "f.2.png", "f.3.png"].map(|name| fs::read(folder.path(name)).unwrap());
+    fs::write(folder.path("f.1.png"), PALETTE_OF_FOUR_BYTES).unwrap();
+    // 16384 x 16384 pixels in the header of a few bytes.
+    let mut large = PALETTE_OF_FOUR_BYTES.to_vec();
+    large[16..24].copy_from_slice(&[0, 0, 0x40, 0, 0, 0, 0x40, 0]);
+    fs::write(folder.path("f.2.png"), &large).unwrap();
+    let text = folder.says("render s.kdl --frames 1-3 -o f.#.png", 0, &["2 frames rendered, 1 complete before"]);
+    assert!(!text.contains("panicked"), "{text}");
+    assert!(whole == ["f.1.png", "f.2.png", "f.3.png"].map(|name| fs::read(folder.path(name)).unwrap()));
+    fs::write(folder.path("a.png"), PALETTE_OF_FOUR_BYTES).unwrap();
+    let text = folder.says("compare a.png f.1.png", 1, &["can't read a.png", "its palette has 4 bytes"]);
+    assert!(!text.contains("panicked"), "{text}");
+}
+
 #[test]
 fn complete_frames_are_kept() {
     let folder = Folder::new();

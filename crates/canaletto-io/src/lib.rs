@@ -6,6 +6,7 @@ mod animation;
 pub mod assets;
 pub mod content;
 pub mod diagnostic;
+mod guard;
 pub mod image;
 pub mod import;
 pub mod movie;

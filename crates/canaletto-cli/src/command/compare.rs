@@ -234,7 +234,10 @@ fn read(path: &Path) -> Result<Input, Failure> {
     if bytes.len() as u64 > MAX_FILE {
         return Err(failed(format!("it is larger than {}", crate::words::bytes(MAX_FILE))));
     }
-    let decoded = decode(&bytes).map_err(|e| failed(e.to_string()))?;
+    let decoded = decode(&bytes).map_err(|e| match e.help() {
+        Some(help) => failed(format!("{e}; {help}")),
+        None => failed(e.to_string()),
+    })?;
     Ok(Input { decoded, is_exr: !bytes.starts_with(b"\x89PNG") })
 }
 

@@ -1,124 +1,344 @@
 //! OpenEXR: the first part with colour or grey, in single or half precision as it is.
+//!
+//! A file is opened here, and its blocks found; the crate `exr` reads headers and unpacks blocks. Blocks are unpacked side by
+//! side, each in a door of its own ([`guarded`]): the crate's own threads end the program where one panics. Its DWA decoder
+//! takes as much memory as a block announces, and other kernels on other processors, which round differently (its
+//! `compression/dwa/discrete_cosine_transform`); DWA is refused.
 
-use super::{ImageError, judge, room};
-use ::exr::block::samples::FromNativeSample;
+use super::{DENSEST, ImageError, SMALL, decoder, is_ordinary, judge, room};
+use crate::guard::guarded;
+use ::exr::block::UncompressedBlock;
+use ::exr::block::chunk::{Chunk, CompressedBlock, CompressedScanLineBlock, CompressedTileBlock, TileCoordinates};
+use ::exr::compression::Compression;
+use ::exr::error::Error;
+use ::exr::math::Vec2;
+use ::exr::meta::BlockDescription;
 use ::exr::meta::MetaData;
 use ::exr::meta::attribute::SampleType;
 use ::exr::meta::header::Header;
-use ::exr::prelude as ex;
-use ::exr::prelude::{ReadChannels, ReadLayers, ReadSpecificChannel, f16};
 use canaletto::texture::{ColorSpace, Image, Samples};
-use std::cell::RefCell;
+use rayon::prelude::*;
+use std::collections::HashSet;
 use std::io::Cursor;
+use std::ops::Range;
 
 const FORMAT: &str = "OpenEXR";
-/// Up to this size nobody asks how it was packed.
-const SMALL: u64 = 1 << 26;
+const CHROMA: &str = "colour as luminance and chroma (Y RY BY)";
+/// What is said of files packed so.
+pub(super) const DWA: &str = "DWA compression";
 
-/// Room for the texels, asked for before the decoder starts; it then fills what it is handed.
-fn prepared<N: Clone + Default>(count: usize) -> Result<RefCell<Vec<N>>, ImageError> {
-    let mut data: Vec<N> = room(count)?;
-    data.resize(count, N::default());
-    Ok(RefCell::new(data))
+/// Blocks that are unpacked before they are put where they belong take no more than this, but for a single one.
+const BATCH: usize = 16 << 20;
+
+/// A file whose parts are known and judged.
+pub(crate) struct File<'a> {
+    bytes: &'a [u8],
+    meta: MetaData,
+    /// For each part, where its blocks are said to be.
+    tables: Vec<Range<usize>>,
 }
 
-/// Where texels are put as they are unpacked: the width, and the numbers.
-type Target<N> = (usize, Vec<N>);
+/// A block of a part's finest level.
+struct Block<'a> {
+    x: usize,
+    y: usize,
+    width: usize,
+    height: usize,
+    packed: &'a [u8],
+    chunk: Place,
+}
 
-fn put<N: Copy, const K: usize>(target: &mut Target<N>, at: ex::Vec2<usize>, channels: usize, texel: [N; K]) {
-    let start = (at.y() * target.0 + at.x()) * channels;
-    if let Some(place) = target.1.get_mut(start..start + channels) {
-        place.copy_from_slice(&texel[..channels]);
+enum Place {
+    Line(i32),
+    Tile(Vec2<usize>),
+}
+
+impl<'a> File<'a> {
+    /// Reads the headers, and judges what they announce.
+    pub(crate) fn open(bytes: &'a [u8]) -> Result<File<'a>, ImageError> {
+        let end = headers_end(bytes)?;
+        let meta =
+            decoder(FORMAT, || MetaData::read_from_buffered(Cursor::new(&bytes[..end]), false).map_err(damaged))?;
+        let mut at = end;
+        let mut tables = Vec::new();
+        for header in &meta.headers {
+            if header.deep {
+                return Err(unsupported("deep data"));
+            }
+            match header.compression {
+                Compression::DWAA(_) | Compression::DWAB(_) => {
+                    return Err(unsupported(DWA));
+                }
+                Compression::HTJ2K32 | Compression::HTJ2K256 => return Err(unsupported("JPEG 2000 compression")),
+                _ => {}
+            }
+            // The crate means to refuse them, but its B44 decoder goes on for seconds with a large distance.
+            if header.channels.list.iter().any(|c| c.sampling != Vec2(1, 1)) {
+                let chroma = header.channels.list.iter().any(|c| c.name == *"RY" || c.name == *"BY");
+                return Err(unsupported(if chroma { CHROMA } else { "channels of fewer pixels than others" }));
+            }
+            let (width, height) = (header.layer_size.x() as u64, header.layer_size.y() as u64);
+            let pixel = pixel(header) as u64;
+            judge(FORMAT, width, height, (DENSEST * bytes.len() as u64).max(SMALL) / pixel.max(1), bytes.len())?;
+            let table = at..header.chunk_count.saturating_mul(8).saturating_add(at);
+            if table.end > bytes.len() {
+                return Err(wrong("it ends too early"));
+            }
+            at = table.end;
+            tables.push(table);
+        }
+        Ok(File { bytes, meta, tables })
+    }
+
+    /// Its parts.
+    pub(crate) fn parts(&self) -> &[Header] {
+        &self.meta.headers
+    }
+
+    /// Hands the rows of some channels of a part to `put`: the channel's place in `channels`, the row and its first column,
+    /// and the row's bytes as this machine has them.
+    pub(crate) fn rows(
+        &self,
+        part: usize,
+        channels: &[usize],
+        mut put: impl FnMut(usize, usize, usize, &[u8]),
+    ) -> Result<(), ImageError> {
+        let header = &self.meta.headers[part];
+        let blocks = self.blocks(part)?;
+        let sizes: Vec<usize> = header.channels.list.iter().map(|c| c.sample_type.bytes_per_sample()).collect();
+        let pixel = pixel(header);
+        let mut rest = blocks.as_slice();
+        while !rest.is_empty() {
+            let mut sum = 0;
+            let few = rest.iter().take_while(|block| {
+                sum += block.width * block.height * pixel;
+                sum <= BATCH
+            });
+            let (batch, later) = rest.split_at(few.count().max(1));
+            rest = later;
+            let unpacked: Vec<Vec<u8>> =
+                batch.par_iter().map(|block| self.unpack(part, block)).collect::<Result<_, _>>()?;
+            for (block, data) in batch.iter().zip(&unpacked) {
+                for (row, line) in data.chunks_exact(block.width * pixel).enumerate() {
+                    for (place, &channel) in channels.iter().enumerate() {
+                        let start = block.width * sizes[..channel].iter().sum::<usize>();
+                        let samples = &line[start..start + block.width * sizes[channel]];
+                        put(place, block.y + row, block.x, samples);
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Makes sure that a part can be unpacked, before there is room for `memory` bytes of it.
+    pub(crate) fn check(&self, part: usize, memory: u64) -> Result<(), ImageError> {
+        let blocks = self.blocks(part)?;
+        if is_ordinary(memory, self.bytes.len()) {
+            return Ok(());
+        }
+        blocks.par_iter().try_for_each(|block| self.unpack(part, block).map(drop))
+    }
+
+    fn unpack(&self, part: usize, block: &Block) -> Result<Vec<u8>, ImageError> {
+        let compressed_pixels_le = block.packed.to_vec();
+        let compressed_block = match block.chunk {
+            Place::Line(y_coordinate) => {
+                CompressedBlock::ScanLine(CompressedScanLineBlock { y_coordinate, compressed_pixels_le })
+            }
+            Place::Tile(tile_index) => CompressedBlock::Tile(CompressedTileBlock {
+                coordinates: TileCoordinates { tile_index, level_index: Vec2(0, 0) },
+                compressed_pixels_le,
+            }),
+        };
+        let chunk = Chunk { layer_index: part, compressed_block };
+        let unpacked = guarded(|| UncompressedBlock::decompress_chunk(chunk, &self.meta, false));
+        let data = unpacked.ok_or_else(|| wrong("a block can't be unpacked"))?.map_err(damaged)?.data;
+        if data.len() != block.width * block.height * pixel(&self.meta.headers[part]) {
+            return Err(wrong("a block has another size than it should"));
+        }
+        Ok(data)
+    }
+
+    /// The blocks of a part's finest level, each once.
+    fn blocks(&self, part: usize) -> Result<Vec<Block<'a>>, ImageError> {
+        let header = &self.meta.headers[part];
+        let [width, height] = [header.layer_size.x(), header.layer_size.y()];
+        let number = |at: usize| -> Result<i32, ImageError> {
+            let bytes = self.bytes.get(at..at + 4).and_then(|b| <[u8; 4]>::try_from(b).ok());
+            bytes.map(i32::from_le_bytes).ok_or_else(|| wrong("it ends too early"))
+        };
+        let many = self.meta.requirements.has_multiple_layers;
+        let mut blocks = Vec::new();
+        let mut seen = HashSet::new();
+        let mut pixels = 0;
+        for offset in self.bytes[self.tables[part].clone()].as_chunks().0 {
+            let offset = u64::from_le_bytes(*offset);
+            let Some(mut at) = usize::try_from(offset).ok().filter(|at| (8..self.bytes.len()).contains(at)) else {
+                return Err(wrong("it wasn't written to its end: a block is missing"));
+            };
+            if many {
+                if number(at)? != part as i32 {
+                    return Err(wrong("a block belongs to another part"));
+                }
+                at += 4;
+            }
+            let (chunk, x, y, most) = match header.blocks {
+                BlockDescription::ScanLines => {
+                    let line = number(at)?;
+                    let rows = header.compression.scan_lines_per_block();
+                    let y = i64::from(line) - i64::from(header.own_attributes.layer_position.y());
+                    let y = usize::try_from(y).ok().filter(|y| *y < height && y.is_multiple_of(rows));
+                    at += 4;
+                    (Place::Line(line), 0, y, [width, rows])
+                }
+                BlockDescription::Tiles(tiles) => {
+                    let [i, j, level_x, level_y] = [number(at)?, number(at + 4)?, number(at + 8)?, number(at + 12)?];
+                    at += 16;
+                    if level_x != 0 || level_y != 0 {
+                        continue;
+                    }
+                    let [i, j] = [i, j].map(|v| usize::try_from(v).unwrap_or(usize::MAX));
+                    let y = Some(j.saturating_mul(tiles.tile_size.y())).filter(|y| *y < height);
+                    let x = i.saturating_mul(tiles.tile_size.x());
+                    (Place::Tile(Vec2(i, j)), x, y, [tiles.tile_size.x(), tiles.tile_size.y()])
+                }
+            };
+            let Some(y) = y.filter(|_| x < width) else { return Err(wrong("a block lies outside of its picture")) };
+            let size = usize::try_from(number(at)?).map_err(|_| wrong("a block has a negative size"))?;
+            let packed = self.bytes.get(at + 4..(at + 4).saturating_add(size));
+            let packed = packed.ok_or_else(|| wrong("it ends too early"))?;
+            let block = Block { x, y, width: most[0].min(width - x), height: most[1].min(height - y), packed, chunk };
+            // Of 24 of 32 bits (PXR24) a byte is left out, which is there again once it is unpacked.
+            let announced = (block.width * block.height) as u64 * pixel(header) as u64;
+            if announced > (size as u64 + 64) * (DENSEST + DENSEST / 3) {
+                return Err(wrong("a block announces more than its bytes can hold"));
+            }
+            if seen.insert((x, y)) {
+                pixels += block.width * block.height;
+                blocks.push(block);
+            }
+        }
+        if pixels != width * height {
+            return Err(wrong("blocks are missing"));
+        }
+        Ok(blocks)
     }
 }
 
-/// Reads colours; the reader's types have no name that a function could take.
-macro_rules! color {
-    ($bytes:expr, $channels:expr, $count:expr, $number:ty, $sample:ty, $keep:expr) => {{
-        let data = prepared::<$number>($count)?;
-        let one = <$sample as FromNativeSample>::from_f32(1.0);
-        let reader = ex::read().no_deep_data().largest_resolution_level().specific_channels();
-        let reader = reader.required("R").required("G").required("B").optional("A", one).collect_pixels(
-            move |size: ex::Vec2<usize>, _: &_| (size.x(), data.take()),
-            move |target: &mut Target<$number>, at, (r, g, b, a): ($sample, $sample, $sample, $sample)| {
-                put(target, at, $channels, [r, g, b, a].map($keep));
-            },
-        );
-        let read = reader.first_valid_layer().all_attributes().from_buffered($bytes).map_err(damaged);
-        read.map(|image| image.layer_data.channel_data.pixels.1)
-    }};
+/// The bytes of a pixel, all channels.
+fn pixel(header: &Header) -> usize {
+    header.channels.list.iter().map(|c| c.sample_type.bytes_per_sample()).sum()
 }
 
-/// Reads greys.
-macro_rules! gray {
-    ($bytes:expr, $channels:expr, $count:expr, $number:ty, $sample:ty, $keep:expr) => {{
-        let data = prepared::<$number>($count)?;
-        let one = <$sample as FromNativeSample>::from_f32(1.0);
-        let reader = ex::read().no_deep_data().largest_resolution_level().specific_channels();
-        let reader = reader.required("Y").optional("A", one).collect_pixels(
-            move |size: ex::Vec2<usize>, _: &_| (size.x(), data.take()),
-            move |target: &mut Target<$number>, at, (y, a): ($sample, $sample)| {
-                put(target, at, $channels, [y, a].map($keep));
-            },
-        );
-        let read = reader.first_valid_layer().all_attributes().from_buffered($bytes).map_err(damaged);
-        read.map(|image| image.layer_data.channel_data.pixels.1)
-    }};
+/// The size that an EXR's first part announces.
+pub(crate) fn size(bytes: &[u8]) -> Option<[u32; 2]> {
+    let file = File::open(bytes).ok()?;
+    let size = file.parts().first()?.layer_size;
+    Some([size.x() as u32, size.y() as u32])
+}
+
+/// Where the headers end: attributes are a name, a type, a size and as many bytes; an empty name ends a header, and an empty
+/// header the headers of a file with several parts.
+fn headers_end(bytes: &[u8]) -> Result<usize, ImageError> {
+    let short = || wrong("it ends in its header");
+    let flags = *bytes.get(5).ok_or_else(short)?;
+    let several = flags & 0x10 != 0;
+    if flags & 0x08 != 0 {
+        return Err(unsupported("deep data"));
+    }
+    let mut at = 8;
+    loop {
+        let start = at;
+        while *bytes.get(at).ok_or_else(short)? != 0 {
+            for _ in 0..2 {
+                let length = bytes[at..].iter().take(257).position(|b| *b == 0);
+                at += 1 + length.ok_or_else(|| wrong("its header isn't made of names and values"))?;
+            }
+            let size = bytes.get(at..at + 4).and_then(|b| <[u8; 4]>::try_from(b).ok()).ok_or_else(short)?;
+            let end = u64::from(u32::from_le_bytes(size)) + at as u64 + 4;
+            at = usize::try_from(end).ok().filter(|end| *end < bytes.len()).ok_or_else(short)?;
+        }
+        at += 1;
+        if !several || at == start + 1 {
+            return Ok(at);
+        }
+    }
 }
 
 /// Reads an EXR: the channels R, G, B or Y, and A. The image is the part's data window.
 pub(super) fn read(bytes: &[u8]) -> Result<Image, ImageError> {
-    let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(damaged)?;
-    for header in &meta.headers {
-        // All parts are gone through, so all are judged. Its packing makes at most about 1000 bytes of one; Huffman's of
-        // PIZ could more, of large empty pictures.
-        let (width, height) = (header.layer_size.x() as u64, header.layer_size.y() as u64);
-        let texel: u64 = header.channels.list.iter().map(|c| c.sample_type.bytes_per_sample() as u64).sum();
-        let explained = (bytes.len() as u64 * 1032).max(SMALL) / texel.max(1);
-        judge(FORMAT, width, height, explained, bytes.len())?;
-    }
-    let has = |header: &Header, name: &str| header.channels.list.iter().any(|c| c.name == *name);
+    let file = File::open(bytes)?;
+    let find = |header: &Header, name: &str| header.channels.list.iter().position(|c| c.name == *name);
+    let has = |header: &Header, name: &str| find(header, name).is_some();
     let color = |header: &Header| ["R", "G", "B"].iter().all(|name| has(header, name));
-    let Some(header) = meta.headers.iter().find(|header| color(header) || has(header, "Y")) else {
-        let names = meta.headers.iter().flat_map(|header| header.channels.list.iter().map(|c| c.name.to_string()));
+    let Some(part) = file.parts().iter().position(|header| color(header) || has(header, "Y")) else {
+        let names = file.parts().iter().flat_map(|header| header.channels.list.iter().map(|c| c.name.to_string()));
         let names: Vec<String> = names.take(20).collect();
-        let what = format!("the channels {} instead of R G B or Y", names.join(", "));
-        return Err(ImageError::Unsupported { format: FORMAT, what });
+        return Err(unsupported(format!("the channels {} instead of R G B or Y", names.join(", "))));
     };
+    let header = &file.parts()[part];
     let gray = !color(header);
     if gray && (has(header, "RY") || has(header, "BY")) {
-        let what = "colour as luminance and chroma (Y RY BY)".into();
-        return Err(ImageError::Unsupported { format: FORMAT, what });
+        return Err(unsupported(CHROMA));
     }
-    let alpha = has(header, "A");
-    let channels = if gray { 1 } else { 3 } + usize::from(alpha);
     let wanted: &[&str] = if gray { &["Y", "A"] } else { &["R", "G", "B", "A"] };
-    let mut used = header.channels.list.iter().filter(|c| wanted.iter().any(|name| c.name == **name));
-    let half = used.all(|c| c.sample_type == SampleType::F16);
-    let (width, height) = (header.layer_size.x(), header.layer_size.y());
+    let wanted: Vec<usize> = wanted.iter().filter_map(|name| find(header, name)).collect();
+    let types: Vec<SampleType> = wanted.iter().map(|c| header.channels.list[*c].sample_type).collect();
+    let half = types.iter().all(|t| *t == SampleType::F16);
+    let (width, height, channels) = (header.layer_size.x(), header.layer_size.y(), wanted.len());
     let count = width * height * channels;
-    let bytes = Cursor::new(bytes);
-    let samples = match (half, gray) {
-        (true, false) => Samples::F16(color!(bytes, channels, count, u16, f16, f16::to_bits)?),
-        (false, false) => Samples::F32(color!(bytes, channels, count, f32, f32, |v| v)?),
-        (true, true) => Samples::F16(gray!(bytes, channels, count, u16, f16, f16::to_bits)?),
-        (false, true) => Samples::F32(gray!(bytes, channels, count, f32, f32, |v| v)?),
+    file.check(part, count as u64 * if half { 2 } else { 4 })?;
+    // Rows lie in the picture with their channels side by side.
+    let place = |channel: usize, y: usize, x: usize| (y * width + x) * channels + channel;
+    let samples = if half {
+        let mut data: Vec<u16> = room(count)?;
+        data.resize(count, 0);
+        file.rows(part, &wanted, |channel, y, x, row| {
+            let to = data[place(channel, y, x)..].iter_mut().step_by(channels);
+            to.zip(row.as_chunks().0).for_each(|(v, two)| *v = u16::from_ne_bytes(*two));
+        })?;
+        Samples::F16(data)
+    } else {
+        let mut data: Vec<f32> = room(count)?;
+        data.resize(count, 0.0);
+        file.rows(part, &wanted, |channel, y, x, row| {
+            let to = data[place(channel, y, x)..].iter_mut().step_by(channels);
+            to.zip(floats(types[channel], row)).for_each(|(v, number)| *v = number);
+        })?;
+        Samples::F32(data)
     };
-    Ok(Image {
-        name: String::new(),
-        width: width as u32,
-        height: height as u32,
-        channels: channels as u8,
-        samples,
-        space: ColorSpace::Linear,
-        premultiplied: alpha,
+    let (width, height, premultiplied) = (width as u32, height as u32, has(header, "A"));
+    let (name, space) = (String::new(), ColorSpace::Linear);
+    Ok(Image { name, width, height, channels: channels as u8, samples, space, premultiplied })
+}
+
+/// The numbers of a row.
+pub(crate) fn floats(kind: SampleType, row: &[u8]) -> impl Iterator<Item = f32> + '_ {
+    row.chunks_exact(kind.bytes_per_sample()).map(move |bytes| match (kind, bytes) {
+        (SampleType::F16, &[a, b]) => canaletto::texture::from_half(u16::from_ne_bytes([a, b])),
+        (SampleType::U32, &[a, b, c, d]) => u32::from_ne_bytes([a, b, c, d]) as f32,
+        (_, &[a, b, c, d]) => f32::from_ne_bytes([a, b, c, d]),
+        _ => 0.0,
     })
 }
 
-fn damaged(error: ::exr::error::Error) -> ImageError {
+fn damaged(error: Error) -> ImageError {
     match error {
-        ::exr::error::Error::NotSupported(what) => ImageError::Unsupported { format: FORMAT, what: what.into_owned() },
-        ::exr::error::Error::Invalid(what) => ImageError::Damaged { format: FORMAT, reason: what.into_owned() },
-        other => ImageError::Damaged { format: FORMAT, reason: other.to_string() },
+        Error::NotSupported(what) => {
+            // The crate says itself that it doesn't.
+            let what = what.trim_end_matches(" not supported yet").trim_start_matches("yet unimplemented ");
+            unsupported(what)
+        }
+        Error::Invalid(what) => wrong(what),
+        other => wrong(other.to_string()),
     }
+}
+
+fn unsupported(what: impl Into<String>) -> ImageError {
+    ImageError::Unsupported { format: FORMAT, what: what.into() }
+}
+
+fn wrong(reason: impl Into<String>) -> ImageError {
+    ImageError::Damaged { format: FORMAT, reason: reason.into() }
 }

@@ -4,8 +4,7 @@
 //! half-precision numbers, half the memory of what libraries return. Values are m 2^(e − 136); EXPOSURE, which only says
 //! what the numbers were multiplied by, is left alone, as other programs do.
 
-use super::{ImageError, judge, room};
-use canaletto::memory;
+use super::{DENSEST, ImageError, SMALL, is_ordinary, judge, room};
 use canaletto::texture::{ColorSpace, Image, Samples, to_half};
 
 const FORMAT: &str = "Radiance HDR";
@@ -21,16 +20,23 @@ pub(super) fn read(bytes: &[u8]) -> Result<Image, ImageError> {
     let axes = header(&mut input)?;
     let (across, down) = (axes.inner, axes.outer);
     let (width, height) = if axes.transposed { (down, across) } else { (across, down) };
-    // A run of the newer packing has at most 127 numbers in two bytes; the older one's are longer.
-    judge(FORMAT, width.into(), height.into(), u64::MAX, bytes.len())?;
-    let mut texels: Vec<[u8; 4]> = Vec::new();
+    // A run of the newer packing has at most 127 numbers in two bytes; the older one's can be as long as a scanline. Texels take
+    // four bytes as they are read, and up to twelve as numbers.
+    judge(FORMAT, width.into(), height.into(), (SMALL + DENSEST * bytes.len() as u64) / 16, bytes.len())?;
+    if !is_ordinary(16 * u64::from(width) * u64::from(height), bytes.len()) {
+        // Whether all is there, before there is room for it.
+        let (start, mut line) = (input.at, room(across as usize)?);
+        for _ in 0..down {
+            line.clear();
+            scanline(&mut input, across as usize, &mut line)?;
+        }
+        input.at = start;
+    }
+    let mut texels: Vec<[u8; 4]> = room(across as usize * down as usize)?;
     let mut line: Vec<[u8; 4]> = room(across as usize)?;
     for _ in 0..down {
         line.clear();
         scanline(&mut input, across as usize, &mut line)?;
-        // Grows with what the file really holds, not with what it announces.
-        memory::reserve(&mut texels, line.len())
-            .map_err(|_| ImageError::NoMemory(4 * u64::from(width) * u64::from(height)))?;
         texels.extend_from_slice(&line);
     }
     let highest = texels.iter().map(|t| t[3]).max().unwrap_or(0);

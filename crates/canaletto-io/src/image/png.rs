@@ -1,37 +1,101 @@
 //! PNG (ISO/IEC 15948) in all its types; 16 bits stay 16 bits.
 
-use super::{ImageError, judge, room};
-use ::png::{BitDepth, ColorType, Decoder, DecodingError, Limits, Transformations};
+use super::{ImageError, decoder, is_ordinary, judge, room};
+use ::png::{BitDepth, ColorType, Decoder, DecodingError, Limits, Reader, Transformations};
 use canaletto::texture::{ColorSpace, Image, Samples};
-use std::io::Cursor;
+use std::io::{Cursor, Read};
 
 const FORMAT: &str = "PNG";
+
+/// What a PNG holds.
+pub(crate) struct Unpacked {
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    /// 1 to 4: grey, grey and alpha, colour, colour and alpha.
+    pub(crate) channels: u8,
+    /// 8 or 16 bits each.
+    pub(crate) samples: Samples,
+    /// Bits of each number in the file.
+    pub(crate) bits: u8,
+    /// Whether it says that its numbers are on the sRGB curve.
+    pub(crate) is_srgb: bool,
+    /// The exponent of its curve in 1/100000, if it says one.
+    pub(crate) gamma: Option<u32>,
+    /// Its texts with their keys.
+    pub(crate) texts: Vec<(String, String)>,
+}
 
 /// Reads a PNG. A gAMA chunk decides about the curve where there is no sRGB chunk; chromaticities and colour profiles
 /// are ignored.
 pub(super) fn read(bytes: &[u8]) -> Result<Image, ImageError> {
+    let Unpacked { width, height, channels, samples, is_srgb, gamma, .. } = unpack(bytes, false)?;
+    let space = ColorSpace::Srgb;
+    let mut image = Image { name: String::new(), width, height, channels, samples, space, premultiplied: false };
+    match gamma.filter(|gamma| !is_srgb && *gamma > 0) {
+        // 1/2.2 is how files of the sRGB curve say it.
+        None | Some(44_000..=47_000) => {}
+        Some(99_000..=101_000) => image.space = ColorSpace::Linear,
+        Some(gamma) => straighten(&mut image, gamma),
+    }
+    Ok(image)
+}
+
+/// Unpacks a PNG; of an animated one the picture that other programs show.
+pub(crate) fn unpack(bytes: &[u8], texts: bool) -> Result<Unpacked, ImageError> {
     header(bytes)?;
+    let (wanted, texts) = wanted(bytes, texts)?;
+    let needed = {
+        let reader = decoder(FORMAT, || open(&wanted))?;
+        let (_, depth) = reader.output_color_type();
+        let (info, size) = (reader.info(), if depth == BitDepth::Sixteen { 2 } else { 1 });
+        u64::from(info.width) * u64::from(info.height) * channels(&reader) as u64 * size
+    };
+    if !is_ordinary(needed, bytes.len()) {
+        // Whether all its rows are there, before there is room for them.
+        decoder(FORMAT, || {
+            let mut reader = open(&wanted)?;
+            while reader.next_row().map_err(damaged)?.is_some() {}
+            Ok(())
+        })?;
+    }
+    decoder(FORMAT, || {
+        let mut reader = open(&wanted)?;
+        let samples = samples(&mut reader)?;
+        let info = reader.info();
+        Ok(Unpacked {
+            width: info.width,
+            height: info.height,
+            channels: channels(&reader) as u8,
+            samples,
+            bits: info.bit_depth as u8,
+            is_srgb: info.srgb.is_some(),
+            gamma: info.gama_chunk.map(|g| g.into_scaled()),
+            texts,
+        })
+    })
+}
+
+fn open(bytes: &[u8]) -> Result<Reader<Cursor<&[u8]>>, ImageError> {
     let mut decoder = Decoder::new_with_limits(Cursor::new(bytes), Limits { bytes: 1 << 32 });
     decoder.set_transformations(Transformations::EXPAND);
-    let mut reader = decoder.read_info().map_err(damaged)?;
-    let info = reader.info();
-    let (width, height) = (info.width, info.height);
-    let gamma = match (info.srgb, info.gama_chunk.map(|g| g.into_scaled())) {
-        (Some(_), _) | (_, None | Some(0)) => None,
-        (_, Some(gamma)) => Some(gamma),
-    };
-    let interlaced = info.interlaced;
-    let (color, depth) = reader.output_color_type();
-    let channels = match color {
+    decoder.read_info().map_err(damaged)
+}
+
+fn channels(reader: &Reader<Cursor<&[u8]>>) -> usize {
+    match reader.output_color_type().0 {
         ColorType::Grayscale => 1,
         ColorType::GrayscaleAlpha => 2,
         ColorType::Rgb | ColorType::Indexed => 3,
         ColorType::Rgba => 4,
-    };
-    let count = width as usize * height as usize * usize::from(channels);
+    }
+}
+
+fn samples(reader: &mut Reader<Cursor<&[u8]>>) -> Result<Samples, ImageError> {
+    let (info, depth) = (reader.info(), reader.output_color_type().1);
+    let (count, interlaced) = (info.width as usize * info.height as usize * channels(reader), info.interlaced);
     let samples = if depth == BitDepth::Sixteen {
         let mut data: Vec<u16> = room(count)?;
-        let mut add = |row: &[u8]| data.extend(row.chunks_exact(2).map(|b| u16::from_be_bytes([b[0], b[1]])));
+        let mut add = |row: &[u8]| data.extend(row.as_chunks().0.iter().map(|two| u16::from_be_bytes(*two)));
         if interlaced {
             let mut whole: Vec<u8> = room(2 * count)?;
             whole.resize(2 * count, 0);
@@ -51,28 +115,18 @@ pub(super) fn read(bytes: &[u8]) -> Result<Image, ImageError> {
         Samples::U8(data)
     };
     if samples.len() != count {
-        return Err(ImageError::Damaged { format: FORMAT, reason: "it has fewer rows than it announces".into() });
+        return Err(wrong("it has fewer rows than it announces"));
     }
-    let mut image =
-        Image { name: String::new(), width, height, channels, samples, space: ColorSpace::Srgb, premultiplied: false };
-    match gamma {
-        // 1/2.2 is how files of the sRGB curve say it.
-        None | Some(44_000..=47_000) => {}
-        Some(99_000..=101_000) => image.space = ColorSpace::Linear,
-        Some(gamma) => straighten(&mut image, gamma),
-    }
-    Ok(image)
+    Ok(samples)
 }
 
 /// Judges the header by itself: the decoder's messages about sizes name no sizes.
 fn header(bytes: &[u8]) -> Result<(), ImageError> {
     let number = |at: usize| bytes.get(at..at + 4).map(|b| u64::from(u32::from_be_bytes([b[0], b[1], b[2], b[3]])));
     if bytes.get(12..16) != Some(b"IHDR") {
-        return Err(ImageError::Damaged { format: FORMAT, reason: "it doesn't start with its header".into() });
+        return Err(wrong("it doesn't start with its header"));
     }
-    let (Some(width), Some(height)) = (number(16), number(20)) else {
-        return Err(ImageError::Damaged { format: FORMAT, reason: "it ends in its header".into() });
-    };
+    let (Some(width), Some(height)) = (number(16), number(20)) else { return Err(wrong("it ends in its header")) };
     let bits = match (bytes.get(24), bytes.get(25)) {
         (Some(depth), Some(2)) => 3 * u64::from(*depth),
         (Some(depth), Some(4)) => 2 * u64::from(*depth),
@@ -80,8 +134,95 @@ fn header(bytes: &[u8]) -> Result<(), ImageError> {
         (Some(depth), Some(_)) => u64::from(*depth),
         _ => 0,
     };
-    // Deflate makes at most 1032 bytes of one.
-    judge(FORMAT, width, height, bytes.len() as u64 * 1032 * 8 / bits.max(1), bytes.len())
+    judge(FORMAT, width, height, bytes.len() as u64 * super::DENSEST * 8 / bits.max(1), bytes.len())
+}
+
+/// The size that a PNG announces.
+pub(crate) fn size(bytes: &[u8]) -> Option<[u32; 2]> {
+    let number = |at: usize| bytes.get(at..at + 4).map(|b| u32::from_be_bytes([b[0], b[1], b[2], b[3]]));
+    if bytes.get(12..16) == Some(b"IHDR") { Some([number(16)?, number(20)?]) } else { None }
+}
+
+/// The file with what is read of it, and nothing else, and its texts: colour profiles and packed texts the decoder (`png` 0.18)
+/// would unpack before it is asked for them, whatever they unpack to. Palettes whose length isn't a multiple of three make
+/// it panic (`transform/palette.rs`).
+fn wanted(bytes: &[u8], with_texts: bool) -> Result<(Vec<u8>, Vec<(String, String)>), ImageError> {
+    /// The signature, and the header after it.
+    const START: usize = 8;
+    let mut wanted: Vec<u8> = room(bytes.len())?;
+    wanted.extend_from_slice(&bytes[..START]);
+    let mut texts = Texts { all: Vec::new(), left: TEXTS };
+    let indexed = bytes.get(25) == Some(&3);
+    let mut at = START;
+    while let Some(head) = bytes.get(at..at + 8) {
+        let length = u32::from_be_bytes([head[0], head[1], head[2], head[3]]) as usize;
+        let end = (at + length).saturating_add(12).min(bytes.len());
+        let keep = match &head[4..8] {
+            b"PLTE" if indexed && !(length.is_multiple_of(3) && (3..=768).contains(&length)) => {
+                let reason = format!("its palette has {length} bytes; 1 to 256 colours of three each are expected");
+                return Err(wrong(reason));
+            }
+            b"PLTE" => indexed,
+            b"tRNS" | b"sRGB" | b"gAMA" => true,
+            b"tEXt" | b"zTXt" | b"iTXt" => {
+                if let Some(data) = bytes.get(at + 8..at + 8 + length).filter(|_| with_texts) {
+                    texts.add(head[4], data);
+                }
+                false
+            }
+            // What isn't critical has a small letter in front.
+            name => !name[0].is_ascii_lowercase(),
+        };
+        if keep {
+            wanted.extend_from_slice(&bytes[at..end]);
+        }
+        if &head[4..8] == b"IEND" {
+            break;
+        }
+        at = end;
+    }
+    Ok((wanted, texts.all))
+}
+
+/// Bytes of all packed texts of a file, unpacked; what is beyond is left out.
+const TEXTS: u64 = 1 << 20;
+
+struct Texts {
+    all: Vec<(String, String)>,
+    /// What packed ones may still have.
+    left: u64,
+}
+
+impl Texts {
+    /// Adds the text of a chunk `tEXt`, `zTXt` or `iTXt`, whose name begins with this letter (the standard's 11.3.3).
+    fn add(&mut self, kind: u8, data: &[u8]) -> Option<()> {
+        let latin = |bytes: &[u8]| bytes.iter().map(|b| char::from(*b)).collect::<String>();
+        let cut = |data: &'_ [u8]| data.iter().position(|b| *b == 0);
+        let end = cut(data)?;
+        let (key, mut rest) = (latin(&data[..end]), &data[end + 1..]);
+        let text = match kind {
+            b't' => latin(rest),
+            b'z' => latin(&self.unpacked(rest.get(1..)?)?),
+            _ => {
+                let &[packed, _, ref names @ ..] = rest else { return None };
+                rest = names;
+                // The language, and the key in it.
+                for _ in 0..2 {
+                    rest = &rest[cut(rest)? + 1..];
+                }
+                String::from_utf8(if packed == 0 { rest.to_vec() } else { self.unpacked(rest)? }).ok()?
+            }
+        };
+        self.all.push((key, text));
+        Some(())
+    }
+
+    fn unpacked(&mut self, data: &[u8]) -> Option<Vec<u8>> {
+        let mut text = Vec::new();
+        flate2::read::ZlibDecoder::new(data).take(self.left + 1).read_to_end(&mut text).ok()?;
+        self.left = self.left.checked_sub(text.len() as u64)?;
+        Some(text)
+    }
 }
 
 /// Turns numbers on a curve of the file's own (its exponent in 1/100000) into linear ones of 16 bits.
@@ -110,6 +251,9 @@ fn straighten(image: &mut Image, gamma: u32) {
 fn damaged(error: DecodingError) -> ImageError {
     // The decoder goes on with its own state, which tells nobody anything.
     let text = error.to_string();
-    let reason = text.split(" while decoding ").next().unwrap_or_default().to_owned();
-    ImageError::Damaged { format: FORMAT, reason }
+    wrong(text.split(" while decoding ").next().unwrap_or_default())
+}
+
+fn wrong(reason: impl Into<String>) -> ImageError {
+    ImageError::Damaged { format: FORMAT, reason: reason.into() }
 }

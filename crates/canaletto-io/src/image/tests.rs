@@ -185,6 +185,97 @@ fn jpeg_and_webp_come_close_to_what_was_packed() {
     }
 }
 
+/// Puts bytes before each segment of a JPEG's header but the first.
+fn with_bytes_between(jpeg: &[u8], extra: &[u8]) -> Vec<u8> {
+    let (mut bytes, mut at) = (jpeg[..2].to_vec(), 2);
+    loop {
+        let length = usize::from(u16::from_be_bytes([jpeg[at + 2], jpeg[at + 3]])) + 2;
+        if jpeg[at + 1] == 0xda {
+            bytes.extend(extra);
+            bytes.extend(&jpeg[at..]);
+            return bytes;
+        }
+        bytes.extend(extra);
+        bytes.extend(&jpeg[at..at + length]);
+        at += length;
+    }
+}
+
+#[test]
+fn bytes_between_the_segments_of_a_jpeg_change_nothing() {
+    let progressive = &include_bytes!("../../tests/fuzz/seeds/progressive.jpg")[..];
+    for jpeg in [&include_bytes!("testdata/ramp.jpg")[..], progressive] {
+        let plain = read(jpeg.to_vec()).unwrap();
+        let comment: &[u8] = b"\xff\xfe\0\x06text";
+        let icc: &[u8] = b"\xff\xe2\0\x12ICC_PROFILE\0\x01\x01xx";
+        for extra in
+            [&b"\0\0\0\0"[..], b"some words", b"\xff\xff\xff\xff\xff\xff", b"\xff\0\xff\0\xff\0a", comment, icc]
+        {
+            assert_eq!(read(with_bytes_between(jpeg, extra)).unwrap(), plain, "{extra:?}");
+        }
+        let behind = [jpeg, b"and more"].concat();
+        assert_eq!(read(behind).unwrap(), plain);
+    }
+}
+
+#[test]
+fn kinds_of_jpeg_that_are_not_read_are_named() {
+    let jpeg = include_bytes!("testdata/ramp.jpg");
+    let frame = jpeg.windows(2).position(|w| w == [0xff, 0xc0]).expect("a frame");
+    let patched = |at: usize, byte: u8| {
+        let mut bytes = jpeg.to_vec();
+        bytes[frame + at] = byte;
+        read(bytes).unwrap_err().to_string()
+    };
+    for (code, what) in [
+        (0xc3, "lossless coding"),
+        (0xc5, "hierarchical coding"),
+        (0xc7, "hierarchical coding"),
+        (0xc9, "arithmetic coding"),
+        (0xca, "arithmetic coding"),
+        (0xcb, "arithmetic coding"),
+        (0xf7, "JPEG-LS coding"),
+    ] {
+        assert_eq!(patched(1, code), format!("the JPEG file has {what}, which isn't supported"));
+    }
+    assert_eq!(patched(4, 12), "the JPEG file has 12 bits for each number, which isn't supported");
+    assert_eq!(patched(9, 2), "the JPEG file has 2 components, which isn't supported");
+    let height = patched(5, 0x80);
+    assert!(height.contains("16 × 32784 pixels, which its"), "{height}");
+    let mut flat = jpeg.to_vec();
+    flat[frame + 5..frame + 7].fill(0);
+    assert!(read(flat).unwrap_err().to_string().contains("its height behind the picture (DNL)"));
+}
+
+#[test]
+fn other_formats_are_named() {
+    let why = |bytes: &[u8]| read(bytes.to_vec()).unwrap_err().to_string();
+    assert_eq!(why(b"II*\0\x08\0\0\0"), "its format is TIFF, which isn't read");
+    assert_eq!(why(b"\0\0\0\x20ftypheic"), "its format is HEIF, which isn't read");
+    assert_eq!(why(b"GIF89a"), "its format is GIF, which isn't read");
+    assert_eq!(why(b"nothing"), "it is no image that can be read");
+    let xyze = b"#?RADIANCE\nFORMAT=32-bit_rle_xyze\n\n-Y 1 +X 1\n\0\0\0\0";
+    let named = "the Radiance HDR file has the pixel format 32-bit_rle_xyze, which isn't supported";
+    assert_eq!(why(xyze), named);
+}
+
+#[test]
+fn cmyk_of_adobe_is_turned_into_colour() {
+    let cmyk = include_bytes!("../../tests/fuzz/seeds/cmyk.jpg");
+    let (image, _) = read(cmyk.to_vec()).unwrap();
+    let Samples::U8(data) = &image.samples else { panic!() };
+    // As Pillow 12 reads it.
+    let pillow = [(0, 0, [1u8, 0, 0]), (5, 5, [50, 75, 24]), (20, 10, [200, 151, 200]), (23, 16, [230, 241, 111])];
+    for (x, y, expected) in pillow {
+        let texel = &data[3 * (y * 24 + x)..][..3];
+        assert!((0..3).all(|c| texel[c].abs_diff(expected[c]) <= 2), "{x} {y}: {texel:?} for {expected:?}");
+    }
+    let mut plain = cmyk.to_vec();
+    let adobe = plain.windows(5).position(|w| w == b"Adobe").expect("a marker");
+    plain[adobe] = b'a';
+    assert!(read(plain).unwrap_err().to_string().contains("CMYK without Adobe's marker"));
+}
+
 #[test]
 fn damage_never_panics() {
     damage(&picture::encode_png(&ramp(&["R", "G", "B", "A"]), picture::Depth::Sixteen, Transfer::Srgb, &[]).unwrap());

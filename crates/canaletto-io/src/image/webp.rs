@@ -1,31 +1,83 @@
-//! WebP, lossy and lossless, with or without alpha; of an animation the first picture.
+//! WebP (RFC 9649), lossy and lossless, with or without alpha; of an animation the first picture.
 
-use super::{ImageError, judge, room};
+use super::{DENSEST, ImageError, decoder, judge, room};
 use canaletto::texture::{ColorSpace, Image, Samples};
 use image_webp::{DecodingError, WebPDecoder};
 use std::io::Cursor;
 
 const FORMAT: &str = "WebP";
 
-/// Reads a WebP picture. Colour profiles are ignored.
-pub(super) fn read(bytes: &[u8]) -> Result<Image, ImageError> {
-    let mut decoder = WebPDecoder::new(Cursor::new(bytes)).map_err(damaged)?;
-    let (width, height) = decoder.dimensions();
-    // A picture of one colour takes next to no bytes, whatever its size; the format ends at 16383 × 16383.
-    judge(FORMAT, width.into(), height.into(), u64::MAX, bytes.len())?;
-    let channels = if decoder.has_alpha() { 4 } else { 3 };
-    let count = width as usize * height as usize * usize::from(channels);
-    decoder.set_memory_limit(count.saturating_mul(2).max(1 << 20));
-    let mut data: Vec<u8> = room(count)?;
-    data.resize(count, 0);
-    decoder.read_image(&mut data).map_err(damaged)?;
-    let samples = Samples::U8(data);
-    Ok(Image { name: String::new(), width, height, channels, samples, space: ColorSpace::Srgb, premultiplied: false })
+/// Texels that any file may have. A picture of one colour takes next to no bytes, whatever its size.
+const SMALL: u64 = 1 << 24;
+
+/// What the decoder takes for a texel at most: four bytes for each in its own form, and four in ours.
+const TEXEL: u64 = 8;
+
+/// Reads a WebP picture, and tells the most memory that took. Colour profiles are ignored.
+pub(super) fn read(bytes: &[u8]) -> Result<(Image, u64), ImageError> {
+    // The decoder takes memory for pictures inside its file before it compares their sizes with the file's.
+    judge_chunks(bytes, 12, 0)?;
+    decoder(FORMAT, || {
+        let mut decoder = WebPDecoder::new(Cursor::new(bytes)).map_err(damaged)?;
+        let (width, height) = decoder.dimensions();
+        size(width, height, bytes.len())?;
+        let channels = if decoder.has_alpha() { 4 } else { 3 };
+        let count = width as usize * height as usize * usize::from(channels);
+        decoder.set_memory_limit(count.saturating_mul(2).max(1 << 20));
+        let mut data: Vec<u8> = room(count)?;
+        data.resize(count, 0);
+        decoder.read_image(&mut data).map_err(damaged)?;
+        let (name, samples, space) = (String::new(), Samples::U8(data), ColorSpace::Srgb);
+        let memory = TEXEL * u64::from(width) * u64::from(height);
+        Ok((Image { name, width, height, channels, samples, space, premultiplied: false }, memory))
+    })
+}
+
+/// Judges the pictures in a file's chunks; a frame of an animation has chunks of its own.
+fn judge_chunks(bytes: &[u8], start: usize, depth: u32) -> Result<(), ImageError> {
+    let mut at = start;
+    while let Some(head) = bytes.get(at..at + 8) {
+        let length = u32::from_le_bytes([head[4], head[5], head[6], head[7]]) as usize;
+        let data = &bytes[at + 8..];
+        if length > data.len() {
+            return Err(wrong("it ends too early"));
+        }
+        let two = |at: usize| data.get(at..at + 2).map_or(0, |b| u32::from(u16::from_le_bytes([b[0], b[1]])));
+        let three = |at: usize| two(at) | u32::from(data.get(at + 2).copied().unwrap_or(0)) << 16;
+        let found = match &head[..4] {
+            b"VP8 " if length >= 10 => Some([two(6) & 0x3fff, two(8) & 0x3fff]),
+            b"VP8L" if length >= 5 => {
+                let packed = two(1) | two(3) << 16;
+                Some([(packed & 0x3fff) + 1, (packed >> 14 & 0x3fff) + 1])
+            }
+            b"VP8X" if length >= 10 => Some([three(4) + 1, three(7) + 1]),
+            b"ANMF" if length >= 16 && depth == 0 => {
+                judge_chunks(&bytes[..at + 8 + length], at + 8 + 16, 1)?;
+                Some([three(6) + 1, three(9) + 1])
+            }
+            b"VP8 " | b"VP8L" | b"VP8X" => return Err(wrong("it ends in its header")),
+            _ => None,
+        };
+        if let Some([width, height]) = found {
+            size(width, height, bytes.len())?;
+        }
+        // Chunks begin at even places.
+        at += 8 + length + length % 2;
+    }
+    Ok(())
+}
+
+fn size(width: u32, height: u32, bytes: usize) -> Result<(), ImageError> {
+    judge(FORMAT, width.into(), height.into(), SMALL + bytes as u64 * DENSEST / TEXEL, bytes)
 }
 
 fn damaged(error: DecodingError) -> ImageError {
     match error {
         DecodingError::UnsupportedFeature(what) => ImageError::Unsupported { format: FORMAT, what },
-        other => ImageError::Damaged { format: FORMAT, reason: other.to_string() },
+        other => wrong(other.to_string()),
     }
+}
+
+fn wrong(reason: impl Into<String>) -> ImageError {
+    ImageError::Damaged { format: FORMAT, reason: reason.into() }
 }

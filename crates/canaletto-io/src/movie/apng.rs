@@ -3,7 +3,7 @@
 use super::{Area, Frames, MovieError, MovieSettings, Part, UNFINISHED};
 use crate::picture::{AtomicFile, WriteOptions, png_texts};
 use ::png::text_metadata::TEXtChunk;
-use ::png::{BitDepth, ColorType, Compression, Encoder, EncodingError, ScaledFloat, SrgbRenderingIntent, Writer};
+use ::png::{BitDepth, ColorType, Encoder, EncodingError, Filter, ScaledFloat, SrgbRenderingIntent, Writer};
 use canaletto::scene::Transfer;
 use flate2::Crc;
 use std::fs::File;
@@ -23,7 +23,8 @@ impl Apng {
         let mut encoder = Encoder::new(file.handle()?, settings.width, settings.height);
         encoder.set_color(ColorType::Rgb);
         encoder.set_depth(BitDepth::Eight);
-        encoder.set_compression(Compression::High);
+        encoder.set_compression(settings.compression.of_frames());
+        encoder.set_filter(Filter::Adaptive);
         if settings.transfer == Transfer::Srgb {
             encoder.set_source_srgb(SrgbRenderingIntent::RelativeColorimetric);
             encoder.set_source_gamma(ScaledFloat::from_scaled(45_455));

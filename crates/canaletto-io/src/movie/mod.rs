@@ -12,7 +12,7 @@ mod rate;
 pub use ffmpeg::find_ffmpeg;
 pub use rate::Rate;
 
-use crate::picture::{Image, WriteError, WriteOptions};
+use crate::picture::{Compression, Image, WriteError, WriteOptions};
 use canaletto::scene::Transfer;
 use std::path::Path;
 
@@ -49,6 +49,8 @@ pub struct MovieSettings {
     pub frames: u32,
     /// How the numbers of its pictures are encoded, as in a PNG.
     pub transfer: Transfer,
+    /// How much time is spent on a small file, in animated PNG.
+    pub compression: Compression,
     /// Texts with their keys, where the format holds some.
     pub metadata: Vec<(String, String)>,
 }

@@ -17,7 +17,15 @@ fn frame(index: u32) -> Image {
 
 fn settings(fps: f64, frames: u32) -> MovieSettings {
     let metadata = vec![("scene".to_owned(), "ball.kdl".to_owned())];
-    MovieSettings { width: 20, height: 12, rate: Rate::new(fps), frames, transfer: Transfer::Srgb, metadata }
+    MovieSettings {
+        width: 20,
+        height: 12,
+        rate: Rate::new(fps),
+        frames,
+        transfer: Transfer::Srgb,
+        compression: Compression::Default,
+        metadata,
+    }
 }
 
 fn bytes_of(image: &Image) -> Vec<u8> {

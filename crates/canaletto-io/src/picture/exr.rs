@@ -1,10 +1,12 @@
 //! OpenEXR: linear `f32` channels of one part, ZIP-compressed, with texts as attributes. All texts and names are UTF-8,
 //! as the format's own library has them.
 
-use super::{Channel, Decoded, Image, MAX_PIXELS, PictureError, SOFTWARE, check};
-use ::exr::meta::MetaData;
+use super::{Channel, Decoded, Image, PictureError, SOFTWARE, check};
+use crate::image::ImageError;
+use crate::image::exr::{File, floats};
+use ::exr::meta::attribute::SampleType;
 use ::exr::prelude as ex;
-use ::exr::prelude::{ReadChannels, ReadLayers, WritableImage};
+use ::exr::prelude::WritableImage;
 use canaletto::scene::Transfer;
 use std::io::Cursor;
 
@@ -93,52 +95,56 @@ fn text_end(bytes: &[u8], at: usize) -> Option<usize> {
 /// # Errors
 /// [`PictureError`] says why not.
 pub fn decode_exr(bytes: &[u8]) -> Result<Decoded, PictureError> {
-    let damaged = |reason: String| PictureError::Damaged { format: "OpenEXR", reason };
-    let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|e| damaged(e.to_string()))?;
-    let mut samples = 0u64;
-    for header in &meta.headers {
-        let (width, height) = (header.layer_size.x() as u64, header.layer_size.y() as u64);
-        let pixels = width.saturating_mul(height);
-        samples = samples.saturating_add(pixels.saturating_mul(header.channels.list.len() as u64));
-        if pixels > MAX_PIXELS || samples > 4 * MAX_PIXELS {
-            return Err(PictureError::TooLarge { width, height });
-        }
+    let damaged = |reason: &str| ImageError::Damaged { format: "OpenEXR", reason: reason.into() };
+    let file = File::open(bytes)?;
+    let many = file.parts().len() > 1;
+    let size = file.parts().first().map(|part| part.layer_size).ok_or_else(|| damaged("it has no picture"))?;
+    if file.parts().iter().any(|part| part.layer_size != size) {
+        return Err(damaged("its parts have different sizes").into());
     }
-    let read = ex::read().no_deep_data().largest_resolution_level().all_channels().all_layers().all_attributes();
-    let read = read.from_buffered(Cursor::new(bytes)).map_err(|e| damaged(e.to_string()))?;
-    let many = read.layer_data.len() > 1;
-    let Some(size) = read.layer_data.first().map(|layer| layer.size) else {
-        return Err(damaged("it has no picture".into()));
-    };
-    let mut image = Image { width: size.x() as u32, height: size.y() as u32, channels: Vec::new() };
+    let (width, height) = (size.x(), size.y());
+    let channels: usize = file.parts().iter().map(|part| part.channels.list.len()).sum();
+    let memory = 4 * (width * height) as u64 * channels as u64;
+    for part in 0..file.parts().len() {
+        file.check(part, memory)?;
+    }
+    let mut image = Image { width: width as u32, height: height as u32, channels: Vec::new() };
     let mut metadata = Vec::new();
     let mut bits = 16;
-    for (number, layer) in read.layer_data.into_iter().enumerate() {
-        if layer.size != size {
-            return Err(damaged("its parts have different sizes".into()));
-        }
-        let part = layer.attributes.layer_name.map_or_else(|| number.to_string(), |name| from_utf8(&name));
-        for (key, value) in layer.attributes.other {
+    for (number, header) in file.parts().iter().enumerate() {
+        let attributes = &header.own_attributes;
+        let part = attributes.layer_name.as_ref().map_or_else(|| number.to_string(), from_utf8);
+        for (key, value) in &attributes.other {
             if let ex::AttributeValue::Text(text) = value {
-                metadata.push((from_utf8(&key), from_utf8(&text)));
+                metadata.push((from_utf8(key), from_utf8(text)));
             }
         }
-        metadata.extend(layer.attributes.software_name.map(|name| ("Software".to_owned(), from_utf8(&name))));
-        for channel in layer.channel_data.list {
+        metadata.extend(attributes.software_name.as_ref().map(|name| ("Software".to_owned(), from_utf8(name))));
+        let list = &header.channels.list;
+        let first = image.channels.len();
+        for channel in list {
             let name = from_utf8(&channel.name);
             let name = if many { format!("{part}.{name}") } else { name };
-            bits = bits.max(if matches!(channel.sample_data, ex::FlatSamples::F16(_)) { 16 } else { 32 });
-            let data = match channel.sample_data {
-                ex::FlatSamples::F32(data) => data,
-                ex::FlatSamples::F16(data) => data.into_iter().map(|v| v.to_f32()).collect(),
-                ex::FlatSamples::U32(data) => data.into_iter().map(|v| v as f32).collect(),
-            };
-            image.channels.push(Channel { name, data });
+            bits = bits.max(if channel.sample_type == SampleType::F16 { 16 } else { 32 });
+            image.channels.push(Channel { name, data: zeros(width * height)? });
         }
+        let all: Vec<usize> = (0..list.len()).collect();
+        file.rows(number, &all, |channel, y, x, row| {
+            let to = &mut image.channels[first + channel].data[y * width + x..];
+            to.iter_mut().zip(floats(list[channel].sample_type, row)).for_each(|(v, number)| *v = number);
+        })?;
     }
     metadata.sort();
     check(&image)?;
     Ok(Decoded { image, bits, transfer: Some(Transfer::None), metadata })
+}
+
+/// Room for numbers, if there is memory.
+fn zeros(count: usize) -> Result<Vec<f32>, ImageError> {
+    let mut data = Vec::new();
+    data.try_reserve_exact(count).map_err(|_| ImageError::NoMemory(4 * count as u64))?;
+    data.resize(count, 0.0);
+    Ok(data)
 }
 
 #[cfg(test)]

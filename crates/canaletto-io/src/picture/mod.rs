@@ -12,7 +12,7 @@ mod write;
 
 pub use self::exr::{decode_exr, encode_exr, encode_exr_quickly};
 pub(crate) use self::png::png_texts;
-pub use self::png::{Depth, decode_png, develop_png, encode_png};
+pub use self::png::{Compression, Depth, PngSettings, decode_png, develop_png, encode_png};
 pub use compare::{Comparison, Difference, Unequal, compare, difference};
 pub use flip::{Flip, PIXELS_PER_DEGREE, flip};
 pub use ssim::ssim;
@@ -20,6 +20,7 @@ pub use temporary::sweep;
 pub use transfer::{decode_srgb, encode_srgb};
 pub use write::{AtomicFile, WriteError, WriteOptions, write_atomically};
 
+use crate::image::ImageError;
 use canaletto::scene::Transfer;
 
 /// The name of the program that its pictures carry, with its version.
@@ -101,29 +102,23 @@ pub enum PictureError {
     /// The first bytes are of no known format.
     #[error("it is neither a PNG nor an OpenEXR file")]
     Unknown,
-    /// The file doesn't follow its format.
-    #[error("the {format} file is damaged or not supported: {reason}")]
-    Damaged {
-        /// The format.
-        format: &'static str,
-        /// What the decoder says.
-        reason: String,
-    },
-    /// The picture is larger than [`MAX_PIXELS`], or needs more memory than its file's size can explain.
-    #[error("a picture of {width} × {height} pixels is too large")]
-    TooLarge {
-        /// Its width.
-        width: u64,
-        /// Its height.
-        height: u64,
-    },
+    /// The file is damaged, not supported or too large.
+    #[error(transparent)]
+    Image(#[from] ImageError),
     /// The format can't hold this picture.
     #[error("{0}")]
     Unfit(String),
 }
 
+impl PictureError {
+    /// What the reader could do about it.
+    pub fn help(&self) -> Option<&'static str> {
+        if let PictureError::Image(error) = self { error.help() } else { None }
+    }
+}
+
 /// The largest number of pixels that is read.
-pub const MAX_PIXELS: u64 = 1 << 28;
+pub const MAX_PIXELS: u64 = canaletto::texture::Image::MAX_TEXELS;
 
 /// Reads a PNG or an OpenEXR picture.
 ///
@@ -136,6 +131,15 @@ pub fn decode(bytes: &[u8]) -> Result<Decoded, PictureError> {
         decode_exr(bytes)
     } else {
         Err(PictureError::Unknown)
+    }
+}
+
+/// The size that a PNG or an OpenEXR file announces, in pixels.
+pub fn announced_size(bytes: &[u8]) -> Option<[u32; 2]> {
+    if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
+        crate::image::png::size(bytes)
+    } else {
+        crate::image::exr::size(bytes)
     }
 }
 

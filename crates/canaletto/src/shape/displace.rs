@@ -4,8 +4,11 @@
 //! all triangles that meet there split it, so that there are no cracks. Vertices at the same place (uv seams, edges of
 //! boxes) are raised as one: by the mean of their heights, in the mean direction of their normals.
 
+mod estimate;
+
 use super::{Cone, Cuboid, Cylinder, Mesh, Shape, Sphere, Triangle, solve};
 use crate::math::Rgb;
+use estimate::{Raised, parts};
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
@@ -96,6 +99,8 @@ impl Body {
 const COLUMNS: usize = 24;
 /// Rows between a sphere's poles, likewise.
 const ROWS: usize = 12;
+/// As many triangles are made without asking how many will come of them.
+const FEW: usize = 1 << 14;
 
 impl Net {
     /// The net of a shape, if it has one.
@@ -352,16 +357,14 @@ impl Net {
         let mut heights: Vec<f64> = self.vertices.par_iter().map(height).collect();
         // Triangles before this one are fine: an edge that needs no split never will.
         let mut fresh = 0;
+        if self.triangles.len() > limit {
+            return Err(Unraised::TooMany);
+        }
         loop {
-            if self.triangles.len() > limit {
-                return Err(Unraised::TooMany);
-            }
-            let wanted = |a: u32, b: u32| {
-                let (from, to) = (&self.vertices[a as usize], &self.vertices[b as usize]);
+            let wanted = |(from, low): &Raised, (to, high): &Raised| {
                 let length = from.point.distance(to.point);
                 length > coarse
                     || length > fine && {
-                        let (low, high) = (heights[a as usize], heights[b as usize]);
                         // Not at even parts, where a pattern may repeat.
                         [0.19, 0.5, 0.73].into_iter().any(|t| {
                             let v = self.between(from, to, t);
@@ -372,8 +375,18 @@ impl Net {
                     }
             };
             let young = &self.triangles[fresh..];
-            let marks: Vec<[bool; 3]> =
-                young.par_iter().map(|&[a, b, c]| [wanted(a, b), wanted(b, c), wanted(c, a)]).collect();
+            // Far too many are told before they fill memory.
+            if young.len() > FEW && self.exceeds(limit.saturating_mul(2), young, &heights, &wanted, height) {
+                return Err(Unraised::TooMany);
+            }
+            let raised = |v: u32| (self.vertices[v as usize], heights[v as usize]);
+            let marks: Vec<[bool; 3]> = young
+                .par_iter()
+                .map(|corners| {
+                    let [a, b, c] = corners.map(raised);
+                    [wanted(&a, &b), wanted(&b, &c), wanted(&c, &a)]
+                })
+                .collect();
             let edge = |a: u32, b: u32| {
                 let (a, b) = (ids[a as usize], ids[b as usize]);
                 (a.min(b), a.max(b))
@@ -388,21 +401,16 @@ impl Net {
                 break;
             }
             let is_split = self.conforming(split, edge);
+            let next: usize = is_split.iter().map(|edges| 1 + edges.iter().filter(|split| **split).count()).sum();
+            if next > limit {
+                return Err(Unraised::TooMany);
+            }
             fresh = self.split(&is_split);
             ids.extend(self.vertices[ids.len()..].iter().map(|v| places.id(v.point)));
             let more: Vec<f64> = self.vertices[heights.len()..].par_iter().map(height).collect();
             heights.extend(more);
         }
         self.raise(&ids, places.map.len(), &heights)
-    }
-
-    /// The triangle abc with p between a and b and q between b and c: cut first from the middle of the longer edge.
-    fn around(&self, [a, b, c]: [u32; 3], p: u32, q: u32) -> [[u32; 3]; 3] {
-        if self.length(a, b) >= self.length(b, c) {
-            [[p, b, q], [p, q, c], [a, p, c]]
-        } else {
-            [[p, b, q], [a, p, q], [a, q, c]]
-        }
     }
 
     /// The length of an edge, squared; the same from both ends.
@@ -449,17 +457,11 @@ impl Net {
                     self.vertices.len() as u32 - 1
                 })
             };
-            let [ab, bc, ca] =
+            let middles =
                 [(edges[0], a, b), (edges[1], b, c), (edges[2], c, a)].map(|(split, a, b)| split.then(|| middle(a, b)));
-            match [ab, bc, ca] {
-                [None, None, None] => {}
-                [Some(m), None, None] => triangles.extend([[a, m, c], [m, b, c]]),
-                [None, Some(m), None] => triangles.extend([[a, b, m], [a, m, c]]),
-                [None, None, Some(m)] => triangles.extend([[a, b, m], [m, b, c]]),
-                [Some(p), Some(q), None] => triangles.extend(self.around([a, b, c], p, q)),
-                [None, Some(p), Some(q)] => triangles.extend(self.around([b, c, a], p, q)),
-                [Some(q), None, Some(p)] => triangles.extend(self.around([c, a, b], p, q)),
-                [Some(p), Some(q), Some(r)] => triangles.extend([[a, p, r], [p, b, q], [r, q, c], [p, q, r]]),
+            if middles != [None; 3] {
+                let longer = |[a, b]: [u32; 2], [c, d]: [u32; 2]| self.length(a, b) >= self.length(c, d);
+                parts([a, b, c], middles, longer, |part| triangles.push(part));
             }
         }
         self.triangles = triangles;

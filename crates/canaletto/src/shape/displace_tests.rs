@@ -120,6 +120,44 @@ fn explosions_are_told() {
     assert_eq!(Net::of_shape(&cube()).unwrap().raised(20.0, LIMIT, &|_| f64::NAN).unwrap_err(), Unraised::TooFar);
 }
 
+/// Wild everywhere, and only at one pole.
+fn wild(v: &Vertex) -> f64 {
+    0.2 * libm::sin(3000.0 * (v.point.x + 2.0 * v.point.y))
+}
+
+fn wild_at_a_pole(v: &Vertex) -> f64 {
+    if v.point.y > 0.9 { wild(v) } else { 0.0 }
+}
+
+#[test]
+fn what_fits_is_never_refused_and_one_triangle_less_is() {
+    for height in [wild, wild_at_a_pole, rough] {
+        for shape in [ball(), cube()] {
+            let raised = |limit: usize| Net::of_shape(&shape).unwrap().raised(300.0, limit, &height);
+            let count = raised(usize::MAX).unwrap().len();
+            assert_eq!(raised(count).unwrap().len(), count);
+            assert_eq!(raised(count - 1).unwrap_err(), Unraised::TooMany);
+        }
+    }
+}
+
+#[test]
+fn far_too_many_are_refused_before_they_are_made() {
+    use std::sync::atomic::{AtomicUsize, Ordering};
+    for detail in [4096.0, 65_536.0, 1e9] {
+        let asked = AtomicUsize::new(0);
+        let counted = |v: &Vertex| {
+            asked.fetch_add(1, Ordering::Relaxed);
+            wild(v)
+        };
+        let limit = 1 << 21;
+        assert_eq!(Net::of_shape(&ball()).unwrap().raised(detail, limit, &counted).unwrap_err(), Unraised::TooMany);
+        // A vertex of the net is asked about once, and an edge at most three times.
+        let asked = asked.into_inner();
+        assert!(asked < limit, "{asked}");
+    }
+}
+
 #[test]
 fn a_seam_of_a_mesh_stays_closed() {
     // Two triangles that share an edge, with other texture coordinates on each side.

@@ -1,16 +1,29 @@
 //! The rows of a PNG, filtered and compressed in bands, side by side.
 //!
-//! Bands follow from the picture's size alone, so that its bytes are the same for any number of threads. Each refers to
-//! nothing before it and ends with a byte (a sync flush of RFC 1951), so that one after the other they are one stream.
+//! Bands follow from the picture's size alone, so that its bytes are the same for any number of threads. Each ends with a byte (a
+//! sync flush of RFC 1951), so that one after the other they are one stream. A band may refer to what deflate remembers of the
+//! one above it: its encoder is shown that first, and what it makes of it is thrown away. That is a sixteenth of the work; its
+//! end, and codes of its own, are some 20 bytes.
 
-use flate2::{Compression, write::DeflateEncoder};
+use super::Compression;
+use flate2::write::DeflateEncoder;
 use rayon::prelude::*;
 use simd_adler32::Adler32;
 use std::io::{self, Write};
 use std::ops::Range;
 
-/// The bytes of a band, about. Larger ones compress better by hardly anything, smaller ones keep more threads busy.
-const BAND: usize = 1 << 17;
+/// The bytes of a band, about. Larger ones compress better by hardly anything but in pictures of a few colours, smaller ones
+/// keep more threads busy.
+const BAND: usize = 3 << 18;
+
+/// Those of a band of a file that is written fast.
+const FAST_BAND: usize = 1 << 17;
+
+/// The most bands, so that their ends are no weight in a large picture of one colour, which is a thousandth of its pixels.
+const BANDS: usize = 32;
+
+/// What deflate remembers (RFC 1951, 2).
+const WINDOW: usize = 1 << 15;
 
 /// The fewest rows of a band: the one above it is made twice.
 const ROWS: usize = 8;
@@ -25,25 +38,39 @@ pub(super) struct Shape {
 
 impl Shape {
     /// The rows of each band.
-    fn bands(self) -> Vec<Range<usize>> {
-        let most = self.height.div_ceil(ROWS);
-        let count = (self.width * self.pixel * self.height).div_ceil(BAND).clamp(1, most);
+    fn bands(self, compression: Compression) -> Vec<Range<usize>> {
+        let (band, bands) = if compression == Compression::Fast { (FAST_BAND, usize::MAX) } else { (BAND, BANDS) };
+        let most = self.height.div_ceil(ROWS).min(bands);
+        let count = (self.width * self.pixel * self.height).div_ceil(band).clamp(1, most);
         let rows = self.height.div_ceil(count);
         (0..self.height).step_by(rows).map(|first| first..(first + rows).min(self.height)).collect()
     }
 }
 
 /// The zlib stream (RFC 1950) of a picture's filtered rows, in parts. `fill` gives the bytes of a range of pixels.
-pub(super) fn compressed(shape: Shape, fill: impl Fn(Range<usize>, &mut [u8]) + Sync) -> io::Result<Vec<Vec<u8>>> {
-    let bands = shape.bands().into_par_iter().map_init(
-        || Workshop::new(shape, &fill),
-        |workshop, rows| Ok((workshop.band(rows.clone())?, workshop.checksum(), workshop.filtered.len())),
+pub(super) fn compressed(
+    shape: Shape,
+    compression: Compression,
+    fill: impl Fn(Range<usize>, &mut [u8]) + Sync,
+) -> io::Result<Vec<Vec<u8>>> {
+    let bands = shape.bands(compression).into_par_iter().map_init(
+        || Workshop::new(shape, compression, &fill),
+        |workshop, rows| {
+            let part = workshop.band(rows.clone())?;
+            let filtered = &workshop.filtered[workshop.shown..];
+            Ok((part, checksum(filtered), filtered.len()))
+        },
     );
     let bands: Vec<(Vec<u8>, u32, usize)> = bands.collect::<io::Result<_>>()?;
     let checksum = bands.iter().fold(1, |sum, (_, next, length)| joined(sum, *next, *length));
     let mut parts: Vec<Vec<u8>> = bands.into_iter().map(|(part, ..)| part).collect();
-    // A window of 32 KiB, compressed fast; at the end an empty block, the last one.
-    parts.insert(0, vec![0x78, 0x01]);
+    // A window of 32 KiB, and how hard it was tried (RFC 1950, 2.2); at the end an empty block, the last one.
+    let header = match compression {
+        Compression::Fast => [0x78, 0x01],
+        Compression::Default => [0x78, 0x9c],
+        Compression::Best => [0x78, 0xda],
+    };
+    parts.insert(0, header.to_vec());
     parts.push([&[0x03, 0x00], &checksum.to_be_bytes()[..]].concat());
     Ok(parts)
 }
@@ -61,31 +88,39 @@ fn joined(first: u32, second: u32, length: usize) -> u32 {
 /// What one thread needs for its bands.
 struct Workshop<'a, F> {
     shape: Shape,
+    /// How many rows above a band its encoder is shown.
+    before: usize,
     fill: &'a F,
-    /// The row above the band, and its rows.
+    /// The row above those, and they, and the band's.
     bytes: Vec<u8>,
     /// Each row after the number of its filter.
     filtered: Vec<u8>,
+    /// How many of these bytes are above the band.
+    shown: usize,
     tries: [Vec<u8>; 5],
     encoder: DeflateEncoder<Vec<u8>>,
 }
 
 impl<'a, F: Fn(Range<usize>, &mut [u8])> Workshop<'a, F> {
-    fn new(shape: Shape, fill: &'a F) -> Self {
+    fn new(shape: Shape, compression: Compression, fill: &'a F) -> Self {
         let tries = std::array::from_fn(|_| vec![0; shape.width * shape.pixel]);
-        let encoder = DeflateEncoder::new(Vec::new(), Compression::fast());
-        Workshop { shape, fill, bytes: Vec::new(), filtered: Vec::new(), tries, encoder }
+        let encoder = DeflateEncoder::new(Vec::new(), flate2::Compression::new(compression.level()));
+        let fast = compression == Compression::Fast;
+        let before = if fast { 0 } else { WINDOW.div_ceil(shape.width * shape.pixel + 1) };
+        Workshop { shape, before, fill, bytes: Vec::new(), filtered: Vec::new(), shown: 0, tries, encoder }
     }
 
     /// Some rows, compressed.
     fn band(&mut self, rows: Range<usize>) -> io::Result<Vec<u8>> {
         let Shape { width, pixel, .. } = self.shape;
         let row = width * pixel;
+        let before = self.before.min(rows.start);
+        let first = rows.start - before;
         self.bytes.clear();
-        self.bytes.resize((rows.len() + 1) * row, 0);
+        self.bytes.resize((before + rows.len() + 1) * row, 0);
         // Above the first row there is nothing, which counts as zeros.
-        let above = usize::from(rows.start > 0);
-        (self.fill)((rows.start - above) * width..rows.end * width, &mut self.bytes[(1 - above) * row..]);
+        let above = usize::from(first > 0);
+        (self.fill)((first - above) * width..rows.end * width, &mut self.bytes[(1 - above) * row..]);
         self.filtered.clear();
         for two in self.bytes.windows(2 * row).step_by(row) {
             let (above, line) = two.split_at(row);
@@ -95,19 +130,25 @@ impl<'a, F: Fn(Range<usize>, &mut [u8])> Workshop<'a, F> {
             self.filtered.push(number);
             self.filtered.extend_from_slice(best);
         }
-        self.encoder.write_all(&self.filtered)?;
+        self.shown = before * (row + 1);
+        if self.shown > 0 {
+            self.encoder.write_all(&self.filtered[self.shown.saturating_sub(WINDOW)..self.shown])?;
+            self.encoder.flush()?;
+            self.encoder.get_mut().clear();
+        }
+        self.encoder.write_all(&self.filtered[self.shown..])?;
         self.encoder.flush()?;
         let part = std::mem::take(self.encoder.get_mut());
         // This ends the stream, but in the empty list.
         self.encoder.reset(Vec::new())?;
         Ok(part)
     }
+}
 
-    fn checksum(&self) -> u32 {
-        let mut checksum = Adler32::new();
-        checksum.write(&self.filtered);
-        checksum.finish()
-    }
+fn checksum(bytes: &[u8]) -> u32 {
+    let mut checksum = Adler32::new();
+    checksum.write(bytes);
+    checksum.finish()
 }
 
 /// How large differences are, the least of which most likely compress best (the standard's 12.8).
@@ -164,24 +205,21 @@ mod tests {
     #[test]
     fn checksums_join() {
         let bytes: Vec<u8> = (0..200_000u32).map(|i| (i.wrapping_mul(i) >> 7) as u8).collect();
-        let of = |bytes: &[u8]| {
-            let mut sum = Adler32::new();
-            sum.write(bytes);
-            sum.finish()
-        };
         for at in [0, 1, 65_520, 65_521, 65_522, 131_042, 199_999, 200_000] {
             let (first, second) = bytes.split_at(at);
-            assert_eq!(joined(of(first), of(second), second.len()), of(&bytes), "{at}");
+            assert_eq!(joined(checksum(first), checksum(second), second.len()), checksum(&bytes), "{at}");
         }
     }
 
     #[test]
     fn bands_are_all_rows_in_order() {
         for (width, height, pixel) in [(1, 1, 1), (230, 230, 3), (1920, 1080, 3), (65_536, 9, 8), (3, 65_536, 6)] {
-            let bands = Shape { width, height, pixel }.bands();
-            let rows: Vec<usize> = bands.iter().cloned().flatten().collect();
-            assert!(rows.into_iter().eq(0..height) && bands.iter().all(|band| !band.is_empty()));
-            assert!(bands.len() <= 1 + width * pixel * height / BAND);
+            for (compression, band) in [(Compression::Fast, FAST_BAND), (Compression::Default, BAND)] {
+                let bands = Shape { width, height, pixel }.bands(compression);
+                let rows: Vec<usize> = bands.iter().cloned().flatten().collect();
+                assert!(rows.into_iter().eq(0..height) && bands.iter().all(|band| !band.is_empty()));
+                assert!(bands.len() <= 1 + width * pixel * height / band);
+            }
         }
     }
 }

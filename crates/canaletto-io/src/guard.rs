@@ -1,0 +1,48 @@
+//! Foreign decoders behind a door: what panics in them comes out as an error, and prints nothing.
+//!
+//! Files are strangers' and decoders have faults. A panic in one unwinds to here, on the thread it happened on, so that a
+//! damaged picture is a message and not the end of the program. A panic of our own code outside the door is told as ever.
+
+use std::cell::Cell;
+use std::panic::{self, AssertUnwindSafe};
+use std::sync::Once;
+
+thread_local! {
+    /// How many doors this thread is behind.
+    static DEPTH: Cell<u32> = const { Cell::new(0) };
+}
+
+/// What `f` returns, or nothing if it panicked. What `f` had in its hands then must not be used again; `f` itself must not
+/// hand work to other threads.
+pub(crate) fn guarded<T>(f: impl FnOnce() -> T) -> Option<T> {
+    static HOOK: Once = Once::new();
+    HOOK.call_once(|| {
+        let told = panic::take_hook();
+        panic::set_hook(Box::new(move |info| {
+            if DEPTH.get() == 0 {
+                told(info);
+            }
+        }));
+    });
+    DEPTH.set(DEPTH.get() + 1);
+    let result = panic::catch_unwind(AssertUnwindSafe(f));
+    DEPTH.set(DEPTH.get() - 1);
+    result.ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_panic_is_nothing_and_the_next_one_is_caught_too() {
+        assert_eq!(guarded(|| 3), Some(3));
+        for i in 0..3usize {
+            let numbers = [0u8; 2];
+            assert_eq!(guarded(|| numbers[..i].iter().map(|n| 1 / n).sum::<u8>()), (i == 0).then_some(0));
+        }
+        let inner: Option<Option<()>> = guarded(|| guarded(|| panic!("inside")));
+        assert_eq!(inner, Some(None));
+        assert_eq!(DEPTH.get(), 0);
+    }
+}

@@ -1,0 +1,96 @@
+//! How many triangles a net will have, before it has them: some of its triangles are refined one after the other, without
+//! keeping what comes of them.
+
+use super::{Net, Vertex};
+use rayon::prelude::*;
+
+/// A vertex and its height.
+pub(super) type Raised = (Vertex, f64);
+
+/// Triangles that are looked at.
+const SAMPLE: usize = 512;
+
+/// No single one decides: each counts for this part of what is asked about at most.
+const SHARE: usize = 32;
+
+/// The parts of a triangle of which these edges are split, at these vertices; `longer` tells whether the first of two edges is.
+pub(super) fn parts<V: Copy>(
+    [a, b, c]: [V; 3],
+    middles: [Option<V>; 3],
+    longer: impl Fn([V; 2], [V; 2]) -> bool,
+    mut each: impl FnMut([V; 3]),
+) {
+    // With p between a and b and q between b and c: cut first from the middle of the longer edge.
+    let mut around = |[a, b, c]: [V; 3], p: V, q: V| {
+        let rest = if longer([a, b], [b, c]) { [[p, q, c], [a, p, c]] } else { [[a, p, q], [a, q, c]] };
+        [[p, b, q], rest[0], rest[1]].into_iter().for_each(&mut each);
+    };
+    match middles {
+        [None, None, None] => each([a, b, c]),
+        [Some(m), None, None] => [[a, m, c], [m, b, c]].into_iter().for_each(each),
+        [None, Some(m), None] => [[a, b, m], [a, m, c]].into_iter().for_each(each),
+        [None, None, Some(m)] => [[a, b, m], [m, b, c]].into_iter().for_each(each),
+        [Some(p), Some(q), None] => around([a, b, c], p, q),
+        [None, Some(p), Some(q)] => around([b, c, a], p, q),
+        [Some(q), None, Some(p)] => around([c, a, b], p, q),
+        [Some(p), Some(q), Some(r)] => {
+            [[a, p, r], [p, b, q], [r, q, c], [p, q, r]].into_iter().for_each(each);
+        }
+    }
+}
+
+impl Net {
+    /// Whether these triangles certainly become more than `most`. What neighbours split is left out, which only adds.
+    pub(super) fn exceeds(
+        &self,
+        most: usize,
+        triangles: &[[u32; 3]],
+        heights: &[f64],
+        wanted: &(impl Fn(&Raised, &Raised) -> bool + Sync),
+        height: &(dyn Fn(&Vertex) -> f64 + Sync),
+    ) -> bool {
+        let step = triangles.len().div_ceil(SAMPLE).max(1);
+        let sample: Vec<[u32; 3]> = triangles.iter().copied().step_by(step).collect();
+        let each = (most / step).div_ceil(SHARE).max(1);
+        let counts = sample.par_iter().map(|corners| {
+            let corners = corners.map(|v| (self.vertices[v as usize], heights[v as usize]));
+            self.refined(corners, each, wanted, height)
+        });
+        counts.sum::<usize>().saturating_mul(step) > most
+    }
+
+    /// How many triangles one becomes, up to `most`.
+    fn refined(
+        &self,
+        triangle: [Raised; 3],
+        most: usize,
+        wanted: &impl Fn(&Raised, &Raised) -> bool,
+        height: &(dyn Fn(&Vertex) -> f64 + Sync),
+    ) -> usize {
+        let length = |[a, b]: [Raised; 2]| a.0.point.distance_squared(b.0.point);
+        let mut whole = 0;
+        let mut left = vec![triangle];
+        while let Some([a, b, c]) = left.pop() {
+            if whole + left.len() >= most {
+                return most;
+            }
+            let edges = [[a, b], [b, c], [c, a]];
+            let mut split = edges.map(|[a, b]| wanted(&a, &b));
+            if split.contains(&true) {
+                // Rivara's rule, as in the net.
+                let longest = (0..3).reduce(|x, y| if length(edges[y]) > length(edges[x]) { y } else { x });
+                split[longest.unwrap_or(0)] = true;
+            }
+            if split == [false; 3] {
+                whole += 1;
+                continue;
+            }
+            let middle = |i: usize| {
+                let vertex = self.between(&edges[i][0].0, &edges[i][1].0, 0.5);
+                split[i].then(|| (vertex, height(&vertex)))
+            };
+            parts([a, b, c], [0, 1, 2].map(middle), |x, y| length(x) >= length(y), |part| left.push(part));
+        }
+        whole
+    }
+}
