@@ -72,6 +72,9 @@ impl<'a> File<'a> {
                 Compression::HTJ2K32 | Compression::HTJ2K256 => return Err(unsupported("JPEG 2000 compression")),
                 _ => {}
             }
+            if header.channels.list.is_empty() {
+                return Err(wrong("it has no channels"));
+            }
             // The crate means to refuse them, but its B44 decoder goes on for seconds with a large distance.
             if header.channels.list.iter().any(|c| c.sampling != Vec2(1, 1)) {
                 let chroma = header.channels.list.iter().any(|c| c.name == *"RY" || c.name == *"BY");

@@ -3,7 +3,7 @@
 //! The decoder's kernels for single machines are off, so that the same file has the same texels everywhere. It is strict, so that
 //! a file which is cut off is told; bytes between segments, which strict reading refuses and libjpeg skips, are taken out before.
 
-use super::{ImageError, decoder, judge, room};
+use super::{ImageError, decoder, judge, room, zeros};
 use canaletto::texture::{ColorSpace, Image, Samples};
 use std::io::Cursor;
 use zune_core::colorspace::ColorSpace as Layout;
@@ -31,8 +31,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<(Image, u64), ImageError> {
         if decoder.dimensions() != Some((width as usize, height as usize)) {
             return Err(wrong("it has two sizes"));
         }
-        let mut data: Vec<u8> = room(count)?;
-        data.resize(count, 0);
+        let mut data = zeros(count)?;
         decoder.decode_into(&mut data).map_err(damaged)?;
         Ok(Samples::U8(data))
     })?;

@@ -255,3 +255,9 @@ fn room<T: Clone + Default>(count: usize) -> Result<Vec<T>, ImageError> {
     memory::reserve(&mut data, count).map_err(|NoMemory(bytes)| ImageError::NoMemory(bytes))?;
     Ok(data)
 }
+
+/// As many zeros, of which the system has none before they are written: a decoder that gives up takes no room for them.
+fn zeros(count: usize) -> Result<Vec<u8>, ImageError> {
+    drop(room::<u8>(count)?);
+    Ok(vec![0; count])
+}

@@ -1,6 +1,6 @@
 //! WebP (RFC 9649), lossy and lossless, with or without alpha; of an animation the first picture.
 
-use super::{DENSEST, ImageError, decoder, judge, room};
+use super::{DENSEST, ImageError, decoder, judge, zeros};
 use canaletto::texture::{ColorSpace, Image, Samples};
 use image_webp::{DecodingError, WebPDecoder};
 use std::io::Cursor;
@@ -24,8 +24,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<(Image, u64), ImageError> {
         let channels = if decoder.has_alpha() { 4 } else { 3 };
         let count = width as usize * height as usize * usize::from(channels);
         decoder.set_memory_limit(count.saturating_mul(2).max(1 << 20));
-        let mut data: Vec<u8> = room(count)?;
-        data.resize(count, 0);
+        let mut data = zeros(count)?;
         decoder.read_image(&mut data).map_err(damaged)?;
         let (name, samples, space) = (String::new(), Samples::U8(data), ColorSpace::Srgb);
         let memory = TEXEL * u64::from(width) * u64::from(height);

@@ -279,6 +279,15 @@ fn blocks_of_an_exr_are_all_there_once_and_as_large_as_they_can_be() {
 }
 
 #[test]
+fn an_exr_without_channels_is_refused() {
+    let mut bytes = encode_exr(&ramp(&["Y"], [4, 4]), &[]).expect("an EXR");
+    let at = bytes.windows(6).position(|w| w == b"chlist").expect("channels") + 7;
+    let size = u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]) as usize;
+    bytes.splice(at..at + 4 + size, [1, 0, 0, 0, 0]);
+    assert!(texture(&bytes).is_err() && decode(&bytes).is_err());
+}
+
+#[test]
 fn deep_data_and_dwa_are_named() {
     let mut deep = encode_exr(&ramp(&["Y"], [4, 4]), &[]).expect("an EXR");
     deep[5] |= 0x08;
