@@ -4,7 +4,7 @@ use crate::layers::channel_names;
 use crate::output::{Format, Output};
 use crate::part::UNFINISHED;
 use canaletto::render::{Aov, Job};
-use canaletto_io::picture::{announced_size, SOFTWARE, decode};
+use canaletto_io::picture::{SOFTWARE, announced_size, decode};
 use std::fs;
 use std::path::Path;
 
