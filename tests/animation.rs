@@ -8,7 +8,7 @@ use canaletto::scene::{Content, FilmSettings, Scene};
 use canaletto::world::World;
 use canaletto_io::assets::FolderAssets;
 use canaletto_io::movie::{Movie, MovieFormat, MovieSettings, Rate};
-use canaletto_io::picture::{Depth, Image, WriteOptions, decode, encode_png};
+use canaletto_io::picture::{Compression, Depth, Image, WriteOptions, decode, encode_png};
 use canaletto_io::text::Script;
 use canaletto_tests::root;
 use glam::DVec3;
@@ -92,6 +92,7 @@ fn frames_look_as_they_did_when_people_looked_at_them() {
             rate: Rate::new(script.clip().fps),
             frames: last - first + 1,
             transfer: film.transfer,
+            compression: Compression::Default,
             metadata: Vec::new(),
         };
         let mut movie = Movie::begin(MovieFormat::Apng, &golden(), WriteOptions::default(), settings).unwrap();

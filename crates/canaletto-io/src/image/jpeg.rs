@@ -57,10 +57,8 @@ fn plain(bytes: &[u8]) -> Result<(Vec<u8>, Frame), ImageError> {
     plain.extend([0xff, 0xd8]);
     let (mut frame, mut scans, mut adobe) = (None, 0, false);
     let mut at = 2;
-    loop {
-        // Anything may stand before a marker, and any number of ff in it (B.1.1.2).
-        let Some(found) = marker(bytes, at) else { break };
-        let (code, start) = found;
+    // Anything may stand before a marker, and any number of ff in it (B.1.1.2).
+    while let Some((code, start)) = marker(bytes, at) {
         at = start;
         match code {
             0xd9 => {

@@ -7,6 +7,9 @@ use std::io::{Cursor, Read};
 
 const FORMAT: &str = "PNG";
 
+/// Texts with their keys.
+type TextList = Vec<(String, String)>;
+
 /// What a PNG holds.
 pub(crate) struct Unpacked {
     pub(crate) width: u32,
@@ -22,7 +25,7 @@ pub(crate) struct Unpacked {
     /// The exponent of its curve in 1/100000, if it says one.
     pub(crate) gamma: Option<u32>,
     /// Its texts with their keys.
-    pub(crate) texts: Vec<(String, String)>,
+    pub(crate) texts: TextList,
 }
 
 /// Reads a PNG. A gAMA chunk decides about the curve where there is no sRGB chunk; chromaticities and colour profiles
@@ -146,7 +149,7 @@ pub(crate) fn size(bytes: &[u8]) -> Option<[u32; 2]> {
 /// The file with what is read of it, and nothing else, and its texts: colour profiles and packed texts the decoder (`png` 0.18)
 /// would unpack before it is asked for them, whatever they unpack to. Palettes whose length isn't a multiple of three make
 /// it panic (`transform/palette.rs`).
-fn wanted(bytes: &[u8], with_texts: bool) -> Result<(Vec<u8>, Vec<(String, String)>), ImageError> {
+fn wanted(bytes: &[u8], with_texts: bool) -> Result<(Vec<u8>, TextList), ImageError> {
     /// The signature, and the header after it.
     const START: usize = 8;
     let mut wanted: Vec<u8> = room(bytes.len())?;
@@ -188,7 +191,7 @@ fn wanted(bytes: &[u8], with_texts: bool) -> Result<(Vec<u8>, Vec<(String, Strin
 const TEXTS: u64 = 1 << 20;
 
 struct Texts {
-    all: Vec<(String, String)>,
+    all: TextList,
     /// What packed ones may still have.
     left: u64,
 }

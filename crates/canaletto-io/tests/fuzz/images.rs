@@ -54,7 +54,7 @@ fn pngs() -> Vec<Vec<u8>> {
 }
 
 /// Puts the checksums of a PNG's chunks in order.
-fn with_checksums(bytes: &mut Vec<u8>) {
+fn with_checksums(bytes: &mut [u8]) {
     let mut at = 8;
     while let Some(head) = bytes.get(at..at + 4) {
         let length = u32::from_be_bytes([head[0], head[1], head[2], head[3]]) as usize;
