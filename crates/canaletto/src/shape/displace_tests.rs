@@ -133,7 +133,7 @@ fn wild_at_a_pole(v: &Vertex) -> f64 {
 fn what_fits_is_never_refused_and_one_triangle_less_is() {
     for height in [wild, wild_at_a_pole, rough] {
         for shape in [ball(), cube()] {
-            let raised = |limit: usize| Net::of_shape(&shape).unwrap().raised(300.0, limit, &height);
+            let raised = |limit: usize| Net::of_shape(&shape).unwrap().raised(150.0, limit, &height);
             let count = raised(usize::MAX).unwrap().len();
             assert_eq!(raised(count).unwrap().len(), count);
             assert_eq!(raised(count - 1).unwrap_err(), Unraised::TooMany);

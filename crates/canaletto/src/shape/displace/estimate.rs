@@ -3,12 +3,13 @@
 
 use super::{Net, Vertex};
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// A vertex and its height.
 pub(super) type Raised = (Vertex, f64);
 
 /// Triangles that are looked at.
-const SAMPLE: usize = 512;
+const SAMPLE: usize = 256;
 
 /// No single one decides: each counts for this part of what is asked about at most.
 const SHARE: usize = 32;
@@ -52,11 +53,16 @@ impl Net {
         let step = triangles.len().div_ceil(SAMPLE).max(1);
         let sample: Vec<[u32; 3]> = triangles.iter().copied().step_by(step).collect();
         let each = (most / step).div_ceil(SHARE).max(1);
-        let counts = sample.par_iter().map(|corners| {
-            let corners = corners.map(|v| (self.vertices[v as usize], heights[v as usize]));
-            self.refined(corners, each, wanted, height)
+        let sum = AtomicUsize::new(0);
+        let exceeds = || sum.load(Ordering::Relaxed).saturating_mul(step) > most;
+        sample.par_iter().for_each(|corners| {
+            // Sums only grow, so that the answer is the same whichever are left out.
+            if !exceeds() {
+                let corners = corners.map(|v| (self.vertices[v as usize], heights[v as usize]));
+                sum.fetch_add(self.refined(corners, each, wanted, height), Ordering::Relaxed);
+            }
         });
-        counts.sum::<usize>().saturating_mul(step) > most
+        exceeds()
     }
 
     /// How many triangles one becomes, up to `most`.
