@@ -33,7 +33,7 @@ pub(crate) fn run(
     name: &str,
     seeds: &[Vec<u8>],
     few: u64,
-    repaired: impl Fn(&mut [u8]),
+    repaired: impl Fn(&mut Vec<u8>),
     read: impl Fn(&[u8]) -> Outcome,
 ) {
     let _alone = ALONE.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
