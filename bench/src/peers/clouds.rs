@@ -44,7 +44,7 @@ fn closed([base, top]: [Vec3; 2], radius: f32) -> Cylinder {
 /// The exact kernel of cylinders, as worlds use it.
 fn ask(Asked { ends, radius, .. }: Asked, ray: &PreparedRay, t_max: f32) -> Option<Met> {
     let cylinder = closed(ends, radius);
-    let hit = cylinder.intersect(&ray.ray, t_max)?;
+    let hit = cylinder.intersect(ray.ray(), t_max)?;
     let t = ray.confine(&cylinder.bounds(), hit.t.into(), t_max)?;
     Some(Met { part: hit.part, ..Met::before(t) })
 }

@@ -61,9 +61,9 @@ impl Aabb {
         0.5 * self.min + 0.5 * self.max
     }
 
-    /// Whether no point lies inside. A single point is not empty, nor is a flat box.
+    /// Whether no point lies inside. A single point is not empty, nor is a flat box; one with a coordinate that is NaN is.
     pub fn is_empty(&self) -> bool {
-        self.min.cmpgt(self.max).any()
+        !self.min.cmple(self.max).all()
     }
 
     /// Whether no coordinate is NaN or infinite; the empty box is not finite.

@@ -5,7 +5,7 @@
 //! (`triangle`) has the last word. For the nearest hit of a single ray it is asked once in general: a
 //! triangle that lies before all others waits until the ray's way has ended ([`Search`]). Streams, in which nothing waits for its answer, ask it at
 //! once, about all four triangles side by side (`exactly`).
-#![allow(unsafe_code)] // Rows told by byte offsets.
+#![allow(unsafe_code)] // Rows told by where they lie.
 
 mod bound;
 mod exactly;
@@ -13,7 +13,8 @@ mod exactly;
 use glam::{Vec3, Vec4};
 
 use crate::node::Node;
-use crate::slab::{DEFLATE, INFLATE};
+use crate::ray::Axis;
+use crate::slab::{DEFLATE, INFLATE, min};
 use crate::triangle::{Triangle, TriangleHit, intersect_exactly};
 use crate::triangles::Nearest;
 use crate::{Aabb, PreparedRay, Ray};
@@ -26,7 +27,7 @@ pub(crate) use bound::Bound;
 #[repr(C, align(32))]
 pub(crate) struct Block {
     corners: [[Vec4; 3]; 3],
-    /// The upper bits of the last two are the exponent of a power of two above the sizes of all triangles.
+    /// The upper bits of the last two are the exponent of a power of two above the sizes of all triangles, or of infinity.
     ids: [u32; 4],
 }
 
@@ -62,7 +63,8 @@ impl Block {
             let bounds = Aabb::from_points(corners);
             size = size.max((bounds.max - bounds.min).max_element());
         }
-        let exponent = (size.to_bits() >> 23) + 1;
+        // Eight bits: that of infinity, where a difference overflows, is the greatest.
+        let exponent = ((size.to_bits() >> 23) + 1).min(255);
         ids[2] |= exponent << ID_BITS;
         ids[3] |= exponent >> 4 << ID_BITS;
         let [a, b, c, d] = all;
@@ -104,24 +106,22 @@ impl Block {
 
     /// The corners of the triangle in this lane, the coordinates in the order of a ray's `rows`.
     #[inline(always)]
-    pub(crate) fn ordered(&self, lane: usize, rows: [u8; 3]) -> [[f32; 3]; 3] {
+    pub(crate) fn ordered(&self, lane: usize, rows: [Axis; 3]) -> [[f32; 3]; 3] {
         let corner = |corner: usize| {
-            let at = |k: u8| {
-                debug_assert!(k <= 32);
-                // SAFETY: a ray's rows are 0, 16 and 32, where those of a corner lie, each of four numbers.
-                unsafe { *self.corners[corner].as_ptr().byte_add(usize::from(k)).cast::<f32>().add(lane & 3) }
+            // SAFETY: there, in the three rows of a corner, lies that of the axis, and each has four numbers.
+            let at = |axis: Axis| unsafe {
+                *self.corners[corner].as_ptr().byte_add(axis.offset()).cast::<f32>().add(lane & 3)
             };
             [at(rows[0]), at(rows[1]), at(rows[2])]
         };
         [corner(0), corner(1), corner(2)]
     }
 
-    /// A corner's coordinates along an axis of `rows`.
+    /// A corner's coordinates along an axis.
     #[inline(always)]
-    fn row(&self, corner: usize, k: u8) -> Vec4 {
-        debug_assert!(k <= 32);
-        // SAFETY: a ray's rows are 0, 16 and 32, where those of a corner lie.
-        unsafe { *self.corners[corner].as_ptr().byte_add(usize::from(k)) }
+    fn row(&self, corner: usize, axis: Axis) -> Vec4 {
+        // SAFETY: there, in the three rows of a corner, lies that of the axis.
+        unsafe { *self.corners[corner].as_ptr().byte_add(axis.offset()) }
     }
 
     /// The lane that has this id, a bit for it.
@@ -156,7 +156,7 @@ impl Block {
     pub(crate) fn test(&self, ray: &PreparedRay, bound: Bound, t_max: f32) -> Tested {
         let [kx, ky, kz] = ray.way.rows;
         let row = |corner, k| self.row(corner, k);
-        let origin = |k: u8| Vec4::splat(ray.origin(k));
+        let origin = |k: Axis| Vec4::splat(ray.origin(k));
         let (ox, oy, oz) = (origin(kx), origin(ky), origin(kz));
         let (sx, sy) = (Vec4::splat(ray.shear[0]), Vec4::splat(ray.shear[1]));
         // From corners to the origin, since what is taken off can be read by the instruction that does it.
@@ -167,7 +167,7 @@ impl Block {
         let low = ta.min(tb).min(tc) * DEFLATE;
         let last = ta.max(tb).max(tc);
         // Not `t_max` as it is: what lies at infinity is beyond it.
-        let beyond = low.cmpgt(Vec4::splat(t_max.min(f32::MAX))) | last.cmple(Vec4::ZERO);
+        let beyond = low.cmpgt(Vec4::splat(min(f32::MAX, t_max))) | last.cmple(Vec4::ZERO);
         let (ax, ay) = (ox - row(0, kx) - sx * az, oy - row(0, ky) - sy * az);
         let (bx, by) = (ox - row(1, kx) - sx * bz, oy - row(1, ky) - sy * bz);
         let (cx, cy) = (ox - row(2, kx) - sx * cz, oy - row(2, ky) - sy * cz);
@@ -271,7 +271,7 @@ impl Looked<'_> {
         let area = self.tested.least.abs().max(self.tested.most.abs());
         let (low, high) = self.between();
         let large = area.cmpgt(self.bound.area) & (area * low).cmpgt(self.bound.volume * Vec4::splat(ray.along.abs()));
-        let between = low.cmpge(Vec4::splat(f32::MIN_POSITIVE)) & high.cmple(Vec4::splat(t_max.min(f32::MAX)));
+        let between = low.cmpge(Vec4::splat(f32::MIN_POSITIVE)) & high.cmple(Vec4::splat(min(f32::MAX, t_max)));
         let candidates = self.left(low, high, t_max, front_only);
         (candidates & (self.front() | self.back()) & (large & between).bitmask(), candidates)
     }
@@ -393,6 +393,26 @@ impl Search {
 mod tests {
     use super::*;
     use crate::testing::Random;
+
+    #[test]
+    fn sizes_are_never_less_than_triangles_are() {
+        for power in -149..=127 {
+            for part in [1.0, 1.5, 1.999_999] {
+                let size = (2f64.powi(power) * part) as f32;
+                let corners = [Vec3::ZERO, Vec3::X * size, Vec3::Y * -size];
+                let block = Block::new([(7, corners), (9, [Vec3::ZERO; 3])].into_iter());
+                assert!(
+                    block.size() > size && (block.size() <= 2.0 * size || power < -125),
+                    "{size}: {}",
+                    block.size()
+                );
+                assert_eq!([block.id(0), block.id(1)], [7, 9]);
+            }
+        }
+        // A difference that overflows.
+        let block = Block::new(std::iter::once((3, [Vec3::splat(-3e38), Vec3::splat(3e38), Vec3::ZERO])));
+        assert_eq!((block.size(), block.id(0), block.len()), (f32::INFINITY, 3, 1));
+    }
 
     #[test]
     fn what_a_block_is_sure_of_is_so() {

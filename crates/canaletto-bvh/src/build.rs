@@ -163,6 +163,9 @@ pub(crate) struct Built {
     pub(crate) copies: Vec<[u32; 2]>,
 }
 
+/// What builders have on the stack at most: levels of a tree, each with its bins, and those of other parts that a thread takes on while it waits.
+pub(crate) const STACK: usize = 1 << 20;
+
 /// Builds the tree. A leaf costs as much as the blocks of `block` primitives that it fills, and no leaf of one block is split.
 pub(crate) fn build(items: Items<'_>, block: usize, quality: Quality) -> Built {
     let Items { list: mut items, whole, corners } = items;
@@ -330,6 +333,11 @@ impl Builder<'_> {
             return Split::Leaf(n);
         }
         let (middle, [a, b]) = partition::partition(items, &plan);
+        // A plan has items on both sides. If rounding took them to one, they would be asked about again and again.
+        if middle == 0 || middle == n {
+            let middle = split_at_median(items, extent);
+            return Split::at(items, middle);
+        }
         let [left, right] = plan.bounds;
         let extents = [(left, a), (right, b)].map(|(bounds, centers)| Extent { bounds, centers, distinct: false });
         Split::Halves([middle, n], extents)
@@ -472,6 +480,27 @@ mod tests {
             for threads in [2, 3, 7] {
                 assert!(build(threads) == one, "{threads} threads");
             }
+        }
+    }
+
+    #[test]
+    fn boxes_as_large_as_numbers_are_split_by_their_areas() {
+        for power in [-149, -126, -60, 0, 100, 126, 127] {
+            let size = (2f64.powi(power) * if power == 127 { 1.999 } else { 1.0 }) as f32;
+            // All but the sign of zero, and what is lost below the least number, as at any other size.
+            let bounds: Vec<Aabb> = (0..300)
+                .map(|i| {
+                    let place = Vec3::new((i % 10) as f32, (i / 10 % 5) as f32, (i / 50) as f32) * 0.2 - 1.0;
+                    Aabb { min: place * size, max: (place + 0.1) * size }
+                })
+                .collect();
+            assert!(check(&bounds) <= MAX_DEPTH);
+            let whole = Items::new(1, |_| Aabb { min: Vec3::splat(-size), max: Vec3::splat(size) }).unwrap();
+            let root = *whole.list[0].bounds();
+            let area = root.half_area(root.scale());
+            assert!(area.is_finite() && (area > 1.0 || power < -125), "2^{power}: {area}");
+            let tree = Bvh::build(&bounds).unwrap().statistics();
+            assert!(tree.leaves >= 75 && tree.depth < 10, "2^{power}: {tree:?}");
         }
     }
 

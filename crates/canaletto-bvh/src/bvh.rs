@@ -4,7 +4,7 @@ use crate::build::{self, BuildError, Built, Items, Quality};
 use crate::node::{Leaf, Node, Statistics, collapse};
 use crate::refit;
 use crate::traverse::{self, Any, Closest, ClosestOfMany};
-use crate::{Aabb, PreparedRay, WideRay};
+use crate::{Aabb, PreparedRay, WideRay, with_stack};
 
 /// A tree of boxes over primitives that the caller keeps.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,9 +21,11 @@ impl Bvh {
     /// # Errors
     /// [`BuildError`] names the first box that is not finite or is empty, or says that there are too many.
     pub fn build(bounds: &[Aabb]) -> Result<Self, BuildError> {
-        let items = Items::new(bounds.len(), |i| bounds[i])?;
-        let Built { nodes, order, bounds, .. } = build::build(items, 1, Quality::Medium);
-        Ok(Self { nodes: collapse(&nodes), order, bounds })
+        with_stack(build::STACK, || {
+            let items = Items::new(bounds.len(), |i| bounds[i])?;
+            let Built { nodes, order, bounds, .. } = build::build(items, 1, Quality::Medium);
+            Ok(Self { nodes: collapse(&nodes), order, bounds })
+        })
     }
 
     /// Builds a tree whose leaves are blocks of up to four primitives that are tested side by side: a block costs the same
@@ -37,7 +39,7 @@ impl Bvh {
         bounds: impl Fn(usize) -> Aabb + Sync,
         quality: Quality,
     ) -> Result<(Self, Blocks), BuildError> {
-        Ok(Self::over_blocks(Items::new(count, bounds)?, quality))
+        with_stack(build::STACK, || Ok(Self::over_blocks(Items::new(count, &bounds)?, quality)))
     }
 
     /// A primitive may come in several items; then it may be in several blocks.

@@ -12,7 +12,10 @@
 //! - The same bits on every CPU and for any number of threads: only + − × ÷ and sqrt, fused at most in
 //!   bounds of which no answer depends on the last bit.
 //! - No length is compared with a constant: scaling a scene by a power of two changes no decision.
-//! - Rays are finite. One with a zero direction hits nothing.
+//! - Rays are finite. One with a zero direction hits nothing. NaN meets nothing and is met by nothing, be it in a ray, a margin, an end or a box;
+//!   infinite rays have answers that nothing is told about. Whatever numbers come, memory is safe.
+//! - Functions that callers hand over may answer as they like: that spoils the answers about what they were asked about, nothing else.
+//! - Rays need a few kilobytes of stack. What needs more finds it where a thread has less ([`with_stack`]).
 //!
 //! ```
 //! use canaletto_bvh::{Aabb, Bvh, Ray, sphere};
@@ -49,9 +52,12 @@ mod kernel;
 mod lanes;
 pub mod memory;
 mod node;
+#[cfg(test)]
+mod nonsense;
 mod packet;
 mod ray;
 mod refit;
+mod room;
 mod round;
 mod rounds;
 mod slab;
@@ -71,6 +77,7 @@ pub use kernel::Kernel;
 pub use lanes::InstructionSet;
 pub use node::{Leaf, Statistics};
 pub use ray::{PreparedRay, Ray};
+pub use room::with_stack;
 pub use round::{Ask, Asked, Met, Round};
 pub use rounds::Rounds;
 pub use triangles::{Nearest, Triangles};

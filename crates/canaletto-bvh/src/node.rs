@@ -10,7 +10,7 @@ use std::ops::Range;
 use bytemuck::Zeroable;
 use rayon::prelude::*;
 
-use crate::build::{Binary, MAX_LEAF, MAX_PRIMITIVES, compiled_wide};
+use crate::build::{Binary, MAX_DEPTH, MAX_LEAF, MAX_PRIMITIVES, compiled_wide};
 use crate::memory::{prefetch, zeros};
 use crate::slab::{Boxes, WIDTH};
 use crate::{Aabb, PreparedRay};
@@ -19,9 +19,11 @@ use crate::{Aabb, PreparedRay};
 #[derive(Clone, Copy, Debug, PartialEq, Zeroable)]
 #[repr(C, align(64))]
 pub(crate) struct Node {
-    /// The children's boxes; where there is no child, a box that no ray meets.
+    /// The children's boxes; where there is no child, [`Aabb::EMPTY`], which no ray meets.
     pub(crate) boxes: Boxes,
-    pub(crate) children: [Link; WIDTH],
+    /// Leaves, nodes that come later in the list, at most [`MAX_DEPTH`] below each other, and [`Link::END`] where there is no child. What walks
+    /// through the tree relies on that; only [`collapse`] links nodes.
+    children: [Link; WIDTH],
     /// For rays of each octant the lanes in three bits each, the farthest lowest.
     pub(crate) orders: [u32; 8],
 }
@@ -79,11 +81,22 @@ impl Link {
         Leaf(self.0)
     }
 
-    /// The leaf, else the node.
+    /// Where it leads to, if anywhere.
     #[inline]
-    pub(crate) fn follow(self) -> Result<Leaf, usize> {
-        if self.0 & Self::LEAF == 0 { Err(self.0 as usize) } else { Ok(Leaf(self.0)) }
+    pub(crate) fn follow(self) -> Option<Child> {
+        match self {
+            Self::END => None,
+            Self(link) if link & Self::LEAF == 0 => Some(Child::Node(link as usize)),
+            Self(link) => Some(Child::Leaf(Leaf(link))),
+        }
     }
+}
+
+/// What a node has below it.
+pub(crate) enum Child {
+    /// The index of a node.
+    Node(usize),
+    Leaf(Leaf),
 }
 
 /// Where nodes and the data of leaves lie, to be fetched in advance.
@@ -153,9 +166,15 @@ impl Leaf {
 impl Node {
     const EMPTY: Self = Self {
         boxes: [[[f32::INFINITY; WIDTH]; 3], [[f32::NEG_INFINITY; WIDTH]; 3]],
-        children: [Link(0); WIDTH],
+        children: [Link::END; WIDTH],
         orders: [0; 8],
     };
+
+    /// The children.
+    #[inline(always)]
+    pub(crate) fn children(&self) -> &[Link; WIDTH] {
+        &self.children
+    }
 
     /// The last child of a mask of those in the order for a ray's octant, or else of those as they lie; any, if there is none. It is read from where
     /// it has long been: what was just written side by side takes its time until a part of it can be read.
@@ -213,6 +232,9 @@ const PART: u32 = 1 << 12;
 
 /// Makes the wide nodes that cost least of a binary tree (see `build::widen`). The uppermost nodes lie together, then parts in
 /// depth-first order.
+///
+/// # Panics
+/// If the tree would have more than [`MAX_DEPTH`] + 1 levels, for which rays' stacks have no room. Builders see to it that none has.
 pub(crate) fn collapse(binary: &[Binary]) -> Vec<Node> {
     let whole = Tree { root: 0, end: binary.len() as u32 };
     if binary.is_empty() {
@@ -220,7 +242,7 @@ pub(crate) fn collapse(binary: &[Binary]) -> Vec<Node> {
     }
     let mut upper = vec![Node::EMPTY; whole.wide_nodes(binary, PART)];
     let mut top = Collapse { binary, nodes: &mut upper, len: 0, first: 0, parts: Vec::new(), part: PART };
-    top.adopt(whole);
+    top.adopt(whole, 0);
     let parts = top.parts;
     let sizes: Vec<usize> = parts.par_iter().map(|part| part.tree.wide_nodes(binary, 0)).collect();
     let mut first = upper.len();
@@ -230,12 +252,12 @@ pub(crate) fn collapse(binary: &[Binary]) -> Vec<Node> {
     for (part, size) in parts.iter().zip(sizes) {
         upper[part.parent].children[part.lane] = Link::node(first);
         let (nodes, behind) = rest.split_at_mut(size);
-        below.push((part.tree, first, nodes));
+        below.push((part, first, nodes));
         (first, rest) = (first + size, behind);
     }
     above.copy_from_slice(&upper);
-    below.into_par_iter().for_each(|(tree, first, nodes)| {
-        Collapse { binary, nodes, len: 0, first, parts: Vec::new(), part: 0 }.adopt(tree);
+    below.into_par_iter().for_each(|(part, first, nodes)| {
+        Collapse { binary, nodes, len: 0, first, parts: Vec::new(), part: 0 }.adopt(part.tree, part.depth);
     });
     nodes
 }
@@ -255,6 +277,8 @@ struct Collapse<'a> {
 
 struct Part {
     tree: Tree,
+    /// How many wide nodes are above it.
+    depth: u32,
     parent: usize,
     lane: usize,
 }
@@ -311,7 +335,7 @@ impl Tree {
     /// powers are those with which rays visited least of the benchmark's meshes: up to a third less than the largest box first.
     fn promise(self, binary: &[Binary]) -> f64 {
         let bounds = &binary[self.root as usize].bounds;
-        let extent = (bounds.max - bounds.min).as_dvec3();
+        let extent = bounds.max.as_dvec3() - bounds.min.as_dvec3();
         let longest = extent.max_element();
         let flat = if longest > 0.0 { extent.min_element() / longest } else { 1.0 };
         bounds.half_area() / ((flat + 1e-3) * f64::from(self.len()).sqrt().sqrt())
@@ -319,7 +343,8 @@ impl Tree {
 }
 
 impl Collapse<'_> {
-    fn adopt(&mut self, tree: Tree) {
+    fn adopt(&mut self, tree: Tree, depth: u32) {
+        assert!(depth <= MAX_DEPTH, "a tree of more levels than rays' stacks have room for");
         let Children { all, len } = tree.children(self.binary);
         // The most promising last: it is the first that any-hit rays visit.
         let mut children = all.map(|tree| (0.0, tree));
@@ -337,10 +362,10 @@ impl Collapse<'_> {
             if child.is_leaf() {
                 node.children[lane] = Link::to_leaf(child.first(), child.count());
             } else if tree.len() <= self.part {
-                self.parts.push(Part { tree, parent: index, lane });
+                self.parts.push(Part { tree, depth: depth + 1, parent: index, lane });
             } else {
                 node.children[lane] = Link::node(self.first + self.len);
-                self.adopt(tree);
+                self.adopt(tree, depth + 1);
             }
         }
         node.sort();
@@ -406,17 +431,15 @@ impl Statistics {
             let node: &Node = &nodes[node];
             for lane in 0..WIDTH {
                 let bounds = node.get_box(lane);
-                if bounds.is_empty() {
-                    continue;
-                }
                 // Without area every ray that meets the root meets all.
                 let chance = if total > 0.0 { bounds.half_area() / total } else { 1.0 };
                 match node.children[lane].follow() {
-                    Err(node) => todo.push((node, chance, depth + 1)),
-                    Ok(leaf) => {
+                    Some(Child::Node(node)) => todo.push((node, chance, depth + 1)),
+                    Some(Child::Leaf(leaf)) => {
                         s.leaves += 1;
                         s.sah_cost += chance * f64::from(leaf.count());
                     }
+                    None => {}
                 }
             }
         }

@@ -35,8 +35,8 @@ impl Ray {
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub struct PreparedRay {
-    /// The ray itself.
-    pub ray: Ray,
+    /// The ray itself. Nobody may change it: all the rest is made from it.
+    pub(crate) ray: Ray,
     /// −1 / direction: planes are taken from the origin, so that they can be read by the instruction that does it.
     pub(crate) backwards: [f32; 3],
     /// What takes the ray to the longest axis of its direction: x and y are sheared by these, times z, where x, y and z are the axes
@@ -51,35 +51,82 @@ pub struct PreparedRay {
 
 const _: () = assert!(size_of::<PreparedRay>() == 64);
 
-/// A vector's component along an axis of `rows`. Indexing would choose by a branch that nobody can foretell.
-#[inline(always)]
-#[allow(unsafe_code)]
-pub(crate) fn component(vector: &Vec3, row: u8) -> f32 {
-    debug_assert!(row <= 32);
-    // SAFETY: rows are 0, 16 and 32, and so the offsets 0, 4 and 8 of three floats.
-    unsafe { *(&raw const *vector).cast::<f32>().byte_add(usize::from(row >> 2)) }
+/// An axis, told by where the row of its coordinates lies among three rows of four, in bytes: what is read by that needs no branch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(u8)]
+pub(crate) enum Axis {
+    X = 0,
+    Y = 16,
+    Z = 32,
+}
+
+impl Axis {
+    /// Where the row lies.
+    #[inline(always)]
+    pub(crate) fn offset(self) -> usize {
+        usize::from(self as u8)
+    }
+
+    /// 0, 1 or 2.
+    #[inline(always)]
+    pub(crate) fn index(self) -> usize {
+        self.offset() / 16
+    }
+
+    /// A vector's component. Indexing would choose by a branch that nobody can foretell.
+    #[inline(always)]
+    #[allow(unsafe_code)]
+    pub(crate) fn of(self, vector: &Vec3) -> f32 {
+        // SAFETY: a fourth of 0, 16 or 32 is the offset of one of three floats.
+        unsafe { *(&raw const *vector).cast::<f32>().byte_add(self.offset() / 4) }
+    }
+}
+
+/// Planes of eight boxes along an axis, told by where they lie in [`crate::slab::Boxes`], in bytes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(u8)]
+pub(crate) enum Planes {
+    LowX = 0,
+    LowY = 32,
+    LowZ = 64,
+    HighX = 96,
+    HighY = 128,
+    HighZ = 160,
+}
+
+impl Planes {
+    /// Where they lie.
+    #[inline(always)]
+    pub(crate) fn offset(self) -> usize {
+        usize::from(self as u8)
+    }
 }
 
 /// Where a ray goes, roughly: what its direction's signs and longest component tell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Way {
-    /// Where the planes of x, y and z that are met first lie in [`crate::slab::Boxes`], in bytes.
-    pub(crate) entries: [u8; 3],
-    /// The same of those that are met last.
-    pub(crate) exits: [u8; 3],
-    /// 16 times each axis, the longest component of the direction last, the other two ordered such that winding is kept.
-    pub(crate) rows: [u8; 3],
+    /// The planes of x, y and z that are met first.
+    pub(crate) entries: [Planes; 3],
+    /// Those that are met last.
+    pub(crate) exits: [Planes; 3],
+    /// The axes, that of the longest component of the direction last, the other two ordered such that winding is kept.
+    pub(crate) rows: [Axis; 3],
     /// One bit for each axis along which the ray moves backwards.
     pub(crate) octant: u8,
 }
 
 /// By octant, and whether x ≥ y, x ≥ z and y ≥ z.
 static WAYS: [[Way; 8]; 8] = {
+    use Axis::{X, Y, Z};
+    use Planes::{HighX, HighY, HighZ, LowX, LowY, LowZ};
     const LONGEST: [usize; 8] = [2, 2, 2, 0, 1, 1, 1, 0];
-    const ROWS: [[[u8; 3]; 2]; 3] =
-        [[[16, 32, 0], [32, 16, 0]], [[32, 0, 16], [0, 32, 16]], [[0, 16, 32], [16, 0, 32]]];
-    const fn planes(octant: usize) -> [u8; 3] {
-        [96 * (octant & 1) as u8, 96 * (octant >> 1 & 1) as u8 + 32, 96 * (octant >> 2 & 1) as u8 + 64]
+    const ROWS: [[[Axis; 3]; 2]; 3] = [[[Y, Z, X], [Z, Y, X]], [[Z, X, Y], [X, Z, Y]], [[X, Y, Z], [Y, X, Z]]];
+    const fn planes(octant: usize) -> [Planes; 3] {
+        [
+            if octant & 1 == 0 { LowX } else { HighX },
+            if octant & 2 == 0 { LowY } else { HighY },
+            if octant & 4 == 0 { LowZ } else { HighZ },
+        ]
     }
     let mut ways = [[Way::FORWARDS; 8]; 8];
     let mut i = 0;
@@ -94,8 +141,12 @@ static WAYS: [[Way; 8]; 8] = {
 
 impl Way {
     /// Along z, and not backwards along any axis.
-    pub(crate) const FORWARDS: Self =
-        Self { entries: [0, 32, 64], exits: [96, 128, 160], rows: [0, 16, 32], octant: 0 };
+    pub(crate) const FORWARDS: Self = Self {
+        entries: [Planes::LowX, Planes::LowY, Planes::LowZ],
+        exits: [Planes::HighX, Planes::HighY, Planes::HighZ],
+        rows: [Axis::X, Axis::Y, Axis::Z],
+        octant: 0,
+    };
 
     /// Of a direction; its fourth component is positive.
     #[inline(always)]
@@ -116,7 +167,7 @@ impl Way {
     #[inline(always)]
     pub(crate) fn axes(&self) -> [usize; 3] {
         let [x, y, z] = self.rows;
-        [usize::from(x >> 4).min(2), usize::from(y >> 4).min(2), usize::from(z >> 4).min(2)]
+        [x.index(), y.index(), z.index()]
     }
 }
 
@@ -137,8 +188,8 @@ impl PreparedRay {
         let normal = size.cmpge(Vec4::splat(f32::MIN_POSITIVE)) & size.cmplt(Vec4::INFINITY);
         let regular = (normal & finite).all();
         let [x, y, z] = way.rows;
-        let x_y_one = Vec4::new(component(&ray.direction, x), component(&ray.direction, y), 1.0, 1.0);
-        let shear = x_y_one / Vec4::splat(component(&ray.direction, z));
+        let x_y_one = Vec4::new(x.of(&ray.direction), y.of(&ray.direction), 1.0, 1.0);
+        let shear = x_y_one / Vec4::splat(z.of(&ray.direction));
         let size = shear.abs();
         // NaN for a zero direction, too.
         let told = size.cmpeq(Vec4::ZERO) | size.cmpge(Vec4::splat(f32::MIN_POSITIVE)) & size.cmplt(Vec4::INFINITY);
@@ -153,22 +204,28 @@ impl PreparedRay {
         }
     }
 
-    /// The origin along an axis of `rows`.
-    #[inline(always)]
-    pub(crate) fn origin(&self, row: u8) -> f32 {
-        component(&self.ray.origin, row)
+    /// The ray itself.
+    #[inline]
+    pub fn ray(&self) -> &Ray {
+        &self.ray
     }
 
-    /// −1 / direction along an axis of `rows`.
+    /// The origin along an axis.
     #[inline(always)]
-    pub(crate) fn backwards(&self, row: u8) -> f32 {
-        component(&Vec3::from_array(self.backwards), row)
+    pub(crate) fn origin(&self, axis: Axis) -> f32 {
+        axis.of(&self.ray.origin)
     }
 
-    /// The direction along an axis of `rows`.
+    /// −1 / direction along an axis.
     #[inline(always)]
-    pub(crate) fn direction(&self, row: u8) -> f32 {
-        component(&self.ray.direction, row)
+    pub(crate) fn backwards(&self, axis: Axis) -> f32 {
+        axis.of(&Vec3::from_array(self.backwards))
+    }
+
+    /// The direction along an axis.
+    #[inline(always)]
+    pub(crate) fn direction(&self, axis: Axis) -> f32 {
+        axis.of(&self.ray.direction)
     }
 }
 
@@ -198,8 +255,9 @@ mod tests {
             for axis in 0..3 {
                 let backwards = direction[axis] < 0.0;
                 assert_eq!(way.octant >> axis & 1 == 1, backwards);
-                let row = |backwards| 32 * axis as u8 + if backwards { 96 } else { 0 };
-                assert_eq!((way.entries[axis], way.exits[axis]), (row(backwards), row(!backwards)));
+                let offset = |backwards| 32 * axis + if backwards { 96 } else { 0 };
+                let (entry, exit) = (way.entries[axis], way.exits[axis]);
+                assert_eq!((entry.offset(), exit.offset()), (offset(backwards), offset(!backwards)));
             }
         }
     }

@@ -7,10 +7,11 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::block::Block;
-use crate::build::Items;
-use crate::node::{Link, Node};
+use crate::build::{Items, STACK};
+use crate::memory::collected;
+use crate::node::{Child, Node};
 use crate::slab::WIDTH;
-use crate::{Aabb, BuildError, Triangles};
+use crate::{Aabb, BuildError, Triangles, with_stack};
 
 fn bounds(block: &Block) -> Aabb {
     (0..block.len()).fold(Aabb::EMPTY, |bounds, lane| bounds.union(block.triangle(lane).bounds()))
@@ -38,17 +39,23 @@ impl Triangles {
     /// # Errors
     /// As [`Triangles::refit`].
     pub fn refit_within(&mut self, most: f64, corners: impl Fn(u32) -> [Vec3; 3] + Sync) -> Result<bool, BuildError> {
-        let bad = |&id: &u32| !corners(id).iter().all(|corner| corner.is_finite());
-        if let Some(id) = (0..self.len() as u32).into_par_iter().find_first(bad) {
-            return Err(BuildError::InvalidBox { index: id as usize, bounds: Aabb::from_points(corners(id)) });
+        with_stack(STACK, || self.fit(most, &corners))
+    }
+
+    fn fit(&mut self, most: f64, corners: impl Fn(u32) -> [Vec3; 3] + Sync) -> Result<bool, BuildError> {
+        // Each triangle is asked about once, so that what is kept is what was checked.
+        let all: Vec<[Vec3; 3]> = collected(self.len(), 0, |id| corners(id as u32));
+        if let Some(index) = all.par_iter().position_first(|corners| !corners.iter().all(|corner| corner.is_finite())) {
+            return Err(BuildError::InvalidBox { index, bounds: Aabb::from_points(all[index]) });
         }
+        let corners = |id: u32| all[id as usize];
         if self.copies().iter().any(|&[original, copy]| !same(corners(original), corners(copy))) {
             return self.rebuild(corners);
         }
         let cost = self.built().unwrap_or_else(|| self.statistics().sah_cost);
         *self.built() = Some(cost);
         let (bvh, blocks) = self.parts();
-        blocks.par_iter_mut().for_each(|block| *block = block.with(&corners));
+        blocks.par_iter_mut().for_each(|block| *block = block.with(corners));
         let blocks = &*blocks;
         bvh.refit(|first| bounds(&blocks[first as usize]));
         // A cost that is no number is none to go on with.
@@ -61,28 +68,26 @@ impl Triangles {
 
     /// Builds the tree anew for finite corners, without the old blocks beside the new ones.
     fn rebuild(&mut self, corners: impl Fn(u32) -> [Vec3; 3] + Sync) -> Result<bool, BuildError> {
+        let items = Items::of_whole_triangles(self.len(), &corners)?;
         *self.parts().1 = Vec::new();
-        *self = Self::over(Items::of_whole_triangles(self.len(), &corners)?, self.quality(), self.len(), &corners);
+        *self = Self::over(items, self.quality(), self.len(), &corners);
         Ok(true)
     }
 }
 
 /// Fits boxes to the leaves, of which `leaf` tells the boxes, and returns the box around all.
 pub(crate) fn refit(nodes: &mut [Node], leaf: impl Fn(u32) -> Aabb + Sync) -> Aabb {
-    let is_leaf = |child: Link| child.follow().ok();
     nodes.par_iter_mut().for_each(|node| {
         for lane in 0..WIDTH {
-            if let Some(leaf_of_lane) = is_leaf(node.children[lane]) {
-                node.set_box(lane, &leaf(leaf_of_lane.first()));
+            if let Some(Child::Leaf(of_lane)) = node.children()[lane].follow() {
+                node.set_box(lane, &leaf(of_lane.first()));
             }
         }
     });
     // Children come later than their parents.
     for index in (0..nodes.len()).rev() {
         for lane in 0..WIDTH {
-            // Links of lanes without a child, which have empty boxes, lead anywhere.
-            let there = !nodes[index].get_box(lane).is_empty();
-            if let (true, Err(child)) = (there, nodes[index].children[lane].follow()) {
+            if let Some(Child::Node(child)) = nodes[index].children()[lane].follow() {
                 let bounds = nodes[child].bounds();
                 nodes[index].set_box(lane, &bounds);
             }
@@ -208,6 +213,34 @@ mod tests {
         let error = triangles.refit(|id| [Vec3::ONE, Vec3::X, if id > 4 { Vec3::NAN } else { Vec3::Y }]);
         assert!(matches!(error, Err(BuildError::InvalidBox { index: 5, .. })));
         assert!(triangles.nodes() == before.nodes() && triangles.bounds() == before.bounds());
+    }
+
+    /// One that tells something else each time, if it is asked again.
+    #[test]
+    fn each_triangle_is_asked_about_once() {
+        use std::sync::atomic::{AtomicU32, Ordering};
+        let random = &mut Random(53);
+        let scene: Vec<[Vec3; 3]> = (0..500).map(|i| [0; 3].map(|_| random.vector() + (i / 2) as f32)).collect();
+        let scene = |id: u32| scene[if id < 100 { id / 2 * 2 } else { id } as usize];
+        for most in [f64::INFINITY, 0.5] {
+            let mut triangles = Triangles::build(500, scene).unwrap();
+            let asked: Vec<AtomicU32> = (0..500).map(|_| AtomicU32::new(0)).collect();
+            let corners = |id: u32| match asked[id as usize].fetch_add(1, Ordering::Relaxed) {
+                0 => scene(id).map(|p| p * 2.0),
+                _ => [Vec3::NAN; 3],
+            };
+            triangles.refit_within(most, corners).unwrap();
+            assert!(asked.into_iter().all(|asked| asked.into_inner() == 1));
+            let expected = Triangles::build(500, |id| scene(id).map(|p| p * 2.0)).unwrap();
+            assert_eq!(triangles.bounds(), expected.bounds());
+            for _ in 0..300 {
+                let ray = crate::Ray::new(random.vector() * 9.0, random.vector());
+                let [mut a, mut b] = [Nearest::before(f32::INFINITY); 2];
+                triangles.intersect(&ray.prepare(), &mut a, false);
+                expected.intersect(&ray.prepare(), &mut b, false);
+                assert_eq!(a, b);
+            }
+        }
     }
 
     #[test]

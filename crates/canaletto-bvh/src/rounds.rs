@@ -2,11 +2,12 @@
 
 mod leaves;
 
+use crate::build::STACK;
 use crate::memory::in_large_pages;
 use crate::packet::rounds::Field;
 use crate::packet::{self, Packet, Query};
 use crate::round::{Ask, Block, LANES, Met, Rough, Round};
-use crate::{Aabb, BuildError, Bvh, PreparedRay, Quality, Ray, Statistics};
+use crate::{Aabb, BuildError, Bvh, PreparedRay, Quality, Ray, Statistics, with_stack};
 pub(crate) use leaves::offer;
 use leaves::{AnyOf, AnyOfRays, OfRay, OfRays, any, closest};
 use rayon::prelude::*;
@@ -27,14 +28,16 @@ impl Rounds {
     /// # Errors
     /// [`BuildError`] names the first box that is not finite or is empty, or says that there are too many.
     pub fn build(bounds: &[Aabb], round: impl Fn(u32) -> Round + Sync) -> Result<Self, BuildError> {
-        let (bvh, leaves) = Bvh::build_blocks(bounds.len(), |id| bounds[id], Quality::Medium)?;
-        let mut blocks = in_large_pages(leaves.len());
-        (0..leaves.len())
-            .into_par_iter()
-            .map(|index| Block::new(leaves.block(index).iter().map(|&id| (id, bounds[id as usize], round(id)))))
-            .collect_into_vec(&mut blocks);
-        let few = blocks.len() <= 1 && blocks.iter().all(Block::is_round);
-        Ok(Self { bvh, blocks, count: bounds.len(), few })
+        with_stack(STACK, || {
+            let (bvh, leaves) = Bvh::build_blocks(bounds.len(), |id| bounds[id], Quality::Medium)?;
+            let mut blocks = in_large_pages(leaves.len());
+            (0..leaves.len())
+                .into_par_iter()
+                .map(|index| Block::new(leaves.block(index).iter().map(|&id| (id, bounds[id as usize], round(id)))))
+                .collect_into_vec(&mut blocks);
+            let few = blocks.len() <= 1 && blocks.iter().all(Block::is_round);
+            Ok(Self { bvh, blocks, count: bounds.len(), few })
+        })
     }
 
     /// How many primitives there are.

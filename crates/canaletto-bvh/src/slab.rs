@@ -12,7 +12,6 @@
 
 use glam::Vec3;
 
-use crate::ray::component;
 use crate::{Aabb, PreparedRay};
 
 /// How many boxes lie side by side.
@@ -26,10 +25,10 @@ pub(crate) const INFLATE: f32 = 1.0 + 8.0 * f32::EPSILON;
 /// The slack that `confine` leaves to t; `INFLATE * DEFLATE` > 1 also after rounding.
 pub(crate) const DEFLATE: f32 = 1.0 - 4.0 * f32::EPSILON;
 
-/// Up to where something must be entered to be worth a visit.
+/// Up to where something must be entered to be worth a visit: nowhere, where `t_max` is NaN.
 #[inline]
 pub(crate) fn limit(t_max: f32) -> f32 {
-    t_max * INFLATE
+    max(t_max * INFLATE, f32::NEG_INFINITY)
 }
 
 impl PreparedRay {
@@ -39,8 +38,9 @@ impl PreparedRay {
     #[inline(never)]
     pub(crate) fn clip_carefully(&self, bounds: &Aabb, limit: f32) -> (f32, f32) {
         let mut near = 0.0;
-        // No lane without a child may be met, even if no axis culls or the origin is infinite.
-        let mut far = if bounds.is_empty() { f32::NEG_INFINITY } else { f32::INFINITY };
+        // No lane without a child may be met, even if no axis culls or the origin is infinite. NaN meets nothing.
+        let nothing = bounds.is_empty() || self.ray.origin.is_nan() || self.ray.direction.is_nan();
+        let mut far = if nothing { f32::NEG_INFINITY } else { f32::INFINITY };
         for axis in 0..3 {
             let (low, high, origin) = (bounds.min[axis], bounds.max[axis], self.ray.origin[axis]);
             let backwards = self.backwards[axis];
@@ -76,15 +76,16 @@ impl PreparedRay {
     #[inline]
     fn clip(&self, bounds: &Aabb) -> Option<(f32, f32)> {
         let (near, far) = if self.regular { self.clip_one(bounds) } else { self.clip_carefully(bounds, f32::INFINITY) };
-        if near > far { None } else { Some((near, far)) }
+        if near <= far { Some((near, far)) } else { None }
     }
 
-    /// Whether the ray meets a box within (0, t_max], as trees ask it: true in doubt.
+    /// Whether the ray meets a box within (0, t_max], as trees ask it: true in doubt. An empty box is never met, nor is one with a coordinate that
+    /// is NaN.
     #[inline]
     pub fn enters(&self, bounds: &Aabb, t_max: f32) -> bool {
         let limit = limit(t_max);
         let (near, far) = if self.regular { self.clip_one(bounds) } else { self.clip_carefully(bounds, limit) };
-        near <= far && near <= limit
+        near <= far && near <= limit && !bounds.is_empty()
     }
 
     /// The hit at `t` on something in this box, moved into it by no more than rounding explains, unless
@@ -92,11 +93,9 @@ impl PreparedRay {
     /// misses the box or the hit lies outside (0, t_max].
     #[inline]
     pub fn confine(&self, bounds: &Aabb, t: f64, t_max: f32) -> Option<f32> {
-        let (near, far) = self.clip(bounds)?;
-        let mut t = (t as f32).min(far);
-        if near > 0.0 {
-            t = t.max(near * DEFLATE);
-        }
+        let (near, far) = self.clip(bounds).filter(|_| !bounds.is_empty())?;
+        // In these orders, a `t` that is NaN stays, which is no hit.
+        let t = max(near * DEFLATE, min(far, t as f32));
         (t > 0.0 && t <= t_max && t < f32::INFINITY).then_some(t)
     }
 }
@@ -107,26 +106,27 @@ impl PreparedRay {
     #[inline]
     pub(crate) fn confine_to_triangle(&self, bounds: &Aabb, t: f64, t_max: f32) -> Option<f32> {
         let (near, _) = self.clip(bounds)?;
-        let row = self.way.rows[2];
-        let cross = |corner: &Vec3| (self.origin(row) - component(corner, row)) * self.along;
+        let longest = self.way.rows[2];
+        let cross = |corner: &Vec3| (self.origin(longest) - longest.of(corner)) * self.along;
         let last = max(cross(&bounds.min), cross(&bounds.max)) * INFLATE;
         let mut t = t as f32;
         // NaN, for a ray that is not regular, moves nothing.
         if t > last {
             t = last;
         }
-        t = max(t, near * DEFLATE);
+        // A `t` that is NaN stays, which is no hit.
+        t = max(near * DEFLATE, t);
         (t >= f32::MIN_POSITIVE && t <= t_max && t < f32::INFINITY).then_some(t)
     }
 }
 
-/// Unlike `f32::max`, one instruction: for what is no NaN.
+/// Unlike `f32::max`, one instruction. If one is NaN, the second stays.
 #[inline(always)]
 pub(crate) fn max(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
-/// Unlike `f32::min`, one instruction: for what is no NaN.
+/// Unlike `f32::min`, one instruction. If one is NaN, the second stays.
 #[inline(always)]
 pub(crate) fn min(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }

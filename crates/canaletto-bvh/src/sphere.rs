@@ -7,7 +7,7 @@ pub(crate) mod many;
 use glam::{Vec3, Vec4};
 
 use crate::round::{RELATIVE, Rough, Rows, Sorted};
-use crate::slab::{DEFLATE, INFLATE};
+use crate::slab::{DEFLATE, INFLATE, min};
 use crate::{Aabb, PreparedRay, Ray};
 pub use many::intersect_many;
 
@@ -140,7 +140,7 @@ pub(crate) fn sort_any(center: &Rows, radius: Vec4, ray: &Rough, t_max: f32) -> 
     let inner = radius - error;
     let met = inner.cmpgt(Vec4::ZERO) & (squared * INFLATE + f32::MIN_POSITIVE).cmplt(inner * inner);
     let ahead = b.cmpgt(radius + error);
-    let before = ((b + error) * ray.per_length * INFLATE).cmple(Vec4::splat(t_max.min(f32::MAX)));
+    let before = ((b + error) * ray.per_length * INFLATE).cmple(Vec4::splat(min(f32::MAX, t_max)));
     let surely = (met & ahead & before).bitmask();
     let early = ((b - radius - error * 2.0) * ray.per_length * DEFLATE).cmpgt(Vec4::splat(t_max));
     let behind = (b + radius + error * 2.0).cmplt(Vec4::ZERO);

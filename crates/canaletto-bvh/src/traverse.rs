@@ -19,7 +19,7 @@ trait Passage {
     type Ray: Passing;
     /// What it tells.
     type Answer;
-    /// Runs it. To be inlined into what is compiled for the instructions.
+    /// Runs it, over all nodes of a tree. To be inlined into what is compiled for the instructions.
     ///
     /// # Safety
     /// As for [`Lanes`].
@@ -116,7 +116,7 @@ impl<R: Passing, F: Closest> Passage for ToNearest<'_, R, F> {
 /// [`closest`] by these instructions.
 ///
 /// # Safety
-/// As for [`Lanes`].
+/// As for [`Lanes`]; `nodes` must be all of a tree.
 #[inline(always)]
 pub(crate) unsafe fn closest_by<R, L: Lanes<R>, F: Closest>(
     nodes: &[Node],
@@ -130,7 +130,7 @@ pub(crate) unsafe fn closest_by<R, L: Lanes<R>, F: Closest>(
     let mut stack = Stack::new();
     let mut limit = limit_of(t_max);
     let mut link = Link::node(0);
-    // SAFETY: the caller's promise; links lead to nodes.
+    // SAFETY: the caller's promise; links lead to nodes of the tree, leaves or nowhere (see `Node::children`), whatever lanes are met.
     unsafe {
         loop {
             while !link.is_leaf() {
@@ -175,7 +175,7 @@ impl<R: Passing, F: Any> Passage for ToAny<'_, R, F> {
         let mut stack = Stack::new();
         let limit = limit_of(self.t_max);
         let mut link = Link::node(0);
-        // SAFETY: the caller's promise; links lead to nodes.
+        // SAFETY: the caller's promise; links lead to nodes of the tree, leaves or nowhere (see `Node::children`), whatever lanes are met.
         unsafe {
             loop {
                 while !link.is_leaf() {

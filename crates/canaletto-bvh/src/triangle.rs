@@ -32,7 +32,7 @@
 use glam::{DVec3, Vec3, Vec4, Vec4Swizzles};
 
 use crate::exact::difference_of_products;
-use crate::ray::component;
+use crate::ray::Axis;
 use crate::{Aabb, PreparedRay};
 
 /// Three corners.
@@ -56,8 +56,8 @@ impl Triangle {
 
     /// The corners, the coordinates in the order of a ray's `rows`.
     #[inline(always)]
-    fn ordered(&self, rows: [u8; 3]) -> [[f32; 3]; 3] {
-        let corner = |p: &Vec3| [component(p, rows[0]), component(p, rows[1]), component(p, rows[2])];
+    fn ordered(&self, rows: [Axis; 3]) -> [[f32; 3]; 3] {
+        let corner = |p: &Vec3| [rows[0].of(p), rows[1].of(p), rows[2].of(p)];
         let [a, b, c] = &self.corners;
         [corner(a), corner(b), corner(c)]
     }

@@ -3,12 +3,12 @@
 mod leaves;
 
 use crate::block::{Block, Bound, Scene, Search};
-use crate::build::{Items, copies};
+use crate::build::{Items, STACK, copies};
 use crate::memory::in_large_pages;
 use crate::node::Node;
 use crate::packet::{self, Packet, Query};
 use crate::triangle;
-use crate::{Aabb, BuildError, Bvh, Leaf, PreparedRay, Quality, Ray, Statistics};
+use crate::{Aabb, BuildError, Bvh, Leaf, PreparedRay, Quality, Ray, Statistics, with_stack};
 use glam::Vec3;
 use leaves::{AnyOf, AnyOfRays, OfRay, OfRays};
 use rayon::prelude::*;
@@ -71,7 +71,7 @@ impl Triangles {
         count: usize,
         corners: impl Fn(u32) -> [Vec3; 3] + Sync,
     ) -> Result<Self, BuildError> {
-        Ok(Self::over(Items::of_triangles(count, &corners)?, quality, count, &corners))
+        with_stack(STACK, || Ok(Self::over(Items::of_triangles(count, &corners)?, quality, count, &corners)))
     }
 
     pub(crate) fn over(

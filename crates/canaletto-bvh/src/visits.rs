@@ -28,7 +28,7 @@ impl Triangles {
             self.offer_leaf(leaf, ray, &mut nearest, false);
             *t_max = nearest.t;
         };
-        // SAFETY: `Counting` needs no more than `Careful`, which needs nothing.
+        // SAFETY: `Counting` needs no more than `Careful`, which needs nothing; these are all nodes of the tree.
         unsafe { closest_by::<_, Counting, _>(self.nodes(), &counted, t_max, leaf) };
         visits.nodes += counted.nodes.get();
     }

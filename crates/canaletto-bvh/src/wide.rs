@@ -14,10 +14,10 @@ pub struct WideRay {
 }
 
 impl WideRay {
-    /// The ray with a margin, which is finite and not negative. It should be larger than some roundings of the origin and of the boxes.
+    /// The ray with a margin, which is not negative. It should be larger than some roundings of the origin and of the boxes. If it is infinite,
+    /// every box is met; if it is NaN, none.
     #[inline]
     pub fn new(ray: &Ray, margin: f32) -> WideRay {
-        debug_assert!(margin >= 0.0 && margin.is_finite());
         let ahead = Vec3::select(ray.direction.cmplt(Vec3::ZERO), Vec3::splat(-margin), Vec3::splat(margin));
         let origins = [ray.origin + ahead, ray.origin - ahead].map(|origin| origin.to_array());
         WideRay { ray: ray.prepare(), origins, margin }

@@ -7,7 +7,7 @@ use super::Block;
 use crate::PreparedRay;
 use crate::exact::CANCELLED;
 use crate::lanes::Four;
-use crate::slab::{DEFLATE, INFLATE};
+use crate::slab::{DEFLATE, INFLATE, min};
 use crate::triangle::SURELY;
 use crate::triangles::Nearest;
 
@@ -82,10 +82,10 @@ impl Block {
             near = near.max(a.min(b).min(c));
             far = far.min(last);
         }
-        let t = t.min(last * INFLATE).max(near * DEFLATE);
+        let t = (near * DEFLATE).max((last * INFLATE).min(t));
         let between = near.cmple(far * INFLATE)
             & t.cmpge(Vec4::splat(f32::MIN_POSITIVE))
-            & t.cmple(Vec4::splat(nearest.t.min(f32::MAX)));
+            & t.cmple(Vec4::splat(min(f32::MAX, nearest.t)));
         let between = between.bitmask();
         let enough = reach * reach * splat!(SURELY);
         let far = enough.below(area.abs()) & (enough * reach).below(depth.abs());

@@ -67,8 +67,9 @@ impl Box8 {
     pub(super) fn scale(&self) -> f32 {
         // Halved, since a difference may be twice as large as the largest float.
         let half = (0..3).map(|axis| self.max(axis) * 0.5 - self.min(axis) * 0.5).fold(0.0, max);
+        // At most 254, as half of what is finite is.
         let exponent = half.to_bits() >> 23;
-        f32::from_bits((253 - exponent).clamp(1, 253) << 23)
+        f32::from_bits(253u32.saturating_sub(exponent).max(1) << 23)
     }
 }
 

@@ -120,11 +120,18 @@ impl Tree {
         let mut moves: Vec<Move> = largest.par_iter().filter_map(|&(_, index)| self.find(index)).collect();
         moves.par_sort_unstable_by(|a, b| b.gain.total_cmp(&a.gain).then(a.from.cmp(&b.from)));
         touched.fill(false);
+        self.make(moves, touched)
+    }
+
+    /// Makes moves that were found before any of them was made, but for those whose surroundings have changed since; tells how much area they were
+    /// to take away. None is `touched` yet.
+    fn make(&mut self, moves: Vec<Move>, touched: &mut [bool]) -> f64 {
         let mut gained = 0.0;
         for Move { from, to, gain } in moves {
             let parent = self.node(from).parent;
             let around = [from, self.sibling(from), parent, self.node(parent).parent, to, self.node(to).parent];
-            if around.iter().any(|&index| touched[index as usize]) {
+            // A place that meanwhile lies in the subtree itself would make a circle.
+            if around.iter().any(|&index| touched[index as usize]) || self.holds(from, to) {
                 continue;
             }
             around.iter().for_each(|&index| touched[index as usize] = true);
@@ -182,7 +189,18 @@ impl Tree {
         (best.to != from && best.to != self.sibling(from)).then_some(best)
     }
 
-    /// Takes a subtree out and puts it beside another, both below its parent, which is free then.
+    /// Whether a node lies in the subtree of another, or is that.
+    fn holds(&self, ancestor: u32, mut index: u32) -> bool {
+        while index != ancestor {
+            if index == 0 {
+                return false;
+            }
+            index = self.node(index).parent;
+        }
+        true
+    }
+
+    /// Takes a subtree out and puts it beside another that is not in it, both below its parent, which is free then.
     fn reinsert(&mut self, from: u32, to: u32) {
         let parent = self.node(from).parent;
         let sibling = self.sibling(from);
@@ -250,6 +268,31 @@ mod tests {
             assert!(ids.into_iter().eq(0..bounds.len() as u32), "each primitive in one block");
             bvh
         })
+    }
+
+    /// Two subtrees that are each to be put into the other: both moves were found in the tree as it stood before.
+    #[test]
+    fn no_subtree_is_put_into_itself() {
+        use super::{Box8, Move, Node, Tree};
+        // A full tree of five levels, its children of i at 2 i + 1 and 2 i + 2.
+        let node = |i: u32| Node {
+            bounds: Box8::new(&Aabb::from_points([Vec3::splat(i as f32)]), [0.0; 2]),
+            parent: i.saturating_sub(1) / 2,
+            children: (i < 31).then_some([2 * i + 1, 2 * i + 2]),
+        };
+        let mut tree = Tree { nodes: (0..63).map(node).collect(), scale: 1.0 };
+        let (one, other) = (Move { from: 3, to: 61, gain: 2.0 }, Move { from: 6, to: 31, gain: 1.0 });
+        assert!(tree.holds(3, 31) && tree.holds(6, 61), "each leads into the other");
+        let mut touched = vec![false; 63];
+        let gained = tree.make(vec![one, other], &mut touched);
+        assert_eq!(gained, 2.0, "the second would have made a circle");
+        for leaf in 31..63 {
+            let (mut index, mut steps) = (leaf, 0);
+            while index != 0 {
+                (index, steps) = (tree.node(index).parent, steps + 1);
+                assert!(steps < 63, "a circle above {leaf}");
+            }
+        }
     }
 
     #[test]

@@ -22,13 +22,14 @@ pub(crate) struct Lanes(u32);
 impl Lanes {
     /// Of a leaf, which takes a single one.
     pub(super) const LEAF: Self = Self(0);
-    /// Of a node whose costs are not known yet.
+    /// Of a node whose costs are not known, or not finite.
     pub(super) const UNKNOWN: Self = Self(1);
 
     /// How many of 2 to 8 lanes that this node may take go to its left child; the right one gets the rest. None: the node takes one
-    /// lane, that of a wide node.
+    /// lane, that of a wide node. All eight are always shared out, unless it is a leaf, so that no wide node is its own child.
     pub(crate) fn left(self, lanes: usize) -> Option<usize> {
         let left = (self.0 >> (3 * (lanes - 2))) as usize & 7;
+        let left = if lanes == WIDTH && self != Self::LEAF { left.max(1) } else { left };
         (left > 0).then_some(left)
     }
 }
@@ -77,7 +78,7 @@ pub(super) fn depth(binary: &[Binary]) -> u32 {
 }
 
 super::compiled_wide! {
-    /// The costs of a node that itself costs `own`, and the ways to them.
+    /// The costs of a node that itself costs `own`, and the ways to them. Costs that are not finite are shared out somehow.
     pub(super) fn join(own: f32, left: &Costs, right: &Costs) -> (Costs, Lanes) {
         // Lane by lane the costs of the right child, so that a window shows them moved.
         let mut moved = [f32::INFINITY; 2 * WIDTH];
@@ -104,8 +105,7 @@ super::compiled_wide! {
             }
             way |= before << (3 * (i - 1));
         }
-        // All eight lanes are always shared out.
-        (least, Lanes(way.max(1)))
+        (least, Lanes(way.max(Lanes::UNKNOWN.0)))
     }
 }
 
@@ -160,6 +160,23 @@ mod tests {
             Some(left) => shared(lanes, left),
             None => cost + shared(WIDTH, ways.left(WIDTH).unwrap()),
         }
+    }
+
+    #[test]
+    fn costs_that_are_not_finite_are_shared_out_too() {
+        let strange = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, 1.0, 0.0];
+        let random = &mut Random(42);
+        for _ in 0..100_000 {
+            let mut costs = || std::array::from_fn(|_| strange[random.below(strange.len())]);
+            let (left, right): (Costs, Costs) = (costs(), costs());
+            let own = strange[random.below(strange.len())];
+            let (_, ways) = join(own, &left, &right);
+            assert!(ways != Lanes::LEAF && ways.left(WIDTH).is_some());
+            for lanes in 2..=WIDTH {
+                assert!(ways.left(lanes).is_none_or(|left| (1..lanes).contains(&left)), "{lanes} {ways:?}");
+            }
+        }
+        assert!((2..=WIDTH).all(|lanes| Lanes::LEAF.left(lanes).is_none()));
     }
 
     #[test]

@@ -10,14 +10,11 @@ use std::arch::x86_64::*;
 #[derive(Clone, Copy)]
 pub(crate) struct Avx2;
 
-/// The end of the interval in which boxes are met.
-///
-/// # Safety
-/// The machine must have AVX2.
+/// The end of the interval in which boxes are met. NaN stays, in this order, so that nothing is met there.
 #[inline]
 #[target_feature(enable = "avx2")]
-pub(super) unsafe fn end(far: __m256, limit: f32) -> __m256 {
-    _mm256_min_ps(_mm256_mul_ps(far, _mm256_set1_ps(INFLATE)), _mm256_set1_ps(limit))
+pub(super) fn end(far: __m256, limit: f32) -> __m256 {
+    _mm256_min_ps(_mm256_set1_ps(limit), _mm256_mul_ps(far, _mm256_set1_ps(INFLATE)))
 }
 
 /// For each mask, the lanes that are set, in order.
@@ -46,29 +43,22 @@ pub(super) fn lanes_of(order: u32) -> __m256i {
 }
 
 /// The lanes from far to near, in the lowest three bits of each.
-///
-/// # Safety
-/// The machine must have AVX2.
 #[inline]
 #[target_feature(enable = "avx2")]
-pub(super) unsafe fn order(node: &Node, ray: &PreparedRay) -> __m256i {
-    // SAFETY: there are eight octants.
-    lanes_of(unsafe { *node.orders.get_unchecked(usize::from(ray.way.octant)) })
+pub(super) fn order(node: &Node, ray: &PreparedRay) -> __m256i {
+    lanes_of(node.orders[usize::from(ray.way.octant & 7)])
 }
 
 /// Where the ray enters and leaves the boxes; the latter neither inflated nor limited. The origins are those from which the planes that
-/// it enters and leaves by are seen.
-///
-/// # Safety
-/// The machine must have AVX2.
+/// it enters and leaves by are seen. In a lane without a child, whose planes are infinite, the ray leaves at −∞ or NaN, whatever the origins.
 #[inline]
 #[target_feature(enable = "avx2")]
-pub(super) unsafe fn clip(node: &Node, ray: &PreparedRay, origins: [&[f32; 3]; 2]) -> (__m256, __m256) {
+pub(super) fn clip(node: &Node, ray: &PreparedRay, origins: [&[f32; 3]; 2]) -> (__m256, __m256) {
     // No closures: they would be functions without the instructions until they are inlined.
     macro_rules! cross {
-        ($side:literal, $axis:literal, $offset:expr) => {{
-            // SAFETY: the offset is that of a row of eight aligned numbers.
-            let planes = unsafe { _mm256_load_ps((&raw const *node).cast::<f32>().byte_add(usize::from($offset))) };
+        ($side:literal, $axis:literal, $planes:expr) => {{
+            // SAFETY: there, in the boxes, lie eight numbers, aligned to their size.
+            let planes = unsafe { _mm256_load_ps((&raw const node.boxes).cast::<f32>().byte_add($planes.offset())) };
             _mm256_mul_ps(
                 _mm256_sub_ps(_mm256_set1_ps(origins[$side][$axis]), planes),
                 _mm256_set1_ps(ray.backwards[$axis]),
@@ -97,7 +87,7 @@ impl<R: Passing> Lanes<R> for Avx2 {
         unsafe {
             let (mut near, mut far) = clip(node, ray.ray(), ray.origins());
             let ray = ray.ray();
-            let mut children = _mm256_load_si256(node.children.as_ptr().cast());
+            let mut children = _mm256_load_si256(node.children().as_ptr().cast());
             if ORDERED {
                 let order = order(node, ray);
                 near = _mm256_permutevar8x32_ps(near, order);

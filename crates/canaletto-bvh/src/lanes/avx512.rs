@@ -23,7 +23,7 @@ impl<R: Passing> Lanes<R> for Avx512 {
         unsafe {
             let (mut near, mut far) = avx2::clip(node, ray.ray(), ray.origins());
             let ray = ray.ray();
-            let mut children = _mm256_load_si256(node.children.as_ptr().cast());
+            let mut children = _mm256_load_si256(node.children().as_ptr().cast());
             if ORDERED {
                 let order = avx2::order(node, ray);
                 near = _mm256_permutexvar_ps(order, near);

@@ -118,6 +118,9 @@ pub(crate) trait Lanes<R = PreparedRay>: Copy + Exact {
     /// many they are, and the last link again, if there is one: to read it where it was just written would have to wait until a part of a wide store
     /// can be read.
     ///
+    /// Whatever numbers the ray holds, no more than eight links are written, and only those of the node; a lane without a child is
+    /// never met, as NaN is not.
+    ///
     /// # Safety
     /// The machine must have the instructions, and there must be room for eight entries.
     unsafe fn visit<const ORDERED: bool>(
@@ -144,10 +147,21 @@ pub enum InstructionSet {
 static CHOSEN: AtomicU8 = AtomicU8::new(0);
 
 impl InstructionSet {
+    /// All that kernels exist for, on whatever machine.
+    pub const ALL: [InstructionSet; 3] = [InstructionSet::Baseline, InstructionSet::Avx2, InstructionSet::Avx512];
+
     /// The sets that this machine has.
     pub fn available() -> &'static [InstructionSet] {
-        const ALL: [InstructionSet; 3] = [InstructionSet::Baseline, InstructionSet::Avx2, InstructionSet::Avx512];
-        &ALL[..InstructionSet::best() as usize]
+        &Self::ALL[..InstructionSet::best() as usize]
+    }
+
+    /// "baseline", "avx2" or "avx512".
+    pub fn name(self) -> &'static str {
+        match self {
+            InstructionSet::Baseline => "baseline",
+            InstructionSet::Avx2 => "avx2",
+            InstructionSet::Avx512 => "avx512",
+        }
     }
 
     fn best() -> InstructionSet {

@@ -30,7 +30,7 @@ unsafe fn write<const ORDERED: bool>(
             if ORDERED {
                 *out.add(count) = near[lane];
             }
-            *links.add(count) = node.children[lane];
+            *links.add(count) = node.children()[lane];
         }
         count += (mask >> lane & 1) as usize;
     }
@@ -58,9 +58,10 @@ impl<R: Passing> Lanes<R> for Portable {
             let enter = |axis: usize| cross(ray.way.octant >> axis, axis, origins[0][axis]);
             let leave = |axis: usize| cross(!ray.way.octant >> axis, axis, origins[1][axis]);
             let n = enter(0).max(enter(1)).max(enter(2).max(Vec4::ZERO));
-            let f = (leave(0).min(leave(1)).min(leave(2)) * INFLATE).min(Vec4::splat(limit));
+            let f = leave(0).min(leave(1)).min(leave(2)) * INFLATE;
             near[4 * half..4 * half + 4].copy_from_slice(&n.to_array());
-            mask |= n.cmple(f).bitmask() << (4 * half);
+            // Two comparisons, since what a minimum makes of NaN is not the same on all machines.
+            mask |= (n.cmple(f) & n.cmple(Vec4::splat(limit))).bitmask() << (4 * half);
         }
         // SAFETY: the caller's promise.
         unsafe { write::<ORDERED>(mask, usize::from(ray.way.octant), node, &near, out, links) }

@@ -174,7 +174,9 @@ impl Group {
         let axes = [k0, k1];
         self.part = 0;
         for part in 0..S::Vector::PARTS {
-            let mut fit = s.mask(together, part);
+            let end = s.fours(&ends, part);
+            // A ray without an end, NaN, goes alone: a maximum would take it for that of its neighbours.
+            let mut fit = s.mask(together, part) & end.less_or_equal(infinity);
             let length = s.load(&self.direction[longest], part);
             for axis in 0..3 {
                 let d = s.load(&self.direction[axis], part);
@@ -191,7 +193,7 @@ impl Group {
                 let sure = (least.less_or_equal(size) & size.less(infinity)) | size.less_or_equal(zero);
                 S::Vector::select(sure, along, s.splat(f32::NAN)).store(&mut self.shear[k], part);
             }
-            let end = S::Vector::select(fit, s.fours(&ends, part), s.splat(f32::NEG_INFINITY));
+            let end = S::Vector::select(fit, end, s.splat(f32::NEG_INFINITY));
             end.store(&mut self.t_max, part);
             end.store(&mut self.low, part);
             self.part |= S::Vector::bits(fit, part);

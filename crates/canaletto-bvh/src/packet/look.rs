@@ -3,13 +3,14 @@
 use super::group::{Corners, Group};
 use crate::block::{BLUR, Bound};
 use crate::lanes::{Instructions, Mask, Row, Vector};
+use crate::ray::Axis;
 use crate::slab::{DEFLATE, INFLATE};
 
 /// How triangles are tested.
 #[derive(Clone, Copy)]
 pub(super) struct Terms {
     /// Of the rays' way.
-    pub(super) rows: [u8; 3],
+    pub(super) rows: [Axis; 3],
     pub(super) axes: [usize; 3],
     pub(super) bound: Bound,
     /// Triangles seen from behind don't count.
@@ -230,7 +231,7 @@ impl Group {
             first: ta.min(tb).min(tc) * s.splat(DEFLATE),
             last: ta.max(tb).max(tc),
         };
-        let end = t_max.min(s.splat(f32::MAX));
+        let end = s.splat(f32::MAX).min(t_max);
         let met = met & !(end.less(seen.first) | seen.last.less_or_equal(zero));
         let certainly =
             Certainly { bound: terms.bound.splat(s), area: least.abs().max(most.abs()), along: along.abs(), end };

@@ -224,7 +224,7 @@ impl Group {
             low.store_where(end, &mut self.low, part);
             S::Vector::put_where(end, place, &mut self.waits, part);
         } else {
-            end = may & surely & high.less_or_equal(s.load(&self.t_max, part).min(s.splat(f32::MAX)));
+            end = may & surely & high.less_or_equal(s.splat(f32::MAX).min(s.load(&self.t_max, part)));
             s.splat(f32::NEG_INFINITY).store_where(end, &mut self.t_max, part);
         }
         Told { taken: S::Vector::bits(end, part), undecided: S::Vector::bits(may & !end, part) }

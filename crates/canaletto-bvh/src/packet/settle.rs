@@ -139,7 +139,7 @@ fn exactly<S: Instructions>(s: S, group: &Group, terms: &Terms, [a, b, c]: &Corn
         }
         let (far, last) = (far * INFLATE, last * INFLATE);
         let confined = if t[i] > last { last } else { t[i] };
-        let confined = max(confined, near * DEFLATE);
+        let confined = max(near * DEFLATE, confined);
         let within = (confined >= f32::MIN_POSITIVE) & (confined <= group.t_max.0[i]) & (confined < f32::INFINITY);
         counts[i] &= u32::from((near <= far) & within);
         t[i] = confined;

@@ -123,8 +123,8 @@ impl Walk {
                 continue;
             }
             let after = self.levels[self.top];
-            data.fetch(nodes[after.node as usize].children[after.lane(after.next())]);
-            let link = node.children[lane];
+            data.fetch(nodes[after.node as usize].children()[after.lane(after.next())]);
+            let link = node.children()[lane];
             if !link.is_leaf() {
                 let mut left = groups;
                 while left != 0 {

@@ -17,8 +17,9 @@ fn filled(leaf: Leaf) -> u32 {
 #[inline(always)]
 pub(crate) fn offer(block: &Block, lane: usize, ray: &PreparedRay, nearest: &mut Met, ask: &impl Ask) -> bool {
     let id = block.ids[lane];
+    // Whoever was asked need not have kept to `nearest.t`.
     if let Some(met) = block.exact(lane, ray, nearest.t, ask)
-        && (met.t < nearest.t || id < nearest.id)
+        && (met.t < nearest.t || met.t == nearest.t && id < nearest.id)
     {
         *nearest = Met { id, ..met };
         return true;

@@ -137,7 +137,7 @@ impl Side {
                 (near, far) = (max(near, min(low, high)), min(far, max(low, high)));
             }
             let far = far * INFLATE;
-            let confined = max(min(t[i], far), near * DEFLATE);
+            let confined = max(near * DEFLATE, min(far, t[i]));
             let within = (confined > 0.0) & (confined <= self.t_max[i]) & (confined < f32::INFINITY);
             let hit = (met[i] == 1) & (near <= far) & within;
             // A sphere that is missed is, whatever its box.

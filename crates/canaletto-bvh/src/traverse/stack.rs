@@ -58,7 +58,7 @@ impl Stack {
     #[inline(always)]
     pub(super) fn pop(&mut self) -> Link {
         self.len -= 1;
-        // SAFETY: entries below `len` were written, and END, the lowest, is popped once.
+        // SAFETY: entries below `len` were written, and a way ends where END is popped, which is the lowest (and what a lane without a child has).
         unsafe { self.links.get_unchecked(self.len).assume_init() }
     }
 
@@ -68,8 +68,11 @@ impl Stack {
     /// As for [`Lanes`]; the node must be one of the tree that the stack was made for.
     #[inline(always)]
     unsafe fn push<R, L: Lanes<R>, const ORDERED: bool>(&mut self, node: &Node, ray: &R, limit: f32) -> (usize, Link) {
-        debug_assert!(self.len > 0 && self.len + WIDTH <= STACK);
-        // SAFETY: no tree is deeper than MAX_DEPTH, so that there is always room for eight.
+        if cfg!(any(test, debug_assertions)) {
+            assert!(self.len > 0 && self.len + WIDTH <= STACK);
+        }
+        // SAFETY: the caller's promise. No way through a tree has more than MAX_DEPTH + 1 nodes (see `Node::children`), and each leaves at most
+        // seven of its children behind, whichever are met, so that there is always room for eight.
         unsafe {
             let near = self.near.as_mut_ptr().add(self.len).cast();
             let links = self.links.as_mut_ptr().add(self.len).cast();

@@ -1,5 +1,6 @@
 //! Many rays through the tree at once, which need not go the same way.
 
+use std::cell::RefCell;
 use std::hint::select_unpredictable;
 use std::mem::MaybeUninit;
 
@@ -90,6 +91,38 @@ impl<'a> Flight<'a> {
     }
 }
 
+/// Memory for flights, which nothing is known to be written in. Not on the stack, of which threads may have less, and kept for the next
+/// rays of the thread.
+struct Flights(Box<[MaybeUninit<Flight<'static>>; FLIGHTS]>);
+
+thread_local! {
+    /// Some, as a leaf may hold what asks about rays itself.
+    static SPARE: RefCell<Vec<Flights>> = const { RefCell::new(Vec::new()) };
+}
+
+impl Flights {
+    #[inline(never)]
+    fn take() -> Self {
+        let new = || {
+            let memory: Box<MaybeUninit<[MaybeUninit<Flight<'static>>; FLIGHTS]>> = Box::new_uninit();
+            // SAFETY: what may be unwritten needs nothing written.
+            Self(unsafe { memory.assume_init() })
+        };
+        SPARE.with_borrow_mut(Vec::pop).unwrap_or_else(new)
+    }
+
+    fn give_back(self) {
+        SPARE.with_borrow_mut(|spare| spare.push(self));
+    }
+
+    /// For flights of rays that live as long as that.
+    #[inline(always)]
+    fn of_these_rays<'a>(&mut self) -> &mut [MaybeUninit<Flight<'a>>; FLIGHTS] {
+        // SAFETY: how long rays live changes nothing about memory, and nothing is taken for written that others wrote.
+        unsafe { &mut *(&raw mut *self.0).cast() }
+    }
+}
+
 /// What flights do next: a bit for each. In registers, not in lists in memory: where a list's next entry goes is known late, and all that is
 /// read from memory later would have to wait until then.
 #[derive(Clone, Copy)]
@@ -168,12 +201,14 @@ impl<F: ClosestOfMany> Passage for Stream<'_, F> {
             return;
         }
         let mut started = 0;
-        let mut flights: [MaybeUninit<Flight>; FLIGHTS] = [const { MaybeUninit::uninit() }; FLIGHTS];
+        let mut memory = Flights::take();
+        let flights = memory.of_these_rays();
         let mut findings: [MaybeUninit<F::Finding>; FLIGHTS] = [const { MaybeUninit::uninit() }; FLIGHTS];
         let mut which: [MaybeUninit<u32>; FLIGHTS] = [const { MaybeUninit::uninit() }; FLIGHTS];
         let places = leaf.places(nodes);
         let mut queues = Queues { nodes: 0, leaves: 0, ended: u32::MAX >> (32 - FLIGHTS) };
-        // SAFETY: the caller's promise; links lead to nodes; flights in queues of nodes and leaves were started; there is a limit for each ray.
+        // SAFETY: the caller's promise; links lead to nodes of the tree, leaves or nowhere (see `Node::children`), whatever lanes are met;
+        // flights in queues of nodes and leaves were started; there is a limit for each ray.
         unsafe {
             macro_rules! flight {
                 ($number:expr) => {
@@ -253,5 +288,6 @@ impl<F: ClosestOfMany> Passage for Stream<'_, F> {
                 queues.part(tested);
             }
         }
+        memory.give_back();
     }
 }

@@ -47,7 +47,7 @@ pub(super) fn confined(hit: ShapeHit, bounds: &Aabb, ray: &PreparedRay, t_max: f
 fn other(shapes: &[Shape]) -> impl Fn(Asked, &PreparedRay, f32) -> Option<Met> {
     #[inline(never)]
     fn one(shape: &Shape, ray: &PreparedRay, t_max: f32) -> Option<Met> {
-        confined(shape.intersect(&ray.ray, t_max)?, &shape.bounds()?, ray, t_max)
+        confined(shape.intersect(ray.ray(), t_max)?, &shape.bounds()?, ray, t_max)
     }
     |asked, ray, t_max| one(&shapes[asked.id as usize], ray, t_max)
 }
@@ -62,7 +62,7 @@ fn cylinder(cloud: &CylinderCloud) -> impl Fn(Asked, &PreparedRay, f32) -> Optio
     let caps = cloud.caps;
     move |Asked { ends: [base, top], radius, .. }, ray, t_max| {
         let cylinder = Cylinder { base, top, radius, caps };
-        confined(cylinder.intersect(&ray.ray, t_max)?, &cylinder.bounds(), ray, t_max)
+        confined(cylinder.intersect(ray.ray(), t_max)?, &cylinder.bounds(), ray, t_max)
     }
 }
 
@@ -189,13 +189,13 @@ impl Geometry {
     pub(super) fn intersect_one(&self, primitive: u32, ray: &PreparedRay, t_max: f32) -> Option<ShapeHit> {
         let id = primitive as usize;
         match self {
-            Geometry::Shapes { shapes, .. } => shapes[id].intersect(&ray.ray, t_max),
+            Geometry::Shapes { shapes, .. } => shapes[id].intersect(ray.ray(), t_max),
             Geometry::Mesh { mesh, .. } => {
                 let [a, b, c] = mesh.corners(id);
-                Triangle { a, b, c, one_sided: mesh.one_sided }.intersect(&ray.ray, t_max)
+                Triangle { a, b, c, one_sided: mesh.one_sided }.intersect(ray.ray(), t_max)
             }
-            Geometry::Spheres { cloud, .. } => cloud.sphere(id).intersect(&ray.ray, t_max),
-            Geometry::Cylinders { cloud, .. } => cloud.cylinder(id).intersect(&ray.ray, t_max),
+            Geometry::Spheres { cloud, .. } => cloud.sphere(id).intersect(ray.ray(), t_max),
+            Geometry::Cylinders { cloud, .. } => cloud.cylinder(id).intersect(ray.ray(), t_max),
         }
     }
 
@@ -421,13 +421,18 @@ mod tests {
                 for (ray, met) in prepared.iter().zip(stream) {
                     let expected = real(geometry.intersect_brute_force(ray, f32::INFINITY));
                     let bits = |n: Option<Met>| n.map(|n| (n.t.to_bits(), n.id, n.part));
-                    assert_eq!(bits(real(met)), bits(expected), "{scale} {:?}", ray.ray);
+                    assert_eq!(bits(real(met)), bits(expected), "{scale} {:?}", ray.ray());
                     let t = expected.map_or(1.0, |n| n.t);
                     for t_max in [f32::INFINITY, t, t.next_down()] {
                         let expected = expected.filter(|n| n.t <= t_max);
-                        assert_eq!(bits(real(geometry.intersect(ray, t_max))), bits(expected), "{scale} {:?}", ray.ray);
+                        assert_eq!(
+                            bits(real(geometry.intersect(ray, t_max))),
+                            bits(expected),
+                            "{scale} {:?}",
+                            ray.ray()
+                        );
                         let place = geometry.occluded(ray, t_max, |_| true);
-                        assert_eq!(place.is_some(), expected.is_some(), "{scale} {:?} {t_max}", ray.ray);
+                        assert_eq!(place.is_some(), expected.is_some(), "{scale} {:?} {t_max}", ray.ray());
                         assert!(place.is_none_or(|place| geometry.blocks(place, ray, t_max)));
                     }
                     hits += usize::from(expected.is_some());
@@ -530,7 +535,7 @@ mod tests {
                 let [tree, all] =
                     [geometry.intersect(&ray, f32::INFINITY), geometry.intersect_brute_force(&ray, f32::INFINITY)]
                         .map(|n| (n.t.to_bits(), n.id, n.part));
-                assert_eq!(tree, all, "{:?}", ray.ray);
+                assert_eq!(tree, all, "{:?}", ray.ray());
                 hits += usize::from(tree.1 != Met::NONE);
             }
         }

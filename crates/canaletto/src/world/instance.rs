@@ -113,10 +113,10 @@ impl Instance {
     ) -> T {
         match &self.to_world {
             None => f(ray),
-            Some(t) if self.motion == NONE => f(&to_local(t, Line::from(&ray.ray)).rounded().prepare()),
+            Some(t) if self.motion == NONE => f(&to_local(t, Line::from(ray.ray())).rounded().prepare()),
             Some(_) => {
                 let t = chains[self.motion as usize].at(time);
-                f(&to_local(&t, Line::from(&ray.ray)).rounded().prepare())
+                f(&to_local(&t, Line::from(ray.ray())).rounded().prepare())
             }
         }
     }

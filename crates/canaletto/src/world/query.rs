@@ -135,14 +135,14 @@ impl World {
     /// A group's instances, each as it stands in the world.
     #[inline(never)]
     fn try_group(&self, ray: &PreparedRay, way: &Way, best: &mut Hit) {
-        way.group.intersect(&way.feeler(&ray.ray), best.t, |index| {
+        way.group.intersect(&way.feeler(ray.ray()), best.t, |index| {
             let (instance, number) = (&way.group.instances[index as usize], way.number(index));
             if instance.group != NONE {
                 self.try_group(ray, &Way::to(instance, number, Some(way), &self.groups), best);
                 return best.t;
             }
             let admitted = |t_max| ray.enters(&self.bounds_of(&way.placed(instance)), t_max);
-            if let Some(local) = way.local_ray(instance, &ray.ray) {
+            if let Some(local) = way.local_ray(instance, ray.ray()) {
                 let met = self.geometries[instance.geometry as usize].intersect(&local, best.t);
                 // Nearly all that are met are admitted.
                 if let Some(hit) = best.nearer(number, met)

@@ -338,14 +338,14 @@ impl World {
         way: &Way,
         block: &mut dyn FnMut(&Instance, u32) -> bool,
     ) -> bool {
-        way.group.occluded(&way.feeler(&ray.ray), t_max, |index| {
+        way.group.occluded(&way.feeler(ray.ray()), t_max, |index| {
             let (instance, number) = (&way.group.instances[index as usize], way.number(index));
             if instance.group != NONE {
                 let way = Way::to(instance, number, Some(way), &self.groups);
                 return self.blocked_by_group(ray, t_max, &way, block);
             }
             if !self.has_clear
-                && let Some(local) = way.local_ray(instance, &ray.ray)
+                && let Some(local) = way.local_ray(instance, ray.ray())
                 && self.geometries[instance.geometry as usize].occluded(&local, t_max, |_| true).is_none()
             {
                 return false;

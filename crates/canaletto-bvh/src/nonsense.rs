@@ -1,0 +1,369 @@
+//! Nonsense of every kind sent through trees of every kind, in every way and by all instructions: NaN, infinities, zeros of either sign, denormals
+//! and the largest numbers as origins, directions, margins and ends. Nothing may be written or read where it must not be
+//! (`Stack::push` asserts it in tests, and AddressSanitizer tells), all ways give the same answers, and NaN meets nothing.
+//!
+//! With AddressSanitizer: `RUSTFLAGS=-Zsanitizer=address cargo +nightly test -p canaletto-bvh --target x86_64-unknown-linux-gnu nonsense`.
+
+use glam::Vec3;
+
+use crate::round::Asked;
+use crate::testing::{Primitive, Random, zoo};
+use crate::{
+    Aabb, Bvh, InstructionSet, Leaf, Met, Nearest, PreparedRay, Quality, Ray, Round, Rounds, Triangles, WideRay, sphere,
+};
+
+const STRANGE: [f32; 20] = [
+    f32::NAN,
+    f32::INFINITY,
+    f32::NEG_INFINITY,
+    0.0,
+    -0.0,
+    1e-45,
+    -1e-45,
+    1e-40,
+    f32::MIN_POSITIVE,
+    -f32::MIN_POSITIVE,
+    f32::MAX,
+    f32::MIN,
+    1.8e38,
+    -1.8e38,
+    3e38,
+    1e-30,
+    1.0,
+    -1.0,
+    0.5,
+    -3.0,
+];
+
+fn strange(random: &mut Random) -> f32 {
+    STRANGE[random.below(STRANGE.len())]
+}
+
+/// From one strange component to all of them.
+fn strange_vector(random: &mut Random) -> Vec3 {
+    let mut vector = random.vector() * [1.0, 4.0, 1e30][random.below(3)];
+    match random.below(4) {
+        0 => vector = Vec3::splat(strange(random)),
+        1 => vector = Vec3::new(strange(random), strange(random), strange(random)),
+        2 => vector[random.below(3)] = strange(random),
+        _ => {}
+    }
+    vector
+}
+
+fn rays(random: &mut Random, count: usize) -> Vec<Ray> {
+    (0..count).map(|_| Ray::new(strange_vector(random), strange_vector(random))).collect()
+}
+
+/// Where anything ends, among what ends somewhere.
+fn ends(random: &mut Random, count: usize) -> Vec<f32> {
+    (0..count).map(|_| [f32::INFINITY, 1.0, strange(random)][random.below(3)]).collect()
+}
+
+/// Some of the zoo, and what reaches as far as numbers do.
+fn scenes(random: &mut Random) -> Vec<Vec<Primitive>> {
+    let huge = |r: &mut Random| {
+        Primitive::Triangle([0; 3].map(|_| (r.vector() * 1.5).clamp(-Vec3::ONE, Vec3::ONE) * f32::MAX))
+    };
+    let corner = |i: usize| Vec3::from([0, 1, 2].map(|axis| if i >> axis & 1 == 1 { f32::MAX } else { f32::MIN }));
+    let mut scenes: Vec<Vec<Primitive>> =
+        zoo().into_iter().map(|(_, scene)| scene).filter(|scene| scene.len() < 250).collect();
+    scenes.push((0..60).map(|_| huge(random)).collect());
+    scenes.push((0..64).map(|i| Primitive::Triangle([corner(i), corner(i / 2), corner(i / 3)])).collect());
+    scenes.push((0..40).map(|_| Primitive::Triangle([0; 3].map(|_| random.vector() * 1e-44))).collect());
+    scenes
+}
+
+fn triangles(scene: &[Primitive]) -> Vec<[Vec3; 3]> {
+    let corners = |primitive: &Primitive| match *primitive {
+        Primitive::Triangle(corners) => corners,
+        Primitive::Sphere(center, radius) => [center, center + radius, center - Vec3::X * radius],
+    };
+    scene.iter().map(corners).collect()
+}
+
+/// Whether a hit may be told for a ray: nothing is NaN, and t is where it counts.
+fn sensible(ray: &Ray, t: f32, t_max: f32) -> bool {
+    !(ray.origin.is_nan() || ray.direction.is_nan() || t_max.is_nan()) && t > 0.0 && t <= t_max
+}
+
+#[test]
+fn triangles_and_nonsense() {
+    let random = &mut Random(71);
+    let mut hits = 0;
+    for scene in scenes(random) {
+        let corners = triangles(&scene);
+        for quality in [Quality::Medium, Quality::High] {
+            let tree = Triangles::build_with(quality, corners.len(), |id| corners[id as usize]).unwrap();
+            let rays = rays(random, 700);
+            let ends = ends(random, rays.len());
+            let mut expected: Option<Vec<Nearest>> = None;
+            for set in InstructionSet::available() {
+                set.limit();
+                let before: Vec<Nearest> = ends.iter().map(|&t_max| Nearest::before(t_max)).collect();
+                let mut single = before.clone();
+                for (ray, nearest) in rays.iter().zip(&mut single) {
+                    tree.intersect(&ray.prepare(), nearest, false);
+                }
+                let (mut stream, mut packets, mut all) = (before.clone(), before.clone(), before);
+                tree.intersect_stream(&rays, &mut stream, false);
+                tree.intersect_coherent(&rays, &mut packets, false);
+                for (ray, nearest) in rays.iter().zip(&mut all) {
+                    tree.intersect_brute_force(&ray.prepare(), nearest, false);
+                }
+                let (mut any_stream, mut any_packets) = (ends.clone(), ends.clone());
+                tree.occluded_stream(&rays, &mut any_stream, false);
+                tree.occluded_coherent(&rays, &mut any_packets, false);
+                for (i, ray) in rays.iter().enumerate() {
+                    let what = format!("{set:?} {ray:?} up to {}", ends[i]);
+                    let hit = all[i].id != Nearest::NONE;
+                    assert!(!hit || sensible(ray, all[i].t, ends[i]), "{what}: {:?}", all[i]);
+                    let bits = |nearest: &Nearest| format!("{nearest:?}");
+                    for found in [&single[i], &stream[i], &packets[i]] {
+                        assert_eq!(bits(found), bits(&all[i]), "{what}");
+                    }
+                    assert_eq!(tree.occluded(&ray.prepare(), ends[i], false, |_| true).is_some(), hit, "{what}");
+                    for ended in [any_stream[i], any_packets[i]] {
+                        assert_eq!(ended == f32::NEG_INFINITY, hit || ends[i] == f32::NEG_INFINITY, "{what}");
+                    }
+                    hits += usize::from(hit);
+                }
+                let expected = expected.get_or_insert_with(|| single.clone());
+                assert_eq!(format!("{single:?}"), format!("{expected:?}"), "{set:?}");
+            }
+        }
+    }
+    assert!(hits > 2000, "{hits}");
+}
+
+/// Sixteen rays straight at a triangle and a sphere, of which some have no end.
+#[test]
+fn a_ray_without_an_end_hides_no_hit_of_its_neighbours() {
+    let corners = [Vec3::new(-9.0, -9.0, 0.0), Vec3::new(9.0, -9.0, 0.0), Vec3::new(0.0, 9.0, 0.0)];
+    let triangles = Triangles::build(1, |_| corners).unwrap();
+    let (center, radius) = (Vec3::ZERO, 2.0);
+    let round = |id| if id == 0 { Round::Sphere { center, radius } } else { Round::Other };
+    let rounds = Rounds::build(&[sphere::bounds(center, radius); 6], round).unwrap();
+    let none = |_: Asked, _: &PreparedRay, _: f32| None;
+    let rays: Vec<Ray> = (0..64)
+        .map(|i| Ray::new(Vec3::new((i % 8) as f32 * 0.1, (i / 8) as f32 * 0.1, 5.0), Vec3::new(0.01, 0.02, -1.0)))
+        .collect();
+    for set in InstructionSet::available() {
+        set.limit();
+        for place in 0..64 {
+            let mut ends = vec![f32::INFINITY; 64];
+            ends[place] = f32::NAN;
+            ends[(place * 7 + 3) % 64] = f32::NAN;
+            let mut nearest: Vec<Nearest> = ends.iter().map(|&end| Nearest::before(end)).collect();
+            triangles.intersect_coherent(&rays, &mut nearest, false);
+            let mut any = ends.clone();
+            triangles.occluded_coherent(&rays, &mut any, false);
+            let mut met: Vec<Met> = ends.iter().map(|&end| Met::before(end)).collect();
+            rounds.intersect_coherent(&rays, &mut met, &none);
+            let mut any_round = ends.clone();
+            rounds.occluded_coherent(&rays, &mut any_round, &none);
+            for i in 0..64 {
+                let told = (
+                    nearest[i].id == 0,
+                    any[i] == f32::NEG_INFINITY,
+                    met[i].id == 0,
+                    any_round[i] == f32::NEG_INFINITY,
+                );
+                let expected = !ends[i].is_nan();
+                assert_eq!(told, (expected, expected, expected, expected), "{set:?} {place} {i}");
+            }
+        }
+    }
+}
+
+/// Spheres, those of the scene and some of strange radii, and boxes.
+fn rounds(scene: &[Primitive]) -> (Vec<Aabb>, Vec<Round>) {
+    let round = |(i, primitive): (usize, &Primitive)| match *primitive {
+        Primitive::Sphere(center, radius) => (sphere::bounds(center, radius), Round::Sphere { center, radius }),
+        Primitive::Triangle(corners) => {
+            let bounds = Aabb::from_points(corners);
+            let (center, radius) = (bounds.center(), STRANGE[i / 2 % STRANGE.len()]);
+            let around = sphere::bounds(center, radius);
+            if i % 2 == 1 || radius > 0.0 && !around.is_finite() {
+                return (bounds, Round::Other);
+            }
+            // One of no proper radius is met by nothing, wherever it is.
+            (if radius > 0.0 { around } else { bounds }, Round::Sphere { center, radius })
+        }
+    };
+    scene.iter().enumerate().map(round).unzip()
+}
+
+#[test]
+fn rounds_and_nonsense() {
+    let random = &mut Random(72);
+    let mut hits = 0;
+    for scene in scenes(random) {
+        let (bounds, kinds) = rounds(&scene);
+        let tree = Rounds::build(&bounds, |id| kinds[id as usize]).unwrap();
+        let exact = |asked: Asked, ray: &PreparedRay, t_max: f32| {
+            // Something in the box, as far along as its middle.
+            let bounds = &bounds[asked.id as usize];
+            let t = (bounds.center() - ray.ray().origin).dot(ray.ray().direction);
+            ray.confine(bounds, t.into(), t_max).map(Met::before)
+        };
+        let rays = rays(random, 700);
+        let ends = ends(random, rays.len());
+        for set in InstructionSet::available() {
+            set.limit();
+            let prepared: Vec<PreparedRay> = rays.iter().map(Ray::prepare).collect();
+            let before: Vec<Met> = ends.iter().map(|&t_max| Met::before(t_max)).collect();
+            let (mut stream, mut packets) = (before.clone(), before.clone());
+            tree.intersect_stream(&prepared, &mut stream, &exact);
+            tree.intersect_coherent(&rays, &mut packets, &exact);
+            let (mut any_stream, mut any_packets) = (ends.clone(), ends.clone());
+            tree.occluded_stream(&prepared, &mut any_stream, &exact);
+            tree.occluded_coherent(&rays, &mut any_packets, &exact);
+            for (i, (ray, prepared)) in rays.iter().zip(&prepared).enumerate() {
+                let what = format!("{set:?} {ray:?} up to {}", ends[i]);
+                let (mut single, mut few, mut all) = (before[i], before[i], before[i]);
+                tree.intersect(prepared, &mut single, &exact);
+                tree.intersect_brute_force(prepared, &mut all, &exact);
+                let hit = all.id != Met::NONE;
+                assert!(!hit || sensible(ray, all.t, ends[i]), "{what}: {all:?}");
+                if tree.is_few() {
+                    tree.intersect_few(ray, &mut few, &exact);
+                    assert_eq!(format!("{few:?}"), format!("{all:?}"), "{what}");
+                    assert_eq!(tree.occluded_few(ray, ends[i], &exact, |_| true).is_some(), hit, "{what}");
+                }
+                for found in [&single, &stream[i], &packets[i]] {
+                    assert_eq!(format!("{found:?}"), format!("{all:?}"), "{what}");
+                }
+                assert_eq!(tree.occluded(prepared, ends[i], &exact, |_| true).is_some(), hit, "{what}");
+                for ended in [any_stream[i], any_packets[i]] {
+                    assert_eq!(ended == f32::NEG_INFINITY, hit || ends[i] == f32::NEG_INFINITY, "{what}");
+                }
+                hits += usize::from(hit);
+            }
+        }
+    }
+    assert!(hits > 1000, "{hits}");
+}
+
+/// Whoever knows the kernel may tell nonsense: nothing is lost but its own answers.
+#[test]
+fn kernels_that_tell_nonsense() {
+    let random = &mut Random(73);
+    for scene in scenes(random) {
+        let bounds: Vec<Aabb> = scene.iter().map(Primitive::bounds).collect();
+        let kind = |id: u32| {
+            let Aabb { min, max } = bounds[id as usize];
+            let radius = STRANGE[id as usize / 2 % STRANGE.len()];
+            [Round::Other, Round::Cylinder { ends: [min, max], radius }][id as usize % 2]
+        };
+        let tree = Rounds::build(&bounds, kind).unwrap();
+        let mut count = 0;
+        let answers: Vec<f32> = (0..997).map(|_| strange(random)).collect();
+        let told = std::sync::atomic::AtomicUsize::new(0);
+        let exact = |_: Asked, _: &PreparedRay, _: f32| {
+            Some(Met::before(answers[told.fetch_add(1, std::sync::atomic::Ordering::Relaxed) % answers.len()]))
+        };
+        let rays = rays(random, 300);
+        for set in InstructionSet::available() {
+            set.limit();
+            let before: Vec<Met> = ends(random, rays.len()).into_iter().map(Met::before).collect();
+            let (mut stream, mut packets) = (before.clone(), before.clone());
+            tree.intersect_stream(&rays.iter().map(Ray::prepare).collect::<Vec<_>>(), &mut stream, &exact);
+            tree.intersect_coherent(&rays, &mut packets, &exact);
+            for (i, ray) in rays.iter().enumerate() {
+                let mut single = before[i];
+                tree.intersect(&ray.prepare(), &mut single, &exact);
+                for met in [single, stream[i], packets[i]] {
+                    assert!(met.id == Met::NONE || met.t <= before[i].t, "{ray:?} {met:?} {:?}", before[i]);
+                    count += usize::from(met.id != Met::NONE);
+                }
+            }
+        }
+        assert!(count > 0);
+    }
+}
+
+#[test]
+fn boxes_margins_and_nonsense() {
+    let random = &mut Random(74);
+    let mut counts = [0; 2];
+    for scene in scenes(random) {
+        let bounds: Vec<Aabb> = scene.iter().map(Primitive::bounds).collect();
+        let tree = Bvh::build(&bounds).unwrap();
+        let ids = |leaf: Leaf| leaf.slots().map(|slot| tree.order()[slot as usize]);
+        for n in 0..400 {
+            let ray = Ray::new(strange_vector(random), strange_vector(random));
+            let margin = [strange(random), 0.1][random.below(2)];
+            let (wide, prepared) = (WideRay::new(&ray, margin), ray.prepare());
+            let t_max = [f32::INFINITY, strange(random)][n % 2];
+            let mut expected: Option<[Vec<u32>; 2]> = None;
+            for set in InstructionSet::available() {
+                set.limit();
+                let mut met = [const { Vec::new() }; 4];
+                tree.intersect(&prepared, t_max, |leaf, t_max| {
+                    // Nor does it matter what a caller makes of the end.
+                    *t_max = if n % 5 == 0 { STRANGE[leaf.first() as usize % STRANGE.len()] } else { *t_max };
+                    met[0].extend(ids(leaf));
+                });
+                tree.intersect_wide(&wide, t_max, |leaf, _| met[1].extend(ids(leaf)));
+                tree.occluded(&prepared, t_max, |leaf| {
+                    met[2].extend(ids(leaf));
+                    false
+                });
+                tree.occluded_wide(&wide, t_max, |leaf| {
+                    met[3].extend(ids(leaf));
+                    false
+                });
+                met.iter_mut().for_each(|met| met.sort_unstable());
+                let [closest, wide_closest, any, wide_any] = met;
+                let what = format!("{set:?} {ray:?} {margin} {t_max}");
+                assert!(n % 5 == 0 || closest == any, "{what}");
+                assert_eq!(wide_closest, wide_any, "{what}");
+                for (id, bounds) in (0..).zip(&bounds) {
+                    assert!(any.contains(&id) || !prepared.enters(bounds, t_max), "{what} {bounds:?}");
+                    // What is surely near: margins next to the last place of a sum, or to its overflow, may be told either way.
+                    let half = WideRay::new(&ray, margin * 0.5);
+                    let sums = [ray.origin.abs(), bounds.min.abs(), bounds.max.abs()].map(|v| v + margin.abs());
+                    let told =
+                        margin == 0.0 || sums.iter().all(|sum| (sum * f32::EPSILON).max_element() < margin * 0.1);
+                    assert!(wide_any.contains(&id) || !(told && half.enters(bounds, t_max)), "{what} {bounds:?}");
+                }
+                let nothing = ray.origin.is_nan() || ray.direction.is_nan() || t_max.is_nan();
+                assert!(!nothing || any.is_empty() && wide_any.is_empty(), "{what}");
+                assert!(!margin.is_nan() || wide_any.is_empty(), "{what}");
+                if margin == f32::INFINITY
+                    && !nothing
+                    && ray.origin.is_finite()
+                    && ray.direction.is_finite()
+                    && t_max > 0.0
+                {
+                    assert_eq!(wide_any.len(), bounds.len(), "all is near: {what}");
+                }
+                counts[0] += any.len();
+                counts[1] += wide_any.len();
+                let expected = expected.get_or_insert_with(|| [any.clone(), wide_any.clone()]);
+                assert_eq!(*expected, [any, wide_any], "{what}");
+            }
+        }
+    }
+    assert!(counts[0] > 1000 && counts[1] > counts[0], "{counts:?}");
+}
+
+#[test]
+fn strange_boxes_are_met_by_nothing() {
+    let random = &mut Random(75);
+    for _ in 0..20_000 {
+        let ray = Ray::new(random.vector(), [random.vector(), strange_vector(random)][random.below(2)]);
+        let (mut min, mut max) = (random.vector() - 9.0, random.vector() + 9.0);
+        [&mut min, &mut max][random.below(2)][random.below(3)] = f32::NAN;
+        for bounds in [Aabb { min, max }, Aabb::EMPTY, Aabb { min: Vec3::NAN, max: Vec3::NAN }] {
+            let prepared = ray.prepare();
+            assert!(bounds.is_empty() && !prepared.enters(&bounds, f32::INFINITY), "{ray:?} {bounds:?}");
+            assert!(!WideRay::new(&ray, f32::INFINITY).enters(&bounds, f32::INFINITY), "{ray:?} {bounds:?}");
+            assert_eq!(prepared.confine(&bounds, 1.0, f32::INFINITY), None);
+        }
+        let all = Aabb { min: Vec3::splat(-9.0), max: Vec3::splat(9.0) };
+        assert_eq!(ray.prepare().confine(&all, f64::NAN, f32::INFINITY), None, "{ray:?}");
+        assert_eq!(ray.prepare().confine(&all, 1.0, f32::NAN), None, "{ray:?}");
+    }
+}
