@@ -3,11 +3,12 @@
 
 use canaletto::camera::Camera;
 use canaletto::explain::{ExplainError, explain};
-use canaletto::render::{Aov, Job, JobError, Observer, render};
+use canaletto::render::{Aov, Job, JobError, Observer, Progress, render};
 use canaletto::scene::{IntegratorSettings, Scene};
 use canaletto::world::{BuildError, World};
 use canaletto_io::assets::MemoryAssets;
 use canaletto_io::text::read_scene_text;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
@@ -118,6 +119,87 @@ fn an_endless_pixel_can_be_cancelled() {
     assert!(!rendering.complete && start.elapsed() < Duration::from_secs(20));
     assert!(observer.0.into_inner() >= 4);
     assert_eq!(explain(&world, &job, 6, 4).unwrap_err(), ExplainError::TooManyRays);
+}
+
+/// Things about as large as numbers are, more than fit into a leaf.
+#[test]
+fn things_as_large_as_numbers_have_hierarchies() {
+    let data = |kind: &str, lines: &str| format!("{kind} {{ data \"\"\"\n{lines}\n\"\"\"\n}}\n");
+    let many = |text: fn(usize) -> String| (0..9).map(text).collect::<String>();
+    let scenes = [
+        data("spheres", &format!("{}0 0 0 1.8e38", "0 0 0 1\n".repeat(4))),
+        data("spheres", &"0 0 0 3.4e38\n".repeat(9)),
+        data("cylinders", &format!("{}0 0 0 0 1 0 1.8e38", "0 0 0 0 1 0 1\n".repeat(4))),
+        many(|i| format!("cylinder {{ base 0 {i} 0; top 0 9 0; radius 1.8e38 }}\n")),
+        many(|i| format!("torus {{ center 0 0 0; axis 0 1 {i}; radius 1.6e38; tube 5e37 }}\n")),
+        many(|i| format!("triangle {{ a -2e38 -2e38 {i}; b 2e38 -2e38 {i}; c 0 2e38 {i} }}\n")),
+        many(|i| format!("box {{ min -3.4e38 -3.4e38 -{i}; max 3.4e38 3.4e38 0 }}\n")),
+        many(|i| format!("disk {{ center 0 0 {i}; normal 0 0 1; radius 3.3e38 }}\n")),
+    ];
+    for text in scenes {
+        let (world, job) = job(&text);
+        let picture = render(&world, &job, &()).expect("a picture").picture;
+        assert!(picture.pixels.iter().all(|p| p.r.is_finite() && p.g.is_finite() && p.b.is_finite()), "{text}");
+    }
+}
+
+/// Panics after the first tile, and counts those that are finished nevertheless.
+struct Panics(AtomicUsize);
+
+impl Observer for Panics {
+    fn progress(&self, _: &Progress) {
+        if self.0.fetch_add(1, Ordering::Relaxed) == 0 {
+            // Not by a hook, which may take as long as all tiles to tell where it is.
+            resume_unwind(Box::new("the first tile"));
+        }
+    }
+}
+
+#[test]
+fn a_panic_of_the_observer_stops_all_threads() {
+    let (world, mut job) = job(&format!("{BALL}film {{ samples 4096 }}"));
+    job.tile = 1;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().expect("threads");
+    let observer = Panics(AtomicUsize::new(0));
+    let panicked = catch_unwind(AssertUnwindSafe(|| pool.install(|| render(&world, &job, &observer))));
+    let said = panicked.expect_err("the panic comes through");
+    assert_eq!(said.downcast_ref::<&str>(), Some(&"the first tile"));
+    assert!(observer.0.into_inner() < 12 * 8 / 2, "of 96 tiles");
+}
+
+/// The least that anybody gives a thread.
+const SMALL_STACK: usize = 64 << 10;
+
+/// A world as deep as it may be, and rays that go as deep as they may.
+#[test]
+fn small_stacks_do_not_overflow() {
+    let mut text = format!("{MIRRORS}prototype name=\"p0\" {{ {} }}\n", BALL.repeat(3));
+    for i in 1..28 {
+        let (last, beside) = (i - 1, 3 << i);
+        text += &format!(
+            "prototype name=\"p{i}\" {{ {BALL} instance of=\"p{last}\"; instance of=\"p{last}\" {{ translate {beside} 0 0 }} }}\n"
+        );
+    }
+    let (open, close) = ("group { ".repeat(120), " }".repeat(120));
+    let cloud = "1 2 3 ".repeat(3000);
+    let text = format!("{text}{open} instance of=\"p27\" {close}\nspheres radius=0.5 {{ points {cloud} }}");
+    let scene = scene(&text);
+    let camera = Camera::new(&scene.views[0].intrinsics, &scene.views[0].extrinsics).expect("a camera");
+    let mut job = Job::new(camera, scene.film, scene.integrator);
+    job.integrator.max_depth = IntegratorSettings::MAX_DEPTH;
+    let work = || {
+        let world = World::build(scene.clone()).expect("a world");
+        let picture = render(&world, &job, &()).expect("a picture");
+        assert!(picture.complete);
+        (picture.picture, explain(&world, &job, 6, 4).map(|tree| tree.color))
+    };
+    let expected = work();
+    let thread = std::thread::Builder::new().stack_size(SMALL_STACK);
+    let outside =
+        std::thread::scope(|scope| thread.spawn_scoped(scope, work).expect("a thread").join().expect("no panic"));
+    assert!(outside == expected);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(2).stack_size(SMALL_STACK).build().expect("threads");
+    assert!(pool.install(work) == expected);
 }
 
 #[test]

@@ -50,4 +50,4 @@ pub mod shape;
 pub mod texture;
 pub mod world;
 
-pub use canaletto_bvh::{Aabb, PreparedRay, Ray, memory};
+pub use canaletto_bvh::{Aabb, InstructionSet, PreparedRay, Ray, memory};

@@ -13,8 +13,9 @@ pub use tree::{
 };
 
 use crate::integrator::Whitted;
-use crate::render::{Job, JobError, PixelRenderer};
+use crate::render::{Job, JobError, PixelRenderer, stack_of};
 use crate::world::World;
+use canaletto_bvh::with_stack;
 use record::Recorder;
 
 /// Why a pixel can't be explained.
@@ -55,6 +56,11 @@ pub fn explain(world: &World, job: &Job, x: u32, y: u32) -> Result<PixelTree, Ex
     }
     let counted = job.counted_from(world);
     let job = counted.as_ref().unwrap_or(job);
+    with_stack(stack_of(world, job), || record(world, job, [x, y]))
+}
+
+fn record(world: &World, job: &Job, [x, y]: [u32; 2]) -> Result<PixelTree, ExplainError> {
+    let [width, height] = job.camera.size();
     let mut recorder = Recorder::new(world, &job.camera);
     let too_many = |rays| rays > MAX_RAYS;
     let mut whitted = Whitted::new(world, job.integrator).until(&too_many);

@@ -14,6 +14,7 @@ use crate::math::Rgb;
 use crate::scene::{FilmSettings, IntegratorSettings};
 use crate::world::World;
 use aov::AovProbe;
+use canaletto_bvh::with_stack;
 use glam::DVec3;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -164,8 +165,11 @@ pub struct Rendering {
     pub complete: bool,
 }
 
-/// Renders a picture on the threads of the current rayon pool. The result depends on nothing but world and job: any
+/// Renders a picture on the threads of the current rayon pool, or on as many others where these have too small stacks. The result depends on nothing but world and job: any
 /// number of threads and any tile size give the same bytes.
+///
+/// # Panics
+/// If the observer panics in one thread: soon all others stop, and the panic goes on in the caller's.
 ///
 /// # Errors
 /// [`JobError`] if [`Job::check`] finds a mistake; nothing after that can fail.
@@ -173,6 +177,19 @@ pub fn render(world: &World, job: &Job, observer: &dyn Observer) -> Result<Rende
     job.check()?;
     let counted = job.counted_from(world);
     let job = counted.as_ref().unwrap_or(job);
+    Ok(with_stack(stack_of(world, job), || on_all_threads(world, job, observer)))
+}
+
+/// What the rays of a job have on the stack at most: a ray's own work, that for each ray that it is a child of, and for each group around
+/// what it meets. Even a debug build takes about half of that.
+pub(crate) fn stack_of(world: &World, job: &Job) -> usize {
+    const RAY: usize = 256 << 10;
+    const PARENT: usize = 16 << 10;
+    const GROUP: usize = 16 << 10;
+    RAY + PARENT * job.integrator.max_depth as usize + GROUP * world.most_groups()
+}
+
+fn on_all_threads(world: &World, job: &Job, observer: &dyn Observer) -> Rendering {
     let [left, top, width, height] = job.window();
     let tile = job.tile.max(1);
     let tiles_across = width.div_ceil(tile) as usize;
@@ -182,9 +199,12 @@ pub fn render(world: &World, job: &Job, observer: &dyn Observer) -> Result<Rende
     let shared = Mutex::new(Rendering { picture, counts: RayCounts::default(), pixels_done: 0, complete: false });
     let next = AtomicUsize::new(0);
     let stopped = AtomicBool::new(false);
-    let cancelled = |_| observer.cancelled();
+    // Where one thread has stopped, the others do not finish their tiles.
+    let cancelled = || stopped.load(Ordering::Relaxed) || observer.cancelled();
+    let gives_up = |_| cancelled();
     rayon::broadcast(|_| {
-        let mut worker = Worker::new(world, job, &cancelled);
+        let ended = EndsAll(&stopped);
+        let mut worker = Worker::new(world, job, &gives_up);
         loop {
             let index = next.fetch_add(1, Ordering::Relaxed);
             if index >= tile_count || stopped.load(Ordering::Relaxed) {
@@ -193,7 +213,7 @@ pub fn render(world: &World, job: &Job, observer: &dyn Observer) -> Result<Rende
             let x0 = left + (index % tiles_across) as u32 * tile;
             let y0 = top + (index / tiles_across) as u32 * tile;
             let area = [x0, y0, tile.min(left + width - x0), tile.min(top + height - y0)];
-            let Some(finished) = worker.tile(area, observer) else {
+            let Some(finished) = worker.tile(area, &cancelled) else {
                 stopped.store(true, Ordering::Relaxed);
                 break;
             };
@@ -202,10 +222,20 @@ pub fn render(world: &World, job: &Job, observer: &dyn Observer) -> Result<Rende
             drop(shared);
             observer.progress(&progress);
         }
+        std::mem::forget(ended);
     });
     let mut rendering = shared.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
     rendering.complete = rendering.pixels_done == u64::from(width) * u64::from(height);
-    Ok(rendering)
+    rendering
+}
+
+/// Tells all threads to stop, unless it is forgotten: a panic in one of them ends the work of all.
+struct EndsAll<'a>(&'a AtomicBool);
+
+impl Drop for EndsAll<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
 }
 
 /// One thread's tools.
@@ -244,7 +274,7 @@ impl<'a> Worker<'a> {
     }
 
     /// Renders the pixels of an area (x, y, width, height); `None` if cancelled.
-    fn tile(&mut self, [x0, y0, width, height]: [u32; 4], observer: &dyn Observer) -> Option<Tile> {
+    fn tile(&mut self, [x0, y0, width, height]: [u32; 4], cancelled: &dyn Fn() -> bool) -> Option<Tile> {
         let mut part = Picture::new(width, height);
         part.layers = self.aovs.iter().map(|aov| aov.layer(width, height)).collect();
         self.whitted.counts = RayCounts::default();
@@ -257,7 +287,7 @@ impl<'a> Worker<'a> {
                 (self.size, self.places) = ([width, height], in_squares([width, height]));
             }
             for places in self.places.chunks(self.pixels.together()) {
-                if observer.cancelled() {
+                if cancelled() {
                     return None;
                 }
                 self.together.clear();
@@ -273,7 +303,7 @@ impl<'a> Worker<'a> {
             return Some(Tile { part, counts: self.whitted.counts });
         }
         for (index, pixel) in part.pixels.iter_mut().enumerate() {
-            if observer.cancelled() {
+            if cancelled() {
                 return None;
             }
             let (x, y) = (x0 + index as u32 % width, y0 + index as u32 / width);

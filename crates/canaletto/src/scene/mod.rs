@@ -3,6 +3,7 @@
 //! [`crate::world::World::build`] checks it and resolves it into what rays meet.
 
 mod camera;
+mod depth;
 mod film;
 mod integrator;
 mod node;

@@ -1,13 +1,15 @@
 //! The tree of objects and lights.
 
+use super::depth;
 use crate::light::Light;
 use crate::math::Transform;
 use crate::shape::Shape;
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
-/// One object, light or group, placed in the space of its parent.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// One object, light or group, placed in the space of its parent. Groups may be nested deeper than stacks have room for, but are written, read
+/// and rendered only down to [`Node::MAX_NESTING`].
+#[derive(Serialize, Deserialize)]
 pub struct Node {
     /// The name given in the file. [`crate::world::World`] names the rest by kind and number.
     pub name: Option<String>,
@@ -43,7 +45,7 @@ pub enum Content {
     /// A light; the node's transform moves it.
     Light(Light),
     /// Several nodes that move together.
-    Group(Vec<Node>),
+    Group(#[serde(serialize_with = "depth::write", deserialize_with = "depth::read")] Vec<Node>),
     /// One more copy of the node at this index of [`super::Scene::prototypes`], that node's own transform included.
     Instance(u32),
 }
@@ -53,6 +55,9 @@ fn is_nothing(rest: &[Vec3; 3]) -> bool {
 }
 
 impl Node {
+    /// The deepest nesting of groups, and of instances in a world, that anything is made of.
+    pub const MAX_NESTING: usize = 256;
+
     /// An unnamed node without material or transform.
     pub fn new(content: Content) -> Node {
         Node {

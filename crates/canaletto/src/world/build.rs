@@ -15,10 +15,13 @@ use super::relief::Relief;
 use super::wants::Wants;
 use crate::light::environment::{Backdrop, Environment};
 use crate::material::{Channel, Material, Phong, Target};
-use crate::scene::Scene;
+use crate::scene::{Node, Scene};
 use crate::texture::{ColorSpace, Image, Pattern, Prefilter, Texture, TextureKind, Unresolved};
-use canaletto_bvh::{Aabb, Quality};
+use canaletto_bvh::{Aabb, Quality, with_stack};
 use std::collections::HashMap;
+
+/// What the deepest groups have on the stack while they are lowered, and the hierarchies that are built there.
+const STACK: usize = 3 << 19;
 
 /// How a world is built. No picture of a scene near zero depends on it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -111,7 +114,7 @@ impl World {
     /// The most triangles that displacements may make of all objects together.
     pub const MAX_DISPLACED: usize = 1 << 21;
     /// The deepest nesting of groups and instances, from the root through all prototypes.
-    pub const MAX_NESTING: usize = 256;
+    pub const MAX_NESTING: usize = Node::MAX_NESTING;
 
     /// Lowers a scene. Meshes and clouds are moved out of it, not copied.
     ///
@@ -135,6 +138,10 @@ impl World {
         nesting: Nesting,
         before: Before,
     ) -> Result<World, BuildError> {
+        with_stack(STACK, || World::lower_here(scene, options, nesting, before))
+    }
+
+    fn lower_here(scene: Scene, options: &BuildOptions, nesting: Nesting, before: Before) -> Result<World, BuildError> {
         for material in &scene.materials {
             material.check().map_err(|problem| BuildError::Invalid {
                 object: format!("material \"{}\"", material.name),

@@ -173,6 +173,11 @@ impl World {
         self.root.primitives.saturating_add(self.unbounded.len() as u64)
     }
 
+    /// In so many groups, at most, lies what a ray meets.
+    pub(crate) fn most_groups(&self) -> usize {
+        self.groups.len().min(World::MAX_NESTING)
+    }
+
     /// Counts what the world is made of. Visits all of it.
     pub fn census(&self) -> Census {
         let mut census = Census {

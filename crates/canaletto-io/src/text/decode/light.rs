@@ -101,8 +101,8 @@ impl Decoder<'_> {
             }),
             "sphere" => LightKind::Sphere(SphereLight { center: f.vec("center")?, radius: f.real("radius")?, points }),
             _ => {
-                let meshes = match self.mesh(f, None)? {
-                    Content::Mesh(index) => vec![index],
+                let meshes = match &self.mesh(f, None)? {
+                    Content::Mesh(index) => vec![*index],
                     Content::Group(parts) => {
                         let index = |part: &scene::Node| {
                             if let Content::Mesh(index) = part.content { Some(index) } else { None }
