@@ -12,6 +12,7 @@ mod failure;
 mod flags;
 mod frames;
 mod inputs;
+mod instructions;
 mod interrupt;
 mod layers;
 #[cfg(test)]
@@ -95,6 +96,7 @@ fn main() -> ExitCode {
 }
 
 fn run(command: &Command) -> Result<Exit, Failure> {
+    instructions::choose()?;
     match command {
         Command::Render(flags) => render::run(flags),
         Command::Explain(flags) => explain::run(flags),

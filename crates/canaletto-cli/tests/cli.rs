@@ -502,3 +502,61 @@ fn colours_are_for_terminals() {
     let said = folder.run("render s.kdl --camera x").err();
     assert!(!said.contains('\x1b'), "{said}");
 }
+
+/// All kinds of hierarchies, at many rays: meshes, clouds, single shapes, clear ones, shadows from a disk.
+#[test]
+fn no_picture_depends_on_the_instructions() {
+    let folder = Folder::new();
+    let place = |i: usize, n: usize| ((i * 7919 % n) as f64 / n as f64 - 0.5) * 6.0;
+    let (mut mesh, mut cloud) = (String::new(), String::new());
+    for i in 0..600 {
+        let [x, y, z] = [place(i, 601), place(i, 397), place(i, 211)];
+        let [a, b, c] = [[0.0, 0.3, 0.1], [0.3, 0.0, 0.2], [0.1, 0.2, 0.4]].map(|[u, v, w]| [x + u, y + v, z + w]);
+        for [x, y, z] in [a, b, c] {
+            mesh += &format!("v {x} {y} {z}\n");
+        }
+        mesh += "f -3 -2 -1\n";
+        cloud += &format!("{x} {y} {z} 0.04\n");
+    }
+    folder.write("mesh.obj", &mesh);
+    let objects = format!(
+        "{SCENE}mesh file=\"mesh.obj\" material=\"red\"\nspheres material=\"mirror\" {{ data \"\"\"\n{cloud}\"\"\"\n}}\n\
+         cylinder material=\"glass\" {{ base -2 -1 1; top -1 1 1; radius 0.2 }}\ntorus material=\"red\" {{ center 0 1 0; axis 0 1 0; radius 1; tube 0.2 }}\n\
+         light \"disk\" {{ position 0 5 0; normal 0 -1 0; radius 1; intensity 0.5; points 9 }}\n"
+    );
+    folder.write("many.kdl", &objects);
+    let with = |set: &str, arguments: &str| {
+        Ran(folder.command(arguments).env("CANALETTO_INSTRUCTION_SET", set).output().unwrap())
+    };
+    let mut expected: Option<Vec<Vec<u8>>> = None;
+    let (mut used, mut refused) = (Vec::new(), Vec::new());
+    for set in ["baseline", "avx2", "avx512", ""] {
+        let first = with(set, "render s.kdl -o a.png --size 96x64 --samples 3");
+        if first.code() == 2 {
+            assert!(first.err().contains(&format!("is {set}, which this processor doesn't have")), "{}", first.err());
+            assert!(first.err().contains("here there are: baseline"), "{}", first.err());
+            refused.push(set);
+            continue;
+        }
+        let second = with(set, "render many.kdl -o b.exr --size 96x64 --samples 3");
+        let third = with(set, "render many.kdl -o c.exr --size 48x32 --aov normal,depth");
+        for ran in [&first, &second, &third] {
+            assert_eq!(ran.code(), 0, "{set}: {}", ran.err());
+        }
+        let tree = with(set, "explain many.kdl --pixel 10,8 --size 48x32").out();
+        let mut bytes: Vec<Vec<u8>> =
+            ["a.png", "b.exr", "c.exr"].map(|file| fs::read(folder.path(file)).unwrap()).into();
+        bytes.push(tree.into_bytes());
+        let expected = expected.get_or_insert_with(|| bytes.clone());
+        assert!(*expected == bytes, "{set}");
+        used.push(set);
+    }
+    assert_eq!((used.first(), used.last()), (Some(&"baseline"), Some(&"")), "without a value, all that there is");
+    assert!(!refused.contains(&"baseline") && used.len() + refused.len() == 4);
+    for wrong in ["AVX2", "sse9", "avx-512"] {
+        let ran = with(wrong, "check s.kdl");
+        assert_eq!(ran.code(), 2);
+        assert!(ran.err().contains(&format!("CANALETTO_INSTRUCTION_SET is \"{wrong}\"")), "{}", ran.err());
+        assert!(ran.err().contains("there are: baseline, avx2, avx512"), "{}", ran.err());
+    }
+}

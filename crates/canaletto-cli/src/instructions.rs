@@ -1,0 +1,23 @@
+//! The switch for the processor's instructions, to compare what they give: a variable of the environment, as no picture depends on it.
+
+use crate::failure::Failure;
+use canaletto::InstructionSet;
+use std::env;
+
+const VARIABLE: &str = "CANALETTO_INSTRUCTION_SET";
+
+/// Uses no instructions beyond the set that the variable names, if it is set.
+pub(crate) fn choose() -> Result<(), Failure> {
+    let Some(wanted) = env::var_os(VARIABLE).filter(|value| !value.is_empty()) else { return Ok(()) };
+    let names = |sets: &[InstructionSet]| sets.iter().map(|set| set.name()).collect::<Vec<_>>().join(", ");
+    let Some(set) = InstructionSet::ALL.into_iter().find(|set| wanted == set.name()) else {
+        let message = format!("{VARIABLE} is \"{}\", which is no set of instructions", wanted.display());
+        return Err(Failure::usage(message).help(format!("there are: {}", names(&InstructionSet::ALL))));
+    };
+    if !InstructionSet::available().contains(&set) {
+        let message = format!("{VARIABLE} is {}, which this processor doesn't have", set.name());
+        return Err(Failure::usage(message).help(format!("here there are: {}", names(InstructionSet::available()))));
+    }
+    set.limit();
+    Ok(())
+}
