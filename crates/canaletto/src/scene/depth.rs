@@ -165,7 +165,10 @@ mod tests {
             let copy = scene.clone();
             assert!(copy == scene);
             assert!(copy.nodes[0] != nested(299_999));
-            assert_eq!(World::build(scene).unwrap_err(), BuildError::TooDeep);
+            let empty = Node::new(Content::Group(Vec::new()));
+            let chain = (0..300_000).fold(empty, |node, _| Node::new(Content::Group(vec![node])));
+            let deep = Scene { nodes: vec![chain], ..Scene::default() };
+            assert_eq!(World::build(deep).unwrap_err(), BuildError::TooDeep);
             drop(copy.nodes.into_iter().next());
         };
         small.spawn(work).unwrap().join().unwrap();
