@@ -13,8 +13,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// There is no memory for so many bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("there is no memory for {}", Size(*.0))]
+#[error("{} {}", NoMemory::WORDS, Size(*.0))]
 pub struct NoMemory(pub u64);
+
+impl NoMemory {
+    /// What its message starts with, by which it is known among messages about files.
+    pub const WORDS: &str = "there is no memory for";
+}
 
 /// A number of bytes for people.
 struct Size(u64);

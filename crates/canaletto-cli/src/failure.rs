@@ -4,6 +4,7 @@ use crate::exit::Exit;
 use crate::terminal::Paint;
 use annotate_snippets::renderer::DecorStyle;
 use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
+use canaletto::memory::NoMemory;
 use canaletto_io::diagnostic::{Diagnostic, Diagnostics, Severity, visible};
 use serde_json::json;
 use std::fmt::Display;
@@ -58,6 +59,8 @@ impl Failure {
             Failure::Message { exit, .. } | Failure::Said(exit) => *exit,
             // What only --set is blamed for isn't the files' fault.
             Failure::Diagnostics(all) if all.iter().all(|d| d.file == "--set") => Exit::Usage,
+            // Nor is that there is too little memory.
+            Failure::Diagnostics(all) if all.iter().any(|d| d.message.contains(NoMemory::WORDS)) => Exit::Failed,
             Failure::Diagnostics(_) => Exit::Scene,
         }
     }

@@ -318,3 +318,50 @@ fn killed_programs_leave_nothing() {
     left.sort();
     assert_eq!(left, ["a.png", "s.kdl"]);
 }
+
+/// Files of every kind that take more memory than there is.
+#[cfg(target_os = "linux")]
+#[test]
+fn where_memory_runs_out_it_is_said() {
+    const COUNT: usize = 400_000;
+    let folder = Folder::new("");
+    let write = |name: &str, bytes: Vec<u8>| fs::write(folder.path().join(name), bytes).unwrap();
+    let header = |kind: &str| {
+        format!(
+            "ply\nformat {kind} 1.0\nelement vertex {COUNT}\nproperty float x\nproperty float y\nproperty float z\n\
+             element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+        )
+    };
+    let mut binary = header("binary_little_endian").into_bytes();
+    binary.extend((0..3 * COUNT).flat_map(|i| ((i * i) as f32).to_le_bytes()));
+    binary.extend([3, 0, 0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0]);
+    write("a.ply", binary);
+    let rows = |lead: &str| (0..COUNT).map(|i| format!("{lead}{i} {} {}\n", i * i % 7, i * i % 11)).collect::<String>();
+    write("b.obj", format!("{}f 1 2 3\n", rows("v ")).into_bytes());
+    write("c.csv", rows("").into_bytes());
+    write("c.kdl", format!("{SCENE}spheres file=\"c.csv\" radius=1\n").into_bytes());
+    let balls: String = (0..COUNT).map(|i| format!("sphere {{ center {i} 0 0; radius 1 }}\n")).collect();
+    write("d.kdl", format!("{SCENE}{balls}").into_bytes());
+    for name in ["a.ply", "b.obj", "c.kdl", "d.kdl"] {
+        let mut ended = [false; 2];
+        // From too little for anything to enough for all, in kilobytes of address space.
+        for limit in [30_000, 45_000, 60_000, 300_000, 16_000_000] {
+            let script = format!("ulimit -v {limit}; exec \"$0\" render {name} --size 8x8 --threads 1 -q -o o.png");
+            let mut command = Command::new("sh");
+            command.args(["-c", &script, env!("CARGO_BIN_EXE_canaletto")]).current_dir(folder.path());
+            let output = command.stdin(Stdio::null()).output().unwrap();
+            let said = String::from_utf8_lossy(&output.stderr);
+            match output.status.code() {
+                Some(0) => ended[0] = true,
+                code => {
+                    ended[1] = true;
+                    assert_eq!(code, Some(1), "{name}, {limit} kB: {:?} {said}", output.status);
+                    let figure = said.contains("out of memory while") || said.contains("there is no memory for");
+                    assert!(figure, "{name}, {limit} kB: {said}");
+                }
+            }
+        }
+        assert!(ended[0], "{name} is never rendered");
+        assert!(ended[1] || name != "d.kdl", "{name} is rendered in 30 MB of address space");
+    }
+}

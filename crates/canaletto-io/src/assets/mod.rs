@@ -244,7 +244,8 @@ fn lexical(path: &Path) -> Option<PathBuf> {
 /// What the system says, without the number that Rust adds.
 pub fn reason(error: &impl fmt::Display) -> String {
     let text = error.to_string();
-    text.split(" (os error").next().unwrap_or_default().to_lowercase()
+    let mut characters = text.split(" (os error").next().unwrap_or_default().chars();
+    characters.next().map_or_else(String::new, |first| first.to_lowercase().chain(characters).collect())
 }
 
 impl fmt::Display for AssetPath {

@@ -4,3 +4,4 @@
 mod images;
 mod models;
 mod mutate;
+mod tables;
