@@ -139,7 +139,8 @@ impl Script {
             let named = node.properties.iter().filter(|property| !["name", "material", "of"].contains(&&*property.key));
             let values = node.values.iter().chain(named.map(|property| &property.value));
             texts.extend(values.filter_map(|value| Some((value.as_text()?, value.span))));
-            node.children.iter().for_each(|child| collect(child, texts));
+            let keys = node.keys.iter().flat_map(|keys| keys.nodes());
+            node.children.iter().chain(keys).for_each(|child| collect(child, texts));
         }
         let mut texts = Vec::new();
         self.nodes.iter().for_each(|node| collect(node, &mut texts));

@@ -300,7 +300,7 @@ fn material_files_are_found_beside_the_model() {
         let files = [red, ("own b.mtl", "newmtl blue\n"), ("sub/c.mtl", "newmtl green\n")];
         let model = load(&format!("mtllib {names}\n{SQUARE}f 1 2 3\n"), &files).unwrap();
         let names: Vec<String> = model.materials.iter().map(|m| m.name.clone()).collect();
-        (names.join(" "), model.warnings.len(), model.warnings.to_string())
+        (names.join(" "), model.warnings.warnings(), model.warnings.to_string())
     };
     for (names, materials, warnings) in [
         ("m.mtl", "red", 0),

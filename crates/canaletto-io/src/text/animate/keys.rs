@@ -17,6 +17,13 @@ pub(crate) struct Keys {
     ready: OnceLock<Ready>,
 }
 
+impl Keys {
+    /// The keys, and what is beside them, as they are written.
+    pub(crate) fn nodes(&self) -> &[Node] {
+        &self.children
+    }
+}
+
 impl fmt::Debug for Keys {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.children.fmt(f)
