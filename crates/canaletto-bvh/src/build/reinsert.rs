@@ -281,8 +281,8 @@ mod tests {
             children: (i < 31).then_some([2 * i + 1, 2 * i + 2]),
         };
         let mut tree = Tree { nodes: (0..63).map(node).collect(), scale: 1.0 };
-        let (one, other) = (Move { from: 3, to: 61, gain: 2.0 }, Move { from: 6, to: 31, gain: 1.0 });
-        assert!(tree.holds(3, 31) && tree.holds(6, 61), "each leads into the other");
+        let (one, other) = (Move { from: 7, to: 61, gain: 2.0 }, Move { from: 14, to: 31, gain: 1.0 });
+        assert!(tree.holds(7, 31) && tree.holds(14, 61), "each leads into the other");
         let mut touched = vec![false; 63];
         let gained = tree.make(vec![one, other], &mut touched);
         assert_eq!(gained, 2.0, "the second would have made a circle");
