@@ -120,7 +120,7 @@ fn exercise_5_v_and_r() {
 
 #[test]
 fn exercise_6_through_a_glass_sphere() {
-    // Snell's law at entry and exit: a deviation of 21.06° for η = 1.5 at 37° (the printed exit tangent has the wrong
+    // Snell's law at entry and exit: a deviation of 21.06° for η = 1.5 at 30° (the printed exit tangent has the wrong
     // sign and gives 38.94°).
     let sphere = Shape::Sphere(Sphere { center: Vec3::ZERO, radius: 1.0 });
     let d = DVec3::X;

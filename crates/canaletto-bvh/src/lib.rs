@@ -39,6 +39,7 @@
 //! assert_eq!(nearest, Some((0, 9.0)));
 //! # Ok::<(), canaletto_bvh::BuildError>(())
 //! ```
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 #![deny(missing_docs)]
 // The workspace denies `unsafe`. This is the one crate where modules allow it, for SIMD kernels and memory in large pages.
 

@@ -1,6 +1,7 @@
 //! Reading and writing files for Canaletto: the scene text, models, pictures. All opening of files goes through
 //! [`assets::Assets`].
 #![forbid(unsafe_code)]
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
 mod animation;
 pub mod assets;

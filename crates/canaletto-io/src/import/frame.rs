@@ -23,7 +23,7 @@ pub(super) fn frame(
     let axes = DMat3::from_cols(right, towards.cross(right), -towards);
     let tan_y = libm::tan(intrinsics.fovy.to_radians() / 2.0) * (1.0 - 2.0 * MARGIN);
     let tan_x = tan_y * f64::from(intrinsics.width) / f64::from(intrinsics.height);
-    let (secant_x, secant_y) = (tan_x.hypot(1.0), tan_y.hypot(1.0));
+    let (secant_x, secant_y) = (libm::hypot(tan_x, 1.0), libm::hypot(tan_y, 1.0));
     // How far the planes right, left, above and below must lie: ±x − tan z ≤ ±eye.x − tan eye.z.
     let mut reach = [f64::NEG_INFINITY; 4];
     let (mut near, mut far) = (f64::INFINITY, f64::NEG_INFINITY);

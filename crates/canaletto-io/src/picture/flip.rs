@@ -102,7 +102,8 @@ fn contrast_sensitivity(data: &[f64], width: usize, terms: &[[f64; 2]], radius: 
     let line =
         |b: f64| offsets(radius).map(move |x| libm::exp(-PI * PI * (x / ppd) * (x / ppd) / b)).collect::<Vec<f64>>();
     let weight = |a: f64, b: f64| a * (PI / b).sqrt();
-    let total: f64 = terms.iter().map(|[a, b]| weight(*a, *b) * line(*b).iter().sum::<f64>().powi(2)).sum();
+    let integral = |b: f64| line(b).iter().sum::<f64>();
+    let total: f64 = terms.iter().map(|[a, b]| weight(*a, *b) * integral(*b) * integral(*b)).sum();
     let mut out = vec![0.0; data.len()];
     for [a, b] in terms {
         let y = line(*b);

@@ -27,7 +27,7 @@ impl Directional {
     }
 
     pub(super) fn transformed(&self, t: &Transform) -> Directional {
-        let scale = t.matrix().matrix3.determinant().abs().cbrt();
+        let scale = libm::cbrt(t.matrix().matrix3.determinant().abs());
         Directional {
             towards: t.vector(self.towards.as_dvec3()).as_vec3(),
             beam: self.beam.map(|(p, r)| (t.point(p.as_dvec3()).as_vec3(), (f64::from(r) * scale) as f32)),

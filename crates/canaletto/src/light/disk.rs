@@ -31,7 +31,7 @@ impl DiskLight {
     }
 
     pub(super) fn transformed(&self, t: &Transform) -> DiskLight {
-        let scale = t.matrix().matrix3.determinant().abs().cbrt();
+        let scale = libm::cbrt(t.matrix().matrix3.determinant().abs());
         DiskLight {
             position: t.point(self.position.as_dvec3()).as_vec3(),
             normal: t.normal(self.normal.as_dvec3()).as_vec3(),

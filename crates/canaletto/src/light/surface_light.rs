@@ -82,7 +82,7 @@ impl RectangleLight {
 
 impl SphereLight {
     pub(super) fn transformed(&self, t: &Transform) -> SphereLight {
-        let scale = t.matrix().matrix3.determinant().abs().cbrt();
+        let scale = libm::cbrt(t.matrix().matrix3.determinant().abs());
         SphereLight {
             center: t.point(self.center.as_dvec3()).as_vec3(),
             radius: (f64::from(self.radius) * scale) as f32,

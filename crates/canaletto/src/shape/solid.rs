@@ -9,10 +9,10 @@ impl Shape {
     pub(crate) fn volume(&self) -> f64 {
         match self {
             _ if !self.is_closed() => 0.0,
-            Shape::Sphere(s) => 4.0 / 3.0 * PI * f64::from(s.radius).powi(3),
+            Shape::Sphere(s) => 4.0 / 3.0 * PI * cube(s.radius),
             Shape::Box(b) => (b.max.as_dvec3() - b.min.as_dvec3()).element_product(),
-            Shape::Torus(t) => 2.0 * PI * PI * f64::from(t.radius) * f64::from(t.tube).powi(2),
-            Shape::Cylinder(c) => PI * f64::from(c.radius).powi(2) * c.base.as_dvec3().distance(c.top.as_dvec3()),
+            Shape::Torus(t) => 2.0 * PI * PI * f64::from(t.radius) * square(t.tube),
+            Shape::Cylinder(c) => PI * square(c.radius) * c.base.as_dvec3().distance(c.top.as_dvec3()),
             Shape::Cone(c) => {
                 let [r, s] = [c.radius, c.top_radius].map(f64::from);
                 PI / 3.0 * c.base.as_dvec3().distance(c.top.as_dvec3()) * (r * r + r * s + s * s)
@@ -49,6 +49,14 @@ fn within(p: DVec3, [base, top]: [DVec3; 2], [radius, top_radius]: [f64; 2]) -> 
     let (axis, from) = (top - base, p - base);
     let share = from.dot(axis) / axis.length_squared();
     0.0 < share && share < 1.0 && (from - axis * share).length() < radius + (top_radius - radius) * share
+}
+
+fn square(v: f32) -> f64 {
+    f64::from(v) * f64::from(v)
+}
+
+fn cube(v: f32) -> f64 {
+    f64::from(v) * square(v)
 }
 
 #[cfg(test)]
