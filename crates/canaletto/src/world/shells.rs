@@ -119,6 +119,11 @@ mod tests {
         mesh
     }
 
+    /// Whether it is the first shell, of this volume but for rounding.
+    fn is_near(around: Option<(u32, f64)>, volume: f64) -> bool {
+        around.is_some_and(|(shell, found)| shell == 0 && (found - volume).abs() < 1e-12 * volume)
+    }
+
     fn both(mut a: Mesh, b: &Mesh) -> Mesh {
         let first = a.positions.len() as u32;
         a.positions.extend(&b.positions);
@@ -129,13 +134,13 @@ mod tests {
     #[test]
     fn a_cube_of_loose_faces_is_closed() {
         let shells = Shells::of(&cube(-0.5, 2.0, false));
-        assert!((0..12).all(|triangle| shells.around(triangle) == Some((0, 8.0))));
+        assert!((0..12).all(|triangle| is_near(shells.around(triangle), 8.0)));
     }
 
     #[test]
     fn a_hollow_is_no_part_of_the_volume() {
         let hollow = both(cube(0.0, 3.0, false), &cube(1.0, 1.0, true));
-        assert_eq!(Shells::of(&hollow).around(23), Some((0, 26.0)));
+        assert!(is_near(Shells::of(&hollow).around(23), 26.0));
     }
 
     #[test]
@@ -143,7 +148,7 @@ mod tests {
         let mut lid_off = cube(5.0, 1.0, false);
         lid_off.triangles.pop();
         let shells = Shells::of(&both(cube(0.0, 2.0, false), &lid_off));
-        assert!((0..12).all(|triangle| shells.around(triangle) == Some((0, 8.0))));
+        assert!((0..12).all(|triangle| is_near(shells.around(triangle), 8.0)));
         assert!((12..23).all(|triangle| shells.around(triangle).is_none()));
     }
 

@@ -335,7 +335,8 @@ fn material_files_are_found_beside_the_model() {
         }
     }
     let many = "x.mtl ".repeat(1000);
-    assert_eq!(found(&format!("m.mtl {many}")).1, 256);
+    // Messages are counted from a hundred on.
+    assert_eq!(found(&format!("m.mtl {many}")).1, 100);
 }
 
 #[test]
