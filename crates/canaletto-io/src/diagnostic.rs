@@ -208,6 +208,16 @@ impl Diagnostics {
         self.sources.extend(other.sources);
     }
 
+    /// Leaves out the messages for which `keep` is false.
+    pub fn retain(&mut self, keep: impl FnMut(&Diagnostic) -> bool) {
+        self.list.retain(keep);
+    }
+
+    /// Changes the sentence of each message.
+    pub fn map_messages(&mut self, change: impl Fn(&str) -> String) {
+        self.list.iter_mut().for_each(|diagnostic| diagnostic.message = change(&diagnostic.message));
+    }
+
     /// The messages in the order in which they were found.
     pub fn iter(&self) -> std::slice::Iter<'_, Diagnostic> {
         self.list.iter()

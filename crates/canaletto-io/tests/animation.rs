@@ -256,3 +256,44 @@ fn what_keys_move_is_blurred_by_the_shutter() {
     assert!(scene.nodes.iter().all(|node| node.motion.is_empty()) && scene.views[0].motion.is_empty());
     assert!((scene.nodes[0].transform.vector(DVec3::X) - DVec3::X * 2.0).length() < 1e-12);
 }
+
+/// A camera that passes overhead looks along its own `up` at one frame; there it keeps the roll of the frame before.
+#[test]
+fn a_camera_that_passes_overhead_keeps_its_roll() {
+    let orbit = "camera { eye { key 1 0 8 4; key 3 0 8 -4; ease \"linear\" }; center 0 0 0; size 8 8 }";
+    let up = |text: &str, frame: f64| at(text, frame).views[0].extrinsics.up;
+    assert_eq!((up(orbit, 1.0), up(orbit, 3.0)), (DVec3::Y, DVec3::Y));
+    assert!((up(orbit, 2.0) - DVec3::NEG_Z).length() < 1e-12, "it came from +z: {}", up(orbit, 2.0));
+    // It hangs overhead for a while.
+    let hang = "camera { eye { key 1 0 8 4; key 3 0 8 0; key 9 0 8 0; key 12 4 8 0; ease \"linear\" }; size 8 8 }";
+    for frame in [3.0, 5.5, 9.0] {
+        assert!((up(hang, frame) - DVec3::NEG_Z).length() < 1e-12, "{frame}: {}", up(hang, frame));
+    }
+    // It begins overhead: the first frame with a roll is after it.
+    let begin = "camera { eye { key 1 0 8 0; key 3 0 8 4; ease \"linear\" }; size 8 8 }";
+    assert!((up(begin, 1.0) - DVec3::NEG_Z).length() < 1e-12, "{}", up(begin, 1.0));
+    // A path that leads over the pole, with the eye turned to the middle.
+    let path = "path \"p\" curve=\"line\" { points -4 8 0  0 8 0  4 8 0 }
+        camera { follow \"p\" { at { key 0 0; key 10 1; ease \"linear\" } }; center 0 0 0; size 8 8 }";
+    assert!((up(path, 5.0) - DVec3::X).length() < 1e-12, "{}", up(path, 5.0));
+    // Overhead at all times: a mistake, as for a camera that stays.
+    for never in ["camera { eye { key 1 0 8 0; key 3 0 9 0 }; size 8 8 }", "camera { eye 0 8 0; size 8 8 }"] {
+        let errors = script(never).scene(&MemoryAssets::new(), 1.0).unwrap_err();
+        assert!(errors.to_string().contains("up is parallel"), "{errors}");
+    }
+}
+
+/// While the shutter is open the roll does not flip, as it would for a camera that is turned by `up` alone.
+#[test]
+fn the_roll_does_not_flip_while_the_shutter_is_open() {
+    let text =
+        "camera { eye { key 1 0 8 4; key 3 0 8 -4; ease \"linear\" }; center 0 0 0; size 8 8; shutter -0.5 0.5 }";
+    let scene = at(text, 2.0);
+    let motion = &scene.views[0].motion;
+    let camera = canaletto::camera::Camera::of(&scene.views[0]).unwrap();
+    for step in 0..=64 {
+        let upwards = camera.at(f64::from(step) / 64.0).axes()[1];
+        assert!(upwards.z < -0.9, "{step}: {upwards}");
+    }
+    assert!(motion.iter().all(canaletto::camera::has_roll));
+}

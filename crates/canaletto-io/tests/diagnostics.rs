@@ -412,3 +412,27 @@ mod random {
         }
     }
 }
+
+/// A word that is set takes the place of the word that it excludes.
+#[test]
+fn setting_a_word_takes_away_the_one_that_it_excludes() {
+    let text = r#"
+        camera { eye 0 0 9; size 8 8 }
+        film { sample "regular" }
+        light "disk" { position 0 9 0; normal 0 -1 0; radius 1; points 16 }
+        light "spot" name="s" { position 0 9 0; target 0 0 0; inner 10; outer 20 }
+        sphere { center 0 0 0; radius 1 }
+    "#;
+    for set in [
+        &["light.samples=4", "film.samples=9"][..],
+        &["film.samples=9", "film.sample=\"jittered\""],
+        &["light.s.exponent=3"],
+    ] {
+        let set: Vec<String> = set.iter().map(|set| (*set).into()).collect();
+        // `light.samples` is for lights with a surface.
+        let text = if set[0] == "light.samples=4" { text.replace("light \"spot\"", "// ") } else { text.into() };
+        if let Err(errors) = read_scene_text(&text, "s", &MemoryAssets::new(), &set) {
+            panic!("{set:?}: {errors}");
+        }
+    }
+}

@@ -35,8 +35,10 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 #![forbid(unsafe_code)]
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
 pub mod camera;
+pub mod diagnose;
 pub mod explain;
 pub mod film;
 pub mod integrator;
@@ -49,5 +51,8 @@ pub mod scene;
 pub mod shape;
 pub mod texture;
 pub mod world;
+
+/// The vectors and matrices of descriptions and of [`math`].
+pub use glam;
 
 pub use canaletto_bvh::{Aabb, InstructionSet, PreparedRay, Ray, memory};

@@ -2,15 +2,22 @@
 
 use crate::exit::Exit;
 use crate::failure::{Failure, plural, print_diagnostics};
+use crate::flags::PictureFlags;
 use crate::frames::Frames;
+use crate::settings::Settings;
 use crate::source::{Reader, build};
 use crate::stdout::{print, print_json};
-use canaletto::camera::Camera;
+use crate::words::{JSON_VERSION, short};
+use canaletto::diagnose::{Finding, diagnose};
+use canaletto::glam::DVec3;
 use canaletto::render::Job;
-use canaletto::world::BuildOptions;
-use canaletto_io::diagnostic::Diagnostics;
+use canaletto::scene::{Scene, View};
+use canaletto::world::{BuildOptions, World};
+use canaletto_io::diagnostic::{Diagnostic, Diagnostics};
 use clap::Args;
 use serde_json::json;
+use std::collections::HashSet;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// Checks scenes and models: reads and builds them, and tells every mistake in every one.
@@ -25,7 +32,7 @@ pub(crate) struct CheckFlags {
     #[arg(long, help_heading = "Scene")]
     pub allow_outside: bool,
 
-    /// Checks this frame only [default: for a scene that moves, its first and those at its keys]
+    /// Checks this frame only [default: all frames of a scene that moves]
     #[arg(long, value_name = "N", help_heading = "Scene")]
     pub frame: Option<u32>,
 
@@ -45,7 +52,7 @@ pub(crate) struct CheckFlags {
 const EXAMPLES: &str = "\
 Examples:
   canaletto check scenes/*.kdl
-  canaletto check shot.kdl --json | jq '.[].diagnostics[].message'";
+  canaletto check shot.kdl --json | jq '.files[].diagnostics[].message'";
 
 /// Runs the command.
 pub(crate) fn run(flags: &CheckFlags) -> Result<Exit, Failure> {
@@ -76,7 +83,7 @@ pub(crate) fn run(flags: &CheckFlags) -> Result<Exit, Failure> {
         }
     }
     if flags.json {
-        print_json(&json!(results))?;
+        print_json(&json!({ "version": JSON_VERSION, "files": results }))?;
     }
     Ok(if all_well { Exit::Done } else { Exit::Scene })
 }
@@ -90,39 +97,204 @@ fn summary(found: &Diagnostics, failed: bool) -> String {
     }
 }
 
-/// Everything that `render` would find, for every camera: at a frame, or at those by which all others can be judged.
+/// Everything that `render` would find, for every camera: at a frame, or at all of them. Worlds are built at the frames
+/// next to keys, by which those between can be judged.
 fn check(path: &Path, allow_outside: bool, frame: Option<u32>) -> Result<Diagnostics, Failure> {
     let mut reader = Reader::open_file(path, &[], allow_outside)?;
-    let clip = reader.clip();
-    let frames = match (frame, clip.frames) {
-        (Some(frame), _) => vec![frame],
-        (None, Some([first, last])) => {
-            Frames::new(first, last, 1).map_or(vec![first], |f| f.next_to(&reader.key_frames()))
+    let (name, moves) = (reader.name.clone(), reader.clip().moves);
+    let frames = frame.map_or_else(|| all_frames(&reader), |frame| Ok(Frames::one(frame)))?;
+    let built = frames.next_to(&reader.key_frames());
+    let mut found = Found::default();
+    let mut stillness = Stillness::default();
+    let shown = if moves { frames } else { Frames::one(frames.first) };
+    for frame in shown.iter() {
+        let at = |failure: Failure| if moves { failure.at_frame(frame) } else { failure };
+        let source = reader.at(frame).map_err(at)?;
+        found.add(source.warnings);
+        let jobs = jobs(&name, &source.scene).map_err(at)?;
+        if shown.count() > 1 {
+            stillness.look(frame, &source.scene);
         }
-        (None, None) => {
-            let keys = reader.key_frames();
-            let last = keys.iter().fold(0.0, |a: f64, b| a.max(*b)).min(f64::from(u32::MAX)) as u32;
-            let mut frames: Vec<u32> = keys.iter().flat_map(|key| [key.floor() as u32, key.ceil() as u32]).collect();
-            frames.push(reader.first_frame());
-            frames.retain(|frame| *frame <= last);
-            frames.sort_unstable();
-            frames.dedup();
-            frames
+        if built.contains(&frame) {
+            let (world, _) = build(&name, source.scene, &BuildOptions::default(), None).map_err(at)?;
+            for (camera, job) in &jobs {
+                found.add(doubts(&name, camera, jobs.len() > 1, &world, job));
+            }
         }
-    };
-    let mut warnings = None;
-    for frame in frames {
-        let source = reader.at(frame)?;
-        for view in &source.scene.views {
-            let wrong = |e: &dyn std::fmt::Display| {
-                let at = if clip.moves { format!(" at frame {frame}") } else { String::new() };
-                Failure::new(Exit::Scene, format!("{}: camera \"{}\"{at}: {e}", source.name, view.name))
-            };
-            let camera = Camera::new(&view.intrinsics, &view.extrinsics).map_err(|e| wrong(&e))?;
-            Job::new(camera, source.scene.film, source.scene.integrator).check().map_err(|e| wrong(&e))?;
-        }
-        build(&source.name, source.scene, &BuildOptions::default(), None)?;
-        warnings.get_or_insert(source.warnings);
     }
-    Ok(warnings.unwrap_or_default())
+    if frame.is_none() && reader.clip().frames.is_some() && frames.count() > 1 {
+        found.add(stillness.doubts(&name, frames, reader.clip().fps, moves));
+    }
+    Ok(found.diagnostics)
+}
+
+/// The frames of the scene's animation, or all from its first to its last key.
+fn all_frames(reader: &Reader) -> Result<Frames, Failure> {
+    let wrong = |e: String| Failure::new(Exit::Scene, format!("{}: animation: {e}", reader.name));
+    if let Some([first, last]) = reader.clip().frames {
+        return Frames::new(first, last, 1).map_err(wrong);
+    }
+    let (keys, own) = (reader.key_frames(), reader.first_frame());
+    let first = keys.iter().map(|key| key.max(0.0).floor() as u32).fold(own, u32::min);
+    let last = keys.iter().map(|key| key.max(0.0).ceil() as u32).fold(own, u32::max);
+    Frames::new(first, last, 1).or_else(|_| Frames::new(first, last, (last - first) / 1000)).map_err(wrong)
+}
+
+/// What `render` would do for each camera, without flags.
+fn jobs(name: &str, scene: &Scene) -> Result<Vec<(String, Job)>, Failure> {
+    let job = |camera: Option<&View>| {
+        let flags = PictureFlags { camera: camera.map(|view| view.name.clone()), ..PictureFlags::default() };
+        let settings = Settings::new(name, scene, &flags)?;
+        settings.check_pixels()?;
+        Ok((settings.camera, settings.job))
+    };
+    if scene.views.is_empty() { Ok(vec![job(None)?]) } else { scene.views.iter().map(|view| job(Some(view))).collect() }
+}
+
+/// Messages, each once, whatever the number of frames that have it.
+#[derive(Default)]
+struct Found {
+    diagnostics: Diagnostics,
+    known: HashSet<(String, Option<Range<usize>>, String)>,
+}
+
+impl Found {
+    fn add(&mut self, mut more: Diagnostics) {
+        more.retain(|d| self.known.insert((d.file.clone(), d.span.clone(), d.message.clone())));
+        self.diagnostics.append(more);
+    }
+}
+
+/// Warnings about a picture that will show little or nothing.
+fn doubts(name: &str, camera: &str, several: bool, world: &World, job: &Job) -> Diagnostics {
+    let of = if several { format!("camera \"{camera}\": ") } else { String::new() };
+    let mut all = Diagnostics::new();
+    for finding in diagnose(world, job) {
+        let (message, help) = match finding {
+            Finding::NothingInView { bounds, behind } => {
+                let [x, y, z] = job.camera.at(0.0).axes().map(|axis| axis.to_array())[2].map(|v| short(-v));
+                let place =
+                    if behind { "everything lies behind the eye" } else { "no ray from the eye meets anything" };
+                let help = match bounds {
+                    Some([low, high]) => {
+                        let [low, middle, high] = [low, (low + high) / 2.0, high].map(point);
+                        format!("the scene lies between {low} and {high}; for example: center {middle}")
+                    }
+                    None => "look down at what has no bounds, or turn the camera".into(),
+                };
+                (format!("the picture will be empty: {place}, which looks along {x} {y} {z}"), help)
+            }
+            Finding::EyeInside { object } => (
+                format!("the picture will be dark: the eye is inside {object}, which is opaque, and no light is there"),
+                "move eye out of it, put a light inside, or give it an opacity below 1".into(),
+            ),
+            Finding::LightInside { light, object } => (
+                format!("{light} is inside {object}, which is opaque; nothing outside gets its light"),
+                "move the light out of it, or write shadows #false in the light".into(),
+            ),
+        };
+        all.push(Diagnostic::warning(name, format!("{of}{message}")).help(help));
+    }
+    all
+}
+
+/// The numbers of a point, as they stand in a scene.
+fn point(p: DVec3) -> String {
+    p.to_array().map(|v| short(v).to_string()).join(" ")
+}
+
+/// Frames that show what the frame before shows.
+#[derive(Default)]
+struct Stillness {
+    last: Option<Scene>,
+    /// The first and the last frame of each run of frames that are alike.
+    runs: Vec<[u32; 2]>,
+}
+
+impl Stillness {
+    fn look(&mut self, frame: u32, scene: &Scene) {
+        match self.runs.last_mut() {
+            Some([_, last]) if self.last.as_ref() == Some(scene) => *last = frame,
+            _ => {
+                self.runs.push([frame, frame]);
+                self.last = Some(scene.clone());
+            }
+        }
+    }
+
+    /// Warnings about runs of a second or more, or of half of all frames.
+    fn doubts(self, name: &str, frames: Frames, fps: f64, moves: bool) -> Diagnostics {
+        let mut all = Diagnostics::new();
+        if !moves || self.runs.len() == 1 {
+            let why = if moves { "no key changes anything in them" } else { "nothing in the scene has keys" };
+            let message = format!("frames {frames} all show the same: {why}");
+            let help = "keys stand in the braces of what moves: translate { key 1  0 0 0; key 50  10 0 0 }";
+            return Diagnostic::warning(name, message).help(help).into();
+        }
+        let long = |run: &&[u32; 2]| {
+            let count = f64::from(run[1] - run[0]) + 1.0;
+            count > 1.0 && (count >= fps || count * 2.0 >= frames.count() as f64)
+        };
+        for [first, last] in self.runs.iter().filter(long) {
+            all.push(Diagnostic::warning(name, format!("nothing moves from frame {first} to frame {last}")));
+        }
+        all
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is told of a scene: each message in a line, or the failure.
+    fn told(scene: &str) -> String {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("s.kdl");
+        std::fs::write(&path, scene).unwrap();
+        let lines = |all: &Diagnostics| all.iter().map(|d| format!("{}\n", d.message)).collect();
+        match check(&path, false, None) {
+            Ok(warnings) => lines(&warnings),
+            Err(Failure::Diagnostics(errors)) => lines(&errors),
+            Err(Failure::Message { message, .. }) => message,
+            Err(Failure::Said(_)) => String::new(),
+        }
+    }
+
+    const BALL: &str = "sphere { center 0 0 0; radius 1 }\n";
+    const LAMP: &str = "light \"omni\" { position 5 5 5 }\n";
+
+    #[test]
+    fn pictures_without_anything_in_them() {
+        let camera = |words: &str| told(&format!("camera {{ {words}; size 64 48 }}\n{LAMP}{BALL}"));
+        assert_eq!(camera("eye 0 0 9"), "");
+        let behind = "the picture will be empty: everything lies behind the eye, which looks along 0 0 1\n";
+        assert_eq!(camera("eye 0 0 9; center 0 0 20"), behind);
+        assert!(camera("eye 0 0 9; center 9 0 0").contains("no ray from the eye meets anything"));
+        assert!(camera("eye 0 0 0; center 0 0 20").contains("the eye is inside sphere #1"));
+        assert!(camera("eye 0 0 9; fovy 1.05").contains("looks like an angle in radians"));
+    }
+
+    #[test]
+    fn a_scene_without_a_camera_is_seen_as_a_model() {
+        let told = told(&format!("{LAMP}{BALL}"));
+        assert!(told.starts_with("the scene has no camera") && told.lines().count() == 1, "{told}");
+        let empty = super::tests::told(LAMP);
+        assert!(empty.contains("has no camera"), "as render: {empty}");
+    }
+
+    #[test]
+    fn all_frames_are_looked_at() {
+        let moving = |light: &str| {
+            told(&format!("animation {{ frames 1 9 }}\ncamera {{ eye 0 0 9; size 64 48 }}\n{light}\n{BALL}"))
+        };
+        // In the middle, between two keys, the light stands on its own target.
+        let spot = "light \"spot\" { position { key 1 0 5 0; key 9 4 5 0; ease \"linear\" }; target 2 5 0; outer 30 }";
+        let told = moving(spot);
+        assert!(told.contains("the cone needs an axis (at frame 5)"), "{told}");
+        let omni = |keys: &str| moving(&format!("light \"omni\" {{ position {keys} }}"));
+        assert_eq!(omni("{ key 1 0 5 9; key 9 4 5 9 }"), "");
+        assert!(omni("0 5 9").contains("frames 1-9 all show the same: nothing in the scene has keys"));
+        assert!(omni("{ key 1 0 5 9; key 9 0 5 9 }").contains("no key changes anything"));
+        assert_eq!(omni("{ key 1 0 5 9; key 3 4 5 9 }"), "nothing moves from frame 3 to frame 9\n");
+    }
 }

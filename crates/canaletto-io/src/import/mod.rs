@@ -6,6 +6,7 @@
 
 mod cloud;
 mod color;
+mod default_camera;
 mod encoding;
 mod frame;
 mod ignored;
@@ -25,6 +26,7 @@ mod table_color;
 mod text;
 
 pub use cloud::{CloudFormat, read_cylinders, read_spheres};
+pub(crate) use default_camera::default_camera;
 pub(crate) use positions::counted;
 
 use crate::assets::{Asset, AssetPath, Assets, OpenAsset, reason};

@@ -9,6 +9,18 @@ use canaletto::scene::{Content, FilmSettings, Intrinsics, Node, Sampling, Scene}
 use canaletto::shape::{Plane, Shape};
 use glam::DVec3;
 
+/// The camera of models, before it is placed.
+pub(super) const FRAMING: Intrinsics = Intrinsics {
+    fovy: 35.0,
+    width: 960,
+    height: 720,
+    near: 1.0,
+    far: 1000.0,
+    shift: [0.0; 2],
+    lens: None,
+    shutter: [0.0; 2],
+};
+
 /// The model on a neutral ground, seen from the front, a little from the right and above (y is up, the front looks
 /// towards +z). The camera looks down by more than half its angle of view, so that the horizon stays outside. Edges are sampled adaptively.
 ///
@@ -21,8 +33,7 @@ pub(super) fn studio(model: Imported) -> Option<Scene> {
     let corners =
         || meshes.iter().flat_map(|m| m.triangles.iter().flatten().map(|i| m.positions[*i as usize].as_dvec3()));
     corners().for_each(|p| (low, high) = (low.min(p), high.max(p)));
-    let intrinsics = Intrinsics { fovy: 35.0, width: 960, height: 720, ..Intrinsics::default() };
-    let mut view = frame(corners().map(|p| (p, 0.0)), from_angles(30.0, 20.0), DVec3::Y, intrinsics)?;
+    let mut view = frame(corners().map(|p| (p, 0.0)), direction_at(30.0, 20.0), DVec3::Y, FRAMING)?;
 
     let mut materials = model.materials;
     let next = materials.len() as u32;
@@ -43,15 +54,15 @@ pub(super) fn studio(model: Imported) -> Option<Scene> {
     nodes.push(ground.named("ground").with_material(next + 1));
     // The key light from the left of the camera casts the shadow; the fill from the right only lifts it.
     let key = DiskLight {
-        position: (middle + from_angles(-25.0, 50.0) * (3.0 * size)).as_vec3(),
-        normal: from_angles(-25.0, 50.0).as_vec3(),
+        position: (middle + direction_at(-25.0, 50.0) * (3.0 * size)).as_vec3(),
+        normal: direction_at(-25.0, 50.0).as_vec3(),
         radius: (0.2 * size) as f32,
         points: 24,
     };
     if !(key.position.is_finite() && key.radius.is_finite()) {
         return None;
     }
-    let fill = Directional { towards: -from_angles(85.0, 25.0).as_vec3(), beam: None };
+    let fill = Directional { towards: -direction_at(85.0, 25.0).as_vec3(), beam: None };
     let light = |name: &str, kind, intensity, shadows| {
         let light = Light { name: Some(name.into()), shadows, ..Light::new(kind, Rgb::gray(intensity)) };
         Node::from(light).with_transform(&there).named(name)
@@ -73,7 +84,7 @@ pub(super) fn studio(model: Imported) -> Option<Scene> {
 }
 
 /// The unit direction at these degrees to the right of the front (+z) and above the ground.
-fn from_angles(right: f64, above: f64) -> DVec3 {
+pub(super) fn direction_at(right: f64, above: f64) -> DVec3 {
     let (sin_r, cos_r) = libm::sincos(right.to_radians());
     let (sin_a, cos_a) = libm::sincos(above.to_radians());
     DVec3::new(sin_r * cos_a, sin_a, cos_r * cos_a)

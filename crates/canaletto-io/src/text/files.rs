@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 
 /// The most text that a scene may have, in bytes, included files together.
-pub(crate) const MAX_TEXT: usize = 256 << 20;
+pub const MAX_TEXT: usize = 256 << 20;
 /// The most files that a scene's text may stand in.
 const MAX_FILES: usize = 10_000;
 /// How deep files may include each other.

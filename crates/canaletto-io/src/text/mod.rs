@@ -16,15 +16,17 @@ mod set;
 mod syntax;
 
 pub use animate::Clip;
+pub use files::MAX_TEXT;
 pub use nearest::nearest;
 pub use reference::reference_markdown;
 
 use crate::assets::{AssetPath, Assets};
 use crate::diagnostic::{Diagnostic, Diagnostics};
-use canaletto::scene::Scene;
+use crate::import;
+use canaletto::scene::{Scene, View};
 use files::{Files, Loader};
 use keep::Keep;
-use report::Report;
+use report::{Message, Report};
 
 /// Reads the scene of a file.
 ///
@@ -68,6 +70,8 @@ pub struct Script {
     times: Vec<f64>,
     /// The camera whose shutter counts; else the first.
     camera: Option<String>,
+    /// The camera of a scene that has none, once its first frame was read.
+    default_camera: Option<Option<View>>,
     keep: Keep,
 }
 
@@ -114,7 +118,7 @@ impl Script {
         if clip.worded {
             animate::gather(&mut nodes, &files);
         }
-        Ok(Script { nodes, files, report, clip, times, camera: None, keep })
+        Ok(Script { nodes, files, report, clip, times, camera: None, default_camera: None, keep })
     }
 
     /// How it counts time.
@@ -173,8 +177,18 @@ impl Script {
         } else {
             &self.nodes
         };
-        let (scene, report) = decode::decode(nodes, &self.files, assets, report, &mut self.keep);
+        let (nodes_in_time, clip, files, camera) = (&self.nodes, &self.clip, &self.files, self.camera.as_deref());
+        let neighbours = |offset: f64| {
+            if clip.moves { views(nodes_in_time, clip, frame + offset, camera, files, assets) } else { Vec::new() }
+        };
+        let (mut scene, mut report) = decode::decode(nodes, &self.files, assets, report, &mut self.keep, &neighbours);
         self.keep.turn();
+        if let Some(scene) = scene.as_mut().filter(|scene| scene.views.is_empty() && !report.has_errors())
+            && let Some(view) = self.default_camera(scene, assets, frame)
+        {
+            report.push(no_camera(&view));
+            scene.views.push(view);
+        }
         let failed = report.has_errors();
         let diagnostics = report.finish(&self.files);
         match scene {
@@ -183,8 +197,51 @@ impl Script {
         }
     }
 
+    /// The camera of a scene that has none. Things that move are judged by the first frame, so that the camera stays.
+    fn default_camera(&mut self, scene: &Scene, assets: &dyn Assets, frame: f64) -> Option<View> {
+        if let Some(known) = &self.default_camera {
+            return known.clone();
+        }
+        let first = f64::from(self.first_frame());
+        let view = if !self.clip.moves || frame == first {
+            import::default_camera(scene)
+        } else {
+            let (scene, _) = self.scene(assets, first).ok()?;
+            scene.views.into_iter().next()
+        };
+        self.default_camera = Some(view.clone());
+        view
+    }
+
     fn once(mut self, assets: &dyn Assets) -> Result<(Scene, Diagnostics), Diagnostics> {
         self.keep.on = false;
         self.scene(assets, f64::from(self.first_frame()))
     }
+}
+
+/// The cameras at a frame.
+fn views(
+    nodes: &[syntax::Node],
+    clip: &Clip,
+    frame: f64,
+    camera: Option<&str>,
+    files: &Files,
+    assets: &dyn Assets,
+) -> Vec<View> {
+    let is_needed = |node: &&syntax::Node| matches!(&*node.name, "camera" | "path");
+    let mut nodes: Vec<syntax::Node> = nodes.iter().filter(is_needed).cloned().collect();
+    animate::animate(&mut nodes, clip, frame, camera, files, Report::default());
+    decode::views(&nodes, files, assets)
+}
+
+fn no_camera(view: &View) -> Message {
+    let short = |v: f64| format!("{v:.3e}").parse().unwrap_or(v);
+    let point = |p: glam::DVec3| p.to_array().map(|v| short(v).to_string()).join(" ");
+    let (place, lens) = (&view.extrinsics, &view.intrinsics);
+    let (eye, center) = (point(place.eye), point(place.center));
+    let message = "the scene has no camera; it is looked at as a model is, from the front, the right and above";
+    Message::warning(None, message).help(format!(
+        "camera {{ eye {eye}; center {center}; fovy {}; size {} {} }}",
+        lens.fovy, lens.width, lens.height
+    ))
 }

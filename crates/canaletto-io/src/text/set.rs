@@ -186,8 +186,17 @@ fn change(node: &mut Node, word: &str, name: Option<&str>, value: &Node, names: 
     }
 }
 
-/// Puts a value in the place of the node's own of that name.
+/// Words of which a node has one: to set one of them takes the others away.
+const ALTERNATIVES: [[&str; 2]; 4] =
+    [["points", "samples"], ["sample", "samples"], ["inner", "exponent"], ["eye", "follow"]];
+
+/// Puts a value in the place of the node's own of that name, and of what it excludes.
 fn put(node: &mut Node, value: Node) {
+    for pair in ALTERNATIVES.iter().filter(|pair| pair.contains(&&*value.name)) {
+        let excluded = |name: &str| pair.contains(&name) && name != &*value.name;
+        node.properties.retain(|property| !excluded(&property.key));
+        node.children.retain(|child| !excluded(&child.name));
+    }
     node.properties.retain(|property| property.key != value.name);
     let place = node.children.iter().position(|child| child.name == value.name);
     match place {

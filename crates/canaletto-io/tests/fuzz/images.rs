@@ -77,8 +77,9 @@ fn png() {
 fn exrs() -> Vec<Vec<u8>> {
     use ex::{Blocks, Compression as By, Encoding, LineOrder, Vec2};
     let mut seeds = vec![
-        encode_exr(&ramp(&["R", "G", "B", "A"], [12, 5]), &[("seed".into(), "7".into())]).expect("an EXR"),
-        encode_exr(&ramp(&["Y"], [40, 40]), &[]).expect("an EXR"),
+        encode_exr(&ramp(&["R", "G", "B", "A"], [12, 5]), Default::default(), &[("seed".into(), "7".into())])
+            .expect("an EXR"),
+        encode_exr(&ramp(&["Y"], [40, 40]), Default::default(), &[]).expect("an EXR"),
     ];
     for (by, tiles) in [
         (By::Uncompressed, false),
@@ -253,7 +254,7 @@ fn table(bytes: &[u8]) -> usize {
 
 #[test]
 fn blocks_of_an_exr_are_all_there_once_and_as_large_as_they_can_be() {
-    let whole = encode_exr(&ramp(&["Y"], [40, 40]), &[]).expect("an EXR");
+    let whole = encode_exr(&ramp(&["Y"], [40, 40]), Default::default(), &[]).expect("an EXR");
     let at = table(&whole);
     let why = |bytes: &[u8]| {
         let error = texture(bytes).expect_err("a damaged file").to_string();
@@ -280,7 +281,7 @@ fn blocks_of_an_exr_are_all_there_once_and_as_large_as_they_can_be() {
 
 #[test]
 fn an_exr_without_channels_is_refused() {
-    let mut bytes = encode_exr(&ramp(&["Y"], [4, 4]), &[]).expect("an EXR");
+    let mut bytes = encode_exr(&ramp(&["Y"], [4, 4]), Default::default(), &[]).expect("an EXR");
     let at = bytes.windows(6).position(|w| w == b"chlist").expect("channels") + 7;
     let size = u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]) as usize;
     bytes.splice(at..at + 4 + size, [1, 0, 0, 0, 0]);
@@ -289,12 +290,12 @@ fn an_exr_without_channels_is_refused() {
 
 #[test]
 fn deep_data_and_dwa_are_named() {
-    let mut deep = encode_exr(&ramp(&["Y"], [4, 4]), &[]).expect("an EXR");
+    let mut deep = encode_exr(&ramp(&["Y"], [4, 4]), Default::default(), &[]).expect("an EXR");
     deep[5] |= 0x08;
     let error = texture(&deep).expect_err("deep data").to_string();
     assert_eq!(error, "the OpenEXR file has deep data, which isn't supported");
     for number in [8, 9] {
-        let mut dwa = encode_exr(&ramp(&["Y"], [4, 4]), &[]).expect("an EXR");
+        let mut dwa = encode_exr(&ramp(&["Y"], [4, 4]), Default::default(), &[]).expect("an EXR");
         let at = dwa.windows(11).position(|w| w == b"compression").expect("an attribute") + 12 + 12 + 4;
         dwa[at] = number;
         let error = texture(&dwa).expect_err("DWA");

@@ -4,6 +4,9 @@
 //! In `f64`: a camera makes one ray per sample, and the first rounding to `f32` should be the ray's direction itself.
 
 mod lens;
+mod roll;
+
+pub use roll::{continue_roll, flips_roll, has_roll};
 
 use crate::math::{Line, Path, Spread, Transform};
 use crate::scene::{Extrinsics, Intrinsics, View};

@@ -6,6 +6,8 @@ use crate::text::decode::Fields;
 use crate::text::report::Message;
 use crate::text::schema::{CAMERA_FOLLOW, FOLLOW, POINT_FOLLOW, Word, Words};
 use crate::text::syntax::{Node, Span, Value, ValueKind};
+use canaletto::camera::{continue_roll, has_roll};
+use canaletto::scene::Extrinsics;
 use glam::{DMat3, DVec3};
 
 /// A moment of following: the node's values now, and those while the shutter is open.
@@ -21,8 +23,11 @@ impl Animator<'_> {
             let (point, ahead) = path.at(share);
             let turn = match fields.dvec("face") {
                 None => DMat3::IDENTITY,
-                Some(face) => facing(face, ahead, fields.dvec("up").unwrap_or(DVec3::Y))
-                    .map_err(|problem| (fields.span("face"), problem))?,
+                Some(face) => {
+                    let up = fields.dvec("up").unwrap_or(DVec3::Y);
+                    let there = roll_along(path, share, up).unwrap_or(up);
+                    facing(face, ahead, up, there).map_err(|problem| (fields.span("face"), problem))?
+                }
             };
             // Row by row, as the word takes them.
             let row = |i: usize| [turn.row(i).x, turn.row(i).y, turn.row(i).z, point[i]];
@@ -139,9 +144,23 @@ fn replaced(name: &str, old: &Node, moments: Moments) -> Node {
     Node { span: old.span, values: values(moments.now), moving, ..Node::new(name, old.name_span) }
 }
 
-/// The turn that takes `face` to `ahead` and keeps `up` as far up as it can.
-fn facing(face: DVec3, ahead: DVec3, up: DVec3) -> Result<DMat3, String> {
-    let frame = |forward: DVec3| {
+/// The upward side of what follows a path where the path leads straight along `up`: that of the nearest place before it
+/// that has one, or after it. Returns `None` where `up` itself is of use, and where the whole path is straight.
+fn roll_along(path: &Path, share: f64, up: DVec3) -> Option<DVec3> {
+    let place = |share: f64| Extrinsics { eye: DVec3::ZERO, center: path.at(share).1, up };
+    let here = place(share);
+    if has_roll(&here) {
+        return None;
+    }
+    let steps = || (0..=20).rev().map(|k| libm::exp2(-f64::from(k)));
+    let before = steps().map(|step| share - step).filter(|share| *share >= 0.0);
+    let after = steps().map(|step| share + step).filter(|share| *share <= 1.0);
+    before.chain(after).find_map(|share| continue_roll(&here, &place(share))).map(|kept| kept.up)
+}
+
+/// The turn that takes `face` to `ahead`. What is upwards of `up` stays as far as it can upwards of `up_there`.
+fn facing(face: DVec3, ahead: DVec3, up: DVec3, up_there: DVec3) -> Result<DMat3, String> {
+    let frame = |forward: DVec3, up: DVec3| {
         let forward = forward.try_normalize()?;
         let side = up.try_normalize()?.cross(forward);
         // Below this the sine holds no digits of `up`, as with the camera's.
@@ -150,8 +169,8 @@ fn facing(face: DVec3, ahead: DVec3, up: DVec3) -> Result<DMat3, String> {
             DMat3::from_cols(forward, side, forward.cross(side))
         })
     };
-    let own = frame(face).ok_or("face is parallel to up, or one of them is zero: what is up then?")?;
-    let there = frame(ahead).ok_or("the path leads straight along up here: choose another up")?;
+    let own = frame(face, up).ok_or("face is parallel to up, or one of them is zero: what is up then?")?;
+    let there = frame(ahead, up_there).ok_or("the whole path leads straight along up: choose another up")?;
     Ok(there * own.transpose())
 }
 
@@ -161,11 +180,27 @@ mod tests {
 
     #[test]
     fn an_object_faces_ahead_and_stays_upright() {
-        let turn = facing(DVec3::Z, DVec3::X, DVec3::Y).unwrap();
+        let turn = facing(DVec3::Z, DVec3::X, DVec3::Y, DVec3::Y).unwrap();
         assert_eq!((turn * DVec3::Z, turn * DVec3::Y), (DVec3::X, DVec3::Y));
-        let climbing = facing(DVec3::NEG_Z, DVec3::new(1.0, 1.0, 0.0), DVec3::Y).unwrap();
+        let climbing = facing(DVec3::NEG_Z, DVec3::new(1.0, 1.0, 0.0), DVec3::Y, DVec3::Y).unwrap();
         assert!((climbing * DVec3::NEG_Z - DVec3::new(1.0, 1.0, 0.0).normalize()).length() < 1e-15);
         assert!((climbing * DVec3::Y).y > 0.7 && (climbing.determinant() - 1.0).abs() < 1e-15);
-        assert!(facing(DVec3::Y, DVec3::X, DVec3::Y).is_err() && facing(DVec3::X, DVec3::Y, DVec3::Y).is_err());
+        assert!(facing(DVec3::Y, DVec3::X, DVec3::Y, DVec3::Y).is_err());
+        assert!(facing(DVec3::X, DVec3::Y, DVec3::Y, DVec3::Y).is_err());
+    }
+
+    #[test]
+    fn an_object_that_goes_straight_up_keeps_its_roll() {
+        let points = [DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::new(0.0, 1.0, 0.0)];
+        let path = Path::new(&points, false, false).unwrap();
+        assert_eq!(roll_along(&path, 0.1, DVec3::Y), None);
+        // It came along +x with its upper side to +y, so that this side now looks back, to -x.
+        let up = roll_along(&path, 0.5, DVec3::Y).unwrap();
+        assert!((up - DVec3::NEG_X).length() < 1e-12, "{up}");
+        let turn = facing(DVec3::Z, path.at(0.5).1, DVec3::Y, up).unwrap();
+        assert!((turn * DVec3::Z - DVec3::Y).length() < 1e-12 && (turn * DVec3::Y - DVec3::NEG_X).length() < 1e-12);
+        let straight = Path::new(&[DVec3::ZERO, DVec3::Y], false, false).unwrap();
+        assert_eq!(roll_along(&straight, 0.5, DVec3::Y), None);
+        assert!(facing(DVec3::Z, DVec3::Y, DVec3::Y, DVec3::Y).unwrap_err().contains("the whole path"));
     }
 }

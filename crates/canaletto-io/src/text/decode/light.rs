@@ -39,6 +39,10 @@ impl Decoder<'_> {
         {
             self.out_of_range(&fields, &problem);
         }
+        // Light that loses by distance may have to begin with much.
+        if light.attenuation[1..] == [0.0; 2] && light.emission == Emission::Even {
+            self.doubt_light(&fields, "intensity");
+        }
         let name = light.name.clone();
         let mut points = exact_points(&fields);
         points.extend(fields.dvec("axis"));

@@ -1,6 +1,7 @@
 //! From nodes to a [`Scene`]: every mistake is reported, then the next node is read.
 
 mod cloud;
+mod doubts;
 mod environment;
 mod fields;
 mod lens;
@@ -8,6 +9,7 @@ mod light;
 mod mesh;
 mod names;
 mod object;
+mod roll;
 mod settings;
 mod solid_texture;
 mod surface_texture;
@@ -20,9 +22,10 @@ use super::report::{Message, Report};
 use super::syntax::Node;
 use crate::assets::Assets;
 use canaletto::math::Rgb;
-use canaletto::scene::{self, Content, Scene, Stage};
+use canaletto::scene::{self, Content, Scene, Stage, View};
 pub(crate) use fields::{Fields, Judge};
 use names::Names;
+pub(crate) use roll::Neighbours;
 use std::collections::HashMap;
 
 /// The scene of these nodes, or nothing if something is wrong; the report says what.
@@ -32,22 +35,11 @@ pub(crate) fn decode(
     assets: &dyn Assets,
     report: Report,
     keep: &mut Keep,
+    neighbours: &Neighbours,
 ) -> (Option<Scene>, Report) {
     let mut judge = Judge::new(files, report);
     let names = Names::collect(nodes, &mut judge);
-    let mut decoder = Decoder {
-        judge,
-        assets,
-        scene: Scene::default(),
-        textures: HashMap::new(),
-        images: texture::Images::default(),
-        materials: HashMap::new(),
-        used: Vec::new(),
-        names,
-        meshes: HashMap::new(),
-        keep,
-        sound: true,
-    };
+    let mut decoder = Decoder::new(judge, assets, names, keep, neighbours);
     decoder.scene.prototypes = vec![scene::Node::new(Content::Group(Vec::new())); decoder.names.slots()];
     decoder.textures(nodes);
     decoder.materials(nodes);
@@ -67,6 +59,16 @@ pub(crate) fn decode(
     (decoder.sound.then_some(decoder.scene), decoder.judge.report)
 }
 
+/// The cameras of these nodes, as far as they can be read; mistakes in them are not told.
+pub(crate) fn views(nodes: &[Node], files: &Files, assets: &dyn Assets) -> Vec<View> {
+    let mut judge = Judge::new(files, Report::default());
+    let names = Names::collect(nodes, &mut judge);
+    let mut keep = Keep::new(false);
+    let mut decoder = Decoder::new(judge, assets, names, &mut keep, &|_| Vec::new());
+    decoder.settings(nodes);
+    decoder.scene.views
+}
+
 struct Decoder<'a> {
     judge: Judge<'a>,
     assets: &'a dyn Assets,
@@ -82,12 +84,38 @@ struct Decoder<'a> {
     meshes: mesh::Cache,
     /// What frames share.
     keep: &'a mut Keep,
+    neighbours: &'a Neighbours<'a>,
     /// Whether the scene can be used, as far as it was read.
     sound: bool,
 }
 
 fn is_object(node: &Node) -> bool {
     super::schema::objects().any(|name| name == &*node.name)
+}
+
+impl<'a> Decoder<'a> {
+    fn new(
+        judge: Judge<'a>,
+        assets: &'a dyn Assets,
+        names: Names<'a>,
+        keep: &'a mut Keep,
+        neighbours: &'a Neighbours<'a>,
+    ) -> Decoder<'a> {
+        Decoder {
+            judge,
+            assets,
+            scene: Scene::default(),
+            textures: HashMap::new(),
+            images: texture::Images::default(),
+            materials: HashMap::new(),
+            used: Vec::new(),
+            names,
+            meshes: HashMap::new(),
+            keep,
+            neighbours,
+            sound: true,
+        }
+    }
 }
 
 impl Decoder<'_> {

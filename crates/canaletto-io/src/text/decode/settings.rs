@@ -61,6 +61,8 @@ impl<'a> Decoder<'a> {
             if let Err(problem) = checked {
                 self.out_of_range(&fields, &problem);
             }
+            self.doubt_reflectance(&fields, &["kd", "ks", "k"]);
+            self.doubt_eta(&fields, !material.is_opaque());
             self.materials.insert(name, self.scene.materials.len() as u32);
             self.scene.materials.push(material);
             self.used.push(false);
@@ -119,8 +121,14 @@ impl<'a> Decoder<'a> {
             fields.sound &= !twice;
             self.sound &= fields.sound;
             match words.name {
-                "background" => self.scene.background = fields.rgb("colour").unwrap_or_default(),
-                "ambient" => self.scene.ambient = self.not_negative(&fields, "colour"),
+                "background" => {
+                    self.scene.background = fields.rgb("colour").unwrap_or_default();
+                    self.doubt_light(&fields, "colour");
+                }
+                "ambient" => {
+                    self.scene.ambient = self.not_negative(&fields, "colour");
+                    self.doubt_light(&fields, "colour");
+                }
                 "film" => {
                     self.film(&fields);
                     film_fields = Some(fields);
@@ -139,6 +147,7 @@ impl<'a> Decoder<'a> {
                     });
                     let lens = if fields.has("lens") { self.lens(&fields) } else { None };
                     change_view(&mut self.scene.views[index], &fields);
+                    self.doubt_degrees(&fields);
                     let from = self.scene.views[index].extrinsics;
                     let motion = if fields.has("motion") { self.camera_motion(&fields, from) } else { None };
                     let motion = motion.or_else(|| keyed_motion(&self.scene.views[index], &fields));
@@ -149,6 +158,7 @@ impl<'a> Decoder<'a> {
                 }
             }
         }
+        self.keep_rolls();
         self.check_views(&last, film_fields.as_ref());
     }
 

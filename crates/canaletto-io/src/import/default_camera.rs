@@ -1,0 +1,106 @@
+//! The camera of a scene that has none: it looks at everything with bounds, as it would at a model.
+
+use super::frame::frame;
+use super::studio::{FRAMING, direction_at};
+use canaletto::Aabb;
+use canaletto::math::Transform;
+use canaletto::scene::{Content, Node, Scene, View};
+use glam::DVec3;
+
+/// The deepest nesting that is followed; what lies deeper makes no world.
+const MAX_DEPTH: u32 = 256;
+
+/// The view of a scene without a camera. `None` if nothing in it has bounds, or if they leave no room to stand.
+pub(crate) fn default_camera(scene: &Scene) -> Option<View> {
+    let mut bounds = Bounds { scene, prototypes: vec![None; scene.prototypes.len()] };
+    let mut corners: Vec<DVec3> = Vec::new();
+    for node in &scene.nodes {
+        corners.extend(bounds.of_node(node, 0).iter().flat_map(Box3::corners));
+    }
+    frame(corners.into_iter().map(|p| (p, 0.0)), direction_at(30.0, 20.0), DVec3::Y, FRAMING)
+}
+
+/// A box by its lowest and its highest corner.
+#[derive(Clone, Copy)]
+struct Box3 {
+    low: DVec3,
+    high: DVec3,
+}
+
+impl Box3 {
+    fn around(points: impl Iterator<Item = DVec3>) -> Option<Box3> {
+        points.filter(|p| p.is_finite()).fold(None, |all, p| {
+            let Box3 { low, high } = all.unwrap_or(Box3 { low: p, high: p });
+            Some(Box3 { low: low.min(p), high: high.max(p) })
+        })
+    }
+
+    fn corners(&self) -> impl Iterator<Item = DVec3> + use<> {
+        let Box3 { low, high } = *self;
+        (0..8).map(move |i| DVec3::select(glam::BVec3::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), low, high))
+    }
+
+    fn moved(self, by: DVec3) -> Box3 {
+        Box3 { low: self.low + by, high: self.high + by }
+    }
+
+    fn transformed(&self, t: &Transform) -> Option<Box3> {
+        Box3::around(self.corners().map(|p| t.point(p)))
+    }
+}
+
+impl From<Aabb> for Box3 {
+    fn from(bounds: Aabb) -> Box3 {
+        Box3 { low: bounds.min.as_dvec3(), high: bounds.max.as_dvec3() }
+    }
+}
+
+struct Bounds<'a> {
+    scene: &'a Scene,
+    /// The bounds of each prototype, once they are known.
+    prototypes: Vec<Option<Option<Box3>>>,
+}
+
+impl Bounds<'_> {
+    /// The bounds of a node in the space of its parent.
+    fn of_node(&mut self, node: &Node, depth: u32) -> Option<Box3> {
+        if depth > MAX_DEPTH {
+            return None;
+        }
+        let scene = self.scene;
+        let own: Option<Box3> = match &node.content {
+            Content::Shape(shape) => shape.bounds().map(Box3::from),
+            Content::Mesh(index) => {
+                let mesh = scene.meshes.get(*index as usize)?;
+                let corners = mesh.triangles.iter().flatten().filter_map(|i| mesh.positions.get(*i as usize));
+                Box3::around(corners.map(|p| p.as_dvec3())).map(|own| own.moved(mesh.origin))
+            }
+            Content::Spheres(index) => {
+                let cloud = scene.spheres.get(*index as usize)?;
+                union((0..cloud.len()).map(|i| Some(cloud.bounds(i).into()))).map(|own| own.moved(cloud.origin))
+            }
+            Content::Cylinders(index) => {
+                let cloud = scene.cylinders.get(*index as usize)?;
+                union((0..cloud.len()).map(|i| Some(cloud.bounds(i).into()))).map(|own| own.moved(cloud.origin))
+            }
+            Content::Light(_) => None,
+            Content::Group(nodes) => union(nodes.iter().map(|node| self.of_node(node, depth + 1))),
+            Content::Instance(index) => self.of_prototype(*index as usize, depth + 1),
+        };
+        own?.transformed(&node.transform)
+    }
+
+    fn of_prototype(&mut self, index: usize, depth: u32) -> Option<Box3> {
+        if let Some(known) = self.prototypes.get(index)? {
+            return *known;
+        }
+        let scene = self.scene;
+        let bounds = self.of_node(&scene.prototypes[index], depth);
+        self.prototypes[index] = Some(bounds);
+        bounds
+    }
+}
+
+fn union(boxes: impl Iterator<Item = Option<Box3>>) -> Option<Box3> {
+    boxes.flatten().reduce(|a, b| Box3 { low: a.low.min(b.low), high: a.high.max(b.high) })
+}

@@ -1,0 +1,69 @@
+//! Warnings about values that are allowed, but look like a value of another scale.
+
+use super::Decoder;
+use super::fields::Fields;
+use crate::text::report::Message;
+use canaletto::math::Rgb;
+
+/// Angles of view that look like radians: 29 to 138 degrees. Smaller ones may well be those of a telescope.
+const RADIANS: std::ops::Range<f64> = 0.5..2.4;
+/// From here on, light looks like a colour of 0 to 255. Less may well be meant for light that loses by distance.
+const BRIGHT: f32 = 16.0;
+
+impl Decoder<'_> {
+    /// Colours of a material, of which 1 is all light.
+    pub(super) fn doubt_reflectance(&mut self, fields: &Fields, words: &[&str]) {
+        for word in words {
+            self.doubt_bytes(fields, word, 1.0);
+        }
+    }
+
+    /// The colour of a light or of the background, which may be brighter than 1.
+    pub(super) fn doubt_light(&mut self, fields: &Fields, word: &str) {
+        self.doubt_bytes(fields, word, BRIGHT);
+    }
+
+    fn doubt_bytes(&mut self, fields: &Fields, word: &str, most: f32) {
+        let Some(colour) = fields.rgb(word).filter(|colour| looks_like_bytes(*colour, most)) else { return };
+        let [r, g, b] = colour.to_array().map(|v| (v / 255.0 * 1000.0).round() / 1000.0);
+        let title = if word == "colour" { &*fields.node.name } else { word };
+        let message = format!("{title} looks like a colour of 0 to 255; here 1 is full strength");
+        let help = format!("divided by 255 it is {r} {g} {b}");
+        self.judge.report.push(Message::warning(Some(fields.span(word)), message).help(help));
+    }
+
+    /// An angle of view in degrees.
+    pub(super) fn doubt_degrees(&mut self, fields: &Fields) {
+        let Some(fovy) = fields.number("fovy").filter(|fovy| RADIANS.contains(fovy)) else { return };
+        let message = format!("fovy is {fovy} degrees, which shows very little; it looks like an angle in radians");
+        let help = format!("in degrees that is {}", (fovy.to_degrees() * 10.0).round() / 10.0);
+        self.judge.report.push(Message::warning(Some(fields.span("fovy")), message).help(help));
+    }
+
+    /// `eta` of a body that no ray enters.
+    pub(super) fn doubt_eta(&mut self, fields: &Fields, clear: bool) {
+        if fields.has("eta") && !clear {
+            let message = "eta has no effect, since no light goes through: opacity is 1";
+            let help = "opacity 0 is clear glass, opacity 0.4 lets 60 % through";
+            self.judge.report.push(Message::warning(Some(fields.span("eta")), message).help(help));
+        }
+    }
+}
+
+fn looks_like_bytes(colour: Rgb, most: f32) -> bool {
+    let values = colour.to_array();
+    values.iter().all(|v| v.fract() == 0.0 && (0.0..=255.0).contains(v)) && values.iter().any(|v| *v > most)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whole_numbers_up_to_255_look_like_bytes() {
+        let of = |r, g, b, most| looks_like_bytes(Rgb::new(r, g, b), most);
+        assert!(of(255.0, 128.0, 0.0, 1.0) && of(2.0, 2.0, 2.0, 1.0) && of(255.0, 255.0, 255.0, BRIGHT));
+        assert!(!of(1.0, 1.0, 1.0, 1.0) && !of(0.5, 200.0, 3.0, 1.0) && !of(256.0, 0.0, 0.0, 1.0));
+        assert!(!of(10.0, 8.0, 6.0, BRIGHT), "a strong light");
+    }
+}

@@ -1,0 +1,249 @@
+//! Why a picture will be black or empty: what a few hundred rays tell of a world and a camera before anything is rendered.
+//!
+//! Each [`Finding`] is a doubt, not an error. It is only told where all rays agree.
+
+use crate::light::Source;
+use crate::math::Line;
+use crate::render::Job;
+use crate::scene::Stage;
+use crate::world::{Hit, World};
+use glam::DVec3;
+
+/// A reason why a picture shows little or nothing.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Finding {
+    /// No ray from the eye meets anything.
+    NothingInView {
+        /// The lowest and the highest corner of what the world holds, if that has bounds.
+        bounds: Option<[DVec3; 2]>,
+        /// Whether all of it lies behind the eye.
+        behind: bool,
+    },
+    /// The eye is inside an opaque object, and no light that casts shadows is there with it.
+    EyeInside {
+        /// The object's name.
+        object: String,
+    },
+    /// A light that casts shadows is inside an opaque object, and the eye is not.
+    LightInside {
+        /// The light's name, or its kind and number.
+        light: String,
+        /// The object's name.
+        object: String,
+    },
+}
+
+/// The rays, each way, by which a picture is first judged, and the most if they meet nothing.
+const GRIDS: [u32; 2] = [32, 512];
+/// The directions in which one looks around from a point.
+const DIRECTIONS: u32 = 64;
+/// The most points of a light that are judged.
+const MAX_POINTS: u32 = 16;
+
+/// What will keep the picture of this job from showing much of the world. The shutter's opening is judged, and lights and
+/// lenses are taken where they are then.
+pub fn diagnose(world: &World, job: &Job) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    if world.primitives() == 0 {
+        return findings;
+    }
+    // Rays, hits and lights are counted from the world's origin.
+    let counted = job.counted_from(world);
+    let in_scene = job;
+    let job = counted.as_ref().unwrap_or(job);
+    if !GRIDS.iter().any(|most| anything_in_view(world, job, *most)) {
+        findings.push(nothing_in_view(world, in_scene));
+    }
+    if !job.integrator.shadows || job.integrator.stage < Stage::Shadow {
+        return findings;
+    }
+    let eye = job.camera.at(0.0).eye();
+    let around_eye = enclosing_object(world, eye);
+    let lit = |object: u32| {
+        world
+            .lights
+            .iter()
+            .any(|light| !light.light.shadows || light_is_inside(world, light).is_some_and(|o| o.0 == object))
+    };
+    if let Some((object, name)) = &around_eye
+        && !lit(*object)
+    {
+        findings.push(Finding::EyeInside { object: name.clone() });
+    }
+    for (index, light) in world.lights.iter().enumerate().filter(|(_, light)| light.light.shadows) {
+        if let Some((object, name)) = light_is_inside(world, light)
+            && around_eye.as_ref().is_none_or(|(around, _)| *around != object)
+        {
+            let own = light.light.name.clone();
+            let light = own.unwrap_or_else(|| format!("{} light #{}", light.light.kind_name(), index + 1));
+            findings.push(Finding::LightInside { light, object: name });
+        }
+    }
+    findings
+}
+
+/// Whether one of at most `most` × `most` rays through the window meets something.
+fn anything_in_view(world: &World, job: &Job, most: u32) -> bool {
+    let camera = job.camera.at(0.0);
+    let ([x, y, width, height], [_, full_height]) = (job.window(), camera.size());
+    let (columns, rows) = (width.min(most), height.min(most));
+    let at = |index: u32, count: u32, side: u32| (f64::from(index) + 0.5) / f64::from(count) * f64::from(side);
+    (0..rows).any(|row| {
+        let from_top = f64::from(y) + at(row, rows, height);
+        (0..columns).any(|column| {
+            let line = camera.line(f64::from(x) + at(column, columns, width), f64::from(full_height) - from_top);
+            first_hit(world, &line).is_some()
+        })
+    })
+}
+
+fn nothing_in_view(world: &World, job: &Job) -> Finding {
+    let bounds = world.bounds();
+    if bounds.is_empty() {
+        return Finding::NothingInView { bounds: None, behind: false };
+    }
+    let (low, high) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
+    let camera = job.camera.at(0.0);
+    let corner = |i: u32| DVec3::select(glam::BVec3::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), low, high);
+    let behind = (0..8).all(|i| camera.project(corner(i)).is_none());
+    Finding::NothingInView { bounds: Some([low, high]), behind }
+}
+
+fn first_hit(world: &World, line: &Line) -> Option<Hit> {
+    world.intersect(&line.rounded(), f32::INFINITY)
+}
+
+/// The id and the name of the opaque object whose inner side is met in all directions from a point.
+fn enclosing_object(world: &World, point: DVec3) -> Option<(u32, String)> {
+    let mut around = None;
+    for index in 0..DIRECTIONS {
+        let line = Line { origin: point, direction: fibonacci_direction(index) };
+        let hit = first_hit(world, &line)?;
+        let opaque = world.material(&hit).is_opaque();
+        let outwards = world.surface(line, &hit).normal.dot(line.direction) > 0.0;
+        let id = world.object_id(&hit);
+        if !opaque || !outwards || around.as_ref().is_some_and(|(known, _)| *known != id) {
+            return None;
+        }
+        around.get_or_insert_with(|| (id, world.object(&hit).name.clone()));
+    }
+    around
+}
+
+/// The opaque object that all points of a light are inside of.
+fn light_is_inside(world: &World, light: &Source) -> Option<(u32, String)> {
+    let step = light.points().div_ceil(MAX_POINTS).max(1);
+    let mut around: Option<(u32, String)> = None;
+    for index in (0..light.points()).step_by(step as usize) {
+        let position = light.illuminate(index, DVec3::ZERO).position?.as_dvec3();
+        let object = enclosing_object(world, position)?;
+        if around.as_ref().is_some_and(|known| known.0 != object.0) {
+            return None;
+        }
+        around = Some(object);
+    }
+    around
+}
+
+/// Directions spread evenly over the sphere: steps of the golden angle on slices of equal area.
+fn fibonacci_direction(index: u32) -> DVec3 {
+    const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
+    let z = 1.0 - (2.0 * f64::from(index) + 1.0) / f64::from(DIRECTIONS);
+    let (radius, angle) = ((1.0 - z * z).sqrt(), GOLDEN_ANGLE * f64::from(index));
+    DVec3::new(radius * libm::cos(angle), radius * libm::sin(angle), z)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::Camera;
+    use crate::light::{DiskLight, Light, LightKind, Omni};
+    use crate::material::{Material, Phong};
+    use crate::math::Rgb;
+    use crate::scene::{Extrinsics, FilmSettings, IntegratorSettings, Intrinsics, Node, Scene};
+    use crate::shape::{Cuboid, Plane, Shape, Sphere};
+    use glam::Vec3;
+
+    fn ball(center: Vec3, radius: f32) -> Node {
+        Node::from(Shape::Sphere(Sphere { center, radius })).named("ball")
+    }
+
+    fn lamp(at: Vec3) -> Node {
+        Node::from(Light::new(LightKind::Omni(Omni::at(at)), Rgb::WHITE))
+    }
+
+    fn findings(eye: [f64; 3], center: [f64; 3], nodes: Vec<Node>) -> Vec<Finding> {
+        let clear = Phong { opacity: 0.5, ..Phong::default() };
+        let scene = Scene { nodes, materials: vec![Material::new("clear", clear)], ..Scene::default() };
+        let place = Extrinsics { eye: eye.into(), center: center.into(), up: DVec3::Y };
+        let camera = Camera::new(&Intrinsics::default(), &place).unwrap();
+        diagnose(
+            &World::build(scene).unwrap(),
+            &Job::new(camera, FilmSettings::default(), IntegratorSettings::default()),
+        )
+    }
+
+    const AWAY: Vec3 = Vec3::new(0.0, 9.0, 9.0);
+
+    #[test]
+    fn a_plain_scene_is_without_doubts() {
+        assert_eq!(findings([0.0, 0.0, 5.0], [0.0; 3], vec![ball(Vec3::ZERO, 1.0), lamp(AWAY)]), []);
+        // Too small for the first grid.
+        assert_eq!(findings([0.0, 0.0, 5.0], [0.1, 0.1, 0.0], vec![ball(Vec3::ZERO, 0.01), lamp(AWAY)]), []);
+    }
+
+    #[test]
+    fn nothing_in_view_says_where_things_are() {
+        let all = |center| findings([0.0, 0.0, 5.0], center, vec![ball(Vec3::ZERO, 1.0), lamp(AWAY)]);
+        let around_ball = |found: &[Finding]| match found {
+            [Finding::NothingInView { bounds: Some([low, high]), behind }] => {
+                assert!((*low + 1.0).length() < 1e-6 && (*high - 1.0).length() < 1e-6, "{low} {high}");
+                *behind
+            }
+            other => panic!("{other:?}"),
+        };
+        assert!(around_ball(&all([0.0, 0.0, 9.0])));
+        assert!(!around_ball(&all([4.0, 0.0, 4.0])));
+        let floor = Node::from(Shape::Plane(Plane { point: Vec3::ZERO, normal: Vec3::Y }));
+        let up = findings([0.0, 1.0, 0.0], [0.0, 9.0, 1.0], vec![floor]);
+        assert_eq!(up, [Finding::NothingInView { bounds: None, behind: false }]);
+    }
+
+    #[test]
+    fn an_eye_inside_needs_a_light_inside() {
+        let inside =
+            |lights: Vec<Node>| findings([0.0; 3], [1.0, 0.0, 0.0], [vec![ball(Vec3::ZERO, 3.0)], lights].concat());
+        assert_eq!(inside(vec![lamp(AWAY)]), [Finding::EyeInside { object: "ball".into() }]);
+        assert_eq!(inside(vec![lamp(AWAY), lamp(Vec3::Y)]), [], "a room with a lamp");
+        let mut through = Light::new(LightKind::Omni(Omni::at(AWAY)), Rgb::WHITE);
+        through.shadows = false;
+        assert_eq!(inside(vec![Node::from(through)]), []);
+        let clear = findings([0.0; 3], [1.0, 0.0, 0.0], vec![ball(Vec3::ZERO, 3.0).with_material(0), lamp(AWAY)]);
+        assert_eq!(clear, [], "a clear ball lets light in");
+    }
+
+    #[test]
+    fn a_light_inside_an_opaque_body_is_told() {
+        let at = |node| findings([0.0, 0.0, 9.0], [0.0; 3], vec![ball(Vec3::ZERO, 1.0), node]);
+        let told = |light: &str| vec![Finding::LightInside { light: light.into(), object: "ball".into() }];
+        assert_eq!(at(lamp(Vec3::splat(0.3))), told("omni light #1"));
+        assert_eq!(at(lamp(Vec3::splat(0.7))), []);
+        let disk = |radius| {
+            let disk = DiskLight { position: Vec3::ZERO, normal: Vec3::Y, radius, points: 40 };
+            at(Node::from(Light { name: Some("key".into()), ..Light::new(LightKind::Disk(disk), Rgb::WHITE) }))
+        };
+        assert_eq!(disk(0.5), told("key"));
+        assert_eq!(disk(2.0), [], "part of it shines");
+        // Beside the box, though it is inside the bounds of box and floor together.
+        let cube = Node::from(Shape::Box(Cuboid { min: Vec3::splat(-1.0), max: Vec3::ONE })).named("box");
+        let floor = Node::from(Shape::Plane(Plane { point: Vec3::NEG_Y, normal: Vec3::Y }));
+        assert_eq!(findings([0.0, 0.0, 9.0], [0.0; 3], vec![cube, floor, lamp(Vec3::new(1.2, 0.0, 0.0))]), []);
+    }
+
+    #[test]
+    fn directions_are_spread_evenly() {
+        let sum: DVec3 = (0..DIRECTIONS).map(fibonacci_direction).sum();
+        assert!(sum.length() < 0.5, "{sum}");
+        assert!((0..DIRECTIONS).all(|i| (fibonacci_direction(i).length() - 1.0).abs() < 1e-12));
+    }
+}
