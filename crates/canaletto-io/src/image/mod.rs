@@ -136,21 +136,7 @@ fn decoder<T>(format: &'static str, f: impl FnOnce() -> Result<T, ImageError>) -
 /// [`ImageError`] says why not.
 pub fn read_image(asset: &Asset) -> Result<(Image, Vec<String>), ImageError> {
     let bytes = asset.bytes.as_slice();
-    let (mut image, memory) = if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
-        with_memory(png::read(bytes)?)
-    } else if bytes.starts_with(b"\xff\xd8") {
-        jpeg::read(bytes)?
-    } else if bytes.starts_with(b"\x76\x2f\x31\x01") {
-        with_memory(exr::read(bytes)?)
-    } else if bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP") {
-        webp::read(bytes)?
-    } else if hdr::is_hdr(bytes) {
-        let (image, memory) = with_memory(hdr::read(bytes)?);
-        let packed = 4 * u64::from(image.width) * u64::from(image.height);
-        (image, memory + packed)
-    } else {
-        return Err(other(bytes));
-    };
+    let (mut image, memory) = unpack(bytes)?;
     image.name = asset.path.name().to_owned();
     let odd = tidy(&mut image.samples);
     let mut notes = match odd {
@@ -168,6 +154,25 @@ pub fn read_image(asset: &Asset) -> Result<(Image, Vec<String>), ImageError> {
         ));
     }
     Ok((image, notes))
+}
+
+/// The image of a file without a name, and the most memory that reading it took.
+pub(crate) fn unpack(bytes: &[u8]) -> Result<(Image, u64), ImageError> {
+    Ok(if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
+        with_memory(png::read(bytes)?)
+    } else if bytes.starts_with(b"\xff\xd8") {
+        jpeg::read(bytes)?
+    } else if bytes.starts_with(b"\x76\x2f\x31\x01") {
+        with_memory(exr::read(bytes)?)
+    } else if bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP") {
+        webp::read(bytes)?
+    } else if hdr::is_hdr(bytes) {
+        let (image, memory) = with_memory(hdr::read(bytes)?);
+        let packed = 4 * u64::from(image.width) * u64::from(image.height);
+        (image, memory + packed)
+    } else {
+        return Err(other(bytes));
+    })
 }
 
 /// What a file is that isn't read, as far as its first bytes tell.

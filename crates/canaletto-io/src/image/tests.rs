@@ -90,7 +90,7 @@ fn crc(bytes: &[u8]) -> u32 {
 fn exr_keeps_its_precision_and_its_order() {
     for names in [&["R", "G", "B"][..], &["R", "G", "B", "A"], &["Y"], &["Y", "A"]] {
         let picture = ramp(names);
-        let (image, _) = read(picture::encode_exr(&picture, &[]).unwrap()).unwrap();
+        let (image, _) = read(picture::encode_exr(&picture, Default::default(), &[]).unwrap()).unwrap();
         assert_eq!((image.width, image.height, usize::from(image.channels)), (12, 5, names.len()));
         assert!(image.space == ColorSpace::Linear && image.premultiplied == names.contains(&"A"));
         let Samples::F32(data) = &image.samples else { panic!() };
@@ -100,12 +100,12 @@ fn exr_keeps_its_precision_and_its_order() {
             }
         }
     }
-    let other = picture::encode_exr(&ramp(&["depth.Z"]), &[]).unwrap();
+    let other = picture::encode_exr(&ramp(&["depth.Z"]), Default::default(), &[]).unwrap();
     assert!(read(other).unwrap_err().to_string().contains("the channels depth.Z instead of R G B or Y"));
     let mut odd = ramp(&["Y"]);
     odd.channels[0].data[3] = f32::NAN;
     odd.channels[0].data[4] = f32::INFINITY;
-    let (image, notes) = read(picture::encode_exr(&odd, &[]).unwrap()).unwrap();
+    let (image, notes) = read(picture::encode_exr(&odd, Default::default(), &[]).unwrap()).unwrap();
     assert!(notes[0].starts_with("2 of its numbers") && image.check().is_ok());
 }
 
@@ -279,7 +279,7 @@ fn cmyk_of_adobe_is_turned_into_colour() {
 #[test]
 fn damage_never_panics() {
     damage(&picture::encode_png(&ramp(&["R", "G", "B", "A"]), picture::Depth::Sixteen, Transfer::Srgb, &[]).unwrap());
-    damage(&picture::encode_exr(&ramp(&["R", "G", "B"]), &[]).unwrap());
+    damage(&picture::encode_exr(&ramp(&["R", "G", "B"]), Default::default(), &[]).unwrap());
     damage(&hdr("-Y 2 +X 16"));
     damage(include_bytes!("testdata/ramp.jpg"));
     damage(include_bytes!("testdata/ramp.webp"));

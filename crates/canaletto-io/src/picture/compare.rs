@@ -80,6 +80,16 @@ pub fn compare(a: &Image, b: &Image, pixels_per_degree: f64) -> Result<Compariso
     })
 }
 
+/// How many pixels differ in their colours, or are among `others`, which has an entry for each pixel or none.
+///
+/// # Errors
+/// As [`compare`].
+pub fn differing(a: &Image, b: &Image, others: &[bool]) -> Result<u64, Unequal> {
+    let (ca, cb) = colors(a, b)?;
+    let differs = |i: usize| ca.iter().zip(&cb).any(|(a, b)| distance(a[i], b[i]) > 0.0);
+    Ok((0..a.pixels()).filter(|i| others.get(*i) == Some(&true) || differs(*i)).count() as u64)
+}
+
 /// The picture of `scale` × |a − b|.
 ///
 /// # Errors
@@ -92,7 +102,7 @@ pub fn difference(a: &Image, b: &Image, scale: f32) -> Result<Image, Unequal> {
     Ok(Image { width: a.width, height: a.height, channels })
 }
 
-fn distance(a: f32, b: f32) -> f64 {
+pub(super) fn distance(a: f32, b: f32) -> f64 {
     if a == b || (a.is_nan() && b.is_nan()) {
         return 0.0;
     }

@@ -1,33 +1,35 @@
 //! OpenEXR: linear `f32` channels of one part, ZIP-compressed, with texts as attributes. All texts and names are UTF-8,
 //! as the format's own library has them.
 
-use super::{Channel, Decoded, Image, PictureError, SOFTWARE, check};
+use super::{Channel, Decoded, Image, PictureError, SOFTWARE, Window, check};
 use crate::image::ImageError;
 use crate::image::exr::{File, floats};
 use ::exr::meta::attribute::SampleType;
+use ::exr::meta::header::Header;
 use ::exr::prelude as ex;
 use ::exr::prelude::WritableImage;
 use canaletto::scene::Transfer;
 use std::io::Cursor;
+
+/// How an EXR is written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ExrOptions {
+    /// Without compression, for when time is short.
+    pub uncompressed: bool,
+    /// Colours (channels `R`, `G`, `B`, `A`, `Y`, of layers, too) as 16-bit floats; other channels stay `f32`.
+    pub half: bool,
+    /// Channels of layers whose name ends in `_id` as whole numbers of 32 bits (UINT) instead of floats.
+    pub uint_ids: bool,
+    /// Where the picture lies in a larger one; nothing if it is the whole.
+    pub window: Option<Window>,
+}
 
 /// The bytes of an EXR of all channels. The same bytes for any number of threads.
 ///
 /// # Errors
 /// [`PictureError::Unfit`] if a channel has no or too few values, or a name is used twice, is empty, longer than 255 bytes or
 /// holds a NUL character.
-pub fn encode_exr(image: &Image, metadata: &[(String, String)]) -> Result<Vec<u8>, PictureError> {
-    encode(image, metadata, ex::Compression::ZIP16)
-}
-
-/// The same without compression, for when time is short.
-///
-/// # Errors
-/// As [`encode_exr`].
-pub fn encode_exr_quickly(image: &Image, metadata: &[(String, String)]) -> Result<Vec<u8>, PictureError> {
-    encode(image, metadata, ex::Compression::Uncompressed)
-}
-
-fn encode(image: &Image, metadata: &[(String, String)], compression: ex::Compression) -> Result<Vec<u8>, PictureError> {
+pub fn encode_exr(image: &Image, options: ExrOptions, metadata: &[(String, String)]) -> Result<Vec<u8>, PictureError> {
     check(image)?;
     let name = |text: &str| {
         if text.is_empty() || text.len() > 255 || text.contains('\0') {
@@ -41,21 +43,45 @@ fn encode(image: &Image, metadata: &[(String, String)], compression: ex::Compres
         if channels.iter().any(|c: &ex::AnyChannel<_>| c.name == to_utf8(&channel.name)) {
             return Err(PictureError::Unfit(format!("channel {} is there twice", channel.name)));
         }
-        channels.push(ex::AnyChannel::new(name(&channel.name)?, ex::FlatSamples::F32(channel.data.clone())));
+        channels.push(ex::AnyChannel::new(name(&channel.name)?, samples(channel, options)));
     }
     let mut attributes = ex::LayerAttributes { software_name: Some(SOFTWARE.into()), ..Default::default() };
     for (key, value) in metadata {
         attributes.other.insert(name(key)?, ex::AttributeValue::Text(to_utf8(value)));
     }
+    let compression = if options.uncompressed { ex::Compression::Uncompressed } else { ex::Compression::ZIP16 };
     let encoding = ex::Encoding { compression, blocks: ex::Blocks::ScanLines, line_order: ex::LineOrder::Increasing };
+    let window = options.window.unwrap_or(Window::whole(image.width, image.height));
+    let [width, height] = window.whole.map(|side| side as usize);
+    attributes.layer_position = ex::Vec2(window.at[0], window.at[1]);
+    let whole = ex::ImageAttributes::new(ex::IntegerBounds::new((0, 0), (width, height)));
     let size = (image.width as usize, image.height as usize);
     let layer = ex::Layer::new(size, attributes, encoding, ex::AnyChannels::sort(channels.into_iter().collect()));
     let mut out = Cursor::new(Vec::new());
-    ex::Image::from_layer(layer).write().to_buffered(&mut out).map_err(|e| PictureError::Unfit(e.to_string()))?;
+    ex::Image::new(whole, layer).write().to_buffered(&mut out).map_err(|e| PictureError::Unfit(e.to_string()))?;
     let mut bytes = out.into_inner();
     sort_attributes(&mut bytes);
     Ok(bytes)
 }
+
+/// A channel's numbers in the type that the options ask for.
+fn samples(channel: &Channel, options: ExrOptions) -> ex::FlatSamples {
+    let (layer, name) = channel.name.rsplit_once('.').unwrap_or(("", &channel.name));
+    if options.half && COLORS.contains(&name) {
+        // Half floats end at 65504: brighter colours get that, not infinity.
+        let half = |v: f32| ex::f16::from_f32(if v.is_finite() { v.clamp(-HALF_MAX, HALF_MAX) } else { v });
+        ex::FlatSamples::F16(channel.data.iter().map(|v| half(*v)).collect())
+    } else if options.uint_ids && layer.ends_with("_id") {
+        ex::FlatSamples::U32(channel.data.iter().map(|v| *v as u32).collect())
+    } else {
+        ex::FlatSamples::F32(channel.data.clone())
+    }
+}
+
+/// The channels that hold colours and coverage.
+const COLORS: [&str; 5] = ["R", "G", "B", "A", "Y"];
+/// The largest finite half float.
+const HALF_MAX: f32 = 65_504.0;
 
 /// A text whose bytes are UTF-8: the crate has a byte for each letter.
 fn to_utf8(text: &str) -> ex::Text {
@@ -98,22 +124,35 @@ pub fn decode_exr(bytes: &[u8]) -> Result<Decoded, PictureError> {
     let damaged = |reason: &str| ImageError::Damaged { format: "OpenEXR", reason: reason.into() };
     let file = File::open(bytes)?;
     let many = file.parts().len() > 1;
-    let size = file.parts().first().map(|part| part.layer_size).ok_or_else(|| damaged("it has no picture"))?;
-    if file.parts().iter().any(|part| part.layer_size != size) {
-        return Err(damaged("its parts have different sizes").into());
-    }
+    let main = file.parts().iter().position(|part| part.channels.list.iter().any(|c| is_color(&c.name))).unwrap_or(0);
+    let first = file.parts().get(main).ok_or_else(|| damaged("it has no picture"))?;
+    let (size, position) = (first.layer_size, first.own_attributes.layer_position);
+    let display = first.shared_attributes.display_window;
+    let window = Window {
+        at: [position.x() - display.position.x(), position.y() - display.position.y()],
+        whole: [display.size.x() as u32, display.size.y() as u32],
+    };
+    // Parts of another size, such as proxies, can't be laid over the picture: they are named instead.
+    let fits = |part: &Header| part.layer_size == size && part.own_attributes.layer_position == position;
     let (width, height) = (size.x(), size.y());
-    let channels: usize = file.parts().iter().map(|part| part.channels.list.len()).sum();
+    let channels: usize = file.parts().iter().filter(|part| fits(part)).map(|part| part.channels.list.len()).sum();
     let memory = 4 * (width * height) as u64 * channels as u64;
-    for part in 0..file.parts().len() {
-        file.check(part, memory)?;
+    for (number, part) in file.parts().iter().enumerate() {
+        if fits(part) {
+            file.check(number, memory)?;
+        }
     }
     let mut image = Image { width: width as u32, height: height as u32, channels: Vec::new() };
+    let mut left_out = Vec::new();
     let mut metadata = Vec::new();
     let mut bits = 16;
     for (number, header) in file.parts().iter().enumerate() {
         let attributes = &header.own_attributes;
         let part = attributes.layer_name.as_ref().map_or_else(|| number.to_string(), from_utf8);
+        if !fits(header) {
+            left_out.push(part);
+            continue;
+        }
         for (key, value) in &attributes.other {
             if let ex::AttributeValue::Text(text) = value {
                 metadata.push((from_utf8(key), from_utf8(text)));
@@ -124,7 +163,7 @@ pub fn decode_exr(bytes: &[u8]) -> Result<Decoded, PictureError> {
         let first = image.channels.len();
         for channel in list {
             let name = from_utf8(&channel.name);
-            let name = if many { format!("{part}.{name}") } else { name };
+            let name = if many && number != main { format!("{part}.{name}") } else { name };
             bits = bits.max(if channel.sample_type == SampleType::F16 { 16 } else { 32 });
             image.channels.push(Channel { name, data: zeros(width * height)? });
         }
@@ -136,7 +175,12 @@ pub fn decode_exr(bytes: &[u8]) -> Result<Decoded, PictureError> {
     }
     metadata.sort();
     check(&image)?;
-    Ok(Decoded { image, bits, transfer: Some(Transfer::None), metadata })
+    Ok(Decoded { image, bits, transfer: Some(Transfer::None), metadata, window, left_out, display_referred: false })
+}
+
+/// Whether a channel is the red, green, blue or grey of the picture itself.
+fn is_color(channel: &ex::Text) -> bool {
+    ["R", "G", "B", "Y"].iter().any(|name| channel.eq(name))
 }
 
 /// Room for numbers, if there is memory.
@@ -172,12 +216,13 @@ mod tests {
         let mut image = picture();
         image.channels[3].data[5] = f32::INFINITY;
         image.channels[3].data[6] = 1e-40;
-        let read = decode_exr(&encode_exr(&image, &texts()).unwrap()).unwrap();
+        let read = decode_exr(&encode_exr(&image, ExrOptions::default(), &texts()).unwrap()).unwrap();
         assert_eq!((read.bits, read.transfer), (32, Some(Transfer::None)));
         for channel in &image.channels {
             assert_eq!(read.image.channel(&channel.name).unwrap(), channel.data, "{}", channel.name);
         }
-        assert_eq!(decode_exr(&encode_exr_quickly(&image, &texts()).unwrap()).unwrap(), read);
+        let uncompressed = ExrOptions { uncompressed: true, ..ExrOptions::default() };
+        assert_eq!(decode_exr(&encode_exr(&image, uncompressed, &texts()).unwrap()).unwrap(), read);
         assert!(texts().iter().all(|text| read.metadata.contains(text)));
         assert!(read.metadata.iter().any(|(k, v)| k == "Software" && v.starts_with("Canaletto")));
     }
@@ -188,7 +233,7 @@ mod tests {
         image.channels[1].name = "水.X".into();
         let texts: Vec<_> =
             ["Grün", "水 😀", "a\nb\u{7f}", ""].map(|text| (format!("key {text}"), text.to_owned())).into();
-        let bytes = encode_exr(&image, &texts).unwrap();
+        let bytes = encode_exr(&image, ExrOptions::default(), &texts).unwrap();
         assert!(bytes.windows(5).any(|part| part == "Grün".as_bytes()));
         let read = decode_exr(&bytes).unwrap();
         assert!(texts.iter().all(|text| read.metadata.contains(text)), "{:?}", read.metadata);
@@ -202,10 +247,47 @@ mod tests {
     }
 
     #[test]
+    fn a_part_keeps_its_place_in_the_whole() {
+        let window = Window { at: [10, 5], whole: [640, 480] };
+        let options = ExrOptions { window: Some(window), ..ExrOptions::default() };
+        let bytes = encode_exr(&picture(), options, &[]).unwrap();
+        // As the format has them: xMin yMin xMax yMax, the last pixel included.
+        let box_of = |name: &str| {
+            let at = bytes.windows(name.len()).position(|part| part == name.as_bytes()).unwrap() + name.len() + 10;
+            [0, 4, 8, 12].map(|i| i32::from_le_bytes(bytes[at + i..at + i + 4].try_into().unwrap()))
+        };
+        assert_eq!((box_of("dataWindow\0"), box_of("displayWindow\0")), ([10, 5, 59, 44], [0, 0, 639, 479]));
+        assert_eq!(decode_exr(&bytes).unwrap().window, window);
+        let whole = decode_exr(&encode_exr(&picture(), ExrOptions::default(), &[]).unwrap()).unwrap();
+        assert_eq!(whole.window, Window::whole(50, 40));
+    }
+
+    #[test]
+    fn colours_may_be_half_floats_and_ids_whole_numbers() {
+        let mut image = picture();
+        image.channels[7].name = "object_id.X".into();
+        image.channels[7].data = (0..50 * 40).map(|i| i as f32).collect();
+        image.channels[0].data[3] = 1e9;
+        let options = ExrOptions { half: true, uint_ids: true, ..ExrOptions::default() };
+        let bytes = encode_exr(&image, options, &[]).unwrap();
+        let read = decode_exr(&bytes).unwrap().image;
+        let half = |v: f32| ex::f16::from_f32(v).to_f32();
+        assert_eq!(read.channel("G").unwrap()[7], half(image.channels[1].data[7]));
+        assert_eq!(read.channel("R").unwrap()[3], 65_504.0);
+        assert_eq!(read.channel("depth.Z").unwrap(), image.channels[3].data);
+        assert_eq!(read.channel("object_id.X").unwrap(), image.channels[7].data);
+        // Pixel types in the channel list: 0 UINT, 1 HALF, 2 FLOAT.
+        let kind = |name: &str| {
+            bytes[bytes.windows(name.len()).position(|part| part == name.as_bytes()).unwrap() + name.len()]
+        };
+        assert_eq!([kind("object_id.X\0"), kind("depth.Z\0"), kind("normal.X\0")], [0, 2, 2]);
+    }
+
+    #[test]
     fn bytes_are_the_same_for_any_number_of_threads() {
         let with = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| encode_exr(&picture(), &texts()).unwrap())
+            pool.install(|| encode_exr(&picture(), ExrOptions::default(), &texts()).unwrap())
         };
         assert!(with(1) == with(4) && with(4) == with(4));
     }
@@ -214,10 +296,12 @@ mod tests {
     fn what_is_wrong_is_told() {
         let mut image = picture();
         image.channels[1].name = "R".into();
-        assert_eq!(encode_exr(&image, &[]).unwrap_err().to_string(), "channel R is there twice");
+        assert_eq!(encode_exr(&image, ExrOptions::default(), &[]).unwrap_err().to_string(), "channel R is there twice");
         for name in ["", "a\0b", &"水".repeat(86)] {
             image.channels[1].name = name.into();
-            assert!(encode_exr(&image, &[]).unwrap_err().to_string().contains("can't be a name"));
+            assert!(
+                encode_exr(&image, ExrOptions::default(), &[]).unwrap_err().to_string().contains("can't be a name")
+            );
         }
         assert!(decode_exr(b"v/1\x01").is_err());
     }
@@ -226,7 +310,8 @@ mod tests {
     fn damage_never_panics() {
         let channels = picture().channels.into_iter().take(2);
         let small = channels.map(|c| Channel { name: c.name, data: c.data[..36].to_vec() }).collect();
-        let whole = encode_exr(&Image { width: 6, height: 6, channels: small }, &texts()[..1]).unwrap();
+        let whole =
+            encode_exr(&Image { width: 6, height: 6, channels: small }, ExrOptions::default(), &texts()[..1]).unwrap();
         for at in 0..whole.len() {
             for flip in [1, 0x80, 0xff] {
                 let mut bytes = whole.clone();

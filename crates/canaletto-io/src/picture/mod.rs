@@ -5,22 +5,26 @@ mod convolve;
 mod exr;
 mod flip;
 mod png;
+mod pnm;
+mod rest;
 mod ssim;
 mod temporary;
+mod texture;
 mod transfer;
 mod write;
 
-pub use self::exr::{decode_exr, encode_exr, encode_exr_quickly};
+pub use self::exr::{ExrOptions, decode_exr, encode_exr};
 pub(crate) use self::png::png_texts;
 pub use self::png::{Compression, Depth, PngSettings, decode_png, develop_png, encode_png};
-pub use compare::{Comparison, Difference, Unequal, compare, difference};
+pub use compare::{Comparison, Difference, Unequal, compare, difference, differing};
 pub use flip::{Flip, PIXELS_PER_DEGREE, flip};
+pub use rest::{ChannelDifference, RestDifference};
 pub use ssim::ssim;
 pub use temporary::sweep;
 pub use transfer::{decode_srgb, encode_srgb};
 pub use write::{AtomicFile, WriteError, WriteOptions, write_atomically};
 
-use crate::image::ImageError;
+use crate::image::{self, ImageError};
 use canaletto::scene::Transfer;
 
 /// The name of the program that its pictures carry, with its version.
@@ -94,13 +98,35 @@ pub struct Decoded {
     pub transfer: Option<Transfer>,
     /// Texts with their keys.
     pub metadata: Vec<(String, String)>,
+    /// Where the picture lies in a larger one.
+    pub window: Window,
+    /// The names of parts that can't be laid over the picture, since they have another size or place.
+    pub left_out: Vec<String>,
+    /// Whether the numbers are to be shown as they are, or after their curve; else they are linear light of any size.
+    pub display_referred: bool,
+}
+
+/// Where a picture lies in a larger one of which it is a part: OpenEXR's data window in its display window.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Window {
+    /// The column and the row of the upper left pixel in the whole.
+    pub at: [i32; 2],
+    /// The whole's width and height.
+    pub whole: [u32; 2],
+}
+
+impl Window {
+    /// A picture that is the whole.
+    pub fn whole(width: u32, height: u32) -> Window {
+        Window { at: [0, 0], whole: [width, height] }
+    }
 }
 
 /// Why a picture can't be read or written.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PictureError {
     /// The first bytes are of no known format.
-    #[error("it is neither a PNG nor an OpenEXR file")]
+    #[error("it is no picture that can be read: PNG, OpenEXR, JPEG, WebP, Radiance HDR and PPM can")]
     Unknown,
     /// The file is damaged, not supported or too large.
     #[error(transparent)]
@@ -120,7 +146,7 @@ impl PictureError {
 /// The largest number of pixels that is read.
 pub const MAX_PIXELS: u64 = canaletto::texture::Image::MAX_TEXELS;
 
-/// Reads a PNG or an OpenEXR picture.
+/// Reads a picture; its first bytes tell the format.
 ///
 /// # Errors
 /// [`PictureError`] says why not.
@@ -129,18 +155,20 @@ pub fn decode(bytes: &[u8]) -> Result<Decoded, PictureError> {
         decode_png(bytes)
     } else if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
         decode_exr(bytes)
+    } else if pnm::is_pnm(bytes) {
+        pnm::decode_pnm(bytes)
     } else {
-        Err(PictureError::Unknown)
+        match image::unpack(bytes) {
+            Ok((image, _)) => Ok(texture::picture(&image)),
+            Err(ImageError::Unknown) => Err(PictureError::Unknown),
+            Err(e) => Err(e.into()),
+        }
     }
 }
 
 /// The size that a PNG or an OpenEXR file announces, in pixels.
 pub fn announced_size(bytes: &[u8]) -> Option<[u32; 2]> {
-    if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
-        crate::image::png::size(bytes)
-    } else {
-        crate::image::exr::size(bytes)
-    }
+    if bytes.starts_with(b"\x89PNG\r\n\x1a\n") { image::png::size(bytes) } else { image::exr::size(bytes) }
 }
 
 /// Checks that every channel has a value for each pixel.

@@ -56,16 +56,16 @@ impl Aov {
         (Aov::Normal, "normal", &["X", "Y", "Z"]),
         (Aov::Position, "position", &["X", "Y", "Z"]),
         (Aov::Uv, "uv", &["U", "V"]),
-        (Aov::ObjectId, "object-id", &["id"]),
-        (Aov::MaterialId, "material-id", &["id"]),
+        (Aov::ObjectId, "object-id", &["X"]),
+        (Aov::MaterialId, "material-id", &["X"]),
         (Aov::Diffuse, "diffuse", &["R", "G", "B"]),
         (Aov::Specular, "specular", &["R", "G", "B"]),
         (Aov::Shadow, "shadow", &["R", "G", "B"]),
         (Aov::Ambient, "ambient", &["R", "G", "B"]),
         (Aov::Reflection, "reflection", &["R", "G", "B"]),
         (Aov::Refraction, "refraction", &["R", "G", "B"]),
-        (Aov::TreeDepth, "tree-depth", &["depth"]),
-        (Aov::Cost, "cost", &["rays"]),
+        (Aov::TreeDepth, "tree-depth", &["X"]),
+        (Aov::Cost, "cost", &["X"]),
     ];
 
     /// The layer of this name.
@@ -76,6 +76,11 @@ impl Aov {
     /// Its name.
     pub fn name(self) -> &'static str {
         Aov::ALL[self as usize].1
+    }
+
+    /// Whether it holds light, in red, green and blue.
+    pub fn is_light(self) -> bool {
+        self.channels() == ["R", "G", "B"]
     }
 
     /// The names of its channels.

@@ -2,7 +2,7 @@
 
 mod bands;
 
-use super::{Channel, Decoded, Image, PictureError, SOFTWARE, check, no_pixels};
+use super::{Channel, Decoded, Image, PictureError, SOFTWARE, Window, check, no_pixels};
 use crate::image::png::{Unpacked, unpack};
 use ::png::chunk::IDAT;
 use ::png::{BitDepth, ColorType, Encoder, ScaledFloat, SrgbRenderingIntent};
@@ -246,7 +246,8 @@ pub fn decode_png(bytes: &[u8]) -> Result<Decoded, PictureError> {
         names.iter().enumerate().map(|(i, name)| Channel { name: (*name).into(), data: shares(i) }).collect();
     let image = Image { width, height, channels };
     check(&image)?;
-    Ok(Decoded { image, bits, transfer, metadata: texts })
+    let window = Window::whole(image.width, image.height);
+    Ok(Decoded { image, bits, transfer, metadata: texts, window, left_out: Vec::new(), display_referred: true })
 }
 
 #[cfg(test)]

@@ -1,0 +1,103 @@
+//! The pictures that are compared.
+
+use crate::exit::Exit;
+use crate::failure::{Failure, reason};
+use crate::settings::list;
+use canaletto::scene::Transfer;
+use canaletto_io::picture::{Decoded, Image, PictureError, decode, decode_srgb, encode_srgb};
+use canaletto_io::text::nearest;
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+/// A picture from a file.
+pub(super) struct Input {
+    pub(super) decoded: Decoded,
+    /// Whether its numbers are a layer's that holds no colours.
+    pub(super) is_raw: bool,
+}
+
+/// The largest picture file that is read: more than the largest picture needs.
+const MAX_FILE: u64 = 8 << 30;
+
+/// Reads a picture and chooses the layer that is compared: its own colours, or the only ones that it has.
+pub(super) fn read(path: &Path, layer: Option<&str>) -> Result<Input, Failure> {
+    let failed = |why: String| Failure::new(Exit::Failed, format!("can't read {}: {why}", path.display()));
+    let mut file = File::open(path).map_err(|e| failed(reason(&e)))?;
+    // The first bytes tell what it is, before memory is taken for the rest: it may be a pipe, or a device without end.
+    let mut bytes = Vec::new();
+    file.by_ref().take(16).read_to_end(&mut bytes).map_err(|e| failed(reason(&e)))?;
+    if let Err(e @ PictureError::Unknown) = decode(&bytes) {
+        return Err(failed(e.to_string()));
+    }
+    file.take(MAX_FILE).read_to_end(&mut bytes).map_err(|e| failed(reason(&e)))?;
+    if bytes.len() as u64 > MAX_FILE {
+        return Err(failed(format!("it is larger than {}", crate::words::bytes(MAX_FILE))));
+    }
+    let decoded = decode(&bytes).map_err(|e| failed(e.to_string()))?;
+    drop(bytes);
+    let layer = match layer {
+        None if decoded.image.rgb().is_some() => return Ok(Input { decoded, is_raw: false }),
+        None => decoded.main_layer().ok_or_else(|| no_colors(path, &decoded))?,
+        Some(layer) => layer.to_owned(),
+    };
+    let is_raw = decoded.image.channel(&format!("{layer}.R")).is_none();
+    let layers = decoded.layers();
+    let decoded = decoded.with_layer(&layer).ok_or_else(|| no_layer(path, &layer, &layers))?;
+    Ok(Input { decoded, is_raw })
+}
+
+fn no_colors(path: &Path, decoded: &Decoded) -> Failure {
+    let names: Vec<&str> = decoded.image.channels.iter().map(|channel| channel.name.as_str()).collect();
+    let message = format!("{} has no channels R G B or Y; it has {}", path.display(), list(&names));
+    Failure::new(Exit::Failed, message)
+        .help("choose what is compared with --layer NAME, the part of a channel before its last point")
+}
+
+fn no_layer(path: &Path, layer: &str, layers: &[String]) -> Failure {
+    let names: Vec<&str> = layers.iter().map(String::as_str).collect();
+    let failure = Failure::new(Exit::Failed, format!("{} has no layer \"{layer}\"", path.display()));
+    match nearest(layer, names.iter().copied()) {
+        Some(near) => failure.help(format!("did you mean \"{near}\"?")),
+        None => failure.help(format!("its layers are: {}", list(&names))),
+    }
+}
+
+impl Input {
+    /// How a PNG's numbers are encoded, if it tells; our own always do.
+    pub(super) fn curve(&self) -> Option<Transfer> {
+        if !self.decoded.display_referred {
+            return None;
+        }
+        let text = self.decoded.metadata.iter().find(|(key, _)| key == "transfer").map(|(_, value)| value.as_str());
+        match text {
+            Some("none") => Some(Transfer::None),
+            Some("srgb") => Some(Transfer::Srgb),
+            _ => self.decoded.transfer,
+        }
+    }
+
+    /// The largest number that a PNG holds.
+    pub(super) fn steps(&self) -> Option<f32> {
+        self.decoded.display_referred.then_some(if self.decoded.bits > 8 { 65535.0 } else { 255.0 })
+    }
+
+    /// The picture as it is seen; an EXR in as many steps as the PNG it is compared with.
+    pub(super) fn seen(&self, curve: Transfer, steps: Option<f32>) -> Image {
+        let image = self.decoded.image.clone();
+        if self.decoded.display_referred {
+            return image;
+        }
+        image.map_color(|v| {
+            let v = if v.is_nan() { v } else { v.clamp(0.0, 1.0) };
+            let v = if curve == Transfer::Srgb { encode_srgb(v) } else { v };
+            steps.map_or(v, |steps| (v * steps).round() / steps)
+        })
+    }
+
+    /// The picture in linear light.
+    pub(super) fn linear(self, curve: Transfer) -> Image {
+        let Decoded { image, display_referred, .. } = self.decoded;
+        if !display_referred || curve == Transfer::None { image } else { image.map_color(decode_srgb) }
+    }
+}

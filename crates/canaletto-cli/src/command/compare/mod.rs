@@ -1,0 +1,264 @@
+//! `canaletto compare`: how much two pictures differ.
+
+mod input;
+mod told;
+
+use crate::exit::Exit;
+use crate::failure::Failure;
+use crate::flags::TransferFlag;
+use crate::output::{replaced, unfit, write_file};
+use crate::stdout::{print, print_json};
+use canaletto::scene::Transfer;
+use canaletto_io::assets::FileId;
+use canaletto_io::picture::{
+    Comparison, Depth, ExrOptions, Image, PIXELS_PER_DEGREE, RestDifference, Unequal, compare, difference, differing,
+    encode_exr, encode_png,
+};
+use canaletto_io::text::nearest;
+use clap::Args;
+use input::read;
+use std::path::{Path, PathBuf};
+use told::Told;
+
+/// Compares two pictures: RMSE, PSNR, the largest difference and where it is, SSIM, FLIP; and all that they have besides colours.
+///
+/// PNG, OpenEXR, JPEG, WebP, Radiance HDR and PPM can be read. Pictures are compared as they are seen, with values from 0
+/// to 1. A PNG is taken as it is stored. An EXR is cut to 0 to 1, given the curve of the PNG it is compared with (sRGB if that
+/// says nothing, or if both are EXR) and rounded to its bits. Pictures are equal if alpha, layers, their place in a larger
+/// picture and declared curves are equal, too; what only one of them has is named.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct CompareFlags {
+    /// The one picture: the reference
+    #[arg(value_name = "A")]
+    pub a: PathBuf,
+
+    /// The other picture
+    #[arg(value_name = "B")]
+    pub b: PathBuf,
+
+    /// Exit code 4 if the pictures differ by more; may be repeated
+    ///
+    /// METRIC is rmse, mse, max, flip or differing (pixels), which may not be larger, or psnr or ssim, which may not be
+    /// smaller. Pixels differ in their colours, their alpha or a layer that both pictures have; the others are of colours.
+    #[arg(short, long, value_name = "METRIC=VALUE", value_parser = threshold)]
+    pub threshold: Vec<Threshold>,
+
+    /// Writes a picture of the differences, PNG or EXR
+    #[arg(long, value_name = "PATH")]
+    pub diff: Option<PathBuf>,
+
+    /// Multiplies the differences in a PNG [default: what makes the largest white]
+    #[arg(long, value_name = "FACTOR", requires = "diff", value_parser = factor)]
+    pub diff_scale: Option<f32>,
+
+    /// Compares this layer of both pictures instead of their colours, such as normal or ViewLayer.Combined
+    ///
+    /// Layers of red, green and blue are compared as colours; others number by number, without SSIM and FLIP.
+    #[arg(long, value_name = "NAME")]
+    pub layer: Option<String>,
+
+    /// Compares linear light: an EXR as it is, a PNG without its curve; SSIM and FLIP stay as they are seen
+    #[arg(long)]
+    pub linear: bool,
+
+    /// The curve of pictures that don't tell theirs
+    #[arg(long, value_name = "CURVE", default_value = "srgb")]
+    pub transfer: TransferFlag,
+
+    /// Prints JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  canaletto compare old.png new.png --diff diff.png
+  canaletto compare a.exr b.exr --linear --threshold rmse=0.001 --threshold max=0.1
+  canaletto compare a.exr b.exr --layer depth --threshold differing=0
+  canaletto compare a.png b.png --json | jq .flip";
+
+/// A limit for a metric.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Threshold {
+    metric: Metric,
+    limit: f64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Metric {
+    Rmse,
+    Mse,
+    Psnr,
+    Max,
+    Differing,
+    Ssim,
+    Flip,
+}
+
+impl Metric {
+    const ALL: [(Metric, &'static str); 7] = [
+        (Metric::Rmse, "rmse"),
+        (Metric::Mse, "mse"),
+        (Metric::Psnr, "psnr"),
+        (Metric::Max, "max"),
+        (Metric::Differing, "differing"),
+        (Metric::Ssim, "ssim"),
+        (Metric::Flip, "flip"),
+    ];
+
+    fn name(self) -> &'static str {
+        Metric::ALL[self as usize].1
+    }
+
+    /// Whether larger numbers mean that pictures are more alike.
+    fn rises(self) -> bool {
+        matches!(self, Metric::Psnr | Metric::Ssim)
+    }
+
+    fn of(self, result: &Comparison) -> Option<f64> {
+        Some(match self {
+            Metric::Rmse => result.rmse,
+            Metric::Mse => result.mse,
+            Metric::Psnr => result.psnr,
+            Metric::Max => result.max.value,
+            Metric::Differing => result.differing as f64,
+            Metric::Ssim => return result.ssim,
+            Metric::Flip => result.flip,
+        })
+    }
+}
+
+fn threshold(text: &str) -> Result<Threshold, String> {
+    let (name, value) = text.split_once('=').ok_or("write a metric and a number with = between, such as rmse=0.01")?;
+    let names = Metric::ALL.map(|(_, name)| name);
+    let metric = Metric::ALL.iter().find(|(_, n)| *n == name).map(|(metric, _)| *metric).ok_or_else(|| {
+        nearest(name, names)
+            .map_or_else(|| format!("the metrics are {}", names.join(", ")), |near| format!("did you mean {near}?"))
+    })?;
+    let limit: f64 = value.parse().map_err(|_| format!("\"{value}\" isn't a number"))?;
+    if limit.is_nan() { Err("the limit isn't a number".into()) } else { Ok(Threshold { metric, limit }) }
+}
+
+fn factor(text: &str) -> Result<f32, String> {
+    let factor = text.parse().ok().filter(|factor: &f32| factor.is_finite() && *factor > 0.0);
+    factor.ok_or_else(|| "write a number that is more than 0".into())
+}
+
+/// Runs the command.
+pub(crate) fn run(flags: &CompareFlags) -> Result<Exit, Failure> {
+    if let Some(diff) = &flags.diff
+        && let Ok(file) = FileId::of(diff)
+        && [&flags.a, &flags.b].iter().any(|input| FileId::of(input).is_ok_and(|input| input == file))
+    {
+        return Err(replaced("--diff", diff));
+    }
+    let (a, b) = (read(&flags.a, flags.layer.as_deref())?, read(&flags.b, flags.layer.as_deref())?);
+    let wrong =
+        |e: Unequal| Failure::new(Exit::Failed, format!("{} and {}: {e}", flags.a.display(), flags.b.display()));
+    let same_size = (a.decoded.image.width, a.decoded.image.height) == (b.decoded.image.width, b.decoded.image.height);
+    let rest = if same_size && flags.layer.is_none() {
+        RestDifference::of(&a.decoded, &b.decoded)
+    } else {
+        RestDifference::default()
+    };
+    let (curve_a, curve_b) = (a.curve(), b.curve());
+    let default = flags.transfer.into();
+    let raw = a.is_raw || b.is_raw;
+    let (seen_a, seen_b) = if raw {
+        (a.decoded.image.clone(), b.decoded.image.clone())
+    } else {
+        let seen_a = a.seen(curve_a.or(curve_b).unwrap_or(default), b.steps());
+        (seen_a, b.seen(curve_b.or(curve_a).unwrap_or(default), a.steps()))
+    };
+    let mut result = compare(&seen_a, &seen_b, PIXELS_PER_DEGREE).map_err(wrong)?;
+    let left_out = [a.decoded.left_out.clone(), b.decoded.left_out.clone()];
+    let (compared_a, compared_b) = if flags.linear && !raw {
+        let pair = (a.linear(curve_a.unwrap_or(default)), b.linear(curve_b.unwrap_or(default)));
+        let light = compare(&pair.0, &pair.1, PIXELS_PER_DEGREE).map_err(wrong)?;
+        result = Comparison { ssim: result.ssim, flip: result.flip, ..light };
+        pair
+    } else {
+        (seen_a, seen_b)
+    };
+    let scale = match &flags.diff {
+        Some(path) => Some(write_difference(flags, path, &compared_a, &compared_b, result.max.value)?),
+        None => None,
+    };
+    let colors_differ = result.differing > 0;
+    result.differing = differing(&compared_a, &compared_b, &rest.pixels).map_err(wrong)?;
+    let told = Told { flags, result, rest, left_out, colors_differ, raw, image: &compared_a };
+    let exceeded = exceeded(&flags.threshold, &told)?;
+    if flags.json {
+        print_json(&told.json(&exceeded))?;
+    } else {
+        print(&told.text())?;
+        if let (Some(path), Some(scale)) = (&flags.diff, scale) {
+            print(&format!("diff       {}, differences x {scale}\n", path.display()))?;
+        }
+        for Threshold { metric, limit } in &exceeded {
+            let side = if metric.rises() { "under" } else { "over" };
+            print(&format!("{} is {side} the threshold {limit}\n", metric.name()))?;
+        }
+    }
+    Ok(if exceeded.is_empty() { Exit::Done } else { Exit::Threshold })
+}
+
+fn exceeded<'a>(thresholds: &'a [Threshold], told: &Told) -> Result<Vec<&'a Threshold>, Failure> {
+    let mut list = Vec::new();
+    for threshold in thresholds {
+        if told.raw && matches!(threshold.metric, Metric::Ssim | Metric::Flip | Metric::Psnr) {
+            let name = threshold.metric.name();
+            return Err(Failure::usage(format!("--threshold {name}: the layer has numbers, not colours"))
+                .help("take rmse, mse, max or differing"));
+        }
+        let value = threshold.metric.of(&told.result).ok_or_else(|| {
+            Failure::usage("--threshold ssim: the pictures are smaller than its window of 11 x 11 pixels")
+        })?;
+        let holds = if threshold.metric.rises() { value >= threshold.limit } else { value <= threshold.limit };
+        if !holds {
+            list.push(threshold);
+        }
+    }
+    Ok(list)
+}
+
+/// Writes the picture of differences; returns the factor it was made with.
+fn write_difference(flags: &CompareFlags, path: &Path, a: &Image, b: &Image, max: f64) -> Result<f32, Failure> {
+    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+    let exr = match extension.as_deref() {
+        Some("exr") => true,
+        Some("png") => false,
+        _ => return Err(Failure::usage(format!("--diff {}: end the name in .png or .exr", path.display()))),
+    };
+    let largest = if max > 0.0 && max.is_finite() { (1.0 / max) as f32 } else { 1.0 };
+    let scale = flags.diff_scale.unwrap_or(if exr { 1.0 } else { largest });
+    let image = difference(a, b, scale).map_err(|e| Failure::new(Exit::Failed, e))?;
+    let texts = [("scale".to_owned(), scale.to_string())];
+    let bytes = if exr {
+        encode_exr(&image, ExrOptions::default(), &texts)
+    } else {
+        encode_png(&image, Depth::Eight, Transfer::None, &texts)
+    };
+    write_file(path, &bytes.map_err(|e| unfit(&e))?)?;
+    Ok(scale)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn metrics_are_in_order() {
+        for (index, (metric, name)) in Metric::ALL.iter().enumerate() {
+            assert_eq!((*metric as usize, metric.name()), (index, *name));
+        }
+    }
+
+    #[test]
+    fn thresholds_are_told_apart() {
+        assert_eq!(threshold("rmse=0.01"), Ok(Threshold { metric: Metric::Rmse, limit: 0.01 }));
+        assert_eq!(threshold("pnsr=30").unwrap_err(), "did you mean psnr?");
+        assert!(threshold("rmse").is_err() && threshold("rmse=x").is_err() && threshold("max=nan").is_err());
+    }
+}

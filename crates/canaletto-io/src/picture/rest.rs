@@ -1,0 +1,232 @@
+//! What two pictures differ in besides their colours: alpha, layers, places and declared curves.
+
+use super::compare::distance;
+use super::{Channel, Decoded, Image, Window};
+use canaletto::scene::Transfer;
+use std::collections::BTreeSet;
+
+/// How much a channel of two pictures differs.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct ChannelDifference {
+    /// The channel's name, such as `A` or `depth.Z`.
+    pub channel: String,
+    /// How many pixels differ.
+    pub differing: u64,
+    /// The largest difference.
+    pub max: f64,
+    /// The column and the row of the first pixel that differs so much.
+    pub at: [u32; 2],
+}
+
+/// Differences besides those of red, green and blue.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RestDifference {
+    /// Channels that both have and that differ. A picture without alpha is opaque.
+    pub channels: Vec<ChannelDifference>,
+    /// Channels that only one of them has.
+    pub only: [Vec<String>; 2],
+    /// Their places in a larger picture, if they differ.
+    pub windows: Option<[Window; 2]>,
+    /// The curves that both declare, if they differ.
+    pub curves: Option<[Transfer; 2]>,
+    /// Which pixels differ in any of the channels, the top row first.
+    pub pixels: Vec<bool>,
+}
+
+impl RestDifference {
+    /// Compares what two pictures of one size hold besides colours.
+    pub fn of(a: &Decoded, b: &Decoded) -> RestDifference {
+        let opaque = |image: &Image| Channel { name: "A".into(), data: vec![1.0; image.pixels()] };
+        let has_alpha = a.image.channel("A").is_some() || b.image.channel("A").is_some();
+        let pixels = vec![false; a.image.pixels()];
+        let mut rest = RestDifference { pixels, ..RestDifference::default() };
+        for channel in others(&a.image) {
+            match b.image.channel(&channel.name) {
+                Some(other) => rest.add(a.image.width, &channel.name, &channel.data, other),
+                None => rest.only[0].push(channel.name.clone()),
+            }
+        }
+        let in_b = others(&b.image).filter(|channel| a.image.channel(&channel.name).is_none());
+        rest.only[1].extend(in_b.map(|channel| channel.name.clone()));
+        if has_alpha {
+            let [alpha_a, alpha_b] = [&a.image, &b.image]
+                .map(|image| image.channel("A").map_or_else(|| opaque(image).data, <[f32]>::to_vec));
+            rest.add(a.image.width, "A", &alpha_a, &alpha_b);
+        }
+        // Only scene-referred files tell where a part lies.
+        let placed = !a.display_referred && !b.display_referred;
+        rest.windows = (placed && a.window != b.window).then_some([a.window, b.window]);
+        rest.curves = match (a.transfer, b.transfer) {
+            (Some(curve_a), Some(curve_b)) if curve_a != curve_b && a.display_referred == b.display_referred => {
+                Some([curve_a, curve_b])
+            }
+            _ => None,
+        };
+        rest
+    }
+
+    /// Whether there are none.
+    pub fn is_none(&self) -> bool {
+        self.channels.is_empty()
+            && self.only.iter().all(Vec::is_empty)
+            && self.windows.is_none()
+            && self.curves.is_none()
+    }
+
+    fn add(&mut self, width: u32, name: &str, a: &[f32], b: &[f32]) {
+        let mut found = ChannelDifference { channel: name.into(), differing: 0, max: 0.0, at: [0, 0] };
+        for (index, (differs, (va, vb))) in self.pixels.iter_mut().zip(a.iter().zip(b)).enumerate() {
+            let value = distance(*va, *vb);
+            if value > 0.0 {
+                *differs = true;
+                found.differing += 1;
+            }
+            if value > found.max {
+                found.max = value;
+                found.at = [index as u32 % width, index as u32 / width];
+            }
+        }
+        if found.differing > 0 {
+            self.channels.push(found);
+        }
+    }
+}
+
+/// The channels that hold neither the picture's colours nor its alpha.
+fn others(image: &Image) -> impl Iterator<Item = &Channel> {
+    image.channels.iter().filter(|channel| !["R", "G", "B", "Y", "A"].contains(&channel.name.as_str()))
+}
+
+impl Decoded {
+    /// The layers whose channels can be looked at as a picture, by name, as in `NAME.R`. The picture's own colours are no layer.
+    pub fn layers(&self) -> Vec<String> {
+        let named = self.image.channels.iter().filter_map(|channel| channel.name.rsplit_once('.'));
+        named.map(|(layer, _)| layer.to_owned()).collect::<BTreeSet<_>>().into_iter().collect()
+    }
+
+    /// The same picture with the channels of a layer as its colours: `R G B A` stay, `X Y Z` and others become red, green and
+    /// blue in their order, and a single one becomes grey. `None` if there is no such layer.
+    #[must_use]
+    pub fn with_layer(mut self, layer: &str) -> Option<Decoded> {
+        let inner = |channel: &Channel| Some(channel.name.strip_prefix(layer)?.strip_prefix('.')?.to_owned());
+        let mut own: Vec<(String, Channel)> = Vec::new();
+        self.image.channels.retain(|channel| match inner(channel).filter(|name| !name.contains('.')) {
+            Some(name) => {
+                own.push((name, channel.clone()));
+                false
+            }
+            None => true,
+        });
+        if own.is_empty() {
+            return None;
+        }
+        // Whatever was taken for colours before stays as a layer of its own.
+        self.image.channels.retain(|channel| channel.name.contains('.'));
+        let is_color = own.iter().any(|(name, _)| name == "R");
+        // Files have their channels in the order of the alphabet: B G R, and U V, X Y Z.
+        own.sort_by(|(a, _), (b, _)| a.cmp(b));
+        let names: &[&str] = match own.len() {
+            1 => &["Y"],
+            _ => &["R", "G", "B", "A"],
+        };
+        let mut next = names.iter();
+        for (name, channel) in own {
+            let name = if is_color { Some(name) } else { next.next().map(|name| (*name).to_owned()) };
+            if let Some(name) = name {
+                self.image.channels.push(Channel { name, data: channel.data });
+            }
+        }
+        if !is_color && self.image.rgb().is_none() {
+            let zeros = vec![0.0; self.image.pixels()];
+            for name in ["G", "B"] {
+                if self.image.channel(name).is_none() {
+                    self.image.channels.push(Channel { name: name.into(), data: zeros.clone() });
+                }
+            }
+        }
+        Some(self)
+    }
+
+    /// The layer whose colours stand for a picture that has none of its own: the only one with red, green and blue, or the
+    /// one that programs call the beauty.
+    pub fn main_layer(&self) -> Option<String> {
+        let has = |layer: &str, name: &str| self.image.channel(&format!("{layer}.{name}")).is_some();
+        let mut colored: Vec<String> = self.layers();
+        colored.retain(|layer| has(layer, "R") && has(layer, "G") && has(layer, "B"));
+        let beauty = |layer: &&String| {
+            let last = layer.rsplit('.').next().unwrap_or_default().to_lowercase();
+            ["combined", "rgba", "rgb", "beauty"].contains(&last.as_str())
+        };
+        match &colored[..] {
+            [only] => Some(only.clone()),
+            all => all.iter().find(beauty).cloned(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn decoded(channels: &[(&str, f32)]) -> Decoded {
+        let channels = channels.iter().map(|(name, v)| Channel { name: (*name).into(), data: vec![*v; 4] }).collect();
+        Decoded {
+            image: Image { width: 2, height: 2, channels },
+            bits: 32,
+            transfer: Some(Transfer::None),
+            metadata: Vec::new(),
+            window: Window::whole(2, 2),
+            left_out: Vec::new(),
+            display_referred: false,
+        }
+    }
+
+    const RGB: [(&str, f32); 3] = [("R", 0.1), ("G", 0.2), ("B", 0.3)];
+
+    #[test]
+    fn alpha_layers_places_and_curves_are_told() {
+        let plain = decoded(&RGB);
+        assert!(RestDifference::of(&plain, &plain).is_none());
+        let opaque = decoded(&[&RGB[..], &[("A", 1.0)]].concat());
+        assert!(RestDifference::of(&plain, &opaque).is_none(), "a picture without alpha is opaque");
+        let mut half = opaque.clone();
+        half.image.channels[3].data[3] = 0.5;
+        let rest = RestDifference::of(&plain, &half);
+        assert_eq!(rest.channels, [ChannelDifference { channel: "A".into(), differing: 1, max: 0.5, at: [1, 1] }]);
+        let near = decoded(&[&RGB[..], &[("depth.Z", 1.0)]].concat());
+        let far = decoded(&[&RGB[..], &[("depth.Z", 2.0), ("uv.U", 0.0)]].concat());
+        let rest = RestDifference::of(&near, &far);
+        assert_eq!(
+            (rest.channels[0].channel.as_str(), &rest.pixels[..], rest.channels[0].max),
+            ("depth.Z", &[true; 4][..], 1.0)
+        );
+        assert_eq!(rest.only, [vec![], vec!["uv.U".to_owned()]]);
+        let moved = Decoded { window: Window { at: [1, 0], whole: [4, 4] }, ..plain.clone() };
+        assert_eq!(RestDifference::of(&plain, &moved).windows, Some([plain.window, moved.window]));
+        let srgb = Decoded { transfer: Some(Transfer::Srgb), ..plain.clone() };
+        assert_eq!(RestDifference::of(&plain, &srgb).curves, Some([Transfer::None, Transfer::Srgb]));
+    }
+
+    #[test]
+    fn layers_become_pictures() {
+        let blender = decoded(&[
+            ("ViewLayer.Combined.A", 1.0),
+            ("ViewLayer.Combined.B", 0.3),
+            ("ViewLayer.Combined.G", 0.2),
+            ("ViewLayer.Combined.R", 0.1),
+            ("ViewLayer.Depth.Z", 7.0),
+            ("ViewLayer.DiffCol.B", 0.0),
+            ("ViewLayer.DiffCol.G", 0.0),
+            ("ViewLayer.DiffCol.R", 0.0),
+        ]);
+        assert_eq!(blender.main_layer().as_deref(), Some("ViewLayer.Combined"));
+        let red = |layer: &str| blender.clone().with_layer(layer).map(|d| d.image.rgb().unwrap().map(|c| c[0]));
+        assert_eq!(red("ViewLayer.Combined"), Some([0.1, 0.2, 0.3]));
+        assert_eq!(red("ViewLayer.Depth"), Some([7.0; 3]));
+        assert_eq!((red("ViewLayer"), red("Depth")), (None, None));
+        let normal = decoded(&[("n.X", 1.0), ("n.Y", 2.0), ("n.Z", 3.0), ("uv.U", 4.0), ("uv.V", 5.0)]);
+        let of = |layer: &str| normal.clone().with_layer(layer).unwrap().image.rgb().unwrap().map(|c| c[0]);
+        assert_eq!((of("n"), of("uv")), ([1.0, 2.0, 3.0], [4.0, 5.0, 0.0]));
+        assert_eq!(normal.layers(), ["n", "uv"]);
+    }
+}
