@@ -32,7 +32,11 @@ pub(crate) fn is_complete(file: &Path, job: &Job, output: &Output, texts: &[(Str
     // One of another size isn't unpacked.
     let fits = |bytes: &Vec<u8>| announced_size(bytes) == Some([width, height]);
     let Some(picture) = bytes.filter(fits).and_then(|bytes| decode(&bytes).ok()) else { return false };
-    let bits = if output.format == Format::Exr { 32 } else { output.png.depth.bits() };
+    let bits = match output.format {
+        Format::Exr if output.half && job.aovs.iter().all(|aov| aov.is_light()) => 16,
+        Format::Exr => 32,
+        _ => output.png.depth.bits(),
+    };
     let mut channels: Vec<&str> = picture.image.channels.iter().map(|channel| channel.name.as_str()).collect();
     channels.sort_unstable();
     names.sort_unstable();

@@ -54,6 +54,16 @@ impl Failure {
         }
     }
 
+    /// The same failure, which says at which frame it happens.
+    pub(crate) fn at_frame(mut self, frame: u32) -> Failure {
+        match &mut self {
+            Failure::Message { message, .. } => *message += &format!(" (at frame {frame})"),
+            Failure::Diagnostics(all) => all.map_messages(|message| format!("{message} (at frame {frame})")),
+            Failure::Said(_) => {}
+        }
+        self
+    }
+
     pub(crate) fn exit(&self) -> Exit {
         match self {
             Failure::Message { exit, .. } | Failure::Said(exit) => *exit,

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 /// Which scene.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct SourceFlags {
-    /// The scene (.kdl), or a model to look at as it is (.obj, .ply, .nff)
+    /// The scene (.kdl), a model to look at as it is (.obj, .ply, .nff), or - for a scene text on the standard input
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
 

@@ -17,7 +17,7 @@ With PNG every layer of --aov is a file of its own, name.LAYER.png, and its numb
   object-id, material-id a colour of its own for each number; black is the background
   tree-depth, cost       grey, white is the picture's largest
   the others             light, developed as the picture (--tone, --transfer)
-With EXR all layers are channels of the one file, as they are: normal.X, depth.Z, ...";
+With EXR all layers are channels of the one file, as they are: normal.X, depth.Z, object_id.X, ...";
 
 /// A layer as a displayable picture, with how its values are encoded.
 pub(crate) fn to_image(layer: &Layer, picture: &Picture, film: &FilmSettings, bounds: &Aabb) -> (Image, Transfer) {
@@ -65,7 +65,8 @@ pub(crate) fn channel_names(aovs: &[Aov]) -> Vec<String> {
 }
 
 fn channel_name(layer: &str, channel: &str) -> String {
-    format!("{layer}.{channel}")
+    // Blender and Nuke take letters, digits and underscores for a layer's name.
+    format!("{}.{channel}", layer.replace('-', "_"))
 }
 
 fn rgb_image(picture: &Picture, pixels: &[Rgb]) -> Image {

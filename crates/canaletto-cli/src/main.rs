@@ -3,6 +3,7 @@
 //! [`command`] has a file for each subcommand; flags that several share are in [`flags`], and [`settings`] is the one
 //! place that says what they mean. Every failure is a [`failure::Failure`], said once, here.
 #![forbid(unsafe_code)]
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
 mod command;
 mod complete;

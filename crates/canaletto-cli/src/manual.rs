@@ -23,9 +23,9 @@ With `--progress json` stderr carries one JSON object per line, each with its ki
 | event | when | fields |
 |---|---|---|
 | `diagnostics` | the scene is read, and there are warnings | `diagnostics`: a list of `severity`, `message`, `file`, `bytes`, `start`, `end`, `label`, `help` |
-| `plan` | with `--dry-run`, in place of all that follow | `scene`, `camera`, `size`, `frames`, `files`, `census`, `memory` (bytes: `world`, `picture`, `peak`) |
+| `plan` | with `--dry-run`, in place of all that follow | `version`, `scene`, `camera`, `size`, `frames`, `files`, `census`, `memory` (bytes: `world`, `picture`, `peak`) |
 | `skipped` | a frame is complete already | `frame`, `files` |
-| `start` | a frame begins | `scene`, `camera`, `frame`, `frames` (first and last), `frames_done`, `frames_total`, `size`, `pixels`, `threads`, `files` |
+| `start` | a frame begins | `version`, `scene`, `camera`, `frame`, `frames` (first and last), `frames_done`, `frames_total`, `size`, `pixels`, `threads`, `files` |
 | `progress` | at most five times a second | `frame`, `pixels_done`, `pixels`, `percent`, `rays`, `rays_per_second`, `seconds`, `seconds_left`, `frames_done`, `frames_total`, `seconds_left_in_all` |
 | `done` | a frame is written | `frame`, `complete` (false if interrupted: `files` are parts then), `pixels_done`, `pixels`, `files`, `size`, `primitives`, `hierarchies` over meshes and clouds (`kept` from the frame before, `refitted`, `built`), `rays` (by kind: `traced`, `hit`), `rays_total`, `rays_per_second`, `threads`, `seconds` (`read`, `build`, `render`, `write`) |
 | `interrupted` | a film was stopped, and the frames so far are kept beside it | `frames`: their number, `files` |

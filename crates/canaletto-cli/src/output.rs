@@ -4,6 +4,7 @@ use crate::digest::Digest;
 use crate::exit::Exit;
 use crate::failure::{Failure, reason};
 use crate::part::{free_for_part, remove_part};
+use crate::stdout::check_open;
 use canaletto::render::Job;
 use canaletto_io::movie::{MovieError, MovieFormat, find_ffmpeg};
 use canaletto_io::picture::{
@@ -29,17 +30,31 @@ pub(crate) struct OutputFlags {
     #[arg(long, value_name = "FORMAT", help_heading = "Output")]
     pub format: Option<Format>,
 
-    /// Bits of each number in a PNG [default: 8]; an EXR always has 32-bit floats
-    #[arg(long, value_name = "BITS", value_parser = ["8", "16"], help_heading = "Output")]
+    /// Bits of each number: 8 or 16 in a PNG [default: 8], 16 or 32 of colours in an EXR [default: 32]
+    ///
+    /// With 16, an EXR has its colours in half floats; depths, normals, positions and ids keep 32 bits.
+    #[arg(long, value_name = "BITS", value_parser = ["8", "16", "32"], help_heading = "Output")]
     pub bits: Option<String>,
 
     /// How much time is spent on a small PNG or APNG [default: default]; its pixels are the same with each
     #[arg(long, value_name = "HOW", help_heading = "Output")]
     pub compression: Option<CompressionFlag>,
+    /// Writes the layers object-id and material-id of an EXR as whole numbers (UINT) instead of floats
+    #[arg(long, help_heading = "Output")]
+    pub uint_ids: bool,
 
     /// Fails rather than replace a file
     #[arg(long, help_heading = "Output")]
     pub no_clobber: bool,
+}
+
+impl OutputFlags {
+    /// The name of the picture of a scene that is called `stem`. `numbered`: frames were asked for.
+    pub(crate) fn default_name(&self, stem: &str, numbered: bool) -> PathBuf {
+        let format = self.format.unwrap_or(Format::Png);
+        let number = if numbered && format.film().is_none() { ".####" } else { "" };
+        PathBuf::from(format!("{stem}{number}.{}", format.extension()))
+    }
 }
 
 /// How hard a PNG is compressed.
@@ -120,6 +135,10 @@ pub(crate) struct Output {
     pattern: PathBuf,
     pub format: Format,
     pub png: PngSettings,
+    /// Whether the colours of an EXR are half floats.
+    pub half: bool,
+    /// Whether the ids of an EXR are whole numbers.
+    pub uint_ids: bool,
     no_clobber: bool,
     /// Whether a power cut may take nothing that was written: where there are frames, of which many were finished before.
     durable: bool,
@@ -130,11 +149,7 @@ pub(crate) struct Output {
 impl Output {
     /// What the flags mean; `stem` is the scene's name. `numbered`: frames were asked for; `many`: more than one.
     pub(crate) fn new(flags: &OutputFlags, stem: &str, numbered: bool, many: bool) -> Result<Output, Failure> {
-        let pattern = flags.output.clone().unwrap_or_else(|| {
-            let format = flags.format.unwrap_or(Format::Png);
-            let number = if numbered && format.film().is_none() { ".####" } else { "" };
-            PathBuf::from(format!("{stem}{number}.{}", format.extension()))
-        });
+        let pattern = flags.output.clone().unwrap_or_else(|| flags.default_name(stem, numbered));
         let to_stdout = pattern == Path::new("-");
         let extension = pattern.extension().map(|e| e.to_string_lossy().to_lowercase());
         let known = Format::ALL.iter().find(|(_, name, _)| extension.as_deref() == Some(*name));
@@ -170,21 +185,27 @@ impl Output {
             }
             _ => {}
         }
-        if format != Format::Png && flags.bits.is_some() {
-            return Err(Failure::usage(match format {
-                Format::Exr => "--bits is for PNG; an EXR always has 32-bit floats",
-                _ => "--bits is for PNG; a film always has 8 bits",
-            }));
+        let bits = flags.bits.as_deref();
+        match (format, bits) {
+            (Format::Png, Some("32")) => return Err(Failure::usage("--bits 32: a PNG has 8 or 16 bits")),
+            (Format::Exr, Some("8")) => return Err(Failure::usage("--bits 8: an EXR has 16 or 32 bits")),
+            (Format::Png | Format::Exr, _) | (_, None) => {}
+            (_, Some(_)) => return Err(Failure::usage("--bits is for PNG and EXR; a film always has 8 bits")),
         }
         if !matches!(format, Format::Png | Format::Apng) && flags.compression.is_some() {
             return Err(Failure::usage("--compression is for PNG and APNG"));
         }
+        if flags.uint_ids && format != Format::Exr {
+            return Err(Failure::usage(format!("--uint-ids is for EXR; {format} has no numbers in its layers")));
+        }
+        let (half, uint_ids) = (format == Format::Exr && bits == Some("16"), flags.uint_ids);
         let depth = if flags.bits.as_deref() == Some("16") { Depth::Sixteen } else { Depth::Eight };
         let compression = flags.compression.map_or(Compression::Default, Into::into);
         let png = PngSettings { depth, compression };
         let durable = numbered || format.film().is_some();
         let numbered = numbered && format.film().is_none();
-        Ok(Output { pattern, format, png, no_clobber: flags.no_clobber, durable, numbered })
+        let no_clobber = flags.no_clobber;
+        Ok(Output { pattern, format, png, half, uint_ids, no_clobber, durable, numbered })
     }
 
     /// The file of a frame; `-` for the standard output.
@@ -210,7 +231,8 @@ impl Output {
         // Layers of a PNG are in files of their own, and tiles and the frame's number change nothing that isn't told.
         let aovs = if self.format == Format::Exr { job.aovs.clone() } else { Vec::new() };
         let job = Job { aovs, tile: 0, frame: 0, ..job.clone() };
-        digest.with(&texts).with(&job).with(&self.format).with(&self.png.depth)
+        let digest = digest.with(&texts).with(&job).with(&self.format).with(&self.png.depth);
+        digest.with(&(self.half, self.uint_ids))
     }
 
     /// How files are written.
@@ -225,6 +247,7 @@ impl Output {
     /// Finds out before rendering what would make writing fail after it.
     pub(crate) fn check(&self, files: impl IntoIterator<Item = PathBuf>) -> Result<(), Failure> {
         if self.is_stdout() {
+            check_open()?;
             if std::io::stdout().is_terminal() {
                 return Err(Failure::usage("--output - would write the picture's bytes to the terminal")
                     .help("send it somewhere: canaletto render ... -o - | display, or > picture.png"));
@@ -348,7 +371,14 @@ mod tests {
     use super::*;
 
     fn flags(output: &str) -> OutputFlags {
-        OutputFlags { output: Some(output.into()), format: None, bits: None, compression: None, no_clobber: false }
+        OutputFlags {
+            output: Some(output.into()),
+            format: None,
+            bits: None,
+            compression: None,
+            uint_ids: false,
+            no_clobber: false,
+        }
     }
 
     #[test]
@@ -369,8 +399,7 @@ mod tests {
         assert_eq!(Output::new(&film, "s", true, true).unwrap().path(7), Path::new("a.png"));
         assert_eq!(new("a.jpg").unwrap_err().exit(), Exit::Usage);
         assert_eq!(new("a").unwrap_err().exit(), Exit::Usage);
-        let none =
-            OutputFlags { output: None, format: Some(Format::Exr), bits: None, compression: None, no_clobber: false };
+        let none = OutputFlags { output: None, format: Some(Format::Exr), ..flags("a.exr") };
         assert_eq!(Output::new(&none, "s", false, false).unwrap().path(0), Path::new("s.exr"));
         assert_eq!(Output::new(&none, "s", true, true).unwrap().path(2), Path::new("s.0002.exr"));
         assert!(Output::new(&flags("a.png"), "s", true, true).is_err());

@@ -14,12 +14,12 @@ use crate::report::{Report, Times};
 use crate::settings::{Settings, metadata, sampling_words, transfer_word};
 use crate::source::{Reader, Source, build, seen_through};
 use crate::terminal::Paint;
-use crate::words::{count, duration, plural};
+use crate::words::{JSON_VERSION, count, duration, plural};
 use canaletto::render::{Job, Rendering};
 use canaletto::scene::{Sampling, Scene};
 use canaletto::world::{Origins, World};
 use canaletto_io::movie::{Movie, MovieSettings};
-use canaletto_io::picture::{Image, develop_png, encode_exr, encode_exr_quickly, encode_png};
+use canaletto_io::picture::{ExrOptions, Image, Window, develop_png, encode_exr, encode_png};
 use serde_json::json;
 use std::collections::HashSet;
 use std::path::Path;
@@ -199,7 +199,7 @@ impl<'a> Series<'a> {
         };
         if plan.style == Style::Json {
             emit(&json!({
-                "event": "start", "scene": self.reader.name, "camera": stage.camera, "frame": frame,
+                "event": "start", "version": JSON_VERSION, "scene": self.reader.name, "camera": stage.camera, "frame": frame,
                 "frames": [first, last], "frames_done": whole.done, "frames_total": whole.frames,
                 "size": [width, height], "pixels": pixels, "threads": threads, "files": plan.files(frame),
             }));
@@ -291,8 +291,14 @@ impl<'a> Series<'a> {
             texts
         };
         if output.format == Format::Exr {
-            let encode = if rendering.complete { encode_exr } else { encode_exr_quickly };
-            return write(0, &encode(&layers::linear(picture), &texts(None)).map_err(|e| unfit(&e))?);
+            let options = ExrOptions {
+                uncompressed: !rendering.complete,
+                half: output.half,
+                uint_ids: output.uint_ids,
+                window: Some(window(job)),
+            };
+            let bytes = encode_exr(&layers::linear(picture), options, &texts(None)).map_err(|e| unfit(&e))?;
+            return write(0, &bytes);
         }
         write(0, &develop_png(picture, film, output.png, &texts(None)).map_err(|e| unfit(&e))?)?;
         for (index, (layer, aov)) in picture.layers.iter().zip(&job.aovs).enumerate() {
@@ -452,4 +458,10 @@ fn one_interrupted(paint: &str, report: &Report) -> String {
         }
         None => format!("{paint} no part of the picture was finished, so nothing is written"),
     }
+}
+
+/// Where the rendered part lies in the camera's picture.
+fn window(job: &Job) -> Window {
+    let [x, y, ..] = job.window();
+    Window { at: [x as i32, y as i32], whole: job.camera.size() }
 }

@@ -3,9 +3,11 @@
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::flags::{PictureFlags, SampleFlag, SourceFlags};
+use crate::words::count;
 use canaletto::camera::Camera;
 use canaletto::render::{Job, JobError};
 use canaletto::scene::{FilmSettings, Filter, IntegratorSettings, Sampling, Scene, Stage, Tone, Transfer, View};
+use canaletto_io::picture::MAX_PIXELS;
 use canaletto_io::text::nearest;
 
 /// The job that a command does, and the name of its camera.
@@ -49,6 +51,18 @@ impl Settings {
         let job = Job { seed: flags.seed.unwrap_or(0), ..Job::new(camera, film, integrator) };
         job.check().map_err(|e| wrong_job(name, &e, flags))?;
         Ok(Settings { job, camera: view.name })
+    }
+
+    /// Whether the picture has no more pixels than a file can hold.
+    pub(crate) fn check_pixels(&self) -> Result<(), Failure> {
+        let [_, _, width, height] = self.job.window();
+        let pixels = u64::from(width) * u64::from(height);
+        if pixels <= MAX_PIXELS {
+            return Ok(());
+        }
+        let (pixels, most) = (count(pixels), count(MAX_PIXELS));
+        Err(Failure::usage(format!("a picture of {width} x {height} has {pixels} pixels; the most is {most}"))
+            .help("render it in parts with --crop"))
     }
 }
 

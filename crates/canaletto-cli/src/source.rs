@@ -11,9 +11,9 @@ use canaletto::world::{BuildError, BuildOptions, World};
 use canaletto_io::assets::{Asset, AssetError, AssetPath, Assets, FolderAssets, OpenAsset};
 use canaletto_io::diagnostic::{Diagnostic, Diagnostics};
 use canaletto_io::import;
-use canaletto_io::text::{Clip, Script, nearest};
+use canaletto_io::text::{Clip, MAX_TEXT, Script, nearest};
 use serde::Serialize;
-use std::io;
+use std::io::{self, IsTerminal, Read};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -72,6 +72,11 @@ enum Kind {
     Model(String),
 }
 
+/// The name of a scene that is read from the standard input.
+pub(crate) const STDIN: &str = "-";
+/// What that is called in messages.
+const STDIN_NAME: &str = "<stdin>";
+
 impl Reader {
     /// Opens what the flags name.
     pub(crate) fn open(flags: &SourceFlags) -> Result<Reader, Failure> {
@@ -82,9 +87,17 @@ impl Reader {
     pub(crate) fn open_file(path: &Path, set: &[String], allow_outside: bool) -> Result<Reader, Failure> {
         let start = Instant::now();
         memory::working_at("reading the scene");
+        if path == Path::new(STDIN) {
+            return Reader::open_stdin(set, allow_outside, start);
+        }
         let name = path.to_string_lossy().into_owned();
         if let Err(e) = path.metadata() {
             return Err(missing(path, &e));
+        }
+        if path.is_dir() {
+            let message = format!("{name} is a folder; a scene or model is a file");
+            let all = path.join("*.kdl");
+            return Err(Failure::new(Exit::Scene, message).help(format!("for all scenes in it: {}", all.display())));
         }
         let (assets, file) = FolderAssets::beside(path)
             .map_err(|e| Failure::new(Exit::Scene, format!("can't open {name}: {}", reason(&e))))?;
@@ -105,6 +118,33 @@ impl Reader {
                 .help(format!("scenes end in .kdl, models in .{}", import::SCENE_EXTENSIONS.join(", ."))));
         };
         Ok(Reader { name, kind, assets, time: start.elapsed() })
+    }
+
+    /// Reads a scene text from the standard input. Files that it names lie in the current folder.
+    fn open_stdin(set: &[String], allow_outside: bool, start: Instant) -> Result<Reader, Failure> {
+        let cant = |e: &io::Error| Failure::new(Exit::Scene, format!("can't read the standard input: {}", reason(e)));
+        if io::stdin().is_terminal() {
+            return Err(Failure::usage("the scene is read from the standard input, which is the terminal")
+                .help("send a scene text to it: canaletto render - < scene.kdl"));
+        }
+        let folder = FolderAssets::new(".").map_err(|e| cant(&e))?;
+        let assets = Recording { inner: folder.allow_outside(allow_outside), files: Mutex::default() };
+        let mut bytes = Vec::new();
+        io::stdin().lock().take(MAX_TEXT as u64 + 1).read_to_end(&mut bytes).map_err(|e| cant(&e))?;
+        let text = match String::from_utf8(bytes) {
+            Ok(text) => text,
+            Err(e) => {
+                let message = format!("byte {} isn't UTF-8", e.utf8_error().valid_up_to());
+                return Err(Diagnostics::from(
+                    Diagnostic::error(STDIN_NAME, message).help("a scene text is expected; models are read from files"),
+                )
+                .into());
+            }
+        };
+        let path = AssetPath::new("", STDIN_NAME, STDIN_NAME);
+        assets.note(&path, text.len(), || Ok(hash_of(text.as_bytes()))).map_err(|e| cant(&e))?;
+        let script = Script::of_text(&text, STDIN_NAME, &assets, set)?;
+        Ok(Reader { name: STDIN_NAME.into(), kind: Kind::Script(Box::new(script)), assets, time: start.elapsed() })
     }
 
     /// Chooses the camera whose shutter counts.
@@ -168,10 +208,6 @@ impl Reader {
 /// A file that the user named and that isn't there, with the one that is probably meant.
 fn missing(path: &Path, error: &io::Error) -> Failure {
     let failure = Failure::new(Exit::Scene, format!("can't open {}: {}", path.display(), reason(error)));
-    if path == Path::new("-") {
-        return failure
-            .help("scenes are read from files, not from the standard input: files beside them are looked up there");
-    }
     if let Ok(target) = path.read_link() {
         return failure.help(format!("it is a link to {}, which isn't there", target.display()));
     }
@@ -252,7 +288,8 @@ pub(crate) fn on_threads<T: Send>(threads: Option<u16>, work: impl FnOnce() -> T
         pool = pool.use_current_thread();
     }
     let pool = pool.build().map_err(|e| {
-        Failure::new(Exit::Failed, format!("can't start {}: {}", plural(threads, "thread"), reason(&e)))
+        let many = if threads == 0 { "a thread for each processor".into() } else { plural(threads, "thread") };
+        Failure::new(Exit::Failed, format!("can't start {many}: {}", reason(&e))).help("give fewer: --threads 1")
     })?;
     Ok(pool.install(work))
 }

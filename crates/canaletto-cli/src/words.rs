@@ -2,6 +2,9 @@
 
 use std::time::Duration;
 
+/// The version of what `--json` prints: it rises when a field changes its meaning or goes. docs/json.md has them all.
+pub(crate) const JSON_VERSION: u32 = 1;
+
 /// 1234567 as "1,234,567".
 pub(crate) fn count(n: u64) -> String {
     let digits = n.to_string();
@@ -51,6 +54,13 @@ fn scaled(mut value: f64, step: f64, units: &[&str]) -> String {
     }
     let digits = usize::from(unit > 0 && value < 99.95);
     format!("{value:.digits$}{}", units[unit])
+}
+
+/// At most six digits that count.
+pub(crate) fn short(v: f64) -> f64 {
+    let short: f64 = format!("{v:.5e}").parse().unwrap_or(v);
+    // Without the sign of a zero.
+    short + 0.0
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use crate::flags::{PictureFlags, SourceFlags, pixel};
 use crate::settings::Settings;
 use crate::source::{Reader, build, on_threads, seen_through};
 use crate::stdout::print;
+use crate::words::JSON_VERSION;
 use canaletto::explain::{PixelTree, explain};
 use canaletto::math::Rgb;
 use canaletto::render::Job;
@@ -50,6 +51,7 @@ Examples:
 /// A tree with its sum.
 #[derive(Serialize)]
 struct WithSum<'a> {
+    version: u32,
     #[serde(flatten)]
     tree: &'a PixelTree,
     sum: Rgb,
@@ -59,7 +61,7 @@ struct WithSum<'a> {
 pub(crate) fn run(flags: &ExplainFlags) -> Result<Exit, Failure> {
     let tree = on_threads(flags.source.threads, || tree(flags))??;
     if flags.json {
-        let json = serde_json::to_string_pretty(&WithSum { sum: tree.sum(), tree: &tree })
+        let json = serde_json::to_string_pretty(&WithSum { version: JSON_VERSION, sum: tree.sum(), tree: &tree })
             .map_err(|e| Failure::new(Exit::Failed, format!("the tree can't be written as JSON: {e}")))?;
         print(&(json + "\n"))?;
     } else {

@@ -7,7 +7,7 @@ use crate::memory::Memory;
 use crate::output::Format;
 use crate::source::{Source, UsedFile, build, on_threads};
 use crate::stdout::{print, print_json};
-use crate::words::{bytes, count, duration, plural};
+use crate::words::{JSON_VERSION, bytes, count, duration, plural, short};
 use canaletto::light::{Light, Source as LightSource};
 use canaletto::material::Material;
 use canaletto::math::{Rgb, Transform};
@@ -91,6 +91,7 @@ impl Info {
 
     fn json(&self) -> serde_json::Value {
         json!({
+            "version": JSON_VERSION,
             "scene": self.name,
             "files": self.files,
             "census": self.world.census(),
@@ -212,11 +213,6 @@ fn material(material: &Material) -> String {
         text += &format!(", priority {}", material.priority);
     }
     text
-}
-
-/// At most six digits that count.
-fn short(v: f64) -> f64 {
-    format!("{v:.5e}").parse().unwrap_or(v)
 }
 
 fn rgb(c: Rgb) -> String {

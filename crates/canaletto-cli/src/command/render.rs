@@ -11,19 +11,20 @@ use crate::part::partial;
 use crate::progress::{ProgressFlag, Style, emit};
 use crate::series::Series;
 use crate::settings::{Settings, list, sampling_words};
-use crate::source::{Reader, build, on_threads};
+use crate::source::{Reader, STDIN, build, on_threads};
 use crate::stdout::print;
-use crate::words::{bytes, count, plural};
+use crate::words::{JSON_VERSION, bytes, count, plural};
 use canaletto::memory;
 use canaletto::render::Aov;
 use canaletto::scene::{Stage, Transfer};
 use canaletto::world::World;
+use canaletto_io::diagnostic::Diagnostic;
 use canaletto_io::movie::Rate;
-use canaletto_io::picture::MAX_PIXELS;
 use canaletto_io::text::nearest;
 use clap::Args;
 use serde_json::json;
-use std::path::PathBuf;
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
 
 /// Renders a scene or a model to a picture.
 #[derive(Args, Clone, Debug)]
@@ -31,6 +32,11 @@ use std::path::PathBuf;
 pub(crate) struct RenderFlags {
     #[command(flatten)]
     pub source: SourceFlags,
+
+    /// More scenes, each rendered to a file of its own; then --output names a folder
+    #[arg(value_name = "MORE")]
+    pub more: Vec<PathBuf>,
+
     #[command(flatten)]
     pub output: OutputFlags,
     #[command(flatten)]
@@ -90,7 +96,9 @@ Examples:
   canaletto render shot.kdl -o out/shot.####.png --frames 1-100
   canaletto render shot.kdl -o shot.gif --frames 1-50 --fps 12
   canaletto render hall.ply --samples 256 --build high       # long triangles, many rays
-  canaletto render shot.kdl --set camera.fovy=40 -o - | display";
+  canaletto render shot.kdl --set camera.fovy=40 -o - | display
+  canaletto render scenes/*.kdl -o pictures                  # a picture of each scene in a folder
+  make-scene | canaletto render - -o made.png                # a scene text on the standard input";
 
 fn long_help() -> String {
     format!(
@@ -127,13 +135,12 @@ pub(crate) struct Plan {
 
 impl Plan {
     fn new(flags: &RenderFlags, style: Style, reader: &Reader) -> Result<Plan, Failure> {
-        let stem = flags.source.scene.file_stem().map_or_else(|| "picture".into(), |s| s.to_string_lossy());
         let many = match flags.frames {
             Some(FramesFlag::These(frames)) => frames.count() > 1,
             Some(FramesFlag::All) => true,
             None => false,
         };
-        let output = Output::new(&flags.output, &stem, flags.frames.is_some(), many)?;
+        let output = Output::new(&flags.output, &stem(&flags.source.scene), flags.frames.is_some(), many)?;
         let frames = frames(flags, &output, reader)?;
         let mut aovs: Vec<Aov> = Vec::new();
         for layers in &flags.aov {
@@ -193,37 +200,117 @@ fn frames(flags: &RenderFlags, output: &Output, reader: &Reader) -> Result<Frame
     }
 }
 
-/// Runs the command.
-pub(crate) fn run(flags: &RenderFlags) -> Result<Exit, Failure> {
-    let style = Style::new(flags.progress, flags.quiet);
-    let mut reader = Reader::open(&flags.source)?;
-    reader.look_through(flags.picture.camera.as_deref());
-    if let Some(fps) = flags.fps {
-        reader.set_fps(fps);
-    }
-    let plan = Plan::new(flags, style, &reader)?;
-    plan.output.check(plan.all_files())?;
-    on_threads(flags.source.threads, || on_pool(flags, &plan, reader))?
+/// A scene to render, opened.
+struct Task {
+    flags: RenderFlags,
+    plan: Plan,
+    reader: Reader,
 }
 
-fn on_pool(flags: &RenderFlags, plan: &Plan, mut reader: Reader) -> Result<Exit, Failure> {
+impl Task {
+    fn new(flags: RenderFlags) -> Result<Task, Failure> {
+        let style = Style::new(flags.progress, flags.quiet);
+        let mut reader = Reader::open(&flags.source)?;
+        reader.look_through(flags.picture.camera.as_deref());
+        if let Some(fps) = flags.fps {
+            reader.set_fps(fps);
+        }
+        let plan = Plan::new(&flags, style, &reader)?;
+        plan.output.check(plan.all_files())?;
+        Ok(Task { flags, plan, reader })
+    }
+
+    /// All files that it may write.
+    fn outputs(&self) -> Vec<PathBuf> {
+        if self.plan.output.is_stdout() {
+            return Vec::new();
+        }
+        self.plan.all_files().flat_map(|file| [partial(&file), file]).collect()
+    }
+}
+
+/// Runs the command.
+pub(crate) fn run(flags: &RenderFlags) -> Result<Exit, Failure> {
+    if !flags.more.is_empty() {
+        return on_threads(flags.source.threads, || several(flags))?;
+    }
+    let task = Task::new(flags.clone())?;
+    let outputs = task.outputs();
+    on_threads(flags.source.threads, || on_pool(task, &outputs))?
+}
+
+/// Renders several scenes, each into a file of its own. One that is wrong doesn't stop the others; the exit code is that of
+/// the first that failed.
+fn several(flags: &RenderFlags) -> Result<Exit, Failure> {
+    let json = flags.progress == ProgressFlag::Json;
+    let folder = flags.output.output.as_deref();
+    if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
+        return Err(Failure::usage(format!(
+            "--output {} is no folder, but there are several scenes",
+            folder.display()
+        ))
+        .help("give a folder that exists, or leave it out: each picture is called like its scene"));
+    }
+    let mut exit = Exit::Done;
+    let mut fail = |failure: &Failure| {
+        failure.print(json);
+        exit = if exit == Exit::Done { failure.exit() } else { exit };
+    };
+    let mut tasks: Vec<Task> = Vec::new();
+    let mut outputs: HashSet<PathBuf> = HashSet::new();
+    for scene in [&flags.source.scene].into_iter().chain(&flags.more) {
+        let mut own = RenderFlags { more: Vec::new(), ..flags.clone() };
+        own.source.scene = scene.clone();
+        own.output.output =
+            folder.map(|folder| folder.join(own.output.default_name(&stem(scene), flags.frames.is_some())));
+        match Task::new(own) {
+            Ok(task) => {
+                if let Some(file) = task.outputs().iter().find(|file| outputs.contains(*file)) {
+                    return Err(Failure::usage(format!("two scenes would be rendered to {}", file.display()))
+                        .help("render them one by one, each with an --output of its own"));
+                }
+                outputs.extend(task.outputs());
+                tasks.push(task);
+            }
+            Err(failure) if failure.exit() == Exit::Usage => return Err(failure),
+            Err(failure) => fail(&failure),
+        }
+    }
+    let outputs: Vec<PathBuf> = outputs.into_iter().collect();
+    for task in tasks {
+        match on_pool(task, &outputs) {
+            Ok(Exit::Interrupted) => return Ok(Exit::Interrupted),
+            Ok(_) => {}
+            Err(failure) => fail(&failure),
+        }
+    }
+    Ok(exit)
+}
+
+/// A scene's name without its extension.
+fn stem(scene: &Path) -> String {
+    let own = scene.file_stem().filter(|_| scene != Path::new(STDIN));
+    own.map_or_else(|| "picture".into(), |stem| stem.to_string_lossy().into_owned())
+}
+
+/// Renders a scene. `outputs` are the files of all scenes, which may replace none that this one reads.
+fn on_pool(task: Task, outputs: &[PathBuf]) -> Result<Exit, Failure> {
+    let Task { flags, plan, mut reader } = task;
+    let (flags, plan) = (&flags, &plan);
     let source = reader.at(plan.frames.first)?;
     if !flags.quiet {
         print_diagnostics(&source.warnings, plan.style == Style::Json);
     }
     let settings = Settings::new(&source.name, &source.scene, &flags.picture)?;
     let [_, _, width, height] = settings.job.window();
-    let pixels = u64::from(width) * u64::from(height);
-    if pixels > MAX_PIXELS {
-        let (pixels, most) = (count(pixels), count(MAX_PIXELS));
-        return Err(Failure::usage(format!("a picture of {width} x {height} has {pixels} pixels; the most is {most}"))
-            .help("render it in parts with --crop"));
-    }
+    settings.check_pixels()?;
     room(&plan.aovs, [width, height])?;
-    if !plan.output.is_stdout()
-        && let Some(file) = reader.replaced_by(plan.all_files().flat_map(|file| [partial(&file), file]))
-    {
+    if let Some(file) = reader.replaced_by(outputs.iter().cloned()) {
         return Err(replaced("--output", &file));
+    }
+    if plan.frames.count() > 1 && !reader.clip().moves && !flags.quiet {
+        let message = format!("frames {} all show the same: nothing in the scene has keys", plan.frames);
+        print_diagnostics(&Diagnostic::warning(&source.name, message).into(), plan.style == Style::Json);
     }
     if flags.dry_run {
         let files = source.files.len();
@@ -266,7 +353,7 @@ fn dry_run(
     let memory = Memory::of(world, u64::from(width) * u64::from(height), &plan.aovs, plan.output.format);
     if plan.style == Style::Json {
         emit(&json!({
-            "event": "plan", "scene": flags.source.scene, "camera": settings.camera, "size": [width, height],
+            "event": "plan", "version": JSON_VERSION, "scene": flags.source.scene, "camera": settings.camera, "size": [width, height],
             "frames": [plan.frames.first, plan.frames.last], "files": first, "census": census,
             "memory": memory,
         }));

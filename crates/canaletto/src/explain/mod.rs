@@ -3,6 +3,7 @@
 //! It is recorded by a probe while the pixel is rendered by the same code that renders pictures; [`PixelTree::sum`]
 //! adds the recorded terms up again and gives the pixel bit for bit.
 
+mod number;
 mod record;
 mod text;
 mod tree;

@@ -1,10 +1,11 @@
 //! The tree as text for a terminal.
 
+use super::number::Number;
 use super::tree::{HitNode, LightNode, Outcome, PixelTree, RayNode, SampleNode, Side, TextureNode};
 use crate::integrator::RayKind;
 use crate::light::environment::{Footprint, Part, Place, Sighting};
 use crate::math::Rgb;
-use std::fmt::{self, Display, Formatter};
+use std::fmt::{self, Display, Formatter, LowerExp};
 
 /// Numbers are printed so that they read back as the same `f32`.
 impl Display for PixelTree {
@@ -79,19 +80,31 @@ fn write_ray(f: &mut Formatter, ray: &RayNode, indent: &str) -> fmt::Result {
 fn write_sighting(f: &mut Formatter, seen: &Sighting, indent: &str) -> fmt::Result {
     let (d, local) = (seen.direction, seen.local);
     writeln!(f, "{indent}  meets nothing: environment \"{}\" {}", seen.kind, rgb(seen.radiance))?;
-    write!(f, "{indent}    direction ({}, {}, {})", d.x, d.y, d.z)?;
+    write!(f, "{indent}    direction ({}, {}, {})", Number(d.x), Number(d.y), Number(d.z))?;
     if (local - d).length() > 1e-12 {
-        write!(f, ", before the environment was turned ({}, {}, {})", local.x, local.y, local.z)?;
+        write!(
+            f,
+            ", before the environment was turned ({}, {}, {})",
+            Number(local.x),
+            Number(local.y),
+            Number(local.z)
+        )?;
     }
     writeln!(f)?;
     match seen.place {
         Place::Face { face, uv: [u, v] } => {
-            writeln!(f, "{indent}    face {}, u = {u}, v = {v} from its upper left corner  (fig. 5.35)", face.name())?;
+            writeln!(
+                f,
+                "{indent}    face {}, u = {}, v = {} from its upper left corner  (fig. 5.35)",
+                face.name(),
+                Number(u),
+                Number(v)
+            )?;
         }
         Place::Panorama { uv: [u, v] } => {
-            writeln!(f, "{indent}    picture u = {u}, v = {v} from its upper left corner")?;
+            writeln!(f, "{indent}    picture u = {}, v = {} from its upper left corner", Number(u), Number(v))?;
         }
-        Place::Height(height) => writeln!(f, "{indent}    {height} degrees above the horizon")?,
+        Place::Height(height) => writeln!(f, "{indent}    {} degrees above the horizon", Number(height))?,
         Place::Sky(part) => {
             let part = match part {
                 Part::Air => "the sky",
@@ -123,9 +136,9 @@ fn write_hit(f: &mut Formatter, hit: &HitNode, color: Rgb, indent: &str) -> fmt:
         Side::Outside => "outside",
         Side::Inside => "inside",
     };
-    writeln!(f, "{indent}  meets {which} ({}) from {side} at t = {}", hit.kind, hit.t)?;
+    writeln!(f, "{indent}  meets {which} ({}) from {side} at t = {}", hit.kind, Number(hit.t))?;
     writeln!(f, "{indent}    p = {}", vector(hit.point))?;
-    writeln!(f, "{indent}    n = {}, uv = ({}, {})", vector(hit.shading_normal), hit.uv[0], hit.uv[1])?;
+    writeln!(f, "{indent}    n = {}, uv = ({}, {})", vector(hit.shading_normal), Number(hit.uv[0]), Number(hit.uv[1]))?;
     let m = &hit.phong;
     writeln!(
         f,
@@ -223,16 +236,19 @@ fn write_texture(f: &mut Formatter, texture: &TextureNode, indent: &str) -> fmt:
         }
     }
     let [r, g, b, a] = texture.value;
-    writeln!(f, "{indent}        value ({r}, {g}, {b}, {a})")?;
-    let list = |numbers: &[f32]| numbers.iter().map(f32::to_string).collect::<Vec<_>>().join(", ");
+    writeln!(f, "{indent}        value ({}, {}, {}, {})", Number(r), Number(g), Number(b), Number(a))?;
+    let list = |numbers: &[f32]| numbers.iter().map(|v| Number(*v).to_string()).collect::<Vec<_>>().join(", ");
     let [before, after] = &texture.replaced;
     let what = if matches!(texture.used, "bump" | "normal") { "n" } else { texture.used };
     writeln!(f, "{indent}        {what}: ({}) instead of ({})", list(after), list(before))
 }
 
 fn write_light(f: &mut Formatter, light: &LightNode, indent: &str) -> fmt::Result {
-    let distance =
-        if light.distance.is_finite() { format!("distance {}", light.distance) } else { "from infinity".into() };
+    let distance = if light.distance.is_finite() {
+        format!("distance {}", Number(light.distance))
+    } else {
+        "from infinity".into()
+    };
     writeln!(
         f,
         "{indent}    + {}{}: {}",
@@ -249,7 +265,7 @@ fn write_light(f: &mut Formatter, light: &LightNode, indent: &str) -> fmt::Resul
         "{indent}        L = {}, {distance}, l = {}, n.L = {}",
         vector(light.direction),
         rgb(light.intensity),
-        light.n_dot_l
+        Number(light.n_dot_l)
     )?;
     if light.n_dot_l.is_nan() || light.n_dot_l <= 0.0 {
         return writeln!(f, "{indent}        behind the surface: n.L <= 0");
@@ -263,17 +279,22 @@ fn write_light(f: &mut Formatter, light: &LightNode, indent: &str) -> fmt::Resul
     for blocker in &light.blockers {
         let passed = 1.0 - blocker.opacity;
         let how = if passed > 0.0 { "passes" } else { "is blocked by" };
-        writeln!(f, "{indent}        {how} {}: 1 - o = {passed}", blocker.object)?;
+        writeln!(f, "{indent}        {how} {}: 1 - o = {}", blocker.object, Number(passed))?;
     }
-    writeln!(f, "{indent}        f_s = {}  (5.39a)", light.f_s)?;
+    writeln!(f, "{indent}        f_s = {}  (5.39a)", Number(light.f_s))?;
     writeln!(f, "{indent}        diffuse  l*kd*(n.L)    = {}  (5.32)", rgb(light.diffuse))?;
-    writeln!(f, "{indent}        specular l*ks*(r.L)^n  = {}, r.L = {}  (5.38)", rgb(light.specular), light.r_dot_l)
+    writeln!(
+        f,
+        "{indent}        specular l*ks*(r.L)^n  = {}, r.L = {}  (5.38)",
+        rgb(light.specular),
+        Number(light.r_dot_l)
+    )
 }
 
 fn rgb(c: Rgb) -> String {
-    format!("({}, {}, {})", c.r, c.g, c.b)
+    format!("({}, {}, {})", Number(c.r), Number(c.g), Number(c.b))
 }
 
-fn vector<T: Display>(v: [T; 3]) -> String {
-    format!("({}, {}, {})", v[0], v[1], v[2])
+fn vector<T: Copy + Display + LowerExp + Into<f64>>(v: [T; 3]) -> String {
+    format!("({}, {}, {})", Number(v[0]), Number(v[1]), Number(v[2]))
 }
