@@ -5,7 +5,7 @@
 //! bytes can hold is refused. What would take more than 64 MiB and 20 times its file is unpacked twice where the format
 //! allows that, the first time without keeping anything: so only a whole file takes it, and its reader is told.
 //!
-//! Decoders of others are called through the [`guard`](crate::guard), and what is known of their faults is kept from them.
+//! Decoders of others are called through the `guard`, and what is known of their faults is kept from them.
 //!
 //! [`texture::Image::MAX_TEXELS`]: canaletto::texture::Image::MAX_TEXELS
 
