@@ -90,10 +90,12 @@ fn a_thousand_million_copies() {
         // From beside it, so that nothing else is in the way.
         let from = transform.point(DVec3::new(0.3, 1.4, 0.2)).as_vec3();
         let ray = Ray::new(from, transform.point(DVec3::new(0.0, 0.1, 0.05)).as_vec3() - from);
-        // The same mesh alone in the same place.
+        // The same mesh in the same place, and another one at zero: a mesh that is alone far from zero would be counted from a
+        // point near it.
+        let copy = Node::new(Content::Instance(0)).with_material(0);
         let alone = Scene {
             prototypes: vec![Node::new(Content::Mesh(0))],
-            nodes: vec![Node { transform, ..Node::new(Content::Instance(0)).with_material(0) }],
+            nodes: vec![Node { transform, ..copy.clone() }, copy],
             ..thousand_million()
         };
         let alone = World::build(alone).unwrap();

@@ -112,6 +112,7 @@ fn check(path: &Path, allow_outside: bool, frame: Option<u32>) -> Result<Diagnos
         let source = reader.at(frame).map_err(at)?;
         found.add(source.warnings);
         let jobs = jobs(&name, &source.scene).map_err(at)?;
+        source.scene.views.iter().for_each(|view| found.add(doubt_degrees(&name, view)));
         if shown.count() > 1 {
             stillness.look(frame, &source.scene);
         }
@@ -149,6 +150,23 @@ fn jobs(name: &str, scene: &Scene) -> Result<Vec<(String, Job)>, Failure> {
         Ok((settings.camera, settings.job))
     };
     if scene.views.is_empty() { Ok(vec![job(None)?]) } else { scene.views.iter().map(|view| job(Some(view))).collect() }
+}
+
+/// Angles of view that look like radians: 29 to 138 degrees. Smaller ones may well be those of a telescope.
+const RADIANS: Range<f64> = 0.5..2.4;
+
+/// A warning about a camera whose angle of view is hardly meant in degrees.
+fn doubt_degrees(name: &str, view: &View) -> Diagnostics {
+    let fovy = view.intrinsics.fovy;
+    if !RADIANS.contains(&fovy) {
+        return Diagnostics::new();
+    }
+    let camera = &view.name;
+    let message = format!(
+        "camera \"{camera}\": fovy is {fovy} degrees, which shows very little; it looks like an angle in radians"
+    );
+    let help = format!("in degrees that is {}", (fovy.to_degrees() * 10.0).round() / 10.0);
+    Diagnostic::warning(name, message).help(help).into()
 }
 
 /// Messages, each once, whatever the number of frames that have it.

@@ -335,8 +335,7 @@ fn material_files_are_found_beside_the_model() {
         }
     }
     let many = "x.mtl ".repeat(1000);
-    // Messages are counted from a hundred on.
-    assert_eq!(found(&format!("m.mtl {many}")).1, 100);
+    assert_eq!(found(&format!("m.mtl {many}")).1, 256);
 }
 
 #[test]

@@ -5,8 +5,6 @@ use super::fields::Fields;
 use crate::text::report::Message;
 use canaletto::math::Rgb;
 
-/// Angles of view that look like radians: 29 to 138 degrees. Smaller ones may well be those of a telescope.
-const RADIANS: std::ops::Range<f64> = 0.5..2.4;
 /// From here on, light looks like a colour of 0 to 255. Less may well be meant for light that loses by distance.
 const BRIGHT: f32 = 16.0;
 
@@ -30,14 +28,6 @@ impl Decoder<'_> {
         let message = format!("{title} looks like a colour of 0 to 255; here 1 is full strength");
         let help = format!("divided by 255 it is {r} {g} {b}");
         self.judge.report.push(Message::warning(Some(fields.span(word)), message).help(help));
-    }
-
-    /// An angle of view in degrees.
-    pub(super) fn doubt_degrees(&mut self, fields: &Fields) {
-        let Some(fovy) = fields.number("fovy").filter(|fovy| RADIANS.contains(fovy)) else { return };
-        let message = format!("fovy is {fovy} degrees, which shows very little; it looks like an angle in radians");
-        let help = format!("in degrees that is {}", (fovy.to_degrees() * 10.0).round() / 10.0);
-        self.judge.report.push(Message::warning(Some(fields.span("fovy")), message).help(help));
     }
 
     /// `eta` of a body that no ray enters.

@@ -147,7 +147,6 @@ impl<'a> Decoder<'a> {
                     });
                     let lens = if fields.has("lens") { self.lens(&fields) } else { None };
                     change_view(&mut self.scene.views[index], &fields);
-                    self.doubt_degrees(&fields);
                     let from = self.scene.views[index].extrinsics;
                     let motion = if fields.has("motion") { self.camera_motion(&fields, from) } else { None };
                     let motion = motion.or_else(|| keyed_motion(&self.scene.views[index], &fields));
