@@ -38,7 +38,7 @@ pub(super) fn element(name: &[u8]) -> Option<Element> {
 
 /// Symbol, van der Waals radius in hundredths of an ångström (Alvarez 2013; 200 where there is none) and sRGB colour (Jmol) of
 /// each element, from hydrogen on.
-const ELEMENTS: [(&str, u16, u32); 96] = [
+const ELEMENTS: [(&str, u16, u32); 109] = [
     ("H", 120, 0xff_ffff),
     ("He", 143, 0xd9_ffff),
     ("Li", 212, 0xcc_80ff),
@@ -135,6 +135,19 @@ const ELEMENTS: [(&str, u16, u32); 96] = [
     ("Pu", 281, 0x00_6bff),
     ("Am", 283, 0x54_5cf2),
     ("Cm", 305, 0x78_5ce3),
+    ("Bk", 340, 0x8a_4fe3),
+    ("Cf", 305, 0xa1_36d4),
+    ("Es", 270, 0xb3_1fd4),
+    ("Fm", 200, 0xb3_1fba),
+    ("Md", 200, 0xb3_0da6),
+    ("No", 200, 0xbd_0d87),
+    ("Lr", 200, 0xc7_0066),
+    ("Rf", 200, 0xcc_0059),
+    ("Db", 200, 0xd1_004f),
+    ("Sg", 200, 0xd9_0045),
+    ("Bh", 200, 0xe0_0038),
+    ("Hs", 200, 0xe6_002e),
+    ("Mt", 200, 0xeb_0026),
 ];
 
 #[cfg(test)]
@@ -154,7 +167,7 @@ mod tests {
             assert_eq!(element(name.as_bytes()), None, "{name}");
         }
         // Atomic numbers are places in the list.
-        for (symbol, number) in [("Ne", 10), ("Fe", 26), ("Xe", 54), ("Au", 79), ("U", 92)] {
+        for (symbol, number) in [("Ne", 10), ("Fe", 26), ("Xe", 54), ("Au", 79), ("U", 92), ("Mt", 109)] {
             assert_eq!(ELEMENTS[number - 1].0, symbol);
         }
     }
