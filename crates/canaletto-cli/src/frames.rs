@@ -1,5 +1,6 @@
 //! The frames of an animation: which, and how they follow each other.
 
+use canaletto_io::diagnostic::Diagnostic;
 use canaletto_io::text::Clip;
 
 /// What --frames says.
@@ -30,6 +31,13 @@ impl FramesFlag {
 }
 
 impl Frames {
+    /// The warning that all of them show the same, though there may be keys.
+    pub(crate) fn all_the_same(self, scene: &str, has_keys: bool) -> Diagnostic {
+        let why = if has_keys { "no key changes anything in them" } else { "nothing in the scene has keys" };
+        let help = "keys stand in the braces of what moves: translate { key 1  0 0 0; key 50  10 0 0 }";
+        Diagnostic::warning(scene, format!("frames {self} all show the same: {why}")).help(help)
+    }
+
     /// A single frame.
     pub(crate) fn one(frame: u32) -> Frames {
         Frames { first: frame, last: frame, step: 1 }

@@ -244,10 +244,7 @@ impl Stillness {
     fn doubts(self, name: &str, frames: Frames, fps: f64, moves: bool) -> Diagnostics {
         let mut all = Diagnostics::new();
         if !moves || self.runs.len() == 1 {
-            let why = if moves { "no key changes anything in them" } else { "nothing in the scene has keys" };
-            let message = format!("frames {frames} all show the same: {why}");
-            let help = "keys stand in the braces of what moves: translate { key 1  0 0 0; key 50  10 0 0 }";
-            return Diagnostic::warning(name, message).help(help).into();
+            return frames.all_the_same(name, moves).into();
         }
         let long = |run: &&[u32; 2]| {
             let count = f64::from(run[1] - run[0]) + 1.0;

@@ -18,7 +18,6 @@ use canaletto::memory;
 use canaletto::render::Aov;
 use canaletto::scene::{Stage, Transfer};
 use canaletto::world::World;
-use canaletto_io::diagnostic::Diagnostic;
 use canaletto_io::movie::Rate;
 use canaletto_io::text::nearest;
 use clap::Args;
@@ -309,8 +308,7 @@ fn on_pool(task: Task, outputs: &[PathBuf]) -> Result<Exit, Failure> {
         return Err(replaced("--output", &file));
     }
     if plan.frames.count() > 1 && !reader.clip().moves && !flags.quiet {
-        let message = format!("frames {} all show the same: nothing in the scene has keys", plan.frames);
-        print_diagnostics(&Diagnostic::warning(&source.name, message).into(), plan.style == Style::Json);
+        print_diagnostics(&plan.frames.all_the_same(&source.name, false).into(), plan.style == Style::Json);
     }
     if flags.dry_run {
         let files = source.files.len();
