@@ -48,4 +48,5 @@ fn same(what: &str, found: &Picture, expected: &Picture) {
 
 mod far;
 mod huge;
+mod relief;
 mod shadows;

@@ -3,10 +3,10 @@
 use super::*;
 
 /// A place as of a survey, in metres. Its digits are those of `f64`.
-const SURVEY: [f64; 3] = [408_201.58, 102.4, -4_080_928.02];
+pub(super) const SURVEY: [f64; 3] = [408_201.58, 102.4, -4_080_928.02];
 
 /// The text with each `@x y z` moved by an offset.
-fn moved(text: &str, offset: [f64; 3]) -> String {
+pub(super) fn moved(text: &str, offset: [f64; 3]) -> String {
     let mut out = String::new();
     for (i, part) in text.split('@').enumerate() {
         if i == 0 {
@@ -22,7 +22,7 @@ fn moved(text: &str, offset: [f64; 3]) -> String {
     out.replace('|', "")
 }
 
-const CAMERA: &str = "background 0.6 0.7 0.9
+pub(super) const CAMERA: &str = "background 0.6 0.7 0.9
 ambient 0.2
 camera { eye @2 3.5 6; center @0 0.5 0; fovy 40; size 120 90 }
 film { samples 4 }
@@ -31,7 +31,7 @@ material \"mirror\" { kd 0.2; k 0.7 }
 plane { point @0 0 0; normal 0 1 0 }
 ";
 
-const SUN: &str = "light \"directional\" { direction -0.5 -1 -0.3 }\n";
+pub(super) const SUN: &str = "light \"directional\" { direction -0.5 -1 -0.3 }\n";
 
 const SHAPES: &str = "sphere material=\"red\" { center @0 0.5 0; radius 0.5 }
 sphere material=\"mirror\" { center @1.1 0.5 -0.25; radius 0.5 }
@@ -173,6 +173,87 @@ fn single_precision_is_told_with_its_steps() {
     assert!(warnings([0.0; 3]).to_string().is_empty());
     let told = warnings(SURVEY).to_string();
     assert!(told.contains("single precision") && told.contains("steps of 0.25"), "{told}");
+}
+
+/// The warnings about precision.
+fn of_precision(warnings: &canaletto_io::diagnostic::Diagnostics) -> String {
+    let all = warnings.to_string();
+    all.split("\n\n").filter(|warning| warning.contains("precision")).collect()
+}
+
+/// Single precision is told of clouds and meshes by what it does to them: spheres smaller than its steps, however far apart.
+#[test]
+fn clouds_of_single_precision_are_told_with_their_steps() {
+    let rows = |offset: [f64; 3], apart: f64| {
+        (0..200).map(move |i| [0, 1, 2].map(|axis| offset[axis] + apart * f64::from(i * [1, 0, 3][axis])))
+    };
+    let bin = |offset, apart, radius: f32| -> Vec<u8> {
+        let numbers = rows(offset, apart).flat_map(|[x, y, z]| [x as f32, y as f32, z as f32, radius]);
+        numbers.flat_map(f32::to_le_bytes).collect()
+    };
+    let cylinders = |offset, apart, radius: f32| -> Vec<u8> {
+        let numbers = rows(offset, apart)
+            .flat_map(|[x, y, z]| [x as f32, y as f32, z as f32, x as f32 + 8.0, y as f32, z as f32, radius]);
+        numbers.flat_map(f32::to_le_bytes).collect()
+    };
+    let ply = |offset, apart, single: bool| -> Vec<u8> {
+        let kind = if single { "float" } else { "double" };
+        let mut out = format!(
+            "ply\nformat binary_little_endian 1.0\nelement vertex 200\nproperty {kind} x\nproperty {kind} y\nproperty {kind} z\nend_header\n"
+        )
+        .into_bytes();
+        for n in rows(offset, apart).flatten() {
+            if single {
+                out.extend((n as f32).to_le_bytes());
+            } else {
+                out.extend(n.to_le_bytes());
+            }
+        }
+        out
+    };
+    let told = |node: &str, file: &str, bytes: Vec<u8>| {
+        let assets = MemoryAssets::new().with(file, bytes);
+        let text = format!("{CAMERA}{node} file=\"{file}\" {}", if file.ends_with(".ply") { "radius=0.5" } else { "" });
+        of_precision(&read_scene_text(&text.replace('@', ""), "scene.kdl", &assets, &[]).expect("a scene").1)
+    };
+    for apart in [1.0, 300.0] {
+        for (node, file, bytes) in [
+            ("spheres", "c.bin", bin(SURVEY, apart, 0.5)),
+            ("cylinders", "c.bin", cylinders(SURVEY, apart, 0.5)),
+            ("spheres", "c.ply", ply(SURVEY, apart, true)),
+        ] {
+            let told = told(node, file, bytes);
+            assert!(told.contains("single precision") && told.contains("steps of 0.25"), "{node} {file}: {told}");
+        }
+        assert_eq!(told("spheres", "c.ply", ply(SURVEY, apart, false)), "");
+        for (node, file, bytes) in [
+            ("spheres", "c.bin", bin([0.0; 3], apart, 0.5)),
+            ("cylinders", "c.bin", cylinders([0.0; 3], apart, 0.5)),
+            ("spheres", "c.ply", ply([0.0; 3], apart, true)),
+        ] {
+            assert_eq!(told(node, file, bytes), "", "{node} {file} near zero");
+        }
+    }
+    // Nothing of balls as large as this is lost.
+    assert_eq!(told("spheres", "c.bin", bin(SURVEY, 300.0, 50.0)), "");
+}
+
+/// What lies so far apart that no origin is near all of it is told, whatever digits the file has.
+#[test]
+fn what_no_origin_is_near_to_is_told() {
+    let apart = format!("v 0 0 0\n{}", steps(SURVEY));
+    let warnings = |bytes: String| {
+        import::load("s.obj", &MemoryAssets::new().with("s.obj", bytes)).expect("a model").1.to_string()
+    };
+    assert!(warnings(apart.clone()).contains("rounded to single precision"), "{}", warnings(apart));
+    assert_eq!(warnings(steps(SURVEY)), "");
+    let points = |spread: f64| {
+        let places: String = (0..50).map(|i| format!("{} 0 {} ", SURVEY[0] + 0.1, f64::from(i) * spread)).collect();
+        let text = format!("spheres radius=0.1 {{ points {places} }}");
+        of_precision(&read_scene_text(&text, "scene.kdl", &MemoryAssets::new(), &[]).expect("a scene").1)
+    };
+    assert_eq!(points(200.0), "");
+    assert!(points(1e5).contains("rounded to single precision"), "{}", points(1e5));
 }
 
 #[test]

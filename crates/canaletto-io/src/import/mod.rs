@@ -5,6 +5,7 @@
 //! bounded by the file's size, whatever its header announces.
 
 mod cloud;
+mod coarse;
 mod color;
 mod default_camera;
 mod encoding;
@@ -26,6 +27,7 @@ mod table_color;
 mod text;
 
 pub use cloud::{CloudFormat, read_cylinders, read_spheres};
+pub(crate) use coarse::inline_cloud;
 pub(crate) use default_camera::default_camera;
 pub(crate) use positions::counted;
 
@@ -35,6 +37,7 @@ use crate::diagnostic::{Diagnostic, Diagnostics};
 use canaletto::material::Material;
 use canaletto::scene::Scene;
 use canaletto::shape::Mesh;
+use coarse::Precision;
 use glam::Vec3;
 use lines::Complaint;
 use smooth::{Smoothing, smooth};
@@ -131,7 +134,12 @@ fn has_area(mesh: &Mesh) -> bool {
 
 fn read_format(asset: &OpenAsset, assets: &dyn Assets, unsaid: Unsaid) -> Result<Imported, Diagnostics> {
     match asset.path.extension().as_str() {
-        "obj" => obj::read(asset, assets, unsaid),
+        "obj" => {
+            let mut model = obj::read(asset, assets, unsaid)?;
+            let rounded = model.meshes.iter().find_map(|mesh| coarse::mesh(mesh, Precision::Double));
+            rounded.into_iter().for_each(|complaint| model.warnings.push(complaint.warning(asset.path.name())));
+            Ok(model)
+        }
         "ply" => {
             let mut model = read_ply(asset)?;
             if unsaid == Unsaid::Creases {
@@ -150,13 +158,8 @@ fn read_ply(asset: &OpenAsset) -> Result<Imported, Diagnostics> {
         Ok((mesh, said)) => {
             let mut warnings = Diagnostics::new();
             said.into_iter().for_each(|complaint| warnings.push(complaint.warning(file)));
-            if ply::is_single(asset.content.view())
-                && let Some([most, step]) = positions::coarse(&mesh)
-            {
-                let message = format!("its coordinates are single precision, which at {most} has steps of {step}");
-                let help = "the program that wrote it can write `double`, or move the model near the origin";
-                warnings.push(Diagnostic::warning(file, message).help(help));
-            }
+            let rounded = coarse::mesh(&mesh, ply::precision(asset.content.view()));
+            rounded.into_iter().for_each(|complaint| warnings.push(complaint.warning(file)));
             Ok(Imported { meshes: vec![mesh], materials: Vec::new(), warnings })
         }
         Err(complaint) => {

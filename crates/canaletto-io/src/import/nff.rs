@@ -14,6 +14,7 @@
 //! integrator keeps this program's own default. NFF's negative radii, which turn a surface inside out, are taken as
 //! positive, as both sides are seen here.
 
+use super::coarse::{self, Precision};
 use super::frame::frame;
 use super::lines::{Complaint, Word, Words, lines};
 use super::polygon::{Triangulator, vector_area};
@@ -48,7 +49,10 @@ pub(super) fn read(asset: &Asset) -> Result<(Scene, Diagnostics), Diagnostics> {
                 said.push(Complaint { message, ..complaint }.warning(file));
             }
             super::attach_source(&mut said, file, asset.bytes.as_slice().into());
-            Ok((reader.finish(), said))
+            let scene = reader.finish();
+            let rounded = scene.meshes.iter().find_map(|mesh| coarse::mesh(mesh, Precision::Double));
+            rounded.into_iter().for_each(|complaint| said.push(complaint.warning(file)));
+            Ok((scene, said))
         }
         Err(complaint) => {
             let mut errors = Diagnostics::from(complaint.error(file));

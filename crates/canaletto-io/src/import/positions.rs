@@ -2,14 +2,13 @@
 //! `f32` would round what can be seen: survey coordinates of millions with details of millimetres.
 
 use super::join::join;
-use canaletto::shape::Mesh;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
 /// Positions lie far from zero if their largest coordinate is so many times the size of the box around them. Rounding to
-/// `f32` then loses more than 2⁻¹⁹ of that size.
-const FAR: f64 = 64.0;
+/// `f32` then loses more than 2⁻²² of that size.
+const FAR: f64 = 8.0;
 
 /// Positions of a file or of a part of it: rounded, and what the rounding left, which is dropped where it is of no use.
 #[derive(Default)]
@@ -20,13 +19,13 @@ pub(super) struct Positions {
 }
 
 /// The box around those of some points that are finite.
-struct Bounds {
+pub(super) struct Bounds {
     min: DVec3,
     max: DVec3,
 }
 
 impl Bounds {
-    fn of(points: &[Vec3]) -> Bounds {
+    pub(super) fn of(points: &[Vec3]) -> Bounds {
         let (min, max) = points
             .par_iter()
             .filter(|p| p.is_finite())
@@ -35,13 +34,18 @@ impl Bounds {
         Bounds { min: min.as_dvec3(), max: max.as_dvec3() }
     }
 
-    fn size(&self) -> f64 {
+    pub(super) fn size(&self) -> f64 {
         (self.max - self.min).max_element()
     }
 
+    /// The largest coordinate, without its sign.
+    pub(super) fn largest(&self) -> f64 {
+        self.min.abs().max(self.max.abs()).max_element()
+    }
+
     /// Whether the largest coordinate is more than `times` the size.
-    fn is_far(&self, times: f64) -> bool {
-        self.min.abs().max(self.max.abs()).max_element() > times * self.size()
+    pub(super) fn is_far(&self, times: f64) -> bool {
+        self.largest() > times * self.size()
     }
 
     /// The middle on a grid of about the size, so that coordinates near zero keep the zero as theirs.
@@ -51,14 +55,6 @@ impl Bounds {
         let step = if self.size() > 0.0 { libm::exp2(libm::ceil(libm::log2(self.size()))) } else { return middle };
         (middle / step).round() * step
     }
-}
-
-/// The largest coordinate of a mesh and the step of `f32` there, if its positions are rounded so that it can be seen.
-pub(super) fn coarse(mesh: &Mesh) -> Option<[f32; 2]> {
-    let bounds = Bounds::of(&mesh.positions);
-    let most = bounds.min.abs().max(bounds.max.abs()).max_element() as f32;
-    (mesh.origin == DVec3::ZERO && bounds.size() > 0.0 && bounds.is_far(16.0 * FAR))
-        .then(|| [most, most.next_up() - most])
 }
 
 /// The origin of exact points, and the points as offsets from it; see [`Positions::settle`].

@@ -20,6 +20,7 @@ mod elements;
 mod text;
 mod xyz;
 
+use super::coarse::{self, Precision};
 use super::lines::{Complaint, Word};
 use super::ply;
 use super::positions::Positions;
@@ -53,6 +54,15 @@ impl CloudFormat {
             "ply" => Some(CloudFormat::Ply),
             "bin" => Some(CloudFormat::Binary),
             _ => None,
+        }
+    }
+
+    /// How a file of this format holds coordinates.
+    fn precision(self, bytes: &[u8]) -> Precision {
+        match self {
+            CloudFormat::Text => Precision::Double,
+            CloudFormat::Ply => ply::precision(bytes.into()),
+            CloudFormat::Binary => Precision::Single,
         }
     }
 }
@@ -117,9 +127,11 @@ pub fn read_spheres(
             (SphereCloud { centers, radii, ..SphereCloud::default() }, said)
         }),
     };
-    let cloud = cloud.and_then(|(mut cloud, said)| {
+    let cloud = cloud.and_then(|(mut cloud, mut said)| {
         name.clone_into(&mut cloud.name);
-        settle_radius(&mut cloud.radii, cloud.centers.len(), radius, &said).map(|()| (cloud, said))
+        settle_radius(&mut cloud.radii, cloud.centers.len(), radius, &said)?;
+        said.extend(coarse::cloud(&cloud.centers, 1, &cloud.radii, cloud.origin, format.precision(&asset.bytes)));
+        Ok((cloud, said))
     });
     finish(asset, format, cloud)
 }
@@ -204,13 +216,16 @@ pub fn read_cylinders(
             })
         }
     };
-    let cloud = cloud.and_then(|(mut cloud, said)| {
+    let cloud = cloud.and_then(|(mut cloud, mut said)| {
         if let Some(row) = cloud.axes.par_iter().position_first(|[a, b]| a == b) {
             return Err(Complaint::file(format!("cylinder {} has no length: its ends are the same point", row + 1)));
         }
         asset.path.name().clone_into(&mut cloud.name);
         cloud.caps = true;
-        settle_radius(&mut cloud.radii, cloud.axes.len(), radius, &said).map(|()| (cloud, said))
+        settle_radius(&mut cloud.radii, cloud.axes.len(), radius, &said)?;
+        let ends = cloud.axes.as_flattened();
+        said.extend(coarse::cloud(ends, 2, &cloud.radii, cloud.origin, format.precision(&asset.bytes)));
+        Ok((cloud, said))
     });
     finish(asset, format, cloud)
 }

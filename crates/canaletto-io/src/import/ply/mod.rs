@@ -14,6 +14,7 @@ mod header;
 mod payload;
 mod table;
 
+use super::coarse::Precision;
 use super::lines::Complaint;
 use super::mend::mend_normals;
 use super::positions::Positions;
@@ -37,13 +38,14 @@ pub(super) fn read_mesh(name: &str, view: View<'_>) -> Result<(Mesh, Vec<Complai
     read_payload(name, &header, Payload::new(&header, view))
 }
 
-/// Whether the file's positions are of single precision.
-pub(super) fn is_single(view: View<'_>) -> bool {
-    read_header(view).is_ok_and(|header| {
+/// How the file holds positions.
+pub(super) fn precision(view: View<'_>) -> Precision {
+    let single = read_header(view).is_ok_and(|header| {
         let vertices = header.elements.iter().find(|element| element.name == "vertex");
         let single = |element: &Element, at: usize| element.properties[at].kind == Kind::F32;
         vertices.is_some_and(|e| e.numbers(["x", "y", "z"]).is_some_and(|p| p.into_iter().any(|at| single(e, at))))
-    })
+    });
+    if single { Precision::Single } else { Precision::Double }
 }
 
 fn read_payload(name: &str, header: &Header, mut payload: Payload<'_>) -> Result<(Mesh, Vec<Complaint>), Complaint> {

@@ -43,6 +43,7 @@ impl Decoder<'_> {
                 let centers = rows.numbers.chunks_exact(rows.columns).map(DVec3::from_slice);
                 let (origin, centers) = import::counted(centers);
                 let (radii, colors) = self.rest(f, &rows, 3)?;
+                self.rounded(f, import::inline_cloud(&centers, 1, &radii, origin));
                 SphereCloud { name: name(f), origin, centers, radii, colors }
             }
         };
@@ -73,6 +74,7 @@ impl Decoder<'_> {
                 let (origin, ends) = import::counted(rows.numbers.chunks_exact(rows.columns).flat_map(ends));
                 let axes = ends.as_chunks().0.to_vec();
                 let (radii, colors) = self.rest(f, &rows, 6)?;
+                self.rounded(f, import::inline_cloud(&ends, 2, &radii, origin));
                 CylinderCloud { name: name(f), origin, axes, radii, colors, caps: DEFAULT_CAPS }
             }
         };
@@ -123,6 +125,13 @@ impl Decoder<'_> {
             Err(Unread::Wrong(errors)) => self.file_failed(f, f.text("file").unwrap_or_default(), errors),
         }
         None
+    }
+
+    /// Warns of coordinates whose rounding can be seen.
+    fn rounded(&mut self, f: &Fields, said: Option<[String; 2]>) {
+        if let Some([message, help]) = said {
+            self.judge.report.push(Message::warning(Some(f.node.name_span), message).help(help));
+        }
     }
 
     /// The rows of a text; each starts with `lead` numbers.
