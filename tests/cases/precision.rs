@@ -48,5 +48,6 @@ fn same(what: &str, found: &Picture, expected: &Picture) {
 
 mod far;
 mod huge;
+mod ids;
 mod relief;
 mod shadows;

@@ -27,7 +27,7 @@ pub(crate) fn to_image(layer: &Layer, picture: &Picture, film: &FilmSettings, bo
         Aov::Normal => triples(layer).map(|n| if n.is_black() { n } else { n.map(|v| v * 0.5 + 0.5) }).collect(),
         Aov::Position => position(layer, bounds),
         Aov::Uv => layer.data.chunks_exact(2).map(|uv| Rgb::new(fraction(uv[0]), fraction(uv[1]), 0.0)).collect(),
-        Aov::ObjectId | Aov::MaterialId => layer.data.iter().map(|&id| id_color(id as u32)).collect(),
+        Aov::ObjectId | Aov::MaterialId => (0..layer.data.len()).map(|i| id_color(layer.id(i))).collect(),
         Aov::TreeDepth | Aov::Cost => {
             let largest = layer.data.iter().copied().fold(0.0, f32::max).max(1.0);
             layer.data.iter().map(|v| Rgb::gray(v / largest)).collect()
@@ -53,6 +53,7 @@ pub(crate) fn linear(picture: &Picture) -> Image {
         image.channels.extend(layer.channels.iter().enumerate().map(|(index, channel)| Channel {
             name: channel_name(layer.name, channel),
             data: layer.data.iter().skip(index).step_by(count).copied().collect(),
+            ids: layer.ids.clone(),
         }));
     }
     image

@@ -26,7 +26,7 @@ fn damage(whole: &[u8]) {
 fn ramp(names: &[&str]) -> picture::Image {
     let channel = |c: usize| (0..12 * 5).map(|i| ((i * 7 + c * 29) % 61) as f32 / 60.0).collect();
     let channels = names.iter().enumerate();
-    let channels = channels.map(|(c, name)| picture::Channel { name: (*name).into(), data: channel(c) }).collect();
+    let channels = channels.map(|(c, name)| picture::Channel::new(*name, channel(c))).collect();
     picture::Image { width: 12, height: 5, channels }
 }
 
@@ -57,11 +57,7 @@ fn png_keeps_its_bits_and_says_what_its_numbers_mean() {
 
 #[test]
 fn a_gamma_of_its_own_is_made_linear() {
-    let gray = picture::Image {
-        width: 2,
-        height: 1,
-        channels: vec![picture::Channel { name: "Y".into(), data: vec![0.5, 1.0] }],
-    };
+    let gray = picture::Image { width: 2, height: 1, channels: vec![picture::Channel::new("Y", vec![0.5, 1.0])] };
     let plain = picture::encode_png(&gray, picture::Depth::Eight, Transfer::None, &[]).unwrap();
     let with = |gamma: u32| {
         let mut chunk = b"gAMA".to_vec();

@@ -98,15 +98,16 @@ pub fn difference(a: &Image, b: &Image, scale: f32) -> Result<Image, Unequal> {
     let (ca, cb) = colors(a, b)?;
     let channel = |i: usize| ca[i].iter().zip(cb[i]).map(|(a, b)| distance(*a, *b) as f32 * scale).collect();
     let names = ["R", "G", "B"].iter().enumerate();
-    let channels = names.map(|(i, name)| Channel { name: (*name).into(), data: channel(i) }).collect();
+    let channels = names.map(|(i, name)| Channel::new(*name, channel(i))).collect();
     Ok(Image { width: a.width, height: a.height, channels })
 }
 
-pub(super) fn distance(a: f32, b: f32) -> f64 {
+pub(super) fn distance(a: impl Into<f64>, b: impl Into<f64>) -> f64 {
+    let (a, b) = (a.into(), b.into());
     if a == b || (a.is_nan() && b.is_nan()) {
         return 0.0;
     }
-    let value = (f64::from(a) - f64::from(b)).abs();
+    let value = (a - b).abs();
     if value.is_nan() { f64::INFINITY } else { value }
 }
 

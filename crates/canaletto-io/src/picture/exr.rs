@@ -18,7 +18,8 @@ pub struct ExrOptions {
     pub uncompressed: bool,
     /// Colours (channels `R`, `G`, `B`, `A`, `Y`, of layers, too) as 16-bit floats; other channels stay `f32`.
     pub half: bool,
-    /// Channels of layers whose name ends in `_id` as whole numbers of 32 bits (UINT) instead of floats.
+    /// Channels of layers whose name ends in `_id` as whole numbers of 32 bits (UINT) instead of floats. Those with numbers that
+    /// `f32` would round are so anyway.
     pub uint_ids: bool,
     /// Where the picture lies in a larger one; nothing if it is the whole.
     pub window: Option<Window>,
@@ -71,6 +72,8 @@ fn samples(channel: &Channel, options: ExrOptions) -> ex::FlatSamples {
         // Half floats end at 65504: brighter colours get that, not infinity.
         let half = |v: f32| ex::f16::from_f32(if v.is_finite() { v.clamp(-HALF_MAX, HALF_MAX) } else { v });
         ex::FlatSamples::F16(channel.data.iter().map(|v| half(*v)).collect())
+    } else if !channel.ids.is_empty() {
+        ex::FlatSamples::U32(channel.ids.clone())
     } else if options.uint_ids && layer.ends_with("_id") {
         ex::FlatSamples::U32(channel.data.iter().map(|v| *v as u32).collect())
     } else {
@@ -165,13 +168,30 @@ pub fn decode_exr(bytes: &[u8]) -> Result<Decoded, PictureError> {
             let name = from_utf8(&channel.name);
             let name = if many && number != main { format!("{part}.{name}") } else { name };
             bits = bits.max(if channel.sample_type == SampleType::F16 { 16 } else { 32 });
-            image.channels.push(Channel { name, data: zeros(width * height)? });
+            image.channels.push(Channel::new(name, zeros(width * height)?));
         }
         let all: Vec<usize> = (0..list.len()).collect();
+        let mut rounded = Vec::new();
         file.rows(number, &all, |channel, y, x, row| {
             let to = &mut image.channels[first + channel].data[y * width + x..];
             to.iter_mut().zip(floats(list[channel].sample_type, row)).for_each(|(v, number)| *v = number);
+            let rounds = |bytes: &[u8; 4]| u32::from_ne_bytes(*bytes) >> f32::MANTISSA_DIGITS > 0;
+            if list[channel].sample_type == SampleType::U32
+                && row.as_chunks().0.iter().any(rounds)
+                && !rounded.contains(&channel)
+            {
+                rounded.push(channel);
+            }
         })?;
+        for channel in &rounded {
+            image.channels[first + channel].ids = zeros(width * height)?;
+        }
+        if !rounded.is_empty() {
+            file.rows(number, &rounded, |place, y, x, row| {
+                let to = &mut image.channels[first + rounded[place]].ids[y * width + x..];
+                to.iter_mut().zip(row.as_chunks().0).for_each(|(v, bytes)| *v = u32::from_ne_bytes(*bytes));
+            })?;
+        }
     }
     metadata.sort();
     check(&image)?;
@@ -184,10 +204,10 @@ fn is_color(channel: &ex::Text) -> bool {
 }
 
 /// Room for numbers, if there is memory.
-fn zeros(count: usize) -> Result<Vec<f32>, ImageError> {
+fn zeros<T: Clone + Default>(count: usize) -> Result<Vec<T>, ImageError> {
     let mut data = Vec::new();
     data.try_reserve_exact(count).map_err(|_| ImageError::NoMemory(4 * count as u64))?;
-    data.resize(count, 0.0);
+    data.resize(count, T::default());
     Ok(data)
 }
 
@@ -200,11 +220,7 @@ mod tests {
         let names = ["R", "G", "B", "depth.Z", "normal.X", "normal.Y", "normal.Z", "objectId.id"];
         let channels = names.iter().enumerate();
         let data = |c: usize| (0..50 * 40).map(|i| value(i, c)).collect();
-        Image {
-            width: 50,
-            height: 40,
-            channels: channels.map(|(c, name)| Channel { name: (*name).into(), data: data(c) }).collect(),
-        }
+        Image { width: 50, height: 40, channels: channels.map(|(c, name)| Channel::new(*name, data(c))).collect() }
     }
 
     fn texts() -> Vec<(String, String)> {
@@ -284,6 +300,21 @@ mod tests {
     }
 
     #[test]
+    fn numbers_that_f32_rounds_stay_whole() {
+        let mut image = picture();
+        let ids: Vec<u32> = (0..50 * 40).map(|i| u32::MAX - 3 * i).collect();
+        image.channels[7].data = ids.iter().map(|id| *id as f32).collect();
+        image.channels[7].ids = ids;
+        for options in [ExrOptions::default(), ExrOptions { uint_ids: true, uncompressed: true, ..Default::default() }]
+        {
+            let read = decode_exr(&encode_exr(&image, options, &[]).unwrap()).unwrap().image;
+            let named = |image: &Image| image.channels.iter().find(|c| c.name == "objectId.id").cloned();
+            assert_eq!(named(&read), named(&image));
+            assert!(read.channels.iter().all(|c| c.ids.is_empty() || c.name == "objectId.id"));
+        }
+    }
+
+    #[test]
     fn bytes_are_the_same_for_any_number_of_threads() {
         let with = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -309,7 +340,7 @@ mod tests {
     #[test]
     fn damage_never_panics() {
         let channels = picture().channels.into_iter().take(2);
-        let small = channels.map(|c| Channel { name: c.name, data: c.data[..36].to_vec() }).collect();
+        let small = channels.map(|c| Channel::new(c.name, c.data[..36].to_vec())).collect();
         let whole =
             encode_exr(&Image { width: 6, height: 6, channels: small }, ExrOptions::default(), &texts()[..1]).unwrap();
         for at in 0..whole.len() {

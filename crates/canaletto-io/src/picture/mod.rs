@@ -48,14 +48,27 @@ pub struct Channel {
     pub name: String,
     /// width × height values, the top row first.
     pub data: Vec<f32>,
+    /// The values themselves if they are whole numbers of 32 bits, some of which `f32` rounds; else empty.
+    pub ids: Vec<u32>,
+}
+
+impl Channel {
+    /// A channel of numbers.
+    pub fn new(name: impl Into<String>, data: Vec<f32>) -> Channel {
+        Channel { name: name.into(), data, ids: Vec::new() }
+    }
+
+    /// The value of pixel number `i`.
+    fn value(&self, i: usize) -> f64 {
+        self.ids.get(i).map_or_else(|| self.data[i].into(), |id| f64::from(*id))
+    }
 }
 
 impl Image {
     /// A picture of colours, the top row first.
     pub fn from_rgb(width: u32, height: u32, pixels: impl Iterator<Item = [f32; 3]> + Clone) -> Image {
         let channels = ["R", "G", "B"].iter().enumerate();
-        let channels =
-            channels.map(|(i, name)| Channel { name: (*name).into(), data: pixels.clone().map(|p| p[i]).collect() });
+        let channels = channels.map(|(i, name)| Channel::new(*name, pixels.clone().map(|p| p[i]).collect()));
         Image { width, height, channels: channels.collect() }
     }
 

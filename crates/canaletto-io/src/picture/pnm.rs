@@ -42,10 +42,8 @@ pub(super) fn decode_pnm(bytes: &[u8]) -> Result<Decoded, PictureError> {
     if bytes.len().saturating_sub(start) < least {
         return Err(damaged("it ends too early".into()));
     }
-    let mut channels: Vec<Channel> = names
-        .iter()
-        .map(|name| Channel { name: (*name).into(), data: Vec::with_capacity(count / names.len()) })
-        .collect();
+    let mut channels: Vec<Channel> =
+        names.iter().map(|name| Channel::new(*name, Vec::with_capacity(count / names.len()))).collect();
     for index in 0..count {
         let value = match (binary, wide) {
             (true, false) => u32::from(bytes[start + index]),

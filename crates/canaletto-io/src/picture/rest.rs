@@ -3,6 +3,7 @@
 use super::compare::distance;
 use super::{Channel, Decoded, Image, Window};
 use canaletto::scene::Transfer;
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 
 /// How much a channel of two pictures differs.
@@ -36,22 +37,24 @@ pub struct RestDifference {
 impl RestDifference {
     /// Compares what two pictures of one size hold besides colours.
     pub fn of(a: &Decoded, b: &Decoded) -> RestDifference {
-        let opaque = |image: &Image| Channel { name: "A".into(), data: vec![1.0; image.pixels()] };
+        let opaque = |image: &Image| Channel::new("A", vec![1.0; image.pixels()]);
         let has_alpha = a.image.channel("A").is_some() || b.image.channel("A").is_some();
         let pixels = vec![false; a.image.pixels()];
         let mut rest = RestDifference { pixels, ..RestDifference::default() };
         for channel in others(&a.image) {
-            match b.image.channel(&channel.name) {
-                Some(other) => rest.add(a.image.width, &channel.name, &channel.data, other),
+            match b.image.channels.iter().find(|other| other.name == channel.name) {
+                Some(other) => rest.add(a.image.width, channel, other),
                 None => rest.only[0].push(channel.name.clone()),
             }
         }
         let in_b = others(&b.image).filter(|channel| a.image.channel(&channel.name).is_none());
         rest.only[1].extend(in_b.map(|channel| channel.name.clone()));
         if has_alpha {
-            let [alpha_a, alpha_b] = [&a.image, &b.image]
-                .map(|image| image.channel("A").map_or_else(|| opaque(image).data, <[f32]>::to_vec));
-            rest.add(a.image.width, "A", &alpha_a, &alpha_b);
+            let [alpha_a, alpha_b] = [&a.image, &b.image].map(|image| {
+                let alpha = image.channels.iter().find(|channel| channel.name == "A");
+                alpha.map_or_else(|| Cow::Owned(opaque(image)), Cow::Borrowed)
+            });
+            rest.add(a.image.width, &alpha_a, &alpha_b);
         }
         // Only scene-referred files tell where a part lies.
         let placed = !a.display_referred && !b.display_referred;
@@ -73,10 +76,10 @@ impl RestDifference {
             && self.curves.is_none()
     }
 
-    fn add(&mut self, width: u32, name: &str, a: &[f32], b: &[f32]) {
-        let mut found = ChannelDifference { channel: name.into(), differing: 0, max: 0.0, at: [0, 0] };
-        for (index, (differs, (va, vb))) in self.pixels.iter_mut().zip(a.iter().zip(b)).enumerate() {
-            let value = distance(*va, *vb);
+    fn add(&mut self, width: u32, a: &Channel, b: &Channel) {
+        let mut found = ChannelDifference { channel: a.name.clone(), differing: 0, max: 0.0, at: [0, 0] };
+        for (index, differs) in self.pixels.iter_mut().enumerate() {
+            let value = distance(a.value(index), b.value(index));
             if value > 0.0 {
                 *differs = true;
                 found.differing += 1;
@@ -132,15 +135,19 @@ impl Decoded {
         let mut next = names.iter();
         for (name, channel) in own {
             let name = if is_color { Some(name) } else { next.next().map(|name| (*name).to_owned()) };
+            if !channel.ids.is_empty() {
+                // As a colour it is rounded.
+                self.image.channels.push(channel.clone());
+            }
             if let Some(name) = name {
-                self.image.channels.push(Channel { name, data: channel.data });
+                self.image.channels.push(Channel::new(name, channel.data));
             }
         }
         if !is_color && self.image.rgb().is_none() {
             let zeros = vec![0.0; self.image.pixels()];
             for name in ["G", "B"] {
                 if self.image.channel(name).is_none() {
-                    self.image.channels.push(Channel { name: name.into(), data: zeros.clone() });
+                    self.image.channels.push(Channel::new(name, zeros.clone()));
                 }
             }
         }
@@ -169,7 +176,7 @@ mod tests {
     use super::*;
 
     fn decoded(channels: &[(&str, f32)]) -> Decoded {
-        let channels = channels.iter().map(|(name, v)| Channel { name: (*name).into(), data: vec![*v; 4] }).collect();
+        let channels = channels.iter().map(|(name, v)| Channel::new(*name, vec![*v; 4])).collect();
         Decoded {
             image: Image { width: 2, height: 2, channels },
             bits: 32,
@@ -182,6 +189,20 @@ mod tests {
     }
 
     const RGB: [(&str, f32); 3] = [("R", 0.1), ("G", 0.2), ("B", 0.3)];
+
+    #[test]
+    fn numbers_that_f32_rounds_are_compared_themselves() {
+        let of = |id: u32| {
+            let mut decoded = decoded(&[("object_id.X", id as f32)]);
+            decoded.image.channels[0].ids = vec![id; 4];
+            decoded
+        };
+        let (a, b) = (of(1 << 24), of((1 << 24) + 1));
+        assert!(RestDifference::of(&a, &a).is_none());
+        assert_eq!(RestDifference::of(&a, &b).channels[0].max, 1.0);
+        let shown = |of: &Decoded| of.clone().with_layer("object_id").unwrap();
+        assert_eq!(RestDifference::of(&shown(&a), &shown(&b)).channels[0].differing, 4);
+    }
 
     #[test]
     fn alpha_layers_places_and_curves_are_told() {

@@ -5,20 +5,24 @@ use ::exr::prelude::f16;
 use canaletto::scene::Transfer;
 use canaletto::texture::{self, Samples};
 
+/// Samples as channels with the names that one to four of them have in a picture. Whole numbers become shares of the largest.
+pub(super) fn named(channels: u8, samples: &Samples) -> Vec<Channel> {
+    let names: &[&str] =
+        [&["Y"][..], &["Y", "A"], &["R", "G", "B"], &["R", "G", "B", "A"]][usize::from(channels.clamp(1, 4)) - 1];
+    fn each<T: Copy>(data: &[T], first: usize, every: usize, number: impl Fn(T) -> f32) -> Vec<f32> {
+        data[first..].iter().step_by(every).map(|v| number(*v)).collect()
+    }
+    let channel = |first: usize| match samples {
+        Samples::U8(data) => each(data, first, names.len(), |v| f32::from(v) / 255.0),
+        Samples::U16(data) => each(data, first, names.len(), |v| f32::from(v) / 65535.0),
+        Samples::F16(data) => each(data, first, names.len(), |v| f16::from_bits(v).to_f32()),
+        Samples::F32(data) => each(data, first, names.len(), |v| v),
+    };
+    names.iter().enumerate().map(|(i, name)| Channel::new(*name, channel(i))).collect()
+}
+
 /// The picture of a texture's image.
 pub(super) fn picture(image: &texture::Image) -> Decoded {
-    let names: &[&str] =
-        [&["Y"][..], &["Y", "A"], &["R", "G", "B"], &["R", "G", "B", "A"]][usize::from(image.channels.clamp(1, 4)) - 1];
-    let channel = |index: usize| -> Vec<f32> {
-        let every = names.len();
-        match &image.samples {
-            Samples::U8(data) => data[index..].iter().step_by(every).map(|v| f32::from(*v) / 255.0).collect(),
-            Samples::U16(data) => data[index..].iter().step_by(every).map(|v| f32::from(*v) / 65535.0).collect(),
-            Samples::F16(data) => data[index..].iter().step_by(every).map(|v| f16::from_bits(*v).to_f32()).collect(),
-            Samples::F32(data) => data[index..].iter().step_by(every).copied().collect(),
-        }
-    };
-    let channels = names.iter().enumerate().map(|(i, name)| Channel { name: (*name).into(), data: channel(i) });
     let (bits, display_referred) = match image.samples {
         Samples::U8(_) => (8, true),
         Samples::U16(_) => (16, true),
@@ -26,7 +30,7 @@ pub(super) fn picture(image: &texture::Image) -> Decoded {
         Samples::F32(_) => (32, false),
     };
     Decoded {
-        image: Image { width: image.width, height: image.height, channels: channels.collect() },
+        image: Image { width: image.width, height: image.height, channels: named(image.channels, &image.samples) },
         bits,
         transfer: Some(if display_referred { Transfer::Srgb } else { Transfer::None }),
         metadata: Vec::new(),

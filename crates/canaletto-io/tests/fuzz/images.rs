@@ -31,7 +31,7 @@ fn ramp(names: &[&str], size: [u32; 2]) -> Image {
     let count = (size[0] * size[1]) as usize;
     let data = |c: usize| (0..count).map(|i| ((i * (7 + c)) % 61) as f32 / 60.0).collect();
     let channels = names.iter().enumerate();
-    let channels = channels.map(|(c, name)| Channel { name: (*name).into(), data: data(c) }).collect();
+    let channels = channels.map(|(c, name)| Channel::new(*name, data(c))).collect();
     Image { width: size[0], height: size[1], channels }
 }
 

@@ -25,6 +25,16 @@ pub struct Layer {
     pub channels: &'static [&'static str],
     /// width × height × channels values, the channels of a pixel together, the top row first.
     pub data: Vec<f32>,
+    /// For numbers of objects and materials of which some may be above 2²⁴, and so are rounded in `data`: the numbers themselves.
+    /// Else empty.
+    pub ids: Vec<u32>,
+}
+
+impl Layer {
+    /// The number of the object or the material that pixel number `i` shows, of a layer of these.
+    pub fn id(&self, i: usize) -> u32 {
+        self.ids.get(i).copied().unwrap_or(self.data[i] as u32)
+    }
 }
 
 impl Picture {

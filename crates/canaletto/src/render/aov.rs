@@ -88,9 +88,18 @@ impl Aov {
         Aov::ALL[self as usize].2
     }
 
-    pub(super) fn layer(self, width: u32, height: u32) -> Layer {
+    /// Whether it holds numbers of objects or materials.
+    pub fn is_id(self) -> bool {
+        matches!(self, Aov::ObjectId | Aov::MaterialId)
+    }
+
+    pub(super) fn layer(self, world: &World, width: u32, height: u32) -> Layer {
+        /// `f32` holds all whole numbers up to here.
+        const EXACT: u64 = 1 << f32::MANTISSA_DIGITS;
         let (_, name, channels) = Aov::ALL[self as usize];
-        Layer { name, channels, data: vec![0.0; width as usize * height as usize * channels.len()] }
+        let pixels = width as usize * height as usize;
+        let ids = if self.is_id() && world.largest_id() > EXACT { vec![0; pixels] } else { Vec::new() };
+        Layer { name, channels, data: vec![0.0; pixels * channels.len()], ids }
     }
 }
 
@@ -130,8 +139,10 @@ pub(super) struct AovProbe<'w> {
     camera: &'w Camera,
     /// Where the eye is at the time of the sample.
     eye: DVec3,
-    /// depth, normal, position, uv, ids: of the first sample.
-    geometry: Option<[f32; 11]>,
+    /// depth, normal, position, uv: of the first sample.
+    geometry: Option<[f32; 9]>,
+    /// The object's number and the material's of that sample; 0 where nothing is met.
+    ids: [u32; 2],
     samples: u32,
     weight: f64,
     sums: [[f64; 3]; 6],
@@ -150,6 +161,7 @@ impl<'w> AovProbe<'w> {
             camera,
             eye: camera.eye(),
             geometry: None,
+            ids: [0; 2],
             samples: 0,
             weight: 0.0,
             sums: [[0.0; 3]; 6],
@@ -178,8 +190,17 @@ impl<'w> AovProbe<'w> {
         self.sample_weight = 0.0;
     }
 
+    /// The number of the object or the material, if the layer is of these.
+    pub(super) fn id(&self, aov: Aov) -> Option<u32> {
+        match aov {
+            Aov::ObjectId => Some(self.ids[0]),
+            Aov::MaterialId => Some(self.ids[1]),
+            _ => None,
+        }
+    }
+
     pub(super) fn write(&self, aov: Aov, out: &mut [f32]) {
-        const MISS: [f32; 11] = [f32::INFINITY, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        const MISS: [f32; 9] = [f32::INFINITY, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
         let geometry = self.geometry.as_ref().unwrap_or(&MISS);
         let light = |term: usize| Rgb::from(self.sums[term].map(|s| (s / self.weight) as f32)).saturated().to_array();
         match aov {
@@ -187,8 +208,8 @@ impl<'w> AovProbe<'w> {
             Aov::Normal => out.copy_from_slice(&geometry[1..4]),
             Aov::Position => out.copy_from_slice(&geometry[4..7]),
             Aov::Uv => out.copy_from_slice(&geometry[7..9]),
-            Aov::ObjectId => out.copy_from_slice(&geometry[9..10]),
-            Aov::MaterialId => out.copy_from_slice(&geometry[10..11]),
+            Aov::ObjectId => out[0] = self.ids[0] as f32,
+            Aov::MaterialId => out[0] = self.ids[1] as f32,
             Aov::Diffuse => out.copy_from_slice(&light(0)),
             Aov::Specular => out.copy_from_slice(&light(1)),
             Aov::Shadow => out.copy_from_slice(&light(2)),
@@ -232,8 +253,8 @@ impl Probe for AovProbe<'_> {
             let normal = if outside { surface.shading_normal } else { -surface.shading_normal }.as_vec3();
             let (p, uv) = (self.world.in_the_scene(surface.point), surface.uv);
             let depth = (surface.exact - self.eye).length() as f32;
-            let (object, material) = (self.world.object_id(hit) as f32, (self.world.material_index(hit) + 1) as f32);
-            self.geometry = Some([depth, normal.x, normal.y, normal.z, p.x, p.y, p.z, uv.x, uv.y, object, material]);
+            self.ids = [self.world.object_id(hit), self.world.material_index(hit) + 1];
+            self.geometry = Some([depth, normal.x, normal.y, normal.z, p.x, p.y, p.z, uv.x, uv.y]);
         }
     }
 

@@ -8,7 +8,7 @@ pub use aov::Aov;
 pub(crate) use pixel::{PixelRenderer, weighted_mean};
 
 use crate::camera::Camera;
-use crate::film::{Layer, Picture};
+use crate::film::Picture;
 use crate::integrator::{RayCounts, Whitted};
 use crate::math::Rgb;
 use crate::scene::{FilmSettings, IntegratorSettings};
@@ -195,7 +195,7 @@ fn on_all_threads(world: &World, job: &Job, observer: &dyn Observer) -> Renderin
     let tiles_across = width.div_ceil(tile) as usize;
     let tile_count = tiles_across * height.div_ceil(tile) as usize;
     let mut picture = Picture::new(width, height);
-    picture.layers = job.aovs.iter().map(|aov| aov.layer(width, height)).collect();
+    picture.layers = job.aovs.iter().map(|aov| aov.layer(world, width, height)).collect();
     let shared = Mutex::new(Rendering { picture, counts: RayCounts::default(), pixels_done: 0, complete: false });
     let next = AtomicUsize::new(0);
     let stopped = AtomicBool::new(false);
@@ -276,7 +276,7 @@ impl<'a> Worker<'a> {
     /// Renders the pixels of an area (x, y, width, height); `None` if cancelled.
     fn tile(&mut self, [x0, y0, width, height]: [u32; 4], cancelled: &dyn Fn() -> bool) -> Option<Tile> {
         let mut part = Picture::new(width, height);
-        part.layers = self.aovs.iter().map(|aov| aov.layer(width, height)).collect();
+        part.layers = self.aovs.iter().map(|aov| aov.layer(self.whitted.world(), width, height)).collect();
         self.whitted.counts = RayCounts::default();
         self.pixels.survey(&mut self.whitted, [x0, y0, width, height]);
         if self.whitted.gave_up() {
@@ -314,6 +314,9 @@ impl<'a> Worker<'a> {
             for (aov, layer) in self.aovs.iter().zip(&mut part.layers) {
                 let n = layer.channels.len();
                 probe.write(*aov, &mut layer.data[index * n..(index + 1) * n]);
+                if let (Some(to), Some(id)) = (layer.ids.get_mut(index), probe.id(*aov)) {
+                    *to = id;
+                }
             }
             if self.whitted.gave_up() {
                 return None;
@@ -344,18 +347,19 @@ impl Tile {
     /// Copies the tile to its place, given from the upper left corner of the rendering.
     fn blit(&self, into: &mut Rendering, [x0, y0]: [u32; 2]) -> Progress {
         let (width, stride) = (self.part.width as usize, into.picture.width as usize);
-        let copy = |from: &[f32], to: &mut [f32], n: usize| {
-            for (row, line) in from.chunks_exact(width * n).enumerate() {
-                let start = ((y0 as usize + row) * stride + x0 as usize) * n;
-                to[start..start + line.len()].copy_from_slice(line);
+        fn copy<T: Copy>(from: &[T], to: &mut [T], width: usize, stride: usize, start: usize) {
+            for (line, to) in from.chunks_exact(width).zip(to[start..].chunks_mut(stride)) {
+                to[..width].copy_from_slice(line);
             }
-        };
-        for (row, line) in self.part.pixels.chunks_exact(width).enumerate() {
-            let start = (y0 as usize + row) * stride + x0 as usize;
-            into.picture.pixels[start..start + width].copy_from_slice(line);
         }
-        for (Layer { data: from, channels, .. }, to) in self.part.layers.iter().zip(&mut into.picture.layers) {
-            copy(from, &mut to.data, channels.len());
+        let start = y0 as usize * stride + x0 as usize;
+        copy(&self.part.pixels, &mut into.picture.pixels, width, stride, start);
+        for (from, to) in self.part.layers.iter().zip(&mut into.picture.layers) {
+            let n = from.channels.len();
+            copy(&from.data, &mut to.data, width * n, stride * n, start * n);
+            if !from.ids.is_empty() {
+                copy(&from.ids, &mut to.ids, width, stride, start);
+            }
         }
         into.counts += self.counts;
         into.pixels_done += self.part.pixels.len() as u64;

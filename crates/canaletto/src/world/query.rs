@@ -349,6 +349,12 @@ impl World {
         }
     }
 
+    /// No object and no material has a larger number in a layer.
+    pub(crate) fn largest_id(&self) -> u64 {
+        let objects = u64::from(self.unbounded_id_base) + self.unbounded.len() as u64;
+        objects.max(self.materials.len() as u64)
+    }
+
     fn object_of(&self, instance: &Instance, primitive: u32) -> u32 {
         match &self.geometries[instance.geometry as usize] {
             Geometry::Shapes { objects, .. } => objects[primitive as usize],

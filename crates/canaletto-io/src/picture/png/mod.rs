@@ -2,14 +2,14 @@
 
 mod bands;
 
-use super::{Channel, Decoded, Image, PictureError, SOFTWARE, Window, check, no_pixels};
+use super::texture::named;
+use super::{Decoded, Image, PictureError, SOFTWARE, Window, check, no_pixels};
 use crate::image::png::{Unpacked, unpack};
 use ::png::chunk::IDAT;
 use ::png::{BitDepth, ColorType, Encoder, ScaledFloat, SrgbRenderingIntent};
 use bands::Shape;
 use canaletto::film::{Developer, Picture};
 use canaletto::scene::{FilmSettings, Transfer};
-use canaletto::texture::Samples;
 use std::fmt::Display;
 use std::io::Write;
 use std::ops::Range;
@@ -234,17 +234,7 @@ pub fn decode_png(bytes: &[u8]) -> Result<Decoded, PictureError> {
         (false, Some(100_000)) => Some(Transfer::None),
         _ => None,
     };
-    let names: &[&str] = [&["Y"][..], &["Y", "A"], &["R", "G", "B"], &["R", "G", "B", "A"]][usize::from(channels) - 1];
-    let shares = |i: usize| -> Vec<f32> {
-        match &samples {
-            Samples::U8(data) => data[i..].iter().step_by(names.len()).map(|v| f32::from(*v) / 255.0).collect(),
-            Samples::U16(data) => data[i..].iter().step_by(names.len()).map(|v| f32::from(*v) / 65535.0).collect(),
-            Samples::F16(_) | Samples::F32(_) => Vec::new(),
-        }
-    };
-    let channels =
-        names.iter().enumerate().map(|(i, name)| Channel { name: (*name).into(), data: shares(i) }).collect();
-    let image = Image { width, height, channels };
+    let image = Image { width, height, channels: named(channels, &samples) };
     check(&image)?;
     let window = Window::whole(image.width, image.height);
     Ok(Decoded { image, bits, transfer, metadata: texts, window, left_out: Vec::new(), display_referred: true })
@@ -254,6 +244,7 @@ pub fn decode_png(bytes: &[u8]) -> Result<Decoded, PictureError> {
 mod tests {
     use super::*;
     use crate::image::ImageError;
+    use crate::picture::Channel;
     use canaletto::film::develop;
     use canaletto::scene::Tone;
     use std::io::Read;
@@ -373,11 +364,8 @@ mod tests {
     #[test]
     fn grey_alpha_and_odd_values() {
         let data = vec![f32::NAN, -3.0, 7.0, f32::INFINITY];
-        let channels = vec![
-            Channel { name: "Y".into(), data },
-            Channel { name: "A".into(), data: vec![1.0; 4] },
-            Channel { name: "depth.Z".into(), data: vec![9.0; 4] },
-        ];
+        let channels =
+            vec![Channel::new("Y", data), Channel::new("A", vec![1.0; 4]), Channel::new("depth.Z", vec![9.0; 4])];
         let bytes = encode_png(&Image { width: 2, height: 2, channels }, Depth::Eight, Transfer::None, &[]).unwrap();
         let image = decode_png(&bytes).unwrap().image;
         assert_eq!(image.channel("Y").unwrap(), [0.0, 0.0, 1.0, 1.0]);
