@@ -28,13 +28,13 @@ pub(crate) fn to_image(layer: &Layer, picture: &Picture, film: &FilmSettings, bo
         Aov::Position => position(layer, bounds),
         Aov::Uv => layer.data.chunks_exact(2).map(|uv| Rgb::new(fraction(uv[0]), fraction(uv[1]), 0.0)).collect(),
         Aov::ObjectId | Aov::MaterialId => (0..layer.data.len()).map(|i| id_color(layer.id(i))).collect(),
-        Aov::TreeDepth | Aov::Cost => {
-            let largest = layer.data.iter().copied().fold(0.0, f32::max).max(1.0);
-            layer.data.iter().map(|v| Rgb::gray(v / largest)).collect()
-        }
-        Aov::Diffuse | Aov::Specular | Aov::Shadow | Aov::Ambient | Aov::Reflection | Aov::Refraction => {
+        _ if aov.is_light() => {
             let light = light(layer, picture, film);
             return (rgb_image(picture, &light), film.transfer);
+        }
+        _ => {
+            let largest = layer.data.iter().copied().fold(0.0, f32::max).max(1.0);
+            layer.data.chunks_exact(layer.channels.len()).map(|v| Rgb::gray(v[0] / largest)).collect()
         }
     };
     (rgb_image(picture, &pixels), Transfer::None)

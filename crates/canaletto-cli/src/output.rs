@@ -332,6 +332,7 @@ pub(crate) fn film_failed(format: Format, error: MovieError) -> Failure {
         MovieError::Ffmpeg(_) => Failure::new(Exit::Failed, error)
             .help("render numbered pictures (--output shot.####.png) and call ffmpeg on them yourself"),
         MovieError::Unfit(_) => Failure::new(Exit::Usage, error),
+        _ => Failure::new(Exit::Failed, error),
     }
 }
 
@@ -355,6 +356,7 @@ fn wrong(error: WriteError) -> Failure {
         WriteError::Exists(_) => Failure::new(Exit::Failed, &error).help("leave out --no-clobber to replace it"),
         WriteError::IsFolder(folder) => Failure::new(Exit::Failed, &error)
             .help(format!("name a file in it, such as {}", folder.join("picture.png").display())),
+        _ => Failure::new(Exit::Failed, &error),
     }
 }
 

@@ -11,7 +11,7 @@ use crate::output::{Format, film_failed, unfit};
 use crate::part::{UNFINISHED, free_for_part, remove_part};
 use crate::progress::{Style, Watch, Whole, emit};
 use crate::report::{Report, Times};
-use crate::settings::{Settings, metadata, sampling_words, transfer_word};
+use crate::settings::{Settings, metadata, sampling_words};
 use crate::source::{Reader, Source, build, seen_through};
 use crate::terminal::Paint;
 use crate::words::{JSON_VERSION, count, duration, plural};
@@ -304,7 +304,7 @@ impl<'a> Series<'a> {
         for (index, (layer, aov)) in picture.layers.iter().zip(&job.aovs).enumerate() {
             let (image, transfer) = layers::to_image(layer, picture, film, &world.bounds());
             let mut texts = texts(Some(*aov));
-            texts.push(("transfer".into(), transfer_word(transfer).into()));
+            texts.push(("transfer".into(), transfer.name().into()));
             let bytes = encode_png(&image, output.png, transfer, &texts).map_err(|e| unfit(&e))?;
             write(index + 1, &bytes)?;
         }

@@ -6,7 +6,7 @@ use crate::flags::{PictureFlags, SampleFlag, SourceFlags};
 use crate::words::count;
 use canaletto::camera::Camera;
 use canaletto::render::{Job, JobError};
-use canaletto::scene::{FilmSettings, Filter, IntegratorSettings, Sampling, Scene, Stage, Tone, Transfer, View};
+use canaletto::scene::{FilmSettings, Filter, IntegratorSettings, Sampling, Scene, Stage, View};
 use canaletto_io::picture::MAX_PIXELS;
 use canaletto_io::text::nearest;
 
@@ -178,8 +178,8 @@ pub(crate) fn metadata(source: &SourceFlags, settings: &Settings) -> Vec<(String
         ("sampling", sampling_words(film)),
         ("sampler", film.sampler.name().into()),
         ("filter", filter_words(film.filter)),
-        ("tone", if film.tone == Tone::Scale { "scale" } else { "clamp" }.into()),
-        ("transfer", transfer_word(film.transfer).into()),
+        ("tone", film.tone.name().into()),
+        ("transfer", film.transfer.name().into()),
         ("integrator", "whitted".into()),
         ("stage", stage.into()),
         ("max-depth", integrator.max_depth.to_string()),
@@ -196,20 +196,10 @@ pub(crate) fn metadata(source: &SourceFlags, settings: &Settings) -> Vec<(String
     texts.into_iter().map(|(key, text)| (key.to_owned(), text)).collect()
 }
 
-/// What --transfer calls it.
-pub(crate) fn transfer_word(transfer: Transfer) -> &'static str {
-    match transfer {
-        Transfer::Srgb => "srgb",
-        Transfer::None => "none",
-    }
-}
-
 fn filter_words(filter: Filter) -> String {
     match filter {
-        Filter::Box => "box".into(),
-        Filter::Tent => "tent".into(),
-        Filter::Gaussian { sigma } => format!("gaussian, sigma {sigma}"),
-        Filter::Mitchell => "mitchell".into(),
+        Filter::Gaussian { sigma } => format!("{}, sigma {sigma}", filter.name()),
+        _ => filter.name().into(),
     }
 }
 

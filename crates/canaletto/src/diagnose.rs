@@ -8,9 +8,11 @@ use crate::render::Job;
 use crate::scene::Stage;
 use crate::world::{Hit, World};
 use glam::DVec3;
+use std::fmt;
 
 /// A reason why a picture shows little or nothing.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Finding {
     /// No ray from the eye meets anything.
     NothingInView {
@@ -31,6 +33,17 @@ pub enum Finding {
         /// The object's name.
         object: String,
     },
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Finding::NothingInView { behind: true, .. } => write!(f, "everything lies behind the eye"),
+            Finding::NothingInView { .. } => write!(f, "no ray from the eye meets anything"),
+            Finding::EyeInside { object } => write!(f, "the eye is inside {object}, which is opaque"),
+            Finding::LightInside { light, object } => write!(f, "{light} is inside {object}, which is opaque"),
+        }
+    }
 }
 
 /// The rays, each way, by which a picture is first judged, and the most if they meet nothing.

@@ -16,6 +16,7 @@ fn filter(filter: Filter, x: f64) -> f64 {
         Filter::Mitchell if x < 1.0 => (7.0 * x.powi(3) - 12.0 * x * x + 16.0 / 3.0) / 6.0,
         Filter::Mitchell if x < 2.0 => (-7.0 / 3.0 * x.powi(3) + 12.0 * x * x - 20.0 * x + 32.0 / 3.0) / 6.0,
         Filter::Mitchell => 0.0,
+        other => panic!("{other:?} has no formula here"),
     }
 }
 

@@ -210,6 +210,7 @@ fn doubts(name: &str, camera: &str, several: bool, world: &World, job: &Job) -> 
                 format!("{light} is inside {object}, which is opaque; nothing outside gets its light"),
                 "move the light out of it, or write shadows #false in the light".into(),
             ),
+            other => (other.to_string(), "look at what the camera and the lights stand in".into()),
         };
         all.push(Diagnostic::warning(name, format!("{of}{message}")).help(help));
     }

@@ -96,6 +96,7 @@ impl AssetPath {
 
 /// Why a file can't be had. `path` is the path as the scene wrote it.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum AssetError {
     /// There is no such file.
     #[error("there is no file \"{path}\"")]

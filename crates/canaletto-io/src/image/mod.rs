@@ -25,6 +25,7 @@ use rayon::prelude::*;
 
 /// Why a file can't be used as an image.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum ImageError {
     /// The first bytes are of no known format.
     #[error("it is no image that can be read")]

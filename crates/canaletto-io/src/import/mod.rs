@@ -45,6 +45,7 @@ use std::io;
 
 /// A model: its meshes, and the materials that came with it.
 #[derive(Clone, Debug, Default)]
+#[non_exhaustive]
 pub struct Imported {
     /// The meshes. Their `materials` are positions in the list below, so a scene that has others adds their number.
     pub meshes: Vec<Mesh>,

@@ -18,6 +18,7 @@ use std::path::Path;
 
 /// The formats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum MovieFormat {
     /// Animated PNG: every colour as it is.
     Apng,
@@ -57,6 +58,7 @@ pub struct MovieSettings {
 
 /// Why a film isn't written.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum MovieError {
     /// The format can't hold it.
     #[error("{0}")]

@@ -4,6 +4,7 @@ use super::{Channel, Image, flip, ssim};
 
 /// Where two pictures differ most.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Difference {
     /// The pixel, from the top left.
     pub x: u32,
@@ -17,6 +18,7 @@ pub struct Difference {
 
 /// How much two pictures differ. A NaN in both is no difference; one beside a number is an infinite one.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Comparison {
     /// The mean squared error over all pixels and colours.
     pub mse: f64,
@@ -36,6 +38,7 @@ pub struct Comparison {
 
 /// Why two pictures can't be compared.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum Unequal {
     /// The sizes differ.
     #[error("the pictures have different sizes: {} × {} and {} × {}", .0[0], .0[1], .0[2], .0[3])]

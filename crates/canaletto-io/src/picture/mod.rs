@@ -102,6 +102,7 @@ impl Image {
 
 /// A picture that was read, and what its file says about it.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Decoded {
     /// The picture: 0 to 1 as stored in a PNG (nothing is decoded), anything in an EXR.
     pub image: Image,
@@ -137,6 +138,7 @@ impl Window {
 
 /// Why a picture can't be read or written.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum PictureError {
     /// The first bytes are of no known format.
     #[error("it is no picture that can be read: PNG, OpenEXR, JPEG, WebP, Radiance HDR and PPM can")]

@@ -8,6 +8,7 @@ use std::collections::BTreeSet;
 
 /// How much a channel of two pictures differs.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct ChannelDifference {
     /// The channel's name, such as `A` or `depth.Z`.
     pub channel: String,
@@ -21,6 +22,7 @@ pub struct ChannelDifference {
 
 /// Differences besides those of red, green and blue.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct RestDifference {
     /// Channels that both have and that differ. A picture without alpha is opaque.
     pub channels: Vec<ChannelDifference>,

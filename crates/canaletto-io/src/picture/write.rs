@@ -20,6 +20,7 @@ pub struct WriteOptions {
 
 /// Why a file isn't written.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum WriteError {
     /// It exists, and may not be replaced.
     #[error("{} exists already, and isn't replaced", .0.display())]

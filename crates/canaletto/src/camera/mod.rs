@@ -55,6 +55,7 @@ pub struct EyeRay {
 
 /// Why parameters make no camera.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum CameraError {
     /// There is no optical axis.
     #[error("eye and center are the same point; the camera has no direction to look in")]

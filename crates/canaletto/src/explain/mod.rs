@@ -21,6 +21,7 @@ use record::Recorder;
 
 /// Why a pixel can't be explained.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum ExplainError {
     /// The pixel isn't in the picture.
     #[error("pixel {x}, {y} isn't in the picture of {width} x {height} pixels (columns and rows count from 0)")]

@@ -9,6 +9,7 @@ use serde::{Serialize, Serializer};
 
 /// A pixel with all its samples.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct PixelTree {
     /// Column and row from the top left.
     pub pixel: [u32; 2],
@@ -24,6 +25,7 @@ pub struct PixelTree {
 
 /// One ray from the eye with its weight in the pixel.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct SampleNode {
     /// Where in the picture, in pixels with y upwards: x and y of (5.10).
     pub position: [f64; 2],
@@ -44,6 +46,7 @@ pub struct SampleNode {
 
 /// A ray, what it met and what it brought.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct RayNode {
     /// Why it was traced.
     pub kind: RayKind,
@@ -75,6 +78,7 @@ pub struct RayNode {
 
 /// The facet of a rough surface that a ray leaves, chosen at random.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct LobeNode {
     /// How far such facets lean, 0..=1.
     pub roughness: f32,
@@ -85,6 +89,7 @@ pub struct LobeNode {
 /// What a ray met.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Outcome {
     /// Nothing: the background.
     Miss {
@@ -110,6 +115,7 @@ pub enum Side {
 
 /// A surface that was met, with the terms of the shading equation there.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct HitNode {
     /// The object's name.
     pub object: String,
@@ -162,6 +168,7 @@ pub struct HitNode {
 
 /// A texture that was read at a hit.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct TextureNode {
     /// Its name.
     pub texture: String,
@@ -177,6 +184,7 @@ pub struct TextureNode {
 
 /// A place at which a texture was read.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct ReadingNode {
     /// Its share in the value.
     pub weight: f64,
@@ -191,6 +199,7 @@ pub struct ReadingNode {
 
 /// Where a lookup lies on an image.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct ImageNode {
     /// The place in texels, (0, 0) the upper left corner of the first one.
     pub texel: [f64; 2],
@@ -204,6 +213,7 @@ pub struct ImageNode {
 
 /// One point of a light as a hit sees it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct LightNode {
     /// The light's name or kind and number.
     pub light: String,
@@ -240,6 +250,7 @@ pub struct LightNode {
 
 /// A surface between a hit and a light.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct BlockerNode {
     /// The object's name.
     pub object: String,
@@ -249,6 +260,7 @@ pub struct BlockerNode {
 
 /// A child ray that was not followed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct CutNode {
     /// What it would have been.
     pub kind: RayKind,

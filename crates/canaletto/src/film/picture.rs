@@ -18,6 +18,7 @@ pub struct Picture {
 
 /// One extra quantity of every pixel.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Layer {
     /// Its name, such as "depth".
     pub name: &'static str,

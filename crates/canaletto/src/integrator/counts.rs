@@ -6,6 +6,7 @@ use std::ops::AddAssign;
 
 /// Rays of one kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct RayCount {
     /// Rays traced.
     pub traced: u64,
@@ -15,6 +16,7 @@ pub struct RayCount {
 
 /// Rays by kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct RayCounts {
     /// From the eye through a pixel.
     pub eye: RayCount,

@@ -13,6 +13,7 @@ use serde::Serialize;
 /// Why a ray is traced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum RayKind {
     /// From the eye.
     Eye,
@@ -28,6 +29,7 @@ pub enum RayKind {
 
 /// The terms of one light point at a hit (5.39a).
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct LightTerm {
     /// Index into [`crate::world::World::lights`].
     pub light: u32,

@@ -46,6 +46,7 @@ pub struct Light {
 /// The forms of lights.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum LightKind {
     /// From a point in all directions.
     Omni(Omni),

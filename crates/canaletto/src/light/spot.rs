@@ -18,6 +18,7 @@ pub struct Spot {
 /// How a spotlight falls off. Angles are in degrees between the axis and a ray of light, in [0, 90].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Falloff {
     /// Full inside `inner`, none outside `outer`, between them s² (3 − 2s) with s linear in the cosine.
     Smooth {

@@ -44,6 +44,7 @@ pub struct MeshLight {
 /// How the points of a surface shine.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Emission {
     /// Each as a point light of its share of the intensity, evenly in all directions and at any distance.
     #[default]

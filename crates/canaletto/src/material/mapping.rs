@@ -7,6 +7,7 @@
 
 use crate::math::Transform;
 use crate::shape::Patch;
+use crate::texture::{Function, Gradient, TextureKind};
 use canaletto_bvh::Aabb;
 use glam::{DMat3, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
@@ -25,6 +26,25 @@ pub struct Mapping {
     pub repeat: Repeat,
 }
 
+impl Mapping {
+    /// The mapping of a texture where nothing says which.
+    pub fn usual(kind: &TextureKind) -> Mapping {
+        match kind {
+            TextureKind::Constant(_) | TextureKind::Image(_) => Mapping::default(),
+            TextureKind::Procedural(procedural) => match procedural.function {
+                // A ramp is a texture of a line: of u.
+                Function::Gradient { shape: Gradient::Linear, .. } => Mapping::default(),
+                _ => Mapping { projection: Projection::Solid, space: Space::Object, ..Mapping::default() },
+            },
+            // The grid's cube from 0 to 1 covers the object's bounds, which are a cube around the origin.
+            TextureKind::Grid(_) => {
+                let transform = Transform::translate(DVec3::splat(-0.5));
+                Mapping { projection: Projection::Solid, space: Space::Bounds, transform, ..Mapping::default() }
+            }
+        }
+    }
+}
+
 /// A number of repetitions along u and v.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Repeat(pub [f64; 2]);
@@ -38,6 +58,7 @@ impl Default for Repeat {
 /// How places become texture coordinates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Projection {
     /// The surface's own coordinates: the faces of a box (fig. 5.31), the angles of a sphere (5.45), a mesh's uv. The
     /// space doesn't matter.
@@ -60,6 +81,7 @@ pub enum Projection {
 /// The spaces that mappings work in.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Space {
     /// The object's own, before its transforms: the texture moves with it.
     #[default]

@@ -24,6 +24,7 @@ pub struct TextureUse {
 /// What a texture is for.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Target {
     /// The colour of the point, instead of the shaded one: the texture holds the light already.
     Replace,

@@ -30,6 +30,7 @@ struct Segment {
 
 /// Why poses make no path.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum NoPath {
     /// There is no way with fewer than two ends.
     #[error("a motion needs at least 2 poses, one at each end of the time that the shutter is open")]

@@ -18,6 +18,7 @@ use serde::{Deserialize, Serialize};
 /// picture and sums to it; `shadow` is what shadows took away and `tree-depth` and `cost` count rays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Aov {
     /// Distance of the point from the eye, also where the ray leaves another point of a lens.
     Depth,

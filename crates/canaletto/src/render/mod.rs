@@ -40,6 +40,7 @@ pub struct Job {
 
 /// What went wrong with a job.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum JobError {
     /// The crop window is empty or reaches beyond the picture.
     #[error(
@@ -143,6 +144,7 @@ impl Observer for () {}
 
 /// How far a render has come.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Progress {
     /// Pixels finished.
     pub pixels_done: u64,
@@ -154,6 +156,7 @@ pub struct Progress {
 
 /// What a render returns.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Rendering {
     /// The picture, in linear light; pixels of tiles that were not finished are black.
     pub picture: Picture,

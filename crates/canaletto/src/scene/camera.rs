@@ -71,6 +71,7 @@ impl Lens {
 /// How large a lens's opening is.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Aperture {
     /// Its radius (that of its corners if it has any), in the scene's unit, > 0.
     Radius(f64),
@@ -82,6 +83,7 @@ pub enum Aperture {
 /// What a lens shows sharp: a plane parallel to the film.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Focus {
     /// Its distance from the eye along the optical axis, > 0.
     Distance(f64),

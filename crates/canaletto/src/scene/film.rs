@@ -56,6 +56,7 @@ impl Sampling {
 /// How random numbers are spread over the samples of a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum SamplerKind {
     /// Sobol's sequence with Owen's scrambling: the least noise, best with powers of two.
     #[default]
@@ -79,6 +80,7 @@ impl SamplerKind {
 
 /// The reconstruction filter. Lengths are in pixels. A pixel's rays are spread like the filter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub enum Filter {
     /// The mean over the pixel's area: the chapter's.
     #[default]
@@ -95,8 +97,55 @@ pub enum Filter {
     Mitchell,
 }
 
+impl Sampling {
+    /// Its name: where its rays go.
+    pub fn name(self) -> &'static str {
+        match self {
+            Sampling::Corner => "corner",
+            Sampling::Center => "center",
+            Sampling::Regular(_) => "regular",
+            Sampling::Jittered(_) => "jittered",
+            Sampling::Adaptive { .. } => "adaptive",
+            Sampling::Sampled(_) => "sampled",
+        }
+    }
+}
+
+impl Filter {
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Filter::Box => "box",
+            Filter::Tent => "tent",
+            Filter::Gaussian { .. } => "gaussian",
+            Filter::Mitchell => "mitchell",
+        }
+    }
+}
+
+impl Tone {
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Tone::Clamp => "clamp",
+            Tone::Scale => "scale",
+        }
+    }
+}
+
+impl Transfer {
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Transfer::None => "none",
+            Transfer::Srgb => "srgb",
+        }
+    }
+}
+
 /// How values over 1 are treated (after 5.36).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub enum Tone {
     /// Each component is cut at 1.
     #[default]
@@ -107,6 +156,7 @@ pub enum Tone {
 
 /// From linear light to the numbers in an 8- or 16-bit file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub enum Transfer {
     /// The values themselves, as the chapter shows them.
     None,

@@ -30,6 +30,7 @@ impl Default for IntegratorSettings {
 /// The chapter's way from flat colour to the whole equation; each stage contains the ones before it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Stage {
     /// The diffuse colour alone (fig. 5.18).
     Unlit,

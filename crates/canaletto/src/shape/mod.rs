@@ -62,6 +62,7 @@ pub struct ShapeHit {
 /// A single exact shape.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Shape {
     /// A sphere.
     Sphere(Sphere),

@@ -50,6 +50,7 @@ pub struct Texture {
 
 /// The kinds of textures.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub enum TextureKind {
     /// The same colour everywhere: linear red, green, blue and alpha.
     Constant([f32; 4]),
@@ -94,6 +95,7 @@ impl ImageTexture {
 
 /// How texels become a function of real coordinates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[non_exhaustive]
 pub enum Filter {
     /// The nearest texel.
     Nearest,
@@ -113,6 +115,7 @@ pub enum Filter {
 
 /// What is done where texels are smaller than pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[non_exhaustive]
 pub enum Prefilter {
     /// Nothing: the texture is taken at a point. Needs no memory for coarser levels.
     None,

@@ -113,6 +113,7 @@ impl Pattern {
 
 /// Why a texture can't be made.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Unresolved {
     /// A number is out of range.
     Invalid {

@@ -24,6 +24,7 @@ pub struct Procedural {
 
 /// Functions of space. Their features have a size of about 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub enum Function {
     /// Cubes of side 1 that are 0 and 1 in turn.
     Checker,
@@ -65,6 +66,7 @@ pub enum Function {
 
 /// What a gradient measures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub enum Gradient {
     /// x: what a texture of a line has for its u.
     #[default]
@@ -79,6 +81,7 @@ pub enum Gradient {
 
 /// What Worley's texture measures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub enum Feature {
     /// The distance to the nearest point, mostly 0 to 1.
     #[default]

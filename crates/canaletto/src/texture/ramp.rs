@@ -26,6 +26,7 @@ pub struct Stop {
 
 /// What is between two stops.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub enum Interpolation {
     /// The colour of the one before.
     Step,

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// What the numbers of an image mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[non_exhaustive]
 pub enum ColorSpace {
     /// Colours on the sRGB curve (IEC 61966-2-1) with linear alpha: pictures for screens.
     #[default]

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// What is outside the unit square.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[non_exhaustive]
 pub enum Wrap {
     /// The image again and again.
     #[default]

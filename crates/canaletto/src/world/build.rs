@@ -38,6 +38,7 @@ pub struct BuildOptions {
 
 /// Why a scene can't be rendered.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum BuildError {
     /// A number is out of range.
     #[error("{object}: {problem}")]

@@ -110,6 +110,7 @@ pub struct World {
 
 /// One object of the scene's description.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Object {
     /// Its own name, or its kind and number, such as "sphere #3".
     pub name: String,
@@ -119,6 +120,7 @@ pub struct Object {
 
 /// What a world is made of.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Census {
     /// Objects in the scene's description.
     pub objects: u64,

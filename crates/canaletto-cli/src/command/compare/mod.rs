@@ -175,8 +175,9 @@ pub(crate) fn run(flags: &CompareFlags) -> Result<Exit, Failure> {
     let left_out = [a.decoded.left_out.clone(), b.decoded.left_out.clone()];
     let (compared_a, compared_b) = if flags.linear && !raw {
         let pair = (a.linear(curve_a.unwrap_or(default)), b.linear(curve_b.unwrap_or(default)));
-        let light = compare(&pair.0, &pair.1, PIXELS_PER_DEGREE).map_err(wrong)?;
-        result = Comparison { ssim: result.ssim, flip: result.flip, ..light };
+        let mut light = compare(&pair.0, &pair.1, PIXELS_PER_DEGREE).map_err(wrong)?;
+        (light.ssim, light.flip) = (result.ssim, result.flip);
+        result = light;
         pair
     } else {
         (seen_a, seen_b)

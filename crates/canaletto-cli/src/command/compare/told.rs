@@ -1,8 +1,8 @@
 //! What is told of two pictures.
 
 use super::{CompareFlags, Threshold};
-use crate::settings::transfer_word;
 use crate::words::JSON_VERSION;
+use canaletto::scene::Transfer;
 use canaletto_io::picture::{Comparison, Image, RestDifference, Window};
 use serde_json::{Value, json};
 
@@ -75,7 +75,7 @@ impl Told<'_> {
             out += &format!("the pictures are parts of larger ones: {a} and {b}\n");
         }
         if let Some(curves) = self.rest.curves {
-            let [a, b] = curves.map(transfer_word);
+            let [a, b] = curves.map(Transfer::name);
             out += &format!(
                 "the files declare different curves, {a} and {b}; their numbers were compared as they are stored\n"
             );
@@ -109,7 +109,7 @@ impl Told<'_> {
             "only_in_b": self.rest.only[1],
             "left_out": self.left_out,
             "windows": self.rest.windows.as_ref().map(|windows| windows.each_ref().map(window)),
-            "curves": self.rest.curves.map(|curves| curves.map(transfer_word)),
+            "curves": self.rest.curves.map(|curves| curves.map(Transfer::name)),
             "exceeded": exceeded.iter().map(|t| t.metric.name()).collect::<Vec<_>>(),
         })
     }

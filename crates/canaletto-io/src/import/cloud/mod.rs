@@ -34,6 +34,7 @@ use rayon::prelude::*;
 
 /// How a cloud's file is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum CloudFormat {
     /// Rows of text.
     Text,

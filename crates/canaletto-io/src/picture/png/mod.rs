@@ -52,6 +52,7 @@ impl Depth {
 
 /// How much time is spent on a small file. Pixels are the same with each.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Compression {
     /// A tenth to twice as large as by default, in a fifth of the time.
     Fast,

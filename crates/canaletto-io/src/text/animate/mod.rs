@@ -20,6 +20,7 @@ use std::collections::HashMap;
 
 /// How a scene text counts time.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Clip {
     /// Frames of a second.
     pub fps: f64,

@@ -7,8 +7,6 @@ use crate::text::report::Message;
 use crate::text::schema::{CHANNELS, PROJECTIONS, SPACES, SURFACE_TEXTURE};
 use canaletto::material::{Mapping, Projection, Repeat, Space, Target, TextureUse};
 use canaletto::math::Transform;
-use canaletto::texture::{Function, Gradient, TextureKind};
-use glam::DVec3;
 
 impl Decoder<'_> {
     /// The textures of a material, in their order.
@@ -77,19 +75,8 @@ impl Decoder<'_> {
 
     /// The mapping of a texture where nothing says which.
     fn mapping_of(&self, texture: u32) -> Mapping {
-        match self.scene.textures.get(texture as usize).map(|texture| &texture.kind) {
-            None | Some(TextureKind::Constant(_) | TextureKind::Image(_)) => Mapping::default(),
-            Some(TextureKind::Procedural(p)) => match p.function {
-                // A ramp is a texture of a line: of u.
-                Function::Gradient { shape: Gradient::Linear, .. } => Mapping::default(),
-                _ => Mapping { projection: Projection::Solid, space: Space::Object, ..Mapping::default() },
-            },
-            // The grid's cube from 0 to 1 covers the object's bounds, which are a cube around the origin.
-            Some(TextureKind::Grid(_)) => {
-                let transform = Transform::translate(DVec3::splat(-0.5));
-                Mapping { projection: Projection::Solid, space: Space::Bounds, transform, ..Mapping::default() }
-            }
-        }
+        let kind = self.scene.textures.get(texture as usize).map(|texture| &texture.kind);
+        kind.map_or_else(Mapping::default, Mapping::usual)
     }
 
     fn mapping(&mut self, f: &Fields, texture: u32) -> Mapping {

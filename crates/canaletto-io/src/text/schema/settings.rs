@@ -6,8 +6,7 @@ use super::{NUMBER, POINT, SURFACE_TEXTURE, Takes, Word, Words};
 use canaletto::material::{Material, Phong};
 use canaletto::math::Rgb;
 use canaletto::scene::{
-    Extrinsics, FilmSettings, Filter, IntegratorSettings, Intrinsics, SamplerKind, Sampling, Scene, Stage, Tone,
-    Transfer,
+    Extrinsics, Filter, IntegratorSettings, Intrinsics, SamplerKind, Sampling, Scene, Stage, Tone, Transfer,
 };
 use glam::DVec3;
 
@@ -94,14 +93,7 @@ pub(crate) static SAMPLE: Words = Words::new(
          at a random place of its cell; or only where corners and centre differ",
     )
     .needed()
-    .or(|| quoted(match Sampling::default() {
-        Sampling::Corner => "corner",
-        Sampling::Center => "center",
-        Sampling::Regular(_) => "regular",
-        Sampling::Jittered(_) => "jittered",
-        Sampling::Adaptive { .. } => "adaptive",
-        Sampling::Sampled(_) => "sampled",
-    })),
+    .or(|| quoted(Sampling::default().name())),
 );
 
 /// n where `sample` doesn't say.
@@ -124,14 +116,7 @@ pub(crate) static FILTER: Words = Words::new(
         "their mean over the pixel's area, or weighted over its neighbourhood",
     )
     .needed()
-    .or(|| {
-        quoted(match Filter::default() {
-            Filter::Box => "box",
-            Filter::Tent => "tent",
-            Filter::Gaussian { .. } => "gaussian",
-            Filter::Mitchell => "mitchell",
-        })
-    }),
+    .or(|| quoted(Filter::default().name())),
 );
 
 pub(crate) static FILM: Words = Words::new(
@@ -159,23 +144,13 @@ pub(crate) static FILM: Words = Words::new(
             Takes::Word(&["clamp", "scale"]),
             "values over 1 are cut, or the picture is divided by its largest one",
         )
-        .or(|| {
-            quoted(match FilmSettings::default().tone {
-                Tone::Clamp => "clamp",
-                Tone::Scale => "scale",
-            })
-        }),
+        .or(|| quoted(Tone::default().name())),
         Word::new(
             "transfer",
             Takes::Word(&["none", "srgb"]),
             "from linear light to the numbers in the file: as they are, or the sRGB curve",
         )
-        .or(|| {
-            quoted(match FilmSettings::default().transfer {
-                Transfer::None => "none",
-                Transfer::Srgb => "srgb",
-            })
-        }),
+        .or(|| quoted(Transfer::default().name())),
         Word::new(
             "crop",
             Takes::Counts(4),

@@ -43,6 +43,7 @@ pub struct Environment {
 /// The kinds of environments. Numbers of images are indices into [`crate::scene::Scene::images`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum EnvironmentKind {
     /// Six square images of one size, in the order of [`Face::ALL`].
     Cube {
@@ -75,6 +76,7 @@ pub enum EnvironmentKind {
 /// How texels become a function of the direction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Smoothing {
     /// The nearest texel, without prefilter.
     Nearest,
