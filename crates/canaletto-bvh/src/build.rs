@@ -46,8 +46,8 @@ use std::sync::{Mutex, PoisonError};
 use bytemuck::Zeroable;
 use glam::Vec3;
 
-use crate::Aabb;
 use crate::memory::{collected, in_large_pages, zeros};
+use crate::{Aabb, NoThreads};
 use bins::{Bins, Measure, Plan};
 pub(crate) use item::Items;
 use item::{Box8, Centers, Corners, Extent, Item};
@@ -100,6 +100,9 @@ pub enum BuildError {
         /// How many there are.
         count: usize,
     },
+    /// The work needs threads that can't be started.
+    #[error(transparent)]
+    NoThreads(#[from] NoThreads),
 }
 
 /// A node of a binary tree in depth-first order, where the left child comes next.

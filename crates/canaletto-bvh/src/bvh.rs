@@ -25,7 +25,7 @@ impl Bvh {
             let items = Items::new(bounds.len(), |i| bounds[i])?;
             let Built { nodes, order, bounds, .. } = build::build(items, 1, Quality::Medium);
             Ok(Self { nodes: collapse(&nodes), order, bounds })
-        })
+        })?
     }
 
     /// Builds a tree whose leaves are blocks of up to four primitives that are tested side by side: a block costs the same
@@ -39,7 +39,7 @@ impl Bvh {
         bounds: impl Fn(usize) -> Aabb + Sync,
         quality: Quality,
     ) -> Result<(Self, Blocks), BuildError> {
-        with_stack(build::STACK, || Ok(Self::over_blocks(Items::new(count, &bounds)?, quality)))
+        with_stack(build::STACK, || Ok(Self::over_blocks(Items::new(count, &bounds)?, quality)))?
     }
 
     /// A primitive may come in several items; then it may be in several blocks.

@@ -78,7 +78,7 @@ pub use kernel::Kernel;
 pub use lanes::InstructionSet;
 pub use node::{Leaf, Statistics};
 pub use ray::{PreparedRay, Ray};
-pub use room::with_stack;
+pub use room::{NoThreads, with_stack};
 pub use round::{Ask, Asked, Met, Round};
 pub use rounds::Rounds;
 pub use triangles::{Nearest, Triangles};

@@ -39,7 +39,7 @@ impl Triangles {
     /// # Errors
     /// As [`Triangles::refit`].
     pub fn refit_within(&mut self, most: f64, corners: impl Fn(u32) -> [Vec3; 3] + Sync) -> Result<bool, BuildError> {
-        with_stack(STACK, || self.fit(most, &corners))
+        with_stack(STACK, || self.fit(most, &corners))?
     }
 
     fn fit(&mut self, most: f64, corners: impl Fn(u32) -> [Vec3; 3] + Sync) -> Result<bool, BuildError> {

@@ -1,23 +1,54 @@
 //! Room on the stack: work that calls itself, and threads of callers that may have little.
 
 use std::cell::Cell;
+use std::error::Error;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Runs `work` where it has so many bytes of stack: here, or, where this thread or those that it shares work with have less left, in
 /// a pool of as many threads that have as much. All threads of a pool are taken to have the same. Where nothing is known of stacks (on
 /// systems other than Linux), `work` runs here.
 ///
 /// # Panics
-/// If `work` does, or if no thread can be started.
-pub fn with_stack<T: Send>(bytes: usize, work: impl FnOnce() -> T + Send) -> T {
+/// If `work` does.
+///
+/// # Errors
+/// [`NoThreads`] if threads are needed and can't be started. Then `work` hasn't begun.
+pub fn with_stack<T: Send>(bytes: usize, work: impl FnOnce() -> T + Send) -> Result<T, NoThreads> {
+    let refused = NoThreads { stack: bytes };
     let outside = rayon::current_thread_index().is_none();
+    if outside && !has_global_pool() {
+        return Err(refused);
+    }
     if left() >= bytes && (!outside || rayon::join(left, || ()).0 >= bytes) {
-        return work();
+        return Ok(work());
     }
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(rayon::current_num_threads()).stack_size(bytes + SPARE);
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(rayon::current_num_threads())
+        .stack_size(bytes.saturating_add(SPARE));
     match pool.build() {
-        Ok(pool) => pool.install(work),
-        Err(e) => panic!("can't start threads with {bytes} bytes of stack: {e}"),
+        Ok(pool) => Ok(pool.install(work)),
+        Err(_) => Err(refused),
     }
+}
+
+/// The system gives no threads with so much stack.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("can't start threads with {stack} bytes of stack: the system gives no more threads or memory")]
+pub struct NoThreads {
+    /// The stack that each was to have, in bytes.
+    pub stack: usize,
+}
+
+/// Whether there is a pool of threads for callers outside of all pools. Rayon itself panics where it can't start one.
+fn has_global_pool() -> bool {
+    static REFUSED: AtomicBool = AtomicBool::new(false);
+    if REFUSED.load(Ordering::Relaxed) {
+        return false;
+    }
+    // Of two mistakes only one has a cause: that the system refused. The other is that there is a pool already.
+    let refused = rayon::ThreadPoolBuilder::new().build_global().is_err_and(|e| e.source().is_some());
+    REFUSED.fetch_or(refused, Ordering::Relaxed);
+    !refused
 }
 
 /// What a thread has used of its stack before it comes to its work.
@@ -92,9 +123,21 @@ mod tests {
                 rayon::join(|| assert!(left() >= 1 << 20), || assert!(left() >= 1 << 20));
                 // There is room, so that nothing is started again.
                 let here = std::thread::current().id();
-                with_stack(1 << 19, || assert_eq!(std::thread::current().id(), here));
-            });
+                with_stack(1 << 19, || assert_eq!(std::thread::current().id(), here)).unwrap();
+            })
+            .unwrap();
         });
+    }
+
+    #[test]
+    fn threads_that_cannot_be_started_are_an_error() {
+        for stack in [usize::MAX, 1 << 60] {
+            let began = with_stack(stack, || unreachable!("there is no such stack"));
+            assert_eq!(began, Err::<(), _>(NoThreads { stack }));
+        }
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
+        assert!(pool.install(|| with_stack(1 << 60, || ())).is_err());
+        assert_eq!(with_stack(1 << 10, || 7), Ok(7));
     }
 
     #[test]

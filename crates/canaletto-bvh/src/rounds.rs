@@ -37,7 +37,7 @@ impl Rounds {
                 .collect_into_vec(&mut blocks);
             let few = blocks.len() <= 1 && blocks.iter().all(Block::is_round);
             Ok(Self { bvh, blocks, count: bounds.len(), few })
-        })
+        })?
     }
 
     /// How many primitives there are.

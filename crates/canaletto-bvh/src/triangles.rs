@@ -71,7 +71,7 @@ impl Triangles {
         count: usize,
         corners: impl Fn(u32) -> [Vec3; 3] + Sync,
     ) -> Result<Self, BuildError> {
-        with_stack(STACK, || Ok(Self::over(Items::of_triangles(count, &corners)?, quality, count, &corners)))
+        with_stack(STACK, || Ok(Self::over(Items::of_triangles(count, &corners)?, quality, count, &corners)))?
     }
 
     pub(crate) fn over(

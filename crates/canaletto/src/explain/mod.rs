@@ -58,7 +58,7 @@ pub fn explain(world: &World, job: &Job, x: u32, y: u32) -> Result<PixelTree, Ex
     }
     let counted = job.counted_from(world);
     let job = counted.as_ref().unwrap_or(job);
-    with_stack(stack_of(world, job), || record(world, job, [x, y]))
+    with_stack(stack_of(world, job), || record(world, job, [x, y])).map_err(JobError::from)?
 }
 
 fn record(world: &World, job: &Job, [x, y]: [u32; 2]) -> Result<PixelTree, ExplainError> {

@@ -14,7 +14,7 @@ use crate::math::Rgb;
 use crate::scene::{FilmSettings, IntegratorSettings};
 use crate::world::World;
 use aov::AovProbe;
-use canaletto_bvh::with_stack;
+use canaletto_bvh::{NoThreads, with_stack};
 use glam::DVec3;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -72,6 +72,9 @@ pub enum JobError {
     /// A filter or threshold is out of range.
     #[error("{0}")]
     Range(String),
+    /// Its rays need threads with more stack than the caller's, which can't be started.
+    #[error(transparent)]
+    NoThreads(#[from] NoThreads),
 }
 
 impl Job {
@@ -175,12 +178,12 @@ pub struct Rendering {
 /// If the observer panics in one thread: soon all others stop, and the panic goes on in the caller's.
 ///
 /// # Errors
-/// [`JobError`] if [`Job::check`] finds a mistake; nothing after that can fail.
+/// [`JobError`] if [`Job::check`] finds a mistake, or if threads are needed that can't be started; nothing after that can fail.
 pub fn render(world: &World, job: &Job, observer: &dyn Observer) -> Result<Rendering, JobError> {
     job.check()?;
     let counted = job.counted_from(world);
     let job = counted.as_ref().unwrap_or(job);
-    Ok(with_stack(stack_of(world, job), || on_all_threads(world, job, observer)))
+    Ok(with_stack(stack_of(world, job), || on_all_threads(world, job, observer))?)
 }
 
 /// What the rays of a job have on the stack at most: a ray's own work, that for each ray that it is a child of, and for each group around

@@ -14,10 +14,11 @@ use super::origin::Spans;
 use super::relief::Relief;
 use super::wants::Wants;
 use crate::light::environment::{Backdrop, Environment};
+use crate::light::{Light, Source};
 use crate::material::{Channel, Material, Phong, Target};
 use crate::scene::{Node, Scene};
 use crate::texture::{ColorSpace, Image, Pattern, Prefilter, Texture, TextureKind, Unresolved};
-use canaletto_bvh::{Aabb, Quality, with_stack};
+use canaletto_bvh::{Aabb, NoThreads, Quality, with_stack};
 use std::collections::HashMap;
 
 /// What the deepest groups have on the stack while they are lowered, and the hierarchies that are built there.
@@ -89,6 +90,9 @@ pub enum BuildError {
         /// What the builder says.
         problem: String,
     },
+    /// Building needs threads that can't be started.
+    #[error(transparent)]
+    NoThreads(#[from] NoThreads),
 }
 
 impl From<Unresolved> for BuildError {
@@ -139,7 +143,7 @@ impl World {
         nesting: Nesting,
         before: Before,
     ) -> Result<World, BuildError> {
-        with_stack(STACK, || World::lower_here(scene, options, nesting, before))
+        with_stack(STACK, || World::lower_here(scene, options, nesting, before))?
     }
 
     fn lower_here(scene: Scene, options: &BuildOptions, nesting: Nesting, before: Before) -> Result<World, BuildError> {
@@ -183,8 +187,8 @@ impl World {
         (builder.quality, builder.before) = (options.quality, before);
         builder.count_uses(&nodes);
         let mut root = Part::default();
-        builder.flatten(&nodes, &Place::from(origin), &mut root, 0)?;
-        drop(nodes);
+        let place = Place::from(origin);
+        pieces(nodes).try_for_each(|piece| builder.flatten(&piece, &place, &mut root, 0))?;
         let Finished { instances, mut lights, moving_lights, unbounded, .. } = builder.finish_part(root, NONE)?;
         lights.extend(environment.as_ref().zip(backdrop.as_ref()).and_then(|(described, ready)| ready.sun(described)));
         let bounds: Vec<Aabb> = instances.iter().map(|instance| builder.stock().bounds(instance)).collect();
@@ -202,7 +206,7 @@ impl World {
             wants_spread: wants_spread || backdrop.as_ref().is_some_and(Backdrop::wants_footprint),
             environment: backdrop,
             ambient,
-            lights: lights.into_iter().map(|light| builder.light_meshes.source(light)).collect(),
+            lights: sources(lights, &builder.light_meshes),
             light_meshes: builder.light_meshes,
             textures: builder.relief.patterns,
             texture_names,
@@ -226,6 +230,26 @@ impl World {
             unbounded,
         })
     }
+}
+
+/// A list in pieces of some tens of megabytes, each of which may be dropped before the next is looked at: what is made of a long list then
+/// takes its place in memory.
+fn pieces<T>(mut list: Vec<T>) -> impl Iterator<Item = Vec<T>> {
+    const PIECE: usize = 1 << 17;
+    let mut pieces = Vec::with_capacity(list.len() / PIECE + 1);
+    while list.len() > PIECE {
+        let last = (list.len() - 1) / PIECE * PIECE;
+        pieces.push(list.split_off(last));
+        list.shrink_to_fit();
+    }
+    pieces.push(list);
+    pieces.into_iter().rev()
+}
+
+fn sources(lights: Vec<Light>, meshes: &LightMeshes) -> Vec<Source> {
+    let mut sources = Vec::with_capacity(lights.len());
+    pieces(lights).for_each(|piece| sources.extend(piece.into_iter().map(|light| meshes.source(light))));
+    sources
 }
 
 /// Which instances may let light through; none if no material does. The last material is the default.
