@@ -14,6 +14,7 @@ mod ignored;
 mod join;
 mod lines;
 mod mend;
+mod monotone;
 mod mtl;
 mod nff;
 mod number;

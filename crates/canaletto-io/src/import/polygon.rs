@@ -1,9 +1,10 @@
 //! Polygons into triangles: by halves where that works, which is so for all that are convex, else by clipping ears (crate
-//! `earcut`).
+//! `earcut`), or if they have many corners by a sweep ([`monotone`]).
 //!
 //! A cut is right if no triangle is turned over: then each point is covered as often as the polygon winds around it. This
 //! says more than the turns at the corners do, which are zero at corners that come twice and where an edge goes back.
 
+use super::monotone;
 use earcut::Earcut;
 use glam::{DVec2, DVec3, Vec3};
 
@@ -23,6 +24,8 @@ type Way = fn(&[u32], &mut dyn FnMut([u32; 3]));
 impl Triangulator {
     /// The most corners of a polygon whose ears are clipped, which takes the square of their number at worst.
     const MAX_CLIPPED: usize = 10_000;
+    /// From so many corners on a sweep is tried before.
+    const MANY: usize = 256;
     /// The share of a polygon's area that rounding may turn over.
     const ROUNDING: f64 = 1e-6;
 
@@ -62,9 +65,17 @@ impl Triangulator {
         let ways: [Way; 2] = [halves, fan];
         let good = ways.into_iter().find(|way| turned_over(*way) <= allowed);
         if good.is_none() {
+            if ring.len() >= Triangulator::MANY {
+                let swept = sweep(ring, corners, normal);
+                let over: f64 = swept.iter().map(|t| -area(*t).min(0.0)).sum();
+                if swept.len() + 2 == ring.len() && over <= allowed {
+                    swept.into_iter().for_each(|t| triangle(t.map(|i| i as usize)));
+                    return Ok(());
+                }
+            }
             if ring.len() > Triangulator::MAX_CLIPPED {
                 return Err(format!(
-                    "a polygon of {n} corners must be convex; others may have {}",
+                    "a polygon of {n} corners may not cross or touch itself; one that does may have {}",
                     Triangulator::MAX_CLIPPED
                 ));
             }
@@ -97,11 +108,7 @@ impl Triangulator {
 
     /// Clips ears in the plane that loses least.
     fn clip(&mut self, corners: &[Vec3], normal: DVec3) {
-        let project: fn(DVec3) -> DVec2 = match normal.abs().max_position() {
-            0 => |p| DVec2::new(p.y, p.z),
-            1 => |p| DVec2::new(p.z, p.x),
-            _ => |p| DVec2::new(p.x, p.y),
-        };
+        let project = projection(normal);
         self.flat.clear();
         self.flat.extend(self.ring.iter().map(|i| project(corners[*i as usize].as_dvec3()).to_array()));
         self.earcut.earcut_slice(&self.flat, &[] as &[u32], &mut self.ears);
@@ -116,6 +123,34 @@ impl Triangulator {
         }
         self.ears.iter_mut().for_each(|ear| *ear = self.ring[*ear as usize]);
     }
+}
+
+/// The plane of two axes in which a polygon of this normal loses least.
+fn projection(normal: DVec3) -> fn(DVec3) -> DVec2 {
+    match normal.abs().max_position() {
+        0 => |p| DVec2::new(p.y, p.z),
+        1 => |p| DVec2::new(p.z, p.x),
+        _ => |p| DVec2::new(p.x, p.y),
+    }
+}
+
+/// The triangles of a ring without crossings, in its sense of rotation.
+fn sweep(ring: &[u32], corners: &[Vec3], normal: DVec3) -> Vec<[u32; 3]> {
+    let project = projection(normal);
+    let mut ring: Vec<u32> = ring.to_vec();
+    let mirrored = normal[normal.abs().max_position()] < 0.0;
+    if mirrored {
+        ring.reverse();
+    }
+    let flat: Vec<[f64; 2]> = ring.iter().map(|i| project(corners[*i as usize].as_dvec3()).to_array()).collect();
+    let mut triangles = monotone::triangles(&flat);
+    for t in &mut triangles {
+        *t = t.map(|i| ring[i as usize]);
+        if mirrored {
+            t.swap(1, 2);
+        }
+    }
+    triangles
 }
 
 /// Triangles over the middles of a ring's halves, their halves, and so on: their shapes are better than those of a fan, and
@@ -287,6 +322,30 @@ mod tests {
             corners.reverse();
             assert_eq!(cut(&corners).len(), 2);
         }
+    }
+
+    #[test]
+    fn large_polygons_may_be_concave() {
+        let n = 60_000;
+        for axis in 0..3 {
+            for turned in [false, true] {
+                let corner = |i: usize| {
+                    let (t, r) = (i as f64 / n as f64 * std::f64::consts::TAU, if i % 2 == 1 { 0.5 } else { 1.0 });
+                    let mut p = [0.25; 3];
+                    (p[axis], p[(axis + 1) % 3]) = ((r * libm::cos(t)) as f32, (r * libm::sin(t)) as f32);
+                    p
+                };
+                let mut corners: Vec<[f32; 3]> = (0..n).map(corner).collect();
+                if turned {
+                    corners.reverse();
+                }
+                assert_eq!(cut(&corners).len(), n - 2);
+            }
+        }
+        // One that crosses itself is told to be too large.
+        let crossed: Vec<Vec3> =
+            (0..20_001).map(|i| Vec3::new((i * i % 997) as f32, (i * 7 % 1009) as f32, 0.0)).collect();
+        assert!(Triangulator::new().cut(&crossed, |_| {}).is_err_and(|e| e.contains("cross")));
     }
 
     #[test]
