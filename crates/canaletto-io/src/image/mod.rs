@@ -86,6 +86,23 @@ pub enum ImageError {
         /// The file's size.
         bytes: usize,
     },
+    /// Unpacking it would take far more memory than its bytes, before it is known whether they are all there.
+    #[error(
+        "the {format} file of {bytes} bytes announces an image of {width} × {height} pixels; unpacking it would take {} MB before it is known \
+         whether the file is whole", memory / 1_000_000
+    )]
+    TooDense {
+        /// The format.
+        format: &'static str,
+        /// Its width.
+        width: u64,
+        /// Its height.
+        height: u64,
+        /// The file's size.
+        bytes: usize,
+        /// What unpacking it would take, in bytes.
+        memory: u64,
+    },
     /// There is no room for it.
     #[error("there is no memory for its {0} bytes")]
     NoMemory(u64),
@@ -104,6 +121,7 @@ impl ImageError {
             ImageError::Unsupported { what, .. } if what == exr::DWA => {
                 Some("it would be unpacked to other numbers on other processors; save it with ZIP or PIZ compression")
             }
+            ImageError::TooDense { .. } => Some("save it as PNG, which is unpacked row by row, or scale it down"),
             ImageError::TooLarge { .. } => Some("scale it down with a program for pictures"),
             _ => None,
         }

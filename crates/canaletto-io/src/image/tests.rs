@@ -291,4 +291,17 @@ fn what_announces_too_much_is_refused_before_memory_is_taken() {
     let at = jpeg.windows(2).position(|w| w == [0xff, 0xc0]).expect("a frame") + 5;
     jpeg[at..at + 4].copy_from_slice(&[0x3f, 0xff, 0x3f, 0xff]);
     assert!(matches!(read(jpeg).unwrap_err(), ImageError::Unexplained { width: 16383, height: 16383, .. }));
+    // A WebP of one colour may have any size: it is told what it would take.
+    let mut webp = include_bytes!("testdata/ramp.webp").to_vec();
+    let at = webp.windows(4).position(|w| w == b"VP8L" || w == b"VP8 ").expect("a picture");
+    match webp[at + 3] {
+        b'L' => webp[at + 9..at + 13].copy_from_slice(&[0xfe, 0xbf, 0xff, 0x0f]),
+        _ => webp[at + 14..at + 18].copy_from_slice(&[0xff, 0x3f, 0xff, 0x3f]),
+    }
+    let error = read(webp).unwrap_err();
+    assert!(
+        matches!(error, ImageError::TooDense { width: 16383, height: 16383, memory: 2_147_221_512, .. }),
+        "{error}"
+    );
+    assert!(error.to_string().contains("2147 MB") && error.help().is_some_and(|help| help.contains("PNG")));
 }

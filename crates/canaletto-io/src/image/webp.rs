@@ -67,7 +67,14 @@ fn judge_chunks(bytes: &[u8], start: usize, depth: u32) -> Result<(), ImageError
 }
 
 fn size(width: u32, height: u32, bytes: usize) -> Result<(), ImageError> {
-    judge(FORMAT, width.into(), height.into(), SMALL + bytes as u64 * DENSEST / TEXEL, bytes)
+    let (width, height) = (width.into(), height.into());
+    judge(FORMAT, width, height, SMALL + bytes as u64 * DENSEST / TEXEL, bytes).map_err(|error| match error {
+        // A picture of one colour may have next to no bytes.
+        ImageError::Unexplained { .. } => {
+            ImageError::TooDense { format: FORMAT, width, height, bytes, memory: TEXEL * width * height }
+        }
+        other => other,
+    })
 }
 
 fn damaged(error: DecodingError) -> ImageError {
