@@ -6,11 +6,13 @@ use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU8, Ordering};
-use std::sync::{Mutex, PoisonError, mpsc};
-use std::time::Duration;
+use std::sync::{Mutex, OnceLock, PoisonError, mpsc};
+use std::time::{Duration, Instant};
 use std::{fs, process, thread};
 
 static SIGNALS: AtomicU8 = AtomicU8::new(0);
+/// When the first one came.
+static FIRST: OnceLock<Instant> = OnceLock::new();
 /// What a first signal meets.
 static DOING: AtomicU8 = AtomicU8::new(LEAVES);
 /// A temporary file that another program writes, which stays if this one ends.
@@ -25,11 +27,14 @@ const SAVES: u8 = 2;
 
 /// How long a render may go on after a signal.
 const PATIENCE: Duration = Duration::from_millis(1700);
+/// How long after a signal what there is of a picture may be put into its file.
+const SAVING: Duration = Duration::from_millis(1000);
 
 /// From now on signals are handled here. `json`: a program reads stderr.
 pub(crate) fn install(json: bool) {
     // Without a handler Ctrl-C still ends the program, as it always does.
     let _ = ctrlc::set_handler(move || {
+        FIRST.get_or_init(Instant::now);
         let first = SIGNALS.fetch_add(1, Ordering::SeqCst) == 0;
         if !first || DOING.load(Ordering::SeqCst) == LEAVES {
             leave(json);
@@ -70,6 +75,11 @@ fn leave(json: bool) -> ! {
 /// Whether the user wants to stop.
 pub(crate) fn requested() -> bool {
     SIGNALS.load(Ordering::Relaxed) > 0
+}
+
+/// Whether there is time to save more of a picture.
+pub(crate) fn leaves_time() -> bool {
+    FIRST.get().is_none_or(|first| first.elapsed() < SAVING)
 }
 
 /// While this lives a first Ctrl-C may meet something that is worth saving.

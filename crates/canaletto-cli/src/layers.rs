@@ -6,6 +6,7 @@ use canaletto::math::Rgb;
 use canaletto::render::Aov;
 use canaletto::scene::{FilmSettings, Tone, Transfer};
 use canaletto_io::picture::{Channel, Image};
+use std::ops::Range;
 
 /// The mappings, for the help.
 pub(crate) const MAPPINGS: &str = "\
@@ -57,6 +58,22 @@ pub(crate) fn linear(picture: &Picture) -> Image {
         }));
     }
     image
+}
+
+/// Fills the values of a channel of [`linear`], by its number, at a range of pixels.
+pub(crate) fn fill(picture: &Picture, channel: usize, range: Range<usize>, out: &mut [f32]) {
+    let Some(mut left) = channel.checked_sub(3) else {
+        let component: fn(&Rgb) -> f32 = [|c: &Rgb| c.r, |c: &Rgb| c.g, |c: &Rgb| c.b][channel];
+        return out.iter_mut().zip(&picture.pixels[range]).for_each(|(v, color)| *v = component(color));
+    };
+    for layer in &picture.layers {
+        let count = layer.channels.len();
+        if left < count {
+            let data = layer.data[range.start * count..range.end * count].iter().skip(left).step_by(count);
+            return out.iter_mut().zip(data).for_each(|(v, value)| *v = *value);
+        }
+        left -= count;
+    }
 }
 
 /// The names of the channels of [`linear`] for a picture with these layers.

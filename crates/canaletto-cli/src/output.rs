@@ -8,12 +8,14 @@ use crate::stdout::check_open;
 use canaletto::render::Job;
 use canaletto_io::movie::{MovieError, MovieFormat, find_ffmpeg};
 use canaletto_io::picture::{
-    Compression, Depth, PictureError, PngSettings, WriteError, WriteOptions, sweep, write_atomically,
+    AtomicFile, Compression, Depth, PartError, PictureError, PngSettings, WriteError, WriteOptions, sweep,
+    write_atomically,
 };
 use clap::{Args, ValueEnum};
 use std::ffi::OsStr;
 use std::fmt;
-use std::io::IsTerminal;
+use std::fs::File;
+use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
 
 /// Flags about the file.
@@ -287,6 +289,23 @@ impl Output {
     pub(crate) fn write_part(&self, path: &Path, bytes: &[u8]) -> Result<PathBuf, Failure> {
         let place = if self.has_place_beside(path) { free_for_part(path) } else { path.to_owned() };
         write(&place, WriteOptions::default(), bytes)?;
+        Ok(place)
+    }
+
+    /// Lets `write` write the part that there is of a picture beside it; returns where.
+    pub(crate) fn write_part_with(
+        &self,
+        path: &Path,
+        write: impl FnOnce(&mut &File) -> Result<(), PartError>,
+    ) -> Result<PathBuf, Failure> {
+        let place = free_for_part(path);
+        let part = AtomicFile::begin(&place, WriteOptions::default()).map_err(wrong)?;
+        let Some(mut file) = part.file() else { return Err(wrong(part.failed(io::ErrorKind::NotSeekable.into()))) };
+        match write(&mut file) {
+            Ok(()) => part.commit().map_err(wrong)?,
+            Err(PartError::Picture(error)) => return Err(unfit(&error)),
+            Err(PartError::Write(reason)) => return Err(wrong(part.failed(reason))),
+        }
         Ok(place)
     }
 

@@ -15,11 +15,13 @@ use crate::settings::{Settings, metadata, sampling_words};
 use crate::source::{Reader, Source, build, seen_through};
 use crate::terminal::Paint;
 use crate::words::{JSON_VERSION, count, duration, plural};
-use canaletto::render::{Job, Rendering};
+use canaletto::render::{Aov, Job, Rendering};
 use canaletto::scene::{Sampling, Scene};
 use canaletto::world::{Origins, World};
 use canaletto_io::movie::{Movie, MovieSettings};
-use canaletto_io::picture::{ExrOptions, Image, Window, develop_png, encode_exr, encode_png};
+use canaletto_io::picture::{
+    Compression, ExrOptions, Image, PngSettings, Window, develop_png_part, encode_exr, encode_png, write_exr_part,
+};
 use serde_json::json;
 use std::collections::HashSet;
 use std::path::Path;
@@ -262,15 +264,51 @@ impl<'a> Series<'a> {
         rendering: &Rendering,
     ) -> Result<Vec<String>, Failure> {
         let (plan, files) = (self.plan, self.plan.files(job.frame));
+        let mut names = Vec::new();
         if plan.output.has_place_beside(&files[0]) {
             interrupt::Rendering::saves();
+            // Numbers that floats round need the whole encoder.
+            let is_rounded = rendering.picture.layers.iter().any(|layer| !layer.ids.is_empty());
+            if plan.output.format == Format::Exr && !is_rounded {
+                names.push(self.save_exr_part(stage, job, rendering, &files[0])?);
+            }
         }
-        let mut names = Vec::new();
-        self.encode(stage, world, job, rendering, |index, bytes| {
-            names.push(plan.output.write_part(&files[index], bytes)?.display().to_string());
-            Ok(())
-        })?;
+        if names.is_empty() {
+            self.encode(stage, world, job, rendering, |index, bytes| {
+                names.push(plan.output.write_part(&files[index], bytes)?.display().to_string());
+                Ok(())
+            })?;
+        }
+        if !interrupt::leaves_time() && plan.style != Style::Json && !self.flags.quiet {
+            eprint_line("there was no time to save all of the part: its lower rows, or layers, may be missing");
+        }
         Ok(names)
+    }
+
+    /// Writes what there is of a picture with its layers into an EXR beside its file; returns its name.
+    fn save_exr_part(&self, stage: &Stage, job: &Job, rendering: &Rendering, file: &Path) -> Result<String, Failure> {
+        let (picture, output) = (&rendering.picture, &self.plan.output);
+        let fill = |channel: usize, range, values: &mut [f32]| layers::fill(picture, channel, range, values);
+        let (size, names) = ([picture.width, picture.height], layers::channel_names(&job.aovs));
+        let (options, texts) = (self.exr_options(job), self.texts(stage, job, rendering, None));
+        let place = output.write_part_with(file, |out| {
+            write_exr_part(size, &names, &fill, options, &texts, out, interrupt::leaves_time).map(|_| ())
+        })?;
+        Ok(place.display().to_string())
+    }
+
+    fn exr_options(&self, job: &Job) -> ExrOptions {
+        let (half, uint_ids) = (self.plan.output.half, self.plan.output.uint_ids);
+        ExrOptions { uncompressed: false, half, uint_ids, window: Some(window(job)) }
+    }
+
+    /// The texts of a picture's file, or that of a layer.
+    fn texts(&self, stage: &Stage, job: &Job, rendering: &Rendering, layer: Option<Aov>) -> Vec<(String, String)> {
+        let mut texts = texts(&stage.texts, job, layer);
+        if !rendering.complete {
+            texts.push((UNFINISHED.into(), "interrupted; black parts aren't rendered".into()));
+        }
+        texts
     }
 
     /// Calls `write` with the bytes of each file of a picture: the picture itself, then layers that have files of their own.
@@ -283,29 +321,25 @@ impl<'a> Series<'a> {
         mut write: impl FnMut(usize, &[u8]) -> Result<(), Failure>,
     ) -> Result<(), Failure> {
         let (picture, film, output) = (&rendering.picture, &job.film, &self.plan.output);
-        let texts = |layer| {
-            let mut texts = texts(&stage.texts, job, layer);
-            if !rendering.complete {
-                texts.push((UNFINISHED.into(), "interrupted; black parts aren't rendered".into()));
-            }
-            texts
-        };
+        let texts = |layer| self.texts(stage, job, rendering, layer);
         if output.format == Format::Exr {
-            let options = ExrOptions {
-                uncompressed: !rendering.complete,
-                half: output.half,
-                uint_ids: output.uint_ids,
-                window: Some(window(job)),
-            };
+            let options = ExrOptions { uncompressed: !rendering.complete, ..self.exr_options(job) };
             let bytes = encode_exr(&layers::linear(picture), options, &texts(None)).map_err(|e| unfit(&e))?;
             return write(0, &bytes);
         }
-        write(0, &develop_png(picture, film, output.png, &texts(None)).map_err(|e| unfit(&e))?)?;
+        // Part of a picture is written in the time that a signal leaves.
+        let goes_on = || rendering.complete || interrupt::leaves_time();
+        let compression = if rendering.complete { output.png.compression } else { Compression::Fast };
+        let png = PngSettings { compression, ..output.png };
+        write(0, &develop_png_part(picture, film, png, &texts(None), goes_on).map_err(|e| unfit(&e))?)?;
         for (index, (layer, aov)) in picture.layers.iter().zip(&job.aovs).enumerate() {
+            if !goes_on() {
+                break;
+            }
             let (image, transfer) = layers::to_image(layer, picture, film, &world.bounds());
             let mut texts = texts(Some(*aov));
             texts.push(("transfer".into(), transfer.name().into()));
-            let bytes = encode_png(&image, output.png, transfer, &texts).map_err(|e| unfit(&e))?;
+            let bytes = encode_png(&image, png, transfer, &texts).map_err(|e| unfit(&e))?;
             write(index + 1, &bytes)?;
         }
         Ok(())

@@ -17,7 +17,7 @@ use crate::words::{JSON_VERSION, bytes, count, plural};
 use canaletto::memory;
 use canaletto::render::Aov;
 use canaletto::scene::{Stage, Transfer};
-use canaletto::world::World;
+use canaletto::world::Census;
 use canaletto_io::movie::Rate;
 use canaletto_io::text::nearest;
 use clap::Args;
@@ -104,7 +104,8 @@ fn long_help() -> String {
         "{EXAMPLES}\n\n{MAPPINGS}\n\nCtrl-C stops rendering and saves the part that is finished beside the picture, as name.partial.png; what is \
          there as name.png stays, and the part goes when a whole picture is written. Layers, frames and films do the same: a film's part has \
          the frames so far. Of several frames those that are finished stay, and the same command goes on with the next one. The \
-         program ends within two seconds, unless a large part is still being saved; a second Ctrl-C ends it at once."
+         program ends within two seconds: of a part that is too large to be saved in that time the lower rows stay black, or layers are left \
+         out, and a message says so. A second Ctrl-C ends it at once."
     )
 }
 
@@ -312,8 +313,16 @@ fn on_pool(task: Task, outputs: &[PathBuf]) -> Result<Exit, Failure> {
     }
     if flags.dry_run {
         let files = source.files.len();
-        let (world, _) = build(&source.name, source.scene, &flags.source.build_options(0), None)?;
-        return dry_run(flags, plan, &settings, &world, files);
+        let options = flags.source.build_options(0);
+        let (mut world, _) = build(&source.name, source.scene, &options, None)?;
+        let census = world.census();
+        if let Some(second) = plan.frames.iter().nth(1).filter(|_| reader.clip().moves) {
+            // The world of the frame before is there while the next one is read and built.
+            let source = reader.at(second)?;
+            (world, _) = build(&source.name, source.scene, &options, Some(world))?;
+        }
+        let memory = Memory::of(&world, u64::from(width) * u64::from(height), &plan.aovs, plan.output.format);
+        return dry_run(flags, plan, &settings, &census, memory, files);
     }
     // What goes wrong at a later key is better known before the first frame is rendered than after many.
     if reader.clip().moves && plan.frames.count() > 1 {
@@ -342,13 +351,13 @@ fn dry_run(
     flags: &RenderFlags,
     plan: &Plan,
     settings: &Settings,
-    world: &World,
+    census: &Census,
+    memory: Memory,
     files: usize,
 ) -> Result<Exit, Failure> {
-    let (job, census) = (&settings.job, world.census());
+    let job = &settings.job;
     let [_, _, width, height] = job.window();
     let first = plan.files(plan.frames.first);
-    let memory = Memory::of(world, u64::from(width) * u64::from(height), &plan.aovs, plan.output.format);
     if plan.style == Style::Json {
         emit(&json!({
             "event": "plan", "version": JSON_VERSION, "scene": flags.source.scene, "camera": settings.camera, "size": [width, height],

@@ -10,11 +10,12 @@ use ::exr::prelude as ex;
 use ::exr::prelude::WritableImage;
 use canaletto::scene::Transfer;
 use std::io::Cursor;
+use std::ops::Range;
 
 /// How an EXR is written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ExrOptions {
-    /// Without compression, for when time is short.
+    /// Without compression.
     pub uncompressed: bool,
     /// Colours (channels `R`, `G`, `B`, `A`, `Y`, of layers, too) as 16-bit floats; other channels stay `f32`.
     pub half: bool,
@@ -67,24 +68,36 @@ pub fn encode_exr(image: &Image, options: ExrOptions, metadata: &[(String, Strin
 
 /// A channel's numbers in the type that the options ask for.
 fn samples(channel: &Channel, options: ExrOptions) -> ex::FlatSamples {
-    let (layer, name) = channel.name.rsplit_once('.').unwrap_or(("", &channel.name));
+    match kind(&channel.name, options) {
+        Kind::Half => ex::FlatSamples::F16(channel.data.iter().map(|v| Kind::half(*v)).collect()),
+        _ if !channel.ids.is_empty() => ex::FlatSamples::U32(channel.ids.clone()),
+        Kind::Uint => ex::FlatSamples::U32(channel.data.iter().map(|v| *v as u32).collect()),
+        Kind::Float => ex::FlatSamples::F32(channel.data.clone()),
+    }
+}
+
+/// The types of a channel's numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Half,
+    Uint,
+    Float,
+}
+
+/// The type that the options ask for where a channel has this name.
+pub(super) fn kind(name: &str, options: ExrOptions) -> Kind {
+    let (layer, name) = name.rsplit_once('.').unwrap_or(("", name));
     if options.half && COLORS.contains(&name) {
-        // Half floats end at 65504: brighter colours get that, not infinity.
-        let half = |v: f32| ex::f16::from_f32(if v.is_finite() { v.clamp(-HALF_MAX, HALF_MAX) } else { v });
-        ex::FlatSamples::F16(channel.data.iter().map(|v| half(*v)).collect())
-    } else if !channel.ids.is_empty() {
-        ex::FlatSamples::U32(channel.ids.clone())
+        Kind::Half
     } else if options.uint_ids && layer.ends_with("_id") {
-        ex::FlatSamples::U32(channel.data.iter().map(|v| *v as u32).collect())
+        Kind::Uint
     } else {
-        ex::FlatSamples::F32(channel.data.clone())
+        Kind::Float
     }
 }
 
 /// The channels that hold colours and coverage.
 const COLORS: [&str; 5] = ["R", "G", "B", "A", "Y"];
-/// The largest finite half float.
-const HALF_MAX: f32 = 65_504.0;
 
 /// A text whose bytes are UTF-8: the crate has a byte for each letter.
 fn to_utf8(text: &str) -> ex::Text {
@@ -99,20 +112,30 @@ fn from_utf8(text: &ex::Text) -> String {
 /// Brings the header's attributes into the order of their names; the crate's order is a hash map's, another one in
 /// every run.
 fn sort_attributes(bytes: &mut [u8]) {
-    const START: usize = 8; // the magic number and the version
-    let mut attributes: Vec<Vec<u8>> = Vec::new();
-    let mut at = START;
+    let ranges = attributes(bytes);
+    let (Some(first), Some(last)) = (ranges.first(), ranges.last()) else { return };
+    let all = first.start..last.end;
+    let mut attributes: Vec<Vec<u8>> = ranges.iter().map(|range| bytes[range.clone()].to_vec()).collect();
+    attributes.sort();
+    bytes[all].copy_from_slice(&attributes.concat());
+}
+
+/// Where the attributes of a file's first header stand.
+pub(super) fn attributes(bytes: &[u8]) -> Vec<Range<usize>> {
+    let mut ranges = Vec::new();
+    let mut at = 8; // behind the magic number and the version
     while bytes.get(at).is_some_and(|byte| *byte != 0) {
         // name 0 type 0 size value
-        let Some(end) = text_end(bytes, at).and_then(|end| text_end(bytes, end)) else { return };
-        let Some(size) = bytes.get(end..end + 4) else { return };
+        let Some(end) = text_end(bytes, at).and_then(|end| text_end(bytes, end)) else { break };
+        let Some(size) = bytes.get(end..end + 4) else { break };
         let end = end + 4 + u32::from_le_bytes([size[0], size[1], size[2], size[3]]) as usize;
-        let Some(attribute) = bytes.get(at..end) else { return };
-        attributes.push(attribute.to_vec());
+        if end > bytes.len() {
+            break;
+        }
+        ranges.push(at..end);
         at = end;
     }
-    attributes.sort();
-    bytes[START..at].copy_from_slice(&attributes.concat());
+    ranges
 }
 
 fn text_end(bytes: &[u8], at: usize) -> Option<usize> {

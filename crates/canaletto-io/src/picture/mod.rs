@@ -3,6 +3,7 @@
 mod compare;
 mod convolve;
 mod exr;
+mod exr_part;
 mod flip;
 mod png;
 mod pnm;
@@ -14,8 +15,9 @@ mod transfer;
 mod write;
 
 pub use self::exr::{ExrOptions, decode_exr, encode_exr};
+pub use self::exr_part::{Fill, PartError, write_exr_part};
 pub(crate) use self::png::png_texts;
-pub use self::png::{Compression, Depth, PngSettings, decode_png, develop_png, encode_png};
+pub use self::png::{Compression, Depth, PngSettings, decode_png, develop_png, develop_png_part, encode_png};
 pub use compare::{Comparison, Difference, Unequal, compare, difference, differing};
 pub use flip::{Flip, PIXELS_PER_DEGREE, flip};
 pub use rest::{ChannelDifference, RestDifference};

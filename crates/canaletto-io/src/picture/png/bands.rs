@@ -124,6 +124,11 @@ impl<'a, F: Fn(Range<usize>, &mut [u8])> Workshop<'a, F> {
         self.filtered.clear();
         for two in self.bytes.windows(2 * row).step_by(row) {
             let (above, line) = two.split_at(row);
+            if two.iter().all(|byte| *byte == 0) {
+                // All filters make zeros of it.
+                self.filtered.resize(self.filtered.len() + 1 + row, 0);
+                continue;
+            }
             filter(above, line, pixel, &mut self.tries);
             let (number, best) =
                 (0..).zip(&self.tries).min_by_key(|(_, tried)| size(tried)).unwrap_or((0, &self.tries[0]));

@@ -137,11 +137,28 @@ pub fn develop_png(
     settings: impl Into<PngSettings>,
     metadata: &[(String, String)],
 ) -> Result<Vec<u8>, PictureError> {
+    develop_png_part(picture, film, settings, metadata, || true)
+}
+
+/// [`develop_png`] for as long as `goes_on` says; what comes after that is black.
+///
+/// # Errors
+/// As [`develop_png`].
+pub fn develop_png_part(
+    picture: &Picture,
+    film: &FilmSettings,
+    settings: impl Into<PngSettings>,
+    metadata: &[(String, String)],
+    goes_on: impl Fn() -> bool + Sync,
+) -> Result<Vec<u8>, PictureError> {
     if picture.pixels.is_empty() {
         return Err(no_pixels());
     }
     let developer = Developer::new(picture, film.tone, film.transfer);
     encode([picture.width, picture.height], 3, settings.into(), film.transfer, metadata, |range, values| {
+        if !goes_on() {
+            return values.fill(0.0);
+        }
         for (value, color) in values.as_chunks_mut().0.iter_mut().zip(&picture.pixels[range]) {
             *value = color.to_array();
         }
