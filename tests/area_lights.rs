@@ -36,7 +36,7 @@ fn floor(nodes: Vec<Node>, meshes: Vec<Mesh>, sampling: Sampling) -> f64 {
 
 fn rectangle(points: u32) -> LightKind {
     // The corner straight above the origin at height 2; u × v looks down.
-    LightKind::Rectangle(RectangleLight { corner: Vec3::Y * 2.0, u: Vec3::X, v: Vec3::Z * 3.0, points })
+    LightKind::Rectangle(Box::new(RectangleLight { corner: Vec3::Y * 2.0, u: Vec3::X, v: Vec3::Z * 3.0, points }))
 }
 
 /// The form factor of that rectangle.
@@ -63,7 +63,8 @@ fn pixels_under_matte_lights_are_radiance_times_form_factor() {
     check("fixed points", one(matte(rectangle(1024), 0).into(), vec![], Sampling::Center), exact, 2e-3);
     check("random points", one(matte(rectangle(1), 1).into(), vec![], many), exact, 2e-3);
     // The unit square turned, stretched and lifted to the same place; as triangles it is the same light.
-    let square = |points| LightKind::Rectangle(RectangleLight { corner: Vec3::ZERO, u: Vec3::X, v: Vec3::Y, points });
+    let square =
+        |points| LightKind::Rectangle(Box::new(RectangleLight { corner: Vec3::ZERO, u: Vec3::X, v: Vec3::Y, points }));
     let moved = Transform::translate(DVec3::Y * 2.0)
         .after(&Transform::rotate(DVec3::X, 90.0).unwrap())
         .after(&Transform::scale(DVec3::new(1.0, 3.0, 7.0)).unwrap());
@@ -105,12 +106,12 @@ fn pixels_under_matte_lights_are_radiance_times_form_factor() {
 fn lit(scale: f32) -> Scene {
     let v = |x: f32, y: f32, z: f32| Vec3::new(x, y, z) * scale;
     let kinds = [
-        LightKind::Rectangle(RectangleLight {
+        LightKind::Rectangle(Box::new(RectangleLight {
             corner: v(-3.0, 5.0, 1.0),
             u: v(2.0, 0.0, 0.5),
             v: v(0.0, 0.5, 2.0),
             points: 5,
-        }),
+        })),
         LightKind::Sphere(SphereLight { center: v(3.0, 4.0, 3.0), radius: 0.7 * scale, points: 6 }),
         LightKind::Mesh(Box::new(MeshLight {
             meshes: vec![0, 1],

@@ -39,10 +39,10 @@ fn few_things(moves: bool) -> Scene {
     };
     let mut moving = Node::new(Content::Mesh(1)).with_material(0).with_transform(&at(0.4, 1.6, -1.0));
     if moves {
-        moving.motion = vec![Transform::IDENTITY, at(0.6, 0.2, 0.0)];
+        moving.motion = vec![Transform::IDENTITY, at(0.6, 0.2, 0.0)].into();
     }
     let light = |x: f32, y: f32, z: f32, w: f32| {
-        let position = Vec3::new(x, y, z).extend(w);
+        let position = [x, y, z, w];
         Node::new(Content::Light(Light::new(LightKind::Omni(Omni { position }), Rgb::gray(0.5))))
     };
     Scene {

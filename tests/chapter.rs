@@ -11,7 +11,7 @@ use canaletto::render::{Job, render};
 use canaletto::scene::{Extrinsics, FilmSettings, IntegratorSettings, Intrinsics, Node, Sampling, Scene, Stage};
 use canaletto::shape::{Cylinder, Shape, Sphere, Triangle};
 use canaletto::world::World;
-use glam::{DVec3, Vec3, Vec4};
+use glam::{DVec3, Vec3};
 
 /// Asserts that `value` prints as the chapter does: within half of `digit`, the unit of its last digit (more where the
 /// chapter rounded on the way).
@@ -95,7 +95,7 @@ fn exercise_4_and_19_light_from_infinity_on_a_triangle() {
             c: Vec3::new(4.0, 8.0, -4.0),
             one_sided: false,
         };
-        let light = Light::new(LightKind::Omni(Omni { position: Vec4::new(0.0, 1.0, 0.0, 0.0) }), Rgb::from(l));
+        let light = Light::new(LightKind::Omni(Omni { position: [0.0, 1.0, 0.0, 0.0] }), Rgb::from(l));
         let kd = Rgb::new(0.6, 0.5, 0.3);
         let color = shade_at(
             Shape::Triangle(triangle),

@@ -169,7 +169,7 @@ fn frozen(nodes: &[Node], time: f64) -> Vec<Node> {
             let mut node = node.clone();
             if !node.motion.is_empty() {
                 let pose = Path::new(&node.motion).unwrap().at(time);
-                node.transform = pose.after(&node.transform);
+                node.transform = pose.after(&node.transform).into();
                 node.motion.clear();
             }
             if let Content::Group(children) = &mut node.content {

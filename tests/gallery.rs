@@ -170,24 +170,25 @@ pub fn distributed_still_life(scale: f32) -> Scene {
             if light.has_area() {
                 light.samples = 2;
             } else if matches!(light.kind, LightKind::Omni(_)) {
-                node.motion = vec![Transform::IDENTITY, step(0.5, 0.0, 0.0)];
+                node.motion = vec![Transform::IDENTITY, step(0.5, 0.0, 0.0)].into();
             }
             continue;
         }
         // The ground stays, as do a few others.
-        node.motion = match index % 4 {
+        let motion = match index % 4 {
             _ if index == 0 => Vec::new(),
             0 => vec![Transform::IDENTITY, step(0.2, 0.1, 0.0), step(0.1, 0.3, 0.1).after(&turn(20.0))],
             1 => vec![turn(-10.0), turn(25.0)],
             2 => vec![Transform::IDENTITY, turn(15.0).after(&Transform::scale(DVec3::new(1.2, 1.0, 0.9)).unwrap())],
             _ => Vec::new(),
         };
+        node.motion = motion.into();
     }
     // Mirrors and glass are rough.
     (scene.materials[2].phong.roughness, scene.materials[3].phong.roughness) = (0.3, 0.4);
     // The lamp's parts move in the lamp, which moves in its copies.
     if let Content::Group(parts) = &mut scene.prototypes[0].content {
-        parts[0].motion = vec![Transform::IDENTITY, step(0.0, 0.2, 0.0)];
+        parts[0].motion = vec![Transform::IDENTITY, step(0.0, 0.2, 0.0)].into();
     }
     scene
 }

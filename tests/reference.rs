@@ -48,7 +48,7 @@ impl<'a> Reference<'a> {
             }
             Content::Light(light) => {
                 let LightKind::Omni(omni) = &light.kind else { panic!("the reference knows omni lights only") };
-                let p = omni.position.as_dvec4();
+                let p = glam::Vec4::from_array(omni.position).as_dvec4();
                 let intensity = light.intensity.to_array().map(f64::from);
                 self.lights.push((p.truncate() / p.w, DVec3::from(intensity), light.shadows));
             }

@@ -95,7 +95,7 @@ fn a_thousand_million_copies() {
         let copy = Node::new(Content::Instance(0)).with_material(0);
         let alone = Scene {
             prototypes: vec![Node::new(Content::Mesh(0))],
-            nodes: vec![Node { transform, ..copy.clone() }, copy],
+            nodes: vec![Node { transform: transform.into(), ..copy.clone() }, copy],
             ..thousand_million()
         };
         let alone = World::build(alone).unwrap();

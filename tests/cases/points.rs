@@ -1,16 +1,16 @@
 //! Tables of numbers: PLY, point clouds, CSV, XYZ and NFF.
 
 use canaletto::camera::Camera;
-use canaletto::math::Rgb;
+use canaletto::math::{Rgb, Transform};
 use canaletto::render::{Job, render};
-use canaletto::scene::Scene;
-use canaletto::shape::{Mesh, SphereCloud};
+use canaletto::scene::{Node, Scene};
+use canaletto::shape::{Mesh, Shape, Sphere, SphereCloud};
 use canaletto::world::World;
 use canaletto_io::assets::MemoryAssets;
 use canaletto_io::diagnostic::Diagnostics;
 use canaletto_io::import::load;
 use canaletto_io::text::{Script, read_scene};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use std::time::{Duration, Instant};
 
 /// Files that people have.
@@ -216,4 +216,73 @@ fn many_keys_take_time_in_proportion() {
     }
     // To judge all keys for each frame takes 2 ms, 16 s in all.
     assert!(start.elapsed() < Duration::from_secs(12), "{:?}", start.elapsed());
+}
+
+/// What is read of a text of many things is what is read where no value can be left out for a while, since an assignment might change it.
+#[test]
+fn many_things_are_read_as_few_are() {
+    let mut text =
+        String::from("camera { eye 0 0 50; fovy 40; size 8 8 }\nsphere name=\"a\" { center 0 0 0; radius 1 }\n");
+    text += "prototype name=\"b\" { box { min 0 0 0; max 1 1 1 } }\n";
+    for i in 0..6000 {
+        text += &match i % 11 {
+            0 => format!("sphere material=\"m{}\" {{ center {i} 0 0; radius 0.5 }};", i % 3000 / 11 * 11 + 7),
+            1 => format!("// a comment {{\nbox {{ min {i} 0 0; max {}.5 1 1 }}\n", i),
+            2 => format!("/- sphere {{ center {i} 0 }}\nlight \"omni\" {{ position {i} 9 9; intensity 0.001 }}\n"),
+            3 => format!("instance of=\"a\" {{ translate {i} 0 0 }}; instance of=\"b\" {{ translate 0 {i} 0 }}\n"),
+            4 => format!("light \"rectangle\" name=\"l{i}\" {{ corner {i} 1 2; u 1 0 0; v 0 1 0; intensity 0.1 }}\n"),
+            5 => format!("light \"spot\" {{ position {i} 9 9; target 0 0 0; outer 20; shadows #false }}\n"),
+            6 => format!("cone {{ base {i} 0 0; top {i} 1 0; radius 1; rotate-x {i} }}\n"),
+            7 => format!("material \"m{i}\" {{ kd 0.5 0.25 0; n {i} }}\n"),
+            8 => format!("group {{ sphere {{ center 0 {i} 0; radius 0.25 }}; translate 0 0 {i} }}\n"),
+            9 => format!("/* {{ */ triangle {{ a {i} 0 0; b {i} 1 0\n c {i} 0 1 }}\n"),
+            _ => format!("instance of=\"g{i}\"\ngroup name=\"g{i}\" {{ sphere {{ center 0 0 {i}; radius 2 }} }}\n"),
+        };
+    }
+    let read = |set: &[String]| {
+        Script::of_text(&text, "case.kdl", &MemoryAssets::new(), set).unwrap().scene(&MemoryAssets::new(), 0.0)
+    };
+    let (few, _) = read(&["camera.fovy=40".into()]).unwrap_or_else(|e| panic!("{e}"));
+    let (many, _) = read(&[]).unwrap_or_else(|e| panic!("{e}"));
+    assert!(few.nodes.len() > 5000 && few.materials.len() > 500 && few.prototypes.len() > 500);
+    assert!(many == few);
+    // A mistake is told where it is, and only once.
+    for wrong in
+        ["sphere { center 1 2; radius 1 }", "instance of=\"nothing\"", "material \"m7\" { kd 1 1 1 }", "sphere {"]
+    {
+        let said = |set: &[String]| {
+            let text = format!("{text}{wrong}\n");
+            match Script::of_text(&text, "case.kdl", &MemoryAssets::new(), set)
+                .map(|mut s| s.scene(&MemoryAssets::new(), 0.0))
+            {
+                Err(e) | Ok(Err(e)) => e.to_string(),
+                Ok(Ok(_)) => panic!("{wrong} is a mistake"),
+            }
+        };
+        assert_eq!(said(&[]), said(&["camera.fovy=40".into()]), "{wrong}");
+    }
+}
+
+/// Warnings are counted where they are too many to be kept, and make no scene wrong.
+#[test]
+fn many_warnings_are_no_error() {
+    let unused: String = (0..12_000).map(|i| format!("material \"m{i}\" {{ kd 1 1 1 }}\n")).collect();
+    let (scene, warnings) = scene(&format!(
+        "camera {{ eye 0 0 5 }}\nlight \"omni\" {{ position 0 0 9 }}\nsphere {{ radius 1; center 0 0 0 }}\n{unused}"
+    ));
+    assert_eq!(scene.materials.len(), 12_000);
+    assert!(!warnings.has_errors() && warnings.to_string().contains("nothing uses the material"), "{warnings}");
+}
+
+/// What is as usual takes no memory, but nodes are written as if it did.
+#[test]
+fn nodes_are_written_and_read_whole() {
+    let ball = Node::from(Shape::Sphere(Sphere { center: Vec3::ZERO, radius: 1.0 })).named("ball");
+    let there = Transform::translate(DVec3::X);
+    let moved = ball.clone().with_transform(&there).with_motion(vec![Transform::IDENTITY, there]);
+    for node in [ball, moved] {
+        let text = serde_json::to_string(&node).unwrap();
+        assert!(text.contains("\"transform\"") && text.contains("\"motion\"") != node.motion.is_usual(), "{text}");
+        assert!(serde_json::from_str::<Node>(&text).unwrap() == node);
+    }
 }

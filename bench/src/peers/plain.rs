@@ -52,7 +52,8 @@ impl<'a> Plain<'a> {
             let form = match &node.content {
                 Content::Light(light) => {
                     let LightKind::Omni(omni) = &light.kind else { return Err("peers have only omni lights".into()) };
-                    plain.lights.push((omni.position.truncate(), light.intensity));
+                    let [x, y, z, _] = omni.position;
+                    plain.lights.push((Vec3::new(x, y, z), light.intensity));
                     continue;
                 }
                 Content::Shape(Shape::Sphere(s)) => {

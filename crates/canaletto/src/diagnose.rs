@@ -87,7 +87,7 @@ pub fn diagnose(world: &World, job: &Job) -> Vec<Finding> {
         if let Some((object, name)) = light_is_inside(world, light)
             && around_eye.as_ref().is_none_or(|(around, _)| *around != object)
         {
-            let own = light.light.name.clone();
+            let own = light.light.name.as_ref().map(ToString::to_string);
             let light = own.unwrap_or_else(|| format!("{} light #{}", light.light.kind_name(), index + 1));
             findings.push(Finding::LightInside { light, object: name });
         }

@@ -31,7 +31,7 @@ fn shadowed((shape, hollow): Case, transform: &str, distance: f64, turn: u32) ->
     let height = libm::sin(f64::from(turn) * 1.3) * 0.6;
     let offset = DVec3::new(libm::cos(angle), height, libm::sin(angle)) * distance;
     let there = Transform::translate(offset);
-    scene.nodes = vec![Node { transform: there, ..Node::new(Content::Group(scene.nodes)) }];
+    scene.nodes = vec![Node { transform: there.into(), ..Node::new(Content::Group(scene.nodes)) }];
     let mut view = scene.views.remove(0);
     view.extrinsics.eye += offset;
     view.extrinsics.center += offset;

@@ -44,22 +44,29 @@ impl Message {
 /// one for each of its bytes.
 const MAX_MESSAGES: usize = 10_000;
 
+/// Messages that are only counted.
+#[derive(Clone, Copy, Default)]
+struct Dropped {
+    errors: usize,
+    warnings: usize,
+}
+
 /// All messages of a scene.
 #[derive(Clone, Default)]
 pub(crate) struct Report {
     messages: Vec<Message>,
-    /// How many more there were than are kept.
-    dropped: usize,
+    /// How many errors and warnings there were more than are kept.
+    dropped: Dropped,
     /// Messages that came ready, from other files than scene text.
     foreign: Diagnostics,
 }
 
 impl Report {
     pub(crate) fn push(&mut self, message: Message) {
-        if self.messages.len() < MAX_MESSAGES {
-            self.messages.push(message);
-        } else {
-            self.dropped += 1;
+        match message.severity {
+            _ if self.messages.len() < MAX_MESSAGES => self.messages.push(message),
+            Severity::Error => self.dropped.errors += 1,
+            Severity::Warning => self.dropped.warnings += 1,
         }
     }
 
@@ -70,16 +77,19 @@ impl Report {
     /// Adds the messages of another report once more.
     pub(crate) fn repeat(&mut self, other: &Report) {
         other.messages.iter().for_each(|message| self.push(message.clone()));
-        self.dropped += other.dropped;
+        self.dropped.errors += other.dropped.errors;
+        self.dropped.warnings += other.dropped.warnings;
     }
 
     /// How many messages there are.
     pub(crate) fn count(&self) -> usize {
-        self.messages.len() + self.dropped
+        self.messages.len() + self.dropped.errors + self.dropped.warnings
     }
 
     pub(crate) fn has_errors(&self) -> bool {
-        self.dropped > 0 || self.messages.iter().any(|m| m.severity == Severity::Error) || self.foreign.has_errors()
+        self.dropped.errors > 0
+            || self.messages.iter().any(|m| m.severity == Severity::Error)
+            || self.foreign.has_errors()
     }
 
     pub(crate) fn append(&mut self, foreign: Diagnostics) {
@@ -89,10 +99,11 @@ impl Report {
     /// The messages, each with its file's name. Messages without a place are about the first file.
     pub(crate) fn finish(self, files: &Files) -> Diagnostics {
         let mut out = Diagnostics::new();
-        for file in files.iter() {
+        let mut list = self.messages;
+        // Texts are kept to be shown beside messages, and are large.
+        for file in files.iter().filter(|_| !list.is_empty()) {
             out.add_source(&file.name, file.text.clone());
         }
-        let mut list = self.messages;
         list.sort_by_key(|m| m.span.map_or((u16::MAX, 0), |span| (span.file, span.start)));
         // One assignment that changes several nodes is wrong once.
         list.dedup_by(|b, a| b.span.is_some() && a.span == b.span && a.message == b.message);
@@ -106,7 +117,8 @@ impl Report {
                 help: m.help,
             });
         }
-        out.count_more(Severity::Error, self.dropped);
+        out.count_more(Severity::Error, self.dropped.errors);
+        out.count_more(Severity::Warning, self.dropped.warnings);
         out.append(self.foreign);
         out
     }

@@ -197,7 +197,8 @@ impl Probe for Recorder<'_> {
 
     fn light(&mut self, term: &LightTerm) {
         let light = &self.world.lights[term.light as usize].light;
-        let name = light.name.clone().unwrap_or_else(|| format!("{} light #{}", light.kind_name(), term.light + 1));
+        let own = light.name.as_ref().map(ToString::to_string);
+        let name = own.unwrap_or_else(|| format!("{} light #{}", light.kind_name(), term.light + 1));
         let node = LightNode {
             light: name,
             point: term.point,

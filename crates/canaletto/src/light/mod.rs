@@ -25,7 +25,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Light {
     /// The name given in the file, for explanations.
-    pub name: Option<String>,
+    pub name: Option<Box<str>>,
     /// l, the intensity: a light of intensity l gives l kd cos θ (5.32). ≥ 0.
     pub intensity: Rgb,
     /// Whether it casts shadows.
@@ -57,7 +57,7 @@ pub enum LightKind {
     /// Several points spread over a disk, for soft shadows.
     Disk(DiskLight),
     /// A rectangle or parallelogram.
-    Rectangle(RectangleLight),
+    Rectangle(Box<RectangleLight>),
     /// A sphere.
     Sphere(SphereLight),
     /// The triangles of meshes.
@@ -88,7 +88,7 @@ impl Light {
             LightKind::Directional(light) => LightKind::Directional(light.transformed(t)),
             LightKind::Spot(light) => LightKind::Spot(light.transformed(t)),
             LightKind::Disk(light) => LightKind::Disk(light.transformed(t)),
-            LightKind::Rectangle(light) => LightKind::Rectangle(light.transformed(t)),
+            LightKind::Rectangle(light) => LightKind::Rectangle(Box::new(light.transformed(t))),
             LightKind::Sphere(light) => LightKind::Sphere(light.transformed(t)),
             LightKind::Mesh(light) => LightKind::Mesh(Box::new(light.transformed(t))),
         };
@@ -99,14 +99,12 @@ impl Light {
     pub(crate) fn with_points(&self, mut f: impl FnMut(usize, Vec3) -> Vec3) -> Light {
         let mut light = self.clone();
         match &mut light.kind {
-            LightKind::Omni(Omni { position }) if position.w == 1.0 => {
-                *position = f(0, position.truncate()).extend(1.0)
-            }
+            LightKind::Omni(Omni { position: [x, y, z, 1.0] }) => [*x, *y, *z] = f(0, Vec3::new(*x, *y, *z)).to_array(),
             LightKind::Omni(_) | LightKind::Mesh(_) | LightKind::Directional(Directional { beam: None, .. }) => {}
             LightKind::Directional(Directional { beam: Some((axis, _)), .. }) => *axis = f(0, *axis),
             LightKind::Spot(Spot { position, target, .. }) => (*position, *target) = (f(0, *position), f(1, *target)),
             LightKind::Disk(DiskLight { position, .. }) => *position = f(0, *position),
-            LightKind::Rectangle(RectangleLight { corner, .. }) => *corner = f(0, *corner),
+            LightKind::Rectangle(light) => light.corner = f(0, light.corner),
             LightKind::Sphere(SphereLight { center, .. }) => *center = f(0, *center),
         }
         light

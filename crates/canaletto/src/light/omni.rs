@@ -9,34 +9,41 @@ use serde::{Deserialize, Serialize};
 pub struct Omni {
     /// The homogeneous position (x, y, z, w). With w = 0 the light comes from infinity, from direction (x, y, z)
     /// (exercise 4); else from the point (x, y, z) / w.
-    pub position: Vec4,
+    pub position: [f32; 4],
 }
 
 impl Omni {
     /// The light at a point.
     pub fn at(point: Vec3) -> Omni {
-        Omni { position: point.extend(1.0) }
+        Omni { position: point.extend(1.0).to_array() }
+    }
+
+    fn homogeneous(&self) -> Vec4 {
+        Vec4::from_array(self.position)
     }
 
     pub(super) fn point(&self) -> Vec3 {
-        self.position.truncate() / self.position.w
+        let p = self.homogeneous();
+        p.truncate() / p.w
     }
 
     pub(super) fn towards_infinity(&self) -> Option<DVec3> {
-        (self.position.w == 0.0).then(|| self.position.truncate().as_dvec3().normalize())
+        let p = self.homogeneous();
+        (p.w == 0.0).then(|| p.truncate().as_dvec3().normalize())
     }
 
     pub(super) fn transformed(&self, t: &Transform) -> Omni {
-        let v = self.position.truncate().as_dvec3();
-        if self.position.w == 0.0 {
-            Omni { position: t.vector(v).as_vec3().extend(0.0) }
+        let p = self.homogeneous();
+        let v = p.truncate().as_dvec3();
+        if p.w == 0.0 {
+            Omni { position: t.vector(v).as_vec3().extend(0.0).to_array() }
         } else {
-            Omni::at(t.point(v / f64::from(self.position.w)).as_vec3())
+            Omni::at(t.point(v / f64::from(p.w)).as_vec3())
         }
     }
 
     pub(super) fn check(&self) -> Result<(), String> {
-        let p = self.position;
+        let p = self.homogeneous();
         if !p.is_finite() || (p.w == 0.0 && p.truncate() == Vec3::ZERO) || (p.w != 0.0 && !self.point().is_finite()) {
             return Err(format!(
                 "position is {} {} {} {}; it must be a point, or a direction with a 0 as fourth number",

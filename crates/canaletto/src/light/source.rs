@@ -11,18 +11,35 @@ pub struct Source {
     /// The light as described, in world space.
     pub light: Light,
     /// Where light comes from; none for light from infinity.
-    points: Vec<Vec3>,
+    points: Points,
     /// The unit direction to a light at infinity.
     towards: DVec3,
     /// The intensity of each point.
     intensity: Rgb,
     cone: Option<super::spot::Cone>,
     /// The surface, if points of it are found for each hit: random ones, or those of a matte light.
-    area: Option<Area>,
+    area: Option<Box<Area>>,
     /// How many points shine.
     count: u32,
     /// Whether its light loses by distance.
     attenuated: bool,
+}
+
+/// Where points of light are. Most lights have one, which lies in the light itself.
+#[derive(Clone, Debug)]
+enum Points {
+    One(Vec3),
+    Some(Box<[Vec3]>),
+}
+
+impl Points {
+    #[inline]
+    fn get(&self, index: u32) -> Option<Vec3> {
+        match self {
+            Points::One(point) => (index == 0).then_some(*point),
+            Points::Some(points) => points.get(index as usize).copied(),
+        }
+    }
 }
 
 /// Light arriving at a point from one of a light's points.
@@ -79,6 +96,8 @@ impl Source {
             area = None;
         }
         let attenuated = light.attenuation != [1.0, 0.0, 0.0];
+        let points = if let [point] = *points { Points::One(point) } else { Points::Some(points.into()) };
+        let area = area.map(Box::new);
         Source { light, points, towards, intensity, cone, area, count, attenuated }
     }
 
@@ -113,7 +132,7 @@ impl Source {
     /// What arrives at `p` from point number `index`. Intensities over all points sum to the light's.
     #[inline]
     pub fn illuminate(&self, index: u32, p: DVec3) -> Illumination {
-        let Some(&position) = self.points.get(index as usize) else {
+        let Some(position) = self.points.get(index) else {
             return match self.area {
                 Some(_) => self.sample(area::fixed(index, self.count), p),
                 None => self.arriving_from_infinity(p.as_vec3()),
@@ -125,7 +144,7 @@ impl Source {
     /// Where point number `index` is, if it is the same seen from everywhere: then [`Source::along`] tells what arrives.
     #[inline]
     pub(crate) fn point(&self, index: u32) -> Option<Vec3> {
-        if self.is_sampled() { None } else { self.points.get(index as usize).copied() }
+        if self.is_sampled() { None } else { self.points.get(index) }
     }
 
     #[inline]
@@ -170,7 +189,6 @@ impl Source {
 mod tests {
     use super::super::{Directional, DiskLight, Falloff, Omni, Spot};
     use super::*;
-    use glam::Vec4;
 
     fn source(kind: LightKind) -> Source {
         Source::new(Light::new(kind, Rgb::WHITE))
@@ -178,12 +196,12 @@ mod tests {
 
     #[test]
     fn a_fourth_number_of_zero_is_infinity() {
-        let sun = source(LightKind::Omni(Omni { position: Vec4::new(0.0, 2.0, 0.0, 0.0) }));
+        let sun = source(LightKind::Omni(Omni { position: [0.0, 2.0, 0.0, 0.0] }));
         for p in [DVec3::ZERO, DVec3::splat(100.0)] {
             let light = sun.illuminate(0, p);
             assert_eq!((light.direction, light.position), (DVec3::Y, None));
         }
-        let lamp = source(LightKind::Omni(Omni { position: Vec4::new(0.0, 6.0, 0.0, 2.0) }));
+        let lamp = source(LightKind::Omni(Omni { position: [0.0, 6.0, 0.0, 2.0] }));
         assert_eq!(lamp.illuminate(0, DVec3::ZERO).position, Some(Vec3::new(0.0, 3.0, 0.0)));
     }
 

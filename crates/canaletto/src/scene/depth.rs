@@ -23,9 +23,9 @@ fn without_children(node: &Node) -> Node {
     Node {
         name: node.name.clone(),
         material: node.material,
-        transform: node.transform,
+        transform: node.transform.clone(),
         motion: node.motion.clone(),
-        rest: node.rest,
+        rest: node.rest.clone(),
         content: match &node.content {
             Content::Group(children) => Content::Group(Vec::with_capacity(children.len())),
             content => content.clone(),
@@ -75,8 +75,8 @@ impl PartialEq for Node {
                 }
                 (a, b) => a == b,
             };
-            let own = |node: &Node| (node.material, node.transform, node.rest);
-            if !same || own(a) != own(b) || a.name != b.name || a.motion != b.motion {
+            let placed = a.transform == b.transform && a.motion == b.motion && a.rest == b.rest;
+            if !(same && placed && a.material == b.material && a.name == b.name) {
                 return false;
             }
         }

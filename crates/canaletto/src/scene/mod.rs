@@ -7,11 +7,13 @@ mod depth;
 mod film;
 mod integrator;
 mod node;
+mod sparse;
 
 pub use camera::{Aperture, Extrinsics, Focus, Intrinsics, Lens, View};
 pub use film::{FilmSettings, Filter, SamplerKind, Sampling, Tone, Transfer};
 pub use integrator::{IntegratorSettings, Stage};
 pub use node::{Content, Node};
+pub use sparse::{Sparse, Usual};
 
 use crate::light::environment::Environment;
 use crate::material::Material;

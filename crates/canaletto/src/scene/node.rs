@@ -1,6 +1,6 @@
 //! The tree of objects and lights.
 
-use super::depth;
+use super::{Sparse, depth};
 use crate::light::Light;
 use crate::math::Transform;
 use crate::shape::Shape;
@@ -12,23 +12,23 @@ use serde::{Deserialize, Serialize};
 #[derive(Serialize, Deserialize)]
 pub struct Node {
     /// The name given in the file. [`crate::world::World`] names the rest by kind and number.
-    pub name: Option<String>,
+    pub name: Option<Box<str>>,
     /// Index into [`super::Scene::materials`]. `None` inherits the enclosing group's; at the root, the default
     /// material. On a mesh it replaces the mesh's own materials; an inherited one does not.
     pub material: Option<u32>,
     /// From this node's space to its parent's.
-    pub transform: Transform,
+    pub transform: Sparse<Transform>,
     /// How it moves while the shutter is open: nothing if it stays, else at least two poses, evenly spaced in time from the
     /// opening to the closing. They come after `transform`; between them things move evenly and turn
     /// ([`crate::math::Path`]).
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub motion: Vec<Transform>,
+    #[serde(default, skip_serializing_if = "Sparse::is_usual")]
+    pub motion: Sparse<Vec<Transform>>,
     /// What it is.
     pub content: Content,
     /// What `f32` can't hold of the points of a shape or light, which are those of its fields in their order that transforms
     /// move. It counts where they lie far from zero.
-    #[serde(default, skip_serializing_if = "is_nothing")]
-    pub rest: [Vec3; 3],
+    #[serde(default, skip_serializing_if = "Sparse::is_usual")]
+    pub rest: Sparse<[Vec3; 3]>,
 }
 
 /// What a [`Node`] holds.
@@ -50,10 +50,6 @@ pub enum Content {
     Instance(u32),
 }
 
-fn is_nothing(rest: &[Vec3; 3]) -> bool {
-    *rest == [Vec3::ZERO; 3]
-}
-
 impl Node {
     /// The deepest nesting of groups, and of instances in a world, that anything is made of.
     pub const MAX_NESTING: usize = 256;
@@ -63,10 +59,10 @@ impl Node {
         Node {
             name: None,
             material: None,
-            transform: Transform::IDENTITY,
-            motion: Vec::new(),
+            transform: Sparse::default(),
+            motion: Sparse::default(),
             content,
-            rest: [Vec3::ZERO; 3],
+            rest: Sparse::default(),
         }
     }
 
@@ -90,7 +86,7 @@ impl Node {
             }
             _ => {}
         }
-        self.rest = rest;
+        self.rest = rest.into();
         self
     }
 
@@ -103,7 +99,7 @@ impl Node {
     }
 
     /// The same node with a name.
-    pub fn named(mut self, name: impl Into<String>) -> Node {
+    pub fn named(mut self, name: impl Into<Box<str>>) -> Node {
         self.name = Some(name.into());
         self
     }
@@ -116,13 +112,13 @@ impl Node {
 
     /// The same node, moved by `transform` after its own.
     pub fn with_transform(mut self, transform: &Transform) -> Node {
-        self.transform = transform.after(&self.transform);
+        self.transform = transform.after(&self.transform).into();
         self
     }
 
     /// The same node, moving through these poses while the shutter is open.
     pub fn with_motion(mut self, poses: Vec<Transform>) -> Node {
-        self.motion = poses;
+        self.motion = poses.into();
         self
     }
 }
@@ -136,5 +132,18 @@ impl From<Shape> for Node {
 impl From<Light> for Node {
     fn from(light: Light) -> Node {
         Node::new(Content::Light(light))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::light::Source;
+
+    /// What a scene text of a million lights takes follows from these.
+    #[test]
+    fn a_million_nodes_are_small() {
+        let sizes = [size_of::<Node>(), size_of::<Light>(), size_of::<Source>()];
+        assert!(sizes[0] <= 136 && sizes[1] <= 88 && sizes[2] <= 192, "{sizes:?}");
     }
 }

@@ -100,7 +100,11 @@ fn frames_after_each_other_are_as_each_by_itself() {
         ("nothing after that", |_| {}, origins(4, 0, 0)),
         ("a turn", |s| turn(s, 2.0), origins(3, 1, 0)),
         ("colours", |s| s.meshes[0].colors = vec![Rgb::new(0.1, 0.9, 0.2); 1600], origins(4, 0, 0)),
-        ("another place of copies", |s| s.nodes[1].transform = Transform::translate(DVec3::Y * 0.4), origins(4, 0, 0)),
+        (
+            "another place of copies",
+            |s| s.nodes[1].transform = Transform::translate(DVec3::Y * 0.4).into(),
+            origins(4, 0, 0),
+        ),
         ("a crumpled sail", |s| s.meshes[0] = crumpled(), origins(3, 0, 1)),
         ("a larger sphere", |s| s.spheres[0].radii[30] = 0.2, origins(3, 0, 1)),
         ("a sphere elsewhere", |s| s.spheres[0].centers[30].y = 0.9, origins(3, 0, 1)),
@@ -122,7 +126,7 @@ fn frames_after_each_other_are_as_each_by_itself() {
 }
 
 fn turn(scene: &mut Scene, degrees: f64) {
-    scene.nodes[0].transform = Transform::rotate(DVec3::Y, degrees).unwrap();
+    scene.nodes[0].transform = Transform::rotate(DVec3::Y, degrees).unwrap().into();
 }
 
 #[test]

@@ -254,7 +254,7 @@ impl Builder {
                     far |= f64::from(p.abs().max_element()) > FAR * moved;
                     p
                 });
-                if place.exact || far && node.rest != [Vec3::ZERO; 3] {
+                if place.exact || far && !node.rest.is_usual() {
                     let (exactly, transform) = Exactly::before(&node.rest, transform);
                     return self.light(part, light.with_points(|i, p| exactly.point(i, p)).transformed(&transform));
                 }
@@ -499,7 +499,7 @@ impl Builder {
     fn object(&mut self, node: &Node, kind: &'static str) -> u32 {
         let number = self.kinds.entry(kind).or_default();
         *number += 1;
-        let name = node.name.clone().unwrap_or_else(|| format!("{kind} #{number}"));
+        let name = node.name.as_ref().map_or_else(|| format!("{kind} #{number}"), |name| name.to_string());
         self.objects.push(Object { name, kind });
         self.objects.len() as u32 - 1
     }
@@ -517,5 +517,5 @@ fn check_light(light: &Light, when: &str) -> Result<(), BuildError> {
 }
 
 pub(super) fn missing(node: &Node, what: &'static str, index: u32, count: usize) -> BuildError {
-    BuildError::Missing { object: node.name.clone().unwrap_or_else(|| "an unnamed node".into()), what, index, count }
+    BuildError::Missing { object: node.name.as_deref().unwrap_or("an unnamed node").into(), what, index, count }
 }

@@ -96,7 +96,7 @@ fn scene(random: &mut Random, moves: bool) -> Scene {
             } else {
                 Vec::new()
             };
-            Node { material, motion, transform: random.place(2.0), ..Node::new(content) }
+            Node { material, motion: motion.into(), transform: random.place(2.0).into(), ..Node::new(content) }
         });
         let mut members: Vec<Node> = members.collect();
         if level == 2 {
@@ -105,13 +105,13 @@ fn scene(random: &mut Random, moves: bool) -> Scene {
             let plane = Shape::Plane(Plane { point: Vec3::new(0.0, -40.0, 0.0), normal: Vec3::Y });
             members.push(Node::from(plane).with_material(0));
         }
-        let inside = Node { transform: random.place(1.0), ..Node::new(Content::Group(members)) };
-        prototypes.push(Node { transform: random.place(1.0), ..Node::new(Content::Group(vec![inside])) });
+        let inside = Node { transform: random.place(1.0).into(), ..Node::new(Content::Group(members)) };
+        prototypes.push(Node { transform: random.place(1.0).into(), ..Node::new(Content::Group(vec![inside])) });
     }
     let nodes = (0..6).map(|n| {
         let content = Content::Instance(if n == 0 { 4 } else { random.below(5) as u32 });
         let material = (n % 3 == 1).then_some(1);
-        Node { material, transform: random.place(3.0), ..Node::new(content) }
+        Node { material, transform: random.place(3.0).into(), ..Node::new(content) }
     });
     let mut nodes: Vec<Node> = nodes.collect();
     nodes.insert(2, Node::new(Content::Mesh(0)).with_transform(&random.place(3.0)));

@@ -76,7 +76,13 @@ impl Animator<'_> {
     pub(super) fn gather(node: &mut Node) {
         let is_motion = |child: &mut Node| matches!(&*child.name, "key" | "ease" | "turn");
         if node.keys.is_none() && node.children.iter().any(|child| &*child.name == "key") {
-            let children = node.children.extract_if(.., is_motion).collect();
+            // Where there is nothing else, as where there are many, they stay in their list.
+            let alone = node.children.iter_mut().all(is_motion);
+            let children = if alone {
+                std::mem::take(&mut node.children)
+            } else {
+                node.children.extract_if(.., is_motion).collect()
+            };
             node.keys = Some(Arc::new(Keys { children, ready: OnceLock::new() }));
         }
     }

@@ -24,7 +24,7 @@ impl Decoder<'_> {
         self.sound &= fields.sound;
         let mut light =
             Light::new(self.kind(kind, &fields)?, fields.rgb("intensity").unwrap_or(Rgb::gray(DEFAULT_INTENSITY)));
-        light.name = fields.text("name").map(str::to_owned);
+        light.name = fields.text("name").map(Into::into);
         light.shadows = fields.flag("shadows").unwrap_or(light.shadows);
         let emission = fields.text("emission").and_then(|word| Emission::ALL.iter().find(|(_, name)| *name == word));
         light.emission = emission.map_or(light.emission, |(emission, _)| *emission);
@@ -46,6 +46,7 @@ impl Decoder<'_> {
         let name = light.name.clone();
         let mut points = exact_points(&fields);
         points.extend(fields.dvec("axis"));
+        let (transform, motion) = (transform.into(), motion.into());
         let node = scene::Node { name, transform, motion, ..scene::Node::new(Content::Light(light)) };
         Some(node.with_points(&points))
     }
@@ -82,7 +83,7 @@ impl Decoder<'_> {
         let points = f.count("points").unwrap_or(DEFAULT_POINTS);
         Some(match kind {
             "omni" => LightKind::Omni(match f.numbers::<4>("position") {
-                Some(p) => Omni { position: glam::DVec4::from_array(p).as_vec4() },
+                Some(p) => Omni { position: p.map(|v| v as f32) },
                 None => Omni::at(f.vec("position")?),
             }),
             "directional" => LightKind::Directional(Directional { towards: f.vec("direction")?, beam: self.beam(f) }),
@@ -97,12 +98,12 @@ impl Decoder<'_> {
                 radius: f.real("radius")?,
                 points,
             }),
-            "rectangle" => LightKind::Rectangle(RectangleLight {
+            "rectangle" => LightKind::Rectangle(Box::new(RectangleLight {
                 corner: f.vec("corner")?,
                 u: f.vec("u")?,
                 v: f.vec("v")?,
                 points,
-            }),
+            })),
             "sphere" => LightKind::Sphere(SphereLight { center: f.vec("center")?, radius: f.real("radius")?, points }),
             _ => {
                 let meshes = match &self.mesh(f, None)? {

@@ -62,7 +62,7 @@ impl Decoder<'_> {
         // Each part is a node, with the material that replaces its own.
         let part = |index: u32| {
             let name = Some(self.scene.meshes[index as usize].name.clone()).filter(|name| !name.is_empty());
-            scene::Node { name, material, ..scene::Node::new(Content::Mesh(index)) }
+            scene::Node { name: name.map(Into::into), material, ..scene::Node::new(Content::Mesh(index)) }
         };
         Some(Content::Group(indices.into_iter().map(part).collect()))
     }

@@ -19,7 +19,7 @@ mod transform;
 use super::files::Files;
 use super::keep::Keep;
 use super::report::{Message, Report};
-use super::syntax::Node;
+use super::syntax::{self, Node};
 use crate::assets::Assets;
 use canaletto::math::Rgb;
 use canaletto::scene::{self, Content, Scene, Stage, View};
@@ -44,10 +44,14 @@ pub(crate) fn decode(
     decoder.textures(nodes);
     decoder.materials(nodes);
     decoder.settings(nodes);
-    decoder.scene.nodes.reserve_exact(nodes.iter().filter(|node| is_object(node)).count());
-    for node in nodes.iter().filter(|node| is_object(node)) {
-        if let Some(node) = decoder.object(node) {
-            decoder.scene.nodes.push(node);
+    let objects = || nodes.iter().filter(|node| is_object(node));
+    let count = |node: &Node| node.packed.map_or(1, |packed| usize::from(packed.get()));
+    decoder.scene.nodes.reserve_exact(objects().map(count).sum());
+    for node in objects() {
+        let unpacked = node.packed.map(|_| syntax::unpack(node, files.slice(node.span)));
+        for node in unpacked.as_deref().unwrap_or(std::slice::from_ref(node)) {
+            let decoded = decoder.object(node);
+            decoder.scene.nodes.extend(decoded);
         }
     }
     for node in nodes.iter().filter(|node| !is_object(node) && !settings::is_setting(node)) {

@@ -70,7 +70,10 @@ impl<'a> Names<'a> {
                 }
             }
         }
-        if &*node.name == "instance"
+        if node.packed.is_some() {
+            // What is packed has no name, and of its properties only those that say what instances repeat.
+            repeated.extend(node.properties.iter().filter_map(|property| property.value.as_text()));
+        } else if &*node.name == "instance"
             && let Some((of, _)) = node.text("of")
         {
             repeated.insert(of);

@@ -3,7 +3,7 @@
 use super::Decoder;
 use super::fields::Fields;
 use crate::text::schema::{self, DEFAULT_CAPS, DEFAULT_TOP_RADIUS};
-use crate::text::syntax::{self, Node};
+use crate::text::syntax::Node;
 use canaletto::scene::{self, Content};
 use canaletto::shape::{Cone, Cuboid, Cylinder, Disk, Plane, Shape, Sphere, Torus, Triangle};
 use glam::DVec3;
@@ -20,10 +20,6 @@ pub(super) fn exact_points(fields: &Fields) -> Vec<DVec3> {
 impl Decoder<'_> {
     /// An object or light and what stands in it. Nothing for prototypes, and after a mistake.
     pub(super) fn object(&mut self, node: &Node) -> Option<scene::Node> {
-        if node.packed {
-            let whole = syntax::unpack(node, self.judge.files.slice(node.span))?;
-            return self.object(&whole);
-        }
         let decoded = if &*node.name == "light" { self.light(node) } else { self.placed(node) };
         self.sound &= decoded.is_some();
         let decoded = decoded?;
@@ -50,8 +46,9 @@ impl Decoder<'_> {
             "cylinders" => self.cylinders(&fields),
             _ => self.shape(&fields),
         };
-        let name = fields.text("name").map(str::to_owned);
+        let name = fields.text("name").map(Into::into);
         self.sound &= fields.sound;
+        let (transform, motion) = (transform.into(), motion.into());
         let node = scene::Node { name, material, transform, motion, ..scene::Node::new(content?) };
         Some(node.with_points(&exact_points(&fields)))
     }

@@ -7,7 +7,7 @@ use super::fields::{Fields, Got};
 use crate::text::animate::POSES;
 use crate::text::report::Message;
 use crate::text::schema::{self, Words};
-use crate::text::syntax::{Node, Span};
+use crate::text::syntax::{self, Node, Span};
 use canaletto::camera::Camera;
 use canaletto::material::{Material, Phong};
 use canaletto::render::Job;
@@ -32,9 +32,12 @@ impl<'a> Decoder<'a> {
                 .first()
                 .and_then(|v| v.as_text())
                 .map_or("material".into(), |n| format!("material \"{n}\""));
-            let fields = self.judge.fields(node, &schema::MATERIAL, &title);
+            let unpacked = node.packed.and_then(|_| syntax::unpack(node, self.judge.files.slice(node.span)).pop());
+            let fields = self.judge.fields(unpacked.as_ref().unwrap_or(node), &schema::MATERIAL, &title);
             self.sound &= fields.sound;
-            let Some(name) = fields.text("name") else { continue };
+            // What is packed keeps its name, which outlives what was read again.
+            let kept = node.values.first().and_then(|v| v.as_text()).or_else(|| Some(node.text("name")?.0));
+            let Some(name) = kept.filter(|_| fields.text("name").is_some()) else { continue };
             let span = fields.span("name");
             if let Some(first) = places.insert(name, span) {
                 let place = self.judge.files.first(first, span);

@@ -14,7 +14,7 @@ pub(crate) const MAX_ITEMS: usize = 1 << 24;
 /// Reads a whole file; mistakes go into the report. Nothing comes back of a file in which not even the blocks are
 /// clear.
 ///
-/// With `packs`, of many nodes in a row those that are objects without a name are packed: see [`unpack`].
+/// With `packs`, of many nodes in a row those that are objects without a name, or materials, are packed, several objects into one: see [`unpack`].
 pub(crate) fn parse(text: &str, file: u16, packs: bool, report: &mut Report) -> Option<Vec<Node>> {
     let mut parser = Parser::new(Lexer::new(text, 0, file, report));
     parser.packs = packs;
@@ -22,25 +22,28 @@ pub(crate) fn parse(text: &str, file: u16, packs: bool, report: &mut Report) -> 
     parser.document()
 }
 
-/// Reads a packed node again, whose text this is.
-pub(crate) fn unpack(node: &Node, text: &str) -> Option<Node> {
+/// Reads a packed node again, whose text this is: all nodes that it stands for.
+pub(crate) fn unpack(node: &Node, text: &str) -> Vec<Node> {
     let mut report = Report::default();
-    Parser::new(Lexer::new(text, node.span.start as usize, node.span.file, &mut report)).document()?.pop()
+    let lexer = Lexer::new(text, node.span.start as usize, node.span.file, &mut report);
+    Parser::new(lexer).document().unwrap_or_default()
 }
 
 /// From so many nodes at the top of a file on they are packed.
-const MANY: usize = 4096;
+const MANY: usize = 1024;
 
-/// Whether a node may be packed: an object that nothing but the decoder asks about, without names and keys.
+/// Whether a node may be packed: an object that nothing but the decoder asks about, without names and keys, or a material.
 fn is_plain(node: &Node) -> bool {
     const OBJECTS: [&str; 10] =
         ["light", "sphere", "box", "triangle", "cylinder", "cone", "plane", "disk", "torus", "instance"];
+    let known = OBJECTS.contains(&&*node.name)
+        || &*node.name == "material" && matches!(node.values.as_slice(), [name] if name.as_text().is_some());
     let named = node.properties.iter().any(|property| &*property.key == "name");
     let said = |child: &Node| {
         let apart = matches!(&*child.name, "name" | "of" | "key" | "follow" | "ease" | "turn");
         !(apart || child.broken) && child.children.is_empty()
     };
-    !(node.broken || named) && OBJECTS.contains(&&*node.name) && node.children.iter().all(said)
+    !(node.broken || named) && known && node.children.iter().all(said)
 }
 
 /// Reads the values and properties in a piece of text at `base` of its file into a node. `true` may stand for `#true`.
@@ -121,7 +124,7 @@ impl<'a> Parser<'a> {
                     self.lexer.error(span, "this { belongs to no node", help);
                     // Most probably to the one before.
                     let mut node = match self.nodes.pop() {
-                        Some(node) if node.children.is_empty() && !node.packed => node,
+                        Some(node) if node.children.is_empty() && node.packed.is_none() => node,
                         other => {
                             self.nodes.extend(other);
                             Node::new("", span)
@@ -245,7 +248,11 @@ impl<'a> Parser<'a> {
                 if many && self.lexer.report.count() == 0 && is_plain(&node) {
                     node.pack();
                 }
-                self.nodes.push(node);
+                let alone = match self.nodes.last_mut() {
+                    Some(last) if node.packed.is_some() => last.join(node),
+                    _ => Some(node),
+                };
+                self.nodes.extend(alone);
             }
             return Some(());
         }

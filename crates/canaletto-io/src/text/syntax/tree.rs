@@ -1,6 +1,7 @@
 //! The tree of a file.
 
 use crate::text::animate::Keys;
+use std::num::NonZeroU8;
 use std::sync::Arc;
 
 /// Some bytes of a file.
@@ -23,8 +24,9 @@ pub(crate) struct Node {
     pub(crate) children: Vec<Node>,
     /// Whether a mistake in its values was reported already, so that their number and types mean nothing.
     pub(crate) broken: bool,
-    /// Whether its values and what stands in it are left out, and must be read again: see [`super::unpack`].
-    pub(crate) packed: bool,
+    /// How many nodes it stands for, of which the first gives its name, if their values and what stands in them are left out and must be
+    /// read again: see [`super::unpack`].
+    pub(crate) packed: Option<NonZeroU8>,
     /// Its keys, once they are taken out of its children.
     pub(crate) keys: Option<Arc<Keys>>,
     /// What its values are at moments while the shutter is open, if keys move them; otherwise nothing.
@@ -64,18 +66,42 @@ impl Node {
             properties: Vec::new(),
             children: Vec::new(),
             broken: false,
-            packed: false,
+            packed: None,
             keys: None,
             moving: Vec::new(),
         }
     }
 
-    /// Leaves out what it takes most memory for, but for what it is an instance of.
+    /// Leaves out what it takes most memory for, but for what it is an instance of and the name of a material.
     pub(crate) fn pack(&mut self) {
-        self.packed = true;
-        (self.values, self.children) = (Vec::new(), Vec::new());
+        self.packed = Some(NonZeroU8::MIN);
+        self.children = Vec::new();
+        self.values.retain(|_| &*self.name == "material");
+        self.values.shrink_to_fit();
         self.properties.retain(|property| &*property.key == "of");
         self.properties.shrink_to_fit();
+    }
+
+    /// Takes in the packed node that comes right after it in the text, and gives it back if it can't: where one is a light or instance and
+    /// the other isn't, where one is a material, and when it stands for many.
+    pub(crate) fn join(&mut self, next: Node) -> Option<Node> {
+        let kind = |node: &Node| ["light", "instance", "material"].iter().position(|kind| *kind == &*node.name);
+        let Some(packed) = self.packed.and_then(|packed| packed.checked_add(1)) else { return Some(next) };
+        if next.packed.is_none()
+            || kind(self) != kind(&next)
+            || !next.values.is_empty()
+            || self.span.file != next.span.file
+        {
+            return Some(next);
+        }
+        self.packed = Some(packed);
+        self.span.end = next.span.end;
+        for property in next.properties {
+            if self.properties.iter().all(|known| known.value.kind != property.value.kind) {
+                self.properties.push(property);
+            }
+        }
+        None
     }
 
     /// The one text that `key` has as property or child, without judging anything.
