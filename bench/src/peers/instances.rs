@@ -67,7 +67,7 @@ const ARRANGEMENTS: [(&str, Arrangement); 5] = [
 fn world(mesh: &Mesh, pitch: f64, arrangement: Arrangement) -> Result<World, String> {
     let mesh =
         shape::Mesh { positions: mesh.positions.clone(), triangles: mesh.triangles.clone(), ..shape::Mesh::default() };
-    let at = |transform, content| Node { transform: transform.into(), ..Node::new(content) };
+    let at = |transform: Transform, content| Node { transform: transform.into(), ..Node::new(content) };
     let group = |nodes: Vec<Node>| Node::new(Content::Group(nodes));
     let repeat = |of: u32, count: u32, place: fn(u32, f64) -> Transform| -> Vec<Node> {
         (0..count).map(|k| at(place(k, pitch), Content::Instance(of))).collect()
