@@ -239,7 +239,7 @@ mod tests {
         };
         let spikes = round(&|i| if i % 2 == 1 { 0.1 } else { 1.0 });
         let waves = round(&|i| 1.0 + 0.3 * libm::sin(7.0 * TAU * i as f64 / n as f64));
-        let tooth = |i: usize| [i as f64, if i % 2 == 0 { 1.0 } else { 100.0 }];
+        let tooth = |i: usize| [i as f64, if i.is_multiple_of(2) { 1.0 } else { 100.0 }];
         let comb: Vec<[f64; 2]> = (0..n).rev().map(tooth).chain([[0.0, 0.0], [n as f64, 0.0]]).collect();
         let lying = comb.iter().map(|[x, y]| [-*y, *x]).collect();
         let turned = |i: usize| (n as f64 / 40.0).min(9.0) * TAU * i as f64 / n as f64;

@@ -180,8 +180,7 @@ mod tests {
                 let end = (most * width) as usize;
                 let data =
                     |c: usize| (0..(width * height) as usize).map(move |i| if i < end { value(c, i) } else { 0.0 });
-                let channels =
-                    names.iter().enumerate().map(|(c, name)| Channel::new(name.clone(), data(c).collect()));
+                let channels = names.iter().enumerate().map(|(c, name)| Channel::new(name.clone(), data(c).collect()));
                 let image = Image { width, height, channels: channels.collect() };
                 let whole = decode_exr(&encode_exr(&image, options, &texts).unwrap()).unwrap();
                 assert_eq!(read, whole);
