@@ -412,6 +412,172 @@ mod nested {
     }
 }
 
+mod moving {
+    use super::*;
+
+    const STAGE: &str = "ambient 0.3
+        background 0.5 0.6 0.8
+        light \"directional\" { direction -0.5 -1 -0.3 }
+        integrator { max-depth 16 }
+        material \"g\" { kd 0; eta 1.5; opacity 0 }
+        material \"air\" { kd 0; eta 1; opacity 0 }
+        material \"water\" { kd 0; eta 1.33; opacity 0 }
+        material \"f\" { kd 0.2 0.7 0.3 }\n";
+
+    const CUBE: &str = "v -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1\nv -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1
+        f 1 2 3 4\nf 6 5 8 7\nf 2 6 7 3\nf 5 1 4 8\nf 4 3 7 8\nf 5 6 2 1\n";
+
+    fn with_cube(text: &str) -> Vec<Rgb> {
+        Case::with(&format!("{STAGE}{text}"), MemoryAssets::new().with("cube.obj", CUBE)).pixels()
+    }
+
+    /// Where everything moves with the camera nothing is seen to move.
+    #[test]
+    fn bodies_that_move_with_the_eye_look_as_if_they_stood() {
+        let bodies = "sphere material=\"g\" { center 0 1 0; radius 1 }
+            sphere material=\"air\" { center 0.1 1 0; radius 0.5 }
+            mesh file=\"cube.obj\" material=\"water\" { scale 3 1.5 9; translate 0 1 0 }
+            box material=\"f\" { min -9 -2 -9; max 9 -0.6 9 }";
+        for eye in ["0 1.2 6", "0 1.3 14", "0.2 1 0.3"] {
+            let moved: Vec<f64> = eye.split(' ').map(|n| n.parse().unwrap()).collect();
+            let view = |motion: &str| {
+                format!("camera {{ eye {eye}; center 0 1 -1; fovy 35; size 40 30 {motion} }}\n film {{ samples 4 }}\n")
+            };
+            let still = with_cube(&format!("{}group {{ {bodies} }}", view("")));
+            let motion =
+                format!("; motion {{ eye {} {} {}; center 2 2 -1 }}", moved[0] + 2.0, moved[1] + 1.0, moved[2]);
+            let found = with_cube(&format!("{}group {{ {bodies}\n motion {{ translate 2 1 0 }} }}", view(&motion)));
+            let differ = differing(&found, &still, 0.01);
+            assert!(differ <= 12, "{eye}: {differ}");
+        }
+    }
+
+    /// A lens in the water: whatever the water is made of, and however that stands, it is the same water.
+    #[test]
+    fn a_lens_may_be_inside_of_anything() {
+        let with = |water: &str| {
+            with_cube(&format!(
+                "camera {{ eye 0 1.2 6; center 0 1 0; fovy 35; size 40 30; lens {{ radius 0.2; focus 6 }} }}
+                film {{ samples 8 }}
+                sphere material=\"g\" {{ center 0 1 0; radius 1 }}
+                box material=\"f\" {{ min -3 -0.5 -3; max 3 -0.2 3 }}\n{water}"
+            ))
+        };
+        let expected = with("box material=\"water\" { min -8 -8 -8; max 8 8 8 }");
+        for water in [
+            "mesh file=\"cube.obj\" material=\"water\" { scale 8 }",
+            "mesh file=\"cube.obj\" material=\"water\" { scale -8 8 8 }",
+            "group material=\"water\" { rotate-y 90; scale 8 -8 8; box { min -1 -1 -1; max 1 1 1 } }",
+            "prototype name=\"w\" { mesh file=\"cube.obj\" material=\"water\" }\n instance of=\"w\" { scale -8 -8 -8 }",
+        ] {
+            let differ = differing(&with(water), &expected, 0.01);
+            assert!(differ <= 12, "{water}: {differ}");
+        }
+    }
+
+    /// Two instances of one body fill what either fills.
+    #[test]
+    fn instances_that_overlap_are_one_body() {
+        let view = "camera { eye 3 4 5; center 0 0 0; fovy 40; size 60 45 }
+            box material=\"f\" { min -9 -3 -9; max 9 -2 9 }\n";
+        let expected = with_cube(&format!("{view} box material=\"g\" {{ min -1 -1 -1; max 1.5 1 1 }}"));
+        for body in ["box material=\"g\" { min -1 -1 -1; max 1 1 1 }", "mesh file=\"cube.obj\" material=\"g\""] {
+            for [first, second] in [["", "translate 0.5 0 0"], ["scale -1 1 1; translate 0.5 0 0", "scale 1 1 -1"]] {
+                let text = format!(
+                    "{view} prototype name=\"b\" {{ {body} }}
+                    instance of=\"b\" {{ {first} }}\n instance of=\"b\" {{ {second} }}"
+                );
+                let differ = differing(&with_cube(&text), &expected, 0.02);
+                assert!(differ <= 40, "{body} {first}: {differ}");
+            }
+        }
+    }
+
+    /// Of two bodies that are equal in all else the later one fills.
+    #[test]
+    fn of_equal_bodies_the_later_one_fills() {
+        let view = "camera { eye 3 4 5; center 0 0 0; fovy 40; size 60 45 }
+            material \"a\" { kd 0; eta 1.2; opacity 0; priority 2 }
+            material \"b\" { kd 0; eta 1.8; opacity 0; priority 2 }
+            box material=\"f\" { min -9 -3 -9; max 9 -2 9 }\n";
+        let a = |to: f64| format!("box material=\"a\" {{ min -1 -1 -1; max {to} 1 1 }}\n");
+        let b = |from: f64| format!("box material=\"b\" {{ min {from} -1 -1; max 1.5 1 1 }}\n");
+        for (overlapping, expected) in [(a(1.0) + &b(-0.5), a(-0.5) + &b(-0.5)), (b(-0.5) + &a(1.0), b(1.0) + &a(1.0))]
+        {
+            let [found, expected] = [overlapping, expected].map(|bodies| with_cube(&format!("{view}{bodies}")));
+            let differ = differing(&found, &expected, 0.02);
+            assert!(differ <= 40, "{differ}");
+        }
+    }
+}
+
+mod edges {
+    use super::*;
+    use canaletto::explain::RayNode;
+
+    const OCTAHEDRON: &str = "v 1 0 0\nv -1 0 0\nv 0 1 0\nv 0 -1 0\nv 0 0 1\nv 0 0 -1
+        f 1 3 5\nf 3 2 5\nf 2 4 5\nf 4 1 5\nf 3 1 6\nf 2 3 6\nf 4 2 6\nf 1 4 6\n";
+
+    /// η at a point, if that is certain.
+    fn eta_at(p: DVec3) -> Option<f32> {
+        let (inside, sphere) = (p.abs().element_sum() - 1.0, (p - DVec3::new(0.0, 0.0, -4.0)).length() - 2.0);
+        match (inside, sphere) {
+            _ if inside.abs() < 1e-3 || sphere.abs() < 1e-3 => None,
+            (..0.0, _) => Some(1.3),
+            (_, ..0.0) => Some(1.5),
+            _ => Some(1.0),
+        }
+    }
+
+    /// Rays at edges and vertices: where each is bent next, it comes from what its middle is in.
+    #[test]
+    fn no_ray_takes_a_body_along() {
+        let text = "integrator { max-depth 8; min-weight 0 }
+            material \"m\" { kd 0; k 0.2; eta 1.3; opacity 0.1 }
+            material \"g\" { kd 0; k 0.2; eta 1.5; opacity 0.1 }
+            mesh file=\"o.obj\" material=\"m\" { SCALE }
+            sphere material=\"g\" { center 0 0 -4; radius 2 }\n";
+        let mut told = 0;
+        for round in 0..240 {
+            let h =
+                |k: u32| f64::from((round * 2_654_435_761u32).wrapping_add(k * 40_503_007) >> 8) / 8_388_608.0 - 1.0;
+            let corner = |k: u32| DVec3::AXES[(h(k).abs() * 2.99) as usize] * if h(k + 9) < 0.0 { -1.0 } else { 1.0 };
+            // A vertex, a point on an edge, or one beside it by a few roundings.
+            let [a, mut b] = [corner(1), corner(2)];
+            if a.dot(b) < -0.5 {
+                b = DVec3::Z;
+            }
+            let along = [0.0, 0.5, 0.3, h(5).abs()][round as usize % 4];
+            let beside = DVec3::new(h(6), h(7), h(8)) * [0.0, 1e-7, 1e-6, 1e-5][round as usize / 4 % 4];
+            let at = a * (1.0 - along) + b * along + beside;
+            let eye = at + DVec3::new(h(10), h(11), 1.5 + h(12).abs()) * 2.0;
+            let [x, y, z] = at.to_array();
+            let text = text.replace("SCALE", ["scale 1", "scale -1 1 1", "rotate-y 90", "scale 1"][round as usize % 4]);
+            let case = Case::with(
+                &format!(
+                    "{text}camera {{ eye {} {} {}; center {x} {y} {z}; fovy 1e-4; size 1 1 }}",
+                    eye.x, eye.y, eye.z
+                ),
+                MemoryAssets::new().with("o.obj", OCTAHEDRON),
+            );
+            let tree = explain(&case.world, &case.job, 0, 0).unwrap();
+            let mut open: Vec<&RayNode> = vec![&tree.samples[0].ray];
+            while let Some(ray) = open.pop() {
+                let Outcome::Hit(hit) = &ray.outcome else { continue };
+                let middle = (DVec3::from(ray.origin) + DVec3::from(hit.point)) * 0.5;
+                for child in &hit.children {
+                    if let (Some([from, _]), Some(eta)) = (child.media, eta_at(middle)) {
+                        assert_eq!(from, eta, "round {round}, at {middle}\n{tree}");
+                        told += 1;
+                    }
+                    open.push(child);
+                }
+            }
+        }
+        assert!(told > 500, "{told}");
+    }
+}
+
 mod touching {
     use super::*;
 

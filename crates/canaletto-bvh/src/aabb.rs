@@ -66,6 +66,17 @@ impl Aabb {
         !self.min.cmple(self.max).all()
     }
 
+    /// Whether any point lies in both.
+    pub fn overlaps(&self, other: &Self) -> bool {
+        self.min.cmple(other.max).all() && other.min.cmple(self.max).all()
+    }
+
+    /// The points that lie in both.
+    #[must_use]
+    pub fn intersection(&self, other: &Self) -> Self {
+        Self { min: self.min.max(other.min), max: self.max.min(other.max) }
+    }
+
     /// Whether no coordinate is NaN or infinite; the empty box is not finite.
     pub fn is_finite(&self) -> bool {
         self.min.is_finite() && self.max.is_finite()
@@ -102,6 +113,14 @@ mod tests {
         assert_eq!(b.center(), Vec3::new(0.5, 1.0, 1.5));
         assert_eq!(Aabb { min: Vec3::MIN, max: Vec3::MAX }.center(), Vec3::ZERO);
         assert!(!Aabb::from_points([Vec3::ONE]).is_empty());
+    }
+
+    #[test]
+    fn boxes_that_touch_overlap() {
+        let of = |min: f32, max: f32| Aabb { min: Vec3::new(min, 0.0, 0.0), max: Vec3::new(max, 1.0, 1.0) };
+        assert!(of(0.0, 1.0).overlaps(&of(1.0, 2.0)) && !of(0.0, 1.0).overlaps(&of(1.5, 2.0)));
+        assert_eq!(of(0.0, 2.0).intersection(&of(1.0, 3.0)), of(1.0, 2.0));
+        assert!(of(0.0, 1.0).intersection(&of(1.5, 2.0)).is_empty() && !of(0.0, 1.0).overlaps(&Aabb::EMPTY));
     }
 
     #[test]

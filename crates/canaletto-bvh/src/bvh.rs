@@ -1,7 +1,7 @@
 //! The bounding volume hierarchy.
 
 use crate::build::{self, BuildError, Built, Items, Quality};
-use crate::node::{Leaf, Node, Statistics, collapse};
+use crate::node::{Child, Leaf, Node, Statistics, collapse};
 use crate::refit;
 use crate::traverse::{self, Any, Closest, ClosestOfMany};
 use crate::{Aabb, PreparedRay, WideRay, with_stack};
@@ -106,6 +106,22 @@ impl Bvh {
     #[inline(never)]
     pub fn occluded_wide(&self, ray: &WideRay, t_max: f32, leaf: impl FnMut(Leaf) -> bool) -> bool {
         traverse::any(&self.nodes, ray, t_max, leaf)
+    }
+
+    /// Calls `leaf` for the leaves whose boxes overlap this one, until it answers that it wants no more.
+    pub fn overlapping(&self, bounds: &Aabb, mut leaf: impl FnMut(Leaf) -> bool) {
+        let mut waiting: Vec<usize> = (0..self.nodes.len().min(1)).collect();
+        while let Some(node) = waiting.pop() {
+            let node = &self.nodes[node];
+            for (lane, child) in node.children().iter().enumerate() {
+                match child.follow() {
+                    Some(_) if !node.get_box(lane).overlaps(bounds) => {}
+                    Some(Child::Node(index)) => waiting.push(index),
+                    Some(Child::Leaf(found)) if !leaf(found) => return,
+                    _ => {}
+                }
+            }
+        }
     }
 
     /// Fits the boxes to leaves that moved; `leaf` tells the box of that with this first slot or of this block.
@@ -330,5 +346,25 @@ mod tests {
         assert!((4..14).contains(&s.depth), "{s:?}");
         assert!((5.0..60.0).contains(&s.sah_cost), "{s:?}");
         assert_eq!(s.bytes, 256 * s.inner_nodes + 4 * bounds.len());
+    }
+
+    #[test]
+    fn a_box_finds_the_leaves_that_it_overlaps() {
+        let at = |i: u32| Vec3::new((i * 37 % 101) as f32, (i * 53 % 89) as f32, (i * 71 % 97) as f32);
+        let bounds: Vec<Aabb> = (0..3000).map(|i| Aabb { min: at(i), max: at(i) + 1.5 }).collect();
+        let bvh = Bvh::build(&bounds).unwrap();
+        for i in 0..50 {
+            let wanted = Aabb { min: at(i * 7), max: at(i * 7) + (i % 9) as f32 };
+            let mut found = Vec::new();
+            bvh.overlapping(&wanted, |leaf| {
+                found.extend(leaf.slots().map(|slot| bvh.order()[slot as usize]));
+                true
+            });
+            found.retain(|&id| bounds[id as usize].overlaps(&wanted));
+            found.sort_unstable();
+            let all: Vec<u32> = (0..3000).filter(|&id| bounds[id as usize].overlaps(&wanted)).collect();
+            assert_eq!(found, all);
+        }
+        Bvh::build(&[]).unwrap().overlapping(&bounds[0], |_| panic!("there is nothing"));
     }
 }

@@ -190,6 +190,14 @@ impl Rounds {
         self.bvh.closest_of_many(rays, t_max, AnyOfRays { blocks: &self.blocks, rough: &rough, ask });
     }
 
+    /// Calls `f` with the ids of all primitives whose boxes overlap this one and some whose boxes come near it, until it answers that it wants no more.
+    pub fn overlapping(&self, bounds: &Aabb, mut f: impl FnMut(u32) -> bool) {
+        self.bvh.overlapping(bounds, |leaf| {
+            let block = &self.blocks[leaf.first() as usize];
+            (0..leaf.count() as usize).all(|lane| f(block.ids[lane]))
+        });
+    }
+
     /// Whether the primitive at this place is met at or before `t_max`.
     #[inline]
     pub fn blocks(&self, place: u32, ray: &PreparedRay, t_max: f32, ask: &impl Ask) -> bool {

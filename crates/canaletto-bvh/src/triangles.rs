@@ -215,6 +215,15 @@ impl Triangles {
         triangle::intersect(ray, &triangle, t_max).is_some_and(|hit| hit.front || !front_only)
     }
 
+    /// Calls `f` with the ids of all triangles that overlap a box and some that come near it, until it answers that it wants no more; of
+    /// triangles with the same corners with the lowest id.
+    pub fn overlapping(&self, bounds: &Aabb, mut f: impl FnMut(u32) -> bool) {
+        self.bvh.overlapping(bounds, |leaf| {
+            let block = &self.blocks[leaf.first() as usize];
+            (0..leaf.count() as usize).all(|lane| f(block.id(lane)))
+        });
+    }
+
     /// How it was built.
     pub fn quality(&self) -> Quality {
         self.quality

@@ -37,6 +37,12 @@ pub(crate) struct Body {
 }
 
 impl Body {
+    /// One that is nowhere.
+    #[cfg(test)]
+    pub(crate) const fn example(part: u32, eta: f32, priority: f32, volume: f64, overlaps_itself: bool) -> Body {
+        Body { id: BodyId { instance: 0, part }, eta, priority, volume, overlaps_itself }
+    }
+
     /// Whether it, and not the other one, fills the place that they share.
     pub(crate) fn fills_before(&self, other: &Body) -> bool {
         let by_volume = || other.volume.total_cmp(&self.volume);
@@ -122,6 +128,40 @@ impl World {
             (counts[1] > 0).then_some((body, counts[1]))
         };
         counts.into_values().filter_map(middle).collect()
+    }
+
+    /// How often a ray that starts in a clear body is in it, as the surfaces tell that it meets ahead: each way out counts 1, each way in −1. Of a
+    /// shape it is the first one that tells.
+    pub(crate) fn count_ahead(&self, ray: &Ray, time: f32, body: &Body) -> i32 {
+        let BodyId { instance, part } = body.id;
+        let mut ahead = Vec::new();
+        self.with_instance(instance, |placed| {
+            let geometry = &self.geometries[placed.geometry as usize];
+            placed.with_local_ray(&ray.prepare(), &self.chains, time, |ray| {
+                let mut meet = |primitive: u32| {
+                    if let Some(ShapeHit { t, part, uv }) = geometry.intersect_one(primitive, ray, f32::INFINITY) {
+                        ahead.push(Hit { t, instance, primitive, part, uv, time });
+                    }
+                    false
+                };
+                if body.overlaps_itself {
+                    geometry.occluded(ray, f32::INFINITY, meet);
+                } else {
+                    meet(part);
+                }
+            });
+        });
+        let line = Line::from(ray);
+        let leaves = |hit: &Hit| self.bare_surface(line, hit).normal.dot(line.direction) > 0.0;
+        if !body.overlaps_itself {
+            return ahead.first().map_or(0, |hit| i32::from(leaves(hit)));
+        }
+        ahead.retain(|hit| self.body(hit).is_some_and(|found| found.id == body.id));
+        let mut ways: Vec<_> = ahead.iter().map(|hit| (hit.t.to_bits(), leaves(hit))).collect();
+        // A ray through an edge meets two triangles in one place.
+        ways.sort_unstable();
+        ways.dedup();
+        ways.iter().map(|&(_, leaves)| if leaves { 1 } else { -1 }).sum()
     }
 
     /// Whether a point lies in the shape that was met.

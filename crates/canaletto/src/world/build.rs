@@ -13,6 +13,7 @@ use super::nesting::{Nesting, uses_of};
 use super::origin::Spans;
 use super::relief::Relief;
 use super::wants::Wants;
+use super::zones::Zones;
 use crate::light::environment::{Backdrop, Environment};
 use crate::light::{Light, Source};
 use crate::material::{Channel, Material, Phong, Target};
@@ -201,7 +202,7 @@ impl World {
         let clear_instances = clear_instances(&root.instances, &builder.geometries, &materials);
         let clear = clear_geometries(&root, &builder.groups, &builder.geometries, &materials);
         let clear_bounds = bounds.iter().zip(&clear_instances).filter(|(_, clear)| **clear).map(|(bounds, _)| *bounds);
-        Ok(World {
+        let mut world = World {
             background,
             wants_spread: wants_spread || backdrop.as_ref().is_some_and(Backdrop::wants_footprint),
             environment: backdrop,
@@ -228,7 +229,10 @@ impl World {
             moving_lights,
             instance_bounds: if bounds.len() <= FEW { bounds } else { Vec::new() },
             unbounded,
-        })
+            zones: Zones::UNKNOWN,
+        };
+        world.zones = world.find_zones();
+        Ok(world)
     }
 }
 

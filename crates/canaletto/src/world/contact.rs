@@ -32,14 +32,24 @@ pub(crate) struct Contact {
 
 impl World {
     /// The surfaces besides the one that `line` meets at `hit` that lie in the same place and are parallel to it, in the order of the scene. Of each
-    /// body there is one at most that the line enters by, and one that it leaves by.
-    pub(crate) fn contacts(&self, line: &Line, hit: &Hit, surface: &Surface, contacts: &mut Vec<Contact>) {
+    /// body there is one at most that the line enters by, and one that it leaves by. Calls `across` with those that aren't parallel.
+    pub(crate) fn contacts(
+        &self,
+        line: &Line,
+        hit: &Hit,
+        surface: &Surface,
+        contacts: &mut Vec<Contact>,
+        mut across: impl FnMut(&Hit),
+    ) {
         contacts.clear();
+        if !self.may_touch(line, hit) {
+            return;
+        }
         let error = touching(surface);
         let [near, far] =
             [-surface.normal, surface.normal].map(|side| offset_origin(surface.point, error, surface.normal, side));
-        let across = Ray { origin: near, direction: far - near };
-        self.each_between(&across, 1.0, hit.time, &mut |other| {
+        let ray = Ray { origin: near, direction: far - near };
+        self.each_between(&ray, 1.0, hit.time, &mut |other| {
             if (other.instance, other.primitive) != (hit.instance, hit.primitive) {
                 contacts.push(Contact { hit: Hit { t: hit.t, ..other }, outside: true });
             }
@@ -52,7 +62,11 @@ impl World {
         contacts.retain_mut(|contact| {
             let normal = self.bare_surface(*line, &contact.hit).normal;
             contact.outside = line.direction.dot(normal) < 0.0;
-            normal.dot(surface.normal).abs() > PARALLEL
+            let parallel = normal.dot(surface.normal).abs() > PARALLEL;
+            if !parallel {
+                across(&contact.hit);
+            }
+            parallel
         });
         // Beside an edge of a mesh there are two triangles of one surface.
         let outside = line.direction.dot(surface.normal) < 0.0;

@@ -296,6 +296,27 @@ impl Geometry {
         }
     }
 
+    /// The box around a primitive.
+    pub(super) fn primitive_bounds(&self, primitive: u32) -> Aabb {
+        let id = primitive as usize;
+        match self {
+            Geometry::Shapes { shapes, .. } => shapes[id].bounds().unwrap_or(Aabb::EMPTY),
+            Geometry::Mesh { mesh, .. } => mesh.triangle_bounds(id),
+            Geometry::Spheres { cloud, .. } => cloud.bounds(id),
+            Geometry::Cylinders { cloud, .. } => cloud.bounds(id),
+        }
+    }
+
+    /// Calls `f` with all primitives that come to a box and some that don't, until it answers that it wants no more.
+    pub(super) fn overlapping(&self, bounds: &Aabb, f: impl FnMut(u32) -> bool) {
+        match self {
+            Geometry::Mesh { triangles, .. } => triangles.overlapping(bounds, f),
+            Geometry::Shapes { tree, .. } | Geometry::Spheres { tree, .. } | Geometry::Cylinders { tree, .. } => {
+                tree.overlapping(bounds, f);
+            }
+        }
+    }
+
     /// The bounds of the object that a primitive belongs to, in this geometry's space.
     pub(super) fn object_bounds(&self, primitive: u32) -> Option<Aabb> {
         match self {

@@ -9,7 +9,9 @@ mod build;
 mod bundle;
 mod contact;
 mod corridor;
+mod edges;
 mod flatten;
+mod folds;
 mod geometries;
 mod geometry;
 mod group;
@@ -27,6 +29,7 @@ mod shadow;
 mod shells;
 mod textured;
 mod wants;
+mod zones;
 
 pub use before::Origins;
 pub(crate) use body::Body;
@@ -53,6 +56,7 @@ use light_meshes::LightMeshes;
 use motion::{Chain, MovingLight};
 use shells::Shells;
 use std::collections::HashMap;
+use zones::Zones;
 
 /// A scene ready to be traced. Its coordinates are counted from [`World::origin`].
 #[derive(Debug)]
@@ -106,6 +110,8 @@ pub struct World {
     clear_bounds: Aabb,
     /// Of each geometry that is a mesh and may be clear, what is closed of it.
     shells: Vec<Option<Shells>>,
+    /// Where what is clear may touch anything.
+    zones: Zones,
 }
 
 /// One object of the scene's description.

@@ -323,7 +323,7 @@ impl World {
     }
 
     /// Whether a triangle of a mesh was hit.
-    pub(super) fn is_of_mesh(&self, hit: &Hit) -> bool {
+    pub(crate) fn is_of_mesh(&self, hit: &Hit) -> bool {
         hit.instance != Hit::UNBOUNDED
             && self.with_instance(hit.instance, |instance| {
                 matches!(self.geometries[instance.geometry as usize], Geometry::Mesh { .. })

@@ -179,7 +179,7 @@ impl World {
         let opacity = self.kept_light(line, hit, step);
         probe.blocker(hit, opacity);
         crossing.passed *= 1.0 - opacity;
-        self.contacts(&line, hit, &surface, &mut crossing.contacts);
+        self.contacts(&line, hit, &surface, &mut crossing.contacts, |_| {});
         if !crossing.contacts.is_empty() {
             // What is in the same place is crossed with it.
             surface.error = touching(&surface);

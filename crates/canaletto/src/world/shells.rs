@@ -3,9 +3,10 @@
 //! Triangles of one material belong together. What hangs together by vertices in the same place is closed if each edge is gone along as
 //! often one way as the other.
 
+use super::folds::folds;
 use crate::shape::Mesh;
+use canaletto_bvh::Aabb;
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 use std::collections::HashMap;
 
 /// What is closed of a mesh.
@@ -17,33 +18,32 @@ pub(super) struct Shells {
     closed: Vec<bool>,
     /// The volume inside what is closed of each slot; hollows count less.
     volumes: Vec<f64>,
+    /// The box around all places where the mesh lies on itself.
+    folds: Aabb,
 }
 
-/// A triangle's side: its slot and ends, the smaller number first, the triangle, and which way it goes.
-type Side = (u32, u32, u32, u32, bool);
+/// The sides of all triangles, by their smaller end.
+struct Sides<S> {
+    /// Up to where the sides of each vertex are.
+    ends: Vec<u32>,
+    all: Vec<Side>,
+    slot: S,
+}
+
+/// A triangle's side: its greater end, and the triangle; the last bit tells which way it goes.
+type Side = (u32, u32);
 
 impl Shells {
     pub(super) fn of(mesh: &Mesh) -> Shells {
         let last = mesh.materials.len().saturating_sub(1) as u32;
         let slot = |triangle: usize| mesh.slots.get(triangle).map_or(0, |&slot| slot.min(last));
-        let welded = weld(&mesh.positions);
-        let mut sides: Vec<Side> = (0..mesh.triangles.len())
-            .flat_map(|triangle| {
-                let corners = mesh.triangles[triangle].map(|v| welded[v as usize]);
-                [[0, 1], [1, 2], [2, 0]].map(|[i, j]| {
-                    let (a, b) = (corners[i], corners[j]);
-                    (slot(triangle), a.min(b), a.max(b), triangle as u32, a < b)
-                })
-            })
-            .filter(|(_, a, b, ..)| a != b)
-            .collect();
-        sides.par_sort_unstable();
-        let mut open = Vec::new();
-        for edge in sides.chunk_by(|x, y| (x.0, x.1, x.2) == (y.0, y.1, y.2)) {
-            let balance: i64 = edge.iter().map(|side| if side.4 { 1 } else { -1 }).sum();
-            if balance != 0 {
-                open.extend(edge.iter().map(|side| side.3));
-            }
+        let mut sides = Sides::of(mesh, slot, |v| v);
+        let mut open = sides.open_triangles();
+        if !open.is_empty() {
+            // Vertices in the same place may have numbers of their own, as those on both sides of a seam.
+            let welded = weld(&mesh.positions);
+            sides = Sides::of(mesh, slot, |v| welded[v as usize]);
+            open = sides.open_triangles();
         }
         let closed = if open.is_empty() { Vec::new() } else { closed_parts(&sides, &open, mesh.triangles.len()) };
         let mut volumes = vec![0.0; last as usize + 1];
@@ -54,8 +54,17 @@ impl Shells {
                 volumes[slot(triangle) as usize] += a.dot(b.cross(c)) / 6.0;
             }
         }
+        let folds = folds(mesh, |triangle| {
+            let is_open = !closed.is_empty() && !closed[triangle];
+            2 * slot(triangle) + u32::from(is_open)
+        });
         let slots = (0..mesh.slots.len()).map(slot).collect();
-        Shells { slots, closed, volumes: volumes.into_iter().map(f64::abs).collect() }
+        Shells { slots, closed, volumes: volumes.into_iter().map(f64::abs).collect(), folds }
+    }
+
+    /// The box around all places where the mesh lies on itself.
+    pub(super) fn folds(&self) -> Aabb {
+        self.folds
     }
 
     /// The slot of a triangle that is part of something closed, and the volume inside.
@@ -63,6 +72,69 @@ impl Shells {
         let triangle = triangle as usize;
         let slot = self.slots.get(triangle).copied().unwrap_or(0);
         (self.closed.is_empty() || self.closed[triangle]).then(|| (slot, self.volumes[slot as usize]))
+    }
+}
+
+impl<S: Fn(usize) -> u32> Sides<S> {
+    /// `vertex` gives vertices new numbers.
+    fn of(mesh: &Mesh, slot: S, vertex: impl Fn(u32) -> u32) -> Sides<S> {
+        // Sorted by counting for the smaller end, by comparing for the rest.
+        let mut ends = vec![0; mesh.positions.len() + 1];
+        for &[a, b, c] in &mesh.triangles {
+            let (a, b, c) = (vertex(a), vertex(b), vertex(c));
+            for (a, b) in [(a, b), (b, c), (c, a)] {
+                ends[a.min(b) as usize + 1] += u32::from(a != b);
+            }
+        }
+        for vertex in 1..ends.len() {
+            ends[vertex] += ends[vertex - 1];
+        }
+        let mut all = vec![(0, 0); ends[ends.len() - 1] as usize];
+        for (triangle, &[a, b, c]) in (0..).zip(&mesh.triangles) {
+            let (a, b, c) = (vertex(a), vertex(b), vertex(c));
+            for (a, b) in [(a, b), (b, c), (c, a)] {
+                if a != b {
+                    let end = &mut ends[a.min(b) as usize];
+                    all[*end as usize] = (a.max(b), triangle << 1 | u32::from(a < b));
+                    *end += 1;
+                }
+            }
+        }
+        ends.pop();
+        let mut start = 0;
+        for &end in &ends {
+            let sides = &mut all[start as usize..end as usize];
+            if mesh.slots.is_empty() {
+                sides.sort_unstable();
+            } else {
+                sides.sort_unstable_by_key(|&(other, way)| (slot(way as usize >> 1), other, way));
+            }
+            start = end;
+        }
+        Sides { ends, all, slot }
+    }
+
+    /// Calls `f` with all sides of one slot between the same ends.
+    fn each_edge(&self, mut f: impl FnMut(&[Side])) {
+        let mut start = 0;
+        let slot = |way: u32| (self.slot)(way as usize >> 1);
+        for &end in &self.ends {
+            let sides = &self.all[start as usize..end as usize];
+            sides.chunk_by(|a, b| a.0 == b.0 && slot(a.1) == slot(b.1)).for_each(&mut f);
+            start = end;
+        }
+    }
+
+    /// The triangles at edges that aren't gone along as often one way as the other.
+    fn open_triangles(&self) -> Vec<u32> {
+        let mut open = Vec::new();
+        self.each_edge(|edge| {
+            let balance: i64 = edge.iter().map(|(_, way)| if way & 1 == 1 { 1 } else { -1 }).sum();
+            if balance != 0 {
+                open.extend(edge.iter().map(|(_, way)| way >> 1));
+            }
+        });
+        open
     }
 }
 
@@ -75,7 +147,7 @@ fn weld(positions: &[Vec3]) -> Vec<u32> {
 }
 
 /// Whether each triangle hangs together with none of those that are open, by sides of its own slot.
-fn closed_parts(sides: &[Side], open: &[u32], triangles: usize) -> Vec<bool> {
+fn closed_parts<S: Fn(usize) -> u32>(sides: &Sides<S>, open: &[u32], triangles: usize) -> Vec<bool> {
     let mut parents: Vec<u32> = (0..triangles as u32).collect();
     fn root(parents: &mut [u32], mut of: u32) -> u32 {
         while parents[of as usize] != of {
@@ -85,12 +157,12 @@ fn closed_parts(sides: &[Side], open: &[u32], triangles: usize) -> Vec<bool> {
         }
         of
     }
-    for edge in sides.chunk_by(|x, y| (x.0, x.1, x.2) == (y.0, y.1, y.2)) {
+    sides.each_edge(|edge| {
         for pair in edge.windows(2) {
-            let [a, b] = [pair[0].3, pair[1].3].map(|triangle| root(&mut parents, triangle));
+            let [a, b] = [pair[0].1, pair[1].1].map(|way| root(&mut parents, way >> 1));
             parents[a.max(b) as usize] = a.min(b);
         }
-    }
+    });
     let mut closed = vec![true; triangles];
     for &triangle in open {
         let root = root(&mut parents, triangle);

@@ -1,6 +1,6 @@
 //! The rays that go on from where others stop: mirrored, refracted, past what is there in part.
 
-use super::media::{Bend, Crossing, NONE};
+use super::media::{Bend, Crossing, NONE, SIMPLE};
 use super::stop::{At, Footprint};
 use super::way::{Branch, Way, Ways, uses};
 use super::{Generation, Whitted};
@@ -21,7 +21,8 @@ impl Whitted<'_> {
             }
             let phong = &at.stop.material.phong;
             let branch = whitted.child(whitted.parent(at, ways), RayKind::Reflected, phong.k, probe)?;
-            let branch = Branch { meets: whitted.media.crossing(at.stop.crossing).map_or(NONE, |c| c.back), ..branch };
+            let meets = whitted.media.crossing(at.stop.crossing).map_or(NONE, |c| c.back);
+            let branch = Branch { inside: whitted.inside(at), meets, ..branch };
             let direction = match facet(at, ways, uses::MIRROR_FACET) {
                 None => above(at.mirrored(), at),
                 Some(facet) => {
@@ -40,7 +41,10 @@ impl Whitted<'_> {
                 return None;
             }
             let phong = &at.stop.material.phong;
-            let Crossing { bend, beyond, next, back, .. } = *whitted.media.crossing(at.stop.crossing)?;
+            let Crossing { bend, beyond, next, back, .. } = match at.stop.crossing {
+                SIMPLE => whitted.media.simple(whitted.world, &at.stop.hit, at.outside(), at.stop.inside),
+                crossing => *whitted.media.crossing(crossing)?,
+            };
             let transmitted = Rgb::gray(1.0 - phong.opacity);
             let Bend::Outer(outer) = bend else {
                 let branch = whitted.child(whitted.parent(at, ways), RayKind::Refracted, transmitted, probe)?;
@@ -63,7 +67,7 @@ impl Whitted<'_> {
                 probe.bent(from, into);
                 Branch { inside: beyond, meets: next, ..branch }
             } else {
-                Branch { meets: back, ..branch }
+                Branch { inside: whitted.inside(at), meets: back, ..branch }
             };
             if let Some(facet) = facet {
                 probe.lobe(phong.roughness, facet);
@@ -143,6 +147,14 @@ impl Whitted<'_> {
     /// The branch of the way that stops here, in the bodies that it is in now; a child of it meets nothing at once.
     fn parent(&self, at: &At, ways: &Ways) -> Branch {
         Branch { inside: at.stop.inside, meets: NONE, ..ways.branch(at.stop.way()) }
+    }
+
+    /// The bodies that a ray is in that stays on its side of the surface.
+    fn inside(&mut self, at: &At) -> u32 {
+        match at.stop.crossing {
+            SIMPLE => self.media.simple_inside(self.world, &at.stop.hit, at.outside(), at.stop.inside),
+            _ => at.stop.inside,
+        }
     }
 
     /// The branch of a child ray, unless depth or weight ends the tree here.

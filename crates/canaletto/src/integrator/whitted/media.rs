@@ -6,23 +6,34 @@
 //! Where faces coincide, a ray first leaves bodies, then meets what is open or opaque, then enters bodies: between bodies and
 //! anything else there is a gap of no width. Where nothing stands in the gap there is none: a ray from one body into the next is bent once.
 //! Each of these surfaces is a stop of its own.
+//!
+//! What a ray meets has the last word about where it is. A shape is left by a ray that meets it from within, and hasn't been entered by one that
+//! meets it from outside, whatever the set says; nor by one that meets something else, if the shape isn't met from within later. Bodies
+//! are counted anew along the ray where rounding may have led past one of their faces: by an edge of a mesh, and where other faces go through the
+//! place. So no body stays in a set for longer than to the next surface.
 
 use crate::integrator::Probe;
 use crate::math::Line;
 use crate::shape::Surface;
 use crate::world::{Body, Contact, Hit, World};
+use canaletto_bvh::Ray;
 use glam::DVec3;
 use std::cmp::Ordering;
 
 /// No set of bodies, or no crossing.
 pub(super) const NONE: u32 = u32::MAX;
 
+/// A crossing that is [`Media::simple`], to be told when a ray goes on.
+pub(super) const SIMPLE: u32 = NONE - 1;
+
 /// A body that a ray is in, and those that fill less.
 #[derive(Clone, Copy)]
 struct Inside {
     body: Body,
-    /// How often; less than 0 where a ray has left a body that it wasn't in, as happens with surfaces turned inside out.
+    /// How often; less than 0 where a ray has left a body that it wasn't in, as happens with meshes turned inside out.
     count: i32,
+    /// Whether it is to be counted anew.
+    doubtful: bool,
     /// The rest of the set.
     rest: u32,
 }
@@ -144,7 +155,7 @@ impl Media {
         }
         let mut set = NONE;
         for &(body, count) in self.around.iter().rev() {
-            self.inside.push(Inside { body, count, rest: set });
+            self.inside.push(Inside { body, count, doubtful: false, rest: set });
             set = self.inside.len() as u32 - 1;
         }
         self.eye_set = Some(set);
@@ -190,26 +201,35 @@ impl Media {
 
     /// The set with the body entered or left.
     fn changed(&mut self, set: u32, body: &Body, enters: bool) -> u32 {
+        self.with(set, body, |count, doubtful| match (body.overlaps_itself, enters) {
+            (false, _) => (i32::from(enters), doubtful),
+            (true, true) => (count + 1, doubtful),
+            (true, false) => (count - 1, doubtful),
+        })
+    }
+
+    /// The set with another count of a body, and whether that is doubtful.
+    fn with(&mut self, set: u32, body: &Body, change: impl FnOnce(i32, bool) -> (i32, bool)) -> u32 {
         self.scratch.clear();
-        let (mut rest, mut count) = (set, 0);
+        let (mut rest, mut before) = (set, (0, false));
         while let Some(&inside) = self.inside.get(rest as usize) {
             if inside.body.id != body.id && !inside.body.fills_before(body) {
                 break;
             }
             rest = inside.rest;
             if inside.body.id == body.id {
-                count = inside.count;
+                before = (inside.count, inside.doubtful);
                 break;
             }
             self.scratch.push(inside);
         }
-        count += if enters { 1 } else { -1 };
-        if !body.overlaps_itself {
-            count = count.clamp(-1, 1);
+        let (count, doubtful) = change(before.0, before.1);
+        if (count, doubtful) == before {
+            return set;
         }
         let mut set = rest;
-        if count != 0 {
-            self.inside.push(Inside { body: *body, count, rest });
+        if (count, doubtful) != (0, false) {
+            self.inside.push(Inside { body: *body, count, doubtful, rest });
             set = self.inside.len() as u32 - 1;
         }
         for at in (0..self.scratch.len()).rev() {
@@ -219,12 +239,33 @@ impl Media {
         set
     }
 
-    /// What becomes of a ray in the bodies of `set` whose line meets `surface` at `hit`.
+    /// The set without what a ray can't be in that meets a surface of `met`, if of any; `count` counts a body along the ray.
+    fn confirmed(&mut self, set: u32, met: Option<(&Body, bool)>, count: impl Fn(&Body) -> i32) -> u32 {
+        let mut confirmed = set;
+        let mut rest = set;
+        while let Some(&Inside { body, doubtful, rest: next, .. }) = self.inside.get(rest as usize) {
+            rest = next;
+            let elsewhere = met.is_none_or(|(met, _)| met.id != body.id);
+            if doubtful || !body.overlaps_itself && elsewhere {
+                let counted = count(&body);
+                confirmed = self.with(confirmed, &body, |_, _| (counted, false));
+            }
+        }
+        match met {
+            Some((body, outside)) if !body.overlaps_itself => {
+                self.with(confirmed, body, |_, _| (i32::from(!outside), false))
+            }
+            _ => confirmed,
+        }
+    }
+
+    /// What becomes of a ray in the bodies of `set` whose line meets `surface` at `hit`. The set becomes what the ray is in for certain.
     pub(super) fn boundary<P: Probe>(
         &mut self,
         world: &World,
-        (line, hit, surface): (&Line, &Hit, &Surface),
-        set: u32,
+        (line, ray): (&Line, &Ray),
+        (hit, surface): (&Hit, &Surface),
+        set: &mut u32,
         probe: &mut P,
     ) -> Boundary {
         let met = |hit: &Hit, outside: bool| {
@@ -232,19 +273,60 @@ impl Media {
             Met { hit: *hit, body, outside, opaque: body.is_none() && world.material(hit).is_opaque() }
         };
         let first = met(hit, line.direction.dot(surface.normal) < 0.0);
+        let own = first.body.as_ref().map(|body| (body, first.outside));
+        *set = self.confirmed(*set, own, |body| world.count_ahead(ray, hit.time, body));
         let mut contacts = std::mem::take(&mut self.contacts);
-        world.contacts(line, hit, surface, &mut contacts);
+        world.contacts(line, hit, surface, &mut contacts, |across| {
+            if let Some(body) = world.body(across) {
+                *set = self.with(*set, &body, |count, _| (count, true));
+            }
+        });
+        if let Some(body) = &first.body
+            && body.overlaps_itself
+            && world.is_by_an_edge(hit, surface)
+        {
+            *set = self.with(*set, body, |count, _| (count, true));
+        }
         let boundary = if contacts.is_empty() {
-            self.alone(&first, set, probe)
+            self.alone(&first, *set, probe)
         } else {
             let others = contacts.iter().map(|contact| met(&contact.hit, contact.outside));
             let mut all: Vec<Met> = std::iter::once(first).chain(others).collect();
             // Sorting is stable: what was met first comes first.
             all.sort_by_key(Met::turn);
-            self.together(&all, hit, set, probe)
+            self.together(&all, hit, *set, probe)
         };
         self.contacts = contacts;
         boundary
+    }
+
+    /// Whether a ray in these bodies that meets something clear stops there, is in no other body and near to nothing else, so that [`Media::simple`]
+    /// tells what follows.
+    pub(super) fn is_simple(&self, world: &World, line: &Line, hit: &Hit, set: u32) -> bool {
+        if world.may_touch(line, hit) {
+            return false;
+        }
+        let is_mesh = world.is_of_mesh(hit);
+        if set == NONE {
+            return !is_mesh || world.side_of_mesh(line, hit).is_some();
+        }
+        let only = self.inside.get(set as usize).filter(|only| only.count == 1 && !only.doubtful && only.rest == NONE);
+        let (Some(only), Some(body)) = (only, world.body(hit)) else { return false };
+        only.body.id == body.id && (!is_mesh || world.side_of_mesh(line, hit) == Some(false))
+    }
+
+    /// The crossing of a surface with nothing else near it by a ray that is in no other body.
+    pub(super) fn simple(&mut self, world: &World, hit: &Hit, outside: bool, set: u32) -> Crossing {
+        let beyond = world.body(hit).map_or(set, |body| self.changed(set, &body, outside));
+        Crossing::alone(*hit, 1.0, beyond)
+    }
+
+    /// The bodies that a ray is in that is mirrored there.
+    pub(super) fn simple_inside(&mut self, world: &World, hit: &Hit, outside: bool, set: u32) -> u32 {
+        match world.body(hit) {
+            Some(body) if !body.overlaps_itself => self.with(set, &body, |_, _| (i32::from(!outside), false)),
+            _ => set,
+        }
     }
 
     /// A surface where nothing else is.
@@ -365,3 +447,6 @@ fn nearest_filling(mut around: Vec<(Body, i32)>, depth: u32) -> Vec<(Body, i32)>
 fn sides(all: &[Met], entered: bool) -> impl Iterator<Item = &Body> {
     all.iter().filter(move |met| met.outside == entered).filter_map(|met| met.body.as_ref())
 }
+
+#[cfg(test)]
+mod tests;

@@ -7,6 +7,7 @@ use super::{Generation, Whitted};
 use crate::integrator::Probe;
 use crate::math::{Line, Rgb, Spread, offset_origin};
 use crate::world::{Hit, MAX_STALLED, World, touching};
+use canaletto_bvh::Ray;
 use glam::DVec3;
 
 /// The most holes that a ray goes through; beyond them it meets what is around the next one.
@@ -45,20 +46,29 @@ impl Whitted<'_> {
             let start = if has_clear { ways.start_of(index) } else { [media::NONE; 2] };
             if spread.is_none()
                 && !P::ACTIVE
-                && start == [media::NONE; 2]
                 && let Some(hit) = found
                 && let material = world.material(&hit)
                 && material.is_plain()
-                && (!has_clear || material.is_opaque())
+                && let is_clear = has_clear
+                && !material.is_opaque()
+                && let [inside, meets] = start
+                && (!is_clear && start == [media::NONE; 2]
+                    || is_clear
+                        && meets == media::NONE
+                        && material.coverage >= 1.0
+                        && self.media.is_simple(world, &ways.lines[index], &hit, inside))
             {
                 let (line, (octet, lane)) = (ways.lines[index], stops.next());
                 encounters.set_line(lane, &line);
                 let color = world.meet(&line, &hit, lane, encounters, &mut octet.surfaces);
                 stops.push(index, &hit, encounters, |point| material.set(point, color));
+                if is_clear {
+                    (stops.last_mut().inside, stops.last_mut().crossing) = (inside, media::SIMPLE);
+                }
                 continue;
             }
-            let Some(met) = meet_one(world, &mut self.media, (ways.lines[index], found, spread), start, time, probe)
-            else {
+            let way = (ways.lines[index], ways.rays[index], found, spread);
+            let Some(met) = meet_one(world, &mut self.media, way, start, time, probe) else {
                 miss(index, color, probe);
                 continue;
             };
@@ -94,7 +104,7 @@ impl Whitted<'_> {
 fn meet_one<P: Probe>(
     world: &World,
     media: &mut Media,
-    (mut line, mut found, spread): (Line, Option<Hit>, Option<&Spread>),
+    (mut line, mut ray, mut found, spread): (Line, Ray, Option<Hit>, Option<&Spread>),
     [mut inside, mut meets]: [u32; 2],
     time: f32,
     probe: &mut P,
@@ -106,13 +116,16 @@ fn meet_one<P: Probe>(
         // A way that meets something where it starts meets it at t = 0.
         let mut hit = media.crossing(meets).map(|crossing| Hit { t: 0.0, ..crossing.hit }).or(found)?;
         let material = world.material(&hit);
+        let mut known = None;
         if meets == media::NONE && world.has_clear() && (inside != media::NONE || !material.is_opaque()) {
             let surface = world.bare_surface(line, &hit);
-            match media.boundary(world, (&line, &hit, &surface), inside, probe) {
-                Boundary::Plain => {}
+            match media.boundary(world, (&line, &ray), (&hit, &surface), &mut inside, probe) {
+                Boundary::Plain => known = Some(surface),
                 Boundary::At(first) => {
                     crossing = first;
-                    hit = media.crossing(first).map_or(hit, |crossing| crossing.hit);
+                    let first = media.crossing(first).map_or(hit, |crossing| crossing.hit);
+                    known = (first == hit).then_some(surface);
+                    hit = first;
                 }
                 Boundary::Hidden(beyond) if passed < MAX_HOLES && stalled <= MAX_STALLED => {
                     inside = beyond;
@@ -121,7 +134,8 @@ fn meet_one<P: Probe>(
                     stalled = if (surface.exact - line.origin).dot(line.direction) > 0.0 { 0 } else { stalled + 1 };
                     line.origin = surface.exact;
                     let origin = offset_origin(surface.point, touching(&surface), surface.normal, line.direction);
-                    found = world.intersect_at(&line.from_origin(origin), f32::INFINITY, time);
+                    ray = line.from_origin(origin);
+                    found = world.intersect_at(&ray, f32::INFINITY, time);
                     continue;
                 }
                 Boundary::Hidden(_) => {}
@@ -130,7 +144,11 @@ fn meet_one<P: Probe>(
         let material = world.material(&hit);
         // Only textures and a probe ask for texture coordinates.
         let is_bare = material.is_plain() && !P::ACTIVE;
-        let mut surface = if is_bare { world.bare_surface(line, &hit) } else { world.surface(line, &hit) };
+        let mut surface = match known {
+            Some(surface) if is_bare => surface,
+            _ if is_bare => world.bare_surface(line, &hit),
+            _ => world.surface(line, &hit),
+        };
         let (next, touches) = media.crossing(crossing).map_or((media::NONE, false), |c| (c.next, c.touches));
         if touches {
             surface.error = touching(&surface);
@@ -153,7 +171,8 @@ fn meet_one<P: Probe>(
         spread = footprint.map(|f| f.spread.passed(f.step));
         if meets == media::NONE {
             let origin = offset_origin(surface.point, surface.error, surface.normal, line.direction);
-            found = world.intersect_at(&line.from_origin(origin), f32::INFINITY, time);
+            ray = line.from_origin(origin);
+            found = world.intersect_at(&ray, f32::INFINITY, time);
         }
     }
     None

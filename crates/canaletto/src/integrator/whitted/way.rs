@@ -84,10 +84,18 @@ impl Ways {
     }
 
     /// Takes the bodies that each eye is in, as `set` says.
-    pub(super) fn set_around(&mut self, set: impl FnMut(&Line) -> u32) {
-        self.around.extend(self.lines.iter().map(set));
-        if self.around.iter().all(|&set| set == media::NONE) {
-            self.around.clear();
+    pub(super) fn set_around(&mut self, mut set: impl FnMut(&Line) -> u32) {
+        let mut last = None;
+        for (index, line) in self.lines.iter().enumerate() {
+            let around = match last {
+                Some((origin, around)) if origin == line.origin => around,
+                _ => set(line),
+            };
+            last = Some((line.origin, around));
+            if around != media::NONE {
+                self.around.resize(index, media::NONE);
+                self.around.push(around);
+            }
         }
     }
 

@@ -1,0 +1,77 @@
+//! Edges of meshes: where a ray that goes on may start beyond the next triangle, since its origin is moved off the surface.
+
+use super::World;
+use super::geometry::Geometry;
+use super::query::Hit;
+use crate::math::Line;
+use crate::shape::Surface;
+use glam::DVec3;
+
+/// An edge is near if it is no farther away than an origin is moved, this many times over. A face beyond an edge whose angle has at least this sine,
+/// inverted, is then not skipped without notice.
+const TIMES: f64 = 16.0;
+
+/// A bound of how far an origin is moved, relative to the terms of the largest coordinate.
+const MOVED: f64 = 1.0 / (1 << 20) as f64;
+
+/// A triangle in the world.
+struct Corners {
+    all: [DVec3; 3],
+    /// The largest sum of the terms of a coordinate.
+    terms: f64,
+    /// Whether the transform mirrors.
+    is_mirrored: bool,
+}
+
+impl Corners {
+    /// Whether an edge is nearer than `reach`, for a point with these barycentric coordinates.
+    fn is_near(&self, uv: [f32; 2], reach: f64) -> bool {
+        let [a, b, c] = self.all;
+        let [ab, bc, ca] = [b - a, c - b, a - c];
+        let twice_area = ab.cross(ca).length_squared();
+        let [u, v] = uv.map(f64::from);
+        // The distance from an edge is the opposite corner's weight times the height over it.
+        let near = |weight: f64, edge: DVec3| weight * weight * twice_area < reach * reach * edge.length_squared();
+        near(1.0 - u - v, bc) || near(u, ca) || near(v, ab)
+    }
+}
+
+impl World {
+    /// Whether a ray that goes on from this surface may start beyond another triangle of the same mesh.
+    pub(crate) fn is_by_an_edge(&self, hit: &Hit, surface: &Surface) -> bool {
+        let reach = TIMES * f64::from(surface.error.max_element());
+        self.triangle_of(hit).is_some_and(|corners| corners.is_near(hit.uv, reach))
+    }
+
+    /// Whether a line comes from the outer side of the triangle that it meets; none by an edge, or if it meets something else.
+    pub(crate) fn side_of_mesh(&self, line: &Line, hit: &Hit) -> Option<bool> {
+        let corners = self.triangle_of(hit)?;
+        if corners.is_near(hit.uv, TIMES * MOVED * corners.terms) {
+            return None;
+        }
+        let [a, b, c] = corners.all;
+        let along = line.direction.dot((b - a).cross(c - a));
+        Some(if corners.is_mirrored { along > 0.0 } else { along < 0.0 })
+    }
+
+    /// The triangle that was met, in the world.
+    fn triangle_of(&self, hit: &Hit) -> Option<Corners> {
+        if hit.instance == Hit::UNBOUNDED {
+            return None;
+        }
+        self.with_instance(hit.instance, |instance| {
+            let Geometry::Mesh { mesh, .. } = &self.geometries[instance.geometry as usize] else { return None };
+            let local = mesh.corners(hit.primitive as usize).map(|p| p.as_dvec3());
+            let [a, b, c] = local;
+            let largest = a.abs().max(b.abs()).max(c.abs());
+            let Some(to_world) = instance.placed(&self.chains, hit.time) else {
+                return Some(Corners { all: local, terms: largest.max_element(), is_mirrored: false });
+            };
+            let matrix = to_world.matrix();
+            let [x, y, z] = [matrix.x_axis, matrix.y_axis, matrix.z_axis].map(DVec3::abs);
+            let terms = x * largest.x + y * largest.y + z * largest.z + matrix.translation.abs();
+            let is_mirrored = matrix.matrix3.determinant() < 0.0;
+            Some(Corners { all: local.map(|p| to_world.point(p)), terms: terms.max_element(), is_mirrored })
+        })
+    }
+}
