@@ -172,7 +172,7 @@ fn single_precision_is_told_with_its_steps() {
     let warnings = |offset| import::load("s.ply", &MemoryAssets::new().with("s.ply", ply(offset))).expect("a model").1;
     assert!(warnings([0.0; 3]).to_string().is_empty());
     let told = warnings(SURVEY).to_string();
-    assert!(told.contains("single precision") && told.contains("steps of 0.25"), "{told}");
+    assert!(told.contains("coordinates are single precision, which") && told.contains("steps of 0.25"), "{told}");
 }
 
 /// The warnings about precision.
@@ -223,7 +223,10 @@ fn clouds_of_single_precision_are_told_with_their_steps() {
             ("spheres", "c.ply", ply(SURVEY, apart, true)),
         ] {
             let told = told(node, file, bytes);
-            assert!(told.contains("single precision") && told.contains("steps of 0.25"), "{node} {file}: {told}");
+            assert!(
+                told.contains("coordinates are single precision, which") && told.contains("steps of 0.25"),
+                "{told}"
+            );
         }
         assert_eq!(told("spheres", "c.ply", ply(SURVEY, apart, false)), "");
         for (node, file, bytes) in [
@@ -293,19 +296,18 @@ fn clouds_of_all_kinds() {
 
 #[test]
 fn textures_of_space_stay_with_true_coordinates() {
-    // The pattern repeats after 2, and so do these places.
-    let place = [408_200.0, 102.0, -4_080_928.0];
+    // The pattern is moved along with what it is on.
     for space in ["object", "world"] {
         let text = format!(
             "{CAMERA}texture \"t\" kind=\"checker\" {{ even 0.1; odd 0.9 }}
-material \"m\" {{ kd 1; texture \"t\" mapping=\"solid\" {{ space \"{space}\"; scale 0.25 }} }}
+material \"m\" {{ kd 1; texture \"t\" mapping=\"solid\" {{ space \"{space}\"; scale 0.25; translate @0.03 0.05 0.07| }} }}
 sphere material=\"m\" {{ center @0 0.5 0; radius 0.5 }}
 box material=\"m\" {{ min @0.6 0.01 1; max @1.2 0.6 1.4 }}
 mesh file=\"s.obj\" material=\"m\"
 {SUN}"
         );
         let at = |offset| picture_of(scene(&moved(&text, offset), &[("s.obj", steps(offset).into_bytes())]));
-        same(space, &at(place), &at([0.0; 3]));
+        same(space, &at(SURVEY), &at([0.0; 3]));
     }
 }
 
