@@ -86,8 +86,9 @@ pub(super) enum Kind {
 
 /// The type that the options ask for where a channel has this name.
 pub(super) fn kind(name: &str, options: ExrOptions) -> Kind {
-    let (layer, name) = name.rsplit_once('.').unwrap_or(("", name));
-    if options.half && COLORS.contains(&name) {
+    let (layer, last) = name.rsplit_once('.').unwrap_or(("", name));
+    // `Y` is grey where it has no layer; else it is the second of three coordinates.
+    if options.half && (COLORS.contains(&last) || name == "Y") {
         Kind::Half
     } else if options.uint_ids && layer.ends_with("_id") {
         Kind::Uint
@@ -97,7 +98,7 @@ pub(super) fn kind(name: &str, options: ExrOptions) -> Kind {
 }
 
 /// The channels that hold colours and coverage.
-const COLORS: [&str; 5] = ["R", "G", "B", "A", "Y"];
+const COLORS: [&str; 4] = ["R", "G", "B", "A"];
 
 /// A text whose bytes are UTF-8: the crate has a byte for each letter.
 fn to_utf8(text: &str) -> ex::Text {
@@ -142,7 +143,7 @@ fn text_end(bytes: &[u8], at: usize) -> Option<usize> {
     bytes[at..].iter().position(|b| *b == 0).map(|length| at + length + 1)
 }
 
-/// Reads an EXR. Channels of several parts have their part's name before a point.
+/// Reads an EXR. Channels of further parts have their part's name before a point, once.
 ///
 /// # Errors
 /// [`PictureError`] says why not.
@@ -189,7 +190,8 @@ pub fn decode_exr(bytes: &[u8]) -> Result<Decoded, PictureError> {
         let first = image.channels.len();
         for channel in list {
             let name = from_utf8(&channel.name);
-            let name = if many && number != main { format!("{part}.{name}") } else { name };
+            let prefixed = name.strip_prefix(&part).is_some_and(|rest| rest.starts_with('.'));
+            let name = if many && number != main && !prefixed { format!("{part}.{name}") } else { name };
             bits = bits.max(if channel.sample_type == SampleType::F16 { 16 } else { 32 });
             image.channels.push(Channel::new(name, zeros(width * height)?));
         }
@@ -302,6 +304,30 @@ mod tests {
     }
 
     #[test]
+    fn parts_are_read_with_their_names_before_the_channels() {
+        let layer = |name: &str, channels: &[(&str, f32)]| {
+            let channel = |(name, v): &(&str, f32)| ex::AnyChannel::new(*name, ex::FlatSamples::F32(vec![*v; 12]));
+            let list = ex::AnyChannels::sort(channels.iter().map(channel).collect());
+            ex::Layer::new((4, 3), ex::LayerAttributes::named(name), ex::Encoding::UNCOMPRESSED, list)
+        };
+        let layers: ex::Layers<_> = [
+            layer("depth", &[("Z", 7.0)]),
+            layer("rgba", &[("R", 0.1), ("G", 0.2), ("B", 0.3)]),
+            layer("View.Normal", &[("View.Normal.X", 1.0), ("View.Normal.Y", 2.0)]),
+        ]
+        .into_iter()
+        .collect();
+        let mut out = Cursor::new(Vec::new());
+        let whole = ex::ImageAttributes::new(ex::IntegerBounds::from_dimensions((4, 3)));
+        ex::Image::from_layers(whole, layers).write().to_buffered(&mut out).unwrap();
+        let read = decode_exr(out.get_ref()).unwrap();
+        let value = |name: &str| read.image.channel(name).map(|data| data[0]);
+        assert_eq!(["depth.Z", "R", "G", "B"].map(value), [Some(7.0), Some(0.1), Some(0.2), Some(0.3)]);
+        assert_eq!(["View.Normal.X", "View.Normal.Y"].map(value), [Some(1.0), Some(2.0)], "its own prefix is enough");
+        assert_eq!((read.image.channels.len(), read.left_out.len()), (6, 0));
+    }
+
+    #[test]
     fn colours_may_be_half_floats_and_ids_whole_numbers() {
         let mut image = picture();
         image.channels[7].name = "object_id.X".into();
@@ -319,7 +345,7 @@ mod tests {
         let kind = |name: &str| {
             bytes[bytes.windows(name.len()).position(|part| part == name.as_bytes()).unwrap() + name.len()]
         };
-        assert_eq!([kind("object_id.X\0"), kind("depth.Z\0"), kind("normal.X\0")], [0, 2, 2]);
+        assert_eq!(["object_id.X\0", "depth.Z\0", "normal.X\0", "normal.Y\0"].map(kind), [0, 2, 2, 2]);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! What two pictures differ in besides their colours: alpha, layers, places and declared curves.
 
 use super::compare::distance;
-use super::{Channel, Decoded, Image, Window};
+use super::{Channel, Decoded, Image, Window, encode_srgb};
 use canaletto::scene::Transfer;
 use std::borrow::Cow;
 use std::collections::BTreeSet;
@@ -32,7 +32,9 @@ pub struct RestDifference {
     pub windows: Option<[Window; 2]>,
     /// The curves that both declare, if they differ.
     pub curves: Option<[Transfer; 2]>,
-    /// Which pixels differ in any of the channels, the top row first.
+    /// Colours in linear light that differ, though they are seen alike: below 0, over 1, or by less than the curve's rounding.
+    pub unseen: Option<ChannelDifference>,
+    /// Which pixels differ in any of the channels or in unseen colours, the top row first.
     pub pixels: Vec<bool>,
 }
 
@@ -76,6 +78,36 @@ impl RestDifference {
             && self.only.iter().all(Vec::is_empty)
             && self.windows.is_none()
             && self.curves.is_none()
+            && self.unseen.is_none()
+    }
+
+    /// Adds colours that differ unseen, if both pictures hold linear light.
+    pub fn add_unseen(&mut self, a: &Decoded, b: &Decoded) {
+        let (Some(colors_a), Some(colors_b)) = (a.image.rgb(), b.image.rgb()) else { return };
+        if a.display_referred || b.display_referred || a.image.pixels() != b.image.pixels() {
+            return;
+        }
+        self.pixels.resize(a.image.pixels(), false);
+        let seen = |v: f32| if v.is_nan() { v } else { encode_srgb(v.clamp(0.0, 1.0)) };
+        let mut found = ChannelDifference { channel: String::new(), differing: 0, max: 0.0, at: [0, 0] };
+        for (index, differs) in self.pixels.iter_mut().enumerate() {
+            let mut unseen = false;
+            for (name, (va, vb)) in ["R", "G", "B"].iter().zip(colors_a.iter().zip(colors_b)) {
+                let (va, vb) = (va[index], vb[index]);
+                let value = distance(va, vb);
+                if value == 0.0 || distance(seen(va), seen(vb)) > 0.0 {
+                    continue;
+                }
+                unseen = true;
+                if value > found.max {
+                    let at = [index as u32 % a.image.width, index as u32 / a.image.width];
+                    found = ChannelDifference { channel: (*name).into(), max: value, at, ..found };
+                }
+            }
+            *differs |= unseen;
+            found.differing += u64::from(unseen);
+        }
+        self.unseen = (found.differing > 0).then_some(found);
     }
 
     fn add(&mut self, width: u32, a: &Channel, b: &Channel) {
@@ -99,21 +131,33 @@ impl RestDifference {
 
 /// The channels that hold neither the picture's colours nor its alpha.
 fn others(image: &Image) -> impl Iterator<Item = &Channel> {
-    image.channels.iter().filter(|channel| !["R", "G", "B", "Y", "A"].contains(&channel.name.as_str()))
+    image.channels.iter().filter(|channel| !is_own(&channel.name))
+}
+
+fn is_own(name: &str) -> bool {
+    ["R", "G", "B", "Y", "A"].contains(&name)
 }
 
 impl Decoded {
-    /// The layers whose channels can be looked at as a picture, by name, as in `NAME.R`. The picture's own colours are no layer.
+    /// The layers that can be looked at as a picture, by name, as in `NAME.R`; and channels without one, such as `Z`. The
+    /// picture's own colours are no layer.
     pub fn layers(&self) -> Vec<String> {
-        let named = self.image.channels.iter().filter_map(|channel| channel.name.rsplit_once('.'));
-        named.map(|(layer, _)| layer.to_owned()).collect::<BTreeSet<_>>().into_iter().collect()
+        let has_colors = self.image.rgb().is_some();
+        let named = self.image.channels.iter().filter_map(|channel| match channel.name.rsplit_once('.') {
+            Some((layer, _)) => Some(layer.to_owned()),
+            None => (!has_colors || !is_own(&channel.name)).then(|| channel.name.clone()),
+        });
+        named.collect::<BTreeSet<_>>().into_iter().collect()
     }
 
     /// The same picture with the channels of a layer as its colours: `R G B A` stay, `X Y Z` and others become red, green and
-    /// blue in their order, and a single one becomes grey. `None` if there is no such layer.
+    /// blue in their order, and a single one becomes grey, as does a channel of that name. `None` if there is no such layer.
     #[must_use]
     pub fn with_layer(mut self, layer: &str) -> Option<Decoded> {
-        let inner = |channel: &Channel| Some(channel.name.strip_prefix(layer)?.strip_prefix('.')?.to_owned());
+        let inner = |channel: &Channel| match channel.name.strip_prefix(layer)? {
+            "" => Some("X".to_owned()),
+            rest => Some(rest.strip_prefix('.')?.to_owned()),
+        };
         let mut own: Vec<(String, Channel)> = Vec::new();
         self.image.channels.retain(|channel| match inner(channel).filter(|name| !name.contains('.')) {
             Some(name) => {
@@ -251,5 +295,34 @@ mod tests {
         let of = |layer: &str| normal.clone().with_layer(layer).unwrap().image.rgb().unwrap().map(|c| c[0]);
         assert_eq!((of("n"), of("uv")), ([1.0, 2.0, 3.0], [4.0, 5.0, 0.0]));
         assert_eq!(normal.layers(), ["n", "uv"]);
+    }
+
+    #[test]
+    fn a_channel_without_a_layer_is_one_by_itself() {
+        let picture = decoded(&[&RGB[..], &[("Z", 7.0), ("n.X", 1.0)]].concat());
+        assert_eq!(picture.layers(), ["Z", "n"]);
+        let depth = picture.clone().with_layer("Z").unwrap();
+        assert_eq!(depth.image.rgb().unwrap().map(|c| c[0]), [7.0; 3]);
+        assert_eq!(decoded(&[("R", 1.0), ("G", 2.0)]).layers(), ["G", "R"], "not all of a picture's colours");
+        assert_eq!(
+            decoded(&[("R", 1.0), ("G", 2.0)]).with_layer("G").unwrap().image.rgb().unwrap().map(|c| c[0]),
+            [2.0; 3]
+        );
+    }
+
+    #[test]
+    fn colours_that_are_seen_alike_may_differ() {
+        let unseen = |a: f32, b: f32| {
+            let [a, b] = [a, b].map(|v| decoded(&[("R", v), ("G", 0.2), ("B", 0.3)]));
+            let mut rest = RestDifference::of(&a, &b);
+            rest.add_unseen(&a, &b);
+            assert_eq!(rest.is_none(), rest.unseen.is_none());
+            assert_eq!(rest.pixels, [rest.unseen.is_some(); 4]);
+            rest.unseen.map(|found| (found.channel, found.differing, found.max))
+        };
+        assert_eq!(unseen(5.0, 9.0), Some(("R".into(), 4, 4.0)));
+        assert_eq!(unseen(-1.0, -2.0), Some(("R".into(), 4, 1.0)));
+        assert_eq!(unseen(f32::INFINITY, 2.0), Some(("R".into(), 4, f64::INFINITY)));
+        assert_eq!((unseen(5.0, 5.0), unseen(0.5, 0.6), unseen(0.5, 9.0)), (None, None, None), "equal, or seen");
     }
 }

@@ -50,8 +50,9 @@ pub(super) fn read(path: &Path, layer: Option<&str>) -> Result<Input, Failure> {
 fn no_colors(path: &Path, decoded: &Decoded) -> Failure {
     let names: Vec<&str> = decoded.image.channels.iter().map(|channel| channel.name.as_str()).collect();
     let message = format!("{} has no channels R G B or Y; it has {}", path.display(), list(&names));
-    Failure::new(Exit::Failed, message)
-        .help("choose what is compared with --layer NAME, the part of a channel before its last point")
+    Failure::new(Exit::Failed, message).help(
+        "choose what is compared with --layer NAME: the part of a channel before its last point, or all of one without",
+    )
 }
 
 fn no_layer(path: &Path, layer: &str, layers: &[String]) -> Failure {

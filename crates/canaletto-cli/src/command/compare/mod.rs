@@ -25,7 +25,8 @@ use told::Told;
 /// PNG, OpenEXR, JPEG, WebP, Radiance HDR and PPM can be read. Pictures are compared as they are seen, with values from 0
 /// to 1. A PNG is taken as it is stored. An EXR is cut to 0 to 1, given the curve of the PNG it is compared with (sRGB if that
 /// says nothing, or if both are EXR) and rounded to its bits. Pictures are equal if alpha, layers, their place in a larger
-/// picture and declared curves are equal, too; what only one of them has is named.
+/// picture and declared curves are equal, too; what only one of them has is named. Two EXRs that are seen alike differ if their
+/// light does, such as beyond 0 to 1.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct CompareFlags {
@@ -40,7 +41,8 @@ pub(crate) struct CompareFlags {
     /// Exit code 4 if the pictures differ by more; may be repeated
     ///
     /// METRIC is rmse, mse, max, flip or differing (pixels), which may not be larger, or psnr or ssim, which may not be
-    /// smaller. Pixels differ in their colours, their alpha or a layer that both pictures have; the others are of colours.
+    /// smaller. Pixels differ in their colours, also unseen ones of two EXRs, their alpha or a layer that both pictures have; the
+    /// others are of colours.
     #[arg(short, long, value_name = "METRIC=VALUE", value_parser = threshold)]
     pub threshold: Vec<Threshold>,
 
@@ -52,7 +54,7 @@ pub(crate) struct CompareFlags {
     #[arg(long, value_name = "FACTOR", requires = "diff", value_parser = factor)]
     pub diff_scale: Option<f32>,
 
-    /// Compares this layer of both pictures instead of their colours, such as normal or ViewLayer.Combined
+    /// Compares this layer of both pictures instead of their colours, such as normal, ViewLayer.Combined or Z
     ///
     /// Layers of red, green and blue are compared as colours; others number by number, without SSIM and FLIP.
     #[arg(long, value_name = "NAME")]
@@ -157,7 +159,7 @@ pub(crate) fn run(flags: &CompareFlags) -> Result<Exit, Failure> {
     let wrong =
         |e: Unequal| Failure::new(Exit::Failed, format!("{} and {}: {e}", flags.a.display(), flags.b.display()));
     let same_size = (a.decoded.image.width, a.decoded.image.height) == (b.decoded.image.width, b.decoded.image.height);
-    let rest = if same_size && flags.layer.is_none() {
+    let mut rest = if same_size && flags.layer.is_none() {
         RestDifference::of(&a.decoded, &b.decoded)
     } else {
         RestDifference::default()
@@ -165,6 +167,9 @@ pub(crate) fn run(flags: &CompareFlags) -> Result<Exit, Failure> {
     let (curve_a, curve_b) = (a.curve(), b.curve());
     let default = flags.transfer.into();
     let raw = a.is_raw || b.is_raw;
+    if same_size && !raw && !flags.linear {
+        rest.add_unseen(&a.decoded, &b.decoded);
+    }
     let (seen_a, seen_b) = if raw {
         (a.decoded.image.clone(), b.decoded.image.clone())
     } else {

@@ -3,7 +3,7 @@
 use super::{CompareFlags, Threshold};
 use crate::words::JSON_VERSION;
 use canaletto::scene::Transfer;
-use canaletto_io::picture::{Comparison, Image, RestDifference, Window};
+use canaletto_io::picture::{ChannelDifference, Comparison, Image, RestDifference, Window};
 use serde_json::{Value, json};
 
 /// A comparison with all that it needs to be told.
@@ -46,8 +46,11 @@ impl Told<'_> {
             }
             out += &format!("max        {:.6} at {},{} in {}\n", max.value, max.x, max.y, max.channel);
         } else {
-            out +=
-                if self.flags.layer.is_some() { "the layers' numbers are equal\n" } else { "the colours are equal\n" };
+            out += match (&self.flags.layer, &self.rest.unseen) {
+                (Some(_), None) => "the layers' numbers are equal\n",
+                (None, None) => "the colours are equal\n",
+                (_, Some(_)) => "the colours are equal as they are seen, from 0 to 1\n",
+            };
         }
         if result.differing > 0 {
             let percent = result.differing as f64 * 100.0 / pixels as f64;
@@ -56,6 +59,13 @@ impl Told<'_> {
         if self.colors_differ && !self.raw {
             let ssim = result.ssim.map_or("undefined under 11 x 11 pixels".to_owned(), |v| format!("{v:.6}"));
             out += &format!("ssim       {ssim}\nflip       {:.6}\n", result.flip);
+        }
+        if let Some(found) = &self.rest.unseen {
+            let ([x, y], channel) = (found.at, &found.channel);
+            out += &format!(
+                "linear light differs unseen in {} pixels, by up to {:.6} at {x},{y} in {channel} (--linear compares it)\n",
+                found.differing, found.max
+            );
         }
         for found in &self.rest.channels {
             let name = if found.channel == "A" { "alpha" } else { &found.channel };
@@ -87,6 +97,7 @@ impl Told<'_> {
         let result = &self.result;
         let number = |v: f64| if v.is_finite() { json!(v) } else { json!("infinity") };
         let colors = |v: Value| if self.raw { Value::Null } else { v };
+        let channel = |found: &ChannelDifference| json!({ "channel": found.channel, "differing": found.differing, "max": number(found.max), "at": found.at });
         let window = |w: &Window| json!({ "at": w.at, "whole": w.whole });
         json!({
             "version": JSON_VERSION,
@@ -102,9 +113,8 @@ impl Told<'_> {
             "flip": colors(json!(result.flip)),
             "linear": self.flags.linear,
             "layer": self.flags.layer,
-            "channels": self.rest.channels.iter().map(|found| json!({
-                "channel": found.channel, "differing": found.differing, "max": number(found.max), "at": found.at,
-            })).collect::<Vec<_>>(),
+            "unseen": self.rest.unseen.as_ref().map(channel),
+            "channels": self.rest.channels.iter().map(channel).collect::<Vec<_>>(),
             "only_in_a": self.rest.only[0],
             "only_in_b": self.rest.only[1],
             "left_out": self.left_out,
