@@ -258,7 +258,7 @@ mod text {
     #[test]
     fn material_files_and_names_are_found() {
         for (file, material, warning) in [
-            ("quoted-mtllib.obj", "red", ""),
+            ("quoted-mtllib.obj", "red", "is read without its quotes"),
             ("abs-mtllib.obj", "red", "m.mtl\", which lies beside the model, is read instead"),
             ("latin1.obj", "gr\u{fc}n", ""),
         ] {

@@ -102,6 +102,24 @@ fn corners_of_faces_have_texture_coordinates() {
         assert!([a, b, c].iter().all(|uv| uv.to_array().iter().all(|v| *v == 0.0 || *v == 1.0)), "{a} {b} {c}");
         assert_eq!((b - a).perp_dot(c - a).abs(), 1.0);
     }
+    // Which corner of the picture each corner of a face has is what its row says, with v from below.
+    let text = text_of("wedge-uv.ply");
+    let rows: Vec<Vec<f32>> = text
+        .lines()
+        .skip_while(|line| *line != "end_header")
+        .skip(1)
+        .map(|line| line.split(' ').map(|number| number.parse().unwrap()).collect())
+        .collect();
+    let place = |vertex: f32| Vec3::from_slice(&rows[vertex as usize]);
+    let faces = rows.iter().filter(|row| row.len() > 6);
+    let faces: Vec<[(Vec3, [f32; 2]); 4]> =
+        faces.map(|row| std::array::from_fn(|i| (place(row[1 + i]), [row[6 + 2 * i], 1.0 - row[7 + 2 * i]]))).collect();
+    for triangle in &mesh.triangles {
+        let corners = triangle.map(|v| (mesh.positions[v as usize], mesh.uvs[v as usize].to_array()));
+        let of = |face: &&[(Vec3, [f32; 2]); 4]| corners.iter().all(|(p, _)| face.iter().any(|(q, _)| p == q));
+        let face = faces.iter().find(of).unwrap();
+        assert!(corners.iter().all(|corner| face.contains(corner)), "{corners:?} {face:?}");
+    }
     assert!(said.contains("the property texnumber of element face is left out"), "{said}");
     assert!(said.contains("the picture wall.png, which its header names, is left out"), "{said}");
 }

@@ -1,4 +1,4 @@
-//! What colours stand for that go beyond 1.
+//! What colours stand for whose numbers go beyond 1.
 
 /// The number that stands for full intensity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -10,12 +10,19 @@ pub(super) enum Scale {
     Words,
 }
 
+/// Up to here, a number beyond 1 is rounding.
+pub(super) const ROUNDED: f32 = 1.001;
+
+/// The least number with a fraction that can't be meant as light: from here on the numbers are those of a picture.
+const PICTURE: f32 = 16.0;
+
 impl Scale {
-    /// The scale of colours whose largest number this is, unless it is beyond all. What is a little more than 1 is a bright
-    /// colour; twice as much is nobody's.
-    pub(super) fn of(largest: f32) -> Option<Scale> {
+    /// The scale of colours whose largest number this is, unless it is beyond all. Whole numbers beyond 1 are those of an 8-bit or
+    /// 16-bit picture. Where any has a fraction, those below 16 are light that is brighter than white.
+    pub(super) fn of(largest: f32, fraction: bool) -> Option<Scale> {
         match largest {
-            ..=2.0 => Some(Scale::One),
+            ..=ROUNDED => Some(Scale::One),
+            v if fraction && v < PICTURE => Some(Scale::One),
             ..=255.0 => Some(Scale::Bytes),
             ..=65535.0 => Some(Scale::Words),
             _ => None,
@@ -31,12 +38,35 @@ impl Scale {
         }
     }
 
-    /// Completes a message about colours.
+    /// Completes a message about colours that go beyond 1.
     pub(super) fn assumed(self) -> &'static str {
         match self {
-            Scale::One => "is read from 0 to 1",
+            Scale::One => "goes beyond 1 and is taken as it is, brighter than white",
             Scale::Bytes => "goes beyond 1, so it is read as going from 0 to 255",
             Scale::Words => "goes beyond 255, so it is read as going from 0 to 65535",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whole_numbers_are_those_of_pictures() {
+        for (largest, fraction, scale) in [
+            (0.0, false, Some(Scale::One)),
+            (1.0, false, Some(Scale::One)),
+            (1.0005, true, Some(Scale::One)),
+            (2.0, false, Some(Scale::Bytes)),
+            (2.0, true, Some(Scale::One)),
+            (15.9, true, Some(Scale::One)),
+            (16.0, true, Some(Scale::Bytes)),
+            (255.0, true, Some(Scale::Bytes)),
+            (256.0, false, Some(Scale::Words)),
+            (65536.0, false, None),
+        ] {
+            assert_eq!(Scale::of(largest, fraction), scale, "{largest} {fraction}");
         }
     }
 }

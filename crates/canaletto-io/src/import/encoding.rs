@@ -27,6 +27,21 @@ pub(super) fn utf8(bytes: &[u8]) -> Cow<'_, [u8]> {
     from_utf16(bytes).map_or(Cow::Borrowed(bytes), Cow::Owned)
 }
 
+/// What stands behind a text in files of old systems: Ctrl-Z, and zeros that fill up a block.
+const FILLERS: [u8; 2] = [0, 0x1a];
+
+/// The text of a file: as UTF-8, and without what fills up its end.
+pub(super) fn text(bytes: &[u8]) -> Cow<'_, [u8]> {
+    let end = |text: &[u8]| text.iter().rposition(|byte| !FILLERS.contains(byte)).map_or(0, |last| last + 1);
+    match utf8(bytes) {
+        Cow::Borrowed(text) => Cow::Borrowed(&text[..end(text)]),
+        Cow::Owned(mut text) => {
+            text.truncate(end(&text));
+            Cow::Owned(text)
+        }
+    }
+}
+
 fn order(start: &[u8]) -> Option<fn([u8; 2]) -> u16> {
     match start {
         // UTF-32 has the same mark, with zeros behind it.
@@ -61,9 +76,17 @@ mod tests {
     }
 
     #[test]
+    fn what_fills_up_the_end_is_left_out() {
+        assert_eq!(&text(b"x 1\n\x1a\0\0")[..], b"x 1\n");
+        assert_eq!(&text(b"\xff\xfex\0 \x001\0\x1a\0")[..], "\u{feff}x 1".as_bytes());
+        assert_eq!(&text(b"\0\x1a")[..], b"");
+    }
+
+    #[test]
     fn other_text_is_left_as_it_is() {
         for text in [&b"v 1 2 3"[..], b"", b"v", b"\xef\xbb\xbfv 1", b"\xff\xfe\0\0v\0\0\0"] {
             assert_eq!(utf8(text), text);
+            assert_eq!(super::text(text), text.strip_suffix(b"\0\0\0").unwrap_or(text));
         }
     }
 }

@@ -71,7 +71,7 @@ pub fn load(path: &str, assets: &dyn Assets) -> Result<(Scene, Diagnostics), Dia
     if asset.path.extension() == "nff" {
         let OpenAsset { path: name, content } = asset;
         let bytes = content.view().whole().map_err(|e| Diagnostics::from(unreadable(&e).error(name.name())))?;
-        return nff::read(&Asset { path: name, bytes: bytes.into_owned() });
+        return nff::read(&Asset { path: name, bytes: encoding::text(&bytes).into_owned() });
     }
     let mut model = read_model(&asset, assets, Unsaid::Creases)?;
     let warnings = std::mem::take(&mut model.warnings);
@@ -122,16 +122,17 @@ fn read_model(asset: &OpenAsset, assets: &dyn Assets, unsaid: Unsaid) -> Result<
 
 /// Whether some triangle is more than a line, but for what rounding to `f32` makes of one: each coordinate by its own size.
 fn has_area(mesh: &Mesh) -> bool {
-    (0..mesh.len()).any(|i| {
-        let corners = mesh.corners(i);
-        let [a, b, c] = corners.map(Vec3::as_dvec3);
-        let longest =
-            [b - a, c - b, a - c].into_iter().max_by(|x, y| x.length_squared().total_cmp(&y.length_squared()));
-        let (normal, longest) = ((b - a).cross(c - a), longest.unwrap_or_default());
-        let size = corners.iter().fold(Vec3::ZERO, |size, p| size.max(p.abs())).as_dvec3();
-        let across = normal.cross(longest).normalize_or_zero().abs();
-        normal.length() > f64::from(f32::EPSILON) * across.dot(size) * longest.length()
-    })
+    (0..mesh.len()).any(|i| !is_flat(mesh.corners(i)))
+}
+
+/// Whether three corners lie on a line or at one place, but for their rounding.
+pub(crate) fn is_flat(corners: [Vec3; 3]) -> bool {
+    let [a, b, c] = corners.map(Vec3::as_dvec3);
+    let longest = [b - a, c - b, a - c].into_iter().max_by(|x, y| x.length_squared().total_cmp(&y.length_squared()));
+    let (normal, longest) = ((b - a).cross(c - a), longest.unwrap_or_default());
+    let size = corners.iter().fold(Vec3::ZERO, |size, p| size.max(p.abs())).as_dvec3();
+    let across = normal.cross(longest).normalize_or_zero().abs();
+    normal.length() <= f64::from(f32::EPSILON) * across.dot(size) * longest.length()
 }
 
 fn read_format(asset: &OpenAsset, assets: &dyn Assets, unsaid: Unsaid) -> Result<Imported, Diagnostics> {
@@ -155,18 +156,27 @@ fn read_format(asset: &OpenAsset, assets: &dyn Assets, unsaid: Unsaid) -> Result
 }
 
 fn read_ply(asset: &OpenAsset) -> Result<Imported, Diagnostics> {
-    let file = asset.path.name();
-    match ply::read_mesh(file.rsplit('/').next().unwrap_or_default(), asset.content.view()) {
+    let view = asset.content.view();
+    let failed = |e: &io::Error| Diagnostics::from(unreadable(e).error(asset.path.name()));
+    if !view.piece(0..encoding::START, &mut Vec::new()).map(encoding::is_utf16).map_err(|e| failed(&e))? {
+        return read_ply_bytes(asset.path.name(), view);
+    }
+    let bytes = view.whole().map_err(|e| failed(&e))?;
+    read_ply_bytes(asset.path.name(), encoding::text(&bytes)[..].into())
+}
+
+fn read_ply_bytes(file: &str, view: View<'_>) -> Result<Imported, Diagnostics> {
+    match ply::read_mesh(file.rsplit('/').next().unwrap_or_default(), view) {
         Ok((mesh, said)) => {
             let mut warnings = Diagnostics::new();
             said.into_iter().for_each(|complaint| warnings.push(complaint.warning(file)));
-            let rounded = coarse::mesh(&mesh, ply::precision(asset.content.view()));
+            let rounded = coarse::mesh(&mesh, ply::precision(view));
             rounded.into_iter().for_each(|complaint| warnings.push(complaint.warning(file)));
             Ok(Imported { meshes: vec![mesh], materials: Vec::new(), warnings })
         }
         Err(complaint) => {
             let mut errors = Diagnostics::from(complaint.error(file));
-            attach_source(&mut errors, file, asset.content.view());
+            attach_source(&mut errors, file, view);
             Err(errors)
         }
     }

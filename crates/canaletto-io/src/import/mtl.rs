@@ -18,7 +18,7 @@
 //! material. `Ka` is left out in silence, since the scene's ambient light acts on kd and every exporter writes it;
 //! everything else with a warning. A wrong number is a warning and leaves its default. Words may be in capitals.
 
-use super::color::Scale;
+use super::color::{ROUNDED, Scale};
 use super::ignored::Ignored;
 use super::lines::{Complaint, Word, Words, lines};
 use crate::diagnostic::Diagnostics;
@@ -219,8 +219,9 @@ fn color(word: Word<'_>, words: Words<'_>, ignored: &mut Ignored) -> Result<Opti
         return Err(line.wrong(format!("{v} is less than 0")));
     }
     let color = Rgb::from(rgb);
-    match Scale::of(color.max_component()) {
-        Some(Scale::One) => Ok(Some(color)),
+    let (largest, fraction) = (color.max_component(), rgb.iter().any(|v| v.fract() != 0.0));
+    match Scale::of(largest, fraction) {
+        Some(Scale::One) if largest <= ROUNDED => Ok(Some(color)),
         Some(scale) => {
             ignored.note(&word, scale.assumed());
             Ok(Some(color * (1.0 / scale.most())))
@@ -325,7 +326,11 @@ mod tests {
         assert_eq!(phong.kd, Rgb::new(128.0, 77.0, 51.0) * (1.0 / 255.0));
         assert_eq!(phong.ks.r, 1.0);
         assert!(warnings.contains("`Kd` goes beyond 1, so it is read as going from 0 to 255"), "{warnings}");
-        assert_eq!(one("Kd 1.2 0 0").0.kd.r, 1.2);
+        let (bright, warnings) = one("Kd 1.2 0 0");
+        assert_eq!(bright.kd.r, 1.2);
+        assert!(warnings.contains("`Kd` goes beyond 1 and is taken as it is"), "{warnings}");
+        assert_eq!(one("Kd 3.5 0 0").0.kd.r, 3.5, "not a 73rd of full intensity");
+        assert_eq!(one("Kd 2 0 0").0.kd.r, 2.0 / 255.0);
         assert!(one("Kd 1e9 0 0").1.contains("is no colour"));
     }
 

@@ -16,6 +16,7 @@
 
 use super::coarse::{self, Precision};
 use super::frame::frame;
+use super::is_flat;
 use super::lines::{Complaint, Word, Words, lines};
 use super::polygon::{Triangulator, vector_area};
 use super::positions::Positions;
@@ -245,6 +246,13 @@ impl<'a> Reader<'a> {
             return self.skip("a polygon of fewer than 3 corners is left out", start);
         }
         let form = corners.form();
+        let mut cut = Vec::new();
+        self.triangulator.cut(&form, |t| cut.push(t)).map_err(|message| start.wrong(message))?;
+        let near = |corner: usize| form[corner] - form[0];
+        if cut.iter().all(|t| is_flat(t.map(near))) {
+            drop(form);
+            return self.skip("a polygon whose corners lie on a line or at one place is left out", start);
+        }
         let face = vector_area(&form).try_normalize().unwrap_or(DVec3::Y).as_vec3();
         normals.iter_mut().for_each(|n| *n = n.as_dvec3().try_normalize().map_or(face, |n| n.as_vec3()));
         let material = self.material();
@@ -262,9 +270,7 @@ impl<'a> Reader<'a> {
         if first + corners.len() > u32::MAX as usize {
             return Err(start.wrong("the polygons have more corners than 32 bits can count"));
         }
-        let triangles = &mut mesh.triangles;
-        let cut = self.triangulator.cut(&form, |t| triangles.push(t.map(|i| (first + i) as u32)));
-        cut.map_err(|message| start.wrong(message))?;
+        mesh.triangles.extend(cut.into_iter().map(|t| t.map(|i| (first + i) as u32)));
         drop(form);
         all.append(corners);
         mesh.normals.extend(normals);

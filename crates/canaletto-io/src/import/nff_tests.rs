@@ -91,3 +91,14 @@ fn errors_name_line_and_reason() {
         assert!(found.contains(message), "{text}: {found}");
     }
 }
+
+#[test]
+fn polygons_without_an_area_are_left_out() {
+    let line = "p 3\n0 0 0\n0.1 0.1 0.1\n0.3 0.3 0.3\n";
+    let (scene, warnings) = load(&format!("{VIEW}{line}{line}s 0 0 0 1\n")).unwrap();
+    assert_eq!((scene.nodes.len(), scene.meshes.len()), (1, 0));
+    assert!(warnings.to_string().contains("lie on a line or at one place is left out (2 of them)"), "{warnings}");
+    assert!(error(&format!("{VIEW}{line}")).contains("there are no objects in it"));
+    let far = "p 3\n4000000 0 0\n4000000.25 0 0\n4000000 0.25 0\n";
+    assert_eq!(load(&format!("{VIEW}{far}")).unwrap().0.meshes[0].len(), 1, "small, but not flat");
+}

@@ -1,8 +1,9 @@
 //! Colours as tables give them, made linear and from 0 to 1.
 //!
 //! Files don't say which numbers are white. Whole types of one and two bytes are shares of their largest value, reals are linear
-//! from 0 to 1; where a file's own numbers contradict that, the largest of them decides, and a warning says what was assumed.
+//! from 0 to 1; where a file's own numbers contradict that, [`Scale`] decides, and a warning says what was assumed.
 
+use super::color::{ROUNDED, Scale};
 use super::lines::Complaint;
 use crate::picture::decode_srgb;
 use canaletto::math::Rgb;
@@ -16,12 +17,6 @@ pub(super) enum Written {
     /// Numbers with a fraction, or of a text that has no types.
     Real,
 }
-
-/// What is white, for numbers that go further than 1.
-const WHITES: [f32; 3] = [1.0, 255.0, 65535.0];
-
-/// The least real that can't be meant as light: from here on the numbers are those of an 8-bit or 16-bit picture.
-const PICTURE: f32 = 16.0;
 
 /// What all numbers of a file's colours have in common.
 #[derive(Clone, Copy, Default)]
@@ -65,8 +60,7 @@ pub(super) fn settle(colors: &mut [Rgb], written: Written, of: &str) -> Vec<Comp
     let mut said = Vec::new();
     let white = match written {
         Written::Whole(largest) => {
-            let white =
-                WHITES.into_iter().chain([largest]).find(|white| *white >= most).unwrap_or(largest).min(largest);
+            let white = Scale::of(most, false).map_or(largest, Scale::most).min(largest);
             // Black may be black of any kind.
             if white != largest && most > 0.0 {
                 let kind = if largest == 65535.0 { "16-bit numbers" } else { "whole numbers" };
@@ -76,9 +70,9 @@ pub(super) fn settle(colors: &mut [Rgb], written: Written, of: &str) -> Vec<Comp
             }
             Some(white)
         }
-        Written::Real if most <= 1.001 => None,
+        Written::Real if most <= ROUNDED => None,
         Written::Real => {
-            let white = WHITES[1..].iter().copied().find(|white| most <= *white && (!fraction || most >= PICTURE));
+            let white = Scale::of(most, fraction).filter(|scale| *scale != Scale::One).map(Scale::most);
             said.push(Complaint::file(match white {
                 Some(white) => format!(
                     "the colours of its {of} go up to {most}; they are taken as sRGB from 0 to {white}, not as linear from 0 to 1"

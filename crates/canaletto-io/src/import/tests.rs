@@ -28,6 +28,42 @@ fn a_model_alone_becomes_a_scene() {
     }
 }
 
+/// The text in both orders of UTF-16, with a byte order mark and without.
+fn utf_16(text: &str) -> Vec<Vec<u8>> {
+    let marked = format!("\u{feff}{text}");
+    let units = [marked.as_str(), text].map(|text| text.encode_utf16().collect::<Vec<u16>>());
+    let orders: [fn(u16) -> [u8; 2]; 2] = [u16::to_le_bytes, u16::to_be_bytes];
+    orders.iter().flat_map(|order| units.iter().map(|units| units.iter().copied().flat_map(*order).collect())).collect()
+}
+
+#[test]
+fn every_text_may_be_utf_16_and_filled_up() {
+    let with_text = |name: &str, text: &str| {
+        let mut all = utf_16(text);
+        if name != "a.ply" {
+            all.push(format!("{text}\u{1a}\0\0").into_bytes());
+        }
+        all
+    };
+    for (name, text) in [("a.obj", OBJ), ("a.ply", PLY), ("a.nff", NFF)] {
+        let plain = load(name, &files(name, text.as_bytes())).unwrap();
+        for bytes in with_text(name, text) {
+            let (scene, warnings) = load(name, &files(name, &bytes)).unwrap();
+            assert_eq!((&scene, warnings.warnings()), (&plain.0, plain.1.warnings()), "{name}: {warnings}");
+        }
+    }
+    for (format, text) in [(cloud::CloudFormat::Text, CSV), (cloud::CloudFormat::Ply, PLY)] {
+        let read = |bytes: &[u8]| {
+            let asset = Asset { path: AssetPath::new("a", "a", "a"), bytes: bytes.to_vec() };
+            cloud::read_spheres(&asset, format, Some(1.0)).map(|(cloud, _)| cloud).map_err(|e| e.to_string())
+        };
+        let plain = read(text.as_bytes());
+        for bytes in with_text(if format == cloud::CloudFormat::Ply { "a.ply" } else { "a.csv" }, text) {
+            assert_eq!((read(&bytes), plain.is_ok()), (plain.clone(), true));
+        }
+    }
+}
+
 #[test]
 fn the_studio_grows_with_the_model() {
     let scene = |factor: f32| {

@@ -21,6 +21,7 @@ mod text;
 mod xyz;
 
 use super::coarse::{self, Precision};
+use super::encoding;
 use super::lines::{Complaint, Word};
 use super::ply;
 use super::positions::Positions;
@@ -31,6 +32,7 @@ use canaletto::math::Rgb;
 use canaletto::shape::{CylinderCloud, SphereCloud};
 use glam::Vec3;
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// How a cloud's file is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -119,6 +121,7 @@ pub fn read_spheres(
     format: CloudFormat,
     radius: Option<f32>,
 ) -> Result<(SphereCloud, Diagnostics), Diagnostics> {
+    let asset = &*readable(asset, format);
     let name = asset.path.name();
     let cloud = match format {
         CloudFormat::Text => spheres_of_text(&asset.bytes, radius),
@@ -135,6 +138,19 @@ pub fn read_spheres(
         Ok((cloud, said))
     });
     finish(asset, format, cloud)
+}
+
+/// The file with its text as UTF-8, if it is text.
+fn readable(asset: &Asset, format: CloudFormat) -> Cow<'_, Asset> {
+    let text = match format {
+        CloudFormat::Text => encoding::text(&asset.bytes),
+        CloudFormat::Ply => encoding::utf8(&asset.bytes),
+        CloudFormat::Binary => return Cow::Borrowed(asset),
+    };
+    if text.len() == asset.bytes.len() {
+        return Cow::Borrowed(asset);
+    }
+    Cow::Owned(Asset { path: asset.path.clone(), bytes: text.into_owned() })
 }
 
 fn spheres_of_text(bytes: &[u8], radius: Option<f32>) -> Read<SphereCloud> {
@@ -206,6 +222,7 @@ pub fn read_cylinders(
     format: CloudFormat,
     radius: Option<f32>,
 ) -> Result<(CylinderCloud, Diagnostics), Diagnostics> {
+    let asset = &*readable(asset, format);
     let axis = |row: &[f32]| [Vec3::from_slice(row), Vec3::from_slice(&row[3..])];
     let cloud = match format {
         CloudFormat::Text => cylinders_of_text(&asset.bytes),

@@ -33,7 +33,8 @@ impl Keyword {
             b"mtllib" => Keyword::Library,
             b"s" => Keyword::Smoothing,
             b"l" | b"p" => Keyword::Thin,
-            [b'#', ..] => Keyword::Comment,
+            // Zeros and Ctrl-Z fill up the end of old files.
+            [b'#' | 0 | 0x1a, ..] => Keyword::Comment,
             _ => Keyword::Other,
         }
     }

@@ -2,7 +2,8 @@
 //!
 //! What exporters write after `mtllib` is not always a path that leads somewhere. It may be quoted, have the backslashes of
 //! Windows, be absolute on the machine where it was written, or be several names, of which each may have spaces. A name that
-//! leads nowhere is looked for beside the OBJ file by its last part.
+//! leads nowhere is looked for beside the OBJ file by its last part, also in capitals or small letters. What isn't read as it
+//! stands there is a warning.
 
 use super::super::encoding;
 use super::super::ignored::Ignored;
@@ -49,14 +50,20 @@ impl Reader<'_> {
             best.filter(|(_, count)| *count > 0).map(|(way, _)| way)
         };
         let named = found(&|path| self.open(path).is_ok());
-        let best = named.or_else(|| found(&|path| self.open(last_part(path)).is_ok())).unwrap_or(0);
+        let best = named.or_else(|| found(&|path| self.beside(path).is_ok())).unwrap_or(0);
         std::mem::take(&mut ways[best])
     }
 
     fn library(&mut self, name: &Word<'_>) {
         let path = path(name);
-        match self.open(&path).map_err(|error| (error, self.open(last_part(&path)))) {
-            Ok(asset) => self.read(&asset),
+        match self.open(&path).map_err(|error| (error, self.beside(&path))) {
+            Ok(asset) => {
+                if is_quoted(&name.string()) {
+                    let message = format!("mtllib: {} is read without its quotes", name.string());
+                    self.warnings.push(Diagnostic::warning(self.asset.path.name(), message).at(name.span()));
+                }
+                self.read(&asset);
+            }
             Err((error, Ok(asset))) => {
                 let help = format!("\"{}\", which lies beside the model, is read instead", asset.path.name());
                 self.warnings.push(self.failed(name, &error).help(help));
@@ -75,6 +82,15 @@ impl Reader<'_> {
         self.assets.open(path, &self.asset.path)
     }
 
+    /// The file of that name beside the model, whose letters may be of another case.
+    fn beside(&self, path: &str) -> Result<OpenAsset, AssetError> {
+        let last = last_part(path);
+        self.open(last).or_else(|error| match &error {
+            AssetError::Missing { nearest: Some(near), .. } if near.eq_ignore_ascii_case(last) => self.open(near),
+            _ => Err(error),
+        })
+    }
+
     fn failed(&self, name: &Word<'_>, error: &AssetError) -> Diagnostic {
         Diagnostic::warning(self.asset.path.name(), error.to_string()).at(name.span())
     }
@@ -88,7 +104,7 @@ impl Reader<'_> {
             Ok(bytes) => bytes,
             Err(error) => return self.warnings.push(unreadable(&error).warning(name)),
         };
-        let text = encoding::utf8(&bytes);
+        let text = encoding::text(&bytes);
         let mut warnings = Diagnostics::new();
         self.materials.extend(mtl::read(name, &text, &mut warnings));
         attach_source(&mut warnings, name, text[..].into());
@@ -99,14 +115,23 @@ impl Reader<'_> {
 /// The path that a name says: without quotes, and with the slashes that every system reads.
 fn path(name: &Word<'_>) -> String {
     let text = name.string();
-    let quoted = ['"', '\''].iter().find_map(|quote| text.strip_prefix(*quote)?.strip_suffix(*quote));
-    let text = quoted.unwrap_or(&text);
+    let text = unquoted(&text).unwrap_or(&text);
     // A backslash before a space is part of the space.
     text.replace("\\ ", " ").replace('\\', "/")
 }
 
+/// What stands between quotes.
+fn unquoted(text: &str) -> Option<&str> {
+    ['"', '\''].iter().find_map(|quote| text.strip_prefix(*quote)?.strip_suffix(*quote))
+}
+
+fn is_quoted(text: &str) -> bool {
+    unquoted(text).is_some()
+}
+
+/// What stands behind the last folder or drive of a path.
 fn last_part(path: &str) -> &str {
-    path.rsplit('/').next().unwrap_or(path).trim()
+    path.rsplit(['/', ':']).next().unwrap_or(path).trim()
 }
 
 /// Names that end with the extension of such files, spaces and all.

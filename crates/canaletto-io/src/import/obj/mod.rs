@@ -131,6 +131,7 @@ impl Reader<'_> {
         )?;
         let mut default = None;
         let count = self.materials.len() as u32;
+        let nowhere = !first.vertices.nowhere.is_empty();
         let meshes = parts.finish(first.vertices, unsaid, || {
             default.get_or_insert_with(|| Material::new("default", Phong::default()));
             count
@@ -142,6 +143,9 @@ impl Reader<'_> {
         }
         ignored.report(file, &mut self.warnings);
         if meshes.is_empty() {
+            if nowhere {
+                return Err(Complaint::file("none of its faces has three corners with finite coordinates"));
+            }
             return Err(Complaint::file("there are no faces in it").help("an OBJ file has lines such as `f 1 2 3`"));
         }
         Ok((meshes, default))

@@ -1,6 +1,6 @@
 //! The first pass over an OBJ file: its vertices, and the names of its material files.
 
-use super::super::color::Scale;
+use super::super::color::{ROUNDED, Scale};
 use super::super::ignored::Ignored;
 use super::super::join::join;
 use super::super::lines::{Complaint, Lines, Word, Words, gap};
@@ -120,15 +120,19 @@ const NO_COLOR: Rgb = Rgb::new(f32::NAN, f32::NAN, f32::NAN);
 /// Decodes sRGB, whatever number stands for full intensity; white where there is no colour. Tells what was assumed.
 fn decode(colors: &mut Vec<Rgb>) -> Option<String> {
     let largest = colors.par_iter().map(|c| c.max_component()).reduce(|| 0.0, f32::max);
-    let Some(scale) = Scale::of(largest) else {
+    let fraction = colors.par_iter().any(|c| c.to_array().iter().any(|v| v.is_finite() && v.fract() != 0.0));
+    let Some(scale) = Scale::of(largest, fraction) else {
         colors.clear();
         return Some(format!("vertex colours go up to {largest}, which is no colour, and are left out"));
     };
     colors.par_iter_mut().for_each(|c| {
         *c = if c.r.is_nan() { Rgb::WHITE } else { c.map(|value| decode_srgb(value / scale.most())) };
     });
-    (scale != Scale::One)
-        .then(|| format!("vertex colours go up to {largest}: they are read as shares of {}", scale.most()))
+    match scale {
+        Scale::One if largest <= ROUNDED => None,
+        Scale::One => Some(format!("vertex colours go up to {largest}: they are taken as they are, with 1 as white")),
+        _ => Some(format!("vertex colours go up to {largest}: they are read as shares of {}", scale.most())),
+    }
 }
 
 fn find(piece: Piece<'_>) -> Result<Found, Complaint> {

@@ -91,6 +91,11 @@ fn read_payload(name: &str, header: &Header, mut payload: Payload<'_>) -> Result
         said.push(Complaint::file(format!("{without} normals have no direction; they are computed from the faces")));
     }
     mend_normals(&mut mesh, Smoothing::Creases);
+    let wrong = mesh.uvs.par_iter().filter(|uv| !uv.is_finite()).count();
+    if wrong > 0 {
+        mesh.uvs.par_iter_mut().filter(|uv| !uv.is_finite()).for_each(|uv| *uv = Vec2::ZERO);
+        said.push(Complaint::file(format!("{wrong} texture coordinates aren't finite; they are taken as 0 0")));
+    }
     Ok((mesh, said))
 }
 
@@ -354,9 +359,9 @@ impl Wanted {
 }
 
 /// Texture coordinates with v from an image's top row, as everywhere here. Programs that write PLY count it from the bottom,
-/// as OBJ does. What isn't finite is 0 0.
+/// as OBJ does.
 fn from_top(uv: Vec2) -> Vec2 {
-    if uv.is_finite() { Vec2::new(uv.x, 1.0 - uv.y) } else { Vec2::ZERO }
+    Vec2::new(uv.x, 1.0 - uv.y)
 }
 
 /// Reads vertices. Those without a place are among them, with coordinates that aren't finite.

@@ -574,3 +574,13 @@ fn repeated_corners_fill_no_notch() {
         assert!((area - 4.0).abs() < 1e-5, "{face}: {area}");
     }
 }
+
+#[test]
+fn texture_coordinates_that_are_no_numbers_are_zero() {
+    let text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nproperty float s\n\
+        property float t\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n\
+        0 0 0 nan 0\n1 0 0 0 inf\n0 1 0 0.5 0.25\n3 0 1 2\n";
+    let (mesh, said) = read_mesh("a", text.as_bytes()).unwrap();
+    assert_eq!(mesh.uvs, [Vec2::ZERO, Vec2::ZERO, Vec2::new(0.5, 0.75)]);
+    assert_eq!(said[0].message, "2 texture coordinates aren't finite; they are taken as 0 0");
+}
