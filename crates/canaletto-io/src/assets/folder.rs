@@ -229,7 +229,9 @@ fn names_in(folder: Option<&Path>) -> Vec<String> {
 /// The path with the most similar of these names.
 fn nearest_of(names: &[String], path: &str) -> Option<String> {
     let (prefix, name) = path.rfind('/').map_or(("", path), |slash| path.split_at(slash + 1));
-    crate::text::nearest(name, names.iter().map(String::as_str)).map(|name| format!("{prefix}{name}"))
+    // A link that leads nowhere is there, but is no help.
+    let others = names.iter().map(String::as_str).filter(|other| *other != name);
+    crate::text::nearest(name, others).map(|name| format!("{prefix}{name}"))
 }
 
 fn kind_of(metadata: &Metadata) -> &'static str {

@@ -115,6 +115,13 @@ impl<'a> Loader<'a> {
             ));
             return Vec::new();
         }
+        // UTF-16 has a mark, or zeros beside plain letters.
+        if matches!(asset.bytes[..], [0xff, 0xfe, ..] | [0xfe, 0xff, ..] | [0, _, ..] | [_, 0, ..]) {
+            let file = self.files.add(name, asset.path, "".into());
+            let message = "the file is UTF-16 text, but scene text is UTF-8";
+            self.report.push(Message::error(Span { file, start: 0, end: 0 }, message).help("save it as UTF-8"));
+            return Vec::new();
+        }
         let text = match String::from_utf8(asset.bytes) {
             Ok(text) => text,
             Err(error) => {

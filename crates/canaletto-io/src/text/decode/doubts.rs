@@ -30,6 +30,15 @@ impl Decoder<'_> {
         self.judge.report.push(Message::warning(Some(fields.span(word)), message).help(help));
     }
 
+    /// The angle of a cone, which is hardly less than a right angle in radians.
+    pub(super) fn doubt_degrees(&mut self, fields: &Fields, word: &str) {
+        let Some(angle) = fields.real(word).filter(|angle| (0.1..=1.6).contains(angle)) else { return };
+        let degrees = (f64::from(angle).to_degrees() * 10.0).round() / 10.0;
+        let message = format!("{word} is {angle} degrees, which lights very little; it looks like an angle in radians");
+        let help = format!("in degrees that is {degrees}");
+        self.judge.report.push(Message::warning(Some(fields.span(word)), message).help(help));
+    }
+
     /// `eta` of a body that no ray enters.
     pub(super) fn doubt_eta(&mut self, fields: &Fields, clear: bool) {
         if fields.has("eta") && !clear {

@@ -141,6 +141,7 @@ impl Decoder<'_> {
                 .push(message.help("inner and outer make a smooth edge; exponent falls off from the axis on"));
             self.sound = false;
         }
+        self.doubt_degrees(f, "outer");
         Some(match f.real("exponent") {
             Some(exponent) => Falloff::Exponent { exponent, outer },
             None => Falloff::Smooth { inner: f.real("inner").unwrap_or(DEFAULT_INNER), outer },

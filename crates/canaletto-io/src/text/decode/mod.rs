@@ -21,6 +21,7 @@ use super::keep::Keep;
 use super::report::{Message, Report};
 use super::syntax::{self, Node};
 use crate::assets::Assets;
+use canaletto::material::{Material, Target};
 use canaletto::math::Rgb;
 use canaletto::scene::{self, Content, Scene, Stage, View};
 pub(crate) use fields::{Fields, Judge};
@@ -137,7 +138,7 @@ impl Decoder<'_> {
         let dark = !lit && self.scene.ambient == Rgb::BLACK && self.scene.integrator.stage > Stage::Unlit;
         if !has(false) {
             self.judge.report.push(Message::warning(None, "the scene has no objects"));
-        } else if dark && !has(true) {
+        } else if dark && !has(true) && !self.has_unlit_texture() {
             let message = Message::warning(None, "the scene has no lights, so everything in it is black");
             self.judge.report.push(message.help("for example: light \"omni\" { position 40 120 0 }"));
         }
@@ -152,6 +153,16 @@ impl Decoder<'_> {
                     .push(Message::warning(Some(value.span), format!("nothing uses the material \"{name}\"")));
             }
         }
+    }
+}
+
+impl Decoder<'_> {
+    /// Whether an object may show a texture's own colours, whatever light there is.
+    fn has_unlit_texture(&self) -> bool {
+        let unlit = |material: &Material| {
+            material.textures.iter().any(|texture| matches!(texture.target, Target::Replace | Target::Decal))
+        };
+        self.scene.materials.iter().zip(&self.used).any(|(material, used)| *used && unlit(material))
     }
 }
 

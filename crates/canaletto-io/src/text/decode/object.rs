@@ -2,6 +2,8 @@
 
 use super::Decoder;
 use super::fields::Fields;
+use crate::import::is_flat;
+use crate::text::report::Message;
 use crate::text::schema::{self, DEFAULT_CAPS, DEFAULT_TOP_RADIUS};
 use crate::text::syntax::Node;
 use canaletto::scene::{self, Content};
@@ -129,6 +131,12 @@ impl Decoder<'_> {
             && let Err(problem) = shape.check()
         {
             self.out_of_range(f, &problem);
+        }
+        if let Some(Shape::Triangle(Triangle { a, b, c, .. })) = near
+            && is_flat([a, b, c])
+        {
+            let message = "the triangle has no area: its corners lie on a line or at one place";
+            self.judge.report.push(Message::warning(Some(f.node.name_span), message));
         }
         Some(Content::Shape(shape))
     }

@@ -59,6 +59,7 @@ impl Decoder<'_> {
     fn ramp(&mut self, f: &Fields) -> Option<Ramp> {
         let opaque = |c: Rgb| [c.r, c.g, c.b, 1.0];
         if f.has("even") || f.has("odd") {
+            self.doubt_reflectance(f, &["even", "odd"]);
             let even = f.rgb("even").unwrap_or(Rgb::BLACK);
             let odd = f.rgb("odd").unwrap_or(Rgb::WHITE);
             let stops = vec![Stop { at: 0.0, color: opaque(even) }, Stop { at: 1.0, color: opaque(odd) }];
