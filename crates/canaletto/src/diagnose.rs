@@ -2,11 +2,16 @@
 //!
 //! Each [`Finding`] is a doubt, not an error. It is only told where all rays agree.
 
+mod brightness;
+
+pub use brightness::Reason;
+
 use crate::light::Source;
 use crate::math::Line;
 use crate::render::Job;
 use crate::scene::Stage;
 use crate::world::{Hit, World};
+use brightness::Brightness;
 use glam::DVec3;
 use std::fmt;
 
@@ -33,6 +38,16 @@ pub enum Finding {
         /// The object's name.
         object: String,
     },
+    /// All that is seen is black.
+    Black {
+        /// Why, as far as that is known.
+        reasons: Vec<Reason>,
+    },
+    /// All that is seen is brighter than white in all its colours.
+    White {
+        /// The least number of red, green and blue.
+        least: f32,
+    },
 }
 
 impl fmt::Display for Finding {
@@ -56,6 +71,21 @@ const MAX_POINTS: u32 = 16;
 /// What will keep the picture of this job from showing much of the world. The shutter's opening is judged, and lights and
 /// lenses are taken where they are then.
 pub fn diagnose(world: &World, job: &Job) -> Vec<Finding> {
+    let mut findings = doubts(world, job);
+    if findings.is_empty() {
+        let counted = job.counted_from(world);
+        // Explanations count from the scene's origin, as pictures do.
+        match brightness::judge(world, counted.as_ref().unwrap_or(job), job) {
+            Some(Brightness::Black(reasons)) if !reasons.is_empty() => findings.push(Finding::Black { reasons }),
+            Some(Brightness::White(least)) => findings.push(Finding::White { least }),
+            _ => {}
+        }
+    }
+    findings
+}
+
+/// What can be said without shading anything.
+fn doubts(world: &World, job: &Job) -> Vec<Finding> {
     let mut findings = Vec::new();
     if world.primitives() == 0 {
         return findings;
@@ -197,6 +227,61 @@ mod tests {
     }
 
     const AWAY: Vec3 = Vec3::new(0.0, 9.0, 9.0);
+
+    fn floor() -> Node {
+        Node::from(Shape::Plane(Plane { point: Vec3::NEG_Y, normal: Vec3::Y })).named("floor")
+    }
+
+    /// Why a ball on a floor is black in this light.
+    fn why_black(light: Light) -> Vec<Reason> {
+        let nodes = vec![ball(Vec3::ZERO, 1.0), floor(), Node::from(Light { name: Some("lamp".into()), ..light })];
+        match &findings([0.0, 1.0, 6.0], [0.0; 3], nodes)[..] {
+            [Finding::Black { reasons }] => reasons.clone(),
+            [] => Vec::new(),
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn a_black_picture_is_explained() {
+        let omni = |at: Vec3, light: f32| Light::new(LightKind::Omni(Omni::at(at)), Rgb::gray(light));
+        let blocked = Reason::LightBlocked { light: "lamp".into(), object: "floor".into() };
+        assert_eq!(why_black(omni(AWAY, 1.0)), [], "a lit scene");
+        assert_eq!(why_black(omni(Vec3::new(0.0, -5.0, 5.0), 1.0)), [Reason::LightBehind("lamp".into())]);
+        assert_eq!(why_black(omni(AWAY, 0.0)), [Reason::LightOff("lamp".into())]);
+        assert_eq!(why_black(omni(AWAY, 1e-9)), [Reason::LightDoesNotReach("lamp".into())]);
+        // A ball alone above the floor: from below it would be lit.
+        let below = vec![
+            ball(Vec3::new(0.0, 3.0, 0.0), 1.0),
+            floor(),
+            Node::from(Light { name: Some("lamp".into()), ..omni(Vec3::new(0.0, -5.0, 0.5), 1.0) }),
+        ];
+        let found = findings([0.0, 0.5, 3.0], [0.0, 3.0, 0.0], below);
+        assert_eq!(found, [Finding::Black { reasons: vec![blocked] }]);
+        let black = Phong { kd: Rgb::BLACK, ..Phong::default() };
+        let mirror = Phong { k: Rgb::WHITE, ..black };
+        let depth_one = |phong: Phong| {
+            let nodes = vec![ball(Vec3::ZERO, 1.0).with_material(0), lamp(AWAY)];
+            let scene = Scene { nodes, materials: vec![Material::new("m", phong)], ..Scene::default() };
+            let place = Extrinsics { eye: DVec3::Z * 5.0, center: DVec3::ZERO, up: DVec3::Y };
+            let camera = Camera::new(&Intrinsics::default(), &place).unwrap();
+            let settings = IntegratorSettings { max_depth: 1, ..IntegratorSettings::default() };
+            diagnose(&World::build(scene).unwrap(), &Job::new(camera, FilmSettings::default(), settings))
+        };
+        assert_eq!(depth_one(black), [Finding::Black { reasons: vec![Reason::BlackMaterial("m".into())] }]);
+        assert_eq!(depth_one(mirror), [Finding::Black { reasons: vec![Reason::NotFollowed] }]);
+        assert_eq!(depth_one(Phong::default()), []);
+    }
+
+    #[test]
+    fn a_white_picture_is_told() {
+        let lit = |light: f32| {
+            let lamp = Node::from(Light::new(LightKind::Omni(Omni::at(Vec3::new(0.0, 30.0, 90.0))), Rgb::gray(light)));
+            findings([0.0, 3.0, 6.0], [0.0, -1.0, 0.0], vec![floor(), lamp])
+        };
+        assert_eq!(lit(1.0), []);
+        assert!(matches!(lit(1000.0)[..], [Finding::White { least }] if least > 100.0), "{:?}", lit(1000.0));
+    }
 
     #[test]
     fn a_plain_scene_is_without_doubts() {

@@ -8,7 +8,7 @@ use crate::settings::Settings;
 use crate::source::{Reader, build};
 use crate::stdout::{print, print_json};
 use crate::words::{JSON_VERSION, short};
-use canaletto::diagnose::{Finding, diagnose};
+use canaletto::diagnose::{Finding, Reason, diagnose};
 use canaletto::glam::DVec3;
 use canaletto::render::Job;
 use canaletto::scene::{Scene, View};
@@ -191,8 +191,11 @@ fn doubts(name: &str, camera: &str, several: bool, world: &World, job: &Job) -> 
         let (message, help) = match finding {
             Finding::NothingInView { bounds, behind } => {
                 let [x, y, z] = job.camera.at(0.0).axes().map(|axis| axis.to_array())[2].map(|v| short(-v));
-                let place =
-                    if behind { "everything lies behind the eye" } else { "no ray from the eye meets anything" };
+                let place = if behind {
+                    format!("everything lies behind the eye, which looks along {x} {y} {z}")
+                } else {
+                    format!("no ray from the eye, which looks along {x} {y} {z}, meets anything")
+                };
                 let help = match bounds {
                     Some([low, high]) => {
                         let [low, middle, high] = [low, (low + high) / 2.0, high].map(point);
@@ -200,11 +203,19 @@ fn doubts(name: &str, camera: &str, several: bool, world: &World, job: &Job) -> 
                     }
                     None => "look down at what has no bounds, or turn the camera".into(),
                 };
-                (format!("the picture will be empty: {place}, which looks along {x} {y} {z}"), help)
+                (format!("the picture will be empty: {place}"), help)
             }
             Finding::EyeInside { object } => (
                 format!("the picture will be dark: the eye is inside {object}, which is opaque, and no light is there"),
                 "move eye out of it, put a light inside, or give it an opacity below 1".into(),
+            ),
+            Finding::Black { reasons } => {
+                let why: Vec<String> = reasons.iter().map(reason).collect();
+                (format!("everything in view is black: {}", why.join("; ")), cure(&reasons).into())
+            }
+            Finding::White { least } => (
+                format!("everything in view is white: its light is {} or more, and 1 is white", short(least.into())),
+                "lower ambient, or the intensity of the lights".into(),
             ),
             Finding::LightInside { light, object } => (
                 format!("{light} is inside {object}, which is opaque; nothing outside gets its light"),
@@ -217,9 +228,35 @@ fn doubts(name: &str, camera: &str, several: bool, world: &World, job: &Job) -> 
     all
 }
 
+fn reason(reason: &Reason) -> String {
+    match reason {
+        Reason::BlackMaterial(name) => format!("kd, ks and k of material \"{name}\" are 0"),
+        Reason::NotFollowed => "it is seen in mirrors and clear bodies only, which max-depth doesn't follow".into(),
+        Reason::LightOff(light) => format!("the intensity of {light} is 0"),
+        Reason::LightDoesNotReach(light) => format!("{light} doesn't reach it, or is too weak there"),
+        Reason::LightBehind(light) => format!("{light} is behind all surfaces"),
+        Reason::LightBlocked { light, object } => format!("{light} is hidden by {object}"),
+    }
+}
+
+/// What helps against the first reason, and an ambient light against most.
+fn cure(reasons: &[Reason]) -> &'static str {
+    match reasons.first() {
+        Some(Reason::BlackMaterial(_)) => "give it a kd, the share of light that it scatters: kd 0.8 0.8 0.8",
+        Some(Reason::NotFollowed) => "integrator \"whitted\" { max-depth 6 }",
+        Some(Reason::LightOff(_)) => "1 is full strength: intensity 1 1 1",
+        Some(Reason::LightDoesNotReach(_)) => "look at the light's cone, region, attenuation and intensity",
+        _ => "move the light to where the camera looks, or write ambient 0.2 0.2 0.2",
+    }
+}
+
 /// The numbers of a point, as they stand in a scene.
 fn point(p: DVec3) -> String {
-    p.to_array().map(|v| short(v).to_string()).join(" ")
+    let number = |v: f64| match short(v) {
+        v if v != 0.0 && !(1e-4..1e16).contains(&v.abs()) => format!("{v:e}"),
+        v => v.to_string(),
+    };
+    p.to_array().map(number).join(" ")
 }
 
 /// Frames that show what the frame before shows.
@@ -285,7 +322,10 @@ mod tests {
         assert_eq!(camera("eye 0 0 9"), "");
         let behind = "the picture will be empty: everything lies behind the eye, which looks along 0 0 1\n";
         assert_eq!(camera("eye 0 0 9; center 0 0 20"), behind);
-        assert!(camera("eye 0 0 9; center 9 0 0").contains("no ray from the eye meets anything"));
+        assert!(
+            camera("eye 0 0 9; center 9 0 0")
+                .contains("no ray from the eye, which looks along 0.707107 0 -0.707107, meets anything")
+        );
         assert!(camera("eye 0 0 0; center 0 0 20").contains("the eye is inside sphere #1"));
         assert!(camera("eye 0 0 9; fovy 1.05").contains("looks like an angle in radians"));
     }

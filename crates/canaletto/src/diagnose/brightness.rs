@@ -1,0 +1,190 @@
+//! Whether all that a picture shows is black, or brighter than white; and why it is black.
+
+use super::first_hit;
+use crate::explain::{HitNode, LightNode, Outcome, explain};
+use crate::integrator::Whitted;
+use crate::math::Rgb;
+use crate::render::{Job, PixelRenderer, stack_of};
+use crate::scene::{FilmSettings, Sampling, Transfer};
+use crate::world::World;
+use canaletto_bvh::with_stack;
+use std::collections::BTreeMap;
+
+/// What all things seen have in common.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Brightness {
+    /// They are black.
+    Black(Vec<Reason>),
+    /// They are brighter than white, at least this much.
+    White(f32),
+}
+
+/// A reason for things to be black.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Reason {
+    /// All materials seen reflect nothing: kd, ks and k are 0. One of them.
+    BlackMaterial(String),
+    /// All materials seen only mirror or let through, and such rays aren't followed.
+    NotFollowed,
+    /// A light has an intensity of 0.
+    LightOff(String),
+    /// A light's cone, region or attenuation leaves nothing for what is seen.
+    LightDoesNotReach(String),
+    /// A light is behind all surfaces seen.
+    LightBehind(String),
+    /// A light is hidden from all that is seen.
+    LightBlocked {
+        /// The light's name, or its kind and number.
+        light: String,
+        /// What hides it from most.
+        object: String,
+    },
+}
+
+/// Pixels that are looked at, each way. If all are black the second decides, since something small may be lit.
+const GRIDS: [[u32; 2]; 2] = [[32, 24], [128, 96]];
+/// The most rays that are followed for one of them.
+const MAX_RAYS: u64 = 1 << 18;
+/// The most shadow rays.
+const MAX_SHADOW_RAYS: u64 = 1 << 22;
+/// The most hits that are asked for reasons, and the most points of light they are asked about.
+const MAX_ASKED: usize = 24;
+const MAX_POINTS: u64 = 4096;
+/// The most lights that are told.
+const MAX_TOLD: usize = 4;
+/// How much brighter than white counts.
+const TOO_BRIGHT: f32 = 1.05;
+
+/// What is seen through some pixels: where something is met, and its colour.
+type Seen = Vec<([u32; 2], Rgb)>;
+
+/// Judges what a job shows, given also as counted from the world's origin. Nothing if it shows some of both, or if to find out
+/// takes long.
+pub(super) fn judge(world: &World, counted: &Job, job: &Job) -> Option<Brightness> {
+    let dark = dark_below(job.film.transfer);
+    let is_dark = |seen: &Seen| seen.iter().all(|(_, color)| color.max_component() < dark);
+    let seen = look(world, counted, GRIDS[0])?;
+    let least = seen.iter().map(|(_, c)| c.r.min(c.g).min(c.b)).fold(f32::INFINITY, f32::min);
+    if seen.is_empty() {
+        None
+    } else if least > TOO_BRIGHT {
+        Some(Brightness::White(least))
+    } else if is_dark(&seen) && is_dark(&look(world, counted, GRIDS[1])?) {
+        Some(Brightness::Black(reasons(world, job, &seen)))
+    } else {
+        None
+    }
+}
+
+/// The least light that an 8-bit file tells from black.
+fn dark_below(transfer: Transfer) -> f32 {
+    const HALF_A_STEP: f32 = 0.5 / 255.0;
+    match transfer {
+        Transfer::None => HALF_A_STEP,
+        // The curve's straight part.
+        Transfer::Srgb => HALF_A_STEP / 12.92,
+    }
+}
+
+/// The same job with one ray for each pixel.
+fn coarse(job: &Job) -> Job {
+    let film = FilmSettings { sampling: Sampling::Center, transfer: job.film.transfer, ..FilmSettings::default() };
+    let mut coarse = Job { film, ..job.clone() };
+    coarse.integrator.max_depth = job.integrator.max_depth.min(6);
+    coarse
+}
+
+fn look(world: &World, job: &Job, most: [u32; 2]) -> Option<Seen> {
+    let points: u64 = world.lights.iter().map(|light| u64::from(light.points())).sum();
+    if points * u64::from(most[0] * most[1]) > MAX_SHADOW_RAYS {
+        return None;
+    }
+    let coarse = coarse(job);
+    let [x, y, width, height] = job.window();
+    let (columns, rows) = (width.min(most[0]), height.min(most[1]));
+    let at = |index: u32, count: u32, side: u32| ((f64::from(index) + 0.5) / f64::from(count) * f64::from(side)) as u32;
+    let pixels = (0..rows).flat_map(|row| (0..columns).map(move |column| [column, row]));
+    let pixels = pixels.map(|[column, row]| [x + at(column, columns, width), y + at(row, rows, height)]);
+    let camera = job.camera.at(0.0);
+    let full_height = f64::from(camera.size()[1]);
+    let hits: Vec<[u32; 2]> = pixels
+        .filter(|[x, y]| {
+            let line = camera.line(f64::from(*x) + 0.5, full_height - f64::from(*y) - 0.5);
+            first_hit(world, &line).is_some()
+        })
+        .collect();
+    with_stack(stack_of(world, &coarse), || {
+        let too_many = |rays| rays > MAX_RAYS;
+        let mut whitted = Whitted::new(world, coarse.integrator).until(&too_many);
+        let mut renderer = PixelRenderer::new(&coarse);
+        let seen = hits.into_iter().map(|[x, y]| ([x, y], renderer.pixel(&mut whitted, x, y, &mut ()).0)).collect();
+        (!whitted.gave_up()).then_some(seen)
+    })
+}
+
+/// Why what is seen is black.
+fn reasons(world: &World, job: &Job, seen: &Seen) -> Vec<Reason> {
+    let points: u64 = world.lights.iter().map(|light| u64::from(light.points())).sum();
+    if points > MAX_POINTS {
+        return Vec::new();
+    }
+    let coarse = coarse(job);
+    let step = seen.len().div_ceil(MAX_ASKED).max(1);
+    let asked = seen.iter().step_by(step).filter_map(|([x, y], _)| explain(world, &coarse, *x, *y).ok());
+    let hits: Vec<HitNode> = asked
+        .flat_map(|tree| tree.samples)
+        .filter_map(|sample| if let Outcome::Hit(hit) = sample.ray.outcome { Some(*hit) } else { None })
+        .collect();
+    let is_black = |hit: &HitNode| hit.phong.kd == Rgb::BLACK && hit.phong.ks == Rgb::BLACK && hit.print.is_none();
+    if !hits.is_empty() && hits.iter().all(is_black) {
+        let goes_on = |hit: &HitNode| !hit.children.is_empty() || !hit.cut.is_empty();
+        return match hits.iter().find(|hit| !goes_on(hit)) {
+            Some(black) => vec![Reason::BlackMaterial(black.material.clone())],
+            None if hits.iter().all(|hit| hit.children.is_empty()) => vec![Reason::NotFollowed],
+            None => Vec::new(),
+        };
+    }
+    let off = world.lights.iter().enumerate().filter(|(_, source)| source.light.intensity == Rgb::BLACK);
+    let off: Vec<usize> = off.map(|(index, _)| index).collect();
+    let mut lights: BTreeMap<usize, Vec<&LightNode>> = BTreeMap::new();
+    for hit in &hits {
+        for (light, node) in numbered(world, hit) {
+            lights.entry(light).or_default().push(node);
+        }
+    }
+    let of = |(light, nodes): (usize, Vec<&LightNode>)| {
+        let name = nodes[0].light.clone();
+        if off.contains(&light) {
+            Reason::LightOff(name)
+        } else {
+            obstacle(name, &nodes, dark_below(job.film.transfer))
+        }
+    };
+    lights.into_iter().take(MAX_TOLD).map(of).collect()
+}
+
+/// A hit's lights with their numbers: one after the other, each with all its points.
+fn numbered<'a>(world: &World, hit: &'a HitNode) -> Vec<(usize, &'a LightNode)> {
+    let owners = world.lights.iter().enumerate().flat_map(|(i, source)| (0..source.points()).map(move |_| i));
+    owners.zip(&hit.lights).collect()
+}
+
+/// What keeps a light from most of what is seen.
+fn obstacle(light: String, nodes: &[&LightNode], dark: f32) -> Reason {
+    let (mut behind, mut far) = (0, 0);
+    let mut blocked: BTreeMap<&str, usize> = BTreeMap::new();
+    for node in nodes {
+        let blocker = node.blockers.iter().find(|blocker| blocker.opacity >= 1.0).or(node.blockers.first());
+        match blocker {
+            _ if node.n_dot_l <= 0.0 || node.behind => behind += 1,
+            _ if node.intensity.max_component() < dark => far += 1,
+            Some(blocker) => *blocked.entry(&blocker.object).or_default() += 1,
+            None => far += 1,
+        }
+    }
+    match blocked.into_iter().max_by_key(|(_, count)| *count) {
+        Some((object, count)) if count >= behind.max(far) => Reason::LightBlocked { light, object: object.into() },
+        _ if behind > far => Reason::LightBehind(light),
+        _ => Reason::LightDoesNotReach(light),
+    }
+}
