@@ -35,6 +35,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 use command::{check, compare, completions, explain, info, man, render};
 use exit::Exit;
 use failure::Failure;
+use std::io::Write;
 use std::process::ExitCode;
 
 #[global_allocator]
@@ -81,8 +82,14 @@ fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(e) => {
-            // Help, the version, or a wrong command line; a reader who stops reading is no failure.
-            let _ = e.print();
+            // Help, the version, or a wrong command line.
+            let printed = e.print().and_then(|()| std::io::stdout().flush());
+            if !e.use_stderr()
+                && let Err(failure) = stdout::check_open().and(printed.map_err(|e| Failure::stdout(&e)))
+            {
+                failure.print(false);
+                return failure.exit().into();
+            }
             return u8::try_from(e.exit_code()).map_or(Exit::Usage.into(), ExitCode::from);
         }
     };

@@ -407,6 +407,52 @@ fn compare_measures() {
 }
 
 #[test]
+fn light_that_is_seen_alike_is_not_equal() {
+    let folder = Folder::new();
+    // Both skies are white in a picture; in light one is twice the other.
+    for (name, sky) in [("a", "4"), ("b", "8")] {
+        folder.run(&format!("render s.kdl -q -o {name}.exr --aov depth --set background={sky}")).says(0, &[]);
+        folder.run(&format!("render s.kdl -q -o {name}.png --set background={sky} --max-depth 1")).says(0, &[]);
+    }
+    folder.run("compare a.exr b.exr -t differing=0").says(4, &["linear light differs unseen in", "by up to 4.000000"]);
+    let json: Value = serde_json::from_str(&folder.run("compare a.exr b.exr --json").out()).unwrap();
+    assert!(json["equal"] == false && json["unseen"]["max"] == 4.0, "{json}");
+    folder.run("compare a.png b.png").says(0, &["the pictures are equal"]);
+    folder.run("compare a.exr a.exr").says(0, &["the pictures are equal"]);
+    let json: Value = serde_json::from_str(&folder.run("compare a.exr a.exr --json").out()).unwrap();
+    assert!(json["equal"] == true && json["unseen"].is_null(), "{json}");
+    folder.run("compare a.exr b.exr --layer depth.Z").says(0, &["the layers \"depth.Z\" are equal"]);
+}
+
+#[test]
+fn several_scenes_replace_nothing_that_another_reads() {
+    let folder = Folder::new();
+    folder.run("render s.kdl -q -o two.png").says(0, &[]);
+    let before = fs::read(folder.path("two.png")).unwrap();
+    folder.write("two.kdl", SCENE);
+    folder.write("uses.kdl", &format!("{SCENE}\ntexture \"t\" file=\"two.png\"\n"));
+    folder.run("render two.kdl uses.kdl -q -o .").says(2, &["two.png would replace a file that is read"]);
+    assert_eq!(fs::read(folder.path("two.png")).unwrap(), before);
+    fs::create_dir(folder.path("out")).unwrap();
+    folder.run("render two.kdl uses.kdl -q -o out").says(0, &[]);
+    folder.run("render s.kdl -q -o out").says(0, &[]);
+    assert!(folder.path("out/s.png").is_file(), "a single scene goes into a folder, too");
+    folder.run("render s.kdl s.kdl -q -o out").says(2, &["two scenes would be rendered to out/s.png"]);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn help_that_nobody_gets_is_a_failure() {
+    let folder = Folder::new();
+    for arguments in ["--help", "--version", "help render", "info --help"] {
+        let full = fs::File::options().write(true).open("/dev/full").unwrap();
+        let status = folder.command(arguments).stdout(full).stderr(Stdio::null()).status().unwrap();
+        assert_eq!(status.code(), Some(1), "{arguments}");
+        folder.run(arguments).says(0, &[]);
+    }
+}
+
+#[test]
 fn check_tells_every_mistake_of_every_file() {
     let folder = Folder::new();
     folder.write("a.kdl", "sphre { radius 1 }\nlight \"omny\" { position 0 0 0 }\n");

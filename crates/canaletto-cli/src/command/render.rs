@@ -234,9 +234,19 @@ pub(crate) fn run(flags: &RenderFlags) -> Result<Exit, Failure> {
     if !flags.more.is_empty() {
         return on_threads(flags.source.threads, || several(flags))?;
     }
-    let task = Task::new(flags.clone())?;
+    let mut flags = flags.clone();
+    if let Some(folder) = flags.output.output.take_if(|output| output.is_dir() && output.extension().is_none()) {
+        flags.output.output = Some(in_folder(&flags, &folder, &flags.source.scene));
+    }
+    let threads = flags.source.threads;
+    let task = Task::new(flags)?;
     let outputs = task.outputs();
-    on_threads(flags.source.threads, || on_pool(task, &outputs))?
+    on_threads(threads, || on_pool(task, &outputs))?
+}
+
+/// The file of a scene's picture in a folder.
+fn in_folder(flags: &RenderFlags, folder: &Path, scene: &Path) -> PathBuf {
+    folder.join(flags.output.default_name(&stem(scene), flags.frames.is_some()))
 }
 
 /// Renders several scenes, each into a file of its own. One that is wrong doesn't stop the others; the exit code is that of
@@ -261,11 +271,10 @@ fn several(flags: &RenderFlags) -> Result<Exit, Failure> {
     for scene in [&flags.source.scene].into_iter().chain(&flags.more) {
         let mut own = RenderFlags { more: Vec::new(), ..flags.clone() };
         own.source.scene = scene.clone();
-        own.output.output =
-            folder.map(|folder| folder.join(own.output.default_name(&stem(scene), flags.frames.is_some())));
+        own.output.output = folder.map(|folder| in_folder(flags, folder, scene));
         match Task::new(own) {
             Ok(task) => {
-                if let Some(file) = task.outputs().iter().find(|file| outputs.contains(*file)) {
+                if let Some(file) = task.plan.all_files().find(|file| outputs.contains(file)) {
                     return Err(Failure::usage(format!("two scenes would be rendered to {}", file.display()))
                         .help("render them one by one, each with an --output of its own"));
                 }
@@ -277,6 +286,9 @@ fn several(flags: &RenderFlags) -> Result<Exit, Failure> {
         }
     }
     let outputs: Vec<PathBuf> = outputs.into_iter().collect();
+    if let Some(file) = replaced_before_it_is_read(&mut tasks, &outputs) {
+        return Err(replaced("--output", &file));
+    }
     for task in tasks {
         match on_pool(task, &outputs) {
             Ok(Exit::Interrupted) => return Ok(Exit::Interrupted),
@@ -285,6 +297,19 @@ fn several(flags: &RenderFlags) -> Result<Exit, Failure> {
         }
     }
     Ok(exit)
+}
+
+/// An output that would take the place of a file which a later scene reads. To know, all scenes are read once more, but only if
+/// an output is there already.
+fn replaced_before_it_is_read(tasks: &mut [Task], outputs: &[PathBuf]) -> Option<PathBuf> {
+    if !outputs.iter().any(|file| file.exists()) {
+        return None;
+    }
+    tasks.iter_mut().find_map(|task| {
+        // What is wrong with a scene is told when its turn comes.
+        let _ = task.reader.at(task.plan.frames.first);
+        task.reader.replaced_by(outputs.iter().cloned())
+    })
 }
 
 /// A scene's name without its extension.
