@@ -37,6 +37,21 @@ fn scenes(folder: &str) -> Vec<PathBuf> {
 }
 
 #[test]
+fn utf_16_is_named() {
+    for order in [u16::to_le_bytes, u16::to_be_bytes] {
+        for text in ["\u{feff}sphere { radius 1 }", "sphere { radius 1 }"] {
+            let bytes: Vec<u8> = text.encode_utf16().flat_map(order).collect();
+            let errors =
+                read_scene("s.kdl", &MemoryAssets::new().with("s.kdl", bytes)).expect_err("a mistake").to_string();
+            assert!(
+                errors.starts_with("s.kdl:1:1: error: the file is UTF-16 text, but scene text is UTF-8"),
+                "{errors}"
+            );
+        }
+    }
+}
+
+#[test]
 fn bad_scenes_get_their_messages() {
     let mut wrong = Vec::new();
     let assets = FolderAssets::new(repository().join("tests/bad")).expect("tests/bad");
