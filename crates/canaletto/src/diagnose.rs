@@ -57,6 +57,11 @@ impl fmt::Display for Finding {
             Finding::NothingInView { .. } => write!(f, "no ray from the eye meets anything"),
             Finding::EyeInside { object } => write!(f, "the eye is inside {object}, which is opaque"),
             Finding::LightInside { light, object } => write!(f, "{light} is inside {object}, which is opaque"),
+            Finding::Black { reasons } => {
+                let why: Vec<String> = reasons.iter().map(Reason::to_string).collect();
+                write!(f, "everything in view is black: {}", why.join("; "))
+            }
+            Finding::White { .. } => write!(f, "everything in view is brighter than white"),
         }
     }
 }

@@ -209,10 +209,7 @@ fn doubts(name: &str, camera: &str, several: bool, world: &World, job: &Job) -> 
                 format!("the picture will be dark: the eye is inside {object}, which is opaque, and no light is there"),
                 "move eye out of it, put a light inside, or give it an opacity below 1".into(),
             ),
-            Finding::Black { reasons } => {
-                let why: Vec<String> = reasons.iter().map(reason).collect();
-                (format!("everything in view is black: {}", why.join("; ")), cure(&reasons).into())
-            }
+            Finding::Black { ref reasons } => (finding.to_string(), cure(reasons).into()),
             Finding::White { least } => (
                 format!("everything in view is white: its light is {} or more, and 1 is white", short(least.into())),
                 "lower ambient, or the intensity of the lights".into(),
@@ -226,17 +223,6 @@ fn doubts(name: &str, camera: &str, several: bool, world: &World, job: &Job) -> 
         all.push(Diagnostic::warning(name, format!("{of}{message}")).help(help));
     }
     all
-}
-
-fn reason(reason: &Reason) -> String {
-    match reason {
-        Reason::BlackMaterial(name) => format!("kd, ks and k of material \"{name}\" are 0"),
-        Reason::NotFollowed => "it is seen in mirrors and clear bodies only, which max-depth doesn't follow".into(),
-        Reason::LightOff(light) => format!("the intensity of {light} is 0"),
-        Reason::LightDoesNotReach(light) => format!("{light} doesn't reach it, or is too weak there"),
-        Reason::LightBehind(light) => format!("{light} is behind all surfaces"),
-        Reason::LightBlocked { light, object } => format!("{light} is hidden by {object}"),
-    }
 }
 
 /// What helps against the first reason, and an ambient light against most.

@@ -9,6 +9,7 @@ use crate::scene::{FilmSettings, Sampling, Transfer};
 use crate::world::World;
 use canaletto_bvh::with_stack;
 use std::collections::BTreeMap;
+use std::fmt;
 
 /// What all things seen have in common.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,6 +22,7 @@ pub(super) enum Brightness {
 
 /// A reason for things to be black.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Reason {
     /// All materials seen reflect nothing: kd, ks and k are 0. One of them.
     BlackMaterial(String),
@@ -39,6 +41,21 @@ pub enum Reason {
         /// What hides it from most.
         object: String,
     },
+}
+
+impl fmt::Display for Reason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Reason::BlackMaterial(name) => write!(f, "kd, ks and k of material \"{name}\" are 0"),
+            Reason::NotFollowed => {
+                write!(f, "it is seen in mirrors and clear bodies only, which max-depth doesn't follow")
+            }
+            Reason::LightOff(light) => write!(f, "the intensity of {light} is 0"),
+            Reason::LightDoesNotReach(light) => write!(f, "{light} doesn't reach it, or is too weak there"),
+            Reason::LightBehind(light) => write!(f, "{light} is behind all surfaces"),
+            Reason::LightBlocked { light, object } => write!(f, "{light} is hidden by {object}"),
+        }
+    }
 }
 
 /// Pixels that are looked at, each way. If all are black the second decides, since something small may be lit.
