@@ -137,6 +137,9 @@ fn look(world: &World, job: &Job, most: [u32; 2]) -> Option<Seen> {
         let seen = hits.into_iter().map(|[x, y]| ([x, y], renderer.pixel(&mut whitted, x, y, &mut ()).0)).collect();
         (!whitted.gave_up()).then_some(seen)
     })
+    // Without threads there is no judgement; to render will say why.
+    .ok()
+    .flatten()
 }
 
 /// Why what is seen is black.
