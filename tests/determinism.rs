@@ -77,7 +77,7 @@ fn work_on_hierarchies_changes_no_bit() {
     let mesh = beams();
     let corners = |id: u32| mesh.corners(id as usize);
     for quality in [Quality::Medium, Quality::High] {
-        let mut triangles = Triangles::build_with(quality, mesh.triangles.len(), corners).unwrap();
+        let mut triangles = TriangleBvh::build_with(quality, mesh.triangles.len(), corners).unwrap();
         let built = triangles.statistics().sah_cost;
         triangles.refit(corners).unwrap();
         let whole = triangles.statistics().sah_cost;

@@ -1,7 +1,7 @@
 //! Rays through a million spheres and a million cylinders: ours and Embree's spheres and cones.
 
 use canaletto::shape::Cylinder;
-use canaletto_bvh::{Aabb, Asked, Met, PreparedRay, Ray, Round, Rounds, sphere};
+use canaletto_bvh::{Aabb, PreparedRay, Primitive, PrimitiveBvh, PrimitiveHit, Ray, UserPrimitive, sphere};
 use glam::Vec3;
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -14,22 +14,22 @@ use crate::say;
 
 /// Each cloud in a hierarchy, as worlds have them; cylinders are numbered after spheres.
 struct Ours {
-    spheres: Rounds,
-    cylinders: Rounds,
+    spheres: PrimitiveBvh,
+    cylinders: PrimitiveBvh,
 }
 
 fn build() -> Result<Ours, String> {
-    let grown = |rounds: Vec<(Aabb, Round)>| {
+    let grown = |rounds: Vec<(Aabb, Primitive)>| {
         let bounds: Vec<Aabb> = rounds.par_iter().map(|round| round.0).collect();
-        Rounds::build(&bounds, |id| rounds[id as usize].1).map_err(|e| e.to_string())
+        PrimitiveBvh::build(&bounds, |id| rounds[id as usize].1).map_err(|e| e.to_string())
     };
     let ball = |i| {
         let (center, radius) = sphere(i);
-        (sphere::bounds(center, radius), Round::Sphere { center, radius })
+        (sphere::bounds(center, radius), Primitive::Sphere { center, radius })
     };
     let stick = |i| {
         let (ends, radius) = cylinder(i);
-        (closed(ends, radius).bounds(), Round::Cylinder { ends, radius })
+        (closed(ends, radius).bounds(), Primitive::Cylinder { ends, radius })
     };
     Ok(Ours {
         spheres: grown((0..COUNT).into_par_iter().map(ball).collect())?,
@@ -42,14 +42,14 @@ fn closed([base, top]: [Vec3; 2], radius: f32) -> Cylinder {
 }
 
 /// The exact kernel of cylinders, as worlds use it.
-fn ask(Asked { ends, radius, .. }: Asked, ray: &PreparedRay, t_max: f32) -> Option<Met> {
+fn ask(UserPrimitive { ends, radius, .. }: UserPrimitive, ray: &PreparedRay, t_max: f32) -> Option<PrimitiveHit> {
     let cylinder = closed(ends, radius);
     let hit = cylinder.intersect(ray.ray(), t_max)?;
-    let t = ray.confine(&cylinder.bounds(), hit.t.into(), t_max)?;
-    Some(Met { part: hit.part, ..Met::before(t) })
+    let t = ray.clamp_to_box(&cylinder.bounds(), hit.t.into(), t_max)?;
+    Some(PrimitiveHit { part: hit.part, ..PrimitiveHit::none(t) })
 }
 
-fn none(_: Asked, _: &PreparedRay, _: f32) -> Option<Met> {
+fn none(_: UserPrimitive, _: &PreparedRay, _: f32) -> Option<PrimitiveHit> {
     None
 }
 
@@ -57,19 +57,19 @@ fn none(_: Asked, _: &PreparedRay, _: f32) -> Option<Met> {
 const CHUNK: usize = 256;
 
 /// Writes down what spheres were met; ties go to them.
-fn keep(first: usize, nearest: &mut [Met], out: &mut Hits<'_>) {
+fn keep(first: usize, nearest: &mut [PrimitiveHit], out: &mut Hits<'_>) {
     for (i, met) in nearest.iter_mut().enumerate() {
         let i = first + i;
         (out.t[i], out.id[i], out.u[i], out.v[i]) = (met.t, met.id, 0.0, 0.0);
-        met.id = if met.id == Met::NONE { Met::NONE } else { 0 };
+        met.id = if met.id == PrimitiveHit::NONE { PrimitiveHit::NONE } else { 0 };
     }
 }
 
 /// Writes down what cylinders are nearer.
-fn add(first: usize, nearest: &[Met], out: &mut Hits<'_>) {
+fn add(first: usize, nearest: &[PrimitiveHit], out: &mut Hits<'_>) {
     for (i, met) in nearest.iter().enumerate() {
         let i = first + i;
-        if met.t < out.t[i] || out.id[i] == Met::NONE && met.id != Met::NONE {
+        if met.t < out.t[i] || out.id[i] == PrimitiveHit::NONE && met.id != PrimitiveHit::NONE {
             (out.t[i], out.id[i]) = (met.t, COUNT as u32 + met.id);
         }
     }
@@ -80,7 +80,7 @@ impl Tracer for Ours {
         let (mut prepared, mut nearest) = (Vec::with_capacity(CHUNK), Vec::with_capacity(CHUNK));
         for (chunk, (rays, t_max)) in own.chunks(CHUNK).zip(t_max.chunks(CHUNK)).enumerate() {
             nearest.clear();
-            nearest.extend(t_max.iter().map(|&t_max| Met::before(t_max)));
+            nearest.extend(t_max.iter().map(|&t_max| PrimitiveHit::none(t_max)));
             if coherent {
                 self.spheres.intersect_coherent(rays, &mut nearest, &none);
                 keep(chunk * CHUNK, &mut nearest, out);

@@ -1,6 +1,6 @@
 //! Our side of the comparison: everything that uses the hierarchy's interface is in this file.
 
-use canaletto_bvh::{Nearest, Quality, Triangles};
+use canaletto_bvh::{PrimitiveHit, Quality, TriangleBvh};
 
 use super::mesh::Mesh;
 use super::rays::Run;
@@ -8,13 +8,13 @@ use super::trace::{Hits, Tracer};
 
 /// A mesh in our hierarchy.
 pub struct Ours {
-    triangles: Triangles,
+    triangles: TriangleBvh,
 }
 
 impl Ours {
     /// Builds it, on the current pool of threads.
     pub fn build(mesh: &Mesh, quality: Quality) -> Result<Self, String> {
-        let triangles = Triangles::build_with(quality, mesh.triangles.len(), |id| mesh.corners(id as usize))
+        let triangles = TriangleBvh::build_with(quality, mesh.triangles.len(), |id| mesh.corners(id as usize))
             .map_err(|e| e.to_string())?;
         Ok(Self { triangles })
     }
@@ -35,11 +35,11 @@ const CHUNK: usize = 1024;
 
 impl Tracer for Ours {
     fn closest(&self, Run { own, t_max, coherent, .. }: Run<'_>, out: &mut Hits<'_>) {
-        let mut nearest = [Nearest::before(0.0); CHUNK];
+        let mut nearest = [PrimitiveHit::none(0.0); CHUNK];
         for ((number, own), t_max) in own.chunks(CHUNK).enumerate().zip(t_max.chunks(CHUNK)) {
             let nearest = &mut nearest[..own.len()];
             for (nearest, t_max) in nearest.iter_mut().zip(t_max) {
-                *nearest = Nearest::before(*t_max);
+                *nearest = PrimitiveHit::none(*t_max);
             }
             if coherent {
                 self.triangles.intersect_coherent(own, nearest, false);

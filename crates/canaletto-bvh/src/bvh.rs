@@ -1,10 +1,11 @@
 //! The bounding volume hierarchy.
 
-use crate::build::{self, BuildError, Built, Items, Quality};
-use crate::node::{Child, Leaf, Node, Statistics, collapse};
-use crate::refit;
-use crate::traverse::{self, Any, Closest, ClosestOfMany};
-use crate::{Aabb, PreparedRay, WideRay, with_stack};
+use crate::build::collapse::collapse;
+use crate::build::refit;
+use crate::build::{self, BuildError, Built, PrimRefs, Quality};
+use crate::node::{Child, Leaf, Node};
+use crate::traverse::{self, AnyHitVisitor, ClosestVisitor, StreamVisitor};
+use crate::{Aabb, InflatedRay, PreparedRay, Statistics, with_stack};
 
 /// A tree of boxes over primitives that the caller keeps.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,8 +23,8 @@ impl Bvh {
     /// [`BuildError`] names the first box that is not finite or is empty, or says that there are too many.
     pub fn build(bounds: &[Aabb]) -> Result<Self, BuildError> {
         with_stack(build::STACK, || {
-            let items = Items::new(bounds.len(), |i| bounds[i])?;
-            let Built { nodes, order, bounds, .. } = build::build(items, 1, Quality::Medium);
+            let refs = PrimRefs::new(bounds.len(), |i| bounds[i])?;
+            let Built { nodes, order, bounds, .. } = build::build(refs, 1, Quality::Medium);
             Ok(Self { nodes: collapse(&nodes), order, bounds })
         })?
     }
@@ -39,13 +40,13 @@ impl Bvh {
         bounds: impl Fn(usize) -> Aabb + Sync,
         quality: Quality,
     ) -> Result<(Self, Blocks), BuildError> {
-        with_stack(build::STACK, || Ok(Self::over_blocks(Items::new(count, &bounds)?, quality)))?
+        with_stack(build::STACK, || Ok(Self::over_blocks(PrimRefs::new(count, &bounds)?, quality)))?
     }
 
     /// A primitive may come in several items; then it may be in several blocks.
-    pub(crate) fn over_blocks(items: Items<'_>, quality: Quality) -> (Self, Blocks) {
-        let built = build::build(items, build::MAX_LEAF, quality);
-        let Built { nodes: mut binary, mut order, bounds, copies } = built;
+    pub(crate) fn over_blocks(refs: PrimRefs<'_>, quality: Quality) -> (Self, Blocks) {
+        let built = build::build(refs, build::MAX_LEAF, quality);
+        let Built { nodes: mut binary, mut order, bounds, duplicates } = built;
         let mut leaves = Vec::new();
         for leaf in binary.iter_mut().filter(|node| node.is_leaf()) {
             let block = leaves.len() as u32;
@@ -54,7 +55,7 @@ impl Bvh {
             leaf.set(block, count);
         }
         let nodes = collapse(&binary);
-        (Self { nodes, order: Vec::new(), bounds }, Blocks { leaves, order, copies })
+        (Self { nodes, order: Vec::new(), bounds }, Blocks { leaves, order, duplicates })
     }
 
     /// From slot to primitive: the caller permutes its primitives into this order. Empty for a tree over blocks.
@@ -67,7 +68,7 @@ impl Bvh {
         self.bounds
     }
 
-    /// What the tree is like. Visits all nodes.
+    /// What the tree is like. TraversalStats all nodes.
     pub fn statistics(&self) -> Statistics {
         Statistics::of(&self.nodes, &self.bounds, self.order.len())
     }
@@ -80,7 +81,7 @@ impl Bvh {
     }
 
     #[inline]
-    pub(crate) fn closest(&self, ray: &PreparedRay, t_max: f32, leaf: impl Closest) -> f32 {
+    pub(crate) fn closest(&self, ray: &PreparedRay, t_max: f32, leaf: impl ClosestVisitor) -> f32 {
         traverse::closest(&self.nodes, ray, t_max, leaf)
     }
 
@@ -92,19 +93,19 @@ impl Bvh {
     }
 
     #[inline]
-    pub(crate) fn any(&self, ray: &PreparedRay, t_max: f32, leaf: impl Any) -> bool {
+    pub(crate) fn any(&self, ray: &PreparedRay, t_max: f32, leaf: impl AnyHitVisitor) -> bool {
         traverse::any(&self.nodes, ray, t_max, leaf)
     }
 
     /// [`Bvh::intersect`] for a ray with a margin. Not inlined, for callers that call themselves: the stack is large.
     #[inline(never)]
-    pub fn intersect_wide(&self, ray: &WideRay, t_max: f32, leaf: impl FnMut(Leaf, &mut f32)) {
+    pub fn intersect_inflated(&self, ray: &InflatedRay, t_max: f32, leaf: impl FnMut(Leaf, &mut f32)) {
         traverse::closest(&self.nodes, ray, t_max, leaf);
     }
 
     /// [`Bvh::occluded`] for a ray with a margin. Not inlined, either.
     #[inline(never)]
-    pub fn occluded_wide(&self, ray: &WideRay, t_max: f32, leaf: impl FnMut(Leaf) -> bool) -> bool {
+    pub fn occluded_inflated(&self, ray: &InflatedRay, t_max: f32, leaf: impl FnMut(Leaf) -> bool) -> bool {
         traverse::any(&self.nodes, ray, t_max, leaf)
     }
 
@@ -134,8 +135,8 @@ impl Bvh {
     }
 
     #[inline]
-    pub(crate) fn closest_of_many(&self, rays: &[PreparedRay], t_max: &mut [f32], leaf: impl ClosestOfMany) {
-        traverse::closest_of_many(&self.nodes, rays, t_max, leaf);
+    pub(crate) fn trace_stream(&self, rays: &[PreparedRay], t_max: &mut [f32], leaf: impl StreamVisitor) {
+        traverse::trace_stream(&self.nodes, rays, t_max, leaf);
     }
 }
 
@@ -158,7 +159,7 @@ pub struct Blocks {
     leaves: Vec<(u32, u32)>,
     order: Vec<u32>,
     /// See [`Built`].
-    pub(crate) copies: Vec<[u32; 2]>,
+    pub(crate) duplicates: Vec<[u32; 2]>,
 }
 
 impl Blocks {
@@ -317,7 +318,7 @@ mod tests {
                 let prepared: Vec<PreparedRay> = rays.iter().map(Ray::prepare).collect();
                 let mut t_max = vec![f32::INFINITY; rays.len()];
                 let mut best = vec![None; rays.len()];
-                bvh.closest_of_many(&prepared, &mut t_max, |index: usize, leaf: Leaf, t_max: &mut f32| {
+                bvh.trace_stream(&prepared, &mut t_max, |index: usize, leaf: Leaf, t_max: &mut f32| {
                     let ids = &bvh.order()[leaf.first() as usize..leaf.slots().end as usize];
                     if let Some(hit) = nearest(&scene, ids, &rays[index], *t_max)
                         && best[index].is_none_or(|best: crate::testing::Hit| hit.0 < best.0 || hit.3 < best.3)

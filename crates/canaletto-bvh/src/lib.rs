@@ -2,7 +2,7 @@
 //!
 //! This crate knows boxes, rays and ids, nothing of scenes. [`Bvh::build`] takes one box per primitive; the
 //! caller keeps the primitives, permuted by [`Bvh::order`], and answers for a range of them at each leaf. The
-//! kernels in [`triangle`] and [`sphere`] are what such an answer calls. [`Triangles`] and [`Rounds`] keep their
+//! kernels in [`triangle`] and [`sphere`] are what such an answer calls. [`TriangleBvh`] and [`PrimitiveBvh`] keep their
 //! primitives themselves, four of which are tested side by side.
 //!
 //! What holds everywhere:
@@ -44,43 +44,37 @@
 // The workspace denies `unsafe`. This is the one crate where modules allow it, for SIMD kernels and memory in large pages.
 
 mod aabb;
-mod block;
 mod build;
 mod bvh;
-mod cylinder;
-mod exact;
-mod kernel;
-mod lanes;
+mod hit;
 pub mod memory;
 mod node;
 #[cfg(test)]
 mod nonsense;
-mod packet;
+mod primitive;
+mod primitive_bvh;
 mod ray;
-mod refit;
-mod room;
-mod round;
-mod rounds;
+mod simd;
 mod slab;
-pub mod sphere;
+mod stack_space;
+mod statistics;
 #[cfg(test)]
 mod testing;
+mod traversal_stats;
 mod traverse;
-pub mod triangle;
-mod triangles;
-mod visits;
-mod wide;
+mod triangle_bvh;
 
 pub use aabb::Aabb;
 pub use build::{BuildError, Quality};
 pub use bvh::{Blocks, Bvh};
-pub use kernel::Kernel;
-pub use lanes::InstructionSet;
-pub use node::{Leaf, Statistics};
-pub use ray::{PreparedRay, Ray};
-pub use room::{NoThreads, with_stack};
-pub use round::{Ask, Asked, Met, Round};
-pub use rounds::Rounds;
-pub use triangles::{Nearest, Triangles};
-pub use visits::Visits;
-pub use wide::WideRay;
+pub use hit::PrimitiveHit;
+pub use node::Leaf;
+pub use primitive::primitive4::{Primitive, UserIntersect, UserPrimitive};
+pub use primitive::{sphere, triangle};
+pub use primitive_bvh::PrimitiveBvh;
+pub use ray::{InflatedRay, PreparedRay, Ray};
+pub use simd::{InstructionSet, Kernel};
+pub use stack_space::{NoThreads, with_stack};
+pub use statistics::Statistics;
+pub use traversal_stats::TraversalStats;
+pub use triangle_bvh::TriangleBvh;

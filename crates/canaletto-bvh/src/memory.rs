@@ -167,9 +167,9 @@ pub(crate) fn in_large_pages<T>(capacity: usize) -> Vec<T> {
 }
 
 /// What many threads make of the numbers below `count`, in large pages, with room for so many items more.
-pub(crate) fn collected<T: Send>(count: usize, room: usize, item: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
+pub(crate) fn collected<T: Send>(count: usize, room: usize, prim: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
     let mut list = in_large_pages(count + room);
-    (0..count).into_par_iter().with_min_len(1024).map(item).collect_into_vec(&mut list);
+    (0..count).into_par_iter().with_min_len(1024).map(prim).collect_into_vec(&mut list);
     list
 }
 

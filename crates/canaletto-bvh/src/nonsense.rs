@@ -6,10 +6,11 @@
 
 use glam::Vec3;
 
-use crate::round::Asked;
-use crate::testing::{Primitive, Random, zoo};
+use crate::primitive::primitive4::UserPrimitive;
+use crate::testing::{Random, TestPrimitive, zoo};
 use crate::{
-    Aabb, Bvh, InstructionSet, Leaf, Met, Nearest, PreparedRay, Quality, Ray, Round, Rounds, Triangles, WideRay, sphere,
+    Aabb, Bvh, InflatedRay, InstructionSet, Leaf, PreparedRay, Primitive, PrimitiveBvh, PrimitiveHit, Quality, Ray,
+    TriangleBvh, sphere,
 };
 
 const STRANGE: [f32; 20] = [
@@ -61,23 +62,23 @@ fn ends(random: &mut Random, count: usize) -> Vec<f32> {
 }
 
 /// Some of the zoo, and what reaches as far as numbers do.
-fn scenes(random: &mut Random) -> Vec<Vec<Primitive>> {
+fn scenes(random: &mut Random) -> Vec<Vec<TestPrimitive>> {
     let huge = |r: &mut Random| {
-        Primitive::Triangle([0; 3].map(|_| (r.vector() * 1.5).clamp(-Vec3::ONE, Vec3::ONE) * f32::MAX))
+        TestPrimitive::Triangle([0; 3].map(|_| (r.vector() * 1.5).clamp(-Vec3::ONE, Vec3::ONE) * f32::MAX))
     };
     let corner = |i: usize| Vec3::from([0, 1, 2].map(|axis| if i >> axis & 1 == 1 { f32::MAX } else { f32::MIN }));
-    let mut scenes: Vec<Vec<Primitive>> =
+    let mut scenes: Vec<Vec<TestPrimitive>> =
         zoo().into_iter().map(|(_, scene)| scene).filter(|scene| scene.len() < 250).collect();
     scenes.push((0..60).map(|_| huge(random)).collect());
-    scenes.push((0..64).map(|i| Primitive::Triangle([corner(i), corner(i / 2), corner(i / 3)])).collect());
-    scenes.push((0..40).map(|_| Primitive::Triangle([0; 3].map(|_| random.vector() * 1e-44))).collect());
+    scenes.push((0..64).map(|i| TestPrimitive::Triangle([corner(i), corner(i / 2), corner(i / 3)])).collect());
+    scenes.push((0..40).map(|_| TestPrimitive::Triangle([0; 3].map(|_| random.vector() * 1e-44))).collect());
     scenes
 }
 
-fn triangles(scene: &[Primitive]) -> Vec<[Vec3; 3]> {
-    let corners = |primitive: &Primitive| match *primitive {
-        Primitive::Triangle(corners) => corners,
-        Primitive::Sphere(center, radius) => [center, center + radius, center - Vec3::X * radius],
+fn triangles(scene: &[TestPrimitive]) -> Vec<[Vec3; 3]> {
+    let corners = |primitive: &TestPrimitive| match *primitive {
+        TestPrimitive::Triangle(corners) => corners,
+        TestPrimitive::Sphere(center, radius) => [center, center + radius, center - Vec3::X * radius],
     };
     scene.iter().map(corners).collect()
 }
@@ -94,13 +95,13 @@ fn triangles_and_nonsense() {
     for scene in scenes(random) {
         let corners = triangles(&scene);
         for quality in [Quality::Medium, Quality::High] {
-            let tree = Triangles::build_with(quality, corners.len(), |id| corners[id as usize]).unwrap();
+            let tree = TriangleBvh::build_with(quality, corners.len(), |id| corners[id as usize]).unwrap();
             let rays = rays(random, 700);
             let ends = ends(random, rays.len());
-            let mut expected: Option<Vec<Nearest>> = None;
+            let mut expected: Option<Vec<PrimitiveHit>> = None;
             for set in InstructionSet::available() {
                 set.limit();
-                let before: Vec<Nearest> = ends.iter().map(|&t_max| Nearest::before(t_max)).collect();
+                let before: Vec<PrimitiveHit> = ends.iter().map(|&t_max| PrimitiveHit::none(t_max)).collect();
                 let mut single = before.clone();
                 for (ray, nearest) in rays.iter().zip(&mut single) {
                     tree.intersect(&ray.prepare(), nearest, false);
@@ -116,9 +117,9 @@ fn triangles_and_nonsense() {
                 tree.occluded_coherent(&rays, &mut any_packets, false);
                 for (i, ray) in rays.iter().enumerate() {
                     let what = format!("{set:?} {ray:?} up to {}", ends[i]);
-                    let hit = all[i].id != Nearest::NONE;
+                    let hit = all[i].id != PrimitiveHit::NONE;
                     assert!(!hit || sensible(ray, all[i].t, ends[i]), "{what}: {:?}", all[i]);
-                    let bits = |nearest: &Nearest| format!("{nearest:?}");
+                    let bits = |nearest: &PrimitiveHit| format!("{nearest:?}");
                     for found in [&single[i], &stream[i], &packets[i]] {
                         assert_eq!(bits(found), bits(&all[i]), "{what}");
                     }
@@ -140,11 +141,11 @@ fn triangles_and_nonsense() {
 #[test]
 fn a_ray_without_an_end_hides_no_hit_of_its_neighbours() {
     let corners = [Vec3::new(-9.0, -9.0, 0.0), Vec3::new(9.0, -9.0, 0.0), Vec3::new(0.0, 9.0, 0.0)];
-    let triangles = Triangles::build(1, |_| corners).unwrap();
+    let triangles = TriangleBvh::build(1, |_| corners).unwrap();
     let (center, radius) = (Vec3::ZERO, 2.0);
-    let round = |id| if id == 0 { Round::Sphere { center, radius } } else { Round::Other };
-    let rounds = Rounds::build(&[sphere::bounds(center, radius); 6], round).unwrap();
-    let none = |_: Asked, _: &PreparedRay, _: f32| None;
+    let round = |id| if id == 0 { Primitive::Sphere { center, radius } } else { Primitive::User };
+    let rounds = PrimitiveBvh::build(&[sphere::bounds(center, radius); 6], round).unwrap();
+    let none = |_: UserPrimitive, _: &PreparedRay, _: f32| None;
     let rays: Vec<Ray> = (0..64)
         .map(|i| Ray::new(Vec3::new((i % 8) as f32 * 0.1, (i / 8) as f32 * 0.1, 5.0), Vec3::new(0.01, 0.02, -1.0)))
         .collect();
@@ -154,11 +155,11 @@ fn a_ray_without_an_end_hides_no_hit_of_its_neighbours() {
             let mut ends = vec![f32::INFINITY; 64];
             ends[place] = f32::NAN;
             ends[(place * 7 + 3) % 64] = f32::NAN;
-            let mut nearest: Vec<Nearest> = ends.iter().map(|&end| Nearest::before(end)).collect();
+            let mut nearest: Vec<PrimitiveHit> = ends.iter().map(|&end| PrimitiveHit::none(end)).collect();
             triangles.intersect_coherent(&rays, &mut nearest, false);
             let mut any = ends.clone();
             triangles.occluded_coherent(&rays, &mut any, false);
-            let mut met: Vec<Met> = ends.iter().map(|&end| Met::before(end)).collect();
+            let mut met: Vec<PrimitiveHit> = ends.iter().map(|&end| PrimitiveHit::none(end)).collect();
             rounds.intersect_coherent(&rays, &mut met, &none);
             let mut any_round = ends.clone();
             rounds.occluded_coherent(&rays, &mut any_round, &none);
@@ -177,18 +178,18 @@ fn a_ray_without_an_end_hides_no_hit_of_its_neighbours() {
 }
 
 /// Spheres, those of the scene and some of strange radii, and boxes.
-fn rounds(scene: &[Primitive]) -> (Vec<Aabb>, Vec<Round>) {
-    let round = |(i, primitive): (usize, &Primitive)| match *primitive {
-        Primitive::Sphere(center, radius) => (sphere::bounds(center, radius), Round::Sphere { center, radius }),
-        Primitive::Triangle(corners) => {
+fn rounds(scene: &[TestPrimitive]) -> (Vec<Aabb>, Vec<Primitive>) {
+    let round = |(i, primitive): (usize, &TestPrimitive)| match *primitive {
+        TestPrimitive::Sphere(center, radius) => (sphere::bounds(center, radius), Primitive::Sphere { center, radius }),
+        TestPrimitive::Triangle(corners) => {
             let bounds = Aabb::from_points(corners);
             let (center, radius) = (bounds.center(), STRANGE[i / 2 % STRANGE.len()]);
             let around = sphere::bounds(center, radius);
             if i % 2 == 1 || radius > 0.0 && !around.is_finite() {
-                return (bounds, Round::Other);
+                return (bounds, Primitive::User);
             }
             // One of no proper radius is met by nothing, wherever it is.
-            (if radius > 0.0 { around } else { bounds }, Round::Sphere { center, radius })
+            (if radius > 0.0 { around } else { bounds }, Primitive::Sphere { center, radius })
         }
     };
     scene.iter().enumerate().map(round).unzip()
@@ -200,19 +201,19 @@ fn rounds_and_nonsense() {
     let mut hits = 0;
     for scene in scenes(random) {
         let (bounds, kinds) = rounds(&scene);
-        let tree = Rounds::build(&bounds, |id| kinds[id as usize]).unwrap();
-        let exact = |asked: Asked, ray: &PreparedRay, t_max: f32| {
+        let tree = PrimitiveBvh::build(&bounds, |id| kinds[id as usize]).unwrap();
+        let exact = |asked: UserPrimitive, ray: &PreparedRay, t_max: f32| {
             // Something in the box, as far along as its middle.
             let bounds = &bounds[asked.id as usize];
             let t = (bounds.center() - ray.ray().origin).dot(ray.ray().direction);
-            ray.confine(bounds, t.into(), t_max).map(Met::before)
+            ray.clamp_to_box(bounds, t.into(), t_max).map(PrimitiveHit::none)
         };
         let rays = rays(random, 700);
         let ends = ends(random, rays.len());
         for set in InstructionSet::available() {
             set.limit();
             let prepared: Vec<PreparedRay> = rays.iter().map(Ray::prepare).collect();
-            let before: Vec<Met> = ends.iter().map(|&t_max| Met::before(t_max)).collect();
+            let before: Vec<PrimitiveHit> = ends.iter().map(|&t_max| PrimitiveHit::none(t_max)).collect();
             let (mut stream, mut packets) = (before.clone(), before.clone());
             tree.intersect_stream(&prepared, &mut stream, &exact);
             tree.intersect_coherent(&rays, &mut packets, &exact);
@@ -224,7 +225,7 @@ fn rounds_and_nonsense() {
                 let (mut single, mut few, mut all) = (before[i], before[i], before[i]);
                 tree.intersect(prepared, &mut single, &exact);
                 tree.intersect_brute_force(prepared, &mut all, &exact);
-                let hit = all.id != Met::NONE;
+                let hit = all.id != PrimitiveHit::NONE;
                 assert!(!hit || sensible(ray, all.t, ends[i]), "{what}: {all:?}");
                 if tree.is_few() {
                     tree.intersect_few(ray, &mut few, &exact);
@@ -250,23 +251,23 @@ fn rounds_and_nonsense() {
 fn kernels_that_tell_nonsense() {
     let random = &mut Random(73);
     for scene in scenes(random) {
-        let bounds: Vec<Aabb> = scene.iter().map(Primitive::bounds).collect();
+        let bounds: Vec<Aabb> = scene.iter().map(TestPrimitive::bounds).collect();
         let kind = |id: u32| {
             let Aabb { min, max } = bounds[id as usize];
             let radius = STRANGE[id as usize / 2 % STRANGE.len()];
-            [Round::Other, Round::Cylinder { ends: [min, max], radius }][id as usize % 2]
+            [Primitive::User, Primitive::Cylinder { ends: [min, max], radius }][id as usize % 2]
         };
-        let tree = Rounds::build(&bounds, kind).unwrap();
+        let tree = PrimitiveBvh::build(&bounds, kind).unwrap();
         let mut count = 0;
         let answers: Vec<f32> = (0..997).map(|_| strange(random)).collect();
         let told = std::sync::atomic::AtomicUsize::new(0);
-        let exact = |_: Asked, _: &PreparedRay, _: f32| {
-            Some(Met::before(answers[told.fetch_add(1, std::sync::atomic::Ordering::Relaxed) % answers.len()]))
+        let exact = |_: UserPrimitive, _: &PreparedRay, _: f32| {
+            Some(PrimitiveHit::none(answers[told.fetch_add(1, std::sync::atomic::Ordering::Relaxed) % answers.len()]))
         };
         let rays = rays(random, 300);
         for set in InstructionSet::available() {
             set.limit();
-            let before: Vec<Met> = ends(random, rays.len()).into_iter().map(Met::before).collect();
+            let before: Vec<PrimitiveHit> = ends(random, rays.len()).into_iter().map(PrimitiveHit::none).collect();
             let (mut stream, mut packets) = (before.clone(), before.clone());
             tree.intersect_stream(&rays.iter().map(Ray::prepare).collect::<Vec<_>>(), &mut stream, &exact);
             tree.intersect_coherent(&rays, &mut packets, &exact);
@@ -274,8 +275,8 @@ fn kernels_that_tell_nonsense() {
                 let mut single = before[i];
                 tree.intersect(&ray.prepare(), &mut single, &exact);
                 for met in [single, stream[i], packets[i]] {
-                    assert!(met.id == Met::NONE || met.t <= before[i].t, "{ray:?} {met:?} {:?}", before[i]);
-                    count += usize::from(met.id != Met::NONE);
+                    assert!(met.id == PrimitiveHit::NONE || met.t <= before[i].t, "{ray:?} {met:?} {:?}", before[i]);
+                    count += usize::from(met.id != PrimitiveHit::NONE);
                 }
             }
         }
@@ -288,13 +289,13 @@ fn boxes_margins_and_nonsense() {
     let random = &mut Random(74);
     let mut counts = [0; 2];
     for scene in scenes(random) {
-        let bounds: Vec<Aabb> = scene.iter().map(Primitive::bounds).collect();
+        let bounds: Vec<Aabb> = scene.iter().map(TestPrimitive::bounds).collect();
         let tree = Bvh::build(&bounds).unwrap();
         let ids = |leaf: Leaf| leaf.slots().map(|slot| tree.order()[slot as usize]);
         for n in 0..400 {
             let ray = Ray::new(strange_vector(random), strange_vector(random));
             let margin = [strange(random), 0.1][random.below(2)];
-            let (wide, prepared) = (WideRay::new(&ray, margin), ray.prepare());
+            let (wide, prepared) = (InflatedRay::new(&ray, margin), ray.prepare());
             let t_max = [f32::INFINITY, strange(random)][n % 2];
             let mut expected: Option<[Vec<u32>; 2]> = None;
             for set in InstructionSet::available() {
@@ -305,12 +306,12 @@ fn boxes_margins_and_nonsense() {
                     *t_max = if n % 5 == 0 { STRANGE[leaf.first() as usize % STRANGE.len()] } else { *t_max };
                     met[0].extend(ids(leaf));
                 });
-                tree.intersect_wide(&wide, t_max, |leaf, _| met[1].extend(ids(leaf)));
+                tree.intersect_inflated(&wide, t_max, |leaf, _| met[1].extend(ids(leaf)));
                 tree.occluded(&prepared, t_max, |leaf| {
                     met[2].extend(ids(leaf));
                     false
                 });
-                tree.occluded_wide(&wide, t_max, |leaf| {
+                tree.occluded_inflated(&wide, t_max, |leaf| {
                     met[3].extend(ids(leaf));
                     false
                 });
@@ -322,7 +323,7 @@ fn boxes_margins_and_nonsense() {
                 for (id, bounds) in (0..).zip(&bounds) {
                     assert!(any.contains(&id) || !prepared.enters(bounds, t_max), "{what} {bounds:?}");
                     // What is surely near: margins next to the last place of a sum, or to its overflow, may be told either way.
-                    let half = WideRay::new(&ray, margin * 0.5);
+                    let half = InflatedRay::new(&ray, margin * 0.5);
                     let sums = [ray.origin.abs(), bounds.min.abs(), bounds.max.abs()].map(|v| v + margin.abs());
                     let told =
                         margin == 0.0 || sums.iter().all(|sum| (sum * f32::EPSILON).max_element() < margin * 0.1);
@@ -359,11 +360,11 @@ fn strange_boxes_are_met_by_nothing() {
         for bounds in [Aabb { min, max }, Aabb::EMPTY, Aabb { min: Vec3::NAN, max: Vec3::NAN }] {
             let prepared = ray.prepare();
             assert!(bounds.is_empty() && !prepared.enters(&bounds, f32::INFINITY), "{ray:?} {bounds:?}");
-            assert!(!WideRay::new(&ray, f32::INFINITY).enters(&bounds, f32::INFINITY), "{ray:?} {bounds:?}");
-            assert_eq!(prepared.confine(&bounds, 1.0, f32::INFINITY), None);
+            assert!(!InflatedRay::new(&ray, f32::INFINITY).enters(&bounds, f32::INFINITY), "{ray:?} {bounds:?}");
+            assert_eq!(prepared.clamp_to_box(&bounds, 1.0, f32::INFINITY), None);
         }
         let all = Aabb { min: Vec3::splat(-9.0), max: Vec3::splat(9.0) };
-        assert_eq!(ray.prepare().confine(&all, f64::NAN, f32::INFINITY), None, "{ray:?}");
-        assert_eq!(ray.prepare().confine(&all, 1.0, f32::NAN), None, "{ray:?}");
+        assert_eq!(ray.prepare().clamp_to_box(&all, f64::NAN, f32::INFINITY), None, "{ray:?}");
+        assert_eq!(ray.prepare().clamp_to_box(&all, 1.0, f32::NAN), None, "{ray:?}");
     }
 }

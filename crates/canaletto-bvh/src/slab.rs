@@ -6,8 +6,8 @@
 //!   of a hit's t.
 //! - A ray that moves along no axis of the three gives no 0 × ∞ there: on an axis with direction 0 the origin is
 //!   compared with the slab, on an axis whose reciprocal would overflow or lose bits nothing is culled.
-//! - A kernel that has found a hit passes it through [`PreparedRay::confine`] with the primitive's own box. Each
-//!   rounding is monotone, so a box that holds another gets an interval that holds the other's: what `confine`
+//! - A kernel that has found a hit passes it through [`PreparedRay::clamp_to_box`] with the primitive's own box. Each
+//!   rounding is monotone, so a box that holds another gets an interval that holds the other's: what `clamp_to_box`
 //!   lets pass no ancestor in the tree can cull.
 
 use glam::Vec3;
@@ -22,7 +22,7 @@ pub(crate) type Boxes = [[[f32; WIDTH]; 3]; 2];
 
 /// 1 + 2⁻²⁰ ≥ 1 + 2γ(3), with slack.
 pub(crate) const INFLATE: f32 = 1.0 + 8.0 * f32::EPSILON;
-/// The slack that `confine` leaves to t; `INFLATE * DEFLATE` > 1 also after rounding.
+/// The slack that `clamp_to_box` leaves to t; `INFLATE * DEFLATE` > 1 also after rounding.
 pub(crate) const DEFLATE: f32 = 1.0 - 4.0 * f32::EPSILON;
 
 /// Up to where something must be entered to be worth a visit: nowhere, where `t_max` is NaN.
@@ -49,7 +49,7 @@ impl PreparedRay {
                     far = f32::NEG_INFINITY;
                 }
             } else if backwards.is_normal() {
-                let (first, second) = if self.way.octant >> axis & 1 == 0 { (low, high) } else { (high, low) };
+                let (first, second) = if self.axis_order.octant >> axis & 1 == 0 { (low, high) } else { (high, low) };
                 near = ((origin - first) * backwards).max(near);
                 far = ((origin - second) * backwards).min(far);
             }
@@ -92,7 +92,7 @@ impl PreparedRay {
     /// `t` is badly conditioned (a grazed triangle); then by as much as it takes; so that no tree over such boxes can lose it. `None` if the ray
     /// misses the box or the hit lies outside (0, t_max].
     #[inline]
-    pub fn confine(&self, bounds: &Aabb, t: f64, t_max: f32) -> Option<f32> {
+    pub fn clamp_to_box(&self, bounds: &Aabb, t: f64, t_max: f32) -> Option<f32> {
         let (near, far) = self.clip(bounds).filter(|_| !bounds.is_empty())?;
         // In these orders, a `t` that is NaN stays, which is no hit.
         let t = max(near * DEFLATE, min(far, t as f32));
@@ -101,12 +101,12 @@ impl PreparedRay {
 }
 
 impl PreparedRay {
-    /// [`PreparedRay::confine`] for a triangle whose t leads to one of its points as closely as [`crate::triangle`] says: moved back only to
+    /// [`PreparedRay::clamp_to_box`] for a triangle whose t leads to one of its points as closely as [`crate::triangle`] says: moved back only to
     /// the farthest corner along the longest axis, since a shorter one may move it by as much as it likes, off the triangle's other parts.
     #[inline]
-    pub(crate) fn confine_to_triangle(&self, bounds: &Aabb, t: f64, t_max: f32) -> Option<f32> {
+    pub(crate) fn clamp_to_triangle(&self, bounds: &Aabb, t: f64, t_max: f32) -> Option<f32> {
         let (near, _) = self.clip(bounds)?;
-        let longest = self.way.rows[2];
+        let longest = self.axis_order.rows[2];
         let cross = |corner: &Vec3| (self.origin(longest) - longest.of(corner)) * self.along;
         let last = max(cross(&bounds.min), cross(&bounds.max)) * INFLATE;
         let mut t = t as f32;
@@ -184,17 +184,17 @@ mod tests {
     #[test]
     fn a_hit_is_confined_to_its_box() {
         let b = Aabb { min: Vec3::ONE, max: Vec3::splat(2.0) };
-        let confine = |d, t, t_max| Ray::new(Vec3::ZERO, d).prepare().confine(&b, t, t_max);
-        assert_eq!(confine(Vec3::ONE, 1.5, 2.0), Some(1.5));
-        assert_eq!(confine(Vec3::ONE, 1.5, 1.5), Some(1.5));
-        assert_eq!(confine(Vec3::ONE, 1.5, 1.4), None);
+        let clamp_to_box = |d, t, t_max| Ray::new(Vec3::ZERO, d).prepare().clamp_to_box(&b, t, t_max);
+        assert_eq!(clamp_to_box(Vec3::ONE, 1.5, 2.0), Some(1.5));
+        assert_eq!(clamp_to_box(Vec3::ONE, 1.5, 1.5), Some(1.5));
+        assert_eq!(clamp_to_box(Vec3::ONE, 1.5, 1.4), None);
         // Outside of the box by rounding, or by nonsense.
-        assert_eq!(confine(Vec3::ONE, f64::from(1.0_f32.next_down()), 2.0), Some(1.0_f32.next_down()));
+        assert_eq!(clamp_to_box(Vec3::ONE, f64::from(1.0_f32.next_down()), 2.0), Some(1.0_f32.next_down()));
         for (nonsense, least) in [(-9.0, 1.0), (9.0, 2.0)] {
-            assert!((confine(Vec3::ONE, nonsense, 9.0).unwrap() / least - 1.0).abs() < 2e-6);
+            assert!((clamp_to_box(Vec3::ONE, nonsense, 9.0).unwrap() / least - 1.0).abs() < 2e-6);
         }
-        assert_eq!(confine(-Vec3::ONE, 1.5, 9.0), None);
-        assert_eq!(confine(Vec3::new(1.0, 1.0, 3.0), 1.5, 9.0), None);
+        assert_eq!(clamp_to_box(-Vec3::ONE, 1.5, 9.0), None);
+        assert_eq!(clamp_to_box(Vec3::new(1.0, 1.0, 3.0), 1.5, 9.0), None);
     }
 
     #[test]
@@ -202,11 +202,11 @@ mod tests {
         // Left through the top at t = 1.2, while the last corner along the longest axis is at 2.
         let b = Aabb { min: Vec3::X, max: Vec3::new(2.0, 0.9, 2.0) };
         let ray = Ray::new(Vec3::ZERO, Vec3::new(1.0, 0.75, 0.5)).prepare();
-        assert_eq!(ray.confine_to_triangle(&b, 1.5, 9.0), Some(1.5));
-        assert_eq!(ray.confine_to_triangle(&b, 1.5, 1.4), None);
-        let last = ray.confine_to_triangle(&b, 9.0, 9.0).unwrap();
+        assert_eq!(ray.clamp_to_triangle(&b, 1.5, 9.0), Some(1.5));
+        assert_eq!(ray.clamp_to_triangle(&b, 1.5, 1.4), None);
+        let last = ray.clamp_to_triangle(&b, 9.0, 9.0).unwrap();
         assert!((2.0..2.0 * (1.0 + 2e-6)).contains(&last), "{last}");
-        let first = ray.confine_to_triangle(&b, -9.0, 9.0).unwrap();
+        let first = ray.clamp_to_triangle(&b, -9.0, 9.0).unwrap();
         assert!((1.0 - 1e-6..=1.0).contains(&first), "{first}");
     }
 }

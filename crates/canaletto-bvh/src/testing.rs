@@ -3,7 +3,7 @@
 
 use glam::{Vec3, Vec3Swizzles};
 
-use crate::triangle::{self, Triangle};
+use crate::primitive::triangle::{self, Triangle};
 use crate::{Aabb, Bvh, PreparedRay, Ray, sphere};
 
 /// Marsaglia's xorshift.
@@ -32,7 +32,7 @@ impl Random {
 }
 
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Primitive {
+pub(crate) enum TestPrimitive {
     Triangle([Vec3; 3]),
     Sphere(Vec3, f32),
 }
@@ -40,7 +40,7 @@ pub(crate) enum Primitive {
 /// A hit: t, u, v and the primitive.
 pub(crate) type Hit = (f32, f32, f32, u32);
 
-impl Primitive {
+impl TestPrimitive {
     pub(crate) fn bounds(&self) -> Aabb {
         match *self {
             Self::Triangle(vertices) => Aabb::from_points(vertices),
@@ -65,12 +65,12 @@ impl Primitive {
     }
 }
 
-pub(crate) fn tree(scene: &[Primitive]) -> Bvh {
-    Bvh::build(&scene.iter().map(Primitive::bounds).collect::<Vec<_>>()).unwrap()
+pub(crate) fn tree(scene: &[TestPrimitive]) -> Bvh {
+    Bvh::build(&scene.iter().map(TestPrimitive::bounds).collect::<Vec<_>>()).unwrap()
 }
 
 /// The nearest hit, of equally near ones that of the lowest id.
-pub(crate) fn nearest(scene: &[Primitive], ids: &[u32], ray: &Ray, t_max: f32) -> Option<Hit> {
+pub(crate) fn nearest(scene: &[TestPrimitive], ids: &[u32], ray: &Ray, t_max: f32) -> Option<Hit> {
     let ray = ray.prepare();
     let mut best: Option<Hit> = None;
     for &id in ids {
@@ -85,7 +85,7 @@ pub(crate) fn nearest(scene: &[Primitive], ids: &[u32], ray: &Ray, t_max: f32) -
 }
 
 /// The same through the tree, and the leaves in the order of visits.
-pub(crate) fn nearest_in_tree(scene: &[Primitive], bvh: &Bvh, ray: &Ray, t_max: f32) -> (Option<Hit>, Vec<u32>) {
+pub(crate) fn nearest_in_tree(scene: &[TestPrimitive], bvh: &Bvh, ray: &Ray, t_max: f32) -> (Option<Hit>, Vec<u32>) {
     let mut best: Option<Hit> = None;
     let mut visits = Vec::new();
     bvh.intersect(&ray.prepare(), t_max, |leaf, t_max| {
@@ -102,13 +102,13 @@ pub(crate) fn nearest_in_tree(scene: &[Primitive], bvh: &Bvh, ray: &Ray, t_max: 
 }
 
 /// A ray that is likely to meet something, and likely to be an awkward one.
-pub(crate) fn awkward_ray(scene: &[Primitive], random: &mut Random) -> Ray {
+pub(crate) fn awkward_ray(scene: &[TestPrimitive], random: &mut Random) -> Ray {
     let bounds = scene[random.below(scene.len())].bounds();
     let other = scene[random.below(scene.len())].bounds();
     let corner = |b: &Aabb, r: &mut Random| Vec3::from_array([0, 1, 2].map(|i| [b.min[i], b.max[i]][r.below(2)]));
     let target = match (scene[random.below(scene.len())], random.below(3)) {
-        (Primitive::Triangle(vertices), 0) => vertices[random.below(3)],
-        (Primitive::Triangle([a, b, _]), 1) => a + (b - a) * (0.5 + 0.5 * random.signed()),
+        (TestPrimitive::Triangle(vertices), 0) => vertices[random.below(3)],
+        (TestPrimitive::Triangle([a, b, _]), 1) => a + (b - a) * (0.5 + 0.5 * random.signed()),
         _ => corner(&bounds, random),
     };
     let size = (bounds.max - bounds.min).max_element().max((target - other.center()).length());
@@ -138,8 +138,8 @@ pub(crate) fn awkward_ray(scene: &[Primitive], random: &mut Random) -> Ray {
         }
         // From a vertex of another, in whose plane it may be.
         4 => match scene[random.below(scene.len())] {
-            Primitive::Triangle([origin, ..]) => Ray::new(origin, target - origin),
-            Primitive::Sphere(origin, radius) => Ray::new(origin + Vec3::X * radius, target - origin),
+            TestPrimitive::Triangle([origin, ..]) => Ray::new(origin, target - origin),
+            TestPrimitive::Sphere(origin, radius) => Ray::new(origin + Vec3::X * radius, target - origin),
         },
         _ => {
             let origin = other.center() + random.vector() * size;
@@ -148,28 +148,28 @@ pub(crate) fn awkward_ray(scene: &[Primitive], random: &mut Random) -> Ray {
     }
 }
 
-fn triangle(center: Vec3, size: Vec3, random: &mut Random) -> Primitive {
-    Primitive::Triangle([0; 3].map(|_| center + size * random.vector()))
+fn triangle(center: Vec3, size: Vec3, random: &mut Random) -> TestPrimitive {
+    TestPrimitive::Triangle([0; 3].map(|_| center + size * random.vector()))
 }
 
 /// Named scenes: soups and the inputs that trees are bad at.
-pub(crate) fn zoo() -> Vec<(&'static str, Vec<Primitive>)> {
+pub(crate) fn zoo() -> Vec<(&'static str, Vec<TestPrimitive>)> {
     let random = &mut Random(1);
     let mut zoo = Vec::new();
-    let mut add = |name, n: usize, make: &mut dyn FnMut(usize, &mut Random) -> Primitive| {
+    let mut add = |name, n: usize, make: &mut dyn FnMut(usize, &mut Random) -> TestPrimitive| {
         zoo.push((name, (0..n).map(|i| make(i, random)).collect::<Vec<_>>()));
     };
     for n in [1, 2, 3, 4, 5, 9] {
         add("few", n, &mut |_, r| triangle(r.vector(), Vec3::splat(0.5), r));
     }
     add("triangles", 400, &mut |_, r| triangle(r.vector(), Vec3::splat(0.2), r));
-    add("spheres", 300, &mut |_, r| Primitive::Sphere(r.vector(), 0.1 + 0.09 * r.signed()));
+    add("spheres", 300, &mut |_, r| TestPrimitive::Sphere(r.vector(), 0.1 + 0.09 * r.signed()));
     add("mixed", 300, &mut |i, r| match i % 2 {
         0 => triangle(r.vector(), Vec3::splat(0.3), r),
-        _ => Primitive::Sphere(r.vector(), 0.1),
+        _ => TestPrimitive::Sphere(r.vector(), 0.1),
     });
-    add("identical", 100, &mut |_, _| Primitive::Triangle([Vec3::X, Vec3::Y, Vec3::Z]));
-    add("same center", 100, &mut |i, _| Primitive::Sphere(Vec3::ONE, 0.01 * (i + 1) as f32));
+    add("identical", 100, &mut |_, _| TestPrimitive::Triangle([Vec3::X, Vec3::Y, Vec3::Z]));
+    add("same center", 100, &mut |i, _| TestPrimitive::Sphere(Vec3::ONE, 0.01 * (i + 1) as f32));
     add("flat in z", 200, &mut |_, r| triangle(r.vector() * Vec3::new(1.0, 1.0, 0.0), Vec3::new(0.3, 0.3, 0.0), r));
     add("flat in x, off the origin", 200, &mut |_, r| {
         triangle(Vec3::new(0.7, r.signed(), r.signed()), Vec3::new(0.0, 0.3, 0.3), r)
@@ -180,13 +180,13 @@ pub(crate) fn zoo() -> Vec<(&'static str, Vec<Primitive>)> {
     });
     let [p, q] = [Vec3::new(812_345.0, 3_421.0, -234_567.0), Vec3::new(-98_765.0, 534_231.0, 77_777.0)];
     add("in a slanted plane", 200, &mut |_, r| {
-        Primitive::Triangle([0; 3].map(|_| p * r.below(9) as f32 + q * r.below(9) as f32))
+        TestPrimitive::Triangle([0; 3].map(|_| p * r.below(9) as f32 + q * r.below(9) as f32))
     });
     add("in a line", 300, &mut |i, r| triangle(Vec3::X * i as f32, Vec3::splat(0.6), r));
     add("needles", 200, &mut |_, r| triangle(r.vector(), Vec3::new(1.0, 1e-6, 1e-6), r));
     add("points and segments", 60, &mut |i, r| {
         let [a, b] = [r.vector(), r.vector()];
-        Primitive::Triangle([a, b, [a, b, 0.5 * (a + b)][i % 3]])
+        TestPrimitive::Triangle([a, b, [a, b, 0.5 * (a + b)][i % 3]])
     });
     add("1e-30", 200, &mut |_, r| triangle(r.vector() * 1e-30, Vec3::splat(2e-31), r));
     add("1e30", 200, &mut |_, r| triangle(r.vector() * 1e30, Vec3::splat(2e29), r));
@@ -203,8 +203,8 @@ pub(crate) fn zoo() -> Vec<(&'static str, Vec<Primitive>)> {
         let at = |x: usize, z: usize| Vec3::new(x as f32 - 5.0, 0.0, z as f32 - 5.0);
         let (x, z) = (i / 2 % 10, i / 20);
         match i % 2 {
-            0 => Primitive::Triangle([at(x, z), at(x + 1, z), at(x + 1, z + 1)]),
-            _ => Primitive::Triangle([at(x, z), at(x + 1, z + 1), at(x, z + 1)]),
+            0 => TestPrimitive::Triangle([at(x, z), at(x + 1, z), at(x + 1, z + 1)]),
+            _ => TestPrimitive::Triangle([at(x, z), at(x + 1, z + 1), at(x, z + 1)]),
         }
     });
     zoo

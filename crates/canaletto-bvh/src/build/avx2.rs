@@ -4,8 +4,8 @@
 
 use std::arch::x86_64::*;
 
-use super::bins::{Bins, Grid, MAX_BINS, Plan};
-use super::item::{Box8, Centers, Item};
+use super::binning::{Bins, Grid, MAX_BINS, Plan};
+use super::prim_ref::{Box8, Centers, PrimRef};
 
 /// The bins along each axis.
 #[inline]
@@ -52,22 +52,22 @@ fn four(numbers: &[f32; 4]) -> __m128 {
 
 /// Adds the items to the bins.
 #[target_feature(enable = "avx2,bmi1,bmi2")]
-pub(super) fn fill(all: &mut Bins, items: &[Item], grid: &Grid) {
+pub(super) fn fill(all: &mut Bins, refs: &[PrimRef], grid: &Grid) {
     // Neighbours often fall into one bin, which then would have to wait for itself.
-    if items.len() >= APART {
+    if refs.len() >= APART {
         let mut other = Bins::EMPTY;
-        let (pairs, last) = items.as_chunks();
+        let (pairs, last) = refs.as_chunks();
         for [one, two] in pairs {
             add(all, one, grid);
             add(&mut other, two, grid);
         }
-        for item in last {
-            add(all, item, grid);
+        for prim in last {
+            add(all, prim, grid);
         }
         all.join(&other, grid.bins);
     } else {
-        for item in items {
-            add(all, item, grid);
+        for prim in refs {
+            add(all, prim, grid);
         }
     }
 }
@@ -77,11 +77,11 @@ const APART: usize = 256;
 
 #[inline]
 #[target_feature(enable = "avx2,bmi1,bmi2")]
-fn add(all: &mut Bins, item: &Item, grid: &Grid) {
+fn add(all: &mut Bins, prim: &PrimRef, grid: &Grid) {
     let (origin, scale) = (four(&grid.origin), four(&grid.scale));
     let [xs, ys, zs] = &mut all.boxes;
     let [nx, ny, nz] = &mut all.counts;
-    let bounds = load(item.bounds());
+    let bounds = load(prim.bounds());
     let bins = bins(center(bounds), origin, scale);
     let xy = _mm_cvtsi128_si64(bins) as u64;
     let x = xy as usize & (MAX_BINS - 1);
@@ -97,36 +97,36 @@ fn add(all: &mut Bins, item: &Item, grid: &Grid) {
 
 /// Moves the items that go left to the front.
 #[target_feature(enable = "avx2,bmi1,bmi2")]
-pub(super) fn part(items: &mut [Item], plan: &Plan) -> (usize, [Centers; 2]) {
+pub(super) fn part(refs: &mut [PrimRef], plan: &Plan) -> (usize, [Centers; 2]) {
     let (origin, scale) = (four(&plan.grid.origin), four(&plan.grid.scale));
     let end = _mm_set1_epi32(plan.bin as i32);
-    part_by(items, plan.axis, |center| _mm_castsi128_ps(_mm_cmpgt_epi32(end, bins(center, origin, scale))))
+    part_by(refs, plan.axis, |center| _mm_castsi128_ps(_mm_cmpgt_epi32(end, bins(center, origin, scale))))
 }
 
 /// The same where those go left whose centers lie below a limit.
 #[target_feature(enable = "avx2,bmi1,bmi2")]
-pub(super) fn part_below(items: &mut [Item], axis: usize, limit: f32) -> (usize, [Centers; 2]) {
+pub(super) fn part_below(refs: &mut [PrimRef], axis: usize, limit: f32) -> (usize, [Centers; 2]) {
     let limit = _mm_set1_ps(limit);
-    part_by(items, axis, |center| _mm_cmplt_ps(center, limit))
+    part_by(refs, axis, |center| _mm_cmplt_ps(center, limit))
 }
 
 /// `below` tells for each axis whether a center lies on the left.
 #[inline]
 #[target_feature(enable = "avx2,bmi1,bmi2")]
-fn part_by(items: &mut [Item], axis: usize, below: impl Fn(__m128) -> __m128) -> (usize, [Centers; 2]) {
+fn part_by(refs: &mut [PrimRef], axis: usize, below: impl Fn(__m128) -> __m128) -> (usize, [Centers; 2]) {
     let none = _mm256_set1_ps(f32::NEG_INFINITY);
     let (mut a, mut b) = (none, none);
     let mut border = 0;
-    for i in 0..items.len() {
-        let item = items[i];
-        let center = center(load(item.bounds()));
+    for i in 0..refs.len() {
+        let prim = refs[i];
+        let center = center(load(prim.bounds()));
         let left = _mm_movemask_ps(below(center)) as usize >> axis & 1;
         let corners = _mm256_insertf128_ps::<1>(_mm256_castps128_ps256(_mm_xor_ps(center, _mm_set1_ps(-0.0))), center);
         let goes_left = _mm256_castsi256_ps(_mm256_set1_epi32(-(left as i32)));
         a = _mm256_max_ps(_mm256_blendv_ps(none, corners, goes_left), a);
         b = _mm256_max_ps(_mm256_blendv_ps(corners, none, goes_left), b);
-        items[i] = items[border];
-        items[border] = item;
+        refs[i] = refs[border];
+        refs[border] = prim;
         border += left;
     }
     let centers = |corners: __m256| {

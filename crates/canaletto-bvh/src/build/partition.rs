@@ -4,37 +4,40 @@
 use rayon::prelude::*;
 
 use super::CHUNK;
-use super::bins::Plan;
-use super::item::{Centers, Item};
+use super::binning::Plan;
+use super::prim_ref::{Centers, PrimRef};
 use crate::InstructionSet;
 
 /// Moves the items that go left to the front and tells how many they are, and the boxes around the centers of both
 /// sides.
-pub(super) fn partition(items: &mut [Item], plan: &Plan) -> (usize, [Centers; 2]) {
-    all(items, |items| part(items, plan))
+pub(super) fn partition(refs: &mut [PrimRef], plan: &Plan) -> (usize, [Centers; 2]) {
+    all(refs, |refs| part(refs, plan))
 }
 
 /// The same where those items go left whose centers lie below a limit.
-pub(super) fn below(items: &mut [Item], axis: usize, limit: f32) -> usize {
-    all(items, |items| part_below(items, axis, limit)).0
+pub(super) fn below(refs: &mut [PrimRef], axis: usize, limit: f32) -> usize {
+    all(refs, |refs| part_below(refs, axis, limit)).0
 }
 
 /// Parts all items by a way to part some.
-fn all(items: &mut [Item], part: impl Fn(&mut [Item]) -> (usize, [Centers; 2]) + Sync + Send) -> (usize, [Centers; 2]) {
-    if items.len() <= 2 * CHUNK {
-        return part(items);
+fn all(
+    refs: &mut [PrimRef],
+    part: impl Fn(&mut [PrimRef]) -> (usize, [Centers; 2]) + Sync + Send,
+) -> (usize, [Centers; 2]) {
+    if refs.len() <= 2 * CHUNK {
+        return part(refs);
     }
-    let parts: Vec<_> = items.par_chunks_mut(CHUNK).map(part).collect();
+    let parts: Vec<_> = refs.par_chunks_mut(CHUNK).map(part).collect();
     let middle = parts.iter().map(|part| part.0).sum();
     // Ranges before the middle that belong behind it, and the other way.
     let (mut late, mut early) = (Vec::new(), Vec::new());
     for (i, &(lefts, _)) in parts.iter().enumerate() {
-        let (start, end) = (i * CHUNK, (i * CHUNK + CHUNK).min(items.len()));
+        let (start, end) = (i * CHUNK, (i * CHUNK + CHUNK).min(refs.len()));
         let border = start + lefts;
         late.push(border.min(middle)..end.min(middle));
         early.push(start.max(middle)..border.max(middle));
     }
-    let (front, back) = items.split_at_mut(middle);
+    let (front, back) = refs.split_at_mut(middle);
     let late = slices(front, 0, late);
     let early = slices(back, middle, early);
     pairs(late, early).into_par_iter().for_each(|(a, b)| a.swap_with_slice(b));
@@ -42,61 +45,61 @@ fn all(items: &mut [Item], part: impl Fn(&mut [Item]) -> (usize, [Centers; 2]) +
     (middle, centers)
 }
 
-fn part(items: &mut [Item], plan: &Plan) -> (usize, [Centers; 2]) {
+fn part(refs: &mut [PrimRef], plan: &Plan) -> (usize, [Centers; 2]) {
     #[cfg(target_arch = "x86_64")]
     if InstructionSet::current() >= InstructionSet::Avx2 {
         #[allow(unsafe_code)]
         // SAFETY: `current` never tells more than the machine has.
-        return unsafe { super::avx2::part(items, plan) };
+        return unsafe { super::avx2::part(refs, plan) };
     }
-    part_by(items, |center| plan.grid.bin(center, plan.axis) < plan.bin)
+    part_by(refs, |center| plan.grid.bin(center, plan.axis) < plan.bin)
 }
 
-fn part_below(items: &mut [Item], axis: usize, limit: f32) -> (usize, [Centers; 2]) {
+fn part_below(refs: &mut [PrimRef], axis: usize, limit: f32) -> (usize, [Centers; 2]) {
     #[cfg(target_arch = "x86_64")]
     if InstructionSet::current() >= InstructionSet::Avx2 {
         #[allow(unsafe_code)]
         // SAFETY: as above.
-        return unsafe { super::avx2::part_below(items, axis, limit) };
+        return unsafe { super::avx2::part_below(refs, axis, limit) };
     }
-    part_by(items, |center| center[axis] < limit)
+    part_by(refs, |center| center[axis] < limit)
 }
 
 /// Without branches that nobody could predict: each item goes to the border, which moves on if it goes left.
 #[inline(always)]
-fn part_by(items: &mut [Item], goes_left: impl Fn([f32; 4]) -> bool) -> (usize, [Centers; 2]) {
+fn part_by(refs: &mut [PrimRef], goes_left: impl Fn([f32; 4]) -> bool) -> (usize, [Centers; 2]) {
     let [mut a, mut b] = [Centers::NONE; 2];
     let mut border = 0;
-    for i in 0..items.len() {
-        let center = items[i].center();
+    for i in 0..refs.len() {
+        let center = refs[i].center();
         let left = goes_left(center);
         a.add(center, left);
         b.add(center, !left);
-        items.swap(i, border);
+        refs.swap(i, border);
         border += usize::from(left);
     }
     (border, [a, b])
 }
 
-/// The slices of ranges that come in order, `items` starting at `first`.
-fn slices(mut items: &mut [Item], first: usize, ranges: Vec<std::ops::Range<usize>>) -> Vec<&mut [Item]> {
+/// The slices of ranges that come in order, `refs` starting at `first`.
+fn slices(mut refs: &mut [PrimRef], first: usize, ranges: Vec<std::ops::Range<usize>>) -> Vec<&mut [PrimRef]> {
     let mut at = first;
     let mut out = Vec::with_capacity(ranges.len());
     for range in ranges.into_iter().filter(|range| !range.is_empty()) {
-        let (_, rest) = items.split_at_mut(range.start - at);
+        let (_, rest) = refs.split_at_mut(range.start - at);
         let (slice, rest) = rest.split_at_mut(range.len());
         out.push(slice);
         at = range.end;
-        items = rest;
+        refs = rest;
     }
     out
 }
 
 /// Cuts both lists, which are equally long in all, into pairs of equal length.
-fn pairs<'a>(a: Vec<&'a mut [Item]>, b: Vec<&'a mut [Item]>) -> Vec<(&'a mut [Item], &'a mut [Item])> {
+fn pairs<'a>(a: Vec<&'a mut [PrimRef]>, b: Vec<&'a mut [PrimRef]>) -> Vec<(&'a mut [PrimRef], &'a mut [PrimRef])> {
     let (mut a, mut b) = (a.into_iter(), b.into_iter());
     let mut out = Vec::new();
-    let (mut x, mut y): (&mut [Item], &mut [Item]) = (&mut [], &mut []);
+    let (mut x, mut y): (&mut [PrimRef], &mut [PrimRef]) = (&mut [], &mut []);
     loop {
         if x.is_empty() {
             let Some(next) = a.next() else { return out };

@@ -1,4 +1,4 @@
-//! Triangles that fill little of their boxes, as several references with smaller ones, before the tree is built (Karras and Aila, "Fast
+//! TriangleBvh that fill little of their boxes, as several references with smaller ones, before the tree is built (Karras and Aila, "Fast
 //! parallel construction of high-quality bounding volume hierarchies", 2013, section 4.3).
 //!
 //! A reference is the box around a triangle's part in a cell, the triangle itself stays whole. What that asks of boxes and of the exact test, so
@@ -8,8 +8,8 @@
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::item::{Extent, Item};
-use super::{Items, MAX_PRIMITIVES};
+use super::prim_ref::{Extent, PrimRef};
+use super::{MAX_PRIMITIVES, PrimRefs};
 use crate::Aabb;
 
 /// How much to split.
@@ -17,7 +17,7 @@ use crate::Aabb;
 pub(super) struct Budget {
     /// The most references more than triangles, as a part of these.
     most: f64,
-    /// Triangles that waste less than so many times the area of an average box are left whole.
+    /// TriangleBvh that waste less than so many times the area of an average box are left whole.
     least: f64,
     /// The waste for which there is one split, where four times as much is two, in areas of an average box.
     unit: f64,
@@ -41,56 +41,56 @@ const MOST_OF_ONE: f64 = 12.0;
 const MARGIN: f64 = 1.0 / (1u64 << 21) as f64;
 /// Bits of a coordinate in the grid along whose planes triangles are split.
 const GRID_BITS: u32 = 30;
-/// Items that a thread looks at. Of a fixed size, so that rounding doesn't depend on threads.
+/// PrimRefs that a thread looks at. Of a fixed size, so that rounding doesn't depend on threads.
 const PART: usize = 1 << 12;
 
 /// Replaces the items of triangles that are split by their references.
-pub(super) fn split(all: &mut Items, corners: impl Fn(u32) -> [Vec3; 3] + Sync, budget: Budget) {
-    let items = &mut all.list;
-    let areas: Vec<f64> = items.par_chunks(PART).map(|items| items.iter().map(half_area).sum()).collect();
+pub(super) fn split(all: &mut PrimRefs, corners: impl Fn(u32) -> [Vec3; 3] + Sync, budget: Budget) {
+    let refs = &mut all.list;
+    let areas: Vec<f64> = refs.par_chunks(PART).map(|refs| refs.iter().map(half_area).sum()).collect();
     let area = areas.iter().sum::<f64>();
     if area == 0.0 {
         return;
     }
-    let mean = area / items.len() as f64;
+    let mean = area / refs.len() as f64;
     let (least, mut unit) = (budget.least * mean, budget.unit * mean);
-    let waste = |item: &Item| if half_area(item) < least { 0.0 } else { waste(item, &corners(item.id())) };
-    let wasteful = |(index, item): (usize, &Item)| Some((index, waste(item))).filter(|&(_, waste)| waste >= least);
-    let long: Vec<(usize, f64)> = items.par_iter().enumerate().with_min_len(PART).filter_map(wasteful).collect();
+    let waste = |prim: &PrimRef| if half_area(prim) < least { 0.0 } else { waste(prim, &corners(prim.id())) };
+    let wasteful = |(index, prim): (usize, &PrimRef)| Some((index, waste(prim))).filter(|&(_, waste)| waste >= least);
+    let long: Vec<(usize, f64)> = refs.par_iter().enumerate().with_min_len(PART).filter_map(wasteful).collect();
     if long.is_empty() {
         return;
     }
     // The least unit of waste that keeps the sum of splits within bounds.
-    let most = budget.room(items.len());
+    let most = budget.room(refs.len());
     while long.par_iter().map(|&(_, waste)| splits(waste, unit)).sum::<usize>() > most {
         unit *= 1.25;
     }
-    let root = Extent::of(items).bounds.aabb();
+    let root = Extent::of(refs).bounds.aabb();
     let grid = Grid::new(&root);
-    let parts: Vec<Vec<Item>> = long
+    let parts: Vec<Vec<PrimRef>> = long
         .par_iter()
-        .map(|&(index, waste)| (items[index].id(), splits(waste, unit)))
+        .map(|&(index, waste)| (refs[index].id(), splits(waste, unit)))
         .map(|(id, splits)| references(id, &corners(id), splits, &grid))
         .collect();
     for ((index, _), parts) in long.into_iter().zip(parts) {
         if let [first, others @ ..] = parts.as_slice() {
-            items[index] = *first;
-            items.extend_from_slice(others);
+            refs[index] = *first;
+            refs.extend_from_slice(others);
         }
     }
     all.whole = Some(root);
 }
 
 /// Half of the surface area of a box.
-fn half_area(item: &Item) -> f64 {
-    item.bounds().aabb().half_area()
+fn half_area(prim: &PrimRef) -> f64 {
+    prim.bounds().aabb().half_area()
 }
 
 /// Half of the area that a box around a triangle has and ever smaller boxes around its parts would not have: from half of the box's to all.
-fn waste(item: &Item, [a, b, c]: &[Vec3; 3]) -> f64 {
+fn waste(prim: &PrimRef, [a, b, c]: &[Vec3; 3]) -> f64 {
     let a = a.as_dvec3();
     let sides = (b.as_dvec3() - a).cross(c.as_dvec3() - a).abs();
-    half_area(item) - 0.5 * sides.element_sum()
+    half_area(prim) - 0.5 * sides.element_sum()
 }
 
 /// How often to split a triangle.
@@ -178,7 +178,7 @@ impl Part {
 }
 
 /// The references of a triangle that is split so many times at most; none if it cannot be split.
-fn references(id: u32, corners: &[Vec3; 3], splits: usize, grid: &Grid) -> Vec<Item> {
+fn references(id: u32, corners: &[Vec3; 3], splits: usize, grid: &Grid) -> Vec<PrimRef> {
     let first = corners[0].as_dvec3();
     let mut part = Part { corners: [DVec3::ZERO; CORNERS], len: 3 };
     for (own, corner) in part.corners.iter_mut().zip(corners) {
@@ -202,7 +202,7 @@ fn references(id: u32, corners: &[Vec3; 3], splits: usize, grid: &Grid) -> Vec<I
             if !bounds.is_finite() {
                 return Vec::new();
             }
-            parts.push(Item::new(&bounds, id));
+            parts.push(PrimRef::new(&bounds, id));
             continue;
         };
         let extent = |part: &Part| {
@@ -234,10 +234,10 @@ mod tests {
     use super::*;
     use glam::Vec3Swizzles;
 
+    use crate::primitive::triangle::{Triangle, intersect};
     use crate::slab::limit;
-    use crate::testing::{Primitive, Random, awkward_ray, zoo};
-    use crate::triangle::{Triangle, intersect};
-    use crate::{InstructionSet, Nearest, PreparedRay, Quality, Ray, Triangles};
+    use crate::testing::{Random, TestPrimitive, awkward_ray, zoo};
+    use crate::{InstructionSet, PreparedRay, PrimitiveHit, Quality, Ray, TriangleBvh};
 
     /// Splits all that can be.
     const ALL: Budget = Budget { most: 30.0, least: 1e-6, unit: 1e-6 };
@@ -340,7 +340,7 @@ mod tests {
                 _ => Aabb { min: whole.min - (whole.max - whole.min) * random.signed().abs(), max: whole.max },
             };
             let parts = references(7, &corners, 40, &Grid::new(&root));
-            let mut parts: Vec<Aabb> = parts.iter().map(|item| item.bounds().aabb()).collect();
+            let mut parts: Vec<Aabb> = parts.iter().map(|prim| prim.bounds().aabb()).collect();
             if parts.is_empty() {
                 parts.push(whole);
             }
@@ -362,10 +362,10 @@ mod tests {
     }
 
     /// Every way to ask, beside trying all triangles.
-    fn compare(name: &str, corners: &[[Vec3; 3]], rays: &[Ray], trees: &[Triangles]) {
-        let whole = Triangles::build(corners.len(), |id| corners[id as usize]).unwrap();
+    fn compare(name: &str, corners: &[[Vec3; 3]], rays: &[Ray], trees: &[TriangleBvh]) {
+        let whole = TriangleBvh::build(corners.len(), |id| corners[id as usize]).unwrap();
         let prepared: Vec<PreparedRay> = rays.iter().map(Ray::prepare).collect();
-        let start = vec![Nearest::before(f32::INFINITY); rays.len()];
+        let start = vec![PrimitiveHit::none(f32::INFINITY); rays.len()];
         let mut expected = start.clone();
         for (ray, nearest) in prepared.iter().zip(&mut expected) {
             whole.intersect_brute_force(ray, nearest, false);
@@ -396,14 +396,14 @@ mod tests {
         }
     }
 
-    fn trees(corners: &[[Vec3; 3]]) -> [Triangles; 2] {
+    fn trees(corners: &[[Vec3; 3]]) -> [TriangleBvh; 2] {
         let of = |id: u32| corners[id as usize];
-        let mut items = Items::new(corners.len(), |id| Aabb::of_triangle(corners[id])).unwrap();
-        let before = items.list.len();
-        split(&mut items, of, ALL);
-        assert!(items.list.len() <= 31 * before);
-        let split = Triangles::over(items, Quality::High, corners.len(), of);
-        [split, Triangles::build_with(Quality::High, corners.len(), of).unwrap()]
+        let mut refs = PrimRefs::new(corners.len(), |id| Aabb::of_triangle(corners[id])).unwrap();
+        let before = refs.list.len();
+        split(&mut refs, of, ALL);
+        assert!(refs.list.len() <= 31 * before);
+        let split = TriangleBvh::over(refs, Quality::High, corners.len(), of);
+        [split, TriangleBvh::build_with(Quality::High, corners.len(), of).unwrap()]
     }
 
     #[test]
@@ -411,9 +411,9 @@ mod tests {
         let random = &mut Random(62);
         let mut scenes: Vec<(&str, Vec<[Vec3; 3]>)> = Vec::new();
         for (name, scene) in zoo() {
-            let corners = |p: &Primitive| match p {
-                Primitive::Triangle(corners) => Some(*corners),
-                Primitive::Sphere(..) => None,
+            let corners = |p: &TestPrimitive| match p {
+                TestPrimitive::Triangle(corners) => Some(*corners),
+                TestPrimitive::Sphere(..) => None,
             };
             scenes.push((name, scene.iter().filter_map(corners).collect()));
         }
@@ -432,7 +432,7 @@ mod tests {
             aimed.extend(cases.iter().map(|case| case.1));
         }
         for (name, corners) in scenes.into_iter().filter(|scene| !scene.1.is_empty()) {
-            let primitives: Vec<Primitive> = corners.iter().map(|&c| Primitive::Triangle(c)).collect();
+            let primitives: Vec<TestPrimitive> = corners.iter().map(|&c| TestPrimitive::Triangle(c)).collect();
             let trees = trees(&corners);
             let mut rays: Vec<Ray> = (0..200).map(|_| awkward_ray(&primitives, random)).collect();
             rays.extend((0..200).map(|_| {
@@ -456,16 +456,16 @@ mod tests {
         both.push([Vec3::splat(-9.0), Vec3::splat(9.0), Vec3::new(9.0, 9.0, 8.9)]);
         let references = |corners: &[[Vec3; 3]]| {
             let of = |id: u32| corners[id as usize];
-            let items = Items::of_triangles(corners.len(), &of).unwrap();
-            assert!(items.list.len() as f64 <= 1.3 * corners.len() as f64);
-            items.list.len() - corners.len()
+            let refs = PrimRefs::of_triangles(corners.len(), &of).unwrap();
+            assert!(refs.list.len() as f64 <= 1.3 * corners.len() as f64);
+            refs.list.len() - corners.len()
         };
         assert!(references(&scan) < scan.len() / 50);
         assert!(references(&both) > 5);
         let of = |id: u32| both[id as usize];
-        let items = Items::new(both.len(), |id| Aabb::of_triangle(both[id])).unwrap();
-        let whole = Triangles::over(items, Quality::Medium, both.len(), of);
-        let split = Triangles::build(both.len(), of).unwrap();
+        let refs = PrimRefs::new(both.len(), |id| Aabb::of_triangle(both[id])).unwrap();
+        let whole = TriangleBvh::over(refs, Quality::Medium, both.len(), of);
+        let split = TriangleBvh::build(both.len(), of).unwrap();
         assert!(split.statistics().sah_cost < 0.5 * whole.statistics().sah_cost);
         assert_eq!((split.bounds(), split.len()), (whole.bounds(), both.len()));
     }
@@ -482,8 +482,8 @@ mod tests {
         let build = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let of = |id: u32| corners[id as usize];
-            let items = pool.install(|| Items::of_triangles(corners.len(), &of));
-            items.unwrap().list.iter().map(|item| (item.id(), item.bounds().0.map(f32::to_bits))).collect::<Vec<_>>()
+            let refs = pool.install(|| PrimRefs::of_triangles(corners.len(), &of));
+            refs.unwrap().list.iter().map(|prim| (prim.id(), prim.bounds().0.map(f32::to_bits))).collect::<Vec<_>>()
         };
         let one = build(1);
         assert!(one.len() > corners.len() && build(2) == one && build(5) == one);

@@ -7,19 +7,19 @@
 
 use bytemuck::Zeroable;
 
-use super::Binary;
-use super::bins::Measure;
-use super::item::Box8;
+use super::BinaryNode;
+use super::binning::Measure;
+use super::prim_ref::Box8;
 use crate::slab::WIDTH;
 
 /// The least costs of a subtree that may take one lane, two, … up to eight.
 pub(super) type Costs = [f32; WIDTH];
 
-/// How the lanes are shared out, see [`Lanes::left`].
+/// How the lanes are shared out, see [`LaneSplit::left`].
 #[derive(Clone, Copy, Debug, PartialEq, Zeroable)]
-pub(crate) struct Lanes(u32);
+pub(crate) struct LaneSplit(u32);
 
-impl Lanes {
+impl LaneSplit {
     /// Of a leaf, which takes a single one.
     pub(super) const LEAF: Self = Self(0);
     /// Of a node whose costs are not known, or not finite.
@@ -40,7 +40,7 @@ pub(super) fn leaf(cost: f32) -> Costs {
 }
 
 /// Finds the ways of a whole tree, and its cost.
-pub(super) fn all(binary: &mut [Binary], measure: &Measure) -> f32 {
+pub(super) fn all(binary: &mut [BinaryNode], measure: &Measure) -> f32 {
     let mut costs = vec![[0.0; WIDTH]; binary.len()];
     // Children come later than their parents.
     for index in (0..binary.len()).rev() {
@@ -59,7 +59,7 @@ pub(super) fn all(binary: &mut [Binary], measure: &Measure) -> f32 {
 }
 
 /// How many wide nodes lie on the longest way to a leaf.
-pub(super) fn depth(binary: &[Binary]) -> u32 {
+pub(super) fn depth(binary: &[BinaryNode]) -> u32 {
     // For each tree the lanes that it may take and the wide nodes above.
     let mut given = vec![(WIDTH, 1); binary.len()];
     let mut deepest = 0;
@@ -77,9 +77,9 @@ pub(super) fn depth(binary: &[Binary]) -> u32 {
     deepest
 }
 
-super::compiled_wide! {
+crate::simd::compiled_wide! {
     /// The costs of a node that itself costs `own`, and the ways to them. Costs that are not finite are shared out somehow.
-    pub(super) fn join(own: f32, left: &Costs, right: &Costs) -> (Costs, Lanes) {
+    pub(super) fn join(own: f32, left: &Costs, right: &Costs) -> (Costs, LaneSplit) {
         // Lane by lane the costs of the right child, so that a window shows them moved.
         let mut moved = [f32::INFINITY; 2 * WIDTH];
         moved[WIDTH..].copy_from_slice(right);
@@ -105,7 +105,7 @@ super::compiled_wide! {
             }
             way |= before << (3 * (i - 1));
         }
-        (least, Lanes(way.max(Lanes::UNKNOWN.0)))
+        (least, LaneSplit(way.max(LaneSplit::UNKNOWN.0)))
     }
 }
 
@@ -141,7 +141,7 @@ mod tests {
         }
     }
 
-    fn costs(tree: &Tree) -> (Costs, Option<Lanes>) {
+    fn costs(tree: &Tree) -> (Costs, Option<LaneSplit>) {
         match tree {
             Tree::Leaf(cost) => (leaf(*cost), None),
             Tree::Node(cost, halves) => {
@@ -171,12 +171,12 @@ mod tests {
             let (left, right): (Costs, Costs) = (costs(), costs());
             let own = strange[random.below(strange.len())];
             let (_, ways) = join(own, &left, &right);
-            assert!(ways != Lanes::LEAF && ways.left(WIDTH).is_some());
+            assert!(ways != LaneSplit::LEAF && ways.left(WIDTH).is_some());
             for lanes in 2..=WIDTH {
                 assert!(ways.left(lanes).is_none_or(|left| (1..lanes).contains(&left)), "{lanes} {ways:?}");
             }
         }
-        assert!((2..=WIDTH).all(|lanes| Lanes::LEAF.left(lanes).is_none()));
+        assert!((2..=WIDTH).all(|lanes| LaneSplit::LEAF.left(lanes).is_none()));
     }
 
     #[test]

@@ -1,10 +1,11 @@
 //! What waits while a ray is on its way through the tree.
+#![allow(unsafe_code)] // Memory that is not cleared, and kernels.
 
 use std::mem::MaybeUninit;
 
 use crate::build::MAX_DEPTH;
-use crate::lanes::Lanes;
-use crate::node::{Link, Node};
+use crate::node::{Node, NodeRef};
+use crate::simd::{NodeTest, TraversalRay};
 use crate::slab::WIDTH;
 
 /// Each level takes one entry and leaves at most eight; a visit may write eight more beyond the last.
@@ -12,7 +13,7 @@ const STACK: usize = (MAX_DEPTH as usize + 1) * (WIDTH - 1) + 1 + WIDTH;
 
 /// `a` unless `count` is 0, then `b`: without a branch, which the compiler would make of anything else that says so.
 #[inline(always)]
-fn choose(count: usize, a: Link, b: Link) -> Link {
+fn choose(count: usize, a: NodeRef, b: NodeRef) -> NodeRef {
     #[cfg(target_arch = "x86_64")]
     {
         let (mut chosen, other) = (a.bits(), b.bits());
@@ -21,7 +22,7 @@ fn choose(count: usize, a: Link, b: Link) -> Link {
             std::arch::asm!("test {0}, {0}", "cmovz {1:e}, {2:e}", in(reg) count, inout(reg) chosen, in(reg) other,
                 options(pure, nomem, nostack));
         }
-        Link::from_bits(chosen)
+        NodeRef::from_bits(chosen)
     }
     #[cfg(not(target_arch = "x86_64"))]
     std::hint::select_unpredictable(count == 0, b, a)
@@ -30,7 +31,7 @@ fn choose(count: usize, a: Link, b: Link) -> Link {
 /// What waits to be visited, and where the ray enters it.
 pub(super) struct Stack {
     near: [MaybeUninit<f32>; STACK],
-    links: [MaybeUninit<Link>; STACK],
+    links: [MaybeUninit<NodeRef>; STACK],
     len: usize,
 }
 
@@ -47,16 +48,16 @@ impl Stack {
         stack
     }
 
-    /// Leaves nothing but [`Link::END`].
+    /// Leaves nothing but [`NodeRef::END`].
     #[inline(always)]
     pub(super) fn clear(&mut self) {
         self.near[0].write(f32::NEG_INFINITY);
-        self.links[0].write(Link::END);
+        self.links[0].write(NodeRef::END);
         self.len = 1;
     }
 
     #[inline(always)]
-    pub(super) fn pop(&mut self) -> Link {
+    pub(super) fn pop(&mut self) -> NodeRef {
         self.len -= 1;
         // SAFETY: entries below `len` were written, and a way ends where END is popped, which is the lowest (and what a lane without a child has).
         unsafe { self.links.get_unchecked(self.len).assume_init() }
@@ -65,9 +66,14 @@ impl Stack {
     /// Puts what the ray meets in a node on top. Returns how much it is, and the topmost, if there is one.
     ///
     /// # Safety
-    /// As for [`Lanes`]; the node must be one of the tree that the stack was made for.
+    /// As for [`NodeTest`]; the node must be one of the tree that the stack was made for.
     #[inline(always)]
-    unsafe fn push<R, L: Lanes<R>, const ORDERED: bool>(&mut self, node: &Node, ray: &R, limit: f32) -> (usize, Link) {
+    unsafe fn push<R: TraversalRay, N: NodeTest, const ORDERED: bool>(
+        &mut self,
+        node: &Node,
+        ray: &R,
+        limit: f32,
+    ) -> (usize, NodeRef) {
         if cfg!(any(test, debug_assertions)) {
             assert!(self.len > 0 && self.len + WIDTH <= STACK);
         }
@@ -76,7 +82,7 @@ impl Stack {
         unsafe {
             let near = self.near.as_mut_ptr().add(self.len).cast();
             let links = self.links.as_mut_ptr().add(self.len).cast();
-            let (count, nearest) = L::visit::<ORDERED>(node, ray, limit, near, links);
+            let (count, nearest) = N::visit::<R, ORDERED>(node, ray, limit, near, links);
             self.len += count;
             (count, nearest)
         }
@@ -88,14 +94,14 @@ impl Stack {
     /// # Safety
     /// As for [`Stack::push`].
     #[inline(always)]
-    pub(super) unsafe fn visit<R, L: Lanes<R>, const ORDERED: bool>(
+    pub(super) unsafe fn visit<R: TraversalRay, N: NodeTest, const ORDERED: bool>(
         &mut self,
         node: &Node,
         ray: &R,
         limit: f32,
-    ) -> Link {
+    ) -> NodeRef {
         // SAFETY: the caller's promise.
-        match unsafe { self.push::<R, L, ORDERED>(node, ray, limit) } {
+        match unsafe { self.push::<R, N, ORDERED>(node, ray, limit) } {
             (0, _) => self.pop(),
             (_, nearest) => {
                 self.len -= 1;
@@ -109,17 +115,17 @@ impl Stack {
     /// # Safety
     /// As for [`Stack::push`].
     #[inline(always)]
-    pub(super) unsafe fn visit_without_branch<R, L: Lanes<R>, const ORDERED: bool>(
+    pub(super) unsafe fn visit_without_branch<R: TraversalRay, N: NodeTest, const ORDERED: bool>(
         &mut self,
         node: &Node,
         ray: &R,
         limit: f32,
-    ) -> Link {
+    ) -> NodeRef {
         // SAFETY: the caller's promise; entries below `len` were written.
         unsafe {
             let len = self.len;
             let before = self.links.get_unchecked(len - 1).assume_init();
-            let (count, last) = self.push::<R, L, ORDERED>(node, ray, limit);
+            let (count, last) = self.push::<R, N, ORDERED>(node, ray, limit);
             // Where the last one has to be looked for in an order, it costs less to read it where it was just written.
             if ORDERED {
                 return self.pop();

@@ -7,7 +7,7 @@ use super::geometry::Geometry;
 use super::instance::NONE;
 use super::{BuildError, World};
 use crate::shape::{CylinderCloud, Mesh, SphereCloud};
-use canaletto_bvh::{self as bvh, Quality, Triangles};
+use canaletto_bvh::{self as bvh, Quality, TriangleBvh};
 use std::collections::HashMap;
 
 /// Geometries of the world before, by the objects that they belonged to.
@@ -119,7 +119,7 @@ impl Geometry {
     /// [`Geometry::mesh`], from what the object was before.
     pub(super) fn mesh_after(before: Option<Geometry>, mesh: Mesh, quality: Quality, slack: Slack) -> Found {
         let usable =
-            |(old, tree): &(Mesh, Triangles)| tree.quality() == quality && same(&old.triangles, &mesh.triangles);
+            |(old, tree): &(Mesh, TriangleBvh)| tree.quality() == quality && same(&old.triangles, &mesh.triangles);
         if let Some((old, mut triangles)) = mesh_of(before).filter(usable) {
             if same(&old.positions, &mesh.positions) {
                 return Ok((Geometry::Mesh { triangles, mesh }, Origin::Kept));
@@ -158,7 +158,7 @@ impl Geometry {
     }
 }
 
-fn mesh_of(geometry: Option<Geometry>) -> Option<(Mesh, Triangles)> {
+fn mesh_of(geometry: Option<Geometry>) -> Option<(Mesh, TriangleBvh)> {
     match geometry {
         Some(Geometry::Mesh { triangles, mesh }) => Some((mesh, triangles)),
         _ => None,

@@ -13,7 +13,7 @@ use super::query::Hit;
 use super::shadow::{Between, Blocker};
 use crate::math::Line;
 use crate::shape::{SURFACES, Thin, thin};
-use canaletto_bvh::{self as bvh, Aabb, Met, PreparedRay, Ray};
+use canaletto_bvh::{Aabb, PreparedRay, PrimitiveHit, Ray};
 use glam::Vec3;
 use std::ops::Range;
 
@@ -40,9 +40,7 @@ pub struct Bundle {
     local: Rays,
     corridors: Vec<Corridor>,
     /// What a geometry answers.
-    found: Vec<Met>,
-    /// What a mesh's tree does.
-    triangles: Vec<bvh::Nearest>,
+    found: Vec<PrimitiveHit>,
     open: Vec<f32>,
 }
 
@@ -225,7 +223,7 @@ impl World {
         one: impl Fn(&Ray, f32) -> Option<Hit>,
         counts: impl Fn(u32) -> bool,
     ) {
-        let Bundle { rays, t_max, nearest, local, corridors, found, triangles, .. } = bundle;
+        let Bundle { rays, t_max, nearest, local, corridors, found, .. } = bundle;
         nearest.clear();
         if !self.is_asked_together(&rays.rays) {
             let hit = |ray, t_max| one(ray, t_max).unwrap_or(Hit::before(t_max, time));
@@ -240,8 +238,8 @@ impl World {
         self.for_near((rays, local), corridors, time, counts, |number, geometry, part| {
             let nearest = &mut nearest[part.range.clone()];
             found.clear();
-            found.extend(nearest.iter().map(|best| Met::before(best.t)));
-            geometry.intersect_bundle(part, found, triangles);
+            found.extend(nearest.iter().map(|best| PrimitiveHit::none(best.t)));
+            geometry.intersect_bundle(part, found);
             for (best, &found) in nearest.iter_mut().zip(&*found) {
                 best.offer(number, found);
             }
@@ -345,9 +343,9 @@ impl Geometry {
     }
 
     /// [`Geometry::intersect`] for many rays; `found` says up to where each counts, and takes the answers.
-    fn intersect_bundle(&self, mut part: Part, found: &mut [Met], triangles: &mut Vec<bvh::Nearest>) {
+    fn intersect_bundle(&self, mut part: Part, found: &mut [PrimitiveHit]) {
         match self {
-            _ if self.has_packets_of(part.rays()) => self.intersect_coherent(part.rays(), found, triangles),
+            _ if self.has_packets_of(part.rays()) => self.intersect_coherent(part.rays(), found),
             Geometry::Shapes { shapes, .. } if self.is_few() => loose::intersect(shapes, &part, found),
             _ if self.is_few() => {
                 for (ray, found) in part.rays().iter().zip(found) {

@@ -6,7 +6,8 @@ use super::loose;
 use crate::math::Line;
 use crate::shape::{Cylinder, CylinderCloud, Mesh, Patch, Shape, ShapeHit, SphereCloud, Surface, Triangle};
 use canaletto_bvh::{
-    Aabb, Asked, BuildError, Met, Nearest, PreparedRay, Quality, Ray, Round, Rounds, Triangles, sphere,
+    Aabb, BuildError, PreparedRay, Primitive, PrimitiveBvh, PrimitiveHit, Quality, Ray, TriangleBvh, UserPrimitive,
+    sphere,
 };
 use rayon::prelude::*;
 
@@ -15,52 +16,45 @@ use rayon::prelude::*;
 pub(super) enum Geometry {
     /// Single shapes of any kind, with the object and material (or [`NONE`]) of each. The tree knows the
     /// spheres and cylinders.
-    Shapes { tree: Rounds, shapes: Vec<Shape>, objects: Vec<u32>, materials: Vec<u32> },
+    Shapes { tree: PrimitiveBvh, shapes: Vec<Shape>, objects: Vec<u32>, materials: Vec<u32> },
     /// A mesh; corners are stored once more as rays read them.
-    Mesh { triangles: Triangles, mesh: Mesh },
+    Mesh { triangles: TriangleBvh, mesh: Mesh },
     /// A cloud of spheres, stored once more as rays read them.
-    Spheres { tree: Rounds, cloud: SphereCloud },
+    Spheres { tree: PrimitiveBvh, cloud: SphereCloud },
     /// A cloud of cylinders, likewise.
-    Cylinders { tree: Rounds, cloud: CylinderCloud },
-}
-
-const _: () = assert!(Met::NONE == Nearest::NONE);
-
-/// A hit on a mesh as on everything else.
-fn on_triangle(Nearest { t, u, v, id }: Nearest) -> Met {
-    Met { t, id, part: 0, uv: [u, v] }
+    Cylinders { tree: PrimitiveBvh, cloud: CylinderCloud },
 }
 
 /// A hit on a shape whose number the caller knows.
 #[inline(always)]
-pub(super) fn on_shape(ShapeHit { t, part, uv }: ShapeHit) -> Met {
-    Met { t, id: Met::NONE, part, uv }
+pub(super) fn on_shape(ShapeHit { t, part, uv }: ShapeHit) -> PrimitiveHit {
+    PrimitiveHit { t, id: PrimitiveHit::NONE, part, uv }
 }
 
 /// The same kept in the box by which a tree finds the shape.
 #[inline(always)]
-pub(super) fn confined(hit: ShapeHit, bounds: &Aabb, ray: &PreparedRay, t_max: f32) -> Option<Met> {
-    Some(Met { t: ray.confine(bounds, hit.t.into(), t_max)?, ..on_shape(hit) })
+pub(super) fn confined(hit: ShapeHit, bounds: &Aabb, ray: &PreparedRay, t_max: f32) -> Option<PrimitiveHit> {
+    Some(PrimitiveHit { t: ray.clamp_to_box(bounds, hit.t.into(), t_max)?, ..on_shape(hit) })
 }
 
 /// The kernel of shapes that are no spheres.
-fn other(shapes: &[Shape]) -> impl Fn(Asked, &PreparedRay, f32) -> Option<Met> {
+fn other(shapes: &[Shape]) -> impl Fn(UserPrimitive, &PreparedRay, f32) -> Option<PrimitiveHit> {
     #[inline(never)]
-    fn one(shape: &Shape, ray: &PreparedRay, t_max: f32) -> Option<Met> {
+    fn one(shape: &Shape, ray: &PreparedRay, t_max: f32) -> Option<PrimitiveHit> {
         confined(shape.intersect(ray.ray(), t_max)?, &shape.bounds()?, ray, t_max)
     }
     |asked, ray, t_max| one(&shapes[asked.id as usize], ray, t_max)
 }
 
 /// Where there are only spheres.
-fn none(_: Asked, _: &PreparedRay, _: f32) -> Option<Met> {
+fn none(_: UserPrimitive, _: &PreparedRay, _: f32) -> Option<PrimitiveHit> {
     None
 }
 
 /// The kernel of a cloud's cylinders.
-fn cylinder(cloud: &CylinderCloud) -> impl Fn(Asked, &PreparedRay, f32) -> Option<Met> {
+fn cylinder(cloud: &CylinderCloud) -> impl Fn(UserPrimitive, &PreparedRay, f32) -> Option<PrimitiveHit> {
     let caps = cloud.caps;
-    move |Asked { ends: [base, top], radius, .. }, ray, t_max| {
+    move |UserPrimitive { ends: [base, top], radius, .. }, ray, t_max| {
         let cylinder = Cylinder { base, top, radius, caps };
         confined(cylinder.intersect(ray.ray(), t_max)?, &cylinder.bounds(), ray, t_max)
     }
@@ -69,31 +63,31 @@ fn cylinder(cloud: &CylinderCloud) -> impl Fn(Asked, &PreparedRay, f32) -> Optio
 impl Geometry {
     pub(super) fn shapes(shapes: Vec<Shape>, objects: Vec<u32>, materials: Vec<u32>) -> Result<Geometry, BuildError> {
         let bounds: Vec<Aabb> = shapes.par_iter().map(|s| s.bounds().unwrap_or(Aabb::EMPTY)).collect();
-        let tree = Rounds::build(&bounds, |id| match &shapes[id as usize] {
-            Shape::Sphere(s) => Round::Sphere { center: s.center, radius: s.radius },
-            Shape::Cylinder(c) => Round::Cylinder { ends: [c.base, c.top], radius: c.radius },
-            _ => Round::Other,
+        let tree = PrimitiveBvh::build(&bounds, |id| match &shapes[id as usize] {
+            Shape::Sphere(s) => Primitive::Sphere { center: s.center, radius: s.radius },
+            Shape::Cylinder(c) => Primitive::Cylinder { ends: [c.base, c.top], radius: c.radius },
+            _ => Primitive::User,
         })?;
         Ok(Geometry::Shapes { tree, shapes, objects, materials })
     }
 
     pub(super) fn mesh(mesh: Mesh, quality: Quality) -> Result<Geometry, BuildError> {
-        let triangles = Triangles::build_with(quality, mesh.len(), |id| mesh.corners(id as usize))?;
+        let triangles = TriangleBvh::build_with(quality, mesh.len(), |id| mesh.corners(id as usize))?;
         Ok(Geometry::Mesh { triangles, mesh })
     }
 
     pub(super) fn spheres(cloud: SphereCloud) -> Result<Geometry, BuildError> {
         let bounds = |id: usize| sphere::bounds(cloud.centers[id], cloud.radius(id));
         let bounds: Vec<Aabb> = (0..cloud.len()).into_par_iter().map(bounds).collect();
-        let sphere = |id: usize| Round::Sphere { center: cloud.centers[id], radius: cloud.radius(id) };
-        let tree = Rounds::build(&bounds, |id| sphere(id as usize))?;
+        let sphere = |id: usize| Primitive::Sphere { center: cloud.centers[id], radius: cloud.radius(id) };
+        let tree = PrimitiveBvh::build(&bounds, |id| sphere(id as usize))?;
         Ok(Geometry::Spheres { tree, cloud })
     }
 
     pub(super) fn cylinders(cloud: CylinderCloud) -> Result<Geometry, BuildError> {
         let bounds: Vec<Aabb> = (0..cloud.len()).into_par_iter().map(|id| cloud.bounds(id)).collect();
-        let cylinder = |id: usize| Round::Cylinder { ends: cloud.axes[id], radius: cloud.radius(id) };
-        let tree = Rounds::build(&bounds, |id| cylinder(id as usize))?;
+        let cylinder = |id: usize| Primitive::Cylinder { ends: cloud.axes[id], radius: cloud.radius(id) };
+        let tree = PrimitiveBvh::build(&bounds, |id| cylinder(id as usize))?;
         Ok(Geometry::Cylinders { tree, cloud })
     }
 
@@ -139,14 +133,12 @@ impl Geometry {
         }
     }
 
-    /// The nearest hit at or before `t_max` (ties with a hit elsewhere are the caller's), [`Met::NONE`] if there is none.
-    pub(super) fn intersect(&self, ray: &PreparedRay, t_max: f32) -> Met {
-        let mut met = Met::before(t_max);
+    /// The nearest hit at or before `t_max` (ties with a hit elsewhere are the caller's), [`PrimitiveHit::NONE`] if there is none.
+    pub(super) fn intersect(&self, ray: &PreparedRay, t_max: f32) -> PrimitiveHit {
+        let mut met = PrimitiveHit::none(t_max);
         match self {
             Geometry::Mesh { triangles, mesh } => {
-                let mut nearest = Nearest::before(t_max);
-                triangles.intersect(ray, &mut nearest, mesh.one_sided);
-                return on_triangle(nearest);
+                triangles.intersect(ray, &mut met, mesh.one_sided);
             }
             Geometry::Shapes { tree, shapes, .. } => tree.intersect(ray, &mut met, &other(shapes)),
             Geometry::Spheres { tree, .. } => tree.intersect(ray, &mut met, &none),
@@ -166,8 +158,8 @@ impl Geometry {
     }
 
     /// [`Geometry::intersect`] for a ray that isn't prepared, which spheres or cylinders that [are few](Geometry::is_few) rarely ask for.
-    pub(super) fn intersect_few(&self, ray: &Ray, t_max: f32) -> Met {
-        let mut met = Met::before(t_max);
+    pub(super) fn intersect_few(&self, ray: &Ray, t_max: f32) -> PrimitiveHit {
+        let mut met = PrimitiveHit::none(t_max);
         match self {
             Geometry::Spheres { tree, .. } => tree.intersect_few(ray, &mut met, &none),
             Geometry::Cylinders { tree, cloud } => tree.intersect_few(ray, &mut met, &cylinder(cloud)),
@@ -201,16 +193,9 @@ impl Geometry {
 
     /// [`Geometry::intersect`] for many rays, of which neighbours best go nearly the same way; `met` says up to where each counts, and
     /// takes the answers.
-    pub(super) fn intersect_coherent(&self, rays: &[Ray], met: &mut [Met], nearest: &mut Vec<Nearest>) {
+    pub(super) fn intersect_coherent(&self, rays: &[Ray], met: &mut [PrimitiveHit]) {
         match self {
-            Geometry::Mesh { triangles, mesh } => {
-                nearest.clear();
-                nearest.extend(met.iter().map(|met| Nearest::before(met.t)));
-                triangles.intersect_coherent(rays, nearest, mesh.one_sided);
-                for (met, &nearest) in met.iter_mut().zip(&*nearest) {
-                    *met = on_triangle(nearest);
-                }
-            }
+            Geometry::Mesh { triangles, mesh } => triangles.intersect_coherent(rays, met, mesh.one_sided),
             Geometry::Shapes { tree, shapes, .. } => tree.intersect_coherent(rays, met, &other(shapes)),
             Geometry::Spheres { tree, .. } => tree.intersect_coherent(rays, met, &none),
             Geometry::Cylinders { tree, cloud } => tree.intersect_coherent(rays, met, &cylinder(cloud)),
@@ -248,13 +233,11 @@ impl Geometry {
     }
 
     /// The same question as [`Geometry::intersect`] answered by trying every primitive: the oracle that the hierarchy is tested against.
-    pub(super) fn intersect_brute_force(&self, ray: &PreparedRay, t_max: f32) -> Met {
-        let mut met = Met::before(t_max);
+    pub(super) fn intersect_brute_force(&self, ray: &PreparedRay, t_max: f32) -> PrimitiveHit {
+        let mut met = PrimitiveHit::none(t_max);
         match self {
             Geometry::Mesh { triangles, mesh } => {
-                let mut nearest = Nearest::before(t_max);
-                triangles.intersect_brute_force(ray, &mut nearest, mesh.one_sided);
-                return on_triangle(nearest);
+                triangles.intersect_brute_force(ray, &mut met, mesh.one_sided);
             }
             Geometry::Shapes { tree, shapes, .. } => tree.intersect_brute_force(ray, &mut met, &other(shapes)),
             Geometry::Spheres { tree, .. } => tree.intersect_brute_force(ray, &mut met, &none),
@@ -385,8 +368,8 @@ mod tests {
         }
     }
 
-    fn real(met: Met) -> Option<Met> {
-        (met.id != Met::NONE).then_some(met)
+    fn real(met: PrimitiveHit) -> Option<PrimitiveHit> {
+        (met.id != PrimitiveHit::NONE).then_some(met)
     }
 
     /// From rods to needles and disks, some of them along axes, some side by side.
@@ -437,11 +420,11 @@ mod tests {
             let prepared: Vec<PreparedRay> = rays.iter().map(Ray::prepare).collect();
             for set in InstructionSet::available() {
                 set.limit();
-                let mut stream = vec![Met::before(f32::INFINITY); rays.len()];
+                let mut stream = vec![PrimitiveHit::none(f32::INFINITY); rays.len()];
                 tree.intersect_stream(&prepared, &mut stream, &cylinder(cloud));
                 for (ray, met) in prepared.iter().zip(stream) {
                     let expected = real(geometry.intersect_brute_force(ray, f32::INFINITY));
-                    let bits = |n: Option<Met>| n.map(|n| (n.t.to_bits(), n.id, n.part));
+                    let bits = |n: Option<PrimitiveHit>| n.map(|n| (n.t.to_bits(), n.id, n.part));
                     assert_eq!(bits(real(met)), bits(expected), "{scale} {:?}", ray.ray());
                     let t = expected.map_or(1.0, |n| n.t);
                     for t_max in [f32::INFINITY, t, t.next_down()] {
@@ -480,20 +463,20 @@ mod tests {
                 })
                 .collect();
             let geometry = Geometry::cylinders(cloud).unwrap();
-            let expected: Vec<Option<Met>> =
+            let expected: Vec<Option<PrimitiveHit>> =
                 rays.iter().map(|ray| real(geometry.intersect_brute_force(&ray.prepare(), f32::INFINITY))).collect();
             let ends: Vec<f32> = expected.iter().map(|n| n.map_or(f32::INFINITY, |n| n.t)).collect();
             for set in InstructionSet::available() {
                 set.limit();
                 for end in 0..3 {
                     let up_to = |&t: &f32| [f32::INFINITY, t, t.next_down()][end];
-                    let mut met: Vec<Met> = ends.iter().map(|t| Met::before(up_to(t))).collect();
-                    geometry.intersect_coherent(&rays, &mut met, &mut Vec::new());
+                    let mut met: Vec<PrimitiveHit> = ends.iter().map(|t| PrimitiveHit::none(up_to(t))).collect();
+                    geometry.intersect_coherent(&rays, &mut met);
                     let mut any: Vec<f32> = ends.iter().map(up_to).collect();
                     geometry.occluded_coherent(&rays, &mut any);
                     for (i, (met, any)) in met.into_iter().zip(any).enumerate() {
                         let expected = expected[i].filter(|_| end < 2);
-                        let bits = |n: Option<Met>| n.map(|n| (n.t.to_bits(), n.id, n.part));
+                        let bits = |n: Option<PrimitiveHit>| n.map(|n| (n.t.to_bits(), n.id, n.part));
                         assert_eq!(bits(real(met)), bits(expected), "{scale} {:?}", rays[i]);
                         assert_eq!(any == f32::NEG_INFINITY, expected.is_some(), "{scale} {:?}", rays[i]);
                     }
@@ -513,7 +496,7 @@ mod tests {
         let Ok(Geometry::Cylinders { tree, cloud }) = Geometry::cylinders(cloud) else { panic!() };
         let (asked, met) = (Cell::new(0), Cell::new(0));
         let kernel = cylinder(&cloud);
-        let ask = |what: Asked, ray: &PreparedRay, t_max: f32| {
+        let ask = |what: UserPrimitive, ray: &PreparedRay, t_max: f32| {
             asked.set(asked.get() + 1);
             let answer = kernel(what, ray, t_max);
             met.set(met.get() + usize::from(answer.is_some()));
@@ -521,7 +504,7 @@ mod tests {
         };
         for _ in 0..1000 {
             let ray = Ray::new(random.vector() * 2.0, random.vector()).prepare();
-            tree.intersect(&ray, &mut Met::before(f32::INFINITY), &ask);
+            tree.intersect(&ray, &mut PrimitiveHit::none(f32::INFINITY), &ask);
         }
         assert!(met.get() > 150 && asked.get() * 9 < met.get() * 10, "{asked:?} {met:?}");
     }
@@ -557,7 +540,7 @@ mod tests {
                     [geometry.intersect(&ray, f32::INFINITY), geometry.intersect_brute_force(&ray, f32::INFINITY)]
                         .map(|n| (n.t.to_bits(), n.id, n.part));
                 assert_eq!(tree, all, "{:?}", ray.ray());
-                hits += usize::from(tree.1 != Met::NONE);
+                hits += usize::from(tree.1 != PrimitiveHit::NONE);
             }
         }
         assert!(hits > 2000, "{hits}");

@@ -4,7 +4,7 @@
 //! A ray finds its way through a group in the group's own space, and meets the geometries there as if the group had been
 //! dissolved: each by the one transform that all those on the way make together, and only if it comes to the box that
 //! the geometry has in the world. So both ways give the same bits, if on the way nothing is culled that would
-//! have been met. There the ray is wide ([`WideRay`]): what is met in a geometry's space lies near its box up to the rounding of the
+//! have been met. There the ray is wide ([`InflatedRay`]): what is met in a geometry's space lies near its box up to the rounding of the
 //! ray and of the hit in that space, and [`Blur`] knows what these amount to in the group's.
 
 use super::build::hierarchy_error;
@@ -13,7 +13,7 @@ use super::instance::{Instance, NONE};
 use super::motion::Chain;
 use super::{BuildError, World};
 use crate::math::{Line, Transform};
-use canaletto_bvh::{Aabb, Bvh, PreparedRay, Ray, WideRay};
+use canaletto_bvh::{Aabb, Bvh, InflatedRay, PreparedRay, Ray};
 use glam::{DAffine3, DMat3, DVec3};
 
 /// Instances in one space, under their hierarchy.
@@ -285,7 +285,7 @@ impl<'a> Way<'a> {
 /// A ray of the world's in a group's space, to cull by.
 #[derive(Clone, Copy)]
 pub(super) struct Feeler {
-    ray: WideRay,
+    ray: InflatedRay,
     /// Its parameter for that of the world's ray: a power of two, such that the direction's longest component lies in 1..2.
     pace: f64,
 }
@@ -303,7 +303,7 @@ impl Feeler {
             + FINE_SHARE * blur.stretch * (terms + inwards.translation.abs()).length();
         let known = origin.is_finite() && (1e-200..=1e200).contains(&pace) && margin <= 1e30;
         known.then(|| Feeler {
-            ray: WideRay::new(&Ray::new(origin.as_vec3(), (direction * (1.0 / pace)).as_vec3()), margin as f32),
+            ray: InflatedRay::new(&Ray::new(origin.as_vec3(), (direction * (1.0 / pace)).as_vec3()), margin as f32),
             pace,
         })
     }
@@ -311,7 +311,7 @@ impl Feeler {
     /// Meets all boxes of a group.
     fn everywhere() -> Feeler {
         let ray = Ray::new(glam::Vec3::ZERO, glam::Vec3::ONE);
-        Feeler { ray: WideRay::new(&ray, 1e34), pace: f64::INFINITY }
+        Feeler { ray: InflatedRay::new(&ray, 1e34), pace: f64::INFINITY }
     }
 
     /// Its parameter where the world's ray has this one, greater than 0.
@@ -338,7 +338,7 @@ impl Group {
             }
             return;
         }
-        tree.intersect_wide(&feeler.ray, limit, |leaf, limit| {
+        tree.intersect_inflated(&feeler.ray, limit, |leaf, limit| {
             for slot in leaf.slots() {
                 if leaf.count() == 1 || feeler.ray.enters(&slot_bounds[slot as usize], *limit) {
                     *limit = feeler.at(visit(tree.order()[slot as usize]));
@@ -355,7 +355,7 @@ impl Group {
             let mut all = slot_bounds.iter().zip(tree.order());
             return all.any(|(bounds, &index)| feeler.ray.enters(bounds, limit) && visit(index));
         }
-        tree.occluded_wide(&feeler.ray, limit, |leaf| {
+        tree.occluded_inflated(&feeler.ray, limit, |leaf| {
             leaf.slots().any(|slot| {
                 (leaf.count() == 1 || feeler.ray.enters(&slot_bounds[slot as usize], limit))
                     && visit(tree.order()[slot as usize])

@@ -7,7 +7,7 @@ use super::bundle::{Part, end};
 use super::corridor::GROUP;
 use super::geometry::{confined, on_shape};
 use crate::shape::{Shape, ShapeHit, Sphere};
-use canaletto_bvh::{Met, Ray, sphere};
+use canaletto_bvh::{PrimitiveHit, Ray, sphere};
 use std::ops::Range;
 
 /// The most shapes that are looked at one by one: as many as a node of a tree has children.
@@ -23,7 +23,7 @@ fn for_near(shapes: &[Shape], part: &Part, mut f: impl FnMut(u32, &Shape, Range<
 }
 
 /// The nearest hits of some rays up to where each counts, which `found` says.
-pub(super) fn intersect(shapes: &[Shape], part: &Part, found: &mut [Met]) {
+pub(super) fn intersect(shapes: &[Shape], part: &Part, found: &mut [PrimitiveHit]) {
     for_near(shapes, part, |id, shape, near| {
         let (rays, found) = (&part.rays()[near.clone()], &mut found[near]);
         match shape {
@@ -38,7 +38,7 @@ pub(super) fn intersect(shapes: &[Shape], part: &Part, found: &mut [Met]) {
                 for (rays, found) in rays.chunks(GROUP).zip(found.chunks_mut(GROUP)) {
                     let t = meet_sphere(s, rays, found.iter().map(|best| best.t));
                     for (best, t) in found.iter_mut().zip(t).filter(|(_, t)| !t.is_nan()) {
-                        take(best, Met { id, ..on_shape(ShapeHit { t, part: 0, uv: [0.0; 2] }) });
+                        take(best, PrimitiveHit { id, ..on_shape(ShapeHit { t, part: 0, uv: [0.0; 2] }) });
                     }
                 }
             }
@@ -48,18 +48,18 @@ pub(super) fn intersect(shapes: &[Shape], part: &Part, found: &mut [Met]) {
 }
 
 #[inline(always)]
-fn offer(id: u32, rays: &[Ray], found: &mut [Met], meet: impl Fn(&Ray, f32) -> Option<Met>) {
+fn offer(id: u32, rays: &[Ray], found: &mut [PrimitiveHit], meet: impl Fn(&Ray, f32) -> Option<PrimitiveHit>) {
     for (ray, best) in rays.iter().zip(found) {
         if let Some(hit) = meet(ray, best.t) {
-            take(best, Met { id, ..hit });
+            take(best, PrimitiveHit { id, ..hit });
         }
     }
 }
 
 /// At the same t the lower id, which came first, stays.
 #[inline(always)]
-fn take(best: &mut Met, met: Met) {
-    if met.t < best.t || best.id == Met::NONE {
+fn take(best: &mut PrimitiveHit, met: PrimitiveHit) {
+    if met.t < best.t || best.id == PrimitiveHit::NONE {
         *best = met;
     }
 }
@@ -77,7 +77,7 @@ fn meet_sphere(s: &Sphere, rays: &[Ray], t_max: impl Iterator<Item = f32>) -> [f
 
 /// A shape's hit as trees find it.
 #[inline]
-fn meet(shape: &Shape, ray: &Ray, t_max: f32) -> Option<Met> {
+fn meet(shape: &Shape, ray: &Ray, t_max: f32) -> Option<PrimitiveHit> {
     let hit = shape.intersect(ray, t_max)?;
     match shape {
         // Spheres do that themselves.

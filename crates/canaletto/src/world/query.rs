@@ -8,7 +8,7 @@ use crate::light::Source;
 use crate::material::Material;
 use crate::math::{Line, Rgb};
 use crate::shape::{Encounters, Shape, ShapeHit, Surface, Surfaces};
-use canaletto_bvh::{Aabb, Met, PreparedRay, Ray};
+use canaletto_bvh::{Aabb, PreparedRay, PrimitiveHit, Ray};
 
 /// The first stage of a hit: where, and on what. [`World::surface`] is the second stage.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,25 +34,25 @@ impl Hit {
     /// Nothing up to `t_max`.
     #[inline]
     pub(crate) fn before(t_max: f32, time: f32) -> Hit {
-        Hit { t: t_max, instance: NONE, primitive: Met::NONE, part: 0, uv: [0.0; 2], time }
+        Hit { t: t_max, instance: NONE, primitive: PrimitiveHit::NONE, part: 0, uv: [0.0; 2], time }
     }
 
     /// It, if something was met.
     #[inline]
     pub(super) fn real(self) -> Option<Hit> {
-        (self.primitive != Met::NONE).then_some(self)
+        (self.primitive != PrimitiveHit::NONE).then_some(self)
     }
 
     /// What is met on an instance, if anything is and it is nearer; ties go to the lowest instance, then the lowest primitive.
     #[inline]
-    fn nearer(&self, instance: u32, Met { t, id, part, uv }: Met) -> Option<Hit> {
-        let nearer = id != Met::NONE && (t, instance, id) < (self.t, self.instance, self.primitive);
+    fn nearer(&self, instance: u32, PrimitiveHit { t, id, part, uv }: PrimitiveHit) -> Option<Hit> {
+        let nearer = id != PrimitiveHit::NONE && (t, instance, id) < (self.t, self.instance, self.primitive);
         nearer.then_some(Hit { t, instance, primitive: id, part, uv, time: self.time })
     }
 
     /// Becomes that.
     #[inline]
-    pub(super) fn offer(&mut self, instance: u32, met: Met) {
+    pub(super) fn offer(&mut self, instance: u32, met: PrimitiveHit) {
         if let Some(hit) = self.nearer(instance, met) {
             *self = hit;
         }
@@ -127,7 +127,7 @@ impl World {
     pub(super) fn try_unbounded(&self, ray: &Ray, best: &mut Hit) {
         for (id, Unbounded { shape, .. }) in (0..).zip(&self.unbounded) {
             if let Some(hit) = shape.intersect(ray, best.t) {
-                best.offer(Hit::UNBOUNDED, Met { id, ..on_shape(hit) });
+                best.offer(Hit::UNBOUNDED, PrimitiveHit { id, ..on_shape(hit) });
             }
         }
     }
@@ -178,7 +178,7 @@ impl World {
         instance: &Instance,
         number: u32,
         best: &mut Hit,
-        intersect: impl Fn(&Geometry, &PreparedRay, f32) -> Met,
+        intersect: impl Fn(&Geometry, &PreparedRay, f32) -> PrimitiveHit,
     ) {
         let geometry = &self.geometries[instance.geometry as usize];
         let met = instance.with_local_ray(ray, &self.chains, best.time, |ray| intersect(geometry, ray, best.t));

@@ -1,0 +1,279 @@
+//! The surface area heuristic in bins: where to split.
+
+use glam::{Mat4, Vec4};
+use rayon::prelude::*;
+
+use super::prim_ref::{Box8, Centers, PrimRef};
+use crate::InstructionSet;
+
+pub(super) const MAX_BINS: usize = 16;
+
+/// Where a center falls among equal bins along each axis.
+#[derive(Clone, Copy)]
+pub(super) struct Grid {
+    pub(super) origin: [f32; 4],
+    pub(super) scale: [f32; 4],
+    pub(super) bins: usize,
+}
+
+impl Grid {
+    /// Along an axis on which the centers coincide, or nearly so that a scale would overflow, all fall into the first bin.
+    fn new(centers: &Centers, bins: usize) -> Self {
+        let mut grid = Self { origin: [0.0; 4], scale: [0.0; 4], bins };
+        for axis in 0..3 {
+            let (min, max) = (centers.0.min(axis), centers.0.max(axis));
+            // A little less than the bins, so that rounding never reaches beyond the last.
+            let scale = (bins as f32 * (1.0 - 1e-6)) / (max - min);
+            grid.origin[axis] = min;
+            grid.scale[axis] = if scale < f32::INFINITY { scale } else { 0.0 };
+        }
+        grid
+    }
+
+    /// The bins of a center along x, y and z.
+    #[inline(always)]
+    fn bins(&self, center: [f32; 4]) -> [usize; 3] {
+        // In [16, 32) the first four bits of the fraction are the whole part less 16.
+        let mut at = center;
+        for ((at, origin), scale) in at.iter_mut().zip(self.origin).zip(self.scale) {
+            *at = (*at - origin) * scale + 16.0;
+        }
+        let bin = |x: f32| (x.to_bits() >> 19) as usize & (MAX_BINS - 1);
+        [bin(at[0]), bin(at[1]), bin(at[2])]
+    }
+
+    #[inline(always)]
+    pub(super) fn bin(&self, center: [f32; 4], axis: usize) -> usize {
+        let x = (center[axis & 3] - self.origin[axis & 3]) * self.scale[axis & 3] + 16.0;
+        (x.to_bits() >> 19) as usize & (MAX_BINS - 1)
+    }
+}
+
+/// For each bin along each axis the box around its items and their number.
+#[derive(Clone)]
+pub(super) struct Bins {
+    pub(super) boxes: [[Box8; MAX_BINS]; 3],
+    pub(super) counts: [[u32; MAX_BINS]; 3],
+}
+
+impl Bins {
+    pub(super) const EMPTY: Self = Self { boxes: [[Box8::EMPTY; MAX_BINS]; 3], counts: [[0; MAX_BINS]; 3] };
+
+    fn fill(&mut self, refs: &[PrimRef], grid: &Grid) {
+        if refs.len() > super::CHUNK {
+            let one = |chunk| {
+                let mut own = Self::EMPTY;
+                fill(&mut own, chunk, grid);
+                own
+            };
+            let all = refs.par_chunks(super::CHUNK).map(one).reduce(
+                || Self::EMPTY,
+                |mut a, b| {
+                    a.join(&b, grid.bins);
+                    a
+                },
+            );
+            *self = all;
+            return;
+        }
+        fill(self, refs, grid);
+    }
+
+    pub(super) fn join(&mut self, other: &Self, bins: usize) {
+        for axis in 0..3 {
+            for bin in 0..bins {
+                self.boxes[axis][bin] = self.boxes[axis][bin].join(&other.boxes[axis][bin]);
+                self.counts[axis][bin] += other.counts[axis][bin];
+            }
+        }
+    }
+}
+
+fn fill(all: &mut Bins, refs: &[PrimRef], grid: &Grid) {
+    // Only the bins that the grid has.
+    for axis in 0..3 {
+        all.boxes[axis][..grid.bins].fill(Box8::EMPTY);
+        all.counts[axis] = [0; MAX_BINS];
+    }
+    #[cfg(target_arch = "x86_64")]
+    if InstructionSet::current() >= InstructionSet::Avx2 {
+        #[allow(unsafe_code)]
+        // SAFETY: `current` never tells more than the machine has.
+        return unsafe { super::avx2::fill(all, refs, grid) };
+    }
+    let [xs, ys, zs] = &mut all.boxes;
+    let [nx, ny, nz] = &mut all.counts;
+    for prim in refs {
+        let bounds = prim.bounds();
+        let [x, y, z] = grid.bins(prim.center());
+        xs[x] = xs[x].join(bounds);
+        ys[y] = ys[y].join(bounds);
+        zs[z] = zs[z].join(bounds);
+        nx[x] += 1;
+        ny[y] += 1;
+        nz[z] += 1;
+    }
+}
+
+/// A split: items whose bin along `axis` lies below `bin` go left.
+pub(super) struct Plan {
+    pub(super) grid: Grid,
+    pub(super) axis: usize,
+    pub(super) bin: usize,
+    /// The sum over both sides of area times blocks of primitives.
+    pub(super) cost: f32,
+    /// The boxes of both sides.
+    pub(super) bounds: [Box8; 2],
+}
+
+/// What a cost is counted in.
+#[derive(Clone, Copy)]
+pub(super) struct Measure {
+    /// Primitives that cost as much as one.
+    pub(super) block: u32,
+    /// The unit of lengths, see [`Box8::half_area`].
+    pub(super) scale: f32,
+}
+
+impl Measure {
+    #[inline(always)]
+    pub(super) fn blocks(&self, count: u32) -> f32 {
+        // The block is 1 or 4: no division.
+        (if self.block == 1 { count } else { count.div_ceil(super::MAX_LEAF as u32) }) as f32
+    }
+
+    /// What a node with these bounds costs.
+    pub(super) fn node(&self, bounds: &Box8) -> f32 {
+        (super::NODE_COST * bounds.half_area(self.scale)).max(super::LEAST_COST)
+    }
+
+    /// What a leaf costs.
+    #[inline(always)]
+    pub(super) fn cost(&self, bounds: &Box8, count: u32) -> f32 {
+        bounds.half_area(self.scale) * self.blocks(count)
+    }
+}
+
+impl Plan {
+    /// The cheapest split, of equal ones the first. None if all centers fall into one bin. `all` is room to work in.
+    pub(super) fn best(refs: &[PrimRef], centers: &Centers, measure: &Measure, all: &mut Bins) -> Option<Self> {
+        // Few bins do for few items.
+        let grid = Grid::new(centers, (4 + refs.len() / 16).min(MAX_BINS));
+        all.fill(refs, &grid);
+        cheapest(all, &grid, measure)
+    }
+}
+
+/// What lies on one side of a split, along each axis.
+#[derive(Clone, Copy)]
+struct Side {
+    /// The corners of the boxes, as `Box8` has them.
+    low: [Vec4; 3],
+    high: [Vec4; 3],
+    counts: [u32; 4],
+}
+
+impl Side {
+    const NOTHING: Self = Self { low: [Vec4::NEG_INFINITY; 3], high: [Vec4::NEG_INFINITY; 3], counts: [0; 4] };
+
+    /// Adds this bin of each axis.
+    #[inline(always)]
+    fn add(&mut self, all: &Bins, bin: usize) {
+        for axis in 0..3 {
+            let Box8([a, b, c, d, e, f, g, h]) = all.boxes[axis][bin];
+            self.low[axis] = self.low[axis].max(Vec4::new(a, b, c, d));
+            self.high[axis] = self.high[axis].max(Vec4::new(e, f, g, h));
+            self.counts[axis] += all.counts[axis][bin];
+        }
+    }
+
+    /// [`Measure::cost`] for each axis; no number where there is nothing.
+    #[inline(always)]
+    fn costs(&self, measure: &Measure) -> Vec4 {
+        let scale = Vec4::splat(measure.scale);
+        let extent = |axis: usize| self.high[axis] * scale + self.low[axis] * scale;
+        let Mat4 { x_axis: x, y_axis: y, z_axis: z, .. } =
+            Mat4::from_cols(extent(0), extent(1), extent(2), Vec4::ZERO).transpose();
+        let blocks = self.counts.map(|count| measure.blocks(count));
+        (x * y + y * z + z * x) * Vec4::from_array(blocks)
+    }
+}
+
+crate::simd::compiled_wide! {
+    fn cheapest(all: &Bins, grid: &Grid, measure: &Measure) -> Option<Plan> {
+        let mut right_costs = [Vec4::ZERO; MAX_BINS];
+        let mut right = Side::NOTHING;
+        for bin in (1..grid.bins).rev() {
+            right.add(all, bin);
+            right_costs[bin] = right.costs(measure);
+        }
+        let (mut least, mut ends) = (Vec4::INFINITY, Vec4::ZERO);
+        let mut left = Side::NOTHING;
+        for (bin, right_costs) in right_costs.iter().enumerate().take(grid.bins).skip(1) {
+            left.add(all, bin - 1);
+            // Where one side has nothing, its cost is no number.
+            let costs = left.costs(measure) + *right_costs;
+            let better = costs.cmplt(least);
+            least = Vec4::select(better, costs, least);
+            ends = Vec4::select(better, Vec4::splat(bin as f32), ends);
+        }
+        let mut best: Option<(f32, usize)> = None;
+        for axis in 0..3 {
+            let cost = least[axis];
+            if grid.scale[axis] != 0.0 && cost < best.map_or(f32::INFINITY, |best| best.0) {
+                best = Some((cost, axis));
+            }
+        }
+        let (cost, axis) = best?;
+        let bin = ends[axis] as usize;
+        let side = |boxes: &[Box8]| boxes.iter().fold(Box8::EMPTY, |a, b| a.join(b));
+        let (left, right) = all.boxes[axis][..grid.bins].split_at(bin);
+        Some(Plan { grid: *grid, axis, bin, cost, bounds: [side(left), side(right)] })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Aabb;
+    use crate::build::prim_ref::Extent;
+    use crate::testing::Random;
+
+    #[test]
+    fn of_all_splits_the_first_of_the_cheapest_is_found() {
+        let random = &mut Random(53);
+        let mut none = 0;
+        for n in 2..200 {
+            // In few places, so that bins are empty, splits cost the same, and axes have nothing to split; the last time in one.
+            let cell = [0.25, 1.0, 0.0][n % 3];
+            let refs: Vec<PrimRef> = (0..n)
+                .map(|id| {
+                    let p = (random.vector() * 2.0).round() * cell;
+                    PrimRef::new(&Aabb::from_points([p, p + cell]), id as u32)
+                })
+                .collect();
+            let extent = Extent::of(&refs);
+            let measure = Measure { block: [1, 4][n % 2], scale: extent.bounds.scale() };
+            let plan = Plan::best(&refs, &extent.centers, &measure, &mut { Bins::EMPTY });
+            let grid = Grid::new(&extent.centers, (4 + n / 16).min(MAX_BINS));
+            let mut expected: Option<(f32, usize, usize)> = None;
+            for axis in 0..3 {
+                for bin in 1..grid.bins {
+                    let goes_left = |prim: &&PrimRef| grid.bin(prim.center(), axis) < bin;
+                    let (left, right): (Vec<&PrimRef>, Vec<&PrimRef>) = refs.iter().partition(goes_left);
+                    let cost = |side: &[&PrimRef]| {
+                        let bounds = side.iter().fold(Box8::EMPTY, |all, prim| all.join(prim.bounds()));
+                        measure.cost(&bounds, side.len() as u32)
+                    };
+                    if !left.is_empty() && !right.is_empty() {
+                        let cost = cost(&left) + cost(&right);
+                        expected = expected.filter(|best| best.0 <= cost).or(Some((cost, axis, bin)));
+                    }
+                }
+            }
+            none += usize::from(expected.is_none());
+            assert_eq!(plan.map(|plan| (plan.cost, plan.axis, plan.bin)), expected, "{n} refs");
+        }
+        assert!((60..70).contains(&none), "{none}");
+    }
+}

@@ -1,0 +1,254 @@
+//! Trees over triangles that move but stay the same ones: boxes and orders are computed anew, which takes a fraction of a build. Rays
+//! slow down as far as neighbours part.
+
+use std::cmp::Ordering;
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use crate::build::{PrimRefs, STACK};
+use crate::memory::collected;
+use crate::node::{Child, Node};
+use crate::primitive::triangle4::Triangle4;
+use crate::slab::WIDTH;
+use crate::{Aabb, BuildError, TriangleBvh, with_stack};
+
+fn bounds(block: &Triangle4) -> Aabb {
+    (0..block.len()).fold(Aabb::EMPTY, |bounds, lane| bounds.union(block.triangle(lane).bounds()))
+}
+
+fn same(a: [Vec3; 3], b: [Vec3; 3]) -> bool {
+    a.map(|p| p.to_array().map(f32::to_bits)) == b.map(|p| p.to_array().map(f32::to_bits))
+}
+
+impl TriangleBvh {
+    /// Takes the triangles to where `corners` tells, in parallel; the tree stays what it is but for its boxes. Answers are those of a
+    /// tree built anew, which it is if triangles part that had the same corners. A triangle that was split (see [`crate::Quality`]) has
+    /// from now on its whole box in each of its leaves.
+    ///
+    /// # Errors
+    /// [`BuildError`] names the first triangle with a corner that is not finite; then nothing has changed.
+    pub fn refit(&mut self, corners: impl Fn(u32) -> [Vec3; 3] + Sync) -> Result<(), BuildError> {
+        self.refit_within(f64::INFINITY, corners).map(|_| ())
+    }
+
+    /// [`TriangleBvh::refit`] for as long as that leaves a good tree: it is built anew where it would cost more than `most` times
+    /// what it did ([`crate::Statistics::sah_cost`]) when it was last built. Tells whether it was; that depends on nothing but the
+    /// triangles, there and on their way. Then no triangle is split, so that it can be refitted again.
+    ///
+    /// # Errors
+    /// As [`TriangleBvh::refit`].
+    pub fn refit_within(&mut self, most: f64, corners: impl Fn(u32) -> [Vec3; 3] + Sync) -> Result<bool, BuildError> {
+        with_stack(STACK, || self.fit(most, &corners))?
+    }
+
+    fn fit(&mut self, most: f64, corners: impl Fn(u32) -> [Vec3; 3] + Sync) -> Result<bool, BuildError> {
+        // Each triangle is asked about once, so that what is kept is what was checked.
+        let all: Vec<[Vec3; 3]> = collected(self.len(), 0, |id| corners(id as u32));
+        if let Some(index) = all.par_iter().position_first(|corners| !corners.iter().all(|corner| corner.is_finite())) {
+            return Err(BuildError::InvalidBox { index, bounds: Aabb::from_points(all[index]) });
+        }
+        let corners = |id: u32| all[id as usize];
+        if self.duplicates().iter().any(|&[original, copy]| !same(corners(original), corners(copy))) {
+            return self.rebuild(corners);
+        }
+        let cost = self.built().unwrap_or_else(|| self.statistics().sah_cost);
+        *self.built() = Some(cost);
+        let (bvh, blocks) = self.parts();
+        blocks.par_iter_mut().for_each(|block| *block = block.with(corners));
+        let blocks = &*blocks;
+        bvh.refit(|first| bounds(&blocks[first as usize]));
+        // A cost that is no number is none to go on with.
+        let worse = || self.statistics().sah_cost.partial_cmp(&(cost * most)).is_none_or(Ordering::is_gt);
+        if most < f64::INFINITY && worse() {
+            return self.rebuild(corners);
+        }
+        Ok(false)
+    }
+
+    /// Builds the tree anew for finite corners, without the old blocks beside the new ones.
+    fn rebuild(&mut self, corners: impl Fn(u32) -> [Vec3; 3] + Sync) -> Result<bool, BuildError> {
+        let refs = PrimRefs::of_whole_triangles(self.len(), &corners)?;
+        *self.parts().1 = Vec::new();
+        *self = Self::over(refs, self.quality(), self.len(), &corners);
+        Ok(true)
+    }
+}
+
+/// Fits boxes to the leaves, of which `leaf` tells the boxes, and returns the box around all.
+pub(crate) fn refit(nodes: &mut [Node], leaf: impl Fn(u32) -> Aabb + Sync) -> Aabb {
+    nodes.par_iter_mut().for_each(|node| {
+        for lane in 0..WIDTH {
+            if let Some(Child::Leaf(of_lane)) = node.children()[lane].follow() {
+                node.set_box(lane, &leaf(of_lane.first()));
+            }
+        }
+    });
+    // Children come later than their parents.
+    for index in (0..nodes.len()).rev() {
+        for lane in 0..WIDTH {
+            if let Some(Child::Node(child)) = nodes[index].children()[lane].follow() {
+                let bounds = nodes[child].bounds();
+                nodes[index].set_box(lane, &bounds);
+            }
+        }
+    }
+    nodes.par_iter_mut().for_each(Node::sort);
+    nodes.first().map_or(Aabb::EMPTY, Node::bounds)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{Random, TestPrimitive, awkward_ray, nearest, zoo};
+    use crate::{InstructionSet, PrimitiveHit, Quality};
+    use glam::Vec3Swizzles;
+
+    fn moved(scene: &[TestPrimitive], random: &mut Random) -> Vec<TestPrimitive> {
+        // Some collapse to points, some fly away; signs of zero change.
+        let place = |p: Vec3, r: &mut Random| match r.below(5) {
+            0 => -p,
+            1 => p.zxy() * 2.0,
+            2 => p * 0.0,
+            _ => p + 0.3 * p.length().min(1e30) * r.vector(),
+        };
+        let triangle = |p: &TestPrimitive, r: &mut Random| match *p {
+            TestPrimitive::Triangle(corners) => TestPrimitive::Triangle(corners.map(|corner| place(corner, r))),
+            sphere => sphere,
+        };
+        scene.iter().map(|p| triangle(p, random)).collect()
+    }
+
+    #[test]
+    fn moved_triangles_are_found_where_they_are() {
+        let random = &mut Random(51);
+        for (name, mut scene) in zoo() {
+            scene.retain(|p| matches!(p, TestPrimitive::Triangle(_)));
+            for quality in [Quality::Medium, Quality::High].into_iter().filter(|_| !scene.is_empty()) {
+                let corners = |scene: &[TestPrimitive], id: u32| match scene[id as usize] {
+                    TestPrimitive::Triangle(corners) => corners,
+                    TestPrimitive::Sphere(..) => unreachable!(),
+                };
+                let original = TriangleBvh::build_with(quality, scene.len(), |id| corners(&scene, id)).unwrap();
+                let mut triangles = original.clone();
+                let scene_moved = moved(&scene, random);
+                triangles.refit(|id| corners(&scene_moved, id)).unwrap();
+                let ids: Vec<u32> = (0..scene.len() as u32).collect();
+                for set in InstructionSet::available() {
+                    set.limit();
+                    for _ in 0..100 {
+                        let ray = awkward_ray(&scene_moved, random);
+                        let expected = nearest(&scene_moved, &ids, &ray, f32::INFINITY).map_or(
+                            PrimitiveHit::none(f32::INFINITY),
+                            |(t, u, v, id)| PrimitiveHit { t, id, part: 0, uv: [u, v] },
+                        );
+                        let mut found = PrimitiveHit::none(f32::INFINITY);
+                        triangles.intersect(&ray.prepare(), &mut found, false);
+                        assert_eq!(found, expected, "{name} {set:?} {ray:?}");
+                    }
+                }
+                // And back again.
+                triangles.refit(|id| corners(&scene, id)).unwrap();
+                assert_eq!(triangles.bounds(), original.bounds());
+                // But for triangles that had been split, and trees that had to be built anew.
+                let leaves: usize = original.block_lengths().sum();
+                assert!(triangles.nodes() == original.nodes() || leaves != scene.len(), "{name}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_tree_is_built_anew_before_it_gets_too_bad() {
+        // A strip that is turned out of the plane that it was built in, a little more each time, and shuffled in the end.
+        let at = |n: u32, turn: f32| Vec3::new(n as f32, (n % 2) as f32, 0.0).rotate_z(turn);
+        let strip = |turn: f32| move |id: u32| [at(id, turn), at(id + 1, turn), at(id + 2, turn)];
+        let mut triangles = TriangleBvh::build(3000, strip(0.0)).unwrap();
+        let mut built = triangles.statistics().sah_cost;
+        let (mut anew, mut kept) = (0, 0);
+        for step in 1..40 {
+            let turn = step as f32 * 0.01;
+            if triangles.refit_within(1.5, strip(turn)).unwrap() {
+                anew += 1;
+                built = triangles.statistics().sah_cost;
+                assert!(triangles.nodes() == TriangleBvh::build(3000, strip(turn)).unwrap().nodes());
+            } else {
+                kept += 1;
+                let cost = triangles.statistics().sah_cost;
+                assert!(cost <= built * 1.5, "{step}: {cost} {built}");
+            }
+        }
+        // The same triangles, each where another was.
+        let shuffled = |id: u32| strip(0.0)(id * 7919 % 3000);
+        let mut forever = triangles.clone();
+        assert!(!forever.refit_within(f64::INFINITY, shuffled).unwrap());
+        assert!(triangles.refit_within(1.5, shuffled).unwrap());
+        assert!(forever.statistics().sah_cost > triangles.statistics().sah_cost * 1.5);
+        assert!(kept > 10, "{kept} kept, {anew} built anew");
+    }
+
+    #[test]
+    fn split_triangles_that_move_are_whole_from_then_on() {
+        let random = &mut Random(52);
+        let mut scene = crate::testing::closed_mesh(random);
+        let low = scene.as_flattened().iter().fold(Vec3::INFINITY, |low, p| low.min(*p)).y;
+        let ground = [[-9.0, -9.0], [-9.0, 9.0], [9.0, 9.0], [9.0, -9.0]].map(|[x, z]| Vec3::new(x, low - 0.01 * x, z));
+        scene.extend([[ground[0], ground[1], ground[2]], [ground[0], ground[2], ground[3]]]);
+        let count = scene.len();
+        for quality in [Quality::Medium, Quality::High] {
+            let mut triangles = TriangleBvh::build_with(quality, count, |id| scene[id as usize]).unwrap();
+            assert!(triangles.block_lengths().sum::<usize>() > count);
+            let anew: Vec<bool> = (1..9)
+                .map(|step| {
+                    let turned = |id: u32| scene[id as usize].map(|p| p.rotate_y(0.003 * step as f32));
+                    triangles.refit_within(1.2, turned).unwrap()
+                })
+                .collect();
+            assert_eq!(anew, [true, false, false, false, false, false, false, false]);
+            assert_eq!(triangles.block_lengths().sum::<usize>(), count);
+        }
+    }
+
+    #[test]
+    fn a_corner_that_is_not_a_number_changes_nothing() {
+        let mut triangles = TriangleBvh::build(9, |id| [Vec3::ZERO, Vec3::X, Vec3::Y].map(|p| p + id as f32)).unwrap();
+        let before = triangles.clone();
+        let error = triangles.refit(|id| [Vec3::ONE, Vec3::X, if id > 4 { Vec3::NAN } else { Vec3::Y }]);
+        assert!(matches!(error, Err(BuildError::InvalidBox { index: 5, .. })));
+        assert!(triangles.nodes() == before.nodes() && triangles.bounds() == before.bounds());
+    }
+
+    /// One that tells something else each time, if it is asked again.
+    #[test]
+    fn each_triangle_is_asked_about_once() {
+        use std::sync::atomic::{AtomicU32, Ordering};
+        let random = &mut Random(53);
+        let scene: Vec<[Vec3; 3]> = (0..500).map(|i| [0; 3].map(|_| random.vector() + (i / 2) as f32)).collect();
+        let scene = |id: u32| scene[if id < 100 { id / 2 * 2 } else { id } as usize];
+        for most in [f64::INFINITY, 0.5] {
+            let mut triangles = TriangleBvh::build(500, scene).unwrap();
+            let asked: Vec<AtomicU32> = (0..500).map(|_| AtomicU32::new(0)).collect();
+            let corners = |id: u32| match asked[id as usize].fetch_add(1, Ordering::Relaxed) {
+                0 => scene(id).map(|p| p * 2.0),
+                _ => [Vec3::NAN; 3],
+            };
+            triangles.refit_within(most, corners).unwrap();
+            assert!(asked.into_iter().all(|asked| asked.into_inner() == 1));
+            let expected = TriangleBvh::build(500, |id| scene(id).map(|p| p * 2.0)).unwrap();
+            assert_eq!(triangles.bounds(), expected.bounds());
+            for _ in 0..300 {
+                let ray = crate::Ray::new(random.vector() * 9.0, random.vector());
+                let [mut a, mut b] = [PrimitiveHit::none(f32::INFINITY); 2];
+                triangles.intersect(&ray.prepare(), &mut a, false);
+                expected.intersect(&ray.prepare(), &mut b, false);
+                assert_eq!(a, b);
+            }
+        }
+    }
+
+    #[test]
+    fn no_triangles_stay_none() {
+        let mut triangles = TriangleBvh::build(0, |_| unreachable!()).unwrap();
+        triangles.refit(|_| unreachable!()).unwrap();
+        assert!(triangles.bounds().is_empty());
+    }
+}

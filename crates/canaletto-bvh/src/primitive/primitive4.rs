@@ -1,0 +1,365 @@
+//! Spheres, cylinders and whatever is among them: blocks of four for trees.
+
+use super::{cylinder4, sphere};
+use crate::slab::{DEFLATE, INFLATE};
+use crate::{Aabb, PreparedRay, PrimitiveHit, Ray};
+use glam::{Vec3, Vec4};
+
+/// How many primitives a block has at most.
+pub(crate) const LANES: usize = 4;
+
+/// The part of the size of numbers that bounds what f32 makes of a few sums and products of them; see [`sphere`].
+pub(crate) const RELATIVE: f32 = 8.0 * f32::EPSILON;
+
+/// A ray in lengths, rounded to f32.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct UnitRay {
+    pub(crate) origin: [f32; 3],
+    /// The direction of length 1; NaN for none.
+    pub(crate) unit: [f32; 3],
+    /// What t grows by for each unit of length; NaN, which decides nothing, where that loses digits.
+    pub(crate) per_length: f32,
+}
+
+impl UnitRay {
+    #[inline]
+    pub(crate) fn new(ray: &Ray) -> Self {
+        let direction = ray.direction.as_dvec3();
+        let per_length = 1.0 / direction.dot(direction).sqrt();
+        let unit = direction * per_length;
+        let per_length = if (per_length as f32).is_normal() { per_length as f32 } else { f32::NAN };
+        Self { origin: ray.origin.to_array(), unit: [unit.x as f32, unit.y as f32, unit.z as f32], per_length }
+    }
+}
+
+/// TriangleRef lanes of a block may be met, a bit for each, and no later than where each is.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Candidates {
+    pub(crate) lanes: u32,
+    pub(crate) near: [f32; LANES],
+}
+
+impl Candidates {
+    pub(crate) const NONE: Self = Self { lanes: 0, near: [f32::INFINITY; LANES] };
+
+    #[inline(always)]
+    fn of(self, lanes: u32) -> Self {
+        Self { lanes: self.lanes & lanes, ..self }
+    }
+
+    /// Those of both, which have no lane in common.
+    #[inline(always)]
+    fn and(mut self, other: Self) -> Self {
+        for lane in 0..LANES {
+            self.near[lane] = if other.lanes >> lane & 1 == 1 { other.near[lane] } else { self.near[lane] };
+        }
+        self.lanes |= other.lanes;
+        self
+    }
+}
+
+/// What a primitive is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Primitive {
+    /// A sphere, in [`sphere::bounds`]; its kernel is [`sphere::intersect`].
+    Sphere {
+        /// Its centre.
+        center: Vec3,
+        /// Its radius.
+        radius: f32,
+    },
+    /// A cylinder with or without caps.
+    Cylinder {
+        /// The ends of its axis.
+        ends: [Vec3; 2],
+        /// Its radius, more than 0.
+        radius: f32,
+    },
+    /// Something else, about which the kernel is asked whenever a ray enters its box.
+    User,
+}
+
+/// Whoever knows the exact kernel of what is no sphere: the nearest hit with 0 < t ≤ t_max on the primitive of an id; its own id doesn't count. What
+/// it finds must lie in the primitive's box as [`PreparedRay::clamp_to_box`] tells.
+pub trait UserIntersect: Fn(UserPrimitive, &PreparedRay, f32) -> Option<PrimitiveHit> {}
+impl<F: Fn(UserPrimitive, &PreparedRay, f32) -> Option<PrimitiveHit>> UserIntersect for F {}
+
+/// What the exact kernel is told.
+#[derive(Clone, Copy, Debug)]
+pub struct UserPrimitive {
+    /// The primitive.
+    pub id: u32,
+    /// The ends of a cylinder's axis.
+    pub ends: [Vec3; 2],
+    /// A cylinder's radius.
+    pub radius: f32,
+}
+
+/// A primitive of a block.
+pub(crate) enum PackedPrimitive {
+    Sphere([f32; 3], f32),
+    Cylinder([[f32; 3]; 2], f32),
+    /// Something in a box.
+    User(Aabb),
+}
+
+pub(crate) type Rows = [Vec4; 3];
+
+/// Up to four primitives side by side. Of spheres alone, rays that pass read the first half only.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C, align(64))]
+pub(crate) struct Primitive4 {
+    /// Centres of spheres, ends of cylinders, or the lower corners of the boxes of what is neither.
+    base: Rows,
+    /// Negative for a cylinder, NaN for what is neither.
+    radius: Vec4,
+    /// The cylinders' other ends, the boxes' upper corners.
+    top: Rows,
+    pub(crate) ids: [u32; LANES],
+}
+
+impl Primitive4 {
+    pub(crate) fn new(primitives: impl Iterator<Item = (u32, Aabb, Primitive)>) -> Self {
+        let (zero, ids) = ([Vec4::ZERO; 3], [u32::MAX; LANES]);
+        let mut block = Self { base: zero, radius: Vec4::ZERO, top: zero, ids };
+        for (lane, (id, bounds, round)) in primitives.enumerate() {
+            block.ids[lane] = id;
+            let ([base, top], radius) = match round {
+                // What has no radius is never hit.
+                Primitive::Sphere { center, radius } => ([center; 2], if radius > 0.0 { radius } else { 0.0 }),
+                Primitive::Cylinder { ends, radius } if radius > 0.0 => (ends, -radius),
+                Primitive::Cylinder { .. } | Primitive::User => ([bounds.min, bounds.max], f32::NAN),
+            };
+            for axis in 0..3 {
+                (block.base[axis][lane], block.top[axis][lane]) = (base[axis], top[axis]);
+            }
+            block.radius[lane] = radius;
+        }
+        block
+    }
+
+    /// The lanes that hold something.
+    #[inline(always)]
+    pub(crate) fn filled(&self) -> u32 {
+        let bit = |lane: usize| u32::from(self.ids[lane] != u32::MAX) << lane;
+        bit(0) | bit(1) | bit(2) | bit(3)
+    }
+
+    /// Whether it holds spheres and cylinders alone.
+    pub(crate) fn has_shapes_only(&self) -> bool {
+        !self.radius.is_nan()
+    }
+
+    /// The lanes with cylinders.
+    #[inline(always)]
+    fn cylinders(&self) -> u32 {
+        self.radius.cmplt(Vec4::ZERO).bitmask()
+    }
+
+    #[inline(always)]
+    fn cull_cylinders(&self, ray: &UnitRay, t_max: f32) -> Candidates {
+        cylinder4::cull(&self.base, &self.top, -self.radius, ray, t_max)
+    }
+
+    /// The lanes with what is neither sphere nor cylinder.
+    #[inline(always)]
+    fn others(&self) -> u32 {
+        self.radius.is_nan_mask().bitmask()
+    }
+
+    /// The boxes of such, entered as [`PreparedRay::clamp_to_box`] tells, which holds their hits to them.
+    #[inline(always)]
+    fn cull_boxes(&self, ray: &PreparedRay, t_max: f32) -> Candidates {
+        if !ray.regular {
+            return Candidates { lanes: u32::MAX, near: [0.0; LANES] };
+        }
+        let (mut near, mut far) = (Vec4::ZERO, Vec4::INFINITY);
+        for axis in 0..3 {
+            let (origin, backwards) = (Vec4::splat(ray.ray.origin[axis]), ray.backwards[axis]);
+            let (low, high) = ((origin - self.base[axis]) * backwards, (origin - self.top[axis]) * backwards);
+            (near, far) = (near.max(low.min(high)), far.min(low.max(high)));
+        }
+        let before = near * DEFLATE;
+        let lanes = near.cmple(far * INFLATE) & before.cmple(Vec4::splat(t_max));
+        Candidates { lanes: lanes.bitmask(), near: before.to_array() }
+    }
+
+    /// What of the filled lanes may be met before `t_max`.
+    #[inline(always)]
+    pub(crate) fn cull(&self, filled: u32, ray: &PreparedRay, unit_ray: &UnitRay, t_max: f32) -> Candidates {
+        let others = filled & self.others();
+        let candidates = self.cull_shapes(filled & !others, unit_ray, t_max);
+        if others == 0 { candidates } else { candidates.and(self.cull_boxes(ray, t_max).of(others)) }
+    }
+
+    /// The same of spheres and cylinders alone.
+    #[inline(always)]
+    pub(crate) fn cull_shapes(&self, filled: u32, unit_ray: &UnitRay, t_max: f32) -> Candidates {
+        let cylinders = filled & self.cylinders();
+        let spheres = filled & !cylinders;
+        let mut candidates = Candidates::NONE;
+        if spheres != 0 {
+            candidates = sphere::cull(&self.base, self.radius, unit_ray, t_max).of(spheres);
+        }
+        if cylinders != 0 {
+            candidates = candidates.and(self.cull_cylinders(unit_ray, t_max).of(cylinders));
+        }
+        candidates
+    }
+
+    /// [`Primitive4::sort`] only for whether: what may be met, and what surely is.
+    #[inline(always)]
+    pub(crate) fn cull_any(&self, filled: u32, ray: &PreparedRay, unit_ray: &UnitRay, t_max: f32) -> (u32, u32) {
+        let others = filled & self.others();
+        let (mut lanes, surely) = self.cull_any_shapes(filled & !others, unit_ray, t_max);
+        if others != 0 {
+            lanes |= self.cull_boxes(ray, t_max).lanes & others;
+        }
+        (lanes, surely)
+    }
+
+    /// The same of spheres and cylinders alone.
+    #[inline(always)]
+    pub(crate) fn cull_any_shapes(&self, filled: u32, unit_ray: &UnitRay, t_max: f32) -> (u32, u32) {
+        let cylinders = filled & self.cylinders();
+        let spheres = filled & !cylinders;
+        let (mut lanes, mut surely) = (0, 0);
+        if spheres != 0 {
+            (lanes, surely) = sphere::cull_any(&self.base, self.radius, unit_ray, t_max);
+            (lanes, surely) = (lanes & spheres, surely & spheres);
+        }
+        if cylinders != 0 {
+            lanes |= self.cull_cylinders(unit_ray, t_max).lanes & cylinders;
+        }
+        (lanes, surely)
+    }
+
+    /// A primitive as packets look at it.
+    #[inline(always)]
+    pub(crate) fn target(&self, lane: usize) -> PackedPrimitive {
+        // As lists: indexing vectors would choose by a branch that nobody can foretell.
+        let at = |row: &Vec4| row.as_ref()[lane & (LANES - 1)];
+        let point = |[x, y, z]: &Rows| [at(x), at(y), at(z)];
+        let (base, radius) = (point(&self.base), at(&self.radius));
+        if radius >= 0.0 {
+            return PackedPrimitive::Sphere(base, radius);
+        }
+        let top = point(&self.top);
+        if radius < 0.0 {
+            return PackedPrimitive::Cylinder([base, top], -radius);
+        }
+        PackedPrimitive::User(Aabb { min: base.into(), max: top.into() })
+    }
+
+    /// What the exact kernel says.
+    #[inline(always)]
+    pub(crate) fn exact(
+        &self,
+        lane: usize,
+        ray: &PreparedRay,
+        t_max: f32,
+        user: &impl UserIntersect,
+    ) -> Option<PrimitiveHit> {
+        // As lists: indexing vectors would choose by a branch that nobody can foretell.
+        let at = |row: &Vec4| row.as_ref()[lane & (LANES - 1)];
+        let point = |[x, y, z]: &Rows| Vec3::new(at(x), at(y), at(z));
+        let (base, radius) = (point(&self.base), at(&self.radius));
+        if radius >= 0.0 {
+            return sphere::intersect_inline(ray, base, radius, t_max).map(PrimitiveHit::none);
+        }
+        let top = point(&self.top);
+        user(UserPrimitive { id: self.ids[lane], ends: [base, top], radius: -radius }, ray, t_max)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Random;
+
+    #[test]
+    fn what_is_surely_met_hides_nothing_that_may_count_in_its_place() {
+        let at = |z: f32| Aabb { min: Vec3::new(-1.0, -1.0, z - 1.0), max: Vec3::new(1.0, 1.0, z + 1.0) };
+        let sphere = Primitive::Sphere { center: -Vec3::Z * 5.0, radius: 1.0 };
+        let cylinder =
+            Primitive::Cylinder { ends: [Vec3::new(-1.0, 0.0, -9.0), Vec3::new(1.0, 0.0, -9.0)], radius: 1.0 };
+        let all = [(0, at(-5.0), sphere), (1, at(-9.0), cylinder), (2, at(-20.0), Primitive::User)];
+        let ray = Ray::new(Vec3::ZERO, -Vec3::Z).prepare();
+        let candidates = Primitive4::new(all.into_iter()).cull_any(0b111, &ray, &UnitRay::new(&ray.ray), f32::INFINITY);
+        assert_eq!(candidates, (0b111, 0b001));
+    }
+
+    #[test]
+    fn hits_lie_in_boxes_that_are_not_sorted_out() {
+        let random = &mut Random(53);
+        let (mut sorted_out, mut missed, mut met) = (0, 0, 0);
+        for i in 0..200_000 {
+            let scale = [1.0, 1e-30, 1e30][i % 3];
+            let boxes: [Aabb; LANES] = std::array::from_fn(|_| {
+                let (a, b) = (random.vector(), random.vector() * [1.0, 0.01, 0.0][random.below(3)]);
+                Aabb { min: a.min(a + b) * scale, max: a.max(a + b) * scale }
+            });
+            // Also along axes, and from on a box or within.
+            let target = boxes[random.below(LANES)];
+            let origin = [random.vector() * 2.0 * scale, target.min, target.center()][random.below(3)];
+            let mut direction = [random.vector() * scale, target.max - origin][random.below(2)];
+            direction[random.below(3)] *= [1.0, 0.0][random.below(2)];
+            let ray = Ray::new(origin, direction).prepare();
+            let block = Primitive4::new((0..).zip(boxes).map(|(id, bounds)| (id, bounds, Primitive::User)));
+            let t = random.signed().abs() * 2.0;
+            let t_max = [f32::INFINITY, t, t * 0.5][random.below(3)];
+            let Candidates { lanes, near } = block.cull(0b1111, &ray, &UnitRay::new(&ray.ray), t_max);
+            assert_eq!(block.cull_any(0b1111, &ray, &UnitRay::new(&ray.ray), t_max), (lanes, 0));
+            for (lane, bounds) in boxes.iter().enumerate() {
+                let (passed, hit) = (lanes >> lane & 1 == 0, ray.clamp_to_box(bounds, t.into(), t_max));
+                let what = format!("{ray:?} {bounds:?} {t} {t_max}");
+                assert!(hit.is_none_or(|t| !passed && near[lane] <= t), "{hit:?} {what}");
+                sorted_out += usize::from(passed);
+                missed += usize::from(ray.regular && !ray.enters(bounds, t_max));
+                met += usize::from(hit.is_some());
+            }
+        }
+        assert!(met > 20_000 && sorted_out == missed, "{met}, {sorted_out} of {missed}");
+    }
+
+    #[test]
+    fn what_is_sorted_out_is_missed_and_what_is_surely_met_is_met() {
+        let random = &mut Random(43);
+        let (mut sorted_out, mut missed, mut surely_met, mut met) = (0, 0, 0, 0);
+        for i in 0..400_000 {
+            // From large ones nearby to dots far away, of all magnitudes, aimed at beside, on and next to their rims; also from on them and within.
+            let far = random.vector() * 10f32.powi(random.below(6) as i32 - 1);
+            let radius = random.signed().abs() * [1.0, 1e-2, 1e-4][i % 3];
+            let aside = random.vector().normalize();
+            let off = [1.0, 1.0 + random.signed() * 10f32.powi(-(random.below(8) as i32)), random.signed()];
+            let target = far + aside * radius * off[random.below(3)];
+            let origin = [random.vector(), Vec3::ZERO, random.vector() * 1e-3, far + random.vector() * radius];
+            let origin = origin[random.below(4)];
+            let mut direction = target - origin;
+            if random.below(2) == 0 {
+                // Across the way to the rim: tangents.
+                direction = direction.cross(aside).cross(aside);
+            }
+            direction[random.below(3)] *= [1.0, 1.0, 0.0, 1e-20, 1e-39][random.below(5)];
+            let scale = 10f32.powi(random.below(60) as i32 - 30);
+            let ray = Ray::new(origin * scale, direction * [1.0, scale][i % 2]).prepare();
+            let (center, radius) = (far * scale, radius * scale);
+            let all = sphere::intersect(&ray, center, radius, f32::INFINITY);
+            let t = all.unwrap_or(1.0);
+            let t_max = [f32::INFINITY, t, t.next_down(), t * 2.0, t * 0.5][random.below(5)];
+            let block = Primitive4::new(std::iter::once((0, Aabb::EMPTY, Primitive::Sphere { center, radius })));
+            let (unit_ray, exactly) = (UnitRay::new(&ray.ray), all.is_some_and(|t| t <= t_max));
+            let Candidates { lanes, near } = block.cull(1, &ray, &unit_ray, t_max);
+            let (any, surely) = block.cull_any(1, &ray, &unit_ray, t_max);
+            assert!(!exactly || lanes & any & 1 == 1, "{ray:?} {center} {radius} {t_max}");
+            assert!(!exactly || near[0].is_nan() || near[0] <= t, "{ray:?} {center} {radius} {near:?}");
+            assert!(exactly || surely & 1 == 0, "{ray:?} {center} {radius} {t_max}");
+            sorted_out += usize::from(lanes & 1 == 0);
+            missed += usize::from(!exactly);
+            surely_met += surely as usize & 1;
+            met += usize::from(exactly);
+        }
+        assert!(missed / 4 < sorted_out && sorted_out < missed, "{sorted_out} of {missed}");
+        assert!(met / 10 < surely_met && surely_met < met, "{surely_met} of {met}");
+    }
+}

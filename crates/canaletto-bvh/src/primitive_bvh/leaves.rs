@@ -1,0 +1,191 @@
+//! What single rays and streams do at leaves.
+#![allow(unsafe_code)] // What is done at leaves may be compiled for a stream's instructions, though here it needs none.
+
+use crate::node::{Node, PrefetchTable};
+use crate::primitive::primitive4::{Candidates, LANES, Primitive4, UnitRay, UserIntersect};
+use crate::simd::NodeTest;
+use crate::traverse::{AnyHitVisitor, ClosestVisitor, NumberedRay, StreamVisitor};
+use crate::{Leaf, PreparedRay, PrimitiveHit};
+
+/// The bits of the lanes of a leaf that hold something.
+#[inline(always)]
+fn filled(leaf: Leaf) -> u32 {
+    (1 << leaf.count()) - 1
+}
+
+/// Makes the primitive in this lane the nearest if it is, and tells whether.
+#[inline(always)]
+pub(crate) fn accept_if_nearer(
+    block: &Primitive4,
+    lane: usize,
+    ray: &PreparedRay,
+    nearest: &mut PrimitiveHit,
+    user: &impl UserIntersect,
+) -> bool {
+    let id = block.ids[lane];
+    // Whoever was asked need not have kept to `nearest.t`.
+    if let Some(met) = block.exact(lane, ray, nearest.t, user)
+        && (met.t < nearest.t || met.t == nearest.t && id < nearest.id)
+    {
+        *nearest = PrimitiveHit { id, ..met };
+        return true;
+    }
+    false
+}
+
+#[inline(always)]
+pub(super) fn closest(
+    block: &Primitive4,
+    candidates: &Candidates,
+    ray: &PreparedRay,
+    nearest: &mut PrimitiveHit,
+    user: &impl UserIntersect,
+) {
+    let mut lanes = candidates.lanes;
+    while lanes != 0 {
+        let lane = lanes.trailing_zeros() as usize;
+        lanes &= lanes - 1;
+        // What was met meanwhile may be nearer; where the bound is no number it can't be told.
+        if candidates.near[lane] > nearest.t {
+            continue;
+        }
+        accept_if_nearer(block, lane, ray, nearest, user);
+    }
+}
+
+#[inline(always)]
+pub(super) fn any(
+    block: &Primitive4,
+    (lanes, surely): (u32, u32),
+    ray: &PreparedRay,
+    t_max: f32,
+    user: &impl UserIntersect,
+    counts: &mut impl FnMut(u32) -> bool,
+) -> Option<u32> {
+    // Those that need no asking first.
+    for (mut lanes, surely) in [(surely, true), (lanes & !surely, false)] {
+        while lanes != 0 {
+            let lane = lanes.trailing_zeros();
+            lanes &= lanes - 1;
+            let met = surely || block.exact(lane as usize, ray, t_max, user).is_some();
+            if met && counts(block.ids[lane as usize]) {
+                return Some(lane);
+            }
+        }
+    }
+    None
+}
+
+pub(super) struct ClosestOfRay<'a, A> {
+    pub(super) blocks: &'a [Primitive4],
+    pub(super) ray: &'a PreparedRay,
+    pub(super) unit_ray: UnitRay,
+    pub(super) nearest: &'a mut PrimitiveHit,
+    pub(super) user: &'a A,
+}
+
+impl<A: UserIntersect> ClosestVisitor for ClosestOfRay<'_, A> {
+    #[inline(always)]
+    fn leaf(&mut self, leaf: Leaf, t_max: &mut f32) {
+        let block = &self.blocks[leaf.first() as usize];
+        let candidates = block.cull(filled(leaf), self.ray, &self.unit_ray, self.nearest.t);
+        closest(block, &candidates, self.ray, self.nearest, self.user);
+        *t_max = self.nearest.t;
+    }
+}
+
+pub(super) struct ClosestOfStream<'a, A> {
+    pub(super) blocks: &'a [Primitive4],
+    pub(super) unit_ray: &'a [UnitRay],
+    pub(super) nearest: &'a mut [PrimitiveHit],
+    pub(super) user: &'a A,
+}
+
+impl<A: UserIntersect> StreamVisitor for ClosestOfStream<'_, A> {
+    type Finding = Candidates;
+
+    #[inline(always)]
+    fn test(&self, ray: NumberedRay<'_>, leaf: Leaf, t_max: f32) -> (bool, Candidates) {
+        let candidates =
+            self.blocks[leaf.first() as usize].cull(filled(leaf), ray.ray, &self.unit_ray[ray.number], t_max);
+        (candidates.lanes != 0, candidates)
+    }
+
+    #[inline(always)]
+    unsafe fn leaf<N: NodeTest>(
+        &mut self,
+        ray: NumberedRay<'_>,
+        leaf: Leaf,
+        candidates: &Candidates,
+        _: u32,
+        t_max: &mut f32,
+    ) {
+        let (block, nearest) = (&self.blocks[leaf.first() as usize], &mut self.nearest[ray.number]);
+        closest(block, candidates, ray.ray, nearest, self.user);
+        *t_max = nearest.t;
+    }
+
+    #[inline(always)]
+    fn prefetch_table(&self, nodes: &[Node]) -> PrefetchTable {
+        PrefetchTable::new(nodes, self.blocks)
+    }
+}
+
+pub(super) struct AnyHitOfStream<'a, A> {
+    pub(super) blocks: &'a [Primitive4],
+    pub(super) unit_ray: &'a [UnitRay],
+    pub(super) user: &'a A,
+}
+
+impl<A: UserIntersect> StreamVisitor for AnyHitOfStream<'_, A> {
+    type Finding = (u32, u32);
+    const NEAREST: bool = false;
+
+    #[inline(always)]
+    fn test(&self, ray: NumberedRay<'_>, leaf: Leaf, t_max: f32) -> (bool, (u32, u32)) {
+        let candidates =
+            self.blocks[leaf.first() as usize].cull_any(filled(leaf), ray.ray, &self.unit_ray[ray.number], t_max);
+        (candidates.0 | candidates.1 != 0, candidates)
+    }
+
+    #[inline(always)]
+    unsafe fn leaf<N: NodeTest>(
+        &mut self,
+        ray: NumberedRay<'_>,
+        leaf: Leaf,
+        candidates: &(u32, u32),
+        _: u32,
+        t_max: &mut f32,
+    ) {
+        let block = &self.blocks[leaf.first() as usize];
+        if any(block, *candidates, ray.ray, *t_max, self.user, &mut |_| true).is_some() {
+            *t_max = f32::NEG_INFINITY;
+        }
+    }
+
+    #[inline(always)]
+    fn prefetch_table(&self, nodes: &[Node]) -> PrefetchTable {
+        PrefetchTable::new(nodes, self.blocks)
+    }
+}
+
+pub(super) struct AnyHitOfRay<'a, A, F> {
+    pub(super) blocks: &'a [Primitive4],
+    pub(super) ray: &'a PreparedRay,
+    pub(super) unit_ray: UnitRay,
+    pub(super) t_max: f32,
+    pub(super) user: &'a A,
+    pub(super) counts: F,
+    pub(super) place: &'a mut Option<u32>,
+}
+
+impl<A: UserIntersect, F: FnMut(u32) -> bool> AnyHitVisitor for AnyHitOfRay<'_, A, F> {
+    #[inline(always)]
+    fn leaf(&mut self, leaf: Leaf) -> bool {
+        let block = &self.blocks[leaf.first() as usize];
+        let candidates = block.cull_any(filled(leaf), self.ray, &self.unit_ray, self.t_max);
+        *self.place = any(block, candidates, self.ray, self.t_max, self.user, &mut self.counts)
+            .map(|lane| leaf.first() * LANES as u32 + lane);
+        self.place.is_some()
+    }
+}

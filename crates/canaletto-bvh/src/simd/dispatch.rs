@@ -1,0 +1,130 @@
+//! Code that is compiled once for each instruction set.
+
+#![allow(unsafe_code)] // Functions for instructions that only some machines have.
+
+#[cfg(target_arch = "x86_64")]
+use super::{Avx2, Avx512};
+use super::{Baseline, Instructions, IrregularNodeTest, NodeTest};
+use crate::InstructionSet;
+
+/// Loops over numbers side by side, which the compiler makes wide by whatever instructions it may use. They give the same bits with all of
+/// them: + − × ÷ and sqrt are never fused.
+pub trait Kernel {
+    /// What it finds.
+    type Answer;
+    /// Does the work. Has to be `#[inline(always)]`, as must be all it calls, or it is compiled for the baseline.
+    fn run(self) -> Self::Answer;
+}
+
+impl InstructionSet {
+    /// Runs a kernel by the instructions in use.
+    #[inline]
+    pub fn run<K: Kernel>(kernel: K) -> K::Answer {
+        run(Loops(kernel))
+    }
+}
+
+struct Loops<K>(K);
+
+impl<K: Kernel> SimdKernel for Loops<K> {
+    type Answer = K::Answer;
+
+    #[inline(always)]
+    fn run<S: Instructions>(self, _: S) -> K::Answer {
+        self.0.run()
+    }
+}
+
+/// What says itself what is side by side, by values that [`Instructions`] make.
+pub(crate) trait SimdKernel {
+    /// What it finds.
+    type Answer;
+    /// As [`Kernel::run`].
+    fn run<S: Instructions>(self, s: S) -> Self::Answer;
+}
+
+/// Runs it by the instructions in use.
+#[inline]
+pub(crate) fn run<K: SimdKernel>(kernel: K) -> K::Answer {
+    #[cfg(target_arch = "x86_64")]
+    match InstructionSet::current() {
+        // SAFETY: `current` never tells more than the machine has.
+        InstructionSet::Avx512 => return unsafe { avx512(kernel) },
+        // SAFETY: as said.
+        InstructionSet::Avx2 => return unsafe { avx2(kernel) },
+        InstructionSet::Baseline => {}
+    }
+    kernel.run(Baseline)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+fn avx2<K: SimdKernel>(kernel: K) -> K::Answer {
+    // SAFETY: who called this knows that the machine has the instructions.
+    kernel.run(unsafe { Avx2::new() })
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512bw,avx512dq")]
+fn avx512<K: SimdKernel>(kernel: K) -> K::Answer {
+    // SAFETY: who called this knows that the machine has the instructions.
+    kernel.run(unsafe { Avx512::new() })
+}
+
+/// A way through all nodes of a tree, compiled for each set of instructions.
+pub(crate) trait Traversal {
+    /// What it finds.
+    type Answer;
+    /// Does the work. Has to be `#[inline(always)]`.
+    ///
+    /// # Safety
+    /// As for [`NodeTest`].
+    unsafe fn run<N: NodeTest>(self) -> Self::Answer;
+}
+
+/// Runs a traversal by the instructions in use, or box by box for a ray that is not `regular`.
+#[inline]
+pub(crate) fn traverse<T: Traversal>(regular: bool, traversal: T) -> T::Answer {
+    if regular {
+        return run(Regular(traversal));
+    }
+    // SAFETY: `IrregularNodeTest` needs nothing.
+    unsafe { traversal.run::<IrregularNodeTest>() }
+}
+
+struct Regular<T>(T);
+
+impl<T: Traversal> SimdKernel for Regular<T> {
+    type Answer = T::Answer;
+
+    #[inline(always)]
+    fn run<S: Instructions>(self, _: S) -> T::Answer {
+        // SAFETY: there is an `S`, so the machine has the instructions.
+        unsafe { self.0.run::<S>() }
+    }
+}
+
+/// A function that is also compiled for AVX2, and runs as that where the machine has it.
+macro_rules! compiled_wide {
+    ($(#[$about:meta])* $vis:vis fn $name:ident($($arg:ident: $type:ty),*) -> $result:ty $body:block) => {
+        $(#[$about])*
+        $vis fn $name($($arg: $type),*) -> $result {
+            #[inline(always)]
+            fn code($($arg: $type),*) -> $result $body
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[target_feature(enable = "avx2,bmi1,bmi2")]
+                fn wide($($arg: $type),*) -> $result {
+                    code($($arg),*)
+                }
+                if crate::InstructionSet::current() >= crate::InstructionSet::Avx2 {
+                    #[allow(unsafe_code)]
+                    // SAFETY: `current` never tells more than the machine has.
+                    return unsafe { wide($($arg),*) };
+                }
+            }
+            code($($arg),*)
+        }
+    };
+}
+pub(crate) use compiled_wide;

@@ -1,0 +1,273 @@
+//! Packets among spheres, cylinders and whatever else there is.
+
+use super::group::{NOTHING, RayGroup};
+use super::primitive_test::{PackedPrimitive, TestMasks, UnitRays};
+use super::walk::GROUPS;
+use super::{Packet, PacketOutcome, in_packets, lanes};
+use crate::node::{Node, PrefetchTable};
+use crate::primitive::primitive4::{LANES, Primitive4, UserIntersect};
+use crate::primitive::sphere8::{self, Sphere8};
+use crate::primitive_bvh::accept_if_nearer;
+use crate::simd::dispatch::{self, SimdKernel};
+use crate::simd::{Instructions, Row, SIXTEEN, Vector};
+use crate::{PreparedRay, PrimitiveHit, Ray};
+
+/// What rays go through.
+pub(crate) struct PrimitiveScene<'a, A> {
+    pub(crate) nodes: &'a [Node],
+    pub(crate) blocks: &'a [Primitive4],
+    pub(crate) user: &'a A,
+}
+
+impl<A> Clone for PrimitiveScene<'_, A> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<A> Copy for PrimitiveScene<'_, A> {}
+
+/// Rays of a group whose directions, at length 1, differ by more than this along an axis are better off one by one: what they
+/// visit is rarely the same. The times of whole pictures hardly depend on it between a fifth and five times as much.
+const ASTRAY: f32 = 0.1;
+
+/// Takes all groups to the leaves that they may meet; `alone` is called for rays that have to be tested against a primitive exactly: with
+/// their group, their lane, and the primitive's place.
+#[inline(always)]
+fn trace<S: Instructions, A: UserIntersect, const NEAREST: bool>(
+    s: S,
+    field: PrimitiveScene<'_, A>,
+    packet: &mut Packet,
+    outcome: &mut PacketOutcome,
+    mut alone: impl FnMut(&mut RayGroup, usize, u32),
+) {
+    let mut roughs = [UnitRays::EMPTY; GROUPS];
+    for (group, unit_ray) in packet.groups.iter_mut().zip(&mut roughs).take(packet.len) {
+        unit_ray.set(group);
+        if unit_ray.spread(s, group) > ASTRAY {
+            outcome.diverged |= u64::from(group.part) << group.first;
+            group.part = 0;
+            group.t_max = Row([f32::NEG_INFINITY; SIXTEEN]);
+        }
+    }
+    packet.start(s);
+    let data = PrefetchTable::new(field.nodes, field.blocks);
+    while let Some((leaf, mut parts)) = packet.walk.next::<S, NEAREST>(s, field.nodes, data, &packet.groups) {
+        let block = &field.blocks[leaf.first() as usize];
+        while parts != 0 {
+            let number = parts.trailing_zeros() as usize;
+            parts &= parts - 1;
+            let (index, part) = (number / S::Vector::PARTS % GROUPS, number % S::Vector::PARTS);
+            let (group, unit_ray) = (&mut packet.groups[index], &roughs[index]);
+            let mut changed = 0;
+            for lane in 0..leaf.count() as usize {
+                let place = leaf.first() * LANES as u32 + lane as u32;
+                let TestMasks { taken, undecided } = match block.target(lane) {
+                    PackedPrimitive::Sphere(center, radius) => {
+                        group.test_sphere::<S, NEAREST>(s, part, unit_ray, center, radius, place)
+                    }
+                    PackedPrimitive::Cylinder(ends, radius) => {
+                        group.test_cylinder::<S, NEAREST>(s, part, unit_ray, ends, radius, place)
+                    }
+                    PackedPrimitive::User(bounds) => group.test_box(s, part, bounds),
+                };
+                changed |= taken | undecided;
+                for i in lanes(undecided) {
+                    alone(group, i, place);
+                }
+            }
+            if changed != 0 {
+                let farthest = group.farthest(s);
+                packet.walk.limit(index, farthest);
+            }
+        }
+    }
+}
+
+/// Tests what waits for a ray, then a primitive, exactly. Returns whether what had waited was not met.
+#[inline(never)]
+fn decide<A: UserIntersect>(
+    group: &mut RayGroup,
+    field: PrimitiveScene<'_, A>,
+    i: usize,
+    place: u32,
+    nearest: &mut PrimitiveHit,
+) -> bool {
+    let ray = PreparedRay::new(&group.ray(i));
+    let mut accept_if_nearer = |place: u32| {
+        let (block, lane) = (&field.blocks[place as usize / LANES], place as usize % LANES);
+        accept_if_nearer(block, lane, &ray, nearest, field.user)
+    };
+    let pending = std::mem::replace(&mut group.pending.0[i], NOTHING);
+    let mut failed = pending != NOTHING && !accept_if_nearer(pending);
+    if place != NOTHING {
+        accept_if_nearer(place);
+    }
+    failed |= pending != NOTHING && nearest.t > group.t_max.0[i];
+    (group.t_max.0[i], group.low.0[i]) = (nearest.t, nearest.t);
+    failed
+}
+
+/// Tests what waits for the rays of a group exactly, as far as these are spheres, side by side, and tells for which rays that was not met. Of others
+/// everything waits on.
+#[inline(always)]
+fn decide_spheres<A>(group: &mut RayGroup, field: PrimitiveScene<'_, A>, nearest: &mut [PrimitiveHit]) -> u32 {
+    const HALF: usize = sphere8::LANES;
+    let (waiting, mut failed) = (group.waiting(), 0);
+    for first in (0..SIXTEEN).step_by(HALF) {
+        let mut side = Sphere8::NOTHING;
+        let mut spheres = 0;
+        for i in lanes(waiting & ((1 << HALF) - 1) << first) {
+            let place = group.pending.0[i] as usize;
+            if let PackedPrimitive::Sphere(center, radius) = field.blocks[place / LANES].target(place % LANES) {
+                let lane = i - first;
+                for (row, c) in side.center.iter_mut().zip(center) {
+                    row[lane] = c;
+                }
+                side.radius[lane] = radius;
+                side.t_max[lane] = nearest[group.first + i].t;
+                spheres |= 1u32 << i;
+            }
+        }
+        // Fewer aren't worth it.
+        if spheres.count_ones() < 3 {
+            continue;
+        }
+        for axis in 0..3 {
+            side.origin[axis].copy_from_slice(&group.origin[axis].0[first..first + HALF]);
+            side.direction[axis].copy_from_slice(&group.direction[axis].0[first..first + HALF]);
+        }
+        let found = side.intersect(&side.bounds());
+        for i in lanes(spheres) {
+            let (lane, place, nearest) = (i - first, group.pending.0[i] as usize, &mut nearest[group.first + i]);
+            if found.is_known[lane] == 0 {
+                continue;
+            }
+            let (t, id) = (found.t[lane], field.blocks[place / LANES].ids[place % LANES]);
+            let met = t < nearest.t || t == nearest.t && id < nearest.id;
+            if met {
+                *nearest = PrimitiveHit { id, ..PrimitiveHit::none(t) };
+            }
+            failed |= u32::from(!met || nearest.t > group.t_max.0[i]) << i;
+            group.pending.0[i] = NOTHING;
+            (group.t_max.0[i], group.low.0[i]) = (nearest.t, nearest.t);
+        }
+    }
+    failed
+}
+
+/// Ends a ray if a primitive is met, by the exact test.
+#[inline(never)]
+fn end<A: UserIntersect>(group: &mut RayGroup, field: PrimitiveScene<'_, A>, i: usize, place: u32) {
+    let (block, lane) = (&field.blocks[place as usize / LANES], place as usize % LANES);
+    if block.exact(lane, &group.ray(i).prepare(), group.t_max.0[i], field.user).is_some() {
+        group.t_max.0[i] = f32::NEG_INFINITY;
+    }
+}
+
+#[inline(always)]
+fn closest_in<S: Instructions, A: UserIntersect>(
+    s: S,
+    field: PrimitiveScene<'_, A>,
+    packet: &mut Packet,
+    nearest: &mut [PrimitiveHit],
+    outcome: &mut PacketOutcome,
+) {
+    let mut retry = 0;
+    let alone = |group: &mut RayGroup, i: usize, place: u32, nearest: &mut [PrimitiveHit]| {
+        let ray = group.first + i;
+        u64::from(decide(group, field, i, place, &mut nearest[ray])) << ray
+    };
+    trace::<S, A, true>(s, field, packet, outcome, |group, i, place| retry |= alone(group, i, place, nearest));
+    for group in &mut packet.groups[..packet.len] {
+        retry |= u64::from(decide_spheres(group, field, nearest)) << group.first;
+        for i in lanes(group.waiting()) {
+            retry |= alone(group, i, NOTHING, nearest);
+        }
+    }
+    outcome.retry |= retry;
+}
+
+#[inline(always)]
+fn any_in<S: Instructions, A: UserIntersect>(
+    s: S,
+    field: PrimitiveScene<'_, A>,
+    packet: &mut Packet,
+    t_max: &mut [f32],
+    outcome: &mut PacketOutcome,
+) {
+    trace::<S, A, false>(s, field, packet, outcome, |group, i, place| end(group, field, i, place));
+    packet.write_back(t_max);
+}
+
+struct ClosestPackets<'a, A> {
+    field: PrimitiveScene<'a, A>,
+    packet: &'a mut Packet,
+    rays: &'a [Ray],
+    nearest: &'a mut [PrimitiveHit],
+}
+
+impl<A: UserIntersect> SimdKernel for ClosestPackets<'_, A> {
+    type Answer = PacketOutcome;
+
+    #[inline(always)]
+    fn run<S: Instructions>(self, s: S) -> PacketOutcome {
+        let Self { field, packet, rays, nearest } = self;
+        let mut outcome = PacketOutcome::default();
+        in_packets!(
+            s,
+            packet,
+            rays,
+            nearest,
+            |nearest: &PrimitiveHit| nearest.t,
+            outcome,
+            closest_in(s, field, packet, nearest, &mut outcome)
+        );
+        outcome
+    }
+}
+
+struct AnyHitPackets<'a, A> {
+    field: PrimitiveScene<'a, A>,
+    packet: &'a mut Packet,
+    rays: &'a [Ray],
+    t_max: &'a mut [f32],
+}
+
+impl<A: UserIntersect> SimdKernel for AnyHitPackets<'_, A> {
+    type Answer = PacketOutcome;
+
+    #[inline(always)]
+    fn run<S: Instructions>(self, s: S) -> PacketOutcome {
+        let Self { field, packet, rays, t_max } = self;
+        let mut outcome = PacketOutcome::default();
+        in_packets!(s, packet, rays, t_max, |t_max| *t_max, outcome, any_in(s, field, packet, t_max, &mut outcome));
+        outcome
+    }
+}
+
+/// [`super::closest`] among what is round.
+pub(crate) fn closest<A: UserIntersect>(
+    field: PrimitiveScene<'_, A>,
+    packet: &mut Packet,
+    rays: &[Ray],
+    nearest: &mut [PrimitiveHit],
+) -> PacketOutcome {
+    if field.nodes.is_empty() {
+        return PacketOutcome::default();
+    }
+    dispatch::run(ClosestPackets { field, packet, rays, nearest })
+}
+
+/// [`super::any`] among what is round.
+pub(crate) fn any<A: UserIntersect>(
+    field: PrimitiveScene<'_, A>,
+    packet: &mut Packet,
+    rays: &[Ray],
+    t_max: &mut [f32],
+) -> PacketOutcome {
+    if field.nodes.is_empty() {
+        return PacketOutcome::default();
+    }
+    dispatch::run(AnyHitPackets { field, packet, rays, t_max })
+}
