@@ -4,25 +4,25 @@ use crate::slab;
 use bytemuck::Zeroable;
 use glam::Vec3;
 
-/// The points between two corners, both included.
+/// The points between two corners, both corners included.
 #[derive(Clone, Copy, Debug, PartialEq, Zeroable)]
 pub struct Aabb {
-    /// The corner of least coordinates.
+    /// The corner with the smallest coordinates.
     pub min: Vec3,
-    /// The corner of greatest coordinates.
+    /// The corner with the largest coordinates.
     pub max: Vec3,
 }
 
 impl Aabb {
-    /// The box of no point, neutral in [`Aabb::union`].
+    /// The empty box, which contains no point. It is neutral in [`Aabb::union`].
     pub const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
-    /// The smallest box around `points`. A NaN coordinate stays, so that [`Aabb::is_finite`] can tell.
+    /// The smallest box around `points`. A NaN coordinate is kept, so that [`Aabb::is_finite`] can report it.
     pub fn from_points(points: impl IntoIterator<Item = Vec3>) -> Self {
         points.into_iter().fold(Self::EMPTY, Self::include)
     }
 
-    /// [`Aabb::from_points`] for three.
+    /// [`Aabb::from_points`] for the three corners of a triangle.
     #[inline]
     pub(crate) fn of_triangle(corners: [Vec3; 3]) -> Self {
         let [a, b, c] = corners;
@@ -35,19 +35,19 @@ impl Aabb {
         Self { min: of(slab::min), max: of(slab::max) }
     }
 
-    /// The smallest box around both.
+    /// The smallest box around this box and `other`.
     #[must_use]
     pub fn union(self, other: Self) -> Self {
         Self { min: lower(self.min, other.min), max: upper(self.max, other.max) }
     }
 
-    /// The smallest box around this one and `point`.
+    /// The smallest box around this box and `point`.
     #[must_use]
     pub fn include(self, point: Vec3) -> Self {
         self.union(Self { min: point, max: point })
     }
 
-    /// Half the surface area, 0 for the empty box. In f64, because in f32 a side of 1e20 overflows.
+    /// Half the surface area, 0 for the empty box. The result is f64, since in f32 a side of 1e20 overflows.
     pub fn half_area(&self) -> f64 {
         if self.is_empty() {
             return 0.0;
@@ -56,12 +56,13 @@ impl Aabb {
         d.x * d.y + d.y * d.z + d.z * d.x
     }
 
-    /// The middle; rounded, but never overflowing.
+    /// The center, rounded. It never overflows.
     pub fn center(&self) -> Vec3 {
         0.5 * self.min + 0.5 * self.max
     }
 
-    /// Whether no point lies inside. A single point is not empty, nor is a flat box; one with a coordinate that is NaN is.
+    /// Whether the box contains no point. A single point and a flat box are not empty. A box with a NaN coordinate is
+    /// empty.
     pub fn is_empty(&self) -> bool {
         !self.min.cmple(self.max).all()
     }
@@ -77,18 +78,18 @@ impl Aabb {
         Self { min: self.min.max(other.min), max: self.max.min(other.max) }
     }
 
-    /// Whether no coordinate is NaN or infinite; the empty box is not finite.
+    /// Whether all coordinates are finite. The empty box is not finite.
     pub fn is_finite(&self) -> bool {
         self.min.is_finite() && self.max.is_finite()
     }
 }
 
-/// Least coordinates; NaN wins, unlike in `f32::min`.
+/// The smaller coordinates. NaN wins, unlike in `f32::min`.
 fn lower(a: Vec3, b: Vec3) -> Vec3 {
     Vec3::select(a.cmplt(b) | a.is_nan_mask(), a, b)
 }
 
-/// Greatest coordinates; NaN wins, unlike in `f32::max`.
+/// The larger coordinates. NaN wins, unlike in `f32::max`.
 fn upper(a: Vec3, b: Vec3) -> Vec3 {
     Vec3::select(a.cmpgt(b) | a.is_nan_mask(), a, b)
 }

@@ -1,4 +1,4 @@
-//! The bounding volume hierarchy.
+//! The bare bounding volume hierarchy: a tree of boxes, without the primitives.
 
 use crate::build::collapse::collapse;
 use crate::build::refit;
@@ -16,11 +16,12 @@ pub struct Bvh {
 }
 
 impl Bvh {
-    /// Builds the tree over `bounds`, one box per primitive, in parallel; the tree does not depend on the number of
-    /// threads. Boxes may be flat and may coincide. A leaf is a range of slots, whose primitives [`Bvh::order`] tells.
+    /// Builds the tree over `bounds`, one box per primitive, in parallel. The tree does not depend on the number of
+    /// threads. Boxes may be flat and may coincide. A leaf is a range of slots, and [`Bvh::order`] gives the primitive
+    /// of each slot.
     ///
     /// # Errors
-    /// [`BuildError`] names the first box that is not finite or is empty, or says that there are too many.
+    /// [`BuildError`] names the first box that is not finite or is empty, or reports that there are too many boxes.
     pub fn build(bounds: &[Aabb]) -> Result<Self, BuildError> {
         with_stack(build::STACK, || {
             let refs = PrimRefs::new(bounds.len(), |i| bounds[i])?;
@@ -29,9 +30,9 @@ impl Bvh {
         })?
     }
 
-    /// Builds a tree whose leaves are blocks of up to four primitives that are tested side by side: a block costs the same
-    /// however full it is. [`Leaf::first`] is then the block's number. `bounds` tells the box of each of `count` primitives. Returns the
-    /// primitives of each block, too; the tree itself keeps none.
+    /// Builds a tree whose leaves are blocks of up to four primitives. The primitives of a block are tested side by
+    /// side: a block has one cost however full it is. [`Leaf::first`] is then the block's number. `bounds` returns the
+    /// box of each of `count` primitives. The primitives of each block are returned too, as the tree itself keeps none.
     ///
     /// # Errors
     /// As [`Bvh::build`].
@@ -43,7 +44,7 @@ impl Bvh {
         with_stack(build::STACK, || Ok(Self::over_blocks(PrimRefs::new(count, &bounds)?, quality)))?
     }
 
-    /// A primitive may come in several items; then it may be in several blocks.
+    /// Builds a tree over blocks. A primitive may have several references; then it may be in several blocks.
     pub(crate) fn over_blocks(refs: PrimRefs<'_>, quality: Quality) -> (Self, Blocks) {
         let built = build::build(refs, build::MAX_LEAF, quality);
         let Built { nodes: mut binary, mut order, bounds, duplicates } = built;
@@ -58,7 +59,7 @@ impl Bvh {
         (Self { nodes, order: Vec::new(), bounds }, Blocks { leaves, order, duplicates })
     }
 
-    /// From slot to primitive: the caller permutes its primitives into this order. Empty for a tree over blocks.
+    /// The primitive of each slot. The caller permutes its primitives into this order. Empty for a tree over blocks.
     pub fn order(&self) -> &[u32] {
         &self.order
     }
@@ -68,13 +69,13 @@ impl Bvh {
         self.bounds
     }
 
-    /// What the tree is like. TraversalStats all nodes.
+    /// The statistics of the tree. The call visits all nodes.
     pub fn statistics(&self) -> Statistics {
         Statistics::of(&self.nodes, &self.bounds, self.order.len())
     }
 
-    /// Calls `leaf` for the leaves that `ray` meets within (0, t_max], roughly from near to far, with the current t_max,
-    /// which it lowers to the nearest hit that it finds.
+    /// Calls `leaf` for the leaves whose boxes `ray` enters within (0, t_max], roughly from near to far. `leaf` gets
+    /// the current t_max and lowers it to the nearest hit that it finds.
     #[inline]
     pub fn intersect(&self, ray: &PreparedRay, t_max: f32, leaf: impl FnMut(Leaf, &mut f32)) {
         self.closest(ray, t_max, leaf);
@@ -85,8 +86,8 @@ impl Bvh {
         traverse::closest(&self.nodes, ray, t_max, leaf)
     }
 
-    /// Calls `leaf` for the leaves that `ray` meets within (0, t_max], in no particular order, until it answers
-    /// that something is hit there.
+    /// Calls `leaf` for the leaves whose boxes `ray` enters within (0, t_max], in no particular order, until `leaf`
+    /// returns true for a hit.
     #[inline]
     pub fn occluded(&self, ray: &PreparedRay, t_max: f32, leaf: impl FnMut(Leaf) -> bool) -> bool {
         self.any(ray, t_max, leaf)
@@ -97,13 +98,13 @@ impl Bvh {
         traverse::any(&self.nodes, ray, t_max, leaf)
     }
 
-    /// [`Bvh::intersect`] for a ray with a margin. Not inlined, for callers that call themselves: the stack is large.
+    /// [`Bvh::intersect`] for a ray with a margin. It is not inlined, for recursive callers: its stack frame is large.
     #[inline(never)]
     pub fn intersect_inflated(&self, ray: &InflatedRay, t_max: f32, leaf: impl FnMut(Leaf, &mut f32)) {
         traverse::closest(&self.nodes, ray, t_max, leaf);
     }
 
-    /// [`Bvh::occluded`] for a ray with a margin. Not inlined, either.
+    /// [`Bvh::occluded`] for a ray with a margin. It is not inlined either.
     #[inline(never)]
     pub fn occluded_inflated(&self, ray: &InflatedRay, t_max: f32, leaf: impl FnMut(Leaf) -> bool) -> bool {
         traverse::any(&self.nodes, ray, t_max, leaf)
@@ -125,7 +126,7 @@ impl Bvh {
         }
     }
 
-    /// Fits the boxes to leaves that moved; `leaf` tells the box of that with this first slot or of this block.
+    /// Refits the boxes to leaves that moved. `leaf` returns the box of the leaf with this first slot or block number.
     pub(crate) fn refit(&mut self, leaf: impl Fn(u32) -> Aabb + Sync) {
         self.bounds = refit::refit(&mut self.nodes, leaf);
     }
@@ -140,7 +141,7 @@ impl Bvh {
     }
 }
 
-/// Moves the distinct of a few ids to the front and tells how many they are.
+/// Moves the distinct ids of a short list to the front and returns their number.
 fn distinct(ids: &mut [u32]) -> u32 {
     let mut count = 0;
     for i in 0..ids.len() {
@@ -152,28 +153,28 @@ fn distinct(ids: &mut [u32]) -> u32 {
     count as u32
 }
 
-/// The primitives of the leaves of a tree over blocks.
+/// The primitives in the leaves of a tree over blocks.
 #[derive(Clone, Debug)]
 pub struct Blocks {
-    /// The first slot of each, and how many it has.
+    /// The first slot and the number of slots of each block.
     leaves: Vec<(u32, u32)>,
     order: Vec<u32>,
-    /// See [`Built`].
+    /// The duplicates, as in [`Built`].
     pub(crate) duplicates: Vec<[u32; 2]>,
 }
 
 impl Blocks {
-    /// How many blocks there are.
+    /// The number of blocks.
     pub fn len(&self) -> usize {
         self.leaves.len()
     }
 
-    /// Whether there is none.
+    /// Whether there is no block.
     pub fn is_empty(&self) -> bool {
         self.leaves.is_empty()
     }
 
-    /// The 1 to 4 primitives of a block.
+    /// The ids of the 1 to 4 primitives of a block.
     pub fn block(&self, index: usize) -> &[u32] {
         let (first, count) = self.leaves[index];
         &self.order[first as usize..][..count as usize]
@@ -197,7 +198,7 @@ mod tests {
             for _ in 0..400 {
                 let ray = awkward_ray(&scene, random);
                 let all = nearest(&scene, &ids, &ray, f32::INFINITY);
-                // Up to the hit itself, and not quite up to it.
+                // An end at the hit itself, and one just before it.
                 for t_max in [f32::INFINITY, all.map_or(1.0, |hit| hit.0)] {
                     assert_eq!(
                         nearest_in_tree(&scene, &bvh, &ray, t_max).0,
@@ -224,7 +225,7 @@ mod tests {
         let random = &mut Random(3);
         for (name, scene) in zoo() {
             if name.starts_with("1e") || name.starts_with("powers") {
-                continue; // Would leave the range of normal numbers.
+                continue; // These would leave the range of normal numbers.
             }
             let bvh = tree(&scene);
             let rays: Vec<Ray> = (0..20).map(|_| awkward_ray(&scene, random)).collect();
@@ -235,7 +236,7 @@ mod tests {
                 assert_eq!(bvh.order(), scaled_bvh.order());
                 for ray in &rays {
                     let (hit, visits) = nearest_in_tree(&scene, &bvh, ray, f32::INFINITY);
-                    // The origin scaled: t scales. The direction too: t stays.
+                    // If the origin is scaled, t scales. If the direction is scaled too, t stays.
                     for (direction, t_scale) in [(ray.direction, s), (ray.direction * s, 1.0)] {
                         let ray = Ray::new(ray.origin * s, direction);
                         let other = nearest_in_tree(&scaled, &scaled_bvh, &ray, f32::INFINITY);
@@ -285,7 +286,7 @@ mod tests {
                 met.push(leaf.first());
                 *t_max = t_max.min(30.5);
             });
-            // The nearest comes first; behind the hit nothing comes.
+            // The nearest leaf comes first. Leaves behind the hit are not visited.
             assert_eq!(met[0] as usize, if direction.x > 0.0 { 0 } else { bvh.order().len() - 4 });
             let culled = bvh.order().len() - met.len();
             assert!((30 / 4..=31).contains(&met.len()) && culled > 30, "{met:?}");
@@ -308,7 +309,7 @@ mod tests {
 
     #[test]
     fn every_instruction_set_and_a_stream_find_the_same() {
-        // `limit` is for all threads: other tests then run with fewer instructions, which changes no answer.
+        // `limit` acts on all threads: other tests then run with fewer instructions, which changes no result.
         let random = &mut Random(4);
         for (name, scene) in zoo() {
             let bvh = tree(&scene);

@@ -1,6 +1,8 @@
-//! Memory for what rays visit at random: in large pages, where the system gives them, since most of the time of a ray in a large tree is
-//! spent on finding out where a small page lies. Lists that are filled from files have them too: to bring about millions of
-//! small pages takes longer than to read the file. And hints of what will be read.
+//! Memory in large pages, out-of-memory errors, and prefetch hints.
+//!
+//! Nodes and primitives lie in large pages where the system has them. In a large tree with small pages, a ray spends
+//! most of its time on TLB misses. Lists that are filled from files use large pages too, since mapping millions of
+//! small pages takes longer than reading the file.
 
 use bytemuck::Zeroable;
 use rayon::prelude::*;
@@ -11,17 +13,17 @@ use std::io::Write;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// There is no memory for so many bytes.
+/// The error that an allocation of so many bytes failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{} {}", NoMemory::WORDS, Size(*.0))]
 pub struct NoMemory(pub u64);
 
 impl NoMemory {
-    /// What its message starts with, by which it is known among messages about files.
+    /// The words that its message starts with. They tell it apart from other messages about files.
     pub const WORDS: &str = "there is no memory for";
 }
 
-/// A number of bytes for people.
+/// A number of bytes, displayed with a unit.
 struct Size(u64);
 
 impl fmt::Display for Size {
@@ -35,25 +37,25 @@ impl fmt::Display for Size {
     }
 }
 
-/// Asks the system for so many bytes, and gives them back: whether there is room for them.
+/// Checks whether `bytes` can be allocated, by allocating and freeing them.
 ///
 /// # Errors
-/// [`NoMemory`] if there isn't.
+/// [`NoMemory`] if they can't.
 pub fn room(bytes: u64) -> Result<(), NoMemory> {
     let size = usize::try_from(bytes).map_err(|_| NoMemory(bytes))?;
     reserve(&mut Vec::<u8>::new(), size)
 }
 
-/// Makes room for so many more items of a list.
+/// Reserves room for `more` further items of a list.
 ///
 /// # Errors
-/// [`NoMemory`] if there is none for them.
+/// [`NoMemory`] if the allocation fails.
 pub fn reserve<T>(list: &mut Vec<T>, more: usize) -> Result<(), NoMemory> {
     heard(|| list.try_reserve(more)).map_err(|_| NoMemory((more as u64).saturating_mul(size_of::<T>() as u64)))
 }
 
 thread_local! {
-    /// Whether what asks for memory wants to hear that there is none.
+    /// Whether the running code handles a failed allocation itself. [`Guarded`] then doesn't end the process.
     static HEARS: Cell<bool> = const { Cell::new(false) };
 }
 
@@ -64,16 +66,16 @@ fn heard<T>(work: impl FnOnce() -> T) -> T {
     result
 }
 
-/// The system's allocator for programs, which ends the process with exit code 1 and a message where memory runs out, instead of
-/// aborting it. The message names the bytes that were asked for, and what for: see [`working_at`]. [`room`] and [`reserve`] tell their
-/// callers instead.
+/// The system's allocator for programs. When memory runs out, it ends the process with exit code 1 and a message,
+/// instead of aborting it. The message names the size of the failed allocation and the work in progress (see
+/// [`working_at`]). Allocations by [`room`] and [`reserve`] return an error instead.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Guarded;
 
-/// What the process is doing.
+/// The work in progress, as the message names it.
 static WORK: Mutex<&str> = Mutex::new("working");
 
-/// Says what memory will be asked for from now on, such as "reading the scene".
+/// Names the work for which memory is allocated from now on, such as "reading the scene".
 pub fn working_at(what: &'static str) {
     if let Ok(mut work) = WORK.try_lock() {
         *work = what;
@@ -81,7 +83,7 @@ pub fn working_at(what: &'static str) {
 }
 
 impl Guarded {
-    /// What to do about memory that the system doesn't give.
+    /// Reports a failed allocation and ends the process, unless the running code handles the failure itself.
     #[cold]
     fn refused(size: usize) {
         static SAID: AtomicBool = AtomicBool::new(false);
@@ -89,7 +91,7 @@ impl Guarded {
             return;
         }
         let what = WORK.try_lock().map_or("working", |work| *work);
-        // Nothing here may ask for memory.
+        // No code here may allocate.
         let mut text = [0u8; 256];
         let mut rest = &mut text[..];
         let _ = writeln!(rest, "error: out of memory while {what}: {} more are needed", Size(size as u64));
@@ -100,9 +102,9 @@ impl Guarded {
 }
 
 #[cfg(target_os = "linux")]
-#[allow(unsafe_code)] // Ends the process.
+#[allow(unsafe_code)] // A call that ends the process.
 fn leave() -> ! {
-    // SAFETY: ends the process at once, without asking for memory.
+    // SAFETY: the call ends the process at once and allocates nothing.
     unsafe { libc::_exit(1) }
 }
 
@@ -111,12 +113,12 @@ fn leave() -> ! {
     std::process::exit(1)
 }
 
-// SAFETY: all calls go to the system's allocator as they are, and so do its answers.
+// SAFETY: all calls are passed to the system's allocator unchanged, and its results are returned unchanged.
 #[allow(unsafe_code)]
 unsafe impl GlobalAlloc for Guarded {
     #[inline]
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        // SAFETY: as the caller promises.
+        // SAFETY: the caller's promise.
         let place = unsafe { System.alloc(layout) };
         if place.is_null() {
             Guarded::refused(layout.size());
@@ -126,13 +128,13 @@ unsafe impl GlobalAlloc for Guarded {
 
     #[inline]
     unsafe fn dealloc(&self, place: *mut u8, layout: Layout) {
-        // SAFETY: as the caller promises.
+        // SAFETY: the caller's promise.
         unsafe { System.dealloc(place, layout) }
     }
 
     #[inline]
     unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        // SAFETY: as the caller promises.
+        // SAFETY: the caller's promise.
         let place = unsafe { System.alloc_zeroed(layout) };
         if place.is_null() {
             Guarded::refused(layout.size());
@@ -142,7 +144,7 @@ unsafe impl GlobalAlloc for Guarded {
 
     #[inline]
     unsafe fn realloc(&self, place: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        // SAFETY: as the caller promises.
+        // SAFETY: the caller's promise.
         let place = unsafe { System.realloc(place, layout, size) };
         if place.is_null() {
             Guarded::refused(size);
@@ -151,22 +153,23 @@ unsafe impl GlobalAlloc for Guarded {
     }
 }
 
-/// A list of `count` zeros. The system brings about large lists where they are first touched, so that this takes no time, and
-/// whoever writes them in parallel gets memory in parallel.
+/// A list of `count` zeros. The system maps the pages of a large list when they are first touched, so that the call
+/// itself takes no time. Threads that write the list in parallel then map its pages in parallel, too.
 pub fn zeros<T: Zeroable>(count: usize) -> Vec<T> {
     let list = bytemuck::zeroed_vec(count);
     advise(list.as_ptr(), count);
     list
 }
 
-/// An empty list with room for `capacity` items.
+/// An empty list with room for `capacity` items, in large pages.
 pub(crate) fn in_large_pages<T>(capacity: usize) -> Vec<T> {
     let list = Vec::with_capacity(capacity);
     advise(list.as_ptr(), capacity);
     list
 }
 
-/// What many threads make of the numbers below `count`, in large pages, with room for so many items more.
+/// The list of `prim(i)` for all i below `count`, computed in parallel, in large pages, with room for `room` further
+/// items.
 pub(crate) fn collected<T: Send>(count: usize, room: usize, prim: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
     let mut list = in_large_pages(count + room);
     (0..count).into_par_iter().with_min_len(1024).map(prim).collect_into_vec(&mut list);
@@ -174,21 +177,21 @@ pub(crate) fn collected<T: Send>(count: usize, room: usize, prim: impl Fn(usize)
 }
 
 #[cfg(target_os = "linux")]
-#[allow(unsafe_code)] // A hint to the system about memory that is ours.
+#[allow(unsafe_code)] // A hint to the system about our own memory.
 fn advise<T>(start: *const T, capacity: usize) {
     const LARGE: usize = 1 << 21;
-    /// From here on one call is faster than to be interrupted at each page.
+    /// From this size on, one call is faster than a page fault for each page.
     const SOME: usize = 1 << 15;
     if capacity * size_of::<T>() < SOME {
         return;
     }
-    // SAFETY: asks for a number.
+    // SAFETY: the call only returns a number.
     let page = usize::try_from(unsafe { libc::sysconf(libc::_SC_PAGESIZE) }).unwrap_or(LARGE);
     let (first, end) = (start.addr().next_multiple_of(page), (start.addr() + capacity * size_of::<T>()) / page * page);
     if end.saturating_sub(first) < SOME {
         return;
     }
-    // Large pages have room between these, if there are any.
+    // The large pages lie between these two addresses, if there are any.
     let (low, high) = (first.next_multiple_of(LARGE).min(end), (end / LARGE * LARGE).max(first));
     let parts = if low < high {
         [
@@ -201,8 +204,8 @@ fn advise<T>(start: *const T, capacity: usize) {
     };
     for (part, advice) in parts.into_iter().filter(|(part, _)| !part.is_empty()) {
         let place = start.cast::<u8>().wrapping_add(part.start - start.addr()).cast_mut().cast();
-        // SAFETY: the pages lie wholly within the allocation, and the advice changes nothing but how and when they are mapped. Where it
-        // isn't taken, all goes on as before.
+        // SAFETY: the pages lie wholly within the allocation. The advice changes only how and when they are mapped.
+        // Where the system ignores it, the program works as without it.
         unsafe {
             libc::madvise(place, part.len(), advice);
         }
@@ -212,9 +215,9 @@ fn advise<T>(start: *const T, capacity: usize) {
 #[cfg(not(target_os = "linux"))]
 fn advise<T>(_start: *const T, _capacity: usize) {}
 
-/// Tells the caches that this address will be read. Does nothing where stable Rust has no instruction for it.
+/// Prefetches the cache line of an address. It does nothing where stable Rust has no instruction for it.
 #[inline(always)]
-#[allow(unsafe_code)] // A hint.
+#[allow(unsafe_code)] // A prefetch intrinsic.
 pub(crate) fn prefetch(address: *const u8) {
     #[cfg(target_arch = "x86_64")]
     // SAFETY: every x86-64 has SSE; a prefetch of any address is harmless.
@@ -225,7 +228,7 @@ pub(crate) fn prefetch(address: *const u8) {
     let _ = address;
 }
 
-/// The same with all of a list.
+/// Prefetches all cache lines of a list.
 #[inline(always)]
 pub(crate) fn prefetch_all<T>(list: &[T]) {
     const LINE: usize = 64;

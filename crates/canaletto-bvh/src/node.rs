@@ -1,8 +1,9 @@
-//! The nodes of the tree that rays walk: eight children each, their boxes side by side for SIMD tests.
+//! The memory layout of the tree: nodes of eight children, and the references between them.
 //!
-//! For each octant of directions a node knows in which order its children's centers come along the octant's diagonal, so that
-//! nothing needs to be sorted on the way (Dammertz, Hanika and Keller, "Shallow bounding volume hierarchies for fast SIMD ray tracing of
-//! incoherent rays", 2008, have the order of splits instead).
+//! A node keeps its children's boxes side by side, so that one SIMD test covers all eight. For each octant of ray
+//! directions a node also stores the order of its children's centers along the octant's diagonal. The traversal
+//! therefore sorts nothing. (Dammertz, Hanika and Keller, "Shallow bounding volume hierarchies for fast SIMD ray
+//! tracing of incoherent rays", 2008, store the order of the splits instead.)
 
 use std::hint::select_unpredictable;
 use std::ops::Range;
@@ -15,20 +16,46 @@ use crate::simd::compiled_wide;
 use crate::slab::{Boxes, WIDTH};
 use crate::{Aabb, PreparedRay};
 
-/// Eight children. 256 bytes, four cache lines.
+/// An inner node with up to eight children: 256 bytes, four cache lines.
+///
+/// | byte | field | size |
+/// |---|---|---|
+/// | 0 | `boxes`: \[lower, upper\] × \[x, y, z\] × 8 lanes of f32 | 192 |
+/// | 192 | `children`: 8 × [`NodeRef`] | 32 |
+/// | 224 | `orders`: 8 octants × u32 | 32 |
+///
+/// # An order word
+/// `orders[octant]` lists the eight lanes in three bits each: bits 0–2 hold the farthest lane, bits 21–23 the nearest.
+/// Bits 24–31 are 0. Bit `axis` of the octant is set if the ray moves backwards along that axis.
+///
+/// Example: the centers of lanes 0, 1, … 7 lie at x = 0, 1, … 7, with equal y and z. A ray of octant 0 moves forwards
+/// along x, so lane 7 is the farthest and lane 0 the nearest: the word is `0o01234567`. In octant 1 the ray moves
+/// backwards along x, and the word is `0o76543210`.
 #[derive(Clone, Copy, Debug, PartialEq, Zeroable)]
 #[repr(C, align(64))]
 pub(crate) struct Node {
-    /// The children's boxes; where there is no child, [`Aabb::EMPTY`], which no ray meets.
+    /// The children's boxes: `boxes[0]` holds the lower planes and `boxes[1]` the upper planes, each as rows x, y and z
+    /// with one f32 per lane. A lane without a child holds [`Aabb::EMPTY`], which no ray enters.
     pub(crate) boxes: Boxes,
-    /// Leaves, nodes that come later in the list, at most [`MAX_DEPTH`] below each other, and [`NodeRef::END`] where there is no child. What walks
-    /// through the tree relies on that; only [`collapse`] links nodes.
+    /// The child of each lane: a leaf, an inner node, or [`NodeRef::END`] where there is no child. An inner child comes
+    /// later in the list of nodes than its parent. At most `MAX_DEPTH` inner nodes lie below the root on any path. The
+    /// traversal relies on these facts; only `build::collapse` links nodes.
     pub(crate) children: [NodeRef; WIDTH],
-    /// For rays of each octant the lanes in three bits each, the farthest lowest.
+    /// One order word for each octant of ray directions: the lanes in three bits each, the farthest lane in the lowest
+    /// bits.
     pub(crate) orders: [u32; 8],
 }
 
-/// A node or a leaf.
+/// A reference to an inner node or a leaf, in 32 bits (Embree's `NodeRef`).
+///
+/// | | bit 31 | bits 29–30 | bits 0–28 |
+/// |---|---|---|---|
+/// | inner node | 0 | upper bits of the index | lower bits of the index |
+/// | leaf | 1 | count − 1, for 1 to 4 primitives | first slot, or the block's number |
+/// | no child | 1 | all ones | all ones |
+///
+/// No leaf has all bits set, since slots are smaller than 2²⁹ − 1. Example: `0xc000_0005` is a leaf of 3 primitives at
+/// slot 5.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Zeroable)]
 #[repr(transparent)]
 pub(crate) struct NodeRef(u32);
@@ -40,7 +67,7 @@ impl NodeRef {
         Self(index as u32)
     }
 
-    /// Of 1 to [`MAX_LEAF`] primitives.
+    /// A reference to a leaf of 1 to [`MAX_LEAF`] primitives.
     pub(crate) fn to_leaf(first: u32, count: u32) -> Self {
         Self(Self::LEAF | (count - 1) << FIRST_BITS | first)
     }
@@ -55,7 +82,7 @@ impl NodeRef {
         Self(bits)
     }
 
-    /// No place at all.
+    /// The reference of a lane without a child. As the lowest entry of a stack it ends the traversal.
     pub(crate) const END: Self = Self(u32::MAX);
 
     #[inline(always)]
@@ -63,25 +90,25 @@ impl NodeRef {
         self.0 & Self::LEAF != 0
     }
 
-    /// Of the node to which it leads.
+    /// The index of the inner node.
     #[inline(always)]
     pub(crate) fn node_index(self) -> usize {
         self.0 as usize
     }
 
-    /// Of the node, or the leaf's first slot or block.
+    /// The index of the inner node, or the leaf's first slot or block number.
     #[inline(always)]
     pub(crate) fn index(self) -> usize {
         (self.0 & ((1 << FIRST_BITS) - 1)) as usize
     }
 
-    /// The leaf that it leads to.
+    /// The leaf that it refers to.
     #[inline(always)]
     pub(crate) fn leaf(self) -> Leaf {
         Leaf(self.0)
     }
 
-    /// Where it leads to, if anywhere.
+    /// The inner node or the leaf that it refers to, if there is one.
     #[inline]
     pub(crate) fn follow(self) -> Option<Child> {
         match self {
@@ -92,39 +119,39 @@ impl NodeRef {
     }
 }
 
-/// What a node has below it.
+/// A decoded [`NodeRef`].
 pub(crate) enum Child {
-    /// The index of a node.
+    /// The index of an inner node.
     Node(usize),
     Leaf(Leaf),
 }
 
-/// Where nodes and the data of leaves lie, to be fetched in advance.
+/// The addresses of the nodes and of the leaves' data, for prefetching.
 #[derive(Clone, Copy)]
 pub(crate) struct PrefetchTable {
     nodes: *const u8,
     leaves: *const u8,
-    /// Of a leaf's data.
+    /// The size of one leaf's data.
     bytes: usize,
 }
 
 impl PrefetchTable {
-    /// Where each leaf's data are one of these.
+    /// A table for leaves whose data are one `T` each.
     #[inline(always)]
     pub(crate) fn new<T>(nodes: &[Node], leaves: &[T]) -> Self {
         Self { nodes: nodes.as_ptr().cast(), leaves: leaves.as_ptr().cast(), bytes: size_of::<T>() }
     }
 
-    /// Where nothing is known of leaves' data.
+    /// A table of the nodes alone, where the place of the leaves' data is unknown.
     #[inline(always)]
     pub(crate) fn of_nodes(nodes: &[Node]) -> Self {
         Self { bytes: 0, ..Self::new(nodes, nodes) }
     }
 
-    /// Tells the caches that what a link leads to will be read.
+    /// Prefetches the node or the leaf data that a reference leads to.
     #[inline(always)]
     pub(crate) fn fetch(self, link: NodeRef) {
-        // Both computed, and one chosen: a table of the two would be read where it has just been written.
+        // Both addresses are computed and one is selected. A table of the two would be read right after it was written.
         let node = self.nodes.wrapping_add(link.index() * size_of::<Node>());
         let leaf = self.leaves.wrapping_add(link.index() * self.bytes);
         let start = select_unpredictable(link.is_leaf(), leaf, node);
@@ -135,28 +162,28 @@ impl PrefetchTable {
     }
 }
 
-/// Bits for the first slot of a leaf.
+/// The number of bits for a leaf's first slot.
 const FIRST_BITS: u32 = 29;
 const _: () = assert!(MAX_PRIMITIVES < 1 << FIRST_BITS && MAX_LEAF <= 1 << (31 - FIRST_BITS));
 
-/// Primitives that a ray has to be tested against.
+/// A leaf: up to four primitives that a ray has to be tested against.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Leaf(u32);
 
 impl Leaf {
-    /// The number of the leaf's block, or of its first slot: see [`crate::Bvh::build_blocks`].
+    /// The number of the leaf's block (see [`crate::Bvh::build_blocks`]), or its first slot in a tree without blocks.
     #[inline]
     pub fn first(self) -> u32 {
         self.0 & ((1 << FIRST_BITS) - 1)
     }
 
-    /// How many primitives there are, 1 to 4.
+    /// The number of primitives, 1 to 4.
     #[inline]
     pub fn count(self) -> u32 {
         1 + ((self.0 ^ NodeRef::LEAF) >> FIRST_BITS)
     }
 
-    /// The slots.
+    /// The range of slots.
     #[inline]
     pub fn slots(self) -> Range<u32> {
         self.first()..self.first() + self.count()
@@ -170,14 +197,17 @@ impl Node {
         orders: [0; 8],
     };
 
-    /// The children.
+    /// The references to the children.
     #[inline(always)]
     pub(crate) fn children(&self) -> &[NodeRef; WIDTH] {
         &self.children
     }
 
-    /// The last child of a mask of those in the order for a ray's octant, or else of those as they lie; any, if there is none. It is read from where
-    /// it has long been: what was just written side by side takes its time until a part of it can be read.
+    /// The child of the highest bit in a mask of entered children. With `ORDERED`, the mask counts in the order for the
+    /// ray's octant, otherwise by lane. Any child is returned for an empty mask.
+    ///
+    /// The child is read from the node and not from the vector just written: that would be a failed store-to-load
+    /// forward.
     #[inline(always)]
     pub(crate) fn last<const ORDERED: bool>(&self, met: u32, ray: &PreparedRay) -> NodeRef {
         let last = 31 ^ met.leading_zeros();
@@ -186,14 +216,15 @@ impl Node {
         self.children[lane as usize & 7]
     }
 
-    /// The lanes from far to near for a ray of an octant, which has a bit for each axis along which it moves backwards.
+    /// The lanes from far to near for a ray of an octant. The octant has one bit for each axis along which the ray
+    /// moves backwards.
     #[inline(always)]
     pub(crate) fn order(&self, octant: usize) -> impl Iterator<Item = usize> + use<> {
         let order = self.orders[octant & 7];
         (0..WIDTH).map(move |i| (order >> (3 * i)) as usize & (WIDTH - 1))
     }
 
-    /// Adding 0 turns −0 into 0, so that equal boxes are the same bits.
+    /// Sets a child's box. Adding 0 turns −0 into 0, so that equal boxes have equal bits.
     pub(crate) fn set_box(&mut self, lane: usize, bounds: &Aabb) {
         for axis in 0..3 {
             self.boxes[0][axis][lane] = bounds.min[axis] + 0.0;
@@ -206,15 +237,15 @@ impl Node {
         (0..WIDTH).fold(Aabb::EMPTY, |bounds, lane| bounds.union(self.get_box(lane)))
     }
 
-    /// Finds the orders of the children.
-    #[allow(clippy::needless_range_loop)] // NodeTest of lists side by side.
+    /// Computes the order words from the children's boxes.
+    #[allow(clippy::needless_range_loop)] // Loops over lists side by side.
     pub(crate) fn sort(&mut self) {
         let middle = self.bounds().center();
         let mut ways = [[0.0; WIDTH]; 3];
         for lane in 0..WIDTH {
             let bounds = self.get_box(lane);
             if !bounds.is_empty() {
-                // Quarters, of which three sum up without overflow.
+                // Quarters, so that a sum of three doesn't overflow.
                 let way = (bounds.center() - middle) * 0.25;
                 (ways[0][lane], ways[1][lane], ways[2][lane]) = (way.x, way.y, way.z);
             }
@@ -229,8 +260,8 @@ impl Node {
 }
 
 compiled_wide! {
-    /// The orders of eight points, given x, y and z of all.
-    #[allow(clippy::needless_range_loop)] // NodeTest of lists side by side.
+    /// The order words for eight points, given as rows of x, y and z.
+    #[allow(clippy::needless_range_loop)] // Loops over lists side by side.
     fn orders(ways: &[[f32; WIDTH]; 3]) -> [u32; 8] {
         let mut orders = [0; 8];
         for octant in 0..4 {
@@ -239,7 +270,7 @@ compiled_wide! {
             for i in 0..WIDTH {
                 along[i] = ways[0][i] * sign(0) + ways[1][i] * sign(1) + ways[2][i] * sign(2);
             }
-            // How many are farther; of equals, those in later lanes.
+            // The number of lanes that are farther. Of equal lanes, the later one counts as farther.
             let mut ranks = [0; WIDTH];
             for other in 0..WIDTH {
                 for i in 0..WIDTH {
@@ -248,7 +279,7 @@ compiled_wide! {
             }
             for i in 0..WIDTH {
                 orders[octant] |= (i as u32) << (3 * ranks[i]);
-                // The opposite way, the other way around.
+                // The opposite octant has the reverse order.
                 orders[octant ^ 7] |= (i as u32) << (3 * (7 - ranks[i]));
             }
         }
@@ -266,7 +297,7 @@ mod tests {
     fn each_octant_has_its_children_from_far_to_near() {
         let random = &mut Random(43);
         for n in 0..200 {
-            // Some coincide.
+            // Some points coincide.
             let points: Vec<Vec3> = (0..WIDTH).map(|_| (random.vector() * 3.0).round() * [1.0, 0.0][n % 2]).collect();
             let row = |axis: usize| std::array::from_fn(|lane| points[lane][axis]);
             let node = Node { orders: orders(&[row(0), row(1), row(2)]), ..Node::EMPTY };

@@ -1,8 +1,10 @@
-//! Nonsense of every kind sent through trees of every kind, in every way and by all instructions: NaN, infinities, zeros of either sign, denormals
-//! and the largest numbers as origins, directions, margins and ends. Nothing may be written or read where it must not be
-//! (`Stack::push` asserts it in tests, and AddressSanitizer tells), all ways give the same answers, and NaN meets nothing.
+//! Fuzz tests: nonsense through every kind of tree, query and instruction set. The nonsense is NaN, infinities, zeros
+//! of either sign, denormals and the largest numbers, as origins, directions, margins and ends. No memory is accessed
+//! out of bounds (`Stack::push` asserts it in tests, and AddressSanitizer checks it), all kinds of query agree, and NaN
+//! hits nothing.
 //!
-//! With AddressSanitizer: `RUSTFLAGS=-Zsanitizer=address cargo +nightly test -p canaletto-bvh --target x86_64-unknown-linux-gnu nonsense`.
+//! With AddressSanitizer: `RUSTFLAGS=-Zsanitizer=address cargo +nightly test -p canaletto-bvh --target
+//! x86_64-unknown-linux-gnu nonsense`.
 
 use glam::Vec3;
 
@@ -40,7 +42,7 @@ fn strange(random: &mut Random) -> f32 {
     STRANGE[random.below(STRANGE.len())]
 }
 
-/// From one strange component to all of them.
+/// A vector with up to three strange components.
 fn strange_vector(random: &mut Random) -> Vec3 {
     let mut vector = random.vector() * [1.0, 4.0, 1e30][random.below(3)];
     match random.below(4) {
@@ -56,12 +58,12 @@ fn rays(random: &mut Random, count: usize) -> Vec<Ray> {
     (0..count).map(|_| Ray::new(strange_vector(random), strange_vector(random))).collect()
 }
 
-/// Where anything ends, among what ends somewhere.
+/// Ends of rays: infinity, 1, or strange numbers.
 fn ends(random: &mut Random, count: usize) -> Vec<f32> {
     (0..count).map(|_| [f32::INFINITY, 1.0, strange(random)][random.below(3)]).collect()
 }
 
-/// Some of the zoo, and what reaches as far as numbers do.
+/// Some scenes of the zoo, and scenes as large as floats reach.
 fn scenes(random: &mut Random) -> Vec<Vec<TestPrimitive>> {
     let huge = |r: &mut Random| {
         TestPrimitive::Triangle([0; 3].map(|_| (r.vector() * 1.5).clamp(-Vec3::ONE, Vec3::ONE) * f32::MAX))
@@ -83,7 +85,7 @@ fn triangles(scene: &[TestPrimitive]) -> Vec<[Vec3; 3]> {
     scene.iter().map(corners).collect()
 }
 
-/// Whether a hit may be told for a ray: nothing is NaN, and t is where it counts.
+/// Whether a hit is possible for a ray: no number is NaN, and t is within the ray.
 fn sensible(ray: &Ray, t: f32, t_max: f32) -> bool {
     !(ray.origin.is_nan() || ray.direction.is_nan() || t_max.is_nan()) && t > 0.0 && t <= t_max
 }
@@ -137,7 +139,7 @@ fn triangles_and_nonsense() {
     assert!(hits > 2000, "{hits}");
 }
 
-/// Sixteen rays straight at a triangle and a sphere, of which some have no end.
+/// Sixteen rays straight at a triangle and a sphere, some of them with a NaN end.
 #[test]
 fn a_ray_without_an_end_hides_no_hit_of_its_neighbours() {
     let corners = [Vec3::new(-9.0, -9.0, 0.0), Vec3::new(9.0, -9.0, 0.0), Vec3::new(0.0, 9.0, 0.0)];
@@ -177,7 +179,7 @@ fn a_ray_without_an_end_hides_no_hit_of_its_neighbours() {
     }
 }
 
-/// Spheres, those of the scene and some of strange radii, and boxes.
+/// The spheres of the scene, some with strange radii, and user primitives.
 fn rounds(scene: &[TestPrimitive]) -> (Vec<Aabb>, Vec<Primitive>) {
     let round = |(i, primitive): (usize, &TestPrimitive)| match *primitive {
         TestPrimitive::Sphere(center, radius) => (sphere::bounds(center, radius), Primitive::Sphere { center, radius }),
@@ -188,7 +190,7 @@ fn rounds(scene: &[TestPrimitive]) -> (Vec<Aabb>, Vec<Primitive>) {
             if i % 2 == 1 || radius > 0.0 && !around.is_finite() {
                 return (bounds, Primitive::User);
             }
-            // One of no proper radius is met by nothing, wherever it is.
+            // A sphere without a valid radius is never hit, wherever it is.
             (if radius > 0.0 { around } else { bounds }, Primitive::Sphere { center, radius })
         }
     };
@@ -203,7 +205,7 @@ fn rounds_and_nonsense() {
         let (bounds, kinds) = rounds(&scene);
         let tree = PrimitiveBvh::build(&bounds, |id| kinds[id as usize]).unwrap();
         let exact = |asked: UserPrimitive, ray: &PreparedRay, t_max: f32| {
-            // Something in the box, as far along as its middle.
+            // A hit in the box, at the distance of its center.
             let bounds = &bounds[asked.id as usize];
             let t = (bounds.center() - ray.ray().origin).dot(ray.ray().direction);
             ray.clamp_to_box(bounds, t.into(), t_max).map(PrimitiveHit::none)
@@ -246,7 +248,7 @@ fn rounds_and_nonsense() {
     assert!(hits > 1000, "{hits}");
 }
 
-/// Whoever knows the kernel may tell nonsense: nothing is lost but its own answers.
+/// A callback may return nonsense: only the results that depend on it are spoiled.
 #[test]
 fn kernels_that_tell_nonsense() {
     let random = &mut Random(73);
@@ -302,7 +304,7 @@ fn boxes_margins_and_nonsense() {
                 set.limit();
                 let mut met = [const { Vec::new() }; 4];
                 tree.intersect(&prepared, t_max, |leaf, t_max| {
-                    // Nor does it matter what a caller makes of the end.
+                    // A nonsensical `t_max` from the caller does no harm either.
                     *t_max = if n % 5 == 0 { STRANGE[leaf.first() as usize % STRANGE.len()] } else { *t_max };
                     met[0].extend(ids(leaf));
                 });
@@ -322,7 +324,8 @@ fn boxes_margins_and_nonsense() {
                 assert_eq!(wide_closest, wide_any, "{what}");
                 for (id, bounds) in (0..).zip(&bounds) {
                     assert!(any.contains(&id) || !prepared.enters(bounds, t_max), "{what} {bounds:?}");
-                    // What is surely near: margins next to the last place of a sum, or to its overflow, may be told either way.
+                    // Boxes that are certainly near. For margins close to the last place of a sum, or to its overflow,
+                    // either result is valid.
                     let half = InflatedRay::new(&ray, margin * 0.5);
                     let sums = [ray.origin.abs(), bounds.min.abs(), bounds.max.abs()].map(|v| v + margin.abs());
                     let told =

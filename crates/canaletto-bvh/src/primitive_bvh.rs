@@ -1,4 +1,5 @@
-//! Trees over spheres and cylinders, four of which are sorted out side by side before an exact kernel decides about the rest.
+//! A tree over spheres, cylinders and user primitives. Four of them are culled side by side before an exact test
+//! decides the rest.
 
 mod leaves;
 
@@ -13,7 +14,8 @@ use leaves::{AnyHitOfRay, AnyHitOfStream, ClosestOfRay, ClosestOfStream, any, cl
 use rayon::prelude::*;
 use std::borrow::Borrow;
 
-/// Spheres, cylinders and whatever is among them, ready for rays. A primitive's id is its place in the list that the tree was built from.
+/// A tree over spheres, cylinders and user primitives. The id of a primitive is its index in the list that the tree was
+/// built from.
 #[derive(Clone, Debug)]
 pub struct PrimitiveBvh {
     bvh: Bvh,
@@ -26,7 +28,7 @@ impl PrimitiveBvh {
     /// Builds the tree over primitives with these bounds, in parallel.
     ///
     /// # Errors
-    /// [`BuildError`] names the first box that is not finite or is empty, or says that there are too many.
+    /// [`BuildError`] names the first box that is not finite or is empty, or reports that there are too many boxes.
     pub fn build(bounds: &[Aabb], round: impl Fn(u32) -> Primitive + Sync) -> Result<Self, BuildError> {
         with_stack(STACK, || {
             let (bvh, leaves) = Bvh::build_blocks(bounds.len(), |id| bounds[id], Quality::Medium)?;
@@ -42,29 +44,30 @@ impl PrimitiveBvh {
         })?
     }
 
-    /// How many primitives there are.
+    /// The number of primitives.
     pub fn len(&self) -> usize {
         self.count
     }
 
-    /// Whether there is none.
+    /// Whether there is no primitive.
     pub fn is_empty(&self) -> bool {
         self.count == 0
     }
 
-    /// The box around all of them.
+    /// The box around all primitives.
     pub fn bounds(&self) -> Aabb {
         self.bvh.bounds()
     }
 
-    /// What the tree is like. `bytes` includes the primitives.
+    /// The statistics of the tree. `bytes` includes the primitives.
     pub fn statistics(&self) -> Statistics {
         let nodes = self.bvh.statistics();
         Statistics { bytes: nodes.bytes + size_of_val(self.blocks.as_slice()), ..nodes }
     }
 
-    /// The nearest primitive in front of the origin and not beyond `nearest.t`; of equally near ones that of the lowest id, which also has to
-    /// be below `nearest.id` where it is as near as that. `nearest` stays where there is none.
+    /// Finds the nearest primitive in front of the origin and not beyond `nearest.t`. Of equally near primitives it
+    /// finds the one of the lowest id. A primitive as near as `nearest.t` must also have an id below `nearest.id`.
+    /// `nearest` is unchanged if there is no such primitive.
     #[inline]
     pub fn intersect(&self, ray: &PreparedRay, nearest: &mut PrimitiveHit, user: &impl UserIntersect) {
         if self.is_few() {
@@ -77,13 +80,14 @@ impl PrimitiveBvh {
         );
     }
 
-    /// Whether a look at all of them is shorter than a way through the tree: up to four spheres and cylinders.
+    /// Whether testing all primitives is faster than traversing the tree: for up to four spheres and cylinders.
     #[inline]
     pub fn is_few(&self) -> bool {
         self.few
     }
 
-    /// [`PrimitiveBvh::intersect`] by a look at all of them, best where they [are few](PrimitiveBvh::is_few): rays that meet none need not be prepared.
+    /// [`PrimitiveBvh::intersect`] without the tree, best where the primitives [are few](PrimitiveBvh::is_few). Rays
+    /// that miss all primitives need not be prepared.
     #[inline]
     pub fn intersect_few(&self, ray: &Ray, nearest: &mut PrimitiveHit, user: &impl UserIntersect) {
         self.intersect_all(ray, || ray.prepare(), nearest, user);
@@ -106,7 +110,7 @@ impl PrimitiveBvh {
         }
     }
 
-    /// [`PrimitiveBvh::occluded`] likewise.
+    /// [`PrimitiveBvh::occluded`] without the tree, as [`PrimitiveBvh::intersect_few`].
     #[inline]
     pub fn occluded_few(
         &self,
@@ -138,10 +142,10 @@ impl PrimitiveBvh {
         })
     }
 
-    /// [`PrimitiveBvh::intersect`] for many rays that need not go the same way.
+    /// [`PrimitiveBvh::intersect`] for many incoherent rays.
     ///
     /// # Panics
-    /// If there are not as many `nearest` as rays.
+    /// If `rays` and `nearest` differ in length.
     pub fn intersect_stream(&self, rays: &[PreparedRay], nearest: &mut [PrimitiveHit], user: &impl UserIntersect) {
         assert_eq!(rays.len(), nearest.len());
         let mut t_max: Vec<f32> = nearest.iter().map(|n| n.t).collect();
@@ -150,11 +154,12 @@ impl PrimitiveBvh {
         self.bvh.trace_stream(rays, &mut t_max, leaf);
     }
 
-    /// [`PrimitiveBvh::intersect`] for rays of which neighbours in the list go nearly the same way, as those through neighbouring pixels do:
-    /// sixteen at a time go through the tree together. AnyHitVisitor rays give the right answer.
+    /// [`PrimitiveBvh::intersect`] for coherent rays, where neighbours in the list have nearly one direction, as rays
+    /// through neighbouring pixels have. Sixteen at a time traverse the tree together. The results are right for
+    /// incoherent rays, too.
     ///
     /// # Panics
-    /// If there are not as many `nearest` as rays.
+    /// If `rays` and `nearest` differ in length.
     pub fn intersect_coherent(&self, rays: &[Ray], nearest: &mut [PrimitiveHit], user: &impl UserIntersect) {
         packet::coherent(&Coherent { bvh: self, user }, rays, nearest);
     }
@@ -163,15 +168,16 @@ impl PrimitiveBvh {
         PrimitiveScene { nodes: self.bvh.nodes(), blocks: &self.blocks, user }
     }
 
-    /// [`PrimitiveBvh::occluded_stream`] for rays of which neighbours in the list go nearly the same way.
+    /// [`PrimitiveBvh::occluded_stream`] for coherent rays.
     ///
     /// # Panics
-    /// If there are not as many `t_max` as rays.
+    /// If `rays` and `t_max` differ in length.
     pub fn occluded_coherent(&self, rays: &[Ray], t_max: &mut [f32], user: &impl UserIntersect) {
         packet::coherent(&Coherent { bvh: self, user }, rays, t_max);
     }
 
-    /// The place, as [`PrimitiveBvh::blocks`] takes it, of a primitive that is met at or before `t_max` and for whose id `counts` holds.
+    /// The place of a primitive that is hit at or before `t_max` and for whose id `counts` returns true.
+    /// [`PrimitiveBvh::blocks`] takes such a place.
     #[inline]
     pub fn occluded(
         &self,
@@ -188,11 +194,11 @@ impl PrimitiveBvh {
         place
     }
 
-    /// Whether each of many rays meets a primitive at or before its `t_max`, which is −∞ afterwards for those that do. The rays need not go
-    /// the same way.
+    /// Sets `t_max` to −∞ for each of many rays that hits a primitive at or before its `t_max`. The rays may be
+    /// incoherent.
     ///
     /// # Panics
-    /// If there are not as many `t_max` as rays.
+    /// If `rays` and `t_max` differ in length.
     pub fn occluded_stream(&self, rays: &[PreparedRay], t_max: &mut [f32], user: &impl UserIntersect) {
         let unit_ray: Vec<UnitRay> = rays.iter().map(|ray| UnitRay::new(&ray.ray)).collect();
         self.bvh.trace_stream(rays, t_max, AnyHitOfStream { blocks: &self.blocks, unit_ray: &unit_ray, user });
@@ -206,14 +212,14 @@ impl PrimitiveBvh {
         });
     }
 
-    /// Whether the primitive at this place is met at or before `t_max`.
+    /// Whether the primitive at this place is hit at or before `t_max`.
     #[inline]
     pub fn blocks(&self, place: u32, ray: &PreparedRay, t_max: f32, user: &impl UserIntersect) -> bool {
         let lane = place as usize % LANES;
         self.blocks[place as usize / LANES].exact(lane, ray, t_max, user).is_some()
     }
 
-    /// [`PrimitiveBvh::intersect`] by trying all of them, none sorted out.
+    /// [`PrimitiveBvh::intersect`] by a loop over all primitives, without culling.
     pub fn intersect_brute_force(&self, ray: &PreparedRay, nearest: &mut PrimitiveHit, user: &impl UserIntersect) {
         for block in &self.blocks {
             for lane in (0..LANES).filter(|&lane| block.ids[lane] != u32::MAX) {
@@ -223,13 +229,13 @@ impl PrimitiveBvh {
     }
 }
 
-/// What is asked about rays that go together.
+/// A query for coherent rays.
 struct Coherent<'a, A> {
     bvh: &'a PrimitiveBvh,
     user: &'a A,
 }
 
-/// The nearest primitives.
+/// The closest-hit query.
 impl<A: UserIntersect> PacketQuery<PrimitiveHit> for Coherent<'_, A> {
     const RETRY: bool = false;
 
@@ -243,7 +249,7 @@ impl<A: UserIntersect> PacketQuery<PrimitiveHit> for Coherent<'_, A> {
     }
 }
 
-/// Whether there is any, by −∞.
+/// The any-hit query. A hit sets `t_max` to −∞.
 impl<A: UserIntersect> PacketQuery<f32> for Coherent<'_, A> {
     const RETRY: bool = false;
 
@@ -269,7 +275,7 @@ mod tests {
     use crate::traverse::packet::RAYS;
     use crate::{InstructionSet, Ray};
 
-    /// The scenes of the zoo as spheres with triangles among them.
+    /// The scenes of the zoo as spheres, with triangles as user primitives.
     fn mixed() -> impl Iterator<Item = (&'static str, Vec<TestPrimitive>, PrimitiveBvh)> {
         let random = &mut Random(41);
         let mut scenes = zoo();
@@ -300,7 +306,7 @@ mod tests {
                 let hit = triangle::intersect(ray, &Triangle::new(corners), t_max)?;
                 Some(PrimitiveHit { uv: [hit.u, hit.v], ..PrimitiveHit::none(hit.t) })
             }
-            TestPrimitive::Sphere(..) => panic!("spheres are known"),
+            TestPrimitive::Sphere(..) => panic!("spheres have a kernel of their own"),
         }
     }
 
@@ -337,7 +343,7 @@ mod tests {
                     let mut all = PrimitiveHit::none(f32::INFINITY);
                     tree.intersect_brute_force(prepared, &mut all, &user);
                     assert_eq!(all, expected, "{name} {ray:?}");
-                    // Up to the hit itself, and not quite up to it.
+                    // An end at the hit itself, and one just before it.
                     for t_max in [f32::INFINITY, expected.t, expected.t.next_down()] {
                         let expected = if expected.t <= t_max { expected } else { PrimitiveHit::none(t_max) };
                         let mut found = PrimitiveHit::none(t_max);
@@ -367,7 +373,7 @@ mod tests {
         for (name, scene, tree) in mixed() {
             let (user, mut trace_packet) = (user(&scene), 0);
             for n in 0..30 {
-                // A ray and up to a hundred that hardly differ from it, so that some of them touch what it touches.
+                // A ray and up to a hundred that hardly differ from it, so that some of them hit what it hits.
                 let Ray { origin, direction } = awkward_ray(&scene, random);
                 let direction = direction * [1.0, 1.0, 1e-3, 1e30, 1e-37][n % 5];
                 let size = direction.abs().max_element();
@@ -389,7 +395,7 @@ mod tests {
                 };
                 let nothing = PrimitiveHit::none(f32::INFINITY);
                 let first: Vec<PrimitiveHit> = (0..rays.len()).map(|i| expected(i, nothing)).collect();
-                // Up to anywhere, up to the hit, short of it, and where something as near is known already.
+                // No end, an end at the hit, an end before it, and an equally near hit that is already known.
                 let starts = [0, 1, 2, 3, 4].map(|start| {
                     let known = |met: &PrimitiveHit| match start {
                         0 => nothing,

@@ -1,15 +1,16 @@
-//! Room on the stack: work that calls itself, and threads of callers that may have little.
+//! Stack space for recursive work, on threads whose stack may be small.
 
 use std::cell::Cell;
 use std::error::Error;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Runs `work` where it has so many bytes of stack: here, or, where this thread or those that it shares work with have less left, in
-/// a pool of as many threads that have as much. All threads of a pool are taken to have the same. Where nothing is known of stacks (on
-/// systems other than Linux), `work` runs here.
+/// Runs `work` with at least `bytes` of stack. It runs on the current thread if this thread, and the pool that it
+/// shares work with, have as much left. Otherwise it runs in a new pool of as many threads with larger stacks. All
+/// threads of a pool are assumed to have stacks of one size. Where the size of stacks is unknown (on systems other than
+/// Linux), `work` runs on the current thread.
 ///
 /// # Panics
-/// If `work` does.
+/// If `work` panics.
 ///
 /// # Errors
 /// [`NoThreads`] if threads are needed and can't be started. Then `work` hasn't begun.
@@ -51,15 +52,15 @@ fn has_global_pool() -> bool {
     !refused
 }
 
-/// What a thread has used of its stack before it comes to its work.
+/// The stack that a thread uses before it comes to its work.
 const SPARE: usize = 64 << 10;
 
 thread_local! {
-    /// Where this thread's stack ends, once that is known.
+    /// The end of this thread's stack, once it has been computed.
     static END: Cell<Option<usize>> = const { Cell::new(None) };
 }
 
-/// How much of this thread's stack is left.
+/// The number of bytes left on this thread's stack.
 fn left() -> usize {
     let here = 0u8;
     let end = END.get().unwrap_or_else(|| {
@@ -70,13 +71,13 @@ fn left() -> usize {
     (&raw const here).addr().saturating_sub(end)
 }
 
-/// The lowest address of this thread's stack, towards which it grows; 0 where nothing is known.
+/// The lowest address of this thread's stack, towards which it grows. 0 where it is unknown.
 #[cfg(target_os = "linux")]
-#[allow(unsafe_code)] // Asks the system.
+#[allow(unsafe_code)] // Calls of the system.
 fn end() -> usize {
     let mut attributes = std::mem::MaybeUninit::<libc::pthread_attr_t>::uninit();
     let (mut lowest, mut size) = (std::ptr::null_mut(), 0);
-    // SAFETY: the attributes are written by the first call unless it fails, then read, then destroyed.
+    // SAFETY: the first call writes the attributes unless it fails. Then they are read, and then destroyed.
     unsafe {
         if libc::pthread_getattr_np(libc::pthread_self(), attributes.as_mut_ptr()) != 0 {
             return 0;
@@ -99,10 +100,10 @@ mod tests {
     use crate::{Bvh, PreparedRay, Primitive, PrimitiveBvh, PrimitiveHit, Quality, Ray, TriangleBvh};
     use glam::Vec3;
 
-    /// What the smallest threads have that anybody starts.
+    /// The smallest stack of threads in practice.
     const SMALL: usize = 64 << 10;
 
-    /// Runs it on a thread with a small stack outside of all pools, and in a pool of such threads.
+    /// Runs the work on a thread with a small stack outside of all pools, and in pools of such threads.
     fn on_small_stacks(work: impl Fn() + Send + Sync) {
         std::thread::scope(|scope| {
             let thread = std::thread::Builder::new().stack_size(SMALL);
@@ -121,7 +122,7 @@ mod tests {
             with_stack(1 << 20, || {
                 assert!(left() >= 1 << 20);
                 rayon::join(|| assert!(left() >= 1 << 20), || assert!(left() >= 1 << 20));
-                // There is room, so that nothing is started again.
+                // There is enough stack, so that no new thread is started.
                 let here = std::thread::current().id();
                 with_stack(1 << 19, || assert_eq!(std::thread::current().id(), here)).unwrap();
             })
@@ -149,7 +150,7 @@ mod tests {
                 [0; 3].map(|_| p + 0.01 * random.vector())
             })
             .collect();
-        // Each triangle is far larger than all before it together: the deepest tree.
+        // Each triangle is far larger than all triangles before it together: the deepest tree.
         let chain: Vec<[Vec3; 3]> = (0..250)
             .map(|i| f32::from_bits((i + 2) << 23))
             .flat_map(|s| [[Vec3::splat(s), Vec3::new(1.1 * s, s, s), Vec3::new(s, 1.1 * s, s)]; 40])

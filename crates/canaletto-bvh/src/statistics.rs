@@ -1,21 +1,22 @@
-//! What a tree is like.
+//! Statistics of a tree.
 
 use crate::Aabb;
 use crate::node::{Child, Node};
 use crate::slab::WIDTH;
 
-/// What a tree is like.
+/// The size and the expected cost of a tree.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Statistics {
-    /// Nodes with children.
+    /// The number of inner nodes.
     pub inner_nodes: usize,
-    /// Leaves.
+    /// The number of leaves.
     pub leaves: usize,
-    /// Most inner nodes on a way from the root to a leaf.
+    /// The largest number of inner nodes on a path from the root to a leaf.
     pub depth: usize,
-    /// Inner nodes plus primitives that a random ray which meets the tree's box is expected to visit.
+    /// The SAH cost: the expected number of inner nodes and primitives that a random ray visits if it enters the tree's
+    /// box.
     pub sah_cost: f64,
-    /// Memory of the nodes and of the order.
+    /// The bytes of the nodes and of the order.
     pub bytes: usize,
 }
 
@@ -34,7 +35,7 @@ impl Statistics {
             let node: &Node = &nodes[node];
             for lane in 0..WIDTH {
                 let bounds = node.get_box(lane);
-                // Without area every ray that meets the root meets all.
+                // In a tree without area, every ray that enters the root enters all boxes.
                 let chance = if total > 0.0 { bounds.half_area() / total } else { 1.0 };
                 match node.children[lane].follow() {
                     Some(Child::Node(node)) => todo.push((node, chance, depth + 1)),

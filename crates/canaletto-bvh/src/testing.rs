@@ -1,12 +1,12 @@
-//! What the tests share: random numbers, primitives, scenes, and the loop over all primitives that the tree must
-//! agree with.
+//! Helpers of the tests: random numbers, primitives, scenes, and the loop over all primitives with which the tree must
+//! agree.
 
 use glam::{Vec3, Vec3Swizzles};
 
 use crate::primitive::triangle::{self, Triangle};
 use crate::{Aabb, Bvh, PreparedRay, Ray, sphere};
 
-/// Marsaglia's xorshift.
+/// A random number generator: Marsaglia's xorshift.
 pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
@@ -21,7 +21,7 @@ impl Random {
         (((self.bits() >> 32) * n as u64) >> 32) as usize
     }
 
-    /// In [-1, 1).
+    /// A random number in [-1, 1).
     pub(crate) fn signed(&mut self) -> f32 {
         (self.bits() >> 40) as f32 / (1u64 << 23) as f32 - 1.0
     }
@@ -37,7 +37,7 @@ pub(crate) enum TestPrimitive {
     Sphere(Vec3, f32),
 }
 
-/// A hit: t, u, v and the primitive.
+/// A hit: t, u, v and the primitive's id.
 pub(crate) type Hit = (f32, f32, f32, u32);
 
 impl TestPrimitive {
@@ -69,7 +69,7 @@ pub(crate) fn tree(scene: &[TestPrimitive]) -> Bvh {
     Bvh::build(&scene.iter().map(TestPrimitive::bounds).collect::<Vec<_>>()).unwrap()
 }
 
-/// The nearest hit, of equally near ones that of the lowest id.
+/// The nearest hit by a loop over `ids`. Of equally near hits, the one of the lowest id.
 pub(crate) fn nearest(scene: &[TestPrimitive], ids: &[u32], ray: &Ray, t_max: f32) -> Option<Hit> {
     let ray = ray.prepare();
     let mut best: Option<Hit> = None;
@@ -84,7 +84,7 @@ pub(crate) fn nearest(scene: &[TestPrimitive], ids: &[u32], ray: &Ray, t_max: f3
     best
 }
 
-/// The same through the tree, and the leaves in the order of visits.
+/// The nearest hit by the tree, and the visited leaves in order.
 pub(crate) fn nearest_in_tree(scene: &[TestPrimitive], bvh: &Bvh, ray: &Ray, t_max: f32) -> (Option<Hit>, Vec<u32>) {
     let mut best: Option<Hit> = None;
     let mut visits = Vec::new();
@@ -101,7 +101,7 @@ pub(crate) fn nearest_in_tree(scene: &[TestPrimitive], bvh: &Bvh, ray: &Ray, t_m
     (best, visits)
 }
 
-/// A ray that is likely to meet something, and likely to be an awkward one.
+/// A ray that is likely to hit something, and likely to be an awkward case.
 pub(crate) fn awkward_ray(scene: &[TestPrimitive], random: &mut Random) -> Ray {
     let bounds = scene[random.below(scene.len())].bounds();
     let other = scene[random.below(scene.len())].bounds();
@@ -114,29 +114,29 @@ pub(crate) fn awkward_ray(scene: &[TestPrimitive], random: &mut Random) -> Ray {
     let size = (bounds.max - bounds.min).max_element().max((target - other.center()).length());
     let size = if size > 0.0 { size } else { 1.0 };
     match random.below(6) {
-        // Along an axis, forwards or backwards.
+        // A ray along an axis, forwards or backwards.
         0 => {
             let axis = Vec3::AXES[random.below(3)] * [1.0, -1.0][random.below(2)];
             Ray::new(target - axis * size, axis)
         }
-        // Within a plane of two axes.
+        // A ray in a plane of two axes.
         1 => {
             let mut direction = random.vector();
             direction[random.below(3)] = [0.0, -0.0][random.below(2)];
             Ray::new(target - direction * size, direction)
         }
-        // From another primitive.
+        // A ray from another primitive.
         2 => {
             let origin = corner(&other, random);
             Ray::new(origin, target - origin)
         }
-        // With components of very different size.
+        // A direction with components of very different size.
         3 => {
             let power = Vec3::new(1.0, 1e-10, 1e-20);
             let direction = random.vector() * if random.below(2) == 0 { power } else { power.zxy() };
             Ray::new(target - direction * size, direction)
         }
-        // From a vertex of another, in whose plane it may be.
+        // A ray from a vertex of another triangle, in whose plane it may lie.
         4 => match scene[random.below(scene.len())] {
             TestPrimitive::Triangle([origin, ..]) => Ray::new(origin, target - origin),
             TestPrimitive::Sphere(origin, radius) => Ray::new(origin + Vec3::X * radius, target - origin),
@@ -152,7 +152,7 @@ fn triangle(center: Vec3, size: Vec3, random: &mut Random) -> TestPrimitive {
     TestPrimitive::Triangle([0; 3].map(|_| center + size * random.vector()))
 }
 
-/// Named scenes: soups and the inputs that trees are bad at.
+/// Named scenes: soups, and the inputs that are hard for trees.
 pub(crate) fn zoo() -> Vec<(&'static str, Vec<TestPrimitive>)> {
     let random = &mut Random(1);
     let mut zoo = Vec::new();
@@ -210,7 +210,8 @@ pub(crate) fn zoo() -> Vec<(&'static str, Vec<TestPrimitive>)> {
     zoo
 }
 
-/// A closed surface of triangles around 0, of size about 1: an icosahedron, twice subdivided, with a rough radius.
+/// A closed surface of triangles around 0, of size about 1: an icosahedron, subdivided twice, with a random radius at
+/// each vertex.
 pub(crate) fn closed_mesh(random: &mut Random) -> Vec<[Vec3; 3]> {
     let g = 1.618_034;
     let mut corners = Vec::new();
@@ -223,7 +224,7 @@ pub(crate) fn closed_mesh(random: &mut Random) -> Vec<[Vec3; 3]> {
         for (j, &b) in corners[..i].iter().enumerate() {
             for &c in &corners[..j] {
                 if adjacent(a, b) && adjacent(b, c) && adjacent(c, a) {
-                    // Counter-clockwise from outside.
+                    // The corners run counter-clockwise as seen from outside.
                     let outwards = (b - a).cross(c - a).dot(a) > 0.0;
                     faces.push(if outwards { [a, b, c] } else { [a, c, b] });
                 }
@@ -235,7 +236,7 @@ pub(crate) fn closed_mesh(random: &mut Random) -> Vec<[Vec3; 3]> {
         faces = faces
             .iter()
             .flat_map(|&[a, b, c]| {
-                // Addition commutes, so both sides of an edge find the same middle.
+                // Addition commutes, so both sides of an edge get one and the same middle.
                 let [ab, bc, ca] = [0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + a)];
                 [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
             })

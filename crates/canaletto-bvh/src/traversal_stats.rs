@@ -1,6 +1,6 @@
-//! Counting what rays visit: how good a tree is, whatever a machine makes of it.
+//! Counts of the nodes and leaves that rays visit: a measure of a tree's quality that doesn't depend on the machine.
 
-#![allow(unsafe_code)] // The kernels that it counts for.
+#![allow(unsafe_code)] // The call of an unsafe kernel.
 
 use std::cell::Cell;
 
@@ -8,17 +8,17 @@ use crate::simd::{IrregularNodeTest, TraversalRay};
 use crate::traverse::closest_by;
 use crate::{Aabb, Leaf, PreparedRay, PrimitiveHit, TriangleBvh};
 
-/// What one ray visits on its way to the nearest triangle, or what many visit together.
+/// The numbers of nodes and leaves that one ray, or many rays together, visit on the search for the nearest triangle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TraversalStats {
-    /// Inner nodes, of eight boxes each.
+    /// The number of inner nodes, of eight boxes each.
     pub nodes: u64,
-    /// Leaves, of up to four triangles each.
+    /// The number of leaves, of up to four triangles each.
     pub leaves: u64,
 }
 
 impl TriangleBvh {
-    /// Adds what the ray visits until its nearest triangle is known: what [`TriangleBvh::intersect`] does, slowly.
+    /// Adds the nodes and leaves that [`TriangleBvh::intersect`] visits for a ray. It is slower than `intersect`.
     pub fn count_traversal(&self, ray: &PreparedRay, t_max: f32, visits: &mut TraversalStats) {
         let mut nearest = PrimitiveHit::none(t_max);
         let counted = Counted { ray, nodes: Cell::new(0) };
@@ -27,13 +27,13 @@ impl TriangleBvh {
             self.accept_leaf(leaf, ray, &mut nearest, false);
             *t_max = nearest.t;
         };
-        // SAFETY: `IrregularNodeTest` needs nothing; these are all nodes of the tree.
+        // SAFETY: `IrregularNodeTest` needs no special instructions, and these are all nodes of the tree.
         unsafe { closest_by::<_, IrregularNodeTest, _>(self.nodes(), &counted, t_max, leaf) };
         visits.nodes += counted.nodes.get();
     }
 }
 
-/// A ray, and how many nodes it has visited.
+/// A ray and the number of nodes that it has visited.
 struct Counted<'a> {
     ray: &'a PreparedRay,
     nodes: Cell<u64>,
@@ -67,7 +67,7 @@ mod tests {
     #[test]
     fn near_children_come_first_whatever_the_direction() {
         let random = &mut Random(42);
-        // A stack of meshes: behind the first that is met, none needs to be visited.
+        // A stack of meshes: behind the first mesh that is hit, none needs to be visited.
         let mesh = closed_mesh(random);
         for axis in Vec3::AXES {
             let corners =
@@ -89,7 +89,7 @@ mod tests {
             }
             let [one, ..] = visits;
             for many in &visits[1..] {
-                // At most two nodes more above the one mesh.
+                // At most two additional nodes above the one mesh.
                 assert!(many.nodes <= one.nodes + 2 * 200 && many.leaves < 2 * one.leaves, "{visits:?}");
             }
         }

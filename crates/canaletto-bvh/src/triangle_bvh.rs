@@ -14,32 +14,33 @@ use glam::Vec3;
 use leaves::{AnyHitOfRay, AnyHitOfStream, ClosestOfRay, ClosestOfStream};
 use rayon::prelude::*;
 
-/// TriangleBvh, ready for rays. A triangle's id is its place in the list that the tree was built from.
+/// A tree over triangles. The id of a triangle is its index in the list that the tree was built from.
 #[derive(Clone, Debug)]
 pub struct TriangleBvh {
     bvh: Bvh,
     blocks: Vec<Triangle4>,
     count: usize,
     quality: Quality,
-    /// What the tree cost when it was built, if it has been refitted since.
+    /// The SAH cost of the tree when it was built, if it has been refitted since.
     built: Option<f64>,
-    /// Pairs of triangles with the same corners, the second of which is in no block, in order.
+    /// Pairs of triangles with equal corners, the second of which is in no block, in ascending order.
     duplicates: Vec<[u32; 2]>,
 }
 
-/// Rays of a stream that are prepared at a time.
+/// The number of rays of a stream that are prepared at a time.
 const STREAM: usize = 1024;
 
 impl TriangleBvh {
     /// Builds the tree over `count` triangles, in parallel.
     ///
     /// # Errors
-    /// [`BuildError`] names the first triangle with a corner that is not finite, or says that there are too many.
+    /// [`BuildError`] names the first triangle with a corner that is not finite, or reports that there are too many
+    /// triangles.
     pub fn build(count: usize, corners: impl Fn(u32) -> [Vec3; 3] + Sync) -> Result<Self, BuildError> {
         Self::build_with(Quality::Medium, count, corners)
     }
 
-    /// [`TriangleBvh::build`] with so much work.
+    /// [`TriangleBvh::build`] with a [`Quality`].
     ///
     /// # Errors
     /// As [`TriangleBvh::build`].
@@ -66,22 +67,22 @@ impl TriangleBvh {
         Self { bvh, blocks, count, quality, built: None, duplicates: leaves.duplicates }
     }
 
-    /// How many triangles there are.
+    /// The number of triangles.
     pub fn len(&self) -> usize {
         self.count
     }
 
-    /// Whether there is none.
+    /// Whether there is no triangle.
     pub fn is_empty(&self) -> bool {
         self.count == 0
     }
 
-    /// The box around all of them.
+    /// The box around all triangles.
     pub fn bounds(&self) -> Aabb {
         self.bvh.bounds()
     }
 
-    /// What the tree is like. `bytes` includes the triangles.
+    /// The statistics of the tree. `bytes` includes the triangles.
     pub fn statistics(&self) -> Statistics {
         let nodes = self.bvh.statistics();
         Statistics {
@@ -90,8 +91,9 @@ impl TriangleBvh {
         }
     }
 
-    /// The nearest triangle in front of the origin and not beyond `nearest.t`; of equally near ones that of the lowest id, which also
-    /// has to be below `nearest.id` where it is as near as that. `nearest` stays where there is none. With `front_only`, triangles seen from behind don't count.
+    /// Finds the nearest triangle in front of the origin and not beyond `nearest.t`. Of equally near triangles it finds
+    /// the one of the lowest id. A triangle as near as `nearest.t` must also have an id below `nearest.id`. `nearest`
+    /// is unchanged if there is no such triangle. With `front_only`, triangles seen from behind are ignored.
     #[inline]
     pub fn intersect(&self, ray: &PreparedRay, nearest: &mut PrimitiveHit, front_only: bool) {
         let mut search = Search::new(ray, &self.bounds(), nearest.t);
@@ -104,7 +106,7 @@ impl TriangleBvh {
         }
     }
 
-    /// [`TriangleBvh::intersect`], each triangle tested exactly when it is met.
+    /// [`TriangleBvh::intersect`] without pending triangles: each triangle is tested exactly at its leaf.
     #[cold]
     #[inline(never)]
     fn intersect_at_once(&self, ray: &PreparedRay, nearest: &mut PrimitiveHit, front_only: bool) {
@@ -114,10 +116,10 @@ impl TriangleBvh {
         });
     }
 
-    /// [`TriangleBvh::intersect`] for many rays that need not go the same way: several are on their way at once.
+    /// [`TriangleBvh::intersect`] for many incoherent rays, several of them in flight at once.
     ///
     /// # Panics
-    /// If there are not as many `nearest` as rays.
+    /// If `rays` and `nearest` differ in length.
     pub fn intersect_stream(&self, rays: &[Ray], nearest: &mut [PrimitiveHit], front_only: bool) {
         assert_eq!(rays.len(), nearest.len());
         let scene = self.scene(front_only);
@@ -133,11 +135,12 @@ impl TriangleBvh {
         }
     }
 
-    /// [`TriangleBvh::intersect`] for rays of which neighbours in the list go nearly the same way, as those through neighbouring pixels do:
-    /// sixteen at a time go through the tree together. AnyHitVisitor rays give the right answer.
+    /// [`TriangleBvh::intersect`] for coherent rays, where neighbours in the list have nearly one direction, as rays
+    /// through neighbouring pixels have. Sixteen at a time traverse the tree together. The results are right for
+    /// incoherent rays, too.
     ///
     /// # Panics
-    /// If there are not as many `nearest` as rays.
+    /// If `rays` and `nearest` differ in length.
     pub fn intersect_coherent(&self, rays: &[Ray], nearest: &mut [PrimitiveHit], front_only: bool) {
         packet::coherent(&Coherent { triangles: self, front_only }, rays, nearest);
     }
@@ -146,16 +149,17 @@ impl TriangleBvh {
         TriangleScene { nodes: self.bvh.nodes(), blocks: &self.blocks, bounds: self.bounds(), front_only }
     }
 
-    /// [`TriangleBvh::occluded_stream`] for rays of which neighbours in the list go nearly the same way.
+    /// [`TriangleBvh::occluded_stream`] for coherent rays.
     ///
     /// # Panics
-    /// If there are not as many `t_max` as rays.
+    /// If `rays` and `t_max` differ in length.
     pub fn occluded_coherent(&self, rays: &[Ray], t_max: &mut [f32], front_only: bool) {
         packet::coherent(&Coherent { triangles: self, front_only }, rays, t_max);
     }
 
-    /// The place, as [`TriangleBvh::blocks`] takes it, of a triangle that is met at or before `t_max` and for whose id `counts` holds, or for
-    /// that of one with the same corners. `counts` may be asked more than once about an id.
+    /// The place of a triangle that is hit at or before `t_max` and for which `counts` returns true. `counts` is called
+    /// with the triangle's id and with the ids of triangles with equal corners; one true is enough. It may be called
+    /// more than once for an id. [`TriangleBvh::blocks`] takes such a place.
     #[inline]
     pub fn occluded(
         &self,
@@ -171,11 +175,11 @@ impl TriangleBvh {
         place
     }
 
-    /// Whether each of many rays meets a triangle at or before its `t_max`, which is −∞ afterwards for those that do. The rays need
-    /// not go the same way.
+    /// Sets `t_max` to −∞ for each of many rays that hits a triangle at or before its `t_max`. The rays may be
+    /// incoherent.
     ///
     /// # Panics
-    /// If there are not as many `t_max` as rays.
+    /// If `rays` and `t_max` differ in length.
     pub fn occluded_stream(&self, rays: &[Ray], t_max: &mut [f32], front_only: bool) {
         assert_eq!(rays.len(), t_max.len());
         let scene = self.scene(front_only);
@@ -186,7 +190,7 @@ impl TriangleBvh {
         }
     }
 
-    /// Whether the triangle at this place is met at or before `t_max`.
+    /// Whether the triangle at this place is hit at or before `t_max`.
     #[inline]
     pub fn blocks(&self, place: u32, ray: &PreparedRay, t_max: f32, front_only: bool) -> bool {
         let triangle = self.blocks[(place >> 2) as usize].triangle((place & 3) as usize);
@@ -202,12 +206,12 @@ impl TriangleBvh {
         });
     }
 
-    /// How it was built.
+    /// The quality that the tree was built with.
     pub fn quality(&self) -> Quality {
         self.quality
     }
 
-    /// Pairs of triangles with the same corners, the second of which is in no block.
+    /// Pairs of triangles with equal corners, the second of which is in no block.
     pub(crate) fn duplicates(&self) -> &[[u32; 2]] {
         &self.duplicates
     }
@@ -216,7 +220,7 @@ impl TriangleBvh {
         (&mut self.bvh, &mut self.blocks)
     }
 
-    /// What a ray costs ([`Statistics::sah_cost`]) in the tree as it was built.
+    /// The SAH cost ([`Statistics::sah_cost`]) of the tree as it was built.
     pub(crate) fn built(&mut self) -> &mut Option<f64> {
         &mut self.built
     }
@@ -230,14 +234,14 @@ impl TriangleBvh {
         self.blocks.iter().map(Triangle4::len)
     }
 
-    /// Makes the nearest of a leaf's triangles `nearest`, if one is.
+    /// Tests a leaf's triangles exactly and stores the nearest in `nearest`, if it is nearer.
     pub(crate) fn accept_leaf(&self, leaf: Leaf, ray: &PreparedRay, nearest: &mut PrimitiveHit, front_only: bool) {
         for lane in 0..leaf.count() as usize {
             self.blocks[leaf.first() as usize].accept_if_nearer(lane, ray, nearest, front_only);
         }
     }
 
-    /// [`TriangleBvh::intersect`] by trying all of them.
+    /// [`TriangleBvh::intersect`] by a loop over all triangles.
     pub fn intersect_brute_force(&self, ray: &PreparedRay, nearest: &mut PrimitiveHit, front_only: bool) {
         for block in &self.blocks {
             for lane in 0..block.len() {
@@ -247,13 +251,13 @@ impl TriangleBvh {
     }
 }
 
-/// What is asked about rays that go together.
+/// A query for coherent rays.
 struct Coherent<'a> {
     triangles: &'a TriangleBvh,
     front_only: bool,
 }
 
-/// The nearest triangles.
+/// The closest-hit query.
 impl PacketQuery<PrimitiveHit> for Coherent<'_> {
     const RETRY: bool = true;
 
@@ -273,7 +277,7 @@ impl PacketQuery<PrimitiveHit> for Coherent<'_> {
     }
 }
 
-/// Whether there is any, by −∞.
+/// The any-hit query. A hit sets `t_max` to −∞.
 impl PacketQuery<f32> for Coherent<'_> {
     const RETRY: bool = true;
 
@@ -293,7 +297,7 @@ mod tests {
     use crate::testing::{Random, TestPrimitive, awkward_ray, nearest, zoo};
     use crate::traverse::packet::RAYS;
 
-    /// The triangles of each scene that has some, by themselves and in trees of each quality.
+    /// The triangles of each scene that has some, with trees of each quality.
     fn triangles_of_the_zoo() -> impl Iterator<Item = (&'static str, Vec<TestPrimitive>, TriangleBvh)> {
         let scenes = zoo()
             .into_iter()
@@ -331,7 +335,7 @@ mod tests {
                         |(t, u, v, id)| PrimitiveHit { t, id, part: 0, uv: [u, v] },
                     );
                     assert_eq!(stream, expected, "{name} {set:?} {ray:?}");
-                    // Up to the hit itself, and not quite up to it.
+                    // An end at the hit itself, and one just before it.
                     for t_max in [f32::INFINITY, expected.t, expected.t.next_down()] {
                         let expected = if expected.t <= t_max { expected } else { PrimitiveHit::none(t_max) };
                         let mut found = PrimitiveHit::none(t_max);
@@ -363,7 +367,7 @@ mod tests {
             }
             for set in InstructionSet::available() {
                 set.limit();
-                // Each of them by itself among the others, too: one may hide what another does.
+                // Each strange ray alone among the others, too, since one may hide the effect of another.
                 for n in 0..=strange.len() {
                     let counts = |i: &usize| n == strange.len() || !i.is_multiple_of(7) || *i > 28 || i / 7 == n;
                     let which: Vec<usize> = (0..rays.len()).filter(counts).collect();
@@ -392,7 +396,8 @@ mod tests {
         for (name, scene, triangles) in triangles_of_the_zoo() {
             let mut trace_packet = 0;
             for n in 0..60 {
-                // A ray and up to a hundred that hardly differ from it; where it leads through a corner or an edge, so do some of them.
+                // A ray and up to a hundred that hardly differ from it. If it passes through a corner or an edge, so do
+                // some of them.
                 let first = awkward_ray(&scene, random);
                 let size = first.direction.abs().max_element();
                 let rays: Vec<Ray> = (0..[1 + n % 16, n + 40][n % 2])
@@ -458,7 +463,7 @@ mod tests {
     fn of_triangles_with_the_same_corners_the_first_is_tested_and_all_are_asked() {
         let random = &mut Random(46);
         let one = [Vec3::ZERO, Vec3::X, Vec3::Y];
-        // Among them others, and some with the same box.
+        // Other triangles among them, some with an equal box.
         let others: Vec<[Vec3; 3]> = (0..300).map(|_| [0; 3].map(|_| random.vector() + 10.0)).collect();
         let corners = |id: u32| match id % 50 {
             7 => others[id as usize / 50],
@@ -482,7 +487,7 @@ mod tests {
             let expected: Vec<u32> = (0..15_000).filter(|&id| id % 50 != 7).collect();
             assert_eq!(asked, expected);
             assert!(triangles.occluded(&ray, 1e-3, false, |id| id == 14_999).is_some());
-            // Where they part, all are there.
+            // When the corners become different, all triangles can be hit.
             let mut parted = triangles.clone();
             parted.refit(|id| if id % 50 == 7 { corners(id) } else { one.map(|p| p - Vec3::Z * id as f32) }).unwrap();
             for id in [0, 1234, 14_999] {
@@ -498,7 +503,7 @@ mod tests {
     fn what_a_ray_passes_at_a_distance_is_not_met_however_small_it_is() {
         let random = &mut Random(47);
         for i in 0..2000 {
-            // Of a few units in the last place.
+            // The triangles' size is a few units in the last place.
             let size = f32::EPSILON * [0.5, 2.0, 8.0, 64.0][i % 4];
             let corners = [0; 4].map(|_| {
                 let far = random.vector() + 2.0 * Vec3::Z;

@@ -1,5 +1,6 @@
-//! The two loops that take most of the time of a build, with a box in one register: the compiler makes masked stores and branches of
-//! them. The operations are those of the loops in `bins` and `partition`, and so are the bits.
+//! The two loops that take most of the build time, filling bins and partitioning, with a box in one register. The
+//! compiler would generate masked stores and branches for them. The operations are those of the loops in `binning` and
+//! `partition`, and so are the resulting bits.
 #![allow(unsafe_code)] // Intrinsics.
 
 use std::arch::x86_64::*;
@@ -7,7 +8,7 @@ use std::arch::x86_64::*;
 use super::binning::{Bins, Grid, MAX_BINS, Plan};
 use super::prim_ref::{Box8, Centers, PrimRef};
 
-/// The bins along each axis.
+/// The bins of a center along each axis.
 #[inline]
 #[target_feature(enable = "avx2,bmi1,bmi2")]
 fn bins(center: __m128, origin: __m128, scale: __m128) -> __m128i {
@@ -25,7 +26,7 @@ fn center(bounds: __m256) -> __m128 {
 #[inline]
 #[target_feature(enable = "avx2,bmi1,bmi2")]
 fn load(bounds: &Box8) -> __m256 {
-    // SAFETY: eight numbers, aligned to their size.
+    // SAFETY: the box has eight numbers, aligned to their total size.
     unsafe { _mm256_load_ps(bounds.0.as_ptr()) }
 }
 
@@ -46,14 +47,15 @@ fn join(all: &mut Box8, bounds: __m256) {
 #[inline]
 #[target_feature(enable = "avx2,bmi1,bmi2")]
 fn four(numbers: &[f32; 4]) -> __m128 {
-    // SAFETY: there are four.
+    // SAFETY: the array has four numbers.
     unsafe { _mm_loadu_ps(numbers.as_ptr()) }
 }
 
-/// Adds the items to the bins.
+/// Adds references to the bins.
 #[target_feature(enable = "avx2,bmi1,bmi2")]
 pub(super) fn fill(all: &mut Bins, refs: &[PrimRef], grid: &Grid) {
-    // Neighbours often fall into one bin, which then would have to wait for itself.
+    // Two sets of bins are filled in turn. Neighbours often fall into one bin, and the second update would have to wait
+    // for the first.
     if refs.len() >= APART {
         let mut other = Bins::EMPTY;
         let (pairs, last) = refs.as_chunks();
@@ -72,7 +74,7 @@ pub(super) fn fill(all: &mut Bins, refs: &[PrimRef], grid: &Grid) {
     }
 }
 
-/// So many items are worth two sets of bins.
+/// The number of references from which on two sets of bins pay.
 const APART: usize = 256;
 
 #[inline]
@@ -95,7 +97,7 @@ fn add(all: &mut Bins, prim: &PrimRef, grid: &Grid) {
     nz[z] += 1;
 }
 
-/// Moves the items that go left to the front.
+/// Moves the references that go left to the front.
 #[target_feature(enable = "avx2,bmi1,bmi2")]
 pub(super) fn part(refs: &mut [PrimRef], plan: &Plan) -> (usize, [Centers; 2]) {
     let (origin, scale) = (four(&plan.grid.origin), four(&plan.grid.scale));
@@ -103,14 +105,15 @@ pub(super) fn part(refs: &mut [PrimRef], plan: &Plan) -> (usize, [Centers; 2]) {
     part_by(refs, plan.axis, |center| _mm_castsi128_ps(_mm_cmpgt_epi32(end, bins(center, origin, scale))))
 }
 
-/// The same where those go left whose centers lie below a limit.
+/// Moves the references whose centers lie below a limit to the front.
 #[target_feature(enable = "avx2,bmi1,bmi2")]
 pub(super) fn part_below(refs: &mut [PrimRef], axis: usize, limit: f32) -> (usize, [Centers; 2]) {
     let limit = _mm_set1_ps(limit);
     part_by(refs, axis, |center| _mm_cmplt_ps(center, limit))
 }
 
-/// `below` tells for each axis whether a center lies on the left.
+/// Moves the references that go left to the front. In the mask `below(center)`, an axis is set if the center lies on
+/// the left along that axis.
 #[inline]
 #[target_feature(enable = "avx2,bmi1,bmi2")]
 fn part_by(refs: &mut [PrimRef], axis: usize, below: impl Fn(__m128) -> __m128) -> (usize, [Centers; 2]) {

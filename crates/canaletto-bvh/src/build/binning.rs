@@ -1,4 +1,4 @@
-//! The surface area heuristic in bins: where to split.
+//! The binned surface area heuristic, which finds where to split.
 
 use glam::{Mat4, Vec4};
 use rayon::prelude::*;
@@ -8,7 +8,7 @@ use crate::InstructionSet;
 
 pub(super) const MAX_BINS: usize = 16;
 
-/// Where a center falls among equal bins along each axis.
+/// The mapping from a center to one of `bins` equal bins along each axis.
 #[derive(Clone, Copy)]
 pub(super) struct Grid {
     pub(super) origin: [f32; 4],
@@ -17,12 +17,13 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    /// Along an axis on which the centers coincide, or nearly so that a scale would overflow, all fall into the first bin.
+    /// Along an axis on which the centers coincide, or nearly coincide so that the scale would overflow, all centers
+    /// fall into the first bin.
     fn new(centers: &Centers, bins: usize) -> Self {
         let mut grid = Self { origin: [0.0; 4], scale: [0.0; 4], bins };
         for axis in 0..3 {
             let (min, max) = (centers.0.min(axis), centers.0.max(axis));
-            // A little less than the bins, so that rounding never reaches beyond the last.
+            // The scale is slightly reduced, so that rounding never reaches beyond the last bin.
             let scale = (bins as f32 * (1.0 - 1e-6)) / (max - min);
             grid.origin[axis] = min;
             grid.scale[axis] = if scale < f32::INFINITY { scale } else { 0.0 };
@@ -33,7 +34,7 @@ impl Grid {
     /// The bins of a center along x, y and z.
     #[inline(always)]
     fn bins(&self, center: [f32; 4]) -> [usize; 3] {
-        // In [16, 32) the first four bits of the fraction are the whole part less 16.
+        // For numbers in [16, 32), the first four bits of the fraction are the integer part minus 16.
         let mut at = center;
         for ((at, origin), scale) in at.iter_mut().zip(self.origin).zip(self.scale) {
             *at = (*at - origin) * scale + 16.0;
@@ -49,7 +50,7 @@ impl Grid {
     }
 }
 
-/// For each bin along each axis the box around its items and their number.
+/// The box around the references in each bin, and their number, along each axis.
 #[derive(Clone)]
 pub(super) struct Bins {
     pub(super) boxes: [[Box8; MAX_BINS]; 3],
@@ -90,7 +91,7 @@ impl Bins {
 }
 
 fn fill(all: &mut Bins, refs: &[PrimRef], grid: &Grid) {
-    // Only the bins that the grid has.
+    // Clear only the bins that the grid has.
     for axis in 0..3 {
         all.boxes[axis][..grid.bins].fill(Box8::EMPTY);
         all.counts[axis] = [0; MAX_BINS];
@@ -98,7 +99,7 @@ fn fill(all: &mut Bins, refs: &[PrimRef], grid: &Grid) {
     #[cfg(target_arch = "x86_64")]
     if InstructionSet::current() >= InstructionSet::Avx2 {
         #[allow(unsafe_code)]
-        // SAFETY: `current` never tells more than the machine has.
+        // SAFETY: `current` never returns more than the machine has.
         return unsafe { super::avx2::fill(all, refs, grid) };
     }
     let [xs, ys, zs] = &mut all.boxes;
@@ -115,39 +116,39 @@ fn fill(all: &mut Bins, refs: &[PrimRef], grid: &Grid) {
     }
 }
 
-/// A split: items whose bin along `axis` lies below `bin` go left.
+/// A split: references whose bin along `axis` lies below `bin` go left.
 pub(super) struct Plan {
     pub(super) grid: Grid,
     pub(super) axis: usize,
     pub(super) bin: usize,
-    /// The sum over both sides of area times blocks of primitives.
+    /// The SAH cost: the sum over both sides of area times blocks of primitives.
     pub(super) cost: f32,
     /// The boxes of both sides.
     pub(super) bounds: [Box8; 2],
 }
 
-/// What a cost is counted in.
+/// The units of the SAH cost.
 #[derive(Clone, Copy)]
 pub(super) struct Measure {
-    /// Primitives that cost as much as one.
+    /// The number of primitives in a block. A block costs as much as one primitive.
     pub(super) block: u32,
-    /// The unit of lengths, see [`Box8::half_area`].
+    /// The scale of lengths, see [`Box8::half_area`].
     pub(super) scale: f32,
 }
 
 impl Measure {
     #[inline(always)]
     pub(super) fn blocks(&self, count: u32) -> f32 {
-        // The block is 1 or 4: no division.
+        // The block is 1 or 4, so that no division is necessary.
         (if self.block == 1 { count } else { count.div_ceil(super::MAX_LEAF as u32) }) as f32
     }
 
-    /// What a node with these bounds costs.
+    /// The cost of a node with these bounds.
     pub(super) fn node(&self, bounds: &Box8) -> f32 {
         (super::NODE_COST * bounds.half_area(self.scale)).max(super::LEAST_COST)
     }
 
-    /// What a leaf costs.
+    /// The cost of a leaf.
     #[inline(always)]
     pub(super) fn cost(&self, bounds: &Box8, count: u32) -> f32 {
         bounds.half_area(self.scale) * self.blocks(count)
@@ -155,19 +156,20 @@ impl Measure {
 }
 
 impl Plan {
-    /// The cheapest split, of equal ones the first. None if all centers fall into one bin. `all` is room to work in.
+    /// The split of least cost; of equal ones, the first. None if all centers fall into one bin. `all` is scratch
+    /// memory.
     pub(super) fn best(refs: &[PrimRef], centers: &Centers, measure: &Measure, all: &mut Bins) -> Option<Self> {
-        // Few bins do for few items.
+        // A few references need only a few bins.
         let grid = Grid::new(centers, (4 + refs.len() / 16).min(MAX_BINS));
         all.fill(refs, &grid);
         cheapest(all, &grid, measure)
     }
 }
 
-/// What lies on one side of a split, along each axis.
+/// The bounds and the count of one side of a split, along each axis.
 #[derive(Clone, Copy)]
 struct Side {
-    /// The corners of the boxes, as `Box8` has them.
+    /// The corners of the boxes, in the layout of `Box8`.
     low: [Vec4; 3],
     high: [Vec4; 3],
     counts: [u32; 4],
@@ -187,7 +189,7 @@ impl Side {
         }
     }
 
-    /// [`Measure::cost`] for each axis; no number where there is nothing.
+    /// [`Measure::cost`] for each axis. NaN for an empty side.
     #[inline(always)]
     fn costs(&self, measure: &Measure) -> Vec4 {
         let scale = Vec4::splat(measure.scale);
@@ -211,7 +213,7 @@ crate::simd::compiled_wide! {
         let mut left = Side::NOTHING;
         for (bin, right_costs) in right_costs.iter().enumerate().take(grid.bins).skip(1) {
             left.add(all, bin - 1);
-            // Where one side has nothing, its cost is no number.
+            // The cost is NaN where one side is empty.
             let costs = left.costs(measure) + *right_costs;
             let better = costs.cmplt(least);
             least = Vec4::select(better, costs, least);
@@ -244,7 +246,8 @@ mod tests {
         let random = &mut Random(53);
         let mut none = 0;
         for n in 2..200 {
-            // In few places, so that bins are empty, splits cost the same, and axes have nothing to split; the last time in one.
+            // The boxes lie in few places, so that bins are empty, splits have equal cost, and some axes can't be
+            // split. For one cell size all boxes coincide.
             let cell = [0.25, 1.0, 0.0][n % 3];
             let refs: Vec<PrimRef> = (0..n)
                 .map(|id| {

@@ -1,4 +1,5 @@
-//! Binary trees become wide: each subtree takes the lanes that [`widen`](super::widen) found to cost least.
+//! Turns a binary tree into eight-wide nodes. Each subtree gets the lanes for which [`widen`](super::widen) found the
+//! least cost.
 
 use rayon::prelude::*;
 
@@ -7,14 +8,15 @@ use crate::memory::zeros;
 use crate::node::{Node, NodeRef};
 use crate::slab::WIDTH;
 
-/// Above it, a part of the binary tree is collapsed apart from the rest.
+/// Subtrees of at most so many binary nodes are collapsed separately, in parallel.
 const PART: u32 = 1 << 12;
 
-/// Makes the wide nodes that cost least of a binary tree (see `build::widen`). The uppermost nodes lie together, then parts in
-/// depth-first order.
+/// Makes the wide nodes of least cost from a binary tree (see `build::widen`). The upper nodes come first, then the
+/// separately collapsed subtrees, each in depth-first order.
 ///
 /// # Panics
-/// If the tree would have more than [`MAX_DEPTH`] + 1 levels, for which rays' stacks have no room. Builders see to it that none has.
+/// If the tree would have more than [`MAX_DEPTH`] + 1 levels, for which the traversal stacks have no room. Builders
+/// ensure that no tree has.
 pub(crate) fn collapse(binary: &[BinaryNode]) -> Vec<Node> {
     let whole = Tree { root: 0, end: binary.len() as u32 };
     if binary.is_empty() {
@@ -44,33 +46,33 @@ pub(crate) fn collapse(binary: &[BinaryNode]) -> Vec<Node> {
 
 struct Collapse<'a> {
     binary: &'a [BinaryNode],
-    /// Room for all.
+    /// The memory for all nodes of this part.
     nodes: &'a mut [Node],
     len: usize,
-    /// Where they come in the list of all.
+    /// The index of `nodes[0]` in the list of all nodes.
     first: usize,
-    /// Parts left to be collapsed apart.
+    /// The subtrees that are left to be collapsed separately.
     parts: Vec<Part>,
-    /// Trees of at most so many binary nodes are left.
+    /// Subtrees of at most so many binary nodes are left.
     part: u32,
 }
 
 struct Part {
     tree: Tree,
-    /// How many wide nodes are above it.
+    /// The number of wide nodes above it.
     depth: u32,
     parent: usize,
     lane: usize,
 }
 
-/// Where a tree begins and ends among binary nodes.
+/// The range of a subtree in the list of binary nodes.
 #[derive(Clone, Copy)]
 struct Tree {
     root: u32,
     end: u32,
 }
 
-/// What becomes the children of a wide node.
+/// The subtrees that become the children of a wide node.
 struct Children {
     all: [Tree; WIDTH],
     len: usize,
@@ -83,7 +85,7 @@ impl Tree {
         children
     }
 
-    /// Collects what the tree puts into so many lanes.
+    /// Collects the subtrees that this tree puts into so many lanes.
     fn gather(self, binary: &[BinaryNode], lanes: usize, children: &mut Children) {
         let node = &binary[self.root as usize];
         match if lanes == 1 { None } else { node.left_lanes(lanes) } {
@@ -99,20 +101,21 @@ impl Tree {
         }
     }
 
-    /// How many wide nodes it becomes, without trees of at most `part` binary nodes below the root.
+    /// The number of wide nodes that it becomes, without subtrees of at most `part` binary nodes below the root.
     fn wide_nodes(self, binary: &[BinaryNode], part: u32) -> usize {
         let Children { all, len } = self.children(binary);
         let inner = |tree: &&Self| tree.len() > part.max(1);
         1 + all[..len].iter().filter(inner).map(|tree| tree.wide_nodes(binary, part)).sum::<usize>()
     }
 
-    /// Its binary nodes.
+    /// The number of its binary nodes.
     fn len(self) -> u32 {
         self.end - self.root
     }
 
-    /// How soon a ray that looks for any hit should visit it: what many rays enter, what is small, and what fills its box, as flat things do. The
-    /// powers are those with which rays visited least of the benchmark's meshes: up to a third less than the largest box first.
+    /// The priority of this subtree for any-hit rays. It is high for a box that many rays enter, for a subtree of few
+    /// nodes, and for a flat box, since flat things fill their boxes. The exponents are those with which rays visited
+    /// the fewest nodes of the benchmark's meshes: up to a third fewer than with the largest box first.
     fn any_hit_priority(self, binary: &[BinaryNode]) -> f64 {
         let bounds = &binary[self.root as usize].bounds;
         let extent = bounds.max.as_dvec3() - bounds.min.as_dvec3();
@@ -124,9 +127,9 @@ impl Tree {
 
 impl Collapse<'_> {
     fn adopt(&mut self, tree: Tree, depth: u32) {
-        assert!(depth <= MAX_DEPTH, "a tree of more levels than rays' stacks have room for");
+        assert!(depth <= MAX_DEPTH, "the tree has more levels than the traversal stack has room for");
         let Children { all, len } = tree.children(self.binary);
-        // The most promising last: it is the first that any-hit rays visit.
+        // The child of highest priority comes last, since any-hit rays visit the last lane first.
         let mut children = all.map(|tree| (0.0, tree));
         let children = &mut children[..len];
         for (any_hit_priority, tree) in &mut *children {

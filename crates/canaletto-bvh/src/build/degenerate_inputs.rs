@@ -1,5 +1,5 @@
-//! How much longer builds take over what is hard to build over: `cargo test --release -p canaletto-bvh hostile -- --ignored --nocapture`.
-//! No kind may take more than twice the time of clean geometry.
+//! Build times over inputs that are hard for builders: `cargo test --release -p canaletto-bvh hostile -- --ignored
+//! --nocapture`. No input may take more than twice the time of clean geometry.
 
 use std::time::Instant;
 
@@ -10,7 +10,7 @@ use crate::{Quality, TriangleBvh};
 
 const COUNT: u32 = 400_000;
 
-/// So many triangles around a bumpy surface, as a scan has them.
+/// A bumpy surface of `COUNT` triangles, like a scan.
 fn clean(id: u32) -> [Vec3; 3] {
     let columns = 632;
     let (x, y) = ((id / 2) % columns, id / 2 / columns);
@@ -25,7 +25,7 @@ fn clean(id: u32) -> [Vec3; 3] {
     }
 }
 
-/// Something like a sine.
+/// A periodic function similar to a sine.
 fn wave(x: f32) -> f32 {
     let part = x - x.floor();
     part * (1.0 - part)

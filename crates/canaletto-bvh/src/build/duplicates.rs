@@ -1,21 +1,22 @@
-//! TriangleBvh with the same corners, of which one is in the tree: a ray that meets one meets all of them at the same t, and a tie goes to the
-//! lowest id.
+//! Triangles with equal corners, of which only one is put into the tree. A ray that hits one of them hits all of them
+//! at one t, and a tie goes to the lowest id.
 
 use rayon::prelude::*;
 
 use super::prim_ref::{Corners, PrimRef};
 use crate::Aabb;
 
-/// Moves to the front what is not the same triangle as another with a lower id, and tells how many that are. The others
-/// are told in pairs, each after the first that is the same.
+/// Moves to the front the references that don't repeat a triangle of a lower id, and returns their number. The others
+/// are returned in pairs: the first equal triangle, then the repeated one.
 pub(super) fn distinct(refs: &mut [PrimRef], corners: &Corners<'_>) -> (usize, Vec<[u32; 2]>) {
-    // The references of a triangle that was split have boxes of their own, and the same as those of its copies.
+    // The references of a presplit triangle have boxes of their own, and its copies have references with equal boxes.
+    // The box is therefore part of the key.
     let bits = |prim: &PrimRef| {
         let Aabb { min, max } = prim.bounds().aabb();
         let [a, b, c] = corners(prim.id());
         [a, b, c, min, max].map(|p| p.to_array().map(f32::to_bits))
     };
-    // What differs in its hash is distinct; of what does not, all is compared.
+    // Triangles with different hashes are distinct. For equal hashes all bits are compared.
     let hash = |prim: &PrimRef| {
         let mix = |hash: u64, &bits: &u32| (hash ^ u64::from(bits)).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(29);
         bits(prim).as_flattened().iter().fold(0, mix)
@@ -43,7 +44,7 @@ pub(super) fn distinct(refs: &mut [PrimRef], corners: &Corners<'_>) -> (usize, V
     (count, duplicates)
 }
 
-/// The copies of a triangle among sorted pairs.
+/// The copies of a triangle, from a sorted list of pairs.
 pub(crate) fn of(duplicates: &[[u32; 2]], id: u32) -> impl Iterator<Item = u32> {
     let first = duplicates.partition_point(|&[original, _]| original < id);
     duplicates[first..].iter().take_while(move |&&[original, _]| original == id).map(|&[_, copy]| copy)

@@ -1,8 +1,17 @@
-//! Building a binary tree: the surface area heuristic in bins (Wald, "On fast construction of SAH-based bounding
-//! volume hierarchies", 2007), top down and in parallel.
+//! The builder: a binary tree by the binned surface area heuristic (Wald, "On fast construction of SAH-based bounding
+//! volume hierarchies", 2007), top down and in parallel. Read the files in this order:
 //!
-//! Nothing depends on the number of threads: chunks are of a fixed size, bins filled apart are merged by counts, minima and
-//! maxima, and both halves of a split are built apart and joined in order.
+//! 1. `prim_ref`: primitive references, which the builder sorts. `presplit` cuts large triangles into several
+//!    references.
+//! 2. `binning`: fills bins and finds the split of least SAH cost. `partition` moves references to their side of the
+//!    split. `avx2` holds the inner loops of both.
+//! 3. `duplicates`: leaves out triangles with equal corners.
+//! 4. `reinsertion`: improves the binary tree for [`Quality::High`].
+//! 5. `widen` and `collapse`: find and make the eight-wide nodes of least cost.
+//! 6. `refit`: fits the boxes of a finished tree to moved triangles.
+//!
+//! The tree doesn't depend on the number of threads. Chunks have a fixed size. Bins that are filled separately are
+//! merged by counts, minima and maxima. Both halves of a split are built separately and joined in order.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -30,43 +39,44 @@ pub(crate) use prim_ref::PrimRefs;
 use prim_ref::{Box8, Centers, Corners, Extent, PrimRef};
 use widen::{Costs, LaneSplit};
 
-/// The most primitives in a leaf.
+/// The largest number of primitives in a leaf.
 pub(crate) const MAX_LEAF: usize = 4;
-/// The most levels below the root. Half of them would do for median splits, so the heuristic has the other half to
-/// be unbalanced in; with none left, the median it is. Bounds the traversal's stack and the time of the build.
+/// The largest number of levels below the root. Median splits of a million primitives need 20 levels, so that SAH
+/// splits have 20 to spare. When the remaining levels are only just enough for median splits, the builder splits at the
+/// median. The limit bounds the traversal stack and the build time.
 pub(crate) const MAX_DEPTH: u32 = 40;
-/// As many levels more than median splits need may lie above many primitives.
+/// The number of levels, beyond those that median splits need, that may lie above large sets of primitives.
 const LEVELS_TO_SPARE: u32 = 5;
-/// The most primitives: a link packs a leaf's first slot and its length into 31 bits.
+/// The largest number of primitives: a link packs a leaf's first slot and its length into 31 bits.
 pub(crate) const MAX_PRIMITIVES: usize = 1 << 28;
-/// Above it, the halves of a split are built in parallel.
+/// Above this number of primitives, the halves of a split are built in parallel.
 const PARALLEL_BUILD: usize = 4096;
-/// Above it, a node's primitives are gone through in parallel, in chunks of this size.
+/// Above this number, a node's primitives are processed in parallel, in chunks of this size.
 const CHUNK: usize = 1 << 15;
-/// Cost of a node in units of the cost of a primitive.
+/// The cost of a node, in units of the cost of a primitive.
 const NODE_COST: f32 = 1.0;
-/// Of a node, where that of all is about 1: so that there are few nodes where they have no area, too.
+/// The minimum cost of a node, where the root's is about 1. With it, subtrees of zero area get few nodes, too.
 const LEAST_COST: f32 = 1e-30;
 
-/// How much work to put into a tree. No answer depends on it. Large triangles that fill little of their boxes are split into references,
-/// at most 30 % more than there are triangles.
+/// The amount of work for building a tree. No query result depends on it. Large triangles that fill little of their
+/// boxes are split into references, at most 30 % more references than there are triangles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Quality {
-    /// Soon done.
+    /// A fast build.
     #[default]
     Medium,
-    /// For trees that many rays visit: fewer visits for twice the work.
+    /// A better tree for twice the work, worthwhile if many rays visit it.
     High,
 }
 
-/// Why there is no tree.
+/// The reason why no tree was built.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BuildError {
-    /// A box has a coordinate that is NaN or infinite, or ends before it starts.
+    /// A box has a coordinate that is NaN or infinite, or its minimum is above its maximum.
     #[error("the box of primitive {index} is not finite or is empty: {} to {}", .bounds.min, .bounds.max)]
     InvalidBox {
-        /// The primitive, the first such.
+        /// The first such primitive.
         index: usize,
         /// Its box.
         bounds: Aabb,
@@ -74,7 +84,7 @@ pub enum BuildError {
     /// There are too many primitives for one tree.
     #[error("{count} primitives are too many for one tree, the most are {MAX_PRIMITIVES}")]
     TooManyPrimitives {
-        /// How many there are.
+        /// The number of primitives.
         count: usize,
     },
     /// The work needs threads that can't be started.
@@ -82,17 +92,18 @@ pub enum BuildError {
     NoThreads(#[from] NoThreads),
 }
 
-/// A node of a binary tree in depth-first order, where the left child comes next.
+/// A node of a binary tree in depth-first order. The left child directly follows its parent.
 #[derive(Clone, Copy, Debug, Zeroable)]
 pub(crate) struct BinaryNode {
     pub(crate) bounds: Aabb,
-    /// The first slot of a leaf and how many more it has; the distance to the right child of a node.
+    /// For a leaf: the first slot, and in the upper bits the number of primitives minus 1. For an inner node: the
+    /// distance to the right child.
     link: u32,
-    /// How a node becomes part of a wide one.
+    /// The distribution of a wide node's lanes over the two children, see `widen`.
     lanes: LaneSplit,
 }
 
-/// Bits for the first slot of a leaf.
+/// The number of bits for a leaf's first slot.
 const FIRST_BITS: u32 = MAX_PRIMITIVES.ilog2();
 const _: () = assert!(MAX_LEAF <= 1 << (32 - FIRST_BITS) && size_of::<BinaryNode>() == 32);
 
@@ -110,43 +121,47 @@ impl BinaryNode {
         self.link & ((1 << FIRST_BITS) - 1)
     }
 
-    /// Gives a leaf another first slot and number of primitives.
+    /// Sets a leaf's first slot and number of primitives.
     pub(crate) fn set(&mut self, first: u32, count: u32) {
         self.link = first | (count - 1) << FIRST_BITS;
     }
 
-    /// Primitives in a leaf.
+    /// The number of primitives in a leaf.
     pub(crate) fn count(&self) -> u32 {
         1 + (self.link >> FIRST_BITS)
     }
 
-    /// How many of 2 to 8 lanes that this subtree may take go to its left child; None if it takes a single one.
+    /// If this subtree may use `lanes` lanes, from 2 to 8: the number of them for its left child. None if it uses a
+    /// single one.
     pub(crate) fn left_lanes(&self, lanes: usize) -> Option<usize> {
         self.lanes.left(lanes)
     }
 
-    /// The children of this node, which lies at `index`.
+    /// The indices of the children of this node, which lies at `index`.
     pub(crate) fn children(&self, index: u32) -> [u32; 2] {
         [index + 1, index + self.link]
     }
 }
 
-/// What is built.
+/// The result of a build.
 pub(crate) struct Built {
-    /// With [`Quality::High`] the leaves need not come in the order of their slots.
+    /// The binary nodes. With [`Quality::High`] the leaves need not be in the order of their slots.
     pub(crate) nodes: Vec<BinaryNode>,
-    /// For each slot its primitive.
+    /// The primitive of each slot.
     pub(crate) order: Vec<u32>,
     /// The box around all primitives.
     pub(crate) bounds: Aabb,
-    /// TriangleBvh of which another has all corners: the other, which comes first, and the one that is in no leaf.
+    /// Pairs of triangles with equal corners: the triangle of the lower id, which is in the tree, and the copy, which
+    /// is in no leaf.
     pub(crate) duplicates: Vec<[u32; 2]>,
 }
 
-/// What builders have on the stack at most: levels of a tree, each with its bins, and those of other parts that a thread takes on while it waits.
+/// The stack that a builder needs at most. It covers the levels of a tree, each with its bins, and the levels of other
+/// subtrees that a waiting thread takes on.
 pub(crate) const STACK: usize = 1 << 20;
 
-/// Builds the tree. A leaf costs as much as the blocks of `block` primitives that it fills, and no leaf of one block is split.
+/// Builds the tree. A leaf costs as much as the blocks of `block` primitives that it fills. A leaf of one block is not
+/// split.
 pub(crate) fn build(refs: PrimRefs<'_>, block: usize, quality: Quality) -> Built {
     let PrimRefs { list: mut refs, whole, corners } = refs;
     let (mut nodes, mut duplicates) = (Vec::new(), Vec::new());
@@ -169,7 +184,7 @@ pub(crate) fn build(refs: PrimRefs<'_>, block: usize, quality: Quality) -> Built
     Built { nodes, order: collected(refs.len(), 0, |slot| refs[slot].id()), bounds: whole.unwrap_or(root), duplicates }
 }
 
-/// A tree in the pieces that threads built.
+/// A tree in the pieces that the threads built.
 enum Subtree {
     Whole(Vec<BinaryNode>),
     Split(Box8, LaneSplit, Box<[Subtree; 2]>),
@@ -183,7 +198,7 @@ impl Subtree {
         }
     }
 
-    /// Puts the pieces where they belong among as many nodes.
+    /// Copies the pieces to their places in a list of as many nodes.
     fn place(self, nodes: &mut [BinaryNode]) {
         match self {
             Self::Whole(own) => nodes.copy_from_slice(&own),
@@ -200,18 +215,19 @@ impl Subtree {
 
 struct Builder<'a> {
     measure: Measure,
-    /// Within which many primitives must fit in: bounds the time where each split takes off a few of very many.
+    /// The largest number of levels above large sets of primitives. It bounds the build time where each split takes off
+    /// a few of very many primitives.
     most_levels: u32,
     corners: Option<&'a Corners<'a>>,
-    /// As in [`Built`], in any order.
+    /// The duplicates, as in [`Built`], in any order.
     duplicates: Mutex<Vec<[u32; 2]>>,
 }
 
-/// What becomes of some items, which are reordered.
+/// The result of splitting a range of references. The references are reordered.
 enum Split {
-    /// A leaf of the first so many.
+    /// A leaf of the first so many references.
     Leaf(usize),
-    /// Two parts: where they end, and their extents.
+    /// Two parts: their ends in the range, and their extents.
     Halves([usize; 2], [Extent; 2]),
 }
 
@@ -221,7 +237,7 @@ impl Split {
         Self::Halves([middle, refs.len()], [Extent::of(left), Extent::of(right)])
     }
 
-    /// For the first so many items, whose centers coincide: any halves are as good.
+    /// Splits the first `count` references, whose centers coincide. Any two halves have equal cost.
     fn anywhere(refs: &[PrimRef], count: usize) -> Self {
         if count <= MAX_LEAF {
             return Self::Leaf(count);
@@ -233,7 +249,7 @@ impl Split {
 }
 
 impl Builder<'_> {
-    /// The tree over `refs`, whose first slot is `first`.
+    /// Builds the tree over `refs`, whose first slot is `first`.
     fn subtree(&self, refs: &mut [PrimRef], first: u32, depth: u32, extent: Extent) -> (Subtree, Costs) {
         let n = refs.len();
         if n <= PARALLEL_BUILD {
@@ -263,7 +279,7 @@ impl Builder<'_> {
         widen::leaf(self.measure.cost(&extent.bounds, count as u32))
     }
 
-    /// Appends the tree over `refs`.
+    /// Appends the tree over `refs` to `nodes`.
     fn subdivide(
         &self,
         refs: &mut [PrimRef],
@@ -316,7 +332,8 @@ impl Builder<'_> {
             return Split::Leaf(n);
         }
         let (middle, [a, b]) = partition::partition(refs, &plan);
-        // A plan has items on both sides. If rounding took them to one, they would be asked about again and again.
+        // A plan has references on both sides. If rounding put all of them on one side, the build would try that split
+        // again without end.
         if middle == 0 || middle == n {
             let middle = split_at_median(refs, extent);
             return Split::at(refs, middle);
@@ -326,7 +343,7 @@ impl Builder<'_> {
         Split::Halves([middle, n], extents)
     }
 
-    /// Moves the first of each kind to the front and tells how many that are.
+    /// Moves the distinct triangles to the front, records the duplicates and returns the number of distinct ones.
     fn distinct(&self, refs: &mut [PrimRef]) -> usize {
         let Some(corners) = self.corners else { return refs.len() };
         let (count, mut duplicates) = duplicates::distinct(refs, corners);
@@ -335,17 +352,17 @@ impl Builder<'_> {
     }
 }
 
-/// Levels that median splits down to single primitives need: ⌈log₂ n⌉.
+/// The number of levels that median splits down to single primitives need: ⌈log₂ n⌉.
 fn levels(n: usize) -> u32 {
     usize::BITS - (n - 1).leading_zeros()
 }
 
-/// Splits so that neither side needs as many levels as all.
+/// Splits near the median, so that neither side needs as many levels as the whole.
 fn split_at_median(refs: &mut [PrimRef], extent: &Extent) -> usize {
     let Centers(centers) = &extent.centers;
     let axis = Vec3::from([0, 1, 2].map(|axis| centers.max(axis) - centers.min(axis))).max_position();
     let key = |prim: &PrimRef| prim.center()[axis];
-    // The median of some is found soon, and near enough for nearly all.
+    // The median of a sample is cheap, and for nearly all inputs close enough.
     let mut sample: Vec<f32> = refs.iter().step_by((refs.len() / SAMPLE).max(1)).map(key).collect();
     let half = sample.len() / 2;
     let (_, &mut limit, _) = sample.select_nth_unstable_by(half, f32::total_cmp);
@@ -358,7 +375,7 @@ fn split_at_median(refs: &mut [PrimRef], extent: &Extent) -> usize {
     middle
 }
 
-/// So many centers tell about where the median of more lies.
+/// The number of centers in the sample for the median.
 const SAMPLE: usize = 1024;
 
 #[cfg(test)]
@@ -420,7 +437,7 @@ mod tests {
             assert!(check(&bounds) <= MAX_DEPTH);
         }
         check(&boxes(20_000));
-        // Enough for chunks that are parted apart.
+        // This is enough for several chunks that are partitioned separately.
         check(&boxes(5 * CHUNK + 17));
     }
 
@@ -431,7 +448,7 @@ mod tests {
 
     #[test]
     fn the_height_is_bounded_when_every_split_takes_one() {
-        // Each box is far larger than all before it together.
+        // Each box is far larger than all boxes before it together.
         let chain: Vec<Aabb> = (0..250)
             .map(|i| f32::from_bits((i + 2) << 23))
             .flat_map(|s| [Aabb::from_points([Vec3::splat(s), Vec3::splat(1.1 * s)]); 40])
@@ -442,7 +459,7 @@ mod tests {
 
     #[test]
     fn trees_depend_neither_on_threads_nor_on_instructions() {
-        // Enough for the bins of the first levels to be filled in parallel, and for medians to be found so.
+        // This is enough for the bins of the first levels and the medians to be computed in parallel.
         let even = boxes(7 * CHUNK + 5);
         let mut scaled = even.clone();
         for (i, bounds) in (0..).zip(&mut scaled) {
@@ -470,7 +487,8 @@ mod tests {
     fn boxes_as_large_as_numbers_are_split_by_their_areas() {
         for power in [-149, -126, -60, 0, 100, 126, 127] {
             let size = (2f64.powi(power) * if power == 127 { 1.999 } else { 1.0 }) as f32;
-            // All but the sign of zero, and what is lost below the least number, as at any other size.
+            // The boxes are equal at every size, except for the sign of zero and for bits lost below the smallest
+            // number.
             let bounds: Vec<Aabb> = (0..300)
                 .map(|i| {
                     let place = Vec3::new((i % 10) as f32, (i / 10 % 5) as f32, (i / 50) as f32) * 0.2 - 1.0;

@@ -1,5 +1,6 @@
-//! Moving items to their sides of a split, in place; many of them in parallel: chunks are parted each by itself, then
-//! what stands on the wrong side changes places. What comes out does not depend on the number of threads.
+//! Moves references to their sides of a split, in place. A large range is partitioned in parallel: each chunk
+//! separately, then the references on the wrong side of the whole are swapped. The result does not depend on the number
+//! of threads.
 
 use rayon::prelude::*;
 
@@ -8,18 +9,17 @@ use super::binning::Plan;
 use super::prim_ref::{Centers, PrimRef};
 use crate::InstructionSet;
 
-/// Moves the items that go left to the front and tells how many they are, and the boxes around the centers of both
-/// sides.
+/// Moves the references that go left to the front. Returns their number and the boxes around the centers of both sides.
 pub(super) fn partition(refs: &mut [PrimRef], plan: &Plan) -> (usize, [Centers; 2]) {
     all(refs, |refs| part(refs, plan))
 }
 
-/// The same where those items go left whose centers lie below a limit.
+/// Moves the references whose centers lie below a limit to the front and returns their number.
 pub(super) fn below(refs: &mut [PrimRef], axis: usize, limit: f32) -> usize {
     all(refs, |refs| part_below(refs, axis, limit)).0
 }
 
-/// Parts all items by a way to part some.
+/// Partitions all references by a function that partitions a chunk.
 fn all(
     refs: &mut [PrimRef],
     part: impl Fn(&mut [PrimRef]) -> (usize, [Centers; 2]) + Sync + Send,
@@ -29,7 +29,7 @@ fn all(
     }
     let parts: Vec<_> = refs.par_chunks_mut(CHUNK).map(part).collect();
     let middle = parts.iter().map(|part| part.0).sum();
-    // Ranges before the middle that belong behind it, and the other way.
+    // `late`: ranges before the middle that belong behind it. `early`: ranges behind it that belong before it.
     let (mut late, mut early) = (Vec::new(), Vec::new());
     for (i, &(lefts, _)) in parts.iter().enumerate() {
         let (start, end) = (i * CHUNK, (i * CHUNK + CHUNK).min(refs.len()));
@@ -49,7 +49,7 @@ fn part(refs: &mut [PrimRef], plan: &Plan) -> (usize, [Centers; 2]) {
     #[cfg(target_arch = "x86_64")]
     if InstructionSet::current() >= InstructionSet::Avx2 {
         #[allow(unsafe_code)]
-        // SAFETY: `current` never tells more than the machine has.
+        // SAFETY: `current` never returns more than the machine has.
         return unsafe { super::avx2::part(refs, plan) };
     }
     part_by(refs, |center| plan.grid.bin(center, plan.axis) < plan.bin)
@@ -65,7 +65,8 @@ fn part_below(refs: &mut [PrimRef], axis: usize, limit: f32) -> (usize, [Centers
     part_by(refs, |center| center[axis] < limit)
 }
 
-/// Without branches that nobody could predict: each item goes to the border, which moves on if it goes left.
+/// Partitions without unpredictable branches: each reference is swapped to the border, and the border moves on if the
+/// reference goes left.
 #[inline(always)]
 fn part_by(refs: &mut [PrimRef], goes_left: impl Fn([f32; 4]) -> bool) -> (usize, [Centers; 2]) {
     let [mut a, mut b] = [Centers::NONE; 2];
@@ -81,7 +82,7 @@ fn part_by(refs: &mut [PrimRef], goes_left: impl Fn([f32; 4]) -> bool) -> (usize
     (border, [a, b])
 }
 
-/// The slices of ranges that come in order, `refs` starting at `first`.
+/// The slices of `refs` for ranges in ascending order. `refs` starts at index `first`.
 fn slices(mut refs: &mut [PrimRef], first: usize, ranges: Vec<std::ops::Range<usize>>) -> Vec<&mut [PrimRef]> {
     let mut at = first;
     let mut out = Vec::with_capacity(ranges.len());
@@ -95,7 +96,7 @@ fn slices(mut refs: &mut [PrimRef], first: usize, ranges: Vec<std::ops::Range<us
     out
 }
 
-/// Cuts both lists, which are equally long in all, into pairs of equal length.
+/// Cuts both lists, which have equal total length, into pairs of slices of equal length.
 fn pairs<'a>(a: Vec<&'a mut [PrimRef]>, b: Vec<&'a mut [PrimRef]>) -> Vec<(&'a mut [PrimRef], &'a mut [PrimRef])> {
     let (mut a, mut b) = (a.into_iter(), b.into_iter());
     let mut out = Vec::new();

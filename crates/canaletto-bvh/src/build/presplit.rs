@@ -1,9 +1,10 @@
-//! TriangleBvh that fill little of their boxes, as several references with smaller ones, before the tree is built (Karras and Aila, "Fast
-//! parallel construction of high-quality bounding volume hierarchies", 2013, section 4.3).
+//! Presplitting: before the build, triangles that fill little of their boxes are replaced by several references with
+//! smaller boxes. See Karras and Aila, "Fast parallel construction of high-quality bounding volume hierarchies", 2013,
+//! section 4.3.
 //!
-//! A reference is the box around a triangle's part in a cell, the triangle itself stays whole. What that asks of boxes and of the exact test, so
-//! that no hit is lost, see [`crate::triangle`]. Where it deviates: only what wastes much more than the average box has is
-//! split, and into few parts.
+//! A reference is the box around a triangle's part in a cell; the triangle itself stays whole. [`crate::triangle`]
+//! proves what the boxes and the exact test must satisfy so that no hit is lost. Unlike the paper, only triangles that
+//! waste much more area than the average box has are split, and only into few parts.
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -12,39 +13,41 @@ use super::prim_ref::{Extent, PrimRef};
 use super::{MAX_PRIMITIVES, PrimRefs};
 use crate::Aabb;
 
-/// How much to split.
+/// The limits of presplitting.
 #[derive(Clone, Copy)]
 pub(super) struct Budget {
-    /// The most references more than triangles, as a part of these.
+    /// The largest number of additional references, as a fraction of the number of triangles.
     most: f64,
-    /// TriangleBvh that waste less than so many times the area of an average box are left whole.
+    /// The least waste for a split, in areas of an average box. Triangles that waste less stay whole.
     least: f64,
-    /// The waste for which there is one split, where four times as much is two, in areas of an average box.
+    /// The waste for which a triangle is split once, in areas of an average box. Four times this waste gives two
+    /// splits.
     unit: f64,
 }
 
 impl Budget {
-    /// Splits no triangle of a scan and next to none of a meadow, where that brings nothing; 2.7 % of references more make a tree over an atrium a
-    /// third cheaper.
+    /// Tuned so that scans get no splits and a meadow gets almost none, as splits bring nothing there. An atrium gets
+    /// 2.7 % more references and a third less SAH cost.
     pub(super) const DEFAULT: Self = Self { most: 0.3, least: 8.0, unit: 3.0 };
 
-    /// The most references more than so many triangles.
+    /// The largest number of additional references for `count` triangles.
     pub(super) fn room(&self, count: usize) -> usize {
         ((self.most * count as f64) as usize).min(MAX_PRIMITIVES.saturating_sub(count))
     }
 }
 
-/// The most references more of one triangle. Trees over meshes on a ground of two triangles cost a tenth less than with thousands.
+/// The largest number of additional references of one triangle. Trees over meshes on a ground of two triangles cost a
+/// tenth less with this limit than with thousands of references.
 const MOST_OF_ONE: f64 = 12.0;
-/// Boxes of parts are wider than these by so much of the triangle's largest extent: 2⁻²¹ for the cell that the part is cut out with, and
-/// 2⁻²¹ for the part.
+/// The margin of a part's box on all sides, as a fraction of the triangle's largest extent: 2⁻²¹ for the cell that the
+/// part is cut out with, and 2⁻²¹ for the part.
 const MARGIN: f64 = 1.0 / (1u64 << 21) as f64;
-/// Bits of a coordinate in the grid along whose planes triangles are split.
+/// The bits of a coordinate in the grid along whose planes triangles are split.
 const GRID_BITS: u32 = 30;
-/// PrimRefs that a thread looks at. Of a fixed size, so that rounding doesn't depend on threads.
+/// The number of references in a thread's chunk. It is fixed, so that rounding doesn't depend on threads.
 const PART: usize = 1 << 12;
 
-/// Replaces the items of triangles that are split by their references.
+/// Replaces the references of wasteful triangles by several smaller references.
 pub(super) fn split(all: &mut PrimRefs, corners: impl Fn(u32) -> [Vec3; 3] + Sync, budget: Budget) {
     let refs = &mut all.list;
     let areas: Vec<f64> = refs.par_chunks(PART).map(|refs| refs.iter().map(half_area).sum()).collect();
@@ -60,7 +63,7 @@ pub(super) fn split(all: &mut PrimRefs, corners: impl Fn(u32) -> [Vec3; 3] + Syn
     if long.is_empty() {
         return;
     }
-    // The least unit of waste that keeps the sum of splits within bounds.
+    // Find the least unit of waste that keeps the sum of splits within the budget.
     let most = budget.room(refs.len());
     while long.par_iter().map(|&(_, waste)| splits(waste, unit)).sum::<usize>() > most {
         unit *= 1.25;
@@ -86,22 +89,24 @@ fn half_area(prim: &PrimRef) -> f64 {
     prim.bounds().aabb().half_area()
 }
 
-/// Half of the area that a box around a triangle has and ever smaller boxes around its parts would not have: from half of the box's to all.
+/// The wasted area: half of the area that the box around a triangle has and ever smaller boxes around its parts would
+/// not have. It is between half of the box's `half_area` and all of it.
 fn waste(prim: &PrimRef, [a, b, c]: &[Vec3; 3]) -> f64 {
     let a = a.as_dvec3();
     let sides = (b.as_dvec3() - a).cross(c.as_dvec3() - a).abs();
     half_area(prim) - 0.5 * sides.element_sum()
 }
 
-/// How often to split a triangle.
+/// The number of splits of a triangle.
 fn splits(waste: f64, unit: f64) -> usize {
     (waste / unit).sqrt().min(MOST_OF_ONE) as usize
 }
 
-/// A grid of cubes around the scene. References are split along its coarsest plane that crosses them, so that neighbours are split along the same.
+/// A grid of cubes around the scene. A reference is split along the coarsest grid plane that crosses it, so that
+/// neighbours are split along common planes.
 struct Grid {
     origin: DVec3,
-    /// Size of the finest cells.
+    /// The size of the finest cells.
     cell: f64,
 }
 
@@ -112,7 +117,8 @@ impl Grid {
         Self { origin, cell: size / f64::from(1u32 << GRID_BITS) }
     }
 
-    /// The coarsest plane that crosses a box, along the axis of its largest extent of equally coarse ones: axis and coordinate.
+    /// The axis and coordinate of the coarsest plane that crosses a box. Of equally coarse planes, the one along the
+    /// box's largest extent is taken.
     fn plane(&self, low: DVec3, high: DVec3) -> Option<(usize, f64)> {
         let mut best: Option<(u32, f64, usize, f64)> = None;
         for axis in 0..3 {
@@ -137,7 +143,8 @@ impl Grid {
     }
 }
 
-/// The most corners of a triangle's part: three, and one more for each side of a cell; more only by rounding.
+/// The largest number of corners of a triangle's part: three, and one more for each side of a cell. Only rounding can
+/// give more.
 const CORNERS: usize = 12;
 
 /// A convex part of a triangle, relative to the triangle's first corner.
@@ -148,7 +155,7 @@ struct Part {
 }
 
 impl Part {
-    /// What lies below a plane of an axis, or above it if `side` is −1; None if there is no room for its corners.
+    /// The part below a plane of an axis, or above it if `side` is −1. None if the corners don't fit.
     fn cut(&self, axis: usize, at: f64, side: f64) -> Option<Self> {
         let mut cut = Self { corners: [DVec3::ZERO; CORNERS], len: 0 };
         let mut push = |p: DVec3| {
@@ -177,7 +184,7 @@ impl Part {
     }
 }
 
-/// The references of a triangle that is split so many times at most; none if it cannot be split.
+/// The references of a triangle with at most so many splits. Empty if it cannot be split.
 fn references(id: u32, corners: &[Vec3; 3], splits: usize, grid: &Grid) -> Vec<PrimRef> {
     let first = corners[0].as_dvec3();
     let mut part = Part { corners: [DVec3::ZERO; CORNERS], len: 3 };
@@ -190,7 +197,7 @@ fn references(id: u32, corners: &[Vec3; 3], splits: usize, grid: &Grid) -> Vec<P
     let mut todo = vec![(part, splits)];
     while let Some((part, splits)) = todo.pop() {
         let (low, high) = part.bounds();
-        // Not along the same plane again, beyond which parts reach.
+        // Parts reach beyond the plane that made them. The shrunken box prevents a second split along that plane.
         let (inner_low, inner_high) = (first + low + 2.0 * margin, first + high - 2.0 * margin);
         let plane = if splits > 0 { grid.plane(inner_low, inner_high) } else { None };
         let halves = plane.and_then(|(axis, at)| {
@@ -214,17 +221,17 @@ fn references(id: u32, corners: &[Vec3; 3], splits: usize, grid: &Grid) -> Vec<P
         todo.push((b, splits - 1 - to_a.min(splits - 1)));
         todo.push((a, to_a.min(splits - 1)));
     }
-    // A box around all is wider than that of the triangle.
+    // A single part would have a wider box than the triangle.
     if parts.len() > 1 { parts } else { Vec::new() }
 }
 
-/// The nearest numbers that are surely less.
+/// The nearest f32 numbers that are certainly smaller.
 fn below(p: DVec3) -> Vec3 {
     let p = p.as_vec3();
     Vec3::new(p.x.next_down(), p.y.next_down(), p.z.next_down())
 }
 
-/// The nearest numbers that are surely greater.
+/// The nearest f32 numbers that are certainly larger.
 fn above(p: DVec3) -> Vec3 {
     -below(-p)
 }
@@ -239,14 +246,14 @@ mod tests {
     use crate::testing::{Random, TestPrimitive, awkward_ray, zoo};
     use crate::{InstructionSet, PreparedRay, PrimitiveHit, Quality, Ray, TriangleBvh};
 
-    /// Splits all that can be.
+    /// A budget that splits every triangle that can be split.
     const ALL: Budget = Budget { most: 30.0, least: 1e-6, unit: 1e-6 };
 
     fn pick<T: Copy>(random: &mut Random, of: &[T]) -> T {
         of[random.below(of.len())]
     }
 
-    /// From slivers to regular ones, of all sizes and places, some along axes.
+    /// A triangle from a sliver to a regular one, of any size and place, sometimes along axes.
     fn any_triangle(random: &mut Random) -> [Vec3; 3] {
         let place = random.vector() * pick(random, &[0.0, 1.0, 1e3, 1e6]);
         let thin = pick(random, &[1.0, 1e-3, 1e-6, 0.0]);
@@ -261,7 +268,7 @@ mod tests {
         [place, place + p, place + q].map(|p| p * scale)
     }
 
-    /// Where it is split, near its borders, in its plane; from afar and nearby.
+    /// A ray at a triangle: through its splits, near its borders, or in its plane; from afar or nearby.
     fn any_ray([a, b, c]: [Vec3; 3], parts: &[Aabb], random: &mut Random) -> Ray {
         let (u, v) = (0.5 + 0.5 * random.signed(), 0.5 + 0.5 * random.signed());
         let inside = a + (b - a) * (u * (1.0 - v)) + (c - a) * (u * v);
@@ -273,7 +280,7 @@ mod tests {
         let part = pick(random, parts);
         let axis = random.below(3);
         if random.below(2) == 0 {
-            // Around the plane between two parts.
+            // A target around the plane between two parts.
             target[axis] = pick(random, &[part.min[axis], part.max[axis], part.min[axis].next_up()]);
         }
         let size = (b - a).abs().max((c - a).abs()).max_element();
@@ -288,7 +295,8 @@ mod tests {
         Ray::new(target - way * distance, way * pick(random, &[1.0, distance, 1e-3 / size]))
     }
 
-    /// An edge through a line along which parts meet, or along a border of the box, and a ray that runs next to that line.
+    /// A triangle with an edge through a line along which parts meet, or along a border of the box. The ray runs next
+    /// to that line.
     fn next_to_a_line(random: &mut Random) -> ([Vec3; 3], Ray) {
         let turn = random.below(3);
         let place = |x: f32, y: f32, z: f32| {
@@ -308,7 +316,7 @@ mod tests {
         (corners, Ray::new(origin, place(tiny(random), tiny(random), 1.0)))
     }
 
-    /// Ray and triangle in one plane exactly.
+    /// A ray and a triangle that lie exactly in one plane.
     fn in_one_plane(random: &mut Random) -> ([Vec3; 3], Ray) {
         let [p, q] = [random.vector(), random.vector()].map(|v| (v * 3000.0).round());
         let mut point = || p * random.below(40) as f32 + q * random.below(40) as f32;
@@ -336,7 +344,7 @@ mod tests {
             let whole = Aabb::from_points(corners);
             let root = match kind {
                 1 => Aabb { min: Vec3::splat(-16.0), max: Vec3::splat(16.0) },
-                // Off center, so that planes lie anywhere.
+                // The root is off center, so that planes lie anywhere.
                 _ => Aabb { min: whole.min - (whole.max - whole.min) * random.signed().abs(), max: whole.max },
             };
             let parts = references(7, &corners, 40, &Grid::new(&root));
@@ -361,7 +369,7 @@ mod tests {
         assert!(enough && several > 300_000 && elsewhere > 100_000, "{hits:?} {several} {elsewhere}");
     }
 
-    /// Every way to ask, beside trying all triangles.
+    /// Compares every kind of query with a loop over all triangles.
     fn compare(name: &str, corners: &[[Vec3; 3]], rays: &[Ray], trees: &[TriangleBvh]) {
         let whole = TriangleBvh::build(corners.len(), |id| corners[id as usize]).unwrap();
         let prepared: Vec<PreparedRay> = rays.iter().map(Ray::prepare).collect();
@@ -422,7 +430,7 @@ mod tests {
             [p, p + q, p + q + thin * r.vector()]
         };
         scenes.push(("slivers", (0..300).map(|i| sliver(random, [1e-2, 1e-4, 1e-7][i % 3])).collect()));
-        // Each pierces the same line, so that hits lie close together.
+        // All triangles intersect one line, so that hits lie close together.
         scenes.push(("fan", (0..200).map(|_| [-Vec3::X, Vec3::X, random.vector()]).collect()));
         let [lines, planes]: [Vec<_>; 2] =
             [next_to_a_line as fn(&mut Random) -> _, in_one_plane].map(|make| (0..150).map(|_| make(random)).collect());
@@ -440,7 +448,7 @@ mod tests {
                 any_ray(corners, &[Aabb::from_points(corners)], random)
             }));
             rays.extend(&aimed);
-            // Some for packets.
+            // Some coherent rays, for packets.
             let first = awkward_ray(&primitives, random);
             let size = first.direction.abs().max_element() * 0.01;
             rays.extend((0..64).map(|_| Ray::new(first.origin, first.direction + random.vector() * size)));

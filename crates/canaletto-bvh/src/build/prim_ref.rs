@@ -1,4 +1,5 @@
-//! What is sorted: a primitive's box and number in 32 bytes, one vector of eight.
+//! Primitive references, which the builder sorts: a primitive's box and id in 32 bytes, one vector of eight floats
+//! (Embree's `PrimRef`).
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -8,8 +9,8 @@ use crate::memory::collected;
 use crate::slab::max;
 use glam::Vec3;
 
-/// A box as one vector: the lower corner negated, so that both corners join by maxima. The fourth lane of either corner holds
-/// nothing that matters.
+/// A box as one vector. The lower corner is negated, so that both corners are joined by maxima. The fourth lane of
+/// either corner is not part of the box: [`PrimRef`] keeps its id in one of them.
 #[derive(Clone, Copy)]
 #[repr(align(32))]
 pub(super) struct Box8(pub(super) [f32; 8]);
@@ -17,7 +18,7 @@ pub(super) struct Box8(pub(super) [f32; 8]);
 impl Box8 {
     pub(super) const EMPTY: Self = Self([f32::NEG_INFINITY; 8]);
 
-    /// Of boxes known to hold no NaN.
+    /// The union of two boxes without NaN.
     #[inline(always)]
     pub(super) fn join(&self, other: &Self) -> Self {
         let (Self(a), Self(b)) = (self, other);
@@ -33,7 +34,8 @@ impl Box8 {
         ])
     }
 
-    /// Adding 0 turns −0 into 0, of which maxima would keep either, as it happens.
+    /// The vector for a box, with two numbers for the fourth lanes. Adding 0 turns −0 into 0, as a maximum of the two
+    /// could be either.
     #[inline(always)]
     pub(super) fn new(bounds: &Aabb, [low, high]: [f32; 2]) -> Self {
         let Aabb { min, max } = bounds;
@@ -55,7 +57,7 @@ impl Box8 {
         Aabb { min: corner(Self::min), max: corner(Self::max) }
     }
 
-    /// Half of the surface area in units that `scale` makes of lengths, so that no product overflows.
+    /// Half of the surface area, with lengths multiplied by `scale`, so that no product overflows.
     #[inline(always)]
     pub(super) fn half_area(&self, scale: f32) -> f32 {
         let d = |axis: usize| self.0[4 + axis] * scale + self.0[axis] * scale;
@@ -63,22 +65,23 @@ impl Box8 {
         x * y + y * z + z * x
     }
 
-    /// A power of two that makes this box about as large as 1, so that scaling a scene by such changes nothing.
+    /// A power of two that scales this box to a size of about 1. Scaling a scene by a power of two therefore changes no
+    /// decision.
     pub(super) fn scale(&self) -> f32 {
         // Halved, since a difference may be twice as large as the largest float.
         let half = (0..3).map(|axis| self.max(axis) * 0.5 - self.min(axis) * 0.5).fold(0.0, max);
-        // At most 254, as half of what is finite is.
+        // At most 254, since half of a finite number is finite.
         let exponent = half.to_bits() >> 23;
         f32::from_bits(253u32.saturating_sub(exponent).max(1) << 23)
     }
 }
 
-/// A primitive. Its number lies in the fourth lane of the lower corner, as a float that is normal and finite, since
-/// arithmetic on whole vectors slows down on others.
+/// A primitive reference. The id lies in the fourth lane of the lower corner, as a normal, finite float, since
+/// arithmetic on whole vectors is slower with other values.
 #[derive(Clone, Copy)]
 pub(super) struct PrimRef(Box8);
 
-/// Added to a number of 29 bits: the bits of a normal float between 2⁻⁶³ and 2.
+/// Added to an id of 29 bits, it gives the bits of a normal float between 2⁻⁶³ and 2.
 const NORMAL: u32 = 1 << 29;
 const _: () = assert!(super::MAX_PRIMITIVES <= 1 << 29);
 
@@ -97,7 +100,7 @@ impl PrimRef {
         &self.0
     }
 
-    /// Half of the center, so that differences of two don't overflow either.
+    /// Half of the center, so that differences of two centers don't overflow either.
     #[inline(always)]
     pub(super) fn center(&self) -> [f32; 4] {
         let Box8([ax, ay, az, aw, bx, by, bz, bw]) = self.0;
@@ -105,7 +108,7 @@ impl PrimRef {
     }
 }
 
-/// The box around some centers.
+/// The box around the (halved) centers of references.
 #[derive(Clone, Copy)]
 pub(super) struct Centers(pub(super) Box8);
 
@@ -127,12 +130,12 @@ impl Centers {
     }
 }
 
-/// The box around some items, and that around their centers.
+/// The box around references, and the box around their centers.
 #[derive(Clone, Copy)]
 pub(super) struct Extent {
     pub(super) bounds: Box8,
     pub(super) centers: Centers,
-    /// The centers coincide, and copies were left out.
+    /// The centers coincide, and duplicates have been left out.
     pub(super) distinct: bool,
 }
 
@@ -163,25 +166,25 @@ crate::simd::compiled_wide! {
     }
 }
 
-/// What a builder sorts: boxes and numbers of primitives.
+/// The input of a builder: the references of all primitives.
 pub(crate) struct PrimRefs<'a> {
     pub(super) list: Vec<PrimRef>,
-    /// The box around all primitives, where those of the list are wider.
+    /// The box around all primitives, if the boxes of the references are wider.
     pub(super) whole: Option<Aabb>,
-    /// If the primitives are triangles.
+    /// The corners of the triangles, if the primitives are triangles.
     pub(super) corners: Option<&'a Corners<'a>>,
 }
 
-/// The corners of a triangle.
+/// A function that returns the corners of a triangle.
 pub(super) type Corners<'a> = dyn Fn(u32) -> [Vec3; 3] + Sync + 'a;
 
 impl<'a> PrimRefs<'a> {
-    /// `count` primitives and their boxes.
+    /// The references of `count` primitives with these boxes.
     pub(crate) fn new(count: usize, bounds: impl Fn(usize) -> Aabb + Sync) -> Result<Self, BuildError> {
         Self::with_room(count, 0, bounds)
     }
 
-    /// The same with room for so many items more.
+    /// [`PrimRefs::new`] with room for `room` further references.
     fn with_room(count: usize, room: usize, bounds: impl Fn(usize) -> Aabb + Sync) -> Result<Self, BuildError> {
         if count > MAX_PRIMITIVES {
             return Err(BuildError::TooManyPrimitives { count });
@@ -201,7 +204,7 @@ impl<'a> PrimRefs<'a> {
         }
     }
 
-    /// `count` triangles, long ones in several parts.
+    /// The references of `count` triangles. Triangles that fill little of their boxes get several.
     pub(crate) fn of_triangles(
         count: usize,
         corners: &'a (impl Fn(u32) -> [Vec3; 3] + Sync),
@@ -212,7 +215,7 @@ impl<'a> PrimRefs<'a> {
         Ok(refs)
     }
 
-    /// `count` triangles, all of them whole.
+    /// The references of `count` triangles, one for each.
     pub(crate) fn of_whole_triangles(
         count: usize,
         corners: &'a (impl Fn(u32) -> [Vec3; 3] + Sync),

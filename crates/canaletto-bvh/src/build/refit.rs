@@ -1,5 +1,5 @@
-//! Trees over triangles that move but stay the same ones: boxes and orders are computed anew, which takes a fraction of a build. Rays
-//! slow down as far as neighbours part.
+//! Refitting, for trees over triangles that move: boxes and orders are recomputed, which takes a fraction of a build.
+//! Traversal becomes slower as neighbours move apart.
 
 use std::cmp::Ordering;
 
@@ -22,19 +22,20 @@ fn same(a: [Vec3; 3], b: [Vec3; 3]) -> bool {
 }
 
 impl TriangleBvh {
-    /// Takes the triangles to where `corners` tells, in parallel; the tree stays what it is but for its boxes. Answers are those of a
-    /// tree built anew, which it is if triangles part that had the same corners. A triangle that was split (see [`crate::Quality`]) has
-    /// from now on its whole box in each of its leaves.
+    /// Moves the triangles to new corners, in parallel. The tree's structure stays, only its boxes change. Query
+    /// results are those of a newly built tree. If triangles that had equal corners now differ, the tree is rebuilt. A
+    /// triangle that was split (see [`crate::Quality`]) has from now on its whole box in each of its leaves.
     ///
     /// # Errors
-    /// [`BuildError`] names the first triangle with a corner that is not finite; then nothing has changed.
+    /// [`BuildError`] names the first triangle with a corner that is not finite. The tree is then unchanged.
     pub fn refit(&mut self, corners: impl Fn(u32) -> [Vec3; 3] + Sync) -> Result<(), BuildError> {
         self.refit_within(f64::INFINITY, corners).map(|_| ())
     }
 
-    /// [`TriangleBvh::refit`] for as long as that leaves a good tree: it is built anew where it would cost more than `most` times
-    /// what it did ([`crate::Statistics::sah_cost`]) when it was last built. Tells whether it was; that depends on nothing but the
-    /// triangles, there and on their way. Then no triangle is split, so that it can be refitted again.
+    /// [`TriangleBvh::refit`] if that leaves a good tree, otherwise a rebuild. The tree is rebuilt if its SAH cost
+    /// ([`crate::Statistics::sah_cost`]) would be more than `most` times its cost after the last build. Returns whether
+    /// it was rebuilt. The decision depends only on the present and earlier positions of the triangles. A rebuild
+    /// splits no triangle, so that the tree can be refitted again.
     ///
     /// # Errors
     /// As [`TriangleBvh::refit`].
@@ -43,7 +44,7 @@ impl TriangleBvh {
     }
 
     fn fit(&mut self, most: f64, corners: impl Fn(u32) -> [Vec3; 3] + Sync) -> Result<bool, BuildError> {
-        // Each triangle is asked about once, so that what is kept is what was checked.
+        // `corners` is called once for each triangle, so that the stored corners are those that were checked.
         let all: Vec<[Vec3; 3]> = collected(self.len(), 0, |id| corners(id as u32));
         if let Some(index) = all.par_iter().position_first(|corners| !corners.iter().all(|corner| corner.is_finite())) {
             return Err(BuildError::InvalidBox { index, bounds: Aabb::from_points(all[index]) });
@@ -58,7 +59,7 @@ impl TriangleBvh {
         blocks.par_iter_mut().for_each(|block| *block = block.with(corners));
         let blocks = &*blocks;
         bvh.refit(|first| bounds(&blocks[first as usize]));
-        // A cost that is no number is none to go on with.
+        // A NaN cost counts as worse.
         let worse = || self.statistics().sah_cost.partial_cmp(&(cost * most)).is_none_or(Ordering::is_gt);
         if most < f64::INFINITY && worse() {
             return self.rebuild(corners);
@@ -66,7 +67,7 @@ impl TriangleBvh {
         Ok(false)
     }
 
-    /// Builds the tree anew for finite corners, without the old blocks beside the new ones.
+    /// Rebuilds the tree from finite corners. The old blocks are freed first.
     fn rebuild(&mut self, corners: impl Fn(u32) -> [Vec3; 3] + Sync) -> Result<bool, BuildError> {
         let refs = PrimRefs::of_whole_triangles(self.len(), &corners)?;
         *self.parts().1 = Vec::new();
@@ -75,7 +76,7 @@ impl TriangleBvh {
     }
 }
 
-/// Fits boxes to the leaves, of which `leaf` tells the boxes, and returns the box around all.
+/// Refits all boxes, given the box of each leaf, and returns the box around all.
 pub(crate) fn refit(nodes: &mut [Node], leaf: impl Fn(u32) -> Aabb + Sync) -> Aabb {
     nodes.par_iter_mut().for_each(|node| {
         for lane in 0..WIDTH {
@@ -84,7 +85,7 @@ pub(crate) fn refit(nodes: &mut [Node], leaf: impl Fn(u32) -> Aabb + Sync) -> Aa
             }
         }
     });
-    // Children come later than their parents.
+    // Children come later in the list than their parents.
     for index in (0..nodes.len()).rev() {
         for lane in 0..WIDTH {
             if let Some(Child::Node(child)) = nodes[index].children()[lane].follow() {
@@ -105,7 +106,7 @@ mod tests {
     use glam::Vec3Swizzles;
 
     fn moved(scene: &[TestPrimitive], random: &mut Random) -> Vec<TestPrimitive> {
-        // Some collapse to points, some fly away; signs of zero change.
+        // Some triangles collapse to points, some fly away, and signs of zero change.
         let place = |p: Vec3, r: &mut Random| match r.below(5) {
             0 => -p,
             1 => p.zxy() * 2.0,
@@ -147,10 +148,10 @@ mod tests {
                         assert_eq!(found, expected, "{name} {set:?} {ray:?}");
                     }
                 }
-                // And back again.
+                // The triangles move back.
                 triangles.refit(|id| corners(&scene, id)).unwrap();
                 assert_eq!(triangles.bounds(), original.bounds());
-                // But for triangles that had been split, and trees that had to be built anew.
+                // Except if triangles had been split, or the tree was rebuilt.
                 let leaves: usize = original.block_lengths().sum();
                 assert!(triangles.nodes() == original.nodes() || leaves != scene.len(), "{name}");
             }
@@ -159,7 +160,8 @@ mod tests {
 
     #[test]
     fn a_tree_is_built_anew_before_it_gets_too_bad() {
-        // A strip that is turned out of the plane that it was built in, a little more each time, and shuffled in the end.
+        // A strip that is rotated out of the plane that it was built in, a little more each time, and shuffled in the
+        // end.
         let at = |n: u32, turn: f32| Vec3::new(n as f32, (n % 2) as f32, 0.0).rotate_z(turn);
         let strip = |turn: f32| move |id: u32| [at(id, turn), at(id + 1, turn), at(id + 2, turn)];
         let mut triangles = TriangleBvh::build(3000, strip(0.0)).unwrap();
@@ -177,7 +179,7 @@ mod tests {
                 assert!(cost <= built * 1.5, "{step}: {cost} {built}");
             }
         }
-        // The same triangles, each where another was.
+        // The triangles of the strip, each in the place of another.
         let shuffled = |id: u32| strip(0.0)(id * 7919 % 3000);
         let mut forever = triangles.clone();
         assert!(!forever.refit_within(f64::INFINITY, shuffled).unwrap());
@@ -217,7 +219,7 @@ mod tests {
         assert!(triangles.nodes() == before.nodes() && triangles.bounds() == before.bounds());
     }
 
-    /// One that tells something else each time, if it is asked again.
+    /// The function returns something else when it is called again for a triangle.
     #[test]
     fn each_triangle_is_asked_about_once() {
         use std::sync::atomic::{AtomicU32, Ordering};

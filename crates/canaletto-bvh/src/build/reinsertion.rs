@@ -1,9 +1,11 @@
-//! Better binary trees: a subtree is taken out and put where the areas of all nodes then sum up to least, again and again (Bittner,
-//! Hapala and Havran, "Fast insertion-based optimization of bounding volume hierarchies", 2013; Meister and Bittner, "Parallel
-//! reinsertion for bounding volume hierarchy optimization", 2018).
+//! Improves a binary tree by reinsertion: again and again, a subtree is removed and inserted where the sum of all node
+//! areas becomes least. See Bittner, Hapala and Havran, "Fast insertion-based optimization of bounding volume
+//! hierarchies", 2013, and Meister and Bittner, "Parallel reinsertion for bounding volume hierarchy optimization",
+//! 2018.
 //!
-//! PrefetchTable are looked for in parallel in a tree that stands still; then the moves are made one after another, the most useful
-//! first, but for those whose surroundings have changed since. So the tree does not depend on the number of threads.
+//! Places are searched in parallel in a tree that doesn't change. Then the moves are made one after another, those of
+//! largest gain first. Moves whose surroundings have changed since are skipped. The tree therefore does not depend on
+//! the number of threads.
 
 use rayon::prelude::*;
 
@@ -11,36 +13,38 @@ use super::prim_ref::Box8;
 use super::widen;
 use super::{BinaryNode, CHUNK, MAX_DEPTH, Measure};
 
-/// A node of a tree that changes. The root is the first.
+/// A node of the tree under change. The root is the first node.
 struct Node {
     bounds: Box8,
     parent: u32,
-    /// None for a leaf.
+    /// The children; None for a leaf.
     children: Option<[u32; 2]>,
 }
 
-/// A subtree and where to put it: beside this node.
+/// A move: the subtree `from` becomes the sibling of the node `to`.
 struct Move {
     from: u32,
     to: u32,
     gain: f32,
 }
 
-/// How often moves are looked for.
+/// The largest number of rounds.
 const ROUNDS: usize = 8;
-/// A round that takes away less than this share of the area of all nodes is the last.
+/// A round that removes less than this fraction of the total area is the last.
 const LEAST_GAIN: f64 = 0.01;
-/// The part of all nodes that is looked at in a round, the largest: most of the cost is theirs.
+/// A round considers one node in so many, the largest ones, as most of the cost is theirs.
 const PART: usize = 8;
-/// What has less than this share of the mean area isn't looked at either: where sizes range widely, nearly all of the cost is that of few.
+/// Nodes with less than this fraction of the mean area aren't considered either. Where sizes vary widely, a few nodes
+/// have nearly all of the cost.
 const LEAST_AREA: f64 = 0.05;
-/// At how many nodes a search for a place looks at most. Nearly none looks at as many, but where boxes lie around each other each would look at
-/// all.
+/// The largest number of nodes that a search visits. Few searches visit as many, but among nested boxes each search
+/// would visit all nodes.
 const LOOKS: usize = 128;
-/// The most levels of the binary tree: bounds recursion.
+/// The largest number of levels of the binary tree. It bounds recursion.
 const HIGHEST: u32 = 500;
 
-/// Makes a tree better, if it can: it stays as it was if it would cost more or become deeper than rays can go. The leaves keep what they have.
+/// Improves a tree if possible. The tree stays unchanged if it would cost more, or become deeper than the traversal
+/// stack allows. The leaves keep their contents.
 pub(super) fn optimize(binary: &mut Vec<BinaryNode>, measure: &Measure) {
     if binary.len() < 7 {
         return;
@@ -56,7 +60,7 @@ pub(super) fn optimize(binary: &mut Vec<BinaryNode>, measure: &Measure) {
     }
     let mut new = Vec::with_capacity(binary.len());
     if tree.flatten(0, binary, &mut new, 0) {
-        // What counts in the end is the cost of wide nodes.
+        // The cost that matters in the end is that of the wide nodes.
         if widen::all(&mut new, measure) < widen::all(binary, measure) && widen::depth(&new) <= MAX_DEPTH {
             *binary = new;
         }
@@ -88,7 +92,7 @@ impl Tree {
         self.node(index).bounds.half_area(self.scale)
     }
 
-    /// The area of all nodes, summed up by whole chunks, since the order of a sum is in its bits.
+    /// The area of all nodes. It is summed by fixed chunks, since the bits of a sum depend on its order.
     fn whole_area(&self) -> f64 {
         let area = |node: &Node| f64::from(node.bounds.half_area(self.scale));
         let sums: Vec<f64> = self.nodes.par_chunks(CHUNK).map(|chunk| chunk.iter().map(area).sum()).collect();
@@ -102,13 +106,13 @@ impl Tree {
         }
     }
 
-    /// Looks for moves of what has the least area or more and makes them; tells how much area they were to take away. `touched` is
-    /// room to work in.
+    /// Finds moves of nodes with at least the area `least_area`, and makes them. Returns the area that the moves were
+    /// to remove. `touched` is scratch memory.
     fn round(&mut self, least_area: f32, touched: &mut [bool]) -> f64 {
         let mut largest: Vec<(f32, u32)> = (1..self.nodes.len() as u32)
             .into_par_iter()
             .map(|index| (self.area(index), index))
-            // Below the root's children there is nothing to be moved to.
+            // Children of the root can't be moved.
             .filter(|&(area, index)| area >= least_area && self.node(index).parent != 0)
             .collect();
         let count = (self.nodes.len() / PART).clamp(1, largest.len().max(1));
@@ -123,14 +127,14 @@ impl Tree {
         self.make(moves, touched)
     }
 
-    /// Makes moves that were found before any of them was made, but for those whose surroundings have changed since; tells how much area they were
-    /// to take away. None is `touched` yet.
+    /// Makes moves that were all found before the first is made. Moves whose surroundings have changed since are
+    /// skipped. Returns the area that the moves made were to remove. No node is `touched` yet.
     fn make(&mut self, moves: Vec<Move>, touched: &mut [bool]) -> f64 {
         let mut gained = 0.0;
         for Move { from, to, gain } in moves {
             let parent = self.node(from).parent;
             let around = [from, self.sibling(from), parent, self.node(parent).parent, to, self.node(to).parent];
-            // A place that meanwhile lies in the subtree itself would make a circle.
+            // A place that now lies in the subtree itself would make a cycle.
             if around.iter().any(|&index| touched[index as usize]) || self.holds(from, to) {
                 continue;
             }
@@ -141,15 +145,15 @@ impl Tree {
         gained
     }
 
-    /// The best place for a subtree, if there is a better one: branch and bound from below the sibling, then below that of each
-    /// ancestor.
+    /// The best place for a subtree, if there is a better one than now. Branch and bound, first below the sibling, then
+    /// below the sibling of each ancestor.
     fn find(&self, from: u32) -> Option<Move> {
         let bounds = &self.node(from).bounds;
         let own = bounds.half_area(self.scale);
         let parent = self.node(from).parent;
         let mut best = Move { from, to: from, gain: 0.0 };
         let mut stack = Vec::with_capacity(64);
-        // What is saved without the subtree, up to the ancestor that was reached.
+        // The area saved by removing the subtree, up to the ancestor reached so far.
         let mut saved = self.area(parent);
         let mut sibling = self.sibling(from);
         let mut without = self.node(sibling).bounds;
@@ -189,7 +193,7 @@ impl Tree {
         (best.to != from && best.to != self.sibling(from)).then_some(best)
     }
 
-    /// Whether a node lies in the subtree of another, or is that.
+    /// Whether a node lies in the subtree of another, or is that node.
     fn holds(&self, ancestor: u32, mut index: u32) -> bool {
         while index != ancestor {
             if index == 0 {
@@ -200,7 +204,8 @@ impl Tree {
         true
     }
 
-    /// Takes a subtree out and puts it beside another that is not in it, both below its parent, which is free then.
+    /// Removes a subtree and makes it the sibling of a node that is not in it. The subtree's old parent becomes the
+    /// parent of both.
     fn reinsert(&mut self, from: u32, to: u32) {
         let parent = self.node(from).parent;
         let sibling = self.sibling(from);
@@ -223,7 +228,7 @@ impl Tree {
         self.nodes[new as usize].parent = parent;
     }
 
-    /// The boxes from here up to the root.
+    /// Refits the boxes from a node up to the root.
     fn refit(&mut self, mut index: u32) {
         loop {
             if let Some([left, right]) = self.node(index).children {
@@ -236,7 +241,7 @@ impl Tree {
         }
     }
 
-    /// Appends the tree at `index`, the leaves of which are those of `old`; false if it is too high.
+    /// Appends the tree at `index`, with the leaves of `old`. Returns false if it is too high.
     fn flatten(&self, index: u32, old: &[BinaryNode], new: &mut Vec<BinaryNode>, depth: u32) -> bool {
         let Some([left, right]) = self.node(index).children else {
             new.push(old[index as usize]);
@@ -248,7 +253,7 @@ impl Tree {
             return false;
         }
         new[at].link = (new.len() - at) as u32;
-        // Until `widen::all` knows better: what marks it as a node.
+        // Marks it as an inner node until `widen::all` sets the distribution.
         new[at].lanes = widen::LaneSplit::UNKNOWN;
         self.flatten(right, old, new, depth + 1)
     }
@@ -270,11 +275,11 @@ mod tests {
         })
     }
 
-    /// Two subtrees that are each to be put into the other: both moves were found in the tree as it stood before.
+    /// Two subtrees, each to be put into the other: both moves were found in the unchanged tree.
     #[test]
     fn no_subtree_is_put_into_itself() {
         use super::{Box8, Move, Node, Tree};
-        // A full tree of five levels, its children of i at 2 i + 1 and 2 i + 2.
+        // A full tree of five levels below the root. The children of i are 2 i + 1 and 2 i + 2.
         let node = |i: u32| Node {
             bounds: Box8::new(&Aabb::from_points([Vec3::splat(i as f32)]), [0.0; 2]),
             parent: i.saturating_sub(1) / 2,
@@ -285,12 +290,12 @@ mod tests {
         assert!(tree.holds(7, 31) && tree.holds(14, 61), "each leads into the other");
         let mut touched = vec![false; 63];
         let gained = tree.make(vec![one, other], &mut touched);
-        assert_eq!(gained, 2.0, "the second would have made a circle");
+        assert_eq!(gained, 2.0, "the second would have made a cycle");
         for leaf in 31..63 {
             let (mut index, mut steps) = (leaf, 0);
             while index != 0 {
                 (index, steps) = (tree.node(index).parent, steps + 1);
-                assert!(steps < 63, "a circle above {leaf}");
+                assert!(steps < 63, "a cycle above {leaf}");
             }
         }
     }
@@ -319,7 +324,7 @@ mod tests {
             assert!(high.depth <= super::MAX_DEPTH as usize, "{name}");
             assert!(high.sah_cost <= 1.01 * medium.sah_cost, "{name}: {high:?} {medium:?}");
         }
-        // Each box is far larger than all before it together.
+        // Each box is far larger than all boxes before it together.
         let chain: Vec<Aabb> = (0..250)
             .map(|i| f32::from_bits((i + 2) << 23))
             .flat_map(|s| [Aabb::from_points([Vec3::splat(s), Vec3::splat(1.1 * s)]); 40])

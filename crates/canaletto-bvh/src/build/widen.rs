@@ -1,9 +1,10 @@
-//! How binary trees become wide: for each subtree and each number of a node's lanes that it may take, what is the least cost, and
-//! how many of the lanes go to its left child (Ylitie, Karras and Laine, "Efficient incoherent ray traversal on GPUs through
-//! compressed wide BVHs", 2017, section 3.1).
+//! Finds how to turn a binary tree into wide nodes. For each subtree and each number of lanes that it may use, it finds
+//! the least cost and how many of the lanes go to the left child. See Ylitie, Karras and Laine, "Efficient incoherent
+//! ray traversal on GPUs through compressed wide BVHs", 2017, section 3.1.
 //!
-//! A node costs its area, since all of its boxes are tested at once, and so does a block of primitives. The least
-//! costs are needed only until those of the parent are known; the ways are kept, in three bits for each number of lanes.
+//! A node costs its area, since all of its boxes are tested at once; so does a block of primitives. The costs of a
+//! subtree are needed only until the costs of its parent are known. The distributions of lanes are kept, in three bits
+//! for each number of lanes.
 
 use bytemuck::Zeroable;
 
@@ -12,21 +13,22 @@ use super::binning::Measure;
 use super::prim_ref::Box8;
 use crate::slab::WIDTH;
 
-/// The least costs of a subtree that may take one lane, two, … up to eight.
+/// The least costs of a subtree that may use one lane, two, … up to eight.
 pub(super) type Costs = [f32; WIDTH];
 
-/// How the lanes are shared out, see [`LaneSplit::left`].
+/// The distribution of lanes over two children, see [`LaneSplit::left`].
 #[derive(Clone, Copy, Debug, PartialEq, Zeroable)]
 pub(crate) struct LaneSplit(u32);
 
 impl LaneSplit {
-    /// Of a leaf, which takes a single one.
+    /// The value for a leaf, which uses a single lane.
     pub(super) const LEAF: Self = Self(0);
-    /// Of a node whose costs are not known, or not finite.
+    /// The value for an inner node whose costs are not known or not finite.
     pub(super) const UNKNOWN: Self = Self(1);
 
-    /// How many of 2 to 8 lanes that this node may take go to its left child; the right one gets the rest. None: the node takes one
-    /// lane, that of a wide node. All eight are always shared out, unless it is a leaf, so that no wide node is its own child.
+    /// If this node may use `lanes` lanes, from 2 to 8: the number of them for its left child. The right child gets the
+    /// rest. None means that the node uses one lane, as a wide node of its own. All eight lanes of an inner node are
+    /// always distributed, so that no wide node is its own child.
     pub(crate) fn left(self, lanes: usize) -> Option<usize> {
         let left = (self.0 >> (3 * (lanes - 2))) as usize & 7;
         let left = if lanes == WIDTH && self != Self::LEAF { left.max(1) } else { left };
@@ -34,15 +36,15 @@ impl LaneSplit {
     }
 }
 
-/// What a leaf costs in any number of lanes.
+/// The costs of a leaf, equal for any number of lanes.
 pub(super) fn leaf(cost: f32) -> Costs {
     [cost; WIDTH]
 }
 
-/// Finds the ways of a whole tree, and its cost.
+/// Finds the distributions of a whole tree, and returns its cost.
 pub(super) fn all(binary: &mut [BinaryNode], measure: &Measure) -> f32 {
     let mut costs = vec![[0.0; WIDTH]; binary.len()];
-    // Children come later than their parents.
+    // Children come later in the list than their parents.
     for index in (0..binary.len()).rev() {
         let node = &mut binary[index];
         let bounds = Box8::new(&node.bounds, [0.0; 2]);
@@ -58,9 +60,9 @@ pub(super) fn all(binary: &mut [BinaryNode], measure: &Measure) -> f32 {
     costs[0][0]
 }
 
-/// How many wide nodes lie on the longest way to a leaf.
+/// The largest number of wide nodes on a path to a leaf.
 pub(super) fn depth(binary: &[BinaryNode]) -> u32 {
-    // For each tree the lanes that it may take and the wide nodes above.
+    // For each subtree: the lanes that it may use, and the number of wide nodes above.
     let mut given = vec![(WIDTH, 1); binary.len()];
     let mut deepest = 0;
     for (index, node) in binary.iter().enumerate().filter(|(_, node)| !node.is_leaf()) {
@@ -78,9 +80,10 @@ pub(super) fn depth(binary: &[BinaryNode]) -> u32 {
 }
 
 crate::simd::compiled_wide! {
-    /// The costs of a node that itself costs `own`, and the ways to them. Costs that are not finite are shared out somehow.
+    /// The costs of a node whose own cost is `own`, and the distributions that give them. Costs that are not finite
+    /// give some valid distribution.
     pub(super) fn join(own: f32, left: &Costs, right: &Costs) -> (Costs, LaneSplit) {
-        // Lane by lane the costs of the right child, so that a window shows them moved.
+        // The costs of the right child behind a row of infinities, so that a window shows them shifted.
         let mut moved = [f32::INFINITY; 2 * WIDTH];
         moved[WIDTH..].copy_from_slice(right);
         let (mut least, mut ways) = ([f32::INFINITY; WIDTH], [0u32; WIDTH]);
@@ -95,7 +98,8 @@ crate::simd::compiled_wide! {
         }
         let mut way = ways[WIDTH - 1] << (3 * (WIDTH - 2));
         least[0] = least[WIDTH - 1] + own;
-        // The lane that an equal way in fewer lanes leaves to the right child costs nothing.
+        // If one lane less has an equal cost, its distribution is kept. The additional lane goes to the right child and
+        // costs nothing.
         let mut before = 0;
         for i in 1..WIDTH - 1 {
             if least[i] < least[i - 1] {
@@ -114,7 +118,7 @@ mod tests {
     use super::*;
     use crate::testing::Random;
 
-    /// A tree with the cost of each node and leaf by itself.
+    /// A tree with the cost of each single node and leaf.
     enum Tree {
         Leaf(f32),
         Node(f32, Box<[Tree; 2]>),
@@ -130,7 +134,7 @@ mod tests {
         Tree::Node(cost, Box::new([random_tree(left, random), random_tree(leaves - left, random)]))
     }
 
-    /// The least cost in at most so many lanes, by trying all ways.
+    /// The least cost in at most so many lanes, by trying all distributions.
     fn least(tree: &Tree, lanes: usize) -> f32 {
         let shared = |halves: &[Tree; 2], lanes: usize| {
             (1..lanes).map(|k| least(&halves[0], k) + least(&halves[1], lanes - k)).fold(f32::INFINITY, f32::min)
@@ -151,7 +155,7 @@ mod tests {
         }
     }
 
-    /// What it costs to go the ways that were kept.
+    /// The cost of the distributions that were kept.
     fn cost_of_ways(tree: &Tree, lanes: usize) -> f32 {
         let Tree::Node(cost, halves) = tree else { return costs(tree).0[0] };
         let ways = costs(tree).1.unwrap();

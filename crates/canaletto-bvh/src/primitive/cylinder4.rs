@@ -1,11 +1,12 @@
-//! Rays against cylinders, four side by side in f32, to sort out what is surely missed; the exact kernel is the caller's.
+//! Rays against four cylinders side by side in f32. The test culls cylinders that are certainly missed. The exact test
+//! is the caller's.
 
 use glam::Vec4;
 
 use super::primitive4::{Candidates, RELATIVE, Rows, UnitRay};
 use crate::slab::DEFLATE;
 
-/// What the lengths of f32 vanish to when they are squared: √(3 · 2⁻¹⁴⁹), with slack.
+/// The largest length whose square underflows in f32: √(3 · 2⁻¹⁴⁹), with slack.
 pub(crate) const VANISHED: f32 = 1e-22;
 
 #[inline(always)]
@@ -18,20 +19,26 @@ fn dot([ax, ay, az]: Rows, [bx, by, bz]: Rows) -> Vec4 {
     ax * bx + ay * by + az * bz
 }
 
-/// The sum of the sizes of the components, no less than the length.
+/// The sum of the components' absolute values, which is no less than the length.
 #[inline(always)]
 fn size([x, y, z]: Rows) -> Vec4 {
     x.abs() + y.abs() + z.abs()
 }
 
-/// With e the ray's unit direction, q the way from the origin to the base, v from there to the top and n = e × v, the ray's line passes the
-/// endless axis at the distance |q·n| / |n|, which must not be above r. It is inside the endless cylinder for s within
-/// n·m / n² ± |v| √(r² n² − (q·n)²) / n² with m = q × v, and s (e·v) − q·v, the height times |v|, within 0..=v² is between the ends.
+/// Culls the cylinders that the ray certainly misses.
 ///
-/// The errors, with u = 2⁻²⁴: q, v and e are off by u of their sizes, so n by 6 u |v|, q·n by 10 u |q| |v|. For s they are divided by n², and
-/// that is off itself by 12 u |v| |n|; as |n·m| ≤ |n| |q| |v|, s is off by less than 32 u (|q| + r) v² / n², with |v| ≥ |n|. All bounds here are 16 u
-/// or 64 u times sums of components' sizes, where also their own roundings have room, and 2⁻²⁴ times that what f64 adds; plus what underflow takes. Where
-/// something overflows, so does a bound, and a comparison with NaN sorts nothing out.
+/// Let e be the ray's unit direction, q the vector from the origin to the base, v the vector from the base to the top,
+/// and n = e × v. The ray's line passes the endless axis at the distance |q·n| / |n|, which must not be above r. The
+/// line is inside the endless cylinder for s within n·m / n² ± |v| √(r² n² − (q·n)²) / n² with m = q × v. The hit is
+/// between the ends if s (e·v) − q·v, the height times |v|, is within 0..=v².
+///
+/// The errors, with u = 2⁻²⁴: q, v and e are off by u of their sizes, so n by 6 u |v|, and q·n by 10 u |q| |v|. For s
+/// they are divided by n², which is itself off by 12 u |v| |n|. As |n·m| ≤ |n| |q| |v|, s is off by less than 32 u (|q|
+/// + r) v² / n², with |v| ≥ |n|.
+///
+/// All bounds here are 16 u or 64 u times sums of components' sizes. This also covers the roundings of the bounds
+/// themselves, and what f64 adds, which is smaller by 2⁻²⁴. Each bound also includes what underflow takes. Where
+/// something overflows, so does a bound, and a comparison with NaN culls nothing.
 #[inline(always)]
 pub(crate) fn cull(base: &Rows, top: &Rows, r: Vec4, ray: &UnitRay, t_max: f32) -> Candidates {
     let ([bx, by, bz], [tx, ty, tz]) = (*base, *top);
@@ -51,7 +58,7 @@ pub(crate) fn cull(base: &Rows, top: &Rows, r: Vec4, ray: &UnitRay, t_max: f32) 
     if missed == 0b1111 {
         return Candidates::NONE;
     }
-    // Along the ray. Seen along the axis, hardly anything can be told.
+    // The interval along the ray. For a ray nearly parallel to the axis, f32 can decide hardly anything.
     let oblique = length.cmpgt(n_error * 32.0);
     let m = cross(q, v);
     let (vv, e_v, q_v) = (dot(v, v), dot(e, v), dot(q, v));

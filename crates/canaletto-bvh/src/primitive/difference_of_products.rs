@@ -1,6 +1,6 @@
-//! Differences of products with the right sign, after Dekker, "A floating-point technique for extending the
-//! available precision" (1971). Fused multiply-add would be shorter, but std's falls to a slow soft version
-//! where the CPU has none.
+//! Differences of products with the right sign, after Dekker, "A floating-point technique for extending the available
+//! precision" (1971). Fused multiply-add would be shorter, but std falls back to a slow software version where the CPU
+//! has none.
 
 /// `a * b` as rounded product and exact remainder.
 pub(crate) fn two_product(a: f64, b: f64) -> (f64, f64) {
@@ -17,10 +17,11 @@ fn halves(a: f64) -> (f64, f64) {
     (high, a - high)
 }
 
-/// 2⁻²⁹: a difference that is a smaller part of its products has lost too many digits.
+/// 2⁻²⁹: a difference that is a smaller fraction of its products has lost too many digits.
 pub(crate) const CANCELLED: f64 = 1.0 / (1u64 << 29) as f64;
 
-/// `a * b - c * d`, off by no more than 2⁻²³ of itself, so never of the wrong sign. Swapping the products negates the result exactly.
+/// `a * b - c * d`, off by no more than 2⁻²³ of itself, and so never of the wrong sign. Swapping the products negates
+/// the result exactly.
 #[inline]
 pub(crate) fn difference_of_products(a: f64, b: f64, c: f64, d: f64) -> f64 {
     let p = a * b;
@@ -32,8 +33,9 @@ pub(crate) fn difference_of_products(a: f64, b: f64, c: f64, d: f64) -> f64 {
     careful(a, b, c, d)
 }
 
-/// p and q nearly cancel: p − q is exact (Sterbenz), and so is the sum of it, of the remainders' difference and of what rounding took from
-/// that. Each is less than the last place of the one before, so that only the last rounding counts.
+/// The difference when p and q nearly cancel. Then p − q is exact (Sterbenz). The exact result is the sum of p − q, of
+/// the remainders' difference, and of what rounding took from the latter. Each term is smaller than the last place of
+/// the one before, so that only the last rounding counts.
 #[cold]
 fn careful(a: f64, b: f64, c: f64, d: f64) -> f64 {
     let (p, p_rest) = two_product(a, b);

@@ -1,4 +1,4 @@
-//! What f32 may be wrong by.
+//! The error bound of edge functions in f32.
 
 use std::ops::{Add, Mul};
 
@@ -9,35 +9,42 @@ use crate::simd::{Instructions, Vector};
 use crate::slab::max;
 use crate::{Aabb, PreparedRay};
 
-/// How far rounding may take the edge functions of a ray and a tree's triangles.
+/// A bound on the rounding error of the edge functions of a ray and the triangles of a tree.
 ///
-/// With u = 2⁻²⁴ and no corner farther from the origin than D along any axis, a sheared coordinate is wrong by at most δ = 6 u D: u D for the
-/// difference, 3 u D for the shear times another, and u times the result, which is at most 2 D. The
-/// edge functions of a triangle that the ray meets are made of coordinates not larger than M, twice the triangle's size, since their
-/// origin lies between them; so they are wrong by at most 4 δ (M + δ) for the coordinates and 4 u (M + δ)² for the
-/// products, which is below 64 u D size + 200 u² D². Of a triangle that the ray doesn't meet, they may be wrong by more if the ray passes it
-/// at a distance; but they never have one sign, since rounding is monotone: a difference of rounded products is not above 0 where the products'
-/// difference isn't. (Of a fused product and difference this would not be true: packets use one where only misses are told. That of the shear, which they fuse
-/// where the machine can, moves a corner by less, and to one place for both of its edges.)
-/// The bound has a quarter more, and what underflow may have taken; where something overflows, so does the bound.
+/// Let u = 2⁻²⁴, and let no corner be farther from the origin than D along any axis. A sheared coordinate is wrong by
+/// at most δ = 6 u D. Of this, u D is for the difference and 3 u D for the shear times another difference. The rest is
+/// u times the result, which is at most 2 D.
+///
+/// If the ray hits the triangle, the sheared origin lies between the corners. The coordinates in the edge functions are
+/// then not larger than M, twice the triangle's size. The edge functions are wrong by at most 4 δ (M + δ) for the
+/// coordinates and 4 u (M + δ)² for the products. The sum is below 64 u D size + 200 u² D².
+///
+/// If the ray misses the triangle at a distance, the edge functions may be wrong by more. But they never all have one
+/// sign, since rounding is monotone: a difference of rounded products is not above 0 where the difference of the
+/// products isn't. This is not true of a fused product and difference, so packets fuse it only where a test can
+/// conclude nothing but misses. Packets also fuse the shear where the machine can. A fused shear moves a corner by
+/// less, and to one place for both of its edges.
+///
+/// The bound has a quarter more than that, and what underflow may have taken. Where something overflows, so does the
+/// bound.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct EdgeError<N = f32> {
-    /// D.
+    /// The distance D.
     reach: N,
     scale: N,
     least: N,
-    /// Areas above it, and volumes above the other, are none that the exact test might take for degenerate: 2⁻⁴⁰ times powers of D, and
-    /// more than what rounding may add.
+    /// The exact test can't take an area and a volume above these bounds for degenerate. The bounds cover 2⁻⁴⁰ times
+    /// powers of D, and more than rounding may add.
     pub(crate) area: N,
     pub(crate) volume: N,
 }
 
-/// What makes a bound of D: that of the scale, two of the least bound, those of area and volume.
+/// The factors of D in the bounds: one for the scale, two for the constant part, and one each for area and volume.
 const FACTORS: [f32; 5] =
     [40.0 * f32::EPSILON, 8.0 * f32::EPSILON, 4.0 * UNDERFLOW, 16.0 / (1u64 << 34) as f32, 1.0 / (1u64 << 38) as f32];
 
 impl<N: Copy + Add<Output = N> + Mul<Output = N>> EdgeError<N> {
-    /// For D, one for all or for each lane, as are [`FACTORS`] and the least number.
+    /// The bound for D. D is one number or a vector, as are [`FACTORS`] and the smallest normal number.
     #[inline(always)]
     fn with(reach: N, [scale, a, b, area, volume]: [N; 5], least: N, max: fn(N, N) -> N) -> Self {
         let scale = reach * scale;
@@ -45,13 +52,13 @@ impl<N: Copy + Add<Output = N> + Mul<Output = N>> EdgeError<N> {
             reach,
             scale,
             least: scale * (reach * a) + (reach * b + least),
-            // ∞, where a product may overflow.
+            // Infinity, where a product may overflow.
             area: max(reach * reach * area, least),
             volume: max(reach * reach * reach * volume, least),
         }
     }
 
-    /// By how much edge functions of triangles of this size may be wrong.
+    /// The error bound for edge functions of triangles of this size.
     #[inline(always)]
     pub(crate) fn of(self, size: N) -> N {
         size * self.scale + self.least
@@ -59,27 +66,28 @@ impl<N: Copy + Add<Output = N> + Mul<Output = N>> EdgeError<N> {
 }
 
 impl EdgeError {
-    /// For triangles within a box.
+    /// The bound for triangles within a box.
     #[inline(always)]
     pub(crate) fn new(ray: &PreparedRay, bounds: &Aabb) -> Self {
         Self::within(ray.ray.origin, ray.ray.origin, bounds)
     }
 
-    /// For rays whose origins lie between two corners of a box.
+    /// The bound for triangles within a box and rays whose origins lie between two corners.
     #[inline(always)]
     pub(crate) fn within(low: Vec3, high: Vec3, bounds: &Aabb) -> Self {
         let reach = |axis: usize| max(bounds.max[axis] - low[axis], high[axis] - bounds.min[axis]).abs();
         Self::with(max(max(reach(0), reach(1)), reach(2)), FACTORS, f32::MIN_POSITIVE, max)
     }
 
-    /// The same bounds in f64, for all rays and triangles, as `triangle::intersect_exactly` has them for one.
+    /// The bounds of area and volume in f64, for all rays and triangles. `triangle::intersect_exactly` has them for a
+    /// single one.
     #[inline(always)]
     pub(crate) fn surely(self) -> (f64, f64) {
         let reach = f64::from(self.reach);
         (reach * reach * SURELY, reach * reach * reach * SURELY)
     }
 
-    /// For rays side by side.
+    /// The bound, copied to all lanes of a vector.
     #[inline(always)]
     pub(crate) fn splat<S: Instructions>(self, s: S) -> EdgeError<S::Vector> {
         EdgeError {
@@ -93,7 +101,7 @@ impl EdgeError {
 }
 
 impl EdgeError<Vec4> {
-    /// For triangles side by side, none of whose corners is farther from the origin than this.
+    /// The bound for triangles side by side, none of whose corners is farther from the origin than `reach`.
     #[inline(always)]
     pub(super) fn of_triangles(reach: Vec4) -> Self {
         let [scale, a, b, area, volume] = FACTORS;
@@ -104,7 +112,7 @@ impl EdgeError<Vec4> {
 }
 
 impl<N: Vector> EdgeError<N> {
-    /// For rays side by side, no corner being farther from an origin than this.
+    /// The bound for rays side by side, where no corner is farther from an origin than `reach`.
     #[inline(always)]
     pub(crate) fn of_rays<S: Instructions<Vector = N>>(s: S, reach: N) -> Self {
         let [scale, a, b, area, volume] = FACTORS;

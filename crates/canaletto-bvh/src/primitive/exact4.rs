@@ -1,6 +1,7 @@
-//! The exact kernel for four triangles side by side: [`triangle::intersect`](super::triangle::intersect) bit for bit; where that has to
-//! take more care, it is asked itself.
-#![allow(unsafe_code)] // Vectors of instructions that only some machines have.
+//! The exact test for four triangles side by side. Its results are those of
+//! [`triangle::intersect`](super::triangle::intersect), bit for bit. A lane in which that would take one of its slow
+//! branches is tested by the scalar test.
+#![allow(unsafe_code)] // Vectors for instructions that only some machines have.
 
 use glam::Vec4;
 
@@ -12,7 +13,8 @@ use crate::PrimitiveHit;
 use crate::simd::F64x4;
 use crate::slab::{DEFLATE, INFLATE, min};
 
-/// `difference_of_products::difference_of_products` where that is not careful, and what is above 0 where that is so.
+/// `difference_of_products::difference_of_products` without its `careful` branch. The second result is above 0 where
+/// that branch isn't needed.
 #[inline(always)]
 fn difference<F: F64x4>([a, b, c, d]: [F; 4], cancelled: F) -> (F, F) {
     let (p, q) = (a * b, c * d);
@@ -21,7 +23,7 @@ fn difference<F: F64x4>([a, b, c, d]: [F; 4], cancelled: F) -> (F, F) {
 }
 
 impl Triangle4 {
-    /// Makes one of these triangles the nearest, if one is, and tells which.
+    /// Tests these lanes exactly. If one of the triangles is the nearest, stores it in `nearest` and returns its lane.
     ///
     /// # Safety
     /// The machine must have the instructions of `F`.
@@ -33,7 +35,7 @@ impl Triangle4 {
         nearest: &mut PrimitiveHit,
         front_only: bool,
     ) -> Option<usize> {
-        // No closures over `F`: they would be functions without the instructions until they are inlined.
+        // No closures over `F`: until they are inlined, closures are functions without the instructions.
         macro_rules! splat {
             ($value:expr) => {
                 // SAFETY: the caller's promise.
@@ -55,7 +57,7 @@ impl Triangle4 {
         let (ax, ay, az) = (relative!(a, 0, ox), relative!(a, 1, oy), relative!(a, 2, oz));
         let (bx, by, bz) = (relative!(b, 0, ox), relative!(b, 1, oy), relative!(b, 2, oz));
         let (cx, cy, cz) = (relative!(c, 0, ox), relative!(c, 1, oy), relative!(c, 2, oz));
-        // No corner is farther from the origin along any axis.
+        // No corner is farther from the origin along any axis than `reach`.
         let reach = ax.abs().max(ay.abs()).max(az.abs()) + splat!(self.size().into());
         let along = f64::from(ray.direction(kz));
         let sx = splat!(f64::from(ray.direction(kx)) / along);
@@ -74,7 +76,8 @@ impl Triangle4 {
         let depth = wa * az + wb * bz + wc * cz;
         let scale = splat!(1.0) / (area * splat!(along));
         let t = (depth * scale).narrow();
-        // `PreparedRay::clamp_to_triangle`. Rounding is monotone, so that the box's planes are met where the corners' planes are.
+        // `PreparedRay::clamp_to_triangle`. As rounding is monotone, the ray enters the box's planes at the t of the
+        // corners' planes.
         let (mut near, mut far, mut last) = (Vec4::ZERO, Vec4::INFINITY, Vec4::ZERO);
         for axis in 0..3 {
             let (origin, scale) = (Vec4::splat(origin[axis]), Vec4::splat(ray.backwards(ray.axis_order.rows[axis])));

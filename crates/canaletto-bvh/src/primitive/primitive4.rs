@@ -1,23 +1,23 @@
-//! Spheres, cylinders and whatever is among them: blocks of four for trees.
+//! Blocks of four spheres, cylinders and user primitives.
 
 use super::{cylinder4, sphere};
 use crate::slab::{DEFLATE, INFLATE};
 use crate::{Aabb, PreparedRay, PrimitiveHit, Ray};
 use glam::{Vec3, Vec4};
 
-/// How many primitives a block has at most.
+/// The largest number of primitives in a block.
 pub(crate) const LANES: usize = 4;
 
-/// The part of the size of numbers that bounds what f32 makes of a few sums and products of them; see [`sphere`].
+/// The relative error bound of a few sums and products in f32; see [`sphere`].
 pub(crate) const RELATIVE: f32 = 8.0 * f32::EPSILON;
 
-/// A ray in lengths, rounded to f32.
+/// A ray with a unit direction, rounded to f32.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct UnitRay {
     pub(crate) origin: [f32; 3],
-    /// The direction of length 1; NaN for none.
+    /// The direction, of length 1. NaN for a zero direction.
     pub(crate) unit: [f32; 3],
-    /// What t grows by for each unit of length; NaN, which decides nothing, where that loses digits.
+    /// The growth of t per unit of length. NaN, which decides nothing, where it would lose digits.
     pub(crate) per_length: f32,
 }
 
@@ -32,7 +32,7 @@ impl UnitRay {
     }
 }
 
-/// TriangleRef lanes of a block may be met, a bit for each, and no later than where each is.
+/// The lanes of a block that may be hit, one bit for each, and a lower bound of t for each.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Candidates {
     pub(crate) lanes: u32,
@@ -47,7 +47,7 @@ impl Candidates {
         Self { lanes: self.lanes & lanes, ..self }
     }
 
-    /// Those of both, which have no lane in common.
+    /// The union of two sets of candidates without common lanes.
     #[inline(always)]
     fn and(mut self, other: Self) -> Self {
         for lane in 0..LANES {
@@ -58,36 +58,37 @@ impl Candidates {
     }
 }
 
-/// What a primitive is.
+/// A primitive of a [`crate::PrimitiveBvh`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Primitive {
-    /// A sphere, in [`sphere::bounds`]; its kernel is [`sphere::intersect`].
+    /// A sphere, in [`sphere::bounds`]. Its exact test is [`sphere::intersect`].
     Sphere {
-        /// Its centre.
+        /// The center.
         center: Vec3,
-        /// Its radius.
+        /// The radius.
         radius: f32,
     },
     /// A cylinder with or without caps.
     Cylinder {
-        /// The ends of its axis.
+        /// The ends of the axis.
         ends: [Vec3; 2],
-        /// Its radius, more than 0.
+        /// The radius, more than 0.
         radius: f32,
     },
-    /// Something else, about which the kernel is asked whenever a ray enters its box.
+    /// A user primitive. Its [`UserIntersect`] is called whenever a ray enters its box.
     User,
 }
 
-/// Whoever knows the exact kernel of what is no sphere: the nearest hit with 0 < t ≤ t_max on the primitive of an id; its own id doesn't count. What
-/// it finds must lie in the primitive's box as [`PreparedRay::clamp_to_box`] tells.
+/// The callback with the exact test of every primitive that is not a sphere. It returns the nearest hit with 0 < t ≤
+/// t_max on a primitive; the `id` in the returned hit is ignored. The hit must lie in the primitive's box in the sense
+/// of [`PreparedRay::clamp_to_box`].
 pub trait UserIntersect: Fn(UserPrimitive, &PreparedRay, f32) -> Option<PrimitiveHit> {}
 impl<F: Fn(UserPrimitive, &PreparedRay, f32) -> Option<PrimitiveHit>> UserIntersect for F {}
 
-/// What the exact kernel is told.
+/// The primitive that a [`UserIntersect`] is called for.
 #[derive(Clone, Copy, Debug)]
 pub struct UserPrimitive {
-    /// The primitive.
+    /// The primitive's id.
     pub id: u32,
     /// The ends of a cylinder's axis.
     pub ends: [Vec3; 2],
@@ -95,25 +96,25 @@ pub struct UserPrimitive {
     pub radius: f32,
 }
 
-/// A primitive of a block.
+/// A primitive of a block, unpacked for the packet tests.
 pub(crate) enum PackedPrimitive {
     Sphere([f32; 3], f32),
     Cylinder([[f32; 3]; 2], f32),
-    /// Something in a box.
+    /// A user primitive, by its box.
     User(Aabb),
 }
 
 pub(crate) type Rows = [Vec4; 3];
 
-/// Up to four primitives side by side. Of spheres alone, rays that pass read the first half only.
+/// Up to four primitives side by side. A ray that misses a block of spheres reads its first half only.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(64))]
 pub(crate) struct Primitive4 {
-    /// Centres of spheres, ends of cylinders, or the lower corners of the boxes of what is neither.
+    /// The centers of spheres, the first ends of cylinders, or the lower corners of user primitives' boxes.
     base: Rows,
-    /// Negative for a cylinder, NaN for what is neither.
+    /// The radius of a sphere, the negated radius of a cylinder, or NaN for a user primitive.
     radius: Vec4,
-    /// The cylinders' other ends, the boxes' upper corners.
+    /// The other ends of cylinders, or the upper corners of user primitives' boxes.
     top: Rows,
     pub(crate) ids: [u32; LANES],
 }
@@ -125,7 +126,7 @@ impl Primitive4 {
         for (lane, (id, bounds, round)) in primitives.enumerate() {
             block.ids[lane] = id;
             let ([base, top], radius) = match round {
-                // What has no radius is never hit.
+                // A sphere without a radius is never hit.
                 Primitive::Sphere { center, radius } => ([center; 2], if radius > 0.0 { radius } else { 0.0 }),
                 Primitive::Cylinder { ends, radius } if radius > 0.0 => (ends, -radius),
                 Primitive::Cylinder { .. } | Primitive::User => ([bounds.min, bounds.max], f32::NAN),
@@ -138,14 +139,14 @@ impl Primitive4 {
         block
     }
 
-    /// The lanes that hold something.
+    /// The lanes that hold a primitive.
     #[inline(always)]
     pub(crate) fn filled(&self) -> u32 {
         let bit = |lane: usize| u32::from(self.ids[lane] != u32::MAX) << lane;
         bit(0) | bit(1) | bit(2) | bit(3)
     }
 
-    /// Whether it holds spheres and cylinders alone.
+    /// Whether the block holds only spheres and cylinders.
     pub(crate) fn has_shapes_only(&self) -> bool {
         !self.radius.is_nan()
     }
@@ -161,13 +162,14 @@ impl Primitive4 {
         cylinder4::cull(&self.base, &self.top, -self.radius, ray, t_max)
     }
 
-    /// The lanes with what is neither sphere nor cylinder.
+    /// The lanes with user primitives.
     #[inline(always)]
     fn others(&self) -> u32 {
         self.radius.is_nan_mask().bitmask()
     }
 
-    /// The boxes of such, entered as [`PreparedRay::clamp_to_box`] tells, which holds their hits to them.
+    /// Culls user primitives by their boxes. The test agrees with [`PreparedRay::clamp_to_box`], which keeps their hits
+    /// in the boxes.
     #[inline(always)]
     fn cull_boxes(&self, ray: &PreparedRay, t_max: f32) -> Candidates {
         if !ray.regular {
@@ -184,7 +186,7 @@ impl Primitive4 {
         Candidates { lanes: lanes.bitmask(), near: before.to_array() }
     }
 
-    /// What of the filled lanes may be met before `t_max`.
+    /// The primitives of the filled lanes that may be hit before `t_max`.
     #[inline(always)]
     pub(crate) fn cull(&self, filled: u32, ray: &PreparedRay, unit_ray: &UnitRay, t_max: f32) -> Candidates {
         let others = filled & self.others();
@@ -192,7 +194,7 @@ impl Primitive4 {
         if others == 0 { candidates } else { candidates.and(self.cull_boxes(ray, t_max).of(others)) }
     }
 
-    /// The same of spheres and cylinders alone.
+    /// [`Primitive4::cull`] for spheres and cylinders only.
     #[inline(always)]
     pub(crate) fn cull_shapes(&self, filled: u32, unit_ray: &UnitRay, t_max: f32) -> Candidates {
         let cylinders = filled & self.cylinders();
@@ -207,7 +209,7 @@ impl Primitive4 {
         candidates
     }
 
-    /// [`Primitive4::sort`] only for whether: what may be met, and what surely is.
+    /// [`Primitive4::cull`] for any-hit rays: the lanes that may be hit, and those that certainly are.
     #[inline(always)]
     pub(crate) fn cull_any(&self, filled: u32, ray: &PreparedRay, unit_ray: &UnitRay, t_max: f32) -> (u32, u32) {
         let others = filled & self.others();
@@ -218,7 +220,7 @@ impl Primitive4 {
         (lanes, surely)
     }
 
-    /// The same of spheres and cylinders alone.
+    /// [`Primitive4::cull_any`] for spheres and cylinders only.
     #[inline(always)]
     pub(crate) fn cull_any_shapes(&self, filled: u32, unit_ray: &UnitRay, t_max: f32) -> (u32, u32) {
         let cylinders = filled & self.cylinders();
@@ -234,10 +236,10 @@ impl Primitive4 {
         (lanes, surely)
     }
 
-    /// A primitive as packets look at it.
+    /// The primitive in a lane, for the packet tests.
     #[inline(always)]
     pub(crate) fn target(&self, lane: usize) -> PackedPrimitive {
-        // As lists: indexing vectors would choose by a branch that nobody can foretell.
+        // As arrays: indexing vectors would select by an unpredictable branch.
         let at = |row: &Vec4| row.as_ref()[lane & (LANES - 1)];
         let point = |[x, y, z]: &Rows| [at(x), at(y), at(z)];
         let (base, radius) = (point(&self.base), at(&self.radius));
@@ -251,7 +253,7 @@ impl Primitive4 {
         PackedPrimitive::User(Aabb { min: base.into(), max: top.into() })
     }
 
-    /// What the exact kernel says.
+    /// The hit by the exact test.
     #[inline(always)]
     pub(crate) fn exact(
         &self,
@@ -260,7 +262,7 @@ impl Primitive4 {
         t_max: f32,
         user: &impl UserIntersect,
     ) -> Option<PrimitiveHit> {
-        // As lists: indexing vectors would choose by a branch that nobody can foretell.
+        // As arrays: indexing vectors would select by an unpredictable branch.
         let at = |row: &Vec4| row.as_ref()[lane & (LANES - 1)];
         let point = |[x, y, z]: &Rows| Vec3::new(at(x), at(y), at(z));
         let (base, radius) = (point(&self.base), at(&self.radius));
@@ -299,7 +301,7 @@ mod tests {
                 let (a, b) = (random.vector(), random.vector() * [1.0, 0.01, 0.0][random.below(3)]);
                 Aabb { min: a.min(a + b) * scale, max: a.max(a + b) * scale }
             });
-            // Also along axes, and from on a box or within.
+            // Some rays run along axes, and some start on a box or in it.
             let target = boxes[random.below(LANES)];
             let origin = [random.vector() * 2.0 * scale, target.min, target.center()][random.below(3)];
             let mut direction = [random.vector() * scale, target.max - origin][random.below(2)];
@@ -327,7 +329,8 @@ mod tests {
         let random = &mut Random(43);
         let (mut sorted_out, mut missed, mut surely_met, mut met) = (0, 0, 0, 0);
         for i in 0..400_000 {
-            // From large ones nearby to dots far away, of all magnitudes, aimed at beside, on and next to their rims; also from on them and within.
+            // Spheres from large ones nearby to dots far away, of all magnitudes. Rays are aimed beside, on and next to
+            // their rims, and some start on them or inside.
             let far = random.vector() * 10f32.powi(random.below(6) as i32 - 1);
             let radius = random.signed().abs() * [1.0, 1e-2, 1e-4][i % 3];
             let aside = random.vector().normalize();
@@ -337,7 +340,7 @@ mod tests {
             let origin = origin[random.below(4)];
             let mut direction = target - origin;
             if random.below(2) == 0 {
-                // Across the way to the rim: tangents.
+                // Perpendicular to the direction to the rim: tangents.
                 direction = direction.cross(aside).cross(aside);
             }
             direction[random.below(3)] *= [1.0, 1.0, 0.0, 1e-20, 1e-39][random.below(5)];

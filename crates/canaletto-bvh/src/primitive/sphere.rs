@@ -1,6 +1,6 @@
-//! Rays against spheres: Haines, Günther and Akenine-Möller, "Precision improvements for ray/sphere intersection",
-//! Ray Tracing Gems (2019), chapter 7, in f64. What is missed by more than the rounding of f32 is sorted out in f32, four
-//! spheres side by side.
+//! Rays against spheres, in f64: Haines, Günther and Akenine-Möller, "Precision improvements for ray/sphere
+//! intersection", Ray Tracing Gems (2019), chapter 7. Spheres that are missed by more than the rounding of f32 are
+//! culled in f32, four side by side.
 
 use glam::{Vec3, Vec4};
 
@@ -9,7 +9,7 @@ pub use super::sphere8::intersect_many;
 use crate::slab::{DEFLATE, INFLATE, min};
 use crate::{Aabb, PreparedRay, Ray};
 
-/// A box around the sphere, rounded outwards so that it holds all of it.
+/// The box around the sphere, rounded outwards so that it contains all of it.
 #[inline]
 pub fn bounds(center: Vec3, radius: f32) -> Aabb {
     let [min, max] =
@@ -17,26 +17,27 @@ pub fn bounds(center: Vec3, radius: f32) -> Aabb {
     Aabb { min, max }
 }
 
-/// c + r, rounded to the side of r. Without branches, as which way it was rounded is anyone's guess.
+/// c + r, rounded away from c, in the direction of r. It has no branches, as the direction of the first rounding is
+/// unpredictable.
 #[inline(always)]
 pub(super) fn outwards(c: f32, r: f32) -> f32 {
     let exact = f64::from(c) + f64::from(r);
     let near = exact as f32;
     let (below, above) = (i32::from(f64::from(near) < exact), i32::from(f64::from(near) > exact));
-    // Bits in the order of the numbers, −0 next to 0.
+    // The bits as integers in the order of the numbers, with −0 next to 0.
     let order = |bits: i32| bits ^ (bits >> 31 & i32::MAX);
     let step = if r > 0.0 { below } else { -above };
     f32::from_bits(order(order(near.to_bits() as i32).wrapping_add(step)) as u32)
 }
 
-/// The nearest t in (0, t_max] at which the ray meets the sphere, from outside or from inside. A radius that is not
-/// above 0 is never hit.
+/// The nearest t in (0, t_max] at which the ray hits the sphere, from outside or from inside. A sphere whose radius is
+/// not above 0 is never hit.
 #[inline]
 pub fn intersect(ray: &PreparedRay, center: Vec3, radius: f32, t_max: f32) -> Option<f32> {
     intersect_inline(ray, center, radius, t_max)
 }
 
-/// [`intersect`] for a ray that is not prepared, and need not be if it misses.
+/// [`intersect`] for a ray that is not prepared. Only a hit prepares it.
 #[inline]
 pub fn intersect_once(ray: &Ray, center: Vec3, radius: f32, t_max: f32) -> Option<f32> {
     let t = parameter(ray, center, radius, t_max)?;
@@ -49,7 +50,7 @@ pub(crate) fn intersect_inline(ray: &PreparedRay, center: Vec3, radius: f32, t_m
     ray.clamp_to_box(&bounds(center, radius), t, t_max)
 }
 
-/// The hit's t, still to be confined to the sphere's box and to `t_max`.
+/// The hit's t, before it is clamped to the sphere's box and tested against `t_max`.
 #[inline(always)]
 fn parameter(ray: &Ray, center: Vec3, radius: f32, t_max: f32) -> Option<f64> {
     let (origin, direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
@@ -70,21 +71,22 @@ fn parameter(ray: &Ray, center: Vec3, radius: f32, t_max: f32) -> Option<f64> {
     let q = if b < 0.0 { b - root } else { b + root };
     let [t0, t1] = [(f.dot(f) - r * r) / q, q / a];
     let (first, second) = if t0 < t1 { (t0, t1) } else { (t1, t0) };
-    // NaN, 0 / 0, is the origin on the surface of a sphere seen tangentially: no hit ahead.
+    // NaN, from 0 / 0, means an origin on the surface of a sphere that the ray touches: no hit ahead.
     let t = if first > 0.0 { first } else { second };
     (t > 0.0 && t <= 2.0 * f64::from(t_max)).then_some(t)
 }
 
-/// How a ray passes four spheres, in lengths, with E, the bound of the error that f32 has made of them:
+/// The distances of a ray's line from the centers of four spheres, with E, a bound on the f32 error of these lengths.
 ///
-/// With u = 2⁻²⁴, the vector g from the origin to a center is off by u |g|; the unit direction e by u; so b = g·e by 5 u |g|,
-/// and l = g − b e, from the ray's nearest point to the center, by 9 u |g|. Underflow adds less than the least normal number.
-/// E = 16 u (|g₁| + |g₂| + |g₃|) + that number is more than enough, also for the roundings of what is summed from it here. What f64
-/// adds in the exact kernel is smaller by 2⁻²⁴, or, where the discriminant nearly vanishes, by 2⁻⁴ still.
+/// Let u = 2⁻²⁴. The vector g from the origin to a center is off by u |g|, and the unit direction e by u. So b = g·e is
+/// off by 5 u |g|, and l = g − b e, from the ray's nearest point to the center, by 9 u |g|. Underflow adds less than
+/// the smallest normal number. E = 16 u (|g₁| + |g₂| + |g₃|) plus that number is more than enough, also for the
+/// roundings of the sums that use it here. What f64 adds in the exact test is smaller by 2⁻²⁴, or, where the
+/// discriminant nearly vanishes, still by 2⁻⁴.
 struct LineDistance {
-    /// Along the ray from the origin to the point nearest the center.
+    /// The distance along the ray from the origin to the point nearest the center.
     b: Vec4,
-    /// The squared distance of that point.
+    /// The squared distance of that point from the center.
     squared: Vec4,
     error: Vec4,
 }
@@ -100,7 +102,7 @@ impl LineDistance {
         Self { b, squared: lx * lx + ly * ly + lz * lz, error }
     }
 
-    /// More than the square of the farthest that a line may pass a center and still meet the sphere, and more than `squared` has for it.
+    /// A bound for `squared`: a line that hits the sphere has no larger `squared`, with all roundings.
     #[inline(always)]
     fn reach(&self, radius: Vec4) -> Vec4 {
         let reach = radius + self.error;
@@ -108,8 +110,8 @@ impl LineDistance {
     }
 }
 
-/// Candidates out is what is passed by, lies behind the origin or is entered beyond `t_max`. A comparison with NaN, from overflow or a lane
-/// without a sphere, sorts nothing out.
+/// Culls the spheres that the line passes, that lie behind the origin or that are entered beyond `t_max`. A comparison
+/// with NaN, from overflow or from a lane without a sphere, culls nothing.
 #[inline(always)]
 pub(crate) fn cull(center: &Rows, radius: Vec4, ray: &UnitRay, t_max: f32) -> Candidates {
     let passing = LineDistance::new(center, ray);
@@ -118,15 +120,16 @@ pub(crate) fn cull(center: &Rows, radius: Vec4, ray: &UnitRay, t_max: f32) -> Ca
     if missed == 0b1111 {
         return Candidates::NONE;
     }
-    // h = √(r² − l²) to both sides of b the ray is inside: no more than this.
+    // The ray is inside for h = √(r² − l²) to both sides of b. This is an upper bound of h.
     let h = (reach - passing.squared).sqrt();
     let near = (passing.b - h - passing.error) * ray.per_length;
     let beyond = (near * DEFLATE).cmpgt(Vec4::splat(t_max)) | (passing.b + h + passing.error).cmplt(Vec4::ZERO);
     Candidates { lanes: !(missed | beyond.bitmask()), near: (near * DEFLATE).to_array() }
 }
 
-/// Surely met is a sphere ahead of the origin by more than its radius, whose center is passed by less than that before `t_max`: then
-/// the exact kernel finds the first root, and it lies in the sphere's box, so that `clamp_to_box` lets it pass.
+/// [`cull`] for any-hit rays: the spheres that may be hit, and those that certainly are. A certain hit is a sphere
+/// ahead of the origin by more than its radius, whose center the line passes by less than the radius before `t_max`.
+/// The exact test then finds the first root. That root lies in the sphere's box, so that `clamp_to_box` accepts it.
 #[inline(always)]
 pub(crate) fn cull_any(center: &Rows, radius: Vec4, ray: &UnitRay, t_max: f32) -> (u32, u32) {
     let passing = LineDistance::new(center, ray);
@@ -162,7 +165,7 @@ mod tests {
         assert_eq!(hit([0.0, 0.0, 1.0], [0.0, 0.0, 1.0], 2.0), Some(1.0));
         assert_eq!(hit([0.0, 0.0, 1.0], [0.0, 0.0, -1.0], 2.0), Some(3.0));
         assert_eq!(hit([0.0, 0.0, 0.0], [3.0, 0.0, 4.0], 5.0), Some(1.0));
-        // On the surface: outwards nothing, inwards the other side.
+        // An origin on the surface: outwards nothing is hit, inwards the other side.
         for (inwards, far) in [([-3.0, -4.0, 0.0], Some(2.0)), ([-1.0, 0.0, 0.0], Some(6.0)), ([3.0, 4.0, 0.0], None)] {
             assert_eq!(hit([3.0, 4.0, 0.0], inwards, 5.0), far);
         }
@@ -187,7 +190,7 @@ mod tests {
     #[test]
     fn a_far_origin_does_not_blur_the_rim() {
         let random = &mut Random(23);
-        // The ray runs through 0, so the distance of the center is exact, which f·f − r² would drown in f·f.
+        // The ray runs through 0, so that the distance of the center is exact. f·f − r² would lose it in f·f.
         let ray = Ray::new(Vec3::new(2f32.powi(28), 2f32.powi(28), 0.0), Vec3::new(-1.0, -1.0, 0.0));
         for _ in 0..1000 {
             let c = random.vector();
@@ -215,7 +218,7 @@ mod tests {
                 assert!((t / (3.0 * s / d) - 1.0).abs() < 1e-6, "{s} {t}");
             }
         }
-        // A planet's ground from a man's height, and a pea from the moon.
+        // A planet's ground from the height of an eye, and a pea from the moon.
         assert_eq!(hit([0.0, 6_371_002.0, 0.0], [0.0, -1.0, 0.0], 6_371_000.0), Some(2.0));
         let t = hit([0.0, 1e-9, 4e8], [0.0, 0.0, -1.0], 4e-3);
         assert_eq!(t, Some(4e8));
@@ -239,7 +242,7 @@ mod tests {
             let (a, b, c) = (dot(d, d), -dot(f, d), dot(f, f) - radius * radius);
             let ray = Ray::new(float(origin), float(d));
             let t = intersect(&ray.prepare(), float(center), radius as f32, f32::INFINITY);
-            // a t² − 2 b t + c = 0 has a root above 0: inside, or ahead with b² ≥ a c.
+            // a t² − 2 b t + c = 0 has a root above 0 if the origin is inside, or if the sphere is ahead with b² ≥ a c.
             let exists = a > 0 && (c < 0 || (b > 0 && b * b >= a * c));
             assert_eq!(t.is_some(), exists, "{ray:?}");
             let Some(t) = t else { continue };
@@ -259,7 +262,8 @@ mod tests {
                 continue; // 2^40 t, or the sums above, would not be exact.
             }
             let (before, after) = (sign(t.next_down()), sign(t.next_up()));
-            // The nearer root falls from above 0, the farther one rises; the origin outside sees the nearer.
+            // At the nearer root the polynomial falls from above 0, at the farther root it rises. From outside the
+            // nearer root is hit.
             let expected = if c < 0 { (-1, 1) } else { (1, -1) };
             assert_eq!((before, after), expected, "{ray:?} {t}");
         }

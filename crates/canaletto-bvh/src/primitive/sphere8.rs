@@ -1,6 +1,7 @@
-//! Rays and spheres side by side: [`intersect_once`] for each, by the same operations in the same order.
+//! Eight rays and spheres side by side: [`intersect_once`] for each pair, by the operations of the scalar test in equal
+//! order.
 
-#![allow(clippy::needless_range_loop)] // NodeTest of many lists side by side.
+#![allow(clippy::needless_range_loop)] // Loops over lists side by side.
 
 use glam::Vec3;
 
@@ -8,13 +9,13 @@ use super::sphere::{intersect_once, outwards};
 use crate::slab::{DEFLATE, INFLATE, max, min};
 use crate::{InstructionSet, Kernel, Ray};
 
-/// As many as the widest registers have room for in `f64`.
+/// The number of lanes: what the widest registers hold of `f64`.
 pub(crate) const LANES: usize = 8;
 
-/// The nearest t at which each ray meets the sphere, up to what `t` says; NaN where there is none.
+/// Replaces each `t`, the end of a ray, by the nearest t at which the ray hits the sphere, or by NaN if it doesn't.
 ///
 /// # Panics
-/// If there is not as much `t` as rays.
+/// If `t` and `rays` differ in length.
 pub fn intersect_many(rays: &[Ray], center: Vec3, radius: f32, t: &mut [f32]) {
     assert_eq!(rays.len(), t.len());
     InstructionSet::run(Many { rays, center, radius, t });
@@ -57,7 +58,7 @@ impl Kernel for Many<'_> {
     }
 }
 
-/// Rays, each with the sphere that it may meet, and up to where that counts.
+/// Eight rays, each with its end and a sphere to test.
 pub(crate) struct Sphere8 {
     pub(crate) origin: Rows,
     pub(crate) direction: Rows,
@@ -66,14 +67,14 @@ pub(crate) struct Sphere8 {
     pub(crate) radius: [f32; LANES],
 }
 
-/// x, y and z.
+/// The rows x, y and z.
 type Rows = [[f32; LANES]; 3];
 
-/// What is met.
+/// The result of the test.
 pub(crate) struct Sphere8Hits {
-    /// NaN where nothing is.
+    /// The t of the hit; NaN for a miss.
     pub(crate) t: [f32; LANES],
-    /// Whether that is so; else the ray has to be asked about alone.
+    /// Whether `t` is valid, 1 or 0. Where it is 0, the ray has to be tested alone.
     pub(crate) is_known: [u32; LANES],
 }
 
@@ -99,12 +100,12 @@ impl Sphere8 {
         bounds
     }
 
-    /// Where the rays meet the spheres, whose boxes are `bounds`. To be called from a kernel.
+    /// The hits of the rays on the spheres, whose boxes are `bounds`. To be called from a kernel.
     #[inline(always)]
     pub(crate) fn intersect(&self, bounds: &[Rows; 2]) -> Sphere8Hits {
         let ([ox, oy, oz], [dx, dy, dz], [cx, cy, cz]) = (&self.origin, &self.direction, &self.center);
         let (mut t, mut met, mut is_known) = ([0.0f32; LANES], [0u32; LANES], [0u32; LANES]);
-        // `parameter`.
+        // The operations of `sphere::parameter`.
         for i in 0..LANES {
             let wide = |x: f32| f64::from(x);
             let r = wide(self.radius[i]);
@@ -126,7 +127,7 @@ impl Sphere8 {
             met[i] =
                 u32::from((discriminant >= 0.0) & (r > 0.0) & (nearest > 0.0) & (nearest <= 2.0 * wide(self.t_max[i])));
         }
-        // `PreparedRay::clamp_to_box`.
+        // The operations of `PreparedRay::clamp_to_box`.
         for i in 0..LANES {
             let (mut near, mut far, mut regular) = (0.0f32, f32::INFINITY, true);
             for axis in 0..3 {
@@ -140,7 +141,7 @@ impl Sphere8 {
             let confined = max(near * DEFLATE, min(far, t[i]));
             let within = (confined > 0.0) & (confined <= self.t_max[i]) & (confined < f32::INFINITY);
             let hit = (met[i] == 1) & (near <= far) & within;
-            // A sphere that is missed is, whatever its box.
+            // A sphere that is missed is a valid result whatever its box.
             is_known[i] = u32::from(regular | (met[i] == 0));
             t[i] = if hit { confined } else { f32::NAN };
         }
@@ -162,7 +163,8 @@ mod tests {
             let (center, radius) = (random.vector() * scale, random.signed() * scale);
             rays.clear();
             for i in 0..1 + n % 21 {
-                // From outside, inside, the surface and the center, past the sphere and along axes; some that are not regular.
+                // Rays from outside, inside, the surface and the center, past the sphere and along axes. Some are not
+                // regular.
                 let away = random.vector().normalize() * radius;
                 let origin = center + away * [3.0, 0.5, 1.0, 0.0, 1e9][random.below(5)];
                 let target = center + random.vector() * radius * [1.0, 2.0][random.below(2)];

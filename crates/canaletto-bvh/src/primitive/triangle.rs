@@ -1,33 +1,43 @@
-//! Rays against triangles: Woop, Benthin and Wald, "Watertight ray/triangle intersection" (2013).
+//! The exact ray-triangle test: Woop, Benthin and Wald, "Watertight ray/triangle intersection" (2013).
 //!
-//! A shear takes the ray to the z axis; the hit is decided in the plane by the signs of three edge functions. The
-//! two triangles of a shared edge compute the same sheared vertices and exactly opposite edge functions, and zero
-//! counts as inside on both sides, so no ray passes between them.
+//! A shear maps the ray to the z axis. The hit is decided in the plane by the signs of three edge functions. The two
+//! triangles of a shared edge compute equal sheared vertices and exactly opposite edge functions. Zero counts as inside
+//! on both sides, so that no ray passes between them.
 //!
-//! Where it deviates:
-//! - What is missed by more than the rounding of f32 is sorted out in f32, the three edges side by side.
-//! - Else the shear is in f64 and an edge function never has the wrong sign (`exact`), which also settles vertices:
-//!   the projected triangles are those of exact points in the plane, with closed borders.
-//! - t, by weights as in the paper, is confined to the triangle's box (`slab`); and an origin exactly on the plane
-//!   is no hit, which the weights alone could not tell.
-//! - t leads to a point of the triangle also where it is seen edge-on (below), and is at least the least normal number.
+//! It differs from the paper in these points:
+//! - A triangle that is missed by more than the rounding of f32 is culled in f32, the three edges side by side.
+//! - Otherwise the shear is in f64, and an edge function never has the wrong sign (`difference_of_products`). This also
+//!   makes shared vertices watertight: the projected triangles are those of exact points in the plane, with closed
+//!   borders.
+//! - t, by weights as in the paper, is clamped to the triangle's box (`slab`). An origin exactly on the plane is no
+//!   hit, which the weights alone could not decide.
+//! - t leads to a point of the triangle also where the triangle is seen edge-on (proof below), and is at least the
+//!   smallest normal number.
 //! - Nothing overflows or vanishes: products of three differences of f32 stay far within the range of f64.
 //!
-//! # TriangleBvh in parts
+//! # Triangles in parts
 //!
-//! A tree may hold a triangle as several references, boxes around its parts (`build/presplit`), if wherever the kernel reports a hit at t, at
-//! least one of these boxes is entered, by t at the latest. Seen edge-on, t can't be told from the line alone; but *some* part is entered if t belongs to some point of
-//! the triangle that is next to the line's point at t. Let S be the triangle's largest extent and d the direction.
+//! A tree may hold a triangle as several references, which are boxes around its parts (`build/presplit`). The
+//! condition: wherever the kernel reports a hit at t, the ray enters at least one of these boxes, at t or before. For a
+//! triangle seen edge-on, t can't be determined from the line alone. But *some* part is entered if t belongs to some
+//! point of the triangle that is next to the line's point at t. Let S be the triangle's largest extent and d the
+//! direction.
 //!
-//! 1. Edge functions are off by δ ≤ 2⁻²³ of themselves (`exact`), so the weights λ, all of one sign, are those of a point p = Σ λ T of the
-//!    triangle. The exact ones take the sheared corners v to Σ μ v = 0, and Σ |λ − μ| ≤ 2 δ. As corners lie at most 2 S apart, |Σ λ v| ≤ 2 δ S.
-//! 2. Coordinates relative to the origin and their shears are off by 2⁻⁵³ of S + t |d| and of the shear, which is at most 1, times as much.
+//! 1. Edge functions are off by δ ≤ 2⁻²³ of themselves (`difference_of_products`). So the weights λ, all of one sign,
+//!    are those of a point p = Σ λ T of the triangle. The exact weights μ map the sheared corners v to Σ μ v = 0. The
+//!    difference is Σ |λ − μ| ≤ 2 δ. As corners lie at most 2 S apart, |Σ λ v| ≤ 2 δ S.
+//! 2. Coordinates relative to the origin are off by 2⁻⁵³ of S + t |d|. Their shears are off by as much times the shear,
+//!    which is at most 1.
 //! 3. t is off by 2⁻⁴⁹ of S + t |d_z| along the longest axis z, since the weights have one sign.
 //!
-//! Together, along each axis, p is at most 2⁻²¹ S + 2⁻⁴⁶ t |d| away from the line's point at t, d being the direction along that axis. The first is covered by boxes that are 2⁻²¹ S wider
-//! than the parts on all sides, the second and the rounding of the slab test, 4 units in the last place where numbers are normal, by the 16 of
-//! `slab::INFLATE`. Moving t to the farthest corner along z takes it no farther than 3., which the same slack covers: |d| ≤ |d_z|, so that the
-//! line moves less along the other axes. Any other way to confine t downwards may take it off all parts; upwards does no harm.
+//! Together: along each axis, p is at most 2⁻²¹ S + 2⁻⁴⁶ t |d| away from the line's point at t, where d is the
+//! direction along that axis. The first term is covered by boxes that are 2⁻²¹ S wider than the parts on all sides. The
+//! second term and the rounding of the slab test, 4 units in the last place where numbers are normal, are covered by
+//! the 16 units of `slab::INFLATE`.
+//!
+//! Moving t to the farthest corner along z moves it by no more than the error of point 3. The slack covers this, too:
+//! as |d| ≤ |d_z|, the line moves less along the other axes. Any other downward clamp of t may take it off all parts.
+//! An upward clamp does no harm.
 
 use glam::{DVec3, Vec3, Vec4, Vec4Swizzles};
 
@@ -35,14 +45,14 @@ use super::difference_of_products::difference_of_products;
 use crate::ray::Axis;
 use crate::{Aabb, PreparedRay};
 
-/// Three corners.
+/// A triangle by its three corners.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Triangle {
     corners: [Vec3; 3],
 }
 
 impl Triangle {
-    /// The triangle abc.
+    /// The triangle with the corners a, b and c.
     #[inline]
     pub fn new(corners: [Vec3; 3]) -> Self {
         Self { corners }
@@ -54,7 +64,7 @@ impl Triangle {
         Aabb { min: a.min(b).min(c), max: a.max(b).max(c) }
     }
 
-    /// The corners, the coordinates in the order of a ray's `rows`.
+    /// The corners, with coordinates in the order of a ray's `rows`.
     #[inline(always)]
     fn ordered(&self, rows: [Axis; 3]) -> [[f32; 3]; 3] {
         let corner = |p: &Vec3| [rows[0].of(p), rows[1].of(p), rows[2].of(p)];
@@ -66,30 +76,30 @@ impl Triangle {
 pub(crate) const RELATIVE: f32 = 10.0 * f32::EPSILON;
 pub(crate) const UNDERFLOW: f32 = f32::MIN_POSITIVE * 256.0;
 
-/// Where a ray meets a triangle abc.
+/// A hit of a ray on a triangle with the corners a, b and c.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TriangleHit {
-    /// The ray's parameter.
+    /// The ray parameter.
     pub t: f32,
-    /// Weight of b; the point is (1 − u − v) a + u b + v c, with no weight below 0.
+    /// The weight of b. The point is (1 − u − v) a + u b + v c, with no weight below 0.
     pub u: f32,
-    /// Weight of c.
+    /// The weight of c.
     pub v: f32,
-    /// Whether the ray meets the side from which a, b, c run counter-clockwise.
+    /// Whether the ray hits the side from which a, b, c run counter-clockwise.
     pub front: bool,
 }
 
-/// The hit on a triangle with 0 < t ≤ t_max. Both sides are hit; a triangle of no area never is.
+/// The hit on a triangle with 0 < t ≤ t_max. Both sides can be hit. A triangle without area is never hit.
 #[inline]
 pub fn intersect(ray: &PreparedRay, triangle: &Triangle, t_max: f32) -> Option<TriangleHit> {
     let corners = &triangle.ordered(ray.axis_order.rows);
     if surely_missed(ray, corners) { None } else { intersect_exactly(ray, corners, &triangle.bounds(), t_max) }
 }
 
-/// Whether two edge functions have opposite signs for certain, told in f32: with D the sum of the sizes of what a sheared
-/// coordinate m is summed from, its error is at most 4 u D, and so that of an edge function less than
-/// 10 u (D₁ m₂ + m₁ D₂). The bound is twice that, plus what underflow may have taken; where something overflows, so
-/// does the bound.
+/// Whether two edge functions certainly have opposite signs, by f32. Let D be the sum of the absolute values from which
+/// a sheared coordinate m is summed. The error of m is at most 4 u D, and that of an edge function less than 10 u (D₁
+/// m₂ + m₁ D₂). The bound is twice that, plus what underflow may have taken. Where something overflows, so does the
+/// bound.
 #[inline]
 fn surely_missed(ray: &PreparedRay, corners: &[[f32; 3]; 3]) -> bool {
     let relative = |k: usize| {
@@ -104,7 +114,7 @@ fn surely_missed(ray: &PreparedRay, corners: &[[f32; 3]; 3]) -> bool {
     let d = (x.abs() + sx.abs()).max(y.abs() + sy.abs());
     let [(d1, d2), (m1, m2)] = [d, m].map(|v| (v.yzxw(), v.zxyw()));
     let bound = (d1 * m2 + m1 * d2) * RELATIVE + ((d1 + d2) * UNDERFLOW + f32::MIN_POSITIVE);
-    // The fourth lane repeats the third corner, for an edge function of 0.
+    // The fourth lane repeats the third corner, which gives an edge function of 0.
     edges.cmpgt(bound).any() && edges.cmplt(-bound).any()
 }
 
@@ -123,10 +133,10 @@ pub(crate) fn intersect_exactly(
     let (x, y, z) = (relative(0), relative(1), relative(2));
     let along = |k: usize| f64::from(ray.direction(ray.axis_order.rows[k]));
     let (sx, sy) = (along(0) / along(2), along(1) / along(2));
-    // The vertices relative to the ray, sheared.
+    // The sheared vertices, relative to the ray.
     let [ax, bx, cx] = [x[0] - sx * z[0], x[1] - sx * z[1], x[2] - sx * z[2]];
     let [ay, by, cy] = [y[0] - sy * z[0], y[1] - sy * z[1], y[2] - sy * z[2]];
-    // Twice the signed areas that the ray spans with each edge, i.e. unnormalised weights of a, b and c.
+    // Twice the signed areas that the ray spans with each edge, i.e. the unnormalised weights of a, b and c.
     let wa = difference_of_products(bx, cy, by, cx);
     let wb = difference_of_products(cx, ay, cy, ax);
     let wc = difference_of_products(ax, by, ay, bx);
@@ -136,12 +146,12 @@ pub(crate) fn intersect_exactly(
         return None;
     }
     let depth = wa * z[0] + wb * z[1] + wc * z[2];
-    // One division serves t and the weights: it is the dearest of all operations.
+    // One division serves t and the weights, since it is the most expensive operation.
     let scale = 1.0 / (area * along(2));
     let t = depth * scale;
     let t = ray.clamp_to_triangle(bounds, t, t_max)?;
-    // As the shear leaves volumes as they are, `depth` is the origin's height times the size of the normal, and `area` the slope. Far
-    // from rounding, they tell that neither normal nor height is 0.
+    // The shear preserves volumes. So `depth` is the origin's height times the size of the normal, and `area` is the
+    // slope. If both are far above rounding, neither normal nor height is 0.
     let size = |v: &[f64; 3]| v[0].abs().max(v[1].abs()).max(v[2].abs());
     let d = size(&x).max(size(&y)).max(size(&z));
     let far = |value: f64, scale: f64| value.abs() > scale * SURELY;
@@ -153,11 +163,12 @@ pub(crate) fn intersect_exactly(
     Some(TriangleHit { t, u, v, front: area < 0.0 })
 }
 
-/// 2⁻⁴⁰: far above what rounding in f64 makes of products of differences of corners.
+/// 2⁻⁴⁰: far above the rounding error of products of differences of corners in f64.
 pub(crate) const SURELY: f64 = 1.0 / (1u64 << 40) as f64;
 
-/// Whether the triangle has no area, or the origin lies on its plane: then it is at t = 0, which rounding must not turn into a hit;
-/// unless all of the ray lies in the plane, when the triangle may stand between two that are seen from the sides.
+/// Whether the triangle has no area, or the origin lies on its plane. In the latter case the triangle is at t = 0,
+/// which rounding must not turn into a hit. The exception is a ray that lies wholly in the plane: then the triangle may
+/// stand between two triangles that the ray sees from the sides.
 #[cold]
 #[inline(never)]
 fn degenerate(ray: &PreparedRay, corners: &[[f32; 3]; 3]) -> bool {
@@ -203,7 +214,7 @@ mod tests {
         assert_eq!(intersect(from, -2.0 * Vec3::Z, [A, C, B], 9.0), hit(4.0, 0.5, 0.25, false));
         let below = Vec3::new(1.0, 2.0, -8.0);
         assert_eq!(intersect(below, 2.0 * Vec3::Z, [A, B, C], 9.0), hit(4.0, 0.25, 0.5, false));
-        // The same with each axis as the longest.
+        // The scene turned, so that each axis is the longest once.
         for turn in [Vec3::zxy as fn(Vec3) -> Vec3, Vec3::yzx] {
             let turned = [A, B, C].map(turn);
             assert_eq!(intersect(turn(from), turn(-2.0 * Vec3::Z), turned, 9.0), hit(4.0, 0.25, 0.5, true));
@@ -217,7 +228,7 @@ mod tests {
         assert!(intersect(origin, d, [A, B, C], 3.0).is_some());
         assert!(intersect(origin, d, [A, B, C], 3.0_f32.next_down()).is_none());
         assert!(intersect(origin, -d, [A, B, C], f32::INFINITY).is_none());
-        // On the plane, also seen along other axes.
+        // The origin is on the plane, also for directions along other axes.
         for d in [d, Vec3::new(3.0, 1.0, -1.0), Vec3::new(0.3, -0.7, 0.1)] {
             assert!(intersect(Vec3::new(1.0, 1.0, 0.0), d, [A, B, C], f32::INFINITY).is_none());
         }
@@ -249,7 +260,8 @@ mod tests {
         let random = &mut Random(17);
         let (mut sorted_out, mut missed) = (0, 0);
         for i in 0..400_000 {
-            // From large ones nearby to dots far away, of all magnitudes, aimed at beside, on and next to their borders.
+            // Triangles from large ones nearby to dots far away, of all magnitudes. Rays are aimed beside, on and next
+            // to their borders.
             let far = random.vector() * 10f32.powi(random.below(6) as i32 - 1);
             let [a, b, c] = [0; 3].map(|_| far + random.vector() * [1.0, 1e-2, 1e-4][i % 3]);
             let edge = a + (b - a) * random.signed();
@@ -288,7 +300,7 @@ mod tests {
     fn a_triangle_without_area_is_never_hit() {
         let random = &mut Random(11);
         for _ in 0..2000 {
-            // Differences of few bits, so that the three are in one line exactly.
+            // Differences of few bits, so that the three corners are exactly on one line.
             let [a, d] = [random.vector(), random.vector()].map(|p| (p * 512.0).round());
             let triangle = [a, a + d, a + d * random.below(4) as f32];
             let target = a + d * random.signed();
@@ -303,8 +315,8 @@ mod tests {
         let random = &mut Random(12);
         let mut hits = 0;
         for _ in 0..20_000 {
-            // Whole numbers, so that ray and triangle lie in one plane exactly, and too large for t to be told
-            // from rounding errors.
+            // Whole numbers, so that ray and triangle lie exactly in one plane. They are too large for t to be
+            // determined from rounding errors.
             let [p, q] = [random.vector(), random.vector()].map(|v| (v * 1e6).round());
             let mut point = || p * random.below(5) as f32 + q * random.below(5) as f32;
             let [a, b, c, origin, target] = [point(), point(), point(), point(), point()];
@@ -342,7 +354,7 @@ mod tests {
             assert!(hit.u >= 0.0 && hit.v >= 0.0 && 1.0 - hit.u - hit.v >= 0.0, "{hit:?}");
         }
         assert!(hits > 500);
-        // Onto the edge where the weight of a is 0.
+        // Rays onto the edge where the weight of a is 0.
         for _ in 0..2000 {
             let [a, b, c, origin] = [0; 4].map(|_| random.vector());
             let target = b + random.signed().abs() * (c - b);
@@ -350,7 +362,7 @@ mod tests {
                 assert!(1.0 - hit.u - hit.v >= 0.0, "{hit:?}");
             }
         }
-        // The point, for triangles that are not seen edge-on.
+        // The hit point, for triangles that are not seen edge-on.
         for _ in 0..2000 {
             let [b, c] = [Vec3::X + 0.3 * random.vector(), Vec3::Y + 0.3 * random.vector()];
             let origin = Vec3::new(0.3, 0.3, 1.5) + 0.2 * random.vector();
@@ -361,7 +373,7 @@ mod tests {
         }
     }
 
-    /// The points to aim at: corners, points of edges and of faces.
+    /// Targets of rays: corners, points on edges and points on faces.
     fn targets(faces: &[[Vec3; 3]], random: &mut Random) -> Vec<Vec3> {
         let mut targets = Vec::new();
         for &[a, b, c] in faces {
@@ -374,7 +386,7 @@ mod tests {
     fn no_ray_leaks_out_of_a_closed_surface() {
         let random = &mut Random(14);
         let mesh = closed_mesh(random);
-        // A cube, in whose planes and along whose edges rays run exactly.
+        // A cube. Rays run exactly in its planes and along its edges.
         let cube: Vec<[Vec3; 3]> = (0..3)
             .flat_map(|axis| [-1.0, 1.0].map(|side| (axis, side)))
             .flat_map(|(axis, side)| {
@@ -394,14 +406,14 @@ mod tests {
             let targets = targets(&faces, random);
             for exponent in -6..=9 {
                 let scale = 10f32.powi(exponent);
-                // At the origin, and so far from it that coordinates lose half of their bits.
+                // The mesh at the origin, and so far from it that coordinates lose half of their bits.
                 for offset in [Vec3::ZERO, Vec3::new(3000.0, -1000.0, 700.0) * scale] {
                     let place = |p: Vec3| p * scale + offset;
                     let scene: Vec<_> = faces.iter().map(|f| TestPrimitive::Triangle(f.map(place))).collect();
                     let bvh = tree(&scene);
                     for &target in targets.iter().skip(random.below(4)).step_by(3) {
                         let start = match random.below(4) {
-                            // Exactly on planes of symmetry, for rays with exact zeros.
+                            // An origin exactly on planes of symmetry, for rays with exact zeros.
                             0 => Vec3::ZERO,
                             1 => target * Vec3::AXES[random.below(3)] * 0.5,
                             _ => random.vector() * 0.4,
@@ -418,7 +430,7 @@ mod tests {
 
     #[test]
     fn a_floor_close_below_the_eye_has_no_cracks() {
-        // Squares of a size of 1000 whose borders are those of their boxes, seen from a height of 1e-3 and less.
+        // Squares of size 1000 whose borders are those of their boxes, seen from a height of 1e-3 and less.
         let at = |x: i32, z: i32| Vec3::new(x as f32 * 1000.0, 0.0, z as f32 * 1000.0);
         let scene: Vec<_> = (0..36)
             .map(|cell| (cell % 6 - 3, cell / 6 - 3))
@@ -433,7 +445,7 @@ mod tests {
             origin.y = height;
             let mut target = random.vector() * height;
             target.y = 0.0;
-            // Onto a border or close to it.
+            // A target on a border or close to it.
             target[2 * random.below(2)] *= [0.0, 1e-3, 1e-6][random.below(3)];
             let ray = Ray::new(origin, target - origin);
             let (hit, _) = nearest_in_tree(&scene, &bvh, &ray, f32::INFINITY);

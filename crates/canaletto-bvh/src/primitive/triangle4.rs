@@ -1,11 +1,12 @@
 //! Four triangles side by side.
 //!
-//! A ray tests them in f32, which sorts out nearly all that it misses. Where something may be left, a closer look ([`RefinedTest`]) bounds
-//! where it is met, and tells for most that they are or are not: a ray that starts on a triangle doesn't meet it again. The exact kernel
-//! (`triangle`) has the last word. For the nearest hit of a single ray it is asked once in general: a
-//! triangle that lies before all others waits until the ray's way has ended ([`Search`]). Streams, in which nothing waits for its answer, ask it at
-//! once, about all four triangles side by side (`exactly`).
-#![allow(unsafe_code)] // Rows told by where they lie.
+//! 1. [`Triangle4::test`] tests all four in f32 ([`CoarseTest`]) and culls nearly all triangles that the ray misses.
+//! 2. [`Triangle4::refine`] bounds t and the edge functions more closely ([`RefinedTest`]), and decides most of the
+//!    rest. For instance, it culls the triangle on which the ray starts.
+//! 3. The exact test (`triangle`) has the last word. For the nearest hit of a single ray there is usually one exact
+//!    test: a triangle that lies before all others stays pending until the traversal has ended ([`Search`]). In streams
+//!    no triangle stays pending: the exact test follows at once, for all four triangles side by side (`exact4`).
+#![allow(unsafe_code)] // Rows are read by their byte offsets.
 
 use glam::{Vec3, Vec4};
 
@@ -18,35 +19,37 @@ use crate::{Aabb, PreparedRay, Ray};
 
 use super::edge_error::EdgeError;
 
-/// Four triangles: for each corner the rows x, y and z. Where there are fewer, corners at infinity, which lie beyond all that a ray
-/// reaches.
+/// Four triangles: the rows x, y and z of each corner, with one triangle per lane. An unused lane has corners at
+/// infinity, which no ray reaches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(32))]
 pub(crate) struct Triangle4 {
     corners: [[Vec4; 3]; 3],
-    /// The upper bits of the last two are the exponent of a power of two above the sizes of all triangles, or of infinity.
+    /// The ids in the lower 28 bits. The upper bits of the last two hold an exponent: that of a power of two above the
+    /// sizes of all triangles, or of infinity.
     ids: [u32; 4],
 }
 
-/// A tree over triangles as kernels see it.
+/// The data of a tree over triangles that kernels read.
 #[derive(Clone, Copy)]
 pub(crate) struct TriangleScene<'a> {
     pub(crate) nodes: &'a [Node],
     pub(crate) blocks: &'a [Triangle4],
     pub(crate) bounds: Aabb,
-    /// TriangleBvh seen from behind don't count.
+    /// Whether triangles seen from behind are ignored.
     pub(crate) front_only: bool,
 }
 
 impl TriangleScene<'_> {
-    /// Prepares rays of a stream, and tells the bound for all of them: one for each would be closer, but what counts is looked at closer anyway.
+    /// Prepares the rays of a stream and returns one error bound for all of them. A bound for each ray would be closer,
+    /// but candidates are refined anyway.
     pub(crate) fn prepare(&self, rays: &[Ray], prepared: &mut Vec<PreparedRay>) -> EdgeError {
         let [low, high] = PreparedRay::prepare_all(rays, prepared);
         EdgeError::within(low, high, &self.bounds)
     }
 }
 
-/// Bits of an id.
+/// The number of bits of an id.
 pub(crate) const ID_BITS: u32 = 28;
 const ID: u32 = (1 << ID_BITS) - 1;
 
@@ -60,7 +63,7 @@ impl Triangle4 {
             let bounds = Aabb::from_points(corners);
             size = size.max((bounds.max - bounds.min).max_element());
         }
-        // Eight bits: that of infinity, where a difference overflows, is the greatest.
+        // An exponent of eight bits. That of infinity, for a difference that overflows, is the largest.
         let exponent = ((size.to_bits() >> 23) + 1).min(255);
         ids[2] |= exponent << ID_BITS;
         ids[3] |= exponent >> 4 << ID_BITS;
@@ -69,17 +72,17 @@ impl Triangle4 {
         Self { corners: [0, 1, 2].map(|i| [row(i, 0), row(i, 1), row(i, 2)]), ids }
     }
 
-    /// How many triangles there are.
+    /// The number of triangles.
     pub(crate) fn len(&self) -> usize {
         self.corners[0][0].cmplt(Vec4::INFINITY).bitmask().count_ones() as usize
     }
 
-    /// The same triangles elsewhere.
+    /// A block of the triangles of this block, with new corners.
     pub(crate) fn with(&self, corners: impl Fn(u32) -> [Vec3; 3]) -> Self {
         Self::new((0..self.len()).map(|lane| (self.id(lane), corners(self.id(lane)))))
     }
 
-    /// More than any triangle's extent along any axis.
+    /// A number larger than any triangle's extent along any axis.
     #[inline(always)]
     pub(crate) fn size(&self) -> f32 {
         f32::from_bits((self.ids[2] & !ID) >> 5 | (self.ids[3] & !ID) >> 1)
@@ -101,11 +104,12 @@ impl Triangle4 {
         Triangle::new([corner(a).into(), corner(b).into(), corner(c).into()])
     }
 
-    /// The corners of the triangle in this lane, the coordinates in the order of a ray's `rows`.
+    /// The corners of the triangle in this lane, with coordinates in the order of a ray's `rows`.
     #[inline(always)]
     pub(crate) fn ordered(&self, lane: usize, rows: [Axis; 3]) -> [[f32; 3]; 3] {
         let corner = |corner: usize| {
-            // SAFETY: there, in the three rows of a corner, lies that of the axis, and each has four numbers.
+            // SAFETY: the offset is that of the axis's row among the three rows of a corner, and each row has four
+            // numbers.
             let at = |axis: Axis| unsafe {
                 *self.corners[corner].as_ptr().byte_add(axis.offset()).cast::<f32>().add(lane & 3)
             };
@@ -114,27 +118,27 @@ impl Triangle4 {
         [corner(0), corner(1), corner(2)]
     }
 
-    /// A corner's coordinates along an axis.
+    /// A corner's coordinates along an axis, for all four triangles.
     #[inline(always)]
     pub(super) fn row(&self, corner: usize, axis: Axis) -> Vec4 {
-        // SAFETY: there, in the three rows of a corner, lies that of the axis.
+        // SAFETY: the offset is that of the axis's row among the three rows of a corner.
         unsafe { *self.corners[corner].as_ptr().byte_add(axis.offset()) }
     }
 
-    /// The lane that has this id, a bit for it.
+    /// The lane that has this id, as a bit.
     #[inline(always)]
     pub(crate) fn lane_of(&self, id: u32) -> u32 {
         (0..4).fold(0, |lanes, lane| lanes | u32::from(self.id(lane) == id) << lane)
     }
 
-    /// The hit on the triangle in this lane, by the exact kernel.
+    /// The hit on the triangle in this lane, by the exact test.
     #[inline(always)]
     fn intersect(&self, lane: usize, ray: &PreparedRay, t_max: f32) -> Option<TriangleHit> {
         let bounds = self.triangle(lane).bounds();
         intersect_exactly(ray, &self.ordered(lane, ray.axis_order.rows), &bounds, t_max)
     }
 
-    /// Makes the triangle in this lane the nearest if it is. Tells whether it is.
+    /// Tests the triangle in this lane exactly and stores it in `nearest` if it is nearer. Returns whether it is.
     #[inline(always)]
     pub(crate) fn accept_if_nearer(
         &self,
@@ -154,7 +158,7 @@ impl Triangle4 {
         false
     }
 
-    /// What f32 tells of all four.
+    /// The coarse test of all four triangles in f32.
     #[inline(always)]
     pub(crate) fn test(&self, ray: &PreparedRay, bound: EdgeError, t_max: f32) -> CoarseTest {
         let [kx, ky, kz] = ray.axis_order.rows;
@@ -162,14 +166,15 @@ impl Triangle4 {
         let origin = |k: Axis| Vec4::splat(ray.origin(k));
         let (ox, oy, oz) = (origin(kx), origin(ky), origin(kz));
         let (sx, sy) = (Vec4::splat(ray.shear[0]), Vec4::splat(ray.shear[1]));
-        // From corners to the origin, since what is taken off can be read by the instruction that does it.
+        // The vectors run from the corners to the origin, so that the subtraction can read the corners from memory.
         let (az, bz, cz) = (oz - row(0, kz), oz - row(1, kz), oz - row(2, kz));
-        // Between the corners along the longest axis lies the triangle, and what `clamp_to_box` makes of t: its very products.
+        // The triangle lies between the corners along the longest axis, and so does the t of `clamp_to_box`, which uses
+        // these very products.
         let along = Vec4::splat(ray.along);
         let (ta, tb, tc) = (az * along, bz * along, cz * along);
         let low = ta.min(tb).min(tc) * DEFLATE;
         let last = ta.max(tb).max(tc);
-        // Not `t_max` as it is: what lies at infinity is beyond it.
+        // At most the largest float, so that corners at infinity are beyond it.
         let beyond = low.cmpgt(Vec4::splat(min(f32::MAX, t_max))) | last.cmple(Vec4::ZERO);
         let (ax, ay) = (ox - row(0, kx) - sx * az, oy - row(0, ky) - sy * az);
         let (bx, by) = (ox - row(1, kx) - sx * bz, oy - row(1, ky) - sy * bz);
@@ -182,25 +187,27 @@ impl Triangle4 {
         let missed = most.cmpgt(off) & least.cmplt(-off);
         let mut candidates = !(missed | beyond).bitmask() & 15;
         if !ray.regular {
-            // Nothing is known to be beyond.
+            // For an irregular ray, nothing is known to be beyond the end.
             candidates &= self.corners[0][0].cmplt(Vec4::INFINITY).bitmask();
         }
         let (sum, weighed) = (wa + wb + wc, wa * ta + wb * tb + wc * tc);
         CoarseTest { candidates, low, last, least, most, sum, weighed }
     }
 
-    /// Looks closer at what was tested: origins near triangles have less error than those at the scene's other end.
+    /// Refines the coarse test by an error bound for this block: the error near the origin is smaller than at the other
+    /// end of the scene.
     #[inline(always)]
     pub(crate) fn refine<'a>(&self, ray: &PreparedRay, tested: &'a CoarseTest) -> RefinedTest<'a> {
         let ([x, y, z], origin, size) = (self.corners[0], ray.ray.origin, Vec4::splat(self.size()));
         let far = (x - Vec4::splat(origin.x)).abs().max((y - Vec4::splat(origin.y)).abs());
         let far = far.max((z - Vec4::splat(origin.z)).abs());
-        // The other corners are no farther from the first than that.
+        // The other corners are no farther from the first corner than `size`.
         let bound = EdgeError::of_triangles(far + size);
         RefinedTest { tested, off: bound.of(size), bound }
     }
 
-    /// The lane of one of the candidates that is hit at or before `t_max` and `blocks`. Of those that surely are hit, no exact test is made.
+    /// The lane of a candidate that is hit at or before `t_max` and for whose id `blocks` holds. Candidates in `surely`
+    /// are certainly hit and need no exact test.
     #[inline(always)]
     pub(crate) fn any(
         &self,
@@ -223,52 +230,53 @@ impl Triangle4 {
     }
 }
 
-/// What f32 tells of the triangles of a block.
+/// The result of the f32 test of a block.
 #[derive(Clone, Copy)]
 pub(crate) struct CoarseTest {
-    /// The triangles that may be hit, a bit for each.
+    /// The triangles that may be hit, one bit for each.
     pub(crate) candidates: u32,
-    /// No hit is nearer.
+    /// A lower bound of t of a hit.
     low: Vec4,
-    /// t of the farthest corner.
+    /// The t of the farthest corner.
     last: Vec4,
-    /// The least and the greatest edge functions.
+    /// The smallest and the largest edge function.
     least: Vec4,
     most: Vec4,
-    /// The sum of the edge functions, and that of t of the corners weighed with them.
+    /// The sum of the edge functions, and the sum of the corners' t weighted with them.
     sum: Vec4,
     weighed: Vec4,
 }
 
-/// What t of a hit may be wrong by besides what edge functions are, as a share of the largest t of a corner: 16 units in the last place, with what
-/// `clamp_to_box` adds.
+/// The error of a hit's t in addition to that of the edge functions, relative to the largest t of a corner: 16 units in
+/// the last place, including what `clamp_to_box` adds.
 pub(crate) const T_ERROR: f32 = 16.0 * f32::EPSILON;
 
-/// What the bounds of triangles by themselves tell of a block.
+/// The result of the test of a block with its own error bound.
 #[derive(Clone, Copy)]
 pub(crate) struct RefinedTest<'a> {
     tested: &'a CoarseTest,
-    /// By how much edge functions may be wrong.
+    /// The error bound of the edge functions.
     off: Vec4,
     bound: EdgeError<Vec4>,
 }
 
 impl RefinedTest<'_> {
-    /// The triangles that are seen from the front for certain, if they are met at all.
+    /// The triangles that certainly show their front, if they are hit at all.
     #[inline(always)]
     fn front(&self) -> u32 {
         self.tested.most.cmplt(-self.off).bitmask()
     }
 
-    /// The same from behind.
+    /// The triangles that certainly show their back, if they are hit at all.
     #[inline(always)]
     fn back(&self) -> u32 {
         self.tested.least.cmpgt(self.off).bitmask()
     }
 
-    /// The candidates of which the exact test would say that they are hit at or before `t_max`: the line passes between the
-    /// edges, the hit lies between origin and end, and area and volume are so large that the test won't take it for degenerate. And all
-    /// candidates of which it may say so.
+    /// Two masks of candidates, for hits at or before `t_max`. The first holds those that the exact test would
+    /// certainly report: the line passes between the edges, and the hit lies between origin and end. Area and volume
+    /// are too large for the test to take the triangle for degenerate. The second holds all candidates that the exact
+    /// test may report.
     #[inline(always)]
     pub(crate) fn any(&self, ray: &PreparedRay, t_max: f32, front_only: bool) -> (u32, u32) {
         let area = self.tested.least.abs().max(self.tested.most.abs());
@@ -286,15 +294,15 @@ impl RefinedTest<'_> {
         self.left(low, high, t_max, front_only)
     }
 
-    /// The candidates without those that can't be hit at or before `t_max`, if t lies between these.
+    /// The candidates that may be hit at or before `t_max`, if t lies between `low` and `high`.
     #[inline(always)]
     fn left(&self, low: Vec4, high: Vec4, t_max: f32, front_only: bool) -> u32 {
         let gone = high.cmple(Vec4::ZERO) | low.cmpgt(Vec4::splat(t_max));
         self.tested.candidates & !gone.bitmask() & !if front_only { self.back() } else { 0 }
     }
 
-    /// Between what t of a hit lies: between t of the corners, and where the line certainly passes between the edges, next to their mean,
-    /// weighed with the edge functions.
+    /// The bounds of a hit's t. They are the t of the corners. Where the line certainly passes between the edges, they
+    /// are close to the mean of the corners' t, weighted with the edge functions.
     #[inline(always)]
     fn between(&self) -> (Vec4, Vec4) {
         let &CoarseTest { low, last, least, most, sum, weighed, .. } = self.tested;
@@ -302,26 +310,28 @@ impl RefinedTest<'_> {
         let (high, size) = (last * INFLATE, last.abs().max(low.abs()));
         let mean = weighed / sum;
         let off = (self.off * 4.0 / sum.abs()) * (last - low) + size * T_ERROR;
-        // Unless something overflows or vanishes.
+        // Valid unless something overflows or vanishes.
         let told =
             inside & mean.cmpge(low) & mean.cmple(high) & (sum.abs() * size).cmpge(Vec4::splat(f32::MIN_POSITIVE));
         (Vec4::select(told, low.max(mean - off), low), Vec4::select(told, high.min(mean + off), high))
     }
 }
 
-/// The way of a ray to its nearest triangle: where t is bounded for a triangle that all but certainly is hit, and lies before all others,
-/// the exact test waits. If it then fails (an origin so close to the triangle's plane that rounding can't tell), the search was in vain and the ray
-/// has to be sent again, another way.
+/// The state of a ray's search for its nearest triangle. A triangle is left *pending* if its t is bounded, it is almost
+/// certainly hit, and it lies before all others. Its exact test waits until the traversal has ended. That test may fail
+/// for an origin so close to the triangle's plane that rounding can't decide. The search has then failed, and the ray
+/// has to be traced again without pending triangles.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Search {
     bound: EdgeError,
-    /// No hit of the triangle that waits is nearer; without one, the nearest hit.
+    /// A lower bound of t on the pending triangle. Without a pending triangle, the t of the nearest hit.
     low: f32,
-    /// The triangle that waits: four times its block plus its lane.
+    /// The pending triangle: four times its block plus its lane.
     pending: u32,
-    /// The id of that triangle, or of the last one that waited or was the nearest: it may be met again in another leaf.
+    /// The id of the pending triangle, or of the last triangle that was pending or nearest. The ray may hit it again
+    /// in another leaf.
     last_seen: u32,
-    /// A triangle that had waited was not hit.
+    /// Whether a pending triangle turned out not to be hit.
     pub(crate) failed: bool,
 }
 
@@ -339,14 +349,14 @@ impl Search {
         }
     }
 
-    /// Tests a block, roughly; tells whether [`Search::complete`] has anything to do.
+    /// The coarse test of a block. Returns also whether [`Search::complete`] has anything to do.
     #[inline(always)]
     pub(crate) fn test(&self, block: &Triangle4, ray: &PreparedRay, t_max: f32) -> (bool, CoarseTest) {
         let tested = block.test(ray, self.bound, t_max);
         (tested.candidates != 0, tested)
     }
 
-    /// Considers the candidates of a block. `t_max` is lowered to where the nearest triangle surely is.
+    /// Refines the candidates of a block and tests them. `t_max` is lowered to an upper bound of the nearest hit.
     #[inline(always)]
     pub(crate) fn complete(
         &mut self,
@@ -385,7 +395,7 @@ impl Search {
         }
     }
 
-    /// Tests the triangle that waits, if one does, exactly.
+    /// Tests the pending triangle exactly, if there is one.
     #[inline(always)]
     pub(crate) fn resolve(
         &mut self,
@@ -434,7 +444,8 @@ mod tests {
         let random = &mut Random(44);
         let (mut hits, mut candidates, mut surely_hit) = (0, 0, 0);
         for i in 0..200_000 {
-            // From large ones nearby to dots far away, of all magnitudes, aimed at beside, on and next to their borders.
+            // Triangles from large ones nearby to dots far away, of all magnitudes. Rays are aimed beside, on and next
+            // to their borders.
             let far = random.vector() * 10f32.powi(random.below(6) as i32 - 1);
             let scale = 10f32.powi(random.below(60) as i32 - 30);
             let triangles = [0; 4].map(|_| [0; 3].map(|_| (far + random.vector() * [1.0, 1e-2, 1e-4][i % 3]) * scale));

@@ -1,5 +1,5 @@
-//! What single rays and streams do at leaves.
-#![allow(unsafe_code)] // What is done at leaves may be compiled for a stream's instructions, though here it needs none.
+//! The leaf tests of single rays and streams.
+#![allow(unsafe_code)] // `StreamVisitor::leaf` is unsafe, though this one needs no instructions.
 
 use crate::node::{Node, PrefetchTable};
 use crate::primitive::primitive4::{Candidates, LANES, Primitive4, UnitRay, UserIntersect};
@@ -7,13 +7,13 @@ use crate::simd::NodeTest;
 use crate::traverse::{AnyHitVisitor, ClosestVisitor, NumberedRay, StreamVisitor};
 use crate::{Leaf, PreparedRay, PrimitiveHit};
 
-/// The bits of the lanes of a leaf that hold something.
+/// The lanes of a leaf that hold a primitive, one bit for each.
 #[inline(always)]
 fn filled(leaf: Leaf) -> u32 {
     (1 << leaf.count()) - 1
 }
 
-/// Makes the primitive in this lane the nearest if it is, and tells whether.
+/// Tests the primitive in this lane exactly and stores it in `nearest` if it is nearer. Returns whether it is.
 #[inline(always)]
 pub(crate) fn accept_if_nearer(
     block: &Primitive4,
@@ -23,7 +23,7 @@ pub(crate) fn accept_if_nearer(
     user: &impl UserIntersect,
 ) -> bool {
     let id = block.ids[lane];
-    // Whoever was asked need not have kept to `nearest.t`.
+    // The callback may have ignored `nearest.t`.
     if let Some(met) = block.exact(lane, ray, nearest.t, user)
         && (met.t < nearest.t || met.t == nearest.t && id < nearest.id)
     {
@@ -45,7 +45,7 @@ pub(super) fn closest(
     while lanes != 0 {
         let lane = lanes.trailing_zeros() as usize;
         lanes &= lanes - 1;
-        // What was met meanwhile may be nearer; where the bound is no number it can't be told.
+        // A hit found meanwhile may be nearer. A NaN bound skips nothing.
         if candidates.near[lane] > nearest.t {
             continue;
         }
@@ -62,7 +62,7 @@ pub(super) fn any(
     user: &impl UserIntersect,
     counts: &mut impl FnMut(u32) -> bool,
 ) -> Option<u32> {
-    // Those that need no asking first.
+    // Certain hits come first, as they need no exact test.
     for (mut lanes, surely) in [(surely, true), (lanes & !surely, false)] {
         while lanes != 0 {
             let lane = lanes.trailing_zeros();

@@ -1,21 +1,22 @@
-//! Rays with a margin, for trees in spaces that rays reach only rounded: what they come near to is met.
+//! Rays with a margin, for trees in spaces into which rays are transformed with rounding. A box near the ray counts as
+//! entered.
 
 use crate::{Aabb, PreparedRay, Ray};
 use glam::Vec3;
 
-/// A ray that meets a box if it comes within a margin of it along each axis.
+/// A ray that enters a box if it comes within a margin of the box along each axis.
 #[derive(Clone, Copy, Debug)]
 pub struct InflatedRay {
     pub(crate) ray: PreparedRay,
-    /// The origins from which the planes that it enters by, and those that it leaves by, are seen: a plane moved by the margin is
-    /// the same to the origin moved the other way.
+    /// The origins for the entry planes and for the exit planes. Moving a plane by the margin is equivalent to moving
+    /// the origin by the margin in the opposite direction.
     pub(crate) origins: [[f32; 3]; 2],
     margin: f32,
 }
 
 impl InflatedRay {
-    /// The ray with a margin, which is not negative. It should be larger than some roundings of the origin and of the boxes. If it is infinite,
-    /// every box is met; if it is NaN, none.
+    /// The ray with a margin, which is not negative. The margin should be larger than a few roundings of the origin and
+    /// of the boxes. With an infinite margin every box is entered; with a NaN margin, none.
     #[inline]
     pub fn new(ray: &Ray, margin: f32) -> InflatedRay {
         let ahead = Vec3::select(ray.direction.cmplt(Vec3::ZERO), Vec3::splat(-margin), Vec3::splat(margin));
@@ -23,7 +24,7 @@ impl InflatedRay {
         InflatedRay { ray: ray.prepare(), origins, margin }
     }
 
-    /// Whether it meets a box within (0, t_max], as trees ask it: true in doubt.
+    /// Whether the ray enters a box within (0, t_max], by the conservative test of the trees: true in doubt.
     #[inline]
     pub fn enters(&self, bounds: &Aabb, t_max: f32) -> bool {
         self.ray.enters(&self.grown(bounds), t_max)
@@ -41,7 +42,8 @@ mod tests {
     use crate::testing::Random;
     use crate::{Bvh, InstructionSet, Leaf};
 
-    /// A ray with a margin meets what a ray without one meets that is moved by as much, and little more.
+    /// A ray with a margin enters the boxes that a ray without margin, moved by at most the margin, enters, and few
+    /// more.
     #[test]
     fn what_lies_within_the_margin_is_met() {
         let random = &mut Random(61);

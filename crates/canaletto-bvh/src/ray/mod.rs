@@ -1,4 +1,9 @@
-//! Rays.
+//! Rays, and their preparation for traversal.
+//!
+//! - [`Ray`] is the plain ray, [`PreparedRay`] the ray with its precomputed numbers (Embree's `TravRay` and
+//!   `Precalculations`).
+//! - [`AxisOrder`] is the part of these that depends only on the signs and the longest component of the direction.
+//! - `prepare4` prepares four rays side by side. [`InflatedRay`] is a ray with a margin.
 
 mod inflated;
 mod prepare4;
@@ -9,11 +14,11 @@ pub use inflated::InflatedRay;
 
 /// The points `origin + t * direction`, t > 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[repr(C)] // Packets read neighbouring numbers at once.
+#[repr(C)] // Packets read neighbouring numbers in one load.
 pub struct Ray {
-    /// Where t = 0.
+    /// The point at t = 0.
     pub origin: Vec3,
-    /// The way of growing t; of any length.
+    /// The direction of growing t, of any length.
     pub direction: Vec3,
 }
 
@@ -28,33 +33,35 @@ impl Ray {
         self.origin + t * self.direction
     }
 
-    /// The ray, ready for trees and kernels.
+    /// The ray with its numbers precomputed for trees and kernels.
     pub fn prepare(&self) -> PreparedRay {
         PreparedRay::new(self)
     }
 }
 
-/// A ray with all that trees and kernels want to know about it, computed once for any number of them: one cache line.
+/// A ray with the numbers that trees and kernels need, computed once for any number of trees. One cache line.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub struct PreparedRay {
-    /// The ray itself. Nobody may change it: all the rest is made from it.
+    /// The ray itself. It must not be changed, since all other fields are derived from it.
     pub(crate) ray: Ray,
-    /// −1 / direction: planes are taken from the origin, so that they can be read by the instruction that does it.
+    /// −1 / direction. Planes are subtracted from the origin, so that the subtraction can read them from memory.
     pub(crate) backwards: [f32; 3],
-    /// What takes the ray to the longest axis of its direction: x and y are sheared by these, times z, where x, y and z are the axes
-    /// in the order of `way.rows`. NaN, which decides nothing, where rounding would take digits off.
+    /// The shear of Woop's test. It maps the ray to the longest axis of its direction: `shear` times z is subtracted
+    /// from x and from y. Here x, y and z are the axes in the order of `axis_order.rows`. The shear is NaN, which
+    /// decides nothing, where rounding would lose digits.
     pub(crate) shear: [f32; 2],
-    /// −1 / direction along the longest axis; NaN, which decides nothing, for rays that are not regular.
+    /// −1 / direction along the longest axis. NaN, which decides nothing, for rays that are not regular.
     pub(crate) along: f32,
     pub(crate) axis_order: AxisOrder,
-    /// The origin is finite and the reciprocals are normal numbers.
+    /// Whether the origin is finite and all reciprocals are normal numbers.
     pub(crate) regular: bool,
 }
 
 const _: () = assert!(size_of::<PreparedRay>() == 64);
 
-/// An axis, told by where the row of its coordinates lies among three rows of four, in bytes: what is read by that needs no branch.
+/// An axis, represented by the byte offset of its row among three rows of four floats. Reading by this offset needs no
+/// branch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(u8)]
 pub(crate) enum Axis {
@@ -64,28 +71,28 @@ pub(crate) enum Axis {
 }
 
 impl Axis {
-    /// Where the row lies.
+    /// The byte offset of the row.
     #[inline(always)]
     pub(crate) fn offset(self) -> usize {
         usize::from(self as u8)
     }
 
-    /// 0, 1 or 2.
+    /// The index of the axis: 0, 1 or 2.
     #[inline(always)]
     pub(crate) fn index(self) -> usize {
         self.offset() / 16
     }
 
-    /// A vector's component. Indexing would choose by a branch that nobody can foretell.
+    /// A vector's component. Indexing would select it by an unpredictable branch.
     #[inline(always)]
     #[allow(unsafe_code)]
     pub(crate) fn of(self, vector: &Vec3) -> f32 {
-        // SAFETY: a fourth of 0, 16 or 32 is the offset of one of three floats.
+        // SAFETY: a fourth of 0, 16 or 32 is the byte offset of one of three floats.
         unsafe { *(&raw const *vector).cast::<f32>().byte_add(self.offset() / 4) }
     }
 }
 
-/// Planes of eight boxes along an axis, told by where they lie in [`crate::slab::Boxes`], in bytes.
+/// The planes of eight boxes along an axis, represented by their byte offset in [`crate::slab::Boxes`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(u8)]
 pub(crate) enum Planes {
@@ -98,27 +105,28 @@ pub(crate) enum Planes {
 }
 
 impl Planes {
-    /// Where they lie.
+    /// The byte offset of the planes.
     #[inline(always)]
     pub(crate) fn offset(self) -> usize {
         usize::from(self as u8)
     }
 }
 
-/// Where a ray goes, roughly: what its direction's signs and longest component tell.
+/// The octant of a ray's direction and the order of its axes: what follows from the signs and the longest component.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct AxisOrder {
-    /// The planes of x, y and z that are met first.
+    /// The entry planes along x, y and z.
     pub(crate) entries: [Planes; 3],
-    /// Those that are met last.
+    /// The exit planes along x, y and z.
     pub(crate) exits: [Planes; 3],
-    /// The axes, that of the longest component of the direction last, the other two ordered such that winding is kept.
+    /// The axes. The axis of the direction's longest component comes last. The other two are ordered such that winding
+    /// is kept.
     pub(crate) rows: [Axis; 3],
-    /// One bit for each axis along which the ray moves backwards.
+    /// The octant: one bit for each axis along which the ray moves backwards.
     pub(crate) octant: u8,
 }
 
-/// By octant, and whether x ≥ y, x ≥ z and y ≥ z.
+/// All axis orders, indexed by the octant and by the bits of x ≥ y, x ≥ z and y ≥ z.
 static AXIS_ORDERS: [[AxisOrder; 8]; 8] = {
     use Axis::{X, Y, Z};
     use Planes::{HighX, HighY, HighZ, LowX, LowY, LowZ};
@@ -144,7 +152,7 @@ static AXIS_ORDERS: [[AxisOrder; 8]; 8] = {
 };
 
 impl AxisOrder {
-    /// Along z, and not backwards along any axis.
+    /// The axis order of a ray along z that moves backwards along no axis.
     pub(crate) const FORWARDS: Self = Self {
         entries: [Planes::LowX, Planes::LowY, Planes::LowZ],
         exits: [Planes::HighX, Planes::HighY, Planes::HighZ],
@@ -152,7 +160,7 @@ impl AxisOrder {
         octant: 0,
     };
 
-    /// Of a direction; its fourth component is positive.
+    /// The axis order of a direction whose fourth component is positive.
     #[inline(always)]
     fn of_four(direction: Vec4) -> Self {
         let octant = direction.cmplt(Vec4::ZERO).bitmask();
@@ -161,13 +169,13 @@ impl AxisOrder {
         AXIS_ORDERS[octant as usize & 7][pairs as usize & 7]
     }
 
-    /// Of a ray.
+    /// The axis order of a ray.
     #[inline(always)]
     pub(crate) fn of(ray: &Ray) -> Self {
         Self::of_four(ray.direction.extend(1.0))
     }
 
-    /// The axes in the order of `rows`.
+    /// The indices of the axes in the order of `rows`.
     #[inline(always)]
     pub(crate) fn axes(&self) -> [usize; 3] {
         let [x, y, z] = self.rows;
@@ -195,7 +203,7 @@ impl PreparedRay {
         let x_y_one = Vec4::new(x.of(&ray.direction), y.of(&ray.direction), 1.0, 1.0);
         let shear = x_y_one / Vec4::splat(z.of(&ray.direction));
         let size = shear.abs();
-        // NaN for a zero direction, too.
+        // For a zero direction the shear is NaN, too.
         let told = size.cmpeq(Vec4::ZERO) | size.cmpge(Vec4::splat(f32::MIN_POSITIVE)) & size.cmplt(Vec4::INFINITY);
         let shear = Vec4::select(told, shear, Vec4::NAN);
         Self {
@@ -214,7 +222,7 @@ impl PreparedRay {
         &self.ray
     }
 
-    /// The origin along an axis.
+    /// The origin's coordinate along an axis.
     #[inline(always)]
     pub(crate) fn origin(&self, axis: Axis) -> f32 {
         axis.of(&self.ray.origin)
@@ -226,7 +234,7 @@ impl PreparedRay {
         axis.of(&Vec3::from_array(self.backwards))
     }
 
-    /// The direction along an axis.
+    /// The direction's component along an axis.
     #[inline(always)]
     pub(crate) fn direction(&self, axis: Axis) -> f32 {
         axis.of(&self.ray.direction)
@@ -253,7 +261,7 @@ mod tests {
             let axis_order = AxisOrder::of(&Ray::new(Vec3::ZERO, direction));
             let [x, y, z] = axis_order.axes();
             assert_eq!(direction.abs().max_position(), z);
-            // Seen from where it goes to, the corners run the same way round.
+            // Seen along the ray, the corners keep their winding.
             let sheared = Mat3::from_cols(Vec3::AXES[x], Vec3::AXES[y], Vec3::AXES[z]);
             assert_eq!(sheared.determinant(), direction[z].signum());
             for axis in 0..3 {

@@ -1,5 +1,5 @@
-//! Many rays prepared, four side by side: half the instructions of one after the other.
-#![allow(unsafe_code)] // Registers written to where the fields of a ray lie.
+//! Preparation of many rays, four side by side. It takes half the instructions of one ray after the other.
+#![allow(unsafe_code)] // Registers are written to the fields of a ray.
 
 use std::mem::{MaybeUninit, offset_of};
 
@@ -9,12 +9,12 @@ use super::{AXIS_ORDERS, PreparedRay, Ray};
 use crate::{InstructionSet, Kernel};
 
 impl PreparedRay {
-    /// [`PreparedRay::new`] for many. Tells between which corners their origins lie.
+    /// [`PreparedRay::new`] for many rays. Returns the corners of the box around their origins.
     pub(crate) fn prepare_all(rays: &[Ray], prepared: &mut Vec<Self>) -> [Vec3; 2] {
         prepared.clear();
         prepared.reserve(rays.len());
         let corners = InstructionSet::run(Preparation { rays, prepared: prepared.spare_capacity_mut() });
-        // SAFETY: there is room for all, so that each was written.
+        // SAFETY: there is room for all rays, so that each of them was written.
         unsafe { prepared.set_len(rays.len()) };
         corners
     }
@@ -22,7 +22,7 @@ impl PreparedRay {
 
 struct Preparation<'a> {
     rays: &'a [Ray],
-    /// No fewer than the rays.
+    /// The memory for the prepared rays, no fewer than `rays`.
     prepared: &'a mut [MaybeUninit<PreparedRay>],
 }
 
@@ -52,7 +52,8 @@ impl Kernel for Preparation<'_> {
     }
 }
 
-/// In this order, what is no number is left out, or makes the corner no number.
+/// Joins an origin to the two corners. With these argument orders a NaN coordinate is either left out or makes the
+/// corner NaN.
 #[inline(always)]
 fn widen((low, high): (Vec4, Vec4), origin: Vec4) -> (Vec4, Vec4) {
     (origin.min(low), origin.max(high))
@@ -61,18 +62,18 @@ fn widen((low, high): (Vec4, Vec4), origin: Vec4) -> (Vec4, Vec4) {
 /// The origin, and x of the direction.
 #[inline(always)]
 fn head(ray: &Ray) -> Vec4 {
-    // SAFETY: the first four of six numbers.
+    // SAFETY: these are the first four of a ray's six numbers.
     unsafe { (&raw const *ray).cast::<Vec4>().read_unaligned() }
 }
 
 /// z of the origin, and the direction.
 #[inline(always)]
 fn tail(ray: &Ray) -> Vec4 {
-    // SAFETY: the last four of six numbers.
+    // SAFETY: these are the last four of a ray's six numbers.
     unsafe { (&raw const *ray).cast::<f32>().add(2).cast::<Vec4>().read_unaligned() }
 }
 
-/// Rows of columns, or columns of rows.
+/// The transposed matrix.
 #[inline(always)]
 fn transposed(rows: [Vec4; 4]) -> [Vec4; 4] {
     let turned = Mat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose();
@@ -88,7 +89,8 @@ const _: () = assert!(
         && offset_of!(PreparedRay, axis_order) >= 12 * FLOATS
 );
 
-/// Prepares four as [`PreparedRay::of`] does one, unless something is special about one of them: then it tells so, and has prepared none.
+/// Prepares four rays as [`PreparedRay::of`] prepares one. If one of them is irregular or its shear is not a normal
+/// number, it returns false and prepares none.
 #[inline(always)]
 fn prepare_four(rays: &[Ray; 4], prepared: &mut [MaybeUninit<PreparedRay>; 4]) -> bool {
     let heads = [head(&rays[0]), head(&rays[1]), head(&rays[2]), head(&rays[3])];
@@ -97,7 +99,7 @@ fn prepare_four(rays: &[Ray; 4], prepared: &mut [MaybeUninit<PreparedRay>; 4]) -
     let backwards = [one / x, one / y, one / z];
     let (far, wide, high) = (x.abs(), y.abs(), z.abs());
     let (x_y, x_z, y_z) = (far.cmpge(wide), far.cmpge(high), wide.cmpge(high));
-    // The longest axis, and the two that follow it in a circle.
+    // The longest axis, and the two axes that follow it cyclically.
     let along_x = x_y & x_z;
     let pick = |x: Vec4, y: Vec4, z: Vec4| Vec4::select(along_x, x, Vec4::select(y_z, y, z));
     let (longest, second, third) = (pick(x, y, z), pick(y, z, x), pick(z, x, y));
@@ -108,7 +110,7 @@ fn prepare_four(rays: &[Ray; 4], prepared: &mut [MaybeUninit<PreparedRay>; 4]) -
     let [bx, by, bz] = backwards;
     let along = pick(bx, by, bz);
 
-    // A sum is finite only if all that it is of is. Nothing is sheared by more than 1.
+    // A sum is finite only if all its terms are. No shear is larger than 1.
     let [a, b, c] = [bx.abs(), by.abs(), bz.abs()];
     let least = a.min(b).min(c).min(shear_x.abs().min(shear_y.abs()));
     let origins = heads[0].abs() + heads[1].abs() + (heads[2].abs() + heads[3].abs());
@@ -117,7 +119,8 @@ fn prepare_four(rays: &[Ray; 4], prepared: &mut [MaybeUninit<PreparedRay>; 4]) -
         return false;
     }
 
-    // The index into the table of ways, in the last bits of a number: eight times the octant, and a bit for each pair.
+    // The index into the table of axis orders, in the lowest bits of a float: eight times the octant, plus one bit for
+    // each pair.
     let bit = |set, bit: u32| Vec4::select(set, Vec4::splat((1u32 << bit) as f32), zero);
     let octant = bit(x.cmplt(zero), 3) + bit(y.cmplt(zero), 4) + bit(z.cmplt(zero), 5);
     let pairs = bit(x_y, 0) + bit(x_z, 1) + bit(y_z, 2);
@@ -127,7 +130,7 @@ fn prepare_four(rays: &[Ray; 4], prepared: &mut [MaybeUninit<PreparedRay>; 4]) -
     for (i, prepared) in prepared.iter_mut().enumerate() {
         let prepared = prepared.as_mut_ptr();
         let index = index[i].to_bits() as usize & 63;
-        // SAFETY: the fields lie as asserted above, and are aligned to more than these registers.
+        // SAFETY: the fields have the offsets asserted above, and their alignment is at least that of these registers.
         unsafe {
             let registers = prepared.cast::<Vec4>();
             registers.write(heads[i]);

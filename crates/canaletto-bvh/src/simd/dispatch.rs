@@ -1,4 +1,4 @@
-//! Code that is compiled once for each instruction set.
+//! The choice of instructions at run time: code that is compiled once for each instruction set.
 
 #![allow(unsafe_code)] // Functions for instructions that only some machines have.
 
@@ -7,17 +7,18 @@ use super::{Avx2, Avx512};
 use super::{Baseline, Instructions, IrregularNodeTest, NodeTest};
 use crate::InstructionSet;
 
-/// Loops over numbers side by side, which the compiler makes wide by whatever instructions it may use. They give the same bits with all of
-/// them: + − × ÷ and sqrt are never fused.
+/// A kernel of plain loops, which the compiler vectorises for each instruction set. All sets give equal bits, since + −
+/// × ÷ and sqrt are never fused.
 pub trait Kernel {
-    /// What it finds.
+    /// The result.
     type Answer;
-    /// Does the work. Has to be `#[inline(always)]`, as must be all it calls, or it is compiled for the baseline.
+    /// Runs the kernel. It has to be `#[inline(always)]`, as must all functions that it calls. Otherwise it is compiled
+    /// for the baseline.
     fn run(self) -> Self::Answer;
 }
 
 impl InstructionSet {
-    /// Runs a kernel by the instructions in use.
+    /// Runs a kernel with the instructions in use.
     #[inline]
     pub fn run<K: Kernel>(kernel: K) -> K::Answer {
         run(Loops(kernel))
@@ -35,22 +36,22 @@ impl<K: Kernel> SimdKernel for Loops<K> {
     }
 }
 
-/// What says itself what is side by side, by values that [`Instructions`] make.
+/// A kernel written with explicit vectors of [`Instructions`].
 pub(crate) trait SimdKernel {
-    /// What it finds.
+    /// The result.
     type Answer;
-    /// As [`Kernel::run`].
+    /// Runs the kernel, as [`Kernel::run`].
     fn run<S: Instructions>(self, s: S) -> Self::Answer;
 }
 
-/// Runs it by the instructions in use.
+/// Runs a kernel with the instructions in use.
 #[inline]
 pub(crate) fn run<K: SimdKernel>(kernel: K) -> K::Answer {
     #[cfg(target_arch = "x86_64")]
     match InstructionSet::current() {
-        // SAFETY: `current` never tells more than the machine has.
+        // SAFETY: `current` never returns more than the machine has.
         InstructionSet::Avx512 => return unsafe { avx512(kernel) },
-        // SAFETY: as said.
+        // SAFETY: as above.
         InstructionSet::Avx2 => return unsafe { avx2(kernel) },
         InstructionSet::Baseline => {}
     }
@@ -60,35 +61,35 @@ pub(crate) fn run<K: SimdKernel>(kernel: K) -> K::Answer {
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
 fn avx2<K: SimdKernel>(kernel: K) -> K::Answer {
-    // SAFETY: who called this knows that the machine has the instructions.
+    // SAFETY: the caller of this function ensures that the machine has the instructions.
     kernel.run(unsafe { Avx2::new() })
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512bw,avx512dq")]
 fn avx512<K: SimdKernel>(kernel: K) -> K::Answer {
-    // SAFETY: who called this knows that the machine has the instructions.
+    // SAFETY: the caller of this function ensures that the machine has the instructions.
     kernel.run(unsafe { Avx512::new() })
 }
 
-/// A way through all nodes of a tree, compiled for each set of instructions.
+/// A traversal of a tree, compiled for each instruction set.
 pub(crate) trait Traversal {
-    /// What it finds.
+    /// The result.
     type Answer;
-    /// Does the work. Has to be `#[inline(always)]`.
+    /// Runs the traversal. It has to be `#[inline(always)]`.
     ///
     /// # Safety
     /// As for [`NodeTest`].
     unsafe fn run<N: NodeTest>(self) -> Self::Answer;
 }
 
-/// Runs a traversal by the instructions in use, or box by box for a ray that is not `regular`.
+/// Runs a traversal with the instructions in use. For a ray that is not `regular`, the boxes are tested one by one.
 #[inline]
 pub(crate) fn traverse<T: Traversal>(regular: bool, traversal: T) -> T::Answer {
     if regular {
         return run(Regular(traversal));
     }
-    // SAFETY: `IrregularNodeTest` needs nothing.
+    // SAFETY: `IrregularNodeTest` needs no special instructions.
     unsafe { traversal.run::<IrregularNodeTest>() }
 }
 
@@ -104,7 +105,7 @@ impl<T: Traversal> SimdKernel for Regular<T> {
     }
 }
 
-/// A function that is also compiled for AVX2, and runs as that where the machine has it.
+/// Defines a function that is also compiled for AVX2. That version runs where the machine has AVX2.
 macro_rules! compiled_wide {
     ($(#[$about:meta])* $vis:vis fn $name:ident($($arg:ident: $type:ty),*) -> $result:ty $body:block) => {
         $(#[$about])*
@@ -119,7 +120,7 @@ macro_rules! compiled_wide {
                 }
                 if crate::InstructionSet::current() >= crate::InstructionSet::Avx2 {
                     #[allow(unsafe_code)]
-                    // SAFETY: `current` never tells more than the machine has.
+                    // SAFETY: `current` never returns more than the machine has.
                     return unsafe { wide($($arg),*) };
                 }
             }

@@ -1,26 +1,27 @@
-//! Four numbers of f64 side by side, by the instructions that the machine has. All give the same numbers.
+//! Four f64 numbers side by side. All implementations give equal numbers.
 
 use std::ops::{Add, Div, Mul, Sub};
 
 use glam::Vec4;
 
-/// Four numbers. Made by those only who know that the machine has the instructions, inlined into functions that are compiled for them.
+/// Four f64 numbers. A value may be made only if the machine has the instructions, and only in functions that are
+/// inlined into code compiled for them.
 pub(crate) trait F64x4:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
 {
-    /// The same number four times.
+    /// One number in all four lanes.
     ///
     /// # Safety
     /// The machine must have the instructions.
     unsafe fn splat(value: f64) -> Self;
 
-    /// The same numbers as of f32.
+    /// Four f32 numbers as f64.
     ///
     /// # Safety
     /// The machine must have the instructions.
     unsafe fn wide(row: Vec4) -> Self;
 
-    /// Rounded to f32.
+    /// The numbers rounded to f32.
     fn narrow(self) -> Vec4;
 
     fn to_array(self) -> [f64; 4];
@@ -33,14 +34,14 @@ pub(crate) trait F64x4:
     /// `a > b ? a : b`.
     fn max(self, other: Self) -> Self;
 
-    /// A bit for each that is less or equal; none for NaN.
+    /// A bit for each lane that is less or equal; none for NaN.
     fn at_most(self, other: Self) -> u32;
 
-    /// A bit for each that is less; none for NaN.
+    /// A bit for each lane that is less; none for NaN.
     fn below(self, other: Self) -> u32;
 }
 
-/// What the compiler makes of loops.
+/// The implementation by loops, which the compiler vectorises.
 #[derive(Clone, Copy)]
 pub(crate) struct ScalarF64x4([f64; 4]);
 
@@ -116,7 +117,7 @@ mod x86 {
     use super::{Add, Div, F64x4, Mul, Sub, Vec4};
     use std::arch::x86_64::*;
 
-    /// One register.
+    /// One AVX register.
     #[derive(Clone, Copy)]
     pub(crate) struct AvxF64x4(__m256d);
 
@@ -127,7 +128,8 @@ mod x86 {
         Div div(a, b) _mm256_div_pd(a, b);
     });
 
-    // SAFETY: of all below: who made the values knows that the machine has the instructions.
+    // SAFETY, for all functions below: a value exists only if the machine has the instructions, as its constructors
+    // require.
     impl F64x4 for AvxF64x4 {
         #[inline(always)]
         unsafe fn splat(value: f64) -> Self {

@@ -1,12 +1,12 @@
-//! The sets of instructions that kernels are compiled for.
+//! The instruction sets that kernels are compiled for.
 
 use std::sync::atomic::{AtomicU8, Ordering};
 
-/// Sets of instructions that kernels exist for, each with all before it.
+/// The instruction sets that kernels are compiled for. Each includes all before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum InstructionSet {
-    /// What every machine has: SSE2 on x86-64, NEON on ARM.
+    /// The baseline of every machine: SSE2 on x86-64, NEON on ARM.
     Baseline = 1,
     /// AVX2 and FMA.
     Avx2 = 2,
@@ -17,7 +17,7 @@ pub enum InstructionSet {
 static CHOSEN: AtomicU8 = AtomicU8::new(0);
 
 impl InstructionSet {
-    /// All that kernels exist for, on whatever machine.
+    /// All instruction sets that kernels are compiled for, on any machine.
     pub const ALL: [InstructionSet; 3] = [InstructionSet::Baseline, InstructionSet::Avx2, InstructionSet::Avx512];
 
     /// The sets that this machine has.
@@ -25,7 +25,7 @@ impl InstructionSet {
         &Self::ALL[..InstructionSet::best() as usize]
     }
 
-    /// "baseline", "avx2" or "avx512".
+    /// The name: "baseline", "avx2" or "avx512".
     pub fn name(self) -> &'static str {
         match self {
             InstructionSet::Baseline => "baseline",
@@ -57,7 +57,7 @@ impl InstructionSet {
         InstructionSet::Baseline
     }
 
-    /// The set in use: the best that the machine has, unless [`InstructionSet::limit`] said otherwise.
+    /// The set in use: the best that the machine has, unless [`InstructionSet::limit`] has set a lower one.
     #[inline]
     pub fn current() -> InstructionSet {
         match CHOSEN.load(Ordering::Relaxed) {
@@ -75,7 +75,7 @@ impl InstructionSet {
         best
     }
 
-    /// From now on uses no instructions beyond this set, in all threads: for tests and measurements. No answer depends on it.
+    /// Limits all threads to this set from now on, for tests and measurements. No result depends on it.
     pub fn limit(self) {
         CHOSEN.store(self.min(InstructionSet::best()) as u8, Ordering::Relaxed);
     }

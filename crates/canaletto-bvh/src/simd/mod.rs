@@ -1,9 +1,15 @@
-//! SIMD: which instructions the machine has, vectors over them, and the test of a ray against the eight boxes of a node.
+//! SIMD: the choice of instructions, vectors, and the node test. Read the files in this order:
 //!
-//! [`dispatch`] is the one place that chooses instructions at run time.
+//! 1. `instruction_set`: the instruction sets, and which of them the machine has.
+//! 2. `dispatch`: the one place that chooses instructions at run time, for loops ([`Kernel`]), for explicit vectors
+//!    (`SimdKernel`) and for traversals (`Traversal`).
+//! 3. `node_test/`: the test of a ray against the eight boxes of a node, once per instruction set.
+//! 4. `vector/`: vectors of 4, 8 or 16 f32 for packets. `f64x4`: vectors of four f64 for the exact test.
+//!
+//! All instruction sets give equal results, bit for bit.
 #![allow(unsafe_code)] // Intrinsics.
 
-/// Operators of what wraps numbers side by side, by functions of what it wraps.
+/// Implements the operators of a vector type by functions of the wrapped value.
 macro_rules! operators {
     ($type:ty { $($trait:ident $name:ident ($a:ident, $b:ident) $do:expr;)* }) => {
         $(impl $trait for $type {
@@ -12,7 +18,7 @@ macro_rules! operators {
             fn $name(self, other: Self) -> Self {
                 let ($a, $b) = (self.0, other.0);
                 #[allow(unused_unsafe)]
-                // SAFETY: who made the values knows that the machine has the instructions.
+                // SAFETY: a value exists only if the machine has the instructions, as its constructor requires.
                 unsafe { Self($do) }
             }
         })*

@@ -1,11 +1,11 @@
-//! What is done at the leaves that a single ray meets.
+//! The leaf tests of single rays, as traits.
 
 use crate::node::Leaf;
 
-/// What is done at leaves. Unlike a closure it can be told to be inlined, so that it, too, is compiled for the instructions of its
-/// caller.
+/// The leaf test of a closest-hit query. Unlike a closure it can be marked `#[inline(always)]`, so that it is compiled
+/// for the instructions of its caller.
 pub(crate) trait ClosestVisitor {
-    /// Tests a leaf, and lowers `t_max` to the nearest hit.
+    /// Tests a leaf and lowers `t_max` to the nearest hit.
     fn leaf(&mut self, leaf: Leaf, t_max: &mut f32);
 }
 
@@ -16,9 +16,9 @@ impl<F: FnMut(Leaf, &mut f32)> ClosestVisitor for F {
     }
 }
 
-/// The same for any hit.
+/// The leaf test of an any-hit query.
 pub(crate) trait AnyHitVisitor {
-    /// Whether something is hit in a leaf.
+    /// Whether a primitive of the leaf is hit.
     fn leaf(&mut self, leaf: Leaf) -> bool;
 }
 

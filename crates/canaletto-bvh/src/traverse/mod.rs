@@ -1,5 +1,15 @@
-//! Rays through the tree: one at a time ([`single`]), many that need not go the same way ([`stream`]), and packets of rays
-//! that go nearly the same way ([`packet`]).
+//! Rays through the tree. Read the files in this order:
+//!
+//! 1. `single`: one ray, closest hit and any hit, as Embree's `BVHNIntersector1`. The traversal loop stands here, with
+//!    its steps marked.
+//! 2. `stack`: the traversal stack that single rays and streams share.
+//! 3. `leaf_visitor`: the traits of the leaf tests. Their bodies are in `triangle_bvh/leaves.rs` and
+//!    `primitive_bvh/leaves.rs`.
+//! 4. `stream`: many incoherent rays, 32 of them in flight, as Embree's `BVHNIntersectorStream`.
+//! 5. `packet`: up to 64 coherent rays in groups of sixteen, as Embree's hybrid packets. A packet has a traversal loop
+//!    of its own.
+//!
+//! The node test is in `simd/node_test/`. All three kinds of traversal return equal hits, bit for bit.
 
 mod leaf_visitor;
 pub(crate) mod packet;

@@ -1,8 +1,9 @@
-//! One ray through the tree.
+//! The traversal of one ray.
 //!
-//! Nothing branches on how many children a ray meets: what it meets goes on its stack at once, the nearest on top. That
-//! order is approximate (see `node`); where each child is entered is kept, and what a hit has cut off is forgotten.
-#![allow(unsafe_code)] // Kernels compiled for instructions that are asked for at run time, and stacks that are not cleared.
+//! No branch depends on how many children a ray enters: the entered children go on the stack at once, with the nearest
+//! on top. Their order is approximate (see `node`). The stack also keeps the distance at which each child is entered,
+//! and a new hit culls the entries behind it.
+#![allow(unsafe_code)] // Kernels for instructions that are chosen at run time, and uninitialised stacks.
 
 use super::stack::Stack;
 use super::{AnyHitVisitor, ClosestVisitor};
@@ -11,7 +12,7 @@ use crate::simd::dispatch::{self, Traversal};
 use crate::simd::{NodeTest, TraversalRay};
 use crate::slab::limit as limit_of;
 
-/// [`crate::Bvh::intersect`], for a ray with or without a margin. Returns what `t_max` is in the end.
+/// [`crate::Bvh::intersect`], for a ray with or without a margin. Returns the final `t_max`.
 #[inline]
 pub(crate) fn closest<R: TraversalRay>(nodes: &[Node], ray: &R, t_max: f32, leaf: impl ClosestVisitor) -> f32 {
     dispatch::traverse(ray.ray().regular, ClosestTraversal { nodes, ray, t_max, leaf })
@@ -34,10 +35,10 @@ impl<R: TraversalRay, F: ClosestVisitor> Traversal for ClosestTraversal<'_, R, F
     }
 }
 
-/// [`closest`] by these instructions.
+/// [`closest`] with the node test `N`.
 ///
 /// # Safety
-/// As for [`NodeTest`]; `nodes` must be all of a tree.
+/// As for [`NodeTest`]; `nodes` must be all nodes of a tree.
 #[inline(always)]
 pub(crate) unsafe fn closest_by<R: TraversalRay, N: NodeTest, F: ClosestVisitor>(
     nodes: &[Node],
@@ -51,21 +52,27 @@ pub(crate) unsafe fn closest_by<R: TraversalRay, N: NodeTest, F: ClosestVisitor>
     let mut stack = Stack::new();
     let mut limit = limit_of(t_max);
     let mut link = NodeRef::node(0);
-    // SAFETY: the caller's promise; links lead to nodes of the tree, leaves or nowhere (see `Node::children`), whatever lanes are met.
+    // SAFETY: the caller's promise. Links lead to nodes of the tree, to leaves, or are END (see `Node::children`),
+    // whatever lanes are entered.
     unsafe {
         loop {
+            // Descend: test the node, push the entered children, go on with the nearest.
             while !link.is_leaf() {
                 link = stack.visit::<R, N, true>(nodes.get_unchecked(link.node_index()), ray, limit);
             }
+            // The stack is empty: the traversal has ended.
             if link == NodeRef::END {
                 return t_max;
             }
+            // This is a leaf: test its primitives.
             let before = t_max;
             leaf.leaf(link.leaf(), &mut t_max);
+            // A nearer hit: cull the entries behind it.
             if t_max < before {
                 limit = limit_of(t_max);
                 stack.cull(limit);
             }
+            // Pop the next node or leaf.
             link = stack.pop();
         }
     }
@@ -95,18 +102,23 @@ impl<R: TraversalRay, F: AnyHitVisitor> Traversal for AnyHitTraversal<'_, R, F> 
         let mut stack = Stack::new();
         let limit = limit_of(self.t_max);
         let mut link = NodeRef::node(0);
-        // SAFETY: the caller's promise; links lead to nodes of the tree, leaves or nowhere (see `Node::children`), whatever lanes are met.
+        // SAFETY: the caller's promise. Links lead to nodes of the tree, to leaves, or are END (see `Node::children`),
+        // whatever lanes are entered.
         unsafe {
             loop {
+                // Descend: test the node, push the entered children, go on with the last.
                 while !link.is_leaf() {
                     link = stack.visit::<R, N, false>(self.nodes.get_unchecked(link.node_index()), self.ray, limit);
                 }
+                // The stack is empty: nothing is hit.
                 if link == NodeRef::END {
                     return false;
                 }
+                // This is a leaf: test its primitives, and end at the first hit.
                 if self.leaf.leaf(link.leaf()) {
                     return true;
                 }
+                // Pop the next node or leaf.
                 link = stack.pop();
             }
         }

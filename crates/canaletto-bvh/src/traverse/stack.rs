@@ -1,5 +1,5 @@
-//! What waits while a ray is on its way through the tree.
-#![allow(unsafe_code)] // Memory that is not cleared, and kernels.
+//! The traversal stack: the nodes and leaves that a ray has entered but not yet visited.
+#![allow(unsafe_code)] // Uninitialised memory, and kernels.
 
 use std::mem::MaybeUninit;
 
@@ -8,16 +8,17 @@ use crate::node::{Node, NodeRef};
 use crate::simd::{NodeTest, TraversalRay};
 use crate::slab::WIDTH;
 
-/// Each level takes one entry and leaves at most eight; a visit may write eight more beyond the last.
+/// The size of the stack. Each level of the tree takes one entry and leaves at most eight. A visit may write eight
+/// entries beyond the last.
 const STACK: usize = (MAX_DEPTH as usize + 1) * (WIDTH - 1) + 1 + WIDTH;
 
-/// `a` unless `count` is 0, then `b`: without a branch, which the compiler would make of anything else that says so.
+/// `a` if `count` is not 0, else `b`, without a branch. The compiler would turn other code for this into a branch.
 #[inline(always)]
 fn choose(count: usize, a: NodeRef, b: NodeRef) -> NodeRef {
     #[cfg(target_arch = "x86_64")]
     {
         let (mut chosen, other) = (a.bits(), b.bits());
-        // SAFETY: numbers in, a number out.
+        // SAFETY: the instructions only read and write registers.
         unsafe {
             std::arch::asm!("test {0}, {0}", "cmovz {1:e}, {2:e}", in(reg) count, inout(reg) chosen, in(reg) other,
                 options(pure, nomem, nostack));
@@ -28,7 +29,7 @@ fn choose(count: usize, a: NodeRef, b: NodeRef) -> NodeRef {
     std::hint::select_unpredictable(count == 0, b, a)
 }
 
-/// What waits to be visited, and where the ray enters it.
+/// The entries that are still to be visited, with the distances at which the ray enters them.
 pub(super) struct Stack {
     near: [MaybeUninit<f32>; STACK],
     links: [MaybeUninit<NodeRef>; STACK],
@@ -38,7 +39,7 @@ pub(super) struct Stack {
 impl Stack {
     #[inline(always)]
     pub(super) fn new() -> Stack {
-        // Not `[MaybeUninit::uninit(); STACK]`, which the compiler fills with zeros.
+        // Not `[MaybeUninit::uninit(); STACK]`, which the compiler would fill with zeros.
         let mut stack = Stack {
             near: [const { MaybeUninit::uninit() }; STACK],
             links: [const { MaybeUninit::uninit() }; STACK],
@@ -48,7 +49,7 @@ impl Stack {
         stack
     }
 
-    /// Leaves nothing but [`NodeRef::END`].
+    /// Empties the stack down to the lowest entry, [`NodeRef::END`].
     #[inline(always)]
     pub(super) fn clear(&mut self) {
         self.near[0].write(f32::NEG_INFINITY);
@@ -59,11 +60,13 @@ impl Stack {
     #[inline(always)]
     pub(super) fn pop(&mut self) -> NodeRef {
         self.len -= 1;
-        // SAFETY: entries below `len` were written, and a way ends where END is popped, which is the lowest (and what a lane without a child has).
+        // SAFETY: entries below `len` were written. The traversal ends when END is popped, which is the lowest entry
+        // (END is also the link of a lane without a child).
         unsafe { self.links.get_unchecked(self.len).assume_init() }
     }
 
-    /// Puts what the ray meets in a node on top. Returns how much it is, and the topmost, if there is one.
+    /// Pushes the children of a node that the ray enters. Returns their number and the topmost of them, if there is
+    /// one.
     ///
     /// # Safety
     /// As for [`NodeTest`]; the node must be one of the tree that the stack was made for.
@@ -77,8 +80,9 @@ impl Stack {
         if cfg!(any(test, debug_assertions)) {
             assert!(self.len > 0 && self.len + WIDTH <= STACK);
         }
-        // SAFETY: the caller's promise. No way through a tree has more than MAX_DEPTH + 1 nodes (see `Node::children`), and each leaves at most
-        // seven of its children behind, whichever are met, so that there is always room for eight.
+        // SAFETY: the caller's promise. No path through a tree has more than MAX_DEPTH + 1 nodes (see
+        // `Node::children`). Each node leaves at most seven of its children behind, whichever are entered, so that
+        // there is always room for eight.
         unsafe {
             let near = self.near.as_mut_ptr().add(self.len).cast();
             let links = self.links.as_mut_ptr().add(self.len).cast();
@@ -88,8 +92,8 @@ impl Stack {
         }
     }
 
-    /// Visits a node. Returns what to visit next, chosen by a branch: the next visit then starts before this one has ended, if the processor guesses
-    /// well.
+    /// Visits a node and returns what to visit next. A branch selects it: if the processor predicts the branch, the
+    /// next visit starts before this one has ended.
     ///
     /// # Safety
     /// As for [`Stack::push`].
@@ -110,7 +114,7 @@ impl Stack {
         }
     }
 
-    /// The same without a branch: a wrong guess would undo visits of other rays.
+    /// [`Stack::visit`] without a branch. In a stream, a mispredicted branch would undo visits of other rays.
     ///
     /// # Safety
     /// As for [`Stack::push`].
@@ -126,7 +130,7 @@ impl Stack {
             let len = self.len;
             let before = self.links.get_unchecked(len - 1).assume_init();
             let (count, last) = self.push::<R, N, ORDERED>(node, ray, limit);
-            // Where the last one has to be looked for in an order, it costs less to read it where it was just written.
+            // Finding the last entry through the order word costs more than reading it back from the stack.
             if ORDERED {
                 return self.pop();
             }
@@ -135,7 +139,7 @@ impl Stack {
         }
     }
 
-    /// Forgets what is entered beyond `limit`, but for the lowest entry.
+    /// Culls the entries whose entry distance is beyond `limit`, except the lowest entry.
     #[inline(always)]
     pub(super) fn cull(&mut self, limit: f32) {
         let mut kept = 1;

@@ -1,5 +1,5 @@
-//! Many rays through the tree at once, which need not go the same way.
-#![allow(unsafe_code)] // Memory that is not cleared, and kernels.
+//! The traversal of many incoherent rays, several of them in flight at once.
+#![allow(unsafe_code)] // Uninitialised memory, and kernels.
 
 use std::cell::RefCell;
 use std::hint::select_unpredictable;
@@ -13,31 +13,33 @@ use crate::simd::dispatch::{self, Traversal};
 use crate::simd::{Baseline, NodeTest};
 use crate::slab::limit as limit_of;
 
-/// A ray of a list.
+/// A ray with its index in the list of rays.
 #[derive(Clone, Copy)]
 pub(crate) struct NumberedRay<'a> {
     pub(crate) number: usize,
     pub(crate) ray: &'a PreparedRay,
 }
 
-/// What is done at leaves for many rays. A leaf is tested in steps, each of which is done for all rays for which the one before has left something
-/// to do.
+/// The leaf test of a stream. It runs in stages; each stage takes the rays that survived the last.
 pub(crate) trait StreamVisitor {
-    /// What the first step finds.
+    /// The result of the first stage.
     type Finding: Copy;
-    /// Whether it counts what is nearest, or only that something is hit, after which `t_max` is −∞ and the ray's way ends.
+    /// Whether the query wants the nearest hit. Otherwise it wants any hit: a hit then sets `t_max` to −∞ and ends the
+    /// ray.
     const NEAREST: bool = true;
-    /// Tells whether anything in a leaf may be hit by a ray before `t_max`.
+    /// The first stage: returns whether any primitive of a leaf may be hit before `t_max`, and the result for the next
+    /// stages.
     fn test(&self, ray: NumberedRay<'_>, leaf: Leaf, t_max: f32) -> (bool, Self::Finding);
-    /// Looks closer: which primitives may be hit, a bit for each. May lower `t_max` to −∞ where it counts only that something is hit.
+    /// The second stage: returns the primitives that may be hit, one bit for each. In an any-hit query it may end the
+    /// ray by lowering `t_max` to −∞.
     #[inline(always)]
     fn refine(&self, _ray: NumberedRay<'_>, _leaf: Leaf, _finding: &Self::Finding, _t_max: &mut f32) -> u32 {
         u32::MAX
     }
-    /// Completes the test of these, and lowers `t_max` to the nearest hit.
+    /// The last stage: tests these primitives exactly and lowers `t_max` to the nearest hit.
     ///
     /// # Safety
-    /// The machine must have the instructions of `E`.
+    /// The machine must have the instructions of `N`.
     unsafe fn leaf<N: NodeTest>(
         &mut self,
         ray: NumberedRay<'_>,
@@ -46,7 +48,7 @@ pub(crate) trait StreamVisitor {
         which: u32,
         t_max: &mut f32,
     );
-    /// Where nodes and the leaves' data lie, to be fetched in advance.
+    /// The addresses of the nodes and of the leaves' data, for prefetching.
     fn prefetch_table(&self, nodes: &[Node]) -> PrefetchTable {
         PrefetchTable::of_nodes(nodes)
     }
@@ -73,24 +75,26 @@ impl<F: FnMut(usize, Leaf, &mut f32)> StreamVisitor for F {
     }
 }
 
-/// How many rays of a stream are on their way at once.
+/// The number of rays in flight at once.
 const STREAM_RAYS: usize = 32;
 
-/// A ray on its way. Its stack's lowest entry is [`NodeRef::END`].
+/// A ray in flight. The lowest entry of its stack is [`NodeRef::END`].
 struct StreamRay<'a> {
     ray: NumberedRay<'a>,
     limit: f32,
-    /// Where it is.
+    /// The node or leaf to visit next.
     link: NodeRef,
     stack: Stack,
 }
 
 impl<'a> StreamRay<'a> {
+    /// Starts a ray at the root.
+    ///
     /// # Safety
-    /// `stream_ray` must point to memory for a stream_ray.
+    /// `stream_ray` must point to memory for a `StreamRay`.
     #[inline(always)]
     unsafe fn start(stream_ray: *mut Self, ray: NumberedRay<'a>, t_max: f32) {
-        // SAFETY: the caller's promise; a stack needs nothing but its length and lowest entry.
+        // SAFETY: the caller's promise. A stack needs nothing but its length and its lowest entry.
         unsafe {
             (*stream_ray).ray = ray;
             (*stream_ray).limit = limit_of(t_max);
@@ -100,12 +104,12 @@ impl<'a> StreamRay<'a> {
     }
 }
 
-/// Memory for in_flight, which nothing is known to be written in. Not on the stack, of which threads may have less, and kept for the next
-/// rays of the thread.
+/// Uninitialised memory for the rays in flight. It is not on the stack, which may be small on some threads, and it is
+/// kept for the next stream of the thread.
 struct StreamRays(Box<[MaybeUninit<StreamRay<'static>>; STREAM_RAYS]>);
 
 thread_local! {
-    /// Some, as a leaf may hold what asks about rays itself.
+    /// Spare memory. There may be several entries, since a leaf's callback may itself trace a stream.
     static SPARE: RefCell<Vec<StreamRays>> = const { RefCell::new(Vec::new()) };
 }
 
@@ -114,7 +118,7 @@ impl StreamRays {
     fn take() -> Self {
         let new = || {
             let memory: Box<MaybeUninit<[MaybeUninit<StreamRay<'static>>; STREAM_RAYS]>> = Box::new_uninit();
-            // SAFETY: what may be unwritten needs nothing written.
+            // SAFETY: `MaybeUninit` needs no initialisation.
             Self(unsafe { memory.assume_init() })
         };
         SPARE.with_borrow_mut(Vec::pop).unwrap_or_else(new)
@@ -124,16 +128,18 @@ impl StreamRays {
         SPARE.with_borrow_mut(|spare| spare.push(self));
     }
 
-    /// For in_flight of rays that live as long as that.
+    /// The memory, for rays of this lifetime.
     #[inline(always)]
     fn for_rays<'a>(&mut self) -> &mut [MaybeUninit<StreamRay<'a>>; STREAM_RAYS] {
-        // SAFETY: how long rays live changes nothing about memory, and nothing is taken for written that others wrote.
+        // SAFETY: the lifetime of rays doesn't change the memory layout, and no entry written under another lifetime is
+        // read.
         unsafe { &mut *(&raw mut *self.0).cast() }
     }
 }
 
-/// What in_flight do next: a bit for each. In registers, not in lists in memory: where a list's next entry goes is known late, and all that is
-/// read from memory later would have to wait until then.
+/// What the rays in flight do next: one bit for each ray. The queues are bit masks in registers and not lists in
+/// memory. The address of a list's next entry would be known late, and all later reads from memory would have to wait
+/// for it.
 #[derive(Clone, Copy)]
 struct Queues {
     nodes: u32,
@@ -141,7 +147,7 @@ struct Queues {
     ended: u32,
 }
 
-/// Takes the lowest stream_ray from a queue.
+/// Removes the lowest ray from a queue and returns its number.
 #[inline(always)]
 fn next(queue: &mut u32) -> Option<usize> {
     if *queue == 0 {
@@ -153,17 +159,19 @@ fn next(queue: &mut u32) -> Option<usize> {
 }
 
 impl Queues {
-    /// Sends a stream_ray to its next place, and tells the caches. It goes to `leaves` also where it has ended: see [`Queues::part`].
+    /// Queues a ray for its next node or leaf, and prefetches that. A ray that has ended is put into `leaves`, too:
+    /// [`Queues::part`] removes it.
     #[inline(always)]
     fn send(&mut self, number: usize, stream_ray: &mut StreamRay<'_>, link: NodeRef, places: PrefetchTable) {
         stream_ray.link = link;
-        // Without branches, since nobody could foretell them.
+        // Without branches, since they would be unpredictable.
         self.leaves |= u32::from(link.is_leaf()) << number;
         self.ended |= u32::from(link == NodeRef::END) << number;
         places.fetch(link);
     }
 
-    /// Tells in_flight at nodes, leaves and ends apart, when these were sent.
+    /// Completes the queues after the rays in `sent` were sent: the rays that are not at leaves are at nodes, and the
+    /// ended rays leave `leaves`.
     #[inline(always)]
     fn part(&mut self, sent: u32) {
         self.nodes |= sent & !self.leaves;
@@ -171,9 +179,9 @@ impl Queues {
     }
 }
 
-/// [`closest`] for many rays that need not go the same way. Several are on their way at once. In each round all that are at nodes visit
-/// these, then all that are at leaves test these: nothing branches on where a single ray goes, so that the processor works on
-/// several visits at once and waits neither for memory nor for branches that it guessed wrong.
+/// [`closest`] for many incoherent rays, several of them in flight at once. In each round all rays at nodes visit
+/// these, then all rays at leaves test these. No branch depends on the path of a single ray. The processor therefore
+/// overlaps several visits, and waits neither for memory nor for mispredicted branches.
 #[inline]
 pub(crate) fn trace_stream<F: StreamVisitor>(nodes: &[Node], rays: &[PreparedRay], t_max: &mut [f32], mut leaf: F) {
     assert_eq!(rays.len(), t_max.len());
@@ -183,7 +191,7 @@ pub(crate) fn trace_stream<F: StreamVisitor>(nodes: &[Node], rays: &[PreparedRay
             if let (true, finding) = leaf.test(numbered, slots, *limit) {
                 let which = leaf.refine(numbered, slots, &finding, limit);
                 if which != 0 {
-                    // SAFETY: every machine has those instructions.
+                    // SAFETY: every machine has the baseline instructions.
                     unsafe { leaf.leaf::<Baseline>(numbered, slots, &finding, which, limit) };
                 }
             }
@@ -215,8 +223,9 @@ impl<F: StreamVisitor> Traversal for Stream<'_, F> {
         let mut which: [MaybeUninit<u32>; STREAM_RAYS] = [const { MaybeUninit::uninit() }; STREAM_RAYS];
         let places = leaf.prefetch_table(nodes);
         let mut queues = Queues { nodes: 0, leaves: 0, ended: u32::MAX >> (32 - STREAM_RAYS) };
-        // SAFETY: the caller's promise; links lead to nodes of the tree, leaves or nowhere (see `Node::children`), whatever lanes are met;
-        // in_flight in queues of nodes and leaves were started; there is a limit for each ray.
+        // SAFETY: the caller's promise. Links lead to nodes of the tree, to leaves, or are END (see `Node::children`),
+        // whatever lanes are entered. Rays in the queues of nodes and leaves were started. There is a limit for each
+        // ray.
         unsafe {
             macro_rules! stream_ray {
                 ($number:expr) => {
@@ -224,6 +233,7 @@ impl<F: StreamVisitor> Traversal for Stream<'_, F> {
                 };
             }
             loop {
+                // Start rays in the places of those that have ended.
                 let mut free = std::mem::take(&mut queues.ended);
                 while started < rays.len()
                     && let Some(number) = next(&mut free)
@@ -231,7 +241,7 @@ impl<F: StreamVisitor> Traversal for Stream<'_, F> {
                     let ray = NumberedRay { number: started, ray: rays.get_unchecked(started) };
                     let stream_ray = in_flight.get_unchecked_mut(number).as_mut_ptr();
                     StreamRay::start(stream_ray, ray, *t_max.get_unchecked(started));
-                    // Those that are not regular end at once.
+                    // Rays that are not regular end at once: they were traced above.
                     queues.nodes |= u32::from(ray.ray.regular) << number;
                     queues.ended |= u32::from(!ray.ray.regular) << number;
                     started += 1;
@@ -242,6 +252,7 @@ impl<F: StreamVisitor> Traversal for Stream<'_, F> {
                     }
                     continue;
                 }
+                // Nodes: test each, push the entered children, take the next node or leaf.
                 let visited = std::mem::take(&mut queues.nodes);
                 let mut visiting = visited;
                 while let Some(number) = next(&mut visiting) {
@@ -255,6 +266,7 @@ impl<F: StreamVisitor> Traversal for Stream<'_, F> {
                     queues.send(number, stream_ray, link, places);
                 }
                 queues.part(visited);
+                // Leaves, first stage: the coarse test.
                 let tested = std::mem::take(&mut queues.leaves);
                 let (mut may_hit_rays, mut left) = (0, 0);
                 let mut testing = tested;
@@ -265,6 +277,7 @@ impl<F: StreamVisitor> Traversal for Stream<'_, F> {
                     findings.get_unchecked_mut(number).write(finding);
                     may_hit_rays |= u32::from(may_hit) << number;
                 }
+                // Leaves, second stage: refine for the rays that are left.
                 while let Some(number) = next(&mut may_hit_rays) {
                     let (stream_ray, finding) = (stream_ray!(number), findings.get_unchecked(number).assume_init_ref());
                     let found = leaf.refine(
@@ -276,6 +289,7 @@ impl<F: StreamVisitor> Traversal for Stream<'_, F> {
                     which.get_unchecked_mut(number).write(found);
                     left |= u32::from(found != 0) << number;
                 }
+                // Leaves, last stage: the exact test for the rays that are left. A nearer hit culls the stack.
                 while let Some(number) = next(&mut left) {
                     let (stream_ray, finding) = (stream_ray!(number), findings.get_unchecked(number).assume_init_ref());
                     let (t_max, which) =
@@ -287,6 +301,7 @@ impl<F: StreamVisitor> Traversal for Stream<'_, F> {
                         stream_ray.stack.cull(stream_ray.limit);
                     }
                 }
+                // Pop the next node or leaf of each ray that was at a leaf.
                 testing = tested;
                 while let Some(number) = next(&mut testing) {
                     let stream_ray = stream_ray!(number);

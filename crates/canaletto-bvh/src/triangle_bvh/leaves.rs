@@ -1,4 +1,4 @@
-//! What single rays and streams do at leaves.
+//! The leaf tests of single rays and streams.
 #![allow(unsafe_code)] // Kernels for the instructions that a stream is compiled for.
 
 use std::hint::select_unpredictable;
@@ -32,7 +32,7 @@ pub(super) struct ClosestOfStream<'a> {
     pub(super) scene: TriangleScene<'a>,
     pub(super) nearest: &'a mut [PrimitiveHit],
     pub(super) bound: EdgeError,
-    /// For each ray the triangle that was met last, which may come again in another leaf.
+    /// For each ray the id of the last triangle that was hit. The ray may hit it again in another leaf.
     pub(super) last_seen: &'a mut [u32],
 }
 

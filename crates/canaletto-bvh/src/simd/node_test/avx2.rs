@@ -1,4 +1,4 @@
-//! All eight boxes at once; what is met is brought together by a table of permutations.
+//! The node test with AVX2: all eight boxes at once. A table of permutations compacts the entered children.
 
 use super::{AvxF64x4, NodeTest, TraversalRay};
 use crate::PreparedRay;
@@ -7,14 +7,15 @@ use crate::simd::Avx2;
 use crate::slab::{INFLATE, WIDTH};
 use std::arch::x86_64::*;
 
-/// The end of the interval in which boxes are met. NaN stays, in this order, so that nothing is met there.
+/// The end of the interval in which a box is entered. With this argument order a NaN is kept, so that the box is not
+/// entered.
 #[inline]
 #[target_feature(enable = "avx2")]
 pub(super) fn end(far: __m256, limit: f32) -> __m256 {
     _mm256_min_ps(_mm256_set1_ps(limit), _mm256_mul_ps(far, _mm256_set1_ps(INFLATE)))
 }
 
-/// For each mask, the lanes that are set, in order.
+/// The set lanes of each mask, in order.
 static COMPRESS: [[u8; WIDTH]; 256] = {
     let mut table = [[0; WIDTH]; 256];
     let mut mask = 0;
@@ -32,29 +33,30 @@ static COMPRESS: [[u8; WIDTH]; 256] = {
     table
 };
 
-/// The lanes of an order, in the lowest three bits of each.
+/// The lanes of an order word, in the lowest three bits of each element.
 #[inline]
 #[target_feature(enable = "avx2")]
 pub(in crate::simd) fn lanes_of(order: u32) -> __m256i {
     _mm256_srlv_epi32(_mm256_set1_epi32(order as i32), _mm256_setr_epi32(0, 3, 6, 9, 12, 15, 18, 21))
 }
 
-/// The lanes from far to near, in the lowest three bits of each.
+/// The lanes from far to near for a ray, in the lowest three bits of each element.
 #[inline]
 #[target_feature(enable = "avx2")]
 pub(super) fn order(node: &Node, ray: &PreparedRay) -> __m256i {
     lanes_of(node.orders[usize::from(ray.axis_order.octant & 7)])
 }
 
-/// Where the ray enters and leaves the boxes; the latter neither inflated nor limited. The origins are those from which the planes that
-/// it enters and leaves by are seen. In a lane without a child, whose planes are infinite, the ray leaves at −∞ or NaN, whatever the origins.
+/// The distances at which the ray enters and leaves the boxes. The latter are neither inflated nor limited. `origins`
+/// are the origins for the entry planes and for the exit planes. In a lane without a child, whose planes are infinite,
+/// the ray leaves at −∞ or NaN, whatever the origins.
 #[inline]
 #[target_feature(enable = "avx2")]
 pub(super) fn clip(node: &Node, ray: &PreparedRay, origins: [&[f32; 3]; 2]) -> (__m256, __m256) {
-    // No closures: they would be functions without the instructions until they are inlined.
+    // No closures: until they are inlined, closures are functions without the instructions.
     macro_rules! cross {
         ($side:literal, $axis:literal, $planes:expr) => {{
-            // SAFETY: there, in the boxes, lie eight numbers, aligned to their size.
+            // SAFETY: at this offset in the boxes lie eight numbers, aligned to their size.
             let planes = unsafe { _mm256_load_ps((&raw const node.boxes).cast::<f32>().byte_add($planes.offset())) };
             _mm256_mul_ps(
                 _mm256_sub_ps(_mm256_set1_ps(origins[$side][$axis]), planes),

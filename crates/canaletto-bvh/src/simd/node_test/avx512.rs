@@ -1,5 +1,5 @@
-//! All eight boxes at once; what is met is brought together by the compress instruction (Fuetterer, Lojewski, Pfreundt,
-//! Hamann and Ebert, "Accelerated single ray tracing for wide vector units", 2017).
+//! The node test with AVX-512: all eight boxes at once. The compress instruction compacts the entered children
+//! (Fuetterer, Lojewski, Pfreundt, Hamann and Ebert, "Accelerated single ray tracing for wide vector units", 2017).
 
 use super::{AvxF64x4, NodeTest, TraversalRay, avx2};
 use crate::node::{Node, NodeRef};

@@ -1,7 +1,7 @@
-//! A ray against the eight boxes of a node, by the instructions that the machine has.
+//! The test of a ray against the eight boxes of a node, once per instruction set.
 //!
-//! All give the same answer: what the ray meets, roughly from far to near, and where it enters. Only + − × and comparisons
-//! are used, never fused.
+//! All versions give equal results: the entered children, roughly from far to near, and the distances at which they are
+//! entered. They use only + − × and comparisons, and never fuse them.
 
 #![allow(unsafe_code)] // Intrinsics, and stacks written without bounds checks.
 
@@ -20,15 +20,15 @@ use super::f64x4::ScalarF64x4;
 use crate::node::{Node, NodeRef};
 use crate::{Aabb, InflatedRay, PreparedRay};
 
-/// What goes through a tree: a ray with or without a margin.
+/// A ray that traverses a tree, with or without a margin (Embree's `TravRay`).
 pub(crate) trait TraversalRay {
     /// The ray itself.
     fn ray(&self) -> &PreparedRay;
-    /// The origins from which the planes that it enters by, and those that it leaves by, are seen.
+    /// The origins for the entry planes and for the exit planes.
     fn origins(&self) -> [&[f32; 3]; 2];
-    /// A box with its margin.
+    /// The box enlarged by the ray's margin.
     fn grown(&self, bounds: Aabb) -> Aabb;
-    /// Called for each node that is tested box by box.
+    /// A hook that is called for each node that is tested box by box.
     #[inline(always)]
     fn visited(&self) {}
 }
@@ -67,18 +67,21 @@ impl TraversalRay for InflatedRay {
     }
 }
 
-/// A way to test a ray against a node.
+/// A node test: an implementation for one instruction set.
 pub(crate) trait NodeTest: Copy {
-    /// Four numbers of f64 by these instructions.
+    /// Four f64 numbers with these instructions.
     type F64x4: F64x4;
 
-    /// Writes the children that the ray, a `regular` one but for [`IrregularNodeTest`], meets before `limit`: if `ORDERED`, the nearest in
-    /// general last, and where it enters them; else the most promising for any hit last. Returns how
-    /// many they are, and the last link again, if there is one: to read it where it was just written would have to wait until a part of a wide store
-    /// can be read.
+    /// Writes the children that the ray enters before `limit`. The ray has to be `regular`, except for
+    /// [`IrregularNodeTest`].
     ///
-    /// Whatever numbers the ray holds, no more than eight links are written, and only those of the node; a lane without a child is
-    /// never met, as NaN is not.
+    /// With `ORDERED`, the child that is usually the nearest comes last, and the entry distances are written, too.
+    /// Otherwise the child of highest any-hit priority comes last. Returns the number of entered children, and the last
+    /// link again, if there is one. Reading that link back from the stack would be a failed store-to-load forward from
+    /// a wide store.
+    ///
+    /// Whatever numbers the ray holds, no more than eight links are written, and only those of the node. A lane without
+    /// a child is never entered, and a ray with NaN enters no lane.
     ///
     /// # Safety
     /// The machine must have the instructions, and there must be room for eight entries.

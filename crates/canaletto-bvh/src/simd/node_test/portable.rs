@@ -1,4 +1,5 @@
-//! Boxes in two halves of four, with what the compiler and glam make of them: SSE2, NEON or plain numbers.
+//! The baseline node test: two halves of four boxes, as glam and the compiler implement them (SSE2, NEON or scalar
+//! code). The test for irregular rays follows below.
 
 use super::{NodeTest, ScalarF64x4, TraversalRay};
 use crate::node::{Node, NodeRef};
@@ -6,7 +7,7 @@ use crate::simd::Baseline;
 use crate::slab::{INFLATE, WIDTH};
 use glam::Vec4;
 
-/// Writes the lanes of a mask, from far to near if `ORDERED`.
+/// Writes the children in the lanes of a mask, from far to near if `ORDERED`.
 #[inline(always)]
 unsafe fn write<const ORDERED: bool>(
     mask: u32,
@@ -31,7 +32,7 @@ unsafe fn write<const ORDERED: bool>(
         }
         count += (mask >> lane & 1) as usize;
     }
-    // SAFETY: something is met.
+    // SAFETY: the mask is not 0, so at least one child was written.
     (count, unsafe { *links.add(count - 1) })
 }
 
@@ -59,7 +60,7 @@ impl NodeTest for Baseline {
             let n = enter(0).max(enter(1)).max(enter(2).max(Vec4::ZERO));
             let f = leave(0).min(leave(1)).min(leave(2)) * INFLATE;
             near[4 * half..4 * half + 4].copy_from_slice(&n.to_array());
-            // Two comparisons, since what a minimum makes of NaN is not the same on all machines.
+            // Two comparisons, since the minimum with NaN differs between machines.
             mask |= (n.cmple(f) & n.cmple(Vec4::splat(limit))).bitmask() << (4 * half);
         }
         // SAFETY: the caller's promise.
@@ -67,7 +68,8 @@ impl NodeTest for Baseline {
     }
 }
 
-/// For rays that move along no axis of the three, or hardly.
+/// The node test for rays that are not regular: an axis has a direction of 0 or nearly 0, or the origin is not finite.
+/// It tests the boxes one by one.
 #[derive(Clone, Copy)]
 pub(crate) struct IrregularNodeTest;
 

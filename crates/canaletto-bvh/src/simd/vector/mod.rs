@@ -1,9 +1,10 @@
-//! As many numbers side by side as a register holds, by the instructions that the machine has. All give the same numbers, but for
-//! [`Vector::minus_product`].
+//! Vectors of f32: as many numbers as a register of the instruction set holds. All instruction sets give equal numbers,
+//! except for [`Vector::minus_product`].
 //!
-//! Rows of sixteen are gone through in parts, one after the other, so that what is known of a part stays in registers.
-//! Values are made by [`Instructions`], which is unsafe to get hold of; what is done with them is safe therefore. No closures
-//! are handed around: one that isn't inlined would be a function without the instructions.
+//! A row holds sixteen numbers, in one, two or four vectors, its *parts*. Parts are processed one after the other, so
+//! that the values of a part stay in registers. Values are made by [`Instructions`]. To get an `Instructions` is
+//! unsafe, so that operations on the values can be safe. Closures are not passed around: one that isn't inlined would
+//! be a function without the instructions.
 
 mod quad;
 #[cfg(target_arch = "x86_64")]
@@ -22,66 +23,69 @@ pub(crate) use ymm::Avx2;
 #[cfg(target_arch = "x86_64")]
 pub(crate) use zmm::Avx512;
 
-/// How many make a row.
+/// The number of lanes of a row, and of rays in a group.
 pub(crate) const SIXTEEN: usize = 16;
 
-/// In memory.
+/// A row of sixteen numbers in memory.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(64))]
 pub(crate) struct Row<T>(pub(crate) [T; SIXTEEN]);
 
-/// Makes values: who has it knows that the machine has the instructions.
+/// An instruction set in use. A value of this type exists only if the machine has the instructions.
 pub(crate) trait Instructions: NodeTest {
-    /// What is made.
+    /// The vector type.
     type Vector: Vector;
 
-    /// The same number in all lanes.
+    /// A vector with one number in all lanes.
     fn splat(self, value: f32) -> Self::Vector;
 
-    /// A part of a row.
+    /// Loads a part of a row.
     fn load(self, row: &Row<f32>, part: usize) -> Self::Vector;
 
-    /// A part of sixteen numbers that have not been written yet: what was written in fours can't be read as one register before it has reached the cache.
+    /// A part of sixteen numbers that are still in registers. Numbers that were stored in fours can't be loaded as one
+    /// register before they have reached the cache.
     fn fours(self, row: &[Vec4; 4], part: usize) -> Self::Vector;
 
-    /// A part of eight numbers; those again, where there is room for sixteen.
+    /// Loads a part of eight numbers. A vector of sixteen lanes gets them twice.
     fn eight(self, row: &[f32; WIDTH], part: usize) -> Self::Vector;
 
-    /// The bits for the lanes of a part.
+    /// The mask of a part, from the bits of a row.
     fn mask(self, bits: u32, part: usize) -> Mask<Self>;
 
-    /// Whether each of the first eight numbers of a row is at most its fellow in another row: a bit for each, in an order of lanes (three bits each, the first
-    /// lowest). Writes the former in that order.
+    /// Compares the first eight numbers of two rows. `order` lists lanes in three bits each, the first in the lowest
+    /// bits. Bit i of the result is set if `row` ≤ `other` in the i-th listed lane. Writes the numbers of `row` in this
+    /// order to `to`.
     fn at_most_in_order(self, row: &Row<f32>, other: &Row<f32>, order: u32, to: &mut [f32; WIDTH]) -> u32;
 }
 
-/// What comparisons give.
+/// The mask type: the result of comparisons.
 pub(crate) type Mask<S> = <<S as Instructions>::Vector as Vector>::Mask;
 
-/// Four, eight or sixteen numbers. Comparisons with NaN are false.
+/// A vector of four, eight or sixteen numbers. Comparisons with NaN are false.
 pub(crate) trait Vector:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
 {
-    /// How many.
+    /// The number of lanes.
     const LANES: usize;
-    /// How many parts a row has.
+    /// The number of parts of a row.
     const PARTS: usize = SIXTEEN / Self::LANES;
-    /// How many parts eight numbers have.
+    /// The number of parts of eight numbers.
     const PARTS_OF_EIGHT: usize = if Self::LANES < WIDTH { WIDTH / Self::LANES } else { 1 };
-    /// From so many rays of a group on it pays to test a triangle exactly for all sixteen.
+    /// The number of rays of a group from which on an exact test of all sixteen side by side pays.
     const SEVERAL: u32 = 4;
 
-    /// What comparisons give, a yes or no for each.
+    /// The result of comparisons: true or false for each lane.
     type Mask: Copy + BitAnd<Output = Self::Mask> + BitOr<Output = Self::Mask> + Not<Output = Self::Mask>;
 
-    /// To a part of a row.
+    /// Stores the vector to a part of a row.
     fn store(self, row: &mut Row<f32>, part: usize);
 
-    /// Leaves those lanes alone that are not in the mask: reads all and writes all, as instructions that write some are slow on processors of
-    /// AMD's, and what they wrote reaches the next read late. (With AVX, a volatile read keeps the compiler from making one of these of it.)
+    /// Stores the lanes in the mask and keeps the others. It loads, selects and stores the whole vector: masked stores
+    /// are slow on AMD processors, and their results reach the next load late. (With AVX, a volatile load keeps the
+    /// compiler from using a masked store.)
     fn store_where(self, mask: Self::Mask, row: &mut Row<f32>, part: usize);
 
-    /// The same with one number.
+    /// Stores one number to the lanes in the mask and keeps the others, as [`Vector::store_where`].
     fn put_where(mask: Self::Mask, value: u32, row: &mut Row<u32>, part: usize);
 
     /// `a < b ? a : b`.
@@ -90,7 +94,7 @@ pub(crate) trait Vector:
     /// `a > b ? a : b`.
     fn max(self, other: Self) -> Self;
 
-    /// `self - a * b`, rounded once or twice: for bounds, of which no answer depends on the last bit.
+    /// `self - a * b`, rounded once or twice: for bounds, where no result depends on the last bit.
     fn minus_product(self, a: Self, b: Self) -> Self;
 
     fn abs(self) -> Self;
@@ -101,18 +105,18 @@ pub(crate) trait Vector:
 
     fn less_or_equal(self, other: Self) -> Self::Mask;
 
-    /// `a` where the mask says so, else `b`.
+    /// `a` in the lanes of the mask, else `b`.
     fn select(mask: Self::Mask, a: Self, b: Self) -> Self;
 
-    /// A bit for each lane.
+    /// A bit for each lane in the mask.
     fn lanes(mask: Self::Mask) -> u32;
 
-    /// The same as bits of a row of which this is a part.
+    /// The bits of the mask at their positions in a row.
     #[inline(always)]
     fn bits(mask: Self::Mask, part: usize) -> u32 {
         Self::lanes(mask) << (part * Self::LANES)
     }
 
-    /// The largest of all lanes.
+    /// The largest number of all lanes.
     fn largest(self) -> f32;
 }

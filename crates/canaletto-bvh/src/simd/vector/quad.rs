@@ -1,4 +1,4 @@
-//! Four numbers: SSE2, NEON, or plain ones.
+//! Vectors of four numbers: SSE2, NEON or scalar code.
 
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Not, Sub};
 
@@ -7,15 +7,15 @@ use glam::{BVec4A, Vec4};
 use super::{Instructions, Row, Vector};
 use crate::slab::WIDTH;
 
-/// What every machine has.
+/// The baseline instructions, which every machine has.
 #[derive(Clone, Copy)]
 pub(crate) struct Baseline;
 
-/// Four numbers.
+/// A vector of four numbers.
 #[derive(Clone, Copy)]
 pub(crate) struct Quad(Vec4);
 
-/// A yes or no for each.
+/// True or false for each of four lanes.
 #[derive(Clone, Copy)]
 pub(crate) struct QuadMask(BVec4A);
 
@@ -102,7 +102,7 @@ impl Vector for Quad {
         }
     }
 
-    // What others than SSE make of NaN differs.
+    // Not glam's `min` and `max`: other machines than SSE treat NaN differently.
     #[inline(always)]
     fn min(self, other: Self) -> Self {
         if cfg!(target_arch = "x86_64") {

@@ -1,4 +1,4 @@
-//! Eight numbers: a register of AVX2.
+//! Vectors of eight numbers: registers of AVX2.
 
 use std::arch::x86_64::*;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Not, Sub};
@@ -13,7 +13,7 @@ use crate::slab::WIDTH;
 #[derive(Clone, Copy)]
 pub(crate) struct Ymm(__m256);
 
-/// All bits of a lane, or none.
+/// A mask: each lane has all bits set, or none.
 #[derive(Clone, Copy)]
 pub(crate) struct YmmMask(__m256);
 
@@ -37,11 +37,13 @@ impl Not for YmmMask {
     }
 }
 
-/// AVX2.
+/// The instruction set AVX2.
 #[derive(Clone, Copy)]
 pub(crate) struct Avx2(());
 
 impl Avx2 {
+    /// The value that stands for AVX2.
+    ///
     /// # Safety
     /// The machine must have AVX2.
     #[inline(always)]
@@ -50,7 +52,8 @@ impl Avx2 {
     }
 }
 
-// SAFETY, for all in this file: who has made one of these, or a value by it, has promised that the machine has the instructions.
+// SAFETY, for all in this file: whenever a value of these types exists, its constructor's caller has ensured that the
+// machine has the instructions.
 impl Instructions for Avx2 {
     type Vector = Ymm;
 
@@ -107,7 +110,8 @@ impl Vector for Ymm {
     #[inline(always)]
     fn store_where(self, mask: YmmMask, row: &mut Row<f32>, part: usize) {
         unsafe {
-            let old = row.0[8 * part..8 * part + 8].as_ptr().cast::<__m256>().read_volatile(); // See `Vector::store_where`.
+            // See `Vector::store_where`.
+            let old = row.0[8 * part..8 * part + 8].as_ptr().cast::<__m256>().read_volatile();
             Self::select(mask, self, Self(old)).store(row, part);
         }
     }

@@ -1,4 +1,4 @@
-//! Sixteen numbers: a register of AVX-512.
+//! Vectors of sixteen numbers: registers of AVX-512.
 
 use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Sub};
@@ -9,7 +9,7 @@ use super::{Instructions, Row, Vector};
 use crate::simd::node_test::avx2::lanes_of;
 use crate::slab::WIDTH;
 
-/// One register of AVX-512.
+/// A register of AVX-512.
 #[derive(Clone, Copy)]
 pub(crate) struct Zmm(__m512);
 
@@ -20,11 +20,13 @@ operators!(Zmm {
     Div div(a, b) _mm512_div_ps(a, b);
 });
 
-/// AVX-512.
+/// The instruction set AVX-512.
 #[derive(Clone, Copy)]
 pub(crate) struct Avx512(());
 
 impl Avx512 {
+    /// The value that stands for AVX-512.
+    ///
     /// # Safety
     /// The machine must have AVX-512, with all of `InstructionSet::Avx512`.
     #[inline(always)]
@@ -33,7 +35,8 @@ impl Avx512 {
     }
 }
 
-// SAFETY, for all in this file: who has made one of these, or a value by it, has promised that the machine has the instructions.
+// SAFETY, for all in this file: whenever a value of these types exists, its constructor's caller has ensured that the
+// machine has the instructions.
 impl Instructions for Avx512 {
     type Vector = Zmm;
 
@@ -68,7 +71,7 @@ impl Instructions for Avx512 {
     #[inline(always)]
     fn at_most_in_order(self, row: &Row<f32>, other: &Row<f32>, order: u32, to: &mut [f32; WIDTH]) -> u32 {
         unsafe {
-            // F64x4 bits of each are read, of which the fourth is no matter: the eight numbers are there twice.
+            // Four bits of each index are read. The fourth doesn't matter, as the eight numbers are there twice.
             let lanes = _mm512_zextsi256_si512(lanes_of(order));
             let number = _mm512_permutexvar_ps(lanes, _mm512_load_ps(row.0.as_ptr()));
             let other = _mm512_permutexvar_ps(lanes, _mm512_load_ps(other.0.as_ptr()));

@@ -1,26 +1,26 @@
-//! Many rays, in packets one after the other, and those that don't go with their neighbours.
+//! Traces many rays in packets, one after the other, and then the diverged rays.
 
 use super::{Packet, RAYS};
 use crate::Ray;
 use crate::memory::prefetch_all;
 use std::cell::RefCell;
 
-/// What is asked about rays: what is told of each is a `T`, which says up to where the ray counts and takes the answer.
+/// A query for many rays. A `T` belongs to each ray: it holds the ray's end and takes the result.
 pub(crate) trait PacketQuery<T> {
-    /// Whether rays that are left are worth a packet of their own before they go their own ways.
+    /// Whether diverged rays are worth a packet of their own before they are traced as a stream.
     const RETRY: bool;
 
-    /// Traces up to [`RAYS`] rays in a packet. Returns a bit for each that it leaves.
+    /// Traces up to [`RAYS`] rays in a packet. Returns the diverged rays, one bit for each.
     fn trace_packet(&self, packet: &mut Packet, rays: &[Ray], results: &mut [T]) -> u64;
 
-    /// Traces rays that go their own ways.
+    /// Traces the diverged rays, without packets.
     fn trace_diverged(&self, rays: &[Ray], results: &mut [T]);
 }
 
-/// Traces rays of which neighbours in the list go nearly the same way.
+/// Traces rays whose neighbours in the list are coherent.
 ///
 /// # Panics
-/// If there is not as much `results` as rays.
+/// If `rays` and `results` differ in length.
 pub(crate) fn coherent<T: Copy, Q: PacketQuery<T>>(query: &Q, rays: &[Ray], results: &mut [T]) {
     trace(query, rays, results, Q::RETRY);
 }
@@ -38,8 +38,8 @@ fn trace<T: Copy, Q: PacketQuery<T>>(query: &Q, rays: &[Ray], results: &mut [T],
     }
     if !left.rays.is_empty() {
         let mut of_these: Vec<T> = left.places.iter().map(|&place| results[place]).collect();
-        // Few among so many lie along lines at which the way of all changes, as where another component of the direction becomes the
-        // largest, and once more go with their neighbours.
+        // A few diverged rays among many usually lie along lines where the axis order changes, as where another
+        // component of the direction becomes the longest. Along such a line they are coherent again.
         if retry && left.rays.len() < rays.len() / 4 {
             trace(query, &left.rays, &mut of_these, false);
         } else {
@@ -52,14 +52,15 @@ fn trace<T: Copy, Q: PacketQuery<T>>(query: &Q, rays: &[Ray], results: &mut [T],
     memory.give_back();
 }
 
-/// A packet and the rays that packets leave: kept for the next rays of the thread, since to clear it takes as long as to trace several.
+/// A packet and the diverged rays. The memory is kept for the next rays of the thread, since clearing it takes as long
+/// as tracing several rays.
 struct Memory {
     packet: Packet,
     left: Left,
 }
 
 thread_local! {
-    /// Some, as a leaf may hold what asks about rays itself.
+    /// Spare memory. There may be several entries, since a leaf's callback may itself trace rays.
     static SPARE: RefCell<Vec<Box<Memory>>> = const { RefCell::new(Vec::new()) };
 }
 
@@ -75,10 +76,10 @@ impl Memory {
     }
 }
 
-/// How many rays there is always room for.
+/// The number of rays for which memory is always kept.
 const MUCH: usize = 1024;
 
-/// Rays that packets leave.
+/// The diverged rays, with their indices in the list.
 #[derive(Default)]
 struct Left {
     places: Vec<usize>,
@@ -91,14 +92,14 @@ impl Left {
         self.rays.clear();
     }
 
-    /// Keeps memory for the rays of bundles, not for those of whole pictures.
+    /// Keeps the memory for the rays of bundles, but not that for whole pictures.
     fn forget_much(&mut self) {
         self.clear();
         self.places.shrink_to(MUCH);
         self.rays.shrink_to(MUCH);
     }
 
-    /// Adds those rays of a packet that have a bit.
+    /// Adds the rays of a packet whose bit is set.
     #[inline]
     fn add(&mut self, packet: usize, mut which: u64, rays: &[Ray]) {
         while which != 0 {

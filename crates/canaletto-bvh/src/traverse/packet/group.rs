@@ -1,6 +1,6 @@
-//! Sixteen rays that go nearly the same way, side by side.
+//! A group of sixteen coherent rays, side by side.
 
-#![allow(clippy::needless_range_loop)] // NodeTest of many lists side by side.
+#![allow(clippy::needless_range_loop)] // Loops over lists side by side.
 
 use crate::node::Node;
 use crate::ray::AxisOrder;
@@ -9,34 +9,35 @@ use crate::slab::{INFLATE, WIDTH};
 use crate::{PrimitiveHit, Ray};
 use glam::{Mat4, Vec3, Vec4};
 
-/// Rays of one octant and one longest axis.
+/// Up to sixteen rays of one octant and one longest axis, as rows with one lane per ray.
 #[repr(C, align(64))]
 pub(super) struct RayGroup {
-    /// x, y and z.
+    /// The origins, as rows x, y and z.
     pub(super) origin: [Row<f32>; 3],
     pub(super) direction: [Row<f32>; 3],
     pub(super) reciprocal: [Row<f32>; 3],
     pub(super) shear: [Row<f32>; 2],
-    /// Up to where anything counts; −∞ for a ray that takes no part any more.
+    /// The end of each ray; −∞ for a ray that is no longer active.
     pub(super) t_max: Row<f32>,
-    /// No hit of the triangle that waits is nearer; without one, the nearest hit.
+    /// A lower bound of t on the pending triangle. Without a pending triangle, the t of the nearest hit.
     pub(super) low: Row<f32>,
-    /// The triangle that waits: four times its block plus its lane, or [`NOTHING`].
+    /// The pending triangle: four times its block plus its lane, or [`NOTHING`].
     pub(super) pending: Row<u32>,
-    /// The id of that triangle, or of the last one that waited or was the nearest: it may be met again in another leaf.
+    /// The id of the pending triangle, or of the last triangle that was pending or nearest. The ray may hit it again
+    /// in another leaf.
     pub(super) last_seen: Row<u32>,
-    /// The place of its first ray in the list.
+    /// The index of its first ray in the list.
     pub(super) first: usize,
-    /// The rays that take part.
+    /// The active rays, one bit for each.
     pub(super) part: u32,
 }
 
 pub(super) const NOTHING: u32 = u32::MAX;
 
-/// The corners of a triangle for each ray, the coordinates in the order of the way's `rows`.
+/// The corners of one triangle per ray, with coordinates in the order of the axis order's `rows`.
 pub(super) type Corners = [[Row<f32>; 3]; 3];
 
-/// What the numbers of all rays of a group, or of some, lie between, along one axis.
+/// The intervals of the origins and reciprocals of some rays along one axis.
 #[derive(Clone, Copy)]
 pub(super) struct Interval {
     pub(super) origin: [f32; 2],
@@ -44,15 +45,15 @@ pub(super) struct Interval {
 }
 
 impl Interval {
-    /// Of no rays.
+    /// The interval of no rays.
     pub(super) const NONE: Self =
         Self { origin: [f32::INFINITY, f32::NEG_INFINITY], reciprocal: [f32::INFINITY, f32::NEG_INFINITY] };
 }
 
-/// Sixteen numbers in fours.
+/// Sixteen numbers in four vectors of four.
 type Fours = [Vec4; SIXTEEN / 4];
 
-/// The rays' origins and directions side by side, of x, y and z; where there are fewer than sixteen, the last is repeated.
+/// The rows x, y and z of the rays' origins and directions. If there are fewer than sixteen rays, the last is repeated.
 #[inline(always)]
 fn transpose(rays: &[Ray]) -> ([Fours; 3], [Fours; 3]) {
     let (mut origin, mut direction) = ([[Vec4::ZERO; 4]; 3], [[Vec4::ZERO; 4]; 3]);
@@ -79,20 +80,20 @@ fn four(rays: [&Ray; 4]) -> [Mat4; 2] {
     [start, Mat4::from_cols(a, b, c, d).transpose()]
 }
 
-/// The smallest and the largest of numbers, in each lane.
+/// The smallest and the largest of some numbers, lane by lane.
 pub(super) struct Ends<N> {
     low: N,
     high: N,
 }
 
 impl<N: Vector> Ends<N> {
-    /// Of no numbers.
+    /// The ends of no numbers.
     #[inline(always)]
     pub(super) fn none<S: Instructions<Vector = N>>(s: S) -> Self {
         Self { low: s.splat(f32::INFINITY), high: s.splat(f32::NEG_INFINITY) }
     }
 
-    /// With those numbers of a row that take part.
+    /// Includes those numbers of a row whose rays have a bit.
     #[inline(always)]
     pub(super) fn widen<S: Instructions<Vector = N>>(&mut self, s: S, rays: u32, row: &Row<f32>) {
         for part in 0..N::PARTS {
@@ -102,7 +103,7 @@ impl<N: Vector> Ends<N> {
         }
     }
 
-    /// Of all lanes.
+    /// The smallest and the largest number of all lanes.
     #[inline(always)]
     pub(super) fn of_all<S: Instructions<Vector = N>>(self, s: S) -> [f32; 2] {
         [-(s.splat(0.0) - self.low).largest(), self.high.largest()]
@@ -123,7 +124,8 @@ impl RayGroup {
         part: 0,
     };
 
-    /// Takes those of 1 to 16 rays that go together with the first that may go with any. Those that are left have no bit in `part`.
+    /// Takes those of 1 to 16 rays that have the axis order of the first ray that can go in a packet. Returns that axis
+    /// order, or None if no ray can. The other rays have no bit in `part`.
     #[inline(always)]
     pub(super) fn gather<S: Instructions, T>(
         &mut self,
@@ -132,7 +134,7 @@ impl RayGroup {
         results: &[T],
         t_max: impl Fn(&T) -> f32,
     ) -> Option<AxisOrder> {
-        // Nearly always it is the first; which is told only after divisions.
+        // The first ray nearly always can. That is known only after divisions, so its axis order is computed ahead.
         let mut axis_order = AxisOrder::of(&rays[0]);
         let (origins, directions) = transpose(rays);
         let mut ends = [Vec4::ZERO; 4];
@@ -175,20 +177,21 @@ impl RayGroup {
         self.part = 0;
         for part in 0..S::Vector::PARTS {
             let end = s.fours(&ends, part);
-            // A ray without an end, NaN, goes alone: a maximum would take it for that of its neighbours.
+            // A ray with a NaN end is traced alone: a maximum would take its end for that of its neighbours.
             let mut fit = s.mask(together, part) & end.less_or_equal(infinity);
             let length = s.load(&self.direction[longest], part);
             for axis in 0..3 {
                 let d = s.load(&self.direction[axis], part);
                 fit = fit & if axis_order.octant >> axis & 1 == 1 { d.less(zero) } else { zero.less(d) };
                 if axis != longest {
-                    // Of equal ones a single ray takes the first, which is then another way.
+                    // For equal components, the preparation of a single ray takes the first axis, and the axis order
+                    // would differ.
                     fit = fit & d.abs().less(length.abs());
                 }
             }
             for k in 0..2 {
                 let along = s.load(&self.direction[axes[k]], part) / length;
-                // No direction is 0 here, but what a quotient vanishes to.
+                // No direction is 0 here. A shear of 0 is a quotient that underflowed.
                 let size = along.abs();
                 let sure = (least.less_or_equal(size) & size.less(infinity)) | size.less_or_equal(zero);
                 S::Vector::select(sure, along, s.splat(f32::NAN)).store(&mut self.shear[k], part);
@@ -203,7 +206,7 @@ impl RayGroup {
         Some(axis_order)
     }
 
-    /// The parts with rays that meet the box in this lane of a node.
+    /// The parts with rays that enter the box in this lane of a node.
     #[inline(always)]
     pub(super) fn entering<S: Instructions>(&self, s: S, node: &Node, lane: usize, octant: usize) -> u32 {
         let mut met = 0;
@@ -213,7 +216,7 @@ impl RayGroup {
         met
     }
 
-    /// Whether any ray meets the box in this lane of a node.
+    /// Whether any ray enters the box in this lane of a node.
     #[inline(always)]
     pub(super) fn any_enters<S: Instructions>(&self, s: S, node: &Node, lane: usize, octant: usize) -> bool {
         let mut part = 0;
@@ -226,7 +229,7 @@ impl RayGroup {
         false
     }
 
-    /// Whether any ray of a part does.
+    /// Whether any ray of a part enters the box in this lane of a node.
     #[inline(always)]
     fn enters<S: Instructions>(&self, s: S, part: usize, node: &Node, lane: usize, octant: usize) -> bool {
         let (mut near, mut far) = (s.splat(0.0), s.load(&self.t_max, part));
@@ -240,7 +243,7 @@ impl RayGroup {
         S::Vector::lanes(near.less_or_equal(far * s.splat(INFLATE))) != 0
     }
 
-    /// The rays for which something waits.
+    /// The rays with a pending primitive.
     #[inline(always)]
     pub(super) fn waiting(&self) -> u32 {
         let mut waiting = 0;
@@ -256,7 +259,7 @@ impl RayGroup {
         Ray::new(at(&self.origin), at(&self.direction))
     }
 
-    /// Up to where all that counts lies, for all rays together.
+    /// The largest end of all rays.
     #[inline(always)]
     pub(super) fn farthest<S: Instructions>(&self, s: S) -> f32 {
         let mut most = s.load(&self.t_max, 0);

@@ -1,11 +1,18 @@
-//! Rays that go nearly the same way, through the tree together. Up to four groups of sixteen are clipped to the boxes of nodes by one interval of all their rays
-//! (Boulos, Wald and Shirley, "Geometric and arithmetic culling methods for entire ray packets", 2006), and triangles are tested against all
-//! rays of a group side by side.
+//! The traversal of coherent rays in packets of up to four groups of sixteen rays. One interval over all rays is
+//! clipped to the boxes of a node. See Boulos, Wald and Shirley, "Geometric and arithmetic culling methods for entire
+//! ray packets", 2006. A triangle is tested against all rays of a group side by side.
 //!
-//! The answers are those of single rays, bit for bit. As there (`block`), triangles are tested in f32, and one that all but certainly is the nearest waits
-//! for its exact test until the way has ended: then all rays are tested side by side with what waits for them, by the operations of the exact kernel in the same
-//! order. Where a lane would leave the straight way (edges, products that nearly cancel, triangles without area), that ray
-//! is served alone.
+//! Read the files in this order:
+//! 1. `coherent` cuts a list of rays into packets, and traces the diverged rays as a stream.
+//! 2. `group` gathers sixteen rays of one octant and one longest axis into rows ([`RayGroup`]).
+//! 3. `walk` is the traversal loop of a packet ([`PacketWalk`]). It returns one leaf after the other.
+//! 4. `triangle_test` is the f32 test of a triangle, `resolve` the exact test of the pending triangles.
+//! 5. `primitives` and `primitive_test` do this for spheres, cylinders and user primitives.
+//!
+//! The results are those of single rays, bit for bit. As in `primitive::triangle4`, triangles are tested in f32, and a
+//! triangle that is almost certainly the nearest stays pending until the traversal has ended. Then all rays are tested
+//! side by side with their pending triangles, by the operations of the exact test in equal order. A ray for which the
+//! exact test would take a slow branch (edges, products that nearly cancel, triangles without area) is tested alone.
 
 mod coherent;
 mod group;
@@ -29,22 +36,22 @@ use group::{Corners, Ends, Interval, NOTHING, RayGroup};
 use triangle_test::{TestMasks, TestParams, TriangleRef};
 use walk::{GROUPS, PacketWalk};
 
-/// The most rays in a packet.
+/// The largest number of rays in a packet.
 pub(crate) const RAYS: usize = GROUPS * SIXTEEN;
 
-/// What became of a packet.
+/// The rays that a packet has not completed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct PacketOutcome {
-    /// A bit for each ray that doesn't go with its neighbours; nothing was done for them.
+    /// Rays that diverge from their neighbours, one bit for each. They have not been traced.
     pub(crate) diverged: u64,
-    /// Rays that have to be sent again, another way; what they know of hits is true.
+    /// Rays that have to be traced again without pending triangles. The hits that they have so far are valid.
     pub(crate) retry: u64,
 }
 
-/// Up to four groups that go the same way.
+/// Up to four groups of one octant and one longest axis.
 pub(crate) struct Packet {
     groups: [RayGroup; GROUPS],
-    /// Of the triangles that wait.
+    /// The corners of the pending triangles.
     corners: [Corners; GROUPS],
     len: usize,
     axis_order: AxisOrder,
@@ -63,7 +70,7 @@ impl Packet {
         }
     }
 
-    /// What all rays that take part lie between.
+    /// The intervals of the origins and reciprocals of all active rays.
     #[inline(always)]
     fn hull<S: Instructions>(&self, s: S) -> [Interval; 3] {
         let mut hull = [Interval::NONE; 3];
@@ -91,7 +98,7 @@ impl Packet {
         }
     }
 
-    /// Starts the way, and tells what all rays lie between.
+    /// Starts the traversal, and returns the intervals of all rays.
     #[inline(always)]
     fn start<S: Instructions>(&mut self, s: S) -> [Interval; 3] {
         let hull = self.hull(s);
@@ -102,8 +109,9 @@ impl Packet {
         hull
     }
 
-    /// Takes all groups to the leaves that they may meet; `exactly` is called for rays that have to be tested against a triangle exactly: with
-    /// their group, the corners of what waits there, a bit for each lane, and four times the block plus the triangle's lane.
+    /// Traverses the tree with all groups. `exactly` is called for rays that have to be tested against a triangle
+    /// exactly. Its arguments are their group, the corners of the group's pending triangles, a bit for each lane, and
+    /// four times the block plus the triangle's lane.
     #[inline(always)]
     fn trace<S: Instructions, const NEAREST: bool>(
         &mut self,
@@ -117,8 +125,8 @@ impl Packet {
         while let Some((leaf, mut parts)) = self.walk.next::<S, NEAREST>(s, scene.nodes, data, &self.groups) {
             let block = &scene.blocks[leaf.first() as usize];
             let size = block.size();
-            // First all pairs of a part and a triangle, roughly and without branches on what they tell, which are hard to foretell: to guess wrong
-            // costs more than to begin anew with the few that are left.
+            // First all pairs of a part and a triangle are tested coarsely, without branches on the unpredictable
+            // results. A misprediction costs more than starting again with the few pairs that are left.
             let mut may_hit_pairs = 0u64;
             while parts != 0 {
                 let number = parts.trailing_zeros() as usize;
@@ -181,7 +189,7 @@ impl Packet {
         self.write_back(t_max);
     }
 
-    /// Writes up to where each ray goes on.
+    /// Writes the end of each ray.
     #[inline(always)]
     fn write_back(&self, t_max: &mut [f32]) {
         for group in &self.groups[..self.len] {
@@ -192,7 +200,7 @@ impl Packet {
     }
 }
 
-/// The places of bits.
+/// The positions of the set bits.
 #[inline(always)]
 fn lanes(mut bits: u32) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
@@ -202,7 +210,7 @@ fn lanes(mut bits: u32) -> impl Iterator<Item = usize> {
     })
 }
 
-/// Lets a triangle wait for those of some rays that meet it before all else. Returns the rays for which it has to be decided alone.
+/// Makes a triangle pending for those rays that hit it before all else. Returns the rays that have to be tested alone.
 #[cold]
 #[inline(never)]
 fn nearer<S: Instructions>(
@@ -241,7 +249,7 @@ fn nearer<S: Instructions>(
     if contested != 0 {
         let waited = resolve::test_exactly_each(group, params, waiting);
         for i in lanes(contested & waited.met) {
-            // What is as near as what waits may have the lower id.
+            // A triangle as near as the pending one may have the lower id.
             if (exactly.t[i], id) < (waited.t[i], group.last_seen.0[i]) {
                 take(group, waiting, i, exactly.t[i]);
             } else {
@@ -253,7 +261,7 @@ fn nearer<S: Instructions>(
     left
 }
 
-/// Tests what waits for a ray, then a triangle, exactly. Returns whether what had waited was not met.
+/// Tests a ray's pending triangle exactly, then another triangle. Returns whether the pending triangle was not hit.
 #[cold]
 #[inline(never)]
 fn decide(group: &mut RayGroup, scene: TriangleScene<'_>, i: usize, place: u32, nearest: &mut PrimitiveHit) -> bool {
@@ -271,7 +279,7 @@ fn decide(group: &mut RayGroup, scene: TriangleScene<'_>, i: usize, place: u32, 
     failed
 }
 
-/// Ends those of some rays that meet a triangle, by the exact test.
+/// Ends those of some rays that hit a triangle, by the exact test.
 #[cold]
 #[inline(never)]
 fn end<S: Instructions>(group: &mut RayGroup, params: &TestParams, scene: TriangleScene<'_>, rays: u32, place: u32) {
@@ -290,8 +298,8 @@ fn end<S: Instructions>(group: &mut RayGroup, params: &TestParams, scene: Triang
     }
 }
 
-/// Gathers up to 64 rays in packets, and calls `go` for each. (A function that is handed to another would not be compiled for the same
-/// instructions.)
+/// Gathers up to 64 rays into packets, and runs `go` for each packet. (It is a macro, since a function argument would
+/// not be compiled for the caller's instructions.)
 macro_rules! in_packets {
     ($s:expr, $packet:ident, $rays:expr, $results:expr, $t_max:expr, $outcome:ident, $go:expr) => {
         $packet.len = 0;
@@ -380,7 +388,7 @@ impl SimdKernel for AnyHitPackets<'_> {
     }
 }
 
-/// Finds the nearest triangles that 1 to 64 rays meet, nearer than what is in `nearest`.
+/// Finds the nearest triangles that 1 to 64 rays hit, nearer than the hits in `nearest`.
 pub(crate) fn closest(
     scene: TriangleScene<'_>,
     packet: &mut Packet,
@@ -393,7 +401,7 @@ pub(crate) fn closest(
     dispatch::run(ClosestPackets { scene, packet, rays, nearest })
 }
 
-/// Tells which of 1 to 64 rays meet a triangle at or before `t_max`, by −∞.
+/// Sets `t_max` to −∞ for those of 1 to 64 rays that hit a triangle at or before `t_max`.
 pub(crate) fn any(scene: TriangleScene<'_>, packet: &mut Packet, rays: &[Ray], t_max: &mut [f32]) -> PacketOutcome {
     if scene.nodes.is_empty() {
         return PacketOutcome::default();

@@ -1,8 +1,8 @@
-//! What f32 tells of a sphere or a cylinder and the rays of a group: `sphere::cull` and `cylinder4::cull` with rays for lanes. What these prove, that
-//! nothing is met that is sorted out and none sooner than told, holds here; up to where something is surely met has to prove true
-//! in the exact test of what waits.
+//! The f32 tests of a sphere and a cylinder against the rays of a group: `sphere::cull` and `cylinder4::cull` with rays
+//! for lanes. Their proofs hold here: no culled primitive is hit, and no hit is nearer than its lower bound. An upper
+//! bound of t, where a primitive is certainly hit, is later verified by the exact test of the pending primitive.
 
-#![allow(clippy::needless_range_loop)] // NodeTest of many lists side by side.
+#![allow(clippy::needless_range_loop)] // Loops over lists side by side.
 
 use super::group::RayGroup;
 pub(super) use super::triangle_test::TestMasks;
@@ -13,14 +13,14 @@ use crate::primitive::primitive4::RELATIVE;
 use crate::simd::{Instructions, Mask, Row, SIXTEEN, Vector};
 use crate::slab::{DEFLATE, INFLATE};
 
-/// `round::UnitRay` for all rays of a group.
+/// `primitive4::UnitRay` for all rays of a group.
 #[derive(Clone, Copy)]
 pub(super) struct UnitRays {
     unit: [Row<f32>; 3],
     per_length: Row<f32>,
 }
 
-/// What both tests ask of rays.
+/// The numbers of rays that both tests need.
 struct Rays<N> {
     origin: [N; 3],
     unit: [N; 3],
@@ -41,12 +41,12 @@ impl UnitRays {
             self.unit[1].0[i] = (y * per_length) as f32;
             self.unit[2].0[i] = (z * per_length) as f32;
             let per_length = per_length as f32;
-            // Of those that take part none is infinite, as no reciprocal is.
+            // No active ray has an infinite value here, as no reciprocal is infinite.
             self.per_length.0[i] = if per_length < f32::MIN_POSITIVE { f32::NAN } else { per_length };
         }
     }
 
-    /// How far apart the directions of those that take part are.
+    /// The spread of the active rays' unit directions: the largest along any axis.
     #[inline(always)]
     pub(super) fn spread<S: Instructions>(&self, s: S, group: &RayGroup) -> f32 {
         let (zero, nothing) = (s.splat(0.0), s.splat(-2.0));
@@ -85,16 +85,16 @@ fn dot<N: Vector>([ax, ay, az]: [N; 3], [bx, by, bz]: [N; 3]) -> N {
     ax * bx + ay * by + az * bz
 }
 
-/// The sum of the sizes of the components, no less than the length.
+/// The sum of the components' absolute values, which is no less than the length.
 #[inline(always)]
 fn size<N: Vector>([x, y, z]: [N; 3]) -> N {
     x.abs() + y.abs() + z.abs()
 }
 
-/// Where the rays that may meet a primitive enter it.
+/// The interval in which rays enter a primitive.
 struct Entry<N: Vector> {
     may: N::Mask,
-    /// Those that surely meet it where they enter.
+    /// Rays that certainly hit it where they enter.
     surely: N::Mask,
     low: N,
     high: N,
@@ -180,7 +180,7 @@ impl RayGroup {
         let off = h0.max(h1).less(zero - h_error) | (vv + h_error).less(h0.min(h1));
         let beyond = t_max.less(low) | s1.less(zero);
         let may = may & !(oblique & (off | beyond));
-        // Surely met is the side between the ends.
+        // A certain hit is one on the side, between the ends.
         let (k_most, inner) = (k + k_error, (length - n_error) * r - k_error);
         let within = inner * inner - k_most * k_most;
         let half = (vv * within).sqrt() * s.splat(DEFLATE);
@@ -193,7 +193,7 @@ impl RayGroup {
         self.enter::<S, NEAREST>(s, part, Entry { may, surely, low, high }, place)
     }
 
-    /// The rays that enter a box have to be decided alone.
+    /// The rays that enter a user primitive's box. They have to be tested alone.
     #[inline(always)]
     pub(super) fn test_box<S: Instructions>(&self, s: S, part: usize, bounds: Aabb) -> TestMasks {
         let (mut near, t_max) = (s.splat(0.0), s.load(&self.t_max, part));
@@ -210,7 +210,8 @@ impl RayGroup {
         }
     }
 
-    /// Lets a primitive wait for the rays that surely meet it before all else; unless `NEAREST`, ends those that surely meet it.
+    /// Makes a primitive pending for the rays that certainly hit it before all else. Without `NEAREST`, ends the rays
+    /// that certainly hit it.
     #[inline(always)]
     fn enter<S: Instructions, const NEAREST: bool>(
         &mut self,
@@ -288,7 +289,7 @@ mod tests {
                 assert!(t.is_none() || bit(any.taken | any.undecided), "{what}");
                 assert!(t.is_some() || !bit(any.taken), "{what}");
                 if bit(nearest.taken) {
-                    let t = t.expect("what waits is met");
+                    let t = t.expect("a pending sphere is hit");
                     assert!(lows.0[i] <= t && t <= highs.0[i], "{what} {} {}", lows.0[i], highs.0[i]);
                 }
                 hits += usize::from(t.is_some());

@@ -1,4 +1,4 @@
-//! Packets among spheres, cylinders and whatever else there is.
+//! The traversal of packets over spheres, cylinders and user primitives.
 
 use super::group::{NOTHING, RayGroup};
 use super::primitive_test::{PackedPrimitive, TestMasks, UnitRays};
@@ -12,7 +12,7 @@ use crate::simd::dispatch::{self, SimdKernel};
 use crate::simd::{Instructions, Row, SIXTEEN, Vector};
 use crate::{PreparedRay, PrimitiveHit, Ray};
 
-/// What rays go through.
+/// The data of a tree over primitives that kernels read.
 pub(crate) struct PrimitiveScene<'a, A> {
     pub(crate) nodes: &'a [Node],
     pub(crate) blocks: &'a [Primitive4],
@@ -27,12 +27,13 @@ impl<A> Clone for PrimitiveScene<'_, A> {
 
 impl<A> Copy for PrimitiveScene<'_, A> {}
 
-/// Rays of a group whose directions, at length 1, differ by more than this along an axis are better off one by one: what they
-/// visit is rarely the same. The times of whole pictures hardly depend on it between a fifth and five times as much.
+/// The largest spread of a group's unit directions along an axis. Rays of a wider group are traced one by one, since
+/// they rarely visit common nodes. The times of whole pictures hardly depend on this number between a fifth and five
+/// times as much.
 const ASTRAY: f32 = 0.1;
 
-/// Takes all groups to the leaves that they may meet; `alone` is called for rays that have to be tested against a primitive exactly: with
-/// their group, their lane, and the primitive's place.
+/// Traverses the tree with all groups. `alone` is called for each ray that has to be tested against a primitive
+/// exactly. Its arguments are the group, the ray's lane, and the primitive's place.
 #[inline(always)]
 fn trace<S: Instructions, A: UserIntersect, const NEAREST: bool>(
     s: S,
@@ -84,7 +85,7 @@ fn trace<S: Instructions, A: UserIntersect, const NEAREST: bool>(
     }
 }
 
-/// Tests what waits for a ray, then a primitive, exactly. Returns whether what had waited was not met.
+/// Tests a ray's pending primitive exactly, then another primitive. Returns whether the pending primitive was not hit.
 #[inline(never)]
 fn decide<A: UserIntersect>(
     group: &mut RayGroup,
@@ -108,8 +109,8 @@ fn decide<A: UserIntersect>(
     failed
 }
 
-/// Tests what waits for the rays of a group exactly, as far as these are spheres, side by side, and tells for which rays that was not met. Of others
-/// everything waits on.
+/// Tests the pending spheres of a group exactly, side by side, and returns the rays whose sphere was not hit. Other
+/// primitives stay pending.
 #[inline(always)]
 fn decide_spheres<A>(group: &mut RayGroup, field: PrimitiveScene<'_, A>, nearest: &mut [PrimitiveHit]) -> u32 {
     const HALF: usize = sphere8::LANES;
@@ -129,7 +130,7 @@ fn decide_spheres<A>(group: &mut RayGroup, field: PrimitiveScene<'_, A>, nearest
                 spheres |= 1u32 << i;
             }
         }
-        // Fewer aren't worth it.
+        // Fewer spheres aren't worth it.
         if spheres.count_ones() < 3 {
             continue;
         }
@@ -156,7 +157,7 @@ fn decide_spheres<A>(group: &mut RayGroup, field: PrimitiveScene<'_, A>, nearest
     failed
 }
 
-/// Ends a ray if a primitive is met, by the exact test.
+/// Ends a ray if a primitive is hit, by the exact test.
 #[inline(never)]
 fn end<A: UserIntersect>(group: &mut RayGroup, field: PrimitiveScene<'_, A>, i: usize, place: u32) {
     let (block, lane) = (&field.blocks[place as usize / LANES], place as usize % LANES);
@@ -246,7 +247,7 @@ impl<A: UserIntersect> SimdKernel for AnyHitPackets<'_, A> {
     }
 }
 
-/// [`super::closest`] among what is round.
+/// [`super::closest`] for a tree over primitives.
 pub(crate) fn closest<A: UserIntersect>(
     field: PrimitiveScene<'_, A>,
     packet: &mut Packet,
@@ -259,7 +260,7 @@ pub(crate) fn closest<A: UserIntersect>(
     dispatch::run(ClosestPackets { field, packet, rays, nearest })
 }
 
-/// [`super::any`] among what is round.
+/// [`super::any`] for a tree over primitives.
 pub(crate) fn any<A: UserIntersect>(
     field: PrimitiveScene<'_, A>,
     packet: &mut Packet,

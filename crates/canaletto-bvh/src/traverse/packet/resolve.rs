@@ -1,9 +1,9 @@
-//! The exact test for the rays of a group: of what waits for them, or of a triangle that f32 leaves undecided.
+//! The exact test for the rays of a group: of their pending triangles, or of a triangle that f32 leaves undecided.
 //!
-//! The loops over lanes have no branches, so that the compiler makes vectors of them, for whatever instructions the function around them
-//! is compiled for.
+//! The loops over lanes have no branches. The compiler vectorises them for the instructions of the surrounding
+//! function.
 
-#![allow(clippy::needless_range_loop)] // NodeTest of many lists side by side.
+#![allow(clippy::needless_range_loop)] // Loops over lists side by side.
 
 use super::group::{Corners, RayGroup};
 use super::triangle_test::TestParams;
@@ -14,7 +14,7 @@ use crate::simd::{Instructions, Row, SIXTEEN, Vector};
 use crate::slab::{DEFLATE, INFLATE, max, min};
 use glam::{Mat4, UVec4, Vec4};
 
-/// Tests for all rays what waits for them. Returns the rays for which this has to be done alone, a bit for each.
+/// Tests the pending triangles of all rays. Returns the rays that have to be tested alone, one bit for each.
 #[inline(always)]
 pub(super) fn resolve<S: Instructions>(
     s: S,
@@ -50,7 +50,7 @@ pub(super) fn resolve<S: Instructions>(
     pending & !done
 }
 
-/// Tests one triangle for all rays.
+/// Tests one triangle against all rays.
 #[cold]
 #[inline(never)]
 pub(super) fn test_exactly_one(group: &RayGroup, params: &TestParams, [a, b, c]: [[f32; 3]; 3]) -> Exactly {
@@ -58,7 +58,7 @@ pub(super) fn test_exactly_one(group: &RayGroup, params: &TestParams, [a, b, c]:
     test_exactly_each(group, params, &[for_all(a), for_all(b), for_all(c)])
 }
 
-/// Tests a triangle for each ray.
+/// Tests one triangle per ray.
 #[cold]
 #[inline(never)]
 pub(super) fn test_exactly_each(group: &RayGroup, params: &TestParams, corners: &Corners) -> Exactly {
@@ -80,18 +80,18 @@ impl SimdKernel for Each<'_> {
     }
 }
 
-/// What the exact test says for each ray.
+/// The results of the exact test for each ray.
 pub(super) struct Exactly {
     pub(super) t: [f32; SIXTEEN],
     u: [f32; SIXTEEN],
     v: [f32; SIXTEEN],
-    /// Rays that meet the triangle up to `t_max`, a bit for each.
+    /// The rays that hit the triangle up to `t_max`, one bit for each.
     pub(super) met: u32,
-    /// Those that don't. The others have to be tested alone.
+    /// The rays that miss the triangle. Rays in neither mask have to be tested alone.
     pub(super) missed: u32,
 }
 
-/// `triangle::intersect_exactly` with rays for lanes, each with a triangle.
+/// `triangle::intersect_exactly` with one ray and one triangle per lane.
 #[inline(always)]
 fn exactly<S: Instructions>(s: S, group: &RayGroup, params: &TestParams, [a, b, c]: &Corners) -> Exactly {
     let k = params.axes;
@@ -124,7 +124,7 @@ fn exactly<S: Instructions>(s: S, group: &RayGroup, params: &TestParams, [a, b, 
         results[i] = u32::from(sa & sb & sc);
         far[i] = u32::from((area.abs() > area_bound) & (depth.abs() > volume_bound));
     }
-    // `PreparedRay::clamp_to_triangle`, the axes in another order: the longest comes last.
+    // `PreparedRay::clamp_to_triangle`, with the axes in another order: the longest comes last.
     for i in 0..SIXTEEN {
         let (mut near, mut far, mut last) = (0.0f32, f32::INFINITY, 0.0);
         for axis in 0..3 {
@@ -152,7 +152,7 @@ fn exactly<S: Instructions>(s: S, group: &RayGroup, params: &TestParams, [a, b, 
     Exactly { t, u, v, met: positive(s, &met), missed: positive(s, &missed) }
 }
 
-/// A bit for each positive number. (Shifted together one by one, they would be taken out of their register one by one.)
+/// A bit for each positive number. (Single shifts would take the numbers out of their register one by one.)
 #[inline(always)]
 fn positive<S: Instructions>(s: S, row: &Row<f32>) -> u32 {
     let mut bits = 0;
@@ -162,7 +162,8 @@ fn positive<S: Instructions>(s: S, row: &Row<f32>) -> u32 {
     bits
 }
 
-/// `difference_of_products::difference_of_products`, where that is not careful; tells whether that is so.
+/// `difference_of_products::difference_of_products` without its `careful` branch. The second result is true where that
+/// branch isn't needed.
 #[inline(always)]
 fn difference(a: f64, b: f64, c: f64, d: f64) -> (f64, bool) {
     let (p, q) = (a * b, c * d);
@@ -170,7 +171,7 @@ fn difference(a: f64, b: f64, c: f64, d: f64) -> (f64, bool) {
     (e, e.abs() > (p.abs() + q.abs()) * CANCELLED)
 }
 
-/// `f32::clamp` from 0; like that one, it leaves −0 alone.
+/// `f32::clamp` from 0. It keeps −0, as `f32::clamp` does.
 #[inline(always)]
 fn clamp(a: f32, end: f32) -> f32 {
     let a = if a < 0.0 { 0.0 } else { a };

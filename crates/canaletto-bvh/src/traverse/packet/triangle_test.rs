@@ -1,4 +1,5 @@
-//! What f32 tells of a triangle and the rays of a group: `block::CoarseTest` with rays for lanes.
+//! The f32 test of a triangle against the rays of a group: `triangle4::CoarseTest` and `RefinedTest` with rays for
+//! lanes.
 
 use super::group::{Corners, RayGroup};
 use crate::primitive::edge_error::EdgeError;
@@ -7,35 +8,35 @@ use crate::ray::Axis;
 use crate::simd::{Instructions, Mask, Row, Vector};
 use crate::slab::{DEFLATE, INFLATE};
 
-/// How triangles are tested.
+/// The parameters of the test, equal for all triangles.
 #[derive(Clone, Copy)]
 pub(super) struct TestParams {
-    /// Of the rays' way.
+    /// The rows of the rays' axis order.
     pub(super) rows: [Axis; 3],
     pub(super) axes: [usize; 3],
     pub(super) bound: EdgeError,
-    /// TriangleBvh seen from behind don't count.
+    /// Whether triangles seen from behind are ignored.
     pub(super) front_only: bool,
-    /// It counts that something is hit, not what.
+    /// Whether the query is any-hit.
     pub(super) any: bool,
 }
 
-/// A triangle.
+/// A triangle and its place in the tree.
 #[derive(Clone, Copy)]
 pub(super) struct TriangleRef {
     /// Four times its block plus its lane.
     pub(super) place: u32,
     pub(super) id: u32,
-    /// The coordinates in the order of the way's `rows`.
+    /// The corners, with coordinates in the order of the axis order's `rows`.
     pub(super) corners: [[f32; 3]; 3],
 }
 
-/// What a test did: a bit for each ray of the group.
+/// The result of a test: masks with one bit for each ray of the group.
 #[derive(Clone, Copy)]
 pub(super) struct TestMasks {
-    /// Rays that now have a hit, or end.
+    /// Rays for which the triangle is now pending, or that have ended.
     pub(super) taken: u32,
-    /// Rays for which the triangle has to be decided alone.
+    /// Rays that have to be tested alone.
     pub(super) undecided: u32,
 }
 
@@ -43,7 +44,7 @@ impl TestMasks {
     pub(super) const NOTHING: Self = Self { taken: 0, undecided: 0 };
 }
 
-/// Whether hits certainly count.
+/// The numbers for deciding whether a hit is certain.
 #[derive(Clone, Copy)]
 struct Certainly<N> {
     bound: EdgeError<N>,
@@ -53,7 +54,7 @@ struct Certainly<N> {
 }
 
 impl<N: Vector> Certainly<N> {
-    /// Of those on a triangle between `low` and `high`, where nothing nearer than `nearest` is known.
+    /// The rays with a certain hit between `low` and `high`, if no hit nearer than `nearest` is known.
     #[inline(always)]
     fn met<S: Instructions<Vector = N>>(self, s: S, any: bool, nearest: N, low: N, high: N) -> N::Mask {
         let zero = s.splat(0.0);
@@ -66,52 +67,53 @@ impl<N: Vector> Certainly<N> {
     }
 }
 
-/// A triangle as rays see it.
+/// A triangle in the sheared space of the rays.
 #[derive(Clone, Copy)]
 struct Sheared<N> {
-    /// How far the corners are along the longest axis.
+    /// The corners' distances along the longest axis.
     z: [N; 3],
-    /// The edge functions, the least and the most of them.
+    /// The edge functions, and the smallest and the largest of them.
     edges: [N; 3],
     least: N,
     most: N,
 }
 
 impl<N: Vector> Sheared<N> {
-    /// The rays for which not all edge functions have one sign, though they are wrong by no more than `off`.
+    /// The rays for which the edge functions certainly differ in sign, if they are wrong by no more than `off`.
     #[inline(always)]
     fn missed<S: Instructions<Vector = N>>(&self, s: S, off: N) -> N::Mask {
         off.less(self.most) & self.least.less(s.splat(0.0) - off)
     }
 }
 
-/// What f32 makes of rays and a triangle.
+/// The f32 numbers of rays and a triangle.
 #[derive(Clone, Copy)]
 struct Seen<N> {
-    /// The least and the most of the edge functions, and their sum.
+    /// The smallest and the largest edge function, and their sum.
     least: N,
     most: N,
     sum: N,
     /// The sum of the edge functions times t at the opposite corners.
     weighed: N,
-    /// Between them lies t of all points of the triangle.
+    /// The bounds of t of all points of the triangle.
     first: N,
     last: N,
 }
 
-/// What is certain of [`Seen`] if the edge functions are wrong by no more than a bound.
+/// The certain results of [`Seen`], if the edge functions are wrong by no more than a bound.
 struct Within<N: Vector> {
     /// The line passes between the edges.
     inside: N::Mask,
-    /// It doesn't, or what it meets doesn't count.
+    /// The line misses the triangle, or the triangle is ignored.
     missed: N::Mask,
-    /// Between them lies t of the hit, if there is one.
+    /// The bounds of a hit's t, if there is a hit.
     low: N,
     high: N,
 }
 
 impl<N: Vector> Seen<N> {
-    /// `closely`, t is found from the edge functions where that helps, as in `CoarseTest::between`, not from the corners alone.
+    /// With `closely`, t is bounded by the edge functions where that helps, as in `RefinedTest::between`. Otherwise it
+    /// is bounded by the corners alone.
     #[inline(always)]
     fn within<S: Instructions<Vector = N>>(self, s: S, off: N, front_only: bool, closely: bool) -> Within<N> {
         let Self { least, most, sum, weighed, first, last } = self;
@@ -128,7 +130,7 @@ impl<N: Vector> Seen<N> {
         let reach = last.abs().max(first.abs());
         let mean = weighed / sum;
         let blur = (off * s.splat(4.0) / sum.abs()) * (last - first) + reach * s.splat(T_ERROR);
-        // Unless something overflows or vanishes.
+        // Valid unless something overflows or vanishes.
         let results = inside
             & first.less_or_equal(mean)
             & mean.less_or_equal(high)
@@ -139,7 +141,8 @@ impl<N: Vector> Seen<N> {
     }
 }
 
-/// The farthest of three numbers from those of rays. Not a closure: that would be a function without the instructions.
+/// The largest distance of three numbers from those of the rays. Not a closure: that would be a function without the
+/// instructions.
 #[inline(always)]
 fn farthest<S: Instructions>(s: S, part: usize, ([x, y, z], origin): ([f32; 3], &Row<f32>)) -> S::Vector {
     let o = s.load(origin, part);
@@ -147,9 +150,9 @@ fn farthest<S: Instructions>(s: S, part: usize, ([x, y, z], origin): ([f32; 3], 
 }
 
 impl RayGroup {
-    /// The triangle of these corners, seen by the rays of a part. If `TURNED`, from its corners to the
-    /// origins, so that z counts backwards: what is read is then a part of the instruction, which is worth it where little else is done;
-    /// and only misses can be told from it.
+    /// The triangle of these corners in the sheared space of the rays of a part. With `TURNED`, vectors run from the
+    /// corners to the origins, so that z has the opposite sign. The subtraction can then read the corners from memory,
+    /// which pays where little else is done. With `TURNED`, only misses can be concluded.
     #[inline(always)]
     fn see<S: Instructions, const TURNED: bool>(
         &self,
@@ -171,8 +174,8 @@ impl RayGroup {
         let (ax, ay) = (from!(a[0], ox).minus_product(sx, az), from!(a[1], oy).minus_product(sy, az));
         let (bx, by) = (from!(b[0], ox).minus_product(sx, bz), from!(b[1], oy).minus_product(sy, bz));
         let (cx, cy) = (from!(c[0], ox).minus_product(sx, cz), from!(c[1], oy).minus_product(sy, cz));
-        // Fused where only misses are told: `EdgeError` holds for those that meet the triangle all the more, but of the others
-        // edge functions may now have one sign.
+        // Fused where only misses can be concluded. `EdgeError` holds all the more for rays that hit the triangle, but
+        // for the others the edge functions may now all have one sign.
         macro_rules! difference {
             ($a:ident * $b:ident - $c:ident * $d:ident) => {
                 if TURNED { ($a * $b).minus_product($c, $d) } else { $a * $b - $c * $d }
@@ -184,7 +187,8 @@ impl RayGroup {
         Sheared { z: [az, bz, cz], edges: [wa, wb, wc], least: wa.min(wb).min(wc), most: wa.max(wb).max(wc) }
     }
 
-    /// Whether any ray of a part may meet the triangle of these corners, if it lies where it counts. `size` is more than its extent along any axis.
+    /// Whether any active ray of a part may hit the triangle of these corners, whatever its t. `size` is larger than
+    /// its extent along any axis.
     #[inline(always)]
     pub(super) fn may_meet<S: Instructions>(
         &self,
@@ -199,8 +203,9 @@ impl RayGroup {
         S::Vector::lanes(!missed & s.splat(0.0).less(s.load(&self.t_max, part))) != 0
     }
 
-    /// Tests a triangle, and lets it wait for those rays of a part that all but certainly meet it before all else; with
-    /// `any`, ends those that certainly meet it. `size` is more than its extent along any axis; `waiting` has the corners of what waits.
+    /// Tests a triangle against the rays of a part. It becomes pending for the rays that almost certainly hit it before
+    /// all else. In an any-hit query, the rays that certainly hit it end. `size` is larger than its extent along any
+    /// axis; `waiting` holds the corners of the pending triangles.
     #[inline(always)]
     pub(super) fn test<S: Instructions>(
         &mut self,
@@ -236,7 +241,7 @@ impl RayGroup {
         let met = met & !(end.less(seen.first) | seen.last.less_or_equal(zero));
         let certainly =
             Certainly { bound: params.bound.splat(s), area: least.abs().max(most.abs()), along: along.abs(), end };
-        // For a shadow t is seldom of interest; for the nearest hit, bounds that are close leave out more.
+        // For shadow rays t seldom matters. For the nearest hit, close bounds cull more.
         let Within { inside, low, high, .. } = seen.within(s, bound, params.front_only, !params.any);
         let take = met & inside & certainly.met(s, params.any, s.load(&self.low, part), low, high);
         if params.any {
@@ -248,7 +253,8 @@ impl RayGroup {
         let undecided = met & !(take | gone);
         let (mut taken, mut left) = (S::Vector::bits(take, part), S::Vector::bits(undecided, part));
         if left != 0 {
-            // A closer look at triangles near the origin with less error than at those at the scene's other end.
+            // Refine by each ray's own error bound: the error near the origin is smaller than at the other end of the
+            // scene.
             let far = |axis: usize| {
                 let [a, b, c] = &which.corners;
                 ([a[axis], b[axis], c[axis]], &self.origin[params.axes[axis]])
@@ -258,7 +264,7 @@ impl RayGroup {
                 farthest(s, part, far(0)).max(farthest(s, part, far(1))).max(farthest(s, part, far(2))),
             );
             let Within { inside, missed, low, high } = seen.within(s, bound.of(s.splat(size)), params.front_only, true);
-            // A triangle may be met again in another leaf.
+            // A ray may hit a triangle again in another leaf.
             let undecided = undecided & !self.has_seen(s, part, which.id);
             let inside = undecided & inside & !missed;
             let certainly = Certainly { bound, ..certainly };
@@ -275,7 +281,7 @@ impl RayGroup {
         TestMasks { taken, undecided: left }
     }
 
-    /// The rays whose `last_seen` is a triangle.
+    /// The rays whose `last_seen` is this triangle.
     #[inline(always)]
     fn has_seen<S: Instructions>(&self, s: S, part: usize, id: u32) -> Mask<S> {
         let mut same = 0;

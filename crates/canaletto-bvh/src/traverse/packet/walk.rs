@@ -1,6 +1,6 @@
-//! The way of a packet through the tree.
+//! The traversal loop of a packet.
 
-#![allow(clippy::needless_range_loop)] // NodeTest of many lists side by side.
+#![allow(clippy::needless_range_loop)] // Loops over lists side by side.
 
 use super::group::{Interval, RayGroup};
 use crate::Leaf;
@@ -10,24 +10,24 @@ use crate::simd::{Instructions, Row, SIXTEEN, Vector};
 use crate::slab::{self, INFLATE, WIDTH};
 use glam::Vec4;
 
-/// Groups in a packet.
+/// The number of groups in a packet.
 pub(super) const GROUPS: usize = 4;
 
-/// The children of a node that wait to be visited.
+/// A level of the traversal stack: a node whose entered children are still to be visited.
 #[derive(Clone, Copy)]
 struct Level {
     node: u32,
-    /// The lanes in the order of visits, the first highest: as in `Node::orders`.
+    /// The lanes in the order of visits, the first in the highest bits, as in `Node::orders`.
     order: u32,
-    /// A bit for each place in the order at which a child waits.
+    /// The positions in the order at which a child is still to be visited, one bit for each.
     waiting: u32,
 }
 
 impl Level {
-    /// Below the root: nothing.
+    /// The level below the root's, which is never popped.
     const BOTTOM: Self = Self { node: 0, order: IN_ORDER, waiting: 1 };
 
-    /// The place in the order of the child that comes next.
+    /// The position in the order of the child that comes next.
     #[inline(always)]
     fn next(self) -> usize {
         31 - (self.waiting | 1).leading_zeros() as usize
@@ -39,28 +39,28 @@ impl Level {
     }
 }
 
-/// The order of lanes that they have.
+/// The order word that lists the lanes by number.
 const IN_ORDER: u32 = 0o76543210;
 
-/// Levels of a tree, and one below.
+/// The levels of the deepest tree, and the bottom level.
 const LEVELS: usize = MAX_DEPTH as usize + 2;
 
-/// What is known of all groups, and what waits to be visited.
+/// The state of a packet's traversal: the bounds of all rays and the stack.
 pub(super) struct PacketWalk {
-    /// What all rays lie between.
+    /// The intervals of all rays.
     hull: [Interval; 3],
-    /// Up to where anything must be entered by a group to be worth a visit; −∞ without group.
+    /// The largest entry distance at which each group still visits a box; −∞ without a group.
     limits: Vec4,
-    /// The greatest of them.
+    /// The largest of the limits.
     farthest: f32,
     octant: usize,
-    /// The levels at which something waits; the lowest is [`Level::BOTTOM`].
+    /// The levels with children still to be visited. The lowest is [`Level::BOTTOM`].
     levels: [Level; LEVELS],
-    /// Where the rays may enter the children, in their order.
+    /// Lower bounds of the distances at which the rays enter the children, in the order of the level.
     near: [[f32; WIDTH]; LEVELS],
-    /// The uppermost of the levels.
+    /// The index of the top level of the stack.
     top: usize,
-    /// The root has not been visited.
+    /// Whether the root has not been visited yet.
     starts: bool,
 }
 
@@ -79,7 +79,7 @@ impl PacketWalk {
         }
     }
 
-    /// Starts at the root, without groups yet, for rays that lie in these intervals.
+    /// Starts at the root, without groups yet, for rays within these intervals.
     #[inline(always)]
     pub(super) fn start(&mut self, octant: usize, hull: [Interval; 3]) {
         self.octant = octant;
@@ -89,17 +89,17 @@ impl PacketWalk {
         self.starts = true;
     }
 
-    /// Says up to where anything counts for a group.
+    /// Sets the end of a group.
     #[inline(always)]
     pub(super) fn limit(&mut self, group: usize, t_max: f32) {
-        // All of them are written: a register is read that has not come from four places then.
+        // All four limits are written at once. A later read of the register then doesn't wait for four separate writes.
         let only = Vec4::splat(group as f32).cmpeq(Vec4::new(0.0, 1.0, 2.0, 3.0));
         self.limits = Vec4::select(only, Vec4::splat(slab::limit(t_max)), self.limits);
         self.farthest = self.limits.max_element();
     }
 
-    /// The next leaf that rays may meet, and a bit for each part of their groups. (It is a function that is asked, not one that calls another for each leaf,
-    /// since that would not be compiled for the same instructions.)
+    /// The next leaf that rays may enter, and a bit for each part of their groups. (The caller pulls leaves from this
+    /// function. A callback for each leaf would not be compiled for the caller's instructions.)
     #[inline(always)]
     pub(super) fn next<S: Instructions, const ORDERED: bool>(
         &mut self,
@@ -112,20 +112,24 @@ impl PacketWalk {
             self.visit::<S, ORDERED>(s, &nodes[0], 0);
         }
         while self.top > 0 {
+            // Pop the next child of the top level.
             let level = self.levels[self.top];
             let (place, node) = (level.next(), &nodes[level.node as usize]);
             let (near, lane) = (self.near[self.top][place], level.lane(place));
             let waiting = level.waiting ^ 1 << place;
             self.levels[self.top].waiting = waiting;
             self.top -= usize::from(waiting == 0);
+            // The groups that still reach the child. Without one, it is culled.
             let groups = Vec4::splat(near).cmple(self.limits).bitmask();
             if groups == 0 {
                 continue;
             }
+            // Prefetch the child after this one.
             let after = self.levels[self.top];
             data.fetch(nodes[after.node as usize].children()[after.lane(after.next())]);
             let link = node.children()[lane];
             if !link.is_leaf() {
+                // This is a node: visit it if any ray enters its box.
                 let mut left = groups;
                 while left != 0 {
                     let i = left.trailing_zeros() as usize % GROUPS;
@@ -137,7 +141,8 @@ impl PacketWalk {
                 }
                 continue;
             }
-            // All groups, as a branch on whether one takes part is dearer.
+            // This is a leaf: find the parts of groups that enter its box. All groups are tested, as a branch on
+            // whether a group is active costs more.
             let mut parts = 0;
             for (i, group) in all.iter().enumerate() {
                 let taking_part = (groups >> i & 1).wrapping_neg();
@@ -150,8 +155,8 @@ impl PacketWalk {
         None
     }
 
-    /// Lets the children wait that rays may meet. (All groups are clipped by one interval: as they are neighbours, they would meet hardly fewer
-    /// one by one.)
+    /// Pushes the children of a node that the rays may enter. (One interval clips all groups: as they are neighbours,
+    /// separate intervals would enter hardly fewer children.)
     #[inline(always)]
     fn visit<S: Instructions, const ORDERED: bool>(&mut self, s: S, node: &Node, index: u32) {
         let (near, far) = self.clip(s, node);
@@ -162,7 +167,8 @@ impl PacketWalk {
         self.top = if waiting == 0 { self.top } else { above };
     }
 
-    /// Where the rays may enter the boxes of a node, and where they leave them: bounds for all of them, by monotone rounding.
+    /// Bounds on the distances at which the rays enter and leave the boxes of a node. They hold for all rays, by
+    /// monotone rounding.
     #[inline(always)]
     fn clip<S: Instructions>(&self, s: S, node: &Node) -> (Row<f32>, Row<f32>) {
         let (mut enter_at, mut leave_at) = (Row([0.0; SIXTEEN]), Row([0.0; SIXTEEN]));
