@@ -22,6 +22,12 @@ impl Line {
         Ray { origin, direction: self.direction.as_vec3() }
     }
 
+    /// The size of the direction's largest component.
+    #[inline(always)]
+    pub(crate) fn longest(&self) -> f64 {
+        self.direction.abs().max_element()
+    }
+
     /// The rounded ray.
     #[inline]
     pub fn rounded(&self) -> Ray {

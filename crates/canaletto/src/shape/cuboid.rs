@@ -73,7 +73,7 @@ impl Cuboid {
             _ => DVec2::new(up(0), down(1)),
         };
         let size = f64::from((self.max - self.min).max_element());
-        if solve::is_large(size, line.direction, hit.t) {
+        if solve::is_large(size, line.longest(), hit.t) {
             return surface.with_fine_uv(uv);
         }
         Surface { uv: uv.as_vec2(), ..surface }

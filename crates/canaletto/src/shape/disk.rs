@@ -48,7 +48,7 @@ impl Disk {
         let frame = Frame::around(self.normal.as_dvec3());
         let uv = [frame.x, frame.z].map(|axis| 0.5 * (1.0 + p.dot(axis) / r));
         let surface = solve::surface(self.center.as_dvec3() + p, self.size(), frame.y, uv);
-        if solve::is_large(r, line.direction, hit.t) { surface.with_fine_uv(uv.into()) } else { surface }
+        if solve::is_large(r, line.longest(), hit.t) { surface.with_fine_uv(uv.into()) } else { surface }
     }
 
     /// How the surface goes on around its points.

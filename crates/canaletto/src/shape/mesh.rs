@@ -249,7 +249,7 @@ impl Corners {
     pub(super) fn is_large(&self, line: &Line, t: f32) -> bool {
         let [a, b, c] = self.positions;
         let size = (b - a).abs().max((c - a).abs()).max_element();
-        solve::is_large(size.into(), line.direction, t)
+        solve::is_large(size.into(), line.longest(), t)
     }
 
     /// The surface where the line meets the triangle's plane (5.28), and the weights of the corners there. With no branch but

@@ -47,7 +47,7 @@ impl Plane {
         let size = self.point.as_dvec3().abs().max_element() + p.abs().max_element();
         let uv = [p.dot(frame.x), p.dot(frame.z)];
         let surface = solve::surface(self.point.as_dvec3() + p, size, frame.y, uv);
-        if solve::is_large(uv[0].abs().max(uv[1].abs()), line.direction, hit.t) {
+        if solve::is_large(uv[0].abs().max(uv[1].abs()), line.longest(), hit.t) {
             return surface.with_fine_uv(uv.into());
         }
         surface

@@ -76,10 +76,11 @@ pub(super) fn surface(point: DVec3, size: f64, normal: DVec3, uv: [f64; 2]) -> S
 /// coarse in `f32`: 2⁻²⁴ of its size is then 2⁻¹⁶ of that way.
 const LARGE: f64 = 256.0;
 
-/// Whether a shape of this size is large beside the way that a ray takes to it, t times its direction.
+/// Whether a shape of this size is large beside the distance that a ray covers to it: t times the largest component of its
+/// direction, `longest`.
 #[inline(always)]
-pub(super) fn is_large(size: f64, direction: DVec3, t: f32) -> bool {
-    size > LARGE * (f64::from(t) * direction.abs().max_element())
+pub(super) fn is_large(size: f64, longest: f64, t: f32) -> bool {
+    size > LARGE * (f64::from(t) * longest)
 }
 
 /// The box of `center` ± `extent`, rounded outwards; `size` as in [`surface`].

@@ -1,6 +1,7 @@
 //! Surfaces of the commonest shapes side by side: the second stage of eight hits at once, by the same formulas as for one.
 
 use super::mesh::Corners;
+use super::solve;
 use super::{Sphere, Surface};
 use crate::math::{Line, Transform};
 use glam::{DVec3, Vec2, Vec3};
@@ -36,6 +37,12 @@ pub(crate) fn set_wide([x, y, z]: &mut Rows, lane: usize, v: DVec3) {
 #[inline(always)]
 pub(crate) fn set_thin([x, y, z]: &mut Thin, lane: usize, v: Vec3) {
     (x[lane], y[lane], z[lane]) = (v.x, v.y, v.z);
+}
+
+/// The larger of two numbers, without the rules of `f32::max` for NaN, which cost instructions.
+#[inline(always)]
+fn larger(a: f32, b: f32) -> f32 {
+    if b > a { b } else { a }
 }
 
 /// Takes over those whose bit is set.
@@ -205,13 +212,14 @@ impl Encounters {
 
     #[inline(always)]
     fn flat_triangle(&self, lane: usize) -> Corners {
-        Corners { positions: self.corners.each_ref().map(|corner| thin(corner, lane)), normals: None }
+        let [a, b, c] = &self.corners;
+        Corners { positions: [thin(a, lane), thin(b, lane), thin(c, lane)], normals: None }
     }
 
     #[inline(always)]
     fn smooth_triangle(&self, lane: usize) -> Corners {
-        let normals = Some(self.normals.each_ref().map(|normal| thin(normal, lane)));
-        Corners { normals, ..self.flat_triangle(lane) }
+        let [a, b, c] = &self.normals;
+        Corners { normals: Some([thin(a, lane), thin(b, lane), thin(c, lane)]), ..self.flat_triangle(lane) }
     }
 
     /// The line of number `lane` in the space of what it meets.
@@ -225,24 +233,37 @@ impl Encounters {
         if self.moved >> lane & 1 == 1 { moved } else { line }
     }
 
-    /// A bit for each triangle that is large beside the way to it.
+    /// A bit for each triangle that is [large](Corners::is_large) beside the way to it. The loops run over lanes, so that the
+    /// compiler makes vectors of them.
     #[inline(always)]
     fn large(&self) -> u32 {
         if self.flat | self.smooth == 0 {
             return 0;
         }
-        let mut large = [false; SURFACES];
-        if self.moved == 0 {
-            for (i, large) in large.iter_mut().enumerate() {
-                let line = Line { origin: DVec3::ZERO, direction: wide(&self.direction, i) };
-                *large = self.flat_triangle(i).is_large(&line, self.t[i]);
-            }
-        } else {
-            for (i, large) in large.iter_mut().enumerate() {
-                *large = self.flat_triangle(i).is_large(&self.local(i), self.t[i]);
+        let (mut size, mut longest) = ([0.0f32; SURFACES], [0.0f64; SURFACES]);
+        let [a, b, c] = &self.corners;
+        for axis in 0..3 {
+            for i in 0..SURFACES {
+                let sides = larger((b[axis][i] - a[axis][i]).abs(), (c[axis][i] - a[axis][i]).abs());
+                size[i] = larger(size[i], sides);
             }
         }
-        large.iter().rev().fold(0, |bits, large| bits << 1 | u32::from(*large))
+        let mut direction = self.direction;
+        if self.moved != 0 {
+            for i in 0..SURFACES {
+                set_wide(&mut direction, i, self.local(i).direction);
+            }
+        }
+        for row in &direction {
+            for i in 0..SURFACES {
+                longest[i] = if row[i].abs() > longest[i] { row[i].abs() } else { longest[i] };
+            }
+        }
+        let mut bits = 0;
+        for i in 0..SURFACES {
+            bits |= u32::from(solve::is_large(size[i].into(), longest[i], self.t[i])) << i;
+        }
+        bits
     }
 
     /// Finds the surfaces that were met. To be called from a kernel.
