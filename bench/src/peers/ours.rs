@@ -50,7 +50,7 @@ impl Tracer for Ours {
             let (t, u) = (&mut out.t[place.clone()], &mut out.u[place.clone()]);
             let (v, id) = (&mut out.v[place.clone()], &mut out.id[place]);
             for ((((hit, t), u), v), id) in nearest.iter().zip(t).zip(u).zip(v).zip(id) {
-                (*t, *u, *v, *id) = (hit.t, hit.u, hit.v, hit.id);
+                (*t, *u, *v, *id) = (hit.t, hit.uv[0], hit.uv[1], hit.id);
             }
         }
     }

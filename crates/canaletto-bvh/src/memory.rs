@@ -51,18 +51,19 @@ pub fn room(bytes: u64) -> Result<(), NoMemory> {
 /// # Errors
 /// [`NoMemory`] if the allocation fails.
 pub fn reserve<T>(list: &mut Vec<T>, more: usize) -> Result<(), NoMemory> {
-    heard(|| list.try_reserve(more)).map_err(|_| NoMemory((more as u64).saturating_mul(size_of::<T>() as u64)))
+    handling_failure(|| list.try_reserve(more))
+        .map_err(|_| NoMemory((more as u64).saturating_mul(size_of::<T>() as u64)))
 }
 
 thread_local! {
     /// Whether the running code handles a failed allocation itself. [`Guarded`] then doesn't end the process.
-    static HEARS: Cell<bool> = const { Cell::new(false) };
+    static HANDLES_FAILURE: Cell<bool> = const { Cell::new(false) };
 }
 
-fn heard<T>(work: impl FnOnce() -> T) -> T {
-    let before = HEARS.replace(true);
+fn handling_failure<T>(work: impl FnOnce() -> T) -> T {
+    let before = HANDLES_FAILURE.replace(true);
     let result = work();
-    HEARS.set(before);
+    HANDLES_FAILURE.set(before);
     result
 }
 
@@ -85,9 +86,9 @@ pub fn working_at(what: &'static str) {
 impl Guarded {
     /// Reports a failed allocation and ends the process, unless the running code handles the failure itself.
     #[cold]
-    fn refused(size: usize) {
-        static SAID: AtomicBool = AtomicBool::new(false);
-        if HEARS.try_with(Cell::get).unwrap_or(false) || SAID.swap(true, Ordering::SeqCst) {
+    fn allocation_failed(size: usize) {
+        static REPORTED: AtomicBool = AtomicBool::new(false);
+        if HANDLES_FAILURE.try_with(Cell::get).unwrap_or(false) || REPORTED.swap(true, Ordering::SeqCst) {
             return;
         }
         let what = WORK.try_lock().map_or("working", |work| *work);
@@ -97,19 +98,19 @@ impl Guarded {
         let _ = writeln!(rest, "error: out of memory while {what}: {} more are needed", Size(size as u64));
         let left = rest.len();
         let _ = std::io::stderr().write_all(&text[..text.len() - left]);
-        leave();
+        exit_now();
     }
 }
 
 #[cfg(target_os = "linux")]
 #[allow(unsafe_code)] // A call that ends the process.
-fn leave() -> ! {
+fn exit_now() -> ! {
     // SAFETY: the call ends the process at once and allocates nothing.
     unsafe { libc::_exit(1) }
 }
 
 #[cfg(not(target_os = "linux"))]
-fn leave() -> ! {
+fn exit_now() -> ! {
     std::process::exit(1)
 }
 
@@ -121,7 +122,7 @@ unsafe impl GlobalAlloc for Guarded {
         // SAFETY: the caller's promise.
         let place = unsafe { System.alloc(layout) };
         if place.is_null() {
-            Guarded::refused(layout.size());
+            Guarded::allocation_failed(layout.size());
         }
         place
     }
@@ -137,7 +138,7 @@ unsafe impl GlobalAlloc for Guarded {
         // SAFETY: the caller's promise.
         let place = unsafe { System.alloc_zeroed(layout) };
         if place.is_null() {
-            Guarded::refused(layout.size());
+            Guarded::allocation_failed(layout.size());
         }
         place
     }
@@ -147,7 +148,7 @@ unsafe impl GlobalAlloc for Guarded {
         // SAFETY: the caller's promise.
         let place = unsafe { System.realloc(place, layout, size) };
         if place.is_null() {
-            Guarded::refused(size);
+            Guarded::allocation_failed(size);
         }
         place
     }
@@ -168,11 +169,11 @@ pub(crate) fn in_large_pages<T>(capacity: usize) -> Vec<T> {
     list
 }
 
-/// The list of `prim(i)` for all i below `count`, computed in parallel, in large pages, with room for `room` further
+/// The list of `item(i)` for all i below `count`, computed in parallel, in large pages, with room for `room` further
 /// items.
-pub(crate) fn collected<T: Send>(count: usize, room: usize, prim: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
+pub(crate) fn collected<T: Send>(count: usize, room: usize, item: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
     let mut list = in_large_pages(count + room);
-    (0..count).into_par_iter().with_min_len(1024).map(prim).collect_into_vec(&mut list);
+    (0..count).into_par_iter().with_min_len(1024).map(item).collect_into_vec(&mut list);
     list
 }
 

@@ -110,7 +110,7 @@ impl NodeRef {
 
     /// The inner node or the leaf that it refers to, if there is one.
     #[inline]
-    pub(crate) fn follow(self) -> Option<Child> {
+    pub(crate) fn decode(self) -> Option<Child> {
         match self {
             Self::END => None,
             Self(link) if link & Self::LEAF == 0 => Some(Child::Node(link as usize)),
@@ -209,7 +209,7 @@ impl Node {
     /// The child is read from the node and not from the vector just written: that would be a failed store-to-load
     /// forward.
     #[inline(always)]
-    pub(crate) fn last<const ORDERED: bool>(&self, met: u32, ray: &PreparedRay) -> NodeRef {
+    pub(crate) fn last_child<const ORDERED: bool>(&self, met: u32, ray: &PreparedRay) -> NodeRef {
         let last = 31 ^ met.leading_zeros();
         let lane =
             if ORDERED { self.orders[usize::from(ray.axis_order.octant & 7)].wrapping_shr(3 * last) } else { last };
@@ -239,18 +239,18 @@ impl Node {
 
     /// Computes the order words from the children's boxes.
     #[allow(clippy::needless_range_loop)] // Loops over lists side by side.
-    pub(crate) fn sort(&mut self) {
+    pub(crate) fn compute_orders(&mut self) {
         let middle = self.bounds().center();
-        let mut ways = [[0.0; WIDTH]; 3];
+        let mut offsets = [[0.0; WIDTH]; 3];
         for lane in 0..WIDTH {
             let bounds = self.get_box(lane);
             if !bounds.is_empty() {
                 // Quarters, so that a sum of three doesn't overflow.
                 let way = (bounds.center() - middle) * 0.25;
-                (ways[0][lane], ways[1][lane], ways[2][lane]) = (way.x, way.y, way.z);
+                (offsets[0][lane], offsets[1][lane], offsets[2][lane]) = (way.x, way.y, way.z);
             }
         }
-        self.orders = orders(&ways);
+        self.orders = orders(&offsets);
     }
 
     pub(crate) fn get_box(&self, lane: usize) -> Aabb {
@@ -262,13 +262,13 @@ impl Node {
 compiled_wide! {
     /// The order words for eight points, given as rows of x, y and z.
     #[allow(clippy::needless_range_loop)] // Loops over lists side by side.
-    fn orders(ways: &[[f32; WIDTH]; 3]) -> [u32; 8] {
+    fn orders(offsets: &[[f32; WIDTH]; 3]) -> [u32; 8] {
         let mut orders = [0; 8];
         for octant in 0..4 {
             let sign = |axis: usize| if octant >> axis & 1 == 1 { -1.0 } else { 1.0 };
             let mut along = [0.0; WIDTH];
             for i in 0..WIDTH {
-                along[i] = ways[0][i] * sign(0) + ways[1][i] * sign(1) + ways[2][i] * sign(2);
+                along[i] = offsets[0][i] * sign(0) + offsets[1][i] * sign(1) + offsets[2][i] * sign(2);
             }
             // The number of lanes that are farther. Of equal lanes, the later one counts as farther.
             let mut ranks = [0; WIDTH];

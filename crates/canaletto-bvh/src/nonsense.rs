@@ -146,7 +146,7 @@ fn a_ray_without_an_end_hides_no_hit_of_its_neighbours() {
     let triangles = TriangleBvh::build(1, |_| corners).unwrap();
     let (center, radius) = (Vec3::ZERO, 2.0);
     let round = |id| if id == 0 { Primitive::Sphere { center, radius } } else { Primitive::User };
-    let rounds = PrimitiveBvh::build(&[sphere::bounds(center, radius); 6], round).unwrap();
+    let primitives = PrimitiveBvh::build(&[sphere::bounds(center, radius); 6], round).unwrap();
     let none = |_: UserPrimitive, _: &PreparedRay, _: f32| None;
     let rays: Vec<Ray> = (0..64)
         .map(|i| Ray::new(Vec3::new((i % 8) as f32 * 0.1, (i / 8) as f32 * 0.1, 5.0), Vec3::new(0.01, 0.02, -1.0)))
@@ -162,9 +162,9 @@ fn a_ray_without_an_end_hides_no_hit_of_its_neighbours() {
             let mut any = ends.clone();
             triangles.occluded_coherent(&rays, &mut any, false);
             let mut met: Vec<PrimitiveHit> = ends.iter().map(|&end| PrimitiveHit::none(end)).collect();
-            rounds.intersect_coherent(&rays, &mut met, &none);
+            primitives.intersect_coherent(&rays, &mut met, &none);
             let mut any_round = ends.clone();
-            rounds.occluded_coherent(&rays, &mut any_round, &none);
+            primitives.occluded_coherent(&rays, &mut any_round, &none);
             for i in 0..64 {
                 let told = (
                     nearest[i].id == 0,
@@ -180,7 +180,7 @@ fn a_ray_without_an_end_hides_no_hit_of_its_neighbours() {
 }
 
 /// The spheres of the scene, some with strange radii, and user primitives.
-fn rounds(scene: &[TestPrimitive]) -> (Vec<Aabb>, Vec<Primitive>) {
+fn primitives(scene: &[TestPrimitive]) -> (Vec<Aabb>, Vec<Primitive>) {
     let round = |(i, primitive): (usize, &TestPrimitive)| match *primitive {
         TestPrimitive::Sphere(center, radius) => (sphere::bounds(center, radius), Primitive::Sphere { center, radius }),
         TestPrimitive::Triangle(corners) => {
@@ -202,7 +202,7 @@ fn rounds_and_nonsense() {
     let random = &mut Random(72);
     let mut hits = 0;
     for scene in scenes(random) {
-        let (bounds, kinds) = rounds(&scene);
+        let (bounds, kinds) = primitives(&scene);
         let tree = PrimitiveBvh::build(&bounds, |id| kinds[id as usize]).unwrap();
         let exact = |asked: UserPrimitive, ray: &PreparedRay, t_max: f32| {
             // A hit in the box, at the distance of its center.

@@ -29,14 +29,14 @@ impl PrimitiveBvh {
     ///
     /// # Errors
     /// [`BuildError`] names the first box that is not finite or is empty, or reports that there are too many boxes.
-    pub fn build(bounds: &[Aabb], round: impl Fn(u32) -> Primitive + Sync) -> Result<Self, BuildError> {
+    pub fn build(bounds: &[Aabb], primitive: impl Fn(u32) -> Primitive + Sync) -> Result<Self, BuildError> {
         with_stack(STACK, || {
             let (bvh, leaves) = Bvh::build_blocks(bounds.len(), |id| bounds[id], Quality::Medium)?;
             let mut blocks = in_large_pages(leaves.len());
             (0..leaves.len())
                 .into_par_iter()
                 .map(|index| {
-                    Primitive4::new(leaves.block(index).iter().map(|&id| (id, bounds[id as usize], round(id))))
+                    Primitive4::new(leaves.block(index).iter().map(|&id| (id, bounds[id as usize], primitive(id))))
                 })
                 .collect_into_vec(&mut blocks);
             let few = blocks.len() <= 1 && blocks.iter().all(Primitive4::has_shapes_only);
@@ -177,7 +177,7 @@ impl PrimitiveBvh {
     }
 
     /// The place of a primitive that is hit at or before `t_max` and for whose id `counts` returns true.
-    /// [`PrimitiveBvh::blocks`] takes such a place.
+    /// [`PrimitiveBvh::is_hit_at`] takes such a place.
     #[inline]
     pub fn occluded(
         &self,
@@ -214,9 +214,9 @@ impl PrimitiveBvh {
 
     /// Whether the primitive at this place is hit at or before `t_max`.
     #[inline]
-    pub fn blocks(&self, place: u32, ray: &PreparedRay, t_max: f32, user: &impl UserIntersect) -> bool {
+    pub fn is_hit_at(&self, place: u32, ray: &PreparedRay, t_max: f32, user: &impl UserIntersect) -> bool {
         let lane = place as usize % LANES;
-        self.blocks[place as usize / LANES].exact(lane, ray, t_max, user).is_some()
+        self.blocks[place as usize / LANES].intersect(lane, ray, t_max, user).is_some()
     }
 
     /// [`PrimitiveBvh::intersect`] by a loop over all primitives, without culling.
@@ -355,7 +355,7 @@ mod tests {
                             expected.id != PrimitiveHit::NONE,
                             "{name} {set:?} {ray:?} {t_max}"
                         );
-                        assert!(place.is_none_or(|place| tree.blocks(place, prepared, t_max, &user)));
+                        assert!(place.is_none_or(|place| tree.is_hit_at(place, prepared, t_max, &user)));
                         let counted = tree.occluded(prepared, t_max, &user, |id| id == expected.id);
                         assert_eq!(
                             counted.is_some(),

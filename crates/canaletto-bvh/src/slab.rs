@@ -28,7 +28,7 @@ pub(crate) const DEFLATE: f32 = 1.0 - 4.0 * f32::EPSILON;
 
 /// The largest entry distance at which a box is still visited. It is −∞ for a NaN `t_max`, so that no box is visited.
 #[inline]
-pub(crate) fn limit(t_max: f32) -> f32 {
+pub(crate) fn cull_limit(t_max: f32) -> f32 {
     max(t_max * INFLATE, f32::NEG_INFINITY)
 }
 
@@ -37,7 +37,7 @@ impl PreparedRay {
     /// version is for rays that are not `regular`.
     #[cold]
     #[inline(never)]
-    pub(crate) fn clip_carefully(&self, bounds: &Aabb, limit: f32) -> (f32, f32) {
+    pub(crate) fn clip_irregular(&self, bounds: &Aabb, limit: f32) -> (f32, f32) {
         let mut near = 0.0;
         // A lane without a child must never be entered, even if no axis culls or the origin is infinite. A ray with NaN
         // enters no box.
@@ -45,24 +45,24 @@ impl PreparedRay {
         let mut far = if nothing { f32::NEG_INFINITY } else { f32::INFINITY };
         for axis in 0..3 {
             let (low, high, origin) = (bounds.min[axis], bounds.max[axis], self.ray.origin[axis]);
-            let backwards = self.backwards[axis];
+            let neg_reciprocal = self.neg_reciprocal[axis];
             if self.ray.direction[axis] == 0.0 {
                 if !(low <= origin && origin <= high) {
                     far = f32::NEG_INFINITY;
                 }
-            } else if backwards.is_normal() {
+            } else if neg_reciprocal.is_normal() {
                 let (first, second) = if self.axis_order.octant >> axis & 1 == 0 { (low, high) } else { (high, low) };
-                near = ((origin - first) * backwards).max(near);
-                far = ((origin - second) * backwards).min(far);
+                near = ((origin - first) * neg_reciprocal).max(near);
+                far = ((origin - second) * neg_reciprocal).min(far);
             }
         }
         (near, (far * INFLATE).min(limit))
     }
 
-    /// [`PreparedRay::clip_carefully`] for a `regular` ray, without a limit.
+    /// [`PreparedRay::clip_irregular`] for a `regular` ray, without a limit.
     #[inline]
-    fn clip_one(&self, bounds: &Aabb) -> (f32, f32) {
-        let cross = |axis: usize, plane: f32| (self.ray.origin[axis] - plane) * self.backwards[axis];
+    fn clip_regular(&self, bounds: &Aabb) -> (f32, f32) {
+        let cross = |axis: usize, plane: f32| (self.ray.origin[axis] - plane) * self.neg_reciprocal[axis];
         // The nearer plane is the one with the smaller product.
         let planes = |axis: usize| {
             let (low, high) = (cross(axis, bounds.min[axis]), cross(axis, bounds.max[axis]));
@@ -77,7 +77,8 @@ impl PreparedRay {
     /// The interval in which the ray is inside a box, if it enters the box.
     #[inline]
     fn clip(&self, bounds: &Aabb) -> Option<(f32, f32)> {
-        let (near, far) = if self.regular { self.clip_one(bounds) } else { self.clip_carefully(bounds, f32::INFINITY) };
+        let (near, far) =
+            if self.regular { self.clip_regular(bounds) } else { self.clip_irregular(bounds, f32::INFINITY) };
         if near <= far { Some((near, far)) } else { None }
     }
 
@@ -85,8 +86,8 @@ impl PreparedRay {
     /// box and a box with a NaN coordinate are never entered.
     #[inline]
     pub fn enters(&self, bounds: &Aabb, t_max: f32) -> bool {
-        let limit = limit(t_max);
-        let (near, far) = if self.regular { self.clip_one(bounds) } else { self.clip_carefully(bounds, limit) };
+        let limit = cull_limit(t_max);
+        let (near, far) = if self.regular { self.clip_regular(bounds) } else { self.clip_irregular(bounds, limit) };
         near <= far && near <= limit && !bounds.is_empty()
     }
 
@@ -141,7 +142,7 @@ mod tests {
     use crate::Ray;
 
     fn meets(origin: Vec3, direction: Vec3, bounds: Aabb, t_max: f32) -> bool {
-        let (near, far) = Ray::new(origin, direction).prepare().clip_carefully(&bounds, limit(t_max));
+        let (near, far) = Ray::new(origin, direction).prepare().clip_irregular(&bounds, cull_limit(t_max));
         assert!(!near.is_nan() && !far.is_nan());
         assert_eq!(Ray::new(origin, direction).prepare().enters(&bounds, t_max), near <= far);
         near <= far

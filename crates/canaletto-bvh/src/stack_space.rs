@@ -20,12 +20,12 @@ pub fn with_stack<T: Send>(bytes: usize, work: impl FnOnce() -> T + Send) -> Res
     if outside && !has_global_pool() {
         return Err(refused);
     }
-    if left() >= bytes && (!outside || rayon::join(left, || ()).0 >= bytes) {
+    if bytes_left() >= bytes && (!outside || rayon::join(bytes_left, || ()).0 >= bytes) {
         return Ok(work());
     }
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(rayon::current_num_threads())
-        .stack_size(bytes.saturating_add(SPARE));
+        .stack_size(bytes.saturating_add(OVERHEAD));
     match pool.build() {
         Ok(pool) => Ok(pool.install(work)),
         Err(_) => Err(refused),
@@ -53,7 +53,7 @@ fn has_global_pool() -> bool {
 }
 
 /// The stack that a thread uses before it comes to its work.
-const SPARE: usize = 64 << 10;
+const OVERHEAD: usize = 64 << 10;
 
 thread_local! {
     /// The end of this thread's stack, once it has been computed.
@@ -61,10 +61,10 @@ thread_local! {
 }
 
 /// The number of bytes left on this thread's stack.
-fn left() -> usize {
+fn bytes_left() -> usize {
     let here = 0u8;
     let end = END.get().unwrap_or_else(|| {
-        let end = end();
+        let end = stack_end();
         END.set(Some(end));
         end
     });
@@ -74,7 +74,7 @@ fn left() -> usize {
 /// The lowest address of this thread's stack, towards which it grows. 0 where it is unknown.
 #[cfg(target_os = "linux")]
 #[allow(unsafe_code)] // Calls of the system.
-fn end() -> usize {
+fn stack_end() -> usize {
     let mut attributes = std::mem::MaybeUninit::<libc::pthread_attr_t>::uninit();
     let (mut lowest, mut size) = (std::ptr::null_mut(), 0);
     // SAFETY: the first call writes the attributes unless it fails. Then they are read, and then destroyed.
@@ -89,7 +89,7 @@ fn end() -> usize {
 }
 
 #[cfg(not(target_os = "linux"))]
-fn end() -> usize {
+fn stack_end() -> usize {
     0
 }
 
@@ -117,11 +117,11 @@ mod tests {
 
     #[test]
     fn what_is_left_is_told() {
-        on_small_stacks(|| assert!((1 << 13..=SMALL).contains(&left()), "{}", left()));
+        on_small_stacks(|| assert!((1 << 13..=SMALL).contains(&bytes_left()), "{}", bytes_left()));
         on_small_stacks(|| {
             with_stack(1 << 20, || {
-                assert!(left() >= 1 << 20);
-                rayon::join(|| assert!(left() >= 1 << 20), || assert!(left() >= 1 << 20));
+                assert!(bytes_left() >= 1 << 20);
+                rayon::join(|| assert!(bytes_left() >= 1 << 20), || assert!(bytes_left() >= 1 << 20));
                 // There is enough stack, so that no new thread is started.
                 let here = std::thread::current().id();
                 with_stack(1 << 19, || assert_eq!(std::thread::current().id(), here)).unwrap();

@@ -37,7 +37,7 @@ impl Statistics {
                 let bounds = node.get_box(lane);
                 // In a tree without area, every ray that enters the root enters all boxes.
                 let chance = if total > 0.0 { bounds.half_area() / total } else { 1.0 };
-                match node.children[lane].follow() {
+                match node.children[lane].decode() {
                     Some(Child::Node(node)) => todo.push((node, chance, depth + 1)),
                     Some(Child::Leaf(leaf)) => {
                         s.leaves += 1;

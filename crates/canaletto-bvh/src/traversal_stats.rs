@@ -48,7 +48,7 @@ impl TraversalRay for Counted<'_> {
         self.ray.origins()
     }
 
-    fn grown(&self, bounds: Aabb) -> Aabb {
+    fn inflate(&self, bounds: Aabb) -> Aabb {
         bounds
     }
 

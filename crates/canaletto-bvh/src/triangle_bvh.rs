@@ -22,7 +22,7 @@ pub struct TriangleBvh {
     count: usize,
     quality: Quality,
     /// The SAH cost of the tree when it was built, if it has been refitted since.
-    built: Option<f64>,
+    built_cost: Option<f64>,
     /// Pairs of triangles with equal corners, the second of which is in no block, in ascending order.
     duplicates: Vec<[u32; 2]>,
 }
@@ -64,7 +64,7 @@ impl TriangleBvh {
             .into_par_iter()
             .map(|index| Triangle4::new(leaves.block(index).iter().map(|&id| (id, corners(id)))))
             .collect_into_vec(&mut blocks);
-        Self { bvh, blocks, count, quality, built: None, duplicates: leaves.duplicates }
+        Self { bvh, blocks, count, quality, built_cost: None, duplicates: leaves.duplicates }
     }
 
     /// The number of triangles.
@@ -159,7 +159,7 @@ impl TriangleBvh {
 
     /// The place of a triangle that is hit at or before `t_max` and for which `counts` returns true. `counts` is called
     /// with the triangle's id and with the ids of triangles with equal corners; one true is enough. It may be called
-    /// more than once for an id. [`TriangleBvh::blocks`] takes such a place.
+    /// more than once for an id. [`TriangleBvh::is_hit_at`] takes such a place.
     #[inline]
     pub fn occluded(
         &self,
@@ -192,7 +192,7 @@ impl TriangleBvh {
 
     /// Whether the triangle at this place is hit at or before `t_max`.
     #[inline]
-    pub fn blocks(&self, place: u32, ray: &PreparedRay, t_max: f32, front_only: bool) -> bool {
+    pub fn is_hit_at(&self, place: u32, ray: &PreparedRay, t_max: f32, front_only: bool) -> bool {
         let triangle = self.blocks[(place >> 2) as usize].triangle((place & 3) as usize);
         triangle::intersect(ray, &triangle, t_max).is_some_and(|hit| hit.front || !front_only)
     }
@@ -216,13 +216,13 @@ impl TriangleBvh {
         &self.duplicates
     }
 
-    pub(crate) fn parts(&mut self) -> (&mut Bvh, &mut Vec<Triangle4>) {
+    pub(crate) fn bvh_and_blocks(&mut self) -> (&mut Bvh, &mut Vec<Triangle4>) {
         (&mut self.bvh, &mut self.blocks)
     }
 
     /// The SAH cost ([`Statistics::sah_cost`]) of the tree as it was built.
-    pub(crate) fn built(&mut self) -> &mut Option<f64> {
-        &mut self.built
+    pub(crate) fn built_cost(&mut self) -> &mut Option<f64> {
+        &mut self.built_cost
     }
 
     pub(crate) fn nodes(&self) -> &[Node] {
@@ -343,7 +343,7 @@ mod tests {
                         assert_eq!(found, expected, "{name} {set:?} {ray:?}");
                         let place = triangles.occluded(prepared, t_max, false, |_| true);
                         assert_eq!(place.is_some(), expected.id != PrimitiveHit::NONE, "{name} {set:?} {ray:?}");
-                        assert!(place.is_none_or(|place| triangles.blocks(place, prepared, t_max, false)));
+                        assert!(place.is_none_or(|place| triangles.is_hit_at(place, prepared, t_max, false)));
                     }
                 }
             }

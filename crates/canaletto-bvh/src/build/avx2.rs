@@ -5,7 +5,7 @@
 
 use std::arch::x86_64::*;
 
-use super::binning::{Bins, Grid, MAX_BINS, Plan};
+use super::binning::{BinSplit, Bins, Grid, MAX_BINS};
 use super::prim_ref::{Box8, Centers, PrimRef};
 
 /// The bins of a center along each axis.
@@ -56,7 +56,7 @@ fn four(numbers: &[f32; 4]) -> __m128 {
 pub(super) fn fill(all: &mut Bins, refs: &[PrimRef], grid: &Grid) {
     // Two sets of bins are filled in turn. Neighbours often fall into one bin, and the second update would have to wait
     // for the first.
-    if refs.len() >= APART {
+    if refs.len() >= TWO_BINS_FROM {
         let mut other = Bins::EMPTY;
         let (pairs, last) = refs.as_chunks();
         for [one, two] in pairs {
@@ -75,7 +75,7 @@ pub(super) fn fill(all: &mut Bins, refs: &[PrimRef], grid: &Grid) {
 }
 
 /// The number of references from which on two sets of bins pay.
-const APART: usize = 256;
+const TWO_BINS_FROM: usize = 256;
 
 #[inline]
 #[target_feature(enable = "avx2,bmi1,bmi2")]
@@ -99,24 +99,26 @@ fn add(all: &mut Bins, prim: &PrimRef, grid: &Grid) {
 
 /// Moves the references that go left to the front.
 #[target_feature(enable = "avx2,bmi1,bmi2")]
-pub(super) fn part(refs: &mut [PrimRef], plan: &Plan) -> (usize, [Centers; 2]) {
-    let (origin, scale) = (four(&plan.grid.origin), four(&plan.grid.scale));
-    let end = _mm_set1_epi32(plan.bin as i32);
-    part_by(refs, plan.axis, |center| _mm_castsi128_ps(_mm_cmpgt_epi32(end, bins(center, origin, scale))))
+pub(super) fn part(refs: &mut [PrimRef], bin_split: &BinSplit) -> (usize, [Centers; 2]) {
+    let (origin, scale) = (four(&bin_split.grid.origin), four(&bin_split.grid.scale));
+    let end = _mm_set1_epi32(bin_split.bin as i32);
+    partition_chunk_by(refs, bin_split.axis, |center| {
+        _mm_castsi128_ps(_mm_cmpgt_epi32(end, bins(center, origin, scale)))
+    })
 }
 
 /// Moves the references whose centers lie below a limit to the front.
 #[target_feature(enable = "avx2,bmi1,bmi2")]
-pub(super) fn part_below(refs: &mut [PrimRef], axis: usize, limit: f32) -> (usize, [Centers; 2]) {
+pub(super) fn partition_chunk_below(refs: &mut [PrimRef], axis: usize, limit: f32) -> (usize, [Centers; 2]) {
     let limit = _mm_set1_ps(limit);
-    part_by(refs, axis, |center| _mm_cmplt_ps(center, limit))
+    partition_chunk_by(refs, axis, |center| _mm_cmplt_ps(center, limit))
 }
 
 /// Moves the references that go left to the front. In the mask `below(center)`, an axis is set if the center lies on
 /// the left along that axis.
 #[inline]
 #[target_feature(enable = "avx2,bmi1,bmi2")]
-fn part_by(refs: &mut [PrimRef], axis: usize, below: impl Fn(__m128) -> __m128) -> (usize, [Centers; 2]) {
+fn partition_chunk_by(refs: &mut [PrimRef], axis: usize, below: impl Fn(__m128) -> __m128) -> (usize, [Centers; 2]) {
     let none = _mm256_set1_ps(f32::NEG_INFINITY);
     let (mut a, mut b) = (none, none);
     let mut border = 0;

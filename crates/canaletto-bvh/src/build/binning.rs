@@ -117,7 +117,7 @@ fn fill(all: &mut Bins, refs: &[PrimRef], grid: &Grid) {
 }
 
 /// A split: references whose bin along `axis` lies below `bin` go left.
-pub(super) struct Plan {
+pub(super) struct BinSplit {
     pub(super) grid: Grid,
     pub(super) axis: usize,
     pub(super) bin: usize,
@@ -129,14 +129,14 @@ pub(super) struct Plan {
 
 /// The units of the SAH cost.
 #[derive(Clone, Copy)]
-pub(super) struct Measure {
+pub(super) struct CostModel {
     /// The number of primitives in a block. A block costs as much as one primitive.
     pub(super) block: u32,
     /// The scale of lengths, see [`Box8::half_area`].
     pub(super) scale: f32,
 }
 
-impl Measure {
+impl CostModel {
     #[inline(always)]
     pub(super) fn blocks(&self, count: u32) -> f32 {
         // The block is 1 or 4, so that no division is necessary.
@@ -155,14 +155,14 @@ impl Measure {
     }
 }
 
-impl Plan {
+impl BinSplit {
     /// The split of least cost; of equal ones, the first. None if all centers fall into one bin. `all` is scratch
     /// memory.
-    pub(super) fn best(refs: &[PrimRef], centers: &Centers, measure: &Measure, all: &mut Bins) -> Option<Self> {
+    pub(super) fn best(refs: &[PrimRef], centers: &Centers, cost_model: &CostModel, all: &mut Bins) -> Option<Self> {
         // A few references need only a few bins.
         let grid = Grid::new(centers, (4 + refs.len() / 16).min(MAX_BINS));
         all.fill(refs, &grid);
-        cheapest(all, &grid, measure)
+        cheapest(all, &grid, cost_model)
     }
 }
 
@@ -189,32 +189,32 @@ impl Side {
         }
     }
 
-    /// [`Measure::cost`] for each axis. NaN for an empty side.
+    /// [`CostModel::cost`] for each axis. NaN for an empty side.
     #[inline(always)]
-    fn costs(&self, measure: &Measure) -> Vec4 {
-        let scale = Vec4::splat(measure.scale);
+    fn costs(&self, cost_model: &CostModel) -> Vec4 {
+        let scale = Vec4::splat(cost_model.scale);
         let extent = |axis: usize| self.high[axis] * scale + self.low[axis] * scale;
         let Mat4 { x_axis: x, y_axis: y, z_axis: z, .. } =
             Mat4::from_cols(extent(0), extent(1), extent(2), Vec4::ZERO).transpose();
-        let blocks = self.counts.map(|count| measure.blocks(count));
+        let blocks = self.counts.map(|count| cost_model.blocks(count));
         (x * y + y * z + z * x) * Vec4::from_array(blocks)
     }
 }
 
 crate::simd::compiled_wide! {
-    fn cheapest(all: &Bins, grid: &Grid, measure: &Measure) -> Option<Plan> {
+    fn cheapest(all: &Bins, grid: &Grid, cost_model: &CostModel) -> Option<BinSplit> {
         let mut right_costs = [Vec4::ZERO; MAX_BINS];
         let mut right = Side::NOTHING;
         for bin in (1..grid.bins).rev() {
             right.add(all, bin);
-            right_costs[bin] = right.costs(measure);
+            right_costs[bin] = right.costs(cost_model);
         }
         let (mut least, mut ends) = (Vec4::INFINITY, Vec4::ZERO);
         let mut left = Side::NOTHING;
         for (bin, right_costs) in right_costs.iter().enumerate().take(grid.bins).skip(1) {
             left.add(all, bin - 1);
             // The cost is NaN where one side is empty.
-            let costs = left.costs(measure) + *right_costs;
+            let costs = left.costs(cost_model) + *right_costs;
             let better = costs.cmplt(least);
             least = Vec4::select(better, costs, least);
             ends = Vec4::select(better, Vec4::splat(bin as f32), ends);
@@ -230,7 +230,7 @@ crate::simd::compiled_wide! {
         let bin = ends[axis] as usize;
         let side = |boxes: &[Box8]| boxes.iter().fold(Box8::EMPTY, |a, b| a.join(b));
         let (left, right) = all.boxes[axis][..grid.bins].split_at(bin);
-        Some(Plan { grid: *grid, axis, bin, cost, bounds: [side(left), side(right)] })
+        Some(BinSplit { grid: *grid, axis, bin, cost, bounds: [side(left), side(right)] })
     }
 }
 
@@ -256,8 +256,8 @@ mod tests {
                 })
                 .collect();
             let extent = Extent::of(&refs);
-            let measure = Measure { block: [1, 4][n % 2], scale: extent.bounds.scale() };
-            let plan = Plan::best(&refs, &extent.centers, &measure, &mut { Bins::EMPTY });
+            let cost_model = CostModel { block: [1, 4][n % 2], scale: extent.bounds.scale() };
+            let bin_split = BinSplit::best(&refs, &extent.centers, &cost_model, &mut { Bins::EMPTY });
             let grid = Grid::new(&extent.centers, (4 + n / 16).min(MAX_BINS));
             let mut expected: Option<(f32, usize, usize)> = None;
             for axis in 0..3 {
@@ -266,7 +266,7 @@ mod tests {
                     let (left, right): (Vec<&PrimRef>, Vec<&PrimRef>) = refs.iter().partition(goes_left);
                     let cost = |side: &[&PrimRef]| {
                         let bounds = side.iter().fold(Box8::EMPTY, |all, prim| all.join(prim.bounds()));
-                        measure.cost(&bounds, side.len() as u32)
+                        cost_model.cost(&bounds, side.len() as u32)
                     };
                     if !left.is_empty() && !right.is_empty() {
                         let cost = cost(&left) + cost(&right);
@@ -275,7 +275,11 @@ mod tests {
                 }
             }
             none += usize::from(expected.is_none());
-            assert_eq!(plan.map(|plan| (plan.cost, plan.axis, plan.bin)), expected, "{n} refs");
+            assert_eq!(
+                bin_split.map(|bin_split| (bin_split.cost, bin_split.axis, bin_split.bin)),
+                expected,
+                "{n} refs"
+            );
         }
         assert!((60..70).contains(&none), "{none}");
     }

@@ -9,7 +9,7 @@ use crate::node::{Node, NodeRef};
 use crate::slab::WIDTH;
 
 /// Subtrees of at most so many binary nodes are collapsed separately, in parallel.
-const PART: u32 = 1 << 12;
+const MIN_SUBTREE: u32 = 1 << 12;
 
 /// Makes the wide nodes of least cost from a binary tree (see `build::widen`). The upper nodes come first, then the
 /// separately collapsed subtrees, each in depth-first order.
@@ -22,9 +22,9 @@ pub(crate) fn collapse(binary: &[BinaryNode]) -> Vec<Node> {
     if binary.is_empty() {
         return Vec::new();
     }
-    let mut upper = vec![Node::EMPTY; whole.wide_nodes(binary, PART)];
-    let mut top = Collapse { binary, nodes: &mut upper, len: 0, first: 0, parts: Vec::new(), part: PART };
-    top.adopt(whole, 0);
+    let mut upper = vec![Node::EMPTY; whole.wide_nodes(binary, MIN_SUBTREE)];
+    let mut top = Collapse { binary, nodes: &mut upper, len: 0, first: 0, parts: Vec::new(), part: MIN_SUBTREE };
+    top.add_node(whole, 0);
     let parts = top.parts;
     let sizes: Vec<usize> = parts.par_iter().map(|part| part.tree.wide_nodes(binary, 0)).collect();
     let mut first = upper.len();
@@ -39,7 +39,7 @@ pub(crate) fn collapse(binary: &[BinaryNode]) -> Vec<Node> {
     }
     above.copy_from_slice(&upper);
     below.into_par_iter().for_each(|(part, first, nodes)| {
-        Collapse { binary, nodes, len: 0, first, parts: Vec::new(), part: 0 }.adopt(part.tree, part.depth);
+        Collapse { binary, nodes, len: 0, first, parts: Vec::new(), part: 0 }.add_node(part.tree, part.depth);
     });
     nodes
 }
@@ -126,7 +126,7 @@ impl Tree {
 }
 
 impl Collapse<'_> {
-    fn adopt(&mut self, tree: Tree, depth: u32) {
+    fn add_node(&mut self, tree: Tree, depth: u32) {
         assert!(depth <= MAX_DEPTH, "the tree has more levels than the traversal stack has room for");
         let Children { all, len } = tree.children(self.binary);
         // The child of highest priority comes last, since any-hit rays visit the last lane first.
@@ -148,10 +148,10 @@ impl Collapse<'_> {
                 self.parts.push(Part { tree, depth: depth + 1, parent: index, lane });
             } else {
                 node.children[lane] = NodeRef::node(self.first + self.len);
-                self.adopt(tree, depth + 1);
+                self.add_node(tree, depth + 1);
             }
         }
-        node.sort();
+        node.compute_orders();
         self.nodes[index] = node;
     }
 }

@@ -8,7 +8,7 @@ use crate::Aabb;
 
 /// Moves to the front the references that don't repeat a triangle of a lower id, and returns their number. The others
 /// are returned in pairs: the first equal triangle, then the repeated one.
-pub(super) fn distinct(refs: &mut [PrimRef], corners: &Corners<'_>) -> (usize, Vec<[u32; 2]>) {
+pub(super) fn move_distinct_first(refs: &mut [PrimRef], corners: &Corners<'_>) -> (usize, Vec<[u32; 2]>) {
     // The references of a presplit triangle have boxes of their own, and its copies have references with equal boxes.
     // The box is therefore part of the key.
     let bits = |prim: &PrimRef| {

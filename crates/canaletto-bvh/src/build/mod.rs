@@ -34,7 +34,7 @@ use glam::Vec3;
 
 use crate::{Aabb, NoThreads};
 use crate::memory::{collected, in_large_pages, zeros};
-use binning::{Bins, Measure, Plan};
+use binning::{BinSplit, Bins, CostModel};
 pub(crate) use prim_ref::PrimRefs;
 use prim_ref::{Box8, Centers, Corners, Extent, PrimRef};
 use widen::{Costs, LaneSplit};
@@ -167,9 +167,9 @@ pub(crate) fn build(refs: PrimRefs<'_>, block: usize, quality: Quality) -> Built
     let (mut nodes, mut duplicates) = (Vec::new(), Vec::new());
     if !refs.is_empty() {
         let extent = Extent::of(&refs);
-        let measure = Measure { block: block as u32, scale: extent.bounds.scale() };
+        let cost_model = CostModel { block: block as u32, scale: extent.bounds.scale() };
         let most_levels = (levels(refs.len()) + LEVELS_TO_SPARE).min(MAX_DEPTH);
-        let builder = Builder { measure, most_levels, corners, duplicates: Mutex::new(Vec::new()) };
+        let builder = Builder { cost_model, most_levels, corners, duplicates: Mutex::new(Vec::new()) };
         let tree = builder.subtree(&mut refs, 0, 0, extent).0;
         nodes = zeros(tree.len());
         tree.place(&mut nodes);
@@ -177,7 +177,7 @@ pub(crate) fn build(refs: PrimRefs<'_>, block: usize, quality: Quality) -> Built
         duplicates.sort_unstable();
         duplicates.dedup();
         if quality == Quality::High {
-            reinsertion::optimize(&mut nodes, &measure);
+            reinsertion::optimize(&mut nodes, &cost_model);
         }
     }
     let root = nodes.first().map_or(Aabb::EMPTY, |root| root.bounds);
@@ -214,7 +214,7 @@ impl Subtree {
 }
 
 struct Builder<'a> {
-    measure: Measure,
+    cost_model: CostModel,
     /// The largest number of levels above large sets of primitives. It bounds the build time where each split takes off
     /// a few of very many primitives.
     most_levels: u32,
@@ -238,12 +238,12 @@ impl Split {
     }
 
     /// Splits the first `count` references, whose centers coincide. Any two halves have equal cost.
-    fn anywhere(refs: &[PrimRef], count: usize) -> Self {
+    fn halve(refs: &[PrimRef], count: usize) -> Self {
         if count <= MAX_LEAF {
             return Self::Leaf(count);
         }
         let (left, right) = refs[..count].split_at(count / 2);
-        let extents = [left, right].map(|half| Extent { distinct: true, ..Extent::of(half) });
+        let extents = [left, right].map(|half| Extent { duplicates_removed: true, ..Extent::of(half) });
         Self::Halves([count / 2, count], extents)
     }
 }
@@ -253,7 +253,7 @@ impl Builder<'_> {
     fn subtree(&self, refs: &mut [PrimRef], first: u32, depth: u32, extent: Extent) -> (Subtree, Costs) {
         let n = refs.len();
         if n <= PARALLEL_BUILD {
-            let mut nodes = in_large_pages(2 * n.div_ceil(self.measure.block as usize));
+            let mut nodes = in_large_pages(2 * n.div_ceil(self.cost_model.block as usize));
             let costs = self.subdivide(refs, first, depth, extent, &mut nodes, &mut { Bins::EMPTY });
             return (Subtree::Whole(nodes), costs);
         }
@@ -271,12 +271,12 @@ impl Builder<'_> {
             || self.subtree(left, first, depth + 1, a),
             || self.subtree(right, first + middle as u32, depth + 1, b),
         );
-        let (costs, lanes) = widen::join(self.measure.node(&extent.bounds), &a, &b);
+        let (costs, lanes) = widen::join(self.cost_model.node(&extent.bounds), &a, &b);
         (Subtree::Split(extent.bounds, lanes, Box::new([left, right])), costs)
     }
 
     fn leaf(&self, extent: &Extent, count: usize) -> Costs {
-        widen::leaf(self.measure.cost(&extent.bounds, count as u32))
+        widen::leaf(self.cost_model.cost(&extent.bounds, count as u32))
     }
 
     /// Appends the tree over `refs` to `nodes`.
@@ -302,7 +302,7 @@ impl Builder<'_> {
         let a = self.subdivide(left, first, depth + 1, a, nodes, bins);
         nodes[index].link = (nodes.len() - index) as u32;
         let b = self.subdivide(right, first + middle as u32, depth + 1, b, nodes, bins);
-        let (costs, lanes) = widen::join(self.measure.node(&extent.bounds), &a, &b);
+        let (costs, lanes) = widen::join(self.cost_model.node(&extent.bounds), &a, &b);
         nodes[index].lanes = lanes;
         costs
     }
@@ -317,36 +317,37 @@ impl Builder<'_> {
             let middle = split_at_median(refs, extent);
             return Split::at(refs, middle);
         }
-        if n <= self.measure.block as usize {
+        if n <= self.cost_model.block as usize {
             return Split::Leaf(n);
         }
-        if extent.distinct {
-            return Split::anywhere(refs, n);
+        if extent.duplicates_removed {
+            return Split::halve(refs, n);
         }
-        let Some(plan) = Plan::best(refs, &extent.centers, &self.measure, bins) else {
-            let count = if n > MAX_LEAF { self.distinct(refs) } else { n };
-            return Split::anywhere(refs, count);
+        let Some(bin_split) = BinSplit::best(refs, &extent.centers, &self.cost_model, bins) else {
+            let count = if n > MAX_LEAF { self.duplicates_removed(refs) } else { n };
+            return Split::halve(refs, count);
         };
-        let area = extent.bounds.half_area(self.measure.scale);
-        if n <= MAX_LEAF && NODE_COST * area + plan.cost >= self.measure.blocks(n as u32) * area {
+        let area = extent.bounds.half_area(self.cost_model.scale);
+        if n <= MAX_LEAF && NODE_COST * area + bin_split.cost >= self.cost_model.blocks(n as u32) * area {
             return Split::Leaf(n);
         }
-        let (middle, [a, b]) = partition::partition(refs, &plan);
+        let (middle, [a, b]) = partition::partition(refs, &bin_split);
         // A plan has references on both sides. If rounding put all of them on one side, the build would try that split
         // again without end.
         if middle == 0 || middle == n {
             let middle = split_at_median(refs, extent);
             return Split::at(refs, middle);
         }
-        let [left, right] = plan.bounds;
-        let extents = [(left, a), (right, b)].map(|(bounds, centers)| Extent { bounds, centers, distinct: false });
+        let [left, right] = bin_split.bounds;
+        let extents =
+            [(left, a), (right, b)].map(|(bounds, centers)| Extent { bounds, centers, duplicates_removed: false });
         Split::Halves([middle, n], extents)
     }
 
     /// Moves the distinct triangles to the front, records the duplicates and returns the number of distinct ones.
-    fn distinct(&self, refs: &mut [PrimRef]) -> usize {
+    fn duplicates_removed(&self, refs: &mut [PrimRef]) -> usize {
         let Some(corners) = self.corners else { return refs.len() };
-        let (count, mut duplicates) = duplicates::distinct(refs, corners);
+        let (count, mut duplicates) = duplicates::move_distinct_first(refs, corners);
         self.duplicates.lock().unwrap_or_else(PoisonError::into_inner).append(&mut duplicates);
         count
     }

@@ -5,18 +5,18 @@
 use rayon::prelude::*;
 
 use super::CHUNK;
-use super::binning::Plan;
+use super::binning::BinSplit;
 use super::prim_ref::{Centers, PrimRef};
 use crate::InstructionSet;
 
 /// Moves the references that go left to the front. Returns their number and the boxes around the centers of both sides.
-pub(super) fn partition(refs: &mut [PrimRef], plan: &Plan) -> (usize, [Centers; 2]) {
-    all(refs, |refs| part(refs, plan))
+pub(super) fn partition(refs: &mut [PrimRef], bin_split: &BinSplit) -> (usize, [Centers; 2]) {
+    all(refs, |refs| part(refs, bin_split))
 }
 
 /// Moves the references whose centers lie below a limit to the front and returns their number.
 pub(super) fn below(refs: &mut [PrimRef], axis: usize, limit: f32) -> usize {
-    all(refs, |refs| part_below(refs, axis, limit)).0
+    all(refs, |refs| partition_chunk_below(refs, axis, limit)).0
 }
 
 /// Partitions all references by a function that partitions a chunk.
@@ -45,30 +45,30 @@ fn all(
     (middle, centers)
 }
 
-fn part(refs: &mut [PrimRef], plan: &Plan) -> (usize, [Centers; 2]) {
+fn part(refs: &mut [PrimRef], bin_split: &BinSplit) -> (usize, [Centers; 2]) {
     #[cfg(target_arch = "x86_64")]
     if InstructionSet::current() >= InstructionSet::Avx2 {
         #[allow(unsafe_code)]
         // SAFETY: `current` never returns more than the machine has.
-        return unsafe { super::avx2::part(refs, plan) };
+        return unsafe { super::avx2::part(refs, bin_split) };
     }
-    part_by(refs, |center| plan.grid.bin(center, plan.axis) < plan.bin)
+    partition_chunk_by(refs, |center| bin_split.grid.bin(center, bin_split.axis) < bin_split.bin)
 }
 
-fn part_below(refs: &mut [PrimRef], axis: usize, limit: f32) -> (usize, [Centers; 2]) {
+fn partition_chunk_below(refs: &mut [PrimRef], axis: usize, limit: f32) -> (usize, [Centers; 2]) {
     #[cfg(target_arch = "x86_64")]
     if InstructionSet::current() >= InstructionSet::Avx2 {
         #[allow(unsafe_code)]
         // SAFETY: as above.
-        return unsafe { super::avx2::part_below(refs, axis, limit) };
+        return unsafe { super::avx2::partition_chunk_below(refs, axis, limit) };
     }
-    part_by(refs, |center| center[axis] < limit)
+    partition_chunk_by(refs, |center| center[axis] < limit)
 }
 
 /// Partitions without unpredictable branches: each reference is swapped to the border, and the border moves on if the
 /// reference goes left.
 #[inline(always)]
-fn part_by(refs: &mut [PrimRef], goes_left: impl Fn([f32; 4]) -> bool) -> (usize, [Centers; 2]) {
+fn partition_chunk_by(refs: &mut [PrimRef], goes_left: impl Fn([f32; 4]) -> bool) -> (usize, [Centers; 2]) {
     let [mut a, mut b] = [Centers::NONE; 2];
     let mut border = 0;
     for i in 0..refs.len() {

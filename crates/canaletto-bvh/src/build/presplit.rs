@@ -15,64 +15,65 @@ use crate::Aabb;
 
 /// The limits of presplitting.
 #[derive(Clone, Copy)]
-pub(super) struct Budget {
+pub(super) struct SplitBudget {
     /// The largest number of additional references, as a fraction of the number of triangles.
-    most: f64,
+    max_extra: f64,
     /// The least waste for a split, in areas of an average box. Triangles that waste less stay whole.
-    least: f64,
+    min_waste: f64,
     /// The waste for which a triangle is split once, in areas of an average box. Four times this waste gives two
     /// splits.
-    unit: f64,
+    waste_unit: f64,
 }
 
-impl Budget {
+impl SplitBudget {
     /// Tuned so that scans get no splits and a meadow gets almost none, as splits bring nothing there. An atrium gets
     /// 2.7 % more references and a third less SAH cost.
-    pub(super) const DEFAULT: Self = Self { most: 0.3, least: 8.0, unit: 3.0 };
+    pub(super) const DEFAULT: Self = Self { max_extra: 0.3, min_waste: 8.0, waste_unit: 3.0 };
 
     /// The largest number of additional references for `count` triangles.
     pub(super) fn room(&self, count: usize) -> usize {
-        ((self.most * count as f64) as usize).min(MAX_PRIMITIVES.saturating_sub(count))
+        ((self.max_extra * count as f64) as usize).min(MAX_PRIMITIVES.saturating_sub(count))
     }
 }
 
 /// The largest number of additional references of one triangle. Trees over meshes on a ground of two triangles cost a
 /// tenth less with this limit than with thousands of references.
-const MOST_OF_ONE: f64 = 12.0;
+const MAX_EXTRA_OF_ONE: f64 = 12.0;
 /// The margin of a part's box on all sides, as a fraction of the triangle's largest extent: 2⁻²¹ for the cell that the
 /// part is cut out with, and 2⁻²¹ for the part.
 const MARGIN: f64 = 1.0 / (1u64 << 21) as f64;
 /// The bits of a coordinate in the grid along whose planes triangles are split.
 const GRID_BITS: u32 = 30;
 /// The number of references in a thread's chunk. It is fixed, so that rounding doesn't depend on threads.
-const PART: usize = 1 << 12;
+const CHUNK: usize = 1 << 12;
 
 /// Replaces the references of wasteful triangles by several smaller references.
-pub(super) fn split(all: &mut PrimRefs, corners: impl Fn(u32) -> [Vec3; 3] + Sync, budget: Budget) {
+pub(super) fn split(all: &mut PrimRefs, corners: impl Fn(u32) -> [Vec3; 3] + Sync, budget: SplitBudget) {
     let refs = &mut all.list;
-    let areas: Vec<f64> = refs.par_chunks(PART).map(|refs| refs.iter().map(half_area).sum()).collect();
+    let areas: Vec<f64> = refs.par_chunks(CHUNK).map(|refs| refs.iter().map(half_area).sum()).collect();
     let area = areas.iter().sum::<f64>();
     if area == 0.0 {
         return;
     }
     let mean = area / refs.len() as f64;
-    let (least, mut unit) = (budget.least * mean, budget.unit * mean);
-    let waste = |prim: &PrimRef| if half_area(prim) < least { 0.0 } else { waste(prim, &corners(prim.id())) };
-    let wasteful = |(index, prim): (usize, &PrimRef)| Some((index, waste(prim))).filter(|&(_, waste)| waste >= least);
-    let long: Vec<(usize, f64)> = refs.par_iter().enumerate().with_min_len(PART).filter_map(wasteful).collect();
+    let (min_waste, mut waste_unit) = (budget.min_waste * mean, budget.waste_unit * mean);
+    let waste = |prim: &PrimRef| if half_area(prim) < min_waste { 0.0 } else { waste(prim, &corners(prim.id())) };
+    let wasteful =
+        |(index, prim): (usize, &PrimRef)| Some((index, waste(prim))).filter(|&(_, waste)| waste >= min_waste);
+    let long: Vec<(usize, f64)> = refs.par_iter().enumerate().with_min_len(CHUNK).filter_map(wasteful).collect();
     if long.is_empty() {
         return;
     }
     // Find the least unit of waste that keeps the sum of splits within the budget.
-    let most = budget.room(refs.len());
-    while long.par_iter().map(|&(_, waste)| splits(waste, unit)).sum::<usize>() > most {
-        unit *= 1.25;
+    let max_extra = budget.room(refs.len());
+    while long.par_iter().map(|&(_, waste)| splits(waste, waste_unit)).sum::<usize>() > max_extra {
+        waste_unit *= 1.25;
     }
     let root = Extent::of(refs).bounds.aabb();
     let grid = Grid::new(&root);
     let parts: Vec<Vec<PrimRef>> = long
         .par_iter()
-        .map(|&(index, waste)| (refs[index].id(), splits(waste, unit)))
+        .map(|&(index, waste)| (refs[index].id(), splits(waste, waste_unit)))
         .map(|(id, splits)| references(id, &corners(id), splits, &grid))
         .collect();
     for ((index, _), parts) in long.into_iter().zip(parts) {
@@ -98,8 +99,8 @@ fn waste(prim: &PrimRef, [a, b, c]: &[Vec3; 3]) -> f64 {
 }
 
 /// The number of splits of a triangle.
-fn splits(waste: f64, unit: f64) -> usize {
-    (waste / unit).sqrt().min(MOST_OF_ONE) as usize
+fn splits(waste: f64, waste_unit: f64) -> usize {
+    (waste / waste_unit).sqrt().min(MAX_EXTRA_OF_ONE) as usize
 }
 
 /// A grid of cubes around the scene. A reference is split along the coarsest grid plane that crosses it, so that
@@ -242,12 +243,12 @@ mod tests {
     use glam::Vec3Swizzles;
 
     use crate::primitive::triangle::{Triangle, intersect};
-    use crate::slab::limit;
+    use crate::slab::cull_limit;
     use crate::testing::{Random, TestPrimitive, awkward_ray, zoo};
     use crate::{InstructionSet, PreparedRay, PrimitiveHit, Quality, Ray, TriangleBvh};
 
     /// A budget that splits every triangle that can be split.
-    const ALL: Budget = Budget { most: 30.0, least: 1e-6, unit: 1e-6 };
+    const ALL: SplitBudget = SplitBudget { max_extra: 30.0, min_waste: 1e-6, waste_unit: 1e-6 };
 
     fn pick<T: Copy>(random: &mut Random, of: &[T]) -> T {
         of[random.below(of.len())]
@@ -358,14 +359,14 @@ mod tests {
                 let Some(hit) = intersect(&ray, &Triangle::new(corners), f32::INFINITY) else { continue };
                 hits[kind] += 1;
                 let met = |part: &Aabb| {
-                    let (near, far) = ray.clip_carefully(part, limit(hit.t));
+                    let (near, far) = ray.clip_irregular(part, cull_limit(hit.t));
                     near <= far
                 };
                 assert!(parts.iter().any(met), "{kind} {corners:?} {ray:?} {hit:?} {hits:?}");
                 elsewhere += usize::from(!parts.iter().all(met));
             }
         }
-        let enough = hits.iter().zip([100_000, 10_000, 1000]).all(|(&hits, least)| hits > least);
+        let enough = hits.iter().zip([100_000, 10_000, 1000]).all(|(&hits, min_waste)| hits > min_waste);
         assert!(enough && several > 300_000 && elsewhere > 100_000, "{hits:?} {several} {elsewhere}");
     }
 
@@ -481,7 +482,7 @@ mod tests {
     #[test]
     fn splits_do_not_depend_on_threads() {
         let random = &mut Random(64);
-        let corners: Vec<[Vec3; 3]> = (0..9 * PART + 9)
+        let corners: Vec<[Vec3; 3]> = (0..9 * CHUNK + 9)
             .map(|i| {
                 let p = random.vector();
                 [p, p + random.vector() * 0.01, p + random.vector() * if i % 20 == 0 { 1.0 } else { 0.01 }]

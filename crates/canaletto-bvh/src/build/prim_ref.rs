@@ -136,11 +136,11 @@ pub(super) struct Extent {
     pub(super) bounds: Box8,
     pub(super) centers: Centers,
     /// The centers coincide, and duplicates have been left out.
-    pub(super) distinct: bool,
+    pub(super) duplicates_removed: bool,
 }
 
 impl Extent {
-    pub(super) const EMPTY: Self = Self { bounds: Box8::EMPTY, centers: Centers::NONE, distinct: false };
+    pub(super) const EMPTY: Self = Self { bounds: Box8::EMPTY, centers: Centers::NONE, duplicates_removed: false };
 
     pub(super) fn of(refs: &[PrimRef]) -> Self {
         use rayon::prelude::*;
@@ -151,7 +151,11 @@ impl Extent {
     }
 
     fn join(self, other: Self) -> Self {
-        Self { bounds: self.bounds.join(&other.bounds), centers: self.centers.join(other.centers), distinct: false }
+        Self {
+            bounds: self.bounds.join(&other.bounds),
+            centers: self.centers.join(other.centers),
+            duplicates_removed: false,
+        }
     }
 }
 
@@ -209,7 +213,7 @@ impl<'a> PrimRefs<'a> {
         count: usize,
         corners: &'a (impl Fn(u32) -> [Vec3; 3] + Sync),
     ) -> Result<Self, BuildError> {
-        let budget = presplit::Budget::DEFAULT;
+        let budget = presplit::SplitBudget::DEFAULT;
         let mut refs = Self::of_triangles_with_room(count, budget.room(count), corners)?;
         presplit::split(&mut refs, corners, budget);
         Ok(refs)

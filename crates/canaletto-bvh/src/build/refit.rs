@@ -17,7 +17,7 @@ fn bounds(block: &Triangle4) -> Aabb {
     (0..block.len()).fold(Aabb::EMPTY, |bounds, lane| bounds.union(block.triangle(lane).bounds()))
 }
 
-fn same(a: [Vec3; 3], b: [Vec3; 3]) -> bool {
+fn same_bits(a: [Vec3; 3], b: [Vec3; 3]) -> bool {
     a.map(|p| p.to_array().map(f32::to_bits)) == b.map(|p| p.to_array().map(f32::to_bits))
 }
 
@@ -33,35 +33,43 @@ impl TriangleBvh {
     }
 
     /// [`TriangleBvh::refit`] if that leaves a good tree, otherwise a rebuild. The tree is rebuilt if its SAH cost
-    /// ([`crate::Statistics::sah_cost`]) would be more than `most` times its cost after the last build. Returns whether
-    /// it was rebuilt. The decision depends only on the present and earlier positions of the triangles. A rebuild
-    /// splits no triangle, so that the tree can be refitted again.
+    /// ([`crate::Statistics::sah_cost`]) would be more than `max_cost_ratio` times its cost after the last build.
+    /// Returns whether it was rebuilt. The decision depends only on the present and earlier positions of the triangles.
+    /// A rebuild splits no triangle, so that the tree can be refitted again.
     ///
     /// # Errors
     /// As [`TriangleBvh::refit`].
-    pub fn refit_within(&mut self, most: f64, corners: impl Fn(u32) -> [Vec3; 3] + Sync) -> Result<bool, BuildError> {
-        with_stack(STACK, || self.fit(most, &corners))?
+    pub fn refit_within(
+        &mut self,
+        max_cost_ratio: f64,
+        corners: impl Fn(u32) -> [Vec3; 3] + Sync,
+    ) -> Result<bool, BuildError> {
+        with_stack(STACK, || self.refit_or_rebuild(max_cost_ratio, &corners))?
     }
 
-    fn fit(&mut self, most: f64, corners: impl Fn(u32) -> [Vec3; 3] + Sync) -> Result<bool, BuildError> {
+    fn refit_or_rebuild(
+        &mut self,
+        max_cost_ratio: f64,
+        corners: impl Fn(u32) -> [Vec3; 3] + Sync,
+    ) -> Result<bool, BuildError> {
         // `corners` is called once for each triangle, so that the stored corners are those that were checked.
         let all: Vec<[Vec3; 3]> = collected(self.len(), 0, |id| corners(id as u32));
         if let Some(index) = all.par_iter().position_first(|corners| !corners.iter().all(|corner| corner.is_finite())) {
             return Err(BuildError::InvalidBox { index, bounds: Aabb::from_points(all[index]) });
         }
         let corners = |id: u32| all[id as usize];
-        if self.duplicates().iter().any(|&[original, copy]| !same(corners(original), corners(copy))) {
+        if self.duplicates().iter().any(|&[original, copy]| !same_bits(corners(original), corners(copy))) {
             return self.rebuild(corners);
         }
-        let cost = self.built().unwrap_or_else(|| self.statistics().sah_cost);
-        *self.built() = Some(cost);
-        let (bvh, blocks) = self.parts();
+        let cost = self.built_cost().unwrap_or_else(|| self.statistics().sah_cost);
+        *self.built_cost() = Some(cost);
+        let (bvh, blocks) = self.bvh_and_blocks();
         blocks.par_iter_mut().for_each(|block| *block = block.with(corners));
         let blocks = &*blocks;
         bvh.refit(|first| bounds(&blocks[first as usize]));
         // A NaN cost counts as worse.
-        let worse = || self.statistics().sah_cost.partial_cmp(&(cost * most)).is_none_or(Ordering::is_gt);
-        if most < f64::INFINITY && worse() {
+        let worse = || self.statistics().sah_cost.partial_cmp(&(cost * max_cost_ratio)).is_none_or(Ordering::is_gt);
+        if max_cost_ratio < f64::INFINITY && worse() {
             return self.rebuild(corners);
         }
         Ok(false)
@@ -70,7 +78,7 @@ impl TriangleBvh {
     /// Rebuilds the tree from finite corners. The old blocks are freed first.
     fn rebuild(&mut self, corners: impl Fn(u32) -> [Vec3; 3] + Sync) -> Result<bool, BuildError> {
         let refs = PrimRefs::of_whole_triangles(self.len(), &corners)?;
-        *self.parts().1 = Vec::new();
+        *self.bvh_and_blocks().1 = Vec::new();
         *self = Self::over(refs, self.quality(), self.len(), &corners);
         Ok(true)
     }
@@ -80,7 +88,7 @@ impl TriangleBvh {
 pub(crate) fn refit(nodes: &mut [Node], leaf: impl Fn(u32) -> Aabb + Sync) -> Aabb {
     nodes.par_iter_mut().for_each(|node| {
         for lane in 0..WIDTH {
-            if let Some(Child::Leaf(of_lane)) = node.children()[lane].follow() {
+            if let Some(Child::Leaf(of_lane)) = node.children()[lane].decode() {
                 node.set_box(lane, &leaf(of_lane.first()));
             }
         }
@@ -88,13 +96,13 @@ pub(crate) fn refit(nodes: &mut [Node], leaf: impl Fn(u32) -> Aabb + Sync) -> Aa
     // Children come later in the list than their parents.
     for index in (0..nodes.len()).rev() {
         for lane in 0..WIDTH {
-            if let Some(Child::Node(child)) = nodes[index].children()[lane].follow() {
+            if let Some(Child::Node(child)) = nodes[index].children()[lane].decode() {
                 let bounds = nodes[child].bounds();
                 nodes[index].set_box(lane, &bounds);
             }
         }
     }
-    nodes.par_iter_mut().for_each(Node::sort);
+    nodes.par_iter_mut().for_each(Node::compute_orders);
     nodes.first().map_or(Aabb::EMPTY, Node::bounds)
 }
 
@@ -226,14 +234,14 @@ mod tests {
         let random = &mut Random(53);
         let scene: Vec<[Vec3; 3]> = (0..500).map(|i| [0; 3].map(|_| random.vector() + (i / 2) as f32)).collect();
         let scene = |id: u32| scene[if id < 100 { id / 2 * 2 } else { id } as usize];
-        for most in [f64::INFINITY, 0.5] {
+        for max_cost_ratio in [f64::INFINITY, 0.5] {
             let mut triangles = TriangleBvh::build(500, scene).unwrap();
             let asked: Vec<AtomicU32> = (0..500).map(|_| AtomicU32::new(0)).collect();
             let corners = |id: u32| match asked[id as usize].fetch_add(1, Ordering::Relaxed) {
                 0 => scene(id).map(|p| p * 2.0),
                 _ => [Vec3::NAN; 3],
             };
-            triangles.refit_within(most, corners).unwrap();
+            triangles.refit_within(max_cost_ratio, corners).unwrap();
             assert!(asked.into_iter().all(|asked| asked.into_inner() == 1));
             let expected = TriangleBvh::build(500, |id| scene(id).map(|p| p * 2.0)).unwrap();
             assert_eq!(triangles.bounds(), expected.bounds());

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::prim_ref::Box8;
 use super::widen;
-use super::{BinaryNode, CHUNK, MAX_DEPTH, Measure};
+use super::{BinaryNode, CHUNK, CostModel, MAX_DEPTH};
 
 /// A node of the tree under change. The root is the first node.
 struct Node {
@@ -33,23 +33,23 @@ const ROUNDS: usize = 8;
 /// A round that removes less than this fraction of the total area is the last.
 const LEAST_GAIN: f64 = 0.01;
 /// A round considers one node in so many, the largest ones, as most of the cost is theirs.
-const PART: usize = 8;
+const FRACTION: usize = 8;
 /// Nodes with less than this fraction of the mean area aren't considered either. Where sizes vary widely, a few nodes
 /// have nearly all of the cost.
 const LEAST_AREA: f64 = 0.05;
 /// The largest number of nodes that a search visits. Few searches visit as many, but among nested boxes each search
 /// would visit all nodes.
-const LOOKS: usize = 128;
+const MAX_VISITS: usize = 128;
 /// The largest number of levels of the binary tree. It bounds recursion.
-const HIGHEST: u32 = 500;
+const MAX_HEIGHT: u32 = 500;
 
 /// Improves a tree if possible. The tree stays unchanged if it would cost more, or become deeper than the traversal
 /// stack allows. The leaves keep their contents.
-pub(super) fn optimize(binary: &mut Vec<BinaryNode>, measure: &Measure) {
+pub(super) fn optimize(binary: &mut Vec<BinaryNode>, cost_model: &CostModel) {
     if binary.len() < 7 {
         return;
     }
-    let mut tree = Tree { nodes: nodes(binary), scale: measure.scale };
+    let mut tree = Tree { nodes: nodes(binary), scale: cost_model.scale };
     let mut touched = vec![false; tree.nodes.len()];
     let whole_area = tree.whole_area();
     let least_area = (LEAST_AREA * whole_area / tree.nodes.len() as f64) as f32;
@@ -61,7 +61,7 @@ pub(super) fn optimize(binary: &mut Vec<BinaryNode>, measure: &Measure) {
     let mut new = Vec::with_capacity(binary.len());
     if tree.flatten(0, binary, &mut new, 0) {
         // The cost that matters in the end is that of the wide nodes.
-        if widen::all(&mut new, measure) < widen::all(binary, measure) && widen::depth(&new) <= MAX_DEPTH {
+        if widen::all(&mut new, cost_model) < widen::all(binary, cost_model) && widen::depth(&new) <= MAX_DEPTH {
             *binary = new;
         }
     }
@@ -115,7 +115,7 @@ impl Tree {
             // Children of the root can't be moved.
             .filter(|&(area, index)| area >= least_area && self.node(index).parent != 0)
             .collect();
-        let count = (self.nodes.len() / PART).clamp(1, largest.len().max(1));
+        let count = (self.nodes.len() / FRACTION).clamp(1, largest.len().max(1));
         if largest.len() > count {
             let order = |a: &(f32, u32), b: &(f32, u32)| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1));
             largest.select_nth_unstable_by(count - 1, order);
@@ -124,18 +124,18 @@ impl Tree {
         let mut moves: Vec<Move> = largest.par_iter().filter_map(|&(_, index)| self.find(index)).collect();
         moves.par_sort_unstable_by(|a, b| b.gain.total_cmp(&a.gain).then(a.from.cmp(&b.from)));
         touched.fill(false);
-        self.make(moves, touched)
+        self.apply(moves, touched)
     }
 
     /// Makes moves that were all found before the first is made. Moves whose surroundings have changed since are
     /// skipped. Returns the area that the moves made were to remove. No node is `touched` yet.
-    fn make(&mut self, moves: Vec<Move>, touched: &mut [bool]) -> f64 {
+    fn apply(&mut self, moves: Vec<Move>, touched: &mut [bool]) -> f64 {
         let mut gained = 0.0;
         for Move { from, to, gain } in moves {
             let parent = self.node(from).parent;
             let around = [from, self.sibling(from), parent, self.node(parent).parent, to, self.node(to).parent];
             // A place that now lies in the subtree itself would make a cycle.
-            if around.iter().any(|&index| touched[index as usize]) || self.holds(from, to) {
+            if around.iter().any(|&index| touched[index as usize]) || self.is_ancestor(from, to) {
                 continue;
             }
             around.iter().for_each(|&index| touched[index as usize] = true);
@@ -158,14 +158,14 @@ impl Tree {
         let mut sibling = self.sibling(from);
         let mut without = self.node(sibling).bounds;
         let mut pivot = parent;
-        let mut looks = LOOKS;
+        let mut visits_left = MAX_VISITS;
         'search: loop {
             stack.push((saved, sibling));
             while let Some((saved, to)) = stack.pop() {
-                if looks == 0 {
+                if visits_left == 0 {
                     break 'search;
                 }
-                looks -= 1;
+                visits_left -= 1;
                 // A node around the subtree is at least as large as the subtree.
                 if saved - own <= best.gain {
                     continue;
@@ -194,7 +194,7 @@ impl Tree {
     }
 
     /// Whether a node lies in the subtree of another, or is that node.
-    fn holds(&self, ancestor: u32, mut index: u32) -> bool {
+    fn is_ancestor(&self, ancestor: u32, mut index: u32) -> bool {
         while index != ancestor {
             if index == 0 {
                 return false;
@@ -249,7 +249,7 @@ impl Tree {
         };
         let at = new.len();
         new.push(BinaryNode { bounds: self.node(index).bounds.aabb(), link: 0, lanes: widen::LaneSplit::LEAF });
-        if depth == HIGHEST || !self.flatten(left, old, new, depth + 1) {
+        if depth == MAX_HEIGHT || !self.flatten(left, old, new, depth + 1) {
             return false;
         }
         new[at].link = (new.len() - at) as u32;
@@ -287,9 +287,9 @@ mod tests {
         };
         let mut tree = Tree { nodes: (0..63).map(node).collect(), scale: 1.0 };
         let (one, other) = (Move { from: 7, to: 61, gain: 2.0 }, Move { from: 14, to: 31, gain: 1.0 });
-        assert!(tree.holds(7, 31) && tree.holds(14, 61), "each leads into the other");
+        assert!(tree.is_ancestor(7, 31) && tree.is_ancestor(14, 61), "each leads into the other");
         let mut touched = vec![false; 63];
-        let gained = tree.make(vec![one, other], &mut touched);
+        let gained = tree.apply(vec![one, other], &mut touched);
         assert_eq!(gained, 2.0, "the second would have made a cycle");
         for leaf in 31..63 {
             let (mut index, mut steps) = (leaf, 0);

@@ -9,7 +9,7 @@
 use bytemuck::Zeroable;
 
 use super::BinaryNode;
-use super::binning::Measure;
+use super::binning::CostModel;
 use super::prim_ref::Box8;
 use crate::slab::WIDTH;
 
@@ -42,17 +42,17 @@ pub(super) fn leaf(cost: f32) -> Costs {
 }
 
 /// Finds the distributions of a whole tree, and returns its cost.
-pub(super) fn all(binary: &mut [BinaryNode], measure: &Measure) -> f32 {
+pub(super) fn all(binary: &mut [BinaryNode], cost_model: &CostModel) -> f32 {
     let mut costs = vec![[0.0; WIDTH]; binary.len()];
     // Children come later in the list than their parents.
     for index in (0..binary.len()).rev() {
         let node = &mut binary[index];
         let bounds = Box8::new(&node.bounds, [0.0; 2]);
         if node.is_leaf() {
-            costs[index] = leaf(measure.cost(&bounds, node.count()));
+            costs[index] = leaf(cost_model.cost(&bounds, node.count()));
         } else {
             let [left, right] = node.children(index as u32);
-            let (least, lanes) = join(measure.node(&bounds), &costs[left as usize], &costs[right as usize]);
+            let (least, lanes) = join(cost_model.node(&bounds), &costs[left as usize], &costs[right as usize]);
             costs[index] = least;
             node.lanes = lanes;
         }

@@ -73,7 +73,7 @@ pub(crate) fn cull(base: &Rows, top: &Rows, r: Vec4, ray: &UnitRay, t_max: f32) 
     let h_error = v_size * (q_size + v_size + s0.abs() + s1.abs()) * RELATIVE + f32::MIN_POSITIVE;
     let off = h0.max(h1).cmplt(-h_error) | h0.min(h1).cmpgt(vv + h_error);
     let beyond = near.cmpgt(Vec4::splat(t_max)) | s1.cmplt(Vec4::ZERO);
-    let sorted_out = missed | (oblique & (off | beyond)).bitmask();
+    let culled = missed | (oblique & (off | beyond)).bitmask();
     let near = Vec4::select(oblique, near, Vec4::NEG_INFINITY);
-    Candidates { lanes: !sorted_out, near: near.to_array() }
+    Candidates { lanes: !culled, near: near.to_array() }
 }

@@ -4,7 +4,7 @@ use std::ops::{Add, Mul};
 
 use glam::{Vec3, Vec4};
 
-use super::triangle::{SURELY, UNDERFLOW};
+use super::triangle::{DEGENERATE, UNDERFLOW};
 use crate::simd::{Instructions, Vector};
 use crate::slab::max;
 use crate::{Aabb, PreparedRay};
@@ -60,7 +60,7 @@ impl<N: Copy + Add<Output = N> + Mul<Output = N>> EdgeError<N> {
 
     /// The error bound for edge functions of triangles of this size.
     #[inline(always)]
-    pub(crate) fn of(self, size: N) -> N {
+    pub(crate) fn error(self, size: N) -> N {
         size * self.scale + self.least
     }
 }
@@ -82,9 +82,9 @@ impl EdgeError {
     /// The bounds of area and volume in f64, for all rays and triangles. `triangle::intersect_exactly` has them for a
     /// single one.
     #[inline(always)]
-    pub(crate) fn surely(self) -> (f64, f64) {
+    pub(crate) fn degenerate_bounds(self) -> (f64, f64) {
         let reach = f64::from(self.reach);
-        (reach * reach * SURELY, reach * reach * reach * SURELY)
+        (reach * reach * DEGENERATE, reach * reach * reach * DEGENERATE)
     }
 
     /// The bound, copied to all lanes of a vector.

@@ -6,7 +6,7 @@
 use glam::Vec4;
 
 use super::difference_of_products::CANCELLED;
-use super::triangle::SURELY;
+use super::triangle::DEGENERATE;
 use super::triangle4::Triangle4;
 use crate::PreparedRay;
 use crate::PrimitiveHit;
@@ -70,7 +70,7 @@ impl Triangle4 {
         let (wb, sb) = difference([cx, ay, cy, ax], cancelled);
         let (wc, sc) = difference([ax, by, ay, bx], cancelled);
         let zero = splat!(0.0);
-        let sure = if ray.regular { zero.below(sa.min(sb).min(sc)) } else { 0 };
+        let decided = if ray.regular { zero.below(sa.min(sb).min(sc)) } else { 0 };
         let inside = zero.at_most(wa.min(wb).min(wc)) | wa.max(wb).max(wc).at_most(zero);
         let area = wa + wb + wc;
         let depth = wa * az + wb * bz + wc * cz;
@@ -80,7 +80,8 @@ impl Triangle4 {
         // corners' planes.
         let (mut near, mut far, mut last) = (Vec4::ZERO, Vec4::INFINITY, Vec4::ZERO);
         for axis in 0..3 {
-            let (origin, scale) = (Vec4::splat(origin[axis]), Vec4::splat(ray.backwards(ray.axis_order.rows[axis])));
+            let (origin, scale) =
+                (Vec4::splat(origin[axis]), Vec4::splat(ray.neg_reciprocal(ray.axis_order.rows[axis])));
             let (a, b, c) = ((origin - a[axis]) * scale, (origin - b[axis]) * scale, (origin - c[axis]) * scale);
             last = a.max(b).max(c);
             near = near.max(a.min(b).min(c));
@@ -91,10 +92,10 @@ impl Triangle4 {
             & t.cmpge(Vec4::splat(f32::MIN_POSITIVE))
             & t.cmple(Vec4::splat(min(f32::MAX, nearest.t)));
         let between = between.bitmask();
-        let enough = reach * reach * splat!(SURELY);
+        let enough = reach * reach * splat!(DEGENERATE);
         let far = enough.below(area.abs()) & (enough * reach).below(depth.abs());
-        let mut alone = lanes & (!sure | inside & between & !far);
-        let mut hits = lanes & sure & inside & between & far;
+        let mut scalar_lanes = lanes & (!decided | inside & between & !far);
+        let mut hits = lanes & decided & inside & between & far;
         if front_only {
             hits &= area.below(zero);
         }
@@ -116,10 +117,10 @@ impl Triangle4 {
                 nearest.uv[1] = ((wc * along * scale) as f32).clamp(0.0, 1.0 - nearest.uv[0]);
             }
         }
-        while alone != 0 {
-            let lane = alone.trailing_zeros() as usize & 3;
-            alone &= alone - 1;
-            if self.accept_alone(lane, ray, nearest, front_only) {
+        while scalar_lanes != 0 {
+            let lane = scalar_lanes.trailing_zeros() as usize & 3;
+            scalar_lanes &= scalar_lanes - 1;
+            if self.accept_scalar(lane, ray, nearest, front_only) {
                 found = Some(lane);
             }
         }
@@ -128,7 +129,7 @@ impl Triangle4 {
 
     #[cold]
     #[inline(never)]
-    fn accept_alone(&self, lane: usize, ray: &PreparedRay, nearest: &mut PrimitiveHit, front_only: bool) -> bool {
+    fn accept_scalar(&self, lane: usize, ray: &PreparedRay, nearest: &mut PrimitiveHit, front_only: bool) -> bool {
         self.accept_if_nearer(lane, ray, nearest, front_only)
     }
 }

@@ -43,13 +43,13 @@ impl Candidates {
     pub(crate) const NONE: Self = Self { lanes: 0, near: [f32::INFINITY; LANES] };
 
     #[inline(always)]
-    fn of(self, lanes: u32) -> Self {
+    fn masked(self, lanes: u32) -> Self {
         Self { lanes: self.lanes & lanes, ..self }
     }
 
     /// The union of two sets of candidates without common lanes.
     #[inline(always)]
-    fn and(mut self, other: Self) -> Self {
+    fn union(mut self, other: Self) -> Self {
         for lane in 0..LANES {
             self.near[lane] = if other.lanes >> lane & 1 == 1 { other.near[lane] } else { self.near[lane] };
         }
@@ -97,7 +97,7 @@ pub struct UserPrimitive {
 }
 
 /// A primitive of a block, unpacked for the packet tests.
-pub(crate) enum PackedPrimitive {
+pub(crate) enum UnpackedPrimitive {
     Sphere([f32; 3], f32),
     Cylinder([[f32; 3]; 2], f32),
     /// A user primitive, by its box.
@@ -123,9 +123,9 @@ impl Primitive4 {
     pub(crate) fn new(primitives: impl Iterator<Item = (u32, Aabb, Primitive)>) -> Self {
         let (zero, ids) = ([Vec4::ZERO; 3], [u32::MAX; LANES]);
         let mut block = Self { base: zero, radius: Vec4::ZERO, top: zero, ids };
-        for (lane, (id, bounds, round)) in primitives.enumerate() {
+        for (lane, (id, bounds, primitive)) in primitives.enumerate() {
             block.ids[lane] = id;
-            let ([base, top], radius) = match round {
+            let ([base, top], radius) = match primitive {
                 // A sphere without a radius is never hit.
                 Primitive::Sphere { center, radius } => ([center; 2], if radius > 0.0 { radius } else { 0.0 }),
                 Primitive::Cylinder { ends, radius } if radius > 0.0 => (ends, -radius),
@@ -164,7 +164,7 @@ impl Primitive4 {
 
     /// The lanes with user primitives.
     #[inline(always)]
-    fn others(&self) -> u32 {
+    fn user_lanes(&self) -> u32 {
         self.radius.is_nan_mask().bitmask()
     }
 
@@ -177,8 +177,8 @@ impl Primitive4 {
         }
         let (mut near, mut far) = (Vec4::ZERO, Vec4::INFINITY);
         for axis in 0..3 {
-            let (origin, backwards) = (Vec4::splat(ray.ray.origin[axis]), ray.backwards[axis]);
-            let (low, high) = ((origin - self.base[axis]) * backwards, (origin - self.top[axis]) * backwards);
+            let (origin, neg_reciprocal) = (Vec4::splat(ray.ray.origin[axis]), ray.neg_reciprocal[axis]);
+            let (low, high) = ((origin - self.base[axis]) * neg_reciprocal, (origin - self.top[axis]) * neg_reciprocal);
             (near, far) = (near.max(low.min(high)), far.min(low.max(high)));
         }
         let before = near * DEFLATE;
@@ -189,9 +189,9 @@ impl Primitive4 {
     /// The primitives of the filled lanes that may be hit before `t_max`.
     #[inline(always)]
     pub(crate) fn cull(&self, filled: u32, ray: &PreparedRay, unit_ray: &UnitRay, t_max: f32) -> Candidates {
-        let others = filled & self.others();
-        let candidates = self.cull_shapes(filled & !others, unit_ray, t_max);
-        if others == 0 { candidates } else { candidates.and(self.cull_boxes(ray, t_max).of(others)) }
+        let user_lanes = filled & self.user_lanes();
+        let candidates = self.cull_shapes(filled & !user_lanes, unit_ray, t_max);
+        if user_lanes == 0 { candidates } else { candidates.union(self.cull_boxes(ray, t_max).masked(user_lanes)) }
     }
 
     /// [`Primitive4::cull`] for spheres and cylinders only.
@@ -201,10 +201,10 @@ impl Primitive4 {
         let spheres = filled & !cylinders;
         let mut candidates = Candidates::NONE;
         if spheres != 0 {
-            candidates = sphere::cull(&self.base, self.radius, unit_ray, t_max).of(spheres);
+            candidates = sphere::cull(&self.base, self.radius, unit_ray, t_max).masked(spheres);
         }
         if cylinders != 0 {
-            candidates = candidates.and(self.cull_cylinders(unit_ray, t_max).of(cylinders));
+            candidates = candidates.union(self.cull_cylinders(unit_ray, t_max).masked(cylinders));
         }
         candidates
     }
@@ -212,10 +212,10 @@ impl Primitive4 {
     /// [`Primitive4::cull`] for any-hit rays: the lanes that may be hit, and those that certainly are.
     #[inline(always)]
     pub(crate) fn cull_any(&self, filled: u32, ray: &PreparedRay, unit_ray: &UnitRay, t_max: f32) -> (u32, u32) {
-        let others = filled & self.others();
-        let (mut lanes, surely) = self.cull_any_shapes(filled & !others, unit_ray, t_max);
-        if others != 0 {
-            lanes |= self.cull_boxes(ray, t_max).lanes & others;
+        let user_lanes = filled & self.user_lanes();
+        let (mut lanes, surely) = self.cull_any_shapes(filled & !user_lanes, unit_ray, t_max);
+        if user_lanes != 0 {
+            lanes |= self.cull_boxes(ray, t_max).lanes & user_lanes;
         }
         (lanes, surely)
     }
@@ -238,24 +238,24 @@ impl Primitive4 {
 
     /// The primitive in a lane, for the packet tests.
     #[inline(always)]
-    pub(crate) fn target(&self, lane: usize) -> PackedPrimitive {
+    pub(crate) fn unpack(&self, lane: usize) -> UnpackedPrimitive {
         // As arrays: indexing vectors would select by an unpredictable branch.
         let at = |row: &Vec4| row.as_ref()[lane & (LANES - 1)];
         let point = |[x, y, z]: &Rows| [at(x), at(y), at(z)];
         let (base, radius) = (point(&self.base), at(&self.radius));
         if radius >= 0.0 {
-            return PackedPrimitive::Sphere(base, radius);
+            return UnpackedPrimitive::Sphere(base, radius);
         }
         let top = point(&self.top);
         if radius < 0.0 {
-            return PackedPrimitive::Cylinder([base, top], -radius);
+            return UnpackedPrimitive::Cylinder([base, top], -radius);
         }
-        PackedPrimitive::User(Aabb { min: base.into(), max: top.into() })
+        UnpackedPrimitive::User(Aabb { min: base.into(), max: top.into() })
     }
 
     /// The hit by the exact test.
     #[inline(always)]
-    pub(crate) fn exact(
+    pub(crate) fn intersect(
         &self,
         lane: usize,
         ray: &PreparedRay,
@@ -294,7 +294,7 @@ mod tests {
     #[test]
     fn hits_lie_in_boxes_that_are_not_sorted_out() {
         let random = &mut Random(53);
-        let (mut sorted_out, mut missed, mut met) = (0, 0, 0);
+        let (mut culled, mut missed, mut met) = (0, 0, 0);
         for i in 0..200_000 {
             let scale = [1.0, 1e-30, 1e30][i % 3];
             let boxes: [Aabb; LANES] = std::array::from_fn(|_| {
@@ -316,18 +316,18 @@ mod tests {
                 let (passed, hit) = (lanes >> lane & 1 == 0, ray.clamp_to_box(bounds, t.into(), t_max));
                 let what = format!("{ray:?} {bounds:?} {t} {t_max}");
                 assert!(hit.is_none_or(|t| !passed && near[lane] <= t), "{hit:?} {what}");
-                sorted_out += usize::from(passed);
+                culled += usize::from(passed);
                 missed += usize::from(ray.regular && !ray.enters(bounds, t_max));
                 met += usize::from(hit.is_some());
             }
         }
-        assert!(met > 20_000 && sorted_out == missed, "{met}, {sorted_out} of {missed}");
+        assert!(met > 20_000 && culled == missed, "{met}, {culled} of {missed}");
     }
 
     #[test]
     fn what_is_sorted_out_is_missed_and_what_is_surely_met_is_met() {
         let random = &mut Random(43);
-        let (mut sorted_out, mut missed, mut surely_met, mut met) = (0, 0, 0, 0);
+        let (mut culled, mut missed, mut surely_met, mut met) = (0, 0, 0, 0);
         for i in 0..400_000 {
             // Spheres from large ones nearby to dots far away, of all magnitudes. Rays are aimed beside, on and next to
             // their rims, and some start on them or inside.
@@ -357,12 +357,12 @@ mod tests {
             assert!(!exactly || lanes & any & 1 == 1, "{ray:?} {center} {radius} {t_max}");
             assert!(!exactly || near[0].is_nan() || near[0] <= t, "{ray:?} {center} {radius} {near:?}");
             assert!(exactly || surely & 1 == 0, "{ray:?} {center} {radius} {t_max}");
-            sorted_out += usize::from(lanes & 1 == 0);
+            culled += usize::from(lanes & 1 == 0);
             missed += usize::from(!exactly);
             surely_met += surely as usize & 1;
             met += usize::from(exactly);
         }
-        assert!(missed / 4 < sorted_out && sorted_out < missed, "{sorted_out} of {missed}");
+        assert!(missed / 4 < culled && culled < missed, "{culled} of {missed}");
         assert!(met / 10 < surely_met && surely_met < met, "{surely_met} of {met}");
     }
 }

@@ -12,15 +12,15 @@ use crate::{Aabb, PreparedRay, Ray};
 /// The box around the sphere, rounded outwards so that it contains all of it.
 #[inline]
 pub fn bounds(center: Vec3, radius: f32) -> Aabb {
-    let [min, max] =
-        [-radius, radius].map(|r| Vec3::new(outwards(center.x, r), outwards(center.y, r), outwards(center.z, r)));
+    let [min, max] = [-radius, radius]
+        .map(|r| Vec3::new(add_outwards(center.x, r), add_outwards(center.y, r), add_outwards(center.z, r)));
     Aabb { min, max }
 }
 
 /// c + r, rounded away from c, in the direction of r. It has no branches, as the direction of the first rounding is
 /// unpredictable.
 #[inline(always)]
-pub(super) fn outwards(c: f32, r: f32) -> f32 {
+pub(super) fn add_outwards(c: f32, r: f32) -> f32 {
     let exact = f64::from(c) + f64::from(r);
     let near = exact as f32;
     let (below, above) = (i32::from(f64::from(near) < exact), i32::from(f64::from(near) > exact));

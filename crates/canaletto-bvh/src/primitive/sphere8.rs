@@ -5,7 +5,7 @@
 
 use glam::Vec3;
 
-use super::sphere::{intersect_once, outwards};
+use super::sphere::{add_outwards, intersect_once};
 use crate::slab::{DEFLATE, INFLATE, max, min};
 use crate::{InstructionSet, Kernel, Ray};
 
@@ -18,17 +18,17 @@ pub(crate) const LANES: usize = 8;
 /// If `t` and `rays` differ in length.
 pub fn intersect_many(rays: &[Ray], center: Vec3, radius: f32, t: &mut [f32]) {
     assert_eq!(rays.len(), t.len());
-    InstructionSet::run(Many { rays, center, radius, t });
+    InstructionSet::run(IntersectMany { rays, center, radius, t });
 }
 
-struct Many<'a> {
+struct IntersectMany<'a> {
     rays: &'a [Ray],
     center: Vec3,
     radius: f32,
     t: &'a mut [f32],
 }
 
-impl Kernel for Many<'_> {
+impl Kernel for IntersectMany<'_> {
     type Answer = ();
 
     #[inline(always)]
@@ -93,8 +93,8 @@ impl Sphere8 {
         let mut bounds = [[[0.0; LANES]; 3]; 2];
         for axis in 0..3 {
             for i in 0..LANES {
-                bounds[0][axis][i] = outwards(self.center[axis][i], -self.radius[i]);
-                bounds[1][axis][i] = outwards(self.center[axis][i], self.radius[i]);
+                bounds[0][axis][i] = add_outwards(self.center[axis][i], -self.radius[i]);
+                bounds[1][axis][i] = add_outwards(self.center[axis][i], self.radius[i]);
             }
         }
         bounds

@@ -154,7 +154,7 @@ pub(crate) fn intersect_exactly(
     // slope. If both are far above rounding, neither normal nor height is 0.
     let size = |v: &[f64; 3]| v[0].abs().max(v[1].abs()).max(v[2].abs());
     let d = size(&x).max(size(&y)).max(size(&z));
-    let far = |value: f64, scale: f64| value.abs() > scale * SURELY;
+    let far = |value: f64, scale: f64| value.abs() > scale * DEGENERATE;
     if !(far(area, d * d) && far(depth, d * d * d)) && degenerate(ray, corners) {
         return None;
     }
@@ -164,7 +164,7 @@ pub(crate) fn intersect_exactly(
 }
 
 /// 2⁻⁴⁰: far above the rounding error of products of differences of corners in f64.
-pub(crate) const SURELY: f64 = 1.0 / (1u64 << 40) as f64;
+pub(crate) const DEGENERATE: f64 = 1.0 / (1u64 << 40) as f64;
 
 /// Whether the triangle has no area, or the origin lies on its plane. In the latter case the triangle is at t = 0,
 /// which rounding must not turn into a hit. The exception is a ray that lies wholly in the plane: then the triangle may
@@ -258,7 +258,7 @@ mod tests {
     #[test]
     fn what_is_surely_missed_is_missed() {
         let random = &mut Random(17);
-        let (mut sorted_out, mut missed) = (0, 0);
+        let (mut culled, mut missed) = (0, 0);
         for i in 0..400_000 {
             // Triangles from large ones nearby to dots far away, of all magnitudes. Rays are aimed beside, on and next
             // to their borders.
@@ -277,10 +277,10 @@ mod tests {
             let surely = surely_missed(&ray, corners);
             let exactly = intersect_exactly(&ray, corners, &triangle.bounds(), f32::INFINITY).is_none();
             assert!(!surely || exactly, "{ray:?} {triangle:?}");
-            sorted_out += usize::from(surely);
+            culled += usize::from(surely);
             missed += usize::from(exactly);
         }
-        assert!(missed / 4 < sorted_out && sorted_out < missed, "{sorted_out} of {missed}");
+        assert!(missed / 4 < culled && culled < missed, "{culled} of {missed}");
     }
 
     #[test]

@@ -182,7 +182,7 @@ impl Triangle4 {
         let wa = bx * cy - by * cx;
         let wb = cx * ay - cy * ax;
         let wc = ax * by - ay * bx;
-        let off = Vec4::splat(bound.of(self.size()));
+        let off = Vec4::splat(bound.error(self.size()));
         let (least, most) = (wa.min(wb).min(wc), wa.max(wb).max(wc));
         let missed = most.cmpgt(off) & least.cmplt(-off);
         let mut candidates = !(missed | beyond).bitmask() & 15;
@@ -203,7 +203,7 @@ impl Triangle4 {
         let far = far.max((z - Vec4::splat(origin.z)).abs());
         // The other corners are no farther from the first corner than `size`.
         let bound = EdgeError::of_triangles(far + size);
-        RefinedTest { tested, off: bound.of(size), bound }
+        RefinedTest { tested, off: bound.error(size), bound }
     }
 
     /// The lane of a candidate that is hit at or before `t_max` and for whose id `blocks` holds. Candidates in `surely`
@@ -280,23 +280,23 @@ impl RefinedTest<'_> {
     #[inline(always)]
     pub(crate) fn any(&self, ray: &PreparedRay, t_max: f32, front_only: bool) -> (u32, u32) {
         let area = self.tested.least.abs().max(self.tested.most.abs());
-        let (low, high) = self.between();
+        let (low, high) = self.t_bounds();
         let large = area.cmpgt(self.bound.area) & (area * low).cmpgt(self.bound.volume * Vec4::splat(ray.along.abs()));
         let between = low.cmpge(Vec4::splat(f32::MIN_POSITIVE)) & high.cmple(Vec4::splat(min(f32::MAX, t_max)));
-        let candidates = self.left(low, high, t_max, front_only);
+        let candidates = self.remaining(low, high, t_max, front_only);
         (candidates & (self.front() | self.back()) & (large & between).bitmask(), candidates)
     }
 
     /// The candidates that may be hit at or before `t_max`.
     #[inline(always)]
     pub(crate) fn closest(&self, t_max: f32, front_only: bool) -> u32 {
-        let (low, high) = self.between();
-        self.left(low, high, t_max, front_only)
+        let (low, high) = self.t_bounds();
+        self.remaining(low, high, t_max, front_only)
     }
 
     /// The candidates that may be hit at or before `t_max`, if t lies between `low` and `high`.
     #[inline(always)]
-    fn left(&self, low: Vec4, high: Vec4, t_max: f32, front_only: bool) -> u32 {
+    fn remaining(&self, low: Vec4, high: Vec4, t_max: f32, front_only: bool) -> u32 {
         let gone = high.cmple(Vec4::ZERO) | low.cmpgt(Vec4::splat(t_max));
         self.tested.candidates & !gone.bitmask() & !if front_only { self.back() } else { 0 }
     }
@@ -304,7 +304,7 @@ impl RefinedTest<'_> {
     /// The bounds of a hit's t. They are the t of the corners. Where the line certainly passes between the edges, they
     /// are close to the mean of the corners' t, weighted with the edge functions.
     #[inline(always)]
-    fn between(&self) -> (Vec4, Vec4) {
+    fn t_bounds(&self) -> (Vec4, Vec4) {
         let &CoarseTest { low, last, least, most, sum, weighed, .. } = self.tested;
         let inside = most.cmplt(-self.off) | least.cmpgt(self.off);
         let (high, size) = (last * INFLATE, last.abs().max(low.abs()));
@@ -358,7 +358,7 @@ impl Search {
 
     /// Refines the candidates of a block and tests them. `t_max` is lowered to an upper bound of the nearest hit.
     #[inline(always)]
-    pub(crate) fn complete(
+    pub(crate) fn test_candidates(
         &mut self,
         scene: TriangleScene<'_>,
         index: u32,
@@ -369,8 +369,8 @@ impl Search {
     ) {
         let block = &scene.blocks[index as usize];
         let refined = block.refine(ray, tested);
-        let (low, high) = refined.between();
-        let mut candidates = refined.left(low, high, *t_max, scene.front_only);
+        let (low, high) = refined.t_bounds();
+        let mut candidates = refined.remaining(low, high, *t_max, scene.front_only);
         let certain = refined.front() | refined.back();
         let (low, high) = (low.to_array(), high.to_array());
         while candidates != 0 {
@@ -471,7 +471,7 @@ mod tests {
                     assert!(candidate || hit.is_none(), "{ray:?} {block:?}");
                     assert!(surely >> lane & 1 == 0 || hit.is_some(), "{ray:?} {block:?}");
                     if let Some(hit) = hit {
-                        let (low, high) = refined.between();
+                        let (low, high) = refined.t_bounds();
                         assert!(low[lane] <= hit.t && hit.t <= high[lane] || !ray.regular, "{ray:?} {block:?}");
                         assert!(refined.front() >> lane & 1 == 0 || hit.front, "{ray:?} {block:?}");
                         assert!(refined.back() >> lane & 1 == 0 || !hit.front, "{ray:?} {block:?}");

@@ -24,7 +24,7 @@ pub(crate) fn accept_if_nearer(
 ) -> bool {
     let id = block.ids[lane];
     // The callback may have ignored `nearest.t`.
-    if let Some(met) = block.exact(lane, ray, nearest.t, user)
+    if let Some(met) = block.intersect(lane, ray, nearest.t, user)
         && (met.t < nearest.t || met.t == nearest.t && id < nearest.id)
     {
         *nearest = PrimitiveHit { id, ..met };
@@ -67,7 +67,7 @@ pub(super) fn any(
         while lanes != 0 {
             let lane = lanes.trailing_zeros();
             lanes &= lanes - 1;
-            let met = surely || block.exact(lane as usize, ray, t_max, user).is_some();
+            let met = surely || block.intersect(lane as usize, ray, t_max, user).is_some();
             if met && counts(block.ids[lane as usize]) {
                 return Some(lane);
             }
@@ -102,7 +102,7 @@ pub(super) struct ClosestOfStream<'a, A> {
 }
 
 impl<A: UserIntersect> StreamVisitor for ClosestOfStream<'_, A> {
-    type Finding = Candidates;
+    type CoarseResult = Candidates;
 
     #[inline(always)]
     fn test(&self, ray: NumberedRay<'_>, leaf: Leaf, t_max: f32) -> (bool, Candidates) {
@@ -138,7 +138,7 @@ pub(super) struct AnyHitOfStream<'a, A> {
 }
 
 impl<A: UserIntersect> StreamVisitor for AnyHitOfStream<'_, A> {
-    type Finding = (u32, u32);
+    type CoarseResult = (u32, u32);
     const NEAREST: bool = false;
 
     #[inline(always)]

@@ -27,10 +27,10 @@ impl InflatedRay {
     /// Whether the ray enters a box within (0, t_max], by the conservative test of the trees: true in doubt.
     #[inline]
     pub fn enters(&self, bounds: &Aabb, t_max: f32) -> bool {
-        self.ray.enters(&self.grown(bounds), t_max)
+        self.ray.enters(&self.inflate(bounds), t_max)
     }
 
-    pub(crate) fn grown(&self, bounds: &Aabb) -> Aabb {
+    pub(crate) fn inflate(&self, bounds: &Aabb) -> Aabb {
         let margin = Vec3::splat(self.margin);
         Aabb { min: bounds.min - margin, max: bounds.max + margin }
     }

@@ -46,7 +46,7 @@ pub struct PreparedRay {
     /// The ray itself. It must not be changed, since all other fields are derived from it.
     pub(crate) ray: Ray,
     /// −1 / direction. Planes are subtracted from the origin, so that the subtraction can read them from memory.
-    pub(crate) backwards: [f32; 3],
+    pub(crate) neg_reciprocal: [f32; 3],
     /// The shear of Woop's test. It maps the ray to the longest axis of its direction: `shear` times z is subtracted
     /// from x and from y. Here x, y and z are the axes in the order of `axis_order.rows`. The shear is NaN, which
     /// decides nothing, where rounding would lose digits.
@@ -194,8 +194,8 @@ impl PreparedRay {
     fn of(ray: &Ray) -> Self {
         let direction = ray.direction.extend(1.0);
         let axis_order = AxisOrder::of_four(direction);
-        let backwards = Vec4::NEG_ONE / direction;
-        let size = backwards.abs();
+        let neg_reciprocal = Vec4::NEG_ONE / direction;
+        let size = neg_reciprocal.abs();
         let finite = ray.origin.extend(0.0).abs().cmplt(Vec4::INFINITY);
         let normal = size.cmpge(Vec4::splat(f32::MIN_POSITIVE)) & size.cmplt(Vec4::INFINITY);
         let regular = (normal & finite).all();
@@ -208,7 +208,7 @@ impl PreparedRay {
         let shear = Vec4::select(told, shear, Vec4::NAN);
         Self {
             ray: *ray,
-            backwards: backwards.truncate().to_array(),
+            neg_reciprocal: neg_reciprocal.truncate().to_array(),
             shear: [shear.x, shear.y],
             along: if regular { -shear.z } else { f32::NAN },
             axis_order,
@@ -230,8 +230,8 @@ impl PreparedRay {
 
     /// −1 / direction along an axis.
     #[inline(always)]
-    pub(crate) fn backwards(&self, axis: Axis) -> f32 {
-        axis.of(&Vec3::from_array(self.backwards))
+    pub(crate) fn neg_reciprocal(&self, axis: Axis) -> f32 {
+        axis.of(&Vec3::from_array(self.neg_reciprocal))
     }
 
     /// The direction's component along an axis.
@@ -265,11 +265,11 @@ mod tests {
             let sheared = Mat3::from_cols(Vec3::AXES[x], Vec3::AXES[y], Vec3::AXES[z]);
             assert_eq!(sheared.determinant(), direction[z].signum());
             for axis in 0..3 {
-                let backwards = direction[axis] < 0.0;
-                assert_eq!(axis_order.octant >> axis & 1 == 1, backwards);
-                let offset = |backwards| 32 * axis + if backwards { 96 } else { 0 };
+                let neg_reciprocal = direction[axis] < 0.0;
+                assert_eq!(axis_order.octant >> axis & 1 == 1, neg_reciprocal);
+                let offset = |neg_reciprocal| 32 * axis + if neg_reciprocal { 96 } else { 0 };
                 let (entry, exit) = (axis_order.entries[axis], axis_order.exits[axis]);
-                assert_eq!((entry.offset(), exit.offset()), (offset(backwards), offset(!backwards)));
+                assert_eq!((entry.offset(), exit.offset()), (offset(neg_reciprocal), offset(!neg_reciprocal)));
             }
         }
     }

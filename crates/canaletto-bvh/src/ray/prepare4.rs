@@ -32,21 +32,21 @@ impl Kernel for Preparation<'_> {
     #[inline(always)]
     fn run(self) -> [Vec3; 2] {
         let (mut low, mut high) = (Vec4::INFINITY, Vec4::NEG_INFINITY);
-        let (fours, rest) = self.rays.as_chunks();
-        let (prepared, prepared_rest) = self.prepared.split_at_mut(4 * fours.len());
-        for (rays, prepared) in fours.iter().zip(prepared.as_chunks_mut().0) {
+        let (from_fours, rest) = self.rays.as_chunks();
+        let (prepared, prepared_rest) = self.prepared.split_at_mut(4 * from_fours.len());
+        for (rays, prepared) in from_fours.iter().zip(prepared.as_chunks_mut().0) {
             if !prepare_four(rays, prepared) {
                 for (ray, prepared) in rays.iter().zip(prepared) {
                     prepared.write(PreparedRay::of(ray));
                 }
             }
             for ray in rays {
-                (low, high) = widen((low, high), head(ray));
+                (low, high) = widen((low, high), first_four(ray));
             }
         }
         for (ray, prepared) in rest.iter().zip(prepared_rest) {
             prepared.write(PreparedRay::of(ray));
-            (low, high) = widen((low, high), head(ray));
+            (low, high) = widen((low, high), first_four(ray));
         }
         [low.truncate(), high.truncate()]
     }
@@ -61,14 +61,14 @@ fn widen((low, high): (Vec4, Vec4), origin: Vec4) -> (Vec4, Vec4) {
 
 /// The origin, and x of the direction.
 #[inline(always)]
-fn head(ray: &Ray) -> Vec4 {
+fn first_four(ray: &Ray) -> Vec4 {
     // SAFETY: these are the first four of a ray's six numbers.
     unsafe { (&raw const *ray).cast::<Vec4>().read_unaligned() }
 }
 
 /// z of the origin, and the direction.
 #[inline(always)]
-fn tail(ray: &Ray) -> Vec4 {
+fn last_four(ray: &Ray) -> Vec4 {
     // SAFETY: these are the last four of a ray's six numbers.
     unsafe { (&raw const *ray).cast::<f32>().add(2).cast::<Vec4>().read_unaligned() }
 }
@@ -83,7 +83,7 @@ fn transposed(rows: [Vec4; 4]) -> [Vec4; 4] {
 const FLOATS: usize = size_of::<f32>();
 const _: () = assert!(
     offset_of!(PreparedRay, ray) == 0
-        && offset_of!(PreparedRay, backwards) == 6 * FLOATS
+        && offset_of!(PreparedRay, neg_reciprocal) == 6 * FLOATS
         && offset_of!(PreparedRay, shear) == 9 * FLOATS
         && offset_of!(PreparedRay, along) == 11 * FLOATS
         && offset_of!(PreparedRay, axis_order) >= 12 * FLOATS
@@ -93,10 +93,10 @@ const _: () = assert!(
 /// number, it returns false and prepares none.
 #[inline(always)]
 fn prepare_four(rays: &[Ray; 4], prepared: &mut [MaybeUninit<PreparedRay>; 4]) -> bool {
-    let heads = [head(&rays[0]), head(&rays[1]), head(&rays[2]), head(&rays[3])];
-    let [_, x, y, z] = transposed([tail(&rays[0]), tail(&rays[1]), tail(&rays[2]), tail(&rays[3])]);
+    let heads = [first_four(&rays[0]), first_four(&rays[1]), first_four(&rays[2]), first_four(&rays[3])];
+    let [_, x, y, z] = transposed([last_four(&rays[0]), last_four(&rays[1]), last_four(&rays[2]), last_four(&rays[3])]);
     let one = Vec4::NEG_ONE;
-    let backwards = [one / x, one / y, one / z];
+    let neg_reciprocal = [one / x, one / y, one / z];
     let (far, wide, high) = (x.abs(), y.abs(), z.abs());
     let (x_y, x_z, y_z) = (far.cmpge(wide), far.cmpge(high), wide.cmpge(high));
     // The longest axis, and the two axes that follow it cyclically.
@@ -107,7 +107,7 @@ fn prepare_four(rays: &[Ray; 4], prepared: &mut [MaybeUninit<PreparedRay>; 4]) -
     let turned = longest.cmplt(zero);
     let shear_x = Vec4::select(turned, third, second) / longest;
     let shear_y = Vec4::select(turned, second, third) / longest;
-    let [bx, by, bz] = backwards;
+    let [bx, by, bz] = neg_reciprocal;
     let along = pick(bx, by, bz);
 
     // A sum is finite only if all its terms are. No shear is larger than 1.

@@ -21,13 +21,13 @@ impl InstructionSet {
     /// Runs a kernel with the instructions in use.
     #[inline]
     pub fn run<K: Kernel>(kernel: K) -> K::Answer {
-        run(Loops(kernel))
+        run(LoopKernel(kernel))
     }
 }
 
-struct Loops<K>(K);
+struct LoopKernel<K>(K);
 
-impl<K: Kernel> SimdKernel for Loops<K> {
+impl<K: Kernel> SimdKernel for LoopKernel<K> {
     type Answer = K::Answer;
 
     #[inline(always)]
@@ -87,15 +87,15 @@ pub(crate) trait Traversal {
 #[inline]
 pub(crate) fn traverse<T: Traversal>(regular: bool, traversal: T) -> T::Answer {
     if regular {
-        return run(Regular(traversal));
+        return run(TraversalKernel(traversal));
     }
     // SAFETY: `IrregularNodeTest` needs no special instructions.
     unsafe { traversal.run::<IrregularNodeTest>() }
 }
 
-struct Regular<T>(T);
+struct TraversalKernel<T>(T);
 
-impl<T: Traversal> SimdKernel for Regular<T> {
+impl<T: Traversal> SimdKernel for TraversalKernel<T> {
     type Answer = T::Answer;
 
     #[inline(always)]

@@ -38,4 +38,4 @@ pub use instruction_set::InstructionSet;
 pub(crate) use node_test::{IrregularNodeTest, NodeTest, TraversalRay};
 #[cfg(target_arch = "x86_64")]
 pub(crate) use vector::{Avx2, Avx512};
-pub(crate) use vector::{Baseline, Instructions, Mask, Row, SIXTEEN, Vector};
+pub(crate) use vector::{Baseline, Instructions, Mask, ROW, Row, Vector};

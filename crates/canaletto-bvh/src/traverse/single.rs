@@ -10,7 +10,7 @@ use super::{AnyHitVisitor, ClosestVisitor};
 use crate::node::{Node, NodeRef};
 use crate::simd::dispatch::{self, Traversal};
 use crate::simd::{NodeTest, TraversalRay};
-use crate::slab::limit as limit_of;
+use crate::slab::cull_limit;
 
 /// [`crate::Bvh::intersect`], for a ray with or without a margin. Returns the final `t_max`.
 #[inline]
@@ -50,30 +50,30 @@ pub(crate) unsafe fn closest_by<R: TraversalRay, N: NodeTest, F: ClosestVisitor>
         return t_max;
     }
     let mut stack = Stack::new();
-    let mut limit = limit_of(t_max);
-    let mut link = NodeRef::node(0);
+    let mut limit = cull_limit(t_max);
+    let mut node_ref = NodeRef::node(0);
     // SAFETY: the caller's promise. Links lead to nodes of the tree, to leaves, or are END (see `Node::children`),
     // whatever lanes are entered.
     unsafe {
         loop {
             // Descend: test the node, push the entered children, go on with the nearest.
-            while !link.is_leaf() {
-                link = stack.visit::<R, N, true>(nodes.get_unchecked(link.node_index()), ray, limit);
+            while !node_ref.is_leaf() {
+                node_ref = stack.visit::<R, N, true>(nodes.get_unchecked(node_ref.node_index()), ray, limit);
             }
             // The stack is empty: the traversal has ended.
-            if link == NodeRef::END {
+            if node_ref == NodeRef::END {
                 return t_max;
             }
             // This is a leaf: test its primitives.
             let before = t_max;
-            leaf.leaf(link.leaf(), &mut t_max);
+            leaf.leaf(node_ref.leaf(), &mut t_max);
             // A nearer hit: cull the entries behind it.
             if t_max < before {
-                limit = limit_of(t_max);
+                limit = cull_limit(t_max);
                 stack.cull(limit);
             }
             // Pop the next node or leaf.
-            link = stack.pop();
+            node_ref = stack.pop();
         }
     }
 }
@@ -100,26 +100,27 @@ impl<R: TraversalRay, F: AnyHitVisitor> Traversal for AnyHitTraversal<'_, R, F> 
             return false;
         }
         let mut stack = Stack::new();
-        let limit = limit_of(self.t_max);
-        let mut link = NodeRef::node(0);
+        let limit = cull_limit(self.t_max);
+        let mut node_ref = NodeRef::node(0);
         // SAFETY: the caller's promise. Links lead to nodes of the tree, to leaves, or are END (see `Node::children`),
         // whatever lanes are entered.
         unsafe {
             loop {
                 // Descend: test the node, push the entered children, go on with the last.
-                while !link.is_leaf() {
-                    link = stack.visit::<R, N, false>(self.nodes.get_unchecked(link.node_index()), self.ray, limit);
+                while !node_ref.is_leaf() {
+                    node_ref =
+                        stack.visit::<R, N, false>(self.nodes.get_unchecked(node_ref.node_index()), self.ray, limit);
                 }
                 // The stack is empty: nothing is hit.
-                if link == NodeRef::END {
+                if node_ref == NodeRef::END {
                     return false;
                 }
                 // This is a leaf: test its primitives, and end at the first hit.
-                if self.leaf.leaf(link.leaf()) {
+                if self.leaf.leaf(node_ref.leaf()) {
                     return true;
                 }
                 // Pop the next node or leaf.
-                link = stack.pop();
+                node_ref = stack.pop();
             }
         }
     }

@@ -32,7 +32,7 @@ fn choose(count: usize, a: NodeRef, b: NodeRef) -> NodeRef {
 /// The entries that are still to be visited, with the distances at which the ray enters them.
 pub(super) struct Stack {
     near: [MaybeUninit<f32>; STACK],
-    links: [MaybeUninit<NodeRef>; STACK],
+    node_refs: [MaybeUninit<NodeRef>; STACK],
     len: usize,
 }
 
@@ -42,7 +42,7 @@ impl Stack {
         // Not `[MaybeUninit::uninit(); STACK]`, which the compiler would fill with zeros.
         let mut stack = Stack {
             near: [const { MaybeUninit::uninit() }; STACK],
-            links: [const { MaybeUninit::uninit() }; STACK],
+            node_refs: [const { MaybeUninit::uninit() }; STACK],
             len: 0,
         };
         stack.clear();
@@ -53,7 +53,7 @@ impl Stack {
     #[inline(always)]
     pub(super) fn clear(&mut self) {
         self.near[0].write(f32::NEG_INFINITY);
-        self.links[0].write(NodeRef::END);
+        self.node_refs[0].write(NodeRef::END);
         self.len = 1;
     }
 
@@ -62,7 +62,7 @@ impl Stack {
         self.len -= 1;
         // SAFETY: entries below `len` were written. The traversal ends when END is popped, which is the lowest entry
         // (END is also the link of a lane without a child).
-        unsafe { self.links.get_unchecked(self.len).assume_init() }
+        unsafe { self.node_refs.get_unchecked(self.len).assume_init() }
     }
 
     /// Pushes the children of a node that the ray enters. Returns their number and the topmost of them, if there is
@@ -85,8 +85,8 @@ impl Stack {
         // there is always room for eight.
         unsafe {
             let near = self.near.as_mut_ptr().add(self.len).cast();
-            let links = self.links.as_mut_ptr().add(self.len).cast();
-            let (count, nearest) = N::visit::<R, ORDERED>(node, ray, limit, near, links);
+            let node_refs = self.node_refs.as_mut_ptr().add(self.len).cast();
+            let (count, nearest) = N::visit::<R, ORDERED>(node, ray, limit, near, node_refs);
             self.len += count;
             (count, nearest)
         }
@@ -128,7 +128,7 @@ impl Stack {
         // SAFETY: the caller's promise; entries below `len` were written.
         unsafe {
             let len = self.len;
-            let before = self.links.get_unchecked(len - 1).assume_init();
+            let before = self.node_refs.get_unchecked(len - 1).assume_init();
             let (count, last) = self.push::<R, N, ORDERED>(node, ray, limit);
             // Finding the last entry through the order word costs more than reading it back from the stack.
             if ORDERED {
@@ -148,7 +148,7 @@ impl Stack {
             unsafe {
                 let near = self.near.get_unchecked(i).assume_init();
                 *self.near.get_unchecked_mut(kept) = MaybeUninit::new(near);
-                *self.links.get_unchecked_mut(kept) = *self.links.get_unchecked(i);
+                *self.node_refs.get_unchecked_mut(kept) = *self.node_refs.get_unchecked(i);
                 kept += usize::from(near <= limit);
             }
         }

@@ -11,7 +11,7 @@ use crate::PreparedRay;
 use crate::node::{Leaf, Node, NodeRef, PrefetchTable};
 use crate::simd::dispatch::{self, Traversal};
 use crate::simd::{Baseline, NodeTest};
-use crate::slab::limit as limit_of;
+use crate::slab::cull_limit;
 
 /// A ray with its index in the list of rays.
 #[derive(Clone, Copy)]
@@ -23,17 +23,17 @@ pub(crate) struct NumberedRay<'a> {
 /// The leaf test of a stream. It runs in stages; each stage takes the rays that survived the last.
 pub(crate) trait StreamVisitor {
     /// The result of the first stage.
-    type Finding: Copy;
+    type CoarseResult: Copy;
     /// Whether the query wants the nearest hit. Otherwise it wants any hit: a hit then sets `t_max` to −∞ and ends the
     /// ray.
     const NEAREST: bool = true;
     /// The first stage: returns whether any primitive of a leaf may be hit before `t_max`, and the result for the next
     /// stages.
-    fn test(&self, ray: NumberedRay<'_>, leaf: Leaf, t_max: f32) -> (bool, Self::Finding);
+    fn test(&self, ray: NumberedRay<'_>, leaf: Leaf, t_max: f32) -> (bool, Self::CoarseResult);
     /// The second stage: returns the primitives that may be hit, one bit for each. In an any-hit query it may end the
     /// ray by lowering `t_max` to −∞.
     #[inline(always)]
-    fn refine(&self, _ray: NumberedRay<'_>, _leaf: Leaf, _finding: &Self::Finding, _t_max: &mut f32) -> u32 {
+    fn refine(&self, _ray: NumberedRay<'_>, _leaf: Leaf, _finding: &Self::CoarseResult, _t_max: &mut f32) -> u32 {
         u32::MAX
     }
     /// The last stage: tests these primitives exactly and lowers `t_max` to the nearest hit.
@@ -44,7 +44,7 @@ pub(crate) trait StreamVisitor {
         &mut self,
         ray: NumberedRay<'_>,
         leaf: Leaf,
-        finding: &Self::Finding,
+        finding: &Self::CoarseResult,
         which: u32,
         t_max: &mut f32,
     );
@@ -55,7 +55,7 @@ pub(crate) trait StreamVisitor {
 }
 
 impl<F: FnMut(usize, Leaf, &mut f32)> StreamVisitor for F {
-    type Finding = ();
+    type CoarseResult = ();
 
     #[inline(always)]
     fn test(&self, _ray: NumberedRay<'_>, _leaf: Leaf, _t_max: f32) -> (bool, ()) {
@@ -83,7 +83,7 @@ struct StreamRay<'a> {
     ray: NumberedRay<'a>,
     limit: f32,
     /// The node or leaf to visit next.
-    link: NodeRef,
+    node_ref: NodeRef,
     stack: Stack,
 }
 
@@ -97,8 +97,8 @@ impl<'a> StreamRay<'a> {
         // SAFETY: the caller's promise. A stack needs nothing but its length and its lowest entry.
         unsafe {
             (*stream_ray).ray = ray;
-            (*stream_ray).limit = limit_of(t_max);
-            (*stream_ray).link = NodeRef::node(0);
+            (*stream_ray).limit = cull_limit(t_max);
+            (*stream_ray).node_ref = NodeRef::node(0);
             (*stream_ray).stack.clear();
         }
     }
@@ -160,20 +160,20 @@ fn next(queue: &mut u32) -> Option<usize> {
 
 impl Queues {
     /// Queues a ray for its next node or leaf, and prefetches that. A ray that has ended is put into `leaves`, too:
-    /// [`Queues::part`] removes it.
+    /// [`Queues::separate`] removes it.
     #[inline(always)]
-    fn send(&mut self, number: usize, stream_ray: &mut StreamRay<'_>, link: NodeRef, places: PrefetchTable) {
-        stream_ray.link = link;
+    fn enqueue(&mut self, number: usize, stream_ray: &mut StreamRay<'_>, node_ref: NodeRef, prefetch: PrefetchTable) {
+        stream_ray.node_ref = node_ref;
         // Without branches, since they would be unpredictable.
-        self.leaves |= u32::from(link.is_leaf()) << number;
-        self.ended |= u32::from(link == NodeRef::END) << number;
-        places.fetch(link);
+        self.leaves |= u32::from(node_ref.is_leaf()) << number;
+        self.ended |= u32::from(node_ref == NodeRef::END) << number;
+        prefetch.fetch(node_ref);
     }
 
     /// Completes the queues after the rays in `sent` were sent: the rays that are not at leaves are at nodes, and the
     /// ended rays leave `leaves`.
     #[inline(always)]
-    fn part(&mut self, sent: u32) {
+    fn separate(&mut self, sent: u32) {
         self.nodes |= sent & !self.leaves;
         self.leaves &= !self.ended;
     }
@@ -219,9 +219,9 @@ impl<F: StreamVisitor> Traversal for Stream<'_, F> {
         let mut started = 0;
         let mut memory = StreamRays::take();
         let in_flight = memory.for_rays();
-        let mut findings: [MaybeUninit<F::Finding>; STREAM_RAYS] = [const { MaybeUninit::uninit() }; STREAM_RAYS];
+        let mut findings: [MaybeUninit<F::CoarseResult>; STREAM_RAYS] = [const { MaybeUninit::uninit() }; STREAM_RAYS];
         let mut which: [MaybeUninit<u32>; STREAM_RAYS] = [const { MaybeUninit::uninit() }; STREAM_RAYS];
-        let places = leaf.prefetch_table(nodes);
+        let prefetch = leaf.prefetch_table(nodes);
         let mut queues = Queues { nodes: 0, leaves: 0, ended: u32::MAX >> (32 - STREAM_RAYS) };
         // SAFETY: the caller's promise. Links lead to nodes of the tree, to leaves, or are END (see `Node::children`),
         // whatever lanes are entered. Rays in the queues of nodes and leaves were started. There is a limit for each
@@ -257,23 +257,26 @@ impl<F: StreamVisitor> Traversal for Stream<'_, F> {
                 let mut visiting = visited;
                 while let Some(number) = next(&mut visiting) {
                     let stream_ray = stream_ray!(number);
-                    let (node, ray) = (nodes.get_unchecked(stream_ray.link.node_index()), stream_ray.ray.ray);
-                    let link = if F::NEAREST {
+                    let (node, ray) = (nodes.get_unchecked(stream_ray.node_ref.node_index()), stream_ray.ray.ray);
+                    let node_ref = if F::NEAREST {
                         stream_ray.stack.visit_without_branch::<_, N, true>(node, ray, stream_ray.limit)
                     } else {
                         stream_ray.stack.visit_without_branch::<_, N, false>(node, ray, stream_ray.limit)
                     };
-                    queues.send(number, stream_ray, link, places);
+                    queues.enqueue(number, stream_ray, node_ref, prefetch);
                 }
-                queues.part(visited);
+                queues.separate(visited);
                 // Leaves, first stage: the coarse test.
                 let tested = std::mem::take(&mut queues.leaves);
                 let (mut may_hit_rays, mut left) = (0, 0);
                 let mut testing = tested;
                 while let Some(number) = next(&mut testing) {
                     let stream_ray = stream_ray!(number);
-                    let (may_hit, finding) =
-                        leaf.test(stream_ray.ray, stream_ray.link.leaf(), *t_max.get_unchecked(stream_ray.ray.number));
+                    let (may_hit, finding) = leaf.test(
+                        stream_ray.ray,
+                        stream_ray.node_ref.leaf(),
+                        *t_max.get_unchecked(stream_ray.ray.number),
+                    );
                     findings.get_unchecked_mut(number).write(finding);
                     may_hit_rays |= u32::from(may_hit) << number;
                 }
@@ -282,7 +285,7 @@ impl<F: StreamVisitor> Traversal for Stream<'_, F> {
                     let (stream_ray, finding) = (stream_ray!(number), findings.get_unchecked(number).assume_init_ref());
                     let found = leaf.refine(
                         stream_ray.ray,
-                        stream_ray.link.leaf(),
+                        stream_ray.node_ref.leaf(),
                         finding,
                         t_max.get_unchecked_mut(stream_ray.ray.number),
                     );
@@ -295,9 +298,9 @@ impl<F: StreamVisitor> Traversal for Stream<'_, F> {
                     let (t_max, which) =
                         (t_max.get_unchecked_mut(stream_ray.ray.number), which.get_unchecked(number).assume_init());
                     let before = *t_max;
-                    leaf.leaf::<N>(stream_ray.ray, stream_ray.link.leaf(), finding, which, t_max);
+                    leaf.leaf::<N>(stream_ray.ray, stream_ray.node_ref.leaf(), finding, which, t_max);
                     if F::NEAREST && *t_max < before {
-                        stream_ray.limit = limit_of(*t_max);
+                        stream_ray.limit = cull_limit(*t_max);
                         stream_ray.stack.cull(stream_ray.limit);
                     }
                 }
@@ -305,14 +308,14 @@ impl<F: StreamVisitor> Traversal for Stream<'_, F> {
                 testing = tested;
                 while let Some(number) = next(&mut testing) {
                     let stream_ray = stream_ray!(number);
-                    let mut link = stream_ray.stack.pop();
+                    let mut node_ref = stream_ray.stack.pop();
                     if !F::NEAREST {
                         let ended = *t_max.get_unchecked(stream_ray.ray.number) == f32::NEG_INFINITY;
-                        link = select_unpredictable(ended, NodeRef::END, link);
+                        node_ref = select_unpredictable(ended, NodeRef::END, node_ref);
                     }
-                    queues.send(number, stream_ray, link, places);
+                    queues.enqueue(number, stream_ray, node_ref, prefetch);
                 }
-                queues.part(tested);
+                queues.separate(tested);
             }
         }
         memory.give_back();

@@ -23,7 +23,7 @@ impl ClosestVisitor for ClosestOfRay<'_> {
     fn leaf(&mut self, leaf: Leaf, t_max: &mut f32) {
         let (may_hit, tested) = self.search.test(&self.scene.blocks[leaf.first() as usize], self.ray, *t_max);
         if may_hit {
-            self.search.complete(self.scene, leaf.first(), self.ray, &tested, self.nearest, t_max);
+            self.search.test_candidates(self.scene, leaf.first(), self.ray, &tested, self.nearest, t_max);
         }
     }
 }
@@ -37,7 +37,7 @@ pub(super) struct ClosestOfStream<'a> {
 }
 
 impl StreamVisitor for ClosestOfStream<'_> {
-    type Finding = CoarseTest;
+    type CoarseResult = CoarseTest;
 
     #[inline(always)]
     fn test(&self, ray: NumberedRay<'_>, leaf: Leaf, t_max: f32) -> (bool, CoarseTest) {
@@ -82,7 +82,7 @@ pub(super) struct AnyHitOfStream<'a> {
 }
 
 impl StreamVisitor for AnyHitOfStream<'_> {
-    type Finding = CoarseTest;
+    type CoarseResult = CoarseTest;
     const NEAREST: bool = false;
 
     #[inline(always)]

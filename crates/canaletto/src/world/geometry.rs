@@ -225,10 +225,10 @@ impl Geometry {
     /// Whether the primitive in this place is met at or before `t_max`.
     pub(super) fn blocks(&self, place: u32, ray: &PreparedRay, t_max: f32) -> bool {
         match self {
-            Geometry::Mesh { triangles, mesh } => triangles.blocks(place, ray, t_max, mesh.one_sided),
-            Geometry::Shapes { tree, shapes, .. } => tree.blocks(place, ray, t_max, &other(shapes)),
-            Geometry::Spheres { tree, .. } => tree.blocks(place, ray, t_max, &none),
-            Geometry::Cylinders { tree, cloud } => tree.blocks(place, ray, t_max, &cylinder(cloud)),
+            Geometry::Mesh { triangles, mesh } => triangles.is_hit_at(place, ray, t_max, mesh.one_sided),
+            Geometry::Shapes { tree, shapes, .. } => tree.is_hit_at(place, ray, t_max, &other(shapes)),
+            Geometry::Spheres { tree, .. } => tree.is_hit_at(place, ray, t_max, &none),
+            Geometry::Cylinders { tree, cloud } => tree.is_hit_at(place, ray, t_max, &cylinder(cloud)),
         }
     }
 

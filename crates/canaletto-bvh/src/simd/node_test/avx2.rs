@@ -60,7 +60,7 @@ pub(super) fn clip(node: &Node, ray: &PreparedRay, origins: [&[f32; 3]; 2]) -> (
             let planes = unsafe { _mm256_load_ps((&raw const node.boxes).cast::<f32>().byte_add($planes.offset())) };
             _mm256_mul_ps(
                 _mm256_sub_ps(_mm256_set1_ps(origins[$side][$axis]), planes),
-                _mm256_set1_ps(ray.backwards[$axis]),
+                _mm256_set1_ps(ray.neg_reciprocal[$axis]),
             )
         }};
     }
@@ -82,7 +82,7 @@ impl NodeTest for Avx2 {
         ray: &R,
         limit: f32,
         out: *mut f32,
-        links: *mut NodeRef,
+        node_refs: *mut NodeRef,
     ) -> (usize, NodeRef) {
         // SAFETY: the caller's promise.
         unsafe {
@@ -102,8 +102,8 @@ impl NodeTest for Avx2 {
             if ORDERED {
                 _mm256_storeu_ps(out, _mm256_permutevar8x32_ps(near, met));
             }
-            _mm256_storeu_si256(links.cast(), _mm256_permutevar8x32_epi32(children, met));
-            (mask.count_ones() as usize, node.last::<ORDERED>(mask as u32, ray))
+            _mm256_storeu_si256(node_refs.cast(), _mm256_permutevar8x32_epi32(children, met));
+            (mask.count_ones() as usize, node.last_child::<ORDERED>(mask as u32, ray))
         }
     }
 }

@@ -16,7 +16,7 @@ impl NodeTest for Avx512 {
         ray: &R,
         limit: f32,
         out: *mut f32,
-        links: *mut NodeRef,
+        node_refs: *mut NodeRef,
     ) -> (usize, NodeRef) {
         // SAFETY: the caller's promise.
         unsafe {
@@ -34,8 +34,8 @@ impl NodeTest for Avx512 {
             if ORDERED {
                 _mm256_storeu_ps(out, _mm256_maskz_compress_ps(mask, near));
             }
-            _mm256_storeu_si256(links.cast(), _mm256_maskz_compress_epi32(mask, children));
-            (mask.count_ones() as usize, node.last::<ORDERED>(mask.into(), ray))
+            _mm256_storeu_si256(node_refs.cast(), _mm256_maskz_compress_epi32(mask, children));
+            (mask.count_ones() as usize, node.last_child::<ORDERED>(mask.into(), ray))
         }
     }
 }

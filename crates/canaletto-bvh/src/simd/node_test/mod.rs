@@ -27,7 +27,7 @@ pub(crate) trait TraversalRay {
     /// The origins for the entry planes and for the exit planes.
     fn origins(&self) -> [&[f32; 3]; 2];
     /// The box enlarged by the ray's margin.
-    fn grown(&self, bounds: Aabb) -> Aabb;
+    fn inflate(&self, bounds: Aabb) -> Aabb;
     /// A hook that is called for each node that is tested box by box.
     #[inline(always)]
     fn visited(&self) {}
@@ -45,7 +45,7 @@ impl TraversalRay for PreparedRay {
     }
 
     #[inline(always)]
-    fn grown(&self, bounds: Aabb) -> Aabb {
+    fn inflate(&self, bounds: Aabb) -> Aabb {
         bounds
     }
 }
@@ -62,8 +62,8 @@ impl TraversalRay for InflatedRay {
     }
 
     #[inline(always)]
-    fn grown(&self, bounds: Aabb) -> Aabb {
-        InflatedRay::grown(self, &bounds)
+    fn inflate(&self, bounds: Aabb) -> Aabb {
+        InflatedRay::inflate(self, &bounds)
     }
 }
 
@@ -90,6 +90,6 @@ pub(crate) trait NodeTest: Copy {
         ray: &R,
         limit: f32,
         near: *mut f32,
-        links: *mut NodeRef,
+        node_refs: *mut NodeRef,
     ) -> (usize, NodeRef);
 }

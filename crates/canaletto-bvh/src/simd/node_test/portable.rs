@@ -15,7 +15,7 @@ unsafe fn write<const ORDERED: bool>(
     node: &Node,
     near: &[f32; WIDTH],
     out: *mut f32,
-    links: *mut NodeRef,
+    node_refs: *mut NodeRef,
 ) -> (usize, NodeRef) {
     if mask == 0 {
         return (0, NodeRef::END);
@@ -28,12 +28,12 @@ unsafe fn write<const ORDERED: bool>(
             if ORDERED {
                 *out.add(count) = near[lane];
             }
-            *links.add(count) = node.children()[lane];
+            *node_refs.add(count) = node.children()[lane];
         }
         count += (mask >> lane & 1) as usize;
     }
     // SAFETY: the mask is not 0, so at least one child was written.
-    (count, unsafe { *links.add(count - 1) })
+    (count, unsafe { *node_refs.add(count - 1) })
 }
 
 impl NodeTest for Baseline {
@@ -45,7 +45,7 @@ impl NodeTest for Baseline {
         ray: &R,
         limit: f32,
         out: *mut f32,
-        links: *mut NodeRef,
+        node_refs: *mut NodeRef,
     ) -> (usize, NodeRef) {
         let (origins, ray) = (ray.origins(), ray.ray());
         let mut near = [0.0; WIDTH];
@@ -53,7 +53,7 @@ impl NodeTest for Baseline {
         for half in 0..2 {
             let cross = |side: u8, axis: usize, origin: f32| {
                 let planes = Vec4::from_slice(&node.boxes[usize::from(side & 1)][axis][4 * half..]);
-                (Vec4::splat(origin) - planes) * Vec4::splat(ray.backwards[axis])
+                (Vec4::splat(origin) - planes) * Vec4::splat(ray.neg_reciprocal[axis])
             };
             let enter = |axis: usize| cross(ray.axis_order.octant >> axis, axis, origins[0][axis]);
             let leave = |axis: usize| cross(!ray.axis_order.octant >> axis, axis, origins[1][axis]);
@@ -64,7 +64,7 @@ impl NodeTest for Baseline {
             mask |= (n.cmple(f) & n.cmple(Vec4::splat(limit))).bitmask() << (4 * half);
         }
         // SAFETY: the caller's promise.
-        unsafe { write::<ORDERED>(mask, usize::from(ray.axis_order.octant), node, &near, out, links) }
+        unsafe { write::<ORDERED>(mask, usize::from(ray.axis_order.octant), node, &near, out, node_refs) }
     }
 }
 
@@ -81,17 +81,17 @@ impl NodeTest for IrregularNodeTest {
         ray: &R,
         limit: f32,
         out: *mut f32,
-        links: *mut NodeRef,
+        node_refs: *mut NodeRef,
     ) -> (usize, NodeRef) {
         ray.visited();
         let mut near = [0.0; WIDTH];
         let mut mask = 0;
         for (lane, near) in near.iter_mut().enumerate() {
-            let (enter, leave) = ray.ray().clip_carefully(&ray.grown(node.get_box(lane)), limit);
+            let (enter, leave) = ray.ray().clip_irregular(&ray.inflate(node.get_box(lane)), limit);
             *near = enter;
             mask |= u32::from(enter <= leave) << lane;
         }
         // SAFETY: the caller's promise.
-        unsafe { write::<ORDERED>(mask, usize::from(ray.ray().axis_order.octant), node, &near, out, links) }
+        unsafe { write::<ORDERED>(mask, usize::from(ray.ray().axis_order.octant), node, &near, out, node_refs) }
     }
 }

@@ -24,12 +24,12 @@ pub(crate) use ymm::Avx2;
 pub(crate) use zmm::Avx512;
 
 /// The number of lanes of a row, and of rays in a group.
-pub(crate) const SIXTEEN: usize = 16;
+pub(crate) const ROW: usize = 16;
 
 /// A row of sixteen numbers in memory.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(64))]
-pub(crate) struct Row<T>(pub(crate) [T; SIXTEEN]);
+pub(crate) struct Row<T>(pub(crate) [T; ROW]);
 
 /// An instruction set in use. A value of this type exists only if the machine has the instructions.
 pub(crate) trait Instructions: NodeTest {
@@ -44,7 +44,7 @@ pub(crate) trait Instructions: NodeTest {
 
     /// A part of sixteen numbers that are still in registers. Numbers that were stored in fours can't be loaded as one
     /// register before they have reached the cache.
-    fn fours(self, row: &[Vec4; 4], part: usize) -> Self::Vector;
+    fn from_fours(self, row: &[Vec4; 4], part: usize) -> Self::Vector;
 
     /// Loads a part of eight numbers. A vector of sixteen lanes gets them twice.
     fn eight(self, row: &[f32; WIDTH], part: usize) -> Self::Vector;
@@ -68,11 +68,11 @@ pub(crate) trait Vector:
     /// The number of lanes.
     const LANES: usize;
     /// The number of parts of a row.
-    const PARTS: usize = SIXTEEN / Self::LANES;
+    const PARTS: usize = ROW / Self::LANES;
     /// The number of parts of eight numbers.
     const PARTS_OF_EIGHT: usize = if Self::LANES < WIDTH { WIDTH / Self::LANES } else { 1 };
     /// The number of rays of a group from which on an exact test of all sixteen side by side pays.
-    const SEVERAL: u32 = 4;
+    const MIN_EXACT_RAYS: u32 = 4;
 
     /// The result of comparisons: true or false for each lane.
     type Mask: Copy + BitAnd<Output = Self::Mask> + BitOr<Output = Self::Mask> + Not<Output = Self::Mask>;
@@ -86,7 +86,7 @@ pub(crate) trait Vector:
     fn store_where(self, mask: Self::Mask, row: &mut Row<f32>, part: usize);
 
     /// Stores one number to the lanes in the mask and keeps the others, as [`Vector::store_where`].
-    fn put_where(mask: Self::Mask, value: u32, row: &mut Row<u32>, part: usize);
+    fn store_u32_where(mask: Self::Mask, value: u32, row: &mut Row<u32>, part: usize);
 
     /// `a < b ? a : b`.
     fn min(self, other: Self) -> Self;

@@ -53,7 +53,7 @@ impl Instructions for Baseline {
     }
 
     #[inline(always)]
-    fn fours(self, row: &[Vec4; 4], part: usize) -> Quad {
+    fn from_fours(self, row: &[Vec4; 4], part: usize) -> Quad {
         Quad(row[part])
     }
 
@@ -95,7 +95,7 @@ impl Vector for Quad {
     }
 
     #[inline(always)]
-    fn put_where(mask: QuadMask, value: u32, row: &mut Row<u32>, part: usize) {
+    fn store_u32_where(mask: QuadMask, value: u32, row: &mut Row<u32>, part: usize) {
         let lanes = Self::lanes(mask);
         for (lane, to) in row.0[4 * part..4 * part + 4].iter_mut().enumerate() {
             *to = if lanes >> lane & 1 == 1 { value } else { *to };

@@ -68,7 +68,7 @@ impl Instructions for Avx2 {
     }
 
     #[inline(always)]
-    fn fours(self, row: &[Vec4; 4], part: usize) -> Ymm {
+    fn from_fours(self, row: &[Vec4; 4], part: usize) -> Ymm {
         unsafe { Ymm(_mm256_set_m128(row[2 * part + 1].into(), row[2 * part].into())) }
     }
 
@@ -117,7 +117,7 @@ impl Vector for Ymm {
     }
 
     #[inline(always)]
-    fn put_where(mask: YmmMask, value: u32, row: &mut Row<u32>, part: usize) {
+    fn store_u32_where(mask: YmmMask, value: u32, row: &mut Row<u32>, part: usize) {
         unsafe {
             let place = row.0[8 * part..8 * part + 8].as_mut_ptr();
             let value = _mm256_castsi256_ps(_mm256_set1_epi32(value as i32));

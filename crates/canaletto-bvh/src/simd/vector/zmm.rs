@@ -51,7 +51,7 @@ impl Instructions for Avx512 {
     }
 
     #[inline(always)]
-    fn fours(self, [a, b, c, d]: &[Vec4; 4], _part: usize) -> Zmm {
+    fn from_fours(self, [a, b, c, d]: &[Vec4; 4], _part: usize) -> Zmm {
         unsafe {
             let (low, high) = (_mm256_set_m128((*b).into(), (*a).into()), _mm256_set_m128((*d).into(), (*c).into()));
             Zmm(_mm512_insertf32x8::<1>(_mm512_castps256_ps512(low), high))
@@ -83,7 +83,7 @@ impl Instructions for Avx512 {
 
 impl Vector for Zmm {
     const LANES: usize = 16;
-    const SEVERAL: u32 = 1;
+    const MIN_EXACT_RAYS: u32 = 1;
     type Mask = __mmask16;
 
     #[inline(always)]
@@ -100,7 +100,7 @@ impl Vector for Zmm {
     }
 
     #[inline(always)]
-    fn put_where(mask: __mmask16, value: u32, row: &mut Row<u32>, _part: usize) {
+    fn store_u32_where(mask: __mmask16, value: u32, row: &mut Row<u32>, _part: usize) {
         unsafe {
             let place = row.0.as_mut_ptr().cast::<__m512i>();
             _mm512_store_si512(place, _mm512_mask_set1_epi32(place.read_volatile(), mask, value as i32));

@@ -56,7 +56,7 @@ fn trace<T: Copy, Q: PacketQuery<T>>(query: &Q, rays: &[Ray], results: &mut [T],
 /// as tracing several rays.
 struct Memory {
     packet: Packet,
-    left: Left,
+    left: Diverged,
 }
 
 thread_local! {
@@ -67,36 +67,36 @@ thread_local! {
 impl Memory {
     fn take() -> Box<Self> {
         let spare = SPARE.with_borrow_mut(Vec::pop);
-        spare.unwrap_or_else(|| Box::new(Self { packet: Packet::new(), left: Left::default() }))
+        spare.unwrap_or_else(|| Box::new(Self { packet: Packet::new(), left: Diverged::default() }))
     }
 
     fn give_back(mut self: Box<Self>) {
-        self.left.forget_much();
+        self.left.shrink();
         SPARE.with_borrow_mut(|spare| spare.push(self));
     }
 }
 
 /// The number of rays for which memory is always kept.
-const MUCH: usize = 1024;
+const KEPT_RAYS: usize = 1024;
 
 /// The diverged rays, with their indices in the list.
 #[derive(Default)]
-struct Left {
+struct Diverged {
     places: Vec<usize>,
     rays: Vec<Ray>,
 }
 
-impl Left {
+impl Diverged {
     fn clear(&mut self) {
         self.places.clear();
         self.rays.clear();
     }
 
     /// Keeps the memory for the rays of bundles, but not that for whole pictures.
-    fn forget_much(&mut self) {
+    fn shrink(&mut self) {
         self.clear();
-        self.places.shrink_to(MUCH);
-        self.rays.shrink_to(MUCH);
+        self.places.shrink_to(KEPT_RAYS);
+        self.rays.shrink_to(KEPT_RAYS);
     }
 
     /// Adds the rays of a packet whose bit is set.

@@ -4,7 +4,7 @@
 
 use crate::node::Node;
 use crate::ray::AxisOrder;
-use crate::simd::{Instructions, Row, SIXTEEN, Vector};
+use crate::simd::{Instructions, ROW, Row, Vector};
 use crate::slab::{INFLATE, WIDTH};
 use crate::{PrimitiveHit, Ray};
 use glam::{Mat4, Vec3, Vec4};
@@ -29,7 +29,7 @@ pub(super) struct RayGroup {
     /// The index of its first ray in the list.
     pub(super) first: usize,
     /// The active rays, one bit for each.
-    pub(super) part: u32,
+    pub(super) active: u32,
 }
 
 pub(super) const NOTHING: u32 = u32::MAX;
@@ -51,14 +51,14 @@ impl Interval {
 }
 
 /// Sixteen numbers in four vectors of four.
-type Fours = [Vec4; SIXTEEN / 4];
+type Fours = [Vec4; ROW / 4];
 
 /// The rows x, y and z of the rays' origins and directions. If there are fewer than sixteen rays, the last is repeated.
 #[inline(always)]
 fn transpose(rays: &[Ray]) -> ([Fours; 3], [Fours; 3]) {
     let (mut origin, mut direction) = ([[Vec4::ZERO; 4]; 3], [[Vec4::ZERO; 4]; 3]);
     for i in 0..4 {
-        let [start, end] = match <&[Ray; SIXTEEN]>::try_from(rays) {
+        let [start, end] = match <&[Ray; ROW]>::try_from(rays) {
             Ok(rays) => four([&rays[4 * i], &rays[4 * i + 1], &rays[4 * i + 2], &rays[4 * i + 3]]),
             Err(_) => {
                 let ray = |lane: usize| &rays[(4 * i + lane).min(rays.len() - 1)];
@@ -112,16 +112,16 @@ impl<N: Vector> Ends<N> {
 
 impl RayGroup {
     pub(super) const EMPTY: Self = Self {
-        origin: [Row([0.0; SIXTEEN]); 3],
-        direction: [Row([0.0; SIXTEEN]); 3],
-        reciprocal: [Row([0.0; SIXTEEN]); 3],
-        shear: [Row([0.0; SIXTEEN]); 2],
-        t_max: Row([f32::NEG_INFINITY; SIXTEEN]),
-        low: Row([f32::NEG_INFINITY; SIXTEEN]),
-        pending: Row([NOTHING; SIXTEEN]),
-        last_seen: Row([PrimitiveHit::NONE; SIXTEEN]),
+        origin: [Row([0.0; ROW]); 3],
+        direction: [Row([0.0; ROW]); 3],
+        reciprocal: [Row([0.0; ROW]); 3],
+        shear: [Row([0.0; ROW]); 2],
+        t_max: Row([f32::NEG_INFINITY; ROW]),
+        low: Row([f32::NEG_INFINITY; ROW]),
+        pending: Row([NOTHING; ROW]),
+        last_seen: Row([PrimitiveHit::NONE; ROW]),
         first: 0,
-        part: 0,
+        active: 0,
     };
 
     /// Takes those of 1 to 16 rays that have the axis order of the first ray that can go in a packet. Returns that axis
@@ -139,7 +139,7 @@ impl RayGroup {
         let (origins, directions) = transpose(rays);
         let mut ends = [Vec4::ZERO; 4];
         for i in 0..4 {
-            ends[i] = if results.len() == SIXTEEN {
+            ends[i] = if results.len() == ROW {
                 let results = &results[4 * i..4 * i + 4];
                 Vec4::new(t_max(&results[0]), t_max(&results[1]), t_max(&results[2]), t_max(&results[3]))
             } else {
@@ -153,7 +153,7 @@ impl RayGroup {
         for part in 0..S::Vector::PARTS {
             let mut fit = s.mask(u32::MAX >> (32 - rays.len()), part);
             for axis in 0..3 {
-                let (origin, direction) = (s.fours(&origins[axis], part), s.fours(&directions[axis], part));
+                let (origin, direction) = (s.from_fours(&origins[axis], part), s.from_fours(&directions[axis], part));
                 let reciprocal = s.splat(1.0) / direction;
                 origin.store(&mut self.origin[axis], part);
                 direction.store(&mut self.direction[axis], part);
@@ -164,19 +164,19 @@ impl RayGroup {
             }
             together |= S::Vector::bits(fit, part);
         }
-        self.part = together;
+        self.active = together;
         if together == 0 {
             return None;
         }
-        let first = together.trailing_zeros() as usize % SIXTEEN;
+        let first = together.trailing_zeros() as usize % ROW;
         if first != 0 {
             axis_order = AxisOrder::of(&rays[first]);
         }
         let [k0, k1, longest] = axis_order.axes();
         let axes = [k0, k1];
-        self.part = 0;
+        self.active = 0;
         for part in 0..S::Vector::PARTS {
-            let end = s.fours(&ends, part);
+            let end = s.from_fours(&ends, part);
             // A ray with a NaN end is traced alone: a maximum would take its end for that of its neighbours.
             let mut fit = s.mask(together, part) & end.less_or_equal(infinity);
             let length = s.load(&self.direction[longest], part);
@@ -199,10 +199,10 @@ impl RayGroup {
             let end = S::Vector::select(fit, end, s.splat(f32::NEG_INFINITY));
             end.store(&mut self.t_max, part);
             end.store(&mut self.low, part);
-            self.part |= S::Vector::bits(fit, part);
+            self.active |= S::Vector::bits(fit, part);
         }
-        self.pending = Row([NOTHING; SIXTEEN]);
-        self.last_seen = Row([PrimitiveHit::NONE; SIXTEEN]);
+        self.pending = Row([NOTHING; ROW]);
+        self.last_seen = Row([PrimitiveHit::NONE; ROW]);
         Some(axis_order)
     }
 
@@ -247,7 +247,7 @@ impl RayGroup {
     #[inline(always)]
     pub(super) fn waiting(&self) -> u32 {
         let mut waiting = 0;
-        for i in 0..SIXTEEN {
+        for i in 0..ROW {
             waiting |= u32::from(self.pending.0[i] != NOTHING) << i;
         }
         waiting

@@ -28,7 +28,7 @@ use crate::primitive::edge_error::EdgeError;
 use crate::primitive::triangle4::TriangleScene;
 use crate::ray::AxisOrder;
 use crate::simd::dispatch::{self, SimdKernel};
-use crate::simd::{Instructions, Row, SIXTEEN, Vector};
+use crate::simd::{Instructions, ROW, Row, Vector};
 use crate::{PreparedRay, Ray};
 pub(crate) use coherent::{PacketQuery, coherent};
 use glam::Vec3;
@@ -37,7 +37,7 @@ use triangle_test::{TestMasks, TestParams, TriangleRef};
 use walk::{GROUPS, PacketWalk};
 
 /// The largest number of rays in a packet.
-pub(crate) const RAYS: usize = GROUPS * SIXTEEN;
+pub(crate) const RAYS: usize = GROUPS * ROW;
 
 /// The rays that a packet has not completed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -63,7 +63,7 @@ impl Packet {
     pub(crate) fn new() -> Self {
         Self {
             groups: [RayGroup::EMPTY; GROUPS],
-            corners: [[[Row([0.0; SIXTEEN]); 3]; 3]; GROUPS],
+            corners: [[[Row([0.0; ROW]); 3]; 3]; GROUPS],
             len: 0,
             axis_order: AxisOrder::FORWARDS,
             walk: PacketWalk::new(),
@@ -77,8 +77,8 @@ impl Packet {
         for (axis, interval) in hull.iter_mut().enumerate() {
             let (mut origin, mut reciprocal) = (Ends::none(s), Ends::none(s));
             for group in &self.groups[..self.len] {
-                origin.widen(s, group.part, &group.origin[axis]);
-                reciprocal.widen(s, group.part, &group.reciprocal[axis]);
+                origin.widen(s, group.active, &group.origin[axis]);
+                reciprocal.widen(s, group.active, &group.reciprocal[axis]);
             }
             *interval = Interval { origin: origin.of_all(s), reciprocal: reciprocal.of_all(s) };
         }
@@ -169,10 +169,10 @@ impl Packet {
     ) {
         let mut alone = |group: &mut RayGroup, i: usize, place: u32, nearest: &mut [PrimitiveHit]| {
             let ray = group.first + i;
-            outcome.retry |= u64::from(decide(group, scene, i, place, &mut nearest[ray])) << ray;
+            outcome.retry |= u64::from(test_alone(group, scene, i, place, &mut nearest[ray])) << ray;
         };
         let params = self.trace::<S, true>(s, scene, |group, waiting, params, rays, place| {
-            for i in lanes(nearer::<S>(group, waiting, params, scene, rays, place)) {
+            for i in lanes(make_pending_exactly::<S>(group, waiting, params, scene, rays, place)) {
                 alone(group, i, place, nearest);
             }
         });
@@ -193,7 +193,7 @@ impl Packet {
     #[inline(always)]
     fn write_back(&self, t_max: &mut [f32]) {
         for group in &self.groups[..self.len] {
-            for i in lanes(group.part) {
+            for i in lanes(group.active) {
                 t_max[group.first + i] = group.t_max.0[i];
             }
         }
@@ -206,14 +206,14 @@ fn lanes(mut bits: u32) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let lane = bits.trailing_zeros() as usize;
         bits &= bits.wrapping_sub(1);
-        (lane < SIXTEEN).then_some(lane)
+        (lane < ROW).then_some(lane)
     })
 }
 
 /// Makes a triangle pending for those rays that hit it before all else. Returns the rays that have to be tested alone.
 #[cold]
 #[inline(never)]
-fn nearer<S: Instructions>(
+fn make_pending_exactly<S: Instructions>(
     group: &mut RayGroup,
     waiting: &mut Corners,
     params: &TestParams,
@@ -221,12 +221,12 @@ fn nearer<S: Instructions>(
     rays: u32,
     place: u32,
 ) -> u32 {
-    if rays.count_ones() < S::Vector::SEVERAL {
+    if rays.count_ones() < S::Vector::MIN_EXACT_RAYS {
         return rays;
     }
     let (block, lane) = (&scene.blocks[(place >> 2) as usize], place as usize & 3);
     let (id, corners) = (block.id(lane), block.ordered(lane, params.rows));
-    let exactly = resolve::test_exactly_one(group, params, corners);
+    let exactly = resolve::exact_same_triangle(group, params, corners);
     let mut left = rays & !exactly.missed;
     let take = |group: &mut RayGroup, waiting: &mut Corners, i: usize, t: f32| {
         (group.t_max.0[i], group.low.0[i]) = (t, t);
@@ -247,7 +247,7 @@ fn nearer<S: Instructions>(
         }
     }
     if contested != 0 {
-        let waited = resolve::test_exactly_each(group, params, waiting);
+        let waited = resolve::exact_triangle_per_ray(group, params, waiting);
         for i in lanes(contested & waited.met) {
             // A triangle as near as the pending one may have the lower id.
             if (exactly.t[i], id) < (waited.t[i], group.last_seen.0[i]) {
@@ -264,7 +264,13 @@ fn nearer<S: Instructions>(
 /// Tests a ray's pending triangle exactly, then another triangle. Returns whether the pending triangle was not hit.
 #[cold]
 #[inline(never)]
-fn decide(group: &mut RayGroup, scene: TriangleScene<'_>, i: usize, place: u32, nearest: &mut PrimitiveHit) -> bool {
+fn test_alone(
+    group: &mut RayGroup,
+    scene: TriangleScene<'_>,
+    i: usize,
+    place: u32,
+    nearest: &mut PrimitiveHit,
+) -> bool {
     let ray = PreparedRay::new(&group.ray(i));
     let mut accept_if_nearer = |place: u32| {
         scene.blocks[(place >> 2) as usize].accept_if_nearer(place as usize & 3, &ray, nearest, scene.front_only)
@@ -285,8 +291,8 @@ fn decide(group: &mut RayGroup, scene: TriangleScene<'_>, i: usize, place: u32, 
 fn end<S: Instructions>(group: &mut RayGroup, params: &TestParams, scene: TriangleScene<'_>, rays: u32, place: u32) {
     let (block, lane) = (&scene.blocks[(place >> 2) as usize], place as usize & 3);
     let (mut met, mut alone) = (0, rays);
-    if rays.count_ones() >= S::Vector::SEVERAL {
-        let exactly = resolve::test_exactly_one(group, params, block.ordered(lane, params.rows));
+    if rays.count_ones() >= S::Vector::MIN_EXACT_RAYS {
+        let exactly = resolve::exact_same_triangle(group, params, block.ordered(lane, params.rows));
         (met, alone) = (rays & exactly.met, rays & !(exactly.met | exactly.missed));
     }
     for i in lanes(alone) {
@@ -312,13 +318,13 @@ macro_rules! in_packets {
             }
             while next < $rays.len() {
                 let first = next;
-                let rays = &$rays[first..if $rays.len() - first < SIXTEEN { $rays.len() } else { first + SIXTEEN }];
+                let rays = &$rays[first..if $rays.len() - first < ROW { $rays.len() } else { first + ROW }];
                 next += rays.len();
                 let len = $packet.len % GROUPS;
                 let group = &mut $packet.groups[len];
                 group.first = first;
                 let gathered = group.gather($s, rays, &$results[first..next], $t_max);
-                $outcome.diverged |= u64::from(!group.part & (u32::MAX >> (32 - rays.len()))) << first;
+                $outcome.diverged |= u64::from(!group.active & (u32::MAX >> (32 - rays.len()))) << first;
                 let Some(axis_order) = gathered else { continue };
                 if len > 0 && axis_order != $packet.axis_order {
                     waiting = gathered;

@@ -8,9 +8,9 @@ use super::group::RayGroup;
 pub(super) use super::triangle_test::TestMasks;
 use crate::Aabb;
 use crate::primitive::cylinder4::VANISHED;
-pub(super) use crate::primitive::primitive4::PackedPrimitive;
 use crate::primitive::primitive4::RELATIVE;
-use crate::simd::{Instructions, Mask, Row, SIXTEEN, Vector};
+pub(super) use crate::primitive::primitive4::UnpackedPrimitive;
+use crate::simd::{Instructions, Mask, ROW, Row, Vector};
 use crate::slab::{DEFLATE, INFLATE};
 
 /// `primitive4::UnitRay` for all rays of a group.
@@ -29,12 +29,12 @@ struct Rays<N> {
 }
 
 impl UnitRays {
-    pub(super) const EMPTY: Self = Self { unit: [Row([0.0; SIXTEEN]); 3], per_length: Row([0.0; SIXTEEN]) };
+    pub(super) const EMPTY: Self = Self { unit: [Row([0.0; ROW]); 3], per_length: Row([0.0; ROW]) };
 
     #[inline(always)]
     pub(super) fn set(&mut self, group: &RayGroup) {
         let [x, y, z] = &group.direction;
-        for i in 0..SIXTEEN {
+        for i in 0..ROW {
             let (x, y, z) = (f64::from(x.0[i]), f64::from(y.0[i]), f64::from(z.0[i]));
             let per_length = 1.0 / (x * x + y * y + z * z).sqrt();
             self.unit[0].0[i] = (x * per_length) as f32;
@@ -54,7 +54,7 @@ impl UnitRays {
         for row in &self.unit {
             let (mut least, mut most) = (nothing, nothing);
             for part in 0..S::Vector::PARTS {
-                let (unit, takes_part) = (s.load(row, part), s.mask(group.part, part));
+                let (unit, takes_part) = (s.load(row, part), s.mask(group.active, part));
                 least = least.max(S::Vector::select(takes_part, zero - unit, nothing));
                 most = most.max(S::Vector::select(takes_part, unit, nothing));
             }
@@ -226,7 +226,7 @@ impl RayGroup {
             end = may & surely & high.less(s.load(&self.low, part));
             high.store_where(end, &mut self.t_max, part);
             low.store_where(end, &mut self.low, part);
-            S::Vector::put_where(end, place, &mut self.pending, part);
+            S::Vector::store_u32_where(end, place, &mut self.pending, part);
         } else {
             end = may & surely & high.less_or_equal(s.splat(f32::MAX).min(s.load(&self.t_max, part)));
             s.splat(f32::NEG_INFINITY).store_where(end, &mut self.t_max, part);
@@ -261,7 +261,7 @@ mod tests {
             let radius = random.signed().abs() * [1.0, 1e-2, 1e-4][i % 3];
             let origin = [Vec3::ZERO, random.vector() * 1e-3, far + random.vector() * radius][random.below(3)];
             let scale = 10f32.powi(random.below(60) as i32 - 30);
-            let rays: Vec<Ray> = (0..SIXTEEN)
+            let rays: Vec<Ray> = (0..ROW)
                 .map(|_| {
                     let aside = random.vector().normalize().cross(far - origin).normalize_or_zero();
                     let off = [1.0 + random.signed() * 10f32.powi(-(random.below(8) as i32)), random.signed()];
@@ -275,7 +275,7 @@ mod tests {
             let (mut group, mut unit_ray) = (RayGroup::EMPTY, UnitRays::EMPTY);
             group.gather(Baseline, &rays, &rays, |_| end);
             unit_ray.set(&group);
-            let (low, part) = (group.low, group.part);
+            let (low, part) = (group.low, group.active);
             let c = center.to_array();
             let nearest = all_parts(|part| group.test_sphere::<_, true>(Baseline, part, &unit_ray, c, radius, 5));
             let (lows, highs) = (group.low, group.t_max);

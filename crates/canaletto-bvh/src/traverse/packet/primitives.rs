@@ -1,7 +1,7 @@
 //! The traversal of packets over spheres, cylinders and user primitives.
 
 use super::group::{NOTHING, RayGroup};
-use super::primitive_test::{PackedPrimitive, TestMasks, UnitRays};
+use super::primitive_test::{TestMasks, UnitRays, UnpackedPrimitive};
 use super::walk::GROUPS;
 use super::{Packet, PacketOutcome, in_packets, lanes};
 use crate::node::{Node, PrefetchTable};
@@ -9,7 +9,7 @@ use crate::primitive::primitive4::{LANES, Primitive4, UserIntersect};
 use crate::primitive::sphere8::{self, Sphere8};
 use crate::primitive_bvh::accept_if_nearer;
 use crate::simd::dispatch::{self, SimdKernel};
-use crate::simd::{Instructions, Row, SIXTEEN, Vector};
+use crate::simd::{Instructions, ROW, Row, Vector};
 use crate::{PreparedRay, PrimitiveHit, Ray};
 
 /// The data of a tree over primitives that kernels read.
@@ -30,47 +30,47 @@ impl<A> Copy for PrimitiveScene<'_, A> {}
 /// The largest spread of a group's unit directions along an axis. Rays of a wider group are traced one by one, since
 /// they rarely visit common nodes. The times of whole pictures hardly depend on this number between a fifth and five
 /// times as much.
-const ASTRAY: f32 = 0.1;
+const MAX_SPREAD: f32 = 0.1;
 
 /// Traverses the tree with all groups. `alone` is called for each ray that has to be tested against a primitive
 /// exactly. Its arguments are the group, the ray's lane, and the primitive's place.
 #[inline(always)]
 fn trace<S: Instructions, A: UserIntersect, const NEAREST: bool>(
     s: S,
-    field: PrimitiveScene<'_, A>,
+    scene: PrimitiveScene<'_, A>,
     packet: &mut Packet,
     outcome: &mut PacketOutcome,
     mut alone: impl FnMut(&mut RayGroup, usize, u32),
 ) {
-    let mut roughs = [UnitRays::EMPTY; GROUPS];
-    for (group, unit_ray) in packet.groups.iter_mut().zip(&mut roughs).take(packet.len) {
+    let mut unit_rays = [UnitRays::EMPTY; GROUPS];
+    for (group, unit_ray) in packet.groups.iter_mut().zip(&mut unit_rays).take(packet.len) {
         unit_ray.set(group);
-        if unit_ray.spread(s, group) > ASTRAY {
-            outcome.diverged |= u64::from(group.part) << group.first;
-            group.part = 0;
-            group.t_max = Row([f32::NEG_INFINITY; SIXTEEN]);
+        if unit_ray.spread(s, group) > MAX_SPREAD {
+            outcome.diverged |= u64::from(group.active) << group.first;
+            group.active = 0;
+            group.t_max = Row([f32::NEG_INFINITY; ROW]);
         }
     }
     packet.start(s);
-    let data = PrefetchTable::new(field.nodes, field.blocks);
-    while let Some((leaf, mut parts)) = packet.walk.next::<S, NEAREST>(s, field.nodes, data, &packet.groups) {
-        let block = &field.blocks[leaf.first() as usize];
+    let data = PrefetchTable::new(scene.nodes, scene.blocks);
+    while let Some((leaf, mut parts)) = packet.walk.next::<S, NEAREST>(s, scene.nodes, data, &packet.groups) {
+        let block = &scene.blocks[leaf.first() as usize];
         while parts != 0 {
             let number = parts.trailing_zeros() as usize;
             parts &= parts - 1;
             let (index, part) = (number / S::Vector::PARTS % GROUPS, number % S::Vector::PARTS);
-            let (group, unit_ray) = (&mut packet.groups[index], &roughs[index]);
+            let (group, unit_ray) = (&mut packet.groups[index], &unit_rays[index]);
             let mut changed = 0;
             for lane in 0..leaf.count() as usize {
                 let place = leaf.first() * LANES as u32 + lane as u32;
-                let TestMasks { taken, undecided } = match block.target(lane) {
-                    PackedPrimitive::Sphere(center, radius) => {
+                let TestMasks { taken, undecided } = match block.unpack(lane) {
+                    UnpackedPrimitive::Sphere(center, radius) => {
                         group.test_sphere::<S, NEAREST>(s, part, unit_ray, center, radius, place)
                     }
-                    PackedPrimitive::Cylinder(ends, radius) => {
+                    UnpackedPrimitive::Cylinder(ends, radius) => {
                         group.test_cylinder::<S, NEAREST>(s, part, unit_ray, ends, radius, place)
                     }
-                    PackedPrimitive::User(bounds) => group.test_box(s, part, bounds),
+                    UnpackedPrimitive::User(bounds) => group.test_box(s, part, bounds),
                 };
                 changed |= taken | undecided;
                 for i in lanes(undecided) {
@@ -87,17 +87,17 @@ fn trace<S: Instructions, A: UserIntersect, const NEAREST: bool>(
 
 /// Tests a ray's pending primitive exactly, then another primitive. Returns whether the pending primitive was not hit.
 #[inline(never)]
-fn decide<A: UserIntersect>(
+fn test_alone<A: UserIntersect>(
     group: &mut RayGroup,
-    field: PrimitiveScene<'_, A>,
+    scene: PrimitiveScene<'_, A>,
     i: usize,
     place: u32,
     nearest: &mut PrimitiveHit,
 ) -> bool {
     let ray = PreparedRay::new(&group.ray(i));
     let mut accept_if_nearer = |place: u32| {
-        let (block, lane) = (&field.blocks[place as usize / LANES], place as usize % LANES);
-        accept_if_nearer(block, lane, &ray, nearest, field.user)
+        let (block, lane) = (&scene.blocks[place as usize / LANES], place as usize % LANES);
+        accept_if_nearer(block, lane, &ray, nearest, scene.user)
     };
     let pending = std::mem::replace(&mut group.pending.0[i], NOTHING);
     let mut failed = pending != NOTHING && !accept_if_nearer(pending);
@@ -112,15 +112,15 @@ fn decide<A: UserIntersect>(
 /// Tests the pending spheres of a group exactly, side by side, and returns the rays whose sphere was not hit. Other
 /// primitives stay pending.
 #[inline(always)]
-fn decide_spheres<A>(group: &mut RayGroup, field: PrimitiveScene<'_, A>, nearest: &mut [PrimitiveHit]) -> u32 {
+fn resolve_spheres<A>(group: &mut RayGroup, scene: PrimitiveScene<'_, A>, nearest: &mut [PrimitiveHit]) -> u32 {
     const HALF: usize = sphere8::LANES;
     let (waiting, mut failed) = (group.waiting(), 0);
-    for first in (0..SIXTEEN).step_by(HALF) {
+    for first in (0..ROW).step_by(HALF) {
         let mut side = Sphere8::NOTHING;
         let mut spheres = 0;
         for i in lanes(waiting & ((1 << HALF) - 1) << first) {
             let place = group.pending.0[i] as usize;
-            if let PackedPrimitive::Sphere(center, radius) = field.blocks[place / LANES].target(place % LANES) {
+            if let UnpackedPrimitive::Sphere(center, radius) = scene.blocks[place / LANES].unpack(place % LANES) {
                 let lane = i - first;
                 for (row, c) in side.center.iter_mut().zip(center) {
                     row[lane] = c;
@@ -144,7 +144,7 @@ fn decide_spheres<A>(group: &mut RayGroup, field: PrimitiveScene<'_, A>, nearest
             if found.is_known[lane] == 0 {
                 continue;
             }
-            let (t, id) = (found.t[lane], field.blocks[place / LANES].ids[place % LANES]);
+            let (t, id) = (found.t[lane], scene.blocks[place / LANES].ids[place % LANES]);
             let met = t < nearest.t || t == nearest.t && id < nearest.id;
             if met {
                 *nearest = PrimitiveHit { id, ..PrimitiveHit::none(t) };
@@ -159,9 +159,9 @@ fn decide_spheres<A>(group: &mut RayGroup, field: PrimitiveScene<'_, A>, nearest
 
 /// Ends a ray if a primitive is hit, by the exact test.
 #[inline(never)]
-fn end<A: UserIntersect>(group: &mut RayGroup, field: PrimitiveScene<'_, A>, i: usize, place: u32) {
-    let (block, lane) = (&field.blocks[place as usize / LANES], place as usize % LANES);
-    if block.exact(lane, &group.ray(i).prepare(), group.t_max.0[i], field.user).is_some() {
+fn end<A: UserIntersect>(group: &mut RayGroup, scene: PrimitiveScene<'_, A>, i: usize, place: u32) {
+    let (block, lane) = (&scene.blocks[place as usize / LANES], place as usize % LANES);
+    if block.intersect(lane, &group.ray(i).prepare(), group.t_max.0[i], scene.user).is_some() {
         group.t_max.0[i] = f32::NEG_INFINITY;
     }
 }
@@ -169,7 +169,7 @@ fn end<A: UserIntersect>(group: &mut RayGroup, field: PrimitiveScene<'_, A>, i: 
 #[inline(always)]
 fn closest_in<S: Instructions, A: UserIntersect>(
     s: S,
-    field: PrimitiveScene<'_, A>,
+    scene: PrimitiveScene<'_, A>,
     packet: &mut Packet,
     nearest: &mut [PrimitiveHit],
     outcome: &mut PacketOutcome,
@@ -177,11 +177,11 @@ fn closest_in<S: Instructions, A: UserIntersect>(
     let mut retry = 0;
     let alone = |group: &mut RayGroup, i: usize, place: u32, nearest: &mut [PrimitiveHit]| {
         let ray = group.first + i;
-        u64::from(decide(group, field, i, place, &mut nearest[ray])) << ray
+        u64::from(test_alone(group, scene, i, place, &mut nearest[ray])) << ray
     };
-    trace::<S, A, true>(s, field, packet, outcome, |group, i, place| retry |= alone(group, i, place, nearest));
+    trace::<S, A, true>(s, scene, packet, outcome, |group, i, place| retry |= alone(group, i, place, nearest));
     for group in &mut packet.groups[..packet.len] {
-        retry |= u64::from(decide_spheres(group, field, nearest)) << group.first;
+        retry |= u64::from(resolve_spheres(group, scene, nearest)) << group.first;
         for i in lanes(group.waiting()) {
             retry |= alone(group, i, NOTHING, nearest);
         }
@@ -192,17 +192,17 @@ fn closest_in<S: Instructions, A: UserIntersect>(
 #[inline(always)]
 fn any_in<S: Instructions, A: UserIntersect>(
     s: S,
-    field: PrimitiveScene<'_, A>,
+    scene: PrimitiveScene<'_, A>,
     packet: &mut Packet,
     t_max: &mut [f32],
     outcome: &mut PacketOutcome,
 ) {
-    trace::<S, A, false>(s, field, packet, outcome, |group, i, place| end(group, field, i, place));
+    trace::<S, A, false>(s, scene, packet, outcome, |group, i, place| end(group, scene, i, place));
     packet.write_back(t_max);
 }
 
 struct ClosestPackets<'a, A> {
-    field: PrimitiveScene<'a, A>,
+    scene: PrimitiveScene<'a, A>,
     packet: &'a mut Packet,
     rays: &'a [Ray],
     nearest: &'a mut [PrimitiveHit],
@@ -213,7 +213,7 @@ impl<A: UserIntersect> SimdKernel for ClosestPackets<'_, A> {
 
     #[inline(always)]
     fn run<S: Instructions>(self, s: S) -> PacketOutcome {
-        let Self { field, packet, rays, nearest } = self;
+        let Self { scene, packet, rays, nearest } = self;
         let mut outcome = PacketOutcome::default();
         in_packets!(
             s,
@@ -222,14 +222,14 @@ impl<A: UserIntersect> SimdKernel for ClosestPackets<'_, A> {
             nearest,
             |nearest: &PrimitiveHit| nearest.t,
             outcome,
-            closest_in(s, field, packet, nearest, &mut outcome)
+            closest_in(s, scene, packet, nearest, &mut outcome)
         );
         outcome
     }
 }
 
 struct AnyHitPackets<'a, A> {
-    field: PrimitiveScene<'a, A>,
+    scene: PrimitiveScene<'a, A>,
     packet: &'a mut Packet,
     rays: &'a [Ray],
     t_max: &'a mut [f32],
@@ -240,35 +240,35 @@ impl<A: UserIntersect> SimdKernel for AnyHitPackets<'_, A> {
 
     #[inline(always)]
     fn run<S: Instructions>(self, s: S) -> PacketOutcome {
-        let Self { field, packet, rays, t_max } = self;
+        let Self { scene, packet, rays, t_max } = self;
         let mut outcome = PacketOutcome::default();
-        in_packets!(s, packet, rays, t_max, |t_max| *t_max, outcome, any_in(s, field, packet, t_max, &mut outcome));
+        in_packets!(s, packet, rays, t_max, |t_max| *t_max, outcome, any_in(s, scene, packet, t_max, &mut outcome));
         outcome
     }
 }
 
 /// [`super::closest`] for a tree over primitives.
 pub(crate) fn closest<A: UserIntersect>(
-    field: PrimitiveScene<'_, A>,
+    scene: PrimitiveScene<'_, A>,
     packet: &mut Packet,
     rays: &[Ray],
     nearest: &mut [PrimitiveHit],
 ) -> PacketOutcome {
-    if field.nodes.is_empty() {
+    if scene.nodes.is_empty() {
         return PacketOutcome::default();
     }
-    dispatch::run(ClosestPackets { field, packet, rays, nearest })
+    dispatch::run(ClosestPackets { scene, packet, rays, nearest })
 }
 
 /// [`super::any`] for a tree over primitives.
 pub(crate) fn any<A: UserIntersect>(
-    field: PrimitiveScene<'_, A>,
+    scene: PrimitiveScene<'_, A>,
     packet: &mut Packet,
     rays: &[Ray],
     t_max: &mut [f32],
 ) -> PacketOutcome {
-    if field.nodes.is_empty() {
+    if scene.nodes.is_empty() {
         return PacketOutcome::default();
     }
-    dispatch::run(AnyHitPackets { field, packet, rays, t_max })
+    dispatch::run(AnyHitPackets { scene, packet, rays, t_max })
 }

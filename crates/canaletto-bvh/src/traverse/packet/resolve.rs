@@ -10,7 +10,7 @@ use super::triangle_test::TestParams;
 use crate::PrimitiveHit;
 use crate::primitive::difference_of_products::CANCELLED;
 use crate::simd::dispatch::{self, SimdKernel};
-use crate::simd::{Instructions, Row, SIXTEEN, Vector};
+use crate::simd::{Instructions, ROW, Row, Vector};
 use crate::slab::{DEFLATE, INFLATE, max, min};
 use glam::{Mat4, UVec4, Vec4};
 
@@ -27,14 +27,14 @@ pub(super) fn resolve<S: Instructions>(
     if pending == 0 {
         return 0;
     }
-    let Exactly { t, u, v, met, .. } = exactly(s, group, params, corners);
+    let ExactResult { t, u, v, met, .. } = exact_test(s, group, params, corners);
     let done = met & pending;
     let nearest = &mut nearest[group.first..];
-    if let Some(nearest) = nearest.first_chunk_mut::<SIXTEEN>()
+    if let Some(nearest) = nearest.first_chunk_mut::<ROW>()
         && done == 0xffff
     {
-        for first in (0..SIXTEEN).step_by(4) {
-            let four = |numbers: &[f32; SIXTEEN]| Vec4::from_slice(&numbers[first..]);
+        for first in (0..ROW).step_by(4) {
+            let four = |numbers: &[f32; ROW]| Vec4::from_slice(&numbers[first..]);
             let ids = UVec4::from_slice(&group.last_seen.0[first..]);
             let found = Mat4::from_cols(four(&t), four(&u), four(&v), Vec4::ZERO).transpose();
             for i in 0..4 {
@@ -53,38 +53,38 @@ pub(super) fn resolve<S: Instructions>(
 /// Tests one triangle against all rays.
 #[cold]
 #[inline(never)]
-pub(super) fn test_exactly_one(group: &RayGroup, params: &TestParams, [a, b, c]: [[f32; 3]; 3]) -> Exactly {
-    let for_all = |corner: [f32; 3]| corner.map(|x| Row([x; SIXTEEN]));
-    test_exactly_each(group, params, &[for_all(a), for_all(b), for_all(c)])
+pub(super) fn exact_same_triangle(group: &RayGroup, params: &TestParams, [a, b, c]: [[f32; 3]; 3]) -> ExactResult {
+    let for_all = |corner: [f32; 3]| corner.map(|x| Row([x; ROW]));
+    exact_triangle_per_ray(group, params, &[for_all(a), for_all(b), for_all(c)])
 }
 
 /// Tests one triangle per ray.
 #[cold]
 #[inline(never)]
-pub(super) fn test_exactly_each(group: &RayGroup, params: &TestParams, corners: &Corners) -> Exactly {
-    dispatch::run(Each { group, params, corners })
+pub(super) fn exact_triangle_per_ray(group: &RayGroup, params: &TestParams, corners: &Corners) -> ExactResult {
+    dispatch::run(ExactKernel { group, params, corners })
 }
 
-struct Each<'a> {
+struct ExactKernel<'a> {
     group: &'a RayGroup,
     params: &'a TestParams,
     corners: &'a Corners,
 }
 
-impl SimdKernel for Each<'_> {
-    type Answer = Exactly;
+impl SimdKernel for ExactKernel<'_> {
+    type Answer = ExactResult;
 
     #[inline(always)]
-    fn run<S: Instructions>(self, s: S) -> Exactly {
-        exactly(s, self.group, self.params, self.corners)
+    fn run<S: Instructions>(self, s: S) -> ExactResult {
+        exact_test(s, self.group, self.params, self.corners)
     }
 }
 
 /// The results of the exact test for each ray.
-pub(super) struct Exactly {
-    pub(super) t: [f32; SIXTEEN],
-    u: [f32; SIXTEEN],
-    v: [f32; SIXTEEN],
+pub(super) struct ExactResult {
+    pub(super) t: [f32; ROW],
+    u: [f32; ROW],
+    v: [f32; ROW],
     /// The rays that hit the triangle up to `t_max`, one bit for each.
     pub(super) met: u32,
     /// The rays that miss the triangle. Rays in neither mask have to be tested alone.
@@ -93,14 +93,14 @@ pub(super) struct Exactly {
 
 /// `triangle::intersect_exactly` with one ray and one triangle per lane.
 #[inline(always)]
-fn exactly<S: Instructions>(s: S, group: &RayGroup, params: &TestParams, [a, b, c]: &Corners) -> Exactly {
+fn exact_test<S: Instructions>(s: S, group: &RayGroup, params: &TestParams, [a, b, c]: &Corners) -> ExactResult {
     let k = params.axes;
-    let (area_bound, volume_bound) = params.bound.surely();
+    let (area_bound, volume_bound) = params.bound.degenerate_bounds();
     let (ox, oy, oz) = (&group.origin[k[0]].0, &group.origin[k[1]].0, &group.origin[k[2]].0);
     let (dx, dy, dz) = (&group.direction[k[0]].0, &group.direction[k[1]].0, &group.direction[k[2]].0);
-    let (mut t, mut u, mut v) = ([0.0f32; SIXTEEN], [0.0f32; SIXTEEN], [0.0f32; SIXTEEN]);
-    let (mut counts, mut results, mut far) = ([0u32; SIXTEEN], [0u32; SIXTEEN], [0u32; SIXTEEN]);
-    for i in 0..SIXTEEN {
+    let (mut t, mut u, mut v) = ([0.0f32; ROW], [0.0f32; ROW], [0.0f32; ROW]);
+    let (mut counts, mut results, mut far) = ([0u32; ROW], [0u32; ROW], [0u32; ROW]);
+    for i in 0..ROW {
         let wide = |x: f32, o: f32| f64::from(x) - f64::from(o);
         let (ax, ay, az) = (wide(a[0].0[i], ox[i]), wide(a[1].0[i], oy[i]), wide(a[2].0[i], oz[i]));
         let (bx, by, bz) = (wide(b[0].0[i], ox[i]), wide(b[1].0[i], oy[i]), wide(b[2].0[i], oz[i]));
@@ -125,7 +125,7 @@ fn exactly<S: Instructions>(s: S, group: &RayGroup, params: &TestParams, [a, b, 
         far[i] = u32::from((area.abs() > area_bound) & (depth.abs() > volume_bound));
     }
     // `PreparedRay::clamp_to_triangle`, with the axes in another order: the longest comes last.
-    for i in 0..SIXTEEN {
+    for i in 0..ROW {
         let (mut near, mut far, mut last) = (0.0f32, f32::INFINITY, 0.0);
         for axis in 0..3 {
             let ends = [
@@ -144,12 +144,12 @@ fn exactly<S: Instructions>(s: S, group: &RayGroup, params: &TestParams, [a, b, 
         counts[i] &= u32::from((near <= far) & within);
         t[i] = confined;
     }
-    let (mut met, mut missed) = (Row([0.0; SIXTEEN]), Row([0.0; SIXTEEN]));
-    for i in 0..SIXTEEN {
+    let (mut met, mut missed) = (Row([0.0; ROW]), Row([0.0; ROW]));
+    for i in 0..ROW {
         met.0[i] = if counts[i] & results[i] & far[i] != 0 { 1.0 } else { 0.0 };
         missed.0[i] = if results[i] & !counts[i] != 0 { 1.0 } else { 0.0 };
     }
-    Exactly { t, u, v, met: positive(s, &met), missed: positive(s, &missed) }
+    ExactResult { t, u, v, met: positive(s, &met), missed: positive(s, &missed) }
 }
 
 /// A bit for each positive number. (Single shifts would take the numbers out of their register one by one.)

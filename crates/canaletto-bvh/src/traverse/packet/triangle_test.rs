@@ -46,14 +46,14 @@ impl TestMasks {
 
 /// The numbers for deciding whether a hit is certain.
 #[derive(Clone, Copy)]
-struct Certainly<N> {
+struct CertainHit<N> {
     bound: EdgeError<N>,
     area: N,
     along: N,
     end: N,
 }
 
-impl<N: Vector> Certainly<N> {
+impl<N: Vector> CertainHit<N> {
     /// The rays with a certain hit between `low` and `high`, if no hit nearer than `nearest` is known.
     #[inline(always)]
     fn met<S: Instructions<Vector = N>>(self, s: S, any: bool, nearest: N, low: N, high: N) -> N::Mask {
@@ -88,7 +88,7 @@ impl<N: Vector> Sheared<N> {
 
 /// The f32 numbers of rays and a triangle.
 #[derive(Clone, Copy)]
-struct Seen<N> {
+struct EdgeValues<N> {
     /// The smallest and the largest edge function, and their sum.
     least: N,
     most: N,
@@ -100,8 +100,8 @@ struct Seen<N> {
     last: N,
 }
 
-/// The certain results of [`Seen`], if the edge functions are wrong by no more than a bound.
-struct Within<N: Vector> {
+/// The certain results of [`EdgeValues`], if the edge functions are wrong by no more than a bound.
+struct HitBounds<N: Vector> {
     /// The line passes between the edges.
     inside: N::Mask,
     /// The line misses the triangle, or the triangle is ignored.
@@ -111,11 +111,11 @@ struct Within<N: Vector> {
     high: N,
 }
 
-impl<N: Vector> Seen<N> {
-    /// With `closely`, t is bounded by the edge functions where that helps, as in `RefinedTest::between`. Otherwise it
-    /// is bounded by the corners alone.
+impl<N: Vector> EdgeValues<N> {
+    /// With `use_edges`, t is bounded by the edge functions where that helps, as in `RefinedTest::between`. Otherwise
+    /// it is bounded by the corners alone.
     #[inline(always)]
-    fn within<S: Instructions<Vector = N>>(self, s: S, off: N, front_only: bool, closely: bool) -> Within<N> {
+    fn within<S: Instructions<Vector = N>>(self, s: S, off: N, front_only: bool, use_edges: bool) -> HitBounds<N> {
         let Self { least, most, sum, weighed, first, last } = self;
         let below = s.splat(0.0) - off;
         let inside = most.less(below) | off.less(least);
@@ -124,20 +124,20 @@ impl<N: Vector> Seen<N> {
             missed = missed | off.less(least);
         }
         let high = last * s.splat(INFLATE);
-        if !closely {
-            return Within { inside, missed, low: first, high };
+        if !use_edges {
+            return HitBounds { inside, missed, low: first, high };
         }
         let reach = last.abs().max(first.abs());
         let mean = weighed / sum;
-        let blur = (off * s.splat(4.0) / sum.abs()) * (last - first) + reach * s.splat(T_ERROR);
+        let t_error = (off * s.splat(4.0) / sum.abs()) * (last - first) + reach * s.splat(T_ERROR);
         // Valid unless something overflows or vanishes.
         let results = inside
             & first.less_or_equal(mean)
             & mean.less_or_equal(high)
             & s.splat(f32::MIN_POSITIVE).less_or_equal(sum.abs() * reach);
-        let low = N::select(results, first.max(mean - blur), first);
-        let high = N::select(results, high.min(mean + blur), high);
-        Within { inside, missed, low, high }
+        let low = N::select(results, first.max(mean - t_error), first);
+        let high = N::select(results, high.min(mean + t_error), high);
+        HitBounds { inside, missed, low, high }
     }
 }
 
@@ -150,11 +150,11 @@ fn farthest<S: Instructions>(s: S, part: usize, ([x, y, z], origin): ([f32; 3], 
 }
 
 impl RayGroup {
-    /// The triangle of these corners in the sheared space of the rays of a part. With `TURNED`, vectors run from the
-    /// corners to the origins, so that z has the opposite sign. The subtraction can then read the corners from memory,
-    /// which pays where little else is done. With `TURNED`, only misses can be concluded.
+    /// The triangle of these corners in the sheared space of the rays of a part. With `FROM_CORNERS`, vectors run from
+    /// the corners to the origins, so that z has the opposite sign. The subtraction can then read the corners from
+    /// memory, which pays where little else is done. With `FROM_CORNERS`, only misses can be concluded.
     #[inline(always)]
-    fn see<S: Instructions, const TURNED: bool>(
+    fn shear_triangle<S: Instructions, const FROM_CORNERS: bool>(
         &self,
         s: S,
         part: usize,
@@ -167,7 +167,7 @@ impl RayGroup {
         // In this order, since AVX2 has sixteen registers.
         macro_rules! from {
             ($corner:expr, $origin:ident) => {
-                if TURNED { $origin - s.splat($corner) } else { s.splat($corner) - $origin }
+                if FROM_CORNERS { $origin - s.splat($corner) } else { s.splat($corner) - $origin }
             };
         }
         let (az, bz, cz) = (from!(a[2], oz), from!(b[2], oz), from!(c[2], oz));
@@ -178,7 +178,7 @@ impl RayGroup {
         // for the others the edge functions may now all have one sign.
         macro_rules! difference {
             ($a:ident * $b:ident - $c:ident * $d:ident) => {
-                if TURNED { ($a * $b).minus_product($c, $d) } else { $a * $b - $c * $d }
+                if FROM_CORNERS { ($a * $b).minus_product($c, $d) } else { $a * $b - $c * $d }
             };
         }
         let wa = difference!(bx * cy - by * cx);
@@ -198,8 +198,8 @@ impl RayGroup {
         corners: &[[f32; 3]; 3],
         size: f32,
     ) -> bool {
-        let seen = self.see::<S, true>(s, part, params.axes, corners);
-        let missed = seen.missed(s, s.splat(params.bound.of(size)));
+        let seen = self.shear_triangle::<S, true>(s, part, params.axes, corners);
+        let missed = seen.missed(s, s.splat(params.bound.error(size)));
         S::Vector::lanes(!missed & s.splat(0.0).less(s.load(&self.t_max, part))) != 0
     }
 
@@ -216,10 +216,10 @@ impl RayGroup {
         size: f32,
         waiting: &mut Corners,
     ) -> TestMasks {
-        let seen = self.see::<S, false>(s, part, params.axes, &which.corners);
+        let seen = self.shear_triangle::<S, false>(s, part, params.axes, &which.corners);
         let Sheared { z: [az, bz, cz], edges: [wa, wb, wc], least, most } = seen;
         let t_max = s.load(&self.t_max, part);
-        let (zero, bound) = (s.splat(0.0), s.splat(params.bound.of(size)));
+        let (zero, bound) = (s.splat(0.0), s.splat(params.bound.error(size)));
         let mut met = !seen.missed(s, bound) & zero.less(t_max);
         if params.front_only {
             met = met & !bound.less(least);
@@ -229,7 +229,7 @@ impl RayGroup {
         }
         let along = s.load(&self.reciprocal[params.axes[2]], part);
         let (ta, tb, tc) = (az * along, bz * along, cz * along);
-        let seen = Seen {
+        let seen = EdgeValues {
             least,
             most,
             sum: wa + wb + wc,
@@ -240,17 +240,17 @@ impl RayGroup {
         let end = s.splat(f32::MAX).min(t_max);
         let met = met & !(end.less(seen.first) | seen.last.less_or_equal(zero));
         let certainly =
-            Certainly { bound: params.bound.splat(s), area: least.abs().max(most.abs()), along: along.abs(), end };
+            CertainHit { bound: params.bound.splat(s), area: least.abs().max(most.abs()), along: along.abs(), end };
         // For shadow rays t seldom matters. For the nearest hit, close bounds cull more.
-        let Within { inside, low, high, .. } = seen.within(s, bound, params.front_only, !params.any);
+        let HitBounds { inside, low, high, .. } = seen.within(s, bound, params.front_only, !params.any);
         let take = met & inside & certainly.met(s, params.any, s.load(&self.low, part), low, high);
         if params.any {
             self.end(s, part, take);
         } else {
             self.take(s, part, take, [low, high], which, waiting);
         }
-        let gone = inside & (high.less_or_equal(zero) | end.less(low));
-        let undecided = met & !(take | gone);
+        let culled = inside & (high.less_or_equal(zero) | end.less(low));
+        let undecided = met & !(take | culled);
         let (mut taken, mut left) = (S::Vector::bits(take, part), S::Vector::bits(undecided, part));
         if left != 0 {
             // Refine by each ray's own error bound: the error near the origin is smaller than at the other end of the
@@ -263,20 +263,21 @@ impl RayGroup {
                 s,
                 farthest(s, part, far(0)).max(farthest(s, part, far(1))).max(farthest(s, part, far(2))),
             );
-            let Within { inside, missed, low, high } = seen.within(s, bound.of(s.splat(size)), params.front_only, true);
+            let HitBounds { inside, missed, low, high } =
+                seen.within(s, bound.error(s.splat(size)), params.front_only, true);
             // A ray may hit a triangle again in another leaf.
             let undecided = undecided & !self.has_seen(s, part, which.id);
             let inside = undecided & inside & !missed;
-            let certainly = Certainly { bound, ..certainly };
+            let certainly = CertainHit { bound, ..certainly };
             let take = inside & certainly.met(s, params.any, s.load(&self.low, part), low, high);
-            let gone = (inside & (high.less_or_equal(zero) | end.less(low))) | missed;
+            let culled = (inside & (high.less_or_equal(zero) | end.less(low))) | missed;
             if params.any {
                 self.end(s, part, take);
             } else {
                 self.take(s, part, take, [low, high], which, waiting);
             }
             taken |= S::Vector::bits(take, part);
-            left = S::Vector::bits(undecided & !(take | gone), part);
+            left = S::Vector::bits(undecided & !(take | culled), part);
         }
         TestMasks { taken, undecided: left }
     }
@@ -311,8 +312,8 @@ impl RayGroup {
         }
         high.store_where(rays, &mut self.t_max, part);
         low.store_where(rays, &mut self.low, part);
-        S::Vector::put_where(rays, which.place, &mut self.pending, part);
-        S::Vector::put_where(rays, which.id, &mut self.last_seen, part);
+        S::Vector::store_u32_where(rays, which.place, &mut self.pending, part);
+        S::Vector::store_u32_where(rays, which.id, &mut self.last_seen, part);
         for (rows, corner) in waiting.iter_mut().zip(which.corners) {
             for (row, x) in rows.iter_mut().zip(corner) {
                 s.splat(x).store_where(rays, row, part);

@@ -6,7 +6,7 @@ use super::group::{Interval, RayGroup};
 use crate::Leaf;
 use crate::build::MAX_DEPTH;
 use crate::node::{Node, PrefetchTable};
-use crate::simd::{Instructions, Row, SIXTEEN, Vector};
+use crate::simd::{Instructions, ROW, Row, Vector};
 use crate::slab::{self, INFLATE, WIDTH};
 use glam::Vec4;
 
@@ -94,7 +94,7 @@ impl PacketWalk {
     pub(super) fn limit(&mut self, group: usize, t_max: f32) {
         // All four limits are written at once. A later read of the register then doesn't wait for four separate writes.
         let only = Vec4::splat(group as f32).cmpeq(Vec4::new(0.0, 1.0, 2.0, 3.0));
-        self.limits = Vec4::select(only, Vec4::splat(slab::limit(t_max)), self.limits);
+        self.limits = Vec4::select(only, Vec4::splat(slab::cull_limit(t_max)), self.limits);
         self.farthest = self.limits.max_element();
     }
 
@@ -171,7 +171,7 @@ impl PacketWalk {
     /// monotone rounding.
     #[inline(always)]
     fn clip<S: Instructions>(&self, s: S, node: &Node) -> (Row<f32>, Row<f32>) {
-        let (mut enter_at, mut leave_at) = (Row([0.0; SIXTEEN]), Row([0.0; SIXTEEN]));
+        let (mut enter_at, mut leave_at) = (Row([0.0; ROW]), Row([0.0; ROW]));
         for part in 0..S::Vector::PARTS_OF_EIGHT {
             let (mut near, mut far) = (s.splat(0.0), s.splat(f32::INFINITY));
             for axis in 0..3 {
