@@ -5,7 +5,7 @@ use canaletto::render::{Aov, render};
 use canaletto::scene::{Content, Node, SamplerKind, Sampling, Scene};
 use canaletto::shape::Mesh;
 use canaletto::world::{BuildOptions, Quality, World};
-use canaletto_bvh::Triangles;
+use canaletto_bvh::TriangleBvh;
 use canaletto_tests::gallery::{distributed_job, distributed_still_life, still_life, still_life_job};
 use canaletto_tests::textured::textured_still_life;
 use glam::{Vec2, Vec3};

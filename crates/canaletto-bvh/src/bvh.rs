@@ -116,7 +116,7 @@ impl Bvh {
         while let Some(node) = waiting.pop() {
             let node = &self.nodes[node];
             for (lane, child) in node.children().iter().enumerate() {
-                match child.follow() {
+                match child.decode() {
                     Some(_) if !node.get_box(lane).overlaps(bounds) => {}
                     Some(Child::Node(index)) => waiting.push(index),
                     Some(Child::Leaf(found)) if !leaf(found) => return,

@@ -32,8 +32,8 @@ use std::sync::{Mutex, PoisonError};
 use bytemuck::Zeroable;
 use glam::Vec3;
 
-use crate::{Aabb, NoThreads};
 use crate::memory::{collected, in_large_pages, zeros};
+use crate::{Aabb, NoThreads};
 use binning::{BinSplit, Bins, CostModel};
 pub(crate) use prim_ref::PrimRefs;
 use prim_ref::{Box8, Centers, Corners, Extent, PrimRef};

@@ -32,9 +32,9 @@ impl Kernel for Preparation<'_> {
     #[inline(always)]
     fn run(self) -> [Vec3; 2] {
         let (mut low, mut high) = (Vec4::INFINITY, Vec4::NEG_INFINITY);
-        let (from_fours, rest) = self.rays.as_chunks();
-        let (prepared, prepared_rest) = self.prepared.split_at_mut(4 * from_fours.len());
-        for (rays, prepared) in from_fours.iter().zip(prepared.as_chunks_mut().0) {
+        let (load_fours, rest) = self.rays.as_chunks();
+        let (prepared, prepared_rest) = self.prepared.split_at_mut(4 * load_fours.len());
+        for (rays, prepared) in load_fours.iter().zip(prepared.as_chunks_mut().0) {
             if !prepare_four(rays, prepared) {
                 for (ray, prepared) in rays.iter().zip(prepared) {
                     prepared.write(PreparedRay::of(ray));

@@ -44,7 +44,7 @@ pub(crate) trait Instructions: NodeTest {
 
     /// A part of sixteen numbers that are still in registers. Numbers that were stored in fours can't be loaded as one
     /// register before they have reached the cache.
-    fn from_fours(self, row: &[Vec4; 4], part: usize) -> Self::Vector;
+    fn load_fours(self, row: &[Vec4; 4], part: usize) -> Self::Vector;
 
     /// Loads a part of eight numbers. A vector of sixteen lanes gets them twice.
     fn eight(self, row: &[f32; WIDTH], part: usize) -> Self::Vector;

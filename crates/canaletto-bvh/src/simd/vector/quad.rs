@@ -53,7 +53,7 @@ impl Instructions for Baseline {
     }
 
     #[inline(always)]
-    fn from_fours(self, row: &[Vec4; 4], part: usize) -> Quad {
+    fn load_fours(self, row: &[Vec4; 4], part: usize) -> Quad {
         Quad(row[part])
     }
 

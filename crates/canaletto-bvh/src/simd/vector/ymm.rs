@@ -68,7 +68,7 @@ impl Instructions for Avx2 {
     }
 
     #[inline(always)]
-    fn from_fours(self, row: &[Vec4; 4], part: usize) -> Ymm {
+    fn load_fours(self, row: &[Vec4; 4], part: usize) -> Ymm {
         unsafe { Ymm(_mm256_set_m128(row[2 * part + 1].into(), row[2 * part].into())) }
     }
 

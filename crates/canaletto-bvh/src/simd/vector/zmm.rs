@@ -51,7 +51,7 @@ impl Instructions for Avx512 {
     }
 
     #[inline(always)]
-    fn from_fours(self, [a, b, c, d]: &[Vec4; 4], _part: usize) -> Zmm {
+    fn load_fours(self, [a, b, c, d]: &[Vec4; 4], _part: usize) -> Zmm {
         unsafe {
             let (low, high) = (_mm256_set_m128((*b).into(), (*a).into()), _mm256_set_m128((*d).into(), (*c).into()));
             Zmm(_mm512_insertf32x8::<1>(_mm512_castps256_ps512(low), high))

@@ -153,7 +153,7 @@ impl RayGroup {
         for part in 0..S::Vector::PARTS {
             let mut fit = s.mask(u32::MAX >> (32 - rays.len()), part);
             for axis in 0..3 {
-                let (origin, direction) = (s.from_fours(&origins[axis], part), s.from_fours(&directions[axis], part));
+                let (origin, direction) = (s.load_fours(&origins[axis], part), s.load_fours(&directions[axis], part));
                 let reciprocal = s.splat(1.0) / direction;
                 origin.store(&mut self.origin[axis], part);
                 direction.store(&mut self.direction[axis], part);
@@ -176,7 +176,7 @@ impl RayGroup {
         let axes = [k0, k1];
         self.active = 0;
         for part in 0..S::Vector::PARTS {
-            let end = s.from_fours(&ends, part);
+            let end = s.load_fours(&ends, part);
             // A ray with a NaN end is traced alone: a maximum would take its end for that of its neighbours.
             let mut fit = s.mask(together, part) & end.less_or_equal(infinity);
             let length = s.load(&self.direction[longest], part);
