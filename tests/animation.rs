@@ -9,24 +9,24 @@ use canaletto::world::World;
 use canaletto_io::assets::FolderAssets;
 use canaletto_io::movie::{Movie, MovieFormat, MovieSettings, Rate};
 use canaletto_io::picture::{Compression, Depth, Image, WriteOptions, decode, encode_png};
-use canaletto_io::text::Script;
+use canaletto_io::text::SceneDocument;
 use canaletto_tests::root;
 use glam::DVec3;
 use std::fs::{self, File};
 use std::io::BufReader;
 use std::path::PathBuf;
 
-fn open(name: &str, set: &[&str]) -> (Script, FolderAssets) {
+fn open(name: &str, set: &[&str]) -> (SceneDocument, FolderAssets) {
     let (assets, name) = FolderAssets::beside(root().join("scenes/chapter").join(name)).unwrap();
     let set: Vec<String> = set.iter().map(|set| (*set).to_owned()).collect();
-    (Script::read(&name, &assets, &set).unwrap_or_else(|errors| panic!("{errors}")), assets)
+    (SceneDocument::read(&name, &assets, &set).unwrap_or_else(|errors| panic!("{errors}")), assets)
 }
 
-fn script() -> (Script, FolderAssets) {
+fn script() -> (SceneDocument, FolderAssets) {
     open("bouncing-ball.kdl", &[])
 }
 
-fn scene_of((script, assets): &mut (Script, FolderAssets), frame: f64) -> Scene {
+fn scene_of((script, assets): &mut (SceneDocument, FolderAssets), frame: f64) -> Scene {
     let (scene, warnings) = script.scene(assets, frame).unwrap_or_else(|errors| panic!("{errors}"));
     assert!(warnings.is_empty(), "{warnings}");
     scene
@@ -83,13 +83,13 @@ fn frames() -> Vec<Vec<u8>> {
 #[test]
 fn frames_look_as_they_did_when_people_looked_at_them() {
     let (script, _) = script();
-    let [first, last] = script.clip().frames.unwrap();
+    let [first, last] = script.timeline().frames.unwrap();
     if std::env::var_os("CANALETTO_BLESS").is_some() {
         let (image, film) = picture(first);
         let settings = MovieSettings {
             width: image.width,
             height: image.height,
-            rate: Rate::new(script.clip().fps),
+            rate: Rate::new(script.timeline().fps),
             frames: last - first + 1,
             transfer: film.transfer,
             compression: Compression::Default,

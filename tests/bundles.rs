@@ -10,7 +10,7 @@ use canaletto::scene::{Content, Node, Sampling, Scene};
 use canaletto::shape::{
     Cone, Cuboid, Cylinder, CylinderCloud, Disk, Plane, Shape, Sphere, SphereCloud, Torus, Triangle,
 };
-use canaletto::world::{Between, Blocker, Bundle, World};
+use canaletto::world::{OccluderCache, Occlusion, RayBundle, World};
 use canaletto_tests::gallery::{icosphere, still_life, still_life_job};
 use glam::{DVec3, Vec3};
 
@@ -166,26 +166,26 @@ fn bundles_find_what_brute_force_finds() {
         ("many", still_life(1.0), &[0.0]),
     ] {
         let world = World::build(scene).unwrap();
-        assert_eq!(world.census().instances > 8, name == "many");
-        let (mut bundle, mut last) = (Bundle::default(), Blocker::NONE);
+        assert_eq!(world.stats().instances > 8, name == "many");
+        let (mut bundle, mut last) = (RayBundle::default(), OccluderCache::NONE);
         let mut found = [0; 4];
         for (n, rays) in bundles(900).enumerate() {
             let time = times[n % times.len()];
             bundle.clear();
             rays.iter().for_each(|(ray, t_max)| bundle.push(*ray, *t_max));
             world.intersect_bundle(&mut bundle, time);
-            world.between_bundle(&mut bundle, time, &mut last);
+            world.occlusion_batch(&mut bundle, time, &mut last);
             for (index, (ray, t_max)) in rays.iter().enumerate() {
                 let expected = world.intersect_brute_force_at(ray, *t_max, time);
                 assert_eq!(bundle.hit(index), expected, "{name} {ray:?}");
                 // Light that nothing dims passes whole, and none passes what is opaque.
-                let passes = world.transmittance(ray, *t_max, time, None, &mut Blocker::NONE.clone(), &mut ());
+                let passes = world.transmittance(ray, *t_max, time, None, &mut OccluderCache::NONE.clone(), &mut ());
                 let between = match (expected, passes) {
-                    (None, _) => Between::Nothing,
-                    (_, 0.0) => Between::Opaque,
-                    _ => Between::Clear,
+                    (None, _) => Occlusion::Nothing,
+                    (_, 0.0) => Occlusion::Opaque,
+                    _ => Occlusion::Clear,
                 };
-                assert_eq!(bundle.between(index), between, "{name} {ray:?} {t_max}");
+                assert_eq!(bundle.occlusion(index), between, "{name} {ray:?} {t_max}");
                 found[between as usize] += 1;
                 found[3] += usize::from(expected.is_some());
             }

@@ -71,7 +71,7 @@ fn work_on_hierarchies_changes_no_bit() {
     scene.meshes.push(beams());
     let worlds = [Quality::Medium, Quality::High]
         .map(|quality| World::build_with(scene.clone(), &BuildOptions { quality, ..BuildOptions::default() }).unwrap());
-    let [medium, high] = worlds.each_ref().map(|world| world.census().bytes);
+    let [medium, high] = worlds.each_ref().map(|world| world.stats().bytes);
     assert_ne!(high, medium, "the same trees");
     // A refit gives back whole boxes.
     let mesh = beams();

@@ -5,7 +5,7 @@ use canaletto::Ray;
 use canaletto::camera::Camera;
 use canaletto::light::{DiskLight, Light, LightKind, Omni};
 use canaletto::material::{Material, Phong};
-use canaletto::math::{Path, Rgb, Transform};
+use canaletto::math::{AnimatedTransform, Rgb, Transform};
 use canaletto::render::{Job, render};
 use canaletto::scene::{
     Aperture, Content, Extrinsics, FilmSettings, Focus, IntegratorSettings, Intrinsics, Lens, Node, SamplerKind,
@@ -168,7 +168,7 @@ fn frozen(nodes: &[Node], time: f64) -> Vec<Node> {
         .map(|node| {
             let mut node = node.clone();
             if !node.motion.is_empty() {
-                let pose = Path::new(&node.motion).unwrap().at(time);
+                let pose = AnimatedTransform::new(&node.motion).unwrap().at(time);
                 node.transform = pose.after(&node.transform).into();
                 node.motion.clear();
             }

@@ -131,7 +131,7 @@ fn compare(name: &str, world: &World) -> [u32; 4] {
     const SPACING: f64 = 1e-3;
     let reads = |x: f64, y: f64| {
         let mut reads = Reads::default();
-        Whitted::new(world, settings).eye(camera.line(x, y), Some(&camera.spread(x, y, SPACING)), &mut reads);
+        Whitted::new(world, settings).eye(camera.line(x, y), Some(&camera.differential(x, y, SPACING)), &mut reads);
         reads.reads
     };
     let mut counts = [0; 4];

@@ -39,7 +39,7 @@ fn a_million_spheres() {
     let camera = Camera::new(&scene.views[0].intrinsics, &scene.views[0].extrinsics).unwrap();
     let job = Job::new(camera, scene.film, scene.integrator);
     let world = World::build(scene).unwrap();
-    assert_eq!(world.census().cloud_spheres, u64::from(COUNT));
+    assert_eq!(world.stats().cloud_spheres, u64::from(COUNT));
 
     let rendering = render(&world, &job, &()).unwrap();
     assert!(rendering.counts.eye.hit > 8_000 && rendering.counts.shadow.hit > 1_000, "{:?}", rendering.counts);
@@ -78,9 +78,9 @@ fn thousand_million() -> Scene {
 #[test]
 fn a_thousand_million_copies() {
     let world = World::build(thousand_million()).unwrap();
-    let census = world.census();
-    assert_eq!((census.instances, census.primitives), (1_000_000_000, 80_000_000_000));
-    assert!(census.instances > World::MAX_INSTANCES as u64 && census.bytes < 2 << 20, "{census:?}");
+    let stats = world.stats();
+    assert_eq!((stats.instances, stats.primitives), (1_000_000_000, 80_000_000_000));
+    assert!(stats.instances > World::MAX_INSTANCES as u64 && stats.bytes < 2 << 20, "{census:?}");
     let mut met = 0;
     for n in 0..400u32 {
         let k = [7, 13, 29].map(|step| n.wrapping_mul(2_654_435_761) % 1_000_003 / step % 1000);
@@ -130,7 +130,7 @@ fn more_copies_than_numbers_are_refused() {
         nodes: vec![Node::new(Content::Instance(times))],
         ..Scene::default()
     };
-    assert_eq!(World::build(scene(31)).unwrap().census().instances, 1 << 31);
+    assert_eq!(World::build(scene(31)).unwrap().stats().instances, 1 << 31);
     let refused = World::build(scene(40)).unwrap_err();
     assert_eq!(refused, BuildError::TooManyCopies("\"p32\"".into()));
     assert_eq!(refused.to_string(), "\"p32\" expands to more than 4294967294 copies");

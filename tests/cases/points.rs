@@ -9,7 +9,7 @@ use canaletto::world::World;
 use canaletto_io::assets::MemoryAssets;
 use canaletto_io::diagnostic::Diagnostics;
 use canaletto_io::import::load;
-use canaletto_io::text::{Script, read_scene};
+use canaletto_io::text::{SceneDocument, read_scene};
 use glam::{DVec3, Vec3};
 use std::time::{Duration, Instant};
 
@@ -222,7 +222,7 @@ fn many_keys_take_time_in_proportion() {
     );
     let assets = MemoryAssets::new();
     let start = Instant::now();
-    let mut script = Script::of_text(&text, "case.kdl", &assets, &[]).unwrap();
+    let mut script = SceneDocument::of_text(&text, "case.kdl", &assets, &[]).unwrap();
     let frames = script.key_frames();
     assert_eq!(frames.len(), KEYS);
     for (i, frame) in frames.into_iter().enumerate() {
@@ -258,7 +258,7 @@ fn many_things_are_read_as_few_are() {
         };
     }
     let read = |set: &[String]| {
-        Script::of_text(&text, "case.kdl", &MemoryAssets::new(), set).unwrap().scene(&MemoryAssets::new(), 0.0)
+        SceneDocument::of_text(&text, "case.kdl", &MemoryAssets::new(), set).unwrap().scene(&MemoryAssets::new(), 0.0)
     };
     let (few, _) = read(&["camera.fovy=40".into()]).unwrap_or_else(|e| panic!("{e}"));
     let (many, _) = read(&[]).unwrap_or_else(|e| panic!("{e}"));
@@ -270,7 +270,7 @@ fn many_things_are_read_as_few_are() {
     {
         let said = |set: &[String]| {
             let text = format!("{text}{wrong}\n");
-            match Script::of_text(&text, "case.kdl", &MemoryAssets::new(), set)
+            match SceneDocument::of_text(&text, "case.kdl", &MemoryAssets::new(), set)
                 .map(|mut s| s.scene(&MemoryAssets::new(), 0.0))
             {
                 Err(e) | Ok(Err(e)) => e.to_string(),

@@ -9,7 +9,7 @@
 //! each texel, and half as many again while reading.
 
 use canaletto::scene::Scene;
-use canaletto::texture::{Filter, ImageTexture, Lookup, Pattern, Prefilter, Texture, TextureKind};
+use canaletto::texture::{Filter, ImageTexture, Lookup, Prefilter, PreparedTexture, Texture, TextureKind};
 use canaletto::world::World;
 use canaletto_bench::{say, say_on};
 use canaletto_io::assets::{AssetPath, Assets, MemoryAssets};
@@ -81,7 +81,13 @@ fn run(size: u32) -> Result<(), String> {
 }
 
 /// Nanoseconds of a lookup in each texture; the best of some turns.
-fn measure(textures: &[Pattern], order: fn(u32, f64) -> DVec3, size: f64, spacing: f64, slant: f64) -> Vec<f64> {
+fn measure(
+    textures: &[PreparedTexture],
+    order: fn(u32, f64) -> DVec3,
+    size: f64,
+    spacing: f64,
+    slant: f64,
+) -> Vec<f64> {
     const COUNT: u32 = 200_000;
     let mut best = vec![f64::INFINITY; textures.len()];
     // Turned, so that ellipses lie across the tiles.

@@ -112,8 +112,8 @@ fn compare(mesh: &Mesh, options: &Options) -> Result<Vec<Value>, String> {
     for (name, arrangement) in ARRANGEMENTS {
         let start = Instant::now();
         let world = world(mesh, pitch, arrangement)?;
-        let (census, seconds) = (world.census(), start.elapsed().as_secs_f64());
-        say!("{name:9} {:10} instances, {} KiB, built in {seconds:.3} s", census.instances, census.bytes >> 10);
+        let (stats, seconds) = (world.stats(), start.elapsed().as_secs_f64());
+        say!("{name:9} {:10} instances, {} KiB, built in {seconds:.3} s", stats.instances, stats.bytes >> 10);
         worlds.push(world);
     }
     let list = &worlds[1];

@@ -1,7 +1,7 @@
 //! The frames of an animation: which, and how they follow each other.
 
 use canaletto_io::diagnostic::Diagnostic;
-use canaletto_io::text::Clip;
+use canaletto_io::text::Timeline;
 
 /// What --frames says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -107,7 +107,7 @@ impl std::fmt::Display for Frames {
 
 /// What --fps takes.
 pub(crate) fn fps(text: &str) -> Result<f64, String> {
-    let range = Clip::FPS;
+    let range = Timeline::FPS;
     match text.parse::<f64>() {
         Ok(fps) if range.contains(&fps) => Ok(fps),
         Ok(_) => Err(format!("it must be between {} and {}", range.start(), range.end())),

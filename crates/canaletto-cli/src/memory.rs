@@ -21,7 +21,7 @@ impl Memory {
     /// process holds, and the most that it held while reading and building; where it doesn't say, what the world's lists take.
     pub(crate) fn of(world: &World, pixels: u64, aovs: &[Aov], format: Format) -> Memory {
         let (now, peak) = usage().unwrap_or_else(|| {
-            let bytes = world.census().bytes;
+            let bytes = world.stats().bytes;
             (bytes, bytes)
         });
         /// What tiles, threads and the rest of the program take.

@@ -2,7 +2,7 @@
 
 use crate::words::{count, duration, plural, rate};
 use canaletto::integrator::RayCounts;
-use canaletto::world::Origins;
+use canaletto::world::ReuseCounts;
 use serde::Serialize;
 use std::time::Duration;
 
@@ -26,7 +26,7 @@ pub(crate) struct Report {
     /// Primitives in the world.
     pub primitives: u64,
     /// Where hierarchies over meshes and clouds come from.
-    pub hierarchies: Origins,
+    pub hierarchies: ReuseCounts,
     /// Rays by kind.
     pub rays: RayCounts,
     /// Rays in all.

@@ -17,7 +17,7 @@ use crate::terminal::Paint;
 use crate::words::{JSON_VERSION, count, duration, plural};
 use canaletto::render::{Aov, Job, Rendering};
 use canaletto::scene::{Sampling, Scene};
-use canaletto::world::{Origins, World};
+use canaletto::world::{ReuseCounts, World};
 use canaletto_io::movie::{Movie, MovieSettings};
 use canaletto_io::picture::{
     Compression, ExrOptions, Image, PngSettings, Window, develop_png_part, encode_exr, encode_png, write_exr_part,
@@ -43,7 +43,7 @@ pub(crate) struct Series<'a> {
 }
 
 /// What a frame is made of. If nothing moves it serves them all.
-struct Stage {
+struct FrameContext {
     camera: String,
     job: Job,
     /// What the files carry besides pixels.
@@ -53,7 +53,7 @@ struct Stage {
     world: Option<World>,
     /// The world of the frame that was rendered before, which saves work on this one.
     before: Option<World>,
-    hierarchies: Origins,
+    hierarchies: ReuseCounts,
 }
 
 /// About how many rays a picture takes: two for each from the eye.
@@ -96,8 +96,8 @@ impl<'a> Series<'a> {
             interrupt::Rendering::begins(); // Those that are finished are told, and a film's are kept.
         }
         self.told.insert(first.warnings.to_string());
-        let moves = self.reader.clip().moves;
-        let mut stage = self.stage(first)?;
+        let moves = self.reader.timeline().moves;
+        let mut frame_context = self.frame_context(first)?;
         for frame in self.plan.frames.iter() {
             if interrupt::requested() {
                 return self.interrupted(None);
@@ -108,55 +108,55 @@ impl<'a> Series<'a> {
                 if !self.flags.quiet && self.told.insert(source.warnings.to_string()) {
                     print_diagnostics(&source.warnings, self.plan.style == Style::Json);
                 }
-                let before = stage.world.take().or(stage.before.take());
-                stage = Stage { before, ..self.stage(source)? };
+                let before = frame_context.world.take().or(frame_context.before.take());
+                frame_context = FrameContext { before, ..self.frame_context(source)? };
             }
-            if self.keeps(&stage, frame) {
+            if self.keeps(&frame_context, frame) {
                 self.kept += 1;
                 if self.plan.style == Style::Json {
                     emit(&json!({ "event": "skipped", "frame": frame, "files": self.plan.files(frame) }));
                 }
                 continue;
             }
-            if let Some(scene) = stage.scene.take() {
-                let options = self.flags.source.build_options(rays(&stage.job));
-                let options = seen_through(&stage.camera, &scene, options);
-                let (world, time) = build(&self.reader.name, scene, &options, stage.before.take())?;
-                (stage.hierarchies, stage.times.build) = (world.origins(), time.as_secs_f64());
-                stage.world = Some(world);
+            if let Some(scene) = frame_context.scene.take() {
+                let options = self.flags.source.build_options(rays(&frame_context.job));
+                let options = seen_through(&frame_context.camera, &scene, options);
+                let (world, time) = build(&self.reader.name, scene, &options, frame_context.before.take())?;
+                (frame_context.hierarchies, frame_context.times.build) = (world.origins(), time.as_secs_f64());
+                frame_context.world = Some(world);
             }
-            let Some(world) = &stage.world else { continue };
-            let Rendered { report, whole } = self.frame(&stage, world, frame)?;
+            let Some(world) = &frame_context.world else { continue };
+            let Rendered { report, whole } = self.frame(&frame_context, world, frame)?;
             if whole {
                 self.rendered += 1;
                 self.spent += begun.elapsed();
             }
-            self.tell(&report, &stage.job);
+            self.tell(&report, &frame_context.job);
             if !report.complete {
                 return self.interrupted(Some(&report));
             }
             // Reading and building served this frame; where nothing moves, the next ones cost none of it.
-            (stage.times.read, stage.times.build) = (0.0, 0.0);
-            let Origins { kept, refitted, built } = stage.hierarchies;
-            stage.hierarchies = Origins { kept: kept + refitted + built, ..Origins::default() };
+            (frame_context.times.read, frame_context.times.build) = (0.0, 0.0);
+            let ReuseCounts { kept, refitted, built } = frame_context.hierarchies;
+            frame_context.hierarchies = ReuseCounts { kept: kept + refitted + built, ..ReuseCounts::default() };
         }
         self.finish()
     }
 
     /// What a scene means for its frame.
-    fn stage(&self, source: Source) -> Result<Stage, Failure> {
+    fn frame_context(&self, source: Source) -> Result<FrameContext, Failure> {
         let settings = Settings::new(&source.name, &source.scene, &self.flags.picture)?;
         let mut texts = metadata(&self.flags.source, &settings);
         let job = Job { aovs: self.plan.aovs.clone(), tile: self.flags.tile, ..settings.job };
         if self.plan.numbered {
-            if self.reader.clip().seconds {
+            if self.reader.timeline().seconds {
                 texts.push(("fps".into(), self.plan.rate.fps().to_string()));
             }
             let digest = Digest::of_program().with_files(&source.files).with(&self.flags.source.set);
             texts.push(("fingerprint".into(), self.plan.output.digest(digest, &texts, &job).to_string()));
         }
         let times = Times { read: source.time.as_secs_f64(), ..Times::default() };
-        Ok(Stage {
+        Ok(FrameContext {
             camera: settings.camera,
             job,
             texts,
@@ -164,31 +164,31 @@ impl<'a> Series<'a> {
             scene: Some(source.scene),
             world: None,
             before: None,
-            hierarchies: Origins::default(),
+            hierarchies: ReuseCounts::default(),
         })
     }
 
     /// Whether a frame's files are there, whole, and what would be rendered.
-    fn keeps(&self, stage: &Stage, frame: u32) -> bool {
+    fn keeps(&self, frame_context: &FrameContext, frame: u32) -> bool {
         let output = &self.plan.output;
         if self.flags.force || !self.plan.numbered || output.format.film().is_some() || output.is_stdout() {
             return false;
         }
-        let job = Job { frame, ..stage.job.clone() };
+        let job = Job { frame, ..frame_context.job.clone() };
         self.plan.files(frame).iter().enumerate().all(|(index, file)| {
             is_complete(
                 file,
                 &job,
                 output,
-                &texts(&stage.texts, &job, index.checked_sub(1).map(|layer| job.aovs[layer])),
+                &texts(&frame_context.texts, &job, index.checked_sub(1).map(|layer| job.aovs[layer])),
             )
         })
     }
 
     /// Renders a frame and writes it.
-    fn frame(&mut self, stage: &Stage, world: &World, frame: u32) -> Result<Rendered, Failure> {
+    fn frame(&mut self, frame_context: &FrameContext, world: &World, frame: u32) -> Result<Rendered, Failure> {
         let plan = self.plan;
-        let job = Job { frame, ..stage.job.clone() };
+        let job = Job { frame, ..frame_context.job.clone() };
         let [_, _, width, height] = job.window();
         let pixels = u64::from(width) * u64::from(height);
         let threads = rayon::current_num_threads();
@@ -201,7 +201,7 @@ impl<'a> Series<'a> {
         };
         if plan.style == Style::Json {
             emit(&json!({
-                "event": "start", "version": JSON_VERSION, "scene": self.reader.name, "camera": stage.camera, "frame": frame,
+                "event": "start", "version": JSON_VERSION, "scene": self.reader.name, "camera": frame_context.camera, "frame": frame,
                 "frames": [first, last], "frames_done": whole.done, "frames_total": whole.frames,
                 "size": [width, height], "pixels": pixels, "threads": threads, "files": plan.files(frame),
             }));
@@ -218,9 +218,9 @@ impl<'a> Series<'a> {
         let rendering = rendered.map_err(|e| Failure::new(Exit::Scene, format!("{}: {e}", self.reader.name)))?;
         let start = Instant::now();
         let files = if rendering.complete {
-            self.save(stage, world, &job, &rendering)?
+            self.save(frame_context, world, &job, &rendering)?
         } else if rendering.pixels_done > 0 && plan.output.format.film().is_none() {
-            self.save_part(stage, world, &job, &rendering)?
+            self.save_part(frame_context, world, &job, &rendering)?
         } else {
             Vec::new() // A black picture is worth nothing, and a film has whole frames.
         };
@@ -234,23 +234,29 @@ impl<'a> Series<'a> {
             files,
             size: [width, height],
             primitives: world.primitives(),
-            hierarchies: stage.hierarchies,
+            hierarchies: frame_context.hierarchies,
             rays: rendering.counts,
             rays_total,
             rays_per_second: (rays_total as f64 / render.max(1e-9)).round(),
             threads,
-            seconds: Times { render, write: start.elapsed().as_secs_f64(), ..stage.times },
+            seconds: Times { render, write: start.elapsed().as_secs_f64(), ..frame_context.times },
         };
         Ok(Rendered { whole: report.complete, report })
     }
 
     /// Writes a picture and its layers, or adds it to the film; returns the files' names.
-    fn save(&mut self, stage: &Stage, world: &World, job: &Job, rendering: &Rendering) -> Result<Vec<String>, Failure> {
+    fn save(
+        &mut self,
+        frame_context: &FrameContext,
+        world: &World,
+        job: &Job,
+        rendering: &Rendering,
+    ) -> Result<Vec<String>, Failure> {
         let (plan, files) = (self.plan, self.plan.files(job.frame));
         if plan.output.format.film().is_some() {
-            self.add_to_film(&layers::developed(&rendering.picture, &job.film), job, stage.texts.clone())?;
+            self.add_to_film(&layers::developed(&rendering.picture, &job.film), job, frame_context.texts.clone())?;
         } else {
-            self.encode(stage, world, job, rendering, |index, bytes| plan.output.write(&files[index], bytes))?;
+            self.encode(frame_context, world, job, rendering, |index, bytes| plan.output.write(&files[index], bytes))?;
         }
         Ok(files.iter().map(|file| file.display().to_string()).collect())
     }
@@ -258,7 +264,7 @@ impl<'a> Series<'a> {
     /// Writes what there is of a picture and its layers beside their files; returns the names.
     fn save_part(
         &self,
-        stage: &Stage,
+        frame_context: &FrameContext,
         world: &World,
         job: &Job,
         rendering: &Rendering,
@@ -270,11 +276,11 @@ impl<'a> Series<'a> {
             // Numbers that floats round need the whole encoder.
             let is_rounded = rendering.picture.layers.iter().any(|layer| !layer.ids.is_empty());
             if plan.output.format == Format::Exr && !is_rounded {
-                names.push(self.save_exr_part(stage, job, rendering, &files[0])?);
+                names.push(self.save_exr_part(frame_context, job, rendering, &files[0])?);
             }
         }
         if names.is_empty() {
-            self.encode(stage, world, job, rendering, |index, bytes| {
+            self.encode(frame_context, world, job, rendering, |index, bytes| {
                 names.push(plan.output.write_part(&files[index], bytes)?.display().to_string());
                 Ok(())
             })?;
@@ -286,11 +292,17 @@ impl<'a> Series<'a> {
     }
 
     /// Writes what there is of a picture with its layers into an EXR beside its file; returns its name.
-    fn save_exr_part(&self, stage: &Stage, job: &Job, rendering: &Rendering, file: &Path) -> Result<String, Failure> {
+    fn save_exr_part(
+        &self,
+        frame_context: &FrameContext,
+        job: &Job,
+        rendering: &Rendering,
+        file: &Path,
+    ) -> Result<String, Failure> {
         let (picture, output) = (&rendering.picture, &self.plan.output);
         let fill = |channel: usize, range, values: &mut [f32]| layers::fill(picture, channel, range, values);
         let (size, names) = ([picture.width, picture.height], layers::channel_names(&job.aovs));
-        let (options, texts) = (self.exr_options(job), self.texts(stage, job, rendering, None));
+        let (options, texts) = (self.exr_options(job), self.texts(frame_context, job, rendering, None));
         let place = output.write_part_with(file, |out| {
             write_exr_part(size, &names, &fill, options, &texts, out, interrupt::leaves_time).map(|_| ())
         })?;
@@ -303,8 +315,14 @@ impl<'a> Series<'a> {
     }
 
     /// The texts of a picture's file, or that of a layer.
-    fn texts(&self, stage: &Stage, job: &Job, rendering: &Rendering, layer: Option<Aov>) -> Vec<(String, String)> {
-        let mut texts = texts(&stage.texts, job, layer);
+    fn texts(
+        &self,
+        frame_context: &FrameContext,
+        job: &Job,
+        rendering: &Rendering,
+        layer: Option<Aov>,
+    ) -> Vec<(String, String)> {
+        let mut texts = texts(&frame_context.texts, job, layer);
         if !rendering.complete {
             texts.push((UNFINISHED.into(), "interrupted; black parts aren't rendered".into()));
         }
@@ -314,14 +332,14 @@ impl<'a> Series<'a> {
     /// Calls `write` with the bytes of each file of a picture: the picture itself, then layers that have files of their own.
     fn encode(
         &self,
-        stage: &Stage,
+        frame_context: &FrameContext,
         world: &World,
         job: &Job,
         rendering: &Rendering,
         mut write: impl FnMut(usize, &[u8]) -> Result<(), Failure>,
     ) -> Result<(), Failure> {
         let (picture, film, output) = (&rendering.picture, &job.film, &self.plan.output);
-        let texts = |layer| self.texts(stage, job, rendering, layer);
+        let texts = |layer| self.texts(frame_context, job, rendering, layer);
         if output.format == Format::Exr {
             let options = ExrOptions { uncompressed: !rendering.complete, ..self.exr_options(job) };
             let bytes = encode_exr(&layers::linear(picture), options, &texts(None)).map_err(|e| unfit(&e))?;

@@ -8,7 +8,7 @@ use canaletto::camera::Camera;
 use canaletto::render::{Job, JobError};
 use canaletto::scene::{FilmSettings, Filter, IntegratorSettings, Sampling, Scene, Stage, View};
 use canaletto_io::picture::MAX_PIXELS;
-use canaletto_io::text::nearest;
+use canaletto_io::text::closest_word;
 
 /// The job that a command does, and the name of its camera.
 #[derive(Clone, Debug)]
@@ -89,7 +89,7 @@ fn choose_view<'a>(name: &str, views: &'a [View], wanted: Option<&str>) -> Resul
             [only] => format!("its only camera is \"{only}\""),
             _ => format!("its cameras are {}", list(&names)),
         };
-        match nearest(wanted, names.iter().copied()) {
+        match closest_word(wanted, names.iter().copied()) {
             Some(near) if names.len() > 1 => failure.help(format!("did you mean \"{near}\"? {all}")),
             _ => failure.help(all),
         }

@@ -11,7 +11,7 @@ use canaletto::world::{BuildError, BuildOptions, World};
 use canaletto_io::assets::{Asset, AssetError, AssetPath, Assets, FolderAssets, OpenAsset};
 use canaletto_io::diagnostic::{Diagnostic, Diagnostics};
 use canaletto_io::import;
-use canaletto_io::text::{Clip, MAX_TEXT, Script, nearest};
+use canaletto_io::text::{MAX_TEXT, SceneDocument, Timeline, closest_word};
 use serde::Serialize;
 use std::io::{self, IsTerminal, Read};
 use std::path::{Path, PathBuf};
@@ -67,7 +67,7 @@ pub(crate) struct Reader {
 }
 
 enum Kind {
-    Script(Box<Script>),
+    SceneDocument(Box<SceneDocument>),
     /// The name to read it by.
     Model(String),
 }
@@ -104,7 +104,7 @@ impl Reader {
         let assets = Recording { inner: assets.allow_outside(allow_outside), files: Mutex::default() };
         let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
         let kind = if extension == "kdl" {
-            Kind::Script(Box::new(Script::read(&file, &assets, set)?))
+            Kind::SceneDocument(Box::new(SceneDocument::read(&file, &assets, set)?))
         } else if import::SCENE_EXTENSIONS.contains(&extension.as_str()) {
             if let [first, ..] = set {
                 return Err(Failure::usage(format!(
@@ -143,37 +143,42 @@ impl Reader {
         };
         let path = AssetPath::new("", STDIN_NAME, STDIN_NAME);
         assets.note(&path, text.len(), || Ok(hash_of(text.as_bytes()))).map_err(|e| cant(&e))?;
-        let script = Script::of_text(&text, STDIN_NAME, &assets, set)?;
-        Ok(Reader { name: STDIN_NAME.into(), kind: Kind::Script(Box::new(script)), assets, time: start.elapsed() })
+        let document = SceneDocument::of_text(&text, STDIN_NAME, &assets, set)?;
+        Ok(Reader {
+            name: STDIN_NAME.into(),
+            kind: Kind::SceneDocument(Box::new(document)),
+            assets,
+            time: start.elapsed(),
+        })
     }
 
     /// Chooses the camera whose shutter counts.
     pub(crate) fn look_through(&mut self, camera: Option<&str>) {
-        if let (Kind::Script(script), Some(camera)) = (&mut self.kind, camera) {
-            script.look_through(camera);
+        if let (Kind::SceneDocument(document), Some(camera)) = (&mut self.kind, camera) {
+            document.look_through(camera);
         }
     }
 
     /// How it counts time.
-    pub(crate) fn clip(&self) -> Clip {
-        if let Kind::Script(script) = &self.kind { *script.clip() } else { Clip::default() }
+    pub(crate) fn timeline(&self) -> Timeline {
+        if let Kind::SceneDocument(document) = &self.kind { *document.timeline() } else { Timeline::default() }
     }
 
     /// Changes the frames of a second.
     pub(crate) fn set_fps(&mut self, fps: f64) {
-        if let Kind::Script(script) = &mut self.kind {
-            script.set_fps(fps);
+        if let Kind::SceneDocument(document) = &mut self.kind {
+            document.set_fps(fps);
         }
     }
 
     /// The frame that is meant where none is named.
     pub(crate) fn first_frame(&self) -> u32 {
-        if let Kind::Script(script) = &self.kind { script.first_frame() } else { 0 }
+        if let Kind::SceneDocument(document) = &self.kind { document.first_frame() } else { 0 }
     }
 
     /// The times of keys, in frames.
     pub(crate) fn key_frames(&self) -> Vec<f64> {
-        if let Kind::Script(script) = &self.kind { script.key_frames() } else { Vec::new() }
+        if let Kind::SceneDocument(document) = &self.kind { document.key_frames() } else { Vec::new() }
     }
 
     /// The output among these that would replace a file of the scene, whichever frame needs that.
@@ -185,7 +190,7 @@ impl Reader {
         let folder = &self.assets.inner;
         let files = self.assets.files.lock().unwrap_or_else(PoisonError::into_inner);
         let read = files.iter().find_map(|used| guard.find(&folder.root().join(&used.place)));
-        let texts = if let Kind::Script(script) = &self.kind { script.texts() } else { Vec::new() };
+        let texts = if let Kind::SceneDocument(document) = &self.kind { document.texts() } else { Vec::new() };
         let named = || texts.iter().find_map(|(text, from)| guard.find_named(&folder.system_path(text, from)));
         read.or_else(named).map(Path::to_owned)
     }
@@ -195,7 +200,7 @@ impl Reader {
         let start = Instant::now();
         memory::working_at("reading the scene");
         let (scene, warnings) = match &mut self.kind {
-            Kind::Script(script) => script.scene(&self.assets, f64::from(frame))?,
+            Kind::SceneDocument(document) => document.scene(&self.assets, f64::from(frame))?,
             Kind::Model(file) => import::load(file, &self.assets)?,
         };
         let files = self.assets.files.lock().unwrap_or_else(PoisonError::into_inner).clone();
@@ -223,7 +228,7 @@ fn missing(path: &Path, error: &io::Error) -> Failure {
     };
     let names: Vec<String> = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok()).collect();
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
-    match path.file_name().and_then(|name| nearest(name.to_str()?, names)) {
+    match path.file_name().and_then(|name| closest_word(name.to_str()?, names)) {
         Some(near) => failure.help(format!("did you mean {}?", path.with_file_name(near).display())),
         None => failure,
     }

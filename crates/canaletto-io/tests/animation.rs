@@ -6,12 +6,12 @@ use canaletto::scene::{Content, Node, Scene, Stage, Transfer};
 use canaletto::shape::Shape;
 use canaletto_io::assets::{Asset, AssetError, AssetPath, Assets, MemoryAssets};
 use canaletto_io::picture::{Depth, Image, encode_png};
-use canaletto_io::text::{Script, read_scene_text};
+use canaletto_io::text::{SceneDocument, read_scene_text};
 use glam::{DVec3, Vec3};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-fn script(text: &str) -> Script {
-    Script::of_text(text, "scene.kdl", &MemoryAssets::new(), &[]).unwrap_or_else(|errors| panic!("{errors}"))
+fn script(text: &str) -> SceneDocument {
+    SceneDocument::of_text(text, "scene.kdl", &MemoryAssets::new(), &[]).unwrap_or_else(|errors| panic!("{errors}"))
 }
 
 fn at(text: &str, frame: f64) -> Scene {
@@ -74,7 +74,7 @@ fn textures_and_environments_move() {
             stops -90 0 0 0  90 1 1 1 }
         light "omni" { position 0 9 0 }
     "#;
-    let mut script = Script::of_text(text, "s", &assets, &[]).ok().unwrap();
+    let mut script = SceneDocument::of_text(text, "s", &assets, &[]).ok().unwrap();
     let mut at = |frame| script.scene(&assets, frame).unwrap_or_else(|errors| panic!("{errors}")).0;
     let (first, later) = (at(0.0), at(5.0));
     assert_ne!(first.textures, later.textures);
@@ -91,7 +91,7 @@ fn textures_and_environments_move() {
 fn a_scene_that_stands_still_is_the_same_at_all_frames() {
     let text = "sphere { center 0 0 0; radius 1 }\ncamera { eye 0 0 9 }";
     let mut script = script(text);
-    assert!(!script.clip().moves && script.key_frames().is_empty() && script.first_frame() == 0);
+    assert!(!script.timeline().moves && script.key_frames().is_empty() && script.first_frame() == 0);
     let scene = script.scene(&MemoryAssets::new(), 3.0).ok().unwrap().0;
     assert_eq!(scene, read_scene_text(text, "s", &MemoryAssets::new(), &[]).ok().unwrap().0);
 }
@@ -115,7 +115,10 @@ fn seconds_depend_on_the_frames_of_a_second() {
         sphere { center 0 0 0; radius 1; translate { key 0 0 0 0; key 2  20 0 0; ease \"linear\" } }";
     assert_eq!(origin(text, 5.0).x, 5.0);
     let mut script = script(text);
-    assert_eq!((script.first_frame(), script.clip().frames, script.key_frames()), (5, Some([5, 20]), vec![0.0, 20.0]));
+    assert_eq!(
+        (script.first_frame(), script.timeline().frames, script.key_frames()),
+        (5, Some([5, 20]), vec![0.0, 20.0])
+    );
     script.set_fps(20.0);
     let scene = script.scene(&MemoryAssets::new(), 5.0).ok().unwrap().0;
     assert_eq!(scene.nodes[0].transform.point(DVec3::ZERO).x, 2.5);
@@ -183,8 +186,8 @@ fn cameras_and_points_follow_paths() {
 fn values_can_be_set_over_keys() {
     let text = "sphere name=\"a\" { center 0 0 0; radius { key 0 1; key 9 5 } }\nanimation { fps 10 }";
     let set = ["sphere.a.radius=7".to_owned(), "animation.frames=3 4".to_owned()];
-    let mut script = Script::of_text(text, "s", &MemoryAssets::new(), &set).ok().unwrap();
-    assert_eq!(script.clip().frames, Some([3, 4]));
+    let mut script = SceneDocument::of_text(text, "s", &MemoryAssets::new(), &set).ok().unwrap();
+    assert_eq!(script.timeline().frames, Some([3, 4]));
     let scene = script.scene(&MemoryAssets::new(), 4.0).ok().unwrap().0;
     assert!(matches!(&scene.nodes[0].content, Content::Shape(Shape::Sphere(s)) if s.radius == 7.0));
 }
@@ -208,7 +211,7 @@ fn files_are_read_once_for_all_frames() {
         .with("c.csv", "1,2,3\n4,5,6\n")
         .with("d.csv", "1,2,3,4,5,6\n");
     let assets = Counting(memory, AtomicUsize::new(0));
-    let mut script = Script::of_text(text, "s", &assets, &[]).ok().unwrap();
+    let mut script = SceneDocument::of_text(text, "s", &assets, &[]).ok().unwrap();
     let first = script.scene(&assets, 0.0).unwrap_or_else(|errors| panic!("{errors}")).0;
     assert_eq!(assets.1.load(Ordering::Relaxed), 3);
     let later = script.scene(&assets, 5.0).ok().unwrap().0;

@@ -6,8 +6,8 @@ mod brightness;
 
 pub use brightness::Reason;
 
-use crate::light::Source;
-use crate::math::Line;
+use crate::light::PreparedLight;
+use crate::math::DRay;
 use crate::render::Job;
 use crate::scene::Stage;
 use crate::world::{Hit, World};
@@ -157,7 +157,7 @@ fn nothing_in_view(world: &World, job: &Job) -> Finding {
     Finding::NothingInView { bounds: Some([low, high]), behind }
 }
 
-fn first_hit(world: &World, line: &Line) -> Option<Hit> {
+fn first_hit(world: &World, line: &DRay) -> Option<Hit> {
     world.intersect(&line.rounded(), f32::INFINITY)
 }
 
@@ -165,7 +165,7 @@ fn first_hit(world: &World, line: &Line) -> Option<Hit> {
 fn enclosing_object(world: &World, point: DVec3) -> Option<(u32, String)> {
     let mut around = None;
     for index in 0..DIRECTIONS {
-        let line = Line { origin: point, direction: fibonacci_direction(index) };
+        let line = DRay { origin: point, direction: fibonacci_direction(index) };
         let hit = first_hit(world, &line)?;
         let opaque = world.material(&hit).is_opaque();
         let outwards = world.surface(line, &hit).normal.dot(line.direction) > 0.0;
@@ -179,7 +179,7 @@ fn enclosing_object(world: &World, point: DVec3) -> Option<(u32, String)> {
 }
 
 /// The opaque object that all points of a light are inside of.
-fn light_is_inside(world: &World, light: &Source) -> Option<(u32, String)> {
+fn light_is_inside(world: &World, light: &PreparedLight) -> Option<(u32, String)> {
     let step = light.points().div_ceil(MAX_POINTS).max(1);
     let mut around: Option<(u32, String)> = None;
     for index in (0..light.points()).step_by(step as usize) {

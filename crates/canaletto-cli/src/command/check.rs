@@ -101,7 +101,7 @@ fn summary(found: &Diagnostics, failed: bool) -> String {
 /// next to keys, by which those between can be judged.
 fn check(path: &Path, allow_outside: bool, frame: Option<u32>) -> Result<Diagnostics, Failure> {
     let mut reader = Reader::open_file(path, &[], allow_outside)?;
-    let (name, moves) = (reader.name.clone(), reader.clip().moves);
+    let (name, moves) = (reader.name.clone(), reader.timeline().moves);
     let frames = frame.map_or_else(|| all_frames(&reader), |frame| Ok(Frames::one(frame)))?;
     let built = frames.next_to(&reader.key_frames());
     let mut found = Found::default();
@@ -123,8 +123,8 @@ fn check(path: &Path, allow_outside: bool, frame: Option<u32>) -> Result<Diagnos
             }
         }
     }
-    if frame.is_none() && reader.clip().frames.is_some() && frames.count() > 1 {
-        found.add(stillness.doubts(&name, frames, reader.clip().fps, moves));
+    if frame.is_none() && reader.timeline().frames.is_some() && frames.count() > 1 {
+        found.add(stillness.doubts(&name, frames, reader.timeline().fps, moves));
     }
     Ok(found.diagnostics)
 }
@@ -132,7 +132,7 @@ fn check(path: &Path, allow_outside: bool, frame: Option<u32>) -> Result<Diagnos
 /// The frames of the scene's animation, or all from its first to its last key.
 fn all_frames(reader: &Reader) -> Result<Frames, Failure> {
     let wrong = |e: String| Failure::new(Exit::Scene, format!("{}: animation: {e}", reader.name));
-    if let Some([first, last]) = reader.clip().frames {
+    if let Some([first, last]) = reader.timeline().frames {
         return Frames::new(first, last, 1).map_err(wrong);
     }
     let (keys, own) = (reader.key_frames(), reader.first_frame());

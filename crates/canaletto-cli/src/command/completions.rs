@@ -23,8 +23,8 @@ Examples:
 
 /// Runs the command.
 pub(crate) fn run(flags: &CompletionsFlags, mut command: clap::Command) -> Result<Exit, Failure> {
-    let mut script = Vec::new();
-    clap_complete::generate(flags.shell, &mut command, "canaletto", &mut script);
-    print(&String::from_utf8_lossy(&script))?;
+    let mut document = Vec::new();
+    clap_complete::generate(flags.shell, &mut command, "canaletto", &mut document);
+    print(&String::from_utf8_lossy(&document))?;
     Ok(Exit::Done)
 }

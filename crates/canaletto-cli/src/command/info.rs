@@ -8,11 +8,11 @@ use crate::output::Format;
 use crate::source::{Source, UsedFile, build, on_threads};
 use crate::stdout::{print, print_json};
 use crate::words::{JSON_VERSION, bytes, count, duration, plural, short};
-use canaletto::light::{Light, Source as LightSource};
+use canaletto::light::{Light, PreparedLight};
 use canaletto::material::Material;
 use canaletto::math::{Rgb, Transform};
 use canaletto::scene::View;
-use canaletto::world::{Census, World};
+use canaletto::world::{World, WorldStats};
 use clap::Args;
 use serde_json::json;
 use std::time::Duration;
@@ -37,7 +37,7 @@ const EXAMPLES: &str = "\
 Examples:
   canaletto info bunny.ply
   canaletto info hall.ply --build high             # memory and time of the better hierarchies
-  canaletto info shot.kdl --json | jq .census.primitives";
+  canaletto info shot.kdl --json | jq .stats.primitives";
 
 /// All that is told.
 struct Info {
@@ -94,7 +94,7 @@ impl Info {
             "version": JSON_VERSION,
             "scene": self.name,
             "files": self.files,
-            "census": self.world.census(),
+            "census": self.world.stats(),
             "memory": self.memory,
             "bounds": self.bounds(),
             "background": self.world.background,
@@ -111,9 +111,9 @@ impl Info {
         rows.push(("scene", self.name.clone()));
         let files = self.files.iter().map(|used| format!("{}, {}", used.file, bytes(used.bytes)));
         several(&mut rows, "files", files);
-        let census = self.world.census();
-        rows.push(("contents", contents(&census)));
-        rows.push(("hierarchies", bytes(census.bytes)));
+        let stats = self.world.stats();
+        rows.push(("contents", contents(&stats)));
+        rows.push(("hierarchies", bytes(stats.bytes)));
         rows.push((
             "memory",
             format!(
@@ -151,12 +151,12 @@ fn several(rows: &mut Vec<(&'static str, String)>, name: &'static str, items: im
     }
 }
 
-fn contents(census: &Census) -> String {
+fn contents(stats: &WorldStats) -> String {
     let stored = [
-        (census.shapes, "single shape"),
-        (census.triangles, "triangle"),
-        (census.cloud_spheres, "sphere of clouds"),
-        (census.cloud_cylinders, "cylinder of clouds"),
+        (stats.shapes, "single shape"),
+        (stats.triangles, "triangle"),
+        (stats.cloud_spheres, "sphere of clouds"),
+        (stats.cloud_cylinders, "cylinder of clouds"),
     ];
     let stored: Vec<String> = stored
         .iter()
@@ -167,9 +167,9 @@ fn contents(census: &Census) -> String {
         })
         .collect();
     let stored = if stored.is_empty() { "nothing".to_owned() } else { stored.join(", ") };
-    let objects = plural(census.objects, "object");
-    if census.primitives > census.shapes + census.triangles + census.cloud_spheres + census.cloud_cylinders {
-        format!("{objects}: {stored}; instances make them {}", plural(census.primitives, "primitive"))
+    let objects = plural(stats.objects, "object");
+    if stats.primitives > stats.shapes + stats.triangles + stats.cloud_spheres + stats.cloud_cylinders {
+        format!("{objects}: {stored}; instances make them {}", plural(stats.primitives, "primitive"))
     } else {
         format!("{objects}: {stored}")
     }
@@ -189,7 +189,7 @@ fn camera(view: &View) -> String {
     )
 }
 
-fn light(source: &LightSource) -> String {
+fn light(source: &PreparedLight) -> String {
     let light = &source.light;
     let name = light.name.as_ref().map_or_else(String::new, |name| format!("\"{name}\": "));
     let points = if source.points() > 1 { format!(", {} points", source.points()) } else { String::new() };

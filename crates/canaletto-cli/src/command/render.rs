@@ -17,9 +17,9 @@ use crate::words::{JSON_VERSION, bytes, count, plural};
 use canaletto::memory;
 use canaletto::render::Aov;
 use canaletto::scene::{Stage, Transfer};
-use canaletto::world::Census;
+use canaletto::world::WorldStats;
 use canaletto_io::movie::Rate;
-use canaletto_io::text::nearest;
+use canaletto_io::text::closest_word;
 use clap::Args;
 use serde_json::json;
 use std::collections::HashSet;
@@ -115,7 +115,7 @@ fn aov(text: &str) -> Result<Layers, String> {
     }
     Aov::from_name(text).map(Layers::One).ok_or_else(|| {
         let names = Aov::ALL.map(|(_, name, _)| name);
-        match nearest(text, names) {
+        match closest_word(text, names) {
             Some(near) => format!("did you mean {near}?"),
             None => format!("the layers are {}, and all", names.join(", ")),
         }
@@ -162,7 +162,7 @@ impl Plan {
             return Err(Failure::usage(format!("--aov: {} has no layers", output.format))
                 .help("render numbered pictures, such as --output shot.####.exr"));
         }
-        let rate = Rate::new(flags.fps.unwrap_or(reader.clip().fps));
+        let rate = Rate::new(flags.fps.unwrap_or(reader.timeline().fps));
         Ok(Plan { output, frames, numbered: flags.frames.is_some(), rate, aovs, style })
     }
 
@@ -185,7 +185,7 @@ impl Plan {
 /// Which frames are wanted.
 fn frames(flags: &RenderFlags, output: &Output, reader: &Reader) -> Result<Frames, Failure> {
     let own = || {
-        let frames = reader.clip().frames.map(|[first, last]| Frames::new(first, last, 1));
+        let frames = reader.timeline().frames.map(|[first, last]| Frames::new(first, last, 1));
         frames.transpose().map_err(|e| Failure::new(Exit::Scene, format!("{}: animation: {e}", reader.name)))
     };
     let none = |what: &str| {
@@ -333,24 +333,24 @@ fn on_pool(task: Task, outputs: &[PathBuf]) -> Result<Exit, Failure> {
     if let Some(file) = reader.replaced_by(outputs.iter().cloned()) {
         return Err(replaced("--output", &file));
     }
-    if plan.frames.count() > 1 && !reader.clip().moves && !flags.quiet {
+    if plan.frames.count() > 1 && !reader.timeline().moves && !flags.quiet {
         print_diagnostics(&plan.frames.all_the_same(&source.name, false).into(), plan.style == Style::Json);
     }
     if flags.dry_run {
         let files = source.files.len();
         let options = flags.source.build_options(0);
         let (mut world, _) = build(&source.name, source.scene, &options, None)?;
-        let census = world.census();
-        if let Some(second) = plan.frames.iter().nth(1).filter(|_| reader.clip().moves) {
+        let stats = world.stats();
+        if let Some(second) = plan.frames.iter().nth(1).filter(|_| reader.timeline().moves) {
             // The world of the frame before is there while the next one is read and built.
             let source = reader.at(second)?;
             (world, _) = build(&source.name, source.scene, &options, Some(world))?;
         }
         let memory = Memory::of(&world, u64::from(width) * u64::from(height), &plan.aovs, plan.output.format);
-        return dry_run(flags, plan, &settings, &census, memory, files);
+        return dry_run(flags, plan, &settings, &stats, memory, files);
     }
     // What goes wrong at a later key is better known before the first frame is rendered than after many.
-    if reader.clip().moves && plan.frames.count() > 1 {
+    if reader.timeline().moves && plan.frames.count() > 1 {
         for frame in plan.frames.next_to(&reader.key_frames()).into_iter().filter(|frame| *frame != plan.frames.first) {
             let source = reader.at(frame)?;
             Settings::new(&source.name, &source.scene, &flags.picture)?;
@@ -376,7 +376,7 @@ fn dry_run(
     flags: &RenderFlags,
     plan: &Plan,
     settings: &Settings,
-    census: &Census,
+    stats: &WorldStats,
     memory: Memory,
     files: usize,
 ) -> Result<Exit, Failure> {
@@ -386,7 +386,7 @@ fn dry_run(
     if plan.style == Style::Json {
         emit(&json!({
             "event": "plan", "version": JSON_VERSION, "scene": flags.source.scene, "camera": settings.camera, "size": [width, height],
-            "frames": [plan.frames.first, plan.frames.last], "files": first, "census": census,
+            "frames": [plan.frames.first, plan.frames.last], "files": first, "census": stats,
             "memory": memory,
         }));
         return Ok(Exit::Done);
@@ -417,12 +417,12 @@ fn dry_run(
         settings.camera,
         sampling_words(&job.film),
         integrator.max_depth,
-        plural(census.primitives, "primitive"),
-        match census.light_points {
+        plural(stats.primitives, "primitive"),
+        match stats.light_points {
             1 => "1 point of light".to_owned(),
             n => format!("{} points of light", count(n)),
         },
-        bytes(census.bytes),
+        bytes(stats.bytes),
         bytes(memory.peak),
         bytes(memory.world),
         bytes(memory.picture),

@@ -231,7 +231,7 @@ fn nearest_of(names: &[String], path: &str) -> Option<String> {
     let (prefix, name) = path.rfind('/').map_or(("", path), |slash| path.split_at(slash + 1));
     // A link that leads nowhere is there, but is no help.
     let others = names.iter().map(String::as_str).filter(|other| *other != name);
-    crate::text::nearest(name, others).map(|name| format!("{prefix}{name}"))
+    crate::text::closest_word(name, others).map(|name| format!("{prefix}{name}"))
 }
 
 fn kind_of(metadata: &Metadata) -> &'static str {

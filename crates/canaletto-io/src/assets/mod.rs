@@ -193,7 +193,7 @@ impl Assets for MemoryAssets {
         let location = lexical(&folder.join(path)).ok_or_else(outside)?;
         let name = location.components().map(|c| c.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/");
         let Some(bytes) = self.files.get(&name) else {
-            let nearest = crate::text::nearest(path, self.files.keys().map(String::as_str)).map(str::to_owned);
+            let nearest = crate::text::closest_word(path, self.files.keys().map(String::as_str)).map(str::to_owned);
             return Err(AssetError::Missing { path: path.into(), nearest });
         };
         let path = AssetPath { location: name.clone().into(), identity: name.clone().into(), shown: name };

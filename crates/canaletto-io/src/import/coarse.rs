@@ -1,6 +1,6 @@
 //! What is said of coordinates whose steps in `f32` can be seen.
 
-use super::lines::Complaint;
+use super::lines::ImportError;
 use super::positions::Bounds;
 use canaletto::shape::Mesh;
 use glam::{DVec3, Vec3};
@@ -30,7 +30,7 @@ fn step(p: Vec3) -> f32 {
 }
 
 /// What is said of a mesh.
-pub(super) fn mesh(mesh: &Mesh, precision: Precision) -> Option<Complaint> {
+pub(super) fn mesh(mesh: &Mesh, precision: Precision) -> Option<ImportError> {
     let parts = mesh.triangles.iter().step_by(mesh.len() / LOOKED_AT + 1).filter_map(|corners| {
         let [a, b, c] = corners.map(|v| mesh.positions[v as usize]);
         let longest = (b - a).abs().max((c - b).abs()).max((a - c).abs()).max_element();
@@ -47,7 +47,7 @@ pub(super) fn cloud(
     radii: &[f32],
     origin: DVec3,
     precision: Precision,
-) -> Option<Complaint> {
+) -> Option<ImportError> {
     let radius = |i: usize| if radii.len() == 1 { radii.first() } else { radii.get(i) };
     let count = points.len() / points_of_one;
     let parts = (0..count)
@@ -69,7 +69,7 @@ fn complaint(
     points: &[Vec3],
     origin: DVec3,
     precision: Precision,
-) -> Option<Complaint> {
+) -> Option<ImportError> {
     let (mut all, mut small) = (0, 0);
     for (place, size) in parts {
         all += 1;
@@ -93,14 +93,14 @@ fn complaint(
         Precision::Single => {
             let message = format!("its coordinates are single precision, which at {most} has steps of {step}{small}");
             let help = "the program that wrote it can write more digits (`double`), or move it near the origin";
-            Complaint::file(message).help(help)
+            ImportError::file(message).help(help)
         }
         Precision::Double => {
             let from = if origin == DVec3::ZERO { String::new() } else { format!(" from {origin}") };
             let message = format!(
                 "its coordinates are rounded to single precision, which at a distance of {most}{from} has steps of {step}{small}"
             );
-            Complaint::file(message)
+            ImportError::file(message)
                 .help("leave out what lies far from the rest, or put parts that lie far apart into files of their own")
         }
     })

@@ -7,7 +7,7 @@ pub(super) enum Scale {
     /// 255.
     Bytes,
     /// 65535.
-    Words,
+    Tokens,
 }
 
 /// Up to here, a number beyond 1 is rounding.
@@ -24,7 +24,7 @@ impl Scale {
             ..=ROUNDED => Some(Scale::One),
             v if fraction && v < PICTURE => Some(Scale::One),
             ..=255.0 => Some(Scale::Bytes),
-            ..=65535.0 => Some(Scale::Words),
+            ..=65535.0 => Some(Scale::Tokens),
             _ => None,
         }
     }
@@ -34,7 +34,7 @@ impl Scale {
         match self {
             Scale::One => 1.0,
             Scale::Bytes => 255.0,
-            Scale::Words => 65535.0,
+            Scale::Tokens => 65535.0,
         }
     }
 
@@ -43,7 +43,7 @@ impl Scale {
         match self {
             Scale::One => "goes beyond 1 and is taken as it is, brighter than white",
             Scale::Bytes => "goes beyond 1, so it is read as going from 0 to 255",
-            Scale::Words => "goes beyond 255, so it is read as going from 0 to 65535",
+            Scale::Tokens => "goes beyond 255, so it is read as going from 0 to 65535",
         }
     }
 }
@@ -63,7 +63,7 @@ mod tests {
             (15.9, true, Some(Scale::One)),
             (16.0, true, Some(Scale::Bytes)),
             (255.0, true, Some(Scale::Bytes)),
-            (256.0, false, Some(Scale::Words)),
+            (256.0, false, Some(Scale::Tokens)),
             (65536.0, false, None),
         ] {
             assert_eq!(Scale::of(largest, fraction), scale, "{largest} {fraction}");

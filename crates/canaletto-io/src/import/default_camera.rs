@@ -1,7 +1,7 @@
 //! The camera of a scene that has none: it looks at everything with bounds, as it would at a model.
 
-use super::frame::frame;
-use super::studio::{FRAMING, direction_at};
+use super::default_scene::{FRAMING, direction_at};
+use super::fit_camera::fit_camera;
 use canaletto::Aabb;
 use canaletto::math::Transform;
 use canaletto::scene::{Content, Node, Scene, View};
@@ -17,7 +17,7 @@ pub(crate) fn default_camera(scene: &Scene) -> Option<View> {
     for node in &scene.nodes {
         corners.extend(bounds.of_node(node, 0).iter().flat_map(Box3::corners));
     }
-    frame(corners.into_iter().map(|p| (p, 0.0)), direction_at(30.0, 20.0), DVec3::Y, FRAMING)
+    fit_camera(corners.into_iter().map(|p| (p, 0.0)), direction_at(30.0, 20.0), DVec3::Y, FRAMING)
 }
 
 /// A box by its lowest and its highest corner.

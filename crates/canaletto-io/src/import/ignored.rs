@@ -1,6 +1,6 @@
 //! What a file says and nobody uses: counted, and told once for each word.
 
-use super::lines::Word;
+use super::lines::Token;
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use std::ops::Range;
 
@@ -30,7 +30,7 @@ impl Ignored {
     }
 
     /// Counts a word; `why` completes "`word` …".
-    pub(super) fn note(&mut self, word: &Word<'_>, why: &'static str) {
+    pub(super) fn note(&mut self, word: &Token<'_>, why: &'static str) {
         let mut told = self.list.iter_mut().take(Ignored::MAX);
         if let Some(entry) = told.find(|e| e.word == word.text && e.why == why) {
             entry.count += 1;
@@ -58,7 +58,7 @@ impl Ignored {
     /// A warning for each word.
     pub(super) fn report(self, file: &str, into: &mut Diagnostics) {
         for entry in self.list {
-            let word = Word { start: 0, text: &entry.word }.shown();
+            let word = Token { start: 0, text: &entry.word }.shown();
             let count = if entry.count > 1 { format!(" ({} times)", entry.count) } else { String::new() };
             into.push(Diagnostic::warning(file, format!("`{word}` {}{count}", entry.why)).at(entry.first));
         }

@@ -8,14 +8,14 @@ use std::ops::Range;
 
 /// A piece of a file: bytes without spaces, or a line.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Word<'a> {
+pub(super) struct Token<'a> {
     /// Where it starts in the file.
     pub(super) start: usize,
     /// Its bytes.
     pub(super) text: &'a [u8],
 }
 
-impl<'a> Word<'a> {
+impl<'a> Token<'a> {
     /// Its place in the file.
     pub(super) fn span(&self) -> Range<usize> {
         self.start..self.start + self.text.len()
@@ -30,7 +30,7 @@ impl<'a> Word<'a> {
             Err(error) if error.error_len().is_none() && start.len() < self.text.len() => &start[..error.valid_up_to()],
             _ => start,
         };
-        let text = Word { start: 0, text: valid }.string();
+        let text = Token { start: 0, text: valid }.string();
         match text.char_indices().nth(MAX) {
             Some((end, _)) => format!("{}…", &text[..end]),
             None => text,
@@ -46,7 +46,7 @@ impl<'a> Word<'a> {
     }
 
     /// A finite number.
-    pub(super) fn number(&self) -> Result<f32, Complaint> {
+    pub(super) fn number(&self) -> Result<f32, ImportError> {
         match number::parse_f32(self.text) {
             Some(value) if value.is_finite() => Ok(value),
             Some(_) => Err(self.wrong(format!("\"{}\" is not a finite number up to 3.4e38", self.shown()))),
@@ -55,11 +55,11 @@ impl<'a> Word<'a> {
     }
 
     /// A number, which may be infinite or none (NaN).
-    pub(super) fn any_number(&self) -> Result<f32, Complaint> {
+    pub(super) fn any_number(&self) -> Result<f32, ImportError> {
         number::parse_f32(self.text).ok_or_else(|| self.no_number())
     }
 
-    fn no_number(&self) -> Complaint {
+    fn no_number(&self) -> ImportError {
         let complaint = self.wrong(format!("\"{}\" is not a number", self.shown()));
         let parts = |separator: &[u8]| {
             let mut parts = self.text.split(|byte| separator.contains(byte));
@@ -76,44 +76,44 @@ impl<'a> Word<'a> {
     }
 
     /// The same number, and as exact as `f64` holds it.
-    pub(super) fn exact_number(&self) -> Result<(f32, f64), Complaint> {
+    pub(super) fn exact_number(&self) -> Result<(f32, f64), ImportError> {
         let rounded = self.number()?;
         Ok((rounded, number::parse(self.text).unwrap_or(rounded.into())))
     }
 
     /// A complaint about this word.
-    pub(super) fn wrong(&self, message: impl Into<String>) -> Complaint {
-        Complaint { message: message.into(), span: Some(self.span()), help: None }
+    pub(super) fn wrong(&self, message: impl Into<String>) -> ImportError {
+        ImportError { message: message.into(), span: Some(self.span()), help: None }
     }
 
     /// The words of this line. A backslash before a line's end counts as a space, as in OBJ.
-    pub(super) fn words(self) -> Words<'a> {
-        Words { line: self, at: 0 }
+    pub(super) fn words(self) -> Tokens<'a> {
+        Tokens { line: self, at: 0 }
     }
 }
 
 /// What is wrong and where, before the file's name is known.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Complaint {
+pub(super) struct ImportError {
     pub(super) message: String,
     pub(super) span: Option<Range<usize>>,
     pub(super) help: Option<String>,
 }
 
-impl Complaint {
+impl ImportError {
     /// A complaint about the whole file.
-    pub(super) fn file(message: impl Into<String>) -> Complaint {
-        Complaint { message: message.into(), span: None, help: None }
+    pub(super) fn file(message: impl Into<String>) -> ImportError {
+        ImportError { message: message.into(), span: None, help: None }
     }
 
     /// The same with a hint.
-    pub(super) fn help(mut self, help: impl Into<String>) -> Complaint {
+    pub(super) fn help(mut self, help: impl Into<String>) -> ImportError {
         self.help = Some(help.into());
         self
     }
 
     /// The same with words in front.
-    pub(super) fn within(mut self, what: &str) -> Complaint {
+    pub(super) fn within(mut self, what: &str) -> ImportError {
         self.message = format!("{what}: {}", self.message);
         self
     }
@@ -139,8 +139,8 @@ impl Complaint {
 
 /// The words of a line.
 #[derive(Clone)]
-pub(super) struct Words<'a> {
-    line: Word<'a>,
+pub(super) struct Tokens<'a> {
+    line: Token<'a>,
     at: usize,
 }
 
@@ -165,9 +165,9 @@ pub(super) fn gap(line: &[u8], at: usize) -> Option<usize> {
     (spaces > 0).then_some(at + spaces)
 }
 
-impl<'a> Words<'a> {
+impl<'a> Tokens<'a> {
     /// The next word, which must be a number.
-    pub(super) fn number(&mut self, what: &str) -> Result<f32, Complaint> {
+    pub(super) fn number(&mut self, what: &str) -> Result<f32, ImportError> {
         match self.next() {
             Some(word) => word.number().map_err(|c| c.within(what)),
             None => Err(self.line.wrong(format!("{what} is missing"))),
@@ -175,7 +175,7 @@ impl<'a> Words<'a> {
     }
 
     /// The next words, which must be `N` numbers; some may be infinite or none (NaN).
-    pub(super) fn any_numbers<const N: usize>(&mut self, what: &str) -> Result<[f32; N], Complaint> {
+    pub(super) fn any_numbers<const N: usize>(&mut self, what: &str) -> Result<[f32; N], ImportError> {
         let mut out = [0.0; N];
         for (index, value) in out.iter_mut().enumerate() {
             let Some(word) = self.next() else {
@@ -188,7 +188,7 @@ impl<'a> Words<'a> {
 
     /// The next words, which must be the three numbers of a position: rounded, and as exact as they are.
     /// Some may be infinite or none (NaN).
-    pub(super) fn position(&mut self, what: &str) -> Result<(Vec3, DVec3), Complaint> {
+    pub(super) fn position(&mut self, what: &str) -> Result<(Vec3, DVec3), ImportError> {
         let mut exact = self.clone();
         let rounded = self.any_numbers::<3>(what)?;
         let exact = rounded.map(|value| exact.next().and_then(|w| number::parse(w.text)).unwrap_or(value.into()));
@@ -196,7 +196,7 @@ impl<'a> Words<'a> {
     }
 
     /// The same words up to a comment, which may follow without a space. `1.#INF` is none.
-    pub(super) fn before_comment(mut self) -> Words<'a> {
+    pub(super) fn before_comment(mut self) -> Tokens<'a> {
         let text = self.line.text;
         let number = |at: usize| {
             at > 0 && text[at - 1] == b'.' && matches!(text.get(at + 1), Some(b'I' | b'i' | b'Q' | b'q' | b'S' | b's'))
@@ -208,16 +208,16 @@ impl<'a> Words<'a> {
     }
 
     /// What is left of the line, without spaces at its ends.
-    pub(super) fn rest(&self) -> Word<'a> {
+    pub(super) fn rest(&self) -> Token<'a> {
         let text = &self.line.text[self.at..];
         let lead = text.len() - text.trim_ascii_start().len();
-        Word { start: self.line.start + self.at + lead, text: text.trim_ascii() }
+        Token { start: self.line.start + self.at + lead, text: text.trim_ascii() }
     }
 }
 
-impl<'a> Iterator for Words<'a> {
-    type Item = Word<'a>;
-    fn next(&mut self) -> Option<Word<'a>> {
+impl<'a> Iterator for Tokens<'a> {
+    type Item = Token<'a>;
+    fn next(&mut self) -> Option<Token<'a>> {
         let text = self.line.text;
         let joins = |at: usize| {
             let behind = || text[at + 1..].iter().take(BLANKS + 1).find(|byte| !matches!(byte, b' ' | b'\t'));
@@ -230,7 +230,7 @@ impl<'a> Iterator for Words<'a> {
         while self.at < text.len() && !is_space(text[self.at]) && !joins(self.at) {
             self.at += 1;
         }
-        (self.at > start).then(|| Word { start: self.line.start + start, text: &text[start..self.at] })
+        (self.at > start).then(|| Token { start: self.line.start + start, text: &text[start..self.at] })
     }
 }
 
@@ -290,8 +290,8 @@ impl<'a> Lines<'a> {
 }
 
 impl<'a> Iterator for Lines<'a> {
-    type Item = Word<'a>;
-    fn next(&mut self) -> Option<Word<'a>> {
+    type Item = Token<'a>;
+    fn next(&mut self) -> Option<Token<'a>> {
         while self.at < self.bytes.len() {
             let rest = &self.bytes[self.at..];
             let lead = rest.iter().position(|b| !is_space(*b)).unwrap_or(rest.len());
@@ -307,7 +307,7 @@ impl<'a> Iterator for Lines<'a> {
             }
             self.at = end;
             if end > start {
-                return Some(Word { start: self.base + start, text: self.bytes[start..end].trim_ascii_end() });
+                return Some(Token { start: self.base + start, text: self.bytes[start..end].trim_ascii_end() });
             }
         }
         None
@@ -323,14 +323,14 @@ mod tests {
         let text = b"\xef\xbb\xbf# path \\\r\n  v 1 \\\r\n 2\n\n3\rlast\\";
         let all: Vec<Vec<String>> = lines(text).joined().map(|l| l.words().map(|w| w.string()).collect()).collect();
         assert_eq!(all, [vec!["#", "path", "\\"], vec!["v", "1", "2"], vec!["3"], vec!["last\\"]]);
-        for word in lines(text).joined().flat_map(Word::words) {
+        for word in lines(text).joined().flat_map(Token::words) {
             assert_eq!(&text[word.span()], word.text);
         }
     }
 
     #[test]
     fn numbers_are_finite() {
-        let number = |text: &str| Word { start: 0, text: text.as_bytes() }.number();
+        let number = |text: &str| Token { start: 0, text: text.as_bytes() }.number();
         assert_eq!(number("-.5e+01").unwrap(), -5.0);
         assert_eq!(number("1e99").unwrap_err().message, "\"1e99\" is not a finite number up to 3.4e38");
         assert_eq!(number("1,5").unwrap_err().message, "\"1,5\" is not a number");

@@ -7,13 +7,13 @@
 mod cloud;
 mod coarse;
 mod color;
+mod concat;
 mod default_camera;
+mod default_scene;
 mod encoding;
-mod frame;
+mod fit_camera;
 mod ignored;
-mod join;
 mod lines;
-mod mend;
 mod monotone;
 mod mtl;
 mod nff;
@@ -22,8 +22,8 @@ mod obj;
 mod ply;
 mod polygon;
 mod positions;
+mod repair;
 mod smooth;
-mod studio;
 mod table_color;
 mod text;
 
@@ -40,7 +40,7 @@ use canaletto::scene::Scene;
 use canaletto::shape::Mesh;
 use coarse::Precision;
 use glam::Vec3;
-use lines::Complaint;
+use lines::ImportError;
 use smooth::{Smoothing, smooth};
 use std::io;
 
@@ -75,7 +75,7 @@ pub fn load(path: &str, assets: &dyn Assets) -> Result<(Scene, Diagnostics), Dia
     }
     let mut model = read_model(&asset, assets, Unsaid::Creases)?;
     let warnings = std::mem::take(&mut model.warnings);
-    match studio::studio(model) {
+    match default_scene::default_scene(model) {
         Some(scene) => Ok((scene, warnings)),
         None => {
             let wrong = "the model is too large to put a camera and lights around it";
@@ -117,7 +117,7 @@ fn read_model(asset: &OpenAsset, assets: &dyn Assets, unsaid: Unsaid) -> Result<
     }
     let count: usize = model.meshes.iter().map(Mesh::len).sum();
     let wrong = format!("nothing in it has an area: {count} triangles, whose corners lie on a line or at one place");
-    Err(Complaint::file(wrong).error(asset.path.name()).into())
+    Err(ImportError::file(wrong).error(asset.path.name()).into())
 }
 
 /// Whether some triangle is more than a line, but for what rounding to `f32` makes of one: each coordinate by its own size.
@@ -213,8 +213,8 @@ fn unsupported(file: &str, extension: &str, known: &[&str]) -> Diagnostic {
 }
 
 /// The complaint that a file which is open can't be read.
-fn unreadable(error: &io::Error) -> Complaint {
-    Complaint::file(format!("it can't be read: {}", reason(error)))
+fn unreadable(error: &io::Error) -> ImportError {
+    ImportError::file(format!("it can't be read: {}", reason(error)))
 }
 
 /// Adds the file's text, if a message points into it, so that it shows lines. Bytes that aren't UTF-8 become

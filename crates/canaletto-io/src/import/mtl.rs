@@ -20,7 +20,7 @@
 
 use super::color::{ROUNDED, Scale};
 use super::ignored::Ignored;
-use super::lines::{Complaint, Word, Words, lines};
+use super::lines::{ImportError, Token, Tokens, lines};
 use crate::diagnostic::Diagnostics;
 use canaletto::material::{Material, Phong};
 use canaletto::math::Rgb;
@@ -34,7 +34,7 @@ struct Draft<'a> {
     eta: Option<f32>,
     dissolve: Option<f32>,
     /// With its word.
-    transparency: Option<(f32, Word<'a>)>,
+    transparency: Option<(f32, Token<'a>)>,
     filter: Option<Rgb>,
     illum: Option<u32>,
 }
@@ -143,7 +143,7 @@ pub(super) fn read(file: &str, bytes: &[u8], warnings: &mut Diagnostics) -> Vec<
     for (count, what) in [(maps, "pictures"), (wrong, "properties with wrong values")] {
         if count > MAX_TOLD {
             let message = format!("{} more {what} are left out", count - MAX_TOLD);
-            warnings.push(Complaint::file(message).warning(file));
+            warnings.push(ImportError::file(message).warning(file));
         }
     }
     ignored.report(file, warnings);
@@ -157,7 +157,7 @@ fn is_map(key: &[u8]) -> bool {
     key.starts_with(b"map_") || [&b"bump"[..], b"disp", b"decal", b"refl", b"norm"].contains(&key)
 }
 
-fn left_out(map: &Word<'_>, picture: Word<'_>, material: &str) -> Complaint {
+fn left_out(map: &Token<'_>, picture: Token<'_>, material: &str) -> ImportError {
     let message = format!(
         "the `{}` of material `{material}` is left out, since pictures of materials aren't read yet: {}",
         map.shown(),
@@ -169,10 +169,10 @@ fn left_out(map: &Word<'_>, picture: Word<'_>, material: &str) -> Complaint {
 fn property<'a>(
     draft: &mut Draft<'a>,
     key: &[u8],
-    word: Word<'a>,
-    mut words: Words<'a>,
+    word: Token<'a>,
+    mut words: Tokens<'a>,
     ignored: &mut Ignored,
-) -> Result<(), Complaint> {
+) -> Result<(), ImportError> {
     match key {
         b"kd" => draft.kd = color(word, words, ignored)?.or(draft.kd),
         b"ks" => draft.ks = color(word, words, ignored)?.unwrap_or(draft.ks),
@@ -206,10 +206,10 @@ fn property<'a>(
 }
 
 /// A colour: one number stands for all three. Nothing for spectral curves.
-fn color(word: Word<'_>, words: Words<'_>, ignored: &mut Ignored) -> Result<Option<Rgb>, Complaint> {
+fn color(word: Token<'_>, words: Tokens<'_>, ignored: &mut Ignored) -> Result<Option<Rgb>, ImportError> {
     let mut words = words;
     let line = words.rest();
-    let curve = |w: Word<'_>| w.text.eq_ignore_ascii_case(b"spectral") || w.text.eq_ignore_ascii_case(b"xyz");
+    let curve = |w: Token<'_>| w.text.eq_ignore_ascii_case(b"spectral") || w.text.eq_ignore_ascii_case(b"xyz");
     if words.clone().next().is_some_and(curve) {
         return Err(line.wrong("colours are understood as red green blue only"));
     }
@@ -230,13 +230,13 @@ fn color(word: Word<'_>, words: Words<'_>, ignored: &mut Ignored) -> Result<Opti
     }
 }
 
-fn at_least(mut words: Words<'_>, least: f32) -> Result<f32, Complaint> {
+fn at_least(mut words: Tokens<'_>, least: f32) -> Result<f32, ImportError> {
     let line = words.rest();
     let value = words.number("the value")?;
     if value < least { Err(line.wrong(format!("{value} is less than {least}"))) } else { Ok(value) }
 }
 
-fn share(words: Words<'_>) -> Result<f32, Complaint> {
+fn share(words: Tokens<'_>) -> Result<f32, ImportError> {
     let line = words.rest();
     match at_least(words, 0.0)? {
         value if value > 1.0 => Err(line.wrong(format!("{value} is more than 1"))),

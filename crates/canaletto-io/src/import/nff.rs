@@ -15,9 +15,9 @@
 //! positive, as both sides are seen here.
 
 use super::coarse::{self, Precision};
-use super::frame::frame;
+use super::fit_camera::fit_camera;
 use super::is_flat;
-use super::lines::{Complaint, Word, Words, lines};
+use super::lines::{ImportError, Token, Tokens, lines};
 use super::polygon::{Triangulator, vector_area};
 use super::positions::Positions;
 use crate::assets::Asset;
@@ -47,7 +47,7 @@ pub(super) fn read(asset: &Asset) -> Result<(Scene, Diagnostics), Diagnostics> {
             for (complaint, count) in std::mem::take(&mut reader.skipped).into_values() {
                 let times = if count > 1 { format!(" ({count} of them)") } else { String::new() };
                 let message = format!("{}{times}", complaint.message);
-                said.push(Complaint { message, ..complaint }.warning(file));
+                said.push(ImportError { message, ..complaint }.warning(file));
             }
             super::attach_source(&mut said, file, asset.bytes.as_slice().into());
             let scene = reader.finish();
@@ -64,7 +64,7 @@ pub(super) fn read(asset: &Asset) -> Result<(Scene, Diagnostics), Diagnostics> {
 }
 
 struct Reader<'a> {
-    tokens: Tokens<'a>,
+    tokens: NffTokens<'a>,
     scene: Scene,
     view: Option<View>,
     lights: Vec<((Vec3, DVec3), Option<Rgb>)>,
@@ -77,13 +77,13 @@ struct Reader<'a> {
     meshes: HashMap<(u32, bool), usize>,
     triangulator: Triangulator,
     /// What was left out: the first place and how often.
-    skipped: std::collections::BTreeMap<&'static str, (Complaint, usize)>,
+    skipped: std::collections::BTreeMap<&'static str, (ImportError, usize)>,
 }
 
 impl<'a> Reader<'a> {
     fn new(bytes: &'a [u8]) -> Reader<'a> {
         Reader {
-            tokens: Tokens::new(bytes),
+            tokens: NffTokens::new(bytes),
             scene: Scene::default(),
             view: None,
             lights: Vec::new(),
@@ -96,7 +96,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    fn scene(&mut self) -> Result<(), Complaint> {
+    fn scene(&mut self) -> Result<(), ImportError> {
         while let Some(word) = self.tokens.next() {
             match word.text {
                 b"b" => self.scene.background = self.tokens.color("background")?,
@@ -121,11 +121,11 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    fn view(&mut self, start: &Word<'_>) -> Result<(), Complaint> {
+    fn view(&mut self, start: &Token<'_>) -> Result<(), ImportError> {
         let (mut eye, mut center, mut up) = (None, None, DVec3::Z);
         let mut intrinsics = Intrinsics { fovy: 45.0, width: 512, height: 512, ..Intrinsics::default() };
         while let Some(word) = self.tokens.peek() {
-            let vector = |what: &str, tokens: &mut Tokens<'_>| {
+            let vector = |what: &str, tokens: &mut NffTokens<'_>| {
                 tokens.next();
                 tokens.position(what)
             };
@@ -182,7 +182,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    fn fill(&mut self, start: &Word<'_>) -> Result<(), Complaint> {
+    fn fill(&mut self, start: &Token<'_>) -> Result<(), ImportError> {
         let numbers = self.tokens.numbers::<8>("f")?;
         let [r, g, b, kd, ks, shine, t, index] = numbers;
         let phong = Phong {
@@ -203,7 +203,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    fn sphere(&mut self, start: &Word<'_>) -> Result<(), Complaint> {
+    fn sphere(&mut self, start: &Token<'_>) -> Result<(), ImportError> {
         let (center, exact) = self.tokens.position("s")?;
         let [radius] = self.tokens.numbers("s")?;
         if radius == 0.0 {
@@ -212,7 +212,7 @@ impl<'a> Reader<'a> {
         self.place(Shape::Sphere(Sphere { center, radius: radius.abs() }), &[exact])
     }
 
-    fn cone(&mut self, start: &Word<'_>) -> Result<(), Complaint> {
+    fn cone(&mut self, start: &Token<'_>) -> Result<(), ImportError> {
         let (base, exact_base) = self.tokens.position("c")?;
         let [radius] = self.tokens.numbers("c")?;
         let (top, exact_top) = self.tokens.position("c")?;
@@ -232,7 +232,7 @@ impl<'a> Reader<'a> {
         self.place(shape, &[exact_base, exact_top])
     }
 
-    fn polygon(&mut self, start: &Word<'_>, smooth: bool) -> Result<(), Complaint> {
+    fn polygon(&mut self, start: &Token<'_>, smooth: bool) -> Result<(), ImportError> {
         let count = self.tokens.count(if smooth { "pp" } else { "p" }, 0, u32::MAX)?;
         let (mut corners, mut normals) = (Positions::default(), Vec::new());
         for _ in 0..count {
@@ -285,13 +285,13 @@ impl<'a> Reader<'a> {
         })
     }
 
-    fn place(&mut self, shape: Shape, points: &[DVec3]) -> Result<(), Complaint> {
+    fn place(&mut self, shape: Shape, points: &[DVec3]) -> Result<(), ImportError> {
         let material = self.material();
         self.scene.nodes.push(Node::from(shape).with_points(points).with_material(material));
         Ok(())
     }
 
-    fn skip(&mut self, why: &'static str, at: &Word<'_>) -> Result<(), Complaint> {
+    fn skip(&mut self, why: &'static str, at: &Token<'_>) -> Result<(), ImportError> {
         self.skipped.entry(why).or_insert_with(|| (at.wrong(why), 0)).1 += 1;
         Ok(())
     }
@@ -326,25 +326,25 @@ fn whole_view(scene: &Scene) -> Option<View> {
     });
     let balls = balls.map(|(center, radius)| (center.as_dvec3(), f64::from(radius)));
     let intrinsics = Intrinsics { fovy: 45.0, width: 512, height: 512, ..Intrinsics::default() };
-    frame(corners.chain(balls), DVec3::new(1.0, -2.0, 1.0).normalize(), DVec3::Z, intrinsics)
+    fit_camera(corners.chain(balls), DVec3::new(1.0, -2.0, 1.0).normalize(), DVec3::Z, intrinsics)
 }
 
 /// The words of the file, wherever lines end, without comments.
-struct Tokens<'a> {
+struct NffTokens<'a> {
     lines: super::lines::Lines<'a>,
-    words: Words<'a>,
-    peeked: Option<Word<'a>>,
+    words: Tokens<'a>,
+    peeked: Option<Token<'a>>,
     /// The latest word, for complaints about the end of the file.
-    latest: Word<'a>,
+    latest: Token<'a>,
 }
 
-impl<'a> Tokens<'a> {
-    fn new(bytes: &'a [u8]) -> Tokens<'a> {
-        let nothing = Word { start: 0, text: &bytes[..0] };
-        Tokens { lines: lines(bytes), words: nothing.words(), peeked: None, latest: nothing }
+impl<'a> NffTokens<'a> {
+    fn new(bytes: &'a [u8]) -> NffTokens<'a> {
+        let nothing = Token { start: 0, text: &bytes[..0] };
+        NffTokens { lines: lines(bytes), words: nothing.words(), peeked: None, latest: nothing }
     }
 
-    fn peek(&mut self) -> Option<Word<'a>> {
+    fn peek(&mut self) -> Option<Token<'a>> {
         while self.peeked.is_none() {
             self.peeked = self.words.next().filter(|word| !word.text.starts_with(b"#"));
             if self.peeked.is_none() {
@@ -354,7 +354,7 @@ impl<'a> Tokens<'a> {
         self.peeked
     }
 
-    fn next(&mut self) -> Option<Word<'a>> {
+    fn next(&mut self) -> Option<Token<'a>> {
         let word = self.peek()?;
         self.latest = word;
         self.peeked = None;
@@ -365,14 +365,14 @@ impl<'a> Tokens<'a> {
         self.peek().is_some_and(|word| word.number().is_ok())
     }
 
-    fn number(&mut self, what: &str) -> Result<(f32, Word<'a>), Complaint> {
+    fn number(&mut self, what: &str) -> Result<(f32, Token<'a>), ImportError> {
         let Some(word) = self.next() else {
             return Err(self.latest.wrong(format!("{what} is not complete: the file ends here")));
         };
         Ok((word.number().map_err(|complaint| complaint.within(what))?, word))
     }
 
-    fn numbers<const N: usize>(&mut self, what: &str) -> Result<[f32; N], Complaint> {
+    fn numbers<const N: usize>(&mut self, what: &str) -> Result<[f32; N], ImportError> {
         let mut out = [0.0; N];
         for value in &mut out {
             *value = self.number(what)?.0;
@@ -381,7 +381,7 @@ impl<'a> Tokens<'a> {
     }
 
     /// Three numbers of a position: rounded, and as exact as they are.
-    fn position(&mut self, what: &str) -> Result<(Vec3, DVec3), Complaint> {
+    fn position(&mut self, what: &str) -> Result<(Vec3, DVec3), ImportError> {
         let (mut rounded, mut exact) = (Vec3::ZERO, DVec3::ZERO);
         for axis in 0..3 {
             let word = self.number(what)?.1;
@@ -390,7 +390,7 @@ impl<'a> Tokens<'a> {
         Ok((rounded, exact))
     }
 
-    fn color(&mut self, what: &str) -> Result<Rgb, Complaint> {
+    fn color(&mut self, what: &str) -> Result<Rgb, ImportError> {
         let mut out = [0.0; 3];
         for value in &mut out {
             let (number, word) = self.number(what)?;
@@ -402,7 +402,7 @@ impl<'a> Tokens<'a> {
         Ok(out.into())
     }
 
-    fn count(&mut self, what: &str, least: u32, most: u32) -> Result<u32, Complaint> {
+    fn count(&mut self, what: &str, least: u32, most: u32) -> Result<u32, ImportError> {
         let Some(word) = self.next() else {
             return Err(self.latest.wrong(format!("{what} is not complete: the file ends here")));
         };

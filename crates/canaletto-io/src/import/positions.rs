@@ -1,7 +1,7 @@
 //! Positions are read as `f64` and kept as `f32` offsets from an origin of the file, where they lie so far from zero that
 //! `f32` would round what can be seen: survey coordinates of millions with details of millimetres.
 
-use super::join::join;
+use super::concat::concat;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -121,7 +121,7 @@ impl Positions {
     /// The same for the parts of a file, put together.
     pub(super) fn settle_all(parts: Vec<Positions>) -> (DVec3, Vec<Vec3>) {
         let (origin, lists) = Positions::settle_each(parts);
-        (origin, join(lists))
+        (origin, concat(lists))
     }
 
     /// The same for the meshes of a file, which have one origin.

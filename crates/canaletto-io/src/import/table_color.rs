@@ -4,7 +4,7 @@
 //! from 0 to 1; where a file's own numbers contradict that, [`Scale`] decides, and a warning says what was assumed.
 
 use super::color::{ROUNDED, Scale};
-use super::lines::Complaint;
+use super::lines::ImportError;
 use crate::picture::decode_srgb;
 use canaletto::math::Rgb;
 use rayon::prelude::*;
@@ -54,7 +54,7 @@ impl Range {
 
 /// Turns numbers of a file into linear colours: negative ones become 0, colours with a number that is none become white. What had
 /// to be assumed is said; `of` is what has the colours, such as "vertices".
-pub(super) fn settle(colors: &mut [Rgb], written: Written, of: &str) -> Vec<Complaint> {
+pub(super) fn settle(colors: &mut [Rgb], written: Written, of: &str) -> Vec<ImportError> {
     let range = Range::of(colors);
     let Range { most, fraction, negative, missing } = range;
     let mut said = Vec::new();
@@ -64,7 +64,7 @@ pub(super) fn settle(colors: &mut [Rgb], written: Written, of: &str) -> Vec<Comp
             // Black may be black of any kind.
             if white != largest && most > 0.0 {
                 let kind = if largest == 65535.0 { "16-bit numbers" } else { "whole numbers" };
-                said.push(Complaint::file(format!(
+                said.push(ImportError::file(format!(
                     "the colours of its {of} are {kind} up to {most} only; they are taken as sRGB from 0 to {white}"
                 )));
             }
@@ -73,7 +73,7 @@ pub(super) fn settle(colors: &mut [Rgb], written: Written, of: &str) -> Vec<Comp
         Written::Real if most <= ROUNDED => None,
         Written::Real => {
             let white = Scale::of(most, fraction).filter(|scale| *scale != Scale::One).map(Scale::most);
-            said.push(Complaint::file(match white {
+            said.push(ImportError::file(match white {
                 Some(white) => format!(
                     "the colours of its {of} go up to {most}; they are taken as sRGB from 0 to {white}, not as linear from 0 to 1"
                 ),
@@ -83,10 +83,12 @@ pub(super) fn settle(colors: &mut [Rgb], written: Written, of: &str) -> Vec<Comp
         }
     };
     if negative > 0 {
-        said.push(Complaint::file(format!("{negative} colours of its {of} have a negative number; it is taken as 0")));
+        said.push(ImportError::file(format!(
+            "{negative} colours of its {of} have a negative number; it is taken as 0"
+        )));
     }
     if missing > 0 {
-        said.push(Complaint::file(format!(
+        said.push(ImportError::file(format!(
             "{missing} colours of its {of} have a number that isn't finite; they are taken as white"
         )));
     }

@@ -3,7 +3,7 @@
 //! Where a piece ends depends on the bytes around alone: at the first line that ends for certain, behind a place that is a
 //! multiple of the pieces' size. Lines that a backslash joins stay together, whatever stands before them.
 
-use super::lines::{BLANKS, Complaint, goes_on};
+use super::lines::{BLANKS, ImportError, goes_on};
 use super::unreadable;
 use crate::content::View;
 use rayon::prelude::*;
@@ -40,10 +40,10 @@ impl<'a> Text<'a> {
         self,
         pieces: &[usize],
         work: impl Fn(usize, Piece<'_>) -> T + Sync,
-        mut take: impl FnMut(usize, T) -> Result<(), Complaint>,
-    ) -> Result<(), Complaint> {
+        mut take: impl FnMut(usize, T) -> Result<(), ImportError>,
+    ) -> Result<(), ImportError> {
         for some in pieces.chunks(16 * rayon::current_num_threads()) {
-            let results: Vec<Result<T, Complaint>> = some
+            let results: Vec<Result<T, ImportError>> = some
                 .par_iter()
                 .map_init(Vec::new, |buffer, &index| self.piece(index, buffer).map(|piece| work(index, piece)))
                 .collect();
@@ -55,7 +55,7 @@ impl<'a> Text<'a> {
     }
 
     /// A piece; it may be empty.
-    fn piece<'b>(self, index: usize, buffer: &'b mut Vec<u8>) -> Result<Piece<'b>, Complaint>
+    fn piece<'b>(self, index: usize, buffer: &'b mut Vec<u8>) -> Result<Piece<'b>, ImportError>
     where
         'a: 'b,
     {

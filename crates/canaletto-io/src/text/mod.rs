@@ -5,27 +5,27 @@
 //! reports every mistake and goes on.
 
 mod animate;
+mod closest_word;
 mod decode;
+mod file_cache;
 mod files;
-mod keep;
-mod nearest;
+mod overrides;
 mod reference;
 mod report;
 mod schema;
-mod set;
 mod syntax;
 
-pub use animate::Clip;
+pub use animate::Timeline;
+pub use closest_word::closest_word;
 pub use files::MAX_TEXT;
-pub use nearest::nearest;
 pub use reference::reference_markdown;
 
 use crate::assets::{AssetPath, Assets};
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::import;
 use canaletto::scene::{Scene, View};
+use file_cache::Keep;
 use files::{Files, Loader};
-use keep::Keep;
 use report::{Message, Report};
 
 /// Reads the scene of a file.
@@ -38,12 +38,12 @@ pub fn read_scene(name: &str, assets: &dyn Assets) -> Result<(Scene, Diagnostics
 
 /// Reads the scene of a file after changing values in it: `set` holds assignments such as `integrator.max-depth=3`,
 /// `material.glass.eta=1.4` or `film.sample="jittered" n=4`. Messages about them name the file `--set`, and the n-th
-/// line for the n-th assignment. With the scene come warnings. What moves is where it is at [`Script::first_frame`].
+/// line for the n-th assignment. With the scene come warnings. What moves is where it is at [`SceneDocument::first_frame`].
 ///
 /// # Errors
 /// Every mistake in it and the files that it names.
 pub fn read_scene_with(name: &str, assets: &dyn Assets, set: &[String]) -> Result<(Scene, Diagnostics), Diagnostics> {
-    Script::read(name, assets, set)?.once(assets)
+    SceneDocument::read(name, assets, set)?.once(assets)
 }
 
 /// Reads the scene of a text; `name` is what to call it. Files that it names are read from the root of `assets`.
@@ -56,16 +56,16 @@ pub fn read_scene_text(
     assets: &dyn Assets,
     set: &[String],
 ) -> Result<(Scene, Diagnostics), Diagnostics> {
-    Script::of_text(text, name, assets, set)?.once(assets)
+    SceneDocument::of_text(text, name, assets, set)?.once(assets)
 }
 
 /// A scene text as it was read, which holds the scene of every frame.
-pub struct Script {
+pub struct SceneDocument {
     nodes: Vec<syntax::Node>,
     files: Files,
     /// What is wrong with the text whatever the frame.
     report: Report,
-    clip: Clip,
+    timeline: Timeline,
     /// The times of all keys, as they count.
     times: Vec<f64>,
     /// The camera whose shutter counts; else the first.
@@ -75,12 +75,12 @@ pub struct Script {
     keep: Keep,
 }
 
-impl Script {
+impl SceneDocument {
     /// Reads a file and what it includes, and changes values in it as [`read_scene_with`] does.
     ///
     /// # Errors
     /// If nothing of it can be read. Other mistakes are told with the scene.
-    pub fn read(name: &str, assets: &dyn Assets, set: &[String]) -> Result<Script, Diagnostics> {
+    pub fn read(name: &str, assets: &dyn Assets, set: &[String]) -> Result<SceneDocument, Diagnostics> {
         let asset = assets.read(name, &AssetPath::base()).map_err(|error| {
             let mut diagnostic = Diagnostic::error(name, error.to_string());
             diagnostic.help = error.help();
@@ -88,47 +88,47 @@ impl Script {
         })?;
         let mut loader = Loader::new(assets, set.is_empty());
         let nodes = loader.load(asset, None);
-        Script::new(loader, nodes, set)
+        SceneDocument::new(loader, nodes, set)
     }
 
     /// Reads a text; `name` is what to call it.
     ///
     /// # Errors
     /// If nothing of it can be read. Other mistakes are told with the scene.
-    pub fn of_text(text: &str, name: &str, assets: &dyn Assets, set: &[String]) -> Result<Script, Diagnostics> {
+    pub fn of_text(text: &str, name: &str, assets: &dyn Assets, set: &[String]) -> Result<SceneDocument, Diagnostics> {
         let mut loader = Loader::new(assets, set.is_empty());
         if text.len() > files::MAX_TEXT {
             return Err(Diagnostic::error(name, format!("the text is more than {} MiB", files::MAX_TEXT >> 20)).into());
         }
         let file = loader.files.add(name.to_owned(), AssetPath::new("", name, name), text.into());
         let nodes = loader.load_text(text, file);
-        Script::new(loader, nodes, set)
+        SceneDocument::new(loader, nodes, set)
     }
 
-    fn new(loader: Loader, mut nodes: Vec<syntax::Node>, set: &[String]) -> Result<Script, Diagnostics> {
+    fn new(loader: Loader, mut nodes: Vec<syntax::Node>, set: &[String]) -> Result<SceneDocument, Diagnostics> {
         let Loader { mut files, mut report, .. } = loader;
         // After a mistake in the syntax only what could be read is judged, so a block that is still open says nothing.
         if nodes.is_empty() && report.has_errors() {
             return Err(report.finish(&files));
         }
-        set::apply_set(&mut nodes, set, &mut files, &mut report);
-        let (clip, report) = animate::clip(&nodes, &files, report);
-        let keep = Keep::new(clip.moves);
+        overrides::apply_set(&mut nodes, set, &mut files, &mut report);
+        let (timeline, report) = animate::timeline(&nodes, &files, report);
+        let keep = Keep::new(timeline.moves);
         let times = animate::times(&nodes);
-        if clip.worded {
+        if timeline.has_time {
             animate::gather(&mut nodes, &files);
         }
-        Ok(Script { nodes, files, report, clip, times, camera: None, default_camera: None, keep })
+        Ok(SceneDocument { nodes, files, report, timeline, times, camera: None, default_camera: None, keep })
     }
 
     /// How it counts time.
-    pub fn clip(&self) -> &Clip {
-        &self.clip
+    pub fn timeline(&self) -> &Timeline {
+        &self.timeline
     }
 
-    /// Changes the frames of a second, which must lie in [`Clip::FPS`].
+    /// Changes the frames of a second, which must lie in [`Timeline::FPS`].
     pub fn set_fps(&mut self, fps: f64) {
-        self.clip.fps = fps;
+        self.timeline.fps = fps;
     }
 
     /// Chooses the camera by whose shutter things that move are blurred; without it the first one's counts.
@@ -154,13 +154,13 @@ impl Script {
 
     /// The frame that is meant where none is named: the first of its animation, else 0.
     pub fn first_frame(&self) -> u32 {
-        self.clip.frames.map_or(0, |[first, _]| first)
+        self.timeline.frames.map_or(0, |[first, _]| first)
     }
 
     /// The times of all keys, in frames, in order. Between two of them every value is between those of its keys, or a
     /// little beyond.
     pub fn key_frames(&self) -> Vec<f64> {
-        self.times.iter().map(|time| self.clip.frame(*time)).collect()
+        self.times.iter().map(|time| self.timeline.frame(*time)).collect()
     }
 
     /// The scene at a frame, whole or in between, with warnings. A file is read once for all frames in a row that name it.
@@ -170,16 +170,21 @@ impl Script {
     pub fn scene(&mut self, assets: &dyn Assets, frame: f64) -> Result<(Scene, Diagnostics), Diagnostics> {
         let mut report = self.report.clone();
         let mut moved;
-        let nodes = if self.clip.worded {
+        let nodes = if self.timeline.has_time {
             moved = self.nodes.clone();
-            report = animate::animate(&mut moved, &self.clip, frame, self.camera.as_deref(), &self.files, report);
+            report = animate::animate(&mut moved, &self.timeline, frame, self.camera.as_deref(), &self.files, report);
             &moved
         } else {
             &self.nodes
         };
-        let (nodes_in_time, clip, files, camera) = (&self.nodes, &self.clip, &self.files, self.camera.as_deref());
+        let (nodes_in_time, timeline, files, camera) =
+            (&self.nodes, &self.timeline, &self.files, self.camera.as_deref());
         let neighbours = |offset: f64| {
-            if clip.moves { views(nodes_in_time, clip, frame + offset, camera, files, assets) } else { Vec::new() }
+            if timeline.moves {
+                views(nodes_in_time, timeline, frame + offset, camera, files, assets)
+            } else {
+                Vec::new()
+            }
         };
         let (mut scene, mut report) = decode::decode(nodes, &self.files, assets, report, &mut self.keep, &neighbours);
         self.keep.turn();
@@ -203,7 +208,7 @@ impl Script {
             return known.clone();
         }
         let first = f64::from(self.first_frame());
-        let view = if !self.clip.moves || frame == first {
+        let view = if !self.timeline.moves || frame == first {
             import::default_camera(scene)
         } else {
             let (scene, _) = self.scene(assets, first).ok()?;
@@ -222,7 +227,7 @@ impl Script {
 /// The cameras at a frame.
 fn views(
     nodes: &[syntax::Node],
-    clip: &Clip,
+    timeline: &Timeline,
     frame: f64,
     camera: Option<&str>,
     files: &Files,
@@ -230,7 +235,7 @@ fn views(
 ) -> Vec<View> {
     let is_needed = |node: &&syntax::Node| matches!(&*node.name, "camera" | "path");
     let mut nodes: Vec<syntax::Node> = nodes.iter().filter(is_needed).cloned().collect();
-    animate::animate(&mut nodes, clip, frame, camera, files, Report::default());
+    animate::animate(&mut nodes, timeline, frame, camera, files, Report::default());
     decode::views(&nodes, files, assets)
 }
 

@@ -1,6 +1,8 @@
 //! The reference of the scene text, `docs/scene-text.md`, from the schema that the decoder judges by.
 
-use super::schema::{self, ENVIRONMENTS, LIGHTS, OBJECTS, SETTINGS, TEXTURES, TRANSFORMS, Takes, Word, Words};
+use super::schema::{
+    self, ENVIRONMENTS, FieldSchema, LIGHTS, NodeSchema, OBJECTS, SETTINGS, TEXTURES, TRANSFORMS, ValueType,
+};
 use super::syntax::{MAX_DEPTH, MAX_ITEMS};
 use canaletto::world::World;
 use std::fmt::Write;
@@ -50,7 +52,7 @@ pub fn reference_markdown() -> String {
     out.push_str(TRANSFORM_RULES);
     out.push_str("| word | takes | meaning |\n|---|---|---|\n");
     for word in TRANSFORMS {
-        let _ = writeln!(out, "| `{}` | {} | {} |", word.name, word.takes, word.doc);
+        let _ = writeln!(out, "| `{}` | {} | {} |", word.name, word.value_type, word.doc);
     }
     out.push_str("\n## Motion blur\n");
     node(&mut out, &schema::MOTION, "motion, in an object, group or light");
@@ -84,15 +86,15 @@ fn motion(out: &mut String) {
     }
 }
 
-fn node(out: &mut String, words: &Words, title: &str) {
+fn node(out: &mut String, words: &NodeSchema, title: &str) {
     let _ = write!(out, "\n### {title}\n\n{}\n\n", words.doc);
     if !words.example.is_empty() {
         let _ = write!(out, "```kdl\n{}\n```\n\n", words.example);
     }
-    let rows: Vec<(String, &Word)> = words
+    let rows: Vec<(String, &FieldSchema)> = words
         .argument
         .iter()
-        .filter(|word| !matches!(word.takes, Takes::Word([_])) || !(word.default)().is_empty())
+        .filter(|word| !matches!(word.value_type, ValueType::Keyword([_])) || !(word.default)().is_empty())
         .map(|word| (format!("*{}*", word.name), word))
         .chain(words.own().map(|word| (format!("`{}`", word.name), word)))
         .collect();
@@ -106,7 +108,7 @@ fn node(out: &mut String, words: &Words, title: &str) {
             _ if word.needed => "needed".into(),
             _ => "—".into(),
         };
-        let _ = writeln!(out, "| {name} | {} | {default} | {} |", word.takes, word.doc);
+        let _ = writeln!(out, "| {name} | {} | {default} | {} |", word.value_type, word.doc);
     }
     if words.objects {
         let list: Vec<String> = schema::objects().map(|name| format!("`{name}`")).collect();
@@ -162,7 +164,7 @@ Files must lie below the folder of the scene, unless `--allow-outside` is given.
 const ENVIRONMENT_RULES: &str = r#"
 ## Environments
 
-What surrounds the scene, infinitely far, instead of the background. There is one at most; in a later file, another one takes
+What surrounds the scene, infinitely far, instead of the background. There is one at most; in a later file, another one value_type
 its place. It can be turned by `rotate-x`, `rotate-y`, `rotate-z` and `rotate`. See [What surrounds the scene](environment.md).
 "#;
 

@@ -3,7 +3,7 @@
 use crate::mutate::{Outcome, run};
 use canaletto_io::assets::{Asset, AssetPath, MemoryAssets};
 use canaletto_io::import::{CloudFormat, load, read_cylinders, read_spheres};
-use canaletto_io::text::Script;
+use canaletto_io::text::SceneDocument;
 
 fn seeds<const N: usize>(texts: [&str; N]) -> Vec<Vec<u8>> {
     texts.iter().map(|text| text.as_bytes().to_vec()).collect()
@@ -143,7 +143,7 @@ fn scene_text() {
         |bytes| {
             let Ok(text) = std::str::from_utf8(bytes) else { return Outcome::Ordinary };
             let assets = MemoryAssets::new();
-            if let Ok(mut script) = Script::of_text(text, "a.kdl", &assets, &[]) {
+            if let Ok(mut script) = SceneDocument::of_text(text, "a.kdl", &assets, &[]) {
                 for frame in [0.0, 5.5] {
                     let _ = script.scene(&assets, frame).map_err(|errors| errors.to_string());
                 }

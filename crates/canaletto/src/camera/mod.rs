@@ -8,7 +8,7 @@ mod roll;
 
 pub use roll::{continue_roll, flips_roll, has_roll};
 
-use crate::math::{Line, Path, Spread, Transform};
+use crate::math::{AnimatedTransform, DRay, RayDifferential, Transform};
 use crate::scene::{Extrinsics, Intrinsics, View};
 use canaletto_bvh::{InstructionSet, Kernel};
 use glam::{DAffine3, DMat3, DVec2, DVec3};
@@ -37,7 +37,7 @@ pub struct Camera {
 /// A camera's way.
 #[derive(Clone, Debug, PartialEq)]
 struct Motion {
-    path: Path,
+    path: AnimatedTransform,
     /// The depth of focus at each pose.
     depths: Vec<f64>,
 }
@@ -46,11 +46,11 @@ struct Motion {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EyeRay {
     /// The ray, of unit direction.
-    pub line: Line,
+    pub line: DRay,
     /// The point of the lens that it left, to the right and upwards from the eye; `None` without a lens.
     pub lens: Option<DVec2>,
     /// How it changes to the neighbouring samples, if that was asked for.
-    pub spread: Option<Spread>,
+    pub differential: Option<RayDifferential>,
 }
 
 /// Why parameters make no camera.
@@ -161,7 +161,7 @@ impl Camera {
             poses.push(Transform::new(forward).map_err(|e| CameraError::Motion(e.to_string()))?);
             depths.push(camera.lens.map_or(0.0, |(_, depth)| depth));
         }
-        let path = Path::new(&poses).map_err(|e| CameraError::Motion(e.to_string()))?;
+        let path = AnimatedTransform::new(&poses).map_err(|e| CameraError::Motion(e.to_string()))?;
         Ok(Camera { motion: Some(Motion { path, depths }), ..Camera::new(intrinsics, first)? })
     }
 
@@ -208,8 +208,8 @@ impl Camera {
             return self.at(time).ray(x, y, lens, 0.0, spacing);
         }
         let Some((optics, depth)) = &self.lens else {
-            let spread = spacing.map(|spacing| self.spread(x, y, spacing));
-            return EyeRay { line: self.line(x, y), lens: None, spread };
+            let differential = spacing.map(|spacing| self.differential(x, y, spacing));
+            return EyeRay { line: self.line(x, y), lens: None, differential };
         };
         let point = optics.point(lens);
         let (eye, d) = self.chapter_ray(x, y);
@@ -217,8 +217,8 @@ impl Camera {
         // d ends on the projection plane at depth d_f.
         let scale = depth / self.near;
         let d = d * scale - offset;
-        let spread = spacing.map(|spacing| self.spread_of(d, spacing * scale));
-        EyeRay { line: Line { origin: eye + offset, direction: d.normalize() }, lens: Some(point), spread }
+        let differential = spacing.map(|spacing| self.spread_of(d, spacing * scale));
+        EyeRay { line: DRay { origin: eye + offset, direction: d.normalize() }, lens: Some(point), differential }
     }
 
     /// The chapter's ray for (x, y) in pixels, y upwards: eye and d of (5.10), of the length that reaches the
@@ -233,24 +233,24 @@ impl Camera {
 
     /// The same ray with a unit direction, as the integrators trace it.
     #[inline]
-    pub fn line(&self, x: f64, y: f64) -> Line {
+    pub fn line(&self, x: f64, y: f64) -> DRay {
         let (origin, d) = self.chapter_ray(x, y);
-        Line { origin, direction: d.normalize() }
+        DRay { origin, direction: d.normalize() }
     }
 
     /// The same for many places at once, of which there are as many as lines.
-    pub(crate) fn lines(&self, places: &[[f64; 2]], lines: &mut [Line]) {
+    pub(crate) fn lines(&self, places: &[[f64; 2]], lines: &mut [DRay]) {
         InstructionSet::run(Lines { camera: self, places, lines });
     }
 
     /// How that ray changes to samples `spacing` pixels to the right and above (Igehy 1999, (8)).
-    pub fn spread(&self, x: f64, y: f64, spacing: f64) -> Spread {
+    pub fn differential(&self, x: f64, y: f64, spacing: f64) -> RayDifferential {
         let (_, d) = self.chapter_ray(x, y);
         self.spread_of(d, spacing)
     }
 
     /// The same for a ray along `d`, which moves over the picture like the projection plane `scale` times as large.
-    fn spread_of(&self, d: DVec3, scale: f64) -> Spread {
+    fn spread_of(&self, d: DVec3, scale: f64) -> RayDifferential {
         let [x_e, y_e, _] = self.axes;
         let [right, up] = [
             x_e * (self.window.x * scale / f64::from(self.size[0])),
@@ -259,7 +259,7 @@ impl Camera {
         let length = d.length();
         let unit = d / length;
         let turn = |across: DVec3| (across - unit * unit.dot(across)) / length;
-        Spread { origin: [DVec3::ZERO; 2], direction: [turn(right), turn(up)] }
+        RayDifferential { origin: [DVec3::ZERO; 2], direction: [turn(right), turn(up)] }
     }
 
     /// Where a point appears, in pixels with y upwards; `None` for points that are not in front of the eye. The
@@ -306,7 +306,7 @@ impl Camera {
 struct Lines<'a> {
     camera: &'a Camera,
     places: &'a [[f64; 2]],
-    lines: &'a mut [Line],
+    lines: &'a mut [DRay],
 }
 
 impl Kernel for Lines<'_> {
@@ -337,7 +337,7 @@ impl Kernel for Lines<'_> {
             }
             let [x, y, z] = directions;
             for (i, line) in lines.iter_mut().enumerate() {
-                *line = Line { origin: camera.eye, direction: DVec3::new(x[i], y[i], z[i]) };
+                *line = DRay { origin: camera.eye, direction: DVec3::new(x[i], y[i], z[i]) };
             }
         }
     }
@@ -388,10 +388,10 @@ mod tests {
         let places: Vec<[f64; 2]> = (0..1003).map(|i| [f64::from(i) * 0.31, f64::from(i * i % 401) + 0.125]).collect();
         for set in InstructionSet::available() {
             set.limit();
-            let mut lines = vec![Line { origin: DVec3::ZERO, direction: DVec3::ZERO }; places.len()];
+            let mut lines = vec![DRay { origin: DVec3::ZERO, direction: DVec3::ZERO }; places.len()];
             camera.lines(&places, &mut lines);
             for (line, [x, y]) in lines.iter().zip(&places) {
-                let bits = |line: &Line| line.direction.to_array().map(f64::to_bits);
+                let bits = |line: &DRay| line.direction.to_array().map(f64::to_bits);
                 assert_eq!((line.origin, bits(line)), (camera.eye, bits(&camera.line(*x, *y))), "{set:?} {x} {y}");
             }
         }
@@ -404,10 +404,10 @@ mod tests {
         let camera = Camera::new(&intrinsics, &extrinsics).unwrap();
         for (x, y) in [(0.0, 0.0), (210.0, 265.0), (299.5, 17.25)] {
             let at = |x, y| camera.line(x, y).direction;
-            let spread = camera.spread(x, y, 0.25);
+            let differential = camera.differential(x, y, 0.25);
             let step = 1e-5;
             let differences = [at(x + step, y) - at(x - step, y), at(x, y + step) - at(x, y - step)];
-            for (found, difference) in spread.direction.into_iter().zip(differences) {
+            for (found, difference) in differential.direction.into_iter().zip(differences) {
                 let expected = difference * (0.25 / (2.0 * step));
                 assert!((found - expected).length() < 1e-6 * expected.length(), "{found} {expected}");
             }
@@ -480,13 +480,13 @@ mod tests {
         intrinsics.lens = Some(lens);
         let camera = Camera::new(&intrinsics, &extrinsics).unwrap();
         let at = |x, y| camera.ray(x, y, [0.7, 0.4], 0.0, Some(0.25));
-        let (spread, step) = (at(210.0, 30.0).spread.unwrap(), 1e-5);
+        let (differential, step) = (at(210.0, 30.0).differential.unwrap(), 1e-5);
         let change = |a: EyeRay, b: EyeRay| (a.line.direction - b.line.direction) * (0.25 / (2.0 * step));
         let differences = [
             change(at(210.0 + step, 30.0), at(210.0 - step, 30.0)),
             change(at(210.0, 30.0 + step), at(210.0, 30.0 - step)),
         ];
-        for (found, expected) in spread.direction.into_iter().zip(differences) {
+        for (found, expected) in differential.direction.into_iter().zip(differences) {
             assert!((found - expected).length() < 1e-6 * expected.length(), "{found} {expected}");
         }
     }

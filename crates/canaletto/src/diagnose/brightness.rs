@@ -132,10 +132,10 @@ fn look(world: &World, job: &Job, most: [u32; 2]) -> Option<Seen> {
         .collect();
     with_stack(stack_of(world, &coarse), || {
         let too_many = |rays| rays > MAX_RAYS;
-        let mut whitted = Whitted::new(world, coarse.integrator).until(&too_many);
+        let mut whitted = Whitted::new(world, coarse.integrator).with_cancel(&too_many);
         let mut renderer = PixelRenderer::new(&coarse);
         let seen = hits.into_iter().map(|[x, y]| ([x, y], renderer.pixel(&mut whitted, x, y, &mut ()).0)).collect();
-        (!whitted.gave_up()).then_some(seen)
+        (!whitted.cancelled_early()).then_some(seen)
     })
     // Without threads there is no judgement; to render will say why.
     .ok()
@@ -155,7 +155,7 @@ fn reasons(world: &World, job: &Job, seen: &Seen) -> Vec<Reason> {
         .flat_map(|tree| tree.samples)
         .filter_map(|sample| if let Outcome::Hit(hit) = sample.ray.outcome { Some(*hit) } else { None })
         .collect();
-    let is_black = |hit: &HitNode| hit.phong.kd == Rgb::BLACK && hit.phong.ks == Rgb::BLACK && hit.print.is_none();
+    let is_black = |hit: &HitNode| hit.phong.kd == Rgb::BLACK && hit.phong.ks == Rgb::BLACK && hit.overlay.is_none();
     if !hits.is_empty() && hits.iter().all(is_black) {
         let goes_on = |hit: &HitNode| !hit.children.is_empty() || !hit.cut.is_empty();
         return match hits.iter().find(|hit| !goes_on(hit)) {

@@ -65,9 +65,9 @@ fn record(world: &World, job: &Job, [x, y]: [u32; 2]) -> Result<PixelTree, Expla
     let [width, height] = job.camera.size();
     let mut recorder = Recorder::new(world, &job.camera);
     let too_many = |rays| rays > MAX_RAYS;
-    let mut whitted = Whitted::new(world, job.integrator).until(&too_many);
+    let mut whitted = Whitted::new(world, job.integrator).with_cancel(&too_many);
     let (color, _) = PixelRenderer::new(job).pixel(&mut whitted, x, y, &mut recorder);
-    if whitted.gave_up() {
+    if whitted.cancelled_early() {
         return Err(ExplainError::TooManyRays);
     }
     Ok(PixelTree {

@@ -6,7 +6,7 @@ use super::tree::{
 };
 use crate::camera::Camera;
 use crate::integrator::{LightTerm, Probe, RayKind};
-use crate::light::environment::Sighting;
+use crate::light::environment::EnvironmentLookup;
 use crate::material::{MaterialPoint, Target};
 use crate::math::Rgb;
 use crate::shape::Surface;
@@ -89,9 +89,9 @@ impl Probe for Recorder<'_> {
         self.lobe = Some(LobeNode { roughness, facet: facet.as_vec3().to_array() });
     }
 
-    fn sighting(&mut self, sighting: &Sighting) {
+    fn environment_lookup(&mut self, environment_lookup: &EnvironmentLookup) {
         if let Some(RayNode { outcome: Outcome::Miss { environment, .. }, .. }) = self.open.last_mut() {
-            *environment = Some(Box::new(*sighting));
+            *environment = Some(Box::new(*environment_lookup));
         }
     }
 
@@ -122,7 +122,7 @@ impl Probe for Recorder<'_> {
             ambient: None,
             lights: Vec::new(),
             children: Vec::new(),
-            print: None,
+            overlay: None,
             coverage: None,
             behind: None,
             cut: Vec::new(),
@@ -167,9 +167,9 @@ impl Probe for Recorder<'_> {
         });
     }
 
-    fn print(&mut self, color: Rgb, share: f32) {
+    fn overlay(&mut self, color: Rgb, share: f32) {
         if let Some(hit) = self.current() {
-            hit.print = Some((color, share));
+            hit.overlay = Some((color, share));
         }
     }
 
@@ -258,7 +258,7 @@ fn replaced(read: &TextureRead) -> [Vec<f32>; 2] {
     let number = |point: &MaterialPoint, normal: glam::DVec3| {
         let phong = &point.phong;
         match read.used.target {
-            Target::Replace | Target::Decal => [&point.print.0.to_array()[..], &[point.print.1]].concat(),
+            Target::Replace | Target::Decal => [&point.overlay.0.to_array()[..], &[point.overlay.1]].concat(),
             Target::Diffuse => phong.kd.to_array().to_vec(),
             Target::Specular => phong.ks.to_array().to_vec(),
             Target::Mirror => phong.k.to_array().to_vec(),

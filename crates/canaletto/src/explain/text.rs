@@ -3,7 +3,7 @@
 use super::number::Number;
 use super::tree::{HitNode, LightNode, Outcome, PixelTree, RayNode, SampleNode, Side, TextureNode};
 use crate::integrator::RayKind;
-use crate::light::environment::{Footprint, Part, Place, Sighting};
+use crate::light::environment::{EnvironmentLookup, Footprint, Part, Place};
 use crate::math::Rgb;
 use std::fmt::{self, Display, Formatter, LowerExp};
 
@@ -72,12 +72,12 @@ fn write_ray(f: &mut Formatter, ray: &RayNode, indent: &str) -> fmt::Result {
         Outcome::Miss { background, environment: None } => {
             writeln!(f, "{indent}  meets nothing: background {}", rgb(*background))
         }
-        Outcome::Miss { environment: Some(sighting), .. } => write_sighting(f, sighting, indent),
+        Outcome::Miss { environment: Some(environment_lookup), .. } => write_sighting(f, environment_lookup, indent),
         Outcome::Hit(hit) => write_hit(f, hit, ray.color, indent),
     }
 }
 
-fn write_sighting(f: &mut Formatter, seen: &Sighting, indent: &str) -> fmt::Result {
+fn write_sighting(f: &mut Formatter, seen: &EnvironmentLookup, indent: &str) -> fmt::Result {
     let (d, local) = (seen.direction, seen.local);
     writeln!(f, "{indent}  meets nothing: environment \"{}\" {}", seen.kind, rgb(seen.radiance))?;
     write!(f, "{indent}    direction ({}, {}, {})", Number(d.x), Number(d.y), Number(d.z))?;
@@ -195,9 +195,9 @@ fn write_hit(f: &mut Formatter, hit: &HitNode, color: Rgb, indent: &str) -> fmt:
             rgb(cut.factor)
         )?;
     }
-    if let Some((print, share)) = hit.print {
+    if let Some((overlay, share)) = hit.overlay {
         let rest = if share < 1.0 { format!(", under it {} of the above", 1.0 - share) } else { String::new() };
-        writeln!(f, "{indent}    {share} * texture {} over it{rest}", rgb(print))?;
+        writeln!(f, "{indent}    {share} * texture {} over it{rest}", rgb(overlay))?;
     }
     if let Some(coverage) = hit.coverage {
         writeln!(f, "{indent}    * {coverage}: the share of the surface that is there")?;

@@ -1,7 +1,7 @@
 //! The tree of rays behind a pixel, as plain data.
 
 use crate::integrator::RayKind;
-use crate::light::environment::Sighting;
+use crate::light::environment::EnvironmentLookup;
 use crate::material::Phong;
 use crate::math::Rgb;
 use crate::render::weighted_mean;
@@ -97,7 +97,7 @@ pub enum Outcome {
         background: Rgb,
         /// The look at the environment that brought it, if the scene has one.
         #[serde(skip_serializing_if = "Option::is_none")]
-        environment: Option<Box<Sighting>>,
+        environment: Option<Box<EnvironmentLookup>>,
     },
     /// A surface.
     Hit(Box<HitNode>),
@@ -155,7 +155,7 @@ pub struct HitNode {
     pub children: Vec<RayNode>,
     /// A colour over the shaded one, and its share.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub print: Option<(Rgb, f32)>,
+    pub overlay: Option<(Rgb, f32)>,
     /// The share of the surface that is there, where a texture cuts out the rest.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub coverage: Option<f32>,
@@ -306,8 +306,8 @@ impl RayNode {
 impl HitNode {
     /// The colour with what lies over it, and what is behind where the surface isn't there.
     fn covered(&self, mut color: Rgb) -> Rgb {
-        if let Some((print, share)) = self.print {
-            color = (print * share + color * (1.0 - share)).saturated();
+        if let Some((overlay, share)) = self.overlay {
+            color = (overlay * share + color * (1.0 - share)).saturated();
         }
         let Some(coverage) = self.coverage else { return color };
         color *= coverage;

@@ -1,7 +1,7 @@
 //! What an integrator tells whoever watches it. The picture and its explanation run the same code: the integrator is
 //! generic over a probe, and the empty one compiles to nothing.
 
-use crate::light::environment::Sighting;
+use crate::light::environment::EnvironmentLookup;
 use crate::material::MaterialPoint;
 use crate::math::Rgb;
 use crate::shape::Surface;
@@ -74,7 +74,7 @@ pub trait Probe {
     /// A ray starts. `depth` is 1 for eye rays; `factor` is what its colour is multiplied with.
     fn ray(&mut self, _kind: RayKind, _ray: &Ray, _depth: u32, _factor: Rgb) {}
     /// It met nothing, and this is what it saw of the environment; [`Probe::miss`] follows. Not called without one.
-    fn sighting(&mut self, _sighting: &Sighting) {}
+    fn environment_lookup(&mut self, _sighting: &EnvironmentLookup) {}
     /// It met nothing.
     fn miss(&mut self, _background: Rgb) {}
     /// The refracted ray that starts next goes from a medium of this η into one of that.
@@ -96,7 +96,7 @@ pub trait Probe {
     /// A light's terms.
     fn light(&mut self, _term: &LightTerm) {}
     /// A colour t lies over the colour I so far, with this share a: a t + (1 − a) I. A share of 1 comes before all lights.
-    fn print(&mut self, _color: Rgb, _share: f32) {}
+    fn overlay(&mut self, _color: Rgb, _share: f32) {}
     /// Only this share of the surface is there: what was added so far is multiplied by it.
     fn coverage(&mut self, _share: f32) {}
     /// A child ray was not followed, because of depth or weight.

@@ -6,14 +6,14 @@ mod directional;
 mod disk;
 pub mod environment;
 mod omni;
-mod source;
+mod prepared;
 mod spot;
 mod surface_light;
 
 pub use directional::Directional;
 pub use disk::DiskLight;
 pub use omni::Omni;
-pub use source::{Illumination, Source};
+pub use prepared::{Illumination, PreparedLight};
 pub use spot::{Falloff, Spot};
 pub use surface_light::{Emission, MeshLight, RectangleLight, SphereLight};
 

@@ -23,7 +23,7 @@ pub fn tilted(normal: DVec3, tangents: [DVec3; 2], [x, y, z]: [f64; 3]) -> DVec3
 }
 
 /// A bent normal, mirrored at the surface where it fell behind it, as interpolated normals of meshes are.
-pub fn on_the_outside(normal: DVec3, geometric: DVec3) -> DVec3 {
+pub fn clamp_to_hemisphere(normal: DVec3, geometric: DVec3) -> DVec3 {
     let front = normal - geometric * (2.0 * normal.dot(geometric).min(0.0));
     let unit = front.normalize_or(geometric);
     if unit.dot(geometric) > 0.0 { unit } else { geometric }
@@ -64,7 +64,7 @@ mod tests {
     #[test]
     fn no_normal_stays_behind_the_surface() {
         for bent in [DVec3::NEG_Z, DVec3::new(1.0, 0.0, -0.5).normalize(), DVec3::X, DVec3::Z] {
-            let n = on_the_outside(bent, DVec3::Z);
+            let n = clamp_to_hemisphere(bent, DVec3::Z);
             assert!(n.z > 0.0 && (n.length() - 1.0).abs() < 1e-15, "{bent}: {n}");
         }
     }

@@ -6,7 +6,7 @@
 //! its gradient, so that footprints and bumps follow by the chain rule, without differences across seams.
 
 use crate::math::Transform;
-use crate::shape::Patch;
+use crate::shape::SurfaceDifferential;
 use crate::texture::{Function, Gradient, TextureKind};
 use canaletto_bvh::Aabb;
 use glam::{DMat3, DVec2, DVec3};
@@ -102,7 +102,7 @@ pub struct Place<'a> {
     /// The surface's own coordinates.
     pub uv: DVec2,
     /// How they and the normal change.
-    pub patch: &'a Patch,
+    pub surface_differential: &'a SurfaceDifferential,
     /// From the object's space to the world's; `None` is the identity.
     pub to_world: Option<&'a Transform>,
     /// The object's bounds, unless it has none.
@@ -113,7 +113,7 @@ pub struct Place<'a> {
 
 /// One place of a texture: a mapping has up to three of them, with weights that sum to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Spot {
+pub struct TexCoord {
     /// The coordinates.
     pub at: DVec3,
     /// Their share.
@@ -126,10 +126,10 @@ pub struct Spot {
     round: bool,
 }
 
-impl Spot {
-    fn new(at: DVec3, rows: [DVec3; 3]) -> Spot {
+impl TexCoord {
+    fn new(at: DVec3, rows: [DVec3; 3]) -> TexCoord {
         let first = DMat3::from_cols(rows[0], rows[1], rows[2]).transpose();
-        Spot { at, weight: 1.0, first, last: DMat3::IDENTITY, round: false }
+        TexCoord { at, weight: 1.0, first, last: DMat3::IDENTITY, round: false }
     }
 
     /// The change of `at` over a step along the surface. Around a pole, where a small step goes round more than once, it
@@ -148,7 +148,7 @@ impl Spot {
         [rows.x_axis, rows.y_axis, rows.z_axis]
     }
 
-    fn repeated(mut self, repeat: Repeat) -> Spot {
+    fn repeated(mut self, repeat: Repeat) -> TexCoord {
         let by = DVec3::new(repeat.0[0], repeat.0[1], 1.0);
         self.at *= by;
         self.last = DMat3::from_diagonal(by) * self.last;
@@ -158,20 +158,20 @@ impl Spot {
 
 /// Up to three places of a texture.
 #[derive(Clone, Copy, Debug)]
-pub struct Spots {
-    list: [Spot; 3],
+pub struct TexCoords {
+    list: [TexCoord; 3],
     len: usize,
 }
 
-impl Spots {
-    fn one(spot: Spot) -> Spots {
-        Spots { list: [spot; 3], len: 1 }
+impl TexCoords {
+    fn one(spot: TexCoord) -> TexCoords {
+        TexCoords { list: [spot; 3], len: 1 }
     }
 }
 
-impl std::ops::Deref for Spots {
-    type Target = [Spot];
-    fn deref(&self) -> &[Spot] {
+impl std::ops::Deref for TexCoords {
+    type Target = [TexCoord];
+    fn deref(&self) -> &[TexCoord] {
         &self.list[..self.len]
     }
 }
@@ -194,14 +194,14 @@ impl Mapping {
     }
 
     /// The texture's coordinates at a point of a surface.
-    pub fn spots(&self, place: &Place) -> Spots {
+    pub fn spots(&self, place: &Place) -> TexCoords {
         if self.projection == Projection::Uv {
-            return Spots::one(self.own(place));
+            return TexCoords::one(self.own(place));
         }
         let (point, rows, normal) = self.enter(place);
         match self.projection {
-            Projection::Uv | Projection::Solid => Spots::one(Spot::new(point, rows)),
-            Projection::Planar => Spots::one(face(5, point, rows).repeated(self.repeat)),
+            Projection::Uv | Projection::Solid => TexCoords::one(TexCoord::new(point, rows)),
+            Projection::Planar => TexCoords::one(face(5, point, rows).repeated(self.repeat)),
             Projection::Box => {
                 let lean = normal.abs();
                 let axis = if lean.x >= lean.y && lean.x >= lean.z {
@@ -211,37 +211,37 @@ impl Mapping {
                 } else {
                     2
                 };
-                Spots::one(face(2 * axis + usize::from(normal[axis] > 0.0), point, rows).repeated(self.repeat))
+                TexCoords::one(face(2 * axis + usize::from(normal[axis] > 0.0), point, rows).repeated(self.repeat))
             }
             Projection::Triplanar => {
                 let lean = normal * normal;
                 let weights = lean * lean / (lean * lean).element_sum();
                 let mut list = [0, 1, 2].map(|axis| {
                     let spot = face(2 * axis + usize::from(normal[axis] > 0.0), point, rows).repeated(self.repeat);
-                    Spot { weight: weights[axis], ..spot }
+                    TexCoord { weight: weights[axis], ..spot }
                 });
                 list.sort_by(|a, b| b.weight.total_cmp(&a.weight));
                 // What weighs less than the last bit of a colour isn't looked up.
                 let len = 1 + usize::from(list[1].weight > 1e-9) + usize::from(list[2].weight > 1e-9);
-                Spots { list, len }
+                TexCoords { list, len }
             }
-            Projection::Spherical => Spots::one(spherical(point, rows).repeated(self.repeat)),
+            Projection::Spherical => TexCoords::one(spherical(point, rows).repeated(self.repeat)),
             Projection::Cylindrical => {
                 let spot = if normal.y * normal.y > normal.x * normal.x + normal.z * normal.z {
                     face(2 + usize::from(normal.y > 0.0), point, rows)
                 } else {
                     around(point, rows)
                 };
-                Spots::one(spot.repeated(self.repeat))
+                TexCoords::one(spot.repeated(self.repeat))
             }
         }
     }
 
     /// The surface's own coordinates, placed by the transform.
-    fn own(&self, place: &Place) -> Spot {
-        let [u, v] = place.patch.gradients;
-        let mut spot = Spot::new(DVec3::new(place.uv.x, place.uv.y, 0.0), [u, v, DVec3::ZERO]);
-        spot.round = place.patch.round;
+    fn own(&self, place: &Place) -> TexCoord {
+        let [u, v] = place.surface_differential.gradients;
+        let mut spot = TexCoord::new(DVec3::new(place.uv.x, place.uv.y, 0.0), [u, v, DVec3::ZERO]);
+        spot.round = place.surface_differential.round;
         if !self.transform.is_identity() {
             let back = self.transform.inverse();
             let flip = DMat3::from_diagonal(DVec3::new(1.0, -1.0, 1.0));
@@ -284,7 +284,7 @@ impl Mapping {
 
 /// The coordinates of fig. 5.31 on a face of the unit cube around the origin; faces as [`crate::shape::ShapeHit::part`]
 /// numbers them.
-fn face(face: usize, p: DVec3, [x, y, z]: [DVec3; 3]) -> Spot {
+fn face(face: usize, p: DVec3, [x, y, z]: [DVec3; 3]) -> TexCoord {
     let (u, v, du, dv) = match face {
         0 => (p.z, -p.y, z, -y),
         1 => (-p.z, -p.y, -z, -y),
@@ -293,11 +293,11 @@ fn face(face: usize, p: DVec3, [x, y, z]: [DVec3; 3]) -> Spot {
         4 => (-p.x, -p.y, -x, -y),
         _ => (p.x, -p.y, x, -y),
     };
-    Spot::new(DVec3::new(u + 0.5, v + 0.5, 0.0), [du, dv, DVec3::ZERO])
+    TexCoord::new(DVec3::new(u + 0.5, v + 0.5, 0.0), [du, dv, DVec3::ZERO])
 }
 
 /// (5.45).
-fn spherical(p: DVec3, [x, y, z]: [DVec3; 3]) -> Spot {
+fn spherical(p: DVec3, [x, y, z]: [DVec3; 3]) -> TexCoord {
     let ring2 = p.x * p.x + p.z * p.z;
     let (ring, length2) = (ring2.sqrt(), ring2 + p.y * p.y);
     let mut spot = around(p, [x, y, z]);
@@ -305,16 +305,16 @@ fn spherical(p: DVec3, [x, y, z]: [DVec3; 3]) -> Spot {
     let out = if ring > 0.0 { (x * p.x + z * p.z) / ring } else { z };
     let down = if length2 > 0.0 { (out * p.y - y * ring) / (length2 * PI) } else { DVec3::ZERO };
     let [turn, ..] = spot.gradients();
-    Spot { round: true, ..Spot::new(spot.at, [turn, down, DVec3::ZERO]) }
+    TexCoord { round: true, ..TexCoord::new(spot.at, [turn, down, DVec3::ZERO]) }
 }
 
 /// The angle around the y axis, and the height from ½ down to −½.
-fn around(p: DVec3, [x, y, z]: [DVec3; 3]) -> Spot {
+fn around(p: DVec3, [x, y, z]: [DVec3; 3]) -> TexCoord {
     let ring2 = p.x * p.x + p.z * p.z;
     let u = 0.5 * (1.0 + libm::atan2(p.x, p.z) / PI);
     // On the axis itself every step goes round.
     let turn = if ring2 > 0.0 { (x * p.z - z * p.x) / (ring2 * TAU) } else { DVec3::splat(f64::MAX.sqrt()) };
-    Spot { round: true, ..Spot::new(DVec3::new(u, 0.5 - p.y, 0.0), [turn, -y, DVec3::ZERO]) }
+    TexCoord { round: true, ..TexCoord::new(DVec3::new(u, 0.5 - p.y, 0.0), [turn, -y, DVec3::ZERO]) }
 }
 
 #[cfg(test)]

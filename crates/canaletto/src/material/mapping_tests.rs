@@ -9,12 +9,12 @@ fn at<T>(shape: &Shape, target: DVec3, to_world: Option<&Transform>, test: impl 
     let ray = Ray::new(from.as_vec3(), (target - from).as_vec3());
     let hit = shape.intersect(&ray, f32::INFINITY).expect("the ray meets the shape");
     let surface = shape.surface(&ray, &hit);
-    let patch = shape.patch(&surface, &hit);
+    let surface_differential = shape.surface_differential(&surface, &hit);
     test(&Place {
         point: surface.exact,
         normal: surface.normal,
         uv: surface.uv.as_dvec2(),
-        patch: &patch,
+        surface_differential: &surface_differential,
         to_world,
         bounds: shape.bounds(),
         origins: [DVec3::ZERO; 2],

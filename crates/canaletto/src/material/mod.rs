@@ -1,15 +1,15 @@
 //! What surfaces do with light.
 
 mod bump;
-mod facet;
 mod mapping;
+mod microfacet;
 mod phong;
 mod refract;
 mod texture_use;
 
-pub use bump::{bumped, on_the_outside, tilted};
-pub use facet::{on_the_side, visible_facet};
-pub use mapping::{Mapping, Place, Projection, Repeat, Space, Spot, Spots};
+pub use bump::{bumped, clamp_to_hemisphere, tilted};
+pub use mapping::{Mapping, Place, Projection, Repeat, Space, TexCoord, TexCoords};
+pub use microfacet::{reflect_into_hemisphere, sample_ggx_vndf};
 pub use phong::Phong;
 pub(crate) use phong::highlights;
 pub use refract::{reflect, refract};
@@ -90,12 +90,12 @@ impl Material {
     /// Makes `point` the same for a surface that brings this colour, or none.
     #[inline]
     pub(crate) fn set(&self, point: &mut MaterialPoint, color: Option<Rgb>) {
-        let MaterialPoint { phong, print, coverage, bent } = point;
+        let MaterialPoint { phong, overlay, coverage, bent } = point;
         *phong = self.phong;
         if let Some(color) = color {
             phong.kd = color;
         }
-        (*print, *coverage, *bent) = ((Rgb::BLACK, 0.0), self.coverage, false);
+        (*overlay, *coverage, *bent) = ((Rgb::BLACK, 0.0), self.coverage, false);
     }
 
     /// Whether all surfaces made of it are there, at least in part, and the same everywhere.
@@ -139,7 +139,7 @@ pub struct MaterialPoint {
     /// The Phong model's numbers here.
     pub phong: Phong,
     /// A colour over the shaded one and its share, 0 to 1; a share of 1 leaves nothing to shade.
-    pub print: (Rgb, f32),
+    pub overlay: (Rgb, f32),
     /// The share of the surface that is there, 0 (a hole) to 1.
     pub coverage: f32,
     /// Whether a texture bent the shading normal.
@@ -148,7 +148,7 @@ pub struct MaterialPoint {
 
 impl Default for MaterialPoint {
     fn default() -> MaterialPoint {
-        MaterialPoint { phong: Phong::default(), print: (Rgb::BLACK, 0.0), coverage: 1.0, bent: false }
+        MaterialPoint { phong: Phong::default(), overlay: (Rgb::BLACK, 0.0), coverage: 1.0, bent: false }
     }
 }
 
@@ -156,7 +156,7 @@ impl MaterialPoint {
     /// Whether anything but a print is seen.
     #[inline]
     pub fn is_seen(&self) -> bool {
-        self.print.1 < 1.0
+        self.overlay.1 < 1.0
     }
 
     /// Whether light passes: o < 1.

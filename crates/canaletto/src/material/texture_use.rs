@@ -188,14 +188,14 @@ impl TextureUse {
             Rgb::new(r, g, b)
         };
         match self.target {
-            Target::Replace => point.print = (color(), 1.0),
+            Target::Replace => point.overlay = (color(), 1.0),
             Target::Decal => {
-                let (under, alpha) = (point.print, positive(value[3]).min(1.0));
+                let (under, alpha) = (point.overlay, positive(value[3]).min(1.0));
                 // A print over a print is one print.
                 let both = alpha + under.1 * (1.0 - alpha);
                 if both > 0.0 {
                     let share = if under.1 > 0.0 { alpha / both } else { 1.0 };
-                    point.print = ((color() * share + under.0 * (1.0 - share)).saturated(), both);
+                    point.overlay = ((color() * share + under.0 * (1.0 - share)).saturated(), both);
                 }
             }
             Target::Diffuse => phong.kd = color(),
@@ -236,8 +236,8 @@ mod tests {
         assert_eq!(applied(Target::Diffuse, [0.0, 1.0]).phong.kd, rgb);
         assert_eq!(applied(Target::Specular, [0.0, 1.0]).phong.ks, rgb);
         assert_eq!(applied(Target::Mirror, [1.0, 0.0]).phong.k, Rgb::new(0.75, 0.5, 0.25));
-        assert_eq!(applied(Target::Replace, [0.0, 1.0]).print, (rgb, 1.0));
-        assert_eq!(applied(Target::Decal, [0.0, 1.0]).print, (rgb, 0.5));
+        assert_eq!(applied(Target::Replace, [0.0, 1.0]).overlay, (rgb, 1.0));
+        assert_eq!(applied(Target::Decal, [0.0, 1.0]).overlay, (rgb, 0.5));
         assert_eq!(applied(Target::Cutout, [0.0, 1.0]).coverage, 0.5);
         let luminance = 0.2126 * 0.25 + 0.7152 * 0.5 + 0.0722 * 0.75;
         assert_eq!(applied(Target::Exponent, [0.0, 100.0]).phong.n, luminance * 100.0);
@@ -254,7 +254,7 @@ mod tests {
                 TextureUse { range: [0.0, 3e38], ..TextureUse::new(0, target) }.apply([wild; 4], &mut p);
                 p.phong.check().unwrap();
                 assert!((0.0..=1.0).contains(&p.coverage), "{p:?}");
-                assert!(p.print.0.is_finite() && (0.0..=1.0).contains(&p.print.1), "{wild}: {p:?}");
+                assert!(p.overlay.0.is_finite() && (0.0..=1.0).contains(&p.overlay.1), "{wild}: {p:?}");
             }
         }
     }
@@ -268,7 +268,7 @@ mod tests {
         let base = Rgb::new(0.1, 0.2, 0.3);
         let first = Rgb::new(1.0, 0.0, 0.0) * 0.5 + base * 0.5;
         let both = Rgb::new(0.0, 1.0, 0.0) * 0.25 + first * 0.75;
-        let once = p.print.0 * p.print.1 + base * (1.0 - p.print.1);
+        let once = p.overlay.0 * p.overlay.1 + base * (1.0 - p.overlay.1);
         assert!((once - both).to_array().into_iter().all(|d| d.abs() < 1e-6), "{once:?} {both:?}");
     }
 }

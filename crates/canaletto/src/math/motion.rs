@@ -11,7 +11,7 @@ use glam::{DAffine3, DMat3, DQuat, DVec3};
 
 /// A way through poses that are evenly spaced over the times 0 to 1.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Path {
+pub struct AnimatedTransform {
     segments: Vec<Segment>,
 }
 
@@ -31,7 +31,7 @@ struct Segment {
 /// Why poses make no path.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
-pub enum NoPath {
+pub enum NoAnimatedTransform {
     /// There is no way with fewer than two ends.
     #[error("a motion needs at least 2 poses, one at each end of the time that the shutter is open")]
     TooFew,
@@ -51,20 +51,20 @@ struct Parts {
     mirrored: bool,
 }
 
-impl Path {
+impl AnimatedTransform {
     /// The path through these poses.
     ///
     /// # Errors
-    /// [`NoPath`] if there are fewer than two, or if no path leads from one to the next.
-    pub fn new(poses: &[Transform]) -> Result<Path, NoPath> {
+    /// [`NoAnimatedTransform`] if there are fewer than two, or if no path leads from one to the next.
+    pub fn new(poses: &[Transform]) -> Result<AnimatedTransform, NoAnimatedTransform> {
         if poses.len() < 2 {
-            return Err(NoPath::TooFew);
+            return Err(NoAnimatedTransform::TooFew);
         }
         let parts = poses.iter().map(|pose| take_apart(pose.matrix())).collect::<Result<Vec<_>, _>>()?;
         if parts.windows(2).any(|pair| pair[0].mirrored != pair[1].mirrored) {
-            return Err(NoPath::Mirrors);
+            return Err(NoAnimatedTransform::Mirrors);
         }
-        Ok(Path { segments: parts.windows(2).map(|pair| Segment::between(&pair[0], &pair[1])).collect() })
+        Ok(AnimatedTransform { segments: parts.windows(2).map(|pair| Segment::between(&pair[0], &pair[1])).collect() })
     }
 
     /// The pose at a time in 0..=1; times beyond are the ends.
@@ -90,8 +90,8 @@ impl Path {
             // x = T + R S p, so that x'' = R'' S p + 2 R' S' p: T and S are linear.
             let size = |m: DMat3| m.to_cols_array().iter().map(|e| e * e).sum::<f64>().sqrt();
             let [a, b] = segment.stretch;
-            let bend = angle * (angle * size(a).max(size(b)) + 2.0 * size(b - a)) * reach.length();
-            let pad = bend / (8.0 * steps * steps) * (1.0 + 1e-9);
+            let shape_operator = angle * (angle * size(a).max(size(b)) + 2.0 * size(b - a)) * reach.length();
+            let pad = shape_operator / (8.0 * steps * steps) * (1.0 + 1e-9);
             for i in 0..=steps as u32 {
                 let (c, h) = around(&segment.at(f64::from(i) / steps), center, half);
                 min = min.min(c - h - pad);
@@ -164,7 +164,7 @@ fn rotation(axis: DVec3, angle: f64) -> DMat3 {
 }
 
 /// M = T R S: the rotation nearest to M by Newton's iteration R ← (R + R⁻ᵀ)/2 (Higham 1986).
-fn take_apart(m: &DAffine3) -> Result<Parts, NoPath> {
+fn take_apart(m: &DAffine3) -> Result<Parts, NoAnimatedTransform> {
     let linear = m.matrix3;
     let determinant = linear.determinant();
     let mirrored = determinant < 0.0;
@@ -180,7 +180,7 @@ fn take_apart(m: &DAffine3) -> Result<Parts, NoPath> {
     }
     let off = (r * r.transpose() - DMat3::IDENTITY).to_cols_array().iter().map(|e| e.abs()).fold(0.0, f64::max);
     if !r.is_finite() || off > 1e-9 {
-        return Err(NoPath::Degenerate);
+        return Err(NoAnimatedTransform::Degenerate);
     }
     let s = r.transpose() * linear;
     let stretch = (s + s.transpose()) * 0.5;
@@ -207,7 +207,7 @@ mod tests {
 
     #[test]
     fn paths_go_through_their_poses() {
-        let path = Path::new(&poses()).unwrap();
+        let path = AnimatedTransform::new(&poses()).unwrap();
         for (pose, time) in poses().iter().zip([0.0, 0.5, 1.0]) {
             assert!(differ(&path.at(time), pose) < 1e-13, "{time}");
         }
@@ -220,19 +220,20 @@ mod tests {
 
     #[test]
     fn turns_are_even_and_keep_lengths() {
-        let path = Path::new(&[Transform::IDENTITY, Transform::rotate(DVec3::Y, 120.0).unwrap()]).unwrap();
+        let path = AnimatedTransform::new(&[Transform::IDENTITY, Transform::rotate(DVec3::Y, 120.0).unwrap()]).unwrap();
         for i in 0..=12 {
             let f = f64::from(i) / 12.0;
             assert!(differ(&path.at(f), &Transform::rotate(DVec3::Y, 120.0 * f).unwrap()) < 1e-14);
         }
         // The shorter way: 270° is 90° backwards.
-        let path = Path::new(&[Transform::IDENTITY, Transform::rotate(DVec3::Y, 270.0).unwrap()]).unwrap();
+        let path = AnimatedTransform::new(&[Transform::IDENTITY, Transform::rotate(DVec3::Y, 270.0).unwrap()]).unwrap();
         assert!(differ(&path.at(0.5), &Transform::rotate(DVec3::Y, -45.0).unwrap()) < 1e-14);
     }
 
     #[test]
     fn moves_are_exact() {
-        let path = Path::new(&[Transform::IDENTITY, Transform::translate(DVec3::new(3.0, 0.0, -1.0))]).unwrap();
+        let path =
+            AnimatedTransform::new(&[Transform::IDENTITY, Transform::translate(DVec3::new(3.0, 0.0, -1.0))]).unwrap();
         assert_eq!(path.at(0.25), Transform::translate(DVec3::new(0.75, 0.0, -0.25)));
         assert_eq!((path.at(-1.0), path.at(0.0)), (Transform::IDENTITY, Transform::IDENTITY));
     }
@@ -240,19 +241,19 @@ mod tests {
     #[test]
     fn what_makes_no_path_says_why() {
         let mirror = Transform::scale(DVec3::new(-1.0, 1.0, 1.0)).unwrap();
-        assert_eq!(Path::new(&[mirror]), Err(NoPath::TooFew));
-        assert_eq!(Path::new(&[mirror, Transform::IDENTITY]), Err(NoPath::Mirrors));
-        let path = Path::new(&[mirror, Transform::translate(DVec3::X).after(&mirror)]).unwrap();
+        assert_eq!(AnimatedTransform::new(&[mirror]), Err(NoAnimatedTransform::TooFew));
+        assert_eq!(AnimatedTransform::new(&[mirror, Transform::IDENTITY]), Err(NoAnimatedTransform::Mirrors));
+        let path = AnimatedTransform::new(&[mirror, Transform::translate(DVec3::X).after(&mirror)]).unwrap();
         assert!(differ(&path.at(0.5), &Transform::translate(DVec3::X * 0.5).after(&mirror)) < 1e-15);
         let needle = Transform::scale(DVec3::new(1e-160, 1e160, 1.0)).unwrap();
-        assert_eq!(Path::new(&[needle, needle]), Err(NoPath::Degenerate));
+        assert_eq!(AnimatedTransform::new(&[needle, needle]), Err(NoAnimatedTransform::Degenerate));
     }
 
     /// Points of the box at many times, against its swept bounds: all inside, and the bounds not much larger.
     #[test]
     fn swept_bounds_hold_the_box_at_all_times() {
         let (center, half) = (DVec3::new(0.5, -1.0, 2.0), DVec3::new(0.5, 0.25, 1.0));
-        let path = Path::new(&poses()).unwrap();
+        let path = AnimatedTransform::new(&poses()).unwrap();
         let (c, h) = path.swept(center, half);
         let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         for i in 0..=5000 {

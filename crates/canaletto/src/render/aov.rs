@@ -279,7 +279,7 @@ impl Probe for AovProbe<'_> {
         }
     }
 
-    fn print(&mut self, color: Rgb, share: f32) {
+    fn overlay(&mut self, color: Rgb, share: f32) {
         if self.stack.len() == 1 {
             self.sample.scale(1.0 - share);
             self.sample.diffuse += color * share;

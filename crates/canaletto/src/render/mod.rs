@@ -266,7 +266,7 @@ struct Tile {
 
 impl<'a> Worker<'a> {
     fn new(world: &'a World, job: &'a Job, cancelled: &'a (dyn Fn(u64) -> bool + Sync)) -> Worker<'a> {
-        let whitted = Whitted::new(world, job.integrator).until(cancelled);
+        let whitted = Whitted::new(world, job.integrator).with_cancel(cancelled);
         Worker {
             pixels: PixelRenderer::new(job),
             whitted,
@@ -285,7 +285,7 @@ impl<'a> Worker<'a> {
         part.layers = self.aovs.iter().map(|aov| aov.layer(self.whitted.world(), width, height)).collect();
         self.whitted.counts = RayCounts::default();
         self.pixels.survey(&mut self.whitted, [x0, y0, width, height]);
-        if self.whitted.gave_up() {
+        if self.whitted.cancelled_early() {
             return None;
         }
         if self.aovs.is_empty() {
@@ -299,7 +299,7 @@ impl<'a> Worker<'a> {
                 self.together.clear();
                 self.together.extend(places.iter().map(|[x, y]| [x0 + x, y0 + y]));
                 self.pixels.pixels(&mut self.whitted, &self.together, &mut self.colors);
-                if self.whitted.gave_up() {
+                if self.whitted.cancelled_early() {
                     return None;
                 }
                 for ([x, y], color) in places.iter().zip(&self.colors) {
@@ -324,7 +324,7 @@ impl<'a> Worker<'a> {
                     *to = id;
                 }
             }
-            if self.whitted.gave_up() {
+            if self.whitted.cancelled_early() {
                 return None;
             }
         }

@@ -4,7 +4,7 @@ use super::Job;
 use super::lattice::{Lattice, Probes, Site};
 use crate::film::{Division, FilterTable, Part};
 use crate::integrator::{BUNDLE, Probe, Whitted};
-use crate::math::{Line, Rgb, Spread};
+use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::{Dimension, FrameSampler, Sample};
 use crate::scene::Sampling;
 use crate::world::World;
@@ -74,7 +74,7 @@ pub(crate) fn weighted_mean(samples: impl IntoIterator<Item = (Rgb, f64)>) -> Rg
 
 /// A sample of a pixel.
 #[derive(Clone, Copy)]
-struct Shot {
+struct CameraSample {
     /// Its place in the picture, in pixels, y upwards.
     position: [f64; 2],
     weight: f64,
@@ -82,10 +82,10 @@ struct Shot {
 }
 
 /// The ray of a sample.
-struct Eye {
-    line: Line,
+struct CameraRay {
+    line: DRay,
     /// How it changes to the neighbouring samples, if the world wants to know.
-    spread: Option<Spread>,
+    differential: Option<RayDifferential>,
     /// When it is, from the shutter's opening at 0 to its closing at 1.
     time: f32,
     /// The point of the lens that it leaves.
@@ -237,28 +237,28 @@ impl<'a> PixelRenderer<'a> {
         let alone = self.moves(world);
         if !self.plain || alone {
             for (place, numbers) in places.iter().zip(numbers) {
-                let Eye { line, spread, time, .. } = self.eye(world, *place, numbers, spacing);
+                let CameraRay { line, differential, time, .. } = self.eye(world, *place, numbers, spacing);
                 whitted.begin(*numbers, time);
-                whitted.depart(&[line], &[*numbers], spread);
+                whitted.push_camera_rays(&[line], &[*numbers], differential);
                 if alone || whitted.is_full() {
-                    colors.extend_from_slice(whitted.arrive(&mut ()));
+                    colors.extend_from_slice(whitted.trace_pending(&mut ()));
                 }
-                if whitted.gave_up() {
+                if whitted.cancelled_early() {
                     break;
                 }
             }
-            colors.extend_from_slice(whitted.arrive(&mut ()));
+            colors.extend_from_slice(whitted.trace_pending(&mut ()));
             return colors.resize(places.len(), Rgb::BLACK);
         }
-        let wants_spread = world.wants_spread();
-        let mut lines = [Line { origin: DVec3::ZERO, direction: DVec3::ZERO }; BUNDLE];
+        let needs_differentials = world.needs_differentials();
+        let mut lines = [DRay { origin: DVec3::ZERO, direction: DVec3::ZERO }; BUNDLE];
         for (places, numbers) in places.chunks(BUNDLE).zip(numbers.chunks(BUNDLE)) {
             let lines = &mut lines[..places.len()];
             camera.lines(places, lines);
-            let seen = if wants_spread { places } else { &[] };
-            whitted.depart(lines, numbers, seen.iter().map(|[x, y]| camera.spread(*x, *y, spacing)));
-            colors.extend_from_slice(whitted.arrive(&mut ()));
-            if whitted.gave_up() {
+            let seen = if needs_differentials { places } else { &[] };
+            whitted.push_camera_rays(lines, numbers, seen.iter().map(|[x, y]| camera.differential(*x, *y, spacing)));
+            colors.extend_from_slice(whitted.trace_pending(&mut ()));
+            if whitted.cancelled_early() {
                 break;
             }
         }
@@ -286,23 +286,23 @@ impl<'a> PixelRenderer<'a> {
     }
 
     /// The samples of a pixel.
-    fn shots(&self, pixel: [u32; 2], sampling: Sampling) -> impl Iterator<Item = Shot> + use<'_, 'a> {
+    fn shots(&self, pixel: [u32; 2], sampling: Sampling) -> impl Iterator<Item = CameraSample> + use<'_, 'a> {
         (0..shots(sampling)).map(move |index| self.shot(pixel, sampling, index))
     }
 
     /// Sample number `index` of a pixel.
     #[inline(always)]
-    fn shot(&self, [x, y]: [u32; 2], sampling: Sampling, index: u32) -> Shot {
+    fn shot(&self, [x, y]: [u32; 2], sampling: Sampling, index: u32) -> CameraSample {
         // The chapter counts rows from the bottom (fig. 5.9b).
         let corner = [f64::from(x), f64::from(self.job.camera.size()[1] - 1 - y)];
         let sampler = self.sampler.pixel([x, y]);
         let (numbers, division) = (sampler.sample(index, shots(sampling)), &self.division);
-        let at = |[dx, dy]: [f64; 2]| Shot { position: [corner[0] + dx, corner[1] + dy], weight: 1.0, numbers };
+        let at = |[dx, dy]: [f64; 2]| CameraSample { position: [corner[0] + dx, corner[1] + dy], weight: 1.0, numbers };
         // Spread by the filter.
         let filtered = |(part, place): (Part, [f64; 2])| {
             let [dx, dy] = self.filter.place(part, place);
             let weight = division.weights[part as usize];
-            Shot { position: [corner[0] + 0.5 + dx, corner[1] + 0.5 + dy], weight, numbers }
+            CameraSample { position: [corner[0] + 0.5 + dx, corner[1] + 0.5 + dy], weight, numbers }
         };
         match sampling {
             Sampling::Corner => at([0.0; 2]),
@@ -321,28 +321,28 @@ impl<'a> PixelRenderer<'a> {
     }
 
     /// A ray with which adaptive sampling begins. Each pixel of the lattice has the numbers of two.
-    fn probe_shot(&self, site: Site, weight: f64) -> Shot {
+    fn probe_shot(&self, site: Site, weight: f64) -> CameraSample {
         let [x, y] = site.pixel;
         // Beyond the picture's edges rows and columns count on, around 2³².
         let row = i64::from(self.job.camera.size()[1]) - 1 - y;
         let numbers = self.sampler.pixel([x as u32, row as u32]).sample(site.kind as u32, 2);
-        Shot { position: site.position(), weight, numbers }
+        CameraSample { position: site.position(), weight, numbers }
     }
 
     #[inline]
-    fn eye(&self, world: &World, [x, y]: [f64; 2], numbers: &Sample, spacing: f64) -> Eye {
+    fn eye(&self, world: &World, [x, y]: [f64; 2], numbers: &Sample, spacing: f64) -> CameraRay {
         let camera = &self.job.camera;
-        let wants_spread = world.wants_spread();
+        let needs_differentials = world.needs_differentials();
         let moves = self.moves(world);
         if self.plain && !moves {
-            let spread = wants_spread.then(|| camera.spread(x, y, spacing));
-            return Eye { line: camera.line(x, y), spread, time: 0.0, lens: None };
+            let differential = needs_differentials.then(|| camera.differential(x, y, spacing));
+            return CameraRay { line: camera.line(x, y), differential, time: 0.0, lens: None };
         }
         let numbers = numbers.eye();
         // Rounded once, so that camera and world agree about it.
         let time = if moves { numbers.time as f32 } else { 0.0 };
-        let ray = camera.ray(x, y, numbers.lens, f64::from(time), wants_spread.then_some(spacing));
-        Eye { line: ray.line, spread: ray.spread, time, lens: ray.lens }
+        let ray = camera.ray(x, y, numbers.lens, f64::from(time), needs_differentials.then_some(spacing));
+        CameraRay { line: ray.line, differential: ray.differential, time, lens: ray.lens }
     }
 
     fn moves(&self, world: &World) -> bool {
@@ -353,12 +353,12 @@ impl<'a> PixelRenderer<'a> {
     fn watched<P: Probe>(
         &self,
         whitted: &mut Whitted,
-        shots: impl Iterator<Item = Shot>,
+        shots: impl Iterator<Item = CameraSample>,
         sampling: Sampling,
         probe: &mut P,
     ) -> (Rgb, u64) {
         let before = whitted.counts.total();
-        let mut see = |shot: Shot| {
+        let mut see = |shot: CameraSample| {
             probe.sample(shot.position, shot.weight);
             let eye = self.eye(whitted.world(), shot.position, &shot.numbers, spacing(sampling));
             let moves = self.moves(whitted.world());
@@ -366,7 +366,7 @@ impl<'a> PixelRenderer<'a> {
                 probe.drawn(moves.then_some(f64::from(eye.time)), eye.lens.map(|p| p.to_array()));
             }
             whitted.begin(shot.numbers, eye.time);
-            (whitted.eye(eye.line, eye.spread.as_ref(), probe), shot.weight)
+            (whitted.eye(eye.line, eye.differential.as_ref(), probe), shot.weight)
         };
         let mut shots = shots.map(&mut see);
         let color = match sampling {

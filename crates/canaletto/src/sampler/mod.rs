@@ -54,7 +54,7 @@ pub struct Sample {
 
 /// The numbers of a ray from the eye, each in [0, 1).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct EyeNumbers {
+pub struct CameraNumbers {
     /// Where in the pixel.
     pub film: [f64; 2],
     /// Where on the lens.
@@ -126,11 +126,11 @@ impl Sample {
     }
 
     /// The numbers of the ray from the eye.
-    pub fn eye(&self) -> EyeNumbers {
-        EyeNumbers { film: self.film(), lens: self.two(Dimension::EYE.of(1)), time: self.one(Dimension::EYE.of(2)) }
+    pub fn eye(&self) -> CameraNumbers {
+        CameraNumbers { film: self.film(), lens: self.two(Dimension::EYE.of(1)), time: self.one(Dimension::EYE.of(2)) }
     }
 
-    /// Where in the pixel the ray from the eye goes: [`EyeNumbers::film`] alone.
+    /// Where in the pixel the ray from the eye goes: [`CameraNumbers::film`] alone.
     pub fn film(&self) -> [f64; 2] {
         self.two(Dimension::EYE)
     }

@@ -74,8 +74,8 @@ fn pixels_and_dimensions_are_decorrelated() {
         for (name, pairs) in pairs {
             let mean = |f: &dyn Fn(&[f64; 2]) -> f64| pairs.iter().map(f).sum::<f64>() / f64::from(n);
             let (a, b) = (mean(&|p| p[0]), mean(&|p| p[1]));
-            let spread = |k: usize, m: f64| mean(&|p| (p[k] - m).powi(2)).sqrt();
-            let r = mean(&|p| (p[0] - a) * (p[1] - b)) / (spread(0, a) * spread(1, b));
+            let differential = |k: usize, m: f64| mean(&|p| (p[k] - m).powi(2)).sqrt();
+            let r = mean(&|p| (p[0] - a) * (p[1] - b)) / (differential(0, a) * differential(1, b));
             assert!(r.abs() < 4.0 / f64::from(n).sqrt(), "{kind:?} {name}: {r}");
         }
     }
@@ -88,7 +88,7 @@ fn numbers_stay_below_one() {
             for index in [0, count / 2, count - 1] {
                 for pixel in 0..50 {
                     let sample = Sampler::new(0, 0, [pixel, 0]).of_kind(kind).sample(index, count);
-                    let EyeNumbers { film, lens, time } = sample.eye();
+                    let CameraNumbers { film, lens, time } = sample.eye();
                     let light = sample.two_of(Dimension::EYE.of(3), 3, 4);
                     for u in film.into_iter().chain(lens).chain(light).chain([time]) {
                         assert!((0.0..1.0).contains(&u), "{kind:?} {index} of {count}: {u}");

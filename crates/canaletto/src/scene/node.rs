@@ -20,7 +20,7 @@ pub struct Node {
     pub transform: Sparse<Transform>,
     /// How it moves while the shutter is open: nothing if it stays, else at least two poses, evenly spaced in time from the
     /// opening to the closing. They come after `transform`; between them things move evenly and turn
-    /// ([`crate::math::Path`]).
+    /// ([`crate::math::AnimatedTransform`]).
     #[serde(default, skip_serializing_if = "Sparse::is_usual")]
     pub motion: Sparse<Vec<Transform>>,
     /// What it is.
@@ -138,12 +138,12 @@ impl From<Light> for Node {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::light::Source;
+    use crate::light::PreparedLight;
 
     /// What a scene text of a million lights takes follows from these.
     #[test]
     fn a_million_nodes_are_small() {
-        let sizes = [size_of::<Node>(), size_of::<Light>(), size_of::<Source>()];
+        let sizes = [size_of::<Node>(), size_of::<Light>(), size_of::<PreparedLight>()];
         assert!(sizes[0] <= 136 && sizes[1] <= 88 && sizes[2] <= 192, "{sizes:?}");
     }
 }

@@ -1,7 +1,7 @@
 //! Clouds: millions of exact spheres or cylinders as one object.
 
-use super::{Cylinder, Patch, Shape, ShapeHit, Sphere, Surface};
-use crate::math::{Line, Rgb};
+use super::{Cylinder, Shape, ShapeHit, Sphere, Surface, SurfaceDifferential};
+use crate::math::{DRay, Rgb};
 use canaletto_bvh::{Aabb, Ray};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -102,18 +102,18 @@ macro_rules! cloud {
             }
 
             /// The surface at a hit of number `i`.
-            pub fn surface(&self, i: usize, line: impl Into<Line>, hit: &ShapeHit) -> Surface {
+            pub fn surface(&self, i: usize, line: impl Into<DRay>, hit: &ShapeHit) -> Surface {
                 Surface { color: self.color(i), ..self.element(i).surface(line, hit) }
             }
 
             /// The same for whoever doesn't read its texture coordinates, which may be left out.
-            pub(crate) fn bare_surface(&self, i: usize, line: Line, hit: &ShapeHit) -> Surface {
+            pub(crate) fn bare_surface(&self, i: usize, line: DRay, hit: &ShapeHit) -> Surface {
                 Surface { color: self.color(i), ..Shape::from(self.element(i)).bare_surface(line, hit) }
             }
 
             /// How the surface of number `i` goes on around a hit whose surface is this.
-            pub fn patch(&self, i: usize, surface: &Surface, hit: &ShapeHit) -> Patch {
-                Shape::from(self.element(i)).patch(surface, hit)
+            pub fn surface_differential(&self, i: usize, surface: &Surface, hit: &ShapeHit) -> SurfaceDifferential {
+                Shape::from(self.element(i)).surface_differential(surface, hit)
             }
 
             /// Checks the lists' lengths and every number's range.

@@ -3,8 +3,8 @@
 
 use super::frustum::Frustum;
 use super::solve;
-use super::{Patch, ShapeHit, Surface};
-use crate::math::{Line, Transform};
+use super::{ShapeHit, Surface, SurfaceDifferential};
+use crate::math::{DRay, Transform};
 use canaletto_bvh::{Aabb, Ray};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -35,13 +35,13 @@ impl Cone {
     }
 
     /// The surface at a hit.
-    pub fn surface(&self, line: impl Into<Line>, hit: &ShapeHit) -> Surface {
+    pub fn surface(&self, line: impl Into<DRay>, hit: &ShapeHit) -> Surface {
         self.frustum().surface(line.into(), hit)
     }
 
     /// How the surface goes on around a hit whose surface is this.
-    pub fn patch(&self, surface: &Surface, hit: &ShapeHit) -> Patch {
-        self.frustum().patch(surface, hit)
+    pub fn surface_differential(&self, surface: &Surface, hit: &ShapeHit) -> SurfaceDifferential {
+        self.frustum().surface_differential(surface, hit)
     }
 
     /// The box around it.

@@ -5,8 +5,8 @@
 //! upwards on the bottom.
 
 use super::solve;
-use super::{Patch, ShapeHit, Surface};
-use crate::math::{Line, Transform};
+use super::{ShapeHit, Surface, SurfaceDifferential};
+use crate::math::{DRay, Transform};
 use canaletto_bvh::{Aabb, Ray};
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
@@ -53,7 +53,7 @@ impl Cuboid {
     }
 
     /// The surface at a hit: the point lies exactly on its face.
-    pub fn surface(&self, line: impl Into<Line>, hit: &ShapeHit) -> Surface {
+    pub fn surface(&self, line: impl Into<DRay>, hit: &ShapeHit) -> Surface {
         let line = line.into();
         let surface = self.bare_surface(line, hit);
         let point = surface.exact;
@@ -81,10 +81,10 @@ impl Cuboid {
 
     /// The same without texture coordinates.
     #[inline]
-    pub(super) fn bare_surface(&self, line: Line, hit: &ShapeHit) -> Surface {
+    pub(super) fn bare_surface(&self, line: DRay, hit: &ShapeHit) -> Surface {
         let (axis, upper) = (hit.part as usize / 2, hit.part % 2 == 1);
         let plane = if upper { self.max[axis] } else { self.min[axis] };
-        let Line { origin: o, direction: d } = line;
+        let DRay { origin: o, direction: d } = line;
         let t = (f64::from(plane) - o[axis]) / d[axis];
         let mut point = (o + d * t).clamp(self.min.as_dvec3(), self.max.as_dvec3());
         point[axis] = f64::from(plane);
@@ -94,7 +94,7 @@ impl Cuboid {
     }
 
     /// How the surface goes on around a hit.
-    pub fn patch(&self, hit: &ShapeHit) -> Patch {
+    pub fn surface_differential(&self, hit: &ShapeHit) -> SurfaceDifferential {
         let along = |axis: usize, sign: f64| {
             let size = f64::from(self.max[axis]) - f64::from(self.min[axis]);
             if size > 0.0 { DVec3::AXES[axis] * (sign / size) } else { DVec3::ZERO }
@@ -107,7 +107,7 @@ impl Cuboid {
             4 => (along(0, -1.0), along(1, -1.0)),
             _ => (along(0, 1.0), along(1, -1.0)),
         };
-        Patch::flat(u, v)
+        SurfaceDifferential::flat(u, v)
     }
 
     /// The box itself.

@@ -4,8 +4,8 @@
 //! u to the right and v downwards.
 
 use super::solve::{self, Frame};
-use super::{Patch, Plane, ShapeHit, Surface};
-use crate::math::{Line, Transform};
+use super::{Plane, ShapeHit, Surface, SurfaceDifferential};
+use crate::math::{DRay, Transform};
 use canaletto_bvh::{Aabb, Ray};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -40,7 +40,7 @@ impl Disk {
     }
 
     /// The surface at a hit.
-    pub fn surface(&self, line: impl Into<Line>, hit: &ShapeHit) -> Surface {
+    pub fn surface(&self, line: impl Into<DRay>, hit: &ShapeHit) -> Surface {
         let line = line.into();
         let plane = self.plane();
         let r = f64::from(self.radius);
@@ -52,9 +52,9 @@ impl Disk {
     }
 
     /// How the surface goes on around its points.
-    pub fn patch(&self) -> Patch {
+    pub fn surface_differential(&self) -> SurfaceDifferential {
         let (frame, width) = (Frame::around(self.normal.as_dvec3()), 2.0 * f64::from(self.radius));
-        Patch::flat(frame.x / width, frame.z / width)
+        SurfaceDifferential::flat(frame.x / width, frame.z / width)
     }
 
     /// The box around it.

@@ -31,7 +31,7 @@ pub(crate) struct Vertex {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Place {
     /// Between its neighbours.
-    Between,
+    Occlusion,
     /// On the round part of the shape.
     Round,
     /// On the rim of a cap: the cap's radius times ±1, up or down.
@@ -56,7 +56,7 @@ struct Body {
 }
 
 /// A net of triangles over a surface.
-pub(crate) struct Net {
+pub(crate) struct Tessellation {
     vertices: Vec<Vertex>,
     triangles: Vec<[u32; 3]>,
     under: Under,
@@ -68,7 +68,7 @@ pub(crate) struct Net {
 
 /// Why a surface can't be displaced.
 #[derive(Debug, PartialEq)]
-pub(crate) enum Unraised {
+pub(crate) enum DisplaceError {
     /// More triangles than allowed.
     TooMany,
     /// A vertex left the numbers.
@@ -102,25 +102,25 @@ const ROWS: usize = 12;
 /// As many triangles are made without asking how many will come of them.
 const FEW: usize = 1 << 14;
 
-impl Net {
+impl Tessellation {
     /// The net of a shape, if it has one.
-    pub(crate) fn of_shape(shape: &Shape) -> Option<Net> {
+    pub(crate) fn of_shape(shape: &Shape) -> Option<Tessellation> {
         match shape {
-            Shape::Sphere(s) => Some(Net::sphere(s)),
-            Shape::Box(s) => Some(Net::cuboid(s)),
-            Shape::Triangle(s) => Some(Net::triangle(s)),
+            Shape::Sphere(s) => Some(Tessellation::sphere(s)),
+            Shape::Box(s) => Some(Tessellation::cuboid(s)),
+            Shape::Triangle(s) => Some(Tessellation::triangle(s)),
             Shape::Cylinder(Cylinder { base, top, radius, caps }) => {
-                Some(Net::frustum([*base, *top], [*radius, *radius], *caps))
+                Some(Tessellation::frustum([*base, *top], [*radius, *radius], *caps))
             }
             Shape::Cone(Cone { base, top, radius, top_radius, caps }) => {
-                Some(Net::frustum([*base, *top], [*radius, *top_radius], *caps))
+                Some(Tessellation::frustum([*base, *top], [*radius, *top_radius], *caps))
             }
             Shape::Plane(_) | Shape::Disk(_) | Shape::Torus(_) => None,
         }
     }
 
-    fn new(under: Under) -> Net {
-        Net {
+    fn new(under: Under) -> Tessellation {
+        Tessellation {
             vertices: Vec::new(),
             triangles: Vec::new(),
             under,
@@ -136,9 +136,9 @@ impl Net {
         self.vertices.len() as u32 - 1
     }
 
-    fn sphere(sphere: &Sphere) -> Net {
+    fn sphere(sphere: &Sphere) -> Tessellation {
         let (c, r) = (sphere.center.as_dvec3(), f64::from(sphere.radius));
-        let mut net = Net::new(Under::Sphere(c, r));
+        let mut net = Tessellation::new(Under::Sphere(c, r));
         for j in 0..=ROWS {
             for i in 0..=COLUMNS {
                 let pole = j == 0 || j == ROWS;
@@ -166,9 +166,9 @@ impl Net {
         net
     }
 
-    fn cuboid(cuboid: &Cuboid) -> Net {
+    fn cuboid(cuboid: &Cuboid) -> Tessellation {
         let (min, max) = (cuboid.min.as_dvec3(), cuboid.max.as_dvec3());
-        let mut net = Net::new(Under::Flat);
+        let mut net = Tessellation::new(Under::Flat);
         // For each face: the corner where u = v = 0 (true: max), and the axes along which u and v go (fig. 5.31).
         let faces = [
             ([false, true, false], 2, 1),
@@ -186,25 +186,25 @@ impl Net {
                 side[v] ^= j == 1;
                 let at = |axis: usize| if side[axis] { max[axis] } else { min[axis] };
                 let uv = DVec2::new(f64::from(i), f64::from(j));
-                net.add(DVec3::new(at(0), at(1), at(2)), normal, uv, Place::Between)
+                net.add(DVec3::new(at(0), at(1), at(2)), normal, uv, Place::Occlusion)
             });
             net.triangles.extend([[a, c, d], [a, d, b]]);
         }
         net
     }
 
-    fn triangle(t: &Triangle) -> Net {
-        let mut net = Net::new(Under::Flat);
+    fn triangle(t: &Triangle) -> Tessellation {
+        let mut net = Tessellation::new(Under::Flat);
         let [a, b, c] = [t.a, t.b, t.c].map(Vec3::as_dvec3);
         let normal = (b - a).cross(c - a).normalize_or(DVec3::Z);
         let uv = [DVec2::ZERO, DVec2::X, DVec2::Y];
-        let corners = [0, 1, 2].map(|i| net.add([a, b, c][i], normal, uv[i], Place::Between));
+        let corners = [0, 1, 2].map(|i| net.add([a, b, c][i], normal, uv[i], Place::Occlusion));
         net.triangles.push(corners);
         net.one_sided = t.one_sided;
         net
     }
 
-    fn frustum([base, top]: [Vec3; 2], radii: [f32; 2], caps: bool) -> Net {
+    fn frustum([base, top]: [Vec3; 2], radii: [f32; 2], caps: bool) -> Tessellation {
         let (base, top) = (base.as_dvec3(), top.as_dvec3());
         let frame = solve::Frame::around(top - base);
         let body = Body {
@@ -219,7 +219,7 @@ impl Net {
             let d = around(i);
             frame.x * d.x + frame.z * d.z
         };
-        let mut net = Net::new(Under::Flat);
+        let mut net = Tessellation::new(Under::Flat);
         for (j, h) in [(0, body.height), (1, 0.0)] {
             for i in 0..=COLUMNS {
                 let uv = DVec2::new(i as f64 / COLUMNS as f64, f64::from(j));
@@ -242,7 +242,7 @@ impl Net {
                 continue;
             }
             let normal = if top { body.axis } else { -body.axis };
-            let center = net.add(body.base + body.axis * h, normal, DVec2::splat(0.5), Place::Between);
+            let center = net.add(body.base + body.axis * h, normal, DVec2::splat(0.5), Place::Occlusion);
             let rim: Vec<u32> = (0..=COLUMNS)
                 .map(|i| {
                     let point = body.point(h, out(i));
@@ -259,11 +259,11 @@ impl Net {
     }
 
     /// The net of a mesh. Without normals of its own it is smooth.
-    pub(crate) fn of_mesh(mut mesh: Mesh) -> Net {
+    pub(crate) fn of_mesh(mut mesh: Mesh) -> Tessellation {
         if mesh.normals.is_empty() {
             smooth_over_seams(&mut mesh);
         }
-        let mut net = Net::new(Under::Flat);
+        let mut net = Tessellation::new(Under::Flat);
         // A vertex that two materials share becomes two.
         let mut wedges: HashMap<(u32, u32), u32> = HashMap::new();
         for (i, corners) in mesh.triangles.iter().enumerate() {
@@ -273,7 +273,7 @@ impl Net {
                     let v = v as usize;
                     let uv = mesh.uvs.get(v).copied().unwrap_or(Vec2::ZERO).as_dvec2();
                     let normal = mesh.normals[v].as_dvec3().normalize();
-                    let index = net.add(mesh.positions[v].as_dvec3(), normal, uv, Place::Between);
+                    let index = net.add(mesh.positions[v].as_dvec3(), normal, uv, Place::Occlusion);
                     let vertex = &mut net.vertices[index as usize];
                     vertex.slot = slot;
                     vertex.color = mesh.colors.get(v).copied().unwrap_or_default();
@@ -289,7 +289,7 @@ impl Net {
 
     /// The vertex in the middle of two, or at another part of the way, on the surface.
     fn between(&self, a: &Vertex, b: &Vertex, t: f64) -> Vertex {
-        let place = if a.place == b.place { a.place } else { Place::Between };
+        let place = if a.place == b.place { a.place } else { Place::Occlusion };
         // Halves are taken in a way that doesn't depend on the direction.
         let mix = |a: DVec3, b: DVec3| if t == 0.5 { (a + b) * 0.5 } else { a + (b - a) * t };
         let uv = if t == 0.5 { (a.uv + b.uv) * 0.5 } else { a.uv + (b.uv - a.uv) * t };
@@ -308,7 +308,7 @@ impl Net {
         // The turn nearest to where the neighbours stand: the seam has both ends.
         let near = |u: f64| u + libm::round(v.uv.x - u);
         match (&self.under, v.place) {
-            (Under::Flat, _) | (_, Place::Between) => v,
+            (Under::Flat, _) | (_, Place::Occlusion) => v,
             (Under::Sphere(c, r), _) => {
                 let n = (v.point - *c).normalize();
                 let ring = (n.x * n.x + n.z * n.z).sqrt();
@@ -348,7 +348,7 @@ impl Net {
         detail: f64,
         limit: usize,
         height: &(dyn Fn(&Vertex) -> f64 + Sync),
-    ) -> Result<Mesh, Unraised> {
+    ) -> Result<Mesh, DisplaceError> {
         let size = self.size();
         let fine = size / detail;
         let coarse = (size / 16.0).max(fine);
@@ -358,7 +358,7 @@ impl Net {
         // Triangles before this one are fine: an edge that needs no split never will.
         let mut fresh = 0;
         if self.triangles.len() > limit {
-            return Err(Unraised::TooMany);
+            return Err(DisplaceError::TooMany);
         }
         loop {
             let wanted = |(from, low): &Raised, (to, high): &Raised| {
@@ -377,7 +377,7 @@ impl Net {
             let young = &self.triangles[fresh..];
             // Far too many are told before they fill memory.
             if young.len() > FEW && self.exceeds(limit.saturating_mul(2), young, &heights, &wanted, height) {
-                return Err(Unraised::TooMany);
+                return Err(DisplaceError::TooMany);
             }
             let raised = |v: u32| (self.vertices[v as usize], heights[v as usize]);
             let marks: Vec<[bool; 3]> = young
@@ -403,7 +403,7 @@ impl Net {
             let is_split = self.conforming(split, edge);
             let next: usize = is_split.iter().map(|edges| 1 + edges.iter().filter(|split| **split).count()).sum();
             if next > limit {
-                return Err(Unraised::TooMany);
+                return Err(DisplaceError::TooMany);
             }
             fresh = self.split(&is_split);
             ids.extend(self.vertices[ids.len()..].iter().map(|v| places.id(v.point)));
@@ -468,7 +468,7 @@ impl Net {
         first
     }
 
-    fn raise(self, ids: &[u32], places: usize, heights: &[f64]) -> Result<Mesh, Unraised> {
+    fn raise(self, ids: &[u32], places: usize, heights: &[f64]) -> Result<Mesh, DisplaceError> {
         // The different normals at each place, most often one; each is smooth by itself.
         let mut creases: Vec<Vec<DVec3>> = vec![Vec::new(); places];
         let mut sums = vec![(0.0, 0u32); places];
@@ -494,7 +494,7 @@ impl Net {
             .collect();
         let positions: Vec<Vec3> = raised.iter().map(|p| p.as_vec3()).collect();
         if positions.iter().any(|p| !p.is_finite()) {
-            return Err(Unraised::TooFar);
+            return Err(DisplaceError::TooFar);
         }
         let mut normals: Vec<Vec<DVec3>> = creases.iter().map(|n| vec![DVec3::ZERO; n.len()]).collect();
         for corners in &self.triangles {

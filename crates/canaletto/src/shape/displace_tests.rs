@@ -54,7 +54,7 @@ fn volume(mesh: &Mesh) -> f64 {
 fn nothing_cracks() {
     for shape in closed() {
         for height in [&|_: &Vertex| 0.0_f64, &rough as &(dyn Fn(&Vertex) -> f64 + Sync)] {
-            let mesh = Net::of_shape(&shape).unwrap().raised(60.0, LIMIT, height).unwrap();
+            let mesh = Tessellation::of_shape(&shape).unwrap().raised(60.0, LIMIT, height).unwrap();
             mesh.check().unwrap();
             assert!(is_closed(&mesh), "{}: {} triangles", shape.kind(), mesh.len());
             assert!(volume(&mesh) > 0.0, "{} is inside out", shape.kind());
@@ -65,7 +65,7 @@ fn nothing_cracks() {
 #[test]
 fn without_height_it_is_the_shape() {
     for shape in closed() {
-        let mesh = Net::of_shape(&shape).unwrap().raised(100.0, LIMIT, &|_| 0.0).unwrap();
+        let mesh = Tessellation::of_shape(&shape).unwrap().raised(100.0, LIMIT, &|_| 0.0).unwrap();
         for (p, uv) in mesh.positions.iter().zip(&mesh.uvs) {
             let d = crate::shape::testing::distance(&shape, p.as_dvec3());
             assert!(d.abs() < 1e-6, "{}: {p} is {d} away", shape.kind());
@@ -84,7 +84,7 @@ fn without_height_it_is_the_shape() {
 
 #[test]
 fn a_height_moves_the_surface_by_it() {
-    let mesh = Net::of_shape(&ball()).unwrap().raised(50.0, LIMIT, &|_| 0.25).unwrap();
+    let mesh = Tessellation::of_shape(&ball()).unwrap().raised(50.0, LIMIT, &|_| 0.25).unwrap();
     let Shape::Sphere(s) = ball() else { panic!() };
     for (p, n) in mesh.positions.iter().zip(&mesh.normals) {
         let out = p.as_dvec3() - s.center.as_dvec3();
@@ -95,14 +95,16 @@ fn a_height_moves_the_surface_by_it() {
 
 #[test]
 fn it_is_fine_only_where_it_must_be() {
-    let flat = Net::of_shape(&cube()).unwrap().raised(200.0, LIMIT, &|_| 0.0).unwrap();
+    let flat = Tessellation::of_shape(&cube()).unwrap().raised(200.0, LIMIT, &|_| 0.0).unwrap();
     // A bump on one face.
     let bump = |v: &Vertex| {
         if v.normal == DVec3::X { 0.1 * libm::exp(-60.0 * v.uv.distance_squared(DVec2::splat(0.5))) } else { 0.0 }
     };
-    let bumped = Net::of_shape(&cube()).unwrap().raised(200.0, LIMIT, &bump).unwrap();
-    let even =
-        Net::of_shape(&cube()).unwrap().raised(200.0, LIMIT, &|v| 0.1 * libm::sin(400.0 * (v.uv.x + v.uv.y))).unwrap();
+    let bumped = Tessellation::of_shape(&cube()).unwrap().raised(200.0, LIMIT, &bump).unwrap();
+    let even = Tessellation::of_shape(&cube())
+        .unwrap()
+        .raised(200.0, LIMIT, &|v| 0.1 * libm::sin(400.0 * (v.uv.x + v.uv.y)))
+        .unwrap();
     assert!(
         flat.len() < bumped.len() && bumped.len() * 4 < even.len(),
         "{} {} {}",
@@ -115,9 +117,18 @@ fn it_is_fine_only_where_it_must_be() {
 #[test]
 fn explosions_are_told() {
     let wild = |v: &Vertex| libm::sin(1e7 * v.uv.x) * libm::cos(1e7 * v.uv.y);
-    assert_eq!(Net::of_shape(&ball()).unwrap().raised(4096.0, 10_000, &wild).unwrap_err(), Unraised::TooMany);
-    assert_eq!(Net::of_shape(&cube()).unwrap().raised(20.0, LIMIT, &|_| 1e39).unwrap_err(), Unraised::TooFar);
-    assert_eq!(Net::of_shape(&cube()).unwrap().raised(20.0, LIMIT, &|_| f64::NAN).unwrap_err(), Unraised::TooFar);
+    assert_eq!(
+        Tessellation::of_shape(&ball()).unwrap().raised(4096.0, 10_000, &wild).unwrap_err(),
+        DisplaceError::TooMany
+    );
+    assert_eq!(
+        Tessellation::of_shape(&cube()).unwrap().raised(20.0, LIMIT, &|_| 1e39).unwrap_err(),
+        DisplaceError::TooFar
+    );
+    assert_eq!(
+        Tessellation::of_shape(&cube()).unwrap().raised(20.0, LIMIT, &|_| f64::NAN).unwrap_err(),
+        DisplaceError::TooFar
+    );
 }
 
 /// Wild everywhere, and only at one pole.
@@ -133,10 +144,10 @@ fn wild_at_a_pole(v: &Vertex) -> f64 {
 fn what_fits_is_never_refused_and_one_triangle_less_is() {
     for height in [wild, wild_at_a_pole, rough] {
         for shape in [ball(), cube()] {
-            let raised = |limit: usize| Net::of_shape(&shape).unwrap().raised(150.0, limit, &height);
+            let raised = |limit: usize| Tessellation::of_shape(&shape).unwrap().raised(150.0, limit, &height);
             let count = raised(usize::MAX).unwrap().len();
             assert_eq!(raised(count).unwrap().len(), count);
-            assert_eq!(raised(count - 1).unwrap_err(), Unraised::TooMany);
+            assert_eq!(raised(count - 1).unwrap_err(), DisplaceError::TooMany);
         }
     }
 }
@@ -151,7 +162,10 @@ fn far_too_many_are_refused_before_they_are_made() {
             wild(v)
         };
         let limit = 1 << 21;
-        assert_eq!(Net::of_shape(&ball()).unwrap().raised(detail, limit, &counted).unwrap_err(), Unraised::TooMany);
+        assert_eq!(
+            Tessellation::of_shape(&ball()).unwrap().raised(detail, limit, &counted).unwrap_err(),
+            DisplaceError::TooMany
+        );
         // A vertex of the net is asked about once, and an edge at most three times.
         let asked = asked.into_inner();
         assert!(asked < limit, "{asked}");
@@ -169,7 +183,7 @@ fn a_seam_of_a_mesh_stays_closed() {
         triangles: vec![[0, 1, 2], [3, 4, 5]],
         ..Mesh::default()
     };
-    let raised = Net::of_mesh(mesh).raised(64.0, LIMIT, &rough).unwrap();
+    let raised = Tessellation::of_mesh(mesh).raised(64.0, LIMIT, &rough).unwrap();
     let mut border = HashMap::new();
     let bits = |v: u32| raised.positions[v as usize].to_array().map(f32::to_bits);
     for &[a, b, c] in &raised.triangles {

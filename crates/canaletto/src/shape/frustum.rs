@@ -4,10 +4,10 @@
 //! Parts: 0 the side, 1 the cap at the base, 2 the cap at the top. Texture coordinates of the side: u by (5.45a) for
 //! the angle around the axis, v from 0 at the top to 1 at the base; of a cap: as on a disk that faces outwards.
 
-use super::patch::{around, outer, turn_gradient};
 use super::solve::{self, Frame, Local};
-use super::{Patch, ShapeHit, Surface};
-use crate::math::{Line, quadratic};
+use super::surface_differential::{around, outer, turn_gradient};
+use super::{ShapeHit, Surface, SurfaceDifferential};
+use crate::math::{DRay, quadratic};
 use canaletto_bvh::{Aabb, Ray};
 use glam::{DVec3, Vec3};
 
@@ -66,7 +66,7 @@ impl Frustum {
         self.base.abs().max(self.top.abs()).max_element() + self.height + self.radius.max(self.top_radius)
     }
 
-    fn part(&self, line: Line) -> Parted {
+    fn part(&self, line: DRay) -> Parted {
         let ray = Local::new(line, self.base, self.height + self.radius.max(self.top_radius));
         let (oh, dh) = (ray.o.dot(self.axis), ray.d.dot(self.axis));
         let (across, d_across) = (ray.o - self.axis * oh, ray.d - self.axis * dh);
@@ -123,7 +123,7 @@ impl Frustum {
             .max_by(|x, y| (x[1].0 - x[0].0).total_cmp(&(y[1].0 - y[0].0)))
     }
 
-    pub(super) fn surface(&self, line: Line, hit: &ShapeHit) -> Surface {
+    pub(super) fn surface(&self, line: DRay, hit: &ShapeHit) -> Surface {
         let p = self.part(line);
         let frame = Frame::around(self.axis);
         if hit.part == SIDE {
@@ -151,12 +151,12 @@ impl Frustum {
         solve::surface(center + across, self.size(), normal, uv)
     }
 
-    pub(super) fn patch(&self, surface: &Surface, hit: &ShapeHit) -> Patch {
+    pub(super) fn surface_differential(&self, surface: &Surface, hit: &ShapeHit) -> SurfaceDifferential {
         let frame = Frame::around(self.axis);
         if hit.part != SIDE {
             let (r, z) = if hit.part == BASE { (self.radius, -frame.z) } else { (self.top_radius, frame.z) };
             let scale = if r > 0.0 { 0.5 / r } else { 0.0 };
-            return Patch::flat(frame.x * scale, z * scale);
+            return SurfaceDifferential::flat(frame.x * scale, z * scale);
         }
         let n = surface.normal;
         let out = (n - self.axis * n.dot(self.axis)).normalize_or(frame.x);
@@ -166,9 +166,9 @@ impl Frustum {
         let slope = self.slope();
         // The normal is (out − r' axis) / √(1 + r'²), and only `out` changes.
         let turn = 1.0 / (radius.max(size * 1e-9) * (1.0 + slope * slope).sqrt());
-        Patch {
+        SurfaceDifferential {
             gradients: [turn_gradient(out, frame.x, frame.z, radius, size), -self.axis / self.height],
-            bend: outer(across, across) * turn,
+            shape_operator: outer(across, across) * turn,
             round: true,
         }
     }

@@ -3,9 +3,9 @@
 //! The geometric normal is always the winding's. Vertex normals only bend the shading, and never to the other side: an
 //! exporter that wrote them inwards is corrected, triangle by triangle.
 
-use super::patch::outer;
-use super::{Patch, ShapeHit, Surface, solve, triangle};
-use crate::math::{Line, Rgb};
+use super::surface_differential::outer;
+use super::{ShapeHit, Surface, SurfaceDifferential, solve, triangle};
+use crate::math::{DRay, Rgb};
 use canaletto_bvh::triangle::{self as kernel, Triangle};
 use canaletto_bvh::{Aabb, PreparedRay};
 use glam::{DMat3, DVec2, DVec3, Vec2, Vec3};
@@ -86,7 +86,7 @@ impl Mesh {
     }
 
     /// The surface of triangle `i` at a hit of this line's ray.
-    pub fn surface_at(&self, i: usize, line: &Line, hit: &ShapeHit) -> Surface {
+    pub fn surface_at(&self, i: usize, line: &DRay, hit: &ShapeHit) -> Surface {
         let corners = self.triangle(i);
         if !corners.is_large(line, hit.t) {
             return self.surface(i, hit.uv[0], hit.uv[1]);
@@ -116,17 +116,17 @@ impl Mesh {
     }
 
     /// How the surface of triangle `i` goes on around that point.
-    pub fn patch(&self, i: usize, u: f32, v: f32) -> Patch {
+    pub fn surface_differential(&self, i: usize, u: f32, v: f32) -> SurfaceDifferential {
         let corners = self.corners(i);
         let gradients = triangle::gradients(corners);
         let indices = self.triangles[i].map(|v| v as usize);
-        let mut patch = Patch::flat(gradients[1], gradients[2]);
+        let mut surface_differential = SurfaceDifferential::flat(gradients[1], gradients[2]);
         if !self.uvs.is_empty() {
-            patch.gradients = [DVec3::ZERO; 2];
+            surface_differential.gradients = [DVec3::ZERO; 2];
             for (corner, gradient) in indices.into_iter().zip(gradients) {
                 let uv = self.uvs[corner].as_dvec2();
-                patch.gradients[0] += gradient * uv.x;
-                patch.gradients[1] += gradient * uv.y;
+                surface_differential.gradients[0] += gradient * uv.x;
+                surface_differential.gradients[1] += gradient * uv.y;
             }
         }
         if !self.normals.is_empty() {
@@ -138,10 +138,10 @@ impl Mesh {
             if length > 0.0 {
                 let turn = (0..3).fold(DMat3::ZERO, |sum, k| sum + outer(normals[k], gradients[k])) * (1.0 / length);
                 let unit = mean / length;
-                patch.bend = turn - outer(unit, turn.transpose() * unit);
+                surface_differential.shape_operator = turn - outer(unit, turn.transpose() * unit);
             }
         }
-        patch
+        surface_differential
     }
 
     /// Puts the triangles into the given order, a list of their present numbers.
@@ -240,13 +240,13 @@ impl Corners {
     /// The surface at a hit of this line's ray: by the barycentric coordinates, which are `f32` and exact enough on all but
     /// triangles that are large beside the ray's way.
     #[inline]
-    pub(super) fn at(&self, line: &Line, hit: &ShapeHit) -> Surface {
+    pub(super) fn at(&self, line: &DRay, hit: &ShapeHit) -> Surface {
         if self.is_large(line, hit.t) { self.on_line(line).0 } else { self.surface(hit.uv[0], hit.uv[1]) }
     }
 
     /// Whether the triangle is [large](solve::is_large) beside the way to a hit at the ray's parameter `t`.
     #[inline(always)]
-    pub(super) fn is_large(&self, line: &Line, t: f32) -> bool {
+    pub(super) fn is_large(&self, line: &DRay, t: f32) -> bool {
         let [a, b, c] = self.positions;
         let size = (b - a).abs().max((c - a).abs()).max_element();
         solve::is_large(size.into(), line.longest(), t)
@@ -255,7 +255,7 @@ impl Corners {
     /// The surface where the line meets the triangle's plane (5.28), and the weights of the corners there. With no branch but
     /// for normals.
     #[inline(always)]
-    pub(super) fn on_line(&self, line: &Line) -> (Surface, [f64; 3]) {
+    pub(super) fn on_line(&self, line: &DRay) -> (Surface, [f64; 3]) {
         let [a, b, c] = self.positions;
         let cross = triangle::cross(a, b, c);
         let (a, b, c) = (a.as_dvec3(), b.as_dvec3(), c.as_dvec3());

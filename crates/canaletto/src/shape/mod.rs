@@ -11,9 +11,6 @@ mod disk;
 pub(crate) mod displace;
 mod frustum;
 mod mesh;
-mod patch;
-#[cfg(test)]
-mod patch_tests;
 mod plane;
 #[cfg(test)]
 mod properties;
@@ -21,6 +18,9 @@ mod solid;
 mod solve;
 mod sphere;
 mod surface;
+mod surface_differential;
+#[cfg(test)]
+mod surface_differential_tests;
 mod surfaces;
 #[cfg(test)]
 mod testing;
@@ -33,15 +33,15 @@ pub use cuboid::Cuboid;
 pub use cylinder::Cylinder;
 pub use disk::Disk;
 pub use mesh::Mesh;
-pub use patch::Patch;
 pub use plane::Plane;
 pub use sphere::Sphere;
 pub use surface::Surface;
-pub(crate) use surfaces::{Encounters, Rows, SURFACES, Surfaces, Thin, set_thin, set_wide, thin, wide};
+pub use surface_differential::SurfaceDifferential;
+pub(crate) use surfaces::{DVec3x8, SURFACES, SurfaceInputs8, Surfaces, Vec3x8, dvec3, set_dvec3, set_vec3, vec3};
 pub use torus::Torus;
 pub use triangle::Triangle;
 
-use crate::math::{Line, Transform};
+use crate::math::{DRay, Transform};
 use canaletto_bvh::{Aabb, Ray};
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
@@ -117,14 +117,14 @@ impl Shape {
     }
 
     /// The surface at a hit that [`Shape::intersect`] found for the same ray, or for the rounded ray of this line.
-    pub fn surface(&self, line: impl Into<Line>, hit: &ShapeHit) -> Surface {
+    pub fn surface(&self, line: impl Into<DRay>, hit: &ShapeHit) -> Surface {
         let line = line.into();
         each!(self, s => s.surface(line, hit))
     }
 
     /// The same for whoever doesn't read its texture coordinates, which may be left out.
     #[inline]
-    pub(crate) fn bare_surface(&self, line: Line, hit: &ShapeHit) -> Surface {
+    pub(crate) fn bare_surface(&self, line: DRay, hit: &ShapeHit) -> Surface {
         match self {
             Shape::Sphere(s) => s.bare_surface(line, hit.t),
             Shape::Box(s) => s.bare_surface(line, hit),
@@ -133,16 +133,16 @@ impl Shape {
     }
 
     /// How the surface goes on around a hit whose surface is this.
-    pub fn patch(&self, surface: &Surface, hit: &ShapeHit) -> Patch {
+    pub fn surface_differential(&self, surface: &Surface, hit: &ShapeHit) -> SurfaceDifferential {
         match self {
-            Shape::Sphere(s) => s.patch(surface),
-            Shape::Box(s) => s.patch(hit),
-            Shape::Triangle(s) => s.patch(),
-            Shape::Plane(s) => s.patch(),
-            Shape::Disk(s) => s.patch(),
-            Shape::Cylinder(s) => s.patch(surface, hit),
-            Shape::Cone(s) => s.patch(surface, hit),
-            Shape::Torus(s) => s.patch(surface),
+            Shape::Sphere(s) => s.surface_differential(surface),
+            Shape::Box(s) => s.surface_differential(hit),
+            Shape::Triangle(s) => s.surface_differential(),
+            Shape::Plane(s) => s.surface_differential(),
+            Shape::Disk(s) => s.surface_differential(),
+            Shape::Cylinder(s) => s.surface_differential(surface, hit),
+            Shape::Cone(s) => s.surface_differential(surface, hit),
+            Shape::Torus(s) => s.surface_differential(surface),
         }
     }
 

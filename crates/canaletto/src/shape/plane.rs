@@ -4,8 +4,8 @@
 //! visible side with +y upwards, u to the right and v downwards; on a floor, along x and z.
 
 use super::solve::{self, Frame};
-use super::{Patch, ShapeHit, Surface};
-use crate::math::{Line, Transform};
+use super::{ShapeHit, Surface, SurfaceDifferential};
+use crate::math::{DRay, Transform};
 use canaletto_bvh::Ray;
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
@@ -21,13 +21,13 @@ pub struct Plane {
 
 impl Plane {
     /// (5.27); NaN or infinite for a parallel ray.
-    pub(super) fn parameter(&self, line: Line) -> f64 {
+    pub(super) fn parameter(&self, line: DRay) -> f64 {
         let n = self.normal.as_dvec3();
         (self.point.as_dvec3() - line.origin).dot(n) / line.direction.dot(n)
     }
 
     /// The point of (5.28) relative to `point`, cleared of what rounding left along the normal.
-    pub(super) fn offset(&self, line: Line, t: f64) -> DVec3 {
+    pub(super) fn offset(&self, line: DRay, t: f64) -> DVec3 {
         let n = self.normal.as_dvec3();
         let p = line.origin - self.point.as_dvec3() + line.direction * t;
         p - n * (p.dot(n) / n.length_squared())
@@ -40,7 +40,7 @@ impl Plane {
     }
 
     /// The surface at a hit.
-    pub fn surface(&self, line: impl Into<Line>, hit: &ShapeHit) -> Surface {
+    pub fn surface(&self, line: impl Into<DRay>, hit: &ShapeHit) -> Surface {
         let line = line.into();
         let p = self.offset(line, self.parameter(line));
         let frame = Frame::around(self.normal.as_dvec3());
@@ -54,9 +54,9 @@ impl Plane {
     }
 
     /// How the surface goes on around its points.
-    pub fn patch(&self) -> Patch {
+    pub fn surface_differential(&self) -> SurfaceDifferential {
         let frame = Frame::around(self.normal.as_dvec3());
-        Patch::flat(frame.x, frame.z)
+        SurfaceDifferential::flat(frame.x, frame.z)
     }
 
     /// The plane moved.

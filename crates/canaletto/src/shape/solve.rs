@@ -4,7 +4,7 @@
 //! the same.
 
 use super::{ShapeHit, Surface};
-use crate::math::{Line, Transform, rounding};
+use crate::math::{DRay, Transform, rounding};
 use canaletto_bvh::Aabb;
 use glam::{DVec3, Vec2, Vec3};
 use std::f64::consts::PI;
@@ -28,7 +28,7 @@ pub(super) struct Local {
 impl Local {
     /// The ray seen from `anchor`; `reach` is how far the shape extends from there.
     #[inline(always)]
-    pub(super) fn new(line: Line, anchor: DVec3, reach: f64) -> Local {
+    pub(super) fn new(line: DRay, anchor: DVec3, reach: f64) -> Local {
         let (o, d) = (line.origin - anchor, line.direction);
         let dd = d.length_squared();
         if o.length_squared() <= 4.0 * reach * reach || dd == 0.0 {

@@ -3,10 +3,10 @@
 //! Texture coordinates follow (5.45): θ is the angle from the +y pole, φ the one around y from +z towards +x, relative
 //! to the centre. Seen from outside with +y upwards, u grows to the right and v downwards; +z is the middle, u = v = ½.
 
-use super::patch::{outer, turn_gradient};
 use super::solve::{self, Local};
-use super::{Patch, ShapeHit, Surface};
-use crate::math::{Line, Transform};
+use super::surface_differential::{outer, turn_gradient};
+use super::{ShapeHit, Surface, SurfaceDifferential};
+use crate::math::{DRay, Transform};
 use canaletto_bvh::{Aabb, Ray};
 use glam::{DMat3, DVec3, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
@@ -30,7 +30,7 @@ impl Sphere {
     }
 
     /// The surface at a hit: the point of (5.21) put back on the sphere, the normal of (5.22).
-    pub fn surface(&self, line: impl Into<Line>, hit: &ShapeHit) -> Surface {
+    pub fn surface(&self, line: impl Into<DRay>, hit: &ShapeHit) -> Surface {
         let surface = self.bare_surface(line.into(), hit.t);
         let n = surface.normal;
         let theta = libm::atan2((n.x * n.x + n.z * n.z).sqrt(), n.y);
@@ -39,7 +39,7 @@ impl Sphere {
 
     /// The same without texture coordinates, at the ray's parameter `t`. Without a branch, so that the compiler can do several at once.
     #[inline(always)]
-    pub(super) fn bare_surface(&self, line: Line, t: f32) -> Surface {
+    pub(super) fn bare_surface(&self, line: DRay, t: f32) -> Surface {
         let (center, r) = (self.center.as_dvec3(), f64::from(self.radius));
         let l = Local::new(line, center, r);
         let a = l.d.dot(l.d); // (5.16a)
@@ -51,15 +51,15 @@ impl Sphere {
     }
 
     /// How the surface goes on around one of its points.
-    pub fn patch(&self, surface: &Surface) -> Patch {
+    pub fn surface_differential(&self, surface: &Surface) -> SurfaceDifferential {
         let (n, r) = (surface.normal, f64::from(self.radius));
         let sin = (n.x * n.x + n.z * n.z).sqrt();
         // At a pole any meridian will do.
         let out = if sin > 0.0 { DVec3::new(n.x, 0.0, n.z) / sin } else { DVec3::Z };
         let down = out * n.y - DVec3::Y * sin;
-        Patch {
+        SurfaceDifferential {
             gradients: [turn_gradient(out, DVec3::X, DVec3::Z, r * sin, r), down / (PI * r)],
-            bend: (DMat3::IDENTITY - outer(n, n)) * (1.0 / r),
+            shape_operator: (DMat3::IDENTITY - outer(n, n)) * (1.0 / r),
             round: true,
         }
     }

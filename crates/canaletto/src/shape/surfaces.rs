@@ -3,39 +3,39 @@
 use super::mesh::Corners;
 use super::solve;
 use super::{Sphere, Surface};
-use crate::math::{Line, Transform};
+use crate::math::{DRay, Transform};
 use glam::{DVec3, Vec2, Vec3};
 
 /// How many are side by side.
 pub(crate) const SURFACES: usize = 8;
 
 /// Eight points or directions: rows of x, y and z.
-pub(crate) type Rows = [[f64; SURFACES]; 3];
+pub(crate) type DVec3x8 = [[f64; SURFACES]; 3];
 
 /// Eight points or colours.
-pub(crate) type Thin = [[f32; SURFACES]; 3];
+pub(crate) type Vec3x8 = [[f32; SURFACES]; 3];
 
 /// Number `lane` of eight.
 #[inline(always)]
-pub(crate) fn wide([x, y, z]: &Rows, lane: usize) -> DVec3 {
+pub(crate) fn dvec3([x, y, z]: &DVec3x8, lane: usize) -> DVec3 {
     DVec3::new(x[lane], y[lane], z[lane])
 }
 
 /// Number `lane` of eight.
 #[inline(always)]
-pub(crate) fn thin([x, y, z]: &Thin, lane: usize) -> Vec3 {
+pub(crate) fn vec3([x, y, z]: &Vec3x8, lane: usize) -> Vec3 {
     Vec3::new(x[lane], y[lane], z[lane])
 }
 
 /// Sets number `lane` of eight.
 #[inline(always)]
-pub(crate) fn set_wide([x, y, z]: &mut Rows, lane: usize, v: DVec3) {
+pub(crate) fn set_dvec3([x, y, z]: &mut DVec3x8, lane: usize, v: DVec3) {
     (x[lane], y[lane], z[lane]) = (v.x, v.y, v.z);
 }
 
 /// Sets number `lane` of eight.
 #[inline(always)]
-pub(crate) fn set_thin([x, y, z]: &mut Thin, lane: usize, v: Vec3) {
+pub(crate) fn set_vec3([x, y, z]: &mut Vec3x8, lane: usize, v: Vec3) {
     (x[lane], y[lane], z[lane]) = (v.x, v.y, v.z);
 }
 
@@ -58,12 +58,12 @@ fn take<T: Copy>(to: &mut [[T; SURFACES]; 3], from: &[[T; SURFACES]; 3], bits: u
 /// What shading without textures needs of eight surfaces: rows of the numbers of [`Surface`].
 #[derive(Clone, Copy)]
 pub(crate) struct Surfaces {
-    pub(crate) exact: Rows,
-    pub(crate) normal: Rows,
-    pub(crate) shading_normal: Rows,
-    pub(crate) point: Thin,
-    pub(crate) error: Thin,
-    pub(crate) lifted: Thin,
+    pub(crate) exact: DVec3x8,
+    pub(crate) normal: DVec3x8,
+    pub(crate) shading_normal: DVec3x8,
+    pub(crate) point: Vec3x8,
+    pub(crate) error: Vec3x8,
+    pub(crate) lifted: Vec3x8,
 }
 
 impl Surfaces {
@@ -80,27 +80,27 @@ impl Surfaces {
     /// Sets number `lane`.
     #[inline(always)]
     pub(crate) fn set(&mut self, lane: usize, surface: &Surface) {
-        set_wide(&mut self.exact, lane, surface.exact);
-        set_wide(&mut self.normal, lane, surface.normal);
-        set_wide(&mut self.shading_normal, lane, surface.shading_normal);
-        set_thin(&mut self.point, lane, surface.point);
-        set_thin(&mut self.error, lane, surface.error);
-        set_thin(&mut self.lifted, lane, surface.lifted);
+        set_dvec3(&mut self.exact, lane, surface.exact);
+        set_dvec3(&mut self.normal, lane, surface.normal);
+        set_dvec3(&mut self.shading_normal, lane, surface.shading_normal);
+        set_vec3(&mut self.point, lane, surface.point);
+        set_vec3(&mut self.error, lane, surface.error);
+        set_vec3(&mut self.lifted, lane, surface.lifted);
     }
 
     /// Number `lane`, without texture coordinates and colour.
     #[inline(always)]
     fn get(&self, lane: usize) -> Surface {
         Surface {
-            point: thin(&self.point, lane),
-            exact: wide(&self.exact, lane),
-            error: thin(&self.error, lane),
-            normal: wide(&self.normal, lane),
-            shading_normal: wide(&self.shading_normal, lane),
+            point: vec3(&self.point, lane),
+            exact: dvec3(&self.exact, lane),
+            error: vec3(&self.error, lane),
+            normal: dvec3(&self.normal, lane),
+            shading_normal: dvec3(&self.shading_normal, lane),
             uv: Vec2::ZERO,
             uv_rest: Vec2::ZERO,
             color: None,
-            lifted: thin(&self.lifted, lane),
+            lifted: vec3(&self.lifted, lane),
         }
     }
 
@@ -117,17 +117,17 @@ impl Surfaces {
 }
 
 /// Up to eight spheres and triangles that lines meet.
-pub(crate) struct Encounters {
+pub(crate) struct SurfaceInputs8 {
     /// The lines' origins and directions.
-    origin: Rows,
-    pub(crate) direction: Rows,
+    origin: DVec3x8,
+    pub(crate) direction: DVec3x8,
     /// Their parameters.
     t: [f32; SURFACES],
-    center: Thin,
+    center: Vec3x8,
     radius: [f32; SURFACES],
-    corners: [Thin; 3],
+    corners: [Vec3x8; 3],
     /// The corners' normals, where they have any.
-    normals: [Thin; 3],
+    normals: [Vec3x8; 3],
     /// Barycentric coordinates on triangles.
     uv: [[f32; SURFACES]; 2],
     /// A bit for each that is a sphere, a triangle, a triangle whose corners have normals.
@@ -140,9 +140,9 @@ pub(crate) struct Encounters {
     to_world: Transform,
 }
 
-impl Encounters {
+impl SurfaceInputs8 {
     /// None.
-    pub(crate) const NONE: Encounters = Encounters {
+    pub(crate) const NONE: SurfaceInputs8 = SurfaceInputs8 {
         origin: [[0.0; SURFACES]; 3],
         direction: [[0.0; SURFACES]; 3],
         t: [0.0; SURFACES],
@@ -166,15 +166,15 @@ impl Encounters {
 
     /// The line of number `lane`.
     #[inline(always)]
-    pub(crate) fn set_line(&mut self, lane: usize, line: &Line) {
-        set_wide(&mut self.origin, lane, line.origin);
-        set_wide(&mut self.direction, lane, line.direction);
+    pub(crate) fn set_line(&mut self, lane: usize, line: &DRay) {
+        set_dvec3(&mut self.origin, lane, line.origin);
+        set_dvec3(&mut self.direction, lane, line.direction);
     }
 
     /// Number `lane` meets a sphere.
     #[inline(always)]
     pub(crate) fn set_sphere(&mut self, lane: usize, sphere: &Sphere, t: f32) {
-        set_thin(&mut self.center, lane, sphere.center);
+        set_vec3(&mut self.center, lane, sphere.center);
         self.radius[lane] = sphere.radius;
         self.t[lane] = t;
         self.spheres |= 1 << lane;
@@ -184,13 +184,13 @@ impl Encounters {
     #[inline(always)]
     pub(crate) fn set_triangle(&mut self, lane: usize, triangle: &Corners, t: f32, [u, v]: [f32; 2]) {
         for (to, &position) in self.corners.iter_mut().zip(&triangle.positions) {
-            set_thin(to, lane, position);
+            set_vec3(to, lane, position);
         }
         self.t[lane] = t;
         (self.uv[0][lane], self.uv[1][lane]) = (u, v);
         if let Some(normals) = &triangle.normals {
             for (to, &normal) in self.normals.iter_mut().zip(normals) {
-                set_thin(to, lane, normal);
+                set_vec3(to, lane, normal);
             }
             self.smooth |= 1 << lane;
         } else {
@@ -213,20 +213,20 @@ impl Encounters {
     #[inline(always)]
     fn flat_triangle(&self, lane: usize) -> Corners {
         let [a, b, c] = &self.corners;
-        Corners { positions: [thin(a, lane), thin(b, lane), thin(c, lane)], normals: None }
+        Corners { positions: [vec3(a, lane), vec3(b, lane), vec3(c, lane)], normals: None }
     }
 
     #[inline(always)]
     fn smooth_triangle(&self, lane: usize) -> Corners {
         let [a, b, c] = &self.normals;
-        Corners { normals: Some([thin(a, lane), thin(b, lane), thin(c, lane)]), ..self.flat_triangle(lane) }
+        Corners { normals: Some([vec3(a, lane), vec3(b, lane), vec3(c, lane)]), ..self.flat_triangle(lane) }
     }
 
     /// The line of number `lane` in the space of what it meets.
     #[inline(always)]
-    fn local(&self, lane: usize) -> Line {
-        let line = Line { origin: wide(&self.origin, lane), direction: wide(&self.direction, lane) };
-        let moved = Line {
+    fn local(&self, lane: usize) -> DRay {
+        let line = DRay { origin: dvec3(&self.origin, lane), direction: dvec3(&self.direction, lane) };
+        let moved = DRay {
             origin: self.to_world.back().transform_point3(line.origin),
             direction: self.to_world.back().transform_vector3(line.direction),
         };
@@ -251,7 +251,7 @@ impl Encounters {
         let mut direction = self.direction;
         if self.moved != 0 {
             for i in 0..SURFACES {
-                set_wide(&mut direction, i, self.local(i).direction);
+                set_dvec3(&mut direction, i, self.local(i).direction);
             }
         }
         for row in &direction {
@@ -272,8 +272,8 @@ impl Encounters {
         let mut found = Surfaces::NOTHING;
         if self.spheres != 0 {
             for i in 0..SURFACES {
-                let sphere = Sphere { center: thin(&self.center, i), radius: self.radius[i] };
-                let line = Line { origin: wide(&self.origin, i), direction: wide(&self.direction, i) };
+                let sphere = Sphere { center: vec3(&self.center, i), radius: self.radius[i] };
+                let line = DRay { origin: dvec3(&self.origin, i), direction: dvec3(&self.direction, i) };
                 found.set(i, &sphere.bare_surface(line, self.t[i]));
             }
             into.take(&found, self.spheres);
@@ -319,7 +319,7 @@ mod tests {
     use super::*;
     use canaletto_bvh::{InstructionSet, Kernel};
 
-    struct Find<'a>(&'a Encounters, &'a mut Surfaces);
+    struct Find<'a>(&'a SurfaceInputs8, &'a mut Surfaces);
 
     impl Kernel for Find<'_> {
         type Answer = ();
@@ -330,9 +330,9 @@ mod tests {
         }
     }
 
-    fn to_local(to_world: &Transform, line: Line) -> Line {
+    fn to_local(to_world: &Transform, line: DRay) -> DRay {
         let back = to_world.inverse();
-        Line { origin: back.point(line.origin), direction: back.vector(line.direction) }
+        DRay { origin: back.point(line.origin), direction: back.vector(line.direction) }
     }
 
     /// Often along an axis, at times nothing.
@@ -343,9 +343,9 @@ mod tests {
 
     /// All numbers bit by bit.
     fn bits(surface: &Surface) -> ([u64; 9], [u32; 9]) {
-        let wide = [surface.exact, surface.normal, surface.shading_normal].map(|v| v.to_array().map(f64::to_bits));
-        let thin = [surface.point, surface.error, surface.lifted].map(|v| v.to_array().map(f32::to_bits));
-        (wide.as_flattened().try_into().unwrap(), thin.as_flattened().try_into().unwrap())
+        let dvec3 = [surface.exact, surface.normal, surface.shading_normal].map(|v| v.to_array().map(f64::to_bits));
+        let vec3 = [surface.point, surface.error, surface.lifted].map(|v| v.to_array().map(f32::to_bits));
+        (dvec3.as_flattened().try_into().unwrap(), vec3.as_flattened().try_into().unwrap())
     }
 
     #[test]
@@ -356,20 +356,20 @@ mod tests {
             let to_world = Transform::rotate(DVec3::new(1.0, 2.0, 3.0), f64::from(random.within(-180.0, 180.0)))
                 .unwrap()
                 .after(&Transform::scale(DVec3::new(-1.0, 0.5, 3.0)).unwrap());
-            let mut encounters = Encounters::NONE;
+            let mut surface_inputs = SurfaceInputs8::NONE;
             let mut known = Surfaces::NOTHING;
             let expected: [Surface; SURFACES] = std::array::from_fn(|lane| {
-                let line = Line {
+                let line = DRay {
                     origin: (vector(random) * scale * if random.one_in(2) { 100.0 } else { 1.0 }).as_dvec3(),
                     direction: vector(random).as_dvec3(),
                 };
-                encounters.set_line(lane, &line);
+                surface_inputs.set_line(lane, &line);
                 match (random.unit() * 4.0) as u32 {
                     0 => {
                         let sphere = Sphere { center: vector(random) * scale, radius: scale };
                         // The rays needn't meet it.
                         let t = random.within(-scale, scale);
-                        encounters.set_sphere(lane, &sphere, t);
+                        surface_inputs.set_sphere(lane, &sphere, t);
                         sphere.bare_surface(line, t)
                     }
                     1 => {
@@ -387,10 +387,10 @@ mod tests {
                         let moves = random.one_in(2);
                         // An octet has one map.
                         if moves {
-                            assert!(encounters.set_instance(lane, 7, &to_world));
-                            assert!(!encounters.set_instance(lane, 8, &to_world));
+                            assert!(surface_inputs.set_instance(lane, 7, &to_world));
+                            assert!(!surface_inputs.set_instance(lane, 8, &to_world));
                         }
-                        encounters.set_triangle(lane, &triangle, t, [u, v]);
+                        surface_inputs.set_triangle(lane, &triangle, t, [u, v]);
                         let line = if moves { to_local(&to_world, line) } else { line };
                         let surface = triangle.at(&line, &ShapeHit { t, part: 0, uv: [u, v] });
                         if moves { surface.transformed(&to_world) } else { surface }
@@ -400,7 +400,7 @@ mod tests {
             for set in InstructionSet::available() {
                 set.limit();
                 let mut found = known;
-                InstructionSet::run(Find(&encounters, &mut found));
+                InstructionSet::run(Find(&surface_inputs, &mut found));
                 for (lane, expected) in expected.iter().enumerate() {
                     assert_eq!(bits(&found.get(lane)), bits(expected), "round {round}, number {lane}: {expected:?}");
                 }

@@ -4,10 +4,10 @@
 //! coordinates: u by (5.45a) for the angle around the axis; v the same for the angle around the tube, ½ at the outer
 //! equator and smaller on the side that the axis points to.
 
-use super::patch::{around, outer, turn_gradient};
 use super::solve::{self, Frame};
-use super::{Patch, ShapeHit, Surface};
-use crate::math::{Line, Roots, Transform, quartic};
+use super::surface_differential::{around, outer, turn_gradient};
+use super::{ShapeHit, Surface, SurfaceDifferential};
+use crate::math::{DRay, Roots, Transform, quartic};
 use canaletto_bvh::{Aabb, Ray};
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
@@ -60,7 +60,7 @@ impl Torus {
         big > small && from_ring - small > solve::OUTSIDE
     }
 
-    fn solve(&self, line: Line) -> Option<Scaled> {
+    fn solve(&self, line: DRay) -> Option<Scaled> {
         let direction = line.direction;
         let length = direction.length();
         if length == 0.0 {
@@ -114,7 +114,7 @@ impl Torus {
     }
 
     /// The surface at a hit, its point put back on the tube.
-    pub fn surface(&self, line: impl Into<Line>, hit: &ShapeHit) -> Surface {
+    pub fn surface(&self, line: impl Into<DRay>, hit: &ShapeHit) -> Surface {
         let line = line.into();
         let (center, axis) = (self.center.as_dvec3(), self.axis.as_dvec3().normalize());
         let (big, small) = self.radii();
@@ -145,7 +145,7 @@ impl Torus {
     }
 
     /// How the surface goes on around one of its points.
-    pub fn patch(&self, surface: &Surface) -> Patch {
+    pub fn surface_differential(&self, surface: &Surface) -> SurfaceDifferential {
         let frame = Frame::around(self.axis.as_dvec3());
         let (n, tube) = (surface.normal, f64::from(self.tube));
         let from_center = surface.exact - self.center.as_dvec3();
@@ -154,9 +154,9 @@ impl Torus {
         let across = around(out, frame.x, frame.z);
         // The direction of growing v: n turned by a right angle from `out` against the axis.
         let down = -frame.y * n.dot(out) + out * n.dot(frame.y);
-        Patch {
+        SurfaceDifferential {
             gradients: [turn_gradient(out, frame.x, frame.z, ring, self.size()), down / (TAU * tube)],
-            bend: outer(across, across) * (n.dot(out) / ring) + outer(down, down) * (1.0 / tube),
+            shape_operator: outer(across, across) * (n.dot(out) / ring) + outer(down, down) * (1.0 / tube),
             round: true,
         }
     }

@@ -4,8 +4,8 @@
 
 use super::mesh::Corners;
 use super::solve;
-use super::{Patch, ShapeHit, Surface};
-use crate::math::{Line, Transform};
+use super::{ShapeHit, Surface, SurfaceDifferential};
+use crate::math::{DRay, Transform};
 use canaletto_bvh::{Aabb, Ray, triangle as kernel};
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
@@ -32,14 +32,14 @@ impl Triangle {
     }
 
     /// The surface at a hit.
-    pub fn surface(&self, line: impl Into<Line>, hit: &ShapeHit) -> Surface {
+    pub fn surface(&self, line: impl Into<DRay>, hit: &ShapeHit) -> Surface {
         Corners { positions: [self.a, self.b, self.c], normals: None }.at(&line.into(), hit)
     }
 
     /// How the surface goes on around its points.
-    pub fn patch(&self) -> Patch {
+    pub fn surface_differential(&self) -> SurfaceDifferential {
         let [_, u, v] = gradients([self.a, self.b, self.c]);
-        Patch::flat(u, v)
+        SurfaceDifferential::flat(u, v)
     }
 
     /// The box around it.

@@ -7,9 +7,9 @@ fn image(width: u32, height: u32, channels: u8, samples: Samples, space: ColorSp
     Image { name: "test".into(), width, height, channels, samples, space, premultiplied: false }
 }
 
-fn pattern(image: Image, texture: ImageTexture) -> Pattern {
+fn pattern(image: Image, texture: ImageTexture) -> PreparedTexture {
     let texture = Texture { name: "t".into(), kind: TextureKind::Image(texture) };
-    Pattern::resolve(vec![image], &[texture]).unwrap().remove(0)
+    PreparedTexture::resolve(vec![image], &[texture]).unwrap().remove(0)
 }
 
 fn point(u: f64, v: f64) -> Lookup {
@@ -46,7 +46,7 @@ fn noise(i: u32) -> f32 {
 
 /// The mean over a footprint with the weight (1 − r²)² over 64 × 64 places of the circle's square, of what the kernel
 /// makes of the finest level.
-fn reference(pattern: &Pattern, lookup: &Lookup) -> [f64; 4] {
+fn reference(pattern: &PreparedTexture, lookup: &Lookup) -> [f64; 4] {
     let (mut sum, mut total) = ([0.0; 4], 0.0);
     for i in 0..64 {
         for j in 0..64 {
@@ -82,7 +82,7 @@ fn footprints(count: u32, longest: f64, thinnest: f64) -> impl Iterator<Item = (
 }
 
 /// The root mean square error over footprints.
-fn error(pattern: &Pattern, width: f64, height: f64, longest: f64, thinnest: f64) -> f64 {
+fn error(pattern: &PreparedTexture, width: f64, height: f64, longest: f64, thinnest: f64) -> f64 {
     let count = 150;
     let mut square = 0.0;
     for (u, v, dx, dy) in footprints(count, longest, thinnest) {

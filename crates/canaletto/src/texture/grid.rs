@@ -167,7 +167,7 @@ mod tests {
     use crate::texture::*;
     use glam::DVec3;
 
-    fn grid(size: [u32; 3], filter: Filter, f: impl Fn(DVec3) -> f64) -> Pattern {
+    fn grid(size: [u32; 3], filter: Filter, f: impl Fn(DVec3) -> f64) -> PreparedTexture {
         let [w, h, d] = size;
         let samples = (0..w * h * d)
             .map(|i| f(DVec3::new(f64::from(i % w), f64::from(i / w % h), f64::from(i / w / h)) + 0.5) as f32)
@@ -191,7 +191,7 @@ mod tests {
             space: None,
         };
         let texture = Texture { name: "g".into(), kind: TextureKind::Grid(texture) };
-        Pattern::resolve(vec![image], &[texture]).unwrap().remove(0)
+        PreparedTexture::resolve(vec![image], &[texture]).unwrap().remove(0)
     }
 
     #[test]

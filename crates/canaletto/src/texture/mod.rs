@@ -2,7 +2,7 @@
 //! rectangle or in space.
 //!
 //! A [`Texture`] is a description: plain values and indices into [`crate::scene::Scene::images`]. [`World::build`] turns
-//! it into a [`Pattern`], with mip pyramids where it needs them; a pattern is looked up with [`Pattern::eval`]. How a
+//! it into a [`PreparedTexture`], with mip pyramids where it needs them; a pattern is looked up with [`PreparedTexture::eval`]. How a
 //! surface gets from a point to texture coordinates is not its business.
 //!
 //! [`World::build`]: crate::world::World::build
@@ -19,7 +19,7 @@ mod image_map;
 mod kernel;
 mod level;
 mod noise;
-mod pattern;
+mod prepared;
 mod procedural;
 mod pyramid;
 mod ramp;
@@ -30,7 +30,7 @@ mod wrap;
 pub use grid::GridTexture;
 pub use half::{from_half, to_half};
 pub use image::{Image, Samples};
-pub use pattern::{Footprint, Lookup, Pattern, Unresolved};
+pub use prepared::{Footprint, Lookup, PreparedTexture, Unresolved};
 pub use procedural::{Feature, Function, Gradient, Procedural, Spectrum};
 pub(crate) use pyramid::{Pyramid, Weighing, zone};
 pub use ramp::{Interpolation, Ramp, Stop};

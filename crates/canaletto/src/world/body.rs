@@ -11,7 +11,7 @@ use super::instance::Instance;
 use super::query::Hit;
 use super::shells::Shells;
 use crate::material::{Material, Target, TextureUse};
-use crate::math::Line;
+use crate::math::DRay;
 use crate::shape::{Shape, ShapeHit};
 use canaletto_bvh::{Aabb, Ray};
 use glam::{DVec3, Vec3};
@@ -111,7 +111,7 @@ impl World {
             self.each_between(&ray, f32::INFINITY, time, &mut |hit| along.push(hit));
             along.sort_unstable_by_key(|hit| (hit.instance, hit.primitive));
             along.dedup_by_key(|hit| (hit.instance, hit.primitive));
-            let line = Line { origin: point, direction: direction.as_dvec3() };
+            let line = DRay { origin: point, direction: direction.as_dvec3() };
             for hit in &along {
                 let Some(body) = self.body(hit) else { continue };
                 let count = if body.overlaps_itself {
@@ -151,7 +151,7 @@ impl World {
                 }
             });
         });
-        let line = Line::from(ray);
+        let line = DRay::from(ray);
         let leaves = |hit: &Hit| self.bare_surface(line, hit).normal.dot(line.direction) > 0.0;
         if !body.overlaps_itself {
             return ahead.first().map_or(0, |hit| i32::from(leaves(hit)));

@@ -1,24 +1,24 @@
 //! From description to world: materials and textures resolved, the tree of nodes flattened, hierarchies built.
 
 use super::World;
-use super::before::Before;
 use super::body::shells;
 use super::bundle::FEW;
-use super::flatten::{Builder, Finished, Part, Place};
+use super::displacement::Relief;
+use super::flatten::{Builder, Collected, Place, Sealed};
 use super::geometry::Geometry;
 use super::group::Group;
 use super::instance::{Instance, NONE};
+use super::instancing::{InstancingPolicy, uses_of};
 use super::light_meshes::LightMeshes;
-use super::nesting::{Nesting, uses_of};
 use super::origin::Spans;
-use super::relief::Relief;
-use super::wants::Wants;
+use super::required_spaces::RequiredSpaces;
+use super::reuse::Previous;
 use super::zones::Zones;
-use crate::light::environment::{Backdrop, Environment};
-use crate::light::{Light, Source};
+use crate::light::environment::{Environment, PreparedEnvironment};
+use crate::light::{Light, PreparedLight};
 use crate::material::{Channel, Material, Phong, Target};
 use crate::scene::{Node, Scene};
-use crate::texture::{ColorSpace, Image, Pattern, Prefilter, Texture, TextureKind, Unresolved};
+use crate::texture::{ColorSpace, Image, Prefilter, PreparedTexture, Texture, TextureKind, Unresolved};
 use canaletto_bvh::{Aabb, NoThreads, Quality, with_stack};
 use std::collections::HashMap;
 
@@ -135,19 +135,24 @@ impl World {
     /// # Errors
     /// As [`World::build`].
     pub fn build_with(scene: Scene, options: &BuildOptions) -> Result<World, BuildError> {
-        World::lower(scene, options, Nesting::default(), Before::default())
+        World::lower(scene, options, InstancingPolicy::default(), Previous::default())
     }
 
     pub(super) fn lower(
         scene: Scene,
         options: &BuildOptions,
-        nesting: Nesting,
-        before: Before,
+        instancing: InstancingPolicy,
+        before: Previous,
     ) -> Result<World, BuildError> {
-        with_stack(STACK, || World::lower_here(scene, options, nesting, before))?
+        with_stack(STACK, || World::lower_here(scene, options, instancing, before))?
     }
 
-    fn lower_here(scene: Scene, options: &BuildOptions, nesting: Nesting, before: Before) -> Result<World, BuildError> {
+    fn lower_here(
+        scene: Scene,
+        options: &BuildOptions,
+        instancing: InstancingPolicy,
+        before: Previous,
+    ) -> Result<World, BuildError> {
         for material in &scene.materials {
             material.check().map_err(|problem| BuildError::Invalid {
                 object: format!("material \"{}\"", material.name),
@@ -175,41 +180,42 @@ impl World {
             (Some(Environment { ambient: true, .. }), Some(backdrop)) => (ambient + backdrop.mean()).saturated(),
             _ => ambient,
         };
-        let (textures, texture_names, wants_spread) = resolve_textures(images, textures, &mut materials)?;
-        let wants = materials.iter().map(Wants::of).collect();
+        let (textures, texture_names, needs_differentials) = resolve_textures(images, textures, &mut materials)?;
+        let required_spaces = materials.iter().map(RequiredSpaces::of).collect();
         let light_meshes = LightMeshes::collect(nodes.iter().chain(&prototypes), &meshes)?;
-        let relief = Relief::new(textures, &materials);
+        let displacement = Relief::new(textures, &materials);
         let spans = Spans::new(&meshes, &spheres, &cylinders, &prototypes);
         let origin = spans.world(&nodes, views.get(options.view));
         let uses = uses_of(&nodes, &prototypes);
-        let mut builder = Builder::new(wants, relief, meshes, spheres, cylinders, prototypes);
+        let mut builder = Builder::new(required_spaces, displacement, meshes, spheres, cylinders, prototypes);
         (builder.light_meshes, builder.spans) = (light_meshes, spans);
-        (builder.nesting, builder.uses) = (nesting, uses);
+        (builder.instancing, builder.uses) = (instancing, uses);
         (builder.quality, builder.before) = (options.quality, before);
         builder.count_uses(&nodes);
-        let mut root = Part::default();
+        let mut root = Collected::default();
         let place = Place::from(origin);
         pieces(nodes).try_for_each(|piece| builder.flatten(&piece, &place, &mut root, 0))?;
-        let Finished { instances, mut lights, moving_lights, unbounded, .. } = builder.finish_part(root, NONE)?;
+        let Sealed { instances, mut lights, moving_lights, unbounded, .. } = builder.finish_part(root, NONE)?;
         lights.extend(environment.as_ref().zip(backdrop.as_ref()).and_then(|(described, ready)| ready.sun(described)));
-        let bounds: Vec<Aabb> = instances.iter().map(|instance| builder.stock().bounds(instance)).collect();
+        let bounds: Vec<Aabb> = instances.iter().map(|instance| builder.tables().bounds(instance)).collect();
         if let Some(index) = bounds.iter().position(|b| !(b.is_empty() || b.is_finite())) {
             let object = builder.objects.get(instances[index].object as usize).map_or("an object", |o| o.name.as_str());
             return Err(BuildError::Invalid { object: object.into(), problem: too_far() });
         }
-        let root = Group::new(instances, &bounds, 1, "the scene", builder.stock())?;
+        let root = Group::new(instances, &bounds, 1, "the scene", builder.tables())?;
         materials.push(Material::new("default", Phong::default()));
         let clear_instances = clear_instances(&root.instances, &builder.geometries, &materials);
         let clear = clear_geometries(&root, &builder.groups, &builder.geometries, &materials);
         let clear_bounds = bounds.iter().zip(&clear_instances).filter(|(_, clear)| **clear).map(|(bounds, _)| *bounds);
         let mut world = World {
             background,
-            wants_spread: wants_spread || backdrop.as_ref().is_some_and(Backdrop::wants_footprint),
+            needs_differentials: needs_differentials
+                || backdrop.as_ref().is_some_and(PreparedEnvironment::wants_footprint),
             environment: backdrop,
             ambient,
             lights: sources(lights, &builder.light_meshes),
             light_meshes: builder.light_meshes,
-            textures: builder.relief.patterns,
+            textures: builder.displacement.patterns,
             texture_names,
             has_clear: !materials.iter().all(Material::is_opaque),
             clear_bounds: clear_bounds.fold(Aabb::EMPTY, |a, b| a.union(b)),
@@ -250,7 +256,7 @@ fn pieces<T>(mut list: Vec<T>) -> impl Iterator<Item = Vec<T>> {
     pieces.into_iter().rev()
 }
 
-fn sources(lights: Vec<Light>, meshes: &LightMeshes) -> Vec<Source> {
+fn sources(lights: Vec<Light>, meshes: &LightMeshes) -> Vec<PreparedLight> {
     let mut sources = Vec::with_capacity(lights.len());
     pieces(lights).for_each(|piece| sources.extend(piece.into_iter().map(|light| meshes.source(light))));
     sources
@@ -293,9 +299,13 @@ fn clear_geometries(root: &Group, groups: &[Group], geometries: &[Geometry], mat
 }
 
 /// The environment, ready to be looked at; its images are taken unless a texture has them too.
-fn backdrop(environment: &Environment, images: &mut [Image], textures: &[Texture]) -> Result<Backdrop, BuildError> {
+fn backdrop(
+    environment: &Environment,
+    images: &mut [Image],
+    textures: &[Texture],
+) -> Result<PreparedEnvironment, BuildError> {
     let kept = |index| textures.iter().any(|t| matches!(&t.kind, TextureKind::Image(t) if t.image == index));
-    Backdrop::new(environment, images, kept)
+    PreparedEnvironment::new(environment, images, kept)
         .map_err(|problem| BuildError::Invalid { object: "the environment".into(), problem })
 }
 
@@ -306,7 +316,7 @@ fn resolve_textures(
     images: Vec<Image>,
     mut textures: Vec<Texture>,
     materials: &mut [Material],
-) -> Result<(Vec<Pattern>, Vec<String>, bool), BuildError> {
+) -> Result<(Vec<PreparedTexture>, Vec<String>, bool), BuildError> {
     let count = textures.len();
     let mut raw: HashMap<u32, u32> = HashMap::new();
     for material in &mut *materials {
@@ -338,7 +348,7 @@ fn resolve_textures(
         }
     }
     let names = textures.iter().map(|texture| texture.name.clone()).collect();
-    let wants_spread = materials.iter().flat_map(|m| &m.textures).any(|used| {
+    let needs_differentials = materials.iter().flat_map(|m| &m.textures).any(|used| {
         let filtered = match &textures[used.texture as usize].kind {
             TextureKind::Constant(_) => false,
             TextureKind::Image(image) => image.prefilter != Prefilter::None,
@@ -347,7 +357,7 @@ fn resolve_textures(
         };
         filtered || used.target == Target::Bump
     });
-    Ok((Pattern::resolve(images, &textures)?, names, wants_spread))
+    Ok((PreparedTexture::resolve(images, &textures)?, names, needs_differentials))
 }
 
 pub(super) fn too_far() -> String {

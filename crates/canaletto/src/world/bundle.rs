@@ -5,14 +5,14 @@
 //! few primitives some may be clear.
 
 use super::World;
-use super::corridor::{Corridor, GROUP};
 use super::geometry::Geometry;
 use super::instance::{NONE, to_local};
-use super::loose;
+use super::packet_bounds::{GROUP, PacketBounds};
 use super::query::Hit;
-use super::shadow::{Between, Blocker};
-use crate::math::Line;
-use crate::shape::{SURFACES, Thin, thin};
+use super::shadow::{OccluderCache, Occlusion};
+use super::shape_list;
+use crate::math::DRay;
+use crate::shape::{SURFACES, Vec3x8, vec3};
 use canaletto_bvh::{Aabb, PreparedRay, PrimitiveHit, Ray};
 use glam::Vec3;
 use std::ops::Range;
@@ -28,17 +28,17 @@ const TOGETHER: usize = 8;
 
 /// Rays that are asked about together, of which neighbours go nearly the same way, and the answers.
 #[derive(Debug, Default)]
-pub struct Bundle {
+pub struct RayBundle {
     rays: Rays,
     /// Up to where each counts.
     t_max: Vec<f32>,
     /// What each met, by [`World::intersect_bundle`].
     nearest: Vec<Hit>,
-    /// What stands in each one's way, by [`World::between_bundle`].
-    between: Vec<Between>,
+    /// What stands in each one's way, by [`World::occlusion_batch`].
+    occlusion: Vec<Occlusion>,
     /// The rays in an instance's space.
     local: Rays,
-    corridors: Vec<Corridor>,
+    packet_bounds: Vec<PacketBounds>,
     /// What a geometry answers.
     found: Vec<PrimitiveHit>,
     open: Vec<f32>,
@@ -62,14 +62,14 @@ impl Rays {
 }
 
 /// Some rays of a list.
-pub(super) struct Part<'a> {
+pub(super) struct RayRange<'a> {
     all: &'a mut Rays,
     range: Range<usize>,
     /// What their groups lie between, in the space where they are, if anybody knows.
-    corridors: &'a [Corridor],
+    packet_bounds: &'a [PacketBounds],
 }
 
-impl Part<'_> {
+impl RayRange<'_> {
     #[inline]
     pub(super) fn rays(&self) -> &[Ray] {
         &self.all.rays[self.range.clone()]
@@ -87,18 +87,18 @@ impl Part<'_> {
 
     /// [`for_runs`] of the groups of these rays, if they are known.
     pub(super) fn for_runs(&self, bounds: &Aabb, mut f: impl FnMut(Range<usize>)) {
-        match self.corridors {
+        match self.packet_bounds {
             [] => f(0..self.range.len()),
-            corridors => for_runs(corridors, self.range.len(), bounds, f),
+            packet_bounds => for_runs(packet_bounds, self.range.len(), bounds, f),
         }
     }
 }
 
 /// Calls `f` for each run of groups that a box isn't surely missed by, with the places of their rays.
-fn for_runs(corridors: &[Corridor], rays: usize, bounds: &Aabb, mut f: impl FnMut(Range<usize>)) {
+fn for_runs(packet_bounds: &[PacketBounds], rays: usize, bounds: &Aabb, mut f: impl FnMut(Range<usize>)) {
     let mut start = None;
-    for (index, corridor) in corridors.iter().enumerate() {
-        match (corridor.misses(bounds), start) {
+    for (index, packet_bounds) in packet_bounds.iter().enumerate() {
+        match (packet_bounds.misses(bounds), start) {
             (false, None) => start = Some(index * GROUP),
             (true, Some(first)) => {
                 f(first..index * GROUP);
@@ -122,7 +122,7 @@ pub(super) fn end<R>(rays: &[R], t_max: &mut [f32], mut blocked: impl FnMut(usiz
     }
 }
 
-impl Bundle {
+impl RayBundle {
     /// Forgets all rays.
     pub fn clear(&mut self) {
         self.rays.clear();
@@ -145,7 +145,7 @@ impl Bundle {
 
     /// Adds those of eight rays whose bit is set, each up to its `t_max`.
     #[inline]
-    pub(crate) fn push_some(&mut self, bits: u32, origins: &Thin, directions: &Thin, t_max: &[f32; SURFACES]) {
+    pub(crate) fn push_some(&mut self, bits: u32, origins: &Vec3x8, directions: &Vec3x8, t_max: &[f32; SURFACES]) {
         if bits == 0 {
             return;
         }
@@ -154,7 +154,7 @@ impl Bundle {
         self.rays.rays.resize(end + SURFACES, Ray { origin: Vec3::ZERO, direction: Vec3::ZERO });
         self.t_max.resize(end + SURFACES, 0.0);
         for (lane, &reach) in t_max.iter().enumerate() {
-            self.rays.rays[end] = Ray { origin: thin(origins, lane), direction: thin(directions, lane) };
+            self.rays.rays[end] = Ray { origin: vec3(origins, lane), direction: vec3(directions, lane) };
             self.t_max[end] = reach;
             end += (bits >> lane & 1) as usize;
         }
@@ -202,28 +202,28 @@ impl Bundle {
         t_max.truncate(left);
     }
 
-    /// What stands in the way of ray number `index`, if [`World::between_bundle`] was asked.
+    /// What stands in the way of ray number `index`, if [`World::occlusion_batch`] was asked.
     #[inline]
-    pub fn between(&self, index: usize) -> Between {
-        self.between[index]
+    pub fn occlusion(&self, index: usize) -> Occlusion {
+        self.occlusion[index]
     }
 }
 
 impl World {
-    /// [`World::intersect_at`] for each ray of a bundle; [`Bundle::hit`] tells.
-    pub fn intersect_bundle(&self, bundle: &mut Bundle, time: f32) {
+    /// [`World::intersect_at`] for each ray of a bundle; [`RayBundle::hit`] tells.
+    pub fn intersect_bundle(&self, bundle: &mut RayBundle, time: f32) {
         self.intersect_bundle_with(bundle, time, |ray, t_max| self.intersect_at(ray, t_max, time), |_| true);
     }
 
     /// The same with those instances only that `counts` says, for whoever asks for each of a few; else by asking for the nearest that `one` ray meets.
     pub(super) fn intersect_bundle_with(
         &self,
-        bundle: &mut Bundle,
+        bundle: &mut RayBundle,
         time: f32,
         one: impl Fn(&Ray, f32) -> Option<Hit>,
         counts: impl Fn(u32) -> bool,
     ) {
-        let Bundle { rays, t_max, nearest, local, corridors, found, .. } = bundle;
+        let RayBundle { rays, t_max, nearest, local, packet_bounds, found, .. } = bundle;
         nearest.clear();
         if !self.is_asked_together(&rays.rays) {
             let hit = |ray, t_max| one(ray, t_max).unwrap_or(Hit::before(t_max, time));
@@ -234,8 +234,8 @@ impl World {
         if !self.unbounded.is_empty() {
             rays.rays.iter().zip(&mut *nearest).for_each(|(ray, best)| self.try_unbounded(ray, best));
         }
-        Corridor::of_groups(corridors, &rays.rays, t_max);
-        self.for_near((rays, local), corridors, time, counts, |number, geometry, part| {
+        PacketBounds::of_groups(packet_bounds, &rays.rays, t_max);
+        self.for_near((rays, local), packet_bounds, time, counts, |number, geometry, part| {
             let nearest = &mut nearest[part.range.clone()];
             found.clear();
             found.extend(nearest.iter().map(|best| PrimitiveHit::none(best.t)));
@@ -256,38 +256,39 @@ impl World {
         self.root.is_flat() && self.root.instances.len() <= FEW
     }
 
-    /// What stands between the origin and the end of each ray of a bundle; [`Bundle::between`] tells. `last` is what stood in the
+    /// What stands between the origin and the end of each ray of a bundle; [`RayBundle::occlusion`] tells. `last` is what stood in the
     /// way of the ray before, a hint.
-    pub fn between_bundle(&self, bundle: &mut Bundle, time: f32, last: &mut Blocker) {
-        let Bundle { rays, t_max, between, local, open, corridors, .. } = bundle;
-        between.clear();
+    pub fn occlusion_batch(&self, bundle: &mut RayBundle, time: f32, last: &mut OccluderCache) {
+        let RayBundle { rays, t_max, occlusion, local, open, packet_bounds, .. } = bundle;
+        occlusion.clear();
         if !self.is_asked_together(&rays.rays) {
-            between.extend(rays.rays.iter().zip(t_max).map(|(ray, &mut t_max)| self.between(ray, t_max, time, last)));
+            occlusion
+                .extend(rays.rays.iter().zip(t_max).map(|(ray, &mut t_max)| self.occlusion(ray, t_max, time, last)));
             return;
         }
-        between.resize(rays.rays.len(), Between::Nothing);
+        occlusion.resize(rays.rays.len(), Occlusion::Nothing);
         // A ray that something opaque was found for takes no further part.
         open.clear();
         open.extend_from_slice(t_max);
         if !self.unbounded.is_empty() {
             end(&rays.rays, open, |index, ray, t_max| {
-                between[index] = self.between_unbounded(ray, t_max);
-                between[index] == Between::Opaque
+                occlusion[index] = self.occlusion_unbounded(ray, t_max);
+                occlusion[index] == Occlusion::Opaque
             });
         }
-        Corridor::of_groups(corridors, &rays.rays, open);
+        PacketBounds::of_groups(packet_bounds, &rays.rays, open);
         self.for_near(
             (rays, local),
-            corridors,
+            packet_bounds,
             time,
             |_| true,
             |number, geometry, part| {
-                let (open, between) = (&mut open[part.range.clone()], &mut between[part.range.clone()]);
+                let (open, occlusion) = (&mut open[part.range.clone()], &mut occlusion[part.range.clone()]);
                 if self.may_let_light_through(number) {
-                    geometry.between_bundle(part, open, |ray, primitive| {
+                    geometry.occlusion_batch(part, open, |ray, primitive| {
                         let opaque = self.is_opaque(number, primitive);
                         if !opaque {
-                            between[ray] = Between::Clear;
+                            occlusion[ray] = Occlusion::Clear;
                         }
                         opaque
                     });
@@ -296,9 +297,9 @@ impl World {
                 }
             },
         );
-        for (open, between) in open.iter().zip(between) {
+        for (open, occlusion) in open.iter().zip(occlusion) {
             if *open == f32::NEG_INFINITY {
-                *between = Between::Opaque;
+                *occlusion = Occlusion::Opaque;
             }
         }
     }
@@ -308,27 +309,27 @@ impl World {
     fn for_near(
         &self,
         (rays, local): (&mut Rays, &mut Rays),
-        corridors: &[Corridor],
+        packet_bounds: &[PacketBounds],
         time: f32,
         counts: impl Fn(u32) -> bool,
-        mut f: impl FnMut(u32, &Geometry, Part),
+        mut f: impl FnMut(u32, &Geometry, RayRange),
     ) {
         for (number, (instance, bounds)) in (0..).zip(self.root.instances.iter().zip(&self.instance_bounds)) {
             if !counts(number) {
                 continue;
             }
             local.clear();
-            for_runs(corridors, rays.rays.len(), bounds, |range| {
+            for_runs(packet_bounds, rays.rays.len(), bounds, |range| {
                 let part = if instance.to_world.is_none() {
                     let groups = range.start / GROUP..range.end.div_ceil(GROUP);
-                    Part { all: rays, range, corridors: &corridors[groups] }
+                    RayRange { all: rays, range, packet_bounds: &packet_bounds[groups] }
                 } else {
                     if local.rays.is_empty()
                         && let Some(to_world) = instance.placed(&self.chains, time)
                     {
-                        local.rays.extend(rays.rays.iter().map(|r| to_local(&to_world, Line::from(r)).rounded()));
+                        local.rays.extend(rays.rays.iter().map(|r| to_local(&to_world, DRay::from(r)).rounded()));
                     }
-                    Part { all: local, range, corridors: &[] }
+                    RayRange { all: local, range, packet_bounds: &[] }
                 };
                 f(number, &self.geometries[instance.geometry as usize], part);
             });
@@ -343,10 +344,10 @@ impl Geometry {
     }
 
     /// [`Geometry::intersect`] for many rays; `found` says up to where each counts, and takes the answers.
-    fn intersect_bundle(&self, mut part: Part, found: &mut [PrimitiveHit]) {
+    fn intersect_bundle(&self, mut part: RayRange, found: &mut [PrimitiveHit]) {
         match self {
             _ if self.has_packets_of(part.rays()) => self.intersect_coherent(part.rays(), found),
-            Geometry::Shapes { shapes, .. } if self.is_few() => loose::intersect(shapes, &part, found),
+            Geometry::Shapes { shapes, .. } if self.is_few() => shape_list::intersect(shapes, &part, found),
             _ if self.is_few() => {
                 for (ray, found) in part.rays().iter().zip(found) {
                     *found = self.intersect_few(ray, found.t);
@@ -362,11 +363,11 @@ impl Geometry {
 
     /// Sets those of `t_max` to −∞ whose rays meet something at or before. `last` is asked for the slot of what was met before, or
     /// [`NONE`].
-    fn occluded_bundle<'a>(&self, mut part: Part, t_max: &mut [f32], last: impl FnOnce() -> &'a mut u32) {
+    fn occluded_bundle<'a>(&self, mut part: RayRange, t_max: &mut [f32], last: impl FnOnce() -> &'a mut u32) {
         if self.has_packets_of(part.rays()) {
             self.occluded_coherent(part.rays(), t_max);
         } else if self.is_few() {
-            self.between_bundle(part, t_max, |_, _| true);
+            self.occlusion_batch(part, t_max, |_, _| true);
         } else {
             let last = last();
             end(part.prepare(), t_max, |_, ray, t_max| {
@@ -380,9 +381,9 @@ impl Geometry {
     }
 
     /// Sets those of `t_max` to −∞ whose rays meet something at or before that `blocks` the ray of this number.
-    fn between_bundle(&self, mut part: Part, t_max: &mut [f32], mut blocks: impl FnMut(usize, u32) -> bool) {
+    fn occlusion_batch(&self, mut part: RayRange, t_max: &mut [f32], mut blocks: impl FnMut(usize, u32) -> bool) {
         match self {
-            Geometry::Shapes { shapes, .. } if self.is_few() => loose::between(shapes, &part, t_max, blocks),
+            Geometry::Shapes { shapes, .. } if self.is_few() => shape_list::occlusion(shapes, &part, t_max, blocks),
             _ if self.is_few() => end(part.rays(), t_max, |index, ray, t_max| {
                 self.occluded_few(ray, t_max, |primitive| blocks(index, primitive)).is_some()
             }),

@@ -5,7 +5,7 @@
 
 use super::World;
 use super::query::Hit;
-use crate::math::{Line, offset_origin};
+use crate::math::{DRay, offset_origin};
 use crate::shape::Surface;
 use canaletto_bvh::Ray;
 use glam::Vec3;
@@ -35,7 +35,7 @@ impl World {
     /// body there is one at most that the line enters by, and one that it leaves by. Calls `across` with those that aren't parallel.
     pub(crate) fn contacts(
         &self,
-        line: &Line,
+        line: &DRay,
         hit: &Hit,
         surface: &Surface,
         contacts: &mut Vec<Contact>,

@@ -3,7 +3,7 @@
 use super::World;
 use super::geometry::Geometry;
 use super::query::Hit;
-use crate::math::Line;
+use crate::math::DRay;
 use crate::shape::Surface;
 use glam::DVec3;
 
@@ -44,7 +44,7 @@ impl World {
     }
 
     /// Whether a line comes from the outer side of the triangle that it meets; none by an edge, or if it meets something else.
-    pub(crate) fn side_of_mesh(&self, line: &Line, hit: &Hit) -> Option<bool> {
+    pub(crate) fn side_of_mesh(&self, line: &DRay, hit: &Hit) -> Option<bool> {
         let corners = self.triangle_of(hit)?;
         if corners.is_near(hit.uv, TIMES * MOVED * corners.terms) {
             return None;

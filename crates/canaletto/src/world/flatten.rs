@@ -1,19 +1,19 @@
 //! The tree of nodes flattened: groups and most prototypes dissolved, shapes moved into place, the rest placed as instances.
 
-use super::before::{Before, Origins};
 use super::build::{hierarchy_error, too_far};
+use super::displacement::Relief;
 use super::geometry::Geometry;
 use super::group::Group;
-use super::instance::{Instance, NONE, Placed, Unbounded};
+use super::instance::{Instance, NONE, Placement, Unbounded};
+use super::instancing::InstancingPolicy;
 use super::light_meshes::LightMeshes;
-use super::motion::{Chain, MovingLight};
-use super::nesting::Nesting;
+use super::motion::{MovingLight, TransformChain};
 use super::origin::{Exactly, FAR, Spans, away_from, counted_from, origin_of, rounded_visibly, shape_span};
-use super::relief::Relief;
-use super::wants::Wants;
+use super::required_spaces::RequiredSpaces;
+use super::reuse::{Previous, ReuseCounts};
 use super::{BuildError, Object, World};
 use crate::light::Light;
-use crate::math::{Path, Transform};
+use crate::math::{AnimatedTransform, Transform};
 use crate::scene::{Content, Node};
 use crate::shape::{CylinderCloud, Mesh, Shape, SphereCloud};
 use canaletto_bvh::Quality;
@@ -45,7 +45,7 @@ impl Place {
 
 /// What one walk collects: the root's, or a prototype's in its own space.
 #[derive(Clone, Default)]
-pub(super) struct Part {
+pub(super) struct Collected {
     shapes: Vec<Shape>,
     shape_objects: Vec<u32>,
     shape_materials: Vec<u32>,
@@ -56,7 +56,7 @@ pub(super) struct Part {
 }
 
 /// A part whose loose shapes have become one more instance.
-pub(super) struct Finished {
+pub(super) struct Sealed {
     pub(super) instances: Vec<Instance>,
     pub(super) lights: Vec<Light>,
     pub(super) moving_lights: Vec<MovingLight>,
@@ -69,9 +69,9 @@ pub(super) struct Finished {
 pub(super) struct Builder {
     pub(super) material_count: usize,
     /// What each material's textures want to know of objects, and what all of them want together.
-    pub(super) wants: Vec<Wants>,
-    pub(super) all_wants: Wants,
-    pub(super) relief: Relief,
+    pub(super) required_spaces: Vec<RequiredSpaces>,
+    pub(super) all_wants: RequiredSpaces,
+    pub(super) displacement: Relief,
     pub(super) meshes: Vec<Option<Mesh>>,
     pub(super) spheres: Vec<Option<SphereCloud>>,
     pub(super) cylinders: Vec<Option<CylinderCloud>>,
@@ -86,25 +86,25 @@ pub(super) struct Builder {
     /// The object that each geometry is the only one of, or [`NONE`].
     pub(super) owners: Vec<u32>,
     /// What the world before leaves.
-    pub(super) before: Before,
-    pub(super) origins: Origins,
+    pub(super) before: Previous,
+    pub(super) origins: ReuseCounts,
     /// Where the coordinates of geometries are counted from, of those that have no zero of their own.
     pub(super) local_origins: HashMap<u32, DVec3>,
     pub(super) spans: Spans,
     /// Prototypes that stay whole.
     pub(super) groups: Vec<Group>,
-    pub(super) nesting: Nesting,
+    pub(super) instancing: InstancingPolicy,
     /// How often the description refers to each prototype.
     pub(super) uses: Vec<u32>,
     /// By the mesh and the material that displaces it, or [`NONE`].
     pub(super) geometry_of_mesh: HashMap<(u32, u32), u32>,
     pub(super) geometry_of_spheres: HashMap<u32, u32>,
     pub(super) geometry_of_cylinders: HashMap<u32, u32>,
-    pub(super) finished: HashMap<u32, Finished>,
+    pub(super) finished: HashMap<u32, Sealed>,
     pub(super) open: Vec<u32>,
     pub(super) objects: Vec<Object>,
     /// Where instances that move are, of all parts so far.
-    pub(super) chains: Vec<Chain>,
+    pub(super) chains: Vec<TransformChain>,
     /// Instances, points of light and shapes without bounds in all parts so far.
     pub(super) placed: [usize; 3],
     pub(super) kinds: HashMap<&'static str, u32>,
@@ -112,18 +112,20 @@ pub(super) struct Builder {
 
 impl Builder {
     pub(super) fn new(
-        wants: Vec<Wants>,
-        relief: Relief,
+        required_spaces: Vec<RequiredSpaces>,
+        displacement: Relief,
         meshes: Vec<Mesh>,
         spheres: Vec<SphereCloud>,
         cylinders: Vec<CylinderCloud>,
         prototypes: Vec<Node>,
     ) -> Builder {
         Builder {
-            material_count: wants.len(),
-            all_wants: wants.iter().fold(Wants::default(), |all, wants| all.and(*wants)),
-            wants,
-            relief,
+            material_count: required_spaces.len(),
+            all_wants: required_spaces
+                .iter()
+                .fold(RequiredSpaces::default(), |all, required_spaces| all.and(*required_spaces)),
+            required_spaces,
+            displacement,
             mesh_uses: vec![0; meshes.len()],
             meshes: meshes.into_iter().map(Some).collect(),
             spheres: spheres.into_iter().map(Some).collect(),
@@ -156,7 +158,7 @@ impl Builder {
         &mut self,
         nodes: &[Node],
         place: &Place,
-        part: &mut Part,
+        part: &mut Collected,
         depth: usize,
     ) -> Result<(), BuildError> {
         if depth > World::MAX_NESTING {
@@ -165,7 +167,7 @@ impl Builder {
         nodes.iter().try_for_each(|node| self.place(node, place, part, depth))
     }
 
-    fn place(&mut self, node: &Node, place: &Place, part: &mut Part, depth: usize) -> Result<(), BuildError> {
+    fn place(&mut self, node: &Node, place: &Place, part: &mut Collected, depth: usize) -> Result<(), BuildError> {
         if node.motion.is_empty() {
             self.place_still(node, place, part, depth)
         } else {
@@ -174,24 +176,30 @@ impl Builder {
     }
 
     /// What moves becomes a part of its own, which is then placed along its path.
-    fn place_moving(&mut self, node: &Node, place: &Place, part: &mut Part, depth: usize) -> Result<(), BuildError> {
+    fn place_moving(
+        &mut self,
+        node: &Node,
+        place: &Place,
+        part: &mut Collected,
+        depth: usize,
+    ) -> Result<(), BuildError> {
         let called = || node.name.as_ref().map_or_else(|| "an unnamed node".into(), |name| format!("\"{name}\""));
-        let path = Path::new(&node.motion)
+        let path = AnimatedTransform::new(&node.motion)
             .map_err(|e| BuildError::Invalid { object: called(), problem: e.to_string() })
             .map(Arc::new)?;
-        let mut inner = Part::default();
+        let mut inner = Collected::default();
         let origin = self.spans.moving_origin(node);
         let own = Place { inherited: place.inherited, ..Place::from(origin) };
         self.place_still(node, &own, &mut inner, depth)?;
         let first_object = inner.shape_objects.first().copied().unwrap_or(NONE);
-        let Finished { instances, lights, moving_lights, unbounded, .. } = self.finish_part(inner, first_object)?;
+        let Sealed { instances, lights, moving_lights, unbounded, .. } = self.finish_part(inner, first_object)?;
         if let Some(plane) = unbounded.first() {
             let problem = "a plane has no bounds and can't move while the shutter is open; take a large disk or box";
             return Err(self.invalid(plane.object, problem.into()));
         }
-        for instance in self.dissolved(instances)? {
+        for instance in self.expanded(instances)? {
             let chain = match instance.motion {
-                NONE => Chain::still(instance.to_world.unwrap_or_default()),
+                NONE => TransformChain::still(instance.to_world.unwrap_or_default()),
                 motion => self.chains[motion as usize].clone(),
             };
             let chain = if origin == DVec3::ZERO { chain } else { chain.inside(&Transform::translate(origin)) };
@@ -199,8 +207,10 @@ impl Builder {
             part.instances.push(moving);
         }
         let base = part.lights.len() as u32;
-        let mut chains: Vec<(Light, Chain)> =
-            lights.into_iter().map(|light| (light, Chain::still(counted_from(origin, &Transform::IDENTITY)))).collect();
+        let mut chains: Vec<(Light, TransformChain)> = lights
+            .into_iter()
+            .map(|light| (light, TransformChain::still(counted_from(origin, &Transform::IDENTITY))))
+            .collect();
         for MovingLight { index, light, chain } in moving_lights {
             let chain = if origin == DVec3::ZERO { chain } else { chain.inside(&Transform::translate(origin)) };
             chains[index as usize] = (light, chain);
@@ -215,7 +225,7 @@ impl Builder {
     }
 
     /// The instance with its place changing like this.
-    fn moving(&mut self, instance: &Instance, chain: Chain) -> Result<Instance, BuildError> {
+    fn moving(&mut self, instance: &Instance, chain: TransformChain) -> Result<Instance, BuildError> {
         if self.chains.len() >= World::MAX_MOVING {
             return Err(BuildError::TooManyMoving);
         }
@@ -224,7 +234,13 @@ impl Builder {
         Ok(Instance { to_world, motion: self.chains.len() as u32 - 1, ..*instance })
     }
 
-    fn place_still(&mut self, node: &Node, place: &Place, part: &mut Part, depth: usize) -> Result<(), BuildError> {
+    fn place_still(
+        &mut self,
+        node: &Node,
+        place: &Place,
+        part: &mut Collected,
+        depth: usize,
+    ) -> Result<(), BuildError> {
         let transform = place.transform.after(&node.transform);
         if !(transform.matrix().is_finite() && transform.inverse().matrix().is_finite()) {
             let object = node.name.as_ref().map_or_else(|| "an unnamed node".into(), |name| format!("\"{name}\""));
@@ -284,7 +300,7 @@ impl Builder {
                 self.flatten(children, &Place { transform, inherited, ..*place }, part, depth + 1)
             }
             Content::Instance(index) => {
-                self.place_prototype(node, *index, &Placed { transform, own, inherited }, part, depth)
+                self.place_prototype(node, *index, &Placement { transform, own, inherited }, part, depth)
             }
         }
     }
@@ -297,22 +313,25 @@ impl Builder {
         object: u32,
         material: u32,
         place: &Place,
-        part: &mut Part,
+        part: &mut Collected,
     ) -> Result<(), BuildError> {
         let (mut shape, mut transform, mut origin) = (*shape, place.transform, DVec3::ZERO);
-        let stays = self.wants(material).allow(&shape, &transform);
+        let stays = self.required_spaces(material).allow(&shape, &transform);
         let exact = place.exact
             || !transform.is_identity()
                 && (rounded_visibly(&shape, rest)
                     || origin_of(shape_span(&shape, rest), FAR) != DVec3::ZERO
-                        && (!stays || self.relief.raises(material) || shape.transformed(&transform).is_none()));
+                        && (!stays
+                            || self.displacement.displaces(material)
+                            || shape.transformed(&transform).is_none()));
         if exact {
             let (exactly, left) = Exactly::before(rest, transform);
             (shape, transform, origin) = (shape.with_points(|i, p| exactly.point(i, p)), left, exactly.zero);
         }
         shape.check().map_err(|problem| self.invalid(object, problem))?;
-        if self.relief.raises(material) {
-            let mesh = self.relief.shape(&shape, origin, material).map_err(|problem| self.invalid(object, problem))?;
+        if self.displacement.displaces(material) {
+            let mesh =
+                self.displacement.shape(&shape, origin, material).map_err(|problem| self.invalid(object, problem))?;
             return self.displaced(mesh, object, [NONE, material], &transform, part);
         }
         let moved = if transform.is_identity() { Some(shape) } else { shape.transformed(&transform) };
@@ -341,7 +360,7 @@ impl Builder {
 
     /// Clouds are too many to become triangles.
     fn refuse_relief(&self, material: u32, object: u32) -> Result<(), BuildError> {
-        if self.relief.raises(material) {
+        if self.displacement.displaces(material) {
             let problem = "a cloud can't be displaced; single spheres and cylinders can be";
             return Err(self.invalid(object, problem.into()));
         }
@@ -355,7 +374,7 @@ impl Builder {
         object: u32,
         [own, inherited]: [u32; 2],
         transform: &Transform,
-        part: &mut Part,
+        part: &mut Collected,
     ) -> Result<(), BuildError> {
         let origin = mesh.origin;
         let geometry = self.push_mesh(mesh, object)?;
@@ -368,11 +387,11 @@ impl Builder {
         &mut self,
         node: &Node,
         index: u32,
-        place: &Placed,
-        part: &mut Part,
+        place: &Placement,
+        part: &mut Collected,
         depth: usize,
     ) -> Result<(), BuildError> {
-        let Placed { own, inherited, .. } = *place;
+        let Placement { own, inherited, .. } = *place;
         if index as usize >= self.prototypes.len() {
             return Err(missing(node, "prototype", index, self.prototypes.len()));
         }
@@ -385,20 +404,20 @@ impl Builder {
             }
             self.open.push(index);
             let prototype = self.prototypes[index as usize].clone();
-            let mut inner = Part::default();
+            let mut inner = Collected::default();
             let origin = self.spans.prototype_origin(&prototype);
             self.flatten(std::slice::from_ref(&prototype), &Place::from(origin), &mut inner, depth + 1)?;
             let first_object = inner.shape_objects.first().copied().unwrap_or(NONE);
             let mut finished = self.finish_part(inner, first_object)?;
-            finished.instances = self.whole(index, finished.instances)?;
+            finished.instances = self.as_group(index, finished.instances)?;
             finished.origin = origin;
             self.finished.insert(index, finished);
             self.open.pop();
         }
         let Some(finished) = self.finished.remove(&index) else { return Ok(()) };
-        let Finished { instances, lights, moving_lights, unbounded, origin } = &finished;
+        let Sealed { instances, lights, moving_lights, unbounded, origin } = &finished;
         let transform = counted_from(*origin, &place.transform);
-        let place = &Placed { transform, own, inherited };
+        let place = &Placement { transform, own, inherited };
         self.count(0, instances.len())?;
         let or = |a: u32, b: u32| if a == NONE { b } else { a };
         for inner in instances {
@@ -423,7 +442,9 @@ impl Builder {
             let material = or(own, or(*material, inherited));
             let (place, origin) = match place {
                 Some((shape, t)) => (Some((*shape, transform.after(t))), own_origin),
-                None => ((!self.wants(material).allow(shape, &transform)).then_some((*shape, transform)), origin),
+                None => {
+                    ((!self.required_spaces(material).allow(shape, &transform)).then_some((*shape, transform)), origin)
+                }
             };
             self.unbounded(part, Unbounded { shape: moved, object: *object, material, own: place, origin: *origin })?;
         }
@@ -431,7 +452,7 @@ impl Builder {
         Ok(())
     }
 
-    fn light(&mut self, part: &mut Part, light: Light) -> Result<(), BuildError> {
+    fn light(&mut self, part: &mut Collected, light: Light) -> Result<(), BuildError> {
         check_light(&light, "after its transforms, ")?;
         let points = light.points() as usize + self.light_meshes.count(&light);
         self.count(1, points)?;
@@ -441,15 +462,15 @@ impl Builder {
 
     /// What the textures of this material want to know of an object. Inside of prototypes an instance may still put
     /// another material in its place.
-    pub(super) fn wants(&self, material: u32) -> Wants {
+    pub(super) fn required_spaces(&self, material: u32) -> RequiredSpaces {
         if self.open.is_empty() {
-            self.wants.get(material as usize).copied().unwrap_or_default()
+            self.required_spaces.get(material as usize).copied().unwrap_or_default()
         } else {
             self.all_wants
         }
     }
 
-    fn unbounded(&mut self, part: &mut Part, shape: Unbounded) -> Result<(), BuildError> {
+    fn unbounded(&mut self, part: &mut Collected, shape: Unbounded) -> Result<(), BuildError> {
         self.count(2, 1)?;
         part.unbounded.push(shape);
         Ok(())
@@ -476,8 +497,9 @@ impl Builder {
     }
 
     /// Turns a part's loose shapes into one more instance.
-    pub(super) fn finish_part(&mut self, part: Part, object: u32) -> Result<Finished, BuildError> {
-        let Part { shapes, shape_objects, shape_materials, mut instances, lights, moving_lights, unbounded } = part;
+    pub(super) fn finish_part(&mut self, part: Collected, object: u32) -> Result<Sealed, BuildError> {
+        let Collected { shapes, shape_objects, shape_materials, mut instances, lights, moving_lights, unbounded } =
+            part;
         if !shapes.is_empty() {
             let geometry =
                 Geometry::shapes(shapes, shape_objects, shape_materials).map_err(|e| hierarchy_error("shapes", &e))?;
@@ -486,10 +508,10 @@ impl Builder {
             let geometry = self.geometries.len() as u32 - 1;
             instances.push(Instance::of(geometry, object));
         }
-        Ok(Finished { instances, lights, moving_lights, unbounded, origin: DVec3::ZERO })
+        Ok(Sealed { instances, lights, moving_lights, unbounded, origin: DVec3::ZERO })
     }
 
-    fn instance(&mut self, part: &mut Part, instance: Instance) -> Result<(), BuildError> {
+    fn instance(&mut self, part: &mut Collected, instance: Instance) -> Result<(), BuildError> {
         self.count(0, 1)?;
         part.instances.push(instance);
         Ok(())

@@ -1,12 +1,12 @@
 //! Meshes and clouds of the description become geometries, each once for all of its uses.
 
 use super::BuildError;
-use super::before::Found;
 use super::build::hierarchy_error;
 use super::flatten::{Builder, missing};
 use super::geometry::Geometry;
 use super::instance::NONE;
 use super::origin::{FAR, counted_from, origin_of, span};
+use super::reuse::Found;
 use crate::math::Transform;
 use crate::scene::Node;
 use crate::shape::Mesh;
@@ -25,12 +25,12 @@ impl Builder {
         let slot = self.meshes.get_mut(index as usize).ok_or_else(|| missing(node, "mesh", index, count))?;
         // A material in place of all others, or one for what has none, displaces it in its own way.
         let by = if own == NONE { inherited } else { own };
-        let key = (index, if self.relief.raises(by) { by } else { NONE });
+        let key = (index, if self.displacement.displaces(by) { by } else { NONE });
         if let Some(&geometry) = self.geometry_of_mesh.get(&key) {
             return Ok((geometry, false));
         }
         // Another use may want it as it is.
-        let again = self.relief.any() && self.mesh_uses[index as usize] > 1;
+        let again = self.displacement.any() && self.mesh_uses[index as usize] > 1;
         let mut mesh = if again { slot.clone() } else { slot.take() }.unwrap_or_default();
         let transform = &counted_from(mesh.origin, transform);
         let object = self.objects.len() as u32 - 1;
@@ -42,16 +42,16 @@ impl Builder {
             Some(&material) if own == NONE => material,
             _ => by,
         };
-        if (0..mesh.materials.len().max(1) as u32).any(|slot| self.relief.raises(of_slot(slot))) {
+        if (0..mesh.materials.len().max(1) as u32).any(|slot| self.displacement.displaces(of_slot(slot))) {
             let materials: Vec<u32> = (0..mesh.materials.len().max(1) as u32).map(of_slot).collect();
             let of_slot = |slot: u32| materials.get(slot as usize).copied().unwrap_or(NONE);
-            mesh = self.relief.mesh(mesh, &of_slot).map_err(|problem| self.invalid(object, problem))?;
+            mesh = self.displacement.mesh(mesh, &of_slot).map_err(|problem| self.invalid(object, problem))?;
         }
-        let mut wants = self.wants(by);
+        let mut required_spaces = self.required_spaces(by);
         if own == NONE {
-            wants = mesh.materials.iter().fold(wants, |all, m| all.and(self.wants(*m)));
+            required_spaces = mesh.materials.iter().fold(required_spaces, |all, m| all.and(self.required_spaces(*m)));
         }
-        let moved = self.mesh_uses[index as usize] == 1 && (wants.allow_mesh() || transform.is_identity());
+        let moved = self.mesh_uses[index as usize] == 1 && (required_spaces.allow_mesh() || transform.is_identity());
         if moved && !transform.is_identity() {
             move_mesh(&mut mesh, transform);
             mesh.check().map_err(|problem| self.invalid(object, format!("after its transforms, {problem}")))?;

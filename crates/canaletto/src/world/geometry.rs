@@ -1,10 +1,12 @@
 //! Geometries: primitives of one kind under their hierarchy.
 
-use super::Census;
+use super::WorldStats;
 use super::instance::NONE;
-use super::loose;
-use crate::math::Line;
-use crate::shape::{Cylinder, CylinderCloud, Mesh, Patch, Shape, ShapeHit, SphereCloud, Surface, Triangle};
+use super::shape_list;
+use crate::math::DRay;
+use crate::shape::{
+    Cylinder, CylinderCloud, Mesh, Shape, ShapeHit, SphereCloud, Surface, SurfaceDifferential, Triangle,
+};
 use canaletto_bvh::{
     Aabb, BuildError, PreparedRay, Primitive, PrimitiveBvh, PrimitiveHit, Quality, Ray, TriangleBvh, UserPrimitive,
     sphere,
@@ -152,7 +154,7 @@ impl Geometry {
     pub(super) fn is_few(&self) -> bool {
         match self {
             Geometry::Mesh { .. } => false,
-            Geometry::Shapes { shapes, .. } => shapes.len() <= loose::FEW,
+            Geometry::Shapes { shapes, .. } => shapes.len() <= shape_list::FEW,
             Geometry::Spheres { tree, .. } | Geometry::Cylinders { tree, .. } => tree.is_few(),
         }
     }
@@ -247,7 +249,7 @@ impl Geometry {
     }
 
     /// The second stage of a hit, in this geometry's space.
-    pub(super) fn surface(&self, line: Line, primitive: u32, hit: &ShapeHit) -> Surface {
+    pub(super) fn surface(&self, line: DRay, primitive: u32, hit: &ShapeHit) -> Surface {
         let id = primitive as usize;
         match self {
             Geometry::Shapes { shapes, .. } => shapes[id].surface(line, hit),
@@ -258,7 +260,7 @@ impl Geometry {
     }
 
     /// The same for whoever doesn't read its texture coordinates, which may be left out.
-    pub(super) fn bare_surface(&self, line: Line, primitive: u32, hit: &ShapeHit) -> Surface {
+    pub(super) fn bare_surface(&self, line: DRay, primitive: u32, hit: &ShapeHit) -> Surface {
         let id = primitive as usize;
         match self {
             Geometry::Shapes { shapes, .. } => shapes[id].bare_surface(line, hit),
@@ -269,13 +271,18 @@ impl Geometry {
     }
 
     /// How the surface goes on around a hit with this surface, in this geometry's space.
-    pub(super) fn patch(&self, primitive: u32, hit: &ShapeHit, surface: &Surface) -> Patch {
+    pub(super) fn surface_differential(
+        &self,
+        primitive: u32,
+        hit: &ShapeHit,
+        surface: &Surface,
+    ) -> SurfaceDifferential {
         let id = primitive as usize;
         match self {
-            Geometry::Shapes { shapes, .. } => shapes[id].patch(surface, hit),
-            Geometry::Mesh { mesh, .. } => mesh.patch(id, hit.uv[0], hit.uv[1]),
-            Geometry::Spheres { cloud, .. } => cloud.patch(id, surface, hit),
-            Geometry::Cylinders { cloud, .. } => cloud.patch(id, surface, hit),
+            Geometry::Shapes { shapes, .. } => shapes[id].surface_differential(surface, hit),
+            Geometry::Mesh { mesh, .. } => mesh.surface_differential(id, hit.uv[0], hit.uv[1]),
+            Geometry::Spheres { cloud, .. } => cloud.surface_differential(id, surface, hit),
+            Geometry::Cylinders { cloud, .. } => cloud.surface_differential(id, surface, hit),
         }
     }
 
@@ -308,32 +315,32 @@ impl Geometry {
         }
     }
 
-    pub(super) fn count(&self, census: &mut Census) {
+    pub(super) fn count(&self, stats: &mut WorldStats) {
         let n = self.len() as u64;
         let list = |bytes: usize, len: usize| (bytes * len) as u64;
-        census.bytes += match self {
+        stats.bytes += match self {
             Geometry::Shapes { tree, .. } | Geometry::Spheres { tree, .. } | Geometry::Cylinders { tree, .. } => {
                 tree.statistics().bytes as u64
             }
             Geometry::Mesh { triangles, .. } => triangles.statistics().bytes as u64,
         };
-        census.bytes += match self {
+        stats.bytes += match self {
             Geometry::Shapes { shapes, .. } => {
-                census.shapes += n;
+                stats.shapes += n;
                 list(size_of::<Shape>() + 8, shapes.len())
             }
             Geometry::Mesh { mesh, .. } => {
-                census.triangles += n;
+                stats.triangles += n;
                 list(12, mesh.positions.len() + mesh.normals.len() + mesh.colors.len() + mesh.triangles.len())
                     + list(8, mesh.uvs.len())
                     + list(4, mesh.slots.len())
             }
             Geometry::Spheres { cloud, .. } => {
-                census.cloud_spheres += n;
+                stats.cloud_spheres += n;
                 list(12, cloud.len()) + list(4, cloud.radii.len()) + list(12, cloud.colors.len())
             }
             Geometry::Cylinders { cloud, .. } => {
-                census.cloud_cylinders += n;
+                stats.cloud_cylinders += n;
                 list(24, cloud.len()) + list(4, cloud.radii.len()) + list(12, cloud.colors.len())
             }
         };

@@ -5,14 +5,14 @@
 //! dissolved: each by the one transform that all those on the way make together, and only if it comes to the box that
 //! the geometry has in the world. So both ways give the same bits, if on the way nothing is culled that would
 //! have been met. There the ray is wide ([`InflatedRay`]): what is met in a geometry's space lies near its box up to the rounding of the
-//! ray and of the hit in that space, and [`Blur`] knows what these amount to in the group's.
+//! ray and of the hit in that space, and [`CullMargin`] knows what these amount to in the group's.
 
 use super::build::hierarchy_error;
 use super::geometry::Geometry;
 use super::instance::{Instance, NONE};
-use super::motion::Chain;
+use super::motion::TransformChain;
 use super::{BuildError, World};
-use crate::math::{Line, Transform};
+use crate::math::{DRay, Transform};
 use canaletto_bvh::{Aabb, Bvh, InflatedRay, PreparedRay, Ray};
 use glam::{DAffine3, DMat3, DVec3};
 
@@ -32,13 +32,13 @@ pub(super) struct Group {
     pub(super) tree: Bvh,
     /// Those bounds in the order of its slots: a leaf may hold several, and a ray into an instance's space costs more than a box.
     pub(super) slot_bounds: Vec<Aabb>,
-    blur: Blur,
+    cull_margin: CullMargin,
 }
 
 /// How uncertain, by the rounding in the spaces of all that it holds, a ray is in a group's space: by a share of its origin's length and of
 /// the reach.
 #[derive(Clone, Copy, Debug)]
-struct Blur {
+struct CullMargin {
     /// By how much a rounding may grow on the way to the space where it happens and back; at least 1.
     stretch: f64,
     reach: f64,
@@ -57,13 +57,13 @@ const EXTENTS: std::ops::RangeInclusive<f64> = 1e-30..=1e30;
 
 /// What groups are made of.
 #[derive(Clone, Copy)]
-pub(super) struct Stock<'a> {
+pub(super) struct BuildTables<'a> {
     pub(super) geometries: &'a [Geometry],
     pub(super) groups: &'a [Group],
-    pub(super) chains: &'a [Chain],
+    pub(super) chains: &'a [TransformChain],
 }
 
-impl Stock<'_> {
+impl BuildTables<'_> {
     /// The bounds of an instance in the space that it is placed in.
     pub(super) fn bounds(&self, instance: &Instance) -> Aabb {
         let local = match instance.group {
@@ -84,7 +84,7 @@ impl Group {
         bounds: &[Aabb],
         first_number: u32,
         name: &str,
-        stock: Stock,
+        tables: BuildTables,
     ) -> Result<Group, BuildError> {
         let mut firsts = Vec::new();
         let (mut leaves, mut primitives, mut number) = (0u64, 0u64, first_number);
@@ -93,13 +93,13 @@ impl Group {
             if nested {
                 firsts.push(leaves as u32);
             }
-            if let Some(group) = stock.groups.get(instance.group as usize) {
+            if let Some(group) = tables.groups.get(instance.group as usize) {
                 instance.id_base = number;
                 number = number.wrapping_add(group.numbers);
                 leaves += u64::from(group.leaves);
                 primitives = primitives.saturating_add(group.primitives);
             } else {
-                let geometry = &stock.geometries[instance.geometry as usize];
+                let geometry = &tables.geometries[instance.geometry as usize];
                 let (first, last) = geometry.objects().unwrap_or((instance.object, instance.object));
                 instance.id_base = number.wrapping_sub(first);
                 number = number.wrapping_add(last - first + 1);
@@ -113,8 +113,8 @@ impl Group {
         let tree = Bvh::build(bounds).map_err(|e| hierarchy_error(name, &e))?;
         let slot_bounds = tree.order().iter().map(|&index| bounds[index as usize]).collect();
         let numbers = number.wrapping_sub(first_number);
-        let blur = Blur { stretch: 1.0, reach: 0.0 };
-        Ok(Group { instances, firsts, leaves: leaves as u32, primitives, numbers, tree, slot_bounds, blur })
+        let cull_margin = CullMargin { stretch: 1.0, reach: 0.0 };
+        Ok(Group { instances, firsts, leaves: leaves as u32, primitives, numbers, tree, slot_bounds, cull_margin })
     }
 
     /// The same for a prototype, whose space isn't the world's; `Err` has the instances if their places are so extreme that rays couldn't
@@ -122,20 +122,22 @@ impl Group {
     pub(super) fn of_prototype(
         instances: Vec<Instance>,
         name: &str,
-        stock: Stock,
+        tables: BuildTables,
     ) -> Result<Result<Group, Vec<Instance>>, BuildError> {
-        let bounds: Vec<Aabb> = instances.iter().map(|instance| stock.bounds(instance)).collect();
+        let bounds: Vec<Aabb> = instances.iter().map(|instance| tables.bounds(instance)).collect();
         if instances.is_empty() || bounds.iter().any(|b| b.is_empty() || !b.is_finite()) {
             return Ok(Err(instances));
         }
-        let blur = instances.iter().map(|instance| Blur::outside_of(instance, stock)).fold(
-            Blur { stretch: 1.0, reach: bounds.iter().map(extent).fold(0.0, f64::max) },
-            |all, one| Blur { stretch: all.stretch.max(one.stretch), reach: all.reach.max(one.reach) },
-        );
-        if !(EXTENTS.contains(&blur.reach) && EXTENTS.contains(&blur.stretch)) {
+        let cull_margin = instances
+            .iter()
+            .map(|instance| CullMargin::outside_of(instance, tables))
+            .fold(CullMargin { stretch: 1.0, reach: bounds.iter().map(extent).fold(0.0, f64::max) }, |all, one| {
+                CullMargin { stretch: all.stretch.max(one.stretch), reach: all.reach.max(one.reach) }
+            });
+        if !(EXTENTS.contains(&cull_margin.reach) && EXTENTS.contains(&cull_margin.stretch)) {
             return Ok(Err(instances));
         }
-        Group::new(instances, &bounds, 0, name, stock).map(|group| Ok(Group { blur, ..group }))
+        Group::new(instances, &bounds, 0, name, tables).map(|group| Ok(Group { cull_margin, ..group }))
     }
 
     /// The number of an instance, that of its first geometry if it is a group.
@@ -181,17 +183,17 @@ fn extent(bounds: &Aabb) -> f64 {
     bounds.min.abs().max(bounds.max.abs()).as_dvec3().length()
 }
 
-impl Blur {
+impl CullMargin {
     /// That of what an instance places, in the space that it is placed in.
-    fn outside_of(instance: &Instance, stock: Stock) -> Blur {
-        let inner = match stock.groups.get(instance.group as usize) {
-            Some(group) => group.blur,
-            None => Blur { stretch: 1.0, reach: extent(&stock.geometries[instance.geometry as usize].bounds()) },
+    fn outside_of(instance: &Instance, tables: BuildTables) -> CullMargin {
+        let inner = match tables.groups.get(instance.group as usize) {
+            Some(group) => group.cull_margin,
+            None => CullMargin { stretch: 1.0, reach: extent(&tables.geometries[instance.geometry as usize].bounds()) },
         };
         let Some(t) = &instance.to_world else { return inner };
         let [there, back] = growths(t);
         let stretch = there * inner.stretch * back;
-        Blur { stretch, reach: stretch * t.matrix().translation.length() + there * inner.reach }
+        CullMargin { stretch, reach: stretch * t.matrix().translation.length() + there * inner.reach }
     }
 }
 
@@ -221,8 +223,8 @@ fn is_near_identity(t: &DAffine3) -> bool {
 
 /// The way to a group: the instances that lead there.
 #[derive(Clone, Copy)]
-pub(super) struct Way<'a> {
-    outer: Option<&'a Way<'a>>,
+pub(super) struct InstancePath<'a> {
+    outer: Option<&'a InstancePath<'a>>,
     instance: &'a Instance,
     pub(super) group: &'a Group,
     /// The number of its first geometry.
@@ -231,12 +233,17 @@ pub(super) struct Way<'a> {
     inwards: DAffine3,
 }
 
-impl<'a> Way<'a> {
+impl<'a> InstancePath<'a> {
     /// The way to the group of an instance whose first geometry has this number; `outer` leads to where it stands, if that isn't the world.
-    pub(super) fn to(instance: &'a Instance, first: u32, outer: Option<&'a Way<'a>>, groups: &'a [Group]) -> Way<'a> {
+    pub(super) fn to(
+        instance: &'a Instance,
+        first: u32,
+        outer: Option<&'a InstancePath<'a>>,
+        groups: &'a [Group],
+    ) -> InstancePath<'a> {
         let last = instance.to_world.as_ref().map_or(&DAffine3::IDENTITY, Transform::back);
         let inwards = outer.map_or(*last, |outer| *last * outer.inwards);
-        Way { outer, instance, group: &groups[instance.group as usize], first, inwards }
+        InstancePath { outer, instance, group: &groups[instance.group as usize], first, inwards }
     }
 
     /// The number of an instance in the group, that of its first geometry if it is a group.
@@ -257,7 +264,7 @@ impl<'a> Way<'a> {
         placed
     }
 
-    /// A ray of the world's in the space of a geometry's instance in the group, with the bits that [`Way::placed`] would give it but without the
+    /// A ray of the world's in the space of a geometry's instance in the group, with the bits that [`InstancePath::placed`] would give it but without the
     /// transform outwards; `None` where that might make a difference, because it could be the identity.
     pub(super) fn local_ray(&self, member: &Instance, ray: &Ray) -> Option<PreparedRay> {
         let mut inwards = member.to_world.as_ref().map(|t| *t.back());
@@ -271,53 +278,53 @@ impl<'a> Way<'a> {
             inwards = Some(all);
             next = way.outer;
         }
-        let (inwards, Line { origin, direction }) = (inwards?, Line::from(ray));
-        let line = Line { origin: inwards.transform_point3(origin), direction: inwards.transform_vector3(direction) };
+        let (inwards, DRay { origin, direction }) = (inwards?, DRay::from(ray));
+        let line = DRay { origin: inwards.transform_point3(origin), direction: inwards.transform_vector3(direction) };
         Some(line.rounded().prepare())
     }
 
     /// A ray of the world's in the group's space.
-    pub(super) fn feeler(&self, ray: &Ray) -> Feeler {
-        Feeler::new(ray, &self.inwards, self.group.blur).unwrap_or_else(Feeler::everywhere)
+    pub(super) fn group_ray(&self, ray: &Ray) -> GroupRay {
+        GroupRay::new(ray, &self.inwards, self.group.cull_margin).unwrap_or_else(GroupRay::everywhere)
     }
 }
 
 /// A ray of the world's in a group's space, to cull by.
 #[derive(Clone, Copy)]
-pub(super) struct Feeler {
+pub(super) struct GroupRay {
     ray: InflatedRay,
     /// Its parameter for that of the world's ray: a power of two, such that the direction's longest component lies in 1..2.
-    pace: f64,
+    t_scale: f64,
 }
 
-impl Feeler {
+impl GroupRay {
     /// `None` if it can't be told in `f32` where it goes.
-    fn new(ray: &Ray, inwards: &DAffine3, blur: Blur) -> Option<Feeler> {
+    fn new(ray: &Ray, inwards: &DAffine3, cull_margin: CullMargin) -> Option<GroupRay> {
         let far = ray.origin.as_dvec3();
         let (origin, direction) = (inwards.transform_point3(far), inwards.matrix3 * ray.direction.as_dvec3());
         // The power of two below.
-        let pace = f64::from_bits(direction.abs().max_element().to_bits() & f64::INFINITY.to_bits());
+        let t_scale = f64::from_bits(direction.abs().max_element().to_bits() & f64::INFINITY.to_bits());
         let m = inwards.matrix3;
         let terms = m.x_axis.abs() * far.x.abs() + m.y_axis.abs() * far.y.abs() + m.z_axis.abs() * far.z.abs();
-        let margin = SHARE * (blur.stretch * origin.length() + blur.reach)
-            + FINE_SHARE * blur.stretch * (terms + inwards.translation.abs()).length();
-        let known = origin.is_finite() && (1e-200..=1e200).contains(&pace) && margin <= 1e30;
-        known.then(|| Feeler {
-            ray: InflatedRay::new(&Ray::new(origin.as_vec3(), (direction * (1.0 / pace)).as_vec3()), margin as f32),
-            pace,
+        let margin = SHARE * (cull_margin.stretch * origin.length() + cull_margin.reach)
+            + FINE_SHARE * cull_margin.stretch * (terms + inwards.translation.abs()).length();
+        let known = origin.is_finite() && (1e-200..=1e200).contains(&t_scale) && margin <= 1e30;
+        known.then(|| GroupRay {
+            ray: InflatedRay::new(&Ray::new(origin.as_vec3(), (direction * (1.0 / t_scale)).as_vec3()), margin as f32),
+            t_scale,
         })
     }
 
     /// Meets all boxes of a group.
-    fn everywhere() -> Feeler {
+    fn everywhere() -> GroupRay {
         let ray = Ray::new(glam::Vec3::ZERO, glam::Vec3::ONE);
-        Feeler { ray: InflatedRay::new(&ray, 1e34), pace: f64::INFINITY }
+        GroupRay { ray: InflatedRay::new(&ray, 1e34), t_scale: f64::INFINITY }
     }
 
     /// Its parameter where the world's ray has this one, greater than 0.
     #[inline]
     fn at(&self, t: f32) -> f32 {
-        ((f64::from(t) * self.pace) as f32).max(f32::MIN_POSITIVE)
+        ((f64::from(t) * self.t_scale) as f32).max(f32::MIN_POSITIVE)
     }
 }
 
@@ -327,37 +334,37 @@ const FEW: usize = 4;
 impl Group {
     /// Calls `visit` for the instances that the ray may meet within (0, t_max], roughly from near to far; it answers what t_max is
     /// from then on.
-    pub(super) fn intersect(&self, feeler: &Feeler, t_max: f32, mut visit: impl FnMut(u32) -> f32) {
+    pub(super) fn intersect(&self, group_ray: &GroupRay, t_max: f32, mut visit: impl FnMut(u32) -> f32) {
         let Group { tree, slot_bounds, .. } = self;
-        let mut limit = feeler.at(t_max);
+        let mut limit = group_ray.at(t_max);
         if slot_bounds.len() <= FEW {
             for (bounds, &index) in slot_bounds.iter().zip(tree.order()) {
-                if feeler.ray.enters(bounds, limit) {
-                    limit = feeler.at(visit(index));
+                if group_ray.ray.enters(bounds, limit) {
+                    limit = group_ray.at(visit(index));
                 }
             }
             return;
         }
-        tree.intersect_inflated(&feeler.ray, limit, |leaf, limit| {
+        tree.intersect_inflated(&group_ray.ray, limit, |leaf, limit| {
             for slot in leaf.slots() {
-                if leaf.count() == 1 || feeler.ray.enters(&slot_bounds[slot as usize], *limit) {
-                    *limit = feeler.at(visit(tree.order()[slot as usize]));
+                if leaf.count() == 1 || group_ray.ray.enters(&slot_bounds[slot as usize], *limit) {
+                    *limit = group_ray.at(visit(tree.order()[slot as usize]));
                 }
             }
         });
     }
 
     /// The same in no particular order, until it answers that something is met.
-    pub(super) fn occluded(&self, feeler: &Feeler, t_max: f32, mut visit: impl FnMut(u32) -> bool) -> bool {
+    pub(super) fn occluded(&self, group_ray: &GroupRay, t_max: f32, mut visit: impl FnMut(u32) -> bool) -> bool {
         let Group { tree, slot_bounds, .. } = self;
-        let limit = feeler.at(t_max);
+        let limit = group_ray.at(t_max);
         if slot_bounds.len() <= FEW {
             let mut all = slot_bounds.iter().zip(tree.order());
-            return all.any(|(bounds, &index)| feeler.ray.enters(bounds, limit) && visit(index));
+            return all.any(|(bounds, &index)| group_ray.ray.enters(bounds, limit) && visit(index));
         }
-        tree.occluded_inflated(&feeler.ray, limit, |leaf| {
+        tree.occluded_inflated(&group_ray.ray, limit, |leaf| {
             leaf.slots().any(|slot| {
-                (leaf.count() == 1 || feeler.ray.enters(&slot_bounds[slot as usize], limit))
+                (leaf.count() == 1 || group_ray.ray.enters(&slot_bounds[slot as usize], limit))
                     && visit(tree.order()[slot as usize])
             })
         })

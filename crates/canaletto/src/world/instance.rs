@@ -1,7 +1,7 @@
 //! Instances: geometries placed in the world.
 
-use super::motion::{Chain, around, outwards};
-use crate::math::{Line, Transform};
+use super::motion::{TransformChain, around, outwards};
+use crate::math::{DRay, Transform};
 use crate::shape::Shape;
 use canaletto_bvh::{Aabb, PreparedRay};
 use glam::DVec3;
@@ -33,7 +33,7 @@ pub(super) struct Instance {
 
 /// How an instance of a prototype stands.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Placed {
+pub(super) struct Placement {
     pub(super) transform: Transform,
     /// The material that replaces all others, or [`NONE`].
     pub(super) own: u32,
@@ -70,7 +70,7 @@ impl Instance {
     /// The same thing where an instance of what it belongs to stands like this. All places come from here and from [`Instance::enclose`]:
     /// they are folded from the innermost outwards, so that a group whose members are found on the way has the bits of one that
     /// was dissolved.
-    pub(super) fn inside(&self, Placed { transform, own, inherited }: &Placed) -> Instance {
+    pub(super) fn inside(&self, Placement { transform, own, inherited }: &Placement) -> Instance {
         let mut placed = *self;
         if self.group != NONE {
             // Its first place; those of its members come before it.
@@ -107,16 +107,16 @@ impl Instance {
     pub(super) fn with_local_ray<T>(
         &self,
         ray: &PreparedRay,
-        chains: &[Chain],
+        chains: &[TransformChain],
         time: f32,
         f: impl FnOnce(&PreparedRay) -> T,
     ) -> T {
         match &self.to_world {
             None => f(ray),
-            Some(t) if self.motion == NONE => f(&to_local(t, Line::from(ray.ray())).rounded().prepare()),
+            Some(t) if self.motion == NONE => f(&to_local(t, DRay::from(ray.ray())).rounded().prepare()),
             Some(_) => {
                 let t = chains[self.motion as usize].at(time);
-                f(&to_local(&t, Line::from(ray.ray())).rounded().prepare())
+                f(&to_local(&t, DRay::from(ray.ray())).rounded().prepare())
             }
         }
     }
@@ -128,12 +128,12 @@ impl Instance {
     }
 
     /// From the geometry's space to the world's at a time in 0..=1.
-    pub(super) fn placed(&self, chains: &[Chain], time: f32) -> Option<Transform> {
+    pub(super) fn placed(&self, chains: &[TransformChain], time: f32) -> Option<Transform> {
         if self.motion == NONE { self.to_world } else { Some(chains[self.motion as usize].at(time)) }
     }
 
     /// World bounds of local ones over all times, rounded outwards.
-    pub(super) fn bounds(&self, chains: &[Chain], local: Aabb) -> Aabb {
+    pub(super) fn bounds(&self, chains: &[TransformChain], local: Aabb) -> Aabb {
         let Some(t) = &self.to_world else { return local };
         if local.is_empty() {
             return local;
@@ -148,7 +148,7 @@ impl Instance {
 }
 
 /// The line in the space that `to_world` leads out of.
-pub(super) fn to_local(to_world: &Transform, line: Line) -> Line {
+pub(super) fn to_local(to_world: &Transform, line: DRay) -> DRay {
     let back = to_world.inverse();
-    Line { origin: back.point(line.origin), direction: back.vector(line.direction) }
+    DRay { origin: back.point(line.origin), direction: back.vector(line.direction) }
 }

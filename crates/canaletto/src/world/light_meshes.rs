@@ -1,7 +1,7 @@
 //! The triangles of meshes that shine, kept for lights before the meshes go where rays meet them.
 
 use super::{BuildError, World};
-use crate::light::{Light, LightKind, Source};
+use crate::light::{Light, LightKind, PreparedLight};
 use crate::scene::{Content, Node};
 use crate::shape::Mesh;
 use glam::DVec3;
@@ -67,10 +67,10 @@ impl LightMeshes {
     }
 
     /// The source of a light in its place.
-    pub(super) fn source(&self, light: Light) -> Source {
-        let LightKind::Mesh(mesh) = &light.kind else { return Source::new(light) };
+    pub(super) fn source(&self, light: Light) -> PreparedLight {
+        let LightKind::Mesh(mesh) = &light.kind else { return PreparedLight::new(light) };
         let triangles: Vec<[DVec3; 3]> =
             mesh.meshes.iter().filter_map(|index| self.by_mesh.get(index)).flatten().copied().collect();
-        Source::of_triangles(light, &triangles)
+        PreparedLight::of_triangles(light, &triangles)
     }
 }

@@ -1,14 +1,11 @@
 //! What rays meet: a scene lowered to flat arrays and `u32` ids, with bounding volume hierarchies on two levels, or on
 //! more where prototypes stay whole. Built once, then immutable; building is the last step that can fail.
 
-mod before;
-#[cfg(test)]
-mod before_tests;
 mod body;
 mod build;
 mod bundle;
 mod contact;
-mod corridor;
+mod displacement;
 mod edges;
 mod flatten;
 mod folds;
@@ -16,44 +13,47 @@ mod geometries;
 mod geometry;
 mod group;
 mod instance;
-mod light_meshes;
-mod loose;
-mod motion;
-mod nesting;
+mod instancing;
 #[cfg(test)]
-mod nesting_tests;
+mod instancing_tests;
+mod light_meshes;
+mod motion;
 mod origin;
+mod packet_bounds;
 mod query;
-mod relief;
+mod required_spaces;
+mod reuse;
+#[cfg(test)]
+mod reuse_tests;
 mod shadow;
+mod shape_list;
 mod shells;
 mod textured;
-mod wants;
 mod zones;
 
-pub use before::Origins;
 pub(crate) use body::Body;
 pub use build::{BuildError, BuildOptions};
-pub use bundle::Bundle;
+pub use bundle::RayBundle;
 pub use canaletto_bvh::Quality;
 pub(crate) use contact::{Contact, touching};
 pub use query::Hit;
-pub use shadow::{Between, Blocker};
-pub(crate) use shadow::{Crossings, MAX_STALLED};
+pub use reuse::ReuseCounts;
+pub(crate) use shadow::{MAX_STALLED, ShadowRays};
+pub use shadow::{OccluderCache, Occlusion};
 pub use textured::{Reading, TextureRead};
 
-use crate::light::Source;
-use crate::light::environment::Backdrop;
+use crate::light::PreparedLight;
+use crate::light::environment::PreparedEnvironment;
 use crate::material::Material;
 use crate::math::Rgb;
-use crate::texture::Pattern;
+use crate::texture::PreparedTexture;
 use canaletto_bvh::Aabb;
 use geometry::Geometry;
 use glam::{DVec3, Vec3};
 use group::Group;
 use instance::Unbounded;
 use light_meshes::LightMeshes;
-use motion::{Chain, MovingLight};
+use motion::{MovingLight, TransformChain};
 use shells::Shells;
 use std::collections::HashMap;
 use zones::Zones;
@@ -64,16 +64,16 @@ pub struct World {
     /// The colour of rays that meet nothing, where there is no environment.
     pub background: Rgb,
     /// What surrounds the scene, instead of the background.
-    pub environment: Option<Backdrop>,
+    pub environment: Option<PreparedEnvironment>,
     /// Iₐ of (5.33).
     pub ambient: Rgb,
     /// All lights, in world space; those that move where they are when the shutter opens.
-    pub lights: Vec<Source>,
+    pub lights: Vec<PreparedLight>,
     /// All textures, ready to be looked up; the first ones are those of [`crate::scene::Scene::textures`].
-    pub textures: Vec<Pattern>,
+    pub textures: Vec<PreparedTexture>,
     texture_names: Vec<String>,
     /// Whether any texture or the environment has to know how large a piece of it a sample sees.
-    wants_spread: bool,
+    needs_differentials: bool,
     /// All materials; the last one is the default for objects that name none.
     materials: Vec<Material>,
     /// What the scene's nodes are called.
@@ -85,13 +85,13 @@ pub struct World {
     local_origins: HashMap<u32, DVec3>,
     /// What lies at the zero of all coordinates.
     origin: DVec3,
-    origins: Origins,
+    origins: ReuseCounts,
     /// All of it.
     root: Group,
     /// What many instances repeat and is kept once.
     groups: Vec<Group>,
     /// Where instances that move are at each time.
-    chains: Vec<Chain>,
+    chains: Vec<TransformChain>,
     /// The lights that move; `lights` has them where they are at time 0.
     moving_lights: Vec<MovingLight>,
     /// The triangles of meshes that shine, for lights that move.
@@ -127,7 +127,7 @@ pub struct Object {
 /// What a world is made of.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 #[non_exhaustive]
-pub struct Census {
+pub struct WorldStats {
     /// Objects in the scene's description.
     pub objects: u64,
     /// Placed copies of geometries.
@@ -187,8 +187,8 @@ impl World {
     }
 
     /// Counts what the world is made of. Visits all of it.
-    pub fn census(&self) -> Census {
-        let mut census = Census {
+    pub fn stats(&self) -> WorldStats {
+        let mut stats = WorldStats {
             objects: self.objects.len() as u64,
             instances: self.root.leaves.into(),
             shapes: self.unbounded.len() as u64,
@@ -196,11 +196,11 @@ impl World {
             materials: self.materials.len() as u64,
             primitives: self.primitives(),
             bytes: self.groups.iter().chain([&self.root]).map(|group| group.bytes() as u64).sum(),
-            ..Census::default()
+            ..WorldStats::default()
         };
         for geometry in &self.geometries {
-            geometry.count(&mut census);
+            geometry.count(&mut stats);
         }
-        census
+        stats
     }
 }

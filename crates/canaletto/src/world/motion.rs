@@ -5,33 +5,33 @@
 //! wheel's on a car, stays a chain of both, so that turns stay turns.
 
 use super::light_meshes::LightMeshes;
-use crate::light::{Light, Source};
-use crate::math::{Path, Transform};
+use crate::light::{Light, PreparedLight};
+use crate::math::{AnimatedTransform, Transform};
 use canaletto_bvh::Aabb;
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
 /// A place that changes with time: transforms with paths between them, the outermost first.
 #[derive(Clone, Debug)]
-pub(super) struct Chain {
-    links: Vec<(Transform, Arc<Path>)>,
+pub(super) struct TransformChain {
+    links: Vec<(Transform, Arc<AnimatedTransform>)>,
     innermost: Transform,
 }
 
-impl Chain {
+impl TransformChain {
     /// A place that stays.
-    pub(super) fn still(place: Transform) -> Chain {
-        Chain { links: Vec::new(), innermost: place }
+    pub(super) fn still(place: Transform) -> TransformChain {
+        TransformChain { links: Vec::new(), innermost: place }
     }
 
     /// The same place moved along a path.
-    pub(super) fn along(mut self, path: &Arc<Path>) -> Chain {
+    pub(super) fn along(mut self, path: &Arc<AnimatedTransform>) -> TransformChain {
         self.links.insert(0, (Transform::IDENTITY, path.clone()));
         self
     }
 
     /// The same place after one more transform.
-    pub(super) fn inside(mut self, outer: &Transform) -> Chain {
+    pub(super) fn inside(mut self, outer: &Transform) -> TransformChain {
         let first = self.links.first_mut().map_or(&mut self.innermost, |(before, _)| before);
         *first = outer.after(first);
         self
@@ -39,7 +39,7 @@ impl Chain {
 
     /// The place at a time in 0..=1.
     pub(super) fn at(&self, time: f32) -> Transform {
-        let inner = |inner: Transform, (before, path): &(Transform, Arc<Path>)| {
+        let inner = |inner: Transform, (before, path): &(Transform, Arc<AnimatedTransform>)| {
             let moved = path.at(f64::from(time)).after(&inner);
             if before.is_identity() { moved } else { before.after(&moved) }
         };
@@ -66,12 +66,12 @@ impl Chain {
 pub(super) struct MovingLight {
     pub(super) index: u32,
     pub(super) light: Light,
-    pub(super) chain: Chain,
+    pub(super) chain: TransformChain,
 }
 
 impl MovingLight {
     /// The light ready to illuminate at a time in 0..=1.
-    pub(super) fn at(&self, time: f32, meshes: &LightMeshes) -> Source {
+    pub(super) fn at(&self, time: f32, meshes: &LightMeshes) -> PreparedLight {
         meshes.source(self.light.transformed(&self.chain.at(time)))
     }
 }

@@ -2,12 +2,12 @@
 
 use super::World;
 use super::geometry::{Geometry, on_shape};
-use super::group::Way;
+use super::group::InstancePath;
 use super::instance::{Instance, NONE, Unbounded, to_local};
-use crate::light::Source;
+use crate::light::PreparedLight;
 use crate::material::Material;
-use crate::math::{Line, Rgb};
-use crate::shape::{Encounters, Shape, ShapeHit, Surface, Surfaces};
+use crate::math::{DRay, Rgb};
+use crate::shape::{Shape, ShapeHit, Surface, SurfaceInputs8, Surfaces};
 use canaletto_bvh::{Aabb, PreparedRay, PrimitiveHit, Ray};
 
 /// The first stage of a hit: where, and on what. [`World::surface`] is the second stage.
@@ -82,7 +82,11 @@ impl World {
                         if instance.group == NONE {
                             world.try_instance(ray, instance, root.first(index), &mut best, Geometry::intersect);
                         } else {
-                            world.try_group(ray, &Way::to(instance, root.first(index), None, &world.groups), &mut best);
+                            world.try_group(
+                                ray,
+                                &InstancePath::to(instance, root.first(index), None, &world.groups),
+                                &mut best,
+                            );
                         }
                     }
                 }
@@ -134,11 +138,11 @@ impl World {
 
     /// A group's instances, each as it stands in the world.
     #[inline(never)]
-    fn try_group(&self, ray: &PreparedRay, way: &Way, best: &mut Hit) {
-        way.group.intersect(&way.feeler(ray.ray()), best.t, |index| {
+    fn try_group(&self, ray: &PreparedRay, way: &InstancePath, best: &mut Hit) {
+        way.group.intersect(&way.group_ray(ray.ray()), best.t, |index| {
             let (instance, number) = (&way.group.instances[index as usize], way.number(index));
             if instance.group != NONE {
-                self.try_group(ray, &Way::to(instance, number, Some(way), &self.groups), best);
+                self.try_group(ray, &InstancePath::to(instance, number, Some(way), &self.groups), best);
                 return best.t;
             }
             let admitted = |t_max| ray.enters(&self.bounds_of(&way.placed(instance)), t_max);
@@ -186,25 +190,25 @@ impl World {
     }
 
     /// The second stage: the surface at a hit of this line's ray.
-    pub fn surface(&self, line: impl Into<Line>, hit: &Hit) -> Surface {
+    pub fn surface(&self, line: impl Into<DRay>, hit: &Hit) -> Surface {
         self.surface_with(line.into(), hit, Shape::surface, Geometry::surface)
     }
 
     /// The same for whoever doesn't read its texture coordinates, which may be left out.
     #[inline]
-    pub(crate) fn bare_surface(&self, line: Line, hit: &Hit) -> Surface {
+    pub(crate) fn bare_surface(&self, line: DRay, hit: &Hit) -> Surface {
         self.surface_with(line, hit, Shape::bare_surface, Geometry::bare_surface)
     }
 
-    /// The same, in a place among others: the surface goes to `surfaces`, or what is met to `encounters`, which find the surfaces of many side by
+    /// The same, in a place among others: the surface goes to `surfaces`, or what is met to `surface_inputs`, which find the surfaces of many side by
     /// side. The answer is the colour that it brings.
     #[inline]
-    pub(crate) fn meet(
+    pub(crate) fn push_surface(
         &self,
-        line: &Line,
+        line: &DRay,
         hit: &Hit,
         lane: usize,
-        encounters: &mut Encounters,
+        surface_inputs: &mut SurfaceInputs8,
         surfaces: &mut Surfaces,
     ) -> Option<Rgb> {
         if hit.instance != Hit::UNBOUNDED {
@@ -214,19 +218,19 @@ impl World {
                     _ if instance.motion != NONE => return None,
                     (Geometry::Shapes { shapes, .. }, None) => {
                         let Shape::Sphere(sphere) = &shapes[id] else { return None };
-                        encounters.set_sphere(lane, sphere, hit.t);
+                        surface_inputs.set_sphere(lane, sphere, hit.t);
                     }
                     (Geometry::Spheres { cloud, .. }, None) => {
-                        encounters.set_sphere(lane, &cloud.sphere(id), hit.t);
+                        surface_inputs.set_sphere(lane, &cloud.sphere(id), hit.t);
                         return Some(cloud.color(id));
                     }
                     (Geometry::Mesh { mesh, .. }, to_world) if mesh.colors.is_empty() => {
                         if let Some(to_world) = to_world
-                            && !encounters.set_instance(lane, hit.instance, to_world)
+                            && !surface_inputs.set_instance(lane, hit.instance, to_world)
                         {
                             return None;
                         }
-                        encounters.set_triangle(lane, &mesh.triangle(id), hit.t, hit.uv);
+                        surface_inputs.set_triangle(lane, &mesh.triangle(id), hit.t, hit.uv);
                     }
                     _ => return None,
                 }
@@ -244,10 +248,10 @@ impl World {
     #[inline]
     fn surface_with(
         &self,
-        line: Line,
+        line: DRay,
         hit: &Hit,
-        of_shape: impl Fn(&Shape, Line, &ShapeHit) -> Surface,
-        of_geometry: impl Fn(&Geometry, Line, u32, &ShapeHit) -> Surface,
+        of_shape: impl Fn(&Shape, DRay, &ShapeHit) -> Surface,
+        of_geometry: impl Fn(&Geometry, DRay, u32, &ShapeHit) -> Surface,
     ) -> Surface {
         if hit.instance == Hit::UNBOUNDED {
             return of_shape(&self.unbounded[hit.primitive as usize].shape, line, &hit.shape_hit());
@@ -275,7 +279,7 @@ impl World {
     }
 
     /// Puts the lights that move to where they are at a time in 0..=1. `lights` are this world's, at any time.
-    pub(crate) fn move_lights(&self, lights: &mut [Source], time: f32) {
+    pub(crate) fn move_lights(&self, lights: &mut [PreparedLight], time: f32) {
         for moving in &self.moving_lights {
             lights[moving.index as usize] = moving.at(time, &self.light_meshes);
         }

@@ -1,33 +1,33 @@
 //! What stands in a light's way, and how much of the light passes.
 
 use super::World;
-use super::bundle::Bundle;
+use super::bundle::RayBundle;
 use super::contact::{Contact, touching};
 use super::geometry::Geometry;
-use super::group::Way;
+use super::group::InstancePath;
 use super::instance::{Instance, NONE, Unbounded};
 use super::query::Hit;
 use crate::integrator::Probe;
-use crate::math::{Line, Spread, offset_origin};
+use crate::math::{DRay, RayDifferential, offset_origin};
 use canaletto_bvh::{PreparedRay, Ray};
 use glam::Vec3;
 
 /// Something opaque that stood in a light's way. A hint: it changes no answer.
 #[derive(Clone, Copy, Debug)]
-pub struct Blocker {
+pub struct OccluderCache {
     instance: u32,
     /// In leaf order.
     slot: u32,
 }
 
-impl Blocker {
+impl OccluderCache {
     /// Nothing so far.
-    pub const NONE: Blocker = Blocker { instance: NONE, slot: NONE };
+    pub const NONE: OccluderCache = OccluderCache { instance: NONE, slot: NONE };
 
     /// The slot if it is of this instance, of which it shall be from now on.
     pub(super) fn slot_in(&mut self, instance: u32) -> &mut u32 {
         if self.instance != instance {
-            *self = Blocker { instance, slot: NONE };
+            *self = OccluderCache { instance, slot: NONE };
         }
         &mut self.slot
     }
@@ -38,7 +38,7 @@ pub(crate) const MAX_STALLED: u32 = 4;
 
 /// What stands between a ray's origin and its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Between {
+pub enum Occlusion {
     /// Nothing.
     Nothing,
     /// Something that lets light through, and nothing opaque.
@@ -49,9 +49,9 @@ pub enum Between {
 
 /// A shadow ray that crosses clear surfaces.
 #[derive(Debug)]
-struct Crossing {
+struct ShadowRay {
     /// As it started.
-    line: Line,
+    line: DRay,
     /// Where it leads, if its light has a place.
     end: Vec3,
     /// The share of the light that has passed so far.
@@ -62,23 +62,23 @@ struct Crossing {
     contacts: Vec<Contact>,
 }
 
-impl Crossing {
+impl ShadowRay {
     fn new(ray: &Ray) -> Self {
-        Self { line: Line::from(ray), end: ray.origin + ray.direction, passed: 1.0, stalled: 0, contacts: Vec::new() }
+        Self { line: DRay::from(ray), end: ray.origin + ray.direction, passed: 1.0, stalled: 0, contacts: Vec::new() }
     }
 }
 
 /// Shadow rays that cross clear surfaces together.
 #[derive(Debug, Default)]
-pub(crate) struct Crossings {
+pub(crate) struct ShadowRays {
     /// Those that still do.
-    pub(crate) bundle: Bundle,
+    pub(crate) bundle: RayBundle,
     /// Their numbers.
     on_their_way: Vec<u32>,
-    all: Vec<Crossing>,
+    all: Vec<ShadowRay>,
 }
 
-impl Crossings {
+impl ShadowRays {
     /// The share of the light that passes along the ray of a number.
     #[inline]
     pub(crate) fn passed(&self, number: usize) -> f32 {
@@ -88,59 +88,59 @@ impl Crossings {
 
 impl World {
     /// f_s of (5.39a): the product of 1 − o over the surfaces between the ray's origin and `t_max`. `last` is what blocked
-    /// the light before, which often blocks it again; `spread` is the ray's, for textures that let light through.
+    /// the light before, which often blocks it again; `differential` is the ray's, for textures that let light through.
     pub fn transmittance<P: Probe>(
         &self,
         ray: &Ray,
         t_max: f32,
         time: f32,
-        spread: Option<&Spread>,
-        last: &mut Blocker,
+        differential: Option<&RayDifferential>,
+        last: &mut OccluderCache,
         probe: &mut P,
     ) -> f32 {
         // Anything opaque in between settles it; only a recording probe wants to know what stands in which order.
-        match self.between(ray, t_max, time, last) {
-            Between::Nothing => 1.0,
-            Between::Opaque if !P::ACTIVE => 0.0,
-            between => self.through(ray, t_max, time, spread, between, probe),
+        match self.occlusion(ray, t_max, time, last) {
+            Occlusion::Nothing => 1.0,
+            Occlusion::Opaque if !P::ACTIVE => 0.0,
+            occlusion => self.transmittance_past(ray, t_max, time, differential, occlusion, probe),
         }
     }
 
     /// [`World::transmittance`] where something stands between.
-    pub(crate) fn through<P: Probe>(
+    pub(crate) fn transmittance_past<P: Probe>(
         &self,
         ray: &Ray,
         t_max: f32,
         time: f32,
-        spread: Option<&Spread>,
-        between: Between,
+        differential: Option<&RayDifferential>,
+        occlusion: Occlusion,
         probe: &mut P,
     ) -> f32 {
-        let (mut crossing, mut ray, mut t_max) = (Crossing::new(ray), *ray, t_max);
+        let (mut crossing, mut ray, mut t_max) = (ShadowRay::new(ray), *ray, t_max);
         for _ in 0..Self::MAX_CROSSINGS {
-            let hit = match between {
-                Between::Clear => self.intersect_clear(&ray, t_max, time),
+            let hit = match occlusion {
+                Occlusion::Clear => self.intersect_clear(&ray, t_max, time),
                 _ => self.intersect_at(&ray, t_max, time),
             };
             let Some(hit) = hit else { break };
-            if !self.cross(&mut crossing, &mut ray, &mut t_max, &hit, spread, probe) {
+            if !self.cross(&mut crossing, &mut ray, &mut t_max, &hit, differential, probe) {
                 break;
             }
         }
-        if between == Between::Opaque { 0.0 } else { crossing.passed }
+        if occlusion == Occlusion::Opaque { 0.0 } else { crossing.passed }
     }
 
-    /// [`World::through`] for rays of a bundle in whose way there is something clear and nothing opaque; [`Crossings::passed`] tells. `spread` is
+    /// [`World::transmittance_past`] for rays of a bundle in whose way there is something clear and nothing opaque; [`ShadowRays::passed`] tells. `differential` is
     /// asked for that of the ray of a number.
-    pub(crate) fn through_together(
+    pub(crate) fn transmittance_batch(
         &self,
-        crossings: &mut Crossings,
+        shadow_rays: &mut ShadowRays,
         time: f32,
-        spread: impl Fn(usize) -> Option<Spread>,
+        differential: impl Fn(usize) -> Option<RayDifferential>,
     ) {
-        let Crossings { bundle, on_their_way, all } = crossings;
+        let ShadowRays { bundle, on_their_way, all } = shadow_rays;
         all.clear();
-        all.extend((0..bundle.len()).map(|index| Crossing::new(&bundle.ray(index).0)));
+        all.extend((0..bundle.len()).map(|index| ShadowRay::new(&bundle.ray(index).0)));
         on_their_way.clear();
         on_their_way.extend(0..bundle.len() as u32);
         for _ in 0..Self::MAX_CROSSINGS {
@@ -152,8 +152,8 @@ impl World {
             bundle.retain(|index, ray, t_max, hit| {
                 let number = on_their_way[index];
                 let goes_on = hit.is_some_and(|hit| {
-                    let spread = spread(number as usize);
-                    self.cross(&mut all[number as usize], ray, t_max, &hit, spread.as_ref(), &mut ())
+                    let differential = differential(number as usize);
+                    self.cross(&mut all[number as usize], ray, t_max, &hit, differential.as_ref(), &mut ())
                 });
                 on_their_way[left] = number;
                 left += usize::from(goes_on);
@@ -166,16 +166,16 @@ impl World {
     /// What becomes of a shadow ray at a clear surface. Returns whether it goes on.
     fn cross<P: Probe>(
         &self,
-        crossing: &mut Crossing,
+        crossing: &mut ShadowRay,
         ray: &mut Ray,
         t_max: &mut f32,
         hit: &Hit,
-        spread: Option<&Spread>,
+        differential: Option<&RayDifferential>,
         probe: &mut P,
     ) -> bool {
-        let line = Line::from(&*ray);
+        let line = DRay::from(&*ray);
         let mut surface = self.bare_surface(line, hit);
-        let step = spread.map(|s| s.along(&crossing.line, surface.exact, surface.normal));
+        let step = differential.map(|s| s.along(&crossing.line, surface.exact, surface.normal));
         let opacity = self.kept_light(line, hit, step);
         probe.blocker(hit, opacity);
         crossing.passed *= 1.0 - opacity;
@@ -229,7 +229,7 @@ impl World {
     }
 
     /// The same for a bundle.
-    fn intersect_clear_bundle(&self, bundle: &mut Bundle, time: f32) {
+    fn intersect_clear_bundle(&self, bundle: &mut RayBundle, time: f32) {
         self.intersect_bundle_with(
             bundle,
             time,
@@ -250,7 +250,7 @@ impl World {
     const MAX_CROSSINGS: usize = 1 << 16;
 
     /// What stands before `t_max`.
-    pub(super) fn between(&self, ray: &Ray, t_max: f32, time: f32, last: &mut Blocker) -> Between {
+    pub(super) fn occlusion(&self, ray: &Ray, t_max: f32, time: f32, last: &mut OccluderCache) -> Occlusion {
         let prepared = &ray.prepare();
         if last.slot != NONE && last.instance < self.root.leaves {
             let again = self.with_instance(last.instance, |instance| {
@@ -258,14 +258,14 @@ impl World {
                 instance.with_local_ray(prepared, &self.chains, time, |ray| geometry.blocks(last.slot, ray, t_max))
             });
             if again {
-                return Between::Opaque;
+                return Occlusion::Opaque;
             }
             // Once past its shadow's border it would be tried in vain.
-            *last = Blocker::NONE;
+            *last = OccluderCache::NONE;
         }
-        let unbounded = self.between_unbounded(ray, t_max);
-        let mut clear = unbounded == Between::Clear;
-        let blocked = unbounded == Between::Opaque || {
+        let unbounded = self.occlusion_unbounded(ray, t_max);
+        let mut clear = unbounded == Occlusion::Clear;
+        let blocked = unbounded == Occlusion::Opaque || {
             let mut block = |instance: &Instance, number: u32| {
                 let geometry = &self.geometries[instance.geometry as usize];
                 let slot = instance.with_local_ray(prepared, &self.chains, time, |ray| {
@@ -276,16 +276,16 @@ impl World {
                     })
                 });
                 if let Some(slot) = slot {
-                    *last = Blocker { instance: number, slot };
+                    *last = OccluderCache { instance: number, slot };
                 }
                 slot.is_some()
             };
             self.any_instance(prepared, t_max, &mut block)
         };
         match (blocked, clear) {
-            (true, _) => Between::Opaque,
-            (false, true) => Between::Clear,
-            (false, false) => Between::Nothing,
+            (true, _) => Occlusion::Opaque,
+            (false, true) => Occlusion::Clear,
+            (false, false) => Occlusion::Nothing,
         }
     }
 
@@ -308,7 +308,7 @@ impl World {
                 if instance.group == NONE {
                     return blocks(instance, root.first(index));
                 }
-                let way = Way::to(instance, root.first(index), None, &self.groups);
+                let way = InstancePath::to(instance, root.first(index), None, &self.groups);
                 self.blocked_by_group(ray, t_max, &way, blocks)
             })
         })
@@ -316,17 +316,17 @@ impl World {
 
     /// What of the shapes without bounds stands before `t_max`.
     #[inline]
-    pub(super) fn between_unbounded(&self, ray: &Ray, t_max: f32) -> Between {
-        let mut between = Between::Nothing;
+    pub(super) fn occlusion_unbounded(&self, ray: &Ray, t_max: f32) -> Occlusion {
+        let mut occlusion = Occlusion::Nothing;
         for (index, Unbounded { shape, .. }) in (0..).zip(&self.unbounded) {
             if shape.intersect(ray, t_max).is_some() {
                 if self.is_opaque(Hit::UNBOUNDED, index) {
-                    return Between::Opaque;
+                    return Occlusion::Opaque;
                 }
-                between = Between::Clear;
+                occlusion = Occlusion::Clear;
             }
         }
-        between
+        occlusion
     }
 
     /// Whether one of a group's instances, as they stand in the world, blocks a ray.
@@ -335,13 +335,13 @@ impl World {
         &self,
         ray: &PreparedRay,
         t_max: f32,
-        way: &Way,
+        way: &InstancePath,
         block: &mut dyn FnMut(&Instance, u32) -> bool,
     ) -> bool {
-        way.group.occluded(&way.feeler(ray.ray()), t_max, |index| {
+        way.group.occluded(&way.group_ray(ray.ray()), t_max, |index| {
             let (instance, number) = (&way.group.instances[index as usize], way.number(index));
             if instance.group != NONE {
-                let way = Way::to(instance, number, Some(way), &self.groups);
+                let way = InstancePath::to(instance, number, Some(way), &self.groups);
                 return self.blocked_by_group(ray, t_max, &way, block);
             }
             if !self.has_clear

@@ -4,10 +4,12 @@
 use super::instance::to_local;
 use super::{Hit, World};
 use crate::integrator::Probe;
-use crate::material::{MaterialPoint, Place, Spot, Spots, Target, TextureUse, bumped, on_the_outside, tilted};
-use crate::math::{Line, Transform};
-use crate::shape::{Patch, Surface};
-use crate::texture::{Footprint, Lookup, Pattern};
+use crate::material::{
+    MaterialPoint, Place, Target, TexCoord, TexCoords, TextureUse, bumped, clamp_to_hemisphere, tilted,
+};
+use crate::math::{DRay, Transform};
+use crate::shape::{Surface, SurfaceDifferential};
+use crate::texture::{Footprint, Lookup, PreparedTexture};
 use canaletto_bvh::Aabb;
 use glam::DVec3;
 
@@ -44,7 +46,7 @@ pub struct Reading {
 /// A hit in the space of its object.
 struct Local {
     surface: Surface,
-    patch: Patch,
+    surface_differential: SurfaceDifferential,
     to_world: Option<Transform>,
     bounds: Option<Aabb>,
     /// Where the object's coordinates are counted from.
@@ -53,16 +55,16 @@ struct Local {
 
 impl World {
     /// Whether rays should carry how they spread.
-    pub fn wants_spread(&self) -> bool {
-        self.wants_spread
+    pub fn needs_differentials(&self) -> bool {
+        self.needs_differentials
     }
 
     /// How the surface goes on around a hit of this line's ray, in the world's space.
-    pub fn patch(&self, line: impl Into<Line>, hit: &Hit) -> Patch {
+    pub fn surface_differential(&self, line: impl Into<DRay>, hit: &Hit) -> SurfaceDifferential {
         let local = self.local(line.into(), hit);
         match &local.to_world {
-            None => local.patch,
-            Some(t) => local.patch.transformed(t, &local.surface),
+            None => local.surface_differential,
+            Some(t) => local.surface_differential.transformed(t, &local.surface),
         }
     }
 
@@ -71,7 +73,7 @@ impl World {
     #[inline(never)]
     pub(crate) fn textured<P: Probe>(
         &self,
-        line: Line,
+        line: DRay,
         hit: &Hit,
         surface: &mut Surface,
         step: Option<[DVec3; 2]>,
@@ -97,12 +99,13 @@ impl World {
                     let s = f64::from(strength);
                     let [x, y, z] = [value[0], value[1], value[2]].map(|v| 2.0 * f64::from(v) - 1.0);
                     let y = if down { -y } else { y };
-                    normal = tilted(normal, local.patch.tangents(local.surface.normal), [x * s, y * s, z]);
+                    normal =
+                        tilted(normal, local.surface_differential.tangents(local.surface.normal), [x * s, y * s, z]);
                 }
                 _ => used.apply(value, &mut point),
             }
             if used.target.bends() {
-                normal = on_the_outside(normal, local.surface.normal);
+                normal = clamp_to_hemisphere(normal, local.surface.normal);
                 point.bent = true;
             }
             if P::ACTIVE {
@@ -121,7 +124,7 @@ impl World {
         if point.bent {
             surface.shading_normal = match &local.to_world {
                 None => normal,
-                Some(t) => on_the_outside(t.normal(normal).normalize(), surface.normal),
+                Some(t) => clamp_to_hemisphere(t.normal(normal).normalize(), surface.normal),
             };
         }
         point
@@ -129,7 +132,7 @@ impl World {
 
     /// What the surface keeps of light that crosses it: only the textures that let light through are read.
     #[inline(never)]
-    pub(crate) fn kept_light(&self, line: Line, hit: &Hit, step: Option<[DVec3; 2]>) -> f32 {
+    pub(crate) fn kept_light(&self, line: DRay, hit: &Hit, step: Option<[DVec3; 2]>) -> f32 {
         let material = self.material(hit);
         let mut point =
             MaterialPoint { phong: material.phong, coverage: material.coverage, ..MaterialPoint::default() };
@@ -146,15 +149,15 @@ impl World {
         point.blocked()
     }
 
-    fn local(&self, line: Line, hit: &Hit) -> Local {
+    fn local(&self, line: DRay, hit: &Hit) -> Local {
         let shape_hit = hit.shape_hit();
         if hit.instance == Hit::UNBOUNDED {
             let unbounded = &self.unbounded[hit.primitive as usize];
             let (shape, to_world) = unbounded.own.as_ref().map_or((&unbounded.shape, None), |(s, t)| (s, Some(*t)));
             let line = to_world.as_ref().map_or(line, |t| to_local(t, line));
             let surface = shape.surface(line, &shape_hit);
-            let patch = shape.patch(&surface, &shape_hit);
-            return Local { surface, patch, to_world, bounds: None, origin: unbounded.origin };
+            let surface_differential = shape.surface_differential(&surface, &shape_hit);
+            return Local { surface, surface_differential, to_world, bounds: None, origin: unbounded.origin };
         }
         let (index, to_world) =
             self.with_instance(hit.instance, |instance| (instance.geometry, instance.placed(&self.chains, hit.time)));
@@ -163,7 +166,7 @@ impl World {
         let surface = geometry.surface(local_line, hit.primitive, &shape_hit);
         Local {
             surface,
-            patch: geometry.patch(hit.primitive, &shape_hit, &surface),
+            surface_differential: geometry.surface_differential(hit.primitive, &shape_hit, &surface),
             to_world,
             bounds: geometry.object_bounds(hit.primitive),
             origin: self.local_origins.get(&index).copied().unwrap_or_default(),
@@ -180,7 +183,7 @@ struct At<'a> {
 
 impl<'a> At<'a> {
     fn new(world: &World, local: &'a Local, step: Option<[DVec3; 2]>) -> At<'a> {
-        debug_assert!(step.is_none() || world.wants_spread);
+        debug_assert!(step.is_none() || world.needs_differentials);
         let steps = match (step, &local.to_world) {
             (None, _) => [DVec3::ZERO; 2],
             (Some(step), None) => step,
@@ -190,7 +193,7 @@ impl<'a> At<'a> {
             point: local.surface.exact,
             normal: local.surface.normal,
             uv: local.surface.uv.as_dvec2() + local.surface.uv_rest.as_dvec2(),
-            patch: &local.patch,
+            surface_differential: &local.surface_differential,
             to_world: local.to_world.as_ref(),
             bounds: local.bounds,
             origins: [local.origin, world.origin],
@@ -198,14 +201,20 @@ impl<'a> At<'a> {
         At { place, steps }
     }
 
-    fn lookup(&self, spot: &Spot) -> Lookup {
+    fn lookup(&self, spot: &TexCoord) -> Lookup {
         let [dx, dy] = self.steps.map(|step| if step == DVec3::ZERO { step } else { spot.change(step) });
         Lookup { at: spot.at, dx, dy }
     }
 
     /// The mean of the texture at the spots; each reading is noted as far as there is room.
-    fn value(&self, pattern: &Pattern, used: &TextureUse, spots: &Spots, readings: &mut [Reading]) -> [f32; 4] {
-        let one = |spot: &Spot, reading: Option<&mut Reading>| {
+    fn value(
+        &self,
+        pattern: &PreparedTexture,
+        used: &TextureUse,
+        spots: &TexCoords,
+        readings: &mut [Reading],
+    ) -> [f32; 4] {
+        let one = |spot: &TexCoord, reading: Option<&mut Reading>| {
             let lookup = self.lookup(spot);
             if let Some(reading) = reading {
                 *reading = Reading { lookup, weight: spot.weight, footprint: pattern.footprint(&lookup) };
@@ -235,7 +244,7 @@ impl<'a> At<'a> {
 
     /// The gradient of the height that a texture holds, in the object's space: differences over the footprint, or over a
     /// texel where that is larger, since between texels there is nothing but the filter's own slope.
-    fn slope(&self, pattern: &Pattern, used: &TextureUse, spots: &Spots) -> DVec3 {
+    fn slope(&self, pattern: &PreparedTexture, used: &TextureUse, spots: &TexCoords) -> DVec3 {
         let spacing = pattern.spacing().unwrap_or([SMALLEST_STEP; 2]);
         let spacing = [spacing[0], spacing[1], SMALLEST_STEP];
         let mut slope = DVec3::ZERO;

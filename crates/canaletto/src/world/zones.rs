@@ -10,7 +10,7 @@ use super::geometry::Geometry;
 use super::instance::{Instance, NONE};
 use super::motion::around;
 use super::query::Hit;
-use crate::math::{Line, Transform};
+use crate::math::{DRay, Transform};
 use crate::shape::{Cuboid, Plane, Shape, Sphere};
 use canaletto_bvh::Aabb;
 use glam::{DMat3, DVec3};
@@ -52,7 +52,7 @@ struct Clear {
 }
 
 /// A shape with its bounds.
-struct Placed<'a> {
+struct Placement<'a> {
     bounds: Aabb,
     /// Itself, if it is a shape that stands in the world as it is.
     shape: Option<&'a Shape>,
@@ -61,7 +61,7 @@ struct Placed<'a> {
 impl World {
     /// Whether anything else may lie in the same place where a line meets something clear, or something else from within a body.
     #[inline]
-    pub(crate) fn may_touch(&self, line: &Line, hit: &Hit) -> bool {
+    pub(crate) fn may_touch(&self, line: &DRay, hit: &Hit) -> bool {
         let Some(&(row, each)) = self.zones.rows.get(hit.instance as usize) else { return true };
         let number = self.zones.numbers[row as usize + if each { hit.primitive as usize } else { 0 }];
         let zone = &self.zones.boxes[number as usize];
@@ -196,18 +196,18 @@ impl World {
     }
 
     /// A primitive of an instance, or all of it.
-    fn placed(&self, instance: &Instance, primitive: u32) -> Placed<'_> {
+    fn placed(&self, instance: &Instance, primitive: u32) -> Placement<'_> {
         let geometry = &self.geometries[instance.geometry as usize];
         let local = if primitive == NONE { geometry.bounds() } else { geometry.primitive_bounds(primitive) };
         let shape = match geometry {
             Geometry::Shapes { shapes, .. } if instance.to_world.is_none() => Some(&shapes[primitive as usize]),
             _ => None,
         };
-        Placed { bounds: grown(&instance.bounds(&self.chains, local)), shape }
+        Placement { bounds: grown(&instance.bounds(&self.chains, local)), shape }
     }
 
     /// Whether the surface of something clear may come to where another one is.
-    fn may_meet(&self, thing: &Clear, own: &Placed, other: &Placed) -> bool {
+    fn may_meet(&self, thing: &Clear, own: &Placement, other: &Placement) -> bool {
         if !own.bounds.overlaps(&other.bounds) || surfaces_are_apart(own, other) || surfaces_are_apart(other, own) {
             return false;
         }
@@ -227,14 +227,14 @@ impl World {
 }
 
 /// Whether the surface of a shape comes nowhere near to another one, for all that is known of them.
-fn surfaces_are_apart(a: &Placed, b: &Placed) -> bool {
+fn surfaces_are_apart(a: &Placement, b: &Placement) -> bool {
     let near = f64::from(largest(&a.bounds).max(largest(&b.bounds)) * NEAR) * 4.0;
     let (min, max) = (b.bounds.min.as_dvec3() - near, b.bounds.max.as_dvec3() + near);
     match (a.shape, b.shape) {
         (Some(Shape::Sphere(a)), Some(Shape::Sphere(b))) => {
             let [(c, r), (d, s)] = [ball(a), ball(b)];
-            let between = (c - d).length();
-            between > r + s + near || between < (r - s).abs() - near
+            let occlusion = (c - d).length();
+            occlusion > r + s + near || occlusion < (r - s).abs() - near
         }
         (Some(Shape::Sphere(a)), _) => {
             let (c, r) = ball(a);
@@ -261,7 +261,7 @@ fn moved(to: &Transform, Aabb { min, max }: &Aabb) -> Aabb {
 }
 
 /// The part of a box through which a plane goes.
-fn where_cut(placed: &Placed, plane: &Plane) -> Aabb {
+fn where_cut(placed: &Placement, plane: &Plane) -> Aabb {
     let Aabb { min, max } = placed.bounds;
     let (low, high) = (min.as_dvec3(), max.as_dvec3());
     let n = plane.normal.as_dvec3().normalize_or_zero();

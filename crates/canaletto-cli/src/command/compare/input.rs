@@ -5,7 +5,7 @@ use crate::failure::{Failure, reason};
 use crate::settings::list;
 use canaletto::scene::Transfer;
 use canaletto_io::picture::{Decoded, Image, PictureError, decode, decode_srgb, encode_srgb};
-use canaletto_io::text::nearest;
+use canaletto_io::text::closest_word;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -58,7 +58,7 @@ fn no_colors(path: &Path, decoded: &Decoded) -> Failure {
 fn no_layer(path: &Path, layer: &str, layers: &[String]) -> Failure {
     let names: Vec<&str> = layers.iter().map(String::as_str).collect();
     let failure = Failure::new(Exit::Failed, format!("{} has no layer \"{layer}\"", path.display()));
-    match nearest(layer, names.iter().copied()) {
+    match closest_word(layer, names.iter().copied()) {
         Some(near) => failure.help(format!("did you mean \"{near}\"?")),
         None => failure.help(format!("its layers are: {}", list(&names))),
     }

@@ -14,7 +14,7 @@ use canaletto_io::picture::{
     Comparison, Depth, ExrOptions, Image, PIXELS_PER_DEGREE, RestDifference, Unequal, compare, difference, differing,
     encode_exr, encode_png,
 };
-use canaletto_io::text::nearest;
+use canaletto_io::text::closest_word;
 use clap::Args;
 use input::read;
 use std::path::{Path, PathBuf};
@@ -135,7 +135,7 @@ fn threshold(text: &str) -> Result<Threshold, String> {
     let (name, value) = text.split_once('=').ok_or("write a metric and a number with = between, such as rmse=0.01")?;
     let names = Metric::ALL.map(|(_, name)| name);
     let metric = Metric::ALL.iter().find(|(_, n)| *n == name).map(|(metric, _)| *metric).ok_or_else(|| {
-        nearest(name, names)
+        closest_word(name, names)
             .map_or_else(|| format!("the metrics are {}", names.join(", ")), |near| format!("did you mean {near}?"))
     })?;
     let limit: f64 = value.parse().map_err(|_| format!("\"{value}\" isn't a number"))?;

@@ -22,7 +22,7 @@ mod xyz;
 
 use super::coarse::{self, Precision};
 use super::encoding;
-use super::lines::{Complaint, Word};
+use super::lines::{ImportError, Token};
 use super::ply;
 use super::positions::Positions;
 use super::table_color::{self, Written};
@@ -81,7 +81,7 @@ struct Lost {
 }
 
 impl Lost {
-    fn note(&mut self, row: &Word<'_>) {
+    fn note(&mut self, row: &Token<'_>) {
         self.count += 1;
         self.first.get_or_insert(row.start);
     }
@@ -94,13 +94,13 @@ impl Lost {
     }
 
     /// What is said of them.
-    fn complaint(&self, bytes: &[u8]) -> Option<Complaint> {
+    fn complaint(&self, bytes: &[u8]) -> Option<ImportError> {
         let first = self.first?;
         let before = &bytes[..first];
         let ends = memchr::memchr_iter(b'\n', before).count();
         // Old files end lines by \r alone.
         let line = 1 + if ends > 0 { ends } else { memchr::memchr_iter(b'\r', before).count() };
-        Some(Complaint::file(format!(
+        Some(ImportError::file(format!(
             "{} of {} rows are left out, as a coordinate or the radius isn't a finite number; the first is line {line}",
             self.count,
             self.count + self.kept
@@ -109,7 +109,7 @@ impl Lost {
 }
 
 /// A cloud and what is said of it, or what is wrong.
-type Read<T> = Result<(T, Vec<Complaint>), Complaint>;
+type Read<T> = Result<(T, Vec<ImportError>), ImportError>;
 
 /// Reads spheres, with warnings about what is left out or assumed. `radius` is for files without radii, and for all atoms of an XYZ
 /// file; if there is none either, that is an error, but for atoms, whose elements have radii.
@@ -165,15 +165,15 @@ fn spheres_of_text(bytes: &[u8], radius: Option<f32>) -> Read<SphereCloud> {
     Ok((SphereCloud { origin, centers, radii, colors, ..SphereCloud::default() }, said))
 }
 
-fn spheres_of_atoms(bytes: &[u8], mut atoms: xyz::Atoms, radius: Option<f32>) -> (SphereCloud, Vec<Complaint>) {
-    let mut said: Vec<Complaint> = atoms.lost.complaint(bytes).into_iter().collect();
+fn spheres_of_atoms(bytes: &[u8], mut atoms: xyz::Atoms, radius: Option<f32>) -> (SphereCloud, Vec<ImportError>) {
+    let mut said: Vec<ImportError> = atoms.lost.complaint(bytes).into_iter().collect();
     if let Some((name, count)) = atoms.unknown {
         let message =
             format!("{count} atoms have a name that is no element, \"{name}\" first; they are grey, of radius 2");
-        said.push(Complaint::file(message));
+        said.push(ImportError::file(message));
     }
     if atoms.more {
-        said.push(Complaint::file("only the first of its frames is read"));
+        said.push(ImportError::file("only the first of its frames is read"));
     }
     if !atoms.own_colors.is_empty() {
         atoms.colors = atoms.own_colors;
@@ -195,19 +195,19 @@ struct Columns {
 }
 
 /// The columns of a table, and what is said of it.
-fn columns(bytes: &[u8], table: text::Table) -> (Columns, Vec<Complaint>) {
+fn columns(bytes: &[u8], table: text::Table) -> (Columns, Vec<ImportError>) {
     let text::Table { points, radii, mut colors, lost, commas, unknown } = table;
-    let mut said: Vec<Complaint> = lost.complaint(bytes).into_iter().collect();
+    let mut said: Vec<ImportError> = lost.complaint(bytes).into_iter().collect();
     if !unknown.is_empty() {
         /// The most that are named.
         const MOST: usize = 12;
         let more = if unknown.len() > MOST { format!(" and {} more", unknown.len() - MOST) } else { String::new() };
         let (noun, are) = if unknown.len() == 1 { ("column", "is") } else { ("columns", "are") };
         let listed: Vec<String> = unknown.iter().take(MOST).map(|name| name.chars().take(40).collect()).collect();
-        said.push(Complaint::file(format!("the {noun} {}{more} {are} left out", listed.join(", "))));
+        said.push(ImportError::file(format!("the {noun} {}{more} {are} left out", listed.join(", "))));
     }
     if commas > 0 {
-        said.push(Complaint::file(format!("{commas} numbers have a decimal comma; it is read as a point")));
+        said.push(ImportError::file(format!("{commas} numbers have a decimal comma; it is read as a point")));
     }
     said.extend(table_color::settle(&mut colors, Written::Real, "rows"));
     (Columns { points, radii, colors }, said)
@@ -236,7 +236,7 @@ pub fn read_cylinders(
     };
     let cloud = cloud.and_then(|(mut cloud, mut said)| {
         if let Some(row) = cloud.axes.par_iter().position_first(|[a, b]| a == b) {
-            return Err(Complaint::file(format!("cylinder {} has no length: its ends are the same point", row + 1)));
+            return Err(ImportError::file(format!("cylinder {} has no length: its ends are the same point", row + 1)));
         }
         asset.path.name().clone_into(&mut cloud.name);
         cloud.caps = true;
@@ -254,7 +254,7 @@ fn cylinders_of_text(bytes: &[u8]) -> Read<CylinderCloud> {
         Some(Ok(xyz::Counted::Rows(from))) => text::read_from(bytes, from, &names)?,
         Some(Ok(xyz::Counted::Atoms(_))) => {
             let help = "spheres read the atoms; bonds need a table of their ends, x1 y1 z1 x2 y2 z2";
-            return Err(Complaint::file("an XYZ file holds atoms, no cylinders").help(help));
+            return Err(ImportError::file("an XYZ file holds atoms, no cylinders").help(help));
         }
         Some(Err(_)) | None => text::read(bytes, &names)?,
     };
@@ -275,7 +275,7 @@ fn finish<T>(asset: &Asset, format: CloudFormat, read: Read<T>) -> Result<(T, Di
     }
 }
 
-fn failure(asset: &Asset, format: CloudFormat, complaint: Complaint) -> Diagnostics {
+fn failure(asset: &Asset, format: CloudFormat, complaint: ImportError) -> Diagnostics {
     let mut errors = Diagnostics::from(complaint.error(asset.path.name()));
     if format == CloudFormat::Text || asset.bytes.get(4..16).is_some_and(|start| start.starts_with(b"format ascii")) {
         super::attach_source(&mut errors, asset.path.name(), asset.bytes.as_slice().into());
@@ -284,14 +284,19 @@ fn failure(asset: &Asset, format: CloudFormat, complaint: Complaint) -> Diagnost
 }
 
 /// Sees to it that there is a radius; `said` tells why there may be nothing to have one.
-fn settle_radius(radii: &mut Vec<f32>, count: usize, given: Option<f32>, said: &[Complaint]) -> Result<(), Complaint> {
+fn settle_radius(
+    radii: &mut Vec<f32>,
+    count: usize,
+    given: Option<f32>,
+    said: &[ImportError],
+) -> Result<(), ImportError> {
     if count == 0 {
         let lost = said.iter().find(|complaint| complaint.message.contains("left out, as a coordinate"));
-        return Err(Complaint::file(lost.map_or("there are no rows in it", |complaint| complaint.message.as_str())));
+        return Err(ImportError::file(lost.map_or("there are no rows in it", |complaint| complaint.message.as_str())));
     }
     if radii.is_empty() {
         let radius = given.ok_or_else(|| {
-            Complaint::file("the file has no radii").help("give one `radius` for all beside the file's name")
+            ImportError::file("the file has no radii").help("give one `radius` for all beside the file's name")
         })?;
         radii.push(radius);
     }
@@ -308,7 +313,7 @@ struct Records<const N: usize> {
 fn records<const N: usize>(bytes: &[u8], columns: &str) -> Read<Records<N>> {
     let size = 4 * N;
     if !bytes.len().is_multiple_of(size) {
-        return Err(Complaint::file(format!(
+        return Err(ImportError::file(format!(
             "its {} bytes are not a whole number of records of {size} bytes ({columns} as little-endian f32)",
             bytes.len()
         )));
@@ -319,7 +324,7 @@ fn records<const N: usize>(bytes: &[u8], columns: &str) -> Read<Records<N>> {
         .collect();
     if let Some(index) = rows.par_iter().position_first(|row| row[N - 1] <= 0.0 && row[N - 1].is_finite()) {
         let radius = rows[index][N - 1];
-        return Err(Complaint::file(format!("record {index} (from 0): radius is {radius}; it must be more than 0")));
+        return Err(ImportError::file(format!("record {index} (from 0): radius is {radius}; it must be more than 0")));
     }
     let kept: Vec<bool> = rows.par_iter().map(|row| row.iter().all(|v| v.is_finite())).collect();
     let said = ply::left_out(&kept, "records").into_iter().collect();

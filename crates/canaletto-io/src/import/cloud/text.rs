@@ -1,7 +1,7 @@
 //! Rows of text: what stands between their numbers, what their columns are, and what is left out.
 
 use super::Lost;
-use crate::import::lines::{Complaint, Word};
+use crate::import::lines::{ImportError, Token};
 use crate::import::number;
 use crate::import::positions::Positions;
 use canaletto::math::Rgb;
@@ -54,12 +54,12 @@ pub(super) struct Table {
 }
 
 /// Rows of text with these columns for the points.
-pub(super) fn read(bytes: &[u8], points: &[&str]) -> Result<Table, Complaint> {
+pub(super) fn read(bytes: &[u8], points: &[&str]) -> Result<Table, ImportError> {
     read_from(bytes, if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 }, points)
 }
 
 /// The same for rows that start there.
-pub(super) fn read_from(bytes: &[u8], from: usize, points: &[&str]) -> Result<Table, Complaint> {
+pub(super) fn read_from(bytes: &[u8], from: usize, points: &[&str]) -> Result<Table, ImportError> {
     let Some(first) = rows(bytes, from..bytes.len()).next() else {
         return Ok(Table::default());
     };
@@ -72,7 +72,7 @@ pub(super) fn read_from(bytes: &[u8], from: usize, points: &[&str]) -> Result<Ta
         let next = (cuts.last().unwrap_or(&0) + PIECE).min(bytes.len());
         cuts.push(line_after(next));
     }
-    let tables: Vec<Result<Table, Complaint>> = cuts
+    let tables: Vec<Result<Table, ImportError>> = cuts
         .par_windows(2)
         .map(|cut| {
             let mut table = Table::default();
@@ -94,13 +94,13 @@ pub(super) fn read_from(bytes: &[u8], from: usize, points: &[&str]) -> Result<Ta
 }
 
 /// The rows of a part of the file, without blank lines and comments.
-fn rows(bytes: &[u8], part: Range<usize>) -> impl Iterator<Item = Word<'_>> {
+fn rows(bytes: &[u8], part: Range<usize>) -> impl Iterator<Item = Token<'_>> {
     let mut at = part.start;
     let lines = bytes[part].split_inclusive(|b| *b == b'\n' || *b == b'\r').map(move |line| {
         let start = at;
         at += line.len();
         let line = without_remark(line);
-        Word { start: start + line.len() - line.trim_ascii_start().len(), text: line.trim_ascii() }
+        Token { start: start + line.len() - line.trim_ascii_start().len(), text: line.trim_ascii() }
     });
     let comment = |row: &[u8]| [&b"#"[..], b"//", b"%"].iter().any(|mark| row.starts_with(mark));
     lines.filter(move |row| !row.text.is_empty() && !comment(row.text))
@@ -122,18 +122,18 @@ fn is_missing(text: &[u8]) -> bool {
 }
 
 /// A cell without quotes around it.
-fn unquoted(cell: Word<'_>) -> Word<'_> {
+fn unquoted(cell: Token<'_>) -> Token<'_> {
     match cell.text {
         [b'"', inner @ .., b'"'] | [b'\'', inner @ .., b'\''] => {
             let lead = inner.len() - inner.trim_ascii_start().len();
-            Word { start: cell.start + 1 + lead, text: inner.trim_ascii() }
+            Token { start: cell.start + 1 + lead, text: inner.trim_ascii() }
         }
         _ => cell,
     }
 }
 
 /// The name of a column in lower case, without its unit: `X [m]` is `x`.
-fn name(cell: &Word<'_>) -> String {
+fn name(cell: &Token<'_>) -> String {
     let name = cell.string().to_lowercase();
     name.split(['(', '[']).next().unwrap_or_default().trim().to_owned()
 }
@@ -152,7 +152,7 @@ fn is_called(name: &str, wanted: &str) -> bool {
 
 impl Columns {
     /// The columns by the first row, and where the rows of numbers start.
-    fn of(first: &Word<'_>, points: &[&str]) -> Result<(Columns, usize), Complaint> {
+    fn of(first: &Token<'_>, points: &[&str]) -> Result<(Columns, usize), ImportError> {
         let n = points.len();
         let mut columns = Columns {
             separator: separator(first.text),
@@ -162,12 +162,12 @@ impl Columns {
             color: false,
             unknown: Vec::new(),
         };
-        let mut cells: Vec<Word<'_>> = columns.cells(first).collect();
+        let mut cells: Vec<Token<'_>> = columns.cells(first).collect();
         if cells.len() > 1 && cells.last().is_some_and(|cell| cell.text.is_empty()) {
             cells.pop();
         }
         columns.count = cells.len();
-        let number = |cell: &Word<'_>| columns.number(cell, &mut 0).is_some() || is_missing(cell.text);
+        let number = |cell: &Token<'_>| columns.number(cell, &mut 0).is_some() || is_missing(cell.text);
         let named = cells.iter().any(|cell| !number(cell));
         if !named || cells.iter().any(|cell| cell.number().is_ok()) {
             (columns.radius, columns.color) = match cells.len().wrapping_sub(n) {
@@ -229,7 +229,7 @@ impl Columns {
     }
 
     /// The cells of a row, without quotes around them.
-    fn cells<'a>(&self, row: &Word<'a>) -> impl Iterator<Item = Word<'a>> + use<'a> {
+    fn cells<'a>(&self, row: &Token<'a>) -> impl Iterator<Item = Token<'a>> + use<'a> {
         let (separator, row) = (self.separator, *row);
         let by_space = (separator == Separator::Spaces).then(|| row.words()).into_iter().flatten();
         let quoted = memchr::memchr(b'"', row.text).is_some();
@@ -243,13 +243,13 @@ impl Columns {
             let cell = &text[..end.unwrap_or(text.len())];
             left = end.map(|end| (start + end + 1, &text[end + 1..], byte));
             let lead = cell.len() - cell.trim_ascii_start().len();
-            Some(Word { start: start + lead, text: cell.trim_ascii() })
+            Some(Token { start: start + lead, text: cell.trim_ascii() })
         });
         by_separator.chain(by_space).map(unquoted)
     }
 
     /// The number of a cell; none where it says that it is missing. Decimal commas are read where commas don't stand between cells.
-    fn number(&self, cell: &Word<'_>, commas: &mut u64) -> Option<f64> {
+    fn number(&self, cell: &Token<'_>, commas: &mut u64) -> Option<f64> {
         if let Some(number) = number::parse(cell.text) {
             return Some(number);
         }
@@ -262,7 +262,7 @@ impl Columns {
         Some(number)
     }
 
-    fn read(&self, row: &Word<'_>, points: &[&str], table: &mut Table) -> Result<(), Complaint> {
+    fn read(&self, row: &Token<'_>, points: &[&str], table: &mut Table) -> Result<(), ImportError> {
         let n = points.len();
         let mut place = [0.0f64; 6];
         let (mut radius, mut color) = (1.0f32, [0.0f32; 3]);
@@ -309,7 +309,7 @@ impl Columns {
         Ok(())
     }
 
-    fn no_number(&self, cell: &Word<'_>, count: usize, role: Role, points: &[&str]) -> Complaint {
+    fn no_number(&self, cell: &Token<'_>, count: usize, role: Role, points: &[&str]) -> ImportError {
         let name = match role {
             Role::Point(index) => points[index],
             Role::Radius => "radius",

@@ -7,7 +7,7 @@
 
 use super::Lost;
 use super::elements::{Element, element};
-use crate::import::lines::{Complaint, Word};
+use crate::import::lines::{ImportError, Token};
 use crate::import::number;
 use crate::import::positions::Positions;
 use canaletto::math::Rgb;
@@ -49,22 +49,22 @@ pub(super) enum Counted {
 }
 
 /// Reads what stands behind a count, if the text starts with one.
-pub(super) fn read(bytes: &[u8]) -> Option<Result<Counted, Complaint>> {
+pub(super) fn read(bytes: &[u8]) -> Option<Result<Counted, ImportError>> {
     let mut lines = Lines { bytes, at: if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 } };
     let first = lines.find(|line| !line.text.is_empty())?;
     let count: u64 = std::str::from_utf8(first.text).ok()?.parse().ok()?;
     let rows = lines.at;
-    let remarks = lines.next().unwrap_or(Word { start: bytes.len(), text: &[] });
+    let remarks = lines.next().unwrap_or(Token { start: bytes.len(), text: &[] });
     // As many rows as the count, all of numbers and none of remarks: points with a count in front, as scanners write them.
     let mut plain = Lines { bytes, at: rows }.filter(|line| !line.text.is_empty());
-    let numbers = |line: &Word<'_>| line.words().count() >= 3 && line.words().all(|word| word.number().is_ok());
+    let numbers = |line: &Token<'_>| line.words().count() >= 3 && line.words().all(|word| word.number().is_ok());
     if plain.next().is_none_or(|line| numbers(&line)) && plain.count() as u64 + 1 == count {
         return Some(Ok(Counted::Rows(rows)));
     }
     Some(atoms(count, &first, &remarks, lines).map(Counted::Atoms))
 }
 
-fn atoms(count: u64, first: &Word<'_>, remarks: &Word<'_>, mut lines: Lines<'_>) -> Result<Atoms, Complaint> {
+fn atoms(count: u64, first: &Token<'_>, remarks: &Token<'_>, mut lines: Lines<'_>) -> Result<Atoms, ImportError> {
     let columns = Columns::of(remarks)?;
     let mut atoms = Atoms { has_radii: columns.radius.is_some(), ..Atoms::default() };
     for index in 0..count {
@@ -83,7 +83,7 @@ fn atoms(count: u64, first: &Word<'_>, remarks: &Word<'_>, mut lines: Lines<'_>)
 
 impl Columns {
     /// The columns that the remarks announce, or the usual ones.
-    fn of(remarks: &Word<'_>) -> Result<Columns, Complaint> {
+    fn of(remarks: &Token<'_>) -> Result<Columns, ImportError> {
         let usual = Columns { species: Some(0), position: 1, radius: None, color: None, count: 4 };
         let text = remarks.string();
         let lower = text.to_ascii_lowercase();
@@ -111,8 +111,8 @@ impl Columns {
         Ok(columns)
     }
 
-    fn read(&self, line: &Word<'_>, atoms: &mut Atoms) -> Result<(), Complaint> {
-        let words: Vec<Word<'_>> = line.words().collect();
+    fn read(&self, line: &Token<'_>, atoms: &mut Atoms) -> Result<(), ImportError> {
+        let words: Vec<Token<'_>> = line.words().collect();
         if words.len() < self.count {
             let message = format!("this line has {} columns; {} are expected", words.len(), self.count);
             return Err(line.wrong(message).help("a line is the element and its place: C 0.0 0.0 0.0"));
@@ -155,13 +155,13 @@ struct Lines<'a> {
 }
 
 impl<'a> Iterator for Lines<'a> {
-    type Item = Word<'a>;
-    fn next(&mut self) -> Option<Word<'a>> {
+    type Item = Token<'a>;
+    fn next(&mut self) -> Option<Token<'a>> {
         let rest = self.bytes.get(self.at..).filter(|rest| !rest.is_empty())?;
         let end = memchr::memchr2(b'\n', b'\r', rest).unwrap_or(rest.len());
         let start = self.at;
         self.at += end + if rest[end..].starts_with(b"\r\n") { 2 } else { 1 };
         let line = &rest[..end];
-        Some(Word { start: start + line.len() - line.trim_ascii_start().len(), text: line.trim_ascii() })
+        Some(Token { start: start + line.len() - line.trim_ascii_start().len(), text: line.trim_ascii() })
     }
 }

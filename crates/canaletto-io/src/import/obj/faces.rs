@@ -1,7 +1,7 @@
 //! The second pass over an OBJ file: faces, and the lines that group them, of a piece.
 
 use super::super::ignored::Ignored;
-use super::super::lines::{Complaint, Lines, Word, gap};
+use super::super::lines::{ImportError, Lines, Token, gap};
 use super::super::number;
 use super::super::polygon::Triangulator;
 use super::super::text::Piece;
@@ -99,7 +99,7 @@ impl Triangles {
 }
 
 /// Reads a piece before which there are so many positions, texture coordinates and normals.
-pub(super) fn read(piece: Piece<'_>, before: [usize; 3], vertices: &Vertices) -> Result<Faces, Complaint> {
+pub(super) fn read(piece: Piece<'_>, before: [usize; 3], vertices: &Vertices) -> Result<Faces, ImportError> {
     let triangles = Triangles::Plain([false; 2], Vec::new());
     let mut out = Faces { triangles, marks: Vec::new(), ignored: Ignored::of_part() };
     let mut seen = before;
@@ -204,12 +204,12 @@ impl Polygon {
     /// Reads the corners. `seen` counts the vertices so far, for negative indices.
     fn read<'a>(
         &mut self,
-        line: Word<'a>,
-        words: impl Iterator<Item = Word<'a>>,
+        line: Token<'a>,
+        words: impl Iterator<Item = Token<'a>>,
         seen: [usize; 3],
         vertices: &Vertices,
         ignored: &mut Ignored,
-    ) -> Result<(), Complaint> {
+    ) -> Result<(), ImportError> {
         self.corners.clear();
         self.points.clear();
         let exist = [vertices.positions.len(), vertices.uvs.len(), vertices.normals.len()];
@@ -232,7 +232,7 @@ impl Polygon {
 
 /// `v`, `v/vt`, `v//vn` or `v/vt/vn`, counted from 1, or from the latest backwards if negative. Texture coordinates and
 /// normals that don't exist are left out, as some subdivision models have them; a position must exist.
-fn corner(word: &Word<'_>, seen: [usize; 3], exist: [usize; 3], ignored: &mut Ignored) -> Result<Corner, Complaint> {
+fn corner(word: &Token<'_>, seen: [usize; 3], exist: [usize; 3], ignored: &mut Ignored) -> Result<Corner, ImportError> {
     let mut out = [NONE; 3];
     for (which, piece) in word.text.split(|b| *b == b'/').enumerate() {
         if which > 0 && piece.is_empty() {
@@ -252,7 +252,7 @@ fn corner(word: &Word<'_>, seen: [usize; 3], exist: [usize; 3], ignored: &mut Ig
             out[which] = resolved as u32;
             continue;
         }
-        let face = Word { start: word.start, text: b"f" };
+        let face = Token { start: word.start, text: b"f" };
         match (which, index) {
             (1, _) => ignored.note(&face, "refers to texture coordinates that don't exist"),
             (2, _) => ignored.note(&face, "refers to normals that don't exist; they are computed"),

@@ -1,6 +1,6 @@
 //! The words that begin the lines of an OBJ file.
 
-use super::super::lines::{Word, Words};
+use super::super::lines::{Token, Tokens};
 
 /// What a line is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,7 +41,7 @@ impl Keyword {
 
     /// The keyword of a line, with its word and the words behind it. Capitals are read as well, and numbers that follow
     /// without a space.
-    pub(super) fn of(line: Word<'_>) -> Option<(Keyword, Word<'_>, Words<'_>)> {
+    pub(super) fn of(line: Token<'_>) -> Option<(Keyword, Token<'_>, Tokens<'_>)> {
         const LONGEST: usize = 6;
         let mut words = line.words();
         let word = words.next()?;
@@ -64,8 +64,8 @@ impl Keyword {
             return Some((Keyword::Other, word, words));
         }
         let (first, rest) = line.text.split_at(letters);
-        let words = Word { start: line.start + letters, text: rest }.words();
-        Some((keyword, Word { start: line.start, text: first }, words))
+        let words = Token { start: line.start + letters, text: rest }.words();
+        Some((keyword, Token { start: line.start, text: first }, words))
     }
 }
 
@@ -76,7 +76,7 @@ mod tests {
     #[test]
     fn capitals_and_missing_spaces_are_read() {
         let of = |text: &str| {
-            let (keyword, word, words) = Keyword::of(Word { start: 5, text: text.as_bytes() }).unwrap();
+            let (keyword, word, words) = Keyword::of(Token { start: 5, text: text.as_bytes() }).unwrap();
             (keyword, word.string(), words.map(|w| (w.start, w.string())).collect::<Vec<_>>())
         };
         let numbers = |start: usize| vec![(start, "-1".to_owned()), (start + 3, "2".to_owned())];

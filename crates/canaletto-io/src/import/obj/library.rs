@@ -7,7 +7,7 @@
 
 use super::super::encoding;
 use super::super::ignored::Ignored;
-use super::super::lines::Word;
+use super::super::lines::Token;
 use super::super::{attach_source, mtl, unreadable};
 use super::Reader;
 use crate::assets::{AssetError, OpenAsset};
@@ -21,9 +21,9 @@ const MAX_NAMES: usize = 256;
 impl Reader<'_> {
     /// Reads the materials of all `mtllib`, which name them at these places. What is missing is a warning.
     pub(super) fn libraries(&mut self, lines: &[(usize, Vec<u8>)]) {
-        let names: Vec<Word<'_>> = lines
+        let names: Vec<Token<'_>> = lines
             .iter()
-            .flat_map(|(start, text)| self.names(Word { start: *start, text }))
+            .flat_map(|(start, text)| self.names(Token { start: *start, text }))
             .take(MAX_NAMES + 1)
             .collect();
         for (index, name) in names.iter().enumerate() {
@@ -38,7 +38,7 @@ impl Reader<'_> {
     }
 
     /// The names of a line, cut where most of them lead somewhere, if possible without looking elsewhere.
-    fn names<'w>(&self, line: Word<'w>) -> Vec<Word<'w>> {
+    fn names<'w>(&self, line: Token<'w>) -> Vec<Token<'w>> {
         if line.text.is_empty() {
             return Vec::new();
         }
@@ -54,7 +54,7 @@ impl Reader<'_> {
         std::mem::take(&mut ways[best])
     }
 
-    fn library(&mut self, name: &Word<'_>) {
+    fn library(&mut self, name: &Token<'_>) {
         let path = path(name);
         match self.open(&path).map_err(|error| (error, self.beside(&path))) {
             Ok(asset) => {
@@ -91,7 +91,7 @@ impl Reader<'_> {
         })
     }
 
-    fn failed(&self, name: &Word<'_>, error: &AssetError) -> Diagnostic {
+    fn failed(&self, name: &Token<'_>, error: &AssetError) -> Diagnostic {
         Diagnostic::warning(self.asset.path.name(), error.to_string()).at(name.span())
     }
 
@@ -113,7 +113,7 @@ impl Reader<'_> {
 }
 
 /// The path that a name says: without quotes, and with the slashes that every system reads.
-fn path(name: &Word<'_>) -> String {
+fn path(name: &Token<'_>) -> String {
     let text = name.string();
     let text = unquoted(&text).unwrap_or(&text);
     // A backslash before a space is part of the space.
@@ -135,8 +135,8 @@ fn last_part(path: &str) -> &str {
 }
 
 /// Names that end with the extension of such files, spaces and all.
-fn by_extension(names: Word<'_>) -> Vec<Word<'_>> {
-    let ends = |word: &Word<'_>| {
+fn by_extension(names: Token<'_>) -> Vec<Token<'_>> {
+    let ends = |word: &Token<'_>| {
         let text = word.text.strip_suffix(b"\"").or_else(|| word.text.strip_suffix(b"'")).unwrap_or(word.text);
         text.len() > 4 && text[text.len() - 4..].eq_ignore_ascii_case(b".mtl")
     };
@@ -144,9 +144,9 @@ fn by_extension(names: Word<'_>) -> Vec<Word<'_>> {
 }
 
 /// Names between spaces, of which some may be part of a name: behind a backslash, or in quotes.
-fn by_space(names: Word<'_>) -> Vec<Word<'_>> {
+fn by_space(names: Token<'_>) -> Vec<Token<'_>> {
     let mut quote = None;
-    let ends = |word: &Word<'_>| {
+    let ends = |word: &Token<'_>| {
         if quote.is_none() {
             quote = word.text.first().copied().filter(|byte| matches!(byte, b'"' | b'\''));
         }
@@ -160,8 +160,8 @@ fn by_space(names: Word<'_>) -> Vec<Word<'_>> {
 }
 
 /// Names of one word or more, each of which ends with a word that says so.
-fn whole<'a>(names: Word<'a>, mut ends: impl FnMut(&Word<'a>) -> bool) -> Vec<Word<'a>> {
-    let mut out: Vec<Word<'a>> = Vec::new();
+fn whole<'a>(names: Token<'a>, mut ends: impl FnMut(&Token<'a>) -> bool) -> Vec<Token<'a>> {
+    let mut out: Vec<Token<'a>> = Vec::new();
     let mut open = false;
     for word in names.words().take_while(|word| !word.text.starts_with(b"#")) {
         match out.last_mut().filter(|_| open) {
@@ -195,7 +195,7 @@ impl Names {
     }
 
     /// The material that a word names.
-    pub(super) fn find(&self, word: &Word<'_>, unknown: &mut Ignored) -> Option<u32> {
+    pub(super) fn find(&self, word: &Token<'_>, unknown: &mut Ignored) -> Option<u32> {
         let name = word.string();
         if let Some(index) = self.exact.get(&name) {
             return Some(*index);

@@ -17,7 +17,7 @@ mod vertices;
 
 use super::encoding;
 use super::ignored::Ignored;
-use super::lines::{Complaint, Word};
+use super::lines::{ImportError, Token};
 use super::text::Text;
 use super::{Imported, Unsaid, unreadable};
 use crate::assets::{Assets, OpenAsset};
@@ -34,7 +34,7 @@ use vertices::First;
 /// Meshes and materials of an OBJ file.
 pub(super) fn read(asset: &OpenAsset, assets: &dyn Assets, unsaid: Unsaid) -> Result<Imported, Diagnostics> {
     let view = asset.content.view();
-    let failed = |complaint: Complaint| Diagnostics::from(complaint.error(asset.path.name()));
+    let failed = |complaint: ImportError| Diagnostics::from(complaint.error(asset.path.name()));
     let start = view.piece(0..encoding::START, &mut Vec::new()).map(encoding::is_utf16);
     if !start.map_err(|e| failed(unreadable(&e)))? {
         return read_pieces(asset, assets, Text::new(view), unsaid);
@@ -88,7 +88,7 @@ impl Reader<'_> {
         text: Text<'_>,
         first: First,
         unsaid: Unsaid,
-    ) -> Result<(Vec<Mesh>, Option<Material>), Complaint> {
+    ) -> Result<(Vec<Mesh>, Option<Material>), ImportError> {
         let names = library::Names::new(&self.materials);
         let file = self.asset.path.name();
         let mut grouping = Grouping {
@@ -119,7 +119,7 @@ impl Reader<'_> {
                         Mark::Group(name) => grouping.group = name,
                         Mark::Smoothing(group) => grouping.smoothing = Some(group),
                         Mark::Material(at, name) => {
-                            let word = Word { start: at, text: &name };
+                            let word = Token { start: at, text: &name };
                             grouping.material = names.find(&word, &mut unknown).unwrap_or(NONE);
                         }
                     }
@@ -144,9 +144,9 @@ impl Reader<'_> {
         ignored.report(file, &mut self.warnings);
         if meshes.is_empty() {
             if nowhere {
-                return Err(Complaint::file("none of its faces has three corners with finite coordinates"));
+                return Err(ImportError::file("none of its faces has three corners with finite coordinates"));
             }
-            return Err(Complaint::file("there are no faces in it").help("an OBJ file has lines such as `f 1 2 3`"));
+            return Err(ImportError::file("there are no faces in it").help("an OBJ file has lines such as `f 1 2 3`"));
         }
         Ok((meshes, default))
     }

@@ -1,8 +1,8 @@
 //! Meshes from triangles whose corners index positions, texture coordinates and normals apart.
 
 use super::super::Unsaid;
-use super::super::join::join;
-use super::super::mend::mend_normals;
+use super::super::concat::concat;
+use super::super::repair::repair_normals;
 use super::super::smooth::{Smoothing, smooth};
 use super::faces::{Corner, NONE, Pattern, Triangles};
 use super::vertices::Vertices;
@@ -85,7 +85,7 @@ impl Parts {
         };
         meshes.par_iter_mut().enumerate().for_each(|(index, mesh)| {
             let groups = groups.as_ref().map(|groups| groups[index].as_slice());
-            mend_normals(mesh, groups.map_or(Smoothing::Creases, Smoothing::Groups));
+            repair_normals(mesh, groups.map_or(Smoothing::Creases, Smoothing::Groups));
             if !mesh.normals.is_empty() {
                 return;
             }
@@ -139,7 +139,7 @@ impl Parts {
             uvs: if uv { uvs } else { Vec::new() },
             colors,
             slots: if materials.len() < 2 { Vec::new() } else { slots.collect() },
-            triangles: join(self.pieces.into_iter().map(plain).collect()),
+            triangles: concat(self.pieces.into_iter().map(plain).collect()),
             materials,
             one_sided: false,
         }

@@ -1,9 +1,9 @@
 //! The first pass over an OBJ file: its vertices, and the names of its material files.
 
 use super::super::color::{ROUNDED, Scale};
+use super::super::concat::concat;
 use super::super::ignored::Ignored;
-use super::super::join::join;
-use super::super::lines::{Complaint, Lines, Word, Words, gap};
+use super::super::lines::{ImportError, Lines, Token, Tokens, gap};
 use super::super::number;
 use super::super::positions::Positions;
 use super::super::text::{Piece, Text};
@@ -62,7 +62,7 @@ struct Found {
 }
 
 /// Reads all vertices.
-pub(super) fn read(text: Text<'_>) -> Result<First, Complaint> {
+pub(super) fn read(text: Text<'_>) -> Result<First, ImportError> {
     let all: Vec<usize> = (0..text.len()).collect();
     let mut first = First {
         vertices: Vertices::default(),
@@ -103,14 +103,14 @@ pub(super) fn read(text: Text<'_>) -> Result<First, Complaint> {
         first.assumed = decode(&mut colors);
     }
     if count.iter().any(|n| *n >= NONE as usize) {
-        return Err(Complaint::file("it has more vertices than 32 bits can count"));
+        return Err(ImportError::file("it has more vertices than 32 bits can count"));
     }
     let (origin, mut positions) = Positions::settle_all(positions);
     if !nowhere.is_empty() {
         let anywhere = positions.iter().copied().find(|p| p.is_finite()).unwrap_or_default();
         nowhere.iter().for_each(|i| positions[*i as usize] = anywhere);
     }
-    first.vertices = Vertices { origin, positions, nowhere, colors, uvs: join(uvs), normals: join(normals) };
+    first.vertices = Vertices { origin, positions, nowhere, colors, uvs: concat(uvs), normals: concat(normals) };
     Ok(first)
 }
 
@@ -135,7 +135,7 @@ fn decode(colors: &mut Vec<Rgb>) -> Option<String> {
     }
 }
 
-fn find(piece: Piece<'_>) -> Result<Found, Complaint> {
+fn find(piece: Piece<'_>) -> Result<Found, ImportError> {
     let mut found = Found { ignored: Ignored::of_part(), ..Found::default() };
     // Faces have none of these letters.
     let without = |a, b| memchr::memchr2(a, b, piece.bytes).is_none();
@@ -209,7 +209,7 @@ fn plain_position(line: &[u8]) -> Option<((Vec3, DVec3), usize)> {
 }
 
 /// The colour after a position as it stands there, if there is one. A single number is the weight of rational curves.
-fn vertex_color(word: &Word<'_>, mut words: Words<'_>, ignored: &mut Ignored) -> Result<Option<Rgb>, Complaint> {
+fn vertex_color(word: &Token<'_>, mut words: Tokens<'_>, ignored: &mut Ignored) -> Result<Option<Rgb>, ImportError> {
     if words.clone().count() < 3 {
         return Ok(None);
     }

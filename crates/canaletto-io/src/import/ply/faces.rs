@@ -6,7 +6,7 @@
 use super::header::Element;
 use super::payload::{Payload, Row};
 use super::{Extra, from_top, index, table};
-use crate::import::lines::Complaint;
+use crate::import::lines::ImportError;
 use crate::import::polygon::Triangulator;
 use canaletto::math::Rgb;
 use canaletto::memory;
@@ -50,11 +50,14 @@ impl FaceList {
         element: &Element,
         payload: &mut Payload<'_>,
         mesh: &mut Mesh,
-        said: &mut Vec<Complaint>,
-    ) -> Result<(), Complaint> {
+        said: &mut Vec<ImportError>,
+    ) -> Result<(), ImportError> {
         let Some(corners) = element.property(&["vertex_indices", "vertex_index"]) else { return Ok(()) };
         if element.properties[corners].length.is_none() {
-            return Err(Complaint::file(format!("`{}` of its faces must be a list", element.properties[corners].name)));
+            return Err(ImportError::file(format!(
+                "`{}` of its faces must be a list",
+                element.properties[corners].name
+            )));
         }
         let names = ["texcoord", "texcoords", "texture_coordinates", "uv"];
         let lists = names.iter().filter_map(|name| element.property(&[name]));
@@ -71,7 +74,7 @@ impl FaceList {
         let used: Vec<usize> = color.chain(&wanted.uv).chain([&corners]).copied().collect();
         said.extend(element.unused(&used));
         memory::room(element.count.saturating_mul(size_of::<[u32; 3]>() as u64))
-            .map_err(|e| Complaint::file(format!("{e}, which its {} faces take at least", element.count)))?;
+            .map_err(|e| ImportError::file(format!("{e}, which its {} faces take at least", element.count)))?;
         let plain = wanted.color.color.is_none() && wanted.uv.is_none();
         if plain
             && mesh.triangles.is_empty()
@@ -102,7 +105,7 @@ impl FaceList {
     }
 
     /// Brings what faces say to the vertices, drops triangles with a corner that has no place, and says what is left out.
-    pub(super) fn finish(mut self, mesh: &mut Mesh, said: &mut Vec<Complaint>) -> Result<(), Complaint> {
+    pub(super) fn finish(mut self, mesh: &mut Mesh, said: &mut Vec<ImportError>) -> Result<(), ImportError> {
         if let Some(good) = mesh.positions.iter().copied().find(|p| p.is_finite())
             && mesh.positions.iter().any(|p| !p.is_finite())
         {
@@ -114,7 +117,7 @@ impl FaceList {
             super::keep(&mut self.colors, &kept);
             super::keep(&mut self.uvs, &kept);
             let nowhere = positions.iter().filter(|p| !p.is_finite()).count();
-            said.push(Complaint::file(format!(
+            said.push(ImportError::file(format!(
                 "{nowhere} vertices have a coordinate that isn't a finite number; they are left out, and {} faces with them",
                 self.lost
             )));
@@ -125,16 +128,16 @@ impl FaceList {
             return Ok(());
         }
         if self.thin > 0 {
-            said.push(Complaint::file(format!("{} faces of fewer than 3 corners are left out", self.thin)));
+            said.push(ImportError::file(format!("{} faces of fewer than 3 corners are left out", self.thin)));
         }
         if self.without_uv > 0 {
-            said.push(Complaint::file(format!(
+            said.push(ImportError::file(format!(
                 "{} faces have other than two texture coordinates for each corner; theirs are taken as 0",
                 self.without_uv
             )));
         }
         if mesh.positions.len() + 3 * self.colors.len().max(self.uvs.len()) >= u32::MAX as usize {
-            return Err(Complaint::file("its faces have more corners of their own than 32 bits can count"));
+            return Err(ImportError::file("its faces have more corners of their own than 32 bits can count"));
         }
         self.split(mesh);
         Ok(())
@@ -257,10 +260,10 @@ impl Part {
 }
 
 /// Reads an element of strips.
-pub(super) fn strips(element: &Element, payload: &mut Payload<'_>, mesh: &mut Mesh) -> Result<(), Complaint> {
+pub(super) fn strips(element: &Element, payload: &mut Payload<'_>, mesh: &mut Mesh) -> Result<(), ImportError> {
     let property = element.property(&["vertex_indices", "vertex_index"]);
     let property = property.filter(|at| element.properties[*at].length.is_some());
-    let property = property.ok_or_else(|| Complaint::file("its strips need the list `vertex_indices`"))?;
+    let property = property.ok_or_else(|| ImportError::file("its strips need the list `vertex_indices`"))?;
     let Mesh { positions, triangles, .. } = mesh;
     let read = |some: &mut Vec<[u32; 3]>, _, row: &Row| {
         let mut strip = Vec::new();

@@ -1,6 +1,6 @@
 //! The header of a PLY file: its encoding, elements and their properties.
 
-use crate::import::lines::{Complaint, Word, Words};
+use crate::import::lines::{ImportError, Token, Tokens};
 
 /// How the numbers are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,7 +79,7 @@ impl Element {
     }
 
     /// What is said of the properties that nothing is made of, if there are any.
-    pub(super) fn unused(&self, used: &[usize]) -> Option<Complaint> {
+    pub(super) fn unused(&self, used: &[usize]) -> Option<ImportError> {
         /// The most that are named.
         const MOST: usize = 12;
         let names = self.properties.iter().enumerate().filter(|(at, _)| !used.contains(at)).map(|(_, p)| &*p.name);
@@ -90,7 +90,7 @@ impl Element {
         let more = if names.len() > MOST { format!(" and {} more", names.len() - MOST) } else { String::new() };
         let (listed, one) = (names[..names.len().min(MOST)].join(", "), names.len() == 1);
         let (noun, is) = if one { ("property", "is") } else { ("properties", "are") };
-        Some(Complaint::file(format!("the {noun} {listed}{more} of element {} {is} left out", self.name)))
+        Some(ImportError::file(format!("the {noun} {listed}{more} of element {} {is} left out", self.name)))
     }
 
     /// The fewest bytes that a row takes; the size of every row if there are no lists and it is binary.
@@ -116,11 +116,11 @@ pub(super) struct Header {
 const MAX_TEXTURES: usize = 16;
 
 /// Reads the header. Keywords, types and names may be in capitals, and spaces or a byte order mark may stand around its lines.
-pub(super) fn read(bytes: &[u8]) -> Result<Header, Complaint> {
+pub(super) fn read(bytes: &[u8]) -> Result<Header, ImportError> {
     let start = if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
     let first = bytes[start..].iter().position(|b| *b == b'\n' || *b == b'\r').map(|length| start + length);
     let Some(end) = first.filter(|end| bytes[start..*end].trim_ascii().eq_ignore_ascii_case(b"ply")) else {
-        return Err(Complaint::file("it doesn't start with the line `ply`").help("is it a PLY file?"));
+        return Err(ImportError::file("it doesn't start with the line `ply`").help("is it a PLY file?"));
     };
     // Where a single \r ends lines, a \n behind the last one is the first of the numbers.
     let pairs = bytes[end..].starts_with(b"\r\n");
@@ -131,7 +131,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Header, Complaint> {
     while at < bytes.len() {
         let rest = &bytes[at..];
         let length = rest.iter().position(|b| *b == b'\n' || *b == b'\r').unwrap_or(rest.len());
-        let line = Word { start: at, text: &rest[..length] };
+        let line = Token { start: at, text: &rest[..length] };
         at += length + if pairs && rest[length..].starts_with(b"\r\n") { 2 } else { 1 };
         let mut words = line.words();
         let Some(word) = words.next() else { continue };
@@ -159,10 +159,10 @@ pub(super) fn read(bytes: &[u8]) -> Result<Header, Complaint> {
             _ => return Err(line.wrong(format!("the header has an unknown word, \"{}\"", word.shown()))),
         }
     }
-    Err(Complaint::file("the header has no end: there is no line `end_header`"))
+    Err(ImportError::file("the header has no end: there is no line `end_header`"))
 }
 
-fn format(line: &Word<'_>, mut words: Words<'_>) -> Result<Encoding, Complaint> {
+fn format(line: &Token<'_>, mut words: Tokens<'_>) -> Result<Encoding, ImportError> {
     let (name, version) = (words.next(), words.next());
     let encoding = match name.map(|w| w.text.to_ascii_lowercase()).as_deref() {
         Some(b"ascii") => Encoding::Ascii,
@@ -176,7 +176,7 @@ fn format(line: &Word<'_>, mut words: Words<'_>) -> Result<Encoding, Complaint> 
     }
 }
 
-fn element(line: &Word<'_>, mut words: Words<'_>) -> Result<Element, Complaint> {
+fn element(line: &Token<'_>, mut words: Tokens<'_>) -> Result<Element, ImportError> {
     let (Some(name), Some(count)) = (words.next(), words.next()) else {
         return Err(line.wrong("an element needs a name and a count"));
     };
@@ -185,8 +185,8 @@ fn element(line: &Word<'_>, mut words: Words<'_>) -> Result<Element, Complaint> 
     Ok(Element { name: name.string().to_lowercase(), count, properties: Vec::new() })
 }
 
-fn property(line: &Word<'_>, mut words: Words<'_>) -> Result<Property, Complaint> {
-    let kind = |word: Option<Word<'_>>| {
+fn property(line: &Token<'_>, mut words: Tokens<'_>) -> Result<Property, ImportError> {
+    let kind = |word: Option<Token<'_>>| {
         let word = word.ok_or_else(|| line.wrong("a property needs a type and a name"))?;
         Kind::named(word.text).ok_or_else(|| word.wrong(format!("\"{}\" is not a type of PLY", word.shown())))
     };

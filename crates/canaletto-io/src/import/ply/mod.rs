@@ -15,9 +15,9 @@ mod payload;
 mod table;
 
 use super::coarse::Precision;
-use super::lines::Complaint;
-use super::mend::mend_normals;
+use super::lines::ImportError;
 use super::positions::Positions;
+use super::repair::repair_normals;
 use super::smooth::Smoothing;
 use super::table_color::{self, Written};
 use super::unreadable;
@@ -33,7 +33,7 @@ use payload::{Payload, Row};
 use rayon::prelude::*;
 
 /// A mesh, and what is left out or assumed.
-pub(super) fn read_mesh(name: &str, view: View<'_>) -> Result<(Mesh, Vec<Complaint>), Complaint> {
+pub(super) fn read_mesh(name: &str, view: View<'_>) -> Result<(Mesh, Vec<ImportError>), ImportError> {
     let header = read_header(view)?;
     read_payload(name, &header, Payload::new(&header, view))
 }
@@ -48,11 +48,15 @@ pub(super) fn precision(view: View<'_>) -> Precision {
     if single { Precision::Single } else { Precision::Double }
 }
 
-fn read_payload(name: &str, header: &Header, mut payload: Payload<'_>) -> Result<(Mesh, Vec<Complaint>), Complaint> {
+fn read_payload(
+    name: &str,
+    header: &Header,
+    mut payload: Payload<'_>,
+) -> Result<(Mesh, Vec<ImportError>), ImportError> {
     let mut mesh = Mesh { name: name.to_owned(), ..Mesh::default() };
     let mut said = Vec::new();
     if !header.elements.iter().any(|e| is_faces(e) || e.name == "tristrips") {
-        return Err(Complaint::file("it has points but no faces")
+        return Err(ImportError::file("it has points but no faces")
             .help("a cloud of spheres takes points: `spheres file=…` with a radius"));
     }
     let mut faces = FaceList::default();
@@ -67,7 +71,7 @@ fn read_payload(name: &str, header: &Header, mut payload: Payload<'_>) -> Result
             "tristrips" => strips(element, &mut payload, &mut mesh)?,
             other => {
                 if element.count > 0 {
-                    said.push(Complaint::file(format!("element {other} ({} rows) is left out", element.count)));
+                    said.push(ImportError::file(format!("element {other} ({} rows) is left out", element.count)));
                 }
                 payload.skip(element)?;
             }
@@ -75,26 +79,26 @@ fn read_payload(name: &str, header: &Header, mut payload: Payload<'_>) -> Result
     }
     said.extend(payload.rest()?);
     if mesh.triangles.is_empty() && faces.is_empty() {
-        return Err(Complaint::file("there are no faces in it"));
+        return Err(ImportError::file("there are no faces in it"));
     }
     faces.finish(&mut mesh, &mut said)?;
     if mesh.triangles.is_empty() {
-        return Err(Complaint::file("none of its faces has three corners with finite coordinates"));
+        return Err(ImportError::file("none of its faces has three corners with finite coordinates"));
     }
     for picture in &header.textures {
         let help =
             "name the picture in the scene: texture \"skin\" { file \"…\" }, and that texture in the mesh's material";
-        said.push(Complaint::file(format!("the picture {picture}, which its header names, is left out")).help(help));
+        said.push(ImportError::file(format!("the picture {picture}, which its header names, is left out")).help(help));
     }
     let without = mesh.normals.par_iter().filter(|n| !has_direction(n)).count();
     if without > 0 {
-        said.push(Complaint::file(format!("{without} normals have no direction; they are computed from the faces")));
+        said.push(ImportError::file(format!("{without} normals have no direction; they are computed from the faces")));
     }
-    mend_normals(&mut mesh, Smoothing::Creases);
+    repair_normals(&mut mesh, Smoothing::Creases);
     let wrong = mesh.uvs.par_iter().filter(|uv| !uv.is_finite()).count();
     if wrong > 0 {
         mesh.uvs.par_iter_mut().filter(|uv| !uv.is_finite()).for_each(|uv| *uv = Vec2::ZERO);
-        said.push(Complaint::file(format!("{wrong} texture coordinates aren't finite; they are taken as 0 0")));
+        said.push(ImportError::file(format!("{wrong} texture coordinates aren't finite; they are taken as 0 0")));
     }
     Ok((mesh, said))
 }
@@ -105,7 +109,7 @@ fn has_direction(n: &Vec3) -> bool {
 }
 
 /// The vertices as spheres, with the radius of property `radius` or `r` if there is one; and what is left out or assumed.
-pub(super) fn read_spheres(name: &str, view: View<'_>) -> Result<(SphereCloud, Vec<Complaint>), Complaint> {
+pub(super) fn read_spheres(name: &str, view: View<'_>) -> Result<(SphereCloud, Vec<ImportError>), ImportError> {
     let header = read_header(view)?;
     let mut payload = Payload::new(&header, view);
     let mut said = Vec::new();
@@ -136,10 +140,10 @@ pub(super) fn keep<T>(list: &mut Vec<T>, kept: &[bool]) {
 }
 
 /// What is said of rows that aren't kept.
-pub(super) fn left_out(kept: &[bool], of: &str) -> Option<Complaint> {
+pub(super) fn left_out(kept: &[bool], of: &str) -> Option<ImportError> {
     let lost = kept.par_iter().filter(|kept| !**kept).count();
     let first = kept.iter().position(|kept| !kept)?;
-    Some(Complaint::file(format!(
+    Some(ImportError::file(format!(
         "{lost} of {} {of} are left out, as a coordinate or the radius isn't a finite number; the first is number {} of them",
         kept.len(),
         first + 1
@@ -147,12 +151,14 @@ pub(super) fn left_out(kept: &[bool], of: &str) -> Option<Complaint> {
 }
 
 /// The edges as cylinders: element `edge` with `vertex1`, `vertex2` and perhaps `radius` and colours.
-pub(super) fn read_cylinders(name: &str, view: View<'_>) -> Result<(CylinderCloud, Vec<Complaint>), Complaint> {
+pub(super) fn read_cylinders(name: &str, view: View<'_>) -> Result<(CylinderCloud, Vec<ImportError>), ImportError> {
     let header = read_header(view)?;
     let mut payload = Payload::new(&header, view);
     let mut cloud = CylinderCloud { name: name.to_owned(), ..CylinderCloud::default() };
     if !header.elements.iter().any(|e| e.name == "edge") {
-        return Err(Complaint::file("it has no element `edge`").help("edges have vertex1, vertex2 and perhaps radius"));
+        return Err(
+            ImportError::file("it has no element `edge`").help("edges have vertex1, vertex2 and perhaps radius")
+        );
     }
     let (mut points, mut said) = (Vec::new(), Vec::new());
     for element in in_order(&header)? {
@@ -163,7 +169,7 @@ pub(super) fn read_cylinders(name: &str, view: View<'_>) -> Result<(CylinderClou
             }
             "edge" => {
                 let ends = element.numbers(["vertex1", "vertex2"]);
-                let ends = ends.ok_or_else(|| Complaint::file("edges need the properties vertex1 and vertex2"))?;
+                let ends = ends.ok_or_else(|| ImportError::file("edges need the properties vertex1 and vertex2"))?;
                 let extra = Extra::of(element, true);
                 let points = &points;
                 payload.rows(
@@ -196,7 +202,7 @@ pub(super) fn read_cylinders(name: &str, view: View<'_>) -> Result<(CylinderClou
 }
 
 /// Reads the header from as much of the file as it takes.
-fn read_header(view: View<'_>) -> Result<Header, Complaint> {
+fn read_header(view: View<'_>) -> Result<Header, ImportError> {
     let mut buffer = Vec::new();
     let mut size = 1 << 16;
     loop {
@@ -215,15 +221,15 @@ fn is_faces(element: &Element) -> bool {
 }
 
 /// The elements, of which one must be the vertices, before those that refer to them.
-fn in_order(header: &Header) -> Result<&[Element], Complaint> {
+fn in_order(header: &Header) -> Result<&[Element], ImportError> {
     let place = |names: &[&str]| header.elements.iter().position(|e| names.contains(&e.name.as_str()));
     if header.elements.iter().filter(|e| e.name == "vertex").count() > 1 {
-        return Err(Complaint::file("it has several elements `vertex`, which isn't supported"));
+        return Err(ImportError::file("it has several elements `vertex`, which isn't supported"));
     }
     match (place(&["vertex"]), place(&["face", "tristrips", "edge"])) {
-        (None, _) => Err(Complaint::file("it has no element `vertex`")),
+        (None, _) => Err(ImportError::file("it has no element `vertex`")),
         (Some(vertex), Some(face)) if face < vertex => {
-            Err(Complaint::file("its faces come before its vertices, which isn't supported"))
+            Err(ImportError::file("its faces come before its vertices, which isn't supported"))
         }
         _ => Ok(&header.elements),
     }
@@ -282,7 +288,7 @@ impl Extra {
     }
 
     /// Turns the numbers of all colours into light; see [`table_color::settle`].
-    fn settle(&self, colors: &mut [Rgb], of: &str) -> Vec<Complaint> {
+    fn settle(&self, colors: &mut [Rgb], of: &str) -> Vec<ImportError> {
         let written = match self.color {
             None | Some((_, Kind::U8 | Kind::I8)) => return Vec::new(),
             Some((_, Kind::I16)) => Written::Whole(32767.0),
@@ -322,11 +328,11 @@ struct Wanted {
 }
 
 impl Wanted {
-    fn of(element: &Element, with_radius: bool) -> Result<Wanted, Complaint> {
+    fn of(element: &Element, with_radius: bool) -> Result<Wanted, ImportError> {
         let names = [["u", "v"], ["s", "t"], ["texture_u", "texture_v"], ["texture_s", "texture_t"]];
         let position = element.numbers(["x", "y", "z"]);
         Ok(Wanted {
-            position: position.ok_or_else(|| Complaint::file("its vertices need the properties x, y and z"))?,
+            position: position.ok_or_else(|| ImportError::file("its vertices need the properties x, y and z"))?,
             normal: element.numbers(["nx", "ny", "nz"]),
             uv: names.iter().find_map(|names| element.numbers(*names)),
             extra: Extra::of(element, with_radius),
@@ -369,15 +375,15 @@ fn vertices(
     element: &Element,
     wanted: &Wanted,
     payload: &mut Payload<'_>,
-    said: &mut Vec<Complaint>,
-) -> Result<Vertices, Complaint> {
+    said: &mut Vec<ImportError>,
+) -> Result<Vertices, ImportError> {
     if element.count >= u64::from(u32::MAX) {
-        return Err(Complaint::file(format!("it has {} vertices, more than 32 bits can count", element.count)));
+        return Err(ImportError::file(format!("it has {} vertices, more than 32 bits can count", element.count)));
     }
     payload.check_room(element)?;
     memory::room(element.count.saturating_mul(wanted.bytes())).map_err(|e| {
         let help = "each vertex takes 12 bytes for its place, and as many for its normal and its colour";
-        Complaint::file(format!("{e}, which its {} vertices take", element.count)).help(help)
+        ImportError::file(format!("{e}, which its {} vertices take", element.count)).help(help)
     })?;
     let mut out = match table::vertices(element, wanted, payload) {
         Some(vertices) => vertices,

@@ -4,7 +4,7 @@
 
 use super::header::{Element, Encoding, Header, Kind};
 use crate::content::View;
-use crate::import::lines::{Complaint, Lines, Word};
+use crate::import::lines::{ImportError, Lines, Token};
 use crate::import::{number, unreadable};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -72,14 +72,14 @@ impl<'a> Payload<'a> {
     }
 
     /// Fails if the rest of the file can't hold this element, before anything is allocated for it.
-    pub(super) fn check_room(&self, element: &Element) -> Result<(), Complaint> {
+    pub(super) fn check_room(&self, element: &Element) -> Result<(), ImportError> {
         let rest = self.left() as u64;
         let least = element.count.saturating_mul(element.row_size(self.encoding));
         // The last line of text may have no end.
         if least <= rest.saturating_add(1) {
             return Ok(());
         }
-        Err(Complaint::file(format!(
+        Err(ImportError::file(format!(
             "the header announces {} rows of {}, at least {least} bytes, but only {rest} bytes are left",
             element.count, element.name
         ))
@@ -87,7 +87,7 @@ impl<'a> Payload<'a> {
     }
 
     /// Passes over an element.
-    pub(super) fn skip(&mut self, element: &Element) -> Result<(), Complaint> {
+    pub(super) fn skip(&mut self, element: &Element) -> Result<(), ImportError> {
         if element.properties.is_empty() {
             return Ok(());
         }
@@ -112,7 +112,7 @@ impl<'a> Payload<'a> {
         state: impl Fn() -> S + Sync,
         row: impl Fn(&mut S, u64, &Row) -> Result<(), String> + Sync,
         mut merge: impl FnMut(S),
-    ) -> Result<(), Complaint> {
+    ) -> Result<(), ImportError> {
         self.check_room(element)?;
         if element.properties.is_empty() {
             return Ok(());
@@ -133,7 +133,7 @@ impl<'a> Payload<'a> {
                 self.understand(element, next, window, group, |index, values| row(&mut state, index, values))?;
                 Ok(state)
             };
-            let states: Vec<Result<S, Complaint>> = scan.groups.par_iter().map(understand).collect();
+            let states: Vec<Result<S, ImportError>> = scan.groups.par_iter().map(understand).collect();
             for state in states {
                 merge(state?);
             }
@@ -158,7 +158,7 @@ impl<'a> Payload<'a> {
         window: &[u8],
         group: &Group,
         mut row: impl FnMut(u64, &Row) -> Result<(), String>,
-    ) -> Result<(), Complaint> {
+    ) -> Result<(), ImportError> {
         let mut buffer = Row::default();
         let bytes = &window[group.bytes.clone()];
         let indices = first + group.first..first + group.first + group.rows;
@@ -175,7 +175,7 @@ impl<'a> Payload<'a> {
             if numbers.row(element, &mut buffer).is_none() {
                 return Err(self.cut_off(element, index));
             }
-            row(index, &buffer).map_err(|message| Complaint::file(format!("{} {index}: {message}", element.name)))?;
+            row(index, &buffer).map_err(|message| ImportError::file(format!("{} {index}: {message}", element.name)))?;
         }
         Ok(())
     }
@@ -188,7 +188,7 @@ impl<'a> Payload<'a> {
     }
 
     /// What is said of bytes behind the last element, if they are more than blanks or a trailer of a few bytes.
-    pub(super) fn rest(&self) -> Result<Option<Complaint>, Complaint> {
+    pub(super) fn rest(&self) -> Result<Option<ImportError>, ImportError> {
         const FEW: usize = 16;
         let left = self.left();
         if left <= FEW && self.encoding != Encoding::Ascii {
@@ -198,7 +198,7 @@ impl<'a> Payload<'a> {
         let some = self.view.piece(self.at..self.at + left.min(1 << 12), &mut buffer).map_err(|e| unreadable(&e))?;
         let blank = if self.encoding == Encoding::Ascii { some.len() - some.trim_ascii_start().len() } else { 0 };
         let more = blank < some.len();
-        Ok(more.then(|| Complaint::file(format!("{} bytes behind its last element are left out", left - blank))))
+        Ok(more.then(|| ImportError::file(format!("{} bytes behind its last element are left out", left - blank))))
     }
 
     /// Goes on behind so many bytes.
@@ -214,8 +214,8 @@ impl<'a> Payload<'a> {
         self.view
     }
 
-    fn cut_off(&self, element: &Element, index: u64) -> Complaint {
-        Complaint::file(format!("the file ends inside {} {index} of {}", element.name, element.count))
+    fn cut_off(&self, element: &Element, index: u64) -> ImportError {
+        ImportError::file(format!("the file ends inside {} {index} of {}", element.name, element.count))
             .help("the file may have been cut off")
     }
 }
@@ -341,7 +341,7 @@ impl Numbers<'_> {
     }
 }
 
-fn text_row(element: &Element, line: &Word<'_>, row: &mut Row) -> Result<(), Complaint> {
+fn text_row(element: &Element, line: &Token<'_>, row: &mut Row) -> Result<(), ImportError> {
     row.clear();
     let mut words = line.words();
     for property in &element.properties {

@@ -40,9 +40,9 @@ fn binary(big: bool) -> Vec<u8> {
     out
 }
 
-type Read = (Mesh, Vec<Complaint>);
+type Read = (Mesh, Vec<ImportError>);
 
-fn read_mesh(name: &str, bytes: &[u8]) -> Result<Read, Complaint> {
+fn read_mesh(name: &str, bytes: &[u8]) -> Result<Read, ImportError> {
     super::read_mesh(name, bytes.into())
 }
 
@@ -265,11 +265,11 @@ fn large(count: usize, odd: impl Fn(usize, &mut Vec<i32>)) -> [Vec<u8>; 3] {
 }
 
 /// All ways to read a file: at once and in small windows, from memory and from a disk, by one thread and by three.
-fn every_way(bytes: &[u8]) -> Result<Read, Complaint> {
+fn every_way(bytes: &[u8]) -> Result<Read, ImportError> {
     let mut file = tempfile::tempfile().unwrap();
     std::io::Write::write_all(&mut file, bytes).unwrap();
     let expected = read_mesh("m", bytes);
-    let told = |result: &Result<Read, Complaint>| match result {
+    let told = |result: &Result<Read, ImportError>| match result {
         Ok(mesh) => (Some(mesh.clone()), String::new()),
         Err(complaint) => (None, format!("{} {:?}", complaint.message, complaint.span)),
     };

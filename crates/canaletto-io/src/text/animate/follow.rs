@@ -4,7 +4,7 @@ use super::Animator;
 use crate::animation::Path;
 use crate::text::decode::Fields;
 use crate::text::report::Message;
-use crate::text::schema::{CAMERA_FOLLOW, FOLLOW, POINT_FOLLOW, Word, Words};
+use crate::text::schema::{CAMERA_FOLLOW, FOLLOW, FieldSchema, NodeSchema, POINT_FOLLOW};
 use crate::text::syntax::{Node, Span, Value, ValueKind};
 use canaletto::camera::{continue_roll, has_roll};
 use canaletto::scene::Extrinsics;
@@ -80,7 +80,7 @@ impl Animator<'_> {
     }
 
     /// `follow` in place of a point's numbers.
-    pub(super) fn follow_with_point(&mut self, node: &mut Node, word: &'static Word) {
+    pub(super) fn follow_with_point(&mut self, node: &mut Node, word: &'static FieldSchema) {
         let Some(at) = node.children.iter().position(|child| &*child.name == "follow") else { return };
         let mut inner = node.children.remove(at);
         if let Some(value) = node.values.first() {
@@ -103,12 +103,12 @@ impl Animator<'_> {
     fn follow(
         &mut self,
         node: &mut Node,
-        words: &'static Words,
+        words: &'static NodeSchema,
         mut make: impl FnMut(&Path, &Fields, f64) -> Result<Vec<f64>, (Span, String)>,
     ) -> Option<Moments> {
         self.node(node, words);
         let fields = self.judge.fields(node, words, words.name);
-        if !fields.sound {
+        if !fields.valid {
             return None;
         }
         let name = fields.text("path")?;

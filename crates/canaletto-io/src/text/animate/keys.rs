@@ -6,7 +6,7 @@
 use super::{Animator, MOST_TURN, POSES, STILL};
 use crate::animation::{Curve, Ease, Key, axis_angle, quaternion, turned};
 use crate::text::report::{Message, Report};
-use crate::text::schema::{EASE, TURN, Takes, Word};
+use crate::text::schema::{EASE, FieldSchema, TURN, ValueType};
 use crate::text::syntax::{Node, Span, Value, ValueKind};
 use std::fmt;
 use std::sync::{Arc, OnceLock};
@@ -89,7 +89,7 @@ impl Animator<'_> {
 
     /// Replaces a word's keys by the value that they make now. After a mistake the first key's values stay, so that
     /// nothing is missed that isn't missing.
-    pub(super) fn keys(&mut self, node: &mut Node, word: &'static Word) {
+    pub(super) fn keys(&mut self, node: &mut Node, word: &'static FieldSchema) {
         let Some(keys) = node.keys.take() else { return };
         let ready = keys.ready.get_or_init(|| self.judged(node, &keys.children, word));
         self.judge.report.repeat(&ready.messages);
@@ -133,7 +133,7 @@ impl Animator<'_> {
     }
 
     /// Judges the keys of a word.
-    fn judged(&mut self, node: &Node, motion: &[Node], word: &'static Word) -> Ready {
+    fn judged(&mut self, node: &Node, motion: &[Node], word: &'static FieldSchema) -> Ready {
         let outer = std::mem::take(&mut self.judge.report);
         let mut ready = Ready { track: None, first: Vec::new(), untouched: false, messages: Report::default() };
         let broken = motion.iter().any(|child| &*child.name == "key" && child.broken);
@@ -144,12 +144,12 @@ impl Animator<'_> {
     }
 
     /// What keys say; nothing after a mistake, which is reported.
-    fn track(&mut self, node: &Node, motion: &[Node], word: &'static Word, ready: &mut Ready) -> Option<Track> {
+    fn track(&mut self, node: &Node, motion: &[Node], word: &'static FieldSchema, ready: &mut Ready) -> Option<Track> {
         let name = node.name.to_string();
         let keys: Vec<&Node> = motion.iter().filter(|child| &*child.name == "key").collect();
         ready.untouched = true;
-        let fixed = STILL.contains(&word.name) || matches!(word.takes, Takes::Word([_]));
-        if fixed || (matches!(word.takes, Takes::Text) && *node.name != *word.name) {
+        let fixed = STILL.contains(&word.name) || matches!(word.value_type, ValueType::Keyword([_]));
+        if fixed || (matches!(word.value_type, ValueType::Text) && *node.name != *word.name) {
             let what = if *node.name == *word.name { name } else { format!("the {} of {name}", word.name) };
             self.judge.report.error(keys[0].name_span, format!("{what} is the same in all frames, so it has no keys"));
             return None;
@@ -167,9 +167,10 @@ impl Animator<'_> {
         if self.judge.report.count() > 0 || written.is_empty() {
             return None;
         }
-        let numbers =
-            matches!(word.takes, Takes::Numbers(_) | Takes::Rgb | Takes::Many(_) | Takes::Count | Takes::Counts(_))
-                && word.name != "matrix";
+        let numbers = matches!(
+            word.value_type,
+            ValueType::Numbers(_) | ValueType::Rgb | ValueType::Many(_) | ValueType::Count | ValueType::Counts(_)
+        ) && word.name != "matrix";
         if !numbers {
             if let Some((text, span)) = &turn {
                 self.judge.report.error(*span, format!("turn \"{text}\" is for rotations"));
@@ -225,7 +226,7 @@ impl Animator<'_> {
         } else if shortest == Some(true) {
             let curve = nearest_turns(plain);
             Box::new(move |time| curve.at(time))
-        } else if matches!(word.takes, Takes::Count | Takes::Counts(_)) {
+        } else if matches!(word.value_type, ValueType::Count | ValueType::Counts(_)) {
             Box::new(move |time| plain.at(time).into_iter().map(libm::round).collect())
         } else {
             Box::new(move |time| plain.at(time))
@@ -237,7 +238,7 @@ impl Animator<'_> {
     }
 
     /// Reports an ease beside what isn't made of numbers, and holds until the next key.
-    fn may_jump(&mut self, word: &Word, written: &[Written], ease: Option<(Ease, Span)>) {
+    fn may_jump(&mut self, word: &FieldSchema, written: &[Written], ease: Option<(Ease, Span)>) {
         let beside = ease.filter(|(ease, _)| *ease != Ease::Step).map(|(_, span)| span);
         let own = written.iter().find(|k| k.ease.is_some_and(|ease| ease != Ease::Step)).map(|k| k.span);
         let Some(span) = beside.or(own) else { return };
@@ -251,7 +252,7 @@ impl Animator<'_> {
     }
 
     /// The one text of a word beside keys.
-    fn beside(&mut self, motion: &[Node], name: &str, word: &'static Word) -> Option<(String, Span)> {
+    fn beside(&mut self, motion: &[Node], name: &str, word: &'static FieldSchema) -> Option<(String, Span)> {
         let mut all = motion.iter().filter(|child| &*child.name == name);
         let node = all.next()?;
         if let Some(second) = all.next() {
@@ -264,7 +265,7 @@ impl Animator<'_> {
     }
 
     /// Reads the keys; reports what is wrong with each.
-    fn written(&mut self, keys: &[&Node], name: &str, word: &'static Word) -> Vec<Written> {
+    fn written(&mut self, keys: &[&Node], name: &str, word: &'static FieldSchema) -> Vec<Written> {
         let mut written: Vec<Written> = Vec::with_capacity(keys.len());
         for key in keys.iter().filter(|key| !key.broken) {
             let Some(key) = self.key(key, name, word) else { continue };
@@ -273,7 +274,7 @@ impl Animator<'_> {
                 continue;
             };
             let first = &written[0];
-            if key.values.len() != first.values.len() && !matches!(word.takes, Takes::Flag) {
+            if key.values.len() != first.values.len() && !matches!(word.value_type, ValueType::Flag) {
                 let (n, of) = (key.values.len(), first.values.len());
                 let message = match n {
                     1 => format!("this key of {name} has 1 value, the first one {of}"),
@@ -296,7 +297,7 @@ impl Animator<'_> {
         written
     }
 
-    fn key(&mut self, node: &Node, name: &str, word: &'static Word) -> Option<Written> {
+    fn key(&mut self, node: &Node, name: &str, word: &'static FieldSchema) -> Option<Written> {
         let Some(first) = node.values.first() else {
             let message = Message::error(node.span, "key needs its time, and then the value");
             self.judge.report.push(message.help(format!("for example: {name} {{ key 1  …; key 50  … }}")));

@@ -10,10 +10,12 @@ mod keys;
 
 pub(crate) use keys::Keys;
 
-use super::decode::{Fields, Judge};
+use super::decode::{Fields, Validator};
 use super::files::Files;
 use super::report::{Message, Report};
-use super::schema::{self, ANIMATION, CAMERA_FOLLOW, DEFAULT_FPS, FOLLOW, PATH, POINT_FOLLOW, Takes, Word, Words};
+use super::schema::{
+    self, ANIMATION, CAMERA_FOLLOW, DEFAULT_FPS, FOLLOW, FieldSchema, NodeSchema, PATH, POINT_FOLLOW, ValueType,
+};
 use super::syntax::{Node, Span};
 use crate::animation::Path;
 use std::collections::HashMap;
@@ -21,7 +23,7 @@ use std::collections::HashMap;
 /// How a scene text counts time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
-pub struct Clip {
+pub struct Timeline {
     /// Frames of a second.
     pub fps: f64,
     /// The first and the last frame, if the text says so.
@@ -31,11 +33,11 @@ pub struct Clip {
     /// Whether anything moves.
     pub moves: bool,
     /// Whether there is anything that must be replaced before decoding.
-    pub(crate) worded: bool,
+    pub(crate) has_time: bool,
 }
 
-impl Clip {
-    /// The range of [`Clip::fps`].
+impl Timeline {
+    /// The range of [`Timeline::fps`].
     pub const FPS: std::ops::RangeInclusive<f64> = 0.01..=1000.0;
 
     /// The time of a frame as keys count it.
@@ -49,16 +51,16 @@ impl Clip {
     }
 }
 
-impl Default for Clip {
-    fn default() -> Clip {
-        Clip { fps: DEFAULT_FPS, frames: None, seconds: false, moves: false, worded: false }
+impl Default for Timeline {
+    fn default() -> Timeline {
+        Timeline { fps: DEFAULT_FPS, frames: None, seconds: false, moves: false, has_time: false }
     }
 }
 
 /// What the text says about time; mistakes in it are reported.
-pub(crate) fn clip(nodes: &[Node], files: &Files, report: Report) -> (Clip, Report) {
-    let mut clip = Clip::default();
-    let mut judge = Judge::new(files, report);
+pub(crate) fn timeline(nodes: &[Node], files: &Files, report: Report) -> (Timeline, Report) {
+    let mut timeline = Timeline::default();
+    let mut judge = Validator::new(files, report);
     let mut first: Option<Span> = None;
     for node in nodes.iter().filter(|node| *node.name == *ANIMATION.name) {
         if let Some(first) = first.filter(|first| first.file == node.name_span.file) {
@@ -68,35 +70,36 @@ pub(crate) fn clip(nodes: &[Node], files: &Files, report: Report) -> (Clip, Repo
         first = Some(node.name_span);
         let fields = judge.fields(node, &ANIMATION, ANIMATION.name);
         if let Some(fps) = fields.number("fps") {
-            clip.fps = fps;
-            if !Clip::FPS.contains(&fps) {
-                let message = format!("fps is {fps}; it must be between {} and {}", Clip::FPS.start(), Clip::FPS.end());
+            timeline.fps = fps;
+            if !Timeline::FPS.contains(&fps) {
+                let message =
+                    format!("fps is {fps}; it must be between {} and {}", Timeline::FPS.start(), Timeline::FPS.end());
                 judge.report.error(fields.span("fps"), message);
-                clip.fps = DEFAULT_FPS;
+                timeline.fps = DEFAULT_FPS;
             }
         }
         if let Some([from, to]) = fields.counts("frames") {
-            clip.frames = Some([from, to]);
+            timeline.frames = Some([from, to]);
             if from > to {
                 let message = format!("the first frame, {from}, comes after the last, {to}");
                 judge.report.error(fields.span("frames"), message);
             }
         }
         if let Some(unit) = fields.text("keys") {
-            clip.seconds = unit == "seconds";
+            timeline.seconds = unit == "seconds";
         }
     }
     for node in nodes {
-        look(node, &mut clip);
+        look(node, &mut timeline);
     }
-    (clip, judge.report)
+    (timeline, judge.report)
 }
 
-fn look(node: &Node, clip: &mut Clip) {
-    clip.moves |= &*node.name == "key";
-    clip.worded |= matches!(&*node.name, "key" | "follow" | "path" | "ease" | "turn");
-    if !(clip.moves && clip.worded) {
-        node.children.iter().for_each(|child| look(child, clip));
+fn look(node: &Node, timeline: &mut Timeline) {
+    timeline.moves |= &*node.name == "key";
+    timeline.has_time |= matches!(&*node.name, "key" | "follow" | "path" | "ease" | "turn");
+    if !(timeline.moves && timeline.has_time) {
+        node.children.iter().for_each(|child| look(child, timeline));
     }
 }
 
@@ -126,21 +129,21 @@ const MOST_TURN: f64 = 150.0;
 /// one) is open are there at [`POSES`] moments, too.
 pub(crate) fn animate(
     nodes: &mut Vec<Node>,
-    clip: &Clip,
+    timeline: &Timeline,
     frame: f64,
     camera: Option<&str>,
     files: &Files,
     report: Report,
 ) -> Report {
     let mut animator = Animator {
-        judge: Judge::new(files, report),
+        judge: Validator::new(files, report),
         gathers: false,
-        time: clip.time(frame),
+        time: timeline.time(frame),
         shutter: Vec::new(),
         paths: HashMap::new(),
     };
     if let Some([open, close]) = animator.shutter(nodes, camera).filter(|[open, close]| open < close) {
-        let moment = |k: usize| clip.time(frame + open + (close - open) * k as f64 / (POSES - 1) as f64);
+        let moment = |k: usize| timeline.time(frame + open + (close - open) * k as f64 / (POSES - 1) as f64);
         animator.shutter = (0..POSES).map(moment).collect();
     }
     animator.paths(nodes);
@@ -154,7 +157,7 @@ pub(crate) fn animate(
 /// Takes keys out of the nodes of words that may have them, so that frames share them; see [`keys`].
 pub(crate) fn gather(nodes: &mut [Node], files: &Files) {
     let mut gatherer = Animator {
-        judge: Judge::new(files, Report::default()),
+        judge: Validator::new(files, Report::default()),
         gathers: true,
         time: 0.0,
         shutter: Vec::new(),
@@ -166,7 +169,7 @@ pub(crate) fn gather(nodes: &mut [Node], files: &Files) {
 }
 
 struct Animator<'a> {
-    judge: Judge<'a>,
+    judge: Validator<'a>,
     /// Whether keys are only taken out of nodes, and nothing is replaced.
     gathers: bool,
     /// When it is, as keys count.
@@ -197,7 +200,7 @@ impl Animator<'_> {
     }
 
     /// Whatever has words in its braces.
-    fn node(&mut self, node: &mut Node, words: &'static Words) {
+    fn node(&mut self, node: &mut Node, words: &'static NodeSchema) {
         if let Some(word) = &words.argument {
             self.value(node, word);
         }
@@ -217,9 +220,9 @@ impl Animator<'_> {
                 } else {
                     self.follow_with_object(&mut node.children[at]);
                 }
-            } else if let Some(word) = Judge::find(words, &name) {
-                match word.takes {
-                    Takes::Node(inner) => self.node(&mut node.children[at], inner),
+            } else if let Some(word) = Validator::find(words, &name) {
+                match word.value_type {
+                    ValueType::Node(inner) => self.node(&mut node.children[at], inner),
                     _ => self.value(&mut node.children[at], word),
                 }
             } else if words.objects && schema::objects().any(|object| object == &*name) {
@@ -230,14 +233,14 @@ impl Animator<'_> {
     }
 
     /// A word whose values may come from keys or from a path.
-    fn value(&mut self, node: &mut Node, word: &'static Word) {
+    fn value(&mut self, node: &mut Node, word: &'static FieldSchema) {
         Animator::gather(node);
         let follow = |child: &&mut Node| &*child.name == "follow";
         if node.keys.is_some() {
             if !self.gathers {
                 self.keys(node, word);
             }
-        } else if matches!(word.takes, Takes::Numbers(counts) if counts.contains(&3))
+        } else if matches!(word.value_type, ValueType::Numbers(counts) if counts.contains(&3))
             && let Some(inner) = node.children.iter_mut().find(follow)
         {
             if self.gathers {

@@ -96,7 +96,7 @@ impl Decoder<'_> {
         match given.as_slice() {
             [one] => f.raw(one).map(|_| *one),
             [] => {
-                if f.sound {
+                if f.valid {
                     let message = format!("{} needs {inline}, data or file", f.node.name);
                     self.judge.report.error(f.node.name_span, message);
                 }

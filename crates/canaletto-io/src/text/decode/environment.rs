@@ -16,7 +16,7 @@ impl Decoder<'_> {
         let kind = self.kind_after(node, "environment", &kinds)?;
         let fields = self.judge.fields(node, schema::environment(kind)?, &format!("environment \"{kind}\""));
         let rotation = self.transform(&fields);
-        self.sound &= fields.sound;
+        self.valid &= fields.valid;
         // What is missing in the text was reported; files are looked at all the same.
         let decoded = self.environment_kind(kind, &fields);
         let environment = Environment {
@@ -25,7 +25,7 @@ impl Decoder<'_> {
             ambient: fields.flag("ambient").unwrap_or(false),
             ..Environment::new(decoded?)
         };
-        if !fields.sound {
+        if !fields.valid {
             return None;
         }
         match environment.check(&self.scene.images) {
@@ -82,7 +82,7 @@ impl Decoder<'_> {
 
     fn image_of(&mut self, f: &Fields, word: &str) -> Option<u32> {
         let image = self.image(f.text(word)?, f.span(word));
-        self.sound &= image.is_some();
+        self.valid &= image.is_some();
         image
     }
 
@@ -92,7 +92,7 @@ impl Decoder<'_> {
             if f.has(word) && !f.has(other) {
                 let message = format!("the sun needs both {word} and {other}, but {other} is missing");
                 self.judge.report.error(f.span(word), message);
-                self.sound = false;
+                self.valid = false;
                 return None;
             }
         }
@@ -100,7 +100,7 @@ impl Decoder<'_> {
         if let [first, second, ..] = ways[..] {
             let message = Message::error(f.span(second), format!("the sun's place is said by {first} already"));
             self.judge.report.push(message.help("it takes either sun, or height and azimuth, or place and date"));
-            self.sound = false;
+            self.valid = false;
             return None;
         }
         match ways.first() {
@@ -111,7 +111,7 @@ impl Decoder<'_> {
                 if !(0.0..=90.0).contains(&height) {
                     let message = format!("height is {height}; it must be between 0 and 90 degrees");
                     self.judge.report.error(f.span("height"), message);
-                    self.sound = false;
+                    self.valid = false;
                     return None;
                 }
                 Some(bearing(height, azimuth).as_vec3())
@@ -123,7 +123,7 @@ impl Decoder<'_> {
                         "place is {latitude} {longitude}; it must be -90 to 90 degrees north and -180 to 180 degrees east"
                     );
                     self.judge.report.error(f.span("place"), message);
-                    self.sound = false;
+                    self.valid = false;
                     return None;
                 }
                 match moment(f.text("date")?) {
@@ -133,7 +133,7 @@ impl Decoder<'_> {
                         self.judge.report.push(
                             message.help("write date \"2026-06-21T11:30+02:00\", or a Z at the end for universal time"),
                         );
-                        self.sound = false;
+                        self.valid = false;
                         None
                     }
                 }

@@ -1,9 +1,9 @@
 //! A node's words, judged by the schema.
 
+use crate::text::closest_word::closest_word;
 use crate::text::files::Files;
-use crate::text::nearest::nearest;
 use crate::text::report::{Message, Report};
-use crate::text::schema::{self, SYNONYMS, TRANSFORMS, Takes, Word, Words, objects};
+use crate::text::schema::{self, FieldSchema, NodeSchema, SYNONYMS, TRANSFORMS, ValueType, objects};
 use crate::text::syntax::{Node, Span, Value, ValueKind};
 use canaletto::math::Rgb;
 use glam::{DVec3, Vec3};
@@ -11,20 +11,20 @@ use glam::{DVec3, Vec3};
 /// What a node says, every value checked for its form. What is wrong was reported.
 pub(crate) struct Fields<'a> {
     pub(crate) node: &'a Node,
-    got: Vec<Got<'a>>,
+    got: Vec<Entry<'a>>,
     /// The transforms in the order written.
-    pub(crate) transforms: Vec<Got<'a>>,
+    pub(crate) transforms: Vec<Entry<'a>>,
     /// The objects and lights inside.
     pub(crate) objects: Vec<&'a Node>,
     /// Whether all of it is right and there.
-    pub(crate) sound: bool,
+    pub(crate) valid: bool,
     /// Words that are probably meant by wrong ones, so that nobody need miss them.
     meant: Vec<&'static str>,
 }
 
 /// A word with its values.
-pub(crate) struct Got<'a> {
-    pub(crate) word: &'static Word,
+pub(crate) struct Entry<'a> {
+    pub(crate) word: &'static FieldSchema,
     pub(crate) values: &'a [Value],
     /// The node whose values they are; nothing for a property.
     pub(crate) node: Option<&'a Node>,
@@ -33,7 +33,7 @@ pub(crate) struct Got<'a> {
 }
 
 /// What decides about values: where to report, and the files.
-pub(crate) struct Judge<'a> {
+pub(crate) struct Validator<'a> {
     pub(crate) files: &'a Files,
     pub(crate) report: Report,
     /// How many names were searched for that are like an unknown one.
@@ -43,19 +43,19 @@ pub(crate) struct Judge<'a> {
 /// The most unknown names for which similar ones are searched.
 const MAX_GUESSES: usize = 50;
 
-impl<'a> Judge<'a> {
-    pub(crate) fn new(files: &'a Files, report: Report) -> Judge<'a> {
-        Judge { files, report, guesses: 0 }
+impl<'a> Validator<'a> {
+    pub(crate) fn new(files: &'a Files, report: Report) -> Validator<'a> {
+        Validator { files, report, guesses: 0 }
     }
 
     /// The words of a node. `title` is what to call it.
-    pub(crate) fn fields<'n>(&mut self, node: &'n Node, words: &'static Words, title: &str) -> Fields<'n> {
+    pub(crate) fn fields<'n>(&mut self, node: &'n Node, words: &'static NodeSchema, title: &str) -> Fields<'n> {
         let mut fields = Fields {
             node,
             got: Vec::new(),
             transforms: Vec::new(),
             objects: Vec::new(),
-            sound: !node.broken,
+            valid: !node.broken,
             meant: Vec::new(),
         };
         self.argument(node, words, title, &mut fields);
@@ -64,11 +64,11 @@ impl<'a> Judge<'a> {
             let span = Span { end: property.value.span.end, ..property.key_span };
             match find(words, &property.key) {
                 Some(word) => {
-                    let got = Got { word, values, node: None, span, good: true };
+                    let got = Entry { word, values, node: None, span, good: true };
                     self.add(&mut fields, got, property.key_span, title);
                 }
                 None => {
-                    fields.sound = false;
+                    fields.valid = false;
                     fields.meant.extend(self.unknown(&property.key, property.key_span, words, title));
                 }
             }
@@ -79,12 +79,12 @@ impl<'a> Judge<'a> {
             }
             match find(words, &child.name) {
                 Some(word) => {
-                    let got = Got { word, values: &child.values, node: Some(child), span: child.span, good: true };
+                    let got = Entry { word, values: &child.values, node: Some(child), span: child.span, good: true };
                     self.add(&mut fields, got, child.name_span, title);
                 }
                 None if words.objects && objects().any(|name| *name == *child.name) => fields.objects.push(child),
                 None => {
-                    fields.sound = false;
+                    fields.valid = false;
                     fields.meant.extend(self.unknown(&child.name, child.name_span, words, title));
                 }
             }
@@ -94,14 +94,14 @@ impl<'a> Judge<'a> {
     }
 
     /// The values right after the node's name.
-    fn argument<'n>(&mut self, node: &'n Node, words: &'static Words, title: &str, fields: &mut Fields<'n>) {
+    fn argument<'n>(&mut self, node: &'n Node, words: &'static NodeSchema, title: &str, fields: &mut Fields<'n>) {
         let (Some(first), Some(last)) = (node.values.first(), node.values.last()) else { return };
         let span = Span { end: last.span.end, ..first.span };
         let Some(word) = &words.argument else {
             if node.broken {
                 return;
             }
-            fields.sound = false;
+            fields.valid = false;
             let mut message = Message::error(span, format!("{title} takes no values right after its name"));
             if let (Some(text), Some(_)) = (first.as_text(), words.word("name")) {
                 message = message.help(format!("a name is written name={text:?}"));
@@ -111,39 +111,40 @@ impl<'a> Judge<'a> {
             self.report.push(message);
             return;
         };
-        let got = Got { word, values: &node.values, node: None, span, good: !node.broken };
+        let got = Entry { word, values: &node.values, node: None, span, good: !node.broken };
         let good = got.good && self.judge(title, word, &got);
-        fields.sound &= good;
-        fields.got.push(Got { good, ..got });
+        fields.valid &= good;
+        fields.got.push(Entry { good, ..got });
     }
 
-    fn add<'n>(&mut self, fields: &mut Fields<'n>, mut got: Got<'n>, key: Span, title: &str) {
+    fn add<'n>(&mut self, fields: &mut Fields<'n>, mut got: Entry<'n>, key: Span, title: &str) {
         let repeatable = TRANSFORMS.iter().any(|word| std::ptr::eq(word, got.word));
         let earlier = fields.got.iter().find(|other| other.word.name == got.word.name).map(|other| other.span);
         if let Some(earlier) = earlier.filter(|_| !repeatable && !got.word.many) {
             let place = self.files.first(earlier, key);
             let message = Message::error(key, format!("{title} has two {}", plural(got.word.name)));
             self.report.push(message.label(place));
-            fields.sound = false;
+            fields.valid = false;
             return;
         }
         got.good = match got.node {
             Some(node) if node.broken => false,
             // A node with words of its own is judged when they are read.
-            Some(_) if matches!(got.word.takes, Takes::Node(_)) => true,
+            Some(_) if matches!(got.word.value_type, ValueType::Node(_)) => true,
             Some(node) => self.plain(node) && self.judge(got.word.name, got.word, &got),
             None => self.judge(got.word.name, got.word, &got),
         };
-        fields.sound &= got.good;
+        fields.valid &= got.good;
         if repeatable { fields.transforms.push(got) } else { fields.got.push(got) }
     }
 
-    fn missing(&mut self, words: &'static Words, title: &str, fields: &mut Fields) {
-        let has =
-            |word: &Word| fields.got.iter().any(|got| got.word.name == word.name) || fields.meant.contains(&word.name);
+    fn missing(&mut self, words: &'static NodeSchema, title: &str, fields: &mut Fields) {
+        let has = |word: &FieldSchema| {
+            fields.got.iter().any(|got| got.word.name == word.name) || fields.meant.contains(&word.name)
+        };
         let needed = words.argument.iter().chain(words.own()).filter(|word| word.needed);
         let missing: Vec<&str> = needed.filter(|word| !has(word)).map(|word| word.name).collect();
-        fields.sound &= fields.meant.is_empty();
+        fields.valid &= fields.meant.is_empty();
         if missing.is_empty() {
             return;
         }
@@ -160,11 +161,11 @@ impl<'a> Judge<'a> {
             }
             self.report.push(message);
         }
-        fields.sound = false;
+        fields.valid = false;
     }
 
     /// Reports a word that isn't known here; gives the one that is probably meant.
-    fn unknown(&mut self, name: &str, span: Span, words: &'static Words, title: &str) -> Option<&'static str> {
+    fn unknown(&mut self, name: &str, span: Span, words: &'static NodeSchema, title: &str) -> Option<&'static str> {
         let allowed = words.allowed();
         let message = Message::error(span, format!("{title} has no \"{}\"", short(name)));
         let elsewhere = schema::top().into_iter().any(|word| word == name);
@@ -189,7 +190,7 @@ impl<'a> Judge<'a> {
         let message = Message::error(node.name_span, format!("there is no node \"{}\"", short(&node.name)));
         let home = schema::home(&node.name);
         self.report.push(message.help(match home {
-            Some(home) if nearest(&node.name, allowed.iter().copied()).is_none() => {
+            Some(home) if closest_word(&node.name, allowed.iter().copied()).is_none() => {
                 format!("{} belongs into the braces of {home}", node.name)
             }
             _ => suggestion(&node.name, &allowed).1,
@@ -214,7 +215,7 @@ impl<'a> Judge<'a> {
             self.report.push(message);
             return;
         }
-        let help = match nearest(name, known.clone()) {
+        let help = match closest_word(name, known.clone()) {
             Some(right) => format!("did you mean \"{right}\"?"),
             None => {
                 let mut names: Vec<&str> = known.take(21).collect();
@@ -231,8 +232,8 @@ impl<'a> Judge<'a> {
     }
 
     /// Whether these values are what a word takes; `node` is where they stand. Reports if not.
-    pub(crate) fn values(&mut self, subject: &str, word: &'static Word, values: &[Value], node: &Node) -> bool {
-        self.judge(subject, word, &Got { word, values, node: Some(node), span: node.span, good: true })
+    pub(crate) fn values(&mut self, subject: &str, word: &'static FieldSchema, values: &[Value], node: &Node) -> bool {
+        self.judge(subject, word, &Entry { word, values, node: Some(node), span: node.span, good: true })
     }
 
     /// Whether the node holds values and nothing else; reports if not.
@@ -246,30 +247,30 @@ impl<'a> Judge<'a> {
     }
 
     /// The word of this name that may stand in a node of `words`.
-    pub(crate) fn find(words: &'static Words, name: &str) -> Option<&'static Word> {
+    pub(crate) fn find(words: &'static NodeSchema, name: &str) -> Option<&'static FieldSchema> {
         find(words, name)
     }
 
     /// Whether the values are what the word takes; reports if not.
-    fn judge(&mut self, subject: &str, word: &Word, got: &Got) -> bool {
+    fn judge(&mut self, subject: &str, word: &FieldSchema, got: &Entry) -> bool {
         let values = got.values;
-        let counts: &[usize] = match word.takes {
-            Takes::Numbers(counts) => counts,
-            Takes::Rgb => &[1, 3],
-            Takes::Counts(2) => &[2],
-            Takes::Counts(3) => &[3],
-            Takes::Counts(_) => &[4],
-            Takes::Flag if got.node.is_some() => &[0, 1],
-            Takes::Many(n) => return self.many(subject, n, got),
+        let counts: &[usize] = match word.value_type {
+            ValueType::Numbers(counts) => counts,
+            ValueType::Rgb => &[1, 3],
+            ValueType::Counts(2) => &[2],
+            ValueType::Counts(3) => &[3],
+            ValueType::Counts(_) => &[4],
+            ValueType::Flag if got.node.is_some() => &[0, 1],
+            ValueType::Many(n) => return self.many(subject, n, got),
             _ => &[1],
         };
         if !counts.contains(&values.len()) {
             let message = if counts.len() == 1 && values.is_empty() {
-                format!("{subject} takes {}, got nothing", word.takes)
-            } else if counts == [1] || matches!(word.takes, Takes::Flag) {
-                format!("{subject} takes one value, {}, got {} values", word.takes, values.len())
+                format!("{subject} takes {}, got nothing", word.value_type)
+            } else if counts == [1] || matches!(word.value_type, ValueType::Flag) {
+                format!("{subject} takes one value, {}, got {} values", word.value_type, values.len())
             } else {
-                format!("{subject} takes {}, got {}", word.takes, values.len())
+                format!("{subject} takes {}, got {}", word.value_type, values.len())
             };
             let mut message = Message::error(got.span, message);
             if got.node.is_none() && !counts.contains(&1) {
@@ -289,7 +290,7 @@ impl<'a> Judge<'a> {
         good
     }
 
-    fn many(&mut self, subject: &str, n: usize, got: &Got) -> bool {
+    fn many(&mut self, subject: &str, n: usize, got: &Entry) -> bool {
         let Some(wrong) = got.values.iter().find(|v| !v.as_number().is_some_and(is_usable)) else {
             let count = got.values.len();
             if count == 0 || !count.is_multiple_of(n) {
@@ -301,16 +302,16 @@ impl<'a> Judge<'a> {
             }
             return true;
         };
-        self.number(subject, Takes::Many(n), wrong)
+        self.number(subject, ValueType::Many(n), wrong)
     }
 
     /// Whether a single value fits.
-    fn one(&mut self, subject: &str, word: &Word, value: &Value) -> bool {
-        match (word.takes, &value.kind) {
-            (Takes::Numbers(_) | Takes::Rgb, _) => self.number(subject, word.takes, value),
-            (Takes::Count | Takes::Counts(_), _) => {
+    fn one(&mut self, subject: &str, word: &FieldSchema, value: &Value) -> bool {
+        match (word.value_type, &value.kind) {
+            (ValueType::Numbers(_) | ValueType::Rgb, _) => self.number(subject, word.value_type, value),
+            (ValueType::Count | ValueType::Counts(_), _) => {
                 let Some(number) = value.as_number().filter(|n| n.is_finite()) else {
-                    return self.number(subject, word.takes, value);
+                    return self.number(subject, word.value_type, value);
                 };
                 let whole = number.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(&number);
                 if !whole {
@@ -318,30 +319,32 @@ impl<'a> Judge<'a> {
                 }
                 whole
             }
-            (Takes::Flag, ValueKind::Flag(_)) | (Takes::Text, ValueKind::Text(_)) => true,
-            (Takes::Word(allowed), ValueKind::Text(text)) => {
+            (ValueType::Flag, ValueKind::Flag(_)) | (ValueType::Text, ValueKind::Text(_)) => true,
+            (ValueType::Keyword(allowed), ValueKind::Text(text)) => {
                 let known = allowed.contains(&&**text);
                 if !known {
                     let message = Message::error(value.span, format!("{subject} can't be \"{}\"", short(text)));
-                    self.report.push(message.help(match nearest(text, allowed.iter().copied()) {
-                        Some(right) => format!("did you mean \"{right}\"? It can be {}", word.takes),
-                        None => format!("it can be {}", word.takes),
+                    self.report.push(message.help(match closest_word(text, allowed.iter().copied()) {
+                        Some(right) => format!("did you mean \"{right}\"? It can be {}", word.value_type),
+                        None => format!("it can be {}", word.value_type),
                     }));
                 }
                 known
             }
-            (Takes::Node(words), _) => match &words.argument {
+            (ValueType::Node(words), _) => match &words.argument {
                 Some(argument) => self.one(subject, argument, value),
                 None => true,
             },
-            (takes, _) => {
+            (value_type, _) => {
                 let mut message =
-                    Message::error(value.span, format!("{subject} takes {takes}, got {}", describe(value)));
-                match (takes, value.as_text()) {
-                    (Takes::Flag, Some("yes" | "on")) => message = message.help("write #true"),
-                    (Takes::Flag, Some("no" | "off")) => message = message.help("write #false"),
-                    (Takes::Flag, Some(text @ ("true" | "false"))) => message = message.help(format!("write #{text}")),
-                    (Takes::Text | Takes::Word(_), None) => message = message.help("texts stand in quotes"),
+                    Message::error(value.span, format!("{subject} takes {value_type}, got {}", describe(value)));
+                match (value_type, value.as_text()) {
+                    (ValueType::Flag, Some("yes" | "on")) => message = message.help("write #true"),
+                    (ValueType::Flag, Some("no" | "off")) => message = message.help("write #false"),
+                    (ValueType::Flag, Some(text @ ("true" | "false"))) => {
+                        message = message.help(format!("write #{text}"))
+                    }
+                    (ValueType::Text | ValueType::Keyword(_), None) => message = message.help("texts stand in quotes"),
                     _ => {}
                 }
                 self.report.push(message);
@@ -351,7 +354,7 @@ impl<'a> Judge<'a> {
     }
 
     /// A number that `f32` holds.
-    fn number(&mut self, subject: &str, takes: Takes, value: &Value) -> bool {
+    fn number(&mut self, subject: &str, value_type: ValueType, value: &Value) -> bool {
         let (message, help) = match value.kind {
             ValueKind::Number(number) if is_usable(number) => return true,
             ValueKind::Number(number) if number.is_finite() => {
@@ -368,7 +371,7 @@ impl<'a> Judge<'a> {
                     }
                     _ => "",
                 };
-                (format!("{subject} takes {takes}, got {}", describe(value)), help)
+                (format!("{subject} takes {value_type}, got {}", describe(value)), help)
             }
         };
         let message = Message::error(value.span, message);
@@ -378,12 +381,12 @@ impl<'a> Judge<'a> {
 }
 
 impl<'a> Fields<'a> {
-    fn got(&self, name: &str) -> Option<&Got<'a>> {
+    fn got(&self, name: &str) -> Option<&Entry<'a>> {
         self.got.iter().find(|got| got.word.name == name)
     }
 
     /// Every place where a word stands that may stand more than once.
-    pub(crate) fn every(&self, name: &str) -> impl Iterator<Item = &Got<'a>> {
+    pub(crate) fn every(&self, name: &str) -> impl Iterator<Item = &Entry<'a>> {
         self.got.iter().filter(move |got| got.word.name == name && got.good)
     }
 
@@ -398,7 +401,7 @@ impl<'a> Fields<'a> {
     }
 
     /// The word's node, or its one value if it is a property.
-    pub(crate) fn raw(&self, name: &str) -> Option<&Got<'a>> {
+    pub(crate) fn raw(&self, name: &str) -> Option<&Entry<'a>> {
         self.got(name).filter(|got| got.good)
     }
 
@@ -453,7 +456,7 @@ impl<'a> Fields<'a> {
     }
 }
 
-impl Got<'_> {
+impl Entry<'_> {
     pub(crate) fn numbers<const N: usize>(&self) -> Option<[f64; N]> {
         if !self.good || self.values.len() != N {
             return None;
@@ -472,9 +475,9 @@ impl Got<'_> {
     }
 
     /// The same word with the values that it has at a moment while the shutter is open; itself if it stays.
-    pub(crate) fn at(&self, moment: usize) -> Got<'_> {
+    pub(crate) fn at(&self, moment: usize) -> Entry<'_> {
         let values = self.node.and_then(|node| node.moving.get(moment)).map_or(self.values, Vec::as_slice);
-        Got { word: self.word, values, node: self.node, span: self.span, good: self.good }
+        Entry { word: self.word, values, node: self.node, span: self.span, good: self.good }
     }
 
     /// Whether keys move it while the shutter is open.
@@ -488,7 +491,7 @@ impl Got<'_> {
     }
 }
 
-fn find(words: &'static Words, name: &str) -> Option<&'static Word> {
+fn find(words: &'static NodeSchema, name: &str) -> Option<&'static FieldSchema> {
     let motion = || (words.may_move() && name == schema::MOTION_WORD.name).then_some(&schema::MOTION_WORD);
     let transform = || TRANSFORMS.iter().find(|word| words.transforms && word.name == name);
     words.word(name).or_else(transform).or_else(motion)
@@ -506,7 +509,7 @@ fn suggestion(wrong: &str, allowed: &[&'static str]) -> (Option<&'static str>, S
         .find(|word| ***word == lower)
         .or_else(|| allowed.iter().find(|word| SYNONYMS.contains(&(lower.as_str(), **word))))
         .copied()
-        .or_else(|| nearest(&lower, allowed.iter().copied()));
+        .or_else(|| closest_word(&lower, allowed.iter().copied()));
     let list = match allowed {
         [] => "nothing can stand here".to_owned(),
         _ => format!("possible here: {}", allowed.join(", ")),

@@ -1,32 +1,32 @@
 //! A camera's lens, and its way while the shutter is open.
 
 use super::Decoder;
-use super::fields::{Fields, Got};
+use super::fields::{Entry, Fields};
 use crate::text::report::Message;
-use crate::text::schema::{self, DEFAULT_BLADES, DEFAULT_LENS_ROTATION, Words};
+use crate::text::schema::{self, DEFAULT_BLADES, DEFAULT_LENS_ROTATION, NodeSchema};
 use canaletto::scene::{Aperture, Extrinsics, Focus, Lens};
 
 impl Decoder<'_> {
     /// The words in the block that a word stands before; nothing after a mistake in them.
-    pub(super) fn block<'n>(&mut self, fields: &Fields<'n>, words: &'static Words) -> Option<Fields<'n>> {
+    pub(super) fn block<'n>(&mut self, fields: &Fields<'n>, words: &'static NodeSchema) -> Option<Fields<'n>> {
         let Some(node) = fields.raw(words.name)?.node else {
             let message = Message::error(fields.span(words.name), format!("{} takes a block", words.name));
             self.judge.report.push(message.help(format!("for example: {}", words.example)));
-            self.sound = false;
+            self.valid = false;
             return None;
         };
         let inner = self.judge.fields(node, words, words.name);
-        self.sound &= inner.sound;
-        inner.sound.then_some(inner)
+        self.valid &= inner.valid;
+        inner.valid.then_some(inner)
     }
 
     /// Where the camera goes while the shutter is open, from where it is.
     pub(super) fn camera_motion(&mut self, camera: &Fields, from: Extrinsics) -> Option<Vec<Extrinsics>> {
         let fields = self.block(camera, &schema::CAMERA_MOTION)?;
-        if ["eye", "center", "up"].into_iter().any(|word| camera.raw(word).is_some_and(Got::moves)) {
+        if ["eye", "center", "up"].into_iter().any(|word| camera.raw(word).is_some_and(Entry::moves)) {
             let message = "both keys and motion say how the camera moves while the shutter is open";
             self.judge.report.error(camera.span("motion"), message);
-            self.sound = false;
+            self.valid = false;
             return None;
         }
         let to = Extrinsics {
@@ -48,7 +48,7 @@ impl Decoder<'_> {
             (None, None) => {
                 let message = Message::error(fields.node.name_span, "lens needs its radius or its f-number");
                 self.judge.report.push(message.help(format!("for example: {}", schema::LENS.example)));
-                self.sound = false;
+                self.valid = false;
                 return None;
             }
         };
@@ -70,7 +70,7 @@ impl Decoder<'_> {
         if fields.has(one) && fields.has(other) {
             let name = &fields.node.name;
             self.judge.report.error(fields.span(other), format!("{name} has either {one} or {other}"));
-            self.sound = false;
+            self.valid = false;
         }
     }
 }

@@ -3,7 +3,7 @@
 use super::Decoder;
 use super::fields::Fields;
 use super::object::exact_points;
-use crate::text::nearest::nearest;
+use crate::text::closest_word::closest_word;
 use crate::text::report::Message;
 use crate::text::schema::{self, DEFAULT_INNER, DEFAULT_INTENSITY, DEFAULT_POINTS, LIGHTS};
 use crate::text::syntax::Node;
@@ -21,7 +21,7 @@ impl Decoder<'_> {
         let title = format!("light \"{kind}\"");
         let fields = self.judge.fields(node, schema::light(kind)?, &title);
         let (transform, motion) = self.placed_in_time(&fields);
-        self.sound &= fields.sound;
+        self.valid &= fields.valid;
         let mut light =
             Light::new(self.kind(kind, &fields)?, fields.rgb("intensity").unwrap_or(Rgb::gray(DEFAULT_INTENSITY)));
         light.name = fields.text("name").map(Into::into);
@@ -34,7 +34,7 @@ impl Decoder<'_> {
             self.out_of_range(&fields, "samples is 0; it must be between 1 and 4096");
         }
         light.attenuation = fields.vec("attenuation").map_or(light.attenuation, |v| v.to_array());
-        if fields.sound
+        if fields.valid
             && let Err(problem) = light.check()
         {
             self.out_of_range(&fields, &problem);
@@ -71,7 +71,7 @@ impl Decoder<'_> {
             None => format!("{what} takes its kind as a text"),
         };
         let same = |text: &str| kinds.iter().copied().find(|kind| schema::SYNONYMS.contains(&(text, *kind)));
-        let help = match text.and_then(|text| same(text).or_else(|| nearest(text, kinds.iter().copied()))) {
+        let help = match text.and_then(|text| same(text).or_else(|| closest_word(text, kinds.iter().copied()))) {
             Some(right) => format!("did you mean \"{right}\"? K{list}"),
             None => format!("k{list}"),
         };
@@ -126,7 +126,7 @@ impl Decoder<'_> {
             if f.has(word) && !f.has(other) {
                 let message = format!("a beam needs both axis and radius, but {other} is missing");
                 self.judge.report.error(f.span(word), message);
-                self.sound = false;
+                self.valid = false;
             }
         }
         Some((f.vec("axis")?, f.real("radius")?))
@@ -139,7 +139,7 @@ impl Decoder<'_> {
             self.judge
                 .report
                 .push(message.help("inner and outer make a smooth edge; exponent falls off from the axis on"));
-            self.sound = false;
+            self.valid = false;
         }
         self.doubt_degrees(f, "outer");
         Some(match f.real("exponent") {

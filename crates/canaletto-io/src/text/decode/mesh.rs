@@ -46,7 +46,7 @@ impl Decoder<'_> {
                         Ok(()) => {}
                         Err(problem) => {
                             self.judge.report.error(fields.span("file"), format!("\"{file}\": {problem}"));
-                            self.sound = false;
+                            self.valid = false;
                         }
                     }
                     self.scene.meshes.push(mesh);
@@ -69,7 +69,7 @@ impl Decoder<'_> {
 
     /// Reports what is wrong with a file that a node names. A message about the whole file points at the node.
     pub(super) fn file_failed(&mut self, fields: &Fields, file: &str, errors: Diagnostics) {
-        self.sound = false;
+        self.valid = false;
         let whole = errors.len() == 1 && errors.iter().all(|d| d.span.is_none() && d.severity == Severity::Error);
         if !whole {
             self.judge.report.append(errors);

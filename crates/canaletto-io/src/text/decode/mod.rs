@@ -16,15 +16,15 @@ mod surface_texture;
 mod texture;
 mod transform;
 
+use super::file_cache::Keep;
 use super::files::Files;
-use super::keep::Keep;
 use super::report::{Message, Report};
 use super::syntax::{self, Node};
 use crate::assets::Assets;
 use canaletto::material::{Material, Target};
 use canaletto::math::Rgb;
 use canaletto::scene::{self, Content, Scene, Stage, View};
-pub(crate) use fields::{Fields, Judge};
+pub(crate) use fields::{Fields, Validator};
 use names::Names;
 pub(crate) use roll::Neighbours;
 use std::collections::HashMap;
@@ -38,7 +38,7 @@ pub(crate) fn decode(
     keep: &mut Keep,
     neighbours: &Neighbours,
 ) -> (Option<Scene>, Report) {
-    let mut judge = Judge::new(files, report);
+    let mut judge = Validator::new(files, report);
     let names = Names::collect(nodes, &mut judge);
     let mut decoder = Decoder::new(judge, assets, names, keep, neighbours);
     decoder.scene.prototypes = vec![scene::Node::new(Content::Group(Vec::new())); decoder.names.slots()];
@@ -61,12 +61,12 @@ pub(crate) fn decode(
     if !decoder.judge.report.has_errors() {
         decoder.warn(nodes);
     }
-    (decoder.sound.then_some(decoder.scene), decoder.judge.report)
+    (decoder.valid.then_some(decoder.scene), decoder.judge.report)
 }
 
 /// The cameras of these nodes, as far as they can be read; mistakes in them are not told.
 pub(crate) fn views(nodes: &[Node], files: &Files, assets: &dyn Assets) -> Vec<View> {
-    let mut judge = Judge::new(files, Report::default());
+    let mut judge = Validator::new(files, Report::default());
     let names = Names::collect(nodes, &mut judge);
     let mut keep = Keep::new(false);
     let mut decoder = Decoder::new(judge, assets, names, &mut keep, &|_| Vec::new());
@@ -75,7 +75,7 @@ pub(crate) fn views(nodes: &[Node], files: &Files, assets: &dyn Assets) -> Vec<V
 }
 
 struct Decoder<'a> {
-    judge: Judge<'a>,
+    judge: Validator<'a>,
     assets: &'a dyn Assets,
     scene: Scene,
     /// Where each texture of the scene text stands in the scene's list.
@@ -91,7 +91,7 @@ struct Decoder<'a> {
     keep: &'a mut Keep,
     neighbours: &'a Neighbours<'a>,
     /// Whether the scene can be used, as far as it was read.
-    sound: bool,
+    valid: bool,
 }
 
 fn is_object(node: &Node) -> bool {
@@ -100,7 +100,7 @@ fn is_object(node: &Node) -> bool {
 
 impl<'a> Decoder<'a> {
     fn new(
-        judge: Judge<'a>,
+        judge: Validator<'a>,
         assets: &'a dyn Assets,
         names: Names<'a>,
         keep: &'a mut Keep,
@@ -118,7 +118,7 @@ impl<'a> Decoder<'a> {
             meshes: HashMap::new(),
             keep,
             neighbours,
-            sound: true,
+            valid: true,
         }
     }
 }

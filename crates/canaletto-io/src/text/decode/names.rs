@@ -1,6 +1,6 @@
 //! The names of objects, and which of them instances repeat.
 
-use super::fields::Judge;
+use super::fields::Validator;
 use crate::text::report::Message;
 use crate::text::schema::objects;
 use crate::text::syntax::{Node, Span};
@@ -20,7 +20,7 @@ struct Target {
 
 impl<'a> Names<'a> {
     /// Finds all names; reports those that two objects share, and instances of themselves.
-    pub(crate) fn collect(nodes: &'a [Node], judge: &mut Judge) -> Names<'a> {
+    pub(crate) fn collect(nodes: &'a [Node], judge: &mut Validator) -> Names<'a> {
         let mut names = Names { by_name: HashMap::new(), slots: 0 };
         let mut repeated = HashSet::new();
         for node in nodes {
@@ -54,7 +54,7 @@ impl<'a> Names<'a> {
         self.by_name.keys().copied()
     }
 
-    fn find(&mut self, node: &'a Node, repeated: &mut HashSet<&'a str>, judge: &mut Judge) {
+    fn find(&mut self, node: &'a Node, repeated: &mut HashSet<&'a str>, judge: &mut Validator) {
         if !objects().any(|name| name == &*node.name) {
             return;
         }
@@ -121,7 +121,7 @@ impl<'a> Names<'a> {
 }
 
 /// Finds circles of names that hold each other, each once.
-fn report_cycles(names: &Names, edges: &HashMap<&str, Vec<(&str, Span)>>, judge: &mut Judge) {
+fn report_cycles(names: &Names, edges: &HashMap<&str, Vec<(&str, Span)>>, judge: &mut Validator) {
     let mut starts: Vec<(&str, Span)> = names.by_name.iter().map(|(name, target)| (*name, target.span)).collect();
     starts.sort_by_key(|(_, span)| (span.file, span.start));
     let mut done: HashSet<&str> = HashSet::new();

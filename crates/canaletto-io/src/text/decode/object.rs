@@ -23,7 +23,7 @@ impl Decoder<'_> {
     /// An object or light and what stands in it. Nothing for prototypes, and after a mistake.
     pub(super) fn object(&mut self, node: &Node) -> Option<scene::Node> {
         let decoded = if &*node.name == "light" { self.light(node) } else { self.placed(node) };
-        self.sound &= decoded.is_some();
+        self.valid &= decoded.is_some();
         let decoded = decoded?;
         let Some(slot) = self.names.slot_of(node) else { return Some(decoded) };
         // Instances repeat it: it moves to the prototypes, and its place shows one more copy.
@@ -49,7 +49,7 @@ impl Decoder<'_> {
             _ => self.shape(&fields),
         };
         let name = fields.text("name").map(Into::into);
-        self.sound &= fields.sound;
+        self.valid &= fields.valid;
         let (transform, motion) = (transform.into(), motion.into());
         let node = scene::Node { name, material, transform, motion, ..scene::Node::new(content?) };
         Some(node.with_points(&exact_points(&fields)))
@@ -58,11 +58,11 @@ impl Decoder<'_> {
     fn group(&mut self, fields: &Fields) -> Vec<scene::Node> {
         let mut nodes = Vec::with_capacity(fields.objects.len());
         for node in &fields.objects {
-            let sound = self.sound;
+            let valid = self.valid;
             match self.object(node) {
                 Some(node) => nodes.push(node),
                 // A prototype leaves nothing in its place.
-                None if &*node.name == "prototype" => self.sound &= sound,
+                None if &*node.name == "prototype" => self.valid &= valid,
                 None => {}
             }
         }
@@ -84,7 +84,7 @@ impl Decoder<'_> {
         let name = fields.text("material")?;
         let Some(index) = self.materials.get(name).copied() else {
             self.judge.unknown_name("material", name, fields.span("material"), self.materials.keys().copied());
-            self.sound = false;
+            self.valid = false;
             return None;
         };
         self.used[index as usize] = true;
@@ -126,7 +126,7 @@ impl Decoder<'_> {
         };
         // Far from zero a sound shape may have lost its form to rounding.
         let near = scene::Node::from(shape).with_points(&exact_points(f)).shape_at_its_first_point();
-        if f.sound
+        if f.valid
             && near.is_none_or(|near| near.check().is_err())
             && let Err(problem) = shape.check()
         {

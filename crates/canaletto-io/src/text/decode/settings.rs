@@ -3,10 +3,10 @@
 //! Of a node that stands in several files, the later ones change what they say and keep the rest.
 
 use super::Decoder;
-use super::fields::{Fields, Got};
+use super::fields::{Entry, Fields};
 use crate::text::animate::POSES;
 use crate::text::report::Message;
-use crate::text::schema::{self, Words};
+use crate::text::schema::{self, NodeSchema};
 use crate::text::syntax::{self, Node, Span};
 use canaletto::camera::Camera;
 use canaletto::material::{Material, Phong};
@@ -34,7 +34,7 @@ impl<'a> Decoder<'a> {
                 .map_or("material".into(), |n| format!("material \"{n}\""));
             let unpacked = node.packed.and_then(|_| syntax::unpack(node, self.judge.files.slice(node.span)).pop());
             let fields = self.judge.fields(unpacked.as_ref().unwrap_or(node), &schema::MATERIAL, &title);
-            self.sound &= fields.sound;
+            self.valid &= fields.valid;
             // What is packed keeps its name, which outlives what was read again.
             let kept = node.values.first().and_then(|v| v.as_text()).or_else(|| Some(node.text("name")?.0));
             let Some(name) = kept.filter(|_| fields.text("name").is_some()) else { continue };
@@ -43,7 +43,7 @@ impl<'a> Decoder<'a> {
                 let place = self.judge.files.first(first, span);
                 let message = Message::error(span, format!("two materials are called \"{name}\""));
                 self.judge.report.push(message.label(place));
-                self.sound = false;
+                self.valid = false;
                 continue;
             }
             let d = Phong::default();
@@ -100,15 +100,15 @@ impl<'a> Decoder<'a> {
                 };
                 let message = Message::error(node.name_span, format!("the file has {what}"));
                 self.judge.report.push(message.label(place));
-                self.sound = false;
+                self.valid = false;
             }
             if &*node.name == "environment" {
                 let environment = self.environment(node);
-                self.sound &= environment.is_some();
+                self.valid &= environment.is_some();
                 self.scene.environment = environment;
                 continue;
             }
-            let words: &'static Words = match &*node.name {
+            let words: &'static NodeSchema = match &*node.name {
                 "background" => &schema::BACKGROUND,
                 "ambient" => &schema::AMBIENT,
                 "film" => &schema::FILM,
@@ -121,8 +121,8 @@ impl<'a> Decoder<'a> {
                 format!("camera \"{name}\"")
             };
             let mut fields = self.judge.fields(node, words, &title);
-            fields.sound &= !twice;
-            self.sound &= fields.sound;
+            fields.valid &= !twice;
+            self.valid &= fields.valid;
             match words.name {
                 "background" => {
                     self.scene.background = fields.rgb("colour").unwrap_or_default();
@@ -210,19 +210,19 @@ impl<'a> Decoder<'a> {
                     message
                         .help("sample says where on a grid rays go; samples how many go where the sampler puts them"),
                 );
-                self.sound = false;
+                self.valid = false;
             }
             if !(1..=Sampling::MAX_SAMPLES).contains(&samples) {
                 let message = format!("samples is {samples}; it must be between 1 and {}", Sampling::MAX_SAMPLES);
                 self.judge.report.error(film.span("samples"), message);
-                self.sound = false;
+                self.valid = false;
             }
             return Some(Sampling::Sampled(samples));
         }
         let inner = match film.raw("sample")?.node {
             Some(node) => {
                 let inner = self.judge.fields(node, &schema::SAMPLE, "sample");
-                self.sound &= inner.sound;
+                self.valid &= inner.valid;
                 Some(inner)
             }
             None => None,
@@ -237,7 +237,7 @@ impl<'a> Decoder<'a> {
         for (word, meant) in [("n", matches!(place, "corner" | "center")), ("threshold", place != "adaptive")] {
             if let Some(inner) = inner.filter(|inner| meant && inner.has(word)) {
                 self.judge.report.error(inner.span(word), format!("\"{place}\" has no {word}"));
-                self.sound = false;
+                self.valid = false;
             }
         }
         let least = if place == "adaptive" { 2 } else { 1 };
@@ -245,12 +245,12 @@ impl<'a> Decoder<'a> {
             let span = inner.map_or(film.node.name_span, |f| f.span("n"));
             let message = format!("n is {n}; it must be between {least} and {}", Sampling::MAX_GRID);
             self.judge.report.error(span, message);
-            self.sound = false;
+            self.valid = false;
         }
         if !(0.0..=1.0).contains(&threshold) {
             let span = inner.map_or(film.node.name_span, |f| f.span("threshold"));
             self.judge.report.error(span, format!("threshold is {threshold}; it must be between 0 and 1"));
-            self.sound = false;
+            self.valid = false;
         }
         Some(match place {
             "corner" => Sampling::Corner,
@@ -265,7 +265,7 @@ impl<'a> Decoder<'a> {
         let inner = match film.raw("filter")?.node {
             Some(node) => {
                 let inner = self.judge.fields(node, &schema::FILTER, "filter");
-                self.sound &= inner.sound;
+                self.valid &= inner.valid;
                 Some(inner)
             }
             None => None,
@@ -278,11 +278,11 @@ impl<'a> Decoder<'a> {
         if let Some(inner) = inner.filter(|inner| inner.has("sigma")) {
             if kind != "gaussian" {
                 self.judge.report.error(inner.span("sigma"), format!("\"{kind}\" has no sigma"));
-                self.sound = false;
+                self.valid = false;
             } else if !(sigma > 0.0 && sigma <= 4.0) {
                 let message = format!("sigma is {sigma}; it must be more than 0 and at most 4 pixels");
                 self.judge.report.error(inner.span("sigma"), message);
-                self.sound = false;
+                self.valid = false;
             }
         }
         Some(match kind {
@@ -299,7 +299,7 @@ impl<'a> Decoder<'a> {
         let mut inside = false;
         for (index, fields) in last.iter().enumerate() {
             match Camera::of(&self.scene.views[index]) {
-                Err(problem) if fields.sound => self.out_of_range(fields, &problem.to_string()),
+                Err(problem) if fields.valid => self.out_of_range(fields, &problem.to_string()),
                 Err(_) => {}
                 Ok(camera) => {
                     let film = FilmSettings { crop: self.scene.film.crop, ..FilmSettings::default() };
@@ -313,7 +313,7 @@ impl<'a> Decoder<'a> {
         // With several cameras it fits the one that it was made for.
         if let (Some(problem), Some(film), false) = (outside, film, inside) {
             self.judge.report.error(film.span("crop"), problem);
-            self.sound = false;
+            self.valid = false;
         }
     }
 
@@ -322,13 +322,13 @@ impl<'a> Decoder<'a> {
         let word = problem.split([' ', ':']).next().unwrap_or_default();
         let span = fields.span(if fields.has("colour") { "colour" } else { word });
         self.judge.report.error(span, problem);
-        self.sound = false;
+        self.valid = false;
     }
 }
 
 /// Where the camera is while the shutter is open, if keys in this node or one before move it.
 fn keyed_motion(view: &View, fields: &Fields) -> Option<Vec<Extrinsics>> {
-    let moves = |word| fields.raw(word).is_some_and(Got::moves);
+    let moves = |word| fields.raw(word).is_some_and(Entry::moves);
     let mut motion = match view.motion.len() {
         POSES => view.motion.clone(),
         _ if ["eye", "center", "up"].into_iter().any(moves) => vec![view.extrinsics; POSES],

@@ -96,7 +96,7 @@ impl Decoder<'_> {
             (both, _) => {
                 let span = if both { f.span("stack") } else { f.node.name_span };
                 let message = if both { "takes file or stack, not both" } else { "needs file or stack" };
-                if f.sound {
+                if f.valid {
                     self.judge.report.error(span, format!("a grid {message}"));
                 }
                 return None;

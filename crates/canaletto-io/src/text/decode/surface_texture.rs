@@ -1,7 +1,7 @@
 //! Textures on materials.
 
 use super::Decoder;
-use super::fields::{Fields, Got};
+use super::fields::{Entry, Fields};
 use super::texture::one_of;
 use crate::text::report::Message;
 use crate::text::schema::{CHANNELS, PROJECTIONS, SPACES, SURFACE_TEXTURE};
@@ -14,7 +14,7 @@ impl Decoder<'_> {
         material.every("texture").filter_map(|got| self.surface_texture(got)).collect()
     }
 
-    fn surface_texture(&mut self, got: &Got) -> Option<TextureUse> {
+    fn surface_texture(&mut self, got: &Entry) -> Option<TextureUse> {
         let Some(node) = got.node else {
             // A property: no more than the texture's name.
             let name = got.values.first()?.as_text()?;
@@ -24,7 +24,7 @@ impl Decoder<'_> {
         let name = node.values.first().and_then(|v| v.as_text());
         let title = name.map_or("texture".into(), |n| format!("texture \"{n}\""));
         let f = self.judge.fields(node, &SURFACE_TEXTURE, &title);
-        self.sound &= f.sound;
+        self.valid &= f.valid;
         let target = match f.text("use") {
             None => Target::Diffuse,
             Some(word) => Target::ALL.iter().find(|(_, name)| *name == word)?.0,
@@ -41,12 +41,12 @@ impl Decoder<'_> {
                 }
                 if let Some(height) = f.real("height") {
                     used.range = [0.0, height];
-                } else if f.sound && !f.has("range") {
+                } else if f.valid && !f.has("range") {
                     let message =
                         Message::error(f.node.name_span, format!("{title} needs height for {:?}", target.name()));
                     let help = "for example: height=0.1, in the units of the object's own space";
                     self.judge.report.push(message.help(help));
-                    self.sound = false;
+                    self.valid = false;
                 }
             }
             Target::Normal { strength, down } => {
@@ -55,7 +55,7 @@ impl Decoder<'_> {
             }
             _ => {}
         }
-        if f.sound
+        if f.valid
             && let Err(problem) = used.check()
         {
             self.out_of_range(&f, &problem);
@@ -68,7 +68,7 @@ impl Decoder<'_> {
         let found = self.textures.get(name).copied();
         if found.is_none() {
             self.judge.unknown_name("texture", name, span, self.textures.keys().copied());
-            self.sound = false;
+            self.valid = false;
         }
         found
     }
@@ -95,11 +95,11 @@ impl Decoder<'_> {
             ("space", projection == Projection::Uv, "the surface's own coordinates are the same in every space"),
             ("repeat", projection == Projection::Solid, "scale makes the pattern smaller or larger"),
         ] {
-            if wrong && f.sound && f.has(word) {
+            if wrong && f.valid && f.has(word) {
                 let mapping = PROJECTIONS.iter().find(|(_, p)| *p == projection).map_or("", |(name, _)| name);
                 let message = Message::error(f.span(word), format!("{word} has no meaning for mapping \"{mapping}\""));
                 self.judge.report.push(message.help(why));
-                self.sound = false;
+                self.valid = false;
             }
         }
         let space = one_of(f, "space", SPACES).unwrap_or(space);
@@ -120,14 +120,14 @@ impl Decoder<'_> {
             ("channel", one),
             ("range", !(normal || heights && f.has("height"))),
         ] {
-            if !meant && f.sound && f.has(word) {
+            if !meant && f.valid && f.has(word) {
                 let with = if word == "range" && !normal { "height or range" } else { target.name() };
                 let message = match word {
                     "range" if !normal => format!("{:?} has either {with}", target.name()),
                     _ => format!("{word} has no meaning for the use \"{with}\""),
                 };
                 self.judge.report.error(f.span(word), message);
-                self.sound = false;
+                self.valid = false;
             }
         }
     }

@@ -4,7 +4,7 @@ use super::Decoder;
 use super::fields::Fields;
 use crate::assets::{Asset, AssetPath};
 use crate::image::read_image;
-use crate::text::nearest::nearest;
+use crate::text::closest_word::closest_word;
 use crate::text::report::Message;
 use crate::text::schema::{self, DEFAULT_KIND, FILTERS, PLACEMENTS, PREFILTERS, TEXTURES, WRAPS};
 use crate::text::syntax::{Node, Span};
@@ -28,26 +28,26 @@ impl<'a> Decoder<'a> {
         let mut places: HashMap<&str, Span> = HashMap::new();
         for node in nodes.iter().filter(|node| &*node.name == "texture") {
             let Some(kind) = self.texture_kind(node) else {
-                self.sound = false;
+                self.valid = false;
                 continue;
             };
             let Some(words) = schema::texture(kind) else { continue };
             let name = node.values.first().and_then(|v| v.as_text());
             let title = name.map_or("texture".into(), |n| format!("texture \"{n}\""));
             let fields = self.judge.fields(node, words, &title);
-            self.sound &= fields.sound;
+            self.valid &= fields.valid;
             let Some(name) = fields.text("name") else { continue };
             let span = fields.span("name");
             if let Some(first) = places.insert(name, span) {
                 let place = self.judge.files.first(first, span);
                 let message = Message::error(span, format!("two textures are called \"{name}\""));
                 self.judge.report.push(message.label(place));
-                self.sound = false;
+                self.valid = false;
                 continue;
             }
             // A texture that can't be read keeps its name, so that nobody need miss it.
             let kind = self.kind_of_texture(kind, &fields).unwrap_or_else(|| {
-                self.sound = false;
+                self.valid = false;
                 TextureKind::Constant([0.0; 4])
             });
             self.textures.insert(name, self.scene.textures.len() as u32);
@@ -64,7 +64,7 @@ impl<'a> Decoder<'a> {
         }
         let list: Vec<String> = kinds.clone().map(|kind| format!("\"{kind}\"")).collect();
         let message = Message::error(span, format!("there is no kind of texture \"{text}\""));
-        let help = match nearest(text, kinds) {
+        let help = match closest_word(text, kinds) {
             Some(right) => format!("did you mean \"{right}\"? Kinds of textures: {}", list.join(", ")),
             None => format!("kinds of textures: {}", list.join(", ")),
         };

@@ -1,11 +1,11 @@
 //! Transforms, applied in the order in which they are written, at once or while the shutter is open.
 
 use super::Decoder;
-use super::fields::{Fields, Got};
+use super::fields::{Entry, Fields};
 use crate::text::animate::POSES;
 use crate::text::report::Message;
 use crate::text::schema::{self, MOTION_WORD};
-use canaletto::math::{Path, Transform};
+use canaletto::math::{AnimatedTransform, Transform};
 use glam::{DAffine3, DMat3, DVec3};
 
 impl Decoder<'_> {
@@ -16,13 +16,13 @@ impl Decoder<'_> {
             match single(got) {
                 Ok(transform) => all = transform.after(&all),
                 Err(message) => {
-                    self.sound = false;
+                    self.valid = false;
                     self.judge.report.push(Message::error(got.span, message));
                 }
             }
         }
         if !fields.transforms.is_empty() && Transform::new(*all.matrix()).is_err() {
-            self.sound = false;
+            self.valid = false;
             let span = fields.node.name_span;
             self.judge.report.error(span, "its transforms together go beyond what can be computed with");
         }
@@ -31,14 +31,14 @@ impl Decoder<'_> {
 
     /// Where a node is, and how it moves from there while the shutter is open: by keys in its transforms, or by `motion`.
     pub(super) fn placed_in_time(&mut self, fields: &Fields) -> (Transform, Vec<Transform>) {
-        let Some(first) = fields.transforms.iter().position(Got::moves) else {
+        let Some(first) = fields.transforms.iter().position(Entry::moves) else {
             return (self.transform(fields), self.motion(fields));
         };
         let span = fields.transforms[first].span;
         // What comes before the first that moves stays; the whole is checked as it is at the frame's own time.
         self.transform(fields);
         let mut wrong = |message: String, at| {
-            self.sound = false;
+            self.valid = false;
             self.judge.report.push(Message::error(at, message));
             (Transform::IDENTITY, Vec::new())
         };
@@ -46,7 +46,7 @@ impl Decoder<'_> {
             let message = "both keys and motion say how it moves while the shutter is open";
             return wrong(message.into(), fields.span(MOTION_WORD.name));
         }
-        let all = |gots: &[Got], moment: usize| {
+        let all = |gots: &[Entry], moment: usize| {
             let mut pose = Transform::IDENTITY;
             for got in gots.iter().filter(|got| got.is_good()) {
                 pose = single(&got.at(moment)).ok()?.after(&pose);
@@ -56,7 +56,7 @@ impl Decoder<'_> {
         let (still, moving) = fields.transforms.split_at(first);
         let poses: Option<Vec<Transform>> = (0..POSES).map(|moment| all(moving, moment)).collect();
         match (all(still, 0), poses) {
-            (Some(still), Some(poses)) => match Path::new(&poses) {
+            (Some(still), Some(poses)) => match AnimatedTransform::new(&poses) {
                 Ok(_) => (still, poses),
                 Err(problem) => wrong(problem.to_string(), span),
             },
@@ -76,7 +76,7 @@ impl Decoder<'_> {
         let Some(inner) = self.block(fields, &schema::MOTION) else { return Vec::new() };
         let span = inner.node.name_span;
         let mut wrong = |message: String, at| {
-            self.sound = false;
+            self.valid = false;
             self.judge.report.push(Message::error(at, message));
             Vec::new()
         };
@@ -104,7 +104,7 @@ impl Decoder<'_> {
             }
             poses.push(pose);
         }
-        match Path::new(&poses) {
+        match AnimatedTransform::new(&poses) {
             Ok(_) => poses,
             Err(problem) => wrong(problem.to_string(), span),
         }
@@ -117,7 +117,7 @@ const MOST_TURN: f64 = 2880.0;
 const TURN_STEP: f64 = 45.0;
 
 /// The share `f` of a transform.
-fn partly(got: &Got, f: f64) -> Result<Transform, String> {
+fn partly(got: &Entry, f: f64) -> Result<Transform, String> {
     let whole = single(got)?;
     if f == 1.0 {
         return Ok(whole);
@@ -132,11 +132,11 @@ fn partly(got: &Got, f: f64) -> Result<Transform, String> {
             let [x, y, z, degrees] = got.numbers().unwrap_or_default();
             around(DVec3::new(x, y, z), degrees)
         }
-        _ => Path::new(&[Transform::IDENTITY, whole]).map(|path| path.at(f)).map_err(|e| e.to_string()),
+        _ => AnimatedTransform::new(&[Transform::IDENTITY, whole]).map(|path| path.at(f)).map_err(|e| e.to_string()),
     }
 }
 
-fn single(got: &Got) -> Result<Transform, String> {
+fn single(got: &Entry) -> Result<Transform, String> {
     let around = |axis: DVec3| {
         let [degrees] = got.numbers().unwrap_or_default();
         Transform::rotate(axis, degrees).map_err(|e| e.to_string())
@@ -164,7 +164,7 @@ fn single(got: &Got) -> Result<Transform, String> {
 }
 
 /// Rows of a 3 × 4 matrix, or of a 4 × 4 one.
-fn matrix(got: &Got) -> Result<Transform, String> {
+fn matrix(got: &Entry) -> Result<Transform, String> {
     let mut rows = [0.0; 12];
     if let Some(all) = got.numbers::<16>() {
         if all[12..] != [0.0, 0.0, 0.0, 1.0] {

@@ -1,7 +1,7 @@
 //! What surrounds the scene.
 
 use super::settings::{flag, quoted, rgb};
-use super::{NUMBER, POINT, Takes, Word, Words};
+use super::{FieldSchema, NUMBER, NodeSchema, POINT, ValueType};
 use canaletto::light::environment::{Sky, Smoothing};
 use canaletto::math::Rgb;
 
@@ -10,31 +10,35 @@ pub(crate) const SMOOTHINGS: &[(&str, Smoothing)] =
     &[("nearest", Smoothing::Nearest), ("bilinear", Smoothing::Bilinear)];
 
 /// The environments, by kind, in the order of the reference.
-pub(crate) const ENVIRONMENTS: &[(&str, &Words)] =
+pub(crate) const ENVIRONMENTS: &[(&str, &NodeSchema)] =
     &[("cube", &CUBE), ("cross", &CROSS), ("lat-long", &LAT_LONG), ("gradient", &GRADIENT), ("sky", &SKY)];
 
 /// The words of a kind of environment.
-pub(crate) fn environment(kind: &str) -> Option<&'static Words> {
+pub(crate) fn environment(kind: &str) -> Option<&'static NodeSchema> {
     ENVIRONMENTS.iter().find(|(name, _)| *name == kind).map(|(_, words)| *words)
 }
 
-const fn kind(word: &'static [&'static str]) -> Word {
-    Word::new("kind", Takes::Word(word), "the kind of environment").needed()
+const fn kind(word: &'static [&'static str]) -> FieldSchema {
+    FieldSchema::new("kind", ValueType::Keyword(word), "the kind of environment").needed()
 }
 
-const fn face(name: &'static str, doc: &'static str) -> Word {
-    Word::new(name, Takes::Text, doc).needed()
+const fn face(name: &'static str, doc: &'static str) -> FieldSchema {
+    FieldSchema::new(name, ValueType::Text, doc).needed()
 }
 
-const ALL: &[Word] = &[
-    Word::new("intensity", Takes::Rgb, "multiplies all that is seen of it").or(|| rgb(Rgb::WHITE)),
-    Word::new("ambient", Takes::Flag, "whether its mean over all directions is added to the scene's ambient light")
-        .or(|| flag(false)),
+const ALL: &[FieldSchema] = &[
+    FieldSchema::new("intensity", ValueType::Rgb, "multiplies all that is seen of it").or(|| rgb(Rgb::WHITE)),
+    FieldSchema::new(
+        "ambient",
+        ValueType::Flag,
+        "whether its mean over all directions is added to the scene's ambient light",
+    )
+    .or(|| flag(false)),
 ];
 
-const FILTER: &[Word] = &[Word::new(
+const FILTER: &[FieldSchema] = &[FieldSchema::new(
     "filter",
-    Takes::Word(&["nearest", "bilinear"]),
+    ValueType::Keyword(&["nearest", "bilinear"]),
     "how texels become a function; bilinear reaches over all edges and averages what is small in the picture",
 )
 .or(|| {
@@ -42,7 +46,7 @@ const FILTER: &[Word] = &[Word::new(
     SMOOTHINGS.iter().find(|(_, s)| *s == default).map_or_else(String::new, |(word, _)| quoted(word))
 })];
 
-static CUBE: Words = Words::new(
+static CUBE: NodeSchema = NodeSchema::new(
     "environment",
     "Six square pictures of one size: what a camera with a right angle of view sees from the middle of the cube. px, nx, \
      py, ny, pz, nz of sets made for graphics cards are right, left, top, bottom, front, back.",
@@ -65,32 +69,32 @@ static CUBE: Words = Words::new(
     "environment \"cube\" { right \"px.png\"; left \"nx.png\"; top \"py.png\"; bottom \"ny.png\"; front \"pz.png\"; back \"nz.png\" }",
 );
 
-static CROSS: Words = Words::new(
+static CROSS: NodeSchema = NodeSchema::new(
     "environment",
     "The same six pictures in one, which is 4 × 3 squares (left, front, right and back in the middle row, top and bottom above \
      and below the front) or 3 × 4 (left, front and right; below the front the bottom, and the back on its head).",
-    &[&[Word::new("file", Takes::Text, "the picture").needed()], FILTER, ALL],
+    &[&[FieldSchema::new("file", ValueType::Text, "the picture").needed()], FILTER, ALL],
 )
 .argument(kind(&["cross"]))
 .transforms()
 .example("environment \"cross\" file=\"cross.png\" { rotate-y 45 }");
 
-static LAT_LONG: Words = Words::new(
+static LAT_LONG: NodeSchema = NodeSchema::new(
     "environment",
     "One picture of all directions, twice as wide as high: −z in its middle, +x at three quarters, +y along its upper edge.",
-    &[&[Word::new("file", Takes::Text, "the picture").needed()], FILTER, ALL],
+    &[&[FieldSchema::new("file", ValueType::Text, "the picture").needed()], FILTER, ALL],
 )
 .argument(kind(&["lat-long"]))
 .transforms()
 .example("environment \"lat-long\" file=\"studio.png\" { rotate-y 90; intensity 2 }");
 
-static GRADIENT: Words = Words::new(
+static GRADIENT: NodeSchema = NodeSchema::new(
     "environment",
     "Colours by height above the horizon.",
     &[
-        &[Word::new(
+        &[FieldSchema::new(
             "stops",
-            Takes::Many(4),
+            ValueType::Many(4),
             "degrees above the horizon, from -90 to 90 and growing, each with the colour `r g b` there; linear in between",
         )
         .needed()],
@@ -101,26 +105,26 @@ static GRADIENT: Words = Words::new(
 .transforms()
 .example("environment \"gradient\" { stops -90 0.2 0.18 0.15  0 0.8 0.85 0.9  90 0.1 0.3 0.7 }");
 
-static SKY: Words = Words::new(
+static SKY: NodeSchema = NodeSchema::new(
     "environment",
     "A physical sky by day with its sun. y is up; +x is east and −z north. The sun stands in a direction, at a height and \
      azimuth, or where it is at a place and time.",
     &[
         &[
-            Word::new("sun", POINT, "the direction to the sun").or(|| {
+            FieldSchema::new("sun", POINT, "the direction to the sun").or(|| {
                 let s = Sky::default().sun;
                 format!("{} {} {}", s.x, s.y, s.z)
             }),
-            Word::new("height", NUMBER, "its height above the horizon, 0 to 90 degrees; goes with azimuth"),
-            Word::new("azimuth", NUMBER, "its compass bearing in degrees: 0 north, 90 east; goes with height"),
-            Word::new("place", Takes::Numbers(&[2]), "degrees north and east of a place on earth; goes with date"),
-            Word::new("date", Takes::Text, "when: \"2026-06-21T09:30Z\" or, hours ahead of UTC, \"2026-06-21T11:30+02:00\""),
-            Word::new("turbidity", NUMBER, "2 very clear, 3 clear, 6 hazy, 10 thick").or(|| Sky::default().turbidity.to_string()),
-            Word::new("ground", Takes::Rgb, "what the ground below the horizon returns of the light, 0 to 1")
+            FieldSchema::new("height", NUMBER, "its height above the horizon, 0 to 90 degrees; goes with azimuth"),
+            FieldSchema::new("azimuth", NUMBER, "its compass bearing in degrees: 0 north, 90 east; goes with height"),
+            FieldSchema::new("place", ValueType::Numbers(&[2]), "degrees north and east of a place on earth; goes with date"),
+            FieldSchema::new("date", ValueType::Text, "when: \"2026-06-21T09:30Z\" or, hours ahead of UTC, \"2026-06-21T11:30+02:00\""),
+            FieldSchema::new("turbidity", NUMBER, "2 very clear, 3 clear, 6 hazy, 10 thick").or(|| Sky::default().turbidity.to_string()),
+            FieldSchema::new("ground", ValueType::Rgb, "what the ground below the horizon returns of the light, 0 to 1")
                 .or(|| rgb(Sky::default().ground)),
-            Word::new("exposure", NUMBER, "stops: each doubles the light").or(|| Sky::default().exposure.to_string()),
-            Word::new("disk", Takes::Flag, "whether the sun's disk is seen").or(|| flag(Sky::default().disk)),
-            Word::new("light", Takes::Flag, "whether the sun lights the scene: a directional light called \"sun\"")
+            FieldSchema::new("exposure", NUMBER, "stops: each doubles the light").or(|| Sky::default().exposure.to_string()),
+            FieldSchema::new("disk", ValueType::Flag, "whether the sun's disk is seen").or(|| flag(Sky::default().disk)),
+            FieldSchema::new("light", ValueType::Flag, "whether the sun lights the scene: a directional light called \"sun\"")
                 .or(|| flag(Sky::default().light)),
         ],
         ALL,

@@ -27,7 +27,7 @@ pub(crate) use textures::{
 
 /// What a word takes.
 #[derive(Clone, Copy)]
-pub(crate) enum Takes {
+pub(crate) enum ValueType {
     /// Numbers, one of these many.
     Numbers(&'static [usize]),
     /// 1 number (gray) or 3.
@@ -41,22 +41,22 @@ pub(crate) enum Takes {
     /// Any text.
     Text,
     /// One of these words.
-    Word(&'static [&'static str]),
+    Keyword(&'static [&'static str]),
     /// Any number of numbers, a multiple of this.
     Many(usize),
     /// A node with words of its own.
-    Node(&'static Words),
+    Node(&'static NodeSchema),
 }
 
 /// A single number.
-pub(crate) const NUMBER: Takes = Takes::Numbers(&[1]);
+pub(crate) const NUMBER: ValueType = ValueType::Numbers(&[1]);
 /// A point or direction.
-pub(crate) const POINT: Takes = Takes::Numbers(&[3]);
+pub(crate) const POINT: ValueType = ValueType::Numbers(&[3]);
 
 /// A word inside a node: a property or child of it, or its own values.
-pub(crate) struct Word {
+pub(crate) struct FieldSchema {
     pub(crate) name: &'static str,
-    pub(crate) takes: Takes,
+    pub(crate) value_type: ValueType,
     /// Whether the node means nothing without it.
     pub(crate) needed: bool,
     /// Whether it may stand there more than once.
@@ -67,14 +67,14 @@ pub(crate) struct Word {
 }
 
 /// A node.
-pub(crate) struct Words {
+pub(crate) struct NodeSchema {
     /// What it is called; lights add their kind.
     pub(crate) name: &'static str,
     pub(crate) doc: &'static str,
     /// The values that stand right after its name.
-    pub(crate) argument: Option<Word>,
+    pub(crate) argument: Option<FieldSchema>,
     /// Its words, in groups that nodes share.
-    pub(crate) words: &'static [&'static [Word]],
+    pub(crate) words: &'static [&'static [FieldSchema]],
     /// Whether transforms may stand in it.
     pub(crate) transforms: bool,
     /// Whether objects and lights may stand in it.
@@ -82,48 +82,52 @@ pub(crate) struct Words {
     pub(crate) example: &'static str,
 }
 
-impl Word {
-    pub(crate) const fn new(name: &'static str, takes: Takes, doc: &'static str) -> Word {
-        Word { name, takes, needed: false, many: false, default: String::new, doc }
+impl FieldSchema {
+    pub(crate) const fn new(name: &'static str, value_type: ValueType, doc: &'static str) -> FieldSchema {
+        FieldSchema { name, value_type, needed: false, many: false, default: String::new, doc }
     }
 
-    pub(crate) const fn needed(mut self) -> Word {
+    pub(crate) const fn needed(mut self) -> FieldSchema {
         self.needed = true;
         self
     }
 
-    pub(crate) const fn many(mut self) -> Word {
+    pub(crate) const fn many(mut self) -> FieldSchema {
         self.many = true;
         self
     }
 
-    pub(crate) const fn or(mut self, default: fn() -> String) -> Word {
+    pub(crate) const fn or(mut self, default: fn() -> String) -> FieldSchema {
         self.default = default;
         self
     }
 }
 
-impl Words {
-    pub(crate) const fn new(name: &'static str, doc: &'static str, words: &'static [&'static [Word]]) -> Words {
-        Words { name, doc, argument: None, words, transforms: false, objects: false, example: "" }
+impl NodeSchema {
+    pub(crate) const fn new(
+        name: &'static str,
+        doc: &'static str,
+        words: &'static [&'static [FieldSchema]],
+    ) -> NodeSchema {
+        NodeSchema { name, doc, argument: None, words, transforms: false, objects: false, example: "" }
     }
 
-    pub(crate) const fn argument(mut self, word: Word) -> Words {
+    pub(crate) const fn argument(mut self, word: FieldSchema) -> NodeSchema {
         self.argument = Some(word);
         self
     }
 
-    pub(crate) const fn transforms(mut self) -> Words {
+    pub(crate) const fn transforms(mut self) -> NodeSchema {
         self.transforms = true;
         self
     }
 
-    pub(crate) const fn objects(mut self) -> Words {
+    pub(crate) const fn objects(mut self) -> NodeSchema {
         self.objects = true;
         self
     }
 
-    pub(crate) const fn example(mut self, text: &'static str) -> Words {
+    pub(crate) const fn example(mut self, text: &'static str) -> NodeSchema {
         self.example = text;
         self
     }
@@ -133,11 +137,11 @@ impl Words {
         self.transforms && self.name != MOTION.name
     }
 
-    pub(crate) fn own(&self) -> impl Iterator<Item = &'static Word> {
+    pub(crate) fn own(&self) -> impl Iterator<Item = &'static FieldSchema> {
         self.words.iter().flat_map(|group| group.iter())
     }
 
-    pub(crate) fn word(&self, name: &str) -> Option<&'static Word> {
+    pub(crate) fn word(&self, name: &str) -> Option<&'static FieldSchema> {
         self.own().find(|word| word.name == name)
     }
 
@@ -166,7 +170,7 @@ pub(crate) fn top() -> Vec<&'static str> {
 }
 
 /// The node of this name; a light by its kind.
-pub(crate) fn node(name: &str) -> Option<&'static Words> {
+pub(crate) fn node(name: &str) -> Option<&'static NodeSchema> {
     SETTINGS.iter().chain(OBJECTS).copied().find(|words| words.name == name)
 }
 
@@ -237,20 +241,20 @@ pub(crate) const SYNONYMS: &[(&str, &str)] = &[
 ];
 
 /// How what a word takes is said in messages and in the reference.
-impl std::fmt::Display for Takes {
+impl std::fmt::Display for ValueType {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Takes::Numbers([1]) => f.write_str("a number"),
-            Takes::Numbers(counts) => {
+            ValueType::Numbers([1]) => f.write_str("a number"),
+            ValueType::Numbers(counts) => {
                 let counts: Vec<String> = counts.iter().map(usize::to_string).collect();
                 write!(f, "{} numbers", counts.join(" or "))
             }
-            Takes::Rgb => f.write_str("1 or 3 numbers"),
-            Takes::Count => f.write_str("a whole number"),
-            Takes::Counts(n) => write!(f, "{n} whole numbers"),
-            Takes::Flag => f.write_str("#true or #false"),
-            Takes::Text => f.write_str("a text"),
-            Takes::Word(words) => {
+            ValueType::Rgb => f.write_str("1 or 3 numbers"),
+            ValueType::Count => f.write_str("a whole number"),
+            ValueType::Counts(n) => write!(f, "{n} whole numbers"),
+            ValueType::Flag => f.write_str("#true or #false"),
+            ValueType::Text => f.write_str("a text"),
+            ValueType::Keyword(words) => {
                 let quoted: Vec<String> = words.iter().map(|word| format!("\"{word}\"")).collect();
                 match quoted.as_slice() {
                     [one] => f.write_str(one),
@@ -258,10 +262,10 @@ impl std::fmt::Display for Takes {
                     [] => Ok(()),
                 }
             }
-            Takes::Many(1) => f.write_str("numbers"),
-            Takes::Many(n) => write!(f, "numbers, {n} for each"),
-            Takes::Node(words) => match &words.argument {
-                Some(word) => word.takes.fmt(f),
+            ValueType::Many(1) => f.write_str("numbers"),
+            ValueType::Many(n) => write!(f, "numbers, {n} for each"),
+            ValueType::Node(words) => match &words.argument {
+                Some(word) => word.value_type.fmt(f),
                 None => f.write_str("a block"),
             },
         }

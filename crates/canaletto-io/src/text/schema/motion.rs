@@ -1,83 +1,92 @@
 //! Time: the words about frames, paths and what follows them. Keys themselves belong to every word.
 
 use super::settings::quoted;
-use super::{NUMBER, POINT, Takes, Word, Words};
+use super::{FieldSchema, NUMBER, NodeSchema, POINT, ValueType};
 use crate::animation::Ease;
 
 /// Frames of a second where nothing says so.
 pub(crate) const DEFAULT_FPS: f64 = 25.0;
 
-pub(crate) static ANIMATION: Words = Words::new(
+pub(crate) static ANIMATION: NodeSchema = NodeSchema::new(
     "animation",
     "How time is counted. Keys may stand in any word, see Motion.",
     &[&[
-        Word::new(
+        FieldSchema::new(
             "fps",
             NUMBER,
             "frames of a second, from 0.01 to 1000: the speed of films, and what keys in seconds mean",
         )
         .or(|| DEFAULT_FPS.to_string()),
-        Word::new("frames", Takes::Counts(2), "the first and the last frame, for films and `--frames all`"),
-        Word::new("keys", Takes::Word(&["frames", "seconds"]), "what keys count in; second 0 is frame 0")
+        FieldSchema::new("frames", ValueType::Counts(2), "the first and the last frame, for films and `--frames all`"),
+        FieldSchema::new("keys", ValueType::Keyword(&["frames", "seconds"]), "what keys count in; second 0 is frame 0")
             .or(|| quoted("frames")),
     ]],
 )
 .example("animation { fps 24; frames 1 48 }");
 
-pub(crate) static PATH: Words = Words::new(
+pub(crate) static PATH: NodeSchema = NodeSchema::new(
     "path",
     "A way that cameras, objects and points can follow. A spline is the centripetal Catmull-Rom curve through the points.",
     &[&[
-        Word::new("points", Takes::Many(3), "the points, one after the other").needed(),
-        Word::new("curve", Takes::Word(&["spline", "line"]), "a smooth curve, or straight lines").or(|| quoted("spline")),
-        Word::new("closed", Takes::Flag, "whether it leads back to the first point").or(|| "#false".into()),
+        FieldSchema::new("points", ValueType::Many(3), "the points, one after the other").needed(),
+        FieldSchema::new("curve", ValueType::Keyword(&["spline", "line"]), "a smooth curve, or straight lines").or(|| quoted("spline")),
+        FieldSchema::new("closed", ValueType::Flag, "whether it leads back to the first point").or(|| "#false".into()),
     ]],
 )
-.argument(Word::new("name", Takes::Text, "the name to follow it by").needed())
+.argument(FieldSchema::new("name", ValueType::Text, "the name to follow it by").needed())
 .example("path \"rail\" { points 0 0 0  10 0 0  10 0 10; curve \"spline\"; closed #true }");
 
-const PATH_NAME: Word = Word::new("path", Takes::Text, "the path's name").needed();
-const AT: Word =
-    Word::new("at", NUMBER, "the place as a share of the path's length: 0 its start, 1 its end").or(|| "0".into());
+const PATH_NAME: FieldSchema = FieldSchema::new("path", ValueType::Text, "the path's name").needed();
+const AT: FieldSchema =
+    FieldSchema::new("at", NUMBER, "the place as a share of the path's length: 0 its start, 1 its end")
+        .or(|| "0".into());
 
 /// `follow` among an object's transforms.
-pub(crate) static FOLLOW: Words = Words::new(
+pub(crate) static FOLLOW: NodeSchema = NodeSchema::new(
     "follow",
     "Moves the object so that its origin lies on a path.",
     &[&[
         AT,
-        Word::new("face", POINT, "the object's own direction that is turned to where the path leads")
+        FieldSchema::new("face", POINT, "the object's own direction that is turned to where the path leads")
             .or(|| "no turn".into()),
-        Word::new("up", POINT, "what stays up when it turns").or(|| "0 1 0".into()),
+        FieldSchema::new("up", POINT, "what stays up when it turns").or(|| "0 1 0".into()),
     ]],
 )
 .argument(PATH_NAME);
 
 /// `follow` in a camera.
-pub(crate) static CAMERA_FOLLOW: Words = Words::new(
+pub(crate) static CAMERA_FOLLOW: NodeSchema = NodeSchema::new(
     "follow",
     "Puts the camera's eye on a path.",
     &[&[
         AT,
-        Word::new("along", Takes::Flag, "whether the camera looks where the path leads, instead of at its center")
-            .or(|| "#false".into()),
+        FieldSchema::new(
+            "along",
+            ValueType::Flag,
+            "whether the camera looks where the path leads, instead of at its center",
+        )
+        .or(|| "#false".into()),
     ]],
 )
 .argument(PATH_NAME);
 
 /// `follow` in place of a point's numbers.
-pub(crate) static POINT_FOLLOW: Words = Words::new("follow", "A point on a path.", &[&[AT]]).argument(PATH_NAME);
+pub(crate) static POINT_FOLLOW: NodeSchema =
+    NodeSchema::new("follow", "A point on a path.", &[&[AT]]).argument(PATH_NAME);
 
 /// `ease` beside keys.
-pub(crate) static EASE: Word = Word::new(
+pub(crate) static EASE: FieldSchema = FieldSchema::new(
     "ease",
-    Takes::Word(&["smooth", "spline", "linear", "step", "in", "out", "in-out"]),
+    ValueType::Keyword(&["smooth", "spline", "linear", "step", "in", "out", "in-out"]),
     "how the value goes from key to key",
 );
 
 /// `turn` beside the keys of a rotation.
-pub(crate) static TURN: Word =
-    Word::new("turn", Takes::Word(&["angle", "shortest"]), "whether degrees count, or the short way round is taken");
+pub(crate) static TURN: FieldSchema = FieldSchema::new(
+    "turn",
+    ValueType::Keyword(&["angle", "shortest"]),
+    "whether degrees count, or the short way round is taken",
+);
 
 /// The eases by name with what they do, for the reference.
 pub(crate) fn ease_words() -> Vec<(&'static str, &'static str)> {

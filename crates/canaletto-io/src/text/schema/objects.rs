@@ -2,31 +2,45 @@
 
 use super::motion::FOLLOW;
 use super::settings::{flag, quoted};
-use super::{NUMBER, POINT, Takes, Word, Words};
+use super::{FieldSchema, NUMBER, NodeSchema, POINT, ValueType};
 use canaletto::light::{Emission, Light, LightKind, Omni};
 use canaletto::math::Rgb;
 use glam::Vec3;
 
 /// The words that move an object.
-pub(crate) const TRANSFORMS: &[Word] = &[
-    Word::new("translate", POINT, "moves by x y z"),
-    Word::new(
+pub(crate) const TRANSFORMS: &[FieldSchema] = &[
+    FieldSchema::new("translate", POINT, "moves by x y z"),
+    FieldSchema::new(
         "rotate-x",
         NUMBER,
         "turns around the x axis by degrees, counter-clockwise with the axis towards the viewer",
     ),
-    Word::new("rotate-y", NUMBER, "turns around the y axis by degrees"),
-    Word::new("rotate-z", NUMBER, "turns around the z axis by degrees"),
-    Word::new("rotate", Takes::Numbers(&[4]), "turns around the axis x y z by degrees: the axis, then the angle"),
-    Word::new("scale", Takes::Numbers(&[1, 3]), "scales by a factor, or by one for each axis; a negative one mirrors"),
-    Word::new("matrix", Takes::Numbers(&[12, 16]), "a matrix, row by row; of 16 numbers the last row is 0 0 0 1"),
-    Word::new("follow", Takes::Node(&FOLLOW), "moves to a place on a path; see Motion"),
+    FieldSchema::new("rotate-y", NUMBER, "turns around the y axis by degrees"),
+    FieldSchema::new("rotate-z", NUMBER, "turns around the z axis by degrees"),
+    FieldSchema::new(
+        "rotate",
+        ValueType::Numbers(&[4]),
+        "turns around the axis x y z by degrees: the axis, then the angle",
+    ),
+    FieldSchema::new(
+        "scale",
+        ValueType::Numbers(&[1, 3]),
+        "scales by a factor, or by one for each axis; a negative one mirrors",
+    ),
+    FieldSchema::new(
+        "matrix",
+        ValueType::Numbers(&[12, 16]),
+        "a matrix, row by row; of 16 numbers the last row is 0 0 0 1",
+    ),
+    FieldSchema::new("follow", ValueType::Node(&FOLLOW), "moves to a place on a path; see Motion"),
 ];
 
-const NAME: Word = Word::new("name", Takes::Text, "its name, for instances, `--set` and explanations");
-const MATERIAL: Word = Word::new("material", Takes::Text, "the material's name").or(|| "its group's".into());
+const NAME: FieldSchema =
+    FieldSchema::new("name", ValueType::Text, "its name, for instances, `--set` and explanations");
+const MATERIAL: FieldSchema =
+    FieldSchema::new("material", ValueType::Text, "the material's name").or(|| "its group's".into());
 
-const OBJECT: &[Word] = &[NAME, MATERIAL];
+const OBJECT: &[FieldSchema] = &[NAME, MATERIAL];
 
 /// Whether cylinders and cones are closed where nothing says so.
 pub(crate) const DEFAULT_CAPS: bool = true;
@@ -39,22 +53,24 @@ pub(crate) const DEFAULT_INTENSITY: f32 = 1.0;
 /// A spotlight's inner angle where nothing says so.
 pub(crate) const DEFAULT_INNER: f32 = 0.0;
 
-const CAPS: Word = Word::new("caps", Takes::Flag, "whether the ends are closed").or(|| flag(DEFAULT_CAPS));
-const ONE_SIDED: Word = Word::new("one-sided", Takes::Flag, "whether rays from behind pass through").or(|| flag(false));
+const CAPS: FieldSchema =
+    FieldSchema::new("caps", ValueType::Flag, "whether the ends are closed").or(|| flag(DEFAULT_CAPS));
+const ONE_SIDED: FieldSchema =
+    FieldSchema::new("one-sided", ValueType::Flag, "whether rays from behind pass through").or(|| flag(false));
 
 /// The nodes that may stand in groups, except lights, in the order of the reference.
-pub(crate) const OBJECTS: &[&Words] = &[
+pub(crate) const OBJECTS: &[&NodeSchema] = &[
     &SPHERE, &BOX, &TRIANGLE, &PLANE, &DISK, &CYLINDER, &CONE, &TORUS, &MESH, &SPHERES, &CYLINDERS, &GROUP, &PROTOTYPE,
     &INSTANCE,
 ];
 
-static SPHERE: Words = Words::new(
+static SPHERE: NodeSchema = NodeSchema::new(
     "sphere",
     "A sphere.",
     &[
         &[
-            Word::new("center", POINT, "its centre").needed(),
-            Word::new("radius", NUMBER, "its radius, more than 0").needed(),
+            FieldSchema::new("center", POINT, "its centre").needed(),
+            FieldSchema::new("radius", NUMBER, "its radius, more than 0").needed(),
         ],
         OBJECT,
     ],
@@ -62,13 +78,13 @@ static SPHERE: Words = Words::new(
 .transforms()
 .example("sphere material=\"blue\" { center 0 20 0; radius 25 }");
 
-static BOX: Words = Words::new(
+static BOX: NodeSchema = NodeSchema::new(
     "box",
     "A box along the axes; turn it with a transform.",
     &[
         &[
-            Word::new("min", POINT, "the corner of smallest coordinates").needed(),
-            Word::new("max", POINT, "the corner of largest coordinates").needed(),
+            FieldSchema::new("min", POINT, "the corner of smallest coordinates").needed(),
+            FieldSchema::new("max", POINT, "the corner of largest coordinates").needed(),
         ],
         OBJECT,
     ],
@@ -76,14 +92,14 @@ static BOX: Words = Words::new(
 .transforms()
 .example("box { min -80 -50 -50; max 50 -45 50; rotate-y 30 }");
 
-static TRIANGLE: Words = Words::new(
+static TRIANGLE: NodeSchema = NodeSchema::new(
     "triangle",
     "A triangle, its corners counter-clockwise seen from outside.",
     &[
         &[
-            Word::new("a", POINT, "a corner").needed(),
-            Word::new("b", POINT, "a corner").needed(),
-            Word::new("c", POINT, "a corner").needed(),
+            FieldSchema::new("a", POINT, "a corner").needed(),
+            FieldSchema::new("b", POINT, "a corner").needed(),
+            FieldSchema::new("c", POINT, "a corner").needed(),
             ONE_SIDED,
         ],
         OBJECT,
@@ -92,13 +108,13 @@ static TRIANGLE: Words = Words::new(
 .transforms()
 .example("triangle { a 3 2 1; b 8 2 1; c 4 8 -4 }");
 
-static PLANE: Words = Words::new(
+static PLANE: NodeSchema = NodeSchema::new(
     "plane",
     "A plane without end.",
     &[
         &[
-            Word::new("point", POINT, "a point of it").needed(),
-            Word::new("normal", POINT, "the direction of its outer side").needed(),
+            FieldSchema::new("point", POINT, "a point of it").needed(),
+            FieldSchema::new("normal", POINT, "the direction of its outer side").needed(),
         ],
         OBJECT,
     ],
@@ -106,14 +122,14 @@ static PLANE: Words = Words::new(
 .transforms()
 .example("plane { point 0 -50 0; normal 0 1 0 }");
 
-static DISK: Words = Words::new(
+static DISK: NodeSchema = NodeSchema::new(
     "disk",
     "A flat disk.",
     &[
         &[
-            Word::new("center", POINT, "its centre").needed(),
-            Word::new("normal", POINT, "the direction of its outer side").needed(),
-            Word::new("radius", NUMBER, "its radius, more than 0").needed(),
+            FieldSchema::new("center", POINT, "its centre").needed(),
+            FieldSchema::new("normal", POINT, "the direction of its outer side").needed(),
+            FieldSchema::new("radius", NUMBER, "its radius, more than 0").needed(),
         ],
         OBJECT,
     ],
@@ -121,14 +137,14 @@ static DISK: Words = Words::new(
 .transforms()
 .example("disk { center 0 0 0; normal 0 1 0; radius 3 }");
 
-static CYLINDER: Words = Words::new(
+static CYLINDER: NodeSchema = NodeSchema::new(
     "cylinder",
     "A cylinder between two points.",
     &[
         &[
-            Word::new("base", POINT, "the centre of one end").needed(),
-            Word::new("top", POINT, "the centre of the other end").needed(),
-            Word::new("radius", NUMBER, "its radius, more than 0").needed(),
+            FieldSchema::new("base", POINT, "the centre of one end").needed(),
+            FieldSchema::new("top", POINT, "the centre of the other end").needed(),
+            FieldSchema::new("radius", NUMBER, "its radius, more than 0").needed(),
             CAPS,
         ],
         OBJECT,
@@ -137,15 +153,15 @@ static CYLINDER: Words = Words::new(
 .transforms()
 .example("cylinder { base 0 0 0; top 0 10 0; radius 2; caps #false }");
 
-static CONE: Words = Words::new(
+static CONE: NodeSchema = NodeSchema::new(
     "cone",
     "A cone, or a truncated one.",
     &[
         &[
-            Word::new("base", POINT, "the centre of its base").needed(),
-            Word::new("top", POINT, "its apex, or the centre of its upper end").needed(),
-            Word::new("radius", NUMBER, "its radius at the base").needed(),
-            Word::new("top-radius", NUMBER, "its radius at the top").or(|| DEFAULT_TOP_RADIUS.to_string()),
+            FieldSchema::new("base", POINT, "the centre of its base").needed(),
+            FieldSchema::new("top", POINT, "its apex, or the centre of its upper end").needed(),
+            FieldSchema::new("radius", NUMBER, "its radius at the base").needed(),
+            FieldSchema::new("top-radius", NUMBER, "its radius at the top").or(|| DEFAULT_TOP_RADIUS.to_string()),
             CAPS,
         ],
         OBJECT,
@@ -154,15 +170,15 @@ static CONE: Words = Words::new(
 .transforms()
 .example("cone { base 0 0 0; top 0 5 0; radius 2; top-radius 0.5 }");
 
-static TORUS: Words = Words::new(
+static TORUS: NodeSchema = NodeSchema::new(
     "torus",
     "A tube around a circle.",
     &[
         &[
-            Word::new("center", POINT, "its centre").needed(),
-            Word::new("axis", POINT, "the direction that it is round about").needed(),
-            Word::new("radius", NUMBER, "the circle's radius").needed(),
-            Word::new("tube", NUMBER, "the tube's radius").needed(),
+            FieldSchema::new("center", POINT, "its centre").needed(),
+            FieldSchema::new("axis", POINT, "the direction that it is round about").needed(),
+            FieldSchema::new("radius", NUMBER, "the circle's radius").needed(),
+            FieldSchema::new("tube", NUMBER, "the tube's radius").needed(),
         ],
         OBJECT,
     ],
@@ -170,15 +186,15 @@ static TORUS: Words = Words::new(
 .transforms()
 .example("torus { center 0 0 0; axis 0 1 0; radius 5; tube 1 }");
 
-static MESH: Words = Words::new(
+static MESH: NodeSchema = NodeSchema::new(
     "mesh",
     "Triangles from a file: OBJ (with its MTL materials) or PLY. A material given here replaces the file's own.",
     &[
         &[
-            Word::new("file", Takes::Text, "the file; relative paths start at this file's folder").needed(),
-            Word::new(
+            FieldSchema::new("file", ValueType::Text, "the file; relative paths start at this file's folder").needed(),
+            FieldSchema::new(
                 "smooth",
-                Takes::Flag,
+                ValueType::Flag,
                 "#true makes normals at the vertices from the faces around them, #false leaves out those of the file",
             )
             .or(|| "as in the file".into()),
@@ -190,22 +206,22 @@ static MESH: Words = Words::new(
 .transforms()
 .example("mesh file=\"bunny.obj\" material=\"blue\" { scale 10; rotate-y 30; translate 0 1 0 }");
 
-const CLOUD_FILE: Word =
-    Word::new("file", Takes::Text, "a file with them: .csv, .tsv, .xyz, .txt, .ply or .bin; see below");
+const CLOUD_FILE: FieldSchema =
+    FieldSchema::new("file", ValueType::Text, "a file with them: .csv, .tsv, .xyz, .txt, .ply or .bin; see below");
 
-static SPHERES: Words = Words::new(
+static SPHERES: NodeSchema = NodeSchema::new(
     "spheres",
     "A cloud: many spheres as one object, up to many millions. They stand in `points`, `data` or `file`.",
     &[
         &[
-            Word::new("points", Takes::Many(3), "the centres"),
-            Word::new(
+            FieldSchema::new("points", ValueType::Many(3), "the centres"),
+            FieldSchema::new(
                 "data",
-                Takes::Text,
+                ValueType::Text,
                 "lines of `x y z`, `x y z radius`, `x y z r g b` or `x y z radius r g b`; # starts a comment",
             ),
             CLOUD_FILE,
-            Word::new("radius", NUMBER, "the radius of those that have none of their own"),
+            FieldSchema::new("radius", NUMBER, "the radius of those that have none of their own"),
         ],
         OBJECT,
     ],
@@ -213,19 +229,19 @@ static SPHERES: Words = Words::new(
 .transforms()
 .example("spheres radius=1 material=\"blue\" { points 0 0 0  2 0 0  4 0 0 }");
 
-static CYLINDERS: Words = Words::new(
+static CYLINDERS: NodeSchema = NodeSchema::new(
     "cylinders",
     "A cloud of cylinders. They stand in `axes`, `data` or `file`.",
     &[
         &[
-            Word::new("axes", Takes::Many(6), "the two ends of each axis"),
-            Word::new(
+            FieldSchema::new("axes", ValueType::Many(6), "the two ends of each axis"),
+            FieldSchema::new(
                 "data",
-                Takes::Text,
+                ValueType::Text,
                 "lines of `x y z x y z`, each with a radius, a colour `r g b` or both behind it; # starts a comment",
             ),
             CLOUD_FILE,
-            Word::new("radius", NUMBER, "the radius of those that have none of their own"),
+            FieldSchema::new("radius", NUMBER, "the radius of those that have none of their own"),
             CAPS,
         ],
         OBJECT,
@@ -234,7 +250,7 @@ static CYLINDERS: Words = Words::new(
 .transforms()
 .example("cylinders radius=0.5 { axes 0 0 0 0 5 0  2 0 0 2 5 0 }");
 
-static GROUP: Words = Words::new(
+static GROUP: NodeSchema = NodeSchema::new(
     "group",
     "Objects and lights that move together. Its material holds for what has none of its own.",
     &[OBJECT],
@@ -243,24 +259,24 @@ static GROUP: Words = Words::new(
 .objects()
 .example("group name=\"lamp\" { translate 0 5 0; sphere { center 0 0 0; radius 1 } }");
 
-static PROTOTYPE: Words = Words::new(
+static PROTOTYPE: NodeSchema = NodeSchema::new(
     "prototype",
     "A group that isn't drawn itself, only by its instances.",
-    &[&[Word::new("name", Takes::Text, "the name that instances refer to").needed(), MATERIAL]],
+    &[&[FieldSchema::new("name", ValueType::Text, "the name that instances refer to").needed(), MATERIAL]],
 )
 .transforms()
 .objects()
 .example("prototype name=\"ball\" { sphere { center 0 0 0; radius 1 } }");
 
-static INSTANCE: Words = Words::new(
+static INSTANCE: NodeSchema = NodeSchema::new(
     "instance",
     "One more copy of a named object, group or prototype, with the transforms of the original and then its own. Copies \
      cost next to no memory.",
     &[
-        &[Word::new("of", Takes::Text, "the name of what is repeated").needed()],
+        &[FieldSchema::new("of", ValueType::Text, "the name of what is repeated").needed()],
         &[
             NAME,
-            Word::new("material", Takes::Text, "a material for the parts that have none of their own")
+            FieldSchema::new("material", ValueType::Text, "a material for the parts that have none of their own")
                 .or(|| "its group's".into()),
         ],
     ],
@@ -268,36 +284,39 @@ static INSTANCE: Words = Words::new(
 .transforms()
 .example("instance of=\"lamp\" { translate 10 0 0 }");
 
-const LIGHT: &[Word] = &[
-    Word::new("intensity", Takes::Rgb, "l: a surface straight below is lit by l times its kd")
+const LIGHT: &[FieldSchema] = &[
+    FieldSchema::new("intensity", ValueType::Rgb, "l: a surface straight below is lit by l times its kd")
         .or(|| DEFAULT_INTENSITY.to_string()),
-    Word::new("shadows", Takes::Flag, "whether it casts shadows").or(|| flag(default_light().shadows)),
-    Word::new("name", Takes::Text, "its name, for `--set` and explanations"),
+    FieldSchema::new("shadows", ValueType::Flag, "whether it casts shadows").or(|| flag(default_light().shadows)),
+    FieldSchema::new("name", ValueType::Text, "its name, for `--set` and explanations"),
 ];
 
 fn default_light() -> Light {
     Light::new(LightKind::Omni(Omni::at(Vec3::ZERO)), Rgb::gray(DEFAULT_INTENSITY))
 }
 
-const ATTENUATION: Word = Word::new("attenuation", POINT, "c l q: light from distance d is divided by c + l d + q d²")
-    .or(|| {
+const ATTENUATION: FieldSchema =
+    FieldSchema::new("attenuation", POINT, "c l q: light from distance d is divided by c + l d + q d²").or(|| {
         let [c, l, q] = default_light().attenuation;
         format!("{c} {l} {q}")
     });
 
-const SAMPLES: Word = Word::new(
+const SAMPLES: FieldSchema = FieldSchema::new(
     "samples",
-    Takes::Count,
+    ValueType::Count,
     "how many random points of it shine on each hit, other ones for each ray of a pixel, instead of points (1 to 4096)",
 );
 
-const POINTS: Word =
-    Word::new("points", Takes::Count, "how many points, always the same, 1 to 4096; each costs a shadow ray")
-        .or(|| DEFAULT_POINTS.to_string());
+const POINTS: FieldSchema = FieldSchema::new(
+    "points",
+    ValueType::Count,
+    "how many points, always the same, 1 to 4096; each costs a shadow ray",
+)
+.or(|| DEFAULT_POINTS.to_string());
 
-const EMISSION: Word = Word::new(
+const EMISSION: FieldSchema = FieldSchema::new(
     "emission",
-    Takes::Word(&["even", "matte"]),
+    ValueType::Keyword(&["even", "matte"]),
     "each point shines evenly in all directions; or all shine as a matte surface of radiance l, from its outer side, weaker aslant and from afar",
 )
 .or(|| {
@@ -305,12 +324,12 @@ const EMISSION: Word = Word::new(
     Emission::ALL.iter().find(|(e, _)| *e == default).map_or_else(String::new, |(_, word)| quoted(word))
 });
 
-const fn kind(word: &'static [&'static str]) -> Word {
-    Word::new("kind", Takes::Word(word), "the kind of light").needed()
+const fn kind(word: &'static [&'static str]) -> FieldSchema {
+    FieldSchema::new("kind", ValueType::Keyword(word), "the kind of light").needed()
 }
 
 /// The lights, by kind, in the order of the reference.
-pub(crate) const LIGHTS: &[(&str, &Words)] = &[
+pub(crate) const LIGHTS: &[(&str, &NodeSchema)] = &[
     ("omni", &OMNI),
     ("directional", &DIRECTIONAL),
     ("spot", &SPOT),
@@ -321,18 +340,18 @@ pub(crate) const LIGHTS: &[(&str, &Words)] = &[
 ];
 
 /// The words of a kind of light.
-pub(crate) fn light(kind: &str) -> Option<&'static Words> {
+pub(crate) fn light(kind: &str) -> Option<&'static NodeSchema> {
     LIGHTS.iter().find(|(name, _)| *name == kind).map(|(_, words)| *words)
 }
 
-static OMNI: Words = Words::new(
+static OMNI: NodeSchema = NodeSchema::new(
     "light",
     "Light from a point in all directions.",
     &[
         &[
-            Word::new(
+            FieldSchema::new(
                 "position",
-                Takes::Numbers(&[3, 4]),
+                ValueType::Numbers(&[3, 4]),
                 "where it is; with a fourth number w at x/w y/w z/w, with w = 0 infinitely far in the direction x y z",
             )
             .needed(),
@@ -345,14 +364,14 @@ static OMNI: Words = Words::new(
 .transforms()
 .example("light \"omni\" { position 40 120 0; intensity 0.8 }");
 
-static DIRECTIONAL: Words = Words::new(
+static DIRECTIONAL: NodeSchema = NodeSchema::new(
     "light",
     "Parallel light, everywhere or in a round beam.",
     &[
         &[
-            Word::new("direction", POINT, "where the light goes").needed(),
-            Word::new("axis", POINT, "a point on the axis of the beam; goes with radius"),
-            Word::new("radius", NUMBER, "the beam's radius; goes with axis"),
+            FieldSchema::new("direction", POINT, "where the light goes").needed(),
+            FieldSchema::new("axis", POINT, "a point on the axis of the beam; goes with radius"),
+            FieldSchema::new("radius", NUMBER, "the beam's radius; goes with axis"),
         ],
         LIGHT,
     ],
@@ -361,16 +380,16 @@ static DIRECTIONAL: Words = Words::new(
 .transforms()
 .example("light \"directional\" { direction -0.2 -1 -0.1; axis 0 20 0; radius 45 }");
 
-static SPOT: Words = Words::new(
+static SPOT: NodeSchema = NodeSchema::new(
     "light",
     "A cone of light. It ends smoothly between two angles, or falls off with a power of the cosine.",
     &[
         &[
-            Word::new("position", POINT, "where it is").needed(),
-            Word::new("target", POINT, "a point that it shines at").needed(),
-            Word::new("outer", NUMBER, "no light from this angle to the axis on, in degrees, 0 to 90").needed(),
-            Word::new("inner", NUMBER, "full light up to this angle").or(|| DEFAULT_INNER.to_string()),
-            Word::new("exponent", NUMBER, "the power of the cosine, instead of inner"),
+            FieldSchema::new("position", POINT, "where it is").needed(),
+            FieldSchema::new("target", POINT, "a point that it shines at").needed(),
+            FieldSchema::new("outer", NUMBER, "no light from this angle to the axis on, in degrees, 0 to 90").needed(),
+            FieldSchema::new("inner", NUMBER, "full light up to this angle").or(|| DEFAULT_INNER.to_string()),
+            FieldSchema::new("exponent", NUMBER, "the power of the cosine, instead of inner"),
             ATTENUATION,
         ],
         LIGHT,
@@ -380,14 +399,14 @@ static SPOT: Words = Words::new(
 .transforms()
 .example("light \"spot\" { position 0 50 0; target 0 0 0; inner 20; outer 30 }");
 
-static DISK_LIGHT: Words = Words::new(
+static DISK_LIGHT: NodeSchema = NodeSchema::new(
     "light",
     "Light spread over a disk, for soft shadows.",
     &[
         &[
-            Word::new("position", POINT, "the disk's centre").needed(),
-            Word::new("normal", POINT, "the disk's axis").needed(),
-            Word::new("radius", NUMBER, "the disk's radius, more than 0").needed(),
+            FieldSchema::new("position", POINT, "the disk's centre").needed(),
+            FieldSchema::new("normal", POINT, "the disk's axis").needed(),
+            FieldSchema::new("radius", NUMBER, "the disk's radius, more than 0").needed(),
             POINTS,
             SAMPLES,
             EMISSION,
@@ -400,14 +419,14 @@ static DISK_LIGHT: Words = Words::new(
 .transforms()
 .example("light \"disk\" { position 40 120 0; normal 0 -1 0; radius 10; intensity 0.8; points 16 }");
 
-static RECTANGLE_LIGHT: Words = Words::new(
+static RECTANGLE_LIGHT: NodeSchema = NodeSchema::new(
     "light",
     "Light spread over a rectangle, or any parallelogram, for soft shadows.",
     &[
         &[
-            Word::new("corner", POINT, "a corner").needed(),
-            Word::new("u", POINT, "an edge from there").needed(),
-            Word::new("v", POINT, "the other edge from there; u × v looks out of its outer side").needed(),
+            FieldSchema::new("corner", POINT, "a corner").needed(),
+            FieldSchema::new("u", POINT, "an edge from there").needed(),
+            FieldSchema::new("v", POINT, "the other edge from there; u × v looks out of its outer side").needed(),
             POINTS,
             SAMPLES,
             EMISSION,
@@ -420,13 +439,13 @@ static RECTANGLE_LIGHT: Words = Words::new(
 .transforms()
 .example("light \"rectangle\" { corner -1 5 -1; u 2 0 0; v 0 0 2; samples 1; emission \"matte\"; intensity 8 }");
 
-static SPHERE_LIGHT: Words = Words::new(
+static SPHERE_LIGHT: NodeSchema = NodeSchema::new(
     "light",
     "Light spread over a sphere, for soft shadows.",
     &[
         &[
-            Word::new("center", POINT, "its centre").needed(),
-            Word::new("radius", NUMBER, "its radius, more than 0").needed(),
+            FieldSchema::new("center", POINT, "its centre").needed(),
+            FieldSchema::new("radius", NUMBER, "its radius, more than 0").needed(),
             POINTS,
             SAMPLES,
             EMISSION,
@@ -439,12 +458,12 @@ static SPHERE_LIGHT: Words = Words::new(
 .transforms()
 .example("light \"sphere\" { center 0 5 0; radius 0.5; points 32 }");
 
-static MESH_LIGHT: Words = Words::new(
+static MESH_LIGHT: NodeSchema = NodeSchema::new(
     "light",
     "Light spread over the triangles of a file, evenly by their area. The light itself is not seen, as no light is.",
     &[
         &[
-            Word::new("file", Takes::Text, "the file; relative paths start at this file's folder").needed(),
+            FieldSchema::new("file", ValueType::Text, "the file; relative paths start at this file's folder").needed(),
             POINTS,
             SAMPLES,
             EMISSION,

@@ -2,7 +2,7 @@
 
 use super::lens::{CAMERA_MOTION, LENS};
 use super::motion::{ANIMATION, CAMERA_FOLLOW, PATH};
-use super::{NUMBER, POINT, SURFACE_TEXTURE, Takes, Word, Words};
+use super::{FieldSchema, NUMBER, NodeSchema, POINT, SURFACE_TEXTURE, ValueType};
 use canaletto::material::{Material, Phong};
 use canaletto::math::Rgb;
 use canaletto::scene::{
@@ -11,84 +11,89 @@ use canaletto::scene::{
 use glam::DVec3;
 
 /// The nodes that say how, not what, in the order of the reference.
-pub(crate) const SETTINGS: &[&Words] =
+pub(crate) const SETTINGS: &[&NodeSchema] =
     &[&INCLUDE, &BACKGROUND, &AMBIENT, &CAMERA, &FILM, &INTEGRATOR, &MATERIAL, &ANIMATION, &PATH];
 
-static INCLUDE: Words = Words::new("include", "Puts the nodes of another file here. Only at the top of a file.", &[])
-    .argument(Word::new("file", Takes::Text, "the file; relative paths start at this file's folder").needed())
-    .example("include \"stage.kdl\"");
+static INCLUDE: NodeSchema =
+    NodeSchema::new("include", "Puts the nodes of another file here. Only at the top of a file.", &[])
+        .argument(
+            FieldSchema::new("file", ValueType::Text, "the file; relative paths start at this file's folder").needed(),
+        )
+        .example("include \"stage.kdl\"");
 
-pub(crate) static BACKGROUND: Words = Words::new("background", "The colour of rays that meet nothing.", &[])
-    .argument(Word::new("colour", Takes::Rgb, "the colour").needed().or(|| rgb(Scene::default().background)))
+pub(crate) static BACKGROUND: NodeSchema = NodeSchema::new("background", "The colour of rays that meet nothing.", &[])
+    .argument(FieldSchema::new("colour", ValueType::Rgb, "the colour").needed().or(|| rgb(Scene::default().background)))
     .example("background 0.4 0.4 0.4");
 
-pub(crate) static AMBIENT: Words =
-    Words::new("ambient", "Iₐ, the light that reaches every point from everywhere.", &[])
-        .argument(Word::new("colour", Takes::Rgb, "its intensity").needed().or(|| rgb(Scene::default().ambient)))
+pub(crate) static AMBIENT: NodeSchema =
+    NodeSchema::new("ambient", "Iₐ, the light that reaches every point from everywhere.", &[])
+        .argument(
+            FieldSchema::new("colour", ValueType::Rgb, "its intensity").needed().or(|| rgb(Scene::default().ambient)),
+        )
         .example("ambient 0.2");
 
-pub(crate) static CAMERA: Words = Words::new(
+pub(crate) static CAMERA: NodeSchema = NodeSchema::new(
     "camera",
     "A view of the scene. There may be several; the first one is taken where none is named. The angle, the planes and the \
      size are those of `gluPerspective`, the rest those of `gluLookAt`.",
     &[&[
-        Word::new("eye", POINT, "where it stands").or(|| point(Extrinsics::default().eye)),
-        Word::new("center", POINT, "a point that it looks at").or(|| point(Extrinsics::default().center)),
-        Word::new("up", POINT, "a direction that is upwards in the picture").or(|| point(Extrinsics::default().up)),
-        Word::new("fovy", NUMBER, "the whole vertical angle of view in degrees, between 0 and 180")
+        FieldSchema::new("eye", POINT, "where it stands").or(|| point(Extrinsics::default().eye)),
+        FieldSchema::new("center", POINT, "a point that it looks at").or(|| point(Extrinsics::default().center)),
+        FieldSchema::new("up", POINT, "a direction that is upwards in the picture").or(|| point(Extrinsics::default().up)),
+        FieldSchema::new("fovy", NUMBER, "the whole vertical angle of view in degrees, between 0 and 180")
             .or(|| Intrinsics::default().fovy.to_string()),
-        Word::new("near", NUMBER, "the distance of the projection plane; rays start at the eye all the same")
+        FieldSchema::new("near", NUMBER, "the distance of the projection plane; rays start at the eye all the same")
             .or(|| Intrinsics::default().near.to_string()),
-        Word::new("far", NUMBER, "the far plane, which only a z-buffer needs")
+        FieldSchema::new("far", NUMBER, "the far plane, which only a z-buffer needs")
             .or(|| Intrinsics::default().far.to_string()),
-        Word::new("size", Takes::Counts(2), "width and height of the picture in pixels").or(|| {
+        FieldSchema::new("size", ValueType::Counts(2), "width and height of the picture in pixels").or(|| {
             let Intrinsics { width, height, .. } = Intrinsics::default();
             format!("{width} {height}")
         }),
-        Word::new(
+        FieldSchema::new(
             "shift",
-            Takes::Numbers(&[2]),
+            ValueType::Numbers(&[2]),
             "moves the picture's window off the optical axis, in fractions of its width and height",
         )
         .or(|| {
             let [x, y] = Intrinsics::default().shift;
             format!("{x} {y}")
         }),
-        Word::new("lens", Takes::Node(&LENS), "a lens, for depth of field; see below").or(|| "a pinhole".into()),
-        Word::new(
+        FieldSchema::new("lens", ValueType::Node(&LENS), "a lens, for depth of field; see below").or(|| "a pinhole".into()),
+        FieldSchema::new(
             "shutter",
-            Takes::Numbers(&[2]),
+            ValueType::Numbers(&[2]),
             "when the shutter opens and closes, in frames from the frame's own time: what keys move is blurred by as much",
         )
         .or(|| {
             let [open, close] = Intrinsics::default().shutter;
             format!("{open} {close}")
         }),
-        Word::new("motion", Takes::Node(&CAMERA_MOTION), "how it moves while the shutter is open; see below")
+        FieldSchema::new("motion", ValueType::Node(&CAMERA_MOTION), "how it moves while the shutter is open; see below")
             .or(|| "it stays".into()),
-        Word::new("follow", Takes::Node(&CAMERA_FOLLOW), "a path that the camera moves on, instead of `eye`; see Motion"),
+        FieldSchema::new("follow", ValueType::Node(&CAMERA_FOLLOW), "a path that the camera moves on, instead of `eye`; see Motion"),
     ]],
 )
-.argument(Word::new("name", Takes::Text, "the name to choose it by").or(|| quoted(DEFAULT_CAMERA)))
+.argument(FieldSchema::new("name", ValueType::Text, "the name to choose it by").or(|| quoted(DEFAULT_CAMERA)))
 .example("camera \"side\" { eye 100 40 40; center 0 0 0; up 0 1 0; fovy 90; size 640 480 }");
 
 /// The name of a camera that has none.
 pub(crate) const DEFAULT_CAMERA: &str = "camera";
 
-pub(crate) static SAMPLE: Words = Words::new(
+pub(crate) static SAMPLE: NodeSchema = NodeSchema::new(
     "sample",
     "Where in a pixel rays go.",
     &[&[
-        Word::new("n", Takes::Count, "n × n rays in a pixel, for \"regular\" and \"jittered\" (1 to 16), and for the refined pixels of \"adaptive\" (2 to 16)")
+        FieldSchema::new("n", ValueType::Count, "n × n rays in a pixel, for \"regular\" and \"jittered\" (1 to 16), and for the refined pixels of \"adaptive\" (2 to 16)")
             .or(|| DEFAULT_GRID.to_string()),
-        Word::new("threshold", NUMBER, "for \"adaptive\": differences up to this, 0 to 1, are left as they are")
+        FieldSchema::new("threshold", NUMBER, "for \"adaptive\": differences up to this, 0 to 1, are left as they are")
             .or(|| DEFAULT_THRESHOLD.to_string()),
     ]],
 )
 .argument(
-    Word::new(
+    FieldSchema::new(
         "place",
-        Takes::Word(&["corner", "center", "regular", "jittered", "adaptive"]),
+        ValueType::Keyword(&["corner", "center", "regular", "jittered", "adaptive"]),
         "one ray through the pixel's lower left corner (the textbook's way) or its centre; n × n rays on a grid, or each \
          at a random place of its cell; or only where corners and centre differ",
     )
@@ -103,57 +108,57 @@ pub(crate) const DEFAULT_THRESHOLD: f32 = 0.1;
 /// The sigma where `filter` doesn't say.
 pub(crate) const DEFAULT_SIGMA: f32 = 0.5;
 
-pub(crate) static FILTER: Words = Words::new(
+pub(crate) static FILTER: NodeSchema = NodeSchema::new(
     "filter",
     "How rays become a pixel.",
-    &[&[Word::new("sigma", NUMBER, "for \"gaussian\": the standard deviation in pixels")
+    &[&[FieldSchema::new("sigma", NUMBER, "for \"gaussian\": the standard deviation in pixels")
         .or(|| DEFAULT_SIGMA.to_string())]],
 )
 .argument(
-    Word::new(
+    FieldSchema::new(
         "kind",
-        Takes::Word(&["box", "tent", "gaussian", "mitchell"]),
+        ValueType::Keyword(&["box", "tent", "gaussian", "mitchell"]),
         "their mean over the pixel's area, or weighted over its neighbourhood",
     )
     .needed()
     .or(|| quoted(Filter::default().name())),
 );
 
-pub(crate) static FILM: Words = Words::new(
+pub(crate) static FILM: NodeSchema = NodeSchema::new(
     "film",
     "How the picture is sampled and developed.",
     &[&[
-        Word::new("sample", Takes::Node(&SAMPLE), "where in a pixel rays go; see below")
+        FieldSchema::new("sample", ValueType::Node(&SAMPLE), "where in a pixel rays go; see below")
             .or(|| SAMPLE.argument.as_ref().map_or_else(String::new, |word| (word.default)())),
-        Word::new(
+        FieldSchema::new(
             "samples",
-            Takes::Count,
+            ValueType::Count,
             "this many rays in a pixel (1 to 65536), placed by the sampler; 1 goes through the centre; instead of sample",
         ),
-        Word::new(
+        FieldSchema::new(
             "sampler",
-            Takes::Word(&["sobol", "jittered", "independent"]),
+            ValueType::Keyword(&["sobol", "jittered", "independent"]),
             "how random numbers are spread over a pixel's rays: by Sobol's sequence with Owen's scrambling (the least noise, \
              best with powers of two), on a jittered grid (best with squares), or not at all",
         )
         .or(|| quoted(SamplerKind::default().name())),
-        Word::new("filter", Takes::Node(&FILTER), "how rays become a pixel; see below")
+        FieldSchema::new("filter", ValueType::Node(&FILTER), "how rays become a pixel; see below")
             .or(|| FILTER.argument.as_ref().map_or_else(String::new, |word| (word.default)())),
-        Word::new(
+        FieldSchema::new(
             "tone",
-            Takes::Word(&["clamp", "scale"]),
+            ValueType::Keyword(&["clamp", "scale"]),
             "values over 1 are cut, or the picture is divided by its largest one",
         )
         .or(|| quoted(Tone::default().name())),
-        Word::new(
+        FieldSchema::new(
             "transfer",
-            Takes::Word(&["none", "srgb"]),
+            ValueType::Keyword(&["none", "srgb"]),
             "from linear light to the numbers in the file: as they are, or the sRGB curve",
         )
         .or(|| quoted(Transfer::default().name())),
-        Word::new(
+        FieldSchema::new(
             "crop",
-            Takes::Counts(4),
+            ValueType::Counts(4),
             "only this part of the picture: x, y (from the top left), width, height in pixels",
         )
         .or(|| "the whole picture".into()),
@@ -161,67 +166,74 @@ pub(crate) static FILM: Words = Words::new(
 )
 .example("film { samples 64; sampler \"sobol\"; filter \"gaussian\" sigma=0.5; tone \"scale\"; transfer \"srgb\" }");
 
-pub(crate) static INTEGRATOR: Words = Words::new(
+pub(crate) static INTEGRATOR: NodeSchema = NodeSchema::new(
     "integrator",
     "How rays are followed.",
     &[&[
-        Word::new("max-depth", Takes::Count, "rays of this depth have no children; the eye's rays have depth 1")
-            .or(|| IntegratorSettings::default().max_depth.to_string()),
-        Word::new("min-weight", NUMBER, "rays that count less than this in the pixel are not followed")
+        FieldSchema::new(
+            "max-depth",
+            ValueType::Count,
+            "rays of this depth have no children; the eye's rays have depth 1",
+        )
+        .or(|| IntegratorSettings::default().max_depth.to_string()),
+        FieldSchema::new("min-weight", NUMBER, "rays that count less than this in the pixel are not followed")
             .or(|| IntegratorSettings::default().min_weight.to_string()),
-        Word::new(
+        FieldSchema::new(
             "stage",
-            Takes::Word(&["unlit", "diffuse", "ambient", "specular", "shadow", "reflection", "full"]),
+            ValueType::Keyword(&["unlit", "diffuse", "ambient", "specular", "shadow", "reflection", "full"]),
             "how much of the shading equation is switched on; each stage contains the ones before it",
         )
         .or(|| {
             let stage = IntegratorSettings::default().stage;
             Stage::ALL.iter().find(|(s, _)| *s == stage).map_or_else(String::new, |(_, name)| quoted(name))
         }),
-        Word::new("shadows", Takes::Flag, "whether lights cast shadows")
+        FieldSchema::new("shadows", ValueType::Flag, "whether lights cast shadows")
             .or(|| flag(IntegratorSettings::default().shadows)),
     ]],
 )
-.argument(Word::new("kind", Takes::Word(&["whitted"]), "the classic recursive ray tracer").or(|| quoted("whitted")))
+.argument(
+    FieldSchema::new("kind", ValueType::Keyword(&["whitted"]), "the classic recursive ray tracer")
+        .or(|| quoted("whitted")),
+)
 .example("integrator \"whitted\" { max-depth 3; stage \"reflection\" }");
 
-pub(crate) static MATERIAL: Words = Words::new(
+pub(crate) static MATERIAL: NodeSchema = NodeSchema::new(
     "material",
     "What a surface does with light: Phong's model, a mirror, a clear body.",
     &[&[
-        Word::new("kd", Takes::Rgb, "the colour in diffuse light").or(|| rgb(Phong::default().kd)),
-        Word::new("ks", Takes::Rgb, "the colour of highlights").or(|| rgb(Phong::default().ks)),
-        Word::new("n", NUMBER, "the exponent of highlights: the larger, the smaller they are")
+        FieldSchema::new("kd", ValueType::Rgb, "the colour in diffuse light").or(|| rgb(Phong::default().kd)),
+        FieldSchema::new("ks", ValueType::Rgb, "the colour of highlights").or(|| rgb(Phong::default().ks)),
+        FieldSchema::new("n", NUMBER, "the exponent of highlights: the larger, the smaller they are")
             .or(|| Phong::default().n.to_string()),
-        Word::new("k", Takes::Rgb, "the factor of the reflected ray: 0 no mirror, 1 a perfect one")
+        FieldSchema::new("k", ValueType::Rgb, "the factor of the reflected ray: 0 no mirror, 1 a perfect one")
             .or(|| rgb(Phong::default().k)),
-        Word::new("eta", NUMBER, "the coefficient of refraction, more than 0").or(|| Phong::default().eta.to_string()),
-        Word::new("opacity", NUMBER, "0 clear to 1 opaque, as glass is: its surface shades as a whole")
+        FieldSchema::new("eta", NUMBER, "the coefficient of refraction, more than 0").or(|| Phong::default().eta.to_string()),
+        FieldSchema::new("opacity", NUMBER, "0 clear to 1 opaque, as glass is: its surface shades as a whole")
             .or(|| Phong::default().opacity.to_string()),
-        Word::new(
+        FieldSchema::new(
             "coverage",
             NUMBER,
             "the share of the surface that is there, 0 to 1, as alpha has it: the rest shades nothing and bends nothing",
         )
         .or(|| Material::default().coverage.to_string()),
-        Word::new(
+        FieldSchema::new(
             "priority",
             NUMBER,
             "which of several clear bodies fills the place where they overlap: the largest number, then the smallest volume",
         )
         .or(|| Material::default().priority.to_string()),
-        Word::new(
+        FieldSchema::new(
             "roughness",
             NUMBER,
-            "0 polished to 1 rough: scatters mirrored and refracted rays; it takes several rays in a pixel, such as \
+            "0 polished to 1 rough: scatters mirrored and refracted rays; it value_type several rays in a pixel, such as \
              `film { samples 64 }`",
         )
         .or(|| Phong::default().roughness.to_string()),
-        Word::new("texture", Takes::Node(&SURFACE_TEXTURE), "a texture for any of these, or over all; see below")
+        FieldSchema::new("texture", ValueType::Node(&SURFACE_TEXTURE), "a texture for any of these, or over all; see below")
             .many(),
     ]],
 )
-.argument(Word::new("name", Takes::Text, "the name that objects refer to").needed())
+.argument(FieldSchema::new("name", ValueType::Text, "the name that objects refer to").needed())
 .example("material \"glass\" { kd 0 0 1; ks 1; n 50; eta 1.2; opacity 0.4 }");
 
 /// A colour as it would be written.

@@ -2,7 +2,7 @@
 
 use super::settings::quoted;
 use super::textures::word_of;
-use super::{NUMBER, Takes, Word, Words};
+use super::{FieldSchema, NUMBER, NodeSchema, ValueType};
 use canaletto::material::{Channel, Projection, Space, Target};
 
 /// The mappings with their words.
@@ -29,64 +29,64 @@ pub(crate) const CHANNELS: &[(&str, Channel)] = &[
     ("alpha", Channel::Alpha),
 ];
 
-pub(crate) static SURFACE_TEXTURE: Words = Words::new(
+pub(crate) static SURFACE_TEXTURE: NodeSchema = NodeSchema::new(
     "texture",
     "A texture on a material. There may be several; each replaces what those before it gave. Transforms place the texture \
      as they place objects: around the middle of the picture with `uv` (x to the right, y upwards), in the mapping's space \
      else.",
     &[&[
-        Word::new(
+        FieldSchema::new(
             "use",
-            Takes::Word(&[
+            ValueType::Keyword(&[
                 "replace", "decal", "diffuse", "ks", "n", "k", "eta", "opacity", "roughness", "cutout", "bump", "displace", "normal",
             ]),
             "what it is for: the colour instead of the shaded one, or over it by its alpha; kd; another number of the \
              material; what is there of the surface at all; heights, or normals, that bend the normal; heights that move the surface",
         )
         .or(|| quoted(Target::Diffuse.name())),
-        Word::new(
+        FieldSchema::new(
             "mapping",
-            Takes::Word(&["uv", "planar", "box", "spherical", "cylindrical", "triplanar", "solid"]),
+            ValueType::Keyword(&["uv", "planar", "box", "spherical", "cylindrical", "triplanar", "solid"]),
             "how the surface gets texture coordinates: its own (faces of a box, angles of a sphere, uv of a mesh), one of \
              the projections, or the point itself for textures of space",
         )
         .or(|| format!("{}, for textures of space {}", word_of(PROJECTIONS, &Projection::Uv), quoted("solid"))),
-        Word::new(
+        FieldSchema::new(
             "space",
-            Takes::Word(&["object", "world", "bounds"]),
+            ValueType::Keyword(&["object", "world", "bounds"]),
             "where the mapping happens: the object's own space, the scene's, or the object's bounding box as a cube of \
              side 1 around the origin; not for \"uv\"",
         )
         .or(|| format!("{}; for \"triplanar\" and \"solid\" {}", quoted("bounds"), quoted("object"))),
-        Word::new("repeat", Takes::Numbers(&[1, 2]), "how often the picture is repeated along u and v").or(|| "1".into()),
-        Word::new(
+        FieldSchema::new("repeat", ValueType::Numbers(&[1, 2]), "how often the picture is repeated along u and v").or(|| "1".into()),
+        FieldSchema::new(
             "channel",
-            Takes::Word(&["luminance", "red", "green", "blue", "alpha"]),
+            ValueType::Keyword(&["luminance", "red", "green", "blue", "alpha"]),
             "which number of the texture, where one is wanted",
         )
         .or(|| format!("{}; for \"cutout\" {}", word_of(CHANNELS, &Channel::Luminance), quoted("alpha"))),
-        Word::new("range", Takes::Numbers(&[2]), "what the values 0 and 1 of the texture stand for").or(|| "0 1".into()),
-        Word::new(
+        FieldSchema::new("range", ValueType::Numbers(&[2]), "what the values 0 and 1 of the texture stand for").or(|| "0 1".into()),
+        FieldSchema::new(
             "height",
             NUMBER,
             "for \"bump\" and \"displace\": the height of the value 1 over that of 0, in the object's units before its transforms",
         ),
-        Word::new(
+        FieldSchema::new(
             "detail",
             NUMBER,
             "for \"displace\": the object's size divided by this is the shortest edge of the triangles that it becomes; 16 and more",
         )
         .or(|| Target::DEFAULT_DETAIL.to_string()),
-        Word::new("strength", NUMBER, "for \"normal\": how strongly the normals lean").or(|| "1".into()),
-        Word::new(
+        FieldSchema::new("strength", NUMBER, "for \"normal\": how strongly the normals lean").or(|| "1".into()),
+        FieldSchema::new(
             "y",
-            Takes::Word(&["up", "down"]),
+            ValueType::Keyword(&["up", "down"]),
             "for \"normal\": whether green leans upwards in the image, as in OpenGL, or downwards, as in Direct3D",
         )
         .or(|| quoted("up")),
     ]],
 )
-.argument(Word::new("texture", Takes::Text, "the texture's name").needed())
+.argument(FieldSchema::new("texture", ValueType::Text, "the texture's name").needed())
 .transforms()
 .example(
     "material \"wall\" { texture \"bricks\"; texture \"bricks\" use=\"decal\" mapping=\"box\" { scale 0.4 }; texture \"bricks\" use=\"bump\" height=0.02 }",

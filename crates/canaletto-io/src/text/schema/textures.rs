@@ -1,16 +1,16 @@
 //! Textures.
 
 use super::settings::quoted;
-use super::{NUMBER, Takes, Word, Words};
+use super::{FieldSchema, NUMBER, NodeSchema, ValueType};
 use canaletto::texture::{Feature, Filter, Gradient, Interpolation, Placement, Prefilter, Spectrum, Wrap};
 
-const NAME: Word = Word::new("name", Takes::Text, "the name that materials refer to").needed();
+const NAME: FieldSchema = FieldSchema::new("name", ValueType::Text, "the name that materials refer to").needed();
 
 /// The kind of a texture where nothing says so.
 pub(crate) const DEFAULT_KIND: &str = "image";
 
 /// The textures, by kind, in the order of the reference.
-pub(crate) const TEXTURES: &[(&str, &Words)] = &[
+pub(crate) const TEXTURES: &[(&str, &NodeSchema)] = &[
     ("image", &IMAGE),
     ("ramp", &RAMP),
     ("grid", &GRID),
@@ -25,12 +25,12 @@ pub(crate) const TEXTURES: &[(&str, &Words)] = &[
 ];
 
 /// The words of a kind of texture.
-pub(crate) fn texture(kind: &str) -> Option<&'static Words> {
+pub(crate) fn texture(kind: &str) -> Option<&'static NodeSchema> {
     TEXTURES.iter().find(|(name, _)| *name == kind).map(|(_, words)| *words)
 }
 
-const fn kind(word: &'static [&'static str]) -> Word {
-    Word::new("kind", Takes::Word(word), "the kind of texture")
+const fn kind(word: &'static [&'static str]) -> FieldSchema {
+    FieldSchema::new("kind", ValueType::Keyword(word), "the kind of texture")
 }
 
 /// The filters with their words.
@@ -59,42 +59,42 @@ pub(crate) const WRAPS: &[(&str, Wrap)] = &[
 /// The placements with their words.
 pub(crate) const PLACEMENTS: &[(&str, Placement)] = &[("centers", Placement::Centers), ("edges", Placement::Edges)];
 
-const FILTER_WORDS: Takes =
-    Takes::Word(&["nearest", "bilinear", "biquadratic", "bicubic", "quadratic-spline", "cubic-spline"]);
-const WRAP_WORDS: Takes = Takes::Word(&["repeat", "mirror", "clamp", "black", "transparent"]);
+const FILTER_WORDS: ValueType =
+    ValueType::Keyword(&["nearest", "bilinear", "biquadratic", "bicubic", "quadratic-spline", "cubic-spline"]);
+const WRAP_WORDS: ValueType = ValueType::Keyword(&["repeat", "mirror", "clamp", "black", "transparent"]);
 
 /// The word for a value.
 pub(crate) fn word_of<T: PartialEq>(words: &[(&'static str, T)], value: &T) -> String {
     words.iter().find(|(_, v)| v == value).map_or_else(String::new, |(word, _)| quoted(word))
 }
 
-const SPACE: Word = Word::new(
+const SPACE: FieldSchema = FieldSchema::new(
     "space",
-    Takes::Word(&["srgb", "linear", "raw"]),
+    ValueType::Keyword(&["srgb", "linear", "raw"]),
     "what the numbers mean: colours on the sRGB curve, linear colours, or no colours at all (heights, normals, masks)",
 )
 .or(|| "as the file says".into());
 
-static IMAGE: Words = Words::new(
+static IMAGE: NodeSchema = NodeSchema::new(
     "texture",
     "An image over the unit square: u runs from its left to its right, v from its top row to its bottom row.",
     &[&[
         kind(&["image"]).or(|| quoted(DEFAULT_KIND)),
-        Word::new("file", Takes::Text, "the image: PNG, JPEG, OpenEXR, Radiance HDR or WebP; relative paths start at this file's folder").needed(),
-        Word::new("filter", FILTER_WORDS, "how texels become a function").or(|| word_of(FILTERS, &Filter::default())),
-        Word::new(
+        FieldSchema::new("file", ValueType::Text, "the image: PNG, JPEG, OpenEXR, Radiance HDR or WebP; relative paths start at this file's folder").needed(),
+        FieldSchema::new("filter", FILTER_WORDS, "how texels become a function").or(|| word_of(FILTERS, &Filter::default())),
+        FieldSchema::new(
             "prefilter",
-            Takes::Word(&["none", "trilinear", "ewa"]),
+            ValueType::Keyword(&["none", "trilinear", "ewa"]),
             "what is done where texels are smaller than pixels: nothing, the mean over a square, or the mean over the pixel's ellipse",
         )
         .or(|| word_of(PREFILTERS, &Prefilter::default())),
-        Word::new("wrap", WRAP_WORDS, "what is outside the unit square: the image again, the image mirrored, its border, opaque black, or nothing")
+        FieldSchema::new("wrap", WRAP_WORDS, "what is outside the unit square: the image again, the image mirrored, its border, opaque black, or nothing")
             .or(|| word_of(WRAPS, &Wrap::default())),
-        Word::new("wrap-u", WRAP_WORDS, "the same, to the left and to the right only").or(|| "as `wrap`".into()),
-        Word::new("wrap-v", WRAP_WORDS, "the same, above and below only").or(|| "as `wrap`".into()),
-        Word::new(
+        FieldSchema::new("wrap-u", WRAP_WORDS, "the same, to the left and to the right only").or(|| "as `wrap`".into()),
+        FieldSchema::new("wrap-v", WRAP_WORDS, "the same, above and below only").or(|| "as `wrap`".into()),
+        FieldSchema::new(
             "texels",
-            Takes::Word(&["centers", "edges"]),
+            ValueType::Keyword(&["centers", "edges"]),
             "whether u = 0 and u = 1 are the centres of the first and the last texel, as in the textbook, or their outer edges, as in OpenGL: for images made to be repeated and for spheres",
         )
         .or(|| word_of(PLACEMENTS, &Placement::default())),
@@ -132,31 +132,33 @@ pub(crate) const DEFAULT_JITTER: f32 = 1.0;
 pub(crate) const DEFAULT_RAMP_WRAP: Wrap = Wrap::Clamp;
 
 /// The words of what becomes a colour through a ramp.
-const COLORS: &[Word] = &[
-    Word::new("stops", Takes::Many(4), "colours at places: the place, then red, green and blue")
+const COLORS: &[FieldSchema] = &[
+    FieldSchema::new("stops", ValueType::Many(4), "colours at places: the place, then red, green and blue")
         .or(|| "0 0 0 0  1 1 1 1".into()),
-    Word::new("stops-alpha", Takes::Many(5), "the same with an alpha behind each, instead of `stops`"),
-    Word::new("interpolation", Takes::Word(&["step", "linear", "smooth"]), "what is between the stops")
+    FieldSchema::new("stops-alpha", ValueType::Many(5), "the same with an alpha behind each, instead of `stops`"),
+    FieldSchema::new("interpolation", ValueType::Keyword(&["step", "linear", "smooth"]), "what is between the stops")
         .or(|| word_of(INTERPOLATIONS, &Interpolation::default())),
 ];
 
-const SEED: Word =
-    Word::new("seed", Takes::Count, "another number gives another pattern of the same kind").or(|| "0".into());
+const SEED: FieldSchema =
+    FieldSchema::new("seed", ValueType::Count, "another number gives another pattern of the same kind")
+        .or(|| "0".into());
 
-const SPECTRUM: &[Word] = &[
-    Word::new("octaves", Takes::Count, "how many noises are added up, 1 to 32")
+const SPECTRUM: &[FieldSchema] = &[
+    FieldSchema::new("octaves", ValueType::Count, "how many noises are added up, 1 to 32")
         .or(|| Spectrum::default().octaves.to_string()),
-    Word::new("lacunarity", NUMBER, "how many times finer each is than the one before, 1 to 16")
+    FieldSchema::new("lacunarity", NUMBER, "how many times finer each is than the one before, 1 to 16")
         .or(|| Spectrum::default().lacunarity.to_string()),
-    Word::new("gain", NUMBER, "how strong each is, compared with the one before, 0 to 1")
+    FieldSchema::new("gain", NUMBER, "how strong each is, compared with the one before, 0 to 1")
         .or(|| Spectrum::default().gain.to_string()),
     SEED,
 ];
 
-const RAMP_WRAP: Word = Word::new("wrap", WRAP_WORDS, "what is outside of 0 to 1; \"clamp\" goes on to stops beyond")
-    .or(|| word_of(WRAPS, &DEFAULT_RAMP_WRAP));
+const RAMP_WRAP: FieldSchema =
+    FieldSchema::new("wrap", WRAP_WORDS, "what is outside of 0 to 1; \"clamp\" goes on to stops beyond")
+        .or(|| word_of(WRAPS, &DEFAULT_RAMP_WRAP));
 
-static RAMP: Words = Words::new(
+static RAMP: NodeSchema = NodeSchema::new(
     "texture",
     "A texture of a line: colours along u.",
     &[&[kind(&["ramp"]).needed(), RAMP_WRAP], COLORS],
@@ -164,30 +166,30 @@ static RAMP: Words = Words::new(
 .argument(NAME)
 .example("texture \"rainbow\" kind=\"ramp\" { stops 0 1 0 0  0.5 0 1 0  1 0 0 1; interpolation \"smooth\"; wrap \"mirror\" }");
 
-static GRID: Words = Words::new(
+static GRID: NodeSchema = NodeSchema::new(
     "texture",
     "A texture of space, stored: voxels in the unit cube, which covers the object's bounding box. They stand in a `file` of numbers without a header, or in a `stack` of images.",
     &[&[
         kind(&["grid"]).needed(),
-        Word::new("file", Takes::Text, "numbers without a header, the lowest byte first: x runs fastest, z slowest"),
-        Word::new("size", Takes::Counts(3), "for `file`: voxels along x, y and z"),
-        Word::new("format", Takes::Word(&["u8", "u16", "f32"]), "for `file`: what its numbers are; whole ones stand for 0 to 1")
+        FieldSchema::new("file", ValueType::Text, "numbers without a header, the lowest byte first: x runs fastest, z slowest"),
+        FieldSchema::new("size", ValueType::Counts(3), "for `file`: voxels along x, y and z"),
+        FieldSchema::new("format", ValueType::Keyword(&["u8", "u16", "f32"]), "for `file`: what its numbers are; whole ones stand for 0 to 1")
             .or(|| quoted("u8")),
-        Word::new("channels", Takes::Count, "for `file`: numbers of each voxel, 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha")
+        FieldSchema::new("channels", ValueType::Count, "for `file`: numbers of each voxel, 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha")
             .or(|| "1".into()),
-        Word::new("stack", Takes::Text, "images of slices, `####` standing for their numbers: \"slice-###.png\""),
-        Word::new("slices", Takes::Counts(2), "for `stack`: the numbers of the first and the last slice"),
-        Word::new("filter", FILTER_WORDS, "how voxels become a function").or(|| word_of(FILTERS, &Filter::default())),
-        Word::new(
+        FieldSchema::new("stack", ValueType::Text, "images of slices, `####` standing for their numbers: \"slice-###.png\""),
+        FieldSchema::new("slices", ValueType::Counts(2), "for `stack`: the numbers of the first and the last slice"),
+        FieldSchema::new("filter", FILTER_WORDS, "how voxels become a function").or(|| word_of(FILTERS, &Filter::default())),
+        FieldSchema::new(
             "prefilter",
-            Takes::Word(&["none", "trilinear"]),
+            ValueType::Keyword(&["none", "trilinear"]),
             "what is done where voxels are smaller than pixels: nothing, or the mean over a cube",
         )
         .or(|| word_of(PREFILTERS, &Prefilter::Trilinear)),
-        Word::new("wrap", WRAP_WORDS, "what is outside of the unit cube").or(|| word_of(WRAPS, &Wrap::default())),
-        Word::new(
+        FieldSchema::new("wrap", WRAP_WORDS, "what is outside of the unit cube").or(|| word_of(WRAPS, &Wrap::default())),
+        FieldSchema::new(
             "texels",
-            Takes::Word(&["centers", "edges"]),
+            ValueType::Keyword(&["centers", "edges"]),
             "whether 0 and 1 are the centres of the outermost voxels or their outer edges",
         )
         .or(|| word_of(PLACEMENTS, &Placement::default())),
@@ -197,27 +199,27 @@ static GRID: Words = Words::new(
 .argument(NAME)
 .example("texture \"scan\" kind=\"grid\" stack=\"slice-##.png\" { slices 1 2; filter \"bicubic\"; wrap \"clamp\" }");
 
-static CHECKER: Words = Words::new(
+static CHECKER: NodeSchema = NodeSchema::new(
     "texture",
     "Cubes of side 1 in two colours. Their mean over a pixel is exact, if it is a box along the axes.",
     &[&[
         kind(&["checker"]).needed(),
-        Word::new("even", Takes::Rgb, "the colour of the cube from 0 to 1").or(|| "0".into()),
-        Word::new("odd", Takes::Rgb, "the colour of its neighbours").or(|| "1".into()),
+        FieldSchema::new("even", ValueType::Rgb, "the colour of the cube from 0 to 1").or(|| "0".into()),
+        FieldSchema::new("odd", ValueType::Rgb, "the colour of its neighbours").or(|| "1".into()),
     ]],
 )
 .argument(NAME)
 .example("texture \"tiles\" kind=\"checker\" { even 0.1; odd 0.9 0.9 0.8 }");
 
-static GRADIENT: Words = Words::new(
+static GRADIENT: NodeSchema = NodeSchema::new(
     "texture",
     "Colours by a distance or an angle.",
     &[
         &[
             kind(&["gradient"]).needed(),
-            Word::new(
+            FieldSchema::new(
                 "shape",
-                Takes::Word(&["linear", "cylindrical", "spherical", "angular"]),
+                ValueType::Keyword(&["linear", "cylindrical", "spherical", "angular"]),
                 "x, the distance from the y axis, the distance from the origin, or the angle around the y axis as a share of the whole turn",
             )
             .or(|| word_of(GRADIENTS, &Gradient::default())),
@@ -229,11 +231,12 @@ static GRADIENT: Words = Words::new(
 .argument(NAME)
 .example("texture \"rings\" kind=\"gradient\" { shape \"spherical\"; wrap \"repeat\" }");
 
-static NOISE: Words = Words::new("texture", "Perlin's noise (2002).", &[&[kind(&["noise"]).needed(), SEED], COLORS])
-    .argument(NAME)
-    .example("texture \"clouds\" kind=\"noise\" { stops 0.3 0 0 1  0.7 1 1 1 }");
+static NOISE: NodeSchema =
+    NodeSchema::new("texture", "Perlin's noise (2002).", &[&[kind(&["noise"]).needed(), SEED], COLORS])
+        .argument(NAME)
+        .example("texture \"clouds\" kind=\"noise\" { stops 0.3 0 0 1  0.7 1 1 1 }");
 
-static FBM: Words = Words::new(
+static FBM: NodeSchema = NodeSchema::new(
     "texture",
     "Noises of several frequencies (fractional Brownian motion), 0 to 1 and mostly around 0.5.",
     &[&[kind(&["fbm"]).needed()], SPECTRUM, COLORS],
@@ -241,7 +244,7 @@ static FBM: Words = Words::new(
 .argument(NAME)
 .example("texture \"ground\" kind=\"fbm\" { octaves 8; stops 0.3 0.1 0.3 0.1  0.7 0.5 0.4 0.3 }");
 
-static TURBULENCE: Words = Words::new(
+static TURBULENCE: NodeSchema = NodeSchema::new(
     "texture",
     "Absolute values of noises of several frequencies, 0 to 1 and mostly around 0.2.",
     &[&[kind(&["turbulence"]).needed()], SPECTRUM, COLORS],
@@ -249,13 +252,13 @@ static TURBULENCE: Words = Words::new(
 .argument(NAME)
 .example("texture \"smoke\" kind=\"turbulence\" { gain 0.6 }");
 
-static MARBLE: Words = Words::new(
+static MARBLE: NodeSchema = NodeSchema::new(
     "texture",
     "Waves along x, one in each unit, shifted by turbulence.",
     &[
         &[
             kind(&["marble"]).needed(),
-            Word::new("strength", NUMBER, "how many units the waves are shifted by at most")
+            FieldSchema::new("strength", NUMBER, "how many units the waves are shifted by at most")
                 .or(|| DEFAULT_MARBLE.to_string()),
         ],
         SPECTRUM,
@@ -265,13 +268,13 @@ static MARBLE: Words = Words::new(
 .argument(NAME)
 .example("texture \"veins\" kind=\"marble\" { stops 0 0.05 0.1 0.05  0.7 0.1 0.35 0.2  1 0.8 0.9 0.8 }");
 
-static WOOD: Words = Words::new(
+static WOOD: NodeSchema = NodeSchema::new(
     "texture",
     "Rings around the y axis, one in each unit, shifted by noise; each ring runs through the ramp.",
     &[
         &[
             kind(&["wood"]).needed(),
-            Word::new("strength", NUMBER, "how many units the rings are shifted by at most")
+            FieldSchema::new("strength", NUMBER, "how many units the rings are shifted by at most")
                 .or(|| DEFAULT_WOOD.to_string()),
         ],
         SPECTRUM,
@@ -281,19 +284,19 @@ static WOOD: Words = Words::new(
 .argument(NAME)
 .example("texture \"oak\" kind=\"wood\" { stops 0 0.5 0.3 0.15  0.8 0.35 0.2 0.1  1 0.2 0.1 0.05 }");
 
-static WORLEY: Words = Words::new(
+static WORLEY: NodeSchema = NodeSchema::new(
     "texture",
     "Worley's cells around scattered points, one in each unit cube.",
     &[
         &[
             kind(&["worley"]).needed(),
-            Word::new(
+            FieldSchema::new(
                 "feature",
-                Takes::Word(&["nearest", "second", "edge"]),
+                ValueType::Keyword(&["nearest", "second", "edge"]),
                 "the distance to the nearest point, to the second nearest, or the difference of the two, which is 0 where cells meet",
             )
             .or(|| word_of(FEATURES, &Feature::default())),
-            Word::new("jitter", NUMBER, "how far points are scattered: 0 a regular grid, 1 anywhere in their cubes")
+            FieldSchema::new("jitter", NUMBER, "how far points are scattered: 0 a regular grid, 1 anywhere in their cubes")
                 .or(|| DEFAULT_JITTER.to_string()),
             SEED,
         ],

@@ -13,7 +13,7 @@
 //! place. So no body stays in a set for longer than to the next surface.
 
 use crate::integrator::Probe;
-use crate::math::Line;
+use crate::math::DRay;
 use crate::shape::Surface;
 use crate::world::{Body, Contact, Hit, World};
 use canaletto_bvh::Ray;
@@ -40,7 +40,7 @@ struct Inside {
 
 /// How a ray is bent where it crosses a surface.
 #[derive(Clone, Copy, PartialEq)]
-pub(super) enum Bend {
+pub(super) enum Refraction {
     /// Not at all: further surfaces of the same boundary follow.
     Straight,
     /// Between the surface's own η and this, which is on its outer side.
@@ -51,7 +51,7 @@ pub(super) enum Bend {
 #[derive(Clone, Copy)]
 pub(super) struct Crossing {
     pub(super) hit: Hit,
-    pub(super) bend: Bend,
+    pub(super) refraction: Refraction,
     /// The bodies that a ray beyond it is in.
     pub(super) beyond: u32,
     /// The surface in the same place that a ray beyond it meets next, or [`NONE`].
@@ -67,8 +67,8 @@ pub(super) struct Crossing {
 impl Crossing {
     /// That of a surface at `hit`, on whose outer side η is `outer`, with nothing else in the same place.
     fn alone(hit: Hit, outer: f64, beyond: u32) -> Crossing {
-        let bend = Bend::Outer(outer);
-        Crossing { hit, bend, beyond, next: NONE, before: NONE, back: NONE, touches: false }
+        let refraction = Refraction::Outer(outer);
+        Crossing { hit, refraction, beyond, next: NONE, before: NONE, back: NONE, touches: false }
     }
 }
 
@@ -102,14 +102,14 @@ pub(super) enum Boundary {
 
 /// A surface at a boundary while it is sorted.
 #[derive(Clone, Copy)]
-struct Met {
+struct BoundaryHit {
     hit: Hit,
     body: Option<Body>,
     outside: bool,
     opaque: bool,
 }
 
-impl Met {
+impl BoundaryHit {
     /// The place in the order in which a ray meets what coincides.
     fn turn(&self) -> u32 {
         match (self.body, self.opaque, self.outside) {
@@ -263,14 +263,14 @@ impl Media {
     pub(super) fn boundary<P: Probe>(
         &mut self,
         world: &World,
-        (line, ray): (&Line, &Ray),
+        (line, ray): (&DRay, &Ray),
         (hit, surface): (&Hit, &Surface),
         set: &mut u32,
         probe: &mut P,
     ) -> Boundary {
         let met = |hit: &Hit, outside: bool| {
             let body = world.body(hit);
-            Met { hit: *hit, body, outside, opaque: body.is_none() && world.material(hit).is_opaque() }
+            BoundaryHit { hit: *hit, body, outside, opaque: body.is_none() && world.material(hit).is_opaque() }
         };
         let first = met(hit, line.direction.dot(surface.normal) < 0.0);
         let own = first.body.as_ref().map(|body| (body, first.outside));
@@ -291,9 +291,9 @@ impl Media {
             self.alone(&first, *set, probe)
         } else {
             let others = contacts.iter().map(|contact| met(&contact.hit, contact.outside));
-            let mut all: Vec<Met> = std::iter::once(first).chain(others).collect();
+            let mut all: Vec<BoundaryHit> = std::iter::once(first).chain(others).collect();
             // Sorting is stable: what was met first comes first.
-            all.sort_by_key(Met::turn);
+            all.sort_by_key(BoundaryHit::turn);
             self.together(&all, hit, *set, probe)
         };
         self.contacts = contacts;
@@ -302,7 +302,7 @@ impl Media {
 
     /// Whether a ray in these bodies that meets something clear stops there, is in no other body and near to nothing else, so that [`Media::simple`]
     /// tells what follows.
-    pub(super) fn is_simple(&self, world: &World, line: &Line, hit: &Hit, set: u32) -> bool {
+    pub(super) fn is_simple(&self, world: &World, line: &DRay, hit: &Hit, set: u32) -> bool {
         if world.may_touch(line, hit) {
             return false;
         }
@@ -330,7 +330,7 @@ impl Media {
     }
 
     /// A surface where nothing else is.
-    fn alone<P: Probe>(&mut self, met: &Met, set: u32, probe: &mut P) -> Boundary {
+    fn alone<P: Probe>(&mut self, met: &BoundaryHit, set: u32, probe: &mut P) -> Boundary {
         if met.opaque {
             return Boundary::Plain;
         }
@@ -359,7 +359,7 @@ impl Media {
     }
 
     /// Surfaces in the same place, in the order in which they are met; `first` is the one that a ray was found to meet.
-    fn together<P: Probe>(&mut self, all: &[Met], first: &Hit, set: u32, probe: &mut P) -> Boundary {
+    fn together<P: Probe>(&mut self, all: &[BoundaryHit], first: &Hit, set: u32, probe: &mut P) -> Boundary {
         let opaque = all.iter().position(|met| met.opaque);
         let mut gap = set;
         for body in sides(all, false) {
@@ -384,7 +384,7 @@ impl Media {
                 _ => seen.push(*met),
             }
         }
-        if let [Met { opaque: true, hit, .. }] = &seen[..]
+        if let [BoundaryHit { opaque: true, hit, .. }] = &seen[..]
             && hit == first
         {
             return Boundary::Plain;
@@ -400,13 +400,13 @@ impl Media {
                 (false, true) => eta_before,
                 (false, false) => eta_beyond,
             };
-            let between = if is_gap { gap } else { set };
+            let occlusion = if is_gap { gap } else { set };
             self.push(Crossing {
-                bend: if is_gap || is_last { Bend::Outer(outer) } else { Bend::Straight },
+                refraction: if is_gap || is_last { Refraction::Outer(outer) } else { Refraction::Straight },
                 next: if is_last { NONE } else { base + index + 1 },
                 before: if index == 0 { NONE } else { base + index - 1 },
                 touches: true,
-                ..Crossing::alone(met.hit, outer, if is_last { beyond } else { between })
+                ..Crossing::alone(met.hit, outer, if is_last { beyond } else { occlusion })
             });
         }
         if is_gap {
@@ -444,7 +444,7 @@ fn nearest_filling(mut around: Vec<(Body, i32)>, depth: u32) -> Vec<(Body, i32)>
 }
 
 /// The bodies that are left, or those that are entered.
-fn sides(all: &[Met], entered: bool) -> impl Iterator<Item = &Body> {
+fn sides(all: &[BoundaryHit], entered: bool) -> impl Iterator<Item = &Body> {
     all.iter().filter(move |met| met.outside == entered).filter_map(|met| met.body.as_ref())
 }
 

@@ -9,25 +9,25 @@
 //! 1 − o; beyond the critical angle the reflected ray inside carries 1 − o. Products and sums that overflow stay at the
 //! largest number ([`Rgb::saturated`]), so that no colour is ever infinite or NaN.
 
-mod children;
-mod light;
+mod direct;
+mod interaction;
+mod interactions8;
+mod intersect;
 mod media;
-mod meet;
-mod octet;
-mod stop;
-mod way;
+mod ray_batch;
+mod secondary;
 
 use super::{Probe, RayCounts};
-use crate::light::Source;
-use crate::math::{Line, Rgb, Spread};
+use crate::light::PreparedLight;
+use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::{Sample, Sampler};
 use crate::scene::{IntegratorSettings, Stage};
-use crate::shape::Encounters;
-use crate::world::{Blocker, Bundle, Crossings, World};
-use light::Lighting;
+use crate::shape::SurfaceInputs8;
+use crate::world::{OccluderCache, RayBundle, ShadowRays, World};
+use direct::Lighting;
+use interaction::{Footprint, Interaction, Interactions};
 use media::Media;
-use stop::{Footprint, Stop, Stops};
-use way::Ways;
+use ray_batch::RayBatch;
 
 /// The classic integrator on one world.
 pub struct Whitted<'w> {
@@ -38,27 +38,27 @@ pub struct Whitted<'w> {
     /// Asked now and then whether to give up.
     cancelled: Option<&'w (dyn Fn(u64) -> bool + Sync)>,
     /// Whether it said so: from then on no child ray is followed, and colours are worth nothing.
-    gave_up: bool,
+    cancelled_early: bool,
     /// Rays until it is asked again.
-    patience: u32,
+    rays_until_poll: u32,
     /// What stood in each light's way last.
-    blockers: Vec<Blocker>,
+    occluders: Vec<OccluderCache>,
     /// Where random numbers come from.
     sample: Sample,
     /// When it is, from the shutter's opening at 0 to its closing at 1.
     time: f32,
     /// The world's lights at that time; empty if none of them moves.
-    lights: Vec<Source>,
+    lights: Vec<PreparedLight>,
     /// Rays from the eye that have not been traced.
-    waiting: Generation,
+    pending: Wave,
     /// What is asked of the world.
-    bundle: Bundle,
+    bundle: RayBundle,
     /// What the rays of the last stops meet.
-    encounters: Encounters,
+    surface_inputs: SurfaceInputs8,
     /// Shadow rays through what is clear, kept likewise.
-    crossings: Crossings,
+    shadow_rays: ShadowRays,
     /// Memory of bundles that have been shaded.
-    spare: Vec<Generation>,
+    spare: Vec<Wave>,
     /// Memory for lights.
     lighting: Lighting,
     /// The bodies that rays are in.
@@ -67,19 +67,19 @@ pub struct Whitted<'w> {
 
 /// Rays that are traced together, and where they are met.
 #[derive(Default)]
-struct Generation {
-    ways: Ways,
+struct Wave {
+    ways: RayBatch,
     /// For each of them, the stop of the generation before that it comes from.
     parents: Vec<u32>,
     /// What they bring.
     colors: Vec<Rgb>,
-    stops: Stops,
+    interactions: Interactions,
     /// Of each stop, if its way spreads.
     footprints: Vec<Footprint>,
 }
 
 /// How many rays from the eye and child rays are followed before somebody is asked whether they are still wanted.
-const PATIENCE: u32 = 4096;
+const RAYS_PER_POLL: u32 = 4096;
 
 /// The most rays from the eye that are traced together: their stops should stay in the nearer caches.
 pub(crate) const BUNDLE: usize = 256;
@@ -92,16 +92,16 @@ impl<'w> Whitted<'w> {
             settings,
             counts: RayCounts::default(),
             cancelled: None,
-            gave_up: false,
-            patience: PATIENCE,
-            blockers: vec![Blocker::NONE; world.lights.len()],
+            cancelled_early: false,
+            rays_until_poll: RAYS_PER_POLL,
+            occluders: vec![OccluderCache::NONE; world.lights.len()],
             sample: Sampler::new(0, 0, [0; 2]).sample(0, 1),
             time: 0.0,
             lights: if world.lights_move() { world.lights.clone() } else { Vec::new() },
-            waiting: Generation::default(),
-            bundle: Bundle::default(),
-            encounters: Encounters::NONE,
-            crossings: Crossings::default(),
+            pending: Wave::default(),
+            bundle: RayBundle::default(),
+            surface_inputs: SurfaceInputs8::NONE,
+            shadow_rays: ShadowRays::default(),
             spare: Vec::new(),
             lighting: Lighting::default(),
             media: Media::default(),
@@ -110,13 +110,13 @@ impl<'w> Whitted<'w> {
 
     /// The same integrator, which asks now and then, with the rays traced so far, whether to give up: a single pixel between mirrors and clear bodies
     /// can take longer than anybody waits, since every level of its tree may double the rays.
-    pub fn until(self, cancelled: &'w (dyn Fn(u64) -> bool + Sync)) -> Whitted<'w> {
+    pub fn with_cancel(self, cancelled: &'w (dyn Fn(u64) -> bool + Sync)) -> Whitted<'w> {
         Whitted { cancelled: Some(cancelled), ..self }
     }
 
     /// Whether it gave up. The colours that it returned since are worth nothing.
-    pub fn gave_up(&self) -> bool {
-        self.gave_up
+    pub fn cancelled_early(&self) -> bool {
+        self.cancelled_early
     }
 
     /// The world it traces.
@@ -135,113 +135,123 @@ impl<'w> Whitted<'w> {
         }
     }
 
-    /// The colour that an eye ray brings. `spread` is how it changes to the neighbouring samples, if the world
-    /// [wants](World::wants_spread) to know.
-    pub fn eye<P: Probe>(&mut self, line: impl Into<Line>, spread: Option<&Spread>, probe: &mut P) -> Rgb {
-        self.depart(&[line.into()], &[self.sample], spread.copied());
-        self.arrive(probe)[0]
+    /// The colour that an eye ray brings. `differential` is how it changes to the neighbouring samples, if the world
+    /// [wants](World::needs_differentials) to know.
+    pub fn eye<P: Probe>(
+        &mut self,
+        line: impl Into<DRay>,
+        differential: Option<&RayDifferential>,
+        probe: &mut P,
+    ) -> Rgb {
+        self.push_camera_rays(&[line.into()], &[self.sample], differential.copied());
+        self.trace_pending(probe)[0]
     }
 
     /// Lets rays from the eye wait for others of their time, of which the last ones should go nearly the same way. There are as many
-    /// `samples` as `lines`, and `spreads`, unless nothing wants to know them; they are as for [`Whitted::eye`].
-    pub(crate) fn depart(&mut self, lines: &[Line], samples: &[Sample], spreads: impl IntoIterator<Item = Spread>) {
-        self.ask(lines.len() as u32);
-        self.waiting.ways.push_eyes(lines, samples, spreads);
+    /// `samples` as `lines`, and `differentials`, unless nothing wants to know them; they are as for [`Whitted::eye`].
+    pub(crate) fn push_camera_rays(
+        &mut self,
+        lines: &[DRay],
+        samples: &[Sample],
+        differentials: impl IntoIterator<Item = RayDifferential>,
+    ) {
+        self.poll(lines.len() as u32);
+        self.pending.ways.push_camera_rays(lines, samples, differentials);
     }
 
     /// Whether as many wait as are best traced together.
     #[inline]
     pub(crate) fn is_full(&self) -> bool {
-        self.waiting.ways.len() >= BUNDLE
+        self.pending.ways.len() >= BUNDLE
     }
 
     /// The colours that the waiting rays bring.
-    pub(crate) fn arrive<P: Probe>(&mut self, probe: &mut P) -> &[Rgb] {
-        if self.waiting.ways.is_empty() {
+    pub(crate) fn trace_pending<P: Probe>(&mut self, probe: &mut P) -> &[Rgb] {
+        if self.pending.ways.is_empty() {
             return &[];
         }
-        let mut generation = std::mem::take(&mut self.waiting);
+        let mut wave = std::mem::take(&mut self.pending);
         if self.world.has_clear() {
             let Whitted { world, time, media, .. } = self;
             let depth = self.settings.max_depth;
             media.clear();
-            generation.ways.set_around(|line| media.around_eye(world, line.origin, *time, depth));
+            wave.ways.set_around(|line| media.around_eye(world, line.origin, *time, depth));
         }
-        self.trace(&mut generation, probe);
-        generation.ways.clear();
-        self.waiting = generation;
-        &self.waiting.colors
+        self.trace(&mut wave, probe);
+        wave.ways.clear();
+        self.pending = wave;
+        &self.pending.colors
     }
 
     /// An empty one.
-    fn generation(&mut self) -> Generation {
-        let mut generation = self.spare.pop().unwrap_or_default();
-        generation.ways.clear();
-        generation.parents.clear();
-        generation
+    fn wave(&mut self) -> Wave {
+        let mut wave = self.spare.pop().unwrap_or_default();
+        wave.ways.clear();
+        wave.parents.clear();
+        wave
     }
 
     /// Box 5.8, `trace`: the colours of the nearest surfaces, or the background. With a probe there is one ray.
-    fn trace<P: Probe>(&mut self, generation: &mut Generation, probe: &mut P) {
-        debug_assert!(!P::ACTIVE || generation.ways.len() == 1);
-        self.meet(generation, probe);
-        if generation.stops.len() == 0 || self.gave_up {
+    fn trace<P: Probe>(&mut self, wave: &mut Wave, probe: &mut P) {
+        debug_assert!(!P::ACTIVE || wave.ways.len() == 1);
+        self.intersect(wave, probe);
+        if wave.interactions.len() == 0 || self.cancelled_early {
             return;
         }
-        self.shade(generation, probe);
-        for stop in generation.stops.each_mut() {
-            let (print, share) = stop.material.print;
+        self.shade(wave, probe);
+        for interaction in wave.interactions.all_mut() {
+            let (overlay, share) = interaction.material.overlay;
             if share > 0.0 {
-                probe.print(print, share);
-                stop.color = (print * share + stop.color * (1.0 - share)).saturated();
+                probe.overlay(overlay, share);
+                interaction.color = (overlay * share + interaction.color * (1.0 - share)).saturated();
             }
         }
-        self.pass(generation, probe);
-        for stop in generation.stops.each() {
-            generation.colors[stop.way()] = stop.color;
-            probe.end(stop.color);
+        self.pass(wave, probe);
+        for interaction in wave.interactions.each() {
+            wave.colors[interaction.way()] = interaction.color;
+            probe.end(interaction.color);
         }
     }
 
     /// Box 5.8, `shade`: (5.39b), as far as the stage goes.
-    fn shade<P: Probe>(&mut self, generation: &mut Generation, probe: &mut P) {
+    fn shade<P: Probe>(&mut self, wave: &mut Wave, probe: &mut P) {
         let stage = self.settings.stage;
         // Under an opaque print nothing is seen of the rest.
-        let seen = |stop: &&mut Stop| stop.is_seen();
+        let seen = |interaction: &&mut Interaction| interaction.is_seen();
         if stage == Stage::Unlit {
-            for stop in generation.stops.each_mut().iter_mut().filter(seen) {
-                stop.color = stop.material.phong.kd;
-                probe.unlit(stop.color);
+            for interaction in wave.interactions.all_mut().iter_mut().filter(seen) {
+                interaction.color = interaction.material.phong.kd;
+                probe.unlit(interaction.color);
             }
             return;
         }
         if stage >= Stage::Ambient {
-            for stop in generation.stops.each_mut().iter_mut().filter(seen) {
-                let ambient = (self.world.ambient * stop.material.phong.kd).saturated(); // (5.33)
+            for interaction in wave.interactions.all_mut().iter_mut().filter(seen) {
+                let ambient = (self.world.ambient * interaction.material.phong.kd).saturated(); // (5.33)
                 probe.ambient(ambient);
-                stop.color += ambient;
+                interaction.color += ambient;
             }
         }
-        self.light(generation, probe);
+        self.light(wave, probe);
         if stage >= Stage::Reflection {
-            self.reflect(generation, probe);
+            self.reflect(wave, probe);
         }
         if stage >= Stage::Full {
-            self.refract(generation, probe);
+            self.refract(wave, probe);
         }
-        for stop in generation.stops.each_mut().iter_mut().filter(seen) {
-            stop.color = stop.color.saturated();
+        for interaction in wave.interactions.all_mut().iter_mut().filter(seen) {
+            interaction.color = interaction.color.saturated();
         }
     }
 
     /// Asks now and then whether to give up; before this many rays.
     #[inline]
-    fn ask(&mut self, rays: u32) {
-        if let Some(patience) = self.patience.checked_sub(rays) {
-            self.patience = patience;
+    fn poll(&mut self, rays: u32) {
+        if let Some(rays_until_poll) = self.rays_until_poll.checked_sub(rays) {
+            self.rays_until_poll = rays_until_poll;
         } else {
-            self.patience = PATIENCE;
-            self.gave_up |= self.cancelled.is_some_and(|cancelled| cancelled(self.counts.total()));
+            self.rays_until_poll = RAYS_PER_POLL;
+            self.cancelled_early |= self.cancelled.is_some_and(|cancelled| cancelled(self.counts.total()));
         }
     }
 }

@@ -1,13 +1,13 @@
 //! What surrounds the scene, infinitely far: seen by rays that meet nothing, in mirrors and through glass too (5.5,
 //! fig. 5.35).
 //!
-//! An [`Environment`] is a description; [`Backdrop`] is ready to be looked at. What is seen depends on the direction
+//! An [`Environment`] is a description; [`PreparedEnvironment`] is ready to be looked at. What is seen depends on the direction
 //! alone, not on where one stands.
 
-mod chart;
 mod cross;
 mod face;
 mod gradient;
+mod map;
 mod panorama;
 mod sky;
 mod sun;
@@ -22,10 +22,10 @@ pub use sun::{Moment, bearing};
 use super::{Directional, Light, LightKind};
 use crate::math::{Rgb, Transform};
 use crate::texture::{Image, Samples};
-use chart::{Chart, Layout};
 use glam::DVec3;
+use map::{EnvironmentMap, Layout};
 use serde::{Deserialize, Serialize};
-use sky::Dome;
+use sky::PreparedSky;
 
 /// What surrounds the scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -166,7 +166,7 @@ impl Environment {
 
 /// An environment ready to be looked at.
 #[derive(Debug)]
-pub struct Backdrop {
+pub struct PreparedEnvironment {
     kind_name: &'static str,
     to_local: Transform,
     intensity: Rgb,
@@ -175,9 +175,9 @@ pub struct Backdrop {
 
 #[derive(Debug)]
 enum Kind {
-    Chart(Chart),
+    EnvironmentMap(EnvironmentMap),
     Gradient(Gradient),
-    Sky(Dome),
+    Sky(PreparedSky),
 }
 
 /// Where a look met an environment.
@@ -213,7 +213,7 @@ pub struct Footprint {
 
 /// A look at an environment.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Sighting {
+pub struct EnvironmentLookup {
     /// The word for the kind of environment.
     pub kind: &'static str,
     /// The unit direction in the scene.
@@ -230,7 +230,7 @@ pub struct Sighting {
     pub radiance: Rgb,
 }
 
-impl Backdrop {
+impl PreparedEnvironment {
     /// Makes an environment ready. Its images are taken out of the list, unless something else `keeps` them.
     ///
     /// # Errors
@@ -239,7 +239,7 @@ impl Backdrop {
         environment: &Environment,
         images: &mut [Image],
         keeps: impl Fn(u32) -> bool,
-    ) -> Result<Backdrop, String> {
+    ) -> Result<PreparedEnvironment, String> {
         let count = images.len();
         if let Some(index) = environment.images().iter().find(|&&index| index as usize >= count) {
             return Err(format!("it refers to image number {index}, but the scene has only {count}"));
@@ -256,18 +256,18 @@ impl Backdrop {
         let kind = match &environment.kind {
             EnvironmentKind::Cube { smoothing, .. } => {
                 let pages: Result<Vec<Image>, String> = (0..6).map(&mut take).collect();
-                Kind::Chart(Chart::new(Layout::Cube, *smoothing, pages?))
+                Kind::EnvironmentMap(EnvironmentMap::new(Layout::Cube, *smoothing, pages?))
             }
             EnvironmentKind::Cross { smoothing, .. } => {
-                Kind::Chart(Chart::new(Layout::Cube, *smoothing, cross::faces(&take(0)?)))
+                Kind::EnvironmentMap(EnvironmentMap::new(Layout::Cube, *smoothing, cross::faces(&take(0)?)))
             }
             EnvironmentKind::LatLong { smoothing, .. } => {
-                Kind::Chart(Chart::new(Layout::Panorama, *smoothing, vec![take(0)?]))
+                Kind::EnvironmentMap(EnvironmentMap::new(Layout::Panorama, *smoothing, vec![take(0)?]))
             }
             EnvironmentKind::Gradient(gradient) => Kind::Gradient(gradient.clone()),
-            EnvironmentKind::Sky(sky) => Kind::Sky(Dome::new(sky)),
+            EnvironmentKind::Sky(sky) => Kind::Sky(PreparedSky::new(sky)),
         };
-        Ok(Backdrop {
+        Ok(PreparedEnvironment {
             kind_name: environment.kind_name(),
             to_local: environment.rotation.inverse(),
             intensity: environment.intensity,
@@ -277,17 +277,18 @@ impl Backdrop {
 
     /// Whether looks want to know their footprint: those at pictures with a prefilter.
     pub fn wants_footprint(&self) -> bool {
-        matches!(&self.kind, Kind::Chart(chart) if chart.is_smooth())
+        matches!(&self.kind, Kind::EnvironmentMap(chart) if chart.is_smooth())
     }
 
     /// What is seen in a direction of any length but zero. `footprint` is how the unit direction changes to the next
     /// pixel's to the right and above; zero looks without a prefilter.
-    pub fn look(&self, direction: DVec3, footprint: [DVec3; 2]) -> Sighting {
+    pub fn lookup(&self, direction: DVec3, footprint: [DVec3; 2]) -> EnvironmentLookup {
         let direction = direction.normalize();
         let local = self.to_local.vector(direction).normalize();
         let (place, footprint, value) = match &self.kind {
-            Kind::Chart(chart) => {
-                let (place, footprint, value) = chart.look(local, footprint.map(|change| self.to_local.vector(change)));
+            Kind::EnvironmentMap(chart) => {
+                let (place, footprint, value) =
+                    chart.lookup(local, footprint.map(|change| self.to_local.vector(change)));
                 (place, Some(footprint), value)
             }
             Kind::Gradient(gradient) => {
@@ -295,12 +296,12 @@ impl Backdrop {
                 (Place::Height(height), None, gradient.at(height))
             }
             Kind::Sky(dome) => {
-                let (part, value) = dome.look(local);
+                let (part, value) = dome.lookup(local);
                 (Place::Sky(part), None, value)
             }
         };
         let radiance = (value * self.intensity).saturated();
-        Sighting { kind: self.kind_name, direction, local, place, footprint, value, radiance }
+        EnvironmentLookup { kind: self.kind_name, direction, local, place, footprint, value, radiance }
     }
 
     /// The light of the sun, if the environment has one that lights the scene.
@@ -315,7 +316,7 @@ impl Backdrop {
     /// The mean over all directions: what a ball of white matte clay returns on average.
     pub fn mean(&self) -> Rgb {
         let mean = match &self.kind {
-            Kind::Chart(chart) => chart.mean(),
+            Kind::EnvironmentMap(chart) => chart.mean(),
             _ => {
                 // Fibonacci's sphere: each direction stands for the same solid angle.
                 const COUNT: u32 = 4096;
@@ -329,7 +330,7 @@ impl Backdrop {
                     let value = match &self.kind {
                         Kind::Gradient(gradient) => gradient.at(Gradient::height(local)),
                         Kind::Sky(dome) => dome.look_past_the_sun(local),
-                        Kind::Chart(_) => Rgb::BLACK,
+                        Kind::EnvironmentMap(_) => Rgb::BLACK,
                     };
                     sum.iter_mut().zip(value.to_array()).for_each(|(sum, v)| *sum += f64::from(v));
                 }

@@ -101,7 +101,7 @@ impl Perez {
 
 /// A sky ready to be looked at.
 #[derive(Clone, Debug)]
-pub(super) struct Dome {
+pub(super) struct PreparedSky {
     sun: DVec3,
     /// Of Y, x and y.
     perez: [Perez; 3],
@@ -128,9 +128,9 @@ pub enum Part {
     Ground,
 }
 
-impl Dome {
+impl PreparedSky {
     /// The dome of a sky whose numbers are in range.
-    pub(super) fn new(sky: &Sky) -> Dome {
+    pub(super) fn new(sky: &Sky) -> PreparedSky {
         let turbidity = f64::from(sky.turbidity);
         let sun = sky.sun.as_dvec3().normalize();
         let theta = libm::acos(sun.y.clamp(0.0, 1.0));
@@ -148,7 +148,7 @@ impl Dome {
         // Nothing of the sun shows more than its disk's area: ∫ over it of L cos is L π sin².
         let sin = libm::sin(SUN_RADIUS);
         let disk = direct.map(|e| e / (PI * sin * sin));
-        let mut dome = Dome {
+        let mut dome = PreparedSky {
             sun,
             perez,
             zenith: at_zenith,
@@ -168,7 +168,7 @@ impl Dome {
     }
 
     /// What is seen in a unit direction.
-    pub(super) fn look(&self, direction: DVec3) -> (Part, Rgb) {
+    pub(super) fn lookup(&self, direction: DVec3) -> (Part, Rgb) {
         if direction.y < 0.0 {
             return (Part::Ground, self.ground);
         }
@@ -295,10 +295,10 @@ fn color(xyz: [f64; 3], scale: f64) -> Rgb {
 mod tests {
     use super::*;
 
-    fn sky(elevation: f64, turbidity: f32) -> Dome {
+    fn sky(elevation: f64, turbidity: f32) -> PreparedSky {
         let (sin, cos) = elevation.to_radians().sin_cos();
         let sun = Vec3::new(cos as f32, sin as f32, 0.0);
-        Dome::new(&Sky { sun, turbidity, ..Sky::default() })
+        PreparedSky::new(&Sky { sun, turbidity, ..Sky::default() })
     }
 
     fn luminance(c: Rgb) -> f64 {
@@ -358,20 +358,20 @@ mod tests {
                     let t = f64::from(i) / 500.0;
                     let (s, c) = (t * 61.0).sin_cos();
                     let r = (1.0 - t * t).sqrt();
-                    let (_, value) = dome.look(DVec3::new(r * c, t, r * s));
+                    let (_, value) = dome.lookup(DVec3::new(r * c, t, r * s));
                     assert!(value.is_finite() && value.to_array().iter().all(|v| *v >= 0.0), "{value:?}");
                 }
             }
         }
         let dome = sky(40.0, 2.5);
-        let (part, up) = dome.look(DVec3::Y);
+        let (part, up) = dome.lookup(DVec3::Y);
         assert!(part == Part::Air && up.b > 1.5 * up.r, "{up:?}");
-        let (part, sun) = dome.look(dome.sun);
+        let (part, sun) = dome.lookup(dome.sun);
         assert!(part == Part::Sun && luminance(sun) > 1e5, "{sun:?}");
         let beside = (dome.sun + DVec3::Z * 0.01).normalize();
-        let (part, beside) = dome.look(beside);
+        let (part, beside) = dome.lookup(beside);
         assert!(part == Part::Air && luminance(beside) > luminance(up));
-        assert_eq!(dome.look(DVec3::NEG_Y).0, Part::Ground);
+        assert_eq!(dome.lookup(DVec3::NEG_Y).0, Part::Ground);
         // On the ground arrive at most the sunlight outside and at least what clear air lets through.
         let all = luminance(dome.ground) / 0.2 * PI;
         assert!((40.0..120.0).contains(&all), "{all} klx");
@@ -386,7 +386,7 @@ mod tests {
         for i in 0..n {
             let angle = (f64::from(i) + 0.5) / f64::from(n) * SUN_RADIUS * 1.5;
             let d = dome.sun * angle.cos() + side * angle.sin();
-            let (_, with) = dome.look(d);
+            let (_, with) = dome.lookup(d);
             let without = dome.air(d.y, d.dot(dome.sun));
             sum += (f64::from(with.g) - f64::from(without.g)) * angle.cos() * angle.sin() * 2.0 * PI * SUN_RADIUS * 1.5
                 / f64::from(n);

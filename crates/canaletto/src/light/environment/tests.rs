@@ -19,9 +19,9 @@ fn image(width: u32, height: u32, texel: impl Fn(u32, u32) -> [f32; 3]) -> Image
     }
 }
 
-fn backdrop(kind: EnvironmentKind, images: Vec<Image>) -> Backdrop {
+fn backdrop(kind: EnvironmentKind, images: Vec<Image>) -> PreparedEnvironment {
     let mut images = images;
-    Backdrop::new(&Environment::new(kind), &mut images, |_| false).unwrap()
+    PreparedEnvironment::new(&Environment::new(kind), &mut images, |_| false).unwrap()
 }
 
 fn number(i: u32, k: u32) -> f64 {
@@ -31,12 +31,12 @@ fn number(i: u32, k: u32) -> f64 {
 }
 
 /// A cube of noise, as rough as a picture can be.
-fn noise_cube(n: u32, smoothing: Smoothing) -> Backdrop {
+fn noise_cube(n: u32, smoothing: Smoothing) -> PreparedEnvironment {
     let face = |f: u32| image(n, n, move |x, y| [0, 1, 2].map(|c| number(f * 100_000 + y * n + x, c) as f32));
     backdrop(EnvironmentKind::Cube { faces: [0, 1, 2, 3, 4, 5], smoothing }, (0..6).map(face).collect())
 }
 
-fn noise_panorama(w: u32, h: u32, smoothing: Smoothing) -> Backdrop {
+fn noise_panorama(w: u32, h: u32, smoothing: Smoothing) -> PreparedEnvironment {
     let picture = image(w, h, |x, y| [0, 1, 2].map(|c| number(y * w + x, c) as f32));
     backdrop(EnvironmentKind::LatLong { image: 0, smoothing }, vec![picture])
 }
@@ -62,7 +62,7 @@ fn texels_of_all_faces_are_seen_in_their_directions() {
             for x in 0..n {
                 for y in 0..n {
                     let uv = [(f64::from(x) + 0.5) / f64::from(n), (f64::from(y) + 0.5) / f64::from(n)];
-                    let seen = cube.look(side.direction(uv), STILL);
+                    let seen = cube.lookup(side.direction(uv), STILL);
                     let expected = Rgb::new(f as f32, x as f32, y as f32);
                     assert!(difference(seen.radiance, expected) < 1e-5, "{side:?} {x} {y}: {seen:?}");
                     let Place::Face { face, uv: at } = seen.place else { panic!("{seen:?}") };
@@ -91,7 +91,7 @@ fn a_cube_has_no_seams() {
         let p = DVec3::from_array(p).normalize();
         let away = direction(i) * step;
         let [a, b] = [(p + away).normalize(), (p - away).normalize()];
-        let (a, b) = (cube.look(a, STILL), cube.look(b, STILL));
+        let (a, b) = (cube.lookup(a, STILL), cube.lookup(b, STILL));
         crossings += u32::from(
             matches!((a.place, b.place), (Place::Face { face: f, .. }, Place::Face { face: g, .. }) if f != g),
         );
@@ -106,7 +106,7 @@ fn prefiltered_cubes_have_no_seams() {
     let cube = noise_cube(32, Smoothing::Bilinear);
     let wide = |d: DVec3| {
         let side = d.any_orthonormal_vector() * 0.3;
-        cube.look(d, [side, d.cross(side)]).radiance
+        cube.lookup(d, [side, d.cross(side)]).radiance
     };
     let mut worst = 0f32;
     for i in 0..3000u32 {
@@ -125,7 +125,7 @@ fn a_panorama_has_no_seam_and_no_hole_at_its_poles() {
     let sky = noise_panorama(w, h, Smoothing::Bilinear);
     for i in 0..2000 {
         let (s, c) = ((number(i, 1) - 0.5) * 3.0).sin_cos();
-        let [a, b] = [1e-9, -1e-9].map(|x| sky.look(DVec3::new(x, s, c), STILL));
+        let [a, b] = [1e-9, -1e-9].map(|x| sky.lookup(DVec3::new(x, s, c), STILL));
         assert!(difference(a.radiance, b.radiance) < 1e-6, "{a:?}\n{b:?}");
     }
     for pole in [DVec3::Y, DVec3::NEG_Y] {
@@ -133,10 +133,10 @@ fn a_panorama_has_no_seam_and_no_hole_at_its_poles() {
         for i in 0..200 {
             let (s, c) = (number(i, 2) * std::f64::consts::TAU).sin_cos();
             let step = DVec3::new(c, 0.0, s) * 1e-9;
-            let [a, b] = [sky.look(pole + step, STILL), sky.look(pole - step, STILL)];
+            let [a, b] = [sky.lookup(pole + step, STILL), sky.lookup(pole - step, STILL)];
             assert!(difference(a.radiance, b.radiance) < 1e-6, "{a:?}\n{b:?}");
         }
-        assert!(sky.look(pole, STILL).radiance.is_finite());
+        assert!(sky.lookup(pole, STILL).radiance.is_finite());
     }
 }
 
@@ -161,7 +161,7 @@ fn smooth_pictures_are_seen_as_what_they_show() {
     let sky = backdrop(EnvironmentKind::LatLong { image: 0, smoothing: Smoothing::Bilinear }, vec![picture]);
     for i in 0..20_000 {
         let d = direction(i);
-        for (what, seen) in [("cube", cube.look(d, STILL)), ("panorama", sky.look(d, STILL))] {
+        for (what, seen) in [("cube", cube.lookup(d, STILL)), ("panorama", sky.lookup(d, STILL))] {
             let error = difference(seen.radiance, truth(d));
             assert!(error < 3e-3, "{what} {d}: {error}");
         }
@@ -188,13 +188,13 @@ fn footprints_are_means_of_what_they_cover() {
                 // A Gaussian of half the pixel distance's width, which is about what trilinear boxes make.
                 let r = (-2.0 * (1.0 - (f64::from(k) + 0.5) / 4096.0).ln()).sqrt() * 0.4;
                 let (s, c) = (f64::from(k) * 2.399963).sin_cos();
-                sum += backdrop.look(d + x * (r * c) + y * (r * s), STILL).radiance;
+                sum += backdrop.lookup(d + x * (r * c) + y * (r * s), STILL).radiance;
             }
             let mean = sum / 4096.0;
-            let seen = backdrop.look(d, [x, y]);
+            let seen = backdrop.lookup(d, [x, y]);
             assert!(seen.footprint.unwrap().level > 0.0, "{seen:?}");
             filtered += f64::from(difference(seen.radiance, mean)).powi(2);
-            unfiltered += f64::from(difference(backdrop.look(d, STILL).radiance, mean)).powi(2);
+            unfiltered += f64::from(difference(backdrop.lookup(d, STILL).radiance, mean)).powi(2);
             count += 1.0;
         }
         let [filtered, unfiltered] = [filtered, unfiltered].map(|sum: f64| (sum / count).sqrt());
@@ -225,7 +225,7 @@ fn crosses_hold_the_six_faces() {
         let kind = EnvironmentKind::Cube { faces: [0, 1, 2, 3, 4, 5], smoothing: Smoothing::Nearest };
         let cube = backdrop(kind, (0..6).map(face).collect());
         for i in 0..5000 {
-            assert_eq!(cross.look(direction(i), STILL).radiance, cube.look(direction(i), STILL).radiance);
+            assert_eq!(cross.lookup(direction(i), STILL).radiance, cube.lookup(direction(i), STILL).radiance);
         }
     }
 }
@@ -236,10 +236,10 @@ fn environments_turn_and_shine() {
     let mut environment = Environment::new(EnvironmentKind::Gradient(Gradient { stops }));
     environment.rotation = Transform::rotate(DVec3::Z, 90.0).unwrap();
     environment.intensity = Rgb::new(1.0, 2.0, 3.0);
-    let turned = Backdrop::new(&environment, &mut [], |_| false).unwrap();
+    let turned = PreparedEnvironment::new(&environment, &mut [], |_| false).unwrap();
     // What was above lies towards −x now.
-    assert_eq!(turned.look(DVec3::NEG_X * 5.0, STILL).radiance, Rgb::new(1.0, 2.0, 3.0));
-    assert_eq!(turned.look(DVec3::X, STILL).radiance, Rgb::BLACK);
+    assert_eq!(turned.lookup(DVec3::NEG_X * 5.0, STILL).radiance, Rgb::new(1.0, 2.0, 3.0));
+    assert_eq!(turned.lookup(DVec3::X, STILL).radiance, Rgb::BLACK);
     assert!(difference(turned.mean(), Rgb::new(0.5, 1.0, 1.5)) < 0.01);
     for (bad, word) in [
         (Transform::translate(DVec3::X), "turned"),
@@ -247,7 +247,7 @@ fn environments_turn_and_shine() {
         (Transform::scale(DVec3::new(-1.0, 1.0, 1.0)).unwrap(), "mirrored"),
     ] {
         environment.rotation = bad;
-        let problem = Backdrop::new(&environment, &mut [], |_| false).unwrap_err();
+        let problem = PreparedEnvironment::new(&environment, &mut [], |_| false).unwrap_err();
         assert!(problem.contains(word), "{problem}");
     }
 }
@@ -257,7 +257,7 @@ fn faces_and_crosses_of_wrong_sizes_are_refused() {
     let plain = |w, h| image(w, h, |_, _| [1.0; 3]);
     let cube = EnvironmentKind::Cube { faces: [0, 1, 2, 3, 4, 5], smoothing: Smoothing::Bilinear };
     let problem = |kind: &EnvironmentKind, mut images: Vec<Image>| {
-        Backdrop::new(&Environment::new(kind.clone()), &mut images, |_| false).unwrap_err()
+        PreparedEnvironment::new(&Environment::new(kind.clone()), &mut images, |_| false).unwrap_err()
     };
     let mut images: Vec<Image> = (0..6).map(|_| plain(4, 4)).collect();
     images[3] = plain(4, 2);
@@ -289,7 +289,7 @@ fn nothing_breaks_a_look() {
                 d = [DVec3::X, DVec3::Y, DVec3::NEG_Z, DVec3::ONE, DVec3::new(1.0, -1.0, 1.0)][i as usize / 7 % 5];
             }
             for size in [0.0, 1e-300, 1e-3, 1.0, 1e6, 1e300, f64::INFINITY, f64::NAN] {
-                let seen = backdrop.look(d, [direction(i + 1) * size, direction(i + 2) * size]);
+                let seen = backdrop.lookup(d, [direction(i + 1) * size, direction(i + 2) * size]);
                 let value = seen.radiance.to_array();
                 assert!(value.iter().all(|v| (-1e-6..=1.0 + 1e-6).contains(v)), "{size} {seen:?}");
             }

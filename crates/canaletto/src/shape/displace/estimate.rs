@@ -1,7 +1,7 @@
 //! How many triangles a net will have, before it has them: some of its triangles are refined one after the other, without
 //! keeping what comes of them.
 
-use super::{Net, Vertex};
+use super::{Tessellation, Vertex};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -40,7 +40,7 @@ pub(super) fn parts<V: Copy>(
     }
 }
 
-impl Net {
+impl Tessellation {
     /// Whether these triangles certainly become more than `most`. What neighbours split is left out, which only adds.
     pub(super) fn exceeds(
         &self,

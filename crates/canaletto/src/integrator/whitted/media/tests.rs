@@ -96,19 +96,19 @@ fn a_doubtful_count_is_made_anew_once() {
     assert_eq!(media.confirmed(doubted, None, |_| 0), NONE);
 }
 
-fn met(primitive: u32, body: Option<Body>, outside: bool, opaque: bool) -> Met {
-    Met { hit: Hit { primitive, ..Hit::before(1.0, 0.0) }, body, outside, opaque }
+fn met(primitive: u32, body: Option<Body>, outside: bool, opaque: bool) -> BoundaryHit {
+    BoundaryHit { hit: Hit { primitive, ..Hit::before(1.0, 0.0) }, body, outside, opaque }
 }
 
 /// The surfaces that a ray in `set` meets of those in one place, and the η around them.
-fn row(media: &mut Media, mut all: Vec<Met>, set: u32) -> (Vec<(u32, Option<f64>)>, u32) {
+fn row(media: &mut Media, mut all: Vec<BoundaryHit>, set: u32) -> (Vec<(u32, Option<f64>)>, u32) {
     let first = all[0].hit;
-    all.sort_by_key(Met::turn);
+    all.sort_by_key(BoundaryHit::turn);
     let Boundary::At(mut at) = media.together(&all, &first, set, &mut ()) else { panic!() };
     let mut row = Vec::new();
     loop {
-        let Crossing { hit, bend, beyond, next, .. } = media.crossings[at as usize];
-        row.push((hit.primitive, if let Bend::Outer(eta) = bend { Some(eta) } else { None }));
+        let Crossing { hit, refraction, beyond, next, .. } = media.crossings[at as usize];
+        row.push((hit.primitive, if let Refraction::Outer(eta) = refraction { Some(eta) } else { None }));
         if next == NONE {
             return (row, beyond);
         }
@@ -150,15 +150,15 @@ fn two_halves_of_a_mesh_are_one() {
         let media = &mut Media::default();
         let set = entered(media, &[&MESH]);
         let mut sorted = all.to_vec();
-        sorted.sort_by_key(Met::turn);
+        sorted.sort_by_key(BoundaryHit::turn);
         // The faces are there: between them is nothing, and a ray is bent by neither.
         let boundary = media.together(&sorted, &all[0].hit, set, &mut ());
         let beyond = match boundary {
             Boundary::Hidden(beyond) => beyond,
             Boundary::At(at) => {
                 let next = media.crossings[at as usize].next;
-                assert!(media.crossings[at as usize].bend == Bend::Straight);
-                assert!(media.crossings[next as usize].bend == Bend::Outer(1.7f32.into()));
+                assert!(media.crossings[at as usize].refraction == Refraction::Straight);
+                assert!(media.crossings[next as usize].refraction == Refraction::Outer(1.7f32.into()));
                 media.crossings[next as usize].beyond
             }
             Boundary::Plain => panic!(),

@@ -45,7 +45,7 @@ pub struct Footprint {
 
 /// A texture ready to be looked up.
 #[derive(Debug)]
-pub struct Pattern {
+pub struct PreparedTexture {
     kind: Kind,
 }
 
@@ -57,7 +57,7 @@ enum Kind {
     Computed(Box<Computed>),
 }
 
-impl Pattern {
+impl PreparedTexture {
     /// The texture's linear red, green, blue and alpha. Colours are not multiplied by alpha; where alpha is 0, they are
     /// 0.
     pub fn eval(&self, lookup: &Lookup) -> [f32; 4] {
@@ -100,7 +100,7 @@ impl Pattern {
     ///
     /// # Errors
     /// The first thing that can't be.
-    pub fn resolve(images: Vec<Image>, textures: &[Texture]) -> Result<Vec<Pattern>, Unresolved> {
+    pub fn resolve(images: Vec<Image>, textures: &[Texture]) -> Result<Vec<PreparedTexture>, Unresolved> {
         for image in &images {
             image
                 .check()
@@ -158,7 +158,7 @@ impl Store {
         Store { images, pyramids: HashMap::new(), prefiltered }
     }
 
-    fn pattern(&mut self, texture: &Texture) -> Result<Pattern, Unresolved> {
+    fn pattern(&mut self, texture: &Texture) -> Result<PreparedTexture, Unresolved> {
         let kind = match &texture.kind {
             TextureKind::Constant(value) => {
                 if let Some(bad) = value.iter().find(|v| !v.is_finite()) {
@@ -176,7 +176,7 @@ impl Store {
             TextureKind::Grid(grid) => Kind::Grid(self.grid(texture, grid)?),
             TextureKind::Image(image) => Kind::Image(ImageMap::new(self.pyramid(texture, image)?, image)),
         };
-        Ok(Pattern { kind })
+        Ok(PreparedTexture { kind })
     }
 
     /// The image that a texture names.

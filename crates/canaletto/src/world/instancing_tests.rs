@@ -1,8 +1,8 @@
 //! Prototypes that stay whole are seen as those that are dissolved, bit for bit.
 
-use super::before::Before;
-use super::nesting::Nesting;
-use super::{Blocker, BuildOptions, Bundle, Hit, World};
+use super::instancing::InstancingPolicy;
+use super::reuse::Previous;
+use super::{BuildOptions, Hit, OccluderCache, RayBundle, World};
 use crate::camera::Camera;
 use crate::explain::explain;
 use crate::light::{Light, LightKind, Omni};
@@ -14,11 +14,11 @@ use crate::shape::{Cuboid, Mesh, Plane, Shape, Sphere, SphereCloud, Torus};
 use canaletto_bvh::Ray;
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
-const WHOLE: Nesting = Nesting { members: 1, part: usize::MAX };
-const DISSOLVED: Nesting = Nesting { members: usize::MAX, part: 1 };
+const WHOLE: InstancingPolicy = InstancingPolicy { members: 1, part: usize::MAX };
+const DISSOLVED: InstancingPolicy = InstancingPolicy { members: usize::MAX, part: 1 };
 
-fn built(scene: &Scene, nesting: Nesting) -> World {
-    World::lower(scene.clone(), &BuildOptions::default(), nesting, Before::default()).unwrap()
+fn built(scene: &Scene, instancing: InstancingPolicy) -> World {
+    World::lower(scene.clone(), &BuildOptions::default(), instancing, Previous::default()).unwrap()
 }
 
 /// Marsaglia's xorshift.
@@ -40,9 +40,9 @@ impl Random {
         Vec3::new(self.signed(), self.signed(), self.signed())
     }
 
-    /// A place `spread` around: some as it is, some moved, turned, mirrored, sheared and stretched.
-    fn place(&mut self, spread: f64) -> Transform {
-        let at = Transform::translate(self.vector().as_dvec3() * spread);
+    /// A place `differential` around: some as it is, some moved, turned, mirrored, sheared and stretched.
+    fn place(&mut self, differential: f64) -> Transform {
+        let at = Transform::translate(self.vector().as_dvec3() * differential);
         let turn = Transform::rotate(self.vector().as_dvec3(), f64::from(self.signed()) * 180.0).unwrap_or_default();
         let scale = |f: DVec3| Transform::scale(f).unwrap();
         let shear = DMat3::IDENTITY + DMat3::from_cols(DVec3::ZERO, DVec3::X * 0.7, DVec3::Y * -0.4);
@@ -133,7 +133,7 @@ fn all_of(world: &World, ray: &Ray, hit: Option<Hit>) -> String {
     hit.map_or_else(String::new, |hit| {
         let surface = world.surface(ray, &hit);
         let names = (&world.object(&hit).name, world.object_id(&hit), world.material_index(&hit));
-        format!("{hit:?} {surface:?} {names:?} {:?}", world.patch(ray, &hit))
+        format!("{hit:?} {surface:?} {names:?} {:?}", world.surface_differential(ray, &hit))
     })
 }
 
@@ -159,12 +159,12 @@ fn whole_prototypes_are_met_as_dissolved_ones() {
     let (mut hits, mut nested, mut far) = (0, 0, 0);
     for round in 0..24 {
         let scene = scene(random, round % 4 == 3);
-        let [whole, flat] = [WHOLE, DISSOLVED].map(|nesting| built(&scene, nesting));
+        let [whole, flat] = [WHOLE, DISSOLVED].map(|instancing| built(&scene, instancing));
         assert!(flat.groups.is_empty() && flat.root.is_flat());
         nested += usize::from(!whole.root.is_flat());
-        let census = whole.census();
-        assert_eq!((census.instances, census.primitives), (flat.census().instances, flat.census().primitives));
-        let (mut last, mut bundle) = (Blocker::NONE, Bundle::default());
+        let stats = whole.stats();
+        assert_eq!((stats.instances, stats.primitives), (flat.stats().instances, flat.stats().primitives));
+        let (mut last, mut bundle) = (OccluderCache::NONE, RayBundle::default());
         for n in 0..800 {
             let ray = &ray_at(&flat, random);
             let time = [0.0, 0.4][n % 2];
@@ -182,11 +182,11 @@ fn whole_prototypes_are_met_as_dissolved_ones() {
                 let expected = flat.intersect_at(ray, t_max, time);
                 assert_eq!(whole.intersect_at(ray, t_max, time), expected, "{round} {n} {ray:?}");
                 assert_eq!(
-                    whole.between(ray, t_max, time, &mut last),
-                    flat.between(ray, t_max, time, &mut Blocker::NONE.clone())
+                    whole.occlusion(ray, t_max, time, &mut last),
+                    flat.occlusion(ray, t_max, time, &mut OccluderCache::NONE.clone())
                 );
                 let [a, b] = [&whole, &flat]
-                    .map(|w| w.transmittance(ray, t_max, time, None, &mut Blocker::NONE.clone(), &mut ()));
+                    .map(|w| w.transmittance(ray, t_max, time, None, &mut OccluderCache::NONE.clone(), &mut ()));
                 assert_eq!(a.to_bits(), b.to_bits());
             }
             bundle.clear();
@@ -206,7 +206,7 @@ fn whole_prototypes_make_the_same_pictures() {
     let random = &mut Random(72);
     for _ in 0..3 {
         let scene = scene(random, false);
-        let [whole, flat] = [WHOLE, DISSOLVED].map(|nesting| built(&scene, nesting));
+        let [whole, flat] = [WHOLE, DISSOLVED].map(|instancing| built(&scene, instancing));
         let intrinsics = Intrinsics { fovy: 50.0, width: 40, height: 30, ..Intrinsics::default() };
         let extrinsics = Extrinsics { eye: DVec3::new(0.0, 2.0, 14.0), ..Extrinsics::default() };
         let camera = Camera::new(&intrinsics, &extrinsics).unwrap();
@@ -231,7 +231,7 @@ fn a_long_chain_of_prototypes_is_followed_to_its_end() {
     prototypes.extend((0..250).map(|n| Node::new(Content::Instance(n)).with_transform(&step)));
     let nodes = vec![Node::new(Content::Instance(250))];
     let scene = Scene { meshes: vec![tetrahedron(Vec3::ZERO)], prototypes, nodes, ..Scene::default() };
-    let [whole, flat] = [WHOLE, DISSOLVED].map(|nesting| built(&scene, nesting));
+    let [whole, flat] = [WHOLE, DISSOLVED].map(|instancing| built(&scene, instancing));
     assert_eq!(whole.groups.len(), 251);
     for n in 0..9 {
         let ray = Ray::new(Vec3::new(2.6, n as f32 + 0.1, 4.0), Vec3::new(0.0, 0.0, -1.0));

@@ -10,12 +10,12 @@ use glam::{DMat3, DVec2, DVec3};
 
 /// The neighbourhood of a surface point, in the first order.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Patch {
+pub struct SurfaceDifferential {
     /// ∇u and ∇v: their products with a step along the surface are the changes of u and v. A component along the normal
     /// may be left in them and means nothing.
     pub gradients: [DVec3; 2],
     /// Takes a step along the surface to the change of the unit normal that is shaded with.
-    pub bend: DMat3,
+    pub shape_operator: DMat3,
     /// Whether u goes round: one turn is 1.
     pub round: bool,
 }
@@ -23,10 +23,10 @@ pub struct Patch {
 /// The smallest distance from an axis that is told from none, as a part of the shape's size.
 const AT_AXIS: f64 = 1e-9;
 
-impl Patch {
+impl SurfaceDifferential {
     /// A flat one.
-    pub(super) fn flat(u: DVec3, v: DVec3) -> Patch {
-        Patch { gradients: [u, v], bend: DMat3::ZERO, round: false }
+    pub(super) fn flat(u: DVec3, v: DVec3) -> SurfaceDifferential {
+        SurfaceDifferential { gradients: [u, v], shape_operator: DMat3::ZERO, round: false }
     }
 
     /// The change of (u, v) after a step along the surface.
@@ -45,16 +45,16 @@ impl Patch {
     }
 
     /// The patch in the space around an instance, for the surface in the instance's own.
-    pub fn transformed(&self, to_world: &Transform, local: &Surface) -> Patch {
+    pub fn transformed(&self, to_world: &Transform, local: &Surface) -> SurfaceDifferential {
         let back = to_world.inverse().matrix().matrix3;
         let normal = to_world.normal(local.shading_normal);
         let length = normal.length();
         let normal = normal / length;
         // d(N/|N|) = (I − n nᵀ) dN / |N|, with dN = M⁻ᵀ W M⁻¹ dP.
-        let turned = back.transpose() * self.bend * back * (1.0 / length);
-        Patch {
+        let turned = back.transpose() * self.shape_operator * back * (1.0 / length);
+        SurfaceDifferential {
             gradients: self.gradients.map(|g| to_world.normal(g)),
-            bend: turned - outer(normal, turned.transpose() * normal),
+            shape_operator: turned - outer(normal, turned.transpose() * normal),
             round: self.round,
         }
     }

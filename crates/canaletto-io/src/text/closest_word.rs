@@ -1,7 +1,7 @@
 //! The nearest right word for a wrong one.
 
 /// The candidate that is most probably meant by `word`: fewest typing mistakes, and few enough for its length.
-pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+pub fn closest_word<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let word: Vec<char> = word.chars().take(64).collect();
     let limit = match word.len() {
         0 => return None,
@@ -45,16 +45,16 @@ fn distance(a: &[char], b: &[char]) -> usize {
 
 #[cfg(test)]
 mod tests {
-    use super::nearest;
+    use super::closest_word;
 
     #[test]
     fn small_mistakes_find_their_word() {
         let words = ["sphere", "spheres", "box", "radius", "center", "kd", "ks", "k", "n"];
         for (wrong, right) in [("spere", "sphere"), ("Sphere", "sphere"), ("raduis", "radius"), ("centre", "center")] {
-            assert_eq!(nearest(wrong, words), Some(right), "{wrong}");
+            assert_eq!(closest_word(wrong, words), Some(right), "{wrong}");
         }
-        assert_eq!(nearest("elephant", words), None);
-        assert_eq!(nearest("", words), None);
-        assert_eq!(nearest("q", words), None);
+        assert_eq!(closest_word("elephant", words), None);
+        assert_eq!(closest_word("", words), None);
+        assert_eq!(closest_word("q", words), None);
     }
 }

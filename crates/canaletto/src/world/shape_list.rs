@@ -3,9 +3,9 @@
 //! A tree's way to a handful of leaves costs more than the shapes themselves. Groups of rays that pass a shape's box are spared by one
 //! look, and what is left goes to the exact kernel.
 
-use super::bundle::{Part, end};
-use super::corridor::GROUP;
+use super::bundle::{RayRange, end};
 use super::geometry::{confined, on_shape};
+use super::packet_bounds::GROUP;
 use crate::shape::{Shape, ShapeHit, Sphere};
 use canaletto_bvh::{PrimitiveHit, Ray, sphere};
 use std::ops::Range;
@@ -14,7 +14,7 @@ use std::ops::Range;
 pub(super) const FEW: usize = 8;
 
 /// Calls `f` with each shape and the places of the rays that may meet it.
-fn for_near(shapes: &[Shape], part: &Part, mut f: impl FnMut(u32, &Shape, Range<usize>)) {
+fn for_near(shapes: &[Shape], part: &RayRange, mut f: impl FnMut(u32, &Shape, Range<usize>)) {
     for (id, shape) in (0..).zip(shapes) {
         if let Some(bounds) = shape.bounds() {
             part.for_runs(&bounds, |near| f(id, shape, near));
@@ -23,7 +23,7 @@ fn for_near(shapes: &[Shape], part: &Part, mut f: impl FnMut(u32, &Shape, Range<
 }
 
 /// The nearest hits of some rays up to where each counts, which `found` says.
-pub(super) fn intersect(shapes: &[Shape], part: &Part, found: &mut [PrimitiveHit]) {
+pub(super) fn intersect(shapes: &[Shape], part: &RayRange, found: &mut [PrimitiveHit]) {
     for_near(shapes, part, |id, shape, near| {
         let (rays, found) = (&part.rays()[near.clone()], &mut found[near]);
         match shape {
@@ -87,7 +87,12 @@ fn meet(shape: &Shape, ray: &Ray, t_max: f32) -> Option<PrimitiveHit> {
 }
 
 /// Sets those of `t_max` to −∞ whose rays meet a shape at or before that `blocks` the ray of this number.
-pub(super) fn between(shapes: &[Shape], part: &Part, t_max: &mut [f32], mut blocks: impl FnMut(usize, u32) -> bool) {
+pub(super) fn occlusion(
+    shapes: &[Shape],
+    part: &RayRange,
+    t_max: &mut [f32],
+    mut blocks: impl FnMut(usize, u32) -> bool,
+) {
     for_near(shapes, part, |id, shape, near| {
         let (rays, t_max) = (&part.rays()[near.clone()], &mut t_max[near.clone()]);
         match shape {

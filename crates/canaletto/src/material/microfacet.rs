@@ -14,7 +14,7 @@ use glam::{DVec2, DVec3};
 
 /// The unit normal of the facet at `u` of the unit square that a viewer in the unit direction `wo` sees, for a surface with
 /// this unit normal on the viewer's side.
-pub fn visible_facet(wo: DVec3, normal: DVec3, roughness: f64, u: [f64; 2]) -> DVec3 {
+pub fn sample_ggx_vndf(wo: DVec3, normal: DVec3, roughness: f64, u: [f64; 2]) -> DVec3 {
     let (x, y) = normal.any_orthonormal_pair();
     let alpha = roughness * roughness;
     // Squeezed by α the facets' normals are even over the hemisphere; of a sphere, the viewer sees a cap's worth.
@@ -28,7 +28,7 @@ pub fn visible_facet(wo: DVec3, normal: DVec3, roughness: f64, u: [f64; 2]) -> D
 }
 
 /// The direction, mirrored in the plane of the unit normal if it leads to the wrong side of it.
-pub fn on_the_side(direction: DVec3, normal: DVec3) -> DVec3 {
+pub fn reflect_into_hemisphere(direction: DVec3, normal: DVec3) -> DVec3 {
     let height = direction.dot(normal);
     if height < 0.0 { direction - normal * (2.0 * height) } else { direction }
 }
@@ -61,7 +61,7 @@ mod tests {
                 [&|m| m.z, &|m| m.x, &|m| m.y * m.y, &|m| if m.z > 0.95 && m.x > 0.0 { 1.0 } else { 0.0 }];
             let (mut sums, mut integrals, mut total) = ([0.0; 4], [0.0; 4], 0.0);
             for i in 0..n * n {
-                let m = visible_facet(wo, DVec3::Z, roughness, [at(i % n), at(i / n)]);
+                let m = sample_ggx_vndf(wo, DVec3::Z, roughness, [at(i % n), at(i / n)]);
                 assert!((m.length() - 1.0).abs() < 1e-9 && m.z >= 0.0);
                 // Even over the hemisphere in angle, with the solid angle as weight.
                 let (theta, phi) = (at(i % n) * std::f64::consts::FRAC_PI_2, at(i / n) * std::f64::consts::TAU);
@@ -84,7 +84,7 @@ mod tests {
     fn polished_facets_are_the_surface() {
         let (n, wo) = (DVec3::new(0.3, 1.0, -0.2).normalize(), DVec3::new(1.0, 0.4, 0.3).normalize());
         for u in [[0.1, 0.2], [0.9, 0.999]] {
-            let facet = visible_facet(wo, n, 1e-6, u);
+            let facet = sample_ggx_vndf(wo, n, 1e-6, u);
             assert!((reflect(wo, facet) - reflect(wo, n)).length() < 1e-9);
             assert!((refract(wo, facet, 0.7).unwrap() - refract(wo, n, 0.7).unwrap()).length() < 1e-9);
         }
@@ -95,8 +95,8 @@ mod tests {
         for i in 0..10_000u32 {
             let u = [f64::from(i % 100) / 100.0, f64::from(i / 100) / 100.0];
             let wo = DVec3::new(1.0, 0.02, 0.0).normalize();
-            let mirrored = reflect(wo, visible_facet(wo, DVec3::Y, 1.0, u));
-            let d = on_the_side(mirrored, DVec3::Y);
+            let mirrored = reflect(wo, sample_ggx_vndf(wo, DVec3::Y, 1.0, u));
+            let d = reflect_into_hemisphere(mirrored, DVec3::Y);
             assert!(d.y >= 0.0 && (d.length() - 1.0).abs() < 1e-12, "{d}");
         }
     }

@@ -2,8 +2,8 @@
 //!
 //! The nodes are changed before they are decoded, so that the same checks and messages hold.
 
+use super::closest_word::closest_word;
 use super::files::Files;
-use super::nearest::nearest;
 use super::report::{Message, Report};
 use super::schema;
 use super::syntax::{Node, Span, parse_entries};
@@ -59,7 +59,7 @@ impl Setter<'_> {
         if !schema::top().contains(&word.as_str()) || word == "include" {
             let message = Message::error(span, format!("there is nothing called {word} to set"));
             let words: Vec<&str> = schema::top().into_iter().filter(|w| *w != "include").collect();
-            let nearest = nearest(word, words.iter().copied()).map(|right| format!("did you mean {right}?"));
+            let nearest = closest_word(word, words.iter().copied()).map(|right| format!("did you mean {right}?"));
             let help = nearest.unwrap_or_else(|| "for example: integrator.max-depth=3, material.glass.eta=1.4".into());
             self.report.push(message.help(help));
             return;
@@ -153,7 +153,7 @@ impl Setter<'_> {
             Some(name) => Message::error(span, format!("there is no {word} called \"{name}\"")),
             None => Message::error(span, format!("the scene has no {word}")),
         };
-        let near = name.and_then(|name| nearest(name, names.iter().map(String::as_str)));
+        let near = name.and_then(|name| closest_word(name, names.iter().map(String::as_str)));
         self.report.push(match near {
             Some(right) => message.help(format!("did you mean \"{right}\"?")),
             None if name.is_some() && !names.is_empty() => {

@@ -3,35 +3,35 @@
 use crate::light::Illumination;
 use crate::material::{MaterialPoint, reflect};
 use crate::math::{Rgb, offset_origin, saturate};
-use crate::shape::{Encounters, Rows, SURFACES, Surfaces, Thin, set_thin, set_wide, thin, wide};
+use crate::shape::{DVec3x8, SURFACES, SurfaceInputs8, Surfaces, Vec3x8, dvec3, set_dvec3, set_vec3, vec3};
 use canaletto_bvh::{InstructionSet, Kernel};
 use glam::{DVec3, Vec3};
 
 /// How many stops are side by side.
-pub(super) const STOPS: usize = SURFACES;
+pub(super) const LANES: usize = SURFACES;
 
 /// Eight stops.
 #[derive(Clone, Copy)]
-pub(super) struct Octet {
+pub(super) struct Interactions8 {
     pub(super) surfaces: Surfaces,
     /// 1 for a ray that came from the outer side, or −1.
-    side: [f64; STOPS],
+    side: [f64; LANES],
     /// v̂, towards where the rays came from.
-    wo: Rows,
+    wo: DVec3x8,
     /// The unit geometric normals on the viewer's side.
-    facing: Rows,
+    facing: DVec3x8,
     /// The unit shading normals on the viewer's side.
-    normal: Rows,
+    normal: DVec3x8,
     /// r, the mirrored directions (5.37).
-    mirrored: Rows,
+    mirrored: DVec3x8,
     /// Where shadow rays start.
-    pub(super) start: Thin,
-    kd: Thin,
-    ks: Thin,
+    pub(super) start: Vec3x8,
+    kd: Vec3x8,
+    ks: Vec3x8,
     /// n, the exponents of highlights.
-    pub(super) n: [f32; STOPS],
+    pub(super) n: [f32; LANES],
     /// The light so far.
-    color: Thin,
+    color: Vec3x8,
     /// A bit for each stop of which anything but a print is seen.
     pub(super) seen: u32,
     /// A bit for each stop that has highlights.
@@ -42,33 +42,33 @@ pub(super) struct Octet {
 
 /// The ways from eight stops to a point of light, and what comes along them.
 #[derive(Clone, Copy)]
-pub(super) struct Towards {
+pub(super) struct LightSamples8 {
     /// L̂, the unit directions; NaN for a light exactly at the stop.
-    direction: Rows,
+    direction: DVec3x8,
     /// How far it is.
-    pub(super) distance: [f32; STOPS],
+    pub(super) distance: [f32; LANES],
     /// n · L.
-    pub(super) n_dot_l: [f32; STOPS],
+    pub(super) n_dot_l: [f32; LANES],
     /// r · L.
-    pub(super) r_dot_l: [f32; STOPS],
+    pub(super) r_dot_l: [f32; LANES],
     /// Before shadows.
-    intensity: Thin,
+    intensity: Vec3x8,
     /// The directions of shadow rays, and up to where these count: towards a point they end there, at t = 1; towards infinity they have no end.
-    pub(super) to: Thin,
-    pub(super) reach: [f32; STOPS],
+    pub(super) to: Vec3x8,
+    pub(super) reach: [f32; LANES],
     /// A bit for each stop to which any light comes, before shadows.
-    pub(super) comes: u32,
+    pub(super) lit: u32,
     /// f_s, the share that passes; 0 where none comes.
-    pub(super) f_s: [f32; STOPS],
+    pub(super) f_s: [f32; LANES],
     /// cosⁿα, where there is a highlight.
-    pub(super) highlight: [f32; STOPS],
+    pub(super) highlight: [f32; LANES],
 }
 
 /// Up to where a ray to a point of light counts.
 const BEFORE_LIGHT: f32 = 1.0 - f32::EPSILON;
 
-const ZERO: Rows = [[0.0; STOPS]; 3];
-const BLACK: Thin = [[0.0; STOPS]; 3];
+const ZERO: DVec3x8 = [[0.0; LANES]; 3];
+const BLACK: Vec3x8 = [[0.0; LANES]; 3];
 
 /// The numbers of the bits that are set.
 pub(super) fn lanes(mut bits: u32) -> impl Iterator<Item = usize> {
@@ -79,11 +79,11 @@ pub(super) fn lanes(mut bits: u32) -> impl Iterator<Item = usize> {
     })
 }
 
-impl Octet {
+impl Interactions8 {
     /// Eight times nothing.
-    pub(super) const NOTHING: Octet = Octet {
+    pub(super) const NOTHING: Interactions8 = Interactions8 {
         surfaces: Surfaces::NOTHING,
-        side: [1.0; STOPS],
+        side: [1.0; LANES],
         wo: ZERO,
         facing: ZERO,
         normal: ZERO,
@@ -91,7 +91,7 @@ impl Octet {
         start: BLACK,
         kd: BLACK,
         ks: BLACK,
-        n: [0.0; STOPS],
+        n: [0.0; LANES],
         color: BLACK,
         seen: 0,
         shiny: 0,
@@ -107,24 +107,24 @@ impl Octet {
     #[inline]
     pub(super) fn set_material(&mut self, lane: usize, material: &MaterialPoint) {
         let phong = &material.phong;
-        set_thin(&mut self.kd, lane, phong.kd.to_array().into());
-        set_thin(&mut self.ks, lane, phong.ks.to_array().into());
+        set_vec3(&mut self.kd, lane, phong.kd.to_array().into());
+        set_vec3(&mut self.ks, lane, phong.ks.to_array().into());
         self.n[lane] = phong.n;
         self.seen |= u32::from(material.is_seen()) << lane;
         self.shiny |= u32::from(!phong.ks.is_black()) << lane;
         self.bent |= u32::from(material.bent) << lane;
     }
 
-    /// Finds the surfaces of `encounters`, and how all look from where the rays came.
-    pub(super) fn settle(&mut self, encounters: &mut Encounters) {
-        InstructionSet::run(Settle { octet: self, encounters });
-        encounters.clear();
+    /// Finds the surfaces of `surface_inputs`, and how all look from where the rays came.
+    pub(super) fn evaluate(&mut self, surface_inputs: &mut SurfaceInputs8) {
+        InstructionSet::run(Evaluate { interactions8: self, surface_inputs });
+        surface_inputs.clear();
     }
 
     /// The light so far at a stop.
     #[inline]
     pub(super) fn set_color(&mut self, lane: usize, color: Rgb) {
-        set_thin(&mut self.color, lane, color.to_array().into());
+        set_vec3(&mut self.color, lane, color.to_array().into());
     }
 
     /// Whether the ray came from the outer side.
@@ -136,55 +136,55 @@ impl Octet {
     /// v̂, towards where the ray came from.
     #[inline]
     pub(super) fn wo(&self, lane: usize) -> DVec3 {
-        wide(&self.wo, lane)
+        dvec3(&self.wo, lane)
     }
 
     /// The unit geometric normal on the outer side.
     #[inline]
     pub(super) fn outer(&self, lane: usize) -> DVec3 {
-        wide(&self.surfaces.normal, lane)
+        dvec3(&self.surfaces.normal, lane)
     }
 
     /// The unit geometric normal on the viewer's side.
     #[inline]
     pub(super) fn facing(&self, lane: usize) -> DVec3 {
-        wide(&self.facing, lane)
+        dvec3(&self.facing, lane)
     }
 
     /// The unit shading normal on the viewer's side.
     #[inline(always)]
     pub(super) fn normal(&self, lane: usize) -> DVec3 {
-        wide(&self.normal, lane)
+        dvec3(&self.normal, lane)
     }
 
     /// r, the mirrored direction (5.37).
     #[inline(always)]
     pub(super) fn mirrored(&self, lane: usize) -> DVec3 {
-        wide(&self.mirrored, lane)
+        dvec3(&self.mirrored, lane)
     }
 
     /// The point before it was rounded.
     #[inline]
     pub(super) fn exact(&self, lane: usize) -> DVec3 {
-        wide(&self.surfaces.exact, lane)
+        dvec3(&self.surfaces.exact, lane)
     }
 
     /// The point, and the bound of its error.
     #[inline]
     pub(super) fn point(&self, lane: usize) -> [Vec3; 2] {
-        [thin(&self.surfaces.point, lane), thin(&self.surfaces.error, lane)]
+        [vec3(&self.surfaces.point, lane), vec3(&self.surfaces.error, lane)]
     }
 
     /// Where a stop's shadow rays start.
     #[inline]
     pub(super) fn start(&self, lane: usize) -> Vec3 {
-        thin(&self.start, lane)
+        vec3(&self.start, lane)
     }
 
     /// The light so far at a stop.
     #[inline]
     pub(super) fn color(&self, lane: usize) -> Rgb {
-        Rgb::from(thin(&self.color, lane).to_array())
+        Rgb::from(vec3(&self.color, lane).to_array())
     }
 }
 
@@ -200,151 +200,152 @@ fn contribution([diffuse, specular]: [f32; 2], f_s: f32) -> f32 {
     if f_s > 0.0 { saturate(diffuse + specular) * f_s } else { 0.0 }
 }
 
-impl Towards {
-    const NOTHING: Towards = Towards {
+impl LightSamples8 {
+    const NOTHING: LightSamples8 = LightSamples8 {
         direction: ZERO,
-        distance: [0.0; STOPS],
-        n_dot_l: [0.0; STOPS],
-        r_dot_l: [0.0; STOPS],
+        distance: [0.0; LANES],
+        n_dot_l: [0.0; LANES],
+        r_dot_l: [0.0; LANES],
         intensity: BLACK,
         to: BLACK,
-        reach: [0.0; STOPS],
-        comes: 0,
-        f_s: [0.0; STOPS],
-        highlight: [0.0; STOPS],
+        reach: [0.0; LANES],
+        lit: 0,
+        f_s: [0.0; LANES],
+        highlight: [0.0; LANES],
     };
 
     /// The ways to one point.
-    pub(super) fn point(ways: &mut Vec<Towards>, octets: &[Octet], position: Vec3) {
-        ways.resize(octets.len(), Towards::NOTHING);
-        InstructionSet::run(ToPoint { ways, octets, position });
+    pub(super) fn point(ways: &mut Vec<LightSamples8>, interactions8: &[Interactions8], position: Vec3) {
+        ways.resize(interactions8.len(), LightSamples8::NOTHING);
+        InstructionSet::run(ToPoint { ways, interactions8, position });
     }
 
     /// Ways on which is known what arrives at each stop.
-    pub(super) fn known(ways: &mut Vec<Towards>, octets: &[Octet], arriving: &[Illumination]) {
-        ways.resize(octets.len(), Towards::NOTHING);
-        for ((way, octet), arriving) in ways.iter_mut().zip(octets).zip(arriving.chunks(STOPS)) {
+    pub(super) fn known(ways: &mut Vec<LightSamples8>, interactions8: &[Interactions8], arriving: &[Illumination]) {
+        ways.resize(interactions8.len(), LightSamples8::NOTHING);
+        for ((way, interactions8), arriving) in ways.iter_mut().zip(interactions8).zip(arriving.chunks(LANES)) {
             for (lane, arriving) in arriving.iter().enumerate() {
-                set_wide(&mut way.direction, lane, arriving.direction);
+                set_dvec3(&mut way.direction, lane, arriving.direction);
                 way.distance[lane] = arriving.distance;
                 let (to, reach) = match arriving.position {
-                    Some(position) => (position - octet.start(lane), BEFORE_LIGHT),
+                    Some(position) => (position - interactions8.start(lane), BEFORE_LIGHT),
                     None => (arriving.direction.as_vec3(), f32::INFINITY),
                 };
-                set_thin(&mut way.to, lane, to);
+                set_vec3(&mut way.to, lane, to);
                 way.reach[lane] = reach;
                 way.set_intensity(lane, arriving.intensity);
             }
         }
-        InstructionSet::run(Cosines { ways, octets });
+        InstructionSet::run(Cosines { ways, interactions8 });
     }
 
     /// The direction from a stop.
     #[inline(always)]
     pub(super) fn direction(&self, lane: usize) -> DVec3 {
-        wide(&self.direction, lane)
+        dvec3(&self.direction, lane)
     }
 
     /// The intensity at a stop, before shadows.
     pub(super) fn intensity(&self, lane: usize) -> Rgb {
-        Rgb::from(thin(&self.intensity, lane).to_array())
+        Rgb::from(vec3(&self.intensity, lane).to_array())
     }
 
     /// Sets the intensity at a stop.
     #[inline]
     pub(super) fn set_intensity(&mut self, lane: usize, intensity: Rgb) {
-        set_thin(&mut self.intensity, lane, intensity.to_array().into());
+        set_vec3(&mut self.intensity, lane, intensity.to_array().into());
     }
 
     /// Sets the intensity at all stops.
     pub(super) fn set_intensities(&mut self, intensity: Rgb) {
-        self.intensity = intensity.to_array().map(|v| [v; STOPS]);
+        self.intensity = intensity.to_array().map(|v| [v; LANES]);
     }
 
     /// Finds out to which stops light comes; without highlights, and nothing in between.
     #[inline]
-    pub(super) fn come(&mut self, octet: &Octet) {
+    pub(super) fn evaluate(&mut self, interactions8: &Interactions8) {
         let [r, g, b] = &self.intensity;
-        self.comes = 0;
-        for i in 0..STOPS {
+        self.lit = 0;
+        for i in 0..LANES {
             // NaN, which isn't: a light exactly at the point, which adds nothing.
             let lit = self.n_dot_l[i] > 0.0 && !(r[i] == 0.0 && g[i] == 0.0 && b[i] == 0.0);
-            self.comes |= u32::from(lit) << i;
+            self.lit |= u32::from(lit) << i;
         }
-        self.comes &= octet.seen;
-        for i in 0..STOPS {
-            self.f_s[i] = if self.comes >> i & 1 == 1 { 1.0 } else { 0.0 };
+        self.lit &= interactions8.seen;
+        for i in 0..LANES {
+            self.f_s[i] = if self.lit >> i & 1 == 1 { 1.0 } else { 0.0 };
         }
-        self.highlight = [0.0; STOPS];
+        self.highlight = [0.0; LANES];
     }
 
     /// Lets none come to a stop.
-    pub(super) fn keep_off(&mut self, lane: usize) {
-        self.comes &= !(1 << lane);
+    pub(super) fn mask_out(&mut self, lane: usize) {
+        self.lit &= !(1 << lane);
         self.f_s[lane] = 0.0;
     }
 
     /// Adds what arrives at all stops.
-    pub(super) fn add(ways: &[Towards], octets: &mut [Octet]) {
-        InstructionSet::run(Add { ways, octets });
+    pub(super) fn add(ways: &[LightSamples8], interactions8: &mut [Interactions8]) {
+        InstructionSet::run(Add { ways, interactions8 });
     }
 
     /// The diffuse, the specular and the whole light that arrives at a stop.
-    pub(super) fn terms(&self, octet: &Octet, lane: usize) -> [Rgb; 3] {
-        if self.comes >> lane & 1 == 0 {
+    pub(super) fn terms(&self, interactions8: &Interactions8, lane: usize) -> [Rgb; 3] {
+        if self.lit >> lane & 1 == 0 {
             return [Rgb::BLACK; 3];
         }
         let both: [[f32; 2]; 3] = std::array::from_fn(|c| {
-            let diffuse = [octet.kd[c][lane], self.n_dot_l[lane]];
-            lit(self.intensity[c][lane], diffuse, [octet.ks[c][lane], self.highlight[lane]])
+            let diffuse = [interactions8.kd[c][lane], self.n_dot_l[lane]];
+            lit(self.intensity[c][lane], diffuse, [interactions8.ks[c][lane], self.highlight[lane]])
         });
         let whole = both.map(|both| contribution(both, self.f_s[lane]));
         [both.map(|[diffuse, _]| diffuse), both.map(|[_, specular]| specular), whole].map(Rgb::from)
     }
 
     #[inline(always)]
-    fn cosines(&mut self, octet: &Octet) {
-        for i in 0..STOPS {
+    fn cosines(&mut self, interactions8: &Interactions8) {
+        for i in 0..LANES {
             let direction = self.direction(i);
-            self.n_dot_l[i] = octet.normal(i).dot(direction) as f32;
-            self.r_dot_l[i] = octet.mirrored(i).dot(direction) as f32;
+            self.n_dot_l[i] = interactions8.normal(i).dot(direction) as f32;
+            self.r_dot_l[i] = interactions8.mirrored(i).dot(direction) as f32;
         }
     }
 }
 
-struct Settle<'a> {
-    octet: &'a mut Octet,
-    encounters: &'a Encounters,
+struct Evaluate<'a> {
+    interactions8: &'a mut Interactions8,
+    surface_inputs: &'a SurfaceInputs8,
 }
 
-impl Kernel for Settle<'_> {
+impl Kernel for Evaluate<'_> {
     type Answer = ();
 
     #[inline(always)]
     fn run(self) {
-        let Settle { octet, encounters } = self;
-        encounters.surfaces(&mut octet.surfaces);
-        for i in 0..STOPS {
-            let surfaces = &octet.surfaces;
-            let (direction, outer) = (wide(&encounters.direction, i), wide(&surfaces.normal, i));
+        let Evaluate { interactions8, surface_inputs } = self;
+        surface_inputs.surfaces(&mut interactions8.surfaces);
+        for i in 0..LANES {
+            let surfaces = &interactions8.surfaces;
+            let (direction, outer) = (dvec3(&surface_inputs.direction, i), dvec3(&surfaces.normal, i));
             let outside = direction.dot(outer) < 0.0;
             let side = if outside { 1.0 } else { -1.0 };
-            let (wo, facing, normal) = (-direction.normalize(), outer * side, wide(&surfaces.shading_normal, i) * side);
-            let [lifted, point] = [&surfaces.lifted, &surfaces.point].map(|rows| thin(rows, i));
-            let start = offset_origin(if outside { lifted } else { point }, thin(&surfaces.error, i), facing, facing);
-            octet.side[i] = side;
-            set_wide(&mut octet.wo, i, wo);
-            set_wide(&mut octet.facing, i, facing);
-            set_wide(&mut octet.normal, i, normal);
-            set_wide(&mut octet.mirrored, i, reflect(wo, normal));
-            set_thin(&mut octet.start, i, start);
+            let (wo, facing, normal) =
+                (-direction.normalize(), outer * side, dvec3(&surfaces.shading_normal, i) * side);
+            let [lifted, point] = [&surfaces.lifted, &surfaces.point].map(|rows| vec3(rows, i));
+            let start = offset_origin(if outside { lifted } else { point }, vec3(&surfaces.error, i), facing, facing);
+            interactions8.side[i] = side;
+            set_dvec3(&mut interactions8.wo, i, wo);
+            set_dvec3(&mut interactions8.facing, i, facing);
+            set_dvec3(&mut interactions8.normal, i, normal);
+            set_dvec3(&mut interactions8.mirrored, i, reflect(wo, normal));
+            set_vec3(&mut interactions8.start, i, start);
         }
     }
 }
 
 struct ToPoint<'a> {
-    ways: &'a mut [Towards],
-    octets: &'a [Octet],
+    ways: &'a mut [LightSamples8],
+    interactions8: &'a [Interactions8],
     position: Vec3,
 }
 
@@ -354,23 +355,23 @@ impl Kernel for ToPoint<'_> {
     #[inline(always)]
     fn run(self) {
         let position = self.position.as_dvec3();
-        for (way, octet) in self.ways.iter_mut().zip(self.octets) {
-            for i in 0..STOPS {
-                let to_light = position - wide(&octet.surfaces.exact, i);
+        for (way, interactions8) in self.ways.iter_mut().zip(self.interactions8) {
+            for i in 0..LANES {
+                let to_light = position - dvec3(&interactions8.surfaces.exact, i);
                 let length = to_light.length();
-                set_wide(&mut way.direction, i, to_light / length);
+                set_dvec3(&mut way.direction, i, to_light / length);
                 way.distance[i] = length as f32;
-                set_thin(&mut way.to, i, self.position - thin(&octet.start, i));
+                set_vec3(&mut way.to, i, self.position - vec3(&interactions8.start, i));
             }
-            way.reach = [BEFORE_LIGHT; STOPS];
-            way.cosines(octet);
+            way.reach = [BEFORE_LIGHT; LANES];
+            way.cosines(interactions8);
         }
     }
 }
 
 struct Cosines<'a> {
-    ways: &'a mut [Towards],
-    octets: &'a [Octet],
+    ways: &'a mut [LightSamples8],
+    interactions8: &'a [Interactions8],
 }
 
 impl Kernel for Cosines<'_> {
@@ -378,15 +379,15 @@ impl Kernel for Cosines<'_> {
 
     #[inline(always)]
     fn run(self) {
-        for (way, octet) in self.ways.iter_mut().zip(self.octets) {
-            way.cosines(octet);
+        for (way, interactions8) in self.ways.iter_mut().zip(self.interactions8) {
+            way.cosines(interactions8);
         }
     }
 }
 
 struct Add<'a> {
-    ways: &'a [Towards],
-    octets: &'a mut [Octet],
+    ways: &'a [LightSamples8],
+    interactions8: &'a mut [Interactions8],
 }
 
 impl Kernel for Add<'_> {
@@ -394,12 +395,13 @@ impl Kernel for Add<'_> {
 
     #[inline(always)]
     fn run(self) {
-        for (way, octet) in self.ways.iter().zip(self.octets) {
+        for (way, interactions8) in self.ways.iter().zip(self.interactions8) {
             for c in 0..3 {
-                for i in 0..STOPS {
-                    let (diffuse, specular) = ([octet.kd[c][i], way.n_dot_l[i]], [octet.ks[c][i], way.highlight[i]]);
+                for i in 0..LANES {
+                    let (diffuse, specular) =
+                        ([interactions8.kd[c][i], way.n_dot_l[i]], [interactions8.ks[c][i], way.highlight[i]]);
                     let arrives = contribution(lit(way.intensity[c][i], diffuse, specular), way.f_s[i]);
-                    octet.color[c][i] = saturate(octet.color[c][i] + arrives);
+                    interactions8.color[c][i] = saturate(interactions8.color[c][i] + arrives);
                 }
             }
         }

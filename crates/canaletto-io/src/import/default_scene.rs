@@ -1,7 +1,7 @@
 //! A model alone becomes a scene: camera, light and ground, all measured by the model's own size.
 
 use super::Imported;
-use super::frame::frame;
+use super::fit_camera::fit_camera;
 use canaletto::light::{Directional, DiskLight, Light, LightKind};
 use canaletto::material::{Material, Phong};
 use canaletto::math::{Rgb, Transform};
@@ -25,7 +25,7 @@ pub(super) const FRAMING: Intrinsics = Intrinsics {
 /// towards +z). The camera looks down by more than half its angle of view, so that the horizon stays outside. Edges are sampled adaptively.
 ///
 /// `None` if the model's coordinates leave no room to stand.
-pub(super) fn studio(model: Imported) -> Option<Scene> {
+pub(super) fn default_scene(model: Imported) -> Option<Scene> {
     let meshes = model.meshes;
     // All is measured from where the meshes of a file are counted from.
     let origin = meshes.first().map_or(DVec3::ZERO, |mesh| mesh.origin);
@@ -33,7 +33,7 @@ pub(super) fn studio(model: Imported) -> Option<Scene> {
     let corners =
         || meshes.iter().flat_map(|m| m.triangles.iter().flatten().map(|i| m.positions[*i as usize].as_dvec3()));
     corners().for_each(|p| (low, high) = (low.min(p), high.max(p)));
-    let mut view = frame(corners().map(|p| (p, 0.0)), direction_at(30.0, 20.0), DVec3::Y, FRAMING)?;
+    let mut view = fit_camera(corners().map(|p| (p, 0.0)), direction_at(30.0, 20.0), DVec3::Y, FRAMING)?;
 
     let mut materials = model.materials;
     let next = materials.len() as u32;

@@ -5,7 +5,7 @@ use canaletto::memory;
 use rayon::prelude::*;
 
 /// The parts one after another, copied in parallel. Each part's memory is given back as soon as it is copied.
-pub(super) fn join<T: Pod + Send + Sync>(mut parts: Vec<Vec<T>>) -> Vec<T> {
+pub(super) fn concat<T: Pod + Send + Sync>(mut parts: Vec<Vec<T>>) -> Vec<T> {
     parts.retain(|part| !part.is_empty());
     if parts.len() < 2 {
         return parts.pop().unwrap_or_default();

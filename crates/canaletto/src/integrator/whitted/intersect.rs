@@ -1,11 +1,11 @@
 //! What rays meet: the nearest surfaces, past holes, and past the surfaces of clear bodies that aren't there.
 
+use super::interaction::{Encounter, Footprint, Interaction};
 use super::media::{self, Boundary, Media};
-use super::stop::{Footprint, Met, Stop};
-use super::way::Branch;
-use super::{Generation, Whitted};
+use super::ray_batch::PathState;
+use super::{Wave, Whitted};
 use crate::integrator::Probe;
-use crate::math::{Line, Rgb, Spread, offset_origin};
+use crate::math::{DRay, RayDifferential, Rgb, offset_origin};
 use crate::world::{Hit, MAX_STALLED, World, touching};
 use canaletto_bvh::Ray;
 use glam::DVec3;
@@ -15,36 +15,37 @@ const MAX_HOLES: usize = 1 << 16;
 
 impl Whitted<'_> {
     /// The nearest surfaces on the ways, past holes. Colours become what is seen where there is none.
-    pub(super) fn meet<P: Probe>(&mut self, generation: &mut Generation, probe: &mut P) {
-        let Generation { ways, colors, stops, footprints, .. } = generation;
+    pub(super) fn intersect<P: Probe>(&mut self, wave: &mut Wave, probe: &mut P) {
+        let Wave { ways, colors, interactions, footprints, .. } = wave;
         let (world, time) = (self.world, self.time);
         colors.clear();
         colors.resize(ways.len(), world.background);
-        stops.clear();
+        interactions.clear();
         footprints.clear();
         if P::ACTIVE {
-            let Branch { kind, depth, factor, .. } = ways.branch(0);
-            probe.ray(kind, &ways.rays[0], depth, factor);
+            let PathState { kind, depth, attenuation, .. } = ways.path_state(0);
+            probe.ray(kind, &ways.rays[0], depth, attenuation);
         }
         self.bundle.set(&ways.rays, f32::INFINITY);
         world.intersect_bundle(&mut self.bundle, time);
         let miss = |index: usize, color: &mut Rgb, probe: &mut P| {
             if let Some(environment) = &world.environment {
-                let spread = ways.spread(index).map_or([DVec3::ZERO; 2], |spread| spread.direction);
-                let sighting = environment.look(ways.lines[index].direction, spread);
-                probe.sighting(&sighting);
-                *color = sighting.radiance;
+                let differential =
+                    ways.differential(index).map_or([DVec3::ZERO; 2], |differential| differential.direction);
+                let environment_lookup = environment.lookup(ways.lines[index].direction, differential);
+                probe.environment_lookup(&environment_lookup);
+                *color = environment_lookup.radiance;
             }
             probe.miss(*color);
             probe.end(*color);
         };
-        let encounters = &mut self.encounters;
+        let surface_inputs = &mut self.surface_inputs;
         let mut seen = None;
         let has_clear = world.has_clear();
         for (index, color) in colors.iter_mut().enumerate() {
-            let (found, spread) = (self.bundle.hit(index), ways.spread(index));
+            let (found, differential) = (self.bundle.hit(index), ways.differential(index));
             let start = if has_clear { ways.start_of(index) } else { [media::NONE; 2] };
-            if spread.is_none()
+            if differential.is_none()
                 && !P::ACTIVE
                 && let Some(hit) = found
                 && let material = world.material(&hit)
@@ -58,42 +59,42 @@ impl Whitted<'_> {
                         && material.coverage >= 1.0
                         && self.media.is_simple(world, &ways.lines[index], &hit, inside))
             {
-                let (line, (octet, lane)) = (ways.lines[index], stops.next());
-                encounters.set_line(lane, &line);
-                let color = world.meet(&line, &hit, lane, encounters, &mut octet.surfaces);
-                stops.push(index, &hit, encounters, |point| material.set(point, color));
+                let (line, (interactions8, lane)) = (ways.lines[index], interactions.next());
+                surface_inputs.set_line(lane, &line);
+                let color = world.push_surface(&line, &hit, lane, surface_inputs, &mut interactions8.surfaces);
+                interactions.push(index, &hit, surface_inputs, |point| material.set(point, color));
                 if is_clear {
-                    (stops.last_mut().inside, stops.last_mut().crossing) = (inside, media::SIMPLE);
+                    (interactions.last_mut().inside, interactions.last_mut().crossing) = (inside, media::SIMPLE);
                 }
                 continue;
             }
-            let way = (ways.lines[index], ways.rays[index], found, spread);
-            let Some(met) = meet_one(world, &mut self.media, way, start, time, probe) else {
+            let way = (ways.lines[index], ways.rays[index], found, differential);
+            let Some(met) = intersect_one(world, &mut self.media, way, start, time, probe) else {
                 miss(index, color, probe);
                 continue;
             };
-            let Met { hit, surface, material: point, line, footprint, inside, crossing } = met;
+            let Encounter { hit, surface, material: point, line, footprint, inside, crossing } = met;
             if let Some(mut footprint) = footprint {
                 if point.is_mirror() || point.is_clear() {
                     let side = if line.direction.dot(surface.normal) < 0.0 { 1.0 } else { -1.0 };
-                    footprint.bend = world.patch(line, &hit).bend * side;
+                    footprint.shape_operator = world.surface_differential(line, &hit).shape_operator * side;
                 }
                 footprints.push(footprint);
             }
-            let (octet, lane) = stops.next();
-            octet.surfaces.set(lane, &surface);
-            encounters.set_line(lane, &line);
-            stops.push(index, &hit, encounters, |material| *material = point);
-            (stops.last_mut().inside, stops.last_mut().crossing) = (inside, crossing);
+            let (interactions8, lane) = interactions.next();
+            interactions8.surfaces.set(lane, &surface);
+            surface_inputs.set_line(lane, &line);
+            interactions.push(index, &hit, surface_inputs, |material| *material = point);
+            (interactions.last_mut().inside, interactions.last_mut().crossing) = (inside, crossing);
             seen = Some(surface);
         }
-        stops.settle(encounters);
-        ways.count(stops.each().iter().map(Stop::way), &mut self.counts);
+        interactions.evaluate(surface_inputs);
+        ways.count(interactions.each().iter().map(Interaction::way), &mut self.counts);
         if P::ACTIVE
             && let Some(surface) = seen
         {
-            let at = stops.at(0);
-            probe.hit(&at.stop.hit, &surface, &at.stop.material, at.outside());
+            let at = interactions.at(0);
+            probe.hit(&at.interaction.hit, &surface, &at.interaction.material, at.outside());
         }
     }
 }
@@ -101,15 +102,15 @@ impl Whitted<'_> {
 /// What a way meets first that is there: past holes, and past surfaces of clear bodies where another one fills the place. `inside` are the bodies
 /// that it starts in, and `meets` the surface where it starts that it meets before `found`.
 #[inline(never)]
-fn meet_one<P: Probe>(
+fn intersect_one<P: Probe>(
     world: &World,
     media: &mut Media,
-    (mut line, mut ray, mut found, spread): (Line, Ray, Option<Hit>, Option<&Spread>),
+    (mut line, mut ray, mut found, differential): (DRay, Ray, Option<Hit>, Option<&RayDifferential>),
     [mut inside, mut meets]: [u32; 2],
     time: f32,
     probe: &mut P,
-) -> Option<Met> {
-    let mut spread = spread.copied();
+) -> Option<Encounter> {
+    let mut differential = differential.copied();
     let mut stalled = 0;
     for passed in 0.. {
         let mut crossing = meets;
@@ -129,8 +130,9 @@ fn meet_one<P: Probe>(
                 }
                 Boundary::Hidden(beyond) if passed < MAX_HOLES && stalled <= MAX_STALLED => {
                     inside = beyond;
-                    let step = spread.map(|spread| spread.along(&line, surface.exact, surface.normal));
-                    spread = spread.zip(step).map(|(spread, step)| spread.passed(step));
+                    let step =
+                        differential.map(|differential| differential.along(&line, surface.exact, surface.normal));
+                    differential = differential.zip(step).map(|(differential, step)| differential.passed(step));
                     stalled = if (surface.exact - line.origin).dot(line.direction) > 0.0 { 0 } else { stalled + 1 };
                     line.origin = surface.exact;
                     let origin = offset_origin(surface.point, touching(&surface), surface.normal, line.direction);
@@ -153,7 +155,7 @@ fn meet_one<P: Probe>(
         if touches {
             surface.error = touching(&surface);
         }
-        let footprint = Footprint::new(spread.as_ref(), &line, &surface);
+        let footprint = Footprint::new(differential.as_ref(), &line, &surface);
         let step = footprint.map(|f| f.step);
         let material = if material.is_plain() {
             material.at(&surface)
@@ -161,14 +163,14 @@ fn meet_one<P: Probe>(
             world.textured(line, &hit, &mut surface, step, probe)
         };
         if material.coverage > 0.0 || passed >= MAX_HOLES || stalled > MAX_STALLED {
-            return Some(Met { hit, surface, material, line, footprint, inside, crossing });
+            return Some(Encounter { hit, surface, material, line, footprint, inside, crossing });
         }
         probe.hole(&hit);
         inside = media.crossing(crossing).map_or(inside, |crossing| crossing.beyond);
         meets = next;
         stalled = if (surface.exact - line.origin).dot(line.direction) > 0.0 { 0 } else { stalled + 1 };
         line.origin = surface.exact;
-        spread = footprint.map(|f| f.spread.passed(f.step));
+        differential = footprint.map(|f| f.differential.passed(f.step));
         if meets == media::NONE {
             let origin = offset_origin(surface.point, surface.error, surface.normal, line.direction);
             ray = line.from_origin(origin);

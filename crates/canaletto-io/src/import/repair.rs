@@ -6,7 +6,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 /// Makes normals unit vectors, and computes those that have no direction. If triangles use no others, there are none.
-pub(super) fn mend_normals(mesh: &mut Mesh, smoothing: Smoothing<'_>) {
+pub(super) fn repair_normals(mesh: &mut Mesh, smoothing: Smoothing<'_>) {
     // Through f64, since the squares of f32 may vanish or overflow.
     mesh.normals.par_iter_mut().for_each(|n| *n = n.as_dvec3().normalize_or_zero().as_vec3());
     if !mesh.normals.par_iter().any(|n| *n == Vec3::ZERO) {

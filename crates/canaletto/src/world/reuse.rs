@@ -12,18 +12,18 @@ use std::collections::HashMap;
 
 /// Geometries of the world before, by the objects that they belonged to.
 #[derive(Debug, Default)]
-pub(super) struct Before {
+pub(super) struct Previous {
     /// By the object's name, and which one of that name it is.
     geometries: HashMap<(String, u32), Geometry>,
     /// How many of each name were asked for.
     asked: HashMap<String, u32>,
     /// How much more than when they were built trees may cost that are refitted.
-    pub(super) slack: Slack,
+    pub(super) slack: RefitBudget,
 }
 
 /// Where hierarchies over meshes and clouds come from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
-pub struct Origins {
+pub struct ReuseCounts {
     /// Those of the world before, which fit as they are.
     pub kept: u64,
     /// Those of the world before, made to fit.
@@ -40,7 +40,7 @@ pub(super) enum Origin {
     Built,
 }
 
-impl Origins {
+impl ReuseCounts {
     pub(super) fn count(&mut self, origin: Origin) {
         *match origin {
             Origin::Kept => &mut self.kept,
@@ -55,32 +55,32 @@ pub(super) type Found = Result<(Geometry, Origin), bvh::BuildError>;
 
 /// How far refitting may go.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Slack {
+pub(super) struct RefitBudget {
     rays: u64,
 }
 
-impl Slack {
+impl RefitBudget {
     /// The most that rays may cost in any refitted tree, against one that was just built.
     const MOST: f64 = 1.5;
     /// Where no more than this is allowed, a tree is built at once.
     const LEAST: f64 = 1.05;
 
-    pub(super) fn new(rays: u64) -> Slack {
-        Slack { rays }
+    pub(super) fn new(rays: u64) -> RefitBudget {
+        RefitBudget { rays }
     }
 
     /// A build takes the time of some two rays for each triangle; half of that at most may be lost on the way of the rays.
     pub(super) fn most(self, triangles: usize) -> Option<f64> {
         let most = 1.0 + triangles as f64 / self.rays.max(1) as f64;
-        (most > Slack::LEAST).then_some(most.min(Slack::MOST))
+        (most > RefitBudget::LEAST).then_some(most.min(RefitBudget::MOST))
     }
 }
 
-impl Before {
+impl Previous {
     /// Takes a world apart; what isn't needed is freed here.
-    pub(super) fn new(world: World, rays: u64) -> Before {
+    pub(super) fn new(world: World, rays: u64) -> Previous {
         let World { geometries, owners, objects, .. } = world;
-        let mut before = Before { slack: Slack::new(rays), ..Before::default() };
+        let mut before = Previous { slack: RefitBudget::new(rays), ..Previous::default() };
         let mut counts = HashMap::new();
         for (geometry, owner) in geometries.into_iter().zip(owners) {
             // Loose shapes are read anew, which takes longer than a tree over them.
@@ -117,7 +117,7 @@ fn same<T: bytemuck::NoUninit>(a: &[T], b: &[T]) -> bool {
 
 impl Geometry {
     /// [`Geometry::mesh`], from what the object was before.
-    pub(super) fn mesh_after(before: Option<Geometry>, mesh: Mesh, quality: Quality, slack: Slack) -> Found {
+    pub(super) fn mesh_after(before: Option<Geometry>, mesh: Mesh, quality: Quality, slack: RefitBudget) -> Found {
         let usable =
             |(old, tree): &(Mesh, TriangleBvh)| tree.quality() == quality && same(&old.triangles, &mesh.triangles);
         if let Some((old, mut triangles)) = mesh_of(before).filter(usable) {
@@ -167,7 +167,7 @@ fn mesh_of(geometry: Option<Geometry>) -> Option<(Mesh, TriangleBvh)> {
 
 impl World {
     /// Where its hierarchies over meshes and clouds come from.
-    pub fn origins(&self) -> Origins {
+    pub fn origins(&self) -> ReuseCounts {
         self.origins
     }
 
@@ -182,7 +182,7 @@ impl World {
         scene: crate::scene::Scene,
         options: &super::BuildOptions,
     ) -> Result<World, BuildError> {
-        let before = Before::new(before, options.rays);
-        World::lower(scene, options, super::nesting::Nesting::default(), before)
+        let before = Previous::new(before, options.rays);
+        World::lower(scene, options, super::instancing::InstancingPolicy::default(), before)
     }
 }

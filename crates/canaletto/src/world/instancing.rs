@@ -2,25 +2,25 @@
 //! instances of whatever repeats it, which makes shorter ways for rays and takes memory for each copy of each thing.
 
 use super::flatten::Builder;
-use super::group::{Group, Stock};
+use super::group::{BuildTables, Group};
 use super::instance::{Instance, NONE};
 use super::{BuildError, World};
 use crate::scene::{Content, Node};
 
 /// Which prototypes stay whole. No answer depends on it.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Nesting {
+pub(super) struct InstancingPolicy {
     /// Those of at least so many instances,
     pub(super) members: usize,
     /// that would, dissolved wherever the description refers to them, take more than this part of the room that is left for instances.
     pub(super) part: usize,
 }
 
-impl Default for Nesting {
+impl Default for InstancingPolicy {
     /// To dissolve one takes some 20 MiB at most, and what is left for the others never ends. What has hardly any members
     /// is no shorter as an instance.
-    fn default() -> Nesting {
-        Nesting { members: 4, part: 64 }
+    fn default() -> InstancingPolicy {
+        InstancingPolicy { members: 4, part: 64 }
     }
 }
 
@@ -46,36 +46,36 @@ fn refer(node: &Node, uses: &mut [u32], depth: usize) {
 }
 
 impl Builder {
-    pub(super) fn stock(&self) -> Stock<'_> {
-        Stock { geometries: &self.geometries, groups: &self.groups, chains: &self.chains }
+    pub(super) fn tables(&self) -> BuildTables<'_> {
+        BuildTables { geometries: &self.geometries, groups: &self.groups, chains: &self.chains }
     }
 
     /// A prototype's instances, or, if it shall stay whole, the one of their group. What moves can't stay whole: each of its
     /// copies has a way of its own.
-    pub(super) fn whole(&mut self, index: u32, instances: Vec<Instance>) -> Result<Vec<Instance>, BuildError> {
+    pub(super) fn as_group(&mut self, index: u32, instances: Vec<Instance>) -> Result<Vec<Instance>, BuildError> {
         let moves = instances.iter().any(|instance| instance.motion != NONE);
         let nested = instances.iter().any(|instance| instance.group != NONE);
-        let Nesting { members, part } = self.nesting;
-        let dissolved = instances.len().saturating_mul(self.uses.get(index as usize).map_or(0, |&uses| uses as usize));
-        let many = instances.len() >= members && dissolved > self.room() / part;
+        let InstancingPolicy { members, part } = self.instancing;
+        let expanded = instances.len().saturating_mul(self.uses.get(index as usize).map_or(0, |&uses| uses as usize));
+        let many = instances.len() >= members && expanded > self.room() / part;
         // The places of groups can't be folded into those of their members but from the innermost outwards, and so not yet.
         if moves || !(many || nested) {
-            return self.dissolved(instances);
+            return self.expanded(instances);
         }
         let name = &self.prototypes[index as usize].name;
         let name = name.as_ref().map_or_else(|| format!("prototype {index}"), |name| format!("\"{name}\""));
         let object = instances.first().map_or(NONE, |instance| instance.object);
-        match Group::of_prototype(instances, &name, self.stock())? {
+        match Group::of_prototype(instances, &name, self.tables())? {
             Ok(group) => {
                 self.groups.push(group);
                 Ok(vec![Instance::of_group(self.groups.len() as u32 - 1, object)])
             }
-            Err(instances) => self.dissolved(instances),
+            Err(instances) => self.expanded(instances),
         }
     }
 
     /// The instances, those of groups replaced by their members.
-    pub(super) fn dissolved(&mut self, instances: Vec<Instance>) -> Result<Vec<Instance>, BuildError> {
+    pub(super) fn expanded(&mut self, instances: Vec<Instance>) -> Result<Vec<Instance>, BuildError> {
         if instances.iter().all(|instance| instance.group == NONE) {
             return Ok(instances);
         }

@@ -2,10 +2,10 @@
 
 use super::World;
 use crate::material::{Material, Place, Space, Target, TextureUse};
-use crate::shape::Patch;
-use crate::shape::displace::{Net, Unraised, Vertex};
+use crate::shape::SurfaceDifferential;
+use crate::shape::displace::{DisplaceError, Tessellation, Vertex};
 use crate::shape::{Mesh, Shape};
-use crate::texture::{Lookup, Pattern};
+use crate::texture::{Lookup, PreparedTexture};
 use canaletto_bvh::Aabb;
 use glam::{DMat3, DVec3};
 
@@ -13,7 +13,7 @@ use glam::{DMat3, DVec3};
 #[derive(Default)]
 pub(super) struct Relief {
     /// All textures, until the world takes them.
-    pub(super) patterns: Vec<Pattern>,
+    pub(super) patterns: Vec<PreparedTexture>,
     /// The displacing uses of each material.
     uses: Vec<Vec<TextureUse>>,
     /// Triangles made so far.
@@ -21,14 +21,14 @@ pub(super) struct Relief {
 }
 
 impl Relief {
-    pub(super) fn new(patterns: Vec<Pattern>, materials: &[Material]) -> Relief {
+    pub(super) fn new(patterns: Vec<PreparedTexture>, materials: &[Material]) -> Relief {
         let displaces = |used: &&TextureUse| matches!(used.target, Target::Displace { .. });
         let uses = materials.iter().map(|m| m.textures.iter().filter(displaces).copied().collect()).collect();
         Relief { patterns, uses, made: 0 }
     }
 
     /// Whether this material raises surfaces.
-    pub(super) fn raises(&self, material: u32) -> bool {
+    pub(super) fn displaces(&self, material: u32) -> bool {
         self.uses.get(material as usize).is_some_and(|uses| !uses.is_empty())
     }
 
@@ -39,7 +39,7 @@ impl Relief {
 
     /// A shape as the mesh that it is with this material.
     pub(super) fn shape(&mut self, shape: &Shape, origin: DVec3, material: u32) -> Result<Mesh, String> {
-        let Some(net) = Net::of_shape(shape) else {
+        let Some(net) = Tessellation::of_shape(shape) else {
             let kinds = "spheres, boxes, triangles, cylinders, cones and meshes can be";
             return Err(format!("a {} can't be displaced; {kinds}", shape.kind()));
         };
@@ -53,13 +53,13 @@ impl Relief {
         let slots = mesh.materials.len().max(1) as u32;
         let materials: Vec<u32> = (0..slots).map(material).collect();
         let origin = mesh.origin;
-        let raised = self.raise(Net::of_mesh(mesh), Some(bounds), origin, material, &materials)?;
+        let raised = self.raise(Tessellation::of_mesh(mesh), Some(bounds), origin, material, &materials)?;
         Ok(Mesh { origin, ..raised })
     }
 
     fn raise(
         &mut self,
-        net: Net,
+        net: Tessellation,
         bounds: Option<Aabb>,
         origin: DVec3,
         material: &(dyn Fn(u32) -> u32 + Sync),
@@ -83,21 +83,23 @@ impl Relief {
             uses.into_iter().flatten().map(|used| self.height(used, vertex, bounds, origin)).sum()
         };
         let mesh = net.raised(detail, limit, &height).map_err(|problem| match problem {
-            Unraised::TooMany => format!(
+            DisplaceError::TooMany => format!(
                 "its displacement needs more than {limit} triangles (the scene may have {} displaced ones); a smaller detail than {detail} makes fewer",
                 World::MAX_DISPLACED
             ),
-            Unraised::TooFar => format!("its displacement reaches beyond ±{:e}, the largest coordinate possible", f32::MAX),
+            DisplaceError::TooFar => format!("its displacement reaches beyond ±{:e}, the largest coordinate possible", f32::MAX),
         })?;
         self.made += mesh.len();
         Ok(mesh)
     }
 
     fn height(&self, used: &TextureUse, vertex: &Vertex, bounds: Option<Aabb>, origin: DVec3) -> f64 {
-        let patch = Patch { gradients: [DVec3::ZERO; 2], bend: DMat3::ZERO, round: false };
+        let surface_differential =
+            SurfaceDifferential { gradients: [DVec3::ZERO; 2], shape_operator: DMat3::ZERO, round: false };
         let Vertex { point, normal, uv, .. } = *vertex;
         let origins = [origin, DVec3::ZERO];
-        let place = Place { point, normal, uv, patch: &patch, to_world: None, bounds, origins };
+        let place =
+            Place { point, normal, uv, surface_differential: &surface_differential, to_world: None, bounds, origins };
         let pattern = &self.patterns[used.texture as usize];
         let spots = used.mapping.spots(&place);
         let at = |at: DVec3| f64::from(used.number(pattern.eval(&Lookup::point(at))));

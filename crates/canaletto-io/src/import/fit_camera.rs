@@ -12,7 +12,7 @@ const MARGIN: f64 = 0.08;
 /// The view against unit direction `towards` (from the model to the eye) that holds all the balls: the four planes of
 /// the pyramid of vision, moved in by the margin, touch two of them in the tighter direction; in the other one they are
 /// brought to the middle. `None` if there are none or they are not finite.
-pub(super) fn frame(
+pub(super) fn fit_camera(
     balls: impl Iterator<Item = Ball> + Clone,
     towards: DVec3,
     up: DVec3,
@@ -100,7 +100,7 @@ mod tests {
     fn check(points: &[DVec3]) {
         let intrinsics = Intrinsics { fovy: 35.0, width: 960, height: 720, ..Intrinsics::default() };
         let towards = DVec3::new(0.5, 0.3, 0.8).normalize();
-        let view = frame(points.iter().map(|p| (*p, 0.0)), towards, DVec3::Y, intrinsics).unwrap();
+        let view = fit_camera(points.iter().map(|p| (*p, 0.0)), towards, DVec3::Y, intrinsics).unwrap();
         let seen: Vec<(f64, f64)> = points.iter().map(|p| project(&view, *p)).collect();
         let largest = seen.iter().map(|(x, y)| x.abs().max(y.abs())).fold(0.0, f64::max);
         assert!((largest - 0.84).abs() < 1e-9, "{largest}");
@@ -121,7 +121,7 @@ mod tests {
 
     #[test]
     fn no_size_and_no_points_pass() {
-        let with = |balls: &[Ball]| frame(balls.iter().copied(), DVec3::Z, DVec3::Y, Intrinsics::default());
+        let with = |balls: &[Ball]| fit_camera(balls.iter().copied(), DVec3::Z, DVec3::Y, Intrinsics::default());
         assert!(with(&[]).is_none());
         let view = with(&[(DVec3::new(1.0, 2.0, 3.0), 0.0)]).unwrap();
         assert!(view.extrinsics.eye.z > 3.0 && view.intrinsics.near > 0.0);

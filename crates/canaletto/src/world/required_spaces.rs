@@ -7,7 +7,7 @@ use crate::shape::Shape;
 
 /// What a material's textures hold on to.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Wants {
+pub(super) struct RequiredSpaces {
     /// The surface's own coordinates.
     uv: bool,
     /// The object's space, with its lengths.
@@ -16,27 +16,27 @@ pub(super) struct Wants {
     bounds: bool,
 }
 
-impl Wants {
-    pub(super) fn of(material: &Material) -> Wants {
-        material.textures.iter().fold(Wants::default(), |mut wants, texture| {
+impl RequiredSpaces {
+    pub(super) fn of(material: &Material) -> RequiredSpaces {
+        material.textures.iter().fold(RequiredSpaces::default(), |mut required_spaces, texture| {
             // What is raised was so in the object's own space, before it is moved.
             if matches!(texture.target, Target::Displace { .. }) {
-                return wants;
+                return required_spaces;
             }
             match (texture.mapping.projection, texture.mapping.space) {
-                (Projection::Uv, _) => wants.uv = true,
-                (_, Space::Object) => wants.object = true,
-                (_, Space::Bounds) => wants.bounds = true,
+                (Projection::Uv, _) => required_spaces.uv = true,
+                (_, Space::Object) => required_spaces.object = true,
+                (_, Space::Bounds) => required_spaces.bounds = true,
                 (_, Space::World) => {}
             }
             // Heights are lengths of the object's space.
-            wants.object |= texture.target == Target::Bump;
-            wants
+            required_spaces.object |= texture.target == Target::Bump;
+            required_spaces
         })
     }
 
-    pub(super) fn and(self, o: Wants) -> Wants {
-        Wants { uv: self.uv | o.uv, object: self.object | o.object, bounds: self.bounds | o.bounds }
+    pub(super) fn and(self, o: RequiredSpaces) -> RequiredSpaces {
+        RequiredSpaces { uv: self.uv | o.uv, object: self.object | o.object, bounds: self.bounds | o.bounds }
     }
 
     /// Whether a shape that is moved into place keeps it.

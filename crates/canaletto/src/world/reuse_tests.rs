@@ -1,6 +1,6 @@
 //! What a world leaves to the next is used where it can be, and changes no picture.
 
-use super::before::Origins;
+use super::reuse::ReuseCounts;
 use super::{BuildOptions, Quality, World};
 use crate::camera::Camera;
 use crate::light::{Light, LightKind, Omni};
@@ -82,8 +82,8 @@ fn picture(world: &World) -> String {
     format!("{:?}", render(world, &job, &()).unwrap().picture)
 }
 
-fn origins(kept: u64, refitted: u64, built: u64) -> Origins {
-    Origins { kept, refitted, built }
+fn origins(kept: u64, refitted: u64, built: u64) -> ReuseCounts {
+    ReuseCounts { kept, refitted, built }
 }
 
 #[test]
@@ -93,7 +93,7 @@ fn frames_after_each_other_are_as_each_by_itself() {
     let mut world = World::build(now.clone()).unwrap();
     assert_eq!(world.origins(), origins(0, 0, 4));
     let mut last = picture(&world);
-    type Change = (&'static str, fn(&mut Scene), Origins);
+    type Change = (&'static str, fn(&mut Scene), ReuseCounts);
     let changes: [Change; 14] = [
         ("nothing", |_| {}, origins(4, 0, 0)),
         ("higher waves", |s| s.meshes[0] = waves(0.11), origins(3, 1, 0)),
@@ -174,5 +174,5 @@ fn objects_are_found_again_among_others_of_their_name() {
     let world = World::build_after(world, many(2, 0.01), &options).unwrap();
     assert_eq!(world.origins(), origins(0, 2, 0));
     let world = World::build_after(world, Scene::default(), &options).unwrap();
-    assert_eq!(world.origins(), Origins::default());
+    assert_eq!(world.origins(), ReuseCounts::default());
 }

@@ -18,7 +18,7 @@ const REGULAR: std::ops::RangeInclusive<f32> = 1e-37..=1e37;
 
 /// A group of rays.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Corridor {
+pub(super) struct PacketBounds {
     /// The least coordinates of origins, then the largest ones' negatives.
     from: [f32; 6],
     /// The same of directions.
@@ -35,10 +35,10 @@ fn six(a: Vec3, b: Vec3) -> [f32; 6] {
     [a.x, a.y, a.z, -b.x, -b.y, -b.z]
 }
 
-impl Corridor {
+impl PacketBounds {
     /// The corridor of at least one ray.
     #[inline(always)]
-    fn of(rays: &[Ray], t_max: &[f32]) -> Corridor {
+    fn of(rays: &[Ray], t_max: &[f32]) -> PacketBounds {
         let (mut o0, mut d0, mut least) = (Vec4::INFINITY, Vec4::INFINITY, Vec4::INFINITY);
         let (mut o1, mut d1, mut end) = (Vec4::NEG_INFINITY, Vec4::NEG_INFINITY, f32::NEG_INFINITY);
         for (ray, t_max) in rays.iter().zip(t_max) {
@@ -51,13 +51,13 @@ impl Corridor {
         let most = d1.max(-d0);
         let regular = REGULAR.contains(&least.min_element()) && REGULAR.contains(&most.max_element());
         let [o0, o1, d0, d1] = [o0.truncate(), o1.truncate(), d0.truncate(), d1.truncate()];
-        Corridor { from: six(o0, o1), way: six(d0, d1), t_max: end, regular }
+        PacketBounds { from: six(o0, o1), way: six(d0, d1), t_max: end, regular }
     }
 
-    /// Makes `corridors` those of the groups of some rays.
-    pub(super) fn of_groups(corridors: &mut Vec<Corridor>, rays: &[Ray], t_max: &[f32]) {
-        corridors.clear();
-        InstructionSet::run(Groups { rays, t_max, corridors });
+    /// Makes `packet_bounds` those of the groups of some rays.
+    pub(super) fn of_groups(packet_bounds: &mut Vec<PacketBounds>, rays: &[Ray], t_max: &[f32]) {
+        packet_bounds.clear();
+        InstructionSet::run(Groups { rays, t_max, packet_bounds });
     }
 
     /// Whether all trees would say that no ray of the group meets the box.
@@ -79,7 +79,7 @@ impl Corridor {
 struct Groups<'a> {
     rays: &'a [Ray],
     t_max: &'a [f32],
-    corridors: &'a mut Vec<Corridor>,
+    packet_bounds: &'a mut Vec<PacketBounds>,
 }
 
 impl Kernel for Groups<'_> {
@@ -88,7 +88,7 @@ impl Kernel for Groups<'_> {
     #[inline(always)]
     fn run(self) {
         for (rays, t_max) in self.rays.chunks(GROUP).zip(self.t_max.chunks(GROUP)) {
-            self.corridors.push(Corridor::of(rays, t_max));
+            self.packet_bounds.push(PacketBounds::of(rays, t_max));
         }
     }
 }
@@ -119,13 +119,14 @@ mod tests {
             let mut vector = || Vec3::new(random(), random(), random());
             let (origin, corner) = (vector() * 4.0, vector() * 2.0);
             let direction = if n % 4 < 3 { (corner - origin) * 0.6 + vector() } else { vector() };
-            let spread = [0.0, 0.01, 0.3][n % 3];
-            let rays: Vec<Ray> =
-                (0..8).map(|_| Ray::new(origin + vector() * spread, direction + vector() * spread)).collect();
+            let differential = [0.0, 0.01, 0.3][n % 3];
+            let rays: Vec<Ray> = (0..8)
+                .map(|_| Ray::new(origin + vector() * differential, direction + vector() * differential))
+                .collect();
             let t_max = [[f32::INFINITY; 8], [1.0; 8]][n % 2];
             let bounds = Aabb { min: corner, max: corner + vector().abs() };
             let any = rays.iter().zip(&t_max).any(|(ray, &t_max)| meets(ray, t_max, &bounds));
-            let misses = Corridor::of(&rays, &t_max).misses(&bounds);
+            let misses = PacketBounds::of(&rays, &t_max).misses(&bounds);
             assert!(!(misses && any), "{rays:?} {bounds:?}");
             missed += u32::from(misses);
             met += u32::from(any);
@@ -138,7 +139,7 @@ mod tests {
         let unit = Aabb { min: Vec3::ZERO, max: Vec3::ONE };
         let group = |direction: Vec3, t_max: f32| {
             let rays: Vec<Ray> = (0..4).map(|i| Ray::new(Vec3::new(-2.0, 0.1 * i as f32, 0.5), direction)).collect();
-            Corridor::of(&rays, &[t_max; 4])
+            PacketBounds::of(&rays, &[t_max; 4])
         };
         let ahead = Vec3::new(1.0, 1e-3, 1e-3);
         assert!(!group(ahead, f32::INFINITY).misses(&unit) && !group(ahead, 2.0).misses(&unit));

@@ -4,12 +4,12 @@
 //! Deviations from the paper: a ray that grazes its surface counts as one at a millionth of a radian, and a direction
 //! changes by no more than a few radians, so that nothing is ever infinite. Equations are the paper's.
 
-use super::Line;
+use super::DRay;
 use glam::{DMat3, DVec3};
 
 /// How a ray with a unit direction changes from this sample to the next one to the right (index 0) and above (index 1).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Spread {
+pub struct RayDifferential {
     /// Change of the origin.
     pub origin: [DVec3; 2],
     /// Change of the unit direction.
@@ -21,7 +21,7 @@ const GRAZING: f64 = 1e-6;
 /// The largest change of a unit direction that means anything.
 const WIDEST: f64 = 4.0;
 
-impl Spread {
+impl RayDifferential {
     /// The change of the point where the ray meets a surface with this unit normal, along the surface: (10) to (12).
     /// `t` counts lengths of the unit direction.
     pub fn at(&self, direction: DVec3, t: f64, normal: DVec3) -> [DVec3; 2] {
@@ -34,48 +34,61 @@ impl Spread {
     }
 
     /// The same ray on a line of any length of direction.
-    pub fn along(&self, line: &Line, point: DVec3, normal: DVec3) -> [DVec3; 2] {
+    pub fn along(&self, line: &DRay, point: DVec3, normal: DVec3) -> [DVec3; 2] {
         let length = line.direction.length();
         let unit = line.direction / length;
         self.at(unit, (point - line.origin).dot(unit), normal)
     }
 
     /// The spread of the mirrored ray: (16) to (18). `incoming` is the unit direction of the ray that arrives, `point`
-    /// what [`Spread::at`] gave, and `bend` takes a step along the surface to the change of the unit normal.
-    pub fn reflected(&self, point: [DVec3; 2], incoming: DVec3, normal: DVec3, bend: &DMat3) -> Spread {
+    /// what [`RayDifferential::at`] gave, and `shape_operator` takes a step along the surface to the change of the unit normal.
+    pub fn reflected(
+        &self,
+        point: [DVec3; 2],
+        incoming: DVec3,
+        normal: DVec3,
+        shape_operator: &DMat3,
+    ) -> RayDifferential {
         let slant = incoming.dot(normal);
         let direction = [0, 1].map(|i| {
-            let turn = *bend * point[i];
+            let turn = *shape_operator * point[i];
             let slants = self.direction[i].dot(normal) + incoming.dot(turn);
             bounded(self.direction[i] - (turn * slant + normal * slants) * 2.0)
         });
-        Spread { origin: point, direction }
+        RayDifferential { origin: point, direction }
     }
 
     /// The spread of the refracted ray: (19) to (22), for the ratio ηᵢ/ηₜ and a normal on the side that the ray comes
     /// from. Where there is no refracted ray it is that of one along the surface.
-    pub fn refracted(&self, point: [DVec3; 2], incoming: DVec3, normal: DVec3, bend: &DMat3, eta_ratio: f64) -> Spread {
+    pub fn refracted(
+        &self,
+        point: [DVec3; 2],
+        incoming: DVec3,
+        normal: DVec3,
+        shape_operator: &DMat3,
+        eta_ratio: f64,
+    ) -> RayDifferential {
         let slant = incoming.dot(normal);
         let leaving = -(1.0 - eta_ratio * eta_ratio * (1.0 - slant * slant)).max(GRAZING * GRAZING).sqrt();
         let mu = eta_ratio * slant - leaving;
         let direction = [0, 1].map(|i| {
-            let turn = *bend * point[i];
+            let turn = *shape_operator * point[i];
             let slants = self.direction[i].dot(normal) + incoming.dot(turn);
             let mus = (eta_ratio - eta_ratio * eta_ratio * slant / leaving) * slants;
             bounded(self.direction[i] * eta_ratio - turn * mu - normal * mus)
         });
-        Spread { origin: point, direction }
+        RayDifferential { origin: point, direction }
     }
 
     /// The spread of the ray that goes straight on from the point.
-    pub fn passed(&self, point: [DVec3; 2]) -> Spread {
-        Spread { origin: point, direction: self.direction }
+    pub fn passed(&self, point: [DVec3; 2]) -> RayDifferential {
+        RayDifferential { origin: point, direction: self.direction }
     }
 
     /// The spread of the rays from the point to a light this far away in this unit direction.
-    pub fn to_light(point: [DVec3; 2], direction: DVec3, distance: f64) -> Spread {
+    pub fn to_light(point: [DVec3; 2], direction: DVec3, distance: f64) -> RayDifferential {
         let turn = |p: DVec3| bounded((direction * direction.dot(p) - p) / distance);
-        Spread { origin: point, direction: point.map(turn) }
+        RayDifferential { origin: point, direction: point.map(turn) }
     }
 }
 
@@ -95,9 +108,10 @@ mod tests {
         let step = 1e-6;
         let unit = ray(0.0, 0.0);
         let change = |to: DVec3| (to - unit) / step;
-        let spread = Spread { origin: [DVec3::ZERO; 2], direction: [change(ray(step, 0.0)), change(ray(0.0, step))] };
+        let differential =
+            RayDifferential { origin: [DVec3::ZERO; 2], direction: [change(ray(step, 0.0)), change(ray(0.0, step))] };
         let point = meet(unit);
-        let found = spread.along(&Line { origin: eye, direction: unit * 3.0 }, point, normal);
+        let found = differential.along(&DRay { origin: eye, direction: unit * 3.0 }, point, normal);
         for (found, neighbour) in found.into_iter().zip([ray(step, 0.0), ray(0.0, step)]) {
             let expected = (meet(neighbour) - point) / step;
             assert!((found - expected).length() < 1e-4 * expected.length(), "{found} instead of {expected}");
@@ -106,14 +120,14 @@ mod tests {
 
     #[test]
     fn grazing_rays_and_the_critical_angle_stay_finite() {
-        let spread = Spread { origin: [DVec3::X; 2], direction: [DVec3::Y * 0.1, DVec3::Z] };
-        let point = spread.at(DVec3::X, 1e30, DVec3::Y);
+        let differential = RayDifferential { origin: [DVec3::X; 2], direction: [DVec3::Y * 0.1, DVec3::Z] };
+        let point = differential.at(DVec3::X, 1e30, DVec3::Y);
         assert!(point.iter().all(|p| p.is_finite()));
-        let bend = DMat3::IDENTITY * 1e9;
+        let shape_operator = DMat3::IDENTITY * 1e9;
         for incoming in [DVec3::X, DVec3::NEG_Y, DVec3::new(0.6, -0.8, 0.0)] {
             let children = [
-                spread.reflected(point, incoming, DVec3::Y, &bend),
-                spread.refracted(point, incoming, DVec3::Y, &bend, 1.25),
+                differential.reflected(point, incoming, DVec3::Y, &shape_operator),
+                differential.refracted(point, incoming, DVec3::Y, &shape_operator, 1.25),
             ];
             for child in children {
                 assert!(child.direction.iter().all(|d| d.is_finite() && d.length() <= 4.1), "{child:?}");

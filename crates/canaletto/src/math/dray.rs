@@ -8,14 +8,14 @@ use glam::DVec3;
 /// Hierarchies and the first stage of a hit use the rounded [`Ray`]; the second stage finds its point on this line, so that
 /// neither rounding nor offset is carried from one mirror to the next.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Line {
+pub struct DRay {
     /// Where it starts.
     pub origin: DVec3,
     /// Its direction, of any length.
     pub direction: DVec3,
 }
 
-impl Line {
+impl DRay {
     /// The ray of this line from another origin, next to its own.
     #[inline]
     pub fn from_origin(&self, origin: glam::Vec3) -> Ray {
@@ -35,9 +35,9 @@ impl Line {
     }
 }
 
-impl From<&Ray> for Line {
+impl From<&Ray> for DRay {
     #[inline]
-    fn from(ray: &Ray) -> Line {
-        Line { origin: ray.origin.as_dvec3(), direction: ray.direction.as_dvec3() }
+    fn from(ray: &Ray) -> DRay {
+        DRay { origin: ray.origin.as_dvec3(), direction: ray.direction.as_dvec3() }
     }
 }

@@ -26,7 +26,7 @@ pub(super) enum Layout {
 
 /// Pictures all around.
 #[derive(Debug)]
-pub(super) struct Chart {
+pub(super) struct EnvironmentMap {
     layout: Layout,
     smoothing: Smoothing,
     /// All of one size.
@@ -36,15 +36,19 @@ pub(super) struct Chart {
 /// The most looks along the longer axis of a footprint.
 const MAX_LOOKS: f64 = 32.0;
 
-impl Chart {
+impl EnvironmentMap {
     /// A chart of pages that fit to the layout; all are of one size.
-    pub(super) fn new(layout: Layout, smoothing: Smoothing, pages: Vec<Image>) -> Chart {
+    pub(super) fn new(layout: Layout, smoothing: Smoothing, pages: Vec<Image>) -> EnvironmentMap {
         let weighing = match layout {
             Layout::Cube => Weighing::Even,
             Layout::Panorama => Weighing::Sphere,
         };
         let weighing = (smoothing == Smoothing::Bilinear).then_some(weighing);
-        Chart { layout, smoothing, pages: pages.into_iter().map(|image| Pyramid::of(image, weighing)).collect() }
+        EnvironmentMap {
+            layout,
+            smoothing,
+            pages: pages.into_iter().map(|image| Pyramid::of(image, weighing)).collect(),
+        }
     }
 
     /// Whether footprints are of use.
@@ -54,7 +58,7 @@ impl Chart {
 
     /// What is seen in a unit direction, and where; `footprint` is how it changes to the next pixel's to the right and
     /// above, or zero for a look without prefilter.
-    pub(super) fn look(&self, direction: DVec3, footprint: [DVec3; 2]) -> (Place, Footprint, Rgb) {
+    pub(super) fn lookup(&self, direction: DVec3, footprint: [DVec3; 2]) -> (Place, Footprint, Rgb) {
         let (page, uv) = self.place(direction);
         let place = match self.layout {
             Layout::Cube => Place::Face { face: Face::ALL[page].0, uv },

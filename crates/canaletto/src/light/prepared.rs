@@ -7,7 +7,7 @@ use glam::{DVec3, Vec3};
 
 /// A light lowered to the points it shines from.
 #[derive(Clone, Debug)]
-pub struct Source {
+pub struct PreparedLight {
     /// The light as described, in world space.
     pub light: Light,
     /// Where light comes from; none for light from infinity.
@@ -55,14 +55,14 @@ pub struct Illumination {
     pub intensity: Rgb,
 }
 
-impl Source {
+impl PreparedLight {
     /// The source of a light whose numbers are in range ([`Light::check`]). One of meshes is dark without its triangles.
-    pub fn new(light: Light) -> Source {
-        Source::of_triangles(light, &[])
+    pub fn new(light: Light) -> PreparedLight {
+        PreparedLight::of_triangles(light, &[])
     }
 
     /// The source of a light that may be one of meshes, whose triangles these are, in the meshes' own space.
-    pub fn of_triangles(light: Light, triangles: &[[DVec3; 3]]) -> Source {
+    pub fn of_triangles(light: Light, triangles: &[[DVec3; 3]]) -> PreparedLight {
         let (mut points, mut towards, mut cone) = (Vec::new(), DVec3::ZERO, None);
         let mut area = surface_light::area(&light.kind, triangles);
         let count = light.points();
@@ -98,7 +98,7 @@ impl Source {
         let attenuated = light.attenuation != [1.0, 0.0, 0.0];
         let points = if let [point] = *points { Points::One(point) } else { Points::Some(points.into()) };
         let area = area.map(Box::new);
-        Source { light, points, towards, intensity, cone, area, count, attenuated }
+        PreparedLight { light, points, towards, intensity, cone, area, count, attenuated }
     }
 
     /// The number of points that illuminate, each with a shadow ray of its own.
@@ -106,13 +106,13 @@ impl Source {
         self.count
     }
 
-    /// Whether its points are chosen at random, for [`Source::sample`].
+    /// Whether its points are chosen at random, for [`PreparedLight::sample`].
     #[inline]
     pub fn is_sampled(&self) -> bool {
         self.area.is_some() && self.light.samples > 0
     }
 
-    /// What arrives at `p` from the random point at `u` of the unit square: one of [`Source::points`] many, whose
+    /// What arrives at `p` from the random point at `u` of the unit square: one of [`PreparedLight::points`] many, whose
     /// intensities sum to the light's. Lights without a surface have only the one point.
     #[inline(never)]
     pub fn sample(&self, u: [f64; 2], p: DVec3) -> Illumination {
@@ -141,7 +141,7 @@ impl Source {
         self.arriving(position, p)
     }
 
-    /// Where point number `index` is, if it is the same seen from everywhere: then [`Source::along`] tells what arrives.
+    /// Where point number `index` is, if it is the same seen from everywhere: then [`PreparedLight::along`] tells what arrives.
     #[inline]
     pub(crate) fn point(&self, index: u32) -> Option<Vec3> {
         if self.is_sampled() { None } else { self.points.get(index) }
@@ -190,8 +190,8 @@ mod tests {
     use super::super::{Directional, DiskLight, Falloff, Omni, Spot};
     use super::*;
 
-    fn source(kind: LightKind) -> Source {
-        Source::new(Light::new(kind, Rgb::WHITE))
+    fn source(kind: LightKind) -> PreparedLight {
+        PreparedLight::new(Light::new(kind, Rgb::WHITE))
     }
 
     #[test]
@@ -210,7 +210,7 @@ mod tests {
         let mut light = Light::new(LightKind::Omni(Omni::at(Vec3::Y * 3.0)), Rgb::gray(12.0));
         light.attenuation = [1.0, 2.0, 0.5];
         // 1 + 2 · 3 + 0.5 · 9 = 11.5
-        assert!((Source::new(light).illuminate(0, DVec3::ZERO).intensity.r - 12.0 / 11.5).abs() < 1e-6);
+        assert!((PreparedLight::new(light).illuminate(0, DVec3::ZERO).intensity.r - 12.0 / 11.5).abs() < 1e-6);
     }
 
     #[test]
@@ -251,7 +251,7 @@ mod tests {
     #[test]
     fn random_points_of_a_disk_lie_on_it_evenly() {
         let disk = DiskLight { position: Vec3::Y, normal: Vec3::new(0.0, -1.0, 1.0), radius: 2.0, points: 16 };
-        let light = Source::new(Light { samples: 4, ..Light::new(LightKind::Disk(disk), Rgb::WHITE) });
+        let light = PreparedLight::new(Light { samples: 4, ..Light::new(LightKind::Disk(disk), Rgb::WHITE) });
         assert!(light.is_sampled() && light.points() == 4);
         let n = 64;
         let at = |i: u32| (f64::from(i) + 0.5) / f64::from(n);

@@ -2,7 +2,7 @@
 
 use super::media;
 use crate::integrator::{RayCounts, RayKind};
-use crate::math::{Line, Rgb, Spread};
+use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::{Dimension, Sample};
 use canaletto_bvh::Ray;
 
@@ -20,39 +20,39 @@ pub(super) mod uses {
 }
 
 /// A ray to be traced.
-pub(super) struct Way {
+pub(super) struct RayState {
     pub(super) ray: Ray,
     /// The ray before it was rounded and moved off the surface that it left.
-    pub(super) line: Line,
-    pub(super) branch: Branch,
+    pub(super) line: DRay,
+    pub(super) path_state: PathState,
     /// Where random numbers come from.
     pub(super) sample: Sample,
     /// How it spreads, if anything wants to know.
-    pub(super) spread: Option<Spread>,
+    pub(super) differential: Option<RayDifferential>,
 }
 
 /// Rays to be traced together, side by side.
 #[derive(Default)]
-pub(super) struct Ways {
+pub(super) struct RayBatch {
     pub(super) rays: Vec<Ray>,
-    pub(super) lines: Vec<Line>,
+    pub(super) lines: Vec<DRay>,
     /// None if all of them come from the eye.
-    branches: Vec<Branch>,
+    path_states: Vec<PathState>,
     samples: Vec<Sample>,
     /// None if nothing wants to know.
-    spreads: Vec<Spread>,
+    differentials: Vec<RayDifferential>,
     /// The bodies that the eye is in; none if it is in none.
     around: Vec<u32>,
 }
 
-impl Ways {
+impl RayBatch {
     pub(super) fn clear(&mut self) {
-        let Ways { rays, lines, branches, samples, spreads, around } = self;
+        let RayBatch { rays, lines, path_states, samples, differentials, around } = self;
         rays.clear();
         lines.clear();
-        branches.clear();
+        path_states.clear();
         samples.clear();
-        spreads.clear();
+        differentials.clear();
         around.clear();
     }
 
@@ -66,25 +66,30 @@ impl Ways {
 
     /// Adds a child ray.
     #[inline]
-    pub(super) fn push(&mut self, Way { ray, line, branch, sample, spread }: Way) {
+    pub(super) fn push(&mut self, RayState { ray, line, path_state, sample, differential }: RayState) {
         self.rays.push(ray);
         self.lines.push(line);
-        self.branches.push(branch);
+        self.path_states.push(path_state);
         self.samples.push(sample);
-        self.spreads.extend(spread);
+        self.differentials.extend(differential);
     }
 
     /// Adds rays from the eye.
     #[inline]
-    pub(super) fn push_eyes(&mut self, lines: &[Line], samples: &[Sample], spreads: impl IntoIterator<Item = Spread>) {
-        self.rays.extend(lines.iter().map(Line::rounded));
+    pub(super) fn push_camera_rays(
+        &mut self,
+        lines: &[DRay],
+        samples: &[Sample],
+        differentials: impl IntoIterator<Item = RayDifferential>,
+    ) {
+        self.rays.extend(lines.iter().map(DRay::rounded));
         self.lines.extend_from_slice(lines);
         self.samples.extend_from_slice(samples);
-        self.spreads.extend(spreads);
+        self.differentials.extend(differentials);
     }
 
     /// Takes the bodies that each eye is in, as `set` says.
-    pub(super) fn set_around(&mut self, mut set: impl FnMut(&Line) -> u32) {
+    pub(super) fn set_around(&mut self, mut set: impl FnMut(&DRay) -> u32) {
         let mut last = None;
         for (index, line) in self.lines.iter().enumerate() {
             let around = match last {
@@ -100,15 +105,15 @@ impl Ways {
     }
 
     #[inline]
-    pub(super) fn branch(&self, way: usize) -> Branch {
+    pub(super) fn path_state(&self, way: usize) -> PathState {
         let around = || self.around.get(way).copied().unwrap_or(media::NONE);
-        self.branches.get(way).copied().unwrap_or_else(|| Branch { inside: around(), ..Branch::EYE })
+        self.path_states.get(way).copied().unwrap_or_else(|| PathState { inside: around(), ..PathState::EYE })
     }
 
     /// The bodies that a ray is in, and the surface where it starts that it meets first.
     #[inline]
     pub(super) fn start_of(&self, way: usize) -> [u32; 2] {
-        let Branch { inside, meets, .. } = self.branch(way);
+        let PathState { inside, meets, .. } = self.path_state(way);
         [inside, meets]
     }
 
@@ -118,35 +123,35 @@ impl Ways {
     }
 
     #[inline]
-    pub(super) fn spread(&self, way: usize) -> Option<&Spread> {
-        self.spreads.get(way)
+    pub(super) fn differential(&self, way: usize) -> Option<&RayDifferential> {
+        self.differentials.get(way)
     }
 
     /// Counts the rays by kind, and those that stopped.
     pub(super) fn count(&self, stopped: impl ExactSizeIterator<Item = usize>, counts: &mut RayCounts) {
-        if self.branches.is_empty() {
+        if self.path_states.is_empty() {
             counts.eye.traced += self.len() as u64;
             counts.eye.hit += stopped.len() as u64;
             return;
         }
-        for branch in &self.branches {
-            counts.of_mut(branch.kind).traced += 1;
+        for path_state in &self.path_states {
+            counts.of_mut(path_state.kind).traced += 1;
         }
         for way in stopped {
-            counts.of_mut(self.branches[way].kind).hit += 1;
+            counts.of_mut(self.path_states[way].kind).hit += 1;
         }
     }
 }
 
 /// Where a ray stands in the ray tree.
 #[derive(Clone, Copy)]
-pub(super) struct Branch {
+pub(super) struct PathState {
     pub(super) kind: RayKind,
     pub(super) depth: u32,
     /// What the ray's colour is multiplied with in its parent.
-    pub(super) factor: Rgb,
+    pub(super) attenuation: Rgb,
     /// The product of all factors from the eye.
-    pub(super) weight: Rgb,
+    pub(super) throughput: Rgb,
     /// How often it went on past a surface that is there in part.
     pub(super) passed: u32,
     /// What keeps random numbers here apart from those elsewhere in the tree.
@@ -157,13 +162,13 @@ pub(super) struct Branch {
     pub(super) meets: u32,
 }
 
-impl Branch {
+impl PathState {
     /// A ray from the eye's.
-    pub(super) const EYE: Branch = Branch {
+    pub(super) const EYE: PathState = PathState {
         kind: RayKind::Eye,
         depth: 1,
-        factor: Rgb::WHITE,
-        weight: Rgb::WHITE,
+        attenuation: Rgb::WHITE,
+        throughput: Rgb::WHITE,
         passed: 0,
         place: Dimension::EYE.of(uses::EYE),
         inside: media::NONE,

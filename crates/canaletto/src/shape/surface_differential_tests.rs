@@ -5,7 +5,7 @@ use super::*;
 use glam::{DAffine3, DMat3, DVec2, Vec2, Vec3};
 
 /// What two neighbouring rays see: how point, normal and texture coordinates change between them.
-fn compare(name: &str, from: &Surface, to: &Surface, patch: &Patch, size: f64) -> bool {
+fn compare(name: &str, from: &Surface, to: &Surface, surface_differential: &SurfaceDifferential, size: f64) -> bool {
     let step = to.exact - from.exact;
     let turned = to.shading_normal - from.shading_normal;
     let uv = to.uv.as_dvec2() - from.uv.as_dvec2();
@@ -14,12 +14,12 @@ fn compare(name: &str, from: &Surface, to: &Surface, patch: &Patch, size: f64) -
         return false;
     }
     let small = step.length() / size;
-    let expected = patch.bend * step;
+    let expected = surface_differential.shape_operator * step;
     assert!(
         (turned - expected).length() <= 0.02 * expected.length().max(turned.length()) + 1e-7 + 1e-3 * small,
         "{name}: the normal changed by {turned}, not {expected}, over {step}"
     );
-    let expected = patch.uv(step);
+    let expected = surface_differential.uv(step);
     assert!(
         (uv - expected).length() <= 0.02 * expected.length().max(uv.length()) + 3e-7 + 1e-3 * small,
         "{name}: uv changed by {uv}, not {expected}, over {step}"
@@ -42,13 +42,13 @@ fn patches_are_the_differences_of_neighbouring_rays() {
             let (from, to) = (shape.surface(&ray, &hit), shape.surface(&neighbour, &near));
             let step = to.exact - from.exact;
             // Near poles, apexes and the horizon two rays are too far apart for the first order.
-            let patch = shape.patch(&from, &hit);
-            let curved = patch.gradients.iter().map(|g| g.length()).fold(0.0, f64::max);
+            let surface_differential = shape.surface_differential(&from, &hit);
+            let curved = surface_differential.gradients.iter().map(|g| g.length()).fold(0.0, f64::max);
             if hit.part != near.part || step.length() > 3e-3 || curved * step.length() > 0.01 {
                 continue;
             }
-            let slope = (patch.bend * step).length();
-            if slope < 0.01 && compare(shape.kind(), &from, &to, &patch, 1.0) {
+            let slope = (surface_differential.shape_operator * step).length();
+            if slope < 0.01 && compare(shape.kind(), &from, &to, &surface_differential, 1.0) {
                 *compared.entry(shape.kind()).or_insert(0) += 1;
             }
         }
@@ -74,15 +74,21 @@ fn transformed_patches_are_those_of_the_transformed_surface() {
                 continue;
             };
             let (from, to) = (shape.surface(&ray, &hit), shape.surface(&neighbour, &near));
-            let local = shape.patch(&from, &hit);
+            let local = shape.surface_differential(&from, &hit);
             let step = to.exact - from.exact;
             let curved = local.gradients.iter().map(|g| g.length()).fold(0.0, f64::max);
             if hit.part != near.part || step.length() > 3e-3 || curved * step.length() > 0.01 {
                 continue;
             }
-            let patch = local.transformed(&t, &from);
-            if (local.bend * step).length() < 0.01 {
-                compared += usize::from(compare(shape.kind(), &from.transformed(&t), &to.transformed(&t), &patch, 1.0));
+            let surface_differential = local.transformed(&t, &from);
+            if (local.shape_operator * step).length() < 0.01 {
+                compared += usize::from(compare(
+                    shape.kind(),
+                    &from.transformed(&t),
+                    &to.transformed(&t),
+                    &surface_differential,
+                    1.0,
+                ));
             }
         }
     }
@@ -110,9 +116,9 @@ fn a_smooth_meshs_patch_is_its_interpolation() {
         let normals = [(); 3].map(|()| unit(flat + random.cube() * 0.3)).to_vec();
         let mesh = Mesh { normals, ..mesh };
         let (u, v) = (random.within(0.1, 0.4), random.within(0.1, 0.4));
-        let (from, patch) = (mesh.surface(0, u, v), mesh.patch(0, u, v));
+        let (from, surface_differential) = (mesh.surface(0, u, v), mesh.surface_differential(0, u, v));
         for (du, dv) in [(0.002, 0.0), (0.0, 0.002), (-0.001, 0.002)] {
-            assert!(compare("mesh", &from, &mesh.surface(0, u + du, v + dv), &patch, 1.0), "{n}");
+            assert!(compare("mesh", &from, &mesh.surface(0, u + du, v + dv), &surface_differential, 1.0), "{n}");
         }
     }
 }
@@ -125,13 +131,21 @@ fn tangents_follow_the_coordinates() {
             let ray = ray_near(&mut random, Vec3::ZERO, 1.0);
             let Some(hit) = shape.intersect(&ray, 1e6) else { continue };
             let surface = shape.surface(&ray, &hit);
-            let patch = shape.patch(&surface, &hit);
-            let [du, dv] = patch.tangents(surface.normal);
+            let surface_differential = shape.surface_differential(&surface, &hit);
+            let [du, dv] = surface_differential.tangents(surface.normal);
             if du.length() < 1e-3 {
                 continue;
             }
-            assert!((patch.uv(du) - DVec2::X).length() < 1e-6, "{shape:?}: {}", patch.uv(du));
-            assert!((patch.uv(dv) - DVec2::Y).length() < 1e-6, "{shape:?}: {}", patch.uv(dv));
+            assert!(
+                (surface_differential.uv(du) - DVec2::X).length() < 1e-6,
+                "{shape:?}: {}",
+                surface_differential.uv(du)
+            );
+            assert!(
+                (surface_differential.uv(dv) - DVec2::Y).length() < 1e-6,
+                "{shape:?}: {}",
+                surface_differential.uv(dv)
+            );
             assert!(du.dot(surface.normal).abs() < 1e-6 * du.length());
         }
     }

@@ -1,0 +1,247 @@
+//! The rays that go on from where others stop: mirrored, refracted, past what is there in part.
+
+use super::interaction::{Footprint, InteractionRef};
+use super::media::{Crossing, NONE, Refraction, SIMPLE};
+use super::ray_batch::{PathState, RayBatch, RayState, uses};
+use super::{Wave, Whitted};
+use crate::integrator::{Probe, RayKind};
+use crate::material::{reflect, reflect_into_hemisphere, refract, sample_ggx_vndf};
+use crate::math::{RayDifferential, Rgb};
+use glam::{DMat3, DVec3};
+
+/// How often a ray and its children go on past surfaces that are there in part.
+const MAX_PASSED: u32 = 64;
+
+impl Whitted<'_> {
+    /// Adds what comes along the mirrored directions.
+    pub(super) fn reflect<P: Probe>(&mut self, wave: &mut Wave, probe: &mut P) {
+        self.follow(wave, probe, |whitted, ways, at, footprint, probe| {
+            if !at.interaction.is_seen() || !at.interaction.material.is_mirror() {
+                return None;
+            }
+            let phong = &at.interaction.material.phong;
+            let path_state = whitted.child(whitted.parent(at, ways), RayKind::Reflected, phong.k, probe)?;
+            let meets = whitted.media.crossing(at.interaction.crossing).map_or(NONE, |c| c.back);
+            let path_state = PathState { inside: whitted.inside(at), meets, ..path_state };
+            let direction = match microfacet(at, ways, uses::MIRROR_FACET) {
+                None => above(at.mirrored(), at),
+                Some(microfacet) => {
+                    probe.lobe(phong.roughness, microfacet);
+                    reflect_into_hemisphere(reflect(at.wo(), microfacet), at.facing())
+                }
+            };
+            Some(child_ray(at, ways, path_state, direction, differential_above(at, footprint)))
+        });
+    }
+
+    /// Adds what comes through clear bodies.
+    pub(super) fn refract<P: Probe>(&mut self, wave: &mut Wave, probe: &mut P) {
+        self.follow(wave, probe, |whitted, ways, at, footprint, probe| {
+            if !at.interaction.is_seen() || !at.interaction.material.is_clear() {
+                return None;
+            }
+            let phong = &at.interaction.material.phong;
+            let Crossing { refraction, beyond, next, back, .. } = match at.interaction.crossing {
+                SIMPLE => whitted.media.simple(whitted.world, &at.interaction.hit, at.outside(), at.interaction.inside),
+                crossing => *whitted.media.crossing(crossing)?,
+            };
+            let transmitted = Rgb::gray(1.0 - phong.opacity);
+            let Refraction::Outer(outer) = refraction else {
+                let path_state = whitted.child(whitted.parent(at, ways), RayKind::Refracted, transmitted, probe)?;
+                let path_state = PathState { inside: beyond, meets: next, ..path_state };
+                let differential = footprint.map(|f| f.differential.passed(f.step));
+                return Some(child_ray(at, ways, path_state, -at.wo(), differential));
+            };
+            let eta = f64::from(phong.eta);
+            let [from, into] = if at.outside() { [outer, eta] } else { [eta, outer] };
+            let eta_ratio = from / into;
+            let microfacet = microfacet(at, ways, uses::CLEAR_FACET);
+            let (kind, direction) = match (refract(at.wo(), microfacet.unwrap_or(at.normal()), eta_ratio), microfacet) {
+                (Some(direction), None) => (RayKind::Refracted, below(direction, at, eta_ratio)),
+                (Some(direction), Some(_)) => (RayKind::Refracted, reflect_into_hemisphere(direction, -at.facing())),
+                (None, None) => (RayKind::TotallyReflected, above(at.mirrored(), at)),
+                (None, Some(microfacet)) => {
+                    (RayKind::TotallyReflected, reflect_into_hemisphere(reflect(at.wo(), microfacet), at.facing()))
+                }
+            };
+            let path_state = whitted.child(whitted.parent(at, ways), kind, transmitted, probe)?;
+            let path_state = if kind == RayKind::Refracted {
+                probe.bent(from, into);
+                PathState { inside: beyond, meets: next, ..path_state }
+            } else {
+                PathState { inside: whitted.inside(at), meets: back, ..path_state }
+            };
+            if let Some(microfacet) = microfacet {
+                probe.lobe(phong.roughness, microfacet);
+            }
+            let differential = match kind {
+                RayKind::Refracted => differential_below(at, footprint, eta_ratio),
+                _ => differential_above(at, footprint),
+            };
+            Some(child_ray(at, ways, path_state, direction, differential))
+        });
+    }
+
+    /// The colours of surfaces that are there in part only, and of what is behind them.
+    pub(super) fn pass<P: Probe>(&mut self, wave: &mut Wave, probe: &mut P) {
+        let mut any = false;
+        for interaction in
+            wave.interactions.all_mut().iter_mut().filter(|interaction| interaction.material.coverage < 1.0)
+        {
+            probe.coverage(interaction.material.coverage);
+            interaction.color *= interaction.material.coverage;
+            any = true;
+        }
+        if !any {
+            return;
+        }
+        self.follow(wave, probe, |whitted, ways, at, footprint, probe| {
+            if at.interaction.material.coverage >= 1.0 {
+                return None;
+            }
+            let attenuation = Rgb::gray(1.0 - at.interaction.material.coverage);
+            let parent = whitted.parent(at, ways);
+            if parent.passed == MAX_PASSED {
+                probe.cut(RayKind::Passed, attenuation);
+                return None;
+            }
+            // The way goes on as if nothing were there: it is no deeper than before.
+            let parent = PathState { depth: parent.depth - 1, ..parent };
+            let path_state = whitted.child(parent, RayKind::Passed, attenuation, probe)?;
+            let path_state = match whitted.media.crossing(at.interaction.crossing) {
+                Some(crossing) => PathState { inside: crossing.beyond, meets: crossing.next, ..path_state },
+                None => path_state,
+            };
+            let path_state = PathState { passed: path_state.passed + 1, ..path_state };
+            let differential = footprint.map(|f| f.differential.passed(f.step));
+            Some(child_ray(at, ways, path_state, -at.wo(), differential))
+        });
+        for interaction in
+            wave.interactions.all_mut().iter_mut().filter(|interaction| interaction.material.coverage < 1.0)
+        {
+            interaction.color = interaction.color.saturated();
+        }
+    }
+
+    /// Traces the ways that `child` finds at some of the stops, and adds what they bring to the stops' colours.
+    fn follow<P: Probe>(
+        &mut self,
+        wave: &mut Wave,
+        probe: &mut P,
+        child: impl Fn(&mut Self, &RayBatch, &InteractionRef, Option<&Footprint>, &mut P) -> Option<RayState>,
+    ) {
+        let mut children = self.wave();
+        let mark = self.media.mark();
+        for index in 0..wave.interactions.len() {
+            let at = wave.interactions.at(index);
+            if let Some(way) = child(self, &wave.ways, &at, wave.footprints.get(index), probe) {
+                children.ways.push(way);
+                children.parents.push(index as u32);
+            }
+        }
+        if !children.ways.is_empty() {
+            self.trace(&mut children, probe);
+            for (way, (color, &parent)) in children.colors.iter().zip(&children.parents).enumerate() {
+                wave.interactions.all_mut()[parent as usize].color +=
+                    (*color * children.ways.path_state(way).attenuation).saturated();
+            }
+        }
+        self.spare.push(children);
+        self.media.release(mark);
+    }
+
+    /// The branch of the way that stops here, in the bodies that it is in now; a child of it meets nothing at once.
+    fn parent(&self, at: &InteractionRef, ways: &RayBatch) -> PathState {
+        PathState { inside: at.interaction.inside, meets: NONE, ..ways.path_state(at.interaction.way()) }
+    }
+
+    /// The bodies that a ray is in that stays on its side of the surface.
+    fn inside(&mut self, at: &InteractionRef) -> u32 {
+        match at.interaction.crossing {
+            SIMPLE => self.media.simple_inside(self.world, &at.interaction.hit, at.outside(), at.interaction.inside),
+            _ => at.interaction.inside,
+        }
+    }
+
+    /// The branch of a child ray, unless depth or weight ends the tree here.
+    fn child<P: Probe>(
+        &mut self,
+        parent: PathState,
+        kind: RayKind,
+        attenuation: Rgb,
+        probe: &mut P,
+    ) -> Option<PathState> {
+        self.poll(1);
+        let throughput = (parent.throughput * attenuation).saturated();
+        if self.cancelled_early
+            || parent.depth >= self.settings.max_depth
+            || throughput.max_component() < self.settings.min_weight
+        {
+            probe.cut(kind, attenuation);
+            return None;
+        }
+        let place = parent.place.of(match kind {
+            RayKind::Eye => uses::EYE,
+            RayKind::Reflected => uses::REFLECTED,
+            RayKind::Refracted | RayKind::TotallyReflected => uses::REFRACTED,
+            RayKind::Passed => uses::PASSED,
+        });
+        Some(PathState { kind, depth: parent.depth + 1, attenuation, throughput, place, ..parent })
+    }
+}
+
+/// The way of a child ray.
+fn child_ray(
+    at: &InteractionRef,
+    ways: &RayBatch,
+    path_state: PathState,
+    direction: DVec3,
+    differential: Option<RayDifferential>,
+) -> RayState {
+    let line = at.leave(direction);
+    RayState { ray: at.start(&line), line, path_state, sample: *ways.sample(at.interaction.way()), differential }
+}
+
+/// The normal of the facet that a ray leaves, chosen at random, if the surface is rough.
+fn microfacet(at: &InteractionRef, ways: &RayBatch, use_of: u32) -> Option<DVec3> {
+    let roughness = at.interaction.material.phong.roughness;
+    if roughness == 0.0 {
+        return None;
+    }
+    let normal = if at.wo().dot(at.normal()) > 0.0 { at.normal() } else { at.facing() };
+    let place = ways.path_state(at.interaction.way()).place.of(use_of);
+    Some(sample_ggx_vndf(at.wo(), normal, f64::from(roughness), ways.sample(at.interaction.way()).two(place)))
+}
+
+/// A mirrored direction that stays above the surface: where an interpolated normal would send it below, the geometric
+/// normal mirrors instead.
+fn above(direction: DVec3, at: &InteractionRef) -> DVec3 {
+    if direction.dot(at.facing()) > 0.0 { direction } else { reflect(at.wo(), at.facing()) }
+}
+
+/// A refracted direction that goes below the surface, likewise.
+fn below(direction: DVec3, at: &InteractionRef, eta_ratio: f64) -> DVec3 {
+    if direction.dot(at.facing()) < 0.0 {
+        direction
+    } else {
+        refract(at.wo(), at.facing(), eta_ratio).unwrap_or(-at.facing())
+    }
+}
+
+/// How the ray that [`above`] gives spreads.
+fn differential_above(at: &InteractionRef, footprint: Option<&Footprint>) -> Option<RayDifferential> {
+    let footprint = footprint?;
+    let stays = at.mirrored().dot(at.facing()) > 0.0;
+    let (normal, shape_operator) =
+        if stays { (at.normal(), footprint.shape_operator) } else { (at.facing(), DMat3::ZERO) };
+    Some(footprint.differential.reflected(footprint.step, -at.wo(), normal, &shape_operator))
+}
+
+/// How the ray that [`below`] gives spreads.
+fn differential_below(at: &InteractionRef, footprint: Option<&Footprint>, eta_ratio: f64) -> Option<RayDifferential> {
+    let footprint = footprint?;
+    let stays = refract(at.wo(), at.normal(), eta_ratio).is_some_and(|direction| direction.dot(at.facing()) < 0.0);
+    let (normal, shape_operator) =
+        if stays { (at.normal(), footprint.shape_operator) } else { (at.facing(), DMat3::ZERO) };
+    Some(footprint.differential.refracted(footprint.step, -at.wo(), normal, &shape_operator, eta_ratio))
+}
