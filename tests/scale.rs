@@ -80,7 +80,7 @@ fn a_thousand_million_copies() {
     let world = World::build(thousand_million()).unwrap();
     let stats = world.stats();
     assert_eq!((stats.instances, stats.primitives), (1_000_000_000, 80_000_000_000));
-    assert!(stats.instances > World::MAX_INSTANCES as u64 && stats.bytes < 2 << 20, "{census:?}");
+    assert!(stats.instances > World::MAX_INSTANCES as u64 && stats.bytes < 2 << 20, "{stats:?}");
     let mut met = 0;
     for n in 0..400u32 {
         let k = [7, 13, 29].map(|step| n.wrapping_mul(2_654_435_761) % 1_000_003 / step % 1000);

@@ -1,6 +1,6 @@
 //! Bad scenes beside the messages that they get, and what hostile files do: a message, never a panic.
 //!
-//! `tests/bad/*.kdl` each have their messages in a `.txt`; `CANALETTO_BLESS=1` writes them anew.
+//! `crates/canaletto-io/tests/bad/*.kdl` each have their messages in a `.txt`; `CANALETTO_BLESS=1` writes them anew.
 
 use canaletto::scene::{Content, Scene, Transfer};
 use canaletto::texture::{ColorSpace, Filter, Function, Placement, TextureKind, Wrap};
@@ -54,8 +54,9 @@ fn utf_16_is_named() {
 #[test]
 fn bad_scenes_get_their_messages() {
     let mut wrong = Vec::new();
-    let assets = FolderAssets::new(repository().join("tests/bad")).expect("tests/bad");
-    for path in scenes("tests/bad") {
+    let assets =
+        FolderAssets::new(repository().join("crates/canaletto-io/tests/bad")).expect("crates/canaletto-io/tests/bad");
+    for path in scenes("crates/canaletto-io/tests/bad") {
         let file = path.file_name().and_then(|name| name.to_str()).expect("a name");
         let (good, shown) = match read_scene(file, &assets) {
             Ok((_, warnings)) => (true, warnings),
@@ -63,7 +64,7 @@ fn bad_scenes_get_their_messages() {
         };
         assert_eq!(good, file.ends_with(".warning.kdl"), "{file}: {shown}");
         // Messages name files by the way that they were reached.
-        let folder = format!("{}/", repository().join("tests/bad").display());
+        let folder = format!("{}/", repository().join("crates/canaletto-io/tests/bad").display());
         let normal = lexically_normal(&folder);
         let shown = shown.to_string().replace(&folder, "").replace(&normal, "");
         let expected = path.with_extension("txt");
@@ -387,7 +388,7 @@ mod random {
             .skip(1)
             .map(|block| block.split("```").next().unwrap_or_default().to_owned())
             .collect();
-        for folder in ["tests/bad", "scenes/chapter"] {
+        for folder in ["crates/canaletto-io/tests/bad", "scenes/chapter"] {
             all.extend(scenes(folder).iter().map(|path| fs::read_to_string(path).expect("a file")));
         }
         all.push(all.concat());

@@ -10,7 +10,7 @@ use canaletto::shape::{Cuboid, Plane, Shape, Sphere};
 use canaletto::texture::{
     ColorSpace, Filter, Image, ImageTexture, Placement, Prefilter, Samples, Texture, TextureKind,
 };
-use canaletto::world::{Blocker, World};
+use canaletto::world::{OccluderCache, World};
 use canaletto_tests::textured::textured_still_life;
 use glam::{DVec3, Vec3};
 
@@ -182,7 +182,7 @@ fn a_turned_or_moved_object_takes_its_texture_along() {
 #[test]
 fn the_last_blocker_changes_no_shadow() {
     let world = World::build(textured_still_life(1.0)).unwrap();
-    let mut last = Blocker::NONE;
+    let mut last = OccluderCache::NONE;
     let (mut dark, mut half) = (0, 0);
     for i in 0..4000u32 {
         let h = |k: u32| {
@@ -192,7 +192,7 @@ fn the_last_blocker_changes_no_shadow() {
         let origin = Vec3::new(h(1) * 3.0, h(2) + 1.1, h(3) * 3.0);
         let ray = Ray { origin, direction: Vec3::new(4.0, 6.0, 5.0) - origin };
         let with = world.transmittance(&ray, 1.0, 0.0, None, &mut last, &mut ());
-        let without = world.transmittance(&ray, 1.0, 0.0, None, &mut Blocker::NONE.clone(), &mut ());
+        let without = world.transmittance(&ray, 1.0, 0.0, None, &mut OccluderCache::NONE.clone(), &mut ());
         assert_eq!(with, without, "{ray:?}");
         dark += u32::from(with == 0.0);
         half += u32::from(with > 0.0 && with < 1.0);

@@ -1,5 +1,5 @@
 //! Closed surfaces stay closed: no ray from inside gets out through an edge or a vertex, at any scale, also after
-//! bouncing inside. `CANALETTO_RAYS=10000000 cargo test --release -p canaletto-tests --test robustness` is the long form.
+//! bouncing inside. `CANALETTO_RAYS=10000000 cargo test --profile tests -p canaletto-tests watertight::` is the long form.
 
 use canaletto::Ray;
 use canaletto::material::reflect;
