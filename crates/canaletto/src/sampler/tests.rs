@@ -74,8 +74,8 @@ fn pixels_and_dimensions_are_decorrelated() {
         for (name, pairs) in pairs {
             let mean = |f: &dyn Fn(&[f64; 2]) -> f64| pairs.iter().map(f).sum::<f64>() / f64::from(n);
             let (a, b) = (mean(&|p| p[0]), mean(&|p| p[1]));
-            let differential = |k: usize, m: f64| mean(&|p| (p[k] - m).powi(2)).sqrt();
-            let r = mean(&|p| (p[0] - a) * (p[1] - b)) / (differential(0, a) * differential(1, b));
+            let deviation = |k: usize, m: f64| mean(&|p| (p[k] - m).powi(2)).sqrt();
+            let r = mean(&|p| (p[0] - a) * (p[1] - b)) / (deviation(0, a) * deviation(1, b));
             assert!(r.abs() < 4.0 / f64::from(n).sqrt(), "{kind:?} {name}: {r}");
         }
     }

@@ -18,8 +18,8 @@ impl Ellipse {
     pub(super) fn radii(&self) -> [f64; 2] {
         let mean = 0.5 * (self.xx + self.yy);
         let half = 0.5 * (self.xx - self.yy);
-        let differential = (half * half + self.xy * self.xy).sqrt();
-        let large = mean + differential;
+        let half_gap = (half * half + self.xy * self.xy).sqrt();
+        let large = mean + half_gap;
         // From the product of the two, since the difference cancels.
         let small = if large > 0.0 { (self.xx * self.yy - self.xy * self.xy) / large } else { 0.0 };
         [large.sqrt(), small.max(0.0).sqrt()]

@@ -183,7 +183,7 @@ impl Computed {
             Function::Checker => self.checker(at, dx, dy),
             Function::Marble { .. } => {
                 let phase = self.value(at, width);
-                let radius = if width > 0.0 { self.differential(at, dx, dy, phase, width) } else { 0.0 };
+                let radius = if width > 0.0 { self.filter_radius(at, dx, dy, phase, width) } else { 0.0 };
                 let phase = phase.value;
                 let angle = std::f64::consts::TAU * radius;
                 // The mean of a wave over an interval is the wave in its middle, lowered.
@@ -196,14 +196,14 @@ impl Computed {
             }
             _ => {
                 let value = self.value(at, width);
-                let radius = if width > 0.0 { self.differential(at, dx, dy, value, width) } else { 0.0 };
+                let radius = if width > 0.0 { self.filter_radius(at, dx, dy, value, width) } else { 0.0 };
                 self.ramp.mean(value.value, radius)
             }
         }
     }
 
     /// The half width of the range that the function has in the footprint.
-    fn differential(&self, at: DVec3, dx: DVec3, dy: DVec3, center: Filtered, width: f64) -> f64 {
+    fn filter_radius(&self, at: DVec3, dx: DVec3, dy: DVec3, center: Filtered, width: f64) -> f64 {
         let change = |d: DVec3| {
             let change = self.value(at + d, width).value - center.value;
             match self.function {

@@ -15,7 +15,7 @@ const SKEW: f32 = 0.06;
 const LEAF: usize = 8;
 
 /// Pairs that are looked at for each triangle before a mesh is taken to lie on itself everywhere.
-const PATIENCE: usize = 64;
+const PATIENCE: usize = 8;
 
 /// A triangle, or several side by side.
 #[derive(Clone, Copy)]
@@ -147,7 +147,7 @@ fn along_a_curve(mesh: &Mesh) -> Vec<u32> {
     let all = mesh.positions.iter().fold(Aabb::EMPTY, |all, &p| Aabb { min: all.min.min(p), max: all.max.max(p) });
     let bits = (mesh.len().max(1).ilog2() / 3).clamp(1, 8);
     let scale = ((1 << bits) as f32 * 0.999) / (all.max - all.min).max(Vec3::splat(f32::MIN_POSITIVE));
-    let differential = |x: f32| {
+    let spread_bits = |x: f32| {
         let x = x as u32;
         let x = (x | x << 8) & 0xf00f;
         let x = (x | x << 4) & 0xc_30c3;
@@ -155,7 +155,7 @@ fn along_a_curve(mesh: &Mesh) -> Vec<u32> {
     };
     let cell = |triangle: &[u32; 3]| {
         let at = (mesh.positions[triangle[0] as usize] - all.min) * scale;
-        (differential(at.x) | differential(at.y) << 1 | differential(at.z) << 2) as usize
+        (spread_bits(at.x) | spread_bits(at.y) << 1 | spread_bits(at.z) << 2) as usize
     };
     let mut places = vec![0u32; (1 << (3 * bits)) + 1];
     for triangle in &mesh.triangles {
