@@ -11,7 +11,7 @@ use std::ops::Range;
 /// The mappings, for the help.
 pub(crate) const MAPPINGS: &str = "\
 With PNG every layer of --aov is a file of its own, name.LAYER.png, and its numbers become colours:
-  depth                  white (closest_word) to dark grey (farthest in the picture); black where there is nothing
+  depth                  white (nearest) to dark grey (farthest in the picture); black where there is nothing
   normal                 n * 0.5 + 0.5
   position               the scene's bounds become 0 to 1 along each axis
   uv                     the fractions of u and v as red and green

@@ -23,7 +23,7 @@ With `--progress json` stderr carries one JSON object per line, each with its ki
 | event | when | fields |
 |---|---|---|
 | `diagnostics` | the scene is read, and there are warnings | `diagnostics`: a list of `severity`, `message`, `file`, `bytes`, `start`, `end`, `label`, `help` |
-| `plan` | with `--dry-run`, in place of all that follow | `version`, `scene`, `camera`, `size`, `frames`, `files`, `stats`, `memory` (bytes: `world`, `picture`, `peak`) |
+| `plan` | with `--dry-run`, in place of all that follow | `version`, `scene`, `camera`, `size`, `frames`, `files`, `census`, `memory` (bytes: `world`, `picture`, `peak`) |
 | `skipped` | a frame is complete already | `frame`, `files` |
 | `start` | a frame begins | `version`, `scene`, `camera`, `frame`, `frames` (first and last), `frames_done`, `frames_total`, `size`, `pixels`, `threads`, `files` |
 | `progress` | at most five times a second | `frame`, `pixels_done`, `pixels`, `percent`, `rays`, `rays_per_second`, `seconds`, `seconds_left`, `frames_done`, `frames_total`, `seconds_left_in_all` |

@@ -37,7 +37,7 @@ const EXAMPLES: &str = "\
 Examples:
   canaletto info bunny.ply
   canaletto info hall.ply --build high             # memory and time of the better hierarchies
-  canaletto info shot.kdl --json | jq .stats.primitives";
+  canaletto info shot.kdl --json | jq .census.primitives";
 
 /// All that is told.
 struct Info {

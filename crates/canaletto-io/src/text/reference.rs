@@ -164,7 +164,7 @@ Files must lie below the folder of the scene, unless `--allow-outside` is given.
 const ENVIRONMENT_RULES: &str = r#"
 ## Environments
 
-What surrounds the scene, infinitely far, instead of the background. There is one at most; in a later file, another one value_type
+What surrounds the scene, infinitely far, instead of the background. There is one at most; in a later file, another one takes
 its place. It can be turned by `rotate-x`, `rotate-y`, `rotate-z` and `rotate`. See [What surrounds the scene](environment.md).
 "#;
 

@@ -154,7 +154,7 @@ pub struct HitNode {
     /// The reflected and the refracted ray.
     pub children: Vec<RayNode>,
     /// A colour over the shaded one, and its share.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(rename = "print", skip_serializing_if = "Option::is_none")]
     pub overlay: Option<(Rgb, f32)>,
     /// The share of the surface that is there, where a texture cuts out the rest.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -218,7 +218,8 @@ impl<'a> Validator<'a> {
         let help = match closest_word(name, known.clone()) {
             Some(right) => format!("did you mean \"{right}\"?"),
             None => {
-                let mut names: Vec<&str> = known.take(21).collect();
+                // In order, since names come from tables that have none.
+                let mut names: Vec<&str> = known.collect();
                 names.sort_unstable();
                 let more = if names.len() > 20 { ", …" } else { "" };
                 names.truncate(20);

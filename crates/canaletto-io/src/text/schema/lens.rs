@@ -5,7 +5,7 @@ use super::{FieldSchema, NUMBER, NodeSchema, POINT, ValueType};
 /// `lens` in a camera.
 pub(crate) static LENS: NodeSchema = NodeSchema::new(
     "lens",
-    "A thin lens in place of the pinhole: only what lies at its focus is sharp. It value_type several rays in a pixel, such as \
+    "A thin lens in place of the pinhole: only what lies at its focus is sharp. It takes several rays in a pixel, such as \
      `film { samples 64 }`.",
     &[&[
         FieldSchema::new("radius", NUMBER, "the radius of its opening, to the corners if it has any; or `f-number`"),

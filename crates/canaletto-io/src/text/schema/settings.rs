@@ -225,7 +225,7 @@ pub(crate) static MATERIAL: NodeSchema = NodeSchema::new(
         FieldSchema::new(
             "roughness",
             NUMBER,
-            "0 polished to 1 rough: scatters mirrored and refracted rays; it value_type several rays in a pixel, such as \
+            "0 polished to 1 rough: scatters mirrored and refracted rays; it takes several rays in a pixel, such as \
              `film { samples 64 }`",
         )
         .or(|| Phong::default().roughness.to_string()),
