@@ -1,37 +1,37 @@
-//! How many rays of each kind were traced.
+//! Numbers of traced rays by kind.
 
 use super::RayKind;
 use serde::Serialize;
 use std::ops::AddAssign;
 
-/// Rays of one kind.
+/// The numbers of rays of one kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
 pub struct RayCount {
     /// Rays traced.
     pub traced: u64,
-    /// Those that met something; of shadow rays, those whose light was blocked entirely.
+    /// Rays with a hit; of shadow rays, those whose light was blocked entirely.
     pub hit: u64,
 }
 
-/// Rays by kind.
+/// The numbers of rays by kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
 pub struct RayCounts {
-    /// From the eye through a pixel.
+    /// Camera rays, from the eye through a pixel.
     pub eye: RayCount,
-    /// Mirrored, total internal reflection included.
+    /// Mirrored rays, total internal reflection included.
     pub reflected: RayCount,
-    /// Refracted into or out of a clear body.
+    /// Rays refracted into or out of a clear body.
     pub refracted: RayCount,
-    /// Straight on, past what is left of a surface where a texture cuts out a part of it.
+    /// Rays that go straight on through a surface of partial coverage.
     pub passed: RayCount,
-    /// From a surface to a light.
+    /// Shadow rays, from a surface to a light.
     pub shadow: RayCount,
 }
 
 impl RayCounts {
-    /// All rays traced.
+    /// The number of all rays traced.
     pub fn total(&self) -> u64 {
         self.eye.traced + self.reflected.traced + self.refracted.traced + self.passed.traced + self.shadow.traced
     }

@@ -1,4 +1,4 @@
-//! From rays to colours.
+//! Integrators: from rays to colours.
 
 mod counts;
 mod probe;

@@ -1,5 +1,5 @@
-//! What an integrator tells whoever watches it. The picture and its explanation run the same code: the integrator is
-//! generic over a probe, and the empty one compiles to nothing.
+//! Probes: observers of an integrator. The picture and its explanation run one code. The integrator is generic over a
+//! probe, and the empty probe compiles to nothing.
 
 use crate::light::environment::EnvironmentLookup;
 use crate::material::MaterialPoint;
@@ -10,20 +10,20 @@ use canaletto_bvh::Ray;
 use glam::{DVec3, Vec3};
 use serde::Serialize;
 
-/// Why a ray is traced.
+/// The kind of a ray: why it is traced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum RayKind {
-    /// From the eye.
+    /// A camera ray.
     Eye,
-    /// In the mirror direction, by the factor k.
+    /// A ray in the mirror direction, with the factor k.
     Reflected,
-    /// By Snell's law, by the factor 1 − o.
+    /// A ray refracted by Snell's law, with the factor 1 − o.
     Refracted,
-    /// Mirrored inside a clear body beyond the critical angle, by the factor 1 − o.
+    /// A ray mirrored inside a clear body beyond the critical angle, with the factor 1 − o.
     TotallyReflected,
-    /// Straight on where a cut-out leaves a part of the surface away, by the factor 1 − that part.
+    /// A ray that goes straight on through a surface of partial coverage, with the factor 1 − coverage.
     Passed,
 }
 
@@ -33,79 +33,81 @@ pub enum RayKind {
 pub struct LightTerm {
     /// Index into [`crate::world::World::lights`].
     pub light: u32,
-    /// Which of the light's points.
+    /// Index of the light's point.
     pub point: u32,
-    /// Where the point is, if it was chosen at random.
+    /// The position of the point in world space, if it was chosen at random.
     pub sampled: Option<Vec3>,
-    /// L̂, the unit direction to it.
+    /// L̂, the unit direction to the point.
     pub direction: Vec3,
-    /// Its distance; infinite for light from infinity.
+    /// The distance to the point; infinite for light from infinity.
     pub distance: f32,
-    /// Its intensity here, after attenuation, cone and region.
+    /// The intensity at the hit, after attenuation, cone and region.
     pub intensity: Rgb,
     /// n·L. Where it isn't positive, the light adds nothing and the factors below are zero.
     pub n_dot_l: f32,
-    /// Whether the light stands behind the surface although a bent normal leans towards it; it adds nothing then.
+    /// Whether the light is behind the surface but in front of its bent normal. It adds nothing then.
     pub behind: bool,
     /// r·L of (5.38).
     pub r_dot_l: f32,
-    /// f_s: the light that passes all that lies between, 0..=1.
+    /// f_s, the share of the light that passes the surfaces in between, 0..=1.
     pub f_s: f32,
     /// l ⊗ kd (n·L), without f_s.
     pub diffuse: Rgb,
     /// l ⊗ ks (r·L)ⁿ, without f_s.
     pub specular: Rgb,
-    /// What was added: (diffuse + specular) f_s.
+    /// The contribution of the light: (diffuse + specular) f_s.
     pub contribution: Rgb,
 }
 
-/// A watcher of an integrator. Calls come in the order of the ray tree: a ray, then its miss or its hit with ambient
-/// term, lights (each after its blockers) and child rays, then its end.
+/// An observer of an integrator. Calls come in the order of the ray tree: a ray, then its miss or hit, then its end.
+/// After a hit come its ambient term, its lights (each after its blockers) and its child rays.
 pub trait Probe {
-    /// Whether calls are worth making at all.
+    /// Whether the probe needs calls at all.
     const ACTIVE: bool = true;
-    /// A sample of the pixel begins: its place in pixels (y upwards) and its weight.
+    /// A sample of the pixel begins. `position` is in pixels (y upwards); `weight` is its filter weight.
     fn sample(&mut self, _position: [f64; 2], _weight: f64) {}
-    /// What was chosen at random for the sample: its time in 0..=1, if anything moves, and the point of the lens that its ray
-    /// leaves, to the right and upwards, if there is a lens.
+    /// The random choices for the sample. `time` is in 0..=1, if anything moves. `lens` is the point of the lens that
+    /// the ray leaves, to the right and upwards, if there is a lens.
     fn drawn(&mut self, _time: Option<f64>, _lens: Option<[f64; 2]>) {}
-    /// The ray that starts next leaves a rough surface from a facet with this unit normal, chosen at random.
+    /// The next ray leaves a rough surface from a random microfacet with this unit normal.
     fn lobe(&mut self, _roughness: f32, _facet: DVec3) {}
-    /// A ray starts. `depth` is 1 for eye rays; `factor` is what its colour is multiplied with.
+    /// A ray starts. `depth` is 1 for camera rays; `factor` multiplies its colour.
     fn ray(&mut self, _kind: RayKind, _ray: &Ray, _depth: u32, _factor: Rgb) {}
-    /// It met nothing, and this is what it saw of the environment; [`Probe::miss`] follows. Not called without one.
+    /// The ray hit nothing, and this is its lookup in the environment. [`Probe::miss`] follows. Not called without an
+    /// environment.
     fn environment_lookup(&mut self, _sighting: &EnvironmentLookup) {}
-    /// It met nothing.
+    /// The ray hit nothing.
     fn miss(&mut self, _background: Rgb) {}
-    /// The refracted ray that starts next goes from a medium of this η into one of that.
+    /// The next refracted ray goes from a medium with η `from` into one with η `into`.
     fn bent(&mut self, _from: f64, _into: f64) {}
-    /// It passed the surface of a clear body where another one fills the place.
+    /// The ray passed a surface of a clear body that another body hides.
     fn hidden(&mut self, _hit: &Hit) {}
-    /// It passed through a hole that a texture cuts out of this.
+    /// The ray passed through a hole that a texture cuts out of the surface.
     fn hole(&mut self, _hit: &Hit) {}
-    /// A texture was read at the hit that [`Probe::hit`] tells next.
+    /// A texture was read at the hit of the next call of [`Probe::hit`].
     fn texture(&mut self, _read: &TextureRead) {}
-    /// It met this surface. `outside` tells the side of it.
+    /// The ray hit this surface. `outside` is true if it hit the outer side.
     fn hit(&mut self, _hit: &Hit, _surface: &Surface, _material: &MaterialPoint, _outside: bool) {}
-    /// Without lighting, this is the colour.
+    /// The colour of the surface without lighting.
     fn unlit(&mut self, _kd: Rgb) {}
     /// The ambient term.
     fn ambient(&mut self, _term: Rgb) {}
-    /// Something between the hit and the light that [`Probe::light`] tells next; `opacity` is its o.
+    /// A surface blocks the light of the next call of [`Probe::light`], in whole or in part; `opacity` is its o.
     fn blocker(&mut self, _hit: &Hit, _opacity: f32) {}
-    /// A light's terms.
+    /// The terms of a light.
     fn light(&mut self, _term: &LightTerm) {}
-    /// A colour t lies over the colour I so far, with this share a: a t + (1 − a) I. A share of 1 comes before all lights.
+    /// An overlay of colour t covers the colour I so far, with a share a: a t + (1 − a) I. A share of 1 is reported
+    /// before all lights.
     fn overlay(&mut self, _color: Rgb, _share: f32) {}
-    /// Only this share of the surface is there: what was added so far is multiplied by it.
+    /// The surface has partial coverage: the colour so far is multiplied by it.
     fn coverage(&mut self, _share: f32) {}
-    /// A child ray was not followed, because of depth or weight.
+    /// A child ray was not followed, because of its depth or weight.
     fn cut(&mut self, _kind: RayKind, _factor: Rgb) {}
-    /// The current ray ends with this colour (its factor not applied).
+    /// The current ray ends with this colour, before its factor is applied.
     fn end(&mut self, _color: Rgb) {}
 }
 
-/// Watches nothing.
+/// The empty probe.
 impl Probe for () {
     const ACTIVE: bool = false;
 }

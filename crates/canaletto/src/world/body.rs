@@ -1,9 +1,10 @@
 //! Clear bodies: closed surfaces of materials that let light through, filled with their medium.
 //!
-//! A ray that crosses such a surface is in the body or out of it afterwards, and which bodies it is in says between which media
-//! it is bent. Where bodies overlap one of them fills the place, the others aren't there: that with the highest priority
-//! (Schmidt & Budge, *Simple Nested Dielectrics in Ray Traced Images*, 2002), then that with the smallest volume, so that what lies
-//! within another body needs no word. Surfaces that aren't closed bend rays, but hold nothing.
+//! A ray that crosses such a surface enters or leaves the body. The bodies that a ray is in determine the media between
+//! which it is refracted. Where bodies overlap, one of them fills the place and hides the others. It is the body with
+//! the highest priority (Schmidt & Budge, *Simple Nested Dielectrics in Ray Traced Images*, 2002). Among equal
+//! priorities it is the body with the smallest volume, so that a body within another needs no priority. Surfaces that
+//! aren't closed refract rays but hold no medium.
 
 use super::World;
 use super::geometry::Geometry;
@@ -17,7 +18,7 @@ use canaletto_bvh::{Aabb, Ray};
 use glam::{DVec3, Vec3};
 use std::collections::BTreeMap;
 
-/// What tells clear bodies apart: an instance, and which of its shapes or of its mesh's materials.
+/// The identity of a clear body: an instance, and one of its shapes or one of its mesh's materials.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct BodyId {
     instance: u32,
@@ -28,49 +29,49 @@ pub(crate) struct BodyId {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Body {
     pub(crate) id: BodyId,
-    /// η, the coefficient of refraction, before textures.
+    /// η, the index of refraction, before textures.
     pub(crate) eta: f32,
     priority: f32,
     volume: f64,
-    /// Whether a ray may be in it more than once, as in a mesh whose parts overlap.
+    /// Whether a ray may be in the body more than once, as in a mesh whose parts overlap.
     pub(crate) overlaps_itself: bool,
 }
 
 impl Body {
-    /// One that is nowhere.
+    /// A body without a surface.
     #[cfg(test)]
     pub(crate) const fn example(part: u32, eta: f32, priority: f32, volume: f64, overlaps_itself: bool) -> Body {
         Body { id: BodyId { instance: 0, part }, eta, priority, volume, overlaps_itself }
     }
 
-    /// Whether it, and not the other one, fills the place that they share.
+    /// Whether this body, and not the other, fills the place that they share.
     pub(crate) fn fills_before(&self, other: &Body) -> bool {
         let by_volume = || other.volume.total_cmp(&self.volume);
-        // What comes later in the scene last, as paint goes over paint.
+        // Among equals, the later one in the scene fills, as paint goes over paint.
         self.priority.total_cmp(&other.priority).then_with(by_volume).then(self.id.cmp(&other.id)).is_gt()
     }
 }
 
 impl Material {
-    /// Whether what a closed surface of it surrounds is a body: light passes everywhere by refraction.
+    /// Whether a closed surface of this material bounds a body: light passes everywhere by refraction.
     fn fills(&self) -> bool {
         let cut = |texture: &TextureUse| texture.target == Target::Cutout;
         !self.is_opaque() && self.coverage >= 1.0 && !self.textures.iter().any(cut)
     }
 }
 
-/// Directions in which nothing is built.
+/// Directions in which scenes hardly have axes or faces.
 const ODD_DIRECTIONS: [Vec3; 3] =
     [Vec3::new(0.3743, 0.8129, 0.4461), Vec3::new(-0.7219, 0.2917, 0.6276), Vec3::new(0.5417, -0.3371, -0.7702)];
 
 impl World {
-    /// Whether anything of the scene may let light through.
+    /// Whether any material of the scene may let light through.
     #[inline]
     pub(crate) fn has_clear(&self) -> bool {
         self.has_clear
     }
 
-    /// The clear body whose surface was met, if it has one that is closed.
+    /// The clear body whose surface was hit, if the surface is closed.
     pub(crate) fn body(&self, hit: &Hit) -> Option<Body> {
         let material = self.material(hit);
         if hit.instance == Hit::UNBOUNDED || !material.fills() {
@@ -82,7 +83,7 @@ impl World {
         Some(Body { id, eta: material.phong.eta, priority: material.priority, volume, overlaps_itself })
     }
 
-    /// Which part of an instance is closed around what, and whether that overlaps itself.
+    /// The closed part of an instance that was hit, its volume, and whether it overlaps itself.
     fn part_of(&self, instance: &Instance, hit: &Hit) -> Option<(u32, f64, bool)> {
         let id = hit.primitive as usize;
         let (part, volume, overlaps) = match &self.geometries[instance.geometry as usize] {
@@ -98,7 +99,7 @@ impl World {
         Some((part, volume * scale, overlaps))
     }
 
-    /// The clear bodies that a point lies in, each with how often; of meshes as rays from there tell.
+    /// The clear bodies that contain a point, each with its count. For meshes, rays from the point find the count.
     pub(crate) fn bodies_around(&self, point: DVec3, time: f32) -> Vec<(Body, i32)> {
         let (p, Aabb { min, max }) = (point.as_vec3(), self.clear_bounds);
         if !(p.cmpge(min).all() && p.cmple(max).all()) {
@@ -122,7 +123,7 @@ impl World {
                 counts.entry(body.id).or_insert((body, [0; 3])).1[way] += count;
             }
         }
-        // Where a ray goes through an edge, it may count two triangles instead of one; the middle of three counts is right.
+        // A ray through an edge may count two triangles instead of one. The median of three counts is right.
         let middle = |(body, mut counts): (Body, [i32; 3])| {
             counts.sort_unstable();
             (counts[1] > 0).then_some((body, counts[1]))
@@ -130,8 +131,8 @@ impl World {
         counts.into_values().filter_map(middle).collect()
     }
 
-    /// How often a ray that starts in a clear body is in it, as the surfaces tell that it meets ahead: each way out counts 1, each way in −1. Of a
-    /// shape it is the first one that tells.
+    /// How often a ray that starts in a clear body is in it, from the surfaces ahead: each exit counts 1, each entry
+    /// −1. For a shape, the first surface decides.
     pub(crate) fn count_ahead(&self, ray: &Ray, time: f32, body: &Body) -> i32 {
         let BodyId { instance, part } = body.id;
         let mut ahead = Vec::new();
@@ -158,13 +159,13 @@ impl World {
         }
         ahead.retain(|hit| self.body(hit).is_some_and(|found| found.id == body.id));
         let mut ways: Vec<_> = ahead.iter().map(|hit| (hit.t.to_bits(), leaves(hit))).collect();
-        // A ray through an edge meets two triangles in one place.
+        // A ray through an edge hits two triangles in one place.
         ways.sort_unstable();
         ways.dedup();
         ways.iter().map(|&(_, leaves)| if leaves { 1 } else { -1 }).sum()
     }
 
-    /// Whether a point lies in the shape that was met.
+    /// Whether a point lies in the shape that was hit.
     fn contains(&self, hit: &Hit, point: DVec3) -> bool {
         self.with_instance(hit.instance, |instance| {
             let id = hit.primitive as usize;
@@ -178,7 +179,8 @@ impl World {
         })
     }
 
-    /// Calls `f` once or more with everything that a ray meets at or before `t_max`, in no order. Hits say what and on which part; their t is 0.
+    /// Calls `f` at least once with each primitive that a ray hits at or before `t_max`, in no order. The hits name the
+    /// primitive and its part; their t is 0.
     pub(super) fn each_between(&self, ray: &Ray, t_max: f32, time: f32, f: &mut dyn FnMut(Hit)) {
         let nowhere = Hit { t: 0.0, instance: Hit::UNBOUNDED, primitive: 0, part: 0, uv: [0.0; 2], time };
         for (primitive, unbounded) in (0..).zip(&self.unbounded) {
@@ -201,12 +203,12 @@ impl World {
     }
 }
 
-/// The volume of a shape that is closed.
+/// The volume of a closed shape.
 fn solid(shape: &Shape) -> Option<f64> {
     shape.is_closed().then(|| shape.volume())
 }
 
-/// Of each mesh that may be clear, what is closed of it.
+/// For each mesh that may be clear, its closed parts.
 pub(super) fn shells(geometries: &[Geometry], may_be_clear: impl Fn(usize) -> bool + Sync) -> Vec<Option<Shells>> {
     let of = |(index, geometry): (usize, &Geometry)| match geometry {
         Geometry::Mesh { mesh, .. } if may_be_clear(index) && !mesh.one_sided => Some(Shells::of(mesh)),

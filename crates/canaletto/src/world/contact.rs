@@ -1,7 +1,7 @@
-//! Faces that coincide: where a ray meets one surface, what else lies in the same place.
+//! Faces that coincide: the surfaces that lie in the place of a hit.
 //!
-//! A ray that leaves a surface starts beyond the rounding errors of its point, and so beyond every other surface there. They are asked for
-//! by a short ray across.
+//! A ray that leaves a surface starts beyond the rounding errors of its point, and so beyond every other surface there.
+//! A short ray across the surface finds them.
 
 use super::World;
 use super::query::Hit;
@@ -10,29 +10,30 @@ use crate::shape::Surface;
 use canaletto_bvh::Ray;
 use glam::Vec3;
 
-/// How far apart faces that coincide may be, relative to their largest coordinate: eight units in the last place, for what a transform
-/// has put there.
+/// The largest distance between coinciding faces, relative to their largest coordinate. Eight units in the last place
+/// allow for the roundings of a transform.
 const TOUCHING: f32 = 8.0 * f32::EPSILON;
 
-/// How nearly parallel they are: the cosine.
+/// The least cosine between the normals of coinciding faces.
 const PARALLEL: f64 = 0.999;
 
-/// The bound of a point's error that takes in faces that coincide with its surface.
+/// The error bound of a point, widened to include faces that coincide with its surface.
 pub(crate) fn touching(surface: &Surface) -> Vec3 {
     surface.error.max(Vec3::splat(surface.point.abs().max_element() * TOUCHING))
 }
 
-/// A surface in the same place as another.
+/// A surface that coincides with another.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Contact {
     pub(crate) hit: Hit,
-    /// Whether the line comes from its outer side.
+    /// Whether the line comes from the surface's outer side.
     pub(crate) outside: bool,
 }
 
 impl World {
-    /// The surfaces besides the one that `line` meets at `hit` that lie in the same place and are parallel to it, in the order of the scene. Of each
-    /// body there is one at most that the line enters by, and one that it leaves by. Calls `across` with those that aren't parallel.
+    /// Finds the surfaces that coincide with the one that `line` hits at `hit` and are parallel to it, in the order of
+    /// the scene. Each body has at most one surface by which the line enters, and one by which it leaves. Calls
+    /// `across` with coinciding surfaces that aren't parallel.
     pub(crate) fn contacts(
         &self,
         line: &DRay,
@@ -68,7 +69,7 @@ impl World {
             }
             parallel
         });
-        // Beside an edge of a mesh there are two triangles of one surface.
+        // Beside an edge of a mesh, two triangles belong to one surface.
         let outside = line.direction.dot(surface.normal) < 0.0;
         let body = |hit: &Hit| self.body(hit).map(|body| body.id);
         let own = body(hit).map(|id| (id, outside));
@@ -79,7 +80,7 @@ impl World {
                 seen.push(side);
                 true
             }
-            // The same goes for meshes that aren't closed.
+            // This applies to meshes that aren't closed, too.
             None => {
                 let same = contact.hit.instance == hit.instance && contact.outside == outside && self.is_of_mesh(hit);
                 !(same && self.material_index(&contact.hit) == self.material_index(hit))

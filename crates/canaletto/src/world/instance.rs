@@ -16,64 +16,65 @@ pub(super) struct Instance {
     pub(super) geometry: u32,
     /// Index into the world's groups, or [`NONE`].
     pub(super) group: u32,
-    /// The object it belongs to; shapes have their own.
+    /// The object that the instance belongs to; shapes have their own.
     pub(super) object: u32,
-    /// What is added to an object's number to tell copies apart; the sum of it and those of all groups around.
+    /// The number that is added to an object's number to tell copies apart. It is the sum over the instance and all
+    /// groups around it.
     pub(super) id_base: u32,
     /// The material that replaces all others, or [`NONE`].
     pub(super) material: u32,
-    /// The material for what has none, or [`NONE`].
+    /// The material for primitives that have none, or [`NONE`].
     pub(super) inherited: u32,
-    /// From the geometry's space to the world's; `None` is the identity, but groups that are placed always have one. Where it is at
-    /// time 0, if it moves.
+    /// The transform from the geometry's space to the world's, at time 0 if the instance moves. `None` is the identity;
+    /// placed groups always have a transform.
     pub(super) to_world: Option<Transform>,
     /// Index into the world's chains if it moves, or [`NONE`].
     pub(super) motion: u32,
 }
 
-/// How an instance of a prototype stands.
+/// The placement of an instance of a prototype.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Placement {
     pub(super) transform: Transform,
     /// The material that replaces all others, or [`NONE`].
     pub(super) own: u32,
-    /// The material for what has none, or [`NONE`].
+    /// The material for primitives that have none, or [`NONE`].
     pub(super) inherited: u32,
 }
 
 /// A shape without bounds, placed in the world.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Unbounded {
-    /// In the world's space.
+    /// The shape in the world's space.
     pub(super) shape: Shape,
     pub(super) object: u32,
-    /// Or [`NONE`].
+    /// The material of the shape, or [`NONE`].
     pub(super) material: u32,
-    /// The shape in its own space and where that is, if a texture needs to know and it isn't the world's.
+    /// The shape in its own space and that space's transform, if a texture needs them and the space isn't the world's.
     pub(super) own: Option<(Shape, Transform)>,
-    /// Where the coordinates of that shape are counted from in the object's space.
+    /// The origin of that shape's coordinates in the object's space.
     pub(super) origin: DVec3,
 }
 
 impl Instance {
-    /// A geometry where it is, its materials its own.
+    /// An instance of a geometry with the identity transform and the geometry's own materials.
     pub(super) fn of(geometry: u32, object: u32) -> Instance {
         let (material, inherited) = (NONE, NONE);
         Instance { geometry, group: NONE, object, id_base: 0, material, inherited, to_world: None, motion: NONE }
     }
 
-    /// A group that has no place yet.
+    /// A group without a placement.
     pub(super) fn of_group(group: u32, object: u32) -> Instance {
         Instance { group, ..Instance::of(NONE, object) }
     }
 
-    /// The same thing where an instance of what it belongs to stands like this. All places come from here and from [`Instance::enclose`]:
-    /// they are folded from the innermost outwards, so that a group whose members are found on the way has the bits of one that
-    /// was dissolved.
+    /// This instance as a member of an instance with this placement. All transforms come from here and from
+    /// [`Instance::enclose`]. They are composed from the innermost outwards. A member found through a group thus has
+    /// the bits of a member of a dissolved prototype.
     pub(super) fn inside(&self, Placement { transform, own, inherited }: &Placement) -> Instance {
         let mut placed = *self;
         if self.group != NONE {
-            // Its first place; those of its members come before it.
+            // The group's first placement. The transforms of its members come before it.
             debug_assert!(self.to_world.is_none());
             return Instance { to_world: Some(*transform), material: *own, inherited: *inherited, ..*self };
         }
@@ -86,7 +87,7 @@ impl Instance {
         placed
     }
 
-    /// A member of a group becomes what it is where this instance of the group stands; as [`Instance::inside`].
+    /// Composes this member of a group with an instance of the group, as [`Instance::inside`].
     #[inline]
     pub(super) fn enclose(&mut self, group: &Instance) {
         if let Some(transform) = &group.to_world {
@@ -102,7 +103,8 @@ impl Instance {
         self.id_base = self.id_base.wrapping_add(group.id_base);
     }
 
-    /// Calls `f` with the ray in the geometry's space. Its parameter t stays the same: the direction isn't normalised.
+    /// Calls `f` with the ray in the geometry's space. The parameter t keeps its meaning, since the direction isn't
+    /// normalised.
     #[inline]
     pub(super) fn with_local_ray<T>(
         &self,
@@ -121,13 +123,13 @@ impl Instance {
         }
     }
 
-    /// The material of a primitive that names `own`, if any of them names one.
+    /// The material of a primitive whose own material is `own`, or `None` if no material is given.
     #[inline]
     pub(super) fn effective_material(&self, own: u32) -> Option<u32> {
         [self.material, own, self.inherited].into_iter().find(|&m| m != NONE)
     }
 
-    /// From the geometry's space to the world's at a time in 0..=1.
+    /// The transform from the geometry's space to the world's at a time in 0..=1.
     pub(super) fn placed(&self, chains: &[TransformChain], time: f32) -> Option<Transform> {
         if self.motion == NONE { self.to_world } else { Some(chains[self.motion as usize].at(time)) }
     }
@@ -147,7 +149,7 @@ impl Instance {
     }
 }
 
-/// The line in the space that `to_world` leads out of.
+/// The line in the space that `to_world` maps to the world.
 pub(super) fn to_local(to_world: &Transform, line: DRay) -> DRay {
     let back = to_world.inverse();
     DRay { origin: back.point(line.origin), direction: back.vector(line.direction) }

@@ -1,4 +1,4 @@
-//! The light that reaches stops: (5.39a).
+//! Direct lighting: the light that reaches interactions (5.39a).
 
 use super::interaction::{InteractionRef, Interactions};
 use super::interactions8::{Interactions8, LANES, LightSamples8, lanes};
@@ -12,23 +12,23 @@ use crate::math::RayDifferential;
 use crate::scene::Stage;
 use crate::world::Occlusion;
 
-/// What is kept for lights while a generation is lit.
+/// Buffers for the lighting of one wave.
 #[derive(Default)]
 pub(super) struct Lighting {
-    /// To the point whose turn it is.
+    /// The samples of the current light point.
     ways: Vec<LightSamples8>,
-    /// What arrives from there, if it isn't the same point for all.
+    /// The arriving light, if the light point differs between interactions.
     arriving: Vec<Illumination>,
-    /// The stops of shadow rays through what is clear.
+    /// The interactions of shadow rays that cross clear surfaces.
     crossing: Vec<u32>,
-    /// Stops with a highlight, with the bases and exponents of their powers.
+    /// Interactions with a highlight, with the bases and exponents of their powers.
     shining: Vec<u32>,
     cosines: Vec<f32>,
     exponents: Vec<f32>,
 }
 
 impl Lighting {
-    /// Finds the ways to a light's point, and what comes along them before shadows.
+    /// Finds the directions to a light's point, and the light along them before shadows.
     fn sample(&mut self, source: &PreparedLight, (light, point): (u32, u32), wave: &Wave) {
         let Lighting { ways, arriving, .. } = self;
         let (interactions, interactions8) = (&wave.interactions, wave.interactions.interactions8());
@@ -68,7 +68,7 @@ impl Lighting {
         }
     }
 
-    /// Finds cosⁿα (5.38) where light comes; in shadow only if `anyway`.
+    /// Finds cosⁿα (5.38) where light arrives. Shadowed interactions are included only if `anyway` is set.
     fn highlights(&mut self, interactions8: &[Interactions8], anyway: bool) {
         let Lighting { ways, shining, cosines, exponents, .. } = self;
         shining.clear();
@@ -77,7 +77,7 @@ impl Lighting {
         for (number, (way, interactions8)) in ways.iter().zip(interactions8).enumerate() {
             for lane in lanes(way.lit & interactions8.shiny) {
                 let (n, r_dot_l) = (interactions8.n[lane], way.r_dot_l[lane]);
-                // From others there is none.
+                // The highlight is zero elsewhere.
                 if (anyway || way.f_s[lane] > 0.0) && (r_dot_l > 0.0 || n == 0.0) {
                     shining.push((number * LANES + lane) as u32);
                     cosines.push(r_dot_l);
@@ -92,19 +92,19 @@ impl Lighting {
     }
 }
 
-/// Whether light comes from behind the surface, though not behind its bent normal.
+/// Whether light comes from behind the surface, though not from behind its bent normal.
 fn is_behind(at: &InteractionRef, way: &LightSamples8, lane: usize) -> bool {
     at.interaction.material.bent && at.facing().dot(way.direction(lane)) <= 0.0
 }
 
-/// How far neighbours of the ray from a stop to the light are, if anything wants to know.
+/// The differential of the shadow ray from an interaction, if anything uses it.
 fn spread_of(wave: &Wave, way: &LightSamples8, interaction: usize) -> Option<RayDifferential> {
     let (footprint, lane) = (wave.footprints.get(interaction)?, interaction % LANES);
     Some(RayDifferential::to_light(footprint.step, way.direction(lane), f64::from(way.distance[lane])))
 }
 
 impl Whitted<'_> {
-    /// Adds the light of all lights, one point after the other.
+    /// Adds the light of all lights, one light point after the other.
     pub(super) fn light<P: Probe>(&mut self, wave: &mut Wave, probe: &mut P) {
         if self.world.lights.is_empty() {
             return;
@@ -127,7 +127,7 @@ impl Whitted<'_> {
                 self.shadow(&mut lighting, light, wave, probe);
                 let interactions8 = wave.interactions.both().1;
                 if self.settings.stage >= Stage::Specular {
-                    // In shadow a highlight is black, and only a probe wants to know more.
+                    // In shadow a highlight is black, and only a probe reports it.
                     lighting.highlights(interactions8, P::ACTIVE);
                 }
                 LightSamples8::add(&lighting.ways, interactions8);
@@ -147,12 +147,12 @@ impl Whitted<'_> {
         self.lighting = lighting;
     }
 
-    /// The light where it is now.
+    /// The light at the time of the sample.
     fn source(&self, light: u32) -> &PreparedLight {
         self.lights.get(light as usize).unwrap_or(&self.world.lights[light as usize])
     }
 
-    /// Finds f_s, the share of the light that passes what is between a light's point and the stops.
+    /// Finds f_s, the share of the light that passes the surfaces between a light's point and the interactions.
     fn shadow<P: Probe>(&mut self, lighting: &mut Lighting, light: u32, wave: &Wave, probe: &mut P) {
         let Lighting { ways, crossing, .. } = lighting;
         let source = self.source(light);
@@ -172,7 +172,7 @@ impl Whitted<'_> {
             for lane in lanes(way.lit) {
                 let (occlusion, interaction) = (self.bundle.occlusion(shadow), number * LANES + lane);
                 if occlusion != Occlusion::Nothing && P::ACTIVE {
-                    // Only a recording probe wants to know what stands in which order.
+                    // Only a probe needs the order of the occluders.
                     let (ray, t_max) = self.bundle.ray(shadow);
                     let differential = spread_of(wave, way, interaction);
                     way.f_s[lane] =
@@ -204,7 +204,7 @@ impl Whitted<'_> {
         }
     }
 
-    /// Where faces coincide, light comes back through those that the ray from the eye has crossed before.
+    /// Where faces coincide, light crosses back through those that the camera ray has crossed before.
     fn cross_back<P: Probe>(&self, ways: &mut [LightSamples8], interactions: &Interactions, probe: &mut P) {
         for (index, interaction) in
             interactions.each().iter().enumerate().filter(|(_, interaction)| interaction.crossing != NONE)
@@ -222,7 +222,7 @@ impl Whitted<'_> {
         }
     }
 
-    /// Tells a probe, for which there is one stop, what arrives there.
+    /// Reports the light that arrives at the one interaction to a probe.
     fn report<P: Probe>(&self, lighting: &Lighting, (light, point): (u32, u32), at: &InteractionRef, probe: &mut P) {
         let (way, interactions8, source) = (&lighting.ways[0], at.interactions8, self.source(light));
         if !at.interaction.is_seen() {

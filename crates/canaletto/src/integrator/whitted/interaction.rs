@@ -1,4 +1,4 @@
-//! Where rays stop.
+//! Interactions of rays with surfaces.
 
 use super::interactions8::{Interactions8, LANES};
 use super::media;
@@ -9,21 +9,22 @@ use crate::world::Hit;
 use canaletto_bvh::Ray;
 use glam::{DMat3, DVec3};
 
-/// Where a way meets the nearest surface, and the light that leaves towards it. What its surface is like from there is in its octet: [`Interactions::at`].
+/// The nearest hit of a ray, and the light that leaves it towards the ray's origin. The surface's values are stored in
+/// groups of eight, see [`Interactions::at`].
 pub(super) struct Interaction {
     way: u32,
     pub(super) hit: Hit,
     pub(super) material: MaterialPoint,
-    /// The sum so far.
+    /// The sum of the light so far.
     pub(super) color: Rgb,
     /// The bodies that the ray is in.
     pub(super) inside: u32,
-    /// Where a ray into what is clear goes on, and what else is in the same place.
+    /// The crossing for rays into a clear body, with the coinciding surfaces, or [`media::NONE`].
     pub(super) crossing: u32,
 }
 
 impl Interaction {
-    /// Memory for one.
+    /// An unused interaction.
     fn nowhere() -> Interaction {
         let (inside, crossing) = (media::NONE, media::NONE);
         Interaction {
@@ -36,23 +37,23 @@ impl Interaction {
         }
     }
 
-    /// Which way of the generation stops here.
+    /// The index of the ray in its wave.
     #[inline]
     pub(super) fn way(&self) -> usize {
         self.way as usize
     }
 
-    /// Whether anything but a print is seen of it.
+    /// Whether an opaque overlay doesn't hide the surface.
     #[inline]
     pub(super) fn is_seen(&self) -> bool {
         self.material.is_seen()
     }
 }
 
-/// The stops of a generation in the order of their ways, and what they are like in octets.
+/// The interactions of a wave in the order of its rays, and their surface values in groups of eight.
 #[derive(Default)]
 pub(super) struct Interactions {
-    /// As many as there were most; the first `len` are in use.
+    /// The largest number so far; the first `len` are in use.
     interactions: Vec<Interaction>,
     interactions8: Vec<Interactions8>,
     len: usize,
@@ -67,7 +68,7 @@ impl Interactions {
         self.len
     }
 
-    /// The octet of the next stop, and its place there.
+    /// The group of eight of the next interaction, and its lane there.
     #[inline]
     pub(super) fn next(&mut self) -> (&mut Interactions8, usize) {
         let (number, lane) = (self.len / LANES, self.len % LANES);
@@ -82,7 +83,8 @@ impl Interactions {
         (interactions8, lane)
     }
 
-    /// Adds a stop whose surface [`Interactions::next`] took or `surface_inputs` will tell, and whose material is to be `set`.
+    /// Adds an interaction. Its surface was stored in the lane of [`Interactions::next`], or `surface_inputs` holds its
+    /// inputs. `set` sets the material.
     #[inline]
     pub(super) fn push(
         &mut self,
@@ -103,13 +105,13 @@ impl Interactions {
         }
     }
 
-    /// The stop that was added last.
+    /// The interaction that was added last.
     #[inline]
     pub(super) fn last_mut(&mut self) -> &mut Interaction {
         &mut self.interactions[self.len - 1]
     }
 
-    /// Finds what the stops of the last octet are like, if it isn't full: else that is known.
+    /// Evaluates the last group of eight if it isn't full. Full groups are evaluated already.
     pub(super) fn evaluate(&mut self, surface_inputs: &mut SurfaceInputs8) {
         if !self.len.is_multiple_of(LANES) {
             self.interactions8[self.len / LANES].evaluate(surface_inputs);
@@ -126,19 +128,19 @@ impl Interactions {
         &mut self.interactions[..self.len]
     }
 
-    /// The octets of all stops.
+    /// The groups of eight of all interactions.
     #[inline]
     pub(super) fn interactions8(&self) -> &[Interactions8] {
         &self.interactions8[..self.len.div_ceil(LANES)]
     }
 
-    /// Stops and their octets.
+    /// The interactions and their groups of eight.
     #[inline]
     pub(super) fn both(&mut self) -> (&mut [Interaction], &mut [Interactions8]) {
         (&mut self.interactions[..self.len], &mut self.interactions8[..self.len.div_ceil(LANES)])
     }
 
-    /// A stop.
+    /// The interaction at an index.
     #[inline]
     pub(super) fn at(&self, index: usize) -> InteractionRef<'_> {
         InteractionRef {
@@ -149,7 +151,7 @@ impl Interactions {
     }
 }
 
-/// A stop, and what its surface is like for the ray that made it.
+/// An interaction and its surface values.
 pub(super) struct InteractionRef<'a> {
     pub(super) interaction: &'a Interaction,
     pub(super) interactions8: &'a Interactions8,
@@ -157,13 +159,13 @@ pub(super) struct InteractionRef<'a> {
 }
 
 impl InteractionRef<'_> {
-    /// Whether the ray came from the outer side.
+    /// Whether the ray hit the outer side.
     #[inline]
     pub(super) fn outside(&self) -> bool {
         self.interactions8.outside(self.lane)
     }
 
-    /// v̂, towards where the ray came from.
+    /// v̂, the unit direction back along the ray.
     #[inline]
     pub(super) fn wo(&self) -> DVec3 {
         self.interactions8.wo(self.lane)
@@ -193,39 +195,39 @@ impl InteractionRef<'_> {
         self.interactions8.outer(self.lane)
     }
 
-    /// The line of a ray that leaves the surface.
+    /// The `f64` ray that leaves the surface in a direction.
     pub(super) fn leave(&self, direction: DVec3) -> DRay {
         DRay { origin: self.interactions8.exact(self.lane), direction }
     }
 
-    /// Its ray, the origin moved off the surface by the error bound.
+    /// The rounded ray of `line`, its origin moved off the surface by the error bound.
     pub(super) fn start(&self, line: &DRay) -> Ray {
         let [point, error] = self.interactions8.point(self.lane);
         line.from_origin(offset_origin(point, error, self.outer(), line.direction))
     }
 }
 
-/// The nearest thing on a way that is cut out, clear or within something clear.
+/// The nearest hit of a ray where surfaces may be cut out or clear, or where the ray is in a body.
 pub(super) struct Encounter {
     pub(super) hit: Hit,
     pub(super) surface: Surface,
     pub(super) material: MaterialPoint,
-    /// The way's line, which starts anew behind holes.
+    /// The ray's line, whose origin moves to each hole that it passes.
     pub(super) line: DRay,
     pub(super) footprint: Option<Footprint>,
-    /// The bodies that the way is in there.
+    /// The bodies that the ray is in at the hit.
     pub(super) inside: u32,
     pub(super) crossing: u32,
 }
 
-/// How far from here neighbouring samples are.
+/// The distances from an interaction to those of the neighbouring samples.
 #[derive(Clone, Copy)]
 pub(super) struct Footprint {
-    /// The spread of the ray that arrived.
+    /// The differential of the arriving ray.
     pub(super) differential: RayDifferential,
-    /// The ways along the surface to where the neighbours meet it.
+    /// The offsets along the surface to the hits of the neighbouring rays.
     pub(super) step: [DVec3; 2],
-    /// How the shading normal changes along the surface; zero where nothing asks.
+    /// The derivative of the shading normal along the surface; zero where nothing needs it.
     pub(super) shape_operator: DMat3,
 }
 

@@ -1,4 +1,5 @@
-//! Stops and the light that comes to them, eight side by side: lengths, directions, cosines and colours are computed for all of them at once.
+//! Interactions and the light that arrives at them, eight side by side. Lengths, directions, cosines and colours are
+//! computed for all eight at once.
 
 use crate::light::Illumination;
 use crate::material::{MaterialPoint, reflect};
@@ -7,16 +8,16 @@ use crate::shape::{DVec3x8, SURFACES, SurfaceInputs8, Surfaces, Vec3x8, dvec3, s
 use canaletto_bvh::{InstructionSet, Kernel};
 use glam::{DVec3, Vec3};
 
-/// How many stops are side by side.
+/// The number of interactions side by side.
 pub(super) const LANES: usize = SURFACES;
 
-/// Eight stops.
+/// Eight interactions.
 #[derive(Clone, Copy)]
 pub(super) struct Interactions8 {
     pub(super) surfaces: Surfaces,
-    /// 1 for a ray that came from the outer side, or −1.
+    /// 1 for a ray that hit the outer side, −1 for the inner side.
     side: [f64; LANES],
-    /// v̂, towards where the rays came from.
+    /// v̂, the unit directions back along the rays.
     wo: DVec3x8,
     /// The unit geometric normals on the viewer's side.
     facing: DVec3x8,
@@ -24,53 +25,54 @@ pub(super) struct Interactions8 {
     normal: DVec3x8,
     /// r, the mirrored directions (5.37).
     mirrored: DVec3x8,
-    /// Where shadow rays start.
+    /// The origins of shadow rays.
     pub(super) start: Vec3x8,
     kd: Vec3x8,
     ks: Vec3x8,
     /// n, the exponents of highlights.
     pub(super) n: [f32; LANES],
-    /// The light so far.
+    /// The sum of the light so far.
     color: Vec3x8,
-    /// A bit for each stop of which anything but a print is seen.
+    /// A bit for each interaction whose surface an opaque overlay doesn't hide.
     pub(super) seen: u32,
-    /// A bit for each stop that has highlights.
+    /// A bit for each interaction whose material has a highlight.
     pub(super) shiny: u32,
-    /// A bit for each stop whose shading normal a texture bent.
+    /// A bit for each interaction whose shading normal a texture bent.
     pub(super) bent: u32,
 }
 
-/// The ways from eight stops to a point of light, and what comes along them.
+/// The directions from eight interactions to a light point, and the light along them.
 #[derive(Clone, Copy)]
 pub(super) struct LightSamples8 {
-    /// L̂, the unit directions; NaN for a light exactly at the stop.
+    /// L̂, the unit directions; NaN for a light exactly at the interaction.
     direction: DVec3x8,
-    /// How far it is.
+    /// The distance to the light.
     pub(super) distance: [f32; LANES],
     /// n · L.
     pub(super) n_dot_l: [f32; LANES],
     /// r · L.
     pub(super) r_dot_l: [f32; LANES],
-    /// Before shadows.
+    /// The intensity before shadows.
     intensity: Vec3x8,
-    /// The directions of shadow rays, and up to where these count: towards a point they end there, at t = 1; towards infinity they have no end.
+    /// The directions of shadow rays, and their `t_max` in `reach`. Towards a point, `t_max` lies just below 1. Towards
+    /// infinity it is infinite.
     pub(super) to: Vec3x8,
     pub(super) reach: [f32; LANES],
-    /// A bit for each stop to which any light comes, before shadows.
+    /// A bit for each interaction that any light reaches, before shadows.
     pub(super) lit: u32,
-    /// f_s, the share that passes; 0 where none comes.
+    /// f_s, the share of light that passes; 0 where no light arrives.
     pub(super) f_s: [f32; LANES],
     /// cosⁿα, where there is a highlight.
     pub(super) highlight: [f32; LANES],
 }
 
-/// Up to where a ray to a point of light counts.
+/// The `t_max` of a ray towards a light point at t = 1.
 const BEFORE_LIGHT: f32 = 1.0 - f32::EPSILON;
 
 const ZERO: DVec3x8 = [[0.0; LANES]; 3];
 const BLACK: Vec3x8 = [[0.0; LANES]; 3];
 
-/// The numbers of the bits that are set.
+/// The indices of the set bits, in ascending order.
 pub(super) fn lanes(mut bits: u32) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let lane = (bits != 0).then_some(bits.trailing_zeros() as usize);
@@ -80,7 +82,7 @@ pub(super) fn lanes(mut bits: u32) -> impl Iterator<Item = usize> {
 }
 
 impl Interactions8 {
-    /// Eight times nothing.
+    /// Eight empty lanes.
     pub(super) const NOTHING: Interactions8 = Interactions8 {
         surfaces: Surfaces::NOTHING,
         side: [1.0; LANES],
@@ -98,12 +100,12 @@ impl Interactions8 {
         bent: 0,
     };
 
-    /// Leaves no stop; numbers that nothing reads stay.
+    /// Removes all interactions. Values that nothing reads stay.
     pub(super) fn clear(&mut self) {
         (self.seen, self.shiny, self.bent) = (0, 0, 0);
     }
 
-    /// Takes a stop's material.
+    /// Stores an interaction's material.
     #[inline]
     pub(super) fn set_material(&mut self, lane: usize, material: &MaterialPoint) {
         let phong = &material.phong;
@@ -115,25 +117,25 @@ impl Interactions8 {
         self.bent |= u32::from(material.bent) << lane;
     }
 
-    /// Finds the surfaces of `surface_inputs`, and how all look from where the rays came.
+    /// Evaluates the surfaces of `surface_inputs`, and the directions and normals on the viewer's side.
     pub(super) fn evaluate(&mut self, surface_inputs: &mut SurfaceInputs8) {
         InstructionSet::run(Evaluate { interactions8: self, surface_inputs });
         surface_inputs.clear();
     }
 
-    /// The light so far at a stop.
+    /// Sets the sum of the light so far at an interaction.
     #[inline]
     pub(super) fn set_color(&mut self, lane: usize, color: Rgb) {
         set_vec3(&mut self.color, lane, color.to_array().into());
     }
 
-    /// Whether the ray came from the outer side.
+    /// Whether the ray hit the outer side.
     #[inline]
     pub(super) fn outside(&self, lane: usize) -> bool {
         self.side[lane] > 0.0
     }
 
-    /// v̂, towards where the ray came from.
+    /// v̂, the unit direction back along the ray.
     #[inline]
     pub(super) fn wo(&self, lane: usize) -> DVec3 {
         dvec3(&self.wo, lane)
@@ -163,25 +165,25 @@ impl Interactions8 {
         dvec3(&self.mirrored, lane)
     }
 
-    /// The point before it was rounded.
+    /// The point before rounding.
     #[inline]
     pub(super) fn exact(&self, lane: usize) -> DVec3 {
         dvec3(&self.surfaces.exact, lane)
     }
 
-    /// The point, and the bound of its error.
+    /// The point and its error bound.
     #[inline]
     pub(super) fn point(&self, lane: usize) -> [Vec3; 2] {
         [vec3(&self.surfaces.point, lane), vec3(&self.surfaces.error, lane)]
     }
 
-    /// Where a stop's shadow rays start.
+    /// The origin of an interaction's shadow rays.
     #[inline]
     pub(super) fn start(&self, lane: usize) -> Vec3 {
         vec3(&self.start, lane)
     }
 
-    /// The light so far at a stop.
+    /// The sum of the light so far at an interaction.
     #[inline]
     pub(super) fn color(&self, lane: usize) -> Rgb {
         Rgb::from(vec3(&self.color, lane).to_array())
@@ -194,7 +196,7 @@ fn lit(intensity: f32, [kd, n_dot_l]: [f32; 2], [ks, highlight]: [f32; 2]) -> [f
     [saturate(intensity * kd) * n_dot_l, saturate(intensity * ks) * highlight]
 }
 
-/// What arrives of it, added to the light so far (5.39a).
+/// The sum of both terms after shadows (5.39a).
 #[inline(always)]
 fn contribution([diffuse, specular]: [f32; 2], f_s: f32) -> f32 {
     if f_s > 0.0 { saturate(diffuse + specular) * f_s } else { 0.0 }
@@ -214,13 +216,13 @@ impl LightSamples8 {
         highlight: [0.0; LANES],
     };
 
-    /// The ways to one point.
+    /// The directions to one point.
     pub(super) fn point(ways: &mut Vec<LightSamples8>, interactions8: &[Interactions8], position: Vec3) {
         ways.resize(interactions8.len(), LightSamples8::NOTHING);
         InstructionSet::run(ToPoint { ways, interactions8, position });
     }
 
-    /// Ways on which is known what arrives at each stop.
+    /// The directions of light samples whose arriving light is given.
     pub(super) fn known(ways: &mut Vec<LightSamples8>, interactions8: &[Interactions8], arriving: &[Illumination]) {
         ways.resize(interactions8.len(), LightSamples8::NOTHING);
         for ((way, interactions8), arriving) in ways.iter_mut().zip(interactions8).zip(arriving.chunks(LANES)) {
@@ -239,35 +241,35 @@ impl LightSamples8 {
         InstructionSet::run(Cosines { ways, interactions8 });
     }
 
-    /// The direction from a stop.
+    /// The unit direction from an interaction to the light.
     #[inline(always)]
     pub(super) fn direction(&self, lane: usize) -> DVec3 {
         dvec3(&self.direction, lane)
     }
 
-    /// The intensity at a stop, before shadows.
+    /// The intensity at an interaction, before shadows.
     pub(super) fn intensity(&self, lane: usize) -> Rgb {
         Rgb::from(vec3(&self.intensity, lane).to_array())
     }
 
-    /// Sets the intensity at a stop.
+    /// Sets the intensity at an interaction.
     #[inline]
     pub(super) fn set_intensity(&mut self, lane: usize, intensity: Rgb) {
         set_vec3(&mut self.intensity, lane, intensity.to_array().into());
     }
 
-    /// Sets the intensity at all stops.
+    /// Sets the intensity at all interactions.
     pub(super) fn set_intensities(&mut self, intensity: Rgb) {
         self.intensity = intensity.to_array().map(|v| [v; LANES]);
     }
 
-    /// Finds out to which stops light comes; without highlights, and nothing in between.
+    /// Finds the interactions that light reaches, without highlights and without occlusion.
     #[inline]
     pub(super) fn evaluate(&mut self, interactions8: &Interactions8) {
         let [r, g, b] = &self.intensity;
         self.lit = 0;
         for i in 0..LANES {
-            // NaN, which isn't: a light exactly at the point, which adds nothing.
+            // A light exactly at the point gives NaN. The comparison is then false, and the light adds nothing.
             let lit = self.n_dot_l[i] > 0.0 && !(r[i] == 0.0 && g[i] == 0.0 && b[i] == 0.0);
             self.lit |= u32::from(lit) << i;
         }
@@ -278,18 +280,18 @@ impl LightSamples8 {
         self.highlight = [0.0; LANES];
     }
 
-    /// Lets none come to a stop.
+    /// Removes the light at an interaction.
     pub(super) fn mask_out(&mut self, lane: usize) {
         self.lit &= !(1 << lane);
         self.f_s[lane] = 0.0;
     }
 
-    /// Adds what arrives at all stops.
+    /// Adds the arriving light at all interactions.
     pub(super) fn add(ways: &[LightSamples8], interactions8: &mut [Interactions8]) {
         InstructionSet::run(Add { ways, interactions8 });
     }
 
-    /// The diffuse, the specular and the whole light that arrives at a stop.
+    /// The diffuse term, the specular term and the contribution of the light at an interaction.
     pub(super) fn terms(&self, interactions8: &Interactions8, lane: usize) -> [Rgb; 3] {
         if self.lit >> lane & 1 == 0 {
             return [Rgb::BLACK; 3];

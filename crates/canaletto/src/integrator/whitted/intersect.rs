@@ -1,4 +1,4 @@
-//! What rays meet: the nearest surfaces, past holes, and past the surfaces of clear bodies that aren't there.
+//! Nearest surfaces of rays, past holes and past hidden surfaces of clear bodies.
 
 use super::interaction::{Encounter, Footprint, Interaction};
 use super::media::{self, Boundary, Media};
@@ -10,11 +10,12 @@ use crate::world::{Hit, MAX_STALLED, World, touching};
 use canaletto_bvh::Ray;
 use glam::DVec3;
 
-/// The most holes that a ray goes through; beyond them it meets what is around the next one.
+/// The most holes that a ray passes. After that many, the next hole counts as a surface.
 const MAX_HOLES: usize = 1 << 16;
 
 impl Whitted<'_> {
-    /// The nearest surfaces on the ways, past holes. Colours become what is seen where there is none.
+    /// Finds the nearest surface of each ray, past holes. A ray without a hit gets the environment's or background's
+    /// colour.
     pub(super) fn intersect<P: Probe>(&mut self, wave: &mut Wave, probe: &mut P) {
         let Wave { ways, colors, interactions, footprints, .. } = wave;
         let (world, time) = (self.world, self.time);
@@ -99,8 +100,9 @@ impl Whitted<'_> {
     }
 }
 
-/// What a way meets first that is there: past holes, and past surfaces of clear bodies where another one fills the place. `inside` are the bodies
-/// that it starts in, and `meets` the surface where it starts that it meets before `found`.
+/// The first visible surface of a ray: past holes, and past surfaces of clear bodies that another body hides. `inside`
+/// are the bodies that the ray starts in. `meets` is the coinciding surface at the ray's origin that comes before
+/// `found`.
 #[inline(never)]
 fn intersect_one<P: Probe>(
     world: &World,
@@ -114,7 +116,7 @@ fn intersect_one<P: Probe>(
     let mut stalled = 0;
     for passed in 0.. {
         let mut crossing = meets;
-        // A way that meets something where it starts meets it at t = 0.
+        // A coinciding surface at the origin has t = 0.
         let mut hit = media.crossing(meets).map(|crossing| Hit { t: 0.0, ..crossing.hit }).or(found)?;
         let material = world.material(&hit);
         let mut known = None;
@@ -144,7 +146,7 @@ fn intersect_one<P: Probe>(
             }
         }
         let material = world.material(&hit);
-        // Only textures and a probe ask for texture coordinates.
+        // Only textures and probes use texture coordinates.
         let is_bare = material.is_plain() && !P::ACTIVE;
         let mut surface = match known {
             Some(surface) if is_bare => surface,

@@ -1,16 +1,19 @@
-//! Which clear bodies a ray is inside, and what it crosses where faces coincide.
+//! The clear bodies that a ray is in, and the surfaces that it crosses where faces coincide.
 //!
-//! Each ray has a set of bodies that it is in; the one of them that [fills](Body::fills_before) the place is its medium. Sets are lists that
-//! share their tails, in an arena that grows with the tree of rays and shrinks with it.
+//! Each ray has a set of bodies that it is in. The medium of a ray is the body of the set that
+//! [fills](Body::fills_before) the place. Sets are lists that share their tails. They lie in an arena that grows and
+//! shrinks with the tree of rays.
 //!
-//! Where faces coincide, a ray first leaves bodies, then meets what is open or opaque, then enters bodies: between bodies and
-//! anything else there is a gap of no width. Where nothing stands in the gap there is none: a ray from one body into the next is bent once.
-//! Each of these surfaces is a stop of its own.
+//! Where faces coincide, a ray first leaves bodies, then hits open or opaque surfaces, then enters bodies. Between
+//! bodies and anything else there is a gap of zero width. Without anything in the gap there is no gap: a ray from one
+//! body into the next is refracted once. Each of these surfaces is an interaction of its own.
 //!
-//! What a ray meets has the last word about where it is. A shape is left by a ray that meets it from within, and hasn't been entered by one that
-//! meets it from outside, whatever the set says; nor by one that meets something else, if the shape isn't met from within later. Bodies
-//! are counted anew along the ray where rounding may have led past one of their faces: by an edge of a mesh, and where other faces go through the
-//! place. So no body stays in a set for longer than to the next surface.
+//! A hit overrides the set. A ray that hits a shape from inside was in it, and a ray that hits it from outside was not.
+//! A ray that hits something else is in a shape only if it hits the shape from inside later.
+//!
+//! Bodies are counted anew along the ray where rounding may have led past one of their faces. This happens by an edge
+//! of a mesh, and where other faces cross the place. A wrong body therefore stays in a set no longer than to the next
+//! surface.
 
 use crate::integrator::Probe;
 use crate::math::DRay;
@@ -20,87 +23,88 @@ use canaletto_bvh::Ray;
 use glam::DVec3;
 use std::cmp::Ordering;
 
-/// No set of bodies, or no crossing.
+/// The empty set of bodies, or no crossing.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// A crossing that is [`Media::simple`], to be told when a ray goes on.
+/// A crossing that [`Media::simple`] computes when a ray goes on.
 pub(super) const SIMPLE: u32 = NONE - 1;
 
-/// A body that a ray is in, and those that fill less.
+/// A body that a ray is in, with the rest of the set. The rest fills after it.
 #[derive(Clone, Copy)]
 struct Inside {
     body: Body,
-    /// How often; less than 0 where a ray has left a body that it wasn't in, as happens with meshes turned inside out.
+    /// How often the ray is in the body. It is negative where a ray has left a body that it wasn't in, as happens with
+    /// meshes turned inside out.
     count: i32,
-    /// Whether it is to be counted anew.
+    /// Whether the body is to be counted anew along the ray.
     doubtful: bool,
     /// The rest of the set.
     rest: u32,
 }
 
-/// How a ray is bent where it crosses a surface.
+/// The refraction of a ray where it crosses a surface.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Refraction {
-    /// Not at all: further surfaces of the same boundary follow.
+    /// No refraction: further surfaces of the boundary follow.
     Straight,
-    /// Between the surface's own η and this, which is on its outer side.
+    /// Refraction between the surface's own η and this η on its outer side.
     Outer(f64),
 }
 
-/// A surface that a ray may cross, and what follows.
+/// A surface that a ray may cross, and the surfaces that coincide with it.
 #[derive(Clone, Copy)]
 pub(super) struct Crossing {
     pub(super) hit: Hit,
     pub(super) refraction: Refraction,
-    /// The bodies that a ray beyond it is in.
+    /// The bodies of a ray beyond the surface.
     pub(super) beyond: u32,
-    /// The surface in the same place that a ray beyond it meets next, or [`NONE`].
+    /// The coinciding surface that a ray beyond this one crosses next, or [`NONE`].
     pub(super) next: u32,
-    /// The one that came before it, or [`NONE`].
+    /// The coinciding surface that came before this one, or [`NONE`].
     before: u32,
-    /// The one in the same place that a ray mirrored from it meets next, or [`NONE`].
+    /// The coinciding surface that a ray mirrored here crosses next, or [`NONE`].
     pub(super) back: u32,
-    /// Whether there is anything else in the same place.
+    /// Whether any surface coincides with this one.
     pub(super) touches: bool,
 }
 
 impl Crossing {
-    /// That of a surface at `hit`, on whose outer side η is `outer`, with nothing else in the same place.
+    /// The crossing of a surface at `hit` that nothing coincides with. `outer` is η on its outer side.
     fn alone(hit: Hit, outer: f64, beyond: u32) -> Crossing {
         let refraction = Refraction::Outer(outer);
         Crossing { hit, refraction, beyond, next: NONE, before: NONE, back: NONE, touches: false }
     }
 }
 
-/// The sets of bodies and the crossings of all rays under way.
+/// The sets of bodies and the crossings of all rays in flight.
 #[derive(Default)]
 pub(super) struct Media {
     inside: Vec<Inside>,
     crossings: Vec<Crossing>,
-    /// Where and when an eye was last, and the bodies around it, from those that fill most.
+    /// The last eye with its time. `around` are the bodies around it, those that fill first coming first.
     eye: Option<(DVec3, f32)>,
     around: Vec<(Body, i32)>,
-    /// Their set, if the arena holds it.
+    /// The set of these bodies, if the arena holds it.
     eye_set: Option<u32>,
     contacts: Vec<Contact>,
     scratch: Vec<Inside>,
 }
 
-/// How far the arena has grown.
+/// The size of the arena at some moment.
 #[derive(Clone, Copy)]
 pub(super) struct Mark(usize, usize);
 
-/// What a ray does where it meets something that is clear, or from within a body.
+/// The result of a ray's hit on a clear surface, or of a hit from inside a body.
 pub(super) enum Boundary {
-    /// It stops there, as at any surface.
+    /// An interaction as on any surface.
     Plain,
-    /// It stops at this crossing first.
+    /// An interaction at this crossing comes first.
     At(u32),
-    /// It goes on: another body fills the place. From then on it is in these.
+    /// No interaction, because another body fills the place. The ray goes on in these bodies.
     Hidden(u32),
 }
 
-/// A surface at a boundary while it is sorted.
+/// A surface at a boundary while its surfaces are sorted.
 #[derive(Clone, Copy)]
 struct BoundaryHit {
     hit: Hit,
@@ -110,7 +114,7 @@ struct BoundaryHit {
 }
 
 impl BoundaryHit {
-    /// The place in the order in which a ray meets what coincides.
+    /// The rank in the order in which a ray crosses coinciding surfaces.
     fn turn(&self) -> u32 {
         match (self.body, self.opaque, self.outside) {
             (Some(_), _, false) => 0,
@@ -133,7 +137,7 @@ impl Media {
         Mark(self.inside.len(), self.crossings.len())
     }
 
-    /// Forgets all that came after.
+    /// Removes all sets and crossings added after the mark.
     pub(super) fn release(&mut self, Mark(inside, crossings): Mark) {
         self.inside.truncate(inside);
         self.crossings.truncate(crossings);
@@ -144,7 +148,8 @@ impl Media {
         self.crossings.get(number as usize)
     }
 
-    /// The bodies that an eye is in; of more than `depth`, as many fill the place that a ray can leave.
+    /// The bodies that an eye is in. At most `depth` + 1 of them are kept, those that fill first: a ray can't leave
+    /// more.
     pub(super) fn around_eye(&mut self, world: &World, eye: DVec3, time: f32, depth: u32) -> u32 {
         if self.eye != Some((eye, time)) {
             (self.eye, self.eye_set) = (Some((eye, time)), None);
@@ -162,7 +167,7 @@ impl Media {
         set
     }
 
-    /// The body that fills the place where a ray in these bodies is.
+    /// The body of the set that fills the place.
     fn filling(&self, mut set: u32) -> Option<&Body> {
         while let Some(inside) = self.inside.get(set as usize) {
             if inside.count > 0 {
@@ -173,7 +178,7 @@ impl Media {
         None
     }
 
-    /// The one that would fill it without this one.
+    /// The body of the set that fills the place if `body` is left out.
     fn filling_besides(&self, mut set: u32, body: &Body) -> Option<&Body> {
         while let Some(inside) = self.inside.get(set as usize) {
             if inside.count > 0 && inside.body.id != body.id {
@@ -184,7 +189,7 @@ impl Media {
         None
     }
 
-    /// Its η; 1 outside of all bodies.
+    /// η of the body that fills the place; 1 outside of all bodies.
     pub(super) fn eta(&self, set: u32) -> f64 {
         self.filling(set).map_or(1.0, |body| f64::from(body.eta))
     }
@@ -199,7 +204,7 @@ impl Media {
         0
     }
 
-    /// The set with the body entered or left.
+    /// The set after a body is entered or left.
     fn changed(&mut self, set: u32, body: &Body, enters: bool) -> u32 {
         self.with(set, body, |count, doubtful| match (body.overlaps_itself, enters) {
             (false, _) => (i32::from(enters), doubtful),
@@ -208,7 +213,7 @@ impl Media {
         })
     }
 
-    /// The set with another count of a body, and whether that is doubtful.
+    /// The set with a changed entry of a body. `change` maps its count and doubt to new ones.
     fn with(&mut self, set: u32, body: &Body, change: impl FnOnce(i32, bool) -> (i32, bool)) -> u32 {
         self.scratch.clear();
         let (mut rest, mut before) = (set, (0, false));
@@ -239,7 +244,8 @@ impl Media {
         set
     }
 
-    /// The set without what a ray can't be in that meets a surface of `met`, if of any; `count` counts a body along the ray.
+    /// The set without bodies that the ray can't be in. `met` is the body whose surface the ray hits, if any, and
+    /// whether it hits the outer side. `count` counts a body along the ray.
     fn confirmed(&mut self, set: u32, met: Option<(&Body, bool)>, count: impl Fn(&Body) -> i32) -> u32 {
         let mut confirmed = set;
         let mut rest = set;
@@ -259,7 +265,8 @@ impl Media {
         }
     }
 
-    /// What becomes of a ray in the bodies of `set` whose line meets `surface` at `hit`. The set becomes what the ray is in for certain.
+    /// The boundary of a ray in the bodies of `set` whose line hits `surface` at `hit`. `set` becomes the set of bodies
+    /// that the ray is certainly in.
     pub(super) fn boundary<P: Probe>(
         &mut self,
         world: &World,
@@ -292,7 +299,7 @@ impl Media {
         } else {
             let others = contacts.iter().map(|contact| met(&contact.hit, contact.outside));
             let mut all: Vec<BoundaryHit> = std::iter::once(first).chain(others).collect();
-            // Sorting is stable: what was met first comes first.
+            // Sorting is stable: surfaces keep the order of their hits.
             all.sort_by_key(BoundaryHit::turn);
             self.together(&all, hit, *set, probe)
         };
@@ -300,8 +307,8 @@ impl Media {
         boundary
     }
 
-    /// Whether a ray in these bodies that meets something clear stops there, is in no other body and near to nothing else, so that [`Media::simple`]
-    /// tells what follows.
+    /// Whether a crossing is [`Media::simple`]: the ray stops at the clear surface, is in no other body, and nothing
+    /// else is near.
     pub(super) fn is_simple(&self, world: &World, line: &DRay, hit: &Hit, set: u32) -> bool {
         if world.may_touch(line, hit) {
             return false;
@@ -315,13 +322,13 @@ impl Media {
         only.body.id == body.id && (!is_mesh || world.side_of_mesh(line, hit) == Some(false))
     }
 
-    /// The crossing of a surface with nothing else near it by a ray that is in no other body.
+    /// The crossing of a surface with nothing near it, by a ray that is in no other body.
     pub(super) fn simple(&mut self, world: &World, hit: &Hit, outside: bool, set: u32) -> Crossing {
         let beyond = world.body(hit).map_or(set, |body| self.changed(set, &body, outside));
         Crossing::alone(*hit, 1.0, beyond)
     }
 
-    /// The bodies that a ray is in that is mirrored there.
+    /// The bodies of a ray that is mirrored at such a surface.
     pub(super) fn simple_inside(&mut self, world: &World, hit: &Hit, outside: bool, set: u32) -> u32 {
         match world.body(hit) {
             Some(body) if !body.overlaps_itself => self.with(set, &body, |_, _| (i32::from(!outside), false)),
@@ -329,7 +336,7 @@ impl Media {
         }
     }
 
-    /// A surface where nothing else is.
+    /// The boundary at a surface that nothing coincides with.
     fn alone<P: Probe>(&mut self, met: &BoundaryHit, set: u32, probe: &mut P) -> Boundary {
         if met.opaque {
             return Boundary::Plain;
@@ -346,8 +353,8 @@ impl Media {
         Boundary::At(self.push(Crossing::alone(met.hit, outer, beyond)))
     }
 
-    /// Whether the surface of a body isn't there: among the bodies of `set` another one fills the place, or a ray on its outer side is in
-    /// the same body still.
+    /// Whether a body's surface is hidden: another body of `set` fills the place, or a ray on its outer side is still
+    /// in this body.
     fn is_hidden(&self, body: &Body, set: u32, outer: u32) -> bool {
         self.filling_besides(set, body).is_some_and(|other| other.fills_before(body))
             || body.overlaps_itself && self.count(outer, body) > 0
@@ -358,7 +365,8 @@ impl Media {
         self.crossings.len() as u32 - 1
     }
 
-    /// Surfaces in the same place, in the order in which they are met; `first` is the one that a ray was found to meet.
+    /// The boundary of coinciding surfaces in the order in which the ray crosses them. `first` is the hit that the ray
+    /// query returned.
     fn together<P: Probe>(&mut self, all: &[BoundaryHit], first: &Hit, set: u32, probe: &mut P) -> Boundary {
         let opaque = all.iter().position(|met| met.opaque);
         let mut gap = set;
@@ -373,7 +381,7 @@ impl Media {
         }
         let mut seen = Vec::with_capacity(all.len());
         for (index, met) in all.iter().enumerate() {
-            // Nothing shows behind what is opaque, or beside it.
+            // Surfaces behind an opaque surface, or beside it, are not visible.
             if opaque.is_some_and(|opaque| index > opaque) {
                 break;
             }
@@ -415,7 +423,7 @@ impl Media {
         Boundary::At(base)
     }
 
-    /// What rays meet that are mirrored from the surfaces in a gap, back through those before them.
+    /// Adds the crossings of rays that are mirrored from surfaces in a gap, back through those before them.
     fn way_back(&mut self, base: u32, count: u32, [set, gap]: [u32; 2], eta_gap: f64) {
         let mut back = NONE;
         for number in base..base + count {
@@ -426,7 +434,7 @@ impl Media {
         }
     }
 
-    /// Calls `f` with each surface in the same place that a ray crossed before it came to this one.
+    /// Calls `f` with each coinciding surface that a ray crossed before this crossing.
     pub(super) fn for_before(&self, crossing: u32, mut f: impl FnMut(&Hit)) {
         let mut before = self.crossing(crossing).map_or(NONE, |crossing| crossing.before);
         while let Some(crossing) = self.crossing(before) {
@@ -436,14 +444,14 @@ impl Media {
     }
 }
 
-/// The bodies in the order in which they fill the place; as many as a ray can leave.
+/// The bodies in the order in which they fill the place, at most as many as a ray can leave.
 fn nearest_filling(mut around: Vec<(Body, i32)>, depth: u32) -> Vec<(Body, i32)> {
     around.sort_by(|(a, _), (b, _)| if a.fills_before(b) { Ordering::Less } else { Ordering::Greater });
     around.truncate(depth as usize + 1);
     around
 }
 
-/// The bodies that are left, or those that are entered.
+/// The bodies that are entered, or those that are left.
 fn sides(all: &[BoundaryHit], entered: bool) -> impl Iterator<Item = &Body> {
     all.iter().filter(move |met| met.outside == entered).filter_map(|met| met.body.as_ref())
 }

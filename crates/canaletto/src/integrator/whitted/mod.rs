@@ -1,13 +1,14 @@
-//! The chapter's recursive ray tracing (box 5.8; Whitted 1980): `trace` finds the nearest surfaces, `shade` sums
+//! The chapter's recursive ray tracing (box 5.8; Whitted 1980). `trace` finds the nearest surfaces. `shade` sums
 //! (5.39b) there and calls `trace` for mirrors and clear bodies.
 //!
-//! Rays go in bundles: those of neighbouring samples are traced together, then their shadow rays to one point of light,
-//! then those from their mirrors, then those into their clear bodies. A bundle of one ray takes the steps of the chapter's
-//! recursion in the chapter's order, which is what a probe watches; the rays of a larger one take the same steps side by side.
+//! Rays are traced in batches. The rays of neighbouring samples are traced together, then their shadow rays to one
+//! light point, then the mirrored rays, then the refracted rays. A batch of one ray takes the steps of the chapter's
+//! recursion in the chapter's order; a probe observes such a batch. The rays of a larger batch take these steps side by
+//! side.
 //!
-//! Deviations, from `chapter-decisions`: the normal faces the viewer; a shadow ray passes clear surfaces by their
-//! 1 − o; beyond the critical angle the reflected ray inside carries 1 − o. Products and sums that overflow stay at the
-//! largest number ([`Rgb::saturated`]), so that no colour is ever infinite or NaN.
+//! Deviations from the chapter: the normal faces the viewer; a shadow ray passes clear surfaces by their 1 − o; beyond
+//! the critical angle the reflected ray inside carries 1 − o. Products and sums that overflow stay at the largest
+//! number ([`Rgb::saturated`]), so no colour is infinite or NaN.
 
 mod direct;
 mod interaction;
@@ -35,53 +36,53 @@ pub struct Whitted<'w> {
     settings: IntegratorSettings,
     /// The rays traced so far.
     pub counts: RayCounts,
-    /// Asked now and then whether to give up.
+    /// Called at intervals with the number of rays traced; returns whether to cancel.
     cancelled: Option<&'w (dyn Fn(u64) -> bool + Sync)>,
-    /// Whether it said so: from then on no child ray is followed, and colours are worth nothing.
+    /// Whether `cancelled` returned true. No child ray is followed after that, and colours are meaningless.
     cancelled_early: bool,
-    /// Rays until it is asked again.
+    /// The number of rays left before the next call of `cancelled`.
     rays_until_poll: u32,
-    /// What stood in each light's way last.
+    /// The last occluder of each light.
     occluders: Vec<OccluderCache>,
-    /// Where random numbers come from.
+    /// The source of random numbers.
     sample: Sample,
-    /// When it is, from the shutter's opening at 0 to its closing at 1.
+    /// The time of the sample, from 0 (the shutter opens) to 1 (it closes).
     time: f32,
-    /// The world's lights at that time; empty if none of them moves.
+    /// The world's lights at that time; empty if no light moves.
     lights: Vec<PreparedLight>,
-    /// Rays from the eye that have not been traced.
+    /// Camera rays that wait to be traced.
     pending: Wave,
-    /// What is asked of the world.
+    /// The rays of the current query and its results.
     bundle: RayBundle,
-    /// What the rays of the last stops meet.
+    /// The inputs of surface evaluation for the last interactions.
     surface_inputs: SurfaceInputs8,
-    /// Shadow rays through what is clear, kept likewise.
+    /// Shadow rays that cross clear surfaces.
     shadow_rays: ShadowRays,
-    /// Memory of bundles that have been shaded.
+    /// Waves whose memory can be reused.
     spare: Vec<Wave>,
-    /// Memory for lights.
+    /// Buffers for direct lighting.
     lighting: Lighting,
-    /// The bodies that rays are in.
+    /// The media that rays are in.
     media: Media,
 }
 
-/// Rays that are traced together, and where they are met.
+/// Rays that are traced together, with their interactions.
 #[derive(Default)]
 struct Wave {
     ways: RayBatch,
-    /// For each of them, the stop of the generation before that it comes from.
+    /// For each ray, the interaction of the parent wave that it leaves.
     parents: Vec<u32>,
-    /// What they bring.
+    /// The colour of each ray.
     colors: Vec<Rgb>,
     interactions: Interactions,
-    /// Of each stop, if its way spreads.
+    /// The footprint at each interaction, if rays have differentials.
     footprints: Vec<Footprint>,
 }
 
-/// How many rays from the eye and child rays are followed before somebody is asked whether they are still wanted.
+/// The number of camera rays and child rays between two calls of the cancel callback.
 const RAYS_PER_POLL: u32 = 4096;
 
-/// The most rays from the eye that are traced together: their stops should stay in the nearer caches.
+/// The most camera rays that are traced together. Their interactions should fit the nearer caches.
 pub(crate) const BUNDLE: usize = 256;
 
 impl<'w> Whitted<'w> {
@@ -108,24 +109,26 @@ impl<'w> Whitted<'w> {
         }
     }
 
-    /// The same integrator, which asks now and then, with the rays traced so far, whether to give up: a single pixel between mirrors and clear bodies
-    /// can take longer than anybody waits, since every level of its tree may double the rays.
+    /// Returns this integrator with a callback that can cancel it.
+    ///
+    /// The callback gets the number of rays traced so far and returns whether to cancel. Each level of a ray tree may
+    /// double the rays, so a single pixel between mirrors and clear bodies can take very long.
     pub fn with_cancel(self, cancelled: &'w (dyn Fn(u64) -> bool + Sync)) -> Whitted<'w> {
         Whitted { cancelled: Some(cancelled), ..self }
     }
 
-    /// Whether it gave up. The colours that it returned since are worth nothing.
+    /// Whether the callback cancelled the integrator. Colours returned since then are meaningless.
     pub fn cancelled_early(&self) -> bool {
         self.cancelled_early
     }
 
-    /// The world it traces.
+    /// The world that this integrator traces.
     pub fn world(&self) -> &'w World {
         self.world
     }
 
-    /// Begins a sample of a pixel: where random numbers come from until the next one, and when it is, from the shutter's
-    /// opening at 0 to its closing at 1.
+    /// Begins a sample of a pixel. `sample` supplies random numbers until the next sample. `time` runs from 0 (the
+    /// shutter opens) to 1 (it closes).
     #[inline]
     pub fn begin(&mut self, sample: Sample, time: f32) {
         self.sample = sample;
@@ -135,8 +138,8 @@ impl<'w> Whitted<'w> {
         }
     }
 
-    /// The colour that an eye ray brings. `differential` is how it changes to the neighbouring samples, if the world
-    /// [wants](World::needs_differentials) to know.
+    /// The colour along a camera ray. `differential` is the ray differential to the neighbouring samples; it is needed
+    /// if [`World::needs_differentials`] returns true.
     pub fn eye<P: Probe>(
         &mut self,
         line: impl Into<DRay>,
@@ -147,8 +150,9 @@ impl<'w> Whitted<'w> {
         self.trace_pending(probe)[0]
     }
 
-    /// Lets rays from the eye wait for others of their time, of which the last ones should go nearly the same way. There are as many
-    /// `samples` as `lines`, and `differentials`, unless nothing wants to know them; they are as for [`Whitted::eye`].
+    /// Adds camera rays to the batch that waits to be traced. All of them have one time; successive rays should have
+    /// nearly equal directions. There are as many `samples` as `lines`. There are as many `differentials` too, unless
+    /// nothing uses them. Each is as for [`Whitted::eye`].
     pub(crate) fn push_camera_rays(
         &mut self,
         lines: &[DRay],
@@ -159,13 +163,13 @@ impl<'w> Whitted<'w> {
         self.pending.ways.push_camera_rays(lines, samples, differentials);
     }
 
-    /// Whether as many wait as are best traced together.
+    /// Whether the batch of waiting rays has reached its best size.
     #[inline]
     pub(crate) fn is_full(&self) -> bool {
         self.pending.ways.len() >= BUNDLE
     }
 
-    /// The colours that the waiting rays bring.
+    /// Traces the waiting rays and returns their colours.
     pub(crate) fn trace_pending<P: Probe>(&mut self, probe: &mut P) -> &[Rgb] {
         if self.pending.ways.is_empty() {
             return &[];
@@ -183,7 +187,7 @@ impl<'w> Whitted<'w> {
         &self.pending.colors
     }
 
-    /// An empty one.
+    /// An empty wave.
     fn wave(&mut self) -> Wave {
         let mut wave = self.spare.pop().unwrap_or_default();
         wave.ways.clear();
@@ -191,7 +195,8 @@ impl<'w> Whitted<'w> {
         wave
     }
 
-    /// Box 5.8, `trace`: the colours of the nearest surfaces, or the background. With a probe there is one ray.
+    /// Box 5.8, `trace`: sets the colours to those of the nearest surfaces, or to the background. With an active probe
+    /// there is one ray.
     fn trace<P: Probe>(&mut self, wave: &mut Wave, probe: &mut P) {
         debug_assert!(!P::ACTIVE || wave.ways.len() == 1);
         self.intersect(wave, probe);
@@ -213,10 +218,10 @@ impl<'w> Whitted<'w> {
         }
     }
 
-    /// Box 5.8, `shade`: (5.39b), as far as the stage goes.
+    /// Box 5.8, `shade`: (5.39b), up to the stage of the settings.
     fn shade<P: Probe>(&mut self, wave: &mut Wave, probe: &mut P) {
         let stage = self.settings.stage;
-        // Under an opaque print nothing is seen of the rest.
+        // An opaque overlay hides the rest of the surface.
         let seen = |interaction: &&mut Interaction| interaction.is_seen();
         if stage == Stage::Unlit {
             for interaction in wave.interactions.all_mut().iter_mut().filter(seen) {
@@ -244,7 +249,7 @@ impl<'w> Whitted<'w> {
         }
     }
 
-    /// Asks now and then whether to give up; before this many rays.
+    /// Counts `rays` towards the next call of the cancel callback, and calls it when it is due.
     #[inline]
     fn poll(&mut self, rays: u32) {
         if let Some(rays_until_poll) = self.rays_until_poll.checked_sub(rays) {

@@ -1,4 +1,4 @@
-//! Rays on their way.
+//! Batches of rays and the path state of each ray.
 
 use super::media;
 use crate::integrator::{RayCounts, RayKind};
@@ -6,42 +6,42 @@ use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::{Dimension, Sample};
 use canaletto_bvh::Ray;
 
-/// Uses of random numbers at a hit.
+/// Numbers of the uses of random numbers at a hit.
 pub(super) mod uses {
-    /// The facets of rough surfaces, and the rays from there.
+    /// The microfacets of rough surfaces, and the rays that leave them.
     pub(in super::super) const MIRROR_FACET: u32 = 1;
     pub(in super::super) const CLEAR_FACET: u32 = 2;
     pub(in super::super) const REFLECTED: u32 = 3;
     pub(in super::super) const REFRACTED: u32 = 4;
     pub(in super::super) const PASSED: u32 = 5;
     pub(in super::super) const EYE: u32 = 6;
-    /// The first light; each has a use of its own.
+    /// The first light; each light has a use of its own.
     pub(in super::super) const LIGHTS: u32 = 8;
 }
 
 /// A ray to be traced.
 pub(super) struct RayState {
     pub(super) ray: Ray,
-    /// The ray before it was rounded and moved off the surface that it left.
+    /// The ray in `f64`, before rounding and before the offset off the surface that it left.
     pub(super) line: DRay,
     pub(super) path_state: PathState,
-    /// Where random numbers come from.
+    /// The source of random numbers.
     pub(super) sample: Sample,
-    /// How it spreads, if anything wants to know.
+    /// The ray differential, if anything uses it.
     pub(super) differential: Option<RayDifferential>,
 }
 
-/// Rays to be traced together, side by side.
+/// Rays that are traced together, as a structure of arrays.
 #[derive(Default)]
 pub(super) struct RayBatch {
     pub(super) rays: Vec<Ray>,
     pub(super) lines: Vec<DRay>,
-    /// None if all of them come from the eye.
+    /// Empty if all rays are camera rays.
     path_states: Vec<PathState>,
     samples: Vec<Sample>,
-    /// None if nothing wants to know.
+    /// Empty if nothing uses differentials.
     differentials: Vec<RayDifferential>,
-    /// The bodies that the eye is in; none if it is in none.
+    /// The bodies that each eye is in; empty if no eye is in a body.
     around: Vec<u32>,
 }
 
@@ -74,7 +74,7 @@ impl RayBatch {
         self.differentials.extend(differential);
     }
 
-    /// Adds rays from the eye.
+    /// Adds camera rays.
     #[inline]
     pub(super) fn push_camera_rays(
         &mut self,
@@ -88,7 +88,7 @@ impl RayBatch {
         self.differentials.extend(differentials);
     }
 
-    /// Takes the bodies that each eye is in, as `set` says.
+    /// Sets the bodies that each eye is in to the results of `set`.
     pub(super) fn set_around(&mut self, mut set: impl FnMut(&DRay) -> u32) {
         let mut last = None;
         for (index, line) in self.lines.iter().enumerate() {
@@ -110,7 +110,7 @@ impl RayBatch {
         self.path_states.get(way).copied().unwrap_or_else(|| PathState { inside: around(), ..PathState::EYE })
     }
 
-    /// The bodies that a ray is in, and the surface where it starts that it meets first.
+    /// The bodies that a ray is in, and the first surface that it crosses at its origin.
     #[inline]
     pub(super) fn start_of(&self, way: usize) -> [u32; 2] {
         let PathState { inside, meets, .. } = self.path_state(way);
@@ -127,7 +127,7 @@ impl RayBatch {
         self.differentials.get(way)
     }
 
-    /// Counts the rays by kind, and those that stopped.
+    /// Counts the rays by kind, and as hits those that `stopped` lists.
     pub(super) fn count(&self, stopped: impl ExactSizeIterator<Item = usize>, counts: &mut RayCounts) {
         if self.path_states.is_empty() {
             counts.eye.traced += self.len() as u64;
@@ -143,27 +143,27 @@ impl RayBatch {
     }
 }
 
-/// Where a ray stands in the ray tree.
+/// The state of a ray in the ray tree.
 #[derive(Clone, Copy)]
 pub(super) struct PathState {
     pub(super) kind: RayKind,
     pub(super) depth: u32,
-    /// What the ray's colour is multiplied with in its parent.
+    /// The factor of the ray's colour in the sum of its parent.
     pub(super) attenuation: Rgb,
-    /// The product of all factors from the eye.
+    /// The product of all attenuations from the eye.
     pub(super) throughput: Rgb,
-    /// How often it went on past a surface that is there in part.
+    /// The number of surfaces of partial coverage that the path has passed.
     pub(super) passed: u32,
-    /// What keeps random numbers here apart from those elsewhere in the tree.
+    /// The dimension that separates the random numbers here from those elsewhere in the tree.
     pub(super) place: Dimension,
-    /// The bodies that it is in.
+    /// The bodies that the ray is in.
     pub(super) inside: u32,
-    /// The surface where it starts that it meets before any other.
+    /// The coinciding surface at the ray's origin that it crosses before any other surface.
     pub(super) meets: u32,
 }
 
 impl PathState {
-    /// A ray from the eye's.
+    /// The state of a camera ray.
     pub(super) const EYE: PathState = PathState {
         kind: RayKind::Eye,
         depth: 1,

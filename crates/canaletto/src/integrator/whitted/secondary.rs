@@ -1,4 +1,4 @@
-//! The rays that go on from where others stop: mirrored, refracted, past what is there in part.
+//! Secondary rays: mirrored rays, refracted rays, and rays past surfaces of partial coverage.
 
 use super::interaction::{Footprint, InteractionRef};
 use super::media::{Crossing, NONE, Refraction, SIMPLE};
@@ -9,11 +9,11 @@ use crate::material::{reflect, reflect_into_hemisphere, refract, sample_ggx_vndf
 use crate::math::{RayDifferential, Rgb};
 use glam::{DMat3, DVec3};
 
-/// How often a ray and its children go on past surfaces that are there in part.
+/// The most surfaces of partial coverage that a path passes.
 const MAX_PASSED: u32 = 64;
 
 impl Whitted<'_> {
-    /// Adds what comes along the mirrored directions.
+    /// Adds the light along the mirrored directions.
     pub(super) fn reflect<P: Probe>(&mut self, wave: &mut Wave, probe: &mut P) {
         self.follow(wave, probe, |whitted, ways, at, footprint, probe| {
             if !at.interaction.is_seen() || !at.interaction.material.is_mirror() {
@@ -34,7 +34,7 @@ impl Whitted<'_> {
         });
     }
 
-    /// Adds what comes through clear bodies.
+    /// Adds the light through clear bodies.
     pub(super) fn refract<P: Probe>(&mut self, wave: &mut Wave, probe: &mut P) {
         self.follow(wave, probe, |whitted, ways, at, footprint, probe| {
             if !at.interaction.is_seen() || !at.interaction.material.is_clear() {
@@ -82,7 +82,7 @@ impl Whitted<'_> {
         });
     }
 
-    /// The colours of surfaces that are there in part only, and of what is behind them.
+    /// Scales the colours of surfaces with partial coverage, and adds the light from behind them.
     pub(super) fn pass<P: Probe>(&mut self, wave: &mut Wave, probe: &mut P) {
         let mut any = false;
         for interaction in
@@ -105,7 +105,7 @@ impl Whitted<'_> {
                 probe.cut(RayKind::Passed, attenuation);
                 return None;
             }
-            // The way goes on as if nothing were there: it is no deeper than before.
+            // The ray continues unchanged, so its depth is that of its parent.
             let parent = PathState { depth: parent.depth - 1, ..parent };
             let path_state = whitted.child(parent, RayKind::Passed, attenuation, probe)?;
             let path_state = match whitted.media.crossing(at.interaction.crossing) {
@@ -123,7 +123,8 @@ impl Whitted<'_> {
         }
     }
 
-    /// Traces the ways that `child` finds at some of the stops, and adds what they bring to the stops' colours.
+    /// Traces the rays that `child` returns for some of the interactions, and adds their light to the interactions'
+    /// colours.
     fn follow<P: Probe>(
         &mut self,
         wave: &mut Wave,
@@ -150,12 +151,13 @@ impl Whitted<'_> {
         self.media.release(mark);
     }
 
-    /// The branch of the way that stops here, in the bodies that it is in now; a child of it meets nothing at once.
+    /// The path state of the ray that hit the interaction, with the bodies there. A child of it meets no coinciding
+    /// surface.
     fn parent(&self, at: &InteractionRef, ways: &RayBatch) -> PathState {
         PathState { inside: at.interaction.inside, meets: NONE, ..ways.path_state(at.interaction.way()) }
     }
 
-    /// The bodies that a ray is in that stays on its side of the surface.
+    /// The bodies of a ray that stays on its side of the surface.
     fn inside(&mut self, at: &InteractionRef) -> u32 {
         match at.interaction.crossing {
             SIMPLE => self.media.simple_inside(self.world, &at.interaction.hit, at.outside(), at.interaction.inside),
@@ -163,7 +165,7 @@ impl Whitted<'_> {
         }
     }
 
-    /// The branch of a child ray, unless depth or weight ends the tree here.
+    /// The path state of a child ray, unless depth or weight ends the tree here.
     fn child<P: Probe>(
         &mut self,
         parent: PathState,
@@ -190,7 +192,7 @@ impl Whitted<'_> {
     }
 }
 
-/// The way of a child ray.
+/// A child ray that leaves the interaction.
 fn child_ray(
     at: &InteractionRef,
     ways: &RayBatch,
@@ -202,7 +204,7 @@ fn child_ray(
     RayState { ray: at.start(&line), line, path_state, sample: *ways.sample(at.interaction.way()), differential }
 }
 
-/// The normal of the facet that a ray leaves, chosen at random, if the surface is rough.
+/// The normal of a random microfacet, if the surface is rough.
 fn microfacet(at: &InteractionRef, ways: &RayBatch, use_of: u32) -> Option<DVec3> {
     let roughness = at.interaction.material.phong.roughness;
     if roughness == 0.0 {
@@ -213,13 +215,14 @@ fn microfacet(at: &InteractionRef, ways: &RayBatch, use_of: u32) -> Option<DVec3
     Some(sample_ggx_vndf(at.wo(), normal, f64::from(roughness), ways.sample(at.interaction.way()).two(place)))
 }
 
-/// A mirrored direction that stays above the surface: where an interpolated normal would send it below, the geometric
+/// A mirrored direction that stays above the surface. Where an interpolated normal would send it below, the geometric
 /// normal mirrors instead.
 fn above(direction: DVec3, at: &InteractionRef) -> DVec3 {
     if direction.dot(at.facing()) > 0.0 { direction } else { reflect(at.wo(), at.facing()) }
 }
 
-/// A refracted direction that goes below the surface, likewise.
+/// A refracted direction that stays below the surface. Where an interpolated normal would send it above, the geometric
+/// normal refracts instead.
 fn below(direction: DVec3, at: &InteractionRef, eta_ratio: f64) -> DVec3 {
     if direction.dot(at.facing()) < 0.0 {
         direction
@@ -228,7 +231,7 @@ fn below(direction: DVec3, at: &InteractionRef, eta_ratio: f64) -> DVec3 {
     }
 }
 
-/// How the ray that [`above`] gives spreads.
+/// The differential of the ray in the direction of [`above`].
 fn differential_above(at: &InteractionRef, footprint: Option<&Footprint>) -> Option<RayDifferential> {
     let footprint = footprint?;
     let stays = at.mirrored().dot(at.facing()) > 0.0;
@@ -237,7 +240,7 @@ fn differential_above(at: &InteractionRef, footprint: Option<&Footprint>) -> Opt
     Some(footprint.differential.reflected(footprint.step, -at.wo(), normal, &shape_operator))
 }
 
-/// How the ray that [`below`] gives spreads.
+/// The differential of the ray in the direction of [`below`].
 fn differential_below(at: &InteractionRef, footprint: Option<&Footprint>, eta_ratio: f64) -> Option<RayDifferential> {
     let footprint = footprint?;
     let stays = refract(at.wo(), at.normal(), eta_ratio).is_some_and(|direction| direction.dot(at.facing()) < 0.0);

@@ -1,11 +1,11 @@
-//! Which bodies rays are in, step by step.
+//! Tests of the sets of bodies, step by step.
 
 use super::*;
 
 const WATER: Body = Body::example(0, 1.33, 0.0, 8.0, false);
 const GLASS: Body = Body::example(1, 1.5, 0.0, 1.0, false);
 const MESH: Body = Body::example(2, 1.7, 0.0, 2.0, true);
-/// Larger than the others, but it fills first.
+/// The body is larger than the others, but fills first.
 const FIRST: Body = Body::example(3, 2.4, 1.0, 99.0, false);
 
 fn entered(media: &mut Media, bodies: &[&Body]) -> u32 {
@@ -47,7 +47,7 @@ fn a_shape_is_in_a_set_once_a_mesh_as_often_as_it_was_entered() {
     assert_eq!((media.count(set, &GLASS), media.count(set, &MESH)), (1, 2));
     let set = left(media, set, [&GLASS, &GLASS]);
     assert_eq!(media.count(set, &GLASS), 0);
-    // Inside out: left first.
+    // Inside out: the body is left first.
     let mut set = NONE;
     for (enters, count) in [(false, -1), (true, 0), (true, 1), (false, 0)] {
         set = media.changed(set, &MESH, enters);
@@ -72,7 +72,7 @@ fn what_is_met_tells_where_a_ray_is() {
     let media = &mut Media::default();
     let set = entered(media, &[&WATER, &GLASS]);
     let never = |_: &Body| -> i32 { panic!("nothing is in doubt") };
-    // From within and from outside; where it has been left behind; where it goes on.
+    // From inside and from outside; left behind; ahead.
     let only = entered(media, &[&GLASS]);
     assert_eq!(media.confirmed(only, Some((&GLASS, false)), never), only);
     assert_eq!(media.confirmed(only, Some((&GLASS, true)), never), NONE);
@@ -100,7 +100,7 @@ fn met(primitive: u32, body: Option<Body>, outside: bool, opaque: bool) -> Bound
     BoundaryHit { hit: Hit { primitive, ..Hit::before(1.0, 0.0) }, body, outside, opaque }
 }
 
-/// The surfaces that a ray in `set` meets of those in one place, and the η around them.
+/// The coinciding surfaces that a ray in `set` crosses, with η on both sides of each.
 fn row(media: &mut Media, mut all: Vec<BoundaryHit>, set: u32) -> (Vec<(u32, Option<f64>)>, u32) {
     let first = all[0].hit;
     all.sort_by_key(BoundaryHit::turn);
@@ -151,7 +151,7 @@ fn two_halves_of_a_mesh_are_one() {
         let set = entered(media, &[&MESH]);
         let mut sorted = all.to_vec();
         sorted.sort_by_key(BoundaryHit::turn);
-        // The faces are there: between them is nothing, and a ray is bent by neither.
+        // The faces are present. Nothing lies between them, and neither refracts the ray.
         let boundary = media.together(&sorted, &all[0].hit, set, &mut ());
         let beyond = match boundary {
             Boundary::Hidden(beyond) => beyond,
