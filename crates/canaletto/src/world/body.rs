@@ -60,7 +60,7 @@ impl Material {
     }
 }
 
-/// Directions in which scenes hardly have axes or faces.
+/// Directions that axes and faces of scenes hardly have.
 const ODD_DIRECTIONS: [Vec3; 3] =
     [Vec3::new(0.3743, 0.8129, 0.4461), Vec3::new(-0.7219, 0.2917, 0.6276), Vec3::new(0.5417, -0.3371, -0.7702)];
 

@@ -1,8 +1,9 @@
-//! Many rays at once: the same questions as for one, with the same answers bit for bit.
+//! Queries for batches of rays. Results equal those for single rays bit for bit.
 //!
-//! A world of few instances hands each of them all groups of rays that may meet it, and a mesh, a cloud or many shapes send them through
-//! their tree in packets. Rays are asked about one by one in a world of many or of groups, and for what stands in a light's way where of more than a
-//! few primitives some may be clear.
+//! In a world of few instances, each instance is tested with all groups of rays that may hit it. A mesh, a cloud or a
+//! geometry of many shapes sends them through its tree in packets. In a world of many instances or of groups, rays are
+//! traced one by one. Shadow rays are traced one by one, too, at a geometry of more than a few primitives of which some
+//! may be clear.
 
 use super::World;
 use super::geometry::Geometry;
@@ -17,29 +18,29 @@ use canaletto_bvh::{Aabb, PreparedRay, PrimitiveHit, Ray};
 use glam::Vec3;
 use std::ops::Range;
 
-/// The most instances that are each handed all rays.
+/// The most instances that are each tested with all rays.
 pub(super) const FEW: usize = 8;
 
-/// The fewest primitives for which rays go together.
+/// The fewest primitives that are tested with packets.
 const MANY: usize = 32;
 
-/// The fewest rays that go together.
+/// The fewest rays that form packets.
 const TOGETHER: usize = 8;
 
-/// Rays that are asked about together, of which neighbours go nearly the same way, and the answers.
+/// A batch of rays of one query, and the results. Neighbouring rays should be nearly parallel.
 #[derive(Debug, Default)]
 pub struct RayBundle {
     rays: Rays,
-    /// Up to where each counts.
+    /// The `t_max` of each ray.
     t_max: Vec<f32>,
-    /// What each met, by [`World::intersect_bundle`].
+    /// The hit of each ray, by [`World::intersect_bundle`].
     nearest: Vec<Hit>,
-    /// What stands in each one's way, by [`World::occlusion_batch`].
+    /// The occlusion of each ray, by [`World::occlusion_batch`].
     occlusion: Vec<Occlusion>,
     /// The rays in an instance's space.
     local: Rays,
     packet_bounds: Vec<PacketBounds>,
-    /// What a geometry answers.
+    /// The results of one geometry.
     found: Vec<PrimitiveHit>,
     open: Vec<f32>,
 }
@@ -48,9 +49,9 @@ pub struct RayBundle {
 #[derive(Debug, Default)]
 struct Rays {
     rays: Vec<Ray>,
-    /// Some of them, as somebody wanted them last.
+    /// Prepared rays of the range `ready`.
     prepared: Vec<PreparedRay>,
-    /// Which.
+    /// The range of the rays in `prepared`.
     ready: Range<usize>,
 }
 
@@ -61,11 +62,11 @@ impl Rays {
     }
 }
 
-/// Some rays of a list.
+/// A range of rays of a list.
 pub(super) struct RayRange<'a> {
     all: &'a mut Rays,
     range: Range<usize>,
-    /// What their groups lie between, in the space where they are, if anybody knows.
+    /// The bounds of their groups in the rays' space; empty if unknown.
     packet_bounds: &'a [PacketBounds],
 }
 
@@ -85,7 +86,7 @@ impl RayRange<'_> {
         &prepared[range.start - ready.start..range.end - ready.start]
     }
 
-    /// [`for_runs`] of the groups of these rays, if they are known.
+    /// Calls [`for_runs`] on the groups of these rays. If their bounds are unknown, there is one run of all rays.
     pub(super) fn for_runs(&self, bounds: &Aabb, mut f: impl FnMut(Range<usize>)) {
         match self.packet_bounds {
             [] => f(0..self.range.len()),
@@ -94,7 +95,7 @@ impl RayRange<'_> {
     }
 }
 
-/// Calls `f` for each run of groups that a box isn't surely missed by, with the places of their rays.
+/// Calls `f` with each run of groups that may hit a box, as the range of their rays.
 fn for_runs(packet_bounds: &[PacketBounds], rays: usize, bounds: &Aabb, mut f: impl FnMut(Range<usize>)) {
     let mut start = None;
     for (index, packet_bounds) in packet_bounds.iter().enumerate() {
@@ -112,7 +113,7 @@ fn for_runs(packet_bounds: &[PacketBounds], rays: usize, bounds: &Aabb, mut f: i
     }
 }
 
-/// Sets those of `t_max` to −∞ whose rays are `blocked` at or before; that is asked for the ray of a number.
+/// Sets `t_max` to −∞ for each ray that `blocked` reports blocked at or before it. `blocked` gets the ray's index.
 #[inline]
 pub(super) fn end<R>(rays: &[R], t_max: &mut [f32], mut blocked: impl FnMut(usize, &R, f32) -> bool) {
     for (index, (ray, t_max)) in rays.iter().zip(t_max).enumerate() {
@@ -123,33 +124,33 @@ pub(super) fn end<R>(rays: &[R], t_max: &mut [f32], mut blocked: impl FnMut(usiz
 }
 
 impl RayBundle {
-    /// Forgets all rays.
+    /// Removes all rays.
     pub fn clear(&mut self) {
         self.rays.clear();
         self.t_max.clear();
     }
 
-    /// Forgets all rays, and has these, each of which counts up to `t_max`.
+    /// Replaces the rays. Each has this `t_max`.
     pub fn set(&mut self, rays: &[Ray], t_max: f32) {
         self.clear();
         self.rays.rays.extend_from_slice(rays);
         self.t_max.resize(rays.len(), t_max);
     }
 
-    /// Adds a ray that counts up to `t_max`.
+    /// Adds a ray with its `t_max`.
     #[inline]
     pub fn push(&mut self, ray: Ray, t_max: f32) {
         self.rays.rays.push(ray);
         self.t_max.push(t_max);
     }
 
-    /// Adds those of eight rays whose bit is set, each up to its `t_max`.
+    /// Adds those of eight rays whose bit is set, each with its `t_max`.
     #[inline]
     pub(crate) fn push_some(&mut self, bits: u32, origins: &Vec3x8, directions: &Vec3x8, t_max: &[f32; SURFACES]) {
         if bits == 0 {
             return;
         }
-        // Each is written, and the next one over it if it doesn't count: no branch that a processor would guess wrong.
+        // Each ray is written, and the next one overwrites it if its bit isn't set. There is no branch to mispredict.
         let mut end = self.t_max.len();
         self.rays.rays.resize(end + SURFACES, Ray { origin: Vec3::ZERO, direction: Vec3::ZERO });
         self.t_max.resize(end + SURFACES, 0.0);
@@ -162,31 +163,31 @@ impl RayBundle {
         self.t_max.truncate(end);
     }
 
-    /// Whether there is no ray.
+    /// Whether the batch has no rays.
     pub fn is_empty(&self) -> bool {
         self.t_max.is_empty()
     }
 
-    /// How many rays there are.
+    /// The number of rays.
     #[inline]
     pub fn len(&self) -> usize {
         self.t_max.len()
     }
 
-    /// Ray number `index`, and up to where it counts.
+    /// The ray at `index` and its `t_max`.
     #[inline]
     pub fn ray(&self, index: usize) -> (Ray, f32) {
         (self.rays.rays[index], self.t_max[index])
     }
 
-    /// What ray number `index` met, if [`World::intersect_bundle`] was asked.
+    /// The hit of the ray at `index`, after [`World::intersect_bundle`].
     #[inline]
     pub fn hit(&self, index: usize) -> Option<Hit> {
         self.nearest[index].real()
     }
 
-    /// Leaves only those rays that `goes_on` says, which is asked with the place of each, the ray, up to where it counts, and what it met; it may
-    /// change the first two.
+    /// Keeps the rays for which `goes_on` returns true. It gets the index of a ray, the ray, its `t_max` and its hit,
+    /// and may change the ray and its `t_max`.
     pub(super) fn retain(&mut self, mut goes_on: impl FnMut(usize, &mut Ray, &mut f32, Option<Hit>) -> bool) {
         let Self { rays, t_max, nearest, .. } = self;
         let mut left = 0;
@@ -202,7 +203,7 @@ impl RayBundle {
         t_max.truncate(left);
     }
 
-    /// What stands in the way of ray number `index`, if [`World::occlusion_batch`] was asked.
+    /// The occlusion of the ray at `index`, after [`World::occlusion_batch`].
     #[inline]
     pub fn occlusion(&self, index: usize) -> Occlusion {
         self.occlusion[index]
@@ -210,12 +211,13 @@ impl RayBundle {
 }
 
 impl World {
-    /// [`World::intersect_at`] for each ray of a bundle; [`RayBundle::hit`] tells.
+    /// [`World::intersect_at`] for each ray of a batch. [`RayBundle::hit`] returns the results.
     pub fn intersect_bundle(&self, bundle: &mut RayBundle, time: f32) {
         self.intersect_bundle_with(bundle, time, |ray, t_max| self.intersect_at(ray, t_max, time), |_| true);
     }
 
-    /// The same with those instances only that `counts` says, for whoever asks for each of a few; else by asking for the nearest that `one` ray meets.
+    /// [`World::intersect_bundle`] on few instances, restricted to those for which `counts` returns true. Otherwise
+    /// `one` finds the nearest hit of each ray.
     pub(super) fn intersect_bundle_with(
         &self,
         bundle: &mut RayBundle,
@@ -246,18 +248,18 @@ impl World {
         });
     }
 
-    /// Whether each instance is handed all of some rays.
+    /// Whether each instance is tested with all rays of a batch.
     fn is_asked_together(&self, rays: &[Ray]) -> bool {
         rays.len() > 1 && self.is_small()
     }
 
-    /// Whether each instance is one geometry, and they are few.
+    /// Whether each instance is one geometry, and instances are few.
     pub(super) fn is_small(&self) -> bool {
         self.root.is_flat() && self.root.instances.len() <= FEW
     }
 
-    /// What stands between the origin and the end of each ray of a bundle; [`RayBundle::occlusion`] tells. `last` is what stood in the
-    /// way of the ray before, a hint.
+    /// The occlusion of each ray of a batch. [`RayBundle::occlusion`] returns the results. `last` is the last occluder
+    /// of earlier rays, a hint.
     pub fn occlusion_batch(&self, bundle: &mut RayBundle, time: f32, last: &mut OccluderCache) {
         let RayBundle { rays, t_max, occlusion, local, open, packet_bounds, .. } = bundle;
         occlusion.clear();
@@ -267,7 +269,7 @@ impl World {
             return;
         }
         occlusion.resize(rays.rays.len(), Occlusion::Nothing);
-        // A ray that something opaque was found for takes no further part.
+        // A ray with an opaque occluder takes no further part.
         open.clear();
         open.extend_from_slice(t_max);
         if !self.unbounded.is_empty() {
@@ -304,8 +306,9 @@ impl World {
         }
     }
 
-    /// Calls `f` with the number and geometry of each instance that `counts` and the rays of each run of groups that may meet it, in its space. Their parameter t
-    /// stays the same: directions aren't normalised.
+    /// Calls `f` for each instance for which `counts` returns true, and each run of groups of rays that may hit it. `f`
+    /// gets the instance's number, its geometry and the rays in its space. The parameter t keeps its meaning, since
+    /// directions aren't normalised.
     fn for_near(
         &self,
         (rays, local): (&mut Rays, &mut Rays),
@@ -338,12 +341,12 @@ impl World {
 }
 
 impl Geometry {
-    /// Whether rays as many as these go through its tree in packets.
+    /// Whether this many rays go through the geometry's tree in packets.
     fn has_packets_of(&self, rays: &[Ray]) -> bool {
         matches!(self, Geometry::Mesh { .. }) || rays.len() >= TOGETHER && self.len() >= MANY
     }
 
-    /// [`Geometry::intersect`] for many rays; `found` says up to where each counts, and takes the answers.
+    /// [`Geometry::intersect`] for many rays. `found` holds the `t_max` of each ray and takes the results.
     fn intersect_bundle(&self, mut part: RayRange, found: &mut [PrimitiveHit]) {
         match self {
             _ if self.has_packets_of(part.rays()) => self.intersect_coherent(part.rays(), found),
@@ -361,8 +364,8 @@ impl Geometry {
         }
     }
 
-    /// Sets those of `t_max` to −∞ whose rays meet something at or before. `last` is asked for the slot of what was met before, or
-    /// [`NONE`].
+    /// Sets `t_max` to −∞ for each ray that hits something at or before it. `last` returns the slot of the last
+    /// occluder, or [`NONE`].
     fn occluded_bundle<'a>(&self, mut part: RayRange, t_max: &mut [f32], last: impl FnOnce() -> &'a mut u32) {
         if self.has_packets_of(part.rays()) {
             self.occluded_coherent(part.rays(), t_max);
@@ -371,7 +374,7 @@ impl Geometry {
         } else {
             let last = last();
             end(part.prepare(), t_max, |_, ray, t_max| {
-                // Once past its shadow's border it would be tried in vain.
+                // Beyond the occluder's shadow border, further tests would fail.
                 if *last == NONE || !self.blocks(*last, ray, t_max) {
                     *last = self.occluded(ray, t_max, |_| true).unwrap_or(NONE);
                 }
@@ -380,7 +383,8 @@ impl Geometry {
         }
     }
 
-    /// Sets those of `t_max` to −∞ whose rays meet something at or before that `blocks` the ray of this number.
+    /// Sets `t_max` to −∞ for each ray that hits a primitive at or before it for which `blocks` returns true. `blocks`
+    /// gets the ray's index and the primitive.
     fn occlusion_batch(&self, mut part: RayRange, t_max: &mut [f32], mut blocks: impl FnMut(usize, u32) -> bool) {
         match self {
             Geometry::Shapes { shapes, .. } if self.is_few() => shape_list::occlusion(shapes, &part, t_max, blocks),

@@ -1,5 +1,6 @@
-//! Which prototypes stay whole: a copy of one is then an instance of a group, however much it holds. The rest is dissolved into the
-//! instances of whatever repeats it, which makes shorter ways for rays and takes memory for each copy of each thing.
+//! The choice of prototypes to keep. Each copy of a kept prototype is one instance of a group, whatever the prototype
+//! holds. The other prototypes are dissolved into the instances of what repeats them. Dissolving shortens traversal but
+//! takes memory for each copy of each member.
 
 use super::flatten::Builder;
 use super::group::{BuildTables, Group};
@@ -7,24 +8,24 @@ use super::instance::{Instance, NONE};
 use super::{BuildError, World};
 use crate::scene::{Content, Node};
 
-/// Which prototypes stay whole. No answer depends on it.
+/// The policy that decides which prototypes are kept as groups. No result depends on it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct InstancingPolicy {
-    /// Those of at least so many instances,
+    /// The fewest instances that a kept prototype holds.
     pub(super) members: usize,
-    /// that would, dissolved wherever the description refers to them, take more than this part of the room that is left for instances.
+    /// A kept prototype, dissolved at all references, would take more than 1 / `part` of the remaining instances.
     pub(super) part: usize,
 }
 
 impl Default for InstancingPolicy {
-    /// To dissolve one takes some 20 MiB at most, and what is left for the others never ends. What has hardly any members
-    /// is no shorter as an instance.
+    /// With these values, dissolving a prototype takes at most about 20 MiB, and some instances always remain for the
+    /// others. A prototype of few members is no smaller as a group.
     fn default() -> InstancingPolicy {
         InstancingPolicy { members: 4, part: 64 }
     }
 }
 
-/// How often the description refers to each prototype.
+/// The number of references to each prototype in the description.
 pub(super) fn uses_of(nodes: &[Node], prototypes: &[Node]) -> Vec<u32> {
     let mut uses = vec![0; prototypes.len()];
     nodes.iter().chain(prototypes).for_each(|node| refer(node, &mut uses, 0));
@@ -50,15 +51,16 @@ impl Builder {
         BuildTables { geometries: &self.geometries, groups: &self.groups, chains: &self.chains }
     }
 
-    /// A prototype's instances, or, if it shall stay whole, the one of their group. What moves can't stay whole: each of its
-    /// copies has a way of its own.
+    /// A prototype's instances, or the instance of their group if the prototype is kept. Moving instances can't be kept
+    /// in a group, since each copy has a path of its own.
     pub(super) fn as_group(&mut self, index: u32, instances: Vec<Instance>) -> Result<Vec<Instance>, BuildError> {
         let moves = instances.iter().any(|instance| instance.motion != NONE);
         let nested = instances.iter().any(|instance| instance.group != NONE);
         let InstancingPolicy { members, part } = self.instancing;
         let expanded = instances.len().saturating_mul(self.uses.get(index as usize).map_or(0, |&uses| uses as usize));
         let many = instances.len() >= members && expanded > self.room() / part;
-        // The places of groups can't be folded into those of their members but from the innermost outwards, and so not yet.
+        // The transforms of groups can only be composed with those of their members from the innermost outwards. They
+        // are therefore not composed here.
         if moves || !(many || nested) {
             return self.expanded(instances);
         }
@@ -74,7 +76,7 @@ impl Builder {
         }
     }
 
-    /// The instances, those of groups replaced by their members.
+    /// The instances, with those of groups replaced by the groups' members.
     pub(super) fn expanded(&mut self, instances: Vec<Instance>) -> Result<Vec<Instance>, BuildError> {
         if instances.iter().all(|instance| instance.group == NONE) {
             return Ok(instances);

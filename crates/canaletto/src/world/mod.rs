@@ -1,5 +1,6 @@
-//! What rays meet: a scene lowered to flat arrays and `u32` ids, with bounding volume hierarchies on two levels, or on
-//! more where prototypes stay whole. Built once, then immutable; building is the last step that can fail.
+//! Worlds: scenes lowered to flat arrays and `u32` ids, with bounding volume hierarchies. There are two levels of
+//! hierarchies, or more where prototypes are kept as groups. A world is built once, then immutable. Building is the
+//! last step that can fail.
 
 mod body;
 mod build;
@@ -58,59 +59,59 @@ use shells::Shells;
 use std::collections::HashMap;
 use zones::Zones;
 
-/// A scene ready to be traced. Its coordinates are counted from [`World::origin`].
+/// A scene ready to be traced. Its coordinates are relative to [`World::origin`].
 #[derive(Debug)]
 pub struct World {
-    /// The colour of rays that meet nothing, where there is no environment.
+    /// The colour of rays without a hit, if there is no environment.
     pub background: Rgb,
-    /// What surrounds the scene, instead of the background.
+    /// The surroundings of the scene; they replace the background.
     pub environment: Option<PreparedEnvironment>,
     /// Iₐ of (5.33).
     pub ambient: Rgb,
-    /// All lights, in world space; those that move where they are when the shutter opens.
+    /// All lights, in world space. Lights that move are at their positions at time 0.
     pub lights: Vec<PreparedLight>,
-    /// All textures, ready to be looked up; the first ones are those of [`crate::scene::Scene::textures`].
+    /// All textures, ready for lookups. The first ones are those of [`crate::scene::Scene::textures`].
     pub textures: Vec<PreparedTexture>,
     texture_names: Vec<String>,
-    /// Whether any texture or the environment has to know how large a piece of it a sample sees.
+    /// Whether any texture or the environment needs the footprint of a sample.
     needs_differentials: bool,
-    /// All materials; the last one is the default for objects that name none.
+    /// All materials; the last one is the default for objects without a material.
     materials: Vec<Material>,
-    /// What the scene's nodes are called.
+    /// The names and kinds of the scene's objects.
     objects: Vec<Object>,
     geometries: Vec<Geometry>,
-    /// The object that each of them is the only geometry of; for the world after this.
+    /// For each geometry, the object that it alone belongs to. The next world of a sequence uses them.
     owners: Vec<u32>,
-    /// Where the coordinates of geometries are counted from in their object's space, of those that have no zero of their own.
+    /// The origins of geometries' coordinates in their objects' spaces, by geometry, where they aren't zero.
     local_origins: HashMap<u32, DVec3>,
-    /// What lies at the zero of all coordinates.
+    /// The point of the scene at the zero of the world's coordinates.
     origin: DVec3,
     origins: ReuseCounts,
-    /// All of it.
+    /// The group of the whole scene.
     root: Group,
-    /// What many instances repeat and is kept once.
+    /// Prototypes that are kept once, however many instances repeat them.
     groups: Vec<Group>,
-    /// Where instances that move are at each time.
+    /// The transforms of moving instances over time.
     chains: Vec<TransformChain>,
-    /// The lights that move; `lights` has them where they are at time 0.
+    /// The lights that move; `lights` has them at time 0.
     moving_lights: Vec<MovingLight>,
-    /// The triangles of meshes that shine, for lights that move.
+    /// The triangles of mesh lights, for lights that move.
     light_meshes: LightMeshes,
-    /// The bounds of each of the root's instances, if there are few.
+    /// The bounds of each of the root's instances, if they are few.
     instance_bounds: Vec<Aabb>,
-    /// Shapes without bounds, met one by one. Their hits carry [`Hit::UNBOUNDED`] as instance.
+    /// Shapes without bounds, which are tested one by one. Their hits have the instance [`Hit::UNBOUNDED`].
     unbounded: Vec<Unbounded>,
-    /// The number of the first of them; see [`World::object_id`].
+    /// The object number of the first of them; see [`World::object_id`].
     unbounded_id_base: u32,
-    /// Which of the root's instances may let light through; empty if no material does.
+    /// For each of the root's instances, whether it may let light through. Empty if no material does.
     clear_instances: Vec<bool>,
     /// Whether any material may let light through.
     has_clear: bool,
-    /// The bounds of all that may let light through.
+    /// The bounds of all instances that may let light through.
     clear_bounds: Aabb,
-    /// Of each geometry that is a mesh and may be clear, what is closed of it.
+    /// For each geometry that is a mesh and may be clear, its closed parts.
     shells: Vec<Option<Shells>>,
-    /// Where what is clear may touch anything.
+    /// The boxes in which a clear surface may touch anything.
     zones: Zones,
 }
 
@@ -118,31 +119,31 @@ pub struct World {
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Object {
-    /// Its own name, or its kind and number, such as "sphere #3".
+    /// The object's own name, or its kind and number, such as "sphere #3".
     pub name: String,
-    /// "sphere", "mesh", …
+    /// The kind: "sphere", "mesh", …
     pub kind: &'static str,
 }
 
-/// What a world is made of.
+/// Numbers of the parts of a world.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 #[non_exhaustive]
 pub struct WorldStats {
     /// Objects in the scene's description.
     pub objects: u64,
-    /// Placed copies of geometries.
+    /// Placed copies of geometries, those in groups included.
     pub instances: u64,
-    /// Single shapes, as often as they are stored.
+    /// Single shapes, counted as often as they are stored.
     pub shapes: u64,
-    /// Triangles of meshes, as often as they are stored.
+    /// Triangles of meshes, counted as often as they are stored.
     pub triangles: u64,
-    /// Spheres of clouds, as often as they are stored.
+    /// Spheres of clouds, counted as often as they are stored.
     pub cloud_spheres: u64,
-    /// Cylinders of clouds, as often as they are stored.
+    /// Cylinders of clouds, counted as often as they are stored.
     pub cloud_cylinders: u64,
-    /// Primitives that rays can meet, each instance counted.
+    /// Primitives, counted once for each instance.
     pub primitives: u64,
-    /// Points of light.
+    /// Light points.
     pub light_points: u64,
     /// Materials.
     pub materials: u64,
@@ -151,13 +152,16 @@ pub struct WorldStats {
 }
 
 impl World {
-    /// What all coordinates of this world are counted from, those of rays, hits, surfaces and lights: zero, unless the scene or
-    /// what its view looks at lies so far from zero that `f32` would lose what can be seen. Places in the scene are theirs plus the origin.
+    /// The point of the scene that the coordinates of this world are relative to. Rays, hits, surfaces and lights have
+    /// such coordinates. A point of the scene is the origin plus a point of the world.
+    ///
+    /// The origin is zero, unless the scene or its view's target lies so far from zero that `f32` would lose visible
+    /// detail.
     pub fn origin(&self) -> DVec3 {
         self.origin
     }
 
-    /// The bounds of everything that has bounds, in the scene's coordinates.
+    /// The bounds of all instances and shapes that have bounds, in the scene's coordinates.
     pub fn bounds(&self) -> Aabb {
         let bounds = self.root.tree.bounds();
         if self.origin == DVec3::ZERO || bounds.is_empty() {
@@ -166,7 +170,7 @@ impl World {
         Aabb { min: self.in_the_scene(bounds.min), max: self.in_the_scene(bounds.max) }
     }
 
-    /// Where a point of the world is in the scene, rounded to `f32`.
+    /// The scene's coordinates of a point of the world, rounded to `f32`.
     pub fn in_the_scene(&self, p: Vec3) -> Vec3 {
         if self.origin == DVec3::ZERO { p } else { (self.origin + p.as_dvec3()).as_vec3() }
     }
@@ -176,17 +180,17 @@ impl World {
         &self.materials
     }
 
-    /// The primitives that rays can meet, each instance counted.
+    /// The number of primitives, counted once for each instance.
     pub fn primitives(&self) -> u64 {
         self.root.primitives.saturating_add(self.unbounded.len() as u64)
     }
 
-    /// In so many groups, at most, lies what a ray meets.
+    /// The most groups that are nested around a primitive.
     pub(crate) fn most_groups(&self) -> usize {
         self.groups.len().min(World::MAX_NESTING)
     }
 
-    /// Counts what the world is made of. Visits all of it.
+    /// Counts the parts of the world. Visits all of it.
     pub fn stats(&self) -> WorldStats {
         let mut stats = WorldStats {
             objects: self.objects.len() as u64,

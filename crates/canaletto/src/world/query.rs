@@ -1,4 +1,4 @@
-//! What integrators ask of a world: the nearest hit, the surface there and what it is made of.
+//! Queries of a world: the nearest hit, the surface there, its material and object.
 
 use super::World;
 use super::geometry::{Geometry, on_shape};
@@ -10,47 +10,48 @@ use crate::math::{DRay, Rgb};
 use crate::shape::{Shape, ShapeHit, Surface, SurfaceInputs8, Surfaces};
 use canaletto_bvh::{Aabb, PreparedRay, PrimitiveHit, Ray};
 
-/// The first stage of a hit: where, and on what. [`World::surface`] is the second stage.
+/// The first stage of a hit: its t and its primitive. [`World::surface`] is the second stage.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
     /// The ray's parameter.
     pub t: f32,
     /// Index of the instance, or [`Hit::UNBOUNDED`].
     pub instance: u32,
-    /// Index of the primitive in its geometry, as the description counts.
+    /// Index of the primitive in its geometry, in the order of the description.
     pub primitive: u32,
-    /// Which part of the shape.
+    /// Index of the part of the shape.
     pub part: u32,
-    /// Barycentric coordinates on triangles.
+    /// Barycentric coordinates, on triangles.
     pub uv: [f32; 2],
-    /// When, from 0 (the shutter opens) to 1 (it closes).
+    /// The time of the hit, from 0 (the shutter opens) to 1 (it closes).
     pub time: f32,
 }
 
 impl Hit {
-    /// The instance number of shapes without bounds. The largest, so that ties go to shapes with bounds.
+    /// The instance number of shapes without bounds. It is the largest number, so that ties go to shapes with bounds.
     pub const UNBOUNDED: u32 = u32::MAX;
 
-    /// Nothing up to `t_max`.
+    /// No hit up to `t_max`.
     #[inline]
     pub(crate) fn before(t_max: f32, time: f32) -> Hit {
         Hit { t: t_max, instance: NONE, primitive: PrimitiveHit::NONE, part: 0, uv: [0.0; 2], time }
     }
 
-    /// It, if something was met.
+    /// This hit, or `None` if nothing was hit.
     #[inline]
     pub(super) fn real(self) -> Option<Hit> {
         (self.primitive != PrimitiveHit::NONE).then_some(self)
     }
 
-    /// What is met on an instance, if anything is and it is nearer; ties go to the lowest instance, then the lowest primitive.
+    /// The hit on an instance, if it is nearer than this one. Ties go to the lowest instance, then to the lowest
+    /// primitive.
     #[inline]
     fn nearer(&self, instance: u32, PrimitiveHit { t, id, part, uv }: PrimitiveHit) -> Option<Hit> {
         let nearer = id != PrimitiveHit::NONE && (t, instance, id) < (self.t, self.instance, self.primitive);
         nearer.then_some(Hit { t, instance, primitive: id, part, uv, time: self.time })
     }
 
-    /// Becomes that.
+    /// Replaces this hit by one on an instance if that is nearer.
     #[inline]
     pub(super) fn offer(&mut self, instance: u32, met: PrimitiveHit) {
         if let Some(hit) = self.nearer(instance, met) {
@@ -64,12 +65,12 @@ impl Hit {
 }
 
 impl World {
-    /// The nearest hit with 0 < t ≤ t_max; ties go to the lowest instance, then the lowest primitive.
+    /// The nearest hit with 0 < t ≤ `t_max`. Ties go to the lowest instance, then to the lowest primitive.
     pub fn intersect(&self, ray: &Ray, t_max: f32) -> Option<Hit> {
         self.intersect_at(ray, t_max, 0.0)
     }
 
-    /// The same at a time in 0..=1, from the shutter's opening to its closing.
+    /// [`World::intersect`] at a time in 0..=1, from the shutter's opening to its closing.
     #[inline]
     pub fn intersect_at(&self, ray: &Ray, t_max: f32, time: f32) -> Option<Hit> {
         self.nearest(ray, t_max, time, |world, ray, mut best| {
@@ -96,7 +97,7 @@ impl World {
         })
     }
 
-    /// [`World::intersect`] without hierarchies: the oracle for tests.
+    /// [`World::intersect`] without hierarchies: the reference for tests.
     pub fn intersect_brute_force(&self, ray: &Ray, t_max: f32) -> Option<Hit> {
         self.intersect_brute_force_at(ray, t_max, 0.0)
     }
@@ -126,7 +127,7 @@ impl World {
         instances(self, &ray.prepare(), best).real()
     }
 
-    /// All shapes without bounds.
+    /// Tests all shapes without bounds.
     #[inline]
     pub(super) fn try_unbounded(&self, ray: &Ray, best: &mut Hit) {
         for (id, Unbounded { shape, .. }) in (0..).zip(&self.unbounded) {
@@ -136,7 +137,7 @@ impl World {
         }
     }
 
-    /// A group's instances, each as it stands in the world.
+    /// Tests the instances of a group, each in its place in the world.
     #[inline(never)]
     fn try_group(&self, ray: &PreparedRay, way: &InstancePath, best: &mut Hit) {
         way.group.intersect(&way.group_ray(ray.ray()), best.t, |index| {
@@ -148,7 +149,7 @@ impl World {
             let admitted = |t_max| ray.enters(&self.bounds_of(&way.placed(instance)), t_max);
             if let Some(local) = way.local_ray(instance, ray.ray()) {
                 let met = self.geometries[instance.geometry as usize].intersect(&local, best.t);
-                // Nearly all that are met are admitted.
+                // Nearly all hits are inside these bounds.
                 if let Some(hit) = best.nearer(number, met)
                     && admitted(best.t)
                 {
@@ -161,7 +162,7 @@ impl World {
         });
     }
 
-    /// Where a geometry's instance is in the world.
+    /// The bounds of a geometry's instance in the world.
     pub(super) fn bounds_of(&self, placed: &Instance) -> Aabb {
         placed.bounds(&self.chains, self.geometries[placed.geometry as usize].bounds())
     }
@@ -189,19 +190,20 @@ impl World {
         best.offer(number, met);
     }
 
-    /// The second stage: the surface at a hit of this line's ray.
+    /// The second stage of a hit: the surface that the ray of `line` hits.
     pub fn surface(&self, line: impl Into<DRay>, hit: &Hit) -> Surface {
         self.surface_with(line.into(), hit, Shape::surface, Geometry::surface)
     }
 
-    /// The same for whoever doesn't read its texture coordinates, which may be left out.
+    /// [`World::surface`] without texture coordinates, which may be undefined.
     #[inline]
     pub(crate) fn bare_surface(&self, line: DRay, hit: &Hit) -> Surface {
         self.surface_with(line, hit, Shape::bare_surface, Geometry::bare_surface)
     }
 
-    /// The same, in a place among others: the surface goes to `surfaces`, or what is met to `surface_inputs`, which find the surfaces of many side by
-    /// side. The answer is the colour that it brings.
+    /// [`World::bare_surface`] into a lane of a group of eight. Some surfaces are stored in `surfaces` at once. For the
+    /// others the inputs are stored in `surface_inputs`, which evaluates eight surfaces at a time. Returns the
+    /// surface's own colour, if it has one.
     #[inline]
     pub(crate) fn push_surface(
         &self,
@@ -278,7 +280,7 @@ impl World {
         !self.chains.is_empty() || !self.moving_lights.is_empty()
     }
 
-    /// Puts the lights that move to where they are at a time in 0..=1. `lights` are this world's, at any time.
+    /// Moves the lights that move to a time in 0..=1. `lights` are this world's lights at any time.
     pub(crate) fn move_lights(&self, lights: &mut [PreparedLight], time: f32) {
         for moving in &self.moving_lights {
             lights[moving.index as usize] = moving.at(time, &self.light_meshes);
@@ -343,7 +345,8 @@ impl World {
         &self.objects[index as usize]
     }
 
-    /// A number from 1 on for the object that was hit, different for each copy of an instanced one, as far as 32 bits go.
+    /// The number of the object that was hit, from 1 on. Copies of an instanced object have different numbers, as far
+    /// as 32 bits suffice.
     pub fn object_id(&self, hit: &Hit) -> u32 {
         match hit.instance {
             Hit::UNBOUNDED => self.unbounded_id_base.wrapping_add(hit.primitive),
@@ -353,7 +356,7 @@ impl World {
         }
     }
 
-    /// No object and no material has a larger number in a layer.
+    /// The largest number of an object or a material in a layer.
     pub(crate) fn largest_id(&self) -> u64 {
         let objects = u64::from(self.unbounded_id_base) + self.unbounded.len() as u64;
         objects.max(self.materials.len() as u64)

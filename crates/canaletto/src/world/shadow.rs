@@ -1,4 +1,4 @@
-//! What stands in a light's way, and how much of the light passes.
+//! Shadow rays: occlusion, and the transmittance of clear surfaces.
 
 use super::World;
 use super::bundle::RayBundle;
@@ -12,19 +12,19 @@ use crate::math::{DRay, RayDifferential, offset_origin};
 use canaletto_bvh::{PreparedRay, Ray};
 use glam::Vec3;
 
-/// Something opaque that stood in a light's way. A hint: it changes no answer.
+/// The last opaque occluder of a light. It is a hint and changes no result.
 #[derive(Clone, Copy, Debug)]
 pub struct OccluderCache {
     instance: u32,
-    /// In leaf order.
+    /// The slot of the primitive, in leaf order.
     slot: u32,
 }
 
 impl OccluderCache {
-    /// Nothing so far.
+    /// No occluder.
     pub const NONE: OccluderCache = OccluderCache { instance: NONE, slot: NONE };
 
-    /// The slot if it is of this instance, of which it shall be from now on.
+    /// The cached slot if it belongs to this instance. Otherwise the cache becomes empty and belongs to this instance.
     pub(super) fn slot_in(&mut self, instance: u32) -> &mut u32 {
         if self.instance != instance {
             *self = OccluderCache { instance, slot: NONE };
@@ -33,15 +33,15 @@ impl OccluderCache {
     }
 }
 
-/// How many surfaces in a row may bring a ray no further before it is taken to stand still.
+/// The most surfaces in a row that may bring a ray no further. After more, the ray counts as stuck.
 pub(crate) const MAX_STALLED: u32 = 4;
 
-/// What stands between a ray's origin and its end.
+/// What lies between a ray's origin and its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Occlusion {
     /// Nothing.
     Nothing,
-    /// Something that lets light through, and nothing opaque.
+    /// At least one surface that lets light through, and nothing opaque.
     Clear,
     /// Something opaque.
     Opaque,
@@ -50,15 +50,15 @@ pub enum Occlusion {
 /// A shadow ray that crosses clear surfaces.
 #[derive(Debug)]
 struct ShadowRay {
-    /// As it started.
+    /// The initial ray.
     line: DRay,
-    /// Where it leads, if its light has a place.
+    /// The ray's end, if its light has a position.
     end: Vec3,
     /// The share of the light that has passed so far.
     passed: f32,
-    /// How many surfaces in a row brought it no nearer to its end.
+    /// The number of surfaces in a row that brought the ray no nearer to its end.
     stalled: u32,
-    /// What lies in the same place as the last one.
+    /// The surfaces that coincide with the last one.
     contacts: Vec<Contact>,
 }
 
@@ -71,15 +71,15 @@ impl ShadowRay {
 /// Shadow rays that cross clear surfaces together.
 #[derive(Debug, Default)]
 pub(crate) struct ShadowRays {
-    /// Those that still do.
+    /// The rays that haven't ended.
     pub(crate) bundle: RayBundle,
-    /// Their numbers.
+    /// The numbers of these rays.
     on_their_way: Vec<u32>,
     all: Vec<ShadowRay>,
 }
 
 impl ShadowRays {
-    /// The share of the light that passes along the ray of a number.
+    /// The share of the light that passes along the ray with this number.
     #[inline]
     pub(crate) fn passed(&self, number: usize) -> f32 {
         self.all[number].passed
@@ -87,8 +87,9 @@ impl ShadowRays {
 }
 
 impl World {
-    /// f_s of (5.39a): the product of 1 − o over the surfaces between the ray's origin and `t_max`. `last` is what blocked
-    /// the light before, which often blocks it again; `differential` is the ray's, for textures that let light through.
+    /// f_s of (5.39a): the product of 1 − o over the surfaces between the ray's origin and `t_max`. `last` is the last
+    /// occluder of the light, which often blocks the next ray too. `differential` is the ray's differential, for
+    /// textures that let light through.
     pub fn transmittance<P: Probe>(
         &self,
         ray: &Ray,
@@ -98,7 +99,7 @@ impl World {
         last: &mut OccluderCache,
         probe: &mut P,
     ) -> f32 {
-        // Anything opaque in between settles it; only a recording probe wants to know what stands in which order.
+        // An opaque occluder gives 0. Only a probe needs the order of the surfaces before it.
         match self.occlusion(ray, t_max, time, last) {
             Occlusion::Nothing => 1.0,
             Occlusion::Opaque if !P::ACTIVE => 0.0,
@@ -106,7 +107,7 @@ impl World {
         }
     }
 
-    /// [`World::transmittance`] where something stands between.
+    /// [`World::transmittance`] for a ray whose occlusion is known not to be [`Occlusion::Nothing`].
     pub(crate) fn transmittance_past<P: Probe>(
         &self,
         ray: &Ray,
@@ -130,8 +131,8 @@ impl World {
         if occlusion == Occlusion::Opaque { 0.0 } else { crossing.passed }
     }
 
-    /// [`World::transmittance_past`] for rays of a bundle in whose way there is something clear and nothing opaque; [`ShadowRays::passed`] tells. `differential` is
-    /// asked for that of the ray of a number.
+    /// [`World::transmittance_past`] for a batch of rays whose occlusion is [`Occlusion::Clear`].
+    /// [`ShadowRays::passed`] returns the results. `differential` returns the differential of the ray with a number.
     pub(crate) fn transmittance_batch(
         &self,
         shadow_rays: &mut ShadowRays,
@@ -163,7 +164,7 @@ impl World {
         }
     }
 
-    /// What becomes of a shadow ray at a clear surface. Returns whether it goes on.
+    /// Crosses a clear surface with a shadow ray. Returns whether the ray goes on.
     fn cross<P: Probe>(
         &self,
         crossing: &mut ShadowRay,
@@ -181,7 +182,7 @@ impl World {
         crossing.passed *= 1.0 - opacity;
         self.contacts(&line, hit, &surface, &mut crossing.contacts, |_| {});
         if !crossing.contacts.is_empty() {
-            // What is in the same place is crossed with it.
+            // Coinciding surfaces are crossed with this one.
             surface.error = touching(&surface);
             for contact in &crossing.contacts {
                 let opacity = self.kept_light(line, &contact.hit, step);
@@ -195,13 +196,13 @@ impl World {
         }
         let start = ray.origin;
         ray.origin = offset_origin(surface.point, surface.error, surface.normal, ray.direction.as_dvec3());
-        // Where a surface is flatter than roundings, the same one is met again from the same place.
+        // Where a surface is flatter than rounding errors, the ray hits it again from one place.
         let advances = (ray.origin - start).dot(ray.direction) > 0.0;
         crossing.stalled = if advances { 0 } else { crossing.stalled + 1 };
         if crossing.stalled > MAX_STALLED {
             return false;
         }
-        // Towards a point the direction is the rest of the way, so that t stays at most 1.
+        // Towards a point, the direction is the rest of the segment, so that t stays at most 1.
         if t_max.is_finite() {
             let rest = crossing.end - ray.origin;
             if rest.dot(ray.direction) <= 0.0 {
@@ -213,7 +214,8 @@ impl World {
         true
     }
 
-    /// The nearest hit for a ray that meets nothing opaque: instances where all is opaque need not be asked, where they are few.
+    /// The nearest hit of a ray that hits nothing opaque. Where instances are few, those that are opaque altogether are
+    /// skipped.
     fn intersect_clear(&self, ray: &Ray, t_max: f32, time: f32) -> Option<Hit> {
         if !self.is_small() {
             return self.intersect_at(ray, t_max, time);
@@ -228,7 +230,7 @@ impl World {
         })
     }
 
-    /// The same for a bundle.
+    /// [`World::intersect_clear`] for a batch of rays.
     fn intersect_clear_bundle(&self, bundle: &mut RayBundle, time: f32) {
         self.intersect_bundle_with(
             bundle,
@@ -238,18 +240,18 @@ impl World {
         );
     }
 
-    /// Whether anything of an instance, where they are few, may be clear.
+    /// Whether any part of an instance may be clear, where instances are few.
     pub(super) fn may_let_light_through(&self, instance: u32) -> bool {
         self.clear_instances.get(instance as usize) == Some(&true)
     }
 
-    /// Less than this share of a light is none.
+    /// A smaller share of a light counts as zero.
     const LEAST_PASSED: f32 = 1.0 / (1u64 << 40) as f32;
 
-    /// The most clear surfaces that a shadow ray passes; light beyond them arrives as it is.
+    /// The most clear surfaces that a shadow ray crosses. Light from beyond them arrives without further loss.
     const MAX_CROSSINGS: usize = 1 << 16;
 
-    /// What stands before `t_max`.
+    /// The occlusion of a ray before `t_max`.
     pub(super) fn occlusion(&self, ray: &Ray, t_max: f32, time: f32, last: &mut OccluderCache) -> Occlusion {
         let prepared = &ray.prepare();
         if last.slot != NONE && last.instance < self.root.leaves {
@@ -260,7 +262,7 @@ impl World {
             if again {
                 return Occlusion::Opaque;
             }
-            // Once past its shadow's border it would be tried in vain.
+            // Beyond the occluder's shadow border, further tests would fail.
             *last = OccluderCache::NONE;
         }
         let unbounded = self.occlusion_unbounded(ray, t_max);
@@ -289,7 +291,7 @@ impl World {
         }
     }
 
-    /// Whether an instance that a ray comes to at or before `t_max` `blocks` it.
+    /// Whether `blocks` returns true for any instance that the ray enters at or before `t_max`.
     #[inline]
     pub(super) fn any_instance(
         &self,
@@ -314,7 +316,7 @@ impl World {
         })
     }
 
-    /// What of the shapes without bounds stands before `t_max`.
+    /// The occlusion by shapes without bounds before `t_max`.
     #[inline]
     pub(super) fn occlusion_unbounded(&self, ray: &Ray, t_max: f32) -> Occlusion {
         let mut occlusion = Occlusion::Nothing;
@@ -329,7 +331,7 @@ impl World {
         occlusion
     }
 
-    /// Whether one of a group's instances, as they stand in the world, blocks a ray.
+    /// Whether an instance of a group, in its place in the world, blocks a ray.
     #[inline(never)]
     fn blocked_by_group(
         &self,
