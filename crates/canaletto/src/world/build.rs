@@ -1,4 +1,5 @@
-//! From description to world: materials and textures resolved, the tree of nodes flattened, hierarchies built.
+//! Building a world from a description: materials and textures are resolved, the tree of nodes is flattened,
+//! hierarchies are built.
 
 use super::World;
 use super::body::shells;
@@ -22,73 +23,74 @@ use crate::texture::{ColorSpace, Image, Prefilter, PreparedTexture, Texture, Tex
 use canaletto_bvh::{Aabb, NoThreads, Quality, with_stack};
 use std::collections::HashMap;
 
-/// What the deepest groups have on the stack while they are lowered, and the hierarchies that are built there.
+/// The stack in bytes that the deepest nesting needs, with the hierarchies built there.
 const STACK: usize = 3 << 19;
 
-/// How a world is built. No picture of a scene near zero depends on it.
+/// Options for building a world. No picture of a scene near zero depends on them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BuildOptions {
-    /// How much work to put into hierarchies over triangles.
+    /// The quality of hierarchies over triangles.
     pub quality: Quality,
-    /// About how many rays the world is for, 0 if nobody knows: whether a hierarchy is worth more work than to refit it; see
-    /// [`World::build_after`].
+    /// The approximate number of rays that will be traced, or 0 if unknown. It decides whether a hierarchy is refitted
+    /// or rebuilt; see [`World::build_after`].
     pub rays: u64,
-    /// The number of the view in [`Scene::views`] that the world is seen through, where `f32` should hold most; see
-    /// [`World::origin`].
+    /// The index in [`Scene::views`] of the view that the world is seen through. `f32` has the highest resolution near
+    /// its camera; see [`World::origin`].
     pub view: usize,
 }
 
-/// Why a scene can't be rendered.
+/// The reason why a scene can't be rendered.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BuildError {
     /// A number is out of range.
     #[error("{object}: {problem}")]
     Invalid {
-        /// What it is about: an object's, light's or material's name.
+        /// The name of the object, light or material.
         object: String,
-        /// What is wrong and what was expected.
+        /// The problem and the expected value.
         problem: String,
     },
-    /// An index points at nothing.
+    /// An index refers to nothing.
     #[error("{object} refers to {what} number {index}, but the scene has only {count}")]
     Missing {
-        /// The node that refers.
+        /// The node with the reference.
         object: String,
-        /// "material", "mesh", …
+        /// The kind of the reference: "material", "mesh", …
         what: &'static str,
         /// The index.
         index: u32,
-        /// How many there are.
+        /// The number of such items in the scene.
         count: usize,
     },
     /// A prototype contains itself.
     #[error("{0} contains an instance of itself")]
     Cycle(String),
-    /// Instances that are kept one by one multiply beyond bounds.
+    /// There are more instances that are kept one by one than [`World::MAX_INSTANCES`].
     #[error("the scene expands to more than {max} instances", max = World::MAX_INSTANCES)]
     TooManyInstances,
-    /// Instances of instances multiply beyond numbers.
+    /// There are more nested copies than [`World::MAX_COPIES`].
     #[error("{0} expands to more than {max} copies", max = World::MAX_COPIES)]
     TooManyCopies(String),
-    /// Lights, each counted with its points, those of meshes with their triangles too, and as often as instances repeat it.
+    /// There are more light points and shining triangles than [`World::MAX_LIGHT_POINTS`], counted once for each copy
+    /// of a light.
     #[error("the scene expands to more than {max} points of light and triangles that shine", max = World::MAX_LIGHT_POINTS)]
     TooManyLights,
-    /// Instances that move, likewise.
+    /// There are more moving instances than [`World::MAX_MOVING`].
     #[error("the scene expands to more than {max} objects that move while the shutter is open", max = World::MAX_MOVING)]
     TooManyMoving,
-    /// Shapes without bounds, which every ray has to be tested with.
+    /// There are more shapes without bounds than [`World::MAX_UNBOUNDED`]. Every ray is tested with each of them.
     #[error("the scene expands to more than {max} planes", max = World::MAX_UNBOUNDED)]
     TooManyPlanes,
-    /// Groups in groups in groups.
+    /// Groups and instances are nested deeper than [`World::MAX_NESTING`].
     #[error("groups and instances are nested more than {max} deep", max = World::MAX_NESTING)]
     TooDeep,
-    /// The hierarchy can't be built.
+    /// A hierarchy can't be built.
     #[error("{object}: {problem}")]
     Hierarchy {
-        /// The geometry.
+        /// The name of the geometry.
         object: String,
-        /// What the builder says.
+        /// The builder's error.
         problem: String,
     },
     /// Building needs threads that can't be started.
@@ -106,18 +108,19 @@ impl From<Unresolved> for BuildError {
 }
 
 impl World {
-    /// The most instances that are kept one by one, in a scene and its prototypes together: what stands at the top, what each prototype
-    /// holds, and each copy of what a prototype holds that has few members or moves.
+    /// The most instances that are kept one by one, in a scene and its prototypes together. They are the scene's
+    /// instances, each prototype's instances, and the copies of members of dissolved prototypes. A prototype is
+    /// dissolved if it has few members or moves.
     pub const MAX_INSTANCES: usize = 1 << 22;
-    /// The most copies of things that instances of instances may make; they have numbers of 32 bits.
+    /// The most copies that nested instances may make. Copies have numbers of 32 bits.
     pub const MAX_COPIES: u32 = u32::MAX - 1;
-    /// The most instances that move while the shutter is open, likewise; each needs its own way.
+    /// The most instances that move while the shutter is open, each copy counted. Each has a path of its own.
     pub const MAX_MOVING: usize = 1 << 20;
-    /// The most points of light and triangles of lights, likewise.
+    /// The most light points and triangles of lights, each copy counted.
     pub const MAX_LIGHT_POINTS: usize = 1 << 20;
-    /// The most shapes without bounds, likewise.
+    /// The most shapes without bounds, each copy counted.
     pub const MAX_UNBOUNDED: usize = 1 << 16;
-    /// The most triangles that displacements may make of all objects together.
+    /// The most triangles that the displacements of all objects may make together.
     pub const MAX_DISPLACED: usize = 1 << 21;
     /// The deepest nesting of groups and instances, from the root through all prototypes.
     pub const MAX_NESTING: usize = Node::MAX_NESTING;
@@ -125,12 +128,12 @@ impl World {
     /// Lowers a scene. Meshes and clouds are moved out of it, not copied.
     ///
     /// # Errors
-    /// The first thing that can't be rendered. Nothing after this can fail.
+    /// The first problem that prevents rendering. Nothing after this can fail.
     pub fn build(scene: Scene) -> Result<World, BuildError> {
         World::build_with(scene, &BuildOptions::default())
     }
 
-    /// [`World::build`] in this way.
+    /// [`World::build`] with options.
     ///
     /// # Errors
     /// As [`World::build`].
@@ -242,8 +245,8 @@ impl World {
     }
 }
 
-/// A list in pieces of some tens of megabytes, each of which may be dropped before the next is looked at: what is made of a long list then
-/// takes its place in memory.
+/// A list in pieces of some tens of megabytes. Each piece may be dropped before the next is used, so that the result of
+/// a long list reuses its memory.
 fn pieces<T>(mut list: Vec<T>) -> impl Iterator<Item = Vec<T>> {
     const PIECE: usize = 1 << 17;
     let mut pieces = Vec::with_capacity(list.len() / PIECE + 1);
@@ -262,7 +265,7 @@ fn sources(lights: Vec<Light>, meshes: &LightMeshes) -> Vec<PreparedLight> {
     sources
 }
 
-/// Which instances may let light through; none if no material does. The last material is the default.
+/// For each instance, whether it may let light through. Empty if no material does. The last material is the default.
 fn clear_instances(instances: &[Instance], geometries: &[Geometry], materials: &[Material]) -> Vec<bool> {
     if materials.iter().all(Material::is_opaque) {
         return Vec::new();
@@ -280,14 +283,14 @@ fn clear_instances(instances: &[Instance], geometries: &[Geometry], materials: &
     instances.iter().map(clear).collect()
 }
 
-/// Which geometries anything may make clear.
+/// For each geometry, whether any material on it may be clear.
 fn clear_geometries(root: &Group, groups: &[Group], geometries: &[Geometry], materials: &[Material]) -> Vec<bool> {
     let mut clear = vec![false; geometries.len()];
     if materials.iter().all(Material::is_opaque) {
         return clear;
     }
     let is_clear = |index: u32| materials.get(index as usize).is_some_and(|material| !material.is_opaque());
-    // What a group is given reaches all that it holds.
+    // A material of a group applies to all its members.
     let all = || groups.iter().chain([root]).flat_map(|group| &group.instances);
     let given = all().any(|group| group.group != NONE && (is_clear(group.material) || is_clear(group.inherited)));
     for instance in all().filter(|instance| instance.group == NONE) {
@@ -298,7 +301,7 @@ fn clear_geometries(root: &Group, groups: &[Group], geometries: &[Geometry], mat
     clear
 }
 
-/// The environment, ready to be looked at; its images are taken unless a texture has them too.
+/// The prepared environment. Its images are moved out of `images` unless a texture uses them too.
 fn backdrop(
     environment: &Environment,
     images: &mut [Image],
@@ -309,9 +312,9 @@ fn backdrop(
         .map_err(|problem| BuildError::Invalid { object: "the environment".into(), problem })
 }
 
-/// The patterns of textures, their names, and whether any of those in use needs footprints. Numbers that aren't colours
-/// are read from images as they stand, unless the texture says what its image holds; materials are turned to the
-/// patterns that do.
+/// The prepared textures, their names, and whether any texture in use needs footprints. Values that aren't colours are
+/// read from images without conversion, unless the texture names its image's colour space. A material then refers to a
+/// copy of the texture without conversion.
 fn resolve_textures(
     images: Vec<Image>,
     mut textures: Vec<Texture>,

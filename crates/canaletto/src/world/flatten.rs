@@ -1,4 +1,5 @@
-//! The tree of nodes flattened: groups and most prototypes dissolved, shapes moved into place, the rest placed as instances.
+//! Flattening of the tree of nodes. Groups and most prototypes are dissolved, shapes are transformed, and the rest is
+//! placed as instances.
 
 use super::build::{hierarchy_error, too_far};
 use super::displacement::Relief;
@@ -21,12 +22,12 @@ use glam::{DVec3, Vec3};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Where a node stands while the tree is walked.
+/// The placement of a node during the walk.
 #[derive(Clone, Copy)]
 pub(super) struct Place {
     transform: Transform,
     inherited: u32,
-    /// Whether what stands here is counted from an origin that isn't zero.
+    /// Whether coordinates here are relative to an origin that isn't zero.
     exact: bool,
 }
 
@@ -37,13 +38,13 @@ impl Default for Place {
 }
 
 impl Place {
-    /// Where coordinates are counted from this.
+    /// The place whose coordinates are relative to this origin.
     pub(super) fn from(origin: DVec3) -> Place {
         Place { transform: away_from(origin), inherited: NONE, exact: origin != DVec3::ZERO }
     }
 }
 
-/// What one walk collects: the root's, or a prototype's in its own space.
+/// The result of one walk: of the root, or of a prototype in its own space.
 #[derive(Clone, Default)]
 pub(super) struct Collected {
     shapes: Vec<Shape>,
@@ -55,20 +56,20 @@ pub(super) struct Collected {
     unbounded: Vec<Unbounded>,
 }
 
-/// A part whose loose shapes have become one more instance.
+/// A part whose single shapes have become one more instance.
 pub(super) struct Sealed {
     pub(super) instances: Vec<Instance>,
     pub(super) lights: Vec<Light>,
     pub(super) moving_lights: Vec<MovingLight>,
     pub(super) unbounded: Vec<Unbounded>,
-    /// What all of it is counted from.
+    /// The origin of the part's coordinates.
     origin: DVec3,
 }
 
 #[derive(Default)]
 pub(super) struct Builder {
     pub(super) material_count: usize,
-    /// What each material's textures want to know of objects, and what all of them want together.
+    /// The spaces that each material's textures need, and their union.
     pub(super) required_spaces: Vec<RequiredSpaces>,
     pub(super) all_wants: RequiredSpaces,
     pub(super) displacement: Relief,
@@ -76,36 +77,36 @@ pub(super) struct Builder {
     pub(super) spheres: Vec<Option<SphereCloud>>,
     pub(super) cylinders: Vec<Option<CylinderCloud>>,
     pub(super) prototypes: Vec<Node>,
-    /// The triangles that shine.
+    /// The triangles of mesh lights.
     pub(super) light_meshes: LightMeshes,
-    /// How often the description refers to each mesh; one that is met once is moved into place.
+    /// The number of references to each mesh. A mesh with one reference is transformed itself.
     pub(super) mesh_uses: Vec<u32>,
-    /// Of hierarchies over triangles.
+    /// The quality of hierarchies over triangles.
     pub(super) quality: Quality,
     pub(super) geometries: Vec<Geometry>,
-    /// The object that each geometry is the only one of, or [`NONE`].
+    /// For each geometry, the object that it alone belongs to, or [`NONE`].
     pub(super) owners: Vec<u32>,
-    /// What the world before leaves.
+    /// The geometries of the previous world.
     pub(super) before: Previous,
     pub(super) origins: ReuseCounts,
-    /// Where the coordinates of geometries are counted from, of those that have no zero of their own.
+    /// The origins of geometries' coordinates, by geometry, where they aren't zero.
     pub(super) local_origins: HashMap<u32, DVec3>,
     pub(super) spans: Spans,
-    /// Prototypes that stay whole.
+    /// Prototypes that are kept as groups.
     pub(super) groups: Vec<Group>,
     pub(super) instancing: InstancingPolicy,
-    /// How often the description refers to each prototype.
+    /// The number of references to each prototype.
     pub(super) uses: Vec<u32>,
-    /// By the mesh and the material that displaces it, or [`NONE`].
+    /// By the mesh and its displacing material, or [`NONE`].
     pub(super) geometry_of_mesh: HashMap<(u32, u32), u32>,
     pub(super) geometry_of_spheres: HashMap<u32, u32>,
     pub(super) geometry_of_cylinders: HashMap<u32, u32>,
     pub(super) finished: HashMap<u32, Sealed>,
     pub(super) open: Vec<u32>,
     pub(super) objects: Vec<Object>,
-    /// Where instances that move are, of all parts so far.
+    /// The transforms of moving instances over time, of all parts so far.
     pub(super) chains: Vec<TransformChain>,
-    /// Instances, points of light and shapes without bounds in all parts so far.
+    /// The numbers of instances, light points and shapes without bounds in all parts so far.
     pub(super) placed: [usize; 3],
     pub(super) kinds: HashMap<&'static str, u32>,
 }
@@ -135,7 +136,7 @@ impl Builder {
         }
     }
 
-    /// Counts references to meshes; those inside prototypes count as many.
+    /// Counts references to meshes. References inside prototypes count twice, as several references.
     pub(super) fn count_uses(&mut self, nodes: &[Node]) {
         fn walk(uses: &mut [u32], node: &Node, weight: u32, depth: usize) {
             match &node.content {
@@ -175,7 +176,7 @@ impl Builder {
         }
     }
 
-    /// What moves becomes a part of its own, which is then placed along its path.
+    /// Places a moving node. It becomes a part of its own, which is then placed along its path.
     fn place_moving(
         &mut self,
         node: &Node,
@@ -224,7 +225,7 @@ impl Builder {
         Ok(())
     }
 
-    /// The instance with its place changing like this.
+    /// The instance with a transform that changes over time.
     fn moving(&mut self, instance: &Instance, chain: TransformChain) -> Result<Instance, BuildError> {
         if self.chains.len() >= World::MAX_MOVING {
             return Err(BuildError::TooManyMoving);
@@ -263,7 +264,8 @@ impl Builder {
             Content::Light(light) => {
                 let light = Light { name: node.name.clone().or(light.name.clone()), ..light.clone() };
                 check_light(&light, "")?;
-                // What a light lights is unknown; that it comes much nearer to zero tells of far coordinates.
+                // The objects that a light shines on aren't known here. Points that the transform brings much nearer to
+                // zero indicate far coordinates.
                 let mut far = false;
                 light.with_points(|_, p| {
                     let moved = transform.point(p.as_dvec3()).abs().max_element();
@@ -305,7 +307,8 @@ impl Builder {
         }
     }
 
-    /// A shape goes into the part's own geometry where the transform keeps its kind; else it becomes an instance.
+    /// Places a shape. It joins the part's own geometry if the transform keeps its kind; otherwise it becomes an
+    /// instance.
     fn place_shape(
         &mut self,
         shape: &Shape,
@@ -347,7 +350,7 @@ impl Builder {
                 part.shape_materials.push(material);
             }
             None if shape.bounds().is_none() => return Err(self.invalid(object, too_far())),
-            // Its kind or what its textures hold on to would be lost.
+            // The transform would lose the shape's kind or a space that its textures need.
             _ => {
                 let geometry = self.push(Geometry::shapes(vec![shape], vec![object], vec![material]), object)?;
                 self.set_origin(geometry, origin);
@@ -358,7 +361,7 @@ impl Builder {
         Ok(())
     }
 
-    /// Clouds are too many to become triangles.
+    /// Clouds have too many elements to become triangles.
     fn refuse_relief(&self, material: u32, object: u32) -> Result<(), BuildError> {
         if self.displacement.displaces(material) {
             let problem = "a cloud can't be displaced; single spheres and cylinders can be";
@@ -367,7 +370,7 @@ impl Builder {
         Ok(())
     }
 
-    /// A mesh that stands for a displaced object.
+    /// Places the mesh of a displaced object.
     fn displaced(
         &mut self,
         mesh: Mesh,
@@ -460,8 +463,8 @@ impl Builder {
         Ok(())
     }
 
-    /// What the textures of this material want to know of an object. Inside of prototypes an instance may still put
-    /// another material in its place.
+    /// The spaces that the textures of this material need. Inside of prototypes an instance may replace the material,
+    /// so the union is returned there.
     pub(super) fn required_spaces(&self, material: u32) -> RequiredSpaces {
         if self.open.is_empty() {
             self.required_spaces.get(material as usize).copied().unwrap_or_default()
@@ -476,7 +479,7 @@ impl Builder {
         Ok(())
     }
 
-    /// How many instances may still be placed.
+    /// The number of instances that may still be placed.
     pub(super) fn room(&self) -> usize {
         World::MAX_INSTANCES.saturating_sub(self.placed[0])
     }
@@ -485,7 +488,8 @@ impl Builder {
         self.count(0, more)
     }
 
-    /// Counts what is placed before memory is taken for it: instances, points of light, shapes without bounds.
+    /// Counts what is placed before memory is allocated for it: 0 for instances, 1 for light points, 2 for shapes
+    /// without bounds.
     fn count(&mut self, what: usize, more: usize) -> Result<(), BuildError> {
         self.placed[what] = self.placed[what].saturating_add(more);
         match what {
@@ -496,7 +500,7 @@ impl Builder {
         }
     }
 
-    /// Turns a part's loose shapes into one more instance.
+    /// Turns a part's single shapes into one more instance.
     pub(super) fn finish_part(&mut self, part: Collected, object: u32) -> Result<Sealed, BuildError> {
         let Collected { shapes, shape_objects, shape_materials, mut instances, lights, moving_lights, unbounded } =
             part;
@@ -517,7 +521,7 @@ impl Builder {
         Ok(())
     }
 
-    /// Enters an object into the register: by its own name, or by kind and number.
+    /// Registers an object by its own name, or by kind and number.
     fn object(&mut self, node: &Node, kind: &'static str) -> u32 {
         let number = self.kinds.entry(kind).or_default();
         *number += 1;

@@ -1,11 +1,14 @@
-//! Groups: instances under one hierarchy. The world is one; a prototype that many instances repeat is another, kept once for
-//! all of them, and may hold groups itself.
+//! Groups: instances under one hierarchy. The world is one group. A prototype that many instances repeat is another,
+//! kept once for all of them; it may hold groups itself.
 //!
-//! A ray finds its way through a group in the group's own space, and meets the geometries there as if the group had been
-//! dissolved: each by the one transform that all those on the way make together, and only if it comes to the box that
-//! the geometry has in the world. So both ways give the same bits, if on the way nothing is culled that would
-//! have been met. There the ray is wide ([`InflatedRay`]): what is met in a geometry's space lies near its box up to the rounding of the
-//! ray and of the hit in that space, and [`CullMargin`] knows what these amount to in the group's.
+//! A ray traverses a group in the group's own space. It is then tested with each geometry as if the group had been
+//! dissolved. The ray is transformed by the one product of all transforms around the geometry, and only if it enters
+//! the geometry's box in the world. Both forms therefore give equal bits, as long as traversal culls nothing that would
+//! be hit.
+//!
+//! For this the ray in the group's space is inflated ([`InflatedRay`]). A hit in a geometry's space lies near the
+//! geometry's box, up to the rounding of the ray and of the hit in that space. [`CullMargin`] bounds these errors in
+//! the group's space.
 
 use super::build::hierarchy_error;
 use super::geometry::Geometry;
@@ -16,46 +19,48 @@ use crate::math::{DRay, Transform};
 use canaletto_bvh::{Aabb, Bvh, InflatedRay, PreparedRay, Ray};
 use glam::{DAffine3, DMat3, DVec3};
 
-/// Instances in one space, under their hierarchy.
+/// Instances in one space, under one hierarchy.
 #[derive(Debug)]
 pub(super) struct Group {
     pub(super) instances: Vec<Instance>,
-    /// How many geometries, those of groups counted, stand before each instance; empty if no instance is a group.
+    /// For each instance, the number of geometries before it, those of groups counted. Empty if no instance is a group.
     firsts: Vec<u32>,
-    /// How many geometries stand here, those of groups counted.
+    /// The number of geometries, those of groups counted.
     pub(super) leaves: u32,
-    /// Primitives, likewise.
+    /// The number of primitives, those of groups counted.
     pub(super) primitives: u64,
-    /// How many numbers its objects take.
+    /// The number of object numbers that the group takes.
     pub(super) numbers: u32,
-    /// Over the bounds of `instances`.
+    /// The hierarchy over the bounds of `instances`.
     pub(super) tree: Bvh,
-    /// Those bounds in the order of its slots: a leaf may hold several, and a ray into an instance's space costs more than a box.
+    /// These bounds in the order of the tree's slots. A leaf may hold several instances, and a ray into an instance's
+    /// space costs more than a box test.
     pub(super) slot_bounds: Vec<Aabb>,
     cull_margin: CullMargin,
 }
 
-/// How uncertain, by the rounding in the spaces of all that it holds, a ray is in a group's space: by a share of its origin's length and of
-/// the reach.
+/// The uncertainty of a ray in a group's space, from the rounding in the spaces of all members. It is a share of
+/// `stretch` times the length of the ray's origin, plus `reach`.
 #[derive(Clone, Copy, Debug)]
 struct CullMargin {
-    /// By how much a rounding may grow on the way to the space where it happens and back; at least 1.
+    /// The factor by which an error may grow on the path to the space where it arises and back; at least 1.
     stretch: f64,
     reach: f64,
 }
 
-/// The share. Rays in a geometry's space are rounded to half a unit in the last place, 2⁻²⁴, in origin and direction, hits are confined to
-/// boxes up to [`canaletto_bvh`]'s slack in t of 2⁻²⁰, and tests of boxes in the group's space round a few more times: less than 1.7 × 2⁻²⁰
-/// altogether.
+/// The share. Rays in a geometry's space are rounded to half a unit in the last place, 2⁻²⁴, in origin and direction.
+/// Hits are confined to boxes up to [`canaletto_bvh`]'s slack in t of 2⁻²⁰. Box tests in the group's space round a few
+/// more times. The sum is less than 1.7 × 2⁻²⁰.
 const SHARE: f64 = 1.0 / (1 << 19) as f64;
 
-/// The same for the transforms' roundings in `f64`, relative to their terms, with room for sums that cancel on the way.
+/// The share for the transforms' roundings in `f64`, relative to their terms, with room for sums that cancel.
 const FINE_SHARE: f64 = 1.0 / (1u64 << 40) as f64;
 
-/// Extents of groups' spaces, so far from the ends of `f32` that no product in a test of a box loses bits.
+/// The extents that groups' spaces may have. They are so far from the limits of `f32` that no product in a box test
+/// loses bits.
 const EXTENTS: std::ops::RangeInclusive<f64> = 1e-30..=1e30;
 
-/// What groups are made of.
+/// The tables that groups refer to.
 #[derive(Clone, Copy)]
 pub(super) struct BuildTables<'a> {
     pub(super) geometries: &'a [Geometry],
@@ -75,10 +80,12 @@ impl BuildTables<'_> {
 }
 
 impl Group {
-    /// The group of these instances, which have these bounds. The object numbers of its members start from `first_number`.
+    /// The group of these instances, which have these bounds. The object numbers of its members start from
+    /// `first_number`.
     ///
     /// # Errors
-    /// If they are too many; `name` is the group's.
+    /// If there are more than [`World::MAX_COPIES`] geometries; the error contains the group's `name`. If the hierarchy
+    /// can't be built.
     pub(super) fn new(
         mut instances: Vec<Instance>,
         bounds: &[Aabb],
@@ -117,8 +124,8 @@ impl Group {
         Ok(Group { instances, firsts, leaves: leaves as u32, primitives, numbers, tree, slot_bounds, cull_margin })
     }
 
-    /// The same for a prototype, whose space isn't the world's; `Err` has the instances if their places are so extreme that rays couldn't
-    /// find their way in that space.
+    /// The group of a prototype, whose space isn't the world's. The inner `Err` returns the instances if their
+    /// transforms are too extreme for rays in that space.
     pub(super) fn of_prototype(
         instances: Vec<Instance>,
         name: &str,
@@ -140,7 +147,7 @@ impl Group {
         Group::new(instances, &bounds, 0, name, tables).map(|group| Ok(Group { cull_margin, ..group }))
     }
 
-    /// The number of an instance, that of its first geometry if it is a group.
+    /// The number of an instance; for a group, that of its first geometry.
     #[inline]
     pub(super) fn first(&self, index: u32) -> u32 {
         self.firsts.get(index as usize).copied().unwrap_or(index)
@@ -152,12 +159,12 @@ impl Group {
         self.firsts.is_empty()
     }
 
-    /// The instance that a geometry of this number belongs to.
+    /// The index of the instance that contains the geometry with this number.
     fn index_of(&self, number: u32) -> u32 {
         if self.is_flat() { number } else { self.firsts.partition_point(|&first| first <= number) as u32 - 1 }
     }
 
-    /// The geometry of a number as it stands in the group's space.
+    /// The geometry with this number, placed in the group's space.
     pub(super) fn resolve(&self, number: u32, groups: &[Group]) -> Instance {
         let index = self.index_of(number);
         let instance = &self.instances[index as usize];
@@ -178,13 +185,13 @@ impl Group {
     }
 }
 
-/// The farthest that a point of a box is away from the origin.
+/// The largest distance of a point in a box from the origin.
 fn extent(bounds: &Aabb) -> f64 {
     bounds.min.abs().max(bounds.max.abs()).as_dvec3().length()
 }
 
 impl CullMargin {
-    /// That of what an instance places, in the space that it is placed in.
+    /// The margin for an instance's content, in the space that the instance is placed in.
     fn outside_of(instance: &Instance, tables: BuildTables) -> CullMargin {
         let inner = match tables.groups.get(instance.group as usize) {
             Some(group) => group.cull_margin,
@@ -197,7 +204,7 @@ impl CullMargin {
     }
 }
 
-/// By how much lengths grow at most on the way out of a space, and into it.
+/// Bounds of the growth of lengths, out of a space and into it.
 fn growths(t: &Transform) -> [f64; 2] {
     if let Some(scale) = t.uniform_scale() {
         return [scale, 1.0 / scale].map(|s| s * (1.0 + 1e-9));
@@ -205,7 +212,7 @@ fn growths(t: &Transform) -> [f64; 2] {
     [t.matrix().matrix3, t.inverse().matrix().matrix3].map(spectral_bound)
 }
 
-/// No less than the largest singular value.
+/// An upper bound of the largest singular value.
 fn spectral_bound(m: DMat3) -> f64 {
     let columns = [m.x_axis, m.y_axis, m.z_axis];
     let frobenius = columns.iter().map(|c| c.length_squared()).sum::<f64>();
@@ -214,27 +221,28 @@ fn spectral_bound(m: DMat3) -> f64 {
     frobenius.min(one * infinity).sqrt()
 }
 
-/// Whether a transform's inverse may be that of the identity, up to rounding.
+/// Whether a transform or its inverse may be the identity, up to rounding.
 #[inline]
 fn is_near_identity(t: &DAffine3) -> bool {
     let near = |a: DVec3, b: DVec3| (a - b).abs().max_element() < 0.01;
     near(t.matrix3.x_axis, DVec3::X) && near(t.matrix3.y_axis, DVec3::Y) && near(t.matrix3.z_axis, DVec3::Z)
 }
 
-/// The way to a group: the instances that lead there.
+/// The path to a group: the instances that lead to it.
 #[derive(Clone, Copy)]
 pub(super) struct InstancePath<'a> {
     outer: Option<&'a InstancePath<'a>>,
     instance: &'a Instance,
     pub(super) group: &'a Group,
-    /// The number of its first geometry.
+    /// The number of the group's first geometry.
     first: u32,
-    /// From the world's space to the group's.
+    /// The transform from the world's space to the group's.
     inwards: DAffine3,
 }
 
 impl<'a> InstancePath<'a> {
-    /// The way to the group of an instance whose first geometry has this number; `outer` leads to where it stands, if that isn't the world.
+    /// The path to the group of an instance whose first geometry has this number. `outer` is the path to the group that
+    /// contains the instance, if that isn't the world.
     pub(super) fn to(
         instance: &'a Instance,
         first: u32,
@@ -246,13 +254,13 @@ impl<'a> InstancePath<'a> {
         InstancePath { outer, instance, group: &groups[instance.group as usize], first, inwards }
     }
 
-    /// The number of an instance in the group, that of its first geometry if it is a group.
+    /// The number of an instance in the group; for a group, that of its first geometry.
     #[inline]
     pub(super) fn number(&self, index: u32) -> u32 {
         self.first + self.group.first(index)
     }
 
-    /// An instance of a geometry in the group, as it stands in the world.
+    /// An instance of a geometry in the group, placed in the world.
     #[inline]
     pub(super) fn placed(&self, member: &Instance) -> Instance {
         let mut placed = *member;
@@ -264,8 +272,9 @@ impl<'a> InstancePath<'a> {
         placed
     }
 
-    /// A ray of the world's in the space of a geometry's instance in the group, with the bits that [`InstancePath::placed`] would give it but without the
-    /// transform outwards; `None` where that might make a difference, because it could be the identity.
+    /// A ray of the world in the space of a geometry's instance in the group. It has the bits of a ray through
+    /// [`InstancePath::placed`], but the outward transform isn't computed. `None` if the product of the transforms may
+    /// be the identity, which `placed` leaves out.
     pub(super) fn local_ray(&self, member: &Instance, ray: &Ray) -> Option<PreparedRay> {
         let mut inwards = member.to_world.as_ref().map(|t| *t.back());
         let mut next = Some(self);
@@ -283,26 +292,27 @@ impl<'a> InstancePath<'a> {
         Some(line.rounded().prepare())
     }
 
-    /// A ray of the world's in the group's space.
+    /// A ray of the world in the group's space.
     pub(super) fn group_ray(&self, ray: &Ray) -> GroupRay {
         GroupRay::new(ray, &self.inwards, self.group.cull_margin).unwrap_or_else(GroupRay::everywhere)
     }
 }
 
-/// A ray of the world's in a group's space, to cull by.
+/// A ray of the world in a group's space, for culling.
 #[derive(Clone, Copy)]
 pub(super) struct GroupRay {
     ray: InflatedRay,
-    /// Its parameter for that of the world's ray: a power of two, such that the direction's longest component lies in 1..2.
+    /// The factor from the world ray's t to this ray's t. It is a power of two, such that the direction's longest
+    /// component lies in 1..2.
     t_scale: f64,
 }
 
 impl GroupRay {
-    /// `None` if it can't be told in `f32` where it goes.
+    /// `None` if `f32` can't represent the ray well enough.
     fn new(ray: &Ray, inwards: &DAffine3, cull_margin: CullMargin) -> Option<GroupRay> {
         let far = ray.origin.as_dvec3();
         let (origin, direction) = (inwards.transform_point3(far), inwards.matrix3 * ray.direction.as_dvec3());
-        // The power of two below.
+        // The next lower power of two.
         let t_scale = f64::from_bits(direction.abs().max_element().to_bits() & f64::INFINITY.to_bits());
         let m = inwards.matrix3;
         let terms = m.x_axis.abs() * far.x.abs() + m.y_axis.abs() * far.y.abs() + m.z_axis.abs() * far.z.abs();
@@ -315,25 +325,26 @@ impl GroupRay {
         })
     }
 
-    /// Meets all boxes of a group.
+    /// A ray that enters all boxes of a group.
     fn everywhere() -> GroupRay {
         let ray = Ray::new(glam::Vec3::ZERO, glam::Vec3::ONE);
         GroupRay { ray: InflatedRay::new(&ray, 1e34), t_scale: f64::INFINITY }
     }
 
-    /// Its parameter where the world's ray has this one, greater than 0.
+    /// This ray's t for a t of the world's ray; greater than 0.
     #[inline]
     fn at(&self, t: f32) -> f32 {
         ((f64::from(t) * self.t_scale) as f32).max(f32::MIN_POSITIVE)
     }
 }
 
-/// Up to how many instances are asked for one by one: a chain of groups in groups then takes little of the stack.
+/// The most instances that are tested one by one, without the tree. A chain of nested groups then takes little of the
+/// stack.
 const FEW: usize = 4;
 
 impl Group {
-    /// Calls `visit` for the instances that the ray may meet within (0, t_max], roughly from near to far; it answers what t_max is
-    /// from then on.
+    /// Calls `visit` for the instances that the ray may hit within (0, t_max], roughly from near to far. `visit`
+    /// returns the new t_max.
     pub(super) fn intersect(&self, group_ray: &GroupRay, t_max: f32, mut visit: impl FnMut(u32) -> f32) {
         let Group { tree, slot_bounds, .. } = self;
         let mut limit = group_ray.at(t_max);
@@ -354,7 +365,8 @@ impl Group {
         });
     }
 
-    /// The same in no particular order, until it answers that something is met.
+    /// Calls `visit` for the instances that the ray may hit within (0, t_max], in no order, until `visit` returns true.
+    /// Returns whether it did.
     pub(super) fn occluded(&self, group_ray: &GroupRay, t_max: f32, mut visit: impl FnMut(u32) -> bool) -> bool {
         let Group { tree, slot_bounds, .. } = self;
         let limit = group_ray.at(t_max);
