@@ -1,4 +1,5 @@
-//! Edges of meshes: where a ray that goes on may start beyond the next triangle, since its origin is moved off the surface.
+//! Edges of meshes. A ray that leaves a surface near an edge may start beyond the next triangle, since its origin is
+//! offset.
 
 use super::World;
 use super::geometry::Geometry;
@@ -7,43 +8,44 @@ use crate::math::DRay;
 use crate::shape::Surface;
 use glam::DVec3;
 
-/// An edge is near if it is no farther away than an origin is moved, this many times over. A face beyond an edge whose angle has at least this sine,
-/// inverted, is then not skipped without notice.
+/// The distance at which an edge is near, as a multiple of the offset of an origin. A face beyond an edge is then not
+/// skipped unnoticed if the sine of the angle at the edge is at least 1 / `TIMES`.
 const TIMES: f64 = 16.0;
 
-/// A bound of how far an origin is moved, relative to the terms of the largest coordinate.
+/// A bound of the offset of an origin, relative to the terms of the largest coordinate.
 const MOVED: f64 = 1.0 / (1 << 20) as f64;
 
-/// A triangle in the world.
+/// The corners of a triangle in the world.
 struct Corners {
     all: [DVec3; 3],
     /// The largest sum of the terms of a coordinate.
     terms: f64,
-    /// Whether the transform mirrors.
+    /// Whether the transform mirrors the triangle.
     is_mirrored: bool,
 }
 
 impl Corners {
-    /// Whether an edge is nearer than `reach`, for a point with these barycentric coordinates.
+    /// Whether an edge is nearer than `reach` to the point with these barycentric coordinates.
     fn is_near(&self, uv: [f32; 2], reach: f64) -> bool {
         let [a, b, c] = self.all;
         let [ab, bc, ca] = [b - a, c - b, a - c];
         let twice_area = ab.cross(ca).length_squared();
         let [u, v] = uv.map(f64::from);
-        // The distance from an edge is the opposite corner's weight times the height over it.
+        // The distance to an edge is the weight of the opposite corner times the height over the edge.
         let near = |weight: f64, edge: DVec3| weight * weight * twice_area < reach * reach * edge.length_squared();
         near(1.0 - u - v, bc) || near(u, ca) || near(v, ab)
     }
 }
 
 impl World {
-    /// Whether a ray that goes on from this surface may start beyond another triangle of the same mesh.
+    /// Whether a ray that leaves this surface may start beyond another triangle of its mesh.
     pub(crate) fn is_by_an_edge(&self, hit: &Hit, surface: &Surface) -> bool {
         let reach = TIMES * f64::from(surface.error.max_element());
         self.triangle_of(hit).is_some_and(|corners| corners.is_near(hit.uv, reach))
     }
 
-    /// Whether a line comes from the outer side of the triangle that it meets; none by an edge, or if it meets something else.
+    /// Whether a line comes from the outer side of the triangle that it hits. `None` near an edge, or if the hit is on
+    /// something else.
     pub(crate) fn side_of_mesh(&self, line: &DRay, hit: &Hit) -> Option<bool> {
         let corners = self.triangle_of(hit)?;
         if corners.is_near(hit.uv, TIMES * MOVED * corners.terms) {
@@ -54,7 +56,7 @@ impl World {
         Some(if corners.is_mirrored { along > 0.0 } else { along < 0.0 })
     }
 
-    /// The triangle that was met, in the world.
+    /// The triangle that was hit, in the world.
     fn triangle_of(&self, hit: &Hit) -> Option<Corners> {
         if hit.instance == Hit::UNBOUNDED {
             return None;

@@ -1,29 +1,30 @@
-//! Where a mesh comes to lie on itself: faces of one surface that are in the same place, back to back, or that belong to different ones.
+//! Folds of a mesh: places where it lies on itself. Faces there are back to back, or belong to different surfaces.
 
 use crate::shape::Mesh;
 use canaletto_bvh::Aabb;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// How far faces that coincide may be apart, relative to their largest coordinate: far more than rays take for the same place.
+/// The largest distance between coinciding faces, relative to their largest coordinate. It is far larger than the one
+/// that rays use.
 pub(super) const NEAR: f32 = 1.0 / (1 << 14) as f32;
 
-/// The sine of the angle between faces that rays take for parallel, and some more.
+/// The sine of the largest angle between faces that rays treat as parallel, with a margin.
 const SKEW: f32 = 0.06;
 
-/// Triangles at the ends of the hierarchy.
+/// The number of triangles in a leaf of the hierarchy.
 const LEAF: usize = 8;
 
-/// Pairs that are looked at for each triangle before a mesh is taken to lie on itself everywhere.
+/// The number of pairs tested per triangle. If a mesh needs more, all of it counts as folded.
 const PATIENCE: usize = 8;
 
-/// A triangle, or several side by side.
+/// A triangle, or several neighbouring ones.
 #[derive(Clone, Copy)]
 struct Bunch {
     bounds: Aabb,
     /// The box around all unit normals.
     normals: Aabb,
-    /// The surfaces that they belong to: the least number and the greatest.
+    /// The least and the greatest number of the surfaces that they belong to.
     surfaces: [u32; 2],
 }
 
@@ -32,7 +33,7 @@ impl Bunch {
         let [a, b, c] = mesh.corners(triangle);
         let across = (b - a).cross(c - a);
         let length = across.length();
-        // Beyond these, squares in f32 lose what they hold.
+        // Squares in `f32` lose precision outside this range.
         let normal = if (1e-15..1e15).contains(&length) {
             across / length
         } else {
@@ -56,7 +57,7 @@ impl Bunch {
         }
     }
 
-    /// Whether faces of the two may be in the same place and told apart there.
+    /// Whether faces of the two may coincide as a fold.
     fn may_meet(&self, other: &Bunch, near: f32) -> bool {
         let (min, max) = (-other.normals.max - SKEW, -other.normals.min + SKEW);
         let [[a, b], [c, d]] = [self.surfaces, other.surfaces];
@@ -65,7 +66,7 @@ impl Bunch {
     }
 }
 
-/// A box that takes in what is near it.
+/// A box with a margin for coinciding faces.
 pub(super) fn grown(bounds: &Aabb) -> Aabb {
     wider(bounds, largest(bounds) * NEAR)
 }
@@ -79,8 +80,8 @@ fn wider(bounds: &Aabb, by: f32) -> Aabb {
     Aabb { min: bounds.min - by, max: bounds.max + by }
 }
 
-/// The box around all places where a mesh lies on itself. `surface` tells the number of the one that a triangle belongs to; what lies side by side or
-/// in the same place on one surface, facing the same way, is no fold.
+/// The box around all folds of a mesh. `surface` returns the number of the surface that a triangle belongs to. Faces of
+/// one surface that are neighbours, or coincide and face in one direction, are no fold.
 pub(super) fn folds(mesh: &Mesh, surface: impl Fn(usize) -> u32 + Sync) -> Aabb {
     let order = along_a_curve(mesh);
     let leaf = |ids: &[u32]| {
@@ -124,7 +125,7 @@ pub(super) fn folds(mesh: &Mesh, surface: impl Fn(usize) -> u32 + Sync) -> Aabb 
     folds
 }
 
-/// Where two triangles lie on one another, if they may.
+/// The place where two triangles may lie on one another.
 fn fold(mesh: &Mesh, pair: [u32; 2], near: f32, surface: &impl Fn(usize) -> u32) -> Aabb {
     let [a, b] = pair.map(|id| Bunch::of(mesh, id as usize, surface(id as usize)));
     if !a.may_meet(&b, near) {
@@ -142,7 +143,8 @@ fn fold(mesh: &Mesh, pair: [u32; 2], near: f32, surface: &impl Fn(usize) -> u32)
     wider(&a.bounds, near).intersection(&wider(&b.bounds, near))
 }
 
-/// The triangles by the places of their first corners on a Z-shaped curve through about as many cells as there are triangles.
+/// The triangles in the order of their first corners on a Z-shaped curve through about as many cells as there are
+/// triangles.
 fn along_a_curve(mesh: &Mesh) -> Vec<u32> {
     let all = mesh.positions.iter().fold(Aabb::EMPTY, |all, &p| Aabb { min: all.min.min(p), max: all.max.max(p) });
     let bits = (mesh.len().max(1).ilog2() / 3).clamp(1, 8);
@@ -214,7 +216,7 @@ mod tests {
         assert!(min.abs_diff_eq(Vec3::new(0.0, 1.0, 0.0), 1e-3) && max.abs_diff_eq(Vec3::ONE, 1e-3), "{min} {max}");
     }
 
-    /// As many triangles as make a hierarchy; some of two spheres that touch along a plane would be back to back.
+    /// The mesh has enough triangles for a hierarchy of several levels.
     #[test]
     fn each_pair_back_to_back_is_found() {
         let mut many = Mesh::default();

@@ -1,4 +1,4 @@
-//! The triangles of meshes that shine, kept for lights before the meshes go where rays meet them.
+//! The triangles of mesh lights. They are copied for the lights before the meshes become geometries.
 
 use super::{BuildError, World};
 use crate::light::{Light, LightKind, PreparedLight};
@@ -7,14 +7,14 @@ use crate::shape::Mesh;
 use glam::DVec3;
 use std::collections::HashMap;
 
-/// The triangles of meshes that shine, each in its mesh's own space.
+/// The triangles of mesh lights, each in its mesh's own space.
 #[derive(Debug, Default)]
 pub(super) struct LightMeshes {
     by_mesh: HashMap<u32, Vec<[DVec3; 3]>>,
 }
 
 impl LightMeshes {
-    /// Those of all lights in these nodes.
+    /// The triangles of all lights in these nodes.
     pub(super) fn collect<'n>(
         nodes: impl Iterator<Item = &'n Node>,
         meshes: &[Mesh],
@@ -60,13 +60,13 @@ impl LightMeshes {
         }
     }
 
-    /// How many triangles a light has.
+    /// The number of a light's triangles.
     pub(super) fn count(&self, light: &Light) -> usize {
         let LightKind::Mesh(mesh) = &light.kind else { return 0 };
         mesh.meshes.iter().filter_map(|index| self.by_mesh.get(index)).map(Vec::len).sum()
     }
 
-    /// The source of a light in its place.
+    /// The prepared form of a light in its place.
     pub(super) fn source(&self, light: Light) -> PreparedLight {
         let LightKind::Mesh(mesh) = &light.kind else { return PreparedLight::new(light) };
         let triangles: Vec<[DVec3; 3]> =

@@ -1,8 +1,8 @@
 //! Instances and lights that move while the shutter is open.
 //!
-//! The first level of the hierarchy holds an instance's bounds over the whole time; a ray is moved into the instance's space
-//! as that stands at the ray's own time. What moves is never baked into its place, and a motion within a motion, such as a
-//! wheel's on a car, stays a chain of both, so that turns stay turns.
+//! The first level of the hierarchy holds an instance's bounds over the whole time. A ray is transformed into the
+//! instance's space at the ray's own time. A moving object is never transformed at build time. A motion within a
+//! motion, such as that of a wheel on a car, stays a chain of both. Rotations therefore stay rotations.
 
 use super::light_meshes::LightMeshes;
 use crate::light::{Light, PreparedLight};
@@ -11,7 +11,7 @@ use canaletto_bvh::Aabb;
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
-/// A place that changes with time: transforms with paths between them, the outermost first.
+/// A transform that changes over time: transforms and paths in turn, the outermost first.
 #[derive(Clone, Debug)]
 pub(super) struct TransformChain {
     links: Vec<(Transform, Arc<AnimatedTransform>)>,
@@ -19,25 +19,25 @@ pub(super) struct TransformChain {
 }
 
 impl TransformChain {
-    /// A place that stays.
+    /// A transform that doesn't change.
     pub(super) fn still(place: Transform) -> TransformChain {
         TransformChain { links: Vec::new(), innermost: place }
     }
 
-    /// The same place moved along a path.
+    /// This transform followed by a path.
     pub(super) fn along(mut self, path: &Arc<AnimatedTransform>) -> TransformChain {
         self.links.insert(0, (Transform::IDENTITY, path.clone()));
         self
     }
 
-    /// The same place after one more transform.
+    /// This transform followed by one more.
     pub(super) fn inside(mut self, outer: &Transform) -> TransformChain {
         let first = self.links.first_mut().map_or(&mut self.innermost, |(before, _)| before);
         *first = outer.after(first);
         self
     }
 
-    /// The place at a time in 0..=1.
+    /// The transform at a time in 0..=1.
     pub(super) fn at(&self, time: f32) -> Transform {
         let inner = |inner: Transform, (before, path): &(Transform, Arc<AnimatedTransform>)| {
             let moved = path.at(f64::from(time)).after(&inner);
@@ -46,7 +46,7 @@ impl TransformChain {
         self.links.iter().rev().fold(self.innermost, inner)
     }
 
-    /// Bounds over all times of something with these bounds, rounded outwards.
+    /// Bounds over all times of an object with these local bounds, rounded outwards.
     pub(super) fn bounds(&self, local: Aabb) -> Aabb {
         if local.is_empty() {
             return local;
@@ -61,7 +61,7 @@ impl TransformChain {
     }
 }
 
-/// A light that moves: which one, what it is in its own space, and where that goes.
+/// A light that moves: its index, its description in its own space, and its transform over time.
 #[derive(Clone, Debug)]
 pub(super) struct MovingLight {
     pub(super) index: u32,
@@ -70,19 +70,20 @@ pub(super) struct MovingLight {
 }
 
 impl MovingLight {
-    /// The light ready to illuminate at a time in 0..=1.
+    /// The prepared light at a time in 0..=1.
     pub(super) fn at(&self, time: f32, meshes: &LightMeshes) -> PreparedLight {
         meshes.source(self.light.transformed(&self.chain.at(time)))
     }
 }
 
-/// The centre and half size of the box around a moved box.
+/// The centre and half size of the box around a transformed box.
 pub(super) fn around(t: &Transform, center: DVec3, half: DVec3) -> (DVec3, DVec3) {
     let m = t.matrix().matrix3;
     (t.point(center), m.x_axis.abs() * half.x + m.y_axis.abs() * half.y + m.z_axis.abs() * half.z)
 }
 
-/// The box in `f32`, with room for the rounding of rays on their way into the geometry's space, relative to its numbers.
+/// The box in `f32`. It has room, relative to its coordinates, for the rounding of rays that are transformed into the
+/// geometry's space.
 pub(super) fn outwards(center: DVec3, half: DVec3) -> Aabb {
     let slack = (center.abs() + half) * f64::from(f32::EPSILON) * 4.0;
     let (low, high): (Vec3, Vec3) = ((center - half - slack).as_vec3(), (center + half + slack).as_vec3());

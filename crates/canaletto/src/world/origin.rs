@@ -1,9 +1,9 @@
-//! Where coordinates are counted from.
+//! Origins of coordinates.
 //!
-//! Rays and surfaces are `f32`, which holds 24 bits: at 4,000,000 its steps are a quarter. What lies far from zero is
-//! therefore counted from a point near it, and the transforms that place it take that into account in `f64`. Each mesh
-//! and cloud, each prototype, what moves as one, and the world have such an origin of their own. It is zero unless
-//! `f32` would lose something that can be seen, so that nothing changes for a scene near zero.
+//! Rays and surfaces are `f32`, which holds 24 bits: at 4,000,000 its steps are a quarter. Objects far from zero
+//! therefore have coordinates relative to a nearby origin, and their transforms add the origin in `f64`. Each mesh and
+//! cloud, each prototype, each moving part, and the world have an origin of their own. It is zero unless `f32` would
+//! lose visible detail, so that scenes near zero are unaffected.
 
 use crate::math::Transform;
 use crate::scene::{Content, Extrinsics, Node, View};
@@ -12,18 +12,18 @@ use crate::world::World;
 use glam::{DAffine3, DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Coordinates are far from zero if they are so many times the size of what they belong to: `f32` rounds them by 2⁻¹⁴ of
-/// that size.
+/// Coordinates are far from zero if they are more than this multiple of the object's size. `f32` then rounds them by
+/// 2⁻¹⁴ of that size.
 pub(super) const FAR: f64 = 1024.0;
 
-/// How much larger than the way to what it looks at an eye's coordinates are if they are far: `f32` rounds them by 2⁻¹² of
-/// that way, about a pixel.
+/// An eye is far from zero if its coordinates are more than this multiple of its distance to its target. `f32` then
+/// rounds them by 2⁻¹² of that distance, about a pixel.
 const FAR_EYE: f64 = 4096.0;
 
-/// What is within so many times its size sees an eye at its side.
+/// An eye is beside an object if its distance is at most this multiple of the object's size.
 const NEAR_EYE: f64 = 64.0;
 
-/// The least and the largest coordinates of something.
+/// The least and the largest coordinates of an object.
 pub(super) type Span = [DVec3; 2];
 
 const EMPTY: Span = [DVec3::INFINITY, DVec3::NEG_INFINITY];
@@ -32,26 +32,26 @@ fn join([a, b]: Span, [c, d]: Span) -> Span {
     [a.min(c), b.max(d)]
 }
 
-/// The span of all these points.
+/// The span of these points.
 pub(super) fn span(points: &[Vec3]) -> Span {
     let none = || [Vec3::INFINITY, Vec3::NEG_INFINITY];
     let join = |a: [Vec3; 2], b: [Vec3; 2]| [a[0].min(b[0]), a[1].max(b[1])];
     points.par_iter().fold(none, |all, p| join(all, [*p, *p])).reduce(none, join).map(Vec3::as_dvec3)
 }
 
-/// The least power of two that isn't smaller.
+/// The least power of two that isn't smaller than `size`.
 fn power_of_two(size: f64) -> f64 {
     libm::exp2(libm::ceil(libm::log2(size)))
 }
 
-/// How large something is, if it has a size.
+/// The size of a span, if it is positive and finite.
 fn size([min, max]: Span) -> Option<f64> {
     Some((max - min).max_element()).filter(|size| size.is_finite() && *size > 0.0)
 }
 
-/// A point near the middle of the span if its coordinates are more than `far` times as large as it; zero along axes
-/// where they aren't. It is a multiple of a power of two, so that differences of `f32` from it are exact, and a scene scaled by a
-/// power of two has its origin scaled.
+/// A point near the middle of the span if its coordinates are more than `far` times the span's size; otherwise zero. It
+/// is a multiple of a power of two, so that differences of `f32` from it are exact. In a scene scaled by a power of
+/// two, it is scaled as well.
 pub(super) fn origin_of(span: Span, far: f64) -> DVec3 {
     let Some(step) = size(span).map(power_of_two) else { return DVec3::ZERO };
     let middle = (span[0] + span[1]) * 0.5;
@@ -61,17 +61,17 @@ pub(super) fn origin_of(span: Span, far: f64) -> DVec3 {
     (middle / step).round() * step
 }
 
-/// The transform for coordinates that are counted from there.
+/// The transform for coordinates relative to this origin.
 pub(super) fn counted_from(origin: DVec3, transform: &Transform) -> Transform {
     if origin == DVec3::ZERO { *transform } else { transform.after(&Transform::translate(origin)) }
 }
 
-/// The transform into coordinates that are counted from there.
+/// The transform into coordinates relative to this origin.
 pub(super) fn away_from(origin: DVec3) -> Transform {
     if origin == DVec3::ZERO { Transform::IDENTITY } else { Transform::translate(-origin) }
 }
 
-/// Where the things that nodes refer to lie in their own spaces.
+/// The spans of meshes, clouds and prototypes in their own spaces.
 #[derive(Default)]
 pub(super) struct Spans {
     meshes: Vec<Span>,
@@ -108,7 +108,7 @@ impl Spans {
         if self.prototypes.get(index) != Some(&None) || depth > World::MAX_NESTING {
             return;
         }
-        // One that contains itself is refused later.
+        // A prototype that contains itself is rejected later.
         self.prototypes[index] = Some(EMPTY);
         self.referred(&prototypes[index], prototypes, depth);
         self.prototypes[index] = Some(self.of(&prototypes[index], 0));
@@ -125,7 +125,7 @@ impl Spans {
         }
     }
 
-    /// Where a node's content lies in the space around the node before it moves; nothing for lights and planes.
+    /// The span of a node's content in the space around the node before it moves; empty for lights and planes.
     fn still(&self, node: &Node, depth: usize) -> Span {
         let at = |list: &[Span], index: u32| list.get(index as usize).copied().unwrap_or(EMPTY);
         let own = match &node.content {
@@ -143,24 +143,25 @@ impl Spans {
         through(&node.transform, own)
     }
 
-    /// Where a node's content lies in the space around the node while the shutter is open.
+    /// The span of a node's content in the space around the node while the shutter is open.
     fn of(&self, node: &Node, depth: usize) -> Span {
         let still = self.still(node, depth);
         node.motion.iter().map(|pose| through(pose, still)).reduce(join).unwrap_or(still)
     }
 
-    /// What a prototype is counted from.
+    /// The origin of a prototype's coordinates.
     pub(super) fn prototype_origin(&self, node: &Node) -> DVec3 {
         origin_of(self.of(node, 0), FAR)
     }
 
-    /// What something that moves is counted from before it moves.
+    /// The origin of a moving part's coordinates before it moves.
     pub(super) fn moving_origin(&self, node: &Node) -> DVec3 {
         origin_of(self.still(node, 0), FAR)
     }
 
-    /// What the world is counted from: a point by the eye if that is far from zero, or sees something small by its side that is;
-    /// else the middle of all if that is far from zero.
+    /// The origin of the world's coordinates. It is a point near the eye if the eye is far from zero, relative to its
+    /// target or to an object beside it. Otherwise it is a point near the middle of the scene if the scene is far from
+    /// zero.
     pub(super) fn world(&self, nodes: &[Node], view: Option<&View>) -> DVec3 {
         let spans: Vec<Span> = nodes.par_iter().map(|node| self.of(node, 0)).collect();
         let all = spans.iter().copied().fold(EMPTY, join);
@@ -180,7 +181,7 @@ impl Spans {
     }
 }
 
-/// The span of a box after a transform.
+/// The span of a transformed box.
 fn through(transform: &Transform, span: Span) -> Span {
     if transform.is_identity() || size(span).is_none() && span[0].cmpgt(span[1]).any() {
         return span;
@@ -189,22 +190,22 @@ fn through(transform: &Transform, span: Span) -> Span {
     (0..8).map(|i| transform.point(corner(i))).fold(EMPTY, |all, p| join(all, [p, p]))
 }
 
-/// A shape's or light's points as far as they are known.
+/// A shape's or light's points with the parts that `f32` lost.
 #[derive(Clone, Copy)]
 pub(super) struct Exactly<'r> {
-    /// What `f32` could not hold of them.
+    /// The part of each point that `f32` lost.
     pub(super) rest: &'r [Vec3; 3],
-    /// What they are counted from.
+    /// The origin of the points.
     pub(super) zero: DVec3,
 }
 
 impl Exactly<'_> {
-    /// Point number `i`, which is rounded to `p`, counted from the zero. Nothing is rounded but this distance.
+    /// Point number `i`, which was rounded to `p`, relative to `zero`. Only this difference is rounded.
     pub(super) fn point(self, i: usize, p: Vec3) -> Vec3 {
         (p.as_dvec3() - self.zero + self.rest[i].as_dvec3()).as_vec3()
     }
 
-    /// Points counted from what the transform takes to zero, and what is left of the transform for them.
+    /// The points relative to the preimage of zero, and the transform that remains for them.
     pub(super) fn before(rest: &[Vec3; 3], transform: Transform) -> (Exactly<'_>, Transform) {
         let zero = transform.inverse().point(DVec3::ZERO);
         let [forward, back] = [transform.matrix(), transform.back()].map(|m| DAffine3::from_mat3(m.matrix3));
@@ -212,13 +213,13 @@ impl Exactly<'_> {
     }
 }
 
-/// Where a shape lies, from its points as far as they are known.
+/// The span of a shape, from its points with the parts that `f32` lost.
 pub(super) fn shape_span(shape: &Shape, rest: &[Vec3; 3]) -> Span {
     let (near, zero) = shape.at_its_first_point(rest);
     near.bounds().map_or(EMPTY, |bounds| [zero + bounds.min.as_dvec3(), zero + bounds.max.as_dvec3()])
 }
 
-/// Whether rounding took more than 2⁻¹⁶ of its size from a shape.
+/// Whether rounding has moved a shape's points by more than 2⁻¹⁶ of its size.
 pub(super) fn rounded_visibly(shape: &Shape, rest: &[Vec3; 3]) -> bool {
     let lost = rest.iter().fold(0.0, |most: f32, rest| most.max(rest.abs().max_element()));
     lost > 0.0 && size(shape_span(shape, rest)).is_none_or(|size| f64::from(lost) * 65_536.0 > size)

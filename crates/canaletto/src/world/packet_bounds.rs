@@ -1,42 +1,43 @@
-//! What all rays of a group lie between, so that one look at a box may spare them all.
+//! Bounds of groups of rays, so that one box test may cull a whole group.
 //!
-//! Interval arithmetic after Boulos, Wald and Shirley, "Geometric and arithmetic culling methods for entire ray packets"
-//! (2006), but with half-spaces that move along the rays instead of reciprocals of intervals, so that it does not matter
-//! whether directions of a group change their signs.
+//! Interval arithmetic after Boulos, Wald and Shirley, "Geometric and arithmetic culling methods for entire ray
+//! packets" (2006), but with half-spaces that move along the rays instead of reciprocals of intervals. Directions of a
+//! group may therefore change their signs.
 
 use canaletto_bvh::{Aabb, InstructionSet, Kernel, Ray};
 use glam::{Vec3, Vec4};
 
-/// How many rays a group has.
+/// The number of rays in a group.
 pub(super) const GROUP: usize = 16;
 
-/// The slack of what is met along a ray: more than the trees leave to it, so that none of them would go where this says no.
+/// The slack in t of this test. It is larger than the slack of the trees, so that this test culls no box that a tree
+/// would enter.
 const SLACK: f64 = 1.0 + 1.0 / (1 << 18) as f64;
 
-/// Sizes of components whose reciprocals are normal numbers; trees tell nothing about others.
+/// The range of components whose reciprocals are normal numbers. Trees cull nothing for other components.
 const REGULAR: std::ops::RangeInclusive<f32> = 1e-37..=1e37;
 
-/// A group of rays.
+/// The bounds of a group of rays.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PacketBounds {
-    /// The least coordinates of origins, then the largest ones' negatives.
+    /// The least coordinates of the origins, then the negatives of the largest ones.
     from: [f32; 6],
-    /// The same of directions.
+    /// The least components of the directions, then the negatives of the largest ones.
     way: [f32; 6],
-    /// Up to where any of them counts.
+    /// The largest `t_max` of the rays.
     t_max: f32,
-    /// Whether boxes can be told to be missed.
+    /// Whether boxes can be culled.
     regular: bool,
 }
 
-/// Three numbers, then the negatives of three others.
+/// The components of `a`, then the negatives of the components of `b`.
 #[inline(always)]
 fn six(a: Vec3, b: Vec3) -> [f32; 6] {
     [a.x, a.y, a.z, -b.x, -b.y, -b.z]
 }
 
 impl PacketBounds {
-    /// The corridor of at least one ray.
+    /// The bounds of at least one ray.
     #[inline(always)]
     fn of(rays: &[Ray], t_max: &[f32]) -> PacketBounds {
         let (mut o0, mut d0, mut least) = (Vec4::INFINITY, Vec4::INFINITY, Vec4::INFINITY);
@@ -54,13 +55,13 @@ impl PacketBounds {
         PacketBounds { from: six(o0, o1), way: six(d0, d1), t_max: end, regular }
     }
 
-    /// Makes `packet_bounds` those of the groups of some rays.
+    /// Sets `packet_bounds` to the bounds of the groups of these rays.
     pub(super) fn of_groups(packet_bounds: &mut Vec<PacketBounds>, rays: &[Ray], t_max: &[f32]) {
         packet_bounds.clear();
         InstructionSet::run(Groups { rays, t_max, packet_bounds });
     }
 
-    /// Whether all trees would say that no ray of the group meets the box.
+    /// Whether all trees would report that no ray of the group enters the box.
     pub(super) fn misses(&self, bounds: &Aabb) -> bool {
         if !self.regular {
             return false;
@@ -68,7 +69,7 @@ impl PacketBounds {
         let planes = six(bounds.max, bounds.min);
         let (mut near, mut far) = (0.0f64, f64::from(self.t_max) * SLACK);
         for ((plane, from), way) in planes.into_iter().zip(self.from).zip(self.way) {
-            // t such that the rays that go along `way` from `from` are not yet past a plane, or past it already.
+            // The t up to which, or from which, rays from `from` along `way` are on the inner side of a plane.
             let t = (f64::from(plane) - f64::from(from)) / f64::from(way);
             if way > 0.0 { far = far.min(t * SLACK) } else { near = near.max(t) }
         }
@@ -97,7 +98,7 @@ impl Kernel for Groups<'_> {
 mod tests {
     use super::*;
 
-    /// Whether a ray comes near a box: at points along it, in `f64`, with more than enough of them.
+    /// Whether one of many points along a ray, in `f64`, lies in a box.
     fn meets(ray: &Ray, t_max: f32, bounds: &Aabb) -> bool {
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         let end = f64::from(t_max.min(16.0));
@@ -145,7 +146,7 @@ mod tests {
         assert!(!group(ahead, f32::INFINITY).misses(&unit) && !group(ahead, 2.0).misses(&unit));
         assert!(group(ahead, 1.9).misses(&unit) && group(-ahead, f32::INFINITY).misses(&unit));
         assert!(group(ahead, f32::NEG_INFINITY).misses(&unit));
-        // Nothing is said about rays along an axis.
+        // Rays along an axis are never culled.
         assert!(!group(Vec3::NEG_X, f32::INFINITY).misses(&unit));
     }
 }

@@ -1,11 +1,11 @@
-//! What textures want to know of the objects that they are on: which shapes may be moved into place at build time, and
-//! which must stay where their coordinates are.
+//! The spaces that textures need of their objects. They decide which shapes may be transformed at build time, and which
+//! must stay in their own space.
 
 use crate::material::{Material, Projection, Space, Target};
 use crate::math::Transform;
 use crate::shape::Shape;
 
-/// What a material's textures hold on to.
+/// The spaces that a material's textures need.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct RequiredSpaces {
     /// The surface's own coordinates.
@@ -19,7 +19,7 @@ pub(super) struct RequiredSpaces {
 impl RequiredSpaces {
     pub(super) fn of(material: &Material) -> RequiredSpaces {
         material.textures.iter().fold(RequiredSpaces::default(), |mut required_spaces, texture| {
-            // What is raised was so in the object's own space, before it is moved.
+            // Displacement happens in the object's own space, before the object is transformed.
             if matches!(texture.target, Target::Displace { .. }) {
                 return required_spaces;
             }
@@ -29,7 +29,7 @@ impl RequiredSpaces {
                 (_, Space::Bounds) => required_spaces.bounds = true,
                 (_, Space::World) => {}
             }
-            // Heights are lengths of the object's space.
+            // Heights of bumps are lengths in the object's space.
             required_spaces.object |= texture.target == Target::Bump;
             required_spaces
         })
@@ -39,7 +39,7 @@ impl RequiredSpaces {
         RequiredSpaces { uv: self.uv | o.uv, object: self.object | o.object, bounds: self.bounds | o.bounds }
     }
 
-    /// Whether a shape that is moved into place keeps it.
+    /// Whether a shape may be transformed at build time.
     pub(super) fn allow(self, shape: &Shape, transform: &Transform) -> bool {
         if transform.is_identity() {
             return true;
@@ -49,7 +49,7 @@ impl RequiredSpaces {
         !self.object && (!self.uv || shape.keeps_uv(transform)) && (!self.bounds || upright)
     }
 
-    /// Whether a mesh that is moved into place keeps it; its coordinates stand at its vertices.
+    /// Whether a mesh may be transformed at build time. Its texture coordinates are stored at its vertices.
     pub(super) fn allow_mesh(self) -> bool {
         !self.object && !self.bounds
     }

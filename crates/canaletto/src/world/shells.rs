@@ -1,7 +1,7 @@
-//! Which triangles of a mesh close around something.
+//! Closed parts of a mesh.
 //!
-//! Triangles of one material belong together. What hangs together by vertices in the same place is closed if each edge is gone along as
-//! often one way as the other.
+//! Triangles of one material that are connected by vertices in one place form a part. A part is closed if each edge is
+//! passed as often in one direction as in the other.
 
 use super::folds::folds;
 use crate::shape::Mesh;
@@ -9,28 +9,28 @@ use canaletto_bvh::Aabb;
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
 
-/// What is closed of a mesh.
+/// The closed parts of a mesh.
 #[derive(Debug)]
 pub(super) struct Shells {
-    /// Of each triangle; empty if all of them have the first slot.
+    /// The material slot of each triangle; empty if all of them have the first slot.
     slots: Vec<u32>,
-    /// Whether each triangle is part of something closed; empty if all are.
+    /// Whether each triangle is in a closed part; empty if all are.
     closed: Vec<bool>,
-    /// The volume inside what is closed of each slot; hollows count less.
+    /// The volume of the closed parts of each slot, without hollows.
     volumes: Vec<f64>,
     /// The box around all places where the mesh lies on itself.
     folds: Aabb,
 }
 
-/// The sides of all triangles, by their smaller end.
+/// The sides of all triangles, ordered by their smaller end.
 struct Sides<S> {
-    /// Up to where the sides of each vertex are.
+    /// For each vertex, the end of its sides in `all`.
     ends: Vec<u32>,
     all: Vec<Side>,
     slot: S,
 }
 
-/// A triangle's side: its greater end, and the triangle; the last bit tells which way it goes.
+/// A triangle's side: its greater end, and the triangle. The last bit of the second number is the side's direction.
 type Side = (u32, u32);
 
 impl Shells {
@@ -40,7 +40,7 @@ impl Shells {
         let mut sides = Sides::of(mesh, slot, |v| v);
         let mut open = sides.open_triangles();
         if !open.is_empty() {
-            // Vertices in the same place may have numbers of their own, as those on both sides of a seam.
+            // Vertices in one place may have different numbers, as on both sides of a seam.
             let welded = weld(&mesh.positions);
             sides = Sides::of(mesh, slot, |v| welded[v as usize]);
             open = sides.open_triangles();
@@ -67,7 +67,7 @@ impl Shells {
         self.folds
     }
 
-    /// The slot of a triangle that is part of something closed, and the volume inside.
+    /// The slot of a triangle in a closed part, and the volume of the slot's closed parts.
     pub(super) fn around(&self, triangle: u32) -> Option<(u32, f64)> {
         let triangle = triangle as usize;
         let slot = self.slots.get(triangle).copied().unwrap_or(0);
@@ -76,9 +76,9 @@ impl Shells {
 }
 
 impl<S: Fn(usize) -> u32> Sides<S> {
-    /// `vertex` gives vertices new numbers.
+    /// The sides of a mesh's triangles, with vertices renumbered by `vertex`.
     fn of(mesh: &Mesh, slot: S, vertex: impl Fn(u32) -> u32) -> Sides<S> {
-        // Sorted by counting for the smaller end, by comparing for the rest.
+        // A counting sort orders by the smaller end, a comparison sort by the rest.
         let mut ends = vec![0; mesh.positions.len() + 1];
         for &[a, b, c] in &mesh.triangles {
             let (a, b, c) = (vertex(a), vertex(b), vertex(c));
@@ -114,7 +114,7 @@ impl<S: Fn(usize) -> u32> Sides<S> {
         Sides { ends, all, slot }
     }
 
-    /// Calls `f` with all sides of one slot between the same ends.
+    /// Calls `f` with all sides of one slot that share both ends.
     fn each_edge(&self, mut f: impl FnMut(&[Side])) {
         let mut start = 0;
         let slot = |way: u32| (self.slot)(way as usize >> 1);
@@ -125,7 +125,7 @@ impl<S: Fn(usize) -> u32> Sides<S> {
         }
     }
 
-    /// The triangles at edges that aren't gone along as often one way as the other.
+    /// The triangles at edges that aren't passed as often in one direction as in the other.
     fn open_triangles(&self) -> Vec<u32> {
         let mut open = Vec::new();
         self.each_edge(|edge| {
@@ -138,15 +138,15 @@ impl<S: Fn(usize) -> u32> Sides<S> {
     }
 }
 
-/// For each position, the number of the first one in the same place.
+/// For each position, the number of the first position in that place.
 fn weld(positions: &[Vec3]) -> Vec<u32> {
     let mut first: HashMap<[u32; 3], u32> = HashMap::with_capacity(positions.len());
-    // −0 is where 0 is.
+    // −0 and 0 are one place.
     let place = |p: &Vec3| (*p + Vec3::ZERO).to_array().map(f32::to_bits);
     (0..).zip(positions).map(|(number, p)| *first.entry(place(p)).or_insert(number)).collect()
 }
 
-/// Whether each triangle hangs together with none of those that are open, by sides of its own slot.
+/// For each triangle, whether it isn't connected to an open triangle by sides of its slot.
 fn closed_parts<S: Fn(usize) -> u32>(sides: &Sides<S>, open: &[u32], triangles: usize) -> Vec<bool> {
     let mut parents: Vec<u32> = (0..triangles as u32).collect();
     fn root(parents: &mut [u32], mut of: u32) -> u32 {
@@ -175,7 +175,7 @@ fn closed_parts<S: Fn(usize) -> u32>(sides: &Sides<S>, open: &[u32], triangles: 
 mod tests {
     use super::*;
 
-    /// A cube with corners of its own for each face, turned inside out if `inward`.
+    /// A cube with separate corners for each face, turned inside out if `inward`.
     fn cube(center: f32, size: f32, inward: bool) -> Mesh {
         let corner = |i: usize| Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2) as f32) * size + center;
         let faces = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
@@ -191,7 +191,7 @@ mod tests {
         mesh
     }
 
-    /// Whether it is the first shell, of this volume but for rounding.
+    /// Whether the shell is the first, and its volume is this up to rounding.
     fn is_near(around: Option<(u32, f64)>, volume: f64) -> bool {
         around.is_some_and(|(shell, found)| shell == 0 && (found - volume).abs() < 1e-12 * volume)
     }
