@@ -1,4 +1,4 @@
-//! Displacement at build time: which materials raise surfaces, and by how much.
+//! Displacement at build time: the materials that displace surfaces, and the heights.
 
 use super::World;
 use crate::material::{Material, Place, Space, Target, TextureUse};
@@ -16,7 +16,7 @@ pub(super) struct Relief {
     pub(super) patterns: Vec<PreparedTexture>,
     /// The displacing uses of each material.
     uses: Vec<Vec<TextureUse>>,
-    /// Triangles made so far.
+    /// The number of triangles made so far.
     made: usize,
 }
 
@@ -27,17 +27,17 @@ impl Relief {
         Relief { patterns, uses, made: 0 }
     }
 
-    /// Whether this material raises surfaces.
+    /// Whether this material displaces surfaces.
     pub(super) fn displaces(&self, material: u32) -> bool {
         self.uses.get(material as usize).is_some_and(|uses| !uses.is_empty())
     }
 
-    /// Whether any does.
+    /// Whether any material displaces surfaces.
     pub(super) fn any(&self) -> bool {
         self.uses.iter().any(|uses| !uses.is_empty())
     }
 
-    /// A shape as the mesh that it is with this material.
+    /// A displaced shape as a mesh.
     pub(super) fn shape(&mut self, shape: &Shape, origin: DVec3, material: u32) -> Result<Mesh, String> {
         let Some(net) = Tessellation::of_shape(shape) else {
             let kinds = "spheres, boxes, triangles, cylinders, cones and meshes can be";
@@ -47,7 +47,7 @@ impl Relief {
         Ok(Mesh { origin, ..raised })
     }
 
-    /// A mesh raised where its materials say so; `material` says which one each slot has.
+    /// A displaced mesh. `material` returns the material of each slot.
     pub(super) fn mesh(&mut self, mesh: Mesh, material: &(dyn Fn(u32) -> u32 + Sync)) -> Result<Mesh, String> {
         let bounds = Aabb::from_points(mesh.positions.iter().copied());
         let slots = mesh.materials.len().max(1) as u32;

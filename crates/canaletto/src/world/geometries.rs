@@ -1,4 +1,4 @@
-//! Meshes and clouds of the description become geometries, each once for all of its uses.
+//! Conversion of the description's meshes and clouds to geometries, each once for all of its uses.
 
 use super::BuildError;
 use super::build::hierarchy_error;
@@ -23,13 +23,13 @@ impl Builder {
     ) -> Result<(u32, bool), BuildError> {
         let count = self.meshes.len();
         let slot = self.meshes.get_mut(index as usize).ok_or_else(|| missing(node, "mesh", index, count))?;
-        // A material in place of all others, or one for what has none, displaces it in its own way.
+        // The instance's own material displaces the mesh; without one, the inherited material does.
         let by = if own == NONE { inherited } else { own };
         let key = (index, if self.displacement.displaces(by) { by } else { NONE });
         if let Some(&geometry) = self.geometry_of_mesh.get(&key) {
             return Ok((geometry, false));
         }
-        // Another use may want it as it is.
+        // Another use may need the mesh without displacement.
         let again = self.displacement.any() && self.mesh_uses[index as usize] > 1;
         let mut mesh = if again { slot.clone() } else { slot.take() }.unwrap_or_default();
         let transform = &counted_from(mesh.origin, transform);
@@ -119,14 +119,15 @@ impl Builder {
         Ok(geometry)
     }
 
-    /// Says where the coordinates of a geometry are counted from in its object's space.
+    /// Stores the origin of a geometry's coordinates in its object's space.
     pub(super) fn set_origin(&mut self, geometry: u32, origin: DVec3) {
         if origin != DVec3::ZERO {
             self.local_origins.insert(geometry, origin);
         }
     }
 
-    /// From a geometry's coordinates to the world's, if that isn't the identity, for an object that stands like this.
+    /// The transform from a geometry's coordinates to the world's for an object with this transform, unless it is the
+    /// identity.
     pub(super) fn place_of(&self, geometry: u32, transform: &Transform) -> Option<Transform> {
         let place = match self.local_origins.get(&geometry) {
             Some(origin) => counted_from(*origin, transform),
@@ -148,7 +149,7 @@ impl Builder {
         self.push(found, object)
     }
 
-    /// What the object was in the world before.
+    /// The object's geometry in the previous world.
     fn before_of(&mut self, object: u32) -> Option<Geometry> {
         self.before.take(&self.objects[object as usize].name)
     }
@@ -165,7 +166,7 @@ impl Builder {
     }
 }
 
-/// Counts points that lie far from zero from the middle of them, exactly; tells from where.
+/// Makes points that lie far from zero relative to their middle, without error. Returns that origin.
 fn near(points: &mut [Vec3]) -> DVec3 {
     let origin = origin_of(span(points), FAR);
     if origin != DVec3::ZERO {
@@ -174,7 +175,7 @@ fn near(points: &mut [Vec3]) -> DVec3 {
     origin
 }
 
-/// Moves a mesh's vertices. A mirroring transform turns the corners round, so that they stay counter-clockwise seen from
+/// Transforms a mesh's vertices. A mirroring transform swaps corners, so that they stay counter-clockwise seen from
 /// outside.
 fn move_mesh(mesh: &mut Mesh, transform: &Transform) {
     mesh.positions.par_iter_mut().for_each(|p| *p = transform.point(p.as_dvec3()).as_vec3());

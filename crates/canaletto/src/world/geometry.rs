@@ -13,33 +13,33 @@ use canaletto_bvh::{
 };
 use rayon::prelude::*;
 
-/// Primitives of one kind under one hierarchy: the second level. Primitive ids are positions in the description.
+/// Primitives of one kind under one hierarchy: the second level. The id of a primitive is its index in the description.
 #[derive(Debug)]
 pub(super) enum Geometry {
-    /// Single shapes of any kind, with the object and material (or [`NONE`]) of each. The tree knows the
+    /// Single shapes of any kind, with the object and material (or [`NONE`]) of each. The tree holds copies of the
     /// spheres and cylinders.
     Shapes { tree: PrimitiveBvh, shapes: Vec<Shape>, objects: Vec<u32>, materials: Vec<u32> },
-    /// A mesh; corners are stored once more as rays read them.
+    /// A mesh. The tree holds a copy of the corners for ray tests.
     Mesh { triangles: TriangleBvh, mesh: Mesh },
-    /// A cloud of spheres, stored once more as rays read them.
+    /// A cloud of spheres. The tree holds a copy for ray tests.
     Spheres { tree: PrimitiveBvh, cloud: SphereCloud },
-    /// A cloud of cylinders, likewise.
+    /// A cloud of cylinders. The tree holds a copy for ray tests.
     Cylinders { tree: PrimitiveBvh, cloud: CylinderCloud },
 }
 
-/// A hit on a shape whose number the caller knows.
+/// A hit on a shape whose id the caller sets.
 #[inline(always)]
 pub(super) fn on_shape(ShapeHit { t, part, uv }: ShapeHit) -> PrimitiveHit {
     PrimitiveHit { t, id: PrimitiveHit::NONE, part, uv }
 }
 
-/// The same kept in the box by which a tree finds the shape.
+/// A hit on a shape, with t confined to the shape's box in the tree.
 #[inline(always)]
 pub(super) fn confined(hit: ShapeHit, bounds: &Aabb, ray: &PreparedRay, t_max: f32) -> Option<PrimitiveHit> {
     Some(PrimitiveHit { t: ray.clamp_to_box(bounds, hit.t.into(), t_max)?, ..on_shape(hit) })
 }
 
-/// The kernel of shapes that are no spheres.
+/// The kernel of shapes that are not in the tree.
 fn other(shapes: &[Shape]) -> impl Fn(UserPrimitive, &PreparedRay, f32) -> Option<PrimitiveHit> {
     #[inline(never)]
     fn one(shape: &Shape, ray: &PreparedRay, t_max: f32) -> Option<PrimitiveHit> {
@@ -48,7 +48,7 @@ fn other(shapes: &[Shape]) -> impl Fn(UserPrimitive, &PreparedRay, f32) -> Optio
     |asked, ray, t_max| one(&shapes[asked.id as usize], ray, t_max)
 }
 
-/// Where there are only spheres.
+/// The kernel of trees that hold spheres only.
 fn none(_: UserPrimitive, _: &PreparedRay, _: f32) -> Option<PrimitiveHit> {
     None
 }
@@ -93,7 +93,7 @@ impl Geometry {
         Ok(Geometry::Cylinders { tree, cloud })
     }
 
-    /// How many primitives it has.
+    /// The number of primitives.
     pub(super) fn len(&self) -> usize {
         match self {
             Geometry::Shapes { shapes, .. } => shapes.len(),
@@ -103,7 +103,7 @@ impl Geometry {
         }
     }
 
-    /// The box around all of it.
+    /// The box around the geometry.
     pub(super) fn bounds(&self) -> Aabb {
         match self {
             Geometry::Shapes { tree, .. } | Geometry::Spheres { tree, .. } | Geometry::Cylinders { tree, .. } => {
@@ -113,7 +113,7 @@ impl Geometry {
         }
     }
 
-    /// The first and last object of its shapes; `None` where the instance says which object it is.
+    /// The first and last object of the geometry's shapes; `None` if the instance holds the object.
     pub(super) fn objects(&self) -> Option<(u32, u32)> {
         match self {
             Geometry::Shapes { objects, .. } => Some((*objects.iter().min()?, *objects.iter().max()?)),
@@ -121,7 +121,7 @@ impl Geometry {
         }
     }
 
-    /// The materials that its primitives name, in any order, [`NONE`] for those that name none.
+    /// The materials that the primitives name, in any order, with [`NONE`] for primitives that name none.
     pub(super) fn own_materials(&self) -> Vec<u32> {
         match self {
             Geometry::Shapes { materials, .. } => {
@@ -135,7 +135,7 @@ impl Geometry {
         }
     }
 
-    /// The nearest hit at or before `t_max` (ties with a hit elsewhere are the caller's), [`PrimitiveHit::NONE`] if there is none.
+    /// The nearest hit at or before `t_max`, or [`PrimitiveHit::NONE`]. The caller resolves ties with hits elsewhere.
     pub(super) fn intersect(&self, ray: &PreparedRay, t_max: f32) -> PrimitiveHit {
         let mut met = PrimitiveHit::none(t_max);
         match self {
@@ -149,7 +149,7 @@ impl Geometry {
         met
     }
 
-    /// Whether a look at all of its primitives is shorter than a way through its tree.
+    /// Whether a test of all primitives is cheaper than a traversal of the tree.
     #[inline]
     pub(super) fn is_few(&self) -> bool {
         match self {
@@ -159,7 +159,8 @@ impl Geometry {
         }
     }
 
-    /// [`Geometry::intersect`] for a ray that isn't prepared, which spheres or cylinders that [are few](Geometry::is_few) rarely ask for.
+    /// [`Geometry::intersect`] for a ray that isn't prepared. Geometries that [are few](Geometry::is_few) rarely need a
+    /// prepared ray.
     pub(super) fn intersect_few(&self, ray: &Ray, t_max: f32) -> PrimitiveHit {
         let mut met = PrimitiveHit::none(t_max);
         match self {
@@ -170,7 +171,7 @@ impl Geometry {
         met
     }
 
-    /// [`Geometry::occluded`] likewise.
+    /// [`Geometry::occluded`] for a ray that isn't prepared.
     pub(super) fn occluded_few(&self, ray: &Ray, t_max: f32, blocks: impl FnMut(u32) -> bool) -> Option<u32> {
         match self {
             Geometry::Spheres { tree, .. } => tree.occluded_few(ray, t_max, &none, blocks),
@@ -179,7 +180,7 @@ impl Geometry {
         }
     }
 
-    /// Where a ray meets one primitive, if it does at or before `t_max`.
+    /// The hit of a ray on one primitive at or before `t_max`.
     pub(super) fn intersect_one(&self, primitive: u32, ray: &PreparedRay, t_max: f32) -> Option<ShapeHit> {
         let id = primitive as usize;
         match self {
@@ -193,8 +194,8 @@ impl Geometry {
         }
     }
 
-    /// [`Geometry::intersect`] for many rays, of which neighbours best go nearly the same way; `met` says up to where each counts, and
-    /// takes the answers.
+    /// [`Geometry::intersect`] for many rays. It is fastest if neighbouring rays are nearly parallel. `met` holds the
+    /// `t_max` of each ray and takes the results.
     pub(super) fn intersect_coherent(&self, rays: &[Ray], met: &mut [PrimitiveHit]) {
         match self {
             Geometry::Mesh { triangles, mesh } => triangles.intersect_coherent(rays, met, mesh.one_sided),
@@ -204,7 +205,8 @@ impl Geometry {
         }
     }
 
-    /// Sets those of `t_max` to −∞ whose rays meet something at or before; best where neighbours go nearly the same way.
+    /// Sets `t_max` to −∞ for each ray that hits something at or before it. It is fastest if neighbouring rays are
+    /// nearly parallel.
     pub(super) fn occluded_coherent(&self, rays: &[Ray], t_max: &mut [f32]) {
         match self {
             Geometry::Mesh { triangles, mesh } => triangles.occluded_coherent(rays, t_max, mesh.one_sided),
@@ -214,7 +216,7 @@ impl Geometry {
         }
     }
 
-    /// The place of a primitive that is met at or before `t_max` and `blocks`, if there is one.
+    /// The slot of a primitive that is hit at or before `t_max` and for which `blocks` returns true, if there is one.
     pub(super) fn occluded(&self, ray: &PreparedRay, t_max: f32, blocks: impl FnMut(u32) -> bool) -> Option<u32> {
         match self {
             Geometry::Mesh { triangles, mesh } => triangles.occluded(ray, t_max, mesh.one_sided, blocks),
@@ -224,7 +226,7 @@ impl Geometry {
         }
     }
 
-    /// Whether the primitive in this place is met at or before `t_max`.
+    /// Whether the primitive in this slot is hit at or before `t_max`.
     pub(super) fn blocks(&self, place: u32, ray: &PreparedRay, t_max: f32) -> bool {
         match self {
             Geometry::Mesh { triangles, mesh } => triangles.is_hit_at(place, ray, t_max, mesh.one_sided),
@@ -234,7 +236,7 @@ impl Geometry {
         }
     }
 
-    /// The same question as [`Geometry::intersect`] answered by trying every primitive: the oracle that the hierarchy is tested against.
+    /// [`Geometry::intersect`] by a test of every primitive: the reference for tests of the hierarchy.
     pub(super) fn intersect_brute_force(&self, ray: &PreparedRay, t_max: f32) -> PrimitiveHit {
         let mut met = PrimitiveHit::none(t_max);
         match self {
@@ -259,7 +261,7 @@ impl Geometry {
         }
     }
 
-    /// The same for whoever doesn't read its texture coordinates, which may be left out.
+    /// [`Geometry::surface`] without texture coordinates, which may be undefined.
     pub(super) fn bare_surface(&self, line: DRay, primitive: u32, hit: &ShapeHit) -> Surface {
         let id = primitive as usize;
         match self {
@@ -270,7 +272,7 @@ impl Geometry {
         }
     }
 
-    /// How the surface goes on around a hit with this surface, in this geometry's space.
+    /// The surface differential at a hit with this surface, in the geometry's space.
     pub(super) fn surface_differential(
         &self,
         primitive: u32,
@@ -297,7 +299,7 @@ impl Geometry {
         }
     }
 
-    /// Calls `f` with all primitives that come to a box and some that don't, until it answers that it wants no more.
+    /// Calls `f` with all primitives that may overlap a box, and possibly others, until it returns false.
     pub(super) fn overlapping(&self, bounds: &Aabb, f: impl FnMut(u32) -> bool) {
         match self {
             Geometry::Mesh { triangles, .. } => triangles.overlapping(bounds, f),
@@ -379,7 +381,7 @@ mod tests {
         (met.id != PrimitiveHit::NONE).then_some(met)
     }
 
-    /// From rods to needles and disks, some of them along axes, some side by side.
+    /// Cylinders from rods to needles and disks, some along axes, some side by side.
     fn cylinders(count: usize, caps: bool, scale: f32, random: &mut Random) -> CylinderCloud {
         let mut cloud = CylinderCloud { caps, ..CylinderCloud::default() };
         for i in 0..count {
@@ -395,7 +397,8 @@ mod tests {
         cloud
     }
 
-    /// At, beside and along a cylinder: through rims, in the planes of caps, tangents; from anywhere, also from on it and within.
+    /// A ray at, beside or along a cylinder: through rims, in the planes of caps, and tangential. It starts anywhere,
+    /// also on the cylinder or in it.
     fn ray_near(cylinder: &Cylinder, scale: f32, random: &mut Random) -> Ray {
         let axis = cylinder.top - cylinder.base;
         let out = axis.normalize().cross(random.vector()).normalize_or(Vec3::X) * cylinder.radius;
@@ -460,7 +463,7 @@ mod tests {
         for round in 0..240 {
             let scale = [1.0, 1e-3, 1e4, 1e-12, 1e12, 1e-25][round % 6];
             let cloud = cylinders([4, 40, 200][round / 6 % 3], round % 4 < 2, scale, random);
-            // Most of them ahead of the ray that all others hardly differ from.
+            // Most of the cylinders lie ahead of the first ray; the others hardly differ from it.
             let first = ray_near(&cloud.cylinder(random.below(cloud.len())), scale, random);
             let size = first.direction.abs().max_element();
             let rays: Vec<Ray> = (0..100)

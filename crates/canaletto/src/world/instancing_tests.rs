@@ -1,4 +1,4 @@
-//! Prototypes that stay whole are seen as those that are dissolved, bit for bit.
+//! Tests that kept prototypes and dissolved ones give equal results, bit for bit.
 
 use super::instancing::InstancingPolicy;
 use super::reuse::Previous;
@@ -40,7 +40,8 @@ impl Random {
         Vec3::new(self.signed(), self.signed(), self.signed())
     }
 
-    /// A place `differential` around: some as it is, some moved, turned, mirrored, sheared and stretched.
+    /// A transform with translations up to `differential`: some transforms are the identity, others move, rotate,
+    /// mirror, shear and stretch.
     fn place(&mut self, differential: f64) -> Transform {
         let at = Transform::translate(self.vector().as_dvec3() * differential);
         let turn = Transform::rotate(self.vector().as_dvec3(), f64::from(self.signed()) * 180.0).unwrap_or_default();
@@ -65,7 +66,7 @@ fn tetrahedron(offset: Vec3) -> Mesh {
     Mesh { positions: corners.map(|c| c * 0.5 + offset).to_vec(), triangles, ..Mesh::default() }
 }
 
-/// Prototypes of prototypes, with everything in them that there is.
+/// A scene with nested prototypes and every kind of content.
 fn scene(random: &mut Random, moves: bool) -> Scene {
     let phong =
         |kd: f32, k: f32, opacity: f32| Phong { kd: Rgb::gray(kd), k: Rgb::gray(k), opacity, ..Phong::default() };
@@ -128,7 +129,7 @@ fn scene(random: &mut Random, moves: bool) -> Scene {
     }
 }
 
-/// All that is known of a hit, in numbers that tell every bit.
+/// All data of a hit, as text that distinguishes every bit.
 fn all_of(world: &World, ray: &Ray, hit: Option<Hit>) -> String {
     hit.map_or_else(String::new, |hit| {
         let surface = world.surface(ray, &hit);
@@ -137,7 +138,8 @@ fn all_of(world: &World, ray: &Ray, hit: Option<Hit>) -> String {
     })
 }
 
-/// At edges and corners of the boxes of what is there, in the space where it was made, and at what is in them; from near, far and very far, also along axes.
+/// A ray at edges and corners of the objects' local boxes, or at their inside. It starts near, far or very far, and may
+/// be parallel to axes.
 fn ray_at(flat: &World, random: &mut Random) -> Ray {
     let instance = &flat.root.instances[random.below(flat.root.instances.len())];
     let bounds = flat.geometries[instance.geometry as usize].bounds();

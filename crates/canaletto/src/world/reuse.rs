@@ -1,7 +1,8 @@
-//! From frame to frame: what the world before leaves to the next, so that hierarchies over what stayed needn't be built again.
+//! Reuse of hierarchies between frames. The geometries of the previous world are kept where nothing has changed, so
+//! that their hierarchies needn't be built again.
 //!
-//! An object is found again by its name, or kind and number; if it isn't the same one, that costs a comparison and changes
-//! nothing, since lists are compared bit by bit and every tree gives the same hits.
+//! An object is matched by its name, or by kind and number. A wrong match costs a comparison and changes nothing: lists
+//! are compared bit by bit, and every tree gives equal hits.
 
 use super::geometry::Geometry;
 use super::instance::NONE;
@@ -10,29 +11,29 @@ use crate::shape::{CylinderCloud, Mesh, SphereCloud};
 use canaletto_bvh::{self as bvh, Quality, TriangleBvh};
 use std::collections::HashMap;
 
-/// Geometries of the world before, by the objects that they belonged to.
+/// The geometries of the previous world, by the objects that they belonged to.
 #[derive(Debug, Default)]
 pub(super) struct Previous {
-    /// By the object's name, and which one of that name it is.
+    /// The geometries, by the object's name and its number among objects of that name.
     geometries: HashMap<(String, u32), Geometry>,
-    /// How many of each name were asked for.
+    /// The number of lookups for each name.
     asked: HashMap<String, u32>,
-    /// How much more than when they were built trees may cost that are refitted.
+    /// The budget for refitting: the cost of refitted trees relative to built ones.
     pub(super) slack: RefitBudget,
 }
 
-/// Where hierarchies over meshes and clouds come from.
+/// The origins of hierarchies over meshes and clouds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct ReuseCounts {
-    /// Those of the world before, which fit as they are.
+    /// Hierarchies kept unchanged from the previous world.
     pub kept: u64,
-    /// Those of the world before, made to fit.
+    /// Hierarchies of the previous world that were refitted.
     pub refitted: u64,
-    /// Those that were built for this world.
+    /// Hierarchies that were built for this world.
     pub built: u64,
 }
 
-/// Where one comes from.
+/// The origin of a hierarchy.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Origin {
     Kept,
@@ -50,26 +51,27 @@ impl ReuseCounts {
     }
 }
 
-/// A geometry and where its hierarchy comes from.
+/// A geometry and the origin of its hierarchy.
 pub(super) type Found = Result<(Geometry, Origin), bvh::BuildError>;
 
-/// How far refitting may go.
+/// The limit of the cost of refitted trees.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct RefitBudget {
     rays: u64,
 }
 
 impl RefitBudget {
-    /// The most that rays may cost in any refitted tree, against one that was just built.
+    /// The highest cost of rays in a refitted tree, relative to a tree just built.
     const MOST: f64 = 1.5;
-    /// Where no more than this is allowed, a tree is built at once.
+    /// A tree is built at once if its limit is no higher than this.
     const LEAST: f64 = 1.05;
 
     pub(super) fn new(rays: u64) -> RefitBudget {
         RefitBudget { rays }
     }
 
-    /// A build takes the time of some two rays for each triangle; half of that at most may be lost on the way of the rays.
+    /// The highest cost of rays in a refitted tree of so many triangles, relative to a tree just built. A build takes
+    /// the time of about two rays per triangle, and rays may lose at most half of that.
     pub(super) fn most(self, triangles: usize) -> Option<f64> {
         let most = 1.0 + triangles as f64 / self.rays.max(1) as f64;
         (most > RefitBudget::LEAST).then_some(most.min(RefitBudget::MOST))
@@ -77,13 +79,13 @@ impl RefitBudget {
 }
 
 impl Previous {
-    /// Takes a world apart; what isn't needed is freed here.
+    /// Takes the geometries out of a world and frees the rest.
     pub(super) fn new(world: World, rays: u64) -> Previous {
         let World { geometries, owners, objects, .. } = world;
         let mut before = Previous { slack: RefitBudget::new(rays), ..Previous::default() };
         let mut counts = HashMap::new();
         for (geometry, owner) in geometries.into_iter().zip(owners) {
-            // Loose shapes are read anew, which takes longer than a tree over them.
+            // Single shapes are built anew. Reading them takes longer than building their tree.
             if owner == NONE || matches!(geometry, Geometry::Shapes { .. }) {
                 continue;
             }
@@ -94,7 +96,7 @@ impl Previous {
         before
     }
 
-    /// What the next object of this name was, if there was one.
+    /// The previous geometry of the next object of this name, if there is one.
     pub(super) fn take(&mut self, name: &str) -> Option<Geometry> {
         if self.geometries.is_empty() {
             return None;
@@ -104,7 +106,7 @@ impl Previous {
     }
 }
 
-/// The name with a number that tells it from others like it.
+/// The name and its number among equal names.
 fn numbered(counts: &mut HashMap<String, u32>, name: &str) -> (String, u32) {
     let count = counts.entry(name.to_owned()).or_default();
     *count += 1;
@@ -116,7 +118,7 @@ fn same<T: bytemuck::NoUninit>(a: &[T], b: &[T]) -> bool {
 }
 
 impl Geometry {
-    /// [`Geometry::mesh`], from what the object was before.
+    /// [`Geometry::mesh`] with the hierarchy of the object's previous geometry, if possible.
     pub(super) fn mesh_after(before: Option<Geometry>, mesh: Mesh, quality: Quality, slack: RefitBudget) -> Found {
         let usable =
             |(old, tree): &(Mesh, TriangleBvh)| tree.quality() == quality && same(&old.triangles, &mesh.triangles);
@@ -134,7 +136,7 @@ impl Geometry {
         Ok((Geometry::mesh(mesh, quality)?, Origin::Built))
     }
 
-    /// [`Geometry::spheres`], likewise.
+    /// [`Geometry::spheres`] with the hierarchy of the object's previous geometry, if possible.
     pub(super) fn spheres_after(before: Option<Geometry>, cloud: SphereCloud) -> Found {
         if let Some(Geometry::Spheres { tree, cloud: old }) = before
             && same(&old.centers, &cloud.centers)
@@ -145,7 +147,7 @@ impl Geometry {
         Ok((Geometry::spheres(cloud)?, Origin::Built))
     }
 
-    /// [`Geometry::cylinders`], likewise.
+    /// [`Geometry::cylinders`] with the hierarchy of the object's previous geometry, if possible.
     pub(super) fn cylinders_after(before: Option<Geometry>, cloud: CylinderCloud) -> Found {
         if let Some(Geometry::Cylinders { tree, cloud: old }) = before
             && same(&old.axes, &cloud.axes)
@@ -166,14 +168,14 @@ fn mesh_of(geometry: Option<Geometry>) -> Option<(Mesh, TriangleBvh)> {
 }
 
 impl World {
-    /// Where its hierarchies over meshes and clouds come from.
+    /// The origins of the world's hierarchies over meshes and clouds.
     pub fn origins(&self) -> ReuseCounts {
         self.origins
     }
 
-    /// [`World::build_with`] for the next frame of an animation: hierarchies over what is as it was in the world before are kept, and
-    /// those over meshes whose vertices moved are refitted, as long as that pays. The world is the same but for its trees, which no
-    /// picture depends on.
+    /// [`World::build_with`] for the next frame of an animation. Hierarchies over unchanged objects are kept.
+    /// Hierarchies over meshes whose vertices moved are refitted, as long as that saves time. The result differs from a
+    /// world built anew only in its trees, and no picture depends on these.
     ///
     /// # Errors
     /// As [`World::build`].

@@ -1,4 +1,4 @@
-//! What a world leaves to the next is used where it can be, and changes no picture.
+//! Tests that hierarchies of the previous world are reused where possible, and that this changes no picture.
 
 use super::reuse::ReuseCounts;
 use super::{BuildOptions, Quality, World};
@@ -13,7 +13,7 @@ use glam::{DVec3, Vec3};
 
 const SIDE: u32 = 40;
 
-/// A square of 3,200 triangles in the plane of x and z, each vertex as high as `height` says.
+/// A square of 3,200 triangles in the plane of x and z. `height` returns the height of each vertex.
 fn sheet(height: impl Fn(u32) -> f32) -> Mesh {
     let at = |n: u32| Vec3::new((n % SIDE) as f32 / 20.0 - 1.0, height(n), (n / SIDE) as f32 / 20.0 - 1.0);
     let corners = (0..SIDE * (SIDE - 1)).filter(|n| n % SIDE != SIDE - 1);
@@ -29,14 +29,14 @@ fn waves(amount: f32) -> Mesh {
     sheet(|n| amount * libm::sinf(n as f32 * 0.7))
 }
 
-/// The same vertices in other places.
+/// The vertices of the waves in a different order.
 fn crumpled() -> Mesh {
     let flat = waves(0.1);
     let positions = (0..flat.positions.len()).map(|n| flat.positions[n * 7919 % flat.positions.len()]).collect();
     Mesh { positions, ..flat }
 }
 
-/// The waves, their vertices moved by up to `far` to all sides.
+/// The waves, with vertices moved by up to `far` in all directions.
 fn stirred(far: f32) -> Mesh {
     let mut mesh = waves(0.1);
     for (n, p) in mesh.positions.iter_mut().enumerate() {
@@ -145,7 +145,7 @@ fn refitting_ends_before_rays_lose_more_than_it_saves() {
         refitted
     });
     assert!(refitted[0] < 30 && refitted[0] > refitted[1] && refitted[1] >= refitted[2], "{refitted:?}");
-    // For very many, or with more work for each, it isn't worth a look.
+    // Refitting doesn't pay for very many rays, or for another quality.
     let mut now = scene();
     turn(&mut now, 0.1);
     for (first, rays, second) in [

@@ -1,7 +1,7 @@
-//! Few loose shapes and many rays: each shape is asked about the rays that come near it, without a tree.
+//! Few single shapes and many rays: each shape is tested with the rays near it, without a tree.
 //!
-//! A tree's way to a handful of leaves costs more than the shapes themselves. Groups of rays that pass a shape's box are spared by one
-//! look, and what is left goes to the exact kernel.
+//! The traversal of a tree to a handful of leaves costs more than the shape tests. One box test culls a group of rays,
+//! and the exact kernel tests the remaining rays.
 
 use super::bundle::{RayRange, end};
 use super::geometry::{confined, on_shape};
@@ -10,10 +10,10 @@ use crate::shape::{Shape, ShapeHit, Sphere};
 use canaletto_bvh::{PrimitiveHit, Ray, sphere};
 use std::ops::Range;
 
-/// The most shapes that are looked at one by one: as many as a node of a tree has children.
+/// The most shapes that are tested one by one: the number of children of a tree node.
 pub(super) const FEW: usize = 8;
 
-/// Calls `f` with each shape and the places of the rays that may meet it.
+/// Calls `f` with each shape and the range of the rays that may hit it.
 fn for_near(shapes: &[Shape], part: &RayRange, mut f: impl FnMut(u32, &Shape, Range<usize>)) {
     for (id, shape) in (0..).zip(shapes) {
         if let Some(bounds) = shape.bounds() {
@@ -22,12 +22,12 @@ fn for_near(shapes: &[Shape], part: &RayRange, mut f: impl FnMut(u32, &Shape, Ra
     }
 }
 
-/// The nearest hits of some rays up to where each counts, which `found` says.
+/// The nearest hits of the rays. `found` holds the `t_max` of each ray and takes the results.
 pub(super) fn intersect(shapes: &[Shape], part: &RayRange, found: &mut [PrimitiveHit]) {
     for_near(shapes, part, |id, shape, near| {
         let (rays, found) = (&part.rays()[near.clone()], &mut found[near]);
         match shape {
-            // What there is most of is compiled into the loop.
+            // The most frequent shapes are compiled into the loop.
             Shape::Box(cuboid) => {
                 let bounds = cuboid.bounds();
                 offer(id, rays, found, |ray, t_max| {
@@ -56,7 +56,7 @@ fn offer(id: u32, rays: &[Ray], found: &mut [PrimitiveHit], meet: impl Fn(&Ray, 
     }
 }
 
-/// At the same t the lower id, which came first, stays.
+/// Among hits at equal t the lower id, which came first, stays.
 #[inline(always)]
 fn take(best: &mut PrimitiveHit, met: PrimitiveHit) {
     if met.t < best.t || best.id == PrimitiveHit::NONE {
@@ -64,7 +64,7 @@ fn take(best: &mut PrimitiveHit, met: PrimitiveHit) {
     }
 }
 
-/// Where the rays of a group meet a sphere up to `t_max`; NaN where they don't.
+/// The t at which each ray of a group hits a sphere up to `t_max`; NaN for a miss.
 #[inline(always)]
 fn meet_sphere(s: &Sphere, rays: &[Ray], t_max: impl Iterator<Item = f32>) -> [f32; GROUP] {
     let mut t = [f32::NAN; GROUP];
@@ -75,18 +75,19 @@ fn meet_sphere(s: &Sphere, rays: &[Ray], t_max: impl Iterator<Item = f32>) -> [f
     t
 }
 
-/// A shape's hit as trees find it.
+/// A hit on a shape as trees return it.
 #[inline]
 fn meet(shape: &Shape, ray: &Ray, t_max: f32) -> Option<PrimitiveHit> {
     let hit = shape.intersect(ray, t_max)?;
     match shape {
-        // Spheres do that themselves.
+        // Spheres confine t themselves.
         Shape::Sphere(_) => Some(on_shape(hit)),
         _ => confined(hit, &shape.bounds()?, &ray.prepare(), t_max),
     }
 }
 
-/// Sets those of `t_max` to −∞ whose rays meet a shape at or before that `blocks` the ray of this number.
+/// Sets `t_max` to −∞ for each ray that hits a shape at or before it for which `blocks` returns true. `blocks` gets the
+/// ray's index and the shape's id.
 pub(super) fn occlusion(
     shapes: &[Shape],
     part: &RayRange,

@@ -1,5 +1,5 @@
-//! The third stage of a hit, on surfaces with textures: what the material's textures make of its numbers and of the
-//! normal there. A world without textures never comes here.
+//! The third stage of a hit: the effect of textures on the material and the shading normal. A world without textures
+//! has no such stage.
 
 use super::instance::to_local;
 use super::{Hit, World};
@@ -13,22 +13,22 @@ use crate::texture::{Footprint, Lookup, PreparedTexture};
 use canaletto_bvh::Aabb;
 use glam::DVec3;
 
-/// A texture as it was read at a hit.
+/// A texture lookup at a hit.
 #[derive(Clone, Copy, Debug)]
 pub struct TextureRead<'a> {
     /// The use, with the index of the texture in [`World::textures`].
     pub used: &'a TextureUse,
     /// The texture's name.
     pub name: &'a str,
-    /// Where it was read, and the share of each place.
+    /// The places of the lookups, with their weights.
     pub readings: &'a [Reading],
-    /// The texture's value, the mean of the readings.
+    /// The texture's value, the weighted mean of the readings.
     pub value: [f32; 4],
-    /// The material's numbers before.
+    /// The material before this texture.
     pub before: &'a MaterialPoint,
-    /// The numbers with it.
+    /// The material after this texture.
     pub after: &'a MaterialPoint,
-    /// The unit normals to shade with before and with it, on the outer side.
+    /// The unit shading normals before and after this texture, on the outer side.
     pub normals: [DVec3; 2],
 }
 
@@ -37,9 +37,9 @@ pub struct TextureRead<'a> {
 pub struct Reading {
     /// The place and its footprint.
     pub lookup: Lookup,
-    /// Its share in the value.
+    /// The weight of this reading in the value.
     pub weight: f64,
-    /// Where that is on the texture's image, if it has one.
+    /// The footprint on the texture's image, if it has one.
     pub footprint: Option<Footprint>,
 }
 
@@ -49,17 +49,17 @@ struct Local {
     surface_differential: SurfaceDifferential,
     to_world: Option<Transform>,
     bounds: Option<Aabb>,
-    /// Where the object's coordinates are counted from.
+    /// The origin of the object's coordinates.
     origin: DVec3,
 }
 
 impl World {
-    /// Whether rays should carry how they spread.
+    /// Whether rays should carry ray differentials.
     pub fn needs_differentials(&self) -> bool {
         self.needs_differentials
     }
 
-    /// How the surface goes on around a hit of this line's ray, in the world's space.
+    /// The surface differential at a hit of this line's ray, in the world's space.
     pub fn surface_differential(&self, line: impl Into<DRay>, hit: &Hit) -> SurfaceDifferential {
         let local = self.local(line.into(), hit);
         match &local.to_world {
@@ -68,8 +68,8 @@ impl World {
         }
     }
 
-    /// The material's numbers at a hit of this line's ray. Textures bend the shading normal of `surface`, and set its uv
-    /// to those of the object. `step` is how far along the surface the neighbouring samples are.
+    /// The material at a hit of this line's ray. Textures bend the shading normal of `surface`, and its uv becomes the
+    /// object's. `step` holds the offsets along the surface to the neighbouring samples.
     #[inline(never)]
     pub(crate) fn textured<P: Probe>(
         &self,
@@ -85,7 +85,7 @@ impl World {
         (surface.uv, surface.uv_rest) = (local.surface.uv, local.surface.uv_rest);
         let at = At::new(self, &local, step);
         let mut normal = local.surface.shading_normal;
-        // What is raised was so when the world was built.
+        // Displacement was applied when the world was built.
         for used in material.textures.iter().filter(|used| !matches!(used.target, Target::Displace { .. })) {
             let pattern = &self.textures[used.texture as usize];
             let spots = used.mapping.spots(&at.place);
@@ -130,7 +130,7 @@ impl World {
         point
     }
 
-    /// What the surface keeps of light that crosses it: only the textures that let light through are read.
+    /// The share of light that a surface absorbs when light crosses it. Only textures that change this share are read.
     #[inline(never)]
     pub(crate) fn kept_light(&self, line: DRay, hit: &Hit, step: Option<[DVec3; 2]>) -> f32 {
         let material = self.material(hit);
@@ -174,7 +174,7 @@ impl World {
     }
 }
 
-/// A hit as its textures see it.
+/// A hit as the input of texture mappings.
 struct At<'a> {
     place: Place<'a>,
     /// The steps to the neighbouring samples in the object's space; zero without a footprint.
@@ -206,7 +206,7 @@ impl<'a> At<'a> {
         Lookup { at: spot.at, dx, dy }
     }
 
-    /// The mean of the texture at the spots; each reading is noted as far as there is room.
+    /// The weighted mean of the texture at `spots`. The readings are stored as far as `readings` has room.
     fn value(
         &self,
         pattern: &PreparedTexture,
@@ -224,7 +224,7 @@ impl<'a> At<'a> {
         if let [spot] = &spots[..] {
             return one(spot, readings.first_mut());
         }
-        // Colours are weighed by what is there of them.
+        // Colours are weighted by their alpha.
         let by_alpha = used.target.takes_color();
         let mut sum = [0.0; 4];
         for (i, spot) in spots.iter().enumerate() {
@@ -242,8 +242,8 @@ impl<'a> At<'a> {
         sum
     }
 
-    /// The gradient of the height that a texture holds, in the object's space: differences over the footprint, or over a
-    /// texel where that is larger, since between texels there is nothing but the filter's own slope.
+    /// The gradient of a texture's height, in the object's space. Differences are taken over the footprint, or over a
+    /// texel if that is larger. Between texels the slope would be that of the filter only.
     fn slope(&self, pattern: &PreparedTexture, used: &TextureUse, spots: &TexCoords) -> DVec3 {
         let spacing = pattern.spacing().unwrap_or([SMALLEST_STEP; 2]);
         let spacing = [spacing[0], spacing[1], SMALLEST_STEP];
@@ -269,5 +269,5 @@ impl<'a> At<'a> {
     }
 }
 
-/// The step, in the texture's own units, over which heights without texels or footprint are compared.
+/// The step for heights without texels or footprint, in the texture's own units.
 const SMALLEST_STEP: f64 = 1.0 / 1024.0;

@@ -1,8 +1,10 @@
-//! Where anything may lie in the same place as the surface of something clear: told once, so that rays need not ask where nothing does.
+//! Zones: boxes in which a clear surface may coincide with another surface. They are found at build time, so that rays
+//! outside need no test for contacts.
 //!
-//! Each clear shape, and each clear mesh as a whole, has a box around all places where it may touch something else or itself, in the world's
-//! space and over all times. Boxes are larger by a share of their coordinates that is far above what rays take for the same place. Where
-//! nothing is known, as in worlds of groups, that is everywhere.
+//! Each clear shape, and each clear mesh as a whole, has a zone around all places where it may touch something else or
+//! itself. Zones are in the world's space and hold at all times. They have a margin relative to their coordinates, far
+//! larger than the distance at which rays treat surfaces as coinciding. Where nothing is known, as in worlds of groups,
+//! the zone is everywhere.
 
 use super::World;
 use super::folds::{NEAR, grown, largest};
@@ -16,50 +18,52 @@ use canaletto_bvh::Aabb;
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
-/// The box of no place, and that of all.
+/// The index of the empty box, and of the box around all zones.
 const NOWHERE: u32 = 0;
 const ALL: u32 = 1;
 
-/// How far a ray's point is from the surface that it meets, relative to its numbers.
+/// The distance of a ray's point from the surface that it hits, relative to the coordinates.
 const ROUNDING: f64 = 1.0 / (1 << 20) as f64;
 
-/// The most clear shapes of which each has a zone of its own.
+/// The most clear shapes that have a zone each.
 const MOST: usize = 1 << 22;
 
-/// Neighbours that are looked at, for all of them together, before what is left is taken to touch everywhere.
+/// The number of neighbours tested for all clear objects together. An object that needs more has its whole box as zone.
 const PATIENCE: usize = 1 << 22;
 
-/// Where clear things may touch something.
+/// The zones of a world's clear objects.
 #[derive(Debug)]
 pub(super) struct Zones {
-    /// Of each of the root's instances, where its zone's number is in the list, and whether each primitive has one.
+    /// For each of the root's instances: the index of its first entry in `numbers`, and whether each primitive has an
+    /// entry.
     rows: Vec<(u32, bool)>,
     numbers: Vec<u32>,
-    /// The first is empty, the second around all others.
+    /// The boxes of the zones. The first is empty, the second is the union of the others.
     boxes: Vec<Aabb>,
 }
 
 impl Zones {
-    /// Where nothing is known.
+    /// The zones of a world of which nothing is known: everywhere.
     pub(super) const UNKNOWN: Zones = Zones { rows: Vec::new(), numbers: Vec::new(), boxes: Vec::new() };
 }
 
-/// Something clear that has a zone of its own.
+/// A clear object with a zone of its own.
 struct Clear {
     instance: u32,
-    /// Its place in its geometry, or [`NONE`] for all of a mesh.
+    /// The primitive in its geometry, or [`NONE`] for a whole mesh.
     primitive: u32,
 }
 
-/// A shape with its bounds.
+/// A primitive or geometry with its bounds in the world.
 struct Placement<'a> {
     bounds: Aabb,
-    /// Itself, if it is a shape that stands in the world as it is.
+    /// The shape, if it has the identity transform.
     shape: Option<&'a Shape>,
 }
 
 impl World {
-    /// Whether anything else may lie in the same place where a line meets something clear, or something else from within a body.
+    /// Whether any surface may coincide with the one at a hit: a clear surface, or any surface that is hit from inside
+    /// a body.
     #[inline]
     pub(crate) fn may_touch(&self, line: &DRay, hit: &Hit) -> bool {
         let Some(&(row, each)) = self.zones.rows.get(hit.instance as usize) else { return true };
@@ -70,7 +74,7 @@ impl World {
         (p + error).cmpge(zone.min.as_dvec3()).all() && (p - error).cmple(zone.max.as_dvec3()).all()
     }
 
-    /// The zones of all that is clear.
+    /// The zones of all clear objects.
     pub(super) fn find_zones(&self) -> Zones {
         let instances = &self.root.instances;
         let clear: Vec<bool> = (0..instances.len() as u32).map(|number| self.may_let_light_through(number)).collect();
@@ -119,7 +123,7 @@ impl World {
         zones
     }
 
-    /// The zone of something clear, after a look at so many neighbours at most.
+    /// The zone of a clear object. At most `patience` neighbours are tested.
     fn zone(&self, thing: &Clear, mut patience: usize) -> Aabb {
         let instance = &self.root.instances[thing.instance as usize];
         let own = self.placed(instance, thing.primitive);
@@ -179,8 +183,8 @@ impl World {
         zone
     }
 
-    /// Whether rounding is far less than what zones are larger by: not where a transform cancels large coordinates, nor where it flattens a
-    /// mesh, whose sides then may touch.
+    /// Whether rounding is far smaller than the zones' margin. This isn't so where a transform cancels large
+    /// coordinates. Nor is it so where a transform flattens a mesh, whose sides may then touch.
     fn is_precise(&self, instance: &Instance, bounds: &Aabb) -> bool {
         let Some(to_world) = &instance.to_world else { return true };
         let (geometry, matrix) = (&self.geometries[instance.geometry as usize], to_world.matrix());
@@ -195,7 +199,7 @@ impl World {
                     && is_fine(error * sum(&to_world.inverse().matrix().matrix3, DVec3::ONE).max_element(), &local))
     }
 
-    /// A primitive of an instance, or all of it.
+    /// The bounds of an instance's primitive, or of the whole instance.
     fn placed(&self, instance: &Instance, primitive: u32) -> Placement<'_> {
         let geometry = &self.geometries[instance.geometry as usize];
         let local = if primitive == NONE { geometry.bounds() } else { geometry.primitive_bounds(primitive) };
@@ -206,12 +210,12 @@ impl World {
         Placement { bounds: grown(&instance.bounds(&self.chains, local)), shape }
     }
 
-    /// Whether the surface of something clear may come to where another one is.
+    /// Whether the surface of a clear object may coincide with another surface.
     fn may_meet(&self, thing: &Clear, own: &Placement, other: &Placement) -> bool {
         if !own.bounds.overlaps(&other.bounds) || surfaces_are_apart(own, other) || surfaces_are_apart(other, own) {
             return false;
         }
-        // The triangles of a mesh are known better than its box.
+        // The triangles of a mesh give a tighter test than its box.
         let instance = &self.root.instances[thing.instance as usize];
         if thing.primitive != NONE || instance.motion != NONE {
             return true;
@@ -226,7 +230,7 @@ impl World {
     }
 }
 
-/// Whether the surface of a shape comes nowhere near to another one, for all that is known of them.
+/// Whether the surface of a shape is certainly away from another one.
 fn surfaces_are_apart(a: &Placement, b: &Placement) -> bool {
     let near = f64::from(largest(&a.bounds).max(largest(&b.bounds)) * NEAR) * 4.0;
     let (min, max) = (b.bounds.min.as_dvec3() - near, b.bounds.max.as_dvec3() + near);
@@ -253,14 +257,14 @@ fn ball(sphere: &Sphere) -> (DVec3, f64) {
     (sphere.center.as_dvec3(), sphere.radius.into())
 }
 
-/// A box in another space.
+/// The box around a box in another space, with a margin.
 fn moved(to: &Transform, Aabb { min, max }: &Aabb) -> Aabb {
     let (min, max) = (min.as_dvec3(), max.as_dvec3());
     let (center, half) = around(to, (min + max) * 0.5, (max - min) * 0.5);
     grown(&Aabb { min: (center - half).as_vec3(), max: (center + half).as_vec3() })
 }
 
-/// The part of a box through which a plane goes.
+/// The part of a box that a plane intersects.
 fn where_cut(placed: &Placement, plane: &Plane) -> Aabb {
     let Aabb { min, max } = placed.bounds;
     let (low, high) = (min.as_dvec3(), max.as_dvec3());
@@ -278,7 +282,7 @@ fn where_cut(placed: &Placement, plane: &Plane) -> Aabb {
             return Aabb::EMPTY;
         }
     }
-    // n·x = through, solved for each coordinate where the others are anything in the box.
+    // n·x = through, solved for each coordinate with the others anywhere in the box.
     let mut cut = placed.bounds;
     for axis in (0..3).filter(|&axis| n[axis].abs() > 1e-6) {
         let others = |all: DVec3| sum(all) - all[axis];
