@@ -1,4 +1,4 @@
-//! Whether all that a picture shows is black, or brighter than white; and why it is black.
+//! Detection of pictures that are all black or brighter than white, with the reasons for black.
 
 use super::first_hit;
 use crate::explain::{HitNode, LightNode, Outcome, explain};
@@ -11,34 +11,34 @@ use canaletto_bvh::with_stack;
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// What all things seen have in common.
+/// The brightness that all visible surfaces share.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Brightness {
-    /// They are black.
+    /// All visible surfaces are black.
     Black(Vec<Reason>),
-    /// They are brighter than white, at least this much.
+    /// All visible surfaces are brighter than white, at least by this factor.
     White(f32),
 }
 
-/// A reason for things to be black.
+/// A reason why surfaces are black.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Reason {
-    /// All materials seen reflect nothing: kd, ks and k are 0. One of them.
+    /// All visible materials reflect nothing: kd, ks and k are 0. Contains the name of one of them.
     BlackMaterial(String),
-    /// All materials seen only mirror or let through, and such rays aren't followed.
+    /// All visible materials only mirror or transmit light, and such rays aren't traced.
     NotFollowed,
     /// A light has an intensity of 0.
     LightOff(String),
-    /// A light's cone, region or attenuation leaves nothing for what is seen.
+    /// A light's cone, region or attenuation leaves no light on the visible surfaces.
     LightDoesNotReach(String),
-    /// A light is behind all surfaces seen.
+    /// A light is behind all visible surfaces.
     LightBehind(String),
-    /// A light is hidden from all that is seen.
+    /// A light is hidden from all visible surfaces.
     LightBlocked {
         /// The light's name, or its kind and number.
         light: String,
-        /// What hides it from most.
+        /// The object that hides it from most of them.
         object: String,
     },
 }
@@ -58,25 +58,26 @@ impl fmt::Display for Reason {
     }
 }
 
-/// Pixels that are looked at, each way. If all are black the second decides, since something small may be lit.
+/// The largest grids of test pixels, columns and rows. If the first is black, the second decides, since a small object
+/// may be lit.
 const GRIDS: [[u32; 2]; 2] = [[32, 24], [128, 96]];
-/// The most rays that are followed for one of them.
+/// The most rays that are traced for one grid.
 const MAX_RAYS: u64 = 1 << 18;
-/// The most shadow rays.
+/// The most shadow rays for one grid.
 const MAX_SHADOW_RAYS: u64 = 1 << 22;
-/// The most hits that are asked for reasons, and the most points of light they are asked about.
+/// The most hits that are explained, and the most light points of a scene with explanations.
 const MAX_ASKED: usize = 24;
 const MAX_POINTS: u64 = 4096;
-/// The most lights that are told.
+/// The most lights that are reported.
 const MAX_TOLD: usize = 4;
-/// How much brighter than white counts.
+/// The least brightness that counts as brighter than white.
 const TOO_BRIGHT: f32 = 1.05;
 
-/// What is seen through some pixels: where something is met, and its colour.
+/// The test pixels with a hit, and their colours.
 type Seen = Vec<([u32; 2], Rgb)>;
 
-/// Judges what a job shows, given also as counted from the world's origin. Nothing if it shows some of both, or if to find out
-/// takes long.
+/// Judges the picture of a job. `counted` is the job relative to the world's origin. `None` if the picture is neither
+/// all black nor all too bright, or if the test would take too long.
 pub(super) fn judge(world: &World, counted: &Job, job: &Job) -> Option<Brightness> {
     let dark = dark_below(job.film.transfer);
     let is_dark = |seen: &Seen| seen.iter().all(|(_, color)| color.max_component() < dark);
@@ -93,17 +94,17 @@ pub(super) fn judge(world: &World, counted: &Job, job: &Job) -> Option<Brightnes
     }
 }
 
-/// The least light that an 8-bit file tells from black.
+/// The least light that an 8-bit file distinguishes from black.
 fn dark_below(transfer: Transfer) -> f32 {
     const HALF_A_STEP: f32 = 0.5 / 255.0;
     match transfer {
         Transfer::None => HALF_A_STEP,
-        // The curve's straight part.
+        // The straight part of the curve.
         Transfer::Srgb => HALF_A_STEP / 12.92,
     }
 }
 
-/// The same job with one ray for each pixel.
+/// This job with one ray for each pixel.
 fn coarse(job: &Job) -> Job {
     let film = FilmSettings { sampling: Sampling::Center, transfer: job.film.transfer, ..FilmSettings::default() };
     let mut coarse = Job { film, ..job.clone() };
@@ -137,12 +138,12 @@ fn look(world: &World, job: &Job, most: [u32; 2]) -> Option<Seen> {
         let seen = hits.into_iter().map(|[x, y]| ([x, y], renderer.pixel(&mut whitted, x, y, &mut ()).0)).collect();
         (!whitted.cancelled_early()).then_some(seen)
     })
-    // Without threads there is no judgement; to render will say why.
+    // Without threads there is no result; the render will report the error.
     .ok()
     .flatten()
 }
 
-/// Why what is seen is black.
+/// The reasons why the visible surfaces are black.
 fn reasons(world: &World, job: &Job, seen: &Seen) -> Vec<Reason> {
     let points: u64 = world.lights.iter().map(|light| u64::from(light.points())).sum();
     if points > MAX_POINTS {
@@ -183,13 +184,13 @@ fn reasons(world: &World, job: &Job, seen: &Seen) -> Vec<Reason> {
     lights.into_iter().take(MAX_TOLD).map(of).collect()
 }
 
-/// A hit's lights with their numbers: one after the other, each with all its points.
+/// A hit's light nodes with the indices of their lights. Nodes are in the order of lights, each with all its points.
 fn numbered<'a>(world: &World, hit: &'a HitNode) -> Vec<(usize, &'a LightNode)> {
     let owners = world.lights.iter().enumerate().flat_map(|(i, source)| (0..source.points()).map(move |_| i));
     owners.zip(&hit.lights).collect()
 }
 
-/// What keeps a light from most of what is seen.
+/// The reason why a light doesn't reach most of the visible surfaces.
 fn obstacle(light: String, nodes: &[&LightNode], dark: f32) -> Reason {
     let (mut behind, mut far) = (0, 0);
     let mut blocked: BTreeMap<&str, usize> = BTreeMap::new();

@@ -1,7 +1,7 @@
-//! The explanation of a pixel: the tree of rays behind it with every term of (5.39b) as a number.
+//! The explanation of a pixel: the tree of rays behind it, with every term of (5.39b) as a number.
 //!
-//! It is recorded by a probe while the pixel is rendered by the same code that renders pictures; [`PixelTree::sum`]
-//! adds the recorded terms up again and gives the pixel bit for bit.
+//! A probe records it while the code that renders pictures renders the pixel. [`PixelTree::sum`] adds up the recorded
+//! terms and returns the pixel bit for bit.
 
 mod number;
 mod record;
@@ -19,37 +19,37 @@ use crate::world::World;
 use canaletto_bvh::with_stack;
 use record::Recorder;
 
-/// Why a pixel can't be explained.
+/// The reason why a pixel can't be explained.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ExplainError {
     /// The pixel isn't in the picture.
     #[error("pixel {x}, {y} isn't in the picture of {width} x {height} pixels (columns and rows count from 0)")]
     Outside {
-        /// Column.
+        /// Column of the pixel, from the left.
         x: u32,
-        /// Row from the top.
+        /// Row of the pixel, from the top.
         y: u32,
-        /// The picture's width.
+        /// The picture's width in pixels.
         width: u32,
-        /// The picture's height.
+        /// The picture's height in pixels.
         height: u32,
     },
-    /// Mirrors and clear bodies multiply the pixel's rays.
+    /// Mirrors and clear bodies multiply the pixel's rays beyond the limit.
     #[error("the pixel's tree has more than {MAX_RAYS} rays; a smaller max-depth makes it one that can be read")]
     TooManyRays,
-    /// The job itself is wrong.
+    /// The job has an error.
     #[error(transparent)]
     Job(#[from] JobError),
 }
 
-/// The most rays of an explained pixel, about.
+/// The approximate limit of rays of an explained pixel.
 const MAX_RAYS: u64 = 1 << 20;
 
 /// Explains the pixel in column `x` and row `y`, both from the top left of the whole picture (not of the crop window).
 ///
 /// # Errors
-/// [`ExplainError`] if there is no such pixel or the job is wrong.
+/// [`ExplainError`] if the pixel is outside the picture, has too many rays, or the job has an error.
 pub fn explain(world: &World, job: &Job, x: u32, y: u32) -> Result<PixelTree, ExplainError> {
     job.check()?;
     let [width, height] = job.camera.size();

@@ -1,12 +1,12 @@
-//! Numbers as people read them.
+//! Numbers formatted for people.
 
 use std::fmt::{self, Display, Formatter, LowerExp};
 
-/// A number with the fewest digits that give it back. Very small and very large ones have an exponent instead of a row of
-/// zeros, and zero has no sign.
+/// A number with the fewest digits that parse to it. Very small and very large numbers have an exponent instead of a
+/// row of zeros. Zero has no sign.
 pub(super) struct Number<T>(pub(super) T);
 
-/// The sizes that are written without an exponent.
+/// The magnitudes that are written without an exponent.
 const PLAIN: std::ops::Range<f64> = 1e-4..1e9;
 
 impl<T: Copy + Display + LowerExp + Into<f64>> Display for Number<T> {

@@ -14,19 +14,19 @@ use crate::world::{Hit, TextureRead, World};
 use canaletto_bvh::Ray;
 use glam::{DVec3, Vec3};
 
-/// Builds the tree from the integrator's calls.
+/// The probe that builds the tree.
 pub(super) struct Recorder<'w> {
     world: &'w World,
     camera: &'w Camera,
     samples: Vec<SampleNode>,
     sample: Option<([f64; 2], f64)>,
-    /// When it was taken and through which point of the lens.
+    /// The sample's time and its point of the lens.
     drawn: (Option<f64>, Option<[f64; 2]>),
-    /// The facet that the next ray leaves.
+    /// The microfacet that the next ray leaves.
     lobe: Option<LobeNode>,
-    /// η on both sides of the boundary that it crosses.
+    /// η on both sides of the boundary that the next ray crosses.
     media: Option<[f32; 2]>,
-    /// The rays from the eye to the current one.
+    /// The rays from the camera ray to the current ray.
     open: Vec<RayNode>,
     blockers: Vec<BlockerNode>,
     textures: Vec<TextureNode>,
@@ -244,8 +244,8 @@ impl Probe for Recorder<'_> {
     }
 }
 
-/// Where a point of the world is in the scene. A world that is counted from zero has its own numbers, with the digits that
-/// tell them from other `f32`.
+/// The scene's coordinates of a point of the world. If the world's origin is zero, the coordinates have the digits that
+/// identify the `f32`.
 fn in_the_scene(world: &World, p: Vec3) -> [f64; 3] {
     if world.origin() == DVec3::ZERO {
         return p.to_array().map(|v| v.to_string().parse().unwrap_or(v.into()));
@@ -253,7 +253,7 @@ fn in_the_scene(world: &World, p: Vec3) -> [f64; 3] {
     (world.origin() + p.as_dvec3()).to_array()
 }
 
-/// The number that a texture's value took the place of, and the one that stands there now.
+/// The value that a texture replaced, and the value after it.
 fn replaced(read: &TextureRead) -> [Vec<f32>; 2] {
     let number = |point: &MaterialPoint, normal: glam::DVec3| {
         let phong = &point.phong;

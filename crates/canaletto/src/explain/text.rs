@@ -7,7 +7,7 @@ use crate::light::environment::{EnvironmentLookup, Footprint, Part, Place};
 use crate::math::Rgb;
 use std::fmt::{self, Display, Formatter, LowerExp};
 
-/// Numbers are printed so that they read back as the same `f32`.
+/// Numbers are printed with the digits that parse to the original `f32`.
 impl Display for PixelTree {
     fn fmt(&self, f: &mut Formatter) -> fmt::Result {
         let ([x, y], [cx, cy], [w, h]) = (self.pixel, self.chapter_pixel, self.size);

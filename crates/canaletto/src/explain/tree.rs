@@ -17,149 +17,149 @@ pub struct PixelTree {
     pub chapter_pixel: [u32; 2],
     /// The picture's width and height.
     pub size: [u32; 2],
-    /// The rays from the eye.
+    /// The samples, one camera ray each.
     pub samples: Vec<SampleNode>,
     /// The pixel's colour as rendered.
     pub color: Rgb,
 }
 
-/// One ray from the eye with its weight in the pixel.
+/// One camera ray with its weight in the pixel.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct SampleNode {
-    /// Where in the picture, in pixels with y upwards: x and y of (5.10).
+    /// The position in the picture, in pixels with y upwards: x and y of (5.10).
     pub position: [f64; 2],
-    /// Its weight; the pixel is the weighted mean.
+    /// The sample's weight; the pixel is the weighted mean of its samples.
     pub weight: f64,
-    /// When, from 0, the shutter's opening, to 1, its closing; if anything moves.
+    /// The time, from 0 (the shutter opens) to 1 (it closes), if anything moves.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub time: Option<f64>,
-    /// The point of the lens that the ray left, to the right and upwards from the eye; without a lens it left the eye.
+    /// The point of the lens that the ray left, relative to the eye, to the right and upwards. Without a lens the ray
+    /// left the eye.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lens: Option<[f64; 2]>,
-    /// d of (5.10), from the eye to the projection plane. Without a lens, the ray below has the same direction with
-    /// length 1.
+    /// d of (5.10), from the eye to the projection plane. Without a lens, `ray` has this direction, normalised.
     pub chapter_direction: [f64; 3],
-    /// The ray.
+    /// The camera ray.
     pub ray: RayNode,
 }
 
-/// A ray, what it met and what it brought.
+/// A ray, its hit or miss, and its colour.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct RayNode {
-    /// Why it was traced.
+    /// The kind of the ray.
     pub kind: RayKind,
-    /// 1 for rays from the eye.
+    /// The depth in the ray tree; 1 for camera rays.
     pub depth: u32,
-    /// What its colour is multiplied with in its parent: 1, k, or 1 − o.
+    /// The factor of the ray's colour in its parent: 1, k, or 1 − o.
     pub factor: Rgb,
-    /// Its origin.
+    /// The ray's origin.
     pub origin: [f64; 3],
-    /// Its unit direction.
+    /// The ray's unit direction.
     pub direction: [f32; 3],
-    /// Of a rough surface, the facet that sent it this way.
+    /// The microfacet that the ray left, for a rough surface.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lobe: Option<LobeNode>,
-    /// Of a refracted ray, η of the medium that it comes from, and of the one that it goes into.
+    /// For a refracted ray, η of the medium that it leaves and of the one that it enters.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub media: Option<[f32; 2]>,
-    /// The clear bodies past whose surfaces it went before, since another body fills the place.
+    /// The clear bodies whose surfaces the ray passed before its hit, because another body hides them.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub hidden: Vec<String>,
-    /// The objects through whose cut-out holes it went before.
+    /// The objects whose cut-out holes the ray passed before its hit.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub holes: Vec<String>,
-    /// What it met.
+    /// The hit or miss.
     pub outcome: Outcome,
-    /// The colour it brought, before the factor.
+    /// The ray's colour, before the factor.
     pub color: Rgb,
 }
 
-/// The facet of a rough surface that a ray leaves, chosen at random.
+/// The random microfacet of a rough surface that a ray leaves.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct LobeNode {
-    /// How far such facets lean, 0..=1.
+    /// The roughness, 0..=1: how far microfacets are tilted.
     pub roughness: f32,
-    /// Its unit normal, on the viewer's side: the ray is mirrored or refracted by it.
+    /// The unit normal of the microfacet, on the viewer's side. The ray is mirrored or refracted by it.
     pub facet: [f32; 3],
 }
 
-/// What a ray met.
+/// The result of a ray: a hit or a miss.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Outcome {
-    /// Nothing: the background.
+    /// The ray hit nothing and has the background's colour.
     Miss {
         /// The background's colour.
         background: Rgb,
-        /// The look at the environment that brought it, if the scene has one.
+        /// The lookup in the environment, if the scene has one.
         #[serde(skip_serializing_if = "Option::is_none")]
         environment: Option<Box<EnvironmentLookup>>,
     },
-    /// A surface.
+    /// The ray hit a surface.
     Hit(Box<HitNode>),
 }
 
-/// The side of a surface.
+/// A side of a surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Side {
-    /// Where the normal points to.
+    /// The side that the normal points to.
     Outside,
-    /// The other.
+    /// The other side.
     Inside,
 }
 
-/// A surface that was met, with the terms of the shading equation there.
+/// A hit on a surface, with the terms of the shading equation there.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct HitNode {
     /// The object's name.
     pub object: String,
-    /// "sphere", "mesh", …
+    /// The kind of the object: "sphere", "mesh", …
     pub kind: &'static str,
-    /// Which triangle or sphere of the object; 0 for single shapes.
+    /// The index of the triangle or sphere in the object; 0 for single shapes.
     pub primitive: u32,
-    /// The ray's parameter: the distance, since its direction has length 1.
+    /// The ray's t: the distance, since its direction has length 1.
     pub t: f32,
-    /// The point.
+    /// The point in the scene's coordinates.
     pub point: [f64; 3],
     /// The unit geometric normal, on the outer side.
     pub normal: [f32; 3],
-    /// The unit normal that is shaded with, on the viewer's side.
+    /// The unit shading normal, on the viewer's side.
     pub shading_normal: [f32; 3],
     /// Texture coordinates.
     pub uv: [f32; 2],
-    /// The side the ray came from.
+    /// The side that the ray came from.
     pub side: Side,
     /// The material's name.
     pub material: String,
-    /// Its numbers here.
+    /// The material's values at the hit.
     pub phong: Phong,
-    /// The textures that were read for them, in order.
+    /// The textures that were read for these values, in order.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub textures: Vec<TextureNode>,
 
-    /// kd, where nothing is lit.
+    /// kd, if the picture has no lighting.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unlit: Option<Rgb>,
     /// Iₐ ⊗ kd.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ambient: Option<Rgb>,
-    /// Each point of each light.
+    /// The terms of each point of each light.
     pub lights: Vec<LightNode>,
     /// The reflected and the refracted ray.
     pub children: Vec<RayNode>,
-    /// A colour over the shaded one, and its share.
+    /// The colour of an overlay, and its share.
     #[serde(rename = "print", skip_serializing_if = "Option::is_none")]
     pub overlay: Option<(Rgb, f32)>,
-    /// The share of the surface that is there, where a texture cuts out the rest.
+    /// The coverage of the surface, if a texture cuts out a part of it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub coverage: Option<f32>,
-    /// The ray that goes on where the surface isn't there.
+    /// The ray that goes on through the part that is cut out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub behind: Option<RayNode>,
     /// Child rays that were not followed.
@@ -170,15 +170,15 @@ pub struct HitNode {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct TextureNode {
-    /// Its name.
+    /// The texture's name.
     pub texture: String,
-    /// What for: the scene text's word.
+    /// The texture's use, as the word in the scene text.
     pub used: &'static str,
-    /// Where it was read: one place, or several that were blended.
+    /// The lookups: one place, or several that were blended.
     pub readings: Vec<ReadingNode>,
-    /// Its linear red, green, blue and alpha.
+    /// The texture's linear red, green, blue and alpha.
     pub value: [f32; 4],
-    /// What stood there before, and what stands there with it.
+    /// The values before and after this texture.
     pub replaced: [Vec<f32>; 2],
 }
 
@@ -186,59 +186,59 @@ pub struct TextureNode {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct ReadingNode {
-    /// Its share in the value.
+    /// The weight of this reading in the value.
     pub weight: f64,
     /// Texture coordinates.
     pub at: [f64; 3],
-    /// How they change to the next sample on the right and above.
+    /// The changes of the coordinates to the next sample on the right and to the next one above.
     pub footprint: [[f64; 3]; 2],
-    /// Where that is on the texture's image.
+    /// The position on the texture's image, if it has one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub image: Option<ImageNode>,
 }
 
-/// Where a lookup lies on an image.
+/// The position of a lookup on an image.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct ImageNode {
-    /// The place in texels, (0, 0) the upper left corner of the first one.
+    /// The position in texels; (0, 0) is the upper left corner of the first texel.
     pub texel: [f64; 2],
     /// The image's width and height in texels.
     pub size: [u32; 2],
     /// The longer and the shorter radius of the sample's ellipse, in texels.
     pub radii: [f64; 2],
-    /// The level of the pyramid: 0 is the image itself; below it texels are larger than samples.
+    /// The level of the image pyramid. 0 is the image itself; below 0, texels are larger than samples.
     pub level: f64,
 }
 
-/// One point of a light as a hit sees it.
+/// One light point, as seen from a hit.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct LightNode {
     /// The light's name or kind and number.
     pub light: String,
-    /// Which of its points.
+    /// Index of the light's point.
     pub point: u32,
-    /// Where the point is, if it was chosen at random.
+    /// The position of the point in the scene's coordinates, if it was chosen at random.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub position: Option<[f64; 3]>,
-    /// L̂.
+    /// L̂, the unit direction to the point.
     pub direction: [f32; 3],
-    /// Its distance; `null` in JSON for light from infinity.
+    /// The distance to the point; `null` in JSON for light from infinity.
     #[serde(serialize_with = "finite_or_null")]
     pub distance: f32,
-    /// The intensity that would arrive.
+    /// The intensity at the hit, before shadows.
     pub intensity: Rgb,
     /// n·L.
     pub n_dot_l: f32,
-    /// Whether the light stands behind the surface although the bent normal leans towards it.
+    /// Whether the light is behind the surface but in front of its bent normal.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub behind: bool,
     /// r·L.
     pub r_dot_l: f32,
-    /// What stands between, nearest first.
+    /// The surfaces between the hit and the light, nearest first.
     pub blockers: Vec<BlockerNode>,
-    /// f_s.
+    /// f_s, the share of the light that passes these surfaces, 0..=1.
     pub f_s: f32,
     /// l ⊗ kd (n·L).
     pub diffuse: Rgb,
@@ -254,7 +254,7 @@ pub struct LightNode {
 pub struct BlockerNode {
     /// The object's name.
     pub object: String,
-    /// Its opacity o there.
+    /// The surface's opacity o at that point.
     pub opacity: f32,
 }
 
@@ -262,14 +262,15 @@ pub struct BlockerNode {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct CutNode {
-    /// What it would have been.
+    /// The kind of the ray.
     pub kind: RayKind,
-    /// The factor it would have had.
+    /// The factor that the ray's colour would have had.
     pub factor: Rgb,
 }
 
 impl PixelTree {
-    /// The pixel from its terms: every product and sum done again in the picture's order. Equal to `color` bit for bit.
+    /// The pixel's colour from its terms: every product and sum is repeated in the picture's order. Equal to `color`
+    /// bit for bit.
     pub fn sum(&self) -> Rgb {
         match &self.samples[..] {
             // A single sample is the pixel, whatever its weight.
@@ -304,7 +305,7 @@ impl RayNode {
 }
 
 impl HitNode {
-    /// The colour with what lies over it, and what is behind where the surface isn't there.
+    /// The colour with the overlay on top, and with the light from behind if the surface is partly cut out.
     fn covered(&self, mut color: Rgb) -> Rgb {
         if let Some((overlay, share)) = self.overlay {
             color = (overlay * share + color * (1.0 - share)).saturated();

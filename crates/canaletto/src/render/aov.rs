@@ -1,4 +1,5 @@
-//! Extra layers (arbitrary output variables), written by a probe so that they come from the rays that make the picture.
+//! Extra layers (arbitrary output variables). A probe writes them, so that they come from the rays that make the
+//! picture.
 
 use crate::camera::Camera;
 use crate::film::Layer;
@@ -13,18 +14,19 @@ use serde::{Deserialize, Serialize};
 
 /// An extra layer of the picture.
 ///
-/// Geometry (depth to material id) is that of the first sample's first hit, since a mean of two objects means nothing;
-/// pixels that show the background hold infinite depth and zeros. Light (diffuse to refraction) is filtered like the
-/// picture and sums to it; `shadow` is what shadows took away and `tree-depth` and `cost` count rays.
+/// Geometry layers (depth to material id) come from the first hit of the first sample, since a mean of two objects has
+/// no meaning. Pixels of the background have infinite depth and zeros elsewhere. Light layers (diffuse to refraction)
+/// are filtered like the picture and sum to it, without `shadow`, which holds the light that shadows remove.
+/// `tree-depth` and `cost` count rays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Aov {
-    /// Distance of the point from the eye, also where the ray leaves another point of a lens.
+    /// Distance of the point from the eye, even if the ray leaves another point of a lens.
     Depth,
-    /// Shading normal on the viewer's side, world space.
+    /// Shading normal on the viewer's side, in world space.
     Normal,
-    /// The point, world space. It is `f32` and so rounded far from zero.
+    /// The point in world space. It is `f32`, and so rounded far from zero.
     Position,
     /// Texture coordinates.
     Uv,
@@ -32,21 +34,21 @@ pub enum Aov {
     ObjectId,
     /// 1 + the material's index; 0 is the background.
     MaterialId,
-    /// Σ f_s l ⊗ kd (n·L) at the first hit, and colours that textures put in its place.
+    /// Σ f_s l ⊗ kd (n·L) at the first hit, and the colours of overlays.
     Diffuse,
     /// Σ f_s l ⊗ ks (r·L)ⁿ at the first hit.
     Specular,
-    /// The light that shadows took away at the first hit.
+    /// The light that shadows remove at the first hit.
     Shadow,
-    /// Iₐ ⊗ kd at the first hit; the background where there is none.
+    /// Iₐ ⊗ kd at the first hit; the background for rays without a hit.
     Ambient,
-    /// k times what the mirrored ray brought.
+    /// k times the colour of the mirrored ray.
     Reflection,
-    /// 1 − o times what the refracted ray brought, and what is seen past cut-outs.
+    /// 1 − o times the colour of the refracted ray, and the light through cut-outs.
     Refraction,
-    /// The deepest ray of the pixel's trees.
+    /// The largest depth in the pixel's ray trees.
     TreeDepth,
-    /// The rays traced for the pixel, of all kinds.
+    /// The number of rays traced for the pixel, of all kinds.
     Cost,
 }
 
@@ -69,33 +71,33 @@ impl Aov {
         (Aov::Cost, "cost", &["X"]),
     ];
 
-    /// The layer of this name.
+    /// The layer with this name.
     pub fn from_name(name: &str) -> Option<Aov> {
         Aov::ALL.iter().find(|(_, n, _)| *n == name).map(|(aov, ..)| *aov)
     }
 
-    /// Its name.
+    /// The layer's name.
     pub fn name(self) -> &'static str {
         Aov::ALL[self as usize].1
     }
 
-    /// Whether it holds light, in red, green and blue.
+    /// Whether the layer holds light, in red, green and blue.
     pub fn is_light(self) -> bool {
         self.channels() == ["R", "G", "B"]
     }
 
-    /// The names of its channels.
+    /// The names of the layer's channels.
     pub fn channels(self) -> &'static [&'static str] {
         Aov::ALL[self as usize].2
     }
 
-    /// Whether it holds numbers of objects or materials.
+    /// Whether the layer holds numbers of objects or materials.
     pub fn is_id(self) -> bool {
         matches!(self, Aov::ObjectId | Aov::MaterialId)
     }
 
     pub(super) fn layer(self, world: &World, width: u32, height: u32) -> Layer {
-        /// `f32` holds all whole numbers up to here.
+        /// `f32` represents all integers up to this one.
         const EXACT: u64 = 1 << f32::MANTISSA_DIGITS;
         let (_, name, channels) = Aov::ALL[self as usize];
         let pixels = width as usize * height as usize;
@@ -104,7 +106,7 @@ impl Aov {
     }
 }
 
-/// Sums of the light terms of one sample or, weighted, of all.
+/// Sums of the light terms of one sample, or weighted sums of all samples.
 #[derive(Clone, Copy, Default)]
 struct Light {
     diffuse: Rgb,
@@ -134,22 +136,22 @@ impl Light {
     }
 }
 
-/// Collects the layers of one pixel.
+/// The probe that collects the layers of one pixel.
 pub(super) struct AovProbe<'w> {
     world: &'w World,
     camera: &'w Camera,
-    /// Where the eye is at the time of the sample.
+    /// The eye's position at the time of the sample.
     eye: DVec3,
-    /// depth, normal, position, uv: of the first sample.
+    /// Depth, normal, position and uv of the first sample.
     geometry: Option<[f32; 9]>,
-    /// The object's number and the material's of that sample; 0 where nothing is met.
+    /// The numbers of the first sample's object and material; 0 for a miss.
     ids: [u32; 2],
     samples: u32,
     weight: f64,
     sums: [[f64; 3]; 6],
     sample_weight: f64,
     sample: Light,
-    /// The rays from the eye to the current one: kind and factor.
+    /// The kinds and factors of the rays from the camera ray to the current ray.
     stack: Vec<(RayKind, Rgb)>,
     tree_depth: u32,
     rays: u64,
@@ -191,7 +193,7 @@ impl<'w> AovProbe<'w> {
         self.sample_weight = 0.0;
     }
 
-    /// The number of the object or the material, if the layer is of these.
+    /// The number of the object or the material, if the layer holds one.
     pub(super) fn id(&self, aov: Aov) -> Option<u32> {
         match aov {
             Aov::ObjectId => Some(self.ids[0]),

@@ -1,16 +1,16 @@
-//! Where adaptive sampling looks first (after Whitted 1980, §4, with a grid in place of his recursion): at the corners and
-//! centres of pixels, as far as a pixel's filter reaches. Where these differ, the pixel is sampled finely; where they don't,
-//! they are the pixel.
+//! The first samples of adaptive sampling (after Whitted 1980, §4, with a grid in place of his recursion). They lie at
+//! the corners and centres of pixels, as far as a pixel's filter reaches. Where their colours differ, the pixel is
+//! sampled finely. Otherwise they make the pixel.
 //!
-//! A corner belongs to four pixels, and to more with a wide filter. All that an area needs is looked at once: about two rays
-//! for each pixel.
+//! Four pixels share a corner, and more share it with a wide filter. All samples of an area are traced at once: about
+//! two rays for each pixel.
 
 use super::in_squares;
 use crate::film::{FilterTable, display_all};
 use crate::math::Rgb;
 use crate::scene::Transfer;
 
-/// What a site is of its pixel.
+/// The kind of a site: its position in its pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Kind {
     /// The lower left corner.
@@ -20,26 +20,26 @@ pub(super) enum Kind {
     Center,
 }
 
-/// A place of the lattice.
+/// A site of the lattice.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Site {
     pub(super) kind: Kind,
-    /// Column, and row from the bottom; or how far these are from a pixel's.
+    /// The pixel's column and its row from the bottom, or the offset from another pixel.
     pub(super) pixel: [i64; 2],
 }
 
 impl Site {
-    /// A pixel's own sites.
+    /// The sites of one pixel.
     pub(super) fn of(pixel: [i64; 2]) -> [Site; 2] {
         [Kind::Corner, Kind::Center].map(|kind| Site { kind, pixel })
     }
 
-    /// The site this far from a pixel.
+    /// This site, offset by a pixel.
     pub(super) fn at(&self, [x, y]: [i64; 2]) -> Site {
         Site { kind: self.kind, pixel: [self.pixel[0] + x, self.pixel[1] + y] }
     }
 
-    /// Where its ray goes, in pixels.
+    /// The position of the site's ray, in pixels.
     pub(super) fn position(&self) -> [f64; 2] {
         let inside = if self.kind == Kind::Corner { 0.0 } else { 0.5 };
         self.pixel.map(|i| i as f64 + inside)
@@ -49,16 +49,16 @@ impl Site {
 /// The sites that a pixel's filter reaches.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Probes {
-    /// Corners from the lower left in rows, then centres; each with the filter there.
+    /// Corners in rows from the lower left, then centres, each with the filter's value.
     sites: Vec<(Site, f64)>,
-    /// How many corners and centres stand in a row.
+    /// The number of corners and of centres in a row.
     across: [i64; 2],
 }
 
 impl Probes {
     pub(super) fn new(filter: &FilterTable) -> Probes {
-        // In halves of a pixel, at which corners are odd and centres even: to the next beyond the filter's end, so that
-        // nothing within is overlooked that reaches out of it.
+        // In units of half a pixel, corners are odd and centres even. The sites extend to the next one beyond the
+        // filter's end. No detail within is then missed that reaches out of it.
         let reach = (2.0 * filter.radius() - 1e-6).ceil().max(1.0) as i64;
         let along = |odd: i64| (-reach..=reach).filter(move |d| d & 1 == odd);
         let mut sites = Vec::new();
@@ -73,30 +73,30 @@ impl Probes {
         Probes { sites, across: [1, 0].map(|odd| along(odd).count() as i64) }
     }
 
-    /// Those that count, with their weights.
+    /// The sites with a weight other than zero, with their weights.
     pub(super) fn weighted(&self) -> impl Iterator<Item = (Site, f64)> + '_ {
         self.sites.iter().copied().filter(|(_, weight)| *weight != 0.0)
     }
 }
 
-/// What is seen at the sites that the pixels of an area need.
+/// The colours at the sites that the pixels of an area need.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Lattice {
-    /// The area's lower left pixel, and its size.
+    /// The lower left pixel of the area, and the area's size.
     pixel: [i64; 2],
     size: [i64; 2],
-    /// Corners and centres.
+    /// The grid of corners and the grid of centres.
     grids: [Grid; 2],
 }
 
 /// Sites of one kind in rows.
 #[derive(Clone, Debug, Default)]
 struct Grid {
-    /// The pixel of the lower left one.
+    /// The pixel of the lower left site.
     first: [i64; 2],
     size: [u32; 2],
     colors: Vec<Rgb>,
-    /// As they are shown.
+    /// The colours as displayed.
     shown: Vec<[f32; 3]>,
 }
 
@@ -108,7 +108,7 @@ impl Grid {
 }
 
 impl Lattice {
-    /// The lattice for an area, not looked at yet.
+    /// The lattice of an area, without colours.
     pub(super) fn around(pixel: [i64; 2], size: [u32; 2], probes: &Probes) -> Lattice {
         let grid = |kind: Kind| {
             let across = probes.across[kind as usize];
@@ -124,12 +124,12 @@ impl Lattice {
         Lattice { pixel, size: size.map(i64::from), grids: [grid(Kind::Corner), grid(Kind::Center)] }
     }
 
-    /// Whether the pixel is in the area, so that all its sites are known.
+    /// Whether the pixel is in the area, so that all its sites have colours.
     pub(super) fn covers(&self, pixel: [i64; 2]) -> bool {
         (0..2).all(|i| (0..self.size[i]).contains(&(pixel[i] - self.pixel[i])))
     }
 
-    /// The sites of the area's own pixels, or all others; near ones near each other.
+    /// The sites of the area's own pixels, or all others, along a Z-shaped curve.
     pub(super) fn sites(&self, own: bool) -> impl Iterator<Item = Site> + '_ {
         let all = [Kind::Corner, Kind::Center].into_iter().flat_map(|kind| {
             let first = self.grids[kind as usize].first;
@@ -139,7 +139,7 @@ impl Lattice {
         all.filter(move |site| self.covers(site.pixel) == own)
     }
 
-    /// Takes what is seen at some sites.
+    /// Stores the colours of some sites.
     pub(super) fn fill(&mut self, sites: &[Site], seen: &[Rgb]) {
         for (site, color) in sites.iter().zip(seen) {
             let grid = &mut self.grids[site.kind as usize];
@@ -148,7 +148,7 @@ impl Lattice {
         }
     }
 
-    /// Shows all that was seen.
+    /// Computes the displayed colours.
     pub(super) fn develop(&mut self, transfer: Transfer) {
         for grid in &mut self.grids {
             grid.shown = grid.colors.iter().map(|color| color.to_array()).collect();
@@ -156,7 +156,7 @@ impl Lattice {
         }
     }
 
-    /// Whether what a pixel's filter reaches differs by no more than the threshold in any component as shown.
+    /// Whether the displayed colours at a pixel's sites differ by at most `threshold` in each component.
     pub(super) fn is_even(&self, probes: &Probes, pixel: [i64; 2], threshold: f32) -> bool {
         let (mut least, mut most) = ([1.0f32; 3], [0.0f32; 3]);
         for (site, _) in &probes.sites {
@@ -169,7 +169,7 @@ impl Lattice {
         (0..3).map(|c| most[c] - least[c]).fold(0.0, f32::max) <= threshold
     }
 
-    /// The colours that make an even pixel, with their weights.
+    /// The colours of an even pixel's sites, with their weights.
     pub(super) fn colors<'a>(&'a self, probes: &'a Probes, pixel: [i64; 2]) -> impl Iterator<Item = (Rgb, f64)> + 'a {
         probes.weighted().map(move |(site, weight)| {
             let grid = &self.grids[site.kind as usize];

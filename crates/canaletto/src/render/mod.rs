@@ -1,4 +1,4 @@
-//! Tiles, pixels, cancellation and progress: from a world and a job to a picture.
+//! Rendering from a world and a job to a picture: tiles, pixels, cancellation and progress.
 
 mod aov;
 mod lattice;
@@ -19,26 +19,26 @@ use glam::DVec3;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-/// All that a picture depends on besides the world.
+/// Everything that a picture depends on besides the world.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Job {
-    /// Where from.
+    /// The camera.
     pub camera: Camera,
-    /// How pixels are sampled. Tone and transfer matter only to adaptive sampling: pictures stay linear.
+    /// The settings for sampling pixels. Tone and transfer affect only adaptive sampling: pictures stay linear.
     pub film: FilmSettings,
-    /// How rays are followed.
+    /// The settings for tracing rays.
     pub integrator: IntegratorSettings,
-    /// Chooses the random numbers.
+    /// The seed of the random numbers.
     pub seed: u64,
-    /// The number of the frame, which chooses random numbers of its own.
+    /// The number of the frame. Each frame has random numbers of its own.
     pub frame: u32,
-    /// The side of a tile in pixels, at least 1; changes no picture.
+    /// The side of a tile in pixels, at least 1. No picture depends on it.
     pub tile: u32,
-    /// The extra layers wanted.
+    /// The requested extra layers.
     pub aovs: Vec<Aov>,
 }
 
-/// What went wrong with a job.
+/// An error in a job.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum JobError {
@@ -47,17 +47,17 @@ pub enum JobError {
         "the crop window {width} x {height} at {x}, {y} doesn't lie inside the picture of {of_width} x {of_height} pixels"
     )]
     Crop {
-        /// Left edge, from the left.
+        /// Left edge in pixels, from the left.
         x: u32,
-        /// Upper edge, from the top.
+        /// Upper edge in pixels, from the top.
         y: u32,
-        /// Its width.
+        /// Width of the window in pixels.
         width: u32,
-        /// Its height.
+        /// Height of the window in pixels.
         height: u32,
-        /// The picture's width.
+        /// The picture's width in pixels.
         of_width: u32,
-        /// The picture's height.
+        /// The picture's height in pixels.
         of_height: u32,
     },
     /// A grid of samples is out of range.
@@ -66,13 +66,13 @@ pub enum JobError {
     /// The number of samples is out of range.
     #[error("samples is {0}; a pixel takes between 1 and {max} rays", max = crate::scene::Sampling::MAX_SAMPLES)]
     Samples(u32),
-    /// Rays would be followed too deep, or not at all.
+    /// The depth of the ray tree is out of range.
     #[error("max-depth is {0}; it must be between 1 (only the eye's rays) and {max}", max = IntegratorSettings::MAX_DEPTH)]
     Depth(u32),
     /// A filter or threshold is out of range.
     #[error("{0}")]
     Range(String),
-    /// Its rays need threads with more stack than the caller's, which can't be started.
+    /// The rays need threads with more stack than the caller's thread, and these can't be started.
     #[error(transparent)]
     NoThreads(#[from] NoThreads),
 }
@@ -83,10 +83,10 @@ impl Job {
         Job { camera, film, integrator, seed: 0, frame: 0, tile: 32, aovs: Vec::new() }
     }
 
-    /// Checks what a file or a person may have got wrong.
+    /// Checks the values that come from files and users.
     ///
     /// # Errors
-    /// [`JobError`] names the number and its range.
+    /// [`JobError`] with the value and its range.
     pub fn check(&self) -> Result<(), JobError> {
         use crate::scene::{Filter, Sampling};
         let [of_width, of_height] = self.camera.size();
@@ -119,66 +119,68 @@ impl Job {
         }
     }
 
-    /// The same job with its camera counted from the world's origin, if that isn't zero.
+    /// This job with its camera relative to the world's origin, if that isn't zero.
     pub(crate) fn counted_from(&self, world: &World) -> Option<Job> {
         let origin = world.origin();
         (origin != DVec3::ZERO).then(|| Job { camera: self.camera.counted_from(origin), ..self.clone() })
     }
 
-    /// x, y (from the top left), width and height of the part to render.
+    /// The area to render: x and y (from the top left), width and height, in pixels.
     pub fn window(&self) -> [u32; 4] {
         let [w, h] = self.camera.size();
         self.film.crop.unwrap_or([0, 0, w, h])
     }
 }
 
-/// Watches a render, and may stop it. Called from many threads.
+/// An observer of a render, which may cancel it. Its methods are called from many threads.
 pub trait Observer: Sync {
-    /// Asked before every few pixels, and now and then within them; once true, tiles in work are dropped and the picture so far is returned.
+    /// Whether to cancel. Called before every few pixels, and at intervals within them. Once it returns true,
+    /// unfinished tiles are dropped and the picture so far is returned.
     fn cancelled(&self) -> bool {
         false
     }
-    /// After each tile: how much is done.
+    /// Reports the progress after each tile.
     fn progress(&self, _progress: &Progress) {}
 }
 
-/// Watches nothing and never stops.
+/// The empty observer, which never cancels.
 impl Observer for () {}
 
-/// How far a render has come.
+/// The progress of a render.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Progress {
-    /// Pixels finished.
+    /// The number of finished pixels.
     pub pixels_done: u64,
-    /// Pixels in all.
+    /// The number of all pixels.
     pub pixels: u64,
-    /// Rays traced so far.
+    /// The number of rays traced so far.
     pub rays: u64,
 }
 
-/// What a render returns.
+/// The result of a render.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Rendering {
-    /// The picture, in linear light; pixels of tiles that were not finished are black.
+    /// The picture, in linear light. Pixels of unfinished tiles are black.
     pub picture: Picture,
-    /// Rays by kind, of finished tiles.
+    /// The numbers of rays by kind, in finished tiles.
     pub counts: RayCounts,
-    /// Pixels finished.
+    /// The number of finished pixels.
     pub pixels_done: u64,
     /// Whether every tile was finished.
     pub complete: bool,
 }
 
-/// Renders a picture on the threads of the current rayon pool, or on as many others where these have too small stacks. The result depends on nothing but world and job: any
-/// number of threads and any tile size give the same bytes.
+/// Renders a picture on the threads of the current rayon pool. If their stacks are too small, it starts as many threads
+/// with larger stacks. The result depends only on world and job: any number of threads and any tile size give equal
+/// bytes.
 ///
 /// # Panics
-/// If the observer panics in one thread: soon all others stop, and the panic goes on in the caller's.
+/// If the observer panics in one thread. The other threads then stop soon, and the panic is passed on to the caller.
 ///
 /// # Errors
-/// [`JobError`] if [`Job::check`] finds a mistake, or if threads are needed that can't be started; nothing after that can fail.
+/// [`JobError`] if [`Job::check`] finds an error, or if required threads can't be started. Nothing after that can fail.
 pub fn render(world: &World, job: &Job, observer: &dyn Observer) -> Result<Rendering, JobError> {
     job.check()?;
     let counted = job.counted_from(world);
@@ -186,8 +188,8 @@ pub fn render(world: &World, job: &Job, observer: &dyn Observer) -> Result<Rende
     Ok(with_stack(stack_of(world, job), || on_all_threads(world, job, observer))?)
 }
 
-/// What the rays of a job have on the stack at most: a ray's own work, that for each ray that it is a child of, and for each group around
-/// what it meets. Even a debug build takes about half of that.
+/// The largest stack in bytes that the rays of a job need. It is the sum for the ray itself, for each of its parents,
+/// and for each group around the primitive that it hits. Even a debug build uses only about half of it.
 pub(crate) fn stack_of(world: &World, job: &Job) -> usize {
     const RAY: usize = 256 << 10;
     const PARENT: usize = 16 << 10;
@@ -205,7 +207,7 @@ fn on_all_threads(world: &World, job: &Job, observer: &dyn Observer) -> Renderin
     let shared = Mutex::new(Rendering { picture, counts: RayCounts::default(), pixels_done: 0, complete: false });
     let next = AtomicUsize::new(0);
     let stopped = AtomicBool::new(false);
-    // Where one thread has stopped, the others do not finish their tiles.
+    // When one thread has stopped, the others don't finish their tiles.
     let cancelled = || stopped.load(Ordering::Relaxed) || observer.cancelled();
     let gives_up = |_| cancelled();
     rayon::broadcast(|_| {
@@ -235,7 +237,7 @@ fn on_all_threads(world: &World, job: &Job, observer: &dyn Observer) -> Renderin
     rendering
 }
 
-/// Tells all threads to stop, unless it is forgotten: a panic in one of them ends the work of all.
+/// Stops all threads when it is dropped, so that a panic in one thread ends the work of all.
 struct EndsAll<'a>(&'a AtomicBool);
 
 impl Drop for EndsAll<'_> {
@@ -244,16 +246,16 @@ impl Drop for EndsAll<'_> {
     }
 }
 
-/// One thread's tools.
+/// The state of one thread.
 struct Worker<'a> {
     pixels: PixelRenderer<'a>,
     whitted: Whitted<'a>,
     camera: &'a Camera,
     aovs: &'a [Aov],
-    /// Of the last tile: its size, and its places [in squares](in_squares).
+    /// The size of the last tile, and its places [in squares](in_squares).
     size: [u32; 2],
     places: Vec<[u32; 2]>,
-    /// Pixels that go together, and their colours.
+    /// Pixels that are traced together, and their colours.
     together: Vec<[u32; 2]>,
     colors: Vec<Rgb>,
 }
@@ -279,7 +281,7 @@ impl<'a> Worker<'a> {
         }
     }
 
-    /// Renders the pixels of an area (x, y, width, height); `None` if cancelled.
+    /// Renders the pixels of an area (x, y, width, height). Returns `None` if cancelled.
     fn tile(&mut self, [x0, y0, width, height]: [u32; 4], cancelled: &dyn Fn() -> bool) -> Option<Tile> {
         let mut part = Picture::new(width, height);
         part.layers = self.aovs.iter().map(|aov| aov.layer(self.whitted.world(), width, height)).collect();
@@ -332,8 +334,8 @@ impl<'a> Worker<'a> {
     }
 }
 
-/// The places of an area along a Z-shaped curve (Morton order), so that neighbours in the list are close to each other in both
-/// directions: every 4ⁿ of them that begin at a multiple of 4ⁿ fill a square, where the area doesn't end within it.
+/// The places of an area along a Z-shaped curve (Morton order). Neighbours in the list are close to each other in both
+/// directions. Each run of 4ⁿ places that begins at a multiple of 4ⁿ fills a square, unless the area ends within it.
 fn in_squares([width, height]: [u32; 2]) -> Vec<[u32; 2]> {
     fn square(places: &mut Vec<[u32; 2]>, [x, y]: [u32; 2], side: u32, area: [u32; 2]) {
         if x >= area[0] || y >= area[1] {
@@ -350,7 +352,7 @@ fn in_squares([width, height]: [u32; 2]) -> Vec<[u32; 2]> {
 }
 
 impl Tile {
-    /// Copies the tile to its place, given from the upper left corner of the rendering.
+    /// Copies the tile to its place, relative to the upper left corner of the rendering.
     fn blit(&self, into: &mut Rendering, [x0, y0]: [u32; 2]) -> Progress {
         let (width, stride) = (self.part.width as usize, into.picture.width as usize);
         fn copy<T: Copy>(from: &[T], to: &mut [T], width: usize, stride: usize, start: usize) {

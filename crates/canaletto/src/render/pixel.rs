@@ -14,15 +14,15 @@ use glam::{DVec2, DVec3};
 pub(crate) struct PixelRenderer<'a> {
     job: &'a Job,
     filter: FilterTable,
-    /// How a pixel's samples are divided between the filter's parts.
+    /// The division of a pixel's samples between the filter's parts.
     division: Division,
     sampler: FrameSampler,
-    /// Whether rays from the eye need no random numbers besides their place in the pixel.
+    /// Whether camera rays need no random numbers besides their position in the pixel.
     plain: bool,
-    /// Where adaptive sampling looks first, for each pixel and in the area at hand.
+    /// The first samples of adaptive sampling: the sites of a pixel, and the colours in the current area.
     probes: Probes,
     lattice: Lattice,
-    /// Memory for samples that go together.
+    /// Buffers for samples that are traced together.
     samples: Samples,
 }
 
@@ -32,12 +32,12 @@ struct Samples {
     places: Vec<[f64; 2]>,
     numbers: Vec<Sample>,
     weights: Vec<f64>,
-    /// What they see.
+    /// The colours of the samples.
     colors: Vec<Rgb>,
 }
 
 impl Samples {
-    /// The colours and weights for each pixel, of which each has this many samples.
+    /// The colours and weights of each pixel with this many samples per pixel.
     fn pixels(&self, samples: u32) -> impl Iterator<Item = impl Iterator<Item = (Rgb, f64)>> {
         let samples = samples as usize;
         let pixels = self.colors.chunks_exact(samples).zip(self.weights.chunks_exact(samples));
@@ -75,20 +75,20 @@ pub(crate) fn weighted_mean(samples: impl IntoIterator<Item = (Rgb, f64)>) -> Rg
 /// A sample of a pixel.
 #[derive(Clone, Copy)]
 struct CameraSample {
-    /// Its place in the picture, in pixels, y upwards.
+    /// The position in the picture, in pixels, y upwards.
     position: [f64; 2],
     weight: f64,
     numbers: Sample,
 }
 
-/// The ray of a sample.
+/// The camera ray of a sample.
 struct CameraRay {
     line: DRay,
-    /// How it changes to the neighbouring samples, if the world wants to know.
+    /// The ray differential, if the world needs it.
     differential: Option<RayDifferential>,
-    /// When it is, from the shutter's opening at 0 to its closing at 1.
+    /// The time, from 0 (the shutter opens) to 1 (it closes).
     time: f32,
-    /// The point of the lens that it leaves.
+    /// The point of the lens that the ray leaves.
     lens: Option<DVec2>,
 }
 
@@ -100,7 +100,7 @@ impl<'a> PixelRenderer<'a> {
             Sampling::Adaptive { .. } => Probes::new(&filter),
             _ => Probes::default(),
         };
-        // Places of a regular grid are spread evenly over the four sides of the negative part.
+        // Positions of a regular grid are distributed evenly over the four sides of the negative part.
         let step = if matches!(job.film.sampling, Sampling::Regular(_)) { 4 } else { 1 };
         let division = filter.divide(shots(job.film.sampling), step);
         PixelRenderer {
@@ -115,8 +115,9 @@ impl<'a> PixelRenderer<'a> {
         }
     }
 
-    /// The colour of the pixel in column `x` and row `y` from the top left, with a probe that sees ray after ray; and the
-    /// rays that were traced for it. Of adaptive sampling's first looks, those at its own corner and centre are among them.
+    /// The colour of the pixel in column `x` and row `y` from the top left, and the number of rays traced for it. A
+    /// probe observes ray after ray. For adaptive sampling, the number includes the first samples at the pixel's own
+    /// corner and centre.
     pub(crate) fn pixel<P: Probe>(&mut self, whitted: &mut Whitted, x: u32, y: u32, probe: &mut P) -> (Rgb, u64) {
         let sampling = self.job.film.sampling;
         let Sampling::Adaptive { n, threshold } = sampling else {
@@ -126,7 +127,7 @@ impl<'a> PixelRenderer<'a> {
         if !self.lattice.covers(place) {
             self.survey(whitted, [x, y, 1, 1]);
         }
-        // The survey's rays are counted already.
+        // The rays of the survey are counted already.
         let counts = whitted.counts;
         let own = Site::of(place).into_iter().map(|site| self.probe_shot(site, 1.0));
         let (_, rays) = self.watched(whitted, own, sampling, &mut ());
@@ -136,15 +137,15 @@ impl<'a> PixelRenderer<'a> {
             let (color, more) = self.watched(whitted, shots, Sampling::Jittered(n), probe);
             return (color, rays + more);
         }
-        // A probe should see the samples that count.
+        // The probe observes the samples that make the pixel.
         let sites = self.probes.weighted().map(|(site, weight)| self.probe_shot(site.at(place), weight));
         let (color, _) = self.watched(whitted, sites, sampling, probe);
         whitted.counts = counts;
         (color, rays)
     }
 
-    /// Looks at an area (x, y from the top left, width, height) as far as the filters of its pixels reach, if sampling is
-    /// adaptive: what its pixels need is known then. Neighbours share most of it.
+    /// Takes the first samples of adaptive sampling in an area (x, y from the top left, width, height), as far as the
+    /// filters of its pixels reach. Neighbouring pixels share most of these samples. Does nothing for other sampling.
     pub(crate) fn survey(&mut self, whitted: &mut Whitted, [x, y, width, height]: [u32; 4]) {
         let Sampling::Adaptive { .. } = self.job.film.sampling else { return };
         let [left, bottom] = self.lattice_place([x, y + height - 1]);
@@ -163,7 +164,7 @@ impl<'a> PixelRenderer<'a> {
             lattice.fill(&sites, &samples.colors);
         };
         look(whitted, true);
-        // What belongs to the pixels around is counted with these, so that counts don't depend on tiles.
+        // Samples of the surrounding pixels are counted with those pixels, so that counts don't depend on tiles.
         let counts = whitted.counts;
         look(whitted, false);
         whitted.counts = counts;
@@ -176,17 +177,17 @@ impl<'a> PixelRenderer<'a> {
         [i64::from(x), i64::from(self.job.camera.size()[1]) - 1 - i64::from(y)]
     }
 
-    /// How many pixels are best given to [`PixelRenderer::pixels`] at a time.
+    /// The best number of pixels for one call of [`PixelRenderer::pixels`].
     pub(crate) fn together(&self) -> usize {
         match self.job.film.sampling {
-            // Few of them are refined.
+            // Few of these pixels are refined.
             Sampling::Adaptive { .. } => BUNDLE / 4,
             sampling => (BUNDLE / shots(sampling) as usize).max(1),
         }
     }
 
-    /// The colours of many pixels, of which neighbours in the list are neighbours in the picture: rays of several go together.
-    /// With adaptive sampling they lie in the area of the last [`PixelRenderer::survey`].
+    /// The colours of many pixels, whose rays are traced together. Neighbours in the list should be neighbours in the
+    /// picture. With adaptive sampling they lie in the area of the last [`PixelRenderer::survey`].
     pub(crate) fn pixels(&mut self, whitted: &mut Whitted, pixels: &[[u32; 2]], colors: &mut Vec<Rgb>) {
         let sampling = self.job.film.sampling;
         let mut samples = std::mem::take(&mut self.samples);
@@ -217,9 +218,9 @@ impl<'a> PixelRenderer<'a> {
         self.samples = samples;
     }
 
-    /// All samples of some pixels.
+    /// Chooses and traces all samples of some pixels.
     fn samples(&mut self, whitted: &mut Whitted, pixels: &[[u32; 2]], sampling: Sampling, samples: &mut Samples) {
-        // Each is compiled for itself.
+        // Each case is compiled separately.
         match sampling {
             Sampling::Corner => self.choose(pixels, Sampling::Corner, samples),
             Sampling::Center => self.choose(pixels, Sampling::Center, samples),
@@ -228,12 +229,12 @@ impl<'a> PixelRenderer<'a> {
         self.trace(whitted, sampling, samples);
     }
 
-    /// The colours that chosen samples see.
+    /// The colours of the chosen samples.
     fn trace(&self, whitted: &mut Whitted, sampling: Sampling, samples: &mut Samples) {
         let Samples { places, numbers, colors, .. } = samples;
         colors.clear();
         let (world, camera, spacing) = (whitted.world(), &self.job.camera, spacing(sampling));
-        // Lights and moving instances are where they are at one time.
+        // Lights and moving instances are at one time's positions.
         let alone = self.moves(world);
         if !self.plain || alone {
             for (place, numbers) in places.iter().zip(numbers) {
@@ -265,7 +266,7 @@ impl<'a> PixelRenderer<'a> {
         colors.resize(places.len(), Rgb::BLACK);
     }
 
-    /// Where the samples of some pixels are, their weights and random numbers.
+    /// Chooses the positions, weights and random numbers of the samples of some pixels.
     #[inline(always)]
     fn choose(&self, pixels: &[[u32; 2]], sampling: Sampling, samples: &mut Samples) {
         let Samples { places, numbers, weights, .. } = samples;
@@ -298,7 +299,7 @@ impl<'a> PixelRenderer<'a> {
         let sampler = self.sampler.pixel([x, y]);
         let (numbers, division) = (sampler.sample(index, shots(sampling)), &self.division);
         let at = |[dx, dy]: [f64; 2]| CameraSample { position: [corner[0] + dx, corner[1] + dy], weight: 1.0, numbers };
-        // Spread by the filter.
+        // Distributed by the filter.
         let filtered = |(part, place): (Part, [f64; 2])| {
             let [dx, dy] = self.filter.place(part, place);
             let weight = division.weights[part as usize];
@@ -306,7 +307,7 @@ impl<'a> PixelRenderer<'a> {
         };
         match sampling {
             Sampling::Corner => at([0.0; 2]),
-            // A single ray goes through the centre, however more of them would be spread.
+            // A single ray goes through the centre, although several rays would be distributed.
             Sampling::Center | Sampling::Sampled(1) => at([0.5; 2]),
             Sampling::Regular(n) => filtered(cell(index, n, division, [0.5; 2])),
             Sampling::Jittered(n) | Sampling::Adaptive { n, .. } => {
@@ -320,10 +321,10 @@ impl<'a> PixelRenderer<'a> {
         }
     }
 
-    /// A ray with which adaptive sampling begins. Each pixel of the lattice has the numbers of two.
+    /// A first sample of adaptive sampling. Each pixel of the lattice has random numbers for two.
     fn probe_shot(&self, site: Site, weight: f64) -> CameraSample {
         let [x, y] = site.pixel;
-        // Beyond the picture's edges rows and columns count on, around 2³².
+        // Beyond the picture's edges, rows and columns continue modulo 2³².
         let row = i64::from(self.job.camera.size()[1]) - 1 - y;
         let numbers = self.sampler.pixel([x as u32, row as u32]).sample(site.kind as u32, 2);
         CameraSample { position: site.position(), weight, numbers }
@@ -339,7 +340,7 @@ impl<'a> PixelRenderer<'a> {
             return CameraRay { line: camera.line(x, y), differential, time: 0.0, lens: None };
         }
         let numbers = numbers.eye();
-        // Rounded once, so that camera and world agree about it.
+        // The time is rounded once, so that camera and world use equal times.
         let time = if moves { numbers.time as f32 } else { 0.0 };
         let ray = camera.ray(x, y, numbers.lens, f64::from(time), needs_differentials.then_some(spacing));
         CameraRay { line: ray.line, differential: ray.differential, time, lens: ray.lens }
@@ -349,7 +350,7 @@ impl<'a> PixelRenderer<'a> {
         world.moves() || self.job.camera.moves()
     }
 
-    /// The mean of samples, whose rays a probe sees, and the number of these rays.
+    /// The mean of samples whose rays a probe observes, and the number of these rays.
     fn watched<P: Probe>(
         &self,
         whitted: &mut Whitted,
@@ -377,8 +378,8 @@ impl<'a> PixelRenderer<'a> {
     }
 }
 
-/// Where sample `index` of a grid of n × n goes, `place` of the way across its cell (fig. 5.36). Where a part of the samples is
-/// for the filter's negative part, the others keep the grid's rows, some of them shorter and lower by a cell.
+/// The position of sample `index` in a grid of n × n, at `place` within its cell (fig. 5.36). If some samples are for
+/// the filter's negative part, the others keep the grid's rows. Some rows are then shorter by a cell, and lower.
 #[inline]
 fn cell(index: u32, n: u32, division: &Division, place: [f64; 2]) -> (Part, [f64; 2]) {
     if division.below == 0 {
@@ -392,7 +393,7 @@ fn cell(index: u32, n: u32, division: &Division, place: [f64; 2]) -> (Part, [f64
     }
 }
 
-/// A place in one of `count` cells of equal area, which stand in rows of nearly equal numbers.
+/// A position in one of `count` cells of equal area, in rows of nearly equal numbers of cells.
 fn in_rows(index: u32, count: u32, rows: u32, [x, y]: [f64; 2]) -> [f64; 2] {
     let start = |row: u32| row * count / rows;
     let row = (0..rows).rev().find(|row| start(*row) <= index).unwrap_or(0);
@@ -400,18 +401,18 @@ fn in_rows(index: u32, count: u32, rows: u32, [x, y]: [f64; 2]) -> [f64; 2] {
     [(f64::from(index - first) + x) / f64::from(cells), (f64::from(first) + y * f64::from(cells)) / f64::from(count)]
 }
 
-/// How far a pixel's samples are from each other, as if they stood on a grid.
+/// The distance between a pixel's samples in pixels, as if they stood on a grid.
 fn spacing(sampling: Sampling) -> f64 {
     match sampling {
         Sampling::Corner | Sampling::Center => 1.0,
         Sampling::Regular(n) | Sampling::Jittered(n) => 1.0 / f64::from(n),
         Sampling::Sampled(n) => 1.0 / f64::from(n).sqrt(),
-        // Two for each pixel.
+        // There are two for each pixel.
         Sampling::Adaptive { .. } => std::f64::consts::FRAC_1_SQRT_2,
     }
 }
 
-/// How many samples a pixel has, where it is refined if sampling is adaptive.
+/// The number of samples of a pixel; for adaptive sampling, of a refined pixel.
 fn shots(sampling: Sampling) -> u32 {
     match sampling {
         Sampling::Corner | Sampling::Center => 1,

@@ -39,7 +39,7 @@ pub(super) fn confined(hit: ShapeHit, bounds: &Aabb, ray: &PreparedRay, t_max: f
     Some(PrimitiveHit { t: ray.clamp_to_box(bounds, hit.t.into(), t_max)?, ..on_shape(hit) })
 }
 
-/// The kernel of shapes that are not in the tree.
+/// The kernel of shapes that the tree holds no copies of.
 fn other(shapes: &[Shape]) -> impl Fn(UserPrimitive, &PreparedRay, f32) -> Option<PrimitiveHit> {
     #[inline(never)]
     fn one(shape: &Shape, ray: &PreparedRay, t_max: f32) -> Option<PrimitiveHit> {
