@@ -24,7 +24,7 @@ pub(super) enum Brightness {
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Reason {
-    /// All visible materials reflect nothing: kd, ks and k are 0. Contains the name of one of them.
+    /// All visible materials reflect nothing: kd, ks and k are 0. Holds the name of one of them.
     BlackMaterial(String),
     /// All visible materials only mirror or transmit light, and such rays aren't traced.
     NotFollowed,

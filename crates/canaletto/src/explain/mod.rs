@@ -1,7 +1,7 @@
 //! The explanation of a pixel: the tree of rays behind it, with every term of (5.39b) as a number.
 //!
-//! A probe records it while the code that renders pictures renders the pixel. [`PixelTree::sum`] adds up the recorded
-//! terms and returns the pixel bit for bit.
+//! A probe records the tree while the pixel is rendered by the code that renders pictures. [`PixelTree::sum`] adds up
+//! the recorded terms and returns the pixel bit for bit.
 
 mod number;
 mod record;

@@ -2,8 +2,8 @@
 
 use std::fmt::{self, Display, Formatter, LowerExp};
 
-/// A number with the fewest digits that parse to it. Very small and very large numbers have an exponent instead of a
-/// row of zeros. Zero has no sign.
+/// A number with the fewest digits that parse back to it. Very small and very large numbers have an exponent instead of
+/// a row of zeros. Zero has no sign.
 pub(super) struct Number<T>(pub(super) T);
 
 /// The magnitudes that are written without an exponent.

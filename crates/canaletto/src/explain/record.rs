@@ -253,7 +253,7 @@ fn in_the_scene(world: &World, p: Vec3) -> [f64; 3] {
     (world.origin() + p.as_dvec3()).to_array()
 }
 
-/// The value that a texture replaced, and the value after it.
+/// The value before and after a texture.
 fn replaced(read: &TextureRead) -> [Vec<f32>; 2] {
     let number = |point: &MaterialPoint, normal: glam::DVec3| {
         let phong = &point.phong;

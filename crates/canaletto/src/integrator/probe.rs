@@ -66,15 +66,15 @@ pub trait Probe {
     const ACTIVE: bool = true;
     /// A sample of the pixel begins. `position` is in pixels (y upwards); `weight` is its filter weight.
     fn sample(&mut self, _position: [f64; 2], _weight: f64) {}
-    /// The random choices for the sample. `time` is in 0..=1, if anything moves. `lens` is the point of the lens that
-    /// the ray leaves, to the right and upwards, if there is a lens.
+    /// The random choices for the sample. `time` is in 0..=1 and given if anything moves. `lens` is the point of the
+    /// lens that the ray leaves, to the right and upwards, given if there is a lens.
     fn drawn(&mut self, _time: Option<f64>, _lens: Option<[f64; 2]>) {}
     /// The next ray leaves a rough surface from a random microfacet with this unit normal.
     fn lobe(&mut self, _roughness: f32, _facet: DVec3) {}
     /// A ray starts. `depth` is 1 for camera rays; `factor` multiplies its colour.
     fn ray(&mut self, _kind: RayKind, _ray: &Ray, _depth: u32, _factor: Rgb) {}
-    /// The ray hit nothing, and this is its lookup in the environment. [`Probe::miss`] follows. Not called without an
-    /// environment.
+    /// The ray hit nothing, and this is its lookup in the environment. [`Probe::miss`] follows. There is no call
+    /// without an environment.
     fn environment_lookup(&mut self, _sighting: &EnvironmentLookup) {}
     /// The ray hit nothing.
     fn miss(&mut self, _background: Rgb) {}

@@ -58,7 +58,7 @@ pub(super) struct Probes {
 impl Probes {
     pub(super) fn new(filter: &FilterTable) -> Probes {
         // In units of half a pixel, corners are odd and centres even. The sites extend to the next one beyond the
-        // filter's end. No detail within is then missed that reaches out of it.
+        // filter's end. A detail that crosses the filter's edge is then not missed.
         let reach = (2.0 * filter.radius() - 1e-6).ceil().max(1.0) as i64;
         let along = |odd: i64| (-reach..=reach).filter(move |d| d & 1 == odd);
         let mut sites = Vec::new();

@@ -177,7 +177,7 @@ pub struct Rendering {
 /// bytes.
 ///
 /// # Panics
-/// If the observer panics in one thread. The other threads then stop soon, and the panic is passed on to the caller.
+/// If the observer panics in one thread. The other threads then end soon, and the panic is passed on to the caller.
 ///
 /// # Errors
 /// [`JobError`] if [`Job::check`] finds an error, or if required threads can't be started. Nothing after that can fail.
@@ -237,7 +237,7 @@ fn on_all_threads(world: &World, job: &Job, observer: &dyn Observer) -> Renderin
     rendering
 }
 
-/// Stops all threads when it is dropped, so that a panic in one thread ends the work of all.
+/// Ends the work of all threads when it is dropped, as by a panic in one of them.
 struct EndsAll<'a>(&'a AtomicBool);
 
 impl Drop for EndsAll<'_> {

@@ -1,4 +1,4 @@
-//! Queries for batches of rays. Results equal those for single rays bit for bit.
+//! Queries for batches of rays. Results equal those of single rays bit for bit.
 //!
 //! In a world of few instances, each instance is tested with all groups of rays that may hit it. A mesh, a cloud or a
 //! geometry of many shapes sends them through its tree in packets. In a world of many instances or of groups, rays are
@@ -374,7 +374,7 @@ impl Geometry {
         } else {
             let last = last();
             end(part.prepare(), t_max, |_, ray, t_max| {
-                // Beyond the occluder's shadow border, further tests would fail.
+                // Once a ray is outside the occluder's shadow, further tests of it rarely succeed.
                 if *last == NONE || !self.blocks(*last, ray, t_max) {
                     *last = self.occluded(ray, t_max, |_| true).unwrap_or(NONE);
                 }

@@ -84,7 +84,7 @@ pub(super) struct Builder {
     /// The quality of hierarchies over triangles.
     pub(super) quality: Quality,
     pub(super) geometries: Vec<Geometry>,
-    /// For each geometry, the object that it alone belongs to, or [`NONE`].
+    /// For each geometry of a single object, that object; [`NONE`] for others.
     pub(super) owners: Vec<u32>,
     /// The geometries of the previous world.
     pub(super) before: Previous,
@@ -136,7 +136,7 @@ impl Builder {
         }
     }
 
-    /// Counts references to meshes. References inside prototypes count twice, as several references.
+    /// Counts references to meshes. A reference inside a prototype counts twice, since the prototype may be repeated.
     pub(super) fn count_uses(&mut self, nodes: &[Node]) {
         fn walk(uses: &mut [u32], node: &Node, weight: u32, depth: usize) {
             match &node.content {

@@ -2,9 +2,8 @@
 //! kept once for all of them; it may hold groups itself.
 //!
 //! A ray traverses a group in the group's own space. It is then tested with each geometry as if the group had been
-//! dissolved. The ray is transformed by the one product of all transforms around the geometry, and only if it enters
-//! the geometry's box in the world. Both forms therefore give equal bits, as long as traversal culls nothing that would
-//! be hit.
+//! dissolved: it is transformed by the product of all transforms around the geometry, if it enters the geometry's box
+//! in the world. Both forms therefore give equal bits, as long as traversal culls nothing that would be hit.
 //!
 //! For this the ray in the group's space is inflated ([`InflatedRay`]). A hit in a geometry's space lies near the
 //! geometry's box, up to the rounding of the ray and of the hit in that space. [`CullMargin`] bounds these errors in

@@ -18,7 +18,7 @@ pub(super) struct Instance {
     pub(super) group: u32,
     /// The object that the instance belongs to; shapes have their own.
     pub(super) object: u32,
-    /// The number that is added to an object's number to tell copies apart. It is the sum over the instance and all
+    /// The number that is added to an object's number to distinguish copies. It is the sum over the instance and all
     /// groups around it.
     pub(super) id_base: u32,
     /// The material that replaces all others, or [`NONE`].

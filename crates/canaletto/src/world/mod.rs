@@ -80,7 +80,7 @@ pub struct World {
     /// The names and kinds of the scene's objects.
     objects: Vec<Object>,
     geometries: Vec<Geometry>,
-    /// For each geometry, the object that it alone belongs to. The next world of a sequence uses them.
+    /// For each geometry of a single object, that object. [`World::build_after`] uses it.
     owners: Vec<u32>,
     /// The origins of geometries' coordinates in their objects' spaces, by geometry, where they aren't zero.
     local_origins: HashMap<u32, DVec3>,
@@ -101,7 +101,7 @@ pub struct World {
     instance_bounds: Vec<Aabb>,
     /// Shapes without bounds, which are tested one by one. Their hits have the instance [`Hit::UNBOUNDED`].
     unbounded: Vec<Unbounded>,
-    /// The object number of the first of them; see [`World::object_id`].
+    /// The object number of the first shape without bounds; see [`World::object_id`].
     unbounded_id_base: u32,
     /// For each of the root's instances, whether it may let light through. Empty if no material does.
     clear_instances: Vec<bool>,

@@ -49,9 +49,9 @@ fn size([min, max]: Span) -> Option<f64> {
     Some((max - min).max_element()).filter(|size| size.is_finite() && *size > 0.0)
 }
 
-/// A point near the middle of the span if its coordinates are more than `far` times the span's size; otherwise zero. It
-/// is a multiple of a power of two, so that differences of `f32` from it are exact. In a scene scaled by a power of
-/// two, it is scaled as well.
+/// A point near the middle of the span if its coordinates are more than `far` times the span's size; otherwise zero.
+/// Components that are small against the size become zero. The point is a multiple of a power of two, so that
+/// differences of `f32` from it are exact. In a scene scaled by a power of two, it is scaled as well.
 pub(super) fn origin_of(span: Span, far: f64) -> DVec3 {
     let Some(step) = size(span).map(power_of_two) else { return DVec3::ZERO };
     let middle = (span[0] + span[1]) * 0.5;

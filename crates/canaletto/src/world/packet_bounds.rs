@@ -1,7 +1,7 @@
 //! Bounds of groups of rays, so that one box test may cull a whole group.
 //!
 //! Interval arithmetic after Boulos, Wald and Shirley, "Geometric and arithmetic culling methods for entire ray
-//! packets" (2006), but with half-spaces that move along the rays instead of reciprocals of intervals. Directions of a
+//! packets" (2006). Half-spaces that move along the rays replace the paper's reciprocals of intervals. Directions of a
 //! group may therefore change their signs.
 
 use canaletto_bvh::{Aabb, InstructionSet, Kernel, Ray};
@@ -69,7 +69,7 @@ impl PacketBounds {
         let planes = six(bounds.max, bounds.min);
         let (mut near, mut far) = (0.0f64, f64::from(self.t_max) * SLACK);
         for ((plane, from), way) in planes.into_iter().zip(self.from).zip(self.way) {
-            // The t up to which, or from which, rays from `from` along `way` are on the inner side of a plane.
+            // The bound of t at which rays from `from` along `way` pass a plane.
             let t = (f64::from(plane) - f64::from(from)) / f64::from(way);
             if way > 0.0 { far = far.min(t * SLACK) } else { near = near.max(t) }
         }

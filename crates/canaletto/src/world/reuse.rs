@@ -22,18 +22,18 @@ pub(super) struct Previous {
     pub(super) slack: RefitBudget,
 }
 
-/// The origins of hierarchies over meshes and clouds.
+/// The numbers of reused and built hierarchies over meshes and clouds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct ReuseCounts {
-    /// Hierarchies kept unchanged from the previous world.
+    /// The number of hierarchies of the previous world that are kept unchanged.
     pub kept: u64,
-    /// Hierarchies of the previous world that were refitted.
+    /// The number of hierarchies of the previous world that are refitted.
     pub refitted: u64,
-    /// Hierarchies that were built for this world.
+    /// The number of hierarchies that are built for this world.
     pub built: u64,
 }
 
-/// The origin of a hierarchy.
+/// The source of a hierarchy: kept, refitted or built.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Origin {
     Kept,
@@ -51,7 +51,7 @@ impl ReuseCounts {
     }
 }
 
-/// A geometry and the origin of its hierarchy.
+/// A geometry and the source of its hierarchy.
 pub(super) type Found = Result<(Geometry, Origin), bvh::BuildError>;
 
 /// The limit of the cost of refitted trees.
@@ -168,7 +168,7 @@ fn mesh_of(geometry: Option<Geometry>) -> Option<(Mesh, TriangleBvh)> {
 }
 
 impl World {
-    /// The origins of the world's hierarchies over meshes and clouds.
+    /// The numbers of the world's reused and built hierarchies over meshes and clouds.
     pub fn origins(&self) -> ReuseCounts {
         self.origins
     }

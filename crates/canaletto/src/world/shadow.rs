@@ -39,11 +39,11 @@ pub(crate) const MAX_STALLED: u32 = 4;
 /// What lies between a ray's origin and its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Occlusion {
-    /// Nothing.
+    /// No surface.
     Nothing,
     /// At least one surface that lets light through, and nothing opaque.
     Clear,
-    /// Something opaque.
+    /// At least one opaque surface.
     Opaque,
 }
 
@@ -107,7 +107,7 @@ impl World {
         }
     }
 
-    /// [`World::transmittance`] for a ray whose occlusion is known not to be [`Occlusion::Nothing`].
+    /// [`World::transmittance`] for a ray whose occlusion isn't [`Occlusion::Nothing`].
     pub(crate) fn transmittance_past<P: Probe>(
         &self,
         ray: &Ray,
@@ -196,7 +196,7 @@ impl World {
         }
         let start = ray.origin;
         ray.origin = offset_origin(surface.point, surface.error, surface.normal, ray.direction.as_dvec3());
-        // Where a surface is flatter than rounding errors, the ray hits it again from one place.
+        // Where a surface is flatter than rounding errors, the ray hits it again without advancing.
         let advances = (ray.origin - start).dot(ray.direction) > 0.0;
         crossing.stalled = if advances { 0 } else { crossing.stalled + 1 };
         if crossing.stalled > MAX_STALLED {
@@ -214,7 +214,7 @@ impl World {
         true
     }
 
-    /// The nearest hit of a ray that hits nothing opaque. Where instances are few, those that are opaque altogether are
+    /// The nearest hit of a ray without opaque hits. Where instances are few, those of opaque materials only are
     /// skipped.
     fn intersect_clear(&self, ray: &Ray, t_max: f32, time: f32) -> Option<Hit> {
         if !self.is_small() {
@@ -262,7 +262,7 @@ impl World {
             if again {
                 return Occlusion::Opaque;
             }
-            // Beyond the occluder's shadow border, further tests would fail.
+            // Once a ray is outside the occluder's shadow, further tests of it rarely succeed.
             *last = OccluderCache::NONE;
         }
         let unbounded = self.occlusion_unbounded(ray, t_max);

@@ -130,7 +130,7 @@ impl World {
         point
     }
 
-    /// The share of light that a surface absorbs when light crosses it. Only textures that change this share are read.
+    /// The share of light that a surface blocks when light crosses it. Only textures that change this share are read.
     #[inline(never)]
     pub(crate) fn kept_light(&self, line: DRay, hit: &Hit, step: Option<[DVec3; 2]>) -> f32 {
         let material = self.material(hit);

@@ -62,8 +62,8 @@ struct Placement<'a> {
 }
 
 impl World {
-    /// Whether any surface may coincide with the one at a hit: a clear surface, or any surface that is hit from inside
-    /// a body.
+    /// Whether any other surface may coincide with the one at a hit. The hit is on a clear surface, or from inside a
+    /// body.
     #[inline]
     pub(crate) fn may_touch(&self, line: &DRay, hit: &Hit) -> bool {
         let Some(&(row, each)) = self.zones.rows.get(hit.instance as usize) else { return true };
@@ -183,8 +183,8 @@ impl World {
         zone
     }
 
-    /// Whether rounding is far smaller than the zones' margin. This isn't so where a transform cancels large
-    /// coordinates. Nor is it so where a transform flattens a mesh, whose sides may then touch.
+    /// Whether rounding is far smaller than the zones' margin. It isn't where a transform cancels large coordinates. It
+    /// isn't, either, where a transform flattens a mesh, whose sides may then touch.
     fn is_precise(&self, instance: &Instance, bounds: &Aabb) -> bool {
         let Some(to_world) = &instance.to_world else { return true };
         let (geometry, matrix) = (&self.geometries[instance.geometry as usize], to_world.matrix());

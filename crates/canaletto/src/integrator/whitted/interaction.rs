@@ -9,8 +9,8 @@ use crate::world::Hit;
 use canaletto_bvh::Ray;
 use glam::{DMat3, DVec3};
 
-/// The nearest hit of a ray, and the light that leaves it towards the ray's origin. The surface's values are stored in
-/// groups of eight, see [`Interactions::at`].
+/// The nearest hit of a ray, and the light that leaves it back along the ray. The surface's values are stored in groups
+/// of eight; see [`Interactions::at`].
 pub(super) struct Interaction {
     way: u32,
     pub(super) hit: Hit,
@@ -43,7 +43,7 @@ impl Interaction {
         self.way as usize
     }
 
-    /// Whether an opaque overlay doesn't hide the surface.
+    /// Whether any part of the surface's shading is visible through its overlay.
     #[inline]
     pub(super) fn is_seen(&self) -> bool {
         self.material.is_seen()
@@ -53,7 +53,7 @@ impl Interaction {
 /// The interactions of a wave in the order of its rays, and their surface values in groups of eight.
 #[derive(Default)]
 pub(super) struct Interactions {
-    /// The largest number so far; the first `len` are in use.
+    /// The interactions of the largest wave so far; the first `len` are in use.
     interactions: Vec<Interaction>,
     interactions8: Vec<Interactions8>,
     len: usize,
@@ -220,7 +220,7 @@ pub(super) struct Encounter {
     pub(super) crossing: u32,
 }
 
-/// The distances from an interaction to those of the neighbouring samples.
+/// The differential of the arriving ray, and its effect at the surface.
 #[derive(Clone, Copy)]
 pub(super) struct Footprint {
     /// The differential of the arriving ray.

@@ -33,7 +33,7 @@ pub(super) struct Interactions8 {
     pub(super) n: [f32; LANES],
     /// The sum of the light so far.
     color: Vec3x8,
-    /// A bit for each interaction whose surface an opaque overlay doesn't hide.
+    /// A bit for each interaction whose shading is visible through its overlay.
     pub(super) seen: u32,
     /// A bit for each interaction whose material has a highlight.
     pub(super) shiny: u32,
@@ -100,7 +100,7 @@ impl Interactions8 {
         bent: 0,
     };
 
-    /// Removes all interactions. Values that nothing reads stay.
+    /// Removes all interactions. Values that aren't read again remain.
     pub(super) fn clear(&mut self) {
         (self.seen, self.shiny, self.bent) = (0, 0, 0);
     }

@@ -4,9 +4,9 @@
 //! [fills](Body::fills_before) the place. Sets are lists that share their tails. They lie in an arena that grows and
 //! shrinks with the tree of rays.
 //!
-//! Where faces coincide, a ray first leaves bodies, then hits open or opaque surfaces, then enters bodies. Between
-//! bodies and anything else there is a gap of zero width. Without anything in the gap there is no gap: a ray from one
-//! body into the next is refracted once. Each of these surfaces is an interaction of its own.
+//! Where faces coincide, a ray first leaves bodies, then hits open or opaque surfaces, then enters bodies. An open or
+//! opaque surface therefore lies in a gap of zero width between bodies. Without such a surface there is no gap, and a
+//! ray from one body into the next is refracted once. Each of these surfaces is an interaction of its own.
 //!
 //! A hit overrides the set. A ray that hits a shape from inside was in it, and a ray that hits it from outside was not.
 //! A ray that hits something else is in a shape only if it hits the shape from inside later.
@@ -33,8 +33,8 @@ pub(super) const SIMPLE: u32 = NONE - 1;
 #[derive(Clone, Copy)]
 struct Inside {
     body: Body,
-    /// How often the ray is in the body. It is negative where a ray has left a body that it wasn't in, as happens with
-    /// meshes turned inside out.
+    /// The number of times that the ray has entered the body, less the times that it has left it. It is negative for
+    /// meshes turned inside out, where a ray leaves a body that it wasn't in.
     count: i32,
     /// Whether the body is to be counted anew along the ray.
     doubtful: bool,
@@ -81,7 +81,7 @@ impl Crossing {
 pub(super) struct Media {
     inside: Vec<Inside>,
     crossings: Vec<Crossing>,
-    /// The last eye with its time. `around` are the bodies around it, those that fill first coming first.
+    /// The last eye position and time. `around` holds the bodies around it; bodies that fill first come first.
     eye: Option<(DVec3, f32)>,
     around: Vec<(Body, i32)>,
     /// The set of these bodies, if the arena holds it.
@@ -100,7 +100,7 @@ pub(super) enum Boundary {
     Plain,
     /// An interaction at this crossing comes first.
     At(u32),
-    /// No interaction, because another body fills the place. The ray goes on in these bodies.
+    /// No interaction, because another body fills the place. The ray goes on in this set of bodies.
     Hidden(u32),
 }
 
@@ -244,8 +244,8 @@ impl Media {
         set
     }
 
-    /// The set without bodies that the ray can't be in. `met` is the body whose surface the ray hits, if any, and
-    /// whether it hits the outer side. `count` counts a body along the ray.
+    /// The set without bodies that the ray can't be in. `met` is the body whose surface the ray hits, if any. Its flag
+    /// is true for a hit on the outer side. `count` counts a body along the ray.
     fn confirmed(&mut self, set: u32, met: Option<(&Body, bool)>, count: impl Fn(&Body) -> i32) -> u32 {
         let mut confirmed = set;
         let mut rest = set;
@@ -307,8 +307,8 @@ impl Media {
         boundary
     }
 
-    /// Whether a crossing is [`Media::simple`]: the ray stops at the clear surface, is in no other body, and nothing
-    /// else is near.
+    /// Whether a ray in these bodies has a simple crossing at a clear surface, so that [`Media::simple`] returns it.
+    /// The ray is then in no other body, and no other surface is near.
     pub(super) fn is_simple(&self, world: &World, line: &DRay, hit: &Hit, set: u32) -> bool {
         if world.may_touch(line, hit) {
             return false;

@@ -42,7 +42,7 @@ pub struct Whitted<'w> {
     cancelled_early: bool,
     /// The number of rays left before the next call of `cancelled`.
     rays_until_poll: u32,
-    /// The last occluder of each light.
+    /// The last occluder of each light's shadow rays.
     occluders: Vec<OccluderCache>,
     /// The source of random numbers.
     sample: Sample,
@@ -221,7 +221,7 @@ impl<'w> Whitted<'w> {
     /// Box 5.8, `shade`: (5.39b), up to the stage of the settings.
     fn shade<P: Probe>(&mut self, wave: &mut Wave, probe: &mut P) {
         let stage = self.settings.stage;
-        // An opaque overlay hides the rest of the surface.
+        // The shading under an opaque overlay is not visible.
         let seen = |interaction: &&mut Interaction| interaction.is_seen();
         if stage == Stage::Unlit {
             for interaction in wave.interactions.all_mut().iter_mut().filter(seen) {

@@ -22,7 +22,7 @@ pub(super) mod uses {
 /// A ray to be traced.
 pub(super) struct RayState {
     pub(super) ray: Ray,
-    /// The ray in `f64`, before rounding and before the offset off the surface that it left.
+    /// The ray in `f64`, not rounded and not offset off the surface that it left.
     pub(super) line: DRay,
     pub(super) path_state: PathState,
     /// The source of random numbers.

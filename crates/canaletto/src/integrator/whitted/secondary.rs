@@ -151,8 +151,8 @@ impl Whitted<'_> {
         self.media.release(mark);
     }
 
-    /// The path state of the ray that hit the interaction, with the bodies there. A child of it meets no coinciding
-    /// surface.
+    /// The path state of the ray that hit the interaction, with the bodies there. No coinciding surface follows at
+    /// once.
     fn parent(&self, at: &InteractionRef, ways: &RayBatch) -> PathState {
         PathState { inside: at.interaction.inside, meets: NONE, ..ways.path_state(at.interaction.way()) }
     }
