@@ -144,8 +144,9 @@ impl<'a> PixelRenderer<'a> {
         (color, rays)
     }
 
-    /// Takes the first samples of adaptive sampling in an area (x, y from the top left, width, height), as far as the
-    /// filters of its pixels reach. Neighbouring pixels share most of these samples. Does nothing for other sampling.
+    /// Takes the first samples of adaptive sampling in an area (x, y from the top left, width, height). They extend as
+    /// far as the filters of its pixels reach. Neighbouring pixels share most of these samples. Does nothing for other
+    /// sampling.
     pub(crate) fn survey(&mut self, whitted: &mut Whitted, [x, y, width, height]: [u32; 4]) {
         let Sampling::Adaptive { .. } = self.job.film.sampling else { return };
         let [left, bottom] = self.lattice_place([x, y + height - 1]);

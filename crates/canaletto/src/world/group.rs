@@ -38,8 +38,8 @@ pub(super) struct Group {
     cull_margin: CullMargin,
 }
 
-/// The uncertainty of a ray in a group's space, from the rounding in the spaces of all members. It is a share of
-/// `stretch` times the length of the ray's origin, plus `reach`.
+/// The uncertainty of a ray in a group's space, from the rounding in the spaces of all members. It is a [share](SHARE)
+/// of the sum of `reach` and of `stretch` times the length of the ray's origin.
 #[derive(Clone, Copy, Debug)]
 struct CullMargin {
     /// The factor by which an error may grow on the path to the space where it arises and back; at least 1.
