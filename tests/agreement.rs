@@ -1,4 +1,4 @@
-//! What must agree with what: hierarchy and brute force, explanation and pixel, layers and picture.
+//! Agreement between hierarchy and brute force, explanation and pixel, layers and picture.
 
 use canaletto::Ray;
 use canaletto::explain::explain;
@@ -27,13 +27,13 @@ fn the_hierarchies_find_what_brute_force_finds() {
     assert!(hits > 10_000, "{hits}");
 }
 
-/// Every way of sampling, every filter, every stage: the recorded terms sum to each pixel of the picture.
+/// For every sampling, every filter and every stage, the recorded terms sum to each pixel of the picture.
 #[test]
 fn the_explanations_sum_is_the_pixel_bit_for_bit() {
     sums_are_pixels(&World::build(still_life(1.0)).unwrap());
 }
 
-/// The same with textures for everything: prints, cut-outs, bumps.
+/// The recorded terms sum to each pixel with textures for everything, too: overlays, cutouts, bumps.
 #[test]
 fn the_explanations_sum_is_the_pixel_with_textures_too() {
     sums_are_pixels(&World::build(textured_still_life(1.0)).unwrap());

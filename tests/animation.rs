@@ -1,5 +1,6 @@
-//! The animation in the book: its frames beside those of `docs/pictures/bouncing-ball.png`, which people have looked at
-//! (`CANALETTO_BLESS=1` puts the present ones there), on any number of threads, and where things must be in them.
+//! Tests of the book's animation. Its frames are compared with `docs/pictures/bouncing-ball.png`, which people have
+//! checked (`CANALETTO_BLESS=1` replaces it). The number of threads changes nothing, and objects are at their
+//! calculated places.
 
 use canaletto::camera::Camera;
 use canaletto::film::{Picture, develop};
@@ -61,7 +62,7 @@ fn golden() -> PathBuf {
     root().join("docs/pictures/bouncing-ball.png")
 }
 
-/// The frames of an animated PNG of 8 bits and 3 channels, put together from their changed parts.
+/// The frames of an animated PNG of 8 bits and 3 channels, composed from their changed parts.
 fn frames() -> Vec<Vec<u8>> {
     let mut reader = png::Decoder::new(BufReader::new(File::open(golden()).unwrap())).read_info().unwrap();
     let (width, height) = (reader.info().width as usize, reader.info().height as usize);
@@ -119,7 +120,7 @@ fn frames_are_the_same_on_any_number_of_threads() {
     assert!([2, 3, 7].into_iter().all(|threads| on(threads) == one));
 }
 
-/// Where the ball is by the laws of free fall, and that the camera stays on its rail and keeps its intrinsic parameters.
+/// The ball follows the laws of free fall. The camera stays on its rail and keeps its intrinsic parameters.
 #[test]
 fn the_ball_falls_and_the_camera_moves_on_its_rail() {
     let intrinsics = scene(0).views[0].intrinsics;
@@ -129,7 +130,7 @@ fn the_ball_falls_and_the_camera_moves_on_its_rail() {
         let ball = scene.nodes.iter().find(|node| node.name.as_deref() == Some("ball")).unwrap();
         assert!(matches!(ball.content, Content::Shape(_)));
         let height = ball.transform.point(DVec3::ZERO).y;
-        // Of 24 frames 12 to fall: 60 (t/12)² below the highest point, t from the frame at which it is there.
+        // The ball falls for 12 of 24 frames. It is 60 (t/12)² below its highest point, t frames before or after it.
         let t = f64::from(((frame + 12) % 24).abs_diff(12));
         assert!((height - (20.0 - 60.0 * (t / 12.0) * (t / 12.0))).abs() < 1e-12, "frame {frame}: {height}");
         let view = &scene.views[0];
@@ -142,7 +143,8 @@ fn the_ball_falls_and_the_camera_moves_on_its_rail() {
     }
 }
 
-/// What the shutter blurs, against the mean of pictures at 48 moments while it is open: nothing in common but the keys.
+/// The blurred picture equals the mean of pictures at 48 moments while the shutter is open. The two computations share
+/// only the keys.
 #[test]
 fn blur_is_the_mean_of_sharp_pictures() {
     let set = ["camera.size=80 60", "film.sample=\"jittered\" n=6"];

@@ -1,4 +1,4 @@
-//! Lights with surfaces in whole pictures: brightness by closed forms, transforms, explanations, threads and scales.
+//! Area lights in whole pictures: brightness by closed forms, transforms, explanations, threads and scales.
 
 use canaletto::camera::Camera;
 use canaletto::explain::explain;
@@ -17,7 +17,7 @@ use std::f64::consts::PI;
 
 const POINTS: u32 = 16;
 
-/// A pixel of a white matte floor at the origin, lit by nothing but this.
+/// A pixel of a white matte floor at the origin, lit only by these nodes.
 fn floor(nodes: Vec<Node>, meshes: Vec<Mesh>, sampling: Sampling) -> f64 {
     let white = Material::new("white", Phong { kd: Rgb::WHITE, ..Phong::default() });
     let plane = Node::from(Shape::Plane(Plane { point: Vec3::ZERO, normal: Vec3::Y })).with_material(0);
@@ -35,7 +35,7 @@ fn floor(nodes: Vec<Node>, meshes: Vec<Mesh>, sampling: Sampling) -> f64 {
 }
 
 fn rectangle(points: u32) -> LightKind {
-    // The corner straight above the origin at height 2; u × v looks down.
+    // The corner is straight above the origin at height 2; u × v points down.
     LightKind::Rectangle(Box::new(RectangleLight { corner: Vec3::Y * 2.0, u: Vec3::X, v: Vec3::Z * 3.0, points }))
 }
 
@@ -50,7 +50,7 @@ fn matte(kind: LightKind, samples: u32) -> Light {
     Light { samples, emission: Emission::Matte, ..Light::new(kind, Rgb::gray(5.0)) }
 }
 
-/// Radiance times form factor, whether points are fixed or random, and however the light came to its place.
+/// A pixel is radiance times form factor. Points may be fixed or random, and any transforms may place the light.
 #[test]
 fn pixels_under_matte_lights_are_radiance_times_form_factor() {
     let one = |node: Node, meshes, sampling| floor(vec![node], meshes, sampling);
@@ -62,7 +62,7 @@ fn pixels_under_matte_lights_are_radiance_times_form_factor() {
     let exact = 5.0 * factor();
     check("fixed points", one(matte(rectangle(1024), 0).into(), vec![], Sampling::Center), exact, 2e-3);
     check("random points", one(matte(rectangle(1), 1).into(), vec![], many), exact, 2e-3);
-    // The unit square turned, stretched and lifted to the same place; as triangles it is the same light.
+    // The unit square is turned, stretched and lifted to the rectangle's place. As triangles it is an equal light.
     let square =
         |points| LightKind::Rectangle(Box::new(RectangleLight { corner: Vec3::ZERO, u: Vec3::X, v: Vec3::Y, points }));
     let moved = Transform::translate(DVec3::Y * 2.0)
@@ -78,11 +78,11 @@ fn pixels_under_matte_lights_are_radiance_times_form_factor() {
     let light = MeshLight { meshes: vec![0], transform: Transform::IDENTITY, points: 1 };
     let light = || Node::from(matte(LightKind::Mesh(Box::new(light.clone())), 1));
     check("mesh", one(light().with_transform(&moved), vec![mesh.clone()], many), exact, 2e-3);
-    // Mirrored twice, in two groups.
+    // The mesh is mirrored twice, in two groups.
     let flip = Transform::scale(DVec3::new(-1.0, 1.0, 1.0)).unwrap();
     let group = Node::new(Content::Group(vec![light().with_transform(&moved).with_transform(&flip)]));
     check("mirrored mesh", one(group.with_transform(&flip), vec![mesh.clone()], many), exact, 2e-3);
-    // A mirrored mesh still shines outwards.
+    // A mirrored mesh still emits outwards.
     let corner = Transform::translate(DVec3::X).after(&flip);
     check("mirrored", one(light().with_transform(&corner).with_transform(&moved), vec![mesh], many), exact, 2e-3);
 
@@ -94,15 +94,15 @@ fn pixels_under_matte_lights_are_radiance_times_form_factor() {
     check("a sphere of triangles", one(ball.into(), vec![icosphere(4, 1.0, false)], many), 5.0 / 9.0, 1e-2);
     let disk = LightKind::Disk(DiskLight { position: Vec3::Y, normal: Vec3::NEG_Y, radius: 0.5, points: POINTS });
     check("disk", one(matte(disk, 1).into(), vec![], many), 5.0 * 0.2, 2e-3);
-    // Its other side is dark.
+    // The back of the disk is dark.
     let away = LightKind::Disk(DiskLight { position: Vec3::Y, normal: Vec3::Y, radius: 0.5, points: POINTS });
     assert_eq!(one(matte(away, 1).into(), vec![], Sampling::Sampled(16)), 0.0);
-    // Points that shine evenly: l times the mean cosine, 1 − r²/3d² for a sphere straight above.
+    // Points with even emission give l times the mean cosine, 1 − r²/3d² for a sphere straight above.
     let even = Light { samples: 4, ..Light::new(sphere(1), Rgb::gray(5.0)) };
     check("sphere, even", one(even.into(), vec![], many), 5.0 * (1.0 - 1.0 / 27.0), 2e-3);
 }
 
-/// The still life with lights of all kinds of surfaces.
+/// The still life with area lights of all kinds.
 fn lit(scale: f32) -> Scene {
     let v = |x: f32, y: f32, z: f32| Vec3::new(x, y, z) * scale;
     let kinds = [
@@ -185,7 +185,7 @@ fn mesh_lights_that_cannot_shine_are_refused() {
     assert!(problem(vec![light(vec![1], 4)], flat.clone()).contains("mesh number 1"));
     assert!(problem(vec![light(vec![], 4)], flat).contains("no mesh"));
     assert!(problem(vec![light(vec![0], 0)], icosphere(0, 1.0, false)).contains("points is 0"));
-    // 1280 triangles a thousand times.
+    // A thousand lights of 1280 triangles each exceed the limit.
     let many = (0..1000).map(|_| light(vec![0], 4)).collect();
     assert!(problem(many, icosphere(3, 1.0, false)).contains("points of light and triangles"));
 }

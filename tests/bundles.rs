@@ -1,4 +1,4 @@
-//! Rays that go together find what each finds alone.
+//! Rays in a batch have the results that each ray has alone.
 
 use canaletto::Ray;
 use canaletto::explain::explain;
@@ -14,8 +14,8 @@ use canaletto::world::{OccluderCache, Occlusion, RayBundle, World};
 use canaletto_tests::gallery::{icosphere, still_life, still_life_job};
 use glam::{DVec3, Vec3};
 
-/// Few things, so that each is handed whole bundles: meshes as they stand, turned and with a hole's worth of glass, loose
-/// spheres, a plane; a mesh that moves if it is to.
+/// A scene of few primitives, each of which is tested against whole ray batches. There are plain, rotated and glass
+/// meshes, loose spheres and a plane. If `moves`, one mesh moves.
 fn few_things(moves: bool) -> Scene {
     let phong = |kd: Rgb, k: f32, opacity: f32| Phong {
         kd,
@@ -65,8 +65,8 @@ fn few_things(moves: bool) -> Scene {
     }
 }
 
-/// Loose shapes of all kinds, every third of glass, two boxes with their upper sides in one plane: eight, which no tree is asked for, or
-/// more.
+/// Loose shapes of all kinds, every third of glass. Two boxes have coplanar upper sides. Up to eight shapes are tested
+/// without a tree.
 fn loose_things(count: usize) -> Scene {
     let v = Vec3::new;
     let (base, top, radius, caps) = (v(-1.2, -0.5, -0.4), v(-1.0, 0.8, -0.2), 0.4, true);
@@ -106,8 +106,8 @@ impl Random {
     }
 }
 
-/// Clouds of so many spheres and so many cylinders, of clay and of glass, the latter turned: few of them are looked at together, and rays go to
-/// more one by one, to many in packets.
+/// Clouds of `count` spheres and `count` cylinders, of clay and of glass; the glass ones are rotated. Small clouds are
+/// tested as a whole, larger ones ray by ray, and large ones in packets.
 fn clouds(count: usize) -> Scene {
     let mut random = Random(count as u32);
     let mut spheres = || SphereCloud {
@@ -132,8 +132,8 @@ fn clouds(count: usize) -> Scene {
     Scene { materials: few_things(false).materials, spheres, cylinders, nodes, ..Scene::default() }
 }
 
-/// Bundles of any size whose rays go nearly the same way, or any way, some along an axis; to the end of their directions, or
-/// without end.
+/// Ray batches of any size. Their directions are nearly parallel or arbitrary, some along an axis. Rays end at the end
+/// of their direction or are unbounded.
 fn bundles(count: usize) -> impl Iterator<Item = Vec<(Ray, f32)>> {
     let mut random = Random(5);
     (0..count).map(move |n| {
@@ -178,7 +178,7 @@ fn bundles_find_what_brute_force_finds() {
             for (index, (ray, t_max)) in rays.iter().enumerate() {
                 let expected = world.intersect_brute_force_at(ray, *t_max, time);
                 assert_eq!(bundle.hit(index), expected, "{name} {ray:?}");
-                // Light that nothing dims passes whole, and none passes what is opaque.
+                // Unattenuated rays have full transmittance, and opaque surfaces have none.
                 let passes = world.transmittance(ray, *t_max, time, None, &mut OccluderCache::NONE.clone(), &mut ());
                 let between = match (expected, passes) {
                     (None, _) => Occlusion::Nothing,
@@ -217,7 +217,7 @@ fn rays_are_counted_alike_alone_and_together() {
         let world = World::build(few_things(moves)).unwrap();
         for sampling in [Sampling::Corner, Sampling::Sampled(3), Sampling::Adaptive { n: 3, threshold: 0.1 }] {
             let together = job(50, 37, sampling);
-            // Layers are written by a probe, which sees ray after ray.
+            // A probe writes layers and traces rays one by one.
             let alone = Job { aovs: vec![Aov::Cost], tile: 7, ..together.clone() };
             let [together, alone] = [together, alone].map(|job| render(&world, &job, &()).unwrap());
             assert_eq!(together.picture.pixels, alone.picture.pixels);

@@ -13,8 +13,8 @@ use canaletto::shape::{Cylinder, Shape, Sphere, Triangle};
 use canaletto::world::World;
 use glam::{DVec3, Vec3};
 
-/// Asserts that `value` prints as the chapter does: within half of `digit`, the unit of its last digit (more where the
-/// chapter rounded on the way).
+/// Asserts that `value` is within half of `digit` of the chapter's number. `digit` is the unit of its last digit, or
+/// more where the chapter rounds intermediate results.
 #[track_caller]
 fn printed<T: Copy + Into<f64>, const N: usize>(value: [T; N], chapter: [f64; N], digit: f64) {
     let value = value.map(Into::into);
@@ -63,7 +63,7 @@ fn exercise_2_a_ray_and_a_sphere() {
 
 #[test]
 fn exercise_3_an_optical_centre_off_the_pictures_centre() {
-    // A crop of a picture keeps the rays of the whole: the optical axis may lie outside of it.
+    // A crop keeps the rays of the whole picture; the optical axis may lie outside of it.
     let whole = exercise_1_camera();
     let world = chapter_sphere_world();
     let mut job = Job::new(
@@ -120,8 +120,8 @@ fn exercise_5_v_and_r() {
 
 #[test]
 fn exercise_6_through_a_glass_sphere() {
-    // Snell's law at entry and exit: a deviation of 21.06° for η = 1.5 at 30° (the printed exit tangent has the wrong
-    // sign and gives 38.94°).
+    // Snell's law at entry and exit gives a deviation of 21.06° for η = 1.5 at 30°. The printed exit tangent has the
+    // wrong sign and gives 38.94°.
     let sphere = Shape::Sphere(Sphere { center: Vec3::ZERO, radius: 1.0 });
     let d = DVec3::X;
     for degrees in [0.0f64, 10.0, 30.0, 60.0, 85.0] {
@@ -142,7 +142,7 @@ fn exercise_6_through_a_glass_sphere() {
 
 #[test]
 fn exercise_6_beyond_the_critical_angle_the_ray_is_mirrored_inside() {
-    // From inside the glass at 45°, beyond the critical 41.8°: reflection, by (5.37).
+    // From inside the glass the angle is 45°, beyond the critical 41.8°, which gives reflection by (5.37).
     let n = DVec3::NEG_Y;
     let v = DVec3::new(-1.0, -1.0, 0.0).normalize();
     assert_eq!(refract(v, n, 1.5), None);
@@ -162,7 +162,7 @@ fn exercise_7_eye_pixel_sphere() {
 
 #[test]
 fn exercise_10_focal_distance() {
-    // (5.2b) the other way round: a window of height 35 mm at 90° stands at 17.5 mm.
+    // The inverse of (5.2b): a window of height 35 mm at 90° is at 17.5 mm.
     let intrinsics = Intrinsics { fovy: 90.0, near: 17.5, ..Intrinsics::default() };
     let camera = Camera::new(&intrinsics, &Extrinsics::default()).unwrap();
     assert!((camera.window().y - 35.0).abs() < 1e-12);
@@ -171,8 +171,8 @@ fn exercise_10_focal_distance() {
 
 #[test]
 fn exercise_14_a_ray_and_a_cylinder_by_its_canonical_position() {
-    // The exercise's hint as an oracle: b1 to the origin, the axis to +z, height and radius to 1; there the cylinder is
-    // x² + y² = 1 between z = 0 and z = 1.
+    // The exercise's hint serves as an oracle: b1 to the origin, the axis to +z, height and radius to 1. There the
+    // cylinder is x² + y² = 1 between z = 0 and z = 1.
     let (b1, b2, diameter) = (Vec3::new(1.0, -2.0, 0.5), Vec3::new(4.0, 3.0, 2.5), 3.0f32);
     let cylinder = Shape::Cylinder(Cylinder { base: b1, top: b2, radius: diameter / 2.0, caps: true });
     let axis = (b2 - b1).as_dvec3();
@@ -214,7 +214,7 @@ fn exercise_15_and_16_refraction_into_and_out_of_glass() {
     let (n, v) = (DVec3::Y, DVec3::new(-0.6, 0.8, 0.0));
     let eta = 1.5;
     let inside = refract(v, n, 1.0 / eta).unwrap();
-    // Snell by its own words: sin θt = sin θi / η, in the plane of v and n.
+    // Snell's law, written out: sin θt = sin θi / η, in the plane of v and n.
     printed(inside.to_array(), [0.4, -(1.0f64 - 0.16).sqrt(), 0.0], 1e-6);
     printed(refract(inside, -n, eta).unwrap_or_default().to_array(), [-0.6, 0.8, 0.0], 2e-6);
     let grazing = DVec3::new(-0.7, -(1.0f64 - 0.49).sqrt(), 0.0);
@@ -234,7 +234,7 @@ fn exercise_17_the_plane_of_a_triangle() {
     assert!(ray.direction.as_dvec3().dot(surface.normal) > 0.0, "met from the back");
     let one_sided = |one_sided| Shape::Triangle(Triangle { a, b, c, one_sided });
     assert_eq!(one_sided(true).intersect(&ray, f32::INFINITY), None, "a one-sided triangle isn't met from the back");
-    // Inside or not, by (5.29): the library and the edges' signs agree.
+    // The inside test by (5.29): the library agrees with the signs at the edges.
     let p = ray.origin.as_dvec3() + ray.direction.as_dvec3() * (185.0 / 23.0);
     let left = |from: Vec3, to: Vec3| normal.as_dvec3().dot((to - from).as_dvec3().cross(p - from.as_dvec3())) > 0.0;
     let inside = left(a, b) && left(b, c) && left(c, a);
@@ -243,7 +243,7 @@ fn exercise_17_the_plane_of_a_triangle() {
 
 #[test]
 fn exercise_18_diffuse_specular_and_ambient() {
-    // A plane through p with the printed normal stands for the face; la*Kd is given, so la = 0.2 / Kd.
+    // A plane through p with the printed normal represents the face. la*Kd is given, so la = 0.2 / Kd.
     let plane =
         Shape::Plane(canaletto::shape::Plane { point: Vec3::new(6.0, 2.0, 1.0), normal: Vec3::new(1.0, 2.0, 1.0) });
     let phong = Phong { kd: Rgb::new(0.2, 0.3, 1.0), ks: Rgb::new(0.9, 0.8, 1.0), n: 30.0, ..Phong::default() };
@@ -307,7 +307,7 @@ fn chapter_sphere_world() -> World {
 
 #[test]
 fn the_box_of_example_5_4_is_where_its_numbers_put_it() {
-    // One more look through the whole program: the chapter's sphere appears in the picture where project() says.
+    // A test of the whole program: the chapter's sphere appears in the picture at the place that `project` gives.
     let camera = exercise_1_camera();
     let job = Job::new(camera.clone(), FilmSettings::default(), IntegratorSettings::default());
     let picture: Picture = render(&chapter_sphere_world(), &job, &()).unwrap().picture;

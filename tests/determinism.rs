@@ -1,4 +1,5 @@
-//! Same bytes for any number of threads, any tile size, any work on hierarchies, and any power of two as unit of length.
+//! The bytes are equal for any number of threads, any tile size, any build quality, and any power of two as unit of
+//! length.
 
 use canaletto::film::Picture;
 use canaletto::render::{Aov, render};
@@ -49,7 +50,8 @@ fn threads_and_tiles(scene: fn(f32) -> Scene) {
     }
 }
 
-/// Beams of two triangles each, crosswise, of which every sixteenth reaches through the whole still life, long enough to be split.
+/// Crosswise beams of two triangles each. Every sixteenth one crosses the whole still life and is long enough to be
+/// split.
 fn beams() -> Mesh {
     let mut mesh = Mesh::default();
     for n in 0..400 {
@@ -73,7 +75,7 @@ fn work_on_hierarchies_changes_no_bit() {
         .map(|quality| World::build_with(scene.clone(), &BuildOptions { quality, ..BuildOptions::default() }).unwrap());
     let [medium, high] = worlds.each_ref().map(|world| world.stats().bytes);
     assert_ne!(high, medium, "the same trees");
-    // A refit gives back whole boxes.
+    // A refit restores the full boxes of split primitives.
     let mesh = beams();
     let corners = |id: u32| mesh.corners(id as usize);
     for quality in [Quality::Medium, Quality::High] {

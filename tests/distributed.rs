@@ -1,5 +1,5 @@
-//! Distributed rays (5.6) against values that come from elsewhere: coverage and light by formulas, moving worlds by still ones,
-//! noise by theory.
+//! Distributed rays (5.6) compared with independent values. Formulas give coverage and light, still worlds give moving
+//! ones, theory gives the noise.
 
 use canaletto::Ray;
 use canaletto::camera::Camera;
@@ -16,14 +16,14 @@ use canaletto::world::World;
 use canaletto_tests::gallery::distributed_still_life;
 use glam::{DVec3, Vec3};
 
-/// A view so narrow that all its rays are one: from the eye to the center.
+/// A view so narrow that all its rays coincide, from the eye to the center.
 fn narrow(eye: DVec3, center: DVec3) -> View {
     let intrinsics = Intrinsics { fovy: 1e-4, width: 1, height: 1, ..Intrinsics::default() };
     let up = if (center - eye).normalize().y.abs() < 0.9 { DVec3::Y } else { DVec3::X };
     View { name: "narrow".into(), intrinsics, extrinsics: Extrinsics { eye, center, up }, motion: Vec::new() }
 }
 
-/// The one pixel of a view, of so many samples.
+/// The one pixel of a view with this number of samples.
 fn pixel(scene: Scene, view: &View, samples: u32, stage: Stage) -> f64 {
     let film = FilmSettings { sampling: Sampling::Sampled(samples), ..FilmSettings::default() };
     let job = Job::new(Camera::of(view).unwrap(), film, IntegratorSettings { stage, ..IntegratorSettings::default() });
@@ -43,8 +43,8 @@ fn moves(offset: DVec3) -> Vec<Transform> {
     vec![Transform::IDENTITY, Transform::translate(offset)]
 }
 
-/// The share of the time in which a ray meets a ball that moves evenly: how long the ball's centre is nearer to the line
-/// than its radius, a quadratic inequality.
+/// The share of the time in which a ray hits a ball in uniform motion. During that time the ball's centre is nearer to
+/// the line than its radius, a quadratic inequality.
 fn share(origin: DVec3, direction: DVec3, center: DVec3, offset: DVec3, radius: f64) -> f64 {
     let d = direction.normalize();
     let across = |v: DVec3| v - d * v.dot(d);
@@ -72,16 +72,17 @@ fn a_moving_balls_coverage_is_the_analytic_one() {
 
 #[test]
 fn a_turning_bars_coverage_is_the_analytic_one() {
-    // A bar along x, 0.4 wide, turns by 120° around z: a ray at radius r meets it while it is within asin(0.2 / r).
+    // A bar along x, 0.4 wide, turns by 120° around z. A ray at radius r hits it while its angle is within asin(0.2 /
+    // r).
     let bar = Shape::Box(Cuboid { min: Vec3::new(-4.0, -0.2, -0.1), max: Vec3::new(4.0, 0.2, 0.1) });
     let turn = |degrees| Transform::rotate(DVec3::Z, degrees).unwrap();
     for (radius, angle) in [(1.0, 60.0), (2.0, 30.0), (3.0, 100.0), (0.5, 45.0), (3.0, -60.0f64)] {
         let target = turn(angle).point(DVec3::X * radius);
         let nodes = vec![Node::from(bar).with_material(0).with_motion(vec![turn(0.0), turn(120.0)])];
         let scene = Scene { materials: white(), nodes, ..Scene::default() };
-        // From straight in front, so that the bar's depth doesn't matter.
+        // The view is straight from the front, so that the bar's depth doesn't matter.
         let found = pixel(scene, &narrow(target + DVec3::Z * 50.0, target), 1024, Stage::Unlit);
-        // The bar's other half arrives 180° later, which is where -60° becomes 120°: just half of its passage.
+        // The bar's other half arrives 180° later. For -60° that is at 120°: exactly half of its passage.
         let passage = 2.0 * (0.2 / radius).asin().to_degrees() / 120.0;
         let expected = if angle < 0.0 { passage / 2.0 } else { passage };
         assert!((found - expected).abs() < 2.5 / 1024.0, "{radius}, {angle}: {found}, not {expected}");
@@ -99,7 +100,7 @@ fn shadows_and_mirror_images_move_along() {
     for i in 0..12 {
         let target = DVec3::new(f64::from(i) * 0.5 - 3.5, 0.0, -0.3);
         let moving = ball(center, 0.7).with_motion(moves(offset));
-        // In the shadow there is nothing, outside of it n·L. The ray from the eye passes above the ball.
+        // The shadow is black; outside of it the value is n·L. The ray from the eye passes above the ball.
         let light = Light::new(LightKind::Omni(Omni::at(lamp.as_vec3())), Rgb::WHITE);
         let nodes = vec![floor(0), moving.clone(), Node::from(light)];
         let found =
@@ -124,7 +125,7 @@ fn light_of_a_moving_lamp_is_its_mean_over_time() {
     let floor = Node::from(Shape::Disk(Disk { center: Vec3::ZERO, normal: Vec3::Y, radius: 50.0 })).with_material(0);
     let light = Light::new(LightKind::Omni(Omni::at(Vec3::new(-4.0, 2.0, 0.0))), Rgb::WHITE);
     let (start, offset) = (DVec3::new(-4.0, 2.0, 0.0), DVec3::new(9.0, 0.0, 0.0));
-    // In a group that moves, inside of one that is shrunk and moved.
+    // The light is in a moving group, inside a group that is shrunk and moved.
     let around = Transform::translate(DVec3::new(0.0, 1.0, 0.0)).after(&Transform::scale(DVec3::splat(0.5)).unwrap());
     let group = Node::new(Content::Group(vec![Node::from(light)])).with_motion(moves(offset));
     let outer = Node::new(Content::Group(vec![group])).with_transform(&around);
@@ -161,7 +162,7 @@ fn moving_hierarchies_find_what_brute_force_finds() {
     assert!(hits > 10_000, "{hits}");
 }
 
-/// The scene as it stands at a time, with nothing that moves.
+/// The scene at a fixed time, without motion.
 fn frozen(nodes: &[Node], time: f64) -> Vec<Node> {
     nodes
         .iter()
@@ -180,7 +181,7 @@ fn frozen(nodes: &[Node], time: f64) -> Vec<Node> {
         .collect()
 }
 
-/// A moving world at a time is the still world of that time: what rays meet, and where.
+/// A moving world at a time has the hits of the still world of that time.
 #[test]
 fn every_moment_is_a_still_world() {
     let scene = distributed_still_life(1.0);
@@ -211,8 +212,7 @@ fn every_moment_is_a_still_world() {
     }
 }
 
-/// In a room of one colour a rough mirror is as bright as a polished one, and frosted glass that takes nothing away can't be
-/// seen.
+/// In a room of one colour a rough mirror is as bright as a smooth one. Frosted glass without attenuation is invisible.
 #[test]
 fn rough_surfaces_lose_no_light() {
     let room = |material: Phong, depth: u32| {
@@ -232,17 +232,18 @@ fn rough_surfaces_lose_no_light() {
     };
     let black = Phong { kd: Rgb::BLACK, ..Phong::default() };
     for roughness in [0.05, 0.4, 1.0] {
-        // Of the ball, and of the background beside it.
+        // The minimum is that of the ball, the maximum that of the background beside it.
         let (least, most, _) = room(Phong { k: Rgb::gray(0.8), roughness, ..black }, 3);
         assert!((least - 0.4).abs() < 1e-6 && (most - 0.5).abs() < 1e-6, "{roughness}: {least} to {most}");
-        // Few rays creep along inside of the ball for longer than anybody follows them.
+        // A few rays stay inside the ball beyond the maximum depth.
         let (_, most, mean) = room(Phong { opacity: 0.0, eta: 1.5, roughness, ..black }, 256);
         println!("{roughness}: {mean}");
         assert!((mean - 0.5).abs() < 1e-3 && (most - 0.5).abs() < 1e-6, "{roughness}: up to {most}, mean {mean}");
     }
 }
 
-/// A white ball in a rough mirror, against the integral over all facets by Walter's density of those in sight.
+/// A white ball in a rough mirror is compared with the integral over all microfacets by Walter's density of visible
+/// normals.
 #[test]
 fn rough_mirrors_scatter_by_the_ggx_density() {
     let (center, radius) = (DVec3::new(-2.0, 1.5, 0.5), 1.2);
@@ -266,7 +267,7 @@ fn rough_mirrors_scatter_by_the_ggx_density() {
             let d = 1.0 / (std::f64::consts::PI * alpha * alpha * t * t);
             let g1 = 2.0 / (1.0 + (1.0 + alpha * alpha * (1.0 - wo.y * wo.y) / (wo.y * wo.y)).sqrt());
             let density = d * g1 * wo.dot(m).max(0.0) / wo.y;
-            // What would go into the floor leaves it mirrored.
+            // A direction into the floor is reflected out of it.
             let mirrored = m * (2.0 * wo.dot(m)) - wo;
             let ray = DVec3::new(mirrored.x, mirrored.y.abs(), mirrored.z);
             let along = center.dot(ray);
@@ -281,8 +282,8 @@ fn rough_mirrors_scatter_by_the_ggx_density() {
     }
 }
 
-/// A small part of the half shadow of a ball under a disk light, and of the outline of a ball out of focus: pixels that are
-/// integrals over a light's disk, or over a lens, with one edge in them.
+/// A small part of the penumbra of a ball under a disk light, and of the outline of a ball out of focus. The pixels are
+/// integrals over a light's disk or over a lens, with one edge in them.
 fn half_shadow_and_blur() -> [(&'static str, Scene, View, Stage); 2] {
     let floor = Node::from(Shape::Disk(Disk { center: Vec3::ZERO, normal: Vec3::Y, radius: 50.0 })).with_material(0);
     let disk = DiskLight { position: Vec3::new(0.5, 6.0, 0.0), normal: Vec3::NEG_Y, radius: 1.5, points: 1 };
@@ -302,8 +303,8 @@ fn half_shadow_and_blur() -> [(&'static str, Scene, View, Stage); 2] {
     ]
 }
 
-/// Noise in pictures falls as theory says: with independent numbers by N^-1/2, with those spread on a grid or by Sobol's
-/// sequence by N^-3/4, since shadows and outlines are edges.
+/// Noise falls with the number of samples as theory predicts: N^-1/2 for independent numbers. For stratified numbers
+/// and Sobol's sequence it is N^-3/4, since shadows and outlines are edges.
 #[test]
 fn noise_of_pictures_falls_as_theory_says() {
     for (name, scene, view, stage) in half_shadow_and_blur() {

@@ -1,5 +1,5 @@
-//! Environments in whole pictures: the same scene seen directly and as pictures around another one; explanations, threads
-//! and scales.
+//! Environments in whole pictures. A scene is seen directly and as pictures around another scene. Explanations, threads
+//! and scales are tested, too.
 
 use canaletto::camera::Camera;
 use canaletto::explain::explain;
@@ -20,7 +20,7 @@ fn camera(center: DVec3, up: DVec3, fovy: f64, n: u32) -> Camera {
     Camera::new(&intrinsics, &Extrinsics { eye: DVec3::ZERO, center, up }).unwrap()
 }
 
-/// The court as its cameras see it, in an image for each face.
+/// The court seen by its cameras, as one image for each face.
 fn court(n: u32, space: ColorSpace) -> (World, Vec<Image>) {
     let assets = FolderAssets::new(root().join("scenes/chapter/court")).unwrap();
     let (scene, _) = read_scene("court.kdl", &assets).unwrap_or_else(|errors| panic!("{errors}"));
@@ -46,7 +46,7 @@ fn cube() -> EnvironmentKind {
     EnvironmentKind::Cube { faces: [0, 1, 2, 3, 4, 5], smoothing: Smoothing::Bilinear }
 }
 
-/// Pictures taken by cameras, put on the cube, show from its middle what the cameras saw, in every direction.
+/// A cube map of pictures from six cameras shows their view in every direction from its middle.
 #[test]
 fn a_scene_and_its_six_pictures_look_the_same_from_the_middle() {
     let (direct, images) = court(192, ColorSpace::Linear);
@@ -64,14 +64,14 @@ fn a_scene_and_its_six_pictures_look_the_same_from_the_middle() {
         let mut differences: Vec<f32> =
             a.pixels.iter().zip(&b.pixels).map(|(a, b)| (*a - *b).map(f32::abs).max_component()).collect();
         differences.sort_by(f32::total_cmp);
-        // Edges in the pictures are as wide as a texel; everything else is the same.
+        // Edges in the pictures are a texel wide; everything else is equal.
         let (most, mean) = (differences[differences.len() * 85 / 100], differences.iter().sum::<f32>() / 9216.0);
         println!("towards {center}: 85 % differ by less than {most:.4}, mean {mean:.4}");
         assert!(most < 0.01 && mean < 0.02, "towards {center}: {most} {mean}");
     }
 }
 
-/// One environment of each kind, turned, in front of which the still life stands.
+/// One rotated environment of each kind, each behind a still life.
 fn still_lifes(scale: f32) -> Vec<Scene> {
     let image = |w: u32, h: u32, seed: u32| Image {
         name: "noise".into(),
@@ -147,7 +147,7 @@ fn environments_depend_on_neither_threads_nor_the_unit_of_length() {
     }
 }
 
-/// An environment that is the same colour everywhere is a background of that colour.
+/// An environment of one colour equals a background of that colour.
 #[test]
 fn a_single_colour_all_around_is_the_background() {
     let color = Rgb::new(0.3, 0.4, 0.6);

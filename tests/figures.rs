@@ -1,5 +1,5 @@
-//! The chapter's figures: each scene in `scenes/chapter` against an independent reference, and against the pictures in the
-//! book, which people have looked at (`CANALETTO_BLESS=1` puts the present ones there).
+//! The chapter's figures. Each scene in `scenes/chapter` is compared with an independent reference. It is also compared
+//! with the book's pictures, which people have checked (`CANALETTO_BLESS=1` replaces them).
 
 use canaletto::camera::Camera;
 use canaletto::explain::explain;
@@ -14,7 +14,7 @@ use canaletto_tests::reference::Reference;
 use canaletto_tests::root;
 use rayon::prelude::*;
 
-/// The scenes of figures, and whether the reference knows all that is in them: spheres, boxes and omni lights, one ray in
+/// The scenes of figures, and whether the reference supports their content: spheres, boxes and omni lights, one ray in
 /// each pixel's corner.
 const FIGURES: [(&str, bool); 26] = [
     ("fig-5.18-unlit", true),
@@ -45,7 +45,7 @@ const FIGURES: [(&str, bool); 26] = [
     ("fig-5.37c-regular", false),
 ];
 
-/// Scenes elsewhere whose pictures the book shows, by folder and name.
+/// Other scenes whose pictures the book shows, by folder and name.
 const PICTURES: [(&str, &str); 9] = [
     ("scenes", "mesh-pictures"),
     ("scenes", "sky"),
@@ -89,7 +89,8 @@ fn every_scene_file_is_a_figure_or_a_part_of_one() {
     assert_eq!(files.len(), FIGURES.len());
 }
 
-/// 10⁻⁵ in linear colour, at every pixel whose decisions (what is hit, lit, blocked) are those of its four neighbours.
+/// The tolerance is 10⁻⁵ in linear colour. It applies to every pixel whose decisions (hit, lit, blocked) equal those of
+/// its four neighbours.
 fn compare_with_reference(name: &str, scene: Scene) {
     assert_eq!(scene.film.sampling, Sampling::Corner);
     let ours = picture(scene.clone()).picture;
@@ -150,7 +151,7 @@ fn figures_look_as_they_did_when_people_looked_at_them() {
             continue;
         }
         let golden = std::fs::read(&path).unwrap_or_else(|e| panic!("{}: {e}; bless it", path.display()));
-        // Pixels, not bytes: another version of the compressor may pack them in another way.
+        // The comparison is of pixels, not bytes, which depend on the compressor's version.
         if decode(&golden).unwrap().image != decode(&png).unwrap().image {
             std::fs::create_dir_all(&failed).unwrap();
             std::fs::write(failed.join(format!("{name}.png")), &png).unwrap();
@@ -177,7 +178,7 @@ fn the_book_shows_a_true_explanation() {
     }
 }
 
-/// Every link and picture of README and the book leads to a file of the project.
+/// Every link and picture of README and the book refers to a file of the project.
 #[test]
 fn links_lead_somewhere() {
     let mut pages: Vec<_> = ["docs", "docs/design", "tests"]

@@ -1,4 +1,4 @@
-//! Footprints of textures against what neighbouring rays meet: on every shape, in mirrors and through glass.
+//! Footprints of textures compared with the hits of neighbouring rays, on every shape, in mirrors and through glass.
 
 use canaletto::Ray;
 use canaletto::camera::Camera;
@@ -12,15 +12,15 @@ use canaletto::world::{Hit, TextureRead, World};
 use canaletto_tests::gallery::icosphere;
 use glam::{DVec3, Vec3};
 
-/// Each hit from the eye on: kind of ray, instance, primitive, and part with side.
+/// The hits from the eye on: kind of ray, instance, primitive, and part with side.
 type Way = Vec<(RayKind, u32, u32, u32)>;
 
-/// Where a ray and its children read textures, and by which way they came there.
+/// The points where a ray and its children read textures, with the paths to them.
 #[derive(Default)]
 struct Reads {
     way: Way,
     open: Vec<RayKind>,
-    /// Each with the hits before it.
+    /// The reads, each with the hits before it.
     reads: Vec<(Way, DVec3, [DVec3; 2])>,
     pending: Vec<(DVec3, [DVec3; 2])>,
 }
@@ -37,7 +37,7 @@ impl Probe for Reads {
 
     fn hit(&mut self, hit: &Hit, _: &Surface, _: &MaterialPoint, outside: bool) {
         let kind = *self.open.last().unwrap();
-        // Triangles of a smooth mesh go over into each other, but not in the second order.
+        // A smooth mesh is continuous across its triangles, but not in the second order.
         self.way.push((kind, hit.instance, hit.primitive, 2 * hit.part + u32::from(outside)));
         for (at, change) in self.pending.drain(..) {
             self.reads.push((self.way.clone(), at, change));
@@ -124,7 +124,7 @@ fn camera() -> Camera {
     Camera::new(&intrinsics, &extrinsics).unwrap()
 }
 
-/// Compares the footprints of every read with the next samples' reads; gives how many were compared at each depth.
+/// Compares the footprints of every read with the next samples' reads. Returns the number of comparisons at each depth.
 fn compare(name: &str, world: &World) -> [u32; 4] {
     let camera = camera();
     let settings = IntegratorSettings { max_depth: 4, ..IntegratorSettings::default() };
@@ -140,13 +140,13 @@ fn compare(name: &str, world: &World) -> [u32; 4] {
         let (x, y) = (f64::from(i % 60) + 0.37, f64::from(i / 60) + 0.61);
         let here = reads(x, y);
         for (axis, next) in [reads(x + SPACING, y), reads(x, y + SPACING)].into_iter().enumerate() {
-            // Another way: an edge lies between the two.
+            // The paths differ: an edge lies between the two.
             if here.iter().map(|r| &r.0).ne(next.iter().map(|r| &r.0)) {
                 continue;
             }
             for ((way, at, change), (_, beside, _)) in here.iter().zip(&next) {
                 let (found, expected) = (change[axis], *beside - *at);
-                // Coordinates are as exact as `f32` holds them.
+                // The accuracy of coordinates is that of `f32`.
                 let tolerance = 0.02 * expected.length() + 4e-7 * at.length().max(1.0);
                 let depth = way.len().min(4) - 1;
                 if expected.length() > 0.05 {
@@ -163,7 +163,7 @@ fn compare(name: &str, world: &World) -> [u32; 4] {
             }
         }
     }
-    // Near the critical angle and where rays graze, the second order tells.
+    // Near the critical angle and at grazing incidence, the second order matters.
     assert!(f64::from(off) < 0.01 * f64::from(counts.iter().sum::<u32>()), "{name}: {off} of {counts:?}");
     counts
 }

@@ -1,5 +1,5 @@
-//! What scenes may not do, whatever numbers stand in them: overflow a stack or memory, hold a render that is cancelled, or
-//! make a pixel that isn't a number.
+//! Limits for any values in a scene: no stack or memory overflow, no uncancellable render, no pixel that isn't a
+//! number.
 
 use canaletto::camera::Camera;
 use canaletto::explain::{ExplainError, explain};
@@ -30,7 +30,7 @@ fn job(text: &str) -> (World, Job) {
     (World::build(scene).expect("a world"), job)
 }
 
-/// Each prototype has two of the one before.
+/// Nested prototypes. Each contains the previous one twice.
 fn doubled(what: &str, times: u32) -> String {
     let mut text = format!("prototype name=\"p0\" {{ {what} }}\n");
     for i in 1..=times {
@@ -80,7 +80,7 @@ fn transforms_beyond_numbers_are_told() {
 const MIRRORS: &str = "material \"m\" { k 1 1 1; kd 0 0 0 }\n\
     box material=\"m\" { min -1e6 -1e6 6; max 1e6 1e6 7 }\nbox material=\"m\" { min -1e6 -1e6 -7; max 1e6 1e6 -6 }\n";
 
-/// The deepest tree on a thread of the size that the system gives; a debug build has the largest frames.
+/// The deepest tree runs on a thread with the system's default stack. A debug build has the largest frames.
 #[test]
 fn facing_mirrors_do_not_overflow_the_stack() {
     let (world, mut job) = job(MIRRORS);
@@ -97,11 +97,11 @@ fn facing_mirrors_do_not_overflow_the_stack() {
     }
 }
 
-/// Five balls that mirror and let pass, 256 deep: the rays of a single pixel would outlast everybody.
+/// Five balls that reflect and refract, at depth 256: the rays of a single pixel would take practically forever.
 const ENDLESS: &str = "material \"m\" { k 1 1 1; kd 0 0 0; opacity 0; eta 1.5 }\n\
     spheres material=\"m\" radius=1 { points 0 0 0 1 0 0 0 1 0 1 1 0 0 0 1 }\nintegrator { max-depth 256 }";
 
-/// Cancels when asked for the fourth time, which is within the first pixels' rays.
+/// Cancels at the fourth query, which is among the first pixels' rays.
 struct AtTheFourth(AtomicUsize);
 
 impl Observer for AtTheFourth {
@@ -121,7 +121,7 @@ fn an_endless_pixel_can_be_cancelled() {
     assert_eq!(explain(&world, &job, 6, 4).unwrap_err(), ExplainError::TooManyRays);
 }
 
-/// Things about as large as numbers are, more than fit into a leaf.
+/// Objects near the largest `f32`, more than fit into a leaf.
 #[test]
 fn things_as_large_as_numbers_have_hierarchies() {
     let data = |kind: &str, lines: &str| format!("{kind} {{ data \"\"\"\n{lines}\n\"\"\"\n}}\n");
@@ -143,13 +143,13 @@ fn things_as_large_as_numbers_have_hierarchies() {
     }
 }
 
-/// Panics after the first tile, and counts those that are finished nevertheless.
+/// Panics after the first tile, and counts the tiles that still finish.
 struct Panics(AtomicUsize);
 
 impl Observer for Panics {
     fn progress(&self, _: &Progress) {
         if self.0.fetch_add(1, Ordering::Relaxed) == 0 {
-            // Not by a hook, which may take as long as all tiles to tell where it is.
+            // The panic hook is skipped, since its backtrace may take longer than all tiles.
             resume_unwind(Box::new("the first tile"));
         }
     }
@@ -167,10 +167,10 @@ fn a_panic_of_the_observer_stops_all_threads() {
     assert!(observer.0.into_inner() < 12 * 8 / 2, "of 96 tiles");
 }
 
-/// The least that anybody gives a thread.
+/// The smallest stack size for a thread that occurs in practice, in bytes.
 const SMALL_STACK: usize = 64 << 10;
 
-/// A world as deep as it may be, and rays that go as deep as they may.
+/// A world of the maximum depth, and rays of the maximum depth.
 #[test]
 fn small_stacks_do_not_overflow() {
     let mut text = format!("{MIRRORS}prototype name=\"p0\" {{ {} }}\n", BALL.repeat(3));
@@ -252,7 +252,7 @@ fn no_pixel_is_ever_infinite_or_nan() {
     }
 }
 
-/// A shadow ray through a thousand clear shells, and a light inside an opaque ball.
+/// A shadow ray crosses a thousand transparent shells, and a light is inside an opaque ball.
 #[test]
 fn shadows_end() {
     let mut text = String::from("material \"m\" { kd 0 0 0; opacity 0 }\n");

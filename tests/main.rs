@@ -1,5 +1,5 @@
-//! What crosses crates, one module for each promise: see README.md. One program holds all of them, since linking a program takes longer than most of them
-//! run.
+//! Tests across crates, one module for each promise; see README.md. One program contains all of them, since linking
+//! takes longer than most of the tests.
 
 mod agreement;
 mod animation;

@@ -1,5 +1,5 @@
-//! Many things: a million spheres from a data file, read, built and rendered, with the answers that brute force gives; more copies of
-//! a mesh than any list could hold.
+//! Large numbers of objects. A million spheres from a data file are read, built and rendered, and compared with brute
+//! force. There are more copies of a mesh than any list could hold.
 
 use canaletto::Ray;
 use canaletto::camera::Camera;
@@ -15,7 +15,7 @@ use glam::{DVec3, Vec3};
 
 const COUNT: u32 = 1_000_000;
 
-/// Centres in a cube of side 20, radii of 0.01 to 0.05.
+/// Spheres with centres in a cube of side 20 and radii of 0.01 to 0.05.
 fn sphere(i: u32) -> [f32; 4] {
     let h = |k: u32| {
         let x = i.wrapping_mul(0x9e37_79b1) ^ k.wrapping_mul(0x85eb_ca6b);
@@ -53,7 +53,7 @@ fn a_million_spheres() {
     }
 }
 
-/// Member `k` of a group of a thousand, in a grid, each turned in its own way.
+/// The transform of member `k` of a group of a thousand, in a grid, each with its own rotation.
 fn member(k: u32, pitch: f64) -> Transform {
     let at = DVec3::new(f64::from(k % 10), f64::from(k / 10 % 10), f64::from(k / 100)) - 4.5;
     let turn = Transform::rotate(DVec3::new(1.0, f64::from(k % 7), 0.5), f64::from(k) * 17.0).unwrap();
@@ -87,11 +87,11 @@ fn a_thousand_million_copies() {
         let place = [1200.0, 60.0, 3.0];
         let [outer, middle, inner] = [0, 1, 2].map(|level| member(k[level], place[level]));
         let transform = outer.after(&middle.after(&inner));
-        // From beside it, so that nothing else is in the way.
+        // The origin is beside the copy, so that no other copy occludes it.
         let from = transform.point(DVec3::new(0.3, 1.4, 0.2)).as_vec3();
         let ray = Ray::new(from, transform.point(DVec3::new(0.0, 0.1, 0.05)).as_vec3() - from);
-        // The same mesh in the same place, and another one at zero: a mesh that is alone far from zero would be counted from a
-        // point near it.
+        // A mesh at an equal place, and another one at zero. A single mesh far from zero would have coordinates
+        // relative to a point near it.
         let copy = Node::new(Content::Instance(0)).with_material(0);
         let alone = Scene {
             prototypes: vec![Node::new(Content::Mesh(0))],

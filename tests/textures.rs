@@ -1,4 +1,4 @@
-//! What textures do to surfaces: holes let light through, bumps don't.
+//! Effects of textures on surfaces: cutouts let light through, bumps don't.
 
 use canaletto::Ray;
 use canaletto::integrator::Whitted;
@@ -14,7 +14,7 @@ use canaletto::world::{OccluderCache, World};
 use canaletto_tests::textured::textured_still_life;
 use glam::{DVec3, Vec3};
 
-/// Texels side by side, each as wide as the others, taken as they are.
+/// Texels of equal width side by side, with unchanged values.
 fn strip(texels: &[[u8; 4]], filter: Filter) -> (Image, Texture) {
     let image = Image {
         name: "strip".into(),
@@ -30,7 +30,7 @@ fn strip(texels: &[[u8; 4]], filter: Filter) -> (Image, Texture) {
     (image, Texture { name: "strip".into(), kind: TextureKind::Image(texture) })
 }
 
-/// A lit floor, and above it a board with this material; `board` gives it another place.
+/// A lit floor, and above it a board with this material; `board` is its shape.
 fn scene(material: Material, strip: (Image, Texture), board: Shape) -> Scene {
     let light = Light::new(LightKind::Omni(Omni::at(Vec3::new(0.0, 8.0, 0.0))), Rgb::WHITE);
     Scene {
@@ -64,7 +64,7 @@ fn color(scene: &Scene, from: [f32; 3], to: [f32; 3]) -> Rgb {
     Whitted::new(&world, IntegratorSettings::default()).eye(&Ray::new(from, (to - from).normalize()), None, &mut ())
 }
 
-/// A board whose left half is cut out, and the same scene with the board far away.
+/// A board whose left half is cut out, and an equal scene with the board far away.
 fn halved(share: u8) -> (Scene, Scene) {
     let cut = TextureUse::new(0, Target::Cutout);
     let texels = strip(&[[255, 255, 255, share], [255; 4]], Filter::Nearest);
@@ -77,7 +77,7 @@ fn halved(share: u8) -> (Scene, Scene) {
 #[test]
 fn rays_shadows_and_mirrors_go_through_holes() {
     let (with, without) = halved(0);
-    // From above, on the floor below, and by way of the mirror: each half in turn.
+    // The views are from above, on the floor below, and in the mirror: each half in turn.
     let views = [
         ([-1.0, 7.0, 0.1], [-1.0, 0.0, 0.1], [1.0, 7.0, 0.1], [1.0, 0.0, 0.1]),
         ([-5.0, 1.0, 0.1], [-1.0, 0.0, 0.1], [5.0, 1.0, 0.1], [1.0, 0.0, 0.1]),
@@ -95,7 +95,7 @@ fn a_surface_that_is_there_in_part_blends_with_what_is_behind() {
     let (whole, _) = halved(255);
     let (from, to) = ([-1.0, 7.0, 0.1], [-1.0, 3.99, 0.1]);
     let [part, front] = [&with, &whole].map(|scene| color(scene, from, to));
-    // The floor behind lies in the board's shadow, of which a fifth is there.
+    // The floor behind lies in the board's shadow, of which a fifth remains.
     let floor = color(&with, [-5.0, 1.0, 0.1], [-1.0, 0.0, 0.1]);
     let lit = color(&without, [-5.0, 1.0, 0.1], [-1.0, 0.0, 0.1]);
     assert!(floor.r < lit.r && floor.r > 0.5 * lit.r);
@@ -105,7 +105,7 @@ fn a_surface_that_is_there_in_part_blends_with_what_is_behind() {
 
 #[test]
 fn a_bent_normal_lets_no_light_in_from_behind() {
-    // Heights as steep as they come, and a light just below the board's plane, without shadows.
+    // The heights are as steep as possible, and a light is just below the board's plane, without shadows.
     let texels: Vec<[u8; 4]> = (0..64).map(|i| if i / 2 % 2 == 0 { [0, 0, 0, 255] } else { [255; 4] }).collect();
     let bump = TextureUse { range: [0.0, 3.0], ..TextureUse::new(0, Target::Bump) };
     let material = Material::new("rough", Phong { ks: Rgb::WHITE, n: 2.0, ..Phong::default() });
@@ -120,7 +120,7 @@ fn a_bent_normal_lets_no_light_in_from_behind() {
         (0..200).map(at).fold(0.0, f32::max)
     };
     assert_eq!(brightest(&scene), 0.0, "lit from below");
-    // A little above the plane it lights the slopes that lean to it.
+    // A light slightly above the plane lights the slopes that lean towards it.
     light.kind = LightKind::Omni(Omni::at(Vec3::new(9.0, 4.1, 0.0)));
     scene.nodes.pop();
     scene.nodes.push(Node::from(light));
@@ -138,7 +138,7 @@ fn a_slope_is_shaded_like_a_turned_plane() {
     let found = color(&bumped, [0.5, 7.0, 0.5], [0.5, 4.0, 0.5]).r;
     let normal = DVec3::new(-0.5, 1.0, 0.0).normalize();
     let to_light = (DVec3::new(0.0, 8.0, 0.0) - DVec3::new(0.5, 4.0, 0.5)).normalize();
-    // 255 steps over 256 texels.
+    // The heights rise by 255 steps over 256 texels.
     assert!((f64::from(found) - 0.8 * normal.dot(to_light)).abs() < 2e-3, "{found}");
 }
 
@@ -173,7 +173,7 @@ fn a_turned_or_moved_object_takes_its_texture_along() {
             seen.insert(one);
             borders += u32::from(one != other);
         }
-        // A texel's border may lie between the two.
+        // A texel's border may lie between the two points.
         assert!(borders <= 3, "{projection:?} {space:?}: {borders} of 300 differ");
         assert!(seen.len() >= 3, "{projection:?}: {} colours", seen.len());
     }
@@ -218,12 +218,12 @@ fn outline_and_shadow_follow_a_displacement() {
     let ball = Shape::Sphere(Sphere { center: Vec3::new(0.0, 4.0, 0.0), radius: 1.0 });
     let displaced = scene(ridge(Target::Displace { detail: 100.0 }, [0.0, 0.5]), texels.clone(), ball);
     let bumped = scene(ridge(Target::Bump, [0.0, 0.5]), texels, ball);
-    // Beside the ball at its middle: the ridge is there, and over the floor its shadow.
+    // The rays pass beside the middle of the ball. They hit the ridge, and its shadow on the floor.
     let looks = [([1.3, 4.0, 9.0], [1.3, 4.0, 0.0]), ([2.45, 3.0, 4.0], [2.45, 0.0, 0.0])];
     for (from, to) in looks {
         assert_ne!(color(&displaced, from, to), color(&bumped, from, to), "{from:?}");
     }
-    // Above it nothing has changed.
+    // Above the ridge nothing changes.
     let (from, to) = ([0.5, 5.2, 9.0], [0.5, 5.2, 0.0]);
     assert_eq!(color(&displaced, from, to), color(&bumped, from, to));
 }

@@ -1,5 +1,6 @@
-//! Closed surfaces stay closed: no ray from inside gets out through an edge or a vertex, at any scale, also after
-//! bouncing inside. `CANALETTO_RAYS=10000000 cargo test --profile tests -p canaletto-tests watertight::` is the long form.
+//! Closed surfaces have no leaks. No ray from inside escapes through an edge or a vertex, at any scale, even after
+//! reflections inside. `CANALETTO_RAYS=10000000 cargo test --profile tests -p canaletto-tests watertight::` is the long
+//! form.
 
 use canaletto::Ray;
 use canaletto::material::reflect;
@@ -11,12 +12,12 @@ use canaletto_tests::gallery::icosphere;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// How many rays a property is tried with.
+/// The number of rays for each property.
 fn rays() -> u64 {
     std::env::var("CANALETTO_RAYS").ok().and_then(|n| n.parse().ok()).unwrap_or(400_000)
 }
 
-/// A number in [-1, 1) that depends on nothing but its arguments.
+/// A number in [-1, 1) that depends only on the arguments.
 fn number(i: u64, k: u64) -> f32 {
     let mut x = i.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(k.wrapping_mul(0xd1b5_4a32_d192_ed03));
     x = (x ^ (x >> 31)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -76,7 +77,7 @@ fn world(mesh: Mesh, scale: f32, offset: Vec3, instanced: bool) -> World {
     World::build(Scene { meshes: vec![mesh], nodes, ..Scene::default() }).unwrap()
 }
 
-/// Rays from inside: at vertices, at points of edges, and anywhere.
+/// The number of rays that escape. They start inside and aim at vertices, at points of edges, and anywhere.
 fn leaks(
     mesh: &Mesh,
     inside: impl Fn(u64) -> Vec3 + Sync,
@@ -128,8 +129,8 @@ fn closed_meshes_do_not_leak() {
     }
 }
 
-/// Light trapped in a body: after every reflection inside, the next surface is met from inside again. A ray that met
-/// the surface it had just left would do so from outside or at distance zero.
+/// Light is trapped in a body. After every reflection inside, the next hit is from inside again. A ray that hit the
+/// surface it just left would do so from outside or at distance zero.
 #[test]
 fn rays_that_bounce_inside_never_get_out() {
     let closed: Vec<(&str, Content)> = vec![

@@ -1,5 +1,5 @@
-//! A hash of the program's sources, by which pictures of another build are told apart though its version is the same. It is
-//! the same wherever the same sources are compiled.
+//! Computes a hash of the program's sources. Two builds of one version with different sources differ in it. Equal
+//! sources give an equal hash on every machine.
 
 use std::path::{Path, PathBuf};
 use std::{env, fs, io};
@@ -7,7 +7,7 @@ use std::{env, fs, io};
 fn main() -> io::Result<()> {
     let own = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").unwrap_or_default());
     let mut files = Vec::new();
-    // The other crates lie beside this one; where they don't, as in a registry, versions tell builds apart.
+    // The other crates lie beside this one. In a registry they don't; there the versions distinguish builds.
     for folder in ["src", "../canaletto/src", "../canaletto-bvh/src", "../canaletto-io/src"] {
         let folder = own.join(folder);
         if folder.is_dir() {
@@ -20,7 +20,8 @@ fn main() -> io::Result<()> {
         println!("cargo::rerun-if-changed={}", lock.display());
         files.push(lock);
     }
-    // In an order that no file system decides; names aside, since they may hold either kind of slash.
+    // Sorting makes the order independent of the file system. File names are left out, since they may hold either kind
+    // of slash.
     let mut texts = files.iter().map(fs::read).collect::<io::Result<Vec<_>>>()?;
     texts.sort();
     let mut hash = 0xcbf2_9ce4_8422_2325_u64; // FNV-1a

@@ -1,4 +1,5 @@
-//! Pictures against formulas: here lights, means of panoramas and depth; filters and textures in modules of their own.
+//! Pictures compared with formulas: lights, means of panoramas, and depth. Filters and textures have modules of their
+//! own.
 
 use canaletto::camera::Camera;
 use canaletto::explain::explain;
@@ -57,7 +58,7 @@ fn png8(width: u32, height: u32, color: ColorType, data: &[u8]) -> Vec<u8> {
     png(width, height, color, BitDepth::Eight, data)
 }
 
-/// Numbers that look random, 0 to 1.
+/// A pseudorandom number in [0, 1).
 fn random(i: u64) -> f64 {
     let mut x = i.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -75,9 +76,9 @@ fn close(what: &str, value: impl Into<f64>, exact: f64, relative: f64) {
 mod filters;
 mod textures;
 
-// Lights.
+// Tests of lights.
 
-/// A floor under a light, seen in its middle.
+/// The middle pixel of a floor under a light.
 fn floor(light: &str) -> f64 {
     let text = format!(
         "film {{ samples 64 }}
@@ -90,12 +91,12 @@ fn floor(light: &str) -> f64 {
     seen.pixels.iter().map(|p| f64::from(p.g)).sum::<f64>() / seen.pixels.len() as f64
 }
 
-/// A mirrored light shines from the mirrored side, whatever mirrors it and however often.
+/// A mirrored light emits to the mirrored side, for any kind and number of mirrorings.
 #[test]
 fn mirrored_lights_shine_from_the_mirrored_side() {
     let rectangle = "light \"rectangle\" { corner -1 2 -1; u 2 0 0; v 0 0 2; samples 4; emission \"matte\"";
     let disk = "light \"disk\" { position 0 2 0; normal 0 -1 0; radius 1; samples 4; emission \"matte\"";
-    // The form factor of a rectangle of 2a × 2b straight above at height h, and of a disk.
+    // The form factors of a rectangle of 2a × 2b straight above at height h, and of a disk.
     let (a, b) = (0.5f64, 0.5f64);
     let factor = |a: f64, b: f64| {
         let (ra, rb) = ((1.0 + a * a).sqrt(), (1.0 + b * b).sqrt());
@@ -129,7 +130,7 @@ fn mirrored_lights_shine_from_the_mirrored_side() {
     }
 }
 
-/// Sides of triangles and meshes stay theirs in mirrors too.
+/// Triangles and meshes keep their visible side when mirrored.
 #[test]
 fn mirrored_surfaces_keep_their_visible_side() {
     let obj = b"v -1 0 -1\nv -1 0 1\nv 1 0 1\nv 1 0 -1\nf 1 2 3 4\n".to_vec();
@@ -163,9 +164,9 @@ fn mirrored_surfaces_keep_their_visible_side() {
     }
 }
 
-// Surroundings.
+// Tests of environments.
 
-/// The light that surroundings add to the ambient light.
+/// The contribution of an environment to the ambient light.
 fn ambient(environment: &str, files: &[(&str, Vec<u8>)]) -> Rgb {
     let text = format!(
         "camera {{ eye 0 0 5; center 0 0 0; size 3 3; fovy 5 }}
@@ -176,7 +177,7 @@ fn ambient(environment: &str, files: &[(&str, Vec<u8>)]) -> Rgb {
     picture_with(&text, files).pixel(1, 1)
 }
 
-/// The mean of a panorama is that of its texels by the solid angle that each covers.
+/// The mean of a panorama weights each texel by its solid angle.
 #[test]
 fn the_mean_of_a_panorama_is_exact_to_the_poles() {
     for (w, h) in [(8u32, 4u32), (64, 32), (1024, 512), (34, 17), (6, 3)] {
@@ -193,7 +194,7 @@ fn the_mean_of_a_panorama_is_exact_to_the_poles() {
     }
 }
 
-/// So is that of a cube, in which a texel in a corner covers a fifth of what one in the middle does.
+/// The mean of a cube map does so too. A texel in a corner covers a fifth of the solid angle of one in the middle.
 #[test]
 fn the_mean_of_a_cube_is_exact_to_its_corners() {
     let n = 5u32;
@@ -202,7 +203,7 @@ fn the_mean_of_a_cube_is_exact_to_its_corners() {
             let data: Vec<u8> = (0..n * n).map(|i| if white && i == y * n + x { 255 } else { 0 }).collect();
             png8(n, n, ColorType::Grayscale, &data)
         };
-        // ∫ (1 + x² + y²)^(−3/2) over the texel, by many points.
+        // The integral ∫ (1 + x² + y²)^(−3/2) over the texel, by many points.
         let steps = 400;
         let mut angle = 0.0;
         for i in 0..steps {
@@ -224,7 +225,7 @@ fn the_mean_of_a_cube_is_exact_to_its_corners() {
     }
 }
 
-// Depth.
+// Tests of depth.
 
 /// Depth is the distance of the position from the eye: through a lens, behind holes, and while the camera moves.
 #[test]

@@ -1,4 +1,4 @@
-//! Clear bodies that touch, lie in one another or hold the eye; what a shadow ray crosses.
+//! Transparent bodies that touch, contain one another or contain the eye, and the transmittance of shadow rays.
 
 use canaletto::camera::Camera;
 use canaletto::explain::{Outcome, explain};
@@ -11,7 +11,7 @@ use canaletto_io::text::read_scene;
 use glam::DVec3;
 use std::time::Instant;
 
-/// A scene text, ready to be traced.
+/// A scene text, ready for tracing.
 struct Case {
     world: World,
     job: Job,
@@ -32,7 +32,7 @@ impl Case {
         Case { world: World::build(scene).unwrap(), job }
     }
 
-    /// The picture, row by row, each pixel of which is the sum of its explanation's terms.
+    /// The picture, row by row. Pixels at regular steps equal the sum of their explanation's terms.
     fn pixels(&self) -> Vec<Rgb> {
         let picture = render(&self.world, &self.job, &()).unwrap().picture;
         for (x, y) in (0..picture.height).step_by(7).flat_map(|y| (0..picture.width).step_by(5).map(move |x| (x, y))) {
@@ -53,7 +53,7 @@ fn apart(a: Rgb, b: Rgb) -> f32 {
     a.to_array().into_iter().zip(b.to_array()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
 }
 
-/// How many pixels of two pictures are further apart than that.
+/// The number of pixels of two pictures that differ by more than `by`.
 fn differing(a: &[Rgb], b: &[Rgb], by: f32) -> usize {
     assert_eq!(a.len(), b.len());
     a.iter().zip(b).filter(|(a, b)| apart(**a, **b) > by).count()
@@ -74,7 +74,8 @@ mod dissolved {
             [4]
     }
 
-    /// d of its own light and 1 − d of what is behind, at each of the two sides; light that crosses both is as much less.
+    /// Each of the two sides shows d of its own light and 1 − d of the light behind. Light that crosses both is
+    /// attenuated by both.
     #[test]
     fn a_dissolved_surface_adds_d_of_its_own_light() {
         let behind = 0.8 * 0.5;
@@ -89,7 +90,7 @@ mod dissolved {
         }
     }
 
-    /// The mirrored ray is part of what the surface shows; nothing is bent, whatever eta says.
+    /// The reflected ray is part of the surface's own light. No ray is refracted, whatever eta is.
     #[test]
     fn a_dissolved_mirror_mirrors_d() {
         let all = pixels(
@@ -101,7 +102,7 @@ mod dissolved {
         assert!(apart(all[4], Rgb::gray(0.25 * 0.5 + 0.75)) < 1e-6, "{:?}", all[4]);
     }
 
-    /// The chapter's clear body keeps its whole local colour.
+    /// A transparent body by the chapter keeps its whole local colour.
     #[test]
     fn opacity_is_that_of_glass() {
         let found = with_box("kd 0.8 0.2 0.2; opacity 0");
@@ -112,7 +113,7 @@ mod dissolved {
 mod shadows {
     use super::*;
 
-    /// A surface flatter than roundings is met from the same place again and again.
+    /// A ray may intersect a body thinner than rounding errors many times from one place.
     #[test]
     fn a_shadow_ray_through_a_flat_body_ends() {
         for (opacity, flat) in [("0.486", "1e-11"), ("0", "1e-11"), ("0.001", "1e-14"), ("0", "1e-7")] {
@@ -127,12 +128,12 @@ mod shadows {
             let start = Instant::now();
             let pixels = render(&case.world, &case.job, &()).unwrap().picture.pixels;
             assert!(pixels.iter().all(|c| c.to_array().iter().all(|v| v.is_finite())));
-            // A step takes a microsecond, 65,536 steps of each ray seconds.
+            // One step takes a microsecond, so 65,536 steps per ray would take seconds.
             assert!(start.elapsed().as_secs_f64() < 1.0, "{opacity} {flat}: {:?}", start.elapsed());
         }
     }
 
-    /// Light through a stack of sheets is what all of them let pass, as long as anything can show it.
+    /// The transmittance of a stack of sheets is the product over all of them, down to the smallest visible value.
     #[test]
     fn a_stack_of_sheets_dims_by_each() {
         for count in [1, 10, 100, 1000] {
@@ -159,7 +160,8 @@ mod shadows {
 mod weight {
     use super::*;
 
-    /// Each level between two clear mirrors doubles the rays; by default those that nobody sees are left out.
+    /// Each level between two transparent mirrors doubles the rays. By default, rays with invisible contributions are
+    /// left out.
     #[test]
     fn clear_mirrors_do_not_take_for_ever() {
         let text = |weight: &str| {
@@ -175,7 +177,7 @@ mod weight {
         let start = Instant::now();
         let by_default = pixels(&text(""));
         assert!(start.elapsed().as_secs_f64() < 20.0, "{:?}", start.elapsed());
-        // All of the tree to a depth where a ray still weighs more than the default.
+        // This is the whole tree to a depth where a ray still has more throughput than the default.
         let deeper = pixels(&text("; min-weight 0.0004"));
         assert_eq!(differing(&by_default, &deeper, 0.02), 0);
     }
@@ -184,7 +186,8 @@ mod weight {
 mod nested {
     use super::*;
 
-    /// One ray through the scene along −z at a distance from the axis; the direction in which it leaves everything, and what it went through.
+    /// Traces one ray through the scene along −z, at a distance from the axis. Returns its final direction, and the
+    /// media at each refraction.
     fn way(impact: f64, bodies: &str) -> (DVec3, Vec<[f32; 2]>) {
         let case = Case::new(&format!(
             "integrator {{ max-depth 20 }}
@@ -203,7 +206,7 @@ mod nested {
         format!("material \"{name}\" {{ kd 0; eta {eta}; opacity 0 }}\n")
     }
 
-    /// Around one centre n r sin θ stays the same (Bouguer), so that the deviation is a sum of arcsines.
+    /// Around one centre n r sin θ is constant (Bouguer), so the deviation is a sum of arcsines.
     #[test]
     fn spheres_in_spheres_bend_by_the_ratio_of_both() {
         for (outer, inner) in [(1.5, 1.0), (1.33, 1.5), (1.5, 1.33), (1.5, 1.5), (1.2, 2.4)] {
@@ -230,7 +233,7 @@ mod nested {
         }
     }
 
-    /// Through parallel slabs a ray goes by the angle outside alone, and leaves as it came.
+    /// The direction in parallel slabs depends on the angle outside alone. The ray leaves in its original direction.
     #[test]
     fn slabs_of_glass_in_water_bend_by_the_angle_outside() {
         let case = Case::new(
@@ -276,7 +279,7 @@ mod nested {
             "cone material=\"g\" { base 0 0.5 0; top 0 1.5 0; radius 0.4; top-radius 0.1 }",
             "torus material=\"g\" { center 0 1 0; axis 1 1 0; radius 0.5; tube 0.2 }",
             "group material=\"g\" { translate 0 1 0; rotate-x 30; box { min -0.4 -0.4 -0.4; max 0.4 0.4 0.4 } }",
-            // Its boxes overlap, too.
+            // The boxes of the group overlap, too.
             "group name=\"two\" material=\"g\" { box { min 0 0 0; max 0.4 0.4 0.4 }; box { min 0.2 0.2 0.2; max 0.5 0.5 0.5 } }
             instance of=\"two\" { translate 0 1 0 }
             instance of=\"two\" { rotate-y 50; translate -0.2 0.6 0.2 }",
@@ -287,7 +290,7 @@ mod nested {
         }
     }
 
-    /// Of a bubble nothing is seen but a shell: its middle hardly bends.
+    /// A bubble shows only as a shell, since its middle hardly bends rays.
     #[test]
     fn a_bubble_leaves_a_shell() {
         let sphere = "sphere material=\"g\" { center 0 1 0; radius 1 }\n";
@@ -298,7 +301,7 @@ mod nested {
         assert!(by_bubble * 5 < by_solid, "{by_bubble} and {by_solid} pixels change");
     }
 
-    /// A cube with corners of its own for each face, from −1 to 1.
+    /// A cube from −1 to 1 with separate corners for each face.
     const CUBE: &str = "v -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1\nv -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1
         f 1 2 3 4\nf 6 5 8 7\nf 2 6 7 3\nf 5 1 4 8\nf 4 3 7 8\nf 5 6 2 1\n";
 
@@ -317,7 +320,7 @@ mod nested {
         assert!(differ <= 14, "{differ}");
     }
 
-    /// The eye in water in glass, in a mesh, or between both.
+    /// The eye may be in water in glass, in a mesh, or between both.
     #[test]
     fn the_eye_may_be_inside() {
         let shapes = [
@@ -345,7 +348,7 @@ mod nested {
         }
     }
 
-    /// What overlaps is filled by one of both: the picture is that of bodies that end where the other begins.
+    /// Only one of two bodies fills their overlap. The picture is that of bodies that end where the other begins.
     #[test]
     fn liquid_in_a_glass_may_overlap_its_wall() {
         let with = |words: &str, wall: &str, liquid: &str| {
@@ -358,7 +361,7 @@ mod nested {
         let (wall, liquid) = ("-1; max 1 1.8 -0.5", "-0.5; max 1 1.8 1");
         let glass_first = with("", wall, liquid);
         let overlapping = "-0.7; max 1 1.8 1";
-        // The wall's volume is smaller.
+        // The wall has the smaller volume.
         for (words, expected) in [("", &glass_first), ("; priority 1", &glass_first)] {
             let differ = differing(&with(words, wall, overlapping), expected, 1e-3);
             assert!(differ <= 20, "{words}: {differ}");
@@ -369,7 +372,7 @@ mod nested {
         assert!(differing(&glass_first, &water_first, 1e-3) > 100, "it matters");
     }
 
-    /// What isn't closed holds nothing.
+    /// An open surface encloses no medium.
     #[test]
     fn an_open_surface_fills_nothing() {
         for sheet in [
@@ -391,7 +394,7 @@ mod nested {
         }
     }
 
-    /// A mirrored ray inside a body stays in it.
+    /// A reflected ray inside a body stays in it.
     #[test]
     fn total_reflection_stays_in_the_glass() {
         let (_, media) = way(
@@ -400,7 +403,8 @@ mod nested {
                 + &glass("air", 1.0)
                 + "sphere material=\"g\" { center 0 0 0; radius 1 }\n sphere material=\"air\" { center 0 0 0; radius 0.5 }"),
         );
-        // sin θ at the bubble is 0.55 / 0.5 > 1: past it. 0.45 hits it beyond the critical angle.
+        // At the bubble sin θ is 0.55 / 0.5 > 1, so the ray misses it. At 0.45 the ray hits it beyond the critical
+        // angle.
         assert_eq!(media, [[1.0, 1.5], [1.5, 1.0]]);
         let (_, media) = way(
             0.505,
@@ -431,7 +435,7 @@ mod moving {
         Case::with(&format!("{STAGE}{text}"), MemoryAssets::new().with("cube.obj", CUBE)).pixels()
     }
 
-    /// Where everything moves with the camera nothing is seen to move.
+    /// If everything moves with the camera, the picture shows no motion.
     #[test]
     fn bodies_that_move_with_the_eye_look_as_if_they_stood() {
         let bodies = "sphere material=\"g\" { center 0 1 0; radius 1 }
@@ -452,7 +456,7 @@ mod moving {
         }
     }
 
-    /// A lens in the water: whatever the water is made of, and however that stands, it is the same water.
+    /// A lens may be in water. The kind of the water's shape and its transform change nothing.
     #[test]
     fn a_lens_may_be_inside_of_anything() {
         let with = |water: &str| {
@@ -475,7 +479,7 @@ mod moving {
         }
     }
 
-    /// Two instances of one body fill what either fills.
+    /// Two instances of one body fill the union of both.
     #[test]
     fn instances_that_overlap_are_one_body() {
         let view = "camera { eye 3 4 5; center 0 0 0; fovy 40; size 60 45 }
@@ -493,7 +497,7 @@ mod moving {
         }
     }
 
-    /// Of two bodies that are equal in all else the later one fills.
+    /// If two bodies are equal in everything else, the later one fills their overlap.
     #[test]
     fn of_equal_bodies_the_later_one_fills() {
         let view = "camera { eye 3 4 5; center 0 0 0; fovy 40; size 60 45 }
@@ -518,7 +522,7 @@ mod edges {
     const OCTAHEDRON: &str = "v 1 0 0\nv -1 0 0\nv 0 1 0\nv 0 -1 0\nv 0 0 1\nv 0 0 -1
         f 1 3 5\nf 3 2 5\nf 2 4 5\nf 4 1 5\nf 3 1 6\nf 2 3 6\nf 4 2 6\nf 1 4 6\n";
 
-    /// η at a point, if that is certain.
+    /// The refractive index at a point; `None` near a surface.
     fn eta_at(p: DVec3) -> Option<f32> {
         let (inside, sphere) = (p.abs().element_sum() - 1.0, (p - DVec3::new(0.0, 0.0, -4.0)).length() - 2.0);
         match (inside, sphere) {
@@ -529,7 +533,7 @@ mod edges {
         }
     }
 
-    /// Rays at edges and vertices: where each is bent next, it comes from what its middle is in.
+    /// At edges and vertices, the origin of a refracted ray is in the medium that surrounds the previous ray's middle.
     #[test]
     fn no_ray_takes_a_body_along() {
         let text = "integrator { max-depth 8; min-weight 0 }
@@ -542,7 +546,7 @@ mod edges {
             let h =
                 |k: u32| f64::from((round * 2_654_435_761u32).wrapping_add(k * 40_503_007) >> 8) / 8_388_608.0 - 1.0;
             let corner = |k: u32| DVec3::AXES[(h(k).abs() * 2.99) as usize] * if h(k + 9) < 0.0 { -1.0 } else { 1.0 };
-            // A vertex, a point on an edge, or one beside it by a few roundings.
+            // The target is a vertex, a point on an edge, or a point a few roundings beside it.
             let [a, mut b] = [corner(1), corner(2)];
             if a.dot(b) < -0.5 {
                 b = DVec3::Z;
@@ -597,7 +601,7 @@ mod touching {
         Case::with(&text, MemoryAssets::new().with("cube.obj", CUBE)).pixels()
     }
 
-    /// Glass that stands on something shows what it shows a little higher.
+    /// Glass in contact with a surface gives the picture of glass slightly above it.
     #[test]
     fn glass_on_anything_shows_what_it_stands_on() {
         let lifted = |shape: &str, by: &str| shape.replace("BASE", by);
@@ -630,7 +634,7 @@ mod touching {
         }
     }
 
-    /// Two halves of one glass are one glass.
+    /// Two halves of one glass act as a single body.
     #[test]
     fn glass_on_the_same_glass_is_one() {
         let material = "kd 0; eta 1.5; opacity 0";
@@ -653,7 +657,7 @@ mod touching {
         }
     }
 
-    /// Light and what is seen lose by each face, as between bodies a little apart.
+    /// Each face attenuates light and view, as for bodies with a small gap.
     #[test]
     fn each_of_two_faces_takes_its_share() {
         let material = "kd 0.05; eta 1; opacity 0.2";
@@ -667,7 +671,7 @@ mod touching {
         }
     }
 
-    /// What is opaque hides the glass that it sticks to.
+    /// An opaque surface in contact with glass hides the glass.
     #[test]
     fn a_sticker_on_glass_is_seen() {
         let glass = "box material=\"g\" { min -1 -1 -1; max 1 1 1 }";

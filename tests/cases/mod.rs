@@ -1,6 +1,6 @@
-//! Inputs that people ran into with other renderers: each gives the picture, or the message, that it should.
+//! Inputs that failed in other renderers. Each gives the right picture or the right message.
 //!
-//! The input files lie beside these modules; each test states the right value and where it comes from.
+//! The input files lie beside these modules. Each test states the right value and its source.
 
 mod analytic;
 mod media;

@@ -1,4 +1,4 @@
-//! Model files: OBJ, MTL and the materials, normals, textures and coordinates that they bring.
+//! Model files: OBJ, MTL and their materials, normals, textures and coordinates.
 
 use canaletto::camera::Camera;
 use canaletto::math::Rgb;
@@ -18,7 +18,7 @@ fn folder() -> FolderAssets {
     FolderAssets::new(root().join("tests/cases/models")).unwrap()
 }
 
-/// What `mesh file=…` makes of a file here, with its warnings.
+/// The result of `mesh file=…` for a file of this folder, with its warnings.
 fn model(file: &str) -> (Imported, String) {
     match import::load_mesh(file, &folder(), &AssetPath::base()) {
         Ok(model) => {
@@ -30,7 +30,7 @@ fn model(file: &str) -> (Imported, String) {
     }
 }
 
-/// The picture that `canaletto render FILE` makes, small.
+/// The picture of `canaletto render FILE`, at a small size.
 fn picture(file: &str) -> Vec<Rgb> {
     let (mut scene, _) = import::load(file, &folder()).unwrap_or_else(|errors| panic!("{errors}"));
     (scene.views[0].intrinsics.width, scene.views[0].intrinsics.height) = (96, 72);
@@ -80,7 +80,7 @@ mod transparency {
         assert_eq!(model("dissolve-a.obj").1, "");
     }
 
-    /// A dissolved surface in front of a matte one, both lit by 0.5: d · kd/2 + (1 − d) · 0.4.
+    /// A dissolved surface is in front of a matte one, both lit by 0.5: d · kd/2 + (1 − d) · 0.4.
     #[test]
     fn a_dissolved_surface_adds_its_share() {
         let scene = |file: &str, mtl: &str| {
@@ -94,7 +94,7 @@ mod transparency {
         };
         let behind = Rgb::gray(0.4);
         assert!(apart(&[scene("dissolve-i.obj", "dissolve-i.mtl")], &[behind]) < 1e-6);
-        // Two sides of the box are in the way, both lit, since nothing casts a shadow.
+        // The ray crosses two sides of the box, both lit, since nothing casts a shadow.
         let half = Rgb::new(0.4, 0.1, 0.1) * 0.75 + behind * 0.25;
         let found = scene("dissolve-j.obj", "dissolve-j.mtl");
         assert!(apart(&[found], &[half]) < 1e-6, "{found:?} {half:?}");
@@ -129,7 +129,7 @@ mod colours {
 mod normals {
     use super::*;
 
-    /// Every triangle's normals at its corners.
+    /// The normals at the corners of every triangle.
     fn corners(mesh: &Mesh) -> Vec<(Vec3, Vec3, Vec3)> {
         assert_eq!(mesh.normals.len(), mesh.positions.len());
         let all = mesh.triangles.iter().flat_map(|triangle| {
@@ -155,12 +155,13 @@ mod normals {
             }
             alike(file, "normals.obj", 1e-4);
         }
-        // No normal at all has a direction: it is as if there were none.
+        // All normals have zero length, which equals a file without normals.
         assert!(model("normals-zero.ply").0.meshes[0].normals.is_empty());
         alike("normals-zero.ply", "normals.obj", 1e-4);
     }
 
-    /// The prism's sides are one group, its ends are none: normals point away from the axis, and along it.
+    /// The prism's sides form a smoothing group, its ends have none. Normals point away from the axis on the sides and
+    /// along it on the ends.
     #[test]
     fn smoothing_groups_are_followed() {
         let (smooth, warnings) = model("smoothing-1.obj");
@@ -169,14 +170,14 @@ mod normals {
             let right = if flat.y.abs() > 0.5 { flat } else { Vec3::new(p.x, 0.0, p.z).normalize() };
             assert!((normal - right).length() < 1e-4, "{normal} at {p}");
         }
-        // Off is off, also where a model alone would be smooth but for its creases.
+        // `s off` gives flat faces. A model alone would otherwise be smooth except at creases.
         let (off, warnings) = model("smoothing-off.obj");
         assert!(warnings.is_empty() && off.meshes[0].normals.is_empty());
         let (scene, _) = import::load("smoothing-off.obj", &folder()).unwrap();
         assert!(scene.meshes[0].normals.is_empty());
     }
 
-    /// Normals of the file count before groups.
+    /// Normals of the file take precedence over smoothing groups.
     #[test]
     fn given_normals_count_before_groups() {
         let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvn 0 1 1\ns 1\nf 1//1 2//1 3//1\nf 1 3 4\ns off\nf 1 4 2\n";
@@ -184,7 +185,7 @@ mod normals {
         let mesh = &import::load_mesh("a.obj", &files, &AssetPath::base()).unwrap().meshes[0];
         let normals = |t: usize| mesh.triangles[t].map(|i| mesh.normals[i as usize]);
         assert!(normals(0).iter().all(|n| (*n - Vec3::new(0.0, 1.0, 1.0).normalize()).length() < 1e-6));
-        // (0 0 1) and (1 0 0) of the first two faces at their common edge, each by its angle.
+        // At the common edge of the first two faces, (0 0 1) and (1 0 0) are weighted by their angles.
         let shared = Vec3::new(1.0, 0.0, 1.0).normalize();
         assert!((normals(1)[0] - shared).length() < 1e-6, "{:?}", normals(1));
         assert_eq!(normals(2), [Vec3::Y; 3]);
@@ -216,7 +217,7 @@ mod coordinates {
         }
     }
 
-    /// 4 of 16 square units, seen from far above.
+    /// The polygon covers 4 of 16 square units, seen from far above.
     #[test]
     fn polygons_with_corners_that_come_twice_keep_their_area() {
         for file in ["dart.obj", "dart-twice.obj", "dart-two-vertices.obj", "dart-closed.obj"] {
@@ -271,7 +272,7 @@ mod text {
     }
 }
 
-/// Which corner of a picture is where on a mesh: (0, 0) of OBJ and PLY is the picture's lower left corner.
+/// Orientation of pictures on meshes: (0, 0) of OBJ and PLY is the picture's lower left corner.
 mod orientation {
     use super::*;
 
@@ -285,7 +286,7 @@ mod orientation {
 
     const OBJ: &str = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3 4/4\n";
 
-    /// Four vertices with texture coordinates and two triangles, by the names of the properties.
+    /// Four vertices with texture coordinates and two triangles; `names` are those of the properties.
     fn ply(format: &str, names: [&str; 2]) -> Vec<u8> {
         let mut bytes = format!(
             "ply\nformat {format} 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
@@ -321,7 +322,7 @@ mod orientation {
         ]
     }
 
-    /// The four quarters of the square as seen from the front, and from behind.
+    /// The four quarters of the square are seen from the front and from behind.
     #[test]
     fn the_picture_stands_upright_on_meshes() {
         for (name, bytes) in files() {
@@ -340,11 +341,11 @@ mod orientation {
         }
     }
 
-    /// Heights that grow towards the picture's upper edge: bumps, normal maps and displacements lean down there.
+    /// Heights grow towards the picture's upper edge. Bumps, normal maps and displacements lean down there.
     #[test]
     fn heights_and_normals_follow_the_picture() {
         let ramp = png(64, |_, y| [1.0 - y as f32 / 63.0; 3]);
-        // OpenGL's convention: green is upwards in the image.
+        // In OpenGL's convention green points upwards in the image.
         let up = png(2, |_, _| [0.5, 0.85, 0.85]);
         for (name, bytes) in files() {
             for (use_, sign) in

@@ -13,7 +13,7 @@ use canaletto_io::text::{SceneDocument, read_scene};
 use glam::{DVec3, Vec3};
 use std::time::{Duration, Instant};
 
-/// Files that people have.
+/// Files as they occur in practice.
 const FILES: [(&str, &[u8]); 13] = [
     ("face-colour.ply", include_bytes!("points/face-colour.ply")),
     ("wedge-uv.ply", include_bytes!("points/wedge-uv.ply")),
@@ -34,7 +34,7 @@ fn assets() -> MemoryAssets {
     FILES.iter().fold(MemoryAssets::new(), |assets, (name, bytes)| assets.with(name, bytes.to_vec()))
 }
 
-/// A model alone, and what is said of it.
+/// A model alone, and its messages.
 fn model(name: &str) -> (Scene, String) {
     let (scene, said) = load(name, &assets()).unwrap_or_else(|errors| panic!("{errors}"));
     (scene, said.to_string())
@@ -54,7 +54,7 @@ fn pixels(scene: Scene) -> Vec<Rgb> {
     render(&World::build(scene).unwrap(), &job, &()).unwrap().picture.pixels
 }
 
-/// The scene of a text, beside the files, and what is said of it.
+/// The scene of a text beside the files, and its messages.
 fn scene(text: &str) -> (Scene, Diagnostics) {
     read_scene("case.kdl", &assets().with("case.kdl", text)).unwrap_or_else(|errors| panic!("{errors}"))
 }
@@ -71,7 +71,8 @@ fn cloud(words: &str) -> (SphereCloud, String, Vec<Rgb>) {
 fn faces_show_their_colours() {
     let (scene, said) = model("face-colour.ply");
     assert_eq!(said, "");
-    // Red in front, green behind, blue to the right, yellow to the left, magenta above, cyan below: seen unlit along each axis.
+    // The faces are red in front, green behind, blue right, yellow left, magenta above and cyan below. They are seen
+    // unlit along each axis.
     for (eye, up, color) in [
         ("0 0 9", "0 1 0", [1.0, 0.0, 0.0]),
         ("0 0 -9", "0 1 0", [0.0, 1.0, 0.0]),
@@ -96,13 +97,14 @@ fn corners_of_faces_have_texture_coordinates() {
     let (scene, said) = model("wedge-uv.ply");
     let mesh = mesh(&scene);
     mesh.check().unwrap();
-    // Each face shows the whole picture: its triangles' corners are corners of the unit square, and cover half of it each.
+    // Each face shows the whole picture. The corners of its triangles are corners of the unit square, and each triangle
+    // covers half of it.
     for triangle in &mesh.triangles {
         let [a, b, c] = triangle.map(|v| mesh.uvs[v as usize]);
         assert!([a, b, c].iter().all(|uv| uv.to_array().iter().all(|v| *v == 0.0 || *v == 1.0)), "{a} {b} {c}");
         assert_eq!((b - a).perp_dot(c - a).abs(), 1.0);
     }
-    // Which corner of the picture each corner of a face has is what its row says, with v from below.
+    // Each corner of a face has the coordinates of its row, with v from below.
     let text = text_of("wedge-uv.ply");
     let rows: Vec<Vec<f32>> = text
         .lines()
@@ -152,7 +154,7 @@ fn colours_are_those_of_bytes_or_it_is_said_what_was_assumed() {
 fn normals_of_length_zero_are_computed() {
     let (scene, said) = model("zero.ply");
     assert!(said.contains("8 normals have no direction; they are computed from the faces"), "{said}");
-    // A box has six flat sides: every corner has the normal of its triangle.
+    // A box has six flat sides, so every corner has the normal of its triangle.
     let mesh = mesh(&scene);
     for (i, triangle) in mesh.triangles.iter().enumerate() {
         let [a, b, c] = mesh.corners(i);
@@ -187,7 +189,7 @@ fn quoted_numbers_are_numbers() {
 fn molecules_are_atoms_of_elements() {
     let (atoms, said, picture) = cloud("file=\"mol.xyz\" radius=0.4");
     assert_eq!((atoms.centers.len(), said.as_str()), (5, ""));
-    // Carbon is grey, hydrogen white: as sRGB bytes 144 and 255.
+    // Carbon is grey and hydrogen white: sRGB bytes 144 and 255.
     let grey = 0.278_894_3;
     let rows = format!(
         "radius=0.4 {{ data \"0 0 0 {grey} {grey} {grey}\\n.63 .63 .63 1 1 1\\n-.63 -.63 .63 1 1 1\\n-.63 .63 -.63 1 1 1\\n\
@@ -232,11 +234,11 @@ fn many_keys_take_time_in_proportion() {
         };
         assert_eq!(sphere.center.z, (i % 7) as f32);
     }
-    // To judge all keys for each frame takes 2 ms, 16 s in all.
+    // Evaluation of all keys at each frame would take 2 ms, 16 s in all.
     assert!(start.elapsed() < Duration::from_secs(12), "{:?}", start.elapsed());
 }
 
-/// What is read of a text of many things is what is read where no value can be left out for a while, since an assignment might change it.
+/// A long text is read in pieces, a text with a possible assignment as a whole. Both give equal scenes.
 #[test]
 fn many_things_are_read_as_few_are() {
     let mut text =
@@ -264,7 +266,7 @@ fn many_things_are_read_as_few_are() {
     let (many, _) = read(&[]).unwrap_or_else(|e| panic!("{e}"));
     assert!(few.nodes.len() > 5000 && few.materials.len() > 500 && few.prototypes.len() > 500);
     assert!(many == few);
-    // A mistake is told where it is, and only once.
+    // A mistake is reported at its place, and only once.
     for wrong in
         ["sphere { center 1 2; radius 1 }", "instance of=\"nothing\"", "material \"m7\" { kd 1 1 1 }", "sphere {"]
     {
@@ -281,7 +283,7 @@ fn many_things_are_read_as_few_are() {
     }
 }
 
-/// Warnings are counted where they are too many to be kept, and make no scene wrong.
+/// Warnings are counted when there are too many to keep. They don't make a scene invalid.
 #[test]
 fn many_warnings_are_no_error() {
     let unused: String = (0..12_000).map(|i| format!("material \"m{i}\" {{ kd 1 1 1 }}\n")).collect();
@@ -292,7 +294,7 @@ fn many_warnings_are_no_error() {
     assert!(!warnings.has_errors() && warnings.to_string().contains("nothing uses the material"), "{warnings}");
 }
 
-/// What is as usual takes no memory, but nodes are written as if it did.
+/// Default values take no memory, but a node writes and reads all of its fields.
 #[test]
 fn nodes_are_written_and_read_whole() {
     let ball = Node::from(Shape::Sphere(Sphere { center: Vec3::ZERO, radius: 1.0 })).named("ball");

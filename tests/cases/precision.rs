@@ -1,4 +1,4 @@
-//! Coordinates and sizes that `f32` holds badly: huge triangles, far places, far tori.
+//! Coordinates and sizes that `f32` represents badly: huge triangles, far places, far tori.
 
 use canaletto::camera::Camera;
 use canaletto::film::Picture;

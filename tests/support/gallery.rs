@@ -1,4 +1,4 @@
-//! Scenes made in code that use everything at once.
+//! Scenes made in code that use all features at once.
 
 use canaletto::camera::Camera;
 use canaletto::light::{Directional, DiskLight, Falloff, Light, LightKind, Omni, Spot};
@@ -159,8 +159,8 @@ pub fn still_life_job(scale: f32, width: u32, height: u32, sampling: Sampling) -
     Job::new(camera, FilmSettings { sampling, ..FilmSettings::default() }, IntegratorSettings::default())
 }
 
-/// The still life with everything that is sampled: random points of its light, rough mirrors and glass, and a lot of things that move while the
-/// shutter is open, lights and copies among them.
+/// The still life with all kinds of sampling: random points of its light, and rough mirrors and glass. Many objects
+/// move while the shutter is open, lights and copies among them.
 pub fn distributed_still_life(scale: f32) -> Scene {
     let mut scene = still_life(scale);
     let step = |x: f64, y: f64, z: f64| Transform::translate(DVec3::new(x, y, z) * f64::from(scale));
@@ -174,7 +174,7 @@ pub fn distributed_still_life(scale: f32) -> Scene {
             }
             continue;
         }
-        // The ground stays, as do a few others.
+        // The ground and some other objects don't move.
         let motion = match index % 4 {
             _ if index == 0 => Vec::new(),
             0 => vec![Transform::IDENTITY, step(0.2, 0.1, 0.0), step(0.1, 0.3, 0.1).after(&turn(20.0))],
@@ -193,7 +193,7 @@ pub fn distributed_still_life(scale: f32) -> Scene {
     scene
 }
 
-/// A job on it, through a lens.
+/// A job on the distributed still life, with a thin lens.
 pub fn distributed_job(scale: f32, width: u32, height: u32, samples: u32, sampler: SamplerKind) -> Job {
     let s = f64::from(scale);
     let still = still_life_view(scale, width, height);
@@ -220,7 +220,7 @@ pub fn icosphere(subdivisions: u32, radius: f32, smooth: bool) -> Mesh {
         .map(Vec3::normalize)
         .collect();
     let mut triangles = Vec::new();
-    // The convex hull of twelve points, found the slow way: faces are the triples with all others on one side.
+    // The convex hull of twelve points by brute force: faces are the triples with all other points on one side.
     for a in 0..12u32 {
         for b in a + 1..12 {
             for c in b + 1..12 {

@@ -1,6 +1,6 @@
-//! The chapter written down once more, as plainly as can be, in `f64`: no hierarchy, no error bounds, no shared code
-//! with the library beyond the description of a scene. Spheres and boxes, omni lights. What the classic integrator is
-//! compared with.
+//! A second implementation of the chapter, as plain as possible, in `f64`. It has no hierarchy and no error bounds. It
+//! shares only the description of a scene with the library. It supports spheres, boxes and omni lights, and serves as
+//! reference for the classic integrator.
 
 use canaletto::light::LightKind;
 use canaletto::material::Phong;
@@ -8,12 +8,12 @@ use canaletto::scene::{Content, Node, Scene, Stage};
 use canaletto::shape::Shape;
 use glam::{DMat3, DVec3};
 
-/// A colour, and a fingerprint of every yes-or-no decision behind it: what was hit, from which side, and which light
-/// was blocked. Where neighbouring rays agree in it, the picture is smooth.
+/// A colour, and a hash of every decision behind it: the hit, its side, and the blocked lights. Where it is equal for
+/// neighbouring rays, the picture is smooth.
 pub struct Sample {
-    /// Linear RGB.
+    /// The linear RGB colour.
     pub color: DVec3,
-    /// The decisions, hashed.
+    /// The hash of the decisions.
     pub decisions: u64,
 }
 
@@ -32,7 +32,8 @@ struct Hit {
 }
 
 impl<'a> Reference<'a> {
-    /// Takes the scene's spheres, boxes and omni lights; panics at anything else, which it can't check.
+    /// Collects the scene's spheres, boxes and omni lights. Panics at any other content, which the reference doesn't
+    /// support.
     pub fn new(scene: &'a Scene) -> Reference<'a> {
         let mut reference = Reference { scene, objects: Vec::new(), lights: Vec::new() };
         scene.nodes.iter().for_each(|node| reference.add(node));
@@ -165,7 +166,7 @@ fn note(decisions: &mut u64, what: u64) {
     *decisions = (*decisions ^ what).wrapping_mul(1099511628211);
 }
 
-/// Every crossing of the line with a shape: parameter, outward normal, face.
+/// Every intersection of the line with a shape: parameter, outward normal, face.
 fn roots(shape: &Shape, o: DVec3, d: DVec3) -> Vec<(f64, DVec3, u64)> {
     match shape {
         Shape::Sphere(s) => {
@@ -179,7 +180,7 @@ fn roots(shape: &Shape, o: DVec3, d: DVec3) -> Vec<(f64, DVec3, u64)> {
             [-1.0, 1.0].map(|sign| (-b + sign * delta.sqrt()) / (2.0 * a)).map(|t| (t, (oc + d * t) / r, 0)).to_vec()
         }
         Shape::Box(b) => {
-            // Each face as a plane, kept if the point lies inside the other two slabs.
+            // Each face is a plane, kept if the point lies inside the other two slabs.
             let (min, max) = (b.min.as_dvec3(), b.max.as_dvec3());
             let mut found = Vec::new();
             for axis in 0..3 {

@@ -1,4 +1,4 @@
-//! A still life on which every use, mapping and space of textures stands.
+//! A still life with every use, mapping and space of textures.
 
 use crate::gallery::{icosphere, still_life};
 use canaletto::material::{Channel, Mapping, Projection, Repeat, Space, Target, TextureUse};
@@ -7,7 +7,7 @@ use canaletto::scene::Scene;
 use canaletto::texture::{ColorSpace, Filter, Image, ImageTexture, Placement, Samples, Texture, TextureKind, Wrap};
 use glam::{DVec3, Vec2};
 
-/// An image whose texels are numbers that look random; alpha is 0, 1 or in between.
+/// An image of pseudorandom texels; alpha is 0, 1 or in between.
 pub fn image(name: &str, width: u32, height: u32, channels: u8) -> Image {
     let count = width * height * u32::from(channels);
     let value = |i: u32| {
@@ -27,7 +27,7 @@ pub fn image(name: &str, width: u32, height: u32, channels: u8) -> Image {
     }
 }
 
-/// The still life with textures on all its materials. Lengths of textures are multiplied like those of shapes.
+/// The still life with textures on all its materials. Lengths of textures are scaled as those of shapes are.
 pub fn textured_still_life(scale: f32) -> Scene {
     let mut scene = still_life(scale);
     scene.images = vec![image("gray", 16, 8, 1), image("colours", 8, 8, 3), image("cut", 16, 16, 4)];
@@ -85,7 +85,7 @@ pub fn textured_still_life(scale: f32) -> Scene {
         on(3, Target::Replace, Mapping { repeat: Repeat([3.0, 3.0]), ..uv }),
         on(2, Target::Cutout, mapping(Projection::Planar, Space::Bounds, 1.0)),
     ];
-    // The replaced colour hides what is under it: only where the mesh has coordinates of its own it stays.
+    // A replaced colour hides the texture under it. It stays only on a mesh with its own coordinates.
     red.textures.retain(|t| t.target != Target::Replace);
     red.textures.push(on(1, Target::Decal, solid(Space::Object)));
     let mut mesh = icosphere(1, 0.5 * scale, true);

@@ -1,4 +1,4 @@
-//! Files of pictures that an earlier run has written: whether they are whole, and what they show.
+//! Checks of picture files from an earlier run: whether they are complete, and whether they match the job.
 
 use crate::layers::channel_names;
 use crate::output::{Format, Output};
@@ -8,7 +8,8 @@ use canaletto_io::picture::{SOFTWARE, announced_size, decode};
 use std::fs;
 use std::path::Path;
 
-/// The texts of a frame's picture, or of a layer in a file of its own. What maps it to colours adds its curve.
+/// The text entries of a frame's picture, or of a layer in a file of its own. The mapping of a layer to colours adds
+/// its curve.
 pub(crate) fn texts(settings: &[(String, String)], job: &Job, layer: Option<Aov>) -> Vec<(String, String)> {
     let mut texts = settings.to_vec();
     texts.push(("frame".into(), job.frame.to_string()));
@@ -19,17 +20,17 @@ pub(crate) fn texts(settings: &[(String, String)], job: &Job, layer: Option<Aov>
     texts
 }
 
-/// Whether a file holds a whole picture of this job with these texts, by this program.
+/// Whether a file holds a complete picture of this job with these texts, written by this program.
 pub(crate) fn is_complete(file: &Path, job: &Job, output: &Output, texts: &[(String, String)]) -> bool {
     let [_, _, width, height] = job.window();
     let mut names = match output.format {
         Format::Exr => channel_names(&job.aovs),
         _ => channel_names(&[]),
     };
-    // A file that is much larger than these pixels is something else, and need not be read.
+    // A file much larger than these pixels is something else and isn't read.
     let most = u64::from(width) * u64::from(height) * names.len() as u64 * 8 + (1 << 20);
     let bytes = fs::metadata(file).ok().filter(|m| m.is_file() && m.len() <= most).and_then(|_| fs::read(file).ok());
-    // One of another size isn't unpacked.
+    // A picture of another size isn't decoded.
     let fits = |bytes: &Vec<u8>| announced_size(bytes) == Some([width, height]);
     let Some(picture) = bytes.filter(fits).and_then(|bytes| decode(&bytes).ok()) else { return false };
     let bits = match output.format {

@@ -1,11 +1,11 @@
-//! The exit codes of every subcommand.
+//! The exit codes of all subcommands.
 
 use std::process::ExitCode;
 
-/// How a command ended.
+/// The result of a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Exit {
-    /// All is well.
+    /// The command succeeded.
     Done = 0,
     /// A file can't be written, or the system refuses something else.
     Failed = 1,
@@ -15,12 +15,12 @@ pub(crate) enum Exit {
     Scene = 3,
     /// Two pictures differ by more than a threshold.
     Threshold = 4,
-    /// Stopped by Ctrl-C or a request to terminate.
+    /// Ctrl-C or a termination signal ended the command.
     Interrupted = 130,
 }
 
 impl Exit {
-    /// Every exit with its meaning, for the help and the manual.
+    /// Every exit code with its meaning, for the help and the manual.
     pub(crate) const ALL: [(Exit, &str); 6] = [
         (Exit::Done, "all is well"),
         (Exit::Failed, "something else failed: a file can't be written, no memory, ..."),
@@ -33,12 +33,12 @@ impl Exit {
         ),
     ];
 
-    /// The number that the shell sees.
+    /// The code for the shell.
     pub(crate) fn code(self) -> u8 {
         self as u8
     }
 
-    /// All codes as text, a line each.
+    /// A table of all codes as text, one per line.
     pub(crate) fn table() -> String {
         let mut out = String::from("Exit codes:\n");
         for (exit, meaning) in Exit::ALL {

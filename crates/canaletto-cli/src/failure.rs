@@ -1,4 +1,4 @@
-//! What goes wrong, said once: every command returns a [`Failure`], and `main` prints it.
+//! Errors of commands: every command returns a [`Failure`], and `main` prints it.
 
 use crate::exit::Exit;
 use crate::terminal::Paint;
@@ -10,21 +10,21 @@ use serde_json::json;
 use std::fmt::Display;
 use std::io::{self, ErrorKind};
 
-/// Why a command stopped.
+/// The reason for which a command failed.
 #[derive(Debug)]
 pub(crate) enum Failure {
-    /// One sentence, and perhaps what would help.
+    /// One sentence, with an optional hint.
     Message {
-        /// How to exit.
+        /// The exit code.
         exit: Exit,
-        /// What is wrong.
+        /// The error message.
         message: String,
-        /// What would be right.
+        /// A hint about the correction.
         help: Option<String>,
     },
     /// Mistakes in files.
     Diagnostics(Diagnostics),
-    /// All has been said already.
+    /// The messages are already printed.
     Said(Exit),
 }
 
@@ -38,7 +38,7 @@ impl Failure {
         Failure::new(Exit::Usage, message)
     }
 
-    /// The same failure with a hint.
+    /// Adds a hint to the failure.
     pub(crate) fn help(mut self, hint: impl Display) -> Failure {
         if let Failure::Message { help, .. } = &mut self {
             *help = Some(hint.to_string());
@@ -46,7 +46,7 @@ impl Failure {
         self
     }
 
-    /// A failure to write results to stdout. A reader who has seen enough is no failure.
+    /// A failure to write results to stdout. A closed pipe counts as success, since its reader needs no more.
     pub(crate) fn stdout(error: &io::Error) -> Failure {
         match error.kind() {
             ErrorKind::BrokenPipe => Failure::Said(Exit::Done),
@@ -54,7 +54,7 @@ impl Failure {
         }
     }
 
-    /// The same failure, which says at which frame it happens.
+    /// Adds the frame's number to the failure.
     pub(crate) fn at_frame(mut self, frame: u32) -> Failure {
         match &mut self {
             Failure::Message { message, .. } => *message += &format!(" (at frame {frame})"),
@@ -67,15 +67,15 @@ impl Failure {
     pub(crate) fn exit(&self) -> Exit {
         match self {
             Failure::Message { exit, .. } | Failure::Said(exit) => *exit,
-            // What only --set is blamed for isn't the files' fault.
+            // Mistakes in --set alone are mistakes on the command line.
             Failure::Diagnostics(all) if all.iter().all(|d| d.file == "--set") => Exit::Usage,
-            // Nor is that there is too little memory.
+            // Lack of memory isn't a mistake in a file.
             Failure::Diagnostics(all) if all.iter().any(|d| d.message.contains(NoMemory::WORDS)) => Exit::Failed,
             Failure::Diagnostics(_) => Exit::Scene,
         }
     }
 
-    /// Says it on stderr.
+    /// Prints the failure on stderr.
     pub(crate) fn print(&self, json: bool) {
         match self {
             Failure::Said(_) => {}
@@ -113,13 +113,13 @@ impl From<Diagnostics> for Failure {
 
 pub(crate) use canaletto_io::assets::reason;
 
-/// A line on stderr; nobody can be told if that fails.
+/// Prints a line on stderr. Errors are ignored, since they can't be reported.
 pub(crate) fn eprint_line(line: &str) {
     use io::Write;
     let _ = writeln!(io::stderr().lock(), "{line}");
 }
 
-/// Prints messages about files with the lines that they are about, then how many there are.
+/// Prints messages about files with the lines that they refer to, then their number.
 pub(crate) fn print_diagnostics(all: &Diagnostics, json: bool) {
     if json {
         if !all.is_empty() {
@@ -141,12 +141,12 @@ pub(crate) fn print_diagnostics(all: &Diagnostics, json: bool) {
     }
 }
 
-/// "1 ray", "2 rays".
+/// A number with its noun, such as "1 ray" and "2 rays".
 pub(crate) fn plural(count: usize, noun: &str) -> String {
     format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
 }
 
-/// Lines longer than this are cut around the place by the plain rendering instead.
+/// Lines longer than this many bytes are cut around the place of the mistake and printed without the renderer.
 const LONG_LINE: usize = 400;
 
 fn show(all: &Diagnostics, diagnostic: &Diagnostic, renderer: &Renderer) -> String {
@@ -177,7 +177,7 @@ fn show(all: &Diagnostics, diagnostic: &Diagnostic, renderer: &Renderer) -> Stri
     renderer.render(&[group])
 }
 
-/// The lines around a place, so that a large file isn't searched for each of its messages.
+/// The lines around a place. The excerpt avoids a search through a large file for each message.
 struct Excerpt<'a> {
     text: &'a str,
     first_line: usize,
@@ -190,7 +190,7 @@ fn excerpt<'a>(all: &'a Diagnostics, diagnostic: &Diagnostic) -> Option<Excerpt<
     let line = all.start(diagnostic)?.line;
     let on_boundary = source.get(span.start..span.end.min(source.len()))?;
     let start = source[..span.start].rfind('\n').map_or(0, |at| at + 1);
-    // A span of several lines is shown on its first.
+    // A span of several lines is shown on its first line.
     let length = on_boundary.find('\n').unwrap_or(on_boundary.len());
     let end = source[span.start + length..].find('\n').map_or(source.len(), |at| span.start + length + at);
     let text = source[start..end].trim_end_matches('\r');

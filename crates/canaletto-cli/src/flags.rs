@@ -1,4 +1,4 @@
-//! The flags that several commands share, as they are typed. [`crate::settings`] says what they mean.
+//! The flags that several commands share, as typed. [`crate::settings`] defines their meaning.
 
 use canaletto::camera::Camera;
 use canaletto::scene::{SamplerKind, Sampling, Stage, Tone, Transfer};
@@ -40,7 +40,7 @@ pub(crate) struct SourceFlags {
 }
 
 impl SourceFlags {
-    /// How a world is built that is for about so many rays.
+    /// The options for a world that about this many rays traverse.
     pub(crate) fn build_options(&self, rays: u64) -> BuildOptions {
         let quality = match self.build {
             BuildFlag::Medium => Quality::Medium,
@@ -241,7 +241,7 @@ fn crop(text: &str) -> Result<[u32; 4], String> {
     }
 }
 
-/// "x,y" of a pixel.
+/// The coordinates "x,y" of a pixel.
 pub(crate) fn pixel(text: &str) -> Result<[u32; 2], String> {
     numbers(text).ok_or_else(|| "write two whole numbers from 0 on: column,row".into())
 }

@@ -1,14 +1,14 @@
-//! The frames of an animation: which, and how they follow each other.
+//! The frames of an animation.
 
 use canaletto_io::diagnostic::Diagnostic;
 use canaletto_io::text::Timeline;
 
-/// What --frames says.
+/// The value of --frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum FramesFlag {
-    /// Those of the scene's own animation.
+    /// The frames of the scene's own animation.
     All,
-    /// These.
+    /// The given frames.
     These(Frames),
 }
 
@@ -20,18 +20,18 @@ pub(crate) struct Frames {
     pub step: u32,
 }
 
-/// The most frames of one run; each name is looked at before the first is rendered.
+/// The maximum number of frames of one run. The name of each frame is checked before the first is rendered.
 const MAX_FRAMES: u64 = 1_000_000;
 
 impl FramesFlag {
-    /// "all", "7", "1-100" or "1-100x2".
+    /// Parses "all", "7", "1-100" or "1-100x2".
     pub(crate) fn parse(text: &str) -> Result<FramesFlag, String> {
         if text == "all" { Ok(FramesFlag::All) } else { Frames::parse(text).map(FramesFlag::These) }
     }
 }
 
 impl Frames {
-    /// The warning that all of them show the same, though there may be keys.
+    /// The warning that all frames are equal. `has_keys` says whether the scene has keys.
     pub(crate) fn all_the_same(self, scene: &str, has_keys: bool) -> Diagnostic {
         let why = if has_keys { "no key changes anything in them" } else { "nothing in the scene has keys" };
         let help = "keys stand in the braces of what moves: translate { key 1  0 0 0; key 50  10 0 0 }";
@@ -43,7 +43,7 @@ impl Frames {
         Frames { first: frame, last: frame, step: 1 }
     }
 
-    /// Those from a first to a last one.
+    /// The frames from `first` to `last`, every `step`-th of them.
     pub(crate) fn new(first: u32, last: u32, step: u32) -> Result<Frames, String> {
         if first > last {
             return Err(format!("the first frame, {first}, comes after the last, {last}"));
@@ -80,8 +80,8 @@ impl Frames {
         (u64::from(self.last) - u64::from(self.first)) / u64::from(self.step) + 1
     }
 
-    /// Those of these frames that are next to a key, on both sides: if they can be rendered, so can all between, unless a
-    /// value swings far beyond its keys.
+    /// The frames next to a key, on both sides. If they can be rendered, all frames between can be, unless a value
+    /// overshoots its keys by far.
     pub(crate) fn next_to(self, keys: &[f64]) -> Vec<u32> {
         let (first, step) = (f64::from(self.first), f64::from(self.step));
         let most = (self.count() - 1) as f64;
@@ -105,7 +105,7 @@ impl std::fmt::Display for Frames {
     }
 }
 
-/// What --fps takes.
+/// Parses the value of --fps.
 pub(crate) fn fps(text: &str) -> Result<f64, String> {
     let range = Timeline::FPS;
     match text.parse::<f64>() {

@@ -1,4 +1,4 @@
-//! The files that a scene is made of at any frame, which no output may replace.
+//! The input files of a scene at any frame, which no output may replace.
 
 use canaletto_io::assets::FileId;
 use std::collections::HashMap;
@@ -6,15 +6,15 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
-/// Finds outputs that are inputs, by what they are and not by how they are called.
+/// Finds outputs that are inputs, by file identity instead of by name.
 pub(crate) struct Guard {
     outputs: HashMap<FileId, PathBuf>,
-    /// Whether one of them may be a library of materials, since it is no picture.
+    /// Whether an output may be a material library, since it is no picture.
     has_text: bool,
 }
 
 impl Guard {
-    /// For outputs, most of which needn't exist yet.
+    /// A guard for outputs. Most of them need not exist yet.
     pub(crate) fn new(outputs: impl IntoIterator<Item = PathBuf>) -> Guard {
         let existing = outputs.into_iter().filter_map(|output| Some((FileId::of(&output).ok()?, output)));
         let outputs: HashMap<FileId, PathBuf> = existing.filter(|(_, output)| output.is_file()).collect();
@@ -22,7 +22,7 @@ impl Guard {
         Guard { outputs, has_text }
     }
 
-    /// Whether nothing can be replaced.
+    /// Whether no output can replace a file.
     pub(crate) fn is_idle(&self) -> bool {
         self.outputs.is_empty()
     }
@@ -32,7 +32,8 @@ impl Guard {
         self.outputs.get(&FileId::of(input).ok()?).map(PathBuf::as_path)
     }
 
-    /// The output that a text of a scene may mean: a file, one of a row whose number is `#`, or a library that a model names.
+    /// The output that a text of a scene may name. The text names a file, a file of a row whose number is `#`, or a
+    /// model with its libraries.
     pub(crate) fn find_named(&self, named: &Path) -> Option<&Path> {
         let row = || self.outputs.values().find(|output| is_of_row(output, named)).map(PathBuf::as_path);
         let is_model = named.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("obj"));
@@ -41,7 +42,7 @@ impl Guard {
     }
 }
 
-/// Whether the first bytes are those of pictures and films.
+/// Whether the first bytes are those of a picture or film.
 fn is_picture(file: &Path) -> bool {
     let mut start = [0; 12];
     let read = File::open(file).and_then(|mut file| file.read_exact(&mut start));
@@ -49,7 +50,7 @@ fn is_picture(file: &Path) -> bool {
     read.is_ok() && (starts.iter().any(|known| start.starts_with(known)) || &start[4..8] == b"ftyp")
 }
 
-/// Whether a file's name is this one with a number for `#`, in the same folder.
+/// Whether a file lies in the row's folder and has the row's name with a number for `#`.
 fn is_of_row(file: &Path, row: &Path) -> bool {
     let (Some(name), Some(pattern)) =
         (file.file_name().and_then(|n| n.to_str()), row.file_name().and_then(|n| n.to_str()))
@@ -64,7 +65,7 @@ fn is_of_row(file: &Path, row: &Path) -> bool {
     number.is_some_and(|n| n.bytes().all(|b| b.is_ascii_digit())) && folder(file) == folder(row)
 }
 
-/// The libraries of materials that an OBJ may mean: one name with spaces, or several names.
+/// The material libraries that an OBJ may name: one name with spaces, or several names.
 fn libraries(model: &Path) -> Vec<PathBuf> {
     let folder = model.parent().unwrap_or(Path::new(""));
     let Some(file) = File::open(model).ok().filter(|_| model.is_file()) else { return Vec::new() };

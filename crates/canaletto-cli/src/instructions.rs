@@ -1,4 +1,5 @@
-//! The switch for the processor's instructions, to compare what they give: a variable of the environment, as no picture depends on it.
+//! Choice of the processor's instruction set, for comparisons. It is an environment variable, since no picture depends
+//! on it.
 
 use crate::failure::Failure;
 use canaletto::InstructionSet;
@@ -6,7 +7,7 @@ use std::env;
 
 const VARIABLE: &str = "CANALETTO_INSTRUCTION_SET";
 
-/// Uses no instructions beyond the set that the variable names, if it is set.
+/// Limits the instructions to the set that the variable names, if it is set.
 pub(crate) fn choose() -> Result<(), Failure> {
     let Some(wanted) = env::var_os(VARIABLE).filter(|value| !value.is_empty()) else { return Ok(()) };
     let names = |sets: &[InstructionSet]| sets.iter().map(|set| set.name()).collect::<Vec<_>>().join(", ");

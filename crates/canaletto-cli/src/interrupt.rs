@@ -1,6 +1,6 @@
-//! Ctrl-C and requests to terminate. The first one stops a render, which saves what there is, and ends everything else; if that
-//! takes too long, the program leaves all the same. The second one ends it at once. Files are never left half written: they
-//! have no name until they are whole.
+//! Ctrl-C and termination signals. The first signal stops a render, which then saves the picture so far. Without a
+//! render, or if that takes too long, the first signal ends the program. The second signal ends it at once. No file is
+//! left half written: a file gets its name when it is complete.
 
 use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line};
@@ -11,35 +11,35 @@ use std::time::{Duration, Instant};
 use std::{fs, process, thread};
 
 static SIGNALS: AtomicU8 = AtomicU8::new(0);
-/// When the first one came.
+/// The time of the first signal.
 static FIRST: OnceLock<Instant> = OnceLock::new();
-/// What a first signal meets.
+/// The work that a first signal interrupts: `LEAVES`, `RENDERS` or `SAVES`.
 static DOING: AtomicU8 = AtomicU8::new(LEAVES);
-/// A temporary file that another program writes, which stays if this one ends.
+/// A temporary file of another program, which would remain after this program ends.
 static LEFTOVER: Mutex<Option<PathBuf>> = Mutex::new(None);
 
-/// Nothing that is worth saving.
+/// There is nothing to save.
 const LEAVES: u8 = 0;
-/// A render: what there is of the picture can be saved as soon as its threads have stopped.
+/// A render is running. The picture so far can be saved when its threads have stopped.
 const RENDERS: u8 = 1;
-/// That part is being saved into a file.
+/// The partial picture is being saved into a file.
 const SAVES: u8 = 2;
 
-/// How long a render may go on after a signal.
+/// The time that a render may continue after a signal.
 const PATIENCE: Duration = Duration::from_millis(1700);
-/// How long after a signal what there is of a picture may be put into its file.
+/// The time after a signal in which a partial picture may be encoded.
 const SAVING: Duration = Duration::from_millis(1000);
 
-/// From now on signals are handled here. `json`: a program reads stderr.
+/// Installs the signal handler. `json`: stderr is for a program.
 pub(crate) fn install(json: bool) {
-    // Without a handler Ctrl-C still ends the program, as it always does.
+    // Without a handler Ctrl-C ends the program by default.
     let _ = ctrlc::set_handler(move || {
         FIRST.get_or_init(Instant::now);
         let first = SIGNALS.fetch_add(1, Ordering::SeqCst) == 0;
         if !first || DOING.load(Ordering::SeqCst) == LEAVES {
             leave(json);
         }
-        // Not here: a second signal would wait for it.
+        // The wait has a thread of its own, so that the handler stays free for a second signal.
         let watched = thread::Builder::new().spawn(move || {
             thread::sleep(PATIENCE);
             if DOING.load(Ordering::SeqCst) != SAVES {
@@ -56,7 +56,7 @@ pub(crate) fn install(json: bool) {
 }
 
 fn leave(json: bool) -> ! {
-    // If nobody reads stderr, or what fails is its lock, the end doesn't wait for it.
+    // The end waits only this long for the message, since stderr may be blocked or locked.
     const SAYING: Duration = Duration::from_millis(200);
     let (said, heard) = mpsc::channel();
     let saying = thread::Builder::new().spawn(move || {
@@ -72,7 +72,7 @@ fn leave(json: bool) -> ! {
     process::exit(i32::from(Exit::Interrupted.code()))
 }
 
-/// Whether the user wants to stop.
+/// Whether a signal has arrived.
 pub(crate) fn requested() -> bool {
     SIGNALS.load(Ordering::Relaxed) > 0
 }
@@ -82,16 +82,16 @@ pub(crate) fn leaves_time() -> bool {
     FIRST.get().is_none_or(|first| first.elapsed() < SAVING)
 }
 
-/// While this lives a first Ctrl-C may meet something that is worth saving.
+/// A scope in which a first signal may interrupt work that is worth saving.
 pub(crate) struct Rendering;
 
 impl Rendering {
-    /// From now on it stops rendering only, so that the picture so far can be saved.
+    /// Starts the phase in which a signal only stops rendering, so that the picture so far can be saved.
     pub(crate) fn begins() {
         DOING.store(RENDERS, Ordering::SeqCst);
     }
 
-    /// From now on the part of a picture is saved into a file: that is waited for.
+    /// Starts the phase in which a partial picture is saved into a file. The program waits for its end.
     pub(crate) fn saves() {
         DOING.store(SAVES, Ordering::SeqCst);
     }
@@ -103,7 +103,7 @@ impl Drop for Rendering {
     }
 }
 
-/// Removes this file if a signal ends the program.
+/// Sets the file that is removed if a signal ends the program.
 pub(crate) fn remove_on_leaving(file: Option<&Path>) {
     *LEFTOVER.lock().unwrap_or_else(PoisonError::into_inner) = file.map(Path::to_owned);
 }

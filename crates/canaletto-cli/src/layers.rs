@@ -1,4 +1,4 @@
-//! Extra layers as pictures that can be looked at. An EXR holds the numbers themselves; a PNG needs a mapping.
+//! Displayable pictures of extra layers. An EXR holds the numbers themselves; a PNG needs a mapping to colours.
 
 use canaletto::Aabb;
 use canaletto::film::{Layer, Picture, develop};
@@ -20,7 +20,7 @@ With PNG every layer of --aov is a file of its own, name.LAYER.png, and its numb
   the others             light, developed as the picture (--tone, --transfer)
 With EXR all layers are channels of the one file, as they are: normal.X, depth.Z, object_id.X, ...";
 
-/// A layer as a displayable picture, with how its values are encoded.
+/// A layer as a displayable picture, with the transfer curve of its values.
 pub(crate) fn to_image(layer: &Layer, picture: &Picture, film: &FilmSettings, bounds: &Aabb) -> (Image, Transfer) {
     let aov = Aov::from_name(layer.name).unwrap_or(Aov::Cost);
     let pixels: Vec<Rgb> = match aov {
@@ -60,7 +60,7 @@ pub(crate) fn linear(picture: &Picture) -> Image {
     image
 }
 
-/// Fills the values of a channel of [`linear`], by its number, at a range of pixels.
+/// Fills `out` with the values of one channel of [`linear`] at a range of pixels. `channel` is its index.
 pub(crate) fn fill(picture: &Picture, channel: usize, range: Range<usize>, out: &mut [f32]) {
     let Some(mut left) = channel.checked_sub(3) else {
         let component: fn(&Rgb) -> f32 = [|c: &Rgb| c.r, |c: &Rgb| c.g, |c: &Rgb| c.b][channel];
@@ -83,7 +83,7 @@ pub(crate) fn channel_names(aovs: &[Aov]) -> Vec<String> {
 }
 
 fn channel_name(layer: &str, channel: &str) -> String {
-    // Blender and Nuke take letters, digits and underscores for a layer's name.
+    // Blender and Nuke accept letters, digits and underscores in a layer's name.
     format!("{}.{channel}", layer.replace('-', "_"))
 }
 
@@ -119,7 +119,7 @@ fn position(layer: &Layer, bounds: &Aabb) -> Vec<Rgb> {
     triples(layer).map(color).collect()
 }
 
-/// Light by itself, as bright as it is in the picture.
+/// A light layer, with the exposure of the picture.
 fn light(layer: &Layer, picture: &Picture, film: &FilmSettings) -> Vec<Rgb> {
     let largest = picture.pixels.iter().map(|c| c.max_component()).fold(0.0, f32::max);
     let scale = if film.tone == Tone::Scale && largest > 1.0 { 1.0 / largest } else { 1.0 };
@@ -132,7 +132,7 @@ fn fraction(v: f32) -> f32 {
     if v.is_finite() && v != 1.0 { v - v.floor() } else { 1.0 }
 }
 
-/// A colour for a number, bright and unlike its neighbours'; black for 0.
+/// A bright colour for an id, unlike those of adjacent ids; black for 0.
 fn id_color(id: u32) -> Rgb {
     if id == 0 {
         return Rgb::BLACK;
@@ -145,7 +145,7 @@ fn id_color(id: u32) -> Rgb {
     hash ^= hash >> 13;
     let channel = |shift: u32| 0.25 + 0.75 * ((hash >> shift) & 0xff) as f32 / 255.0;
     let mut color = [channel(0), channel(8), channel(16)];
-    // One component lowered: full colours rather than greys.
+    // One component is lowered, which gives saturated colours instead of greys.
     color[(hash >> 24) as usize % 3] *= 0.3;
     Rgb::from(color)
 }
@@ -174,7 +174,7 @@ mod tests {
         }
     }
 
-    /// Every layer of an empty world: no mapping divides by zero.
+    /// Tests every layer of an empty world: no mapping divides by zero.
     #[test]
     fn nothing_maps_to_finite_values() {
         let world = World::build(Scene::default()).unwrap();

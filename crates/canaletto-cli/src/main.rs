@@ -1,7 +1,7 @@
 //! The command `canaletto`: renders scenes, explains their pixels, compares pictures.
 //!
-//! [`command`] has a file for each subcommand; flags that several share are in [`flags`], and [`settings`] is the one
-//! place that says what they mean. Every failure is a [`failure::Failure`], said once, here.
+//! [`command`] has a file for each subcommand. [`flags`] holds the shared flags, and [`settings`] defines their
+//! meaning. Every error is a [`failure::Failure`], which `main` prints once.
 #![forbid(unsafe_code)]
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
@@ -82,7 +82,7 @@ fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(e) => {
-            // Help, the version, or a wrong command line.
+            // The output is the help, the version, or the error of a wrong command line.
             let printed = e.print().and_then(|()| std::io::stdout().flush());
             if !e.use_stderr()
                 && let Err(failure) = stdout::check_open().and(printed.map_err(|e| Failure::stdout(&e)))
@@ -117,7 +117,7 @@ fn run(command: &Command) -> Result<Exit, Failure> {
 }
 
 impl Command {
-    /// Whether stderr is read by a program.
+    /// Whether messages on stderr are JSON.
     fn speaks_json(&self) -> bool {
         matches!(self, Command::Render(flags) if flags.progress == progress::ProgressFlag::Json)
     }

@@ -1,4 +1,4 @@
-//! docs/cli.md, made of the definitions of commands and flags, so that it can't differ from them.
+//! docs/cli.md, generated from the definitions of commands and flags. A test keeps both equal.
 
 use crate::exit::Exit;
 use crate::{Cli, layers};
@@ -105,7 +105,7 @@ fn name(arg: &Arg) -> String {
 
 fn meaning(arg: &Arg) -> String {
     let help = arg.get_long_help().or(arg.get_help()).map(ToString::to_string).unwrap_or_default();
-    // The first line has no full stop, what follows has.
+    // The first line of a help text has no full stop; later paragraphs have one.
     let mut text = help.replacen("\n\n", ". ", 1).split_whitespace().collect::<Vec<_>>().join(" ");
     let values: Vec<_> = arg.get_possible_values().into_iter().filter(|_| arg.get_action().takes_values()).collect();
     let described = |v: &clap::builder::PossibleValue| match v.get_help() {
@@ -142,7 +142,7 @@ fn clap_finds_no_fault() {
     Cli::command().debug_assert();
 }
 
-/// Help is for terminals of 80 columns; what is laid out by hand must fit.
+/// Help is written for terminals of 80 columns. Text with manual line breaks must fit.
 #[test]
 fn examples_are_not_too_wide() {
     for sub in Cli::command().get_subcommands() {

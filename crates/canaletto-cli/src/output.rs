@@ -1,4 +1,4 @@
-//! Where pictures go: names, formats, and the files themselves.
+//! Output of pictures: names, formats and files.
 
 use crate::digest::Digest;
 use crate::exit::Exit;
@@ -52,7 +52,7 @@ pub(crate) struct OutputFlags {
 }
 
 impl OutputFlags {
-    /// The name of the picture of a scene that is called `stem`. `numbered`: frames were asked for.
+    /// The name of the picture of a scene. `stem` is the scene's name; `numbered` says whether the user gave --frames.
     pub(crate) fn default_name(&self, stem: &str, numbered: bool) -> PathBuf {
         let format = self.format.unwrap_or(Format::Png);
         let number = if numbered && format.film().is_none() { ".####" } else { "" };
@@ -99,7 +99,7 @@ pub(crate) enum Format {
 }
 
 impl Format {
-    /// All, with their extensions and what people call them.
+    /// All formats with their extensions and their usual names.
     const ALL: [(Format, &str, &str); 6] = [
         (Format::Png, "png", "PNG"),
         (Format::Exr, "exr", "OpenEXR"),
@@ -113,7 +113,7 @@ impl Format {
         Format::ALL.iter().find(|(format, ..)| *format == self).map_or("", |(_, extension, _)| extension)
     }
 
-    /// The format of a film in one file; nothing for pictures.
+    /// The film format; `None` for pictures.
     pub(crate) fn film(self) -> Option<MovieFormat> {
         match self {
             Format::Png | Format::Exr => None,
@@ -131,10 +131,10 @@ impl fmt::Display for Format {
     }
 }
 
-/// Where the pictures of a command go.
+/// The destination of a command's pictures.
 #[derive(Clone, Debug)]
 pub(crate) struct Output {
-    /// `-`, or a path whose name may hold a run of #.
+    /// `-`, or a path whose name may contain a run of #.
     pattern: PathBuf,
     pub format: Format,
     pub png: PngSettings,
@@ -143,14 +143,15 @@ pub(crate) struct Output {
     /// Whether the ids of an EXR are whole numbers.
     pub uint_ids: bool,
     no_clobber: bool,
-    /// Whether a power cut may take nothing that was written: where there are frames, of which many were finished before.
+    /// Whether written files survive a power cut. This matters for frames, many of which may be finished before it.
     durable: bool,
-    /// Whether a run of # stands for the frame's number: only with --frames.
+    /// Whether a run of # stands for the frame's number, which needs --frames.
     numbered: bool,
 }
 
 impl Output {
-    /// What the flags mean; `stem` is the scene's name. `numbered`: frames were asked for; `many`: more than one.
+    /// Evaluates the flags. `stem` is the scene's name. `numbered` says whether the user gave --frames, `many` whether
+    /// there are several frames.
     pub(crate) fn new(flags: &OutputFlags, stem: &str, numbered: bool, many: bool) -> Result<Output, Failure> {
         let pattern = flags.output.clone().unwrap_or_else(|| flags.default_name(stem, numbered));
         let to_stdout = pattern == Path::new("-");
@@ -221,7 +222,7 @@ impl Output {
         }
     }
 
-    /// The file of a frame's layer, where layers have files of their own.
+    /// The file of a frame's layer, for formats that put layers into files of their own.
     pub(crate) fn layer_path(&self, frame: u32, layer: &str) -> PathBuf {
         let path = self.path(frame);
         let stem = path.file_stem().unwrap_or(OsStr::new("picture")).to_string_lossy().into_owned();
@@ -229,16 +230,16 @@ impl Output {
         path.with_file_name(format!("{stem}.{layer}{extension}"))
     }
 
-    /// Adds what the bytes of a frame's picture depend on: its settings, and all that the flags say about files.
+    /// Adds everything that the bytes of a frame's picture depend on: its settings, and the flags about files.
     pub(crate) fn digest(&self, digest: Digest, texts: &[(String, String)], job: &Job) -> Digest {
-        // Layers of a PNG are in files of their own, and tiles and the frame's number change nothing that isn't told.
+        // Layers of a PNG are in files of their own. Tiles change no pixel. The frame's number is among the texts.
         let aovs = if self.format == Format::Exr { job.aovs.clone() } else { Vec::new() };
         let job = Job { aovs, tile: 0, frame: 0, ..job.clone() };
         let digest = digest.with(&texts).with(&job).with(&self.format).with(&self.png.depth);
         digest.with(&(self.half, self.uint_ids))
     }
 
-    /// How files are written.
+    /// The options for writing files.
     pub(crate) fn options(&self) -> WriteOptions {
         WriteOptions { no_clobber: self.no_clobber, durable: self.durable }
     }
@@ -247,7 +248,7 @@ impl Output {
         self.pattern == Path::new("-")
     }
 
-    /// Finds out before rendering what would make writing fail after it.
+    /// Detects before rendering what would make writing fail after it.
     pub(crate) fn check(&self, files: impl IntoIterator<Item = PathBuf>) -> Result<(), Failure> {
         if self.is_stdout() {
             check_open()?;
@@ -265,35 +266,36 @@ impl Output {
             }
         }
         if self.pattern.metadata().is_ok_and(|old| !old.is_file()) {
-            return Ok(()); // A device or pipe: nothing is put beside it.
+            return Ok(()); // A device or pipe has no temporary file beside it.
         }
         let folder = folder_of(&self.pattern);
         if !folder.is_dir() {
             return Err(wrong(WriteError::NoFolder(folder.to_owned())));
         }
         sweep(folder);
-        // A file without a name: nothing is seen of it, and nothing left.
+        // The test file has no name: it is invisible, and the system removes it.
         match tempfile::tempfile_in(folder) {
             Ok(_) => Ok(()),
             Err(e) => Err(Failure::new(Exit::Failed, format!("can't write into {}: {}", folder.display(), reason(&e)))),
         }
     }
 
-    /// Writes a picture whole or not at all. The part that an interrupted run has left of it is of no more use.
+    /// Writes a complete picture or nothing. Removes the partial picture of an interrupted run, which is obsolete.
     pub(crate) fn write(&self, path: &Path, bytes: &[u8]) -> Result<(), Failure> {
         write(path, self.options(), bytes)?;
         remove_part(path);
         Ok(())
     }
 
-    /// Writes the part that there is of a picture, beside it; returns where. What has no place beside it gets the part itself.
+    /// Writes a partial picture beside its file; returns the path. An output that no file can lie beside receives the
+    /// partial picture itself.
     pub(crate) fn write_part(&self, path: &Path, bytes: &[u8]) -> Result<PathBuf, Failure> {
         let place = if self.has_place_beside(path) { free_for_part(path) } else { path.to_owned() };
         write(&place, WriteOptions::default(), bytes)?;
         Ok(place)
     }
 
-    /// Lets `write` write the part that there is of a picture beside it; returns where.
+    /// Calls `write` to write a partial picture beside its file; returns the path.
     pub(crate) fn write_part_with(
         &self,
         path: &Path,
@@ -310,13 +312,14 @@ impl Output {
         Ok(place)
     }
 
-    /// Whether a part can be put beside this output: not beside the standard output, devices and pipes.
+    /// Whether a file can lie beside this output. None can beside the standard output, devices and pipes.
     pub(crate) fn has_place_beside(&self, path: &Path) -> bool {
         !self.is_stdout() && path.metadata().map_or(true, |old| old.is_file())
     }
 }
 
-/// Writes a file whole or not at all; `-` is the standard output. What a killed program has left beside it is removed.
+/// Writes a complete file or nothing; `-` is the standard output. Removes temporary files that a killed program left
+/// beside it.
 pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
     sweep(folder_of(path));
     write(path, WriteOptions::default(), bytes)
@@ -333,18 +336,18 @@ fn folder_of(file: &Path) -> &Path {
     }
 }
 
-/// A picture would take the place of what it is made from.
+/// The error that an output would replace one of its inputs.
 pub(crate) fn replaced(flag: &str, file: &Path) -> Failure {
     let file = file.display();
     Failure::usage(format!("{flag} {file} would replace a file that is read for it")).help("choose another name")
 }
 
-/// A format that can't hold the picture.
+/// The error that a format can't hold the picture.
 pub(crate) fn unfit(error: &PictureError) -> Failure {
     Failure::new(Exit::Failed, error)
 }
 
-/// What went wrong with a film.
+/// The error of a film.
 pub(crate) fn film_failed(format: Format, error: MovieError) -> Failure {
     match error {
         MovieError::Write(error) => wrong(error),
@@ -380,7 +383,7 @@ fn wrong(error: WriteError) -> Failure {
     }
 }
 
-/// The name around its longest run of #, the last one of several; and the run's length.
+/// The name before and after its longest run of #, and the run's length. Of several longest runs it is the last one.
 fn numbered(path: &Path) -> Option<(&str, usize, &str)> {
     let name = path.file_name()?.to_str()?;
     let longest = name.split(|c| c != '#').map(str::len).max().filter(|length| *length > 0)?;

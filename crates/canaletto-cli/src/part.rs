@@ -1,20 +1,19 @@
-//! Parts of pictures and films that an interrupted run leaves beside them.
+//! Partial pictures and films, which an interrupted run leaves beside their files.
 
 use canaletto_io::picture::SOFTWARE;
 use std::fs::{self, File};
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-/// The key of the text in files that hold part of a picture.
+/// The key of the text in files that hold a partial picture.
 pub(crate) const UNFINISHED: &str = "unfinished";
 
-/// Where the part goes of what was to become this file: `name.partial.png` beside `name.png`, which may be an older picture that is
-/// whole.
+/// The path of the partial file: `name.partial.png` beside `name.png`. The latter may be an older, complete picture.
 pub(crate) fn partial(file: &Path) -> PathBuf {
     numbered(file, 1)
 }
 
-/// The same where several are in the way: the n-th.
+/// The n-th path for the partial file, for cases where earlier ones are taken.
 fn numbered(file: &Path, n: u32) -> PathBuf {
     let mut name = file.file_stem().unwrap_or_default().to_owned();
     name.push(".partial");
@@ -28,13 +27,13 @@ fn numbered(file: &Path, n: u32) -> PathBuf {
     file.with_file_name(name)
 }
 
-/// The first place for a part where nothing is but the part of an earlier run.
+/// The first path that is free or holds the partial file of an earlier run.
 pub(crate) fn free_for_part(file: &Path) -> PathBuf {
     let is_free = |place: &PathBuf| place.symlink_metadata().is_err() || is_part(place);
     (1..).map(|n| numbered(file, n)).find(is_free).unwrap_or_else(|| partial(file))
 }
 
-/// Removes the part that an earlier run has left of what is whole.
+/// Removes the partial file that an earlier run left beside a complete one.
 pub(crate) fn remove_part(whole: &Path) {
     let part = partial(whole);
     if is_part(&part) {
@@ -42,7 +41,7 @@ pub(crate) fn remove_part(whole: &Path) {
     }
 }
 
-/// Whether a file says that it is a part, at its start or, as films do, at its end.
+/// Whether a file is marked as partial. The mark is at its start, or, in films, at its end.
 fn is_part(file: &Path) -> bool {
     if !file.symlink_metadata().is_ok_and(|file| file.is_file()) {
         return false;
@@ -60,7 +59,7 @@ fn is_part(file: &Path) -> bool {
     ends().is_ok_and(|bytes| has(&bytes, UNFINISHED) && (bytes.starts_with(b"GIF8") || has(&bytes, NAME)))
 }
 
-/// The program's name, whatever its version.
+/// The program's name without its version.
 const NAME: &str = SOFTWARE.split_at(9).0;
 
 #[cfg(test)]

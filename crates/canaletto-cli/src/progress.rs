@@ -1,4 +1,4 @@
-//! How far a render has come: a bar, lines of text, or lines of JSON, all on stderr.
+//! Progress of a render on stderr: a bar, lines of text, or lines of JSON.
 
 use crate::failure::eprint_line;
 use crate::interrupt;
@@ -26,7 +26,7 @@ pub(crate) enum ProgressFlag {
     None,
 }
 
-/// How progress is shown.
+/// The form of progress messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Style {
     Silent,
@@ -36,7 +36,7 @@ pub(crate) enum Style {
 }
 
 impl Style {
-    /// What the flags mean here.
+    /// Evaluates the flags; `Auto` depends on stderr.
     pub(crate) fn new(flag: ProgressFlag, quiet: bool) -> Style {
         let terminal = std::io::stderr().is_terminal();
         match flag {
@@ -50,7 +50,7 @@ impl Style {
         }
     }
 
-    /// The least time between two messages.
+    /// The minimum time between two messages.
     fn pause(self) -> Duration {
         Duration::from_millis(match self {
             Style::Plain => 2000,
@@ -60,7 +60,7 @@ impl Style {
     }
 }
 
-/// One event of `--progress json`.
+/// Prints one event of `--progress json`.
 pub(crate) fn emit(event: &impl Serialize) {
     if let Ok(line) = serde_json::to_string(event) {
         eprint_line(&line);
@@ -84,28 +84,28 @@ struct ProgressEvent {
     seconds_left_in_all: f64,
 }
 
-/// The frames around the one that is watched.
+/// All frames of a run, for the estimate of the time left.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Whole {
-    /// How many there are.
+    /// The number of frames.
     pub frames: u64,
-    /// How many are complete.
+    /// The number of complete frames.
     pub done: u64,
-    /// How many of these were rendered now, and how long that took.
+    /// The number of these that this run rendered, and the time for them.
     pub rendered: u64,
     pub spent: Duration,
 }
 
 impl Whole {
-    /// The seconds left for all, with `share` of a frame rendered in `seconds`: as if the frames that are left took as
-    /// long as those so far.
+    /// The seconds left for all frames, with `share` of a frame rendered in `seconds`. Each frame left is taken to need
+    /// the average time so far.
     fn left(&self, share: f64, seconds: f64) -> f64 {
         let each = (self.spent.as_secs_f64() + seconds) / (self.rendered as f64 + share);
         each * ((self.frames - self.done) as f64 - share).max(0.0)
     }
 }
 
-/// Watches one render.
+/// Shows the progress of one render.
 pub(crate) struct Watch {
     style: Style,
     frame: u32,
@@ -122,11 +122,11 @@ struct State {
 }
 
 impl Watch {
-    /// Begins now. `label` says which frame of how many, if there are several.
+    /// Starts the progress display. `label` names the frame and the number of frames, if there are several.
     pub(crate) fn begin(style: Style, frame: u32, label: String, pixels: u64, whole: Whole) -> Watch {
         let bar = (style == Style::Bar).then(|| {
             let bar = ProgressBar::new(pixels);
-            // Only a wrong template fails, and the test below tries this one.
+            // Only an invalid template fails, and a test below uses this one.
             if let Ok(look) = ProgressStyle::with_template(TEMPLATE) {
                 bar.set_style(look.progress_chars("=> "));
             }
@@ -137,7 +137,7 @@ impl Watch {
         Watch { style, frame, label, whole, start: now, bar, state: Mutex::new(State { last: now, pixels_done: 0 }) }
     }
 
-    /// Clears the bar and says how long it took.
+    /// Clears the bar and returns the time that the render took.
     pub(crate) fn finish(self) -> Duration {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
@@ -158,7 +158,7 @@ impl Observer for Watch {
             return;
         }
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
-        // Threads may come here in another order than they finished.
+        // Threads may arrive here in another order than they finished.
         if progress.pixels_done <= state.pixels_done || state.last.elapsed() < self.style.pause() {
             return;
         }
@@ -211,7 +211,7 @@ mod tests {
     #[test]
     fn time_left_in_all() {
         let whole = Whole { frames: 10, done: 5, rendered: 2, spent: Duration::from_secs(20) };
-        // Two and a half frames in 25 seconds: the 4½ that are left take 45.
+        // Two and a half frames took 25 seconds; the 4½ frames left take 45.
         assert_eq!(whole.left(0.5, 5.0), 45.0);
     }
 

@@ -1,4 +1,4 @@
-//! What is said when a picture is finished.
+//! The report about a finished picture.
 
 use crate::words::{count, duration, plural, rate};
 use canaletto::integrator::RayCounts;
@@ -6,40 +6,40 @@ use canaletto::world::ReuseCounts;
 use serde::Serialize;
 use std::time::Duration;
 
-/// The event "done": one picture, finished or interrupted.
+/// The event "done" of one picture, finished or interrupted.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Report {
-    /// "done".
+    /// The text "done".
     pub event: &'static str,
     /// The frame's number.
     pub frame: u32,
     /// Whether every pixel was rendered.
     pub complete: bool,
-    /// Pixels rendered.
+    /// The number of rendered pixels.
     pub pixels_done: u64,
-    /// Pixels in all.
+    /// The number of all pixels.
     pub pixels: u64,
     /// The files written, the picture first; "-" is the standard output.
     pub files: Vec<String>,
-    /// Width and height of the part that was rendered.
+    /// The width and height of the rendered part.
     pub size: [u32; 2],
-    /// Primitives in the world.
+    /// The number of primitives in the world.
     pub primitives: u64,
-    /// Where hierarchies over meshes and clouds come from.
+    /// The numbers of kept, refitted and built hierarchies over meshes and clouds.
     pub hierarchies: ReuseCounts,
-    /// Rays by kind.
+    /// The numbers of rays by kind.
     pub rays: RayCounts,
-    /// Rays in all.
+    /// The number of all rays.
     pub rays_total: u64,
-    /// Rays traced in each second of rendering.
+    /// The rays per second of rendering.
     pub rays_per_second: f64,
-    /// Threads at work.
+    /// The number of threads.
     pub threads: usize,
-    /// Where the time went.
+    /// The duration of each step.
     pub seconds: Times,
 }
 
-/// Seconds of each step.
+/// The durations of the steps in seconds.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub(crate) struct Times {
     pub read: f64,
@@ -49,7 +49,7 @@ pub(crate) struct Times {
 }
 
 impl Report {
-    /// For people, the beginning of a line: one of many frames.
+    /// The start of a line about one of many frames, for people.
     pub(crate) fn line(&self) -> String {
         let Times { read, build, render, write } = self.seconds;
         let time = duration(Duration::from_secs_f64((read + build + render + write).max(0.0)));
@@ -61,7 +61,7 @@ impl Report {
         )
     }
 
-    /// For people, some lines.
+    /// A report of several lines, for people.
     pub(crate) fn text(&self, sampling: &str) -> String {
         let mut out = String::new();
         let [width, height] = self.size;

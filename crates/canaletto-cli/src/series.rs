@@ -1,4 +1,4 @@
-//! The frames of a render, one after the other: what is complete is kept, the rest is rendered and written.
+//! The frames of a render, in order. Complete frames are kept; the others are rendered and written.
 
 use crate::command::render::{Plan, RenderFlags};
 use crate::complete::{is_complete, texts};
@@ -33,30 +33,30 @@ pub(crate) struct Series<'a> {
     plan: &'a Plan,
     reader: Reader,
     film: Option<Movie>,
-    /// Warnings that were told already.
+    /// The warnings that were already printed.
     told: HashSet<String>,
     start: Instant,
-    /// Frames that were rendered, those that were complete before, and the time that the former took.
+    /// The number of rendered frames, the number of frames that were complete before, and the time for the former.
     rendered: u64,
     kept: u64,
     spent: Duration,
 }
 
-/// What a frame is made of. If nothing moves it serves them all.
+/// The state for a frame. If nothing moves, one state serves all frames.
 struct FrameContext {
     camera: String,
     job: Job,
-    /// What the files carry besides pixels.
+    /// The text entries of the files.
     texts: Vec<(String, String)>,
     times: Times,
     scene: Option<Scene>,
     world: Option<World>,
-    /// The world of the frame that was rendered before, which saves work on this one.
+    /// The world of the previously rendered frame, whose hierarchies this frame may reuse.
     before: Option<World>,
     hierarchies: ReuseCounts,
 }
 
-/// About how many rays a picture takes: two for each from the eye.
+/// An estimate of the rays of a picture: two for each camera ray.
 fn rays(job: &Job) -> u64 {
     let [_, _, width, height] = job.window();
     let samples = match job.film.sampling {
@@ -67,10 +67,10 @@ fn rays(job: &Job) -> u64 {
     2 * u64::from(width) * u64::from(height) * u64::from(samples)
 }
 
-/// A frame that was rendered.
+/// A rendered frame.
 struct Rendered {
     report: Report,
-    /// Whether it counts: part of one of many frames is dropped.
+    /// Whether the frame counts. Of many frames, a partial one is dropped.
     whole: bool,
 }
 
@@ -89,11 +89,11 @@ impl<'a> Series<'a> {
         }
     }
 
-    /// Renders all frames; `first` is the scene at the first one, its warnings told.
+    /// Renders all frames. `first` is the scene at the first frame; its warnings are already printed.
     pub(crate) fn run(mut self, first: Source) -> Result<Exit, Failure> {
         let _rendering = interrupt::Rendering;
         if self.plan.frames.count() > 1 {
-            interrupt::Rendering::begins(); // Those that are finished are told, and a film's are kept.
+            interrupt::Rendering::begins(); // Finished frames are reported; those of a film are kept.
         }
         self.told.insert(first.warnings.to_string());
         let moves = self.reader.timeline().moves;
@@ -135,7 +135,7 @@ impl<'a> Series<'a> {
             if !report.complete {
                 return self.interrupted(Some(&report));
             }
-            // Reading and building served this frame; where nothing moves, the next ones cost none of it.
+            // The times of reading and building belong to this frame. If nothing moves, the next frames need neither.
             (frame_context.times.read, frame_context.times.build) = (0.0, 0.0);
             let ReuseCounts { kept, refitted, built } = frame_context.hierarchies;
             frame_context.hierarchies = ReuseCounts { kept: kept + refitted + built, ..ReuseCounts::default() };
@@ -143,7 +143,7 @@ impl<'a> Series<'a> {
         self.finish()
     }
 
-    /// What a scene means for its frame.
+    /// Evaluates the settings of a scene at its frame.
     fn frame_context(&self, source: Source) -> Result<FrameContext, Failure> {
         let settings = Settings::new(&source.name, &source.scene, &self.flags.picture)?;
         let mut texts = metadata(&self.flags.source, &settings);
@@ -168,7 +168,7 @@ impl<'a> Series<'a> {
         })
     }
 
-    /// Whether a frame's files are there, whole, and what would be rendered.
+    /// Whether a frame's files exist, are complete and match what would be rendered.
     fn keeps(&self, frame_context: &FrameContext, frame: u32) -> bool {
         let output = &self.plan.output;
         if self.flags.force || !self.plan.numbered || output.format.film().is_some() || output.is_stdout() {
@@ -222,7 +222,7 @@ impl<'a> Series<'a> {
         } else if rendering.pixels_done > 0 && plan.output.format.film().is_none() {
             self.save_part(frame_context, world, &job, &rendering)?
         } else {
-            Vec::new() // A black picture is worth nothing, and a film has whole frames.
+            Vec::new() // A black picture is worthless, and a film has whole frames.
         };
         let rays_total = rendering.counts.total();
         let report = Report {
@@ -261,7 +261,7 @@ impl<'a> Series<'a> {
         Ok(files.iter().map(|file| file.display().to_string()).collect())
     }
 
-    /// Writes what there is of a picture and its layers beside their files; returns the names.
+    /// Writes a partial picture and its layers beside their files; returns the names.
     fn save_part(
         &self,
         frame_context: &FrameContext,
@@ -273,7 +273,7 @@ impl<'a> Series<'a> {
         let mut names = Vec::new();
         if plan.output.has_place_beside(&files[0]) {
             interrupt::Rendering::saves();
-            // Numbers that floats round need the whole encoder.
+            // Ids that floats would round need the full encoder.
             let is_rounded = rendering.picture.layers.iter().any(|layer| !layer.ids.is_empty());
             if plan.output.format == Format::Exr && !is_rounded {
                 names.push(self.save_exr_part(frame_context, job, rendering, &files[0])?);
@@ -291,7 +291,7 @@ impl<'a> Series<'a> {
         Ok(names)
     }
 
-    /// Writes what there is of a picture with its layers into an EXR beside its file; returns its name.
+    /// Writes a partial picture with its layers into an EXR beside its file; returns its name.
     fn save_exr_part(
         &self,
         frame_context: &FrameContext,
@@ -314,7 +314,7 @@ impl<'a> Series<'a> {
         ExrOptions { uncompressed: false, half, uint_ids, window: Some(window(job)) }
     }
 
-    /// The texts of a picture's file, or that of a layer.
+    /// The text entries of a picture's file, or of a layer's file.
     fn texts(
         &self,
         frame_context: &FrameContext,
@@ -329,7 +329,8 @@ impl<'a> Series<'a> {
         texts
     }
 
-    /// Calls `write` with the bytes of each file of a picture: the picture itself, then layers that have files of their own.
+    /// Calls `write` with the bytes of each file of a picture: the picture itself, then layers that have files of their
+    /// own.
     fn encode(
         &self,
         frame_context: &FrameContext,
@@ -345,7 +346,7 @@ impl<'a> Series<'a> {
             let bytes = encode_exr(&layers::linear(picture), options, &texts(None)).map_err(|e| unfit(&e))?;
             return write(0, &bytes);
         }
-        // Part of a picture is written in the time that a signal leaves.
+        // A partial picture must be written in the time that a signal leaves.
         let goes_on = || rendering.complete || interrupt::leaves_time();
         let compression = if rendering.complete { output.png.compression } else { Compression::Fast };
         let png = PngSettings { compression, ..output.png };
@@ -390,7 +391,7 @@ impl<'a> Series<'a> {
         Ok(())
     }
 
-    /// Says that a frame is done.
+    /// Reports that a frame is done.
     fn tell(&self, report: &Report, job: &Job) {
         match self.plan.style {
             Style::Json => emit(report),
@@ -407,7 +408,7 @@ impl<'a> Series<'a> {
         }
     }
 
-    /// The end: the film gets its name.
+    /// Finishes the run and gives the film its name.
     fn finish(self) -> Result<Exit, Failure> {
         let format = self.plan.output.format;
         if let Some(film) = self.film {
@@ -439,7 +440,8 @@ impl<'a> Series<'a> {
         Ok(Exit::Done)
     }
 
-    /// Says what there is and how to go on. `report`: the frame that was interrupted, if one was.
+    /// Reports the result of an interrupted run and how to continue it. `report` is that of the interrupted frame, if
+    /// there is one.
     fn interrupted(self, report: Option<&Report>) -> Result<Exit, Failure> {
         let (json, plan, done) = (self.plan.style == Style::Json, self.plan, self.rendered + self.kept);
         let (frames, format) = (plan.frames, plan.output.format);
@@ -476,13 +478,13 @@ impl<'a> Series<'a> {
         Ok(Exit::Interrupted)
     }
 
-    /// Puts the frames so far of a film beside it; returns where.
+    /// Saves a partial film of the finished frames beside the film's file; returns its path.
     fn save_film_part(plan: &Plan, film: Movie) -> Result<Option<String>, Failure> {
         let format = plan.output.format;
         let path = plan.output.path(0);
         let beside = plan.output.has_place_beside(&path);
         let place = if beside { free_for_part(&path) } else { path };
-        // What ffmpeg has to do may take long: it isn't waited for.
+        // The program doesn't wait for ffmpeg, which may take long.
         if beside && format.film().is_some_and(|film| !film.needs_ffmpeg()) {
             interrupt::Rendering::saves();
         }
@@ -493,7 +495,7 @@ impl<'a> Series<'a> {
     }
 }
 
-/// How much of a picture is rendered.
+/// The rendered share of a picture in percent.
 fn percent(report: &Report) -> String {
     match report.pixels_done * 100 / report.pixels.max(1) {
         0 => "less than 1%".to_owned(),
@@ -512,7 +514,7 @@ fn one_interrupted(paint: &str, report: &Report) -> String {
     }
 }
 
-/// Where the rendered part lies in the camera's picture.
+/// The rendered part's place in the camera's picture.
 fn window(job: &Job) -> Window {
     let [x, y, ..] = job.window();
     Window { at: [x as i32, y as i32], whole: job.camera.size() }

@@ -1,4 +1,4 @@
-//! What the flags mean: the one place where they meet the scene's own settings.
+//! The meaning of the flags: they are combined with the scene's own settings in this module only.
 
 use crate::exit::Exit;
 use crate::failure::Failure;
@@ -10,7 +10,7 @@ use canaletto::scene::{FilmSettings, Filter, IntegratorSettings, Sampling, Scene
 use canaletto_io::picture::MAX_PIXELS;
 use canaletto_io::text::closest_word;
 
-/// The job that a command does, and the name of its camera.
+/// The job of a command, and the name of its camera.
 #[derive(Clone, Debug)]
 pub(crate) struct Settings {
     /// All that a picture depends on besides the world.
@@ -19,13 +19,13 @@ pub(crate) struct Settings {
     pub camera: String,
 }
 
-/// The grid of `--sample regular`, `jittered` and `adaptive` where neither --samples nor the scene says how many: 4 × 4.
+/// The grid of `--sample regular`, `jittered` and `adaptive`, 4 × 4, if neither --samples nor the scene gives a number.
 const GRID: u32 = 4;
-/// The difference that `--sample adaptive` refines where the scene doesn't say.
+/// The threshold of `--sample adaptive`, if the scene gives none.
 const THRESHOLD: f32 = 0.1;
 
 impl Settings {
-    /// What the flags make of a scene. `name` is the scene's file.
+    /// Combines the flags with a scene. `name` is the scene's file.
     pub(crate) fn new(name: &str, scene: &Scene, flags: &PictureFlags) -> Result<Settings, Failure> {
         let view = choose_view(name, &scene.views, flags.camera.as_deref())?;
         let mut view = view.clone();
@@ -53,7 +53,7 @@ impl Settings {
         Ok(Settings { job, camera: view.name })
     }
 
-    /// Whether the picture has no more pixels than a file can hold.
+    /// Checks that a file can hold the picture's number of pixels.
     pub(crate) fn check_pixels(&self) -> Result<(), Failure> {
         let [_, _, width, height] = self.job.window();
         let pixels = u64::from(width) * u64::from(height);
@@ -96,8 +96,9 @@ fn choose_view<'a>(name: &str, views: &'a [View], wanted: Option<&str>) -> Resul
     })
 }
 
-/// `--samples` alone leaves the places to the sampler (or takes the centre for 1), so that the flag means the same for every
-/// scene; and so does `--sampler` alone, unless the scene's own rays go to places of their own.
+/// Combines the flags about samples. `--samples` alone leaves the positions to the sampler, or takes the centre for 1.
+/// Its meaning doesn't depend on the scene. `--sampler` alone does so too, unless the scene chooses the positions of
+/// its rays.
 fn sampling(own: Sampling, flags: &PictureFlags) -> Result<Sampling, Failure> {
     let (own_n, own_threshold) = match own {
         Sampling::Corner | Sampling::Center | Sampling::Sampled(_) => (None, THRESHOLD),
@@ -132,7 +133,7 @@ fn sampling(own: Sampling, flags: &PictureFlags) -> Result<Sampling, Failure> {
     }
 }
 
-/// n of a grid of n × n rays.
+/// The side n of a grid of n × n rays.
 fn side(samples: Option<u32>, own: Option<u32>) -> Result<u32, Failure> {
     let Some(samples) = samples else { return Ok(own.unwrap_or(GRID)) };
     let root = samples.isqrt();
@@ -150,7 +151,7 @@ fn side(samples: Option<u32>, own: Option<u32>) -> Result<u32, Failure> {
     Ok(root)
 }
 
-/// How a sampling is called on the command line, with the rays of a pixel.
+/// The name of a sampling on the command line, with the number of rays per pixel.
 pub(crate) fn sampling_words(film: &FilmSettings) -> String {
     match film.sampling {
         Sampling::Corner => "1 ray per pixel, through its corner".into(),
@@ -164,8 +165,8 @@ pub(crate) fn sampling_words(film: &FilmSettings) -> String {
     }
 }
 
-/// The settings that a picture's file carries for people and programs to read: nothing that its bytes don't depend on (no time, no
-/// thread count).
+/// The settings that a picture's file carries for people and programs to read. All of them affect its bytes: there is
+/// no time and no thread count.
 pub(crate) fn metadata(source: &SourceFlags, settings: &Settings) -> Vec<(String, String)> {
     let Job { camera, film, integrator, seed, .. } = &settings.job;
     let [width, height] = camera.size();
@@ -203,7 +204,7 @@ fn filter_words(filter: Filter) -> String {
     }
 }
 
-/// `"a", "b" and "c"`, cut after a dozen.
+/// Formats names as `"a", "b" and "c"`, cut after a dozen.
 pub(crate) fn list(names: &[&str]) -> String {
     const MOST: usize = 12;
     let quoted: Vec<String> = names.iter().take(MOST).map(|name| format!("\"{name}\"")).collect();

@@ -1,4 +1,4 @@
-//! From the name of a scene or model to its description and its world.
+//! Reading of scenes and models, and building of their worlds.
 
 use crate::digest::{hash_of, hash_on, hash_start};
 use crate::exit::Exit;
@@ -22,33 +22,33 @@ use std::time::{Duration, Instant};
 pub(crate) struct Source {
     /// The file's name as the user wrote it.
     pub name: String,
-    /// What it describes.
+    /// The scene's description.
     pub scene: Scene,
-    /// Doubts about it.
+    /// Warnings about the scene.
     pub warnings: Diagnostics,
-    /// Every file that was read for it, in the order of reading.
+    /// Every file that was read, in the order of reading.
     pub files: Vec<UsedFile>,
-    /// How long reading took.
+    /// The duration of reading.
     pub time: Duration,
 }
 
-/// A file that a scene is made of.
+/// An input file of a scene.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct UsedFile {
-    /// Its name as shown in messages.
+    /// The name for messages.
     pub file: String,
-    /// Its place from the scene's folder, wherever that lies.
+    /// The path relative to the scene's folder.
     #[serde(skip)]
     pub place: PathBuf,
-    /// Its size.
+    /// The size in bytes.
     pub bytes: u64,
-    /// A hash of its content.
+    /// A hash of the content.
     #[serde(skip)]
     pub hash: u64,
 }
 
 impl Source {
-    /// Reads a scene or model at a frame; without one, at its first.
+    /// Reads a scene or model at a frame. The default is its first frame.
     pub(crate) fn read(flags: &SourceFlags, frame: Option<u32>) -> Result<Source, Failure> {
         let mut reader = Reader::open(flags)?;
         let frame = frame.unwrap_or(reader.first_frame());
@@ -62,28 +62,28 @@ pub(crate) struct Reader {
     pub name: String,
     kind: Kind,
     assets: Recording,
-    /// How long opening took.
+    /// The duration of opening.
     time: Duration,
 }
 
 enum Kind {
     SceneDocument(Box<SceneDocument>),
-    /// The name to read it by.
+    /// A model, with the name to read it by.
     Model(String),
 }
 
 /// The name of a scene that is read from the standard input.
 pub(crate) const STDIN: &str = "-";
-/// What that is called in messages.
+/// The name of the standard input in messages.
 const STDIN_NAME: &str = "<stdin>";
 
 impl Reader {
-    /// Opens what the flags name.
+    /// Opens the scene or model that the flags name.
     pub(crate) fn open(flags: &SourceFlags) -> Result<Reader, Failure> {
         Reader::open_file(&flags.scene, &flags.set, flags.allow_outside)
     }
 
-    /// Opens a file with changes to its values.
+    /// Opens a file; `set` changes its values.
     pub(crate) fn open_file(path: &Path, set: &[String], allow_outside: bool) -> Result<Reader, Failure> {
         let start = Instant::now();
         memory::working_at("reading the scene");
@@ -152,26 +152,26 @@ impl Reader {
         })
     }
 
-    /// Chooses the camera whose shutter counts.
+    /// Chooses the camera whose shutter applies.
     pub(crate) fn look_through(&mut self, camera: Option<&str>) {
         if let (Kind::SceneDocument(document), Some(camera)) = (&mut self.kind, camera) {
             document.look_through(camera);
         }
     }
 
-    /// How it counts time.
+    /// The timeline of the animation.
     pub(crate) fn timeline(&self) -> Timeline {
         if let Kind::SceneDocument(document) = &self.kind { *document.timeline() } else { Timeline::default() }
     }
 
-    /// Changes the frames of a second.
+    /// Sets the frames per second.
     pub(crate) fn set_fps(&mut self, fps: f64) {
         if let Kind::SceneDocument(document) = &mut self.kind {
             document.set_fps(fps);
         }
     }
 
-    /// The frame that is meant where none is named.
+    /// The default frame.
     pub(crate) fn first_frame(&self) -> u32 {
         if let Kind::SceneDocument(document) = &self.kind { document.first_frame() } else { 0 }
     }
@@ -181,7 +181,7 @@ impl Reader {
         if let Kind::SceneDocument(document) = &self.kind { document.key_frames() } else { Vec::new() }
     }
 
-    /// The output among these that would replace a file of the scene, whichever frame needs that.
+    /// The first of these outputs that would replace an input file of the scene at any frame.
     pub(crate) fn replaced_by(&self, outputs: impl IntoIterator<Item = PathBuf>) -> Option<PathBuf> {
         let guard = Guard::new(outputs);
         if guard.is_idle() {
@@ -204,13 +204,13 @@ impl Reader {
             Kind::Model(file) => import::load(file, &self.assets)?,
         };
         let files = self.assets.files.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        // Opening belongs to the first frame.
+        // The time of opening is added to that of the first frame.
         let time = std::mem::take(&mut self.time) + start.elapsed();
         Ok(Source { name: self.name.clone(), scene, warnings, files, time })
     }
 }
 
-/// A file that the user named and that isn't there, with the one that is probably meant.
+/// The error about a missing file that the user named. A hint names a similar file.
 fn missing(path: &Path, error: &io::Error) -> Failure {
     let failure = Failure::new(Exit::Scene, format!("can't open {}: {}", path.display(), reason(error)));
     if let Ok(target) = path.read_link() {
@@ -239,7 +239,7 @@ pub(crate) fn seen_through(camera: &str, scene: &Scene, options: BuildOptions) -
     BuildOptions { view: scene.views.iter().position(|view| view.name == camera).unwrap_or(0), ..options }
 }
 
-/// Builds a scene's world; `name` is its file's. What stayed as it was in the world of the frame before is kept.
+/// Builds a scene's world; `name` is the scene's file. Unchanged parts of the previous frame's world are reused.
 pub(crate) fn build(
     name: &str,
     scene: Scene,
@@ -262,7 +262,7 @@ pub(crate) fn build(
     Ok((world, start.elapsed()))
 }
 
-/// What to do about a scene that can't be built.
+/// A hint for a scene that can't be built.
 fn advice(error: &BuildError) -> Option<&'static str> {
     Some(match error {
         BuildError::TooManyInstances | BuildError::TooManyCopies(_) => {
@@ -281,7 +281,7 @@ fn advice(error: &BuildError) -> Option<&'static str> {
     })
 }
 
-/// Runs `work` on as many threads as the user wants.
+/// Runs `work` on the number of threads that the user chose.
 pub(crate) fn on_threads<T: Send>(threads: Option<u16>, work: impl FnOnce() -> T + Send) -> Result<T, Failure> {
     let threads = threads.map_or(0, usize::from);
     let mut pool = rayon::ThreadPoolBuilder::new()
@@ -289,7 +289,8 @@ pub(crate) fn on_threads<T: Send>(threads: Option<u16>, work: impl FnOnce() -> T
         .thread_name(|index| format!("canaletto-{index}"))
         .stack_size(STACK);
     if has_room() {
-        // Not to start a thread, and to wait for it to begin and to end, is a twentieth of a small picture's time.
+        // This thread takes part in the pool. To start another thread and to wait for its start and end takes a
+        // twentieth of a small picture's time.
         pool = pool.use_current_thread();
     }
     let pool = pool.build().map_err(|e| {
@@ -299,11 +300,11 @@ pub(crate) fn on_threads<T: Send>(threads: Option<u16>, work: impl FnOnce() -> T
     Ok(pool.install(work))
 }
 
-/// Room for rays of depth 256 and groups as deep as a world allows.
+/// The stack size in bytes for rays of depth 256 and groups as deep as a world allows.
 const STACK: usize = 16 << 20;
 
-/// Whether this thread's stack has as much room. Linux lets the first thread's grow up to a limit that may be raised while it runs, as
-/// it keeps 128 MiB free for it.
+/// Whether this thread's stack can have [`STACK`] bytes. Linux lets the first thread's stack grow up to a limit, which
+/// the process may raise. It keeps 128 MiB free for that stack.
 #[cfg(target_os = "linux")]
 fn has_room() -> bool {
     use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
@@ -317,14 +318,14 @@ fn has_room() -> bool {
     false
 }
 
-/// Remembers what is read.
+/// Assets that record each file that is read.
 struct Recording {
     inner: FolderAssets,
     files: Mutex<Vec<UsedFile>>,
 }
 
 impl Recording {
-    /// Remembers a file, whose hash is asked for if it isn't known.
+    /// Records a file. `hash` is called only for a file that isn't recorded yet.
     fn note(&self, path: &AssetPath, bytes: usize, hash: impl FnOnce() -> io::Result<u64>) -> io::Result<()> {
         let mut files = self.files.lock().unwrap_or_else(PoisonError::into_inner);
         if !files.iter().any(|used| used.file == path.name()) {

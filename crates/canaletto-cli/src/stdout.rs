@@ -1,4 +1,4 @@
-//! Results go to the standard output; whoever reads them may stop reading.
+//! Results on the standard output, whose reader may close it early.
 
 use crate::exit::Exit;
 use crate::failure::Failure;
@@ -16,13 +16,13 @@ pub(crate) fn print_json(value: &serde_json::Value) -> Result<(), Failure> {
     print(&format!("{value:#}\n"))
 }
 
-/// Whether there is a standard output at all. One that the caller has closed (`>&-`) would swallow results without a word.
+/// Checks that there is a standard output. If the caller has closed it (`>&-`), results would be lost silently.
 pub(crate) fn check_open() -> Result<(), Failure> {
     if is_closed() { Err(Failure::new(Exit::Failed, "the standard output is closed")) } else { Ok(()) }
 }
 
-/// Before `main`, std opens `/dev/null` for reading and writing in the place of a standard output that is closed. One that the
-/// user sends there is open for writing only.
+/// Whether the standard output is closed. Before `main`, std opens `/dev/null` in its place for reading and writing. A
+/// redirection by the user opens it for writing only.
 #[cfg(target_os = "linux")]
 fn is_closed() -> bool {
     use rustix::fs::{OFlags, fcntl_getfl, fstat, major, minor};

@@ -1,14 +1,15 @@
-//! Colours, where there is a terminal that wants them.
+//! Colours for terminals that support them.
 
 use std::env;
 use std::io::{self, IsTerminal};
 
-/// Paints words, or leaves them alone.
+/// Adds colours to words, or leaves the words unchanged.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Paint(bool);
 
 impl Paint {
-    /// For stderr: colours only on a terminal, and not if NO_COLOR is set (no-color.org) or the terminal is dumb.
+    /// The setting for stderr. There are colours only on a terminal, unless NO_COLOR is set (no-color.org) or the
+    /// terminal is dumb.
     pub(crate) fn stderr() -> Paint {
         let unwanted = env::var_os("NO_COLOR").is_some_and(|v| !v.is_empty());
         let dumb = env::var_os("TERM").is_some_and(|v| v == "dumb");

@@ -1,11 +1,12 @@
-//! Numbers as people read them.
+//! Numbers formatted for people.
 
 use std::time::Duration;
 
-/// The version of what `--json` prints: it rises when a field changes its meaning or goes. docs/json.md has them all.
+/// The version of the output of `--json`. It rises when a field changes its meaning or is removed. docs/json.md lists
+/// all fields.
 pub(crate) const JSON_VERSION: u32 = 1;
 
-/// 1234567 as "1,234,567".
+/// Formats 1234567 as "1,234,567".
 pub(crate) fn count(n: u64) -> String {
     let digits = n.to_string();
     let mut out = String::new();
@@ -18,12 +19,12 @@ pub(crate) fn count(n: u64) -> String {
     out
 }
 
-/// "1 ray", "2,000 rays".
+/// A number with its noun, such as "1 ray" or "2,000 rays".
 pub(crate) fn plural(n: u64, noun: &str) -> String {
     format!("{} {noun}{}", count(n), if n == 1 { "" } else { "s" })
 }
 
-/// "31 ms", "4.2 s", "2 min 5 s", "3 h 20 min".
+/// A duration, such as "31 ms", "4.2 s", "2 min 5 s" or "3 h 20 min".
 pub(crate) fn duration(time: Duration) -> String {
     let seconds = time.as_secs_f64();
     let whole = seconds.round() as u64;
@@ -36,12 +37,12 @@ pub(crate) fn duration(time: Duration) -> String {
     }
 }
 
-/// Rays each second.
+/// A number of rays per second.
 pub(crate) fn rate(rays: f64) -> String {
     format!("{} rays/s", scaled(rays, 1000.0, &["", " k", " M", " G"]))
 }
 
-/// Bytes.
+/// A number of bytes.
 pub(crate) fn bytes(n: u64) -> String {
     scaled(n as f64, 1024.0, &[" B", " KiB", " MiB", " GiB", " TiB"])
 }
@@ -56,10 +57,10 @@ fn scaled(mut value: f64, step: f64, units: &[&str]) -> String {
     format!("{value:.digits$}{}", units[unit])
 }
 
-/// At most six digits that count.
+/// Rounds to six significant digits.
 pub(crate) fn short(v: f64) -> f64 {
     let short: f64 = format!("{v:.5e}").parse().unwrap_or(v);
-    // Without the sign of a zero.
+    // The addition removes the sign of a zero.
     short + 0.0
 }
 

@@ -1,4 +1,4 @@
-//! The binary as people and scripts use it: files in, files and exit codes out.
+//! Tests of the binary as people and scripts use it: files in, files and exit codes out.
 
 use canaletto_io::picture::{Decoded, decode};
 use serde_json::Value;
@@ -7,7 +7,7 @@ use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};
 
-/// A ball over a floor, a mirror and glass: every kind of ray.
+/// A ball over a floor, a mirror and glass. They produce every kind of ray.
 const SCENE: &str = r#"
 background 0.4 0.4 0.4
 ambient 0.2 0.2 0.2
@@ -25,7 +25,7 @@ light "omni" { position 3 5 4; intensity 0.8 0.8 0.8 }
 struct Folder(tempfile::TempDir);
 
 impl Folder {
-    /// A folder with the scene in it as s.kdl.
+    /// A folder that contains the scene as s.kdl.
     fn new() -> Folder {
         let folder = Folder(tempfile::tempdir().unwrap());
         folder.write("s.kdl", SCENE);
@@ -50,7 +50,7 @@ impl Folder {
         Ran(self.command(arguments).output().unwrap())
     }
 
-    /// All files, but for the scene.
+    /// The names of all files except the scene.
     fn names(&self) -> Vec<String> {
         let entries = fs::read_dir(self.0.path()).unwrap();
         let mut names: Vec<String> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
@@ -79,7 +79,7 @@ impl Ran {
         String::from_utf8_lossy(&self.0.stderr).into_owned()
     }
 
-    /// Asserts the exit code, and that words are in what was said.
+    /// Asserts the exit code, and that the output contains these words.
     #[track_caller]
     fn says(&self, code: i32, words: &[&str]) -> &Ran {
         let said = self.out() + &self.err();
@@ -296,7 +296,7 @@ fn threads_and_tiles_change_no_byte() {
 #[test]
 fn work_on_hierarchies_changes_no_byte() {
     let folder = Folder::new();
-    // Splinters, crosswise, every sixteenth of them so long that it is split.
+    // The mesh has crosswise splinters. Every sixteenth of them is so long that it is split.
     let mut mesh = String::new();
     for n in 0..300 {
         let (x, y) = ((n % 20) as f32 * 0.2 - 2.0, (n / 20) as f32 * 0.2 - 1.5);
@@ -324,7 +324,7 @@ fn work_on_hierarchies_changes_no_byte() {
     assert_ne!(memory("high"), memory("medium"), "the same trees");
     let pixel = "explain long.kdl -p 12,8 --build";
     assert_eq!(folder.run(&format!("{pixel} high")).out(), folder.run(&format!("{pixel} medium")).out());
-    // Frames of the one are complete for the other.
+    // Frames of one build quality are complete for the other.
     folder.run("render long.kdl --frames 1-2 -o f.#.png").says(0, &["2 frames rendered"]);
     folder.run("render long.kdl --frames 1-2 -o f.#.png --build high").says(0, &["2 complete before"]);
     folder.run("render long.kdl --build best").says(2, &["medium, high"]);
@@ -389,7 +389,7 @@ fn compare_measures() {
     folder.run("render s.kdl -q -o plain.png --transfer none").says(0, &[]);
     folder.run("render s.kdl -q -o small.png --size 12x8").says(0, &[]);
     folder.run("compare a.png a.png").says(0, &["the pictures are equal"]);
-    // Rounded to the bits of the PNG and with its curve, an EXR is the same picture.
+    // An EXR equals the PNG once it has the PNG's curve and is rounded to its bits.
     folder.run("compare a.png a.exr --threshold max=0.005").says(0, &[]);
     folder.run("compare a.exr plain.png --threshold max=0.005").says(0, &[]);
     folder.run("compare a.exr a.png --linear --threshold rmse=0.05").says(0, &[]);
@@ -409,7 +409,7 @@ fn compare_measures() {
 #[test]
 fn light_that_is_seen_alike_is_not_equal() {
     let folder = Folder::new();
-    // Both skies are white in a picture; in light one is twice the other.
+    // Both skies are white in a picture; in linear light one has twice the radiance of the other.
     for (name, sky) in [("a", "4"), ("b", "8")] {
         folder.run(&format!("render s.kdl -q -o {name}.exr --aov depth --set background={sky}")).says(0, &[]);
         folder.run(&format!("render s.kdl -q -o {name}.png --set background={sky} --max-depth 1")).says(0, &[]);
@@ -496,7 +496,7 @@ fn scripts_for_shells_and_manuals() {
     assert!(page.contains(".TH canaletto-render 1") && page.contains(r"no\-clobber"));
 }
 
-/// Starts a render that takes minutes and waits until some of it is done.
+/// Starts a render that takes minutes, and waits until a part of it is done.
 #[cfg(unix)]
 fn long_render(folder: &Folder) -> (std::process::Child, Vec<String>, impl Iterator<Item = String> + use<>) {
     let arguments = "render s.kdl --progress json --size 3000x2000 --samples 64 --tile 16 -o long.png";
@@ -549,7 +549,7 @@ fn colours_are_for_terminals() {
     assert!(!said.contains('\x1b'), "{said}");
 }
 
-/// All kinds of hierarchies, at many rays: meshes, clouds, single shapes, clear ones, shadows from a disk.
+/// Covers all kinds of hierarchies with many rays: meshes, clouds, single shapes, clear objects, shadows from a disk.
 #[test]
 fn no_picture_depends_on_the_instructions() {
     let folder = Folder::new();

@@ -1,4 +1,4 @@
-//! Animations on the command line: frames, going on after a stop, films.
+//! Animations on the command line: frames, continuation after an interruption, films.
 
 use canaletto_io::picture::{Decoded, decode};
 use std::fs;
@@ -38,7 +38,7 @@ impl Folder {
         self.command(arguments).output().unwrap()
     }
 
-    /// Runs and expects an exit code and words on stderr or stdout.
+    /// Runs a command and expects an exit code and words on stderr or stdout.
     #[track_caller]
     fn says(&self, arguments: &str, code: i32, words: &[&str]) -> String {
         said(self.run(arguments), code, words)
@@ -86,7 +86,7 @@ fn frames_move() {
     assert_eq!(folder.names(), ["f.01.png", "f.05.png", "f.09.png"]);
     let places = ["f.01.png", "f.05.png", "f.09.png"].map(|name| ball(&folder.picture(name)));
     assert!(places[0] < 6 && (11..=13).contains(&places[1]) && places[2] > 18, "{places:?}");
-    // Without frames it is the scene's first; explain and check may look at any.
+    // Without --frames, the scene's first frame is rendered. explain and check accept any frame.
     folder.says("render s.kdl -q", 0, &[]);
     assert_eq!(folder.picture("s.png").image, folder.picture("f.01.png").image);
     folder.says("explain s.kdl --frame 5 -p 12,8", 0, &["ball"]);
@@ -97,7 +97,7 @@ fn frames_move() {
     folder.says("render s.kdl --fps 0", 2, &["between 0.01 and 1000"]);
 }
 
-/// The `png` crate panics at its palette.
+/// A PNG whose palette makes the `png` crate panic.
 const PALETTE_OF_FOUR_BYTES: &[u8] = include_bytes!("../../canaletto-io/tests/fuzz/seeds/palette-of-four-bytes.png");
 
 #[test]
@@ -106,7 +106,7 @@ fn what_breaks_a_decoder_in_the_place_of_a_frame_is_replaced() {
     folder.says("render s.kdl --frames 1-3 -o f.#.png", 0, &["3 frames rendered"]);
     let whole = ["f.1.png", "f.2.png", "f.3.png"].map(|name| fs::read(folder.path(name)).unwrap());
     fs::write(folder.path("f.1.png"), PALETTE_OF_FOUR_BYTES).unwrap();
-    // 16384 x 16384 pixels in the header of a few bytes.
+    // The header announces 16384 x 16384 pixels in a file of few bytes.
     let mut large = PALETTE_OF_FOUR_BYTES.to_vec();
     large[16..24].copy_from_slice(&[0, 0, 0x40, 0, 0, 0, 0x40, 0]);
     fs::write(folder.path("f.2.png"), &large).unwrap();
@@ -123,7 +123,7 @@ fn complete_frames_are_kept() {
     let folder = Folder::new();
     folder.says("render s.kdl --frames 1-3 -o f.#.png --aov depth", 0, &["3 frames rendered"]);
     let before = folder.time("f.1.png");
-    // One is cut off, one lacks a layer, one belongs to another size.
+    // One frame is cut off, one lacks a layer, one has another size.
     let bytes = fs::read(folder.path("f.2.png")).unwrap();
     fs::write(folder.path("f.2.png"), &bytes[..bytes.len() / 2]).unwrap();
     fs::remove_file(folder.path("f.3.depth.png")).unwrap();
@@ -138,7 +138,7 @@ fn complete_frames_are_kept() {
     folder.says(again, 0, &["0 frames rendered, 4 complete before"]);
     let json = folder.says(&format!("{again} --progress json"), 0, &["\"skipped\":4", "\"rendered\":0"]);
     assert_eq!(json.matches("\"event\":\"skipped\"").count(), 4);
-    // What would look different is rendered again: another size, other settings, another scene.
+    // Frames that would differ are rendered again: another size, other settings, another scene.
     for change in ["--force", "--size 12x8", "--samples 4", "--seed 7", "--set sphere.ball.radius=2", "--bits 16"] {
         folder.says(&format!("{again} {change}"), 0, &["4 frames rendered"]);
     }
@@ -157,7 +157,7 @@ fn exr_frames_are_kept_with_their_layers() {
     folder.says(run, 0, &["2 frames rendered"]);
 }
 
-/// What a second command would make differently is rendered again, back and forth; what it wouldn't is kept.
+/// Frames that a second command would render differently are rendered again, in both directions. The others are kept.
 #[test]
 fn only_frames_of_the_same_command_are_kept() {
     let folder = Folder::new();
@@ -190,11 +190,11 @@ fn only_frames_of_the_same_command_are_kept() {
             folder.says(&with, 0, &["2 frames rendered"]);
             folder.says(&with, 0, &["2 complete before"]);
         }
-        // A PNG doesn't depend on the layers beside it, an EXR holds them.
+        // A PNG doesn't depend on the layers beside it; an EXR contains them.
         folder.says(&run, 0, &[if format == "png" { "2 complete before" } else { "2 frames rendered" }]);
         folder.says(&format!("{run} --threads 1 --tile 8 --build high"), 0, &["2 complete before"]);
     }
-    // Another version of the program.
+    // The files come from another version of the program.
     let old = b"Canaletto ";
     for name in ["f.1.png", "f.1.exr"] {
         let mut bytes = fs::read(folder.path(name)).unwrap();
@@ -210,7 +210,7 @@ fn only_frames_of_the_same_command_are_kept() {
         let format = &name[4..];
         folder.says(&format!("render s.kdl --frames 1-2 -o f.#.{format}"), 0, &["1 frame rendered, 1 complete before"]);
     }
-    // A scene that lies elsewhere is the same scene.
+    // A moved scene has an equal digest.
     fs::create_dir(folder.path("moved")).unwrap();
     fs::copy(folder.path("s.kdl"), folder.path("moved/s.kdl")).unwrap();
     folder.says("render moved/s.kdl --frames 1-2 -o f.#.png", 0, &["2 complete before"]);
@@ -242,12 +242,12 @@ fn files_are_read_once() {
         .unwrap();
     let text = folder.says("render s.kdl --frames 1-3 -o f.#.png --progress json", 0, &[]);
     assert_eq!(text.matches("\"event\":\"done\"").count(), 3, "{text}");
-    // A changed mesh is another scene.
+    // A changed mesh changes the scene.
     fs::write(folder.path("m.obj"), "v 0 0 0\nv 2 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
     folder.says("render s.kdl --frames 1-3 -o f.#.png", 0, &["3 frames rendered"]);
 }
 
-/// Kept, refitted and built hierarchies of each frame that was rendered.
+/// The numbers of kept, refitted and built hierarchies of each rendered frame.
 fn hierarchies(events: &str) -> Vec<[u64; 3]> {
     let events = events.lines().filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok());
     let done = events.filter(|event| event["event"] == "done");
@@ -283,13 +283,13 @@ fn what_stays_between_frames_changes_no_byte() {
     let bytes = |name: &str, frame: u32| fs::read(folder.path(&format!("{name}.{frame}.png"))).unwrap();
     let whole: Vec<Vec<u8>> = (1..=6).map(|frame| bytes("a", frame)).collect();
     assert!(whole.windows(2).all(|pair| pair[0] != pair[1]));
-    // Each by itself, on other threads, with other hierarchies.
+    // Each frame is rendered by itself, with other threads and other hierarchies.
     for frame in 1..=6 {
         let work = ["medium --threads 1", "high --threads 3"][frame as usize % 2];
         folder.says(&format!("render s.kdl --frames {frame} --samples 4 -o b.#.png -q --build {work}"), 0, &[]);
         assert!(bytes("b", frame) == whole[frame as usize - 1], "{frame}");
     }
-    // Some again, after others that are complete; and every other one.
+    // Some frames are rendered again after complete ones; then every second frame is rendered.
     for frame in [2, 5, 6] {
         fs::remove_file(folder.path(&format!("a.{frame}.png"))).unwrap();
     }
@@ -297,7 +297,7 @@ fn what_stays_between_frames_changes_no_byte() {
     assert!((1..=6).all(|frame| bytes("a", frame) == whole[frame as usize - 1]));
     folder.says("render s.kdl --frames 1-5x2 --samples 4 -o c.#.png -q", 0, &[]);
     assert!([1, 3, 5].into_iter().all(|frame| bytes("c", frame) == whole[frame as usize - 1]));
-    // Where nothing moves, one world serves all frames.
+    // If nothing moves, one world serves all frames.
     let still = "camera { eye 0 -5 3; center 0 0 0; up 0 0 1; fovy 45; size 24 16 }\nmesh file=\"sheet.obj\"\n";
     fs::write(folder.path("s.kdl"), format!("{still}light \"omni\" {{ position 3 5 9 }}")).unwrap();
     let still = hierarchies(&folder.says("render s.kdl --frames 1-3 --size 24x16 -o d.#.png --progress json", 0, &[]));
@@ -332,7 +332,7 @@ fn films_in_one_file() {
     assert!(folder.names().iter().all(|name| !name.contains("tmp")));
 }
 
-/// The same bytes on 1, 2, 3 and 7 threads.
+/// The bytes are equal on 1, 2, 3 and 7 threads.
 #[test]
 fn threads_change_no_film() {
     let folder = Folder::new();
@@ -348,7 +348,7 @@ fn threads_change_no_film() {
     }
 }
 
-/// Runs until a line of its events holds these words, then interrupts it.
+/// Runs until an event's line contains these words, then sends an interrupt.
 #[cfg(unix)]
 fn interrupted_at(folder: &Folder, run: &str, words: &str) -> String {
     use std::io::{BufRead, BufReader};
@@ -387,7 +387,7 @@ fn part_of_a_film_goes_beside_an_older_one() {
         let run = format!("render s.kdl --frames 1-9 -o {film} --size 300x200 --samples 150");
         interrupted_at(&folder, &run, "\"event\":\"progress\",\"frame\":3");
         assert_eq!(fs::read(folder.path(&film)).unwrap(), b"an older film");
-        // It is what a film of the two frames is, besides saying that it isn't whole.
+        // The part equals a film of the two frames, except for the mark that it is partial.
         let bytes = fs::read(folder.path(&part)).unwrap();
         folder.says(&run.replace("1-9", "1-2").replace(&film, "two"), 2, &["extension"]);
         folder.says(&format!("{} --format {format}", run.replace("1-9", "1-2").replace(&film, "two")), 0, &[]);
@@ -405,19 +405,19 @@ fn part_of_a_film_goes_beside_an_older_one() {
         assert!(!folder.path(&part).exists(), "the part goes when the whole is there");
         fs::remove_file(folder.path("two")).unwrap();
     }
-    // Before the first frame is finished there is nothing.
+    // Before the first frame is finished, there is no partial film.
     let run = "render s.kdl --frames 1-9 -o g.gif --size 300x200 --samples 1500";
     interrupted_at(&folder, run, "\"event\":\"progress\"");
     assert_eq!(folder.names(), ["f.apng", "f.gif"]);
 }
 
-/// Programs that take the place of ffmpeg: what is sent to it, and what happens when it fails.
+/// Scripts in the place of ffmpeg test the data that is sent to it, and its failures.
 #[cfg(unix)]
 mod ffmpeg {
     use super::*;
     use std::os::unix::fs::PermissionsExt;
 
-    /// Runs with only a folder of the test in PATH, in which `script` is called ffmpeg.
+    /// Runs with a PATH of one folder of the test, in which `script` is called ffmpeg.
     fn with(folder: &Folder, script: Option<&str>, arguments: &str) -> Output {
         let bin = folder.path("bin");
         fs::create_dir_all(&bin).unwrap();
@@ -434,7 +434,7 @@ mod ffmpeg {
         let folder = Folder::new();
         let script = "for last; do :; done\necho \"$@\" > arguments\n/bin/cat > \"${last#file:}\"";
         let output = with(&folder, Some(script), "render s.kdl -o -odd:name.mp4 --fps 23.976");
-        // A name that starts with a dash needs the = form.
+        // A name that starts with a dash needs the form with `=`.
         assert_eq!(output.status.code(), Some(2));
         let output = with(&folder, Some(script), "render s.kdl --output=-odd:name.mp4 --fps 23.976");
         said(output, 0, &["4 frames rendered"]);
@@ -460,7 +460,7 @@ mod ffmpeg {
         said(with(&folder, None, film), 1, &["WebM needs the program ffmpeg", "help: install it"]);
         let script = "/bin/cat > /dev/null; echo 'Unknown encoder: libvpx' >&2; exit 1";
         said(with(&folder, Some(script), film), 1, &["ffmpeg failed: Unknown encoder: libvpx", "help:"]);
-        // It leaves while we are still sending.
+        // The script ends while data is still being sent.
         let large = "render s.kdl -o f.webm --size 600x400";
         said(with(&folder, Some("echo 'no such option' >&2; exit 8"), large), 1, &["no such option"]);
         said(with(&folder, Some("exit 8"), film), 1, &["ffmpeg failed: "]);
@@ -468,7 +468,7 @@ mod ffmpeg {
         said(with(&folder, Some("exit 0"), "render s.kdl -o - --format mp4"), 2, &["standard output"]);
     }
 
-    /// With the real program, if it is installed.
+    /// A test with the real ffmpeg, if it is installed.
     #[test]
     fn films_by_ffmpeg_itself() {
         let Some(program) = canaletto_io::movie::find_ffmpeg() else {

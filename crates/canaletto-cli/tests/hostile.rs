@@ -1,4 +1,5 @@
-//! The binary against people who slip and files that mean harm: a message and an exit code, never a lost file.
+//! Tests of the binary with user mistakes and hostile files. The result is a message and an exit code, never a lost
+//! file.
 #![cfg(unix)]
 
 use std::fs;
@@ -14,7 +15,7 @@ const BALL: &str = "sphere { center 0 0 0; radius 1 }\n";
 struct Folder(tempfile::TempDir);
 
 impl Folder {
-    /// A folder with a scene of these objects in it as s.kdl.
+    /// A folder that contains a scene of these objects as s.kdl.
     fn new(objects: &str) -> Folder {
         let folder = Folder(tempfile::tempdir().unwrap());
         fs::write(folder.path().join("s.kdl"), format!("{SCENE}{objects}")).unwrap();
@@ -25,7 +26,7 @@ impl Folder {
         self.0.path()
     }
 
-    /// The exit code and what is said on stderr.
+    /// The exit code and the output on stderr.
     fn run(&self, arguments: &[&str]) -> (i32, String) {
         let mut command = Command::new(env!("CARGO_BIN_EXE_canaletto"));
         let output = command.args(arguments).current_dir(self.path()).stdin(Stdio::null()).output().unwrap();
@@ -55,7 +56,7 @@ fn what_is_read_is_never_replaced() {
     assert_eq!(fs::read(folder.path().join("a.png")).unwrap(), before);
 }
 
-/// Whatever a scene reads at any frame, by whatever name.
+/// No output replaces a file that the scene reads at any frame, under any name.
 #[test]
 fn what_a_later_frame_reads_is_not_replaced() {
     let folder = Folder::new(
@@ -87,7 +88,7 @@ fn what_a_later_frame_reads_is_not_replaced() {
             folder.expect(&run, 2, &["would replace a file that is read"]);
         }
     }
-    // Parts and layers have names of their own, and frames have numbers.
+    // Partial files and layers have names of their own, and frames have numbers.
     fs::hard_link(path("b.obj"), path("p.partial.png")).unwrap();
     folder.expect(&["render", "s.kdl", "-o", "p.png"], 2, &["p.partial.png would replace"]);
     fs::hard_link(path("b.obj"), path("l.depth.png")).unwrap();
@@ -119,7 +120,7 @@ fn scenes_that_multiply_say_so() {
     folder.expect(&["render", "s.kdl", "--set", "integrator.max-depth=257"], 2, &["must be at most 256"]);
 }
 
-/// Nothing under a limit on memory: neither an endless file nor a picture that doesn't fit takes it all.
+/// Runs under a memory limit. Neither an endless file nor a picture that doesn't fit takes all memory.
 #[test]
 fn memory_is_asked_for_before_it_is_taken() {
     let folder = Folder::new(BALL);
@@ -150,7 +151,7 @@ fn odd_names_are_names() {
     let output =
         Command::new(env!("CARGO_BIN_EXE_canaletto")).arg("info").arg(bytes).current_dir(folder.path()).output();
     assert_eq!(output.unwrap().status.code(), Some(3));
-    // Files that can't be opened; a terminal is not steered by names.
+    // Some files can't be opened. File names can't send control codes to a terminal.
     std::os::unix::fs::symlink("nowhere", folder.path().join("lost.kdl")).unwrap();
     folder.expect(&["render", "lost.kdl"], 3, &["it is a link to nowhere"]);
     folder.expect(&["render", "-"], 3, &["<stdin> has no camera"]);
@@ -177,8 +178,8 @@ fn negative_numbers_are_judged_as_numbers() {
     folder.expect(&["compare", "a.png", "a.png", "--diff", "d.png", "--diff-scale", "nan"], 2, &["more than 0"]);
 }
 
-/// Starts a command, waits until it says these words and then for a while, and interrupts it; again if `twice`. The exit code, and
-/// what it said since.
+/// Starts a command, waits for these words and then for `wait`, and interrupts it, twice if `twice`. Returns the exit
+/// code and the output since the interrupt.
 fn interrupted(folder: &Folder, arguments: &str, words: &str, wait: Duration, twice: bool) -> (Option<i32>, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_canaletto"));
     command.args(arguments.split_whitespace()).current_dir(folder.path()).stdin(Stdio::null());
@@ -194,7 +195,7 @@ fn interrupted(folder: &Folder, arguments: &str, words: &str, wait: Duration, tw
     }
     let start = Instant::now();
     while child.try_wait().unwrap().is_none() {
-        // Two seconds, on a machine that does much else.
+        // A command should end within two seconds. The test allows 30, for a machine under load.
         if start.elapsed() > Duration::from_secs(30) {
             child.kill().unwrap();
             panic!("it goes on: {arguments}");
@@ -205,7 +206,7 @@ fn interrupted(folder: &Folder, arguments: &str, words: &str, wait: Duration, tw
     (child.wait().unwrap().code(), rest.join("\n"))
 }
 
-/// A pixel that would outlast everybody is no reason not to stop.
+/// A signal ends even a pixel that would take practically forever.
 #[test]
 fn ctrl_c_ends_an_endless_pixel() {
     let glass = Folder::new(
@@ -220,13 +221,13 @@ fn ctrl_c_ends_an_endless_pixel() {
         let run = format!("render s.kdl --crop 5,3,2,2 --threads 2 --progress json {flags}");
         let wait = Duration::from_millis(300);
         let (code, said) = interrupted(folder, &run, "\"event\":\"start\"", wait, false);
-        // It stopped by itself, in time to save what there is; here that is nothing, and a black picture replaces nothing.
+        // The render stopped in time to save its picture. A black picture is not saved and replaces no file.
         assert!(code == Some(130) && said.contains("\"complete\":false"), "{flags}: {code:?} {said}");
         assert!(!folder.path().join("s.png").exists() && !folder.path().join("s.partial.png").exists());
     }
 }
 
-/// Neither files that nobody reads or writes nor large ones keep a command from ending.
+/// Neither blocked files nor large files keep a command from ending on a signal.
 #[test]
 fn ctrl_c_ends_whatever_goes_on() {
     let folder = Folder::new(BALL);
@@ -252,7 +253,8 @@ fn ctrl_c_ends_whatever_goes_on() {
         "info large.obj",
     ] {
         for twice in [false, true] {
-            // Before it listens to signals they end it as they end any program; then it was too early to tell.
+            // Before the handler is installed, a signal ends the process directly, without an exit code. That wait was
+            // too short.
             let waits = [100, 200, 400, 800, 1600].map(Duration::from_millis);
             let mut ends = waits.iter().map(|wait| interrupted(&folder, run, "", *wait, twice));
             let end = ends.find(|(code, _)| code.is_some());
@@ -264,7 +266,7 @@ fn ctrl_c_ends_whatever_goes_on() {
     folder.expect(&["render", "nobody.kdl"], 3, &["a pipe, not a file"]);
 }
 
-/// What was there stays; the part lies beside it, and goes when the whole is there.
+/// The old file stays. The partial file lies beside it, and is removed when the picture is complete.
 #[test]
 fn the_part_of_a_picture_goes_beside_it() {
     let folder = Folder::new(BALL);
@@ -284,7 +286,7 @@ fn the_part_of_a_picture_goes_beside_it() {
         let names = || fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap());
         let parts = names().filter(|name| name.starts_with("a.") && name.contains(".partial")).count();
         assert_eq!(parts, if file == "a.png" { 2 } else { 1 }, "{:?}", names().collect::<Vec<_>>());
-        // A file of the user's own is nobody's part, and stays.
+        // A user's own file is not taken for a partial picture, and stays.
         fs::write(path("b.partial.png"), "mine").unwrap();
         folder.expect(&["render", "s.kdl", "-o", "b.png", "-q"], 0, &[]);
         assert_eq!(fs::read(path("b.partial.png")).unwrap(), b"mine");
@@ -298,7 +300,7 @@ fn the_part_of_a_picture_goes_beside_it() {
     }
 }
 
-/// A program that is killed leaves nothing, or the next one removes it.
+/// A killed program leaves no temporary file, or the next run removes it.
 #[test]
 fn killed_programs_leave_nothing() {
     let folder = Folder::new(&format!("animation {{ frames 1 9 }}\n{BALL}"));
@@ -319,7 +321,7 @@ fn killed_programs_leave_nothing() {
     assert_eq!(left, ["a.png", "s.kdl"]);
 }
 
-/// Files of every kind that take more memory than there is.
+/// Files of every kind exceed the available memory.
 #[cfg(target_os = "linux")]
 #[test]
 fn where_memory_runs_out_it_is_said() {
@@ -344,7 +346,7 @@ fn where_memory_runs_out_it_is_said() {
     write("d.kdl", format!("{SCENE}{balls}").into_bytes());
     for name in ["a.ply", "b.obj", "c.kdl", "d.kdl"] {
         let mut ended = [false; 2];
-        // From too little for anything to enough for all, in kilobytes of address space.
+        // The limits, in kilobytes of address space, range from too little for anything to enough for everything.
         for limit in [30_000, 45_000, 60_000, 300_000, 16_000_000] {
             let script = format!("ulimit -v {limit}; exec \"$0\" render {name} --size 8x8 --threads 1 -q -o o.png");
             let mut command = Command::new("sh");

@@ -1,4 +1,4 @@
-//! Filters and samples: edges, thin lines and windows through every filter, at any number of rays.
+//! Filters and samples: edges, thin lines and windows with every filter and any number of rays.
 
 use super::*;
 
@@ -40,7 +40,8 @@ const FILTERS: [(&str, Filter); 5] = [
     ("\"mitchell\"", Filter::Mitchell),
 ];
 
-/// White up to x = `edge` pixels from the middle of the picture, black beyond, eight pixels for each unit.
+/// A scene that is white up to x = `edge` pixels from the middle of the picture and black beyond, with eight pixels per
+/// unit.
 fn edge(film: &str, size: [u32; 2], edge: f64) -> String {
     let ([w, h], x) = (size, edge / 8.0);
     let fovy = (2.0 * (f64::from(h) / 16.0 / 1000.0).atan()).to_degrees();
@@ -53,15 +54,15 @@ fn edge(film: &str, size: [u32; 2], edge: f64) -> String {
     )
 }
 
-/// A filter with negative lobes leaves a range from 0 to 1 by their integral at most, and evenly lit areas are even, whatever
-/// the number of rays and the sampler.
+/// A filter with negative lobes overshoots the range from 0 to 1 by their integral at most. Evenly lit areas are even,
+/// for any number of rays and any sampler.
 #[test]
 fn filters_keep_within_their_overshoot_at_any_number_of_rays() {
     let lobe: f64 = (0..10_000)
         .map(|i| 1.0 + (f64::from(i) + 0.5) * 1e-4)
         .map(|x| 2e-4 * -filter(Filter::Mitchell, x).min(0.0))
         .sum();
-    // ∫∫ of the negative part of f(x) f(y), with ∫ f₋ = lobe and ∫ f₊ = 1 + lobe.
+    // The integral of the negative part of f(x) f(y), with ∫ f₋ = lobe and ∫ f₊ = 1 + lobe.
     let below = 2.0 * lobe * (1.0 + lobe);
     let mut films: Vec<String> = Vec::new();
     for n in [1, 2, 3, 4, 5, 7, 16, 33] {
@@ -93,8 +94,8 @@ fn filters_keep_within_their_overshoot_at_any_number_of_rays() {
     }
 }
 
-/// The mean over many pixels along an edge is the filter's integral up to it. Left out is what has too few rays for the
-/// filter's negative lobes: one, or a regular grid of fewer than 4 × 4.
+/// The mean over many pixels along an edge is the filter's integral up to it. One ray, or a regular grid of fewer than
+/// 4 × 4, is too few for negative lobes and left out.
 #[test]
 fn edges_are_the_filters_integrals() {
     for (word, kind) in FILTERS {
@@ -121,8 +122,8 @@ fn edges_are_the_filters_integrals() {
     }
 }
 
-/// Adaptive sampling looks as far as the filter reaches: a line of 0.8 pixels gives 0.8 of light to its row, through any filter
-/// whose texels sum up, and what lies beside it has its share.
+/// Adaptive sampling covers the filter's support. A line of 0.8 pixels adds 0.8 of light to its row, for any filter
+/// whose weights sum to one. Neighbouring pixels get their share.
 #[test]
 fn adaptive_sampling_follows_the_filter_beside_a_thin_line() {
     for (word, kind) in FILTERS {
@@ -140,7 +141,7 @@ fn adaptive_sampling_follows_the_filter_beside_a_thin_line() {
     }
 }
 
-/// What a window shows, and what layers show, are the pixels of the whole picture, whatever the filter.
+/// The pixels of a window and of layers equal those of the whole picture, for any filter.
 #[test]
 fn windows_and_layers_have_the_same_pixels() {
     for sampling in ["samples 5", "sample \"jittered\" n=3", "sample \"adaptive\" n=3 threshold=0.05"] {
@@ -170,7 +171,8 @@ fn windows_and_layers_have_the_same_pixels() {
     }
 }
 
-/// One ray goes through the pixel's centre, however it is asked for; only a jittered grid of one asks for another place.
+/// A single ray goes through the pixel's centre, for every option that requests one. The exception is a jittered grid
+/// of one.
 #[test]
 fn a_single_ray_goes_through_the_centre() {
     for (word, _) in FILTERS {

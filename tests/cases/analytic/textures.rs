@@ -1,4 +1,4 @@
-//! Textures: where an image ends, and what its coarse levels and a ramp are the mean of.
+//! Textures: the borders of images, and the means in coarse levels and ramps.
 
 use super::*;
 
@@ -15,8 +15,8 @@ fn textured(texture: &str, used: &str, units: f64) -> String {
     )
 }
 
-/// Beyond an image that ends in nothing there is nothing of its colour: an image without an alpha is the same as with an alpha
-/// of 1, for any filter, size and use, and a white print darkens nothing.
+/// Beyond an image with the border mode "none" there is nothing of its colour. An image without alpha equals one with
+/// an alpha of 1, for any filter, size and use. A white overlay darkens nothing.
 #[test]
 fn images_without_alpha_end_like_those_with_alpha() {
     let values: Vec<u8> = (0..64).map(|i| (random(i) * 255.0) as u8).collect();
@@ -73,7 +73,7 @@ fn images_without_alpha_end_like_those_with_alpha() {
     assert!(partly > 300, "{partly}");
 }
 
-/// The same for voxels.
+/// Voxel grids without alpha behave as images do.
 #[test]
 fn grids_without_alpha_end_in_their_own_colour() {
     for filter in ["filter \"bilinear\"", "filter \"bicubic\"", "prefilter \"none\"", "filter \"cubic-spline\""] {
@@ -94,7 +94,7 @@ fn srgb(v: u8) -> f64 {
     if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
 }
 
-/// The colour of an image seen as a single pixel, and at sizes between.
+/// A picture of an image at this number of pixels; the image fills one pixel at 1.
 fn from_afar(file: Vec<u8>, texture: &str, used: &str, pixels: u32) -> Picture {
     let texture = format!("texture \"c\" file=\"c.png\" {{ texels \"edges\"; {texture} }}");
     let used = format!("texture \"c\" {used} mapping=\"planar\" space=\"world\"");
@@ -103,8 +103,8 @@ fn from_afar(file: Vec<u8>, texture: &str, used: &str, pixels: u32) -> Picture {
     picture_with(&text, &[("c.png", file)])
 }
 
-/// A pixel that is the whole picture shows the mean of its texels: of sparse leaves, of noise in linear and in sRGB numbers,
-/// of colours by their alpha, in 8 and 16 bits.
+/// A pixel that covers the whole image shows the mean of its texels. Cases are sparse leaves, noise in linear and in
+/// sRGB values, and colours with alpha, in 8 and 16 bits.
 #[test]
 fn coarse_levels_are_the_mean_of_what_they_cover() {
     for prefilter in ["prefilter \"ewa\"", "prefilter \"trilinear\""] {
@@ -142,7 +142,7 @@ fn coarse_levels_are_the_mean_of_what_they_cover() {
                     let text = format!("space \"{space}\"; {prefilter}");
                     let file = png8(side, side, ColorType::Grayscale, &noise);
                     let seen = middle(&from_afar(file, &text, "use=\"replace\"", 3));
-                    // An ellipse's weights differ from part to part of the picture, and so do these.
+                    // The weights of an EWA ellipse vary over the picture, and so do its values.
                     let tolerance = if prefilter.contains("ewa") { 0.03 } else { 1e-4 };
                     close(&format!("{space} noise from {dark} to {bright} of {side}²"), seen.g, exact, tolerance);
                 }
@@ -151,7 +151,7 @@ fn coarse_levels_are_the_mean_of_what_they_cover() {
     }
 }
 
-/// Also where a pixel covers a few texels, the picture as a whole keeps its light.
+/// The picture keeps its mean where a pixel covers a few texels, too.
 #[test]
 fn levels_between_keep_the_light_of_a_picture() {
     let side = 256u32;
@@ -165,13 +165,14 @@ fn levels_between_keep_the_light_of_a_picture() {
                 .iter()
                 .map(|p| f64::from(p.g))
                 .sum::<f64>();
-            // `from_afar` shows as many units as pixels; the picture repeats in each.
+            // `from_afar` shows as many units as pixels; the image repeats in each.
             close(&format!("{space} over {pixels} pixels"), seen / f64::from(pixels * pixels), exact, 5e-3);
         }
     }
 }
 
-/// A ramp's mean over a pixel is that over its width: exactly where it runs along a side of the pixel.
+/// A ramp's mean over a pixel is its mean over the pixel's width. It is exact where the ramp is parallel to a side of
+/// the pixel.
 #[test]
 fn ramps_are_averaged_over_the_pixel() {
     let text = |used: &str| {
@@ -191,7 +192,7 @@ fn ramps_are_averaged_over_the_pixel() {
             assert!((f64::from(value) - exact).abs() < 1e-4, "{x}: {value} for {exact}");
         }
     }
-    // Turned by a quarter it runs downwards.
+    // After a quarter turn the ramp runs downwards.
     let turned = picture(&text("{ rotate-z 90 }"));
     let rows: Vec<Rgb> = (0..8).map(|y| turned.pixel(3, y)).collect();
     let columns: Vec<Rgb> = (0..8).map(|x| seen.pixel(x, 3)).collect();

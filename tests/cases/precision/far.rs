@@ -1,8 +1,8 @@
-//! What lies far from zero gives the picture of the same things near it.
+//! Objects far from zero give the picture of equal objects near zero.
 
 use super::*;
 
-/// A place as of a survey, in metres. Its digits are those of `f64`.
+/// A place in survey coordinates, in metres, with the digits of `f64`.
 pub(super) const SURVEY: [f64; 3] = [408_201.58, 102.4, -4_080_928.02];
 
 /// The text with each `@x y z` moved by an offset.
@@ -71,7 +71,7 @@ fn shapes_and_all_lights() {
 fn groups_instances_and_motion() {
     let placed = |placed: &str| format!("{CAMERA}{placed}{SUN}");
     let near = SHAPES.replace('@', "");
-    // Far by a transform, and far coordinates that a transform brings back, also those of prototypes.
+    // Coordinates become large by a transform, or a transform brings far coordinates back. Prototypes do both, too.
     stays_the_same("a group", &placed(&format!("group {{ translate @0 0 0|\n{near} }}\n")));
     stays_the_same(
         "an instance",
@@ -90,7 +90,7 @@ fn groups_instances_and_motion() {
     );
 }
 
-/// Steps, as OBJ.
+/// Stairs, as OBJ.
 fn steps(offset: [f64; 3]) -> String {
     let mut text = String::new();
     for i in 0..6 {
@@ -111,7 +111,7 @@ fn steps(offset: [f64; 3]) -> String {
     text
 }
 
-/// The same as PLY with doubles.
+/// The stairs as PLY with doubles.
 fn steps_ply(offset: [f64; 3]) -> Vec<u8> {
     steps_ply_of(offset, false)
 }
@@ -160,7 +160,7 @@ fn meshes_from_files() {
         let back = SURVEY.map(|c| (-c).to_string()).join(" ");
         let brought = format!("mesh file=\"{file}\" material=\"red\" {{ translate {back} }}\n");
         same("brought back", &with(&brought, SURVEY, [0.0; 3]), &expected);
-        // Used twice, so that it stays an instance.
+        // The mesh is used twice, so that it stays an instance.
         let twice = format!("{mesh}mesh file=\"{file}\" {{ translate -1 0 1 }}\n");
         same("twice", &with(&twice, SURVEY, SURVEY), &with(&twice, [0.0; 3], [0.0; 3]));
     }
@@ -181,7 +181,8 @@ fn of_precision(warnings: &canaletto_io::diagnostic::Diagnostics) -> String {
     all.split("\n\n").filter(|warning| warning.contains("precision")).collect()
 }
 
-/// Single precision is told of clouds and meshes by what it does to them: spheres smaller than its steps, however far apart.
+/// Warnings about single precision depend on its effect on clouds and meshes. Spheres smaller than its steps give one,
+/// at any distance between them.
 #[test]
 fn clouds_of_single_precision_are_told_with_their_steps() {
     let rows = |offset: [f64; 3], apart: f64| {
@@ -237,11 +238,11 @@ fn clouds_of_single_precision_are_told_with_their_steps() {
             assert_eq!(told(node, file, bytes), "", "{node} {file} near zero");
         }
     }
-    // Nothing of balls as large as this is lost.
+    // Balls of this size lose nothing.
     assert_eq!(told("spheres", "c.bin", bin(SURVEY, 300.0, 50.0)), "");
 }
 
-/// What lies so far apart that no origin is near all of it is told, whatever digits the file has.
+/// A mesh too large for a common origin near all its parts gives a warning, whatever digits the file has.
 #[test]
 fn what_no_origin_is_near_to_is_told() {
     let apart = format!("v 0 0 0\n{}", steps(SURVEY));
@@ -296,7 +297,7 @@ fn clouds_of_all_kinds() {
 
 #[test]
 fn textures_of_space_stay_with_true_coordinates() {
-    // The pattern is moved along with what it is on.
+    // The pattern moves along with its object.
     for space in ["object", "world"] {
         let text = format!(
             "{CAMERA}texture \"t\" kind=\"checker\" {{ even 0.1; odd 0.9 }}
@@ -335,7 +336,7 @@ fn positions_and_explanations_are_those_of_the_scene() {
 fn near_zero_nothing_is_counted_from_elsewhere() {
     let near = |text: &str| World::build(scene(&moved(text, [0.0; 3]), &[])).expect("a world").origin();
     assert_eq!(near(&format!("{CAMERA}{SHAPES}")), glam::DVec3::ZERO);
-    // Small beside their distance from zero, but not so small that rounding shows.
+    // The objects are small compared with their distance from zero, but not so small that rounding is visible.
     assert_eq!(
         near("camera { eye 0 0 900; center 0 0 899; fovy 60; size 8 8 }\nsphere { center 0 0 890; radius 2 }"),
         glam::DVec3::ZERO

@@ -1,8 +1,8 @@
-//! Triangles that are huge beside what is seen of them give the picture of a box as large.
+//! Triangles that are huge compared with their visible part give the picture of a box of equal size.
 
 use super::*;
 
-/// A ball on a ground whose top is at 0, lit aslant.
+/// A ball on a ground whose top is at 0, with oblique light.
 fn on_ground(ground: &str, materials: &str) -> String {
     format!(
         r#"background 0.5 0.6 0.9
@@ -47,7 +47,7 @@ fn shadows_on_huge_triangles_are_those_on_a_box() {
             let files = [("quad.obj", obj(size, normals))];
             let mesh = scene(&on_ground("mesh file=\"quad.obj\" material=\"ground\"", PLAIN), &files);
             same(&format!("mesh {size} {normals}"), &picture_of(mesh), &expected);
-            // Copies stay instances.
+            // The copies stay instances.
             let copies = "mesh file=\"quad.obj\" material=\"ground\" { scale 0.5; scale 2 }
                 mesh file=\"quad.obj\" material=\"ground\" { translate 0 -5 0; rotate-y 30 }";
             let copies = scene(&on_ground(copies, PLAIN), &files);
@@ -68,7 +68,7 @@ fn mirrors_on_huge_triangles_are_those_of_a_box() {
 #[test]
 fn textures_on_huge_triangles_are_those_on_a_box() {
     for size in [1e4, 1e6, 1e8] {
-        // Squares of one unit.
+        // The squares have sides of one unit.
         let checks = |repeat: f64| {
             format!(
                 "texture \"checks\" kind=\"checker\" {{ even 0.1; odd 0.9 }}

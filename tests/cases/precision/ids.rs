@@ -1,9 +1,9 @@
-//! Numbers of objects are whole, however many there are.
+//! Ids of objects are whole numbers, for any number of objects.
 
 use super::*;
 use canaletto_io::picture::{ExrOptions, decode_exr, encode_exr};
 
-/// Two copies of two balls, with 2²⁴ and more others between their numbers.
+/// Two copies of two balls, with 2²⁴ and more other objects between their ids.
 fn doubled_over_and_over() -> String {
     let mut text = String::from(
         "camera { eye 0.5 0.5 10; center 0.5 0.5 0; fovy 14; size 4 4 }
@@ -30,7 +30,7 @@ fn numbers_above_16_777_216_are_told_apart() {
     numbers.sort_unstable();
     numbers.dedup();
     assert_eq!(numbers, [1, 2, (1 << 24) + 1, (1 << 24) + 2]);
-    // They are whole in a file, too.
+    // The ids are whole numbers in a file, too.
     let mut image = canaletto_io::picture::Image::from_rgb(4, 4, picture.pixels.iter().map(|c| c.to_array()));
     image.channels.push(canaletto_io::picture::Channel {
         name: "object_id.X".into(),

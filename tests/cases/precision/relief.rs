@@ -1,9 +1,9 @@
-//! Pictures, bumps, normal maps and raised surfaces of things far from zero are those of the same things near it.
+//! Pictures, bumps, normal maps and displacements of objects far from zero equal those of objects near it.
 
 use super::far::{CAMERA, SUN, SURVEY, moved};
 use super::*;
 
-/// Waves of several lengths, as grey levels, and the same as a normal map.
+/// Waves of several lengths, as grey levels or as a normal map.
 fn waves(color: png::ColorType) -> Vec<u8> {
     let side = 64;
     let height = |x: u32, y: u32| {
@@ -105,7 +105,7 @@ fn reliefs_of_all_kinds() {
     }
 }
 
-/// Whatever projects a picture in the world: moved along with things it looks the same.
+/// Pictures projected in world space, moved along with their objects, give an equal picture.
 #[test]
 fn pictures_projected_in_the_world() {
     for mapping in ["planar", "box", "triplanar"] {

@@ -1,4 +1,4 @@
-//! No surface shadows itself: what the eye sees is lit by a light at the eye, however far from zero it lies.
+//! No surface shadows itself: a light at the eye lights everything that the eye sees, at any distance from zero.
 
 use super::*;
 use canaletto::math::{Transform, offset_origin};
@@ -6,7 +6,7 @@ use canaletto::scene::{Content, Node};
 use canaletto_bvh::Ray;
 use glam::DVec3;
 
-/// A shape, whether it is hollow or has a hole, so that it can shadow another part of itself, and then the least radius of its hollows.
+/// A shape, and the least radius of its hollows. Only a hollow shape can shadow another part of itself.
 type Case = (&'static str, Option<f64>);
 
 const SHAPES: [Case; 10] = [
@@ -22,8 +22,8 @@ const SHAPES: [Case; 10] = [
     ("torus { center 0 0 0; axis 0 0 1; radius 0.8; tube 0.6", Some(0.2)),
 ];
 
-/// What the shape looks like from the eye and from random places at this distance from zero: how many points were looked at, and how
-/// many are shadowed by what is around them. Something small at zero keeps the world's coordinates counted from there.
+/// Traces the shape from the eye and from random places at this distance from zero. Returns the number of points, and
+/// the number of shadowed ones. A small object at zero keeps the origin of the world's coordinates there.
 fn shadowed((shape, hollow): Case, transform: &str, distance: f64, turn: u32) -> (usize, usize) {
     let text = format!("camera {{ eye 3 2 4; center 0 0 0; fovy 35; size 90 90 }}\n{shape}{transform}");
     let mut scene = scene(&text, &[]);
@@ -54,7 +54,7 @@ fn shadowed((shape, hollow): Case, transform: &str, distance: f64, turn: u32) ->
         let away = if away.dot(outer) < 0.0 { -away } else { away };
         for to_light in [view.extrinsics.eye - surface.exact, away * 5.0] {
             let cos = to_light.normalize().dot(outer);
-            // From the eye, a closed body is never seen from inside.
+            // The eye never sees a closed body from inside.
             if cos < 1e-6 {
                 dark += usize::from(hollow.is_none() && cos < -1e-6);
                 continue;
@@ -62,7 +62,7 @@ fn shadowed((shape, hollow): Case, transform: &str, distance: f64, turn: u32) ->
             points += 1;
             let origin = offset_origin(surface.point, surface.error, surface.normal, to_light);
             let Some(blocker) = world.intersect(&Ray::new(origin, to_light.as_vec3()), 1.0) else { continue };
-            // In a hollow, a chord that leaves its wall like this ends at 2 r cos θ.
+            // In a hollow, a chord at this angle to the wall ends at 2 r cos θ.
             let way = f64::from(blocker.t) * to_light.length();
             dark += usize::from(hollow.is_none_or(|radius| way < 0.5 * radius * cos));
         }
@@ -72,7 +72,7 @@ fn shadowed((shape, hollow): Case, transform: &str, distance: f64, turn: u32) ->
 
 #[test]
 fn no_shape_shadows_itself() {
-    // Places where the coordinates are so large are reached by coordinates and by transforms.
+    // Coordinates of this size result from the places themselves and from transforms.
     let transforms = [" }", "; rotate-x 33; scale 1.3 }", "; scale 1.2 1.1 1.1; rotate-z 20 }"];
     let (mut points, mut wrong) = (0, Vec::new());
     for case in SHAPES {
@@ -91,5 +91,5 @@ fn no_shape_shadows_itself() {
     assert!(wrong.is_empty(), "of {points} points: {}\n{}", wrong.len(), wrong.join("\n"));
 }
 
-/// How many places are tried at each distance.
+/// The number of places at each distance.
 const TURNS: u32 = 2;

@@ -1,4 +1,4 @@
-//! `canaletto check`: finds mistakes, renders nothing.
+//! `canaletto check`: reports mistakes and renders nothing.
 
 use crate::exit::Exit;
 use crate::failure::{Failure, plural, print_diagnostics};
@@ -97,8 +97,8 @@ fn summary(found: &Diagnostics, failed: bool) -> String {
     }
 }
 
-/// Everything that `render` would find, for every camera: at a frame, or at all of them. Worlds are built at the frames
-/// next to keys, by which those between can be judged.
+/// Finds everything that `render` would find, for every camera, at one frame or at all frames. Worlds are built at the
+/// frames next to keys; these represent the frames between.
 fn check(path: &Path, allow_outside: bool, frame: Option<u32>) -> Result<Diagnostics, Failure> {
     let mut reader = Reader::open_file(path, &[], allow_outside)?;
     let (name, moves) = (reader.name.clone(), reader.timeline().moves);
@@ -129,7 +129,7 @@ fn check(path: &Path, allow_outside: bool, frame: Option<u32>) -> Result<Diagnos
     Ok(found.diagnostics)
 }
 
-/// The frames of the scene's animation, or all from its first to its last key.
+/// The frames of the scene's animation, or else all frames from its first to its last key.
 fn all_frames(reader: &Reader) -> Result<Frames, Failure> {
     let wrong = |e: String| Failure::new(Exit::Scene, format!("{}: animation: {e}", reader.name));
     if let Some([first, last]) = reader.timeline().frames {
@@ -141,7 +141,7 @@ fn all_frames(reader: &Reader) -> Result<Frames, Failure> {
     Frames::new(first, last, 1).or_else(|_| Frames::new(first, last, (last - first) / 1000)).map_err(wrong)
 }
 
-/// What `render` would do for each camera, without flags.
+/// The job of `render` without flags, for each camera, with the camera's name.
 fn jobs(name: &str, scene: &Scene) -> Result<Vec<(String, Job)>, Failure> {
     let job = |camera: Option<&View>| {
         let flags = PictureFlags { camera: camera.map(|view| view.name.clone()), ..PictureFlags::default() };
@@ -152,10 +152,11 @@ fn jobs(name: &str, scene: &Scene) -> Result<Vec<(String, Job)>, Failure> {
     if scene.views.is_empty() { Ok(vec![job(None)?]) } else { scene.views.iter().map(|view| job(Some(view))).collect() }
 }
 
-/// Angles of view that look like radians: 29 to 138 degrees. Smaller ones may well be those of a telescope.
+/// Values of `fovy` that were probably meant in radians: there they are 29 to 138 degrees. A smaller value may be the
+/// angle of a telescope.
 const RADIANS: Range<f64> = 0.5..2.4;
 
-/// A warning about a camera whose angle of view is hardly meant in degrees.
+/// A warning about a camera whose angle of view was probably meant in radians.
 fn doubt_degrees(name: &str, view: &View) -> Diagnostics {
     let fovy = view.intrinsics.fovy;
     if !RADIANS.contains(&fovy) {
@@ -169,7 +170,7 @@ fn doubt_degrees(name: &str, view: &View) -> Diagnostics {
     Diagnostic::warning(name, message).help(help).into()
 }
 
-/// Messages, each once, whatever the number of frames that have it.
+/// Messages, each once, however many frames have it.
 #[derive(Default)]
 struct Found {
     diagnostics: Diagnostics,
@@ -225,7 +226,7 @@ fn doubts(name: &str, camera: &str, several: bool, world: &World, job: &Job) -> 
     all
 }
 
-/// What helps against the first reason, and an ambient light against most.
+/// Advice against the first reason. An ambient light helps against most reasons.
 fn cure(reasons: &[Reason]) -> &'static str {
     match reasons.first() {
         Some(Reason::BlackMaterial(_)) => "give it a kd, the share of light that it scatters: kd 0.8 0.8 0.8",
@@ -236,7 +237,7 @@ fn cure(reasons: &[Reason]) -> &'static str {
     }
 }
 
-/// The numbers of a point, as they stand in a scene.
+/// The coordinates of a point, formatted as in a scene.
 fn point(p: DVec3) -> String {
     let number = |v: f64| match short(v) {
         v if v != 0.0 && !(1e-4..1e16).contains(&v.abs()) => format!("{v:e}"),
@@ -245,11 +246,11 @@ fn point(p: DVec3) -> String {
     p.to_array().map(number).join(" ")
 }
 
-/// Frames that show what the frame before shows.
+/// Finds runs of frames that show what their previous frame shows.
 #[derive(Default)]
 struct Stillness {
     last: Option<Scene>,
-    /// The first and the last frame of each run of frames that are alike.
+    /// The first and the last frame of each run of equal frames.
     runs: Vec<[u32; 2]>,
 }
 
@@ -264,7 +265,7 @@ impl Stillness {
         }
     }
 
-    /// Warnings about runs of a second or more, or of half of all frames.
+    /// Warnings about runs that last a second or more, or half of all frames.
     fn doubts(self, name: &str, frames: Frames, fps: f64, moves: bool) -> Diagnostics {
         let mut all = Diagnostics::new();
         if !moves || self.runs.len() == 1 {
@@ -285,7 +286,7 @@ impl Stillness {
 mod tests {
     use super::*;
 
-    /// What is told of a scene: each message in a line, or the failure.
+    /// The output for a scene: one message per line, or the failure.
     fn told(scene: &str) -> String {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("s.kdl");
@@ -329,7 +330,7 @@ mod tests {
         let moving = |light: &str| {
             told(&format!("animation {{ frames 1 9 }}\ncamera {{ eye 0 0 9; size 64 48 }}\n{light}\n{BALL}"))
         };
-        // In the middle, between two keys, the light stands on its own target.
+        // At frame 5, between two keys, the light is at its own target.
         let spot = "light \"spot\" { position { key 1 0 5 0; key 9 4 5 0; ease \"linear\" }; target 2 5 0; outer 30 }";
         let told = moving(spot);
         assert!(told.contains("the cone needs an axis (at frame 5)"), "{told}");

@@ -1,4 +1,4 @@
-//! `canaletto completions`: scripts that let a shell complete commands and flags.
+//! `canaletto completions`: shell scripts that complete commands and flags.
 
 use crate::exit::Exit;
 use crate::failure::Failure;

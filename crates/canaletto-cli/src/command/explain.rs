@@ -48,7 +48,7 @@ Examples:
   canaletto explain fig-5.23b-shadow.kdl --pixel 115,149 --y-up    # the same pixel of 230 rows
   canaletto explain glass.kdl --pixel 60,40 --json | jq .sum";
 
-/// A tree with its sum.
+/// A tree of rays with the sum of its terms.
 #[derive(Serialize)]
 struct WithSum<'a> {
     version: u32,
@@ -82,7 +82,7 @@ fn tree(flags: &ExplainFlags) -> Result<PixelTree, Failure> {
     let job = Job { frame, ..settings.job };
     let [x, y] = flags.pixel;
     let [_, height] = job.camera.size();
-    // A row that doesn't exist stays one that doesn't, so that the message tells the user's own number.
+    // A row outside the picture is not mirrored, so that the message shows the user's own number.
     let row = if flags.y_up && y < height { height - 1 - y } else { y };
     explain(&world, &job, x, row).map_err(|e| Failure::usage(format!("--pixel: {e}")))
 }

@@ -1,4 +1,4 @@
-//! `canaletto info`: what a scene is made of.
+//! `canaletto info`: a summary of a scene.
 
 use crate::exit::Exit;
 use crate::failure::{Failure, print_diagnostics};
@@ -39,7 +39,7 @@ Examples:
   canaletto info hall.ply --build high             # memory and time of the better hierarchies
   canaletto info shot.kdl --json | jq .census.primitives";
 
-/// All that is told.
+/// The content of the summary.
 struct Info {
     name: String,
     files: Vec<UsedFile>,
@@ -48,7 +48,7 @@ struct Info {
     world: World,
     read: Duration,
     build: Duration,
-    /// What a render through the first camera takes, without layers.
+    /// The memory of a render through the first camera, without layers.
     memory: Memory,
 }
 
@@ -74,13 +74,13 @@ pub(crate) fn run(flags: &InfoFlags) -> Result<Exit, Failure> {
 }
 
 impl Info {
-    /// Lowest and highest corner of what has bounds.
+    /// The lowest and the highest corner of all bounded objects.
     fn bounds(&self) -> Option<[[f32; 3]; 2]> {
         let bounds = self.world.bounds();
         (!bounds.is_empty()).then(|| [bounds.min.to_array(), bounds.max.to_array()])
     }
 
-    /// The lights where they are in the scene.
+    /// The lights with their positions in the scene's coordinates.
     fn lights(&self) -> Vec<Light> {
         let origin = self.world.origin();
         let there = |light: &Light| {
@@ -136,7 +136,7 @@ impl Info {
     }
 }
 
-/// A row for each of several things, the name before the first. Long lists are cut.
+/// Adds one row per item, with the name in the first row. Long lists are cut.
 fn several(rows: &mut Vec<(&'static str, String)>, name: &'static str, items: impl ExactSizeIterator<Item = String>) {
     const MOST: usize = 20;
     let total = items.len();

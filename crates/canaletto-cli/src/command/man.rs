@@ -61,7 +61,7 @@ fn page(command: &clap::Command, source: &str) -> io::Result<Vec<u8>> {
     for paragraph in help.split("\n\n") {
         match paragraph.strip_prefix(EXAMPLES_HEAD) {
             Some(rest) => examples += &as_written(rest),
-            // The page has a section of its own for them.
+            // Exit codes have a section of their own on the page.
             None if paragraph.starts_with(EXIT_HEAD) => {}
             None => notes += &format!(".PP\n{}", as_written(paragraph)),
         }
@@ -79,18 +79,18 @@ fn page(command: &clap::Command, source: &str) -> io::Result<Vec<u8>> {
     Ok(page)
 }
 
-/// How the help texts begin their examples.
+/// The heading of the examples in help texts.
 const EXAMPLES_HEAD: &str = "Examples:\n";
-/// How they begin the table of exit codes.
+/// The heading of the table of exit codes in help texts.
 const EXIT_HEAD: &str = "Exit codes:\n";
 
-/// Lines that stay lines: troff would fill them into a paragraph.
+/// Formats lines without filling. troff would fill them into a paragraph.
 fn as_written(text: &str) -> String {
     let lines: String = text.trim_end().lines().map(|line| format!("{}\n", escaped(line))).collect();
     format!(".nf\n{lines}.fi\n")
 }
 
-/// A line of text that troff takes for nothing else.
+/// A line with the characters escaped that troff interprets.
 fn escaped(line: &str) -> String {
     let line = line.replace('\\', "\\e").replace('-', "\\-");
     if line.starts_with(['.', '\'']) { format!("\\&{line}") } else { line }

@@ -1,4 +1,4 @@
-//! The subcommands, one file each: its flags, its help, and what it does.
+//! The subcommands. Each file holds one command with its flags and its help.
 
 pub(crate) mod check;
 pub(crate) mod compare;

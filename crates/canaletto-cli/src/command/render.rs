@@ -1,4 +1,4 @@
-//! `canaletto render`: from a scene to pictures.
+//! `canaletto render`: renders scenes to pictures.
 
 use crate::exit::Exit;
 use crate::failure::{Failure, print_diagnostics};
@@ -80,7 +80,7 @@ pub(crate) struct RenderFlags {
     pub dry_run: bool,
 }
 
-/// The names of one item of --aov.
+/// The layers of one item of --aov.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Layers {
     All,
@@ -122,11 +122,11 @@ fn aov(text: &str) -> Result<Layers, String> {
     })
 }
 
-/// What `render` does, all flags understood.
+/// The work of `render`, derived from all flags.
 pub(crate) struct Plan {
     pub output: Output,
     pub frames: Frames,
-    /// Whether frames were asked for.
+    /// Whether the user gave --frames.
     pub numbered: bool,
     pub rate: Rate,
     pub aovs: Vec<Aov>,
@@ -175,14 +175,14 @@ impl Plan {
         files
     }
 
-    /// All files, each once.
+    /// The files of all frames. A film appears once.
     fn all_files(&self) -> impl Iterator<Item = PathBuf> {
         let one = self.output.format.film().is_some();
         self.frames.iter().take(if one { 1 } else { usize::MAX }).flat_map(|frame| self.files(frame))
     }
 }
 
-/// Which frames are wanted.
+/// The frames to render.
 fn frames(flags: &RenderFlags, output: &Output, reader: &Reader) -> Result<Frames, Failure> {
     let own = || {
         let frames = reader.timeline().frames.map(|[first, last]| Frames::new(first, last, 1));
@@ -200,7 +200,7 @@ fn frames(flags: &RenderFlags, output: &Output, reader: &Reader) -> Result<Frame
     }
 }
 
-/// A scene to render, opened.
+/// An opened scene with its plan.
 struct Task {
     flags: RenderFlags,
     plan: Plan,
@@ -220,7 +220,7 @@ impl Task {
         Ok(Task { flags, plan, reader })
     }
 
-    /// All files that it may write.
+    /// All files that this task may write.
     fn outputs(&self) -> Vec<PathBuf> {
         if self.plan.output.is_stdout() {
             return Vec::new();
@@ -244,13 +244,13 @@ pub(crate) fn run(flags: &RenderFlags) -> Result<Exit, Failure> {
     on_threads(threads, || on_pool(task, &outputs))?
 }
 
-/// The file of a scene's picture in a folder.
+/// The path of a scene's picture in a folder.
 fn in_folder(flags: &RenderFlags, folder: &Path, scene: &Path) -> PathBuf {
     folder.join(flags.output.default_name(&stem(scene), flags.frames.is_some()))
 }
 
-/// Renders several scenes, each into a file of its own. One that is wrong doesn't stop the others; the exit code is that of
-/// the first that failed.
+/// Renders several scenes, each into a file of its own. A scene with mistakes doesn't stop the others. The exit code is
+/// that of the first failed scene.
 fn several(flags: &RenderFlags) -> Result<Exit, Failure> {
     let json = flags.progress == ProgressFlag::Json;
     let folder = flags.output.output.as_deref();
@@ -299,14 +299,14 @@ fn several(flags: &RenderFlags) -> Result<Exit, Failure> {
     Ok(exit)
 }
 
-/// An output that would take the place of a file which a later scene reads. To know, all scenes are read once more, but only if
-/// an output is there already.
+/// An output that would replace a file which a later scene reads. If any output exists already, all scenes are read
+/// once more to find out.
 fn replaced_before_it_is_read(tasks: &mut [Task], outputs: &[PathBuf]) -> Option<PathBuf> {
     if !outputs.iter().any(|file| file.exists()) {
         return None;
     }
     tasks.iter_mut().find_map(|task| {
-        // What is wrong with a scene is told when its turn comes.
+        // Errors of a scene are reported when it is rendered.
         let _ = task.reader.at(task.plan.frames.first);
         task.reader.replaced_by(outputs.iter().cloned())
     })
@@ -318,7 +318,7 @@ fn stem(scene: &Path) -> String {
     own.map_or_else(|| "picture".into(), |stem| stem.to_string_lossy().into_owned())
 }
 
-/// Renders a scene. `outputs` are the files of all scenes, which may replace none that this one reads.
+/// Renders a scene. `outputs` are the files of all scenes; none may replace a file that this scene reads.
 fn on_pool(task: Task, outputs: &[PathBuf]) -> Result<Exit, Failure> {
     let Task { flags, plan, mut reader } = task;
     let (flags, plan) = (&flags, &plan);
@@ -342,14 +342,14 @@ fn on_pool(task: Task, outputs: &[PathBuf]) -> Result<Exit, Failure> {
         let (mut world, _) = build(&source.name, source.scene, &options, None)?;
         let stats = world.stats();
         if let Some(second) = plan.frames.iter().nth(1).filter(|_| reader.timeline().moves) {
-            // The world of the frame before is there while the next one is read and built.
+            // A render holds the previous frame's world while it reads and builds the next one.
             let source = reader.at(second)?;
             (world, _) = build(&source.name, source.scene, &options, Some(world))?;
         }
         let memory = Memory::of(&world, u64::from(width) * u64::from(height), &plan.aovs, plan.output.format);
         return dry_run(flags, plan, &settings, &stats, memory, files);
     }
-    // What goes wrong at a later key is better known before the first frame is rendered than after many.
+    // Errors at later keys are reported before the first frame is rendered.
     if reader.timeline().moves && plan.frames.count() > 1 {
         for frame in plan.frames.next_to(&reader.key_frames()).into_iter().filter(|frame| *frame != plan.frames.first) {
             let source = reader.at(frame)?;
@@ -359,8 +359,8 @@ fn on_pool(task: Task, outputs: &[PathBuf]) -> Result<Exit, Failure> {
     Series::new(flags, plan, reader).run(source)
 }
 
-/// Whether there is memory for a picture with its layers: thrice, since it is put into the order of its file and
-/// compressed. Found out before anything is rendered, not after.
+/// Checks before rendering that memory suffices for a picture with its layers. The factor 3 covers the picture, the
+/// copy in the file's order and the compressed bytes.
 fn room(aovs: &[Aov], [width, height]: [u32; 2]) -> Result<(), Failure> {
     let channels = 3 + aovs.iter().map(|aov| aov.channels().len() as u64).sum::<u64>();
     let size = u64::from(width) * u64::from(height) * channels * size_of::<f32>() as u64 * 3;

@@ -1,4 +1,4 @@
-//! The pictures that are compared.
+//! The input pictures of a comparison.
 
 use crate::exit::Exit;
 use crate::failure::{Failure, reason};
@@ -13,18 +13,19 @@ use std::path::Path;
 /// A picture from a file.
 pub(super) struct Input {
     pub(super) decoded: Decoded,
-    /// Whether its numbers are a layer's that holds no colours.
+    /// Whether the values are those of a layer that holds no colours.
     pub(super) is_raw: bool,
 }
 
-/// The largest picture file that is read: more than the largest picture needs.
+/// The size limit for a picture file, in bytes. The largest picture needs less.
 const MAX_FILE: u64 = 8 << 30;
 
-/// Reads a picture and chooses the layer that is compared: its own colours, or the only ones that it has.
+/// Reads a picture and chooses the layer to compare: its own colours, or its only layer.
 pub(super) fn read(path: &Path, layer: Option<&str>) -> Result<Input, Failure> {
     let failed = |why: String| Failure::new(Exit::Failed, format!("can't read {}: {why}", path.display()));
     let mut file = File::open(path).map_err(|e| failed(reason(&e)))?;
-    // The first bytes tell what it is, before memory is taken for the rest: it may be a pipe, or a device without end.
+    // The first bytes identify the format before memory is allocated for the rest. The file may be a pipe or an endless
+    // device.
     let mut bytes = Vec::new();
     file.by_ref().take(16).read_to_end(&mut bytes).map_err(|e| failed(reason(&e)))?;
     if let Err(e @ PictureError::Unknown) = decode(&bytes) {
@@ -65,7 +66,7 @@ fn no_layer(path: &Path, layer: &str, layers: &[String]) -> Failure {
 }
 
 impl Input {
-    /// How a PNG's numbers are encoded, if it tells; our own always do.
+    /// The transfer curve of a PNG, if the file declares one. PNGs of this program always do.
     pub(super) fn curve(&self) -> Option<Transfer> {
         if !self.decoded.display_referred {
             return None;
@@ -78,12 +79,12 @@ impl Input {
         }
     }
 
-    /// The largest number that a PNG holds.
+    /// The largest value that a PNG holds.
     pub(super) fn steps(&self) -> Option<f32> {
         self.decoded.display_referred.then_some(if self.decoded.bits > 8 { 65535.0 } else { 255.0 })
     }
 
-    /// The picture as it is seen; an EXR in as many steps as the PNG it is compared with.
+    /// The picture encoded for display. An EXR is rounded to the bits of the PNG that it is compared with.
     pub(super) fn seen(&self, curve: Transfer, steps: Option<f32>) -> Image {
         let image = self.decoded.image.clone();
         if self.decoded.display_referred {

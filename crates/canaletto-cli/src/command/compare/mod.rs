@@ -113,7 +113,7 @@ impl Metric {
         Metric::ALL[self as usize].1
     }
 
-    /// Whether larger numbers mean that pictures are more alike.
+    /// Whether larger values mean more similar pictures.
     fn rises(self) -> bool {
         matches!(self, Metric::Psnr | Metric::Ssim)
     }
@@ -229,7 +229,7 @@ fn exceeded<'a>(thresholds: &'a [Threshold], told: &Told) -> Result<Vec<&'a Thre
     Ok(list)
 }
 
-/// Writes the picture of differences; returns the factor it was made with.
+/// Writes the difference picture; returns the factor that scales the differences.
 fn write_difference(flags: &CompareFlags, path: &Path, a: &Image, b: &Image, max: f64) -> Result<f32, Failure> {
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
     let exr = match extension.as_deref() {

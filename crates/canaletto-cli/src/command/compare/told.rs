@@ -1,4 +1,4 @@
-//! What is told of two pictures.
+//! The report of a comparison, as text and as JSON.
 
 use super::{CompareFlags, Threshold};
 use crate::words::JSON_VERSION;
@@ -6,21 +6,21 @@ use canaletto::scene::Transfer;
 use canaletto_io::picture::{ChannelDifference, Comparison, Image, RestDifference, Window};
 use serde_json::{Value, json};
 
-/// A comparison with all that it needs to be told.
+/// A comparison with everything that its report needs.
 pub(super) struct Told<'a> {
     pub(super) flags: &'a CompareFlags,
     pub(super) result: Comparison,
     pub(super) rest: RestDifference,
-    /// Parts of both files that weren't compared.
+    /// The parts of each file that were not compared.
     pub(super) left_out: [Vec<String>; 2],
     pub(super) colors_differ: bool,
-    /// Whether numbers were compared, not colours.
+    /// Whether plain numbers were compared instead of colours.
     pub(super) raw: bool,
     pub(super) image: &'a Image,
 }
 
 impl Told<'_> {
-    /// Whether the pictures have no difference of any kind, as far as they were compared.
+    /// Whether the pictures have no difference and no part that was left out.
     fn equal(&self) -> bool {
         self.result.differing == 0 && self.rest.is_none() && self.left_out.iter().all(Vec::is_empty)
     }
