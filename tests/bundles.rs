@@ -14,8 +14,8 @@ use canaletto::world::{OccluderCache, Occlusion, RayBundle, World};
 use canaletto_tests::gallery::{icosphere, still_life, still_life_job};
 use glam::{DVec3, Vec3};
 
-/// A scene of few primitives, each of which is tested against whole ray batches. There are plain, rotated and glass
-/// meshes, loose spheres and a plane. If `moves`, one mesh moves.
+/// A scene of few primitives, each of which is tested with whole ray batches. There are plain, rotated, mirroring and
+/// glass meshes, loose spheres and a plane. If `moves`, one mesh moves.
 fn few_things(moves: bool) -> Scene {
     let phong = |kd: Rgb, k: f32, opacity: f32| Phong {
         kd,
@@ -65,8 +65,8 @@ fn few_things(moves: bool) -> Scene {
     }
 }
 
-/// Loose shapes of all kinds, every third of glass. Two boxes have coplanar upper sides. Up to eight shapes are tested
-/// without a tree.
+/// Loose shapes of all kinds, every third of glass. Two boxes have coplanar upper sides. Eight shapes are tested
+/// without a tree, more with one.
 fn loose_things(count: usize) -> Scene {
     let v = Vec3::new;
     let (base, top, radius, caps) = (v(-1.2, -0.5, -0.4), v(-1.0, 0.8, -0.2), 0.4, true);
@@ -106,8 +106,8 @@ impl Random {
     }
 }
 
-/// Clouds of `count` spheres and `count` cylinders, of clay and of glass; the glass ones are rotated. Small clouds are
-/// tested as a whole, larger ones ray by ray, and large ones in packets.
+/// Clouds of `count` spheres and `count` cylinders, of clay and of glass; the glass ones are rotated. A small cloud is
+/// tested with whole batches, a larger one ray by ray, and a large one in packets.
 fn clouds(count: usize) -> Scene {
     let mut random = Random(count as u32);
     let mut spheres = || SphereCloud {

@@ -37,7 +37,8 @@ impl Probe for Reads {
 
     fn hit(&mut self, hit: &Hit, _: &Surface, _: &MaterialPoint, outside: bool) {
         let kind = *self.open.last().unwrap();
-        // A smooth mesh is continuous across its triangles, but not in the second order.
+        // A smooth mesh is continuous across its triangles, but not in the second order. The path therefore includes
+        // the triangle.
         self.way.push((kind, hit.instance, hit.primitive, 2 * hit.part + u32::from(outside)));
         for (at, change) in self.pending.drain(..) {
             self.reads.push((self.way.clone(), at, change));

@@ -533,7 +533,7 @@ mod edges {
         }
     }
 
-    /// At edges and vertices, the origin of a refracted ray is in the medium that surrounds the previous ray's middle.
+    /// At edges and vertices, each refraction starts from the medium around the middle of the incident ray.
     #[test]
     fn no_ray_takes_a_body_along() {
         let text = "integrator { max-depth 8; min-weight 0 }
@@ -634,7 +634,7 @@ mod touching {
         }
     }
 
-    /// Two halves of one glass act as a single body.
+    /// Two halves of one glass give the picture of a single body.
     #[test]
     fn glass_on_the_same_glass_is_one() {
         let material = "kd 0; eta 1.5; opacity 0";

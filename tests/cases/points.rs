@@ -238,7 +238,7 @@ fn many_keys_take_time_in_proportion() {
     assert!(start.elapsed() < Duration::from_secs(12), "{:?}", start.elapsed());
 }
 
-/// A long text is read in pieces, a text with a possible assignment as a whole. Both give equal scenes.
+/// A long text is read in pieces, unless an assignment may change its values. Both give equal scenes.
 #[test]
 fn many_things_are_read_as_few_are() {
     let mut text =
@@ -294,7 +294,8 @@ fn many_warnings_are_no_error() {
     assert!(!warnings.has_errors() && warnings.to_string().contains("nothing uses the material"), "{warnings}");
 }
 
-/// Default values take no memory, but a node writes and reads all of its fields.
+/// Default values take no memory. A serialised node contains its transform all the same, and reading restores every
+/// field.
 #[test]
 fn nodes_are_written_and_read_whole() {
     let ball = Node::from(Shape::Sphere(Sphere { center: Vec3::ZERO, radius: 1.0 })).named("ball");

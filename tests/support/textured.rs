@@ -85,7 +85,7 @@ pub fn textured_still_life(scale: f32) -> Scene {
         on(3, Target::Replace, Mapping { repeat: Repeat([3.0, 3.0]), ..uv }),
         on(2, Target::Cutout, mapping(Projection::Planar, Space::Bounds, 1.0)),
     ];
-    // A replaced colour hides the texture under it. It stays only on a mesh with its own coordinates.
+    // A replaced colour hides the textures under it. It stays only on the mesh with coordinates of its own.
     red.textures.retain(|t| t.target != Target::Replace);
     red.textures.push(on(1, Target::Decal, solid(Space::Object)));
     let mut mesh = icosphere(1, 0.5 * scale, true);

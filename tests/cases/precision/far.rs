@@ -242,7 +242,7 @@ fn clouds_of_single_precision_are_told_with_their_steps() {
     assert_eq!(told("spheres", "c.bin", bin(SURVEY, 300.0, 50.0)), "");
 }
 
-/// A mesh too large for a common origin near all its parts gives a warning, whatever digits the file has.
+/// Objects too far apart for an origin near all of them give a warning, whatever digits the file has.
 #[test]
 fn what_no_origin_is_near_to_is_told() {
     let apart = format!("v 0 0 0\n{}", steps(SURVEY));

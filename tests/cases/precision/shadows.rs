@@ -22,8 +22,9 @@ const SHAPES: [Case; 10] = [
     ("torus { center 0 0 0; axis 0 0 1; radius 0.8; tube 0.6", Some(0.2)),
 ];
 
-/// Traces the shape from the eye and from random places at this distance from zero. Returns the number of points, and
-/// the number of shadowed ones. A small object at zero keeps the origin of the world's coordinates there.
+/// Traces eye rays to the shape at this distance from zero, then shadow rays to the eye and in random directions.
+/// Returns the number of shadow rays and of occluded ones. A small object at zero keeps the origin of the world's
+/// coordinates there.
 fn shadowed((shape, hollow): Case, transform: &str, distance: f64, turn: u32) -> (usize, usize) {
     let text = format!("camera {{ eye 3 2 4; center 0 0 0; fovy 35; size 90 90 }}\n{shape}{transform}");
     let mut scene = scene(&text, &[]);
@@ -72,7 +73,7 @@ fn shadowed((shape, hollow): Case, transform: &str, distance: f64, turn: u32) ->
 
 #[test]
 fn no_shape_shadows_itself() {
-    // Coordinates of this size result from the places themselves and from transforms.
+    // Each shape is tested in its own place and with transforms.
     let transforms = [" }", "; rotate-x 33; scale 1.3 }", "; scale 1.2 1.1 1.1; rotate-z 20 }"];
     let (mut points, mut wrong) = (0, Vec::new());
     for case in SHAPES {
