@@ -1,11 +1,11 @@
-//! Lines on stdout. Whoever reads them may have seen enough (`peers list | head -1`), which is no failure and ends the program.
+//! Lines on stdout. A closed pipe (`peers list | head -1`) ends the program with success.
 
 use std::fmt::Arguments;
 use std::io::{ErrorKind, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::process::ExitCode;
 
-/// Why nothing more can be said: travels up to [`run`], past everybody's clearing up and without the message of a panic.
+/// The error that prevents further output. It unwinds to [`run`], so destructors run and no panic message appears.
 struct Unheard(std::io::Error);
 
 /// Writes a line; use [`say!`](crate::say!).
@@ -31,7 +31,7 @@ macro_rules! say_on {
     ($($text:tt)*) => { $crate::say::line(format_args!($($text)*), "") };
 }
 
-/// Runs a program that [`say!`](crate::say!)s its results, and prints why it failed.
+/// Runs a program that prints its results by [`say!`](crate::say!). Prints the error if it fails.
 pub fn run(program: impl FnOnce() -> Result<(), String>) -> ExitCode {
     let message = match catch_unwind(AssertUnwindSafe(program)) {
         Ok(Ok(())) => return ExitCode::SUCCESS,
@@ -42,7 +42,7 @@ pub fn run(program: impl FnOnce() -> Result<(), String>) -> ExitCode {
             Err(other) => resume_unwind(other),
         },
     };
-    // There is nobody left to tell if this fails, too.
+    // An error of this output can't be reported.
     let _ = writeln!(std::io::stderr(), "error: {message}");
     ExitCode::FAILURE
 }

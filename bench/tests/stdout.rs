@@ -1,4 +1,4 @@
-//! `peers list | head -1`: whoever reads may stop, and nobody panics.
+//! Tests `peers list | head -1`: a closed pipe causes no panic.
 
 use std::process::Command;
 

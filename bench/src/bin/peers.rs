@@ -1,4 +1,4 @@
-//! Canaletto beside what is installed of other ray tracers; see `docs/benchmarks.md`.
+//! Compares Canaletto with other installed ray tracers; see `docs/benchmarks.md`.
 //!
 //! `cargo run --release -p canaletto-bench --bin peers -- rays --mesh statue,field --threads 1,2`
 
@@ -119,7 +119,7 @@ enum Instructions {
 }
 
 impl Instructions {
-    /// Keeps us and Embree from all beyond.
+    /// Limits Canaletto and Embree to these instructions.
     fn limit(self) -> Result<(), String> {
         let set = match self {
             Self::Baseline => InstructionSet::Baseline,
@@ -144,7 +144,7 @@ fn recipe(name: &str) -> Result<Recipe, String> {
     RECIPES.into_iter().find(|r| r.name == name).ok_or(format!("there are {names}"))
 }
 
-/// All if none is named.
+/// The named meshes, or all meshes if none is named.
 fn meshes(named: Vec<Recipe>) -> Vec<Recipe> {
     if named.is_empty() { RECIPES.to_vec() } else { named }
 }

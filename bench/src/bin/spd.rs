@@ -1,13 +1,13 @@
-//! Ray counts on Eric Haines' Standard Procedural Databases beside the published ones, at 513 × 513.
+//! Compares ray counts on Eric Haines' Standard Procedural Databases with the published ones, at 513 × 513.
 //!
-//! At total reflection the mirrored ray (factor k) and the one inside (1 − o) are traced apart here, which is probably why
-//! gears has more reflected rays than published.
+//! At total reflection this program traces the reflected ray (factor k) and the ray inside (1 − o) separately. This is
+//! probably why gears has more reflected rays than published.
 //!
-//! The rules of the databases' Readme: one ray for each corner of 512 × 512 pixels, trees 5 deep, and transmitters spawn
-//! reflected rays as well, whatever their specular coefficient.
+//! The rules are those of the databases' Readme. There is one ray for each corner of 512 × 512 pixels, and trees are 5
+//! deep. Transmitters spawn reflected rays as well, with any specular coefficient.
 //!
-//! `cargo run --release -p canaletto-bench --bin spd [DIR…]`: looks for the seven files in `scenes/spd` and in the folders
-//! named.
+//! `cargo run --release -p canaletto-bench --bin spd [DIR…]` reads the seven files from `scenes/spd` and from the
+//! folders named.
 
 use canaletto::camera::{Camera, CameraError};
 use canaletto::integrator::RayCounts;
@@ -20,7 +20,7 @@ use canaletto_io::assets::FolderAssets;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Eye rays that hit, reflected, refracted, shadow: the statistics that come with the databases.
+/// The statistics that come with the databases: eye rays that hit, reflected, refracted and shadow rays.
 const PUBLISHED: [(&str, [u64; 4]); 7] = [
     ("balls", [263_169, 175_095, 0, 954_368]),
     ("gears", [245_086, 304_643, 207_564, 2_246_955]),
@@ -62,7 +62,7 @@ fn run() -> Result<(), String> {
     if failed.is_empty() { Ok(()) } else { Err(format!("not rendered: {}", failed.join(", "))) }
 }
 
-/// Both numbers, and the difference in per cent unless the published one is 0.
+/// Formats both numbers, and their difference in per cent unless the published one is 0.
 fn beside(ours: u64, published: u64) -> String {
     match published {
         0 => format!("{ours} / 0"),
@@ -85,8 +85,8 @@ fn count(path: &Path) -> Result<RayCounts, String> {
     Ok(render(&world, &job, &()).map_err(|e| e.to_string())?.counts)
 }
 
-/// The view at 513 × 513 so that the corners of its pixels are those of the 512 × 512 pixels of the given one: the window
-/// grows by one pixel and moves by half of one.
+/// The camera at 513 × 513 whose pixel corners are those of the 512 × 512 pixels of the view. The window grows by one
+/// pixel and moves by half a pixel.
 fn corners_of_512(view: &View) -> Result<Camera, CameraError> {
     let grown = 513.0 / 512.0;
     let half = view.intrinsics.fovy.to_radians() / 2.0;

@@ -1,12 +1,12 @@
-//! A large image as a texture: memory and time of loading, and time of lookups with and without a mip pyramid.
+//! Measures a large image as a texture: memory and time of loading, and time of lookups with and without a mip pyramid.
 //!
-//! The image is made here (rings and noise, sRGB), packed as a PNG in memory and read back in the way that scenes read
-//! theirs. Lookups come in two orders: places at random, which have every texel far from the one before, and rows of
-//! neighbouring pixels. Absolute times mean little on a shared machine; the ratios to bilinear lookups without a pyramid
-//! are of one run, in turns.
+//! The image is generated (rings and noise, sRGB), encoded as a PNG in memory and read back as scene textures are.
+//! Lookups have two orders. Random places have every texel far from the previous one; rows have neighbouring pixels.
+//! Absolute times mean little on a shared machine. Ratios to bilinear lookups without a pyramid come from interleaved
+//! measurements of one run.
 //!
-//! `cargo run --release -p canaletto-bench --bin texture [-- SIZE]`, SIZE 16384 if it isn't given. Takes about 3 bytes for
-//! each texel, and half as many again while reading.
+//! `cargo run --release -p canaletto-bench --bin texture [-- SIZE]`; the default SIZE is 16384. It takes about 3 bytes
+//! for each texel, and half as many again while reading.
 
 use canaletto::scene::Scene;
 use canaletto::texture::{Filter, ImageTexture, Lookup, Prefilter, PreparedTexture, Texture, TextureKind};
@@ -80,7 +80,7 @@ fn run(size: u32) -> Result<(), String> {
     Ok(())
 }
 
-/// Nanoseconds of a lookup in each texture; the best of some turns.
+/// The nanoseconds of a lookup in each texture: the minimum of several measurements.
 fn measure(
     textures: &[PreparedTexture],
     order: fn(u32, f64) -> DVec3,
@@ -90,7 +90,7 @@ fn measure(
 ) -> Vec<f64> {
     const COUNT: u32 = 200_000;
     let mut best = vec![f64::INFINITY; textures.len()];
-    // Turned, so that ellipses lie across the tiles.
+    // The differentials are rotated, so that ellipses lie across the tiles.
     let dx = DVec3::new(0.8, 0.6, 0.0) * spacing * slant / size;
     let dy = DVec3::new(-0.6, 0.8, 0.0) * spacing / size;
     let mut light = 0.0;
@@ -119,7 +119,7 @@ fn rows(i: u32, step: f64) -> DVec3 {
     DVec3::new(0.1 + f64::from(i % 512) * step, 0.2 + f64::from(i / 512) * step, 0.0)
 }
 
-/// A PNG of this size, its rows made as they are packed.
+/// A PNG of this size, whose rows are generated during encoding.
 fn pack(size: u32) -> Result<Vec<u8>, png::EncodingError> {
     let row = |y: u32, data: &mut [u8]| {
         for (x, texel) in (0..size).zip(data.chunks_exact_mut(3)) {
@@ -146,7 +146,7 @@ fn pack(size: u32) -> Result<Vec<u8>, png::EncodingError> {
     Ok(bytes)
 }
 
-/// What the system says about this program's memory, in bytes; nothing where it doesn't say so in this way.
+/// A value about this program's memory from the system, in bytes; `None` if `/proc` doesn't provide it.
 fn status(key: &str) -> Option<f64> {
     let text = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = text.lines().find(|line| line.starts_with(key))?;

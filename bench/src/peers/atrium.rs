@@ -1,5 +1,5 @@
-//! Architecture: a hall of two storeys with fluted columns, arches, balusters, a tiled floor, a vault, beams and rods. Many
-//! triangles are long and thin, and not along the axes.
+//! A mesh of architecture. It is a hall of two storeys with fluted columns, arches, balusters, a tiled floor, a vault,
+//! beams and rods. Many triangles are long, thin and not parallel to the axes.
 
 use glam::Vec3;
 
@@ -10,7 +10,7 @@ const LENGTH: f32 = 36.0;
 const WIDTH: f32 = 8.0;
 const STOREY: f32 = 6.0;
 
-/// About 305,000 triangles.
+/// The hall, of about 305,000 triangles.
 pub(super) fn atrium() -> Mesh {
     let mut mesh = Mesh::new("atrium");
     tiles(&mut mesh);
@@ -28,7 +28,7 @@ pub(super) fn atrium() -> Mesh {
                 baluster(&mut mesh, Vec3::new((i as f32 + 0.5) * LENGTH / 80.0, side * (WIDTH / 2.0 - 0.35), z));
             }
             rail(&mut mesh, side * (WIDTH / 2.0 - 0.35), z + 0.9);
-            // The gallery behind, and its wall.
+            // The gallery behind the rail, and its wall.
             let (near, far) = (side * WIDTH / 2.0, side * (WIDTH / 2.0 + 3.0));
             let corners = [(0.0, near), (LENGTH, near), (LENGTH, far), (0.0, far)];
             mesh.quad(corners.map(|(x, y)| Vec3::new(x, y, z + STOREY)));
@@ -75,7 +75,7 @@ fn tiles(mesh: &mut Mesh) {
     mesh.quad([(0.0, -8.0), (LENGTH, -8.0), (LENGTH, 8.0), (0.0, 8.0)].map(|(x, y)| Vec3::new(x, y, -0.06)));
 }
 
-/// Turns a profile (radius, height) around the z axis through `foot`; `flutes` changes the radius around.
+/// Rotates a profile (radius, height) around the z axis through `foot`; `flutes` modulates the radius.
 fn turned(mesh: &mut Mesh, foot: Vec3, sides: u32, profile: &[(f32, f32)], flutes: f32) {
     mesh.grid(sides, profile.len() as u32 - 1, |i, j| {
         let (s, c) = sin_cos(std::f32::consts::TAU * (i % sides) as f32 / sides as f32);
@@ -127,7 +127,7 @@ fn rail(mesh: &mut Mesh, y: f32, z: f32) {
     block(mesh, Vec3::new(0.0, y - 0.08, z), Vec3::new(LENGTH, y + 0.08, z + 0.1));
 }
 
-/// The ceiling: a barrel with ribs in strips that run along all of it, and open slits where light falls in.
+/// The ceiling: a barrel with ribs. Its strips run along the whole hall, and light enters through slits between them.
 fn vault(mesh: &mut Mesh) {
     let height = 2.0 * STOREY;
     let at = |angle: f32, x: f32, r: f32| {
@@ -153,7 +153,7 @@ fn vault(mesh: &mut Mesh) {
     }
 }
 
-/// Thin rods askew through the hall.
+/// Thin oblique rods through the hall.
 fn rods(mesh: &mut Mesh) {
     for rod in 0..60_u64 {
         let random = |i| uniform(2, rod * 8 + i);

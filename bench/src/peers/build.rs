@@ -1,4 +1,4 @@
-//! Building hierarchies over meshes: seconds, memory kept and memory needed on the way.
+//! Measures the building of hierarchies over meshes: seconds, memory kept and peak memory.
 
 use canaletto_bvh::Quality as Own;
 use serde_json::{Value, json};
@@ -9,19 +9,19 @@ use super::ours::Ours;
 use super::statistics::{Clock, Times};
 use crate::say;
 
-/// What to compare.
+/// The options of the comparison.
 pub struct Options {
     /// The meshes.
     pub meshes: Vec<Recipe>,
-    /// Numbers of threads.
+    /// The numbers of threads.
     pub threads: Vec<usize>,
-    /// What times are.
+    /// The clock for the times.
     pub clock: Clock,
-    /// How many times each takes its turn.
+    /// The number of rounds.
     pub rounds: usize,
 }
 
-/// Who builds: their name, seconds per round, bytes that a build keeps and the most it needed on the way.
+/// One contestant: its name, seconds per round, bytes that a build keeps and its peak memory.
 #[derive(Default)]
 struct Builder {
     name: &'static str,
@@ -31,7 +31,7 @@ struct Builder {
 }
 
 impl Builder {
-    /// One round. What is built is dropped off the clock; `bytes` tells its size.
+    /// Runs one round. The result is dropped outside the measured time; `bytes` returns its size.
     fn turn<T>(
         &mut self,
         clock: Clock,
@@ -46,7 +46,7 @@ impl Builder {
         let Some(built) = built else { return Ok(()) };
         self.bytes = bytes(&built?);
         if warm_up {
-            // Later rounds may find pages that the allocator kept.
+            // Later rounds may reuse pages that the allocator kept.
             self.peak = peak;
         } else {
             self.times.0.push(seconds);
@@ -55,7 +55,7 @@ impl Builder {
     }
 }
 
-/// The most bytes that the process had in memory since the last time that this was called with `reset`; only on Linux, else 0.
+/// The peak resident bytes of the process since the last call with `reset`; only on Linux, else 0.
 pub(super) fn resident_peak(reset: bool) -> usize {
     if reset {
         // Where this isn't allowed, peaks are those of the whole run.
@@ -64,7 +64,7 @@ pub(super) fn resident_peak(reset: bool) -> usize {
     status("VmHWM:")
 }
 
-/// The bytes that the process has in memory; only on Linux, else 0.
+/// The resident bytes of the process; only on Linux, else 0.
 pub(super) fn resident() -> usize {
     status("VmRSS:")
 }
@@ -75,7 +75,7 @@ fn status(field: &str) -> usize {
     line.and_then(|line| line.split_whitespace().next()?.parse::<usize>().ok()).unwrap_or(0) * 1024
 }
 
-/// Compares and prints, and tells all in JSON.
+/// Compares, prints, and returns everything as JSON.
 pub fn run(options: &Options) -> Result<Value, String> {
     say!("{} interleaved rounds, medians; ratio: their time / ours [least, greatest of a round]", options.rounds);
     say!("kept: what Embree says that it allocated, what ours takes for tracing; peak: growth of the process\n");

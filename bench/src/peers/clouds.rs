@@ -1,4 +1,4 @@
-//! Rays through a million spheres and a million cylinders: ours and Embree's spheres and cones.
+//! Rays through a million spheres and a million cylinders: Canaletto against Embree's spheres and cones.
 
 use canaletto::shape::Cylinder;
 use canaletto_bvh::{Aabb, PreparedRay, Primitive, PrimitiveBvh, PrimitiveHit, Ray, UserPrimitive, sphere};
@@ -12,7 +12,7 @@ use super::stages::{COUNT, cylinder, sphere};
 use super::trace::{Hits, Options, Tracer, hits, introduce, pool, rounds};
 use crate::say;
 
-/// Each cloud in a hierarchy, as worlds have them; cylinders are numbered after spheres.
+/// One hierarchy for each cloud, as in worlds. Ids of cylinders follow those of spheres.
 struct Ours {
     spheres: PrimitiveBvh,
     cylinders: PrimitiveBvh,
@@ -53,10 +53,10 @@ fn none(_: UserPrimitive, _: &PreparedRay, _: f32) -> Option<PrimitiveHit> {
     None
 }
 
-/// How many rays are asked about at a time.
+/// The number of rays in a query.
 const CHUNK: usize = 256;
 
-/// Writes down what spheres were met; ties go to them.
+/// Stores the hits of spheres, which win ties.
 fn keep(first: usize, nearest: &mut [PrimitiveHit], out: &mut Hits<'_>) {
     for (i, met) in nearest.iter_mut().enumerate() {
         let i = first + i;
@@ -65,7 +65,7 @@ fn keep(first: usize, nearest: &mut [PrimitiveHit], out: &mut Hits<'_>) {
     }
 }
 
-/// Writes down what cylinders are nearer.
+/// Stores the hits of cylinders that are closer.
 fn add(first: usize, nearest: &[PrimitiveHit], out: &mut Hits<'_>) {
     for (i, met) in nearest.iter().enumerate() {
         let i = first + i;
@@ -120,13 +120,13 @@ fn prepare(rays: &[Ray], prepared: &mut Vec<PreparedRay>) {
     prepared.extend(rays.iter().map(Ray::prepare));
 }
 
-/// The same ray with a direction of length 1.
+/// An equal ray with a direction of length 1.
 fn unit(segment: &Segment) -> Segment {
     let length = segment.direction.length();
     Segment { t_max: segment.t_max * length, direction: segment.direction / length, ..*segment }
 }
 
-/// As the scene of `pictures` is looked at.
+/// The view of the scene of `pictures`.
 const VIEW: View = View {
     eye: Vec3::new(70.0, -80.0, 60.0),
     target: Vec3::new(0.0, 0.0, -4.0),
@@ -135,7 +135,7 @@ const VIEW: View = View {
     extent: 45.0,
 };
 
-/// Which way a sphere or a cylinder's side faces at a point; close enough for its ends.
+/// The normal of a sphere or of a cylinder's side at a point. It is accurate enough for a cylinder's ends.
 fn normal(id: u32, point: Vec3) -> Vec3 {
     let id = u64::from(id);
     if id < COUNT {
@@ -147,7 +147,7 @@ fn normal(id: u32, point: Vec3) -> Vec3 {
     out - axis * out.dot(axis)
 }
 
-/// Compares and prints, and tells all in JSON.
+/// Compares, prints, and returns everything as JSON.
 pub fn run(options: &Options) -> Result<Value, String> {
     let embree = introduce(options);
     let parts = [
@@ -162,7 +162,7 @@ pub fn run(options: &Options) -> Result<Value, String> {
         named => named.iter().any(|s| s == name),
     };
     let mut sets = everyone.install(|| rays::make(&VIEW, options.size, sets, normal, |rays| hits(&ours, rays)));
-    // Embree's cones are met in wrong places by rays whose direction isn't of length 1.
+    // Embree intersects cones in wrong places for directions of a length other than 1.
     for set in &mut sets {
         *set = RaySet::new(set.name, set.any, set.coherent, set.rays.iter().map(unit).collect());
     }

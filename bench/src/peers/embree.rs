@@ -1,9 +1,9 @@
 //! Intel's Embree 3 (Debian's `libembree-dev` or `libembree3-3`), loaded at run time.
 //!
-//! The declarations follow the documentation of its C interface; only what is used here is declared. Embree's own advice
-//! to flush denormal numbers to zero is not followed, as a Rust program may not change that mode; no ray set has such
+//! The declarations follow the documentation of its C interface and cover only what is used here. Embree's advice to
+//! flush denormal numbers to zero is not followed, since a Rust program may not change that mode. No ray set has such
 //! numbers in bulk.
-// A foreign library can't be called otherwise. What each block relies on is said there.
+// A foreign library can't be called otherwise. Each block states its premises.
 #![allow(unsafe_code)]
 
 use std::ffi::{CString, c_char, c_void};
@@ -16,7 +16,7 @@ use libloading::Library;
 use super::rays::{Packet, Run, Segment};
 use super::trace::{Hits, Tracer};
 
-/// How to get it.
+/// The command that installs the library.
 pub const INSTALL: &str = "apt-get install libembree-dev";
 
 const NAMES: [&str; 3] = ["libembree3.so.3", "libembree3.so", "libembree3.dylib"];
@@ -44,14 +44,14 @@ pub enum Quality {
     High = 2,
 }
 
-/// What a scene is built like.
+/// The settings of a scene's build.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
-    /// How well the tree is built.
+    /// The build quality of the tree.
     pub quality: Quality,
-    /// Watertight, and slower.
+    /// The watertight mode, which is slower.
     pub robust: bool,
-    /// Less memory, and slower.
+    /// The mode with less memory, which is slower.
     pub compact: bool,
 }
 
@@ -95,7 +95,7 @@ struct RayHit1 {
     hit: Hit1,
 }
 
-/// `N` rays: the rows of [`Ray1`], side by side.
+/// `N` rays as arrays of the fields of [`Ray1`].
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
 struct RayN<const N: usize> {
@@ -121,13 +121,13 @@ struct RayHitN<const N: usize> {
     instance: [u32; N],
 }
 
-/// What is valid: −1 for a ray to be traced.
+/// The mask of valid rays: −1 for a ray to be traced.
 #[repr(C, align(64))]
 struct Valid<const N: usize>([i32; N]);
 
 type Packets<T> = unsafe extern "C" fn(*const i32, Pointer, *mut Context, *mut T);
 
-/// The library's functions. It is never unloaded: its threads run until the process ends.
+/// The library's functions. The library is never unloaded, since its threads run until the process ends.
 struct Functions {
     new_device: unsafe extern "C" fn(*const c_char) -> Pointer,
     release_device: unsafe extern "C" fn(Pointer),
@@ -160,7 +160,7 @@ impl Functions {
         let library = Box::leak(Box::new(library));
         macro_rules! symbol {
             ($name:literal) => {
-                // SAFETY: the field that takes it has the type of Embree 3's documentation.
+                // SAFETY: the field that takes the function has its type in Embree 3's documentation.
                 *unsafe { library.get($name) }.map_err(|e| format!("Embree lacks a function: {e}"))?
             };
         }
@@ -190,7 +190,7 @@ impl Functions {
     }
 }
 
-/// What a device has allocated, in bytes.
+/// The allocations of a device in bytes.
 #[derive(Default)]
 struct Memory {
     now: AtomicIsize,
@@ -198,37 +198,38 @@ struct Memory {
 }
 
 extern "C" fn monitor(memory: Pointer, bytes: isize, _post: bool) -> bool {
-    // SAFETY: the pointer given to Embree below, to a box that outlives the device.
+    // SAFETY: the pointer was given to Embree below and refers to a box that outlives the device.
     let memory = unsafe { &*memory.cast::<Memory>() };
     let now = memory.now.fetch_add(bytes, Ordering::Relaxed) + bytes;
     memory.peak.fetch_max(now, Ordering::Relaxed);
     true
 }
 
-/// The library with a number of threads for building.
+/// A device of the library, with a number of threads for building.
 pub struct Embree {
     functions: Functions,
     device: Pointer,
     memory: Box<Memory>,
 }
 
-// SAFETY: Embree's devices may be used by any number of threads.
+// SAFETY: any number of threads may use Embree's devices.
 unsafe impl Send for Embree {}
 // SAFETY: as above.
 unsafe impl Sync for Embree {}
 
 impl Embree {
-    /// Loads the library, limited to the instructions that we are if somebody [limited](InstructionSet::limit) us; else says what to install.
+    /// Loads the library. If Canaletto's instructions are [limited](InstructionSet::limit), Embree's are limited
+    /// likewise. If the library isn't installed, the error names the command that installs it.
     pub fn new(threads: usize) -> Result<Self, String> {
         let functions = Functions::load()?;
         let limit = match InstructionSet::current() {
-            // It may have kernels for what lies between our sets.
+            // Embree may have kernels for instruction sets between those of Canaletto.
             set if InstructionSet::available().last() == Some(&set) => "",
             InstructionSet::Baseline => ",max_isa=sse2",
             InstructionSet::Avx2 | InstructionSet::Avx512 => ",max_isa=avx2",
         };
         let config = CString::new(format!("threads={threads}{limit}")).map_err(|e| e.to_string())?;
-        // SAFETY: a string that ends in 0.
+        // SAFETY: the string ends in 0.
         let device = unsafe { (functions.new_device)(config.as_ptr()) };
         if device.is_null() {
             return Err("Embree makes no device on this machine".into());
@@ -239,14 +240,14 @@ impl Embree {
         Ok(Self { functions, device, memory })
     }
 
-    /// Its version.
+    /// The version of the library.
     pub fn version(&self) -> String {
         // SAFETY: the device is valid; 1 to 3 are the parts of the version.
         let part = |i| unsafe { (self.functions.device_property)(self.device, i) };
         format!("{}.{}.{}", part(1), part(2), part(3))
     }
 
-    /// Builds a scene over parts; the primitives of each are numbered after those of the parts before it.
+    /// Builds a scene over parts. The ids of each part's primitives follow those of the parts before it.
     pub fn build<'a>(&'a self, parts: &'a [Part], settings: Settings) -> Result<Scene<'a>, String> {
         let f = &self.functions;
         let before = self.memory.now.load(Ordering::Relaxed);
@@ -266,8 +267,8 @@ impl Embree {
                 Part::Spheres(_) => SPHERES,
                 Part::Cylinders { .. } => CONES,
             };
-            // SAFETY: each buffer is as long as said, borrowed for the scene's life, and where 16 bytes would be read of
-            // a last element of 12, one more is behind it.
+            // SAFETY: each buffer has the stated length and is borrowed for the scene's life. Where Embree reads 16
+            // bytes of a last element of 12, one more element follows it.
             unsafe {
                 let geometry = (f.new_geometry)(self.device, kind);
                 let share = |buffer, format, pointer: *const c_void, stride, count| {
@@ -314,11 +315,11 @@ impl Drop for Embree {
 
 /// Primitives of one kind in Embree's layout.
 pub enum Part {
-    /// Triangles.
+    /// A triangle mesh.
     Triangles {
-        /// Corners, and one more that is none.
+        /// The vertices, and one more for padding.
         positions: Vec<[f32; 3]>,
-        /// Each three corners.
+        /// The vertex indices of each triangle.
         triangles: Vec<[u32; 3]>,
     },
     /// Spheres: centre and radius.
@@ -327,13 +328,13 @@ pub enum Part {
     Cylinders {
         /// The ends of all axes, each with its radius.
         ends: Vec<[f32; 4]>,
-        /// The first end of each; the other one follows.
+        /// The index of the first end of each cylinder; the other one follows.
         firsts: Vec<u32>,
     },
 }
 
 impl Part {
-    /// Triangles from their corners.
+    /// A triangle mesh from its vertices and indices.
     pub fn triangles(positions: &[Vec3], triangles: &[[u32; 3]]) -> Self {
         let mut copy: Vec<[f32; 3]> = Vec::with_capacity(positions.len() + 1);
         copy.extend(positions.iter().map(|p| p.to_array()));
@@ -361,15 +362,15 @@ impl Part {
 pub struct Scene<'a> {
     embree: &'a Embree,
     scene: Pointer,
-    /// The number of each part's first primitive, and of all.
+    /// The id of each part's first primitive, and the number of all primitives.
     bases: Vec<u32>,
-    /// What Embree allocated for it and kept; the shared buffers don't count.
+    /// The bytes that Embree allocated for the scene and kept, without the shared buffers.
     pub bytes: usize,
-    /// The most that Embree had allocated while it built.
+    /// The peak of Embree's allocations during the build, in bytes.
     pub peak: usize,
 }
 
-// SAFETY: a committed scene may be traced by any number of threads.
+// SAFETY: any number of threads may trace rays through a committed scene.
 unsafe impl Send for Scene<'_> {}
 // SAFETY: as above.
 unsafe impl Sync for Scene<'_> {}
@@ -381,19 +382,19 @@ impl Drop for Scene<'_> {
     }
 }
 
-/// What a ray hits.
+/// The hit of a ray.
 #[derive(Clone, Copy, Debug)]
 pub struct Found {
     /// The ray's parameter.
     pub t: f32,
-    /// The primitive, as all parts count.
+    /// The primitive's id, counted over all parts.
     pub id: u32,
     /// The geometric normal, of any length.
     pub normal: Vec3,
 }
 
 impl Scene<'_> {
-    /// The number of a primitive as all parts count; without a hit, `u32::MAX`.
+    /// The id of a primitive, counted over all parts; without a hit, `u32::MAX`.
     #[inline]
     fn number(&self, geometry: u32, primitive: u32) -> u32 {
         if self.bases.len() == 2 || primitive == INVALID {
@@ -407,7 +408,7 @@ impl Scene<'_> {
     fn intersect(&self, segment: &Segment, context: &mut Context) -> RayHit1 {
         let hit = Hit1 { normal: [0.0; 3], u: 0.0, v: 0.0, primitive: INVALID, geometry: INVALID, instance: INVALID };
         let mut both = RayHit1 { ray: single(segment), hit };
-        // SAFETY: a committed scene, and a ray laid out as declared.
+        // SAFETY: the scene is committed, and the ray has the declared layout.
         unsafe { (self.embree.functions.intersect1)(self.scene, context, &raw mut both) };
         both
     }
@@ -415,12 +416,12 @@ impl Scene<'_> {
     #[inline]
     fn meets(&self, segment: &Segment, context: &mut Context) -> bool {
         let mut ray = single(segment);
-        // SAFETY: a committed scene, and a ray laid out as declared.
+        // SAFETY: the scene is committed, and the ray has the declared layout.
         unsafe { (self.embree.functions.occluded1)(self.scene, context, &raw mut ray) };
         ray.far < 0.0
     }
 
-    /// The nearest hit of one ray.
+    /// The closest hit of one ray.
     pub fn nearest(&self, segment: &Segment) -> Option<Found> {
         let RayHit1 { ray, hit } = self.intersect(segment, &mut context(false));
         let id = self.number(hit.geometry, hit.primitive);
@@ -433,11 +434,11 @@ impl Scene<'_> {
     }
 }
 
-/// Rays one by one.
+/// Traces rays one by one.
 pub struct Single<'a>(pub &'a Scene<'a>);
-/// Rays by eights.
+/// Traces rays in packets of eight.
 pub struct Eights<'a>(pub &'a Scene<'a>);
-/// Rays by sixteens.
+/// Traces rays in packets of sixteen.
 pub struct Sixteens<'a>(pub &'a Scene<'a>);
 
 fn context(coherent: bool) -> Context {
@@ -505,7 +506,7 @@ fn closest<const N: usize>(
             geometry: [INVALID; N],
             instance: [INVALID; N],
         };
-        // SAFETY: a committed scene, rays laid out and aligned as declared.
+        // SAFETY: the scene is committed, and the rays have the declared layout and alignment.
         unsafe { trace(valid.0.as_ptr(), scene.scene, &raw mut context, &raw mut both) };
         let n = N.min(len - first);
         out.t[first..first + n].copy_from_slice(&both.ray.far[..n]);
@@ -527,7 +528,7 @@ fn any<const N: usize>(
     for (i, out) in out.chunks_mut(N).enumerate() {
         let first = i * N;
         let mut rays = several(&packets[first / 16], first % 16);
-        // SAFETY: a committed scene, rays laid out and aligned as declared.
+        // SAFETY: the scene is committed, and the rays have the declared layout and alignment.
         unsafe { trace(valid.0.as_ptr(), scene.scene, &raw mut context, &raw mut rays) };
         for (out, far) in out.iter_mut().zip(rays.far) {
             *out = u8::from(far < 0.0);

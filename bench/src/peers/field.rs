@@ -1,4 +1,4 @@
-//! Blades of grass on hills: far more triangles than pixels, in no order that helps.
+//! A mesh of grass on hills, with far more triangles than pixels, in no spatial order.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -15,7 +15,7 @@ fn height(x: f32, y: f32) -> f32 {
     2.5 * fractal(Vec3::new(x * 0.06, y * 0.06, 3.5), 4)
 }
 
-/// 7.9 million triangles: 37,000 plants of 20 blades of 10 triangles, on half a million of ground.
+/// The field, of 7.9 million triangles: 37,000 plants of 20 blades of 10 triangles, and half a million for the ground.
 pub(super) fn field() -> Mesh {
     let mut mesh = Mesh::new("field");
     mesh.grid(500, 500, |i, j| {

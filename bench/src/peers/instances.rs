@@ -1,6 +1,7 @@
-//! Ten thousand copies of a mesh, as a list and as rows of copies, beside the mesh alone: the rays are the same, seen from the copy that they are
-//! for, so that the ratio is what finding the copy costs. The same rays again where that square of rows is one of a hundred, or of a hundred
-//! thousand, a million copies or a thousand million, which no list could hold.
+//! Ten thousand copies of a mesh, as a list and as rows of copies, compared with the mesh alone. The mesh alone is
+//! traced with the rays of the hit copies in object space, so the ratio is the cost of finding the copy. The rays are
+//! traced again with the square of rows as one of a hundred, and of a hundred thousand. These are a million copies and
+//! a thousand million, more than any list could hold.
 
 use canaletto::math::Transform;
 use canaletto::scene::{Content, Node, Scene};
@@ -19,10 +20,10 @@ use super::statistics::{Clock, Times};
 use super::trace::{Options, pool};
 use crate::say;
 
-/// Copies along each side of the square.
+/// The number of copies along each side of the square.
 const SIDE: u32 = 100;
 
-/// Where a copy stands in its row, and the row in the square; each is turned in its own way.
+/// The transform of a copy in its row, or of a row in the square, each with its own rotation.
 fn place(i: u32, pitch: f64) -> Transform {
     let turn = Transform::rotate(DVec3::Z, 360.0 * f64::from(uniform(31, i.into()))).unwrap_or_default();
     Transform::translate(DVec3::X * (f64::from(i) - 0.5 * f64::from(SIDE - 1)) * pitch).after(&turn)
@@ -32,7 +33,7 @@ fn row(j: u32, pitch: f64) -> Transform {
     Transform::translate(DVec3::Y * (f64::from(j) - 0.5 * f64::from(SIDE - 1)) * pitch)
 }
 
-/// Where one of the squares stands that are side by side, the first in the middle; a province has a hundred of them.
+/// The transform of one of many adjacent squares, the first in the middle. A province has a hundred of them.
 fn square(k: u32, pitch: f64) -> Transform {
     let (x, y) = (f64::from((k + 5) % 10) - 5.0, f64::from((k / 10 + 5) % 10) - 5.0);
     Transform::translate(DVec3::new(x, y, 0.0) * pitch * 4.0 * f64::from(SIDE))
@@ -42,7 +43,7 @@ fn province(k: u32, pitch: f64) -> Transform {
     Transform::translate(DVec3::new(f64::from(k % 32), f64::from(k / 32), 0.0) * pitch * 80.0 * f64::from(SIDE))
 }
 
-/// How the copies are arranged.
+/// The arrangement of the copies.
 #[derive(Clone, Copy, PartialEq)]
 enum Arrangement {
     Alone,
@@ -51,7 +52,7 @@ enum Arrangement {
     Rows,
     /// A hundred squares.
     Squares,
-    /// A thousand times these.
+    /// A thousand provinces of a hundred squares.
     Provinces,
 }
 
@@ -63,7 +64,7 @@ const ARRANGEMENTS: [(&str, Arrangement); 5] = [
     ("provinces", Arrangement::Provinces),
 ];
 
-/// The mesh in these places.
+/// A world with the mesh in this arrangement.
 fn world(mesh: &Mesh, pitch: f64, arrangement: Arrangement) -> Result<World, String> {
     let mesh =
         shape::Mesh { positions: mesh.positions.clone(), triangles: mesh.triangles.clone(), ..shape::Mesh::default() };
@@ -86,7 +87,7 @@ fn world(mesh: &Mesh, pitch: f64, arrangement: Arrangement) -> Result<World, Str
     World::build(scene).map_err(|e| e.to_string())
 }
 
-/// Seconds for all rays, and how many hit something.
+/// The seconds for all rays, and the number of hits.
 fn trace(world: &World, set: &RaySet, clock: Clock) -> (f64, usize) {
     let mut hits = 0;
     let meets = |s: &&Segment| world.intersect(&Ray::new(s.origin, s.direction), s.t_max).is_some();
@@ -94,7 +95,7 @@ fn trace(world: &World, set: &RaySet, clock: Clock) -> (f64, usize) {
     (seconds, hits)
 }
 
-/// Compares and prints, and tells all in JSON.
+/// Compares, prints, and returns everything as JSON.
 pub fn run(options: &Options) -> Result<Value, String> {
     say!("closest hits one by one; copies beside the mesh alone on the same rays; {} rounds", options.rounds);
     let mut rows = Vec::new();
@@ -119,7 +120,7 @@ fn compare(mesh: &Mesh, options: &Options) -> Result<Vec<Value>, String> {
     let list = &worlds[1];
     let count = mesh.triangles.len() as u32;
     let placed = |n: u32| row(n / SIDE, pitch).after(&place(n % SIDE, pitch));
-    // Copies are numbered row by row, as the world does.
+    // The ids of copies run row by row, as in the world.
     let normal = |id: u32, _| placed(id / count).vector(mesh.normal(id % count).as_dvec3()).as_vec3();
     let hits = |rays: &[Segment]| -> Vec<Option<(u32, f32)>> {
         let hit = |s: &Segment| list.intersect(&Ray::new(s.origin, s.direction), s.t_max);
@@ -136,7 +137,7 @@ fn compare(mesh: &Mesh, options: &Options) -> Result<Vec<Value>, String> {
     let sets = rays::make(&view, options.size, wanted, normal, hits);
     let mut rows = Vec::new();
     for set in &sets {
-        // Those that hit, and the same as the copy sees them.
+        // The rays that hit, in world space and in the copy's object space.
         let found = hits(&set.rays);
         let hitting = |(ray, hit): (&Segment, &Option<(u32, f32)>)| hit.map(|(id, _)| (*ray, id / count));
         let (rays, copies): (Vec<Segment>, Vec<u32>) = set.rays.iter().zip(&found).filter_map(hitting).unzip();

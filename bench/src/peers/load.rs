@@ -1,5 +1,5 @@
-//! Loading a mesh of ten million triangles: seconds from the file to the model in memory beside copying the file's bytes,
-//! then to the world that rays meet, and the memory that it takes on the way.
+//! Measures the loading of a mesh of ten million triangles. Times are the seconds from the file to the model in memory,
+//! compared with copying the file's bytes, and then to the world. The peak memory is measured, too.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -18,7 +18,7 @@ use super::statistics::{Clock, Times};
 use super::statue;
 use crate::say;
 
-/// A mesh as OBJ text.
+/// Writes a mesh as OBJ text.
 fn write_obj(mesh: &Mesh, path: &Path) -> std::io::Result<()> {
     let mut file = BufWriter::with_capacity(1 << 20, File::create(path)?);
     mesh.positions.iter().try_for_each(|p| writeln!(file, "v {} {} {}", p.x, p.y, p.z))?;
@@ -26,7 +26,7 @@ fn write_obj(mesh: &Mesh, path: &Path) -> std::io::Result<()> {
     file.flush()
 }
 
-/// Measures and prints, and tells all in JSON. The mesh has 400,000 × `fineness`² triangles.
+/// Measures, prints, and returns everything as JSON. The mesh has 400,000 × `fineness`² triangles.
 pub fn run(fineness: u32, formats: &[String], threads: &[usize], rounds: usize, clock: Clock) -> Result<Value, String> {
     let folder = Folder::new()?;
     let mut files = Vec::new();
@@ -76,7 +76,7 @@ pub fn run(fineness: u32, formats: &[String], threads: &[usize], rounds: usize, 
                     .0
                     .push(clock.time(|| model = Some(pool.install(|| load_mesh(&name, &assets, &AssetPath::base())))));
                 let model = model.ok_or("nothing loaded")?.map_err(|diagnostics| diagnostics.to_string())?;
-                // Later rounds may find pages that the allocator kept.
+                // Later rounds may reuse pages that the allocator kept.
                 if round == 0 {
                     load_peak = resident_peak(false).saturating_sub(before);
                 }

@@ -1,34 +1,34 @@
-//! The meshes, made from formulas and seeds, and how each is looked at.
+//! The meshes, generated from formulas and seeds, and their views.
 
 use glam::Vec3;
 
 use super::rays::View;
 use super::{atrium, field, statue};
 
-/// Triangles, and a view of them.
+/// A triangle mesh with a view.
 pub struct Mesh {
-    /// What it is called on the command line.
+    /// The name on the command line.
     pub name: &'static str,
-    /// Corners.
+    /// The vertices.
     pub positions: Vec<Vec3>,
-    /// Each three corners.
+    /// The vertex indices of each triangle.
     pub triangles: Vec<[u32; 3]>,
-    /// Where it is seen from.
+    /// The eye.
     pub eye: Vec3,
-    /// What the eye looks at.
+    /// The point that the eye looks at.
     pub target: Vec3,
-    /// Vertical field of view in degrees.
+    /// The vertical field of view in degrees.
     pub fovy: f32,
-    /// A light at a point.
+    /// The position of a point light.
     pub light: Vec3,
 }
 
-/// How to make one mesh.
+/// The generator of one mesh.
 #[derive(Clone, Copy)]
 pub struct Recipe {
-    /// What it is called on the command line.
+    /// The name on the command line.
     pub name: &'static str,
-    /// What it stands for.
+    /// A description of the mesh.
     pub about: &'static str,
     make: fn() -> Mesh,
 }
@@ -47,7 +47,7 @@ pub const RECIPES: [Recipe; 5] = [
 ];
 
 impl Recipe {
-    /// Makes the mesh.
+    /// Generates the mesh.
     pub fn make(&self) -> Mesh {
         let mesh = (self.make)();
         debug_assert!(mesh.triangles.iter().flatten().all(|&i| (i as usize) < mesh.positions.len()));
@@ -74,18 +74,18 @@ impl Mesh {
         [self.positions[a as usize], self.positions[b as usize], self.positions[c as usize]]
     }
 
-    /// The largest size of a coordinate.
+    /// The largest absolute coordinate.
     pub fn extent(&self) -> f32 {
         self.positions.iter().fold(0.0, |m: f32, p| m.max(p.abs().max_element()))
     }
 
-    /// How it is looked at.
+    /// The view of the mesh.
     pub fn view(&self) -> View {
         let &Self { eye, target, fovy, light, .. } = self;
         View { eye, target, fovy, light, extent: self.extent() }
     }
 
-    /// Which way a triangle faces.
+    /// The normal of a triangle, of any length.
     pub fn normal(&self, triangle: u32) -> Vec3 {
         let [a, b, c] = self.corners(triangle as usize);
         (b - a).cross(c - a)
@@ -101,7 +101,7 @@ impl Mesh {
         self.triangles.extend([[a, b, c], [a, c, d]]);
     }
 
-    /// A grid of `columns` × `rows` squares whose corners `at` gives.
+    /// Adds a grid of `columns` × `rows` squares; `at` gives its vertices.
     pub(super) fn grid(&mut self, columns: u32, rows: u32, at: impl Fn(u32, u32) -> Vec3) {
         let first = self.positions.len() as u32;
         self.positions.extend((0..=rows).flat_map(|j| (0..=columns).map(move |i| (i, j))).map(|(i, j)| at(i, j)));
@@ -121,7 +121,7 @@ mod tests {
 
     #[test]
     fn meshes_are_of_the_size_they_say_and_sound() {
-        // The largest two only differ in fineness and number.
+        // The test skips the two largest meshes, which differ from the others only in fineness and number.
         for (recipe, count) in RECIPES[..3].iter().zip([69_314, 304_000, 400_002]) {
             let mesh = recipe.make();
             assert!(mesh.triangles.len().abs_diff(count) < 5000, "{}: {}", mesh.name, mesh.triangles.len());

@@ -15,7 +15,7 @@ variant = sys.argv[1]
 mitsuba.set_variant(variant)
 if len(sys.argv) == 2:
     if variant.startswith("llvm"):
-        # Some versions of LLVM are found, and abort when they compile; others, not before it is more than a sum.
+        # Some versions of LLVM load but abort when they compile, others only for more than a sum. A render tests that.
         box = mitsuba.cornell_box()
         box["sensor"]["film"] |= {"width": 4, "height": 4}
         drjit.eval(mitsuba.render(mitsuba.load_dict(box), spp=1))
@@ -23,13 +23,13 @@ if len(sys.argv) == 2:
 
 threads, scene, picture, seconds = sys.argv[2:]
 drjit.set_thread_count(int(threads))
-# Both clocks; the processor's counts from the start of the process, imports included.
+# Each mark has both clocks. The processor's clock counts from the start of the process, imports included.
 marks = [(time.perf_counter(), time.process_time())]
 parts = {"start": [0.0, marks[0][1]]}
 
 
 def done(name):
-    """What comes since the last mark was `name`."""
+    """Records the time since the last mark as the part `name`."""
     drjit.sync_thread()
     marks.append((time.perf_counter(), time.process_time()))
     parts[name] = [after - before for before, after in zip(*marks[-2:])]

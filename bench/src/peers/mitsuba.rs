@@ -1,12 +1,15 @@
-//! Scenes for Mitsuba 3 (PyPI's `mitsuba`) in its own XML, rendered by a small script of Python. It has no Whitted integrator
-//! and no model of Phong's: scenes with mirrors or clear bodies go to its path tracer, up to the same depth, the others to its
-//! integrator of direct light, with as many samples of lights as there are lights. Surfaces are diffuse or rough plastic,
-//! blended with a mirror and with glass. Lights at points are dimmed by distance; they are as bright as ours where the camera
-//! looks. There is no ambient light, and the background is black: an environment would be one more light to choose from.
+//! Scenes for Mitsuba 3 (PyPI's `mitsuba`) in its own XML, rendered by a small Python script.
 //!
-//! Many spheres, and cylinders, are curves of one segment with round ends, which one shape has millions of; a sphere's segment
-//! is a 500th of its radius long. A plugin for each sphere takes twice the time for thousands and much more for many more, and
-//! `ellipsoids` fray spheres that are small and far away (tried with 3.9). Few spheres are spheres.
+//! Mitsuba has no Whitted integrator and no Phong model. Scenes with mirrors or transparent bodies use its path tracer
+//! with an equal maximum depth. The others use its direct integrator, with one light sample per light. Surfaces are
+//! diffuse or rough plastic, blended with a mirror and with glass. Point lights have inverse-square falloff; their
+//! intensity matches Canaletto's at the point that the camera looks at. There is no ambient light, and the background
+//! is black: an environment would be one more light to sample.
+//!
+//! Many spheres, and cylinders, are curves of one segment with round ends; one shape has millions of segments. A
+//! sphere's segment is a 500th of its radius long. A plugin for each sphere takes twice the time for thousands, and
+//! much more for many more. `ellipsoids` has artefacts for small, distant spheres (in version 3.9). Few spheres are
+//! sphere plugins.
 
 use std::fmt::{Display, Write};
 use std::path::{Path, PathBuf};
@@ -21,25 +24,26 @@ use super::plain::{Form, Plain, joined};
 use super::stages::write_ply;
 use super::statistics::{Clock, Times};
 
-/// How to get it.
+/// The command that installs Mitsuba.
 pub(super) const INSTALL: &str = "pip install mitsuba (and CANALETTO_PYTHON=…/bin/python if that isn't python3's)";
-/// How to get the faster variants.
+/// The command that installs the library for the faster variants.
 pub(super) const INSTALL_LLVM: &str = "apt-get install libllvm19, and DRJIT_LIBLLVM_PATH=/usr/lib/x86_64-linux-gnu/libLLVM.so.19.1 if another version is found first";
 
-/// Its variants without derivatives of spectra: compiled for the scene, and by templates.
+/// The variants without spectral rendering and its derivatives: compiled for the scene, and by templates.
 pub(super) const VARIANTS: [(&str, &str); 2] = [("mi-llvm", "llvm_ad_rgb"), ("mi-scalar", "scalar_rgb")];
 
-/// Up to how many spheres of one material are spheres each.
+/// The largest number of spheres of one material that become sphere plugins.
 const FEW: usize = 64;
 
-/// The Python that has it.
+/// A Python interpreter with Mitsuba.
 pub(super) struct Python {
     program: std::ffi::OsString,
     script: PathBuf,
 }
 
 impl Python {
-    /// The one that `CANALETTO_PYTHON` names, or `python3`, if it has Mitsuba; `folder` is for the script.
+    /// The interpreter that `CANALETTO_PYTHON` names, or `python3`, if it has Mitsuba. The script is written to
+    /// `folder`.
     pub(super) fn find(folder: &Path) -> Result<Option<Self>, String> {
         let program = std::env::var_os("CANALETTO_PYTHON").unwrap_or("python3".into());
         let script = folder.join("mitsuba-peer.py");
@@ -53,7 +57,7 @@ impl Python {
         succeeds(Command::new(&self.program).arg(&self.script).arg(variant))
     }
 
-    /// The command that makes `picture` of the scene in `file`, and tells in `seconds` what took how long.
+    /// The command that renders `file` to `picture` and writes the durations of its parts to `seconds`.
     pub(super) fn command(&self, variant: &str, threads: usize, [file, picture, seconds]: [&Path; 3]) -> Command {
         let mut command = Command::new(&self.program);
         command.arg(&self.script).arg(variant).arg(threads.to_string()).args([file, picture, seconds]);
@@ -66,7 +70,7 @@ fn succeeds(command: &mut Command) -> bool {
     quiet.status().is_ok_and(|status| status.success())
 }
 
-/// What one process said that its parts took.
+/// The durations of the parts, as reported by the processes.
 #[derive(Default)]
 pub(super) struct Told {
     version: String,
@@ -74,7 +78,7 @@ pub(super) struct Told {
 }
 
 impl Told {
-    /// Adds what the last process wrote.
+    /// Adds the report of the last process.
     pub(super) fn add(&mut self, file: &Path, clock: Clock) -> Result<(), String> {
         let text = std::fs::read_to_string(file).map_err(|e| format!("{}: {e}", file.display()))?;
         let told: Value = serde_json::from_str(&text).map_err(|e| format!("{}: {e}", file.display()))?;
@@ -86,7 +90,7 @@ impl Told {
         Ok(())
     }
 
-    /// All rounds of each part.
+    /// The durations of each part in all rounds.
     pub(super) fn json(&self) -> Value {
         PARTS.iter().zip(&self.parts).map(|(name, times)| (name.to_string(), Value::from(times.0.clone()))).collect()
     }
@@ -97,7 +101,7 @@ const PARTS: [&str; 4] = ["start", "load", "render", "write"];
 impl Display for Told {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "Mitsuba {} itself:", self.version)?;
-        // The clock can't tell when the interpreter was started.
+        // The wall clock has no start time of the interpreter.
         let parts = PARTS.iter().zip(&self.parts).filter(|(_, times)| times.median() > 0.0);
         for (i, (name, times)) in parts.enumerate() {
             write!(f, "{} {name} {:.3}", if i == 0 { "" } else { "," }, times.median())?;
@@ -106,7 +110,7 @@ impl Display for Told {
     }
 }
 
-/// Writes the scene, with files beside it for what is long.
+/// Writes the scene, with long data in files beside it.
 pub(super) fn write_scene(plain: &Plain<'_>, [width, height]: [u32; 2], path: &Path) -> Result<(), String> {
     let Plain { scene, view, .. } = plain;
     let depth = scene.integrator.max_depth;
@@ -118,7 +122,7 @@ pub(super) fn write_scene(plain: &Plain<'_>, [width, height]: [u32; 2], path: &P
         out.push('\n');
     };
     put(if scene.materials.iter().any(|m| !m.phong.k.is_black() || m.phong.opacity < 1.0) {
-        // Eye rays are our first level; its first is what shines into the eye by itself.
+        // Canaletto counts eye rays as level 1. Mitsuba's level 1 is emission seen directly.
         format!("<integrator type=\"path\">{}</integrator>", number("integer", "max_depth", depth.saturating_add(1)))
     } else {
         let [lights, others] = [("emitter_samples", plain.lights.len().max(1)), ("bsdf_samples", 0)];
@@ -182,7 +186,7 @@ pub(super) fn write_scene(plain: &Plain<'_>, [width, height]: [u32; 2], path: &P
     write(path, &out)
 }
 
-/// Curves of one segment each: a line for each end, and one that is empty.
+/// Curves of one segment each: one line for each end, and an empty line.
 fn curves(segments: impl Iterator<Item = ([Vec3; 2], f32)>) -> String {
     let mut out = String::new();
     for (ends, radius) in segments {
@@ -192,12 +196,12 @@ fn curves(segments: impl Iterator<Item = ([Vec3; 2], f32)>) -> String {
     out
 }
 
-/// What comes nearest to Phong's model: shares of diffuse or plastic, of a mirror, and of clear glass.
+/// The closest BSDF to Phong's model: a blend of diffuse or plastic, of a mirror, and of clear glass.
 fn bsdf(phong: &Phong, id: &str) -> String {
     let base = if phong.ks.is_black() {
         format!("<bsdf type=\"diffuse\">{}</bsdf>", color("reflectance", phong.kd))
     } else {
-        // The roughness whose highlights are as wide as cosⁿ.
+        // The roughness whose highlights are as wide as those of cosⁿ.
         let alpha = number("float", "alpha", (2.0 / (phong.n + 2.0)).sqrt().clamp(0.01, 1.0));
         let colors = [color("diffuse_reflectance", phong.kd), color("specular_reflectance", phong.ks)].concat();
         format!("<bsdf type=\"roughplastic\">{colors}{alpha}</bsdf>")
@@ -261,7 +265,7 @@ mod tests {
         assert!(matte.contains("type=\"direct\"><integer name=\"emitter_samples\" value=\"2\"/>"), "{matte}");
         assert!(mirror.contains("type=\"path\"><integer name=\"max_depth\" value=\"5\"/>"), "{mirror}");
         assert!(matte.contains("<shape type=\"sphere\">"), "{matte}");
-        // π · 5² where the camera looks.
+        // The intensity is π · 5² for the distance to the point that the camera looks at.
         assert!(matte.contains("<rgb name=\"intensity\" value=\"78.53"), "{matte}");
     }
 
@@ -280,7 +284,7 @@ mod tests {
         assert!(mirror.contains("value=\"0.25\"") && !mirror.contains("dielectric"), "{mirror}");
     }
 
-    /// Tags of numbers and colours.
+    /// The number of tags of numbers and colours.
     fn parameters(text: &str) -> usize {
         ["<float", "<rgb"].map(|tag| text.matches(tag).count()).iter().sum()
     }

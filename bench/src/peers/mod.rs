@@ -1,7 +1,8 @@
-//! Canaletto beside other ray tracers on one machine, in turn, on the same rays and scenes. See `docs/benchmarks.md`.
+//! Compares Canaletto with other ray tracers on one machine, in interleaved rounds, on equal rays and scenes. See
+//! `docs/benchmarks.md`.
 //!
-//! Peers are looked for at run time; nothing here needs them to build. Meshes and rays come from seeds, so that
-//! anyone has the same.
+//! Peers are found at run time and are not needed to build. Meshes and rays come from seeds, so they are equal on every
+//! machine.
 
 mod atrium;
 pub mod build;

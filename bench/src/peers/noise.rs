@@ -1,6 +1,6 @@
-//! Numbers from seeds: a hash, and Perlin's gradient noise ("Improving noise", 2002) over it.
+//! Pseudorandom numbers from seeds: a hash, and Perlin's gradient noise ("Improving noise", 2002) over it.
 //!
-//! Only exact operations and `libm`, for the same meshes on every machine.
+//! Only exact operations and `libm` are used, so the meshes are equal on every machine.
 
 use glam::{DVec3, Vec3};
 
@@ -17,7 +17,7 @@ pub(super) fn uniform(seed: u64, counter: u64) -> f32 {
     (hash(hash(seed) ^ counter) >> 40) as f32 / (1 << 24) as f32
 }
 
-/// Sine and cosine of an angle in radians.
+/// The sine and cosine of an angle in radians.
 pub(super) fn sin_cos(angle: f32) -> (f32, f32) {
     (libm::sinf(angle), libm::cosf(angle))
 }
@@ -33,7 +33,7 @@ fn gradient(cell: [i64; 3], offset: Vec3) -> f32 {
     sign(8) * a + sign(9) * b
 }
 
-/// Smooth noise, about −1 to 1, 0 on whole numbers.
+/// Smooth noise, about −1 to 1; it is 0 on whole numbers.
 pub(super) fn noise(p: Vec3) -> f32 {
     let floor = p.floor();
     let f = p - floor;
@@ -48,12 +48,12 @@ pub(super) fn noise(p: Vec3) -> f32 {
     mix(face(0), face(1), s.z)
 }
 
-/// Noise of several octaves, each half as large and twice as fine.
+/// Noise of several octaves. Each has half the amplitude and twice the frequency of the previous one.
 pub(super) fn fractal(p: Vec3, octaves: u32) -> f32 {
     (0..octaves).map(|i| noise(p * (1 << i) as f32 + Vec3::splat(17.3 * i as f32)) / (1 << i) as f32).sum()
 }
 
-/// A direction around `normal` with the density of the cosine, from two numbers in [0, 1).
+/// A direction around `normal` with cosine density, from two numbers in [0, 1).
 pub(super) fn around(normal: Vec3, u: f32, v: f32) -> Vec3 {
     let n = normal.as_dvec3();
     let tangent = n.any_orthonormal_vector();

@@ -1,4 +1,4 @@
-//! Our side of the comparison: everything that uses the hierarchy's interface is in this file.
+//! Canaletto's side of the comparison. Only this file uses the interface of its triangle hierarchy.
 
 use canaletto_bvh::{PrimitiveHit, Quality, TriangleBvh};
 
@@ -6,31 +6,31 @@ use super::mesh::Mesh;
 use super::rays::Run;
 use super::trace::{Hits, Tracer};
 
-/// A mesh in our hierarchy.
+/// A mesh in Canaletto's hierarchy.
 pub struct Ours {
     triangles: TriangleBvh,
 }
 
 impl Ours {
-    /// Builds it, on the current pool of threads.
+    /// Builds the hierarchy on the current thread pool.
     pub fn build(mesh: &Mesh, quality: Quality) -> Result<Self, String> {
         let triangles = TriangleBvh::build_with(quality, mesh.triangles.len(), |id| mesh.corners(id as usize))
             .map_err(|e| e.to_string())?;
         Ok(Self { triangles })
     }
 
-    /// Nodes and primitives that a random ray is expected to visit.
+    /// The expected number of nodes and primitives that a random ray visits.
     pub fn expected_visits(&self) -> f64 {
         self.triangles.statistics().sah_cost
     }
 
-    /// Memory of all that tracing needs.
+    /// The bytes of all data that tracing needs.
     pub fn bytes(&self) -> usize {
         self.triangles.statistics().bytes
     }
 }
 
-/// Rays that are asked about at a time.
+/// The number of rays in a query.
 const CHUNK: usize = 1024;
 
 impl Tracer for Ours {

@@ -1,4 +1,4 @@
-//! Whole pictures, whole processes: from starting the program to the written file.
+//! Compares whole processes that render pictures, from the start of the program to the written file.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -14,31 +14,31 @@ use super::statistics::{Clock, Times};
 use super::{mitsuba, povray, tachyon};
 use crate::say;
 
-/// What to compare.
+/// The options of the comparison.
 pub struct Options {
     /// The scenes.
     pub stages: Vec<Stage>,
-    /// Numbers of threads.
+    /// The numbers of threads.
     pub threads: Vec<usize>,
-    /// What times are.
+    /// The clock for the times.
     pub clock: Clock,
     /// The size of the pictures.
     pub size: [u32; 2],
-    /// How many times each takes its turn.
+    /// The number of rounds.
     pub rounds: usize,
     /// Whether Tachyon renders meshes, too, which takes minutes.
     pub slow: bool,
 }
 
-/// Who renders: their name, how, and seconds per round.
+/// One renderer: its name, its command, and seconds per round.
 struct Renderer<'a> {
     name: &'static str,
     command: Box<dyn Fn() -> Command + 'a>,
     times: Times,
     rounds: usize,
-    /// The picture, if the model is the same.
+    /// The picture, if the shading model equals Canaletto's.
     picture: Option<PathBuf>,
-    /// Where it writes its own times, and those of all rounds.
+    /// The file with the renderer's own times, and those of all rounds.
     told: Option<(PathBuf, mitsuba::Told)>,
 }
 
@@ -47,13 +47,13 @@ impl<'a> Renderer<'a> {
         Self { name, command: Box::new(command), times: Times::default(), rounds, picture: None, told: None }
     }
 
-    /// With a picture that ought to be like ours.
+    /// Adds a picture that should resemble Canaletto's.
     fn like_ours(self, picture: &Path) -> Self {
         Self { picture: Some(picture.to_owned()), ..self }
     }
 }
 
-/// A program beside this one.
+/// The path of a program in this program's folder.
 fn beside(name: &str) -> Result<PathBuf, String> {
     let program = std::env::current_exe().map_err(|e| e.to_string())?.with_file_name(name);
     if program.is_file() { Ok(program) } else { Err(format!("build {name} first: cargo build --release")) }
@@ -63,7 +63,7 @@ fn quiet(command: &mut Command) -> &mut Command {
     command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null())
 }
 
-/// Runs to the end and tells how many seconds it took.
+/// Runs a command to its end and returns the seconds that it took.
 fn timed(mut command: Command, clock: Clock) -> Result<f64, String> {
     let name = command.get_program().to_string_lossy().into_owned();
     let mut status = None;
@@ -90,7 +90,7 @@ fn canaletto(program: &Path, file: &Path, picture: &Path, size: Option<[u32; 2]>
     command
 }
 
-/// Compares and prints, and tells all in JSON.
+/// Compares, prints, and returns everything as JSON.
 pub fn run(options: &Options) -> Result<Value, String> {
     let folder = Folder::new()?;
     say!("whole processes; {} interleaved rounds, medians; ratio: their time / ours", options.rounds);
@@ -121,7 +121,7 @@ pub fn run(options: &Options) -> Result<Value, String> {
     Ok(json!({ "what": "pictures", "size": options.size, "clock": format!("{:?}", options.clock), "rows": rows }))
 }
 
-/// Everybody who is there, ourselves first, with the scene in their own language.
+/// All installed renderers, Canaletto first, with the scene in their own languages.
 fn renderers<'a>(
     stage: Stage,
     file: &'a Path,
@@ -182,7 +182,7 @@ fn renderers<'a>(
     Ok(all)
 }
 
-/// Lets everybody take turns, and prints a line for each.
+/// Runs all renderers in interleaved rounds, and prints a line for each.
 fn compare(
     stage: Stage,
     mut renderers: Vec<Renderer<'_>>,
@@ -218,7 +218,7 @@ fn compare(
     Ok(rows)
 }
 
-/// The mean of the differences of two pictures' channels, of 255.
+/// The mean difference of two pictures' channels, of 255.
 fn difference(ours: &Path, theirs: &Path) -> Result<f64, String> {
     let read = |path: &Path| {
         let bytes = std::fs::read(path).map_err(|e| format!("{}: {e}", path.display()))?;
@@ -231,7 +231,8 @@ fn difference(ours: &Path, theirs: &Path) -> Result<f64, String> {
     Ok(255.0 * sum / f64::from(count.max(1)))
 }
 
-/// The chapter's scene of 230 × 230: our whole process beside starting the process and writing that picture alone.
+/// Compares whole processes: Canaletto on the chapter's scene of 230 × 230, and a process that only writes that
+/// picture.
 pub fn start(threads: &[usize], rounds: usize, clock: Clock) -> Result<Value, String> {
     let folder = Folder::new()?;
     let program = beside("canaletto")?;

@@ -1,4 +1,5 @@
-//! Scenes as other ray tracers can be given them: a view, omni lights, and spheres, cylinders and meshes, each of one material.
+//! Scenes in a form that other ray tracers support: a view, omni lights, and spheres, cylinders and meshes, each of one
+//! material.
 
 use std::fmt::Display;
 
@@ -9,27 +10,27 @@ use canaletto::scene::{Content, Intrinsics, Scene, View};
 use canaletto::shape::{Mesh, Shape};
 use glam::Vec3;
 
-/// A scene that peers are given.
+/// A scene for peers.
 pub(super) struct Plain<'a> {
-    /// All of it.
+    /// The whole scene.
     pub(super) scene: &'a Scene,
     /// The first view, and its camera.
     pub(super) view: &'a View,
     pub(super) camera: Camera,
-    /// How far a picture of height 1 is from the eye.
+    /// The distance from the eye at which the picture has height 1.
     pub(super) distance: f64,
-    /// Places and intensities.
+    /// The positions and intensities of the lights.
     pub(super) lights: Vec<(Vec3, Rgb)>,
     pub(super) things: Vec<Thing<'a>>,
 }
 
-/// What has one material, by its index in the scene.
+/// An object of one material, which is an index in the scene.
 pub(super) struct Thing<'a> {
     pub(super) material: u32,
     pub(super) form: Form<'a>,
 }
 
-/// What a thing is made of.
+/// The geometry of an object.
 pub(super) enum Form<'a> {
     Mesh(&'a Mesh),
     /// Centres and radii.
@@ -39,7 +40,7 @@ pub(super) enum Form<'a> {
 }
 
 impl<'a> Plain<'a> {
-    /// The scene for a picture of this size. Loose spheres of one material are one thing.
+    /// The scene for a picture of this size. Loose spheres of one material form one object.
     pub(super) fn new(scene: &'a Scene, [width, height]: [u32; 2]) -> Result<Self, String> {
         let view = scene.views.first().ok_or("the scene has no camera")?;
         let intrinsics = Intrinsics { width, height, ..view.intrinsics };
@@ -86,7 +87,7 @@ impl<'a> Plain<'a> {
     }
 }
 
-/// Numbers with something between them.
+/// Three numbers, joined by `between`.
 pub(super) fn joined<T: Display>(numbers: impl Into<[T; 3]>, between: &str) -> String {
     let [x, y, z] = numbers.into();
     format!("{x}{between}{y}{between}{z}")

@@ -1,5 +1,6 @@
-//! Scenes for POV-Ray (Debian's `povray`), with the same numbers: Phong's model without ambient but the scene's, brilliance 1,
-//! no falloff, no adaptive cut-off, linear light, one ray in the centre of each pixel.
+//! Scenes for POV-Ray (Debian's `povray`), with equal parameters. The model is Phong's, with only the scene's ambient
+//! light, brilliance 1, and no falloff. There is no adaptive cut-off. Light is linear, with one ray in the centre of
+//! each pixel.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -10,10 +11,10 @@ use glam::{DVec3, Vec3};
 
 use super::plain::{Form, Plain, joined};
 
-/// How to get it.
+/// The command that installs POV-Ray.
 pub(super) const INSTALL: &str = "apt-get install povray";
 
-/// The command that makes `picture` of the scene in `file`.
+/// The command that renders the scene in `file` to `picture`.
 pub(super) fn command(file: &Path, picture: &Path, [width, height]: [u32; 2], threads: usize) -> Command {
     let mut command = Command::new("povray");
     command.arg(format!("+I{}", file.display())).arg(format!("+O{}", picture.display()));
@@ -22,7 +23,7 @@ pub(super) fn command(file: &Path, picture: &Path, [width, height]: [u32; 2], th
     command
 }
 
-/// The scene in POV-Ray's language, vectors of the camera spelled out so that its handedness doesn't matter.
+/// The scene in POV-Ray's language. The camera's vectors are explicit, so that its handedness doesn't matter.
 pub(super) fn scene(plain: &Plain<'_>, [width, height]: [u32; 2]) -> String {
     let Plain { scene, camera, distance, .. } = plain;
     let [x, y, z] = camera.axes();

@@ -1,4 +1,4 @@
-//! The rays: from the eye, and from what they hit, in the order in which a renderer would meet them.
+//! Ray sets: rays from the eye, and rays from their hits, in the order in which a renderer traces them.
 
 use canaletto_bvh::Ray;
 use glam::Vec3;
@@ -6,57 +6,57 @@ use rayon::prelude::*;
 
 use super::noise::{around, uniform};
 
-/// One ray, laid out for single-ray interfaces: the points `origin + t * direction`, 0 < t ≤ `t_max`.
+/// One ray in the layout for single-ray interfaces: the points `origin + t * direction`, 0 < t ≤ `t_max`.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(32))]
 pub struct Segment {
-    /// Where t = 0.
+    /// The point at t = 0.
     pub origin: Vec3,
-    /// The way of growing t.
+    /// The direction of growing t.
     pub direction: Vec3,
-    /// Where it ends.
+    /// The end of the ray.
     pub t_max: f32,
 }
 
-/// Sixteen rays side by side, for packet interfaces: rows of origin x y z, direction x y z and `t_max`.
+/// Sixteen rays in the layout for packet interfaces: rows of origin x y z, direction x y z and `t_max`.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub struct Packet(pub [[f32; 16]; 7]);
 
 /// Rays to be traced, in the layouts of all interfaces.
 pub struct RaySet {
-    /// What they are called on the command line.
+    /// The name on the command line.
     pub name: &'static str,
-    /// Whether only it counts that something is hit.
+    /// Whether an any-hit query suffices.
     pub any: bool,
-    /// Whether neighbours run alike: a peer may be told so.
+    /// Whether neighbouring rays are coherent, which a peer may use.
     pub coherent: bool,
-    /// One by one.
+    /// The rays one by one.
     pub rays: Vec<Segment>,
-    /// The same by sixteens; the last is filled up with its last ray.
+    /// The rays by sixteens. The last packet is filled up with its last ray.
     pub packets: Vec<Packet>,
-    /// The same as our interface takes them.
+    /// The rays in Canaletto's layout.
     pub own: Vec<Ray>,
-    /// Where those end.
+    /// The ends of the rays in `own`.
     pub t_max: Vec<f32>,
 }
 
-/// Some rays of a set that follow each other, in all layouts.
+/// Consecutive rays of a set, in all layouts.
 #[derive(Clone, Copy)]
 pub struct Run<'a> {
-    /// One by one.
+    /// The rays one by one.
     pub rays: &'a [Segment],
-    /// By sixteens, from the first of `rays` on.
+    /// The rays by sixteens, from the first of `rays` on.
     pub packets: &'a [Packet],
-    /// As our interface takes them.
+    /// The rays in Canaletto's layout.
     pub own: &'a [Ray],
-    /// Where those end.
+    /// The ends of the rays in `own`.
     pub t_max: &'a [f32],
-    /// Whether neighbours run alike.
+    /// Whether neighbouring rays are coherent.
     pub coherent: bool,
 }
 
-/// The names of all sets.
+/// The names of all sets, with their descriptions.
 pub const SETS: [(&str, &str); 7] = [
     ("primary", "from the eye through each pixel, closest hit"),
     ("shadow", "from their hits to a light at a point, any hit"),
@@ -67,22 +67,22 @@ pub const SETS: [(&str, &str); 7] = [
     ("ao", "from the hits of primary, spread by the cosine, short, any hit"),
 ];
 
-/// How a scene is looked at.
+/// The view of a scene.
 #[derive(Clone, Copy)]
 pub struct View {
-    /// Where it is seen from.
+    /// The eye.
     pub eye: Vec3,
-    /// What the eye looks at.
+    /// The point that the eye looks at.
     pub target: Vec3,
-    /// Vertical field of view in degrees.
+    /// The vertical field of view in degrees.
     pub fovy: f32,
-    /// A light at a point.
+    /// The position of a point light.
     pub light: Vec3,
-    /// The largest size of a coordinate.
+    /// The largest absolute coordinate.
     pub extent: f32,
 }
 
-/// What is known of a hit when rays start there.
+/// The origin of further rays at a hit.
 #[derive(Clone, Copy)]
 pub struct Start {
     /// The point, moved off the surface.
@@ -92,7 +92,7 @@ pub struct Start {
 }
 
 impl RaySet {
-    /// Rays in all layouts.
+    /// A set with its rays in all layouts.
     pub fn new(name: &'static str, any: bool, coherent: bool, rays: Vec<Segment>) -> Self {
         let packets = rays
             .par_chunks(16)
@@ -113,7 +113,7 @@ impl RaySet {
         Self { name, any, coherent, rays, packets, own, t_max }
     }
 
-    /// All, in runs of a multiple of sixteen.
+    /// All rays, in runs of `len`, which is a multiple of sixteen.
     pub fn runs(&self, len: usize) -> impl IndexedParallelIterator<Item = Run<'_>> {
         let embree = self.rays.par_chunks(len).zip(self.packets.par_chunks(len / 16));
         let own = self.own.par_chunks(len).zip(self.t_max.par_chunks(len));
@@ -122,7 +122,7 @@ impl RaySet {
     }
 }
 
-/// Rays from the eye, tile after tile of 8 × 8 pixels.
+/// Rays from the eye, in tiles of 8 × 8 pixels.
 fn primary(view: &View, [width, height]: [u32; 2]) -> Vec<Segment> {
     let forward = (view.target - view.eye).normalize();
     let right = forward.cross(Vec3::Z).normalize();
@@ -155,8 +155,8 @@ fn spread(starts: &[Start], seed: u64, t_max: f32) -> Vec<Segment> {
         .collect()
 }
 
-/// The sets named, for pictures of a size. `hits` tells where rays hit the scene, each with its primitive and t; `normal` which way the primitive's
-/// surface faces at a point, with any length.
+/// Makes the named sets, for pictures of this size. `hits` returns the closest hits of rays, each with its primitive
+/// and t. `normal` returns the primitive's normal at a point, of any length.
 pub fn make(
     view: &View,
     size: [u32; 2],
@@ -171,7 +171,7 @@ pub fn make(
             let point = ray.origin + t * ray.direction;
             let normal = normal(primitive, point).normalize_or_zero();
             let normal = if normal.dot(ray.direction) > 0.0 { -normal } else { normal };
-            // Far enough that no peer hits the same primitive again.
+            // The distance is large enough that no peer hits the primitive again.
             Some(Start { point: point + normal * (extent * 1e-5), normal })
         };
         rays.iter().zip(hits(rays)).filter_map(start).filter(|start| start.normal.is_normalized()).collect()

@@ -1,6 +1,7 @@
-//! A plain recursion over Embree's single rays: what somebody writes in an afternoon. Ambient, diffuse and specular terms,
-//! one shadow ray per light, mirrors, clear bodies that refract; in `f32`, with a fixed distance that keeps rays off the
-//! surface they leave. Everything blocks light, clear bodies too. One sample per pixel.
+//! A plain recursion over Embree's single rays, as a programmer would write it in an afternoon. It has ambient, diffuse
+//! and specular terms, one shadow ray per light, mirrors, and refraction in transparent bodies. It computes in `f32`; a
+//! fixed offset keeps rays off the surface they leave. Every object blocks light, transparent ones included. There is
+//! one sample per pixel.
 
 use std::path::Path;
 use std::time::Instant;
@@ -19,7 +20,7 @@ use super::rays::Segment;
 
 struct Recursion<'a> {
     scene: Scene<'a>,
-    /// Each part's first primitive and material.
+    /// The first primitive and the material of each part.
     materials: Vec<(u32, Phong)>,
     lights: Vec<(Vec3, Rgb)>,
     background: Rgb,
@@ -28,7 +29,7 @@ struct Recursion<'a> {
     offset: f32,
 }
 
-/// A thing as Embree has it.
+/// An object in Embree's layout.
 fn part(form: &Form<'_>) -> Part {
     match form {
         Form::Mesh(mesh) => Part::triangles(&mesh.positions, &mesh.triangles),
@@ -37,7 +38,7 @@ fn part(form: &Form<'_>) -> Part {
     }
 }
 
-/// Renders the scene and writes a PNG; tells seconds for building and tracing.
+/// Renders the scene and writes a PNG; returns the seconds for building and tracing.
 pub fn render(scene: &Description, [width, height]: [u32; 2], threads: usize, out: &Path) -> Result<[f64; 2], String> {
     let embree = Embree::new(threads)?;
     let Plain { view, camera, lights, things, .. } = Plain::new(scene, [width, height])?;

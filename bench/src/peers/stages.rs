@@ -1,4 +1,4 @@
-//! Whole scenes, written as files that Canaletto reads: what is measured is what a user does.
+//! Whole scenes, written as files that Canaletto reads. The measurement thus covers the work of a user's command.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -12,7 +12,7 @@ use glam::Vec3;
 use super::noise::uniform;
 use super::statue;
 
-/// A folder that is removed when this is dropped.
+/// A folder that is removed on drop.
 pub(super) struct Folder(pub(super) PathBuf);
 
 impl Folder {
@@ -25,7 +25,7 @@ impl Folder {
 
 impl Drop for Folder {
     fn drop(&mut self) {
-        // Somebody may look at the pictures.
+        // `CANALETTO_KEEP` keeps the pictures for inspection.
         if std::env::var_os("CANALETTO_KEEP").is_none() {
             let _ = std::fs::remove_dir_all(&self.0);
         }
@@ -44,7 +44,7 @@ pub enum Stage {
 }
 
 impl Stage {
-    /// Its name.
+    /// The name of the scene.
     pub fn name(self) -> &'static str {
         match self {
             Self::Balls => "balls",
@@ -53,7 +53,7 @@ impl Stage {
         }
     }
 
-    /// Makes its files in a folder and names the one to render.
+    /// Writes the scene's files into a folder and returns the path of the one to render.
     pub fn file(self, folder: &Path) -> Result<PathBuf, String> {
         let path = folder.join(format!("{}.kdl", self.name()));
         let made = match self {
@@ -70,7 +70,7 @@ impl Stage {
     }
 }
 
-/// The scene in a file.
+/// Reads the scene in a file.
 pub fn load(path: &Path) -> Result<Scene, String> {
     let (assets, name) = FolderAssets::beside(path).map_err(|e| format!("{}: {e}", path.display()))?;
     let scene = if name.ends_with(".kdl") { text::read_scene(&name, &assets) } else { import::load(&name, &assets) };
@@ -104,17 +104,17 @@ cylinders file="cylinders.bin" material="sticks"
 light "omni" { position -40 30 90; intensity 0.8 0.8 0.8 }
 "#;
 
-/// How many spheres and how many cylinders.
+/// The number of spheres, and that of cylinders.
 pub(super) const COUNT: u64 = 1_000_000;
 
-/// A million atoms: centre and radius.
+/// One of a million atoms: centre and radius.
 pub(super) fn sphere(i: u64) -> (Vec3, f32) {
     let random = |k| uniform(21, 4 * i + k);
     let at = Vec3::new(random(0), random(1), random(2)) * 2.0 - Vec3::ONE;
     (at * Vec3::new(45.0, 45.0, 12.0), 0.12 + 0.2 * random(3) * random(3))
 }
 
-/// A million bonds: ends and radius.
+/// One of a million bonds: ends and radius.
 pub(super) fn cylinder(i: u64) -> ([Vec3; 2], f32) {
     let random = |k| uniform(22, 8 * i + k);
     let (from, _) = sphere(i);
@@ -135,7 +135,7 @@ fn write_shapes(folder: &Path) -> std::io::Result<()> {
     file.flush()
 }
 
-/// A mesh as a binary PLY.
+/// Writes a mesh as a binary PLY.
 pub(super) fn write_ply(positions: &[Vec3], triangles: &[[u32; 3]], path: &Path) -> std::io::Result<()> {
     let mut file = BufWriter::with_capacity(1 << 20, File::create(path)?);
     write!(

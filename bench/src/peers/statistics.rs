@@ -1,4 +1,4 @@
-//! Clocks; medians and spreads of interleaved rounds.
+//! Clocks, and medians and ranges of interleaved rounds.
 
 use std::time::Instant;
 
@@ -12,7 +12,7 @@ pub enum Clock {
 }
 
 impl Clock {
-    /// How many seconds `work` takes.
+    /// The seconds that `work` takes.
     pub fn time(self, work: impl FnOnce()) -> f64 {
         let (start, ran) = (Instant::now(), self.ran());
         work();
@@ -22,7 +22,7 @@ impl Clock {
         }
     }
 
-    /// How many seconds the processes take that `work` starts and waits for.
+    /// The seconds of the processes that `work` starts and waits for.
     pub fn time_child(self, work: impl FnOnce()) -> f64 {
         let (start, ran) = (Instant::now(), self.children_ran());
         work();
@@ -32,19 +32,20 @@ impl Clock {
         }
     }
 
-    /// Seconds that all children which have ended ran, in hundredths.
+    /// The processor time of all ended children in seconds, with a resolution of a hundredth.
     fn children_ran(self) -> Option<f64> {
         if self == Self::Wall {
             return None;
         }
         let text = std::fs::read_to_string("/proc/self/stat").ok()?;
-        // Behind the program's name, which may hold anything: cutime and cstime are the 16th and 17th of all.
+        // The fields follow the program's name, which may contain any characters. cutime and cstime are the 16th and
+        // 17th of all.
         let mut fields = text.rsplit_once(')')?.1.split_whitespace().skip(13);
         let mut next = || fields.next()?.parse::<f64>().ok();
         Some((next()? + next()?) / 100.0)
     }
 
-    /// Seconds that all threads ran so far, as the scheduler counts them.
+    /// The processor time of all threads so far in seconds, from the scheduler.
     fn ran(self) -> Option<f64> {
         if self == Self::Wall {
             return None;
@@ -58,18 +59,18 @@ impl Clock {
     }
 }
 
-/// Seconds per round of one contestant.
+/// The seconds per round of one contestant.
 #[derive(Clone, Debug, Default)]
 pub struct Times(pub Vec<f64>);
 
-/// A ratio and its spread over rounds.
+/// A ratio and its range over rounds.
 #[derive(Clone, Copy, Debug)]
 pub struct Ratio {
     /// The ratio of medians.
     pub median: f64,
-    /// The least of any round.
+    /// The smallest ratio of a round.
     pub min: f64,
-    /// The greatest of any round.
+    /// The largest ratio of a round.
     pub max: f64,
 }
 
@@ -82,7 +83,7 @@ impl Times {
         if n == 0 { f64::NAN } else { (times[n / 2] + times[(n - 1) / 2]) / 2.0 }
     }
 
-    /// How many times faster this one was than `other`, round by round.
+    /// The factor by which this contestant is faster than `other`, computed round by round.
     pub fn faster_than(&self, other: &Self) -> Ratio {
         let rounds = || self.0.iter().zip(&other.0).map(|(ours, theirs)| theirs / ours);
         Ratio {

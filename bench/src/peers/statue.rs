@@ -1,11 +1,11 @@
-//! Smooth bodies like scans: even triangles, much finer than what they show.
+//! Smooth meshes like scans, with even triangles that are much finer than their features.
 
 use glam::Vec3;
 
 use super::mesh::Mesh;
 use super::noise::{fractal, noise, sin_cos};
 
-/// A lump with folds on a floor, 12 × 76² + 2 triangles.
+/// A lump with folds on a floor, of 12 × 76² + 2 triangles.
 pub(super) fn statue() -> Mesh {
     const N: u32 = 76;
     let mut mesh = Mesh::new("statue");
@@ -28,7 +28,7 @@ pub(super) fn statue() -> Mesh {
     mesh
 }
 
-/// A tube with scales along a knot (2, 3) on a floor, 400,000 × `fineness`² + 2 triangles.
+/// A tube with scales along a knot (2, 3) on a floor, of 400,000 × `fineness`² + 2 triangles.
 pub(super) fn serpent(fineness: u32) -> Mesh {
     let (length, around) = (1000 * fineness, 200 * fineness);
     let mut mesh = Mesh::new(if fineness == 1 { "serpent" } else { "serpent4" });

@@ -1,5 +1,5 @@
-//! Scenes for Tachyon (Debian's `tachyon`) in its own language, with the same numbers as far as it has them: its materials
-//! have one colour and numbers for how much of it is ambient, diffuse, mirrored and clear; clear bodies don't refract.
+//! Scenes for Tachyon (Debian's `tachyon`) in its own language, with equal parameters where they exist. Its materials
+//! have one colour, and factors for ambient, diffuse, mirrored and transparent light. Transparent bodies don't refract.
 //! Its pictures are mirrored.
 
 use std::fmt::Write;
@@ -11,10 +11,10 @@ use glam::{DVec3, Vec3};
 
 use super::plain::{Form, Plain, joined};
 
-/// How to get it.
+/// The command that installs Tachyon.
 pub(super) const INSTALL: &str = "apt-get install tachyon";
 
-/// The command that makes `picture` of the scene in `file`.
+/// The command that renders the scene in `file` to `picture`.
 pub(super) fn command(file: &Path, picture: &Path, [width, height]: [u32; 2], threads: usize) -> Command {
     let mut command = Command::new("tachyon");
     command.arg(file).arg("-o").arg(picture).args(["-format", "TARGA", "-numthreads", &threads.to_string()]);
@@ -24,7 +24,7 @@ pub(super) fn command(file: &Path, picture: &Path, [width, height]: [u32; 2], th
 
 /// The scene in Tachyon's language.
 pub(super) fn scene(plain: &Plain<'_>, [width, height]: [u32; 2]) -> String {
-    // At a distance of 1 its picture is 1 / zoom high.
+    // At a distance of 1 Tachyon's picture is 1 / zoom high.
     let Plain { scene, camera, distance: zoom, .. } = plain;
     let [_, y, z] = camera.axes();
     let mut out = String::new();

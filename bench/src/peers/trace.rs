@@ -1,4 +1,4 @@
-//! Rays through meshes: ours and Embree's in turn, and whether they hit the same.
+//! Traces rays through meshes with Canaletto and Embree in interleaved rounds, and compares their hits.
 
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -10,47 +10,47 @@ use super::rays::{self, RaySet, Run, Segment};
 use super::statistics::{Clock, Times};
 use crate::say;
 
-/// Where results go, one value per ray; `id` is `u32::MAX` for a ray that hits nothing.
+/// The results, one value per ray. `id` is `u32::MAX` for a ray that hits nothing.
 pub struct Hits<'a> {
     /// The rays' parameters.
     pub t: &'a mut [f32],
-    /// Weights of the second corners.
+    /// The barycentric weights of the second corners.
     pub u: &'a mut [f32],
-    /// Weights of the third corners.
+    /// The barycentric weights of the third corners.
     pub v: &'a mut [f32],
-    /// Triangles.
+    /// The triangles.
     pub id: &'a mut [u32],
 }
 
-/// Who traces a run of rays on the current thread.
+/// An implementation that traces a run of rays on the current thread.
 pub trait Tracer: Sync {
-    /// Closest hits.
+    /// Finds the closest hits.
     fn closest(&self, run: Run<'_>, out: &mut Hits<'_>);
-    /// Whether anything is hit: 1, else 0.
+    /// Finds out for each ray whether it hits anything: 1, else 0.
     fn any(&self, run: Run<'_>, out: &mut [u8]);
 }
 
-/// What to compare.
+/// The options of the comparison.
 pub struct Options {
     /// The meshes.
     pub meshes: Vec<Recipe>,
-    /// Names of ray sets; all if empty.
+    /// The names of ray sets; all if empty.
     pub sets: Vec<String>,
-    /// Numbers of threads.
+    /// The numbers of threads.
     pub threads: Vec<usize>,
-    /// What times are.
+    /// The clock for the times.
     pub clock: Clock,
     /// The size of the pictures that the rays are for.
     pub size: [u32; 2],
-    /// How many times each takes its turn.
+    /// The number of rounds.
     pub rounds: usize,
-    /// How Embree builds.
+    /// Embree's build settings.
     pub settings: Settings,
-    /// How we build.
+    /// Canaletto's build quality.
     pub own: canaletto_bvh::Quality,
 }
 
-/// Rays that a thread takes at a time; a multiple of sixteen.
+/// The number of rays in a thread's work item; a multiple of sixteen.
 const CHUNK: usize = 4096;
 
 /// All results of a set.
@@ -72,7 +72,7 @@ impl Results {
         Self { t: vec![0.0; n], u: vec![0.0; n], v: vec![0.0; n], id: vec![0; n], any: Vec::new() }
     }
 
-    /// Traces all of the set on the current pool.
+    /// Traces the whole set on the current thread pool.
     fn trace(&mut self, tracer: &dyn Tracer, set: &RaySet) {
         let runs = set.runs(CHUNK);
         if set.any {
@@ -87,18 +87,18 @@ impl Results {
     }
 }
 
-/// How two results differ.
+/// The numbers of rays whose results differ, by kind.
 #[derive(Clone, Copy, Debug, Default)]
 struct Differences {
-    /// Only we hit something.
+    /// Only Canaletto has a hit.
     ours_only: usize,
-    /// Only the peer does.
+    /// Only the peer has a hit.
     theirs_only: usize,
-    /// Other triangles at other distances.
+    /// The hits are other triangles at other distances.
     other: usize,
-    /// Other triangles at about the same distance: edges, and things that touch.
+    /// The hits are other triangles at about equal distances: at edges, and at surfaces in contact.
     ties: usize,
-    /// The same triangle at another distance.
+    /// The hits are on one triangle at different distances.
     distance: usize,
 }
 
@@ -128,7 +128,7 @@ impl Differences {
     }
 }
 
-/// Closest hits by our side, for making rays.
+/// Canaletto's closest hits, for making rays.
 pub(super) fn hits(ours: &dyn Tracer, rays: &[Segment]) -> Vec<Option<(u32, f32)>> {
     let set = RaySet::new("", false, false, rays.to_vec());
     let mut results = Results::for_rays(&set);
@@ -140,7 +140,7 @@ pub(super) fn pool(threads: usize) -> Result<rayon::ThreadPool, String> {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|e| e.to_string())
 }
 
-/// Compares and prints, and tells all in JSON.
+/// Compares, prints, and returns everything as JSON.
 pub fn run(options: &Options) -> Result<Value, String> {
     let embree = introduce(options);
     let mut rows = Vec::new();
@@ -152,7 +152,7 @@ pub fn run(options: &Options) -> Result<Value, String> {
         "clock": format!("{:?}", options.clock), "rows": rows }))
 }
 
-/// Starts Embree, if it is there, and prints what the columns mean.
+/// Starts Embree, if it is installed, and prints the meaning of the columns.
 pub(super) fn introduce(options: &Options) -> Option<Embree> {
     let most = options.threads.iter().copied().max().unwrap_or(1);
     let embree = match Embree::new(most) {
@@ -191,7 +191,7 @@ fn compare(mesh: &Mesh, embree: Option<&Embree>, options: &Options) -> Result<Ve
     rounds(mesh.name, mesh.extent(), &sets, &ours, scene.as_ref(), options.into())
 }
 
-/// How often and how to take turns.
+/// The settings of interleaved rounds.
 #[derive(Clone, Copy)]
 pub(super) struct Turns<'a> {
     pub(super) threads: &'a [usize],
@@ -205,7 +205,7 @@ impl<'a> From<&'a Options> for Turns<'a> {
     }
 }
 
-/// Traces all sets on a scene of that name and extent, and prints a line for each and number of threads.
+/// Traces all sets on a scene of this name and extent. Prints a line for each set and number of threads.
 pub(super) fn rounds(
     name: &str,
     extent: f32,
@@ -256,7 +256,7 @@ fn row(
     contestants.extend(peers.iter().map(|peer| peer.1));
     let mut results: Vec<Results> = contestants.iter().map(|_| Results::for_rays(set)).collect();
     let mut times = vec![Times::default(); contestants.len()];
-    // The first round warms up and is where the hits come from.
+    // The first round warms up and provides the hits for the comparison.
     for round in 0..=turns.rounds {
         for (i, &tracer) in contestants.iter().enumerate() {
             let seconds = turns.clock.time(|| results[i].trace(tracer, set));
