@@ -294,8 +294,7 @@ fn many_warnings_are_no_error() {
     assert!(!warnings.has_errors() && warnings.to_string().contains("nothing uses the material"), "{warnings}");
 }
 
-/// Default values take no memory. A serialised node contains its transform all the same, and reading restores every
-/// field.
+/// Default values take no memory. A serialised node still contains its transform, and reading restores every field.
 #[test]
 fn nodes_are_written_and_read_whole() {
     let ball = Node::from(Shape::Sphere(Sphere { center: Vec3::ZERO, radius: 1.0 })).named("ball");

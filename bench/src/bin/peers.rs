@@ -29,7 +29,8 @@ struct Arguments {
     /// Numbers of threads, one after the other.
     #[arg(long, global = true, value_delimiter = ',', default_value = "2")]
     threads: Vec<usize>,
-    /// What to measure: the clock, or the time that the processor spent on us, which others on the machine disturb less.
+    /// What to measure: the clock, or the time that the processor spent on us, which others on the machine disturb
+    /// less.
     #[arg(long, global = true, value_enum, default_value = "wall")]
     clock: Clock,
     /// Size of the pictures, or of those that rays are for.

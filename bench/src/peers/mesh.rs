@@ -15,7 +15,7 @@ pub struct Mesh {
     pub triangles: Vec<[u32; 3]>,
     /// The eye.
     pub eye: Vec3,
-    /// The point that the eye looks at.
+    /// The point in the centre of the view.
     pub target: Vec3,
     /// The vertical field of view in degrees.
     pub fovy: f32,

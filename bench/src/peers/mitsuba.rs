@@ -1,10 +1,10 @@
 //! Scenes for Mitsuba 3 (PyPI's `mitsuba`) in its own XML, rendered by a small Python script.
 //!
 //! Mitsuba has no Whitted integrator and no Phong model. Scenes with mirrors or transparent bodies use its path tracer
-//! with an equal maximum depth. The others use its direct integrator, with one light sample per light. Surfaces are
-//! diffuse or rough plastic, blended with a mirror and with glass. Point lights have inverse-square falloff; their
-//! intensity matches Canaletto's at the point that the camera looks at. There is no ambient light, and the background
-//! is black: an environment would be one more light to sample.
+//! with an equal maximum depth. The others use its direct integrator, with as many light samples as lights. Surfaces
+//! are diffuse or rough plastic, blended with a mirror and with glass. Point lights have inverse-square falloff; their
+//! intensity matches Canaletto's at the centre of the view. There is no ambient light, and the background is black: an
+//! environment would be one more light to sample.
 //!
 //! Many spheres, and cylinders, are curves of one segment with round ends; one shape has millions of segments. A
 //! sphere's segment is a 500th of its radius long. A plugin for each sphere takes twice the time for thousands, and
@@ -265,7 +265,7 @@ mod tests {
         assert!(matte.contains("type=\"direct\"><integer name=\"emitter_samples\" value=\"2\"/>"), "{matte}");
         assert!(mirror.contains("type=\"path\"><integer name=\"max_depth\" value=\"5\"/>"), "{mirror}");
         assert!(matte.contains("<shape type=\"sphere\">"), "{matte}");
-        // The intensity is π · 5² for the distance to the point that the camera looks at.
+        // The intensity is π · 5² for the distance to the centre of the view.
         assert!(matte.contains("<rgb name=\"intensity\" value=\"78.53"), "{matte}");
     }
 

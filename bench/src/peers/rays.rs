@@ -72,7 +72,7 @@ pub const SETS: [(&str, &str); 7] = [
 pub struct View {
     /// The eye.
     pub eye: Vec3,
-    /// The point that the eye looks at.
+    /// The point in the centre of the view.
     pub target: Vec3,
     /// The vertical field of view in degrees.
     pub fovy: f32,

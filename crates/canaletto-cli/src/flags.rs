@@ -34,7 +34,8 @@ pub(crate) struct SourceFlags {
 
     /// How much work goes into the hierarchies that rays find triangles by; changes no picture
     ///
-    /// High pays where very many rays meet the same meshes: they take a few percent less time, building takes up to twice as long.
+    /// High pays where very many rays meet the same meshes: they take a few percent less time, building takes up to
+    /// twice as long.
     #[arg(long, value_name = "WORK", default_value = "medium", help_heading = "Scene")]
     pub build: BuildFlag,
 }
@@ -76,8 +77,9 @@ pub(crate) struct PictureFlags {
 
     /// Rays from the eye for each pixel, up to 65536
     ///
-    /// They go where --sampler puts them; a single one goes through the centre. With --sample regular, jittered or adaptive
-    /// the number must be a square up to 256: n x n rays on a grid, with adaptive for pixels where colours change.
+    /// They go where --sampler puts them; a single one goes through the centre. With --sample regular, jittered or
+    /// adaptive the number must be a square up to 256: n x n rays on a grid, with adaptive for pixels where colours
+    /// change.
     #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = samples, help_heading = "Sampling")]
     pub samples: Option<u32>,
 

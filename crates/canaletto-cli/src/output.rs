@@ -23,9 +23,9 @@ use std::path::{Path, PathBuf};
 pub(crate) struct OutputFlags {
     /// Where the picture goes [default: the scene's name with .png, in the current folder]
     ///
-    /// The extension chooses the format: .png or .exr, and for a film in one file .apng, .gif, .mp4 or .webm. `-` writes to
-    /// the standard output, and a folder gets the picture by its default name. With --frames, #### stands for the frame's number with
-    /// that many digits.
+    /// The extension chooses the format: .png or .exr, and for a film in one file .apng, .gif, .mp4 or .webm. `-`
+    /// writes to the standard output, and a folder gets the picture by its default name. With --frames, #### stands for
+    /// the frame's number with that many digits.
     #[arg(short, long, value_name = "PATH", help_heading = "Output")]
     pub output: Option<PathBuf>,
 

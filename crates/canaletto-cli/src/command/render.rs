@@ -43,8 +43,9 @@ pub(crate) struct RenderFlags {
 
     /// Renders frames A to B, or every Nth of them, or all of the scene's animation
     ///
-    /// Each has random numbers of its own. A frame whose files are whole and what would be written (same scene, settings and program) is kept as it
-    /// is, so that the same command goes on where it was stopped. Films are always rendered from their first frame on.
+    /// Each has random numbers of its own. A frame whose files are whole and what would be written (same scene,
+    /// settings and program) is kept as it is, so that the same command goes on where it was stopped. Films are always
+    /// rendered from their first frame on.
     #[arg(long, allow_hyphen_values = true, value_name = "A-B[xN]|all", value_parser = FramesFlag::parse, help_heading = "Frames")]
     pub frames: Option<FramesFlag>,
 

@@ -20,13 +20,14 @@ use input::read;
 use std::path::{Path, PathBuf};
 use told::Told;
 
-/// Compares two pictures: RMSE, PSNR, the largest difference and where it is, SSIM, FLIP; and all that they have besides colours.
+/// Compares two pictures: RMSE, PSNR, the largest difference and where it is, SSIM, FLIP; and all that they have
+/// besides colours.
 ///
-/// PNG, OpenEXR, JPEG, WebP, Radiance HDR and PPM can be read. Pictures are compared as they are seen, with values from 0
-/// to 1. A PNG is taken as it is stored. An EXR is cut to 0 to 1, given the curve of the PNG it is compared with (sRGB if that
-/// says nothing, or if both are EXR) and rounded to its bits. Pictures are equal if alpha, layers, their place in a larger
-/// picture and declared curves are equal, too; what only one of them has is named. Two EXRs that are seen alike differ if their
-/// light does, such as beyond 0 to 1.
+/// PNG, OpenEXR, JPEG, WebP, Radiance HDR and PPM can be read. Pictures are compared as they are seen, with values from
+/// 0 to 1. A PNG is taken as it is stored. An EXR is cut to 0 to 1, given the curve of the PNG it is compared with
+/// (sRGB if that says nothing, or if both are EXR) and rounded to its bits. Pictures are equal if alpha, layers, their
+/// place in a larger picture and declared curves are equal, too; what only one of them has is named. Two EXRs that are
+/// seen alike differ if their light does, such as beyond 0 to 1.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct CompareFlags {
@@ -41,8 +42,8 @@ pub(crate) struct CompareFlags {
     /// Exit code 4 if the pictures differ by more; may be repeated
     ///
     /// METRIC is rmse, mse, max, flip or differing (pixels), which may not be larger, or psnr or ssim, which may not be
-    /// smaller. Pixels differ in their colours, also unseen ones of two EXRs, their alpha or a layer that both pictures have; the
-    /// others are of colours.
+    /// smaller. Pixels differ in their colours, also unseen ones of two EXRs, their alpha or a layer that both pictures
+    /// have; the others are of colours.
     #[arg(short, long, value_name = "METRIC=VALUE", value_parser = threshold)]
     pub threshold: Vec<Threshold>,
 
