@@ -1,11 +1,13 @@
 //! Canaletto's library: from a scene's description to a picture and the explanation of each of its pixels.
 //!
-//! The way of a scene: a [`scene::Scene`] says what a file says; [`world::World::build`] resolves it into what
-//! rays meet (and is the last step that can fail); [`render::render`] makes a picture; [`explain::explain`] opens one pixel into its tree
-//! of rays.
+//! - A [`scene::Scene`] holds what a file says.
+//! - [`world::World::build`] resolves a scene into primitives that rays intersect. It is the last step that can fail.
+//! - [`render::render`] makes a picture of a world.
+//! - [`explain::explain`] returns the tree of rays of one pixel.
 //!
-//! The classic part follows a textbook chapter on ray tracing; numbers such as (5.39b) cite its equations. Linear
-//! RGB throughout. No files, no network, no clock, no global state: reading and writing live in `canaletto-io`.
+//! The classic part follows a textbook chapter on ray tracing; numbers such as (5.39b) cite its equations. All colours
+//! are linear RGB. The library uses no files, no network, no clock and no global state: `canaletto-io` reads and
+//! writes.
 //!
 //! ```
 //! use canaletto::camera::Camera;
@@ -52,7 +54,7 @@ pub mod shape;
 pub mod texture;
 pub mod world;
 
-/// The vectors and matrices of descriptions and of [`math`].
+/// The crate of the vectors and matrices in descriptions and in [`math`].
 pub use glam;
 
 pub use canaletto_bvh::{Aabb, InstructionSet, PreparedRay, Ray, memory};

@@ -1,11 +1,11 @@
-//! From linear light to the numbers that a display file holds.
+//! Developing: from linear light to the numbers that a display file holds.
 
 use super::{Picture, srgb};
 use crate::math::Rgb;
 use crate::scene::{Tone, Transfer};
 use rayon::prelude::*;
 
-/// What turns a picture's linear colours into display values.
+/// The map from a picture's linear colours to display values.
 #[derive(Clone, Copy, Debug)]
 pub struct Developer {
     scale: f32,
@@ -13,7 +13,7 @@ pub struct Developer {
 }
 
 impl Developer {
-    /// For this picture.
+    /// The developer of this picture.
     pub fn new(picture: &Picture, tone: Tone, transfer: Transfer) -> Developer {
         let scale = match tone {
             Tone::Clamp => 1.0,
@@ -25,7 +25,7 @@ impl Developer {
         Developer { scale, transfer }
     }
 
-    /// Turns components of the picture's colours into display values in [0, 1], in place.
+    /// Develops components of the picture's colours into display values in [0, 1], in place.
     pub fn develop(&self, values: &mut [f32]) {
         values.iter_mut().for_each(|v| *v *= self.scale);
         display_all(values, self.transfer);
@@ -46,10 +46,10 @@ pub fn develop(picture: &Picture, tone: Tone, transfer: Transfer) -> Vec<Rgb> {
     shown
 }
 
-/// Turns values into display values: cut to [0, 1], then encoded.
+/// Clamps values to [0, 1] and encodes them as display values.
 pub(crate) fn display_all(values: &mut [f32], transfer: Transfer) {
     for v in &mut *values {
-        // NaN is black.
+        // NaN becomes black.
         let positive = if *v > 0.0 { *v } else { 0.0 };
         *v = if positive < 1.0 { positive } else { 1.0 };
     }

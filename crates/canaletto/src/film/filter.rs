@@ -1,43 +1,43 @@
-//! Reconstruction by filter importance sampling: a pixel's samples are spread like the filter, each with the same weight
-//! (Ernst, Stamminger & Greiner, *Filter Importance Sampling*, 2006).
+//! Reconstruction by filter importance sampling: a pixel's samples are distributed like the filter, all with equal
+//! weight (Ernst, Stamminger & Greiner, *Filter Importance Sampling*, 2006).
 //!
-//! Every sample then belongs to one pixel, so that a tile needs nothing of its neighbours and a pixel's explanation is
-//! whole. A filter with negative lobes is the difference of two densities, f = P f₊ − N f₋ with P − N = 1. Each part has a
-//! number of samples that doesn't depend on chance, so that the pixel is P times the mean of the one less N times that of
-//! the other: no weights are summed up that could cancel.
+//! Every sample then belongs to one pixel. A tile thus needs no samples of its neighbours, and a pixel's explanation is
+//! complete. A filter with negative lobes is the difference of two densities, f = P f₊ − N f₋ with P − N = 1. The
+//! number of samples of each part doesn't depend on chance. The pixel is P times the mean of the positive part less N
+//! times the mean of the negative part. No sum of weights can cancel.
 
 use crate::scene::Filter;
 
-/// Bins of the tabulated distribution of one axis.
+/// The number of bins of the tabulated distribution of one axis.
 const BINS: usize = 1024;
 
 /// A separable filter, ready to be sampled.
 #[derive(Clone, Debug)]
 pub struct FilterTable {
     filter: Filter,
-    /// Where f along one axis is positive, and where it is negative; none for the box.
+    /// The positive and the negative part of f along one axis; none for the box.
     lobes: Option<[Lobe; 2]>,
     /// ∫ f₊ and ∫ f₋ along one axis; their difference is 1.
     masses: [f64; 2],
 }
 
-/// A part of the filter in which it has one sign.
+/// A part of the filter with one sign.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
-    /// Where the filter is positive.
+    /// The part where the filter is positive.
     Above,
-    /// Where it is negative.
+    /// The part where the filter is negative.
     Below,
 }
 
-/// How the samples of a pixel are divided between the parts of its filter.
+/// The division of a pixel's samples between the parts of its filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Division {
-    /// The samples of the positive part, which come first.
+    /// The number of samples of the positive part, which come first.
     pub above: u32,
-    /// Those of the negative part.
+    /// The number of samples of the negative part.
     pub below: u32,
-    /// The weight of each sample of the positive part, and of the negative one. All of them together are the number of
+    /// The weight of each sample of the positive and of the negative part. The sum of all weights is the number of
     /// samples.
     pub weights: [f64; 2],
 }
@@ -48,12 +48,13 @@ struct Lobe {
     radius: f64,
     /// The density at the bins' ends.
     density: Vec<f64>,
-    /// The distribution there.
+    /// The cumulative distribution at the bins' ends.
     cumulative: Vec<f64>,
 }
 
 impl Lobe {
-    /// The density in proportion to `f` on [−radius, radius], and ∫ f; nothing where f is 0 everywhere.
+    /// The lobe with a density proportional to `f` on [−radius, radius], and ∫ f. The density is 0 where f is 0
+    /// everywhere.
     fn new(radius: f64, f: impl Fn(f64) -> f64) -> (Lobe, f64) {
         let width = 2.0 * radius / BINS as f64;
         let mut density: Vec<f64> =
@@ -72,7 +73,7 @@ impl Lobe {
         (Lobe { radius, density, cumulative }, sum)
     }
 
-    /// The place below which a share `u` of the density lies.
+    /// The place below which the share `u` of the density lies.
     fn quantile(&self, u: f64) -> f64 {
         let bin = self.cumulative.partition_point(|&c| c <= u).clamp(1, BINS) - 1;
         let width = 2.0 * self.radius / BINS as f64;
@@ -97,7 +98,7 @@ impl FilterTable {
         FilterTable { filter, lobes: Some([above, below]), masses: [p / (p - n), n / (p - n)] }
     }
 
-    /// How far it reaches from the pixel's centre along each axis, in pixels.
+    /// The filter's radius along each axis, in pixels.
     pub fn radius(&self) -> f64 {
         radius(self.filter)
     }
@@ -115,14 +116,14 @@ impl FilterTable {
         [p * p + n * n, 2.0 * p * n]
     }
 
-    /// Divides `count` samples; the number of those in the negative part is a multiple of `step`. Fewer than `step`²
-    /// samples, or a single one, are all in the positive part.
+    /// Divides `count` samples. The number in the negative part is a multiple of `step`. Fewer than `step`² samples, or
+    /// a single one, are all in the positive part.
     pub fn divide(&self, count: u32, step: u32) -> Division {
         let [p, n] = self.integrals();
         if n == 0.0 || count < 2 || count < step * step {
             return Division { above: count, below: 0, weights: [1.0, 0.0] };
         }
-        // In proportion to the integrals, as importance has it, but at least one.
+        // In proportion to the integrals, as importance sampling requires, but at least one step.
         let steps = (f64::from(count / step) * n / (p + n)).round().max(1.0) as u32;
         let below = steps * step;
         let above = count - below;
@@ -136,7 +137,7 @@ impl FilterTable {
         let Some([above, below]) = &self.lobes else { return [u - 0.5, v - 0.5] };
         let [p, n] = self.masses;
         match part {
-            // Where both factors are positive, and in the corners, where both are negative.
+            // The positive part: the middle, where both factors are positive, and the corners, where both are negative.
             Part::Above => {
                 let share = p * p / (p * p + n * n);
                 if u < share {
@@ -145,7 +146,7 @@ impl FilterTable {
                     [below.quantile((u - share) / (1.0 - share)), below.quantile(v)]
                 }
             }
-            // Below and above the middle, then beside it.
+            // The negative part: first below and above the middle, then beside it.
             Part::Below if u < 0.5 => [above.quantile(2.0 * u), below.quantile(v)],
             Part::Below => [below.quantile(2.0 * u - 1.0), above.quantile(v)],
         }
@@ -170,8 +171,7 @@ fn value(filter: Filter, x: f64) -> f64 {
         Filter::Gaussian { sigma } => {
             let s = f64::from(sigma);
             let gauss = |x: f64| libm::exp(-0.5 * (x / s) * (x / s)) / (s * (2.0 * std::f64::consts::PI).sqrt());
-            // Cut off at 3 σ and lowered so that it ends in 0; divided by what is left of its integral:
-            // erf(3/√2) − 6 φ(3).
+            // Cut off at 3 σ, lowered so that it ends in 0, and divided by its remaining integral: erf(3/√2) − 6 φ(3).
             (gauss(x) - gauss(3.0 * s)).max(0.0) / 0.970_709_113_419_510_4
         }
         // Mitchell & Netravali 1988, B = C = 1/3.
@@ -188,8 +188,8 @@ mod tests {
     const FILTERS: [Filter; 5] =
         [Filter::Box, Filter::Tent, Filter::Gaussian { sigma: 0.5 }, Filter::Gaussian { sigma: 4.0 }, Filter::Mitchell];
 
-    /// ∫ g f over the plane by the places themselves, where g depends on the coordinate along one axis. Cells of the sum end where
-    /// another lobe begins.
+    /// ∫ g f over the plane from the places of samples, where g depends on the coordinate along one axis. Cells of the
+    /// sum end where another lobe begins.
     fn mean(filter: Filter, axis: usize, g: impl Fn(f64) -> f64) -> f64 {
         let table = FilterTable::new(filter);
         let [p, n] = table.masses;
@@ -212,7 +212,7 @@ mod tests {
         p * above - n * below
     }
 
-    /// The same along one axis by a sum over f.
+    /// ∫ g f along one axis by a sum over f.
     fn direct(filter: Filter, g: impl Fn(f64) -> f64) -> f64 {
         let (n, radius) = (100_000, radius(filter));
         let step = 2.0 * radius / f64::from(n);
@@ -262,7 +262,7 @@ mod tests {
                     assert!(above >= 1 && above + below == count && below % step == 0);
                     let (high, low) = (f64::from(above) * weights[0], f64::from(below) * weights[1]);
                     assert!((high + low - f64::from(count)).abs() < 1e-9 * f64::from(count));
-                    // No picture of values from 0 to 1 goes beyond −N and P.
+                    // No picture of values from 0 to 1 has values below −N or above P.
                     assert!(high <= p * f64::from(count) * (1.0 + 1e-12));
                     assert!(low >= -n * f64::from(count) * (1.0 + 1e-12));
                     assert!(n == 0.0 || count < 2 || count < step * step || below > 0, "{count}");

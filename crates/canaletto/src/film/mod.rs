@@ -1,4 +1,4 @@
-//! From rays to pixels to numbers in a file: where samples lie, how they are weighted, how light is developed.
+//! The film: filters for the places of samples, the picture, and its developing into the numbers of a file.
 
 mod develop;
 mod filter;

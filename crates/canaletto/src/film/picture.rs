@@ -1,4 +1,4 @@
-//! A finished picture in linear light, with its extra layers.
+//! A finished picture in linear light, with its layers.
 
 use crate::math::Rgb;
 use canaletto_bvh::memory;
@@ -12,11 +12,11 @@ pub struct Picture {
     pub height: u32,
     /// width × height colours, the top row first.
     pub pixels: Vec<Rgb>,
-    /// The extra quantities that were asked for.
+    /// The requested layers.
     pub layers: Vec<Layer>,
 }
 
-/// One extra quantity of every pixel.
+/// One additional quantity of every pixel.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Layer {
@@ -26,13 +26,13 @@ pub struct Layer {
     pub channels: &'static [&'static str],
     /// width × height × channels values, the channels of a pixel together, the top row first.
     pub data: Vec<f32>,
-    /// For numbers of objects and materials of which some may be above 2²⁴, and so are rounded in `data`: the numbers themselves.
-    /// Else empty.
+    /// The exact numbers of a layer of object or material numbers. Some may be above 2²⁴ and so are rounded in `data`.
+    /// Empty for other layers.
     pub ids: Vec<u32>,
 }
 
 impl Layer {
-    /// The number of the object or the material that pixel number `i` shows, of a layer of these.
+    /// The object or material number of pixel `i`, in a layer of such numbers.
     pub fn id(&self, i: usize) -> u32 {
         self.ids.get(i).copied().unwrap_or(self.data[i] as u32)
     }
@@ -45,7 +45,7 @@ impl Picture {
         Picture { width, height, pixels: memory::zeros(width as usize * height as usize), layers: Vec::new() }
     }
 
-    /// The colour of a pixel, counted from the top left.
+    /// The colour of a pixel. x and y count from the top left.
     pub fn pixel(&self, x: u32, y: u32) -> Rgb {
         self.pixels[y as usize * self.width as usize + x as usize]
     }

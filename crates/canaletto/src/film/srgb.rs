@@ -3,7 +3,7 @@
 use crate::math::power;
 use canaletto_bvh::{InstructionSet, Kernel};
 
-/// [`srgb_encode`](super::srgb_encode) for many values in [0, 1], in place, with the same bits.
+/// Applies [`srgb_encode`](super::srgb_encode) to many values in [0, 1], in place, with equal bits.
 pub(super) fn encode_all(values: &mut [f32]) {
     InstructionSet::run(Curve(values));
 }
@@ -16,7 +16,7 @@ impl Kernel for Curve<'_> {
     #[inline(always)]
     fn run(self) {
         for v in self.0 {
-            // 1 would need another exponent; its power is known.
+            // 1 would need another exponent; its power is 1.
             let inside = (*v > LINEAR) & (*v < 1.0);
             let (power, _) = power(if inside { *v } else { LINEAR }, 1.0 / 2.4);
             let curve = if *v < 1.0 { 1.055 * power - 0.055 } else { 1.055 - 0.055 };
@@ -25,7 +25,7 @@ impl Kernel for Curve<'_> {
     }
 }
 
-/// Where the curve leaves its straight start.
+/// The upper end of the curve's linear part.
 const LINEAR: f32 = 0.003_130_8;
 
 #[cfg(test)]
@@ -50,7 +50,7 @@ mod tests {
         compare(0.999_f32.to_bits(), 1);
     }
 
-    /// All 70 million values above the straight start; seconds in a release build.
+    /// Tests all 70 million values above the linear part; it takes seconds in a release build.
     #[test]
     #[cfg_attr(debug_assertions, ignore)]
     fn every_value_has_the_bits_of_libm() {

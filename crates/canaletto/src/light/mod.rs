@@ -1,4 +1,4 @@
-//! Lights: where light comes from, and how much of it reaches a point (5.4). What surrounds the scene is in
+//! Lights (5.4): the origin of light, and the share of it that reaches a point. The light around the scene is in
 //! [`environment`].
 
 mod area;
@@ -28,18 +28,19 @@ pub struct Light {
     pub name: Option<Box<str>>,
     /// l, the intensity: a light of intensity l gives l kd cos θ (5.32). ≥ 0.
     pub intensity: Rgb,
-    /// Whether it casts shadows.
+    /// Whether the light casts shadows.
     pub shadows: bool,
-    /// c, l, q: light from distance d is divided by c + l d + q d². Not for light from infinity.
+    /// The attenuation coefficients c, l, q: light from distance d is divided by c + l d + q d². Light from infinity is
+    /// not attenuated.
     pub attenuation: [f32; 3],
-    /// How many random points of its surface shine on each hit, each with a shadow ray; 0 for the light's fixed points.
-    /// Only for lights that have a surface.
+    /// The number of random points of the light's surface that illuminate each hit, each with a shadow ray; 0 selects
+    /// the light's fixed points. Only for lights with a surface.
     #[serde(default)]
     pub samples: u32,
-    /// How its surface shines, if it has one.
+    /// The emission of the light's surface, if it has one.
     #[serde(default)]
     pub emission: Emission,
-    /// Where the light comes from.
+    /// The form of the light.
     pub kind: LightKind,
 }
 
@@ -48,13 +49,13 @@ pub struct Light {
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum LightKind {
-    /// From a point in all directions.
+    /// A point that emits in all directions.
     Omni(Omni),
     /// Parallel rays from infinity.
     Directional(Directional),
-    /// A cone of light from a point.
+    /// A point that emits a cone of light.
     Spot(Spot),
-    /// Several points spread over a disk, for soft shadows.
+    /// Several points distributed over a disk, for soft shadows.
     Disk(DiskLight),
     /// A rectangle or parallelogram.
     Rectangle(Box<RectangleLight>),
@@ -65,7 +66,7 @@ pub enum LightKind {
 }
 
 impl Light {
-    /// The most points that a light may have; each costs a shadow ray for every lit hit.
+    /// The largest number of points of a light. Each point costs a shadow ray for every lit hit.
     pub const MAX_POINTS: u32 = 4096;
 
     /// A light of this kind with shadows and no attenuation.
@@ -81,7 +82,7 @@ impl Light {
         }
     }
 
-    /// The same light moved by a transform.
+    /// Returns the light moved by a transform.
     pub fn transformed(&self, t: &Transform) -> Light {
         let kind = match &self.kind {
             LightKind::Omni(light) => LightKind::Omni(light.transformed(t)),
@@ -95,7 +96,7 @@ impl Light {
         Light { kind, ..self.clone() }
     }
 
-    /// The light with other points: what `f` makes of each and its number.
+    /// Returns the light with each point replaced by `f` of its index and itself.
     pub(crate) fn with_points(&self, mut f: impl FnMut(usize, Vec3) -> Vec3) -> Light {
         let mut light = self.clone();
         match &mut light.kind {
@@ -110,12 +111,12 @@ impl Light {
         light
     }
 
-    /// Whether it has a surface, of which random points can be taken.
+    /// Whether the light has a surface, of which random points can be sampled.
     pub fn has_area(&self) -> bool {
         self.fixed_points().is_some()
     }
 
-    /// How many fixed points a light with a surface has.
+    /// The number of fixed points of a light with a surface.
     fn fixed_points(&self) -> Option<u32> {
         match &self.kind {
             LightKind::Disk(light) => Some(light.points),
@@ -126,7 +127,7 @@ impl Light {
         }
     }
 
-    /// How many of its points shine on each hit, each with a shadow ray of its own.
+    /// The number of points that illuminate each hit, each with a shadow ray of its own.
     pub fn points(&self) -> u32 {
         if self.samples > 0 { self.samples } else { self.fixed_points().unwrap_or(1) }
     }

@@ -1,4 +1,4 @@
-//! What surfaces do with light.
+//! Materials: how surfaces respond to light.
 
 mod bump;
 mod mapping;
@@ -26,16 +26,16 @@ pub struct Material {
     pub name: String,
     /// The model and its numbers.
     pub phong: Phong,
-    /// The share of the surface that is there, 0 (nothing) to 1: alpha of glTF, `d` of MTL. The rest is open: what is
-    /// behind is seen straight on, by 1 − coverage, and nothing of it is shaded. Opacity is another thing, that of glass,
-    /// whose surface shades as a whole.
+    /// The share of the surface that exists, 0 (nothing) to 1: alpha of glTF, `d` of MTL. Light passes straight through
+    /// the rest, by 1 − coverage, and the rest is not shaded. Opacity is different: a transparent surface such as glass
+    /// is shaded as a whole.
     #[serde(default = "whole")]
     pub coverage: f32,
-    /// Which clear body fills the place where several overlap: the one with the largest number; among equals the one
-    /// with the smallest volume. Any finite number.
+    /// The priority of the body where several clear bodies overlap: the largest number fills the overlap. Among equal
+    /// numbers the smallest volume does. Any finite number.
     #[serde(default)]
     pub priority: f32,
-    /// What textures change of it, in this order.
+    /// The textures that modify the material, applied in this order.
     #[serde(default)]
     pub textures: Vec<TextureUse>,
 }
@@ -63,23 +63,23 @@ impl Material {
         Material { name: name.into(), phong, ..Material::default() }
     }
 
-    /// The same material with this share of the surface there.
+    /// Returns the material with this coverage.
     pub fn with_coverage(self, coverage: f32) -> Material {
         Material { coverage, ..self }
     }
 
-    /// The same material with this priority where clear bodies overlap.
+    /// Returns the material with this priority where clear bodies overlap.
     pub fn with_priority(self, priority: f32) -> Material {
         Material { priority, ..self }
     }
 
-    /// The same material with one more texture.
+    /// Returns the material with one more texture.
     pub fn with_texture(mut self, texture: TextureUse) -> Material {
         self.textures.push(texture);
         self
     }
 
-    /// The material with its numbers for one point of a surface, before any texture.
+    /// The material's values at one point of a surface, before any texture.
     #[inline]
     pub fn at(&self, surface: &Surface) -> MaterialPoint {
         let mut point = MaterialPoint::default();
@@ -87,7 +87,7 @@ impl Material {
         point
     }
 
-    /// Makes `point` the same for a surface that brings this colour, or none.
+    /// Sets `point` to the material's values for a surface with this colour of its own, or without one.
     #[inline]
     pub(crate) fn set(&self, point: &mut MaterialPoint, color: Option<Rgb>) {
         let MaterialPoint { phong, overlay, coverage, bent } = point;
@@ -98,13 +98,13 @@ impl Material {
         (*overlay, *coverage, *bent) = ((Rgb::BLACK, 0.0), self.coverage, false);
     }
 
-    /// Whether all surfaces made of it are there, at least in part, and the same everywhere.
+    /// Whether the material has no texture and its coverage isn't zero, so that it is constant on all its surfaces.
     #[inline]
     pub(crate) fn is_plain(&self) -> bool {
         self.textures.is_empty() && self.coverage > 0.0
     }
 
-    /// Whether it lets no light through anywhere.
+    /// Whether the material lets no light through anywhere.
     #[inline]
     pub fn is_opaque(&self) -> bool {
         self.phong.opacity >= 1.0
@@ -133,14 +133,14 @@ impl Material {
     }
 }
 
-/// A material evaluated at a point: all that an integrator sees of it.
+/// A material evaluated at a point: the whole material as an integrator sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MaterialPoint {
-    /// The Phong model's numbers here.
+    /// The values of the Phong model at the point.
     pub phong: Phong,
-    /// A colour over the shaded one and its share, 0 to 1; a share of 1 leaves nothing to shade.
+    /// A colour over the shaded one and its share, 0 to 1. With a share of 1 nothing is left to shade.
     pub overlay: (Rgb, f32),
-    /// The share of the surface that is there, 0 (a hole) to 1.
+    /// The share of the surface that exists, 0 (a hole) to 1.
     pub coverage: f32,
     /// Whether a texture bent the shading normal.
     pub bent: bool,
@@ -153,7 +153,7 @@ impl Default for MaterialPoint {
 }
 
 impl MaterialPoint {
-    /// Whether anything but a print is seen.
+    /// Whether the overlay leaves any of the shaded colour visible.
     #[inline]
     pub fn is_seen(&self) -> bool {
         self.overlay.1 < 1.0
@@ -171,7 +171,7 @@ impl MaterialPoint {
         !self.phong.k.is_black()
     }
 
-    /// What it keeps of light that crosses it: o of the share that is there.
+    /// The share of crossing light that the surface blocks: coverage times opacity o.
     pub fn blocked(&self) -> f32 {
         if self.coverage < 1.0 { self.coverage * self.phong.opacity } else { self.phong.opacity }
     }

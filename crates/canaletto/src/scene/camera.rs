@@ -1,4 +1,4 @@
-//! Camera parameters, intrinsic and extrinsic apart (5.2), so that one camera serves several scenes.
+//! Camera parameters (5.2). Intrinsics and extrinsics are separate, so that one camera serves several scenes.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -6,20 +6,20 @@ use serde::{Deserialize, Serialize};
 /// A named camera.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct View {
-    /// The name to choose it by.
+    /// The name by which a view is chosen.
     pub name: String,
-    /// What stays when the camera moves.
+    /// The parameters that stay constant when the camera moves.
     pub intrinsics: Intrinsics,
-    /// Where it stands.
+    /// The position and orientation of the camera.
     pub extrinsics: Extrinsics,
-    /// Where it stands while the shutter is open: nothing if it stays, else at least two places, evenly spaced in time from
-    /// the opening to the closing, which replace `extrinsics`. The eye moves on straight lines from one to the next, and the
-    /// axes turn.
+    /// The positions while the shutter is open: none for a camera at rest, else at least two, which replace
+    /// `extrinsics`. They are evenly spaced in time from the opening to the closing. The eye moves on straight lines
+    /// between them, and the axes turn.
     #[serde(default)]
     pub motion: Vec<Extrinsics>,
 }
 
-/// The parameters of `gluPerspective` and the picture's size: what stays when the camera moves.
+/// The parameters of `gluPerspective` and the picture's size. They stay constant when the camera moves.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Intrinsics {
     /// The whole vertical angle of view in degrees, in (0, 180).
@@ -28,68 +28,68 @@ pub struct Intrinsics {
     pub width: u32,
     /// The picture's height in pixels, at least 1.
     pub height: u32,
-    /// d_f, the distance of the projection plane (5.2a). Rays start at the eye all the same.
+    /// d_f > 0, the distance of the projection plane (5.2a). Rays start at the eye, not at this plane.
     pub near: f64,
-    /// The far plane, which only a z-buffer needs.
+    /// The distance of the far plane. Only a z-buffer needs it.
     pub far: f64,
-    /// How far the window is moved off the optical axis, as fractions of its width and height. (0.5, 0) puts the
-    /// optical axis on the window's left edge (exercise 3).
+    /// The shift of the window off the optical axis, as fractions of its width and height. (0.5, 0) puts the optical
+    /// axis on the window's left edge (exercise 3).
     pub shift: [f64; 2],
-    /// The lens that takes the place of the pinhole, for depth of field.
+    /// The lens for depth of field; none for a pinhole.
     #[serde(default)]
     pub lens: Option<Lens>,
-    /// When the shutter opens and closes, in frames from the frame's own time, at most [`Intrinsics::MAX_SHUTTER`] of them
-    /// away; the second number isn't less than the first. Whoever fills [`View::motion`] and [`super::Node::motion`] from
-    /// an animation takes the poses of that time. Rays only know the share of it that has passed, 0 to 1.
+    /// The times at which the shutter opens and closes, in frames relative to the frame's own time. Both are at most
+    /// [`Intrinsics::MAX_SHUTTER`] away, and the second isn't less than the first. The poses of [`View::motion`] and
+    /// [`super::Node::motion`] are those of this interval. A ray's time is the fraction of it that has passed, 0 to 1.
     #[serde(default)]
     pub shutter: [f64; 2],
 }
 
 impl Intrinsics {
-    /// The most frames that a shutter opens before or closes after the frame's time.
+    /// The largest number of frames between a frame's time and the opening or closing of its shutter.
     pub const MAX_SHUTTER: f64 = 1000.0;
 }
 
 /// A thin lens.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Lens {
-    /// How large its opening is.
+    /// The size of the opening.
     pub aperture: Aperture,
-    /// What is sharp.
+    /// The plane that is sharp.
     pub focus: Focus,
-    /// The corners of the opening: 0 for a round one, else 3..=[`Lens::MAX_BLADES`].
+    /// The number of corners of the opening: 0 for a round one, else 3..=[`Lens::MAX_BLADES`].
     pub blades: u32,
     /// The angle of the first corner in degrees, counter-clockwise from the right.
     pub rotation: f64,
 }
 
 impl Lens {
-    /// The most corners.
+    /// The largest number of corners.
     pub const MAX_BLADES: u32 = 64;
 }
 
-/// How large a lens's opening is.
+/// The size of a lens's opening.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum Aperture {
-    /// Its radius (that of its corners if it has any), in the scene's unit, > 0.
+    /// The radius in the scene's unit, > 0. For an opening with corners it is the radius of the corners.
     Radius(f64),
-    /// The f-number N > 0: the opening is d_f / N wide. That takes the projection plane at d_f = `near` for the film, and
-    /// so that distance for the focal length.
+    /// The f-number N > 0: the opening is d_f / N wide. The projection plane at d_f = `near` is thus taken for the
+    /// film, and its distance for the focal length.
     Number(f64),
 }
 
-/// What a lens shows sharp: a plane parallel to the film.
+/// The plane that a lens shows sharp. It is parallel to the film.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum Focus {
-    /// Its distance from the eye along the optical axis, > 0.
+    /// The distance of the plane from the eye along the optical axis, > 0.
     Distance(f64),
-    /// A point of it, in front of the eye.
+    /// A point of the plane, in front of the eye.
     Point(DVec3),
-    /// It goes through [`Extrinsics::center`].
+    /// The plane through [`Extrinsics::center`].
     Center,
 }
 
@@ -108,7 +108,7 @@ impl Default for Intrinsics {
     }
 }
 
-/// The parameters of `gluLookAt`: where the camera stands.
+/// The parameters of `gluLookAt`: the position and orientation of the camera.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Extrinsics {
     /// The centre of projection.

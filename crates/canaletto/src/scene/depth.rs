@@ -1,5 +1,5 @@
-//! Trees of nodes however deep. Groups may be nested deeper than any stack: they are dropped, copied and compared without recursion, and
-//! written, read and shown no deeper than a world may be.
+//! Trees of nodes of any depth. Groups may be nested deeper than any stack, so nodes are dropped, copied and compared
+//! without recursion. Nodes are written, read and formatted only down to [`Node::MAX_NESTING`].
 
 use super::{Content, Node};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de, ser};
@@ -18,7 +18,7 @@ impl Drop for Content {
     }
 }
 
-/// A copy of a node, without children if it is a group.
+/// A copy of a node; the copy of a group has no children.
 fn without_children(node: &Node) -> Node {
     Node {
         name: node.name.clone(),
@@ -37,7 +37,7 @@ impl Clone for Node {
     fn clone(&self) -> Node {
         let mut copy = without_children(self);
         let Content::Group(children) = &self.content else { return copy };
-        // The groups around what is copied next, and the children that each has left to copy.
+        // The groups that enclose the next copy, and the children of each that remain to be copied.
         let mut around = Vec::new();
         let mut left = children.iter();
         loop {
@@ -85,15 +85,15 @@ impl PartialEq for Node {
 }
 
 thread_local! {
-    /// How many groups this thread is inside of while it writes, reads or shows nodes.
+    /// The number of groups that enclose the node being written, read or formatted on this thread.
     static LEVEL: Cell<usize> = const { Cell::new(0) };
 }
 
-/// One group more, until it is dropped.
+/// One level of nesting on this thread. Dropping it leaves the level.
 struct Level;
 
 impl Level {
-    /// None, if it would be too deep.
+    /// Enters one more level; none beyond the deepest nesting.
     fn enter() -> Option<Level> {
         let level = LEVEL.get();
         (level < Node::MAX_NESTING).then(|| {

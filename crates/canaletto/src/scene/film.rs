@@ -5,26 +5,26 @@ use serde::{Deserialize, Serialize};
 /// Settings of the film.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FilmSettings {
-    /// Where in the pixel rays go.
+    /// The places of a pixel's rays.
     pub sampling: Sampling,
-    /// How the random numbers of a pixel's samples are spread: where they go in the pixel with [`Sampling::Sampled`], and
-    /// whatever else is sampled, be it lens, time, lights or lobes.
+    /// The distribution of the random numbers of a pixel's samples. They place rays with [`Sampling::Sampled`], and
+    /// sample lens, time, lights and lobes.
     #[serde(default)]
     pub sampler: SamplerKind,
-    /// How samples become a pixel.
+    /// The reconstruction filter.
     pub filter: Filter,
-    /// How values over 1 are treated.
+    /// The treatment of values over 1.
     pub tone: Tone,
-    /// From linear light to the numbers in an 8- or 16-bit file.
+    /// The transfer from linear light to the numbers in an 8- or 16-bit file.
     pub transfer: Transfer,
-    /// Only this part of the picture: x, y (from the top left), width, height in pixels.
+    /// The only part of the picture to render: x, y (from the top left), width, height in pixels.
     pub crop: Option<[u32; 4]>,
 }
 
-/// Where in the pixel rays go (5.6, fig. 5.36).
+/// The places of a pixel's rays (5.6, fig. 5.36).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub enum Sampling {
-    /// One ray through the pixel's lower left corner: (5.10) at integer x, y, as the chapter does.
+    /// One ray through the pixel's lower left corner: (5.10) at integer x, y, as in the chapter.
     Corner,
     /// One ray through the pixel's centre.
     #[default]
@@ -33,72 +33,72 @@ pub enum Sampling {
     Regular(u32),
     /// n × n rays, each at a random place of its sub-pixel, n in 1..=16.
     Jittered(u32),
-    /// The corners and centres of pixels, as far as the filter reaches from the pixel: with the box its four corners and its
-    /// centre. Where these differ, n × n jittered rays instead.
+    /// Rays through the corners and centres of all pixels within the filter's radius; with the box filter these are the
+    /// pixel's four corners and its centre. Where their values differ, n × n jittered rays replace them.
     Adaptive {
-        /// The refined grid, 2..=16.
+        /// The size n of the refined grid, 2..=16.
         n: u32,
-        /// The largest difference in a developed component, 0..=1, that is left unrefined.
+        /// The largest difference in a developed component, 0..=1, that is not refined.
         threshold: f32,
     },
-    /// This many rays, 1..=[`Sampling::MAX_SAMPLES`], placed by [`FilmSettings::sampler`]; a single one goes through the
-    /// centre.
+    /// This number of rays, 1..=[`Sampling::MAX_SAMPLES`], placed by [`FilmSettings::sampler`]. A single ray goes
+    /// through the centre.
     Sampled(u32),
 }
 
 impl Sampling {
-    /// The largest grid, n × n rays in a pixel.
+    /// The largest n of a grid of n × n rays in a pixel.
     pub const MAX_GRID: u32 = 16;
-    /// The most rays of [`Sampling::Sampled`].
+    /// The largest number of rays of [`Sampling::Sampled`].
     pub const MAX_SAMPLES: u32 = 65_536;
 }
 
-/// How random numbers are spread over the samples of a pixel.
+/// The distribution of random numbers over the samples of a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum SamplerKind {
-    /// Sobol's sequence with Owen's scrambling: the least noise, best with powers of two.
+    /// Sobol's sequence with Owen's scrambling. It has the least noise, and is best with powers of two.
     #[default]
     Sobol,
-    /// The chapter's jittered grid (fig. 5.36), best with squares.
+    /// The chapter's jittered grid (fig. 5.36). It is best with square numbers of samples.
     Jittered,
-    /// Each number by itself: the most noise, and the one to compare with.
+    /// Independent numbers. They have the most noise, and serve for comparison.
     Independent,
 }
 
 impl SamplerKind {
-    /// Every kind with its name.
+    /// Every kind with its name in scene text.
     pub const ALL: [(SamplerKind, &'static str); 3] =
         [(SamplerKind::Sobol, "sobol"), (SamplerKind::Jittered, "jittered"), (SamplerKind::Independent, "independent")];
 
-    /// Its name.
+    /// The name of this kind.
     pub fn name(self) -> &'static str {
         SamplerKind::ALL[self as usize].1
     }
 }
 
-/// The reconstruction filter. Lengths are in pixels. A pixel's rays are spread like the filter.
+/// The reconstruction filter. Lengths are in pixels. A pixel's rays are distributed like the filter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Filter {
-    /// The mean over the pixel's area: the chapter's.
+    /// The mean over the pixel's area, as in the chapter.
     #[default]
     Box,
     /// Linear fall-off, radius 1.
     Tent,
-    /// Gaussian of the given standard deviation, cut off at three of them.
+    /// A Gaussian of the given standard deviation, cut off at three of them.
     Gaussian {
-        /// σ in pixels; 0.5 is a common choice.
+        /// The standard deviation σ in pixels; 0.5 is a common choice.
         sigma: f32,
     },
-    /// Mitchell and Netravali's cubic with B = C = 1/3, radius 2. It is negative beyond 8/7; of two and more rays, some go
-    /// there and are subtracted.
+    /// Mitchell and Netravali's cubic with B = C = 1/3, radius 2. It is negative beyond 8/7. Of two and more rays, some
+    /// sample the negative part and are subtracted.
     Mitchell,
 }
 
 impl Sampling {
-    /// Its name: where its rays go.
+    /// The name of this sampling.
     pub fn name(self) -> &'static str {
         match self {
             Sampling::Corner => "corner",
@@ -112,7 +112,7 @@ impl Sampling {
 }
 
 impl Filter {
-    /// Its name.
+    /// The name of this filter.
     pub fn name(self) -> &'static str {
         match self {
             Filter::Box => "box",
@@ -124,7 +124,7 @@ impl Filter {
 }
 
 impl Tone {
-    /// Its name.
+    /// The name of this treatment.
     pub fn name(self) -> &'static str {
         match self {
             Tone::Clamp => "clamp",
@@ -134,7 +134,7 @@ impl Tone {
 }
 
 impl Transfer {
-    /// Its name.
+    /// The name of this transfer.
     pub fn name(self) -> &'static str {
         match self {
             Transfer::None => "none",
@@ -143,7 +143,7 @@ impl Transfer {
     }
 }
 
-/// How values over 1 are treated (after 5.36).
+/// The treatment of values over 1 (after 5.36).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Tone {
@@ -154,11 +154,11 @@ pub enum Tone {
     Scale,
 }
 
-/// From linear light to the numbers in an 8- or 16-bit file.
+/// The transfer from linear light to the numbers in an 8- or 16-bit file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Transfer {
-    /// The values themselves, as the chapter shows them.
+    /// Linear values, as in the chapter.
     None,
     /// The sRGB curve (IEC 61966-2-1).
     #[default]

@@ -1,23 +1,25 @@
-//! How rays are followed.
+//! Settings of the integrator.
 
 use serde::{Deserialize, Serialize};
 
 /// Settings of the classic integrator.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct IntegratorSettings {
-    /// Rays of this depth have no children; eye rays have depth 1 (box 5.8). At most [`Self::MAX_DEPTH`].
+    /// The largest depth of rays: rays of this depth have no children. Eye rays have depth 1 (box 5.8). At most
+    /// [`Self::MAX_DEPTH`].
     pub max_depth: u32,
-    /// Rays whose factors multiply to less than this in every component are not followed; 0 follows all. The default is
-    /// 2⁻¹⁰: between clear mirrors each level of the tree doubles the rays, and what such a ray adds is below a step of 8 bits.
+    /// The least throughput: a ray below it in every component is not traced; 0 traces all rays. The default is 2⁻¹⁰,
+    /// as each level of the tree doubles the rays between clear mirrors. A ray below it adds less than a step of 8
+    /// bits.
     pub min_weight: f32,
-    /// How much of the shading equation is switched on.
+    /// The part of the shading equation that is evaluated.
     pub stage: Stage,
-    /// Whether lights cast shadows at all.
+    /// Whether any light casts shadows.
     pub shadows: bool,
 }
 
 impl IntegratorSettings {
-    /// The largest `max_depth`: the stack of any thread that renders has room for as many rays in each other.
+    /// The largest `max_depth`. The stack of a rendering thread has room for this many nested rays.
     pub const MAX_DEPTH: u32 = 256;
 }
 
@@ -27,7 +29,7 @@ impl Default for IntegratorSettings {
     }
 }
 
-/// The chapter's way from flat colour to the whole equation; each stage contains the ones before it.
+/// The chapter's stages from flat colour to the whole equation. Each stage contains the earlier ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]

@@ -1,6 +1,6 @@
-//! A scene as a file describes it: plain, serialisable values and indices, no caches and no pointers.
+//! The scene as a file describes it: plain, serialisable values and indices, without caches or pointers.
 //!
-//! [`crate::world::World::build`] checks it and resolves it into what rays meet.
+//! [`crate::world::World::build`] checks a scene and resolves it into primitives that rays intersect.
 
 mod camera;
 mod depth;
@@ -22,20 +22,21 @@ use crate::shape::{CylinderCloud, Mesh, SphereCloud};
 use crate::texture::{Image, Texture};
 use serde::{Deserialize, Serialize};
 
-/// A whole scene. Indices of materials, textures, images, meshes, clouds and prototypes are positions in the lists here.
+/// A whole scene. Indices of materials, textures, images, meshes, clouds and prototypes are positions in the lists
+/// below.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Scene {
-    /// The colour of rays that meet nothing, where there is no environment.
+    /// The colour of rays that hit nothing, where there is no environment.
     pub background: Rgb,
-    /// What surrounds the scene, instead of the background.
+    /// The environment around the scene. It replaces the background.
     pub environment: Option<Environment>,
     /// Iₐ, the ambient light of (5.33).
     pub ambient: Rgb,
-    /// The views that the scene offers; the first one is taken where none is named.
+    /// The views that the scene offers. The first one is used where none is named.
     pub views: Vec<View>,
-    /// How the picture is sampled and developed.
+    /// The settings of sampling, reconstruction and developing.
     pub film: FilmSettings,
-    /// How rays are followed.
+    /// The settings of the integrator.
     pub integrator: IntegratorSettings,
     /// The materials, each with its name.
     pub materials: Vec<Material>,
@@ -49,8 +50,8 @@ pub struct Scene {
     pub spheres: Vec<SphereCloud>,
     /// Clouds of cylinders.
     pub cylinders: Vec<CylinderCloud>,
-    /// Nodes that instances repeat; not drawn by themselves.
+    /// The nodes that instances repeat. They are not drawn by themselves.
     pub prototypes: Vec<Node>,
-    /// What is drawn, and the lights.
+    /// The objects to draw, and the lights.
     pub nodes: Vec<Node>,
 }

@@ -7,26 +7,26 @@ use crate::shape::Shape;
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
-/// One object, light or group, placed in the space of its parent. Groups may be nested deeper than stacks have room for, but are written, read
-/// and rendered only down to [`Node::MAX_NESTING`].
+/// One object, light or group, placed in the space of its parent. Groups may be nested deeper than a stack has room
+/// for. They are written, read and rendered only down to [`Node::MAX_NESTING`].
 #[derive(Serialize, Deserialize)]
 pub struct Node {
-    /// The name given in the file. [`crate::world::World`] names the rest by kind and number.
+    /// The name given in the file. [`crate::world::World`] names unnamed nodes by kind and number.
     pub name: Option<Box<str>>,
-    /// Index into [`super::Scene::materials`]. `None` inherits the enclosing group's; at the root, the default
-    /// material. On a mesh it replaces the mesh's own materials; an inherited one does not.
+    /// The index into [`super::Scene::materials`]. `None` inherits the material of the enclosing group; at the root, it
+    /// is the default material. An index on a mesh replaces the mesh's own materials; an inherited material does not.
     pub material: Option<u32>,
-    /// From this node's space to its parent's.
+    /// The transform from this node's space to its parent's.
     pub transform: Sparse<Transform>,
-    /// How it moves while the shutter is open: nothing if it stays, else at least two poses, evenly spaced in time from the
-    /// opening to the closing. They come after `transform`; between them things move evenly and turn
-    /// ([`crate::math::AnimatedTransform`]).
+    /// The poses while the shutter is open: none for a node at rest, else at least two. They are evenly spaced in time
+    /// from the opening to the closing, and are applied after `transform`. Between two poses the node translates and
+    /// turns evenly ([`crate::math::AnimatedTransform`]).
     #[serde(default, skip_serializing_if = "Sparse::is_usual")]
     pub motion: Sparse<Vec<Transform>>,
-    /// What it is.
+    /// The object, light or group itself.
     pub content: Content,
-    /// What `f32` can't hold of the points of a shape or light, which are those of its fields in their order that transforms
-    /// move. It counts where they lie far from zero.
+    /// The part of the points of a shape or light that `f32` can't hold. The points are the fields that transforms
+    /// move, in the order of their declaration. The remainder matters for points far from zero.
     #[serde(default, skip_serializing_if = "Sparse::is_usual")]
     pub rest: Sparse<[Vec3; 3]>,
 }
@@ -34,24 +34,24 @@ pub struct Node {
 /// What a [`Node`] holds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Content {
-    /// A single exact shape.
+    /// One analytic shape.
     Shape(Shape),
-    /// Index into [`super::Scene::meshes`].
+    /// An index into [`super::Scene::meshes`].
     Mesh(u32),
-    /// Index into [`super::Scene::spheres`].
+    /// An index into [`super::Scene::spheres`].
     Spheres(u32),
-    /// Index into [`super::Scene::cylinders`].
+    /// An index into [`super::Scene::cylinders`].
     Cylinders(u32),
-    /// A light; the node's transform moves it.
+    /// A light. The node's transform moves it.
     Light(Light),
     /// Several nodes that move together.
     Group(#[serde(serialize_with = "depth::write", deserialize_with = "depth::read")] Vec<Node>),
-    /// One more copy of the node at this index of [`super::Scene::prototypes`], that node's own transform included.
+    /// A copy of the node at this index of [`super::Scene::prototypes`], with that node's own transform.
     Instance(u32),
 }
 
 impl Node {
-    /// The deepest nesting of groups, and of instances in a world, that anything is made of.
+    /// The deepest nesting of groups, and of instances in a world, that is written, read or built.
     pub const MAX_NESTING: usize = 256;
 
     /// An unnamed node without material or transform.
@@ -66,8 +66,8 @@ impl Node {
         }
     }
 
-    /// The same node with the points of its shape or light as exact as these are: those of the fields that transforms move,
-    /// in their order.
+    /// Returns the node with the points of its shape or light at this precision. The points are the fields that
+    /// transforms move, in the order of their declaration.
     pub fn with_points(mut self, exact: &[DVec3]) -> Node {
         let mut rest = [Vec3::ZERO; 3];
         let left = |i: usize, rounded: Vec3| exact.get(i).map_or(Vec3::ZERO, |p| (*p - rounded.as_dvec3()).as_vec3());
@@ -90,7 +90,8 @@ impl Node {
         self
     }
 
-    /// Its shape, if it is one, counted from the first of its points, so that little of its form is lost to rounding.
+    /// The node's shape, if it has one, in coordinates relative to the first of its points. These coordinates lose
+    /// little to rounding.
     pub fn shape_at_its_first_point(&self) -> Option<Shape> {
         match &self.content {
             Content::Shape(shape) => Some(shape.at_its_first_point(&self.rest).0),
@@ -98,25 +99,25 @@ impl Node {
         }
     }
 
-    /// The same node with a name.
+    /// Returns the node with this name.
     pub fn named(mut self, name: impl Into<Box<str>>) -> Node {
         self.name = Some(name.into());
         self
     }
 
-    /// The same node with the material of this index.
+    /// Returns the node with the material of this index.
     pub fn with_material(mut self, material: u32) -> Node {
         self.material = Some(material);
         self
     }
 
-    /// The same node, moved by `transform` after its own.
+    /// Returns the node moved by `transform`, which is applied after the node's own transform.
     pub fn with_transform(mut self, transform: &Transform) -> Node {
         self.transform = transform.after(&self.transform).into();
         self
     }
 
-    /// The same node, moving through these poses while the shutter is open.
+    /// Returns the node with these poses while the shutter is open.
     pub fn with_motion(mut self, poses: Vec<Transform>) -> Node {
         self.motion = poses.into();
         self
@@ -140,7 +141,7 @@ mod tests {
     use super::*;
     use crate::light::PreparedLight;
 
-    /// What a scene text of a million lights takes follows from these.
+    /// The memory of a scene text with a million lights follows from these sizes.
     #[test]
     fn a_million_nodes_are_small() {
         let sizes = [size_of::<Node>(), size_of::<Light>(), size_of::<PreparedLight>()];

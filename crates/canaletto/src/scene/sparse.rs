@@ -1,4 +1,4 @@
-//! Values that are nearly always the same one.
+//! Values that equal a usual value almost everywhere.
 
 use crate::math::Transform;
 use glam::Vec3;
@@ -6,7 +6,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 use std::ops::{Deref, DerefMut};
 
-/// What a type is in most places.
+/// A type with a usual value.
 pub trait Usual: PartialEq + Clone + 'static {
     /// The value that takes no memory of its own.
     const USUAL: &'static Self;
@@ -24,12 +24,13 @@ impl Usual for [Vec3; 3] {
     const USUAL: &'static [Vec3; 3] = &[Vec3::ZERO; 3];
 }
 
-/// A value that takes memory only where it isn't the usual one, so that a million nodes without it are small. It is used as the value itself.
+/// A value that takes memory only where it differs from the usual one, so that a million nodes without it stay small.
+/// It dereferences to the value.
 #[derive(Clone)]
 pub struct Sparse<T: Usual>(Option<Box<T>>);
 
 impl<T: Usual> Sparse<T> {
-    /// Whether it is the usual value.
+    /// Whether this is the usual value.
     pub fn is_usual(&self) -> bool {
         **self == *T::USUAL
     }

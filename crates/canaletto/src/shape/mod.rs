@@ -1,7 +1,7 @@
-//! The shapes that rays meet (5.3), and the surface at a hit.
+//! The shapes (5.3), and the surface at a hit.
 //!
-//! Hits come in two stages: [`Shape::intersect`] finds the nearest t and which part was met; [`Shape::surface`]
-//! evaluates point, normal and uv once, for the nearest hit only.
+//! Intersection has two stages. [`Shape::intersect`] finds the nearest t and the part of the shape that was hit.
+//! [`Shape::surface`] evaluates point, normal and uv once, for the closest hit only.
 
 mod cloud;
 mod cone;
@@ -47,19 +47,19 @@ use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 use solve::Frame;
 
-/// What the first stage of a hit finds.
+/// The result of the first stage of intersection.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShapeHit {
     /// The ray's parameter, 0 < t ≤ t_max.
     pub t: f32,
-    /// Which part of the shape was met: a box's face (−x, +x, −y, +y, −z, +z), a cylinder's or cone's side (0), base (1)
-    /// or top (2); 0 elsewhere.
+    /// The part of the shape that was hit: a box's face (−x, +x, −y, +y, −z, +z), a cylinder's or cone's side (0), base
+    /// (1) or top (2). It is 0 for other shapes.
     pub part: u32,
-    /// Barycentric coordinates where the shape has them, else zero.
+    /// The barycentric coordinates where the shape has them, else zero.
     pub uv: [f32; 2],
 }
 
-/// A single exact shape.
+/// An analytic shape.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
@@ -82,7 +82,7 @@ pub enum Shape {
     Torus(Torus),
 }
 
-/// The same call on whichever shape it is.
+/// Makes one call on the value of any variant.
 macro_rules! each {
     ($self:expr, $s:ident => $call:expr) => {
         match $self {
@@ -116,13 +116,13 @@ impl Shape {
         each!(self, s => s.intersect(ray, t_max))
     }
 
-    /// The surface at a hit that [`Shape::intersect`] found for the same ray, or for the rounded ray of this line.
+    /// The surface at a hit. [`Shape::intersect`] found the hit for this ray, or for the rounded ray of this line.
     pub fn surface(&self, line: impl Into<DRay>, hit: &ShapeHit) -> Surface {
         let line = line.into();
         each!(self, s => s.surface(line, hit))
     }
 
-    /// The same for whoever doesn't read its texture coordinates, which may be left out.
+    /// [`Shape::surface`] whose texture coordinates are not read and may be left out.
     #[inline]
     pub(crate) fn bare_surface(&self, line: DRay, hit: &ShapeHit) -> Surface {
         match self {
@@ -132,7 +132,7 @@ impl Shape {
         }
     }
 
-    /// How the surface goes on around a hit whose surface is this.
+    /// The surface differential at a hit with this surface.
     pub fn surface_differential(&self, surface: &Surface, hit: &ShapeHit) -> SurfaceDifferential {
         match self {
             Shape::Sphere(s) => s.surface_differential(surface),
@@ -146,7 +146,7 @@ impl Shape {
         }
     }
 
-    /// A tight box around every point that [`Shape::surface`] can give; none for a plane.
+    /// A tight box around every point that [`Shape::surface`] can return; none for a plane.
     pub fn bounds(&self) -> Option<Aabb> {
         match self {
             Shape::Sphere(s) => Some(s.bounds()),
@@ -160,8 +160,8 @@ impl Shape {
         }
     }
 
-    /// The shape moved, if the map leaves it one of its kind that `f32` can hold. Texture coordinates are then those of
-    /// the moved shape in its new place; see [`Shape::keeps_uv`].
+    /// The shape moved by a transform, if the result is a shape of this kind that `f32` can hold. The texture
+    /// coordinates are those of the moved shape in its new place; see [`Shape::keeps_uv`].
     pub fn transformed(&self, t: &Transform) -> Option<Shape> {
         if t.is_identity() {
             return Some(*self);
@@ -179,7 +179,7 @@ impl Shape {
         moved.check().is_ok().then_some(moved)
     }
 
-    /// The shape with other points: what `f` makes of each and its number.
+    /// Returns the shape with each point replaced by `f` of its index and itself.
     pub(crate) fn with_points(&self, mut f: impl FnMut(usize, Vec3) -> Vec3) -> Shape {
         let mut shape = *self;
         let points: [Option<&mut Vec3>; 3] = match &mut shape {
@@ -198,7 +198,8 @@ impl Shape {
         shape
     }
 
-    /// The shape counted from its first point, and where that is; `rest` is what `f32` doesn't hold of its points.
+    /// The shape in coordinates relative to its first point, and that point; `rest` is the part of its points that
+    /// `f32` doesn't hold.
     pub(crate) fn at_its_first_point(&self, rest: &[Vec3; 3]) -> (Shape, DVec3) {
         let mut first = None;
         let near = self.with_points(|i, p| {
@@ -208,8 +209,8 @@ impl Shape {
         (near, first.unwrap_or_default())
     }
 
-    /// Whether the shape that [`Shape::transformed`] gives has the same texture coordinates at the moved points. A turned
-    /// sphere hasn't, as its poles stay upright; with a texture, it has to become an instance.
+    /// Whether the result of [`Shape::transformed`] keeps the texture coordinates of every point. A turned sphere
+    /// doesn't, as its poles stay upright; with a texture it must become an instance.
     pub fn keeps_uv(&self, t: &Transform) -> bool {
         let m = t.matrix().matrix3;
         let upright = t.is_axis_aligned() && m.x_axis.x > 0.0 && m.y_axis.y > 0.0 && m.z_axis.z > 0.0;
@@ -245,7 +246,7 @@ impl Shape {
         }
     }
 
-    /// The scene format's word for it.
+    /// The name of this kind of shape in scene text.
     pub fn kind(&self) -> &'static str {
         match self {
             Shape::Sphere(_) => "sphere",
@@ -259,7 +260,7 @@ impl Shape {
         }
     }
 
-    /// Whether it bounds a volume, so that a ray can be inside.
+    /// Whether the shape bounds a volume, so that a ray can be inside.
     pub fn is_closed(&self) -> bool {
         match self {
             Shape::Sphere(_) | Shape::Box(_) | Shape::Torus(_) => true,

@@ -1,9 +1,9 @@
-//! Textures (5.5): functions that give a colour, or any other number of a material, for a place on a line, in a
-//! rectangle or in space.
+//! Textures (5.5): functions that give a colour, or another number of a material, at a point of a line, a rectangle or
+//! space.
 //!
-//! A [`Texture`] is a description: plain values and indices into [`crate::scene::Scene::images`]. [`World::build`] turns
-//! it into a [`PreparedTexture`], with mip pyramids where it needs them; a pattern is looked up with [`PreparedTexture::eval`]. How a
-//! surface gets from a point to texture coordinates is not its business.
+//! A [`Texture`] is a description: plain values and indices into [`crate::scene::Scene::images`]. [`World::build`]
+//! makes a [`PreparedTexture`] of it, with a mip pyramid where one is needed. [`PreparedTexture::eval`] evaluates the
+//! texture. The mapping from a point of a surface to texture coordinates belongs to [`crate::material`].
 //!
 //! [`World::build`]: crate::world::World::build
 
@@ -44,7 +44,7 @@ use serde::{Deserialize, Serialize};
 pub struct Texture {
     /// The name that materials and environments refer to.
     pub name: String,
-    /// What it is.
+    /// The kind of the texture and its values.
     pub kind: TextureKind,
 }
 
@@ -52,7 +52,7 @@ pub struct Texture {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum TextureKind {
-    /// The same colour everywhere: linear red, green, blue and alpha.
+    /// A constant colour: linear red, green, blue and alpha.
     Constant([f32; 4]),
     /// An image over the unit square.
     Image(ImageTexture),
@@ -65,17 +65,17 @@ pub enum TextureKind {
 /// An image as a texture: u goes from its left (0) to its right (1), v from its top row (0) to its bottom row (1).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ImageTexture {
-    /// Index into [`crate::scene::Scene::images`].
+    /// The index into [`crate::scene::Scene::images`].
     pub image: u32,
-    /// How its texels become a function.
+    /// The reconstruction filter between texels.
     pub filter: Filter,
-    /// What is done against aliasing where texels are smaller than pixels.
+    /// The prefilter against aliasing where texels are smaller than pixels.
     pub prefilter: Prefilter,
-    /// What is outside the unit square, along u and along v.
+    /// The continuation outside the unit square, along u and along v.
     pub wrap: [Wrap; 2],
-    /// Where u = 0 and u = 1 are.
+    /// The places of u = 0 and u = 1 relative to the outermost texels.
     pub placement: Placement,
-    /// What its numbers mean, instead of what the image says.
+    /// The meaning of the image's numbers. It overrides the image's own.
     pub space: Option<ColorSpace>,
 }
 
@@ -93,34 +93,35 @@ impl ImageTexture {
     }
 }
 
-/// How texels become a function of real coordinates.
+/// The reconstruction filter: it makes a function of real coordinates from texels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Filter {
     /// The nearest texel.
     Nearest,
-    /// Linear between the four nearest.
+    /// Linear interpolation between the four nearest texels.
     #[default]
     Bilinear,
-    /// Quadratic in each direction: the mean of the two parabolas through three texels. Goes through the texels; without
-    /// jumps, but with corners.
+    /// Quadratic interpolation in each direction: the mean of the two parabolas through three texels. It passes through
+    /// the texels. It is continuous, but has corners.
     Biquadratic,
-    /// Cubic in each direction: Catmull and Rom's. Goes through the texels, without corners; overshoots at edges.
+    /// Catmull and Rom's cubic interpolation in each direction. It passes through the texels and has no corners, but
+    /// overshoots at edges.
     Bicubic,
-    /// The quadratic B-spline: smooth, never overshoots, doesn't go through the texels.
+    /// The quadratic B-spline. It is smooth and never overshoots, but doesn't pass through the texels.
     QuadraticSpline,
-    /// The cubic B-spline: smoother still, and blurs more.
+    /// The cubic B-spline. It is smoother than the quadratic one, and blurs more.
     CubicSpline,
 }
 
-/// What is done where texels are smaller than pixels.
+/// The prefilter where texels are smaller than pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Prefilter {
-    /// Nothing: the texture is taken at a point. Needs no memory for coarser levels.
+    /// No prefilter: the texture is evaluated at a point. It needs no memory for coarser levels.
     None,
-    /// The mean over a square as wide as the footprint is long (Williams 1983): fast, and blurred where surfaces are seen at a
-    /// slant.
+    /// The mean over a square as wide as the footprint is long (Williams 1983). It is fast, but blurs surfaces at
+    /// grazing angles.
     Trilinear,
     /// The mean over the footprint's ellipse (Heckbert 1989). Ellipses more than 16 times longer than wide are made
     /// wider.
