@@ -1,6 +1,6 @@
-//! Why a picture will be black or empty: what a few hundred rays tell of a world and a camera before anything is rendered.
+//! Diagnosis of black or empty pictures: a few hundred rays test a world and a camera before rendering.
 //!
-//! Each [`Finding`] is a doubt, not an error. It is only told where all rays agree.
+//! Each [`Finding`] is a doubt, not an error. It is reported only where all rays agree.
 
 mod brightness;
 
@@ -19,14 +19,14 @@ use std::fmt;
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Finding {
-    /// No ray from the eye meets anything.
+    /// No ray from the eye hits anything.
     NothingInView {
-        /// The lowest and the highest corner of what the world holds, if that has bounds.
+        /// The lowest and the highest corner of the world's bounds, if it has any.
         bounds: Option<[DVec3; 2]>,
-        /// Whether all of it lies behind the eye.
+        /// Whether the whole world lies behind the eye.
         behind: bool,
     },
-    /// The eye is inside an opaque object, and no light that casts shadows is there with it.
+    /// The eye is inside an opaque object that contains no light that casts shadows.
     EyeInside {
         /// The object's name.
         object: String,
@@ -38,14 +38,14 @@ pub enum Finding {
         /// The object's name.
         object: String,
     },
-    /// All that is seen is black.
+    /// Every visible point is black.
     Black {
-        /// Why, as far as that is known.
+        /// The known reasons.
         reasons: Vec<Reason>,
     },
-    /// All that is seen is brighter than white in all its colours.
+    /// Every visible point is brighter than white in all its colours.
     White {
-        /// The least number of red, green and blue.
+        /// The least component of red, green and blue.
         least: f32,
     },
 }
@@ -66,20 +66,21 @@ impl fmt::Display for Finding {
     }
 }
 
-/// The rays, each way, by which a picture is first judged, and the most if they meet nothing.
+/// The largest number of rays along each side of the picture: of the first test, and of the second, after the first hit
+/// nothing.
 const GRIDS: [u32; 2] = [32, 512];
-/// The directions in which one looks around from a point.
+/// The number of directions in which the surroundings of a point are tested.
 const DIRECTIONS: u32 = 64;
-/// The most points of a light that are judged.
+/// The largest number of tested points of a light.
 const MAX_POINTS: u32 = 16;
 
-/// What will keep the picture of this job from showing much of the world. The shutter's opening is judged, and lights and
-/// lenses are taken where they are then.
+/// Findings on why the picture of this job will show little of the world. Lights and lens are tested at the opening of
+/// the shutter.
 pub fn diagnose(world: &World, job: &Job) -> Vec<Finding> {
     let mut findings = doubts(world, job);
     if findings.is_empty() {
         let counted = job.counted_from(world);
-        // Explanations count from the scene's origin, as pictures do.
+        // Explanations use coordinates relative to the scene's origin, as pictures do.
         match brightness::judge(world, counted.as_ref().unwrap_or(job), job) {
             Some(Brightness::Black(reasons)) if !reasons.is_empty() => findings.push(Finding::Black { reasons }),
             Some(Brightness::White(least)) => findings.push(Finding::White { least }),
@@ -89,13 +90,13 @@ pub fn diagnose(world: &World, job: &Job) -> Vec<Finding> {
     findings
 }
 
-/// What can be said without shading anything.
+/// The findings that need no shading.
 fn doubts(world: &World, job: &Job) -> Vec<Finding> {
     let mut findings = Vec::new();
     if world.primitives() == 0 {
         return findings;
     }
-    // Rays, hits and lights are counted from the world's origin.
+    // Rays, hits and lights have coordinates relative to the world's origin.
     let counted = job.counted_from(world);
     let in_scene = job;
     let job = counted.as_ref().unwrap_or(job);
@@ -130,7 +131,7 @@ fn doubts(world: &World, job: &Job) -> Vec<Finding> {
     findings
 }
 
-/// Whether one of at most `most` × `most` rays through the window meets something.
+/// Whether one of at most `most` × `most` rays through the window hits anything.
 fn anything_in_view(world: &World, job: &Job, most: u32) -> bool {
     let camera = job.camera.at(0.0);
     let ([x, y, width, height], [_, full_height]) = (job.window(), camera.size());
@@ -161,7 +162,7 @@ fn first_hit(world: &World, line: &DRay) -> Option<Hit> {
     world.intersect(&line.rounded(), f32::INFINITY)
 }
 
-/// The id and the name of the opaque object whose inner side is met in all directions from a point.
+/// The id and the name of the opaque object whose inner side the rays from a point hit in all directions.
 fn enclosing_object(world: &World, point: DVec3) -> Option<(u32, String)> {
     let mut around = None;
     for index in 0..DIRECTIONS {
@@ -178,7 +179,7 @@ fn enclosing_object(world: &World, point: DVec3) -> Option<(u32, String)> {
     around
 }
 
-/// The opaque object that all points of a light are inside of.
+/// The opaque object that contains all points of a light.
 fn light_is_inside(world: &World, light: &PreparedLight) -> Option<(u32, String)> {
     let step = light.points().div_ceil(MAX_POINTS).max(1);
     let mut around: Option<(u32, String)> = None;
@@ -193,7 +194,7 @@ fn light_is_inside(world: &World, light: &PreparedLight) -> Option<(u32, String)
     around
 }
 
-/// Directions spread evenly over the sphere: steps of the golden angle on slices of equal area.
+/// Uniform directions over the sphere: steps of the golden angle on slices of equal area.
 fn fibonacci_direction(index: u32) -> DVec3 {
     const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
     let z = 1.0 - (2.0 * f64::from(index) + 1.0) / f64::from(DIRECTIONS);
@@ -237,7 +238,7 @@ mod tests {
         Node::from(Shape::Plane(Plane { point: Vec3::NEG_Y, normal: Vec3::Y })).named("floor")
     }
 
-    /// Why a ball on a floor is black in this light.
+    /// The reasons for a black ball on a floor in this light.
     fn why_black(light: Light) -> Vec<Reason> {
         let nodes = vec![ball(Vec3::ZERO, 1.0), floor(), Node::from(Light { name: Some("lamp".into()), ..light })];
         match &findings([0.0, 1.0, 6.0], [0.0; 3], nodes)[..] {
@@ -255,7 +256,7 @@ mod tests {
         assert_eq!(why_black(omni(Vec3::new(0.0, -5.0, 5.0), 1.0)), [Reason::LightBehind("lamp".into())]);
         assert_eq!(why_black(omni(AWAY, 0.0)), [Reason::LightOff("lamp".into())]);
         assert_eq!(why_black(omni(AWAY, 1e-9)), [Reason::LightDoesNotReach("lamp".into())]);
-        // A ball alone above the floor: from below it would be lit.
+        // A ball alone above the floor: light from below would reach it.
         let below = vec![
             ball(Vec3::new(0.0, 3.0, 0.0), 1.0),
             floor(),
@@ -291,7 +292,7 @@ mod tests {
     #[test]
     fn a_plain_scene_is_without_doubts() {
         assert_eq!(findings([0.0, 0.0, 5.0], [0.0; 3], vec![ball(Vec3::ZERO, 1.0), lamp(AWAY)]), []);
-        // Too small for the first grid.
+        // The ball is too small for the first grid.
         assert_eq!(findings([0.0, 0.0, 5.0], [0.1, 0.1, 0.0], vec![ball(Vec3::ZERO, 0.01), lamp(AWAY)]), []);
     }
 
@@ -337,7 +338,7 @@ mod tests {
         };
         assert_eq!(disk(0.5), told("key"));
         assert_eq!(disk(2.0), [], "part of it shines");
-        // Beside the box, though it is inside the bounds of box and floor together.
+        // The eye is beside the box, though inside the bounds of box and floor together.
         let cube = Node::from(Shape::Box(Cuboid { min: Vec3::splat(-1.0), max: Vec3::ONE })).named("box");
         let floor = Node::from(Shape::Plane(Plane { point: Vec3::NEG_Y, normal: Vec3::Y }));
         assert_eq!(findings([0.0, 0.0, 9.0], [0.0; 3], vec![cube, floor, lamp(Vec3::new(1.2, 0.0, 0.0))]), []);

@@ -1,5 +1,5 @@
-//! Surfaces of lights, and the points of them that shine: fixed ones, or random ones (5.6) for soft shadows without the
-//! steps that fixed points make.
+//! The surfaces of lights, and the points on them that emit: fixed ones, or random ones (5.6). Random points make soft
+//! shadows without the steps of fixed points.
 
 use crate::math::warp;
 use glam::{DVec3, Vec3};
@@ -8,26 +8,26 @@ use std::f64::consts::{PI, TAU};
 /// A light's surface in world space.
 #[derive(Clone, Debug)]
 pub(super) enum Area {
-    /// A disk: its centre, two perpendicular radii, and the unit normal of the side that shines.
+    /// A disk: its centre, two perpendicular radii, and the unit normal of the emitting side.
     Disk(DVec3, [DVec3; 2], DVec3),
-    /// A parallelogram: a corner, its two edges, and the unit normal of the side that shines.
+    /// A parallelogram: a corner, its two edges, and the unit normal of the emitting side.
     Rectangle(DVec3, [DVec3; 2], DVec3),
     /// A sphere: its centre and radius.
     Sphere(DVec3, f64),
-    /// Triangles, counter-clockwise seen from the side that shines.
+    /// Triangles, counter-clockwise seen from the emitting side.
     Triangles(Triangles),
 }
 
-/// Triangles with the sums of their areas.
+/// Triangles with the cumulative sums of their areas.
 #[derive(Clone, Debug)]
 pub(super) struct Triangles {
     corners: Vec<[Vec3; 3]>,
-    /// The area of each together with all before it.
+    /// The sum of the areas of each triangle and all before it.
     sums: Vec<f64>,
 }
 
 impl Triangles {
-    /// Triangles whose areas together are more than 0 and finite; nothing otherwise.
+    /// Triangles with a total area above 0 and finite; none otherwise.
     pub(super) fn new(corners: Vec<[Vec3; 3]>) -> Option<Triangles> {
         let mut sum = 0.0;
         let sums: Vec<f64> = corners
@@ -41,7 +41,7 @@ impl Triangles {
     }
 }
 
-/// The cross product of two edges: the normal, as long as twice the area.
+/// The cross product of two edges. It is along the normal, and its length is twice the area.
 fn edges(triangle: &[Vec3; 3]) -> DVec3 {
     let [a, b, c] = triangle.map(|p| p.as_dvec3());
     (b - a).cross(c - a)
@@ -57,7 +57,7 @@ impl Area {
         }
     }
 
-    /// The point at `u` of the unit square, and the unit normal there; equal parts of the square are equal areas.
+    /// The point at `u` of the unit square, and the unit normal there. Equal parts of the square map to equal areas.
     pub(super) fn point(&self, [u, v]: [f64; 2]) -> (DVec3, DVec3) {
         match self {
             Area::Disk(center, [x, y], normal) => {
@@ -66,7 +66,7 @@ impl Area {
             }
             Area::Rectangle(corner, [along, up], normal) => (*corner + *along * u + *up * v, *normal),
             Area::Sphere(center, radius) => {
-                // Archimedes: equal heights of a sphere are equal areas.
+                // Archimedes: equal heights of a sphere have equal areas.
                 let z = 1.0 - 2.0 * u;
                 let (sin, cos) = libm::sincos(TAU * v);
                 let across = (4.0 * u * (1.0 - u)).sqrt();
@@ -86,9 +86,9 @@ impl Area {
         }
     }
 
-    /// What the surface sends to `p` when all of it has the radiance 1 and it is seen through the point at `u` alone: the
-    /// point, and the radiance times the solid angle over π. Means over u of the latter times the cosine at `p` are form
-    /// factors. Nothing where the point shows `p` its back.
+    /// The sample at `u` of the surface with a radiance of 1, seen from `p`: the point, and the radiance times the
+    /// solid angle over π. The mean over u of the second value times the cosine at `p` is a form factor. None where the
+    /// point faces away from `p`.
     pub(super) fn seen(&self, u: [f64; 2], p: DVec3) -> Option<(DVec3, f64)> {
         if let Area::Sphere(center, radius) = self {
             return cap(*center, *radius, u, p);
@@ -101,7 +101,7 @@ impl Area {
     }
 }
 
-/// The same for a sphere: directions spread evenly over the cone in which `p` sees it.
+/// [`Area::seen`] of a sphere. Directions are uniform over the cone in which `p` sees the sphere.
 fn cap(center: DVec3, radius: f64, [u, v]: [f64; 2], p: DVec3) -> Option<(DVec3, f64)> {
     let to_center = center - p;
     let distance = to_center.length();
@@ -121,7 +121,7 @@ fn cap(center: DVec3, radius: f64, [u, v]: [f64; 2], p: DVec3) -> Option<(DVec3,
     Some((p + direction * near, 2.0 * depth))
 }
 
-/// Place i of n fixed ones, spread evenly over the unit square: Hammersley's points, in the middle of their cells.
+/// Fixed place i of n in the unit square. The places are Hammersley's points, in the middle of their cells.
 pub(super) fn fixed(i: u32, n: u32) -> [f64; 2] {
     let mirrored = f64::from(i.reverse_bits()) / 4_294_967_296.0;
     let cells = f64::from(n.next_power_of_two());
@@ -138,12 +138,12 @@ mod tests {
         (0..N).map(|i| f(fixed(i, N))).sum::<f64>() / f64::from(N)
     }
 
-    /// The mean cosine at the origin towards points of the surface: what lights that shine evenly give.
+    /// The mean cosine at the origin towards points of the surface, as lights of even emission give it.
     fn even(area: &Area, normal: DVec3) -> f64 {
         mean(|u| area.point(u).0.normalize().dot(normal))
     }
 
-    /// The form factor of a small surface at the origin to the light: what lights that shine as matte surfaces give.
+    /// The form factor of a small surface at the origin to the light, as lights of matte emission give it.
     fn matte(area: &Area, normal: DVec3) -> f64 {
         mean(|u| area.seen(u, DVec3::ZERO).map_or(0.0, |(point, share)| point.normalize().dot(normal).max(0.0) * share))
     }
@@ -157,7 +157,7 @@ mod tests {
         Area::Rectangle(corner, [u, v], u.cross(v).normalize())
     }
 
-    /// A rectangle of a × b above the origin at height h, a corner straight above it.
+    /// Checks rectangles of a × b at height h above the origin, with a corner straight above it.
     #[test]
     fn rectangles_agree_with_closed_forms() {
         for (a, b, h) in [(1.0, 1.0, 1.0), (3.0, 0.5, 2.0), (0.2, 4.0, 0.7f64)] {
@@ -166,7 +166,8 @@ mod tests {
             let potential = a * asinh(b / (a * a + h * h).sqrt()) + b * asinh(a / (b * b + h * h).sqrt())
                 - h * (a * b / (h * (a * a + b * b + h * h).sqrt())).atan();
             close("rectangle, even", even(&area, DVec3::Y), h * potential / (a * b));
-            // The shining side looks down: z × x is y, so the edges in this order look up and the back is seen.
+            // The emitting side faces down: z × x is y, so the edges in this order face up and the origin sees the
+            // back.
             assert_eq!(matte(&rectangle(DVec3::Y * h, DVec3::Z * b, DVec3::X * a), DVec3::Y), 0.0);
             let (x, y) = (a / h, b / h);
             let (rx, ry) = ((1.0 + x * x).sqrt(), (1.0 + y * y).sqrt());
@@ -185,14 +186,14 @@ mod tests {
             let sphere = Area::Sphere(DVec3::Y * d, r);
             close("sphere, even", even(&sphere, DVec3::Y), 1.0 - r * r / (3.0 * d * d));
             close("sphere, matte", matte(&sphere, DVec3::Y), (r / d) * (r / d));
-            // Turned, but with all of the sphere above the horizon.
+            // Turned, but with the whole sphere above the horizon.
             let turned = DVec3::new((r / d).acos().min(0.5).sin(), (r / d).acos().min(0.5).cos(), 0.0);
             close("sphere aslant, matte", matte(&sphere, turned), (r / d) * (r / d) * turned.y);
         }
         assert_eq!(matte(&Area::Sphere(DVec3::X * 0.5, 1.0), DVec3::Y), 0.0, "nothing from within");
     }
 
-    /// A rectangle cut into unequal triangles shines as the rectangle does.
+    /// A rectangle cut into unequal triangles emits as the rectangle does.
     #[test]
     fn triangles_shine_by_their_area() {
         let p = |x: f32, z: f32| Vec3::new(x, 1.0, z);
@@ -201,10 +202,10 @@ mod tests {
             [p(2.0, 0.0), p(2.0, 1.0), p(0.2, 0.1)],
             [p(2.0, 1.0), p(0.0, 1.0), p(0.2, 0.1)],
             [p(0.0, 1.0), p(0.0, 0.0), p(0.2, 0.1)],
-            // And one without an area.
+            // A triangle without an area.
             [p(0.0, 0.0), p(1.0, 0.0), p(2.0, 0.0)],
         ];
-        // z grows towards the viewer: seen from below these are counter-clockwise.
+        // z grows towards the viewer: seen from below these triangles are counter-clockwise.
         let triangles = Area::Triangles(Triangles::new(corners).unwrap());
         let whole = rectangle(DVec3::Y, DVec3::X * 2.0, DVec3::Z);
         assert!((triangles.area() - 2.0).abs() < 1e-6);

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 /// Light from infinity.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Directional {
-    /// Where the light travels to; any length but zero.
+    /// The direction in which the light travels; any length but zero.
     pub towards: Vec3,
     /// Limits the light to a beam: a point on its axis and its radius.
     pub beam: Option<(Vec3, f32)>,

@@ -1,11 +1,11 @@
-//! A light spread over a disk, for soft shadows (fig. 5.24c): over fixed points of it, or random ones.
+//! Lights on a disk, for soft shadows (fig. 5.24c): fixed points of the disk, or random ones.
 
 use super::Light;
 use crate::math::Transform;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-/// Points of light spread evenly over a disk.
+/// Points of light distributed evenly over a disk.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DiskLight {
     /// The disk's centre.
@@ -14,14 +14,14 @@ pub struct DiskLight {
     pub normal: Vec3,
     /// The disk's radius, > 0.
     pub radius: f32,
-    /// The number of fixed points, at least 1; each has 1/points of the intensity. Where [`Light::samples`] isn't 0, random
-    /// points take their place.
+    /// The number of fixed points, at least 1. Each has 1/points of the intensity. Where [`Light::samples`] isn't 0,
+    /// random points replace them.
     pub points: u32,
 }
 
 impl DiskLight {
-    /// Point i of n by the sunflower spiral (Vogel 1979): radius R √((i + ½)/n), each turned by the golden angle, so
-    /// that every point stands for an equal area.
+    /// Point i of n by the sunflower spiral (Vogel 1979): its radius is R √((i + ½)/n), and each point is turned by the
+    /// golden angle. Every point thus stands for an equal area.
     pub fn point(&self, index: u32) -> Vec3 {
         let golden_angle = std::f64::consts::PI * (3.0 - 5f64.sqrt());
         let r = f64::from(self.radius) * ((f64::from(index) + 0.5) / f64::from(self.points)).sqrt();

@@ -1,4 +1,4 @@
-//! The point light that shines in all directions (fig. 5.25a).
+//! The point light that emits in all directions (fig. 5.25a).
 
 use crate::math::Transform;
 use glam::{DVec3, Vec3, Vec4};
@@ -13,7 +13,7 @@ pub struct Omni {
 }
 
 impl Omni {
-    /// The light at a point.
+    /// The light at this point.
     pub fn at(point: Vec3) -> Omni {
         Omni { position: point.extend(1.0).to_array() }
     }

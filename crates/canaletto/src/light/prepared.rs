@@ -1,31 +1,31 @@
-//! A light ready to illuminate: what does not depend on the point is computed once.
+//! The runtime form of a light: values that do not depend on the lit point are computed once.
 
 use super::area::{self, Area};
 use super::{Emission, Light, LightKind, surface_light};
 use crate::math::Rgb;
 use glam::{DVec3, Vec3};
 
-/// A light lowered to the points it shines from.
+/// The runtime form of a light, with the points that emit.
 #[derive(Clone, Debug)]
 pub struct PreparedLight {
     /// The light as described, in world space.
     pub light: Light,
-    /// Where light comes from; none for light from infinity.
+    /// The positions of the fixed points; none for light from infinity.
     points: Points,
     /// The unit direction to a light at infinity.
     towards: DVec3,
     /// The intensity of each point.
     intensity: Rgb,
     cone: Option<super::spot::Cone>,
-    /// The surface, if points of it are found for each hit: random ones, or those of a matte light.
+    /// The surface, if its points are chosen for each hit: random ones, or those of matte emission.
     area: Option<Box<Area>>,
-    /// How many points shine.
+    /// The number of points that emit.
     count: u32,
-    /// Whether its light loses by distance.
+    /// Whether distance attenuates the light.
     attenuated: bool,
 }
 
-/// Where points of light are. Most lights have one, which lies in the light itself.
+/// The positions of a light's points. A single point, the usual case, needs no allocation.
 #[derive(Clone, Debug)]
 enum Points {
     One(Vec3),
@@ -47,21 +47,22 @@ impl Points {
 pub struct Illumination {
     /// L̂, the unit direction to the light.
     pub direction: DVec3,
-    /// How far the light is; infinite for light from infinity.
+    /// The distance to the light; infinite for light from infinity.
     pub distance: f32,
-    /// Where the light is; `None` for light from infinity.
+    /// The position of the light's point; `None` for light from infinity.
     pub position: Option<Vec3>,
-    /// The intensity after attenuation, cone and region; shadows not considered.
+    /// The intensity after attenuation, cone and region, without shadows.
     pub intensity: Rgb,
 }
 
 impl PreparedLight {
-    /// The source of a light whose numbers are in range ([`Light::check`]). One of meshes is dark without its triangles.
+    /// The runtime form of a light whose numbers are in range ([`Light::check`]). A mesh light is dark without its
+    /// triangles.
     pub fn new(light: Light) -> PreparedLight {
         PreparedLight::of_triangles(light, &[])
     }
 
-    /// The source of a light that may be one of meshes, whose triangles these are, in the meshes' own space.
+    /// The runtime form of a light, with the triangles of a mesh light in the space of its meshes.
     pub fn of_triangles(light: Light, triangles: &[[DVec3; 3]]) -> PreparedLight {
         let (mut points, mut towards, mut cone) = (Vec::new(), DVec3::ZERO, None);
         let mut area = surface_light::area(&light.kind, triangles);
@@ -88,7 +89,7 @@ impl PreparedLight {
             }
         }
         if light.has_area() && area.is_none() {
-            // Nothing shines.
+            // No surface emits.
             intensity = Rgb::BLACK;
             points = vec![Vec3::ZERO; count as usize];
         }
@@ -101,19 +102,19 @@ impl PreparedLight {
         PreparedLight { light, points, towards, intensity, cone, area, count, attenuated }
     }
 
-    /// The number of points that illuminate, each with a shadow ray of its own.
+    /// The number of points that illuminate a hit, each with a shadow ray of its own.
     pub fn points(&self) -> u32 {
         self.count
     }
 
-    /// Whether its points are chosen at random, for [`PreparedLight::sample`].
+    /// Whether points are chosen at random, by [`PreparedLight::sample`].
     #[inline]
     pub fn is_sampled(&self) -> bool {
         self.area.is_some() && self.light.samples > 0
     }
 
-    /// What arrives at `p` from the random point at `u` of the unit square: one of [`PreparedLight::points`] many, whose
-    /// intensities sum to the light's. Lights without a surface have only the one point.
+    /// The light that arrives at `p` from the random point at `u` of the unit square. The intensities of
+    /// [`PreparedLight::points`] such points sum to the light's. Lights without a surface return their only point.
     #[inline(never)]
     pub fn sample(&self, u: [f64; 2], p: DVec3) -> Illumination {
         match &self.area {
@@ -129,7 +130,7 @@ impl PreparedLight {
         }
     }
 
-    /// What arrives at `p` from point number `index`. Intensities over all points sum to the light's.
+    /// The light that arrives at `p` from point number `index`. The intensities of all points sum to the light's.
     #[inline]
     pub fn illuminate(&self, index: u32, p: DVec3) -> Illumination {
         let Some(position) = self.points.get(index) else {
@@ -141,7 +142,8 @@ impl PreparedLight {
         self.arriving(position, p)
     }
 
-    /// Where point number `index` is, if it is the same seen from everywhere: then [`PreparedLight::along`] tells what arrives.
+    /// The position of point number `index`, if it doesn't depend on the lit point. [`PreparedLight::along`] then
+    /// returns the arriving intensity.
     #[inline]
     pub(crate) fn point(&self, index: u32) -> Option<Vec3> {
         if self.is_sampled() { None } else { self.points.get(index) }
@@ -155,18 +157,18 @@ impl PreparedLight {
         Illumination { direction, distance, position: Some(position), intensity: self.along(direction, distance) }
     }
 
-    /// The intensity that arrives from each of its points, if that is the same everywhere.
+    /// The intensity that arrives from each of the light's points, if it is constant in space.
     pub(crate) fn even(&self) -> Option<Rgb> {
         (!self.attenuated && self.cone.is_none()).then_some(self.intensity)
     }
 
-    /// The intensity that arrives from a point of it that lies in this direction so far away.
+    /// The intensity that arrives from one of the light's points in this direction and at this distance.
     #[inline]
     pub(crate) fn along(&self, direction: DVec3, distance: f32) -> Rgb {
         let mut intensity = self.intensity;
         if self.attenuated {
             let [c, l, q] = self.light.attenuation;
-            // A light on the very point may have nothing to divide by; black stays black.
+            // The divisor may be 0 at the light's own position; black stays black.
             let divisor = (c + l * distance + q * distance * distance).max(f32::MIN_POSITIVE);
             intensity = (intensity / divisor).saturated();
         }
@@ -259,7 +261,7 @@ mod tests {
         let points: Vec<Vec3> = all.iter().map(|l| l.position.unwrap() - Vec3::Y).collect();
         assert!(points.iter().all(|p| p.dot(disk.normal).abs() < 1e-5 && p.length() <= 2.0));
         let mean = |f: &dyn Fn(&Vec3) -> f32| points.iter().map(f).sum::<f32>() / points.len() as f32;
-        // Of an even disk, the mean squared radius is R²/2 and that of each axis R²/4.
+        // On a uniform disk, the mean squared radius is R²/2 and that of each axis R²/4.
         assert!((mean(&|p| p.length_squared()) - 2.0).abs() < 1e-2 && (mean(&|p| p.x * p.x) - 1.0).abs() < 1e-2);
         assert!(mean(&|p| p.x).abs() < 1e-4 && mean(&|p| p.y).abs() < 1e-4);
         assert!(all.iter().all(|l| l.intensity.r == 0.25));

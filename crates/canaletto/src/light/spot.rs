@@ -4,34 +4,34 @@ use crate::math::Transform;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-/// A cone of light.
+/// A point that emits a cone of light.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Spot {
-    /// Where the light is.
+    /// The position of the light.
     pub position: Vec3,
-    /// A point on the cone's axis; not `position`.
+    /// A point on the cone's axis, different from `position`.
     pub target: Vec3,
-    /// How light falls off towards the cone's edge.
+    /// The falloff towards the cone's edge.
     pub falloff: Falloff,
 }
 
-/// How a spotlight falls off. Angles are in degrees between the axis and a ray of light, in [0, 90].
+/// The falloff of a spotlight. Angles are in degrees between the axis and a ray of light, in [0, 90].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum Falloff {
-    /// Full inside `inner`, none outside `outer`, between them s² (3 − 2s) with s linear in the cosine.
+    /// Full light inside `inner`, none outside `outer`, and between them s² (3 − 2s) with s linear in the cosine.
     Smooth {
-        /// Full light up to here.
+        /// The angle up to which the light is full.
         inner: f32,
-        /// No light from here on; ≥ `inner`.
+        /// The angle from which there is no light; ≥ `inner`.
         outer: f32,
     },
-    /// cosᵉ of the angle inside `outer`, none outside.
+    /// cosᵉ of the angle inside `outer`, and no light outside.
     Exponent {
-        /// e ≥ 0.
+        /// The exponent e ≥ 0.
         exponent: f32,
-        /// No light from here on.
+        /// The angle from which there is no light.
         outer: f32,
     },
 }
@@ -66,7 +66,7 @@ impl Cone {
 }
 
 impl Spot {
-    /// The cone, ready to be asked.
+    /// The cone with the cosines of its angles.
     pub(super) fn cone(&self) -> Cone {
         let cos = |degrees: f32| libm::cos(f64::from(degrees).to_radians()) as f32;
         let fall = match self.falloff {

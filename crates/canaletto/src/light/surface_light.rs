@@ -6,56 +6,57 @@ use crate::math::Transform;
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
-/// Light from a rectangle, or any parallelogram.
+/// A light on a rectangle, or on any parallelogram.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RectangleLight {
-    /// A corner.
+    /// A corner of the parallelogram.
     pub corner: Vec3,
-    /// An edge from there.
+    /// An edge from the corner.
     pub u: Vec3,
-    /// The other edge from there; not along `u`. u × v looks out of the side that shines, where only one does.
+    /// The other edge from the corner, not along `u`. With one-sided emission, u × v is on the emitting side.
     pub v: Vec3,
     /// The number of fixed points, at least 1.
     pub points: u32,
 }
 
-/// Light from a sphere.
+/// A light on a sphere.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SphereLight {
     /// The sphere's centre.
     pub center: Vec3,
-    /// Its radius, > 0. Transforms that stretch keep its volume a sphere's.
+    /// The sphere's radius, > 0. A transform that stretches the sphere makes it a sphere of the stretched volume.
     pub radius: f32,
     /// The number of fixed points, at least 1.
     pub points: u32,
 }
 
-/// Light from the triangles of meshes. The light is not seen itself; a mesh node at the same place shows it.
+/// A light on the triangles of meshes. The light itself is invisible; a mesh node at its place shows it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MeshLight {
-    /// Indices into [`crate::scene::Scene::meshes`]: all of them together are the surface.
+    /// The indices into [`crate::scene::Scene::meshes`]. All these meshes together are the surface.
     pub meshes: Vec<u32>,
-    /// From the meshes' space to the light's.
+    /// The transform from the meshes' space to the light's.
     pub transform: Transform,
     /// The number of fixed points, at least 1.
     pub points: u32,
 }
 
-/// How the points of a surface shine.
+/// The emission of a surface's points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum Emission {
-    /// Each as a point light of its share of the intensity, evenly in all directions and at any distance.
+    /// Each point is a point light with its share of the intensity. It emits evenly in all directions, without loss
+    /// over distance.
     #[default]
     Even,
-    /// As a matte surface: less aslant (by the cosine) and far off (by the distance squared), and from one side. The
-    /// intensity is its radiance, as bright as a white surface lit by a light of that intensity.
+    /// The points emit as a matte surface: by the cosine, by the inverse square of the distance, and on one side. The
+    /// intensity is the radiance, equal to that of a white surface lit by a light of this intensity.
     Matte,
 }
 
 impl Emission {
-    /// Every emission with its word.
+    /// Every emission with its name in scene text.
     pub const ALL: [(Emission, &'static str); 2] = [(Emission::Even, "even"), (Emission::Matte, "matte")];
 }
 
@@ -123,8 +124,8 @@ fn check_points(points: u32) -> Result<(), String> {
     }
 }
 
-/// The surface of a light whose numbers are in range. Those of meshes have to bring their `triangles`, in their own space;
-/// nothing if these have no area.
+/// The surface of a light whose numbers are in range. The `triangles` of a mesh light are in their own space. None for
+/// a light without a surface or of triangles without area.
 pub(super) fn area(kind: &LightKind, triangles: &[[DVec3; 3]]) -> Option<Area> {
     match kind {
         LightKind::Disk(disk) => {

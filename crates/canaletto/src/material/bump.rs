@@ -1,20 +1,20 @@
 //! Bent normals: bump maps (Blinn, *Simulation of Wrinkled Surfaces*, 1978) and normal maps.
 //!
 //! Blinn's N' = N + F_u (N × P_v) / |N| − F_v (N × P_u) / |N| is, for a unit normal n, n − ∇F with the gradient of the
-//! height F along the surface (Mikkelsen, *Surface Gradient-Based Bump Mapping Framework*, JCGT 2020). In this form it holds
-//! for heights on any coordinates, those of space included, and needs no tangents.
+//! height F along the surface (Mikkelsen, *Surface Gradient-Based Bump Mapping Framework*, JCGT 2020). This form holds
+//! for heights on any coordinates, also those of space, and needs no tangents.
 
 use glam::DVec3;
 
-/// The unit normal of a surface that is raised by a height with this gradient; a part of the gradient along the normal
-/// means nothing.
+/// The unit normal of a surface that is raised by a height with this gradient. The gradient's component along the
+/// normal is ignored.
 pub fn bumped(normal: DVec3, gradient: DVec3) -> DVec3 {
     (normal - gradient.reject_from_normalized(normal)).try_normalize().unwrap_or(normal)
 }
 
-/// The unit normal that a normal map gives for (x, y, z) in the frame of `normal` and the tangents ∂P/∂u, ∂P/∂v. The frame
-/// is MikkTSpace's: x goes along ∂P/∂u, made perpendicular to the normal; y is perpendicular to both and on the side where
-/// v falls. Where the coordinates don't span the surface, the normal stays.
+/// The unit normal of a normal map's value (x, y, z) in the frame of `normal` and the tangents ∂P/∂u, ∂P/∂v. The frame
+/// is MikkTSpace's: x is along ∂P/∂u, made perpendicular to the normal. y is perpendicular to both, on the side where v
+/// falls. Where the coordinates don't span the surface, the normal is returned.
 pub fn tilted(normal: DVec3, tangents: [DVec3; 2], [x, y, z]: [f64; 3]) -> DVec3 {
     let Some(along) = tangents[0].reject_from_normalized(normal).try_normalize() else { return normal };
     let across = normal.cross(along);
@@ -22,7 +22,7 @@ pub fn tilted(normal: DVec3, tangents: [DVec3; 2], [x, y, z]: [f64; 3]) -> DVec3
     (along * x + across * y + normal * z).try_normalize().unwrap_or(normal)
 }
 
-/// A bent normal, mirrored at the surface where it fell behind it, as interpolated normals of meshes are.
+/// A bent normal, mirrored at the surface where it points behind it, as interpolated normals of meshes are.
 pub fn clamp_to_hemisphere(normal: DVec3, geometric: DVec3) -> DVec3 {
     let front = normal - geometric * (2.0 * normal.dot(geometric).min(0.0));
     let unit = front.normalize_or(geometric);
@@ -56,7 +56,7 @@ mod tests {
         let tangents = [DVec3::new(2.0, 0.0, 0.3), DVec3::new(0.1, -1.0, 0.0)];
         assert_eq!(tilted(DVec3::Z, tangents, [0.0, 0.0, 1.0]), DVec3::Z);
         assert_eq!(tilted(DVec3::Z, tangents, [1.0, 0.0, 0.0]), DVec3::X);
-        // v falls towards +y here.
+        // v falls towards +y in this frame.
         assert_eq!(tilted(DVec3::Z, tangents, [0.0, 1.0, 0.0]), DVec3::Y);
         assert_eq!(tilted(DVec3::Z, [DVec3::ZERO; 2], [1.0, 0.0, 0.0]), DVec3::Z);
     }

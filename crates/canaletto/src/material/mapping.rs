@@ -1,9 +1,9 @@
 //! Mappings: from a point of a surface to coordinates of a texture (5.5).
 //!
-//! A mapping takes the point into a space of its own (the object's, the world's, or the object's bounding box as the unit
-//! cube), undoes the transform that places the texture there, and projects. All projections share one picture: the square
-//! from −½ to ½ in x and y, seen from +z with +y upwards, u to the right and v downwards. With every coordinate comes
-//! its gradient, so that footprints and bumps follow by the chain rule, without differences across seams.
+//! A mapping transforms the point into its space: the object's, the world's, or the object's bounding box as the unit
+//! cube. Then it applies the inverse of the transform that places the texture, and projects. All projections share one
+//! image: the square from −½ to ½ in x and y, seen from +z with +y upwards, u to the right and v downwards. Every
+//! coordinate has its gradient. Footprints and bumps follow by the chain rule, without differences across seams.
 
 use crate::math::Transform;
 use crate::shape::SurfaceDifferential;
@@ -13,26 +13,26 @@ use glam::{DMat3, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 
-/// How a point of a surface gets its texture coordinates.
+/// The mapping from a point of a surface to texture coordinates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Mapping {
-    /// From a place in space to coordinates.
+    /// The projection from space to coordinates.
     pub projection: Projection,
-    /// In which space.
+    /// The space of the projection.
     pub space: Space,
-    /// Places the texture in that space, as a node's transform places an object.
+    /// The transform that places the texture in that space, as a node's transform places an object.
     pub transform: Transform,
-    /// How often a picture is repeated along u and v where it would stand once.
+    /// The number of repetitions of an image along u and v in place of one.
     pub repeat: Repeat,
 }
 
 impl Mapping {
-    /// The mapping of a texture where nothing says which.
+    /// The default mapping of a texture.
     pub fn usual(kind: &TextureKind) -> Mapping {
         match kind {
             TextureKind::Constant(_) | TextureKind::Image(_) => Mapping::default(),
             TextureKind::Procedural(procedural) => match procedural.function {
-                // A ramp is a texture of a line: of u.
+                // A ramp is a texture of a line, namely of u.
                 Function::Gradient { shape: Gradient::Linear, .. } => Mapping::default(),
                 _ => Mapping { projection: Projection::Solid, space: Space::Object, ..Mapping::default() },
             },
@@ -55,26 +55,27 @@ impl Default for Repeat {
     }
 }
 
-/// How places become texture coordinates.
+/// The projection from space to texture coordinates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum Projection {
     /// The surface's own coordinates: the faces of a box (fig. 5.31), the angles of a sphere (5.45), a mesh's uv. The
-    /// space doesn't matter.
+    /// mapping's space has no effect.
     #[default]
     Uv,
-    /// Straight along z.
+    /// The projection along z.
     Planar,
-    /// As on the faces of the unit cube around the origin (fig. 5.31), each taken where the normal leans to it most.
+    /// The faces of the unit cube around the origin (fig. 5.31). The normal's largest component selects the face.
     Box,
-    /// From the origin, by (5.45).
+    /// The projection from the origin, by (5.45).
     Spherical,
-    /// Around the y axis; where the normal leans more to the axis than away from it, straight along it.
+    /// The projection around the y axis. Where the normal is closer to the axis than to its perpendicular plane, the
+    /// projection along the axis.
     Cylindrical,
-    /// The three pairs of a box's faces blended by the fourth powers of the normal's components.
+    /// The three pairs of a box's faces, blended by the fourth powers of the normal's components.
     Triplanar,
-    /// The place itself, for textures of space.
+    /// The point itself, for textures of space.
     Solid,
 }
 
@@ -83,16 +84,17 @@ pub enum Projection {
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum Space {
-    /// The object's own, before its transforms: the texture moves with it.
+    /// The object's own space, before its transforms: the texture moves with the object.
     #[default]
     Object,
-    /// The scene's: objects move through the texture.
+    /// The scene's space: objects move through the texture.
     World,
-    /// The object's own, with its bounding box as the cube from −½ to ½. A plane, which has none, keeps its own units.
+    /// The object's own space, with its bounding box as the cube from −½ to ½. A plane has no such box and keeps its
+    /// own units.
     Bounds,
 }
 
-/// A point of a surface as mappings see it, in the object's space.
+/// The input of mappings: a point of a surface in the object's space.
 #[derive(Clone, Copy, Debug)]
 pub struct Place<'a> {
     /// The point.
@@ -101,28 +103,28 @@ pub struct Place<'a> {
     pub normal: DVec3,
     /// The surface's own coordinates.
     pub uv: DVec2,
-    /// How they and the normal change.
+    /// The derivatives of the surface's coordinates and normal.
     pub surface_differential: &'a SurfaceDifferential,
-    /// From the object's space to the world's; `None` is the identity.
+    /// The transform from the object's space to the world's; `None` is the identity.
     pub to_world: Option<&'a Transform>,
-    /// The object's bounds, unless it has none.
+    /// The object's bounds, if it has any.
     pub bounds: Option<Aabb>,
-    /// What lies at the zero of coordinates: in the object's space, and in the world's.
+    /// The positions of the origin of coordinates: in the object's space, and in the world's.
     pub origins: [DVec3; 2],
 }
 
-/// One place of a texture: a mapping has up to three of them, with weights that sum to 1.
+/// One place of a texture. A mapping has up to three of them, with weights that sum to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TexCoord {
     /// The coordinates.
     pub at: DVec3,
-    /// Their share.
+    /// The weight of this place.
     pub weight: f64,
-    /// Takes a step along the surface to a change of coordinates before `last` is applied.
+    /// The map from a step along the surface to a change of coordinates, before `last` is applied.
     first: DMat3,
-    /// From there to the change of `at`.
+    /// The map from that change to the change of `at`.
     last: DMat3,
-    /// Whether the first coordinate goes round, so that no change of it is more than one turn.
+    /// Whether the first coordinate is periodic, so that it changes by at most one turn.
     round: bool,
 }
 
@@ -132,8 +134,8 @@ impl TexCoord {
         TexCoord { at, weight: 1.0, first, last: DMat3::IDENTITY, round: false }
     }
 
-    /// The change of `at` over a step along the surface. Around a pole, where a small step goes round more than once, it
-    /// is one turn.
+    /// The change of `at` over a step along the surface. Near a pole, where a small step may go around several times,
+    /// the change is limited to one turn.
     pub fn change(&self, step: DVec3) -> DVec3 {
         let mut change = self.first * step;
         if self.round {
@@ -193,7 +195,7 @@ impl Mapping {
         }
     }
 
-    /// The texture's coordinates at a point of a surface.
+    /// The texture coordinates at a point of a surface.
     pub fn spots(&self, place: &Place) -> TexCoords {
         if self.projection == Projection::Uv {
             return TexCoords::one(self.own(place));
@@ -221,7 +223,7 @@ impl Mapping {
                     TexCoord { weight: weights[axis], ..spot }
                 });
                 list.sort_by(|a, b| b.weight.total_cmp(&a.weight));
-                // What weighs less than the last bit of a colour isn't looked up.
+                // A place whose weight is less than the last bit of a colour is omitted.
                 let len = 1 + usize::from(list[1].weight > 1e-9) + usize::from(list[2].weight > 1e-9);
                 TexCoords { list, len }
             }
@@ -282,8 +284,8 @@ impl Mapping {
     }
 }
 
-/// The coordinates of fig. 5.31 on a face of the unit cube around the origin; faces as [`crate::shape::ShapeHit::part`]
-/// numbers them.
+/// The coordinates of fig. 5.31 on a face of the unit cube around the origin. [`crate::shape::ShapeHit::part`] numbers
+/// the faces.
 fn face(face: usize, p: DVec3, [x, y, z]: [DVec3; 3]) -> TexCoord {
     let (u, v, du, dv) = match face {
         0 => (p.z, -p.y, z, -y),
@@ -296,7 +298,7 @@ fn face(face: usize, p: DVec3, [x, y, z]: [DVec3; 3]) -> TexCoord {
     TexCoord::new(DVec3::new(u + 0.5, v + 0.5, 0.0), [du, dv, DVec3::ZERO])
 }
 
-/// (5.45).
+/// The spherical coordinates of (5.45).
 fn spherical(p: DVec3, [x, y, z]: [DVec3; 3]) -> TexCoord {
     let ring2 = p.x * p.x + p.z * p.z;
     let (ring, length2) = (ring2.sqrt(), ring2 + p.y * p.y);
@@ -312,7 +314,7 @@ fn spherical(p: DVec3, [x, y, z]: [DVec3; 3]) -> TexCoord {
 fn around(p: DVec3, [x, y, z]: [DVec3; 3]) -> TexCoord {
     let ring2 = p.x * p.x + p.z * p.z;
     let u = 0.5 * (1.0 + libm::atan2(p.x, p.z) / PI);
-    // On the axis itself every step goes round.
+    // On the axis itself every step is a full turn.
     let turn = if ring2 > 0.0 { (x * p.z - z * p.x) / (ring2 * TAU) } else { DVec3::splat(f64::MAX.sqrt()) };
     TexCoord { round: true, ..TexCoord::new(DVec3::new(u, 0.5 - p.y, 0.0), [turn, -y, DVec3::ZERO]) }
 }

@@ -3,7 +3,7 @@ use crate::shape::{Cuboid, Cylinder, Shape, Sphere};
 use canaletto_bvh::Ray;
 use glam::Vec3;
 
-/// Calls `test` with the place where a ray through `target` from outside meets the shape, and how it goes on.
+/// Calls `test` with the place at which a ray through `target` from outside hits the shape.
 fn at<T>(shape: &Shape, target: DVec3, to_world: Option<&Transform>, test: impl FnOnce(&Place) -> T) -> T {
     let from = target * 3.0;
     let ray = Ray::new(from.as_vec3(), (target - from).as_vec3());
@@ -94,7 +94,7 @@ fn changes_are_the_differences_of_neighbouring_points() {
                 let ((p, from), (q, to)) = (place(target), place(near));
                 for (from, to) in from.iter().zip(to.iter()) {
                     let (expected, found) = (to.at - from.at, from.change(q - p));
-                    // The seam, and another face.
+                    // The point is at the seam, or on another face.
                     if expected.length() < 0.05 {
                         assert!(
                             (found - expected).length() < 0.02 * expected.length() + 3e-6,
@@ -140,7 +140,7 @@ fn at_the_pole_a_footprint_goes_round_once() {
 
 #[test]
 fn transforms_move_the_picture_like_an_object() {
-    // The picture, half as large, with its middle a quarter to the right and upwards.
+    // The image, half as large, with its middle a quarter to the right and upwards.
     let transform =
         Transform::translate(DVec3::new(0.25, 0.25, 0.0)).after(&Transform::scale(DVec3::splat(0.5)).unwrap());
     for (projection, space) in
@@ -151,7 +151,7 @@ fn transforms_move_the_picture_like_an_object() {
             let uv = mapping.spots(place)[0].at;
             assert!((uv - DVec3::new(0.5, 0.5, 0.0)).length() < 1e-6, "{projection:?}: {uv}");
         });
-        // The picture's upper right corner is the face's.
+        // The image's upper right corner is the face's.
         at(&cube(), DVec3::new(0.4999999, 0.4999999, 0.5), None, |place| {
             let uv = mapping.spots(place)[0].at;
             assert!((uv - DVec3::new(1.0, 0.0, 0.0)).length() < 1e-5, "{projection:?}: {uv}");

@@ -1,23 +1,22 @@
 //! Rough mirrors and frosted glass (5.6): a surface of many small facets, each a perfect mirror or a perfect boundary.
 //!
-//! A ray meets one facet by chance, among those that it can see, so that its direction is mirrored or refracted as at a
-//! smooth surface with the facet's normal. Normals follow the GGX distribution (Walter et al., *Microfacet Models for
-//! Refraction through Rough Surfaces*, 2007) with α = roughness²; facets in sight are drawn by spherical caps (Dupuy &
-//! Benyoub, *Sampling Visible GGX Normals with Spherical Caps*, 2023).
+//! A ray hits one random facet among those visible to it. Its direction is mirrored or refracted as at a smooth surface
+//! with the facet's normal. Normals follow the GGX distribution (Walter et al., *Microfacet Models for Refraction
+//! through Rough Surfaces*, 2007) with α = roughness². Visible facets are sampled by spherical caps (Dupuy & Benyoub,
+//! *Sampling Visible GGX Normals with Spherical Caps*, 2023).
 //!
-//! Deviation: there is no loss. A direction that would lead through the surface (into the next facet, in truth) is mirrored
-//! in the surface to the other side, and facets don't hide each other from light that leaves. So a ray's weight is what it is
-//! at a smooth surface, k or 1 − o, whatever the roughness: a rough mirror in a room of one colour is as bright as a polished
-//! one.
+//! Deviation: there is no loss. A direction into the surface would in truth hit the next facet; here it is mirrored to
+//! the other side of the surface. Facets don't block light that leaves. So a ray's weight is that of a smooth surface,
+//! k or 1 − o, for any roughness: a rough mirror in a room of one colour is as bright as a polished one.
 
 use glam::{DVec2, DVec3};
 
-/// The unit normal of the facet at `u` of the unit square that a viewer in the unit direction `wo` sees, for a surface with
-/// this unit normal on the viewer's side.
+/// The unit normal of the facet at `u` of the unit square that is visible from the unit direction `wo`. The unit normal
+/// of the surface is on the side of `wo`.
 pub fn sample_ggx_vndf(wo: DVec3, normal: DVec3, roughness: f64, u: [f64; 2]) -> DVec3 {
     let (x, y) = normal.any_orthonormal_pair();
     let alpha = roughness * roughness;
-    // Squeezed by α the facets' normals are even over the hemisphere; of a sphere, the viewer sees a cap's worth.
+    // After scaling by α the facets' normals are uniform over the hemisphere; the viewer sees a cap of the sphere.
     let squeezed = DVec3::new(wo.dot(x) * alpha, wo.dot(y) * alpha, wo.dot(normal).max(0.0)).normalize();
     let z = (1.0 - u[1]) * (1.0 + squeezed.z) - squeezed.z;
     let (sin, cos) = libm::sincos(std::f64::consts::TAU * u[0]);
@@ -27,7 +26,7 @@ pub fn sample_ggx_vndf(wo: DVec3, normal: DVec3, roughness: f64, u: [f64; 2]) ->
     (x * facet.x + y * facet.y + normal * facet.z).try_normalize().unwrap_or(normal)
 }
 
-/// The direction, mirrored in the plane of the unit normal if it leads to the wrong side of it.
+/// The direction, mirrored in the plane of the unit normal if it points to the wrong side of the plane.
 pub fn reflect_into_hemisphere(direction: DVec3, normal: DVec3) -> DVec3 {
     let height = direction.dot(normal);
     if height < 0.0 { direction - normal * (2.0 * height) } else { direction }
@@ -49,7 +48,7 @@ mod tests {
         d(m) * g1 * wo.dot(m).max(0.0) / wo.z
     }
 
-    /// Means over the samples against integrals of the density over the hemisphere.
+    /// Compares means over the samples with integrals of the density over the hemisphere.
     #[test]
     fn facets_follow_the_visible_ggx_normals() {
         for (roughness, degrees) in [(0.3, 0.0), (0.3, 60.0), (0.7, 30.0), (0.7, 85.0), (1.0, 70.0f64)] {
@@ -63,7 +62,7 @@ mod tests {
             for i in 0..n * n {
                 let m = sample_ggx_vndf(wo, DVec3::Z, roughness, [at(i % n), at(i / n)]);
                 assert!((m.length() - 1.0).abs() < 1e-9 && m.z >= 0.0);
-                // Even over the hemisphere in angle, with the solid angle as weight.
+                // Uniform over the hemisphere in angle, with the solid angle as weight.
                 let (theta, phi) = (at(i % n) * std::f64::consts::FRAC_PI_2, at(i / n) * std::f64::consts::TAU);
                 let v = DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
                 let weight = density(wo, v, alpha) * theta.sin() * std::f64::consts::PI * std::f64::consts::PI;

@@ -6,20 +6,20 @@ use serde::{Deserialize, Serialize};
 /// The coefficients of (5.39b).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Phong {
-    /// k_d, the diffuse colour. ≥ 0.
+    /// The diffuse colour k_d ≥ 0.
     pub kd: Rgb,
-    /// k_s, the colour of highlights. ≥ 0.
+    /// The colour of highlights k_s ≥ 0.
     pub ks: Rgb,
-    /// n, the exponent of highlights. ≥ 0.
+    /// The exponent of highlights n ≥ 0.
     pub n: f32,
-    /// k, the factor of the reflected ray. ≥ 0; the chapter's is one number.
+    /// The factor of the reflected ray k ≥ 0. The chapter's k is one number.
     pub k: Rgb,
-    /// η, the coefficient of refraction. > 0.
+    /// The coefficient of refraction η > 0.
     pub eta: f32,
-    /// o, the opacity: 0 clear, 1 opaque. The refracted ray carries 1 − o.
+    /// The opacity o: 0 clear, 1 opaque. The factor of the refracted ray is 1 − o.
     pub opacity: f32,
-    /// How rough the mirror or the boundary of the clear body is, 0 (polished) to 1: reflected and refracted rays are
-    /// scattered around their directions, each a random one. Highlights have n of their own.
+    /// The roughness of the mirror or of the clear body's boundary, 0 (polished) to 1. Reflected and refracted rays get
+    /// random directions around their smooth ones. Highlights have the exponent n instead.
     #[serde(default)]
     pub roughness: f32,
 }
@@ -57,7 +57,7 @@ impl Phong {
     }
 }
 
-/// Makes cosⁿα of (5.38) of each r·L, cut off below 0: pow(max(0, r·L), n). An n of 0 gives 1 everywhere.
+/// Replaces each r·L by cosⁿα of (5.38), cut off below 0: pow(max(0, r·L), n). An n of 0 gives 1 everywhere.
 pub(crate) fn highlights(r_dot_l: &mut [f32], n: &[f32]) {
     for cosine in &mut *r_dot_l {
         *cosine = cosine.max(0.0);

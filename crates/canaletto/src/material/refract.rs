@@ -2,14 +2,15 @@
 
 use glam::DVec3;
 
-/// (5.37) r = 2 (v·n) n − v: `v`, which points away from the surface, mirrored in the unit normal.
+/// The mirrored direction of (5.37), r = 2 (v·n) n − v: `v`, which points away from the surface, mirrored in the unit
+/// normal.
 #[inline(always)]
 pub fn reflect(v: DVec3, n: DVec3) -> DVec3 {
     n * (2.0 * v.dot(n)) - v
 }
 
-/// The refracted direction for unit `v` (away from the surface, towards where the ray came from), the unit normal on
-/// the side of `v`, and the ratio ηᵢ/ηₜ. `None` is total internal reflection.
+/// The refracted direction of unit `v` with the unit normal on the side of `v` and the ratio ηᵢ/ηₜ. `v` points away
+/// from the surface, towards the ray's origin. `None` is total internal reflection.
 #[inline]
 pub fn refract(v: DVec3, n: DVec3, eta_ratio: f64) -> Option<DVec3> {
     // (5.41) vₜ = (v·n) n − v has the length sin θᵢ (5.42), so that sin θₜ t̂ = (ηᵢ/ηₜ) vₜ without a division.

@@ -1,76 +1,76 @@
-//! What a material does with a texture (5.5): colours instead of or over the shaded one, any number of the model, holes,
-//! bumps.
+//! The use of a texture by a material (5.5): colours that replace or cover the shaded one, any number of the model,
+//! holes, bumps.
 
 use super::{Mapping, MaterialPoint};
 use crate::math::Rgb;
 use serde::{Deserialize, Serialize};
 
-/// A texture on a material. Uses apply in the order of the material's list; a later one replaces what an earlier one
-/// gave.
+/// A texture on a material. Uses apply in the order of the material's list. A later one replaces the result of an
+/// earlier one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TextureUse {
-    /// Index into [`crate::scene::Scene::textures`].
+    /// The index into [`crate::scene::Scene::textures`].
     pub texture: u32,
-    /// What for.
+    /// The quantity that the texture sets.
     pub target: Target,
-    /// Which number of the texture, where one is wanted.
+    /// The channel of the texture, for a target that is one number.
     pub channel: Channel,
-    /// What the values 0 and 1 of the texture stand for.
+    /// The numbers that the texture's values 0 and 1 stand for.
     pub range: [f32; 2],
-    /// How the surface gets texture coordinates.
+    /// The mapping from the surface to texture coordinates.
     pub mapping: Mapping,
 }
 
-/// What a texture is for.
+/// The quantity that a texture sets.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum Target {
-    /// The colour of the point, instead of the shaded one: the texture holds the light already.
+    /// The colour of the point, in place of the shaded one: the texture already contains the light.
     Replace,
-    /// A transparent print over the shaded colour I: a t + (1 − a) I, with the texture's colour t and alpha a.
+    /// A transparent overlay on the shaded colour I: a t + (1 − a) I, with the texture's colour t and alpha a.
     Decal,
-    /// kd.
+    /// The diffuse colour kd.
     Diffuse,
-    /// ks.
+    /// The colour of highlights ks.
     Specular,
-    /// n.
+    /// The exponent of highlights n.
     Exponent,
-    /// k.
+    /// The factor of the reflected ray k.
     Mirror,
-    /// η.
+    /// The coefficient of refraction η.
     Eta,
-    /// o.
+    /// The opacity o.
     Opacity,
     /// The roughness.
     Roughness,
-    /// The share of the surface that is there at all; where it is 0 there is a hole.
+    /// The coverage, the share of the surface that exists; 0 is a hole.
     Cutout,
-    /// Heights, of which only the slope is seen (Blinn, *Simulation of Wrinkled Surfaces*, 1978). `range` says which
-    /// heights 0 and 1 are, in the units of the object before its transforms, outwards.
+    /// Heights, of which only the slope is visible (Blinn, *Simulation of Wrinkled Surfaces*, 1978). `range` holds the
+    /// heights of 0 and 1, outwards, in the units of the object before its transforms.
     Bump,
-    /// Heights by which the surface is raised along its normal, in the object's units before its transforms; `range` says
-    /// which heights 0 and 1 are. Done when the world is built: the object becomes triangles, whose smallest edges are its
+    /// Heights by which the surface is raised along its normal. `range` holds the heights of 0 and 1, in the units of
+    /// the object before its transforms. The world's build makes the object triangles, whose smallest edges are its
     /// size divided by `detail`.
     Displace {
-        /// 16 and more.
+        /// The detail, 16 or more.
         detail: f32,
     },
-    /// Normals of tangent space: red, green and blue from 0 to 1 are x, y and z from −1 to 1; x goes along u, y towards
+    /// Normals in tangent space: red, green and blue from 0 to 1 are x, y and z from −1 to 1. x is along u, y towards
     /// smaller v (OpenGL's; upwards in the image), z outwards. `range` isn't used.
     Normal {
-        /// How strongly x and y count; 1 as they stand.
+        /// The factor of x and y; 1 leaves them unchanged.
         strength: f32,
-        /// Whether y goes towards larger v, as Direct3D has it.
+        /// Whether y is towards larger v, as in Direct3D.
         down: bool,
     },
 }
 
-/// Which number of a texture.
+/// The channel of a texture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Channel {
-    /// 0.2126 r + 0.7152 g + 0.0722 b (Rec. 709): the value itself where all three are the same.
+    /// The luminance 0.2126 r + 0.7152 g + 0.0722 b (Rec. 709). It equals the channels where all three are equal.
     #[default]
     Luminance,
     /// Red.
@@ -84,7 +84,7 @@ pub enum Channel {
 }
 
 impl Channel {
-    /// This number of a texture's value.
+    /// The number that this channel has in a texture's value.
     pub fn of(self, [r, g, b, a]: [f32; 4]) -> f32 {
         match self {
             Channel::Luminance if r == g && g == b => r,
@@ -98,7 +98,7 @@ impl Channel {
 }
 
 impl Target {
-    /// Every kind of target with the word that scenes use, in the order of the reference.
+    /// Every kind of target with its name in scene text, in the order of the reference.
     pub const ALL: [(Target, &'static str); 13] = [
         (Target::Replace, "replace"),
         (Target::Decal, "decal"),
@@ -115,10 +115,10 @@ impl Target {
         (Target::Normal { strength: 1.0, down: false }, "normal"),
     ];
 
-    /// The detail of displacements where nothing says so.
+    /// The default detail of displacements.
     pub const DEFAULT_DETAIL: f32 = 128.0;
 
-    /// The scene text's word for it.
+    /// The name of this target in scene text.
     pub fn name(&self) -> &'static str {
         let kind = std::mem::discriminant(self);
         Target::ALL.iter().find(|(t, _)| std::mem::discriminant(t) == kind).map_or("", |(_, name)| name)
@@ -129,19 +129,19 @@ impl Target {
         matches!(self, Target::Replace | Target::Decal | Target::Diffuse | Target::Specular | Target::Mirror)
     }
 
-    /// Whether it bends the normal.
+    /// Whether the target bends the normal.
     pub fn bends(&self) -> bool {
         matches!(self, Target::Bump | Target::Normal { .. })
     }
 
-    /// Whether it may let light through.
+    /// Whether the target may let light through.
     pub fn clears(&self) -> bool {
         matches!(self, Target::Opacity | Target::Cutout)
     }
 }
 
 impl TextureUse {
-    /// The texture on the surface's own coordinates, with the values as they are.
+    /// The texture on the surface's own coordinates, with its values unchanged.
     pub fn new(texture: u32, target: Target) -> TextureUse {
         let channel = if target == Target::Cutout { Channel::Alpha } else { Channel::default() };
         TextureUse { texture, target, channel, range: [0.0, 1.0], mapping: Mapping::default() }
@@ -168,18 +168,18 @@ impl TextureUse {
         self.mapping.check()
     }
 
-    /// The one number that it takes from a texture's value.
+    /// The number that this use takes from a texture's value.
     pub fn number(&self, value: [f32; 4]) -> f32 {
         self.ranged(self.channel.of(value))
     }
 
     fn ranged(&self, v: f32) -> f32 {
-        // Values as they stand aren't rounded on the way.
+        // The default range returns the value without rounding.
         if self.range == [0.0, 1.0] { v } else { self.range[0] + v * (self.range[1] - self.range[0]) }
     }
 
-    /// Puts a texture's value in its place. Numbers beyond what the model can do with become the nearest that it can:
-    /// textures may hold anything.
+    /// Sets the target to a texture's value. Numbers out of the model's range are clamped to it, since textures may
+    /// hold any number.
     pub fn apply(&self, value: [f32; 4], point: &mut MaterialPoint) {
         let phong = &mut point.phong;
         let number = || positive(self.number(value));
@@ -191,7 +191,7 @@ impl TextureUse {
             Target::Replace => point.overlay = (color(), 1.0),
             Target::Decal => {
                 let (under, alpha) = (point.overlay, positive(value[3]).min(1.0));
-                // A print over a print is one print.
+                // Two overlays combine into one.
                 let both = alpha + under.1 * (1.0 - alpha);
                 if both > 0.0 {
                     let share = if under.1 > 0.0 { alpha / both } else { 1.0 };
@@ -211,7 +211,7 @@ impl TextureUse {
     }
 }
 
-/// The value if it is a number from 0 on, else the nearest one.
+/// The value if it is at least 0, else 0. NaN becomes 0, and infinity the largest number.
 fn positive(v: f32) -> f32 {
     if v > 0.0 { v.min(f32::MAX) } else { 0.0 }
 }

@@ -1,4 +1,4 @@
-//! Crosses: the six faces of a cube unfolded in one picture.
+//! Crosses: the six faces of a cube unfolded in one image.
 
 use crate::texture::{Image, Samples};
 
@@ -12,7 +12,7 @@ pub(super) fn side([w, h]: [u32; 2]) -> Option<u32> {
 pub(super) fn faces(cross: &Image) -> Vec<Image> {
     let n = cross.width.min(cross.height) / 3;
     let upright = cross.height > cross.width;
-    // Unfolded downwards, the back hangs below the bottom, on its head.
+    // Unfolded downwards, the back hangs below the bottom, upside down.
     let back = if upright { ([1, 3], true) } else { ([3, 1], false) };
     let rest = [[2, 1], [0, 1], [1, 0], [1, 2], [1, 1]].map(|square| (square, false));
     rest.into_iter().chain([back]).map(|(square, turned)| face(cross, square, n, turned)).collect()

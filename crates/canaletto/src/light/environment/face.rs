@@ -1,10 +1,10 @@
-//! The cube of environment pictures (5.5, fig. 5.35): which face a direction meets, and where; and what lies beyond the
-//! edge of a face.
+//! The cube of environment images (5.5, fig. 5.35): the face that a direction hits, the place on it, and the
+//! continuation beyond the edge of a face.
 //!
-//! Each face is what a camera in the middle of the cube with a right angle of view sees: the four at the sides with y
-//! upwards, the top one after turning up from the front, the bottom one after turning down from it. The front is −z,
-//! where a camera looks by itself. Sets made for cube maps of graphics cards fit as px = right, nx = left, py = top,
-//! ny = bottom, pz = front, nz = back.
+//! Each face is the picture of a camera in the middle of the cube with a right angle of view. The four side faces have
+//! y upwards. The top face is seen after turning up from the front, the bottom face after turning down. The front is
+//! −z, the default direction of a camera. Cube maps of graphics cards fit as px = right, nx = left, py = top, ny =
+//! bottom, pz = front, nz = back.
 
 use glam::{DVec3, I64Vec3};
 use serde::{Deserialize, Serialize};
@@ -28,7 +28,7 @@ pub enum Face {
 }
 
 impl Face {
-    /// The six faces with their words, in the order of their pictures.
+    /// The six faces with their names, in the order of their images.
     pub const ALL: [(Face, &'static str); 6] = [
         (Face::Right, "right"),
         (Face::Left, "left"),
@@ -38,12 +38,12 @@ impl Face {
         (Face::Back, "back"),
     ];
 
-    /// Its word.
+    /// The name of this face.
     pub fn name(self) -> &'static str {
         Face::ALL[self as usize].1
     }
 
-    /// Towards the face, to the right in its picture, and upwards in it.
+    /// The directions towards the face, to the right in its image, and upwards in it.
     fn axes(self) -> [I64Vec3; 3] {
         const X: I64Vec3 = I64Vec3::X;
         const Y: I64Vec3 = I64Vec3::Y;
@@ -58,7 +58,8 @@ impl Face {
         }
     }
 
-    /// The face that a direction meets: that of its largest coordinate; x before y before z where two are equal.
+    /// The face that a direction hits: that of its largest coordinate. Of equal coordinates, x precedes y and y
+    /// precedes z.
     pub fn of(direction: DVec3) -> Face {
         let size = direction.abs();
         let side = |value: f64, plus: Face, minus: Face| if value < 0.0 { minus } else { plus };
@@ -71,8 +72,9 @@ impl Face {
         }
     }
 
-    /// Where the line in this direction pierces the face: (u, v) from its picture's upper left corner (0, 0) to its
-    /// lower right one (1, 1). The other two coordinates over the largest, moved from [−1, 1] to [0, 1] (fig. 5.35).
+    /// The intersection of the direction with the face: (u, v) from its image's upper left corner (0, 0) to its lower
+    /// right one (1, 1). These are the other two coordinates over the largest, mapped from [−1, 1] to [0, 1] (fig.
+    /// 5.35).
     pub fn uv(self, direction: DVec3) -> [f64; 2] {
         let [towards, right, up] = self.axes().map(|axis| axis.as_dvec3());
         let depth = direction.dot(towards);
@@ -85,9 +87,9 @@ impl Face {
         towards + right * (2.0 * u - 1.0) - up * (2.0 * v - 1.0)
     }
 
-    /// The texel in column `x` and row `y` of a face of `n` × `n`, where one of the two may lie beyond the edge by up to
-    /// n: the plane of the face is folded over the edge onto its neighbour. Nothing where both lie beyond: there three
-    /// faces meet and a fourth texel doesn't exist.
+    /// The texel in column `x` and row `y` of a face of `n` × `n`, where one of the two may lie beyond the edge by up
+    /// to n. The plane of the face is folded over the edge onto its neighbour. None where both lie beyond: three faces
+    /// join there, and a fourth texel doesn't exist.
     pub fn fold(self, [x, y]: [i64; 2], n: i64) -> Option<(Face, [u32; 2])> {
         let inside = |i: i64| (0..n).contains(&i);
         if inside(x) && inside(y) {
@@ -96,7 +98,7 @@ impl Face {
         if !inside(x) && !inside(y) {
             return None;
         }
-        // Centres of texels at odd places of a cube from −n to n.
+        // Centres of texels are at odd places of a cube from −n to n.
         let [towards, right, up] = self.axes();
         let (a, b) = (2 * x + 1 - n, n - 1 - 2 * y);
         let edge = if inside(x) { up * b.signum() } else { right * a.signum() };
@@ -115,7 +117,7 @@ mod tests {
 
     const FACES: [Face; 6] = [Face::Right, Face::Left, Face::Top, Face::Bottom, Face::Front, Face::Back];
 
-    /// Fig. 5.35's example and its like: what each face's picture has in the middle, at the right, and at the top.
+    /// Checks fig. 5.35's example and its like: the middle, the right and the top of each face's image.
     #[test]
     fn directions_meet_the_faces_where_a_camera_there_would_see_them() {
         for (direction, face, uv) in [
@@ -148,7 +150,7 @@ mod tests {
                     let met = Face::of(face.direction(uv));
                     assert!(met == face || border, "{face:?} {uv:?}");
                     if border {
-                        // The face that it is counted to has it on its border too, at the same direction.
+                        // The neighbouring face also has this place on its border, at an equal direction.
                         let other = met.uv(face.direction(uv));
                         assert!(other.iter().all(|c| (-1e-15..=1.0 + 1e-15).contains(c)));
                         assert!(other.iter().any(|c| c.abs() < 1e-15 || (c - 1.0).abs() < 1e-15), "{other:?}");
@@ -162,7 +164,7 @@ mod tests {
         assert_eq!((corner, corner.uv(DVec3::ONE)), (Face::Right, [1.0, 0.0]));
     }
 
-    /// The texel beyond an edge is the neighbour's that touches the edge at the same place.
+    /// The texel beyond an edge is the texel of the neighbour that touches the edge at this place.
     #[test]
     fn folding_leads_to_the_texel_next_door_and_back() {
         for n in [1, 2, 5, 8] {
@@ -177,10 +179,10 @@ mod tests {
                             |f: Face, [x, y]: [f64; 2]| f.direction([(x + 0.5) / n as f64, (y + 0.5) / n as f64]);
                         let here = centre(face, inner.map(|i| i as f64));
                         let there = centre(other, place.map(f64::from));
-                        // Two texels that share an edge: centres of each are half a texel from it.
+                        // The centres of two texels that share an edge are half a texel from it.
                         let distance = (here - there).length() * n as f64;
                         assert!((distance - 2f64.sqrt()).abs() < 1e-12, "{face:?} {outer:?} to {other:?} {place:?}");
-                        // And from there over the same edge one is back.
+                        // A step from that texel over the shared edge returns to the first.
                         let [x, y] = place.map(i64::from);
                         let ways = [[x - 1, y], [x + 1, y], [x, y - 1], [x, y + 1]];
                         let home = Some((face, inner.map(|i| i as u32)));

@@ -7,13 +7,13 @@ use serde::{Deserialize, Serialize};
 /// Colours by height above the horizon; y is upwards.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Gradient {
-    /// Degrees above the horizon, −90 (straight down) to 90 (straight up), each higher than the one before, and the
-    /// colour there. Linear in between; the first and last hold on below and above them.
+    /// Pairs of degrees above the horizon and the colour there. The degrees increase from −90 (straight down) to 90
+    /// (straight up). Colours between are linear; the first and last continue below and above.
     pub stops: Vec<(f32, Rgb)>,
 }
 
 impl Gradient {
-    /// The most stops.
+    /// The largest number of stops.
     pub const MAX_STOPS: usize = 4096;
 
     pub(super) fn check(&self) -> Result<(), String> {
@@ -38,7 +38,7 @@ impl Gradient {
         }
     }
 
-    /// Degrees above the horizon of a unit direction.
+    /// The height of a unit direction above the horizon in degrees.
     pub(super) fn height(direction: DVec3) -> f64 {
         let across = libm::sqrt(direction.x * direction.x + direction.z * direction.z);
         libm::atan2(direction.y, across).to_degrees()

@@ -1,11 +1,11 @@
-//! Pictures all around: six faces of a cube or one latitude-longitude picture, looked up by direction without seams.
+//! Images all around: six faces of a cube or one latitude-longitude image, looked up by direction without seams.
 //!
-//! Texels are areas that tile the sphere of directions, and filters reach over edges: on the cube to the texel next door
-//! on the neighbouring face, on a panorama around the seam and across the poles. At a corner of the cube, where three
-//! faces meet, the fourth texel of a bilinear filter is the mean of the three.
+//! Texels are areas that tile the sphere of directions, and filters cross edges. On the cube they use the adjacent
+//! texels of the neighbouring face; on a panorama they cross the seam and the poles. At a corner of the cube, three
+//! faces join; there the fourth texel of a bilinear filter is the mean of the three.
 //!
-//! Footprints are prefiltered by a mip pyramid: several trilinear looks along the longer axis of the footprint's
-//! ellipse, each as wide as the shorter one (after McCormack et al., *Feline*, SIGGRAPH 1999, with equal weights).
+//! Footprints are prefiltered by a mip pyramid. Several trilinear lookups lie along the longer axis of the footprint's
+//! ellipse, each as wide as the shorter axis (after McCormack et al., *Feline*, SIGGRAPH 1999, with equal weights).
 
 use super::face::Face;
 use super::panorama;
@@ -15,7 +15,7 @@ use crate::texture::{Image, Pyramid, Weighing, zone};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// How pages cover the directions.
+/// The layout of pages over the directions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Layout {
     /// Six square pages in the order of [`Face::ALL`].
@@ -24,20 +24,20 @@ pub(super) enum Layout {
     Panorama,
 }
 
-/// Pictures all around.
+/// Images all around.
 #[derive(Debug)]
 pub(super) struct EnvironmentMap {
     layout: Layout,
     smoothing: Smoothing,
-    /// All of one size.
+    /// The pyramids, all of one size.
     pages: Vec<Pyramid>,
 }
 
-/// The most looks along the longer axis of a footprint.
+/// The largest number of lookups along the longer axis of a footprint.
 const MAX_LOOKS: f64 = 32.0;
 
 impl EnvironmentMap {
-    /// A chart of pages that fit to the layout; all are of one size.
+    /// A map of pages that fit the layout; all are of one size.
     pub(super) fn new(layout: Layout, smoothing: Smoothing, pages: Vec<Image>) -> EnvironmentMap {
         let weighing = match layout {
             Layout::Cube => Weighing::Even,
@@ -51,13 +51,13 @@ impl EnvironmentMap {
         }
     }
 
-    /// Whether footprints are of use.
+    /// Whether lookups use a footprint.
     pub(super) fn is_smooth(&self) -> bool {
         self.smoothing == Smoothing::Bilinear
     }
 
-    /// What is seen in a unit direction, and where; `footprint` is how it changes to the next pixel's to the right and
-    /// above, or zero for a look without prefilter.
+    /// The place, footprint and radiance of a lookup in a unit direction. `footprint` holds the differences of the
+    /// direction to the next pixels to the right and above; with zeros the lookup isn't prefiltered.
     pub(super) fn lookup(&self, direction: DVec3, footprint: [DVec3; 2]) -> (Place, Footprint, Rgb) {
         let (page, uv) = self.place(direction);
         let place = match self.layout {
@@ -74,7 +74,7 @@ impl EnvironmentMap {
         if !(a + b).is_finite() || (a == DVec3::ZERO && b == DVec3::ZERO) {
             return (place, point, Rgb::from(self.bilinear(0, page, uv)));
         }
-        // The axes of the ellipse that the pixel's circle becomes.
+        // The axes of the ellipse that is the image of the pixel's circle.
         let turn = 0.5 * libm::atan2(2.0 * a.dot(b), a.length_squared() - b.length_squared());
         let (sin, cos) = libm::sincos(turn);
         let long = (a * cos + b * sin).length();
@@ -92,14 +92,15 @@ impl EnvironmentMap {
         (place, Footprint { level: level as f32, looks: looks as u32 }, mean)
     }
 
-    /// A change of a unit direction in texels.
+    /// A change of a unit direction, in texels.
     fn texels(&self, direction: DVec3, change: DVec3) -> DVec3 {
-        // Beyond once around there is nothing new.
+        // A change of more than one turn adds nothing.
         const ALL: f64 = std::f64::consts::TAU;
         match self.layout {
             Layout::Cube => {
-                // With the largest coordinate c, 1/c² more texels than in the middle of the face lie along one way in
-                // an angle, 1/c along the other. The mean of the two is taken: faces side by side agree about it.
+                // At the largest coordinate c, the texels per angle along one axis are 1/c² times those in the middle
+                // of the face, and 1/c times along the other. The mean of both is used, so that adjacent faces agree at
+                // their edge.
                 let stretch = 1.0 / direction.abs().max_element();
                 let density = 0.5 * f64::from(self.size_of(0)[0]) * stretch * stretch.sqrt();
                 change.clamp(DVec3::splat(-ALL), DVec3::splat(ALL)) * density
@@ -156,7 +157,7 @@ impl EnvironmentMap {
         mix(mix(a, b, fx), mix(c, d, fx), fy)
     }
 
-    /// A texel on a page or beyond its edge by one; nothing beyond a corner of the cube.
+    /// A texel on a page or one texel beyond its edge; none beyond a corner of the cube.
     fn near(&self, level: usize, page: usize, [x, y]: [i64; 2]) -> Option<[f32; 3]> {
         let [w, h] = self.size_of(level).map(i64::from);
         if (0..w).contains(&x) && (0..h).contains(&y) {
@@ -168,7 +169,7 @@ impl EnvironmentMap {
                 Some(self.texel(level, face as usize, place))
             }
             Layout::Panorama => {
-                // Beyond a pole it goes on half a turn away.
+                // Beyond a pole the page continues half a turn away.
                 let (x, y) = match y {
                     ..0 => (x + w / 2, -1 - y),
                     _ if y >= h => (x + w / 2, 2 * h - 1 - y),
@@ -194,7 +195,7 @@ impl EnvironmentMap {
         self.pages[0].len() - 1
     }
 
-    /// The mean over all directions: of each texel by the solid angle that it covers.
+    /// The mean over all directions: each texel is weighted by the solid angle that it covers.
     pub(super) fn mean(&self) -> Rgb {
         let [w, h] = self.size_of(0);
         let row = |y: u32| {
@@ -213,7 +214,7 @@ impl EnvironmentMap {
         Rgb::from(mean.map(|v| v as f32)).saturated()
     }
 
-    /// The shares of all directions that the texels of a row cover, on one page.
+    /// The shares of all directions that the texels of a row on one page cover.
     fn row_angles(&self, [w, h]: [u32; 2], y: u32) -> Vec<f64> {
         match self.layout {
             Layout::Panorama => {
@@ -223,7 +224,7 @@ impl EnvironmentMap {
             Layout::Cube => {
                 let along = |i: u32, n: u32| 2.0 * f64::from(i) / f64::from(n) - 1.0;
                 let [top, bottom] = [along(y, h), along(y + 1, h)];
-                // The solid angle from the middle of a face to a corner is atan(x y / √(x² + y² + 1)).
+                // The solid angle of the rectangle from the middle of a face to (x, y) is atan(x y / √(x² + y² + 1)).
                 let to = |x: f64, y: f64| libm::atan2(x * y, (x * x + y * y + 1.0).sqrt());
                 let until: Vec<f64> = (0..=w).map(|x| to(along(x, w), bottom) - to(along(x, w), top)).collect();
                 until.windows(2).map(|ends| (ends[1] - ends[0]) / (4.0 * std::f64::consts::PI)).collect()

@@ -1,8 +1,8 @@
-//! What surrounds the scene, infinitely far: seen by rays that meet nothing, in mirrors and through glass too (5.5,
-//! fig. 5.35).
+//! The environment: light from infinitely far around the scene (5.5, fig. 5.35). Rays that hit nothing see it, in
+//! mirrors and through glass too.
 //!
-//! An [`Environment`] is a description; [`PreparedEnvironment`] is ready to be looked at. What is seen depends on the direction
-//! alone, not on where one stands.
+//! An [`Environment`] is a description; [`PreparedEnvironment`] is its runtime form. Its radiance depends on the
+//! direction alone, not on the position.
 
 mod cross;
 mod face;
@@ -27,16 +27,16 @@ use map::{EnvironmentMap, Layout};
 use serde::{Deserialize, Serialize};
 use sky::PreparedSky;
 
-/// What surrounds the scene.
+/// The description of an environment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Environment {
-    /// What it is.
+    /// The kind of the environment.
     pub kind: EnvironmentKind,
-    /// How it is turned: from its own directions to the scene's. A rotation.
+    /// The rotation from the environment's own directions to the scene's.
     pub rotation: Transform,
-    /// Multiplies all that is seen of it; each component ≥ 0.
+    /// The factor of the environment's radiance; each component ≥ 0.
     pub intensity: Rgb,
-    /// Whether its mean over all directions is added to the scene's ambient light.
+    /// Whether the environment's mean over all directions is added to the scene's ambient light.
     pub ambient: bool,
 }
 
@@ -47,24 +47,26 @@ pub struct Environment {
 pub enum EnvironmentKind {
     /// Six square images of one size, in the order of [`Face::ALL`].
     Cube {
-        /// The images.
+        /// The six images.
         faces: [u32; 6],
-        /// How texels become a function of the direction.
+        /// The interpolation between texels.
         smoothing: Smoothing,
     },
-    /// The six faces in one image: 4 × 3 squares (left, front, right, back in the middle row, top and bottom above and
-    /// below the front), or 3 × 4 (left, front, right; top, front, bottom and the back on its head in the middle column).
+    /// The six faces in one image of 4 × 3 or 3 × 4 squares.
+    ///
+    /// - 4 × 3: left, front, right, back in the middle row; top and bottom above and below the front.
+    /// - 3 × 4: left, front, right in a row; top, front, bottom and the back, upside down, in the middle column.
     Cross {
-        /// The image.
+        /// The index of the image.
         image: u32,
-        /// How texels become a function of the direction.
+        /// The interpolation between texels.
         smoothing: Smoothing,
     },
     /// One image of all directions: −z in its middle, +x at three quarters, +y along its upper edge.
     LatLong {
-        /// The image.
+        /// The index of the image.
         image: u32,
-        /// How texels become a function of the direction.
+        /// The interpolation between texels.
         smoothing: Smoothing,
     },
     /// Colours by height above the horizon.
@@ -73,25 +75,26 @@ pub enum EnvironmentKind {
     Sky(Sky),
 }
 
-/// How texels become a function of the direction.
+/// The interpolation between texels, as a function of the direction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum Smoothing {
     /// The nearest texel, without prefilter.
     Nearest,
-    /// Linear between the four nearest, over all edges, with a prefilter for what is small in the picture.
+    /// Linear interpolation between the four nearest texels, across all edges. A prefilter averages texels smaller than
+    /// a pixel.
     #[default]
     Bilinear,
 }
 
 impl Environment {
-    /// The environment of this kind as it is.
+    /// The environment of this kind, not turned, with an intensity of 1.
     pub fn new(kind: EnvironmentKind) -> Environment {
         Environment { kind, rotation: Transform::IDENTITY, intensity: Rgb::WHITE, ambient: false }
     }
 
-    /// The word for this kind in scene text and explanations.
+    /// The name of this kind in scene text and explanations.
     pub fn kind_name(&self) -> &'static str {
         match &self.kind {
             EnvironmentKind::Cube { .. } => "cube",
@@ -102,12 +105,12 @@ impl Environment {
         }
     }
 
-    /// Whether its sun lights the scene.
+    /// Whether the environment's sun lights the scene.
     pub fn has_sun(&self) -> bool {
         matches!(&self.kind, EnvironmentKind::Sky(sky) if sky.light)
     }
 
-    /// The images that it uses.
+    /// The images that the environment uses.
     fn images(&self) -> &[u32] {
         match &self.kind {
             EnvironmentKind::Cube { faces, .. } => faces,
@@ -118,10 +121,10 @@ impl Environment {
         }
     }
 
-    /// Checks every number's range and the images' sizes. Images that do not exist are not its business.
+    /// Checks every number's range and the images' sizes. Missing images are not checked here.
     ///
     /// # Errors
-    /// A sentence that starts with what is wrong: a word of the scene text, "the image", or a face's.
+    /// A sentence that starts with the faulty part: a word of the scene text, "the image", or a face's name.
     pub fn check(&self, images: &[Image]) -> Result<(), String> {
         let c = self.intensity;
         if c.to_array().iter().any(|v| !v.is_finite() || *v < 0.0) {
@@ -164,7 +167,7 @@ impl Environment {
     }
 }
 
-/// An environment ready to be looked at.
+/// The runtime form of an environment.
 #[derive(Debug)]
 pub struct PreparedEnvironment {
     kind_name: &'static str,
@@ -180,61 +183,62 @@ enum Kind {
     Sky(PreparedSky),
 }
 
-/// Where a look met an environment.
+/// The place of an environment at which a lookup arrives.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Place {
-    /// A face of the cube, and (u, v) from the upper left corner of its picture (fig. 5.35).
+    /// A face of the cube, and (u, v) from the upper left corner of its image (fig. 5.35).
     Face {
         /// The face.
         face: Face,
-        /// Where on it.
+        /// The place (u, v) on the face.
         uv: [f64; 2],
     },
-    /// (u, v) from the upper left corner of a latitude-longitude picture.
+    /// (u, v) from the upper left corner of a latitude-longitude image.
     Panorama {
-        /// Where on it.
+        /// The place (u, v) in the image.
         uv: [f64; 2],
     },
-    /// Degrees above the horizon of a gradient.
+    /// The degrees above the horizon of a gradient.
     Height(f64),
     /// A part of the sky.
     Sky(Part),
 }
 
-/// How much of a picture a look covered.
+/// The footprint of a lookup in an image.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Footprint {
-    /// The level of the mip pyramid: texels of 2^level of the picture's own.
+    /// The level of the mip pyramid, whose texels are as wide as 2^level texels of the image.
     pub level: f32,
-    /// How many looks along the longer axis of the footprint.
+    /// The number of trilinear lookups along the longer axis of the footprint.
     pub looks: u32,
 }
 
-/// A look at an environment.
+/// The result of a lookup in an environment.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct EnvironmentLookup {
-    /// The word for the kind of environment.
+    /// The name of the kind of environment.
     pub kind: &'static str,
     /// The unit direction in the scene.
     pub direction: DVec3,
-    /// The same before the environment was turned.
+    /// The unit direction in the environment's own space, before its rotation.
     pub local: DVec3,
-    /// Where that is.
+    /// The place of that direction.
     pub place: Place,
-    /// How much of a picture was averaged; nothing for environments without pictures.
+    /// The averaged footprint; none for environments without images.
     pub footprint: Option<Footprint>,
-    /// What the environment holds there, before its intensity.
+    /// The environment's value at the place, before its intensity.
     pub value: Rgb,
-    /// What is seen: value ⊗ intensity.
+    /// The radiance: value ⊗ intensity.
     pub radiance: Rgb,
 }
 
 impl PreparedEnvironment {
-    /// Makes an environment ready. Its images are taken out of the list, unless something else `keeps` them.
+    /// The runtime form of an environment. Its images are moved out of the list, unless another part of the scene
+    /// `keeps` them.
     ///
     /// # Errors
-    /// A sentence that says which image is missing, or what is wrong ([`Environment::check`]).
+    /// A sentence that names the missing image, or the fault ([`Environment::check`]).
     pub fn new(
         environment: &Environment,
         images: &mut [Image],
@@ -245,7 +249,7 @@ impl PreparedEnvironment {
             return Err(format!("it refers to image number {index}, but the scene has only {count}"));
         }
         environment.check(images)?;
-        // What is named once more, by another face or by a texture, is copied.
+        // An image that another face or a texture uses later is copied.
         let used = environment.images();
         let mut take = |place: usize| {
             let image = &mut images[used[place] as usize];
@@ -275,13 +279,13 @@ impl PreparedEnvironment {
         })
     }
 
-    /// Whether looks want to know their footprint: those at pictures with a prefilter.
+    /// Whether lookups use a footprint: those in images with a prefilter.
     pub fn wants_footprint(&self) -> bool {
         matches!(&self.kind, Kind::EnvironmentMap(chart) if chart.is_smooth())
     }
 
-    /// What is seen in a direction of any length but zero. `footprint` is how the unit direction changes to the next
-    /// pixel's to the right and above; zero looks without a prefilter.
+    /// The radiance in a direction of any length but zero. `footprint` holds the differences of the unit direction to
+    /// the next pixels to the right and above. With zeros the lookup isn't prefiltered.
     pub fn lookup(&self, direction: DVec3, footprint: [DVec3; 2]) -> EnvironmentLookup {
         let direction = direction.normalize();
         let local = self.to_local.vector(direction).normalize();
@@ -313,12 +317,12 @@ impl PreparedEnvironment {
         sky.light.then(|| Light { name: Some("sun".into()), ..Light::new(kind, intensity) })
     }
 
-    /// The mean over all directions: what a ball of white matte clay returns on average.
+    /// The mean over all directions. It is the mean radiance that a ball of white matte clay reflects.
     pub fn mean(&self) -> Rgb {
         let mean = match &self.kind {
             Kind::EnvironmentMap(chart) => chart.mean(),
             _ => {
-                // Fibonacci's sphere: each direction stands for the same solid angle.
+                // Fibonacci's sphere: each direction stands for an equal solid angle.
                 const COUNT: u32 = 4096;
                 let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
                 let mut sum = [0.0; 3];
@@ -341,7 +345,7 @@ impl PreparedEnvironment {
     }
 }
 
-/// What is left of an image that was taken.
+/// The empty image that replaces a moved one.
 fn nothing() -> Image {
     Image {
         name: String::new(),

@@ -1,12 +1,12 @@
-//! Latitude-longitude pictures: the whole sphere of directions in a rectangle twice as wide as high.
+//! Latitude-longitude images: the whole sphere of directions in a rectangle twice as wide as high.
 //!
-//! The middle of the picture is −z, where a camera looks by itself; its right quarter is +x, its upper edge +y.
+//! The middle of the image is −z, the default direction of a camera. Its right quarter is +x, its upper edge +y.
 
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 
-/// (u, v) of a unit direction, from the picture's upper left corner (0, 0) to its lower right one (1, 1).
-/// At the poles, where every u is right, it is that of the middle.
+/// (u, v) of a unit direction, from the image's upper left corner (0, 0) to its lower right one (1, 1). At the poles,
+/// where u is arbitrary, it is that of the middle.
 pub(super) fn uv(direction: DVec3) -> [f64; 2] {
     let u = 0.5 + libm::atan2(direction.x, -direction.z) / TAU;
     let across = libm::sqrt(direction.x * direction.x + direction.z * direction.z);
@@ -21,7 +21,7 @@ pub(super) fn direction([u, v]: [f64; 2]) -> DVec3 {
     DVec3::new(sin_v * sin_u, cos_v, -sin_v * cos_u)
 }
 
-/// How (u, v) move when the unit direction moves by `change`; towards the poles u moves without bounds.
+/// The change of (u, v) when the unit direction changes by `change`. Towards the poles the change of u is unbounded.
 pub(super) fn uv_change(direction: DVec3, change: DVec3) -> [f64; 2] {
     let across2 = (direction.x * direction.x + direction.z * direction.z).max(f64::MIN_POSITIVE);
     // Derivatives of atan2(x, −z) and of atan2(√(x² + z²), y).

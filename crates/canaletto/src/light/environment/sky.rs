@@ -2,13 +2,14 @@
 //! (SIGGRAPH 1999).
 //!
 //! The dome is their fit of Perez's formula to skies that they computed. The sun is a black body of 5778 K behind the
-//! air of their appendix; its colour comes from Wyman, Sloan and Shirley's formulas for the CIE 1931 observer (JCGT
-//! 2(2), 2013) in place of tables.
+//! air of their appendix. Its colour uses Wyman, Sloan and Shirley's formulas for the CIE 1931 observer (JCGT 2(2),
+//! 2013) in place of tables.
 //!
-//! It was chosen since the paper says all of it in a few numbers. Hosek and Wilkie's model (2012) fits better where the
-//! sun is low or the air thick, but stands on tables of thousands. Deviations: ozone, water vapour and mixed gases,
-//! which take less than a twentieth of the visible light, are left out; the horizon is sharp, and the ground below it
-//! is a matte plane lit by sun and sky.
+//! This model was chosen since it is complete in a few numbers. Hosek and Wilkie's model (2012) fits better where the
+//! sun is low or the air thick, but needs tables of thousands of numbers.
+//!
+//! Deviations: ozone, water vapour and mixed gases are omitted; they absorb less than a twentieth of the visible light.
+//! The horizon is sharp, and the ground below it is a matte plane lit by sun and sky.
 
 use crate::math::Rgb;
 use glam::{DVec3, Vec3};
@@ -20,14 +21,14 @@ use std::f64::consts::PI;
 pub struct Sky {
     /// The direction to the sun, of any length; not below the horizon.
     pub sun: Vec3,
-    /// How hazy: 2 is very clear, 3 clear, 6 hazy, 10 thick. In [`Sky::TURBIDITY`].
+    /// The haze, in [`Sky::TURBIDITY`]: 2 is very clear, 3 clear, 6 hazy, 10 thick.
     pub turbidity: f32,
-    /// What the ground returns of the light that falls on it, each component in 0..=1.
+    /// The reflectance of the ground, each component in 0..=1.
     pub ground: Rgb,
-    /// Stops: each doubles the light. At 0 a luminance of 32 kcd/m² is 1, so that a white surface that faces the
-    /// midday sun is near 1.
+    /// The exposure in stops, each of which doubles the light. At 0 a luminance of 32 kcd/m² is 1, so that a white
+    /// surface that faces the midday sun is near 1.
     pub exposure: f32,
-    /// Whether the sun's disk is seen.
+    /// Whether the sun's disk is visible.
     pub disk: bool,
     /// Whether the sun lights the scene, as a parallel light of the sun's colour.
     pub light: bool,
@@ -52,9 +53,9 @@ const SUN_RADIUS: f64 = 16.0 / 60.0 * PI / 180.0;
 const UNIT: f64 = 32.0;
 
 impl Sky {
-    /// The turbidities that the model was fitted to.
+    /// The turbidities to which the model was fitted.
     pub const TURBIDITY: std::ops::RangeInclusive<f32> = 2.0..=10.0;
-    /// The largest exposure, either way.
+    /// The largest magnitude of the exposure.
     pub const MAX_EXPOSURE: f32 = 32.0;
 
     pub(super) fn check(&self) -> Result<(), String> {
@@ -87,7 +88,7 @@ impl Sky {
 struct Perez([f64; 5]);
 
 impl Perez {
-    /// A to E, each a slope in the turbidity and a constant.
+    /// The coefficients A to E, each a linear function of the turbidity.
     fn new(turbidity: f64, fit: [[f64; 2]; 5]) -> Perez {
         Perez(fit.map(|[slope, constant]| slope * turbidity + constant))
     }
@@ -99,24 +100,24 @@ impl Perez {
     }
 }
 
-/// A sky ready to be looked at.
+/// The runtime form of a sky.
 #[derive(Clone, Debug)]
 pub(super) struct PreparedSky {
     sun: DVec3,
-    /// Of Y, x and y.
+    /// The formulas of Y, x and y.
     perez: [Perez; 3],
-    /// Y in kcd/m², x and y at the zenith, each over its F there.
+    /// Y in kcd/m², x and y at the zenith, each divided by its F there.
     zenith: [f64; 3],
-    /// From kcd/m² to the picture's numbers.
+    /// The factor from kcd/m² to the picture's numbers.
     scale: f64,
     ground: Rgb,
-    /// The radiance of the sun's disk, where it is seen.
+    /// The radiance of the sun's disk, if it is visible.
     disk: Option<Rgb>,
     /// E / π of a surface that faces the sun: the intensity of its light.
     sunlight: Rgb,
 }
 
-/// What a look at the sky meets.
+/// The part of the sky at which a lookup arrives.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Part {
@@ -145,7 +146,7 @@ impl PreparedSky {
         let at_zenith = [0, 1, 2].map(|i| zenith[i] / perez[i].at(1.0, theta, sun.y));
         let scale = libm::exp2(f64::from(sky.exposure)) / UNIT;
         let direct = direct_sunlight(turbidity, theta);
-        // Nothing of the sun shows more than its disk's area: ∫ over it of L cos is L π sin².
+        // Every point of the disk has the radiance L, and ∫ over the disk of L cos is L π sin².
         let sin = libm::sin(SUN_RADIUS);
         let disk = direct.map(|e| e / (PI * sin * sin));
         let mut dome = PreparedSky {
@@ -167,7 +168,7 @@ impl PreparedSky {
         self.sunlight
     }
 
-    /// What is seen in a unit direction.
+    /// The part and the radiance in a unit direction.
     pub(super) fn lookup(&self, direction: DVec3) -> (Part, Rgb) {
         if direction.y < 0.0 {
             return (Part::Ground, self.ground);
@@ -180,7 +181,7 @@ impl PreparedSky {
         }
     }
 
-    /// The same without the sun's disk, whose light its light source brings.
+    /// The radiance without the sun's disk, whose light comes from its light source.
     pub(super) fn look_past_the_sun(&self, direction: DVec3) -> Rgb {
         if direction.y < 0.0 { self.ground } else { self.air(direction.y, direction.dot(self.sun).clamp(-1.0, 1.0)) }
     }
@@ -193,8 +194,8 @@ impl PreparedSky {
         color([x / y * luminance, luminance, (1.0 - x - y) / y * luminance], self.scale)
     }
 
-    /// 1/π of the light that falls from the dome, without the sun, on the ground: midpoints of 32 × 64 equal parts of
-    /// the disk that the hemisphere projects to, so that each counts the same.
+    /// 1/π of the light that the dome without the sun sends to the ground. The sum uses the midpoints of 32 × 64 equal
+    /// parts of the disk that the hemisphere projects to, so that all have equal weight.
     fn irradiance_over_pi(&self) -> Rgb {
         const RINGS: u32 = 32;
         const SPOKES: u32 = 64;
@@ -244,16 +245,16 @@ fn direct_sunlight(turbidity: f64, theta: f64) -> [f64; 3] {
     })
 }
 
-/// X, Y, Z of sunlight, Y in klx, of which `passed` of each wavelength arrives.
+/// X, Y, Z of sunlight, Y in klx. The share `passed` of each wavelength arrives.
 fn solar(passed: impl Fn(f64) -> f64) -> [f64; 3] {
     const STEP: f64 = 0.005;
     /// h c² and h c / k, in units of W, m², and of µm K.
     const HC2: f64 = 5.955_215e-17;
     const HC_K: f64 = 14_387.77;
-    /// The sun's surface in K, and its solid angle.
+    /// The temperature of the sun's surface in K, and its solid angle.
     const TEMPERATURE: f64 = 5778.0;
     const SOLID_ANGLE: f64 = 6.807e-5;
-    /// Lumens in a watt, in thousands.
+    /// The luminous efficacy in thousands of lumens per watt.
     const EFFICACY: f64 = 0.683;
     let mut sum = [0.0; 3];
     for i in 0..=90 {
@@ -280,7 +281,7 @@ fn observer(wavelength: f64) -> [f64; 3] {
     ]
 }
 
-/// Linear sRGB of X, Y, Z; what no screen can show is as near as one can.
+/// Linear sRGB of X, Y, Z. Colours outside its gamut are clamped to it.
 fn color(xyz: [f64; 3], scale: f64) -> Rgb {
     let [x, y, z] = xyz.map(|v| v * scale);
     let rgb = [
@@ -305,7 +306,7 @@ mod tests {
         UNIT * (0.2126 * f64::from(c.r) + 0.7152 * f64::from(c.g) + 0.0722 * f64::from(c.b))
     }
 
-    /// Literature: the sun above the air gives 128 to 134 klx; through clear air from the zenith about 100; white light
+    /// Literature: the sun above the air gives 128 to 134 klx; through clear air from the zenith about 100. White light
     /// of the sun has a chromaticity near (0.32, 0.33).
     #[test]
     fn sunlight_is_as_bright_as_measured() {
@@ -325,7 +326,7 @@ mod tests {
         assert!(x > 5.0 * z, "a low sun is red: {x} {z}");
     }
 
-    /// Our observer against entries of the CIE 1931 table.
+    /// Compares our observer with entries of the CIE 1931 table.
     #[test]
     fn the_observer_is_the_cies() {
         for (wavelength, table) in [
@@ -341,7 +342,7 @@ mod tests {
         }
     }
 
-    /// The paper's formulas as vectors and matrices, worked out apart from this program: T = 3, the sun 45° high.
+    /// The paper's formulas as vectors and matrices, evaluated independently of this program: T = 3, the sun 45° high.
     #[test]
     fn the_zenith_is_the_papers() {
         let [luminance, x, y] = zenith(3.0, PI / 4.0);
@@ -372,12 +373,13 @@ mod tests {
         let (part, beside) = dome.lookup(beside);
         assert!(part == Part::Air && luminance(beside) > luminance(up));
         assert_eq!(dome.lookup(DVec3::NEG_Y).0, Part::Ground);
-        // On the ground arrive at most the sunlight outside and at least what clear air lets through.
+        // The light at the ground is at most the sunlight outside the air and at least the part that clear air lets
+        // through.
         let all = luminance(dome.ground) / 0.2 * PI;
         assert!((40.0..120.0).contains(&all), "{all} klx");
     }
 
-    /// The light of the disk is that of the light source which stands for it.
+    /// The light of the disk equals that of the light source that replaces it.
     #[test]
     fn disk_and_light_agree() {
         let dome = sky(35.0, 3.0);

@@ -1,5 +1,6 @@
-//! Where the sun stands at a place and time: the low-precision formulas of the *Astronomical Almanac* (Michalsky 1988),
-//! good to 0.01° between 1950 and 2050. The bending of light by the air, up to half a degree at the horizon, is left out.
+//! The position of the sun at a place and time: the low-precision formulas of the *Astronomical Almanac* (Michalsky
+//! 1988), good to 0.01° between 1950 and 2050. The refraction of the air, up to half a degree at the horizon, is
+//! omitted.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -7,18 +8,18 @@ use serde::{Deserialize, Serialize};
 /// A moment of universal time (UTC, Gregorian calendar).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Moment {
-    /// Days since noon of January 1st, 2000.
+    /// The days since noon of January 1st, 2000.
     days: f64,
 }
 
 impl Moment {
-    /// The years that the formulas are good for.
+    /// The years for which the formulas hold.
     pub const YEARS: std::ops::RangeInclusive<i32> = 1950..=2050;
 
     /// A date with the hours since its midnight, UTC; hours may lie outside of the day.
     ///
     /// # Errors
-    /// If there is no such date, or the formulas are not good for it.
+    /// A message if the date doesn't exist, or lies outside the years of the formulas.
     pub fn new(year: i32, month: u32, day: u32, hours: f64) -> Result<Moment, String> {
         if !Moment::YEARS.contains(&year) {
             return Err(format!("the year is {year}; the sun's place is known from 1950 to 2050"));
@@ -43,7 +44,7 @@ impl Moment {
         Ok(Moment { days })
     }
 
-    /// The unit direction to the sun from a place on earth, degrees north and east: x is east, y up, −z north.
+    /// The unit direction to the sun from a place on earth, in degrees north and east: x is east, y up, −z north.
     pub fn sun(&self, latitude: f64, longitude: f64) -> DVec3 {
         let n = self.days;
         let mean = (280.460 + 0.985_647_4 * n) % 360.0;
@@ -90,7 +91,7 @@ mod tests {
         assert!((height - 39.872046).abs() < 0.01 && (azimuth - 194.34024).abs() < 0.015, "{height} {azimuth}");
     }
 
-    /// At the solstice the sun stands in the zenith of the tropic at noon, and over the equator at the equinox.
+    /// At the solstice the sun is in the zenith of the tropic at noon, and at the equinox in that of the equator.
     #[test]
     fn solstice_and_equinox() {
         let june = Moment::new(2026, 6, 21, 12.03).unwrap().sun(23.436, 0.0);
@@ -108,7 +109,7 @@ mod tests {
             assert!(Moment::new(y, m, d, 0.0).is_err(), "{y}-{m}-{d}");
         }
         assert!(Moment::new(2024, 2, 29, 0.0).is_ok());
-        // Days follow each other over all years.
+        // Consecutive days have consecutive numbers in all years.
         let day = |y, m, d| Moment::new(y, m, d, 0.0).unwrap().days;
         assert_eq!(day(2000, 1, 1), -0.5);
         for year in 1950..2050 {

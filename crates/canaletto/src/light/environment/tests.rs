@@ -1,4 +1,4 @@
-//! Environments as scenes use them: what is seen in which direction, without seams.
+//! Environments as scenes use them: the radiance in each direction, without seams.
 
 use super::*;
 use crate::texture::ColorSpace;
@@ -30,7 +30,7 @@ fn number(i: u32, k: u32) -> f64 {
     f64::from(x ^ (x >> 15)) / f64::from(u32::MAX)
 }
 
-/// A cube of noise, as rough as a picture can be.
+/// A cube of noise, the roughest image there can be.
 fn noise_cube(n: u32, smoothing: Smoothing) -> PreparedEnvironment {
     let face = |f: u32| image(n, n, move |x, y| [0, 1, 2].map(|c| number(f * 100_000 + y * n + x, c) as f32));
     backdrop(EnvironmentKind::Cube { faces: [0, 1, 2, 3, 4, 5], smoothing }, (0..6).map(face).collect())
@@ -51,7 +51,7 @@ fn direction(i: u32) -> DVec3 {
     DVec3::new((1.0 - y * y).sqrt() * c, y, (1.0 - y * y).sqrt() * s)
 }
 
-/// Fig. 5.35: each face shows its own picture, and the texels lie where their directions say.
+/// Fig. 5.35: each face shows its own image, and each texel is seen in its direction.
 #[test]
 fn texels_of_all_faces_are_seen_in_their_directions() {
     let n = 5;
@@ -73,7 +73,7 @@ fn texels_of_all_faces_are_seen_in_their_directions() {
     }
 }
 
-/// From one face to the next across all 12 edges and 8 corners: what is seen changes no faster than within a face.
+/// The radiance changes across the 12 edges and 8 corners no faster than within a face.
 #[test]
 fn a_cube_has_no_seams() {
     let n = 8;
@@ -100,7 +100,7 @@ fn a_cube_has_no_seams() {
     assert!(crossings > 20_000, "{crossings}");
 }
 
-/// Prefiltered looks are as seamless: a footprint of several texels moves smoothly over edges and corners.
+/// Prefiltered lookups have no seams either: a footprint of several texels moves smoothly over edges and corners.
 #[test]
 fn prefiltered_cubes_have_no_seams() {
     let cube = noise_cube(32, Smoothing::Bilinear);
@@ -114,11 +114,11 @@ fn prefiltered_cubes_have_no_seams() {
         let away = DVec3::new(1e-6, -1e-6, 0.0);
         worst = worst.max(difference(wide((p + away).normalize()), wide((p - away).normalize())));
     }
-    // The smallest differences that could be seen are a thousandth; a seam of unfiltered noise is a tenth and more.
+    // The smallest visible differences are a thousandth; a seam of unfiltered noise is a tenth and more.
     assert!(worst < 2e-3, "{worst}");
 }
 
-/// Around the seam of a panorama and across its poles.
+/// Checks the seam of a panorama and its poles.
 #[test]
 fn a_panorama_has_no_seam_and_no_hole_at_its_poles() {
     let (w, h) = (16, 8);
@@ -129,7 +129,7 @@ fn a_panorama_has_no_seam_and_no_hole_at_its_poles() {
         assert!(difference(a.radiance, b.radiance) < 1e-6, "{a:?}\n{b:?}");
     }
     for pole in [DVec3::Y, DVec3::NEG_Y] {
-        // Straight through the pole: what is seen before it is what is seen behind it.
+        // Straight through the pole: the radiance before it equals that behind it.
         for i in 0..200 {
             let (s, c) = (number(i, 2) * std::f64::consts::TAU).sin_cos();
             let step = DVec3::new(c, 0.0, s) * 1e-9;
@@ -140,7 +140,7 @@ fn a_panorama_has_no_seam_and_no_hole_at_its_poles() {
     }
 }
 
-/// A picture that is a smooth function of the direction is seen as that function everywhere.
+/// An image that is a smooth function of the direction is seen as that function everywhere.
 #[test]
 fn smooth_pictures_are_seen_as_what_they_show() {
     let truth = |d: DVec3| Rgb::new(0.5 + 0.5 * d.x as f32, 0.5 + 0.5 * d.y as f32, 0.5 + 0.5 * d.z as f32);
@@ -171,8 +171,8 @@ fn smooth_pictures_are_seen_as_what_they_show() {
     }
 }
 
-/// The prefilter against 4096 looks spread over the footprint, on noise: round and long footprints, away from and
-/// close to edges and poles.
+/// Compares the prefilter on noise with 4096 lookups over the footprint: round and long footprints, away from and close
+/// to edges and poles.
 #[test]
 fn footprints_are_means_of_what_they_cover() {
     for (what, backdrop) in
@@ -185,7 +185,7 @@ fn footprints_are_means_of_what_they_cover() {
             let y = d.cross(x.normalize()) * (0.02 + 0.03 * number(i, 4));
             let mut sum = Rgb::BLACK;
             for k in 0..4096u32 {
-                // A Gaussian of half the pixel distance's width, which is about what trilinear boxes make.
+                // A Gaussian of half the pixel distance's width, which is about the filter of trilinear boxes.
                 let r = (-2.0 * (1.0 - (f64::from(k) + 0.5) / 4096.0).ln()).sqrt() * 0.4;
                 let (s, c) = (f64::from(k) * 2.399963).sin_cos();
                 sum += backdrop.lookup(d + x * (r * c) + y * (r * s), STILL).radiance;
@@ -207,7 +207,7 @@ fn footprints_are_means_of_what_they_cover() {
 fn crosses_hold_the_six_faces() {
     let n = 4u32;
     let code = |f: usize, x: u32, y: u32| [f as f32, x as f32, y as f32];
-    // Column and row of each face's square, in the order of faces.
+    // The column and row of each face's square, in the order of faces.
     let wide = [[2, 1], [0, 1], [1, 0], [1, 2], [1, 1], [3, 1]];
     let high = [[2, 1], [0, 1], [1, 0], [1, 2], [1, 1], [1, 3]];
     for (squares, [across, down]) in [(wide, [4, 3]), (high, [3, 4])] {
@@ -237,7 +237,7 @@ fn environments_turn_and_shine() {
     environment.rotation = Transform::rotate(DVec3::Z, 90.0).unwrap();
     environment.intensity = Rgb::new(1.0, 2.0, 3.0);
     let turned = PreparedEnvironment::new(&environment, &mut [], |_| false).unwrap();
-    // What was above lies towards −x now.
+    // The rotation moved the top of the environment to −x.
     assert_eq!(turned.lookup(DVec3::NEG_X * 5.0, STILL).radiance, Rgb::new(1.0, 2.0, 3.0));
     assert_eq!(turned.lookup(DVec3::X, STILL).radiance, Rgb::BLACK);
     assert!(difference(turned.mean(), Rgb::new(0.5, 1.0, 1.5)) < 0.01);
