@@ -89,7 +89,7 @@ impl PreparedLight {
             }
         }
         if light.has_area() && area.is_none() {
-            // No surface emits.
+            // The triangles of a mesh light have no area, so it emits nothing.
             intensity = Rgb::BLACK;
             points = vec![Vec3::ZERO; count as usize];
         }

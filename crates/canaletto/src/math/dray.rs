@@ -3,20 +3,20 @@
 use canaletto_bvh::Ray;
 use glam::DVec3;
 
-/// A ray before it was rounded to `f32` and moved off the surface it left.
+/// A ray before it was rounded to `f32` and moved off the surface that it left.
 ///
-/// Hierarchies and the first stage of a hit use the rounded [`Ray`]; the second stage finds its point on this line, so that
-/// neither rounding nor offset is carried from one mirror to the next.
+/// Hierarchies and the first stage of a hit use the rounded [`Ray`]. The second stage computes its point on this line,
+/// so that neither rounding nor offset accumulates from one mirror to the next.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DRay {
-    /// Where it starts.
+    /// The origin of the line.
     pub origin: DVec3,
-    /// Its direction, of any length.
+    /// The direction, of any length.
     pub direction: DVec3,
 }
 
 impl DRay {
-    /// The ray of this line from another origin, next to its own.
+    /// The ray along this line from another origin near its own.
     #[inline]
     pub fn from_origin(&self, origin: glam::Vec3) -> Ray {
         Ray { origin, direction: self.direction.as_vec3() }

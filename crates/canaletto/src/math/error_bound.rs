@@ -1,12 +1,12 @@
-//! Bounds of rounding errors, and the ray offset made from them. No constant in scene units: every bound is a
-//! multiple of the numbers it bounds, so that a scene scaled by a power of two behaves bit for bit the same.
+//! Bounds of rounding errors, and the ray offset made from them. There is no constant in scene units: every bound is a
+//! multiple of the numbers it bounds. A scene scaled by a power of two gives equal bits.
 
 use glam::{DVec3, Vec3};
 
 /// Half the distance between 1 and the next `f32`: the largest relative error of one rounding.
 const UNIT_ROUNDOFF: f32 = f32::EPSILON * 0.5;
 
-/// γₙ = n u / (1 − n u): the relative error of n roundings in a row (Higham, *Accuracy and Stability of Numerical
+/// γₙ = n u / (1 − n u): the relative error of n consecutive roundings (Higham, *Accuracy and Stability of Numerical
 /// Algorithms*, §3.1).
 #[inline]
 pub const fn gamma(n: u32) -> f32 {
@@ -14,16 +14,16 @@ pub const fn gamma(n: u32) -> f32 {
     nu / (1.0 - nu)
 }
 
-/// The error of each coordinate of a point that was computed in `f64` and rounded to `f32`; a whole unit in the last
-/// place rather than half of one, which covers the `f64` arithmetic before it.
+/// The error of each coordinate of a point that was computed in `f64` and rounded to `f32`. It is a whole unit in the
+/// last place rather than half of one, which covers the preceding `f64` arithmetic.
 #[inline(always)]
 pub fn rounding(p: Vec3) -> Vec3 {
     p.abs() * f32::EPSILON
 }
 
-/// Moves `p`, known up to ± `error` in each coordinate, along the unit geometric normal until it lies on `side` of the
-/// surface for certain: the side that `direction` points to. (pbrt-v4, §6.8.6; the sum's own rounding is covered by
-/// adding it to the bound instead of stepping to the next float, which keeps the offset scale-invariant.)
+/// Moves `p`, known up to ± `error` in each coordinate, along the unit geometric normal. The result is certainly on the
+/// side of the surface to which `direction` points (pbrt-v4, §6.8.6). The bound includes the sum's own rounding; unlike
+/// a step to the next float, this keeps the offset scale-invariant.
 #[inline(always)]
 pub fn offset_origin(p: Vec3, error: Vec3, normal: DVec3, direction: DVec3) -> Vec3 {
     let side = normal.dot(direction);
@@ -39,7 +39,7 @@ mod tests {
 
     #[test]
     fn the_offset_point_is_on_its_side_of_the_plane() {
-        // A plane through p with any normal: the f64 distance of the moved point has the sign of the direction.
+        // For a plane through p with any normal, the f64 distance of the moved point has the sign of the direction.
         for i in 0..2000u32 {
             let h = |k: u32| {
                 (i.wrapping_mul(2654435761).wrapping_add(k.wrapping_mul(40503) << 8) >> 8) as f32 / 8388608.0 - 1.0

@@ -1,49 +1,49 @@
-//! Motion between poses: while a shutter is open, things move evenly from pose to pose, and turn instead of shrinking to
-//! matrices in between.
+//! Motion between poses while a shutter is open. Objects move evenly from pose to pose, and turn; a linear blend of
+//! matrices would shrink them.
 //!
-//! A pose is taken apart into translation, rotation and stretch (polar decomposition; Shoemake & Duff, *Matrix Animation and
-//! Polar Decomposition*, 1992). Translation and stretch change linearly, the rotation turns by the shorter way around one
-//! axis with constant speed, which is what slerp does. Two stretches of one sign mix to invertible ones only, so that no
-//! moment between two poses flattens what moves.
+//! A pose is decomposed into translation, rotation and stretch (polar decomposition; Shoemake & Duff, *Matrix Animation
+//! and Polar Decomposition*, 1992). Translation and stretch change linearly. The rotation turns by the smaller angle
+//! around one axis with constant speed, as slerp does. Blends of two stretches of one sign are invertible, so that no
+//! time between two poses flattens the object.
 
 use super::Transform;
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
-/// A way through poses that are evenly spaced over the times 0 to 1.
+/// A path through poses that are evenly spaced over the times 0 to 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AnimatedTransform {
     segments: Vec<Segment>,
 }
 
-/// From one pose to the next.
+/// The motion from one pose to the next.
 #[derive(Clone, Debug, PartialEq)]
 struct Segment {
     translation: [DVec3; 2],
-    /// At the start.
+    /// The rotation at the start.
     rotation: DMat3,
-    /// The axis and the angle in radians that it turns by, if it does.
+    /// The axis and the angle in radians of the turn, if there is one.
     turn: Option<(DVec3, f64)>,
     stretch: [DMat3; 2],
-    /// Of the stretch, where that stays the same.
+    /// The inverse of the stretch, where it is constant.
     inverse: Option<DMat3>,
 }
 
-/// Why poses make no path.
+/// The reason why poses make no path.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum NoAnimatedTransform {
-    /// There is no way with fewer than two ends.
+    /// A path needs at least two poses.
     #[error("a motion needs at least 2 poses, one at each end of the time that the shutter is open")]
     TooFew,
-    /// Between mirrored and not mirrored lies a flat pose.
+    /// A pose between a mirrored and an unmirrored one would be flat.
     #[error("a motion can't mirror: between a pose and its mirror image the object would be flat")]
     Mirrors,
-    /// A pose that can't be taken apart.
+    /// A pose can't be decomposed.
     #[error("a pose of the motion scales so differently along its axes that its rotation can't be found")]
     Degenerate,
 }
 
-/// A pose taken apart.
+/// The parts of a decomposed pose.
 struct Parts {
     translation: DVec3,
     rotation: DMat3,
@@ -67,7 +67,7 @@ impl AnimatedTransform {
         Ok(AnimatedTransform { segments: parts.windows(2).map(|pair| Segment::between(&pair[0], &pair[1])).collect() })
     }
 
-    /// The pose at a time in 0..=1; times beyond are the ends.
+    /// The pose at a time in 0..=1; times outside are clamped.
     pub fn at(&self, time: f64) -> Transform {
         let n = self.segments.len();
         let x = time.clamp(0.0, 1.0) * n as f64;
@@ -75,12 +75,12 @@ impl AnimatedTransform {
         self.segments[index].at(x - index as f64)
     }
 
-    /// The bounds, as centre and half size, of all places that a box of this centre and half size moves through.
+    /// The bounds, as centre and half size, of all positions of a moving box with this centre and half size.
     ///
-    /// Each segment is cut into short turns; between the ends of a turn no point strays from its chord by more than
+    /// Each segment is cut into short turns. Between the ends of a turn no point deviates from its chord by more than
     /// |x''| Δ²/8.
     pub fn swept(&self, center: DVec3, half: DVec3) -> (DVec3, DVec3) {
-        /// A thirtieth of a half turn.
+        /// The largest turn in radians: a thirtieth of a half turn.
         const STEP: f64 = std::f64::consts::PI / 30.0;
         let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let reach = center.abs() + half;
@@ -112,7 +112,7 @@ fn around(t: &Transform, center: DVec3, half: DVec3) -> (DVec3, DVec3) {
 impl Segment {
     fn between(a: &Parts, b: &Parts) -> Segment {
         let q = DQuat::from_mat3(&(b.rotation * a.rotation.transpose()));
-        // Of the two quaternions of a rotation the one with w ≥ 0 turns the shorter way.
+        // Of the two quaternions of a rotation the one with w ≥ 0 has the smaller angle.
         let q = if q.w < 0.0 { -q } else { q };
         let v = DVec3::new(q.x, q.y, q.z);
         let sin = v.length();
@@ -128,7 +128,7 @@ impl Segment {
         }
     }
 
-    /// The pose at `f` in 0..=1 of the way.
+    /// The pose at the fraction `f` in 0..=1 of the segment.
     fn at(&self, f: f64) -> Transform {
         let [from, to] = self.translation;
         let translation = from + (to - from) * f;
@@ -225,7 +225,7 @@ mod tests {
             let f = f64::from(i) / 12.0;
             assert!(differ(&path.at(f), &Transform::rotate(DVec3::Y, 120.0 * f).unwrap()) < 1e-14);
         }
-        // The shorter way: 270° is 90° backwards.
+        // The smaller angle: 270° is 90° backwards.
         let path = AnimatedTransform::new(&[Transform::IDENTITY, Transform::rotate(DVec3::Y, 270.0).unwrap()]).unwrap();
         assert!(differ(&path.at(0.5), &Transform::rotate(DVec3::Y, -45.0).unwrap()) < 1e-14);
     }
@@ -249,7 +249,8 @@ mod tests {
         assert_eq!(AnimatedTransform::new(&[needle, needle]), Err(NoAnimatedTransform::Degenerate));
     }
 
-    /// Points of the box at many times, against its swept bounds: all inside, and the bounds not much larger.
+    /// Compares points of the box at many times with its swept bounds: all are inside, and the bounds are not much
+    /// larger.
     #[test]
     fn swept_bounds_hold_the_box_at_all_times() {
         let (center, half) = (DVec3::new(0.5, -1.0, 2.0), DVec3::new(0.5, 0.25, 1.0));

@@ -1,8 +1,8 @@
-//! Real roots of the polynomials that curved surfaces lead to, in `f64`.
+//! Real roots of the polynomials of curved surfaces, in `f64`.
 
-/// Real roots of a t² + b t + c = 0 in ascending order, without cancellation (Press et al., *Numerical Recipes*, §5.6):
-/// the root of larger size by the sum of equal signs, the other from the product of the roots.
-/// A degenerate equation (a = 0) gives its single root twice; none if there is none.
+/// Real roots of a t² + b t + c = 0 in ascending order, without cancellation (Press et al., *Numerical Recipes*, §5.6).
+/// The root of larger magnitude comes from the sum of terms of equal sign, the other from the product of the roots. A
+/// degenerate equation (a = 0) returns its single root twice. None if there is no root.
 pub fn quadratic(a: f64, b: f64, c: f64) -> Option<[f64; 2]> {
     if a == 0.0 {
         let t = -c / b;
@@ -30,7 +30,7 @@ impl Roots {
         self.len += 1;
     }
 
-    /// Each root replaced by `f` of it.
+    /// The roots with each replaced by `f` of it.
     pub fn map(mut self, f: impl Fn(f64) -> f64) -> Roots {
         self.values[..self.len].iter_mut().for_each(|x| *x = f(*x));
         self
@@ -46,9 +46,9 @@ impl std::ops::Deref for Roots {
 
 /// Real roots in [low, high] of c₀ + c₁ x + c₂ x² + c₃ x³ + c₄ x⁴.
 ///
-/// Between two neighbouring zeros of its derivative a polynomial is monotone, so a change of sign brackets exactly one
-/// root; the cubic's brackets come from its own derivative in the same way. Unlike Ferrari's formula this loses no digits
-/// to cancellation and can't report a root outside the interval. A root of even order counts only if the polynomial is
+/// Between two adjacent zeros of its derivative a polynomial is monotone, so a change of sign brackets exactly one
+/// root. The cubic's brackets come from its own derivative likewise. Unlike Ferrari's formula this loses no digits to
+/// cancellation and can't return a root outside the interval. A root of even order counts only if the polynomial is
 /// exactly zero there.
 pub fn quartic(c: [f64; 5], low: f64, high: f64) -> Roots {
     let cubic = [c[1], 2.0 * c[2], 3.0 * c[3], 4.0 * c[4]];
@@ -64,7 +64,7 @@ fn between(c: &[f64], turns: &[f64], low: f64, high: f64) -> Roots {
     let (mut a, mut fa) = (low, evaluate(c, low).0);
     for b in inner.chain([high]) {
         let fb = evaluate(c, b).0;
-        // A zero at b belongs to the next stretch, except at the end.
+        // A zero at b belongs to the next interval, except at the end.
         let at_end = fb == 0.0 && b == high && a != b;
         if roots.len < 4 && fa == 0.0 {
             roots.push(a);
@@ -79,8 +79,8 @@ fn between(c: &[f64], turns: &[f64], low: f64, high: f64) -> Roots {
     roots
 }
 
-/// The root in (a, b), where the sign changes: Newton's steps, or halving where they leave the bracket or shrink it too
-/// slowly (Press et al., §9.4).
+/// The root in (a, b), where the sign changes. Newton's steps are replaced by halving where they leave the bracket or
+/// shrink it too slowly (Press et al., §9.4).
 fn bracketed(c: &[f64], a: f64, b: f64, rising: bool) -> f64 {
     // f(below) < 0 < f(above).
     let (mut below, mut above) = if rising { (a, b) } else { (b, a) };

@@ -2,10 +2,10 @@
 
 use canaletto_bvh::{InstructionSet, Kernel};
 
-/// Raises each of `values` to the power of its exponent: the bits of [`libm::powf`].
+/// Raises each of `values` to the power of its exponent, with the bits of [`libm::powf`].
 ///
 /// # Panics
-/// If there are not as many exponents as values.
+/// If the numbers of exponents and values differ.
 pub(crate) fn power_all(values: &mut [f32], exponents: &[f32]) {
     assert_eq!(values.len(), exponents.len());
     InstructionSet::run(Powers { values, exponents });
@@ -16,7 +16,7 @@ struct Powers<'a> {
     exponents: &'a [f32],
 }
 
-/// How many powers are computed side by side.
+/// The number of powers that are computed side by side.
 const WIDTH: usize = 16;
 
 impl Kernel for Powers<'_> {
@@ -41,16 +41,16 @@ impl Kernel for Powers<'_> {
     }
 }
 
-/// Whether [`power`] may be asked.
+/// Whether [`power`] handles these arguments.
 #[inline(always)]
 fn is_regular(x: f32, y: f32) -> bool {
-    // For 1/2, 1 and 2 there, other operations are used.
+    // [`libm::powf`] uses other operations for the exponents 1/2, 1 and 2.
     (f32::MIN_POSITIVE..1.0).contains(&x) & (y > 0.0) & (y <= 134_217_728.0) & (y != 1.0) & (y != 2.0) & (y != 0.5)
 }
 
-/// x to the power of y for normal x below 1 and 0 < y ≤ 2²⁷ but 1/2, 1 and 2, and whether that is right, as it is unless the power is
-/// subnormal or nearly so: [`libm::powf`], the same bits, without a branch for other numbers, so
-/// that the compiler does several at once. Names are those of its source (FreeBSD's e_powf.c).
+/// x to the power of y for normal x below 1 and 0 < y ≤ 2²⁷ except 1/2, 1 and 2, and whether the result is valid. It is
+/// valid unless the power is subnormal or nearly so. Valid results have the bits of [`libm::powf`]. There is no branch
+/// for other numbers, so that the compiler vectorises. Names are those of libm's source (FreeBSD's e_powf.c).
 #[inline(always)]
 #[allow(clippy::excessive_precision)] // as in the source
 pub(crate) fn power(x: f32, y: f32) -> (f32, bool) {
@@ -147,9 +147,9 @@ mod tests {
             let inside = compare((0..400_000).map(|i| (cosine(i), exponents[i as usize % exponents.len()])));
             assert!(inside > 200_000, "{inside}");
             compare((0..400_000).map(|i| (f32::from_bits(bits(i)), f32::from_bits(bits(!i)))));
-            // Where powers become subnormal and vanish.
+            // Powers that become subnormal and vanish.
             compare((0..100_000).map(|i| (0.5 + cosine(i) * 1e-3, 120.0 + (i % 400) as f32 * 0.1)));
-            // Next to 1, and next to the borders of the intervals.
+            // Numbers next to 1, and next to the borders of the intervals.
             for border in [1.0f32, 1.5, 3.0f32.sqrt(), 1.5f32.sqrt(), 0.5].map(|v| (v * 0.5).to_bits()) {
                 compare((0..2000).map(|i| (f32::from_bits(border + i - 1000), exponents[i as usize % 13])));
                 compare((0..2000).map(|i| (f32::from_bits((1 << 23) + border + i - 1000), exponents[i as usize % 13])));

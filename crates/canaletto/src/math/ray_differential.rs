@@ -1,29 +1,30 @@
-//! Ray differentials: how a ray changes from one sample of the picture to the next (Igehy, *Tracing Ray Differentials*,
-//! 1999). They say how large a piece of a surface a sample stands for, through any number of mirrors and clear bodies.
+//! Ray differentials: the differences of a ray to the neighbouring samples of the picture (Igehy, *Tracing Ray
+//! Differentials*, 1999). They give the footprint of a sample on a surface, after any number of mirrors and clear
+//! bodies.
 //!
-//! Deviations from the paper: a ray that grazes its surface counts as one at a millionth of a radian, and a direction
-//! changes by no more than a few radians, so that nothing is ever infinite. Equations are the paper's.
+//! Deviations from the paper: a ray that grazes its surface counts as one at a millionth of a radian. A direction
+//! changes by no more than a few radians, so that nothing is infinite. Equations are the paper's.
 
 use super::DRay;
 use glam::{DMat3, DVec3};
 
-/// How a ray with a unit direction changes from this sample to the next one to the right (index 0) and above (index 1).
+/// The differences of a ray with a unit direction to the next sample to the right (index 0) and above (index 1).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RayDifferential {
-    /// Change of the origin.
+    /// The differences of the origin.
     pub origin: [DVec3; 2],
-    /// Change of the unit direction.
+    /// The differences of the unit direction.
     pub direction: [DVec3; 2],
 }
 
-/// The smallest cosine of a ray with a normal that is told from grazing.
+/// The smallest cosine between a ray and a normal; smaller ones count as grazing.
 const GRAZING: f64 = 1e-6;
-/// The largest change of a unit direction that means anything.
+/// The largest meaningful change of a unit direction.
 const WIDEST: f64 = 4.0;
 
 impl RayDifferential {
-    /// The change of the point where the ray meets a surface with this unit normal, along the surface: (10) to (12).
-    /// `t` counts lengths of the unit direction.
+    /// The differences of the point where the ray hits a surface with this unit normal, along the surface: (10) to
+    /// (12). `t` is in lengths of the unit direction.
     pub fn at(&self, direction: DVec3, t: f64, normal: DVec3) -> [DVec3; 2] {
         let slant = direction.dot(normal);
         let slant = if slant.abs() < GRAZING { GRAZING.copysign(slant) } else { slant };
@@ -33,15 +34,16 @@ impl RayDifferential {
         })
     }
 
-    /// The same ray on a line of any length of direction.
+    /// [`RayDifferential::at`] for a line whose direction has any length.
     pub fn along(&self, line: &DRay, point: DVec3, normal: DVec3) -> [DVec3; 2] {
         let length = line.direction.length();
         let unit = line.direction / length;
         self.at(unit, (point - line.origin).dot(unit), normal)
     }
 
-    /// The spread of the mirrored ray: (16) to (18). `incoming` is the unit direction of the ray that arrives, `point`
-    /// what [`RayDifferential::at`] gave, and `shape_operator` takes a step along the surface to the change of the unit normal.
+    /// The differential of the mirrored ray: (16) to (18). `incoming` is the unit direction of the arriving ray, and
+    /// `point` the result of [`RayDifferential::at`]. `shape_operator` maps a step along the surface to the change of
+    /// the unit normal.
     pub fn reflected(
         &self,
         point: [DVec3; 2],
@@ -58,8 +60,8 @@ impl RayDifferential {
         RayDifferential { origin: point, direction }
     }
 
-    /// The spread of the refracted ray: (19) to (22), for the ratio ηᵢ/ηₜ and a normal on the side that the ray comes
-    /// from. Where there is no refracted ray it is that of one along the surface.
+    /// The differential of the refracted ray: (19) to (22), for the ratio ηᵢ/ηₜ and a normal on the side of the
+    /// arriving ray. Where there is no refracted ray, it is the differential of a ray along the surface.
     pub fn refracted(
         &self,
         point: [DVec3; 2],
@@ -80,12 +82,12 @@ impl RayDifferential {
         RayDifferential { origin: point, direction }
     }
 
-    /// The spread of the ray that goes straight on from the point.
+    /// The differential of the ray that continues straight from the point.
     pub fn passed(&self, point: [DVec3; 2]) -> RayDifferential {
         RayDifferential { origin: point, direction: self.direction }
     }
 
-    /// The spread of the rays from the point to a light this far away in this unit direction.
+    /// The differential of the rays from the point to a light at this distance in this unit direction.
     pub fn to_light(point: [DVec3; 2], direction: DVec3, distance: f64) -> RayDifferential {
         let turn = |p: DVec3| bounded((direction * direction.dot(p) - p) / distance);
         RayDifferential { origin: point, direction: point.map(turn) }

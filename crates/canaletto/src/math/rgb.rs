@@ -5,23 +5,23 @@ use serde::{Deserialize, Serialize};
 use std::iter::Sum;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Sub};
 
-/// A linear RGB triple: an intensity, a reflectance or a factor. Unbounded; nothing clamps it before the film is
+/// A linear RGB triple: an intensity, a reflectance or a factor. It is unbounded, and not clamped before the film is
 /// developed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Zeroable)]
 #[serde(from = "[f32; 3]", into = "[f32; 3]")]
 pub struct Rgb {
-    /// Red.
+    /// The red component.
     pub r: f32,
-    /// Green.
+    /// The green component.
     pub g: f32,
-    /// Blue.
+    /// The blue component.
     pub b: f32,
 }
 
 impl Rgb {
-    /// (0, 0, 0).
+    /// The colour (0, 0, 0).
     pub const BLACK: Rgb = Rgb::gray(0.0);
-    /// (1, 1, 1).
+    /// The colour (1, 1, 1).
     pub const WHITE: Rgb = Rgb::gray(1.0);
 
     /// The colour (r, g, b).
@@ -30,7 +30,7 @@ impl Rgb {
         Rgb { r, g, b }
     }
 
-    /// The same value in each component.
+    /// The colour with this value in each component.
     #[inline]
     pub const fn gray(value: f32) -> Rgb {
         Rgb::new(value, value, value)
@@ -42,7 +42,7 @@ impl Rgb {
         self.r.max(self.g).max(self.b)
     }
 
-    /// Whether every component is zero, so that whatever it multiplies vanishes.
+    /// Whether every component is zero, so that all its products vanish.
     #[inline]
     pub fn is_black(self) -> bool {
         self == Rgb::BLACK
@@ -54,7 +54,7 @@ impl Rgb {
         self.r.is_finite() && self.g.is_finite() && self.b.is_finite()
     }
 
-    /// The same colour with what overflowed put back to the largest number: light may become too bright to be told
+    /// The colour with overflowed components replaced by the largest number. Light may become too bright to distinguish
     /// from brighter light, but never infinite.
     #[inline]
     pub fn saturated(self) -> Rgb {

@@ -1,4 +1,4 @@
-//! Affine transforms in `f64`, with their inverse at hand.
+//! Affine transforms in `f64`, stored with their inverse.
 
 use glam::{DAffine3, DMat3, DVec3};
 use serde::{Deserialize, Serialize};
@@ -17,7 +17,7 @@ pub struct Transform {
 pub struct NotInvertible;
 
 impl Transform {
-    /// The map that changes nothing.
+    /// The identity.
     pub const IDENTITY: Transform = Transform { forward: DAffine3::IDENTITY, inverse: DAffine3::IDENTITY };
 
     /// The transform of a matrix.
@@ -29,17 +29,17 @@ impl Transform {
         if forward.is_finite() && inverse.is_finite() { Ok(Transform { forward, inverse }) } else { Err(NotInvertible) }
     }
 
-    /// A map and its inverse, both known.
+    /// The transform of a map and its inverse, both given.
     pub(crate) fn from_parts(forward: DAffine3, inverse: DAffine3) -> Transform {
         Transform { forward, inverse }
     }
 
-    /// Moves by `offset`.
+    /// The translation by `offset`.
     pub fn translate(offset: DVec3) -> Transform {
         Transform { forward: DAffine3::from_translation(offset), inverse: DAffine3::from_translation(-offset) }
     }
 
-    /// Scales along the axes.
+    /// The scale along the axes.
     ///
     /// # Errors
     /// [`NotInvertible`] if a factor is zero or not finite.
@@ -47,7 +47,7 @@ impl Transform {
         Transform::new(DAffine3::from_scale(factors))
     }
 
-    /// Turns counter-clockwise by `degrees` around `axis` (seen with the axis pointing at the viewer).
+    /// The rotation by `degrees` around `axis`, counter-clockwise when the axis points at the viewer.
     ///
     /// # Errors
     /// [`NotInvertible`] if the axis has no direction.
@@ -65,13 +65,13 @@ impl Transform {
         Ok(Transform { forward: DAffine3::from_mat3(rotation), inverse: DAffine3::from_mat3(rotation.transpose()) })
     }
 
-    /// First `inner`, then `self`.
+    /// The composition: first `inner`, then `self`.
     #[inline]
     pub fn after(&self, inner: &Transform) -> Transform {
         Transform { forward: self.forward * inner.forward, inverse: inner.inverse * self.inverse }
     }
 
-    /// The map back.
+    /// The inverse map.
     pub fn inverse(&self) -> Transform {
         Transform { forward: self.inverse, inverse: self.forward }
     }
@@ -82,18 +82,18 @@ impl Transform {
         &self.forward
     }
 
-    /// The matrix back.
+    /// The matrix of the inverse.
     pub(crate) fn back(&self) -> &DAffine3 {
         &self.inverse
     }
 
-    /// Where a point goes.
+    /// The image of a point.
     #[inline(always)]
     pub fn point(&self, p: DVec3) -> DVec3 {
         self.forward.transform_point3(p)
     }
 
-    /// Where a direction or an edge goes.
+    /// The image of a direction or an edge.
     #[inline(always)]
     pub fn vector(&self, v: DVec3) -> DVec3 {
         self.forward.transform_vector3(v)
@@ -106,13 +106,13 @@ impl Transform {
         self.inverse.matrix3.transpose() * n
     }
 
-    /// Whether the map changes nothing.
+    /// Whether the map is the identity.
     pub fn is_identity(&self) -> bool {
         self.forward == DAffine3::IDENTITY
     }
 
-    /// The factor by which every length grows, if it is the same in all directions (a rotation, reflection,
-    /// translation and uniform scale; up to rounding).
+    /// The factor by which every length grows, if it is equal in all directions: a rotation, reflection, translation
+    /// and uniform scale, up to rounding.
     pub fn uniform_scale(&self) -> Option<f64> {
         let m = self.forward.matrix3;
         let (x, y, z) = (m.x_axis, m.y_axis, m.z_axis);
@@ -127,7 +127,8 @@ impl Transform {
         similar.then(|| s2.sqrt())
     }
 
-    /// Whether the axes stay axes: no rotation or shear, only a scale along each axis (signs included) and a move.
+    /// Whether the map keeps the axes: only a scale along each axis (of any sign) and a translation, no rotation or
+    /// shear.
     pub fn is_axis_aligned(&self) -> bool {
         let m = self.forward.matrix3;
         [m.x_axis.y, m.x_axis.z, m.y_axis.x, m.y_axis.z, m.z_axis.x, m.z_axis.y].iter().all(|&e| e == 0.0)
@@ -153,7 +154,7 @@ impl From<Transform> for DAffine3 {
     }
 }
 
-/// Sine and cosine, exact at multiples of 90°, so that a quarter turn leaves no residue.
+/// The sine and cosine, exact at multiples of 90°, so that a quarter turn has no rounding error.
 fn sin_cos_degrees(degrees: f64) -> (f64, f64) {
     let turn = degrees % 360.0;
     let quarter = turn / 90.0;

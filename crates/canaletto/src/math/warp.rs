@@ -1,5 +1,5 @@
-//! From the unit square, where samplers spread their points, to the shapes that are sampled. Areas are kept, so that even
-//! points stay even.
+//! Maps from the unit square, in which samplers place their points, to the sampled shapes. They preserve areas, so that
+//! uniform points stay uniform.
 
 use glam::DVec2;
 use std::f64::consts::{FRAC_PI_4, TAU};
@@ -17,9 +17,10 @@ pub fn disk([u, v]: [f64; 2]) -> DVec2 {
     DVec2::new(cos, sin) * r
 }
 
-/// A point of the regular polygon with `corners` corners, at least 3, on the unit circle, the first one at angle 0.
+/// A point of the regular polygon with `corners` corners, at least 3, on the unit circle. The first corner is at angle
+/// 0.
 pub fn polygon([u, v]: [f64; 2], corners: u32) -> DVec2 {
-    // One of the triangles around the centre, and a point in it.
+    // A triangle around the centre, and a point in it.
     let n = f64::from(corners);
     let slice = libm::floor(u * n).min(n - 1.0);
     let along = u * n - slice;
@@ -34,7 +35,7 @@ pub fn polygon([u, v]: [f64; 2], corners: u32) -> DVec2 {
 mod tests {
     use super::*;
 
-    /// Means over a fine grid of the square, for which a map that keeps areas gives the shape's own.
+    /// The mean over a fine grid of the square, which an area-preserving map makes the shape's own.
     fn mean(map: impl Fn([f64; 2]) -> DVec2, f: impl Fn(DVec2) -> f64) -> f64 {
         let n = 400;
         let at = |i: u32| (f64::from(i) + 0.5) / f64::from(n);

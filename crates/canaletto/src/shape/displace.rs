@@ -31,7 +31,7 @@ pub(crate) struct Vertex {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Place {
     /// Between its neighbours.
-    Occlusion,
+    Between,
     /// On the round part of the shape.
     Round,
     /// On the rim of a cap: the cap's radius times ±1, up or down.
@@ -186,7 +186,7 @@ impl Tessellation {
                 side[v] ^= j == 1;
                 let at = |axis: usize| if side[axis] { max[axis] } else { min[axis] };
                 let uv = DVec2::new(f64::from(i), f64::from(j));
-                net.add(DVec3::new(at(0), at(1), at(2)), normal, uv, Place::Occlusion)
+                net.add(DVec3::new(at(0), at(1), at(2)), normal, uv, Place::Between)
             });
             net.triangles.extend([[a, c, d], [a, d, b]]);
         }
@@ -198,7 +198,7 @@ impl Tessellation {
         let [a, b, c] = [t.a, t.b, t.c].map(Vec3::as_dvec3);
         let normal = (b - a).cross(c - a).normalize_or(DVec3::Z);
         let uv = [DVec2::ZERO, DVec2::X, DVec2::Y];
-        let corners = [0, 1, 2].map(|i| net.add([a, b, c][i], normal, uv[i], Place::Occlusion));
+        let corners = [0, 1, 2].map(|i| net.add([a, b, c][i], normal, uv[i], Place::Between));
         net.triangles.push(corners);
         net.one_sided = t.one_sided;
         net
@@ -242,7 +242,7 @@ impl Tessellation {
                 continue;
             }
             let normal = if top { body.axis } else { -body.axis };
-            let center = net.add(body.base + body.axis * h, normal, DVec2::splat(0.5), Place::Occlusion);
+            let center = net.add(body.base + body.axis * h, normal, DVec2::splat(0.5), Place::Between);
             let rim: Vec<u32> = (0..=COLUMNS)
                 .map(|i| {
                     let point = body.point(h, out(i));
@@ -273,7 +273,7 @@ impl Tessellation {
                     let v = v as usize;
                     let uv = mesh.uvs.get(v).copied().unwrap_or(Vec2::ZERO).as_dvec2();
                     let normal = mesh.normals[v].as_dvec3().normalize();
-                    let index = net.add(mesh.positions[v].as_dvec3(), normal, uv, Place::Occlusion);
+                    let index = net.add(mesh.positions[v].as_dvec3(), normal, uv, Place::Between);
                     let vertex = &mut net.vertices[index as usize];
                     vertex.slot = slot;
                     vertex.color = mesh.colors.get(v).copied().unwrap_or_default();
@@ -289,7 +289,7 @@ impl Tessellation {
 
     /// The vertex in the middle of two, or at another part of the way, on the surface.
     fn between(&self, a: &Vertex, b: &Vertex, t: f64) -> Vertex {
-        let place = if a.place == b.place { a.place } else { Place::Occlusion };
+        let place = if a.place == b.place { a.place } else { Place::Between };
         // Halves are taken in a way that doesn't depend on the direction.
         let mix = |a: DVec3, b: DVec3| if t == 0.5 { (a + b) * 0.5 } else { a + (b - a) * t };
         let uv = if t == 0.5 { (a.uv + b.uv) * 0.5 } else { a.uv + (b.uv - a.uv) * t };
@@ -308,7 +308,7 @@ impl Tessellation {
         // The turn nearest to where the neighbours stand: the seam has both ends.
         let near = |u: f64| u + libm::round(v.uv.x - u);
         match (&self.under, v.place) {
-            (Under::Flat, _) | (_, Place::Occlusion) => v,
+            (Under::Flat, _) | (_, Place::Between) => v,
             (Under::Sphere(c, r), _) => {
                 let n = (v.point - *c).normalize();
                 let ring = (n.x * n.x + n.z * n.z).sqrt();

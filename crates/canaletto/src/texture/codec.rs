@@ -1,38 +1,38 @@
-//! From an image's numbers to linear light, and back for the coarser levels of a pyramid.
+//! The conversion from an image's numbers to linear light, and back for the coarser levels of a pyramid.
 
 use super::half::{from_half, to_half};
 use super::space::srgb_encode;
 use super::{ColorSpace, Samples, srgb_decode};
 
-/// How the numbers of an image are meant.
+/// The meaning of an image's numbers.
 #[derive(Debug)]
 pub(super) struct Codec {
-    /// Numbers of each texel, 1 to 4.
+    /// The number of channels of each texel, 1 to 4.
     pub(super) channels: usize,
-    /// Whether a last channel is an alpha that weighs the others.
+    /// The meaning of the last channel.
     pub(super) alpha: Alpha,
-    /// Whether the numbers are no colours.
+    /// Whether the numbers are not colours.
     data: bool,
-    /// Whether integers are on the sRGB curve. Floating-point numbers were made linear before.
+    /// Whether integers are on the sRGB curve. Floating-point numbers were converted to linear light before.
     curved: bool,
-    /// What each possible integer of a colour channel is in linear light.
+    /// The linear light of each possible integer of a colour channel.
     table: Vec<f32>,
-    /// From linear light to bytes on the curve.
+    /// The encoder from linear light to bytes on the curve.
     encoder: Option<Encoder>,
 }
 
-/// What becomes of a last channel of two or four.
+/// The meaning of the last of two or four channels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Alpha {
-    /// It is a number like the others.
+    /// The last channel is a number like the others.
     Data,
-    /// Colours have to be multiplied by it before they are averaged.
+    /// The last channel is alpha, and colours must be multiplied by it before they are averaged.
     Straight,
-    /// Colours were multiplied by it.
+    /// The last channel is alpha, and colours are already multiplied by it.
     Premultiplied,
 }
 
-/// A texel's number in a weighted sum: its position in the level, and its weight.
+/// One term of a weighted sum of texels: the texel's position in the level, and its weight.
 pub(super) type Tap = (u32, f32);
 
 impl Codec {
@@ -54,7 +54,7 @@ impl Codec {
         Codec { channels: usize::from(channels), alpha, data: space == ColorSpace::Raw, curved, table, encoder }
     }
 
-    /// The weighted sum of texels in linear light, colours multiplied by alpha.
+    /// The weighted sum of texels in linear light, with colours multiplied by alpha.
     pub(super) fn sum(&self, samples: &Samples, taps: &[Tap]) -> [f32; 4] {
         match samples {
             Samples::U8(data) => match <&[f32; 256]>::try_from(self.table.as_slice()) {
@@ -69,7 +69,7 @@ impl Codec {
         }
     }
 
-    /// As many texels from a position on, each as by [`Codec::sum`].
+    /// Consecutive texels from position `first` on, each converted as by [`Codec::sum`].
     pub(super) fn texels(&self, samples: &Samples, first: u32, texels: &mut [[f32; 4]]) {
         match samples {
             Samples::U8(data) => {
@@ -121,9 +121,9 @@ impl Codec {
         }
     }
 
-    /// A filtered colour as textures give it: not multiplied by alpha, nor by the share of the filter that lies on the image
-    /// where there may be nothing beside it (`ends`). Filters with negative weights overshoot; light and alpha are cut off
-    /// below 0, and above 1 where the format holds nothing above 1.
+    /// A filtered colour as textures return it: not multiplied by alpha, nor, with `ends`, by the share of the filter
+    /// that lies on the image. `ends` holds for images with a transparent outside. Filters with negative weights
+    /// overshoot. Light and alpha are therefore clamped to 0, and to 1 where the format holds nothing above 1.
     #[inline]
     pub(super) fn finish(&self, sum: [f32; 4], samples: &Samples, ends: bool) -> [f32; 4] {
         let [r, g, b, alpha] = sum;
@@ -137,15 +137,15 @@ impl Codec {
         [color(r), color(g), color(b), a]
     }
 
-    /// Numbers as they stand taken for a colour, where the image ends: without an alpha of their own, they were multiplied by
-    /// the share of the filter that lies on the image.
+    /// Raw numbers used as a colour of an image with a transparent outside. Without an alpha of their own, they are
+    /// multiplied by the share of the filter on the image; the result is divided by it.
     pub(super) fn uncovered(&self, value: [f32; 4]) -> [f32; 4] {
         let [r, g, b, a] = value;
         let covered = self.data && !self.channels.is_multiple_of(2) && a > 0.0;
         if covered { [r / a, g / a, b / a, a] } else { value }
     }
 
-    /// Puts a mean of texels into a level.
+    /// Stores a mean of texels in a level.
     pub(super) fn store(&self, mean: [f32; 4], slot: &mut Slot) {
         let [mut r, mut g, mut b, a] = mean;
         if self.alpha == Alpha::Straight && a > 0.0 && a < 1.0 {
@@ -182,11 +182,11 @@ impl Codec {
 pub(super) enum Slot<'a> {
     /// Bytes.
     U8(&'a mut [u8]),
-    /// Two bytes.
+    /// 16-bit integers.
     U16(&'a mut [u16]),
-    /// Half precision.
+    /// Half-precision numbers.
     F16(&'a mut [u16]),
-    /// Single precision.
+    /// Single-precision numbers.
     F32(&'a mut [f32]),
 }
 
@@ -238,13 +238,13 @@ fn gather<T: Copy, const C: usize>(
     if C < 3 { [sum[0], sum[0], sum[0], sum[3]] } else { sum }
 }
 
-/// From linear light to bytes on the sRGB curve, rounded to the nearest in linear light, so that many together keep it: the
-/// power that the curve needs would be most of a pyramid's time.
+/// The encoder from linear light to bytes on the sRGB curve. It rounds to the nearest byte in linear light, so that the
+/// mean of many texels is kept. The curve's power function would take most of a pyramid's time.
 #[derive(Debug)]
 struct Encoder {
-    /// Where byte i ends and i + 1 begins.
+    /// The boundary between the values of byte i and byte i + 1.
     ends: Vec<f32>,
-    /// The byte at each start of [`Encoder::STEPS`] equal parts of 0 to 1.
+    /// The byte at the start of each of [`Encoder::STEPS`] equal parts of 0 to 1.
     starts: Vec<u8>,
 }
 

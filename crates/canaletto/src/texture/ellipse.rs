@@ -9,23 +9,23 @@ pub(super) struct Ellipse {
 }
 
 impl Ellipse {
-    /// What the unit circle becomes when its axes become these vectors.
+    /// The image of the unit circle under the map that takes its axes to these vectors.
     pub(super) fn of(a: [f64; 2], b: [f64; 2]) -> Ellipse {
         Ellipse { xx: a[0] * a[0] + b[0] * b[0], xy: a[0] * a[1] + b[0] * b[1], yy: a[1] * a[1] + b[1] * b[1] }
     }
 
-    /// Half of its longer and of its shorter axis.
+    /// The longer and the shorter radius.
     pub(super) fn radii(&self) -> [f64; 2] {
         let mean = 0.5 * (self.xx + self.yy);
         let half = 0.5 * (self.xx - self.yy);
         let half_gap = (half * half + self.xy * self.xy).sqrt();
         let large = mean + half_gap;
-        // From the product of the two, since the difference cancels.
+        // The product of both radii gives the shorter one, since their difference cancels.
         let small = if large > 0.0 { (self.xx * self.yy - self.xy * self.xy) / large } else { 0.0 };
         [large.sqrt(), small.max(0.0).sqrt()]
     }
 
-    /// The same with a shorter axis of at least this radius.
+    /// The ellipse with a shorter radius of at least this.
     pub(super) fn at_least(self, radius: f64) -> Ellipse {
         let [major, minor] = self.radii();
         if minor >= radius {
@@ -45,12 +45,12 @@ impl Ellipse {
         }
     }
 
-    /// The same in other units along both axes.
+    /// The ellipse in other units along both axes.
     pub(super) fn scaled(&self, x: f64, y: f64) -> Ellipse {
         Ellipse { xx: self.xx * x * x, xy: self.xy * x * y, yy: self.yy * y * y }
     }
 
-    /// The same with this much more of a squared radius in every direction.
+    /// The ellipse with its squared radius larger by `more` in every direction.
     pub(super) fn widened(&self, more: f64) -> Ellipse {
         Ellipse { xx: self.xx + more, xy: self.xy, yy: self.yy + more }
     }
@@ -66,7 +66,7 @@ mod tests {
         let e = Ellipse::of([5.0 * cos, 5.0 * sin], [-2.0 * sin, 2.0 * cos]);
         let [major, minor] = e.radii();
         assert!((major - 5.0).abs() < 1e-12 && (minor - 2.0).abs() < 1e-12);
-        // The same ellipse from conjugate radii.
+        // One ellipse from conjugate radii.
         let half = std::f64::consts::FRAC_1_SQRT_2;
         let a = [half * (5.0 * cos - 2.0 * sin), half * (5.0 * sin + 2.0 * cos)];
         let b = [half * (5.0 * cos + 2.0 * sin), half * (5.0 * sin - 2.0 * cos)];

@@ -44,8 +44,8 @@ fn noise(i: u32) -> f32 {
     ((x ^ x >> 15) >> 8) as f32 / 16_777_216.0
 }
 
-/// The mean over a footprint with the weight (1 − r²)² over 64 × 64 places of the circle's square, of what the kernel
-/// makes of the finest level.
+/// The mean over a footprint of the finest level's function. The weight is (1 − r²)² over 64 × 64 places of the
+/// circle's square.
 fn reference(pattern: &PreparedTexture, lookup: &Lookup) -> [f64; 4] {
     let (mut sum, mut total) = ([0.0; 4], 0.0);
     for i in 0..64 {
@@ -71,7 +71,7 @@ fn footprints(count: u32, longest: f64, thinnest: f64) -> impl Iterator<Item = (
         let minor = (major / (1.0 + (thinnest - 1.0) * r(1))).max(0.01);
         let angle = r(2) * std::f64::consts::TAU;
         let (sin, cos) = angle.sin_cos();
-        // Conjugate radii of the same ellipse.
+        // Conjugate radii of one ellipse.
         let (s, c) = (r(3) * std::f64::consts::TAU).sin_cos();
         let along = [major * cos, major * sin];
         let across = [-minor * sin, minor * cos];
@@ -129,10 +129,10 @@ fn ewa_respects_what_is_outside() {
             let error = error(&pattern, f64::from(width), f64::from(height), 20.0, 4.0);
             println!("{wrap:?} {placement:?} {error:.4}");
             let bound = match (wrap, placement) {
-                // Outside, a clamped image is its border; the border of a coarser level is broader.
+                // The outside of a clamped image is its border, and the border of a coarser level is broader.
                 (Wrap::Clamp, _) => 0.11,
                 (_, Placement::Edges) => 0.02,
-                // Tiles whose border runs through their outer texels repeat with a jump inside of coarser ones.
+                // Tiles whose border runs through their outer texels repeat with a jump inside of coarser texels.
                 (_, Placement::Centers) => 0.03,
             };
             assert!(error < bound, "{wrap:?} {placement:?}");
@@ -150,7 +150,7 @@ fn constants_are_reproduced_by_everything() {
                 let scale = |d: [f64; 2]| DVec3::new(d[0] / 13.0, d[1] / 7.0, 0.0);
                 let lookup = Lookup { at: DVec3::new(u, v, 0.0), dx: scale(dx), dy: scale(dy) };
                 for (got, exact) in pattern.eval(&lookup).iter().zip([0.2, 0.4, 0.8, 128.0 / 255.0]) {
-                    // Coarser levels hold bytes as well; colours and alpha are rounded each by themselves.
+                    // Coarser levels hold bytes as well; colours and alpha are rounded independently.
                     assert!((got - exact).abs() < 2e-6, "{filter:?} {prefilter:?}: {got} for {exact}");
                 }
             }

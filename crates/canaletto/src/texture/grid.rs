@@ -1,8 +1,8 @@
-//! Textures of space that are stored: grids of voxels (a "3-D texture" of 5.5).
+//! Stored textures of space: grids of voxels (a "3-D texture" of 5.5).
 //!
-//! A grid is an image whose slices stand below each other. The filters are those of images in three directions; its
-//! pyramid halves all three, and lookups go between two levels (as Williams' trilinear filter does), since an ellipse's
-//! slices through coarser voxels would gain little.
+//! A grid is an image whose slices are stacked from top to bottom. Its filters are those of images in three dimensions.
+//! Its pyramid halves all three dimensions, and lookups blend two levels as Williams' trilinear filter does. EWA is not
+//! used, since an ellipse's slices through coarser voxels would gain little.
 
 use super::codec::{Codec, Tap};
 use super::kernel::weights;
@@ -14,31 +14,31 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// A grid over the unit cube: x goes from the left of the slices to the right, y from their top row to their bottom row,
-/// z from the first slice to the last.
+/// A grid over the unit cube. x runs from the left of the slices to the right, y from their top row to their bottom
+/// row, z from the first slice to the last.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GridTexture {
-    /// Index into [`crate::scene::Scene::images`]: the slices below each other.
+    /// The index into [`crate::scene::Scene::images`] of the image with the stacked slices.
     pub image: u32,
-    /// How many slices there are; divides the image's height.
+    /// The number of slices. It divides the image's height.
     pub slices: u32,
-    /// How voxels become a function.
+    /// The reconstruction filter between voxels.
     pub filter: Filter,
-    /// Whether coarser levels are used where voxels are smaller than pixels; [`Prefilter::Ewa`] means
-    /// [`Prefilter::Trilinear`] here.
+    /// Whether coarser levels are used where voxels are smaller than pixels. [`Prefilter::Ewa`] acts as
+    /// [`Prefilter::Trilinear`].
     pub prefilter: Prefilter,
-    /// What is outside the unit cube.
+    /// The continuation outside the unit cube.
     pub wrap: Wrap,
-    /// Where 0 and 1 are.
+    /// The places of the coordinates 0 and 1.
     pub placement: Placement,
-    /// What the numbers mean, instead of what the image says.
+    /// The meaning of the image's numbers. It overrides the image's own.
     pub space: Option<ColorSpace>,
 }
 
-/// A grid ready to be looked up.
+/// The runtime form of a grid.
 #[derive(Debug)]
 pub(super) struct GridMap {
-    /// The finest first, with its size in voxels.
+    /// The levels with their sizes in voxels, the finest first.
     levels: Vec<(Arc<Level>, [u32; 3])>,
     codec: Codec,
     filter: Filter,
@@ -59,7 +59,7 @@ impl GridMap {
             && size.iter().any(|n| *n > 1)
         {
             let half = size.map(|n| (n / 2).max(1));
-            // As in pyramids of images: made from the voxels themselves until there are bits enough.
+            // As in pyramids of images, the compact levels are made from the voxels themselves.
             let (base, base_size) = &levels[0];
             let coarse = match levels.len() {
                 ..COMPACT => coarsen((base, *base_size), half, &codec, &base.samples),
@@ -99,12 +99,12 @@ impl GridMap {
         if self.ends() { self.codec.uncovered(value) } else { value }
     }
 
-    /// Whether there is nothing beside it.
+    /// Whether the outside is transparent.
     fn ends(&self) -> bool {
         self.axes[0].wrap == Wrap::Transparent
     }
 
-    /// How far apart voxels are.
+    /// The distance between voxels along x and y.
     pub(super) fn spacing(&self) -> [f64; 2] {
         [0, 1].map(|i| 1.0 / self.axes[i].scale().max(1.0))
     }

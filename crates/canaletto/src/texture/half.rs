@@ -13,7 +13,7 @@ pub fn from_half(bits: u16) -> f32 {
     f32::from_bits(sign | magnitude)
 }
 
-/// The nearest half-precision number, of two the even one; what is beyond the largest becomes the largest.
+/// The nearest half-precision number; of two equally near, the even one. Values beyond the largest number become it.
 pub fn to_half(v: f32) -> u16 {
     let sign = ((v.to_bits() >> 16) & 0x8000) as u16;
     let v = v.abs();

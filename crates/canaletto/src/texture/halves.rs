@@ -1,18 +1,18 @@
-//! The first three coarser levels of an image whose sides are multiples of eight, in one go: a tile of the image is decoded
-//! once, and halved three times without rounding.
+//! The first three coarser levels of an image whose sides are multiples of eight, in one pass. Each tile of the image
+//! is decoded once, and halved three times without rounding.
 
 use super::codec::{Codec, Slot};
 use super::level::{Level, TILE, index};
 use super::{Samples, pyramid::COMPACT};
 use rayon::prelude::*;
 
-/// The levels after the image itself: those that keep its format, and the first one in `f32`.
+/// The number of levels made here: those that keep the image's format, and the first one in `f32`.
 const LEVELS: usize = COMPACT;
-/// Texels of a tile.
+/// The number of texels of a tile.
 const TEXELS: usize = (TILE * TILE) as usize;
 
-/// The first coarser levels; nothing if a tile's halves aren't theirs. `rows` gives the shares of the two rows that make one,
-/// for each level.
+/// The first coarser levels of an image with [whole tiles](has_whole_tiles). `rows` holds, for each level, the shares
+/// of the two rows that make one.
 pub(super) fn first_levels(base: &Level, codec: &Codec, rows: &[Vec<[f32; 2]>; LEVELS]) -> [Level; LEVELS] {
     let halves = Halves { base, codec, rows };
     match &base.samples {
@@ -23,7 +23,7 @@ pub(super) fn first_levels(base: &Level, codec: &Codec, rows: &[Vec<[f32; 2]>; L
     }
 }
 
-/// Whether an image of this size has whole tiles, and levels after the first ones.
+/// Whether the image has whole tiles, and levels after the first three.
 pub(super) fn has_whole_tiles(level: &Level) -> bool {
     level.width.is_multiple_of(TILE) && level.height.is_multiple_of(TILE)
 }
@@ -34,7 +34,7 @@ struct Halves<'a> {
     rows: &'a [Vec<[f32; 2]>; LEVELS],
 }
 
-/// A part of the three levels.
+/// A part of each of the three levels.
 struct Part<'a, T> {
     compact: [&'a mut [T]; 2],
     wide: &'a mut [f32],
@@ -51,7 +51,7 @@ impl Halves<'_> {
         let count = |level: u32| size(level).map(|n| n as usize).iter().product::<usize>() * channels;
         let (mut first, mut second) = (vec![T::default(); count(1)], vec![T::default(); count(2)]);
         let mut third = vec![0.0; count(3)];
-        // Rows of tiles of the coarsest level, and what becomes them, are pieces of memory in each level.
+        // A row of tiles of the coarsest level, and the finer texels under it, are contiguous in each level.
         let band = |level: u32| ((TILE << (3 - level)) * size(level)[0]) as usize * channels;
         let parts =
             first.par_chunks_mut(band(1)).zip(second.par_chunks_mut(band(2))).zip(third.par_chunks_mut(band(3)));

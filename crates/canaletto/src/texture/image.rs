@@ -1,25 +1,25 @@
-//! Images: rows of texels as compact as their file holds them.
+//! Images: rows of texels in the compact format of their file.
 
 use super::ColorSpace;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// A picture to be used as a texture.
+/// An image for textures.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Image {
-    /// What messages call it: the file's name.
+    /// The image's name in messages: its file's name.
     pub name: String,
-    /// Texels in a row, at least 1.
+    /// The number of texels in a row, at least 1.
     pub width: u32,
-    /// Rows, at least 1.
+    /// The number of rows, at least 1.
     pub height: u32,
-    /// Numbers of each texel: 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha.
+    /// The number of channels of each texel: 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha.
     pub channels: u8,
-    /// width × height × channels numbers; the top row first, the channels of a texel side by side.
+    /// width × height × channels numbers. The top row is first, and the channels of a texel are adjacent.
     pub samples: Samples,
-    /// What the numbers mean.
+    /// The meaning of the numbers.
     pub space: ColorSpace,
-    /// Whether the colours were multiplied by alpha already, as OpenEXR's are.
+    /// Whether the colours are already multiplied by alpha, as OpenEXR's are.
     pub premultiplied: bool,
 }
 
@@ -37,18 +37,18 @@ pub enum Samples {
 }
 
 impl Image {
-    /// The most texels of one image: 16384 × 16384.
+    /// The largest number of texels of an image: 16384 × 16384.
     pub const MAX_TEXELS: u64 = 1 << 28;
-    /// The longest side in texels.
+    /// The largest side in texels.
     pub const MAX_SIDE: u32 = 1 << 20;
 
-    /// The largest number in magnitude: sums of such numbers stay finite.
+    /// The largest magnitude of a number. Sums of such numbers stay finite.
     pub const MAX_VALUE: f32 = 1e30;
 
-    /// Checks size and count of numbers.
+    /// Checks the size and the count of numbers.
     ///
     /// # Errors
-    /// A sentence that says what is wrong.
+    /// A sentence that names the fault.
     pub fn check(&self) -> Result<(), String> {
         let Image { width, height, channels, .. } = *self;
         if width == 0 || height == 0 {
@@ -87,7 +87,7 @@ impl Image {
 }
 
 impl Samples {
-    /// How many numbers there are.
+    /// The number of numbers.
     pub fn len(&self) -> usize {
         match self {
             Samples::U8(data) => data.len(),
@@ -96,12 +96,12 @@ impl Samples {
         }
     }
 
-    /// Whether there are none.
+    /// Whether there are no numbers.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The bytes that they take.
+    /// The size of the numbers in bytes.
     pub fn bytes(&self) -> usize {
         match self {
             Samples::U8(data) => data.len(),

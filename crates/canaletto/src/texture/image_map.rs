@@ -1,9 +1,11 @@
 //! Image textures: from coordinates and a footprint to a filtered colour.
 //!
-//! EWA follows Heckbert (1989) in taking the mean over an ellipse, here on the level of the pyramid where the shorter radius
-//! is 2 to 4 texels. It deviates in the weight, (1 − r²)² instead of a Gaussian cut off (nearly the same, without a
-//! table and zero at the rim), in taking off the width that the level's texels have themselves, and in blending from one
-//! level to the next over the last quarter of a level.
+//! EWA follows Heckbert (1989) in taking the mean over an ellipse, on the level of the pyramid where the shorter radius
+//! is 2 to 4 texels. Deviations:
+//!
+//! - The weight is (1 − r²)² instead of a truncated Gaussian: nearly equal, without a table and zero at the rim.
+//! - The width that the level's texels have themselves is subtracted.
+//! - Adjacent levels are blended over the last quarter of a level.
 
 use super::codec::Tap;
 use super::ellipse::Ellipse;
@@ -13,13 +15,13 @@ use super::wrap::{Axis, Wrap};
 use super::{Filter, Footprint, ImageTexture, Lookup, Prefilter};
 use std::sync::Arc;
 
-/// How many times longer than wide an ellipse may be; thinner ones are made wider, so that a lookup stays bounded.
+/// The largest ratio of an ellipse's radii. Thinner ellipses are made wider, so that the cost of a lookup is bounded.
 const MAX_ECCENTRICITY: f64 = 16.0;
-/// The shorter radius in texels from which the next coarser level is taken.
+/// The shorter radius in texels at which the next coarser level is used.
 const FINEST: f64 = 2.0;
-/// The radius in texels above which a footprint on the coarsest level covers more than is worth summing.
+/// The radius in texels above which a footprint on the coarsest level is not summed but approximated.
 const WIDEST: f64 = 32.0;
-/// From a variance to the squared radius of the weight (1 − r²)² that has it in each direction.
+/// The ratio of the squared radius of the weight (1 − r²)² to its variance in each direction.
 const SPREAD: f64 = 8.0;
 
 /// An image with its filters.
@@ -29,7 +31,7 @@ pub(super) struct ImageMap {
     filter: Filter,
     prefilter: Prefilter,
     axes: [Axis; 2],
-    /// Whether there is nothing beside it somewhere.
+    /// Whether the outside is transparent along an axis.
     ends: bool,
 }
 
@@ -40,7 +42,7 @@ struct Place {
     dy: [f64; 2],
 }
 
-/// A weighted sum of texels while it grows.
+/// A weighted sum of texels under construction.
 struct Sum<'a> {
     pyramid: &'a Pyramid,
     level: usize,
@@ -71,7 +73,7 @@ impl Sum<'_> {
         self.count = 0;
     }
 
-    /// What there is where the image isn't.
+    /// Adds a texel outside the image.
     #[inline]
     fn add_outside(&mut self, black: bool, weight: f32) {
         if black {
@@ -79,7 +81,7 @@ impl Sum<'_> {
         }
     }
 
-    /// The mean, if weights were counted.
+    /// The weighted mean, if there is any weight.
     fn mean(mut self) -> [f32; 4] {
         self.flush();
         self.color.map(|v| v / self.weight)
@@ -121,7 +123,7 @@ impl ImageMap {
         [0, 1].map(|i| 1.0 / self.axes[i].scale().max(1.0))
     }
 
-    /// Where a lookup lies on the image, and over how many texels.
+    /// The place and the footprint of a lookup on the image.
     pub(super) fn footprint(&self, lookup: &Lookup) -> Footprint {
         let place = self.place(lookup);
         let ellipse = Ellipse::of(place.dx, place.dy);
@@ -141,7 +143,7 @@ impl ImageMap {
         Place { at: [x, y], dx: [lookup.dx.x * sx, lookup.dx.y * sy], dy: [lookup.dy.x * sx, lookup.dy.y * sy] }
     }
 
-    /// The function that a kernel makes of one level's texels.
+    /// The value of a kernel over the texels of one level.
     fn reconstruct(&self, level: usize, filter: Filter, place: &Place) -> [f32; 4] {
         let ([x, y], [width, height]) = (self.on_level(level, place.at), self.size(level));
         let columns = weights(filter, x);
@@ -163,7 +165,7 @@ impl ImageMap {
         sum.total()
     }
 
-    /// Whether outside, to a side or above and below, is black and not nothing.
+    /// Whether the outside, to the side or above and below, is black and not transparent.
     fn is_black(&self, beside: bool, beyond: bool) -> bool {
         (beside && self.axes[0].wrap == Wrap::Black) || (beyond && self.axes[1].wrap == Wrap::Black)
     }
@@ -173,7 +175,7 @@ impl ImageMap {
         [level.width, level.height]
     }
 
-    /// Texels of a level for each of the finest one's.
+    /// The texels of a level per texel of the finest one.
     fn ratio(&self, level: usize) -> [f64; 2] {
         let [width, height] = self.size(level);
         [f64::from(width) / f64::from(self.axes[0].size), f64::from(height) / f64::from(self.axes[1].size)]
@@ -187,13 +189,13 @@ impl ImageMap {
         [at[0] * x, at[1] * y]
     }
 
-    /// Below 0: magnified.
+    /// The level of a trilinear lookup. It is below 0 where the image is magnified.
     fn trilinear_level(&self, place: &Place) -> f64 {
         let square = |d: [f64; 2]| d[0] * d[0] + d[1] * d[1];
         0.5 * libm::log2(square(place.dx).max(square(place.dy)))
     }
 
-    /// Williams' trilinear filter: as wide in all directions as the longer of the two derivatives.
+    /// Williams' trilinear filter: its width in all directions is the longer of the two derivatives.
     fn trilinear(&self, place: &Place) -> [f32; 4] {
         let level = self.trilinear_level(place);
         let top = self.pyramid.len() - 1;
@@ -208,7 +210,8 @@ impl ImageMap {
         if below == top { at(top) } else { mix(at(below), at(below + 1), (level - below as f64) as f32) }
     }
 
-    /// The level where an ellipse of these radii on the finest one is wide enough to be summed; below 0 on the finest.
+    /// The level on which an ellipse with these radii on the finest level is wide enough to be summed. It is below 0
+    /// where even the finest level is too coarse.
     fn ewa_level(&self, [major, minor]: [f64; 2]) -> f64 {
         libm::log2(minor.max(major / MAX_ECCENTRICITY) / FINEST)
     }
@@ -220,7 +223,7 @@ impl ImageMap {
         if !major.is_finite() || !ellipse.xy.is_finite() {
             return self.wide(place);
         }
-        // Magnified: the kernel that was asked for, and a way over to the ellipse that is no wider than it.
+        // Magnified: the kernel of the texture, and a blend to the ellipse that is no wider than the kernel.
         if major <= 0.5 {
             return self.reconstruct(0, self.filter, place);
         }
@@ -244,10 +247,11 @@ impl ImageMap {
         let [scale_x, scale_y] = self.ratio(level);
         let ellipse = ellipse.scaled(scale_x, scale_y);
         let widen = if level == 0 {
-            // Texels are points: what the kernel makes of them is wider. At least so wide that no place is without one.
+            // Texels are points, and the kernel widens them. The minimum width ensures that every ellipse contains a
+            // texel.
             (SPREAD * variance(self.filter)).max(2.0 / 3.0)
         } else {
-            // Texels are means over squares.
+            // Texels are means over squares, whose width is subtracted.
             let [_, minor] = ellipse.radii();
             (-SPREAD / 12.0).max(1.0 - minor * minor)
         };
@@ -282,7 +286,7 @@ impl ImageMap {
         if sum.weight > 0.0 { sum.mean() } else { self.reconstruct(level, Filter::Bilinear, place) }
     }
 
-    /// A footprint much larger than the image: its mean, and what is outside.
+    /// The mean of a footprint much larger than the image: the image's mean, and the outside.
     fn wide(&self, place: &Place) -> [f32; 4] {
         let radius = |i: usize| place.dx[i].abs().max(place.dy[i].abs()).max(0.5);
         let [u, v] = [0, 1].map(|i: usize| self.axes[i].coverage(place.at[i], radius(i)));

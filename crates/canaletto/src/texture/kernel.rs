@@ -1,13 +1,13 @@
-//! Kernels that make a function of texels, along one axis.
+//! Kernels that make a function from texels, along one axis.
 //!
-//! The chapter names the interpolations (nearest, bilinear, biquadratic, bicubic) and leaves their formulas to its third
-//! chapter on images. Those taken here go through the texels and reproduce polynomials up to their own degree; the
-//! B-splines don't go through the texels, but are smooth and never overshoot.
+//! The chapter names the interpolations (nearest, bilinear, biquadratic, bicubic) and leaves their formulas to its
+//! third chapter on images. The kernels here pass through the texels and reproduce polynomials up to their own degree.
+//! The B-splines don't pass through the texels, but are smooth and never overshoot.
 
 use super::Filter;
 
-/// The weights of up to four texels, the first one at `first`. Positions are in texels, their centres at whole numbers
-/// and a half.
+/// The weights of up to four texels, of which `first` is the first. Positions are in texels, whose centres are at whole
+/// numbers plus a half.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Weights {
     pub(super) first: i64,
@@ -20,7 +20,7 @@ pub(super) fn weights(filter: Filter, position: f64) -> Weights {
     match filter {
         Filter::Nearest => Weights { first: position.floor() as i64, count: 1, weights: [1.0, 0.0, 0.0, 0.0] },
         Filter::QuadraticSpline => {
-            // Around the nearest texel, t from −½ to ½.
+            // Relative to the nearest texel, t is from −½ to ½.
             let nearest = position.floor();
             let t = (position - nearest - 0.5) as f32;
             let (before, after) = (0.5 - t, 0.5 + t);
@@ -38,7 +38,7 @@ pub(super) fn weights(filter: Filter, position: f64) -> Weights {
                     let outer = -0.25 * t * s;
                     (1, 4, [outer, 0.25 * s * (4.0 + t), 0.25 * t * (4.0 + s), outer])
                 }
-                // Catmull and Rom's: the two parabolas, blended from one to the other (Keys 1981 with a = −½).
+                // Catmull and Rom's: the two parabolas, blended over the interval (Keys 1981 with a = −½).
                 Filter::Bicubic => {
                     let weights = [
                         -0.5 * t * s * s,
@@ -64,7 +64,7 @@ pub(super) fn weights(filter: Filter, position: f64) -> Weights {
     }
 }
 
-/// The kernel's variance in texels²: how much wider than a point it makes a texel.
+/// The kernel's variance in texels²: the width that it adds to a texel.
 pub(super) fn variance(filter: Filter) -> f64 {
     match filter {
         Filter::Nearest => 1.0 / 12.0,
@@ -79,7 +79,7 @@ pub(super) fn variance(filter: Filter) -> f64 {
 mod tests {
     use super::*;
 
-    /// What a kernel makes of f at the texels' centres.
+    /// The value of a kernel over samples of f at the texels' centres.
     fn reconstruct(filter: Filter, f: impl Fn(f64) -> f64, x: f64) -> f64 {
         let Weights { first, count, weights } = weights(filter, x);
         (0..count).map(|i| f64::from(weights[i]) * f(first as f64 + i as f64 + 0.5)).sum()

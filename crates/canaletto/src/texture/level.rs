@@ -1,13 +1,13 @@
-//! One resolution of an image, its texels in tiles of 8 × 8, so that neighbours in both directions are near each other in
+//! One resolution of an image, with its texels in tiles of 8 × 8. Neighbours in both directions are near each other in
 //! memory.
 //!
-//! Tiles stand in the order of rows; at the right and lower border they are narrower and lower, so that the tiled form
-//! takes as many numbers as the rows did and every eight rows can be brought into it in place.
+//! Tiles are in the order of rows. At the right and lower border they are narrower and lower, so that the tiled form
+//! has as many numbers as the rows. Every eight rows can thus be tiled in place.
 
 use super::Samples;
 use rayon::prelude::*;
 
-/// Texels in a side of a tile.
+/// The number of texels in a side of a tile.
 pub(super) const TILE: u32 = 8;
 
 /// One resolution of an image.
@@ -45,7 +45,7 @@ pub(super) fn index(width: u32, height: u32, x: u32, y: u32) -> u32 {
     top * width + left * down + (y - top) * across + (x - left)
 }
 
-/// Brings rows into tiles, eight rows at a time, with room for as much beside them.
+/// Converts rows to tiles in place, eight rows at a time, with a buffer of eight rows.
 fn tile<T: Copy + Send + Sync>(data: &mut [T], width: u32, channels: usize) {
     let row = width as usize * channels;
     data.par_chunks_mut(row * TILE as usize).for_each_init(Vec::new, |rows, band| {

@@ -1,8 +1,7 @@
 //! Perlin's noise, as improved (*Improving Noise*, SIGGRAPH 2002), and sums of it over octaves.
 //!
-//! Octaves that are finer than the footprint are faded to their mean, so that sums don't alias (Norton, Rockwood and
-//! Skolmoski, *Clamping*, SIGGRAPH 1982). With seed 0 the lattice is Perlin's own, so that values are the published
-//! ones.
+//! Octaves finer than the footprint are faded to their mean, so that sums don't alias (Norton, Rockwood and Skolmoski,
+//! *Clamping*, SIGGRAPH 1982). With seed 0 the lattice is Perlin's own, and values are the published ones.
 
 use glam::DVec3;
 
@@ -23,11 +22,11 @@ const PERLIN: [u8; 256] = [
 
 /// The mean of the noise's absolute value.
 const MEAN_ABSOLUTE: f64 = 0.221;
-/// The mean of its square.
+/// The mean of the noise's square.
 const MEAN_SQUARE: f64 = 0.074;
 
-/// A filtered number, and the variance of what the filter took from it: fine features are gone from the number, but
-/// not from what a ramp makes of them.
+/// A filtered number, and the variance that the filter removed. A ramp of the number still depends on the removed fine
+/// features.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Filtered {
     pub(super) value: f64,
@@ -40,13 +39,13 @@ pub(super) struct Noise {
     table: [u8; 256],
 }
 
-/// How octaves are added up.
+/// The parameters of a sum of octaves.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Octaves {
     pub(super) count: u32,
-    /// The factor of frequency from one to the next.
+    /// The ratio of frequencies of consecutive octaves.
     pub(super) lacunarity: f64,
-    /// The factor of amplitude.
+    /// The ratio of their amplitudes.
     pub(super) gain: f64,
 }
 
@@ -64,8 +63,8 @@ impl Noise {
         Noise { table }
     }
 
-    /// The noise at a point, −1 to 1 (seldom beyond ±0.9); 0 at points of whole numbers, with a period of 256 along
-    /// each axis.
+    /// The noise at a point, −1 to 1 (seldom beyond ±0.9). It is 0 at points of whole numbers, and has a period of 256
+    /// along each axis.
     pub(super) fn at(&self, p: DVec3) -> f64 {
         let p = if p.is_finite() { p } else { DVec3::ZERO };
         let cell = p.floor();
@@ -110,14 +109,15 @@ impl Noise {
     }
 }
 
-/// How much of a noise with features of size 1 is left in a mean over this width.
+/// The share of a noise with features of size 1 that remains in a mean over this width.
 pub(super) fn seen(width: f64) -> f64 {
-    // 1 up to a quarter of the lattice, nothing from one and a quarter on.
+    // 1 up to a quarter of the lattice's spacing, 0 from one and a quarter on.
     let t = (1.25 - width).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }
 
-/// The scalar product with one of the twelve directions to a cube's edges (four of them twice), by the hash's lowest bits.
+/// The scalar product with one of the twelve directions to a cube's edges, four of them twice. The hash's lowest bits
+/// select it.
 fn slope(hash: u8, x: f64, y: f64, z: f64) -> f64 {
     let h = hash & 15;
     let u = if h < 8 { x } else { y };
@@ -129,7 +129,7 @@ fn slope(hash: u8, x: f64, y: f64, z: f64) -> f64 {
     (if h & 1 == 0 { u } else { -u }) + (if h & 2 == 0 { v } else { -v })
 }
 
-/// Numbers scattered over 64 bits (SplitMix64).
+/// A hash over 64 bits (SplitMix64).
 pub(super) fn scatter(value: u64) -> u64 {
     let mut x = value.wrapping_add(0x9e37_79b9_7f4a_7c15);
     x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

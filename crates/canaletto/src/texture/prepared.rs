@@ -1,4 +1,4 @@
-//! Textures ready to be looked up.
+//! The runtime form of textures.
 
 use super::grid::{GridMap, GridTexture};
 use super::image_map::ImageMap;
@@ -10,15 +10,15 @@ use glam::DVec3;
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
-/// A place of a texture and how far apart the neighbouring pixel samples are there.
+/// A place of a texture, and its differences to the neighbouring pixel samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Lookup {
-    /// (u, v, anything) for textures of a rectangle, u for those of a line, a point for those of space.
+    /// (u, v, any number) for textures of a rectangle, u for those of a line, a point for those of space.
     pub at: DVec3,
-    /// How `at` changes from this sample to the next pixel's to the right. Zero together with `dy`: the texture is
-    /// taken at a point, without a prefilter.
+    /// The difference of `at` to the sample of the next pixel to the right. If `dx` and `dy` are zero, the texture is
+    /// evaluated at a point, without a prefilter.
     pub dx: DVec3,
-    /// How `at` changes from this sample to the next pixel's above.
+    /// The difference of `at` to the sample of the next pixel above.
     pub dy: DVec3,
 }
 
@@ -29,21 +29,21 @@ impl Lookup {
     }
 }
 
-/// Where a lookup lies on an image, for explanations.
+/// The place and the footprint of a lookup on an image, for explanations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Footprint {
     /// The place on the image in texels, (0, 0) the upper left corner of the first one.
     pub texel: [f64; 2],
     /// The image's width and height in texels.
     pub size: [u32; 2],
-    /// The longer and the shorter radius, in texels, of the ellipse that the pixel sample stands for.
+    /// The longer and the shorter radius, in texels, of the ellipse that the pixel sample covers.
     pub radii: [f64; 2],
-    /// The level of the pyramid that it is taken from: 0 is the image itself, each level has half the texels of the one
-    /// before. Below 0 texels are larger than pixels.
+    /// The level of the pyramid that is used: 0 is the image itself, and each level has half the texels per side of the
+    /// one before. Below 0 texels are larger than pixels.
     pub level: f64,
 }
 
-/// A texture ready to be looked up.
+/// The runtime form of a texture.
 #[derive(Debug)]
 pub struct PreparedTexture {
     kind: Kind,
@@ -69,8 +69,8 @@ impl PreparedTexture {
         }
     }
 
-    /// The same for a use that takes a colour: numbers as they stand ([`ColorSpace::Raw`]) fade to 0 where their image ends in
-    /// nothing, but a colour has an alpha for that.
+    /// [`PreparedTexture::eval`] for a target that is a colour. Raw numbers ([`ColorSpace::Raw`]) fade to 0 where their
+    /// image ends in a transparent outside. For a colour, alpha expresses this instead.
     pub fn color(&self, lookup: &Lookup) -> [f32; 4] {
         match &self.kind {
             Kind::Image(map) => map.color(lookup),
@@ -79,7 +79,7 @@ impl PreparedTexture {
         }
     }
 
-    /// How far apart its texels are along u and v; nothing if it has none.
+    /// The distance between texels along u and v; none for a texture without texels.
     pub fn spacing(&self) -> Option<[f64; 2]> {
         match &self.kind {
             Kind::Image(map) => Some(map.spacing()),
@@ -88,7 +88,7 @@ impl PreparedTexture {
         }
     }
 
-    /// Where a lookup lies on the texture's image; nothing for a texture without one.
+    /// The footprint of a lookup on the texture's image; none for a texture without an image.
     pub fn footprint(&self, lookup: &Lookup) -> Option<Footprint> {
         match &self.kind {
             Kind::Image(map) => Some(map.footprint(lookup)),
@@ -96,10 +96,10 @@ impl PreparedTexture {
         }
     }
 
-    /// Makes the patterns of textures. Images are moved into them, and shared where several textures have the same one.
+    /// The runtime form of textures. Images are moved into them, and shared between textures of one image.
     ///
     /// # Errors
-    /// The first thing that can't be.
+    /// The first fault found.
     pub fn resolve(images: Vec<Image>, textures: &[Texture]) -> Result<Vec<PreparedTexture>, Unresolved> {
         for image in &images {
             image
@@ -111,7 +111,7 @@ impl PreparedTexture {
     }
 }
 
-/// Why a texture can't be made.
+/// The reason why a texture can't be made.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Unresolved {
@@ -119,10 +119,10 @@ pub enum Unresolved {
     Invalid {
         /// The texture's or image's name.
         object: String,
-        /// What is wrong and what was expected.
+        /// The fault and the expected value.
         problem: String,
     },
-    /// An index points at nothing.
+    /// An index refers to nothing.
     Missing {
         /// The texture's name.
         object: String,
@@ -130,7 +130,7 @@ pub enum Unresolved {
         what: &'static str,
         /// The index.
         index: u32,
-        /// How many there are.
+        /// The number of existing objects.
         count: usize,
     },
 }
@@ -139,7 +139,7 @@ pub enum Unresolved {
 struct Store {
     images: Vec<(Header, Arc<Level>)>,
     pyramids: HashMap<(u32, ColorSpace), Arc<Pyramid>>,
-    /// Which pyramids need coarser levels.
+    /// The pyramids that need coarser levels.
     prefiltered: HashSet<(u32, ColorSpace)>,
 }
 
@@ -179,7 +179,7 @@ impl Store {
         Ok(PreparedTexture { kind })
     }
 
-    /// The image that a texture names.
+    /// The image that a texture refers to.
     fn image(&self, texture: &Texture, index: u32) -> Result<&(Header, Arc<Level>), Unresolved> {
         self.images.get(index as usize).ok_or_else(|| Unresolved::Missing {
             object: format!("texture \"{}\"", texture.name),

@@ -1,8 +1,8 @@
-//! Functions of space that are computed, not stored (5.5): noise, marble, wood, checkers and their like. Each gives a
-//! number, which a ramp turns into a colour.
+//! Computed functions of space (5.5): noise, marble, wood, checkers and their like. Each returns a number, which a ramp
+//! turns into a colour.
 //!
-//! Against aliasing, noise fades octave by octave as the footprint grows, and the ramp's mean is taken over the range
-//! that the number has in the footprint; checkers are integrated exactly over an axis-aligned box around it.
+//! Against aliasing, noise fades octave by octave as the footprint grows. The ramp's mean is taken over the range of
+//! the number in the footprint. Checkers are integrated exactly over an axis-aligned box around the footprint.
 
 use super::noise::{Filtered, Noise, Octaves, seen};
 use super::ramp::RampTable;
@@ -14,11 +14,11 @@ use serde::{Deserialize, Serialize};
 /// A computed texture.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Procedural {
-    /// What gives the number.
+    /// The function that returns the number.
     pub function: Function,
-    /// What makes a colour of it.
+    /// The ramp from the number to a colour.
     pub ramp: Ramp,
-    /// Another number gives another texture of the same kind; 0 is Perlin's own lattice.
+    /// The seed of the texture; 0 is Perlin's own lattice.
     pub seed: u32,
 }
 
@@ -26,18 +26,18 @@ pub struct Procedural {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Function {
-    /// Cubes of side 1 that are 0 and 1 in turn.
+    /// Cubes of side 1 with alternating values 0 and 1.
     Checker,
     /// A distance or angle.
     Gradient {
-        /// Which one.
+        /// The measure.
         shape: Gradient,
-        /// What the ramp is outside of 0 to 1.
+        /// The continuation of the ramp outside of 0 to 1.
         wrap: Wrap,
     },
-    /// Perlin's noise, moved from −1 to 1 into 0 to 1.
+    /// Perlin's noise, mapped from −1 to 1 to 0 to 1.
     Noise,
-    /// Noise of several frequencies, moved into 0 to 1 (fractional Brownian motion).
+    /// Noise of several frequencies, mapped to 0 to 1 (fractional Brownian motion).
     Fbm(Spectrum),
     /// Absolute values of noise of several frequencies, 0 to 1.
     Turbulence(Spectrum),
@@ -45,61 +45,61 @@ pub enum Function {
     Marble {
         /// The turbulence.
         spectrum: Spectrum,
-        /// How many units the waves are shifted by at most.
+        /// The largest shift of the waves in units.
         strength: f32,
     },
-    /// Rings around the y axis, one in each unit, shifted by noise. Each runs through the ramp once.
+    /// Rings around the y axis, one in each unit, shifted by noise. Each ring runs through the ramp once.
     Wood {
         /// The noise.
         spectrum: Spectrum,
-        /// How many units the rings are shifted by at most.
+        /// The largest shift of the rings in units.
         strength: f32,
     },
-    /// Cells around scattered points, one in each unit cube.
+    /// Cells around random points, one in each unit cube.
     Worley {
-        /// Which distance.
+        /// The measured distance.
         feature: Feature,
-        /// How far points are scattered: 0 a regular grid, 1 anywhere in their cubes.
+        /// The randomness of the points: 0 is a regular grid, 1 anywhere in their cubes.
         jitter: f32,
     },
 }
 
-/// What a gradient measures.
+/// The measure of a gradient.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Gradient {
-    /// x: what a texture of a line has for its u.
+    /// The coordinate x, which is u for a texture of a line.
     #[default]
     Linear,
     /// The distance from the y axis.
     Cylindrical,
     /// The distance from the origin.
     Spherical,
-    /// The angle around the y axis, from z towards x, as a share of the whole turn, 0 to 1.
+    /// The angle around the y axis, from z towards x, as a share of the full turn, 0 to 1.
     Angular,
 }
 
-/// What Worley's texture measures.
+/// The measure of Worley's texture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Feature {
     /// The distance to the nearest point, mostly 0 to 1.
     #[default]
     Nearest,
-    /// The distance to the second nearest.
+    /// The distance to the second nearest point.
     Second,
-    /// The difference of the two: 0 where cells meet.
+    /// The difference of both distances: 0 on the boundary of cells.
     Edge,
 }
 
-/// How noises of several frequencies are added up.
+/// The parameters of a sum of noises of several frequencies.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Spectrum {
-    /// How many, 1 to 32.
+    /// The number of octaves, 1 to 32.
     pub octaves: u32,
-    /// The factor of frequency from one to the next, 1 to 16.
+    /// The ratio of frequencies of consecutive octaves, 1 to 16.
     pub lacunarity: f32,
-    /// The factor of amplitude, 0 to 1.
+    /// The ratio of their amplitudes, 0 to 1.
     pub gain: f32,
 }
 
@@ -149,7 +149,7 @@ impl Procedural {
     }
 }
 
-/// A computed texture ready to be looked up.
+/// The runtime form of a computed texture.
 #[derive(Debug)]
 pub(super) struct Computed {
     function: Function,
@@ -158,8 +158,8 @@ pub(super) struct Computed {
     seed: u32,
 }
 
-/// What remains of Worley's distances in footprints of many cells: their means when points are fully scattered, and
-/// the variances of the nearest, the second and their difference.
+/// The limits of Worley's distances in footprints of many cells: their means with a jitter of 1, and the variances of
+/// the nearest, the second and their difference.
 const WORLEY_MEANS: [f64; 2] = [0.521, 0.717];
 const WORLEY_VARIANCES: [f64; 3] = [0.030, 0.021, 0.025];
 
@@ -186,7 +186,7 @@ impl Computed {
                 let radius = if width > 0.0 { self.filter_radius(at, dx, dy, phase, width) } else { 0.0 };
                 let phase = phase.value;
                 let angle = std::f64::consts::TAU * radius;
-                // The mean of a wave over an interval is the wave in its middle, lowered.
+                // The mean of a wave over an interval is the wave at its middle, attenuated.
                 let rest = if angle > 1e-6 { libm::sin(angle) / angle } else { 1.0 };
                 let wave = libm::sin(std::f64::consts::TAU * (phase - phase.floor())) * rest;
                 self.ramp.mean(0.5 + 0.5 * wave, 0.5 * (1.0 - rest * rest).max(0.0).sqrt())
@@ -202,23 +202,24 @@ impl Computed {
         }
     }
 
-    /// The half width of the range that the function has in the footprint.
+    /// The half width of the function's range in the footprint.
     fn filter_radius(&self, at: DVec3, dx: DVec3, dy: DVec3, center: Filtered, width: f64) -> f64 {
         let change = |d: DVec3| {
             let change = self.value(at + d, width).value - center.value;
             match self.function {
-                // Around the seam it is the short way.
+                // Across the seam the shorter change counts.
                 Function::Gradient { shape: Gradient::Angular, .. } => change - change.round(),
                 _ => change,
             }
         };
         let (x, y) = (change(dx), change(dy));
-        // Of a function that changes evenly, the pixel's values are a sum of two that are spread evenly over −x/2 to x/2 and
-        // −y/2 to y/2: an interval if one of them is 0, else one of the same variance, a third of the squared half width.
+        // For a linear function, the pixel's values are the sum of two uniform numbers in −x/2 to x/2 and −y/2 to y/2.
+        // They fill an interval if x or y is 0. Else they are replaced by the interval of equal variance, a third of
+        // the squared half width.
         (0.25 * (x * x + y * y) + 3.0 * center.lost).sqrt()
     }
 
-    /// The function's number; of marble the phase, of wood the ring.
+    /// The function's number: the phase for marble, the ring for wood.
     fn value(&self, p: DVec3, width: f64) -> Filtered {
         let exact = |value| Filtered { value, lost: 0.0 };
         let placed = |n: Filtered, start: f64, factor: f64| Filtered {
@@ -289,11 +290,11 @@ impl Computed {
     }
 }
 
-/// The mean of 1 from 0 to 1, −1 from 1 to 2, and so on, over an interval of this width.
+/// The mean over an interval of this width of the function that is 1 from 0 to 1, −1 from 1 to 2, and so on.
 fn square_wave(x: f64, width: f64) -> f64 {
-    // Its antiderivative: up and down again in each period of 2.
+    // The antiderivative rises and falls in each period of 2.
     let integral = |x: f64| 1.0 - (x - 2.0 * (x * 0.5).floor() - 1.0).abs();
-    // Far below what the differences of an `f64` antiderivative hold, it is no width.
+    // A width far below the rounding of the antiderivative's differences counts as none.
     if width > 1e-11 * x.abs().max(1.0) {
         ((integral(x + 0.5 * width) - integral(x - 0.5 * width)) / width).clamp(-1.0, 1.0)
     } else {
@@ -363,7 +364,7 @@ mod tests {
     fn ramps_along_a_side_of_the_pixel_are_exact() {
         let stop = |at: f32, v: f32| Stop { at, color: [v, v, v, 1.0] };
         let ramp = Ramp { stops: vec![stop(0.0, 0.2), stop(0.3, 1.0)], interpolation: Interpolation::Step };
-        // From 0.25 to 0.375, of which 0.05 lie below the step.
+        // The interval from 0.25 to 0.375, of which 0.05 lie below the step.
         let exact = (0.05 * 0.2 + 0.075 * 1.0) / 0.125;
         let linear = Function::Gradient { shape: Gradient::Linear, wrap: Wrap::Clamp };
         for (dx, dy) in [(DVec3::X * 0.125, DVec3::Y), (DVec3::Z, DVec3::X * -0.125)] {
@@ -374,7 +375,7 @@ mod tests {
 
     #[test]
     fn footprints_bring_values_nearer_to_their_means() {
-        // A ramp with jumps, seen with footprints from a tenth to three units.
+        // A ramp with jumps, under footprints from a tenth to three units.
         let stop = |at: f32, v: f32| Stop { at, color: [v, v, v, 1.0] };
         let stops = vec![stop(0.0, 0.1), stop(0.45, 0.9), stop(0.6, 0.2)];
         for function in all() {

@@ -1,12 +1,12 @@
-//! Mip pyramids (Williams, *Pyramidal Parametrics*, SIGGRAPH 1983): an image at ever lower resolutions.
+//! Mip pyramids (Williams, *Pyramidal Parametrics*, SIGGRAPH 1983): an image at decreasing resolutions.
 //!
-//! Each level has half the texels of the one before, rounded down. A texel is the mean over exactly the area that it
-//! covers, with shares of texels where a side is odd, so that no part of an image of any size weighs more than another. Means
-//! are of linear light, and of colours multiplied by alpha.
+//! Each level has half the texels per side of the one before, rounded down. A texel is the mean over exactly the area
+//! that it covers, with shares of texels where a side is odd. No part of an image of any size thus weighs more than
+//! another. Means are of linear light, and of colours multiplied by alpha.
 //!
-//! The first two coarser levels keep the format of the image: bytes stay bytes. Each is made from the image itself, so that
-//! means are rounded once: rounding to bytes again and again would move what is noisy. Further levels are linear `f32`, since
-//! bytes would lose what is sparse. For images of bytes all of them together take 0.4 of the image's memory.
+//! The first two coarser levels keep the format of the image: bytes stay bytes. Each is made from the image itself, so
+//! that means are rounded once; repeated rounding to bytes would shift noisy values. Further levels are linear `f32`,
+//! since bytes would lose sparse values. For images of bytes all levels together take 0.4 of the image's memory.
 
 use super::codec::{Codec, Slot, Tap};
 use super::halves::{first_levels, has_whole_tiles};
@@ -16,10 +16,10 @@ use crate::texture::half::{from_half, to_half};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// An image ready to be looked up, with coarser levels if they are needed.
+/// The runtime form of an image, with coarser levels if they are needed.
 #[derive(Debug)]
 pub(crate) struct Pyramid {
-    /// The finest first; shared with pyramids of the same image in another colour space.
+    /// The finest level. Pyramids of this image in another colour space share it.
     base: Arc<Level>,
     coarser: Vec<Level>,
     pub(super) codec: Codec,
@@ -61,7 +61,7 @@ impl Pyramid {
         }
     }
 
-    /// The pyramid of an image that is looked up texel by texel, of one level or, with a `weighing`, all.
+    /// The pyramid of an image for lookups of single texels. It has one level or, with a `weighing`, all.
     pub(crate) fn of(image: Image, weighing: Option<Weighing>) -> Pyramid {
         let space = image.space;
         let (header, level) = Header::split(image);
@@ -85,7 +85,7 @@ impl Pyramid {
         [level.width, level.height]
     }
 
-    /// How many levels there are.
+    /// The number of levels.
     pub(crate) fn len(&self) -> usize {
         1 + self.coarser.len()
     }
@@ -95,20 +95,20 @@ impl Pyramid {
     }
 }
 
-/// The levels that keep the format of the image, itself among them.
+/// The number of levels that keep the format of the image, including the image itself.
 pub(super) const COMPACT: usize = 3;
 
-/// How much the rows of an image weigh in the means of coarser texels.
+/// The weight of an image's rows in the means of coarser texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Weighing {
-    /// All the same.
+    /// All rows have equal weight.
     Even,
-    /// As the solid angle that they cover, from pole to pole.
+    /// Rows are weighted by the solid angle that they cover, from pole to pole.
     Sphere,
 }
 
 impl Weighing {
-    /// For each of `coarse` rows, the part of `fine` ones that it covers.
+    /// For each of `coarse` rows, the part of `fine` rows that it covers.
     fn rows(self, fine: u32, coarse: u32) -> Vec<Share> {
         match self {
             Weighing::Even => shares(fine, coarse),
@@ -117,7 +117,7 @@ impl Weighing {
     }
 }
 
-/// What is left of an image when its numbers were moved.
+/// The description of an image without its numbers.
 #[derive(Debug)]
 pub(super) struct Header {
     pub(super) channels: u8,
@@ -126,14 +126,14 @@ pub(super) struct Header {
 }
 
 impl Header {
-    /// Takes an image apart.
+    /// Separates an image into its description and its finest level.
     pub(super) fn split(image: Image) -> (Header, Level) {
         let Image { width, height, channels, samples, space, premultiplied, .. } = image;
         (Header { channels, space, premultiplied }, Level::from_rows(width, height, usize::from(channels), samples))
     }
 }
 
-/// Floating-point numbers on the sRGB curve made linear once and for all: a power for every lookup would be dear.
+/// Converts floating-point numbers on the sRGB curve to linear light. A power for every lookup would be expensive.
 pub(super) fn straightened(base: Arc<Level>) -> Arc<Level> {
     let samples = match &base.samples {
         Samples::U8(_) | Samples::U16(_) => return base,
@@ -147,7 +147,7 @@ pub(super) fn straightened(base: Arc<Level>) -> Arc<Level> {
 fn coarsen(fine: &Level, [width, height]: [u32; 2], codec: &Codec, weighing: Weighing, like: &Samples) -> Level {
     let columns = shares(fine.width, width);
     let rows = weighing.rows(fine.height, height);
-    // A whole band of tiles is one piece of memory.
+    // A whole band of tiles is contiguous in memory.
     let band = (width * TILE) as usize;
     let samples = fill(like, width as usize * height as usize, band, codec, |number, put| {
         let top = number as u32 * TILE;
@@ -168,8 +168,8 @@ fn coarsen(fine: &Level, [width, height]: [u32; 2], codec: &Codec, weighing: Wei
     Level { width, height, samples }
 }
 
-/// Numbers in the format of others, for `count` texels in pieces of `piece`, which are filled in parallel: `make` is
-/// called with a piece's number and what puts a texel to its position in it.
+/// Numbers in the format of `like` for `count` texels, filled in parallel in pieces of `piece` texels. `make` is called
+/// with a piece's number and a function that stores a texel at its position in the piece.
 pub(super) fn fill(
     like: &Samples,
     count: usize,
@@ -210,7 +210,7 @@ impl Work<'_> {
     }
 }
 
-/// The texels that one coarser texel covers, and its share of each.
+/// The texels that one coarser texel covers, and the share of each.
 pub(super) struct Share {
     first: u32,
     weights: Vec<f32>,
@@ -222,17 +222,17 @@ impl Share {
     }
 }
 
-/// For each of `coarse` texels, the part of `fine` ones that it covers.
+/// For each of `coarse` texels, the part of `fine` texels that it covers.
 pub(super) fn shares(fine: u32, coarse: u32) -> Vec<Share> {
     shares_by(fine, coarse, |low, high, _| (high - low) as f64)
 }
 
-/// The same from pole to pole, by the solid angle between two circles of latitude.
+/// [`shares`] from pole to pole, by the solid angle between two circles of latitude.
 fn shares_of_zones(fine: u32, coarse: u32) -> Vec<Share> {
     shares_by(fine, coarse, |low, high, whole| zone(low as f64 / whole as f64, high as f64 / whole as f64))
 }
 
-/// The share of the sphere between two distances from the pole, which are parts of the way to the other pole.
+/// The share of the sphere between two distances from a pole, as fractions of the distance to the other pole.
 pub(crate) fn zone(from: f64, to: f64) -> f64 {
     // (cos a − cos b)/2 = sin((a + b)/2) sin((b − a)/2), without cancellation.
     let half = std::f64::consts::FRAC_PI_2;
@@ -243,7 +243,7 @@ pub(crate) fn zone(from: f64, to: f64) -> f64 {
 fn shares_by(fine: u32, coarse: u32, measure: impl Fn(u64, u64, u64) -> f64) -> Vec<Share> {
     let (fine, coarse) = (u64::from(fine), u64::from(coarse));
     let share = |i: u64| {
-        // Exact in whole numbers: texel i covers [i fine / coarse, (i + 1) fine / coarse].
+        // Exact in integers: texel i covers [i fine / coarse, (i + 1) fine / coarse].
         let (start, end) = (i * fine, (i + 1) * fine);
         let (first, last) = (start / coarse, end.div_ceil(coarse));
         let parts = (first..last).map(|j| measure((j * coarse).max(start), ((j + 1) * coarse).min(end), fine * coarse));
@@ -309,7 +309,7 @@ mod tests {
         let p = pyramid(2, 1, 4, Samples::U8(vec![255, 0, 0, 255, 0, 255, 0, 0]), ColorSpace::Srgb);
         let Samples::U8(data) = &p.level(1).samples else { panic!() };
         assert_eq!(data, &[255, 0, 0, 128]);
-        // Numbers that are no colours are averaged each by itself.
+        // Channels that are not colours are averaged independently.
         let p = pyramid(2, 1, 4, Samples::U8(vec![255, 0, 0, 255, 0, 255, 0, 0]), ColorSpace::Raw);
         let Samples::U8(data) = &p.level(1).samples else { panic!() };
         assert_eq!(data, &[128, 128, 0, 128]);

@@ -1,7 +1,7 @@
-//! Textures of a line: colours at stops, and what is between them (a "1-D texture" of 5.5). Functions of space that give
-//! a number become colours through them as well.
+//! Textures of a line: colours at stops, and their interpolation (a "1-D texture" of 5.5). Ramps also turn the numbers
+//! of functions of space into colours.
 //!
-//! Means over an interval are exact, from the ramp's antiderivative, so that a ramp seen from far away doesn't alias.
+//! Means over an interval are exact, from the ramp's antiderivative, so that a distant ramp doesn't alias.
 
 use super::Wrap;
 use serde::{Deserialize, Serialize};
@@ -9,36 +9,36 @@ use serde::{Deserialize, Serialize};
 /// Colours at places of a line.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Ramp {
-    /// The colours, in the order of their places, at least one. Two at the same place make a jump.
+    /// The colours in the order of their places, at least one. Two at one place make a jump.
     pub stops: Vec<Stop>,
-    /// What is between them.
+    /// The interpolation between them.
     pub interpolation: Interpolation,
 }
 
 /// A colour at a place.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Stop {
-    /// Its place.
+    /// The place of the stop.
     pub at: f32,
     /// Linear red, green, blue and alpha; not multiplied by alpha.
     pub color: [f32; 4],
 }
 
-/// What is between two stops.
+/// The interpolation between two stops.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Interpolation {
-    /// The colour of the one before.
+    /// The colour of the earlier stop.
     Step,
-    /// A straight line.
+    /// Linear interpolation.
     #[default]
     Linear,
-    /// A cubic that is level at the stops.
+    /// Interpolation by a cubic with a slope of zero at the stops.
     Smooth,
 }
 
 impl Default for Ramp {
-    /// From black at 0 to white at 1.
+    /// The ramp from black at 0 to white at 1.
     fn default() -> Ramp {
         let stop = |at: f32| Stop { at, color: [at, at, at, 1.0] };
         Ramp { stops: vec![stop(0.0), stop(1.0)], interpolation: Interpolation::Linear }
@@ -46,13 +46,13 @@ impl Default for Ramp {
 }
 
 impl Ramp {
-    /// The most stops.
+    /// The largest number of stops.
     pub const MAX_STOPS: usize = 1 << 16;
 
     /// Checks the stops.
     ///
     /// # Errors
-    /// A sentence that says what is wrong.
+    /// A sentence that names the fault.
     pub fn check(&self) -> Result<(), String> {
         if self.stops.is_empty() || self.stops.len() > Ramp::MAX_STOPS {
             return Err(format!("stops are {} in number; 1 to {} are possible", self.stops.len(), Ramp::MAX_STOPS));
@@ -74,12 +74,12 @@ impl Ramp {
     }
 }
 
-/// A ramp ready to be looked up.
+/// The runtime form of a ramp.
 #[derive(Debug)]
 pub(super) struct RampTable {
     stops: Vec<Stop>,
     interpolation: Interpolation,
-    /// The integral from the first stop to each one.
+    /// The integral from the first stop to each stop.
     integrals: Vec<[f64; 4]>,
     wrap: Wrap,
     /// The integral over 0 to 1, for ramps that repeat.
@@ -87,9 +87,10 @@ pub(super) struct RampTable {
 }
 
 impl RampTable {
-    /// `wrap` says what is outside of 0 to 1; [`Wrap::Clamp`] goes on to the outermost stops and beyond.
+    /// The table of a ramp. `wrap` is the continuation outside of 0 to 1; [`Wrap::Clamp`] keeps stops outside of 0 to
+    /// 1, and continues the outermost ones.
     pub(super) fn new(ramp: &Ramp, wrap: Wrap) -> RampTable {
-        // Colours are multiplied by alpha, so that what is clear has no colour to give.
+        // Colours are multiplied by alpha, so that the colour of a transparent stop has no effect.
         let multiply = |s: &Stop| {
             let [r, g, b, a] = s.color;
             Stop { at: s.at, color: [r * a, g * a, b * a, a] }
@@ -111,7 +112,7 @@ impl RampTable {
         table
     }
 
-    /// Whether the mean over an interval around t is always the value at t, for t in 0 to 1.
+    /// Whether the mean over every interval around t equals the value at t, for t in 0 to 1.
     pub(super) fn is_a_line(&self) -> bool {
         let [first, last] = self.stops.as_slice() else { return self.stops.len() == 1 };
         self.interpolation == Interpolation::Linear && first.at <= 0.0 && last.at >= 1.0
@@ -134,7 +135,7 @@ impl RampTable {
     fn value(&self, t: f64) -> [f32; 4] {
         let t = match self.wrap {
             Wrap::Clamp => t,
-            // The end belongs to the ramp.
+            // The end point belongs to the ramp.
             _ if (0.0..=1.0).contains(&t) => t,
             Wrap::Repeat => t - t.floor(),
             Wrap::Mirror => {
@@ -152,7 +153,7 @@ impl RampTable {
         std::array::from_fn(|c| before.color[c] + (next.color[c] - before.color[c]) * share)
     }
 
-    /// How much of the next stop's colour there is at t.
+    /// The weight of the next stop's colour at t.
     fn share(&self, t: f64, from: f32, to: f32) -> f64 {
         let s = (t - f64::from(from)) / (f64::from(to) - f64::from(from));
         match self.interpolation {

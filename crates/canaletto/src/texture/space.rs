@@ -1,8 +1,8 @@
-//! What the numbers of an image mean.
+//! The meaning of an image's numbers.
 
 use serde::{Deserialize, Serialize};
 
-/// What the numbers of an image mean.
+/// The meaning of an image's numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum ColorSpace {
@@ -11,17 +11,17 @@ pub enum ColorSpace {
     Srgb,
     /// Linear colours with alpha.
     Linear,
-    /// No colours: heights, normals, masks. Numbers are taken as they are, and the fourth is no alpha that weighs the
-    /// others.
+    /// Numbers that are not colours: heights, normals, masks. They are used unchanged, and the fourth is no alpha that
+    /// weights the others.
     Raw,
 }
 
-/// From a value on the sRGB curve to linear light.
+/// Converts a value on the sRGB curve to linear light.
 pub fn srgb_decode(v: f32) -> f32 {
     if v <= 0.040_45 { v / 12.92 } else { libm::pow((f64::from(v) + 0.055) / 1.055, 2.4) as f32 }
 }
 
-/// From linear light to a value on the sRGB curve.
+/// Converts linear light to a value on the sRGB curve.
 pub(super) fn srgb_encode(v: f32) -> f32 {
     if v <= 0.003_130_8 { 12.92 * v } else { (1.055 * libm::pow(f64::from(v), 1.0 / 2.4) - 0.055) as f32 }
 }

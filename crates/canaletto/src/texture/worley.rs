@@ -1,5 +1,5 @@
-//! Worley's cellular texture (*A Cellular Texture Basis Function*, SIGGRAPH 1996), with one point in each cell of the
-//! lattice instead of a random number of them, as is usual today.
+//! Worley's cellular texture (*A Cellular Texture Basis Function*, SIGGRAPH 1996). Each cell of the lattice has one
+//! point instead of a random number of them, as is usual today.
 
 use super::noise::scatter;
 use glam::DVec3;
@@ -12,7 +12,7 @@ pub(super) fn distances(p: DVec3, jitter: f64, seed: u32) -> [f64; 2] {
     let mut best = [f64::INFINITY; 2];
     let mut visit = |x: i64, y: i64, z: i64| {
         let offset = DVec3::new(x as f64, y as f64, z as f64);
-        // The nearest that a point of this cell can be.
+        // The least distance to any point of this cell.
         let gap = (offset - inside).max(inside - offset - DVec3::ONE).max(DVec3::ZERO);
         if gap.length_squared() >= best[1] {
             return;
@@ -29,7 +29,7 @@ pub(super) fn distances(p: DVec3, jitter: f64, seed: u32) -> [f64; 2] {
         for z in -distance..=distance {
             for y in -distance..=distance {
                 for x in -distance..=distance {
-                    // The cells around first; the ones beyond hold a nearer point only seldom.
+                    // The adjacent cells are visited first; those beyond seldom contain a nearer point.
                     if distance == 1 || x.abs().max(y.abs()).max(z.abs()) == 2 {
                         visit(x, y, z);
                     }
@@ -40,7 +40,7 @@ pub(super) fn distances(p: DVec3, jitter: f64, seed: u32) -> [f64; 2] {
     best.map(f64::sqrt)
 }
 
-/// The place of a cell's point in it.
+/// The position of a cell's point in the cell.
 fn feature(cell: DVec3, jitter: f64, seed: u32) -> DVec3 {
     let [x, y, z] = cell.to_array().map(|v| v as i64 as u64);
     let mut hash = scatter(scatter(scatter(u64::from(seed) ^ x) ^ y) ^ z);

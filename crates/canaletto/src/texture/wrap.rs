@@ -1,47 +1,47 @@
-//! Where the unit square lies on an image, and what is outside of it.
+//! The place of the unit square on an image, and the continuation outside of it.
 
 use serde::{Deserialize, Serialize};
 
-/// What is outside the unit square.
+/// The continuation outside the unit square.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Wrap {
-    /// The image again and again.
+    /// The image is repeated.
     #[default]
     Repeat,
-    /// The image again and again, every other one mirrored.
+    /// The image is repeated, and every other copy is mirrored.
     Mirror,
-    /// The texels at the border, without end.
+    /// The texels at the border continue outwards.
     Clamp,
-    /// Opaque black.
+    /// The outside is opaque black.
     Black,
-    /// Nothing: black with an alpha of 0.
+    /// The outside is transparent: black with an alpha of 0.
     Transparent,
 }
 
-/// Where coordinates 0 and 1 are on an image.
+/// The places of coordinates 0 and 1 on an image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Placement {
-    /// The centres of the first and the last texel, as in the chapter (5.5). Repeated tiles lie side by side without
-    /// blending into each other.
+    /// The centres of the first and the last texel, as in the chapter (5.5). Repeated tiles are adjacent and don't
+    /// blend into each other.
     #[default]
     Centers,
-    /// The outer edges of the first and the last texel, as in OpenGL and glTF. For images made to be repeated, and
-    /// for those that cover a sphere.
+    /// The outer edges of the first and the last texel, as in OpenGL and glTF. This is for images made to be repeated,
+    /// and for those that cover a sphere.
     Edges,
 }
 
-/// One axis of an image: how coordinates become texels.
+/// One axis of an image: the map from coordinates to texels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Axis {
     pub(super) wrap: Wrap,
     pub(super) placement: Placement,
-    /// Texels of the whole image along this axis.
+    /// The number of texels of the whole image along this axis.
     pub(super) size: u32,
 }
 
 impl Axis {
-    /// Texels for each unit of the coordinate.
+    /// The number of texels per unit of the coordinate.
     pub(super) fn scale(&self) -> f64 {
         match self.placement {
             Placement::Centers => f64::from(self.size - 1),
@@ -49,13 +49,13 @@ impl Axis {
         }
     }
 
-    /// The place along the whole image in texels, its outer edges at 0 and `size`, and −1 if it is mirrored there, else
-    /// 1. What repeats is brought back to the first tile.
+    /// The place along the whole image in texels, with its outer edges at 0 and `size`; a repeated place is moved to
+    /// the first tile. The second number is −1 where the image is mirrored, else 1.
     pub(super) fn position(&self, u: f64) -> (f64, f64) {
         let u = if u.is_finite() { u } else { 0.0 };
         let mut direction = 1.0;
         let u = match self.wrap {
-            // A tile is closed at its end: 1 is the last texel's centre and not the next tile's first.
+            // A tile includes its end: 1 is the last texel's centre and not the next tile's first.
             Wrap::Repeat if self.placement == Placement::Centers && (0.0..=1.0).contains(&u) => u,
             Wrap::Repeat => u - u.floor(),
             Wrap::Mirror => {
@@ -67,7 +67,7 @@ impl Axis {
                     u
                 }
             }
-            // Far outside everything is the same; the bound keeps texel numbers small.
+            // Far outside the image is constant; the bound keeps texel numbers small.
             Wrap::Clamp | Wrap::Black | Wrap::Transparent => u.clamp(-1.0e9, 1.0e9),
         };
         let position = match self.placement {
@@ -77,7 +77,7 @@ impl Axis {
         (position, direction)
     }
 
-    /// The texel that stands at number `index` of a level with `count` texels; nothing if there is none.
+    /// The texel at number `index` of a level with `count` texels; none on a black or transparent outside.
     #[inline]
     pub(super) fn texel(&self, index: i64, count: u32) -> Option<u32> {
         let n = i64::from(count);
@@ -86,7 +86,7 @@ impl Axis {
         }
         Some(match self.wrap {
             Wrap::Repeat => index.rem_euclid(n) as u32,
-            // Mirrored in the outer texels' centres; on coarser levels these lie between texels, nearer to the edges.
+            // Mirrored at the outer texels' centres. On coarser levels these lie between texels, nearer to the edges.
             Wrap::Mirror if self.placement == Placement::Centers && count == self.size => {
                 let period = (2 * (n - 1)).max(1);
                 let i = index.rem_euclid(period);
@@ -101,7 +101,7 @@ impl Axis {
         })
     }
 
-    /// How much of the interval around a place of the whole image lies on the image, if there is nothing outside.
+    /// The share of the interval around a place that lies on the image, if the outside is black or transparent.
     pub(super) fn coverage(&self, position: f64, radius: f64) -> f64 {
         match self.wrap {
             Wrap::Black | Wrap::Transparent if !radius.is_finite() => 0.0,
