@@ -1,8 +1,8 @@
-//! The thin lens (5.6): rays leave from points of an aperture and meet in the plane of focus, so that only what lies there
-//! is sharp.
+//! The thin lens (5.6). Rays leave from points of an aperture and converge in the plane of focus, so that only points
+//! of this plane are sharp.
 //!
-//! A point at depth z appears as an image of the aperture, magnified: on the plane of focus at depth f it covers a circle
-//! of radius r |f − z| / z, the circle of confusion for an aperture of radius r.
+//! A point at depth z appears as an image of the aperture, magnified. On the plane of focus at depth f it covers a
+//! circle of radius r |f − z| / z, the circle of confusion for an aperture of radius r.
 
 use super::CameraError;
 use crate::math::warp;
@@ -13,9 +13,9 @@ use glam::{DVec2, DVec3};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Optics {
     radius: f64,
-    /// Corners of the aperture; 0 if it is round.
+    /// The number of corners of the aperture; 0 if it is round.
     blades: u32,
-    /// Cosine and sine of the angle of its first corner.
+    /// The cosine and sine of the angle of the first corner.
     rotation: [f64; 2],
 }
 
@@ -46,7 +46,7 @@ impl Optics {
         Ok(Optics { radius, blades: lens.blades, rotation: [cos, sin] })
     }
 
-    /// The depth of the plane of focus for a camera here.
+    /// The depth of the plane of focus for a camera at this place.
     pub(super) fn depth(lens: &Lens, place: &Extrinsics, backwards: DVec3) -> Result<f64, CameraError> {
         match lens.focus {
             Focus::Distance(depth) if depth > 0.0 && depth.is_finite() => Ok(depth),
@@ -67,7 +67,7 @@ impl Optics {
         }
     }
 
-    /// The point of the lens at `u` of the unit square, to the right and upwards from its centre.
+    /// The point of the lens at `u` of the unit square, relative to its centre: to the right and upwards.
     pub(super) fn point(&self, u: [f64; 2]) -> DVec2 {
         let p = if self.blades == 0 { warp::disk(u) } else { warp::polygon(u, self.blades) };
         let [cos, sin] = self.rotation;

@@ -1,7 +1,8 @@
-//! The camera (5.2): rays from pixels, and pixels from points. A pinhole, unless it has a lens; standing still, unless it
-//! moves while its shutter is open.
+//! The camera (5.2): rays from pixels, and pixels from points. It is a pinhole, unless it has a lens. It is at rest,
+//! unless it moves while its shutter is open.
 //!
-//! In `f64`: a camera makes one ray per sample, and the first rounding to `f32` should be the ray's direction itself.
+//! It computes in `f64`: it makes one ray per sample, and the first rounding to `f32` should be that of the ray's
+//! direction.
 
 mod lens;
 mod roll;
@@ -18,7 +19,7 @@ use lens::Optics;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {
     eye: DVec3,
-    /// What the eye is counted from.
+    /// The origin of the coordinates of the eye.
     zero: DVec3,
     /// The unit axes x̂ₑ (right), ŷₑ (up), ẑₑ (backwards).
     axes: [DVec3; 3],
@@ -28,13 +29,13 @@ pub struct Camera {
     window: DVec2,
     shift: DVec2,
     size: [u32; 2],
-    /// The lens and the depth that it is focused at.
+    /// The lens and the depth of its plane of focus.
     lens: Option<(Optics, f64)>,
-    /// How it moves while the shutter is open.
+    /// The motion while the shutter is open.
     motion: Option<Motion>,
 }
 
-/// A camera's way.
+/// The motion of a camera.
 #[derive(Clone, Debug, PartialEq)]
 struct Motion {
     path: AnimatedTransform,
@@ -42,31 +43,31 @@ struct Motion {
     depths: Vec<f64>,
 }
 
-/// A ray from the eye with what was chosen for it.
+/// A ray from the eye with its sample on the lens and its differential.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EyeRay {
     /// The ray, of unit direction.
     pub line: DRay,
-    /// The point of the lens that it left, to the right and upwards from the eye; `None` without a lens.
+    /// The ray's point on the lens, to the right and upwards from the eye; `None` without a lens.
     pub lens: Option<DVec2>,
-    /// How it changes to the neighbouring samples, if that was asked for.
+    /// The ray's differences to the neighbouring samples, if they were requested.
     pub differential: Option<RayDifferential>,
 }
 
-/// Why parameters make no camera.
+/// The reason why parameters make no camera.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CameraError {
-    /// There is no optical axis.
+    /// The eye equals the centre, so that there is no optical axis.
     #[error("eye and center are the same point; the camera has no direction to look in")]
     NoDirection,
-    /// The picture could be turned any way.
+    /// `up` is parallel to the optical axis, so that the roll is undefined.
     #[error("up is parallel to the direction from eye to center (or zero); the picture has no upward side")]
     NoUp,
     /// The angle of view is out of range.
     #[error("fovy is {0}; the angle of view must be more than 0 and less than 180 degrees")]
     Fovy(f64),
-    /// The picture has no pixels, or more than can be counted.
+    /// The picture has no pixels, or more than the largest number.
     #[error("size is {0} x {1}; each side must be between 1 and {max} pixels", max = Camera::MAX_SIDE)]
     Size(u32, u32),
     /// The planes do not bound a view.
@@ -78,10 +79,10 @@ pub enum CameraError {
     /// The shutter closes before it opens, or is open for too long.
     #[error("shutter is {0} {1}; it opens before it closes, at most {max} frames from the frame's time", max = Intrinsics::MAX_SHUTTER)]
     Shutter(f64, f64),
-    /// The lens makes no picture; says why.
+    /// The lens makes no picture; the text names the reason.
     #[error("lens: {0}")]
     Lens(String),
-    /// The camera can't move as it should; says why.
+    /// The motion is impossible; the text names the reason.
     #[error("motion: {0}")]
     Motion(String),
 }
@@ -93,7 +94,7 @@ impl Camera {
     /// The camera of these parameters.
     ///
     /// # Errors
-    /// [`CameraError`] says which parameters make no picture.
+    /// A [`CameraError`] that names the parameters that make no picture.
     pub fn new(intrinsics: &Intrinsics, extrinsics: &Extrinsics) -> Result<Camera, CameraError> {
         let Intrinsics { fovy, width, height, near, far, shift, lens, shutter } = *intrinsics;
         let extrinsics = *extrinsics;
@@ -144,7 +145,7 @@ impl Camera {
     /// The camera of a view, which may move while the shutter is open.
     ///
     /// # Errors
-    /// [`CameraError`] says which parameters make no picture.
+    /// A [`CameraError`] that names the parameters that make no picture.
     pub fn of(view: &View) -> Result<Camera, CameraError> {
         let View { intrinsics, extrinsics, motion, .. } = view;
         let Some(first) = motion.first() else { return Camera::new(intrinsics, extrinsics) };
@@ -165,24 +166,24 @@ impl Camera {
         Ok(Camera { motion: Some(Motion { path, depths }), ..Camera::new(intrinsics, first)? })
     }
 
-    /// The same camera with places counted from a point; see [`crate::world::World::origin`].
+    /// The camera in coordinates relative to a point; see [`crate::world::World::origin`].
     pub(crate) fn counted_from(&self, origin: DVec3) -> Camera {
         Camera { eye: self.eye - origin, zero: self.zero + origin, ..self.clone() }
     }
 
-    /// Whether it is a pinhole that stays where it is, so that all rays are [`Camera::line`]s.
+    /// Whether the camera is a pinhole at rest, so that all rays are [`Camera::line`]s.
     #[inline]
     pub fn is_plain(&self) -> bool {
         self.lens.is_none() && self.motion.is_none()
     }
 
-    /// Whether it moves while the shutter is open.
+    /// Whether the camera moves while the shutter is open.
     #[inline]
     pub fn moves(&self) -> bool {
         self.motion.is_some()
     }
 
-    /// The camera at a time in 0..=1, from the shutter's opening to its closing, standing still.
+    /// The camera at rest at a time in 0..=1, from the shutter's opening to its closing.
     pub fn at(&self, time: f64) -> Camera {
         let Some(Motion { path, depths }) = &self.motion else { return self.clone() };
         let pose = path.at(time);
@@ -200,9 +201,9 @@ impl Camera {
         }
     }
 
-    /// The ray for (x, y) that leaves the lens at `lens` of the unit square, at a time in 0..=1. A point of the plane of
-    /// focus is met through every point of the lens. With a `spacing` it knows how it changes to samples that many pixels
-    /// away, through the same point of the lens.
+    /// The ray for (x, y) that leaves the lens at `lens` of the unit square, at a time in 0..=1. Every point of the
+    /// lens sees one point of the plane of focus. With a `spacing` the ray has a differential to samples that many
+    /// pixels away, through an unchanged point of the lens.
     pub fn ray(&self, x: f64, y: f64, lens: [f64; 2], time: f64, spacing: Option<f64>) -> EyeRay {
         if self.moves() {
             return self.at(time).ray(x, y, lens, 0.0, spacing);
@@ -214,15 +215,15 @@ impl Camera {
         let point = optics.point(lens);
         let (eye, d) = self.chapter_ray(x, y);
         let offset = self.axes[0] * point.x + self.axes[1] * point.y;
-        // d ends on the projection plane at depth d_f.
+        // The vector d ends on the projection plane at depth d_f.
         let scale = depth / self.near;
         let d = d * scale - offset;
         let differential = spacing.map(|spacing| self.spread_of(d, spacing * scale));
         EyeRay { line: DRay { origin: eye + offset, direction: d.normalize() }, lens: Some(point), differential }
     }
 
-    /// The chapter's ray for (x, y) in pixels, y upwards: eye and d of (5.10), of the length that reaches the
-    /// projection plane. (0, 0) is the lower left corner of the picture, (w, h) the upper right one.
+    /// The chapter's ray for (x, y) in pixels, y upwards: eye and d of (5.10). The length of d reaches the projection
+    /// plane. (0, 0) is the lower left corner of the picture, (w, h) the upper right one.
     #[inline]
     pub fn chapter_ray(&self, x: f64, y: f64) -> (DVec3, DVec3) {
         let [x_e, y_e, z_e] = self.axes;
@@ -231,25 +232,25 @@ impl Camera {
         (self.eye, -z_e * self.near + y_e * v + x_e * u) // (5.10)
     }
 
-    /// The same ray with a unit direction, as the integrators trace it.
+    /// The chapter's ray with a unit direction, as the integrators trace it.
     #[inline]
     pub fn line(&self, x: f64, y: f64) -> DRay {
         let (origin, d) = self.chapter_ray(x, y);
         DRay { origin, direction: d.normalize() }
     }
 
-    /// The same for many places at once, of which there are as many as lines.
+    /// Computes [`Camera::line`] for many places at once. There must be as many lines as places.
     pub(crate) fn lines(&self, places: &[[f64; 2]], lines: &mut [DRay]) {
         InstructionSet::run(Lines { camera: self, places, lines });
     }
 
-    /// How that ray changes to samples `spacing` pixels to the right and above (Igehy 1999, (8)).
+    /// The differential of [`Camera::line`] to samples `spacing` pixels to the right and above (Igehy 1999, (8)).
     pub fn differential(&self, x: f64, y: f64, spacing: f64) -> RayDifferential {
         let (_, d) = self.chapter_ray(x, y);
         self.spread_of(d, spacing)
     }
 
-    /// The same for a ray along `d`, which moves over the picture like the projection plane `scale` times as large.
+    /// The differential of a ray along `d`, which ends on the projection plane scaled by `scale`.
     fn spread_of(&self, d: DVec3, scale: f64) -> RayDifferential {
         let [x_e, y_e, _] = self.axes;
         let [right, up] = [
@@ -262,8 +263,8 @@ impl Camera {
         RayDifferential { origin: [DVec3::ZERO; 2], direction: [turn(right), turn(up)] }
     }
 
-    /// Where a point appears, in pixels with y upwards; `None` for points that are not in front of the eye. The
-    /// inverse of [`Camera::chapter_ray`].
+    /// The position of a point in the picture, in pixels with y upwards; `None` for points that are not in front of the
+    /// eye. It is the inverse of [`Camera::chapter_ray`].
     pub fn project(&self, p: DVec3) -> Option<DVec2> {
         let [x_e, y_e, z_e] = self.axes;
         let v = p - self.eye;
@@ -291,7 +292,7 @@ impl Camera {
         self.size
     }
 
-    /// d_f, the distance of the projection plane (5.2a).
+    /// The distance d_f of the projection plane (5.2a).
     pub fn focal_distance(&self) -> f64 {
         self.near
     }
@@ -347,7 +348,7 @@ impl Kernel for Lines<'_> {
 fn axes(Extrinsics { eye, center, up }: Extrinsics) -> Result<[DVec3; 3], CameraError> {
     let z = (eye - center).try_normalize().ok_or(CameraError::NoDirection)?; // (5.3a)
     let sideways = up.try_normalize().ok_or(CameraError::NoUp)?.cross(z);
-    // The cross product of unit vectors is the sine between them: below this it holds no digits of `up`.
+    // The cross product of unit vectors is the sine of their angle: below this it holds no digits of `up`.
     if sideways.length() < 1e-9 {
         return Err(CameraError::NoUp);
     }
@@ -437,7 +438,8 @@ mod tests {
         assert_eq!(error(intrinsics, nan), CameraError::NotFinite("eye"));
     }
 
-    /// A point off the plane of focus is seen through each point of the lens in another place: the circle of confusion.
+    /// A point off the plane of focus is seen at different places through each point of the lens: the circle of
+    /// confusion.
     #[test]
     fn points_are_blurred_by_the_circle_of_confusion() {
         let (mut intrinsics, extrinsics) = exercise_1();
@@ -450,7 +452,8 @@ mod tests {
         let n = 64;
         let at = |i: u32| (f64::from(i) + 0.5) / f64::from(n);
         for depth in [40.0, 120.0, 700.0] {
-            // Where rays through pixel (150, 260) meet the plane at this depth, in pixels from where the pinhole's does.
+            // The intersections of rays through pixel (150, 260) with the plane at this depth, in pixels relative to
+            // the pinhole's.
             let z = camera.axes()[2];
             let (mut largest, mut squares) = (0f64, 0.0);
             for i in 0..n * n {
@@ -495,7 +498,7 @@ mod tests {
     fn apertures_and_focus_have_two_forms() {
         let (mut intrinsics, extrinsics) = exercise_1();
         let of = |lens| Camera::new(&Intrinsics { lens: Some(lens), ..intrinsics }, &extrinsics);
-        // 30 / (2 · 2.5); the centre lies |(100, 40, 40)| away on the axis.
+        // 30 / (2 · 2.5); the centre is at the distance |(100, 40, 40)| on the axis.
         let number = Lens { aperture: Aperture::Number(2.5), focus: Focus::Center, blades: 6, rotation: 15.0 };
         let distance = 13200f64.sqrt();
         let radius = Lens { aperture: Aperture::Radius(6.0), focus: Focus::Distance(distance), ..number };
@@ -535,7 +538,7 @@ mod tests {
             let (a, b) = (camera.ray(7.0, 9.0, [0.5; 2], time, None).line, there.line(7.0, 9.0));
             assert!((a.direction - b.direction).length() < 1e-12);
         }
-        // Half way along the chord, and looking half way round.
+        // The eye is half the chord along, and the axes are turned half as far.
         let between = camera.at(0.25);
         assert!((between.eye() - (circle(0.0).eye + circle(60.0).eye) / 2.0).length() < 1e-12);
         assert!((between.axes()[2] - circle(30.0).eye / 100.0).length() < 1e-12);

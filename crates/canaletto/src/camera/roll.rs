@@ -1,19 +1,19 @@
-//! The roll of a camera that looks along its own `up`, where (5.3b) has no answer.
+//! The roll of a camera whose view direction is along its own `up`, where (5.3b) is undefined.
 
 use super::axes;
 use crate::scene::Extrinsics;
 use glam::DVec3;
 
-/// `place` with an `up` that continues the roll of `before`. The picture's upward side of `before` is turned by the
-/// smallest rotation that takes the old optical axis to the new one. Returns `None` if either place has no optical axis,
-/// or if `before` has no roll itself.
+/// Returns `place` with an `up` that continues the roll of `before`. The picture's upward side of `before` is turned by
+/// the smallest rotation that maps the old optical axis to the new one. Returns `None` if either place has no optical
+/// axis, or if `before` has no roll itself.
 pub fn continue_roll(place: &Extrinsics, before: &Extrinsics) -> Option<Extrinsics> {
     let [_, upwards, backwards] = axes(*before).ok()?;
     let z = (place.eye - place.center).try_normalize()?;
     Some(Extrinsics { up: turned(upwards, backwards, z), ..*place })
 }
 
-/// Whether (5.3) gives the place a roll.
+/// Whether (5.3) defines a roll for the place.
 pub fn has_roll(place: &Extrinsics) -> bool {
     axes(*place).is_ok()
 }
@@ -26,12 +26,12 @@ pub fn flips_roll(place: &Extrinsics, before: &Extrinsics) -> bool {
     }
 }
 
-/// `v` after the smallest rotation that takes unit vector `from` to unit vector `to` (Rodrigues' formula, with the sine
-/// and the cosine from the products of the two).
+/// The vector `v` after the smallest rotation that maps unit vector `from` to unit vector `to`. It is Rodrigues'
+/// formula, with the sine and the cosine from the products of both vectors.
 fn turned(v: DVec3, from: DVec3, to: DVec3) -> DVec3 {
     let (axis, cos) = (from.cross(to), from.dot(to));
     if cos <= -1.0 {
-        // A half turn around `v`, which is at a right angle to `from`.
+        // A half turn around `v`, which is perpendicular to `from`.
         return v;
     }
     v + axis.cross(v) + axis.cross(axis.cross(v)) / (1.0 + cos)
@@ -51,7 +51,7 @@ mod tests {
         let above = at(DVec3::new(0.0, 8.0, 0.0));
         assert!(!has_roll(&above));
         let kept = continue_roll(&above, &before).unwrap();
-        // The camera came from +z and looks down: up in the picture is -z.
+        // The camera comes from +z and faces down, so that up in the picture is -z.
         assert!((kept.up - DVec3::NEG_Z).length() < 1e-12, "{}", kept.up);
         assert!(has_roll(&kept));
         assert_eq!(continue_roll(&before, &above), None);

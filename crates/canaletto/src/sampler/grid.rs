@@ -1,21 +1,21 @@
-//! The chapter's jittered grid (fig. 5.36) for any number of samples and dimensions: each sample has a cell of its own and
-//! a random place in it.
+//! The chapter's jittered grid (fig. 5.36) for any number of samples and dimensions. Each sample has a cell of its own
+//! and a random place in it.
 //!
-//! Which cell is another random order in each dimension (after Kensler, *Correlated Multi-Jittered Sampling*, 2013, §3),
-//! or a sample low in the pixel would always see a low part of the light.
+//! Each dimension assigns the cells in a different random order (after Kensler, *Correlated Multi-Jittered Sampling*,
+//! 2013, §3). Otherwise a sample low in the pixel would always see a low part of the light.
 
 use super::hash::{mix, unit};
 
 /// The largest number below 1.
 const BELOW_ONE: f64 = 1.0 - f64::EPSILON / 2.0;
 
-/// A number: `count` equal strata, one for each sample.
+/// A number in one of `count` equal strata, one for each sample.
 pub(super) fn one(index: u32, count: u32, key: u64) -> f64 {
     place(permute(index, count, key), unit(mix(key ^ u64::from(index))), count)
 }
 
-/// A point: a grid as square as can be. Where `count` isn't a product of two near numbers, some cells stay empty; which
-/// ones is random, so that no part of the square is preferred.
+/// A point in a grid that is as square as possible. Where `count` isn't a product of two near numbers, some random
+/// cells stay empty, so that no part of the square is preferred.
 pub(super) fn two(index: u32, count: u32, key: u64) -> [f64; 2] {
     let across = count.isqrt().max(1);
     let up = count.div_ceil(across);
@@ -28,7 +28,7 @@ fn place(cell: u32, jitter: f64, cells: u32) -> f64 {
     ((f64::from(cell) + jitter) / f64::from(cells)).min(BELOW_ONE)
 }
 
-/// Where `index` goes in a random order of 0..count.
+/// The position of `index` in a random order of 0..count.
 fn permute(index: u32, count: u32, key: u64) -> u32 {
     if count < 2 {
         return 0;
@@ -36,9 +36,9 @@ fn permute(index: u32, count: u32, key: u64) -> u32 {
     let bits = 32 - (count - 1).leading_zeros();
     let mask = u32::MAX >> (32 - bits);
     let half = bits.div_ceil(2);
-    // A bijection of as many bits as it takes, repeated until the number is one of the first `count`: a random walk along
-    // a cycle, of fewer than two steps in the mean.
-    // Few bits are scattered badly; that the order starts anywhere makes every place equally likely all the same.
+    // A bijection on the necessary number of bits is repeated until the number is below `count`. This is a random walk
+    // along a cycle, of fewer than two steps in the mean. Few bits are mixed badly; the random start of the order still
+    // makes every position equally likely.
     let start = ((u64::from(mix(!key) as u32) * u64::from(count)) >> 32) as u32;
     let mut x = ((u64::from(index) + u64::from(start)) % u64::from(count)) as u32;
     loop {
@@ -70,8 +70,8 @@ mod tests {
         }
     }
 
-    /// Each index goes to each place equally often: χ² over the places of every index, 24 degrees of freedom each, 99.9 %
-    /// of which lie below 51.2.
+    /// Each index has each position equally often: χ² over the positions of every index, 24 degrees of freedom each,
+    /// 99.9 % of which lie below 51.2.
     #[test]
     fn orders_are_random() {
         let (count, keys) = (25, 5000);

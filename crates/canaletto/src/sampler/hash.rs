@@ -1,7 +1,7 @@
 //! The hash behind all random numbers.
 
-/// A bijection of 64 bits that scatters its input (Stafford's variant 13 of MurmurHash3's finaliser, as in SplitMix64),
-/// after adding its odd constant so that 0 isn't a fixed point.
+/// A mixing bijection of 64 bits (Stafford's variant 13 of MurmurHash3's finaliser, as in SplitMix64). It adds an odd
+/// constant first so that 0 isn't a fixed point.
 #[inline]
 pub(super) const fn mix(value: u64) -> u64 {
     let mut x = value.wrapping_add(0x9e37_79b9_7f4a_7c15);

@@ -1,9 +1,9 @@
-//! Random numbers without a state: each is a hash of where it is used, so that tiles can be rendered in any order.
+//! Random numbers without a state: each is a hash of its use, so that tiles can be rendered in any order.
 //!
-//! A ray tracer with distributed rays (5.6; Cook, Porter & Carpenter 1984) integrates over many dimensions: the pixel's
-//! area, the lens, time, the points of each light at each hit, the lobe of each glossy ray. [`Sample`] is one ray from the
-//! eye and answers any [`Dimension`] with one or two numbers; over all samples of a pixel these numbers are spread by the
-//! pixel's [`SamplerKind`].
+//! Distribution ray tracing (5.6; Cook, Porter & Carpenter 1984) integrates over many dimensions: the pixel's area, the
+//! lens, time, the points of each light at each hit, the lobe of each glossy ray. [`Sample`] is one ray from the eye.
+//! It returns one or two numbers for any [`Dimension`]. The pixel's [`SamplerKind`] distributes these numbers over all
+//! samples of the pixel.
 
 mod grid;
 mod hash;
@@ -21,30 +21,31 @@ pub struct Sampler {
     kind: SamplerKind,
 }
 
-/// The sources of a frame's pixels.
+/// The sources of numbers of a frame's pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameSampler {
     key: u64,
     kind: SamplerKind,
 }
 
-/// What a number is used for. Two uses share no numbers; each has a spread of its own over the samples of the pixel.
+/// The use of a number. Different uses share no numbers, and each has its own distribution over the samples of the
+/// pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Dimension(u64);
 
 impl Dimension {
-    /// The ray from the eye itself.
+    /// The root dimension of the ray from the eye.
     pub const EYE: Dimension = Dimension(0);
-    /// The place in the pixel of rays that a filter's negative part takes.
+    /// The place in the pixel of rays that sample a filter's negative part.
     pub const BELOW: Dimension = Dimension::EYE.of(3);
 
-    /// Use number `n` of what happens here: a child ray, a light, a lobe.
+    /// The dimension of use number `n` under this one: a child ray, a light, a lobe.
     pub const fn of(self, n: u32) -> Dimension {
         Dimension(mix(self.0 ^ (n as u64) << 32))
     }
 }
 
-/// One of the samples that make a pixel.
+/// One of the samples of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sample {
     sampler: Sampler,
@@ -55,21 +56,21 @@ pub struct Sample {
 /// The numbers of a ray from the eye, each in [0, 1).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraNumbers {
-    /// Where in the pixel.
+    /// The place in the pixel.
     pub film: [f64; 2],
-    /// Where on the lens.
+    /// The place on the lens.
     pub lens: [f64; 2],
-    /// When.
+    /// The time.
     pub time: f64,
 }
 
 impl FrameSampler {
-    /// For this frame, with numbers spread in this way.
+    /// The sources of this frame, with numbers distributed by this kind.
     pub fn new(seed: u64, frame: u32, kind: SamplerKind) -> FrameSampler {
         FrameSampler { key: mix(mix(seed) ^ u64::from(frame)), kind }
     }
 
-    /// The source for a pixel.
+    /// The source of numbers for a pixel.
     #[inline]
     pub fn pixel(&self, [x, y]: [u32; 2]) -> Sampler {
         let position = u64::from(x) << 32 | u64::from(y);
@@ -78,12 +79,12 @@ impl FrameSampler {
 }
 
 impl Sampler {
-    /// The default kind of source for one pixel of one frame.
+    /// The source of numbers of the default kind for one pixel of one frame.
     pub fn new(seed: u64, frame: u32, pixel: [u32; 2]) -> Sampler {
         FrameSampler::new(seed, frame, SamplerKind::default()).pixel(pixel)
     }
 
-    /// The same source with numbers spread in another way.
+    /// Returns the source with numbers distributed by another kind.
     #[inline]
     pub fn of_kind(self, kind: SamplerKind) -> Sampler {
         Sampler { kind, ..self }
@@ -118,8 +119,8 @@ impl Sample {
         self.sampler.two(dimension, self.index, self.count)
     }
 
-    /// The same for use number `n` of `of` in the sample, such as one of a light's points: all samples' uses together are
-    /// spread like as many samples.
+    /// [`Sample::two`] for use number `n` of `of` in the sample, such as one of a light's points. The uses of all
+    /// samples together are distributed like `of` times as many samples.
     pub fn two_of(&self, dimension: Dimension, n: u32, of: u32) -> [f64; 2] {
         let index = self.index.wrapping_mul(of).wrapping_add(n);
         self.sampler.two(dimension, index, self.count.saturating_mul(of))
@@ -130,12 +131,13 @@ impl Sample {
         CameraNumbers { film: self.film(), lens: self.two(Dimension::EYE.of(1)), time: self.one(Dimension::EYE.of(2)) }
     }
 
-    /// Where in the pixel the ray from the eye goes: [`CameraNumbers::film`] alone.
+    /// The place in the pixel of the ray from the eye: [`CameraNumbers::film`] alone.
     pub fn film(&self) -> [f64; 2] {
         self.two(Dimension::EYE)
     }
 
-    /// A point of [0, 1)² for number `index` of `count` samples that are spread by themselves, such as a part of the pixel's.
+    /// A point of [0, 1)² for number `index` of `count` samples that are distributed by themselves, such as a part of
+    /// the pixel's.
     #[inline]
     pub fn two_among(&self, dimension: Dimension, index: u32, count: u32) -> [f64; 2] {
         self.sampler.two(dimension, index, count)
@@ -144,7 +146,7 @@ impl Sample {
 
 impl Sampler {
     fn key_of(&self, dimension: Dimension) -> u64 {
-        // Another constant than those of `uniform`, whose numbers may be in use beside these.
+        // The constant differs from those of `uniform`, whose numbers may be used beside these.
         mix(self.key ^ dimension.0.rotate_left(17) ^ 0x5bf0_3635_dca5_4a8d)
     }
 

@@ -1,14 +1,14 @@
 //! The first two dimensions of Sobol's sequence with Owen's scrambling.
 //!
 //! Direction numbers: Joe & Kuo, *Constructing Sobol sequences with better two-dimensional projections* (2008),
-//! `new-joe-kuo-6`. Scrambling by hashing: Burley, *Practical Hash-based Owen Scrambling* (JCGT 9(4), 2020), after Laine &
-//! Karras 2011, with the constants that Vegdahl found to scramble better (*Building a Better LK Hash*, 2021).
+//! `new-joe-kuo-6`. Scrambling by hashing: Burley, *Practical Hash-based Owen Scrambling* (JCGT 9(4), 2020), after
+//! Laine & Karras 2011. Vegdahl's constants scramble better (*Building a Better LK Hash*, 2021).
 //!
-//! A scrambling by a hash whose every bit depends on the higher ones only keeps all nets of the sequence: of 2^m points,
-//! exactly one lies in each of 2^m equal boxes, whatever the shape of the boxes. Every use takes these two dimensions, with
-//! another order of the points (Burley's padding), which is again a scrambling, of the index. The sequence's further
-//! dimensions would be spread together with the first, but their pairs are worse nets: for the two numbers of a lens the
-//! error of 256 samples was a fifth larger.
+//! Each bit of the scrambling hash depends on the higher bits only, which keeps all nets of the sequence: of 2^m
+//! points, exactly one lies in each of 2^m equal boxes of any shape. Every use takes these two dimensions with another
+//! order of the points (Burley's padding), which is a scrambling of the index. The sequence's further dimensions would
+//! be distributed jointly with the first. But their pairs are worse nets: for the two numbers of a lens the error of
+//! 256 samples was a fifth larger.
 
 use super::hash::mix;
 
@@ -27,9 +27,10 @@ pub(super) fn one(index: u32, key: u64) -> f64 {
     points::<1>(index, key)[0]
 }
 
-/// Point `index` in a dimension, the first digit in bit 0. The first is van der Corput's sequence. In the second, digit j is the sum of those
-/// digits i of the index for which the binomial coefficient of i over j is odd: where i has all bits of j (Lucas). So the matrix is a power of
-/// its upper left quarter of two by two, and five steps do.
+/// Point `index` in a dimension, the first digit in bit 0. The first dimension is van der Corput's sequence. In the
+/// second, digit j is the sum of those digits i of the index for which the binomial coefficient of i over j is odd. It
+/// is odd where i has all bits of j (Lucas). So the matrix is a power of its upper left quarter of two by two, and five
+/// steps suffice.
 fn digits(index: u32, dimension: usize) -> u32 {
     const STEPS: [(u32, u32); 5] =
         [(1, 0x5555_5555), (2, 0x3333_3333), (4, 0x0f0f_0f0f), (8, 0x00ff_00ff), (16, 0x0000_ffff)];
@@ -37,8 +38,8 @@ fn digits(index: u32, dimension: usize) -> u32 {
     steps.iter().fold(index, |point, &(shift, without)| point ^ point >> shift & without)
 }
 
-/// Owen's scrambling of digits whose first is bit 0: every bit is turned, or not, by what the bits below it and the seed
-/// are.
+/// Owen's scrambling of digits whose first is bit 0. Every bit is flipped, or not, depending on the lower bits and the
+/// seed.
 fn scramble(mut x: u32, seed: u64) -> u32 {
     x ^= x.wrapping_mul(0x3d20_adea);
     x = x.wrapping_add(seed as u32);
@@ -55,7 +56,8 @@ fn fraction(digits: u32) -> f64 {
 mod tests {
     use super::*;
 
-    /// The first points as published with the direction numbers, in the sequence's own order (not Gray code's).
+    /// Compares with the first points published with the direction numbers, in the sequence's own order (not Gray
+    /// code's).
     #[test]
     fn the_sequence_is_sobols() {
         let expected = [
@@ -76,7 +78,8 @@ mod tests {
 
     #[test]
     fn the_second_dimension_is_that_of_its_direction_numbers() {
-        // Degree s = 1, a = 0 and m = 1: every number is the one before, xor its half. The first digit after the point is bit 31.
+        // Degree s = 1, a = 0 and m = 1: every number is the one before, xor its half. The first digit after the point
+        // is bit 31.
         let directions: Vec<u32> = std::iter::successors(Some(1u32 << 31), |v| Some(v ^ v >> 1)).take(32).collect();
         let sum = |index: u32| {
             let numbers = directions.iter().enumerate().filter(|(bit, _)| index >> bit & 1 == 1);
@@ -108,8 +111,8 @@ mod tests {
         }
     }
 
-    /// Owen's scrambling turns each digit of each point at random: over many seeds every digit is 1 half of the time, and
-    /// independent of the digit before it.
+    /// Owen's scrambling flips each digit of each point at random: over many seeds every digit is 1 half of the time,
+    /// and independent of the digit before it.
     #[test]
     fn digits_are_turned_independently() {
         let seeds = 20_000u32;

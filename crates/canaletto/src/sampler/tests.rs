@@ -1,4 +1,4 @@
-//! What all kinds of samplers promise.
+//! Properties of all kinds of samplers.
 
 use super::*;
 use crate::scene::SamplerKind::{self, Independent, Jittered, Sobol};
@@ -33,7 +33,7 @@ fn keys_do_not_share_numbers() {
     assert_ne!(a.uniform(0, 1), a.uniform(1, 0));
 }
 
-/// The same sample of many pixels, and of many dimensions, is uniform over the square and in the line: χ² over 64 cells.
+/// A fixed sample of many pixels, and of many dimensions, is uniform over the square and the line: χ² over 64 cells.
 #[test]
 fn each_sample_is_uniform_over_pixels_and_dimensions() {
     for kind in KINDS {
@@ -56,8 +56,8 @@ fn each_sample_is_uniform_over_pixels_and_dimensions() {
     }
 }
 
-/// The estimates of neighbouring pixels, and of two dimensions of a pixel, don't go together: their correlation over many
-/// pixels is that of independent numbers, 1/√n.
+/// The estimates of neighbouring pixels, and of two dimensions of a pixel, are uncorrelated: their correlation over
+/// many pixels is that of independent numbers, 1/√n.
 #[test]
 fn pixels_and_dimensions_are_decorrelated() {
     let n = 4000u32;
@@ -121,9 +121,9 @@ fn rate(kind: SamplerKind, integral: f64, f: impl Fn([f64; 2]) -> f64, draw: imp
     mean(&|e| (e.0 - x) * (e.1 - y)) / mean(&|e| (e.0 - x).powi(2))
 }
 
-/// Theory: independent samples err by N^-1/2 always; one in each cell of a grid by N^-1 if the integrand is smooth and by
-/// N^-3/4 at an edge (Mitchell 1996); Owen's nets by N^-3/2 (log N)^1/2 if it is smooth (Owen 1997), which from 4 to 4096
-/// samples looks like N^-1.37, and by N^-3/4 at an edge in no special direction.
+/// Theory: independent samples always err by N^-1/2. One sample in each cell of a grid errs by N^-1 for a smooth
+/// integrand and by N^-3/4 at an edge (Mitchell 1996). Owen's nets err by N^-3/2 (log N)^1/2 for a smooth integrand
+/// (Owen 1997), which from 4 to 4096 samples is near N^-1.37, and by N^-3/4 at an edge in no special direction.
 #[test]
 fn errors_fall_as_theory_says() {
     let smooth = |[x, y]: [f64; 2]| (x * y).exp();
@@ -143,7 +143,7 @@ fn errors_fall_as_theory_says() {
     }
 }
 
-/// The points of a light over all samples of a pixel are spread together, however many each sample takes.
+/// The points of a light over all samples of a pixel are distributed jointly, for any number per sample.
 #[test]
 fn several_points_for_a_sample_are_spread_like_as_many_samples() {
     let dimension = Dimension::EYE.of(3);

@@ -1,4 +1,4 @@
-//! Clouds: millions of exact spheres or cylinders as one object.
+//! Clouds: millions of analytic spheres or cylinders as one object.
 
 use super::{Cylinder, Shape, ShapeHit, Sphere, Surface, SurfaceDifferential};
 use crate::math::{DRay, Rgb};
@@ -10,38 +10,38 @@ use serde::{Deserialize, Serialize};
 /// Many spheres of one object.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SphereCloud {
-    /// The file or node it came from, for messages.
+    /// The name of the cloud's file or node, for messages.
     pub name: String,
-    /// Where the centres are counted from: zero, unless they lie so far from it that `f32` would lose what can be seen.
+    /// The origin of the centres. It is zero, unless they are so far from zero that `f32` would lose visible detail.
     #[serde(default)]
     pub origin: DVec3,
-    /// The centres, from the origin.
+    /// The centres, relative to the origin.
     pub centers: Vec<Vec3>,
-    /// One radius for all, or one for each centre; > 0.
+    /// One radius for all spheres, or one for each; > 0.
     pub radii: Vec<f32>,
-    /// A colour for each centre that replaces kd, or nothing.
+    /// One colour for all spheres, one for each, or none. A colour replaces kd.
     pub colors: Vec<Rgb>,
 }
 
 /// Many cylinders of one object.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CylinderCloud {
-    /// The file or node it came from, for messages.
+    /// The name of the cloud's file or node, for messages.
     pub name: String,
-    /// Where the ends are counted from: zero, unless they lie so far from it that `f32` would lose what can be seen.
+    /// The origin of the ends. It is zero, unless they are so far from zero that `f32` would lose visible detail.
     #[serde(default)]
     pub origin: DVec3,
-    /// The two ends of each axis, from the origin.
+    /// The two ends of each axis, relative to the origin.
     pub axes: Vec<[Vec3; 2]>,
-    /// One radius for all, or one for each axis; > 0.
+    /// One radius for all cylinders, or one for each; > 0.
     pub radii: Vec<f32>,
-    /// A colour for each axis that replaces kd, or nothing.
+    /// One colour for all cylinders, one for each, or none. A colour replaces kd.
     pub colors: Vec<Rgb>,
     /// Whether the ends are closed by disks.
     pub caps: bool,
 }
 
-/// The element of a list that holds one value for all or one for each.
+/// Element `i` of a list that holds one value for all elements or one for each.
 fn one_or_each<T: Copy>(list: &[T], i: usize) -> Option<T> {
     if list.len() == 1 { Some(list[0]) } else { list.get(i).copied() }
 }
@@ -71,47 +71,47 @@ fn check_lists(len: usize, radii: &[f32], colors: &[Rgb], of: &str) -> Result<()
 macro_rules! cloud {
     ($cloud:ident, $element:ident, $list:ident, $of:literal, $word:literal, $build:ident) => {
         impl $cloud {
-            /// How many there are.
+            /// The number of elements.
             pub fn len(&self) -> usize {
                 self.$list.len()
             }
 
-            /// Whether there is none.
+            /// Whether there are no elements.
             pub fn is_empty(&self) -> bool {
                 self.$list.is_empty()
             }
 
-            /// The radius of number `i`.
+            /// The radius of element `i`.
             pub fn radius(&self, i: usize) -> f32 {
                 one_or_each(&self.radii, i).unwrap_or(0.0)
             }
 
-            /// The colour of number `i`, if the cloud has colours.
+            /// The colour of element `i`, if the cloud has colours.
             pub fn color(&self, i: usize) -> Option<Rgb> {
                 one_or_each(&self.colors, i)
             }
 
-            /// The box around number `i`.
+            /// The box around element `i`.
             pub fn bounds(&self, i: usize) -> Aabb {
                 self.element(i).bounds()
             }
 
-            /// The nearest hit of number `i` with 0 < t ≤ t_max.
+            /// The nearest hit of element `i` with 0 < t ≤ t_max.
             pub fn intersect(&self, i: usize, ray: &Ray, t_max: f32) -> Option<ShapeHit> {
                 self.element(i).intersect(ray, t_max)
             }
 
-            /// The surface at a hit of number `i`.
+            /// The surface at a hit of element `i`.
             pub fn surface(&self, i: usize, line: impl Into<DRay>, hit: &ShapeHit) -> Surface {
                 Surface { color: self.color(i), ..self.element(i).surface(line, hit) }
             }
 
-            /// The same for whoever doesn't read its texture coordinates, which may be left out.
+            /// The surface at a hit of element `i` whose texture coordinates are not read and may be left out.
             pub(crate) fn bare_surface(&self, i: usize, line: DRay, hit: &ShapeHit) -> Surface {
                 Surface { color: self.color(i), ..Shape::from(self.element(i)).bare_surface(line, hit) }
             }
 
-            /// How the surface of number `i` goes on around a hit whose surface is this.
+            /// The surface differential of element `i` at a hit with this surface.
             pub fn surface_differential(&self, i: usize, surface: &Surface, hit: &ShapeHit) -> SurfaceDifferential {
                 Shape::from(self.element(i)).surface_differential(surface, hit)
             }

@@ -1,5 +1,5 @@
-//! Cones and truncated cones. Parts and texture coordinates: side 0, base 1, top 2, as described in the module
-//! `frustum`.
+//! Cones and truncated cones. Parts are side 0, base 1 and top 2; the module `frustum` describes their texture
+//! coordinates.
 
 use super::frustum::Frustum;
 use super::solve;
@@ -12,13 +12,13 @@ use serde::{Deserialize, Serialize};
 /// A cone, or a truncated one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cone {
-    /// Centre of the base.
+    /// The centre of the base.
     pub base: Vec3,
     /// The apex, or the centre of the upper end; not `base`.
     pub top: Vec3,
-    /// Radius at the base, ≥ 0.
+    /// The radius at the base, ≥ 0.
     pub radius: f32,
-    /// Radius at the top, ≥ 0; not both radii are 0.
+    /// The radius at the top, ≥ 0. At least one of both radii is above 0.
     pub top_radius: f32,
     /// Whether the ends are closed by disks.
     pub caps: bool,
@@ -29,7 +29,7 @@ impl Cone {
         Frustum::new(self.base, self.top, self.radius, self.top_radius, self.caps)
     }
 
-    /// The nearest t in (0, t_max], from outside or inside.
+    /// The nearest hit with t in (0, t_max], from outside or inside.
     pub fn intersect(&self, ray: &Ray, t_max: f32) -> Option<ShapeHit> {
         self.frustum().intersect(ray, t_max)
     }
@@ -39,17 +39,17 @@ impl Cone {
         self.frustum().surface(line.into(), hit)
     }
 
-    /// How the surface goes on around a hit whose surface is this.
+    /// The surface differential at a hit with this surface.
     pub fn surface_differential(&self, surface: &Surface, hit: &ShapeHit) -> SurfaceDifferential {
         self.frustum().surface_differential(surface, hit)
     }
 
-    /// The box around it.
+    /// The box around the cone.
     pub fn bounds(&self) -> Aabb {
         self.frustum().bounds()
     }
 
-    /// The cone moved, if it stays round.
+    /// The cone moved by a transform, if it stays round.
     pub(super) fn transformed(&self, t: &Transform) -> Option<Cone> {
         let scale = t.uniform_scale()?;
         let [base, top] = [self.base, self.top].map(|p| t.point(p.as_dvec3()).as_vec3());
@@ -98,7 +98,7 @@ mod tests {
         for caps in [true, false] {
             let cone = Cone { caps, ..CONE };
             assert_eq!(first(&cone, [5.0, 3.0, 0.0], [-1.0, 0.0, 0.0]), None);
-            // Steeper than the side: through the ghost, then into the cone.
+            // A ray steeper than the side: it passes through the ghost cone beyond the apex, then into the cone.
             let (t, part) = first(&cone, [0.125, 4.0, 0.0], [0.0, -1.0, 0.0]).unwrap();
             assert_eq!((t, part), (2.25, 0));
         }

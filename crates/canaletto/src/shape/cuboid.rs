@@ -1,8 +1,8 @@
 //! Axis-aligned boxes (fig. 5.16).
 //!
-//! Parts number the faces: −x, +x, −y, +y, −z, +z. Each has its own texture coordinates in [0, 1]² (fig. 5.31): seen
-//! from outside, u grows to the right and v downwards, with +y upwards on the four sides, −z upwards on the top and +z
-//! upwards on the bottom.
+//! Parts number the faces: −x, +x, −y, +y, −z, +z. Each has its own texture coordinates in [0, 1]² (fig. 5.31). Seen
+//! from outside, u grows to the right and v downwards. +y is upwards on the four sides, −z on the top and +z on the
+//! bottom.
 
 use super::solve;
 use super::{ShapeHit, Surface, SurfaceDifferential};
@@ -16,13 +16,13 @@ use serde::{Deserialize, Serialize};
 pub struct Cuboid {
     /// The corner of smallest coordinates.
     pub min: Vec3,
-    /// The corner of largest coordinates; not below `min` anywhere.
+    /// The corner of largest coordinates. None is below that of `min`.
     pub max: Vec3,
 }
 
 impl Cuboid {
-    /// The nearest t in (0, t_max]: where the ray has entered through all three pairs of faces, or from inside where it
-    /// first leaves one. A ray in the plane of a face doesn't meet the box.
+    /// The nearest hit with t in (0, t_max]. From outside it is where the ray has entered all three pairs of faces,
+    /// from inside where it first leaves one. A ray in the plane of a face doesn't hit the box.
     #[inline]
     pub fn intersect(&self, ray: &Ray, t_max: f32) -> Option<ShapeHit> {
         let (mut enter, mut leave) = ((f64::NEG_INFINITY, 0), (f64::INFINITY, 0));
@@ -52,12 +52,12 @@ impl Cuboid {
         solve::hit(t, face, t_max)
     }
 
-    /// The surface at a hit: the point lies exactly on its face.
+    /// The surface at a hit. The point lies exactly on its face.
     pub fn surface(&self, line: impl Into<DRay>, hit: &ShapeHit) -> Surface {
         let line = line.into();
         let surface = self.bare_surface(line, hit);
         let point = surface.exact;
-        // Fractions of the way from min to max, and from max to min.
+        // The fraction of the distance from min to max, and from max to min.
         let fraction = |along: usize, from: Vec3| {
             let size = f64::from(self.max[along]) - f64::from(self.min[along]);
             let way = (point[along] - f64::from(from[along])).abs();
@@ -79,7 +79,7 @@ impl Cuboid {
         Surface { uv: uv.as_vec2(), ..surface }
     }
 
-    /// The same without texture coordinates.
+    /// [`Cuboid::surface`] without texture coordinates.
     #[inline]
     pub(super) fn bare_surface(&self, line: DRay, hit: &ShapeHit) -> Surface {
         let (axis, upper) = (hit.part as usize / 2, hit.part % 2 == 1);
@@ -93,7 +93,7 @@ impl Cuboid {
         Surface::at(point, normal, Vec2::ZERO)
     }
 
-    /// How the surface goes on around a hit.
+    /// The surface differential at a hit.
     pub fn surface_differential(&self, hit: &ShapeHit) -> SurfaceDifferential {
         let along = |axis: usize, sign: f64| {
             let size = f64::from(self.max[axis]) - f64::from(self.min[axis]);
@@ -110,12 +110,12 @@ impl Cuboid {
         SurfaceDifferential::flat(u, v)
     }
 
-    /// The box itself.
+    /// The box as bounds.
     pub fn bounds(&self) -> Aabb {
         Aabb { min: self.min, max: self.max }
     }
 
-    /// The box moved, if it stays one.
+    /// The box moved by a transform, if it stays an axis-aligned box.
     pub(super) fn transformed(&self, t: &Transform) -> Option<Cuboid> {
         if !t.is_axis_aligned() {
             return None;
@@ -214,7 +214,7 @@ mod tests {
                 BOX.surface(&ray, &hit).uv
             };
             assert_eq!(at(corner), Vec2::ZERO, "face {face}");
-            // Mirrored at the face's middle: the lower right corner.
+            // Mirrored at the face's middle, the corner becomes the lower right one.
             assert_eq!(at(-corner + n * (2.0 * n.dot(corner))), Vec2::ONE, "face {face}");
         }
     }

@@ -1,5 +1,5 @@
-//! Cylinders between two points (exercise 14). Parts and texture coordinates: side 0, base 1, top 2, as described in
-//! the module `frustum`.
+//! Cylinders between two points (exercise 14). Parts are side 0, base 1 and top 2; the module `frustum` describes their
+//! texture coordinates.
 
 use super::frustum::Frustum;
 use super::solve;
@@ -12,11 +12,11 @@ use serde::{Deserialize, Serialize};
 /// A cylinder.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cylinder {
-    /// Centre of one end.
+    /// The centre of one end.
     pub base: Vec3,
-    /// Centre of the other end; not `base`.
+    /// The centre of the other end; not `base`.
     pub top: Vec3,
-    /// r > 0.
+    /// The radius r > 0.
     pub radius: f32,
     /// Whether the ends are closed by disks.
     pub caps: bool,
@@ -27,7 +27,7 @@ impl Cylinder {
         Frustum::new(self.base, self.top, self.radius, self.radius, self.caps)
     }
 
-    /// The nearest t in (0, t_max], from outside or inside.
+    /// The nearest hit with t in (0, t_max], from outside or inside.
     pub fn intersect(&self, ray: &Ray, t_max: f32) -> Option<ShapeHit> {
         self.frustum().intersect(ray, t_max)
     }
@@ -37,17 +37,17 @@ impl Cylinder {
         self.frustum().surface(line.into(), hit)
     }
 
-    /// How the surface goes on around a hit whose surface is this.
+    /// The surface differential at a hit with this surface.
     pub fn surface_differential(&self, surface: &Surface, hit: &ShapeHit) -> SurfaceDifferential {
         self.frustum().surface_differential(surface, hit)
     }
 
-    /// The box around it.
+    /// The box around the cylinder.
     pub fn bounds(&self) -> Aabb {
         self.frustum().bounds()
     }
 
-    /// The cylinder moved, if it stays round.
+    /// The cylinder moved by a transform, if it stays round.
     pub(super) fn transformed(&self, t: &Transform) -> Option<Cylinder> {
         let scale = t.uniform_scale()?;
         let [base, top] = [self.base, self.top].map(|p| t.point(p.as_dvec3()).as_vec3());
@@ -68,8 +68,8 @@ mod tests {
 
     const INF: f32 = f32::INFINITY;
 
-    /// Exercise 14's suggestion: the ray goes to where the cylinder stands on the origin along +z with radius and height
-    /// 1. The t's there are the same. Returns all of them with the part.
+    /// All hits with their parts by exercise 14's suggestion: the ray is transformed to the canonical cylinder on the
+    /// origin, along +z with radius and height 1. The parameters t are unchanged there.
     fn canonical(c: &Cylinder, ray: &Ray) -> Vec<(f64, u32)> {
         let axis = c.top.as_dvec3() - c.base.as_dvec3();
         let (x, y) = axis.normalize().any_orthonormal_pair();
@@ -122,11 +122,11 @@ mod tests {
         let ray = Ray::new(Vec3::new(0.0, 5.0, 0.0), Vec3::new(0.5, -1.0, 0.0));
         let hit = open.intersect(&ray, INF).unwrap();
         assert_eq!((hit.t, hit.part), (2.0, SIDE));
-        // The normal stays outwards.
+        // The normal still points outwards.
         assert_eq!(open.surface(&ray, &hit).normal.as_vec3(), Vec3::X);
         let closed = Cylinder { caps: true, ..open };
         assert_eq!(closed.intersect(&ray, INF).map(|h| (h.t, h.part)), Some((1.0, TOP)));
-        // Along the axis there is nothing to meet.
+        // A ray along the axis hits nothing.
         assert_eq!(open.intersect(&Ray::new(Vec3::new(0.5, 5.0, 0.0), Vec3::NEG_Y), INF), None);
     }
 

@@ -1,7 +1,7 @@
 //! Flat disks.
 //!
-//! Texture coordinates are those of the square around the disk, in [0, 1]²: seen from the visible side with +y upwards,
-//! u to the right and v downwards.
+//! Texture coordinates are those of the square around the disk, in [0, 1]². Seen from the visible side with +y upwards,
+//! u grows to the right and v downwards.
 
 use super::solve::{self, Frame};
 use super::{Plane, ShapeHit, Surface, SurfaceDifferential};
@@ -13,11 +13,11 @@ use serde::{Deserialize, Serialize};
 /// A flat round disk.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Disk {
-    /// Its centre.
+    /// The centre.
     pub center: Vec3,
-    /// The direction of its visible side; any length but zero.
+    /// The direction of the visible side; any length but zero.
     pub normal: Vec3,
-    /// r > 0.
+    /// The radius r > 0.
     pub radius: f32,
 }
 
@@ -30,7 +30,7 @@ impl Disk {
         self.center.as_dvec3().abs().max_element() + f64::from(self.radius)
     }
 
-    /// The hit, if the disk is met at a t in (0, t_max].
+    /// The hit, if its t lies in (0, t_max].
     pub fn intersect(&self, ray: &Ray, t_max: f32) -> Option<ShapeHit> {
         let plane = self.plane();
         let t = plane.parameter(ray.into());
@@ -51,19 +51,19 @@ impl Disk {
         if solve::is_large(r, line.longest(), hit.t) { surface.with_fine_uv(uv.into()) } else { surface }
     }
 
-    /// How the surface goes on around its points.
+    /// The surface differential at every point.
     pub fn surface_differential(&self) -> SurfaceDifferential {
         let (frame, width) = (Frame::around(self.normal.as_dvec3()), 2.0 * f64::from(self.radius));
         SurfaceDifferential::flat(frame.x / width, frame.z / width)
     }
 
-    /// The box around it.
+    /// The box around the disk.
     pub fn bounds(&self) -> Aabb {
         let n = self.normal.as_dvec3().normalize();
         solve::bounds(self.center.as_dvec3(), solve::disk_extent(n, f64::from(self.radius)), self.size())
     }
 
-    /// The disk moved, if it stays round.
+    /// The disk moved by a transform, if it stays round.
     pub(super) fn transformed(&self, t: &Transform) -> Option<Disk> {
         let scale = t.uniform_scale()?;
         let center = t.point(self.center.as_dvec3()).as_vec3();

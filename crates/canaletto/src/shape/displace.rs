@@ -1,8 +1,8 @@
-//! Displacement (5.5, fig. 5.34b): a net of triangles over a surface, fine where heights need it, and raised by them.
+//! Displacement (5.5, fig. 5.34b): a tessellation of a surface, fine where heights require it, and raised by them.
 //!
-//! Edges are split until they are short, or straight once raised. Whether an edge is split depends on the edge alone, and
-//! all triangles that meet there split it, so that there are no cracks. Vertices at the same place (uv seams, edges of
-//! boxes) are raised as one: by the mean of their heights, in the mean direction of their normals.
+//! Edges are split until they are short, or straight once raised. Whether an edge is split depends on the edge alone,
+//! and all triangles that share it split it, so that there are no cracks. Vertices at one place (uv seams, edges of
+//! boxes) are raised together: by the mean of their heights, in the mean direction of their normals.
 
 mod estimate;
 
@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
 use std::f64::consts::{PI, TAU};
 
-/// A vertex of a net.
+/// A vertex of a tessellation.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Vertex {
     pub(crate) point: DVec3,
@@ -22,23 +22,23 @@ pub(crate) struct Vertex {
     pub(crate) normal: DVec3,
     pub(crate) uv: DVec2,
     color: Rgb,
-    /// The mesh's slot of materials.
+    /// The slot of the vertex in the mesh's materials.
     pub(crate) slot: u32,
     place: Place,
 }
 
-/// How a new vertex finds its place on the surface.
+/// The rule for the place of a new vertex on the surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Place {
     /// Between its neighbours.
     Between,
     /// On the round part of the shape.
     Round,
-    /// On the rim of a cap: the cap's radius times ±1, up or down.
+    /// On the rim of the cap at the top or at the base.
     Rim { top: bool },
 }
 
-/// The surface under a net.
+/// The surface under a tessellation.
 enum Under {
     Flat,
     Sphere(DVec3, f64),
@@ -55,7 +55,7 @@ struct Body {
     radii: [f64; 2],
 }
 
-/// A net of triangles over a surface.
+/// A tessellation of a surface.
 pub(crate) struct Tessellation {
     vertices: Vec<Vertex>,
     triangles: Vec<[u32; 3]>,
@@ -66,12 +66,12 @@ pub(crate) struct Tessellation {
     materials: Vec<u32>,
 }
 
-/// Why a surface can't be displaced.
+/// The reason why a surface can't be displaced.
 #[derive(Debug, PartialEq)]
 pub(crate) enum DisplaceError {
-    /// More triangles than allowed.
+    /// There would be more triangles than allowed.
     TooMany,
-    /// A vertex left the numbers.
+    /// A vertex would be out of the range of `f32`.
     TooFar,
 }
 
@@ -95,15 +95,15 @@ impl Body {
     }
 }
 
-/// Columns around a round shape before anything is split.
+/// The number of columns around a round shape before any split.
 const COLUMNS: usize = 24;
-/// Rows between a sphere's poles, likewise.
+/// The number of rows between a sphere's poles before any split.
 const ROWS: usize = 12;
-/// As many triangles are made without asking how many will come of them.
+/// The number of triangles up to which the final number is not estimated.
 const FEW: usize = 1 << 14;
 
 impl Tessellation {
-    /// The net of a shape, if it has one.
+    /// The tessellation of a shape, if it has one.
     pub(crate) fn of_shape(shape: &Shape) -> Option<Tessellation> {
         match shape {
             Shape::Sphere(s) => Some(Tessellation::sphere(s)),
@@ -169,7 +169,7 @@ impl Tessellation {
     fn cuboid(cuboid: &Cuboid) -> Tessellation {
         let (min, max) = (cuboid.min.as_dvec3(), cuboid.max.as_dvec3());
         let mut net = Tessellation::new(Under::Flat);
-        // For each face: the corner where u = v = 0 (true: max), and the axes along which u and v go (fig. 5.31).
+        // For each face: the corner where u = v = 0 (true: max), and the axes of u and v (fig. 5.31).
         let faces = [
             ([false, true, false], 2, 1),
             ([true, true, true], 2, 1),
@@ -258,13 +258,13 @@ impl Tessellation {
         net
     }
 
-    /// The net of a mesh. Without normals of its own it is smooth.
+    /// The tessellation of a mesh. A mesh without normals is treated as smooth.
     pub(crate) fn of_mesh(mut mesh: Mesh) -> Tessellation {
         if mesh.normals.is_empty() {
             smooth_over_seams(&mut mesh);
         }
         let mut net = Tessellation::new(Under::Flat);
-        // A vertex that two materials share becomes two.
+        // A vertex shared by two materials becomes two.
         let mut wedges: HashMap<(u32, u32), u32> = HashMap::new();
         for (i, corners) in mesh.triangles.iter().enumerate() {
             let slot = mesh.slot(i);
@@ -287,10 +287,10 @@ impl Tessellation {
         net
     }
 
-    /// The vertex in the middle of two, or at another part of the way, on the surface.
+    /// The vertex on the surface between two others, at the fraction `t` from `a` to `b`.
     fn between(&self, a: &Vertex, b: &Vertex, t: f64) -> Vertex {
         let place = if a.place == b.place { a.place } else { Place::Between };
-        // Halves are taken in a way that doesn't depend on the direction.
+        // Midpoints don't depend on the direction of the edge.
         let mix = |a: DVec3, b: DVec3| if t == 0.5 { (a + b) * 0.5 } else { a + (b - a) * t };
         let uv = if t == 0.5 { (a.uv + b.uv) * 0.5 } else { a.uv + (b.uv - a.uv) * t };
         let vertex = Vertex {
@@ -305,7 +305,7 @@ impl Tessellation {
     }
 
     fn settled(&self, v: Vertex) -> Vertex {
-        // The turn nearest to where the neighbours stand: the seam has both ends.
+        // The turn nearest to that of the neighbours: the seam has both ends.
         let near = |u: f64| u + libm::round(v.uv.x - u);
         match (&self.under, v.place) {
             (Under::Flat, _) | (_, Place::Between) => v,
@@ -332,7 +332,7 @@ impl Tessellation {
         }
     }
 
-    /// The largest side of the box around it.
+    /// The largest side of the box around the tessellation.
     fn size(&self) -> f64 {
         let (min, max) = self
             .vertices
@@ -341,8 +341,8 @@ impl Tessellation {
         (max - min).max_element()
     }
 
-    /// The net split and raised by `height`. No edge is longer than a sixteenth of its size; an edge shorter than its size
-    /// divided by `detail` isn't split. At most `limit` triangles.
+    /// The tessellation split and raised by `height`, with at most `limit` triangles. No edge is longer than a
+    /// sixteenth of its size. An edge shorter than its size divided by `detail` isn't split.
     pub(crate) fn raised(
         mut self,
         detail: f64,
@@ -355,7 +355,7 @@ impl Tessellation {
         let mut places = Places::default();
         let mut ids: Vec<u32> = self.vertices.iter().map(|v| places.id(v.point)).collect();
         let mut heights: Vec<f64> = self.vertices.par_iter().map(height).collect();
-        // Triangles before this one are fine: an edge that needs no split never will.
+        // Triangles before this one are final: an edge that needs no split never will.
         let mut fresh = 0;
         if self.triangles.len() > limit {
             return Err(DisplaceError::TooMany);
@@ -365,7 +365,7 @@ impl Tessellation {
                 let length = from.point.distance(to.point);
                 length > coarse
                     || length > fine && {
-                        // Not at even parts, where a pattern may repeat.
+                        // The places are uneven, since a pattern may repeat at even ones.
                         [0.19, 0.5, 0.73].into_iter().any(|t| {
                             let v = self.between(from, to, t);
                             let straight = from.point + (to.point - from.point) * t;
@@ -375,7 +375,7 @@ impl Tessellation {
                     }
             };
             let young = &self.triangles[fresh..];
-            // Far too many are told before they fill memory.
+            // A far too large number is found before the triangles fill memory.
             if young.len() > FEW && self.exceeds(limit.saturating_mul(2), young, &heights, &wanted, height) {
                 return Err(DisplaceError::TooMany);
             }
@@ -413,21 +413,21 @@ impl Tessellation {
         self.raise(&ids, places.map.len(), &heights)
     }
 
-    /// The length of an edge, squared; the same from both ends.
+    /// The squared length of an edge, equal from both ends.
     fn length(&self, a: u32, b: u32) -> f64 {
         self.vertices[a as usize].point.distance_squared(self.vertices[b as usize].point)
     }
 
-    /// Which edges of each triangle are split, once each that has any splits its longest, too (Rivara, "Algorithms for
-    /// refining triangular grids suitable for adaptive and multigrid techniques", 1984): else slivers would be cut from slivers
-    /// without an end.
+    /// The edges to split of each triangle. A triangle with any split edge also splits its longest (Rivara, "Algorithms
+    /// for refining triangular grids suitable for adaptive and multigrid techniques", 1984). Otherwise slivers would be
+    /// cut from slivers without end.
     fn conforming(&self, mut split: HashSet<(u32, u32)>, edge: impl Fn(u32, u32) -> (u32, u32)) -> Vec<[bool; 3]> {
         loop {
             let before = split.len();
             for &[a, b, c] in &self.triangles {
                 let edges = [(a, b), (b, c), (c, a)];
                 if edges.iter().any(|&(a, b)| split.contains(&edge(a, b))) {
-                    // Of equally long ones the same from both sides.
+                    // Of equally long edges both sides choose one.
                     let rank = |&(a, b): &(u32, u32)| (self.length(a, b), edge(a, b));
                     let longest = edges.iter().copied().reduce(|x, y| if rank(&y) > rank(&x) { y } else { x });
                     split.extend(longest.map(|(a, b)| edge(a, b)));
@@ -441,7 +441,8 @@ impl Tessellation {
         }
     }
 
-    /// Splits each triangle at the middle of these edges; whole ones come first. Gives the number of the first new one.
+    /// Splits each triangle at the middle of these edges. Unsplit triangles come first. Returns the number of the first
+    /// new triangle.
     fn split(&mut self, edges: &[[bool; 3]]) -> usize {
         let mut middles: HashMap<(u32, u32), u32> = HashMap::new();
         let whole = |(_, edges): &(&[u32; 3], &[bool; 3])| **edges == [false; 3];
@@ -469,7 +470,7 @@ impl Tessellation {
     }
 
     fn raise(self, ids: &[u32], places: usize, heights: &[f64]) -> Result<Mesh, DisplaceError> {
-        // The different normals at each place, most often one; each is smooth by itself.
+        // The different normals at each place, most often one. Each is smooth by itself.
         let mut creases: Vec<Vec<DVec3>> = vec![Vec::new(); places];
         let mut sums = vec![(0.0, 0u32); places];
         let groups: Vec<u32> = (self.vertices.iter().zip(ids).zip(heights))
@@ -533,13 +534,13 @@ impl Tessellation {
     }
 }
 
-/// The direction of column `i` around +y, (5.45a) turned round: the first column, at u = 0, is at −z.
+/// The direction of column `i` around +y, the inverse of (5.45a). The first column, at u = 0, is at −z.
 fn around(i: usize) -> DVec3 {
     let (sin, cos) = libm::sincos(TAU * ((i % COLUMNS) as f64 / COLUMNS as f64 - 0.5));
     DVec3::new(sin, 0.0, cos)
 }
 
-/// Numbers for places: the same for the same bits.
+/// Numbers for places. Equal bits have equal numbers.
 #[derive(Default)]
 struct Places {
     map: HashMap<[u64; 3], u32>,
@@ -547,14 +548,14 @@ struct Places {
 
 impl Places {
     fn id(&mut self, point: DVec3) -> u32 {
-        // −0 is 0.
+        // −0 becomes 0.
         let key = (point + 0.0).to_array().map(f64::to_bits);
         let next = self.map.len() as u32;
         *self.map.entry(key).or_insert(next)
     }
 }
 
-/// Normals of a mesh that has none, the same for all vertices at a place.
+/// Normals of a mesh without normals, equal for all vertices at one place.
 fn smooth_over_seams(mesh: &mut Mesh) {
     let mut places = Places::default();
     let ids: Vec<u32> = mesh.positions.iter().map(|p| places.id(p.as_dvec3())).collect();

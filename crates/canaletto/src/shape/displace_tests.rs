@@ -25,12 +25,12 @@ fn closed() -> [Shape; 4] {
     [ball(), cube(), can(0.4), can(0.0)]
 }
 
-/// A height with peaks that end abruptly, different on the two sides of every seam of uv.
+/// A height with abrupt peaks, different on the two sides of every seam of uv.
 fn rough(v: &Vertex) -> f64 {
     0.1 * v.uv.x + 0.05 * libm::sin(20.0 * v.uv.y) * libm::cos(17.0 * v.uv.x)
 }
 
-/// Every edge, by the places of its ends, is met once in each direction.
+/// Whether every edge, by the places of its ends, occurs once in each direction.
 fn is_closed(mesh: &Mesh) -> bool {
     let mut edges: HashMap<([u32; 3], [u32; 3]), i32> = HashMap::new();
     let bits = |v: u32| (mesh.positions[v as usize] + 0.0).to_array().map(f32::to_bits);
@@ -131,7 +131,7 @@ fn explosions_are_told() {
     );
 }
 
-/// Wild everywhere, and only at one pole.
+/// A height that is wild everywhere.
 fn wild(v: &Vertex) -> f64 {
     0.2 * libm::sin(3000.0 * (v.point.x + 2.0 * v.point.y))
 }
@@ -166,7 +166,7 @@ fn far_too_many_are_refused_before_they_are_made() {
             Tessellation::of_shape(&ball()).unwrap().raised(detail, limit, &counted).unwrap_err(),
             DisplaceError::TooMany
         );
-        // A vertex of the net is asked about once, and an edge at most three times.
+        // The height is evaluated once for each vertex, and at most three times for each edge.
         let asked = asked.into_inner();
         assert!(asked < limit, "{asked}");
     }
@@ -174,7 +174,7 @@ fn far_too_many_are_refused_before_they_are_made() {
 
 #[test]
 fn a_seam_of_a_mesh_stays_closed() {
-    // Two triangles that share an edge, with other texture coordinates on each side.
+    // Two triangles that share an edge, with different texture coordinates on its sides.
     let mesh = Mesh {
         positions: [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
             .map(|[x, y]| Vec3::new(x, y, 0.0))

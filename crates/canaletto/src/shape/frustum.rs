@@ -1,8 +1,8 @@
-//! What cylinders and cones share: a round body about a segment, its radius a linear function of the height (the way of
-//! exercise 14: the ray is taken apart along and across the axis).
+//! The common part of cylinders and cones: a round body about a segment, whose radius is a linear function of the
+//! height. As in exercise 14, the ray is decomposed along and across the axis.
 //!
-//! Parts: 0 the side, 1 the cap at the base, 2 the cap at the top. Texture coordinates of the side: u by (5.45a) for
-//! the angle around the axis, v from 0 at the top to 1 at the base; of a cap: as on a disk that faces outwards.
+//! Parts: 0 the side, 1 the cap at the base, 2 the cap at the top. On the side, u follows (5.45a) for the angle around
+//! the axis, and v grows from 0 at the top to 1 at the base. A cap has the coordinates of a disk that faces outwards.
 
 use super::solve::{self, Frame, Local};
 use super::surface_differential::{around, outer, turn_gradient};
@@ -27,13 +27,13 @@ pub(super) struct Frustum {
     caps: bool,
 }
 
-/// A ray taken apart along and across the axis, and the quadratic of its meetings with the endless side.
+/// A ray decomposed along and across the axis, and the quadratic of its intersections with the infinite side.
 struct Parted {
     ray: Local,
-    /// Heights of the origin and the direction.
+    /// The heights of the origin and the direction.
     oh: f64,
     dh: f64,
-    /// a s² + b s + c, negative inside, for s counted from the local origin.
+    /// The quadratic a s² + b s + c, negative inside, with s relative to the local origin.
     a: f64,
     b: f64,
     c: f64,
@@ -47,12 +47,12 @@ impl Frustum {
         Frustum { base, top, axis, height, radius: radius.into(), top_radius: top_radius.into(), caps }
     }
 
-    /// How much the radius grows with each unit of height.
+    /// The growth of the radius per unit of height.
     fn slope(&self) -> f64 {
         (self.top_radius - self.radius) / self.height
     }
 
-    /// Whether a point is surely [outside](solve::OUTSIDE) of the closed body.
+    /// Whether a point is certainly [outside](solve::OUTSIDE) of the closed body.
     fn is_outside(&self, p: DVec3) -> bool {
         let p = p - self.base;
         let h = p.dot(self.axis);
@@ -61,7 +61,7 @@ impl Frustum {
         h < -slack || h > self.height + slack || across > slack
     }
 
-    /// The size of the numbers that a point is summed from.
+    /// The largest magnitude of the numbers whose sum is a point.
     fn size(&self) -> f64 {
         self.base.abs().max(self.top.abs()).max_element() + self.height + self.radius.max(self.top_radius)
     }
@@ -91,8 +91,8 @@ impl Frustum {
             .find_map(|s| solve::hit(p.ray.t0 + s, SIDE, t_max))
     }
 
-    /// Where the whole line enters and leaves the closed body, with the part met: the meeting of the slab between the
-    /// caps' planes with the inside of the endless side. As with boxes, there is no rim for a ray to slip through.
+    /// Where the whole line enters and leaves the closed body, with the parts hit. It is the intersection of the slab
+    /// between the caps' planes with the inside of the infinite side. As with boxes, no ray can pass through a rim.
     fn span(&self, p: &Parted) -> Option<[(f64, u32); 2]> {
         const ALL: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
         let (near, far) = if p.dh == 0.0 {
@@ -104,8 +104,8 @@ impl Frustum {
             let (base, top) = ((-p.oh / p.dh, BASE), ((self.height - p.oh) / p.dh, TOP));
             if p.dh > 0.0 { (base, top) } else { (top, base) }
         };
-        // The stretches where a s² + b s + c < 0: one between the roots or, for a ray steeper than a cone's side, two
-        // outside them, of which one is in the ghost cone beyond the apex, outside the slab.
+        // The intervals where a s² + b s + c < 0. There is one between the roots or, for a ray steeper than a cone's
+        // side, two outside them. One of the two is in the ghost cone beyond the apex, outside the slab.
         let inside = match quadratic(p.a, p.b, p.c) {
             Some([s1, s2]) if p.a > 0.0 => [Some([s1, s2]), None],
             Some([s1, s2]) if p.a < 0.0 => [Some([ALL[0], s1]), Some([s2, ALL[1]])],

@@ -1,7 +1,7 @@
 //! Triangle meshes with shared vertices.
 //!
-//! The geometric normal is always the winding's. Vertex normals only bend the shading, and never to the other side: an
-//! exporter that wrote them inwards is corrected, triangle by triangle.
+//! The geometric normal always follows the winding. Vertex normals only bend the shading, and never to the other side:
+//! inward normals of an exporter are corrected triangle by triangle.
 
 use super::surface_differential::outer;
 use super::{ShapeHit, Surface, SurfaceDifferential, solve, triangle};
@@ -12,34 +12,35 @@ use glam::{DMat3, DVec2, DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// A triangle mesh as an importer delivers it. Counter-clockwise corners face outwards (5.23).
+/// A triangle mesh as an importer returns it. Counter-clockwise corners face outwards (5.23).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Mesh {
-    /// The file or object it came from, for messages.
+    /// The name of the mesh's file or object, for messages.
     pub name: String,
-    /// Where the positions are counted from: zero, unless they lie so far from it that `f32` would lose what can be seen.
+    /// The origin of the positions. It is zero, unless they are so far from zero that `f32` would lose visible detail.
     #[serde(default)]
     pub origin: DVec3,
-    /// Vertex positions, from the origin.
+    /// The vertex positions, relative to the origin.
     pub positions: Vec<Vec3>,
-    /// A normal for each position, or nothing (flat shading). Any length but zero.
+    /// A normal for each position, or none (flat shading). Any length but zero.
     pub normals: Vec<Vec3>,
-    /// Texture coordinates for each position, or nothing.
+    /// Texture coordinates for each position, or none.
     pub uvs: Vec<Vec2>,
-    /// A colour for each position that replaces kd, or nothing.
+    /// A colour for each position that replaces kd, or none.
     pub colors: Vec<Rgb>,
-    /// Three positions for each triangle.
+    /// The indices of three positions for each triangle.
     pub triangles: Vec<[u32; 3]>,
-    /// For each triangle its slot in `materials`, or nothing: all use slot 0.
+    /// The slot in `materials` for each triangle, or none: all triangles use slot 0.
     pub slots: Vec<u32>,
-    /// Indices into [`crate::scene::Scene::materials`]; empty: the node's or inherited material.
+    /// The indices into [`crate::scene::Scene::materials`]. An empty list stands for the node's or the inherited
+    /// material.
     pub materials: Vec<u32>,
     /// Whether rays from behind pass through.
     pub one_sided: bool,
 }
 
 impl Mesh {
-    /// How many triangles there are.
+    /// The number of triangles.
     pub fn len(&self) -> usize {
         self.triangles.len()
     }
@@ -66,13 +67,13 @@ impl Mesh {
         Aabb { min: a.min(b).min(c), max: a.max(b).max(c) }
     }
 
-    /// The hit of triangle `i` as (t, u, v) with 0 < t ≤ t_max, if the ray meets it from a side that counts.
+    /// The hit of triangle `i` as (t, u, v) with 0 < t ≤ t_max. One-sided meshes are only hit from the front.
     pub fn intersect_triangle(&self, i: usize, ray: &PreparedRay, t_max: f32) -> Option<(f32, f32, f32)> {
         let hit = kernel::intersect(ray, &Triangle::new(self.corners(i)), t_max)?;
         (hit.front || !self.one_sided).then_some((hit.t, hit.u, hit.v))
     }
 
-    /// What shading without textures and colours needs to know of triangle `i`.
+    /// The corners of triangle `i` for shading without textures and colours.
     #[inline(always)]
     pub(crate) fn triangle(&self, i: usize) -> Corners {
         let [a, b, c] = self.triangles[i].map(|v| v as usize);
@@ -80,7 +81,8 @@ impl Mesh {
         Corners { positions: of(&self.positions), normals: (!self.normals.is_empty()).then(|| of(&self.normals)) }
     }
 
-    /// The surface of triangle `i` at the point (1 − u − v) a + u b + v c. Without texture coordinates, uv are these.
+    /// The surface of triangle `i` at the point (1 − u − v) a + u b + v c. Without texture coordinates, its uv is (u,
+    /// v).
     pub fn surface(&self, i: usize, u: f32, v: f32) -> Surface {
         self.dressed(i, self.triangle(i).surface(u, v), triangle::weights(u.into(), v.into()))
     }
@@ -115,7 +117,7 @@ impl Mesh {
         surface
     }
 
-    /// How the surface of triangle `i` goes on around that point.
+    /// The surface differential of triangle `i` at the point (1 − u − v) a + u b + v c.
     pub fn surface_differential(&self, i: usize, u: f32, v: f32) -> SurfaceDifferential {
         let corners = self.corners(i);
         let gradients = triangle::gradients(corners);
@@ -144,7 +146,7 @@ impl Mesh {
         surface_differential
     }
 
-    /// Puts the triangles into the given order, a list of their present numbers.
+    /// Sorts the triangles into the given order, a list of their present numbers.
     pub fn reorder(&mut self, order: &[u32]) {
         self.triangles = order.iter().map(|&i| self.triangles[i as usize]).collect();
         if !self.slots.is_empty() {
@@ -152,10 +154,10 @@ impl Mesh {
         }
     }
 
-    /// Gives each vertex the mean normal of the triangles around it, weighted by their angles there, so that the result
-    /// doesn't depend on how a flat face was cut into triangles (Thürmer and Wüthrich, *Computing vertex normals from
-    /// polygonal facets*, 1998). Vertices that share a place but not an index keep separate normals. The mesh must have
-    /// passed [`Mesh::check`].
+    /// Gives each vertex the mean normal of the triangles around it, weighted by their angles there. The result doesn't
+    /// depend on how a flat face was cut into triangles (Thürmer and Wüthrich, *Computing vertex normals from polygonal
+    /// facets*, 1998). Vertices that share a place but not an index keep separate normals. The mesh must have passed
+    /// [`Mesh::check`].
     pub fn smooth_normals(&mut self) {
         let mut sums = vec![DVec3::ZERO; self.positions.len()];
         for (i, triangle) in self.triangles.iter().enumerate() {
@@ -171,7 +173,7 @@ impl Mesh {
                 sums[triangle[k] as usize] += cross * (libm::atan2(area, next.dot(last)) / area);
             }
         }
-        // A vertex without a side gets a normal all the same, since each must have one.
+        // A vertex of no triangle, or of triangles without area, gets an arbitrary normal, since each must have one.
         self.normals = sums.into_iter().map(|n| n.normalize_or(DVec3::Y).as_vec3()).collect();
     }
 
@@ -223,13 +225,13 @@ impl Mesh {
 /// A triangle of a mesh.
 pub(crate) struct Corners {
     pub(crate) positions: [Vec3; 3],
-    /// Any length but zero.
+    /// The normals at the corners; any length but zero.
     pub(crate) normals: Option<[Vec3; 3]>,
 }
 
 impl Corners {
-    /// [`Mesh::surface`] without the mesh's texture coordinates and colours. With no branch but for normals, so that the compiler can do several at
-    /// once.
+    /// [`Mesh::surface`] without the mesh's texture coordinates and colours. The only branch is on normals, so that the
+    /// compiler vectorises.
     #[inline(always)]
     pub(super) fn surface(&self, u: f32, v: f32) -> Surface {
         let weights = triangle::weights(u.into(), v.into());
@@ -237,14 +239,14 @@ impl Corners {
         self.around(point, weights, [f64::from(u), f64::from(v)])
     }
 
-    /// The surface at a hit of this line's ray: by the barycentric coordinates, which are `f32` and exact enough on all but
-    /// triangles that are large beside the ray's way.
+    /// The surface at a hit of this line's ray. The barycentric coordinates are `f32`. They are exact enough except on
+    /// triangles that are large relative to the distance of the hit.
     #[inline]
     pub(super) fn at(&self, line: &DRay, hit: &ShapeHit) -> Surface {
         if self.is_large(line, hit.t) { self.on_line(line).0 } else { self.surface(hit.uv[0], hit.uv[1]) }
     }
 
-    /// Whether the triangle is [large](solve::is_large) beside the way to a hit at the ray's parameter `t`.
+    /// Whether the triangle is [large](solve::is_large) relative to the distance to a hit at the ray's parameter `t`.
     #[inline(always)]
     pub(super) fn is_large(&self, line: &DRay, t: f32) -> bool {
         let [a, b, c] = self.positions;
@@ -252,17 +254,17 @@ impl Corners {
         solve::is_large(size.into(), line.longest(), t)
     }
 
-    /// The surface where the line meets the triangle's plane (5.28), and the weights of the corners there. With no branch but
-    /// for normals.
+    /// The surface where the line intersects the triangle's plane (5.28), and the weights of the corners there. The
+    /// only branch is on normals.
     #[inline(always)]
     pub(super) fn on_line(&self, line: &DRay) -> (Surface, [f64; 3]) {
         let [a, b, c] = self.positions;
         let cross = triangle::cross(a, b, c);
         let (a, b, c) = (a.as_dvec3(), b.as_dvec3(), c.as_dvec3());
-        // The unit normal keeps products of lengths within the numbers.
+        // The unit normal keeps products of lengths within the range of `f64`.
         let n = cross.normalize_or(DVec3::Z);
         let point = line.origin + line.direction * ((a - line.origin).dot(n) / line.direction.dot(n));
-        // A line along the plane leaves its box.
+        // The intersection of a line along the plane may lie outside the triangle's box.
         let point = point.max(a.min(b).min(c)).min(a.max(b).max(c));
         // L₂ and L₃ of (5.31).
         let (p, area) = (point - a, cross.dot(n));
@@ -271,7 +273,7 @@ impl Corners {
         (self.around(point, weights, [u, v]).with_fine_uv(DVec2::new(u, v)), weights)
     }
 
-    /// The surface at a point of it where the corners have these weights.
+    /// The surface at a point of the triangle where the corners have these weights.
     #[inline(always)]
     fn around(&self, point: DVec3, weights: [f64; 3], uv: [f64; 2]) -> Surface {
         let corners = self.positions;
@@ -286,14 +288,14 @@ impl Corners {
     }
 }
 
-/// The vertex normals, turned around if as a whole they point against the geometric one.
+/// The vertex normals, reversed if as a whole they point against the geometric normal.
 #[inline(always)]
 fn facing(normals: [DVec3; 3], n: DVec3) -> [DVec3; 3] {
     let [a, b, c] = normals;
     if (a + b + c).dot(n) < 0.0 { [-a, -b, -c] } else { normals }
 }
 
-/// The interpolated normal; mirrored at the triangle's plane where it fell behind it.
+/// The interpolated normal, mirrored at the triangle's plane where it points behind it.
 #[inline(always)]
 fn shading_normal([a, b, c]: [DVec3; 3], [wa, wb, wc]: [f64; 3], n: DVec3) -> DVec3 {
     let mean = a * wa + b * wb + c * wc;
@@ -302,9 +304,9 @@ fn shading_normal([a, b, c]: [DVec3; 3], [wa, wb, wc]: [f64; 3], n: DVec3) -> DV
     if unit.dot(n) > 0.0 { unit } else { n }
 }
 
-/// From the flat triangle towards the smooth surface that its normals pretend: the mean of the ways to the planes through
-/// the vertices, perpendicular to their normals, counting only planes above the point (Hanika, Ray Tracing Gems II, ch. 4)
-/// and only normals on the outer side, so that the way never leads inwards.
+/// The offset from the flat triangle to the smooth surface that its normals describe. It is the weighted mean of the
+/// offsets to the planes through the vertices, perpendicular to their normals. Only planes above the point count
+/// (Hanika, Ray Tracing Gems II, ch. 4), and only normals on the outer side, so that the offset never points inwards.
 #[inline(always)]
 fn lift(point: DVec3, corners: [Vec3; 3], normals: [DVec3; 3], weights: [f64; 3], n: DVec3) -> DVec3 {
     let mut way = DVec3::ZERO;

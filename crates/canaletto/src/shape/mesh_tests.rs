@@ -60,7 +60,7 @@ fn inward_normals_are_turned_to_the_windings_side() {
 #[test]
 fn a_shading_normal_never_looks_backwards() {
     let mut mesh = tent();
-    // One corner's normal far on the other side.
+    // One corner's normal is far on the other side.
     mesh.normals = vec![Vec3::Y, Vec3::Y, Vec3::new(0.0, -1.0, -0.5), Vec3::Y];
     for (u, v) in [(0.0, 0.0), (0.5, 0.25), (0.9, 0.05), (1.0, 0.0)] {
         let s = mesh.surface(0, u, v);
@@ -73,7 +73,7 @@ fn a_shading_normal_never_looks_backwards() {
 fn lifted_points_lie_outside_and_vertices_stay() {
     let mut mesh = tent();
     mesh.smooth_normals();
-    // Convex: normals at the corners spread outwards.
+    // The mesh is convex: normals at the corners diverge outwards.
     mesh.normals[2] = Vec3::Z;
     let s = mesh.surface(0, 0.4, 0.2);
     assert!((s.lifted - s.point).dot(s.normal.as_vec3()) > 0.05, "{s:?}");

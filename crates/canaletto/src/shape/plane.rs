@@ -1,7 +1,7 @@
 //! Infinite planes.
 //!
-//! Texture coordinates are lengths in the scene's units from `point`, as a plane has no size of its own: seen from the
-//! visible side with +y upwards, u to the right and v downwards; on a floor, along x and z.
+//! Texture coordinates are lengths in the scene's units from `point`, as a plane has no size of its own. Seen from the
+//! visible side with +y upwards, u grows to the right and v downwards; on a floor, they are along x and z.
 
 use super::solve::{self, Frame};
 use super::{ShapeHit, Surface, SurfaceDifferential};
@@ -10,30 +10,30 @@ use canaletto_bvh::Ray;
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
-/// A plane without bounds.
+/// An infinite plane.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Plane {
     /// A point of the plane.
     pub point: Vec3,
-    /// The direction of its visible side; any length but zero.
+    /// The direction of the visible side; any length but zero.
     pub normal: Vec3,
 }
 
 impl Plane {
-    /// (5.27); NaN or infinite for a parallel ray.
+    /// The parameter t of (5.27); NaN or infinite for a parallel ray.
     pub(super) fn parameter(&self, line: DRay) -> f64 {
         let n = self.normal.as_dvec3();
         (self.point.as_dvec3() - line.origin).dot(n) / line.direction.dot(n)
     }
 
-    /// The point of (5.28) relative to `point`, cleared of what rounding left along the normal.
+    /// The point of (5.28) relative to `point`, without the rounding error along the normal.
     pub(super) fn offset(&self, line: DRay, t: f64) -> DVec3 {
         let n = self.normal.as_dvec3();
         let p = line.origin - self.point.as_dvec3() + line.direction * t;
         p - n * (p.dot(n) / n.length_squared())
     }
 
-    /// The hit, if the plane is met at a t in (0, t_max] and at a place that `f32` can hold.
+    /// The hit, if its t lies in (0, t_max] and `f32` can hold its point.
     pub fn intersect(&self, ray: &Ray, t_max: f32) -> Option<ShapeHit> {
         let hit = solve::hit(self.parameter(ray.into()), 0, t_max)?;
         (ray.origin + ray.direction * hit.t).abs().cmplt(Vec3::splat(f32::MAX)).all().then_some(hit)
@@ -53,13 +53,13 @@ impl Plane {
         surface
     }
 
-    /// How the surface goes on around its points.
+    /// The surface differential at every point.
     pub fn surface_differential(&self) -> SurfaceDifferential {
         let frame = Frame::around(self.normal.as_dvec3());
         SurfaceDifferential::flat(frame.x, frame.z)
     }
 
-    /// The plane moved.
+    /// The plane moved by a transform.
     pub(super) fn transformed(&self, t: &Transform) -> Option<Plane> {
         let point = t.point(self.point.as_dvec3()).as_vec3();
         Some(Plane { point, normal: solve::moved_normal(t, self.normal) })
@@ -96,7 +96,7 @@ mod tests {
 
     #[test]
     fn a_point_met_by_a_grazing_ray_lies_on_the_plane() {
-        // At the far end of a long way, t's rounding alone would lift the point off.
+        // At a large distance, t's rounding alone would move the point off the plane.
         let ray = Ray::new(Vec3::new(1.0, -49.9, 2.0), Vec3::new(1.0, -1e-9, 0.3));
         let hit = FLOOR.intersect(&ray, f32::INFINITY).unwrap();
         assert_eq!(FLOOR.surface(&ray, &hit).point.y, -50.0);

@@ -1,4 +1,4 @@
-//! What holds for every shape, at random places, sizes and rays.
+//! Properties of every shape, at random places, sizes and rays.
 
 use super::testing::*;
 use super::*;
@@ -7,7 +7,7 @@ use glam::Vec3;
 
 const INF: f32 = f32::INFINITY;
 
-/// A shape of about the size `size` around `at`, and a ray that may meet it.
+/// A shape of about the size `size` around `at`, and a ray that may hit it.
 struct Case {
     shape: Shape,
     ray: Ray,
@@ -16,7 +16,7 @@ struct Case {
 }
 
 impl Case {
-    /// The size of the numbers in it.
+    /// The largest magnitude of the numbers in the case.
     fn scale(&self) -> f64 {
         f64::from(self.size.max(self.at.abs().max_element()))
     }
@@ -27,7 +27,7 @@ const ALL: [f32; 2] = [1e-6, 1e9];
 /// Sizes that leave room for a scale.
 const USUAL: [f32; 2] = [0.1, 10.0];
 
-/// Calls `test` with many cases of the given sizes. It says whether it met the shape, which must often be so.
+/// Calls `test` with many cases of the given sizes. It returns whether the ray hit the shape, which must often be so.
 fn each(seed: u64, rounds: usize, [least, most]: [f32; 2], mut test: impl FnMut(&mut Random, Case) -> Option<()>) {
     let mut random = Random(seed);
     let mut seen = 0;
@@ -48,7 +48,7 @@ fn surface_points_lie_on_the_shape() {
         let Case { shape, ray, .. } = &case;
         let hit = shape.intersect(ray, INF)?;
         let s = shape.surface(ray, &hit);
-        // Planes may be met far away.
+        // The hit of a plane may be far away.
         let scale = case.scale().max(s.point.as_dvec3().length());
         let d = distance(shape, s.point.as_dvec3());
         assert!(d.abs() <= 1e-6 * scale, "{shape:?} {ray:?} {hit:?}: {} is {d:e} away", s.point);
@@ -81,7 +81,7 @@ fn normals_are_units_that_lead_outwards() {
         }
         let step = 1e-3 * f64::from(*size);
         let [out, inside] = [step, -step].map(|step| distance(shape, s.point.as_dvec3() + s.normal * step));
-        // The distance grows with the whole step; at the inner seam of a spindle with a part of it.
+        // The distance grows with the whole step. At the inner seam of a spindle torus it grows with a part of it.
         assert!(out > 0.5 * step, "{shape:?} {s:?}: {out:e} of {step:e}");
         assert!(inside < 0.0 || distance(shape, s.point.as_dvec3()).abs() > 0.1 * step, "{shape:?} {s:?}: {inside:e}");
         Some(())
@@ -101,7 +101,7 @@ fn bounds_hold_every_surface_point() {
 
 #[test]
 fn bounds_are_tight() {
-    // A sheet of rays little inside each face of the bounds meets the shape.
+    // Rays in a plane a little inside each face of the bounds hit the shape.
     let mut random = Random(5);
     for shape in (0..200).flat_map(|_| closed(&mut random, Vec3::new(3.0, -2.0, 1.0), 2.0)) {
         let b = shape.bounds().unwrap();
@@ -138,7 +138,7 @@ fn the_nearest_crossing_is_found() {
             }
             let hit = shape.intersect(&ray, INF).unwrap_or_else(|| panic!("{shape:?} {ray:?}: no hit at {low}"));
             let t = f64::from(hit.t);
-            // A hit before the crossing is a graze between two steps, which the other tests look at.
+            // A hit before the crossing is a graze between two steps, which other tests cover.
             assert!(t <= high + 1e-6 * high.max(step), "{shape:?} {ray:?}: {t}, not {low}");
             assert!(distance(&shape, o + d * t).abs() < 1e-5, "{shape:?} {ray:?}: {t}, not {low}");
             crossings += 1;
@@ -183,7 +183,7 @@ fn a_ray_that_leaves_a_surface_does_not_meet_it_at_once() {
         let Case { shape, ray, .. } = &case;
         let s = shape.surface(ray, &shape.intersect(ray, INF)?);
         let d = random.vector();
-        // Steeply, so that a torus comes back into the way far off only.
+        // The ray is steep, so that it hits a torus again only far off.
         let d =
             if d.dot(s.normal.as_vec3()) < 0.0 { d - s.normal.as_vec3() * 0.5 } else { d + s.normal.as_vec3() * 0.5 };
         if shape.is_closed() && d.dot(s.normal.as_vec3()) < 0.0 {
@@ -207,7 +207,7 @@ fn a_ray_that_goes_inside_meets_the_far_side() {
         let d = random.direction();
         let d = if d.dot(s.normal.as_vec3()) > 0.0 { -d } else { d };
         let inside = leave(&s, d);
-        // Not within rounding of an edge, from where the other side of the surface isn't the inside.
+        // Points within rounding of an edge are left out: the other side of the surface isn't the inside there.
         let depth = -distance(shape, inside.origin.as_dvec3());
         if depth < 0.5 * f64::from(s.normal.as_vec3().abs().dot(s.error)) {
             return None;
@@ -220,14 +220,14 @@ fn a_ray_that_goes_inside_meets_the_far_side() {
     });
 }
 
-/// Calls `test` with shapes whose surface passes through the scene's origin, where coordinates nearly cancel and their
-/// own rounding bounds nothing: the surface of a hit there.
+/// Calls `test` with shapes whose surface passes through the scene's origin, and the surface of a hit there.
+/// Coordinates nearly cancel there, and their own rounding bounds nothing.
 fn through_origin(seed: u64, mut test: impl FnMut(&mut Random, &Shape, Surface)) {
     each(seed, 20_000, USUAL, |random, Case { shape, ray, .. }| {
         let s = shape.surface(&ray, &shape.intersect(&ray, INF)?);
         let back = Transform::translate(-s.point.as_dvec3());
         let shape = shape.transformed(&back)?;
-        // From a little off the origin, so that the coordinates are tiny but not 0.
+        // A little off the origin, so that the coordinates are tiny but not 0.
         let off = random.vector() * libm::powf(10.0, random.within(-18.0, -6.0));
         let ray = Ray::new(off - ray.direction, ray.direction);
         let hit = shape.intersect(&ray, INF).filter(|hit| (hit.t - 1.0).abs() < 1e-3)?;
@@ -249,7 +249,7 @@ fn error_bounds_hold_next_to_the_origin() {
     through_origin(17, |_, shape, s| {
         let d = distance(shape, s.point.as_dvec3());
         let bound = f64::from(s.normal.as_vec3().abs().dot(s.error));
-        // The distance itself is known to a few 1e-15 of the shape's size.
+        // The distance itself has an error of a few 1e-15 of the shape's size.
         assert!(d.abs() <= bound, "{shape:?}: {s:?} is {d:e} away, beyond {bound:e}");
     });
 }
@@ -355,7 +355,7 @@ fn a_moved_shape_is_hit_as_by_the_ray_moved_back() {
             Ray::new(t.point(ray.origin.as_dvec3()).as_vec3(), t.vector(ray.direction.as_dvec3()).as_vec3());
         let (Some(a), Some(b)) = (shape.intersect(&ray, INF), there.intersect(&ray_there, INF)) else { return None };
         let (here, there) = (shape.surface(&ray, &a).transformed(&t), there.surface(&ray_there, &b));
-        // Rounding may move a grazing hit far, or over an edge; such cases show in the parameter.
+        // Rounding may move a grazing hit far, or over an edge; such cases have a different parameter.
         if (a.t - b.t).abs() > 1e-4 * a.t {
             return None;
         }
@@ -407,7 +407,7 @@ fn rays_without_direction_or_with_nan_meet_nothing() {
 
 #[test]
 fn every_number_of_every_shape_is_checked() {
-    // Each number of a sound shape in turn becomes NaN.
+    // Each number of a valid shape in turn becomes NaN.
     each(15, 20, ALL, |_, Case { shape, .. }| {
         assert_eq!(shape.check(), Ok(()));
         for i in 0.. {

@@ -1,4 +1,4 @@
-//! What lies inside closed shapes.
+//! The volume and the inside of closed shapes.
 
 use super::{Cone, Cylinder, Shape};
 use glam::DVec3;
@@ -77,7 +77,7 @@ mod tests {
         ]
     }
 
-    /// Volumes against the share of a grid's points inside.
+    /// Compares volumes with the share of a grid's points inside.
     #[test]
     fn volumes_are_those_of_the_points_inside() {
         let n = 80;
@@ -90,7 +90,7 @@ mod tests {
         }
     }
 
-    /// A point is inside where a ray from it meets the surface from behind.
+    /// A point is inside where a ray from it hits the surface from behind.
     #[test]
     fn inside_is_where_rays_leave() {
         for shape in solids() {

@@ -1,7 +1,7 @@
 //! Spheres (5.11–5.22).
 //!
-//! Texture coordinates follow (5.45): θ is the angle from the +y pole, φ the one around y from +z towards +x, relative
-//! to the centre. Seen from outside with +y upwards, u grows to the right and v downwards; +z is the middle, u = v = ½.
+//! Texture coordinates follow (5.45), relative to the centre: θ is the angle from the +y pole, φ the one around y from
+//! +z towards +x. Seen from outside with +y upwards, u grows to the right and v downwards; +z is the middle, u = v = ½.
 
 use super::solve::{self, Local};
 use super::surface_differential::{outer, turn_gradient};
@@ -15,21 +15,21 @@ use std::f64::consts::PI;
 /// A sphere.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sphere {
-    /// c, its centre.
+    /// The centre c.
     pub center: Vec3,
-    /// r > 0.
+    /// The radius r > 0.
     pub radius: f32,
 }
 
 impl Sphere {
-    /// The nearest t in (0, t_max], from outside or inside; (5.19) with its min restricted to the ray.
+    /// The nearest hit with t in (0, t_max], from outside or inside: (5.19) with its min restricted to the ray.
     #[inline]
     pub fn intersect(&self, ray: &Ray, t_max: f32) -> Option<ShapeHit> {
         let t = canaletto_bvh::sphere::intersect_once(ray, self.center, self.radius, t_max)?;
         Some(ShapeHit { t, part: 0, uv: [0.0; 2] })
     }
 
-    /// The surface at a hit: the point of (5.21) put back on the sphere, the normal of (5.22).
+    /// The surface at a hit: the point of (5.21) moved onto the sphere, the normal of (5.22).
     pub fn surface(&self, line: impl Into<DRay>, hit: &ShapeHit) -> Surface {
         let surface = self.bare_surface(line.into(), hit.t);
         let n = surface.normal;
@@ -37,7 +37,8 @@ impl Sphere {
         Surface { uv: Vec2::new(solve::turn(n.x, n.z) as f32, (theta / PI) as f32), ..surface } // (5.45)
     }
 
-    /// The same without texture coordinates, at the ray's parameter `t`. Without a branch, so that the compiler can do several at once.
+    /// [`Sphere::surface`] without texture coordinates, at the ray's parameter `t`. It has no branch, so that the
+    /// compiler vectorises.
     #[inline(always)]
     pub(super) fn bare_surface(&self, line: DRay, t: f32) -> Surface {
         let (center, r) = (self.center.as_dvec3(), f64::from(self.radius));
@@ -50,11 +51,11 @@ impl Sphere {
         solve::surface(center + n * r, center.abs().max_element() + r, n, [0.0; 2])
     }
 
-    /// How the surface goes on around one of its points.
+    /// The surface differential at one of the sphere's points.
     pub fn surface_differential(&self, surface: &Surface) -> SurfaceDifferential {
         let (n, r) = (surface.normal, f64::from(self.radius));
         let sin = (n.x * n.x + n.z * n.z).sqrt();
-        // At a pole any meridian will do.
+        // At a pole any meridian is valid.
         let out = if sin > 0.0 { DVec3::new(n.x, 0.0, n.z) / sin } else { DVec3::Z };
         let down = out * n.y - DVec3::Y * sin;
         SurfaceDifferential {
@@ -64,13 +65,13 @@ impl Sphere {
         }
     }
 
-    /// The box around it.
+    /// The box around the sphere.
     pub fn bounds(&self) -> Aabb {
         let (c, r) = (self.center.as_dvec3(), f64::from(self.radius));
         solve::bounds(c, DVec3::splat(r), c.abs().max_element() + r)
     }
 
-    /// The sphere moved, if it stays one.
+    /// The sphere moved by a transform, if it stays a sphere.
     pub(super) fn transformed(&self, t: &Transform) -> Option<Sphere> {
         let scale = t.uniform_scale()?;
         let center = t.point(self.center.as_dvec3()).as_vec3();
@@ -83,20 +84,21 @@ impl Sphere {
     }
 }
 
-/// That of both roots of a s² + b s + c = 0 (5.20), as [`quadratic`](crate::math::quadratic) finds them, whose t₀ + s was reported as `t`, or
-/// `t` itself if there is none; as t₀ + s. A line from `outside` enters at the first.
+/// The value t₀ + s nearest to the reported `t`, for the roots s of a s² + b s + c = 0 (5.20), as
+/// [`quadratic`](crate::math::quadratic) finds them. It is `t` itself if there is no root. A line from `outside` enters
+/// at the first root.
 #[inline(always)]
 fn nearest_root([a, b, c]: [f64; 3], t0: f64, t: f32, outside: bool) -> f64 {
     let t = f64::from(t);
     let discriminant = b * b - 4.0 * a * c; // (5.18)
     let q = -0.5 * (b + discriminant.sqrt().copysign(b));
-    // Without a square there is one root.
+    // Without a quadratic term there is one root.
     let straight = a == 0.0;
     let first = if straight { -c / b } else { q / a };
     let second = if straight { first } else { c / q };
     let [first, second] = if q == 0.0 && !straight { [0.0; 2] } else { [first, second] };
     let [near, far] = if first <= second { [first, second] } else { [second, first] }.map(|s| t0 + s);
-    // Bits of numbers without a sign are in the order of the numbers, and NaN comes last.
+    // Bits of non-negative numbers are in the order of the numbers, and NaN comes last.
     let off = |root: f64| (root - t).abs().to_bits();
     let root = if (off(far) < off(near)) & !outside { far } else { near };
     let real = if straight { b != 0.0 } else { discriminant >= 0.0 };
@@ -138,7 +140,7 @@ mod tests {
         let ray = Ray::new(Vec3::new(100.0, 40.0, 40.0), Vec3::new(-28.7, -1.30, -13.1));
         let (hit, s) = first(&sphere, &ray);
         assert!((hit.t - 2.83).abs() < 0.005, "{hit:?}");
-        // The chapter goes on with the rounded t.
+        // The chapter continues with the rounded t.
         assert!((s.point - Vec3::new(18.7, 36.3, 2.90)).abs().max_element() < 0.05, "{s:?}");
         assert!((s.normal.as_vec3() - Vec3::new(0.749, 0.653, 0.116)).abs().max_element() < 0.002, "{s:?}");
         let past = Ray::new(ray.origin + ray.direction * (hit.t + 0.1), ray.direction);

@@ -1,36 +1,36 @@
-//! The surface at a hit: all that shading sees of a shape.
+//! The surface at a hit: the part of a shape that shading sees.
 
 use crate::math::{Rgb, Transform, rounding};
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
-/// A point of a surface with what shading needs to know about it.
+/// A point of a surface with the values that shading needs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Surface {
     /// The point.
     pub point: Vec3,
-    /// The same point before it was rounded to `f32`: where the lines of further rays start.
+    /// The point before it was rounded to `f32`. The lines of further rays start here.
     pub exact: DVec3,
     /// A bound of the point's rounding error in each coordinate.
     pub error: Vec3,
-    /// The unit geometric normal, on the outer (visible) side. Normals are `f64`: a highlight's exponent multiplies the
-    /// rounding of its vectors.
+    /// The unit geometric normal, on the outer (visible) side. Normals are `f64`, since a highlight's exponent
+    /// multiplies the rounding of its vectors.
     pub normal: DVec3,
-    /// The unit normal to shade with; differs from `normal` on smooth meshes only. Not necessarily in its hemisphere's
-    /// middle, but never on the other side.
+    /// The unit shading normal. It differs from `normal` on smooth meshes only, and is never on the other side.
     pub shading_normal: DVec3,
-    /// Texture coordinates.
+    /// The texture coordinates.
     pub uv: Vec2,
-    /// What `f32` doesn't hold of them, on shapes that are large beside the distance from which they are seen.
+    /// The part of the texture coordinates that `f32` doesn't hold, on shapes that are large relative to the distance
+    /// of the hit.
     pub uv_rest: Vec2,
-    /// A colour that the shape brings for this point (vertex or cloud colours); it replaces kd.
+    /// The colour of the shape at this point (vertex or cloud colours). It replaces kd.
     pub color: Option<Rgb>,
-    /// Where shadow rays start instead of `point`, on the outer side: smooth meshes lift it off their facets (Hanika,
-    /// *Hacking the Shadow Terminator*, Ray Tracing Gems II, ch. 4). Equal to `point` elsewhere.
+    /// The origin of shadow rays on the outer side. Smooth meshes lift it off their facets (Hanika, *Hacking the Shadow
+    /// Terminator*, Ray Tracing Gems II, ch. 4). Equal to `point` on other shapes.
     pub lifted: Vec3,
 }
 
 impl Surface {
-    /// A surface point whose coordinates carry nothing but the rounding to `f32`, shaded with its geometric normal.
+    /// A surface point whose error is the rounding to `f32` alone. Its shading normal is the geometric normal.
     #[inline(always)]
     pub fn at(exact: DVec3, normal: DVec3, uv: Vec2) -> Surface {
         let point = exact.as_vec3();
@@ -38,15 +38,15 @@ impl Surface {
         Surface { point, exact, error, normal, shading_normal, uv, uv_rest: Vec2::ZERO, color: None, lifted }
     }
 
-    /// The same with these texture coordinates, of which `f32` doesn't hold all.
+    /// The surface with these texture coordinates, which `f32` holds only in part.
     #[inline(always)]
     pub(super) fn with_fine_uv(self, fine: DVec2) -> Surface {
         let uv = fine.as_vec2();
         Surface { uv, uv_rest: (fine - uv.as_dvec2()).as_vec2(), ..self }
     }
 
-    /// The same point in the space around an instance. The bound grows by the rounding in object space, mapped
-    /// outwards, since the ray that will start here is mapped back into that space.
+    /// The surface in the space around an instance. The bound grows by the rounding in object space, mapped outwards,
+    /// since a ray from here is mapped back into that space.
     #[inline(always)]
     pub fn transformed(&self, to_world: &Transform) -> Surface {
         let m = to_world.matrix().matrix3;

@@ -1,30 +1,30 @@
-//! How a surface goes on around a hit: first derivatives of its texture coordinates and of its normal.
+//! Surface differentials: first derivatives of texture coordinates and normal at a hit.
 //!
-//! The change of the texture coordinates is kept as two gradients, not as ∂P/∂u and ∂P/∂v: gradients are what footprints
-//! and bump mapping need (Mikkelsen, *Surface Gradient-Based Bump Mapping Framework*, JCGT 2020), and where they
-//! degenerate, at poles, they grow without bound instead of vanishing into a division by zero.
+//! The change of the texture coordinates is kept as two gradients, not as ∂P/∂u and ∂P/∂v. Footprints and bump mapping
+//! need gradients (Mikkelsen, *Surface Gradient-Based Bump Mapping Framework*, JCGT 2020). Where they degenerate, at
+//! poles, they grow without bound, while tangents vanish and lead to a division by zero.
 
 use super::Surface;
 use crate::math::Transform;
 use glam::{DMat3, DVec2, DVec3};
 
-/// The neighbourhood of a surface point, in the first order.
+/// The neighbourhood of a surface point, to first order.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceDifferential {
-    /// ∇u and ∇v: their products with a step along the surface are the changes of u and v. A component along the normal
-    /// may be left in them and means nothing.
+    /// ∇u and ∇v. Their products with a step along the surface are the changes of u and v. A component along the normal
+    /// is possible and has no effect.
     pub gradients: [DVec3; 2],
-    /// Takes a step along the surface to the change of the unit normal that is shaded with.
+    /// The map from a step along the surface to the change of the unit shading normal.
     pub shape_operator: DMat3,
-    /// Whether u goes round: one turn is 1.
+    /// Whether u is periodic with period 1.
     pub round: bool,
 }
 
-/// The smallest distance from an axis that is told from none, as a part of the shape's size.
+/// The smallest distance from an axis that differs from zero, as a part of the shape's size.
 const AT_AXIS: f64 = 1e-9;
 
 impl SurfaceDifferential {
-    /// A flat one.
+    /// The differential of a flat surface.
     pub(super) fn flat(u: DVec3, v: DVec3) -> SurfaceDifferential {
         SurfaceDifferential { gradients: [u, v], shape_operator: DMat3::ZERO, round: false }
     }
@@ -44,7 +44,7 @@ impl SurfaceDifferential {
         [v.cross(normal) / area, normal.cross(u) / area]
     }
 
-    /// The patch in the space around an instance, for the surface in the instance's own.
+    /// The surface differential in the space around an instance; `local` is the surface in the instance's own space.
     pub fn transformed(&self, to_world: &Transform, local: &Surface) -> SurfaceDifferential {
         let back = to_world.inverse().matrix().matrix3;
         let normal = to_world.normal(local.shading_normal);
@@ -60,13 +60,13 @@ impl SurfaceDifferential {
     }
 }
 
-/// a bᵀ.
+/// The outer product a bᵀ.
 pub(super) fn outer(a: DVec3, b: DVec3) -> DMat3 {
     DMat3::from_cols(a * b.x, a * b.y, a * b.z)
 }
 
-/// ∇u of (5.45a), u = ½ (1 + φ/π), for a point whose direction from the axis is `out`, at `radius` from it. φ grows from
-/// `z` towards `x`. `size` is the shape's.
+/// ∇u of (5.45a), u = ½ (1 + φ/π), for a point at `radius` from the axis in the direction `out`. φ grows from `z`
+/// towards `x`. `size` is the shape's.
 pub(super) fn turn_gradient(out: DVec3, x: DVec3, z: DVec3, radius: f64, size: f64) -> DVec3 {
     around(out, x, z) / (std::f64::consts::TAU * radius.max(size * AT_AXIS))
 }

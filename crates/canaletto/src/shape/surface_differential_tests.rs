@@ -1,15 +1,15 @@
-//! Patches against differences of surfaces at neighbouring rays, on every shape.
+//! Compares surface differentials with differences of surfaces at neighbouring rays, on every shape.
 
 use super::testing::*;
 use super::*;
 use glam::{DAffine3, DMat3, DVec2, Vec2, Vec3};
 
-/// What two neighbouring rays see: how point, normal and texture coordinates change between them.
+/// Compares the changes of point, normal and texture coordinates between two neighbouring rays.
 fn compare(name: &str, from: &Surface, to: &Surface, surface_differential: &SurfaceDifferential, size: f64) -> bool {
     let step = to.exact - from.exact;
     let turned = to.shading_normal - from.shading_normal;
     let uv = to.uv.as_dvec2() - from.uv.as_dvec2();
-    // Other faces, and the seam where u jumps.
+    // The rays hit different faces, or different sides of the seam where u jumps.
     if turned.length() > 0.05 || uv.abs().max_element() > 0.05 {
         return false;
     }
@@ -41,7 +41,7 @@ fn patches_are_the_differences_of_neighbouring_rays() {
             };
             let (from, to) = (shape.surface(&ray, &hit), shape.surface(&neighbour, &near));
             let step = to.exact - from.exact;
-            // Near poles, apexes and the horizon two rays are too far apart for the first order.
+            // Near poles, apexes and the horizon two rays are too far apart for first order.
             let surface_differential = shape.surface_differential(&from, &hit);
             let curved = surface_differential.gradients.iter().map(|g| g.length()).fold(0.0, f64::max);
             if hit.part != near.part || step.length() > 3e-3 || curved * step.length() > 0.01 {

@@ -1,4 +1,4 @@
-//! Surfaces of the commonest shapes side by side: the second stage of eight hits at once, by the same formulas as for one.
+//! Surfaces of the commonest shapes: the second stage of eight hits side by side, by the formulas of a single hit.
 
 use super::mesh::Corners;
 use super::solve;
@@ -6,7 +6,7 @@ use super::{Sphere, Surface};
 use crate::math::{DRay, Transform};
 use glam::{DVec3, Vec2, Vec3};
 
-/// How many are side by side.
+/// The number of lanes.
 pub(crate) const SURFACES: usize = 8;
 
 /// Eight points or directions: rows of x, y and z.
@@ -15,25 +15,25 @@ pub(crate) type DVec3x8 = [[f64; SURFACES]; 3];
 /// Eight points or colours.
 pub(crate) type Vec3x8 = [[f32; SURFACES]; 3];
 
-/// Number `lane` of eight.
+/// The value in lane `lane`.
 #[inline(always)]
 pub(crate) fn dvec3([x, y, z]: &DVec3x8, lane: usize) -> DVec3 {
     DVec3::new(x[lane], y[lane], z[lane])
 }
 
-/// Number `lane` of eight.
+/// The value in lane `lane`.
 #[inline(always)]
 pub(crate) fn vec3([x, y, z]: &Vec3x8, lane: usize) -> Vec3 {
     Vec3::new(x[lane], y[lane], z[lane])
 }
 
-/// Sets number `lane` of eight.
+/// Sets the value in lane `lane`.
 #[inline(always)]
 pub(crate) fn set_dvec3([x, y, z]: &mut DVec3x8, lane: usize, v: DVec3) {
     (x[lane], y[lane], z[lane]) = (v.x, v.y, v.z);
 }
 
-/// Sets number `lane` of eight.
+/// Sets the value in lane `lane`.
 #[inline(always)]
 pub(crate) fn set_vec3([x, y, z]: &mut Vec3x8, lane: usize, v: Vec3) {
     (x[lane], y[lane], z[lane]) = (v.x, v.y, v.z);
@@ -45,7 +45,7 @@ fn larger(a: f32, b: f32) -> f32 {
     if b > a { b } else { a }
 }
 
-/// Takes over those whose bit is set.
+/// Copies the lanes whose bit is set.
 #[inline(always)]
 fn take<T: Copy>(to: &mut [[T; SURFACES]; 3], from: &[[T; SURFACES]; 3], bits: u32) {
     for (to, from) in to.iter_mut().zip(from) {
@@ -55,7 +55,7 @@ fn take<T: Copy>(to: &mut [[T; SURFACES]; 3], from: &[[T; SURFACES]; 3], bits: u
     }
 }
 
-/// What shading without textures needs of eight surfaces: rows of the numbers of [`Surface`].
+/// Eight surfaces for shading without textures: rows of the fields of [`Surface`].
 #[derive(Clone, Copy)]
 pub(crate) struct Surfaces {
     pub(crate) exact: DVec3x8,
@@ -67,7 +67,7 @@ pub(crate) struct Surfaces {
 }
 
 impl Surfaces {
-    /// Eight times nothing.
+    /// Eight surfaces of zeros.
     pub(crate) const NOTHING: Surfaces = Surfaces {
         exact: [[0.0; SURFACES]; 3],
         normal: [[0.0; SURFACES]; 3],
@@ -77,7 +77,7 @@ impl Surfaces {
         lifted: [[0.0; SURFACES]; 3],
     };
 
-    /// Sets number `lane`.
+    /// Sets the surface in lane `lane`.
     #[inline(always)]
     pub(crate) fn set(&mut self, lane: usize, surface: &Surface) {
         set_dvec3(&mut self.exact, lane, surface.exact);
@@ -88,7 +88,7 @@ impl Surfaces {
         set_vec3(&mut self.lifted, lane, surface.lifted);
     }
 
-    /// Number `lane`, without texture coordinates and colour.
+    /// The surface in lane `lane`, without texture coordinates and colour.
     #[inline(always)]
     fn get(&self, lane: usize) -> Surface {
         Surface {
@@ -104,7 +104,7 @@ impl Surfaces {
         }
     }
 
-    /// Takes over those whose bit is set.
+    /// Copies the lanes whose bit is set.
     #[inline(always)]
     fn take(&mut self, from: &Surfaces, bits: u32) {
         take(&mut self.exact, &from.exact, bits);
@@ -116,32 +116,32 @@ impl Surfaces {
     }
 }
 
-/// Up to eight spheres and triangles that lines meet.
+/// Up to eight spheres and triangles, each with the line that hits it.
 pub(crate) struct SurfaceInputs8 {
     /// The lines' origins and directions.
     origin: DVec3x8,
     pub(crate) direction: DVec3x8,
-    /// Their parameters.
+    /// The parameters of the hits.
     t: [f32; SURFACES],
     center: Vec3x8,
     radius: [f32; SURFACES],
     corners: [Vec3x8; 3],
     /// The corners' normals, where they have any.
     normals: [Vec3x8; 3],
-    /// Barycentric coordinates on triangles.
+    /// The barycentric coordinates on triangles.
     uv: [[f32; SURFACES]; 2],
-    /// A bit for each that is a sphere, a triangle, a triangle whose corners have normals.
+    /// A bit for each lane with a sphere, with a triangle, and with a triangle whose corners have normals.
     spheres: u32,
     flat: u32,
     smooth: u32,
-    /// Those of them that are on an instance, from whose space this leads to the world's.
+    /// A bit for each lane on an instance, the instance, and the transform from its space to the world's.
     moved: u32,
     instance: u32,
     to_world: Transform,
 }
 
 impl SurfaceInputs8 {
-    /// None.
+    /// Inputs without any hit.
     pub(crate) const NONE: SurfaceInputs8 = SurfaceInputs8 {
         origin: [[0.0; SURFACES]; 3],
         direction: [[0.0; SURFACES]; 3],
@@ -159,19 +159,19 @@ impl SurfaceInputs8 {
         to_world: Transform::IDENTITY,
     };
 
-    /// Forgets all.
+    /// Removes all hits.
     pub(crate) fn clear(&mut self) {
         (self.spheres, self.flat, self.smooth, self.moved) = (0, 0, 0, 0);
     }
 
-    /// The line of number `lane`.
+    /// Sets the line of lane `lane`.
     #[inline(always)]
     pub(crate) fn set_line(&mut self, lane: usize, line: &DRay) {
         set_dvec3(&mut self.origin, lane, line.origin);
         set_dvec3(&mut self.direction, lane, line.direction);
     }
 
-    /// Number `lane` meets a sphere.
+    /// Sets the hit of lane `lane` to a sphere.
     #[inline(always)]
     pub(crate) fn set_sphere(&mut self, lane: usize, sphere: &Sphere, t: f32) {
         set_vec3(&mut self.center, lane, sphere.center);
@@ -180,7 +180,7 @@ impl SurfaceInputs8 {
         self.spheres |= 1 << lane;
     }
 
-    /// Number `lane` meets a triangle.
+    /// Sets the hit of lane `lane` to a triangle.
     #[inline(always)]
     pub(crate) fn set_triangle(&mut self, lane: usize, triangle: &Corners, t: f32, [u, v]: [f32; 2]) {
         for (to, &position) in self.corners.iter_mut().zip(&triangle.positions) {
@@ -198,7 +198,8 @@ impl SurfaceInputs8 {
         }
     }
 
-    /// The triangle that number `lane` is going to meet is on this instance. The answer is no if others are on another one: there is one map for all.
+    /// Places the triangle that lane `lane` will hold on this instance. Returns false if other lanes are on another
+    /// instance, since there is one transform for all lanes.
     #[inline]
     pub(crate) fn set_instance(&mut self, lane: usize, instance: u32, to_world: &Transform) -> bool {
         if self.moved == 0 {
@@ -222,7 +223,7 @@ impl SurfaceInputs8 {
         Corners { normals: Some([vec3(a, lane), vec3(b, lane), vec3(c, lane)]), ..self.flat_triangle(lane) }
     }
 
-    /// The line of number `lane` in the space of what it meets.
+    /// The line of lane `lane` in the space of its primitive.
     #[inline(always)]
     fn local(&self, lane: usize) -> DRay {
         let line = DRay { origin: dvec3(&self.origin, lane), direction: dvec3(&self.direction, lane) };
@@ -233,8 +234,8 @@ impl SurfaceInputs8 {
         if self.moved >> lane & 1 == 1 { moved } else { line }
     }
 
-    /// A bit for each triangle that is [large](Corners::is_large) beside the way to it. The loops run over lanes, so that the
-    /// compiler makes vectors of them.
+    /// A bit for each triangle that is [large](Corners::is_large) relative to the distance of its hit. The loops run
+    /// over lanes, so that the compiler vectorises.
     #[inline(always)]
     fn large(&self) -> u32 {
         if self.flat | self.smooth == 0 {
@@ -266,7 +267,7 @@ impl SurfaceInputs8 {
         bits
     }
 
-    /// Finds the surfaces that were met. To be called from a kernel.
+    /// Computes the surfaces of all hits. It must be called from a kernel.
     #[inline(always)]
     pub(crate) fn surfaces(&self, into: &mut Surfaces) {
         let mut found = Surfaces::NOTHING;
@@ -335,13 +336,13 @@ mod tests {
         DRay { origin: back.point(line.origin), direction: back.vector(line.direction) }
     }
 
-    /// Often along an axis, at times nothing.
+    /// A random vector, often along an axis, sometimes zero.
     fn vector(random: &mut Random) -> Vec3 {
         let keep = [(); 3].map(|()| if random.one_in(3) { 0.0 } else { 1.0 });
         random.cube() * Vec3::from(keep)
     }
 
-    /// All numbers bit by bit.
+    /// The bits of all numbers.
     fn bits(surface: &Surface) -> ([u64; 9], [u32; 9]) {
         let dvec3 = [surface.exact, surface.normal, surface.shading_normal].map(|v| v.to_array().map(f64::to_bits));
         let vec3 = [surface.point, surface.error, surface.lifted].map(|v| v.to_array().map(f32::to_bits));
@@ -367,7 +368,7 @@ mod tests {
                 match (random.unit() * 4.0) as u32 {
                     0 => {
                         let sphere = Sphere { center: vector(random) * scale, radius: scale };
-                        // The rays needn't meet it.
+                        // The lines need not hit the sphere.
                         let t = random.within(-scale, scale);
                         surface_inputs.set_sphere(lane, &sphere, t);
                         sphere.bare_surface(line, t)
@@ -382,10 +383,10 @@ mod tests {
                         let (positions, normals) = (three().map(|p| p * scale), three());
                         let triangle = Corners { positions, normals: (smooth == 2).then_some(normals) };
                         let [u, v] = [(); 2].map(|()| random.within(-0.5, 1.5));
-                        // Some are large beside the way to them.
+                        // Some triangles are large relative to the distance of the hit.
                         let t = random.within(0.0, scale) * if random.one_in(2) { 1e-3 } else { 1.0 };
                         let moves = random.one_in(2);
-                        // An octet has one map.
+                        // Eight lanes have one transform.
                         if moves {
                             assert!(surface_inputs.set_instance(lane, 7, &to_world));
                             assert!(!surface_inputs.set_instance(lane, 8, &to_world));

@@ -1,13 +1,13 @@
-//! Random shapes and rays, and what the shapes should be, written down a second time as distances in `f64`.
+//! Random shapes and rays, and a second definition of the shapes as distances in `f64`.
 
 use super::*;
 use glam::Vec3;
 
-/// Numbers that look random and are the same in every run (SplitMix64).
+/// Pseudo-random numbers, equal in every run (SplitMix64).
 pub(super) struct Random(pub(super) u64);
 
 impl Random {
-    /// In [0, 1).
+    /// A number in [0, 1).
     pub(super) fn unit(&mut self) -> f32 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
@@ -20,7 +20,7 @@ impl Random {
         low + (high - low) * self.unit()
     }
 
-    /// In the cube [−1, 1]³.
+    /// A point in the cube [−1, 1]³.
     pub(super) fn cube(&mut self) -> Vec3 {
         Vec3::new(self.within(-1.0, 1.0), self.within(-1.0, 1.0), self.within(-1.0, 1.0))
     }
@@ -40,7 +40,7 @@ impl Random {
         self.unit() * (n as f32) < 1.0
     }
 
-    /// A direction, now and then along an axis or in a plane of two.
+    /// A direction, sometimes along an axis or in a plane of two.
     pub(super) fn direction(&mut self) -> Vec3 {
         let mut d = self.vector();
         for i in 0..3 {
@@ -83,13 +83,13 @@ pub(super) fn open(random: &mut Random, at: Vec3, size: f32) -> [Shape; 5] {
     ]
 }
 
-/// All of them.
+/// Closed and open shapes of each kind.
 pub(super) fn shapes(random: &mut Random, at: Vec3, size: f32) -> Vec<Shape> {
     closed(random, at, size).into_iter().chain(open(random, at, size)).collect()
 }
 
-/// A number that is 0 on the shape's surface and, for a closed one, negative inside; never more than the distance, and
-/// equal to it near the surface (but at edges).
+/// A number that is 0 on the shape's surface and, for a closed shape, negative inside. Its magnitude is never more than
+/// the distance, and equal to it near the surface (except at edges).
 pub(super) fn distance(shape: &Shape, p: DVec3) -> f64 {
     let frustum = |base: Vec3, top: Vec3, r0: f32, r1: f32, caps: bool| {
         let (base, top) = (base.as_dvec3(), top.as_dvec3());
@@ -127,7 +127,7 @@ pub(super) fn distance(shape: &Shape, p: DVec3) -> f64 {
     }
 }
 
-/// The ray that starts at this place of the shape's neighbourhood and goes roughly towards it.
+/// A ray that starts near the shape and points roughly towards it.
 pub(super) fn ray_near(random: &mut Random, at: Vec3, size: f32) -> Ray {
     let origin = at + random.vector() * size * if random.one_in(4) { 0.3 } else { 4.0 };
     let target = at + random.cube() * size;

@@ -1,8 +1,8 @@
 //! Tori.
 //!
-//! A torus is the skin of all points within `tube` of the circle, so a spindle torus has no surface inside. Texture
-//! coordinates: u by (5.45a) for the angle around the axis; v the same for the angle around the tube, ½ at the outer
-//! equator and smaller on the side that the axis points to.
+//! A torus is the boundary of all points within `tube` of the circle, so a spindle torus has no surface inside. Its u
+//! follows (5.45a) for the angle around the axis. Its v is the like for the angle around the tube: ½ at the outer
+//! equator and smaller on the side to which the axis points.
 
 use super::solve::{self, Frame};
 use super::surface_differential::{around, outer, turn_gradient};
@@ -16,9 +16,9 @@ use std::f64::consts::TAU;
 /// A torus: a tube around a circle.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Torus {
-    /// Its centre.
+    /// The centre.
     pub center: Vec3,
-    /// The direction it is round about; any length but zero.
+    /// The direction of the axis; any length but zero.
     pub axis: Vec3,
     /// The circle's radius, > 0.
     pub radius: f32,
@@ -26,21 +26,21 @@ pub struct Torus {
     pub tube: f32,
 }
 
-/// A ray in units of the torus's size, as seen from its centre.
+/// A ray in units of the torus's size, relative to its centre.
 struct Scaled {
     o: DVec3,
-    /// A unit vector.
+    /// The unit direction.
     d: DVec3,
-    /// Distance already gone from the ray's origin to `o`.
+    /// The distance from the ray's origin to `o`.
     gone: f64,
-    /// The ray's parameter for each unit of distance.
+    /// The ray's parameter per unit of distance.
     per_unit: f64,
-    /// Distances from `o` to the surface, ascending.
+    /// The distances from `o` to the surface, ascending.
     roots: Roots,
 }
 
 impl Torus {
-    /// From the centre to the outer equator.
+    /// The distance from the centre to the outer equator.
     fn size(&self) -> f64 {
         f64::from(self.radius) + f64::from(self.tube)
     }
@@ -50,7 +50,7 @@ impl Torus {
         (f64::from(self.radius) / self.size(), f64::from(self.tube) / self.size())
     }
 
-    /// Whether a point is surely [outside](solve::OUTSIDE); never where the tube meets itself.
+    /// Whether a point is certainly [outside](solve::OUTSIDE); never where the tube intersects itself.
     fn is_outside(&self, p: DVec3) -> bool {
         let (p, axis) = ((p - self.center.as_dvec3()) / self.size(), self.axis.as_dvec3().normalize());
         let (big, small) = self.radii();
@@ -68,11 +68,11 @@ impl Torus {
         }
         let d = direction / length;
         let mut o = (line.origin - self.center.as_dvec3()) / self.size();
-        // From afar, the origin first moves next to the torus: the quartic's terms would cancel.
+        // A distant origin is first moved next to the torus, since the quartic's terms would cancel.
         let far = o.length_squared() > 4.0;
         let gone = if far { -o.dot(d) } else { 0.0 };
         o += d * gone;
-        // Only inside the sphere around the torus, a little enlarged, are there roots.
+        // Roots lie only inside the sphere around the torus, slightly enlarged.
         let (beta, gamma) = (o.dot(d), o.length_squared());
         let discriminant = beta * beta - gamma + (1.0 + 1e-9);
         if discriminant.is_nan() || discriminant < 0.0 {
@@ -102,18 +102,18 @@ impl Torus {
         Some(Scaled { o, d, gone, per_unit: self.size() / length, roots })
     }
 
-    /// The nearest t in (0, t_max], from outside or inside.
+    /// The nearest hit with t in (0, t_max], from outside or inside.
     pub fn intersect(&self, ray: &Ray, t_max: f32) -> Option<ShapeHit> {
         let s = self.solve(ray.into())?;
         let (big, small) = self.radii();
-        // The squared equation also holds where the tube's far side meets itself inside a spindle; there, its left side
-        // was negative.
+        // The squared equation also holds where the tube's far side intersects itself inside a spindle torus; there,
+        // its left side is negative before squaring.
         let skin = |x: f64| (s.o + s.d * x).length_squared() + (big - small) * (big + small) >= 0.0;
         let mut t = s.roots.iter().filter(|x| skin(**x)).map(|x| (s.gone + x) * s.per_unit);
         t.find_map(|t| solve::hit(t, 0, t_max))
     }
 
-    /// The surface at a hit, its point put back on the tube.
+    /// The surface at a hit. Its point is moved onto the tube.
     pub fn surface(&self, line: impl Into<DRay>, hit: &ShapeHit) -> Surface {
         let line = line.into();
         let (center, axis) = (self.center.as_dvec3(), self.axis.as_dvec3().normalize());
@@ -121,7 +121,7 @@ impl Torus {
         let p = match self.solve(line) {
             Some(s) => {
                 let roots = s.roots.map(|x| (s.gone + x) * s.per_unit);
-                // From outside, every second is an entrance.
+                // From outside, every second root is an entrance.
                 let entrances = match *roots {
                     [first, _] => Some([first; 2]),
                     [first, _, third, _] => Some([first, third]),
@@ -144,7 +144,7 @@ impl Torus {
         solve::surface(point, self.number_size(), normal, uv)
     }
 
-    /// How the surface goes on around one of its points.
+    /// The surface differential at one of the torus's points.
     pub fn surface_differential(&self, surface: &Surface) -> SurfaceDifferential {
         let frame = Frame::around(self.axis.as_dvec3());
         let (n, tube) = (surface.normal, f64::from(self.tube));
@@ -161,13 +161,14 @@ impl Torus {
         }
     }
 
-    /// The size of the numbers behind a point; a thin tube's equation is worse conditioned by the ratio of the radii.
+    /// The magnitude of the numbers behind a point. The equation of a thin tube is worse conditioned by the ratio of
+    /// the radii.
     fn number_size(&self) -> f64 {
         let ratio = f64::from(self.radius) / f64::from(self.tube);
         (self.center.as_dvec3().abs().max_element() + self.size()) * (1.0 + ratio)
     }
 
-    /// The box around it.
+    /// The box around the torus.
     pub fn bounds(&self) -> Aabb {
         let axis = self.axis.as_dvec3().normalize();
         let extent = solve::disk_extent(axis, f64::from(self.radius)) + f64::from(self.tube);
@@ -175,7 +176,7 @@ impl Torus {
         solve::bounds(center, extent, center.abs().max_element() + self.size())
     }
 
-    /// The torus moved, if it stays round.
+    /// The torus moved by a transform, if it stays round.
     pub(super) fn transformed(&self, t: &Transform) -> Option<Torus> {
         let scale = t.uniform_scale()?;
         let center = t.point(self.center.as_dvec3()).as_vec3();
@@ -198,7 +199,7 @@ mod tests {
     const INF: f32 = f32::INFINITY;
     const TORUS: Torus = Torus { center: Vec3::ZERO, axis: Vec3::Y, radius: 5.0, tube: 1.0 };
 
-    /// Every hit along the ray.
+    /// All hits along the ray.
     fn all(torus: &Torus, o: Vec3, d: Vec3) -> Vec<f32> {
         let mut hits = Vec::new();
         let mut from = 0.0;
@@ -235,7 +236,7 @@ mod tests {
     #[test]
     fn from_afar_the_point_is_as_good_as_from_near() {
         let (d, target) = (Vec3::new(-3.0, -1.0, 0.5), Vec3::new(5.5, 0.25, 0.125));
-        // Multiples small enough for the origins to be exact.
+        // The multiples are small enough for the origins to be exact.
         let points = [1.0, 32768.0].map(|far| {
             let ray = Ray::new(target - d * (4.0 * far), d);
             let hit = TORUS.intersect(&ray, INF).unwrap();
@@ -246,7 +247,7 @@ mod tests {
 
     #[test]
     fn grazing_rays_meet_the_crest_or_pass() {
-        // Just below and just above the tube's highest circle.
+        // Rays just below and just above the tube's highest circle.
         let ray = |y: f32| Ray::new(Vec3::new(5.0, y, -20.0), Vec3::Z);
         for y in [0.999_99, 0.999_999] {
             let hit = TORUS.intersect(&ray(y), INF).unwrap();

@@ -13,18 +13,18 @@ use serde::{Deserialize, Serialize};
 /// A triangle, counter-clockwise seen from its visible side (5.23).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Triangle {
-    /// First corner.
+    /// The first corner.
     pub a: Vec3,
-    /// Second corner.
+    /// The second corner.
     pub b: Vec3,
-    /// Third corner.
+    /// The third corner.
     pub c: Vec3,
     /// Whether rays from behind pass through.
     pub one_sided: bool,
 }
 
 impl Triangle {
-    /// The hit, if the triangle is met at a t in (0, t_max] and from a side that counts.
+    /// The hit, if its t lies in (0, t_max]. A one-sided triangle is only hit from the front.
     pub fn intersect(&self, ray: &Ray, t_max: f32) -> Option<ShapeHit> {
         let corners = kernel::Triangle::new([self.a, self.b, self.c]);
         let hit = kernel::intersect(&ray.prepare(), &corners, t_max)?;
@@ -36,18 +36,19 @@ impl Triangle {
         Corners { positions: [self.a, self.b, self.c], normals: None }.at(&line.into(), hit)
     }
 
-    /// How the surface goes on around its points.
+    /// The surface differential at every point.
     pub fn surface_differential(&self) -> SurfaceDifferential {
         let [_, u, v] = gradients([self.a, self.b, self.c]);
         SurfaceDifferential::flat(u, v)
     }
 
-    /// The box around it.
+    /// The box around the triangle.
     pub fn bounds(&self) -> Aabb {
         Aabb { min: self.a.min(self.b).min(self.c), max: self.a.max(self.b).max(self.c) }
     }
 
-    /// The triangle moved. A mirroring map would turn its visible side away; the swapped corners turn it back.
+    /// The triangle moved by a transform. A mirroring transform would reverse its visible side; swapped corners restore
+    /// it.
     pub(super) fn transformed(&self, t: &Transform) -> Option<Triangle> {
         let [a, b, c] = [self.a, self.b, self.c].map(|p| t.point(p.as_dvec3()).as_vec3());
         let (b, c) = if solve::mirrors(t) { (c, b) } else { (b, c) };
@@ -61,18 +62,18 @@ impl Triangle {
     }
 }
 
-/// (p₂ − p₁) × (p₃ − p₁) of (5.23).
+/// The cross product (p₂ − p₁) × (p₃ − p₁) of (5.23).
 #[inline(always)]
 pub(super) fn cross(a: Vec3, b: Vec3, c: Vec3) -> DVec3 {
     let a = a.as_dvec3();
     (b.as_dvec3() - a).cross(c.as_dvec3() - a)
 }
 
-/// How the weight of each corner grows along the triangle; zero where it has no area.
+/// The gradient of each corner's weight along the triangle; zero where it has no area.
 pub(super) fn gradients([a, b, c]: [Vec3; 3]) -> [DVec3; 3] {
     let (a, b, c) = (a.as_dvec3(), b.as_dvec3(), c.as_dvec3());
     let n = (b - a).cross(c - a);
-    // Without its length squared, which overflows no `f64` but may vanish in one.
+    // The squared length isn't used: it may underflow in `f64`, although it doesn't overflow.
     let area = n.length();
     if area == 0.0 {
         return [DVec3::ZERO; 3];
@@ -82,7 +83,7 @@ pub(super) fn gradients([a, b, c]: [Vec3; 3]) -> [DVec3; 3] {
     [-u - v, u, v]
 }
 
-/// The weights of the corners; none is negative and they add up to 1, whatever rounding made of u and v.
+/// The weights of the corners. None is negative and their sum is 1 for any rounding of u and v.
 #[inline(always)]
 pub(super) fn weights(u: f64, v: f64) -> [f64; 3] {
     let (u, v) = (u.max(0.0), v.max(0.0));
@@ -97,7 +98,7 @@ pub(super) fn blend([a, b, c]: [Vec3; 3], [wa, wb, wc]: [f64; 3]) -> DVec3 {
     a.as_dvec3() * wa + b.as_dvec3() * wb + c.as_dvec3() * wc
 }
 
-/// The largest coordinate.
+/// The largest magnitude of a coordinate.
 #[inline(always)]
 pub(super) fn size([a, b, c]: [Vec3; 3]) -> f64 {
     f64::from(a.abs().max(b.abs()).max(c.abs()).max_element())
@@ -120,7 +121,7 @@ mod tests {
 
     #[test]
     fn exercise_17() {
-        // The point of the plane lies outside the triangle, which a wider triangle of the same plane shows.
+        // The intersection with the plane lies outside the triangle, as a wider triangle of this plane shows.
         let Triangle { a, b, c, one_sided } = EXERCISE_17;
         assert_eq!(EXERCISE_17.intersect(&ray_17(), f32::INFINITY), None);
         let wide =

@@ -1,5 +1,5 @@
-//! How many triangles a net will have, before it has them: some of its triangles are refined one after the other, without
-//! keeping what comes of them.
+//! An estimate of a tessellation's final number of triangles before they are made. Some of its triangles are refined
+//! one by one, and the results are discarded.
 
 use super::{Tessellation, Vertex};
 use rayon::prelude::*;
@@ -8,20 +8,21 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// A vertex and its height.
 pub(super) type Raised = (Vertex, f64);
 
-/// Triangles that are looked at.
+/// The number of triangles in the sample.
 const SAMPLE: usize = 256;
 
-/// No single one decides: each counts for this part of what is asked about at most.
+/// The part of the limit that one triangle may contribute is 1/32, so that no single triangle decides.
 const SHARE: usize = 32;
 
-/// The parts of a triangle of which these edges are split, at these vertices; `longer` tells whether the first of two edges is.
+/// Calls `each` with the parts of a triangle after splitting these edges at their `middles`. `longer` compares two
+/// edges: it returns whether the first one is longer.
 pub(super) fn parts<V: Copy>(
     [a, b, c]: [V; 3],
     middles: [Option<V>; 3],
     longer: impl Fn([V; 2], [V; 2]) -> bool,
     mut each: impl FnMut([V; 3]),
 ) {
-    // With p between a and b and q between b and c: cut first from the middle of the longer edge.
+    // With p between a and b and q between b and c, the first cut is from the middle of the longer edge.
     let mut around = |[a, b, c]: [V; 3], p: V, q: V| {
         let rest = if longer([a, b], [b, c]) { [[p, q, c], [a, p, c]] } else { [[a, p, q], [a, q, c]] };
         [[p, b, q], rest[0], rest[1]].into_iter().for_each(&mut each);
@@ -41,7 +42,8 @@ pub(super) fn parts<V: Copy>(
 }
 
 impl Tessellation {
-    /// Whether these triangles certainly become more than `most`. What neighbours split is left out, which only adds.
+    /// Whether the final number of triangles certainly exceeds `most`. Splits by neighbours are left out; they would
+    /// only add.
     pub(super) fn exceeds(
         &self,
         most: usize,
@@ -56,7 +58,7 @@ impl Tessellation {
         let sum = AtomicUsize::new(0);
         let exceeds = || sum.load(Ordering::Relaxed).saturating_mul(step) > most;
         sample.par_iter().for_each(|corners| {
-            // Sums only grow, so that the answer is the same whichever are left out.
+            // Sums only grow, so that the result doesn't depend on the triangles left out.
             if !exceeds() {
                 let corners = corners.map(|v| (self.vertices[v as usize], heights[v as usize]));
                 sum.fetch_add(self.refined(corners, each, wanted, height), Ordering::Relaxed);
@@ -65,7 +67,7 @@ impl Tessellation {
         exceeds()
     }
 
-    /// How many triangles one becomes, up to `most`.
+    /// The number of triangles that one triangle becomes, up to `most`.
     fn refined(
         &self,
         triangle: [Raised; 3],
@@ -83,7 +85,7 @@ impl Tessellation {
             let edges = [[a, b], [b, c], [c, a]];
             let mut split = edges.map(|[a, b]| wanted(&a, &b));
             if split.contains(&true) {
-                // Rivara's rule, as in the net.
+                // Rivara's rule, as in the tessellation.
                 let longest = (0..3).reduce(|x, y| if length(edges[y]) > length(edges[x]) { y } else { x });
                 split[longest.unwrap_or(0)] = true;
             }
