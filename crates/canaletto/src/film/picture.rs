@@ -20,7 +20,7 @@ pub struct Picture {
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Layer {
-    /// Its name, such as "depth".
+    /// The name of the quantity, such as "depth".
     pub name: &'static str,
     /// The names of its channels, such as X, Y, Z.
     pub channels: &'static [&'static str],

@@ -254,8 +254,8 @@ impl Mapping {
         spot.repeated(self.repeat)
     }
 
-    /// The point in the mapping's space, the gradients of its coordinates in the object's space, and the direction of the
-    /// normal.
+    /// The point in the mapping's space, the gradients of its coordinates in the object's space, and the direction of
+    /// the normal.
     fn enter(&self, place: &Place) -> (DVec3, [DVec3; 3], DVec3) {
         let (mut point, mut linear, mut normal) = (place.point, DMat3::IDENTITY, place.normal);
         match (self.space, place.to_world, place.bounds) {

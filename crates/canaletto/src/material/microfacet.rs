@@ -7,7 +7,7 @@
 //!
 //! Deviation: there is no loss. A direction into the surface would in truth hit the next facet; here it is mirrored to
 //! the other side of the surface. Facets don't block light that leaves. So a ray's weight is that of a smooth surface,
-//! k or 1 − o, for any roughness: a rough mirror in a room of one colour is as bright as a polished one.
+//! k or 1 − o, for any roughness. A rough mirror in a room of one colour is as bright as a polished one.
 
 use glam::{DVec2, DVec3};
 

@@ -4,11 +4,11 @@
 //! `new-joe-kuo-6`. Scrambling by hashing: Burley, *Practical Hash-based Owen Scrambling* (JCGT 9(4), 2020), after
 //! Laine & Karras 2011. Vegdahl's constants scramble better (*Building a Better LK Hash*, 2021).
 //!
-//! Each bit of the scrambling hash depends on the higher bits only, which keeps all nets of the sequence: of 2^m
-//! points, exactly one lies in each of 2^m equal boxes of any shape. Every use takes these two dimensions with another
-//! order of the points (Burley's padding), which is a scrambling of the index. The sequence's further dimensions would
-//! be distributed jointly with the first. But their pairs are worse nets: for the two numbers of a lens the error of
-//! 256 samples was a fifth larger.
+//! Each bit of the scrambling hash depends only on the higher bits, which keeps all nets of the sequence. In a net of
+//! 2^m points, each of 2^m equal boxes of any shape holds exactly one point. Every use takes these two dimensions with
+//! another order of the points (Burley's padding), which is a scrambling of the index. The sequence's further
+//! dimensions would be distributed jointly with the first, but their pairs are worse nets. For the two numbers of a
+//! lens the error of 256 samples was a fifth larger.
 
 use super::hash::mix;
 

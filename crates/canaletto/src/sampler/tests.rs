@@ -99,8 +99,8 @@ fn numbers_stay_below_one() {
     }
 }
 
-/// The root mean square error of a sampler's estimate of ∫f over the square with 4, 16, … samples, over many pixels; then
-/// the exponent of N that fits it best.
+/// The root mean square errors of a sampler's estimate of ∫f over the square with 4, 16, … samples, over many pixels.
+/// The result is the exponent of N that fits the errors best.
 fn rate(kind: SamplerKind, integral: f64, f: impl Fn([f64; 2]) -> f64, draw: impl Fn(&Sample) -> [f64; 2]) -> f64 {
     let errors: Vec<(f64, f64)> = (1..=6)
         .map(|m| {

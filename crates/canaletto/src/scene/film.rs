@@ -1,4 +1,4 @@
-//! How a picture is sampled, reconstructed and developed.
+//! The sampling, reconstruction and developing of a picture.
 
 use serde::{Deserialize, Serialize};
 

@@ -31,7 +31,7 @@ pub struct Node {
     pub rest: Sparse<[Vec3; 3]>,
 }
 
-/// What a [`Node`] holds.
+/// The content of a [`Node`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Content {
     /// One analytic shape.

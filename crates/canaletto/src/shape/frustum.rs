@@ -91,8 +91,9 @@ impl Frustum {
             .find_map(|s| solve::hit(p.ray.t0 + s, SIDE, t_max))
     }
 
-    /// Where the whole line enters and leaves the closed body, with the parts hit. It is the intersection of the slab
-    /// between the caps' planes with the inside of the infinite side. As with boxes, no ray can pass through a rim.
+    /// The entry and the exit of the whole line through the closed body, with the parts hit. The span is the
+    /// intersection of the slab between the caps' planes with the inside of the infinite side. As with boxes, no ray
+    /// can pass through a rim.
     fn span(&self, p: &Parted) -> Option<[(f64, u32); 2]> {
         const ALL: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
         let (near, far) = if p.dh == 0.0 {

@@ -74,8 +74,8 @@ pub(super) fn surface(point: DVec3, size: f64, normal: DVec3, uv: [f64; 2]) -> S
     Surface { error, ..Surface::at(point, normal, uv) }
 }
 
-/// The ratio of a shape's size to the distance of a hit above which `f32` is too coarse for coordinates that are
-/// fractions of the size: 2⁻²⁴ of the size is then 2⁻¹⁶ of the distance.
+/// The ratio of a shape's size to the distance of a hit above which `f32` is too coarse for coordinates on the shape.
+/// Such coordinates are fractions of the size, and 2⁻²⁴ of the size is then 2⁻¹⁶ of the distance.
 const LARGE: f64 = 256.0;
 
 /// Whether a shape of this size is large relative to the distance of a hit: t times the largest component of the ray's

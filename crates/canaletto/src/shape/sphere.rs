@@ -84,9 +84,9 @@ impl Sphere {
     }
 }
 
-/// The value t₀ + s nearest to the reported `t`, for the roots s of a s² + b s + c = 0 (5.20), as
-/// [`quadratic`](crate::math::quadratic) finds them. It is `t` itself if there is no root. A line from `outside` enters
-/// at the first root.
+/// The value t₀ + s nearest to the reported `t`, over the roots s of a s² + b s + c = 0 (5.20). The roots are those of
+/// [`quadratic`](crate::math::quadratic). The value is `t` itself if there is no root. A line from `outside` enters at
+/// the first root.
 #[inline(always)]
 fn nearest_root([a, b, c]: [f64; 3], t0: f64, t: f32, outside: bool) -> f64 {
     let t = f64::from(t);

@@ -55,7 +55,8 @@ pub enum EnvironmentKind {
     /// The six faces in one image of 4 × 3 or 3 × 4 squares.
     ///
     /// - 4 × 3: left, front, right, back in the middle row; top and bottom above and below the front.
-    /// - 3 × 4: left, front, right in a row; top, front, bottom and the back, upside down, in the middle column.
+    /// - 3 × 4: left, front, right in the second row; top, front, bottom and the back, upside down, in the middle
+    ///   column.
     Cross {
         /// The index of the image.
         image: u32,
