@@ -23,7 +23,7 @@ pub struct Camera {
     zero: DVec3,
     /// The unit axes x̂ₑ (right), ŷₑ (up), ẑₑ (backwards).
     axes: [DVec3; 3],
-    /// d_f, the distance of the projection plane.
+    /// The distance d_f of the projection plane.
     near: f64,
     /// The window's width ("base") and height on the projection plane.
     window: DVec2,
@@ -46,7 +46,7 @@ struct Motion {
 /// A ray from the eye with its sample on the lens and its differential.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EyeRay {
-    /// The ray, of unit direction.
+    /// The ray, with a unit direction.
     pub line: DRay,
     /// The ray's point on the lens, to the right and upwards from the eye; `None` without a lens.
     pub lens: Option<DVec2>,

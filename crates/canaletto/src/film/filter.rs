@@ -103,14 +103,14 @@ impl FilterTable {
         radius(self.filter)
     }
 
-    /// f at an offset from the pixel's centre.
+    /// The value of f at an offset from the pixel's centre.
     pub fn value(&self, [x, y]: [f64; 2]) -> f64 {
         let reach = self.radius();
         let along = |x: f64| if x.abs() > reach { 0.0 } else { value(self.filter, x) };
         along(x) * along(y)
     }
 
-    /// P and N: the integrals over the parts where the filter is positive and negative.
+    /// The integrals P and N over the parts where the filter is positive and negative.
     fn integrals(&self) -> [f64; 2] {
         let [p, n] = self.masses;
         [p * p + n * n, 2.0 * p * n]
@@ -131,7 +131,7 @@ impl FilterTable {
         Division { above, below, weights: [weight(p, above), -weight(n, below)] }
     }
 
-    /// Maps a point of [0, 1)² to an offset from the pixel's centre in pixels; equal areas are equal parts of ∫ |f|.
+    /// Maps a point of [0, 1)² to an offset from the pixel's centre in pixels. Equal areas map to equal parts of ∫ |f|.
     #[inline]
     pub fn place(&self, part: Part, [u, v]: [f64; 2]) -> [f64; 2] {
         let Some([above, below]) = &self.lobes else { return [u - 0.5, v - 0.5] };
@@ -162,7 +162,7 @@ fn radius(filter: Filter) -> f64 {
     }
 }
 
-/// f(x) along one axis, with integral 1.
+/// The value f(x) along one axis, with integral 1.
 fn value(filter: Filter, x: f64) -> f64 {
     let x = x.abs();
     match filter {

@@ -10,7 +10,7 @@ pub struct Picture {
     pub width: u32,
     /// Height in pixels.
     pub height: u32,
-    /// width × height colours, the top row first.
+    /// The width × height colours, the top row first.
     pub pixels: Vec<Rgb>,
     /// The requested layers.
     pub layers: Vec<Layer>,
@@ -24,7 +24,7 @@ pub struct Layer {
     pub name: &'static str,
     /// The names of its channels, such as X, Y, Z.
     pub channels: &'static [&'static str],
-    /// width × height × channels values, the channels of a pixel together, the top row first.
+    /// The width × height × channels values, the top row first. The channels of a pixel are adjacent.
     pub data: Vec<f32>,
     /// The exact numbers of a layer of object or material numbers. Some may be above 2²⁴ and so are rounded in `data`.
     /// Empty for other layers.

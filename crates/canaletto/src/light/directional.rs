@@ -9,17 +9,17 @@ use serde::{Deserialize, Serialize};
 pub struct Directional {
     /// The direction in which the light travels; any length but zero.
     pub towards: Vec3,
-    /// Limits the light to a beam: a point on its axis and its radius.
+    /// The beam that limits the light: a point on its axis and its radius. None for light everywhere.
     pub beam: Option<(Vec3, f32)>,
 }
 
 impl Directional {
-    /// L̂: the unit direction to the light.
+    /// The unit direction L̂ to the light.
     pub(super) fn direction(&self) -> DVec3 {
         -self.towards.as_dvec3().normalize()
     }
 
-    /// 1 inside the beam, 0 outside; `direction` is [`Directional::direction`].
+    /// The factor of the beam: 1 inside, 0 outside. `direction` is [`Directional::direction`].
     pub(super) fn region(&self, p: Vec3, direction: Vec3) -> f32 {
         let Some((axis, radius)) = self.beam else { return 1.0 };
         let axis_distance2 = (p - axis).reject_from_normalized(direction).length_squared();

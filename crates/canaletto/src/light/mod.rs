@@ -26,7 +26,7 @@ use serde::{Deserialize, Serialize};
 pub struct Light {
     /// The name given in the file, for explanations.
     pub name: Option<Box<str>>,
-    /// l, the intensity: a light of intensity l gives l kd cos θ (5.32). ≥ 0.
+    /// The intensity l ≥ 0. A light of intensity l gives l kd cos θ (5.32).
     pub intensity: Rgb,
     /// Whether the light casts shadows.
     pub shadows: bool,
@@ -132,7 +132,7 @@ impl Light {
         if self.samples > 0 { self.samples } else { self.fixed_points().unwrap_or(1) }
     }
 
-    /// The word for this kind of light in scene text and explanations.
+    /// The name of this kind of light in scene text and explanations.
     pub fn kind_name(&self) -> &'static str {
         match &self.kind {
             LightKind::Omni(_) => "omni",

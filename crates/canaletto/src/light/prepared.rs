@@ -45,7 +45,7 @@ impl Points {
 /// Light arriving at a point from one of a light's points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Illumination {
-    /// L̂, the unit direction to the light.
+    /// The unit direction L̂ to the light.
     pub direction: DVec3,
     /// The distance to the light; infinite for light from infinity.
     pub distance: f32,

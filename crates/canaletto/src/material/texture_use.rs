@@ -73,13 +73,13 @@ pub enum Channel {
     /// The luminance 0.2126 r + 0.7152 g + 0.0722 b (Rec. 709). It equals the channels where all three are equal.
     #[default]
     Luminance,
-    /// Red.
+    /// The red channel.
     Red,
-    /// Green.
+    /// The green channel.
     Green,
-    /// Blue.
+    /// The blue channel.
     Blue,
-    /// Alpha.
+    /// The alpha channel.
     Alpha,
 }
 

@@ -139,7 +139,7 @@ mod tests {
     #[test]
     fn the_bits_are_those_of_libm() {
         let bits = |i: u32| i.wrapping_mul(2_654_435_761).wrapping_add(i >> 7);
-        // Cosines and exponents of highlights, then anything.
+        // Cosines and exponents of highlights first, then arbitrary numbers.
         let cosine = |i: u32| (bits(i) >> 8) as f32 / (1 << 24) as f32;
         let exponents = [0.1, 0.5, 1.0, 1.0 / 2.4, 2.0, 2.2, 5.0, 17.3, 40.0, 200.0, 1e4, 1e9, 0.0];
         for set in InstructionSet::available() {

@@ -85,7 +85,7 @@ pub enum Filter {
     /// The mean over the pixel's area, as in the chapter.
     #[default]
     Box,
-    /// Linear fall-off, radius 1.
+    /// A linear fall-off with a radius of 1.
     Tent,
     /// A Gaussian of the given standard deviation, cut off at three of them.
     Gaussian {
@@ -147,7 +147,7 @@ impl Transfer {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Tone {
-    /// Each component is cut at 1.
+    /// Each component is clamped to 1.
     #[default]
     Clamp,
     /// The picture is divided by its largest component if that exceeds 1.

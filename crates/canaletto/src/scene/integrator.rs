@@ -34,19 +34,19 @@ impl Default for IntegratorSettings {
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum Stage {
-    /// The diffuse colour alone (fig. 5.18).
+    /// The diffuse colour alone (fig. 5.18), without any light.
     Unlit,
-    /// (5.32) for each light.
+    /// The diffuse term (5.32) of each light.
     Diffuse,
-    /// (5.33): + ambient light.
+    /// The ambient light of (5.33) is added.
     Ambient,
-    /// (5.38): + highlights.
+    /// The highlights of (5.38) are added.
     Specular,
-    /// (5.39a): + shadows.
+    /// The shadows of (5.39a) are added.
     Shadow,
-    /// + reflected rays.
+    /// Reflected rays are added.
     Reflection,
-    /// (5.39b): + refracted rays.
+    /// Refracted rays are added: the whole of (5.39b).
     #[default]
     Full,
 }

@@ -30,7 +30,7 @@ pub struct Scene {
     pub background: Rgb,
     /// The environment around the scene. It replaces the background.
     pub environment: Option<Environment>,
-    /// Iₐ, the ambient light of (5.33).
+    /// The ambient light Iₐ of (5.33).
     pub ambient: Rgb,
     /// The views that the scene offers. The first one is used where none is named.
     pub views: Vec<View>,

@@ -30,11 +30,11 @@ pub(crate) struct Vertex {
 /// The rule for the place of a new vertex on the surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Place {
-    /// Between its neighbours.
+    /// The place between the vertex's neighbours.
     Between,
-    /// On the round part of the shape.
+    /// A place on the round part of the shape.
     Round,
-    /// On the rim of the cap at the top or at the base.
+    /// A place on the rim of the cap at the top or at the base.
     Rim { top: bool },
 }
 

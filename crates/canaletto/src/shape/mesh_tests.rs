@@ -40,7 +40,7 @@ fn smooth_normals_shade_between_the_faces() {
 
 #[test]
 fn smooth_normals_do_not_depend_on_the_cut() {
-    // A cube's corner where one face is cut into one triangle and another into two: each weighs its angle.
+    // A cube's corner where one face is cut into one triangle and another into two: each counts by its angle.
     let corner = vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z, Vec3::new(1.0, 1.0, 0.0)];
     let mut mesh =
         Mesh { positions: corner, triangles: vec![[0, 1, 4], [0, 4, 2], [0, 2, 3], [0, 3, 1]], ..Mesh::default() };

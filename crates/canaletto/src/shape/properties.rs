@@ -311,7 +311,7 @@ fn a_scale_by_a_power_of_two_changes_no_bit() {
             // A plane's texture coordinates are lengths.
             let uv = if let Shape::Plane(_) = shape { a.uv * f } else { a.uv };
             assert_eq!(uv, b.uv, "{shape:?} {ray:?} by {f}");
-            // With the ray's direction scaled as well, t stays.
+            // If the ray's direction is scaled as well, t is unchanged.
             let longer = Ray::new(ray.origin * f, ray.direction * f);
             assert_eq!(scaled.intersect(&longer, INF).map(|h| h.t), Some(hit.t), "{shape:?} {ray:?} by {f}");
         }

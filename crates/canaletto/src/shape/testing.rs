@@ -35,7 +35,7 @@ impl Random {
         }
     }
 
-    /// True once in n times.
+    /// Returns true once in n calls on average.
     pub(super) fn one_in(&mut self, n: u32) -> bool {
         self.unit() * (n as f32) < 1.0
     }

@@ -10,7 +10,7 @@ use canaletto_bvh::{Aabb, Ray, triangle as kernel};
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
-/// A triangle, counter-clockwise seen from its visible side (5.23).
+/// A triangle, counter-clockwise when seen from its visible side (5.23).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Triangle {
     /// The first corner.

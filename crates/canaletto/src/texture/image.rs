@@ -26,13 +26,13 @@ pub struct Image {
 /// The numbers of an image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Samples {
-    /// 0 to 255 stand for 0 to 1.
+    /// Bytes: 0 to 255 represent 0 to 1.
     U8(Vec<u8>),
-    /// 0 to 65535 stand for 0 to 1.
+    /// 16-bit integers: 0 to 65535 represent 0 to 1.
     U16(Vec<u16>),
     /// The bits of IEEE 754 half-precision numbers.
     F16(Vec<u16>),
-    /// Any finite number.
+    /// Single-precision numbers of any finite value.
     F32(Vec<f32>),
 }
 

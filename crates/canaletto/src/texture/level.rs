@@ -19,7 +19,7 @@ pub(super) struct Level {
 }
 
 impl Level {
-    /// A level from rows.
+    /// A level from rows of texels.
     pub(super) fn from_rows(width: u32, height: u32, channels: usize, mut samples: Samples) -> Level {
         match &mut samples {
             Samples::U8(data) => tile(data, width, channels),

@@ -13,17 +13,17 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Face {
-    /// Towards +x.
+    /// The face towards +x.
     Right,
-    /// Towards −x.
+    /// The face towards −x.
     Left,
-    /// Towards +y.
+    /// The face towards +y.
     Top,
-    /// Towards −y.
+    /// The face towards −y.
     Bottom,
-    /// Towards −z.
+    /// The face towards −z.
     Front,
-    /// Towards +z.
+    /// The face towards +z.
     Back,
 }
 

@@ -63,7 +63,8 @@ pub enum EnvironmentKind {
         /// The interpolation between texels.
         smoothing: Smoothing,
     },
-    /// One image of all directions: −z in its middle, +x at three quarters, +y along its upper edge.
+    /// One image of all directions: −z is in its middle, +x at three quarters of its width, and +y along its upper
+    /// edge.
     LatLong {
         /// The index of the image.
         image: u32,

@@ -64,7 +64,7 @@ mod tests {
     #[test]
     fn coordinates_move_as_differences_say() {
         let d = DVec3::new(0.3, -0.2, 0.7).normalize();
-        // Perpendicular to the direction, as differences of unit directions are.
+        // The change is perpendicular to the direction, as differences of unit directions are.
         let change = d.cross(DVec3::new(0.1, 0.9, -0.4));
         let h = 1e-6;
         let [a, b] = [uv((d - change * h).normalize()), uv((d + change * h).normalize())];
