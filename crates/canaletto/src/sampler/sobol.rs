@@ -2,7 +2,7 @@
 //!
 //! Direction numbers: Joe & Kuo, *Constructing Sobol sequences with better two-dimensional projections* (2008),
 //! `new-joe-kuo-6`. Scrambling by hashing: Burley, *Practical Hash-based Owen Scrambling* (JCGT 9(4), 2020), after
-//! Laine & Karras 2011. Vegdahl's constants scramble better (*Building a Better LK Hash*, 2021).
+//! Laine & Karras 2011. The constants are Vegdahl's, which scramble better (*Building a Better LK Hash*, 2021).
 //!
 //! Each bit of the scrambling hash depends only on the higher bits, which keeps all nets of the sequence. In a net of
 //! 2^m points, each of 2^m equal boxes of any shape holds exactly one point. Every use takes these two dimensions with

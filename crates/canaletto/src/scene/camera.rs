@@ -73,7 +73,7 @@ impl Lens {
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum Aperture {
-    /// The radius in the scene's unit, > 0. For an opening with corners it is the radius of the corners.
+    /// The radius in the scene's unit, > 0. With corners it is their distance from the centre.
     Radius(f64),
     /// The f-number N > 0: the opening is d_f / N wide. The projection plane at d_f = `near` is thus taken for the
     /// film, and its distance for the focal length.

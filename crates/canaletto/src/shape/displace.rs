@@ -342,7 +342,7 @@ impl Tessellation {
     }
 
     /// The tessellation split and raised by `height`, with at most `limit` triangles. No edge is longer than a
-    /// sixteenth of its size. An edge shorter than its size divided by `detail` isn't split.
+    /// sixteenth of the tessellation's size. An edge shorter than that size divided by `detail` isn't split.
     pub(crate) fn raised(
         mut self,
         detail: f64,

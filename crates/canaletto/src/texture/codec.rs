@@ -123,7 +123,8 @@ impl Codec {
 
     /// A filtered colour as textures return it: not multiplied by alpha, nor, with `ends`, by the share of the filter
     /// that lies on the image. `ends` holds for images with a transparent outside. Filters with negative weights
-    /// overshoot. Light and alpha are therefore clamped to 0, and to 1 where the format holds nothing above 1.
+    /// overshoot. Light is therefore clamped below at 0, and above at 1 where the format holds nothing above 1. Alpha
+    /// is clamped to [0, 1].
     #[inline]
     pub(super) fn finish(&self, sum: [f32; 4], samples: &Samples, ends: bool) -> [f32; 4] {
         let [r, g, b, alpha] = sum;

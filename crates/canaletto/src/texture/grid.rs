@@ -59,7 +59,7 @@ impl GridMap {
             && size.iter().any(|n| *n > 1)
         {
             let half = size.map(|n| (n / 2).max(1));
-            // As in pyramids of images, the compact levels are made from the voxels themselves.
+            // As in pyramids of images, levels up to the first one in `f32` are made from the voxels themselves.
             let (base, base_size) = &levels[0];
             let coarse = match levels.len() {
                 ..COMPACT => coarsen((base, *base_size), half, &codec, &base.samples),

@@ -17,7 +17,7 @@ use std::sync::Arc;
 
 /// The largest ratio of an ellipse's radii. Thinner ellipses are made wider, so that the cost of a lookup is bounded.
 const MAX_ECCENTRICITY: f64 = 16.0;
-/// The shorter radius in texels at which the next coarser level is used.
+/// The least shorter radius, in texels of the level, of an ellipse that is summed on a coarser level.
 const FINEST: f64 = 2.0;
 /// The radius in texels above which a footprint on the coarsest level is not summed but approximated.
 const WIDEST: f64 = 32.0;

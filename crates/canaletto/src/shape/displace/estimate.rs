@@ -11,7 +11,7 @@ pub(super) type Raised = (Vertex, f64);
 /// The number of triangles in the sample.
 const SAMPLE: usize = 256;
 
-/// The part of the limit that one triangle may contribute is 1/32, so that no single triangle decides.
+/// The limit divided by the largest contribution of one triangle, so that no single triangle decides.
 const SHARE: usize = 32;
 
 /// Calls `each` with the parts of a triangle after splitting these edges at their `middles`. `longer` compares two
