@@ -1,4 +1,4 @@
-//! Images all around: six faces of a cube or one latitude-longitude image, looked up by direction without seams.
+//! Images all around: six faces of a cube or one latitude-longitude image, with lookups by direction and without seams.
 //!
 //! Texels are areas that tile the sphere of directions, and filters cross edges. On the cube they use the adjacent
 //! texels of the neighbouring face; on a panorama they cross the seam and the poles. At a corner of the cube, three
