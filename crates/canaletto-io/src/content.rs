@@ -1,4 +1,4 @@
-//! What a file holds, read in pieces from any place and by many threads at once, so that no large file need be in memory
+//! The content of a file, read in pieces at any offset and from many threads at once. Large files need not be in memory
 //! as a whole.
 
 use canaletto::memory;
@@ -7,18 +7,18 @@ use std::fs::File;
 use std::io;
 use std::ops::Range;
 
-/// What a file holds: its bytes, or the file itself.
+/// The content of a file: its bytes in memory, or the open file.
 #[derive(Debug)]
 pub enum Content {
-    /// The bytes.
+    /// The bytes in memory.
     Memory(Vec<u8>),
-    /// A file that is open for reading, and its size when it was opened. What is added to it later is not seen; if it becomes
-    /// shorter, reading fails.
+    /// A file that is open for reading, and its size in bytes when it was opened. Bytes that are appended later are
+    /// ignored. Reading fails if the file becomes shorter.
     File(File, usize),
 }
 
 impl Content {
-    /// A view of all of it.
+    /// A view of the whole content.
     pub fn view(&self) -> View<'_> {
         match self {
             Content::Memory(bytes) => View::Memory(bytes),
@@ -27,12 +27,12 @@ impl Content {
     }
 }
 
-/// A view of what a file holds.
+/// A view of the content of a file.
 #[derive(Clone, Copy, Debug)]
 pub enum View<'a> {
-    /// The bytes.
+    /// The bytes in memory.
     Memory(&'a [u8]),
-    /// An open file, and its size.
+    /// An open file and its size in bytes.
     File(&'a File, usize),
 }
 
@@ -51,10 +51,10 @@ impl<'a> View<'a> {
         }
     }
 
-    /// Fills `out` with the bytes from `at` on.
+    /// Fills `out` with the bytes from offset `at` on.
     ///
     /// # Errors
-    /// Those of the system, or that the file is shorter.
+    /// The system's error, or `UnexpectedEof` if the file is shorter.
     pub fn fill(self, at: usize, out: &mut [u8]) -> io::Result<()> {
         match self {
             View::Memory(bytes) => {
@@ -66,7 +66,7 @@ impl<'a> View<'a> {
         }
     }
 
-    /// The bytes of a range, which may reach beyond the end: what is there of it. They lie in `buffer` if they come from a file.
+    /// The bytes of a range, cut at the end of the content. `buffer` holds them if they come from a file.
     ///
     /// # Errors
     /// As [`View::fill`].
@@ -88,7 +88,7 @@ impl<'a> View<'a> {
     /// All bytes.
     ///
     /// # Errors
-    /// As [`View::fill`], or that there is no memory for them.
+    /// As [`View::fill`], and `OutOfMemory` if memory for the bytes can't be allocated.
     pub fn whole(self) -> io::Result<Cow<'a, [u8]>> {
         match self {
             View::Memory(bytes) => Ok(bytes.into()),
@@ -125,7 +125,7 @@ fn fill(file: &File, mut at: u64, mut out: &mut [u8]) -> io::Result<()> {
 fn fill(mut file: &File, at: u64, out: &mut [u8]) -> io::Result<()> {
     use std::io::{Read, Seek};
     use std::sync::{Mutex, PoisonError};
-    // A file has one place at which it is read.
+    // A file has a single cursor here, so reads take turns.
     static READING: Mutex<()> = Mutex::new(());
     let _one = READING.lock().unwrap_or_else(PoisonError::into_inner);
     file.seek(io::SeekFrom::Start(at))?;

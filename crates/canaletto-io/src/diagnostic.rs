@@ -7,7 +7,7 @@ use std::fmt::{self, Write};
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
-/// How bad it is.
+/// The severity of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Severity {
@@ -29,17 +29,17 @@ impl fmt::Display for Severity {
 /// One message about one place in a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Diagnostic {
-    /// How bad it is.
+    /// The severity.
     pub severity: Severity,
     /// What is wrong, as a sentence without a full stop.
     pub message: String,
-    /// The file's name for people.
+    /// The display name of the file.
     pub file: String,
-    /// The bytes of the file that it is about; nothing if it is about the whole file.
+    /// The bytes of the file that the message is about; `None` if it is about the whole file.
     pub span: Option<Range<usize>>,
-    /// A few words to stand at the span; may be empty.
+    /// A short label at the span; may be empty.
     pub label: String,
-    /// What would be right.
+    /// A hint: what would be right.
     pub help: Option<String>,
 }
 
@@ -61,46 +61,46 @@ impl Diagnostic {
         Diagnostic { severity: Severity::Warning, ..Diagnostic::error(file, message) }
     }
 
-    /// The same message, about these bytes.
+    /// Sets the span of the message, in bytes.
     pub fn at(mut self, span: Range<usize>) -> Diagnostic {
         self.span = Some(span);
         self
     }
 
-    /// The same message with words at its place.
+    /// Sets the label at the span.
     pub fn label(mut self, label: impl Into<String>) -> Diagnostic {
         self.label = label.into();
         self
     }
 
-    /// The same message with a hint.
+    /// Sets the hint.
     pub fn help(mut self, help: impl Into<String>) -> Diagnostic {
         self.help = Some(help.into());
         self
     }
 }
 
-/// A place as people count: lines and columns from 1, columns in characters.
+/// A position as editors count it: lines and columns from 1, columns in characters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Position {
     /// The line, from 1.
     pub line: usize,
-    /// The character in the line, from 1.
+    /// The column in the line, in characters from 1.
     pub column: usize,
 }
 
-/// Messages, and the texts that they point into. The first [`Diagnostics::MOST`] errors and as many warnings are kept, the others
-/// counted.
+/// Messages, and the texts to which they refer. The first [`Diagnostics::MOST`] errors and as many warnings are kept;
+/// further ones are only counted.
 #[derive(Clone, Default)]
 pub struct Diagnostics {
     list: Vec<Diagnostic>,
-    /// How many errors and warnings are in the list, and how many more there were.
+    /// The number of errors, listed and dropped.
     errors: Tally,
     warnings: Tally,
     sources: HashMap<String, Arc<Source>>,
 }
 
-/// Messages of one severity.
+/// The number of messages of one severity.
 #[derive(Clone, Copy, Default)]
 struct Tally {
     listed: usize,
@@ -113,7 +113,7 @@ struct Source {
 }
 
 impl Source {
-    /// Where each line starts.
+    /// The byte offset at which each line starts.
     fn lines(&self) -> &[usize] {
         self.lines.get_or_init(|| {
             let start = if self.text.starts_with('\u{feff}') { 3 } else { 0 };
@@ -128,7 +128,7 @@ impl Source {
         Position { line: line + 1, column: self.text[lines[line]..offset].chars().count() + 1 }
     }
 
-    /// A line, from 1, without its end.
+    /// The text of a line, numbered from 1, without its line end.
     fn line(&self, line: usize) -> &str {
         let lines = self.lines();
         let end = lines.get(line).copied().unwrap_or(self.text.len());
@@ -145,26 +145,26 @@ fn floor(text: &str, offset: usize) -> usize {
 }
 
 impl Diagnostics {
-    /// The most errors that are kept, and the most warnings: nobody reads more, and a file of the wrong kind may have one for each
+    /// The largest number of errors that are kept, and of warnings. A file of the wrong type may have an error at each
     /// of its bytes.
     pub const MOST: usize = 100;
 
-    /// No messages.
+    /// An empty list.
     pub fn new() -> Diagnostics {
         Diagnostics::default()
     }
 
-    /// Keeps the text of the file of this name, for lines and columns.
+    /// Stores the text of the file of this name, from which lines and columns are computed.
     pub fn add_source(&mut self, file: &str, text: impl Into<Arc<str>>) {
         self.sources.insert(file.to_owned(), Arc::new(Source { text: text.into(), lines: OnceLock::new() }));
     }
 
-    /// The text of a file that was added.
+    /// The stored text of a file.
     pub fn source(&self, file: &str) -> Option<&str> {
         self.sources.get(file).map(|source| &*source.text)
     }
 
-    /// Adds a message, or counts it if there are [`Diagnostics::MOST`] of its severity.
+    /// Adds a message, or only counts it if [`Diagnostics::MOST`] of its severity are listed.
     pub fn push(&mut self, diagnostic: Diagnostic) {
         let tally = self.tally(diagnostic.severity);
         if tally.listed < Diagnostics::MOST {
@@ -175,7 +175,7 @@ impl Diagnostics {
         }
     }
 
-    /// Counts messages that nobody kept.
+    /// Counts messages that were dropped elsewhere.
     pub fn count_more(&mut self, severity: Severity, count: usize) {
         self.tally(severity).more += count;
     }
@@ -187,7 +187,7 @@ impl Diagnostics {
         }
     }
 
-    /// What is said of messages that are not in the list: a message for each severity that has some.
+    /// A summary message for each severity that has messages beyond the list.
     pub fn more(&self) -> impl Iterator<Item = Diagnostic> {
         let more = [(Severity::Error, self.errors.more), (Severity::Warning, self.warnings.more)];
         more.into_iter().filter(|(_, more)| *more > 0).map(|(severity, more)| {
@@ -200,7 +200,7 @@ impl Diagnostics {
         })
     }
 
-    /// Takes over another list's messages and texts.
+    /// Appends the messages and texts of another list.
     pub fn append(&mut self, other: Diagnostics) {
         other.list.into_iter().for_each(|diagnostic| self.push(diagnostic));
         self.count_more(Severity::Error, other.errors.more);
@@ -208,37 +208,37 @@ impl Diagnostics {
         self.sources.extend(other.sources);
     }
 
-    /// Leaves out the messages for which `keep` is false.
+    /// Removes the messages for which `keep` is false.
     pub fn retain(&mut self, keep: impl FnMut(&Diagnostic) -> bool) {
         self.list.retain(keep);
     }
 
-    /// Changes the sentence of each message.
+    /// Replaces the sentence of each message by `change` of it.
     pub fn map_messages(&mut self, change: impl Fn(&str) -> String) {
         self.list.iter_mut().for_each(|diagnostic| diagnostic.message = change(&diagnostic.message));
     }
 
-    /// The messages in the order in which they were found.
+    /// The messages in the order of the list.
     pub fn iter(&self) -> std::slice::Iter<'_, Diagnostic> {
         self.list.iter()
     }
 
-    /// How many messages are in the list.
+    /// The number of messages in the list.
     pub fn len(&self) -> usize {
         self.list.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no messages, listed or counted.
     pub fn is_empty(&self) -> bool {
         self.errors() + self.warnings() == 0
     }
 
-    /// How many errors there are, listed or not.
+    /// The number of errors, listed or only counted.
     pub fn errors(&self) -> usize {
         self.errors.listed + self.errors.more
     }
 
-    /// How many warnings there are, listed or not.
+    /// The number of warnings, listed or only counted.
     pub fn warnings(&self) -> usize {
         self.warnings.listed + self.warnings.more
     }
@@ -248,7 +248,7 @@ impl Diagnostics {
         self.errors() > 0
     }
 
-    /// Brings the messages into the order of their places, file by file in the order of each file's first message.
+    /// Sorts the messages by position, file by file in the order of each file's first message.
     pub fn sort(&mut self) {
         let mut order = HashMap::new();
         for diagnostic in &self.list {
@@ -258,17 +258,18 @@ impl Diagnostics {
         self.list.sort_by_key(|d| (order[&d.file], d.span.as_ref().map_or(usize::MAX, |span| span.start)));
     }
 
-    /// Where a message's place begins.
+    /// The position at which the span of a message begins.
     pub fn start(&self, diagnostic: &Diagnostic) -> Option<Position> {
         Some(self.sources.get(&diagnostic.file)?.position(diagnostic.span.as_ref()?.start))
     }
 
-    /// Where a message's place ends: the first character after it.
+    /// The position after the last character of the span of a message.
     pub fn end(&self, diagnostic: &Diagnostic) -> Option<Position> {
         Some(self.sources.get(&diagnostic.file)?.position(diagnostic.span.as_ref()?.end))
     }
 
-    /// A message as plain text: `file:line:column: error: message`, the line, a mark under the place, and the hint.
+    /// A message as plain text: `file:line:column: error: message`, the source line, a marker under the span, and the
+    /// hint.
     pub fn render(&self, diagnostic: &Diagnostic) -> String {
         let mut out = diagnostic.file.clone();
         let start = self.start(diagnostic);
@@ -294,16 +295,16 @@ impl Diagnostics {
     }
 }
 
-/// The text with its control characters made visible: what a file says must not steer the terminal that shows it.
+/// The text with its control characters made visible, so that the content of a file can't control the terminal.
 pub fn visible(text: &str) -> Cow<'_, str> {
     let bad = |c: char| c.is_control() && !matches!(c, '\n' | '\t');
     if text.contains(bad) { text.replace(bad, "\u{fffd}").into() } else { text.into() }
 }
 
-/// The most characters of a line that are shown.
+/// The largest number of characters of a line that are shown.
 const WIDTH: usize = 120;
 
-/// A line with a mark under the characters `mark`; long lines are cut around it.
+/// Appends a line with a marker under the characters `mark`. Long lines are cut around it.
 fn excerpt(out: &mut String, number: usize, line: &str, mark: Range<usize>, label: &str) {
     let number = number.to_string();
     let blank = " ".repeat(number.len());
@@ -311,7 +312,7 @@ fn excerpt(out: &mut String, number: usize, line: &str, mark: Range<usize>, labe
     let mut shown: Vec<char> = line.chars().skip(from).take(WIDTH + 1).collect();
     let cut = shown.len() > WIDTH;
     shown.truncate(WIDTH);
-    // A control character would move the mark away from its place.
+    // A control character would displace the marker.
     let text: String = shown.iter().map(|c| if c.is_control() && *c != '\t' { '\u{fffd}' } else { *c }).collect();
     let (left, right) = (if from > 0 { "…" } else { "" }, if cut { "…" } else { "" });
     let _ = writeln!(out, "{number} | {left}{text}{right}");
@@ -322,7 +323,7 @@ fn excerpt(out: &mut String, number: usize, line: &str, mark: Range<usize>, labe
     let _ = writeln!(out, "{}", text.trim_end());
 }
 
-/// All messages as plain text, an empty line between them, and how many more there are.
+/// All messages as plain text, separated by empty lines, followed by the summary of dropped messages.
 impl fmt::Display for Diagnostics {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let more: Vec<Diagnostic> = self.more().collect();
@@ -360,8 +361,8 @@ impl From<Diagnostic> for Diagnostics {
     }
 }
 
-/// A list of messages, each with `start` and `end` as line and column beside its bytes. What isn't in the list has a message that
-/// counts it.
+/// A list of messages, each with `start` and `end` as line and column beside its byte span. Dropped messages are
+/// counted by a summary message.
 impl Serialize for Diagnostics {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let more: Vec<Diagnostic> = self.more().collect();

@@ -1,19 +1,19 @@
-//! Foreign decoders behind a door: what panics in them comes out as an error, and prints nothing.
+//! A boundary around third-party decoders: a panic inside becomes `None`, without a message on standard error.
 //!
-//! Files are strangers' and decoders have faults. A panic in one unwinds to here, on the thread it happened on, so that a
-//! damaged picture is a message and not the end of the program. A panic of our own code outside the door is told as ever.
+//! Files may be hostile and decoders have faults. A panic in a decoder is caught on its own thread, so that a damaged
+//! picture yields an error and doesn't end the program. Panics outside the boundary reach the previous panic hook.
 
 use std::cell::Cell;
 use std::panic::{self, AssertUnwindSafe};
 use std::sync::Once;
 
 thread_local! {
-    /// How many doors this thread is behind.
+    /// The number of nested [`guarded`] calls on this thread.
     static DEPTH: Cell<u32> = const { Cell::new(0) };
 }
 
-/// What `f` returns, or nothing if it panicked. What `f` had in its hands then must not be used again; `f` itself must not
-/// hand work to other threads.
+/// The result of `f`, or `None` if it panicked. After a panic, the values that `f` changed must not be used. `f` must
+/// not hand work to other threads.
 pub(crate) fn guarded<T>(f: impl FnOnce() -> T) -> Option<T> {
     static HOOK: Once = Once::new();
     HOOK.call_once(|| {

@@ -1,5 +1,5 @@
-//! Reading and writing files for Canaletto: the scene text, models, pictures. All opening of files goes through
-//! [`assets::Assets`].
+//! Reading and writing of Canaletto's files: the scene text, models and pictures. Every file that a scene names is
+//! opened through [`assets::Assets`].
 #![forbid(unsafe_code)]
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 

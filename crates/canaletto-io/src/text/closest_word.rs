@@ -1,6 +1,6 @@
-//! The nearest right word for a wrong one.
+//! Spelling suggestions: the known word that is nearest to an unknown one.
 
-/// The candidate that is most probably meant by `word`: fewest typing mistakes, and few enough for its length.
+/// The candidate with the fewest typing mistakes relative to `word`, if they are few enough for its length.
 pub fn closest_word<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let word: Vec<char> = word.chars().take(64).collect();
     let limit = match word.len() {
@@ -12,7 +12,7 @@ pub fn closest_word<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str
     let mut best = None;
     for candidate in candidates {
         let letters: Vec<char> = candidate.chars().take(64).collect();
-        // A word of one or two letters is no hint for another with which it shares nothing.
+        // A word of one or two letters is no suggestion for a word with which it shares no letter.
         if letters.len().abs_diff(word.len()) > limit || letters.iter().all(|c| !word.contains(c)) {
             continue;
         }
@@ -24,7 +24,8 @@ pub fn closest_word<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str
     best.map(|(_, candidate)| candidate)
 }
 
-/// Letters to insert, delete, replace or swap with a neighbour (Damerau 1964, restricted form); case counts nothing.
+/// The number of letters to insert, delete, replace or swap with a neighbour (Damerau 1964, restricted form). Case is
+/// ignored.
 fn distance(a: &[char], b: &[char]) -> usize {
     let same = |x: char, y: char| x == y || x.to_lowercase().eq(y.to_lowercase());
     let mut before: Vec<usize> = vec![0; b.len() + 1];

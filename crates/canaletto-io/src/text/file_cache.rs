@@ -1,20 +1,20 @@
-//! What is read once for all frames that use it: files are neither read nor understood again as long as each frame names them.
+//! A cache of decoded files between frames: a file is read and decoded once as long as each frame uses it.
 
 use std::any::Any;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Things by what they were made of. Keeps nothing for scenes of a single frame, and for others what the last one used, so that
-/// memory doesn't grow with their number.
+/// Cached values by key. The cache is off for scenes of a single frame. Otherwise it holds what the last frame used, so
+/// that its memory doesn't grow with the number of frames.
 pub(crate) struct Keep {
-    /// Whether there will be a next time.
+    /// Whether values are kept: there will be another frame.
     pub(crate) on: bool,
     things: HashMap<String, Thing>,
 }
 
 struct Thing {
     thing: Arc<dyn Any + Send + Sync>,
-    /// Whether this frame used it.
+    /// Whether this frame used the value.
     used: bool,
 }
 
@@ -23,7 +23,8 @@ impl Keep {
         Keep { on, things: HashMap::new() }
     }
 
-    /// The thing of this key, or what `make` makes. A key says all that the thing depends on, and first what it is.
+    /// The cached value of `key`, or else the result of `make`, which is cached. A key begins with the kind of the
+    /// value and contains everything that it depends on.
     pub(crate) fn get<T: Clone + Send + Sync + 'static, E>(
         &mut self,
         key: String,
@@ -43,7 +44,7 @@ impl Keep {
         Ok(made)
     }
 
-    /// A frame is read: what it didn't use is dropped.
+    /// Ends a frame: drops the values that it didn't use.
     pub(crate) fn turn(&mut self) {
         self.things.retain(|_, thing| std::mem::take(&mut thing.used));
     }

@@ -1,4 +1,4 @@
-//! The files of a scene: reading them, and putting included ones in their place.
+//! The files of a scene: reading them, and replacing `include` nodes by the nodes of the included file.
 
 use super::report::{Message, Report};
 use super::syntax::{self, Node, Span};
@@ -7,29 +7,29 @@ use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 
-/// The most text that a scene may have, in bytes, included files together.
+/// The largest size of a scene's text in bytes, all included files together.
 pub const MAX_TEXT: usize = 256 << 20;
-/// The most files that a scene's text may stand in.
+/// The largest number of files in a scene's text.
 const MAX_FILES: usize = 10_000;
-/// How deep files may include each other.
+/// The largest depth of nested includes.
 const MAX_INCLUDES: usize = 64;
 
 /// A file of scene text.
 pub(crate) struct File {
-    /// For people.
+    /// The display name.
     pub(crate) name: String,
-    /// Where the paths that it names start.
+    /// The start of the relative paths in this file.
     pub(crate) path: AssetPath,
     pub(crate) text: Arc<str>,
-    /// Where its lines end.
+    /// The byte offset at which each line ends.
     ends: OnceLock<Vec<u32>>,
 }
 
-/// The files, by number.
+/// The files of a scene, by number.
 #[derive(Default)]
 pub(crate) struct Files {
     list: Vec<File>,
-    /// Whether some of the text couldn't be read, so that names may be missing that it gives.
+    /// Whether some of the text couldn't be read, so that names that it defines may be missing.
     pub(crate) incomplete: bool,
 }
 
@@ -42,12 +42,12 @@ impl Files {
         self.list.get(usize::from(file))
     }
 
-    /// The text of a place.
+    /// The text of a span.
     pub(crate) fn slice(&self, span: Span) -> &str {
         self.get(span.file).and_then(|f| f.text.get(span.start as usize..span.end as usize)).unwrap_or_default()
     }
 
-    /// Words for the first of two that exclude each other.
+    /// A phrase that locates `first`, for a message at `second`, where the two exclude each other.
     pub(crate) fn first(&self, first: Span, second: Span) -> String {
         let line = self.line(first);
         if first.file != second.file {
@@ -60,7 +60,7 @@ impl Files {
         format!("the first is on line {line}")
     }
 
-    /// The line of a place, from 1.
+    /// The line of a span's start, from 1.
     fn line(&self, span: Span) -> usize {
         let Some(file) = self.get(span.file) else { return 1 };
         let ends = file.ends.get_or_init(|| file.text.match_indices('\n').map(|(at, _)| at as u32).collect());
@@ -78,12 +78,12 @@ pub(crate) struct Loader<'a> {
     pub(crate) assets: &'a dyn Assets,
     pub(crate) files: Files,
     pub(crate) report: Report,
-    /// Where each file was included, by what is the same for every way to it.
+    /// The number of each file that was loaded, by its identity.
     seen: HashMap<PathBuf, u16>,
     /// The files being read, the outermost first.
     chain: Vec<u16>,
     size: usize,
-    /// Whether nodes may be packed: nothing changes their values.
+    /// Whether nodes may be packed: no override changes their values.
     packs: bool,
 }
 
@@ -100,8 +100,8 @@ impl<'a> Loader<'a> {
         }
     }
 
-    /// The nodes of a file that was read, with those of the files that it includes in their place. `includer` is where
-    /// its name stands.
+    /// The nodes of a file, with the nodes of its included files in place. `includer` is the span of its name in the
+    /// including file.
     pub(crate) fn load(&mut self, asset: Asset, includer: Option<Span>) -> Vec<Node> {
         let name = asset.path.name().to_owned();
         let incomplete = std::mem::replace(&mut self.files.incomplete, true);
@@ -115,7 +115,7 @@ impl<'a> Loader<'a> {
             ));
             return Vec::new();
         }
-        // UTF-16 has a mark, or zeros beside plain letters.
+        // UTF-16 has a byte-order mark, or zeros beside ASCII letters.
         if matches!(asset.bytes[..], [0xff, 0xfe, ..] | [0xfe, 0xff, ..] | [0, _, ..] | [_, 0, ..]) {
             let file = self.files.add(name, asset.path, "".into());
             let message = "the file is UTF-16 text, but scene text is UTF-8";
@@ -137,7 +137,7 @@ impl<'a> Loader<'a> {
                 return Vec::new();
             }
         };
-        // The text is there once.
+        // The text is in memory once, shared.
         let text: Arc<str> = text.into();
         let file = self.files.add(name, asset.path.clone(), Arc::clone(&text));
         self.files.incomplete = incomplete;
@@ -145,7 +145,7 @@ impl<'a> Loader<'a> {
         self.load_text(&text, file)
     }
 
-    /// The nodes of a text that is in the list of files already.
+    /// The nodes of a text whose file is in the list already.
     pub(crate) fn load_text(&mut self, text: &str, file: u16) -> Vec<Node> {
         let Some(nodes) = syntax::parse(text, file, self.packs, &mut self.report) else {
             self.files.incomplete = true;
@@ -206,7 +206,7 @@ impl<'a> Loader<'a> {
                     self.report
                         .push(Message::error(value.span, "the files include each other in a circle").label(chain));
                 }
-                // Once is enough: its names exist already.
+                // The file was included already, so its names exist.
                 Some(_) => {}
                 None if self.chain.len() >= MAX_INCLUDES || self.files.list.len() >= MAX_FILES => {
                     let message = format!("files may include each other {MAX_INCLUDES} deep, {MAX_FILES} in all");

@@ -1,8 +1,8 @@
 //! The scene text: KDL 2 to [`Scene`].
 //!
-//! The way of a text: `files` reads it and what it includes, `syntax` makes nodes of it, `set` changes their
-//! values, `animate` gives them the values of a frame, `decode` judges them by `schema` and builds the scene. Each of them
-//! reports every mistake and goes on.
+//! The stages: `files` reads a text and its includes, and `syntax` parses it into nodes. `overrides` applies
+//! assignments to their values, and `animate` evaluates keys and paths for a frame. `decode` validates the nodes
+//! against `schema` and builds the scene. Each stage reports every mistake and continues.
 
 mod animate;
 mod closest_word;
@@ -31,25 +31,26 @@ use report::{Message, Report};
 /// Reads the scene of a file.
 ///
 /// # Errors
-/// Every mistake in it and the files that it names.
+/// Every mistake in the text and in the files that it names.
 pub fn read_scene(name: &str, assets: &dyn Assets) -> Result<(Scene, Diagnostics), Diagnostics> {
     read_scene_with(name, assets, &[])
 }
 
-/// Reads the scene of a file after changing values in it: `set` holds assignments such as `integrator.max-depth=3`,
-/// `material.glass.eta=1.4` or `film.sample="jittered" n=4`. Messages about them name the file `--set`, and the n-th
-/// line for the n-th assignment. With the scene come warnings. What moves is where it is at [`SceneDocument::first_frame`].
+/// Reads the scene of a file after applying overrides, and returns it with its warnings. `set` holds assignments such
+/// as `integrator.max-depth=3`, `material.glass.eta=1.4` or `film.sample="jittered" n=4`. Messages about the n-th
+/// assignment name line n of the file `--set`. Animated values are those of [`SceneDocument::first_frame`].
 ///
 /// # Errors
-/// Every mistake in it and the files that it names.
+/// Every mistake in the text and in the files that it names.
 pub fn read_scene_with(name: &str, assets: &dyn Assets, set: &[String]) -> Result<(Scene, Diagnostics), Diagnostics> {
     SceneDocument::read(name, assets, set)?.once(assets)
 }
 
-/// Reads the scene of a text; `name` is what to call it. Files that it names are read from the root of `assets`.
+/// Reads the scene of a text; `name` is its display name. Files that it names are read relative to the root of
+/// `assets`.
 ///
 /// # Errors
-/// Every mistake in it and the files that it names.
+/// Every mistake in the text and in the files that it names.
 pub fn read_scene_text(
     text: &str,
     name: &str,
@@ -59,27 +60,27 @@ pub fn read_scene_text(
     SceneDocument::of_text(text, name, assets, set)?.once(assets)
 }
 
-/// A scene text as it was read, which holds the scene of every frame.
+/// A parsed scene text, from which the scene of every frame can be decoded.
 pub struct SceneDocument {
     nodes: Vec<syntax::Node>,
     files: Files,
-    /// What is wrong with the text whatever the frame.
+    /// The messages about the text that don't depend on the frame.
     report: Report,
     timeline: Timeline,
-    /// The times of all keys, as they count.
+    /// The times of all keys, in the units of the text.
     times: Vec<f64>,
-    /// The camera whose shutter counts; else the first.
+    /// The name of the camera whose shutter is used; `None` for the first camera.
     camera: Option<String>,
-    /// The camera of a scene that has none, once its first frame was read.
+    /// The camera of a scene that has none, computed at the first frame that is read.
     default_camera: Option<Option<View>>,
     keep: Keep,
 }
 
 impl SceneDocument {
-    /// Reads a file and what it includes, and changes values in it as [`read_scene_with`] does.
+    /// Reads a file and its includes, and applies the overrides `set` as [`read_scene_with`] does.
     ///
     /// # Errors
-    /// If nothing of it can be read. Other mistakes are told with the scene.
+    /// The messages if none of the text can be parsed. Other mistakes are returned by [`SceneDocument::scene`].
     pub fn read(name: &str, assets: &dyn Assets, set: &[String]) -> Result<SceneDocument, Diagnostics> {
         let asset = assets.read(name, &AssetPath::base()).map_err(|error| {
             let mut diagnostic = Diagnostic::error(name, error.to_string());
@@ -91,10 +92,10 @@ impl SceneDocument {
         SceneDocument::new(loader, nodes, set)
     }
 
-    /// Reads a text; `name` is what to call it.
+    /// Parses a text; `name` is its display name.
     ///
     /// # Errors
-    /// If nothing of it can be read. Other mistakes are told with the scene.
+    /// The messages if none of the text can be parsed. Other mistakes are returned by [`SceneDocument::scene`].
     pub fn of_text(text: &str, name: &str, assets: &dyn Assets, set: &[String]) -> Result<SceneDocument, Diagnostics> {
         let mut loader = Loader::new(assets, set.is_empty());
         if text.len() > files::MAX_TEXT {
@@ -107,7 +108,8 @@ impl SceneDocument {
 
     fn new(loader: Loader, mut nodes: Vec<syntax::Node>, set: &[String]) -> Result<SceneDocument, Diagnostics> {
         let Loader { mut files, mut report, .. } = loader;
-        // After a mistake in the syntax only what could be read is judged, so a block that is still open says nothing.
+        // After a syntax error only the parsed part is validated, so an unclosed block says nothing about what is
+        // missing.
         if nodes.is_empty() && report.has_errors() {
             return Err(report.finish(&files));
         }
@@ -121,23 +123,23 @@ impl SceneDocument {
         Ok(SceneDocument { nodes, files, report, timeline, times, camera: None, default_camera: None, keep })
     }
 
-    /// How it counts time.
+    /// The frame rate, frame range and time unit of the text.
     pub fn timeline(&self) -> &Timeline {
         &self.timeline
     }
 
-    /// Changes the frames of a second, which must lie in [`Timeline::FPS`].
+    /// Sets the frame rate in frames per second, which must lie in [`Timeline::FPS`].
     pub fn set_fps(&mut self, fps: f64) {
         self.timeline.fps = fps;
     }
 
-    /// Chooses the camera by whose shutter things that move are blurred; without it the first one's counts.
+    /// Selects the camera whose shutter interval determines motion blur. The default is the first camera.
     pub fn look_through(&mut self, camera: &str) {
         self.camera = Some(camera.to_owned());
     }
 
-    /// Every text among its values, names of things aside, with the file in which it stands: all files that it names at any time are
-    /// among them.
+    /// Every text value except the names of objects, with the file that contains it. All files that the scene names at
+    /// any time are among them.
     pub fn texts(&self) -> Vec<(&str, &AssetPath)> {
         fn collect<'a>(node: &'a syntax::Node, texts: &mut Vec<(&'a str, syntax::Span)>) {
             let named = node.properties.iter().filter(|property| !["name", "material", "of"].contains(&&*property.key));
@@ -152,21 +154,22 @@ impl SceneDocument {
         texts.into_iter().filter_map(with_file).collect()
     }
 
-    /// The frame that is meant where none is named: the first of its animation, else 0.
+    /// The default frame: the first of the animation, else 0.
     pub fn first_frame(&self) -> u32 {
         self.timeline.frames.map_or(0, |[first, _]| first)
     }
 
-    /// The times of all keys, in frames, in order. Between two of them every value is between those of its keys, or a
+    /// The times of all keys in frames, sorted. Between two of them every value is between those of its keys, or a
     /// little beyond.
     pub fn key_frames(&self) -> Vec<f64> {
         self.times.iter().map(|time| self.timeline.frame(*time)).collect()
     }
 
-    /// The scene at a frame, whole or in between, with warnings. A file is read once for all frames in a row that name it.
+    /// Decodes the scene at a frame, which may be fractional, and returns it with its warnings. A file is read once for
+    /// all consecutive frames that name it.
     ///
     /// # Errors
-    /// Every mistake in it and the files that it names.
+    /// Every mistake in the text and in the files that it names.
     pub fn scene(&mut self, assets: &dyn Assets, frame: f64) -> Result<(Scene, Diagnostics), Diagnostics> {
         let mut report = self.report.clone();
         let mut moved;
@@ -202,7 +205,7 @@ impl SceneDocument {
         }
     }
 
-    /// The camera of a scene that has none. Things that move are judged by the first frame, so that the camera stays.
+    /// The camera of a scene that has none. It is fitted to the first frame, so that it stays when objects move.
     fn default_camera(&mut self, scene: &Scene, assets: &dyn Assets, frame: f64) -> Option<View> {
         if let Some(known) = &self.default_camera {
             return known.clone();

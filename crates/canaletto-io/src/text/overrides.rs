@@ -1,6 +1,6 @@
-//! Changing values from the command line: `--set material.glass.eta=1.4`.
+//! Overrides from the command line: `--set material.glass.eta=1.4`.
 //!
-//! The nodes are changed before they are decoded, so that the same checks and messages hold.
+//! They change the nodes before decoding, so that the checks and messages of the decoder apply.
 
 use super::closest_word::closest_word;
 use super::files::Files;
@@ -9,7 +9,7 @@ use super::schema;
 use super::syntax::{Node, Span, parse_entries};
 use crate::assets::AssetPath;
 
-/// Changes the nodes by assignments `word.name.word=values`. Words are those of the scene text; without a name, all
+/// Applies assignments `word.name.word=values` to the nodes. The words are those of the scene text. Without a name, all
 /// nodes of that word change.
 pub(crate) fn apply_set(nodes: &mut Vec<Node>, assignments: &[String], files: &mut Files, report: &mut Report) {
     if assignments.is_empty() {
@@ -34,7 +34,7 @@ struct Setter<'a> {
     report: &'a mut Report,
 }
 
-/// A part of the path, with its place in the line.
+/// A part of the path with its start and end in the line.
 type Part = (String, usize, usize);
 
 impl Setter<'_> {
@@ -44,7 +44,7 @@ impl Setter<'_> {
 
     fn apply(&mut self) {
         let Some((path, equals)) = self.path() else { return };
-        // The values, in a node that stands for the last part of the path.
+        // The values, in a node named after the last part of the path.
         let Some((last, from, to)) = path.last().cloned() else { return };
         let mut value = Node::new(&last, self.span(from, to));
         parse_entries(&self.line[equals + 1..], self.start + equals + 1, &mut value, self.report);
@@ -96,7 +96,7 @@ impl Setter<'_> {
         }
     }
 
-    /// The path before `=`, and where that is. Names with dots stand in quotes.
+    /// The path before `=`, and the offset of `=`. Names with dots are quoted.
     fn path(&mut self) -> Option<(Vec<Part>, usize)> {
         let mut parts = vec![(String::new(), 0, 0)];
         let mut quoted = false;
@@ -130,7 +130,7 @@ impl Setter<'_> {
         None
     }
 
-    /// Replaces a node that is all values, in the last file that has one.
+    /// Replaces a node that consists of values only, in the last file that has one.
     fn replace(&mut self, value: Node) {
         match self.nodes.iter_mut().rev().find(|node| node.name == value.name) {
             Some(node) => *node = value,
@@ -145,7 +145,7 @@ impl Setter<'_> {
         for node in self.nodes.iter_mut() {
             change(node, word, name, &value, &mut names, &mut changed);
         }
-        // Of a camera in several files the last node decides; the others changed to the same value.
+        // Several files may define a camera. All of its nodes were set, and the last one decides.
         if changed > 0 {
             return;
         }
@@ -186,11 +186,11 @@ fn change(node: &mut Node, word: &str, name: Option<&str>, value: &Node, names: 
     }
 }
 
-/// Words of which a node has one: to set one of them takes the others away.
+/// Words that exclude each other in a node: setting one removes the others.
 const ALTERNATIVES: [[&str; 2]; 4] =
     [["points", "samples"], ["sample", "samples"], ["inner", "exponent"], ["eye", "follow"]];
 
-/// Puts a value in the place of the node's own of that name, and of what it excludes.
+/// Replaces the node's child or property of that name, and removes those that it excludes.
 fn put(node: &mut Node, value: Node) {
     for pair in ALTERNATIVES.iter().filter(|pair| pair.contains(&&*value.name)) {
         let excluded = |name: &str| pair.contains(&name) && name != &*value.name;

@@ -1,4 +1,4 @@
-//! The reference of the scene text, `docs/scene-text.md`, from the schema that the decoder judges by.
+//! The reference of the scene text, `docs/scene-text.md`, generated from the schema of the decoder.
 
 use super::schema::{
     self, ENVIRONMENTS, FieldSchema, LIGHTS, NodeSchema, OBJECTS, SETTINGS, TEXTURES, TRANSFORMS, ValueType,

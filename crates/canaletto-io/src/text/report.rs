@@ -1,10 +1,10 @@
-//! Messages as they are found, before their places have names.
+//! The collection of messages before their spans are resolved to file names.
 
 use super::files::Files;
 use super::syntax::Span;
 use crate::diagnostic::{Diagnostic, Diagnostics, Severity};
 
-/// A message about some bytes.
+/// A message about a span of bytes.
 #[derive(Clone)]
 pub(crate) struct Message {
     severity: Severity,
@@ -40,11 +40,11 @@ impl Message {
     }
 }
 
-/// The most messages that are kept until they are put into the order of their places: a file that isn't a scene at all may have
-/// one for each of its bytes.
+/// The largest number of messages that are kept until they are sorted by position. A file that isn't a scene may have
+/// an error at each of its bytes.
 const MAX_MESSAGES: usize = 10_000;
 
-/// Messages that are only counted.
+/// The number of messages that were dropped.
 #[derive(Clone, Copy, Default)]
 struct Dropped {
     errors: usize,
@@ -55,9 +55,9 @@ struct Dropped {
 #[derive(Clone, Default)]
 pub(crate) struct Report {
     messages: Vec<Message>,
-    /// How many errors and warnings there were more than are kept.
+    /// The number of errors and warnings beyond those that are kept.
     dropped: Dropped,
-    /// Messages that came ready, from other files than scene text.
+    /// Finished messages about files that aren't scene text.
     foreign: Diagnostics,
 }
 
@@ -74,14 +74,14 @@ impl Report {
         self.push(Message::error(span, message));
     }
 
-    /// Adds the messages of another report once more.
+    /// Adds the messages of another report.
     pub(crate) fn repeat(&mut self, other: &Report) {
         other.messages.iter().for_each(|message| self.push(message.clone()));
         self.dropped.errors += other.dropped.errors;
         self.dropped.warnings += other.dropped.warnings;
     }
 
-    /// How many messages there are.
+    /// The number of messages, kept or dropped.
     pub(crate) fn count(&self) -> usize {
         self.messages.len() + self.dropped.errors + self.dropped.warnings
     }
@@ -96,16 +96,16 @@ impl Report {
         self.foreign.append(foreign);
     }
 
-    /// The messages, each with its file's name. Messages without a place are about the first file.
+    /// The messages, each with the name of its file. Messages without a span are about the first file.
     pub(crate) fn finish(self, files: &Files) -> Diagnostics {
         let mut out = Diagnostics::new();
         let mut list = self.messages;
-        // Texts are kept to be shown beside messages, and are large.
+        // Texts are large, so they are stored only if messages refer to them.
         for file in files.iter().filter(|_| !list.is_empty()) {
             out.add_source(&file.name, file.text.clone());
         }
         list.sort_by_key(|m| m.span.map_or((u16::MAX, 0), |span| (span.file, span.start)));
-        // One assignment that changes several nodes is wrong once.
+        // An assignment that changes several nodes is reported once.
         list.dedup_by(|b, a| b.span.is_some() && a.span == b.span && a.message == b.message);
         for m in list {
             out.push(Diagnostic {

@@ -1,4 +1,4 @@
-//! What follows a path: an object among its transforms, a camera, a point.
+//! Objects, cameras and points that follow a path.
 
 use super::Animator;
 use crate::animation::Path;
@@ -10,14 +10,14 @@ use canaletto::camera::{continue_roll, has_roll};
 use canaletto::scene::Extrinsics;
 use glam::{DMat3, DVec3};
 
-/// A moment of following: the node's values now, and those while the shutter is open.
+/// The values of a `follow` node: those of the frame, and those while the shutter is open.
 struct Moments {
     now: Vec<f64>,
     moving: Vec<Vec<f64>>,
 }
 
 impl Animator<'_> {
-    /// `follow` among transforms becomes `matrix`.
+    /// Replaces `follow` among transforms by `matrix`.
     pub(super) fn follow_with_object(&mut self, node: &mut Node) {
         let moments = self.follow(node, &FOLLOW, |path, fields, share| {
             let (point, ahead) = path.at(share);
@@ -29,18 +29,18 @@ impl Animator<'_> {
                     facing(face, ahead, up, there).map_err(|problem| (fields.span("face"), problem))?
                 }
             };
-            // Row by row, as the word takes them.
+            // `matrix` takes its numbers row by row.
             let row = |i: usize| [turn.row(i).x, turn.row(i).y, turn.row(i).z, point[i]];
             Ok((0..3).flat_map(row).collect())
         });
-        // After a mistake it stays where it is.
+        // After a mistake the object keeps its place.
         *node = match moments {
             Some(moments) => replaced("matrix", node, moments),
             None => Node { broken: true, ..Node::new("translate", node.name_span) },
         };
     }
 
-    /// `follow` in a camera becomes `eye`, and `center` if it looks along.
+    /// Replaces `follow` in a camera by `eye`, and by `center` too if the camera looks along the path.
     pub(super) fn follow_with_camera(&mut self, camera: &mut Node, at: usize) {
         let mut node = camera.children[at].clone();
         let mut along = false;
@@ -71,7 +71,7 @@ impl Animator<'_> {
         if along {
             let center = self.follow(&mut node, &CAMERA_FOLLOW, |path, _, share| {
                 let (point, ahead) = path.at(share);
-                // As far as the path is long, so that a scaled scene has a scaled camera.
+                // The centre lies as far ahead as the path is long, so that the camera scales with the scene.
                 Ok((point + ahead * path.length()).to_array().into())
             });
             camera.children.extend(center.map(|center| replaced("center", &node, center)));
@@ -79,7 +79,7 @@ impl Animator<'_> {
         camera.children[at] = replaced("eye", &node, eye);
     }
 
-    /// `follow` in place of a point's numbers.
+    /// Replaces `follow` in place of a point by the point's numbers.
     pub(super) fn follow_with_point(&mut self, node: &mut Node, word: &'static FieldSchema) {
         let Some(at) = node.children.iter().position(|child| &*child.name == "follow") else { return };
         let mut inner = node.children.remove(at);
@@ -99,7 +99,7 @@ impl Animator<'_> {
         }
     }
 
-    /// The values that `make` gives for the path, the words and the share of the path that a node names.
+    /// The values that `make` computes from the path, the fields and the arc-length share that a node names.
     fn follow(
         &mut self,
         node: &mut Node,
@@ -135,7 +135,7 @@ impl Animator<'_> {
     }
 }
 
-/// A node of values in the place of another.
+/// A node of values that replaces `old`.
 fn replaced(name: &str, old: &Node, moments: Moments) -> Node {
     let values = |numbers: Vec<f64>| -> Vec<Value> {
         numbers.into_iter().map(|n| Value { kind: ValueKind::Number(n), span: old.span }).collect()
@@ -144,8 +144,9 @@ fn replaced(name: &str, old: &Node, moments: Moments) -> Node {
     Node { span: old.span, values: values(moments.now), moving, ..Node::new(name, old.name_span) }
 }
 
-/// The upward side of what follows a path where the path leads straight along `up`: that of the nearest place before it
-/// that has one, or after it. Returns `None` where `up` itself is of use, and where the whole path is straight.
+/// The up direction of an object on a path where the tangent is parallel to `up`. It is that of the nearest place
+/// before it that has one, or else after it. Returns `None` where `up` itself is usable, and where the whole path is
+/// straight.
 fn roll_along(path: &Path, share: f64, up: DVec3) -> Option<DVec3> {
     let place = |share: f64| Extrinsics { eye: DVec3::ZERO, center: path.at(share).1, up };
     let here = place(share);
@@ -158,12 +159,12 @@ fn roll_along(path: &Path, share: f64, up: DVec3) -> Option<DVec3> {
     before.chain(after).find_map(|share| continue_roll(&here, &place(share))).map(|kept| kept.up)
 }
 
-/// The turn that takes `face` to `ahead`. What is upwards of `up` stays as far as it can upwards of `up_there`.
+/// The rotation that takes `face` to `ahead`. The image of `up` is as near to `up_there` as possible.
 fn facing(face: DVec3, ahead: DVec3, up: DVec3, up_there: DVec3) -> Result<DMat3, String> {
     let frame = |forward: DVec3, up: DVec3| {
         let forward = forward.try_normalize()?;
         let side = up.try_normalize()?.cross(forward);
-        // Below this the sine holds no digits of `up`, as with the camera's.
+        // Below this the sine holds no digits of `up`, as for cameras.
         (side.length() > 1e-9).then(|| {
             let side = side.normalize();
             DMat3::from_cols(forward, side, forward.cross(side))
@@ -194,7 +195,7 @@ mod tests {
         let points = [DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::new(0.0, 1.0, 0.0)];
         let path = Path::new(&points, false, false).unwrap();
         assert_eq!(roll_along(&path, 0.1, DVec3::Y), None);
-        // It came along +x with its upper side to +y, so that this side now looks back, to -x.
+        // The object came along +x with its up direction +y, so this direction here is -x.
         let up = roll_along(&path, 0.5, DVec3::Y).unwrap();
         assert!((up - DVec3::NEG_X).length() < 1e-12, "{up}");
         let turn = facing(DVec3::Z, path.at(0.5).1, DVec3::Y, up).unwrap();

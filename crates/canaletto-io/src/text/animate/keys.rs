@@ -1,7 +1,7 @@
-//! Keys: `key TIME VALUES…`, with `ease` and `turn` beside them.
+//! Keys: `key TIME VALUES…`, with optional `ease` and `turn` beside them.
 //!
-//! The keys of a word are judged once, when a frame first asks for it, so that a film of many keys takes time in proportion to
-//! their number, not to its square. A frame then asks the curve between two of them.
+//! The keys of a word are validated once, at the first frame that uses them. The time of a film is therefore
+//! proportional to the number of keys, not to its square. Each frame evaluates the curve between two keys.
 
 use super::{Animator, MOST_TURN, POSES, STILL};
 use crate::animation::{Curve, Ease, Key, axis_angle, quaternion, turned};
@@ -11,14 +11,14 @@ use crate::text::syntax::{Node, Span, Value, ValueKind};
 use std::fmt;
 use std::sync::{Arc, OnceLock};
 
-/// The keys that stand in a word, and what is beside them.
+/// The keys of a word, with `ease` and `turn`.
 pub(crate) struct Keys {
     children: Vec<Node>,
     ready: OnceLock<Ready>,
 }
 
 impl Keys {
-    /// The keys, and what is beside them, as they are written.
+    /// The nodes of the keys, and of `ease` and `turn`, as written.
     pub(crate) fn nodes(&self) -> &[Node] {
         &self.children
     }
@@ -30,13 +30,13 @@ impl fmt::Debug for Keys {
     }
 }
 
-/// Keys that were judged.
+/// Validated keys.
 struct Ready {
-    /// What they say; nothing after a mistake.
+    /// The value over time; `None` after a mistake.
     track: Option<Track>,
-    /// The values of the first key, which stay after a mistake.
+    /// The values of the first key, which are used after a mistake.
     first: Vec<Value>,
-    /// Whether the word keeps the values that it has.
+    /// Whether the word keeps its own values.
     untouched: bool,
     messages: Report,
 }
@@ -44,26 +44,26 @@ struct Ready {
 /// A value as a function of time.
 type Moment = Box<dyn Fn(f64) -> Vec<f64> + Send + Sync>;
 
-/// How a word changes with time.
+/// The change of a word's values over time.
 enum Track {
-    /// It holds until the next key.
+    /// A step function: values hold until the next key.
     Jump(Vec<Written>),
-    /// Numbers that go from key to key.
+    /// Numbers that are interpolated from key to key.
     Curve {
         moment: Moment,
-        /// When each key is, and where it stands.
+        /// The time and the span of each key.
         places: Vec<(f64, Span)>,
-        /// Whether the last number is an angle that may turn too fast to be followed.
+        /// Whether the last number is an angle whose change per pose is limited.
         turns: bool,
     },
 }
 
-/// The number of the last key that isn't later; the first one's before all.
+/// The index of the last key at or before `time`, or 0 if `time` is before all keys.
 fn place<T>(keys: &[T], time: f64, time_of: impl Fn(&T) -> f64) -> usize {
     keys.partition_point(|key| time_of(key) <= time).saturating_sub(1)
 }
 
-/// A key as it is written.
+/// A key as written.
 struct Written {
     time: f64,
     values: Vec<Value>,
@@ -72,11 +72,11 @@ struct Written {
 }
 
 impl Animator<'_> {
-    /// Takes the keys out of a word's children.
+    /// Moves the keys of a word from its children to `Node::keys`.
     pub(super) fn gather(node: &mut Node) {
         let is_motion = |child: &mut Node| matches!(&*child.name, "key" | "ease" | "turn");
         if node.keys.is_none() && node.children.iter().any(|child| &*child.name == "key") {
-            // Where there is nothing else, as where there are many, they stay in their list.
+            // Where all children are keys, as is usual where there are many, their list is moved as a whole.
             let alone = node.children.iter_mut().all(is_motion);
             let children = if alone {
                 std::mem::take(&mut node.children)
@@ -87,8 +87,8 @@ impl Animator<'_> {
         }
     }
 
-    /// Replaces a word's keys by the value that they make now. After a mistake the first key's values stay, so that
-    /// nothing is missed that isn't missing.
+    /// Replaces the keys of a word by its values at the frame. After a mistake the values of the first key are used, so
+    /// that no missing value is reported.
     pub(super) fn keys(&mut self, node: &mut Node, word: &'static FieldSchema) {
         let Some(keys) = node.keys.take() else { return };
         let ready = keys.ready.get_or_init(|| self.judged(node, &keys.children, word));
@@ -107,7 +107,7 @@ impl Animator<'_> {
             }
             Track::Curve { moment, places, turns } => (moment, places, *turns),
         };
-        // What is wrong with a value is wrong with the key before it.
+        // A message about an interpolated value points at the key before it.
         let values = |time: f64| -> Vec<Value> {
             let span = places[place(places, time, |key| key.0)].1;
             moment(time).into_iter().map(|n| Value { kind: ValueKind::Number(n), span }).collect()
@@ -126,13 +126,13 @@ impl Animator<'_> {
             node.broken = true;
             return;
         }
-        // What stays for as long as the shutter is open costs nothing more.
+        // Values that are constant while the shutter is open need no samples.
         if moving.windows(2).any(|two| two[0].iter().zip(&two[1]).any(|(a, b)| a.kind != b.kind)) {
             node.moving = moving;
         }
     }
 
-    /// Judges the keys of a word.
+    /// Validates the keys of a word.
     fn judged(&mut self, node: &Node, motion: &[Node], word: &'static FieldSchema) -> Ready {
         let outer = std::mem::take(&mut self.judge.report);
         let mut ready = Ready { track: None, first: Vec::new(), untouched: false, messages: Report::default() };
@@ -143,7 +143,7 @@ impl Animator<'_> {
         ready
     }
 
-    /// What keys say; nothing after a mistake, which is reported.
+    /// The track of the keys; `None` after a mistake, which is reported.
     fn track(&mut self, node: &Node, motion: &[Node], word: &'static FieldSchema, ready: &mut Ready) -> Option<Track> {
         let name = node.name.to_string();
         let keys: Vec<&Node> = motion.iter().filter(|child| &*child.name == "key").collect();
@@ -232,12 +232,12 @@ impl Animator<'_> {
             Box::new(move |time| plain.at(time))
         };
         let places = written.iter().map(|key| (key.time, key.span)).collect();
-        // Where an angle counts it is the last number; the short way between rotations is never as far.
+        // Angles are the last number. The short interpolation between rotations never exceeds the limit.
         let turns = word.name.starts_with("rotate-") || (word.name == "rotate" && !short);
         Some(Track::Curve { moment, places, turns })
     }
 
-    /// Reports an ease beside what isn't made of numbers, and holds until the next key.
+    /// Reports an `ease` beside values that aren't numbers: such values hold until the next key.
     fn may_jump(&mut self, word: &FieldSchema, written: &[Written], ease: Option<(Ease, Span)>) {
         let beside = ease.filter(|(ease, _)| *ease != Ease::Step).map(|(_, span)| span);
         let own = written.iter().find(|k| k.ease.is_some_and(|ease| ease != Ease::Step)).map(|k| k.span);
@@ -251,7 +251,7 @@ impl Animator<'_> {
         });
     }
 
-    /// The one text of a word beside keys.
+    /// The single text value of `ease` or `turn`.
     fn beside(&mut self, motion: &[Node], name: &str, word: &'static FieldSchema) -> Option<(String, Span)> {
         let mut all = motion.iter().filter(|child| &*child.name == name);
         let node = all.next()?;
@@ -264,7 +264,7 @@ impl Animator<'_> {
         good.then(|| node.values.first()?.as_text().map(|text| (text.to_owned(), node.span))).flatten()
     }
 
-    /// Reads the keys; reports what is wrong with each.
+    /// Reads the keys and reports the mistakes in each.
     fn written(&mut self, keys: &[&Node], name: &str, word: &'static FieldSchema) -> Vec<Written> {
         let mut written: Vec<Written> = Vec::with_capacity(keys.len());
         for key in keys.iter().filter(|key| !key.broken) {
@@ -341,7 +341,7 @@ impl Animator<'_> {
     }
 }
 
-/// The same angles, each within half a turn of the one before.
+/// The equivalent angles, each within half a turn of the one before.
 fn nearest_turns(curve: Curve) -> Curve {
     let mut keys = curve.keys().to_vec();
     for i in 1..keys.len() {

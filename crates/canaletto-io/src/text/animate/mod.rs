@@ -1,9 +1,9 @@
-//! Keys and paths: from nodes that move to the nodes of one moment.
+//! Keys and paths: evaluation of animated nodes at a time.
 //!
-//! Any word may hold keys in place of its values, `translate { key 1  0 0 0; key 50  10 0 0 }`, since every parameter is
-//! a node. Before a scene is decoded they are replaced by the values of its frame, and so is everything that follows a
-//! path: whatever reads the nodes afterwards knows nothing of time, and so doesn't the [`canaletto::scene::Scene`].
-//! Each key is judged by the schema like a value of its own.
+//! Any word may hold keys in place of its values, `translate { key 1  0 0 0; key 50  10 0 0 }`, since every parameter
+//! is a node. Before a scene is decoded, keys and `follow` nodes are replaced by the values of its frame. The decoder
+//! and the [`canaletto::scene::Scene`] therefore have no notion of time. Each key is validated by the schema like a
+//! value of its own.
 
 mod follow;
 mod keys;
@@ -20,19 +20,19 @@ use super::syntax::{Node, Span};
 use crate::animation::Path;
 use std::collections::HashMap;
 
-/// How a scene text counts time.
+/// The time settings of a scene text.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Timeline {
-    /// Frames of a second.
+    /// The frame rate in frames per second.
     pub fps: f64,
-    /// The first and the last frame, if the text says so.
+    /// The first and the last frame, if the text defines them.
     pub frames: Option<[u32; 2]>,
-    /// Whether keys count in seconds, with frame 0 at second 0.
+    /// Whether key times are in seconds, with frame 0 at second 0; otherwise they are in frames.
     pub seconds: bool,
-    /// Whether anything moves.
+    /// Whether any value changes with time.
     pub moves: bool,
-    /// Whether there is anything that must be replaced before decoding.
+    /// Whether any node must be replaced before decoding.
     pub(crate) has_time: bool,
 }
 
@@ -40,12 +40,12 @@ impl Timeline {
     /// The range of [`Timeline::fps`].
     pub const FPS: std::ops::RangeInclusive<f64> = 0.01..=1000.0;
 
-    /// The time of a frame as keys count it.
+    /// The time of a frame in the units of keys.
     fn time(&self, frame: f64) -> f64 {
         if self.seconds { frame / self.fps } else { frame }
     }
 
-    /// The frame of a time as keys count it.
+    /// The frame of a time in the units of keys.
     pub(crate) fn frame(&self, time: f64) -> f64 {
         if self.seconds { time * self.fps } else { time }
     }
@@ -57,7 +57,7 @@ impl Default for Timeline {
     }
 }
 
-/// What the text says about time; mistakes in it are reported.
+/// The time settings of the text; mistakes in them are reported.
 pub(crate) fn timeline(nodes: &[Node], files: &Files, report: Report) -> (Timeline, Report) {
     let mut timeline = Timeline::default();
     let mut judge = Validator::new(files, report);
@@ -103,7 +103,7 @@ fn look(node: &Node, timeline: &mut Timeline) {
     }
 }
 
-/// The times of all keys, as they count.
+/// The times of all keys, in their units.
 pub(crate) fn times(nodes: &[Node]) -> Vec<f64> {
     fn collect(node: &Node, times: &mut Vec<f64>) {
         if &*node.name == "key" {
@@ -118,15 +118,15 @@ pub(crate) fn times(nodes: &[Node]) -> Vec<f64> {
     times
 }
 
-/// Poses while the shutter is open, evenly spaced from its opening to its closing. Things move straight and turn evenly
-/// from one to the next, so this many follow a curve closely.
+/// The number of poses while the shutter is open, evenly spaced from its opening to its closing. Between poses,
+/// translations are linear and rotations uniform, so this many follow a curve closely.
 pub(crate) const POSES: usize = 17;
 
-/// The most degrees between two of them; from a half turn on nobody knows which way it goes.
+/// The largest rotation between two poses, in degrees. From a half turn on its direction would be ambiguous.
 const MOST_TURN: f64 = 150.0;
 
-/// Replaces keys and paths by the values of a frame; those that change while the shutter of `camera` (else of the first
-/// one) is open are there at [`POSES`] moments, too.
+/// Replaces keys and paths by the values of a frame. Values that change while the shutter of `camera` (default: the
+/// first camera) is open are also evaluated at [`POSES`] moments.
 pub(crate) fn animate(
     nodes: &mut Vec<Node>,
     timeline: &Timeline,
@@ -154,7 +154,7 @@ pub(crate) fn animate(
     animator.judge.report
 }
 
-/// Takes keys out of the nodes of words that may have them, so that frames share them; see [`keys`].
+/// Moves the keys of nodes to `Node::keys`, so that frames share them; see [`keys`].
 pub(crate) fn gather(nodes: &mut [Node], files: &Files) {
     let mut gatherer = Animator {
         judge: Validator::new(files, Report::default()),
@@ -170,21 +170,21 @@ pub(crate) fn gather(nodes: &mut [Node], files: &Files) {
 
 struct Animator<'a> {
     judge: Validator<'a>,
-    /// Whether keys are only taken out of nodes, and nothing is replaced.
+    /// Whether keys are only moved to `Node::keys`, and nothing is replaced.
     gathers: bool,
-    /// When it is, as keys count.
+    /// The time of the frame, in the units of keys.
     time: f64,
-    /// The moments while the shutter is open.
+    /// The sample times while the shutter is open.
     shutter: Vec<f64>,
-    /// Paths by name; nothing where one is wrong.
+    /// The paths by name; `None` for an invalid path.
     paths: HashMap<String, (Option<Path>, Span)>,
 }
 
-/// Words that stay, because files and pictures are known by them.
+/// Words that can't be animated, because they identify files and pictures.
 const STILL: [&str; 3] = ["name", "size", "crop"];
 
 impl Animator<'_> {
-    /// A setting, an object or a light.
+    /// Animates a setting, an object or a light.
     fn top(&mut self, node: &mut Node) {
         let kind = node.values.first().and_then(|v| v.as_text());
         let words = match &*node.name {
@@ -199,7 +199,7 @@ impl Animator<'_> {
         }
     }
 
-    /// Whatever has words in its braces.
+    /// Animates the words in the block of a node.
     fn node(&mut self, node: &mut Node, words: &'static NodeSchema) {
         if let Some(word) = &words.argument {
             self.value(node, word);
@@ -232,7 +232,7 @@ impl Animator<'_> {
         }
     }
 
-    /// A word whose values may come from keys or from a path.
+    /// Animates a word whose values may come from keys or from a path.
     fn value(&mut self, node: &mut Node, word: &'static FieldSchema) {
         Animator::gather(node);
         let follow = |child: &&mut Node| &*child.name == "follow";
@@ -251,7 +251,8 @@ impl Animator<'_> {
         }
     }
 
-    /// When the shutter opens and closes, in frames from the frame: as the last node of the camera says that says so.
+    /// The opening and closing times of the shutter, in frames relative to the frame. The last node of the camera that
+    /// sets them decides.
     fn shutter(&mut self, nodes: &mut [Node], camera: Option<&str>) -> Option<[f64; 2]> {
         let word = schema::CAMERA.word("shutter")?;
         let name =
@@ -263,14 +264,14 @@ impl Animator<'_> {
             for child in node.children.iter_mut().filter(|child| *child.name == *word.name) {
                 self.value(child, word);
                 let numbers: Vec<f64> = child.values.iter().filter_map(|v| v.as_number()).collect();
-                // Anything else is a mistake, which the decoder tells.
+                // Other values are mistakes, which the decoder reports.
                 shutter = <[f64; 2]>::try_from(numbers).ok().filter(|s| s.iter().all(|s| s.is_finite())).or(shutter);
             }
         }
         shutter
     }
 
-    /// The paths of the scene, at its time.
+    /// Reads the paths of the scene at its time.
     fn paths(&mut self, nodes: &mut [Node]) {
         for node in nodes.iter_mut().filter(|node| *node.name == *PATH.name) {
             self.node(node, &PATH);

@@ -3,12 +3,12 @@
 use super::tree::Span;
 use crate::text::report::{Message, Report};
 
-/// A place in a text.
+/// A cursor in a text.
 pub(super) struct Lexer<'a> {
     pub(super) text: &'a str,
-    /// The next byte.
+    /// The offset of the next byte.
     pub(super) at: usize,
-    /// Where `text` starts in its file.
+    /// The offset of `text` in its file.
     base: usize,
     file: u16,
     /// Whether `true` may stand for `#true`.
@@ -34,7 +34,7 @@ impl<'a> Lexer<'a> {
         self.rest().starts_with(what)
     }
 
-    /// Goes past `what` if it comes next.
+    /// Skips `what` if it comes next, and returns whether it did.
     pub(super) fn take(&mut self, what: &str) -> bool {
         let found = self.looking_at(what);
         if found {
@@ -55,7 +55,7 @@ impl<'a> Lexer<'a> {
         self.span(start, self.at)
     }
 
-    /// The next character alone.
+    /// The span of the next character.
     pub(super) fn span_here(&self) -> Span {
         self.span(self.at, self.at + self.peek().map_or(0, char::len_utf8))
     }
@@ -65,7 +65,7 @@ impl<'a> Lexer<'a> {
         self.report.push(if help.is_empty() { message } else { message.help(help) });
     }
 
-    /// Goes past blanks, `/* */` comments and continued lines; tells whether there were any.
+    /// Skips blanks, `/* */` comments and line continuations; returns whether there were any.
     pub(super) fn skip_node_space(&mut self) -> bool {
         let start = self.at;
         loop {
@@ -95,7 +95,7 @@ impl<'a> Lexer<'a> {
         }
     }
 
-    /// Goes past everything that may stand between nodes.
+    /// Skips white space, comments and line ends between nodes.
     pub(super) fn skip_line_space(&mut self) {
         loop {
             if self.skip_node_space() || self.skip_newline() {
@@ -108,7 +108,7 @@ impl<'a> Lexer<'a> {
         }
     }
 
-    /// Goes past one line end.
+    /// Skips one line end; returns whether there was one.
     pub(super) fn skip_newline(&mut self) -> bool {
         if self.take("\r\n") {
             return true;
@@ -120,7 +120,7 @@ impl<'a> Lexer<'a> {
         newline
     }
 
-    /// Goes to the end of the line.
+    /// Skips to the end of the line.
     pub(super) fn skip_line(&mut self) {
         self.at += self.rest().find(is_newline).unwrap_or(self.rest().len());
     }
@@ -170,13 +170,13 @@ pub(super) fn is_newline(c: char) -> bool {
     matches!(c, '\n' | '\r' | '\u{85}' | '\u{b}' | '\u{c}' | '\u{2028}' | '\u{2029}')
 }
 
-/// Control characters and marks that turn the direction of text.
+/// Whether `c` is a control character or a mark that changes the direction of text.
 fn is_forbidden(c: char) -> bool {
     matches!(c, '\0'..='\u{8}' | '\u{e}'..='\u{1f}' | '\u{7f}' | '\u{200e}' | '\u{200f}'
         | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' | '\u{feff}')
 }
 
-/// What words without quotes are made of.
+/// Whether `c` may be in an unquoted word.
 pub(super) fn is_word(c: char) -> bool {
     !is_blank(c)
         && !is_newline(c)

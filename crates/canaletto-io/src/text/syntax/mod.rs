@@ -1,11 +1,16 @@
-//! KDL 2 as a tree in which every value knows its place.
+//! KDL 2 parsed to a tree in which every value has its span.
 //!
-//! A parser of our own, after the specification (<https://kdl.dev/spec/>), because the `kdl` crate (6.7) is no match
-//! for a stranger's file: nesting overflows its stack; commented-out blocks inside each other (`a /- {a /- {…`) take it
-//! time exponential in their number, 44 s for 20 of them in 140 bytes; 100,000 spheres take seconds; and its messages
-//! speak of its grammar. This one doesn't recurse, is linear in the file's size, goes on after a mistake, and is held
-//! to the crate's judgement by a test. Of the specification's own tests it reads all valid ones alike, except that type
-//! annotations, which scene text has no use for, are mistakes here; it lets pass two odd places of `/-`.
+//! The parser follows the specification (<https://kdl.dev/spec/>). The `kdl` crate (6.7) isn't fit for hostile files:
+//!
+//! - Nesting overflows its stack.
+//! - Nested commented-out blocks (`a /- {a /- {…`) take time exponential in their number: 44 s for 20 of them in 140
+//!   bytes.
+//! - 100,000 spheres take seconds.
+//! - Its messages use the terms of its grammar.
+//!
+//! This parser doesn't recurse, takes time linear in the file's size, and continues after a mistake. A test compares it
+//! with the crate. It reads all valid documents of the specification's test suite alike, except that type annotations
+//! are errors, since scene text has no use for them. It accepts two placements of `/-` that the specification forbids.
 
 mod lexer;
 mod number;

@@ -1,13 +1,13 @@
 //! Numbers: `1`, `-0.5`, `1e-3`, `1_000`, `0xff`.
 
-/// Whether a word without quotes that starts like this is meant as a number.
+/// Whether an unquoted word that starts like `text` is meant as a number.
 pub(super) fn starts_number(text: &str) -> bool {
     let unsigned = text.strip_prefix(['+', '-']).unwrap_or(text);
     let unsigned = unsigned.strip_prefix('.').unwrap_or(unsigned);
     unsigned.starts_with(|c: char| c.is_ascii_digit())
 }
 
-/// The number, or what is wrong with it as message and help.
+/// The number, or the message and hint that explain why it is invalid.
 pub(super) fn number(text: &str) -> Result<f64, (String, String)> {
     let (negative, unsigned) = match text.strip_prefix(['+', '-']) {
         Some(rest) => (text.starts_with('-'), rest),

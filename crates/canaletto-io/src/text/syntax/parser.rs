@@ -1,4 +1,4 @@
-//! From text to [`Node`]s.
+//! The parser from text to [`Node`]s.
 
 use super::lexer::{Lexer, is_newline, is_word};
 use super::number::{number, starts_number};
@@ -6,15 +6,15 @@ use super::string::Reported;
 use super::tree::{Node, Property, Span, Value, ValueKind};
 use crate::text::report::Report;
 
-/// How deep nodes may be nested.
+/// The largest nesting depth of nodes.
 pub(crate) const MAX_DEPTH: usize = 128;
-/// How many nodes and values a file may have; each takes about 100 bytes of memory.
+/// The largest number of nodes and values in a file; each takes about 100 bytes of memory.
 pub(crate) const MAX_ITEMS: usize = 1 << 24;
 
-/// Reads a whole file; mistakes go into the report. Nothing comes back of a file in which not even the blocks are
-/// clear.
+/// Parses a whole file; mistakes go into the report. Returns `None` if the block structure itself is unclear.
 ///
-/// With `packs`, of many nodes in a row those that are objects without a name, or materials, are packed, several objects into one: see [`unpack`].
+/// With `packs`, long sequences of unnamed objects or of materials are packed, several objects into one node: see
+/// [`unpack`].
 pub(crate) fn parse(text: &str, file: u16, packs: bool, report: &mut Report) -> Option<Vec<Node>> {
     let mut parser = Parser::new(Lexer::new(text, 0, file, report));
     parser.packs = packs;
@@ -22,17 +22,17 @@ pub(crate) fn parse(text: &str, file: u16, packs: bool, report: &mut Report) -> 
     parser.document()
 }
 
-/// Reads a packed node again, whose text this is: all nodes that it stands for.
+/// Parses the text of a packed node again and returns all nodes that it represents.
 pub(crate) fn unpack(node: &Node, text: &str) -> Vec<Node> {
     let mut report = Report::default();
     let lexer = Lexer::new(text, node.span.start as usize, node.span.file, &mut report);
     Parser::new(lexer).document().unwrap_or_default()
 }
 
-/// From so many nodes at the top of a file on they are packed.
+/// The number of top-level nodes of a file from which on they are packed.
 const MANY: usize = 1024;
 
-/// Whether a node may be packed: an object that nothing but the decoder asks about, without names and keys, or a material.
+/// Whether a node may be packed: a material, or an object without name and keys that only the decoder uses.
 fn is_plain(node: &Node) -> bool {
     const OBJECTS: [&str; 10] =
         ["light", "sphere", "box", "triangle", "cylinder", "cone", "plane", "disk", "torus", "instance"];
@@ -46,7 +46,7 @@ fn is_plain(node: &Node) -> bool {
     !(node.broken || named) && known && node.children.iter().all(said)
 }
 
-/// Reads the values and properties in a piece of text at `base` of its file into a node. `true` may stand for `#true`.
+/// Parses the values and properties in `text`, at `base` of its file, into a node. `true` may stand for `#true`.
 pub(crate) fn parse_entries(text: &str, base: usize, node: &mut Node, report: &mut Report) {
     let mut lexer = Lexer::new(text, base, node.span.file, report);
     lexer.bare_keywords = true;
@@ -67,14 +67,14 @@ pub(crate) fn parse_entries(text: &str, base: usize, node: &mut Node, report: &m
     }
 }
 
-/// A node whose block is being read.
+/// A node whose block is being parsed.
 struct Open {
     node: Node,
-    /// What stands before the node in its own block.
+    /// The nodes before this one in its own block.
     siblings: Vec<Node>,
-    /// Where its `{` is.
+    /// The span of its `{`.
     brace: Span,
-    /// What has been commented out: the node, or only this block.
+    /// The part that is commented out: the node, or only this block.
     dropped: Dropped,
 }
 
@@ -86,7 +86,7 @@ enum Dropped {
     Both,
 }
 
-/// What may still come in a node.
+/// The parts that may still come in a node.
 #[derive(Clone, Copy, PartialEq)]
 enum Stage {
     Entries,
@@ -99,7 +99,7 @@ struct Parser<'a> {
     /// The nodes of the innermost block so far.
     nodes: Vec<Node>,
     open: Vec<Open>,
-    /// How many nodes and values there were.
+    /// The number of nodes and values so far.
     items: usize,
     /// Whether nodes are packed.
     packs: bool,
@@ -122,7 +122,7 @@ impl<'a> Parser<'a> {
                     let span = self.lexer.span_here();
                     let help = "it must start on the same line as its node; only values and comments may stand between";
                     self.lexer.error(span, "this { belongs to no node", help);
-                    // Most probably to the one before.
+                    // The block most probably belongs to the node before.
                     let mut node = match self.nodes.pop() {
                         Some(node) if node.children.is_empty() && node.packed.is_none() => node,
                         other => {
@@ -163,7 +163,7 @@ impl<'a> Parser<'a> {
         Some(self.nodes)
     }
 
-    /// A node's name; nothing if there is none, which is reported.
+    /// Parses a node's name; `None` if it is missing, which is reported.
     fn name(&mut self) -> Option<Node> {
         let start = self.lexer.at;
         if self.starts_string() {
@@ -181,14 +181,14 @@ impl<'a> Parser<'a> {
             let help = "each line starts with a word; end a line with \\ to continue it on the next";
             self.lexer.error(span, format!("\"{found}\" can't start a node"), help);
         }
-        // The rest of the line means nothing without its name.
+        // The rest of the line has no meaning without the name.
         while self.lexer.peek().is_some_and(|c| !is_newline(c) && !matches!(c, ';' | '{' | '}')) {
             self.lexer.bump();
         }
         None
     }
 
-    /// What follows a node's name, up to its end or into its block.
+    /// Parses the rest of a node after its name, up to its end or into its block.
     fn node(&mut self, mut node: Node, mut stage: Stage, dropped: Dropped) -> Option<()> {
         loop {
             let end = self.lexer.at;
@@ -258,7 +258,7 @@ impl<'a> Parser<'a> {
         }
     }
 
-    /// Counts a node or value.
+    /// Counts a node or value; `None` beyond the limit.
     fn count(&mut self) -> Option<()> {
         self.items += 1;
         if self.items > MAX_ITEMS {
@@ -270,7 +270,7 @@ impl<'a> Parser<'a> {
         Some(())
     }
 
-    /// Goes into a node's block, at its `{`.
+    /// Enters a node's block, at its `{`.
     fn enter(&mut self, node: Node, dropped: Dropped) -> Option<()> {
         let brace = self.lexer.span_here();
         if self.open.len() == MAX_DEPTH {
@@ -304,7 +304,7 @@ impl<'a> Parser<'a> {
         self.node(node, stage, dropped)
     }
 
-    /// A value or property; `glued` if no blank stands before it.
+    /// Parses a value or property; `glued` if no blank precedes it.
     fn entry(&mut self, node: &mut Node, glued: bool) {
         let start = self.lexer.at;
         if self.annotation() {
@@ -365,7 +365,7 @@ impl<'a> Parser<'a> {
         }
     }
 
-    /// A single value; `property` if it stands after `=`.
+    /// Parses a single value; `property` if it follows `=`.
     fn value(&mut self, property: bool) -> Result<Value, Reported> {
         let start = self.lexer.at;
         let rest = self.lexer.rest();
@@ -385,7 +385,7 @@ impl<'a> Parser<'a> {
         } else if self.starts_string() {
             let text = self.lexer.string()?;
             let bare = rest.starts_with(is_word);
-            // A word before `=` is a name and checked as one.
+            // A word before `=` is a property name and is checked as one.
             let mut broken = false;
             let span = self.lexer.span_from(start);
             if bare {
@@ -436,7 +436,7 @@ impl<'a> Parser<'a> {
         Ok(Value { kind, span: self.lexer.span(start, end) })
     }
 
-    /// `#true` and its like.
+    /// Parses `#true` and the other keywords.
     fn keyword(&mut self) -> Result<ValueKind, Reported> {
         let start = self.lexer.at;
         self.lexer.bump();
@@ -464,7 +464,7 @@ impl<'a> Parser<'a> {
         })
     }
 
-    /// Words that mean a keyword without its `#`.
+    /// Reports keywords without their `#`.
     fn check_bare(&mut self, word: &str, span: Span, broken: &mut bool) {
         if matches!(word, "true" | "false" | "null" | "inf" | "-inf" | "nan") {
             self.lexer.error(
@@ -486,7 +486,7 @@ impl<'a> Parser<'a> {
         }
     }
 
-    /// KDL's `(type)`, which scene text has no use for, and what people write in other formats. Reported and skipped.
+    /// Reports and skips KDL's `(type)`, which scene text has no use for, and the brackets of other formats.
     fn annotation(&mut self) -> bool {
         let start = self.lexer.at;
         let close = match self.lexer.peek() {
@@ -494,7 +494,7 @@ impl<'a> Parser<'a> {
             Some('[') => ']',
             _ => return false,
         };
-        // Up to its end, or that of the line or node.
+        // Skips to the closing bracket, or to the end of the line or node.
         let rest = self.lexer.rest();
         match rest.find(|c| c == close || is_newline(c) || matches!(c, ';' | '{' | '}')) {
             Some(end) => self.lexer.at += end + if rest[end..].starts_with(close) { 1 } else { 0 },
@@ -510,7 +510,7 @@ impl<'a> Parser<'a> {
         true
     }
 
-    /// Goes past what hangs together.
+    /// Skips characters up to the next blank, line end, brace or semicolon.
     fn skip_token(&mut self) {
         let stop = |c: char| super::lexer::is_blank(c) || is_newline(c) || matches!(c, '{' | '}' | ';');
         if self.lexer.peek().is_some_and(|c| !stop(c)) {

@@ -1,12 +1,12 @@
-//! Texts: plain words, `"quoted"`, `"""` over several lines, `#"raw"#`.
+//! Strings: unquoted words, `"quoted"`, `"""` over several lines, `#"raw"#`.
 
 use super::lexer::{Lexer, is_blank, is_newline, is_word};
 
-/// A mistake that was reported.
+/// A marker for a mistake that was reported.
 pub(super) struct Reported;
 
 impl Lexer<'_> {
-    /// A text, whose first character is known to start one.
+    /// Parses a string; the next character must start one.
     pub(super) fn string(&mut self) -> Result<String, Reported> {
         match self.peek() {
             Some('"') => self.quoted(),
@@ -33,7 +33,7 @@ impl Lexer<'_> {
                         if self.take("\"\"\"") {
                             break end;
                         }
-                        // A quote, or a backslash and what follows it.
+                        // Skips a quote, or a backslash and the character after it.
                         if self.take("\\") { self.bump() } else { self.at += 1 }
                     }
                 }
@@ -81,7 +81,7 @@ impl Lexer<'_> {
         let hashes = self.rest().bytes().take_while(|b| *b == b'#').count();
         self.at += hashes;
         let quotes = if self.looking_at("\"\"\"") { 3 } else { 1 };
-        // `#""#` is empty; `#"""` opens several lines unless it closes at once.
+        // `#""#` is empty. `#"""` opens a string of several lines unless it closes at once.
         let fence = format!("{}{}", "\"".repeat(quotes), "#".repeat(hashes));
         self.at += quotes;
         let body = self.at;
@@ -110,7 +110,7 @@ impl Lexer<'_> {
         Err(Reported)
     }
 
-    /// Line ends as `\n`; a backslash before white space swallows it. Other escapes stay.
+    /// The text with `\n` as line ends and without white space after a backslash. Other escapes stay.
     fn without_folds(&self, start: usize, end: usize) -> String {
         let text = &self.text[start..end];
         if !text.contains('\\') {
@@ -131,7 +131,7 @@ impl Lexer<'_> {
         normalise_newlines(&out)
     }
 
-    /// The lines between the fences, without the white space that the last line starts with.
+    /// The lines between the quotes, without the indentation of the last line.
     fn dedent(&mut self, start: usize, text: &str) -> Result<String, Reported> {
         let span = self.span(start, start + 3);
         let mut lines: Vec<&str> = text.split('\n').collect();

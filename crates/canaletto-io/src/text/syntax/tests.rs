@@ -8,7 +8,7 @@ fn read(text: &str) -> Result<Vec<Node>, String> {
     if report.has_errors() { Err(report.finish(&Files::default()).to_string()) } else { Ok(nodes.unwrap_or_default()) }
 }
 
-/// The tree as text in one form.
+/// Writes the tree as text in a canonical form.
 fn show(nodes: &[Node], out: &mut String) {
     use std::fmt::Write;
     let kind = |kind: &ValueKind| match kind {
@@ -150,7 +150,7 @@ mod like_the_kdl_crate {
     proptest! {
         #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..ProptestConfig::default() })]
 
-        /// What the crate accepts means the same here.
+        /// Texts that the `kdl` crate accepts have equal trees here.
         #[test]
         fn accepted_texts_mean_the_same(parts in prop::collection::vec(prop::sample::select(vec![
             "a", "b2", "-x", "\"q\"", "\"e\\n\"", "#\"r\"#", "1", "-2.5", "+1e3", "0x1F", "1_0", "#true", "#null", "k=1", "k=\"v\"",

@@ -1,10 +1,10 @@
-//! The tree of a file.
+//! The syntax tree of a file.
 
 use crate::text::animate::Keys;
 use std::num::NonZeroU8;
 use std::sync::Arc;
 
-/// Some bytes of a file.
+/// A range of bytes of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Span {
     /// The file's number in [`crate::text::files::Files`].
@@ -22,14 +22,14 @@ pub(crate) struct Node {
     pub(crate) values: Vec<Value>,
     pub(crate) properties: Vec<Property>,
     pub(crate) children: Vec<Node>,
-    /// Whether a mistake in its values was reported already, so that their number and types mean nothing.
+    /// Whether a mistake in its values was reported, so that their number and types mean nothing.
     pub(crate) broken: bool,
-    /// How many nodes it stands for, of which the first gives its name, if their values and what stands in them are left out and must be
-    /// read again: see [`super::unpack`].
+    /// The number of nodes that a packed node represents. Its name is that of the first; most of its values and its
+    /// children are omitted and must be parsed again: see [`super::unpack`].
     pub(crate) packed: Option<NonZeroU8>,
-    /// Its keys, once they are taken out of its children.
+    /// The keys, once they are moved out of the children.
     pub(crate) keys: Option<Arc<Keys>>,
-    /// What its values are at moments while the shutter is open, if keys move them; otherwise nothing.
+    /// The values at the sample times while the shutter is open, if keys change them; otherwise empty.
     pub(crate) moving: Vec<Vec<Value>>,
 }
 
@@ -41,7 +41,7 @@ pub(crate) struct Property {
     pub(crate) value: Value,
 }
 
-/// A value and its place.
+/// A value and its span.
 #[derive(Clone, Debug)]
 pub(crate) struct Value {
     pub(crate) kind: ValueKind,
@@ -72,7 +72,8 @@ impl Node {
         }
     }
 
-    /// Leaves out what it takes most memory for, but for what it is an instance of and the name of a material.
+    /// Removes the values and children that take most memory. The target of an instance and the name of a material
+    /// stay.
     pub(crate) fn pack(&mut self) {
         self.packed = Some(NonZeroU8::MIN);
         self.children = Vec::new();
@@ -82,8 +83,9 @@ impl Node {
         self.properties.shrink_to_fit();
     }
 
-    /// Takes in the packed node that comes right after it in the text, and gives it back if it can't: where one is a light or instance and
-    /// the other isn't, where one is a material, and when it stands for many.
+    /// Merges the packed node `next`, which follows directly in the text, into this one. Returns it if they can't be
+    /// merged: if their kinds (light, instance, material or other) differ, if one is a material, or if the count is at
+    /// its limit.
     pub(crate) fn join(&mut self, next: Node) -> Option<Node> {
         let kind = |node: &Node| ["light", "instance", "material"].iter().position(|kind| *kind == &*node.name);
         let Some(packed) = self.packed.and_then(|packed| packed.checked_add(1)) else { return Some(next) };
@@ -104,7 +106,7 @@ impl Node {
         None
     }
 
-    /// The one text that `key` has as property or child, without judging anything.
+    /// The text of `key`, if it is a property or child with that single text, without validation.
     pub(crate) fn text(&self, key: &str) -> Option<(&str, Span)> {
         let property = self.properties.iter().find(|p| &*p.key == key).map(|p| &p.value);
         let value = property.or_else(|| self.children.iter().find(|c| &*c.name == key)?.values.first())?;
