@@ -1,9 +1,10 @@
-//! Opening files beneath a folder by handles, so that what is judged is what is opened: nothing that changes names or links
-//! meanwhile leads elsewhere.
+//! Opening files beneath a folder by handles, so that the file that is checked is the file that is opened. Names and
+//! links that change meanwhile can't lead elsewhere.
 //!
-//! Linux does it in one call (openat2 with `RESOLVE_BENEATH`). Elsewhere, and for links that it refuses though they lead back into
-//! the folder, paths are walked component by component, and no link is followed by the system. Outside the folder a way is followed by
-//! its letters alone: nothing there is asked whether it exists.
+//! Linux does it in one call (`openat2` with `RESOLVE_BENEATH`). On other systems, paths are walked component by
+//! component, and the system follows no link. The walk also handles links that `openat2` refuses although they lead
+//! back into the folder. Outside the folder a path is resolved lexically: the walk never tests whether anything exists
+//! there.
 
 use rustix::fs::{CWD, Dir, Mode, OFlags, openat, readlinkat};
 use rustix::io::Errno;
@@ -19,16 +20,16 @@ use std::sync::Arc;
 #[derive(Clone, Debug)]
 pub(super) struct Root {
     handle: Arc<OwnedFd>,
-    /// Absolute paths that are it.
+    /// The absolute paths of the folder.
     names: Vec<PathBuf>,
 }
 
-/// Why nothing is opened.
+/// The reasons why a file isn't opened.
 #[derive(Debug)]
 pub(super) enum Refusal {
-    /// The way ends outside.
+    /// The path ends outside the folder.
     Outside,
-    /// What the system says about something inside.
+    /// The system's error for a path inside the folder.
     System(io::Error),
 }
 
@@ -38,31 +39,31 @@ impl From<Errno> for Refusal {
     }
 }
 
-/// As many links as the system follows.
+/// The largest number of links in a path, as in the Linux kernel.
 const MAX_LINKS: usize = 40;
 
-/// A folder that only serves to reach what is in it.
+/// The flags of a folder that is only passed through.
 #[cfg(any(target_os = "linux", target_os = "android"))]
 const FOLDER: OFlags = OFlags::PATH.union(OFlags::DIRECTORY).union(OFlags::CLOEXEC);
 #[cfg(not(any(target_os = "linux", target_os = "android")))]
 const FOLDER: OFlags = OFlags::RDONLY.union(OFlags::DIRECTORY).union(OFlags::CLOEXEC);
 
-/// A file to read; opening a pipe doesn't wait for its writer.
+/// The flags of a file to read. Opening a pipe doesn't wait for its writer.
 const FILE: OFlags = OFlags::RDONLY.union(OFlags::NONBLOCK).union(OFlags::NOCTTY).union(OFlags::CLOEXEC);
 
 impl Root {
-    /// `folder` may be reached through links; `names` are absolute paths to it.
+    /// Opens `folder`, which may be reached through links; `names` are its absolute paths.
     pub(super) fn open(folder: &Path, names: Vec<PathBuf>) -> io::Result<Root> {
         Ok(Root { handle: Arc::new(openat(CWD, folder, FOLDER, Mode::empty())?), names })
     }
 
-    /// Opens a file by a path that is absolute or starts at the folder.
+    /// Opens a file by a path that is absolute or relative to the folder.
     pub(super) fn file(&self, path: &Path) -> Result<File, Refusal> {
         #[cfg(any(target_os = "linux", target_os = "android"))]
         {
             use rustix::fs::{ResolveFlags, openat2};
             let beneath = ResolveFlags::BENEATH | ResolveFlags::NO_MAGICLINKS;
-            // Whatever goes wrong: the walk finds out why.
+            // On any error the walk determines the reason.
             if let Ok(file) = openat2(&*self.handle, path, FILE, Mode::empty(), beneath) {
                 return Ok(file.into());
             }
@@ -70,7 +71,7 @@ impl Root {
         self.walk(path, FILE).map(File::from)
     }
 
-    /// Some names of what is in the folder of such a path, if it is inside.
+    /// Some of the names in the folder of a path, if it is inside.
     pub(super) fn names_beside(&self, path: &Path) -> Vec<String> {
         const MOST: usize = 1000;
         let folder = path.parent().unwrap_or(Path::new(""));
@@ -83,7 +84,7 @@ impl Root {
 
     fn walk(&self, path: &Path, flags: OFlags) -> Result<OwnedFd, Refusal> {
         let mut way = components(path);
-        // Folders from the root's child on; or where the way is outside, by its letters.
+        // The folders from the root's child on; or, outside the folder, the lexical path.
         let mut inside: Vec<OwnedFd> = Vec::new();
         let mut outside: Option<PathBuf> = None;
         let mut links = 0;
@@ -124,10 +125,10 @@ impl Root {
                     way.extend(components(Path::new(&OsString::from_vec(target.into_bytes()))));
                     continue;
                 }
-                Err(Errno::INVAL) => {} // It is no link.
+                Err(Errno::INVAL) => {} // Not a link.
                 Err(error) => return Err(error.into()),
             }
-            // What became a link meanwhile is refused.
+            // A component that became a link meanwhile is refused.
             if way.is_empty() {
                 return Ok(openat(folder, &name, flags | OFlags::NOFOLLOW, Mode::empty())?);
             }
@@ -141,14 +142,14 @@ impl Root {
     }
 }
 
-/// A step of a way.
+/// A component of a path.
 enum Step {
     Root,
     Up,
     Into(OsString),
 }
 
-/// The steps of a path, the first one last.
+/// The components of a path in reverse order.
 fn components(path: &Path) -> Vec<Step> {
     let step = |component| match component {
         Component::Prefix(_) | Component::RootDir => Some(Step::Root),
@@ -166,7 +167,7 @@ mod tests {
     use std::io::Read;
     use std::os::unix::fs::symlink;
 
-    /// What is read of a file by the walk, and by the system's own call where it has one.
+    /// The text of a file, opened by the walk and by the system call, where there is one.
     fn read(root: &Root, path: &str) -> Result<String, &'static str> {
         let text = |file: OwnedFd| {
             let mut text = String::new();
@@ -223,7 +224,7 @@ mod tests {
         assert!(opened.names_beside(Path::new("in/none")).contains(&"b".to_owned()));
     }
 
-    /// A link that is turned from inside to outside and back while it is opened never gives what is outside.
+    /// A link that alternates between inside and outside while it is opened never yields the file outside.
     #[test]
     fn no_race_leads_outside() {
         use std::sync::atomic::{AtomicBool, Ordering};

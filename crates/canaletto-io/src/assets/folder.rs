@@ -1,4 +1,4 @@
-//! Files below a folder.
+//! Assets in a folder.
 
 #[cfg(unix)]
 use super::beneath::{Refusal, Root};
@@ -13,7 +13,7 @@ use std::fs::{self, File, Metadata, OpenOptions};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Files below a folder.
+/// Assets in a folder and its subfolders.
 #[derive(Clone, Debug)]
 pub struct FolderAssets {
     root: PathBuf,
@@ -27,13 +27,13 @@ pub struct FolderAssets {
 }
 
 impl FolderAssets {
-    /// The largest file that is read unless [`FolderAssets::with_limit`] says otherwise: 4 GiB.
+    /// The default size limit of a file, 4 GiB; see [`FolderAssets::with_limit`].
     pub const DEFAULT_LIMIT: u64 = 4 << 30;
 
     /// The files below `root`.
     ///
     /// # Errors
-    /// If there is no such folder.
+    /// The system's error if there is no such folder.
     pub fn new(root: impl AsRef<Path>) -> io::Result<FolderAssets> {
         let given = root.as_ref();
         let root = fs::canonicalize(if given.as_os_str().is_empty() { Path::new(".") } else { given })?;
@@ -52,11 +52,11 @@ impl FolderAssets {
         })
     }
 
-    /// The files below the folder of `file`, and the name to read `file` by. The file itself may be a symbolic link
-    /// to anywhere: it is the user who names it.
+    /// The files below the folder of `file`, and the name by which to read `file`. The file itself may be a symbolic
+    /// link to anywhere, because the user names it.
     ///
     /// # Errors
-    /// If there is no such folder, or the file's name isn't Unicode.
+    /// An error if there is no such folder, or if the file's name isn't Unicode.
     pub fn beside(file: impl AsRef<Path>) -> io::Result<(FolderAssets, String)> {
         let file = file.as_ref();
         let name = file
@@ -68,34 +68,35 @@ impl FolderAssets {
         Ok((assets, name.to_owned()))
     }
 
-    /// Whether files outside the folder may be read.
+    /// Sets whether files outside the folder may be read.
     pub fn allow_outside(mut self, allow: bool) -> FolderAssets {
         self.allow_outside = allow;
         self
     }
 
-    /// The size in bytes above which files are refused.
+    /// Sets the size in bytes above which files are refused.
     pub fn with_limit(mut self, limit: u64) -> FolderAssets {
         self.limit = limit;
         self
     }
 
-    /// The folder, without links.
+    /// The path of the folder, without links.
     pub fn root(&self) -> &Path {
         &self.root
     }
 
-    /// The path for the system of what `from` calls `path`. It may be something else, or outside; only opening tells.
+    /// The system path of `path` as named in `from`. The file may not exist, may be no file or may be outside; only
+    /// opening it checks that.
     pub fn system_path(&self, path: &str, from: &AssetPath) -> PathBuf {
         self.root.join(place(path, from))
     }
 
-    /// Whether a place may lie outside.
+    /// Whether a location may lie outside.
     fn is_free(&self, location: &Path) -> bool {
         self.allow_outside || self.granted.as_deref() == Some(location)
     }
 
-    /// The open file, judged by where it lies.
+    /// Opens a file and checks its location.
     #[cfg(unix)]
     fn find(&self, path: &str, location: &Path) -> Result<File, AssetError> {
         if self.is_free(location) {
@@ -116,13 +117,13 @@ impl FolderAssets {
         })
     }
 
-    /// The open file, judged by where it lies, which nothing may change meanwhile.
+    /// Opens a file and checks its location atomically.
     #[cfg(not(unix))]
     fn find(&self, path: &str, location: &Path) -> Result<File, AssetError> {
         let outside = || AssetError::Outside { path: path.into() };
         let full = self.root.join(location);
         if !self.is_free(location) {
-            // By its letters first, so that nothing is learnt about what exists outside.
+            // The lexical check comes first, so that nothing is revealed about what exists outside.
             if !lexical(&full).is_some_and(|full| full.starts_with(&self.root)) {
                 return Err(outside());
             }
@@ -137,7 +138,7 @@ impl FolderAssets {
         self.find_anywhere(path, location)
     }
 
-    /// The open file, wherever it lies.
+    /// Opens a file at any location.
     fn find_anywhere(&self, path: &str, location: &Path) -> Result<File, AssetError> {
         let full = self.root.join(location);
         let unreadable = |e: io::Error| match e.kind() {
@@ -146,7 +147,7 @@ impl FolderAssets {
             }
             _ => AssetError::Unreadable { path: path.into(), reason: reason(&e) },
         };
-        // Before opening: a device may do something when it is opened.
+        // The check precedes opening, because opening a device may have effects.
         let metadata = fs::metadata(&full).map_err(unreadable)?;
         if !metadata.is_file() {
             return Err(AssetError::NotAFile { path: path.into(), kind: kind_of(&metadata) });
@@ -155,7 +156,7 @@ impl FolderAssets {
         #[cfg(unix)]
         {
             use std::os::unix::fs::OpenOptionsExt;
-            // In case it has become a pipe: no waiting for its writer.
+            // If it became a pipe meanwhile, opening must not wait for its writer.
             options.custom_flags(rustix::fs::OFlags::NONBLOCK.bits() as i32);
         }
         options.read(true).open(&full).map_err(unreadable)
@@ -196,12 +197,12 @@ impl Assets for FolderAssets {
     }
 }
 
-/// Where `from` says that a path leads, from the root on or absolute.
+/// The location of a path that `from` names, relative to the root or absolute.
 fn place(path: &str, from: &AssetPath) -> PathBuf {
     from.location.parent().unwrap_or(Path::new("")).join(path)
 }
 
-/// Absolute paths of a folder: without links, and as it was given.
+/// The absolute paths of a folder: without links, and as given.
 #[cfg(unix)]
 fn names(root: &Path, given: &Path) -> Vec<PathBuf> {
     let given = std::path::absolute(given).ok().and_then(|given| lexical(&given));
@@ -212,14 +213,14 @@ fn parent_of(shown: &str) -> &str {
     shown.rfind('/').map_or("", |slash| &shown[..slash.max(1)])
 }
 
-/// The name for people: the path after its folder, with `/`, as short as its letters allow.
+/// The display name: the path after its folder, with `/` and lexically normalised.
 fn show(folder: &str, path: &str) -> String {
     let joined = Path::new(folder).join(path);
     let name = lexical(&joined).unwrap_or(joined).to_string_lossy().into_owned();
     if cfg!(windows) { name.replace('\\', "/") } else { name }
 }
 
-/// Some names of what is in a folder.
+/// Some of the names in a folder.
 fn names_in(folder: Option<&Path>) -> Vec<String> {
     const MOST: usize = 1000;
     let Some(Ok(entries)) = folder.map(fs::read_dir) else { return Vec::new() };
@@ -229,7 +230,7 @@ fn names_in(folder: Option<&Path>) -> Vec<String> {
 /// The path with the most similar of these names.
 fn nearest_of(names: &[String], path: &str) -> Option<String> {
     let (prefix, name) = path.rfind('/').map_or(("", path), |slash| path.split_at(slash + 1));
-    // A link that leads nowhere is there, but is no help.
+    // A dangling link is listed, but is no suggestion.
     let others = names.iter().map(String::as_str).filter(|other| *other != name);
     crate::text::closest_word(name, others).map(|name| format!("{prefix}{name}"))
 }

@@ -1,19 +1,19 @@
-//! When two names are one file.
+//! The identity of files under different names.
 
 use std::fs::Metadata;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// What is the same for every name of a file: links of both kinds, other ways to its folder, other letter cases where the file
-/// system takes them for the same. Files that exist at the same time have different ones.
+/// An identity that is equal for every name of a file: links of both kinds, other paths to its folder, and other letter
+/// cases where the file system ignores case. Files that exist at the same time have different identities.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct FileId(PathBuf);
 
 impl FileId {
-    /// That of the file to which a path leads.
+    /// The identity of the file at `path`.
     ///
     /// # Errors
-    /// If it leads to none.
+    /// The system's error if there is no such file.
     pub fn of(path: &Path) -> io::Result<FileId> {
         FileId::with(path, &path.metadata()?)
     }
@@ -29,7 +29,7 @@ impl FileId {
         Ok(FileId(path.canonicalize()?))
     }
 
-    /// As a path that no file has.
+    /// The identity as a path that no file has.
     pub(super) fn into_path(self) -> PathBuf {
         self.0
     }

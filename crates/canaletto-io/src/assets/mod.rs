@@ -1,7 +1,7 @@
-//! The one way to the files that a scene names: the [`Assets`] trait.
+//! Access to the files that a scene names: the [`Assets`] trait.
 //!
-//! A scene file may come from a stranger, so what it names must lie below the scene's own folder unless the user says
-//! otherwise. Paths are taken literally (nothing is percent-decoded) and judged by where they lead.
+//! A scene file may be hostile, so the files that it names must lie below the scene's own folder unless the user allows
+//! others. Paths are taken literally (nothing is percent-decoded) and checked by the location to which they resolve.
 
 #[cfg(unix)]
 mod beneath;
@@ -16,17 +16,17 @@ use std::collections::HashMap;
 use std::fmt;
 use std::path::{Component, Path, PathBuf};
 
-/// Gives out the bytes of files that scenes name.
+/// A source of the files that scenes name.
 pub trait Assets: Send + Sync {
-    /// Reads the file that `from` calls `path`. A relative path starts at the folder of `from`;
-    /// [`AssetPath::base`] stands for the user, whose relative paths start at the root.
+    /// Reads the file that `from` names as `path`. A relative path starts at the folder of `from`. [`AssetPath::base`]
+    /// stands for the user, whose relative paths start at the root.
     ///
     /// # Errors
-    /// [`AssetError`] says why there are no bytes.
+    /// [`AssetError`] if the file can't be read.
     fn read(&self, path: &str, from: &AssetPath) -> Result<Asset, AssetError>;
 
-    /// Opens the file that [`Assets::read`] would read, for those who read it in pieces. Its bytes are in memory, unless an
-    /// implementation knows better.
+    /// Opens the file that [`Assets::read`] would read, for readers that read it in pieces. The default implementation
+    /// reads it into memory.
     ///
     /// # Errors
     /// As [`Assets::read`].
@@ -35,25 +35,25 @@ pub trait Assets: Send + Sync {
     }
 }
 
-/// A file that is open, and where it came from.
+/// An open file and its origin.
 #[derive(Debug)]
 pub struct OpenAsset {
-    /// Where it came from; the `from` of paths that this file names.
+    /// The origin of the file: the `from` of paths that this file names.
     pub path: AssetPath,
-    /// What it holds.
+    /// The content.
     pub content: Content,
 }
 
-/// A file's content and where it came from.
+/// The bytes of a file and its origin.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Asset {
-    /// Where it came from; the `from` of paths that this file names.
+    /// The origin of the file: the `from` of paths that this file names.
     pub path: AssetPath,
-    /// Its content.
+    /// The bytes of the file.
     pub bytes: Vec<u8>,
 }
 
-/// Where an asset came from. Two paths of one [`Assets`] with the same identity are the same file.
+/// The origin of an asset. Two paths of one [`Assets`] with equal identity are one file.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
 pub struct AssetPath {
     location: PathBuf,
@@ -62,18 +62,18 @@ pub struct AssetPath {
 }
 
 impl AssetPath {
-    /// The place that no file names: relative paths from here start at the root.
+    /// The origin of paths that the user gives: they start at the root.
     pub fn base() -> AssetPath {
         AssetPath::default()
     }
 
-    /// A path for implementations of [`Assets`]: `location` is the file as reached (its folder is where relative paths
-    /// start), `identity` the same for every way to reach it, `shown` the name for people.
+    /// A path for implementations of [`Assets`]. `location` is the file as reached, in whose folder relative paths
+    /// start. `identity` is equal for every path to the file. `shown` is the display name.
     pub fn new(location: impl Into<PathBuf>, identity: impl Into<PathBuf>, shown: impl Into<String>) -> AssetPath {
         AssetPath { location: location.into(), identity: identity.into(), shown: shown.into() }
     }
 
-    /// The name to show in messages.
+    /// The display name.
     pub fn name(&self) -> &str {
         &self.shown
     }
@@ -83,73 +83,73 @@ impl AssetPath {
         &self.location
     }
 
-    /// What is the same for every way to reach this file.
+    /// The identity, which is equal for every path to this file.
     pub fn identity(&self) -> &Path {
         &self.identity
     }
 
-    /// The file's name extension in lower case, or nothing.
+    /// The extension of the file name in lower case, or an empty text.
     pub fn extension(&self) -> String {
         self.location.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
     }
 }
 
-/// Why a file can't be had. `path` is the path as the scene wrote it.
+/// The reasons why a file can't be read. `path` is the path as written in the scene.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum AssetError {
     /// There is no such file.
     #[error("there is no file \"{path}\"")]
     Missing {
-        /// As written.
+        /// The path as written.
         path: String,
-        /// The most similar name that exists beside it.
+        /// The most similar name beside it.
         nearest: Option<String>,
     },
-    /// It lies outside the folder that the scene may read.
+    /// The path leads outside the folder that the scene may read.
     #[error("\"{path}\" lies outside the scene's folder")]
     Outside {
-        /// As written.
+        /// The path as written.
         path: String,
     },
-    /// It is a folder, a device, a pipe or a socket.
+    /// The path leads to a folder, a device, a pipe or a socket.
     #[error("\"{path}\" is {kind}, not a file")]
     NotAFile {
-        /// As written.
+        /// The path as written.
         path: String,
-        /// What it is, with its article.
+        /// The type of the entry, with its article.
         kind: &'static str,
     },
-    /// The system refuses to read it.
+    /// The system can't read the file.
     #[error("\"{path}\" can't be read: {reason}")]
     Unreadable {
-        /// As written.
+        /// The path as written.
         path: String,
-        /// What the system says.
+        /// The system's message.
         reason: String,
     },
-    /// It is larger than allowed.
+    /// The file is larger than the limit.
     #[error("\"{path}\" is too large: {size} bytes, and the limit is {limit}")]
     TooLarge {
-        /// As written.
+        /// The path as written.
         path: String,
-        /// Its size in bytes, as far as known.
+        /// The size in bytes, as far as it was determined.
         size: u64,
-        /// The largest size allowed.
+        /// The limit in bytes.
         limit: u64,
     },
-    /// No file can have this name.
+    /// The path is no valid file name.
     #[error("{path:?} can't be a file's name: {reason}")]
     BadName {
-        /// As written.
+        /// The path as written.
         path: String,
-        /// What is wrong with it.
+        /// The mistake in the path.
         reason: &'static str,
     },
 }
 
 impl AssetError {
-    /// What the reader could do about it.
+    /// A hint for the user.
     pub fn help(&self) -> Option<String> {
         match self {
             AssetError::Missing { nearest: Some(name), .. } => Some(format!("did you mean \"{name}\"?")),
@@ -163,19 +163,19 @@ impl AssetError {
     }
 }
 
-/// Files held in memory, for tests and for programs that make their scenes.
+/// Files in memory, for tests and for programs that generate their scenes.
 #[derive(Clone, Debug, Default)]
 pub struct MemoryAssets {
     files: HashMap<String, Vec<u8>>,
 }
 
 impl MemoryAssets {
-    /// No files at all.
+    /// An empty set of files.
     pub fn new() -> MemoryAssets {
         MemoryAssets::default()
     }
 
-    /// The same files and one more; `path` has `/` between folders.
+    /// Adds a file; `path` has `/` between folders.
     pub fn with(mut self, path: &str, bytes: impl Into<Vec<u8>>) -> MemoryAssets {
         self.files.insert(path.to_owned(), bytes.into());
         self
@@ -214,13 +214,13 @@ fn check_name(path: &str) -> Result<(), AssetError> {
     Err(AssetError::BadName { path: path.chars().take(80).collect(), reason })
 }
 
-/// Whether the path is absolute on some system, not only on this one: `C:\a`, `C:a`, `\\server\a`, `\a`.
+/// Whether the path is absolute on any system, not only on this one: `C:\a`, `C:a`, `\\server\a`, `\a`.
 fn is_foreign_absolute(path: &str) -> bool {
     let bytes = path.as_bytes();
     path.starts_with('\\') || (bytes.len() >= 2 && bytes[0].is_ascii_alphabetic() && bytes[1] == b':')
 }
 
-/// The path without `.` and `..`, by its letters alone; nothing if it climbs above its start.
+/// The path without `.` and `..`, resolved lexically; `None` if it climbs above its start.
 fn lexical(path: &Path) -> Option<PathBuf> {
     let mut out = PathBuf::new();
     let mut depth = 0;
@@ -242,7 +242,7 @@ fn lexical(path: &Path) -> Option<PathBuf> {
     Some(out)
 }
 
-/// What the system says, without the number that Rust adds.
+/// The system's message, without the error number that Rust appends.
 pub fn reason(error: &impl fmt::Display) -> String {
     let text = error.to_string();
     let mut characters = text.split(" (os error").next().unwrap_or_default().chars();

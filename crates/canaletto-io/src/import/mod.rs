@@ -1,8 +1,8 @@
-//! Models from other programs: OBJ, PLY, NFF and clouds of points.
+//! Import of OBJ, PLY and NFF models, and of point clouds.
 //!
-//! [`load`] makes a whole scene of one file, [`load_mesh`] what `mesh file=…` means in the scene text, and
-//! [`read_spheres`] and [`read_cylinders`] what cloud nodes name. Messages name the line or the element; memory is
-//! bounded by the file's size, whatever its header announces.
+//! [`load`] makes a whole scene of one file. [`load_mesh`] reads the models of `mesh file=…` in the scene text.
+//! [`read_spheres`] and [`read_cylinders`] read the files of cloud nodes. Messages name the line or the element. Memory
+//! is bounded by the file's size, whatever counts its header declares.
 
 mod cloud;
 mod coarse;
@@ -44,28 +44,29 @@ use lines::ImportError;
 use smooth::{Smoothing, smooth};
 use std::io;
 
-/// A model: its meshes, and the materials that came with it.
+/// An imported model: its meshes and materials.
 #[derive(Clone, Debug, Default)]
 #[non_exhaustive]
 pub struct Imported {
-    /// The meshes. Their `materials` are positions in the list below, so a scene that has others adds their number.
+    /// The meshes. Their `materials` are indices into [`Imported::materials`], to which a scene with materials of its
+    /// own adds an offset.
     pub meshes: Vec<Mesh>,
-    /// The materials, in the file's order, names as in the file.
+    /// The materials in the order and with the names of the file.
     pub materials: Vec<Material>,
-    /// What was left out of the model, and the texts that these messages point into.
+    /// Warnings about parts of the model that were left out, with the texts to which they refer.
     pub warnings: Diagnostics,
 }
 
-/// The extensions of models that [`load_mesh`] reads.
+/// The file name extensions of models that [`load_mesh`] reads.
 pub const MESH_EXTENSIONS: [&str; 2] = ["obj", "ply"];
-/// The extensions that [`load`] makes scenes of.
+/// The file name extensions of models that [`load`] reads as scenes.
 pub const SCENE_EXTENSIONS: [&str; 3] = ["nff", "obj", "ply"];
 
-/// Reads a model or foreign scene that the user names, as a whole scene: models get a camera, lights and a ground. With
-/// the scene come warnings.
+/// Reads a model or a foreign scene, named by the user, as a whole scene. Models get a camera, lights and a ground. The
+/// scene is returned with warnings.
 ///
 /// # Errors
-/// What is wrong with the file, or that its format isn't supported.
+/// The mistakes in the file, or that its format isn't supported.
 pub fn load(path: &str, assets: &dyn Assets) -> Result<(Scene, Diagnostics), Diagnostics> {
     let asset = open(path, assets, &AssetPath::base(), &SCENE_EXTENSIONS)?;
     if asset.path.extension() == "nff" {
@@ -88,13 +89,13 @@ pub fn load(path: &str, assets: &dyn Assets) -> Result<(Scene, Diagnostics), Dia
 /// Reads the meshes of a model that the file `from` names.
 ///
 /// # Errors
-/// What is wrong with the file, or that its format isn't supported. If it can't be opened, the message is about the
-/// whole file.
+/// The mistakes in the file, or that its format isn't supported. If it can't be opened, the message is about the whole
+/// file.
 pub fn load_mesh(path: &str, assets: &dyn Assets, from: &AssetPath) -> Result<Imported, Diagnostics> {
     read_mesh(&open(path, assets, from, &MESH_EXTENSIONS)?, assets)
 }
 
-/// The meshes of a model that is open already.
+/// Reads the meshes of an open model file.
 ///
 /// # Errors
 /// As [`load_mesh`].
@@ -102,11 +103,11 @@ pub fn read_mesh(asset: &OpenAsset, assets: &dyn Assets) -> Result<Imported, Dia
     read_model(asset, assets, Unsaid::Flat)
 }
 
-/// How surfaces look of which a file doesn't say whether they are smooth.
+/// The shading of surfaces for which a file declares neither flat nor smooth normals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Unsaid {
     Flat,
-    /// Smooth but for creases.
+    /// Smooth except at creases.
     Creases,
 }
 
@@ -120,12 +121,13 @@ fn read_model(asset: &OpenAsset, assets: &dyn Assets, unsaid: Unsaid) -> Result<
     Err(ImportError::file(wrong).error(asset.path.name()).into())
 }
 
-/// Whether some triangle is more than a line, but for what rounding to `f32` makes of one: each coordinate by its own size.
+/// Whether any triangle has an area beyond the rounding of its corners to `f32`, each coordinate relative to its own
+/// size.
 fn has_area(mesh: &Mesh) -> bool {
     (0..mesh.len()).any(|i| !is_flat(mesh.corners(i)))
 }
 
-/// Whether three corners lie on a line or at one place, but for their rounding.
+/// Whether three corners are collinear or coincident within their rounding to `f32`.
 pub(crate) fn is_flat(corners: [Vec3; 3]) -> bool {
     let [a, b, c] = corners.map(Vec3::as_dvec3);
     let longest = [b - a, c - b, a - c].into_iter().max_by(|x, y| x.length_squared().total_cmp(&y.length_squared()));
@@ -212,18 +214,18 @@ fn unsupported(file: &str, extension: &str, known: &[&str]) -> Diagnostic {
     Diagnostic::error(file, format!("{name} isn't supported yet")).help(format!("supported are {}", known.join(", ")))
 }
 
-/// The complaint that a file which is open can't be read.
+/// The error of an open file that can't be read.
 fn unreadable(error: &io::Error) -> ImportError {
     ImportError::file(format!("it can't be read: {}", reason(error)))
 }
 
-/// Adds the file's text, if a message points into it, so that it shows lines. Bytes that aren't UTF-8 become
-/// question marks, which keeps the places.
+/// Adds the file's text if a message refers to it, so that messages show lines. Bytes that aren't UTF-8 become question
+/// marks, which keeps the byte offsets.
 fn attach_source(diagnostics: &mut Diagnostics, file: &str, view: View<'_>) {
     if !diagnostics.iter().any(|d| d.file == file && d.span.is_some()) {
         return;
     }
-    // Without it, messages name no lines.
+    // Without the text, messages have no line numbers.
     let Ok(bytes) = view.whole() else { return };
     let mut text = String::with_capacity(bytes.len());
     for chunk in bytes.utf8_chunks() {

@@ -1,14 +1,14 @@
-//! Numbers for how much two pictures differ.
+//! Metrics of the difference between two pictures.
 
 use super::{Channel, Image, flip, ssim};
 
-/// Where two pictures differ most.
+/// The largest difference of two pictures and its position.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 #[non_exhaustive]
 pub struct Difference {
-    /// The pixel, from the top left.
+    /// The pixel's column, from the left.
     pub x: u32,
-    /// The pixel's row.
+    /// The pixel's row, from the top.
     pub y: u32,
     /// The channel: `R`, `G` or `B`.
     pub channel: char,
@@ -16,45 +16,46 @@ pub struct Difference {
     pub value: f64,
 }
 
-/// How much two pictures differ. A NaN in both is no difference; one beside a number is an infinite one.
+/// The difference of two pictures. Two NaN count as equal; a NaN and a number differ infinitely.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 #[non_exhaustive]
 pub struct Comparison {
-    /// The mean squared error over all pixels and colours.
+    /// The mean squared error over all pixels and colour channels.
     pub mse: f64,
-    /// Its square root.
+    /// The root of the mean squared error.
     pub rmse: f64,
     /// 10 log₁₀ (1 / MSE), decibels for values from 0 to 1; infinite for equal pictures.
     pub psnr: f64,
-    /// The largest difference; the first of equal ones.
+    /// The largest difference; the first one if there are several.
     pub max: Difference,
-    /// How many pixels differ at all.
+    /// The number of pixels that differ.
     pub differing: u64,
-    /// Structural similarity, 1 for equal pictures; nothing for pictures under 11 × 11 pixels.
+    /// The mean structural similarity, 1 for equal pictures; `None` for pictures under 11 × 11 pixels.
     pub ssim: Option<f64>,
-    /// The mean of LDR-FLIP, 0 for equal pictures.
+    /// The mean of LDR-FLIP, from 0 for equal pictures to 1.
     pub flip: f64,
 }
 
-/// Why two pictures can't be compared.
+/// The reasons why two pictures can't be compared.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Unequal {
-    /// The sizes differ.
+    /// The sizes differ: width and height of the first, then of the second.
     #[error("the pictures have different sizes: {} × {} and {} × {}", .0[0], .0[1], .0[2], .0[3])]
     Sizes([u32; 4]),
-    /// One has no colour channels.
+    /// A picture has no colour channels.
     #[error("a picture has neither the channels R G B nor Y")]
     NoColor,
-    /// There is no pixel.
+    /// The pictures have no pixels.
     #[error("the pictures have no pixels")]
     Empty,
 }
 
-/// Compares the colours as they stand. MSE and PSNR know no curve; SSIM and FLIP expect sRGB values from 0 to 1.
+/// Compares the stored colours. MSE and PSNR are computed from the values as they are; SSIM and FLIP expect sRGB values
+/// from 0 to 1.
 ///
 /// # Errors
-/// [`Unequal`] if the pictures can't be laid over each other.
+/// [`Unequal`] if the pictures have no common colours or size.
 pub fn compare(a: &Image, b: &Image, pixels_per_degree: f64) -> Result<Comparison, Unequal> {
     let (ca, cb) = colors(a, b)?;
     let mut sum = 0.0;
@@ -83,7 +84,7 @@ pub fn compare(a: &Image, b: &Image, pixels_per_degree: f64) -> Result<Compariso
     })
 }
 
-/// How many pixels differ in their colours, or are among `others`, which has an entry for each pixel or none.
+/// The number of pixels that differ in colour or are marked in `others`, which has an entry for each pixel or is empty.
 ///
 /// # Errors
 /// As [`compare`].
@@ -114,10 +115,10 @@ pub(super) fn distance(a: impl Into<f64>, b: impl Into<f64>) -> f64 {
     if value.is_nan() { f64::INFINITY } else { value }
 }
 
-/// Red, green and blue of both.
+/// The red, green and blue channels.
 pub(super) type Colors<'a> = [&'a [f32]; 3];
 
-/// The colours of two pictures of one size.
+/// The colours of two pictures of equal size.
 pub(super) fn colors<'a>(a: &'a Image, b: &'a Image) -> Result<(Colors<'a>, Colors<'a>), Unequal> {
     if (a.width, a.height) != (b.width, b.height) {
         return Err(Unequal::Sizes([a.width, a.height, b.width, b.height]));
@@ -153,7 +154,7 @@ mod tests {
         let result = compare(&a, &b, PIXELS_PER_DEGREE).unwrap();
         assert_eq!((result.mse, result.rmse, result.differing), (0.0625, 0.25, 192));
         assert!((result.psnr - 12.041_199_826_559_248).abs() < 1e-12);
-        // Flat pictures: (2 μx μy + c1) / (μx² + μy² + c1), c1 = 0.0001.
+        // For constant pictures SSIM is (2 μx μy + c1) / (μx² + μy² + c1), with c1 = 0.0001.
         assert!((result.ssim.unwrap() - 0.7501 / 0.8126).abs() < 1e-6);
         assert_eq!(difference(&a, &b, 2.0).unwrap().channel("G").unwrap()[7], 0.5);
     }

@@ -1,21 +1,21 @@
-//! Separable convolution of one channel; outside the picture its edge goes on.
+//! Separable convolution of one channel. Values outside the picture are those of its nearest edge pixel.
 
 use rayon::prelude::*;
 
-/// A kernel of odd length around its middle, for rows and for columns.
+/// A kernel of odd length centred on its middle, for rows and for columns.
 pub(super) struct Kernel {
     pub(super) x: Vec<f64>,
     pub(super) y: Vec<f64>,
 }
 
-/// The Gaussian of this standard deviation in pixels, cut off at `radius` and summing to 1.
+/// The Gaussian with standard deviation `sigma` in pixels, cut off at `radius` and normalised to the sum 1.
 pub(super) fn gaussian(sigma: f64, radius: usize) -> Vec<f64> {
     let weights: Vec<f64> = offsets(radius).map(|x| libm::exp(-x * x / (2.0 * sigma * sigma))).collect();
     let sum: f64 = weights.iter().sum();
     weights.iter().map(|w| w / sum).collect()
 }
 
-/// −radius to radius.
+/// The integers from −`radius` to `radius`.
 pub(super) fn offsets(radius: usize) -> impl Iterator<Item = f64> {
     (0..=2 * radius).map(move |i| i as f64 - radius as f64)
 }

@@ -1,5 +1,5 @@
 //! OpenEXR: linear `f32` channels of one part, ZIP-compressed, with texts as attributes. All texts and names are UTF-8,
-//! as the format's own library has them.
+//! as in the OpenEXR library.
 
 use super::{Channel, Decoded, Image, PictureError, SOFTWARE, Window, check};
 use crate::image::ImageError;
@@ -12,25 +12,26 @@ use canaletto::scene::Transfer;
 use std::io::Cursor;
 use std::ops::Range;
 
-/// How an EXR is written.
+/// Options of writing an EXR.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ExrOptions {
-    /// Without compression.
+    /// Whether to write without compression.
     pub uncompressed: bool,
-    /// Colours (channels `R`, `G`, `B`, `A`, `Y`, of layers, too) as 16-bit floats; other channels stay `f32`.
+    /// Whether to write colours (channels `R`, `G`, `B`, `A`, `Y`, also of layers) as 16-bit floats. Other channels
+    /// stay `f32`.
     pub half: bool,
-    /// Channels of layers whose name ends in `_id` as whole numbers of 32 bits (UINT) instead of floats. Those with numbers that
-    /// `f32` would round are so anyway.
+    /// Whether to write channels of layers whose name ends in `_id` as 32-bit unsigned integers (UINT) instead of
+    /// floats. Channels with [`Channel::ids`] are always UINT.
     pub uint_ids: bool,
-    /// Where the picture lies in a larger one; nothing if it is the whole.
+    /// The position in a larger picture; `None` if the picture is the whole.
     pub window: Option<Window>,
 }
 
-/// The bytes of an EXR of all channels. The same bytes for any number of threads.
+/// The bytes of an EXR with all channels. They don't depend on the number of threads.
 ///
 /// # Errors
-/// [`PictureError::Unfit`] if a channel has no or too few values, or a name is used twice, is empty, longer than 255 bytes or
-/// holds a NUL character.
+/// [`PictureError::Unfit`] if a channel has no or too few values, or if a name is used twice, is empty, is longer than
+/// 255 bytes or contains a NUL character.
 pub fn encode_exr(image: &Image, options: ExrOptions, metadata: &[(String, String)]) -> Result<Vec<u8>, PictureError> {
     check(image)?;
     let name = |text: &str| {
@@ -66,7 +67,7 @@ pub fn encode_exr(image: &Image, options: ExrOptions, metadata: &[(String, Strin
     Ok(bytes)
 }
 
-/// A channel's numbers in the type that the options ask for.
+/// The samples of a channel in the type that the options select.
 fn samples(channel: &Channel, options: ExrOptions) -> ex::FlatSamples {
     match kind(&channel.name, options) {
         Kind::Half => ex::FlatSamples::F16(channel.data.iter().map(|v| Kind::half(*v)).collect()),
@@ -76,7 +77,7 @@ fn samples(channel: &Channel, options: ExrOptions) -> ex::FlatSamples {
     }
 }
 
-/// The types of a channel's numbers.
+/// The sample types.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Half,
@@ -84,10 +85,10 @@ pub(super) enum Kind {
     Float,
 }
 
-/// The type that the options ask for where a channel has this name.
+/// The type that the options select for a channel of this name.
 pub(super) fn kind(name: &str, options: ExrOptions) -> Kind {
     let (layer, last) = name.rsplit_once('.').unwrap_or(("", name));
-    // `Y` is grey where it has no layer; else it is the second of three coordinates.
+    // `Y` without a layer is grey; in a layer it is the second of three coordinates.
     if options.half && (COLORS.contains(&last) || name == "Y") {
         Kind::Half
     } else if options.uint_ids && layer.ends_with("_id") {
@@ -97,21 +98,21 @@ pub(super) fn kind(name: &str, options: ExrOptions) -> Kind {
     }
 }
 
-/// The channels that hold colours and coverage.
+/// The channels of colours and coverage.
 const COLORS: [&str; 4] = ["R", "G", "B", "A"];
 
-/// A text whose bytes are UTF-8: the crate has a byte for each letter.
+/// Encodes a text as UTF-8: the crate stores one byte per character.
 fn to_utf8(text: &str) -> ex::Text {
     ex::Text::new_or_panic(text.bytes().map(char::from).collect::<String>())
 }
 
-/// The text of such bytes; what isn't UTF-8 is Latin-1, as in files of older programs.
+/// Decodes a text as UTF-8, or else as Latin-1, as in files of older programs.
 fn from_utf8(text: &ex::Text) -> String {
     String::from_utf8(text.bytes().to_vec()).unwrap_or_else(|_| text.to_string())
 }
 
-/// Brings the header's attributes into the order of their names; the crate's order is a hash map's, another one in
-/// every run.
+/// Sorts the header's attributes by name. The crate writes them in the order of a hash map, which differs from run to
+/// run.
 fn sort_attributes(bytes: &mut [u8]) {
     let ranges = attributes(bytes);
     let (Some(first), Some(last)) = (ranges.first(), ranges.last()) else { return };
@@ -121,12 +122,12 @@ fn sort_attributes(bytes: &mut [u8]) {
     bytes[all].copy_from_slice(&attributes.concat());
 }
 
-/// Where the attributes of a file's first header stand.
+/// The byte ranges of the attributes in a file's first header.
 pub(super) fn attributes(bytes: &[u8]) -> Vec<Range<usize>> {
     let mut ranges = Vec::new();
-    let mut at = 8; // behind the magic number and the version
+    let mut at = 8; // after the magic number and the version
     while bytes.get(at).is_some_and(|byte| *byte != 0) {
-        // name 0 type 0 size value
+        // Layout: name, 0, type, 0, size, value.
         let Some(end) = text_end(bytes, at).and_then(|end| text_end(bytes, end)) else { break };
         let Some(size) = bytes.get(end..end + 4) else { break };
         let end = end + 4 + u32::from_le_bytes([size[0], size[1], size[2], size[3]]) as usize;
@@ -143,10 +144,10 @@ fn text_end(bytes: &[u8], at: usize) -> Option<usize> {
     bytes[at..].iter().position(|b| *b == 0).map(|length| at + length + 1)
 }
 
-/// Reads an EXR. Channels of further parts have their part's name before a point, once.
+/// Reads an EXR. Channels of further parts get the name of their part as a prefix before a point.
 ///
 /// # Errors
-/// [`PictureError`] says why not.
+/// [`PictureError`] if the file can't be read.
 pub fn decode_exr(bytes: &[u8]) -> Result<Decoded, PictureError> {
     let damaged = |reason: &str| ImageError::Damaged { format: "OpenEXR", reason: reason.into() };
     let file = File::open(bytes)?;
@@ -159,7 +160,7 @@ pub fn decode_exr(bytes: &[u8]) -> Result<Decoded, PictureError> {
         at: [position.x() - display.position.x(), position.y() - display.position.y()],
         whole: [display.size.x() as u32, display.size.y() as u32],
     };
-    // Parts of another size, such as proxies, can't be laid over the picture: they are named instead.
+    // Parts of another size, such as proxies, aren't aligned with the picture. They are only listed by name.
     let fits = |part: &Header| part.layer_size == size && part.own_attributes.layer_position == position;
     let (width, height) = (size.x(), size.y());
     let channels: usize = file.parts().iter().filter(|part| fits(part)).map(|part| part.channels.list.len()).sum();
@@ -223,12 +224,12 @@ pub fn decode_exr(bytes: &[u8]) -> Result<Decoded, PictureError> {
     Ok(Decoded { image, bits, transfer: Some(Transfer::None), metadata, window, left_out, display_referred: false })
 }
 
-/// Whether a channel is the red, green, blue or grey of the picture itself.
+/// Whether a channel is red, green, blue or grey of the picture itself.
 fn is_color(channel: &ex::Text) -> bool {
     ["R", "G", "B", "Y"].iter().any(|name| channel.eq(name))
 }
 
-/// Room for numbers, if there is memory.
+/// A vector of `count` zeros, if memory can be allocated.
 fn zeros<T: Clone + Default>(count: usize) -> Result<Vec<T>, ImageError> {
     let mut data = Vec::new();
     data.try_reserve_exact(count).map_err(|_| ImageError::NoMemory(4 * count as u64))?;
@@ -279,7 +280,7 @@ mod tests {
         let read = decode_exr(&bytes).unwrap();
         assert!(texts.iter().all(|text| read.metadata.contains(text)), "{:?}", read.metadata);
         assert!(read.image.channel("水.X").is_some());
-        // Files of older programs have Latin-1.
+        // Files of older programs contain Latin-1.
         let mut latin = bytes.clone();
         let at = latin.windows(5).rposition(|part| part == "Grün".as_bytes()).unwrap();
         latin[at..at + 5].copy_from_slice(b"Gr\xfcn ");
@@ -292,7 +293,7 @@ mod tests {
         let window = Window { at: [10, 5], whole: [640, 480] };
         let options = ExrOptions { window: Some(window), ..ExrOptions::default() };
         let bytes = encode_exr(&picture(), options, &[]).unwrap();
-        // As the format has them: xMin yMin xMax yMax, the last pixel included.
+        // The layout is xMin yMin xMax yMax; the last pixel is included.
         let box_of = |name: &str| {
             let at = bytes.windows(name.len()).position(|part| part == name.as_bytes()).unwrap() + name.len() + 10;
             [0, 4, 8, 12].map(|i| i32::from_le_bytes(bytes[at + i..at + i + 4].try_into().unwrap()))
@@ -341,7 +342,7 @@ mod tests {
         assert_eq!(read.channel("R").unwrap()[3], 65_504.0);
         assert_eq!(read.channel("depth.Z").unwrap(), image.channels[3].data);
         assert_eq!(read.channel("object_id.X").unwrap(), image.channels[7].data);
-        // Pixel types in the channel list: 0 UINT, 1 HALF, 2 FLOAT.
+        // The pixel types in the channel list: 0 UINT, 1 HALF, 2 FLOAT.
         let kind = |name: &str| {
             bytes[bytes.windows(name.len()).position(|part| part == name.as_bytes()).unwrap() + name.len()]
         };

@@ -1,8 +1,8 @@
-//! OpenEXR as fast as it can be written, for the part of a picture that is saved when a program has to end: row after row, without a copy of
-//! the picture, and without compression but for rows that are black.
+//! Fast writing of OpenEXR for a partial picture that is saved when a program must end. It writes row after row without
+//! a copy of the picture. Only black rows are compressed.
 //!
-//! The file says RLE, in which a row that doesn't become smaller stands as it is, and one of zeros takes some bytes. So the rest of a
-//! picture costs nothing once time is up.
+//! The file declares RLE, in which a row that doesn't become smaller is stored as it is. A row of zeros takes a few
+//! bytes. The rest of a picture therefore costs almost nothing after the deadline.
 
 use super::exr::{ExrOptions, Kind, attributes, encode_exr, kind};
 use super::{Channel, Image, PictureError, Window};
@@ -10,13 +10,14 @@ use ::exr::prelude::f16;
 use std::io::{self, Seek, SeekFrom, Write};
 use std::ops::Range;
 
-/// Fills the values of a channel, by its number, at a range of pixels.
+/// A callback that fills the values of a channel, given by index, for a range of pixels.
 pub type Fill<'a> = &'a dyn Fn(usize, Range<usize>, &mut [f32]);
 
-/// Writes an EXR of these channels, row by row for as long as `goes_on` says; rows after that are black. Returns how many rows were asked for.
+/// Writes an EXR of these channels, row by row while `goes_on` returns true; later rows are black. Returns the number
+/// of rows that were filled.
 ///
 /// # Errors
-/// As [`encode_exr`], and what writing comes upon.
+/// As [`encode_exr`], and the errors of `out`.
 pub fn write_exr_part(
     [width, height]: [u32; 2],
     channels: &[String],
@@ -73,13 +74,13 @@ pub fn write_exr_part(
     Ok(rows)
 }
 
-/// What is written at a time.
+/// The buffer size in bytes.
 const BUFFER: usize = 1 << 20;
 
-/// Why a part isn't written.
+/// The reasons why a partial EXR isn't written.
 #[derive(Debug, thiserror::Error)]
 pub enum PartError {
-    /// The format can't hold it.
+    /// The format can't represent the picture.
     #[error(transparent)]
     Picture(#[from] PictureError),
     /// Writing failed.
@@ -87,7 +88,7 @@ pub enum PartError {
     Write(#[from] io::Error),
 }
 
-/// What stands before the table of rows: that of a picture of one row, with another height and compression.
+/// The bytes before the table of rows: the header of a one-row picture, with another height and compression.
 fn head(
     [width, height]: [u32; 2],
     channels: &[String],
@@ -114,7 +115,7 @@ fn head(
     Ok(bytes)
 }
 
-/// A row of so many zeros in the format's run-length code: differences of neighbours, which count from 128, in runs of up to 128.
+/// The run-length code of a row of `size` zero bytes: differences of neighbours with offset 128, in runs of up to 128.
 fn black(size: usize) -> Vec<u8> {
     const RUN: usize = 128;
     let mut code = vec![(-1i8).cast_unsigned(), 0];
@@ -143,7 +144,7 @@ impl Kind {
         }
     }
 
-    /// The nearest half float. They end at 65504: brighter colours get that, not infinity.
+    /// The nearest half float. Colours above 65504, the largest finite half, become 65504 instead of infinity.
     pub(super) fn half(v: f32) -> f16 {
         const MOST: f32 = 65_504.0;
         f16::from_f32(if v.is_finite() { v.clamp(-MOST, MOST) } else { v })
@@ -176,7 +177,7 @@ mod tests {
                 let rows = write_exr_part([width, height], &names, &fill, options, &texts, &mut out, goes_on).unwrap();
                 assert_eq!(rows, most);
                 let read = decode_exr(&out.into_inner()).unwrap();
-                // What the whole encoder makes of the same rows.
+                // The result of the full encoder for the filled rows.
                 let end = (most * width) as usize;
                 let data =
                     |c: usize| (0..(width * height) as usize).map(move |i| if i < end { value(c, i) } else { 0.0 });
@@ -186,7 +187,7 @@ mod tests {
                 assert_eq!(read, whole);
             }
         }
-        // Rows that are shorter than their code stand as they are.
+        // Rows that are shorter than their code are stored as they are.
         let mut out = Cursor::new(Vec::new());
         let half = ExrOptions { half: true, ..ExrOptions::default() };
         write_exr_part([1, 2], &["Y".into()], &|_, _, _| {}, half, &[], &mut out, || false).unwrap();

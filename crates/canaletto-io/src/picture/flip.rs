@@ -1,8 +1,8 @@
 //! LDR-FLIP: Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström and Fairchild, *FLIP: A Difference Evaluator for
 //! Alternating Images*, Proc. ACM Comput. Graph. Interact. Tech. 3(2), 2020.
 //!
-//! The two-dimensional filters of the paper are sums of separable ones, and applied so. Agrees with the authors' program
-//! (1.7, single precision) to 10⁻⁴ in each pixel.
+//! The two-dimensional filters of the paper are sums of separable filters, and are applied as such. Results agree with
+//! the authors' program (1.7, single precision) to 10⁻⁴ in each pixel.
 
 use super::Image;
 use super::compare::{Unequal, colors};
@@ -12,29 +12,30 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// The paper's usual distance: a 0.7 m wide screen of 3840 pixels, seen from 0.7 m.
+/// The default viewing condition of the paper: a 0.7 m wide screen of 3840 pixels at a distance of 0.7 m, in pixels per
+/// degree.
 pub const PIXELS_PER_DEGREE: f64 = 67.0;
 
-/// The difference that an observer would notice who flips between two pictures.
+/// The difference that an observer notices when flipping between two pictures.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Flip {
     /// The mean over all pixels, 0 to 1.
     pub mean: f64,
-    /// Each pixel's difference, 0 to 1, the top row first.
+    /// The difference of each pixel, 0 to 1, the top row first.
     pub map: Vec<f32>,
 }
 
-/// Linear RGB to XYZ (Rec. 709 primaries, D65).
+/// The matrix from linear RGB to XYZ (Rec. 709 primaries, D65).
 const TO_XYZ: DMat3 = DMat3::from_cols(
     DVec3::new(10_135_552.0 / 24_577_794.0, 2_613_072.0 / 12_288_897.0, 1_425_312.0 / 73_733_382.0),
     DVec3::new(8_788_810.0 / 24_577_794.0, 8_788_810.0 / 12_288_897.0, 8_788_810.0 / 73_733_382.0),
     DVec3::new(4_435_075.0 / 24_577_794.0, 887_015.0 / 12_288_897.0, 70_074_185.0 / 73_733_382.0),
 );
 
-/// FLIP of two pictures with sRGB values from 0 to 1; values outside are cut.
+/// The FLIP of two pictures with sRGB values; values are clamped to 0 to 1.
 ///
 /// # Errors
-/// [`Unequal`] if the pictures can't be laid over each other.
+/// [`Unequal`] if the pictures have no common colours or size.
 pub fn flip(reference: &Image, test: &Image, pixels_per_degree: f64) -> Result<Flip, Unequal> {
     let (ca, cb) = colors(reference, test)?;
     let width = reference.width as usize;
@@ -54,7 +55,7 @@ pub fn flip(reference: &Image, test: &Image, pixels_per_degree: f64) -> Result<F
     Ok(Flip { mean, map })
 }
 
-/// x^0.7, the paper's q_c.
+/// The power x^0.7; 0.7 is the paper's q_c.
 trait Power {
     fn powf_07(self) -> f64;
 }
@@ -65,9 +66,9 @@ impl Power for f64 {
     }
 }
 
-/// What FLIP knows of one picture.
+/// The intermediate results for one picture.
 struct Side {
-    /// Filtered by what the eye resolves, in L*a*b* with the Hunt effect.
+    /// The colours filtered by the contrast sensitivity of the eye, in L*a*b* with the Hunt effect.
     lab: Vec<DVec3>,
     edges: Vec<f64>,
     points: Vec<f64>,
@@ -97,7 +98,7 @@ impl Side {
     }
 }
 
-/// The contrast sensitivity function as a sum of Gaussians a √(π/b) exp(−π² r²/b), r in degrees, normalised.
+/// Filters by the contrast sensitivity function, a normalised sum of Gaussians a √(π/b) exp(−π² r²/b), r in degrees.
 fn contrast_sensitivity(data: &[f64], width: usize, terms: &[[f64; 2]], radius: usize, ppd: f64) -> Vec<f64> {
     let line =
         |b: f64| offsets(radius).map(move |x| libm::exp(-PI * PI * (x / ppd) * (x / ppd) / b)).collect::<Vec<f64>>();
@@ -114,7 +115,7 @@ fn contrast_sensitivity(data: &[f64], width: usize, terms: &[[f64; 2]], radius: 
     out
 }
 
-/// How strong edges (first derivatives of a Gaussian) or points (second derivatives) are.
+/// The strength of edges (first derivatives of a Gaussian) or of points (second derivatives).
 fn features(gray: &[f64], width: usize, ppd: f64, edges: bool) -> Vec<f64> {
     let sigma = 0.5 * 0.082 * ppd;
     let radius = (3.0 * sigma).ceil() as usize;
@@ -122,7 +123,7 @@ fn features(gray: &[f64], width: usize, ppd: f64, edges: bool) -> Vec<f64> {
     let along =
         offsets(radius).zip(&across).map(|(x, g)| if edges { -x * g } else { (x * x / (sigma * sigma) - 1.0) * g });
     let along: Vec<f64> = along.collect();
-    // Positive and negative weights each sum to one.
+    // The positive and the negative weights each sum to one.
     let positive: f64 = along.iter().filter(|w| **w > 0.0).sum();
     let negative: f64 = -along.iter().filter(|w| **w < 0.0).sum::<f64>();
     let along: Vec<f64> = along.iter().map(|w| if *w > 0.0 { w / positive } else { w / negative }).collect();
@@ -131,7 +132,7 @@ fn features(gray: &[f64], width: usize, ppd: f64, edges: bool) -> Vec<f64> {
     in_x.iter().zip(in_y).map(|(x, y)| libm::hypot(*x, y)).collect()
 }
 
-/// Linear RGB to Y Cx Cz.
+/// Converts linear RGB to Y Cx Cz.
 fn to_opponent(rgb: DVec3) -> DVec3 {
     let v = TO_XYZ * rgb / white();
     DVec3::new(116.0 * v.y - 16.0, 500.0 * (v.x - v.y), 200.0 * (v.y - v.z))
@@ -146,7 +147,7 @@ fn white() -> DVec3 {
     TO_XYZ * DVec3::ONE
 }
 
-/// Linear RGB to L*a*b*, whose a* and b* fade with the lightness (Hunt effect).
+/// Converts linear RGB to L*a*b*, in which a* and b* are scaled by the lightness (Hunt effect).
 fn hunt_lab(rgb: DVec3) -> DVec3 {
     let f = |v: f64| {
         let delta = 6.0 / 29.0;
@@ -158,12 +159,12 @@ fn hunt_lab(rgb: DVec3) -> DVec3 {
     DVec3::new(lightness, 500.0 * (x - y) * 0.01 * lightness, 200.0 * (y - z) * 0.01 * lightness)
 }
 
-/// The HyAB distance for large differences of colour.
+/// The HyAB distance, for large colour differences.
 fn hyab(a: DVec3, b: DVec3) -> f64 {
     (a.x - b.x).abs() + libm::hypot(a.y - b.y, a.z - b.z)
 }
 
-/// Spreads differences over 0 to 1: those up to p_c = 0.4 of the largest over [0, p_t = 0.95].
+/// Maps errors to 0 to 1: those up to p_c = 0.4 of the largest to [0, p_t = 0.95].
 fn redistribute(error: f64, most: f64) -> f64 {
     let (pc, pt) = (0.4 * most, 0.95);
     if error < pc { pt / pc * error } else { pt + (error - pc) / (most - pc) * (1.0 - pt) }
@@ -186,10 +187,10 @@ mod tests {
 
     #[test]
     fn the_largest_difference_of_colour_is_one() {
-        // Flat pictures have no features, so FLIP is the colour's difference alone.
+        // Constant pictures have no features, so FLIP is the colour difference alone.
         let result = flip(&flat([0.0, 1.0, 0.0]), &flat([0.0, 0.0, 1.0]), PIXELS_PER_DEGREE).unwrap();
         assert!((result.mean - 1.0).abs() < 1e-6, "{}", result.mean);
-        // Black and white: ΔL = 100 by definition of L*.
+        // Black and white: ΔL = 100 by the definition of L*.
         let result = flip(&flat([0.0; 3]), &flat([1.0; 3]), PIXELS_PER_DEGREE).unwrap();
         let most = hyab(hunt_lab(DVec3::Y), hunt_lab(DVec3::Z)).powf_07();
         assert!((result.mean - redistribute(100f64.powf_07(), most)).abs() < 1e-6);

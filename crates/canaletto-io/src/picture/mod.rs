@@ -1,4 +1,4 @@
-//! Pictures in files: PNG and OpenEXR in both directions, writing that leaves no half files, and comparing.
+//! Pictures in files: PNG and OpenEXR in both directions, atomic writing, and comparison.
 
 mod compare;
 mod convolve;
@@ -29,7 +29,7 @@ pub use write::{AtomicFile, WriteError, WriteOptions, write_atomically};
 use crate::image::{self, ImageError};
 use canaletto::scene::Transfer;
 
-/// The name of the program that its pictures carry, with its version.
+/// The program name and version that pictures carry.
 pub const SOFTWARE: &str = concat!("Canaletto ", env!("CARGO_PKG_VERSION"));
 
 /// A picture as named channels of numbers.
@@ -39,18 +39,19 @@ pub struct Image {
     pub width: u32,
     /// Height in pixels.
     pub height: u32,
-    /// The channels. Colour is `R`, `G`, `B`, or `Y` for grey; others have their layer before a point: `depth.Z`.
+    /// The channels. Colour is `R`, `G`, `B`, or `Y` for grey. Other channels have a layer prefix before a point:
+    /// `depth.Z`.
     pub channels: Vec<Channel>,
 }
 
-/// One number of every pixel.
+/// A channel: one number per pixel.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Channel {
-    /// Its name.
+    /// The channel's name.
     pub name: String,
-    /// width × height values, the top row first.
+    /// The width × height values, the top row first.
     pub data: Vec<f32>,
-    /// The values themselves if they are whole numbers of 32 bits, some of which `f32` rounds; else empty.
+    /// The exact values if they are 32-bit unsigned integers that `f32` may round; else empty.
     pub ids: Vec<u32>,
 }
 
@@ -60,14 +61,14 @@ impl Channel {
         Channel { name: name.into(), data, ids: Vec::new() }
     }
 
-    /// The value of pixel number `i`.
+    /// The value of pixel `i`.
     fn value(&self, i: usize) -> f64 {
         self.ids.get(i).map_or_else(|| self.data[i].into(), |id| f64::from(*id))
     }
 }
 
 impl Image {
-    /// A picture of colours, the top row first.
+    /// A picture with the channels `R`, `G` and `B`; the top row comes first.
     pub fn from_rgb(width: u32, height: u32, pixels: impl Iterator<Item = [f32; 3]> + Clone) -> Image {
         let channels = ["R", "G", "B"].iter().enumerate();
         let channels = channels.map(|(i, name)| Channel::new(*name, pixels.clone().map(|p| p[i]).collect()));
@@ -79,7 +80,7 @@ impl Image {
         self.channels.iter().find(|c| c.name == name).map(|c| c.data.as_slice())
     }
 
-    /// Red, green and blue; a grey channel stands for all three.
+    /// The red, green and blue values; a grey channel stands for all three.
     pub fn rgb(&self) -> Option<[&[f32]; 3]> {
         match (self.channel("R"), self.channel("G"), self.channel("B")) {
             (Some(r), Some(g), Some(b)) => Some([r, g, b]),
@@ -87,7 +88,7 @@ impl Image {
         }
     }
 
-    /// The same picture with `f` applied to the colour channels.
+    /// The picture with `f` applied to the colour channels.
     pub fn map_color(mut self, f: impl Fn(f32) -> f32) -> Image {
         for channel in &mut self.channels {
             if ["R", "G", "B", "Y"].contains(&channel.name.as_str()) {
@@ -102,71 +103,73 @@ impl Image {
     }
 }
 
-/// A picture that was read, and what its file says about it.
+/// A picture that was read, with the metadata of its file.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Decoded {
-    /// The picture: 0 to 1 as stored in a PNG (nothing is decoded), anything in an EXR.
+    /// The picture: values from 0 to 1 as stored in a PNG (without decoding of the transfer curve), or any values of an
+    /// EXR.
     pub image: Image,
-    /// Bits of each number in the file.
+    /// The number of bits of each value in the file.
     pub bits: u8,
-    /// How the numbers are encoded, if the file says so. EXR is linear.
+    /// The transfer curve of the values, if the file declares it. EXR is linear.
     pub transfer: Option<Transfer>,
-    /// Texts with their keys.
+    /// Texts as pairs of key and value.
     pub metadata: Vec<(String, String)>,
-    /// Where the picture lies in a larger one.
+    /// The position of the picture in a larger one.
     pub window: Window,
-    /// The names of parts that can't be laid over the picture, since they have another size or place.
+    /// The names of parts that aren't aligned with the picture because their size or position differs.
     pub left_out: Vec<String>,
-    /// Whether the numbers are to be shown as they are, or after their curve; else they are linear light of any size.
+    /// Whether the values are display values, possibly encoded by their transfer curve. Otherwise they are linear light
+    /// of any range.
     pub display_referred: bool,
 }
 
-/// Where a picture lies in a larger one of which it is a part: OpenEXR's data window in its display window.
+/// The position of a picture in a larger one, of which it is a crop: OpenEXR's data window in its display window.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Window {
-    /// The column and the row of the upper left pixel in the whole.
+    /// The column and the row of the upper left pixel in the whole picture.
     pub at: [i32; 2],
-    /// The whole's width and height.
+    /// The width and height of the whole picture.
     pub whole: [u32; 2],
 }
 
 impl Window {
-    /// A picture that is the whole.
+    /// The window of a picture that isn't a crop.
     pub fn whole(width: u32, height: u32) -> Window {
         Window { at: [0, 0], whole: [width, height] }
     }
 }
 
-/// Why a picture can't be read or written.
+/// The reasons why a picture can't be read or written.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PictureError {
-    /// The first bytes are of no known format.
+    /// The first bytes belong to no known format.
     #[error("it is no picture that can be read: PNG, OpenEXR, JPEG, WebP, Radiance HDR and PPM can")]
     Unknown,
     /// The file is damaged, not supported or too large.
     #[error(transparent)]
     Image(#[from] ImageError),
-    /// The format can't hold this picture.
+    /// The format can't represent this picture.
     #[error("{0}")]
     Unfit(String),
 }
 
 impl PictureError {
-    /// What the reader could do about it.
+    /// A hint for the user.
     pub fn help(&self) -> Option<&'static str> {
         if let PictureError::Image(error) = self { error.help() } else { None }
     }
 }
 
-/// The largest number of pixels that is read.
+/// The largest number of pixels of a picture that is read.
 pub const MAX_PIXELS: u64 = canaletto::texture::Image::MAX_TEXELS;
 
-/// Reads a picture; its first bytes tell the format.
+/// Reads a picture; the format is detected from its first bytes.
 ///
 /// # Errors
-/// [`PictureError`] says why not.
+/// [`PictureError`] if the picture can't be read.
 pub fn decode(bytes: &[u8]) -> Result<Decoded, PictureError> {
     if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
         decode_png(bytes)
@@ -183,7 +186,7 @@ pub fn decode(bytes: &[u8]) -> Result<Decoded, PictureError> {
     }
 }
 
-/// The size that a PNG or an OpenEXR file announces, in pixels.
+/// The width and height in pixels that the header of a PNG or an OpenEXR file declares.
 pub fn announced_size(bytes: &[u8]) -> Option<[u32; 2]> {
     if bytes.starts_with(b"\x89PNG\r\n\x1a\n") { image::png::size(bytes) } else { image::exr::size(bytes) }
 }

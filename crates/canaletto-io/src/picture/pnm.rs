@@ -1,20 +1,20 @@
-//! PPM and PGM (Netpbm): text (`P2`, `P3`) and binary (`P5`, `P6`), with 8 or 16 bits. Their numbers are taken for sRGB, as
-//! programs write them.
+//! PPM and PGM (Netpbm): text (`P2`, `P3`) and binary (`P5`, `P6`), with 8 or 16 bits. Values are taken as sRGB, as
+//! most programs write them.
 
 use super::{Channel, Decoded, Image, MAX_PIXELS, PictureError, Window, no_pixels};
 use crate::image::ImageError;
 
 const FORMAT: &str = "PPM";
 
-/// Whether a file begins as these formats do.
+/// Whether the bytes begin like a PPM or PGM.
 pub(super) fn is_pnm(bytes: &[u8]) -> bool {
     matches!(bytes, [b'P', b'2' | b'3' | b'5' | b'6', space, ..] if space.is_ascii_whitespace() || *space == b'#')
 }
 
-/// Reads a PPM or PGM. What follows its picture is left alone.
+/// Reads a PPM or PGM. Bytes after its picture are ignored.
 ///
 /// # Errors
-/// [`PictureError`] says why not.
+/// [`PictureError`] if the picture can't be read.
 pub(super) fn decode_pnm(bytes: &[u8]) -> Result<Decoded, PictureError> {
     let (binary, names): (bool, &[&str]) = match bytes[1] {
         b'2' => (false, &["Y"]),
@@ -36,7 +36,7 @@ pub(super) fn decode_pnm(bytes: &[u8]) -> Result<Decoded, PictureError> {
     }
     let count = width as usize * height as usize * names.len();
     let wide = most > 255;
-    // Each number takes a byte at least, so that memory is bounded by the file.
+    // Each number takes a byte or more, so memory is bounded by the file's size.
     let least = if binary && wide { count * 2 } else { count };
     let start = text.at + 1;
     if bytes.len().saturating_sub(start) < least {
@@ -70,7 +70,7 @@ fn damaged(reason: String) -> PictureError {
     ImageError::Damaged { format: FORMAT, reason }.into()
 }
 
-/// The numbers of the header, and of a picture in text.
+/// A cursor for the numbers of the header, and of a picture in text form.
 struct Text<'a> {
     bytes: &'a [u8],
     at: usize,

@@ -1,4 +1,4 @@
-//! What two pictures differ in besides their colours: alpha, layers, places and declared curves.
+//! Differences of two pictures besides red, green and blue: alpha, layers, windows and declared transfer curves.
 
 use super::compare::distance;
 use super::{Channel, Decoded, Image, Window, encode_srgb};
@@ -6,40 +6,41 @@ use canaletto::scene::Transfer;
 use std::borrow::Cow;
 use std::collections::BTreeSet;
 
-/// How much a channel of two pictures differs.
+/// The difference of a channel between two pictures.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 #[non_exhaustive]
 pub struct ChannelDifference {
     /// The channel's name, such as `A` or `depth.Z`.
     pub channel: String,
-    /// How many pixels differ.
+    /// The number of pixels that differ.
     pub differing: u64,
     /// The largest difference.
     pub max: f64,
-    /// The column and the row of the first pixel that differs so much.
+    /// The column and the row of the first pixel with the largest difference.
     pub at: [u32; 2],
 }
 
-/// Differences besides those of red, green and blue.
+/// The differences of two pictures besides red, green and blue.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct RestDifference {
-    /// Channels that both have and that differ. A picture without alpha is opaque.
+    /// The channels that both pictures have and that differ. A picture without alpha is opaque.
     pub channels: Vec<ChannelDifference>,
-    /// Channels that only one of them has.
+    /// The channels that only the first picture has, and only the second.
     pub only: [Vec<String>; 2],
-    /// Their places in a larger picture, if they differ.
+    /// The positions in a larger picture, if they differ.
     pub windows: Option<[Window; 2]>,
-    /// The curves that both declare, if they differ.
+    /// The transfer curves that both pictures declare, if they differ.
     pub curves: Option<[Transfer; 2]>,
-    /// Colours in linear light that differ, though they are seen alike: below 0, over 1, or by less than the curve's rounding.
+    /// Colours in linear light that differ although their display values are equal: below 0, above 1, or by less than
+    /// the rounding of the curve.
     pub unseen: Option<ChannelDifference>,
-    /// Which pixels differ in any of the channels or in unseen colours, the top row first.
+    /// The pixels that differ in any of the channels or in unseen colours, the top row first.
     pub pixels: Vec<bool>,
 }
 
 impl RestDifference {
-    /// Compares what two pictures of one size hold besides colours.
+    /// Compares the contents of two pictures of equal size, except red, green and blue.
     pub fn of(a: &Decoded, b: &Decoded) -> RestDifference {
         let opaque = |image: &Image| Channel::new("A", vec![1.0; image.pixels()]);
         let has_alpha = a.image.channel("A").is_some() || b.image.channel("A").is_some();
@@ -60,7 +61,7 @@ impl RestDifference {
             });
             rest.add(a.image.width, &alpha_a, &alpha_b);
         }
-        // Only scene-referred files tell where a part lies.
+        // Only scene-referred files declare the position of a crop.
         let placed = !a.display_referred && !b.display_referred;
         rest.windows = (placed && a.window != b.window).then_some([a.window, b.window]);
         rest.curves = match (a.transfer, b.transfer) {
@@ -72,7 +73,7 @@ impl RestDifference {
         rest
     }
 
-    /// Whether there are none.
+    /// Whether there are no differences.
     pub fn is_none(&self) -> bool {
         self.channels.is_empty()
             && self.only.iter().all(Vec::is_empty)
@@ -81,7 +82,7 @@ impl RestDifference {
             && self.unseen.is_none()
     }
 
-    /// Adds colours that differ unseen, if both pictures hold linear light.
+    /// Adds unseen differences of colours, if both pictures hold linear light.
     pub fn add_unseen(&mut self, a: &Decoded, b: &Decoded) {
         let (Some(colors_a), Some(colors_b)) = (a.image.rgb(), b.image.rgb()) else { return };
         if a.display_referred || b.display_referred || a.image.pixels() != b.image.pixels() {
@@ -129,7 +130,7 @@ impl RestDifference {
     }
 }
 
-/// The channels that hold neither the picture's colours nor its alpha.
+/// The channels other than the picture's own colours and alpha.
 fn others(image: &Image) -> impl Iterator<Item = &Channel> {
     image.channels.iter().filter(|channel| !is_own(&channel.name))
 }
@@ -139,8 +140,8 @@ fn is_own(name: &str) -> bool {
 }
 
 impl Decoded {
-    /// The layers that can be looked at as a picture, by name, as in `NAME.R`; and channels without one, such as `Z`. The
-    /// picture's own colours are no layer.
+    /// The layers that can be displayed as a picture, by their prefix as in `NAME.R`, and channels without a layer,
+    /// such as `Z`. The picture's own colours are no layer.
     pub fn layers(&self) -> Vec<String> {
         let has_colors = self.image.rgb().is_some();
         let named = self.image.channels.iter().filter_map(|channel| match channel.name.rsplit_once('.') {
@@ -150,8 +151,9 @@ impl Decoded {
         named.collect::<BTreeSet<_>>().into_iter().collect()
     }
 
-    /// The same picture with the channels of a layer as its colours: `R G B A` stay, `X Y Z` and others become red, green and
-    /// blue in their order, and a single one becomes grey, as does a channel of that name. `None` if there is no such layer.
+    /// The picture with the channels of a layer as its colours. `R G B A` keep their names. `X Y Z` and others become
+    /// red, green and blue in their order. A single channel becomes grey, as does a channel named `layer`. Returns
+    /// `None` if there is no such layer.
     #[must_use]
     pub fn with_layer(mut self, layer: &str) -> Option<Decoded> {
         let inner = |channel: &Channel| match channel.name.strip_prefix(layer)? {
@@ -169,10 +171,10 @@ impl Decoded {
         if own.is_empty() {
             return None;
         }
-        // Whatever was taken for colours before stays as a layer of its own.
+        // The previous colours remain as a layer of their own.
         self.image.channels.retain(|channel| channel.name.contains('.'));
         let is_color = own.iter().any(|(name, _)| name == "R");
-        // Files have their channels in the order of the alphabet: B G R, and U V, X Y Z.
+        // Files store their channels in alphabetical order: B G R, and U V, X Y Z.
         own.sort_by(|(a, _), (b, _)| a.cmp(b));
         let names: &[&str] = match own.len() {
             1 => &["Y"],
@@ -182,7 +184,7 @@ impl Decoded {
         for (name, channel) in own {
             let name = if is_color { Some(name) } else { next.next().map(|name| (*name).to_owned()) };
             if !channel.ids.is_empty() {
-                // As a colour it is rounded.
+                // The integer channel stays besides, because the colour is rounded.
                 self.image.channels.push(channel.clone());
             }
             if let Some(name) = name {
@@ -200,8 +202,8 @@ impl Decoded {
         Some(self)
     }
 
-    /// The layer whose colours stand for a picture that has none of its own: the only one with red, green and blue, or the
-    /// one that programs call the beauty.
+    /// The layer whose colours represent a picture without colours of its own. It is the only layer with red, green and
+    /// blue, or else the one that programs name as the beauty pass.
     pub fn main_layer(&self) -> Option<String> {
         let has = |layer: &str, name: &str| self.image.channel(&format!("{layer}.{name}")).is_some();
         let mut colored: Vec<String> = self.layers();

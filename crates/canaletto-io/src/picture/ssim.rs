@@ -1,28 +1,29 @@
 //! Structural similarity: Wang, Bovik, Sheikh and Simoncelli, *Image Quality Assessment: From Error Visibility to
 //! Structural Similarity*, IEEE Transactions on Image Processing 13(4), 2004.
 //!
-//! As the authors' program: luma (Rec. 601 weights) of encoded values, an 11 × 11 Gaussian window of σ = 1.5, K₁ = 0.01,
-//! K₂ = 0.03, the mean over the windows that lie inside the picture. Large pictures are not subsampled.
+//! The parameters are those of the authors' program: luma (Rec. 601 weights) of encoded values, an 11 × 11 Gaussian
+//! window of σ = 1.5, K₁ = 0.01, K₂ = 0.03. The result is the mean over the windows inside the picture. Large pictures
+//! are not subsampled.
 
 use super::Image;
 use super::compare::{Unequal, colors};
 use super::convolve::{Kernel, convolve, gaussian};
 
-/// Half the window.
+/// Half the window width.
 const RADIUS: usize = 5;
 
-/// The mean structural similarity of two pictures with values from 0 to 1: 1 if they are equal. Nothing for pictures
-/// smaller than the window.
+/// The mean structural similarity of two pictures with values from 0 to 1; it is 1 for equal pictures. `None` for
+/// pictures smaller than the window.
 ///
 /// # Errors
-/// [`Unequal`] if the pictures can't be laid over each other.
+/// [`Unequal`] if the pictures have no common colours or size.
 pub fn ssim(a: &Image, b: &Image) -> Result<Option<f64>, Unequal> {
     let (ca, cb) = colors(a, b)?;
     let (width, height) = (a.width as usize, a.height as usize);
     if width <= 2 * RADIUS || height <= 2 * RADIUS {
         return Ok(None);
     }
-    // Values that are no numbers would spread over whole windows.
+    // A value that isn't finite would affect every window that contains it.
     let level = |v: f32| if v.is_finite() { f64::from(v).clamp(-1e6, 1e6) } else { 0.0 };
     let luma = |c: [&[f32]; 3]| -> Vec<f64> {
         let at = |i: usize| 0.299 * level(c[0][i]) + 0.587 * level(c[1][i]) + 0.114 * level(c[2][i]);
@@ -60,8 +61,8 @@ mod tests {
 
     #[test]
     fn known_noise_gives_the_expected_similarity() {
-        // Independent noise of variance s² over a flat picture of mean m: the covariance is that of the noise with a
-        // constant, 0, so the second factor is near c2 / (s² (1 − Σw²) + c2).
+        // Independent noise of variance s² over a constant picture of mean m: the covariance is that of the noise with
+        // a constant, 0. The second factor is therefore near c2 / (s² (1 − Σw²) + c2).
         let flat = Image::from_rgb(128, 128, (0..128 * 128).map(|_| [0.5; 3]));
         let rough = Image::from_rgb(128, 128, noise(1).take(128 * 128).map(|v| [0.5 + 0.2 * (v - 0.5); 3]));
         let found = ssim(&flat, &rough).unwrap().unwrap();

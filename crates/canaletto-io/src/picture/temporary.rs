@@ -1,8 +1,8 @@
-//! Files that are being written.
+//! Temporary files for pictures that are being written.
 //!
-//! They grow without a name where the system has such files (Linux, on most file systems), so that nothing is left of them however
-//! the program ends. Elsewhere they have temporary names and are locked. [`sweep`] removes what programs that were killed have left:
-//! temporary files that nobody has locked.
+//! On Linux and most of its file systems they have no name, so that none is left behind however the program ends.
+//! Elsewhere they have temporary names and are locked. [`sweep`] removes the files that killed programs left: temporary
+//! files without a lock.
 
 #[cfg(target_os = "linux")]
 use super::write::folder_of;
@@ -14,19 +14,19 @@ use std::path::Path;
 use std::path::PathBuf;
 use tempfile::{Builder, NamedTempFile};
 
-/// What temporary names begin and end with; between them are letters and digits.
+/// The prefix and suffix of temporary names; letters and digits are between them.
 const PREFIX: &str = ".canaletto-";
 const SUFFIX: &str = ".tmp";
 
-/// A file without a name; nothing where the file system has none, or nothing could give it a name later.
+/// An unnamed file; `None` where the file system has none, or where it couldn't be linked later.
 #[cfg(target_os = "linux")]
 pub(super) fn unnamed(folder: &Path, mode: u32) -> Option<File> {
     use rustix::fs::{CWD, Mode, OFlags, openat};
     let flags = OFlags::TMPFILE | OFlags::RDWR | OFlags::CLOEXEC;
     let file: File = openat(CWD, folder, flags, Mode::from_raw_mode(mode)).ok()?.into();
-    // Without /proc it can't be linked.
+    // Linking needs /proc.
     name_of(&file).symlink_metadata().ok()?;
-    // For the moment in which it has a temporary name.
+    // The lock protects the moment in which the file has a temporary name.
     let _ = file.try_lock();
     Some(file)
 }
@@ -37,14 +37,15 @@ fn name_of(file: &File) -> PathBuf {
     PathBuf::from(format!("/proc/self/fd/{}", file.as_raw_fd()))
 }
 
-/// Gives a file without a name one that nothing else has.
+/// Links an unnamed file at `target`, which must not exist.
 #[cfg(target_os = "linux")]
 pub(super) fn link(file: &File, target: &Path) -> io::Result<()> {
     use rustix::fs::{AtFlags, CWD, linkat};
     Ok(linkat(CWD, name_of(file), CWD, target, AtFlags::SYMLINK_FOLLOW)?)
 }
 
-/// Gives a file without a name that of another one. No system does it in one step: for a moment it has a temporary name.
+/// Links an unnamed file in place of the file at `target`. No system does this in one step, so it briefly has a
+/// temporary name.
 #[cfg(target_os = "linux")]
 pub(super) fn replace(file: &File, target: &Path) -> io::Result<()> {
     let folder = folder_of(target);
@@ -55,7 +56,7 @@ pub(super) fn replace(file: &File, target: &Path) -> io::Result<()> {
     fs::rename(&temporary, target).inspect_err(|_| _ = fs::remove_file(&temporary))
 }
 
-/// Tries temporary names until one is free.
+/// Calls `with` with temporary names until one is free.
 #[cfg(target_os = "linux")]
 fn temporary_names<T>(mut with: impl FnMut(String) -> io::Result<T>) -> io::Result<T> {
     use std::hash::{BuildHasher, Hasher, RandomState};
@@ -70,7 +71,7 @@ fn temporary_names<T>(mut with: impl FnMut(String) -> io::Result<T>) -> io::Resu
     Err(io::ErrorKind::AlreadyExists.into())
 }
 
-/// A file with a temporary name, locked.
+/// A locked file with a temporary name.
 pub(super) fn temporary(folder: &Path, mode: u32) -> io::Result<NamedTempFile> {
     let mut builder = Builder::new();
     builder.prefix(PREFIX).suffix(SUFFIX);
@@ -85,7 +86,7 @@ pub(super) fn temporary(folder: &Path, mode: u32) -> io::Result<NamedTempFile> {
         let file = builder.tempfile_in(folder)?;
         // Some file systems have no locks.
         let _ = file.as_file().try_lock();
-        // Between the two, another program may have taken it for left behind.
+        // Between creation and lock, another program may have removed it as left behind.
         match (FileId::of(file.path()), file.as_file().metadata().and_then(|m| FileId::with(file.path(), &m))) {
             (Ok(named), Ok(open)) if named == open => return Ok(file),
             (Err(e), _) if e.kind() != io::ErrorKind::NotFound => return Err(e),
@@ -94,8 +95,8 @@ pub(super) fn temporary(folder: &Path, mode: u32) -> io::Result<NamedTempFile> {
     }
 }
 
-/// Removes temporary files of ours from a folder that a program has left which was killed: files of the same user that no
-/// program has locked. What can't be read or removed stays.
+/// Removes Canaletto's temporary files that killed programs left in a folder. These are files of the current user
+/// without a lock. Files that can't be read or removed stay.
 pub fn sweep(folder: &Path) {
     let Ok(entries) = fs::read_dir(folder) else { return };
     let is_ours = |name: &str| {
@@ -117,7 +118,7 @@ fn remove_unlocked(path: &Path) -> io::Result<()> {
         Err(TryLockError::WouldBlock) => return Ok(()),
         Err(TryLockError::Error(error)) => return Err(error),
     }
-    // Its program may just have given it its name, and another one may have this one now.
+    // Its program may have renamed it meanwhile, and another file may have this name.
     let same = FileId::of(path)? == FileId::with(path, &file.metadata()?)?;
     if same { fs::remove_file(path) } else { Ok(()) }
 }

@@ -1,11 +1,12 @@
-//! Formats that are read for textures and never written: JPEG, WebP, Radiance HDR.
+//! Formats that are read for textures and never written: JPEG, WebP and Radiance HDR.
 
 use super::{Channel, Decoded, Image, Window};
 use ::exr::prelude::f16;
 use canaletto::scene::Transfer;
 use canaletto::texture::{self, Samples};
 
-/// Samples as channels with the names that one to four of them have in a picture. Whole numbers become shares of the largest.
+/// Samples as named channels, according to their number from one to four. Integers are divided by the largest value of
+/// their type.
 pub(super) fn named(channels: u8, samples: &Samples) -> Vec<Channel> {
     let names: &[&str] =
         [&["Y"][..], &["Y", "A"], &["R", "G", "B"], &["R", "G", "B", "A"]][usize::from(channels.clamp(1, 4)) - 1];
@@ -21,7 +22,7 @@ pub(super) fn named(channels: u8, samples: &Samples) -> Vec<Channel> {
     names.iter().enumerate().map(|(i, name)| Channel::new(*name, channel(i))).collect()
 }
 
-/// The picture of a texture's image.
+/// The picture of a texture image.
 pub(super) fn picture(image: &texture::Image) -> Decoded {
     let (bits, display_referred) = match image.samples {
         Samples::U8(_) => (8, true),

@@ -1,11 +1,11 @@
-//! The sRGB curve (IEC 61966-2-1), both ways and beyond [0, 1]; the same bits on every machine.
+//! The sRGB curve (IEC 61966-2-1) in both directions, extended beyond [0, 1]. Results are identical on every machine.
 
-/// From an sRGB value to linear light.
+/// Converts an sRGB value to linear light.
 pub fn decode_srgb(v: f32) -> f32 {
     if v <= 0.040_45 { v / 12.92 } else { libm::pow((f64::from(v) + 0.055) / 1.055, 2.4) as f32 }
 }
 
-/// From linear light to an sRGB value: the curve of the film, so that comparing starts from the same bits.
+/// Converts linear light to an sRGB value, by the curve of the film, so that comparisons use identical bits.
 pub use canaletto::film::srgb_encode as encode_srgb;
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Writing a file so that it is there whole or not at all.
+//! Atomic writing: a file appears complete or not at all.
 
 use super::temporary::temporary;
 #[cfg(target_os = "linux")]
@@ -8,53 +8,53 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
-/// How to write.
+/// Options of writing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct WriteOptions {
-    /// Fail if the file exists.
+    /// Whether to fail if the file exists.
     pub no_clobber: bool,
-    /// Have the file on the disk before it takes its name, and the name on the disk when it is said to be written, so that a power
-    /// cut leaves the old file or the new one. It costs the time of the disk.
+    /// Whether to sync the file before it gets its name, and the name before writing returns. A power failure then
+    /// leaves the old file or the new one. It costs the time of the disk.
     pub durable: bool,
 }
 
-/// Why a file isn't written.
+/// The reasons why a file isn't written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum WriteError {
-    /// It exists, and may not be replaced.
+    /// The file exists and must not be replaced.
     #[error("{} exists already, and isn't replaced", .0.display())]
     Exists(PathBuf),
-    /// Its folder doesn't exist.
+    /// The folder of the file doesn't exist.
     #[error("there is no folder {}", .0.display())]
     NoFolder(PathBuf),
     /// The path is a folder.
     #[error("{} is a folder", .0.display())]
     IsFolder(PathBuf),
-    /// Nothing can be written into the folder.
+    /// The folder can't be written to.
     #[error("can't write into the folder {}: {reason}", folder.display())]
     Folder {
         /// The folder.
         folder: PathBuf,
-        /// What the system says.
+        /// The system's error.
         reason: io::Error,
     },
-    /// Writing began and failed; nothing is left of it.
+    /// Writing failed after it began; the incomplete file is removed.
     #[error("can't write {}: {reason}", path.display())]
     Failed {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         reason: io::Error,
     },
 }
 
-/// Writes a file through one that nobody sees, which takes its place at the end and is gone if
-/// anything fails. The path `-` is the standard output. Links are followed (one to nowhere
-/// is replaced); devices and pipes are written directly.
+/// Writes a file through a temporary one that replaces it at the end. The temporary file is removed if anything fails.
+/// The path `-` is the standard output. Links are followed; a dangling link is replaced. Devices and pipes are written
+/// directly.
 ///
 /// # Errors
-/// [`WriteError`] says why not.
+/// [`WriteError`] if the file can't be written.
 pub fn write_atomically(
     path: &Path,
     options: WriteOptions,
@@ -68,7 +68,7 @@ pub fn write_atomically(
     file.commit()
 }
 
-/// A file that is being written, and that nobody sees before [`AtomicFile::commit`]. Dropping it leaves nothing.
+/// A file that is being written and isn't visible before [`AtomicFile::commit`]. Dropping it removes it.
 #[derive(Debug)]
 pub struct AtomicFile {
     path: PathBuf,
@@ -81,22 +81,22 @@ enum Place {
     Stdout,
     /// A device or pipe.
     Direct(File),
-    /// A file without a name, and where it will get one.
+    /// An unnamed file, and its final path.
     #[cfg(target_os = "linux")]
     Unnamed(File, PathBuf),
     Temporary(NamedTempFile, PathBuf),
 }
 
 impl AtomicFile {
-    /// Begins a file as [`write_atomically`] does.
+    /// Creates a file as [`write_atomically`] does.
     ///
     /// # Errors
-    /// [`WriteError`] says why it can't be written.
+    /// [`WriteError`] if it can't be created.
     pub fn begin(path: &Path, options: WriteOptions) -> Result<AtomicFile, WriteError> {
         AtomicFile::begin_with(path, options, false)
     }
 
-    /// The same, with a temporary name by which another program can write it.
+    /// As [`AtomicFile::begin`], with a temporary name through which another program can write the file.
     ///
     /// # Errors
     /// As [`AtomicFile::begin`].
@@ -121,7 +121,7 @@ impl AtomicFile {
         }
         let target = if existing.is_some() { fs::canonicalize(path).map_err(failed)? } else { path.to_owned() };
         let folder = folder_of(&target);
-        // As any new file; the system takes the user's mask off.
+        // The mode is that of any new file; the system applies the user's umask.
         let mode = mode_of(existing.as_ref());
         #[cfg(target_os = "linux")]
         if !named && let Some(unnamed) = unnamed(folder, mode) {
@@ -138,7 +138,7 @@ impl AtomicFile {
         Ok(file(Place::Temporary(temporary, target)))
     }
 
-    /// Chooses another place for it: only files have one. It replaces what is there.
+    /// Changes the final path, if the target is a file; an existing file there is replaced.
     pub fn redirect(&mut self, path: &Path) {
         match &mut self.place {
             #[cfg(target_os = "linux")]
@@ -150,7 +150,7 @@ impl AtomicFile {
         self.options = WriteOptions::default();
     }
 
-    /// The file itself, to read or change what was written; nothing for the standard output, devices and pipes.
+    /// The underlying file, to read or change what was written; `None` for the standard output, devices and pipes.
     pub fn file(&self) -> Option<&File> {
         match &self.place {
             #[cfg(target_os = "linux")]
@@ -160,7 +160,7 @@ impl AtomicFile {
         }
     }
 
-    /// What to write to. Nothing is buffered.
+    /// A handle to write to, without a buffer.
     ///
     /// # Errors
     /// [`WriteError::Failed`] if the system has no handles left.
@@ -175,20 +175,20 @@ impl AtomicFile {
         })
     }
 
-    /// The name under which it grows, if it has one.
+    /// The temporary path, if the file has one.
     pub fn temporary(&self) -> Option<&Path> {
         if let Place::Temporary(file, _) = &self.place { Some(file.path()) } else { None }
     }
 
-    /// What happened while writing, with the file's name.
+    /// A write error with the name of this file.
     pub fn failed(&self, reason: io::Error) -> WriteError {
         WriteError::Failed { path: self.path.clone(), reason }
     }
 
-    /// Puts the file in its place.
+    /// Moves the file to its final path.
     ///
     /// # Errors
-    /// [`WriteError`] if that fails; then nothing is left of it.
+    /// [`WriteError`] if that fails; the file is then removed.
     pub fn commit(self) -> Result<(), WriteError> {
         let AtomicFile { path, options, place } = self;
         let failed = |reason: io::Error| WriteError::Failed { path: path.clone(), reason };
@@ -238,7 +238,7 @@ pub(super) fn folder_of(file: &Path) -> &Path {
     }
 }
 
-/// The permissions of a new file, or of the one that it replaces.
+/// The permissions of a new file, or those of the file that it replaces.
 fn mode_of(existing: Option<&fs::Metadata>) -> u32 {
     #[cfg(unix)]
     {
@@ -252,9 +252,9 @@ fn mode_of(existing: Option<&fs::Metadata>) -> u32 {
     }
 }
 
-/// Has the names in a folder on the disk.
+/// Syncs the names in a folder to the disk.
 fn sync_folder(folder: &Path) -> io::Result<()> {
-    // Only some systems let folders be opened, and only some file systems let them be written out.
+    // Only some systems can open folders, and only some file systems can sync them.
     if cfg!(unix) {
         match File::open(folder)?.sync_all() {
             Err(e) if !matches!(e.kind(), io::ErrorKind::InvalidInput | io::ErrorKind::Unsupported) => return Err(e),
@@ -264,7 +264,7 @@ fn sync_folder(folder: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// The system's own words: `tempfile` adds the temporary path to them.
+/// The system's error: `tempfile` adds the temporary path to it.
 fn root_cause(error: io::Error) -> io::Error {
     error.raw_os_error().map_or_else(|| io::Error::from(error.kind()), io::Error::from_raw_os_error)
 }
@@ -299,7 +299,7 @@ mod tests {
         assert!(matches!(write_atomically(&path, KEEP, |_| Ok(())), Err(WriteError::Exists(_))));
     }
 
-    /// With a temporary name, without one, replacing and not: the same file, and nothing beside it.
+    /// With and without a temporary name, replacing or not, the file is equal and alone in its folder.
     #[test]
     fn however_it_grows_it_is_the_same() {
         for named in [false, true] {
@@ -309,7 +309,7 @@ mod tests {
                 let file = AtomicFile::begin_with(&path, options, named).unwrap();
                 assert_eq!(file.temporary().is_some(), named || !cfg!(target_os = "linux"));
                 file.handle().unwrap().write_all(bytes.as_bytes()).unwrap();
-                super::super::sweep(folder.path()); // Nobody takes it for left behind.
+                super::super::sweep(folder.path()); // The lock protects it.
                 file.commit().unwrap();
                 assert_eq!((fs::read_to_string(&path).unwrap(), names(folder.path()).len()), (bytes.to_owned(), 1));
             }

@@ -1,9 +1,9 @@
-//! The rows of a PNG, filtered and compressed in bands, side by side.
+//! Filtering and compression of the rows of a PNG in parallel bands.
 //!
-//! Bands follow from the picture's size alone, so that its bytes are the same for any number of threads. Each ends with a byte (a
-//! sync flush of RFC 1951), so that one after the other they are one stream. A band may refer to what deflate remembers of the
-//! one above it: its encoder is shown that first, and what it makes of it is thrown away. That is a sixteenth of the work; its
-//! end, and codes of its own, are some 20 bytes.
+//! Bands depend on the picture's size alone, so the bytes don't depend on the number of threads. Each band ends on a
+//! byte boundary (a sync flush of RFC 1951), so their concatenation is one stream. A band may refer to the window of
+//! deflate above it. Its encoder first compresses these rows, and that output is discarded. This costs a sixteenth of
+//! the work; the flush and the band's own codes cost some 20 bytes.
 
 use super::Compression;
 use flate2::write::DeflateEncoder;
@@ -12,23 +12,24 @@ use simd_adler32::Adler32;
 use std::io::{self, Write};
 use std::ops::Range;
 
-/// The bytes of a band, about. Larger ones compress better by hardly anything but in pictures of a few colours, smaller ones
-/// keep more threads busy.
+/// The approximate size of a band in bytes. Larger bands compress noticeably better only in pictures of a few colours;
+/// smaller ones occupy more threads.
 const BAND: usize = 3 << 18;
 
-/// Those of a band of a file that is written fast.
+/// The approximate size of a band in bytes with [`Compression::Fast`].
 const FAST_BAND: usize = 1 << 17;
 
-/// The most bands, so that their ends are no weight in a large picture of one colour, which is a thousandth of its pixels.
+/// The largest number of bands, so that their overhead is negligible even in a large picture of one colour, which
+/// compresses to a thousandth of its pixels.
 const BANDS: usize = 32;
 
-/// What deflate remembers (RFC 1951, 2).
+/// The size of the deflate window in bytes (RFC 1951, 2).
 const WINDOW: usize = 1 << 15;
 
-/// The fewest rows of a band: the one above it is made twice.
+/// The smallest number of rows in a band. The row above a band is generated twice.
 const ROWS: usize = 8;
 
-/// A picture's size in pixels, and that of a pixel in bytes.
+/// The size of a picture in pixels, and of a pixel in bytes.
 #[derive(Clone, Copy)]
 pub(super) struct Shape {
     pub(super) width: usize,
@@ -37,7 +38,7 @@ pub(super) struct Shape {
 }
 
 impl Shape {
-    /// The rows of each band.
+    /// The range of rows of each band.
     fn bands(self, compression: Compression) -> Vec<Range<usize>> {
         let (band, bands) = if compression == Compression::Fast { (FAST_BAND, usize::MAX) } else { (BAND, BANDS) };
         let most = self.height.div_ceil(ROWS).min(bands);
@@ -47,7 +48,7 @@ impl Shape {
     }
 }
 
-/// The zlib stream (RFC 1950) of a picture's filtered rows, in parts. `fill` gives the bytes of a range of pixels.
+/// The zlib stream (RFC 1950) of a picture's filtered rows, in parts. `fill` writes the bytes of a range of pixels.
 pub(super) fn compressed(
     shape: Shape,
     compression: Compression,
@@ -64,7 +65,8 @@ pub(super) fn compressed(
     let bands: Vec<(Vec<u8>, u32, usize)> = bands.collect::<io::Result<_>>()?;
     let checksum = bands.iter().fold(1, |sum, (_, next, length)| joined(sum, *next, *length));
     let mut parts: Vec<Vec<u8>> = bands.into_iter().map(|(part, ..)| part).collect();
-    // A window of 32 KiB, and how hard it was tried (RFC 1950, 2.2); at the end an empty block, the last one.
+    // The header declares a window of 32 KiB and the compression level (RFC 1950, 2.2). The stream ends with an empty
+    // final block.
     let header = match compression {
         Compression::Fast => [0x78, 0x01],
         Compression::Default => [0x78, 0x9c],
@@ -75,27 +77,28 @@ pub(super) fn compressed(
     Ok(parts)
 }
 
-/// The checksum (Adler-32) of bytes from those of two parts, the second one's length given.
+/// The Adler-32 checksum of a concatenation, from the checksums of its two parts and the length of the second.
 fn joined(first: u32, second: u32, length: usize) -> u32 {
     const BASE: u64 = 65_521;
     let [a0, b0, a1, b1] = [first, first >> 16, second, second >> 16].map(|v| u64::from(v & 0xffff));
-    // Sums begin at 1, and sums of sums have those of the first part once for each byte of the second.
+    // The first sum starts at 1. The second sum contains the first sum of the first part once for each byte of the
+    // second part.
     let a = (a0 + a1 + BASE - 1) % BASE;
     let b = (b0 + b1 + (length as u64 % BASE) * (a0 + BASE - 1)) % BASE;
     (b << 16 | a) as u32
 }
 
-/// What one thread needs for its bands.
+/// The working memory of one thread.
 struct Workshop<'a, F> {
     shape: Shape,
-    /// How many rows above a band its encoder is shown.
+    /// The number of rows above a band that fill the deflate window.
     before: usize,
     fill: &'a F,
-    /// The row above those, and they, and the band's.
+    /// The unfiltered bytes: one row above the window rows, the window rows, and the rows of the band.
     bytes: Vec<u8>,
-    /// Each row after the number of its filter.
+    /// The filtered rows, each after the number of its filter.
     filtered: Vec<u8>,
-    /// How many of these bytes are above the band.
+    /// The number of filtered bytes above the band.
     shown: usize,
     tries: [Vec<u8>; 5],
     encoder: DeflateEncoder<Vec<u8>>,
@@ -110,7 +113,7 @@ impl<'a, F: Fn(Range<usize>, &mut [u8])> Workshop<'a, F> {
         Workshop { shape, before, fill, bytes: Vec::new(), filtered: Vec::new(), shown: 0, tries, encoder }
     }
 
-    /// Some rows, compressed.
+    /// Compresses a range of rows.
     fn band(&mut self, rows: Range<usize>) -> io::Result<Vec<u8>> {
         let Shape { width, pixel, .. } = self.shape;
         let row = width * pixel;
@@ -118,14 +121,14 @@ impl<'a, F: Fn(Range<usize>, &mut [u8])> Workshop<'a, F> {
         let first = rows.start - before;
         self.bytes.clear();
         self.bytes.resize((before + rows.len() + 1) * row, 0);
-        // Above the first row there is nothing, which counts as zeros.
+        // The row above the first one counts as zeros.
         let above = usize::from(first > 0);
         (self.fill)((first - above) * width..rows.end * width, &mut self.bytes[(1 - above) * row..]);
         self.filtered.clear();
         for two in self.bytes.windows(2 * row).step_by(row) {
             let (above, line) = two.split_at(row);
             if two.iter().all(|byte| *byte == 0) {
-                // All filters make zeros of it.
+                // Every filter yields zeros for such a row.
                 self.filtered.resize(self.filtered.len() + 1 + row, 0);
                 continue;
             }
@@ -144,7 +147,7 @@ impl<'a, F: Fn(Range<usize>, &mut [u8])> Workshop<'a, F> {
         self.encoder.write_all(&self.filtered[self.shown..])?;
         self.encoder.flush()?;
         let part = std::mem::take(self.encoder.get_mut());
-        // This ends the stream, but in the empty list.
+        // Resetting finishes the stream, and the end goes into the discarded vector.
         self.encoder.reset(Vec::new())?;
         Ok(part)
     }
@@ -156,21 +159,21 @@ fn checksum(bytes: &[u8]) -> u32 {
     checksum.finish()
 }
 
-/// How large differences are, the least of which most likely compress best (the standard's 12.8).
+/// The sum of absolute differences. The filter with the smallest sum most likely compresses best (the standard's 12.8).
 fn size(differences: &[u8]) -> u64 {
-    // Sums of few fit in fewer bits, so that more of them go side by side.
+    // Short sums fit in fewer bits, which widens the vector lanes.
     let part = |part: &[u8]| part.iter().map(|d| u32::from(d.cast_signed().unsigned_abs())).sum::<u32>();
     differences.chunks(1 << 12).map(|chunk| u64::from(part(chunk))).sum()
 }
 
-/// What the five filters (the standard's 9.2) make of a row: nothing, and differences to what is on the left, above, between them, and
-/// to whichever of these and the one at the upper left is nearest to a plane through them.
+/// Applies the five filters (the standard's 9.2) to a row: none, and the differences to the left byte, to the byte
+/// above, to their average, and to the Paeth predictor.
 fn filter(above: &[u8], line: &[u8], pixel: usize, [none, sub, up, average, paeth]: &mut [Vec<u8>; 5]) {
     none.copy_from_slice(line);
     for (out, (x, b)) in up.iter_mut().zip(line.iter().zip(above)) {
         *out = x.wrapping_sub(*b);
     }
-    // On the left of the first pixel are zeros.
+    // The bytes left of the first pixel are zeros.
     for i in 0..pixel.min(line.len()) {
         sub[i] = line[i];
         average[i] = line[i].wrapping_sub(above[i] / 2);
@@ -189,7 +192,7 @@ fn filter(above: &[u8], line: &[u8], pixel: usize, [none, sub, up, average, paet
     }
 }
 
-/// Whichever of a, b and c is nearest to a + b − c, in this order.
+/// The Paeth predictor: the first of a, b and c that is nearest to a + b − c.
 #[inline]
 fn nearest(a: u8, b: u8, c: u8) -> u8 {
     let (x, y, z) = (i16::from(a), i16::from(b), i16::from(c));

@@ -1,4 +1,4 @@
-//! PNG (ISO/IEC 15948): 8 and 16 bits, with texts; read in all its types.
+//! PNG (ISO/IEC 15948): written with 8 or 16 bits and texts, read in all its types.
 
 mod bands;
 
@@ -14,18 +14,18 @@ use std::fmt::Display;
 use std::io::Write;
 use std::ops::Range;
 
-/// Bits of each number.
+/// The number of bits of each value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Depth {
-    /// 0 to 255.
+    /// Values from 0 to 255.
     #[default]
     Eight,
-    /// 0 to 65535.
+    /// Values from 0 to 65535.
     Sixteen,
 }
 
 impl Depth {
-    /// As a number.
+    /// The number of bits.
     pub fn bits(self) -> u8 {
         match self {
             Depth::Eight => 8,
@@ -50,21 +50,21 @@ impl Depth {
     }
 }
 
-/// How much time is spent on a small file. Pixels are the same with each.
+/// The effort of compression. The pixels don't depend on it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Compression {
     /// A tenth to twice as large as by default, in a fifth of the time.
     Fast,
-    /// As small as zlib's level 6 makes it.
+    /// The size of zlib's level 6.
     #[default]
     Default,
-    /// Smaller by some hundredths, in three times the time.
+    /// Smaller than by default by some hundredths, in three times the time.
     Best,
 }
 
 impl Compression {
-    /// The level of deflate.
+    /// The deflate level.
     fn level(self) -> u32 {
         match self {
             Compression::Fast => 1,
@@ -73,7 +73,7 @@ impl Compression {
         }
     }
 
-    /// The `png` crate's, for films.
+    /// The compression setting of the `png` crate, for films.
     pub(crate) fn of_frames(self) -> ::png::Compression {
         match self {
             Compression::Fast => ::png::Compression::Fast,
@@ -83,12 +83,12 @@ impl Compression {
     }
 }
 
-/// How a PNG is written. Where one is wanted, a [`Depth`] will do.
+/// Options of writing a PNG. A [`Depth`] converts into them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PngSettings {
-    /// Bits of each number.
+    /// The number of bits of each value.
     pub depth: Depth,
-    /// How much time is spent on a small file.
+    /// The effort of compression.
     pub compression: Compression,
 }
 
@@ -98,9 +98,10 @@ impl From<Depth> for PngSettings {
     }
 }
 
-/// The bytes of a PNG of the channels R G B, or Y; A, if there is one, is kept. Values are display values and rounded
-/// to the nearest of 0 to 1; other channels are left out. `transfer` only says how the values are encoded already: sRGB
-/// is noted in the file (chunks sRGB and gAMA), values as they are get no note. `metadata` become texts.
+/// The bytes of a PNG of the channels R G B, or Y, with A if there is one; other channels are left out. Values are
+/// display values: they are clamped to 0 to 1 and rounded to the nearest level. `transfer` only declares the encoding
+/// of the values: sRGB is recorded in the file (chunks sRGB and gAMA), other encodings are not. `metadata` becomes
+/// texts.
 ///
 /// # Errors
 /// [`PictureError::Unfit`] if there is no colour, or a key isn't 1 to 79 Latin letters.
@@ -127,7 +128,7 @@ pub fn encode_png(
     })
 }
 
-/// The bytes of a PNG of a picture in linear light, developed as its film says. `metadata` become texts.
+/// The bytes of a PNG of a picture in linear light, developed by the settings of its film. `metadata` becomes texts.
 ///
 /// # Errors
 /// [`PictureError::Unfit`] if there is no pixel, or a key isn't 1 to 79 Latin letters.
@@ -140,7 +141,7 @@ pub fn develop_png(
     develop_png_part(picture, film, settings, metadata, || true)
 }
 
-/// [`develop_png`] for as long as `goes_on` says; what comes after that is black.
+/// As [`develop_png`], while `goes_on` returns true; the rest of the picture is black.
 ///
 /// # Errors
 /// As [`develop_png`].
@@ -166,7 +167,7 @@ pub fn develop_png_part(
     })
 }
 
-/// A PNG whose values `fill` gives, for a range of pixels.
+/// A PNG whose values `fill` writes, for a range of pixels.
 fn encode(
     [width, height]: [u32; 2],
     channels: usize,
@@ -187,7 +188,7 @@ fn encode(
     png_texts(&mut encoder, metadata)?;
     let mut writer = encoder.write_header().map_err(unfit)?;
     let bytes = |range: Range<usize>, bytes: &mut [u8]| {
-        /// As many values as stay in the nearest cache.
+        /// The number of values that fit in the first-level cache.
         const FEW: usize = 1 << 10;
         let mut values = [0.0; FEW];
         let (few, pixel) = (FEW / channels, channels * depth.bytes());
@@ -210,15 +211,15 @@ fn unfit(reason: impl Display) -> PictureError {
     PictureError::Unfit(format!("PNG can't hold it: {reason}"))
 }
 
-/// The nearest of 0 to `most` to a share of it, halves upwards; 0 for NaN. Nothing but sums and choices, which go side by side on every
-/// machine.
+/// The level from 0 to `most` nearest to `v` × `most`, halves rounded up; 0 for NaN. It consists of sums and selections
+/// only, which vectorise on every machine.
 #[inline]
 fn level(v: f32, most: f32) -> u32 {
-    /// From here on floats are whole, and their last bits count.
+    /// From this value on floats are integers, and their last bits are units.
     const WHOLE: f32 = (1 << 23) as f32;
     let v = if v > 0.0 { v } else { 0.0 };
     let v = if v < 1.0 { v } else { 1.0 } * most;
-    // To the nearest, halves to an even one, which may be below.
+    // Rounded to nearest, halves to even, which may round down.
     let even = v + WHOLE - WHOLE;
     let nearest = even + if v - even >= 0.5 { 1.0 } else { 0.0 };
     (nearest + WHOLE).to_bits() & 0xffff
@@ -241,10 +242,10 @@ pub(crate) fn png_texts<W: Write>(
     Ok(())
 }
 
-/// Reads a PNG. Values are shares of the largest as they are stored; palettes are looked up.
+/// Reads a PNG. Stored values are divided by the largest one; palettes are resolved.
 ///
 /// # Errors
-/// [`PictureError`] says why not.
+/// [`PictureError`] if the file can't be read.
 pub fn decode_png(bytes: &[u8]) -> Result<Decoded, PictureError> {
     let Unpacked { width, height, channels, samples, bits, is_srgb, gamma, texts } = unpack(bytes, true)?;
     let transfer = match (is_srgb, gamma) {
@@ -287,7 +288,7 @@ mod tests {
         }
     }
 
-    /// Of several bands, with noise and flat parts, so that all filters have their turn.
+    /// A picture of several bands, with noise and constant parts, so that all filters are used.
     fn picture() -> Picture {
         let (width, height) = (601, 803);
         let value = |i: usize, c: usize| match i / width / 160 {
@@ -325,7 +326,7 @@ mod tests {
         assert!(develop_png(&Picture::new(0, 3), &FilmSettings::default(), Depth::Eight, &[]).is_err());
     }
 
-    /// The data of its IDAT chunks.
+    /// The data of the IDAT chunks.
     fn stream(png: &[u8]) -> Vec<u8> {
         let (mut at, mut stream) = (8, Vec::new());
         while let Some(head) = png.get(at..at + 8) {
