@@ -1,4 +1,4 @@
-//! Clouds: many numbers in a node, lines of a text, or a file.
+//! Decoding of cloud nodes: numbers in the node, lines of a text, or a file.
 
 use super::Decoder;
 use super::fields::Fields;
@@ -14,7 +14,7 @@ use canaletto::scene::Content;
 use canaletto::shape::{CylinderCloud, SphereCloud};
 use glam::DVec3;
 
-/// The most mistakes that are reported of one cloud.
+/// The largest number of mistakes that are reported for one cloud.
 const MAX_MISTAKES: usize = 20;
 
 /// Rows of numbers.
@@ -24,7 +24,7 @@ struct Rows {
 }
 
 impl Decoder<'_> {
-    /// A cloud of spheres.
+    /// Decodes a cloud of spheres.
     pub(super) fn spheres(&mut self, f: &Fields) -> Option<Content> {
         let cloud = match self.source(f, "points")? {
             "file" => {
@@ -54,7 +54,7 @@ impl Decoder<'_> {
         Some(Content::Spheres(self.scene.spheres.len() as u32 - 1))
     }
 
-    /// A cloud of cylinders.
+    /// Decodes a cloud of cylinders.
     pub(super) fn cylinders(&mut self, f: &Fields) -> Option<Content> {
         let mut cloud = match self.source(f, "axes")? {
             "file" => {
@@ -86,7 +86,7 @@ impl Decoder<'_> {
         Some(Content::Cylinders(self.scene.cylinders.len() as u32 - 1))
     }
 
-    /// The one word that says where the numbers are.
+    /// The field that holds the numbers: `inline`, `data` or `file`, of which exactly one is required.
     fn source(&mut self, f: &Fields, inline: &'static str) -> Option<&'static str> {
         if let Some(radius) = f.real("radius").filter(|radius| *radius <= 0.0) {
             self.out_of_range(f, &format!("radius is {radius}; it must be more than 0"));
@@ -111,13 +111,13 @@ impl Decoder<'_> {
         }
     }
 
-    /// What a cloud's file and its radius stand for.
+    /// The cache key of a cloud file with its radius.
     fn key(&self, kind: &str, f: &Fields) -> Option<String> {
         let from = self.judge.files.get(f.span("file").file)?.path.location().display().to_string();
         Some(format!("{kind} {} {from} {:?}", f.text("file")?, f.real("radius").map(f32::to_bits)))
     }
 
-    /// Reports why a file has no cloud.
+    /// Reports why a file yields no cloud.
     fn unread<T>(&mut self, f: &Fields, read: Result<T, Unread>) -> Option<T> {
         match read {
             Ok(cloud) => return Some(cloud),
@@ -127,14 +127,14 @@ impl Decoder<'_> {
         None
     }
 
-    /// Warns of coordinates whose rounding can be seen.
+    /// Warns of coordinates whose rounding is visible.
     fn rounded(&mut self, f: &Fields, said: Option<[String; 2]>) {
         if let Some([message, help]) = said {
             self.judge.report.push(Message::warning(Some(f.node.name_span), message).help(help));
         }
     }
 
-    /// The rows of a text; each starts with `lead` numbers.
+    /// The rows of a text; each starts with `lead` coordinates.
     fn data(&mut self, f: &Fields, lead: usize) -> Option<Rows> {
         let value = f.raw("data")?.values.first()?;
         let text = value.as_text()?;
@@ -181,7 +181,7 @@ impl Decoder<'_> {
         good.then_some(rows)
     }
 
-    /// The radii and colours behind the coordinates.
+    /// The radii and colours after the coordinates.
     fn rest(&mut self, f: &Fields, rows: &Rows, lead: usize) -> Option<(Vec<f32>, Vec<Rgb>)> {
         let behind = rows.columns - lead;
         let each = rows.numbers.chunks_exact(rows.columns);
@@ -208,11 +208,11 @@ impl Decoder<'_> {
     }
 }
 
-/// Why there is no cloud.
+/// The reasons why a file yields no cloud.
 enum Unread {
-    /// The file can't be had.
+    /// The file can't be read.
     Said(Message),
-    /// Its content is wrong.
+    /// The content of the file is invalid.
     Wrong(Diagnostics),
 }
 
@@ -241,13 +241,13 @@ fn name(f: &Fields) -> String {
     f.text("name").unwrap_or_default().to_owned()
 }
 
-/// The numbers of a node's word.
+/// The numbers of a word in the node.
 fn numbers(f: &Fields, word: &str, columns: usize) -> Rows {
     let values = f.raw(word).map_or(&[][..], |got| got.values);
     Rows { columns, numbers: values.iter().filter_map(|v| v.as_number()).collect() }
 }
 
-/// The lines of a text with their places in the file; a text with escapes has one place for all.
+/// The lines of a text with their spans in the file. The lines of a text with escapes share one span.
 fn lines<'t>(raw: &'t str, text: &'t str, value: &'t Value) -> impl Iterator<Item = (&'t str, Span)> {
     let exact = raw.contains("\"\"\"") && (raw.starts_with('#') || !raw.contains('\\'));
     let body = if exact { raw } else { text };
@@ -259,11 +259,11 @@ fn lines<'t>(raw: &'t str, text: &'t str, value: &'t Value) -> impl Iterator<Ite
         let place = if exact { Span { start, end: start + line.len() as u32, ..value.span } } else { value.span };
         (index, line, place)
     });
-    // The first and last lines of the file's text hold the quotes.
+    // In the source, the first and last lines contain the quotes.
     all.filter(move |(index, ..)| !exact || (*index > 0 && index + 1 < count)).map(|(_, line, place)| (line, place))
 }
 
-/// Adds a line's numbers; tells whether all of it was numbers.
+/// Adds the numbers of a line; returns whether all its words were numbers.
 fn read_line(line: &str, span: Span, numbers: &mut Vec<f64>, mistakes: &mut Vec<Message>) -> bool {
     let exact = span.end - span.start >= line.len() as u32;
     let separator = |c: char| c.is_whitespace() || c == ',' || c == ';';

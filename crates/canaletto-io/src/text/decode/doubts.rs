@@ -1,22 +1,23 @@
-//! Warnings about values that are allowed, but look like a value of another scale.
+//! Warnings about values that are valid, but suggest a wrong scale.
 
 use super::Decoder;
 use super::fields::Fields;
 use crate::text::report::Message;
 use canaletto::math::Rgb;
 
-/// From here on, light looks like a colour of 0 to 255. Less may well be meant for light that loses by distance.
+/// From this value on, light looks like a colour from 0 to 255. Less is plausible for light that is attenuated by
+/// distance.
 const BRIGHT: f32 = 16.0;
 
 impl Decoder<'_> {
-    /// Colours of a material, of which 1 is all light.
+    /// Warns of a material's colours that seem to be from 0 to 255; 1 is full reflectance.
     pub(super) fn doubt_reflectance(&mut self, fields: &Fields, words: &[&str]) {
         for word in words {
             self.doubt_bytes(fields, word, 1.0);
         }
     }
 
-    /// The colour of a light or of the background, which may be brighter than 1.
+    /// Warns of a colour of a light or of the background that seems to be from 0 to 255. It may exceed 1.
     pub(super) fn doubt_light(&mut self, fields: &Fields, word: &str) {
         self.doubt_bytes(fields, word, BRIGHT);
     }
@@ -30,7 +31,7 @@ impl Decoder<'_> {
         self.judge.report.push(Message::warning(Some(fields.span(word)), message).help(help));
     }
 
-    /// The angle of a cone, which is hardly less than a right angle in radians.
+    /// Warns of a cone angle that is likely to be in radians: it is at most about a right angle in radians.
     pub(super) fn doubt_degrees(&mut self, fields: &Fields, word: &str) {
         let Some(angle) = fields.real(word).filter(|angle| (0.1..=1.6).contains(angle)) else { return };
         let degrees = (f64::from(angle).to_degrees() * 10.0).round() / 10.0;
@@ -39,7 +40,7 @@ impl Decoder<'_> {
         self.judge.report.push(Message::warning(Some(fields.span(word)), message).help(help));
     }
 
-    /// `eta` of a body that no ray enters.
+    /// Warns of `eta` on an opaque body.
     pub(super) fn doubt_eta(&mut self, fields: &Fields, clear: bool) {
         if fields.has("eta") && !clear {
             let message = "eta has no effect, since no light goes through: opacity is 1";

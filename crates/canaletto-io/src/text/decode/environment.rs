@@ -1,4 +1,4 @@
-//! What surrounds the scene.
+//! Decoding of environments.
 
 use super::Decoder;
 use super::fields::Fields;
@@ -10,14 +10,14 @@ use canaletto::math::Rgb;
 use glam::Vec3;
 
 impl Decoder<'_> {
-    /// The environment of a node, which replaces the one before.
+    /// Decodes an environment node, which replaces the one before.
     pub(super) fn environment(&mut self, node: &Node) -> Option<Environment> {
         let kinds: Vec<&'static str> = ENVIRONMENTS.iter().map(|(kind, _)| *kind).collect();
         let kind = self.kind_after(node, "environment", &kinds)?;
         let fields = self.judge.fields(node, schema::environment(kind)?, &format!("environment \"{kind}\""));
         let rotation = self.transform(&fields);
         self.valid &= fields.valid;
-        // What is missing in the text was reported; files are looked at all the same.
+        // Missing words were reported; the files are checked nevertheless.
         let decoded = self.environment_kind(kind, &fields);
         let environment = Environment {
             rotation,
@@ -86,7 +86,7 @@ impl Decoder<'_> {
         image
     }
 
-    /// The direction to the sun, said in one of three ways.
+    /// The direction to the sun, given in one of three forms.
     fn sun(&mut self, f: &Fields) -> Option<Vec3> {
         for (word, other) in [("height", "azimuth"), ("azimuth", "height"), ("place", "date"), ("date", "place")] {
             if f.has(word) && !f.has(other) {
@@ -142,7 +142,7 @@ impl Decoder<'_> {
     }
 }
 
-/// A moment in the form of RFC 3339, with or without seconds.
+/// Parses a date and time in the form of RFC 3339, with or without seconds.
 fn moment(text: &str) -> Result<Moment, String> {
     let form = || format!("\"{}\" is no date with a time", text.chars().take(40).collect::<String>());
     let number = |digits: &str, length: usize| -> Result<u32, String> {

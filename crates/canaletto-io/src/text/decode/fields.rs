@@ -1,4 +1,4 @@
-//! A node's words, judged by the schema.
+//! The fields of a node, validated against the schema.
 
 use crate::text::closest_word::closest_word;
 use crate::text::files::Files;
@@ -8,39 +8,39 @@ use crate::text::syntax::{Node, Span, Value, ValueKind};
 use canaletto::math::Rgb;
 use glam::{DVec3, Vec3};
 
-/// What a node says, every value checked for its form. What is wrong was reported.
+/// The fields of a node, each value validated. Mistakes were reported.
 pub(crate) struct Fields<'a> {
     pub(crate) node: &'a Node,
     got: Vec<Entry<'a>>,
-    /// The transforms in the order written.
+    /// The transforms in the order in which they are written.
     pub(crate) transforms: Vec<Entry<'a>>,
-    /// The objects and lights inside.
+    /// The objects and lights in the node.
     pub(crate) objects: Vec<&'a Node>,
-    /// Whether all of it is right and there.
+    /// Whether all fields are valid and none is missing.
     pub(crate) valid: bool,
-    /// Words that are probably meant by wrong ones, so that nobody need miss them.
+    /// The fields that misspelled words probably mean, so that they aren't reported as missing.
     meant: Vec<&'static str>,
 }
 
-/// A word with its values.
+/// A field with its values.
 pub(crate) struct Entry<'a> {
     pub(crate) word: &'static FieldSchema,
     pub(crate) values: &'a [Value],
-    /// The node whose values they are; nothing for a property.
+    /// The node of the values; `None` for a property.
     pub(crate) node: Option<&'a Node>,
     pub(crate) span: Span,
     good: bool,
 }
 
-/// What decides about values: where to report, and the files.
+/// The context of validation: the report and the files.
 pub(crate) struct Validator<'a> {
     pub(crate) files: &'a Files,
     pub(crate) report: Report,
-    /// How many names were searched for that are like an unknown one.
+    /// The number of suggestions that were computed for unknown names.
     guesses: usize,
 }
 
-/// The most unknown names for which similar ones are searched.
+/// The largest number of unknown names for which suggestions are computed.
 const MAX_GUESSES: usize = 50;
 
 impl<'a> Validator<'a> {
@@ -48,7 +48,7 @@ impl<'a> Validator<'a> {
         Validator { files, report, guesses: 0 }
     }
 
-    /// The words of a node. `title` is what to call it.
+    /// Validates the fields of a node. `title` is its name in messages.
     pub(crate) fn fields<'n>(&mut self, node: &'n Node, words: &'static NodeSchema, title: &str) -> Fields<'n> {
         let mut fields = Fields {
             node,
@@ -93,7 +93,7 @@ impl<'a> Validator<'a> {
         fields
     }
 
-    /// The values right after the node's name.
+    /// Validates the values right after the node's name.
     fn argument<'n>(&mut self, node: &'n Node, words: &'static NodeSchema, title: &str, fields: &mut Fields<'n>) {
         let (Some(first), Some(last)) = (node.values.first(), node.values.last()) else { return };
         let span = Span { end: last.span.end, ..first.span };
@@ -129,7 +129,7 @@ impl<'a> Validator<'a> {
         }
         got.good = match got.node {
             Some(node) if node.broken => false,
-            // A node with words of its own is judged when they are read.
+            // A field with a block is validated when the block is read.
             Some(_) if matches!(got.word.value_type, ValueType::Node(_)) => true,
             Some(node) => self.plain(node) && self.judge(got.word.name, got.word, &got),
             None => self.judge(got.word.name, got.word, &got),
@@ -149,7 +149,7 @@ impl<'a> Validator<'a> {
             return;
         }
         let its = if words.argument.as_ref().is_some_and(|word| missing[0] == word.name) { "its " } else { "" };
-        // After a mistake in the node itself, what seems to be missing may be what couldn't be read.
+        // After a mistake in the node itself, a field that seems missing may be the part that couldn't be read.
         if !fields.node.broken {
             let list = match missing.as_slice() {
                 [most @ .., last] if !most.is_empty() => format!("{} and {last}", most.join(", ")),
@@ -164,7 +164,7 @@ impl<'a> Validator<'a> {
         fields.valid = false;
     }
 
-    /// Reports a word that isn't known here; gives the one that is probably meant.
+    /// Reports a word that is unknown here; returns the one that is probably meant.
     fn unknown(&mut self, name: &str, span: Span, words: &'static NodeSchema, title: &str) -> Option<&'static str> {
         let allowed = words.allowed();
         let message = Message::error(span, format!("{title} has no \"{}\"", short(name)));
@@ -181,7 +181,7 @@ impl<'a> Validator<'a> {
         meant
     }
 
-    /// Reports a node that isn't known at the top of a file.
+    /// Reports an unknown node at the top level of a file.
     pub(crate) fn unknown_node(&mut self, node: &Node) {
         if node.name.is_empty() {
             return;
@@ -197,7 +197,7 @@ impl<'a> Validator<'a> {
         }));
     }
 
-    /// Reports a name that nothing has.
+    /// Reports a name that isn't defined.
     pub(crate) fn unknown_name<'n>(
         &mut self,
         what: &str,
@@ -206,7 +206,7 @@ impl<'a> Validator<'a> {
         known: impl Iterator<Item = &'n str> + Clone,
     ) {
         if self.files.incomplete {
-            // It may stand in what couldn't be read.
+            // The name may be defined in the part that couldn't be read.
             return;
         }
         let message = Message::error(span, format!("there is no {what} \"{}\"", short(name)));
@@ -232,12 +232,12 @@ impl<'a> Validator<'a> {
         self.report.push(message.help(help));
     }
 
-    /// Whether these values are what a word takes; `node` is where they stand. Reports if not.
+    /// Whether the values match the field; mistakes are reported. `node` is the node that contains them.
     pub(crate) fn values(&mut self, subject: &str, word: &'static FieldSchema, values: &[Value], node: &Node) -> bool {
         self.judge(subject, word, &Entry { word, values, node: Some(node), span: node.span, good: true })
     }
 
-    /// Whether the node holds values and nothing else; reports if not.
+    /// Whether the node consists of values only; reports if not.
     pub(crate) fn plain(&mut self, node: &Node) -> bool {
         let extra = node.properties.first().map(|p| p.key_span).or(node.children.first().map(|c| c.name_span));
         if let Some(extra) = extra {
@@ -247,12 +247,12 @@ impl<'a> Validator<'a> {
         extra.is_none()
     }
 
-    /// The word of this name that may stand in a node of `words`.
+    /// The field of this name in the schema of a node.
     pub(crate) fn find(words: &'static NodeSchema, name: &str) -> Option<&'static FieldSchema> {
         find(words, name)
     }
 
-    /// Whether the values are what the word takes; reports if not.
+    /// Whether the values match the field; reports if not.
     fn judge(&mut self, subject: &str, word: &FieldSchema, got: &Entry) -> bool {
         let values = got.values;
         let counts: &[usize] = match word.value_type {
@@ -306,7 +306,7 @@ impl<'a> Validator<'a> {
         self.number(subject, ValueType::Many(n), wrong)
     }
 
-    /// Whether a single value fits.
+    /// Whether a single value matches.
     fn one(&mut self, subject: &str, word: &FieldSchema, value: &Value) -> bool {
         match (word.value_type, &value.kind) {
             (ValueType::Numbers(_) | ValueType::Rgb, _) => self.number(subject, word.value_type, value),
@@ -354,7 +354,7 @@ impl<'a> Validator<'a> {
         }
     }
 
-    /// A number that `f32` holds.
+    /// Whether the value is a number that is finite in `f32`; reports if not.
     fn number(&mut self, subject: &str, value_type: ValueType, value: &Value) -> bool {
         let (message, help) = match value.kind {
             ValueKind::Number(number) if is_usable(number) => return true,
@@ -386,22 +386,22 @@ impl<'a> Fields<'a> {
         self.got.iter().find(|got| got.word.name == name)
     }
 
-    /// Every place where a word stands that may stand more than once.
+    /// All entries of a field that may occur more than once.
     pub(crate) fn every(&self, name: &str) -> impl Iterator<Item = &Entry<'a>> {
         self.got.iter().filter(move |got| got.word.name == name && got.good)
     }
 
-    /// Whether the word was written at all.
+    /// Whether the field is present.
     pub(crate) fn has(&self, name: &str) -> bool {
         self.got(name).is_some()
     }
 
-    /// Where the word stands; else the node's name.
+    /// The span of the field, or else of the node's name.
     pub(crate) fn span(&self, name: &str) -> Span {
         self.got(name).map_or(self.node.name_span, |got| got.span)
     }
 
-    /// The word's node, or its one value if it is a property.
+    /// The field's entry, if its values are valid.
     pub(crate) fn raw(&self, name: &str) -> Option<&Entry<'a>> {
         self.got(name).filter(|got| got.good)
     }
@@ -410,7 +410,7 @@ impl<'a> Fields<'a> {
         self.raw(name)?.numbers()
     }
 
-    /// All numbers of a word that takes many.
+    /// All numbers of a field.
     pub(crate) fn all(&self, name: &str) -> Option<Vec<f64>> {
         Some(self.raw(name)?.values.iter().filter_map(Value::as_number).collect())
     }
@@ -469,24 +469,24 @@ impl Entry<'_> {
         Some(out)
     }
 
-    /// The first number at each moment while the shutter is open; nothing if it stays.
+    /// The first number at each sample time while the shutter is open; empty if it is constant.
     pub(crate) fn moving(&self) -> Vec<f64> {
         let moving = self.node.map_or(&[][..], |node| &node.moving);
         moving.iter().filter_map(|values| values.first()?.as_number()).collect()
     }
 
-    /// The same word with the values that it has at a moment while the shutter is open; itself if it stays.
+    /// The entry with its values at a sample time while the shutter is open; its own values if they are constant.
     pub(crate) fn at(&self, moment: usize) -> Entry<'_> {
         let values = self.node.and_then(|node| node.moving.get(moment)).map_or(self.values, Vec::as_slice);
         Entry { word: self.word, values, node: self.node, span: self.span, good: self.good }
     }
 
-    /// Whether keys move it while the shutter is open.
+    /// Whether keys change the values while the shutter is open.
     pub(crate) fn moves(&self) -> bool {
         self.good && self.node.is_some_and(|node| !node.moving.is_empty())
     }
 
-    /// Whether the values have the right form.
+    /// Whether the values are valid.
     pub(crate) fn is_good(&self) -> bool {
         self.good
     }
@@ -502,7 +502,7 @@ fn is_usable(number: f64) -> bool {
     number.abs() <= f64::from(f32::MAX)
 }
 
-/// The nearest right word and all of them.
+/// The nearest allowed word, and a list of all.
 fn suggestion(wrong: &str, allowed: &[&'static str]) -> (Option<&'static str>, String) {
     let lower = wrong.to_lowercase().replace('_', "-");
     let right = allowed

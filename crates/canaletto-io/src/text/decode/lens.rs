@@ -1,4 +1,4 @@
-//! A camera's lens, and its way while the shutter is open.
+//! Decoding of a camera's lens and of its motion while the shutter is open.
 
 use super::Decoder;
 use super::fields::{Entry, Fields};
@@ -7,7 +7,7 @@ use crate::text::schema::{self, DEFAULT_BLADES, DEFAULT_LENS_ROTATION, NodeSchem
 use canaletto::scene::{Aperture, Extrinsics, Focus, Lens};
 
 impl Decoder<'_> {
-    /// The words in the block that a word stands before; nothing after a mistake in them.
+    /// The fields in the block of a field; `None` after a mistake in them.
     pub(super) fn block<'n>(&mut self, fields: &Fields<'n>, words: &'static NodeSchema) -> Option<Fields<'n>> {
         let Some(node) = fields.raw(words.name)?.node else {
             let message = Message::error(fields.span(words.name), format!("{} takes a block", words.name));
@@ -20,7 +20,7 @@ impl Decoder<'_> {
         inner.valid.then_some(inner)
     }
 
-    /// Where the camera goes while the shutter is open, from where it is.
+    /// The places of the camera while the shutter is open, starting at `from`.
     pub(super) fn camera_motion(&mut self, camera: &Fields, from: Extrinsics) -> Option<Vec<Extrinsics>> {
         let fields = self.block(camera, &schema::CAMERA_MOTION)?;
         if ["eye", "center", "up"].into_iter().any(|word| camera.raw(word).is_some_and(Entry::moves)) {
@@ -37,7 +37,7 @@ impl Decoder<'_> {
         Some(vec![from, to])
     }
 
-    /// The lens in a camera's braces. Its ranges are checked with the whole camera.
+    /// The lens of a camera. Its ranges are validated with the whole camera.
     pub(super) fn lens(&mut self, camera: &Fields) -> Option<Lens> {
         let fields = self.block(camera, &schema::LENS)?;
         self.either(&fields, "radius", "f-number");
@@ -65,7 +65,7 @@ impl Decoder<'_> {
         })
     }
 
-    /// Reports two words that mean the same thing in two ways.
+    /// Reports two fields that set one property in two forms.
     pub(super) fn either(&mut self, fields: &Fields, one: &str, other: &str) {
         if fields.has(one) && fields.has(other) {
             let name = &fields.node.name;

@@ -1,4 +1,4 @@
-//! Lights.
+//! Decoding of lights.
 
 use super::Decoder;
 use super::fields::Fields;
@@ -14,7 +14,7 @@ use canaletto::math::{Rgb, Transform};
 use canaletto::scene::{self, Content};
 
 impl Decoder<'_> {
-    /// A light in its place.
+    /// Decodes a light with its transform.
     pub(super) fn light(&mut self, node: &Node) -> Option<scene::Node> {
         let kinds: Vec<&str> = LIGHTS.iter().map(|(kind, _)| *kind).collect();
         let kind = self.kind_after(node, "light", &kinds)?;
@@ -39,7 +39,7 @@ impl Decoder<'_> {
         {
             self.out_of_range(&fields, &problem);
         }
-        // Light that loses by distance may have to begin with much.
+        // Light that is attenuated by distance may need a high intensity.
         if light.attenuation[1..] == [0.0; 2] && light.emission == Emission::Even {
             self.doubt_light(&fields, "intensity");
         }
@@ -51,7 +51,7 @@ impl Decoder<'_> {
         Some(node.with_points(&points))
     }
 
-    /// The word after `light` or `environment`, which says what other words there are.
+    /// The word after `light` or `environment`, which selects the schema.
     pub(super) fn kind_after(&mut self, node: &Node, what: &str, kinds: &[&'static str]) -> Option<&'static str> {
         let list: Vec<String> = kinds.iter().map(|kind| format!("\"{kind}\"")).collect();
         let list = format!("inds of {what}: {}", list.join(", "));

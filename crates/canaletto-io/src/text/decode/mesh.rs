@@ -1,4 +1,4 @@
-//! Meshes from files. Nodes that name the same file share its triangles.
+//! Decoding of meshes from files. Nodes that name one file share its triangles.
 
 use super::Decoder;
 use super::fields::Fields;
@@ -9,11 +9,11 @@ use canaletto::scene::{self, Content};
 use std::collections::HashMap;
 use std::path::PathBuf;
 
-/// Meshes by where their file stands and how it is read.
+/// Mesh indices by the path of the file and the options `smooth` and `one-sided`.
 pub(super) type Cache = HashMap<(PathBuf, Option<bool>, bool), Vec<u32>>;
 
 impl Decoder<'_> {
-    /// The meshes of the node's file.
+    /// Decodes the meshes of the node's file.
     pub(super) fn mesh(&mut self, fields: &Fields, material: Option<u32>) -> Option<Content> {
         let file = fields.text("file")?;
         let from = self.judge.files.get(fields.span("file").file)?.path.clone();
@@ -59,7 +59,7 @@ impl Decoder<'_> {
         if let [one] = indices.as_slice() {
             return Some(Content::Mesh(*one));
         }
-        // Each part is a node, with the material that replaces its own.
+        // Each part is a node; the node's material replaces the material of the part.
         let part = |index: u32| {
             let name = Some(self.scene.meshes[index as usize].name.clone()).filter(|name| !name.is_empty());
             scene::Node { name: name.map(Into::into), material, ..scene::Node::new(Content::Mesh(index)) }
@@ -67,7 +67,7 @@ impl Decoder<'_> {
         Some(Content::Group(indices.into_iter().map(part).collect()))
     }
 
-    /// Reports what is wrong with a file that a node names. A message about the whole file points at the node.
+    /// Reports the mistakes in a file that a node names. A message about the whole file points at the node.
     pub(super) fn file_failed(&mut self, fields: &Fields, file: &str, errors: Diagnostics) {
         self.valid = false;
         let whole = errors.len() == 1 && errors.iter().all(|d| d.span.is_none() && d.severity == Severity::Error);

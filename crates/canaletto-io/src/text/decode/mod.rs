@@ -1,4 +1,4 @@
-//! From nodes to a [`Scene`]: every mistake is reported, then the next node is read.
+//! The decoder from nodes to a [`Scene`]. It reports every mistake and continues with the next node.
 
 mod cloud;
 mod doubts;
@@ -29,7 +29,7 @@ use names::Names;
 pub(crate) use roll::Neighbours;
 use std::collections::HashMap;
 
-/// The scene of these nodes, or nothing if something is wrong; the report says what.
+/// Decodes the scene of these nodes; `None` after a mistake, which is in the report.
 pub(crate) fn decode(
     nodes: &[Node],
     files: &Files,
@@ -64,7 +64,7 @@ pub(crate) fn decode(
     (decoder.valid.then_some(decoder.scene), decoder.judge.report)
 }
 
-/// The cameras of these nodes, as far as they can be read; mistakes in them are not told.
+/// The cameras of these nodes, as far as they are valid; mistakes in them are not reported.
 pub(crate) fn views(nodes: &[Node], files: &Files, assets: &dyn Assets) -> Vec<View> {
     let mut judge = Validator::new(files, Report::default());
     let names = Names::collect(nodes, &mut judge);
@@ -78,19 +78,19 @@ struct Decoder<'a> {
     judge: Validator<'a>,
     assets: &'a dyn Assets,
     scene: Scene,
-    /// Where each texture of the scene text stands in the scene's list.
+    /// The index of each texture of the scene text in the scene's list.
     textures: HashMap<&'a str, u32>,
     images: texture::Images,
-    /// Where each material of the scene text stands in the scene's list.
+    /// The index of each material of the scene text in the scene's list.
     materials: HashMap<&'a str, u32>,
-    /// Which of them something refers to.
+    /// Whether each material is used.
     used: Vec<bool>,
     names: Names<'a>,
     meshes: mesh::Cache,
-    /// What frames share.
+    /// The cache that frames share.
     keep: &'a mut Keep,
     neighbours: &'a Neighbours<'a>,
-    /// Whether the scene can be used, as far as it was read.
+    /// Whether the scene is valid so far.
     valid: bool,
 }
 
@@ -124,10 +124,10 @@ impl<'a> Decoder<'a> {
 }
 
 impl Decoder<'_> {
-    /// Warns of what is allowed, but hardly meant.
+    /// Warns of scenes that are valid, but hardly intended.
     fn warn(&mut self, nodes: &[Node]) {
         let has = |light: bool| {
-            // Lights of prototypes shine where these are repeated.
+            // Lights in prototypes shine where they are instanced.
             let within: &[&str] = if light { &["group", "prototype"] } else { &["group"] };
             nodes.iter().any(|node| any(node, within, &|n| if light { &*n.name == "light" } else { is_thing(&n.name) }))
         };
@@ -142,7 +142,7 @@ impl Decoder<'_> {
             let message = Message::warning(None, "the scene has no lights, so everything in it is black");
             self.judge.report.push(message.help("for example: light \"omni\" { position 40 120 0 }"));
         }
-        // A file of materials to include has more than one scene needs.
+        // An included file of materials has more of them than one scene needs.
         for node in nodes.iter().filter(|node| &*node.name == "material" && node.name_span.file == 0) {
             let Some(value) = node.values.first() else { continue };
             let index = value.as_text().and_then(|name| self.materials.get(name));
@@ -157,7 +157,7 @@ impl Decoder<'_> {
 }
 
 impl Decoder<'_> {
-    /// Whether an object may show a texture's own colours, whatever light there is.
+    /// Whether any object may show the colours of an unlit texture, which needs no light.
     fn has_unlit_texture(&self) -> bool {
         let unlit = |material: &Material| {
             material.textures.iter().any(|texture| matches!(texture.target, Target::Replace | Target::Decal))
@@ -170,7 +170,7 @@ fn is_thing(name: &str) -> bool {
     !matches!(name, "light" | "group" | "prototype") && super::schema::objects().any(|object| object == name)
 }
 
-/// Whether the test holds for the node, or for one inside it where it is one of `within`.
+/// Whether `test` holds for the node, or for any node inside nodes that are named in `within`.
 fn any(node: &Node, within: &[&str], test: &dyn Fn(&Node) -> bool) -> bool {
     test(node) || (within.contains(&&*node.name) && node.children.iter().any(|child| any(child, within, test)))
 }

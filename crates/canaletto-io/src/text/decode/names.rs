@@ -1,4 +1,4 @@
-//! The names of objects, and which of them instances repeat.
+//! The names of objects, and the objects that instances repeat.
 
 use super::fields::Validator;
 use crate::text::report::Message;
@@ -14,12 +14,12 @@ pub(crate) struct Names<'a> {
 
 struct Target {
     span: Span,
-    /// Where it stands in the scene's prototypes, if instances repeat it or it is a prototype.
+    /// The index among the scene's prototypes, if the object is instanced or is a prototype.
     slot: Option<u32>,
 }
 
 impl<'a> Names<'a> {
-    /// Finds all names; reports those that two objects share, and instances of themselves.
+    /// Collects all names. Reports duplicate names, and instances that contain themselves.
     pub(crate) fn collect(nodes: &'a [Node], judge: &mut Validator) -> Names<'a> {
         let mut names = Names { by_name: HashMap::new(), slots: 0 };
         let mut repeated = HashSet::new();
@@ -34,17 +34,17 @@ impl<'a> Names<'a> {
         names
     }
 
-    /// How many prototypes there are.
+    /// The number of prototypes.
     pub(crate) fn slots(&self) -> usize {
         self.slots
     }
 
-    /// The prototype of this name, or whether at least something has it.
+    /// The prototype of this name; `None` if nothing has the name or if its object is neither.
     pub(crate) fn slot(&self, name: &str) -> Option<u32> {
         self.by_name.get(name)?.slot
     }
 
-    /// The place of this node itself among the prototypes.
+    /// The index of this node itself among the prototypes.
     pub(crate) fn slot_of(&self, node: &Node) -> Option<u32> {
         let (name, span) = node.text("name")?;
         self.by_name.get(name).filter(|target| target.span == span)?.slot
@@ -71,7 +71,7 @@ impl<'a> Names<'a> {
             }
         }
         if node.packed.is_some() {
-            // What is packed has no name, and of its properties only those that say what instances repeat.
+            // A packed node has no name. It keeps only the properties that name the target of an instance.
             repeated.extend(node.properties.iter().filter_map(|property| property.value.as_text()));
         } else if &*node.name == "instance"
             && let Some((of, _)) = node.text("of")
@@ -83,7 +83,7 @@ impl<'a> Names<'a> {
         }
     }
 
-    /// Numbers the prototypes, and notes which of them holds which.
+    /// Numbers the prototypes, and records the references between them.
     fn number(
         &mut self,
         node: &'a Node,
@@ -120,13 +120,13 @@ impl<'a> Names<'a> {
     }
 }
 
-/// Finds circles of names that hold each other, each once.
+/// Reports each cycle of names that contain each other once.
 fn report_cycles(names: &Names, edges: &HashMap<&str, Vec<(&str, Span)>>, judge: &mut Validator) {
     let mut starts: Vec<(&str, Span)> = names.by_name.iter().map(|(name, target)| (*name, target.span)).collect();
     starts.sort_by_key(|(_, span)| (span.file, span.start));
     let mut done: HashSet<&str> = HashSet::new();
     for (start, _) in starts {
-        // The way from the start, each with the number of its edges that were followed.
+        // The path from the start; each name has the number of its edges that were followed.
         let mut way: Vec<(&str, usize)> = vec![(start, 0)];
         let mut on_way: HashSet<&str> = HashSet::from([start]);
         if done.contains(start) {

@@ -1,4 +1,4 @@
-//! Objects and groups.
+//! Decoding of objects and groups.
 
 use super::Decoder;
 use super::fields::Fields;
@@ -10,23 +10,23 @@ use canaletto::scene::{self, Content};
 use canaletto::shape::{Cone, Cuboid, Cylinder, Disk, Plane, Shape, Sphere, Torus, Triangle};
 use glam::DVec3;
 
-/// The words for points, in the order in which a shape or light has them.
+/// The fields of points, in the order in which the points of a shape or light are stored.
 const POINTS: [&str; 12] =
     ["center", "min", "max", "a", "b", "c", "point", "base", "top", "position", "target", "corner"];
 
-/// The points that a shape or light names, unrounded.
+/// The points of a shape or light in double precision.
 pub(super) fn exact_points(fields: &Fields) -> Vec<DVec3> {
     POINTS.iter().filter_map(|word| fields.dvec(word)).collect()
 }
 
 impl Decoder<'_> {
-    /// An object or light and what stands in it. Nothing for prototypes, and after a mistake.
+    /// Decodes an object or light with its children. `None` for prototypes, and after a mistake.
     pub(super) fn object(&mut self, node: &Node) -> Option<scene::Node> {
         let decoded = if &*node.name == "light" { self.light(node) } else { self.placed(node) };
         self.valid &= decoded.is_some();
         let decoded = decoded?;
         let Some(slot) = self.names.slot_of(node) else { return Some(decoded) };
-        // Instances repeat it: it moves to the prototypes, and its place shows one more copy.
+        // The object is instanced: it becomes a prototype, and an instance replaces it.
         let name = decoded.name.clone();
         self.scene.prototypes[slot as usize] = decoded;
         if &*node.name == "prototype" {
@@ -61,7 +61,7 @@ impl Decoder<'_> {
             let valid = self.valid;
             match self.object(node) {
                 Some(node) => nodes.push(node),
-                // A prototype leaves nothing in its place.
+                // A prototype itself isn't visible.
                 None if &*node.name == "prototype" => self.valid &= valid,
                 None => {}
             }
@@ -124,7 +124,7 @@ impl Decoder<'_> {
             }),
             _ => return None,
         };
-        // Far from zero a sound shape may have lost its form to rounding.
+        // Far from the origin, rounding may make a valid shape degenerate.
         let near = scene::Node::from(shape).with_points(&exact_points(f)).shape_at_its_first_point();
         if f.valid
             && near.is_none_or(|near| near.check().is_err())

@@ -1,13 +1,13 @@
-//! Cameras that pass overhead: where one looks along its own `up`, it keeps the roll that it has just had.
+//! The roll of moving cameras that pass overhead. A camera that looks along its own `up` keeps its previous roll.
 
 use super::Decoder;
 use canaletto::camera::{continue_roll, flips_roll, has_roll};
 use canaletto::scene::{Extrinsics, View};
 
-/// The cameras of the scene at other frames, counted from this one.
+/// The cameras of the scene at another frame, given by its offset from this one.
 pub(crate) type Neighbours<'a> = dyn Fn(f64) -> Vec<View> + 'a;
 
-/// How many frames are looked at, before and after this one, for a camera's roll.
+/// The largest number of frames before and after this one that are searched for a camera's roll.
 const MAX_FRAMES: u32 = 1000;
 
 impl Decoder<'_> {
@@ -20,7 +20,7 @@ impl Decoder<'_> {
             if view.motion.is_empty() && has_roll(&view.extrinsics) {
                 continue;
             }
-            // A camera without a direction, or with an `up` of no length, is a mistake at every frame.
+            // A camera without a direction, or with an `up` of length zero, is a mistake at every frame.
             let open = places().any(|place| !has_roll(place) && (place.eye - place.center).try_normalize().is_some());
             let before = if open { self.neighbour_with_roll(index) } else { None };
             let view = &mut self.scene.views[index];
@@ -39,7 +39,7 @@ impl Decoder<'_> {
         }
     }
 
-    /// The place of a camera at the nearest frame at which it has a roll; frames before this one go first.
+    /// The placement of a camera at the nearest frame at which its roll is defined. Frames before this one come first.
     fn neighbour_with_roll(&self, index: usize) -> Option<Extrinsics> {
         let offsets = (1..=MAX_FRAMES).map(|n| -f64::from(n)).chain((1..=MAX_FRAMES).map(f64::from));
         offsets.map_while(|offset| (self.neighbours)(offset).get(index).map(|view| view.extrinsics)).find(has_roll)

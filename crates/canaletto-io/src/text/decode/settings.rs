@@ -1,6 +1,6 @@
-//! Camera, film, integrator, materials and the scene's own colours.
+//! Decoding of camera, film, integrator, materials and scene-wide colours.
 //!
-//! Of a node that stands in several files, the later ones change what they say and keep the rest.
+//! If a node occurs in several files, later files change the fields that they set and keep the others.
 
 use super::Decoder;
 use super::fields::{Entry, Fields};
@@ -23,7 +23,7 @@ pub(super) fn is_setting(node: &Node) -> bool {
 }
 
 impl<'a> Decoder<'a> {
-    /// Reads the materials, so that all objects find theirs wherever they stand.
+    /// Decodes the materials first, so that all objects can refer to them.
     pub(super) fn materials<'n: 'a>(&mut self, nodes: &'n [Node]) {
         let mut places: HashMap<&str, Span> = HashMap::new();
         for node in nodes.iter().filter(|node| &*node.name == "material") {
@@ -35,7 +35,7 @@ impl<'a> Decoder<'a> {
             let unpacked = node.packed.and_then(|_| syntax::unpack(node, self.judge.files.slice(node.span)).pop());
             let fields = self.judge.fields(unpacked.as_ref().unwrap_or(node), &schema::MATERIAL, &title);
             self.valid &= fields.valid;
-            // What is packed keeps its name, which outlives what was read again.
+            // A packed node keeps its name, which outlives the node that was parsed again.
             let kept = node.values.first().and_then(|v| v.as_text()).or_else(|| Some(node.text("name")?.0));
             let Some(name) = kept.filter(|_| fields.text("name").is_some()) else { continue };
             let span = fields.span("name");
@@ -72,7 +72,7 @@ impl<'a> Decoder<'a> {
         }
     }
 
-    /// Reads the rest of the settings in the order of the files.
+    /// Decodes the other settings in the order of the files.
     pub(super) fn settings(&mut self, nodes: &[Node]) {
         let mut places: HashMap<(&str, &str), Span> = HashMap::new();
         let mut last: Vec<Fields> = Vec::new();
@@ -293,7 +293,7 @@ impl<'a> Decoder<'a> {
         })
     }
 
-    /// Checks the cameras as all files together make them, and the crop window in them.
+    /// Validates the cameras as merged from all files, and the crop window in them.
     fn check_views(&mut self, last: &[Fields], film: Option<&Fields>) {
         let mut outside = None;
         let mut inside = false;
@@ -310,14 +310,14 @@ impl<'a> Decoder<'a> {
                 }
             }
         }
-        // With several cameras it fits the one that it was made for.
+        // With several cameras, the window must fit only one.
         if let (Some(problem), Some(film), false) = (outside, film, inside) {
             self.judge.report.error(film.span("crop"), problem);
             self.valid = false;
         }
     }
 
-    /// Reports a sentence that starts with the word that it is about.
+    /// Reports a sentence that starts with the field that it is about.
     pub(super) fn out_of_range(&mut self, fields: &Fields, problem: &str) {
         let word = problem.split([' ', ':']).next().unwrap_or_default();
         let span = fields.span(if fields.has("colour") { "colour" } else { word });
@@ -326,7 +326,7 @@ impl<'a> Decoder<'a> {
     }
 }
 
-/// Where the camera is while the shutter is open, if keys in this node or one before move it.
+/// The places of the camera while the shutter is open, if keys in this node or an earlier one move it.
 fn keyed_motion(view: &View, fields: &Fields) -> Option<Vec<Extrinsics>> {
     let moves = |word| fields.raw(word).is_some_and(Entry::moves);
     let mut motion = match view.motion.len() {

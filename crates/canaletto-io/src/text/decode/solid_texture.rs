@@ -1,4 +1,4 @@
-//! Textures that are no images: ramps, grids of voxels, and functions that are computed.
+//! Decoding of textures that aren't images: ramps, voxel grids and procedural functions.
 
 use super::Decoder;
 use super::fields::Fields;
@@ -16,11 +16,11 @@ use canaletto::texture::{
     ColorSpace, Function, GridTexture, Image, Prefilter, Procedural, Ramp, Samples, Spectrum, Stop,
 };
 
-/// The most slices of a stack.
+/// The largest number of slices in a stack.
 const MAX_SLICES: u32 = 1 << 14;
 
 impl Decoder<'_> {
-    /// A function that is computed, or a ramp.
+    /// Decodes a procedural function or a ramp.
     pub(super) fn procedural(&mut self, kind: &str, f: &Fields) -> Option<Procedural> {
         let wrap = one_of(f, "wrap", WRAPS).unwrap_or(DEFAULT_RAMP_WRAP);
         let d = Spectrum::default();
@@ -84,11 +84,11 @@ impl Decoder<'_> {
             Ramp::default().stops
         };
         let interpolation = one_of(f, "interpolation", INTERPOLATIONS).unwrap_or_default();
-        // Nothing is left of numbers that were wrong, which was said.
+        // The list is empty if its numbers were invalid, which was reported.
         (!stops.is_empty()).then_some(Ramp { stops, interpolation })
     }
 
-    /// A grid of voxels.
+    /// Decodes a voxel grid.
     pub(super) fn grid(&mut self, f: &Fields) -> Option<GridTexture> {
         let (image, slices) = match (f.has("file"), f.has("stack")) {
             (true, false) => self.raw_grid(f)?,
@@ -114,7 +114,7 @@ impl Decoder<'_> {
         })
     }
 
-    /// Numbers without a header.
+    /// Reads a grid of raw numbers without a header.
     fn raw_grid(&mut self, f: &Fields) -> Option<(Image, u32)> {
         let (file, span) = (f.text("file")?, f.span("file"));
         if f.has("slices") {
@@ -176,7 +176,7 @@ impl Decoder<'_> {
         Some((image, depth))
     }
 
-    /// Images of slices.
+    /// Reads a stack of slice images.
     fn stack(&mut self, f: &Fields) -> Option<(Image, u32)> {
         let (pattern, span) = (f.text("stack")?, f.span("stack"));
         for word in ["size", "format", "channels"] {
@@ -237,7 +237,7 @@ impl Decoder<'_> {
     }
 }
 
-/// Puts a slice below the `count` that are there.
+/// Appends a slice below the `count` slices of the image.
 fn append(all: &mut Image, slice: Image, count: u32) -> Result<(), String> {
     let rows = all.height / count;
     if (slice.width, slice.height, slice.channels, slice.space) != (all.width, rows, all.channels, all.space) {

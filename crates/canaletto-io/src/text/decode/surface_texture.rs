@@ -1,4 +1,4 @@
-//! Textures on materials.
+//! Decoding of textures on materials.
 
 use super::Decoder;
 use super::fields::{Entry, Fields};
@@ -16,7 +16,7 @@ impl Decoder<'_> {
 
     fn surface_texture(&mut self, got: &Entry) -> Option<TextureUse> {
         let Some(node) = got.node else {
-            // A property: no more than the texture's name.
+            // As a property, it is only the texture's name.
             let name = got.values.first()?.as_text()?;
             let texture = self.named_texture(name, got.span)?;
             return Some(TextureUse { mapping: self.mapping_of(texture), ..TextureUse::new(texture, Target::Diffuse) });
@@ -73,7 +73,7 @@ impl Decoder<'_> {
         found
     }
 
-    /// The mapping of a texture where nothing says which.
+    /// The default mapping of a texture.
     fn mapping_of(&self, texture: u32) -> Mapping {
         let kind = self.scene.textures.get(texture as usize).map(|texture| &texture.kind);
         kind.map_or_else(Mapping::default, Mapping::usual)
@@ -107,7 +107,7 @@ impl Decoder<'_> {
         Mapping { projection, space, transform: self.transform(f).after(&usual), repeat: Repeat(repeat) }
     }
 
-    /// Reports words that say nothing about this use.
+    /// Reports fields that don't apply to this use.
     fn only_for(&mut self, f: &Fields, target: Target) {
         let normal = matches!(target, Target::Normal { .. });
         let heights = matches!(target, Target::Bump | Target::Displace { .. });

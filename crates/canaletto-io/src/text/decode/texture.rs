@@ -1,4 +1,4 @@
-//! Textures, and the images that they name. Textures that name the same file share its image.
+//! Decoding of textures and of the images that they name. Textures that name one file share its image.
 
 use super::Decoder;
 use super::fields::Fields;
@@ -12,10 +12,10 @@ use canaletto::texture::{ColorSpace, Image, ImageTexture, Texture, TextureKind};
 use std::collections::HashMap;
 use std::path::PathBuf;
 
-/// The most memory that a scene's images may take together.
+/// The largest total memory of a scene's images in bytes.
 pub(crate) const MAX_IMAGE_BYTES: u64 = 8 << 30;
 
-/// The images that were read. Nothing stands for those that can't be, which is said once.
+/// The images that were read. `None` stands for a file that can't be read, which is reported once.
 #[derive(Default)]
 pub(super) struct Images {
     by_place: HashMap<PathBuf, Option<u32>>,
@@ -23,7 +23,7 @@ pub(super) struct Images {
 }
 
 impl<'a> Decoder<'a> {
-    /// Reads the textures, so that all materials find theirs wherever they stand.
+    /// Decodes the textures first, so that all materials can refer to them.
     pub(super) fn textures<'n: 'a>(&mut self, nodes: &'n [Node]) {
         let mut places: HashMap<&str, Span> = HashMap::new();
         for node in nodes.iter().filter(|node| &*node.name == "texture") {
@@ -45,7 +45,7 @@ impl<'a> Decoder<'a> {
                 self.valid = false;
                 continue;
             }
-            // A texture that can't be read keeps its name, so that nobody need miss it.
+            // A texture that can't be decoded keeps its name, so that it isn't reported as undefined.
             let kind = self.kind_of_texture(kind, &fields).unwrap_or_else(|| {
                 self.valid = false;
                 TextureKind::Constant([0.0; 4])
@@ -55,7 +55,7 @@ impl<'a> Decoder<'a> {
         }
     }
 
-    /// The word that says which words the node has.
+    /// The word that selects the schema of the node.
     fn texture_kind(&mut self, node: &Node) -> Option<&'static str> {
         let Some((text, span)) = node.text("kind") else { return Some(DEFAULT_KIND) };
         let kinds = TEXTURES.iter().map(|(kind, _)| *kind);
@@ -94,7 +94,7 @@ impl<'a> Decoder<'a> {
         })
     }
 
-    /// The number of the image in this file. What is wrong with it is reported where it is first named.
+    /// The index of the image of this file. Mistakes are reported at its first use.
     pub(super) fn image(&mut self, file: &str, span: Span) -> Option<u32> {
         let from = self.judge.files.get(span.file)?.path.clone();
         let place = from.location().parent().map(|folder| folder.join(file)).unwrap_or_else(|| file.into());
@@ -133,7 +133,7 @@ impl<'a> Decoder<'a> {
         image
     }
 
-    /// The bytes of a file that a node names; what is wrong with it is reported.
+    /// The bytes of a file that a node names; errors are reported.
     pub(super) fn opened(&mut self, file: &str, span: Span, from: &AssetPath) -> Option<Asset> {
         match self.assets.read(file, from) {
             Ok(asset) => Some(asset),
@@ -148,7 +148,7 @@ impl<'a> Decoder<'a> {
         }
     }
 
-    /// Adds an image to the scene's, if there is room; its number.
+    /// Adds an image to the scene, if the limit allows; returns its index.
     pub(super) fn add_image(&mut self, image: Image, span: Span) -> Option<u32> {
         let bytes: u64 = self.scene.images.iter().chain([&image]).map(|i| i.samples.bytes() as u64).sum();
         if bytes > MAX_IMAGE_BYTES {
@@ -161,7 +161,7 @@ impl<'a> Decoder<'a> {
     }
 }
 
-/// The colour space that a texture gives its image.
+/// The colour space that a texture declares for its image.
 pub(super) fn color_space(f: &Fields) -> Option<ColorSpace> {
     f.text("space").map(|space| match space {
         "srgb" => ColorSpace::Srgb,
@@ -170,7 +170,7 @@ pub(super) fn color_space(f: &Fields) -> Option<ColorSpace> {
     })
 }
 
-/// The value of a word that is one of several.
+/// The value of a field that has one of several words.
 pub(super) fn one_of<T: Copy>(f: &Fields, word: &str, words: &[(&str, T)]) -> Option<T> {
     let text = f.text(word)?;
     words.iter().find(|(name, _)| *name == text).map(|(_, value)| *value)

@@ -1,4 +1,4 @@
-//! Transforms, applied in the order in which they are written, at once or while the shutter is open.
+//! Decoding of transforms, applied in the order in which they are written, and of motion while the shutter is open.
 
 use super::Decoder;
 use super::fields::{Entry, Fields};
@@ -9,7 +9,7 @@ use canaletto::math::{AnimatedTransform, Transform};
 use glam::{DAffine3, DMat3, DVec3};
 
 impl Decoder<'_> {
-    /// The node's transforms as one, the first line first.
+    /// The composition of the node's transforms; the first line is applied first.
     pub(super) fn transform(&mut self, fields: &Fields) -> Transform {
         let mut all = Transform::IDENTITY;
         for got in fields.transforms.iter().filter(|got| got.is_good()) {
@@ -29,13 +29,13 @@ impl Decoder<'_> {
         all
     }
 
-    /// Where a node is, and how it moves from there while the shutter is open: by keys in its transforms, or by `motion`.
+    /// The placement of a node, and its motion while the shutter is open: by keys in its transforms, or by `motion`.
     pub(super) fn placed_in_time(&mut self, fields: &Fields) -> (Transform, Vec<Transform>) {
         let Some(first) = fields.transforms.iter().position(Entry::moves) else {
             return (self.transform(fields), self.motion(fields));
         };
         let span = fields.transforms[first].span;
-        // What comes before the first that moves stays; the whole is checked as it is at the frame's own time.
+        // Transforms before the first moving one are constant. The whole is validated at the frame's own time.
         self.transform(fields);
         let mut wrong = |message: String, at| {
             self.valid = false;
@@ -67,8 +67,8 @@ impl Decoder<'_> {
         }
     }
 
-    /// The poses of what moves while the shutter is open: its transforms done in part, ever more of them. Things turn from
-    /// pose to pose by the short way, so that large turns take several.
+    /// The poses of `motion` while the shutter is open: increasing parts of its transforms. Rotations between poses
+    /// take the shorter direction, so large rotations need several poses.
     pub(super) fn motion(&mut self, fields: &Fields) -> Vec<Transform> {
         if !fields.has(MOTION_WORD.name) {
             return Vec::new();
@@ -111,12 +111,12 @@ impl Decoder<'_> {
     }
 }
 
-/// The most degrees that `motion` turns by.
+/// The largest rotation of `motion` in degrees.
 const MOST_TURN: f64 = 2880.0;
-/// The degrees between two of its poses, well below the half turn of which nobody knows which way it goes.
+/// The rotation between two poses in degrees, well below the half turn at which its direction is ambiguous.
 const TURN_STEP: f64 = 45.0;
 
-/// The share `f` of a transform.
+/// The part `f`, from 0 to 1, of a transform.
 fn partly(got: &Entry, f: f64) -> Result<Transform, String> {
     let whole = single(got)?;
     if f == 1.0 {
@@ -163,7 +163,7 @@ fn single(got: &Entry) -> Result<Transform, String> {
     }
 }
 
-/// Rows of a 3 × 4 matrix, or of a 4 × 4 one.
+/// Parses the rows of a 3 × 4 or 4 × 4 matrix.
 fn matrix(got: &Entry) -> Result<Transform, String> {
     let mut rows = [0.0; 12];
     if let Some(all) = got.numbers::<16>() {

@@ -1,19 +1,19 @@
-//! What surrounds the scene.
+//! The schema of environments.
 
 use super::settings::{flag, quoted, rgb};
 use super::{FieldSchema, NUMBER, NodeSchema, POINT, ValueType};
 use canaletto::light::environment::{Sky, Smoothing};
 use canaletto::math::Rgb;
 
-/// The filters of environments with their words.
+/// The filters of environments and their words.
 pub(crate) const SMOOTHINGS: &[(&str, Smoothing)] =
     &[("nearest", Smoothing::Nearest), ("bilinear", Smoothing::Bilinear)];
 
-/// The environments, by kind, in the order of the reference.
+/// The schemas of environments by kind, in the order of the reference.
 pub(crate) const ENVIRONMENTS: &[(&str, &NodeSchema)] =
     &[("cube", &CUBE), ("cross", &CROSS), ("lat-long", &LAT_LONG), ("gradient", &GRADIENT), ("sky", &SKY)];
 
-/// The words of a kind of environment.
+/// The schema of a kind of environment.
 pub(crate) fn environment(kind: &str) -> Option<&'static NodeSchema> {
     ENVIRONMENTS.iter().find(|(name, _)| *name == kind).map(|(_, words)| *words)
 }

@@ -1,4 +1,4 @@
-//! What the eye's rays are spread over besides the pixel: the words about lens and shutter.
+//! The schema of lens and shutter, over which camera rays are sampled.
 
 use super::{FieldSchema, NUMBER, NodeSchema, POINT, ValueType};
 
@@ -25,7 +25,7 @@ pub(crate) static LENS: NodeSchema = NodeSchema::new(
 )
 .example("camera { eye 0 2 9; center 0 1 0; lens { radius 0.1; focus-point 0 1 2; blades 6; rotation 15 } }");
 
-/// `motion` in whatever has transforms.
+/// `motion` in nodes that have transforms.
 pub(crate) static MOTION: NodeSchema = NodeSchema::new(
     "motion",
     "What happens to an object, group or light while the shutter is open, after its own transforms: the transforms in here, \
@@ -35,7 +35,7 @@ pub(crate) static MOTION: NodeSchema = NodeSchema::new(
 .transforms()
 .example("box { min -1 -1 -1; max 1 1 1; rotate-x 10; motion { rotate-y 90; translate 3 0 0 } }");
 
-/// The word for it.
+/// The field for [`MOTION`].
 pub(crate) static MOTION_WORD: FieldSchema =
     FieldSchema::new("motion", ValueType::Node(&MOTION), "how it moves while the shutter is open; see Motion blur");
 
@@ -52,7 +52,7 @@ pub(crate) static CAMERA_MOTION: NodeSchema = NodeSchema::new(
 )
 .example("camera { eye 0 2 9; center 0 1 0; motion { eye 1 2 9 } }");
 
-/// The corners of a lens where nothing says so.
+/// The default number of corners of the lens.
 pub(crate) const DEFAULT_BLADES: u32 = 0;
-/// How they are turned where nothing says so.
+/// The default rotation of the lens corners.
 pub(crate) const DEFAULT_LENS_ROTATION: f64 = 0.0;

@@ -1,4 +1,4 @@
-//! The words of the scene text in one table: the decoder's judge and the reference's source.
+//! The schema of the scene text in one table, from which the decoder validates nodes and the reference is generated.
 
 mod environments;
 mod lens;
@@ -25,26 +25,26 @@ pub(crate) use textures::{
     INTERPOLATIONS, NUMBERS, PLACEMENTS, PREFILTERS, TEXTURES, WRAPS, texture,
 };
 
-/// What a word takes.
+/// The type of a field's values.
 #[derive(Clone, Copy)]
 pub(crate) enum ValueType {
-    /// Numbers, one of these many.
+    /// Numbers; the slice lists the allowed counts.
     Numbers(&'static [usize]),
-    /// 1 number (gray) or 3.
+    /// A colour: 1 number (gray) or 3.
     Rgb,
-    /// A whole number from 0.
+    /// A non-negative integer.
     Count,
-    /// Whole numbers, this many.
+    /// Non-negative integers, this many.
     Counts(usize),
-    /// `#true` or `#false`; nothing means `#true`.
+    /// `#true` or `#false`; no value means `#true`.
     Flag,
     /// Any text.
     Text,
-    /// One of these words.
+    /// One of these keywords.
     Keyword(&'static [&'static str]),
-    /// Any number of numbers, a multiple of this.
+    /// Any number of numbers, in multiples of this count.
     Many(usize),
-    /// A node with words of its own.
+    /// A block with a schema of its own.
     Node(&'static NodeSchema),
 }
 
@@ -53,31 +53,31 @@ pub(crate) const NUMBER: ValueType = ValueType::Numbers(&[1]);
 /// A point or direction.
 pub(crate) const POINT: ValueType = ValueType::Numbers(&[3]);
 
-/// A word inside a node: a property or child of it, or its own values.
+/// A field of a node: a property, a child, or the node's own values.
 pub(crate) struct FieldSchema {
     pub(crate) name: &'static str,
     pub(crate) value_type: ValueType,
-    /// Whether the node means nothing without it.
+    /// Whether the field is required.
     pub(crate) needed: bool,
-    /// Whether it may stand there more than once.
+    /// Whether the field may occur more than once.
     pub(crate) many: bool,
-    /// What holds without it; asked from the code that uses it.
+    /// The default value as text, computed from the code that uses it.
     pub(crate) default: fn() -> String,
     pub(crate) doc: &'static str,
 }
 
-/// A node.
+/// The schema of a node.
 pub(crate) struct NodeSchema {
-    /// What it is called; lights add their kind.
+    /// The name of the node; lights add their kind.
     pub(crate) name: &'static str,
     pub(crate) doc: &'static str,
-    /// The values that stand right after its name.
+    /// The values right after the node's name.
     pub(crate) argument: Option<FieldSchema>,
-    /// Its words, in groups that nodes share.
+    /// The fields, in groups that nodes share.
     pub(crate) words: &'static [&'static [FieldSchema]],
-    /// Whether transforms may stand in it.
+    /// Whether transforms are allowed in it.
     pub(crate) transforms: bool,
-    /// Whether objects and lights may stand in it.
+    /// Whether objects and lights are allowed in it.
     pub(crate) objects: bool,
     pub(crate) example: &'static str,
 }
@@ -132,7 +132,7 @@ impl NodeSchema {
         self
     }
 
-    /// Whether `motion` may stand in it: wherever transforms may, except in itself.
+    /// Whether `motion` is allowed in it: wherever transforms are, except in `motion` itself.
     pub(crate) fn may_move(&self) -> bool {
         self.transforms && self.name != MOTION.name
     }
@@ -145,7 +145,7 @@ impl NodeSchema {
         self.own().find(|word| word.name == name)
     }
 
-    /// Every word that may stand in it.
+    /// Every word that is allowed in it.
     pub(crate) fn allowed(&self) -> Vec<&'static str> {
         let mut all: Vec<&str> = self.own().map(|word| word.name).collect();
         if self.transforms {
@@ -159,22 +159,22 @@ impl NodeSchema {
     }
 }
 
-/// The words for what may stand in a group.
+/// The words of the nodes that are allowed in a group.
 pub(crate) fn objects() -> impl Iterator<Item = &'static str> {
     OBJECTS.iter().map(|words| words.name).chain(["light"])
 }
 
-/// The words for what may stand at the top of a file.
+/// The words of the nodes that are allowed at the top level of a file.
 pub(crate) fn top() -> Vec<&'static str> {
     SETTINGS.iter().map(|words| words.name).chain(["environment", "texture"]).chain(objects()).collect()
 }
 
-/// The node of this name; a light by its kind.
+/// The schema of the node of this name; lights are found by their kind.
 pub(crate) fn node(name: &str) -> Option<&'static NodeSchema> {
     SETTINGS.iter().chain(OBJECTS).copied().find(|words| words.name == name)
 }
 
-/// Words that people bring from elsewhere, and ours for the same thing.
+/// Common words of other formats, and the words of the scene text for them.
 pub(crate) const SYNONYMS: &[(&str, &str)] = &[
     ("albedo", "kd"),
     ("aperture", "lens"),
@@ -240,7 +240,7 @@ pub(crate) const SYNONYMS: &[(&str, &str)] = &[
     ("width", "size"),
 ];
 
-/// How what a word takes is said in messages and in the reference.
+/// The description of a value type in messages and in the reference.
 impl std::fmt::Display for ValueType {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
@@ -272,7 +272,7 @@ impl std::fmt::Display for ValueType {
     }
 }
 
-/// A node in whose braces the word belongs, if there is only one kind of it.
+/// A phrase that names the nodes with this field; `None` if there are none or too many.
 pub(crate) fn home(word: &str) -> Option<String> {
     let all = SETTINGS.iter().chain(OBJECTS).map(|words| (*words, words.name.to_owned()));
     let lights = LIGHTS.iter().map(|(kind, words)| (*words, format!("light \"{kind}\"")));

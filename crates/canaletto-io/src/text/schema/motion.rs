@@ -1,10 +1,10 @@
-//! Time: the words about frames, paths and what follows them. Keys themselves belong to every word.
+//! The schema of time: frames, paths and the nodes that follow them. Keys are allowed in every field.
 
 use super::settings::quoted;
 use super::{FieldSchema, NUMBER, NodeSchema, POINT, ValueType};
 use crate::animation::Ease;
 
-/// Frames of a second where nothing says so.
+/// The default frame rate in frames per second.
 pub(crate) const DEFAULT_FPS: f64 = 25.0;
 
 pub(crate) static ANIMATION: NodeSchema = NodeSchema::new(
@@ -88,7 +88,7 @@ pub(crate) static TURN: FieldSchema = FieldSchema::new(
     "whether degrees count, or the short way round is taken",
 );
 
-/// The eases by name with what they do, for the reference.
+/// The eases by name with their descriptions, for the reference.
 pub(crate) fn ease_words() -> Vec<(&'static str, &'static str)> {
     let doc = |ease: Ease| match ease {
         Ease::Step => "the value holds, and jumps at the next key",

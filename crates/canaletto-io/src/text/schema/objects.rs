@@ -1,4 +1,4 @@
-//! Shapes, meshes, clouds, groups and lights.
+//! The schema of shapes, meshes, clouds, groups and lights.
 
 use super::motion::FOLLOW;
 use super::settings::{flag, quoted};
@@ -7,7 +7,7 @@ use canaletto::light::{Emission, Light, LightKind, Omni};
 use canaletto::math::Rgb;
 use glam::Vec3;
 
-/// The words that move an object.
+/// The transforms of an object.
 pub(crate) const TRANSFORMS: &[FieldSchema] = &[
     FieldSchema::new("translate", POINT, "moves by x y z"),
     FieldSchema::new(
@@ -42,15 +42,15 @@ const MATERIAL: FieldSchema =
 
 const OBJECT: &[FieldSchema] = &[NAME, MATERIAL];
 
-/// Whether cylinders and cones are closed where nothing says so.
+/// Whether cylinders and cones are capped by default.
 pub(crate) const DEFAULT_CAPS: bool = true;
-/// A cone's radius at the top where nothing says so.
+/// The default top radius of a cone.
 pub(crate) const DEFAULT_TOP_RADIUS: f32 = 0.0;
-/// The points of a disk light where nothing says so: the chapter's.
+/// The default number of points of a disk light, as in the chapter.
 pub(crate) const DEFAULT_POINTS: u32 = 16;
-/// A light's intensity where nothing says so.
+/// The default intensity of a light.
 pub(crate) const DEFAULT_INTENSITY: f32 = 1.0;
-/// A spotlight's inner angle where nothing says so.
+/// The default inner angle of a spotlight.
 pub(crate) const DEFAULT_INNER: f32 = 0.0;
 
 const CAPS: FieldSchema =
@@ -58,7 +58,7 @@ const CAPS: FieldSchema =
 const ONE_SIDED: FieldSchema =
     FieldSchema::new("one-sided", ValueType::Flag, "whether rays from behind pass through").or(|| flag(false));
 
-/// The nodes that may stand in groups, except lights, in the order of the reference.
+/// The nodes that are allowed in groups, except lights, in the order of the reference.
 pub(crate) const OBJECTS: &[&NodeSchema] = &[
     &SPHERE, &BOX, &TRIANGLE, &PLANE, &DISK, &CYLINDER, &CONE, &TORUS, &MESH, &SPHERES, &CYLINDERS, &GROUP, &PROTOTYPE,
     &INSTANCE,
@@ -328,7 +328,7 @@ const fn kind(word: &'static [&'static str]) -> FieldSchema {
     FieldSchema::new("kind", ValueType::Keyword(word), "the kind of light").needed()
 }
 
-/// The lights, by kind, in the order of the reference.
+/// The schemas of lights by kind, in the order of the reference.
 pub(crate) const LIGHTS: &[(&str, &NodeSchema)] = &[
     ("omni", &OMNI),
     ("directional", &DIRECTIONAL),
@@ -339,7 +339,7 @@ pub(crate) const LIGHTS: &[(&str, &NodeSchema)] = &[
     ("mesh", &MESH_LIGHT),
 ];
 
-/// The words of a kind of light.
+/// The schema of a kind of light.
 pub(crate) fn light(kind: &str) -> Option<&'static NodeSchema> {
     LIGHTS.iter().find(|(name, _)| *name == kind).map(|(_, words)| *words)
 }

@@ -1,4 +1,4 @@
-//! Camera, film, integrator, materials and the scene's own colours.
+//! The schema of camera, film, integrator, materials and scene-wide colours.
 
 use super::lens::{CAMERA_MOTION, LENS};
 use super::motion::{ANIMATION, CAMERA_FOLLOW, PATH};
@@ -10,7 +10,7 @@ use canaletto::scene::{
 };
 use glam::DVec3;
 
-/// The nodes that say how, not what, in the order of the reference.
+/// The nodes of settings, as opposed to objects, in the order of the reference.
 pub(crate) const SETTINGS: &[&NodeSchema] =
     &[&INCLUDE, &BACKGROUND, &AMBIENT, &CAMERA, &FILM, &INTEGRATOR, &MATERIAL, &ANIMATION, &PATH];
 
@@ -77,7 +77,7 @@ pub(crate) static CAMERA: NodeSchema = NodeSchema::new(
 .argument(FieldSchema::new("name", ValueType::Text, "the name to choose it by").or(|| quoted(DEFAULT_CAMERA)))
 .example("camera \"side\" { eye 100 40 40; center 0 0 0; up 0 1 0; fovy 90; size 640 480 }");
 
-/// The name of a camera that has none.
+/// The default name of a camera.
 pub(crate) const DEFAULT_CAMERA: &str = "camera";
 
 pub(crate) static SAMPLE: NodeSchema = NodeSchema::new(
@@ -101,11 +101,11 @@ pub(crate) static SAMPLE: NodeSchema = NodeSchema::new(
     .or(|| quoted(Sampling::default().name())),
 );
 
-/// n where `sample` doesn't say.
+/// The default grid size n of `sample`.
 pub(crate) const DEFAULT_GRID: u32 = 4;
-/// The threshold where `sample` doesn't say.
+/// The default threshold of `sample`.
 pub(crate) const DEFAULT_THRESHOLD: f32 = 0.1;
-/// The sigma where `filter` doesn't say.
+/// The default sigma of `filter`.
 pub(crate) const DEFAULT_SIGMA: f32 = 0.5;
 
 pub(crate) static FILTER: NodeSchema = NodeSchema::new(
@@ -236,7 +236,7 @@ pub(crate) static MATERIAL: NodeSchema = NodeSchema::new(
 .argument(FieldSchema::new("name", ValueType::Text, "the name that objects refer to").needed())
 .example("material \"glass\" { kd 0 0 1; ks 1; n 50; eta 1.2; opacity 0.4 }");
 
-/// A colour as it would be written.
+/// A colour as scene text.
 pub(crate) fn rgb(c: Rgb) -> String {
     if c == Rgb::gray(c.r) { c.r.to_string() } else { format!("{} {} {}", c.r, c.g, c.b) }
 }

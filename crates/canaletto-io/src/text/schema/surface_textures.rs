@@ -1,11 +1,11 @@
-//! Textures on materials.
+//! The schema of textures on materials.
 
 use super::settings::quoted;
 use super::textures::word_of;
 use super::{FieldSchema, NUMBER, NodeSchema, ValueType};
 use canaletto::material::{Channel, Projection, Space, Target};
 
-/// The mappings with their words.
+/// The projections and their words.
 pub(crate) const PROJECTIONS: &[(&str, Projection)] = &[
     ("uv", Projection::Uv),
     ("planar", Projection::Planar),
@@ -16,11 +16,11 @@ pub(crate) const PROJECTIONS: &[(&str, Projection)] = &[
     ("solid", Projection::Solid),
 ];
 
-/// The spaces of mappings with their words.
+/// The spaces of projections and their words.
 pub(crate) const SPACES: &[(&str, Space)] =
     &[("object", Space::Object), ("world", Space::World), ("bounds", Space::Bounds)];
 
-/// The numbers of a texture with their words.
+/// The channels of a texture and their words.
 pub(crate) const CHANNELS: &[(&str, Channel)] = &[
     ("luminance", Channel::Luminance),
     ("red", Channel::Red),

@@ -1,4 +1,4 @@
-//! Textures.
+//! The schema of textures.
 
 use super::settings::quoted;
 use super::{FieldSchema, NUMBER, NodeSchema, ValueType};
@@ -6,10 +6,10 @@ use canaletto::texture::{Feature, Filter, Gradient, Interpolation, Placement, Pr
 
 const NAME: FieldSchema = FieldSchema::new("name", ValueType::Text, "the name that materials refer to").needed();
 
-/// The kind of a texture where nothing says so.
+/// The default kind of a texture.
 pub(crate) const DEFAULT_KIND: &str = "image";
 
-/// The textures, by kind, in the order of the reference.
+/// The schemas of textures by kind, in the order of the reference.
 pub(crate) const TEXTURES: &[(&str, &NodeSchema)] = &[
     ("image", &IMAGE),
     ("ramp", &RAMP),
@@ -24,7 +24,7 @@ pub(crate) const TEXTURES: &[(&str, &NodeSchema)] = &[
     ("worley", &WORLEY),
 ];
 
-/// The words of a kind of texture.
+/// The schema of a kind of texture.
 pub(crate) fn texture(kind: &str) -> Option<&'static NodeSchema> {
     TEXTURES.iter().find(|(name, _)| *name == kind).map(|(_, words)| *words)
 }
@@ -33,7 +33,7 @@ const fn kind(word: &'static [&'static str]) -> FieldSchema {
     FieldSchema::new("kind", ValueType::Keyword(word), "the kind of texture")
 }
 
-/// The filters with their words.
+/// The filters and their words.
 pub(crate) const FILTERS: &[(&str, Filter)] = &[
     ("nearest", Filter::Nearest),
     ("bilinear", Filter::Bilinear),
@@ -43,11 +43,11 @@ pub(crate) const FILTERS: &[(&str, Filter)] = &[
     ("cubic-spline", Filter::CubicSpline),
 ];
 
-/// The prefilters with their words.
+/// The prefilters and their words.
 pub(crate) const PREFILTERS: &[(&str, Prefilter)] =
     &[("none", Prefilter::None), ("trilinear", Prefilter::Trilinear), ("ewa", Prefilter::Ewa)];
 
-/// The wrap modes with their words.
+/// The wrap modes and their words.
 pub(crate) const WRAPS: &[(&str, Wrap)] = &[
     ("repeat", Wrap::Repeat),
     ("mirror", Wrap::Mirror),
@@ -56,14 +56,14 @@ pub(crate) const WRAPS: &[(&str, Wrap)] = &[
     ("transparent", Wrap::Transparent),
 ];
 
-/// The placements with their words.
+/// The placements and their words.
 pub(crate) const PLACEMENTS: &[(&str, Placement)] = &[("centers", Placement::Centers), ("edges", Placement::Edges)];
 
 const FILTER_WORDS: ValueType =
     ValueType::Keyword(&["nearest", "bilinear", "biquadratic", "bicubic", "quadratic-spline", "cubic-spline"]);
 const WRAP_WORDS: ValueType = ValueType::Keyword(&["repeat", "mirror", "clamp", "black", "transparent"]);
 
-/// The word for a value.
+/// The quoted word of a value.
 pub(crate) fn word_of<T: PartialEq>(words: &[(&'static str, T)], value: &T) -> String {
     words.iter().find(|(_, v)| v == value).map_or_else(String::new, |(word, _)| quoted(word))
 }
@@ -104,11 +104,11 @@ static IMAGE: NodeSchema = NodeSchema::new(
 .argument(NAME)
 .example("texture \"bricks\" file=\"bricks.png\" { filter \"bilinear\"; wrap \"repeat\"; texels \"edges\" }");
 
-/// The interpolations of ramps with their words.
+/// The interpolations of ramps and their words.
 pub(crate) const INTERPOLATIONS: &[(&str, Interpolation)] =
     &[("step", Interpolation::Step), ("linear", Interpolation::Linear), ("smooth", Interpolation::Smooth)];
 
-/// What gradients measure, with their words.
+/// The shapes of gradients and their words.
 pub(crate) const GRADIENTS: &[(&str, Gradient)] = &[
     ("linear", Gradient::Linear),
     ("cylindrical", Gradient::Cylindrical),
@@ -116,22 +116,22 @@ pub(crate) const GRADIENTS: &[(&str, Gradient)] = &[
     ("angular", Gradient::Angular),
 ];
 
-/// What Worley's texture measures, with its words.
+/// The features of Worley's texture and their words.
 pub(crate) const FEATURES: &[(&str, Feature)] =
     &[("nearest", Feature::Nearest), ("second", Feature::Second), ("edge", Feature::Edge)];
 
-/// The numbers of raw grids, with their words.
+/// The number types of raw grids, with their size in bytes.
 pub(crate) const NUMBERS: &[(&str, usize)] = &[("u8", 1), ("u16", 2), ("f32", 4)];
 
-/// The shift of marble's waves and of wood's rings where nothing says so.
+/// The default shift of marble's waves and of wood's rings.
 pub(crate) const DEFAULT_MARBLE: f32 = 2.0;
 pub(crate) const DEFAULT_WOOD: f32 = 0.3;
-/// How far Worley's points are scattered where nothing says so.
+/// The default scatter of Worley's points.
 pub(crate) const DEFAULT_JITTER: f32 = 1.0;
-/// The wrap mode of ramps and gradients where nothing says so.
+/// The default wrap mode of ramps and gradients.
 pub(crate) const DEFAULT_RAMP_WRAP: Wrap = Wrap::Clamp;
 
-/// The words of what becomes a colour through a ramp.
+/// The fields of textures that map to colours through a ramp.
 const COLORS: &[FieldSchema] = &[
     FieldSchema::new("stops", ValueType::Many(4), "colours at places: the place, then red, green and blue")
         .or(|| "0 0 0 0  1 1 1 1".into()),
