@@ -1,38 +1,38 @@
-//! Numbers between keys.
+//! Interpolation of numbers between keys.
 //!
-//! The ways between two keys, for each number by itself:
+//! Each number is interpolated by itself, by one of these eases:
 //!
-//! - `smooth`: a cubic that passes through all keys with a continuous slope and never beyond them. The slopes are those
-//!   of F. N. Fritsch and J. Butland, "A method for constructing local monotone piecewise cubic interpolants" (SIAM
-//!   J. Sci. Stat. Comput. 5, 1984), as in PCHIP, with its rule for the ends. It is the default because a number between
-//!   two keys stays between them: an opacity doesn't pass 1, a radius doesn't pass 0, a ball doesn't sink into the floor.
-//! - `spline`: the same with the slope of the parabola through a key and its neighbours (Catmull-Rom for keys at any
-//!   times). It swings through keys, and may swing beyond them.
-//! - `linear`, `step`, and three that start or stop: `in` (u²), `out` (its mirror image) and `in-out` (3u² − 2u³). The
-//!   first two are what gravity does, to the last digit.
+//! - `smooth`: a cubic through all keys with a continuous slope that never exceeds the keys. The slopes are those of F.
+//!   N. Fritsch and J. Butland, "A method for constructing local monotone piecewise cubic interpolants" (SIAM J. Sci.
+//!   Stat. Comput. 5, 1984), as in PCHIP, with its rule for the ends. It is the default because a number stays between
+//!   its two keys: an opacity doesn't exceed 1, a radius doesn't pass 0, a ball doesn't sink into the floor.
+//! - `spline`: a cubic with the slope of the parabola through a key and its neighbours (Catmull-Rom for keys at any
+//!   times). It may exceed the keys.
+//! - `linear`, `step`, and three eases from or to rest: `in` (u²), `out` (its mirror image) and `in-out` (3u² − 2u³).
+//!   `in` and `out` describe motion under gravity exactly.
 
-/// How a value goes from a key to the next one.
+/// The interpolation from a key to the next one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Ease {
     /// The value holds until the next key.
     Step,
-    /// Straight on.
+    /// Linear interpolation.
     Linear,
     /// A cubic that stays between the keys.
     #[default]
     Smooth,
-    /// A cubic that may swing beyond them.
+    /// A cubic that may exceed the keys.
     Spline,
-    /// From rest, ever faster.
+    /// The value starts at rest and accelerates.
     In,
-    /// Ever slower, to rest.
+    /// The value decelerates to rest.
     Out,
-    /// From rest to rest.
+    /// The value starts and ends at rest.
     InOut,
 }
 
 impl Ease {
-    /// All, with their names in the scene text.
+    /// All eases with their names in the scene text.
     pub(crate) const ALL: [(Ease, &str); 7] = [
         (Ease::Step, "step"),
         (Ease::Linear, "linear"),
@@ -43,12 +43,12 @@ impl Ease {
         (Ease::InOut, "in-out"),
     ];
 
-    /// The one of this name.
+    /// The ease of this name.
     pub(crate) fn from_name(name: &str) -> Option<Ease> {
         Ease::ALL.iter().find(|(_, n)| *n == name).map(|(ease, _)| *ease)
     }
 
-    /// The share of the way at a share `u` of the time; nothing for those that depend on neighbours.
+    /// The interpolation weight at the fraction `u` of the time; `None` for eases that depend on neighbouring keys.
     pub(crate) fn share(self, u: f64) -> Option<f64> {
         match self {
             Ease::Step => Some(0.0),
@@ -61,25 +61,25 @@ impl Ease {
     }
 }
 
-/// A value at a time.
+/// The values at a time.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Key {
     pub(crate) time: f64,
-    /// Its numbers; as many in every key of a curve.
+    /// The numbers; every key of a curve has equally many.
     pub(crate) values: Vec<f64>,
-    /// How it goes on from here.
+    /// The interpolation to the next key.
     pub(crate) ease: Ease,
 }
 
-/// Numbers as a function of time: before the first and after the last key they hold.
+/// Numbers as a function of time, constant before the first and after the last key.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Curve {
-    /// At least one, at increasing times.
+    /// At least one key, at increasing times.
     keys: Vec<Key>,
 }
 
 impl Curve {
-    /// A curve through these keys, of which there is at least one; their times increase, and each has as many numbers.
+    /// A curve through at least one key. Their times must increase, and their numbers must be equally many.
     pub(crate) fn new(keys: Vec<Key>) -> Curve {
         debug_assert!(keys.windows(2).all(|k| k[0].time < k[1].time && k[0].values.len() == k[1].values.len()));
         Curve { keys }
@@ -89,7 +89,7 @@ impl Curve {
         &self.keys
     }
 
-    /// The key at or before a time, and the share of the time to the next one; that is 0 at keys and beyond the ends.
+    /// The key at or before a time, and the fraction of the time to the next key; it is 0 at keys and beyond the ends.
     pub(crate) fn place(&self, time: f64) -> (usize, f64) {
         let after = self.keys.partition_point(|key| key.time <= time);
         if after == 0 || after == self.keys.len() {
@@ -109,14 +109,14 @@ impl Curve {
         (0..key.values.len()).map(|number| self.between(index, number, u)).collect()
     }
 
-    /// A number between the key `index` and the next one.
+    /// A number at the fraction `u` between the key `index` and the next one.
     fn between(&self, index: usize, number: usize, u: f64) -> f64 {
         let (a, b) = (self.value(index, number), self.value(index + 1, number));
         let ease = self.keys[index].ease;
         if let Some(share) = ease.share(u) {
             return a + (b - a) * share;
         }
-        // Slopes look at neighbours only where the way there is of the same kind: a jump has no slope.
+        // Slopes depend on a neighbouring segment only if it has an equal ease: a jump has no slope.
         let (before, after) = self.same_way(index);
         let slope = |i: usize| self.slope(i, number);
         let here = slope(index);
@@ -126,13 +126,13 @@ impl Curve {
         let tangent = if ease == Ease::Smooth { monotone } else { parabola };
         let m0 = tangent(here, h, d_before, d_after, true);
         let m1 = tangent(here, h, d_before, d_after, false);
-        // Hermite's cubic.
+        // The cubic Hermite interpolant.
         let v = 1.0 - u;
         let value = a * (v * v * (1.0 + 2.0 * u)) + b * (u * u * (1.0 + 2.0 * v)) + h * u * v * (m0 * v - m1 * u);
         if ease == Ease::Smooth { value.clamp(a.min(b), a.max(b)) } else { value }
     }
 
-    /// Whether the stretches before and after the one at `index` exist and are of its kind.
+    /// Whether the segments before and after the one at `index` exist and have an equal ease.
     pub(crate) fn same_way(&self, index: usize) -> (bool, bool) {
         let same = |i: usize| self.keys[i].ease == self.keys[index].ease;
         (index > 0 && same(index - 1), index + 2 < self.keys.len() && same(index + 1))
@@ -151,15 +151,15 @@ impl Curve {
     }
 }
 
-/// A neighbouring stretch: its slope and its length.
+/// The slope and length of a neighbouring segment.
 type Stretch = Option<(f64, f64)>;
 
-/// The slope at one end of a stretch of slope `d` and length `h`, after Fritsch and Butland.
+/// The slope at one end of a segment of slope `d` and length `h`, after Fritsch and Butland.
 fn monotone(d: f64, h: f64, before: Stretch, after: Stretch, start: bool) -> f64 {
     let (near, far) = if start { (before, after) } else { (after, before) };
     match (near, far) {
         (Some((e, g)), _) if d * e > 0.0 => {
-            // The harmonic mean, the shorter stretch counting more.
+            // The weighted harmonic mean; the shorter segment has the larger weight.
             let (w_d, w_e) = (2.0 * g + h, 2.0 * h + g);
             (w_d + w_e) / (w_d / d + w_e / e)
         }
@@ -178,7 +178,7 @@ fn monotone(d: f64, h: f64, before: Stretch, after: Stretch, start: bool) -> f64
     }
 }
 
-/// The same of the parabola through three keys.
+/// The slope at one end of a segment, of the parabola through three keys.
 fn parabola(d: f64, h: f64, before: Stretch, after: Stretch, start: bool) -> f64 {
     let (near, far) = if start { (before, after) } else { (after, before) };
     match (near, far) {
@@ -212,7 +212,7 @@ mod tests {
         }
     }
 
-    /// Values by hand from the definitions.
+    /// Values computed by hand from the definitions.
     #[test]
     fn ways_between_two_keys() {
         let of = |ease, u: f64| at(&curve(ease, &[(0.0, 0.0), (8.0, 16.0)]), 8.0 * u);
@@ -225,7 +225,7 @@ mod tests {
         assert_eq!([0.25, 0.5, 0.75].map(|u| of(Ease::InOut, u)), [2.5, 8.0, 13.5]);
     }
 
-    /// A parabola is its own spline, whatever the times of its keys.
+    /// The spline of a parabola is the parabola, whatever the times of its keys.
     #[test]
     fn splines_reproduce_parabolas() {
         let p = |t: f64| 3.0 - 2.0 * t + 0.25 * t * t;
@@ -237,8 +237,8 @@ mod tests {
         }
     }
 
-    /// The table of Akima's data in the paper of Fritsch and Carlson, for which monotone interpolants are judged: flat
-    /// parts stay flat, and nothing swings.
+    /// Akima's data from the paper of Fritsch and Carlson, a standard test of monotone interpolants: flat segments stay
+    /// flat, and nothing overshoots.
     #[test]
     fn smooth_stays_between_keys() {
         let data = [
@@ -262,7 +262,7 @@ mod tests {
             assert!(i > 800 || value == 10.0);
             last = value;
         }
-        // PCHIP's slopes by its formulas: at 9 the harmonic mean of 0.5 (over 1) and 2.25 (over 2), at 11 of 2.25 and 35.
+        // PCHIP's slopes: at 9 the harmonic mean of 0.5 (over 1) and 2.25 (over 2), at 11 that of 2.25 and 35.
         let (h8, h9) = (1.0, 2.0);
         let m9 = 3.0 * (h8 + h9) / ((2.0 * h9 + h8) / 0.5 + (h9 + 2.0 * h8) / 2.25);
         let m11 = 3.0 * (2.0 + 1.0) / ((2.0 * 1.0 + 2.0) / 2.25 + (1.0 + 2.0 * 2.0) / 35.0);

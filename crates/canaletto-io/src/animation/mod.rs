@@ -1,8 +1,8 @@
-//! Motion: numbers, turns and places as functions of time.
+//! Motion: numbers, rotations and places as functions of time.
 //!
-//! Nothing here knows of files. The scene text makes [`Curve`]s of its keys and a [`Path`] of its points, and asks for
-//! their values at a frame; a `Scene` holds what came out. Everything is `f64` arithmetic, `sqrt` and `libm`, so that a
-//! frame is the same on every machine.
+//! This module is independent of files. The scene text builds a [`Curve`] from keys and a [`Path`] from points, and
+//! evaluates them at a frame; a `Scene` holds the results. All arithmetic is `f64` with `sqrt` and `libm`, so that a
+//! frame is identical on every machine.
 
 mod curve;
 mod path;

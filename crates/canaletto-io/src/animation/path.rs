@@ -1,16 +1,17 @@
-//! A way through points, measured by its length.
+//! A path through points, parametrised by arc length.
 //!
-//! Straight lines, or the Catmull-Rom spline with centripetal parameters: the one of the family that has no loops and
-//! cusps between its points (C. Yuksel, S. Schaefer, J. Keyser, "Parameterization and applications of Catmull-Rom
-//! curves", Computer-Aided Design 43, 2011). Its length has no closed form: each piece is cut in [`PARTS`] parts whose
-//! lengths are five-point Gauss integrals of the speed, and a place is found by a few steps of Newton's.
+//! A path consists of straight lines, or is the Catmull-Rom spline with centripetal parameters. That one is the only
+//! one of the family without loops and cusps between its points (C. Yuksel, S. Schaefer, J. Keyser, "Parameterization
+//! and applications of Catmull-Rom curves", Computer-Aided Design 43, 2011). Its arc length has no closed form. Each
+//! piece is split in [`PARTS`] parts, whose lengths are five-point Gauss integrals of the speed. Newton's method then
+//! finds a place.
 
 use glam::DVec3;
 
-/// Parts of a spline's piece whose lengths are known.
+/// The number of parts of a spline piece whose lengths are stored.
 const PARTS: usize = 32;
 
-/// Nodes and weights of five-point Gauss-Legendre quadrature on -1 to 1.
+/// The nodes and weights of five-point Gauss-Legendre quadrature on -1 to 1.
 const GAUSS: [(f64, f64); 5] = [
     (-0.906_179_845_938_664, 0.236_926_885_056_189_08),
     (-0.538_469_310_105_683_1, 0.478_628_670_499_366_47),
@@ -19,13 +20,13 @@ const GAUSS: [(f64, f64); 5] = [
     (0.906_179_845_938_664, 0.236_926_885_056_189_08),
 ];
 
-/// A way to follow.
+/// A path to follow.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Path {
     pieces: Vec<Piece>,
-    /// The length up to the end of each part, all pieces in turn.
+    /// The arc length up to the end of each part, over all pieces in order.
     lengths: Vec<f64>,
-    /// Parts of each piece: 1 where it is straight.
+    /// The number of parts per piece: 1 if it is straight.
     parts: usize,
     closed: bool,
 }
@@ -45,7 +46,7 @@ impl Piece {
         b + (c * 2.0 + d * (3.0 * u)) * u
     }
 
-    /// The length from u0 to u1.
+    /// The arc length from u0 to u1.
     fn length(&self, u0: f64, u1: f64) -> f64 {
         let (middle, half) = ((u0 + u1) / 2.0, (u1 - u0) / 2.0);
         GAUSS.iter().map(|(x, w)| w * self.velocity(middle + half * x).length()).sum::<f64>() * half
@@ -53,10 +54,10 @@ impl Piece {
 }
 
 impl Path {
-    /// The way through these points, in straight lines or as a spline, and back to the first if it is closed.
+    /// The path through these points, in straight lines or as a spline; a closed one returns to the first point.
     ///
     /// # Errors
-    /// What is wrong with the points, as a sentence.
+    /// A sentence that says what is wrong with the points.
     pub(crate) fn new(points: &[DVec3], spline: bool, closed: bool) -> Result<Path, String> {
         let least = if closed { 3 } else { 2 };
         if points.len() < least {
@@ -100,13 +101,13 @@ impl Path {
         }
     }
 
-    /// Its whole length.
+    /// The total arc length.
     pub(crate) fn length(&self) -> f64 {
         self.lengths.last().copied().unwrap_or(0.0)
     }
 
-    /// The point at a share of the length, and the unit direction in which the path goes on there. An open path ends at
-    /// 0 and 1; a closed one goes round again.
+    /// The point at a fraction of the arc length, and the unit tangent there. An open path clamps the fraction to 0 to
+    /// 1; a closed path repeats.
     pub(crate) fn at(&self, share: f64) -> (DVec3, DVec3) {
         let share = if self.closed { share - libm::floor(share) } else { share.clamp(0.0, 1.0) };
         let wanted = share * self.length();
@@ -125,15 +126,15 @@ impl Path {
             u = (u - (piece.length(low, u) - (wanted - start)) / speed).clamp(low, high);
         }
         let direction = piece.velocity(u).try_normalize();
-        // Where the spline stands still for a moment, its direction is the one a little further.
+        // Where the spline's speed is zero, the direction is that a little further.
         let ahead = || (piece.point(high) - piece.point(low)).normalize_or(DVec3::X);
         (piece.point(u), direction.unwrap_or_else(ahead))
     }
 }
 
-/// The piece from p to q of the centripetal spline; without a neighbour the slope is that of the parabola.
+/// The piece from p to q of the centripetal spline. Without a neighbour the slope is that of the parabola.
 fn spline_piece(before: Option<DVec3>, p: DVec3, q: DVec3, after: Option<DVec3>) -> Piece {
-    // The parameter grows with the square root of the distance.
+    // The parameter increases by the square root of the distance.
     let step = |a: DVec3, b: DVec3| (b - a).length().sqrt();
     let h = step(p, q);
     let d = (q - p) / h;
@@ -168,7 +169,8 @@ mod tests {
         assert_eq!(square.at(2.125).0, DVec3::new(0.5, 0.0, 0.0));
     }
 
-    /// Many points of a circle: the spline is the circle to its order, its length 2π, and its speed even.
+    /// A spline through many points of a circle approximates it to the spline's order: its length is 2π and its speed
+    /// uniform.
     #[test]
     fn a_circle_of_points_is_a_circle() {
         let n = 64;
@@ -188,7 +190,7 @@ mod tests {
         }
     }
 
-    /// Equal shares are equal lengths even where points crowd, measured with chords.
+    /// Equal fractions are equal arc lengths even where points are dense, measured by chords.
     #[test]
     fn speed_is_even() {
         let list = [[0.0, 0.0], [0.1, 0.05], [0.2, 0.0], [5.0, 4.0], [5.1, 4.0], [9.0, -3.0]];

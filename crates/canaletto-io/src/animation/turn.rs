@@ -1,15 +1,16 @@
-//! Rotations between keys, the short way round.
+//! Interpolation of rotations between keys, in the shorter direction.
 //!
-//! Between two keys the rotation turns evenly around one axis (slerp: K. Shoemake, "Animating rotation with quaternion
-//! curves", SIGGRAPH 1985). Through several keys it follows the pyramid of Barry and Goldman with slerp for its straight
-//! lines (J. Schlag, "Using geometric constructions to interpolate orientation with quaternions", Graphics Gems II,
-//! 1991): the Catmull-Rom spline of rotations, for keys at any times. At the ends the neighbour that is missing is the
-//! one that goes on evenly, so that two keys alone make a plain slerp.
+//! Between two keys the rotation turns uniformly around one axis (slerp: K. Shoemake, "Animating rotation with
+//! quaternion curves", SIGGRAPH 1985). Through several keys it follows the pyramid of Barry and Goldman with slerp in
+//! place of straight lines (J. Schlag, "Using geometric constructions to interpolate orientation with quaternions",
+//! Graphics Gems II, 1991). This is the Catmull-Rom spline of rotations, for keys at any times. At the ends the missing
+//! neighbour is extrapolated uniformly, so that two keys alone make a plain slerp.
 
 use super::curve::Curve;
 use glam::{DQuat, DVec3};
 
-/// The rotation of a curve at a time; the four numbers of its keys are a quaternion x y z w. At keys it is the key's.
+/// The rotation of a curve at a time; the four numbers of its keys are a quaternion x y z w. At a key it is exactly
+/// that of the key.
 pub(crate) fn turned(curve: &Curve, time: f64) -> DQuat {
     let (index, u) = curve.place(time);
     let quat = |i: usize| curve.keys().get(i).map_or(DQuat::IDENTITY, |key| DQuat::from_slice(&key.values));
@@ -35,15 +36,15 @@ pub(crate) fn turned(curve: &Curve, time: f64) -> DQuat {
     part(part(ab, ta, bc, tc), tb, part(bc, tb, cd, td), tc)
 }
 
-/// Of the two quaternions of a rotation the one that is nearer.
+/// The quaternion of the rotation `q`, q or −q, that is nearer to `to`.
 fn near(to: DQuat, q: DQuat) -> DQuat {
     if to.dot(q) < 0.0 { -q } else { q }
 }
 
-/// On the great circle from p to q, the short way; beyond them for shares outside 0 to 1.
+/// The point at a fraction of the shorter great circle from p to q, extrapolated for fractions outside 0 to 1.
 fn slerp(p: DQuat, q: DQuat, share: f64) -> DQuat {
     let q = near(p, q);
-    // The angle from its tangent: exact for small angles, unlike its cosine.
+    // The angle is computed from its tangent, which is exact for small angles, unlike the cosine.
     let angle = 2.0 * libm::atan2((p - q).length(), (p + q).length());
     let sin = libm::sin(angle);
     if angle < 1e-8 {
@@ -52,7 +53,7 @@ fn slerp(p: DQuat, q: DQuat, share: f64) -> DQuat {
     (p * (libm::sin((1.0 - share) * angle) / sin) + q * (libm::sin(share * angle) / sin)).normalize()
 }
 
-/// The quaternion of a turn by degrees around an axis; nothing if the axis has no direction.
+/// The quaternion of a rotation in degrees around an axis; `None` if the axis has no direction.
 pub(crate) fn quaternion([x, y, z, degrees]: [f64; 4]) -> Option<DQuat> {
     let axis = DVec3::new(x, y, z).try_normalize()?;
     let (sin, cos) = libm::sincos((degrees % 720.0).to_radians() / 2.0);
@@ -60,7 +61,7 @@ pub(crate) fn quaternion([x, y, z, degrees]: [f64; 4]) -> Option<DQuat> {
     Some(DQuat::from_xyzw(v.x, v.y, v.z, cos))
 }
 
-/// The axis and the degrees, 0 to 180, of a rotation.
+/// The axis of a rotation and its angle in degrees, 0 to 180.
 pub(crate) fn axis_angle(q: DQuat) -> [f64; 4] {
     let q = if q.w < 0.0 { -q } else { q };
     let v = DVec3::new(q.x, q.y, q.z);
@@ -97,7 +98,7 @@ mod tests {
         assert!((degrees(&of(170.0, -170.0), 2.0).abs() - 180.0).abs() < 1e-12);
     }
 
-    /// Rotations about one axis are numbers: the pyramid must do what Catmull-Rom does to the angles.
+    /// Rotations about one axis are numbers: the pyramid must equal the Catmull-Rom spline of the angles.
     #[test]
     fn around_one_axis_it_is_the_spline_of_the_angles() {
         let keys = [(0.0, 0.0), (1.0, 30.0), (3.0, 50.0), (4.0, 120.0)];
@@ -123,7 +124,7 @@ mod tests {
         for t in [2.0, 3.0] {
             let e = 1e-4;
             let (a, b, c) = (turned(&curve, t - e), turned(&curve, t), turned(&curve, t + e));
-            // The speed (as a vector) on both sides.
+            // The angular velocity on both sides of the key.
             let speed = |p: DQuat, q: DQuat| {
                 let [x, y, z, d] = axis_angle(near(p, q) * p.inverse());
                 DVec3::new(x, y, z) * (d / e)

@@ -1,9 +1,9 @@
-//! OpenEXR: the first part with colour or grey, in single or half precision as it is.
+//! OpenEXR: the first part with colour or grey, stored in single or half precision as in the file.
 //!
-//! A file is opened here, and its blocks found; the crate `exr` reads headers and unpacks blocks. Blocks are unpacked side by
-//! side, each in a door of its own ([`guarded`]): the crate's own threads end the program where one panics. Its DWA decoder
-//! takes as much memory as a block announces, and other kernels on other processors, which round differently (its
-//! `compression/dwa/discrete_cosine_transform`); DWA is refused.
+//! This module opens a file and finds its blocks; the crate `exr` reads headers and unpacks blocks. Blocks are unpacked
+//! in parallel, each inside a [`guarded`] call, because a panic on the crate's own threads ends the program. DWA
+//! compression is refused: the crate's decoder allocates as much memory as a block declares. It also has different
+//! kernels for different processors, which round differently (its `compression/dwa/discrete_cosine_transform`).
 
 use super::{DENSEST, ImageError, SMALL, decoder, is_ordinary, judge, room};
 use crate::guard::guarded;
@@ -24,17 +24,17 @@ use std::ops::Range;
 
 const FORMAT: &str = "OpenEXR";
 const CHROMA: &str = "colour as luminance and chroma (Y RY BY)";
-/// What is said of files packed so.
+/// The name of the unsupported compression in messages.
 pub(super) const DWA: &str = "DWA compression";
 
-/// Blocks that are unpacked before they are put where they belong take no more than this, but for a single one.
+/// The largest memory of unpacked blocks that wait to be copied, in bytes. A single block may exceed it.
 const BATCH: usize = 16 << 20;
 
-/// A file whose parts are known and judged.
+/// A file whose headers are parsed and validated.
 pub(crate) struct File<'a> {
     bytes: &'a [u8],
     meta: MetaData,
-    /// For each part, where its blocks are said to be.
+    /// The byte range of each part's block offset table.
     tables: Vec<Range<usize>>,
 }
 
@@ -54,7 +54,7 @@ enum Place {
 }
 
 impl<'a> File<'a> {
-    /// Reads the headers, and judges what they announce.
+    /// Parses the headers and validates the sizes that they declare.
     pub(crate) fn open(bytes: &'a [u8]) -> Result<File<'a>, ImageError> {
         let end = headers_end(bytes)?;
         let meta =
@@ -75,7 +75,7 @@ impl<'a> File<'a> {
             if header.channels.list.is_empty() {
                 return Err(wrong("it has no channels"));
             }
-            // The crate means to refuse them, but its B44 decoder goes on for seconds with a large distance.
+            // The crate intends to refuse these, but its B44 decoder runs for seconds with a large sampling distance.
             if header.channels.list.iter().any(|c| c.sampling != Vec2(1, 1)) {
                 let chroma = header.channels.list.iter().any(|c| c.name == *"RY" || c.name == *"BY");
                 return Err(unsupported(if chroma { CHROMA } else { "channels of fewer pixels than others" }));
@@ -93,13 +93,13 @@ impl<'a> File<'a> {
         Ok(File { bytes, meta, tables })
     }
 
-    /// Its parts.
+    /// The headers of the parts.
     pub(crate) fn parts(&self) -> &[Header] {
         &self.meta.headers
     }
 
-    /// Hands the rows of some channels of a part to `put`: the channel's place in `channels`, the row and its first column,
-    /// and the row's bytes as this machine has them.
+    /// Passes the rows of some channels of a part to `put`: the index of the channel in `channels`, the row and its
+    /// first column, and the bytes of the row in native order.
     pub(crate) fn rows(
         &self,
         part: usize,
@@ -134,7 +134,7 @@ impl<'a> File<'a> {
         Ok(())
     }
 
-    /// Makes sure that a part can be unpacked, before there is room for `memory` bytes of it.
+    /// Checks that a part can be unpacked, before `memory` bytes are allocated for it.
     pub(crate) fn check(&self, part: usize, memory: u64) -> Result<(), ImageError> {
         let blocks = self.blocks(part)?;
         if is_ordinary(memory, self.bytes.len()) {
@@ -212,7 +212,7 @@ impl<'a> File<'a> {
             let packed = self.bytes.get(at + 4..(at + 4).saturating_add(size));
             let packed = packed.ok_or_else(|| wrong("it ends too early"))?;
             let block = Block { x, y, width: most[0].min(width - x), height: most[1].min(height - y), packed, chunk };
-            // Of 24 of 32 bits (PXR24) a byte is left out, which is there again once it is unpacked.
+            // PXR24 stores 24 of 32 bits, so unpacking adds a byte to every three.
             let announced = (block.width * block.height) as u64 * pixel(header) as u64;
             if announced > (size as u64 + 64) * (DENSEST + DENSEST / 3) {
                 return Err(wrong("a block announces more than its bytes can hold"));
@@ -229,20 +229,20 @@ impl<'a> File<'a> {
     }
 }
 
-/// The bytes of a pixel, all channels.
+/// The size of a pixel in bytes, all channels together.
 fn pixel(header: &Header) -> usize {
     header.channels.list.iter().map(|c| c.sample_type.bytes_per_sample()).sum()
 }
 
-/// The size that an EXR's first part announces.
+/// The size that the first part of an EXR declares.
 pub(crate) fn size(bytes: &[u8]) -> Option<[u32; 2]> {
     let file = File::open(bytes).ok()?;
     let size = file.parts().first()?.layer_size;
     Some([size.x() as u32, size.y() as u32])
 }
 
-/// Where the headers end: attributes are a name, a type, a size and as many bytes; an empty name ends a header, and an empty
-/// header the headers of a file with several parts.
+/// The offset at which the headers end. An attribute is a name, a type, a size and as many bytes. An empty name ends a
+/// header. In a file with several parts, an empty header ends the headers.
 fn headers_end(bytes: &[u8]) -> Result<usize, ImageError> {
     let short = || wrong("it ends in its header");
     let flags = *bytes.get(5).ok_or_else(short)?;
@@ -292,7 +292,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Image, ImageError> {
     let (width, height, channels) = (header.layer_size.x(), header.layer_size.y(), wanted.len());
     let count = width * height * channels;
     file.check(part, count as u64 * if half { 2 } else { 4 })?;
-    // Rows lie in the picture with their channels side by side.
+    // The channels of a pixel are adjacent in the image.
     let place = |channel: usize, y: usize, x: usize| (y * width + x) * channels + channel;
     let samples = if half {
         let mut data: Vec<u16> = room(count)?;
@@ -316,7 +316,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Image, ImageError> {
     Ok(Image { name, width, height, channels: channels as u8, samples, space, premultiplied })
 }
 
-/// The numbers of a row.
+/// The samples of a row as `f32`.
 pub(crate) fn floats(kind: SampleType, row: &[u8]) -> impl Iterator<Item = f32> + '_ {
     row.chunks_exact(kind.bytes_per_sample()).map(move |bytes| match (kind, bytes) {
         (SampleType::F16, &[a, b]) => canaletto::texture::from_half(u16::from_ne_bytes([a, b])),
@@ -329,7 +329,7 @@ pub(crate) fn floats(kind: SampleType, row: &[u8]) -> impl Iterator<Item = f32> 
 fn damaged(error: Error) -> ImageError {
     match error {
         Error::NotSupported(what) => {
-            // The crate says itself that it doesn't.
+            // The crate's message already contains that it isn't supported.
             let what = what.trim_end_matches(" not supported yet").trim_start_matches("yet unimplemented ");
             unsupported(what)
         }

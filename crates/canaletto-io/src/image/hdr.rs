@@ -1,15 +1,15 @@
 //! Radiance pictures (`.hdr`, `.pic`): Ward, *Real Pixels*, Graphics Gems II, and Radiance's `color.c` format.
 //!
-//! Read here and not by a library because a picture's eight orientations count, and because most pictures fit into
-//! half-precision numbers, half the memory of what libraries return. Values are m 2^(e − 136); EXPOSURE, which only says
-//! what the numbers were multiplied by, is left alone, as other programs do.
+//! This decoder exists because it handles a picture's eight orientations, and because most pictures fit in half
+//! precision, half the memory that libraries use. Values are m 2^(e − 136). EXPOSURE, which only records a factor that
+//! was applied, is ignored, as in other programs.
 
 use super::{DENSEST, ImageError, SMALL, is_ordinary, judge, room};
 use canaletto::texture::{ColorSpace, Image, Samples, to_half};
 
 const FORMAT: &str = "Radiance HDR";
 
-/// Whether the file starts like one.
+/// Whether the file starts like a Radiance picture.
 pub(super) fn is_hdr(bytes: &[u8]) -> bool {
     bytes.starts_with(b"#?RADIANCE") || bytes.starts_with(b"#?RGBE")
 }
@@ -20,11 +20,11 @@ pub(super) fn read(bytes: &[u8]) -> Result<Image, ImageError> {
     let axes = header(&mut input)?;
     let (across, down) = (axes.inner, axes.outer);
     let (width, height) = if axes.transposed { (down, across) } else { (across, down) };
-    // A run of the newer packing has at most 127 numbers in two bytes; the older one's can be as long as a scanline. Texels take
-    // four bytes as they are read, and up to twelve as numbers.
+    // A run of the newer packing has at most 127 values in two bytes; a run of the older one can be as long as a
+    // scanline. Texels take four bytes while they are read, and up to twelve as numbers.
     judge(FORMAT, width.into(), height.into(), (SMALL + DENSEST * bytes.len() as u64) / 16, bytes.len())?;
     if !is_ordinary(16 * u64::from(width) * u64::from(height), bytes.len()) {
-        // Whether all is there, before there is room for it.
+        // The data is checked for completeness before memory is allocated for it.
         let (start, mut line) = (input.at, room(across as usize)?);
         for _ in 0..down {
             line.clear();
@@ -41,7 +41,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Image, ImageError> {
     }
     let highest = texels.iter().map(|t| t[3]).max().unwrap_or(0);
     let count = texels.len() * 3;
-    // Half precision has eleven bits for a mantissa of eight, and reaches from 2⁻²⁴ to 65504.
+    // Half precision has eleven bits for a mantissa of eight, and a range from 2⁻²⁴ to 65504.
     let samples = if (128..=144).contains(&highest) {
         let mut data: Vec<u16> = room(count)?;
         axes.each(|at| data.extend(light(texels[at]).map(to_half)));
@@ -55,9 +55,10 @@ pub(super) fn read(bytes: &[u8]) -> Result<Image, ImageError> {
     Ok(Image { name: String::new(), width, height, channels: 3, samples, space, premultiplied: false })
 }
 
-/// The colour of four bytes.
+/// The colour of a texel of four bytes.
 fn light([r, g, b, e]: [u8; 4]) -> [f32; 3] {
-    // A power of two by its bits: exact, also where it is subnormal. Two factors, since one alone may not exist.
+    // The power of two is built from bits, so it is exact even if subnormal. It consists of two factors, because a
+    // single one may not be representable.
     let scale = if e == 0 { 0.0 } else { libm::ldexpf(1.0, i32::from(e) - 136) };
     [r, g, b].map(|m| f32::from(m) * scale)
 }
@@ -87,20 +88,20 @@ fn damaged(reason: impl Into<String>) -> ImageError {
     ImageError::Damaged { format: FORMAT, reason: reason.into() }
 }
 
-/// How scanlines lie in the picture.
+/// The orientation of scanlines in the picture.
 struct Axes {
-    /// Texels of a scanline, and scanlines.
+    /// The number of texels in a scanline, and the number of scanlines.
     inner: u32,
     outer: u32,
     /// Whether scanlines are columns.
     transposed: bool,
-    /// Whether they run to the left or upwards, and whether the first is at the right or at the bottom.
+    /// Whether scanlines run to the left or upwards, and whether the first is at the right or at the bottom.
     inner_back: bool,
     outer_back: bool,
 }
 
 impl Axes {
-    /// The positions of texels in the order of the picture's rows.
+    /// Calls `visit` with the index in the file of each texel, in the order of the picture's rows.
     fn each(&self, mut visit: impl FnMut(usize)) {
         let (inner, outer) = (self.inner as usize, self.outer as usize);
         let (width, height) = if self.transposed { (outer, inner) } else { (inner, outer) };
@@ -131,14 +132,14 @@ fn header(input: &mut Input) -> Result<Axes, ImageError> {
     Err(damaged("its header doesn't end"))
 }
 
-/// `-Y 480 +X 640` and its seven relatives.
+/// Parses `-Y 480 +X 640` and the seven other orientations.
 fn axes(line: &str) -> Result<Axes, ImageError> {
     let words: Vec<&str> = line.split_whitespace().collect();
     let wrong = || damaged("its size isn't written as in -Y 480 +X 640");
     let [outer_axis, outer, inner_axis, inner] = words[..] else { return Err(wrong()) };
     let number = |text: &str| text.parse::<u32>().map_err(|_| wrong());
     let (transposed, outer_back, inner_back) = match (outer_axis, inner_axis) {
-        // Upwards is −Y: the first scanline is the top one.
+        // −Y first means that the first scanline is the top one.
         ("-Y" | "+Y", "-X" | "+X") => (false, outer_axis == "+Y", inner_axis == "-X"),
         ("-X" | "+X", "-Y" | "+Y") => (true, outer_axis == "-X", inner_axis == "+Y"),
         _ => return Err(wrong()),
@@ -151,7 +152,7 @@ fn axes(line: &str) -> Result<Axes, ImageError> {
     Ok(Axes { inner, outer, transposed, inner_back, outer_back })
 }
 
-/// One scanline, packed in the newer or the older way or not at all.
+/// Reads one scanline in the newer or the older packing, or unpacked.
 fn scanline(input: &mut Input, width: usize, line: &mut Vec<[u8; 4]>) -> Result<(), ImageError> {
     let first: [u8; 4] = input.take()?;
     let packed = first[0] == 2 && first[1] == 2 && first[2] < 128;
@@ -184,7 +185,7 @@ fn scanline(input: &mut Input, width: usize, line: &mut Vec<[u8; 4]>) -> Result<
     Ok(())
 }
 
-/// Texels one by one; 1 1 1 n repeats the one before n times, and n · 256 times after another such.
+/// Reads texels one by one. A texel 1 1 1 n repeats the one before n times, and n · 256 times after another such texel.
 fn old_scanline(input: &mut Input, width: usize, line: &mut Vec<[u8; 4]>) -> Result<(), ImageError> {
     let mut shift = 0;
     while line.len() < width {

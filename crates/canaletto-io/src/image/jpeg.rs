@@ -1,7 +1,8 @@
 //! JPEG (ITU-T T.81), baseline and progressive with 8 bits: grey, colour, and Adobe's CMYK.
 //!
-//! The decoder's kernels for single machines are off, so that the same file has the same texels everywhere. It is strict, so that
-//! a file which is cut off is told; bytes between segments, which strict reading refuses and libjpeg skips, are taken out before.
+//! The decoder's processor-specific kernels are disabled, so that a file has equal texels on every machine. It runs in
+//! strict mode, so that truncated files are reported. Bytes between segments, which strict mode refuses and libjpeg
+//! skips, are removed first.
 
 use super::{ImageError, decoder, judge, room, zeros};
 use canaletto::texture::{ColorSpace, Image, Samples};
@@ -13,10 +14,11 @@ use zune_jpeg::errors::DecodeErrors;
 
 const FORMAT: &str = "JPEG";
 
-/// The most scans of a picture; each goes over all of it, however few its bytes. Programs write a dozen.
+/// The largest number of scans. Each scan takes a pass over the whole picture, however few its bytes. Programs write a
+/// dozen.
 const SCANS: usize = 100;
 
-/// Reads a JPEG, and tells the most memory that took. Colour profiles and the orientation of cameras are ignored.
+/// Reads a JPEG; returns it with the peak memory in bytes. Colour profiles and camera orientation are ignored.
 pub(super) fn read(bytes: &[u8]) -> Result<(Image, u64), ImageError> {
     let (plain, frame) = plain(bytes)?;
     let Frame { width, height, .. } = frame;
@@ -35,29 +37,29 @@ pub(super) fn read(bytes: &[u8]) -> Result<(Image, u64), ImageError> {
         decoder.decode_into(&mut data).map_err(damaged)?;
         Ok(Samples::U8(data))
     })?;
-    // A progressive picture's coefficients stand beside it, of two bytes each.
+    // A progressive picture also stores its coefficients, of two bytes each.
     let texels = u64::from(width) * u64::from(height);
     let memory = texels * u64::from(channels) * if frame.progressive { 3 } else { 1 };
     let (name, space) = (String::new(), ColorSpace::Srgb);
     Ok((Image { name, width, height, channels, samples, space, premultiplied: false }, memory))
 }
 
-/// What a frame's header (T.81, B.2.2) says.
+/// The contents of a frame header (T.81, B.2.2).
 struct Frame {
     width: u32,
     height: u32,
     progressive: bool,
-    /// How many blocks of each component a unit has, across and down.
+    /// The sampling factors of each component: its number of blocks per unit, across and down.
     factors: Vec<[u32; 2]>,
 }
 
-/// The file's segments that are read, one behind the other, and its frame. What isn't supported is told by name.
+/// Copies the supported segments of the file, and parses its frame header. Unsupported features are reported by name.
 fn plain(bytes: &[u8]) -> Result<(Vec<u8>, Frame), ImageError> {
     let mut plain: Vec<u8> = room(bytes.len() + 2)?;
     plain.extend([0xff, 0xd8]);
     let (mut frame, mut scans, mut adobe) = (None, 0, false);
     let mut at = 2;
-    // Anything may stand before a marker, and any number of ff in it (B.1.1.2).
+    // Any bytes may precede a marker, and any number of ff bytes may be in it (B.1.1.2).
     while let Some((code, start)) = marker(bytes, at) {
         at = start;
         match code {
@@ -108,7 +110,7 @@ fn plain(bytes: &[u8]) -> Result<(Vec<u8>, Frame), ImageError> {
             plain.extend_from_slice(segment);
         }
         if code == 0xda {
-            // The scan's bits, up to a marker that isn't a restart.
+            // The entropy-coded data of the scan ends at a marker other than a restart.
             let end =
                 bytes[at..].windows(2).position(|two| two[0] == 0xff && !matches!(two[1], 0 | 0xd0..=0xd7 | 0xff));
             let end = end.map_or(bytes.len(), |length| at + length);
@@ -123,7 +125,7 @@ fn plain(bytes: &[u8]) -> Result<(Vec<u8>, Frame), ImageError> {
     Ok((plain, frame))
 }
 
-/// The next marker from here on, and what is behind it.
+/// The next marker code from `at` on, and the offset after it.
 fn marker(bytes: &[u8], mut at: usize) -> Option<(u8, usize)> {
     loop {
         at += bytes.get(at..)?.iter().position(|b| *b == 0xff)?;
@@ -154,7 +156,7 @@ fn read_frame(code: u8, segment: &[u8], bytes: usize) -> Result<Frame, ImageErro
     if height == 0 && width > 0 {
         return Err(unsupported("its height behind the picture (DNL)"));
     }
-    // Every block of 8 × 8 takes a bit at least, the one that says how bright it is.
+    // Every block of 8 × 8 takes at least one bit, for its DC coefficient.
     let largest = |axis: usize| u64::from(factors.iter().map(|f| f[axis]).max().unwrap_or(1));
     let blocks: u64 = factors.iter().map(|f| u64::from(f[0] * f[1])).sum();
     let explained = bytes as u64 * 8 * 64 * largest(0) * largest(1) / blocks;

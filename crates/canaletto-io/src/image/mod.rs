@@ -1,11 +1,12 @@
-//! Images to be used as textures, as compact as their files hold them.
+//! Images to be used as textures, stored as compactly as in their files.
 //!
-//! [`read_image`] finds the format by a file's first bytes, not by its name. What a file announces is judged before
-//! memory is taken: an image may have [`texture::Image::MAX_TEXELS`] texels, and a file that claims more than its
-//! bytes can hold is refused. What would take more than 64 MiB and 20 times its file is unpacked twice where the format
-//! allows that, the first time without keeping anything: so only a whole file takes it, and its reader is told.
+//! [`read_image`] detects the format from a file's first bytes, not from its name. The size that a file declares is
+//! checked before memory is allocated. An image may have [`texture::Image::MAX_TEXELS`] texels, and a file that
+//! declares more than its bytes can hold is refused. A file that needs more than 64 MiB and 20 times its size is
+//! decoded twice where the format allows it. The first pass stores nothing, so only a complete file gets the memory. A
+//! note then reports the memory.
 //!
-//! Decoders of others are called through the `guard`, and what is known of their faults is kept from them.
+//! Third-party decoders are called through `guard`, and inputs that trigger their known faults are refused before.
 //!
 //! [`texture::Image::MAX_TEXELS`]: canaletto::texture::Image::MAX_TEXELS
 
@@ -23,43 +24,43 @@ use canaletto::memory::{self, NoMemory};
 use canaletto::texture::{Image, Samples};
 use rayon::prelude::*;
 
-/// Why a file can't be used as an image.
+/// The reasons why a file can't be used as an image.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ImageError {
-    /// The first bytes are of no known format.
+    /// The first bytes belong to no known format.
     #[error("it is no image that can be read")]
     Unknown,
-    /// It is of a format that isn't read.
+    /// The format is known but not supported.
     #[error("its format is {0}, which isn't read")]
     Other(&'static str),
-    /// The file doesn't follow its format, or ends too early.
+    /// The file violates its format, or ends too early.
     #[error("the {format} file is damaged: {reason}")]
     Damaged {
         /// The format.
         format: &'static str,
-        /// What the decoder says.
+        /// The message of the decoder.
         reason: String,
     },
-    /// The format knows more than is read here.
+    /// The file uses a feature of the format that isn't supported.
     #[error("the {format} file has {what}, which isn't supported")]
     Unsupported {
         /// The format.
         format: &'static str,
-        /// What isn't supported.
+        /// The feature.
         what: String,
     },
-    /// It has no texels.
+    /// The image has no texels.
     #[error("the {format} file announces an image of {width} × {height} pixels; it needs at least one")]
     Empty {
         /// The format.
         format: &'static str,
-        /// Its width.
+        /// The width in pixels.
         width: u64,
-        /// Its height.
+        /// The height in pixels.
         height: u64,
     },
-    /// It has more than is read, whatever its file.
+    /// The image has more texels than the limit.
     #[error(
         "the {format} file announces an image of {width} × {height} pixels; the most are {most} in all and {side} in a row or column",
         most = Image::MAX_TEXELS, side = Image::MAX_SIDE
@@ -67,26 +68,26 @@ pub enum ImageError {
     TooLarge {
         /// The format.
         format: &'static str,
-        /// Its width.
+        /// The width in pixels.
         width: u64,
-        /// Its height.
+        /// The height in pixels.
         height: u64,
     },
-    /// It announces more than its bytes can hold.
+    /// The file declares more texels than its bytes can hold.
     #[error(
         "the {format} file announces an image of {width} × {height} pixels, which its {bytes} bytes can't hold: it is cut off or made to fill memory"
     )]
     Unexplained {
         /// The format.
         format: &'static str,
-        /// Its width.
+        /// The width in pixels.
         width: u64,
-        /// Its height.
+        /// The height in pixels.
         height: u64,
-        /// The file's size.
+        /// The file's size in bytes.
         bytes: usize,
     },
-    /// Unpacking it would take far more memory than its bytes, before it is known whether they are all there.
+    /// Decoding would take far more memory than the file's size before the file is known to be complete.
     #[error(
         "the {format} file of {bytes} bytes announces an image of {width} × {height} pixels; unpacking it would take {} MB before it is known \
          whether the file is whole", memory / 1_000_000
@@ -94,22 +95,22 @@ pub enum ImageError {
     TooDense {
         /// The format.
         format: &'static str,
-        /// Its width.
+        /// The width in pixels.
         width: u64,
-        /// Its height.
+        /// The height in pixels.
         height: u64,
-        /// The file's size.
+        /// The file's size in bytes.
         bytes: usize,
-        /// What unpacking it would take, in bytes.
+        /// The memory that decoding would take, in bytes.
         memory: u64,
     },
-    /// There is no room for it.
+    /// The memory, in bytes, can't be allocated.
     #[error("there is no memory for its {0} bytes")]
     NoMemory(u64),
 }
 
 impl ImageError {
-    /// What the reader could do about it.
+    /// A hint for the user.
     pub fn help(&self) -> Option<&'static str> {
         match self {
             ImageError::Unknown | ImageError::Other(_) => {
@@ -128,31 +129,31 @@ impl ImageError {
     }
 }
 
-/// The largest number of an image that is kept; what is beyond it, and no image means, is cut to it.
+/// The largest value of an image. Larger values, which no image means, are clamped.
 const BRIGHTEST: f32 = Image::MAX_VALUE;
 
-/// Memory that any file may take.
+/// The memory in bytes that any file may take.
 const SMALL: u64 = 64 << 20;
 
-/// How many bytes one of a file can become at most: deflate's 258 for two bits, which are 1032 for a byte. Formats without
-/// a bound of their own are held to it.
+/// The largest number of bytes into which one byte of a file can expand: deflate has 258 bytes for two bits, so 1032
+/// for a byte. The limit also applies to formats without one of their own.
 const DENSEST: u64 = 1032;
 
-/// Whether a file of this many bytes may take so much memory without more ado.
+/// Whether a file of this size may take so much memory without a first pass.
 fn is_ordinary(memory: u64, bytes: usize) -> bool {
     memory <= SMALL + 20 * bytes as u64
 }
 
-/// Calls a foreign decoder.
+/// Calls a third-party decoder.
 fn decoder<T>(format: &'static str, f: impl FnOnce() -> Result<T, ImageError>) -> Result<T, ImageError> {
     let gave_up = || ImageError::Damaged { format, reason: "the decoder can't make sense of it".into() };
     guarded(f).unwrap_or_else(|| Err(gave_up()))
 }
 
-/// Reads an image; its name is the file's. With it comes what is worth knowing about it.
+/// Reads an image; its name is that of the file. Returns it with notes for the user.
 ///
 /// # Errors
-/// [`ImageError`] says why not.
+/// [`ImageError`] if the file can't be read.
 pub fn read_image(asset: &Asset) -> Result<(Image, Vec<String>), ImageError> {
     let bytes = asset.bytes.as_slice();
     let (mut image, memory) = unpack(bytes)?;
@@ -175,7 +176,7 @@ pub fn read_image(asset: &Asset) -> Result<(Image, Vec<String>), ImageError> {
     Ok((image, notes))
 }
 
-/// The image of a file without a name, and the most memory that reading it took.
+/// Decodes an unnamed image; returns it with the peak memory in bytes.
 pub(crate) fn unpack(bytes: &[u8]) -> Result<(Image, u64), ImageError> {
     Ok(if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
         with_memory(png::read(bytes)?)
@@ -194,7 +195,7 @@ pub(crate) fn unpack(bytes: &[u8]) -> Result<(Image, u64), ImageError> {
     })
 }
 
-/// What a file is that isn't read, as far as its first bytes tell.
+/// The error for an unsupported file, with the format that its first bytes indicate.
 fn other(bytes: &[u8]) -> ImageError {
     const KINDS: [(usize, &[u8], &str); 17] = [
         (0, b"GIF8", "GIF"),
@@ -219,7 +220,7 @@ fn other(bytes: &[u8]) -> ImageError {
     KINDS.iter().find(is).map_or(ImageError::Unknown, |(.., kind)| ImageError::Other(kind))
 }
 
-/// An image that took no more memory than its numbers, and how much these take.
+/// The image, with the size of its samples as the memory of reading it.
 fn with_memory(image: Image) -> (Image, u64) {
     let size = match image.samples {
         Samples::U8(_) => 1,
@@ -230,7 +231,7 @@ fn with_memory(image: Image) -> (Image, u64) {
     (image, memory)
 }
 
-/// Puts numbers that can't be computed with in order; tells how many there were.
+/// Replaces NaN and infinite values and clamps too large ones; returns their number.
 fn tidy(samples: &mut Samples) -> usize {
     match samples {
         Samples::U8(_) | Samples::U16(_) => 0,
@@ -258,7 +259,8 @@ fn tidy(samples: &mut Samples) -> usize {
     }
 }
 
-/// Judges a size before memory is taken for it. `explained` is how many texels the file's bytes can hold at most.
+/// Checks a size before memory is allocated for it. `explained` is the largest number of texels that the file's bytes
+/// can hold.
 fn judge(format: &'static str, width: u64, height: u64, explained: u64, bytes: usize) -> Result<(), ImageError> {
     if width == 0 || height == 0 {
         return Err(ImageError::Empty { format, width, height });
@@ -273,14 +275,15 @@ fn judge(format: &'static str, width: u64, height: u64, explained: u64, bytes: u
     Ok(())
 }
 
-/// Room for this many numbers, if there is memory.
+/// An empty vector with capacity for `count` values, if memory can be allocated.
 fn room<T: Clone + Default>(count: usize) -> Result<Vec<T>, ImageError> {
     let mut data = Vec::new();
     memory::reserve(&mut data, count).map_err(|NoMemory(bytes)| ImageError::NoMemory(bytes))?;
     Ok(data)
 }
 
-/// As many zeros, of which the system has none before they are written: a decoder that gives up takes no room for them.
+/// Zeros for which the system allocates pages only when they are written. A decoder that fails early therefore takes no
+/// memory for them.
 fn zeros(count: usize) -> Result<Vec<u8>, ImageError> {
     drop(room::<u8>(count)?);
     Ok(vec![0; count])

@@ -1,4 +1,4 @@
-//! Animated PNG (ISO/IEC 15948, third edition): each frame is the part that changed.
+//! Animated PNG (ISO/IEC 15948, third edition). Each frame is the rectangle that changed.
 
 use super::{Area, Frames, MovieError, MovieSettings, Part, UNFINISHED};
 use crate::picture::{AtomicFile, WriteOptions, png_texts};
@@ -19,7 +19,7 @@ pub(super) struct Apng {
 impl Apng {
     pub(super) fn begin(path: &Path, options: WriteOptions, settings: &MovieSettings) -> Result<Apng, MovieError> {
         let file = AtomicFile::begin(path, options)?;
-        // Its chunks are written whole, so nothing need be buffered, and no error is missed.
+        // Chunks are written whole, so no buffer is needed and no error is lost.
         let mut encoder = Encoder::new(file.handle()?, settings.width, settings.height);
         encoder.set_color(ColorType::Rgb);
         encoder.set_depth(BitDepth::Eight);
@@ -83,9 +83,9 @@ impl Frames for Apng {
     }
 }
 
-/// Changes the number of frames that the file announces.
+/// Changes the number of frames that the file declares.
 fn count_anew(mut file: &File, frames: u32) -> io::Result<()> {
-    /// The chunk's name, the numbers of frames and of plays, and the checksum of all three.
+    /// The size of the chunk's name, its numbers of frames and of plays, and its checksum.
     const SIZE: usize = 4 + 8 + 4;
     file.seek(SeekFrom::Start(8))?; // the signature
     loop {

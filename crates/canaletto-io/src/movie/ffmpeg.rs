@@ -1,8 +1,8 @@
 //! MP4 and WebM through the program `ffmpeg`, if it is installed.
 //!
-//! It is found in PATH when it is needed, gets raw pixels through a pipe, and writes a temporary file that is renamed
-//! when it has ended well. Its arguments are a list, no shell reads them, and the file's name starts with `file:`, so
-//! that neither a dash nor a colon in it means anything. What it says when it fails is shown.
+//! The program is searched for in PATH when it is needed. It receives raw pixels through a pipe, and writes a temporary
+//! file that is renamed after success. Its arguments are passed as a list without a shell. The file's name has the
+//! prefix `file:`, so a dash or a colon in it has no meaning. Its error output is shown if it fails.
 
 use super::{Area, Frames, MovieError, MovieFormat, MovieSettings, Part};
 use crate::picture::{AtomicFile, WriteOptions};
@@ -18,18 +18,18 @@ pub(super) struct Ffmpeg {
     running: Running,
 }
 
-/// A process that doesn't outlive this.
+/// A process that is ended with this value.
 struct Running {
     child: Child,
     pixels: Option<ChildStdin>,
-    /// What it says.
+    /// The thread that reads the error output.
     said: Option<JoinHandle<String>>,
 }
 
-/// The most of its words that are kept.
+/// The largest number of bytes of the error output that are kept.
 const MAX_WORDS: u64 = 4096;
 
-/// Where `ffmpeg` is; folders of PATH that aren't absolute are passed over, since anybody may put a program there.
+/// The path of `ffmpeg`. Relative folders in PATH are skipped, because other users may place a program there.
 pub fn find_ffmpeg() -> Option<PathBuf> {
     let name = if cfg!(windows) { "ffmpeg.exe" } else { "ffmpeg" };
     let path = env::var_os("PATH")?;
@@ -72,19 +72,19 @@ impl Ffmpeg {
         #[cfg(unix)]
         {
             use std::os::unix::process::CommandExt;
-            // Ctrl-C is for us; we end it.
+            // The process gets no Ctrl-C of the terminal; this program ends it.
             command.process_group(0);
         }
         let mut child = command.spawn().map_err(|e| MovieError::Ffmpeg(format!("it can't be started: {e}")))?;
         let stderr = child.stderr.take();
-        // Read at once, so that it never waits for us to listen.
+        // The error output is read from the start, so that the process never blocks on it.
         let said = stderr.map(|stderr| thread::spawn(move || listen(stderr)));
         let pixels = child.stdin.take();
         Ok(Ffmpeg { file, running: Running { child, pixels, said } })
     }
 }
 
-/// All arguments but the file's name.
+/// All arguments except the file's name.
 fn arguments(format: MovieFormat, settings: &MovieSettings) -> Vec<String> {
     let MovieSettings { width, height, rate, .. } = settings;
     let input = format!(
@@ -92,8 +92,8 @@ fn arguments(format: MovieFormat, settings: &MovieSettings) -> Vec<String> {
          -framerate {}/{} -i pipe:0 -an",
         rate.frames, rate.seconds
     );
-    // Colours have half the resolution, so that sides are even: an odd one gets a black row. Numbers are those of
-    // BT.709, and said to be.
+    // Chroma has half the resolution, so odd sides are padded by a black row. Values are encoded by BT.709 and tagged
+    // accordingly.
     let colors = "-vf pad=ceil(iw/2)*2:ceil(ih/2)*2,scale=out_color_matrix=bt709:out_range=tv -pix_fmt yuv420p \
                   -colorspace bt709 -color_primaries bt709 -color_trc iec61966-2-1 -color_range tv";
     let codec = match format {
@@ -109,7 +109,7 @@ fn protocol(file: &Path) -> OsString {
     name
 }
 
-/// The first of what is said; the rest is heard, but not kept.
+/// The first bytes of the error output; the rest is read and dropped.
 fn listen(mut stderr: impl Read) -> String {
     let mut words = Vec::new();
     let _ = stderr.by_ref().take(MAX_WORDS).read_to_end(&mut words);
@@ -121,7 +121,7 @@ impl Frames for Ffmpeg {
     fn add(&mut self, _: u32, rgb: &[u8], _: Area) -> Result<(), MovieError> {
         let sent =
             self.running.pixels.as_mut().map_or(Err(io::ErrorKind::BrokenPipe.into()), |pipe| pipe.write_all(rgb));
-        // It has gone: what it said says why.
+        // The process ended; its error output has the reason.
         sent.map_err(|e| self.running.failure(&e.to_string()))
     }
 
@@ -144,10 +144,10 @@ impl Frames for Ffmpeg {
 }
 
 impl Running {
-    /// Ends the process, and tells why it failed: what it said, else `otherwise`.
+    /// Ends the process, and returns an error with its error output, or else with `otherwise`.
     fn failure(&mut self, otherwise: &str) -> MovieError {
         drop(self.pixels.take());
-        // If it failed it ends by itself, and may still have something to say.
+        // After a failure the process ends by itself, and may still write to its error output.
         let _ = self.child.wait();
         let said = self.said.take().and_then(|said| said.join().ok()).unwrap_or_default();
         MovieError::Ffmpeg(if said.is_empty() { otherwise.to_owned() } else { said })

@@ -1,5 +1,5 @@
-//! GIF 89a: 256 colours for each frame, chosen for it ([`super::palette`]). Every pixel takes the nearest, without
-//! dithering, which would flicker from frame to frame.
+//! GIF 89a: each frame has its own 256 colours ([`super::palette`]). Every pixel takes the nearest colour without
+//! dithering, which would flicker between frames.
 
 use super::palette::palette;
 use super::{Area, Frames, MovieError, MovieSettings, Part, Rate, UNFINISHED};
@@ -15,7 +15,7 @@ pub(super) struct Gif {
     rate: Rate,
 }
 
-/// Viewers show a frame of less than 2 hundredths of a second for 10.
+/// The highest frame rate. Viewers show a frame of less than 2 hundredths of a second for 10.
 const FASTEST: f64 = 50.0;
 
 impl Gif {
@@ -46,7 +46,7 @@ impl Frames for Gif {
         let mut frame = Frame::from_palette_pixels(area.width as u16, area.height as u16, indices, colors, None);
         (frame.left, frame.top) = (area.left as u16, area.top as u16);
         frame.dispose = DisposalMethod::Keep;
-        // Whole hundredths that add up to the right time.
+        // Delays are whole hundredths of a second; their sum follows the exact time.
         let time = self.rate.hundredths(index + 1) - self.rate.hundredths(index);
         frame.delay = time.min(u64::from(u16::MAX)) as u16;
         self.encoder.write_frame(&frame).map_err(|e| wrong(&self.file, e))

@@ -1,7 +1,7 @@
-//! Pictures that move, in one file: animated PNG, GIF, and what the program `ffmpeg` makes (MP4, WebM).
+//! Films in one file: animated PNG, GIF, and formats that the program `ffmpeg` encodes (MP4, WebM).
 //!
-//! Frames are written as they come, into a file that takes its name when the last of them is there. Of an unfinished film nothing
-//! is left, unless it is [asked for](Movie::finish_part). All of them have 8 bits and no alpha.
+//! Frames are written as they arrive. The file gets its name after the last one. An unfinished film is removed unless
+//! [`Movie::finish_part`] is called. All formats have 8 bits and no alpha.
 
 mod apng;
 mod ffmpeg;
@@ -16,17 +16,17 @@ use crate::picture::{Compression, Image, WriteError, WriteOptions};
 use canaletto::scene::Transfer;
 use std::path::Path;
 
-/// The formats.
+/// The film formats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum MovieFormat {
-    /// Animated PNG: every colour as it is.
+    /// Animated PNG, lossless.
     Apng,
-    /// GIF: 256 colours in each frame.
+    /// GIF, with 256 colours per frame.
     Gif,
-    /// H.264 in MP4, by ffmpeg.
+    /// H.264 in MP4, encoded by ffmpeg.
     Mp4,
-    /// VP9 in WebM, by ffmpeg.
+    /// VP9 in WebM, encoded by ffmpeg.
     WebM,
 }
 
@@ -37,36 +37,36 @@ impl MovieFormat {
     }
 }
 
-/// What a film is, besides its pictures.
+/// The settings of a film.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MovieSettings {
     /// Width in pixels.
     pub width: u32,
     /// Height in pixels.
     pub height: u32,
-    /// Frames of a second.
+    /// The frame rate.
     pub rate: Rate,
-    /// How many frames there will be.
+    /// The number of frames.
     pub frames: u32,
-    /// How the numbers of its pictures are encoded, as in a PNG.
+    /// The encoding of the pixel values, as in a PNG.
     pub transfer: Transfer,
-    /// How much time is spent on a small file, in animated PNG.
+    /// The effort of compression, for animated PNG.
     pub compression: Compression,
-    /// Texts with their keys, where the format holds some.
+    /// Texts as pairs of key and value, for formats that hold texts.
     pub metadata: Vec<(String, String)>,
 }
 
-/// Why a film isn't written.
+/// The reasons why a film isn't written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum MovieError {
-    /// The format can't hold it.
+    /// The format can't represent the film.
     #[error("{0}")]
     Unfit(String),
     /// The file can't be written.
     #[error(transparent)]
     Write(#[from] WriteError),
-    /// There is no program `ffmpeg`.
+    /// The program `ffmpeg` isn't found.
     #[error("the program ffmpeg isn't installed, or not in PATH")]
     NoFfmpeg,
     /// `ffmpeg` failed.
@@ -74,7 +74,7 @@ pub enum MovieError {
     Ffmpeg(String),
 }
 
-/// A film that is being written. Dropping it before [`Movie::finish`] leaves nothing of it.
+/// A film that is being written. Dropping it before [`Movie::finish`] removes it.
 pub struct Movie {
     settings: MovieSettings,
     writer: Box<dyn Frames>,
@@ -83,26 +83,26 @@ pub struct Movie {
     last: Vec<u8>,
 }
 
-/// What writes frames in a format.
+/// A writer of frames in a format.
 trait Frames {
     /// Adds a frame: red, green and blue of each pixel. Only `area` differs from the frame before.
     fn add(&mut self, index: u32, rgb: &[u8], area: Area) -> Result<(), MovieError>;
-    /// All frames are there; or those of a part, which goes elsewhere.
+    /// Ends the film after all frames, or ends a partial film, which goes to another path.
     fn finish(self: Box<Self>, part: Option<Part<'_>>) -> Result<(), MovieError>;
-    /// The temporary name of the file, if it has one.
+    /// The temporary path of the file, if it has one.
     fn temporary(&self) -> Option<&Path>;
 }
 
-/// The first frames of a film that will not be whole.
+/// The first frames of a film that is not completed.
 struct Part<'a> {
     frames: u32,
     path: &'a Path,
 }
 
-/// The key of the text that a part has, where its format holds texts.
+/// The key of the text that marks a partial film, in formats that hold texts.
 const UNFINISHED: &str = "unfinished";
 
-/// A part of a picture.
+/// A rectangle of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Area {
     left: u32,
@@ -115,7 +115,7 @@ impl Movie {
     /// Begins a film of at least one frame.
     ///
     /// # Errors
-    /// [`MovieError`] says why it can't be written.
+    /// [`MovieError`] if it can't be written.
     pub fn begin(
         format: MovieFormat,
         path: &Path,
@@ -136,7 +136,7 @@ impl Movie {
     /// Adds a frame of display values, which are rounded as in a PNG.
     ///
     /// # Errors
-    /// [`MovieError`] if it isn't like the film, or can't be written.
+    /// [`MovieError`] if the frame doesn't match the film, or can't be written.
     pub fn add(&mut self, image: &Image) -> Result<(), MovieError> {
         let Some([r, g, b]) = image.rgb() else {
             return Err(MovieError::Unfit("a frame needs red, green and blue".into()));
@@ -159,10 +159,10 @@ impl Movie {
         Ok(())
     }
 
-    /// Puts the film in its place.
+    /// Ends the film and moves it to its path.
     ///
     /// # Errors
-    /// [`MovieError`] if frames are missing, or it can't be written.
+    /// [`MovieError`] if frames are missing, or if it can't be written.
     pub fn finish(self) -> Result<(), MovieError> {
         if self.added < self.settings.frames {
             let (added, frames) = (self.added, self.settings.frames);
@@ -171,8 +171,8 @@ impl Movie {
         self.writer.finish(None)
     }
 
-    /// Makes a film of the frames so far, if there are any, and puts it in another place, where it replaces what is there. Returns their
-    /// number. The standard output, devices and pipes have no other place.
+    /// Ends a partial film of the frames so far, if there are any, and moves it to `path`, where it replaces an
+    /// existing file. Returns the number of frames. The standard output, devices and pipes keep their target.
     ///
     /// # Errors
     /// [`MovieError`] if it can't be written.
@@ -183,13 +183,13 @@ impl Movie {
         Ok(self.added)
     }
 
-    /// The temporary name of its file, which stays if the program is ended meanwhile.
+    /// The temporary path of the film, which remains if the program is killed meanwhile.
     pub fn temporary(&self) -> Option<&Path> {
         self.writer.temporary()
     }
 }
 
-/// The smallest part outside of which two pictures are alike; a single pixel if they are alike everywhere.
+/// The smallest rectangle outside of which two pictures are equal; a single pixel if they are equal everywhere.
 fn changed(old: &[u8], new: &[u8], width: u32, height: u32) -> Area {
     if old.len() != new.len() {
         return Area { left: 0, top: 0, width, height };
@@ -210,7 +210,7 @@ fn changed(old: &[u8], new: &[u8], width: u32, height: u32) -> Area {
 }
 
 impl Area {
-    /// The bytes of this part of a picture that is `width` pixels wide.
+    /// The bytes of this rectangle of a picture that is `width` pixels wide.
     fn cut(self, rgb: &[u8], width: u32) -> Vec<u8> {
         let stride = width as usize * 3;
         let (from, to) = (self.left as usize * 3, (self.left + self.width) as usize * 3);

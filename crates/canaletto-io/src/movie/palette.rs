@@ -1,29 +1,29 @@
-//! 256 colours for a frame.
+//! Palettes of 256 colours for frames.
 //!
 //! A frame of up to 256 colours keeps them. For more, the crate `color_quant` proposes a palette (A. Dekker's NeuQuant,
-//! a self-organising map over the frame's pixels). It follows the crowd, and loses what is small and unlike the rest: the
-//! white of a highlight. So the colours that are worst served take the places of those that serve fewest pixels, and twice
-//! every place moves to the mean of its colours (Lloyd). All of it is counted in whole numbers after the map, in the order
-//! of colours, so that a frame always gets the same palette.
+//! a self-organising map over the frame's pixels). The map favours frequent colours and loses small features of a
+//! different colour, such as a white highlight. Therefore the colours with the largest errors replace the entries that
+//! serve the fewest pixels. Then two Lloyd iterations move every entry to the mean of its colours. These steps count in
+//! integers and in the order of colours, so that a frame always gets an identical palette.
 
 use color_quant::NeuQuant;
 use std::collections::HashMap;
 
-/// The most colours of a GIF's frame.
+/// The largest number of colours in a frame of a GIF.
 const MOST: usize = 256;
 
-/// How many places may be given to colours that are served badly.
+/// The largest number of entries that are replaced by colours with large errors.
 const GIVEN: usize = 24;
 
-/// A squared distance that is good enough: 12 levels in one of red, green and blue.
+/// The squared distance up to which an error is acceptable: 12 levels in one of red, green and blue.
 const GOOD: u32 = 144;
 
-/// Of a large frame the map looks at each n-th pixel only, so that about this many are seen.
+/// The approximate number of pixels that train the map: of a large frame, each n-th pixel.
 const SEEN: usize = 1 << 18;
 
 type Color = [u8; 3];
 
-/// Colours, and for each pixel the number of the nearest.
+/// The palette, and for each pixel the index of the nearest entry.
 pub(super) fn palette(rgb: &[u8]) -> (Vec<u8>, Vec<u8>) {
     let mut counts: HashMap<Color, u64> = HashMap::new();
     for pixel in rgb.chunks_exact(3) {
@@ -51,7 +51,7 @@ fn chosen(rgb: &[u8], colors: &[(Color, u64)]) -> Vec<Color> {
     palette
 }
 
-/// Gives places that serve few pixels to colours that are served badly.
+/// Replaces entries that serve few pixels by colours with large errors.
 fn give(palette: &mut [Color], colors: &[(Color, u64)]) {
     let mut distances: Vec<u32> = Vec::with_capacity(colors.len());
     let mut served = vec![0; palette.len()];
@@ -76,7 +76,7 @@ fn give(palette: &mut [Color], colors: &[(Color, u64)]) {
     }
 }
 
-/// Moves every place to the mean of the colours that it serves.
+/// Moves every entry to the mean of the colours that it serves.
 fn settle(palette: &mut [Color], colors: &[(Color, u64)]) {
     let mut sums = vec![[0u64; 4]; palette.len()];
     for (color, count) in colors {
@@ -89,7 +89,7 @@ fn settle(palette: &mut [Color], colors: &[(Color, u64)]) {
     }
 }
 
-/// The place nearest to a colour, the first of several, and its squared distance.
+/// The index of the entry nearest to a colour, the first if there are several, and its squared distance.
 fn nearest(palette: &[Color], color: Color) -> (usize, u32) {
     let all = palette.iter().enumerate().map(|(index, place)| (index, apart(*place, color)));
     all.min_by_key(|(_, distance)| *distance).unwrap_or((0, 0))
@@ -120,7 +120,7 @@ mod tests {
         let (palette, indices) = palette(&rgb);
         let last = usize::from(indices[indices.len() - 1]) * 3;
         assert!(apart([palette[last], palette[last + 1], palette[last + 2]], [255; 3]) <= GOOD);
-        // And the rest is near what it was.
+        // The other colours keep a small error.
         let errors = rgb.chunks_exact(3).zip(&indices).map(|(p, i)| {
             let place = &palette[usize::from(*i) * 3..][..3];
             f64::from(apart([p[0], p[1], p[2]], [place[0], place[1], place[2]]))

@@ -1,16 +1,16 @@
-//! Frames of a second as a fraction, since films count in whole numbers.
+//! Frame rates as fractions, since film formats use integers.
 
-/// Frames of a second.
+/// A frame rate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rate {
-    /// Frames in [`Rate::seconds`] seconds.
+    /// The number of frames in [`Rate::seconds`] seconds.
     pub frames: u32,
-    /// Whole seconds.
+    /// The number of seconds.
     pub seconds: u32,
 }
 
 impl Rate {
-    /// The rate of a number: a whole one, one of television's (23.976 is 24000/1001), or thousandths.
+    /// The rate nearest to `fps`: an integer, a television rate (23.976 is 24000/1001), or a multiple of a thousandth.
     pub fn new(fps: f64) -> Rate {
         let whole = fps.round();
         let television = (fps * 1.001).round();
@@ -27,13 +27,13 @@ impl Rate {
         }
     }
 
-    /// The time at which a frame ends, in hundredths of a second, rounded.
+    /// The end time of the first `frames` frames, in hundredths of a second, rounded.
     pub(super) fn hundredths(self, frames: u32) -> u64 {
         let (n, d) = (u64::from(frames) * u64::from(self.seconds) * 100, u64::from(self.frames));
         (n + d / 2) / d
     }
 
-    /// As a number.
+    /// The rate in frames per second.
     pub fn fps(self) -> f64 {
         f64::from(self.frames) / f64::from(self.seconds)
     }

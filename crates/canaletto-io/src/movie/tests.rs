@@ -1,4 +1,4 @@
-//! Films read back frame by frame, with other decoders than ours.
+//! Films decoded frame by frame with third-party decoders.
 
 use super::*;
 use std::fs;
@@ -71,7 +71,7 @@ fn an_apng_gives_its_frames_back() {
         assert_eq!(canvas, bytes_of(image));
     }
     assert!(reader.next_frame(&mut data).is_err());
-    // Viewers that know no animation, and our own reader, see the first frame.
+    // Viewers without support for animation, and [`crate::picture::decode`], see the first frame.
     assert_eq!(bytes_of(&crate::picture::decode(&bytes).unwrap().image), bytes_of(&images[0]));
 }
 
@@ -93,11 +93,11 @@ fn a_gif_gives_its_frames_back() {
             let to = ((frame.top as usize + y) * 20 + frame.left as usize + x) * 3;
             canvas[to..to + 3].copy_from_slice(&pixel[..3]);
         }
-        // 217 colours: none is changed.
+        // The picture has 217 colours, so none is changed.
         assert_eq!(canvas, bytes_of(image));
     }
     assert!(reader.read_next_frame().unwrap().is_none());
-    // 30 frames a second in hundredths, and in all as long as they should be.
+    // 30 frames per second in hundredths; the sum is exact.
     assert_eq!(delays, [3, 4, 3, 3, 4]);
 }
 
@@ -127,7 +127,8 @@ fn many_colours_become_256_near_ones() {
         .zip(right.chunks_exact(3))
         .map(|(a, b)| (0..3).map(|c| f64::from(a[c].abs_diff(b[c])).powi(2)).sum::<f64>());
     let rms = (errors.sum::<f64>() / f64::from(3 * w * h)).sqrt();
-    // 4096 colours on a square by 256: a regular choice of 16 × 16 is off by 16/√12 · √(2/3) = 3.8 levels.
+    // 4096 colours in a square are reduced to 256. A regular choice of 16 × 16 has an error of 16/√12 · √(2/3) = 3.8
+    // levels.
     assert!(rms < 5.0, "{rms}");
 }
 
