@@ -1,46 +1,47 @@
-//! What is said of coordinates whose steps in `f32` can be seen.
+//! Warnings about coordinates whose `f32` rounding is visible.
 
 use super::lines::ImportError;
 use super::positions::Bounds;
 use canaletto::shape::Mesh;
 use glam::{DVec3, Vec3};
 
-/// The steps of coordinates can be seen in what is smaller than so many of them.
+/// Rounding is visible in parts that are smaller than this many steps of their coordinates.
 const VISIBLE: f32 = 16.0;
-/// Single precision is told if the largest coordinate is so many times the size of the whole: its steps are 2⁻¹³ of that.
+/// Single precision is reported if the largest coordinate is more than this multiple of the total size: a step is then
+/// 2⁻¹³ of the size.
 const FAR: f64 = 1024.0;
-/// At most so many parts are looked at.
+/// The approximate largest number of parts that are tested.
 const LOOKED_AT: usize = 4096;
-/// Steps are told if one in so many parts is too small for them.
+/// Rounding is reported if one in this many parts is too small for it.
 const FEW: usize = 16;
 
-/// How coordinates came to be `f32`.
+/// The source of `f32` coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Precision {
-    /// The file holds `f32`.
+    /// The file stores `f32`.
     Single,
-    /// The file holds more digits, which are counted from an origin.
+    /// The file has more digits; the coordinates are offsets from an origin.
     Double,
 }
 
-/// The distance of `f32` numbers as large as the largest coordinate.
+/// The distance between adjacent `f32` numbers at the largest coordinate of `p`.
 fn step(p: Vec3) -> f32 {
     let most = p.abs().max_element();
     most.next_up() - most
 }
 
-/// What is said of a mesh.
+/// The warning about a mesh.
 pub(super) fn mesh(mesh: &Mesh, precision: Precision) -> Option<ImportError> {
     let parts = mesh.triangles.iter().step_by(mesh.len() / LOOKED_AT + 1).filter_map(|corners| {
         let [a, b, c] = corners.map(|v| mesh.positions[v as usize]);
         let longest = (b - a).abs().max((c - b).abs()).max((a - c).abs()).max_element();
-        // What has no size has none at any precision.
+        // A part of size zero has none at any precision.
         (longest > 0.0).then(|| (a.abs().max(b.abs()).max(c.abs()), longest))
     });
     complaint("triangles", parts, &mesh.positions, mesh.origin, precision)
 }
 
-/// What is said of a cloud of these points, whose radii are one for all or one for each `points_of_one` of them.
+/// The warning about a cloud. It has one radius for all elements, or one for each element of `points_of_one` points.
 pub(super) fn cloud(
     points: &[Vec3],
     points_of_one: usize,
@@ -56,13 +57,13 @@ pub(super) fn cloud(
     complaint("radii", parts, points, origin, precision)
 }
 
-/// What is said of a cloud whose numbers stand in the scene, and how that is helped.
+/// The warning about a cloud whose numbers are in the scene, as message and hint.
 pub(crate) fn inline_cloud(points: &[Vec3], points_of_one: usize, radii: &[f32], origin: DVec3) -> Option<[String; 2]> {
     let said = cloud(points, points_of_one, radii, origin, Precision::Double)?;
     Some([said.message, said.help.unwrap_or_default()])
 }
 
-/// What is said of parts, each with a place and a size.
+/// The warning about parts, each with a position and a size.
 fn complaint(
     what: &str,
     parts: impl Iterator<Item = (Vec3, f32)>,
@@ -76,7 +77,7 @@ fn complaint(
         small += usize::from(size < VISIBLE * step(place));
     }
     let many = small > all / FEW;
-    // Where much lies at one place there is nothing to see.
+    // Coincident points have no size to compare with.
     let far = |bounds: &Bounds| precision == Precision::Single && bounds.size() > 0.0 && bounds.is_far(FAR);
     let bounds = Bounds::of(points);
     if !many && !far(&bounds) {
@@ -110,7 +111,7 @@ fn complaint(
 mod tests {
     use super::*;
 
-    /// A strip of squares of this size from a place on.
+    /// A strip of `count` triangles from squares of side `size`, starting at `from`.
     fn strip(from: Vec3, size: f32, count: u32) -> Mesh {
         let at = |i: u32| from + Vec3::new((i / 2) as f32, (i % 2) as f32, 0.0) * size;
         let triangles = (0..2 * count).map(|i| [i, i + 1, i + 2]).collect();
@@ -121,7 +122,7 @@ mod tests {
     fn small_triangles_far_away_are_told() {
         let told = |mesh_: &Mesh, precision| mesh(mesh_, precision).map(|c| c.message);
         let far = Vec3::new(3e6, 0.0, 0.0);
-        // As long as it is far away, so that its size as a whole is no reason.
+        // The strip is as long as it is far away, so its total size is no reason for the warning.
         let message = told(&strip(far, 2.0, 100_000), Precision::Single).expect("steps of a quarter");
         assert!(message.contains("steps of 0.25") && message.contains("smaller than 16 steps"), "{message}");
         assert!(told(&strip(far, 2.0, 100_000), Precision::Double).is_some_and(|m| m.contains("rounded")));

@@ -1,24 +1,24 @@
-//! What colours stand for whose numbers go beyond 1.
+//! The scale of colours with numbers above 1.
 
 /// The number that stands for full intensity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Scale {
     One,
-    /// 255.
+    /// 8-bit numbers up to 255.
     Bytes,
-    /// 65535.
+    /// 16-bit numbers up to 65535.
     Tokens,
 }
 
-/// Up to here, a number beyond 1 is rounding.
+/// The largest number above 1 that is taken as rounding.
 pub(super) const ROUNDED: f32 = 1.001;
 
-/// The least number with a fraction that can't be meant as light: from here on the numbers are those of a picture.
+/// The smallest fractional number that is taken as part of a picture, not as bright light.
 const PICTURE: f32 = 16.0;
 
 impl Scale {
-    /// The scale of colours whose largest number this is, unless it is beyond all. Whole numbers beyond 1 are those of an 8-bit or
-    /// 16-bit picture. Where any has a fraction, those below 16 are light that is brighter than white.
+    /// The scale of colours with this largest number; `None` if it exceeds all scales. Integers above 1 are those of an
+    /// 8-bit or 16-bit picture. If any number has a fraction, numbers below 16 are light brighter than white.
     pub(super) fn of(largest: f32, fraction: bool) -> Option<Scale> {
         match largest {
             ..=ROUNDED => Some(Scale::One),
@@ -29,7 +29,7 @@ impl Scale {
         }
     }
 
-    /// Full intensity.
+    /// The number of full intensity.
     pub(super) fn most(self) -> f32 {
         match self {
             Scale::One => 1.0,
@@ -38,7 +38,7 @@ impl Scale {
         }
     }
 
-    /// Completes a message about colours that go beyond 1.
+    /// The end of a message about colours with numbers above 1.
     pub(super) fn assumed(self) -> &'static str {
         match self {
             Scale::One => "goes beyond 1 and is taken as it is, brighter than white",

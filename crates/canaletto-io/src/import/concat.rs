@@ -1,10 +1,10 @@
-//! Lists that were made in parts become one.
+//! Concatenation of lists that were built in parts.
 
 use bytemuck::Pod;
 use canaletto::memory;
 use rayon::prelude::*;
 
-/// The parts one after another, copied in parallel. Each part's memory is given back as soon as it is copied.
+/// The concatenation of the parts, copied in parallel. The memory of each part is freed as soon as it is copied.
 pub(super) fn concat<T: Pod + Send + Sync>(mut parts: Vec<Vec<T>>) -> Vec<T> {
     parts.retain(|part| !part.is_empty());
     if parts.len() < 2 {

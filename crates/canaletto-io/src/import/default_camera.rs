@@ -1,4 +1,4 @@
-//! The camera of a scene that has none: it looks at everything with bounds, as it would at a model.
+//! The default camera of a scene without one: it frames everything that has bounds, as for a model.
 
 use super::default_scene::{FRAMING, direction_at};
 use super::fit_camera::fit_camera;
@@ -7,10 +7,11 @@ use canaletto::math::Transform;
 use canaletto::scene::{Content, Node, Scene, View};
 use glam::DVec3;
 
-/// The deepest nesting that is followed; what lies deeper makes no world.
+/// The deepest nesting that is followed. Deeper scenes are rejected when the world is built.
 const MAX_DEPTH: u32 = 256;
 
-/// The view of a scene without a camera. `None` if nothing in it has bounds, or if they leave no room to stand.
+/// The view of a scene without a camera. `None` if nothing in it has bounds, or if they are too large to place a
+/// camera.
 pub(crate) fn default_camera(scene: &Scene) -> Option<View> {
     let mut bounds = Bounds { scene, prototypes: vec![None; scene.prototypes.len()] };
     let mut corners: Vec<DVec3> = Vec::new();
@@ -20,7 +21,7 @@ pub(crate) fn default_camera(scene: &Scene) -> Option<View> {
     fit_camera(corners.into_iter().map(|p| (p, 0.0)), direction_at(30.0, 20.0), DVec3::Y, FRAMING)
 }
 
-/// A box by its lowest and its highest corner.
+/// An axis-aligned box by its lowest and highest corner.
 #[derive(Clone, Copy)]
 struct Box3 {
     low: DVec3,
@@ -57,7 +58,7 @@ impl From<Aabb> for Box3 {
 
 struct Bounds<'a> {
     scene: &'a Scene,
-    /// The bounds of each prototype, once they are known.
+    /// The bounds of each prototype, computed on first use.
     prototypes: Vec<Option<Option<Box3>>>,
 }
 

@@ -1,4 +1,4 @@
-//! A model alone becomes a scene: camera, light and ground, all measured by the model's own size.
+//! The default scene of a model: camera, lights and ground, scaled by the model's size.
 
 use super::Imported;
 use super::fit_camera::fit_camera;
@@ -9,7 +9,7 @@ use canaletto::scene::{Content, FilmSettings, Intrinsics, Node, Sampling, Scene}
 use canaletto::shape::{Plane, Shape};
 use glam::DVec3;
 
-/// The camera of models, before it is placed.
+/// The camera of models, without its placement.
 pub(super) const FRAMING: Intrinsics = Intrinsics {
     fovy: 35.0,
     width: 960,
@@ -21,13 +21,14 @@ pub(super) const FRAMING: Intrinsics = Intrinsics {
     shutter: [0.0; 2],
 };
 
-/// The model on a neutral ground, seen from the front, a little from the right and above (y is up, the front looks
-/// towards +z). The camera looks down by more than half its angle of view, so that the horizon stays outside. Edges are sampled adaptively.
+/// The model on a neutral ground, seen from the front, a little from the right and above (y is up, the front faces +z).
+/// The camera looks down by more than half its angle of view, so that the horizon stays outside. Edges are sampled
+/// adaptively.
 ///
-/// `None` if the model's coordinates leave no room to stand.
+/// `None` if the model's coordinates are too large to place a camera.
 pub(super) fn default_scene(model: Imported) -> Option<Scene> {
     let meshes = model.meshes;
-    // All is measured from where the meshes of a file are counted from.
+    // All positions are offsets from the origin of the file's meshes.
     let origin = meshes.first().map_or(DVec3::ZERO, |mesh| mesh.origin);
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     let corners =
@@ -52,7 +53,7 @@ pub(super) fn default_scene(model: Imported) -> Option<Scene> {
     let there = Transform::translate(origin);
     let ground = Node::from(Shape::Plane(Plane { point, normal: glam::Vec3::Y })).with_transform(&there);
     nodes.push(ground.named("ground").with_material(next + 1));
-    // The key light from the left of the camera casts the shadow; the fill from the right only lifts it.
+    // The key light at the left of the camera casts the shadow; the fill light at the right brightens it.
     let key = DiskLight {
         position: (middle + direction_at(-25.0, 50.0) * (3.0 * size)).as_vec3(),
         normal: direction_at(-25.0, 50.0).as_vec3(),
@@ -83,7 +84,7 @@ pub(super) fn default_scene(model: Imported) -> Option<Scene> {
     })
 }
 
-/// The unit direction at these degrees to the right of the front (+z) and above the ground.
+/// The unit direction at these angles, in degrees, to the right of the front (+z) and above the ground.
 pub(super) fn direction_at(right: f64, above: f64) -> DVec3 {
     let (sin_r, cos_r) = libm::sincos(right.to_radians());
     let (sin_a, cos_a) = libm::sincos(above.to_radians());

@@ -1,8 +1,8 @@
-//! Text that isn't UTF-8.
+//! Text encodings other than UTF-8.
 
 use std::borrow::Cow;
 
-/// The text as UTF-8, if it is UTF-16: with a byte order mark, or where every other byte of the first two characters is 0.
+/// The text as UTF-8 if it is UTF-16: it has a byte order mark, or every other byte of its first two characters is 0.
 pub(super) fn from_utf16(bytes: &[u8]) -> Option<Vec<u8>> {
     let read = order(bytes)?;
     let units = bytes.chunks_exact(2).map(|pair| read([pair[0], pair[1]]));
@@ -14,23 +14,23 @@ pub(super) fn from_utf16(bytes: &[u8]) -> Option<Vec<u8>> {
     Some(out)
 }
 
-/// How many bytes of a file [`is_utf16`] wants to see.
+/// The number of bytes that [`is_utf16`] needs.
 pub(super) const START: usize = 4;
 
-/// Whether a file that starts so is UTF-16.
+/// Whether a file with these first bytes is UTF-16.
 pub(super) fn is_utf16(start: &[u8]) -> bool {
     order(start).is_some()
 }
 
-/// The bytes, or what they say as UTF-8.
+/// The bytes as they are, or their text as UTF-8 if it is UTF-16.
 pub(super) fn utf8(bytes: &[u8]) -> Cow<'_, [u8]> {
     from_utf16(bytes).map_or(Cow::Borrowed(bytes), Cow::Owned)
 }
 
-/// What stands behind a text in files of old systems: Ctrl-Z, and zeros that fill up a block.
+/// Bytes after a text in files of old systems: Ctrl-Z, and zeros that pad a block.
 const FILLERS: [u8; 2] = [0, 0x1a];
 
-/// The text of a file: as UTF-8, and without what fills up its end.
+/// The text of a file as UTF-8, without the padding at its end.
 pub(super) fn text(bytes: &[u8]) -> Cow<'_, [u8]> {
     let end = |text: &[u8]| text.iter().rposition(|byte| !FILLERS.contains(byte)).map_or(0, |last| last + 1);
     match utf8(bytes) {
@@ -44,7 +44,7 @@ pub(super) fn text(bytes: &[u8]) -> Cow<'_, [u8]> {
 
 fn order(start: &[u8]) -> Option<fn([u8; 2]) -> u16> {
     match start {
-        // UTF-32 has the same mark, with zeros behind it.
+        // UTF-32 has an equal mark, followed by zeros.
         [0xff, 0xfe, 0, 0, ..] => None,
         [0xff, 0xfe, ..] => Some(u16::from_le_bytes),
         [0xfe, 0xff, ..] => Some(u16::from_be_bytes),
@@ -67,7 +67,7 @@ mod tests {
             for bytes in [little, big] {
                 assert!(is_utf16(&bytes[..START]));
                 assert_eq!(from_utf16(&bytes).as_deref(), Some(text.as_bytes()));
-                // Half a character at the end is left out.
+                // Half a character at the end is dropped.
                 assert!(from_utf16(&bytes[..bytes.len() - 1]).is_some());
             }
         }

@@ -1,17 +1,17 @@
-//! A camera that shows all of a model, as large as the margin allows.
+//! A camera that frames a model as large as the margin allows.
 
 use canaletto::scene::{Extrinsics, Intrinsics, View};
 use glam::{DMat3, DVec3};
 
-/// A point that must be seen, with a radius around it.
+/// A point that must be visible, with a radius around it.
 pub(super) type Ball = (DVec3, f64);
 
-/// The share of the picture's height or width that stays free on each side.
+/// The margin on each side, as a fraction of the picture's height or width.
 const MARGIN: f64 = 0.08;
 
-/// The view against unit direction `towards` (from the model to the eye) that holds all the balls: the four planes of
-/// the pyramid of vision, moved in by the margin, touch two of them in the tighter direction; in the other one they are
-/// brought to the middle. `None` if there are none or they are not finite.
+/// The view along the negative of the unit direction `towards` (from the model to the eye) that contains all balls. The
+/// four planes of the view pyramid, moved in by the margin, touch two balls in the tighter direction. In the other
+/// direction the balls are centred. `None` if there are no balls or they are not finite.
 pub(super) fn fit_camera(
     balls: impl Iterator<Item = Ball> + Clone,
     towards: DVec3,
@@ -24,7 +24,7 @@ pub(super) fn fit_camera(
     let tan_y = libm::tan(intrinsics.fovy.to_radians() / 2.0) * (1.0 - 2.0 * MARGIN);
     let tan_x = tan_y * f64::from(intrinsics.width) / f64::from(intrinsics.height);
     let (secant_x, secant_y) = (libm::hypot(tan_x, 1.0), libm::hypot(tan_y, 1.0));
-    // How far the planes right, left, above and below must lie: ±x − tan z ≤ ±eye.x − tan eye.z.
+    // The positions of the right, left, upper and lower planes: ±x − tan z ≤ ±eye.x − tan eye.z.
     let mut reach = [f64::NEG_INFINITY; 4];
     let (mut near, mut far) = (f64::INFINITY, f64::NEG_INFINITY);
     for (point, radius) in balls.clone() {
@@ -38,7 +38,7 @@ pub(super) fn fit_camera(
     }
     let [x_plus, x_minus, y_plus, y_minus] = reach;
     let depth = (-(x_plus + x_minus) / (2.0 * tan_x)).min(-(y_plus + y_minus) / (2.0 * tan_y));
-    // A single point, or points behind one another, take no room; stand back a little.
+    // A single point, or points behind one another, have no extent; the eye stays at a small distance.
     let size = (far - near).max(near.abs().max(far.abs()) * 1e-6).max(1e-30);
     let depth = if near - depth < size * 1e-3 { near - size } else { depth };
     let mut eye = DVec3::new((x_plus - x_minus) / 2.0, (y_plus - y_minus) / 2.0, depth);
@@ -54,12 +54,12 @@ pub(super) fn fit_camera(
     Some(View { name: "main".into(), intrinsics, extrinsics: Extrinsics { eye, center, up }, motion: Vec::new() })
 }
 
-/// How often the middle is sought; each pass halves what is left, or better.
+/// The number of centring passes; each one at least halves the remaining offset.
 const PASSES: usize = 4;
 
-/// Moves the eye sideways so that the outermost points of this pass are as far from the middle on both sides.
+/// Moves the eye sideways so that the outermost points of this pass are equally far from the middle on both sides.
 fn center(eye: &mut DVec3, balls: impl Iterator<Item = Ball>) {
-    // In each direction the largest and smallest slope, with their place and depth.
+    // The largest and smallest slope in each direction, with their position and depth.
     let mut most = [[f64::NEG_INFINITY, 0.0, 1.0]; 2];
     let mut least = [[f64::INFINITY, 0.0, 1.0]; 2];
     for (p, radius) in balls {
@@ -85,7 +85,7 @@ fn center(eye: &mut DVec3, balls: impl Iterator<Item = Ball>) {
 mod tests {
     use super::*;
 
-    /// Where a point falls in the picture: −1 to 1 each way.
+    /// The position of a point in the picture: −1 to 1 in each direction.
     fn project(view: &View, p: DVec3) -> (f64, f64) {
         let Extrinsics { eye, center, up } = view.extrinsics;
         let ahead = (center - eye).normalize();

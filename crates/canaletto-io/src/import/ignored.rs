@@ -1,15 +1,15 @@
-//! What a file says and nobody uses: counted, and told once for each word.
+//! Unsupported words of a file: counted, and reported once for each word.
 
 use super::lines::Token;
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use std::ops::Range;
 
-/// Words that were left out, in the order of their first places.
+/// Ignored words in the order of their first occurrence.
 #[derive(Default)]
 pub(super) struct Ignored {
     list: Vec<Entry>,
     more: usize,
-    /// Whether this is about a part of a file, and all are listed.
+    /// Whether this is the list of a part of a file, which is complete.
     part: bool,
 }
 
@@ -21,10 +21,10 @@ struct Entry {
 }
 
 impl Ignored {
-    /// The most words that are told apart.
+    /// The largest number of words that are listed; further ones are only counted.
     const MAX: usize = 24;
 
-    /// Nothing yet of a part of a file, which is [appended](Ignored::append) to others.
+    /// An empty list for a part of a file, to be [appended](Ignored::append) to others.
     pub(super) fn of_part() -> Ignored {
         Ignored { part: true, ..Ignored::default() }
     }
@@ -41,8 +41,8 @@ impl Ignored {
         }
     }
 
-    /// Adds what a later part of the file has. Only here is what comes first told from what is merely counted, so that
-    /// it doesn't matter where parts end.
+    /// Appends the words of a later part of the file. The limit applies only here, so that the result doesn't depend on
+    /// the division into parts.
     pub(super) fn append(&mut self, later: Ignored) {
         for entry in later.list {
             if let Some(known) = self.list.iter_mut().find(|e| e.word == entry.word && e.why == entry.why) {
@@ -55,7 +55,7 @@ impl Ignored {
         }
     }
 
-    /// A warning for each word.
+    /// Adds a warning for each word.
     pub(super) fn report(self, file: &str, into: &mut Diagnostics) {
         for entry in self.list {
             let word = Token { start: 0, text: &entry.word }.shown();

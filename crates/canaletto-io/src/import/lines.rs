@@ -1,4 +1,4 @@
-//! Text as bytes: lines, words and numbers that know their place, for formats of words between spaces.
+//! Lines, words and numbers of a byte text with their offsets, for formats of words between spaces.
 
 use super::number;
 use super::text::Piece;
@@ -6,25 +6,25 @@ use crate::diagnostic::Diagnostic;
 use glam::{DVec3, Vec3};
 use std::ops::Range;
 
-/// A piece of a file: bytes without spaces, or a line.
+/// A part of a file: a word without spaces, or a line.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Token<'a> {
-    /// Where it starts in the file.
+    /// The offset of the start in the file.
     pub(super) start: usize,
-    /// Its bytes.
+    /// The bytes.
     pub(super) text: &'a [u8],
 }
 
 impl<'a> Token<'a> {
-    /// Its place in the file.
+    /// The byte range in the file.
     pub(super) fn span(&self) -> Range<usize> {
         self.start..self.start + self.text.len()
     }
 
-    /// Its text for messages, shortened.
+    /// The text for messages, shortened.
     pub(super) fn shown(&self) -> String {
         const MAX: usize = 40;
-        // A character has at most four bytes, and the last may be cut.
+        // A character has at most four bytes, and the last one may be cut.
         let start = &self.text[..self.text.len().min(4 * MAX + 3)];
         let valid = match std::str::from_utf8(start) {
             Err(error) if error.error_len().is_none() && start.len() < self.text.len() => &start[..error.valid_up_to()],
@@ -37,7 +37,7 @@ impl<'a> Token<'a> {
         }
     }
 
-    /// Its whole text. What isn't UTF-8 is taken for Latin-1, so that different bytes stay different.
+    /// The whole text. Bytes that aren't UTF-8 are taken as Latin-1, so that different bytes yield different texts.
     pub(super) fn string(&self) -> String {
         match std::str::from_utf8(self.text) {
             Ok(text) => text.to_owned(),
@@ -45,7 +45,7 @@ impl<'a> Token<'a> {
         }
     }
 
-    /// A finite number.
+    /// The word as a finite number.
     pub(super) fn number(&self) -> Result<f32, ImportError> {
         match number::parse_f32(self.text) {
             Some(value) if value.is_finite() => Ok(value),
@@ -54,7 +54,7 @@ impl<'a> Token<'a> {
         }
     }
 
-    /// A number, which may be infinite or none (NaN).
+    /// The word as a number, which may be infinite or NaN.
     pub(super) fn any_number(&self) -> Result<f32, ImportError> {
         number::parse_f32(self.text).ok_or_else(|| self.no_number())
     }
@@ -75,13 +75,13 @@ impl<'a> Token<'a> {
         }
     }
 
-    /// The same number, and as exact as `f64` holds it.
+    /// The finite number in `f32` and in `f64`.
     pub(super) fn exact_number(&self) -> Result<(f32, f64), ImportError> {
         let rounded = self.number()?;
         Ok((rounded, number::parse(self.text).unwrap_or(rounded.into())))
     }
 
-    /// A complaint about this word.
+    /// An error about this word.
     pub(super) fn wrong(&self, message: impl Into<String>) -> ImportError {
         ImportError { message: message.into(), span: Some(self.span()), help: None }
     }
@@ -92,7 +92,7 @@ impl<'a> Token<'a> {
     }
 }
 
-/// What is wrong and where, before the file's name is known.
+/// An error message with its byte range; the file's name is added later.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ImportError {
     pub(super) message: String,
@@ -101,30 +101,30 @@ pub(super) struct ImportError {
 }
 
 impl ImportError {
-    /// A complaint about the whole file.
+    /// An error about the whole file.
     pub(super) fn file(message: impl Into<String>) -> ImportError {
         ImportError { message: message.into(), span: None, help: None }
     }
 
-    /// The same with a hint.
+    /// Sets the hint.
     pub(super) fn help(mut self, help: impl Into<String>) -> ImportError {
         self.help = Some(help.into());
         self
     }
 
-    /// The same with words in front.
+    /// Prefixes the message.
     pub(super) fn within(mut self, what: &str) -> ImportError {
         self.message = format!("{what}: {}", self.message);
         self
     }
 
-    /// As an error of this file.
+    /// The message as an error of this file.
     pub(super) fn error(self, file: &str) -> Diagnostic {
         let diagnostic = Diagnostic::error(file, &*self.message);
         self.finish(diagnostic)
     }
 
-    /// As a warning of this file.
+    /// The message as a warning of this file.
     pub(super) fn warning(self, file: &str) -> Diagnostic {
         let diagnostic = Diagnostic::warning(file, &*self.message);
         self.finish(diagnostic)
@@ -149,16 +149,16 @@ fn is_space(byte: u8) -> bool {
     matches!(byte, b' ' | b'\t'..=b'\r')
 }
 
-/// The most spaces that may stand between a backslash that joins lines and the line's end.
+/// The largest number of spaces between a backslash that joins lines and the line's end.
 pub(super) const BLANKS: usize = 8;
 
-/// Whether a backslash ends these bytes, but for spaces.
+/// Whether these bytes end with a backslash, possibly followed by spaces.
 #[inline]
 pub(super) fn goes_on(bytes: &[u8]) -> bool {
     bytes.iter().rev().take(BLANKS + 1).find(|byte| !matches!(byte, b' ' | b'\t')) == Some(&b'\\')
 }
 
-/// Where the next word starts behind a word that ends at `at`, on the same line.
+/// The offset of the next word on the line after a word that ends at `at`.
 #[inline]
 pub(super) fn gap(line: &[u8], at: usize) -> Option<usize> {
     let spaces = line.get(at..)?.iter().position(|byte| !matches!(byte, b' ' | b'\t'))?;
@@ -174,7 +174,7 @@ impl<'a> Tokens<'a> {
         }
     }
 
-    /// The next words, which must be `N` numbers; some may be infinite or none (NaN).
+    /// The next words, which must be `N` numbers; they may be infinite or NaN.
     pub(super) fn any_numbers<const N: usize>(&mut self, what: &str) -> Result<[f32; N], ImportError> {
         let mut out = [0.0; N];
         for (index, value) in out.iter_mut().enumerate() {
@@ -186,8 +186,8 @@ impl<'a> Tokens<'a> {
         Ok(out)
     }
 
-    /// The next words, which must be the three numbers of a position: rounded, and as exact as they are.
-    /// Some may be infinite or none (NaN).
+    /// The next words, which must be the three numbers of a position, in `f32` and in `f64`. They may be infinite or
+    /// NaN.
     pub(super) fn position(&mut self, what: &str) -> Result<(Vec3, DVec3), ImportError> {
         let mut exact = self.clone();
         let rounded = self.any_numbers::<3>(what)?;
@@ -195,7 +195,7 @@ impl<'a> Tokens<'a> {
         Ok((rounded.into(), exact.into()))
     }
 
-    /// The same words up to a comment, which may follow without a space. `1.#INF` is none.
+    /// The words up to a comment, which may follow without a space. `1.#INF` is no comment.
     pub(super) fn before_comment(mut self) -> Tokens<'a> {
         let text = self.line.text;
         let number = |at: usize| {
@@ -207,7 +207,7 @@ impl<'a> Tokens<'a> {
         self
     }
 
-    /// What is left of the line, without spaces at its ends.
+    /// The rest of the line, without spaces at its ends.
     pub(super) fn rest(&self) -> Token<'a> {
         let text = &self.line.text[self.at..];
         let lead = text.len() - text.trim_ascii_start().len();
@@ -234,17 +234,17 @@ impl<'a> Iterator for Tokens<'a> {
     }
 }
 
-/// The lines of a file, wherever `\n` or `\r` ends them; blank ones are left out.
+/// The lines of a file, ended by `\n` or `\r`; blank ones are omitted.
 pub(super) struct Lines<'a> {
     bytes: &'a [u8],
     at: usize,
-    /// Where the bytes start in the file.
+    /// The offset of the bytes in the file.
     base: usize,
     /// Whether a backslash at a line's end, comments apart, joins the next line.
     joined: bool,
 }
 
-/// The lines of `bytes`, without a byte order mark.
+/// The lines of `bytes` after a byte order mark, if there is one.
 pub(super) fn lines(bytes: &[u8]) -> Lines<'_> {
     let at = if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
     Lines { at, ..Lines::new(bytes, 0) }
@@ -256,15 +256,16 @@ impl<'a> Lines<'a> {
         Lines { bytes, at: 0, base, joined: false }
     }
 
-    /// The lines of a piece of a text; the first starts behind the byte order mark, if there is one.
+    /// The lines of a piece of a text; the first one starts after the byte order mark, if there is one.
     pub(super) fn of_piece(piece: Piece<'a>) -> Lines<'a> {
         let at = if piece.start == 0 && piece.bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
         Lines { at, ..Lines::new(piece.bytes, piece.start) }
     }
 
-    /// What `read` makes of the next line, if it makes something of it. It is given the bytes from the line's start on, and
-    /// tells how many it used, none of which may be a backslash or end a line; if there is more on the line, all counts for
-    /// nothing. Most lines of large files are read so, without first looking for their end.
+    /// The fast path for a line: calls `read` with the bytes from the line's first word on. `read` returns a value and
+    /// the number of bytes that it used, none of which may be a backslash or a line end. The result is `None`, and
+    /// nothing is consumed, if the line has more bytes. Most lines of large files are read in this manner, without a
+    /// search for their end.
     #[inline]
     pub(super) fn easy<T>(&mut self, read: impl FnOnce(&[u8]) -> Option<(T, usize)>) -> Option<T> {
         let rest = self.bytes.get(self.at..)?;
@@ -277,12 +278,12 @@ impl<'a> Lines<'a> {
         })
     }
 
-    /// How far the bytes are read.
+    /// The offset up to which the bytes are read.
     pub(super) fn position(&self) -> usize {
         self.at
     }
 
-    /// The same lines, joined where a backslash ends them.
+    /// The lines, joined where a backslash ends them.
     pub(super) fn joined(mut self) -> Self {
         self.joined = true;
         self

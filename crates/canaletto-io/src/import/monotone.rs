@@ -1,31 +1,32 @@
-//! Simple polygons into triangles in O(n log n): cut into monotone pieces by a sweep from top to bottom, and these by a stack (de Berg, Cheong,
-//! van Kreveld and Overmars, Computational Geometry, chapter 3).
+//! Triangulation of simple polygons in O(n log n): a plane sweep splits them into monotone pieces, which are
+//! triangulated by a stack (de Berg, Cheong, van Kreveld and Overmars, Computational Geometry, chapter 3).
 //!
-//! What comes out for polygons that cross or touch themselves may be wrong: the caller judges it.
+//! The result for polygons that cross or touch themselves may be wrong; the caller must validate it.
 
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
-/// An edge on its way down, or a point, whose ends are one. Of edges that don't cross and stand beside each other the left one is less.
+/// A downward edge, or a point, whose two ends are equal. Edges that don't cross and overlap in height are ordered from
+/// left to right.
 #[derive(Clone, Copy, Debug)]
 struct Edge {
     upper: [f64; 2],
     lower: [f64; 2],
 }
 
-/// Twice the area of a triangle, positive if it turns to the left.
+/// Twice the signed area of a triangle, positive if it is counterclockwise.
 fn turn([ax, ay]: [f64; 2], [bx, by]: [f64; 2], [cx, cy]: [f64; 2]) -> f64 {
     (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
 }
 
-/// Which of two points the sweep meets first: the upper one, of two at one height the left one.
+/// The order of points in the sweep: from top to bottom, at equal height from left to right.
 fn first(a: [f64; 2], b: [f64; 2]) -> Ordering {
     b[1].total_cmp(&a[1]).then(a[0].total_cmp(&b[0]))
 }
 
 impl Ord for Edge {
     fn cmp(&self, other: &Edge) -> Ordering {
-        // Which side of an edge that goes down a point lies on: on the left of the way is a larger x.
+        // The side of a downward edge on which a point lies: its left side has the larger x.
         let beside = |edge: &Edge, p| turn(edge.upper, edge.lower, p).total_cmp(&0.0);
         let same = |order: Ordering| (order != Ordering::Equal).then_some(order);
         let order = match first(self.upper, other.upper) {
@@ -50,7 +51,7 @@ impl PartialEq for Edge {
 
 impl Eq for Edge {}
 
-/// The triangles of a simple polygon that turns to the left, as positions in it.
+/// The triangles of a simple counterclockwise polygon, as indices into `points`.
 pub(super) fn triangles(points: &[[f64; 2]]) -> Vec<[u32; 3]> {
     let mut out = Vec::with_capacity(points.len().saturating_sub(2));
     let diagonals = diagonals(points);
@@ -58,7 +59,7 @@ pub(super) fn triangles(points: &[[f64; 2]]) -> Vec<[u32; 3]> {
     out
 }
 
-/// The diagonals that cut a polygon into monotone pieces.
+/// The diagonals that split a polygon into monotone pieces.
 fn diagonals(points: &[[f64; 2]]) -> Vec<[u32; 2]> {
     let n = points.len();
     let after = |i: usize| if i + 1 == n { 0 } else { i + 1 };
@@ -68,7 +69,8 @@ fn diagonals(points: &[[f64; 2]]) -> Vec<[u32; 2]> {
     let mut order: Vec<u32> = (0..n as u32).collect();
     order.sort_unstable_by(|a, b| first(points[*a as usize], points[*b as usize]).then(a.cmp(b)));
     let mut diagonals = Vec::new();
-    // Edges on their way down that the sweep is at, with the last point below each that sees it, and whether two pieces met there.
+    // The downward edges at the sweep line. Each has its helper, the last point below it that sees it, and whether two
+    // pieces merge there.
     let mut open: BTreeMap<Edge, (u32, bool)> = BTreeMap::new();
     for &v in &order {
         let i = v as usize;
@@ -77,7 +79,7 @@ fn diagonals(points: &[[f64; 2]]) -> Vec<[u32; 2]> {
         let convex = turn(points[last], points[i], points[next]) > 0.0;
         let mut merges = false;
         if comes_down {
-            // The edge before ends here.
+            // The previous edge ends here.
             if let Some((helper, merged)) = open.remove(&edge(last))
                 && merged
             {
@@ -88,11 +90,11 @@ fn diagonals(points: &[[f64; 2]]) -> Vec<[u32; 2]> {
             (true, true) => false,  // on a left chain
             (false, false) => true, // on a right chain
             (true, false) => {
-                // the lowest of two edges
+                // the lower end of two edges
                 merges = !convex;
                 merges
             }
-            (false, true) => !convex, // the highest of two edges
+            (false, true) => !convex, // the upper end of two edges
         };
         if inner {
             let here = Edge { upper: points[i], lower: points[i] };
@@ -110,11 +112,11 @@ fn diagonals(points: &[[f64; 2]]) -> Vec<[u32; 2]> {
     diagonals
 }
 
-/// Calls `visit` with the corners of each piece that diagonals cut a polygon into.
+/// Calls `visit` with the corners of each piece into which the diagonals split a polygon.
 fn faces(points: &[[f64; 2]], diagonals: &[[u32; 2]], mut visit: impl FnMut(&[u32])) {
     let n = points.len();
-    // For each point where its diagonals stand in a list of their other ends, then in the order in which one turns to the left from the
-    // edge that leaves it.
+    // `starts` has the range of each point's diagonals in `ends`, the list of their other ends. Each range is then
+    // sorted counterclockwise from the edge that leaves the point.
     let mut starts = vec![0u32; n + 1];
     for &[a, b] in diagonals {
         starts[a as usize + 1] += 1;
@@ -132,7 +134,7 @@ fn faces(points: &[[f64; 2]], diagonals: &[[u32; 2]], mut visit: impl FnMut(&[u3
         }
     }
     let next = |i: u32| if i as usize + 1 == n { 0 } else { i + 1 };
-    // By the angle from the edge ahead: in half turns, then by the turn between them.
+    // The angle from the edge ahead: first by half turns, then by orientation.
     let angles = |i: u32, a: u32, b: u32| {
         let [here, ahead, a, b] = [i, next(i), a, b].map(|i| points[i as usize]);
         let half = |p| turn(here, ahead, p) < 0.0;
@@ -142,7 +144,7 @@ fn faces(points: &[[f64; 2]], diagonals: &[[u32; 2]], mut visit: impl FnMut(&[u3
         let own = &mut ends[starts[i] as usize..starts[i + 1] as usize];
         own.sort_unstable_by(|a, b| angles(i as u32, *a, *b));
     }
-    // Half edges: that along the polygon from i is i, that along the entry e of `ends` is n + e.
+    // Half edges: i is the polygon edge from point i, n + e is the diagonal of entry e in `ends`.
     let mut seen = vec![false; n + ends.len()];
     let mut face = Vec::new();
     for start in 0..n + ends.len() {
@@ -155,7 +157,8 @@ fn faces(points: &[[f64; 2]], diagonals: &[[u32; 2]], mut visit: impl FnMut(&[u3
             seen[half] = true;
             face.push(from);
             let to = if half < n { next(from) } else { ends[half - n] };
-            // The piece is on the left: at its end one goes on along the first way to the right of the way back.
+            // The piece lies to the left. At the end of a half edge it continues along the first one clockwise from the
+            // reversed half edge.
             let own = &ends[starts[to as usize] as usize..starts[to as usize + 1] as usize];
             let at = if half < n { own.len() } else { own.binary_search_by(|end| angles(to, *end, from)).unwrap_or(0) };
             half = if at == 0 { to as usize } else { n + starts[to as usize] as usize + at - 1 };
@@ -167,7 +170,7 @@ fn faces(points: &[[f64; 2]], diagonals: &[[u32; 2]], mut visit: impl FnMut(&[u3
     }
 }
 
-/// The triangles of a monotone piece that turns to the left.
+/// The triangles of a counterclockwise monotone piece.
 fn piece(points: &[[f64; 2]], face: &[u32], out: &mut Vec<[u32; 3]>) {
     let n = face.len();
     let at = |i: usize| points[face[i] as usize];
@@ -175,7 +178,7 @@ fn piece(points: &[[f64; 2]], face: &[u32], out: &mut Vec<[u32; 3]>) {
     let (Some(top), Some(bottom)) = ((0..n).min_by(|a, b| sooner(*a, *b)), (0..n).max_by(|a, b| sooner(*a, *b))) else {
         return;
     };
-    // Down the left chain, which follows the top, and down the right one, at once.
+    // The merge of the left chain, which follows the top, and the right chain, in sweep order.
     let mut order = Vec::with_capacity(n);
     order.push((top, true));
     let (mut left, mut right) = ((top + 1) % n, (top + n - 1) % n);
@@ -231,7 +234,7 @@ mod tests {
         points.iter().zip(next).map(|(a, b)| 0.5 * (a[0] * b[1] - a[1] * b[0])).sum()
     }
 
-    /// Simple polygons that turn to the left, concave nearly everywhere.
+    /// Simple counterclockwise polygons, concave nearly everywhere.
     fn shapes(n: usize) -> Vec<Vec<[f64; 2]>> {
         let round = |radius: &dyn Fn(usize) -> f64| -> Vec<[f64; 2]> {
             let at = |i: usize| (radius(i), TAU * i as f64 / n as f64);

@@ -1,12 +1,11 @@
-//! MTL, the materials beside an OBJ file (Wavefront, *Advanced Visualizer* manual, appendix B1), whose model is Phong's
-//! own.
+//! MTL, the materials of OBJ files (Wavefront, *Advanced Visualizer* manual, appendix B1), which use the Phong model.
 //!
 //! | MTL | here |
 //! |---|---|
-//! | `Kd`, `Ks` | kd, ks; linear, as they stand; as [shares](super::color) of 255 if they go that far |
-//! | `Ns` | n; below 1, where a highlight is wider than the light of a matte surface, ks fades with it; none at all is 0 |
-//! | `d` | coverage, the share of the surface that is there; of glass the opacity |
-//! | `Tr` | 1 − `d`, where there is no `d`. Since some programs write `Tr 1` for opaque, it counts so unless it is glass |
+//! | `Kd`, `Ks` | kd, ks; linear, unchanged; as [fractions](super::color) of 255 if they are that large |
+//! | `Ns` | n; below 1, where a highlight is wider than diffuse reflection, ks is scaled by it; the default is 0 |
+//! | `d` | coverage, the fraction of the surface that exists; for glass the opacity |
+//! | `Tr` | 1 − `d` if there is no `d`. `Tr 1` means opaque unless it is glass, as some programs write it |
 //! | `Ni` | eta |
 //! | `illum` 0, 1 | no highlight: ks = 0 |
 //! | `illum` 3, 5, 8 | a mirror: k = `Ks` |
@@ -14,9 +13,10 @@
 //! | other `illum` | `Ks` gives highlights only |
 //! | no `illum` | glass if `Ni` isn't 1, else as 2 |
 //!
-//! Where it isn't glass, light that passes isn't bent: eta = 1, whatever `Ni` says; exporters write `Ni` with every
-//! material. `Ka` is left out in silence, since the scene's ambient light acts on kd and every exporter writes it;
-//! everything else with a warning. A wrong number is a warning and leaves its default. Words may be in capitals.
+//! Materials other than glass don't refract: eta = 1, whatever `Ni` is, because exporters write `Ni` with every
+//! material. `Ka` is ignored without a warning, since the scene's ambient light acts on kd and every exporter writes
+//! it. Other words are ignored with a warning. An invalid number causes a warning and keeps its default. Words may be
+//! in capitals.
 
 use super::color::{ROUNDED, Scale};
 use super::ignored::Ignored;
@@ -25,7 +25,7 @@ use crate::diagnostic::Diagnostics;
 use canaletto::material::{Material, Phong};
 use canaletto::math::Rgb;
 
-/// What a material says before all of it is known.
+/// The words of a material that is being read.
 struct Draft<'a> {
     name: String,
     kd: Option<Rgb>,
@@ -33,7 +33,7 @@ struct Draft<'a> {
     n: Option<f32>,
     eta: Option<f32>,
     dissolve: Option<f32>,
-    /// With its word.
+    /// `Tr` with its word, for messages.
     transparency: Option<(f32, Token<'a>)>,
     filter: Option<Rgb>,
     illum: Option<u32>,
@@ -61,7 +61,7 @@ impl Draft<'_> {
         }
     }
 
-    /// What `d` says: the share of the surface that is there, or how opaque it is.
+    /// The value of `d`: the coverage, or the opacity of glass.
     fn share(&self, ignored: &mut Ignored) -> f32 {
         let glass = self.is_glass();
         match (self.dissolve, self.transparency) {
@@ -102,7 +102,7 @@ impl Draft<'_> {
     }
 }
 
-/// The materials of an MTL file, in its order.
+/// The materials of an MTL file, in the order of the file.
 pub(super) fn read(file: &str, bytes: &[u8], warnings: &mut Diagnostics) -> Vec<Material> {
     let mut done: Vec<Material> = Vec::new();
     let mut draft: Option<Draft<'_>> = None;
@@ -150,7 +150,7 @@ pub(super) fn read(file: &str, bytes: &[u8], warnings: &mut Diagnostics) -> Vec<
     done
 }
 
-/// The most pictures, and the most wrong values, that are told one by one.
+/// The largest number of texture maps, and of invalid values, that are reported one by one.
 const MAX_TOLD: usize = 20;
 
 fn is_map(key: &[u8]) -> bool {
@@ -205,7 +205,7 @@ fn property<'a>(
     Ok(())
 }
 
-/// A colour: one number stands for all three. Nothing for spectral curves.
+/// A colour; a single number stands for all three. `None` for spectral curves.
 fn color(word: Token<'_>, words: Tokens<'_>, ignored: &mut Ignored) -> Result<Option<Rgb>, ImportError> {
     let mut words = words;
     let line = words.rest();

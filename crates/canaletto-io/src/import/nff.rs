@@ -1,5 +1,5 @@
 //! NFF, the Neutral File Format of Eric Haines' Standard Procedural Databases (SPD 3.1; *A Proposal for Standard
-//! Graphics Environments*, IEEE CG&A, November 1987): a whole scene.
+//! Graphics Environments*, IEEE CG&A, November 1987). A file is a whole scene.
 //!
 //! | NFF | here |
 //! |---|---|
@@ -9,10 +9,9 @@
 //! | `c`, `s` | cones and cylinders without caps, spheres |
 //! | `p`, `pp` | polygons, all of one material in one mesh, and those with normals in another |
 //!
-//! A file without `v` is seen whole, from the front, right and above. There is no ambient light. The film develops
-//! to sRGB. SPD's published statistics stop at a ray tree of depth 5; the
-//! integrator keeps this program's own default. NFF's negative radii, which turn a surface inside out, are taken as
-//! positive, as both sides are seen here.
+//! A file without `v` is framed as a whole, from the front, right and above. There is no ambient light. The film
+//! develops to sRGB. SPD's published statistics limit the ray tree to depth 5; the integrator keeps its own default.
+//! Negative radii, which turn a surface inside out in NFF, are taken as positive, since both sides are visible here.
 
 use super::coarse::{self, Precision};
 use super::fit_camera::fit_camera;
@@ -30,10 +29,10 @@ use canaletto::shape::{Cone, Cylinder, Mesh, Shape, Sphere};
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
 
-/// The largest picture side and polygon that a file may ask for.
+/// The largest side of a picture, and the largest number of corners of a polygon.
 const MAX_RESOLUTION: u32 = 1 << 16;
 
-/// The scene of an NFF file, and warnings.
+/// Reads the scene of an NFF file; returns it with warnings.
 pub(super) fn read(asset: &Asset) -> Result<(Scene, Diagnostics), Diagnostics> {
     let file = asset.path.name();
     let mut reader = Reader::new(&asset.bytes);
@@ -68,15 +67,15 @@ struct Reader<'a> {
     scene: Scene,
     view: Option<View>,
     lights: Vec<((Vec3, DVec3), Option<Rgb>)>,
-    /// Index of each material by the bits of its numbers.
+    /// The index of each material by the bits of its numbers.
     known: HashMap<[u32; 8], u32>,
     material: Option<u32>,
     /// The corners of each mesh.
     corners: Vec<Positions>,
-    /// For each material its meshes: without normals, with normals; positions in the scene's list.
+    /// The meshes of each material, without and with normals, as indices into the scene's list.
     meshes: HashMap<(u32, bool), usize>,
     triangulator: Triangulator,
-    /// What was left out: the first place and how often.
+    /// The words that were ignored: the first place and the count.
     skipped: std::collections::BTreeMap<&'static str, (ImportError, usize)>,
 }
 
@@ -160,7 +159,7 @@ impl<'a> Reader<'a> {
         let (Some(eye), Some(center)) = (eye, center) else {
             return Err(start.wrong("the view needs `from` and `at`"));
         };
-        // Near zero the view is rounded as everything else is.
+        // Near the origin the view is rounded like the geometry.
         let far = eye.1.abs().max_element() > FAR_EYE * (eye.1 - center.1).abs().max_element();
         let [eye, center] = [eye, center].map(|(rounded, exact)| if far { exact } else { rounded.as_dvec3() });
         if (center - eye).cross(up).length_squared() == 0.0 {
@@ -277,7 +276,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// The current material; before any `f`, the default one.
+    /// The index of the current material; before any `f`, that of the default material.
     fn material(&mut self) -> u32 {
         *self.material.get_or_insert_with(|| {
             self.scene.materials.push(Material::new("default", Phong::default()));
@@ -312,10 +311,11 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// An eye is far from zero if its coordinates are so many times as large as the way to what it looks at.
+/// The view is far from the origin if its coordinates are more than this multiple of the distance from the eye to its
+/// target.
 const FAR_EYE: f64 = 64.0;
 
-/// A view of everything, for files without one. SPD's scenes have z upwards.
+/// A view of everything, for files without one. SPD's scenes have z up.
 fn whole_view(scene: &Scene) -> Option<View> {
     let corners = scene.meshes.iter().flat_map(|mesh| mesh.positions.iter().map(|p| (mesh.origin + p.as_dvec3(), 0.0)));
     let balls = scene.nodes.iter().flat_map(|node| match &node.content {
@@ -329,12 +329,12 @@ fn whole_view(scene: &Scene) -> Option<View> {
     fit_camera(corners.chain(balls), DVec3::new(1.0, -2.0, 1.0).normalize(), DVec3::Z, intrinsics)
 }
 
-/// The words of the file, wherever lines end, without comments.
+/// The words of the file without comments; line ends don't matter.
 struct NffTokens<'a> {
     lines: super::lines::Lines<'a>,
     words: Tokens<'a>,
     peeked: Option<Token<'a>>,
-    /// The latest word, for complaints about the end of the file.
+    /// The last word, for errors about the end of the file.
     latest: Token<'a>,
 }
 
@@ -380,7 +380,7 @@ impl<'a> NffTokens<'a> {
         Ok(out)
     }
 
-    /// Three numbers of a position: rounded, and as exact as they are.
+    /// The three numbers of a position, in `f32` and in `f64`.
     fn position(&mut self, what: &str) -> Result<(Vec3, DVec3), ImportError> {
         let (mut rounded, mut exact) = (Vec3::ZERO, DVec3::ZERO);
         for axis in 0..3 {

@@ -1,9 +1,9 @@
-//! Numbers of decimal digits. Most are exact in an instant (Clinger, *How to read floating point numbers accurately*, 1990,
-//! the fast path): both their digits and a power of ten fit into an `f64`, so that one operation rounds once. The others, and
-//! what is no number, are left to the standard library, which gives the same bits. Beyond it are the ways in which C libraries
-//! of Windows write what isn't finite (`-nan(ind)`, `1.#INF`), and the exponents of Fortran (`1.5d+03`).
+//! Parsing of decimal numbers. Most take the fast path of Clinger (*How to read floating point numbers accurately*,
+//! 1990): their digits and a power of ten are both exact in `f64`, so that one operation rounds once. Other texts are
+//! passed to the standard library, which yields equal bits. In addition, this module reads the non-finite numbers of C
+//! libraries on Windows (`-nan(ind)`, `1.#INF`) and Fortran exponents (`1.5d+03`).
 
-/// The number that a text says.
+/// The number of a text.
 pub(super) fn parse(text: &[u8]) -> Option<f64> {
     match leading(text) {
         Some((number, rest)) if rest == text.len() => Some(number),
@@ -11,7 +11,7 @@ pub(super) fn parse(text: &[u8]) -> Option<f64> {
     }
 }
 
-/// The number that a text says, rounded to `f32` once.
+/// The number of a text, rounded once to `f32`.
 pub(super) fn parse_f32(text: &[u8]) -> Option<f32> {
     match leading_f32(text) {
         Some((number, _, rest)) if rest == text.len() => Some(number),
@@ -19,7 +19,7 @@ pub(super) fn parse_f32(text: &[u8]) -> Option<f32> {
     }
 }
 
-/// A number that the standard library doesn't read.
+/// A number in a form that the standard library doesn't parse.
 fn foreign(text: &[u8]) -> Option<f64> {
     const LONGEST: usize = 64;
     let digits = text.strip_prefix(b"-").or_else(|| text.strip_prefix(b"+")).unwrap_or(text);
@@ -42,18 +42,17 @@ fn foreign(text: &[u8]) -> Option<f64> {
     Some(if text.starts_with(b"-") { -value } else { value })
 }
 
-/// The number at a text's start, rounded to `f32` and as it is, and where it ends, if it is an easy one.
+/// The number at the start of a text in `f32` and in `f64`, with the offset of its end, if the fast path applies.
 #[inline]
 pub(super) fn leading_f32(text: &[u8]) -> Option<(f32, f64, usize)> {
     let (number, end) = leading(text)?;
-    // In the middle between two `f32`, the digits would have to be asked once more to which side it falls; below the normal
-    // numbers, the middles are elsewhere.
+    // A number at the midpoint of two `f32` needs the exact digits to be rounded. Subnormal `f32` have other midpoints.
     let middle = number.to_bits() & 0x1fff_ffff == 0x1000_0000;
     let normal = number == 0.0 || (f64::from(f32::MIN_POSITIVE)..f64::from(f32::MAX)).contains(&number.abs());
     (!middle && normal).then_some((number as f32, number, end))
 }
 
-/// The digit at a place.
+/// The decimal digit at an offset.
 #[inline(always)]
 pub(super) fn digit(text: &[u8], at: usize) -> Option<u8> {
     text.get(at).map(|byte| byte.wrapping_sub(b'0')).filter(|digit| *digit < 10)
@@ -82,7 +81,7 @@ fn leading(text: &[u8]) -> Option<(f64, usize)> {
         at += 1;
         fraction = take(&mut at);
     }
-    // As many always fit.
+    // Up to 19 digits fit in `u64`.
     if whole + fraction == 0 || whole + fraction > 19 || digits > 1 << 53 {
         return None;
     }
@@ -158,7 +157,7 @@ mod tests {
             "1e1e1",
             "1..2",
             "--1",
-            // In the middle between two f32, and a little beside it.
+            // The midpoint of two `f32`, and numbers near it.
             "16777217",
             "16777217.0000000001",
             "16777216.9999999999",
@@ -188,7 +187,7 @@ mod tests {
             same(&number.to_string());
             same(&format!("{number:.digits$e}"));
             same(&format!("{:.digits$}", f64::from(number)));
-            // Half way to the next f32.
+            // The midpoint to the next `f32`.
             same(&format!("{}", (f64::from(number) + f64::from(f32::from_bits(bits ^ 1))) / 2.0));
             same(&text);
         }

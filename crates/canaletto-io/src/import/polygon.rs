@@ -1,39 +1,40 @@
-//! Polygons into triangles: by halves where that works, which is so for all that are convex, else by clipping ears (crate
-//! `earcut`), or if they have many corners by a sweep ([`monotone`]).
+//! Triangulation of polygons. Halving is used where it is valid, as for all convex polygons. Other polygons are
+//! triangulated by ear clipping (crate `earcut`), or by a sweep ([`monotone`]) if they have many corners.
 //!
-//! A cut is right if no triangle is turned over: then each point is covered as often as the polygon winds around it. This
-//! says more than the turns at the corners do, which are zero at corners that come twice and where an edge goes back.
+//! A triangulation is valid if no triangle is flipped: each point is then covered as often as the polygon winds around
+//! it. This criterion is stronger than the turns at the corners. Those are zero at repeated corners and where an edge
+//! reverses.
 
 use super::monotone;
 use earcut::Earcut;
 use glam::{DVec2, DVec3, Vec3};
 
-/// Cuts polygons; keeps its memory between them.
+/// Triangulates polygons; reuses its memory between them.
 #[derive(Default)]
 pub(super) struct Triangulator {
     earcut: Earcut<f64>,
-    /// The corners that differ from the ones before them.
+    /// The corners that differ from their predecessors.
     ring: Vec<u32>,
     flat: Vec<[f64; 2]>,
     ears: Vec<u32>,
 }
 
-/// A way to cut a ring into triangles.
+/// A method of splitting a ring into triangles.
 type Way = fn(&[u32], &mut dyn FnMut([u32; 3]));
 
 impl Triangulator {
-    /// The most corners of a polygon whose ears are clipped, which takes the square of their number at worst.
+    /// The largest number of corners for ear clipping, which takes quadratic time at worst.
     const MAX_CLIPPED: usize = 10_000;
-    /// From so many corners on a sweep is tried before.
+    /// The number of corners from which on a sweep is tried first.
     const MANY: usize = 256;
-    /// The share of a polygon's area that rounding may turn over.
+    /// The fraction of a polygon's area that rounding may flip.
     const ROUNDING: f64 = 1e-6;
 
     pub(super) fn new() -> Triangulator {
         Triangulator::default()
     }
 
-    /// Hands out triangles as positions in `corners` (at least 3), in the polygon's sense of rotation.
+    /// Passes triangles to `triangle` as indices into `corners` (at least 3), in the polygon's orientation.
     pub(super) fn cut(&mut self, corners: &[Vec3], mut triangle: impl FnMut([usize; 3])) -> Result<(), String> {
         let n = corners.len();
         if n == 3 {
@@ -45,7 +46,7 @@ impl Triangulator {
             .extend((0..n).filter(|&i| corners[i] != corners[if i == 0 { n - 1 } else { i - 1 }]).map(|i| i as u32));
         let ring = &self.ring;
         if ring.len() < 3 {
-            // A place or a line.
+            // The polygon is a point or a line.
             triangle([0, 1, 2]);
             return Ok(());
         }
@@ -61,7 +62,7 @@ impl Triangulator {
             way(ring, &mut |t| over -= area(t).min(0.0));
             over
         };
-        // A fan is right for what goes round a convex polygon more than once.
+        // A fan is valid for a ring that winds around a convex polygon several times.
         let ways: [Way; 2] = [halves, fan];
         let good = ways.into_iter().find(|way| turned_over(*way) <= allowed);
         if good.is_none() {
@@ -106,13 +107,13 @@ impl Triangulator {
         Ok(())
     }
 
-    /// Clips ears in the plane that loses least.
+    /// Clips ears in the axis-aligned projection with the largest area.
     fn clip(&mut self, corners: &[Vec3], normal: DVec3) {
         let project = projection(normal);
         self.flat.clear();
         self.flat.extend(self.ring.iter().map(|i| project(corners[*i as usize].as_dvec3()).to_array()));
         self.earcut.earcut_slice(&self.flat, &[] as &[u32], &mut self.ears);
-        // The clipper's sense of rotation is its own; the polygon's is given by the normal.
+        // The clipper has its own orientation; the normal gives that of the polygon.
         let area = |i: u32, j: u32, k: u32| {
             let [a, b, c] = [i, j, k].map(|v| DVec2::from_array(self.flat[v as usize]));
             (b - a).perp_dot(c - a)
@@ -125,7 +126,7 @@ impl Triangulator {
     }
 }
 
-/// The plane of two axes in which a polygon of this normal loses least.
+/// The axis-aligned projection in which a polygon of this normal has the largest area.
 fn projection(normal: DVec3) -> fn(DVec3) -> DVec2 {
     match normal.abs().max_position() {
         0 => |p| DVec2::new(p.y, p.z),
@@ -134,7 +135,7 @@ fn projection(normal: DVec3) -> fn(DVec3) -> DVec2 {
     }
 }
 
-/// The triangles of a ring without crossings, in its sense of rotation.
+/// The triangles of a ring without crossings, in its orientation.
 fn sweep(ring: &[u32], corners: &[Vec3], normal: DVec3) -> Vec<[u32; 3]> {
     let project = projection(normal);
     let mut ring: Vec<u32> = ring.to_vec();
@@ -153,8 +154,8 @@ fn sweep(ring: &[u32], corners: &[Vec3], normal: DVec3) -> Vec<[u32; 3]> {
     triangles
 }
 
-/// Triangles over the middles of a ring's halves, their halves, and so on: their shapes are better than those of a fan, and
-/// no corner has more of them than twice the steps that halving takes. The first corners come first.
+/// Triangles over the midpoints of a ring's halves, of their halves, and so on. Their shapes are better than those of a
+/// fan. The number of triangles at a corner is at most twice the depth of halving. The first corners come first.
 fn halves(ring: &[u32], triangle: &mut dyn FnMut([u32; 3])) {
     // Parts whose first half is done, as (first, middle, last).
     let mut open: Vec<[usize; 3]> = Vec::new();
@@ -171,12 +172,12 @@ fn halves(ring: &[u32], triangle: &mut dyn FnMut([u32; 3])) {
     }
 }
 
-/// Triangles of a ring's first corner with all others.
+/// The triangles of a ring's first corner with all others.
 fn fan(ring: &[u32], triangle: &mut dyn FnMut([u32; 3])) {
     ring[1..].windows(2).for_each(|pair| triangle([ring[0], pair[0], pair[1]]));
 }
 
-/// The polygon's vector area, twice: along its normal.
+/// Twice the polygon's vector area, which points along its normal.
 pub(super) fn vector_area(corners: &[Vec3]) -> DVec3 {
     doubled_area(corners[0].as_dvec3(), corners.iter().map(|p| p.as_dvec3()))
 }
@@ -214,19 +215,19 @@ mod tests {
             (0..n).map(|i| [libm::cos(angle(i)) as f32, 0.5, -libm::sin(angle(i)) as f32]).collect()
         };
         assert_eq!(cut(&round(6)), [[0, 1, 2], [0, 2, 3], [0, 3, 5], [3, 4, 5]]);
-        // So many corners that rounding makes many of them concave.
+        // The polygon has so many corners that rounding makes many of them concave.
         let many = cut(&round(100_000));
         let mut uses = vec![0; 100_000];
         many.iter().flatten().for_each(|i| uses[*i] += 1);
         assert!(many.len() == 99_998 && uses.iter().all(|n| (1..=2 * 17).contains(n)), "{:?}", uses.iter().max());
     }
 
-    /// Twice the area that triangles cover, each counted as positive.
+    /// Twice the area that the triangles cover, each counted as positive.
     fn covered(corners: &[[f32; 3]]) -> f64 {
         cut(corners).iter().map(|t| vector_area(&t.map(|i| Vec3::from(corners[i]))).length()).sum()
     }
 
-    /// A polygon of the plane z = 0.
+    /// A polygon in the plane z = 0.
     fn flat(points: &[[f32; 2]]) -> Vec<[f32; 3]> {
         points.iter().map(|[x, y]| [*x, *y, 0.0]).collect()
     }
@@ -235,7 +236,7 @@ mod tests {
     fn corners_that_come_twice_change_nothing() {
         let dart = [[4., 0.], [1., 1.], [0., 4.], [0., 0.]];
         assert_eq!(covered(&flat(&dart)), 8.0);
-        // Every corner once to three times, from each start, both ways round.
+        // Every corner occurs one to three times, from each start, in both orientations.
         for counts in 0..81 {
             let mut points: Vec<[f32; 2]> = Vec::new();
             for (i, point) in dart.iter().enumerate() {
@@ -254,7 +255,7 @@ mod tests {
     #[test]
     fn edges_that_go_back_cover_nothing() {
         for (points, area) in [
-            // A thorn outwards and inwards, at a corner and on an edge; to its start and beyond.
+            // A spike outwards and inwards, at a corner and on an edge; up to its start and beyond.
             (vec![[4., 0.], [6., 0.], [4., 0.], [1., 1.], [0., 4.], [0., 0.]], 8.0),
             (vec![[4., 0.], [1., 1.], [2., 2.], [1., 1.], [0., 4.], [0., 0.]], 8.0),
             (vec![[4., 0.], [1., 1.], [0.5, 0.5], [1., 1.], [0., 4.], [0., 0.]], 8.0),
@@ -278,7 +279,7 @@ mod tests {
         let square = |c: f32, r: f32| [[c - r, c - r], [c + r, c - r], [c + r, c + r], [c - r, c + r]];
         let (outer, mut inner) = (square(4., 4.), square(4., 1.));
         inner.reverse();
-        // Along a bridge from the outer square's first corner to each corner of the hole, and back.
+        // A bridge leads from the outer square's first corner to each corner of the hole, and back.
         for start in 0..4 {
             let mut points = outer.to_vec();
             points.push(outer[0]);
@@ -307,7 +308,7 @@ mod tests {
 
     #[test]
     fn concave_polygons_keep_area_and_side() {
-        // An arrow head in each plane, both ways round.
+        // An arrow head in each plane, in both orientations.
         let arrow = [[0., 0.], [2., 2.], [0., 1.], [-2., 2.]];
         for axis in 0..3 {
             let mut corners: Vec<[f32; 3]> = arrow
@@ -342,7 +343,7 @@ mod tests {
                 assert_eq!(cut(&corners).len(), n - 2);
             }
         }
-        // One that crosses itself is told to be too large.
+        // A polygon that crosses itself is reported as too large.
         let crossed: Vec<Vec3> =
             (0..20_001).map(|i| Vec3::new((i * i % 997) as f32, (i * 7 % 1009) as f32, 0.0)).collect();
         assert!(Triangulator::new().cut(&crossed, |_| {}).is_err_and(|e| e.contains("cross")));

@@ -1,24 +1,26 @@
-//! Positions are read as `f64` and kept as `f32` offsets from an origin of the file, where they lie so far from zero that
-//! `f32` would round what can be seen: survey coordinates of millions with details of millimetres.
+//! Positions are read as `f64` and stored as `f32`. If they are so far from zero that `f32` rounding would be visible,
+//! they are offsets from an origin of the file. An example is survey coordinates of millions with details of
+//! millimetres.
 
 use super::concat::concat;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
-/// Positions lie far from zero if their largest coordinate is so many times the size of the box around them. Rounding to
-/// `f32` then loses more than 2⁻²² of that size.
+/// Positions are far from zero if their largest coordinate is more than this multiple of the size of their bounding
+/// box. Rounding to `f32` then loses more than 2⁻²² of that size.
 const FAR: f64 = 8.0;
 
-/// Positions of a file or of a part of it: rounded, and what the rounding left, which is dropped where it is of no use.
+/// The positions of a file or of a part of it: the rounded values and the rounding errors. The errors are dropped where
+/// they have no use.
 #[derive(Default)]
 pub(super) struct Positions {
     rounded: Vec<Vec3>,
-    /// Empty, or one for each.
+    /// The rounding errors: empty, or one for each position.
     rest: Vec<Vec3>,
 }
 
-/// The box around those of some points that are finite.
+/// The bounding box of the finite points.
 pub(super) struct Bounds {
     min: DVec3,
     max: DVec3,
@@ -38,7 +40,7 @@ impl Bounds {
         (self.max - self.min).max_element()
     }
 
-    /// The largest coordinate, without its sign.
+    /// The largest absolute coordinate.
     pub(super) fn largest(&self) -> f64 {
         self.min.abs().max(self.max.abs()).max_element()
     }
@@ -48,7 +50,7 @@ impl Bounds {
         self.largest() > times * self.size()
     }
 
-    /// The middle on a grid of about the size, so that coordinates near zero keep the zero as theirs.
+    /// The centre, rounded to a grid of about the size. Coordinates near zero therefore have the origin zero.
     fn origin(&self) -> DVec3 {
         let middle = (self.min + self.max) * 0.5;
         // A single point is its own origin.
@@ -65,7 +67,7 @@ pub(crate) fn counted(points: impl Iterator<Item = DVec3>) -> (DVec3, Vec<Vec3>)
 }
 
 impl Positions {
-    /// Those of two lists that were filled elsewhere: rounded, and what the rounding left, which may be empty.
+    /// Positions from lists that were filled elsewhere: rounded values, and rounding errors, which may be empty.
     pub(super) fn from_parts(rounded: Vec<Vec3>, rest: Vec<Vec3>) -> Positions {
         debug_assert!(rest.is_empty() || rest.len() == rounded.len());
         Positions { rounded, rest }
@@ -75,7 +77,7 @@ impl Positions {
         self.rounded.len()
     }
 
-    /// Adds a position: rounded once, and as exact as it is known.
+    /// Adds a position, rounded to `f32` and in `f64`.
     #[inline]
     pub(super) fn push(&mut self, rounded: Vec3, exact: DVec3) {
         let rest = (exact - rounded.as_dvec3()).as_vec3();
@@ -86,7 +88,7 @@ impl Positions {
         self.rounded.push(rounded);
     }
 
-    /// Adds a position that has no finite place. It stays none (NaN), and others are as without it.
+    /// Adds a position that isn't finite. It stays NaN and doesn't affect the others.
     pub(super) fn push_nowhere(&mut self) {
         self.rounded.push(Vec3::NAN);
         if !self.rest.is_empty() {
@@ -94,7 +96,8 @@ impl Positions {
         }
     }
 
-    /// Drops what rounding left in a part of a file whose positions can't lie [`FAR`] from zero: the box of all is larger.
+    /// Drops the rounding errors of a part of a file if its positions can't be [`FAR`] from zero, since the bounding
+    /// box of the whole is larger.
     pub(super) fn part(mut self) -> Positions {
         if !self.rest.is_empty() && !Bounds::of(&self.rounded).is_far(FAR / 2.0) {
             self.rest = Vec::new();
@@ -102,7 +105,7 @@ impl Positions {
         self
     }
 
-    /// Puts others behind.
+    /// Appends other positions.
     pub(super) fn append(&mut self, mut other: Positions) {
         if !self.rest.is_empty() || !other.rest.is_empty() {
             self.rest.resize(self.rounded.len(), Vec3::ZERO);
@@ -112,19 +115,19 @@ impl Positions {
         self.rounded.append(&mut other.rounded);
     }
 
-    /// The origin, and the positions as offsets from it: zero and the rounded positions, unless they lie far from zero and
+    /// The origin, and the positions as offsets from it. The origin is zero unless the positions are far from zero and
     /// rounding lost something.
     pub(super) fn settle(self) -> (DVec3, Vec<Vec3>) {
         Positions::settle_all(vec![self])
     }
 
-    /// The same for the parts of a file, put together.
+    /// As [`Positions::settle`], for the parts of a file, which are concatenated.
     pub(super) fn settle_all(parts: Vec<Positions>) -> (DVec3, Vec<Vec3>) {
         let (origin, lists) = Positions::settle_each(parts);
         (origin, concat(lists))
     }
 
-    /// The same for the meshes of a file, which have one origin.
+    /// As [`Positions::settle`], for the meshes of a file, which share one origin.
     pub(super) fn settle_each(mut parts: Vec<Positions>) -> (DVec3, Vec<Vec<Vec3>>) {
         let mut origin = DVec3::ZERO;
         if parts.iter().any(|part| !part.rest.is_empty()) {
@@ -141,7 +144,7 @@ impl Positions {
         (origin, parts.into_iter().map(|part| part.rounded).collect())
     }
 
-    /// The positions for questions about their form alone: counted from the first one if they lie [`FAR`] from zero.
+    /// The positions up to a translation, for tests of shape: relative to the first one if they are [`FAR`] from zero.
     pub(super) fn form(&self) -> Cow<'_, [Vec3]> {
         if self.rest.is_empty() || !Bounds::of(&self.rounded).is_far(FAR) {
             return Cow::Borrowed(&self.rounded);
@@ -201,7 +204,7 @@ mod tests {
         let near = [DVec3::new(0.1, 0.2, 0.3), DVec3::new(10.1, 63.0, -7.7)];
         let rounded: Vec<Vec3> = near.iter().map(|p| p.as_vec3()).collect();
         assert_eq!(positions(&near).settle(), (DVec3::ZERO, rounded));
-        // Nothing is lost here.
+        // Rounding loses nothing here.
         let whole = [DVec3::new(4e6, 1.0, 0.0), DVec3::new(4e6, 2.0, 0.0)];
         let rounded: Vec<Vec3> = whole.iter().map(|p| p.as_vec3()).collect();
         assert_eq!(positions(&whole).settle(), (DVec3::ZERO, rounded));

@@ -1,4 +1,4 @@
-//! Normals for vertices that have none: smooth over some edges, faceted at the others.
+//! Vertex normals for meshes without them: smooth across some edges, faceted at the others.
 
 use canaletto::shape::Mesh;
 use glam::{DVec3, Vec3};
@@ -8,15 +8,15 @@ use std::collections::HashMap;
 /// cos 40°: faces that meet at a larger angle form a crease.
 const CREASE: f64 = 0.766_044_443_118_978;
 
-/// The cosine of an angle of about 10⁻⁶, which rounding makes between parts of a flat face.
+/// The cosine of an angle of about 10⁻⁶, the rounding between parts of a flat face.
 const FLAT: f64 = 1.0 - 1e-12;
 
-/// Over which edges a surface is smooth.
+/// The edges across which a surface is smooth.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Smoothing<'a> {
-    /// Those that are no crease.
+    /// All edges except creases.
     Creases,
-    /// Those between triangles of the same group, of which there is one for each triangle; 0 is none.
+    /// The edges between triangles of one group. Each triangle has a group; 0 is none.
     Groups(&'a [u32]),
 }
 
@@ -24,7 +24,7 @@ impl Smoothing<'_> {
     fn joins(self, normals: &[DVec3], a: usize, b: usize) -> bool {
         match self {
             Smoothing::Creases => normals[a].dot(normals[b]) >= CREASE,
-            // Triangles of the same flat face need no vertices of their own.
+            // Triangles of a flat face share their vertices.
             Smoothing::Groups(groups) => {
                 groups[a] == groups[b] && (groups[a] != 0 || normals[a].dot(normals[b]) > FLAT)
             }
@@ -32,24 +32,24 @@ impl Smoothing<'_> {
     }
 }
 
-/// Gives normals to those vertices whose normal is zero, and to all if there are none. A vertex that several sides of an edge
-/// share is split, one copy for each side. Triangles count as neighbours where two of their corners have the same positions,
-/// so seams of texture coordinates don't show. Each triangle counts by its angle at the vertex, so that it doesn't matter how
-/// polygons are cut (Thürmer and Wüthrich, *Computing vertex normals from polygonal facets*, 1998).
+/// Computes normals for vertices whose normal is zero, and for all if there are none. A vertex is split into one copy
+/// for each side of a sharp edge. Triangles are neighbours if two of their corners have equal positions, so seams of
+/// texture coordinates are invisible. Each triangle is weighted by its angle at the vertex, so the triangulation of
+/// polygons doesn't matter (Thürmer and Wüthrich, *Computing vertex normals from polygonal facets*, 1998).
 pub(super) fn smooth(mesh: &mut Mesh, smoothing: Smoothing<'_>) {
     if mesh.normals.is_empty() {
         mesh.normals = vec![Vec3::ZERO; mesh.positions.len()];
     }
     let normals: Vec<DVec3> = mesh.triangles.par_iter().map(|t| unit_normal(mesh, t)).collect();
-    // Corner 3 t + i is corner i of triangle t. Corners at one vertex that are joined share a normal.
+    // Corner 3 t + i is corner i of triangle t. Joined corners at a vertex share a normal.
     let corners = {
         let welded = weld(&mesh.positions);
         let mut joined = Joined { parent: (0..3 * mesh.triangles.len() as u32).collect() };
         for edge in edges(mesh, &welded).chunk_by(|a, b| a[..2] == b[..2]) {
-            // All triangles at one edge in their order; usually two.
+            // All triangles at one edge, in order; usually two.
             for pair in edge.windows(2) {
                 let (a, b) = (Edge::at(mesh, &welded, pair[0][2]), Edge::at(mesh, &welded, pair[1][2]));
-                // The edge runs the other way in a neighbour of the same orientation.
+                // The edge has the opposite direction in a neighbour of equal orientation.
                 if a.from != b.from && smoothing.joins(&normals, a.triangle, b.triangle) {
                     joined.join(a.start, b.end);
                     joined.join(a.end, b.start);
@@ -81,7 +81,8 @@ fn angles(mesh: &Mesh, triangle: &[u32; 3]) -> [f64; 3] {
     })
 }
 
-/// Writes the normals, and copies of those vertices whose corners have several. `corners` says which sum each corner has.
+/// Writes the normals, and copies the vertices whose corners have several. `corners` has the index into `sums` for each
+/// corner.
 fn split(mesh: &mut Mesh, corners: &[u32], sums: &[DVec3]) {
     const FREE: u32 = u32::MAX;
     let lacks: Vec<bool> = mesh.normals.iter().map(|n| *n == Vec3::ZERO).collect();
@@ -116,13 +117,13 @@ fn split(mesh: &mut Mesh, corners: &[u32], sums: &[DVec3]) {
             mesh.triangles[triangle][i] = copy;
         }
     }
-    // Those that no triangle uses must have one all the same.
+    // Vertices that no triangle uses must have a normal, too.
     mesh.normals.par_iter_mut().filter(|n| **n == Vec3::ZERO).for_each(|n| *n = Vec3::Y);
 }
 
-/// For each vertex the number of the first one at the same position.
+/// For each vertex, the index of the first vertex at an equal position.
 fn weld(positions: &[Vec3]) -> Vec<u32> {
-    // Adding 0 makes −0 and 0 the same.
+    // Adding 0 turns −0 into 0.
     let place = |i: u32| (positions[i as usize] + Vec3::ZERO).to_array().map(f32::to_bits);
     let mut order: Vec<u32> = (0..positions.len() as u32).collect();
     order.par_sort_unstable_by_key(|i| (place(*i), *i));
@@ -133,7 +134,7 @@ fn weld(positions: &[Vec3]) -> Vec<u32> {
     welded
 }
 
-/// All edges of all triangles as [one end, the other, corner at which it starts], sorted.
+/// All edges of all triangles as [one end, other end, corner at which it starts], sorted.
 fn edges(mesh: &Mesh, welded: &[u32]) -> Vec<[u32; 3]> {
     let mut all: Vec<[u32; 3]> = Vec::with_capacity(3 * mesh.triangles.len());
     for (t, triangle) in mesh.triangles.iter().enumerate() {
@@ -183,11 +184,11 @@ impl Joined {
         self.parent[a.max(b) as usize] = a.min(b);
     }
 
-    /// The number of each corner's set, counted from 0 in the order of their first corners.
+    /// The number of each corner's set, from 0 in the order of their first corners.
     fn numbered(mut self) -> Vec<u32> {
         let mut count = 0;
         for corner in 0..self.parent.len() {
-            // A parent comes before its children, so it has its number already.
+            // A parent comes before its children, so its number is assigned already.
             let up = self.parent[corner] as usize;
             if up == corner {
                 self.parent[corner] = count;
@@ -206,7 +207,7 @@ mod tests {
 
     fn roof(height: f32) -> Mesh {
         let p = |x: f32, y: f32, z: f32| Vec3::new(x, y, z);
-        // Two sides that meet along the z axis, with a seam: the ridge's vertices stand twice.
+        // Two sides that meet along the z axis, with a seam: the vertices of the ridge are duplicated.
         let positions = vec![
             p(0., height, 0.),
             p(0., height, 1.),
@@ -244,14 +245,14 @@ mod tests {
         let mut mesh = Mesh { positions: vec![point; 3], triangles: vec![[0, 1, 2], [0, 0, 0]], ..Mesh::default() };
         smooth(&mut mesh, Smoothing::Creases);
         assert!(mesh.normals.iter().all(|n| n.is_normalized()));
-        // Three faces at one edge, one of them turned round.
+        // Three faces at one edge; one of them has the opposite orientation.
         let mut mesh = roof(0.1);
         mesh.triangles.extend([[0, 1, 2], [1, 0, 5]]);
         smooth(&mut mesh, Smoothing::Creases);
         assert!(mesh.normals.iter().all(|n| n.is_normalized()));
     }
 
-    /// Sides of a prism of n corners around y, from y = 0 to 2, two triangles each, and a fan of the upper face.
+    /// The sides of a prism of n corners around y, from y = 0 to 2, two triangles each, and a fan for the upper face.
     fn prism(n: u32) -> Mesh {
         let angle = |i: u32| f64::from(i) / f64::from(n) * std::f64::consts::TAU;
         let point = |i: u32, y: f32| Vec3::new(libm::cos(angle(i)) as f32, y, -libm::sin(angle(i)) as f32);
@@ -278,7 +279,7 @@ mod tests {
                 }
             }
         }
-        // Another group for each side, or none at all: every side for itself.
+        // A separate group for each side, or none at all: every side is faceted.
         for groups in [[0; 10], [1, 1, 2, 2, 3, 3, 4, 4, 5, 5]] {
             let mut mesh = prism(4);
             smooth(&mut mesh, Smoothing::Groups(&groups));

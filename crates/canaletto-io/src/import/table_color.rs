@@ -1,7 +1,8 @@
-//! Colours as tables give them, made linear and from 0 to 1.
+//! Colours of tables, converted to linear values from 0 to 1.
 //!
-//! Files don't say which numbers are white. Whole types of one and two bytes are shares of their largest value, reals are linear
-//! from 0 to 1; where a file's own numbers contradict that, [`Scale`] decides, and a warning says what was assumed.
+//! Files don't declare which numbers are white. Integers of one and two bytes are fractions of their largest value;
+//! reals are linear from 0 to 1. Where the numbers of a file contradict that, [`Scale`] decides, and a warning reports
+//! the assumption.
 
 use super::color::{ROUNDED, Scale};
 use super::lines::ImportError;
@@ -9,23 +10,23 @@ use crate::picture::decode_srgb;
 use canaletto::math::Rgb;
 use rayon::prelude::*;
 
-/// The type in which a file's colours are written.
+/// The type of the colours in a file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Written {
-    /// Whole numbers up to this one.
+    /// Integers up to this one.
     Whole(f32),
-    /// Numbers with a fraction, or of a text that has no types.
+    /// Numbers with a fraction, or of a text without types.
     Real,
 }
 
-/// What all numbers of a file's colours have in common.
+/// The properties that all colour numbers of a file have in common.
 #[derive(Clone, Copy, Default)]
 struct Range {
     most: f32,
     fraction: bool,
-    /// Colours with a negative number.
+    /// The number of colours with a negative component.
     negative: u64,
-    /// Colours with one that is none, or infinite.
+    /// The number of colours with a NaN or infinite component.
     missing: u64,
 }
 
@@ -52,8 +53,8 @@ impl Range {
     }
 }
 
-/// Turns numbers of a file into linear colours: negative ones become 0, colours with a number that is none become white. What had
-/// to be assumed is said; `of` is what has the colours, such as "vertices".
+/// Converts the numbers of a file to linear colours. Negative numbers become 0; colours with NaN or infinity become
+/// white. Returns warnings about assumptions; `of` names the elements with colours, such as "vertices".
 pub(super) fn settle(colors: &mut [Rgb], written: Written, of: &str) -> Vec<ImportError> {
     let range = Range::of(colors);
     let Range { most, fraction, negative, missing } = range;
@@ -61,7 +62,7 @@ pub(super) fn settle(colors: &mut [Rgb], written: Written, of: &str) -> Vec<Impo
     let white = match written {
         Written::Whole(largest) => {
             let white = Scale::of(most, false).map_or(largest, Scale::most).min(largest);
-            // Black may be black of any kind.
+            // Black is equal in every scale.
             if white != largest && most > 0.0 {
                 let kind = if largest == 65535.0 { "16-bit numbers" } else { "whole numbers" };
                 said.push(ImportError::file(format!(
@@ -145,7 +146,7 @@ mod tests {
                 "{channels:?}: {message}"
             );
         }
-        // 0 and 1 of a whole type are black and white.
+        // 0 and 1 of an integer type are black and white.
         assert_eq!(settled(&[0.0, 1.0, 1.0], Written::Whole(65535.0)).0, [0.0, 1.0, 1.0]);
     }
 

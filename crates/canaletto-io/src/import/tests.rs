@@ -28,7 +28,7 @@ fn a_model_alone_becomes_a_scene() {
     }
 }
 
-/// The text in both orders of UTF-16, with a byte order mark and without.
+/// The text in both byte orders of UTF-16, with and without a byte order mark.
 fn utf_16(text: &str) -> Vec<Vec<u8>> {
     let marked = format!("\u{feff}{text}");
     let units = [marked.as_str(), text].map(|text| text.encode_utf16().collect::<Vec<u16>>());
@@ -94,7 +94,7 @@ fn bytes_that_are_no_text_keep_their_places() {
     assert!(error.starts_with("a.obj:2:7: error: vertex:"), "{error}");
 }
 
-/// Reads bytes in every way there is; nothing may panic.
+/// Reads bytes as every format; nothing may panic.
 fn read_all(bytes: &[u8]) {
     for name in ["a.obj", "a.ply", "a.nff"] {
         let _ = load(name, &files(name, bytes));

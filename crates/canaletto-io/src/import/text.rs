@@ -1,7 +1,7 @@
-//! A text in pieces of whole lines, which are read and understood in parallel.
+//! A text in pieces of whole lines, which are parsed in parallel.
 //!
-//! Where a piece ends depends on the bytes around alone: at the first line that ends for certain, behind a place that is a
-//! multiple of the pieces' size. Lines that a backslash joins stay together, whatever stands before them.
+//! The boundary of a piece depends only on the bytes around it: the first certain line end after a multiple of the
+//! piece size. Lines that a backslash joins stay together, whatever precedes them.
 
 use super::lines::{BLANKS, ImportError, goes_on};
 use super::unreadable;
@@ -13,11 +13,11 @@ use std::ops::Range;
 #[derive(Clone, Copy)]
 pub(super) struct Text<'a> {
     pub(super) view: View<'a>,
-    /// How many bytes a piece has, more or less.
+    /// The approximate number of bytes per piece.
     pub(super) size: usize,
 }
 
-/// Whole lines, and where they start in the text.
+/// Whole lines and their offset in the text.
 #[derive(Clone, Copy)]
 pub(super) struct Piece<'a> {
     pub(super) start: usize,
@@ -25,17 +25,17 @@ pub(super) struct Piece<'a> {
 }
 
 impl<'a> Text<'a> {
-    /// Pieces of a size that fits into the cache of a core.
+    /// A text in pieces that fit in the cache of a core.
     pub(super) fn new(view: View<'a>) -> Text<'a> {
         Text { view, size: 1 << 18 }
     }
 
-    /// How many pieces there are.
+    /// The number of pieces.
     pub(super) fn len(self) -> usize {
         self.view.size().div_ceil(self.size)
     }
 
-    /// Reads some of the pieces and hands out what `work` makes of them, in order. Few are under way at a time.
+    /// Reads some of the pieces and passes the results of `work` on in order. Only a few are in progress at a time.
     pub(super) fn each<T: Send>(
         self,
         pieces: &[usize],
@@ -64,7 +64,7 @@ impl<'a> Text<'a> {
         let mut more = 1 << 12;
         let base = from.saturating_sub(1 + BLANKS);
         let lines = loop {
-            // Lines are short, as a rule.
+            // Most lines are short.
             let range = base..to.saturating_add(more).min(size);
             let whole = range.end == size;
             let bytes = self.view.piece(range, buffer).map_err(|e| unreadable(&e))?;
@@ -85,7 +85,7 @@ impl<'a> Text<'a> {
     }
 }
 
-/// The first place in a range where a line ends for certain.
+/// The first certain line end in a range.
 fn line_end(bytes: &[u8], range: Range<usize>) -> Option<usize> {
     let start = range.start;
     memchr::memchr2_iter(b'\n', b'\r', &bytes[range])
