@@ -1,4 +1,4 @@
-//! Keys and paths in the scene text: what a scene is at a frame. Expected values are computed by hand.
+//! Keys and paths in the scene text: the scene at a frame. Expected values are computed by hand.
 
 use canaletto::light::LightKind;
 use canaletto::math::Rgb;
@@ -21,7 +21,7 @@ fn at(text: &str, frame: f64) -> Scene {
     }
 }
 
-/// Where the first object's origin is.
+/// The origin of the first object.
 fn origin(text: &str, frame: f64) -> DVec3 {
     at(text, frame).nodes[0].transform.point(DVec3::ZERO)
 }
@@ -53,10 +53,10 @@ fn everything_moves() {
     let Content::Light(light) = &inside[0].content else { panic!() };
     assert_eq!(light.intensity, Rgb::gray(1.5));
     assert!(matches!(&light.kind, LightKind::Spot(spot) if spot.target == Vec3::new(0.25, 0.0, 0.0)));
-    // 2.25 is rounded; a word holds until the next key.
+    // 2.25 is rounded; a keyword holds until the next key.
     assert_eq!((scene.integrator.max_depth, scene.integrator.stage), (2, Stage::Diffuse));
     assert_eq!(at(text, 5.0).integrator.stage, Stage::Full);
-    // Before the first and after the last key values hold.
+    // Values are constant before the first and after the last key.
     assert_eq!((at(text, -7.0), at(text, 99.0)), (at(text, 0.0), at(text, 10.0)));
 }
 
@@ -96,7 +96,7 @@ fn a_scene_that_stands_still_is_the_same_at_all_frames() {
     assert_eq!(scene, read_scene_text(text, "s", &MemoryAssets::new(), &[]).ok().unwrap().0);
 }
 
-/// A body that falls 80 units in 12 frames: 80 − 80 (t/12)², up again the same way.
+/// A body that falls 80 units in 12 frames: 80 − 80 (t/12)², and rises symmetrically.
 #[test]
 fn a_ball_bounces_as_gravity_has_it() {
     let text = "sphere { center 0 0 0; radius 1\n\
@@ -132,14 +132,15 @@ fn angles_count_unless_the_short_way_is_asked_for() {
     };
     let close = |a: DVec3, b: DVec3| assert!((a - b).length() < 1e-12, "{a} {b}");
     let (right, back, front) = (DVec3::X, DVec3::NEG_Z, DVec3::Z);
-    // Twice around: an eighth of the way is a quarter turn.
+    // Two full turns: an eighth of the time is a quarter turn.
     close(x("rotate-y { key 0 0; key 8 720 }", 1.0), back);
-    // 270° the short way round is −90°.
+    // 270° in the shorter direction is −90°.
     close(x("rotate-y { key 0 0; key 8 270; turn \"shortest\" }", 4.0), (right + front).normalize());
     close(x("rotate-y { key 0 0; key 8 270; turn \"shortest\" }", 8.0), front);
     close(x("rotate { key 0 0 1 0 0; key 8 0 1 0 720 }", 1.0), back);
     close(x("rotate { key 0 0 1 0 0; key 8 0 1 0 270; turn \"shortest\" }", 4.0), (right + front).normalize());
-    // From a quarter turn around z to one around −z, through no turn: other axes, so the short way.
+    // From a quarter turn around z to one around −z, through the identity: the axes differ, so the shorter direction is
+    // used.
     close(x("rotate { key 0 0 0 1 90; key 8 0 0 -1 90 }", 0.0), DVec3::Y);
     close(x("rotate { key 0 0 0 1 90; key 8 0 0 -1 90 }", 4.0), right);
     close(x("rotate { key 0 0 0 1 90; key 8 0 0 -1 90 }", 8.0), DVec3::NEG_Y);
@@ -174,7 +175,7 @@ fn cameras_and_points_follow_paths() {
     assert!(
         matches!(&scene.nodes[0].content, Content::Shape(Shape::Sphere(s)) if s.center == Vec3::new(20.0, 0.0, 0.0))
     );
-    // A later file may put the same camera elsewhere.
+    // A later file may change a camera of an earlier one.
     let assets = MemoryAssets::new().with("base.kdl", "camera { eye 1 2 3; center 0 0 5 }");
     let text =
         format!("include \"base.kdl\"\n{RAIL} camera {{ follow \"rail\" }}\nsphere {{ center 0 0 0; radius 1 }}");
@@ -192,7 +193,7 @@ fn values_can_be_set_over_keys() {
     assert!(matches!(&scene.nodes[0].content, Content::Shape(Shape::Sphere(s)) if s.radius == 7.0));
 }
 
-/// Counts what is read.
+/// Assets that count their reads.
 struct Counting(MemoryAssets, AtomicUsize);
 
 impl Assets for Counting {
@@ -240,7 +241,7 @@ fn what_keys_move_is_blurred_by_the_shutter() {
     "#;
     let scene = at(text, 4.0);
     let node = &scene.nodes[0];
-    // What stands before the first that moves stays.
+    // Transforms before the first moving one are constant.
     assert_eq!(node.transform.point(DVec3::X), DVec3::new(3.0, 0.0, 0.0));
     assert_eq!(node.motion.len(), 17);
     for (k, pose) in node.motion.iter().enumerate() {
@@ -251,7 +252,7 @@ fn what_keys_move_is_blurred_by_the_shutter() {
         assert!((scene.views[0].motion[k].eye - DVec3::new(frame, 0.0, 9.0)).length() < 1e-12);
         assert!((scene.nodes[2].motion[k].point(DVec3::ZERO) - DVec3::new(frame, 0.0, 0.0)).length() < 1e-12);
     }
-    // What holds while the shutter is open has no poses, and a camera without a shutter blurs nothing.
+    // Values that are constant while the shutter is open have no poses, and a camera without a shutter blurs nothing.
     assert!(scene.nodes[1].motion.is_empty() && scene.views[1].motion.is_empty());
     let mut script = script(text);
     script.look_through("fast");
@@ -260,33 +261,33 @@ fn what_keys_move_is_blurred_by_the_shutter() {
     assert!((scene.nodes[0].transform.vector(DVec3::X) - DVec3::X * 2.0).length() < 1e-12);
 }
 
-/// A camera that passes overhead looks along its own `up` at one frame; there it keeps the roll of the frame before.
+/// A camera that passes overhead looks along its own `up` at one frame, where it keeps the roll of the frame before.
 #[test]
 fn a_camera_that_passes_overhead_keeps_its_roll() {
     let orbit = "camera { eye { key 1 0 8 4; key 3 0 8 -4; ease \"linear\" }; center 0 0 0; size 8 8 }";
     let up = |text: &str, frame: f64| at(text, frame).views[0].extrinsics.up;
     assert_eq!((up(orbit, 1.0), up(orbit, 3.0)), (DVec3::Y, DVec3::Y));
     assert!((up(orbit, 2.0) - DVec3::NEG_Z).length() < 1e-12, "it came from +z: {}", up(orbit, 2.0));
-    // It hangs overhead for a while.
+    // The camera stays overhead for several frames.
     let hang = "camera { eye { key 1 0 8 4; key 3 0 8 0; key 9 0 8 0; key 12 4 8 0; ease \"linear\" }; size 8 8 }";
     for frame in [3.0, 5.5, 9.0] {
         assert!((up(hang, frame) - DVec3::NEG_Z).length() < 1e-12, "{frame}: {}", up(hang, frame));
     }
-    // It begins overhead: the first frame with a roll is after it.
+    // The camera starts overhead: the first frame with a defined roll is later.
     let begin = "camera { eye { key 1 0 8 0; key 3 0 8 4; ease \"linear\" }; size 8 8 }";
     assert!((up(begin, 1.0) - DVec3::NEG_Z).length() < 1e-12, "{}", up(begin, 1.0));
-    // A path that leads over the pole, with the eye turned to the middle.
+    // A path over the pole, with the camera aimed at the centre.
     let path = "path \"p\" curve=\"line\" { points -4 8 0  0 8 0  4 8 0 }
         camera { follow \"p\" { at { key 0 0; key 10 1; ease \"linear\" } }; center 0 0 0; size 8 8 }";
     assert!((up(path, 5.0) - DVec3::X).length() < 1e-12, "{}", up(path, 5.0));
-    // Overhead at all times: a mistake, as for a camera that stays.
+    // The camera is always overhead, which is a mistake, as for a static camera.
     for never in ["camera { eye { key 1 0 8 0; key 3 0 9 0 }; size 8 8 }", "camera { eye 0 8 0; size 8 8 }"] {
         let errors = script(never).scene(&MemoryAssets::new(), 1.0).unwrap_err();
         assert!(errors.to_string().contains("up is parallel"), "{errors}");
     }
 }
 
-/// While the shutter is open the roll does not flip, as it would for a camera that is turned by `up` alone.
+/// While the shutter is open the roll doesn't flip, as it would if `up` alone defined it.
 #[test]
 fn the_roll_does_not_flip_while_the_shutter_is_open() {
     let text =

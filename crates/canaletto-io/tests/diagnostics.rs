@@ -1,6 +1,7 @@
-//! Bad scenes beside the messages that they get, and what hostile files do: a message, never a panic.
+//! Invalid scenes with their expected messages, and hostile files, which cause a message and never a panic.
 //!
-//! `crates/canaletto-io/tests/bad/*.kdl` each have their messages in a `.txt`; `CANALETTO_BLESS=1` writes them anew.
+//! The messages of each `crates/canaletto-io/tests/bad/*.kdl` are in a `.txt` beside it; `CANALETTO_BLESS=1` rewrites
+//! them.
 
 use canaletto::scene::{Content, Scene, Transfer};
 use canaletto::texture::{ColorSpace, Filter, Function, Placement, TextureKind, Wrap};
@@ -27,7 +28,7 @@ fn errors(scene: &str) -> String {
     text(scene).expect_err("mistakes").to_string()
 }
 
-/// The scene files of a folder in order.
+/// The sorted scene files of a folder.
 fn scenes(folder: &str) -> Vec<PathBuf> {
     let entries = fs::read_dir(repository().join(folder)).expect("the folder");
     let mut paths: Vec<PathBuf> = entries.map(|e| e.expect("an entry").path()).collect();
@@ -63,7 +64,7 @@ fn bad_scenes_get_their_messages() {
             Err(errors) => (false, errors),
         };
         assert_eq!(good, file.ends_with(".warning.kdl"), "{file}: {shown}");
-        // Messages name files by the way that they were reached.
+        // Messages name files by the path through which they were opened.
         let folder = format!("{}/", repository().join("crates/canaletto-io/tests/bad").display());
         let normal = lexically_normal(&folder);
         let shown = shown.to_string().replace(&folder, "").replace(&normal, "");
@@ -235,7 +236,7 @@ fn a_hundred_thousand_spheres_are_read_in_linear_time() {
     let (few, many) = (time(10_000).max(0.01), time(100_000));
     println!("10,000 spheres: {few:.3} s, 100,000: {many:.3} s");
     assert!(many < 40.0 * few, "{few} s for 10,000, {many} s for 100,000");
-    // As many mistakes, too.
+    // Many mistakes take time linear in their number, too.
     let bad = scene(20_000).replace("radius 1", "radius -1");
     let start = Instant::now();
     let messages = text(&bad).unwrap_err();
@@ -398,7 +399,7 @@ mod random {
     proptest! {
         #![proptest_config(ProptestConfig { cases: 1000, failure_persistence: None, ..ProptestConfig::default() })]
 
-        /// Whatever stands in a file, there is a scene or messages, and both can be shown.
+        /// Every text yields a scene or messages, and both can be displayed.
         #[test]
         fn changed_scenes_never_panic(
             which in any::<prop::sample::Index>(),
@@ -429,7 +430,7 @@ mod random {
     }
 }
 
-/// A word that is set takes the place of the word that it excludes.
+/// Setting a word replaces the words that it excludes.
 #[test]
 fn setting_a_word_takes_away_the_one_that_it_excludes() {
     let text = r#"
@@ -445,7 +446,7 @@ fn setting_a_word_takes_away_the_one_that_it_excludes() {
         &["light.s.exponent=3"],
     ] {
         let set: Vec<String> = set.iter().map(|set| (*set).into()).collect();
-        // `light.samples` is for lights with a surface.
+        // `light.samples` applies only to area lights.
         let text = if set[0] == "light.samples=4" { text.replace("light \"spot\"", "// ") } else { text.into() };
         if let Err(errors) = read_scene_text(&text, "s", &MemoryAssets::new(), &set) {
             panic!("{set:?}: {errors}");

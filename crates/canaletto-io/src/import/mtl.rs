@@ -9,7 +9,7 @@
 //! | `Ni` | eta |
 //! | `illum` 0, 1 | no highlight: ks = 0 |
 //! | `illum` 3, 5, 8 | a mirror: k = `Ks` |
-//! | `illum` 4, 6, 7, 9 | glass: k = `Ks`; without `d` or `Tr` the opacity is 1 − the largest of `Tf`, whose default is 1 |
+//! | `illum` 4, 6, 7, 9 | glass: k = `Ks`; without `d` and `Tr`, opacity = 1 − the largest of `Tf` (default 1) |
 //! | other `illum` | `Ks` gives highlights only |
 //! | no `illum` | glass if `Ni` isn't 1, else as 2 |
 //!

@@ -3,7 +3,7 @@
 //!
 //! | NFF | here |
 //! |---|---|
-//! | `f r g b Kd Ks Shine T index` | kd = Kd (r g b), ks = k = Ks white, n = Shine, opacity = 1 − T, eta = index (0 is 1) |
+//! | `f r g b Kd Ks Shine T index` | kd = Kd (r g b), ks = k = Ks, n = Shine, opacity = 1 − T, eta = index (0 is 1) |
 //! | `l x y z [r g b]` | an omni light; without a colour each of n lights has the intensity √n / n |
 //! | `v … angle hither resolution` | the view; `angle` is fovy |
 //! | `c`, `s` | cones and cylinders without caps, spheres |

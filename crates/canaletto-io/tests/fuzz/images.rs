@@ -1,4 +1,4 @@
-//! Pictures: PNG, EXR, JPEG, Radiance HDR and WebP, read as textures; PNG and EXR also as pictures to compare.
+//! Pictures: PNG, EXR, JPEG, Radiance HDR and WebP as textures; PNG and EXR also as pictures for comparison.
 
 use crate::mutate::{Outcome, bounded, run};
 use canaletto::scene::Transfer;
@@ -9,7 +9,7 @@ use exr::prelude as ex;
 use exr::prelude::WritableImage;
 use std::io::{Cursor, Write};
 
-/// As a texture and as a picture.
+/// Reads the bytes as a texture and as a picture.
 fn read(bytes: &[u8]) -> Outcome {
     let texture = texture(bytes);
     let _ = decode(bytes);
@@ -53,7 +53,7 @@ fn pngs() -> Vec<Vec<u8>> {
     seeds
 }
 
-/// Puts the checksums of a PNG's chunks in order.
+/// Corrects the checksums of a PNG's chunks.
 fn with_checksums(bytes: &mut [u8]) {
     let mut at = 8;
     while let Some(head) = bytes.get(at..at + 4) {
@@ -162,7 +162,7 @@ fn packed(data: &[u8]) -> Vec<u8> {
     encoder.write_all(data).and_then(|()| encoder.finish()).expect("a stream")
 }
 
-/// A PNG of these chunks; `kind` is its bits and its colour type.
+/// A PNG of these chunks; `kind` is its bit depth and its colour type.
 fn png_of(size: [u32; 2], kind: [u8; 2], chunks: &[Vec<u8>]) -> Vec<u8> {
     let mut header = size.map(u32::to_be_bytes).concat();
     header.extend([kind[0], kind[1], 0, 0, 0]);
@@ -194,7 +194,7 @@ fn palettes_of_all_lengths_are_read_or_refused() {
                 }
             }
         }
-        // Where colours are no numbers of a palette, it is only a suggestion.
+        // Without palette indices, a palette is only a suggestion.
         let chunks = [chunk(b"PLTE", &vec![7; length]), chunk(b"IDAT", &packed(&[0, 1, 2, 3]))];
         assert!(texture(&png_of([1, 1], [8, 2], &chunks)).is_ok());
     }
@@ -231,7 +231,7 @@ fn what_unpacks_to_far_more_than_its_size_takes_no_more_memory_than_it_may() {
         runs.extend([9, 9, 9, 130, 1, 1, 1, 255, 1, 1, 1, 255].repeat(15));
     }
     bounded("hdr-runs", &runs, read);
-    // A JPEG's size stands behind ff c0 and five bytes; comments make it as large as a file that could hold it.
+    // The size of a JPEG is five bytes after ff c0. Comments enlarge the file until it could hold the size.
     let mut jpeg = include_bytes!("../../src/image/testdata/ramp.jpg").to_vec();
     let at = jpeg.windows(2).position(|w| w == [0xff, 0xc0]).expect("a frame") + 5;
     jpeg[at..at + 4].copy_from_slice(&[0x2f, 0xff, 0x2f, 0xff]);
@@ -240,7 +240,7 @@ fn what_unpacks_to_far_more_than_its_size_takes_no_more_memory_than_it_may() {
     bounded("jpeg-larger-than-it-is", &jpeg, read);
 }
 
-/// Where a block's offset stands in an EXR of one part.
+/// The offset of the block table in an EXR of one part.
 fn table(bytes: &[u8]) -> usize {
     let mut at = 8;
     while bytes[at] != 0 {
@@ -267,7 +267,7 @@ fn blocks_of_an_exr_are_all_there_once_and_as_large_as_they_can_be() {
     let mut twice = whole.clone();
     twice.copy_within(at..at + 8, at + 8);
     assert!(why(&twice).contains("blocks are missing"));
-    // Windows of a gigapixel in the same few bytes.
+    // Windows of a gigapixel in equally few bytes.
     for (width, height) in [(1 << 20, 64), (64, 1 << 20), (16_383, 16_383)] {
         let mut large = whole.clone();
         let window = large.windows(10).position(|w| w == b"dataWindow").expect("a window") + 11 + 6 + 4;

@@ -1,5 +1,6 @@
-//! Files that are damaged at random: whatever stands in one, reading it ends within seconds, in memory bounded by its size, in
-//! an answer and never in a panic. A few hundred inputs of each kind by default; `CANALETTO_FUZZ=20000` tries as many.
+//! Randomly damaged files: for any content, reading ends within seconds, in memory bounded by the file's size, with a
+//! result or an error and never with a panic. The default is a few hundred inputs of each kind; `CANALETTO_FUZZ=20000`
+//! sets the number.
 
 mod images;
 mod models;

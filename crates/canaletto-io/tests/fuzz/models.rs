@@ -1,4 +1,4 @@
-//! Models: OBJ files, and the MTL files beside them.
+//! Models: OBJ files and their MTL files.
 
 use crate::mutate::{Outcome, Random, bounded, run};
 use canaletto_io::assets::MemoryAssets;
@@ -6,7 +6,7 @@ use canaletto_io::import::load;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The files of these folders with this extension.
+/// The files with this extension in the seed folders.
 fn seeds(extension: &str) -> Vec<Vec<u8>> {
     let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let mut paths: Vec<PathBuf> = ["scenes/models", "tests/cases/models"]
@@ -17,7 +17,7 @@ fn seeds(extension: &str) -> Vec<Vec<u8>> {
         .collect();
     paths.sort();
     let read = |path: &PathBuf| fs::read(path).expect("a file");
-    // Damage to a long file hardly ever meets what is rare in it.
+    // Damage to a long file rarely hits its rare features.
     paths
         .iter()
         .map(read)
@@ -34,7 +34,7 @@ const MTL: &[u8] =
     b"newmtl m\nKd 0.5 0.5 0.5\nKs 128 0 0\nNs 0\nd 0.5\nTr 0.5\nNi 1.5\nillum 7\nmap_Kd -s 1 1 1 a.png\nTf 1 1 1\n\
     newmtl n\nd -halo 0.5\nKd spectral a.rfl 1\nKe 1 1 1\nillum 2\nTr 1\n";
 
-/// Words at which readers of text stumble.
+/// Words that are difficult for text readers.
 const ODD: [&str; 40] = [
     "v",
     "vt",
@@ -78,7 +78,7 @@ const ODD: [&str; 40] = [
     "illum",
 ];
 
-/// Replaces words, repeats lines and swaps numbers, as far as the bytes say.
+/// Replaces words, repeats lines and swaps numbers, as the bytes select.
 fn reworded(bytes: &mut Vec<u8>) {
     let seed =
         bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash: u64, b| (hash ^ u64::from(*b)).wrapping_mul(0x0100_0000_01b3));
@@ -133,7 +133,7 @@ fn mtl() {
     run("mtl", &all, 400, reworded, |bytes| read(OBJ, bytes));
 }
 
-/// Files that make much of little.
+/// Small files with large results.
 #[test]
 fn models_that_repeat_are_read_in_time() {
     let square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";

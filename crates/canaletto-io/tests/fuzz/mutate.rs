@@ -1,34 +1,35 @@
-//! Damage to files, the same in every run, and what every reader must keep to.
+//! Reproducible damage to files, and the limits for every reader.
 
 use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-/// What came of an input.
+/// The outcome of an input.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Outcome {
-    /// It is read or refused; memory is bounded by its size.
+    /// The input is read or refused; memory is bounded by its size.
     Ordinary,
-    /// It is whole and takes more, which its reader is told.
+    /// The input is complete and exceeds the bound, which a note reports.
     Told,
 }
 
-/// The longest that one input may take.
+/// The longest time for one input.
 const LONGEST: Duration = Duration::from_secs(2);
 
-/// One kind at a time: the memory of the whole process is looked at.
+/// A lock that serialises the tests, because the memory of the whole process is measured.
 static ALONE: Mutex<()> = Mutex::new(());
 
-/// How many inputs are tried of each kind.
+/// The number of inputs of each kind.
 fn inputs(few: u64) -> u64 {
     std::env::var("CANALETTO_FUZZ").ok().and_then(|n| n.parse().ok()).unwrap_or(few)
 }
 
-/// Tries damaged forms of `seeds`. `repaired` may put checksums in order, without which hardly any damage comes past them.
+/// Reads damaged variants of `seeds`. `repaired` may correct checksums, without which readers reject nearly all damage.
 ///
 /// # Panics
-/// With the number of the input that panicked, took too long or too much memory. `CANALETTO_FUZZ_KEEP=folder` keeps it there.
+/// With the number of an input that panicked, took too long or used too much memory. `CANALETTO_FUZZ_KEEP=folder`
+/// stores the input there.
 pub(crate) fn run(
     name: &str,
     seeds: &[Vec<u8>],
@@ -53,7 +54,7 @@ pub(crate) fn run(
     println!("{name}: {} inputs, the slowest took {slowest:?}, the largest {largest} bytes", inputs(few));
 }
 
-/// Tries one input that is made for it.
+/// Reads a single input.
 ///
 /// # Panics
 /// As [`run`].
@@ -62,10 +63,11 @@ pub(crate) fn bounded(name: &str, input: &[u8], read: impl Fn(&[u8]) -> Outcome)
     tried(name, input, &read);
 }
 
-/// How often an input is tried that took too long or too much: other tests of the process may have been at work.
+/// The number of attempts for an input that takes too long or too much memory, because other tests of the process may
+/// interfere.
 const TRIES: u32 = 4;
 
-/// How long an input took, and how much memory, if that isn't told.
+/// The time and the memory in bytes of an input; zero if its outcome is [`Outcome::Told`].
 fn tried(name: &str, input: &[u8], read: &impl Fn(&[u8]) -> Outcome) -> (Duration, u64) {
     (1..TRIES)
         .find_map(|_| tried_once(name, input, read, false))
@@ -73,7 +75,7 @@ fn tried(name: &str, input: &[u8], read: &impl Fn(&[u8]) -> Outcome) -> (Duratio
         .unwrap_or_default()
 }
 
-/// [`tried`], or nothing if it took too long or too much, unless it is the last time.
+/// As [`tried`]; `None` if the input exceeds a limit and `last` is false.
 fn tried_once(name: &str, input: &[u8], read: &impl Fn(&[u8]) -> Outcome, last: bool) -> Option<(Duration, u64)> {
     let before = reset_peak();
     let start = Instant::now();
@@ -82,7 +84,7 @@ fn tried_once(name: &str, input: &[u8], read: &impl Fn(&[u8]) -> Outcome, last: 
     let memory = peak().saturating_sub(before);
     let told = matches!(result, Ok(Outcome::Told));
     let bound = (64 << 20) + 20 * input.len() as u64;
-    // What is whole and large may take as long as it does.
+    // Complete large inputs may exceed the limits.
     let too_much = (took > LONGEST || memory > bound) && !told;
     if too_much && !last && result.is_ok() {
         return None;
@@ -97,23 +99,23 @@ fn tried_once(name: &str, input: &[u8], read: &impl Fn(&[u8]) -> Outcome, last: 
     Some(if told { (Duration::ZERO, 0) } else { (took, memory) })
 }
 
-/// Sets the process's peak of memory back to what it has, which is returned; 0 where the system doesn't tell.
+/// Resets the process's peak memory to its current memory, and returns that; `u64::MAX` where the system can't.
 fn reset_peak() -> u64 {
-    // proc(5): 5 resets the peak.
+    // See proc(5): 5 resets the peak.
     if fs::write("/proc/self/clear_refs", "5").is_err() {
         return u64::MAX;
     }
     peak()
 }
 
-/// The process's peak of memory in bytes.
+/// The process's peak memory in bytes; 0 if it isn't available.
 fn peak() -> u64 {
     let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
     line.and_then(|line| line.trim().trim_end_matches(" kB").parse::<u64>().ok()).unwrap_or(0) * 1024
 }
 
-/// SplitMix64 (Steele, Lea and Flood, 2014).
+/// The generator SplitMix64 (Steele, Lea and Flood, 2014).
 pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
@@ -124,21 +126,21 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// One of 0 to `most` − 1; 0 if that is none.
+    /// A number from 0 to `most` − 1; 0 if `most` is 0.
     pub(crate) fn below(&mut self, most: usize) -> usize {
         (self.next() % most.max(1) as u64) as usize
     }
 }
 
-/// Numbers at which readers stumble.
+/// Numbers that are difficult for readers.
 const ODD: [u32; 14] =
     [0, 1, 2, 3, 4, 127, 128, 255, 0x7fff, 0xffff, 0x7fff_ffff, 0x8000_0000, 0xffff_fffe, 0xffff_ffff];
 
-/// One of the seeds with one to eight things done to it.
+/// One of the seeds after one to eight mutations.
 fn damaged(seeds: &[Vec<u8>], random: &mut Random) -> Vec<u8> {
     let mut bytes = seeds[random.below(seeds.len())].clone();
     for _ in 0..=random.below(8) {
-        // Headers matter most.
+        // Headers are damaged more often.
         let reach = if random.below(2) == 0 { bytes.len().min(128) } else { bytes.len() };
         let at = random.below(reach);
         let length = 1 + random.below(16);

@@ -1,4 +1,4 @@
-//! Tables of numbers and scene text: PLY, NFF, clouds of text and binary, XYZ and KDL with keys.
+//! Tables of numbers and scene text: PLY, NFF, point clouds in text, binary and XYZ, and KDL with keys.
 
 use crate::mutate::{Outcome, run};
 use canaletto_io::assets::{Asset, AssetPath, MemoryAssets};
@@ -9,7 +9,7 @@ fn seeds<const N: usize>(texts: [&str; N]) -> Vec<Vec<u8>> {
     texts.iter().map(|text| text.as_bytes().to_vec()).collect()
 }
 
-/// A model alone; what comes of it can be used.
+/// Reads a model as a scene; its meshes must be valid.
 fn model(name: &str, bytes: &[u8]) -> Outcome {
     if let Ok((scene, _)) = load(name, &MemoryAssets::new().with(name, bytes.to_vec())) {
         scene.meshes.iter().for_each(|mesh| mesh.check().expect("a mesh that can be used"));
@@ -35,7 +35,7 @@ const CUBE: &str = "element vertex 8\nproperty float x\nproperty float y\nproper
     element face 6\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\nproperty int texnumber\n\
     element edge 1\nproperty int vertex1\nproperty int vertex2\nproperty float radius\nend_header\n";
 
-/// A PLY file with everything in it.
+/// A PLY file with all features.
 fn ply(encoding: &str) -> Vec<u8> {
     let mut out = format!("ply\nformat {encoding} 1.0\ncomment TextureFile a.png\n{CUBE}").into_bytes();
     let mut put = |text: String, little: &[u8]| match encoding {

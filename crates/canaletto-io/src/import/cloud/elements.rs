@@ -1,24 +1,24 @@
-//! Radii and colours of the elements.
+//! Radii and colours of the chemical elements.
 
 use crate::picture::decode_srgb;
 use canaletto::math::Rgb;
 
-/// How an atom is drawn.
+/// The appearance of an atom.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Element {
-    /// Its van der Waals radius in ångström.
+    /// The van der Waals radius in ångström.
     pub(super) radius: f32,
-    /// Its colour, linear.
+    /// The colour, linear.
     pub(super) color: Rgb,
 }
 
 impl Element {
-    /// What stands for an atom of no known element.
+    /// The appearance of an atom of an unknown element.
     pub(super) const UNKNOWN: Element = Element { radius: 2.0, color: Rgb::gray(0.5) };
 }
 
-/// The element of a symbol or an atomic number, such as `C`, `cl` or `6`. A number or a mark behind a symbol tells atoms of an
-/// element apart: `C1`, `Fe2+`, `O_w`. `D` and `T` are hydrogen.
+/// The element of a symbol or an atomic number, such as `C`, `cl` or `6`. A number or a mark after a symbol
+/// distinguishes atoms of one element: `C1`, `Fe2+`, `O_w`. `D` and `T` are hydrogen.
 pub(super) fn element(name: &[u8]) -> Option<Element> {
     let letters = name.iter().take_while(|byte| byte.is_ascii_alphabetic()).count();
     let index = if letters == 0 {
@@ -36,8 +36,8 @@ pub(super) fn element(name: &[u8]) -> Option<Element> {
     Some(Element { radius: f32::from(hundredths) / 100.0, color: Rgb::new(channel(16), channel(8), channel(0)) })
 }
 
-/// Symbol, van der Waals radius in hundredths of an ångström (Alvarez 2013; 200 where there is none) and sRGB colour (Jmol) of
-/// each element, from hydrogen on.
+/// The symbol, van der Waals radius in hundredths of an ångström (Alvarez 2013; 200 where it has none) and sRGB colour
+/// (Jmol) of each element, from hydrogen on.
 const ELEMENTS: [(&str, u16, u32); 109] = [
     ("H", 120, 0xff_ffff),
     ("He", 143, 0xd9_ffff),
@@ -166,7 +166,7 @@ mod tests {
         for name in ["", "Xx", "0", "-1", "200", "Carbon"] {
             assert_eq!(element(name.as_bytes()), None, "{name}");
         }
-        // Atomic numbers are places in the list.
+        // The atomic number is the position in the list.
         for (symbol, number) in [("Ne", 10), ("Fe", 26), ("Xe", 54), ("Au", 79), ("U", 92), ("Mt", 109)] {
             assert_eq!(ELEMENTS[number - 1].0, symbol);
         }

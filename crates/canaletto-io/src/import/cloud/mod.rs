@@ -1,20 +1,20 @@
-//! Clouds of spheres and cylinders from tables: text, XYZ, PLY and plain binary.
+//! Clouds of spheres and cylinders from tables: text, XYZ, PLY and raw binary.
 //!
-//! **Text** (`csv`, `tsv`, `xyz`, `txt`): a row for each sphere, `x y z`, `x y z radius`, `x y z red green blue` or
-//! `x y z radius red green blue`; for each cylinder the same with `x1 y1 z1 x2 y2 z2`. Semicolons, else tabs, else commas, else
-//! spaces stand between; the first row decides. A first row that is not of numbers names the columns, in any order;
-//! unknown ones are passed over. Cells may stand in quotes. Where commas don't stand between cells, they may be decimal ones.
-//! Lines that start with `#`, `//` or `%` are comments. Colours are linear, 0 to 1, as in the scene text, unless their numbers
-//! are those of a picture; see [`super::table_color`].
+//! **Text** (`csv`, `tsv`, `xyz`, `txt`): a row for each sphere, `x y z`, `x y z radius`, `x y z red green blue` or `x
+//! y z radius red green blue`. Cylinders have `x1 y1 z1 x2 y2 z2` in place of `x y z`. The separator is semicolons,
+//! else tabs, else commas, else spaces, as in the first row. A first row that isn't numeric names the columns, in any
+//! order; unknown ones are skipped. Cells may be quoted. If the separator isn't the comma, numbers may have decimal
+//! commas. Lines that start with `#`, `//` or `%` are comments. Colours are linear, 0 to 1, as in the scene text,
+//! unless their numbers are those of a picture; see [`super::table_color`].
 //!
-//! **XYZ**: a text that starts with a count in a line of its own is one of atoms, see [`xyz`], or of rows with their count.
+//! **XYZ**: a text that starts with a count in a line of its own. It contains atoms, see [`xyz`], or plain rows.
 //!
-//! **Binary** (`bin`): records of little-endian `f32` without a header: a sphere is `x y z radius`, a cylinder
-//! `x1 y1 z1 x2 y2 z2 radius`.
+//! **Binary** (`bin`): records of little-endian `f32` without a header. A sphere is `x y z radius`, a cylinder `x1 y1
+//! z1 x2 y2 z2 radius`.
 //!
 //! **PLY**: see [`super::ply`].
 //!
-//! Rows with a coordinate or a radius that is missing, infinite or none are left out and counted.
+//! Rows with a coordinate or a radius that is missing, infinite or NaN are left out and counted.
 
 mod elements;
 mod text;
@@ -34,23 +34,23 @@ use glam::Vec3;
 use rayon::prelude::*;
 use std::borrow::Cow;
 
-/// How a cloud's file is written.
+/// The format of a cloud file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum CloudFormat {
     /// Rows of text.
     Text,
-    /// PLY.
+    /// A PLY file.
     Ply,
     /// Records of little-endian `f32`.
     Binary,
 }
 
 impl CloudFormat {
-    /// The extensions that [`CloudFormat::of_extension`] knows.
+    /// The extensions that [`CloudFormat::of_extension`] accepts.
     pub const EXTENSIONS: [&str; 6] = ["csv", "tsv", "xyz", "txt", "ply", "bin"];
 
-    /// The format that a file's extension (in lower case) stands for.
+    /// The format of a file name extension, in lower case.
     pub fn of_extension(extension: &str) -> Option<CloudFormat> {
         match extension {
             "csv" | "tsv" | "xyz" | "txt" => Some(CloudFormat::Text),
@@ -60,7 +60,7 @@ impl CloudFormat {
         }
     }
 
-    /// How a file of this format holds coordinates.
+    /// The precision of coordinates in a file of this format.
     fn precision(self, bytes: &[u8]) -> Precision {
         match self {
             CloudFormat::Text => Precision::Double,
@@ -70,13 +70,13 @@ impl CloudFormat {
     }
 }
 
-/// Rows that are left out, since a coordinate or the radius isn't a finite number.
+/// Rows that are left out because a coordinate or the radius isn't finite.
 #[derive(Default)]
 struct Lost {
     count: u64,
-    /// Where the first starts.
+    /// The offset of the first such row.
     first: Option<usize>,
-    /// How many rows are not left out.
+    /// The number of rows that are kept.
     kept: u64,
 }
 
@@ -86,14 +86,14 @@ impl Lost {
         self.first.get_or_insert(row.start);
     }
 
-    /// Adds those of a later part.
+    /// Adds the rows of a later part.
     fn append(&mut self, later: Lost) {
         self.count += later.count;
         self.kept += later.kept;
         self.first = self.first.or(later.first);
     }
 
-    /// What is said of them.
+    /// The warning about these rows.
     fn complaint(&self, bytes: &[u8]) -> Option<ImportError> {
         let first = self.first?;
         let before = &bytes[..first];
@@ -108,11 +108,11 @@ impl Lost {
     }
 }
 
-/// A cloud and what is said of it, or what is wrong.
+/// A cloud with its warnings, or an error.
 type Read<T> = Result<(T, Vec<ImportError>), ImportError>;
 
-/// Reads spheres, with warnings about what is left out or assumed. `radius` is for files without radii, and for all atoms of an XYZ
-/// file; if there is none either, that is an error, but for atoms, whose elements have radii.
+/// Reads spheres; returns them with warnings about what was left out or assumed. `radius` is for files without radii,
+/// and for all atoms of an XYZ file. A file without radii needs `radius`, except for atoms, whose elements have radii.
 ///
 /// # Errors
 /// The first mistake, with its row and column where the file has them.
@@ -140,7 +140,7 @@ pub fn read_spheres(
     finish(asset, format, cloud)
 }
 
-/// The file with its text as UTF-8, if it is text.
+/// The file; a text is converted to UTF-8.
 fn readable(asset: &Asset, format: CloudFormat) -> Cow<'_, Asset> {
     let text = match format {
         CloudFormat::Text => encoding::text(&asset.bytes),
@@ -187,19 +187,19 @@ fn spheres_of_atoms(bytes: &[u8], mut atoms: xyz::Atoms, radius: Option<f32>) ->
     (SphereCloud { origin, centers, radii, colors: atoms.colors, ..SphereCloud::default() }, said)
 }
 
-/// What the rows of a table hold, its colours linear.
+/// The columns of a table, with linear colours.
 struct Columns {
     points: Positions,
     radii: Vec<f32>,
     colors: Vec<Rgb>,
 }
 
-/// The columns of a table, and what is said of it.
+/// The columns of a table, with its warnings.
 fn columns(bytes: &[u8], table: text::Table) -> (Columns, Vec<ImportError>) {
     let text::Table { points, radii, mut colors, lost, commas, unknown } = table;
     let mut said: Vec<ImportError> = lost.complaint(bytes).into_iter().collect();
     if !unknown.is_empty() {
-        /// The most that are named.
+        /// The largest number of names in the message.
         const MOST: usize = 12;
         let more = if unknown.len() > MOST { format!(" and {} more", unknown.len() - MOST) } else { String::new() };
         let (noun, are) = if unknown.len() == 1 { ("column", "is") } else { ("columns", "are") };
@@ -213,7 +213,7 @@ fn columns(bytes: &[u8], table: text::Table) -> (Columns, Vec<ImportError>) {
     (Columns { points, radii, colors }, said)
 }
 
-/// Reads cylinders; see [`read_spheres`]. They have caps.
+/// Reads cylinders, which have caps; see [`read_spheres`].
 ///
 /// # Errors
 /// The first mistake, with its row and column where the file has them.
@@ -283,7 +283,8 @@ fn failure(asset: &Asset, format: CloudFormat, complaint: ImportError) -> Diagno
     errors
 }
 
-/// Sees to it that there is a radius; `said` tells why there may be nothing to have one.
+/// Uses the radius `given` where the file has no radii. Fails if there is none, or if there are no rows; `said` may
+/// have the reason for the latter.
 fn settle_radius(
     radii: &mut Vec<f32>,
     count: usize,
@@ -303,13 +304,13 @@ fn settle_radius(
     Ok(())
 }
 
-/// Records of a binary file.
+/// The records of a binary file.
 struct Records<const N: usize> {
     rows: Vec<[f32; N]>,
     radii: Vec<f32>,
 }
 
-/// The records' numbers, the last of which is the radius.
+/// The numbers of the records, the last of which is the radius.
 fn records<const N: usize>(bytes: &[u8], columns: &str) -> Read<Records<N>> {
     let size = 4 * N;
     if !bytes.len().is_multiple_of(size) {

@@ -10,7 +10,7 @@ fn spheres(text: &str) -> SphereCloud {
     read_spheres(&asset(text), CloudFormat::Text, Some(2.0)).unwrap().0
 }
 
-/// What is said of spheres.
+/// The warnings about spheres.
 fn said(text: impl Into<Vec<u8>>) -> String {
     read_spheres(&asset(text), CloudFormat::Text, Some(2.0)).unwrap().1.to_string()
 }
@@ -127,7 +127,7 @@ fn cells_may_stand_in_quotes() {
         rows.replace('\n', "\r\n"),
         rows.replace('\n', "\r"),
         format!("\u{feff}{rows}"),
-        // A remark with separators in quotes, a unit, and columns that nobody asks for.
+        // Quoted remarks with separators, a unit, and unused columns.
         rows.replace("\"X\"", "\"X [m, wide]\"")
             .replacen("\"Radius\"", "\"Radius\",\"a;b\"", 1)
             .replace("\"0.5\"", "\"0.5\",\"x, \"\"y\"\"\""),
@@ -160,7 +160,7 @@ fn rows_without_a_place_or_size_are_left_out() {
         let said = said(text);
         assert!(said.contains("2 of 4 rows are left out") && said.contains("the first is line 3"), "{missing}: {said}");
     }
-    // In the first row, which decides what the columns are, too.
+    // Also in the first row, which determines the columns.
     assert_eq!(spheres("nan nan nan\n1 2 3\n").centers, [Vec3::new(1.0, 2.0, 3.0)]);
     let said = said("1 2 3 1 0 nan\n1 2 4 1 0 0\n");
     assert!(said.contains("1 colours of its rows have a number that isn't finite; they are taken as white"), "{said}");

@@ -1,4 +1,4 @@
-//! Rows of text: what stands between their numbers, what their columns are, and what is left out.
+//! Rows of text: separators, columns, and rows that are left out.
 
 use super::Lost;
 use crate::import::lines::{ImportError, Token};
@@ -9,62 +9,62 @@ use glam::DVec3;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// What stands between cells.
+/// The separator of cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Separator {
     Spaces,
     Byte(u8),
 }
 
-/// What a column is.
+/// The meaning of a column.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Role {
-    /// A coordinate: its place among them.
+    /// A coordinate, by its index.
     Point(usize),
     Radius,
-    /// Red, green or blue.
+    /// Red, green or blue, by its index.
     Color(usize),
 }
 
-/// The columns of a text, and what stands between them.
+/// The columns of a text and their separator.
 struct Columns {
     separator: Separator,
     count: usize,
-    /// What each column is; nothing for those that nobody asks for.
+    /// The meaning of each column; `None` for unused ones.
     roles: Vec<Option<Role>>,
     radius: bool,
     color: bool,
-    /// Other names of columns, which are passed over.
+    /// The names of unused columns.
     unknown: Vec<String>,
 }
 
-/// A part of the rows.
+/// Some of the rows.
 #[derive(Default)]
 pub(super) struct Table {
     pub(super) points: Positions,
     pub(super) radii: Vec<f32>,
-    /// As the file writes them.
+    /// The colours as written in the file.
     pub(super) colors: Vec<Rgb>,
-    /// Rows without a place or size.
+    /// The rows without a finite position or size.
     pub(super) lost: Lost,
-    /// Numbers with a comma where a point is expected.
+    /// The number of decimal commas.
     pub(super) commas: u64,
-    /// Columns that are passed over.
+    /// The names of skipped columns.
     pub(super) unknown: Vec<String>,
 }
 
-/// Rows of text with these columns for the points.
+/// Reads rows of text; `points` has the names of the coordinate columns.
 pub(super) fn read(bytes: &[u8], points: &[&str]) -> Result<Table, ImportError> {
     read_from(bytes, if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 }, points)
 }
 
-/// The same for rows that start there.
+/// As [`read`], for rows that start at offset `from`.
 pub(super) fn read_from(bytes: &[u8], from: usize, points: &[&str]) -> Result<Table, ImportError> {
     let Some(first) = rows(bytes, from..bytes.len()).next() else {
         return Ok(Table::default());
     };
     let (columns, start) = Columns::of(&first, points)?;
-    // Pieces that start after a line's end; each is a pure function of its bytes, and they are joined in order.
+    // Pieces start after a line end. Each is a pure function of its bytes, and they are joined in order.
     const PIECE: usize = 1 << 20;
     let line_after = |at: usize| memchr::memchr2(b'\n', b'\r', &bytes[at..]).map_or(bytes.len(), |p| at + p + 1);
     let mut cuts = vec![start];
@@ -106,7 +106,7 @@ fn rows(bytes: &[u8], part: Range<usize>) -> impl Iterator<Item = Token<'_>> {
     lines.filter(move |row| !row.text.is_empty() && !comment(row.text))
 }
 
-/// The line without what stands behind ` #`.
+/// The line up to ` #`.
 fn without_remark(line: &[u8]) -> &[u8] {
     let remark = memchr::memchr_iter(b'#', line).find(|at| *at > 0 && matches!(line[at - 1], b' ' | b'\t'));
     match remark {
@@ -115,13 +115,13 @@ fn without_remark(line: &[u8]) -> &[u8] {
     }
 }
 
-/// Words that stand for a number which isn't there.
+/// Whether the text stands for a missing number.
 fn is_missing(text: &[u8]) -> bool {
     const WORDS: [&[u8]; 8] = [b"", b"na", b"n/a", b"null", b"none", b"-", b"missing", b"?"];
     WORDS.iter().any(|word| text.eq_ignore_ascii_case(word))
 }
 
-/// A cell without quotes around it.
+/// A cell without its quotes.
 fn unquoted(cell: Token<'_>) -> Token<'_> {
     match cell.text {
         [b'"', inner @ .., b'"'] | [b'\'', inner @ .., b'\''] => {
@@ -138,7 +138,7 @@ fn name(cell: &Token<'_>) -> String {
     name.split(['(', '[']).next().unwrap_or_default().trim().to_owned()
 }
 
-/// Other names for coordinates, as programs write them.
+/// Whether `name` is a common alternative of the coordinate name `wanted`.
 fn is_called(name: &str, wanted: &str) -> bool {
     // ParaView numbers the components of a vector.
     let (other, numbered) = match wanted {
@@ -151,7 +151,7 @@ fn is_called(name: &str, wanted: &str) -> bool {
 }
 
 impl Columns {
-    /// The columns by the first row, and where the rows of numbers start.
+    /// The columns according to the first row, and the offset at which the rows of numbers start.
     fn of(first: &Token<'_>, points: &[&str]) -> Result<(Columns, usize), ImportError> {
         let n = points.len();
         let mut columns = Columns {
@@ -228,7 +228,7 @@ impl Columns {
         Ok((columns, first.start + first.text.len()))
     }
 
-    /// The cells of a row, without quotes around them.
+    /// The cells of a row without their quotes.
     fn cells<'a>(&self, row: &Token<'a>) -> impl Iterator<Item = Token<'a>> + use<'a> {
         let (separator, row) = (self.separator, *row);
         let by_space = (separator == Separator::Spaces).then(|| row.words()).into_iter().flatten();
@@ -248,7 +248,7 @@ impl Columns {
         by_separator.chain(by_space).map(unquoted)
     }
 
-    /// The number of a cell; none where it says that it is missing. Decimal commas are read where commas don't stand between cells.
+    /// The number of a cell; `None` if it is missing. Decimal commas are read unless the separator is the comma.
     fn number(&self, cell: &Token<'_>, commas: &mut u64) -> Option<f64> {
         if let Some(number) = number::parse(cell.text) {
             return Some(number);
@@ -284,7 +284,7 @@ impl Columns {
                     Role::Color(index) => color[*index] = value as f32,
                 }
             } else if count == self.count && cell.text.is_empty() {
-                // A separator at the row's end.
+                // The row ends with a separator.
                 continue;
             }
             count += 1;
@@ -325,7 +325,7 @@ impl Columns {
     }
 }
 
-/// What stands between the cells of a row: semicolons, else commas, else single tabs, else spaces. What stands in quotes doesn't count.
+/// The separator in a row: semicolons, else single tabs, else commas, else spaces. Quoted text is ignored.
 fn separator(row: &[u8]) -> Separator {
     let has = |byte: u8| outside_quotes(row, byte).is_some();
     if has(b';') {
@@ -339,7 +339,7 @@ fn separator(row: &[u8]) -> Separator {
     }
 }
 
-/// Whether what stands between tabs has no spaces and commas that part more, but for names in quotes.
+/// Whether the cells between tabs contain no spaces or commas that would separate further, except in quoted names.
 fn tabs_part(row: &[u8]) -> bool {
     row.split(|byte| *byte == b'\t').all(|cell| {
         let cell = cell.trim_ascii();
@@ -347,7 +347,7 @@ fn tabs_part(row: &[u8]) -> bool {
     })
 }
 
-/// The first place of a byte that isn't between quotes.
+/// The first offset of a byte outside quotes.
 fn outside_quotes(text: &[u8], byte: u8) -> Option<usize> {
     let mut inside = false;
     text.iter().position(|b| {

@@ -1,9 +1,9 @@
-//! XYZ, the format of chemists: a count of atoms, a line of remarks, and a line `element x y z` for each atom.
+//! XYZ, a format of chemistry: a count of atoms, a comment line, and a line `element x y z` for each atom.
 //!
-//! Radii are van der Waals' (Alvarez, *A cartography of the van der Waals territories*, Dalton Trans. 42, 2013) unless the scene
-//! gives one, and colours the usual ones of Jmol. Extended XYZ says in the remarks what its columns are
-//! (`Properties=species:S:1:pos:R:3:radius:R:1:color:R:3`); columns of forces, charges and the like are passed over. Of several
-//! frames the first is read.
+//! Radii are van der Waals radii (Alvarez, *A cartography of the van der Waals territories*, Dalton Trans. 42, 2013)
+//! unless the scene sets one. Colours are those of Jmol. Extended XYZ declares its columns in the comment line
+//! (`Properties=species:S:1:pos:R:3:radius:R:1:color:R:3`); columns of forces, charges and the like are skipped. Of
+//! several frames only the first is read.
 
 use super::Lost;
 use super::elements::{Element, element};
@@ -17,21 +17,21 @@ use glam::DVec3;
 #[derive(Default)]
 pub(super) struct Atoms {
     pub(super) centers: Positions,
-    /// Those of the file, or of the elements.
+    /// The radii of the file, or of the elements.
     pub(super) radii: Vec<f32>,
     pub(super) has_radii: bool,
-    /// Colours of the elements, linear.
+    /// The colours of the elements, linear.
     pub(super) colors: Vec<Rgb>,
-    /// Colours of the file, as it writes them; empty if it has none.
+    /// The colours of the file, as written; empty if it has none.
     pub(super) own_colors: Vec<Rgb>,
     pub(super) lost: Lost,
-    /// Names that are no elements, the first of them, and how often.
+    /// The first name that is no element, and the number of such names.
     pub(super) unknown: Option<(String, u64)>,
-    /// Whether there are more frames behind the first.
+    /// Whether more frames follow the first.
     pub(super) more: bool,
 }
 
-/// Which columns of a line have a meaning.
+/// The columns that are used.
 struct Columns {
     species: Option<usize>,
     position: usize,
@@ -40,22 +40,22 @@ struct Columns {
     count: usize,
 }
 
-/// What a text that starts with a count alone in its first line is.
+/// The content of a text that starts with a count alone in its first line.
 pub(super) enum Counted {
-    /// Atoms.
+    /// The atoms.
     Atoms(Atoms),
-    /// Plain rows, which start there.
+    /// Plain rows, which start at this offset.
     Rows(usize),
 }
 
-/// Reads what stands behind a count, if the text starts with one.
+/// Reads the content after a count, if the text starts with one.
 pub(super) fn read(bytes: &[u8]) -> Option<Result<Counted, ImportError>> {
     let mut lines = Lines { bytes, at: if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 } };
     let first = lines.find(|line| !line.text.is_empty())?;
     let count: u64 = std::str::from_utf8(first.text).ok()?.parse().ok()?;
     let rows = lines.at;
     let remarks = lines.next().unwrap_or(Token { start: bytes.len(), text: &[] });
-    // As many rows as the count, all of numbers and none of remarks: points with a count in front, as scanners write them.
+    // As many numeric rows as the count and no comment line: points with a count in front, as scanners write them.
     let mut plain = Lines { bytes, at: rows }.filter(|line| !line.text.is_empty());
     let numbers = |line: &Token<'_>| line.words().count() >= 3 && line.words().all(|word| word.number().is_ok());
     if plain.next().is_none_or(|line| numbers(&line)) && plain.count() as u64 + 1 == count {
@@ -82,7 +82,7 @@ fn atoms(count: u64, first: &Token<'_>, remarks: &Token<'_>, mut lines: Lines<'_
 }
 
 impl Columns {
-    /// The columns that the remarks announce, or the usual ones.
+    /// The columns that the comment line declares, or the default ones.
     fn of(remarks: &Token<'_>) -> Result<Columns, ImportError> {
         let usual = Columns { species: Some(0), position: 1, radius: None, color: None, count: 4 };
         let text = remarks.string();
@@ -148,7 +148,7 @@ impl Columns {
     }
 }
 
-/// All lines, blank ones too, wherever `\n`, `\r` or both end them.
+/// All lines, including blank ones, ended by `\n`, `\r` or both.
 struct Lines<'a> {
     bytes: &'a [u8],
     at: usize,

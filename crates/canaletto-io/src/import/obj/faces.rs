@@ -1,4 +1,4 @@
-//! The second pass over an OBJ file: faces, and the lines that group them, of a piece.
+//! The second pass over an OBJ file: the faces of a piece, and the lines that group them.
 
 use super::super::ignored::Ignored;
 use super::super::lines::{ImportError, Lines, Token, gap};
@@ -9,39 +9,39 @@ use super::keyword::Keyword;
 use super::vertices::Vertices;
 use glam::Vec3;
 
-/// No texture coordinates, normal or material.
+/// The index of absent texture coordinates, normals or materials.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// Positions in the lists of [`Vertices`]: position, texture coordinates, normal; the last two may be [`NONE`].
+/// Indices into the lists of [`Vertices`]: position, texture coordinates, normal. The last two may be [`NONE`].
 pub(super) type Corner = [u32; 3];
 
-/// What a piece holds.
+/// The contents of a piece.
 pub(super) struct Faces {
     pub(super) triangles: Triangles,
-    /// Lines that say what the faces behind them belong to, each with the number of triangles before it.
+    /// The lines that assign the following faces, each with the number of triangles before it.
     pub(super) marks: Vec<(usize, Mark)>,
     pub(super) ignored: Ignored,
 }
 
-/// What faces belong to.
+/// An object, group, material or smoothing group of faces.
 pub(super) enum Mark {
     Object(String),
     Group(String),
-    /// With the place of the name in the file.
+    /// The offset of the name in the file, and the name.
     Material(usize, Vec<u8>),
-    /// The group of smooth faces; 0 is none.
+    /// The smoothing group; 0 is none.
     Smoothing(u32),
 }
 
-/// Triangles, with as little as their corners need.
+/// Triangles in the most compact form for their corners.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Triangles {
-    /// A corner's texture coordinates and normal have the number of its position, or there are none.
+    /// Texture coordinates and normals of a corner have the index of its position, or are absent.
     Plain(Pattern, Vec<[u32; 3]>),
     Full(Vec<[Corner; 3]>),
 }
 
-/// Whether there are texture coordinates and normals.
+/// Whether there are texture coordinates, and whether there are normals.
 pub(super) type Pattern = [bool; 2];
 
 fn pattern(corner: Corner) -> Option<Pattern> {
@@ -50,7 +50,7 @@ fn pattern(corner: Corner) -> Option<Pattern> {
     fits.then(|| others.map(|number| number != NONE))
 }
 
-/// The corner that a position's number stands for.
+/// The corner of a position index.
 pub(super) fn full(pattern: Pattern, position: u32) -> Corner {
     let [uv, normal] = pattern.map(|there| if there { position } else { NONE });
     [position, uv, normal]
@@ -64,7 +64,7 @@ impl Triangles {
         }
     }
 
-    /// All corners of a triangle.
+    /// The corners of a triangle.
     pub(super) fn corners(&self, triangle: usize) -> [Corner; 3] {
         match self {
             Triangles::Plain(pattern, list) => list[triangle].map(|position| full(*pattern, position)),
@@ -98,7 +98,7 @@ impl Triangles {
     }
 }
 
-/// Reads a piece before which there are so many positions, texture coordinates and normals.
+/// Reads a piece; `before` has the numbers of positions, texture coordinates and normals before it.
 pub(super) fn read(piece: Piece<'_>, before: [usize; 3], vertices: &Vertices) -> Result<Faces, ImportError> {
     let triangles = Triangles::Plain([false; 2], Vec::new());
     let mut out = Faces { triangles, marks: Vec::new(), ignored: Ignored::of_part() };
@@ -170,7 +170,7 @@ fn smoothing_group(text: &[u8]) -> Option<u32> {
     }
 }
 
-/// The triangle of a line of `f` and three positions that exist, counted from the first, which most lines are, and the line's
+/// The triangle of a line of `f` and three positive indices of existing positions, as most lines are, with the line's
 /// length.
 #[inline]
 fn plain_triangle(line: &[u8], positions: usize) -> Option<([u32; 3], usize)> {
@@ -183,7 +183,7 @@ fn plain_triangle(line: &[u8], positions: usize) -> Option<([u32; 3], usize)> {
             value = value.wrapping_mul(10).wrapping_add(u64::from(digit));
             at += 1;
         }
-        // No number of positions has more digits, and 18 don't wrap round.
+        // No index of a position has more digits, and 18 digits don't overflow.
         if at - start > 18 || value == 0 || value > positions as u64 {
             return None;
         }
@@ -192,7 +192,7 @@ fn plain_triangle(line: &[u8], positions: usize) -> Option<([u32; 3], usize)> {
     Some((numbers, at))
 }
 
-/// One face; keeps its memory for the next.
+/// The corners of a face; its memory is reused.
 #[derive(Default)]
 struct Polygon {
     corners: Vec<Corner>,
@@ -201,7 +201,7 @@ struct Polygon {
 }
 
 impl Polygon {
-    /// Reads the corners. `seen` counts the vertices so far, for negative indices.
+    /// Reads the corners. `seen` has the numbers of vertices so far, for negative indices.
     fn read<'a>(
         &mut self,
         line: Token<'a>,
@@ -230,8 +230,8 @@ impl Polygon {
     }
 }
 
-/// `v`, `v/vt`, `v//vn` or `v/vt/vn`, counted from 1, or from the latest backwards if negative. Texture coordinates and
-/// normals that don't exist are left out, as some subdivision models have them; a position must exist.
+/// Parses `v`, `v/vt`, `v//vn` or `v/vt/vn`, counted from 1, or backwards from the latest if negative. Texture
+/// coordinates and normals that don't exist, as in some subdivision models, are ignored; a position must exist.
 fn corner(word: &Token<'_>, seen: [usize; 3], exist: [usize; 3], ignored: &mut Ignored) -> Result<Corner, ImportError> {
     let mut out = [NONE; 3];
     for (which, piece) in word.text.split(|b| *b == b'/').enumerate() {

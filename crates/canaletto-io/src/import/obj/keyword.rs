@@ -1,8 +1,8 @@
-//! The words that begin the lines of an OBJ file.
+//! The keywords of the lines of an OBJ file.
 
 use super::super::lines::{Token, Tokens};
 
-/// What a line is about.
+/// The kind of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Keyword {
     Position,
@@ -14,7 +14,7 @@ pub(super) enum Keyword {
     Material,
     Library,
     Smoothing,
-    /// Lines and points.
+    /// Lines and points, which have no area.
     Thin,
     Comment,
     Other,
@@ -33,13 +33,13 @@ impl Keyword {
             b"mtllib" => Keyword::Library,
             b"s" => Keyword::Smoothing,
             b"l" | b"p" => Keyword::Thin,
-            // Zeros and Ctrl-Z fill up the end of old files.
+            // Zeros and Ctrl-Z pad the end of old files.
             [b'#' | 0 | 0x1a, ..] => Keyword::Comment,
             _ => Keyword::Other,
         }
     }
 
-    /// The keyword of a line, with its word and the words behind it. Capitals are read as well, and numbers that follow
+    /// The keyword of a line, with its word and the words after it. Capitals are accepted, as are numbers that follow
     /// without a space.
     pub(super) fn of(line: Token<'_>) -> Option<(Keyword, Token<'_>, Tokens<'_>)> {
         const LONGEST: usize = 6;

@@ -1,9 +1,9 @@
-//! The materials that an OBJ file names: `mtllib`, and `usemtl`.
+//! The material libraries of an OBJ file: `mtllib` and `usemtl`.
 //!
-//! What exporters write after `mtllib` is not always a path that leads somewhere. It may be quoted, have the backslashes of
-//! Windows, be absolute on the machine where it was written, or be several names, of which each may have spaces. A name that
-//! leads nowhere is looked for beside the OBJ file by its last part, also in capitals or small letters. What isn't read as it
-//! stands there is a warning.
+//! The text after `mtllib` isn't always a valid path. It may be quoted, have the backslashes of Windows, or be absolute
+//! on the machine where it was written. It may be several names, each of which may contain spaces. If a name leads
+//! nowhere, its last component is searched for beside the OBJ file, also in upper or lower case. A library that isn't
+//! read exactly as named causes a warning.
 
 use super::super::encoding;
 use super::super::ignored::Ignored;
@@ -15,11 +15,12 @@ use crate::diagnostic::{Diagnostic, Diagnostics};
 use canaletto::material::Material;
 use std::collections::HashMap;
 
-/// The most names of libraries that are followed.
+/// The largest number of library names that are read.
 const MAX_NAMES: usize = 256;
 
 impl Reader<'_> {
-    /// Reads the materials of all `mtllib`, which name them at these places. What is missing is a warning.
+    /// Reads the materials of all `mtllib` lines, given by the offset and text of their names. A missing library is a
+    /// warning.
     pub(super) fn libraries(&mut self, lines: &[(usize, Vec<u8>)]) {
         let names: Vec<Token<'_>> = lines
             .iter()
@@ -37,7 +38,7 @@ impl Reader<'_> {
         }
     }
 
-    /// The names of a line, cut where most of them lead somewhere, if possible without looking elsewhere.
+    /// The names of a line, split such that most of them exist, if possible at their own path.
     fn names<'w>(&self, line: Token<'w>) -> Vec<Token<'w>> {
         if line.text.is_empty() {
             return Vec::new();
@@ -82,7 +83,7 @@ impl Reader<'_> {
         self.assets.open(path, &self.asset.path)
     }
 
-    /// The file of that name beside the model, whose letters may be of another case.
+    /// The file of that name beside the model, regardless of letter case.
     fn beside(&self, path: &str) -> Result<OpenAsset, AssetError> {
         let last = last_part(path);
         self.open(last).or_else(|error| match &error {
@@ -112,15 +113,15 @@ impl Reader<'_> {
     }
 }
 
-/// The path that a name says: without quotes, and with the slashes that every system reads.
+/// The path of a name, without quotes and with forward slashes.
 fn path(name: &Token<'_>) -> String {
     let text = name.string();
     let text = unquoted(&text).unwrap_or(&text);
-    // A backslash before a space is part of the space.
+    // A backslash before a space is part of the escaped space.
     text.replace("\\ ", " ").replace('\\', "/")
 }
 
-/// What stands between quotes.
+/// The text between quotes.
 fn unquoted(text: &str) -> Option<&str> {
     ['"', '\''].iter().find_map(|quote| text.strip_prefix(*quote)?.strip_suffix(*quote))
 }
@@ -129,12 +130,12 @@ fn is_quoted(text: &str) -> bool {
     unquoted(text).is_some()
 }
 
-/// What stands behind the last folder or drive of a path.
+/// The text after the last folder or drive of a path.
 fn last_part(path: &str) -> &str {
     path.rsplit(['/', ':']).next().unwrap_or(path).trim()
 }
 
-/// Names that end with the extension of such files, spaces and all.
+/// Names that end with the extension of a library and may contain spaces.
 fn by_extension(names: Token<'_>) -> Vec<Token<'_>> {
     let ends = |word: &Token<'_>| {
         let text = word.text.strip_suffix(b"\"").or_else(|| word.text.strip_suffix(b"'")).unwrap_or(word.text);
@@ -143,7 +144,7 @@ fn by_extension(names: Token<'_>) -> Vec<Token<'_>> {
     whole(names, ends)
 }
 
-/// Names between spaces, of which some may be part of a name: behind a backslash, or in quotes.
+/// Names separated by spaces, except spaces after a backslash or in quotes.
 fn by_space(names: Token<'_>) -> Vec<Token<'_>> {
     let mut quote = None;
     let ends = |word: &Token<'_>| {
@@ -159,7 +160,7 @@ fn by_space(names: Token<'_>) -> Vec<Token<'_>> {
     whole(names, ends)
 }
 
-/// Names of one word or more, each of which ends with a word that says so.
+/// Names of one or more words, each of which ends with a word for which `ends` is true.
 fn whole<'a>(names: Token<'a>, mut ends: impl FnMut(&Token<'a>) -> bool) -> Vec<Token<'a>> {
     let mut out: Vec<Token<'a>> = Vec::new();
     let mut open = false;
@@ -173,15 +174,15 @@ fn whole<'a>(names: Token<'a>, mut ends: impl FnMut(&Token<'a>) -> bool) -> Vec<
     out
 }
 
-/// Materials by the names that files give them.
+/// Materials by the names in the files.
 pub(super) struct Names {
     exact: HashMap<String, u32>,
-    /// By what [`loose`] leaves of their names; those that aren't alone with it have nothing.
+    /// The materials by [`loose`] name; `None` if several share it.
     loose: HashMap<String, Option<u32>>,
 }
 
 impl Names {
-    /// Of several materials with the same name the first counts.
+    /// The first of several materials with equal names is used.
     pub(super) fn new(materials: &[Material]) -> Names {
         let mut names = Names { exact: HashMap::new(), loose: HashMap::new() };
         for (index, material) in materials.iter().enumerate() {
@@ -215,7 +216,7 @@ impl Names {
     }
 }
 
-/// A name without what programs change in it: capitals, quotes, a comment behind it.
+/// A name without the parts that programs change: capitals, quotes, a comment after it.
 fn loose(name: &str) -> String {
     let name = name.split(" #").next().unwrap_or_default();
     name.trim_matches(|c: char| c.is_whitespace() || c == '"').to_lowercase()

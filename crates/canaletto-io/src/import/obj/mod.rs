@@ -1,13 +1,13 @@
-//! Wavefront OBJ (*Advanced Visualizer* manual, appendix B), its polygons with their materials.
+//! Wavefront OBJ (*Advanced Visualizer* manual, appendix B): polygons with their materials.
 //!
-//! Read by our own code and not by crate `tobj`, whose errors know no lines, whose fans turn concave polygons inside
-//! out, and which makes a mesh for each material. Two passes over the text: the vertices and materials, then the
-//! faces, so that faces may come before their vertices. Both go over [pieces](super::text) of the file in parallel; that
-//! the pieces' results are put together in the order of the file makes them those of a single piece.
+//! This reader replaces the crate `tobj`, whose errors have no lines, whose fans invert concave polygons, and which
+//! makes a mesh for each material. Two passes read the text: the first reads vertices and materials, the second faces,
+//! so faces may precede their vertices. Both read [pieces](super::text) of the file in parallel. The results of pieces
+//! are joined in file order, so they equal those of a single piece.
 //!
-//! Each object or group is one mesh, `object/group` if both are named; a group that comes again goes on. Vertex colours
-//! (`v x y z r g b`, 0 to 1) are sRGB, as Blender and MeshLab write them. Smoothing groups (`s`) count where faces have no
-//! normals; in a file that has any, faces before the first are flat.
+//! Each object or group is one mesh, named `object/group` if both have names. A group that occurs again continues its
+//! mesh. Vertex colours (`v x y z r g b`, 0 to 1) are sRGB, as Blender and MeshLab write them. Smoothing groups (`s`)
+//! apply to faces without normals; in a file that has any, faces before the first are flat.
 
 mod faces;
 mod keyword;
@@ -31,7 +31,7 @@ use std::ops::Range;
 use std::path::PathBuf;
 use vertices::First;
 
-/// Meshes and materials of an OBJ file.
+/// Reads the meshes and materials of an OBJ file.
 pub(super) fn read(asset: &OpenAsset, assets: &dyn Assets, unsaid: Unsaid) -> Result<Imported, Diagnostics> {
     let view = asset.content.view();
     let failed = |complaint: ImportError| Diagnostics::from(complaint.error(asset.path.name()));
@@ -82,7 +82,8 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    /// The second pass: faces and what groups them. With them comes the material of those that have none, if it is needed.
+    /// The second pass: faces and their groups. Returns them with the material of faces that have none, if it is
+    /// needed.
     fn faces(
         &mut self,
         text: Text<'_>,
@@ -152,20 +153,20 @@ impl Reader<'_> {
     }
 }
 
-/// What faces belong to, as the lines before them say.
+/// The groups of the next faces, as set by the lines before them.
 struct Grouping<'a> {
     unnamed: &'a str,
     object: String,
     group: String,
     material: u32,
-    /// The group of smooth faces, if a line names one; 0 is none.
+    /// The smoothing group, if a line sets one; 0 is none.
     smoothing: Option<u32>,
-    /// The part and its slot, once they are known.
+    /// The part and its slot, once computed.
     place: Option<(usize, u32)>,
 }
 
 impl Grouping<'_> {
-    /// Puts some triangles of the next piece into their part.
+    /// Assigns some triangles of the next piece to their part.
     fn run(&mut self, triangles: Range<usize>, parts: &mut Parts) {
         if triangles.is_empty() {
             return;

@@ -1,4 +1,4 @@
-//! Meshes from triangles whose corners index positions, texture coordinates and normals apart.
+//! Conversion of triangles with separate indices for positions, texture coordinates and normals to meshes.
 
 use super::super::Unsaid;
 use super::super::concat::concat;
@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 use std::ops::Range;
 
-/// The meshes of a file, by name, and the triangles so far.
+/// The meshes of a file by name, and the triangles so far.
 #[derive(Default)]
 pub(super) struct Parts {
     list: Vec<Part>,
@@ -27,18 +27,18 @@ struct Part {
     materials: Vec<u32>,
 }
 
-/// Triangles of a piece that follow one another and belong together.
+/// Consecutive triangles of a piece with one part, slot and smoothing group.
 struct Run {
     piece: usize,
     triangles: Range<usize>,
     part: usize,
     slot: u32,
-    /// The group of smooth faces, if a line before them names one.
+    /// The smoothing group, if a line before them sets one.
     smoothing: Option<u32>,
 }
 
 impl Parts {
-    /// The number of the part of this name.
+    /// The index of the part of this name.
     pub(super) fn named(&mut self, name: &str) -> usize {
         if let Some(part) = self.names.get(name) {
             return *part;
@@ -57,7 +57,7 @@ impl Parts {
         })
     }
 
-    /// Says what some triangles of the piece belong to that is added next.
+    /// Assigns some triangles of the piece that is added next.
     pub(super) fn run(&mut self, triangles: Range<usize>, part: usize, slot: u32, smoothing: Option<u32>) {
         self.runs.push(Run { piece: self.pieces.len(), triangles, part, slot, smoothing });
     }
@@ -67,10 +67,10 @@ impl Parts {
         self.pieces.push(triangles);
     }
 
-    /// The meshes. Faces without a material get `default`, asked for only where others have one.
+    /// Builds the meshes. Faces without a material get `default`, which is called only if other faces have one.
     ///
-    /// A single mesh keeps the file's vertices as they are, if it can. Others get vertices in the order in which their
-    /// triangles come to them, one for each combination of position, texture coordinates and normal.
+    /// A single mesh keeps the vertices of the file unchanged, if possible. Other meshes get vertices in the order of
+    /// their first use by triangles, one for each combination of position, texture coordinates and normal.
     pub(super) fn finish(mut self, vertices: Vertices, unsaid: Unsaid, mut default: impl FnMut() -> u32) -> Vec<Mesh> {
         for part in &mut self.list {
             if part.materials == [NONE] {
@@ -98,7 +98,8 @@ impl Parts {
         meshes
     }
 
-    /// For each mesh the groups of smooth faces of its triangles, if the file has any. Faces before the first are in none.
+    /// The smoothing group of each triangle, for each mesh, if the file has any groups. Faces before the first group
+    /// have group 0.
     fn groups(&self) -> Option<Vec<Vec<u32>>> {
         self.runs.iter().any(|run| run.smoothing.is_some()).then(|| {
             let mut groups = vec![Vec::new(); self.list.len()];
@@ -109,7 +110,8 @@ impl Parts {
         })
     }
 
-    /// What all corners have, if there is one mesh only, and texture coordinates and normals are numbered as positions are.
+    /// The pattern of all corners, if there is a single mesh whose texture coordinates and normals have the indices of
+    /// positions.
     fn pattern(&self, vertices: &Vertices) -> Option<Pattern> {
         let mut patterns = self.pieces.iter().filter(|piece| piece.len() > 0).map(|piece| match piece {
             Triangles::Plain(pattern, _) => Some(*pattern),
@@ -121,7 +123,7 @@ impl Parts {
         (self.list.len() == 1 && fits && patterns.all(|other| other == Some(pattern))).then_some(pattern)
     }
 
-    /// The only mesh.
+    /// Builds the only mesh.
     fn whole(self, vertices: Vertices, [uv, normal]: Pattern) -> Mesh {
         let slots = self.runs.iter().map(|run| (run.slot, run.triangles.len()));
         let slots = slots.flat_map(|(slot, count)| std::iter::repeat_n(slot, count));
@@ -145,7 +147,7 @@ impl Parts {
         }
     }
 
-    /// The meshes with vertices of their own.
+    /// Builds the meshes with vertices of their own.
     fn apart(self, vertices: &Vertices) -> Vec<Mesh> {
         let Parts { list, pieces, runs, .. } = self;
         let mut numbers = Numbers { latest: vec![None; vertices.positions.len()], others: HashMap::new() };
@@ -167,15 +169,15 @@ impl Parts {
     }
 }
 
-/// The numbers that corners have in their meshes.
+/// The vertex indices of corners in their meshes.
 struct Numbers {
-    /// For each position the corner met last and its number, with the part: the usual case needs no hash.
+    /// For each position the latest corner with its part and index: the common case needs no hash lookup.
     latest: Vec<Option<(u32, Corner, u32)>>,
     others: HashMap<(u32, Corner), u32>,
 }
 
 impl Numbers {
-    /// The number of a corner in a part, whose corners so far are given.
+    /// The index of a corner in a part; `corners` are the part's corners so far.
     fn of(&mut self, part: u32, corner: Corner, corners: &mut Vec<Corner>) -> u32 {
         let latest = &mut self.latest[corner[0] as usize];
         if let Some((of, known, number)) = *latest {

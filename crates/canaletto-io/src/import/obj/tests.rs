@@ -200,7 +200,7 @@ fn numbers_that_are_not_finite_are_warnings() {
     ] {
         assert!(told.contains(part), "{part}: {told}");
     }
-    // A vertex that no face uses leaves the others as they are.
+    // A vertex that no face uses doesn't affect the others.
     let model = good(&format!("{SQUARE}v nan nan nan\nf 1 2 3 4\n"));
     assert_eq!((model.meshes[0].triangles.len(), model.warnings.len()), (2, 1));
     model.meshes[0].check().unwrap();
@@ -225,7 +225,7 @@ fn vertex_colours_of_every_scale_are_read() {
         assert!(warnings.contains(told), "{warnings}");
         assert!((found[1].g - unit[1].g).abs() < 1e-5 && found[2] == Rgb::WHITE, "{found:?}");
     }
-    // A little beyond the ends is rounding.
+    // Small deviations from 0 and 1 are rounding.
     let (found, warnings) = colors("1.00001", "-1e-5");
     assert!((found[0].r - 1.0).abs() < 1e-4 && found[1].g == 0.0, "{found:?}");
     assert!(
@@ -353,8 +353,8 @@ fn many_groups_and_shared_corners_stay_fast() {
     assert!(start.elapsed().as_secs() < 5);
 }
 
-/// All ways to read a file: in pieces of a few bytes and at once, from memory and from a disk, by one thread and by three.
-/// Tells meshes, materials and all messages, or the mistakes.
+/// Reads a file in every manner: in pieces of a few bytes and at once, from memory and from a disk, by one thread and
+/// by three. Returns meshes, materials and all messages, or the mistakes.
 fn every_way(text: &[u8]) -> Result<Imported, String> {
     let assets = MemoryAssets::new().with("a.obj", text).with("m.mtl", "newmtl red\nnewmtl blue\nwhat 1\n");
     let mut file = tempfile::tempfile().unwrap();
@@ -391,7 +391,7 @@ fn pieces_change_nothing() {
     assert_eq!((model.meshes.len(), model.materials.len()), (2, 3));
     assert_eq!(model.meshes[0].slots, [0, 1, 1, 1, 2]);
     assert_eq!(model.meshes[1].triangles.len(), 3);
-    // Of several mistakes the first is told, those of vertices before those of faces.
+    // Only the first mistake is reported; those of vertices precede those of faces.
     for (text, message) in [
         ("v 1 2 3\nf 1 1 4\nf 1 1 5\nf x\n", "a.obj:2:7: error: face refers to vertex 4, but only 1 exist"),
         ("v 1 2 3\nf 1 1 -2\nv 1 2 3\nf 1 1 9\n", "a.obj:2:7: error: face refers to vertex -2, but only 1 come"),
@@ -409,7 +409,7 @@ fn plain_files_keep_their_vertices() {
     let both = "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvn 0 0 2\nvn 0 0 1\nvn 0 0 1\nvn 0 0 1\nf 4/4/4 3/3/3 1/1/1\n";
     let mesh = &good(&format!("{SQUARE}{both}")).meshes[0];
     assert_eq!((mesh.triangles[0], mesh.uvs[2], mesh.normals[0]), ([3, 2, 0], Vec2::X, Vec3::Z));
-    // Texture coordinates that vertices don't share.
+    // Texture coordinates that differ between the corners of a vertex.
     let mesh = &good(&format!("{SQUARE}vt 5 5\n{both}f 1/1 2/2 3/3\n")).meshes[0];
     assert_eq!(mesh.triangles, [[0, 1, 2], [3, 4, 5]]);
 }

@@ -1,4 +1,4 @@
-//! The first pass over an OBJ file: its vertices, and the names of its material files.
+//! The first pass over an OBJ file: its vertices and the names of its material files.
 
 use super::super::color::{ROUNDED, Scale};
 use super::super::concat::concat;
@@ -14,44 +14,46 @@ use canaletto::math::Rgb;
 use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
-/// What the file's lists of vertices hold.
+/// The vertex lists of a file.
 #[derive(Default)]
 pub(super) struct Vertices {
-    /// Where the positions are counted from.
+    /// The origin of the positions.
     pub(super) origin: DVec3,
     pub(super) positions: Vec<Vec3>,
-    /// The numbers of those that have no finite place, in order. They stand anywhere, and no face uses them.
+    /// The sorted indices of positions that aren't finite. They are replaced by an arbitrary finite position, and no
+    /// face uses them.
     pub(super) nowhere: Vec<u32>,
-    /// Empty, or one for each position.
+    /// The vertex colours: empty, or one for each position.
     pub(super) colors: Vec<Rgb>,
-    /// With v from the top row of an image, as everywhere here; in the file it is from the bottom.
+    /// Texture coordinates with v from the top row of an image, as elsewhere in Canaletto; the file has v from the
+    /// bottom.
     pub(super) uvs: Vec<Vec2>,
-    /// Those that are not finite are zero.
+    /// The normals; those that aren't finite are zero.
     pub(super) normals: Vec<Vec3>,
 }
 
 impl Vertices {
-    /// Whether this position has no finite place.
+    /// Whether this position isn't finite.
     pub(super) fn is_nowhere(&self, position: u32) -> bool {
         !self.nowhere.is_empty() && self.nowhere.binary_search(&position).is_ok()
     }
 }
 
-/// What the first pass finds.
+/// The results of the first pass.
 pub(super) struct First {
     pub(super) vertices: Vertices,
-    /// What `mtllib` names, and where.
+    /// The offset and text of each `mtllib` line.
     pub(super) libraries: Vec<(usize, Vec<u8>)>,
-    /// How many positions, texture coordinates and normals come before each piece.
+    /// The numbers of positions, texture coordinates and normals before each piece.
     pub(super) before: Vec<[usize; 3]>,
-    /// The pieces in which there is more than vertices.
+    /// The pieces that contain more than vertices.
     pub(super) others: Vec<usize>,
     pub(super) ignored: Ignored,
-    /// What colours are taken for that go beyond 1.
+    /// The assumption about colours with numbers above 1.
     pub(super) assumed: Option<String>,
 }
 
-/// What a piece holds.
+/// The contents of a piece.
 #[derive(Default)]
 struct Found {
     positions: Positions,
@@ -114,10 +116,10 @@ pub(super) fn read(text: Text<'_>) -> Result<First, ImportError> {
     Ok(first)
 }
 
-/// A vertex that has none among others that have one.
+/// A vertex without a colour among others with one.
 const NO_COLOR: Rgb = Rgb::new(f32::NAN, f32::NAN, f32::NAN);
 
-/// Decodes sRGB, whatever number stands for full intensity; white where there is no colour. Tells what was assumed.
+/// Decodes sRGB at the detected scale; vertices without a colour become white. Returns the assumption that was made.
 fn decode(colors: &mut Vec<Rgb>) -> Option<String> {
     let largest = colors.par_iter().map(|c| c.max_component()).reduce(|| 0.0, f32::max);
     let fraction = colors.par_iter().any(|c| c.to_array().iter().any(|v| v.is_finite() && v.fract() != 0.0));
@@ -137,7 +139,7 @@ fn decode(colors: &mut Vec<Rgb>) -> Option<String> {
 
 fn find(piece: Piece<'_>) -> Result<Found, ImportError> {
     let mut found = Found { ignored: Ignored::of_part(), ..Found::default() };
-    // Faces have none of these letters.
+    // Face lines contain none of these letters.
     let without = |a, b| memchr::memchr2(a, b, piece.bytes).is_none();
     if without(b'v', b'm') && without(b'V', b'M') {
         return Ok(Found { others: true, ..found });
@@ -194,7 +196,7 @@ fn find(piece: Piece<'_>) -> Result<Found, ImportError> {
     Ok(found)
 }
 
-/// The position of a line of `v` and three easy numbers, which most lines are, and the line's length.
+/// The position of a line of `v` and three numbers of the fast path, as most lines are, with the line's length.
 #[inline]
 fn plain_position(line: &[u8]) -> Option<((Vec3, DVec3), usize)> {
     let mut at = usize::from(*line.first()? == b'v');
@@ -208,7 +210,7 @@ fn plain_position(line: &[u8]) -> Option<((Vec3, DVec3), usize)> {
     Some(((rounded.into(), exact.into()), at))
 }
 
-/// The colour after a position as it stands there, if there is one. A single number is the weight of rational curves.
+/// The colour after a position as written, if there is one. A single number is the weight of rational curves.
 fn vertex_color(word: &Token<'_>, mut words: Tokens<'_>, ignored: &mut Ignored) -> Result<Option<Rgb>, ImportError> {
     if words.clone().count() < 3 {
         return Ok(None);

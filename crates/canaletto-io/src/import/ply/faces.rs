@@ -1,7 +1,8 @@
-//! Faces of a PLY file: polygons and strips, and what each face says of itself.
+//! The faces of a PLY file: polygons and strips, with their own colours and texture coordinates.
 //!
-//! Meshes hold colours and texture coordinates at their vertices. Where faces have their own (`red green blue`, or a list
-//! `texcoord` of two numbers for each corner, as MeshLab writes for "wedges"), a vertex is copied for each value that it has.
+//! Meshes store colours and texture coordinates at vertices. Faces may have their own: `red green blue`, or a list
+//! `texcoord` of two numbers for each corner, as MeshLab writes for "wedges". A vertex is then copied for each of its
+//! values.
 
 use super::header::Element;
 use super::payload::{Payload, Row};
@@ -14,32 +15,32 @@ use canaletto::shape::Mesh;
 use glam::{Vec2, Vec3};
 use std::collections::HashMap;
 
-/// Which properties of faces have a meaning.
+/// The properties of faces that are used.
 struct Wanted {
     corners: usize,
     /// The colour of a face.
     color: Extra,
-    /// Texture coordinates, two numbers for each corner.
+    /// The texture coordinates, two numbers for each corner.
     uv: Option<usize>,
 }
 
-/// All faces of a file, cut into triangles.
+/// All faces of a file, split into triangles.
 #[derive(Default)]
 pub(super) struct FaceList {
-    /// For each triangle of the mesh so far its face's colour; empty if faces have none.
+    /// The colour of each triangle of the mesh so far; empty if faces have none.
     colors: Vec<Rgb>,
-    /// For each triangle the texture coordinates of its corners; empty if faces have none.
+    /// The texture coordinates of the corners of each triangle; empty if faces have none.
     uvs: Vec<[Vec2; 3]>,
-    /// Faces with fewer than three corners.
+    /// The number of faces with fewer than three corners.
     thin: u64,
-    /// Faces with a corner that has no place.
+    /// The number of faces with a corner that isn't finite.
     lost: u64,
-    /// Faces whose texture coordinates aren't as many as their corners.
+    /// The number of faces whose texture coordinates don't match their corners in number.
     without_uv: u64,
 }
 
 impl FaceList {
-    /// Whether nothing at all was read.
+    /// Whether no faces were read or left out.
     pub(super) fn is_empty(&self) -> bool {
         self.thin + self.lost == 0
     }
@@ -67,7 +68,7 @@ impl FaceList {
             uv: lists.into_iter().find(|at| element.properties[*at].length.is_some()),
         };
         if !mesh.colors.is_empty() {
-            // Vertices have the finer ones.
+            // The colours of vertices are finer.
             wanted.color.color = None;
         }
         let color = wanted.color.color.iter().flat_map(|(properties, _)| properties);
@@ -83,7 +84,7 @@ impl FaceList {
             mesh.triangles = triangles;
             return Ok(());
         }
-        // What an element before this one left out.
+        // The triangles of earlier elements get default values.
         self.colors.resize(if wanted.color.color.is_some() { mesh.triangles.len() } else { 0 }, Rgb::WHITE);
         self.uvs.resize(if wanted.uv.is_some() { mesh.triangles.len() } else { 0 }, [Vec2::ZERO; 3]);
         let (positions, triangles) = (&mesh.positions, &mut mesh.triangles);
@@ -104,7 +105,7 @@ impl FaceList {
         Ok(())
     }
 
-    /// Brings what faces say to the vertices, drops triangles with a corner that has no place, and says what is left out.
+    /// Transfers the values of faces to vertices, drops triangles with a corner that isn't finite, and adds warnings.
     pub(super) fn finish(mut self, mesh: &mut Mesh, said: &mut Vec<ImportError>) -> Result<(), ImportError> {
         if let Some(good) = mesh.positions.iter().copied().find(|p| p.is_finite())
             && mesh.positions.iter().any(|p| !p.is_finite())
@@ -121,7 +122,7 @@ impl FaceList {
                 "{nowhere} vertices have a coordinate that isn't a finite number; they are left out, and {} faces with them",
                 self.lost
             )));
-            // No triangle has them for a corner.
+            // No triangle uses these vertices.
             mesh.positions.iter_mut().filter(|p| !p.is_finite()).for_each(|p| *p = good);
         } else if mesh.positions.iter().all(|p| !p.is_finite()) {
             mesh.triangles.clear();
@@ -143,13 +144,14 @@ impl FaceList {
         Ok(())
     }
 
-    /// Writes colours and texture coordinates of faces to their vertices, and to copies of those that have several.
+    /// Writes the colours and texture coordinates of faces to their vertices, and copies vertices that have several
+    /// values.
     fn split(&self, mesh: &mut Mesh) {
         if self.colors.is_empty() && self.uvs.is_empty() {
             return;
         }
         let vertices = mesh.positions.len();
-        // Triangles of another element, without colours or texture coordinates, have the default ones.
+        // Triangles of other elements, without colours or texture coordinates, have the default ones.
         if !self.colors.is_empty() {
             mesh.colors = vec![Rgb::WHITE; vertices];
         }
@@ -184,7 +186,7 @@ impl FaceList {
         }
     }
 
-    /// Writes what faces say to a vertex.
+    /// Writes the values of a face to a vertex.
     fn write(&self, mesh: &mut Mesh, vertex: u32, color: Rgb, uv: Vec2) {
         if !self.colors.is_empty() {
             mesh.colors[vertex as usize] = color;
@@ -195,12 +197,12 @@ impl FaceList {
     }
 }
 
-/// Adds an item once more, if the list has any.
+/// Appends a copy of an item, if the list isn't empty.
 fn again<T: Copy>(list: &mut Vec<T>, at: u32) {
     list.extend(list.get(at as usize).copied());
 }
 
-/// Some faces, cut into triangles.
+/// Some faces, split into triangles.
 #[derive(Default)]
 struct Part {
     triangles: Vec<[u32; 3]>,
@@ -273,7 +275,7 @@ pub(super) fn strips(element: &Element, payload: &mut Payload<'_>, mesh: &mut Me
                 continue;
             }
             strip.push(index(*entry, positions.len())?);
-            // Every second triangle turns the other way.
+            // Every second triangle has the opposite orientation.
             let n = strip.len();
             if n >= 3 {
                 let [a, b, c] = [strip[n - 3], strip[n - 2], strip[n - 1]];

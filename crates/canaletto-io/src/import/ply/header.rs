@@ -1,8 +1,8 @@
-//! The header of a PLY file: its encoding, elements and their properties.
+//! The header of a PLY file: its encoding, and its elements with their properties.
 
 use crate::import::lines::{ImportError, Token, Tokens};
 
-/// How the numbers are written.
+/// The encoding of the numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Encoding {
     Ascii,
@@ -10,7 +10,7 @@ pub(super) enum Encoding {
     Big,
 }
 
-/// The types of numbers.
+/// The number types.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     I8,
@@ -38,7 +38,7 @@ impl Kind {
         })
     }
 
-    /// Bytes in the binary encodings.
+    /// The size in bytes in the binary encodings.
     pub(super) fn size(self) -> usize {
         match self {
             Kind::I8 | Kind::U8 => 1,
@@ -53,7 +53,7 @@ impl Kind {
 #[derive(Clone, Debug)]
 pub(super) struct Property {
     pub(super) name: String,
-    /// The type of the length, for lists.
+    /// The type of the length, for list properties.
     pub(super) length: Option<Kind>,
     pub(super) kind: Kind,
 }
@@ -67,20 +67,20 @@ pub(super) struct Element {
 }
 
 impl Element {
-    /// The position of the first property that has one of these names.
+    /// The index of the first property with one of these names.
     pub(super) fn property(&self, names: &[&str]) -> Option<usize> {
         names.iter().find_map(|name| self.properties.iter().position(|p| p.name == *name))
     }
 
-    /// The positions of number properties of these names, if all exist.
+    /// The indices of the number properties of these names, if all exist.
     pub(super) fn numbers<const N: usize>(&self, names: [&str; N]) -> Option<[usize; N]> {
         let found = names.map(|name| self.property(&[name]).filter(|at| self.properties[*at].length.is_none()));
         found.iter().all(Option::is_some).then(|| found.map(Option::unwrap_or_default))
     }
 
-    /// What is said of the properties that nothing is made of, if there are any.
+    /// The warning about unused properties, if there are any.
     pub(super) fn unused(&self, used: &[usize]) -> Option<ImportError> {
-        /// The most that are named.
+        /// The largest number of names in the message.
         const MOST: usize = 12;
         let names = self.properties.iter().enumerate().filter(|(at, _)| !used.contains(at)).map(|(_, p)| &*p.name);
         let names: Vec<&str> = names.collect();
@@ -93,7 +93,7 @@ impl Element {
         Some(ImportError::file(format!("the {noun} {listed}{more} of element {} {is} left out", self.name)))
     }
 
-    /// The fewest bytes that a row takes; the size of every row if there are no lists and it is binary.
+    /// The smallest size of a row in bytes. It is the exact size of binary rows without lists.
     pub(super) fn row_size(&self, encoding: Encoding) -> u64 {
         let size =
             |p: &Property| if encoding == Encoding::Ascii { 2 } else { p.length.unwrap_or(p.kind).size() as u64 };
@@ -101,28 +101,28 @@ impl Element {
     }
 }
 
-/// All that the header says.
+/// The contents of the header.
 #[derive(Clone, Debug)]
 pub(super) struct Header {
     pub(super) encoding: Encoding,
     pub(super) elements: Vec<Element>,
     /// The pictures that comments name as textures, as MeshLab writes them.
     pub(super) textures: Vec<String>,
-    /// Where the numbers start in the file.
+    /// The offset of the numbers in the file.
     pub(super) end: usize,
 }
 
-/// The most pictures that are remembered.
+/// The largest number of pictures that are stored.
 const MAX_TEXTURES: usize = 16;
 
-/// Reads the header. Keywords, types and names may be in capitals, and spaces or a byte order mark may stand around its lines.
+/// Reads the header. Keywords, types and names may be in capitals. Spaces or a byte order mark may surround its lines.
 pub(super) fn read(bytes: &[u8]) -> Result<Header, ImportError> {
     let start = if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
     let first = bytes[start..].iter().position(|b| *b == b'\n' || *b == b'\r').map(|length| start + length);
     let Some(end) = first.filter(|end| bytes[start..*end].trim_ascii().eq_ignore_ascii_case(b"ply")) else {
         return Err(ImportError::file("it doesn't start with the line `ply`").help("is it a PLY file?"));
     };
-    // Where a single \r ends lines, a \n behind the last one is the first of the numbers.
+    // If \r alone ends lines, a \n after the last one is the first byte of the numbers.
     let pairs = bytes[end..].starts_with(b"\r\n");
     let mut at = start;
     let mut encoding = None;

@@ -1,13 +1,13 @@
-//! PLY, the Stanford format (Turk 1994): text and binary of both byte orders.
+//! PLY, the Stanford format (Turk 1994): text, and binary of both byte orders.
 //!
-//! Read by our own code: crate `serde_ply` reports errors without the row, and `ply-rs-bw` hands over each number by its
-//! property's name, a search for every number of millions. A header that announces more than the file can hold fails
-//! before memory is taken, and every message names its row.
+//! This reader replaces two crates. `serde_ply` reports errors without the row. `ply-rs-bw` passes each number by the
+//! name of its property, which is a search for each of millions of numbers. A header that declares more than the file
+//! can hold is rejected before memory is allocated, and every message names its row.
 //!
-//! Vertices have `x y z`, `nx ny nz`, texture coordinates under the usual names and `red green blue`; what numbers colours have,
-//! [`super::table_color`] says. Faces are polygons (`vertex_indices`) or strips (`tristrips`, −1 between strips), see [`faces`]. Other
-//! elements and properties are passed over, and named in a warning. Vertices without a place (a coordinate that is no number, or
-//! infinite) are left out, and faces with them.
+//! Vertices have `x y z`, `nx ny nz`, texture coordinates under the usual names, and `red green blue`;
+//! [`super::table_color`] determines the scale of colours. Faces are polygons (`vertex_indices`) or strips
+//! (`tristrips`, −1 between strips), see [`faces`]. Other elements and properties are skipped, and named in a warning.
+//! Vertices with a coordinate that is NaN or infinite are left out, with their faces.
 
 mod faces;
 mod header;
@@ -32,13 +32,13 @@ use header::{Element, Header, Kind};
 use payload::{Payload, Row};
 use rayon::prelude::*;
 
-/// A mesh, and what is left out or assumed.
+/// Reads a mesh; returns it with warnings about what was left out or assumed.
 pub(super) fn read_mesh(name: &str, view: View<'_>) -> Result<(Mesh, Vec<ImportError>), ImportError> {
     let header = read_header(view)?;
     read_payload(name, &header, Payload::new(&header, view))
 }
 
-/// How the file holds positions.
+/// The precision of positions in the file.
 pub(super) fn precision(view: View<'_>) -> Precision {
     let single = read_header(view).is_ok_and(|header| {
         let vertices = header.elements.iter().find(|element| element.name == "vertex");
@@ -103,12 +103,13 @@ fn read_payload(
     Ok((mesh, said))
 }
 
-/// Whether a vector can be made a unit vector.
+/// Whether a vector can be normalised.
 fn has_direction(n: &Vec3) -> bool {
     n.is_finite() && *n != Vec3::ZERO
 }
 
-/// The vertices as spheres, with the radius of property `radius` or `r` if there is one; and what is left out or assumed.
+/// Reads the vertices as spheres, whose radius is the property `radius` or `r` if there is one. Returns them with
+/// warnings.
 pub(super) fn read_spheres(name: &str, view: View<'_>) -> Result<(SphereCloud, Vec<ImportError>), ImportError> {
     let header = read_header(view)?;
     let mut payload = Payload::new(&header, view);
@@ -132,14 +133,14 @@ pub(super) fn read_spheres(name: &str, view: View<'_>) -> Result<(SphereCloud, V
     Ok((SphereCloud::default(), said))
 }
 
-/// Drops what isn't to be kept.
+/// Removes the items for which `kept` is false.
 pub(super) fn keep<T>(list: &mut Vec<T>, kept: &[bool]) {
     let mut kept = kept.iter();
-    // A list that isn't there stays so.
+    // An absent list stays empty.
     list.retain(|_| kept.next().is_none_or(|kept| *kept));
 }
 
-/// What is said of rows that aren't kept.
+/// The warning about rows that aren't kept.
 pub(super) fn left_out(kept: &[bool], of: &str) -> Option<ImportError> {
     let lost = kept.par_iter().filter(|kept| !**kept).count();
     let first = kept.iter().position(|kept| !kept)?;
@@ -150,7 +151,7 @@ pub(super) fn left_out(kept: &[bool], of: &str) -> Option<ImportError> {
     )))
 }
 
-/// The edges as cylinders: element `edge` with `vertex1`, `vertex2` and perhaps `radius` and colours.
+/// Reads the edges as cylinders: element `edge` with `vertex1`, `vertex2`, and optional `radius` and colours.
 pub(super) fn read_cylinders(name: &str, view: View<'_>) -> Result<(CylinderCloud, Vec<ImportError>), ImportError> {
     let header = read_header(view)?;
     let mut payload = Payload::new(&header, view);
@@ -201,14 +202,14 @@ pub(super) fn read_cylinders(name: &str, view: View<'_>) -> Result<(CylinderClou
     Ok((cloud, said))
 }
 
-/// Reads the header from as much of the file as it takes.
+/// Parses the header, reading only as much of the file as necessary.
 fn read_header(view: View<'_>) -> Result<Header, ImportError> {
     let mut buffer = Vec::new();
     let mut size = 1 << 16;
     loop {
         let start = view.piece(0..size, &mut buffer).map_err(|e| unreadable(&e))?;
         match header::read(start) {
-            // The header's end may have one more character.
+            // The end of the header may have one more character.
             Ok(header) if header.end < size => return Ok(header),
             result if size >= view.size() => return result,
             _ => size = size.saturating_mul(4),
@@ -220,7 +221,7 @@ fn is_faces(element: &Element) -> bool {
     element.name == "face" && element.property(&["vertex_indices", "vertex_index"]).is_some()
 }
 
-/// The elements, of which one must be the vertices, before those that refer to them.
+/// The elements; one of them must be the vertices, and it must precede those that refer to it.
 fn in_order(header: &Header) -> Result<&[Element], ImportError> {
     let place = |names: &[&str]| header.elements.iter().position(|e| names.contains(&e.name.as_str()));
     if header.elements.iter().filter(|e| e.name == "vertex").count() > 1 {
@@ -235,13 +236,13 @@ fn in_order(header: &Header) -> Result<&[Element], ImportError> {
     }
 }
 
-/// Colours and radii, which vertices and edges may have; faces may have colours.
+/// The colours and radii of vertices and edges, and the colours of faces.
 #[derive(Default)]
 struct Extra {
     radius: Option<usize>,
     /// The properties of red, green and blue, and their type.
     color: Option<([usize; 3], Kind)>,
-    /// sRGB of the 256 values of a byte, decoded.
+    /// The linear value of each of the 256 sRGB bytes.
     bytes: Vec<f32>,
 }
 
@@ -269,7 +270,7 @@ impl Extra {
         Ok(())
     }
 
-    /// A radius, which may be no number; an infinite one is none either.
+    /// A radius, which may be NaN; infinity becomes NaN.
     fn radius(&self, number: f64) -> Result<f32, String> {
         let radius = number as f32;
         if radius <= 0.0 && radius.is_finite() {
@@ -278,16 +279,16 @@ impl Extra {
         Ok(radius)
     }
 
-    /// One of red, green and blue: of a byte its light, of other types the number.
+    /// One of red, green and blue: linear light for a byte, the number itself for other types.
     fn channel(&self, number: f64) -> f32 {
         match self.color {
-            // The bytes of a signed type are meant as those of the unsigned one.
+            // The bytes of a signed type are taken as unsigned.
             Some((_, Kind::U8 | Kind::I8)) => self.bytes[usize::from(number as i64 as u8)],
             _ => number as f32,
         }
     }
 
-    /// Turns the numbers of all colours into light; see [`table_color::settle`].
+    /// Converts the numbers of all colours to linear light; see [`table_color::settle`].
     fn settle(&self, colors: &mut [Rgb], of: &str) -> Vec<ImportError> {
         let written = match self.color {
             None | Some((_, Kind::U8 | Kind::I8)) => return Vec::new(),
@@ -319,7 +320,7 @@ impl Vertices {
     }
 }
 
-/// Which properties of vertices have a meaning.
+/// The properties of vertices that are used.
 struct Wanted {
     position: [usize; 3],
     normal: Option<[usize; 3]>,
@@ -339,7 +340,7 @@ impl Wanted {
         })
     }
 
-    /// The properties that have a meaning.
+    /// The indices of the used properties.
     fn used(&self) -> Vec<usize> {
         let Wanted { position, normal, uv, extra } = self;
         let color = extra.color.iter().flat_map(|(properties, _)| properties);
@@ -347,7 +348,7 @@ impl Wanted {
         some.chain(color).chain(&extra.radius).copied().collect()
     }
 
-    /// What a vertex takes in memory.
+    /// The memory of a vertex in bytes.
     fn bytes(&self) -> u64 {
         let Wanted { normal, uv, extra: Extra { radius, color, .. }, .. } = self;
         let of = |there: bool, bytes: u64| if there { bytes } else { 0 };
@@ -364,13 +365,13 @@ impl Wanted {
     }
 }
 
-/// Texture coordinates with v from an image's top row, as everywhere here. Programs that write PLY count it from the bottom,
-/// as OBJ does.
+/// Texture coordinates with v from an image's top row, as elsewhere in Canaletto. Programs that write PLY count v from
+/// the bottom, as OBJ does.
 fn from_top(uv: Vec2) -> Vec2 {
     Vec2::new(uv.x, 1.0 - uv.y)
 }
 
-/// Reads vertices. Those without a place are among them, with coordinates that aren't finite.
+/// Reads the vertices, including those whose coordinates aren't finite.
 fn vertices(
     element: &Element,
     wanted: &Wanted,

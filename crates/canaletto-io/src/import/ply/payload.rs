@@ -1,6 +1,7 @@
 //! The numbers of a PLY file, row by row.
 //!
-//! A window goes over the file. Where rows start in it is found out one after another; what they mean, in parallel.
+//! A window moves over the file. The boundaries of its rows are found sequentially; the rows are then decoded in
+//! parallel.
 
 use super::header::{Element, Encoding, Header, Kind};
 use crate::content::View;
@@ -14,9 +15,9 @@ use std::ops::Range;
 pub(super) struct Row {
     /// For each property its number, or the length of its list.
     pub(super) numbers: Vec<f64>,
-    /// The entries of all its lists, one after another.
+    /// The concatenated entries of all lists.
     entries: Vec<f64>,
-    /// For each property where its list ends in `entries`.
+    /// For each property the end of its list in `entries`.
     ends: Vec<usize>,
 }
 
@@ -34,13 +35,13 @@ impl Row {
     }
 }
 
-/// The bytes of a window for each thread.
+/// The size of a window per thread in bytes.
 const WINDOW: usize = 1 << 22;
 
-/// Rows that are understood together.
+/// The number of rows that are decoded together.
 const GROUP: u64 = 1024;
 
-/// Goes through the elements in the order of the file.
+/// A cursor over the elements in the order of the file.
 pub(super) struct Payload<'a> {
     encoding: Encoding,
     view: View<'a>,
@@ -48,12 +49,12 @@ pub(super) struct Payload<'a> {
     window: usize,
 }
 
-/// Some of the rows in a window.
+/// Consecutive rows in a window.
 struct Group {
-    /// The number of the first, the window's first being 0.
+    /// The index of the first row, counted from the start of the window.
     first: u64,
     rows: u64,
-    /// Their bytes.
+    /// The byte range of the rows in the window.
     bytes: Range<usize>,
 }
 
@@ -62,7 +63,7 @@ impl<'a> Payload<'a> {
         Payload::with_window(header, view, WINDOW * rayon::current_num_threads())
     }
 
-    /// With a window of so many bytes, at least one.
+    /// A cursor with an initial window of `window` bytes, at least one.
     pub(super) fn with_window(header: &Header, view: View<'a>, window: usize) -> Payload<'a> {
         Payload { encoding: header.encoding, view, at: header.end, window }
     }
@@ -71,11 +72,11 @@ impl<'a> Payload<'a> {
         self.view.size().saturating_sub(self.at)
     }
 
-    /// Fails if the rest of the file can't hold this element, before anything is allocated for it.
+    /// Fails if the rest of the file can't hold this element, before memory is allocated for it.
     pub(super) fn check_room(&self, element: &Element) -> Result<(), ImportError> {
         let rest = self.left() as u64;
         let least = element.count.saturating_mul(element.row_size(self.encoding));
-        // The last line of text may have no end.
+        // The last line of text may have no line end.
         if least <= rest.saturating_add(1) {
             return Ok(());
         }
@@ -86,7 +87,7 @@ impl<'a> Payload<'a> {
         .help("the file may have been cut off"))
     }
 
-    /// Passes over an element.
+    /// Skips an element.
     pub(super) fn skip(&mut self, element: &Element) -> Result<(), ImportError> {
         if element.properties.is_empty() {
             return Ok(());
@@ -104,8 +105,8 @@ impl<'a> Payload<'a> {
         self.rows(element, || (), |(), _, _| Ok(()), |()| ())
     }
 
-    /// Reads the rows of an element: groups of them at a time, each into a state of its own, by `row`, which is told the
-    /// row's number from 0. The states are handed to `merge` in the order of the file.
+    /// Reads the rows of an element in parallel groups. `row` gets the state of its group, the row's index from 0 and
+    /// the row. The states are passed to `merge` in the order of the file.
     pub(super) fn rows<S: Send>(
         &mut self,
         element: &Element,
@@ -143,14 +144,14 @@ impl<'a> Payload<'a> {
                 if last {
                     return Err(self.cut_off(element, next));
                 }
-                // A row that the window can't hold.
+                // The row is larger than the window.
                 size = size.saturating_mul(2);
             }
         }
         Ok(())
     }
 
-    /// Hands out the rows of a group; the window starts with row `first` of the element.
+    /// Decodes the rows of a group; the window starts with row `first` of the element.
     fn understand(
         &self,
         element: &Element,
@@ -180,14 +181,14 @@ impl<'a> Payload<'a> {
         Ok(())
     }
 
-    /// Where the rows of an element start whose rows are all of `stride` bytes, if that many are left. They count as read
-    /// once [`Payload::pass`] is called.
+    /// The offset of the rows of an element, if each has `stride` bytes and the file is long enough. [`Payload::pass`]
+    /// consumes them.
     pub(super) fn table(&self, element: &Element, stride: usize) -> Option<usize> {
         let size = usize::try_from(element.count).ok()?.checked_mul(stride)?;
         (self.encoding != Encoding::Ascii && stride > 0 && size <= self.left()).then_some(self.at)
     }
 
-    /// What is said of bytes behind the last element, if they are more than blanks or a trailer of a few bytes.
+    /// The warning about bytes after the last element, unless they are blanks or a trailer of a few bytes.
     pub(super) fn rest(&self) -> Result<Option<ImportError>, ImportError> {
         const FEW: usize = 16;
         let left = self.left();
@@ -201,7 +202,7 @@ impl<'a> Payload<'a> {
         Ok(more.then(|| ImportError::file(format!("{} bytes behind its last element are left out", left - blank))))
     }
 
-    /// Goes on behind so many bytes.
+    /// Skips this many bytes.
     pub(super) fn pass(&mut self, bytes: usize) {
         self.at += bytes;
     }
@@ -220,17 +221,17 @@ impl<'a> Payload<'a> {
     }
 }
 
-/// What is found in a window.
+/// The rows that were found in a window.
 struct Scan {
     groups: Vec<Group>,
-    /// How many rows are in the groups.
+    /// The number of rows in the groups.
     rows: u64,
-    /// Where the first row starts that isn't.
+    /// The offset of the first row after the groups.
     end: usize,
 }
 
 impl Scan {
-    /// Adds a group of so many rows, which ends there.
+    /// Adds a group of `rows` rows that ends at `end`.
     fn push(&mut self, rows: u64, end: usize) {
         if rows > 0 {
             self.groups.push(Group { first: self.rows, rows, bytes: self.end..end });
@@ -239,7 +240,7 @@ impl Scan {
     }
 }
 
-/// Finds up to `most` lines. In the last window the last line needs no end.
+/// Finds up to `most` lines. In the last window the last line needs no line end.
 fn scan_text(window: &[u8], most: u64, last: bool) -> Scan {
     let whole = if last { window.len() } else { memchr::memrchr2(b'\n', b'\r', window).unwrap_or(0) };
     let mut all = Lines::new(&window[..whole], 0);
@@ -255,7 +256,7 @@ fn scan_text(window: &[u8], most: u64, last: bool) -> Scan {
     scan
 }
 
-/// Finds up to `most` rows of numbers that are there as a whole.
+/// Finds up to `most` complete rows of binary numbers.
 fn scan_binary(window: &[u8], most: u64, element: &Element, encoding: Encoding) -> Scan {
     let mut numbers = Numbers { bytes: window, big: encoding == Encoding::Big };
     let mut scan = Scan { groups: Vec::new(), rows: 0, end: 0 };
@@ -271,14 +272,14 @@ fn scan_binary(window: &[u8], most: u64, element: &Element, encoding: Encoding) 
     scan
 }
 
-/// Binary numbers, one after another.
+/// A cursor over binary numbers.
 struct Numbers<'a> {
     bytes: &'a [u8],
     big: bool,
 }
 
 impl Numbers<'_> {
-    /// Passes over a row.
+    /// Skips a row.
     #[inline]
     fn pass(&mut self, element: &Element) -> Option<()> {
         for property in &element.properties {
@@ -347,7 +348,7 @@ fn text_row(element: &Element, line: &Token<'_>, row: &mut Row) -> Result<(), Im
     for property in &element.properties {
         let mut number = |what: &str| {
             let word = words.next().ok_or_else(|| line.wrong(format!("the line ends before {what}")))?;
-            // As f64, since f32 doesn't hold all indices.
+            // The type is f64, since f32 doesn't hold all indices.
             let parsed = number::parse(word.text);
             parsed.ok_or_else(|| word.wrong(format!("{what}: \"{}\" is not a number", word.shown())))
         };

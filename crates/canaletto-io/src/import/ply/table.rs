@@ -1,9 +1,9 @@
-//! Large binary files whose rows are all alike, read in parallel: vertices of plain numbers, and faces of which each is a
-//! triangle. Whatever else is met, be it a mistake, is left to the reader of single rows, which knows all forms and says
-//! what is wrong.
+//! The fast path for large binary files with uniform rows: vertices of plain numbers, and faces that are all triangles.
+//! Every other case, including mistakes, is left to the reader of single rows, which handles all forms and reports
+//! errors.
 //!
-//! Rows are read in pieces that fit into the cache of a core and become what they mean there, so that memory sees little more
-//! than what the mesh keeps.
+//! Rows are read in pieces that fit in the cache of a core and are converted there, so that memory traffic is little
+//! more than the data of the mesh.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -16,10 +16,11 @@ use canaletto::memory;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-/// The bytes of rows that are read at a time. Larger pieces push each other out of the cache, smaller ones ask the system too often.
+/// The number of bytes that are read at a time. Larger pieces exceed the cache; smaller ones need too many system
+/// calls.
 const PIECE: usize = 1 << 18;
 
-/// A number of each row.
+/// The position of a number in each row.
 #[derive(Clone, Copy)]
 struct Column {
     offset: usize,
@@ -33,7 +34,8 @@ impl Column {
         Column { offset, kind: element.properties[property].kind, big }
     }
 
-    /// Hands out the number of each row. It may be more exact than the `f32` that is kept.
+    /// Calls `put` with the index and the number of each row. The number may be more precise than the `f32` that is
+    /// stored.
     #[inline]
     fn each(self, rows: &[u8], stride: usize, mut put: impl FnMut(usize, f64)) {
         macro_rules! each {
@@ -61,7 +63,7 @@ impl Column {
         }
     }
 
-    /// Whether `f32` doesn't hold all of its numbers.
+    /// Whether `f32` rounds some of its numbers.
     fn rounds(self) -> bool {
         matches!(self.kind, Kind::F64 | Kind::I32 | Kind::U32)
     }
@@ -71,7 +73,7 @@ impl Column {
     }
 }
 
-/// Reads vectors. What is written is what the reader of single rows would keep.
+/// Reads vectors, with the results of the reader of single rows.
 fn vectors<const N: usize, V: From<[f32; N]> + Into<[f32; N]> + Copy>(
     columns: [Column; N],
     rows: &[u8],
@@ -98,10 +100,10 @@ fn vectors<const N: usize, V: From<[f32; N]> + Into<[f32; N]> + Copy>(
     }
 }
 
-/// A part of the lists of vertices; what the file doesn't have is empty.
+/// A part of the vertex lists; lists that the file doesn't have are empty.
 struct Part<'a> {
     positions: &'a mut [Vec3],
-    /// What rounding left of them.
+    /// The rounding errors of the positions.
     rest: &'a mut [Vec3],
     normals: &'a mut [Vec3],
     uvs: &'a mut [Vec2],
@@ -110,7 +112,7 @@ struct Part<'a> {
 }
 
 impl<'a> Part<'a> {
-    /// Takes the first `count` of each.
+    /// Splits off the first `count` items of each list.
     fn take(&mut self, count: usize) -> Part<'a> {
         fn first<'a, T>(list: &mut &'a mut [T], count: usize) -> &'a mut [T] {
             list.split_off_mut(..count.min(list.len())).unwrap_or_default()
@@ -126,7 +128,7 @@ impl<'a> Part<'a> {
     }
 }
 
-/// What to read of vertices.
+/// The layout of vertex rows.
 struct VertexRows<'a> {
     view: View<'a>,
     stride: usize,
@@ -139,11 +141,11 @@ struct VertexRows<'a> {
 }
 
 impl VertexRows<'_> {
-    /// Reads the rows at `at`; whether there is nothing odd about them.
+    /// Reads the rows at `at`; returns false if the fast path doesn't apply.
     fn read(&self, at: usize, part: Part<'_>, buffer: &mut Vec<u8>) -> bool {
         let stride = self.stride;
         if stride == size_of::<Vec3>() && self.position[0].offset == 0 && self.positions_are_plain() {
-            // The file's bytes are those of the list.
+            // The bytes of the file are those of the list.
             return self.view.fill(at, bytemuck::cast_slice_mut(part.positions)).is_ok();
         }
         let Ok(rows) = self.view.piece(at..at + part.positions.len() * stride, buffer) else { return false };
@@ -186,7 +188,7 @@ impl VertexRows<'_> {
     }
 }
 
-/// The vertices, if the element is a table without anything odd in it.
+/// Reads the vertices, if the fast path applies.
 pub(super) fn vertices(element: &Element, wanted: &Wanted, payload: &mut Payload<'_>) -> Option<Vertices> {
     if element.properties.iter().any(|p| p.length.is_some()) {
         return None;
@@ -231,7 +233,8 @@ pub(super) fn vertices(element: &Element, wanted: &Wanted, payload: &mut Payload
     Some(Vertices { positions, normals, uvs, radii, colors })
 }
 
-/// Whether `work` finds nothing odd anywhere; where it does, what has not begun is left out. Each has a buffer to use.
+/// Whether `work` succeeds for all parts; after a failure, parts that have not started are skipped. Each thread has a
+/// buffer.
 fn in_parallel<T: Send>(parts: Vec<T>, work: impl Fn(&mut Vec<u8>, T) -> bool + Sync) -> bool {
     let odd = AtomicBool::new(false);
     parts.into_par_iter().for_each_init(Vec::new, |buffer, part| {
@@ -242,7 +245,8 @@ fn in_parallel<T: Send>(parts: Vec<T>, work: impl Fn(&mut Vec<u8>, T) -> bool + 
     !odd.into_inner()
 }
 
-/// The faces, if they are all triangles of vertices that exist, with a list and otherwise plain numbers in each row.
+/// Reads the faces, if all of them are triangles of existing vertices, with one list and otherwise plain numbers in
+/// each row.
 pub(super) fn triangles(
     element: &Element,
     property: usize,
@@ -259,7 +263,7 @@ pub(super) fn triangles(
     let offset: usize = element.properties[..property].iter().map(size).sum();
     let entry = |k: usize| Column { offset: offset + length.size() + k * list.kind.size(), kind: list.kind, big };
     let vertices = u32::try_from(vertices).ok()?;
-    // A negative index becomes one beyond all: no mesh has 2³¹ vertices and negative indices both.
+    // A negative index becomes a too large unsigned one: no mesh has both 2³¹ vertices and negative indices.
     let plain = !big
         && (stride, length.size(), list.kind.size()) == (13, 1, 4)
         && (list.kind == Kind::U32 || list.kind == Kind::I32 && vertices <= i32::MAX as u32);
@@ -274,7 +278,7 @@ pub(super) fn triangles(
         length.each(rows, stride, |_, length| good &= length == 3.0);
         for (k, column) in [0, 1, 2].map(entry).into_iter().enumerate() {
             column.each(rows, stride, |i, index| {
-                // Neither negative, nor a fraction, nor too large.
+                // The index must be a non-negative integer below `vertices`.
                 out[i][k] = index as u32;
                 good &= f64::from(index as u32) == index && (index as u32) < vertices;
             });
@@ -291,7 +295,7 @@ pub(super) fn triangles(
     Some(list)
 }
 
-/// Rows of a byte, which must be 3, and three numbers, which must be less than `vertices`.
+/// Reads rows of a byte, which must be 3, and three indices, which must be below `vertices`.
 fn plain_triangles(rows: &[u8], out: &mut [[u32; 3]], vertices: u32) -> bool {
     let (mut lengths, mut largest) = (0, 0);
     for (triangle, row) in out.iter_mut().zip(rows.as_chunks::<13>().0) {

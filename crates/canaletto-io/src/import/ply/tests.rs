@@ -46,7 +46,7 @@ fn read_mesh(name: &str, bytes: &[u8]) -> Result<Read, ImportError> {
     super::read_mesh(name, bytes.into())
 }
 
-/// What is said of a file beside its mesh.
+/// The warnings about a file.
 fn said(bytes: &[u8]) -> String {
     let said = read_mesh("a", bytes).unwrap().1;
     said.into_iter().map(|complaint| complaint.message).collect::<Vec<_>>().join("; ")
@@ -168,7 +168,7 @@ fn a_binary_list_longer_than_the_file_fails() {
     assert_eq!(read_mesh("a", &bytes).unwrap_err().message, "the file ends inside face 0 of 1");
 }
 
-/// A file with normals and texture coordinates of other types than usual, as text and in both byte orders; faces as given.
+/// A file with normals and texture coordinates of unusual types, as text and in both byte orders, with the given faces.
 fn tables(faces: &[&[i32]]) -> [Vec<u8>; 3] {
     let header = format!(
         "element vertex 4\nproperty double x\nproperty float y\nproperty short z\nproperty char nx\nproperty float ny\n\
@@ -207,7 +207,7 @@ fn tables(faces: &[&[i32]]) -> [Vec<u8>; 3] {
 
 #[test]
 fn tables_are_read_as_rows_are() {
-    // All triangles; one that isn't; a thin one.
+    // All triangles; one polygon; one face with too few corners.
     for faces in [&[&[0, 1, 2][..], &[2, 1, 3], &[3, 0, 1]][..], &[&[0, 1, 2], &[0, 1, 3, 2]], &[&[0, 1, 2], &[0, 1]]] {
         let [text, little, big] = tables(faces).map(|bytes| read_mesh("m", &bytes).unwrap());
         assert_eq!(text.0.triangles.len(), faces.iter().map(|f| f.len() - 2).sum::<usize>());
@@ -215,7 +215,7 @@ fn tables_are_read_as_rows_are() {
         assert_eq!(little, text);
         assert_eq!(big, text);
     }
-    // Mistakes are told as ever.
+    // The reader of single rows reports mistakes.
     for (wrong, message) in
         [(4, "face 1: it refers to vertex 4, but only 4 exist"), (-1, "face 1: it refers to vertex -1")]
     {
@@ -264,7 +264,7 @@ fn large(count: usize, odd: impl Fn(usize, &mut Vec<i32>)) -> [Vec<u8>; 3] {
     })
 }
 
-/// All ways to read a file: at once and in small windows, from memory and from a disk, by one thread and by three.
+/// Reads a file in every manner: at once and in small windows, from memory and from a disk, by one thread and by three.
 fn every_way(bytes: &[u8]) -> Result<Read, ImportError> {
     let mut file = tempfile::tempfile().unwrap();
     std::io::Write::write_all(&mut file, bytes).unwrap();
@@ -407,7 +407,7 @@ fn corners_have_texture_coordinates_of_their_own() {
                 let corners = [[0, 1, 2], [0, 2, 3]][t % 2];
                 for (corner, vertex) in corners.into_iter().zip(triangle) {
                     let [u, v] = uv[corner];
-                    // From an image's top row.
+                    // v counts from an image's top row.
                     let expected = if short && t / 2 == 3 { [0.0, 0.0] } else { [u, 1.0 - v] };
                     assert_eq!(mesh.uvs[*vertex as usize].to_array(), expected, "triangle {t}");
                 }
@@ -437,7 +437,7 @@ fn vertices_without_a_place_are_left_out_with_their_faces() {
         .iter()
         .fold(text, |text, row| text.replacen(row, &format!("nan{}", &row[1..]), 1));
     assert_eq!(error(&nowhere), "none of its faces has three corners with finite coordinates");
-    // The same in tables.
+    // The equivalent in tables.
     for odd in large(300, |_, _| ()) {
         let text = String::from_utf8_lossy(&odd[..60]).into_owned();
         if text.contains("ascii") {
