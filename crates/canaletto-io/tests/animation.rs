@@ -261,7 +261,7 @@ fn what_keys_move_is_blurred_by_the_shutter() {
     assert!((scene.nodes[0].transform.vector(DVec3::X) - DVec3::X * 2.0).length() < 1e-12);
 }
 
-/// A camera that passes overhead looks along its own `up` at one frame, where it keeps the roll of the frame before.
+/// A camera that passes overhead is aimed along its own `up` at one frame, where it keeps the roll of the frame before.
 #[test]
 fn a_camera_that_passes_overhead_keeps_its_roll() {
     let orbit = "camera { eye { key 1 0 8 4; key 3 0 8 -4; ease \"linear\" }; center 0 0 0; size 8 8 }";

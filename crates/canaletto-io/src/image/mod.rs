@@ -6,7 +6,7 @@
 //! decoded twice where the format allows it. The first pass stores nothing, so only a complete file gets the memory. A
 //! note then reports the memory.
 //!
-//! Third-party decoders are called through `guard`, and inputs that trigger their known faults are refused before.
+//! Third-party decoders are called through `guard`, and inputs that trigger their faults are refused before.
 //!
 //! [`texture::Image::MAX_TEXELS`]: canaletto::texture::Image::MAX_TEXELS
 
@@ -28,10 +28,10 @@ use rayon::prelude::*;
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ImageError {
-    /// The first bytes belong to no known format.
+    /// The first bytes match no supported format.
     #[error("it is no image that can be read")]
     Unknown,
-    /// The format is known but not supported.
+    /// The format is recognised but not supported.
     #[error("its format is {0}, which isn't read")]
     Other(&'static str),
     /// The file violates its format, or ends too early.
@@ -87,7 +87,7 @@ pub enum ImageError {
         /// The file's size in bytes.
         bytes: usize,
     },
-    /// Decoding would take far more memory than the file's size before the file is known to be complete.
+    /// Decoding would take far more memory than the file's size before the file is proved complete.
     #[error(
         "the {format} file of {bytes} bytes announces an image of {width} × {height} pixels; unpacking it would take {} MB before it is known \
          whether the file is whole", memory / 1_000_000

@@ -1,4 +1,4 @@
-//! PNG (ISO/IEC 15948) in all its types; 16 bits stay 16 bits.
+//! Decoding of PNG (ISO/IEC 15948) in all its types; 16-bit samples stay 16 bits.
 
 use super::{ImageError, decoder, is_ordinary, judge, room};
 use ::png::{BitDepth, ColorType, Decoder, DecodingError, Limits, Reader, Transformations};
@@ -7,35 +7,35 @@ use std::io::{Cursor, Read};
 
 const FORMAT: &str = "PNG";
 
-/// Texts with their keys.
+/// Texts as pairs of key and value.
 type TextList = Vec<(String, String)>;
 
-/// What a PNG holds.
+/// The decoded content of a PNG.
 pub(crate) struct Unpacked {
     pub(crate) width: u32,
     pub(crate) height: u32,
-    /// 1 to 4: grey, grey and alpha, colour, colour and alpha.
+    /// The number of channels, 1 to 4: grey, grey and alpha, colour, colour and alpha.
     pub(crate) channels: u8,
-    /// 8 or 16 bits each.
+    /// The samples, of 8 or 16 bits.
     pub(crate) samples: Samples,
-    /// Bits of each number in the file.
+    /// The number of bits of each sample in the file.
     pub(crate) bits: u8,
-    /// Whether it says that its numbers are on the sRGB curve.
+    /// Whether the file declares the sRGB curve.
     pub(crate) is_srgb: bool,
-    /// The exponent of its curve in 1/100000, if it says one.
+    /// The exponent of the declared gamma curve in 1/100000.
     pub(crate) gamma: Option<u32>,
-    /// Its texts with their keys.
+    /// The texts with their keys.
     pub(crate) texts: TextList,
 }
 
-/// Reads a PNG. A gAMA chunk decides about the curve where there is no sRGB chunk; chromaticities and colour profiles
-/// are ignored.
+/// Reads a PNG. A gAMA chunk determines the curve if there is no sRGB chunk; chromaticities and colour profiles are
+/// ignored.
 pub(super) fn read(bytes: &[u8]) -> Result<Image, ImageError> {
     let Unpacked { width, height, channels, samples, is_srgb, gamma, .. } = unpack(bytes, false)?;
     let space = ColorSpace::Srgb;
     let mut image = Image { name: String::new(), width, height, channels, samples, space, premultiplied: false };
     match gamma.filter(|gamma| !is_srgb && *gamma > 0) {
-        // 1/2.2 is how files of the sRGB curve say it.
+        // Files on the sRGB curve declare 1/2.2.
         None | Some(44_000..=47_000) => {}
         Some(99_000..=101_000) => image.space = ColorSpace::Linear,
         Some(gamma) => straighten(&mut image, gamma),
@@ -43,7 +43,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Image, ImageError> {
     Ok(image)
 }
 
-/// Unpacks a PNG; of an animated one the picture that other programs show.
+/// Decodes a PNG. An animated PNG yields its default image, which viewers without animation show.
 pub(crate) fn unpack(bytes: &[u8], texts: bool) -> Result<Unpacked, ImageError> {
     header(bytes)?;
     let (wanted, texts) = wanted(bytes, texts)?;
@@ -54,7 +54,7 @@ pub(crate) fn unpack(bytes: &[u8], texts: bool) -> Result<Unpacked, ImageError> 
         u64::from(info.width) * u64::from(info.height) * channels(&reader) as u64 * size
     };
     if !is_ordinary(needed, bytes.len()) {
-        // Whether all its rows are there, before there is room for them.
+        // The rows are checked for completeness before memory is allocated for them.
         decoder(FORMAT, || {
             let mut reader = open(&wanted)?;
             while reader.next_row().map_err(damaged)?.is_some() {}
@@ -105,7 +105,7 @@ fn samples(reader: &mut Reader<Cursor<&[u8]>>) -> Result<Samples, ImageError> {
             reader.next_frame(&mut whole).map_err(damaged)?;
             add(&whole);
         } else {
-            // Row by row, so that the file's form never stands beside the image's.
+            // Rows are converted one by one, so that only one form of the image is in memory.
             while let Some(row) = reader.next_row().map_err(damaged)? {
                 add(row.data());
             }
@@ -123,7 +123,7 @@ fn samples(reader: &mut Reader<Cursor<&[u8]>>) -> Result<Samples, ImageError> {
     Ok(samples)
 }
 
-/// Judges the header by itself: the decoder's messages about sizes name no sizes.
+/// Checks the size in the header, since the decoder's messages about sizes don't contain them.
 fn header(bytes: &[u8]) -> Result<(), ImageError> {
     let number = |at: usize| bytes.get(at..at + 4).map(|b| u64::from(u32::from_be_bytes([b[0], b[1], b[2], b[3]])));
     if bytes.get(12..16) != Some(b"IHDR") {
@@ -140,17 +140,17 @@ fn header(bytes: &[u8]) -> Result<(), ImageError> {
     judge(FORMAT, width, height, bytes.len() as u64 * super::DENSEST * 8 / bits.max(1), bytes.len())
 }
 
-/// The size that a PNG announces.
+/// The size that the header of a PNG declares.
 pub(crate) fn size(bytes: &[u8]) -> Option<[u32; 2]> {
     let number = |at: usize| bytes.get(at..at + 4).map(|b| u32::from_be_bytes([b[0], b[1], b[2], b[3]]));
     if bytes.get(12..16) == Some(b"IHDR") { Some([number(16)?, number(20)?]) } else { None }
 }
 
-/// The file with what is read of it, and nothing else, and its texts: colour profiles and packed texts the decoder (`png` 0.18)
-/// would unpack before it is asked for them, whatever they unpack to. Palettes whose length isn't a multiple of three make
-/// it panic (`transform/palette.rs`).
+/// The file reduced to the chunks that are used, and its texts. The decoder (`png` 0.18) would unpack colour profiles
+/// and compressed texts of any size without a request. It panics for palettes whose length isn't a multiple of three
+/// (`transform/palette.rs`).
 fn wanted(bytes: &[u8], with_texts: bool) -> Result<(Vec<u8>, TextList), ImageError> {
-    /// The signature, and the header after it.
+    /// The end of the signature, where the header starts.
     const START: usize = 8;
     let mut wanted: Vec<u8> = room(bytes.len())?;
     wanted.extend_from_slice(&bytes[..START]);
@@ -173,7 +173,7 @@ fn wanted(bytes: &[u8], with_texts: bool) -> Result<(Vec<u8>, TextList), ImageEr
                 }
                 false
             }
-            // What isn't critical has a small letter in front.
+            // The names of ancillary chunks start with a lower-case letter.
             name => !name[0].is_ascii_lowercase(),
         };
         if keep {
@@ -187,17 +187,18 @@ fn wanted(bytes: &[u8], with_texts: bool) -> Result<(Vec<u8>, TextList), ImageEr
     Ok((wanted, texts.all))
 }
 
-/// Bytes of all packed texts of a file, unpacked; what is beyond is left out.
+/// The largest total size of decompressed texts in bytes; the excess is left out.
 const TEXTS: u64 = 1 << 20;
 
 struct Texts {
     all: TextList,
-    /// What packed ones may still have.
+    /// The bytes that are left for compressed texts.
     left: u64,
 }
 
 impl Texts {
-    /// Adds the text of a chunk `tEXt`, `zTXt` or `iTXt`, whose name begins with this letter (the standard's 11.3.3).
+    /// Adds the text of a chunk `tEXt`, `zTXt` or `iTXt`. `kind` is the first letter of its name (the standard's
+    /// 11.3.3).
     fn add(&mut self, kind: u8, data: &[u8]) -> Option<()> {
         let latin = |bytes: &[u8]| bytes.iter().map(|b| char::from(*b)).collect::<String>();
         let cut = |data: &'_ [u8]| data.iter().position(|b| *b == 0);
@@ -209,7 +210,7 @@ impl Texts {
             _ => {
                 let &[packed, _, ref names @ ..] = rest else { return None };
                 rest = names;
-                // The language, and the key in it.
+                // The language and the translated key are skipped.
                 for _ in 0..2 {
                     rest = &rest[cut(rest)? + 1..];
                 }
@@ -228,7 +229,7 @@ impl Texts {
     }
 }
 
-/// Turns numbers on a curve of the file's own (its exponent in 1/100000) into linear ones of 16 bits.
+/// Converts samples on a gamma curve (its exponent in 1/100000) to linear samples of 16 bits.
 fn straighten(image: &mut Image, gamma: u32) {
     let exponent = 100_000.0 / f64::from(gamma);
     let level = |v: f64| (libm::pow(v, exponent) * 65535.0).round() as u16;
@@ -252,7 +253,7 @@ fn straighten(image: &mut Image, gamma: u32) {
 }
 
 fn damaged(error: DecodingError) -> ImageError {
-    // The decoder goes on with its own state, which tells nobody anything.
+    // The decoder's message ends with its internal state, which is removed.
     let text = error.to_string();
     wrong(text.split(" while decoding ").next().unwrap_or_default())
 }

@@ -1,4 +1,4 @@
-//! Formats against pictures made here, and against damage.
+//! Tests of image formats with generated pictures and with damaged files.
 
 use super::*;
 use crate::assets::{AssetPath, Assets, MemoryAssets};
@@ -152,9 +152,9 @@ fn radiance_pictures_are_unpacked_and_turned() {
     let back = |i: usize| rows[i / 16 * 16 + 15 - i % 16];
     assert_eq!(red("-Y 2 -X 16"), (16, (0..32).map(back).collect()));
     assert_eq!(red("+Y 2 +X 16"), (16, (0..32).map(|i| rows[(i + 16) % 32]).collect()));
-    // Scanlines as columns, from the top down.
+    // Scanlines are columns, from the top down.
     assert_eq!(red("+X 2 -Y 16"), (2, (0..32).map(|i| rows[i % 2 * 16 + i / 2]).collect()));
-    // The older packing, and single numbers.
+    // The older packing, and unpacked texels.
     let mut bytes = b"#?RGBE\n\n-Y 1 +X 6\n".to_vec();
     bytes.extend([10, 20, 30, 136, 1, 1, 1, 3, 40, 50, 60, 136, 70, 80, 90, 250]);
     let Samples::F32(data) = read(bytes).unwrap().0.samples else { panic!("e = 250 is beyond half precision") };
@@ -163,7 +163,7 @@ fn radiance_pictures_are_unpacked_and_turned() {
 
 #[test]
 fn jpeg_and_webp_come_close_to_what_was_packed() {
-    // Both made from the same 16 × 16 picture, red to the right and green downwards, by other programs.
+    // Other programs made both files from one 16 × 16 picture, red to the right and green downwards.
     for (bytes, bound) in [(&include_bytes!("testdata/ramp.jpg")[..], 12), (include_bytes!("testdata/ramp.webp"), 1)] {
         let (image, notes) = read(bytes.to_vec()).unwrap();
         assert_eq!((image.width, image.height, image.channels, image.space), (16, 16, 3, ColorSpace::Srgb));
@@ -181,7 +181,7 @@ fn jpeg_and_webp_come_close_to_what_was_packed() {
     }
 }
 
-/// Puts bytes before each segment of a JPEG's header but the first.
+/// Inserts bytes before each segment of a JPEG's header except the first.
 fn with_bytes_between(jpeg: &[u8], extra: &[u8]) -> Vec<u8> {
     let (mut bytes, mut at) = (jpeg[..2].to_vec(), 2);
     loop {
@@ -260,7 +260,7 @@ fn cmyk_of_adobe_is_turned_into_colour() {
     let cmyk = include_bytes!("../../tests/fuzz/seeds/cmyk.jpg");
     let (image, _) = read(cmyk.to_vec()).unwrap();
     let Samples::U8(data) = &image.samples else { panic!() };
-    // As Pillow 12 reads it.
+    // The values that Pillow 12 decodes.
     let pillow = [(0, 0, [1u8, 0, 0]), (5, 5, [50, 75, 24]), (20, 10, [200, 151, 200]), (23, 16, [230, 241, 111])];
     for (x, y, expected) in pillow {
         let texel = &data[3 * (y * 24 + x)..][..3];
@@ -286,12 +286,12 @@ fn what_announces_too_much_is_refused_before_memory_is_taken() {
     let (empty, huge) = (read(hdr("-Y 0 +X 16")).unwrap_err(), read(hdr("-Y 2 +X 1048577")).unwrap_err());
     assert_eq!(empty.to_string(), "the Radiance HDR file announces an image of 16 × 0 pixels; it needs at least one");
     assert!(huge.to_string().contains("1048577 × 2 pixels; the most are 268435456 in all and 1048576 in a row"));
-    // A JPEG's size stands behind ff c0 and five bytes.
+    // The size of a JPEG is five bytes after ff c0.
     let mut jpeg = include_bytes!("testdata/ramp.jpg").to_vec();
     let at = jpeg.windows(2).position(|w| w == [0xff, 0xc0]).expect("a frame") + 5;
     jpeg[at..at + 4].copy_from_slice(&[0x3f, 0xff, 0x3f, 0xff]);
     assert!(matches!(read(jpeg).unwrap_err(), ImageError::Unexplained { width: 16383, height: 16383, .. }));
-    // A WebP of one colour may have any size: it is told what it would take.
+    // A WebP of one colour may have any size, so the message reports its memory.
     let mut webp = include_bytes!("testdata/ramp.webp").to_vec();
     let at = webp.windows(4).position(|w| w == b"VP8L" || w == b"VP8 ").expect("a picture");
     match webp[at + 3] {

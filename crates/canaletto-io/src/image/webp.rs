@@ -1,4 +1,4 @@
-//! WebP (RFC 9649), lossy and lossless, with or without alpha; of an animation the first picture.
+//! WebP (RFC 9649), lossy and lossless, with or without alpha. Of an animation only the first picture is read.
 
 use super::{DENSEST, ImageError, decoder, judge, zeros};
 use canaletto::texture::{ColorSpace, Image, Samples};
@@ -7,15 +7,15 @@ use std::io::Cursor;
 
 const FORMAT: &str = "WebP";
 
-/// Texels that any file may have. A picture of one colour takes next to no bytes, whatever its size.
+/// The number of texels that any file may have. A picture of one colour takes almost no bytes at any size.
 const SMALL: u64 = 1 << 24;
 
-/// What the decoder takes for a texel at most: four bytes for each in its own form, and four in ours.
+/// The largest memory of the decoder per texel in bytes: four in its own form, and four in the result.
 const TEXEL: u64 = 8;
 
-/// Reads a WebP picture, and tells the most memory that took. Colour profiles are ignored.
+/// Reads a WebP picture; returns it with the peak memory in bytes. Colour profiles are ignored.
 pub(super) fn read(bytes: &[u8]) -> Result<(Image, u64), ImageError> {
-    // The decoder takes memory for pictures inside its file before it compares their sizes with the file's.
+    // The decoder allocates memory for the pictures in a file before it compares their sizes with the file's size.
     judge_chunks(bytes, 12, 0)?;
     decoder(FORMAT, || {
         let mut decoder = WebPDecoder::new(Cursor::new(bytes)).map_err(damaged)?;
@@ -32,7 +32,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<(Image, u64), ImageError> {
     })
 }
 
-/// Judges the pictures in a file's chunks; a frame of an animation has chunks of its own.
+/// Checks the sizes of the pictures in a file's chunks, and in the chunks of its animation frames.
 fn judge_chunks(bytes: &[u8], start: usize, depth: u32) -> Result<(), ImageError> {
     let mut at = start;
     while let Some(head) = bytes.get(at..at + 8) {
@@ -60,7 +60,7 @@ fn judge_chunks(bytes: &[u8], start: usize, depth: u32) -> Result<(), ImageError
         if let Some([width, height]) = found {
             size(width, height, bytes.len())?;
         }
-        // Chunks begin at even places.
+        // Chunks begin at even offsets.
         at += 8 + length + length % 2;
     }
     Ok(())
@@ -69,7 +69,7 @@ fn judge_chunks(bytes: &[u8], start: usize, depth: u32) -> Result<(), ImageError
 fn size(width: u32, height: u32, bytes: usize) -> Result<(), ImageError> {
     let (width, height) = (width.into(), height.into());
     judge(FORMAT, width, height, SMALL + bytes as u64 * DENSEST / TEXEL, bytes).map_err(|error| match error {
-        // A picture of one colour may have next to no bytes.
+        // A picture of one colour may have almost no bytes.
         ImageError::Unexplained { .. } => {
             ImageError::TooDense { format: FORMAT, width, height, bytes, memory: TEXEL * width * height }
         }

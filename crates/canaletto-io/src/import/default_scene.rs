@@ -22,7 +22,7 @@ pub(super) const FRAMING: Intrinsics = Intrinsics {
 };
 
 /// The model on a neutral ground, seen from the front, a little from the right and above (y is up, the front faces +z).
-/// The camera looks down by more than half its angle of view, so that the horizon stays outside. Edges are sampled
+/// The camera points down by more than half its angle of view, so that the horizon stays outside. Edges are sampled
 /// adaptively.
 ///
 /// `None` if the model's coordinates are too large to place a camera.

@@ -1,6 +1,6 @@
 //! Temporary files for pictures that are being written.
 //!
-//! On Linux and most of its file systems they have no name, so that none is left behind however the program ends.
+//! On Linux and most of its file systems they have no name, so that none remains, even if the program is killed.
 //! Elsewhere they have temporary names and are locked. [`sweep`] removes the files that killed programs left: temporary
 //! files without a lock.
 
@@ -86,7 +86,7 @@ pub(super) fn temporary(folder: &Path, mode: u32) -> io::Result<NamedTempFile> {
         let file = builder.tempfile_in(folder)?;
         // Some file systems have no locks.
         let _ = file.as_file().try_lock();
-        // Between creation and lock, another program may have removed it as left behind.
+        // Between creation and lock, another program may have removed it as a leftover.
         match (FileId::of(file.path()), file.as_file().metadata().and_then(|m| FileId::with(file.path(), &m))) {
             (Ok(named), Ok(open)) if named == open => return Ok(file),
             (Err(e), _) if e.kind() != io::ErrorKind::NotFound => return Err(e),

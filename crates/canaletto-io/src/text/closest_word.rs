@@ -1,4 +1,4 @@
-//! Spelling suggestions: the known word that is nearest to an unknown one.
+//! Spelling suggestions: the valid word that is nearest to an unknown one.
 
 /// The candidate with the fewest typing mistakes relative to `word`, if they are few enough for its length.
 pub fn closest_word<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {

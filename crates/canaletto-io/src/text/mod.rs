@@ -108,8 +108,7 @@ impl SceneDocument {
 
     fn new(loader: Loader, mut nodes: Vec<syntax::Node>, set: &[String]) -> Result<SceneDocument, Diagnostics> {
         let Loader { mut files, mut report, .. } = loader;
-        // After a syntax error only the parsed part is validated, so an unclosed block says nothing about what is
-        // missing.
+        // After a syntax error the parsed part is still validated, unless it is empty.
         if nodes.is_empty() && report.has_errors() {
             return Err(report.finish(&files));
         }

@@ -40,7 +40,7 @@ impl Animator<'_> {
         };
     }
 
-    /// Replaces `follow` in a camera by `eye`, and by `center` too if the camera looks along the path.
+    /// Replaces `follow` in a camera by `eye`, and by `center` too if the camera faces along the path.
     pub(super) fn follow_with_camera(&mut self, camera: &mut Node, at: usize) {
         let mut node = camera.children[at].clone();
         let mut along = false;

@@ -5,7 +5,7 @@ use super::fields::Fields;
 use crate::text::report::Message;
 use canaletto::math::Rgb;
 
-/// From this value on, light looks like a colour from 0 to 255. Less is plausible for light that is attenuated by
+/// From this value on, light resembles a colour from 0 to 255. Less is plausible for light that is attenuated by
 /// distance.
 const BRIGHT: f32 = 16.0;
 

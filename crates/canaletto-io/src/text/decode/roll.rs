@@ -1,4 +1,4 @@
-//! The roll of moving cameras that pass overhead. A camera that looks along its own `up` keeps its previous roll.
+//! The roll of moving cameras that pass overhead. A camera that is aimed along its own `up` keeps its previous roll.
 
 use super::Decoder;
 use canaletto::camera::{continue_roll, flips_roll, has_roll};
@@ -11,8 +11,8 @@ pub(crate) type Neighbours<'a> = dyn Fn(f64) -> Vec<View> + 'a;
 const MAX_FRAMES: u32 = 1000;
 
 impl Decoder<'_> {
-    /// Gives each moving camera that looks along its `up` the roll of the frame before, or of the frame after where none
-    /// before has one. While the shutter is open the roll does not flip.
+    /// Gives each moving camera that is aimed along its `up` the roll of the frame before, or of the frame after where
+    /// none before has one. While the shutter is open the roll does not flip.
     pub(super) fn keep_rolls(&mut self) {
         for index in 0..self.scene.views.len() {
             let view = &self.scene.views[index];
