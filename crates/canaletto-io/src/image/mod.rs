@@ -2,7 +2,7 @@
 //!
 //! [`read_image`] detects the format from a file's first bytes, not from its name. The size that a file declares is
 //! checked before memory is allocated. An image may have [`texture::Image::MAX_TEXELS`] texels, and a file that
-//! declares more than its bytes can hold is refused. A file that needs more than 64 MiB and 20 times its size is
+//! declares more than its bytes can hold is refused. A file that needs more than 64 MiB plus 20 times its size is
 //! decoded twice where the format allows it. The first pass stores nothing, so only a complete file gets the memory. A
 //! note then reports the memory.
 //!
@@ -28,7 +28,7 @@ use rayon::prelude::*;
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ImageError {
-    /// The first bytes match no supported format.
+    /// The first bytes match no recognised format.
     #[error("it is no image that can be read")]
     Unknown,
     /// The format is recognised but not supported.

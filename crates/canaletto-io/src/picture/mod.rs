@@ -145,7 +145,7 @@ impl Window {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PictureError {
-    /// The first bytes match no supported format.
+    /// The first bytes match no recognised format.
     #[error("it is no picture that can be read: PNG, OpenEXR, JPEG, WebP, Radiance HDR and PPM can")]
     Unknown,
     /// The file is damaged, not supported or too large.
