@@ -2,7 +2,7 @@
 //! Every other case, including mistakes, is left to the reader of single rows, which handles all forms and reports
 //! errors.
 //!
-//! Rows are read in pieces that fit in the cache of a core and are converted there, so that memory traffic is little
+//! Rows are read in pieces that fit in the cache of a core, and are converted there. Memory traffic is therefore little
 //! more than the data of the mesh.
 
 use std::sync::atomic::{AtomicBool, Ordering};
