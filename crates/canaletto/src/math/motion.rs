@@ -90,8 +90,8 @@ impl AnimatedTransform {
             // x = T + R S p, so that x'' = R'' S p + 2 R' S' p: T and S are linear.
             let size = |m: DMat3| m.to_cols_array().iter().map(|e| e * e).sum::<f64>().sqrt();
             let [a, b] = segment.stretch;
-            let shape_operator = angle * (angle * size(a).max(size(b)) + 2.0 * size(b - a)) * reach.length();
-            let pad = shape_operator / (8.0 * steps * steps) * (1.0 + 1e-9);
+            let acceleration = angle * (angle * size(a).max(size(b)) + 2.0 * size(b - a)) * reach.length();
+            let pad = acceleration / (8.0 * steps * steps) * (1.0 + 1e-9);
             for i in 0..=steps as u32 {
                 let (c, h) = around(&segment.at(f64::from(i) / steps), center, half);
                 min = min.min(c - h - pad);

@@ -18,15 +18,9 @@ impl Ellipse {
     pub(super) fn radii(&self) -> [f64; 2] {
         let mean = 0.5 * (self.xx + self.yy);
         let half = 0.5 * (self.xx - self.yy);
-<<<<<<< HEAD
         let half_gap = (half * half + self.xy * self.xy).sqrt();
         let large = mean + half_gap;
         // The product of both radii gives the shorter one, since their difference cancels.
-=======
-        let differential = (half * half + self.xy * self.xy).sqrt();
-        let large = mean + differential;
-        // From the product of the two, since the difference cancels.
->>>>>>> aca1510 (library: comments, third reading)
         let small = if large > 0.0 { (self.xx * self.yy - self.xy * self.xy) / large } else { 0.0 };
         [large.sqrt(), small.max(0.0).sqrt()]
     }

@@ -202,13 +202,8 @@ impl Computed {
         }
     }
 
-<<<<<<< HEAD
     /// The half width of the function's range in the footprint.
     fn filter_radius(&self, at: DVec3, dx: DVec3, dy: DVec3, center: Filtered, width: f64) -> f64 {
-=======
-    /// The half width of the range that the function has in the footprint.
-    fn differential(&self, at: DVec3, dx: DVec3, dy: DVec3, center: Filtered, width: f64) -> f64 {
->>>>>>> aca1510 (library: comments, third reading)
         let change = |d: DVec3| {
             let change = self.value(at + d, width).value - center.value;
             match self.function {
