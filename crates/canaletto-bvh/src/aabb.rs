@@ -67,12 +67,12 @@ impl Aabb {
         !self.min.cmple(self.max).all()
     }
 
-    /// Whether any point lies in both.
+    /// Whether the two boxes have a point in common.
     pub fn overlaps(&self, other: &Self) -> bool {
         self.min.cmple(other.max).all() && other.min.cmple(self.max).all()
     }
 
-    /// The points that lie in both.
+    /// The box of the common points; empty if there are none.
     #[must_use]
     pub fn intersection(&self, other: &Self) -> Self {
         Self { min: self.min.max(other.min), max: self.max.min(other.max) }

@@ -110,7 +110,7 @@ impl Bvh {
         traverse::any(&self.nodes, ray, t_max, leaf)
     }
 
-    /// Calls `leaf` for the leaves whose boxes overlap this one, until it answers that it wants no more.
+    /// Calls `leaf` for the leaves whose boxes overlap `bounds`. It ends when `leaf` returns false.
     pub fn overlapping(&self, bounds: &Aabb, mut leaf: impl FnMut(Leaf) -> bool) {
         let mut waiting: Vec<usize> = (0..self.nodes.len().min(1)).collect();
         while let Some(node) = waiting.pop() {

@@ -197,8 +197,8 @@ impl TriangleBvh {
         triangle::intersect(ray, &triangle, t_max).is_some_and(|hit| hit.front || !front_only)
     }
 
-    /// Calls `f` with the ids of all triangles that overlap a box and some that come near it, until it answers that it wants no more; of
-    /// triangles with the same corners with the lowest id.
+    /// Calls `f` with the ids of all triangles whose boxes overlap `bounds`, and of some whose boxes are near it. Of
+    /// duplicates only the lowest id is passed. It ends when `f` returns false.
     pub fn overlapping(&self, bounds: &Aabb, mut f: impl FnMut(u32) -> bool) {
         self.bvh.overlapping(bounds, |leaf| {
             let block = &self.blocks[leaf.first() as usize];
