@@ -204,8 +204,8 @@ impl PrimitiveBvh {
         self.bvh.trace_stream(rays, t_max, AnyHitOfStream { blocks: &self.blocks, unit_ray: &unit_ray, user });
     }
 
-    /// Calls `f` with the ids of all primitives whose boxes overlap `bounds`, and of some whose boxes are near it. It ends
-    /// when `f` returns false.
+    /// Calls `f` with the ids of all primitives whose boxes overlap `bounds`, and of some whose boxes are near it.
+    /// It ends when `f` returns false.
     pub fn overlapping(&self, bounds: &Aabb, mut f: impl FnMut(u32) -> bool) {
         self.bvh.overlapping(bounds, |leaf| {
             let block = &self.blocks[leaf.first() as usize];
