@@ -173,7 +173,7 @@ fn bundles_find_what_brute_force_finds() {
             let time = times[n % times.len()];
             bundle.clear();
             rays.iter().for_each(|(ray, t_max)| bundle.push(*ray, *t_max));
-            world.intersect_bundle(&mut bundle, time);
+            world.intersect_batch(&mut bundle, time);
             world.occlusion_batch(&mut bundle, time, &mut last);
             for (index, (ray, t_max)) in rays.iter().enumerate() {
                 let expected = world.intersect_brute_force_at(ray, *t_max, time);

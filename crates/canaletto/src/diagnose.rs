@@ -79,7 +79,7 @@ const MAX_POINTS: u32 = 16;
 pub fn diagnose(world: &World, job: &Job) -> Vec<Finding> {
     let mut findings = doubts(world, job);
     if findings.is_empty() {
-        let counted = job.counted_from(world);
+        let counted = job.relative_to(world);
         // Explanations use coordinates relative to the scene's origin, as pictures do.
         match brightness::judge(world, counted.as_ref().unwrap_or(job), job) {
             Some(Brightness::Black(reasons)) if !reasons.is_empty() => findings.push(Finding::Black { reasons }),
@@ -97,7 +97,7 @@ fn doubts(world: &World, job: &Job) -> Vec<Finding> {
         return findings;
     }
     // Rays, hits and lights have coordinates relative to the world's origin.
-    let counted = job.counted_from(world);
+    let counted = job.relative_to(world);
     let in_scene = job;
     let job = counted.as_ref().unwrap_or(job);
     if !GRIDS.iter().any(|most| anything_in_view(world, job, *most)) {

@@ -11,7 +11,7 @@ use glam::{DVec2, DVec3};
 
 /// A lens ready to be sampled.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Optics {
+pub(super) struct PreparedLens {
     radius: f64,
     /// The number of corners of the aperture; 0 if it is round.
     blades: u32,
@@ -19,8 +19,8 @@ pub(super) struct Optics {
     rotation: [f64; 2],
 }
 
-impl Optics {
-    pub(super) fn new(lens: &Lens, near: f64) -> Result<Optics, CameraError> {
+impl PreparedLens {
+    pub(super) fn new(lens: &Lens, near: f64) -> Result<PreparedLens, CameraError> {
         let wrong = |what: String| Err(CameraError::Lens(what));
         let radius = match lens.aperture {
             Aperture::Radius(radius) if !(radius > 0.0 && radius.is_finite()) => {
@@ -43,7 +43,7 @@ impl Optics {
             return wrong("rotation isn't finite".into());
         }
         let (sin, cos) = libm::sincos(lens.rotation.to_radians());
-        Ok(Optics { radius, blades: lens.blades, rotation: [cos, sin] })
+        Ok(PreparedLens { radius, blades: lens.blades, rotation: [cos, sin] })
     }
 
     /// The depth of the plane of focus for a camera at this place.

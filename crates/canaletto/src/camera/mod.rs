@@ -13,7 +13,7 @@ use crate::math::{AnimatedTransform, DRay, RayDifferential, Transform};
 use crate::scene::{Extrinsics, Intrinsics, View};
 use canaletto_bvh::{InstructionSet, Kernel};
 use glam::{DAffine3, DMat3, DVec2, DVec3};
-use lens::Optics;
+use lens::PreparedLens;
 
 /// A camera ready to make rays (box 5.2).
 #[derive(Clone, Debug, PartialEq)]
@@ -30,7 +30,7 @@ pub struct Camera {
     shift: DVec2,
     size: [u32; 2],
     /// The lens and the depth of its plane of focus.
-    lens: Option<(Optics, f64)>,
+    lens: Option<(PreparedLens, f64)>,
     /// The motion while the shutter is open.
     motion: Option<Motion>,
 }
@@ -124,7 +124,7 @@ impl Camera {
         }
         let axes = axes(extrinsics)?;
         let lens = match &lens {
-            Some(lens) => Some((Optics::new(lens, near)?, Optics::depth(lens, &extrinsics, axes[2])?)),
+            Some(lens) => Some((PreparedLens::new(lens, near)?, PreparedLens::depth(lens, &extrinsics, axes[2])?)),
             None => None,
         };
         let window_height = 2.0 * near * libm::tan(fovy.to_radians() / 2.0); // (5.2b)
@@ -167,7 +167,7 @@ impl Camera {
     }
 
     /// The camera in coordinates relative to a point; see [`crate::world::World::origin`].
-    pub(crate) fn counted_from(&self, origin: DVec3) -> Camera {
+    pub(crate) fn relative_to(&self, origin: DVec3) -> Camera {
         Camera { eye: self.eye - origin, zero: self.zero + origin, ..self.clone() }
     }
 
@@ -218,7 +218,7 @@ impl Camera {
         // The vector d ends on the projection plane at depth d_f.
         let scale = depth / self.near;
         let d = d * scale - offset;
-        let differential = spacing.map(|spacing| self.spread_of(d, spacing * scale));
+        let differential = spacing.map(|spacing| self.differential_of(d, spacing * scale));
         EyeRay { line: DRay { origin: eye + offset, direction: d.normalize() }, lens: Some(point), differential }
     }
 
@@ -247,11 +247,11 @@ impl Camera {
     /// The differential of [`Camera::line`] to samples `spacing` pixels to the right and above (Igehy 1999, (8)).
     pub fn differential(&self, x: f64, y: f64, spacing: f64) -> RayDifferential {
         let (_, d) = self.chapter_ray(x, y);
-        self.spread_of(d, spacing)
+        self.differential_of(d, spacing)
     }
 
     /// The differential of a ray along `d`, which ends on the projection plane scaled by `scale`.
-    fn spread_of(&self, d: DVec3, scale: f64) -> RayDifferential {
+    fn differential_of(&self, d: DVec3, scale: f64) -> RayDifferential {
         let [x_e, y_e, _] = self.axes;
         let [right, up] = [
             x_e * (self.window.x * scale / f64::from(self.size[0])),

@@ -136,7 +136,7 @@ fn look(world: &World, job: &Job, most: [u32; 2]) -> Option<Seen> {
         let mut whitted = Whitted::new(world, coarse.integrator).with_cancel(&too_many);
         let mut renderer = PixelRenderer::new(&coarse);
         let seen = hits.into_iter().map(|[x, y]| ([x, y], renderer.pixel(&mut whitted, x, y, &mut ()).0)).collect();
-        (!whitted.cancelled_early()).then_some(seen)
+        (!whitted.is_cancelled()).then_some(seen)
     })
     // Without threads there is no result; the render will report the error.
     .ok()

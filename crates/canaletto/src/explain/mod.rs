@@ -56,7 +56,7 @@ pub fn explain(world: &World, job: &Job, x: u32, y: u32) -> Result<PixelTree, Ex
     if x >= width || y >= height {
         return Err(ExplainError::Outside { x, y, width, height });
     }
-    let counted = job.counted_from(world);
+    let counted = job.relative_to(world);
     let job = counted.as_ref().unwrap_or(job);
     with_stack(stack_of(world, job), || record(world, job, [x, y])).map_err(JobError::from)?
 }
@@ -67,7 +67,7 @@ fn record(world: &World, job: &Job, [x, y]: [u32; 2]) -> Result<PixelTree, Expla
     let too_many = |rays| rays > MAX_RAYS;
     let mut whitted = Whitted::new(world, job.integrator).with_cancel(&too_many);
     let (color, _) = PixelRenderer::new(job).pixel(&mut whitted, x, y, &mut recorder);
-    if whitted.cancelled_early() {
+    if whitted.is_cancelled() {
         return Err(ExplainError::TooManyRays);
     }
     Ok(PixelTree {

@@ -6,5 +6,5 @@ mod whitted;
 
 pub use counts::{RayCount, RayCounts};
 pub use probe::{LightTerm, Probe, RayKind};
-pub(crate) use whitted::BUNDLE;
+pub(crate) use whitted::BATCH_SIZE;
 pub use whitted::Whitted;

@@ -75,7 +75,7 @@ pub trait Probe {
     fn ray(&mut self, _kind: RayKind, _ray: &Ray, _depth: u32, _factor: Rgb) {}
     /// The ray hit nothing, and this is its lookup in the environment. [`Probe::miss`] follows. There is no call
     /// without an environment.
-    fn environment_lookup(&mut self, _sighting: &EnvironmentLookup) {}
+    fn environment_lookup(&mut self, _lookup: &EnvironmentLookup) {}
     /// The ray hit nothing.
     fn miss(&mut self, _background: Rgb) {}
     /// The next refracted ray goes from a medium with η `from` into one with η `into`.

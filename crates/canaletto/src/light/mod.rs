@@ -97,7 +97,7 @@ impl Light {
     }
 
     /// Returns the light with each point replaced by `f` of its index and itself.
-    pub(crate) fn with_points(&self, mut f: impl FnMut(usize, Vec3) -> Vec3) -> Light {
+    pub(crate) fn map_points(&self, mut f: impl FnMut(usize, Vec3) -> Vec3) -> Light {
         let mut light = self.clone();
         match &mut light.kind {
             LightKind::Omni(Omni { position: [x, y, z, 1.0] }) => [*x, *y, *z] = f(0, Vec3::new(*x, *y, *z)).to_array(),

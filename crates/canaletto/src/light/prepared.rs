@@ -158,7 +158,7 @@ impl PreparedLight {
     }
 
     /// The intensity that arrives from each of the light's points, if it is constant in space.
-    pub(crate) fn even(&self) -> Option<Rgb> {
+    pub(crate) fn constant_intensity(&self) -> Option<Rgb> {
         (!self.attenuated && self.cone.is_none()).then_some(self.intensity)
     }
 

@@ -8,14 +8,14 @@ use glam::DVec3;
 
 /// The unit normal of a surface that is raised by a height with this gradient. The gradient's component along the
 /// normal is ignored.
-pub fn bumped(normal: DVec3, gradient: DVec3) -> DVec3 {
+pub fn apply_bump(normal: DVec3, gradient: DVec3) -> DVec3 {
     (normal - gradient.reject_from_normalized(normal)).try_normalize().unwrap_or(normal)
 }
 
 /// The unit normal of a normal map's value (x, y, z) in the frame of `normal` and the tangents ∂P/∂u, ∂P/∂v. The frame
 /// is MikkTSpace's: x is along ∂P/∂u, made perpendicular to the normal. y is perpendicular to both, on the side where v
 /// falls. Where the coordinates don't span the surface, the normal is returned.
-pub fn tilted(normal: DVec3, tangents: [DVec3; 2], [x, y, z]: [f64; 3]) -> DVec3 {
+pub fn apply_normal_map(normal: DVec3, tangents: [DVec3; 2], [x, y, z]: [f64; 3]) -> DVec3 {
     let Some(along) = tangents[0].reject_from_normalized(normal).try_normalize() else { return normal };
     let across = normal.cross(along);
     let across = if across.dot(tangents[1]) > 0.0 { -across } else { across };
@@ -35,7 +35,7 @@ mod tests {
 
     #[test]
     fn a_slope_of_one_leans_by_half_a_right_angle() {
-        let n = bumped(DVec3::Z, DVec3::X + DVec3::Z * 7.0);
+        let n = apply_bump(DVec3::Z, DVec3::X + DVec3::Z * 7.0);
         assert!((n - DVec3::new(-1.0, 0.0, 1.0).normalize()).length() < 1e-15, "{n}");
     }
 
@@ -48,24 +48,24 @@ mod tests {
         let blinn = cross + n.cross(pv) * fu - n.cross(pu) * fv;
         // ∇u and ∇v, the dual basis of the tangents.
         let (du, dv) = (pv.cross(n) / cross.length(), n.cross(pu) / cross.length());
-        assert!((bumped(n, du * fu + dv * fv) - blinn.normalize()).length() < 1e-14);
+        assert!((apply_bump(n, du * fu + dv * fv) - blinn.normalize()).length() < 1e-14);
     }
 
     #[test]
     fn a_map_that_says_straight_up_changes_nothing() {
         let tangents = [DVec3::new(2.0, 0.0, 0.3), DVec3::new(0.1, -1.0, 0.0)];
-        assert_eq!(tilted(DVec3::Z, tangents, [0.0, 0.0, 1.0]), DVec3::Z);
-        assert_eq!(tilted(DVec3::Z, tangents, [1.0, 0.0, 0.0]), DVec3::X);
+        assert_eq!(apply_normal_map(DVec3::Z, tangents, [0.0, 0.0, 1.0]), DVec3::Z);
+        assert_eq!(apply_normal_map(DVec3::Z, tangents, [1.0, 0.0, 0.0]), DVec3::X);
         // v falls towards +y in this frame.
-        assert_eq!(tilted(DVec3::Z, tangents, [0.0, 1.0, 0.0]), DVec3::Y);
-        assert_eq!(tilted(DVec3::Z, [DVec3::ZERO; 2], [1.0, 0.0, 0.0]), DVec3::Z);
+        assert_eq!(apply_normal_map(DVec3::Z, tangents, [0.0, 1.0, 0.0]), DVec3::Y);
+        assert_eq!(apply_normal_map(DVec3::Z, [DVec3::ZERO; 2], [1.0, 0.0, 0.0]), DVec3::Z);
     }
 
     #[test]
     fn no_normal_stays_behind_the_surface() {
-        for bent in [DVec3::NEG_Z, DVec3::new(1.0, 0.0, -0.5).normalize(), DVec3::X, DVec3::Z] {
-            let n = clamp_to_hemisphere(bent, DVec3::Z);
-            assert!(n.z > 0.0 && (n.length() - 1.0).abs() < 1e-15, "{bent}: {n}");
+        for normal_bent in [DVec3::NEG_Z, DVec3::new(1.0, 0.0, -0.5).normalize(), DVec3::X, DVec3::Z] {
+            let n = clamp_to_hemisphere(normal_bent, DVec3::Z);
+            assert!(n.z > 0.0 && (n.length() - 1.0).abs() < 1e-15, "{normal_bent}: {n}");
         }
     }
 }

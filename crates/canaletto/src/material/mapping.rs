@@ -196,7 +196,7 @@ impl Mapping {
     }
 
     /// The texture coordinates at a point of a surface.
-    pub fn spots(&self, place: &Place) -> TexCoords {
+    pub fn coords(&self, place: &Place) -> TexCoords {
         if self.projection == Projection::Uv {
             return TexCoords::one(self.own(place));
         }

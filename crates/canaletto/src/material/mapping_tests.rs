@@ -51,8 +51,8 @@ fn a_boxs_own_coordinates_are_those_of_its_bounds_faces() {
     for target in targets() {
         let shape = Shape::Box(Cuboid { min: Vec3::new(-0.3, -0.4, -0.9), max: Vec3::new(0.5, 0.6, 0.7) });
         at(&shape, target, None, |place| {
-            let own = Mapping::default().spots(place)[0].at;
-            let faces = Mapping::new(Projection::Box, Space::Bounds).spots(place)[0].at;
+            let own = Mapping::default().coords(place)[0].at;
+            let faces = Mapping::new(Projection::Box, Space::Bounds).coords(place)[0].at;
             assert!((own - faces).length() < 1e-6, "{target}: {own} and {faces}");
         });
     }
@@ -63,8 +63,8 @@ fn a_spheres_own_coordinates_are_the_spherical_ones() {
     for target in targets() {
         at(&ball(2.0), target * 2.0, None, |place| {
             for space in [Space::Object, Space::Bounds, Space::World] {
-                let own = Mapping::default().spots(place)[0].at;
-                let spherical = Mapping::new(Projection::Spherical, space).spots(place)[0].at;
+                let own = Mapping::default().coords(place)[0].at;
+                let spherical = Mapping::new(Projection::Spherical, space).coords(place)[0].at;
                 assert!((own - spherical).length() < 1e-6, "{target}: {own} and {spherical}");
             }
         });
@@ -89,7 +89,7 @@ fn changes_are_the_differences_of_neighbouring_points() {
             for target in targets() {
                 let near = target + DVec3::new(1e-4, -2e-4, 1.5e-4);
                 let place = |target: DVec3| {
-                    at(&shape, target * size, Some(&to_world), |place| (place.point, mapping.spots(place)))
+                    at(&shape, target * size, Some(&to_world), |place| (place.point, mapping.coords(place)))
                 };
                 let ((p, from), (q, to)) = (place(target), place(near));
                 for (from, to) in from.iter().zip(to.iter()) {
@@ -114,10 +114,10 @@ fn a_footprint_on_the_seam_is_as_small_as_beside_it() {
     // The seam of a sphere is at −z.
     let step = DVec3::X * 0.01;
     let beside = at(&ball(1.0), DVec3::new(0.3, 0.2, -1.0).normalize(), None, |place| {
-        Mapping::default().spots(place)[0].change(step)
+        Mapping::default().coords(place)[0].change(step)
     });
     let on = at(&ball(1.0), DVec3::new(1e-9, 0.2, -1.0).normalize(), None, |place| {
-        Mapping::default().spots(place)[0].change(step)
+        Mapping::default().coords(place)[0].change(step)
     });
     assert!(on.length() < 1.2 * beside.length() + 1e-3, "{on} and {beside}");
 }
@@ -127,7 +127,7 @@ fn at_the_pole_a_footprint_goes_round_once() {
     for mapping in [Mapping::default(), Mapping::new(Projection::Spherical, Space::Object)] {
         for target in [DVec3::Y, DVec3::new(1e-7, 1.0, 0.0), DVec3::new(0.0, -1.0, 1e-9)] {
             at(&ball(1.0), target, None, |place| {
-                let spot = mapping.spots(place)[0];
+                let spot = mapping.coords(place)[0];
                 for step in [DVec3::X * 0.01, DVec3::Z * 0.01] {
                     let change = spot.change(step);
                     assert!(change.is_finite() && change.x.abs() <= 1.0, "{target}: {change}");
@@ -148,12 +148,12 @@ fn transforms_move_the_picture_like_an_object() {
     {
         let mapping = Mapping { transform, ..Mapping::new(projection, space) };
         at(&cube(), DVec3::new(0.25, 0.25, 0.5), None, |place| {
-            let uv = mapping.spots(place)[0].at;
+            let uv = mapping.coords(place)[0].at;
             assert!((uv - DVec3::new(0.5, 0.5, 0.0)).length() < 1e-6, "{projection:?}: {uv}");
         });
         // The image's upper right corner is the face's.
         at(&cube(), DVec3::new(0.4999999, 0.4999999, 0.5), None, |place| {
-            let uv = mapping.spots(place)[0].at;
+            let uv = mapping.coords(place)[0].at;
             assert!((uv - DVec3::new(1.0, 0.0, 0.0)).length() < 1e-5, "{projection:?}: {uv}");
         });
     }
@@ -163,13 +163,13 @@ fn transforms_move_the_picture_like_an_object() {
 fn three_planes_weigh_one_together() {
     for target in targets() {
         at(&ball(1.0), target, None, |place| {
-            let spots = Mapping::new(Projection::Triplanar, Space::Object).spots(place);
+            let spots = Mapping::new(Projection::Triplanar, Space::Object).coords(place);
             let sum: f64 = spots.iter().map(|spot| spot.weight).sum();
             assert!((sum - 1.0).abs() < 1e-8, "{sum}");
         });
     }
     at(&cube(), DVec3::X * 0.5, None, |place| {
-        assert_eq!(Mapping::new(Projection::Triplanar, Space::Object).spots(place).len(), 1);
+        assert_eq!(Mapping::new(Projection::Triplanar, Space::Object).coords(place).len(), 1);
     });
 }
 
@@ -183,8 +183,8 @@ fn a_cylinders_caps_are_flat() {
     });
     for target in [DVec3::new(0.2, 0.5, 0.1), DVec3::new(-0.1, -0.5, 0.3), DVec3::new(0.4, 0.1, 0.3)] {
         at(&can, target, None, |place| {
-            let own = Mapping::default().spots(place)[0].at;
-            let mapped = Mapping::new(Projection::Cylindrical, Space::Bounds).spots(place)[0].at;
+            let own = Mapping::default().coords(place)[0].at;
+            let mapped = Mapping::new(Projection::Cylindrical, Space::Bounds).coords(place)[0].at;
             assert!((own - mapped).length() < 1e-6, "{target}: {own} and {mapped}");
         });
     }

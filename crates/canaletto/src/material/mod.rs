@@ -7,7 +7,7 @@ mod phong;
 mod refract;
 mod texture_use;
 
-pub use bump::{bumped, clamp_to_hemisphere, tilted};
+pub use bump::{apply_bump, apply_normal_map, clamp_to_hemisphere};
 pub use mapping::{Mapping, Place, Projection, Repeat, Space, TexCoord, TexCoords};
 pub use microfacet::{reflect_into_hemisphere, sample_ggx_vndf};
 pub use phong::Phong;
@@ -90,12 +90,12 @@ impl Material {
     /// Sets `point` to the material's values for a surface with this colour of its own, or without one.
     #[inline]
     pub(crate) fn set(&self, point: &mut MaterialPoint, color: Option<Rgb>) {
-        let MaterialPoint { phong, overlay, coverage, bent } = point;
+        let MaterialPoint { phong, overlay, coverage, normal_bent } = point;
         *phong = self.phong;
         if let Some(color) = color {
             phong.kd = color;
         }
-        (*overlay, *coverage, *bent) = ((Rgb::BLACK, 0.0), self.coverage, false);
+        (*overlay, *coverage, *normal_bent) = ((Rgb::BLACK, 0.0), self.coverage, false);
     }
 
     /// Whether the material has no texture and its coverage isn't zero, so that it is constant on all its surfaces.
@@ -109,7 +109,7 @@ impl Material {
     pub fn is_opaque(&self) -> bool {
         self.phong.opacity >= 1.0
             && self.coverage >= 1.0
-            && !self.textures.iter().any(|texture| texture.target.clears())
+            && !self.textures.iter().any(|texture| texture.target.may_transmit())
     }
 
     /// Checks every number's range.
@@ -143,12 +143,12 @@ pub struct MaterialPoint {
     /// The share of the surface that exists, 0 (a hole) to 1.
     pub coverage: f32,
     /// Whether a texture bent the shading normal.
-    pub bent: bool,
+    pub normal_bent: bool,
 }
 
 impl Default for MaterialPoint {
     fn default() -> MaterialPoint {
-        MaterialPoint { phong: Phong::default(), overlay: (Rgb::BLACK, 0.0), coverage: 1.0, bent: false }
+        MaterialPoint { phong: Phong::default(), overlay: (Rgb::BLACK, 0.0), coverage: 1.0, normal_bent: false }
     }
 }
 
@@ -172,7 +172,7 @@ impl MaterialPoint {
     }
 
     /// The share of crossing light that the surface blocks: coverage times opacity o.
-    pub fn blocked(&self) -> f32 {
+    pub fn opacity_with_coverage(&self) -> f32 {
         if self.coverage < 1.0 { self.coverage * self.phong.opacity } else { self.phong.opacity }
     }
 }

@@ -130,12 +130,12 @@ impl Target {
     }
 
     /// Whether the target bends the normal.
-    pub fn bends(&self) -> bool {
+    pub fn bends_normal(&self) -> bool {
         matches!(self, Target::Bump | Target::Normal { .. })
     }
 
     /// Whether the target may let light through.
-    pub fn clears(&self) -> bool {
+    pub fn may_transmit(&self) -> bool {
         matches!(self, Target::Opacity | Target::Cutout)
     }
 }

@@ -12,7 +12,7 @@ pub mod warp;
 
 pub use dray::DRay;
 pub use error_bound::{gamma, offset_origin, rounding};
-pub use motion::{AnimatedTransform, NoAnimatedTransform};
+pub use motion::{AnimatedTransform, AnimatedTransformError};
 pub use polynomial::{Roots, quadratic, quartic};
 pub(crate) use power::{power, power_all};
 pub use ray_differential::RayDifferential;

@@ -31,7 +31,7 @@ struct Segment {
 /// The reason why poses make no path.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
-pub enum NoAnimatedTransform {
+pub enum AnimatedTransformError {
     /// A path needs at least two poses.
     #[error("a motion needs at least 2 poses, one at each end of the time that the shutter is open")]
     TooFew,
@@ -55,14 +55,14 @@ impl AnimatedTransform {
     /// The path through these poses.
     ///
     /// # Errors
-    /// [`NoAnimatedTransform`] if there are fewer than two, or if no path leads from one to the next.
-    pub fn new(poses: &[Transform]) -> Result<AnimatedTransform, NoAnimatedTransform> {
+    /// [`AnimatedTransformError`] if there are fewer than two, or if no path leads from one to the next.
+    pub fn new(poses: &[Transform]) -> Result<AnimatedTransform, AnimatedTransformError> {
         if poses.len() < 2 {
-            return Err(NoAnimatedTransform::TooFew);
+            return Err(AnimatedTransformError::TooFew);
         }
-        let parts = poses.iter().map(|pose| take_apart(pose.matrix())).collect::<Result<Vec<_>, _>>()?;
+        let parts = poses.iter().map(|pose| decompose(pose.matrix())).collect::<Result<Vec<_>, _>>()?;
         if parts.windows(2).any(|pair| pair[0].mirrored != pair[1].mirrored) {
-            return Err(NoAnimatedTransform::Mirrors);
+            return Err(AnimatedTransformError::Mirrors);
         }
         Ok(AnimatedTransform { segments: parts.windows(2).map(|pair| Segment::between(&pair[0], &pair[1])).collect() })
     }
@@ -164,7 +164,7 @@ fn rotation(axis: DVec3, angle: f64) -> DMat3 {
 }
 
 /// M = T R S: the rotation nearest to M by Newton's iteration R ← (R + R⁻ᵀ)/2 (Higham 1986).
-fn take_apart(m: &DAffine3) -> Result<Parts, NoAnimatedTransform> {
+fn decompose(m: &DAffine3) -> Result<Parts, AnimatedTransformError> {
     let linear = m.matrix3;
     let determinant = linear.determinant();
     let mirrored = determinant < 0.0;
@@ -180,7 +180,7 @@ fn take_apart(m: &DAffine3) -> Result<Parts, NoAnimatedTransform> {
     }
     let off = (r * r.transpose() - DMat3::IDENTITY).to_cols_array().iter().map(|e| e.abs()).fold(0.0, f64::max);
     if !r.is_finite() || off > 1e-9 {
-        return Err(NoAnimatedTransform::Degenerate);
+        return Err(AnimatedTransformError::Degenerate);
     }
     let s = r.transpose() * linear;
     let stretch = (s + s.transpose()) * 0.5;
@@ -241,12 +241,12 @@ mod tests {
     #[test]
     fn what_makes_no_path_says_why() {
         let mirror = Transform::scale(DVec3::new(-1.0, 1.0, 1.0)).unwrap();
-        assert_eq!(AnimatedTransform::new(&[mirror]), Err(NoAnimatedTransform::TooFew));
-        assert_eq!(AnimatedTransform::new(&[mirror, Transform::IDENTITY]), Err(NoAnimatedTransform::Mirrors));
+        assert_eq!(AnimatedTransform::new(&[mirror]), Err(AnimatedTransformError::TooFew));
+        assert_eq!(AnimatedTransform::new(&[mirror, Transform::IDENTITY]), Err(AnimatedTransformError::Mirrors));
         let path = AnimatedTransform::new(&[mirror, Transform::translate(DVec3::X).after(&mirror)]).unwrap();
         assert!(differ(&path.at(0.5), &Transform::translate(DVec3::X * 0.5).after(&mirror)) < 1e-15);
         let needle = Transform::scale(DVec3::new(1e-160, 1e160, 1.0)).unwrap();
-        assert_eq!(AnimatedTransform::new(&[needle, needle]), Err(NoAnimatedTransform::Degenerate));
+        assert_eq!(AnimatedTransform::new(&[needle, needle]), Err(AnimatedTransformError::Degenerate));
     }
 
     /// Compares points of the box at many times with its swept bounds: all are inside, and the bounds are not much

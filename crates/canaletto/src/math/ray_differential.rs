@@ -20,7 +20,7 @@ pub struct RayDifferential {
 /// The smallest cosine between a ray and a normal; smaller ones count as grazing.
 const GRAZING: f64 = 1e-6;
 /// The largest meaningful change of a unit direction.
-const WIDEST: f64 = 4.0;
+const MAX_CHANGE: f64 = 4.0;
 
 impl RayDifferential {
     /// The differences of the point where the ray hits a surface with this unit normal, along the surface: (10) to
@@ -95,7 +95,7 @@ impl RayDifferential {
 }
 
 fn bounded(direction: DVec3) -> DVec3 {
-    direction.clamp_length_max(WIDEST)
+    direction.clamp_length_max(MAX_CHANGE)
 }
 
 #[cfg(test)]

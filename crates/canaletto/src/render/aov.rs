@@ -254,7 +254,7 @@ impl Probe for AovProbe<'_> {
     fn hit(&mut self, hit: &Hit, surface: &Surface, _material: &MaterialPoint, outside: bool) {
         if self.samples == 1 && self.stack.len() == 1 {
             let normal = if outside { surface.shading_normal } else { -surface.shading_normal }.as_vec3();
-            let (p, uv) = (self.world.in_the_scene(surface.point), surface.uv);
+            let (p, uv) = (self.world.to_scene(surface.point), surface.uv);
             let depth = (surface.exact - self.eye).length() as f32;
             self.ids = [self.world.object_id(hit), self.world.material_index(hit) + 1];
             self.geometry = Some([depth, normal.x, normal.y, normal.z, p.x, p.y, p.z, uv.x, uv.y]);

@@ -48,15 +48,15 @@ impl Site {
 
 /// The sites that a pixel's filter reaches.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Probes {
+pub(super) struct FilterSites {
     /// Corners in rows from the lower left, then centres, each with the filter's value.
     sites: Vec<(Site, f64)>,
     /// The number of corners and of centres in a row.
     across: [i64; 2],
 }
 
-impl Probes {
-    pub(super) fn new(filter: &FilterTable) -> Probes {
+impl FilterSites {
+    pub(super) fn new(filter: &FilterTable) -> FilterSites {
         // In units of half a pixel, corners are odd and centres even. The sites extend to the next one beyond the
         // filter's end. A detail that crosses the filter's edge is then not missed.
         let reach = (2.0 * filter.radius() - 1e-6).ceil().max(1.0) as i64;
@@ -70,7 +70,7 @@ impl Probes {
                 }
             }
         }
-        Probes { sites, across: [1, 0].map(|odd| along(odd).count() as i64) }
+        FilterSites { sites, across: [1, 0].map(|odd| along(odd).count() as i64) }
     }
 
     /// The sites with a weight other than zero, with their weights.
@@ -109,7 +109,7 @@ impl Grid {
 
 impl Lattice {
     /// The lattice of an area, without colours.
-    pub(super) fn around(pixel: [i64; 2], size: [u32; 2], probes: &Probes) -> Lattice {
+    pub(super) fn around(pixel: [i64; 2], size: [u32; 2], probes: &FilterSites) -> Lattice {
         let grid = |kind: Kind| {
             let across = probes.across[kind as usize];
             let first = probes.sites.iter().find(|(site, _)| site.kind == kind).map_or([0; 2], |(site, _)| site.pixel);
@@ -157,7 +157,7 @@ impl Lattice {
     }
 
     /// Whether the displayed colours at a pixel's sites differ by at most `threshold` in each component.
-    pub(super) fn is_even(&self, probes: &Probes, pixel: [i64; 2], threshold: f32) -> bool {
+    pub(super) fn is_even(&self, probes: &FilterSites, pixel: [i64; 2], threshold: f32) -> bool {
         let (mut least, mut most) = ([1.0f32; 3], [0.0f32; 3]);
         for (site, _) in &probes.sites {
             let grid = &self.grids[site.kind as usize];
@@ -170,7 +170,11 @@ impl Lattice {
     }
 
     /// The colours of an even pixel's sites, with their weights.
-    pub(super) fn colors<'a>(&'a self, probes: &'a Probes, pixel: [i64; 2]) -> impl Iterator<Item = (Rgb, f64)> + 'a {
+    pub(super) fn colors<'a>(
+        &'a self,
+        probes: &'a FilterSites,
+        pixel: [i64; 2],
+    ) -> impl Iterator<Item = (Rgb, f64)> + 'a {
         probes.weighted().map(move |(site, weight)| {
             let grid = &self.grids[site.kind as usize];
             (grid.colors[grid.index(site.at(pixel).pixel)], weight)

@@ -120,9 +120,9 @@ impl Job {
     }
 
     /// This job with its camera relative to the world's origin, if that isn't zero.
-    pub(crate) fn counted_from(&self, world: &World) -> Option<Job> {
+    pub(crate) fn relative_to(&self, world: &World) -> Option<Job> {
         let origin = world.origin();
-        (origin != DVec3::ZERO).then(|| Job { camera: self.camera.counted_from(origin), ..self.clone() })
+        (origin != DVec3::ZERO).then(|| Job { camera: self.camera.relative_to(origin), ..self.clone() })
     }
 
     /// The area to render: x and y (from the top left), width and height, in pixels.
@@ -183,7 +183,7 @@ pub struct Rendering {
 /// [`JobError`] if [`Job::check`] finds an error, or if required threads can't be started. Nothing after that can fail.
 pub fn render(world: &World, job: &Job, observer: &dyn Observer) -> Result<Rendering, JobError> {
     job.check()?;
-    let counted = job.counted_from(world);
+    let counted = job.relative_to(world);
     let job = counted.as_ref().unwrap_or(job);
     Ok(with_stack(stack_of(world, job), || on_all_threads(world, job, observer))?)
 }
@@ -211,7 +211,7 @@ fn on_all_threads(world: &World, job: &Job, observer: &dyn Observer) -> Renderin
     let cancelled = || stopped.load(Ordering::Relaxed) || observer.cancelled();
     let gives_up = |_| cancelled();
     rayon::broadcast(|_| {
-        let ended = EndsAll(&stopped);
+        let ended = StopOnDrop(&stopped);
         let mut worker = Worker::new(world, job, &gives_up);
         loop {
             let index = next.fetch_add(1, Ordering::Relaxed);
@@ -238,9 +238,9 @@ fn on_all_threads(world: &World, job: &Job, observer: &dyn Observer) -> Renderin
 }
 
 /// Ends the work of all threads when it is dropped, as by a panic in one of them.
-struct EndsAll<'a>(&'a AtomicBool);
+struct StopOnDrop<'a>(&'a AtomicBool);
 
-impl Drop for EndsAll<'_> {
+impl Drop for StopOnDrop<'_> {
     fn drop(&mut self) {
         self.0.store(true, Ordering::Relaxed);
     }
@@ -286,8 +286,8 @@ impl<'a> Worker<'a> {
         let mut part = Picture::new(width, height);
         part.layers = self.aovs.iter().map(|aov| aov.layer(self.whitted.world(), width, height)).collect();
         self.whitted.counts = RayCounts::default();
-        self.pixels.survey(&mut self.whitted, [x0, y0, width, height]);
-        if self.whitted.cancelled_early() {
+        self.pixels.sample_sites(&mut self.whitted, [x0, y0, width, height]);
+        if self.whitted.is_cancelled() {
             return None;
         }
         if self.aovs.is_empty() {
@@ -301,7 +301,7 @@ impl<'a> Worker<'a> {
                 self.together.clear();
                 self.together.extend(places.iter().map(|[x, y]| [x0 + x, y0 + y]));
                 self.pixels.pixels(&mut self.whitted, &self.together, &mut self.colors);
-                if self.whitted.cancelled_early() {
+                if self.whitted.is_cancelled() {
                     return None;
                 }
                 for ([x, y], color) in places.iter().zip(&self.colors) {
@@ -326,7 +326,7 @@ impl<'a> Worker<'a> {
                     *to = id;
                 }
             }
-            if self.whitted.cancelled_early() {
+            if self.whitted.is_cancelled() {
                 return None;
             }
         }

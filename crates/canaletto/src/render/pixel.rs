@@ -1,9 +1,9 @@
 //! A pixel from its samples (5.6): a pure function of world, job and pixel.
 
 use super::Job;
-use super::lattice::{Lattice, Probes, Site};
+use super::lattice::{FilterSites, Lattice, Site};
 use crate::film::{Division, FilterTable, Part};
-use crate::integrator::{BUNDLE, Probe, Whitted};
+use crate::integrator::{BATCH_SIZE, Probe, Whitted};
 use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::{Dimension, FrameSampler, Sample};
 use crate::scene::Sampling;
@@ -20,7 +20,7 @@ pub(crate) struct PixelRenderer<'a> {
     /// Whether camera rays need no random numbers besides their position in the pixel.
     plain: bool,
     /// The first samples of adaptive sampling: the sites of a pixel, and the colours in the current area.
-    probes: Probes,
+    probes: FilterSites,
     lattice: Lattice,
     /// Buffers for samples that are traced together.
     samples: Samples,
@@ -97,12 +97,12 @@ impl<'a> PixelRenderer<'a> {
         let (filter, plain) = (FilterTable::new(job.film.filter), job.camera.is_plain());
         let sampler = FrameSampler::new(job.seed, job.frame, job.film.sampler);
         let probes = match job.film.sampling {
-            Sampling::Adaptive { .. } => Probes::new(&filter),
-            _ => Probes::default(),
+            Sampling::Adaptive { .. } => FilterSites::new(&filter),
+            _ => FilterSites::default(),
         };
         // Positions of a regular grid are distributed evenly over the four sides of the negative part.
         let step = if matches!(job.film.sampling, Sampling::Regular(_)) { 4 } else { 1 };
-        let division = filter.divide(shots(job.film.sampling), step);
+        let division = filter.divide(camera_samples(job.film.sampling), step);
         PixelRenderer {
             job,
             filter,
@@ -121,25 +121,25 @@ impl<'a> PixelRenderer<'a> {
     pub(crate) fn pixel<P: Probe>(&mut self, whitted: &mut Whitted, x: u32, y: u32, probe: &mut P) -> (Rgb, u64) {
         let sampling = self.job.film.sampling;
         let Sampling::Adaptive { n, threshold } = sampling else {
-            return self.watched(whitted, self.shots([x, y], sampling), sampling, probe);
+            return self.trace_with_probe(whitted, self.camera_samples([x, y], sampling), sampling, probe);
         };
         let place = self.lattice_place([x, y]);
         if !self.lattice.covers(place) {
-            self.survey(whitted, [x, y, 1, 1]);
+            self.sample_sites(whitted, [x, y, 1, 1]);
         }
         // The rays of the survey are counted already.
         let counts = whitted.counts;
-        let own = Site::of(place).into_iter().map(|site| self.probe_shot(site, 1.0));
-        let (_, rays) = self.watched(whitted, own, sampling, &mut ());
+        let own = Site::of(place).into_iter().map(|site| self.site_sample(site, 1.0));
+        let (_, rays) = self.trace_with_probe(whitted, own, sampling, &mut ());
         whitted.counts = counts;
         if !self.lattice.is_even(&self.probes, place, threshold) {
-            let shots = self.shots([x, y], Sampling::Jittered(n));
-            let (color, more) = self.watched(whitted, shots, Sampling::Jittered(n), probe);
+            let camera_samples = self.camera_samples([x, y], Sampling::Jittered(n));
+            let (color, more) = self.trace_with_probe(whitted, camera_samples, Sampling::Jittered(n), probe);
             return (color, rays + more);
         }
         // The probe observes the samples that make the pixel.
-        let sites = self.probes.weighted().map(|(site, weight)| self.probe_shot(site.at(place), weight));
-        let (color, _) = self.watched(whitted, sites, sampling, probe);
+        let sites = self.probes.weighted().map(|(site, weight)| self.site_sample(site.at(place), weight));
+        let (color, _) = self.trace_with_probe(whitted, sites, sampling, probe);
         whitted.counts = counts;
         (color, rays)
     }
@@ -147,19 +147,19 @@ impl<'a> PixelRenderer<'a> {
     /// Takes the first samples of adaptive sampling in an area (x, y from the top left, width, height). They extend as
     /// far as the filters of its pixels reach. Neighbouring pixels share most of these samples. Does nothing for other
     /// sampling.
-    pub(crate) fn survey(&mut self, whitted: &mut Whitted, [x, y, width, height]: [u32; 4]) {
+    pub(crate) fn sample_sites(&mut self, whitted: &mut Whitted, [x, y, width, height]: [u32; 4]) {
         let Sampling::Adaptive { .. } = self.job.film.sampling else { return };
         let [left, bottom] = self.lattice_place([x, y + height - 1]);
         let mut lattice = Lattice::around([left, bottom], [width, height], &self.probes);
         let mut samples = std::mem::take(&mut self.samples);
         let mut look = |whitted: &mut Whitted, own: bool| {
             let sites: Vec<Site> = lattice.sites(own).collect();
-            let shots = sites.iter().map(|site| self.probe_shot(*site, 1.0));
+            let camera_samples = sites.iter().map(|site| self.site_sample(*site, 1.0));
             samples.places.clear();
             samples.numbers.clear();
-            for shot in shots {
-                samples.places.push(shot.position);
-                samples.numbers.push(shot.numbers);
+            for camera_sample in camera_samples {
+                samples.places.push(camera_sample.position);
+                samples.numbers.push(camera_sample.numbers);
             }
             self.trace(whitted, self.job.film.sampling, &mut samples);
             lattice.fill(&sites, &samples.colors);
@@ -182,13 +182,13 @@ impl<'a> PixelRenderer<'a> {
     pub(crate) fn together(&self) -> usize {
         match self.job.film.sampling {
             // Few of these pixels are refined.
-            Sampling::Adaptive { .. } => BUNDLE / 4,
-            sampling => (BUNDLE / shots(sampling) as usize).max(1),
+            Sampling::Adaptive { .. } => BATCH_SIZE / 4,
+            sampling => (BATCH_SIZE / camera_samples(sampling) as usize).max(1),
         }
     }
 
     /// The colours of many pixels, whose rays are traced together. Neighbours in the list should be neighbours in the
-    /// picture. With adaptive sampling they lie in the area of the last [`PixelRenderer::survey`].
+    /// picture. With adaptive sampling they lie in the area of the last [`PixelRenderer::sample_sites`].
     pub(crate) fn pixels(&mut self, whitted: &mut Whitted, pixels: &[[u32; 2]], colors: &mut Vec<Rgb>) {
         let sampling = self.job.film.sampling;
         let mut samples = std::mem::take(&mut self.samples);
@@ -213,7 +213,7 @@ impl<'a> PixelRenderer<'a> {
             }
             _ => {
                 self.samples(whitted, pixels, sampling, &mut samples);
-                colors.extend(samples.pixels(shots(sampling)).map(weighted_mean));
+                colors.extend(samples.pixels(camera_samples(sampling)).map(weighted_mean));
             }
         }
         self.samples = samples;
@@ -245,7 +245,7 @@ impl<'a> PixelRenderer<'a> {
                 if alone || whitted.is_full() {
                     colors.extend_from_slice(whitted.trace_pending(&mut ()));
                 }
-                if whitted.cancelled_early() {
+                if whitted.is_cancelled() {
                     break;
                 }
             }
@@ -253,14 +253,14 @@ impl<'a> PixelRenderer<'a> {
             return colors.resize(places.len(), Rgb::BLACK);
         }
         let needs_differentials = world.needs_differentials();
-        let mut lines = [DRay { origin: DVec3::ZERO, direction: DVec3::ZERO }; BUNDLE];
-        for (places, numbers) in places.chunks(BUNDLE).zip(numbers.chunks(BUNDLE)) {
+        let mut lines = [DRay { origin: DVec3::ZERO, direction: DVec3::ZERO }; BATCH_SIZE];
+        for (places, numbers) in places.chunks(BATCH_SIZE).zip(numbers.chunks(BATCH_SIZE)) {
             let lines = &mut lines[..places.len()];
             camera.lines(places, lines);
             let seen = if needs_differentials { places } else { &[] };
             whitted.push_camera_rays(lines, numbers, seen.iter().map(|[x, y]| camera.differential(*x, *y, spacing)));
             colors.extend_from_slice(whitted.trace_pending(&mut ()));
-            if whitted.cancelled_early() {
+            if whitted.is_cancelled() {
                 break;
             }
         }
@@ -271,7 +271,7 @@ impl<'a> PixelRenderer<'a> {
     #[inline(always)]
     fn choose(&self, pixels: &[[u32; 2]], sampling: Sampling, samples: &mut Samples) {
         let Samples { places, numbers, weights, .. } = samples;
-        let each = shots(sampling) as usize;
+        let each = camera_samples(sampling) as usize;
         let count = pixels.len() * each;
         places.resize(count, [0.0; 2]);
         numbers.resize(count, self.sampler.pixel([0; 2]).sample(0, 1));
@@ -280,25 +280,26 @@ impl<'a> PixelRenderer<'a> {
         let mut at = 0;
         for &pixel in pixels {
             for i in 0..each {
-                let shot = self.shot(pixel, sampling, i as u32);
-                (places[at], numbers[at], weights[at]) = (shot.position, shot.numbers, shot.weight);
+                let camera_sample = self.camera_sample(pixel, sampling, i as u32);
+                (places[at], numbers[at], weights[at]) =
+                    (camera_sample.position, camera_sample.numbers, camera_sample.weight);
                 at += 1;
             }
         }
     }
 
     /// The samples of a pixel.
-    fn shots(&self, pixel: [u32; 2], sampling: Sampling) -> impl Iterator<Item = CameraSample> + use<'_, 'a> {
-        (0..shots(sampling)).map(move |index| self.shot(pixel, sampling, index))
+    fn camera_samples(&self, pixel: [u32; 2], sampling: Sampling) -> impl Iterator<Item = CameraSample> + use<'_, 'a> {
+        (0..camera_samples(sampling)).map(move |index| self.camera_sample(pixel, sampling, index))
     }
 
     /// Sample number `index` of a pixel.
     #[inline(always)]
-    fn shot(&self, [x, y]: [u32; 2], sampling: Sampling, index: u32) -> CameraSample {
+    fn camera_sample(&self, [x, y]: [u32; 2], sampling: Sampling, index: u32) -> CameraSample {
         // The chapter counts rows from the bottom (fig. 5.9b).
         let corner = [f64::from(x), f64::from(self.job.camera.size()[1] - 1 - y)];
         let sampler = self.sampler.pixel([x, y]);
-        let (numbers, division) = (sampler.sample(index, shots(sampling)), &self.division);
+        let (numbers, division) = (sampler.sample(index, camera_samples(sampling)), &self.division);
         let at = |[dx, dy]: [f64; 2]| CameraSample { position: [corner[0] + dx, corner[1] + dy], weight: 1.0, numbers };
         // Distributed by the filter.
         let filtered = |(part, place): (Part, [f64; 2])| {
@@ -323,7 +324,7 @@ impl<'a> PixelRenderer<'a> {
     }
 
     /// A first sample of adaptive sampling. Each pixel of the lattice has random numbers for two.
-    fn probe_shot(&self, site: Site, weight: f64) -> CameraSample {
+    fn site_sample(&self, site: Site, weight: f64) -> CameraSample {
         let [x, y] = site.pixel;
         // Beyond the picture's edges, rows and columns continue modulo 2³².
         let row = i64::from(self.job.camera.size()[1]) - 1 - y;
@@ -352,28 +353,28 @@ impl<'a> PixelRenderer<'a> {
     }
 
     /// The mean of samples whose rays a probe observes, and the number of these rays.
-    fn watched<P: Probe>(
+    fn trace_with_probe<P: Probe>(
         &self,
         whitted: &mut Whitted,
-        shots: impl Iterator<Item = CameraSample>,
+        camera_samples: impl Iterator<Item = CameraSample>,
         sampling: Sampling,
         probe: &mut P,
     ) -> (Rgb, u64) {
         let before = whitted.counts.total();
-        let mut see = |shot: CameraSample| {
-            probe.sample(shot.position, shot.weight);
-            let eye = self.eye(whitted.world(), shot.position, &shot.numbers, spacing(sampling));
+        let mut see = |camera_sample: CameraSample| {
+            probe.sample(camera_sample.position, camera_sample.weight);
+            let eye = self.eye(whitted.world(), camera_sample.position, &camera_sample.numbers, spacing(sampling));
             let moves = self.moves(whitted.world());
             if !self.plain || moves {
                 probe.drawn(moves.then_some(f64::from(eye.time)), eye.lens.map(|p| p.to_array()));
             }
-            whitted.begin(shot.numbers, eye.time);
-            (whitted.eye(eye.line, eye.differential.as_ref(), probe), shot.weight)
+            whitted.begin(camera_sample.numbers, eye.time);
+            (whitted.eye(eye.line, eye.differential.as_ref(), probe), camera_sample.weight)
         };
-        let mut shots = shots.map(&mut see);
+        let mut camera_samples = camera_samples.map(&mut see);
         let color = match sampling {
-            Sampling::Corner | Sampling::Center => shots.next().map_or(Rgb::BLACK, |(color, _)| color),
-            _ => weighted_mean(shots),
+            Sampling::Corner | Sampling::Center => camera_samples.next().map_or(Rgb::BLACK, |(color, _)| color),
+            _ => weighted_mean(camera_samples),
         };
         (color, whitted.counts.total() - before)
     }
@@ -414,7 +415,7 @@ fn spacing(sampling: Sampling) -> f64 {
 }
 
 /// The number of samples of a pixel; for adaptive sampling, of a refined pixel.
-fn shots(sampling: Sampling) -> u32 {
+fn camera_samples(sampling: Sampling) -> u32 {
     match sampling {
         Sampling::Corner | Sampling::Center => 1,
         Sampling::Regular(n) | Sampling::Jittered(n) | Sampling::Adaptive { n, .. } => n * n,

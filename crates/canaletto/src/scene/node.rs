@@ -73,13 +73,13 @@ impl Node {
         let left = |i: usize, rounded: Vec3| exact.get(i).map_or(Vec3::ZERO, |p| (*p - rounded.as_dvec3()).as_vec3());
         match &self.content {
             Content::Shape(shape) => {
-                shape.with_points(|i, p| {
+                shape.map_points(|i, p| {
                     rest[i] = left(i, p);
                     p
                 });
             }
             Content::Light(light) => {
-                light.with_points(|i, p| {
+                light.map_points(|i, p| {
                     rest[i] = left(i, p);
                     p
                 });
@@ -92,9 +92,9 @@ impl Node {
 
     /// The node's shape, if it has one, in coordinates relative to the first of its points. These coordinates lose
     /// little to rounding.
-    pub fn shape_at_its_first_point(&self) -> Option<Shape> {
+    pub fn shape_relative_to_first_point(&self) -> Option<Shape> {
         match &self.content {
-            Content::Shape(shape) => Some(shape.at_its_first_point(&self.rest).0),
+            Content::Shape(shape) => Some(shape.relative_to_first_point(&self.rest).0),
             _ => None,
         }
     }

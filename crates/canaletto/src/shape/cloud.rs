@@ -42,7 +42,7 @@ pub struct CylinderCloud {
 }
 
 /// Element `i` of a list that holds one value for all elements or one for each.
-fn one_or_each<T: Copy>(list: &[T], i: usize) -> Option<T> {
+fn shared_or_own<T: Copy>(list: &[T], i: usize) -> Option<T> {
     if list.len() == 1 { Some(list[0]) } else { list.get(i).copied() }
 }
 
@@ -83,12 +83,12 @@ macro_rules! cloud {
 
             /// The radius of element `i`.
             pub fn radius(&self, i: usize) -> f32 {
-                one_or_each(&self.radii, i).unwrap_or(0.0)
+                shared_or_own(&self.radii, i).unwrap_or(0.0)
             }
 
             /// The colour of element `i`, if the cloud has colours.
             pub fn color(&self, i: usize) -> Option<Rgb> {
-                one_or_each(&self.colors, i)
+                shared_or_own(&self.colors, i)
             }
 
             /// The box around element `i`.
@@ -107,8 +107,8 @@ macro_rules! cloud {
             }
 
             /// The surface at a hit of element `i` whose texture coordinates are not read and may be left out.
-            pub(crate) fn bare_surface(&self, i: usize, line: DRay, hit: &ShapeHit) -> Surface {
-                Surface { color: self.color(i), ..Shape::from(self.element(i)).bare_surface(line, hit) }
+            pub(crate) fn surface_without_uv(&self, i: usize, line: DRay, hit: &ShapeHit) -> Surface {
+                Surface { color: self.color(i), ..Shape::from(self.element(i)).surface_without_uv(line, hit) }
             }
 
             /// The surface differential of element `i` at a hit with this surface.

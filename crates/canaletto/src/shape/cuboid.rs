@@ -55,7 +55,7 @@ impl Cuboid {
     /// The surface at a hit. The point lies exactly on its face.
     pub fn surface(&self, line: impl Into<DRay>, hit: &ShapeHit) -> Surface {
         let line = line.into();
-        let surface = self.bare_surface(line, hit);
+        let surface = self.surface_without_uv(line, hit);
         let point = surface.exact;
         // The fraction of the distance from min to max, and from max to min.
         let fraction = |along: usize, from: Vec3| {
@@ -81,7 +81,7 @@ impl Cuboid {
 
     /// [`Cuboid::surface`] without texture coordinates.
     #[inline]
-    pub(super) fn bare_surface(&self, line: DRay, hit: &ShapeHit) -> Surface {
+    pub(super) fn surface_without_uv(&self, line: DRay, hit: &ShapeHit) -> Surface {
         let (axis, upper) = (hit.part as usize / 2, hit.part % 2 == 1);
         let plane = if upper { self.max[axis] } else { self.min[axis] };
         let DRay { origin: o, direction: d } = line;

@@ -39,7 +39,7 @@ enum Place {
 }
 
 /// The surface under a tessellation.
-enum Under {
+enum BaseSurface {
     Flat,
     Sphere(DVec3, f64),
     Frustum(Body),
@@ -59,7 +59,7 @@ struct Body {
 pub(crate) struct Tessellation {
     vertices: Vec<Vertex>,
     triangles: Vec<[u32; 3]>,
-    under: Under,
+    under: BaseSurface,
     has_colors: bool,
     one_sided: bool,
     name: String,
@@ -119,7 +119,7 @@ impl Tessellation {
         }
     }
 
-    fn new(under: Under) -> Tessellation {
+    fn new(under: BaseSurface) -> Tessellation {
         Tessellation {
             vertices: Vec::new(),
             triangles: Vec::new(),
@@ -138,7 +138,7 @@ impl Tessellation {
 
     fn sphere(sphere: &Sphere) -> Tessellation {
         let (c, r) = (sphere.center.as_dvec3(), f64::from(sphere.radius));
-        let mut net = Tessellation::new(Under::Sphere(c, r));
+        let mut tessellation = Tessellation::new(BaseSurface::Sphere(c, r));
         for j in 0..=ROWS {
             for i in 0..=COLUMNS {
                 let pole = j == 0 || j == ROWS;
@@ -151,24 +151,24 @@ impl Tessellation {
                     }
                 };
                 let u = (i as f64 + if pole { 0.5 } else { 0.0 }) / COLUMNS as f64;
-                net.add(c + direction * r, direction, DVec2::new(u, j as f64 / ROWS as f64), Place::Round);
+                tessellation.add(c + direction * r, direction, DVec2::new(u, j as f64 / ROWS as f64), Place::Round);
             }
         }
         let at = |i: usize, j: usize| (j * (COLUMNS + 1) + i) as u32;
         for (i, j) in (0..COLUMNS).flat_map(|i| (0..ROWS).map(move |j| (i, j))) {
             let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)];
             match j {
-                0 => net.triangles.push([a, c, d]),
-                _ if j == ROWS - 1 => net.triangles.push([a, c, b]),
-                _ => net.triangles.extend([[a, c, d], [a, d, b]]),
+                0 => tessellation.triangles.push([a, c, d]),
+                _ if j == ROWS - 1 => tessellation.triangles.push([a, c, b]),
+                _ => tessellation.triangles.extend([[a, c, d], [a, d, b]]),
             }
         }
-        net
+        tessellation
     }
 
     fn cuboid(cuboid: &Cuboid) -> Tessellation {
         let (min, max) = (cuboid.min.as_dvec3(), cuboid.max.as_dvec3());
-        let mut net = Tessellation::new(Under::Flat);
+        let mut tessellation = Tessellation::new(BaseSurface::Flat);
         // For each face: the corner where u = v = 0 (true: max), and the axes of u and v (fig. 5.31).
         let faces = [
             ([false, true, false], 2, 1),
@@ -186,22 +186,22 @@ impl Tessellation {
                 side[v] ^= j == 1;
                 let at = |axis: usize| if side[axis] { max[axis] } else { min[axis] };
                 let uv = DVec2::new(f64::from(i), f64::from(j));
-                net.add(DVec3::new(at(0), at(1), at(2)), normal, uv, Place::Between)
+                tessellation.add(DVec3::new(at(0), at(1), at(2)), normal, uv, Place::Between)
             });
-            net.triangles.extend([[a, c, d], [a, d, b]]);
+            tessellation.triangles.extend([[a, c, d], [a, d, b]]);
         }
-        net
+        tessellation
     }
 
     fn triangle(t: &Triangle) -> Tessellation {
-        let mut net = Tessellation::new(Under::Flat);
+        let mut tessellation = Tessellation::new(BaseSurface::Flat);
         let [a, b, c] = [t.a, t.b, t.c].map(Vec3::as_dvec3);
         let normal = (b - a).cross(c - a).normalize_or(DVec3::Z);
         let uv = [DVec2::ZERO, DVec2::X, DVec2::Y];
-        let corners = [0, 1, 2].map(|i| net.add([a, b, c][i], normal, uv[i], Place::Between));
-        net.triangles.push(corners);
-        net.one_sided = t.one_sided;
-        net
+        let corners = [0, 1, 2].map(|i| tessellation.add([a, b, c][i], normal, uv[i], Place::Between));
+        tessellation.triangles.push(corners);
+        tessellation.one_sided = t.one_sided;
+        tessellation
     }
 
     fn frustum([base, top]: [Vec3; 2], radii: [f32; 2], caps: bool) -> Tessellation {
@@ -219,21 +219,21 @@ impl Tessellation {
             let d = around(i);
             frame.x * d.x + frame.z * d.z
         };
-        let mut net = Tessellation::new(Under::Flat);
+        let mut tessellation = Tessellation::new(BaseSurface::Flat);
         for (j, h) in [(0, body.height), (1, 0.0)] {
             for i in 0..=COLUMNS {
                 let uv = DVec2::new(i as f64 / COLUMNS as f64, f64::from(j));
-                net.add(body.point(h, out(i)), body.normal(out(i)), uv, Place::Round);
+                tessellation.add(body.point(h, out(i)), body.normal(out(i)), uv, Place::Round);
             }
         }
         let row = COLUMNS as u32 + 1;
         for i in 0..COLUMNS as u32 {
             let [a, b, c, d] = [i, i + 1, row + i, row + i + 1];
             if body.radii[1] > 0.0 {
-                net.triangles.push([a, d, b]);
+                tessellation.triangles.push([a, d, b]);
             }
             if body.radii[0] > 0.0 {
-                net.triangles.push([a, c, d]);
+                tessellation.triangles.push([a, c, d]);
             }
         }
         for top in [true, false] {
@@ -242,20 +242,20 @@ impl Tessellation {
                 continue;
             }
             let normal = if top { body.axis } else { -body.axis };
-            let center = net.add(body.base + body.axis * h, normal, DVec2::splat(0.5), Place::Between);
+            let center = tessellation.add(body.base + body.axis * h, normal, DVec2::splat(0.5), Place::Between);
             let rim: Vec<u32> = (0..=COLUMNS)
                 .map(|i| {
                     let point = body.point(h, out(i));
-                    net.add(point, normal, body.cap_uv(point, top), Place::Rim { top })
+                    tessellation.add(point, normal, body.cap_uv(point, top), Place::Rim { top })
                 })
                 .collect();
             for i in 0..COLUMNS {
                 let (from, to) = if top { (rim[i], rim[i + 1]) } else { (rim[i + 1], rim[i]) };
-                net.triangles.push([center, from, to]);
+                tessellation.triangles.push([center, from, to]);
             }
         }
-        net.under = Under::Frustum(body);
-        net
+        tessellation.under = BaseSurface::Frustum(body);
+        tessellation
     }
 
     /// The tessellation of a mesh. A mesh without normals is treated as smooth.
@@ -263,7 +263,7 @@ impl Tessellation {
         if mesh.normals.is_empty() {
             smooth_over_seams(&mut mesh);
         }
-        let mut net = Tessellation::new(Under::Flat);
+        let mut tessellation = Tessellation::new(BaseSurface::Flat);
         // A vertex shared by two materials becomes two.
         let mut wedges: HashMap<(u32, u32), u32> = HashMap::new();
         for (i, corners) in mesh.triangles.iter().enumerate() {
@@ -273,18 +273,19 @@ impl Tessellation {
                     let v = v as usize;
                     let uv = mesh.uvs.get(v).copied().unwrap_or(Vec2::ZERO).as_dvec2();
                     let normal = mesh.normals[v].as_dvec3().normalize();
-                    let index = net.add(mesh.positions[v].as_dvec3(), normal, uv, Place::Between);
-                    let vertex = &mut net.vertices[index as usize];
+                    let index = tessellation.add(mesh.positions[v].as_dvec3(), normal, uv, Place::Between);
+                    let vertex = &mut tessellation.vertices[index as usize];
                     vertex.slot = slot;
                     vertex.color = mesh.colors.get(v).copied().unwrap_or_default();
                     index
                 })
             });
-            net.triangles.push(corners);
+            tessellation.triangles.push(corners);
         }
-        net.has_colors = !mesh.colors.is_empty();
-        (net.one_sided, net.name, net.materials) = (mesh.one_sided, mesh.name, mesh.materials);
-        net
+        tessellation.has_colors = !mesh.colors.is_empty();
+        (tessellation.one_sided, tessellation.name, tessellation.materials) =
+            (mesh.one_sided, mesh.name, mesh.materials);
+        tessellation
     }
 
     /// The vertex on the surface between two others, at the fraction `t` from `a` to `b`.
@@ -308,14 +309,14 @@ impl Tessellation {
         // The turn nearest to that of the neighbours: the seam has both ends.
         let near = |u: f64| u + libm::round(v.uv.x - u);
         match (&self.under, v.place) {
-            (Under::Flat, _) | (_, Place::Between) => v,
-            (Under::Sphere(c, r), _) => {
+            (BaseSurface::Flat, _) | (_, Place::Between) => v,
+            (BaseSurface::Sphere(c, r), _) => {
                 let n = (v.point - *c).normalize();
                 let ring = (n.x * n.x + n.z * n.z).sqrt();
                 let u = if ring > 1e-9 { near(solve::turn(n.x, n.z)) } else { v.uv.x };
                 Vertex { point: *c + n * *r, normal: n, uv: DVec2::new(u, libm::atan2(ring, n.y) / PI), ..v }
             }
-            (Under::Frustum(body), place) => {
+            (BaseSurface::Frustum(body), place) => {
                 let from = v.point - body.base;
                 let h = from.dot(body.axis);
                 let Some(out) = (from - body.axis * h).try_normalize() else { return v };

@@ -28,7 +28,7 @@ pub(super) struct Frustum {
 }
 
 /// A ray decomposed along and across the axis, and the quadratic of its intersections with the infinite side.
-struct Parted {
+struct AxialRay {
     ray: Local,
     /// The heights of the origin and the direction.
     oh: f64,
@@ -66,7 +66,7 @@ impl Frustum {
         self.base.abs().max(self.top.abs()).max_element() + self.height + self.radius.max(self.top_radius)
     }
 
-    fn part(&self, line: DRay) -> Parted {
+    fn part(&self, line: DRay) -> AxialRay {
         let ray = Local::new(line, self.base, self.height + self.radius.max(self.top_radius));
         let (oh, dh) = (ray.o.dot(self.axis), ray.d.dot(self.axis));
         let (across, d_across) = (ray.o - self.axis * oh, ray.d - self.axis * dh);
@@ -75,7 +75,7 @@ impl Frustum {
         let a = d_across.length_squared() - dr * dr;
         let b = 2.0 * (across.dot(d_across) - r * dr);
         let c = (across.length() - r) * (across.length() + r);
-        Parted { ray, oh, dh, a, b, c }
+        AxialRay { ray, oh, dh, a, b, c }
     }
 
     pub(super) fn intersect(&self, ray: &Ray, t_max: f32) -> Option<ShapeHit> {
@@ -94,7 +94,7 @@ impl Frustum {
     /// The entry and the exit of the whole line through the closed body, with the parts hit. The span is the
     /// intersection of the slab between the caps' planes with the inside of the infinite side. As with boxes, no ray
     /// can pass through a rim.
-    fn span(&self, p: &Parted) -> Option<[(f64, u32); 2]> {
+    fn span(&self, p: &AxialRay) -> Option<[(f64, u32); 2]> {
         const ALL: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
         let (near, far) = if p.dh == 0.0 {
             if p.oh <= 0.0 || p.oh >= self.height {

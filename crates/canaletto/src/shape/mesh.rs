@@ -282,7 +282,7 @@ impl Corners {
         if let Some(normals) = self.normals {
             let normals = facing(normals.map(|normal| normal.as_dvec3().normalize_or(n)), n);
             surface.shading_normal = shading_normal(normals, weights, n);
-            surface.lifted = (point + lift(point, corners, normals, weights, n)).as_vec3();
+            surface.shadow_origin = (point + lift(point, corners, normals, weights, n)).as_vec3();
         }
         surface
     }

@@ -24,7 +24,7 @@ fn the_geometric_normal_is_the_windings() {
     let s = tent().surface(0, 0.25, 0.25);
     assert!(s.normal.as_vec3().distance(Vec3::new(0.0, 1.0, 1.0).normalize()) < 1e-7, "{s:?}");
     assert_eq!(s.shading_normal, s.normal);
-    assert_eq!(s.lifted, s.point);
+    assert_eq!(s.shadow_origin, s.point);
     assert_eq!(s.uv, Vec2::splat(0.25));
 }
 
@@ -76,8 +76,8 @@ fn lifted_points_lie_outside_and_vertices_stay() {
     // The mesh is convex: normals at the corners diverge outwards.
     mesh.normals[2] = Vec3::Z;
     let s = mesh.surface(0, 0.4, 0.2);
-    assert!((s.lifted - s.point).dot(s.normal.as_vec3()) > 0.05, "{s:?}");
-    assert_eq!(mesh.surface(0, 1.0, 0.0).lifted, mesh.positions[2]);
+    assert!((s.shadow_origin - s.point).dot(s.normal.as_vec3()) > 0.05, "{s:?}");
+    assert_eq!(mesh.surface(0, 1.0, 0.0).shadow_origin, mesh.positions[2]);
 }
 
 #[test]
@@ -86,7 +86,7 @@ fn a_backward_normal_never_lifts_inwards() {
     mesh.normals = vec![Vec3::new(-1.0, -1.0, -0.1), Vec3::new(0.0, 1.0, 1.0), Vec3::new(0.0, 1.0, 1.0), Vec3::Y];
     for (u, v) in [(0.4, 0.2), (0.1, 0.8), (0.2, 0.2)] {
         let s = mesh.surface(0, u, v);
-        assert!((s.lifted - s.point).dot(s.normal.as_vec3()) >= 0.0, "{s:?}");
+        assert!((s.shadow_origin - s.point).dot(s.normal.as_vec3()) >= 0.0, "{s:?}");
     }
 }
 
@@ -95,7 +95,7 @@ fn concave_normals_lift_nothing() {
     let mut mesh = tent();
     mesh.normals = vec![Vec3::new(0.0, 0.1, 1.0), Vec3::new(0.0, 0.1, 1.0), Vec3::new(0.0, 1.0, 0.1), Vec3::Y];
     let s = mesh.surface(0, 0.4, 0.2);
-    assert_eq!(s.lifted, s.point);
+    assert_eq!(s.shadow_origin, s.point);
 }
 
 #[test]

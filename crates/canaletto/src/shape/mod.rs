@@ -124,10 +124,10 @@ impl Shape {
 
     /// [`Shape::surface`] whose texture coordinates are not read and may be left out.
     #[inline]
-    pub(crate) fn bare_surface(&self, line: DRay, hit: &ShapeHit) -> Surface {
+    pub(crate) fn surface_without_uv(&self, line: DRay, hit: &ShapeHit) -> Surface {
         match self {
-            Shape::Sphere(s) => s.bare_surface(line, hit.t),
-            Shape::Box(s) => s.bare_surface(line, hit),
+            Shape::Sphere(s) => s.surface_without_uv(line, hit.t),
+            Shape::Box(s) => s.surface_without_uv(line, hit),
             other => other.surface(line, hit),
         }
     }
@@ -161,7 +161,7 @@ impl Shape {
     }
 
     /// The shape moved by a transform, if the result is a shape of this kind that `f32` can hold. The texture
-    /// coordinates are those of the moved shape in its new place; see [`Shape::keeps_uv`].
+    /// coordinates are those of the moved shape in its new place; see [`Shape::preserves_uv`].
     pub fn transformed(&self, t: &Transform) -> Option<Shape> {
         if t.is_identity() {
             return Some(*self);
@@ -180,7 +180,7 @@ impl Shape {
     }
 
     /// Returns the shape with each point replaced by `f` of its index and itself.
-    pub(crate) fn with_points(&self, mut f: impl FnMut(usize, Vec3) -> Vec3) -> Shape {
+    pub(crate) fn map_points(&self, mut f: impl FnMut(usize, Vec3) -> Vec3) -> Shape {
         let mut shape = *self;
         let points: [Option<&mut Vec3>; 3] = match &mut shape {
             Shape::Sphere(Sphere { center, .. }) | Shape::Disk(Disk { center, .. }) => [Some(center), None, None],
@@ -200,9 +200,9 @@ impl Shape {
 
     /// The shape in coordinates relative to its first point, and that point; `rest` is the part of its points that
     /// `f32` doesn't hold.
-    pub(crate) fn at_its_first_point(&self, rest: &[Vec3; 3]) -> (Shape, DVec3) {
+    pub(crate) fn relative_to_first_point(&self, rest: &[Vec3; 3]) -> (Shape, DVec3) {
         let mut first = None;
-        let near = self.with_points(|i, p| {
+        let near = self.map_points(|i, p| {
             let zero = *first.get_or_insert(p.as_dvec3());
             (p.as_dvec3() - zero + rest[i].as_dvec3()).as_vec3()
         });
@@ -211,7 +211,7 @@ impl Shape {
 
     /// Whether the result of [`Shape::transformed`] keeps the texture coordinates of every point. A turned sphere
     /// doesn't, as its poles stay upright; with a texture it must become an instance.
-    pub fn keeps_uv(&self, t: &Transform) -> bool {
+    pub fn preserves_uv(&self, t: &Transform) -> bool {
         let m = t.matrix().matrix3;
         let upright = t.is_axis_aligned() && m.x_axis.x > 0.0 && m.y_axis.y > 0.0 && m.z_axis.z > 0.0;
         let framed = |from: DVec3, to: DVec3| Frame::around(from).goes_to(t, &Frame::around(to));

@@ -377,7 +377,7 @@ fn texture_coordinates_stay_where_they_are_said_to() {
             2 => Transform::rotate(DVec3::Y, 30.0).unwrap(),
             _ => Transform::rotate(random.vector().as_dvec3(), 60.0).unwrap(),
         };
-        if !shape.keeps_uv(&t) {
+        if !shape.preserves_uv(&t) {
             return None;
         }
         let there = shape.transformed(&t)?;

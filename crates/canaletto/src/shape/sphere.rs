@@ -31,7 +31,7 @@ impl Sphere {
 
     /// The surface at a hit: the point of (5.21) moved onto the sphere, the normal of (5.22).
     pub fn surface(&self, line: impl Into<DRay>, hit: &ShapeHit) -> Surface {
-        let surface = self.bare_surface(line.into(), hit.t);
+        let surface = self.surface_without_uv(line.into(), hit.t);
         let n = surface.normal;
         let theta = libm::atan2((n.x * n.x + n.z * n.z).sqrt(), n.y);
         Surface { uv: Vec2::new(solve::turn(n.x, n.z) as f32, (theta / PI) as f32), ..surface } // (5.45)
@@ -40,7 +40,7 @@ impl Sphere {
     /// [`Sphere::surface`] without texture coordinates, at the ray's parameter `t`. It has no branch, so that the
     /// compiler vectorises.
     #[inline(always)]
-    pub(super) fn bare_surface(&self, line: DRay, t: f32) -> Surface {
+    pub(super) fn surface_without_uv(&self, line: DRay, t: f32) -> Surface {
         let (center, r) = (self.center.as_dvec3(), f64::from(self.radius));
         let l = Local::new(line, center, r);
         let a = l.d.dot(l.d); // (5.16a)

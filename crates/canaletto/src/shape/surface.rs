@@ -26,7 +26,7 @@ pub struct Surface {
     pub color: Option<Rgb>,
     /// The origin of shadow rays on the outer side. Smooth meshes lift it off their facets (Hanika, *Hacking the Shadow
     /// Terminator*, Ray Tracing Gems II, ch. 4). Equal to `point` on other shapes.
-    pub lifted: Vec3,
+    pub shadow_origin: Vec3,
 }
 
 impl Surface {
@@ -34,8 +34,8 @@ impl Surface {
     #[inline(always)]
     pub fn at(exact: DVec3, normal: DVec3, uv: Vec2) -> Surface {
         let point = exact.as_vec3();
-        let (error, shading_normal, lifted) = (rounding(point), normal, point);
-        Surface { point, exact, error, normal, shading_normal, uv, uv_rest: Vec2::ZERO, color: None, lifted }
+        let (error, shading_normal, shadow_origin) = (rounding(point), normal, point);
+        Surface { point, exact, error, normal, shading_normal, uv, uv_rest: Vec2::ZERO, color: None, shadow_origin }
     }
 
     /// The surface with these texture coordinates, which `f32` holds only in part.
@@ -64,7 +64,7 @@ impl Surface {
             uv: self.uv,
             uv_rest: self.uv_rest,
             color: self.color,
-            lifted: to_world.point(self.lifted.as_dvec3()).as_vec3(),
+            shadow_origin: to_world.point(self.shadow_origin.as_dvec3()).as_vec3(),
         }
     }
 }

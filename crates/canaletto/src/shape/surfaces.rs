@@ -63,7 +63,7 @@ pub(crate) struct Surfaces {
     pub(crate) shading_normal: DVec3x8,
     pub(crate) point: Vec3x8,
     pub(crate) error: Vec3x8,
-    pub(crate) lifted: Vec3x8,
+    pub(crate) shadow_origin: Vec3x8,
 }
 
 impl Surfaces {
@@ -74,7 +74,7 @@ impl Surfaces {
         shading_normal: [[0.0; SURFACES]; 3],
         point: [[0.0; SURFACES]; 3],
         error: [[0.0; SURFACES]; 3],
-        lifted: [[0.0; SURFACES]; 3],
+        shadow_origin: [[0.0; SURFACES]; 3],
     };
 
     /// Sets the surface in lane `lane`.
@@ -85,7 +85,7 @@ impl Surfaces {
         set_dvec3(&mut self.shading_normal, lane, surface.shading_normal);
         set_vec3(&mut self.point, lane, surface.point);
         set_vec3(&mut self.error, lane, surface.error);
-        set_vec3(&mut self.lifted, lane, surface.lifted);
+        set_vec3(&mut self.shadow_origin, lane, surface.shadow_origin);
     }
 
     /// The surface in lane `lane`, without texture coordinates and colour.
@@ -100,7 +100,7 @@ impl Surfaces {
             uv: Vec2::ZERO,
             uv_rest: Vec2::ZERO,
             color: None,
-            lifted: vec3(&self.lifted, lane),
+            shadow_origin: vec3(&self.shadow_origin, lane),
         }
     }
 
@@ -112,7 +112,7 @@ impl Surfaces {
         take(&mut self.shading_normal, &from.shading_normal, bits);
         take(&mut self.point, &from.point, bits);
         take(&mut self.error, &from.error, bits);
-        take(&mut self.lifted, &from.lifted, bits);
+        take(&mut self.shadow_origin, &from.shadow_origin, bits);
     }
 }
 
@@ -275,7 +275,7 @@ impl SurfaceInputs8 {
             for i in 0..SURFACES {
                 let sphere = Sphere { center: vec3(&self.center, i), radius: self.radius[i] };
                 let line = DRay { origin: dvec3(&self.origin, i), direction: dvec3(&self.direction, i) };
-                found.set(i, &sphere.bare_surface(line, self.t[i]));
+                found.set(i, &sphere.surface_without_uv(line, self.t[i]));
             }
             into.take(&found, self.spheres);
         }
@@ -345,7 +345,7 @@ mod tests {
     /// The bits of all numbers.
     fn bits(surface: &Surface) -> ([u64; 9], [u32; 9]) {
         let dvec3 = [surface.exact, surface.normal, surface.shading_normal].map(|v| v.to_array().map(f64::to_bits));
-        let vec3 = [surface.point, surface.error, surface.lifted].map(|v| v.to_array().map(f32::to_bits));
+        let vec3 = [surface.point, surface.error, surface.shadow_origin].map(|v| v.to_array().map(f32::to_bits));
         (dvec3.as_flattened().try_into().unwrap(), vec3.as_flattened().try_into().unwrap())
     }
 
@@ -371,7 +371,7 @@ mod tests {
                         // The lines need not hit the sphere.
                         let t = random.within(-scale, scale);
                         surface_inputs.set_sphere(lane, &sphere, t);
-                        sphere.bare_surface(line, t)
+                        sphere.surface_without_uv(line, t)
                     }
                     1 => {
                         let surface = Surface::at(line.origin, DVec3::Y, Vec2::ZERO);

@@ -7,7 +7,7 @@
 use super::codec::{Codec, Tap};
 use super::kernel::weights;
 use super::level::Level;
-use super::pyramid::{COMPACT, Header, fill, shares, straightened};
+use super::pyramid::{COMPACT, Header, fill, linearized, shares};
 use super::wrap::{Axis, Wrap};
 use super::{ColorSpace, Filter, Lookup, Placement, Prefilter, Samples};
 use glam::DVec3;
@@ -51,7 +51,7 @@ impl GridMap {
         let size = [base.width, base.height / texture.slices, texture.slices];
         let axes = size.map(|size| Axis { wrap: texture.wrap, placement: texture.placement, size });
         let space = texture.space.unwrap_or(header.space);
-        let base = if space == ColorSpace::Srgb { straightened(Arc::clone(base)) } else { Arc::clone(base) };
+        let base = if space == ColorSpace::Srgb { linearized(Arc::clone(base)) } else { Arc::clone(base) };
         let codec = Codec::new(header.channels, &base.samples, space, header.premultiplied);
         let mut levels = vec![(base, size)];
         while texture.prefilter != Prefilter::None

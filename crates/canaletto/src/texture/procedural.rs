@@ -191,7 +191,7 @@ impl Computed {
                 let wave = libm::sin(std::f64::consts::TAU * (phase - phase.floor())) * rest;
                 self.ramp.mean(0.5 + 0.5 * wave, 0.5 * (1.0 - rest * rest).max(0.0).sqrt())
             }
-            Function::Noise | Function::Fbm(_) | Function::Turbulence(_) if self.ramp.is_a_line() => {
+            Function::Noise | Function::Fbm(_) | Function::Turbulence(_) if self.ramp.is_linear() => {
                 self.ramp.mean(self.value(at, width).value, 0.0)
             }
             _ => {

@@ -28,7 +28,7 @@ pub(crate) struct Pyramid {
 impl Pyramid {
     /// A pyramid of one level.
     pub(super) fn new(base: Arc<Level>, image: &Header, space: ColorSpace) -> Pyramid {
-        let base = if space == ColorSpace::Srgb { straightened(base) } else { base };
+        let base = if space == ColorSpace::Srgb { linearized(base) } else { base };
         let codec = Codec::new(image.channels, &base.samples, space, image.premultiplied);
         Pyramid { base, coarser: Vec::new(), codec }
     }
@@ -134,7 +134,7 @@ impl Header {
 }
 
 /// Converts floating-point numbers on the sRGB curve to linear light. A power for every lookup would be expensive.
-pub(super) fn straightened(base: Arc<Level>) -> Arc<Level> {
+pub(super) fn linearized(base: Arc<Level>) -> Arc<Level> {
     let samples = match &base.samples {
         Samples::U8(_) | Samples::U16(_) => return base,
         Samples::F16(data) => Samples::F16(data.par_iter().map(|v| to_half(srgb_decode(from_half(*v)))).collect()),

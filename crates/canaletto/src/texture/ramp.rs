@@ -113,7 +113,7 @@ impl RampTable {
     }
 
     /// Whether the mean over every interval around t equals the value at t, for t in 0 to 1.
-    pub(super) fn is_a_line(&self) -> bool {
+    pub(super) fn is_linear(&self) -> bool {
         let [first, last] = self.stops.as_slice() else { return self.stops.len() == 1 };
         self.interpolation == Interpolation::Linear && first.at <= 0.0 && last.at >= 1.0
     }

@@ -61,7 +61,7 @@ impl Material {
 }
 
 /// Directions that axes and faces of scenes hardly have.
-const ODD_DIRECTIONS: [Vec3; 3] =
+const UNALIGNED_DIRECTIONS: [Vec3; 3] =
     [Vec3::new(0.3743, 0.8129, 0.4461), Vec3::new(-0.7219, 0.2917, 0.6276), Vec3::new(0.5417, -0.3371, -0.7702)];
 
 impl World {
@@ -106,7 +106,7 @@ impl World {
             return Vec::new();
         }
         let mut counts: BTreeMap<BodyId, (Body, [i32; 3])> = BTreeMap::new();
-        for (way, direction) in ODD_DIRECTIONS.into_iter().enumerate() {
+        for (way, direction) in UNALIGNED_DIRECTIONS.into_iter().enumerate() {
             let ray = Ray::new(point.as_vec3(), direction);
             let mut along = Vec::new();
             self.each_between(&ray, f32::INFINITY, time, &mut |hit| along.push(hit));
@@ -116,7 +116,7 @@ impl World {
             for hit in &along {
                 let Some(body) = self.body(hit) else { continue };
                 let count = if body.overlaps_itself {
-                    if self.bare_surface(line, hit).normal.dot(line.direction) > 0.0 { 1 } else { -1 }
+                    if self.surface_without_uv(line, hit).normal.dot(line.direction) > 0.0 { 1 } else { -1 }
                 } else {
                     i32::from(self.contains(hit, point))
                 };
@@ -133,7 +133,7 @@ impl World {
 
     /// How often a ray that starts in a clear body is in it, from the surfaces ahead: each exit counts 1, each entry
     /// −1. For a shape, the first surface decides.
-    pub(crate) fn count_ahead(&self, ray: &Ray, time: f32, body: &Body) -> i32 {
+    pub(crate) fn containment_count(&self, ray: &Ray, time: f32, body: &Body) -> i32 {
         let BodyId { instance, part } = body.id;
         let mut ahead = Vec::new();
         self.with_instance(instance, |placed| {
@@ -153,7 +153,7 @@ impl World {
             });
         });
         let line = DRay::from(ray);
-        let leaves = |hit: &Hit| self.bare_surface(line, hit).normal.dot(line.direction) > 0.0;
+        let leaves = |hit: &Hit| self.surface_without_uv(line, hit).normal.dot(line.direction) > 0.0;
         if !body.overlaps_itself {
             return ahead.first().map_or(0, |hit| i32::from(leaves(hit)));
         }

@@ -3,9 +3,9 @@
 
 use super::World;
 use super::body::shells;
-use super::bundle::FEW;
-use super::displacement::Relief;
-use super::flatten::{Builder, Collected, Place, Sealed};
+use super::bundle::MAX_LISTED;
+use super::displacement::Displacements;
+use super::flatten::{Builder, FinishedPart, Part, Place};
 use super::geometry::Geometry;
 use super::group::Group;
 use super::instance::{Instance, NONE};
@@ -186,7 +186,7 @@ impl World {
         let (textures, texture_names, needs_differentials) = resolve_textures(images, textures, &mut materials)?;
         let required_spaces = materials.iter().map(RequiredSpaces::of).collect();
         let light_meshes = LightMeshes::collect(nodes.iter().chain(&prototypes), &meshes)?;
-        let displacement = Relief::new(textures, &materials);
+        let displacement = Displacements::new(textures, &materials);
         let spans = Spans::new(&meshes, &spheres, &cylinders, &prototypes);
         let origin = spans.world(&nodes, views.get(options.view));
         let uses = uses_of(&nodes, &prototypes);
@@ -195,15 +195,15 @@ impl World {
         (builder.instancing, builder.uses) = (instancing, uses);
         (builder.quality, builder.before) = (options.quality, before);
         builder.count_uses(&nodes);
-        let mut root = Collected::default();
+        let mut root = Part::default();
         let place = Place::from(origin);
         pieces(nodes).try_for_each(|piece| builder.flatten(&piece, &place, &mut root, 0))?;
-        let Sealed { instances, mut lights, moving_lights, unbounded, .. } = builder.finish_part(root, NONE)?;
+        let FinishedPart { instances, mut lights, moving_lights, unbounded, .. } = builder.finish_part(root, NONE)?;
         lights.extend(environment.as_ref().zip(backdrop.as_ref()).and_then(|(described, ready)| ready.sun(described)));
         let bounds: Vec<Aabb> = instances.iter().map(|instance| builder.tables().bounds(instance)).collect();
         if let Some(index) = bounds.iter().position(|b| !(b.is_empty() || b.is_finite())) {
             let object = builder.objects.get(instances[index].object as usize).map_or("an object", |o| o.name.as_str());
-            return Err(BuildError::Invalid { object: object.into(), problem: too_far() });
+            return Err(BuildError::Invalid { object: object.into(), problem: out_of_range_message() });
         }
         let root = Group::new(instances, &bounds, 1, "the scene", builder.tables())?;
         materials.push(Material::new("default", Phong::default()));
@@ -236,7 +236,7 @@ impl World {
             groups: builder.groups,
             chains: builder.chains,
             moving_lights,
-            instance_bounds: if bounds.len() <= FEW { bounds } else { Vec::new() },
+            instance_bounds: if bounds.len() <= MAX_LISTED { bounds } else { Vec::new() },
             unbounded,
             zones: Zones::UNKNOWN,
         };
@@ -363,7 +363,7 @@ fn resolve_textures(
     Ok((PreparedTexture::resolve(images, &textures)?, names, needs_differentials))
 }
 
-pub(super) fn too_far() -> String {
+pub(super) fn out_of_range_message() -> String {
     format!("after its transforms it reaches beyond ±{:e}, the largest coordinate possible", f32::MAX)
 }
 

@@ -19,13 +19,13 @@ use glam::Vec3;
 use std::ops::Range;
 
 /// The most instances that are each tested with all rays.
-pub(super) const FEW: usize = 8;
+pub(super) const MAX_LISTED: usize = 8;
 
 /// The fewest primitives that are tested with packets.
-const MANY: usize = 32;
+const MIN_PACKET_PRIMITIVES: usize = 32;
 
 /// The fewest rays that form packets.
-const TOGETHER: usize = 8;
+const MIN_PACKET_RAYS: usize = 8;
 
 /// A batch of rays of one query, and the results. Neighbouring rays should be nearly parallel.
 #[derive(Debug, Default)]
@@ -33,7 +33,7 @@ pub struct RayBundle {
     rays: Rays,
     /// The `t_max` of each ray.
     t_max: Vec<f32>,
-    /// The hit of each ray, by [`World::intersect_bundle`].
+    /// The hit of each ray, by [`World::intersect_batch`].
     nearest: Vec<Hit>,
     /// The occlusion of each ray, by [`World::occlusion_batch`].
     occlusion: Vec<Occlusion>,
@@ -86,17 +86,17 @@ impl RayRange<'_> {
         &prepared[range.start - ready.start..range.end - ready.start]
     }
 
-    /// Calls [`for_runs`] on the groups of these rays. If their bounds are unknown, there is one run of all rays.
-    pub(super) fn for_runs(&self, bounds: &Aabb, mut f: impl FnMut(Range<usize>)) {
+    /// Calls [`for_candidate_runs`] on the groups of these rays. If their bounds are unknown, there is one run of all rays.
+    pub(super) fn for_candidate_runs(&self, bounds: &Aabb, mut f: impl FnMut(Range<usize>)) {
         match self.packet_bounds {
             [] => f(0..self.range.len()),
-            packet_bounds => for_runs(packet_bounds, self.range.len(), bounds, f),
+            packet_bounds => for_candidate_runs(packet_bounds, self.range.len(), bounds, f),
         }
     }
 }
 
 /// Calls `f` with each run of groups that may hit a box, as the range of their rays.
-fn for_runs(packet_bounds: &[PacketBounds], rays: usize, bounds: &Aabb, mut f: impl FnMut(Range<usize>)) {
+fn for_candidate_runs(packet_bounds: &[PacketBounds], rays: usize, bounds: &Aabb, mut f: impl FnMut(Range<usize>)) {
     let mut start = None;
     for (index, packet_bounds) in packet_bounds.iter().enumerate() {
         match (packet_bounds.misses(bounds), start) {
@@ -180,7 +180,7 @@ impl RayBundle {
         (self.rays.rays[index], self.t_max[index])
     }
 
-    /// The hit of the ray at `index`, after [`World::intersect_bundle`].
+    /// The hit of the ray at `index`, after [`World::intersect_batch`].
     #[inline]
     pub fn hit(&self, index: usize) -> Option<Hit> {
         self.nearest[index].real()
@@ -212,11 +212,11 @@ impl RayBundle {
 
 impl World {
     /// [`World::intersect_at`] for each ray of a batch. [`RayBundle::hit`] returns the results.
-    pub fn intersect_bundle(&self, bundle: &mut RayBundle, time: f32) {
+    pub fn intersect_batch(&self, bundle: &mut RayBundle, time: f32) {
         self.intersect_bundle_with(bundle, time, |ray, t_max| self.intersect_at(ray, t_max, time), |_| true);
     }
 
-    /// [`World::intersect_bundle`] on few instances, restricted to those for which `counts` returns true. Otherwise
+    /// [`World::intersect_batch`] on few instances, restricted to those for which `counts` returns true. Otherwise
     /// `one` finds the nearest hit of each ray.
     pub(super) fn intersect_bundle_with(
         &self,
@@ -227,35 +227,35 @@ impl World {
     ) {
         let RayBundle { rays, t_max, nearest, local, packet_bounds, found, .. } = bundle;
         nearest.clear();
-        if !self.is_asked_together(&rays.rays) {
-            let hit = |ray, t_max| one(ray, t_max).unwrap_or(Hit::before(t_max, time));
+        if !self.uses_batches(&rays.rays) {
+            let hit = |ray, t_max| one(ray, t_max).unwrap_or(Hit::none(t_max, time));
             nearest.extend(rays.rays.iter().zip(t_max).map(|(ray, &mut t_max)| hit(ray, t_max)));
             return;
         }
-        nearest.extend(t_max.iter().map(|&t_max| Hit::before(t_max, time)));
+        nearest.extend(t_max.iter().map(|&t_max| Hit::none(t_max, time)));
         if !self.unbounded.is_empty() {
             rays.rays.iter().zip(&mut *nearest).for_each(|(ray, best)| self.try_unbounded(ray, best));
         }
         PacketBounds::of_groups(packet_bounds, &rays.rays, t_max);
-        self.for_near((rays, local), packet_bounds, time, counts, |number, geometry, part| {
+        self.for_candidate_rays((rays, local), packet_bounds, time, counts, |number, geometry, part| {
             let nearest = &mut nearest[part.range.clone()];
             found.clear();
             found.extend(nearest.iter().map(|best| PrimitiveHit::none(best.t)));
-            geometry.intersect_bundle(part, found);
+            geometry.intersect_batch(part, found);
             for (best, &found) in nearest.iter_mut().zip(&*found) {
-                best.offer(number, found);
+                best.update(number, found);
             }
         });
     }
 
     /// Whether each instance is tested with all rays of a batch.
-    fn is_asked_together(&self, rays: &[Ray]) -> bool {
+    fn uses_batches(&self, rays: &[Ray]) -> bool {
         rays.len() > 1 && self.is_small()
     }
 
     /// Whether each instance is one geometry, and instances are few.
     pub(super) fn is_small(&self) -> bool {
-        self.root.is_flat() && self.root.instances.len() <= FEW
+        self.root.is_flat() && self.root.instances.len() <= MAX_LISTED
     }
 
     /// The occlusion of each ray of a batch. [`RayBundle::occlusion`] returns the results. `last` is the last occluder
@@ -263,7 +263,7 @@ impl World {
     pub fn occlusion_batch(&self, bundle: &mut RayBundle, time: f32, last: &mut OccluderCache) {
         let RayBundle { rays, t_max, occlusion, local, open, packet_bounds, .. } = bundle;
         occlusion.clear();
-        if !self.is_asked_together(&rays.rays) {
+        if !self.uses_batches(&rays.rays) {
             occlusion
                 .extend(rays.rays.iter().zip(t_max).map(|(ray, &mut t_max)| self.occlusion(ray, t_max, time, last)));
             return;
@@ -279,7 +279,7 @@ impl World {
             });
         }
         PacketBounds::of_groups(packet_bounds, &rays.rays, open);
-        self.for_near(
+        self.for_candidate_rays(
             (rays, local),
             packet_bounds,
             time,
@@ -295,7 +295,7 @@ impl World {
                         opaque
                     });
                 } else {
-                    geometry.occluded_bundle(part, open, || last.slot_in(number));
+                    geometry.occluded_batch(part, open, || last.slot_in(number));
                 }
             },
         );
@@ -309,7 +309,7 @@ impl World {
     /// Calls `f` for each instance for which `counts` returns true, and each run of groups of rays that may hit it. `f`
     /// gets the instance's number, its geometry and the rays in its space. The parameter t keeps its meaning, since
     /// directions aren't normalised.
-    fn for_near(
+    fn for_candidate_rays(
         &self,
         (rays, local): (&mut Rays, &mut Rays),
         packet_bounds: &[PacketBounds],
@@ -322,7 +322,7 @@ impl World {
                 continue;
             }
             local.clear();
-            for_runs(packet_bounds, rays.rays.len(), bounds, |range| {
+            for_candidate_runs(packet_bounds, rays.rays.len(), bounds, |range| {
                 let part = if instance.to_world.is_none() {
                     let groups = range.start / GROUP..range.end.div_ceil(GROUP);
                     RayRange { all: rays, range, packet_bounds: &packet_bounds[groups] }
@@ -343,11 +343,11 @@ impl World {
 impl Geometry {
     /// Whether this many rays go through the geometry's tree in packets.
     fn has_packets_of(&self, rays: &[Ray]) -> bool {
-        matches!(self, Geometry::Mesh { .. }) || rays.len() >= TOGETHER && self.len() >= MANY
+        matches!(self, Geometry::Mesh { .. }) || rays.len() >= MIN_PACKET_RAYS && self.len() >= MIN_PACKET_PRIMITIVES
     }
 
     /// [`Geometry::intersect`] for many rays. `found` holds the `t_max` of each ray and takes the results.
-    fn intersect_bundle(&self, mut part: RayRange, found: &mut [PrimitiveHit]) {
+    fn intersect_batch(&self, mut part: RayRange, found: &mut [PrimitiveHit]) {
         match self {
             _ if self.has_packets_of(part.rays()) => self.intersect_coherent(part.rays(), found),
             Geometry::Shapes { shapes, .. } if self.is_few() => shape_list::intersect(shapes, &part, found),
@@ -366,7 +366,7 @@ impl Geometry {
 
     /// Sets `t_max` to −∞ for each ray that hits something at or before it. `last` returns the slot of the last
     /// occluder, or [`NONE`].
-    fn occluded_bundle<'a>(&self, mut part: RayRange, t_max: &mut [f32], last: impl FnOnce() -> &'a mut u32) {
+    fn occluded_batch<'a>(&self, mut part: RayRange, t_max: &mut [f32], last: impl FnOnce() -> &'a mut u32) {
         if self.has_packets_of(part.rays()) {
             self.occluded_coherent(part.rays(), t_max);
         } else if self.is_few() {

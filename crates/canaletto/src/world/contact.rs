@@ -61,7 +61,7 @@ impl World {
         contacts.sort_unstable_by_key(|contact| (contact.hit.instance, contact.hit.primitive));
         contacts.dedup_by_key(|contact| (contact.hit.instance, contact.hit.primitive));
         contacts.retain_mut(|contact| {
-            let normal = self.bare_surface(*line, &contact.hit).normal;
+            let normal = self.surface_without_uv(*line, &contact.hit).normal;
             contact.outside = line.direction.dot(normal) < 0.0;
             let parallel = normal.dot(surface.normal).abs() > PARALLEL;
             if !parallel {

@@ -11,7 +11,7 @@ use glam::{DMat3, DVec3};
 
 /// The displacements of a scene's materials.
 #[derive(Default)]
-pub(super) struct Relief {
+pub(super) struct Displacements {
     /// All textures, until the world takes them.
     pub(super) patterns: Vec<PreparedTexture>,
     /// The displacing uses of each material.
@@ -20,11 +20,11 @@ pub(super) struct Relief {
     made: usize,
 }
 
-impl Relief {
-    pub(super) fn new(patterns: Vec<PreparedTexture>, materials: &[Material]) -> Relief {
+impl Displacements {
+    pub(super) fn new(patterns: Vec<PreparedTexture>, materials: &[Material]) -> Displacements {
         let displaces = |used: &&TextureUse| matches!(used.target, Target::Displace { .. });
         let uses = materials.iter().map(|m| m.textures.iter().filter(displaces).copied().collect()).collect();
-        Relief { patterns, uses, made: 0 }
+        Displacements { patterns, uses, made: 0 }
     }
 
     /// Whether this material displaces surfaces.
@@ -43,7 +43,7 @@ impl Relief {
             let kinds = "spheres, boxes, triangles, cylinders, cones and meshes can be";
             return Err(format!("a {} can't be displaced; {kinds}", shape.kind()));
         };
-        let raised = self.raise(net, shape.bounds(), origin, &|_| material, &[material])?;
+        let raised = self.displace(net, shape.bounds(), origin, &|_| material, &[material])?;
         Ok(Mesh { origin, ..raised })
     }
 
@@ -53,11 +53,11 @@ impl Relief {
         let slots = mesh.materials.len().max(1) as u32;
         let materials: Vec<u32> = (0..slots).map(material).collect();
         let origin = mesh.origin;
-        let raised = self.raise(Tessellation::of_mesh(mesh), Some(bounds), origin, material, &materials)?;
+        let raised = self.displace(Tessellation::of_mesh(mesh), Some(bounds), origin, material, &materials)?;
         Ok(Mesh { origin, ..raised })
     }
 
-    fn raise(
+    fn displace(
         &mut self,
         net: Tessellation,
         bounds: Option<Aabb>,
@@ -101,8 +101,8 @@ impl Relief {
         let place =
             Place { point, normal, uv, surface_differential: &surface_differential, to_world: None, bounds, origins };
         let pattern = &self.patterns[used.texture as usize];
-        let spots = used.mapping.spots(&place);
+        let coords = used.mapping.coords(&place);
         let at = |at: DVec3| f64::from(used.number(pattern.eval(&Lookup::point(at))));
-        spots.iter().map(|spot| at(spot.at) * spot.weight).sum()
+        coords.iter().map(|spot| at(spot.at) * spot.weight).sum()
     }
 }

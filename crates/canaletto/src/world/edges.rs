@@ -9,11 +9,11 @@ use crate::shape::Surface;
 use glam::DVec3;
 
 /// The distance at which an edge is near, as a multiple of the offset of an origin. A face beyond an edge is then not
-/// skipped unnoticed if the sine of the angle at the edge is at least 1 / `TIMES`.
-const TIMES: f64 = 16.0;
+/// skipped unnoticed if the sine of the angle at the edge is at least 1 / `EDGE_FACTOR`.
+const EDGE_FACTOR: f64 = 16.0;
 
 /// A bound of the offset of an origin, relative to the terms of the largest coordinate.
-const MOVED: f64 = 1.0 / (1 << 20) as f64;
+const ORIGIN_OFFSET: f64 = 1.0 / (1 << 20) as f64;
 
 /// The corners of a triangle in the world.
 struct Corners {
@@ -26,7 +26,7 @@ struct Corners {
 
 impl Corners {
     /// Whether an edge is nearer than `reach` to the point with these barycentric coordinates.
-    fn is_near(&self, uv: [f32; 2], reach: f64) -> bool {
+    fn has_edge_within(&self, uv: [f32; 2], reach: f64) -> bool {
         let [a, b, c] = self.all;
         let [ab, bc, ca] = [b - a, c - b, a - c];
         let twice_area = ab.cross(ca).length_squared();
@@ -39,16 +39,16 @@ impl Corners {
 
 impl World {
     /// Whether a ray that leaves this surface may start beyond another triangle of its mesh.
-    pub(crate) fn is_by_an_edge(&self, hit: &Hit, surface: &Surface) -> bool {
-        let reach = TIMES * f64::from(surface.error.max_element());
-        self.triangle_of(hit).is_some_and(|corners| corners.is_near(hit.uv, reach))
+    pub(crate) fn is_near_edge(&self, hit: &Hit, surface: &Surface) -> bool {
+        let reach = EDGE_FACTOR * f64::from(surface.error.max_element());
+        self.triangle_of(hit).is_some_and(|corners| corners.has_edge_within(hit.uv, reach))
     }
 
     /// Whether a line comes from the outer side of the triangle that it hits. `None` near an edge, or if the hit is on
     /// something else.
-    pub(crate) fn side_of_mesh(&self, line: &DRay, hit: &Hit) -> Option<bool> {
+    pub(crate) fn hits_outer_side(&self, line: &DRay, hit: &Hit) -> Option<bool> {
         let corners = self.triangle_of(hit)?;
-        if corners.is_near(hit.uv, TIMES * MOVED * corners.terms) {
+        if corners.has_edge_within(hit.uv, EDGE_FACTOR * ORIGIN_OFFSET * corners.terms) {
             return None;
         }
         let [a, b, c] = corners.all;

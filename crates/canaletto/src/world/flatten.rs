@@ -1,15 +1,15 @@
 //! Flattening of the tree of nodes. Groups and most prototypes are dissolved, shapes are transformed, and the rest is
 //! placed as instances.
 
-use super::build::{hierarchy_error, too_far};
-use super::displacement::Relief;
+use super::build::{hierarchy_error, out_of_range_message};
+use super::displacement::Displacements;
 use super::geometry::Geometry;
 use super::group::Group;
 use super::instance::{Instance, NONE, Placement, Unbounded};
 use super::instancing::InstancingPolicy;
 use super::light_meshes::LightMeshes;
 use super::motion::{MovingLight, TransformChain};
-use super::origin::{Exactly, FAR, Spans, away_from, counted_from, origin_of, rounded_visibly, shape_span};
+use super::origin::{Exactly, FAR, Spans, away_from, origin_of, relative_to, rounded_visibly, shape_span};
 use super::required_spaces::RequiredSpaces;
 use super::reuse::{Previous, ReuseCounts};
 use super::{BuildError, Object, World};
@@ -46,7 +46,7 @@ impl Place {
 
 /// The result of one walk: of the root, or of a prototype in its own space.
 #[derive(Clone, Default)]
-pub(super) struct Collected {
+pub(super) struct Part {
     shapes: Vec<Shape>,
     shape_objects: Vec<u32>,
     shape_materials: Vec<u32>,
@@ -57,7 +57,7 @@ pub(super) struct Collected {
 }
 
 /// A part whose single shapes have become one more instance.
-pub(super) struct Sealed {
+pub(super) struct FinishedPart {
     pub(super) instances: Vec<Instance>,
     pub(super) lights: Vec<Light>,
     pub(super) moving_lights: Vec<MovingLight>,
@@ -71,8 +71,8 @@ pub(super) struct Builder {
     pub(super) material_count: usize,
     /// The spaces that each material's textures need, and their union.
     pub(super) required_spaces: Vec<RequiredSpaces>,
-    pub(super) all_wants: RequiredSpaces,
-    pub(super) displacement: Relief,
+    pub(super) union_of_required_spaces: RequiredSpaces,
+    pub(super) displacement: Displacements,
     pub(super) meshes: Vec<Option<Mesh>>,
     pub(super) spheres: Vec<Option<SphereCloud>>,
     pub(super) cylinders: Vec<Option<CylinderCloud>>,
@@ -101,7 +101,7 @@ pub(super) struct Builder {
     pub(super) geometry_of_mesh: HashMap<(u32, u32), u32>,
     pub(super) geometry_of_spheres: HashMap<u32, u32>,
     pub(super) geometry_of_cylinders: HashMap<u32, u32>,
-    pub(super) finished: HashMap<u32, Sealed>,
+    pub(super) finished: HashMap<u32, FinishedPart>,
     pub(super) open: Vec<u32>,
     pub(super) objects: Vec<Object>,
     /// The transforms of moving instances over time, of all parts so far.
@@ -114,7 +114,7 @@ pub(super) struct Builder {
 impl Builder {
     pub(super) fn new(
         required_spaces: Vec<RequiredSpaces>,
-        displacement: Relief,
+        displacement: Displacements,
         meshes: Vec<Mesh>,
         spheres: Vec<SphereCloud>,
         cylinders: Vec<CylinderCloud>,
@@ -122,7 +122,7 @@ impl Builder {
     ) -> Builder {
         Builder {
             material_count: required_spaces.len(),
-            all_wants: required_spaces
+            union_of_required_spaces: required_spaces
                 .iter()
                 .fold(RequiredSpaces::default(), |all, required_spaces| all.and(*required_spaces)),
             required_spaces,
@@ -159,7 +159,7 @@ impl Builder {
         &mut self,
         nodes: &[Node],
         place: &Place,
-        part: &mut Collected,
+        part: &mut Part,
         depth: usize,
     ) -> Result<(), BuildError> {
         if depth > World::MAX_NESTING {
@@ -168,7 +168,7 @@ impl Builder {
         nodes.iter().try_for_each(|node| self.place(node, place, part, depth))
     }
 
-    fn place(&mut self, node: &Node, place: &Place, part: &mut Collected, depth: usize) -> Result<(), BuildError> {
+    fn place(&mut self, node: &Node, place: &Place, part: &mut Part, depth: usize) -> Result<(), BuildError> {
         if node.motion.is_empty() {
             self.place_still(node, place, part, depth)
         } else {
@@ -177,23 +177,17 @@ impl Builder {
     }
 
     /// Places a moving node. It becomes a part of its own, which is then placed along its path.
-    fn place_moving(
-        &mut self,
-        node: &Node,
-        place: &Place,
-        part: &mut Collected,
-        depth: usize,
-    ) -> Result<(), BuildError> {
+    fn place_moving(&mut self, node: &Node, place: &Place, part: &mut Part, depth: usize) -> Result<(), BuildError> {
         let called = || node.name.as_ref().map_or_else(|| "an unnamed node".into(), |name| format!("\"{name}\""));
         let path = AnimatedTransform::new(&node.motion)
             .map_err(|e| BuildError::Invalid { object: called(), problem: e.to_string() })
             .map(Arc::new)?;
-        let mut inner = Collected::default();
+        let mut inner = Part::default();
         let origin = self.spans.moving_origin(node);
         let own = Place { inherited: place.inherited, ..Place::from(origin) };
         self.place_still(node, &own, &mut inner, depth)?;
         let first_object = inner.shape_objects.first().copied().unwrap_or(NONE);
-        let Sealed { instances, lights, moving_lights, unbounded, .. } = self.finish_part(inner, first_object)?;
+        let FinishedPart { instances, lights, moving_lights, unbounded, .. } = self.finish_part(inner, first_object)?;
         if let Some(plane) = unbounded.first() {
             let problem = "a plane has no bounds and can't move while the shutter is open; take a large disk or box";
             return Err(self.invalid(plane.object, problem.into()));
@@ -210,7 +204,7 @@ impl Builder {
         let base = part.lights.len() as u32;
         let mut chains: Vec<(Light, TransformChain)> = lights
             .into_iter()
-            .map(|light| (light, TransformChain::still(counted_from(origin, &Transform::IDENTITY))))
+            .map(|light| (light, TransformChain::still(relative_to(origin, &Transform::IDENTITY))))
             .collect();
         for MovingLight { index, light, chain } in moving_lights {
             let chain = if origin == DVec3::ZERO { chain } else { chain.inside(&Transform::translate(origin)) };
@@ -235,13 +229,7 @@ impl Builder {
         Ok(Instance { to_world, motion: self.chains.len() as u32 - 1, ..*instance })
     }
 
-    fn place_still(
-        &mut self,
-        node: &Node,
-        place: &Place,
-        part: &mut Collected,
-        depth: usize,
-    ) -> Result<(), BuildError> {
+    fn place_still(&mut self, node: &Node, place: &Place, part: &mut Part, depth: usize) -> Result<(), BuildError> {
         let transform = place.transform.after(&node.transform);
         if !(transform.matrix().is_finite() && transform.inverse().matrix().is_finite()) {
             let object = node.name.as_ref().map_or_else(|| "an unnamed node".into(), |name| format!("\"{name}\""));
@@ -267,14 +255,14 @@ impl Builder {
                 // The objects that a light shines on aren't known here. Points that the transform brings much nearer to
                 // zero indicate far coordinates.
                 let mut far = false;
-                light.with_points(|_, p| {
+                light.map_points(|_, p| {
                     let moved = transform.point(p.as_dvec3()).abs().max_element();
                     far |= f64::from(p.abs().max_element()) > FAR * moved;
                     p
                 });
                 if place.exact || far && !node.rest.is_usual() {
                     let (exactly, transform) = Exactly::before(&node.rest, transform);
-                    return self.light(part, light.with_points(|i, p| exactly.point(i, p)).transformed(&transform));
+                    return self.light(part, light.map_points(|i, p| exactly.point(i, p)).transformed(&transform));
                 }
                 self.light(part, light.transformed(&transform))
             }
@@ -286,14 +274,14 @@ impl Builder {
             }
             Content::Spheres(index) => {
                 let object = self.object(node, "spheres");
-                self.refuse_relief(inherited, object)?;
+                self.reject_displacement(inherited, object)?;
                 let geometry = self.spheres_geometry(node, *index, &transform)?;
                 let to_world = self.place_of(geometry, &transform);
                 self.instance(part, Instance { material: own, inherited, to_world, ..Instance::of(geometry, object) })
             }
             Content::Cylinders(index) => {
                 let object = self.object(node, "cylinders");
-                self.refuse_relief(inherited, object)?;
+                self.reject_displacement(inherited, object)?;
                 let geometry = self.cylinders_geometry(node, *index, &transform)?;
                 let to_world = self.place_of(geometry, &transform);
                 self.instance(part, Instance { material: own, inherited, to_world, ..Instance::of(geometry, object) })
@@ -316,7 +304,7 @@ impl Builder {
         object: u32,
         material: u32,
         place: &Place,
-        part: &mut Collected,
+        part: &mut Part,
     ) -> Result<(), BuildError> {
         let (mut shape, mut transform, mut origin) = (*shape, place.transform, DVec3::ZERO);
         let stays = self.required_spaces(material).allow(&shape, &transform);
@@ -329,7 +317,7 @@ impl Builder {
                             || shape.transformed(&transform).is_none()));
         if exact {
             let (exactly, left) = Exactly::before(rest, transform);
-            (shape, transform, origin) = (shape.with_points(|i, p| exactly.point(i, p)), left, exactly.zero);
+            (shape, transform, origin) = (shape.map_points(|i, p| exactly.point(i, p)), left, exactly.zero);
         }
         shape.check().map_err(|problem| self.invalid(object, problem))?;
         if self.displacement.displaces(material) {
@@ -349,7 +337,7 @@ impl Builder {
                 part.shape_objects.push(object);
                 part.shape_materials.push(material);
             }
-            None if shape.bounds().is_none() => return Err(self.invalid(object, too_far())),
+            None if shape.bounds().is_none() => return Err(self.invalid(object, out_of_range_message())),
             // The transform would lose the shape's kind or a space that its textures need.
             _ => {
                 let geometry = self.push(Geometry::shapes(vec![shape], vec![object], vec![material]), object)?;
@@ -362,7 +350,7 @@ impl Builder {
     }
 
     /// Clouds have too many elements to become triangles.
-    fn refuse_relief(&self, material: u32, object: u32) -> Result<(), BuildError> {
+    fn reject_displacement(&self, material: u32, object: u32) -> Result<(), BuildError> {
         if self.displacement.displaces(material) {
             let problem = "a cloud can't be displaced; single spheres and cylinders can be";
             return Err(self.invalid(object, problem.into()));
@@ -377,7 +365,7 @@ impl Builder {
         object: u32,
         [own, inherited]: [u32; 2],
         transform: &Transform,
-        part: &mut Collected,
+        part: &mut Part,
     ) -> Result<(), BuildError> {
         let origin = mesh.origin;
         let geometry = self.push_mesh(mesh, object)?;
@@ -391,7 +379,7 @@ impl Builder {
         node: &Node,
         index: u32,
         place: &Placement,
-        part: &mut Collected,
+        part: &mut Part,
         depth: usize,
     ) -> Result<(), BuildError> {
         let Placement { own, inherited, .. } = *place;
@@ -407,7 +395,7 @@ impl Builder {
             }
             self.open.push(index);
             let prototype = self.prototypes[index as usize].clone();
-            let mut inner = Collected::default();
+            let mut inner = Part::default();
             let origin = self.spans.prototype_origin(&prototype);
             self.flatten(std::slice::from_ref(&prototype), &Place::from(origin), &mut inner, depth + 1)?;
             let first_object = inner.shape_objects.first().copied().unwrap_or(NONE);
@@ -418,8 +406,8 @@ impl Builder {
             self.open.pop();
         }
         let Some(finished) = self.finished.remove(&index) else { return Ok(()) };
-        let Sealed { instances, lights, moving_lights, unbounded, origin } = &finished;
-        let transform = counted_from(*origin, &place.transform);
+        let FinishedPart { instances, lights, moving_lights, unbounded, origin } = &finished;
+        let transform = relative_to(*origin, &place.transform);
         let place = &Placement { transform, own, inherited };
         self.count(0, instances.len())?;
         let or = |a: u32, b: u32| if a == NONE { b } else { a };
@@ -441,7 +429,7 @@ impl Builder {
             chain: chain.clone().inside(&transform),
         }));
         for Unbounded { shape, object, material, own: place, origin: own_origin } in unbounded {
-            let moved = shape.transformed(&transform).ok_or_else(|| self.invalid(*object, too_far()))?;
+            let moved = shape.transformed(&transform).ok_or_else(|| self.invalid(*object, out_of_range_message()))?;
             let material = or(own, or(*material, inherited));
             let (place, origin) = match place {
                 Some((shape, t)) => (Some((*shape, transform.after(t))), own_origin),
@@ -455,7 +443,7 @@ impl Builder {
         Ok(())
     }
 
-    fn light(&mut self, part: &mut Collected, light: Light) -> Result<(), BuildError> {
+    fn light(&mut self, part: &mut Part, light: Light) -> Result<(), BuildError> {
         check_light(&light, "after its transforms, ")?;
         let points = light.points() as usize + self.light_meshes.count(&light);
         self.count(1, points)?;
@@ -469,11 +457,11 @@ impl Builder {
         if self.open.is_empty() {
             self.required_spaces.get(material as usize).copied().unwrap_or_default()
         } else {
-            self.all_wants
+            self.union_of_required_spaces
         }
     }
 
-    fn unbounded(&mut self, part: &mut Collected, shape: Unbounded) -> Result<(), BuildError> {
+    fn unbounded(&mut self, part: &mut Part, shape: Unbounded) -> Result<(), BuildError> {
         self.count(2, 1)?;
         part.unbounded.push(shape);
         Ok(())
@@ -501,9 +489,8 @@ impl Builder {
     }
 
     /// Turns a part's single shapes into one more instance.
-    pub(super) fn finish_part(&mut self, part: Collected, object: u32) -> Result<Sealed, BuildError> {
-        let Collected { shapes, shape_objects, shape_materials, mut instances, lights, moving_lights, unbounded } =
-            part;
+    pub(super) fn finish_part(&mut self, part: Part, object: u32) -> Result<FinishedPart, BuildError> {
+        let Part { shapes, shape_objects, shape_materials, mut instances, lights, moving_lights, unbounded } = part;
         if !shapes.is_empty() {
             let geometry =
                 Geometry::shapes(shapes, shape_objects, shape_materials).map_err(|e| hierarchy_error("shapes", &e))?;
@@ -512,10 +499,10 @@ impl Builder {
             let geometry = self.geometries.len() as u32 - 1;
             instances.push(Instance::of(geometry, object));
         }
-        Ok(Sealed { instances, lights, moving_lights, unbounded, origin: DVec3::ZERO })
+        Ok(FinishedPart { instances, lights, moving_lights, unbounded, origin: DVec3::ZERO })
     }
 
-    fn instance(&mut self, part: &mut Collected, instance: Instance) -> Result<(), BuildError> {
+    fn instance(&mut self, part: &mut Part, instance: Instance) -> Result<(), BuildError> {
         self.count(0, 1)?;
         part.instances.push(instance);
         Ok(())

@@ -16,11 +16,11 @@ const SKEW: f32 = 0.06;
 const LEAF: usize = 8;
 
 /// The number of pairs tested per triangle. If a mesh needs more, all of it counts as folded.
-const PATIENCE: usize = 8;
+const MAX_PAIRS_PER_TRIANGLE: usize = 8;
 
 /// A triangle, or several neighbouring ones.
 #[derive(Clone, Copy)]
-struct Bunch {
+struct TriangleCluster {
     bounds: Aabb,
     /// The box around all unit normals.
     normals: Aabb,
@@ -28,8 +28,8 @@ struct Bunch {
     surfaces: [u32; 2],
 }
 
-impl Bunch {
-    fn of(mesh: &Mesh, triangle: usize, surface: u32) -> Bunch {
+impl TriangleCluster {
+    fn of(mesh: &Mesh, triangle: usize, surface: u32) -> TriangleCluster {
         let [a, b, c] = mesh.corners(triangle);
         let across = (b - a).cross(c - a);
         let length = across.length();
@@ -40,17 +40,17 @@ impl Bunch {
             let (ab, ac) = (b.as_dvec3() - a.as_dvec3(), c.as_dvec3() - a.as_dvec3());
             ab.cross(ac).normalize_or_zero().as_vec3()
         };
-        Bunch {
+        TriangleCluster {
             bounds: Aabb { min: a.min(b).min(c), max: a.max(b).max(c) },
             normals: Aabb { min: normal, max: normal },
             surfaces: [surface; 2],
         }
     }
 
-    fn and(self, other: &Bunch) -> Bunch {
+    fn and(self, other: &TriangleCluster) -> TriangleCluster {
         let union = |a: &Aabb, b: &Aabb| Aabb { min: a.min.min(b.min), max: a.max.max(b.max) };
         let [[a, b], [c, d]] = [self.surfaces, other.surfaces];
-        Bunch {
+        TriangleCluster {
             bounds: union(&self.bounds, &other.bounds),
             normals: union(&self.normals, &other.normals),
             surfaces: [a.min(c), b.max(d)],
@@ -58,17 +58,17 @@ impl Bunch {
     }
 
     /// Whether faces of the two may coincide as a fold.
-    fn may_meet(&self, other: &Bunch, near: f32) -> bool {
+    fn may_coincide(&self, other: &TriangleCluster, near: f32) -> bool {
         let (min, max) = (-other.normals.max - SKEW, -other.normals.min + SKEW);
         let [[a, b], [c, d]] = [self.surfaces, other.surfaces];
-        wider(&self.bounds, near).overlaps(&wider(&other.bounds, near))
+        expanded(&self.bounds, near).overlaps(&expanded(&other.bounds, near))
             && (self.normals.overlaps(&Aabb { min, max }) || !(a == b && b == c && c == d))
     }
 }
 
 /// A box with a margin for coinciding faces.
-pub(super) fn grown(bounds: &Aabb) -> Aabb {
-    wider(bounds, largest(bounds) * NEAR)
+pub(super) fn with_margin(bounds: &Aabb) -> Aabb {
+    expanded(bounds, largest(bounds) * NEAR)
 }
 
 /// The largest coordinate in a box.
@@ -76,7 +76,7 @@ pub(super) fn largest(bounds: &Aabb) -> f32 {
     bounds.min.abs().max(bounds.max.abs()).max_element()
 }
 
-fn wider(bounds: &Aabb, by: f32) -> Aabb {
+fn expanded(bounds: &Aabb, by: f32) -> Aabb {
     Aabb { min: bounds.min - by, max: bounds.max + by }
 }
 
@@ -85,27 +85,27 @@ fn wider(bounds: &Aabb, by: f32) -> Aabb {
 pub(super) fn folds(mesh: &Mesh, surface: impl Fn(usize) -> u32 + Sync) -> Aabb {
     let order = along_a_curve(mesh);
     let leaf = |ids: &[u32]| {
-        let one = |&id: &u32| Bunch::of(mesh, id as usize, surface(id as usize));
+        let one = |&id: &u32| TriangleCluster::of(mesh, id as usize, surface(id as usize));
         ids.iter().map(one).reduce(|all, one| all.and(&one))
     };
-    let mut levels: Vec<Vec<Bunch>> = vec![order.par_chunks(LEAF).filter_map(leaf).collect()];
+    let mut levels: Vec<Vec<TriangleCluster>> = vec![order.par_chunks(LEAF).filter_map(leaf).collect()];
     while let Some(last) = levels.last()
         && last.len() > 1
     {
-        levels.push(last.par_chunks(2).map(|pair| pair[1..].iter().fold(pair[0], Bunch::and)).collect());
+        levels.push(last.par_chunks(2).map(|pair| pair[1..].iter().fold(pair[0], TriangleCluster::and)).collect());
     }
     let Some(&[whole]) = levels.last().map(Vec::as_slice) else { return Aabb::EMPTY };
     let near = largest(&whole.bounds) * NEAR;
     let mut folds = Aabb::EMPTY;
-    let mut patience = (order.len() + LEAF) * PATIENCE;
+    let mut patience = (order.len() + LEAF) * MAX_PAIRS_PER_TRIANGLE;
     let mut pairs = vec![(levels.len() - 1, 0, 0)];
     while let Some((level, i, j)) = pairs.pop() {
-        if !levels[level][i].may_meet(&levels[level][j], near) {
+        if !levels[level][i].may_coincide(&levels[level][j], near) {
             continue;
         }
         let Some(below) = level.checked_sub(1) else {
             let [a, b] = [i, j].map(|leaf| &order[leaf * LEAF..order.len().min((leaf + 1) * LEAF)]);
-            let Some(left) = patience.checked_sub(a.len() * b.len()) else { return grown(&whole.bounds) };
+            let Some(left) = patience.checked_sub(a.len() * b.len()) else { return with_margin(&whole.bounds) };
             patience = left;
             for (at, &first) in a.iter().enumerate() {
                 let others = if i == j { &b[at + 1..] } else { b };
@@ -127,8 +127,8 @@ pub(super) fn folds(mesh: &Mesh, surface: impl Fn(usize) -> u32 + Sync) -> Aabb 
 
 /// The place where two triangles may lie on one another.
 fn fold(mesh: &Mesh, pair: [u32; 2], near: f32, surface: &impl Fn(usize) -> u32) -> Aabb {
-    let [a, b] = pair.map(|id| Bunch::of(mesh, id as usize, surface(id as usize)));
-    if !a.may_meet(&b, near) {
+    let [a, b] = pair.map(|id| TriangleCluster::of(mesh, id as usize, surface(id as usize)));
+    if !a.may_coincide(&b, near) {
         return Aabb::EMPTY;
     }
     let corners = pair.map(|id| mesh.corners(id as usize).map(|p| p.as_dvec3()));
@@ -140,7 +140,7 @@ fn fold(mesh: &Mesh, pair: [u32; 2], near: f32, surface: &impl Fn(usize) -> u32)
     if apart(0, a.normals.min) || apart(1, b.normals.min) {
         return Aabb::EMPTY;
     }
-    wider(&a.bounds, near).intersection(&wider(&b.bounds, near))
+    expanded(&a.bounds, near).intersection(&expanded(&b.bounds, near))
 }
 
 /// The triangles in the order of their first corners on a Z-shaped curve through about as many cells as there are

@@ -5,7 +5,7 @@ use super::build::hierarchy_error;
 use super::flatten::{Builder, missing};
 use super::geometry::Geometry;
 use super::instance::NONE;
-use super::origin::{FAR, counted_from, origin_of, span};
+use super::origin::{FAR, origin_of, relative_to, span};
 use super::reuse::Found;
 use crate::math::Transform;
 use crate::scene::Node;
@@ -32,7 +32,7 @@ impl Builder {
         // Another use may need the mesh without displacement.
         let again = self.displacement.any() && self.mesh_uses[index as usize] > 1;
         let mut mesh = if again { slot.clone() } else { slot.take() }.unwrap_or_default();
-        let transform = &counted_from(mesh.origin, transform);
+        let transform = &relative_to(mesh.origin, transform);
         let object = self.objects.len() as u32 - 1;
         mesh.check().map_err(|problem| self.invalid(object, problem))?;
         if let Some(&bad) = mesh.materials.iter().find(|&&m| m as usize >= self.material_count) {
@@ -130,7 +130,7 @@ impl Builder {
     /// identity.
     pub(super) fn place_of(&self, geometry: u32, transform: &Transform) -> Option<Transform> {
         let place = match self.local_origins.get(&geometry) {
-            Some(origin) => counted_from(*origin, transform),
+            Some(origin) => relative_to(*origin, transform),
             None => *transform,
         };
         (!place.is_identity()).then_some(place)

@@ -154,7 +154,7 @@ impl Geometry {
     pub(super) fn is_few(&self) -> bool {
         match self {
             Geometry::Mesh { .. } => false,
-            Geometry::Shapes { shapes, .. } => shapes.len() <= shape_list::FEW,
+            Geometry::Shapes { shapes, .. } => shapes.len() <= shape_list::MAX_LISTED,
             Geometry::Spheres { tree, .. } | Geometry::Cylinders { tree, .. } => tree.is_few(),
         }
     }
@@ -262,13 +262,13 @@ impl Geometry {
     }
 
     /// [`Geometry::surface`] without texture coordinates, which may be undefined.
-    pub(super) fn bare_surface(&self, line: DRay, primitive: u32, hit: &ShapeHit) -> Surface {
+    pub(super) fn surface_without_uv(&self, line: DRay, primitive: u32, hit: &ShapeHit) -> Surface {
         let id = primitive as usize;
         match self {
-            Geometry::Shapes { shapes, .. } => shapes[id].bare_surface(line, hit),
+            Geometry::Shapes { shapes, .. } => shapes[id].surface_without_uv(line, hit),
             Geometry::Mesh { mesh, .. } => mesh.surface_at(id, &line, hit),
-            Geometry::Spheres { cloud, .. } => cloud.bare_surface(id, line, hit),
-            Geometry::Cylinders { cloud, .. } => cloud.bare_surface(id, line, hit),
+            Geometry::Spheres { cloud, .. } => cloud.surface_without_uv(id, line, hit),
+            Geometry::Cylinders { cloud, .. } => cloud.surface_without_uv(id, line, hit),
         }
     }
 

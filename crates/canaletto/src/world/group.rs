@@ -339,7 +339,7 @@ impl GroupRay {
 
 /// The most instances that are tested one by one, without the tree. A chain of nested groups then takes little of the
 /// stack.
-const FEW: usize = 4;
+const MAX_LISTED: usize = 4;
 
 impl Group {
     /// Calls `visit` for the instances that the ray may hit within (0, t_max], roughly from near to far. `visit`
@@ -347,7 +347,7 @@ impl Group {
     pub(super) fn intersect(&self, group_ray: &GroupRay, t_max: f32, mut visit: impl FnMut(u32) -> f32) {
         let Group { tree, slot_bounds, .. } = self;
         let mut limit = group_ray.at(t_max);
-        if slot_bounds.len() <= FEW {
+        if slot_bounds.len() <= MAX_LISTED {
             for (bounds, &index) in slot_bounds.iter().zip(tree.order()) {
                 if group_ray.ray.enters(bounds, limit) {
                     limit = group_ray.at(visit(index));
@@ -369,7 +369,7 @@ impl Group {
     pub(super) fn occluded(&self, group_ray: &GroupRay, t_max: f32, mut visit: impl FnMut(u32) -> bool) -> bool {
         let Group { tree, slot_bounds, .. } = self;
         let limit = group_ray.at(t_max);
-        if slot_bounds.len() <= FEW {
+        if slot_bounds.len() <= MAX_LISTED {
             let mut all = slot_bounds.iter().zip(tree.order());
             return all.any(|(bounds, &index)| group_ray.ray.enters(bounds, limit) && visit(index));
         }

@@ -40,10 +40,10 @@ impl Random {
         Vec3::new(self.signed(), self.signed(), self.signed())
     }
 
-    /// A transform with translations up to `differential`: some transforms are the identity, others move, rotate,
+    /// A transform with translations up to `extent`: some transforms are the identity, others move, rotate,
     /// mirror, shear and stretch.
-    fn place(&mut self, differential: f64) -> Transform {
-        let at = Transform::translate(self.vector().as_dvec3() * differential);
+    fn place(&mut self, extent: f64) -> Transform {
+        let at = Transform::translate(self.vector().as_dvec3() * extent);
         let turn = Transform::rotate(self.vector().as_dvec3(), f64::from(self.signed()) * 180.0).unwrap_or_default();
         let scale = |f: DVec3| Transform::scale(f).unwrap();
         let shear = DMat3::IDENTITY + DMat3::from_cols(DVec3::ZERO, DVec3::X * 0.7, DVec3::Y * -0.4);
@@ -194,7 +194,7 @@ fn whole_prototypes_are_met_as_dissolved_ones() {
             bundle.clear();
             bundle.push(*ray, f32::INFINITY);
             bundle.push(*ray, t.next_down());
-            whole.intersect_bundle(&mut bundle, time);
+            whole.intersect_batch(&mut bundle, time);
             assert_eq!(bundle.hit(0), expected);
             hits += usize::from(expected.is_some());
             far += usize::from(expected.is_some_and(|hit| hit.t * ray.direction.abs().max_element() > 1e4));

@@ -167,11 +167,11 @@ impl World {
         if self.origin == DVec3::ZERO || bounds.is_empty() {
             return bounds;
         }
-        Aabb { min: self.in_the_scene(bounds.min), max: self.in_the_scene(bounds.max) }
+        Aabb { min: self.to_scene(bounds.min), max: self.to_scene(bounds.max) }
     }
 
     /// The scene's coordinates of a point of the world, rounded to `f32`.
-    pub fn in_the_scene(&self, p: Vec3) -> Vec3 {
+    pub fn to_scene(&self, p: Vec3) -> Vec3 {
         if self.origin == DVec3::ZERO { p } else { (self.origin + p.as_dvec3()).as_vec3() }
     }
 

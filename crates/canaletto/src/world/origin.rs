@@ -62,7 +62,7 @@ pub(super) fn origin_of(span: Span, far: f64) -> DVec3 {
 }
 
 /// The transform for coordinates relative to this origin.
-pub(super) fn counted_from(origin: DVec3, transform: &Transform) -> Transform {
+pub(super) fn relative_to(origin: DVec3, transform: &Transform) -> Transform {
     if origin == DVec3::ZERO { *transform } else { transform.after(&Transform::translate(origin)) }
 }
 
@@ -215,7 +215,7 @@ impl Exactly<'_> {
 
 /// The span of a shape, from its points with the parts that `f32` lost.
 pub(super) fn shape_span(shape: &Shape, rest: &[Vec3; 3]) -> Span {
-    let (near, zero) = shape.at_its_first_point(rest);
+    let (near, zero) = shape.relative_to_first_point(rest);
     near.bounds().map_or(EMPTY, |bounds| [zero + bounds.min.as_dvec3(), zero + bounds.max.as_dvec3()])
 }
 

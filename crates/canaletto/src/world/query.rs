@@ -33,7 +33,7 @@ impl Hit {
 
     /// No hit up to `t_max`.
     #[inline]
-    pub(crate) fn before(t_max: f32, time: f32) -> Hit {
+    pub(crate) fn none(t_max: f32, time: f32) -> Hit {
         Hit { t: t_max, instance: NONE, primitive: PrimitiveHit::NONE, part: 0, uv: [0.0; 2], time }
     }
 
@@ -53,7 +53,7 @@ impl Hit {
 
     /// Replaces this hit by one on an instance if that is nearer.
     #[inline]
-    pub(super) fn offer(&mut self, instance: u32, met: PrimitiveHit) {
+    pub(super) fn update(&mut self, instance: u32, met: PrimitiveHit) {
         if let Some(hit) = self.nearer(instance, met) {
             *self = hit;
         }
@@ -122,7 +122,7 @@ impl World {
         time: f32,
         instances: impl FnOnce(&World, &PreparedRay, Hit) -> Hit,
     ) -> Option<Hit> {
-        let mut best = Hit::before(t_max, time);
+        let mut best = Hit::none(t_max, time);
         self.try_unbounded(ray, &mut best);
         instances(self, &ray.prepare(), best).real()
     }
@@ -132,7 +132,7 @@ impl World {
     pub(super) fn try_unbounded(&self, ray: &Ray, best: &mut Hit) {
         for (id, Unbounded { shape, .. }) in (0..).zip(&self.unbounded) {
             if let Some(hit) = shape.intersect(ray, best.t) {
-                best.offer(Hit::UNBOUNDED, PrimitiveHit { id, ..on_shape(hit) });
+                best.update(Hit::UNBOUNDED, PrimitiveHit { id, ..on_shape(hit) });
             }
         }
     }
@@ -187,7 +187,7 @@ impl World {
     ) {
         let geometry = &self.geometries[instance.geometry as usize];
         let met = instance.with_local_ray(ray, &self.chains, best.time, |ray| intersect(geometry, ray, best.t));
-        best.offer(number, met);
+        best.update(number, met);
     }
 
     /// The second stage of a hit: the surface that the ray of `line` hits.
@@ -197,11 +197,11 @@ impl World {
 
     /// [`World::surface`] without texture coordinates, which may be undefined.
     #[inline]
-    pub(crate) fn bare_surface(&self, line: DRay, hit: &Hit) -> Surface {
-        self.surface_with(line, hit, Shape::bare_surface, Geometry::bare_surface)
+    pub(crate) fn surface_without_uv(&self, line: DRay, hit: &Hit) -> Surface {
+        self.surface_with(line, hit, Shape::surface_without_uv, Geometry::surface_without_uv)
     }
 
-    /// [`World::bare_surface`] into a lane of a group of eight. Some surfaces are stored in `surfaces` at once. For the
+    /// [`World::surface_without_uv`] into a lane of a group of eight. Some surfaces are stored in `surfaces` at once. For the
     /// others the inputs are stored in `surface_inputs`, which evaluates eight surfaces at a time. Returns the
     /// surface's own colour, if it has one.
     #[inline]
@@ -242,7 +242,7 @@ impl World {
                 return color;
             }
         }
-        let surface = self.bare_surface(*line, hit);
+        let surface = self.surface_without_uv(*line, hit);
         surfaces.set(lane, &surface);
         surface.color
     }
@@ -324,7 +324,7 @@ impl World {
         instance.effective_material(own).unwrap_or_else(|| self.default_material())
     }
 
-    pub(super) fn made_of(&self, instance: &Instance, primitive: u32) -> &Material {
+    pub(super) fn material_at(&self, instance: &Instance, primitive: u32) -> &Material {
         &self.materials[self.material_of(instance, primitive) as usize]
     }
 

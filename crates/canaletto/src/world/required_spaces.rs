@@ -46,7 +46,7 @@ impl RequiredSpaces {
         }
         let m = transform.matrix().matrix3;
         let upright = transform.is_axis_aligned() && m.x_axis.x > 0.0 && m.y_axis.y > 0.0 && m.z_axis.z > 0.0;
-        !self.object && (!self.uv || shape.keeps_uv(transform)) && (!self.bounds || upright)
+        !self.object && (!self.uv || shape.preserves_uv(transform)) && (!self.bounds || upright)
     }
 
     /// Whether a mesh may be transformed at build time. Its texture coordinates are stored at its vertices.

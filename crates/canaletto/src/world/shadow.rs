@@ -74,7 +74,7 @@ pub(crate) struct ShadowRays {
     /// The rays that haven't ended.
     pub(crate) bundle: RayBundle,
     /// The numbers of these rays.
-    on_their_way: Vec<u32>,
+    active: Vec<u32>,
     all: Vec<ShadowRay>,
 }
 
@@ -139,28 +139,28 @@ impl World {
         time: f32,
         differential: impl Fn(usize) -> Option<RayDifferential>,
     ) {
-        let ShadowRays { bundle, on_their_way, all } = shadow_rays;
+        let ShadowRays { bundle, active, all } = shadow_rays;
         all.clear();
         all.extend((0..bundle.len()).map(|index| ShadowRay::new(&bundle.ray(index).0)));
-        on_their_way.clear();
-        on_their_way.extend(0..bundle.len() as u32);
+        active.clear();
+        active.extend(0..bundle.len() as u32);
         for _ in 0..Self::MAX_CROSSINGS {
             if bundle.is_empty() {
                 break;
             }
-            self.intersect_clear_bundle(bundle, time);
+            self.intersect_clear_batch(bundle, time);
             let mut left = 0;
             bundle.retain(|index, ray, t_max, hit| {
-                let number = on_their_way[index];
+                let number = active[index];
                 let goes_on = hit.is_some_and(|hit| {
                     let differential = differential(number as usize);
                     self.cross(&mut all[number as usize], ray, t_max, &hit, differential.as_ref(), &mut ())
                 });
-                on_their_way[left] = number;
+                active[left] = number;
                 left += usize::from(goes_on);
                 goes_on
             });
-            on_their_way.truncate(left);
+            active.truncate(left);
         }
     }
 
@@ -175,9 +175,9 @@ impl World {
         probe: &mut P,
     ) -> bool {
         let line = DRay::from(&*ray);
-        let mut surface = self.bare_surface(line, hit);
+        let mut surface = self.surface_without_uv(line, hit);
         let step = differential.map(|s| s.along(&crossing.line, surface.exact, surface.normal));
-        let opacity = self.kept_light(line, hit, step);
+        let opacity = self.opacity_at(line, hit, step);
         probe.blocker(hit, opacity);
         crossing.passed *= 1.0 - opacity;
         self.contacts(&line, hit, &surface, &mut crossing.contacts, |_| {});
@@ -185,7 +185,7 @@ impl World {
             // Coinciding surfaces are crossed with this one.
             surface.error = touching(&surface);
             for contact in &crossing.contacts {
-                let opacity = self.kept_light(line, &contact.hit, step);
+                let opacity = self.opacity_at(line, &contact.hit, step);
                 probe.blocker(&contact.hit, opacity);
                 crossing.passed *= 1.0 - opacity;
             }
@@ -231,7 +231,7 @@ impl World {
     }
 
     /// [`World::intersect_clear`] for a batch of rays.
-    fn intersect_clear_bundle(&self, bundle: &mut RayBundle, time: f32) {
+    fn intersect_clear_batch(&self, bundle: &mut RayBundle, time: f32) {
         self.intersect_bundle_with(
             bundle,
             time,
@@ -272,7 +272,7 @@ impl World {
                 let geometry = &self.geometries[instance.geometry as usize];
                 let slot = instance.with_local_ray(prepared, &self.chains, time, |ray| {
                     geometry.occluded(ray, t_max, |primitive| {
-                        let opaque = !self.has_clear || self.made_of(instance, primitive).is_opaque();
+                        let opaque = !self.has_clear || self.material_at(instance, primitive).is_opaque();
                         clear |= !opaque;
                         opaque
                     })

@@ -11,20 +11,20 @@ use canaletto_bvh::{PrimitiveHit, Ray, sphere};
 use std::ops::Range;
 
 /// The most shapes that are tested one by one: the number of children of a tree node.
-pub(super) const FEW: usize = 8;
+pub(super) const MAX_LISTED: usize = 8;
 
 /// Calls `f` with each shape and the range of the rays that may hit it.
-fn for_near(shapes: &[Shape], part: &RayRange, mut f: impl FnMut(u32, &Shape, Range<usize>)) {
+fn for_candidate_rays(shapes: &[Shape], part: &RayRange, mut f: impl FnMut(u32, &Shape, Range<usize>)) {
     for (id, shape) in (0..).zip(shapes) {
         if let Some(bounds) = shape.bounds() {
-            part.for_runs(&bounds, |near| f(id, shape, near));
+            part.for_candidate_runs(&bounds, |near| f(id, shape, near));
         }
     }
 }
 
 /// The nearest hits of the rays. `found` holds the `t_max` of each ray and takes the results.
 pub(super) fn intersect(shapes: &[Shape], part: &RayRange, found: &mut [PrimitiveHit]) {
-    for_near(shapes, part, |id, shape, near| {
+    for_candidate_rays(shapes, part, |id, shape, near| {
         let (rays, found) = (&part.rays()[near.clone()], &mut found[near]);
         match shape {
             // The most frequent shapes are compiled into the loop.
@@ -94,7 +94,7 @@ pub(super) fn occlusion(
     t_max: &mut [f32],
     mut blocks: impl FnMut(usize, u32) -> bool,
 ) {
-    for_near(shapes, part, |id, shape, near| {
+    for_candidate_rays(shapes, part, |id, shape, near| {
         let (rays, t_max) = (&part.rays()[near.clone()], &mut t_max[near.clone()]);
         match shape {
             Shape::Sphere(s) => {

@@ -5,7 +5,7 @@ use super::instance::to_local;
 use super::{Hit, World};
 use crate::integrator::Probe;
 use crate::material::{
-    MaterialPoint, Place, Target, TexCoord, TexCoords, TextureUse, bumped, clamp_to_hemisphere, tilted,
+    MaterialPoint, Place, Target, TexCoord, TexCoords, TextureUse, apply_bump, apply_normal_map, clamp_to_hemisphere,
 };
 use crate::math::{DRay, Transform};
 use crate::shape::{Surface, SurfaceDifferential};
@@ -88,32 +88,35 @@ impl World {
         // Displacement was applied when the world was built.
         for used in material.textures.iter().filter(|used| !matches!(used.target, Target::Displace { .. })) {
             let pattern = &self.textures[used.texture as usize];
-            let spots = used.mapping.spots(&at.place);
+            let coords = used.mapping.coords(&at.place);
             let (before, was) = (point, normal);
             let mut readings = [Reading { lookup: Lookup::default(), weight: 0.0, footprint: None }; 3];
             let room = if P::ACTIVE { &mut readings[..] } else { &mut [] };
-            let value = at.value(pattern, used, &spots, room);
+            let value = at.value(pattern, used, &coords, room);
             match used.target {
-                Target::Bump => normal = bumped(normal, at.slope(pattern, used, &spots)),
+                Target::Bump => normal = apply_bump(normal, at.slope(pattern, used, &coords)),
                 Target::Normal { strength, down } => {
                     let s = f64::from(strength);
                     let [x, y, z] = [value[0], value[1], value[2]].map(|v| 2.0 * f64::from(v) - 1.0);
                     let y = if down { -y } else { y };
-                    normal =
-                        tilted(normal, local.surface_differential.tangents(local.surface.normal), [x * s, y * s, z]);
+                    normal = apply_normal_map(
+                        normal,
+                        local.surface_differential.tangents(local.surface.normal),
+                        [x * s, y * s, z],
+                    );
                 }
                 _ => used.apply(value, &mut point),
             }
-            if used.target.bends() {
+            if used.target.bends_normal() {
                 normal = clamp_to_hemisphere(normal, local.surface.normal);
-                point.bent = true;
+                point.normal_bent = true;
             }
             if P::ACTIVE {
                 let outwards = |n: DVec3| local.to_world.as_ref().map_or(n, |t| t.normal(n).normalize());
                 probe.texture(&TextureRead {
                     used,
                     name: &self.texture_names[used.texture as usize],
-                    readings: &readings[..spots.len()],
+                    readings: &readings[..coords.len()],
                     value,
                     before: &before,
                     after: &point,
@@ -121,7 +124,7 @@ impl World {
                 });
             }
         }
-        if point.bent {
+        if point.normal_bent {
             surface.shading_normal = match &local.to_world {
                 None => normal,
                 Some(t) => clamp_to_hemisphere(t.normal(normal).normalize(), surface.normal),
@@ -132,21 +135,21 @@ impl World {
 
     /// The share of light that a surface blocks when light crosses it. Only textures that change this share are read.
     #[inline(never)]
-    pub(crate) fn kept_light(&self, line: DRay, hit: &Hit, step: Option<[DVec3; 2]>) -> f32 {
+    pub(crate) fn opacity_at(&self, line: DRay, hit: &Hit, step: Option<[DVec3; 2]>) -> f32 {
         let material = self.material(hit);
         let mut point =
             MaterialPoint { phong: material.phong, coverage: material.coverage, ..MaterialPoint::default() };
         if material.textures.is_empty() || material.is_opaque() {
-            return point.blocked();
+            return point.opacity_with_coverage();
         }
         let local = self.local(line, hit);
         let at = At::new(self, &local, step);
-        for used in material.textures.iter().filter(|used| used.target.clears()) {
+        for used in material.textures.iter().filter(|used| used.target.may_transmit()) {
             let pattern = &self.textures[used.texture as usize];
-            let value = at.value(pattern, used, &used.mapping.spots(&at.place), &mut []);
+            let value = at.value(pattern, used, &used.mapping.coords(&at.place), &mut []);
             used.apply(value, &mut point);
         }
-        point.blocked()
+        point.opacity_with_coverage()
     }
 
     fn local(&self, line: DRay, hit: &Hit) -> Local {
@@ -206,12 +209,12 @@ impl<'a> At<'a> {
         Lookup { at: spot.at, dx, dy }
     }
 
-    /// The weighted mean of the texture at `spots`. The readings are stored as far as `readings` has room.
+    /// The weighted mean of the texture at `coords`. The readings are stored as far as `readings` has room.
     fn value(
         &self,
         pattern: &PreparedTexture,
         used: &TextureUse,
-        spots: &TexCoords,
+        coords: &TexCoords,
         readings: &mut [Reading],
     ) -> [f32; 4] {
         let one = |spot: &TexCoord, reading: Option<&mut Reading>| {
@@ -221,13 +224,13 @@ impl<'a> At<'a> {
             }
             if used.target.takes_color() { pattern.color(&lookup) } else { pattern.eval(&lookup) }
         };
-        if let [spot] = &spots[..] {
+        if let [spot] = &coords[..] {
             return one(spot, readings.first_mut());
         }
         // Colours are weighted by their alpha.
         let by_alpha = used.target.takes_color();
         let mut sum = [0.0; 4];
-        for (i, spot) in spots.iter().enumerate() {
+        for (i, spot) in coords.iter().enumerate() {
             let value = one(spot, readings.get_mut(i));
             let weight = spot.weight as f32;
             let share = if by_alpha { weight * value[3] } else { weight };
@@ -244,11 +247,11 @@ impl<'a> At<'a> {
 
     /// The gradient of a texture's height, in the object's space. Differences are taken over the footprint, or over a
     /// texel if that is larger. Between texels the slope would be that of the filter only.
-    fn slope(&self, pattern: &PreparedTexture, used: &TextureUse, spots: &TexCoords) -> DVec3 {
+    fn slope(&self, pattern: &PreparedTexture, used: &TextureUse, coords: &TexCoords) -> DVec3 {
         let spacing = pattern.spacing().unwrap_or([SMALLEST_STEP; 2]);
         let spacing = [spacing[0], spacing[1], SMALLEST_STEP];
         let mut slope = DVec3::ZERO;
-        for spot in spots.iter() {
+        for spot in coords.iter() {
             let lookup = self.lookup(spot);
             for (axis, gradient) in spot.gradients().into_iter().enumerate() {
                 if gradient == DVec3::ZERO {

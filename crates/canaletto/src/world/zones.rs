@@ -7,7 +7,7 @@
 //! the zone is everywhere.
 
 use super::World;
-use super::folds::{NEAR, grown, largest};
+use super::folds::{NEAR, largest, with_margin};
 use super::geometry::Geometry;
 use super::instance::{Instance, NONE};
 use super::motion::around;
@@ -100,7 +100,7 @@ impl World {
                     }
                     zones.rows.push((zones.numbers.len() as u32, true));
                     for primitive in 0..count as u32 {
-                        let opaque = self.made_of(instance, primitive).is_opaque();
+                        let opaque = self.material_at(instance, primitive).is_opaque();
                         zones.numbers.push(if opaque { ALL } else { NOWHERE });
                         if !opaque {
                             things.push(Clear { instance: number, primitive });
@@ -141,7 +141,7 @@ impl World {
             leaf.slots().all(|slot| {
                 let number = self.root.tree.order()[slot as usize];
                 let neighbour = &self.root.instances[number as usize];
-                let bounds = grown(&self.root.slot_bounds[slot as usize]);
+                let bounds = with_margin(&self.root.slot_bounds[slot as usize]);
                 if !bounds.overlaps(&own.bounds) {
                     return true;
                 }
@@ -150,7 +150,7 @@ impl World {
                     _ if same && thing.primitive == NONE => {
                         let folds = self.shells[neighbour.geometry as usize].as_ref().map_or(own.bounds, |s| s.folds());
                         if !folds.is_empty() {
-                            zone = zone.union(grown(&neighbour.bounds(&self.chains, folds)));
+                            zone = zone.union(with_margin(&neighbour.bounds(&self.chains, folds)));
                         }
                         return true;
                     }
@@ -207,7 +207,7 @@ impl World {
             Geometry::Shapes { shapes, .. } if instance.to_world.is_none() => Some(&shapes[primitive as usize]),
             _ => None,
         };
-        Placement { bounds: grown(&instance.bounds(&self.chains, local)), shape }
+        Placement { bounds: with_margin(&instance.bounds(&self.chains, local)), shape }
     }
 
     /// Whether the surface of a clear object may coincide with another surface.
@@ -237,8 +237,8 @@ fn surfaces_are_apart(a: &Placement, b: &Placement) -> bool {
     match (a.shape, b.shape) {
         (Some(Shape::Sphere(a)), Some(Shape::Sphere(b))) => {
             let [(c, r), (d, s)] = [ball(a), ball(b)];
-            let occlusion = (c - d).length();
-            occlusion > r + s + near || occlusion < (r - s).abs() - near
+            let distance = (c - d).length();
+            distance > r + s + near || distance < (r - s).abs() - near
         }
         (Some(Shape::Sphere(a)), _) => {
             let (c, r) = ball(a);
@@ -261,7 +261,7 @@ fn ball(sphere: &Sphere) -> (DVec3, f64) {
 fn moved(to: &Transform, Aabb { min, max }: &Aabb) -> Aabb {
     let (min, max) = (min.as_dvec3(), max.as_dvec3());
     let (center, half) = around(to, (min + max) * 0.5, (max - min) * 0.5);
-    grown(&Aabb { min: (center - half).as_vec3(), max: (center + half).as_vec3() })
+    with_margin(&Aabb { min: (center - half).as_vec3(), max: (center + half).as_vec3() })
 }
 
 /// The part of a box that a plane intersects.

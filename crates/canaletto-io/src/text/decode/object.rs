@@ -125,7 +125,7 @@ impl Decoder<'_> {
             _ => return None,
         };
         // Far from the origin, rounding may make a valid shape degenerate.
-        let near = scene::Node::from(shape).with_points(&exact_points(f)).shape_at_its_first_point();
+        let near = scene::Node::from(shape).with_points(&exact_points(f)).shape_relative_to_first_point();
         if f.valid
             && near.is_none_or(|near| near.check().is_err())
             && let Err(problem) = shape.check()

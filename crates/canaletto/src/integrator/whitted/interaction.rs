@@ -12,7 +12,7 @@ use glam::{DMat3, DVec3};
 /// The nearest hit of a ray, and the light that leaves it back along the ray. The surface's values are stored in groups
 /// of eight; see [`Interactions::at`].
 pub(super) struct Interaction {
-    way: u32,
+    ray_index: u32,
     pub(super) hit: Hit,
     pub(super) material: MaterialPoint,
     /// The sum of the light so far.
@@ -28,8 +28,8 @@ impl Interaction {
     fn nowhere() -> Interaction {
         let (inside, crossing) = (media::NONE, media::NONE);
         Interaction {
-            way: 0,
-            hit: Hit::before(0.0, 0.0),
+            ray_index: 0,
+            hit: Hit::none(0.0, 0.0),
             material: MaterialPoint::default(),
             color: Rgb::BLACK,
             inside,
@@ -39,8 +39,8 @@ impl Interaction {
 
     /// The index of the ray in its wave.
     #[inline]
-    pub(super) fn way(&self) -> usize {
-        self.way as usize
+    pub(super) fn ray_index(&self) -> usize {
+        self.ray_index as usize
     }
 
     /// Whether any part of the surface's shading is visible through its overlay.
@@ -88,14 +88,14 @@ impl Interactions {
     #[inline]
     pub(super) fn push(
         &mut self,
-        way: usize,
+        ray_index: usize,
         hit: &Hit,
         surface_inputs: &mut SurfaceInputs8,
         set: impl FnOnce(&mut MaterialPoint),
     ) {
         let lane = self.len % LANES;
         let interaction = &mut self.interactions[self.len];
-        (interaction.way, interaction.hit, interaction.color) = (way as u32, *hit, Rgb::BLACK);
+        (interaction.ray_index, interaction.hit, interaction.color) = (ray_index as u32, *hit, Rgb::BLACK);
         (interaction.inside, interaction.crossing) = (media::NONE, media::NONE);
         set(&mut interaction.material);
         self.interactions8[self.len / LANES].set_material(lane, &interaction.material);
@@ -208,7 +208,7 @@ impl InteractionRef<'_> {
 }
 
 /// The nearest hit of a ray where surfaces may be cut out or clear, or where the ray is in a body.
-pub(super) struct Encounter {
+pub(super) struct VisibleHit {
     pub(super) hit: Hit,
     pub(super) surface: Surface,
     pub(super) material: MaterialPoint,

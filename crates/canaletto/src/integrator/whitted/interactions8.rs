@@ -38,7 +38,7 @@ pub(super) struct Interactions8 {
     /// A bit for each interaction whose material has a highlight.
     pub(super) shiny: u32,
     /// A bit for each interaction whose shading normal a texture bent.
-    pub(super) bent: u32,
+    pub(super) normal_bent: u32,
 }
 
 /// The directions from eight interactions to a light point, and the light along them.
@@ -97,12 +97,12 @@ impl Interactions8 {
         color: BLACK,
         seen: 0,
         shiny: 0,
-        bent: 0,
+        normal_bent: 0,
     };
 
     /// Removes all interactions. Values that aren't read again remain.
     pub(super) fn clear(&mut self) {
-        (self.seen, self.shiny, self.bent) = (0, 0, 0);
+        (self.seen, self.shiny, self.normal_bent) = (0, 0, 0);
     }
 
     /// Stores an interaction's material.
@@ -114,7 +114,7 @@ impl Interactions8 {
         self.n[lane] = phong.n;
         self.seen |= u32::from(material.is_seen()) << lane;
         self.shiny |= u32::from(!phong.ks.is_black()) << lane;
-        self.bent |= u32::from(material.bent) << lane;
+        self.normal_bent |= u32::from(material.normal_bent) << lane;
     }
 
     /// Evaluates the surfaces of `surface_inputs`, and the directions and normals on the viewer's side.
@@ -217,28 +217,34 @@ impl LightSamples8 {
     };
 
     /// The directions to one point.
-    pub(super) fn point(ways: &mut Vec<LightSamples8>, interactions8: &[Interactions8], position: Vec3) {
-        ways.resize(interactions8.len(), LightSamples8::NOTHING);
-        InstructionSet::run(ToPoint { ways, interactions8, position });
+    pub(super) fn point(light_samples: &mut Vec<LightSamples8>, interactions8: &[Interactions8], position: Vec3) {
+        light_samples.resize(interactions8.len(), LightSamples8::NOTHING);
+        InstructionSet::run(ToPoint { light_samples, interactions8, position });
     }
 
     /// The directions of light samples whose arriving light is given.
-    pub(super) fn known(ways: &mut Vec<LightSamples8>, interactions8: &[Interactions8], arriving: &[Illumination]) {
-        ways.resize(interactions8.len(), LightSamples8::NOTHING);
-        for ((way, interactions8), arriving) in ways.iter_mut().zip(interactions8).zip(arriving.chunks(LANES)) {
+    pub(super) fn from_illumination(
+        light_samples: &mut Vec<LightSamples8>,
+        interactions8: &[Interactions8],
+        arriving: &[Illumination],
+    ) {
+        light_samples.resize(interactions8.len(), LightSamples8::NOTHING);
+        for ((samples8, interactions8), arriving) in
+            light_samples.iter_mut().zip(interactions8).zip(arriving.chunks(LANES))
+        {
             for (lane, arriving) in arriving.iter().enumerate() {
-                set_dvec3(&mut way.direction, lane, arriving.direction);
-                way.distance[lane] = arriving.distance;
+                set_dvec3(&mut samples8.direction, lane, arriving.direction);
+                samples8.distance[lane] = arriving.distance;
                 let (to, reach) = match arriving.position {
                     Some(position) => (position - interactions8.start(lane), BEFORE_LIGHT),
                     None => (arriving.direction.as_vec3(), f32::INFINITY),
                 };
-                set_vec3(&mut way.to, lane, to);
-                way.reach[lane] = reach;
-                way.set_intensity(lane, arriving.intensity);
+                set_vec3(&mut samples8.to, lane, to);
+                samples8.reach[lane] = reach;
+                samples8.set_intensity(lane, arriving.intensity);
             }
         }
-        InstructionSet::run(Cosines { ways, interactions8 });
+        InstructionSet::run(Cosines { light_samples, interactions8 });
     }
 
     /// The unit direction from an interaction to the light.
@@ -287,8 +293,8 @@ impl LightSamples8 {
     }
 
     /// Adds the arriving light at all interactions.
-    pub(super) fn add(ways: &[LightSamples8], interactions8: &mut [Interactions8]) {
-        InstructionSet::run(Add { ways, interactions8 });
+    pub(super) fn add(light_samples: &[LightSamples8], interactions8: &mut [Interactions8]) {
+        InstructionSet::run(Add { light_samples, interactions8 });
     }
 
     /// The diffuse term, the specular term and the contribution of the light at an interaction.
@@ -333,8 +339,9 @@ impl Kernel for Evaluate<'_> {
             let side = if outside { 1.0 } else { -1.0 };
             let (wo, facing, normal) =
                 (-direction.normalize(), outer * side, dvec3(&surfaces.shading_normal, i) * side);
-            let [lifted, point] = [&surfaces.lifted, &surfaces.point].map(|rows| vec3(rows, i));
-            let start = offset_origin(if outside { lifted } else { point }, vec3(&surfaces.error, i), facing, facing);
+            let [shadow_origin, point] = [&surfaces.shadow_origin, &surfaces.point].map(|rows| vec3(rows, i));
+            let start =
+                offset_origin(if outside { shadow_origin } else { point }, vec3(&surfaces.error, i), facing, facing);
             interactions8.side[i] = side;
             set_dvec3(&mut interactions8.wo, i, wo);
             set_dvec3(&mut interactions8.facing, i, facing);
@@ -346,7 +353,7 @@ impl Kernel for Evaluate<'_> {
 }
 
 struct ToPoint<'a> {
-    ways: &'a mut [LightSamples8],
+    light_samples: &'a mut [LightSamples8],
     interactions8: &'a [Interactions8],
     position: Vec3,
 }
@@ -357,22 +364,22 @@ impl Kernel for ToPoint<'_> {
     #[inline(always)]
     fn run(self) {
         let position = self.position.as_dvec3();
-        for (way, interactions8) in self.ways.iter_mut().zip(self.interactions8) {
+        for (samples8, interactions8) in self.light_samples.iter_mut().zip(self.interactions8) {
             for i in 0..LANES {
                 let to_light = position - dvec3(&interactions8.surfaces.exact, i);
                 let length = to_light.length();
-                set_dvec3(&mut way.direction, i, to_light / length);
-                way.distance[i] = length as f32;
-                set_vec3(&mut way.to, i, self.position - vec3(&interactions8.start, i));
+                set_dvec3(&mut samples8.direction, i, to_light / length);
+                samples8.distance[i] = length as f32;
+                set_vec3(&mut samples8.to, i, self.position - vec3(&interactions8.start, i));
             }
-            way.reach = [BEFORE_LIGHT; LANES];
-            way.cosines(interactions8);
+            samples8.reach = [BEFORE_LIGHT; LANES];
+            samples8.cosines(interactions8);
         }
     }
 }
 
 struct Cosines<'a> {
-    ways: &'a mut [LightSamples8],
+    light_samples: &'a mut [LightSamples8],
     interactions8: &'a [Interactions8],
 }
 
@@ -381,14 +388,14 @@ impl Kernel for Cosines<'_> {
 
     #[inline(always)]
     fn run(self) {
-        for (way, interactions8) in self.ways.iter_mut().zip(self.interactions8) {
-            way.cosines(interactions8);
+        for (samples8, interactions8) in self.light_samples.iter_mut().zip(self.interactions8) {
+            samples8.cosines(interactions8);
         }
     }
 }
 
 struct Add<'a> {
-    ways: &'a [LightSamples8],
+    light_samples: &'a [LightSamples8],
     interactions8: &'a mut [Interactions8],
 }
 
@@ -397,12 +404,14 @@ impl Kernel for Add<'_> {
 
     #[inline(always)]
     fn run(self) {
-        for (way, interactions8) in self.ways.iter().zip(self.interactions8) {
+        for (samples8, interactions8) in self.light_samples.iter().zip(self.interactions8) {
             for c in 0..3 {
                 for i in 0..LANES {
-                    let (diffuse, specular) =
-                        ([interactions8.kd[c][i], way.n_dot_l[i]], [interactions8.ks[c][i], way.highlight[i]]);
-                    let arrives = contribution(lit(way.intensity[c][i], diffuse, specular), way.f_s[i]);
+                    let (diffuse, specular) = (
+                        [interactions8.kd[c][i], samples8.n_dot_l[i]],
+                        [interactions8.ks[c][i], samples8.highlight[i]],
+                    );
+                    let arrives = contribution(lit(samples8.intensity[c][i], diffuse, specular), samples8.f_s[i]);
                     interactions8.color[c][i] = saturate(interactions8.color[c][i] + arrives);
                 }
             }

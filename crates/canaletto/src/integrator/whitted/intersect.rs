@@ -1,6 +1,6 @@
 //! Nearest surfaces of rays, past holes and past hidden surfaces of clear bodies.
 
-use super::interaction::{Encounter, Footprint, Interaction};
+use super::interaction::{Footprint, Interaction, VisibleHit};
 use super::media::{self, Boundary, Media};
 use super::ray_batch::PathState;
 use super::{Wave, Whitted};
@@ -17,23 +17,23 @@ impl Whitted<'_> {
     /// Finds the nearest surface of each ray, past holes. A ray without a hit gets the environment's or background's
     /// colour.
     pub(super) fn intersect<P: Probe>(&mut self, wave: &mut Wave, probe: &mut P) {
-        let Wave { ways, colors, interactions, footprints, .. } = wave;
+        let Wave { batch, colors, interactions, footprints, .. } = wave;
         let (world, time) = (self.world, self.time);
         colors.clear();
-        colors.resize(ways.len(), world.background);
+        colors.resize(batch.len(), world.background);
         interactions.clear();
         footprints.clear();
         if P::ACTIVE {
-            let PathState { kind, depth, attenuation, .. } = ways.path_state(0);
-            probe.ray(kind, &ways.rays[0], depth, attenuation);
+            let PathState { kind, depth, attenuation, .. } = batch.path_state(0);
+            probe.ray(kind, &batch.rays[0], depth, attenuation);
         }
-        self.bundle.set(&ways.rays, f32::INFINITY);
-        world.intersect_bundle(&mut self.bundle, time);
+        self.batch.set(&batch.rays, f32::INFINITY);
+        world.intersect_batch(&mut self.batch, time);
         let miss = |index: usize, color: &mut Rgb, probe: &mut P| {
             if let Some(environment) = &world.environment {
                 let differential =
-                    ways.differential(index).map_or([DVec3::ZERO; 2], |differential| differential.direction);
-                let environment_lookup = environment.lookup(ways.lines[index].direction, differential);
+                    batch.differential(index).map_or([DVec3::ZERO; 2], |differential| differential.direction);
+                let environment_lookup = environment.lookup(batch.lines[index].direction, differential);
                 probe.environment_lookup(&environment_lookup);
                 *color = environment_lookup.radiance;
             }
@@ -44,8 +44,8 @@ impl Whitted<'_> {
         let mut seen = None;
         let has_clear = world.has_clear();
         for (index, color) in colors.iter_mut().enumerate() {
-            let (found, differential) = (self.bundle.hit(index), ways.differential(index));
-            let start = if has_clear { ways.start_of(index) } else { [media::NONE; 2] };
+            let (found, differential) = (self.batch.hit(index), batch.differential(index));
+            let start = if has_clear { batch.start_of(index) } else { [media::NONE; 2] };
             if differential.is_none()
                 && !P::ACTIVE
                 && let Some(hit) = found
@@ -53,14 +53,14 @@ impl Whitted<'_> {
                 && material.is_plain()
                 && let is_clear = has_clear
                 && !material.is_opaque()
-                && let [inside, meets] = start
+                && let [inside, first_crossing] = start
                 && (!is_clear && start == [media::NONE; 2]
                     || is_clear
-                        && meets == media::NONE
+                        && first_crossing == media::NONE
                         && material.coverage >= 1.0
-                        && self.media.is_simple(world, &ways.lines[index], &hit, inside))
+                        && self.media.is_simple(world, &batch.lines[index], &hit, inside))
             {
-                let (line, (interactions8, lane)) = (ways.lines[index], interactions.next());
+                let (line, (interactions8, lane)) = (batch.lines[index], interactions.next());
                 surface_inputs.set_line(lane, &line);
                 let color = world.push_surface(&line, &hit, lane, surface_inputs, &mut interactions8.surfaces);
                 interactions.push(index, &hit, surface_inputs, |point| material.set(point, color));
@@ -69,12 +69,12 @@ impl Whitted<'_> {
                 }
                 continue;
             }
-            let way = (ways.lines[index], ways.rays[index], found, differential);
-            let Some(met) = intersect_one(world, &mut self.media, way, start, time, probe) else {
+            let ray_index = (batch.lines[index], batch.rays[index], found, differential);
+            let Some(met) = intersect_one(world, &mut self.media, ray_index, start, time, probe) else {
                 miss(index, color, probe);
                 continue;
             };
-            let Encounter { hit, surface, material: point, line, footprint, inside, crossing } = met;
+            let VisibleHit { hit, surface, material: point, line, footprint, inside, crossing } = met;
             if let Some(mut footprint) = footprint {
                 if point.is_mirror() || point.is_clear() {
                     let side = if line.direction.dot(surface.normal) < 0.0 { 1.0 } else { -1.0 };
@@ -90,7 +90,7 @@ impl Whitted<'_> {
             seen = Some(surface);
         }
         interactions.evaluate(surface_inputs);
-        ways.count(interactions.each().iter().map(Interaction::way), &mut self.counts);
+        batch.count(interactions.each().iter().map(Interaction::ray_index), &mut self.counts);
         if P::ACTIVE
             && let Some(surface) = seen
         {
@@ -101,27 +101,27 @@ impl Whitted<'_> {
 }
 
 /// The first visible surface of a ray: past holes, and past surfaces of clear bodies that another body hides. `inside`
-/// are the bodies that the ray starts in. `meets` is the coinciding surface at the ray's origin that comes before
+/// are the bodies that the ray starts in. `first_crossing` is the coinciding surface at the ray's origin that comes before
 /// `found`.
 #[inline(never)]
 fn intersect_one<P: Probe>(
     world: &World,
     media: &mut Media,
     (mut line, mut ray, mut found, differential): (DRay, Ray, Option<Hit>, Option<&RayDifferential>),
-    [mut inside, mut meets]: [u32; 2],
+    [mut inside, mut first_crossing]: [u32; 2],
     time: f32,
     probe: &mut P,
-) -> Option<Encounter> {
+) -> Option<VisibleHit> {
     let mut differential = differential.copied();
     let mut stalled = 0;
     for passed in 0.. {
-        let mut crossing = meets;
+        let mut crossing = first_crossing;
         // A coinciding surface at the origin has t = 0.
-        let mut hit = media.crossing(meets).map(|crossing| Hit { t: 0.0, ..crossing.hit }).or(found)?;
+        let mut hit = media.crossing(first_crossing).map(|crossing| Hit { t: 0.0, ..crossing.hit }).or(found)?;
         let material = world.material(&hit);
         let mut known = None;
-        if meets == media::NONE && world.has_clear() && (inside != media::NONE || !material.is_opaque()) {
-            let surface = world.bare_surface(line, &hit);
+        if first_crossing == media::NONE && world.has_clear() && (inside != media::NONE || !material.is_opaque()) {
+            let surface = world.surface_without_uv(line, &hit);
             match media.boundary(world, (&line, &ray), (&hit, &surface), &mut inside, probe) {
                 Boundary::Plain => known = Some(surface),
                 Boundary::At(first) => {
@@ -150,7 +150,7 @@ fn intersect_one<P: Probe>(
         let is_bare = material.is_plain() && !P::ACTIVE;
         let mut surface = match known {
             Some(surface) if is_bare => surface,
-            _ if is_bare => world.bare_surface(line, &hit),
+            _ if is_bare => world.surface_without_uv(line, &hit),
             _ => world.surface(line, &hit),
         };
         let (next, touches) = media.crossing(crossing).map_or((media::NONE, false), |c| (c.next, c.touches));
@@ -165,15 +165,15 @@ fn intersect_one<P: Probe>(
             world.textured(line, &hit, &mut surface, step, probe)
         };
         if material.coverage > 0.0 || passed >= MAX_HOLES || stalled > MAX_STALLED {
-            return Some(Encounter { hit, surface, material, line, footprint, inside, crossing });
+            return Some(VisibleHit { hit, surface, material, line, footprint, inside, crossing });
         }
         probe.hole(&hit);
         inside = media.crossing(crossing).map_or(inside, |crossing| crossing.beyond);
-        meets = next;
+        first_crossing = next;
         stalled = if (surface.exact - line.origin).dot(line.direction) > 0.0 { 0 } else { stalled + 1 };
         line.origin = surface.exact;
         differential = footprint.map(|f| f.differential.passed(f.step));
-        if meets == media::NONE {
+        if first_crossing == media::NONE {
             let origin = offset_origin(surface.point, surface.error, surface.normal, line.direction);
             ray = line.from_origin(origin);
             found = world.intersect_at(&ray, f32::INFINITY, time);

@@ -31,13 +31,13 @@ pub(super) const SIMPLE: u32 = NONE - 1;
 
 /// A body that a ray is in, with the rest of the set. The rest fills after it.
 #[derive(Clone, Copy)]
-struct Inside {
+struct BodyEntry {
     body: Body,
     /// The number of times that the ray has entered the body, less the times that it has left it. It is negative for
     /// meshes turned inside out, where a ray leaves a body that it wasn't in.
     count: i32,
     /// Whether the body is to be counted anew along the ray.
-    doubtful: bool,
+    uncertain: bool,
     /// The rest of the set.
     rest: u32,
 }
@@ -70,7 +70,7 @@ pub(super) struct Crossing {
 
 impl Crossing {
     /// The crossing of a surface at `hit` that nothing coincides with. `outer` is η on its outer side.
-    fn alone(hit: Hit, outer: f64, beyond: u32) -> Crossing {
+    fn single_boundary(hit: Hit, outer: f64, beyond: u32) -> Crossing {
         let refraction = Refraction::Outer(outer);
         Crossing { hit, refraction, beyond, next: NONE, before: NONE, back: NONE, touches: false }
     }
@@ -79,7 +79,7 @@ impl Crossing {
 /// The sets of bodies and the crossings of all rays in flight.
 #[derive(Default)]
 pub(super) struct Media {
-    inside: Vec<Inside>,
+    inside: Vec<BodyEntry>,
     crossings: Vec<Crossing>,
     /// The last eye position and time. `around` holds the bodies around it; bodies that fill first come first.
     eye: Option<(DVec3, f32)>,
@@ -87,12 +87,12 @@ pub(super) struct Media {
     /// The set of these bodies, if the arena holds it.
     eye_set: Option<u32>,
     contacts: Vec<Contact>,
-    scratch: Vec<Inside>,
+    scratch: Vec<BodyEntry>,
 }
 
 /// The size of the arena at some moment.
 #[derive(Clone, Copy)]
-pub(super) struct Mark(usize, usize);
+pub(super) struct ArenaMark(usize, usize);
 
 /// The result of a ray's hit on a clear surface, or of a hit from inside a body.
 pub(super) enum Boundary {
@@ -115,7 +115,7 @@ struct BoundaryHit {
 
 impl BoundaryHit {
     /// The rank in the order in which a ray crosses coinciding surfaces.
-    fn turn(&self) -> u32 {
+    fn crossing_rank(&self) -> u32 {
         match (self.body, self.opaque, self.outside) {
             (Some(_), _, false) => 0,
             (None, false, false) => 1,
@@ -133,12 +133,12 @@ impl Media {
         self.eye_set = None;
     }
 
-    pub(super) fn mark(&self) -> Mark {
-        Mark(self.inside.len(), self.crossings.len())
+    pub(super) fn mark(&self) -> ArenaMark {
+        ArenaMark(self.inside.len(), self.crossings.len())
     }
 
     /// Removes all sets and crossings added after the mark.
-    pub(super) fn release(&mut self, Mark(inside, crossings): Mark) {
+    pub(super) fn release(&mut self, ArenaMark(inside, crossings): ArenaMark) {
         self.inside.truncate(inside);
         self.crossings.truncate(crossings);
     }
@@ -153,14 +153,14 @@ impl Media {
     pub(super) fn around_eye(&mut self, world: &World, eye: DVec3, time: f32, depth: u32) -> u32 {
         if self.eye != Some((eye, time)) {
             (self.eye, self.eye_set) = (Some((eye, time)), None);
-            self.around = nearest_filling(world.bodies_around(eye, time), depth);
+            self.around = filling_order(world.bodies_around(eye, time), depth);
         }
         if let Some(set) = self.eye_set {
             return set;
         }
         let mut set = NONE;
         for &(body, count) in self.around.iter().rev() {
-            self.inside.push(Inside { body, count, doubtful: false, rest: set });
+            self.inside.push(BodyEntry { body, count, uncertain: false, rest: set });
             set = self.inside.len() as u32 - 1;
         }
         self.eye_set = Some(set);
@@ -206,10 +206,10 @@ impl Media {
 
     /// The set after a body is entered or left.
     fn changed(&mut self, set: u32, body: &Body, enters: bool) -> u32 {
-        self.with(set, body, |count, doubtful| match (body.overlaps_itself, enters) {
-            (false, _) => (i32::from(enters), doubtful),
-            (true, true) => (count + 1, doubtful),
-            (true, false) => (count - 1, doubtful),
+        self.with(set, body, |count, uncertain| match (body.overlaps_itself, enters) {
+            (false, _) => (i32::from(enters), uncertain),
+            (true, true) => (count + 1, uncertain),
+            (true, false) => (count - 1, uncertain),
         })
     }
 
@@ -223,22 +223,22 @@ impl Media {
             }
             rest = inside.rest;
             if inside.body.id == body.id {
-                before = (inside.count, inside.doubtful);
+                before = (inside.count, inside.uncertain);
                 break;
             }
             self.scratch.push(inside);
         }
-        let (count, doubtful) = change(before.0, before.1);
-        if (count, doubtful) == before {
+        let (count, uncertain) = change(before.0, before.1);
+        if (count, uncertain) == before {
             return set;
         }
         let mut set = rest;
-        if (count, doubtful) != (0, false) {
-            self.inside.push(Inside { body: *body, count, doubtful, rest });
+        if (count, uncertain) != (0, false) {
+            self.inside.push(BodyEntry { body: *body, count, uncertain, rest });
             set = self.inside.len() as u32 - 1;
         }
         for at in (0..self.scratch.len()).rev() {
-            self.inside.push(Inside { rest: set, ..self.scratch[at] });
+            self.inside.push(BodyEntry { rest: set, ..self.scratch[at] });
             set = self.inside.len() as u32 - 1;
         }
         set
@@ -249,10 +249,10 @@ impl Media {
     fn confirmed(&mut self, set: u32, met: Option<(&Body, bool)>, count: impl Fn(&Body) -> i32) -> u32 {
         let mut confirmed = set;
         let mut rest = set;
-        while let Some(&Inside { body, doubtful, rest: next, .. }) = self.inside.get(rest as usize) {
+        while let Some(&BodyEntry { body, uncertain, rest: next, .. }) = self.inside.get(rest as usize) {
             rest = next;
             let elsewhere = met.is_none_or(|(met, _)| met.id != body.id);
-            if doubtful || !body.overlaps_itself && elsewhere {
+            if uncertain || !body.overlaps_itself && elsewhere {
                 let counted = count(&body);
                 confirmed = self.with(confirmed, &body, |_, _| (counted, false));
             }
@@ -281,7 +281,7 @@ impl Media {
         };
         let first = met(hit, line.direction.dot(surface.normal) < 0.0);
         let own = first.body.as_ref().map(|body| (body, first.outside));
-        *set = self.confirmed(*set, own, |body| world.count_ahead(ray, hit.time, body));
+        *set = self.confirmed(*set, own, |body| world.containment_count(ray, hit.time, body));
         let mut contacts = std::mem::take(&mut self.contacts);
         world.contacts(line, hit, surface, &mut contacts, |across| {
             if let Some(body) = world.body(across) {
@@ -290,18 +290,18 @@ impl Media {
         });
         if let Some(body) = &first.body
             && body.overlaps_itself
-            && world.is_by_an_edge(hit, surface)
+            && world.is_near_edge(hit, surface)
         {
             *set = self.with(*set, body, |count, _| (count, true));
         }
         let boundary = if contacts.is_empty() {
-            self.alone(&first, *set, probe)
+            self.single_boundary(&first, *set, probe)
         } else {
             let others = contacts.iter().map(|contact| met(&contact.hit, contact.outside));
             let mut all: Vec<BoundaryHit> = std::iter::once(first).chain(others).collect();
             // Sorting is stable: surfaces keep the order of their hits.
-            all.sort_by_key(BoundaryHit::turn);
-            self.together(&all, hit, *set, probe)
+            all.sort_by_key(BoundaryHit::crossing_rank);
+            self.coinciding_boundary(&all, hit, *set, probe)
         };
         self.contacts = contacts;
         boundary
@@ -315,17 +315,17 @@ impl Media {
         }
         let is_mesh = world.is_of_mesh(hit);
         if set == NONE {
-            return !is_mesh || world.side_of_mesh(line, hit).is_some();
+            return !is_mesh || world.hits_outer_side(line, hit).is_some();
         }
-        let only = self.inside.get(set as usize).filter(|only| only.count == 1 && !only.doubtful && only.rest == NONE);
+        let only = self.inside.get(set as usize).filter(|only| only.count == 1 && !only.uncertain && only.rest == NONE);
         let (Some(only), Some(body)) = (only, world.body(hit)) else { return false };
-        only.body.id == body.id && (!is_mesh || world.side_of_mesh(line, hit) == Some(false))
+        only.body.id == body.id && (!is_mesh || world.hits_outer_side(line, hit) == Some(false))
     }
 
     /// The crossing of a surface with nothing near it, by a ray that is in no other body.
     pub(super) fn simple(&mut self, world: &World, hit: &Hit, outside: bool, set: u32) -> Crossing {
         let beyond = world.body(hit).map_or(set, |body| self.changed(set, &body, outside));
-        Crossing::alone(*hit, 1.0, beyond)
+        Crossing::single_boundary(*hit, 1.0, beyond)
     }
 
     /// The bodies of a ray that is mirrored at such a surface.
@@ -337,12 +337,12 @@ impl Media {
     }
 
     /// The boundary at a surface that nothing coincides with.
-    fn alone<P: Probe>(&mut self, met: &BoundaryHit, set: u32, probe: &mut P) -> Boundary {
+    fn single_boundary<P: Probe>(&mut self, met: &BoundaryHit, set: u32, probe: &mut P) -> Boundary {
         if met.opaque {
             return Boundary::Plain;
         }
         let Some(body) = &met.body else {
-            return Boundary::At(self.push(Crossing::alone(met.hit, self.eta(set), set)));
+            return Boundary::At(self.push(Crossing::single_boundary(met.hit, self.eta(set), set)));
         };
         let beyond = self.changed(set, body, met.outside);
         if self.is_hidden(body, set, if met.outside { set } else { beyond }) {
@@ -350,7 +350,7 @@ impl Media {
             return Boundary::Hidden(beyond);
         }
         let outer = self.filling_besides(set, body).map_or(1.0, |body| f64::from(body.eta));
-        Boundary::At(self.push(Crossing::alone(met.hit, outer, beyond)))
+        Boundary::At(self.push(Crossing::single_boundary(met.hit, outer, beyond)))
     }
 
     /// Whether a body's surface is hidden: another body of `set` fills the place, or a ray on its outer side is still
@@ -367,7 +367,7 @@ impl Media {
 
     /// The boundary of coinciding surfaces in the order in which the ray crosses them. `first` is the hit that the ray
     /// query returned.
-    fn together<P: Probe>(&mut self, all: &[BoundaryHit], first: &Hit, set: u32, probe: &mut P) -> Boundary {
+    fn coinciding_boundary<P: Probe>(&mut self, all: &[BoundaryHit], first: &Hit, set: u32, probe: &mut P) -> Boundary {
         let opaque = all.iter().position(|met| met.opaque);
         let mut gap = set;
         for body in sides(all, false) {
@@ -414,28 +414,28 @@ impl Media {
                 next: if is_last { NONE } else { base + index + 1 },
                 before: if index == 0 { NONE } else { base + index - 1 },
                 touches: true,
-                ..Crossing::alone(met.hit, outer, if is_last { beyond } else { occlusion })
+                ..Crossing::single_boundary(met.hit, outer, if is_last { beyond } else { occlusion })
             });
         }
         if is_gap {
-            self.way_back(base, seen.len() as u32, [set, gap], eta_gap);
+            self.push_reflected_crossings(base, seen.len() as u32, [set, gap], eta_gap);
         }
         Boundary::At(base)
     }
 
     /// Adds the crossings of rays that are mirrored from surfaces in a gap, back through those before them.
-    fn way_back(&mut self, base: u32, count: u32, [set, gap]: [u32; 2], eta_gap: f64) {
+    fn push_reflected_crossings(&mut self, base: u32, count: u32, [set, gap]: [u32; 2], eta_gap: f64) {
         let mut back = NONE;
         for number in base..base + count {
             self.crossings[number as usize].back = back;
             let hit = self.crossings[number as usize].hit;
             let beyond = if number == base { set } else { gap };
-            back = self.push(Crossing { next: back, touches: true, ..Crossing::alone(hit, eta_gap, beyond) });
+            back = self.push(Crossing { next: back, touches: true, ..Crossing::single_boundary(hit, eta_gap, beyond) });
         }
     }
 
     /// Calls `f` with each coinciding surface that a ray crossed before this crossing.
-    pub(super) fn for_before(&self, crossing: u32, mut f: impl FnMut(&Hit)) {
+    pub(super) fn for_crossed_before(&self, crossing: u32, mut f: impl FnMut(&Hit)) {
         let mut before = self.crossing(crossing).map_or(NONE, |crossing| crossing.before);
         while let Some(crossing) = self.crossing(before) {
             f(&crossing.hit);
@@ -445,7 +445,7 @@ impl Media {
 }
 
 /// The bodies in the order in which they fill the place, at most as many as a ray can leave.
-fn nearest_filling(mut around: Vec<(Body, i32)>, depth: u32) -> Vec<(Body, i32)> {
+fn filling_order(mut around: Vec<(Body, i32)>, depth: u32) -> Vec<(Body, i32)> {
     around.sort_by(|(a, _), (b, _)| if a.fills_before(b) { Ordering::Less } else { Ordering::Greater });
     around.truncate(depth as usize + 1);
     around

@@ -39,7 +39,7 @@ pub struct Whitted<'w> {
     /// Called at intervals with the number of rays traced; returns whether to cancel.
     cancelled: Option<&'w (dyn Fn(u64) -> bool + Sync)>,
     /// Whether `cancelled` returned true. No child ray is followed after that, and colours are meaningless.
-    cancelled_early: bool,
+    is_cancelled: bool,
     /// The number of rays left before the next call of `cancelled`.
     rays_until_poll: u32,
     /// The last occluder of each light's shadow rays.
@@ -53,7 +53,7 @@ pub struct Whitted<'w> {
     /// Camera rays that wait to be traced.
     pending: Wave,
     /// The rays of the current query and its results.
-    bundle: RayBundle,
+    batch: RayBundle,
     /// The inputs of surface evaluation for the last interactions.
     surface_inputs: SurfaceInputs8,
     /// Shadow rays that cross clear surfaces.
@@ -69,7 +69,7 @@ pub struct Whitted<'w> {
 /// Rays that are traced together, with their interactions.
 #[derive(Default)]
 struct Wave {
-    ways: RayBatch,
+    batch: RayBatch,
     /// For each ray, the interaction of the parent wave that it leaves.
     parents: Vec<u32>,
     /// The colour of each ray.
@@ -83,7 +83,7 @@ struct Wave {
 const RAYS_PER_POLL: u32 = 4096;
 
 /// The most camera rays that are traced together. Their interactions should fit the nearer caches.
-pub(crate) const BUNDLE: usize = 256;
+pub(crate) const BATCH_SIZE: usize = 256;
 
 impl<'w> Whitted<'w> {
     /// An integrator that has traced nothing yet.
@@ -93,14 +93,14 @@ impl<'w> Whitted<'w> {
             settings,
             counts: RayCounts::default(),
             cancelled: None,
-            cancelled_early: false,
+            is_cancelled: false,
             rays_until_poll: RAYS_PER_POLL,
             occluders: vec![OccluderCache::NONE; world.lights.len()],
             sample: Sampler::new(0, 0, [0; 2]).sample(0, 1),
             time: 0.0,
             lights: if world.lights_move() { world.lights.clone() } else { Vec::new() },
             pending: Wave::default(),
-            bundle: RayBundle::default(),
+            batch: RayBundle::default(),
             surface_inputs: SurfaceInputs8::NONE,
             shadow_rays: ShadowRays::default(),
             spare: Vec::new(),
@@ -118,8 +118,8 @@ impl<'w> Whitted<'w> {
     }
 
     /// Whether the callback cancelled the integrator. Colours returned since then are meaningless.
-    pub fn cancelled_early(&self) -> bool {
-        self.cancelled_early
+    pub fn is_cancelled(&self) -> bool {
+        self.is_cancelled
     }
 
     /// The world that this integrator traces.
@@ -160,18 +160,18 @@ impl<'w> Whitted<'w> {
         differentials: impl IntoIterator<Item = RayDifferential>,
     ) {
         self.poll(lines.len() as u32);
-        self.pending.ways.push_camera_rays(lines, samples, differentials);
+        self.pending.batch.push_camera_rays(lines, samples, differentials);
     }
 
     /// Whether the batch of waiting rays has reached its best size.
     #[inline]
     pub(crate) fn is_full(&self) -> bool {
-        self.pending.ways.len() >= BUNDLE
+        self.pending.batch.len() >= BATCH_SIZE
     }
 
     /// Traces the waiting rays and returns their colours.
     pub(crate) fn trace_pending<P: Probe>(&mut self, probe: &mut P) -> &[Rgb] {
-        if self.pending.ways.is_empty() {
+        if self.pending.batch.is_empty() {
             return &[];
         }
         let mut wave = std::mem::take(&mut self.pending);
@@ -179,10 +179,10 @@ impl<'w> Whitted<'w> {
             let Whitted { world, time, media, .. } = self;
             let depth = self.settings.max_depth;
             media.clear();
-            wave.ways.set_around(|line| media.around_eye(world, line.origin, *time, depth));
+            wave.batch.set_around(|line| media.around_eye(world, line.origin, *time, depth));
         }
         self.trace(&mut wave, probe);
-        wave.ways.clear();
+        wave.batch.clear();
         self.pending = wave;
         &self.pending.colors
     }
@@ -190,7 +190,7 @@ impl<'w> Whitted<'w> {
     /// An empty wave.
     fn wave(&mut self) -> Wave {
         let mut wave = self.spare.pop().unwrap_or_default();
-        wave.ways.clear();
+        wave.batch.clear();
         wave.parents.clear();
         wave
     }
@@ -198,9 +198,9 @@ impl<'w> Whitted<'w> {
     /// Box 5.8, `trace`: sets the colours to those of the nearest surfaces, or to the background. With an active probe
     /// there is one ray.
     fn trace<P: Probe>(&mut self, wave: &mut Wave, probe: &mut P) {
-        debug_assert!(!P::ACTIVE || wave.ways.len() == 1);
+        debug_assert!(!P::ACTIVE || wave.batch.len() == 1);
         self.intersect(wave, probe);
-        if wave.interactions.len() == 0 || self.cancelled_early {
+        if wave.interactions.len() == 0 || self.is_cancelled {
             return;
         }
         self.shade(wave, probe);
@@ -213,7 +213,7 @@ impl<'w> Whitted<'w> {
         }
         self.pass(wave, probe);
         for interaction in wave.interactions.each() {
-            wave.colors[interaction.way()] = interaction.color;
+            wave.colors[interaction.ray_index()] = interaction.color;
             probe.end(interaction.color);
         }
     }
@@ -256,7 +256,7 @@ impl<'w> Whitted<'w> {
             self.rays_until_poll = rays_until_poll;
         } else {
             self.rays_until_poll = RAYS_PER_POLL;
-            self.cancelled_early |= self.cancelled.is_some_and(|cancelled| cancelled(self.counts.total()));
+            self.is_cancelled |= self.cancelled.is_some_and(|cancelled| cancelled(self.counts.total()));
         }
     }
 }

@@ -9,8 +9,8 @@ use canaletto_bvh::Ray;
 /// Numbers of the uses of random numbers at a hit.
 pub(super) mod uses {
     /// The microfacets of rough surfaces, and the rays that leave them.
-    pub(in super::super) const MIRROR_FACET: u32 = 1;
-    pub(in super::super) const CLEAR_FACET: u32 = 2;
+    pub(in super::super) const REFLECTION_MICROFACET: u32 = 1;
+    pub(in super::super) const REFRACTION_MICROFACET: u32 = 2;
     pub(in super::super) const REFLECTED: u32 = 3;
     pub(in super::super) const REFRACTED: u32 = 4;
     pub(in super::super) const PASSED: u32 = 5;
@@ -105,26 +105,26 @@ impl RayBatch {
     }
 
     #[inline]
-    pub(super) fn path_state(&self, way: usize) -> PathState {
-        let around = || self.around.get(way).copied().unwrap_or(media::NONE);
-        self.path_states.get(way).copied().unwrap_or_else(|| PathState { inside: around(), ..PathState::EYE })
+    pub(super) fn path_state(&self, ray_index: usize) -> PathState {
+        let around = || self.around.get(ray_index).copied().unwrap_or(media::NONE);
+        self.path_states.get(ray_index).copied().unwrap_or_else(|| PathState { inside: around(), ..PathState::EYE })
     }
 
     /// The bodies that a ray is in, and the first surface that it crosses at its origin.
     #[inline]
-    pub(super) fn start_of(&self, way: usize) -> [u32; 2] {
-        let PathState { inside, meets, .. } = self.path_state(way);
-        [inside, meets]
+    pub(super) fn start_of(&self, ray_index: usize) -> [u32; 2] {
+        let PathState { inside, first_crossing, .. } = self.path_state(ray_index);
+        [inside, first_crossing]
     }
 
     #[inline]
-    pub(super) fn sample(&self, way: usize) -> &Sample {
-        &self.samples[way]
+    pub(super) fn sample(&self, ray_index: usize) -> &Sample {
+        &self.samples[ray_index]
     }
 
     #[inline]
-    pub(super) fn differential(&self, way: usize) -> Option<&RayDifferential> {
-        self.differentials.get(way)
+    pub(super) fn differential(&self, ray_index: usize) -> Option<&RayDifferential> {
+        self.differentials.get(ray_index)
     }
 
     /// Counts the rays by kind, and as hits those that `stopped` lists.
@@ -137,8 +137,8 @@ impl RayBatch {
         for path_state in &self.path_states {
             counts.of_mut(path_state.kind).traced += 1;
         }
-        for way in stopped {
-            counts.of_mut(self.path_states[way].kind).hit += 1;
+        for ray_index in stopped {
+            counts.of_mut(self.path_states[ray_index].kind).hit += 1;
         }
     }
 }
@@ -153,13 +153,13 @@ pub(super) struct PathState {
     /// The product of all attenuations from the eye.
     pub(super) throughput: Rgb,
     /// The number of surfaces of partial coverage that the path has passed.
-    pub(super) passed: u32,
+    pub(super) passed_surfaces: u32,
     /// The dimension that separates the random numbers here from those elsewhere in the tree.
     pub(super) place: Dimension,
     /// The bodies that the ray is in.
     pub(super) inside: u32,
     /// The coinciding surface at the ray's origin that it crosses before any other surface.
-    pub(super) meets: u32,
+    pub(super) first_crossing: u32,
 }
 
 impl PathState {
@@ -169,9 +169,9 @@ impl PathState {
         depth: 1,
         attenuation: Rgb::WHITE,
         throughput: Rgb::WHITE,
-        passed: 0,
+        passed_surfaces: 0,
         place: Dimension::EYE.of(uses::EYE),
         inside: media::NONE,
-        meets: media::NONE,
+        first_crossing: media::NONE,
     };
 }

@@ -34,7 +34,7 @@ pub(super) struct EnvironmentMap {
 }
 
 /// The largest number of lookups along the longer axis of a footprint.
-const MAX_LOOKS: f64 = 32.0;
+const MAX_LOOKUPS: f64 = 32.0;
 
 impl EnvironmentMap {
     /// A map of pages that fit the layout; all are of one size.
@@ -79,7 +79,7 @@ impl EnvironmentMap {
         let (sin, cos) = libm::sincos(turn);
         let long = (a * cos + b * sin).length();
         let short = (b * cos - a * sin).length();
-        let looks = (long / short.max(1.0)).round().clamp(1.0, MAX_LOOKS);
+        let looks = (long / short.max(1.0)).round().clamp(1.0, MAX_LOOKUPS);
         let level = libm::log2((long / looks).max(short).max(1.0));
         let axis = footprint[0] * cos + footprint[1] * sin;
         let mut sum = [0.0; 3];

@@ -335,7 +335,7 @@ impl PreparedEnvironment {
                     let local = DVec3::new(across * cos, y, across * sin);
                     let value = match &self.kind {
                         Kind::Gradient(gradient) => gradient.at(Gradient::height(local)),
-                        Kind::Sky(dome) => dome.look_past_the_sun(local),
+                        Kind::Sky(dome) => dome.radiance_without_sun(local),
                         Kind::EnvironmentMap(_) => Rgb::BLACK,
                     };
                     sum.iter_mut().zip(value.to_array()).for_each(|(sum, v)| *sum += f64::from(v));

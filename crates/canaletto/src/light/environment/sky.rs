@@ -182,7 +182,7 @@ impl PreparedSky {
     }
 
     /// The radiance without the sun's disk, whose light comes from its light source.
-    pub(super) fn look_past_the_sun(&self, direction: DVec3) -> Rgb {
+    pub(super) fn radiance_without_sun(&self, direction: DVec3) -> Rgb {
         if direction.y < 0.0 { self.ground } else { self.air(direction.y, direction.dot(self.sun).clamp(-1.0, 1.0)) }
     }
 

@@ -97,14 +97,14 @@ fn a_doubtful_count_is_made_anew_once() {
 }
 
 fn met(primitive: u32, body: Option<Body>, outside: bool, opaque: bool) -> BoundaryHit {
-    BoundaryHit { hit: Hit { primitive, ..Hit::before(1.0, 0.0) }, body, outside, opaque }
+    BoundaryHit { hit: Hit { primitive, ..Hit::none(1.0, 0.0) }, body, outside, opaque }
 }
 
 /// The coinciding surfaces that a ray in `set` crosses, with η on both sides of each.
 fn row(media: &mut Media, mut all: Vec<BoundaryHit>, set: u32) -> (Vec<(u32, Option<f64>)>, u32) {
     let first = all[0].hit;
-    all.sort_by_key(BoundaryHit::turn);
-    let Boundary::At(mut at) = media.together(&all, &first, set, &mut ()) else { panic!() };
+    all.sort_by_key(BoundaryHit::crossing_rank);
+    let Boundary::At(mut at) = media.coinciding_boundary(&all, &first, set, &mut ()) else { panic!() };
     let mut row = Vec::new();
     loop {
         let Crossing { hit, refraction, beyond, next, .. } = media.crossings[at as usize];
@@ -150,9 +150,9 @@ fn two_halves_of_a_mesh_are_one() {
         let media = &mut Media::default();
         let set = entered(media, &[&MESH]);
         let mut sorted = all.to_vec();
-        sorted.sort_by_key(BoundaryHit::turn);
+        sorted.sort_by_key(BoundaryHit::crossing_rank);
         // The faces are present. Nothing lies between them, and neither refracts the ray.
-        let boundary = media.together(&sorted, &all[0].hit, set, &mut ());
+        let boundary = media.coinciding_boundary(&sorted, &all[0].hit, set, &mut ());
         let beyond = match boundary {
             Boundary::Hidden(beyond) => beyond,
             Boundary::At(at) => {
