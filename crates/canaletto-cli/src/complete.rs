@@ -2,7 +2,7 @@
 
 use crate::layers::channel_names;
 use crate::output::{Format, Output};
-use crate::part::UNFINISHED;
+use crate::partial::UNFINISHED;
 use canaletto::render::{Aov, Job};
 use canaletto_io::picture::{SOFTWARE, announced_size, decode};
 use std::fs;

@@ -25,7 +25,7 @@ pub(crate) enum Failure {
     /// Mistakes in files.
     Diagnostics(Diagnostics),
     /// The messages are already printed.
-    Said(Exit),
+    Reported(Exit),
 }
 
 impl Failure {
@@ -49,7 +49,7 @@ impl Failure {
     /// A failure to write results to stdout. A closed pipe counts as success, since its reader needs no more.
     pub(crate) fn stdout(error: &io::Error) -> Failure {
         match error.kind() {
-            ErrorKind::BrokenPipe => Failure::Said(Exit::Done),
+            ErrorKind::BrokenPipe => Failure::Reported(Exit::Done),
             _ => Failure::new(Exit::Failed, format!("can't write to the standard output: {}", reason(error))),
         }
     }
@@ -59,14 +59,14 @@ impl Failure {
         match &mut self {
             Failure::Message { message, .. } => *message += &format!(" (at frame {frame})"),
             Failure::Diagnostics(all) => all.map_messages(|message| format!("{message} (at frame {frame})")),
-            Failure::Said(_) => {}
+            Failure::Reported(_) => {}
         }
         self
     }
 
     pub(crate) fn exit(&self) -> Exit {
         match self {
-            Failure::Message { exit, .. } | Failure::Said(exit) => *exit,
+            Failure::Message { exit, .. } | Failure::Reported(exit) => *exit,
             // Mistakes in --set alone are mistakes on the command line.
             Failure::Diagnostics(all) if all.iter().all(|d| d.file == "--set") => Exit::Usage,
             // Lack of memory isn't a mistake in a file.
@@ -78,7 +78,7 @@ impl Failure {
     /// Prints the failure on stderr.
     pub(crate) fn print(&self, json: bool) {
         match self {
-            Failure::Said(_) => {}
+            Failure::Reported(_) => {}
             _ if json => eprint_line(&self.json().to_string()),
             Failure::Message { message, help, .. } => {
                 let paint = Paint::stderr();
@@ -99,7 +99,7 @@ impl Failure {
                 event["help"] = json!(help);
             }
             Failure::Diagnostics(all) => event["diagnostics"] = json!(all),
-            Failure::Said(_) => {}
+            Failure::Reported(_) => {}
         }
         event
     }

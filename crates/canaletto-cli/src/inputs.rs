@@ -7,19 +7,19 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 /// Finds outputs that are inputs, by file identity instead of by name.
-pub(crate) struct Guard {
+pub(crate) struct InputGuard {
     outputs: HashMap<FileId, PathBuf>,
     /// Whether an output may be a material library, since it is no picture.
     has_text: bool,
 }
 
-impl Guard {
+impl InputGuard {
     /// A guard for outputs. Most of them need not exist yet.
-    pub(crate) fn new(outputs: impl IntoIterator<Item = PathBuf>) -> Guard {
+    pub(crate) fn new(outputs: impl IntoIterator<Item = PathBuf>) -> InputGuard {
         let existing = outputs.into_iter().filter_map(|output| Some((FileId::of(&output).ok()?, output)));
         let outputs: HashMap<FileId, PathBuf> = existing.filter(|(_, output)| output.is_file()).collect();
         let has_text = outputs.values().any(|output| !is_picture(output));
-        Guard { outputs, has_text }
+        InputGuard { outputs, has_text }
     }
 
     /// Whether no output can replace a file.

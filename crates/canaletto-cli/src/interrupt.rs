@@ -13,22 +13,22 @@ use std::{fs, process, thread};
 static SIGNALS: AtomicU8 = AtomicU8::new(0);
 /// The time of the first signal.
 static FIRST: OnceLock<Instant> = OnceLock::new();
-/// The work that a first signal interrupts: `LEAVES`, `RENDERS` or `SAVES`.
-static DOING: AtomicU8 = AtomicU8::new(LEAVES);
+/// The work that a first signal interrupts: `IDLE`, `RENDERING` or `SAVING`.
+static PHASE: AtomicU8 = AtomicU8::new(IDLE);
 /// A temporary file of another program, which would remain after this program ends.
 static LEFTOVER: Mutex<Option<PathBuf>> = Mutex::new(None);
 
 /// There is nothing to save.
-const LEAVES: u8 = 0;
+const IDLE: u8 = 0;
 /// A render is running. The picture so far can be saved when its threads have stopped.
-const RENDERS: u8 = 1;
+const RENDERING: u8 = 1;
 /// The partial picture is being saved into a file.
-const SAVES: u8 = 2;
+const SAVING: u8 = 2;
 
 /// The time that a render may continue after a signal.
-const PATIENCE: Duration = Duration::from_millis(1700);
+const RENDER_LIMIT: Duration = Duration::from_millis(1700);
 /// The time after a signal in which a partial picture may be encoded.
-const SAVING: Duration = Duration::from_millis(1000);
+const SAVE_LIMIT: Duration = Duration::from_millis(1000);
 
 /// Installs the signal handler. `json`: stderr is for a program.
 pub(crate) fn install(json: bool) {
@@ -36,35 +36,35 @@ pub(crate) fn install(json: bool) {
     let _ = ctrlc::set_handler(move || {
         FIRST.get_or_init(Instant::now);
         let first = SIGNALS.fetch_add(1, Ordering::SeqCst) == 0;
-        if !first || DOING.load(Ordering::SeqCst) == LEAVES {
-            leave(json);
+        if !first || PHASE.load(Ordering::SeqCst) == IDLE {
+            exit_now(json);
         }
         // The wait has a thread of its own, so that the handler stays free for a second signal.
         let watched = thread::Builder::new().spawn(move || {
-            thread::sleep(PATIENCE);
-            if DOING.load(Ordering::SeqCst) != SAVES {
-                leave(json);
+            thread::sleep(RENDER_LIMIT);
+            if PHASE.load(Ordering::SeqCst) != SAVING {
+                exit_now(json);
             }
             if !json {
                 eprint_line("the picture so far is being saved; another Ctrl-C ends that");
             }
         });
         if watched.is_err() {
-            leave(json);
+            exit_now(json);
         }
     });
 }
 
-fn leave(json: bool) -> ! {
+fn exit_now(json: bool) -> ! {
     // The end waits only this long for the message, since stderr may be blocked or locked.
-    const SAYING: Duration = Duration::from_millis(200);
+    const MESSAGE_LIMIT: Duration = Duration::from_millis(200);
     let (said, heard) = mpsc::channel();
     let saying = thread::Builder::new().spawn(move || {
         Failure::new(Exit::Interrupted, "interrupted; nothing more is written").print(json);
         let _ = said.send(());
     });
     if saying.is_ok() {
-        let _ = heard.recv_timeout(SAYING);
+        let _ = heard.recv_timeout(MESSAGE_LIMIT);
     }
     if let Some(leftover) = LEFTOVER.lock().unwrap_or_else(PoisonError::into_inner).take() {
         let _ = fs::remove_file(leftover);
@@ -78,8 +78,8 @@ pub(crate) fn requested() -> bool {
 }
 
 /// Whether there is time to save more of a picture.
-pub(crate) fn leaves_time() -> bool {
-    FIRST.get().is_none_or(|first| first.elapsed() < SAVING)
+pub(crate) fn has_time_to_save() -> bool {
+    FIRST.get().is_none_or(|first| first.elapsed() < SAVE_LIMIT)
 }
 
 /// A scope in which a first signal may interrupt work that is worth saving.
@@ -88,18 +88,18 @@ pub(crate) struct Rendering;
 impl Rendering {
     /// Starts the phase in which a signal only stops rendering, so that the picture so far can be saved.
     pub(crate) fn begins() {
-        DOING.store(RENDERS, Ordering::SeqCst);
+        PHASE.store(RENDERING, Ordering::SeqCst);
     }
 
     /// Starts the phase in which a partial picture is saved into a file. The program waits for its end.
     pub(crate) fn saves() {
-        DOING.store(SAVES, Ordering::SeqCst);
+        PHASE.store(SAVING, Ordering::SeqCst);
     }
 }
 
 impl Drop for Rendering {
     fn drop(&mut self) {
-        DOING.store(LEAVES, Ordering::SeqCst);
+        PHASE.store(IDLE, Ordering::SeqCst);
     }
 }
 

@@ -3,7 +3,7 @@
 use crate::digest::Digest;
 use crate::exit::Exit;
 use crate::failure::{Failure, reason};
-use crate::part::{free_for_part, remove_part};
+use crate::partial::{free_partial_path, remove_part};
 use crate::stdout::check_open;
 use canaletto::render::Job;
 use canaletto_io::movie::{MovieError, MovieFormat, find_ffmpeg};
@@ -290,7 +290,7 @@ impl Output {
     /// Writes a partial picture beside its file; returns the path. An output that no file can lie beside receives the
     /// partial picture itself.
     pub(crate) fn write_part(&self, path: &Path, bytes: &[u8]) -> Result<PathBuf, Failure> {
-        let place = if self.has_place_beside(path) { free_for_part(path) } else { path.to_owned() };
+        let place = if self.has_place_beside(path) { free_partial_path(path) } else { path.to_owned() };
         write(&place, WriteOptions::default(), bytes)?;
         Ok(place)
     }
@@ -301,7 +301,7 @@ impl Output {
         path: &Path,
         write: impl FnOnce(&mut &File) -> Result<(), PartError>,
     ) -> Result<PathBuf, Failure> {
-        let place = free_for_part(path);
+        let place = free_partial_path(path);
         let part = AtomicFile::begin(&place, WriteOptions::default()).map_err(wrong)?;
         let Some(mut file) = part.file() else { return Err(wrong(part.failed(io::ErrorKind::NotSeekable.into()))) };
         match write(&mut file) {

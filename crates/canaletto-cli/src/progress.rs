@@ -1,8 +1,8 @@
 //! Progress of a render on stderr: a bar, lines of text, or lines of JSON.
 
 use crate::failure::eprint_line;
+use crate::format::{duration, rate};
 use crate::interrupt;
-use crate::words::{duration, rate};
 use canaletto::render::{Observer, Progress};
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -86,7 +86,7 @@ struct ProgressEvent {
 
 /// All frames of a run, for the estimate of the time left.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Whole {
+pub(crate) struct RunProgress {
     /// The number of frames.
     pub frames: u64,
     /// The number of complete frames.
@@ -96,7 +96,7 @@ pub(crate) struct Whole {
     pub spent: Duration,
 }
 
-impl Whole {
+impl RunProgress {
     /// The seconds left for all frames, with `share` of a frame rendered in `seconds`. Each frame left is taken to need
     /// the average time so far.
     fn left(&self, share: f64, seconds: f64) -> f64 {
@@ -106,11 +106,11 @@ impl Whole {
 }
 
 /// Shows the progress of one render.
-pub(crate) struct Watch {
+pub(crate) struct ProgressDisplay {
     style: Style,
     frame: u32,
     label: String,
-    whole: Whole,
+    whole: RunProgress,
     start: Instant,
     bar: Option<ProgressBar>,
     state: Mutex<State>,
@@ -121,9 +121,9 @@ struct State {
     pixels_done: u64,
 }
 
-impl Watch {
+impl ProgressDisplay {
     /// Starts the progress display. `label` names the frame and the number of frames, if there are several.
-    pub(crate) fn begin(style: Style, frame: u32, label: String, pixels: u64, whole: Whole) -> Watch {
+    pub(crate) fn begin(style: Style, frame: u32, label: String, pixels: u64, whole: RunProgress) -> ProgressDisplay {
         let bar = (style == Style::Bar).then(|| {
             let bar = ProgressBar::new(pixels);
             // Only an invalid template fails, and a test below uses this one.
@@ -134,7 +134,15 @@ impl Watch {
             bar
         });
         let now = Instant::now();
-        Watch { style, frame, label, whole, start: now, bar, state: Mutex::new(State { last: now, pixels_done: 0 }) }
+        ProgressDisplay {
+            style,
+            frame,
+            label,
+            whole,
+            start: now,
+            bar,
+            state: Mutex::new(State { last: now, pixels_done: 0 }),
+        }
     }
 
     /// Clears the bar and returns the time that the render took.
@@ -148,7 +156,7 @@ impl Watch {
 
 const TEMPLATE: &str = "{prefix}[{bar:30}] {percent:>3}%  {msg}";
 
-impl Observer for Watch {
+impl Observer for ProgressDisplay {
     fn cancelled(&self) -> bool {
         interrupt::requested()
     }
@@ -210,7 +218,7 @@ mod tests {
 
     #[test]
     fn time_left_in_all() {
-        let whole = Whole { frames: 10, done: 5, rendered: 2, spent: Duration::from_secs(20) };
+        let whole = RunProgress { frames: 10, done: 5, rendered: 2, spent: Duration::from_secs(20) };
         // Two and a half frames took 25 seconds; the 4½ frames left take 45.
         assert_eq!(whole.left(0.5, 5.0), 45.0);
     }

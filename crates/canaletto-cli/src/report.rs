@@ -1,6 +1,6 @@
 //! The report about a finished picture.
 
-use crate::words::{count, duration, plural, rate};
+use crate::format::{count, duration, plural, rate};
 use canaletto::integrator::RayCounts;
 use canaletto::world::ReuseCounts;
 use serde::Serialize;

@@ -5,16 +5,16 @@ use crate::complete::{is_complete, texts};
 use crate::digest::Digest;
 use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line, print_diagnostics};
+use crate::format::{JSON_VERSION, count, duration, plural};
 use crate::interrupt;
 use crate::layers;
 use crate::output::{Format, film_failed, unfit};
-use crate::part::{UNFINISHED, free_for_part, remove_part};
-use crate::progress::{Style, Watch, Whole, emit};
+use crate::partial::{UNFINISHED, free_partial_path, remove_part};
+use crate::progress::{ProgressDisplay, RunProgress, Style, emit};
 use crate::report::{Report, Times};
 use crate::settings::{Settings, metadata, sampling_words};
 use crate::source::{Reader, Source, build, seen_through};
 use crate::terminal::Paint;
-use crate::words::{JSON_VERSION, count, duration, plural};
 use canaletto::render::{Aov, Job, Rendering};
 use canaletto::scene::{Sampling, Scene};
 use canaletto::world::{ReuseCounts, World};
@@ -193,7 +193,7 @@ impl<'a> Series<'a> {
         let pixels = u64::from(width) * u64::from(height);
         let threads = rayon::current_num_threads();
         let (first, last) = (plan.frames.first, plan.frames.last);
-        let whole = Whole {
+        let whole = RunProgress {
             frames: plan.frames.count(),
             done: self.rendered + self.kept,
             rendered: self.rendered,
@@ -211,7 +211,7 @@ impl<'a> Series<'a> {
         } else {
             String::new()
         };
-        let watch = Watch::begin(plan.style, frame, label, pixels, whole);
+        let watch = ProgressDisplay::begin(plan.style, frame, label, pixels, whole);
         interrupt::Rendering::begins();
         let rendered = canaletto::render::render(world, &job, &watch);
         let render = watch.finish().as_secs_f64();
@@ -285,7 +285,7 @@ impl<'a> Series<'a> {
                 Ok(())
             })?;
         }
-        if !interrupt::leaves_time() && plan.style != Style::Json && !self.flags.quiet {
+        if !interrupt::has_time_to_save() && plan.style != Style::Json && !self.flags.quiet {
             eprint_line("there was no time to save all of the part: its lower rows, or layers, may be missing");
         }
         Ok(names)
@@ -304,7 +304,7 @@ impl<'a> Series<'a> {
         let (size, names) = ([picture.width, picture.height], layers::channel_names(&job.aovs));
         let (options, texts) = (self.exr_options(job), self.texts(frame_context, job, rendering, None));
         let place = output.write_part_with(file, |out| {
-            write_exr_part(size, &names, &fill, options, &texts, out, interrupt::leaves_time).map(|_| ())
+            write_exr_part(size, &names, &fill, options, &texts, out, interrupt::has_time_to_save).map(|_| ())
         })?;
         Ok(place.display().to_string())
     }
@@ -347,7 +347,7 @@ impl<'a> Series<'a> {
             return write(0, &bytes);
         }
         // A partial picture must be written in the time that a signal leaves.
-        let goes_on = || rendering.complete || interrupt::leaves_time();
+        let goes_on = || rendering.complete || interrupt::has_time_to_save();
         let compression = if rendering.complete { output.png.compression } else { Compression::Fast };
         let png = PngSettings { compression, ..output.png };
         write(0, &develop_png_part(picture, film, png, &texts(None), goes_on).map_err(|e| unfit(&e))?)?;
@@ -483,7 +483,7 @@ impl<'a> Series<'a> {
         let format = plan.output.format;
         let path = plan.output.path(0);
         let beside = plan.output.has_place_beside(&path);
-        let place = if beside { free_for_part(&path) } else { path };
+        let place = if beside { free_partial_path(&path) } else { path };
         // The program doesn't wait for ffmpeg, which may take long.
         if beside && format.film().is_some_and(|film| !film.needs_ffmpeg()) {
             interrupt::Rendering::saves();

@@ -3,7 +3,7 @@
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::flags::{PictureFlags, SampleFlag, SourceFlags};
-use crate::words::count;
+use crate::format::count;
 use canaletto::camera::Camera;
 use canaletto::render::{Job, JobError};
 use canaletto::scene::{FilmSettings, Filter, IntegratorSettings, Sampling, Scene, Stage, View};

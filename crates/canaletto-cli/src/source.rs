@@ -4,7 +4,7 @@ use crate::digest::{hash_of, hash_on, hash_start};
 use crate::exit::Exit;
 use crate::failure::{Failure, plural, reason};
 use crate::flags::SourceFlags;
-use crate::inputs::Guard;
+use crate::inputs::InputGuard;
 use canaletto::memory;
 use canaletto::scene::Scene;
 use canaletto::world::{BuildError, BuildOptions, World};
@@ -61,7 +61,7 @@ pub(crate) struct Reader {
     /// The file's name as the user wrote it.
     pub name: String,
     kind: Kind,
-    assets: Recording,
+    assets: RecordingAssets,
     /// The duration of opening.
     time: Duration,
 }
@@ -101,7 +101,7 @@ impl Reader {
         }
         let (assets, file) = FolderAssets::beside(path)
             .map_err(|e| Failure::new(Exit::Scene, format!("can't open {name}: {}", reason(&e))))?;
-        let assets = Recording { inner: assets.allow_outside(allow_outside), files: Mutex::default() };
+        let assets = RecordingAssets { inner: assets.allow_outside(allow_outside), files: Mutex::default() };
         let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
         let kind = if extension == "kdl" {
             Kind::SceneDocument(Box::new(SceneDocument::read(&file, &assets, set)?))
@@ -128,7 +128,7 @@ impl Reader {
                 .help("send a scene text to it: canaletto render - < scene.kdl"));
         }
         let folder = FolderAssets::new(".").map_err(|e| cant(&e))?;
-        let assets = Recording { inner: folder.allow_outside(allow_outside), files: Mutex::default() };
+        let assets = RecordingAssets { inner: folder.allow_outside(allow_outside), files: Mutex::default() };
         let mut bytes = Vec::new();
         io::stdin().lock().take(MAX_TEXT as u64 + 1).read_to_end(&mut bytes).map_err(|e| cant(&e))?;
         let text = match String::from_utf8(bytes) {
@@ -153,9 +153,9 @@ impl Reader {
     }
 
     /// Chooses the camera whose shutter applies.
-    pub(crate) fn look_through(&mut self, camera: Option<&str>) {
+    pub(crate) fn choose_camera(&mut self, camera: Option<&str>) {
         if let (Kind::SceneDocument(document), Some(camera)) = (&mut self.kind, camera) {
-            document.look_through(camera);
+            document.use_shutter_of(camera);
         }
     }
 
@@ -183,7 +183,7 @@ impl Reader {
 
     /// The first of these outputs that would replace an input file of the scene at any frame.
     pub(crate) fn replaced_by(&self, outputs: impl IntoIterator<Item = PathBuf>) -> Option<PathBuf> {
-        let guard = Guard::new(outputs);
+        let guard = InputGuard::new(outputs);
         if guard.is_idle() {
             return None;
         }
@@ -319,12 +319,12 @@ fn has_room() -> bool {
 }
 
 /// Assets that record each file that is read.
-struct Recording {
+struct RecordingAssets {
     inner: FolderAssets,
     files: Mutex<Vec<UsedFile>>,
 }
 
-impl Recording {
+impl RecordingAssets {
     /// Records a file. `hash` is called only for a file that isn't recorded yet.
     fn note(&self, path: &AssetPath, bytes: usize, hash: impl FnOnce() -> io::Result<u64>) -> io::Result<()> {
         let mut files = self.files.lock().unwrap_or_else(PoisonError::into_inner);
@@ -336,7 +336,7 @@ impl Recording {
     }
 }
 
-impl Assets for Recording {
+impl Assets for RecordingAssets {
     fn read(&self, path: &str, from: &AssetPath) -> Result<Asset, AssetError> {
         let asset = self.inner.read(path, from)?;
         self.note(&asset.path, asset.bytes.len(), || Ok(hash_of(&asset.bytes)))

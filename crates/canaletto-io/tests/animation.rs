@@ -255,7 +255,7 @@ fn what_keys_move_is_blurred_by_the_shutter() {
     // Values that are constant while the shutter is open have no poses, and a camera without a shutter blurs nothing.
     assert!(scene.nodes[1].motion.is_empty() && scene.views[1].motion.is_empty());
     let mut script = script(text);
-    script.look_through("fast");
+    script.use_shutter_of("fast");
     let scene = script.scene(&MemoryAssets::new(), 4.0).ok().unwrap().0;
     assert!(scene.nodes.iter().all(|node| node.motion.is_empty()) && scene.views[0].motion.is_empty());
     assert!((scene.nodes[0].transform.vector(DVec3::X) - DVec3::X * 2.0).length() < 1e-12);

@@ -3,11 +3,11 @@
 use crate::exit::Exit;
 use crate::failure::{Failure, plural, print_diagnostics};
 use crate::flags::PictureFlags;
+use crate::format::{JSON_VERSION, short};
 use crate::frames::Frames;
 use crate::settings::Settings;
 use crate::source::{Reader, build};
 use crate::stdout::{print, print_json};
-use crate::words::{JSON_VERSION, short};
 use canaletto::diagnose::{Finding, Reason, diagnose};
 use canaletto::glam::DVec3;
 use canaletto::render::Job;
@@ -105,7 +105,7 @@ fn check(path: &Path, allow_outside: bool, frame: Option<u32>) -> Result<Diagnos
     let frames = frame.map_or_else(|| all_frames(&reader), |frame| Ok(Frames::one(frame)))?;
     let built = frames.next_to(&reader.key_frames());
     let mut found = Found::default();
-    let mut stillness = Stillness::default();
+    let mut stillness = FrozenRuns::default();
     let shown = if moves { frames } else { Frames::one(frames.first) };
     for frame in shown.iter() {
         let at = |failure: Failure| if moves { failure.at_frame(frame) } else { failure };
@@ -248,13 +248,13 @@ fn point(p: DVec3) -> String {
 
 /// Finds runs of frames that show what their previous frame shows.
 #[derive(Default)]
-struct Stillness {
+struct FrozenRuns {
     last: Option<Scene>,
     /// The first and the last frame of each run of equal frames.
     runs: Vec<[u32; 2]>,
 }
 
-impl Stillness {
+impl FrozenRuns {
     fn look(&mut self, frame: u32, scene: &Scene) {
         match self.runs.last_mut() {
             Some([_, last]) if self.last.as_ref() == Some(scene) => *last = frame,
@@ -296,7 +296,7 @@ mod tests {
             Ok(warnings) => lines(&warnings),
             Err(Failure::Diagnostics(errors)) => lines(&errors),
             Err(Failure::Message { message, .. }) => message,
-            Err(Failure::Said(_)) => String::new(),
+            Err(Failure::Reported(_)) => String::new(),
         }
     }
 

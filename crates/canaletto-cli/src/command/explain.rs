@@ -3,10 +3,10 @@
 use crate::exit::Exit;
 use crate::failure::{Failure, print_diagnostics};
 use crate::flags::{PictureFlags, SourceFlags, pixel};
+use crate::format::JSON_VERSION;
 use crate::settings::Settings;
 use crate::source::{Reader, build, on_threads, seen_through};
 use crate::stdout::print;
-use crate::words::JSON_VERSION;
 use canaletto::explain::{PixelTree, explain};
 use canaletto::math::Rgb;
 use canaletto::render::Job;
@@ -72,7 +72,7 @@ pub(crate) fn run(flags: &ExplainFlags) -> Result<Exit, Failure> {
 
 fn tree(flags: &ExplainFlags) -> Result<PixelTree, Failure> {
     let mut reader = Reader::open(&flags.source)?;
-    reader.look_through(flags.picture.camera.as_deref());
+    reader.choose_camera(flags.picture.camera.as_deref());
     let frame = flags.frame.unwrap_or(reader.first_frame());
     let source = reader.at(frame)?;
     print_diagnostics(&source.warnings, false);

@@ -3,11 +3,11 @@
 use crate::exit::Exit;
 use crate::failure::{Failure, print_diagnostics};
 use crate::flags::SourceFlags;
+use crate::format::{JSON_VERSION, bytes, count, duration, plural, short};
 use crate::memory::Memory;
 use crate::output::Format;
 use crate::source::{Source, UsedFile, build, on_threads};
 use crate::stdout::{print, print_json};
-use crate::words::{JSON_VERSION, bytes, count, duration, plural, short};
 use canaletto::light::{Light, PreparedLight};
 use canaletto::material::Material;
 use canaletto::math::{Rgb, Transform};

@@ -3,17 +3,17 @@
 use crate::exit::Exit;
 use crate::failure::{Failure, print_diagnostics};
 use crate::flags::{PictureFlags, SourceFlags};
+use crate::format::{JSON_VERSION, bytes, count, plural};
 use crate::frames::{Frames, FramesFlag, fps};
 use crate::layers::MAPPINGS;
 use crate::memory::Memory;
 use crate::output::{Format, Output, OutputFlags, replaced};
-use crate::part::partial;
+use crate::partial::partial;
 use crate::progress::{ProgressFlag, Style, emit};
 use crate::series::Series;
 use crate::settings::{Settings, list, sampling_words};
 use crate::source::{Reader, STDIN, build, on_threads};
 use crate::stdout::print;
-use crate::words::{JSON_VERSION, bytes, count, plural};
 use canaletto::memory;
 use canaletto::render::Aov;
 use canaletto::scene::{Stage, Transfer};
@@ -212,7 +212,7 @@ impl Task {
     fn new(flags: RenderFlags) -> Result<Task, Failure> {
         let style = Style::new(flags.progress, flags.quiet);
         let mut reader = Reader::open(&flags.source)?;
-        reader.look_through(flags.picture.camera.as_deref());
+        reader.choose_camera(flags.picture.camera.as_deref());
         if let Some(fps) = flags.fps {
             reader.set_fps(fps);
         }
@@ -287,7 +287,7 @@ fn several(flags: &RenderFlags) -> Result<Exit, Failure> {
         }
     }
     let outputs: Vec<PathBuf> = outputs.into_iter().collect();
-    if let Some(file) = replaced_before_it_is_read(&mut tasks, &outputs) {
+    if let Some(file) = overwritten_input(&mut tasks, &outputs) {
         return Err(replaced("--output", &file));
     }
     for task in tasks {
@@ -302,7 +302,7 @@ fn several(flags: &RenderFlags) -> Result<Exit, Failure> {
 
 /// An output that would replace a file which a later scene reads. If any output exists already, all scenes are read
 /// once more to find out.
-fn replaced_before_it_is_read(tasks: &mut [Task], outputs: &[PathBuf]) -> Option<PathBuf> {
+fn overwritten_input(tasks: &mut [Task], outputs: &[PathBuf]) -> Option<PathBuf> {
     if !outputs.iter().any(|file| file.exists()) {
         return None;
     }

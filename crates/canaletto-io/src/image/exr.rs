@@ -5,7 +5,7 @@
 //! compression is refused: the crate's decoder allocates as much memory as a block declares. It also has different
 //! kernels for different processors, which round differently (its `compression/dwa/discrete_cosine_transform`).
 
-use super::{DENSEST, ImageError, SMALL, decoder, is_ordinary, judge, room};
+use super::{DENSEST, ImageError, SMALL, decoder, is_within_budget, judge, room};
 use crate::guard::guarded;
 use ::exr::block::UncompressedBlock;
 use ::exr::block::chunk::{Chunk, CompressedBlock, CompressedScanLineBlock, CompressedTileBlock, TileCoordinates};
@@ -137,7 +137,7 @@ impl<'a> File<'a> {
     /// Checks that a part can be unpacked, before `memory` bytes are allocated for it.
     pub(crate) fn check(&self, part: usize, memory: u64) -> Result<(), ImageError> {
         let blocks = self.blocks(part)?;
-        if is_ordinary(memory, self.bytes.len()) {
+        if is_within_budget(memory, self.bytes.len()) {
             return Ok(());
         }
         blocks.par_iter().try_for_each(|block| self.unpack(part, block).map(drop))
@@ -285,11 +285,11 @@ pub(super) fn read(bytes: &[u8]) -> Result<Image, ImageError> {
     if gray && (has(header, "RY") || has(header, "BY")) {
         return Err(unsupported(CHROMA));
     }
-    let wanted: &[&str] = if gray { &["Y", "A"] } else { &["R", "G", "B", "A"] };
-    let wanted: Vec<usize> = wanted.iter().filter_map(|name| find(header, name)).collect();
-    let types: Vec<SampleType> = wanted.iter().map(|c| header.channels.list[*c].sample_type).collect();
+    let strip_chunks: &[&str] = if gray { &["Y", "A"] } else { &["R", "G", "B", "A"] };
+    let strip_chunks: Vec<usize> = strip_chunks.iter().filter_map(|name| find(header, name)).collect();
+    let types: Vec<SampleType> = strip_chunks.iter().map(|c| header.channels.list[*c].sample_type).collect();
     let half = types.iter().all(|t| *t == SampleType::F16);
-    let (width, height, channels) = (header.layer_size.x(), header.layer_size.y(), wanted.len());
+    let (width, height, channels) = (header.layer_size.x(), header.layer_size.y(), strip_chunks.len());
     let count = width * height * channels;
     file.check(part, count as u64 * if half { 2 } else { 4 })?;
     // The channels of a pixel are adjacent in the image.
@@ -297,7 +297,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Image, ImageError> {
     let samples = if half {
         let mut data: Vec<u16> = room(count)?;
         data.resize(count, 0);
-        file.rows(part, &wanted, |channel, y, x, row| {
+        file.rows(part, &strip_chunks, |channel, y, x, row| {
             let to = data[place(channel, y, x)..].iter_mut().step_by(channels);
             to.zip(row.as_chunks().0).for_each(|(v, two)| *v = u16::from_ne_bytes(*two));
         })?;
@@ -305,7 +305,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Image, ImageError> {
     } else {
         let mut data: Vec<f32> = room(count)?;
         data.resize(count, 0.0);
-        file.rows(part, &wanted, |channel, y, x, row| {
+        file.rows(part, &strip_chunks, |channel, y, x, row| {
             let to = data[place(channel, y, x)..].iter_mut().step_by(channels);
             to.zip(floats(types[channel], row)).for_each(|(v, number)| *v = number);
         })?;

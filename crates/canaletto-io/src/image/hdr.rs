@@ -4,7 +4,7 @@
 //! precision, half the memory that libraries use. Values are m 2^(e − 136). EXPOSURE, which only records a factor that
 //! was applied, is ignored, as in other programs.
 
-use super::{DENSEST, ImageError, SMALL, is_ordinary, judge, room};
+use super::{DENSEST, ImageError, SMALL, is_within_budget, judge, room};
 use canaletto::texture::{ColorSpace, Image, Samples, to_half};
 
 const FORMAT: &str = "Radiance HDR";
@@ -23,7 +23,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Image, ImageError> {
     // A run of the newer packing has at most 127 values in two bytes; a run of the older one can be as long as a
     // scanline. Texels take four bytes while they are read, and up to twelve as numbers.
     judge(FORMAT, width.into(), height.into(), (SMALL + DENSEST * bytes.len() as u64) / 16, bytes.len())?;
-    if !is_ordinary(16 * u64::from(width) * u64::from(height), bytes.len()) {
+    if !is_within_budget(16 * u64::from(width) * u64::from(height), bytes.len()) {
         // The data is checked for completeness before memory is allocated for it.
         let (start, mut line) = (input.at, room(across as usize)?);
         for _ in 0..down {

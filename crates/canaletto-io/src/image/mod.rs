@@ -77,7 +77,7 @@ pub enum ImageError {
     #[error(
         "the {format} file announces an image of {width} × {height} pixels, which its {bytes} bytes can't hold: it is cut off or made to fill memory"
     )]
-    Unexplained {
+    ExceedsFile {
         /// The format.
         format: &'static str,
         /// The width in pixels.
@@ -116,7 +116,7 @@ impl ImageError {
             ImageError::Unknown | ImageError::Other(_) => {
                 Some("images are read from PNG, JPEG, OpenEXR, Radiance HDR and WebP files")
             }
-            ImageError::Damaged { .. } | ImageError::Unexplained { .. } => {
+            ImageError::Damaged { .. } | ImageError::ExceedsFile { .. } => {
                 Some("make the file anew, or open and save it with a program for pictures")
             }
             ImageError::Unsupported { what, .. } if what == exr::DWA => {
@@ -140,7 +140,7 @@ const SMALL: u64 = 64 << 20;
 const DENSEST: u64 = 1032;
 
 /// Whether a file of this size may take so much memory without a first pass.
-fn is_ordinary(memory: u64, bytes: usize) -> bool {
+fn is_within_budget(memory: u64, bytes: usize) -> bool {
     memory <= SMALL + 20 * bytes as u64
 }
 
@@ -158,13 +158,13 @@ pub fn read_image(asset: &Asset) -> Result<(Image, Vec<String>), ImageError> {
     let bytes = asset.bytes.as_slice();
     let (mut image, memory) = unpack(bytes)?;
     image.name = asset.path.name().to_owned();
-    let odd = tidy(&mut image.samples);
+    let odd = sanitise(&mut image.samples);
     let mut notes = match odd {
         0 => Vec::new(),
         1 => vec!["one of its numbers is infinite or no number; it is taken as the largest or as 0".into()],
         _ => vec![format!("{odd} of its numbers are infinite or no numbers; they are taken as the largest or as 0")],
     };
-    if !is_ordinary(memory, bytes.len()) {
+    if !is_within_budget(memory, bytes.len()) {
         notes.push(format!(
             "its {} bytes unpack to {} × {} texels; reading them took {} MB",
             bytes.len(),
@@ -232,7 +232,7 @@ fn with_memory(image: Image) -> (Image, u64) {
 }
 
 /// Replaces NaN and infinite values and clamps too large ones; returns their number.
-fn tidy(samples: &mut Samples) -> usize {
+fn sanitise(samples: &mut Samples) -> usize {
     match samples {
         Samples::U8(_) | Samples::U16(_) => 0,
         Samples::F16(data) => data
@@ -270,7 +270,7 @@ fn judge(format: &'static str, width: u64, height: u64, explained: u64, bytes: u
         return Err(ImageError::TooLarge { format, width, height });
     }
     if width * height > explained {
-        return Err(ImageError::Unexplained { format, width, height, bytes });
+        return Err(ImageError::ExceedsFile { format, width, height, bytes });
     }
     Ok(())
 }

@@ -1,6 +1,6 @@
 //! Decoding of PNG (ISO/IEC 15948) in all its types; 16-bit samples stay 16 bits.
 
-use super::{ImageError, decoder, is_ordinary, judge, room};
+use super::{ImageError, decoder, is_within_budget, judge, room};
 use ::png::{BitDepth, ColorType, Decoder, DecodingError, Limits, Reader, Transformations};
 use canaletto::texture::{ColorSpace, Image, Samples};
 use std::io::{Cursor, Read};
@@ -38,7 +38,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Image, ImageError> {
         // Files on the sRGB curve declare 1/2.2.
         None | Some(44_000..=47_000) => {}
         Some(99_000..=101_000) => image.space = ColorSpace::Linear,
-        Some(gamma) => straighten(&mut image, gamma),
+        Some(gamma) => linearise(&mut image, gamma),
     }
     Ok(image)
 }
@@ -46,23 +46,23 @@ pub(super) fn read(bytes: &[u8]) -> Result<Image, ImageError> {
 /// Decodes a PNG. An animated PNG yields its default image, which viewers without animation show.
 pub(crate) fn unpack(bytes: &[u8], texts: bool) -> Result<Unpacked, ImageError> {
     header(bytes)?;
-    let (wanted, texts) = wanted(bytes, texts)?;
+    let (strip_chunks, texts) = strip_chunks(bytes, texts)?;
     let needed = {
-        let reader = decoder(FORMAT, || open(&wanted))?;
+        let reader = decoder(FORMAT, || open(&strip_chunks))?;
         let (_, depth) = reader.output_color_type();
         let (info, size) = (reader.info(), if depth == BitDepth::Sixteen { 2 } else { 1 });
         u64::from(info.width) * u64::from(info.height) * channels(&reader) as u64 * size
     };
-    if !is_ordinary(needed, bytes.len()) {
+    if !is_within_budget(needed, bytes.len()) {
         // The rows are checked for completeness before memory is allocated for them.
         decoder(FORMAT, || {
-            let mut reader = open(&wanted)?;
+            let mut reader = open(&strip_chunks)?;
             while reader.next_row().map_err(damaged)?.is_some() {}
             Ok(())
         })?;
     }
     decoder(FORMAT, || {
-        let mut reader = open(&wanted)?;
+        let mut reader = open(&strip_chunks)?;
         let samples = samples(&mut reader)?;
         let info = reader.info();
         Ok(Unpacked {
@@ -149,11 +149,11 @@ pub(crate) fn size(bytes: &[u8]) -> Option<[u32; 2]> {
 /// The file reduced to the chunks that are used, and its texts. The decoder (`png` 0.18) would unpack colour profiles
 /// and compressed texts of any size without a request. It panics for palettes whose length isn't a multiple of three
 /// (`transform/palette.rs`).
-fn wanted(bytes: &[u8], with_texts: bool) -> Result<(Vec<u8>, TextList), ImageError> {
+fn strip_chunks(bytes: &[u8], with_texts: bool) -> Result<(Vec<u8>, TextList), ImageError> {
     /// The end of the signature, where the header starts.
     const START: usize = 8;
-    let mut wanted: Vec<u8> = room(bytes.len())?;
-    wanted.extend_from_slice(&bytes[..START]);
+    let mut strip_chunks: Vec<u8> = room(bytes.len())?;
+    strip_chunks.extend_from_slice(&bytes[..START]);
     let mut texts = Texts { all: Vec::new(), left: TEXTS };
     let indexed = bytes.get(25) == Some(&3);
     let mut at = START;
@@ -177,14 +177,14 @@ fn wanted(bytes: &[u8], with_texts: bool) -> Result<(Vec<u8>, TextList), ImageEr
             name => !name[0].is_ascii_lowercase(),
         };
         if keep {
-            wanted.extend_from_slice(&bytes[at..end]);
+            strip_chunks.extend_from_slice(&bytes[at..end]);
         }
         if &head[4..8] == b"IEND" {
             break;
         }
         at = end;
     }
-    Ok((wanted, texts.all))
+    Ok((strip_chunks, texts.all))
 }
 
 /// The largest total size of decompressed texts in bytes; the excess is left out.
@@ -230,7 +230,7 @@ impl Texts {
 }
 
 /// Converts samples on a gamma curve (its exponent in 1/100000) to linear samples of 16 bits.
-fn straighten(image: &mut Image, gamma: u32) {
+fn linearise(image: &mut Image, gamma: u32) {
     let exponent = 100_000.0 / f64::from(gamma);
     let level = |v: f64| (libm::pow(v, exponent) * 65535.0).round() as u16;
     let plain = |v: f64| (v * 65535.0).round() as u16;

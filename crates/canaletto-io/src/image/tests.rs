@@ -290,7 +290,7 @@ fn what_announces_too_much_is_refused_before_memory_is_taken() {
     let mut jpeg = include_bytes!("testdata/ramp.jpg").to_vec();
     let at = jpeg.windows(2).position(|w| w == [0xff, 0xc0]).expect("a frame") + 5;
     jpeg[at..at + 4].copy_from_slice(&[0x3f, 0xff, 0x3f, 0xff]);
-    assert!(matches!(read(jpeg).unwrap_err(), ImageError::Unexplained { width: 16383, height: 16383, .. }));
+    assert!(matches!(read(jpeg).unwrap_err(), ImageError::ExceedsFile { width: 16383, height: 16383, .. }));
     // A WebP of one colour may have any size, so the message reports its memory.
     let mut webp = include_bytes!("testdata/ramp.webp").to_vec();
     let at = webp.windows(4).position(|w| w == b"VP8L" || w == b"VP8 ").expect("a picture");

@@ -70,7 +70,7 @@ fn size(width: u32, height: u32, bytes: usize) -> Result<(), ImageError> {
     let (width, height) = (width.into(), height.into());
     judge(FORMAT, width, height, SMALL + bytes as u64 * DENSEST / TEXEL, bytes).map_err(|error| match error {
         // A picture of one colour may have almost no bytes.
-        ImageError::Unexplained { .. } => {
+        ImageError::ExceedsFile { .. } => {
             ImageError::TooDense { format: FORMAT, width, height, bytes, memory: TEXEL * width * height }
         }
         other => other,

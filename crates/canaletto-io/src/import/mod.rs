@@ -5,7 +5,6 @@
 //! is bounded by the file's size, whatever counts its header declares.
 
 mod cloud;
-mod coarse;
 mod color;
 mod concat;
 mod default_camera;
@@ -22,15 +21,16 @@ mod obj;
 mod ply;
 mod polygon;
 mod positions;
+mod precision_warning;
 mod repair;
 mod smooth;
 mod table_color;
 mod text;
 
 pub use cloud::{CloudFormat, read_cylinders, read_spheres};
-pub(crate) use coarse::inline_cloud;
 pub(crate) use default_camera::default_camera;
 pub(crate) use positions::counted;
+pub(crate) use precision_warning::inline_cloud;
 
 use crate::assets::{Asset, AssetPath, Assets, OpenAsset, reason};
 use crate::content::View;
@@ -38,9 +38,9 @@ use crate::diagnostic::{Diagnostic, Diagnostics};
 use canaletto::material::Material;
 use canaletto::scene::Scene;
 use canaletto::shape::Mesh;
-use coarse::Precision;
 use glam::Vec3;
 use lines::ImportError;
+use precision_warning::Precision;
 use smooth::{Smoothing, smooth};
 use std::io;
 
@@ -74,7 +74,7 @@ pub fn load(path: &str, assets: &dyn Assets) -> Result<(Scene, Diagnostics), Dia
         let bytes = content.view().whole().map_err(|e| Diagnostics::from(unreadable(&e).error(name.name())))?;
         return nff::read(&Asset { path: name, bytes: encoding::text(&bytes).into_owned() });
     }
-    let mut model = read_model(&asset, assets, Unsaid::Creases)?;
+    let mut model = read_model(&asset, assets, DefaultShading::Creases)?;
     let warnings = std::mem::take(&mut model.warnings);
     match default_scene::default_scene(model) {
         Some(scene) => Ok((scene, warnings)),
@@ -100,18 +100,18 @@ pub fn load_mesh(path: &str, assets: &dyn Assets, from: &AssetPath) -> Result<Im
 /// # Errors
 /// As [`load_mesh`].
 pub fn read_mesh(asset: &OpenAsset, assets: &dyn Assets) -> Result<Imported, Diagnostics> {
-    read_model(asset, assets, Unsaid::Flat)
+    read_model(asset, assets, DefaultShading::Flat)
 }
 
 /// The shading of surfaces for which a file declares neither flat nor smooth normals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Unsaid {
+enum DefaultShading {
     Flat,
     /// Smooth except at creases.
     Creases,
 }
 
-fn read_model(asset: &OpenAsset, assets: &dyn Assets, unsaid: Unsaid) -> Result<Imported, Diagnostics> {
+fn read_model(asset: &OpenAsset, assets: &dyn Assets, unsaid: DefaultShading) -> Result<Imported, Diagnostics> {
     let model = read_format(asset, assets, unsaid)?;
     if model.meshes.iter().any(has_area) {
         return Ok(model);
@@ -137,17 +137,17 @@ pub(crate) fn is_flat(corners: [Vec3; 3]) -> bool {
     normal.length() <= f64::from(f32::EPSILON) * across.dot(size) * longest.length()
 }
 
-fn read_format(asset: &OpenAsset, assets: &dyn Assets, unsaid: Unsaid) -> Result<Imported, Diagnostics> {
+fn read_format(asset: &OpenAsset, assets: &dyn Assets, unsaid: DefaultShading) -> Result<Imported, Diagnostics> {
     match asset.path.extension().as_str() {
         "obj" => {
             let mut model = obj::read(asset, assets, unsaid)?;
-            let rounded = model.meshes.iter().find_map(|mesh| coarse::mesh(mesh, Precision::Double));
+            let rounded = model.meshes.iter().find_map(|mesh| precision_warning::mesh(mesh, Precision::Double));
             rounded.into_iter().for_each(|complaint| model.warnings.push(complaint.warning(asset.path.name())));
             Ok(model)
         }
         "ply" => {
             let mut model = read_ply(asset)?;
-            if unsaid == Unsaid::Creases {
+            if unsaid == DefaultShading::Creases {
                 let without = model.meshes.iter_mut().filter(|mesh| mesh.normals.is_empty());
                 without.for_each(|mesh| smooth(mesh, Smoothing::Creases));
             }
@@ -172,7 +172,7 @@ fn read_ply_bytes(file: &str, view: View<'_>) -> Result<Imported, Diagnostics> {
         Ok((mesh, said)) => {
             let mut warnings = Diagnostics::new();
             said.into_iter().for_each(|complaint| warnings.push(complaint.warning(file)));
-            let rounded = coarse::mesh(&mesh, ply::precision(view));
+            let rounded = precision_warning::mesh(&mesh, ply::precision(view));
             rounded.into_iter().for_each(|complaint| warnings.push(complaint.warning(file)));
             Ok(Imported { meshes: vec![mesh], materials: Vec::new(), warnings })
         }

@@ -13,12 +13,12 @@
 //! develops to sRGB. SPD's published statistics limit the ray tree to depth 5; the integrator keeps its own default.
 //! Negative radii, which turn a surface inside out in NFF, are taken as positive, since both sides are visible here.
 
-use super::coarse::{self, Precision};
 use super::fit_camera::fit_camera;
 use super::is_flat;
 use super::lines::{ImportError, Token, Tokens, lines};
 use super::polygon::{Triangulator, vector_area};
 use super::positions::Positions;
+use super::precision_warning::{self, Precision};
 use crate::assets::Asset;
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use canaletto::light::{Light, LightKind, Omni};
@@ -50,7 +50,7 @@ pub(super) fn read(asset: &Asset) -> Result<(Scene, Diagnostics), Diagnostics> {
             }
             super::attach_source(&mut said, file, asset.bytes.as_slice().into());
             let scene = reader.finish();
-            let rounded = scene.meshes.iter().find_map(|mesh| coarse::mesh(mesh, Precision::Double));
+            let rounded = scene.meshes.iter().find_map(|mesh| precision_warning::mesh(mesh, Precision::Double));
             rounded.into_iter().for_each(|complaint| said.push(complaint.warning(file)));
             Ok((scene, said))
         }
@@ -297,7 +297,7 @@ impl<'a> Reader<'a> {
 
     fn finish(self) -> Scene {
         let mut scene = self.scene;
-        let (origin, lists) = Positions::settle_each(self.corners);
+        let (origin, lists) = Positions::rebase_each(self.corners);
         for (mesh, positions) in scene.meshes.iter_mut().zip(lists) {
             (mesh.origin, mesh.positions) = (origin, positions);
         }

@@ -59,11 +59,11 @@ impl Bounds {
     }
 }
 
-/// The origin of exact points, and the points as offsets from it; see [`Positions::settle`].
+/// The origin of exact points, and the points as offsets from it; see [`Positions::rebase`].
 pub(crate) fn counted(points: impl Iterator<Item = DVec3>) -> (DVec3, Vec<Vec3>) {
     let mut positions = Positions::default();
     points.for_each(|p| positions.push(p.as_vec3(), p));
-    positions.settle()
+    positions.rebase()
 }
 
 impl Positions {
@@ -89,7 +89,7 @@ impl Positions {
     }
 
     /// Adds a position that isn't finite. It stays NaN and doesn't affect the others.
-    pub(super) fn push_nowhere(&mut self) {
+    pub(super) fn push_non_finite(&mut self) {
         self.rounded.push(Vec3::NAN);
         if !self.rest.is_empty() {
             self.rest.push(Vec3::ZERO);
@@ -117,18 +117,18 @@ impl Positions {
 
     /// The origin, and the positions as offsets from it. The origin is zero unless the positions are far from zero and
     /// rounding lost something.
-    pub(super) fn settle(self) -> (DVec3, Vec<Vec3>) {
-        Positions::settle_all(vec![self])
+    pub(super) fn rebase(self) -> (DVec3, Vec<Vec3>) {
+        Positions::rebase_all(vec![self])
     }
 
-    /// As [`Positions::settle`], for the parts of a file, which are concatenated.
-    pub(super) fn settle_all(parts: Vec<Positions>) -> (DVec3, Vec<Vec3>) {
-        let (origin, lists) = Positions::settle_each(parts);
+    /// As [`Positions::rebase`], for the parts of a file, which are concatenated.
+    pub(super) fn rebase_all(parts: Vec<Positions>) -> (DVec3, Vec<Vec3>) {
+        let (origin, lists) = Positions::rebase_each(parts);
         (origin, concat(lists))
     }
 
-    /// As [`Positions::settle`], for the meshes of a file, which share one origin.
-    pub(super) fn settle_each(mut parts: Vec<Positions>) -> (DVec3, Vec<Vec<Vec3>>) {
+    /// As [`Positions::rebase`], for the meshes of a file, which share one origin.
+    pub(super) fn rebase_each(mut parts: Vec<Positions>) -> (DVec3, Vec<Vec<Vec3>>) {
         let mut origin = DVec3::ZERO;
         if parts.iter().any(|part| !part.rest.is_empty()) {
             let mut all = Bounds { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
@@ -182,7 +182,7 @@ mod tests {
 
     #[test]
     fn survey_coordinates_keep_their_digits() {
-        let (origin, offsets) = positions(&SURVEY).settle();
+        let (origin, offsets) = positions(&SURVEY).rebase();
         assert_eq!(origin.y, 104.0);
         for (offset, exact) in offsets.iter().zip(SURVEY) {
             assert!((origin + offset.as_dvec3() - exact).length() < 2e-7, "{origin} {offset} {exact}");
@@ -194,19 +194,19 @@ mod tests {
         let parts = || SURVEY.iter().map(|p| positions(&[*p]).part());
         let mut appended = Positions::default();
         parts().for_each(|part| appended.append(part));
-        let whole = positions(&SURVEY).settle();
-        assert_eq!(Positions::settle_all(parts().collect()), whole);
-        assert_eq!(appended.settle(), whole);
+        let whole = positions(&SURVEY).rebase();
+        assert_eq!(Positions::rebase_all(parts().collect()), whole);
+        assert_eq!(appended.rebase(), whole);
     }
 
     #[test]
     fn positions_near_zero_are_rounded_as_they_are() {
         let near = [DVec3::new(0.1, 0.2, 0.3), DVec3::new(10.1, 63.0, -7.7)];
         let rounded: Vec<Vec3> = near.iter().map(|p| p.as_vec3()).collect();
-        assert_eq!(positions(&near).settle(), (DVec3::ZERO, rounded));
+        assert_eq!(positions(&near).rebase(), (DVec3::ZERO, rounded));
         // Rounding loses nothing here.
         let whole = [DVec3::new(4e6, 1.0, 0.0), DVec3::new(4e6, 2.0, 0.0)];
         let rounded: Vec<Vec3> = whole.iter().map(|p| p.as_vec3()).collect();
-        assert_eq!(positions(&whole).settle(), (DVec3::ZERO, rounded));
+        assert_eq!(positions(&whole).rebase(), (DVec3::ZERO, rounded));
     }
 }

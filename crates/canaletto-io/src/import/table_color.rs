@@ -55,7 +55,7 @@ impl Range {
 
 /// Converts the numbers of a file to linear colours. Negative numbers become 0; colours with NaN or infinity become
 /// white. Returns warnings about assumptions; `of` names the elements with colours, such as "vertices".
-pub(super) fn settle(colors: &mut [Rgb], written: Written, of: &str) -> Vec<ImportError> {
+pub(super) fn normalise(colors: &mut [Rgb], written: Written, of: &str) -> Vec<ImportError> {
     let range = Range::of(colors);
     let Range { most, fraction, negative, missing } = range;
     let mut said = Vec::new();
@@ -112,7 +112,7 @@ mod tests {
 
     fn settled(channels: &[f32], written: Written) -> (Vec<f32>, String) {
         let mut colors: Vec<Rgb> = channels.iter().map(|v| Rgb::gray(*v)).collect();
-        let said = settle(&mut colors, written, "points");
+        let said = normalise(&mut colors, written, "points");
         (colors.iter().map(|c| c.g).collect(), said.into_iter().map(|c| c.message).collect::<Vec<_>>().join("; "))
     }
 

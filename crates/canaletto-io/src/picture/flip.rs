@@ -40,7 +40,7 @@ pub fn flip(reference: &Image, test: &Image, pixels_per_degree: f64) -> Result<F
     let (ca, cb) = colors(reference, test)?;
     let width = reference.width as usize;
     let ppd = if pixels_per_degree.is_finite() { pixels_per_degree.clamp(1.0, 1000.0) } else { PIXELS_PER_DEGREE };
-    let (a, b) = (Side::new(ca, width, ppd), Side::new(cb, width, ppd));
+    let (a, b) = (FeatureImage::new(ca, width, ppd), FeatureImage::new(cb, width, ppd));
     let most = hyab(hunt_lab(DVec3::Y), hunt_lab(DVec3::Z)).powf_07();
     let map: Vec<f32> = (0..a.lab.len())
         .into_par_iter()
@@ -67,15 +67,15 @@ impl Power for f64 {
 }
 
 /// The intermediate results for one picture.
-struct Side {
+struct FeatureImage {
     /// The colours filtered by the contrast sensitivity of the eye, in L*a*b* with the Hunt effect.
     lab: Vec<DVec3>,
     edges: Vec<f64>,
     points: Vec<f64>,
 }
 
-impl Side {
-    fn new(colors: [&[f32]; 3], width: usize, ppd: f64) -> Side {
+impl FeatureImage {
+    fn new(colors: [&[f32]; 3], width: usize, ppd: f64) -> FeatureImage {
         let level = |v: f32| if v.is_nan() { 0.0 } else { f64::from(decode_srgb(v.clamp(0.0, 1.0))) };
         let at = |i: usize| to_opponent(DVec3::new(level(colors[0][i]), level(colors[1][i]), level(colors[2][i])));
         let opponent: Vec<DVec3> = (0..colors[0].len()).into_par_iter().map(at).collect();
@@ -94,7 +94,7 @@ impl Side {
 
         let gray: Vec<f64> = y.iter().map(|v| (v + 16.0) / 116.0).collect();
         let (edges, points) = (features(&gray, width, ppd, true), features(&gray, width, ppd, false));
-        Side { lab, edges, points }
+        FeatureImage { lab, edges, points }
     }
 }
 

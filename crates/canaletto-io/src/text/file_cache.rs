@@ -6,21 +6,21 @@ use std::sync::Arc;
 
 /// Cached values by key. The cache is off for scenes of a single frame. Otherwise it holds what the last frame used, so
 /// that its memory doesn't grow with the number of frames.
-pub(crate) struct Keep {
+pub(crate) struct FrameCache {
     /// Whether values are kept: there will be another frame.
     pub(crate) on: bool,
-    things: HashMap<String, Thing>,
+    things: HashMap<String, Cached>,
 }
 
-struct Thing {
+struct Cached {
     thing: Arc<dyn Any + Send + Sync>,
     /// Whether this frame used the value.
     used: bool,
 }
 
-impl Keep {
-    pub(crate) fn new(on: bool) -> Keep {
-        Keep { on, things: HashMap::new() }
+impl FrameCache {
+    pub(crate) fn new(on: bool) -> FrameCache {
+        FrameCache { on, things: HashMap::new() }
     }
 
     /// The cached value of `key`, or else the result of `make`, which is cached. A key begins with the kind of the
@@ -33,14 +33,14 @@ impl Keep {
         if !self.on {
             return make();
         }
-        if let Some(Thing { thing, used }) = self.things.get_mut(&key)
+        if let Some(Cached { thing, used }) = self.things.get_mut(&key)
             && let Some(thing) = thing.downcast_ref::<T>()
         {
             *used = true;
             return Ok(thing.clone());
         }
         let made = make()?;
-        self.things.insert(key, Thing { thing: Arc::new(made.clone()), used: true });
+        self.things.insert(key, Cached { thing: Arc::new(made.clone()), used: true });
         Ok(made)
     }
 
@@ -57,7 +57,7 @@ mod tests {
     #[test]
     fn made_once_if_on() {
         for (on, expected) in [(true, 1), (false, 2)] {
-            let mut keep = Keep::new(on);
+            let mut keep = FrameCache::new(on);
             let mut count = 0;
             for _ in 0..2 {
                 let made: Result<u32, ()> = keep.get("number 7".into(), || {
@@ -73,7 +73,7 @@ mod tests {
 
     #[test]
     fn what_a_frame_leaves_out_is_dropped() {
-        let mut keep = Keep::new(true);
+        let mut keep = FrameCache::new(true);
         let mut count = 0;
         for frame in 0..6 {
             let mut use_of = |name: &str| {

@@ -24,7 +24,7 @@ use crate::assets::{AssetPath, Assets};
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::import;
 use canaletto::scene::{Scene, View};
-use file_cache::Keep;
+use file_cache::FrameCache;
 use files::{Files, Loader};
 use report::{Message, Report};
 
@@ -73,7 +73,7 @@ pub struct SceneDocument {
     camera: Option<String>,
     /// The camera of a scene that has none, computed at the first frame that is read.
     default_camera: Option<Option<View>>,
-    keep: Keep,
+    keep: FrameCache,
 }
 
 impl SceneDocument {
@@ -114,7 +114,7 @@ impl SceneDocument {
         }
         overrides::apply_set(&mut nodes, set, &mut files, &mut report);
         let (timeline, report) = animate::timeline(&nodes, &files, report);
-        let keep = Keep::new(timeline.moves);
+        let keep = FrameCache::new(timeline.moves);
         let times = animate::times(&nodes);
         if timeline.has_time {
             animate::gather(&mut nodes, &files);
@@ -133,7 +133,7 @@ impl SceneDocument {
     }
 
     /// Selects the camera whose shutter interval determines motion blur. The default is the first camera.
-    pub fn look_through(&mut self, camera: &str) {
+    pub fn use_shutter_of(&mut self, camera: &str) {
         self.camera = Some(camera.to_owned());
     }
 

@@ -33,7 +33,7 @@ pub(super) fn read(path: &Path, layer: Option<&str>) -> Result<Input, Failure> {
     }
     file.take(MAX_FILE).read_to_end(&mut bytes).map_err(|e| failed(reason(&e)))?;
     if bytes.len() as u64 > MAX_FILE {
-        return Err(failed(format!("it is larger than {}", crate::words::bytes(MAX_FILE))));
+        return Err(failed(format!("it is larger than {}", crate::format::bytes(MAX_FILE))));
     }
     let decoded = decode(&bytes).map_err(|e| failed(e.to_string()))?;
     drop(bytes);

@@ -1,7 +1,7 @@
 //! `canaletto compare`: how much two pictures differ.
 
 mod input;
-mod told;
+mod report;
 
 use crate::exit::Exit;
 use crate::failure::Failure;
@@ -17,8 +17,8 @@ use canaletto_io::picture::{
 use canaletto_io::text::closest_word;
 use clap::Args;
 use input::read;
+use report::ComparisonReport;
 use std::path::{Path, PathBuf};
-use told::Told;
 
 /// Compares two pictures: RMSE, PSNR, the largest difference and where it is, SSIM, FLIP; and all that they have
 /// besides colours.
@@ -194,7 +194,7 @@ pub(crate) fn run(flags: &CompareFlags) -> Result<Exit, Failure> {
     };
     let colors_differ = result.differing > 0;
     result.differing = differing(&compared_a, &compared_b, &rest.pixels).map_err(wrong)?;
-    let told = Told { flags, result, rest, left_out, colors_differ, raw, image: &compared_a };
+    let told = ComparisonReport { flags, result, rest, left_out, colors_differ, raw, image: &compared_a };
     let exceeded = exceeded(&flags.threshold, &told)?;
     if flags.json {
         print_json(&told.json(&exceeded))?;
@@ -211,7 +211,7 @@ pub(crate) fn run(flags: &CompareFlags) -> Result<Exit, Failure> {
     Ok(if exceeded.is_empty() { Exit::Done } else { Exit::Threshold })
 }
 
-fn exceeded<'a>(thresholds: &'a [Threshold], told: &Told) -> Result<Vec<&'a Threshold>, Failure> {
+fn exceeded<'a>(thresholds: &'a [Threshold], told: &ComparisonReport) -> Result<Vec<&'a Threshold>, Failure> {
     let mut list = Vec::new();
     for threshold in thresholds {
         if told.raw && matches!(threshold.metric, Metric::Ssim | Metric::Flip | Metric::Psnr) {

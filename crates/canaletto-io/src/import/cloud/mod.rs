@@ -20,11 +20,11 @@ mod elements;
 mod text;
 mod xyz;
 
-use super::coarse::{self, Precision};
 use super::encoding;
 use super::lines::{ImportError, Token};
 use super::ply;
 use super::positions::Positions;
+use super::precision_warning::{self, Precision};
 use super::table_color::{self, Written};
 use crate::assets::Asset;
 use crate::diagnostic::Diagnostics;
@@ -72,7 +72,7 @@ impl CloudFormat {
 
 /// Rows that are left out because a coordinate or the radius isn't finite.
 #[derive(Default)]
-struct Lost {
+struct LeftOutRows {
     count: u64,
     /// The offset of the first such row.
     first: Option<usize>,
@@ -80,14 +80,14 @@ struct Lost {
     kept: u64,
 }
 
-impl Lost {
+impl LeftOutRows {
     fn note(&mut self, row: &Token<'_>) {
         self.count += 1;
         self.first.get_or_insert(row.start);
     }
 
     /// Adds the rows of a later part.
-    fn append(&mut self, later: Lost) {
+    fn append(&mut self, later: LeftOutRows) {
         self.count += later.count;
         self.kept += later.kept;
         self.first = self.first.or(later.first);
@@ -134,7 +134,13 @@ pub fn read_spheres(
     let cloud = cloud.and_then(|(mut cloud, mut said)| {
         name.clone_into(&mut cloud.name);
         settle_radius(&mut cloud.radii, cloud.centers.len(), radius, &said)?;
-        said.extend(coarse::cloud(&cloud.centers, 1, &cloud.radii, cloud.origin, format.precision(&asset.bytes)));
+        said.extend(precision_warning::cloud(
+            &cloud.centers,
+            1,
+            &cloud.radii,
+            cloud.origin,
+            format.precision(&asset.bytes),
+        ));
         Ok((cloud, said))
     });
     finish(asset, format, cloud)
@@ -161,7 +167,7 @@ fn spheres_of_text(bytes: &[u8], radius: Option<f32>) -> Read<SphereCloud> {
         None => text::read(bytes, &names)?,
     };
     let (Columns { points, radii, colors }, said) = columns(bytes, table);
-    let (origin, centers) = points.settle();
+    let (origin, centers) = points.rebase();
     Ok((SphereCloud { origin, centers, radii, colors, ..SphereCloud::default() }, said))
 }
 
@@ -177,13 +183,13 @@ fn spheres_of_atoms(bytes: &[u8], mut atoms: xyz::Atoms, radius: Option<f32>) ->
     }
     if !atoms.own_colors.is_empty() {
         atoms.colors = atoms.own_colors;
-        said.extend(table_color::settle(&mut atoms.colors, Written::Real, "atoms"));
+        said.extend(table_color::normalise(&mut atoms.colors, Written::Real, "atoms"));
     }
     let radii = match radius {
         Some(radius) if !atoms.has_radii => vec![radius],
         _ => atoms.radii,
     };
-    let (origin, centers) = atoms.centers.settle();
+    let (origin, centers) = atoms.centers.rebase();
     (SphereCloud { origin, centers, radii, colors: atoms.colors, ..SphereCloud::default() }, said)
 }
 
@@ -209,7 +215,7 @@ fn columns(bytes: &[u8], table: text::Table) -> (Columns, Vec<ImportError>) {
     if commas > 0 {
         said.push(ImportError::file(format!("{commas} numbers have a decimal comma; it is read as a point")));
     }
-    said.extend(table_color::settle(&mut colors, Written::Real, "rows"));
+    said.extend(table_color::normalise(&mut colors, Written::Real, "rows"));
     (Columns { points, radii, colors }, said)
 }
 
@@ -242,7 +248,7 @@ pub fn read_cylinders(
         cloud.caps = true;
         settle_radius(&mut cloud.radii, cloud.axes.len(), radius, &said)?;
         let ends = cloud.axes.as_flattened();
-        said.extend(coarse::cloud(ends, 2, &cloud.radii, cloud.origin, format.precision(&asset.bytes)));
+        said.extend(precision_warning::cloud(ends, 2, &cloud.radii, cloud.origin, format.precision(&asset.bytes)));
         Ok((cloud, said))
     });
     finish(asset, format, cloud)
@@ -259,7 +265,7 @@ fn cylinders_of_text(bytes: &[u8]) -> Read<CylinderCloud> {
         Some(Err(_)) | None => text::read(bytes, &names)?,
     };
     let (Columns { points, radii, colors }, said) = columns(bytes, table);
-    let (origin, ends) = points.settle();
+    let (origin, ends) = points.rebase();
     let axes = ends.as_chunks().0.to_vec();
     Ok((CylinderCloud { origin, axes, radii, colors, ..CylinderCloud::default() }, said))
 }

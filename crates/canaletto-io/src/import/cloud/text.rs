@@ -1,6 +1,6 @@
 //! Rows of text: separators, columns, and rows that are left out.
 
-use super::Lost;
+use super::LeftOutRows;
 use crate::import::lines::{ImportError, Token};
 use crate::import::number;
 use crate::import::positions::Positions;
@@ -46,7 +46,7 @@ pub(super) struct Table {
     /// The colours as written in the file.
     pub(super) colors: Vec<Rgb>,
     /// The rows without a finite position or size.
-    pub(super) lost: Lost,
+    pub(super) lost: LeftOutRows,
     /// The number of decimal commas.
     pub(super) commas: u64,
     /// The names of skipped columns.

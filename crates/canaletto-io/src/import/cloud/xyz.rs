@@ -5,7 +5,7 @@
 //! (`Properties=species:S:1:pos:R:3:radius:R:1:color:R:3`); columns of forces, charges and the like are skipped. Of
 //! several frames only the first is read.
 
-use super::Lost;
+use super::LeftOutRows;
 use super::elements::{Element, element};
 use crate::import::lines::{ImportError, Token};
 use crate::import::number;
@@ -24,7 +24,7 @@ pub(super) struct Atoms {
     pub(super) colors: Vec<Rgb>,
     /// The colours of the file, as written; empty if it has none.
     pub(super) own_colors: Vec<Rgb>,
-    pub(super) lost: Lost,
+    pub(super) lost: LeftOutRows,
     /// The first name that is no element, and the number of such names.
     pub(super) unknown: Option<(String, u64)>,
     /// Whether more frames follow the first.

@@ -108,7 +108,7 @@ pub(super) fn read(piece: Piece<'_>, before: [usize; 3], vertices: &Vertices) ->
     let positions = vertices.positions.len();
     let mut lines = Lines::of_piece(piece).joined();
     loop {
-        if vertices.nowhere.is_empty()
+        if vertices.non_finite.is_empty()
             && let Triangles::Plain([false, false], list) = &mut out.triangles
         {
             while let Some(triangle) = lines.easy(|line| plain_triangle(line, positions)) {

@@ -19,7 +19,7 @@ use super::encoding;
 use super::ignored::Ignored;
 use super::lines::{ImportError, Token};
 use super::text::Text;
-use super::{Imported, Unsaid, unreadable};
+use super::{DefaultShading, Imported, unreadable};
 use crate::assets::{Assets, OpenAsset};
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use canaletto::material::{Material, Phong};
@@ -32,7 +32,7 @@ use std::path::PathBuf;
 use vertices::First;
 
 /// Reads the meshes and materials of an OBJ file.
-pub(super) fn read(asset: &OpenAsset, assets: &dyn Assets, unsaid: Unsaid) -> Result<Imported, Diagnostics> {
+pub(super) fn read(asset: &OpenAsset, assets: &dyn Assets, unsaid: DefaultShading) -> Result<Imported, Diagnostics> {
     let view = asset.content.view();
     let failed = |complaint: ImportError| Diagnostics::from(complaint.error(asset.path.name()));
     let start = view.piece(0..encoding::START, &mut Vec::new()).map(encoding::is_utf16);
@@ -47,7 +47,7 @@ fn read_pieces(
     asset: &OpenAsset,
     assets: &dyn Assets,
     text: Text<'_>,
-    unsaid: Unsaid,
+    unsaid: DefaultShading,
 ) -> Result<Imported, Diagnostics> {
     let file = asset.path.name();
     let mut reader =
@@ -88,7 +88,7 @@ impl Reader<'_> {
         &mut self,
         text: Text<'_>,
         first: First,
-        unsaid: Unsaid,
+        unsaid: DefaultShading,
     ) -> Result<(Vec<Mesh>, Option<Material>), ImportError> {
         let names = library::Names::new(&self.materials);
         let file = self.asset.path.name();
@@ -132,7 +132,7 @@ impl Reader<'_> {
         )?;
         let mut default = None;
         let count = self.materials.len() as u32;
-        let nowhere = !first.vertices.nowhere.is_empty();
+        let non_finite = !first.vertices.non_finite.is_empty();
         let meshes = parts.finish(first.vertices, unsaid, || {
             default.get_or_insert_with(|| Material::new("default", Phong::default()));
             count
@@ -144,7 +144,7 @@ impl Reader<'_> {
         }
         ignored.report(file, &mut self.warnings);
         if meshes.is_empty() {
-            if nowhere {
+            if non_finite {
                 return Err(ImportError::file("none of its faces has three corners with finite coordinates"));
             }
             return Err(ImportError::file("there are no faces in it").help("an OBJ file has lines such as `f 1 2 3`"));

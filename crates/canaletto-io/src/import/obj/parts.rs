@@ -1,6 +1,6 @@
 //! Conversion of triangles with separate indices for positions, texture coordinates and normals to meshes.
 
-use super::super::Unsaid;
+use super::super::DefaultShading;
 use super::super::concat::concat;
 use super::super::repair::repair_normals;
 use super::super::smooth::{Smoothing, smooth};
@@ -71,7 +71,12 @@ impl Parts {
     ///
     /// A single mesh keeps the vertices of the file unchanged, if possible. Other meshes get vertices in the order of
     /// their first use by triangles, one for each combination of position, texture coordinates and normal.
-    pub(super) fn finish(mut self, vertices: Vertices, unsaid: Unsaid, mut default: impl FnMut() -> u32) -> Vec<Mesh> {
+    pub(super) fn finish(
+        mut self,
+        vertices: Vertices,
+        unsaid: DefaultShading,
+        mut default: impl FnMut() -> u32,
+    ) -> Vec<Mesh> {
         for part in &mut self.list {
             if part.materials == [NONE] {
                 part.materials.clear();
@@ -91,7 +96,7 @@ impl Parts {
             }
             match groups {
                 Some(groups) if groups.iter().any(|group| *group != 0) => smooth(mesh, Smoothing::Groups(groups)),
-                None if unsaid == Unsaid::Creases => smooth(mesh, Smoothing::Creases),
+                None if unsaid == DefaultShading::Creases => smooth(mesh, Smoothing::Creases),
                 _ => {}
             }
         });

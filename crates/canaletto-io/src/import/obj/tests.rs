@@ -363,7 +363,7 @@ fn every_way(text: &[u8]) -> Result<Imported, String> {
     let disk = OpenAsset { path: memory.path.clone(), content: Content::File(file, text.len()) };
     let read = |asset: &OpenAsset, size: usize| {
         let text = Text { view: asset.content.view(), size };
-        read_pieces(asset, &assets, text, Unsaid::Flat).map_err(|errors| errors.to_string())
+        read_pieces(asset, &assets, text, DefaultShading::Flat).map_err(|errors| errors.to_string())
     };
     let expected = read(&memory, text.len().max(1));
     let told = |result: &Result<Imported, String>| match result {

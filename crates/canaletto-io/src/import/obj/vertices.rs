@@ -22,7 +22,7 @@ pub(super) struct Vertices {
     pub(super) positions: Vec<Vec3>,
     /// The sorted indices of positions that aren't finite. They are replaced by an arbitrary finite position, and no
     /// face uses them.
-    pub(super) nowhere: Vec<u32>,
+    pub(super) non_finite: Vec<u32>,
     /// The vertex colours: empty, or one for each position.
     pub(super) colors: Vec<Rgb>,
     /// Texture coordinates with v from the top row of an image, as elsewhere in Canaletto; the file has v from the
@@ -35,7 +35,7 @@ pub(super) struct Vertices {
 impl Vertices {
     /// Whether this position isn't finite.
     pub(super) fn is_nowhere(&self, position: u32) -> bool {
-        !self.nowhere.is_empty() && self.nowhere.binary_search(&position).is_ok()
+        !self.non_finite.is_empty() && self.non_finite.binary_search(&position).is_ok()
     }
 }
 
@@ -75,7 +75,7 @@ pub(super) fn read(text: Text<'_>) -> Result<First, ImportError> {
         assumed: None,
     };
     let (mut positions, mut uvs, mut normals) = (Vec::new(), Vec::new(), Vec::new());
-    let (mut colors, mut nowhere): (Vec<Rgb>, Vec<u32>) = Default::default();
+    let (mut colors, mut non_finite): (Vec<Rgb>, Vec<u32>) = Default::default();
     let mut count = [0; 3];
     text.each(
         &all,
@@ -88,7 +88,7 @@ pub(super) fn read(text: Text<'_>) -> Result<First, ImportError> {
                 colors.extend(vertices.colors);
             }
             first.before.push(count);
-            nowhere.extend(vertices.nowhere.iter().map(|i| (count[0] as u32).wrapping_add(*i)));
+            non_finite.extend(vertices.non_finite.iter().map(|i| (count[0] as u32).wrapping_add(*i)));
             count[0] += some.len();
             count[1] += vertices.uvs.len();
             count[2] += vertices.normals.len();
@@ -107,12 +107,12 @@ pub(super) fn read(text: Text<'_>) -> Result<First, ImportError> {
     if count.iter().any(|n| *n >= NONE as usize) {
         return Err(ImportError::file("it has more vertices than 32 bits can count"));
     }
-    let (origin, mut positions) = Positions::settle_all(positions);
-    if !nowhere.is_empty() {
+    let (origin, mut positions) = Positions::rebase_all(positions);
+    if !non_finite.is_empty() {
         let anywhere = positions.iter().copied().find(|p| p.is_finite()).unwrap_or_default();
-        nowhere.iter().for_each(|i| positions[*i as usize] = anywhere);
+        non_finite.iter().for_each(|i| positions[*i as usize] = anywhere);
     }
-    first.vertices = Vertices { origin, positions, nowhere, colors, uvs: concat(uvs), normals: concat(normals) };
+    first.vertices = Vertices { origin, positions, non_finite, colors, uvs: concat(uvs), normals: concat(normals) };
     Ok(first)
 }
 
@@ -160,8 +160,8 @@ fn find(piece: Piece<'_>) -> Result<Found, ImportError> {
                     positions.push(rounded, exact);
                 } else {
                     ignored.note(&word, "has no finite place, and faces that use it are left out");
-                    out.nowhere.push(positions.len() as u32);
-                    positions.push_nowhere();
+                    out.non_finite.push(positions.len() as u32);
+                    positions.push_non_finite();
                 }
                 if let Some(color) = vertex_color(&word, words, ignored)? {
                     out.colors.resize(positions.len() - 1, NO_COLOR);

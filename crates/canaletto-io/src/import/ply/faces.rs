@@ -101,7 +101,7 @@ impl FaceList {
                 self.without_uv += some.without_uv;
             },
         )?;
-        said.extend(wanted.color.settle(&mut self.colors, "faces"));
+        said.extend(wanted.color.rebase(&mut self.colors, "faces"));
         Ok(())
     }
 
@@ -117,9 +117,9 @@ impl FaceList {
             super::keep(&mut mesh.triangles, &kept);
             super::keep(&mut self.colors, &kept);
             super::keep(&mut self.uvs, &kept);
-            let nowhere = positions.iter().filter(|p| !p.is_finite()).count();
+            let non_finite = positions.iter().filter(|p| !p.is_finite()).count();
             said.push(ImportError::file(format!(
-                "{nowhere} vertices have a coordinate that isn't a finite number; they are left out, and {} faces with them",
+                "{non_finite} vertices have a coordinate that isn't a finite number; they are left out, and {} faces with them",
                 self.lost
             )));
             // No triangle uses these vertices.

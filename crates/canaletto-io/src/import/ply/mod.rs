@@ -14,9 +14,9 @@ mod header;
 mod payload;
 mod table;
 
-use super::coarse::Precision;
 use super::lines::ImportError;
 use super::positions::Positions;
+use super::precision_warning::Precision;
 use super::repair::repair_normals;
 use super::smooth::Smoothing;
 use super::table_color::{self, Written};
@@ -119,7 +119,7 @@ pub(super) fn read_spheres(name: &str, view: View<'_>) -> Result<(SphereCloud, V
             let wanted = Wanted::of(element, true)?;
             let Vertices { positions, mut radii, mut colors, .. } =
                 vertices(element, &wanted, &mut payload, &mut said)?;
-            let (origin, mut centers) = positions.settle();
+            let (origin, mut centers) = positions.rebase();
             let good = |i: usize| centers[i].is_finite() && radii.get(i).is_none_or(|r: &f32| r.is_finite());
             let kept: Vec<bool> = (0..centers.len()).into_par_iter().map(good).collect();
             said.extend(left_out(&kept, "points"));
@@ -166,7 +166,7 @@ pub(super) fn read_cylinders(name: &str, view: View<'_>) -> Result<(CylinderClou
         match element.name.as_str() {
             "vertex" => {
                 let wanted = Wanted { extra: Extra::default(), ..Wanted::of(element, false)? };
-                (cloud.origin, points) = vertices(element, &wanted, &mut payload, &mut said)?.positions.settle();
+                (cloud.origin, points) = vertices(element, &wanted, &mut payload, &mut said)?.positions.rebase();
             }
             "edge" => {
                 let ends = element.numbers(["vertex1", "vertex2"]);
@@ -187,7 +187,7 @@ pub(super) fn read_cylinders(name: &str, view: View<'_>) -> Result<(CylinderClou
                         cloud.colors.extend(some.colors);
                     },
                 )?;
-                said.extend(extra.settle(&mut cloud.colors, "edges"));
+                said.extend(extra.rebase(&mut cloud.colors, "edges"));
             }
             _ => payload.skip(element)?,
         }
@@ -288,8 +288,8 @@ impl Extra {
         }
     }
 
-    /// Converts the numbers of all colours to linear light; see [`table_color::settle`].
-    fn settle(&self, colors: &mut [Rgb], of: &str) -> Vec<ImportError> {
+    /// Converts the numbers of all colours to linear light; see [`table_color::normalise`].
+    fn rebase(&self, colors: &mut [Rgb], of: &str) -> Vec<ImportError> {
         let written = match self.color {
             None | Some((_, Kind::U8 | Kind::I8)) => return Vec::new(),
             Some((_, Kind::I16)) => Written::Whole(32767.0),
@@ -298,7 +298,7 @@ impl Extra {
             Some((_, Kind::U32)) => Written::Whole(4_294_967_295.0),
             Some((_, Kind::F32 | Kind::F64)) => Written::Real,
         };
-        table_color::settle(colors, written, of)
+        table_color::normalise(colors, written, of)
     }
 }
 
@@ -313,7 +313,7 @@ struct Vertices {
 
 impl Vertices {
     fn into_mesh(self, mesh: &mut Mesh) {
-        (mesh.origin, mesh.positions) = self.positions.settle();
+        (mesh.origin, mesh.positions) = self.positions.rebase();
         mesh.normals = self.normals;
         mesh.uvs = self.uvs;
         mesh.colors = self.colors;
@@ -405,7 +405,7 @@ fn vertices(
             out
         }
     };
-    said.extend(wanted.extra.settle(&mut out.colors, "vertices"));
+    said.extend(wanted.extra.rebase(&mut out.colors, "vertices"));
     Ok(out)
 }
 

@@ -129,12 +129,12 @@ impl<'a> Payload<'a> {
             } else {
                 scan_binary(window, left, element, self.encoding)
             };
-            let understand = |group: &Group| {
+            let decode_rows = |group: &Group| {
                 let mut state = state();
-                self.understand(element, next, window, group, |index, values| row(&mut state, index, values))?;
+                self.decode_rows(element, next, window, group, |index, values| row(&mut state, index, values))?;
                 Ok(state)
             };
-            let states: Vec<Result<S, ImportError>> = scan.groups.par_iter().map(understand).collect();
+            let states: Vec<Result<S, ImportError>> = scan.groups.par_iter().map(decode_rows).collect();
             for state in states {
                 merge(state?);
             }
@@ -152,7 +152,7 @@ impl<'a> Payload<'a> {
     }
 
     /// Decodes the rows of a group; the window starts with row `first` of the element.
-    fn understand(
+    fn decode_rows(
         &self,
         element: &Element,
         first: u64,

@@ -433,10 +433,10 @@ fn vertices_without_a_place_are_left_out_with_their_faces() {
             "1 vertices have a coordinate that isn't a finite number; they are left out, and 1 faces with them";
         assert!(said(&bytes).contains(message), "{}", said(&bytes));
     }
-    let nowhere = ["0 0 0 255", "1 0 0 0", "1 1 0 188", "0 1 0 0"]
+    let non_finite = ["0 0 0 255", "1 0 0 0", "1 1 0 188", "0 1 0 0"]
         .iter()
         .fold(text, |text, row| text.replacen(row, &format!("nan{}", &row[1..]), 1));
-    assert_eq!(error(&nowhere), "none of its faces has three corners with finite coordinates");
+    assert_eq!(error(&non_finite), "none of its faces has three corners with finite coordinates");
     // The equivalent in tables.
     for odd in large(300, |_, _| ()) {
         let text = String::from_utf8_lossy(&odd[..60]).into_owned();

@@ -55,7 +55,7 @@ pub(super) fn compressed(
     fill: impl Fn(Range<usize>, &mut [u8]) + Sync,
 ) -> io::Result<Vec<Vec<u8>>> {
     let bands = shape.bands(compression).into_par_iter().map_init(
-        || Workshop::new(shape, compression, &fill),
+        || BandEncoder::new(shape, compression, &fill),
         |workshop, rows| {
             let part = workshop.band(rows.clone())?;
             let filtered = &workshop.filtered[workshop.shown..];
@@ -89,7 +89,7 @@ fn joined(first: u32, second: u32, length: usize) -> u32 {
 }
 
 /// The working memory of one thread.
-struct Workshop<'a, F> {
+struct BandEncoder<'a, F> {
     shape: Shape,
     /// The number of rows above a band that fill the deflate window.
     before: usize,
@@ -104,13 +104,13 @@ struct Workshop<'a, F> {
     encoder: DeflateEncoder<Vec<u8>>,
 }
 
-impl<'a, F: Fn(Range<usize>, &mut [u8])> Workshop<'a, F> {
+impl<'a, F: Fn(Range<usize>, &mut [u8])> BandEncoder<'a, F> {
     fn new(shape: Shape, compression: Compression, fill: &'a F) -> Self {
         let tries = std::array::from_fn(|_| vec![0; shape.width * shape.pixel]);
         let encoder = DeflateEncoder::new(Vec::new(), flate2::Compression::new(compression.level()));
         let fast = compression == Compression::Fast;
         let before = if fast { 0 } else { WINDOW.div_ceil(shape.width * shape.pixel + 1) };
-        Workshop { shape, before, fill, bytes: Vec::new(), filtered: Vec::new(), shown: 0, tries, encoder }
+        BandEncoder { shape, before, fill, bytes: Vec::new(), filtered: Vec::new(), shown: 0, tries, encoder }
     }
 
     /// Compresses a range of rows.

@@ -412,7 +412,7 @@ mod tests {
         bytes[29..33].copy_from_slice(&crc.to_be_bytes());
         assert_eq!(
             decode_png(&bytes).unwrap_err(),
-            PictureError::Image(ImageError::Unexplained {
+            PictureError::Image(ImageError::ExceedsFile {
                 format: "PNG",
                 width: 65536,
                 height: 2048,

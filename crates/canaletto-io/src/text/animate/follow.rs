@@ -53,7 +53,7 @@ impl Animator<'_> {
             let child = camera.children.iter().find(|c| &*c.name == *word).map(|c| c.name_span);
             if let Some(span) = child.or(property) {
                 let message = Message::error(span, format!("the camera has both {word} and follow"));
-                self.judge.report.push(message.help(if *word == "center" {
+                self.validator.report.push(message.help(if *word == "center" {
                     "leave out center, or along: then it looks at the center"
                 } else {
                     "leave out one of them: the path says where the eye is"
@@ -85,7 +85,7 @@ impl Animator<'_> {
         let mut inner = node.children.remove(at);
         if let Some(value) = node.values.first() {
             let message = format!("{} has both numbers and a path", word.name);
-            self.judge.report.error(value.span, message);
+            self.validator.report.error(value.span, message);
             node.broken = true;
             return;
         }
@@ -107,14 +107,14 @@ impl Animator<'_> {
         mut make: impl FnMut(&Path, &Fields, f64) -> Result<Vec<f64>, (Span, String)>,
     ) -> Option<Moments> {
         self.node(node, words);
-        let fields = self.judge.fields(node, words, words.name);
+        let fields = self.validator.fields(node, words, words.name);
         if !fields.valid {
             return None;
         }
         let name = fields.text("path")?;
         let Some((path, _)) = self.paths.get(name) else {
             let known: Vec<&str> = self.paths.keys().map(String::as_str).collect();
-            self.judge.unknown_name("path", name, fields.span("path"), known.iter().copied());
+            self.validator.unknown_name("path", name, fields.span("path"), known.iter().copied());
             return None;
         };
         let path = path.as_ref()?;
@@ -128,7 +128,7 @@ impl Animator<'_> {
                 Some(Moments { now, moving: all })
             }
             Err((span, problem)) => {
-                self.judge.report.error(span, problem);
+                self.validator.report.error(span, problem);
                 None
             }
         }

@@ -3,7 +3,7 @@
 //! The keys of a word are validated once, at the first frame that uses them. The time of a film is therefore
 //! proportional to the number of keys, not to its square. Each frame evaluates the curve between two keys.
 
-use super::{Animator, MOST_TURN, POSES, STILL};
+use super::{Animator, MOST_TURN, NOT_ANIMATED, POSES};
 use crate::animation::{Curve, Ease, Key, axis_angle, quaternion, turned};
 use crate::text::report::{Message, Report};
 use crate::text::schema::{EASE, FieldSchema, TURN, ValueType};
@@ -42,7 +42,7 @@ struct Ready {
 }
 
 /// A value as a function of time.
-type Moment = Box<dyn Fn(f64) -> Vec<f64> + Send + Sync>;
+type Evaluator = Box<dyn Fn(f64) -> Vec<f64> + Send + Sync>;
 
 /// The change of a word's values over time.
 enum Track {
@@ -50,7 +50,7 @@ enum Track {
     Jump(Vec<Written>),
     /// Numbers that are interpolated from key to key.
     Curve {
-        moment: Moment,
+        moment: Evaluator,
         /// The time and the span of each key.
         places: Vec<(f64, Span)>,
         /// Whether the last number is an angle whose change per pose is limited.
@@ -92,7 +92,7 @@ impl Animator<'_> {
     pub(super) fn keys(&mut self, node: &mut Node, word: &'static FieldSchema) {
         let Some(keys) = node.keys.take() else { return };
         let ready = keys.ready.get_or_init(|| self.judged(node, &keys.children, word));
-        self.judge.report.repeat(&ready.messages);
+        self.validator.report.repeat(&ready.messages);
         let Some(track) = &ready.track else {
             node.broken = true;
             if !ready.untouched {
@@ -122,7 +122,7 @@ impl Animator<'_> {
                 (angle(&fast[1]) - angle(&fast[0])).abs() * (POSES - 1) as f64,
                 MOST_TURN * (POSES - 1) as f64
             );
-            self.judge.report.error(fast[0].first().map_or(places[0].1, |value| value.span), message);
+            self.validator.report.error(fast[0].first().map_or(places[0].1, |value| value.span), message);
             node.broken = true;
             return;
         }
@@ -134,11 +134,11 @@ impl Animator<'_> {
 
     /// Validates the keys of a word.
     fn judged(&mut self, node: &Node, motion: &[Node], word: &'static FieldSchema) -> Ready {
-        let outer = std::mem::take(&mut self.judge.report);
+        let outer = std::mem::take(&mut self.validator.report);
         let mut ready = Ready { track: None, first: Vec::new(), untouched: false, messages: Report::default() };
         let broken = motion.iter().any(|child| &*child.name == "key" && child.broken);
         let track = self.track(node, motion, word, &mut ready);
-        ready.messages = std::mem::replace(&mut self.judge.report, outer);
+        ready.messages = std::mem::replace(&mut self.validator.report, outer);
         ready.track = track.filter(|_| !broken && !ready.messages.has_errors());
         ready
     }
@@ -148,15 +148,19 @@ impl Animator<'_> {
         let name = node.name.to_string();
         let keys: Vec<&Node> = motion.iter().filter(|child| &*child.name == "key").collect();
         ready.untouched = true;
-        let fixed = STILL.contains(&word.name) || matches!(word.value_type, ValueType::Keyword([_]));
+        let fixed = NOT_ANIMATED.contains(&word.name) || matches!(word.value_type, ValueType::Keyword([_]));
         if fixed || (matches!(word.value_type, ValueType::Text) && *node.name != *word.name) {
             let what = if *node.name == *word.name { name } else { format!("the {} of {name}", word.name) };
-            self.judge.report.error(keys[0].name_span, format!("{what} is the same in all frames, so it has no keys"));
+            self.validator
+                .report
+                .error(keys[0].name_span, format!("{what} is the same in all frames, so it has no keys"));
             return None;
         }
         if let Some(value) = node.values.first() {
             let message = Message::error(value.span, format!("{name} has both a value and keys"));
-            self.judge.report.push(message.help("leave out one of them; a key at the first frame says how it starts"));
+            self.validator
+                .report
+                .push(message.help("leave out one of them; a key at the first frame says how it starts"));
             return None;
         }
         ready.untouched = false;
@@ -164,7 +168,7 @@ impl Animator<'_> {
         let turn = self.beside(motion, "turn", &TURN);
         let written = self.written(&keys, &name, word);
         ready.first = written.first().map_or(Vec::new(), |first| first.values.clone());
-        if self.judge.report.count() > 0 || written.is_empty() {
+        if self.validator.report.count() > 0 || written.is_empty() {
             return None;
         }
         let numbers = matches!(
@@ -173,7 +177,7 @@ impl Animator<'_> {
         ) && word.name != "matrix";
         if !numbers {
             if let Some((text, span)) = &turn {
-                self.judge.report.error(*span, format!("turn \"{text}\" is for rotations"));
+                self.validator.report.error(*span, format!("turn \"{text}\" is for rotations"));
             }
             self.may_jump(word, &written, ease);
             return Some(Track::Jump(written));
@@ -191,17 +195,17 @@ impl Animator<'_> {
             (_, None) => Some(false),
             (_, Some((text, span))) => {
                 let message = Message::error(*span, format!("turn \"{text}\" is for rotations"));
-                self.judge.report.push(message.help("rotate, rotate-x, rotate-y and rotate-z have it"));
+                self.validator.report.push(message.help("rotate, rotate-x, rotate-y and rotate-z have it"));
                 Some(false)
             }
         };
         let mut short = shortest == Some(true);
-        let moment: Moment = if word.name == "rotate" {
+        let moment: Evaluator = if word.name == "rotate" {
             let axes = plain.keys().windows(2).all(|k| k[0].values[..3] == k[1].values[..3]);
             if shortest == Some(false) && !axes {
                 let span = turn.map_or(keys[0].span, |(_, span)| span);
                 let message = Message::error(span, "turn \"angle\" needs the same axis in every key");
-                self.judge.report.push(message.help("turn \"shortest\" goes between any two rotations"));
+                self.validator.report.push(message.help("turn \"shortest\" goes between any two rotations"));
                 return None;
             }
             short = shortest.unwrap_or(!axes);
@@ -212,7 +216,7 @@ impl Animator<'_> {
                     q.map_or(Vec::new(), |q| q.to_array().into())
                 };
                 if let Some(wrong) = written.iter().find(|k| turns(k).is_empty()) {
-                    self.judge.report.error(wrong.span, "rotate needs an axis with a direction");
+                    self.validator.report.error(wrong.span, "rotate needs an axis with a direction");
                     return None;
                 }
                 let curve = curve(&turns);
@@ -244,7 +248,7 @@ impl Animator<'_> {
         let Some(span) = beside.or(own) else { return };
         let message = format!("{} changes at once, from one key to the next: its ease can only be \"step\"", word.name);
         let message = Message::error(span, message);
-        self.judge.report.push(if word.name == "matrix" {
+        self.validator.report.push(if word.name == "matrix" {
             message.help("translate, rotate and scale move smoothly")
         } else {
             message
@@ -256,11 +260,11 @@ impl Animator<'_> {
         let mut all = motion.iter().filter(|child| &*child.name == name);
         let node = all.next()?;
         if let Some(second) = all.next() {
-            let place = self.judge.files.first(node.name_span, second.name_span);
+            let place = self.validator.files.first(node.name_span, second.name_span);
             let message = Message::error(second.name_span, format!("there are two words {name}"));
-            self.judge.report.push(message.label(place));
+            self.validator.report.push(message.label(place));
         }
-        let good = !node.broken && self.judge.plain(node) && self.judge.values(name, word, &node.values, node);
+        let good = !node.broken && self.validator.plain(node) && self.validator.values(name, word, &node.values, node);
         good.then(|| node.values.first()?.as_text().map(|text| (text.to_owned(), node.span))).flatten()
     }
 
@@ -280,16 +284,16 @@ impl Animator<'_> {
                     1 => format!("this key of {name} has 1 value, the first one {of}"),
                     _ => format!("this key of {name} has {n} values, the first one {of}"),
                 };
-                let place = self.judge.files.first(first.span, key.span);
+                let place = self.validator.files.first(first.span, key.span);
                 let message = Message::error(key.span, message).label(place);
-                self.judge.report.push(message.help("all keys of a word have as many"));
+                self.validator.report.push(message.help("all keys of a word have as many"));
             } else if key.time == last.time {
                 let message = Message::error(key.span, format!("{name} has two keys at {}", key.time));
-                self.judge.report.push(message.label(self.judge.files.first(last.span, key.span)));
+                self.validator.report.push(message.label(self.validator.files.first(last.span, key.span)));
             } else if key.time < last.time {
                 let message = format!("the key at {} comes after the one at {}", key.time, last.time);
                 let message = Message::error(key.span, message);
-                self.judge.report.push(message.help("keys stand in the order of time"));
+                self.validator.report.push(message.help("keys stand in the order of time"));
             } else {
                 written.push(key);
             }
@@ -300,39 +304,39 @@ impl Animator<'_> {
     fn key(&mut self, node: &Node, name: &str, word: &'static FieldSchema) -> Option<Written> {
         let Some(first) = node.values.first() else {
             let message = Message::error(node.span, "key needs its time, and then the value");
-            self.judge.report.push(message.help(format!("for example: {name} {{ key 1  …; key 50  … }}")));
+            self.validator.report.push(message.help(format!("for example: {name} {{ key 1  …; key 50  … }}")));
             return None;
         };
         let Some(time) = first.as_number() else {
             let message = Message::error(first.span, "key takes its time first, as a number");
-            self.judge.report.push(message.help("frames, or seconds with animation { keys \"seconds\" }"));
+            self.validator.report.push(message.help("frames, or seconds with animation { keys \"seconds\" }"));
             return None;
         };
         if !(-1e9..=1e9).contains(&time) {
             let what =
                 if time.is_nan() { "#nan, which is no number".into() } else { format!("{time:e}; it goes up to 1e9") };
-            self.judge.report.error(first.span, format!("the time of this key is {what}"));
+            self.validator.report.error(first.span, format!("the time of this key is {what}"));
             return None;
         }
         let mut ease = None;
         for property in &node.properties {
             if &*property.key != "ease" {
                 let message = Message::error(property.key_span, format!("key has no \"{}\"", property.key));
-                self.judge.report.push(message.help("possible here: ease"));
+                self.validator.report.push(message.help("possible here: ease"));
                 return None;
             }
             let values = std::slice::from_ref(&property.value);
-            if !self.judge.values("ease", &EASE, values, node) {
+            if !self.validator.values("ease", &EASE, values, node) {
                 return None;
             }
             ease = property.value.as_text().and_then(Ease::from_name);
         }
         if let Some(child) = node.children.first() {
-            self.judge.report.error(child.name_span, "key takes nothing but its time and values");
+            self.validator.report.error(child.name_span, "key takes nothing but its time and values");
             return None;
         }
         let values = &node.values[1..];
-        self.judge.values(name, word, values, node).then(|| Written {
+        self.validator.values(name, word, values, node).then(|| Written {
             time,
             values: values.to_vec(),
             span: node.span,

@@ -60,21 +60,21 @@ impl Default for Timeline {
 /// The time settings of the text; mistakes in them are reported.
 pub(crate) fn timeline(nodes: &[Node], files: &Files, report: Report) -> (Timeline, Report) {
     let mut timeline = Timeline::default();
-    let mut judge = Validator::new(files, report);
+    let mut validator = Validator::new(files, report);
     let mut first: Option<Span> = None;
     for node in nodes.iter().filter(|node| *node.name == *ANIMATION.name) {
         if let Some(first) = first.filter(|first| first.file == node.name_span.file) {
             let place = files.first(first, node.name_span);
-            judge.report.push(Message::error(node.name_span, "the file has two animation nodes").label(place));
+            validator.report.push(Message::error(node.name_span, "the file has two animation nodes").label(place));
         }
         first = Some(node.name_span);
-        let fields = judge.fields(node, &ANIMATION, ANIMATION.name);
+        let fields = validator.fields(node, &ANIMATION, ANIMATION.name);
         if let Some(fps) = fields.number("fps") {
             timeline.fps = fps;
             if !Timeline::FPS.contains(&fps) {
                 let message =
                     format!("fps is {fps}; it must be between {} and {}", Timeline::FPS.start(), Timeline::FPS.end());
-                judge.report.error(fields.span("fps"), message);
+                validator.report.error(fields.span("fps"), message);
                 timeline.fps = DEFAULT_FPS;
             }
         }
@@ -82,7 +82,7 @@ pub(crate) fn timeline(nodes: &[Node], files: &Files, report: Report) -> (Timeli
             timeline.frames = Some([from, to]);
             if from > to {
                 let message = format!("the first frame, {from}, comes after the last, {to}");
-                judge.report.error(fields.span("frames"), message);
+                validator.report.error(fields.span("frames"), message);
             }
         }
         if let Some(unit) = fields.text("keys") {
@@ -92,7 +92,7 @@ pub(crate) fn timeline(nodes: &[Node], files: &Files, report: Report) -> (Timeli
     for node in nodes {
         look(node, &mut timeline);
     }
-    (timeline, judge.report)
+    (timeline, validator.report)
 }
 
 fn look(node: &Node, timeline: &mut Timeline) {
@@ -136,7 +136,7 @@ pub(crate) fn animate(
     report: Report,
 ) -> Report {
     let mut animator = Animator {
-        judge: Validator::new(files, report),
+        validator: Validator::new(files, report),
         gathers: false,
         time: timeline.time(frame),
         shutter: Vec::new(),
@@ -151,13 +151,13 @@ pub(crate) fn animate(
         animator.top(node);
     }
     nodes.retain(|node| *node.name != *PATH.name);
-    animator.judge.report
+    animator.validator.report
 }
 
 /// Moves the keys of nodes to `Node::keys`, so that frames share them; see [`keys`].
 pub(crate) fn gather(nodes: &mut [Node], files: &Files) {
     let mut gatherer = Animator {
-        judge: Validator::new(files, Report::default()),
+        validator: Validator::new(files, Report::default()),
         gathers: true,
         time: 0.0,
         shutter: Vec::new(),
@@ -169,7 +169,7 @@ pub(crate) fn gather(nodes: &mut [Node], files: &Files) {
 }
 
 struct Animator<'a> {
-    judge: Validator<'a>,
+    validator: Validator<'a>,
     /// Whether keys are only moved to `Node::keys`, and nothing is replaced.
     gathers: bool,
     /// The time of the frame, in the units of keys.
@@ -181,7 +181,7 @@ struct Animator<'a> {
 }
 
 /// Words that can't be animated, because they identify files and pictures.
-const STILL: [&str; 3] = ["name", "size", "crop"];
+const NOT_ANIMATED: [&str; 3] = ["name", "size", "crop"];
 
 impl Animator<'_> {
     /// Animates a setting, an object or a light.
@@ -275,13 +275,13 @@ impl Animator<'_> {
     fn paths(&mut self, nodes: &mut [Node]) {
         for node in nodes.iter_mut().filter(|node| *node.name == *PATH.name) {
             self.node(node, &PATH);
-            let fields = self.judge.fields(node, &PATH, PATH.name);
+            let fields = self.validator.fields(node, &PATH, PATH.name);
             let Some(name) = fields.text("name") else { continue };
             let span = fields.span("name");
             if let Some((_, first)) = self.paths.get(name) {
-                let place = self.judge.files.first(*first, span);
+                let place = self.validator.files.first(*first, span);
                 let message = Message::error(span, format!("two paths are called \"{name}\""));
-                self.judge.report.push(message.label(place));
+                self.validator.report.push(message.label(place));
                 continue;
             }
             let path = self.path(&fields);
@@ -296,7 +296,7 @@ impl Animator<'_> {
         match Path::new(&points, spline, fields.flag("closed").unwrap_or(false)) {
             Ok(path) => Some(path),
             Err(problem) => {
-                self.judge.report.error(fields.span("points"), problem);
+                self.validator.report.error(fields.span("points"), problem);
                 None
             }
         }

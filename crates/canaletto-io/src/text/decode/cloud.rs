@@ -30,12 +30,12 @@ impl Decoder<'_> {
             "file" => {
                 let key = self.key("spheres", f)?;
                 let read = || {
-                    let (asset, format) = open(self.assets, self.judge.files, f)?;
+                    let (asset, format) = open(self.assets, self.validator.files, f)?;
                     import::read_spheres(&asset, format, f.real("radius")).map_err(Unread::Wrong)
                 };
                 let read = self.keep.get(key, read);
                 let (cloud, warnings) = self.unread(f, read)?;
-                self.judge.report.append(warnings);
+                self.validator.report.append(warnings);
                 cloud
             }
             source => {
@@ -60,12 +60,12 @@ impl Decoder<'_> {
             "file" => {
                 let key = self.key("cylinders", f)?;
                 let read = || {
-                    let (asset, format) = open(self.assets, self.judge.files, f)?;
+                    let (asset, format) = open(self.assets, self.validator.files, f)?;
                     import::read_cylinders(&asset, format, f.real("radius")).map_err(Unread::Wrong)
                 };
                 let read = self.keep.get(key, read);
                 let (cloud, warnings) = self.unread(f, read)?;
-                self.judge.report.append(warnings);
+                self.validator.report.append(warnings);
                 cloud
             }
             source => {
@@ -98,14 +98,14 @@ impl Decoder<'_> {
             [] => {
                 if f.valid {
                     let message = format!("{} needs {inline}, data or file", f.node.name);
-                    self.judge.report.error(f.node.name_span, message);
+                    self.validator.report.error(f.node.name_span, message);
                 }
                 None
             }
             [first, second, ..] => {
                 let message =
                     format!("{} takes its numbers from one place, not from {first} and {second}", f.node.name);
-                self.judge.report.error(f.span(second), message);
+                self.validator.report.error(f.span(second), message);
                 None
             }
         }
@@ -113,7 +113,7 @@ impl Decoder<'_> {
 
     /// The cache key of a cloud file with its radius.
     fn key(&self, kind: &str, f: &Fields) -> Option<String> {
-        let from = self.judge.files.get(f.span("file").file)?.path.location().display().to_string();
+        let from = self.validator.files.get(f.span("file").file)?.path.location().display().to_string();
         Some(format!("{kind} {} {from} {:?}", f.text("file")?, f.real("radius").map(f32::to_bits)))
     }
 
@@ -121,7 +121,7 @@ impl Decoder<'_> {
     fn unread<T>(&mut self, f: &Fields, read: Result<T, Unread>) -> Option<T> {
         match read {
             Ok(cloud) => return Some(cloud),
-            Err(Unread::Said(message)) => self.judge.report.push(message),
+            Err(Unread::Said(message)) => self.validator.report.push(message),
             Err(Unread::Wrong(errors)) => self.file_failed(f, f.text("file").unwrap_or_default(), errors),
         }
         None
@@ -130,7 +130,7 @@ impl Decoder<'_> {
     /// Warns of coordinates whose rounding is visible.
     fn rounded(&mut self, f: &Fields, said: Option<[String; 2]>) {
         if let Some([message, help]) = said {
-            self.judge.report.push(Message::warning(Some(f.node.name_span), message).help(help));
+            self.validator.report.push(Message::warning(Some(f.node.name_span), message).help(help));
         }
     }
 
@@ -138,7 +138,7 @@ impl Decoder<'_> {
     fn data(&mut self, f: &Fields, lead: usize) -> Option<Rows> {
         let value = f.raw("data")?.values.first()?;
         let text = value.as_text()?;
-        let raw = self.judge.files.slice(value.span);
+        let raw = self.validator.files.slice(value.span);
         let mut rows = Rows { columns: 0, numbers: Vec::new() };
         let mut mistakes: Vec<Message> = Vec::new();
         let mut first = None;
@@ -167,7 +167,7 @@ impl Decoder<'_> {
             } else if rows.columns == 0 {
                 (rows.columns, first) = (count, Some(here));
             } else if rows.columns != count {
-                let place = first.map_or_else(String::new, |first| self.judge.files.first(first, here));
+                let place = first.map_or_else(String::new, |first| self.validator.files.first(first, here));
                 let message = format!("this line has {count} numbers, the first one {}", rows.columns);
                 mistakes.push(Message::error(here, message).label(place));
                 rows.numbers.truncate(before);
@@ -177,7 +177,7 @@ impl Decoder<'_> {
             mistakes.push(Message::error(value.span, "data holds no numbers"));
         }
         let good = mistakes.is_empty();
-        mistakes.into_iter().for_each(|message| self.judge.report.push(message));
+        mistakes.into_iter().for_each(|message| self.validator.report.push(message));
         good.then_some(rows)
     }
 
@@ -192,7 +192,7 @@ impl Decoder<'_> {
         } else {
             if !f.has("radius") {
                 let message = Message::error(f.node.name_span, format!("{} needs radius", f.node.name));
-                self.judge
+                self.validator
                     .report
                     .push(message.help("one for all: radius=1; or one behind the coordinates in each line of data"));
             }

@@ -14,7 +14,7 @@ impl Decoder<'_> {
     pub(super) fn environment(&mut self, node: &Node) -> Option<Environment> {
         let kinds: Vec<&'static str> = ENVIRONMENTS.iter().map(|(kind, _)| *kind).collect();
         let kind = self.kind_after(node, "environment", &kinds)?;
-        let fields = self.judge.fields(node, schema::environment(kind)?, &format!("environment \"{kind}\""));
+        let fields = self.validator.fields(node, schema::environment(kind)?, &format!("environment \"{kind}\""));
         let rotation = self.transform(&fields);
         self.valid &= fields.valid;
         // Missing words were reported; the files are checked nevertheless.
@@ -56,7 +56,7 @@ impl Decoder<'_> {
                     let message =
                         format!("the picture is {w} × {h} pixels; a latitude-longitude one is twice as wide as high");
                     let message = Message::warning(Some(f.span("file")), message);
-                    self.judge.report.push(message.help("it is stretched over all directions"));
+                    self.validator.report.push(message.help("it is stretched over all directions"));
                 }
                 Some(EnvironmentKind::LatLong { image, smoothing })
             }
@@ -91,7 +91,7 @@ impl Decoder<'_> {
         for (word, other) in [("height", "azimuth"), ("azimuth", "height"), ("place", "date"), ("date", "place")] {
             if f.has(word) && !f.has(other) {
                 let message = format!("the sun needs both {word} and {other}, but {other} is missing");
-                self.judge.report.error(f.span(word), message);
+                self.validator.report.error(f.span(word), message);
                 self.valid = false;
                 return None;
             }
@@ -99,7 +99,7 @@ impl Decoder<'_> {
         let ways: Vec<&str> = ["sun", "height", "place"].into_iter().filter(|word| f.has(word)).collect();
         if let [first, second, ..] = ways[..] {
             let message = Message::error(f.span(second), format!("the sun's place is said by {first} already"));
-            self.judge.report.push(message.help("it takes either sun, or height and azimuth, or place and date"));
+            self.validator.report.push(message.help("it takes either sun, or height and azimuth, or place and date"));
             self.valid = false;
             return None;
         }
@@ -110,7 +110,7 @@ impl Decoder<'_> {
                 let (height, azimuth) = (f.number("height")?, f.number("azimuth")?);
                 if !(0.0..=90.0).contains(&height) {
                     let message = format!("height is {height}; it must be between 0 and 90 degrees");
-                    self.judge.report.error(f.span("height"), message);
+                    self.validator.report.error(f.span("height"), message);
                     self.valid = false;
                     return None;
                 }
@@ -122,7 +122,7 @@ impl Decoder<'_> {
                     let message = format!(
                         "place is {latitude} {longitude}; it must be -90 to 90 degrees north and -180 to 180 degrees east"
                     );
-                    self.judge.report.error(f.span("place"), message);
+                    self.validator.report.error(f.span("place"), message);
                     self.valid = false;
                     return None;
                 }
@@ -130,7 +130,7 @@ impl Decoder<'_> {
                     Ok(moment) => Some(moment.sun(latitude, longitude).as_vec3()),
                     Err(problem) => {
                         let message = Message::error(f.span("date"), problem);
-                        self.judge.report.push(
+                        self.validator.report.push(
                             message.help("write date \"2026-06-21T11:30+02:00\", or a Z at the end for universal time"),
                         );
                         self.valid = false;

@@ -112,7 +112,7 @@ impl<'a> Validator<'a> {
             return;
         };
         let got = Entry { word, values: &node.values, node: None, span, good: !node.broken };
-        let good = got.good && self.judge(title, word, &got);
+        let good = got.good && self.validator(title, word, &got);
         fields.valid &= good;
         fields.got.push(Entry { good, ..got });
     }
@@ -131,8 +131,8 @@ impl<'a> Validator<'a> {
             Some(node) if node.broken => false,
             // A field with a block is validated when the block is read.
             Some(_) if matches!(got.word.value_type, ValueType::Node(_)) => true,
-            Some(node) => self.plain(node) && self.judge(got.word.name, got.word, &got),
-            None => self.judge(got.word.name, got.word, &got),
+            Some(node) => self.plain(node) && self.validator(got.word.name, got.word, &got),
+            None => self.validator(got.word.name, got.word, &got),
         };
         fields.valid &= got.good;
         if repeatable { fields.transforms.push(got) } else { fields.got.push(got) }
@@ -234,7 +234,7 @@ impl<'a> Validator<'a> {
 
     /// Whether the values match the field; mistakes are reported. `node` is the node that contains them.
     pub(crate) fn values(&mut self, subject: &str, word: &'static FieldSchema, values: &[Value], node: &Node) -> bool {
-        self.judge(subject, word, &Entry { word, values, node: Some(node), span: node.span, good: true })
+        self.validator(subject, word, &Entry { word, values, node: Some(node), span: node.span, good: true })
     }
 
     /// Whether the node consists of values only; reports if not.
@@ -253,7 +253,7 @@ impl<'a> Validator<'a> {
     }
 
     /// Whether the values match the field; reports if not.
-    fn judge(&mut self, subject: &str, word: &FieldSchema, got: &Entry) -> bool {
+    fn validator(&mut self, subject: &str, word: &FieldSchema, got: &Entry) -> bool {
         let values = got.values;
         let counts: &[usize] = match word.value_type {
             ValueType::Numbers(counts) => counts,

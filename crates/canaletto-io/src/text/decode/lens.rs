@@ -11,11 +11,11 @@ impl Decoder<'_> {
     pub(super) fn block<'n>(&mut self, fields: &Fields<'n>, words: &'static NodeSchema) -> Option<Fields<'n>> {
         let Some(node) = fields.raw(words.name)?.node else {
             let message = Message::error(fields.span(words.name), format!("{} takes a block", words.name));
-            self.judge.report.push(message.help(format!("for example: {}", words.example)));
+            self.validator.report.push(message.help(format!("for example: {}", words.example)));
             self.valid = false;
             return None;
         };
-        let inner = self.judge.fields(node, words, words.name);
+        let inner = self.validator.fields(node, words, words.name);
         self.valid &= inner.valid;
         inner.valid.then_some(inner)
     }
@@ -25,7 +25,7 @@ impl Decoder<'_> {
         let fields = self.block(camera, &schema::CAMERA_MOTION)?;
         if ["eye", "center", "up"].into_iter().any(|word| camera.raw(word).is_some_and(Entry::moves)) {
             let message = "both keys and motion say how the camera moves while the shutter is open";
-            self.judge.report.error(camera.span("motion"), message);
+            self.validator.report.error(camera.span("motion"), message);
             self.valid = false;
             return None;
         }
@@ -47,7 +47,7 @@ impl Decoder<'_> {
             (None, Some(number)) => Aperture::Number(number),
             (None, None) => {
                 let message = Message::error(fields.node.name_span, "lens needs its radius or its f-number");
-                self.judge.report.push(message.help(format!("for example: {}", schema::LENS.example)));
+                self.validator.report.push(message.help(format!("for example: {}", schema::LENS.example)));
                 self.valid = false;
                 return None;
             }
@@ -69,7 +69,7 @@ impl Decoder<'_> {
     pub(super) fn either(&mut self, fields: &Fields, one: &str, other: &str) {
         if fields.has(one) && fields.has(other) {
             let name = &fields.node.name;
-            self.judge.report.error(fields.span(other), format!("{name} has either {one} or {other}"));
+            self.validator.report.error(fields.span(other), format!("{name} has either {one} or {other}"));
             self.valid = false;
         }
     }

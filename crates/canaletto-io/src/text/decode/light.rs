@@ -19,7 +19,7 @@ impl Decoder<'_> {
         let kinds: Vec<&str> = LIGHTS.iter().map(|(kind, _)| *kind).collect();
         let kind = self.kind_after(node, "light", &kinds)?;
         let title = format!("light \"{kind}\"");
-        let fields = self.judge.fields(node, schema::light(kind)?, &title);
+        let fields = self.validator.fields(node, schema::light(kind)?, &title);
         let (transform, motion) = self.placed_in_time(&fields);
         self.valid &= fields.valid;
         let mut light =
@@ -58,7 +58,7 @@ impl Decoder<'_> {
         let Some(value) = node.values.first() else {
             if !node.broken {
                 let message = Message::error(node.name_span, format!("{what} needs its kind right after the word"));
-                self.judge.report.push(message.help(format!("k{list}")));
+                self.validator.report.push(message.help(format!("k{list}")));
             }
             return None;
         };
@@ -75,7 +75,7 @@ impl Decoder<'_> {
             Some(right) => format!("did you mean \"{right}\"? K{list}"),
             None => format!("k{list}"),
         };
-        self.judge.report.push(Message::error(value.span, message).help(help));
+        self.validator.report.push(Message::error(value.span, message).help(help));
         None
     }
 
@@ -125,7 +125,7 @@ impl Decoder<'_> {
         for (word, other) in [("axis", "radius"), ("radius", "axis")] {
             if f.has(word) && !f.has(other) {
                 let message = format!("a beam needs both axis and radius, but {other} is missing");
-                self.judge.report.error(f.span(word), message);
+                self.validator.report.error(f.span(word), message);
                 self.valid = false;
             }
         }
@@ -136,7 +136,7 @@ impl Decoder<'_> {
         let outer = f.real("outer")?;
         if f.has("exponent") && f.has("inner") {
             let message = Message::error(f.span("exponent"), "a spotlight has either inner or exponent");
-            self.judge
+            self.validator
                 .report
                 .push(message.help("inner and outer make a smooth edge; exponent falls off from the axis on"));
             self.valid = false;

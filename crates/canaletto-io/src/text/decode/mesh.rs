@@ -16,7 +16,7 @@ impl Decoder<'_> {
     /// Decodes the meshes of the node's file.
     pub(super) fn mesh(&mut self, fields: &Fields, material: Option<u32>) -> Option<Content> {
         let file = fields.text("file")?;
-        let from = self.judge.files.get(fields.span("file").file)?.path.clone();
+        let from = self.validator.files.get(fields.span("file").file)?.path.clone();
         let place = from.location().parent().map(|folder| folder.join(file)).unwrap_or_else(|| file.into());
         let key = (place, fields.flag("smooth"), fields.flag("one-sided").unwrap_or(false));
         let indices = match self.meshes.get(&key) {
@@ -30,7 +30,7 @@ impl Decoder<'_> {
                         return None;
                     }
                 };
-                self.judge.report.append(model.warnings);
+                self.validator.report.append(model.warnings);
                 let first = self.scene.materials.len() as u32;
                 self.scene.materials.extend(model.materials);
                 self.used.resize(self.scene.materials.len(), true);
@@ -45,7 +45,7 @@ impl Decoder<'_> {
                         Ok(()) if key.1 == Some(true) => mesh.smooth_normals(),
                         Ok(()) => {}
                         Err(problem) => {
-                            self.judge.report.error(fields.span("file"), format!("\"{file}\": {problem}"));
+                            self.validator.report.error(fields.span("file"), format!("\"{file}\": {problem}"));
                             self.valid = false;
                         }
                     }
@@ -72,13 +72,13 @@ impl Decoder<'_> {
         self.valid = false;
         let whole = errors.len() == 1 && errors.iter().all(|d| d.span.is_none() && d.severity == Severity::Error);
         if !whole {
-            self.judge.report.append(errors);
+            self.validator.report.append(errors);
             return;
         }
         for d in &errors {
             let text = if d.message.contains(file) { d.message.clone() } else { format!("\"{file}\": {}", d.message) };
             let message = Message::error(fields.span("file"), text).label(d.label.clone());
-            self.judge.report.push(match &d.help {
+            self.validator.report.push(match &d.help {
                 Some(help) => message.help(help.clone()),
                 None => message,
             });

@@ -1,7 +1,6 @@
 //! The decoder from nodes to a [`Scene`]. It reports every mistake and continues with the next node.
 
 mod cloud;
-mod doubts;
 mod environment;
 mod fields;
 mod lens;
@@ -15,8 +14,9 @@ mod solid_texture;
 mod surface_texture;
 mod texture;
 mod transform;
+mod warnings;
 
-use super::file_cache::Keep;
+use super::file_cache::FrameCache;
 use super::files::Files;
 use super::report::{Message, Report};
 use super::syntax::{self, Node};
@@ -35,12 +35,12 @@ pub(crate) fn decode(
     files: &Files,
     assets: &dyn Assets,
     report: Report,
-    keep: &mut Keep,
+    keep: &mut FrameCache,
     neighbours: &Neighbours,
 ) -> (Option<Scene>, Report) {
-    let mut judge = Validator::new(files, report);
-    let names = Names::collect(nodes, &mut judge);
-    let mut decoder = Decoder::new(judge, assets, names, keep, neighbours);
+    let mut validator = Validator::new(files, report);
+    let names = Names::collect(nodes, &mut validator);
+    let mut decoder = Decoder::new(validator, assets, names, keep, neighbours);
     decoder.scene.prototypes = vec![scene::Node::new(Content::Group(Vec::new())); decoder.names.slots()];
     decoder.textures(nodes);
     decoder.materials(nodes);
@@ -56,26 +56,26 @@ pub(crate) fn decode(
         }
     }
     for node in nodes.iter().filter(|node| !is_object(node) && !settings::is_setting(node)) {
-        decoder.judge.unknown_node(node);
+        decoder.validator.unknown_node(node);
     }
-    if !decoder.judge.report.has_errors() {
+    if !decoder.validator.report.has_errors() {
         decoder.warn(nodes);
     }
-    (decoder.valid.then_some(decoder.scene), decoder.judge.report)
+    (decoder.valid.then_some(decoder.scene), decoder.validator.report)
 }
 
 /// The cameras of these nodes, as far as they are valid; mistakes in them are not reported.
 pub(crate) fn views(nodes: &[Node], files: &Files, assets: &dyn Assets) -> Vec<View> {
-    let mut judge = Validator::new(files, Report::default());
-    let names = Names::collect(nodes, &mut judge);
-    let mut keep = Keep::new(false);
-    let mut decoder = Decoder::new(judge, assets, names, &mut keep, &|_| Vec::new());
+    let mut validator = Validator::new(files, Report::default());
+    let names = Names::collect(nodes, &mut validator);
+    let mut keep = FrameCache::new(false);
+    let mut decoder = Decoder::new(validator, assets, names, &mut keep, &|_| Vec::new());
     decoder.settings(nodes);
     decoder.scene.views
 }
 
 struct Decoder<'a> {
-    judge: Validator<'a>,
+    validator: Validator<'a>,
     assets: &'a dyn Assets,
     scene: Scene,
     /// The index of each texture of the scene text in the scene's list.
@@ -88,7 +88,7 @@ struct Decoder<'a> {
     names: Names<'a>,
     meshes: mesh::Cache,
     /// The cache that frames share.
-    keep: &'a mut Keep,
+    keep: &'a mut FrameCache,
     neighbours: &'a Neighbours<'a>,
     /// Whether the scene is valid so far.
     valid: bool,
@@ -100,14 +100,14 @@ fn is_object(node: &Node) -> bool {
 
 impl<'a> Decoder<'a> {
     fn new(
-        judge: Validator<'a>,
+        validator: Validator<'a>,
         assets: &'a dyn Assets,
         names: Names<'a>,
-        keep: &'a mut Keep,
+        keep: &'a mut FrameCache,
         neighbours: &'a Neighbours<'a>,
     ) -> Decoder<'a> {
         Decoder {
-            judge,
+            validator,
             assets,
             scene: Scene::default(),
             textures: HashMap::new(),
@@ -137,10 +137,10 @@ impl Decoder<'_> {
         };
         let dark = !lit && self.scene.ambient == Rgb::BLACK && self.scene.integrator.stage > Stage::Unlit;
         if !has(false) {
-            self.judge.report.push(Message::warning(None, "the scene has no objects"));
+            self.validator.report.push(Message::warning(None, "the scene has no objects"));
         } else if dark && !has(true) && !self.has_unlit_texture() {
             let message = Message::warning(None, "the scene has no lights, so everything in it is black");
-            self.judge.report.push(message.help("for example: light \"omni\" { position 40 120 0 }"));
+            self.validator.report.push(message.help("for example: light \"omni\" { position 40 120 0 }"));
         }
         // An included file of materials has more of them than one scene needs.
         for node in nodes.iter().filter(|node| &*node.name == "material" && node.name_span.file == 0) {
@@ -148,7 +148,7 @@ impl Decoder<'_> {
             let index = value.as_text().and_then(|name| self.materials.get(name));
             if index.is_some_and(|i| !self.used[*i as usize]) {
                 let name = value.as_text().unwrap_or_default();
-                self.judge
+                self.validator
                     .report
                     .push(Message::warning(Some(value.span), format!("nothing uses the material \"{name}\"")));
             }

@@ -20,17 +20,17 @@ struct Target {
 
 impl<'a> Names<'a> {
     /// Collects all names. Reports duplicate names, and instances that contain themselves.
-    pub(crate) fn collect(nodes: &'a [Node], judge: &mut Validator) -> Names<'a> {
+    pub(crate) fn collect(nodes: &'a [Node], validator: &mut Validator) -> Names<'a> {
         let mut names = Names { by_name: HashMap::new(), slots: 0 };
         let mut repeated = HashSet::new();
         for node in nodes {
-            names.find(node, &mut repeated, judge);
+            names.find(node, &mut repeated, validator);
         }
         let mut edges = HashMap::new();
         for node in nodes {
             names.number(node, &repeated, None, &mut edges);
         }
-        report_cycles(&names, &edges, judge);
+        report_cycles(&names, &edges, validator);
         names
     }
 
@@ -54,16 +54,16 @@ impl<'a> Names<'a> {
         self.by_name.keys().copied()
     }
 
-    fn find(&mut self, node: &'a Node, repeated: &mut HashSet<&'a str>, judge: &mut Validator) {
+    fn find(&mut self, node: &'a Node, repeated: &mut HashSet<&'a str>, validator: &mut Validator) {
         if !objects().any(|name| name == &*node.name) {
             return;
         }
         if let Some((name, span)) = node.text("name") {
             match self.by_name.get(name) {
                 Some(first) => {
-                    let place = judge.files.first(first.span, span);
+                    let place = validator.files.first(first.span, span);
                     let message = Message::error(span, format!("two objects are called \"{name}\""));
-                    judge.report.push(message.label(place));
+                    validator.report.push(message.label(place));
                 }
                 None => {
                     self.by_name.insert(name, Target { span, slot: None });
@@ -79,7 +79,7 @@ impl<'a> Names<'a> {
             repeated.insert(of);
         }
         for child in &node.children {
-            self.find(child, repeated, judge);
+            self.find(child, repeated, validator);
         }
     }
 
@@ -121,33 +121,33 @@ impl<'a> Names<'a> {
 }
 
 /// Reports each cycle of names that contain each other once.
-fn report_cycles(names: &Names, edges: &HashMap<&str, Vec<(&str, Span)>>, judge: &mut Validator) {
+fn report_cycles(names: &Names, edges: &HashMap<&str, Vec<(&str, Span)>>, validator: &mut Validator) {
     let mut starts: Vec<(&str, Span)> = names.by_name.iter().map(|(name, target)| (*name, target.span)).collect();
     starts.sort_by_key(|(_, span)| (span.file, span.start));
     let mut done: HashSet<&str> = HashSet::new();
     for (start, _) in starts {
         // The path from the start; each name has the number of its edges that were followed.
         let mut way: Vec<(&str, usize)> = vec![(start, 0)];
-        let mut on_way: HashSet<&str> = HashSet::from([start]);
+        let mut on_path: HashSet<&str> = HashSet::from([start]);
         if done.contains(start) {
             continue;
         }
         while let Some((name, next)) = way.last_mut() {
             let Some((held, span)) = edges.get(name).and_then(|list| list.get(*next)) else {
                 done.insert(name);
-                on_way.remove(name);
+                on_path.remove(name);
                 way.pop();
                 continue;
             };
             *next += 1;
-            if on_way.contains(held) {
+            if on_path.contains(held) {
                 let from = way.iter().position(|(name, _)| name == held).unwrap_or(0);
                 let circle: Vec<&str> = way[from..].iter().map(|(name, _)| *name).chain([*held]).collect();
                 let message = Message::error(*span, format!("\"{held}\" would contain itself without end"));
-                judge.report.push(message.label(circle.join(" contains ")));
+                validator.report.push(message.label(circle.join(" contains ")));
             } else if !done.contains(held) && names.by_name.contains_key(held) {
                 way.push((held, 0));
-                on_way.insert(held);
+                on_path.insert(held);
             }
         }
     }

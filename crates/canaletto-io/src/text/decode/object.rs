@@ -37,7 +37,7 @@ impl Decoder<'_> {
 
     fn placed(&mut self, node: &Node) -> Option<scene::Node> {
         let words = schema::node(&node.name)?;
-        let fields = self.judge.fields(node, words, words.name);
+        let fields = self.validator.fields(node, words, words.name);
         let material = self.material(&fields);
         let (transform, motion) = self.placed_in_time(&fields);
         let content = match words.name {
@@ -74,7 +74,7 @@ impl Decoder<'_> {
         let slot = self.names.slot(of);
         if slot.is_none() {
             let known = self.names.iter();
-            self.judge.unknown_name("object", of, fields.span("of"), known);
+            self.validator.unknown_name("object", of, fields.span("of"), known);
         }
         slot.map(Content::Instance)
     }
@@ -83,7 +83,7 @@ impl Decoder<'_> {
     fn material(&mut self, fields: &Fields) -> Option<u32> {
         let name = fields.text("material")?;
         let Some(index) = self.materials.get(name).copied() else {
-            self.judge.unknown_name("material", name, fields.span("material"), self.materials.keys().copied());
+            self.validator.unknown_name("material", name, fields.span("material"), self.materials.keys().copied());
             self.valid = false;
             return None;
         };
@@ -136,7 +136,7 @@ impl Decoder<'_> {
             && is_flat([a, b, c])
         {
             let message = "the triangle has no area: its corners lie on a line or at one place";
-            self.judge.report.push(Message::warning(Some(f.node.name_span), message));
+            self.validator.report.push(Message::warning(Some(f.node.name_span), message));
         }
         Some(Content::Shape(shape))
     }

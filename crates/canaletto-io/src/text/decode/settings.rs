@@ -32,17 +32,17 @@ impl<'a> Decoder<'a> {
                 .first()
                 .and_then(|v| v.as_text())
                 .map_or("material".into(), |n| format!("material \"{n}\""));
-            let unpacked = node.packed.and_then(|_| syntax::unpack(node, self.judge.files.slice(node.span)).pop());
-            let fields = self.judge.fields(unpacked.as_ref().unwrap_or(node), &schema::MATERIAL, &title);
+            let unpacked = node.packed.and_then(|_| syntax::unpack(node, self.validator.files.slice(node.span)).pop());
+            let fields = self.validator.fields(unpacked.as_ref().unwrap_or(node), &schema::MATERIAL, &title);
             self.valid &= fields.valid;
             // A packed node keeps its name, which outlives the node that was parsed again.
             let kept = node.values.first().and_then(|v| v.as_text()).or_else(|| Some(node.text("name")?.0));
             let Some(name) = kept.filter(|_| fields.text("name").is_some()) else { continue };
             let span = fields.span("name");
             if let Some(first) = places.insert(name, span) {
-                let place = self.judge.files.first(first, span);
+                let place = self.validator.files.first(first, span);
                 let message = Message::error(span, format!("two materials are called \"{name}\""));
-                self.judge.report.push(message.label(place));
+                self.validator.report.push(message.label(place));
                 self.valid = false;
                 continue;
             }
@@ -83,7 +83,7 @@ impl<'a> Decoder<'a> {
                 "camera" => node.values.first().and_then(|v| v.as_text()).unwrap_or(schema::DEFAULT_CAMERA),
                 "include" => {
                     let message = Message::error(node.name_span, "include has no place here");
-                    self.judge.report.push(message);
+                    self.validator.report.push(message);
                     continue;
                 }
                 _ => continue,
@@ -92,14 +92,14 @@ impl<'a> Decoder<'a> {
             let before = before.filter(|first| first.file == node.name_span.file);
             let twice = before.is_some();
             if let Some(first) = before {
-                let place = self.judge.files.first(first, node.name_span);
+                let place = self.validator.files.first(first, node.name_span);
                 let what = if name.is_empty() {
                     format!("two {} nodes", node.name)
                 } else {
                     format!("two cameras called \"{name}\"")
                 };
                 let message = Message::error(node.name_span, format!("the file has {what}"));
-                self.judge.report.push(message.label(place));
+                self.validator.report.push(message.label(place));
                 self.valid = false;
             }
             if &*node.name == "environment" {
@@ -120,7 +120,7 @@ impl<'a> Decoder<'a> {
             } else {
                 format!("camera \"{name}\"")
             };
-            let mut fields = self.judge.fields(node, words, &title);
+            let mut fields = self.validator.fields(node, words, &title);
             fields.valid &= !twice;
             self.valid &= fields.valid;
             match words.name {
@@ -206,7 +206,7 @@ impl<'a> Decoder<'a> {
         if let Some(samples) = film.count("samples") {
             if film.has("sample") {
                 let message = Message::error(film.span("samples"), "film has either sample or samples");
-                self.judge.report.push(
+                self.validator.report.push(
                     message
                         .help("sample says where on a grid rays go; samples how many go where the sampler puts them"),
                 );
@@ -214,14 +214,14 @@ impl<'a> Decoder<'a> {
             }
             if !(1..=Sampling::MAX_SAMPLES).contains(&samples) {
                 let message = format!("samples is {samples}; it must be between 1 and {}", Sampling::MAX_SAMPLES);
-                self.judge.report.error(film.span("samples"), message);
+                self.validator.report.error(film.span("samples"), message);
                 self.valid = false;
             }
             return Some(Sampling::Sampled(samples));
         }
         let inner = match film.raw("sample")?.node {
             Some(node) => {
-                let inner = self.judge.fields(node, &schema::SAMPLE, "sample");
+                let inner = self.validator.fields(node, &schema::SAMPLE, "sample");
                 self.valid &= inner.valid;
                 Some(inner)
             }
@@ -236,7 +236,7 @@ impl<'a> Decoder<'a> {
         let threshold = inner.and_then(|f| f.real("threshold")).unwrap_or(schema::DEFAULT_THRESHOLD);
         for (word, meant) in [("n", matches!(place, "corner" | "center")), ("threshold", place != "adaptive")] {
             if let Some(inner) = inner.filter(|inner| meant && inner.has(word)) {
-                self.judge.report.error(inner.span(word), format!("\"{place}\" has no {word}"));
+                self.validator.report.error(inner.span(word), format!("\"{place}\" has no {word}"));
                 self.valid = false;
             }
         }
@@ -244,12 +244,12 @@ impl<'a> Decoder<'a> {
         if !(least..=Sampling::MAX_GRID).contains(&n) {
             let span = inner.map_or(film.node.name_span, |f| f.span("n"));
             let message = format!("n is {n}; it must be between {least} and {}", Sampling::MAX_GRID);
-            self.judge.report.error(span, message);
+            self.validator.report.error(span, message);
             self.valid = false;
         }
         if !(0.0..=1.0).contains(&threshold) {
             let span = inner.map_or(film.node.name_span, |f| f.span("threshold"));
-            self.judge.report.error(span, format!("threshold is {threshold}; it must be between 0 and 1"));
+            self.validator.report.error(span, format!("threshold is {threshold}; it must be between 0 and 1"));
             self.valid = false;
         }
         Some(match place {
@@ -264,7 +264,7 @@ impl<'a> Decoder<'a> {
     fn filter(&mut self, film: &Fields) -> Option<Filter> {
         let inner = match film.raw("filter")?.node {
             Some(node) => {
-                let inner = self.judge.fields(node, &schema::FILTER, "filter");
+                let inner = self.validator.fields(node, &schema::FILTER, "filter");
                 self.valid &= inner.valid;
                 Some(inner)
             }
@@ -277,11 +277,11 @@ impl<'a> Decoder<'a> {
         let sigma = inner.as_ref().and_then(|f| f.real("sigma")).unwrap_or(schema::DEFAULT_SIGMA);
         if let Some(inner) = inner.filter(|inner| inner.has("sigma")) {
             if kind != "gaussian" {
-                self.judge.report.error(inner.span("sigma"), format!("\"{kind}\" has no sigma"));
+                self.validator.report.error(inner.span("sigma"), format!("\"{kind}\" has no sigma"));
                 self.valid = false;
             } else if !(sigma > 0.0 && sigma <= 4.0) {
                 let message = format!("sigma is {sigma}; it must be more than 0 and at most 4 pixels");
-                self.judge.report.error(inner.span("sigma"), message);
+                self.validator.report.error(inner.span("sigma"), message);
                 self.valid = false;
             }
         }
@@ -312,7 +312,7 @@ impl<'a> Decoder<'a> {
         }
         // With several cameras, the window must fit only one.
         if let (Some(problem), Some(film), false) = (outside, film, inside) {
-            self.judge.report.error(film.span("crop"), problem);
+            self.validator.report.error(film.span("crop"), problem);
             self.valid = false;
         }
     }
@@ -321,7 +321,7 @@ impl<'a> Decoder<'a> {
     pub(super) fn out_of_range(&mut self, fields: &Fields, problem: &str) {
         let word = problem.split([' ', ':']).next().unwrap_or_default();
         let span = fields.span(if fields.has("colour") { "colour" } else { word });
-        self.judge.report.error(span, problem);
+        self.validator.report.error(span, problem);
         self.valid = false;
     }
 }

@@ -67,7 +67,7 @@ impl Decoder<'_> {
         }
         if f.has("stops") && f.has("stops-alpha") {
             let span = f.span("stops-alpha");
-            self.judge.report.error(span, "colours stand in stops or in stops-alpha, not in both");
+            self.validator.report.error(span, "colours stand in stops or in stops-alpha, not in both");
             return None;
         }
         let numbers = |word: &str| -> Vec<f32> {
@@ -97,7 +97,7 @@ impl Decoder<'_> {
                 let span = if both { f.span("stack") } else { f.node.name_span };
                 let message = if both { "takes file or stack, not both" } else { "needs file or stack" };
                 if f.valid {
-                    self.judge.report.error(span, format!("a grid {message}"));
+                    self.validator.report.error(span, format!("a grid {message}"));
                 }
                 return None;
             }
@@ -118,12 +118,12 @@ impl Decoder<'_> {
     fn raw_grid(&mut self, f: &Fields) -> Option<(Image, u32)> {
         let (file, span) = (f.text("file")?, f.span("file"));
         if f.has("slices") {
-            self.judge.report.error(f.span("slices"), "slices belongs to stack, not to file");
+            self.validator.report.error(f.span("slices"), "slices belongs to stack, not to file");
             return None;
         }
         let Some([width, height, depth]) = f.counts("size") else {
             if !f.has("size") {
-                self.judge.report.error(span, "numbers without a header need size, the voxels along x, y and z");
+                self.validator.report.error(span, "numbers without a header need size, the voxels along x, y and z");
             }
             return None;
         };
@@ -140,16 +140,16 @@ impl Decoder<'_> {
                 "size must give 1 to {} voxels, with {side} at most along x and in y times z",
                 Image::MAX_TEXELS
             );
-            self.judge.report.error(f.span("size"), message);
+            self.validator.report.error(f.span("size"), message);
             return None;
         }
         let size = one_of(f, "format", NUMBERS).unwrap_or(1);
-        let from = self.judge.files.get(span.file)?.path.clone();
+        let from = self.validator.files.get(span.file)?.path.clone();
         let asset = self.opened(file, span, &from)?;
         let expected = voxels * u128::from(channels) * size as u128;
         if asset.bytes.len() as u128 != expected {
             let message = format!("\"{file}\" has {} bytes; this size and format need {expected}", asset.bytes.len());
-            self.judge.report.error(span, message);
+            self.validator.report.error(span, message);
             return None;
         }
         let samples = match size {
@@ -170,7 +170,7 @@ impl Decoder<'_> {
             premultiplied: false,
         };
         if let Err(problem) = image.check() {
-            self.judge.report.error(span, format!("\"{file}\": {problem}"));
+            self.validator.report.error(span, format!("\"{file}\": {problem}"));
             return None;
         }
         Some((image, depth))
@@ -181,29 +181,29 @@ impl Decoder<'_> {
         let (pattern, span) = (f.text("stack")?, f.span("stack"));
         for word in ["size", "format", "channels"] {
             if f.has(word) {
-                self.judge.report.error(f.span(word), format!("{word} belongs to file, not to stack"));
+                self.validator.report.error(f.span(word), format!("{word} belongs to file, not to stack"));
                 return None;
             }
         }
         let Some([first, last]) = f.counts("slices") else {
             if !f.has("slices") {
                 let message = "a stack needs slices, the numbers of its first and its last image";
-                self.judge.report.error(span, message);
+                self.validator.report.error(span, message);
             }
             return None;
         };
         if last < first || last - first >= MAX_SLICES {
             let message = format!("slices must go upwards, with at most {MAX_SLICES} of them");
-            self.judge.report.error(f.span("slices"), message);
+            self.validator.report.error(f.span("slices"), message);
             return None;
         }
         let digits = pattern.matches('#').count();
         if digits == 0 || !pattern.contains(&"#".repeat(digits)) {
             let message = Message::error(span, "a stack's name needs one place for the number");
-            self.judge.report.push(message.help("for example: stack=\"slice-###.png\""));
+            self.validator.report.push(message.help("for example: stack=\"slice-###.png\""));
             return None;
         }
-        let from = self.judge.files.get(span.file)?.path.clone();
+        let from = self.validator.files.get(span.file)?.path.clone();
         let mut whole: Option<Image> = None;
         for number in first..=last {
             let name = pattern.replace(&"#".repeat(digits), &format!("{number:0digits$}"));
@@ -212,7 +212,7 @@ impl Decoder<'_> {
                 None => whole = Some(slice),
                 Some(all) => {
                     if let Err(problem) = append(all, slice, number - first) {
-                        self.judge.report.error(span, format!("\"{name}\": {problem}"));
+                        self.validator.report.error(span, format!("\"{name}\": {problem}"));
                         return None;
                     }
                 }
@@ -227,7 +227,7 @@ impl Decoder<'_> {
             Ok((image, _)) => Some(image),
             Err(error) => {
                 let message = Message::error(span, format!("\"{name}\": {error}"));
-                self.judge.report.push(match error.help() {
+                self.validator.report.push(match error.help() {
                     Some(help) => message.help(help),
                     None => message,
                 });

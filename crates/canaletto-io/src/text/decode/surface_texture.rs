@@ -23,7 +23,7 @@ impl Decoder<'_> {
         };
         let name = node.values.first().and_then(|v| v.as_text());
         let title = name.map_or("texture".into(), |n| format!("texture \"{n}\""));
-        let f = self.judge.fields(node, &SURFACE_TEXTURE, &title);
+        let f = self.validator.fields(node, &SURFACE_TEXTURE, &title);
         self.valid &= f.valid;
         let target = match f.text("use") {
             None => Target::Diffuse,
@@ -45,7 +45,7 @@ impl Decoder<'_> {
                     let message =
                         Message::error(f.node.name_span, format!("{title} needs height for {:?}", target.name()));
                     let help = "for example: height=0.1, in the units of the object's own space";
-                    self.judge.report.push(message.help(help));
+                    self.validator.report.push(message.help(help));
                     self.valid = false;
                 }
             }
@@ -67,7 +67,7 @@ impl Decoder<'_> {
     fn named_texture(&mut self, name: &str, span: crate::text::syntax::Span) -> Option<u32> {
         let found = self.textures.get(name).copied();
         if found.is_none() {
-            self.judge.unknown_name("texture", name, span, self.textures.keys().copied());
+            self.validator.unknown_name("texture", name, span, self.textures.keys().copied());
             self.valid = false;
         }
         found
@@ -98,7 +98,7 @@ impl Decoder<'_> {
             if wrong && f.valid && f.has(word) {
                 let mapping = PROJECTIONS.iter().find(|(_, p)| *p == projection).map_or("", |(name, _)| name);
                 let message = Message::error(f.span(word), format!("{word} has no meaning for mapping \"{mapping}\""));
-                self.judge.report.push(message.help(why));
+                self.validator.report.push(message.help(why));
                 self.valid = false;
             }
         }
@@ -126,7 +126,7 @@ impl Decoder<'_> {
                     "range" if !normal => format!("{:?} has either {with}", target.name()),
                     _ => format!("{word} has no meaning for the use \"{with}\""),
                 };
-                self.judge.report.error(f.span(word), message);
+                self.validator.report.error(f.span(word), message);
                 self.valid = false;
             }
         }

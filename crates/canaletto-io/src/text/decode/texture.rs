@@ -34,14 +34,14 @@ impl<'a> Decoder<'a> {
             let Some(words) = schema::texture(kind) else { continue };
             let name = node.values.first().and_then(|v| v.as_text());
             let title = name.map_or("texture".into(), |n| format!("texture \"{n}\""));
-            let fields = self.judge.fields(node, words, &title);
+            let fields = self.validator.fields(node, words, &title);
             self.valid &= fields.valid;
             let Some(name) = fields.text("name") else { continue };
             let span = fields.span("name");
             if let Some(first) = places.insert(name, span) {
-                let place = self.judge.files.first(first, span);
+                let place = self.validator.files.first(first, span);
                 let message = Message::error(span, format!("two textures are called \"{name}\""));
-                self.judge.report.push(message.label(place));
+                self.validator.report.push(message.label(place));
                 self.valid = false;
                 continue;
             }
@@ -68,7 +68,7 @@ impl<'a> Decoder<'a> {
             Some(right) => format!("did you mean \"{right}\"? Kinds of textures: {}", list.join(", ")),
             None => format!("kinds of textures: {}", list.join(", ")),
         };
-        self.judge.report.push(message.help(help));
+        self.validator.report.push(message.help(help));
         None
     }
 
@@ -96,7 +96,7 @@ impl<'a> Decoder<'a> {
 
     /// The index of the image of this file. Mistakes are reported at its first use.
     pub(super) fn image(&mut self, file: &str, span: Span) -> Option<u32> {
-        let from = self.judge.files.get(span.file)?.path.clone();
+        let from = self.validator.files.get(span.file)?.path.clone();
         let place = from.location().parent().map(|folder| folder.join(file)).unwrap_or_else(|| file.into());
         if let Some(known) = self.images.by_place.get(&place) {
             return *known;
@@ -116,13 +116,13 @@ impl<'a> Decoder<'a> {
             Ok((image, notes)) => {
                 for note in notes {
                     let message = Message::warning(Some(span), format!("\"{file}\": {note}"));
-                    self.judge.report.push(message);
+                    self.validator.report.push(message);
                 }
                 self.add_image(image, span)
             }
             Err(error) => {
                 let message = Message::error(span, format!("\"{file}\": {error}"));
-                self.judge.report.push(match error.help() {
+                self.validator.report.push(match error.help() {
                     Some(help) => message.help(help),
                     None => message,
                 });
@@ -139,7 +139,7 @@ impl<'a> Decoder<'a> {
             Ok(asset) => Some(asset),
             Err(error) => {
                 let message = Message::error(span, error.to_string());
-                self.judge.report.push(match error.help() {
+                self.validator.report.push(match error.help() {
                     Some(help) => message.help(help),
                     None => message,
                 });
@@ -153,7 +153,7 @@ impl<'a> Decoder<'a> {
         let bytes: u64 = self.scene.images.iter().chain([&image]).map(|i| i.samples.bytes() as u64).sum();
         if bytes > MAX_IMAGE_BYTES {
             let message = format!("the scene's images take more than {} GiB of memory", MAX_IMAGE_BYTES >> 30);
-            self.judge.report.push(Message::error(span, message).help("scale some of them down"));
+            self.validator.report.push(Message::error(span, message).help("scale some of them down"));
             return None;
         }
         self.scene.images.push(image);

@@ -17,14 +17,14 @@ impl Decoder<'_> {
                 Ok(transform) => all = transform.after(&all),
                 Err(message) => {
                     self.valid = false;
-                    self.judge.report.push(Message::error(got.span, message));
+                    self.validator.report.push(Message::error(got.span, message));
                 }
             }
         }
         if !fields.transforms.is_empty() && Transform::new(*all.matrix()).is_err() {
             self.valid = false;
             let span = fields.node.name_span;
-            self.judge.report.error(span, "its transforms together go beyond what can be computed with");
+            self.validator.report.error(span, "its transforms together go beyond what can be computed with");
         }
         all
     }
@@ -39,7 +39,7 @@ impl Decoder<'_> {
         self.transform(fields);
         let mut wrong = |message: String, at| {
             self.valid = false;
-            self.judge.report.push(Message::error(at, message));
+            self.validator.report.push(Message::error(at, message));
             (Transform::IDENTITY, Vec::new())
         };
         if fields.has(MOTION_WORD.name) {
@@ -77,7 +77,7 @@ impl Decoder<'_> {
         let span = inner.node.name_span;
         let mut wrong = |message: String, at| {
             self.valid = false;
-            self.judge.report.push(Message::error(at, message));
+            self.validator.report.push(Message::error(at, message));
             Vec::new()
         };
         if inner.transforms.is_empty() {

@@ -48,9 +48,9 @@ impl Lighting {
             arriving.extend(interactions.each().iter().enumerate().map(|(index, interaction)| {
                 let exact = interactions8[index / LANES].exact(index % LANES);
                 if source.is_sampled() {
-                    let (light_samples, samples8) = (&wave.batch, interaction.ray_index());
-                    let place = light_samples.path_state(samples8).place.of(uses::LIGHTS + light);
-                    let u = light_samples.sample(samples8).two_of(place, point, source.points());
+                    let (batch, ray_index) = (&wave.batch, interaction.ray_index());
+                    let place = batch.path_state(ray_index).place.of(uses::LIGHTS + light);
+                    let u = batch.sample(ray_index).two_of(place, point, source.points());
                     source.sample(u, exact)
                 } else {
                     source.illuminate(point, exact)

@@ -28,7 +28,7 @@ fn numbered(file: &Path, n: u32) -> PathBuf {
 }
 
 /// The first path that is free or holds the partial file of an earlier run.
-pub(crate) fn free_for_part(file: &Path) -> PathBuf {
+pub(crate) fn free_partial_path(file: &Path) -> PathBuf {
     let is_free = |place: &PathBuf| place.symlink_metadata().is_err() || is_part(place);
     (1..).map(|n| numbered(file, n)).find(is_free).unwrap_or_else(|| partial(file))
 }
@@ -74,10 +74,10 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let whole = folder.path().join("a.png");
         fs::write(partial(&whole), "somebody's own").unwrap();
-        assert_eq!(free_for_part(&whole), folder.path().join("a.partial-2.png"));
+        assert_eq!(free_partial_path(&whole), folder.path().join("a.partial-2.png"));
         remove_part(&whole);
         fs::write(partial(&whole), format!("{SOFTWARE} {UNFINISHED}")).unwrap();
-        assert_eq!(free_for_part(&whole), partial(&whole));
+        assert_eq!(free_partial_path(&whole), partial(&whole));
         remove_part(&whole);
         assert!(!partial(&whole).exists());
     }

@@ -23,12 +23,12 @@ impl Decoder<'_> {
     }
 
     fn doubt_bytes(&mut self, fields: &Fields, word: &str, most: f32) {
-        let Some(colour) = fields.rgb(word).filter(|colour| looks_like_bytes(*colour, most)) else { return };
+        let Some(colour) = fields.rgb(word).filter(|colour| resembles_8_bit(*colour, most)) else { return };
         let [r, g, b] = colour.to_array().map(|v| (v / 255.0 * 1000.0).round() / 1000.0);
         let title = if word == "colour" { &*fields.node.name } else { word };
         let message = format!("{title} looks like a colour of 0 to 255; here 1 is full strength");
         let help = format!("divided by 255 it is {r} {g} {b}");
-        self.judge.report.push(Message::warning(Some(fields.span(word)), message).help(help));
+        self.validator.report.push(Message::warning(Some(fields.span(word)), message).help(help));
     }
 
     /// Warns of a cone angle that is likely to be in radians: it is at most about a right angle in radians.
@@ -37,7 +37,7 @@ impl Decoder<'_> {
         let degrees = (f64::from(angle).to_degrees() * 10.0).round() / 10.0;
         let message = format!("{word} is {angle} degrees, which lights very little; it looks like an angle in radians");
         let help = format!("in degrees that is {degrees}");
-        self.judge.report.push(Message::warning(Some(fields.span(word)), message).help(help));
+        self.validator.report.push(Message::warning(Some(fields.span(word)), message).help(help));
     }
 
     /// Warns of `eta` on an opaque body.
@@ -45,12 +45,12 @@ impl Decoder<'_> {
         if fields.has("eta") && !clear {
             let message = "eta has no effect, since no light goes through: opacity is 1";
             let help = "opacity 0 is clear glass, opacity 0.4 lets 60 % through";
-            self.judge.report.push(Message::warning(Some(fields.span("eta")), message).help(help));
+            self.validator.report.push(Message::warning(Some(fields.span("eta")), message).help(help));
         }
     }
 }
 
-fn looks_like_bytes(colour: Rgb, most: f32) -> bool {
+fn resembles_8_bit(colour: Rgb, most: f32) -> bool {
     let values = colour.to_array();
     values.iter().all(|v| v.fract() == 0.0 && (0.0..=255.0).contains(v)) && values.iter().any(|v| *v > most)
 }
@@ -61,7 +61,7 @@ mod tests {
 
     #[test]
     fn whole_numbers_up_to_255_look_like_bytes() {
-        let of = |r, g, b, most| looks_like_bytes(Rgb::new(r, g, b), most);
+        let of = |r, g, b, most| resembles_8_bit(Rgb::new(r, g, b), most);
         assert!(of(255.0, 128.0, 0.0, 1.0) && of(2.0, 2.0, 2.0, 1.0) && of(255.0, 255.0, 255.0, BRIGHT));
         assert!(!of(1.0, 1.0, 1.0, 1.0) && !of(0.5, 200.0, 3.0, 1.0) && !of(256.0, 0.0, 0.0, 1.0));
         assert!(!of(10.0, 8.0, 6.0, BRIGHT), "a strong light");

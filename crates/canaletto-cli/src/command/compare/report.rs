@@ -1,13 +1,13 @@
 //! The report of a comparison, as text and as JSON.
 
 use super::{CompareFlags, Threshold};
-use crate::words::JSON_VERSION;
+use crate::format::JSON_VERSION;
 use canaletto::scene::Transfer;
 use canaletto_io::picture::{ChannelDifference, Comparison, Image, RestDifference, Window};
 use serde_json::{Value, json};
 
 /// A comparison with everything that its report needs.
-pub(super) struct Told<'a> {
+pub(super) struct ComparisonReport<'a> {
     pub(super) flags: &'a CompareFlags,
     pub(super) result: Comparison,
     pub(super) rest: RestDifference,
@@ -19,7 +19,7 @@ pub(super) struct Told<'a> {
     pub(super) image: &'a Image,
 }
 
-impl Told<'_> {
+impl ComparisonReport<'_> {
     /// Whether the pictures have no difference and no part that was left out.
     fn equal(&self) -> bool {
         self.result.differing == 0 && self.rest.is_none() && self.left_out.iter().all(Vec::is_empty)
