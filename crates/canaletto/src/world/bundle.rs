@@ -86,7 +86,8 @@ impl RayRange<'_> {
         &prepared[range.start - ready.start..range.end - ready.start]
     }
 
-    /// Calls [`for_candidate_runs`] on the groups of these rays. If their bounds are unknown, there is one run of all rays.
+    /// Calls [`for_candidate_runs`] on the groups of these rays. If their bounds are unknown, there is one run of all
+    /// rays.
     pub(super) fn for_candidate_runs(&self, bounds: &Aabb, mut f: impl FnMut(Range<usize>)) {
         match self.packet_bounds {
             [] => f(0..self.range.len()),

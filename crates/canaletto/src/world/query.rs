@@ -201,8 +201,8 @@ impl World {
         self.surface_with(line, hit, Shape::surface_without_uv, Geometry::surface_without_uv)
     }
 
-    /// [`World::surface_without_uv`] into a lane of a group of eight. Some surfaces are stored in `surfaces` at once. For the
-    /// others the inputs are stored in `surface_inputs`, which evaluates eight surfaces at a time. Returns the
+    /// [`World::surface_without_uv`] into a lane of a group of eight. Some surfaces are stored in `surfaces` at once.
+    /// For the others the inputs are stored in `surface_inputs`, which evaluates eight surfaces at a time. Returns the
     /// surface's own colour, if it has one.
     #[inline]
     pub(crate) fn push_surface(

@@ -101,8 +101,8 @@ impl Whitted<'_> {
 }
 
 /// The first visible surface of a ray: past holes, and past surfaces of clear bodies that another body hides. `inside`
-/// are the bodies that the ray starts in. `first_crossing` is the coinciding surface at the ray's origin that comes before
-/// `found`.
+/// are the bodies that the ray starts in. `first_crossing` is the coinciding surface at the ray's origin that comes
+/// before `found`.
 #[inline(never)]
 fn intersect_one<P: Probe>(
     world: &World,
