@@ -16,7 +16,10 @@ const SKEW: f32 = 0.06;
 const LEAF: usize = 8;
 
 /// The number of pairs tested per triangle. If a mesh needs more, all of it counts as folded.
-const MAX_PAIRS_PER_TRIANGLE: usize = 8;
+const MAX_PAIRS_PER_TRIANGLE: usize = 16;
+
+/// The pairs that are compared in any mesh, however small.
+const MIN_PAIRS: usize = 1 << 16;
 
 /// A triangle, or several neighbouring ones.
 #[derive(Clone, Copy)]
@@ -97,7 +100,7 @@ pub(super) fn folds(mesh: &Mesh, surface: impl Fn(usize) -> u32 + Sync) -> Aabb 
     let Some(&[whole]) = levels.last().map(Vec::as_slice) else { return Aabb::EMPTY };
     let near = largest(&whole.bounds) * NEAR;
     let mut folds = Aabb::EMPTY;
-    let mut patience = (order.len() + LEAF) * MAX_PAIRS_PER_TRIANGLE;
+    let mut pairs_left = order.len() * MAX_PAIRS_PER_TRIANGLE + MIN_PAIRS;
     let mut pairs = vec![(levels.len() - 1, 0, 0)];
     while let Some((level, i, j)) = pairs.pop() {
         if !levels[level][i].may_coincide(&levels[level][j], near) {
@@ -105,8 +108,8 @@ pub(super) fn folds(mesh: &Mesh, surface: impl Fn(usize) -> u32 + Sync) -> Aabb 
         }
         let Some(below) = level.checked_sub(1) else {
             let [a, b] = [i, j].map(|leaf| &order[leaf * LEAF..order.len().min((leaf + 1) * LEAF)]);
-            let Some(left) = patience.checked_sub(a.len() * b.len()) else { return with_margin(&whole.bounds) };
-            patience = left;
+            let Some(left) = pairs_left.checked_sub(a.len() * b.len()) else { return with_margin(&whole.bounds) };
+            pairs_left = left;
             for (at, &first) in a.iter().enumerate() {
                 let others = if i == j { &b[at + 1..] } else { b };
                 for &second in others {
