@@ -160,17 +160,18 @@ mod shadows {
 mod weight {
     use super::*;
 
-    /// Each level between two transparent mirrors doubles the rays. By default, rays with invisible contributions are
+    /// Between three transparent mirrors two levels double the rays. By default, rays with invisible contributions are
     /// left out.
     #[test]
     fn clear_mirrors_do_not_take_for_ever() {
         let text = |weight: &str| {
             format!(
-                "film {{ transfer \"none\" }}\n background 0.5\n integrator {{ max-depth 60{weight} }}
+                "film {{ transfer \"none\" }}\n background 0.5\n integrator {{ max-depth 48{weight} }}
                 material \"m\" {{ kd 0.1; k 0.5; opacity 0.5 }}
                 camera {{ eye 0 0 0.5; center 0.1 0.2 0; fovy 40; size 4 4 }}
                 disk material=\"m\" {{ center 0 0 0; normal 0 0 1; radius 9 }}
                 disk material=\"m\" {{ center 0 0 1; normal 0 0 -1; radius 9 }}
+                disk material=\"m\" {{ center 0 0 2; normal 0 0 -1; radius 9 }}
                 light \"omni\" {{ position 0 0 0.7 }}"
             )
         };
@@ -394,6 +395,32 @@ mod nested {
         }
     }
 
+    /// A body with holes encloses no medium.
+    #[test]
+    fn a_dissolved_body_fills_nothing() {
+        let (_, media) = way(
+            0.4,
+            &(glass("g", 1.5)
+                + "material \"s\" { kd 0; eta 1.7; opacity 0; coverage 0.5 }
+                sphere material=\"g\" { center 0 0 0; radius 1 }
+                box material=\"s\" { min -3 -3 -3; max 3 3 3 }"),
+        );
+        assert!(media.contains(&[1.0, 1.5]) && media.contains(&[1.5, 1.0]), "{media:?}");
+    }
+
+    /// An open surface in a body is surrounded by the body's medium.
+    #[test]
+    fn a_sheet_in_glass_is_bounded_by_glass() {
+        let (_, media) = way(
+            0.1,
+            &(glass("g", 1.5)
+                + &glass("s", 1.2)
+                + "sphere material=\"g\" { center 0 0 0; radius 1 }
+                disk material=\"s\" { center 0 0 0.2; normal 0 0 1; radius 0.5 }"),
+        );
+        assert_eq!(media, [[1.0, 1.5], [1.5, 1.2], [1.5, 1.0]]);
+    }
+
     /// A reflected ray inside a body stays in it.
     #[test]
     fn total_reflection_stays_in_the_glass() {
@@ -435,7 +462,8 @@ mod moving {
         Case::with(&format!("{STAGE}{text}"), MemoryAssets::new().with("cube.obj", CUBE)).pixels()
     }
 
-    /// If everything moves with the camera, the picture shows no motion.
+    /// If everything moves with the camera, the picture shows no motion. The eye leaves the place where the bodies were
+    /// when the shutter opened.
     #[test]
     fn bodies_that_move_with_the_eye_look_as_if_they_stood() {
         let bodies = "sphere material=\"g\" { center 0 1 0; radius 1 }
@@ -449,8 +477,8 @@ mod moving {
             };
             let still = with_cube(&format!("{}group {{ {bodies} }}", view("")));
             let motion =
-                format!("; motion {{ eye {} {} {}; center 2 2 -1 }}", moved[0] + 2.0, moved[1] + 1.0, moved[2]);
-            let found = with_cube(&format!("{}group {{ {bodies}\n motion {{ translate 2 1 0 }} }}", view(&motion)));
+                format!("; motion {{ eye {} {} {}; center 5 2 -1 }}", moved[0] + 5.0, moved[1] + 1.0, moved[2]);
+            let found = with_cube(&format!("{}group {{ {bodies}\n motion {{ translate 5 1 0 }} }}", view(&motion)));
             let differ = differing(&found, &still, 0.01);
             assert!(differ <= 12, "{eye}: {differ}");
         }
@@ -479,6 +507,23 @@ mod moving {
         }
     }
 
+    /// Part of a lens may be in water, part of it beside the water.
+    #[test]
+    fn a_lens_may_be_inside_in_part() {
+        let with = |water: &str| {
+            with_cube(&format!(
+                "camera {{ eye 0.02 0 6; center 0.02 0 0; fovy 35; size 40 30; lens {{ radius 0.2; focus 6 }} }}
+                film {{ samples 8 }}
+                sphere material=\"g\" {{ center 0.5 0 0; radius 1 }}
+                box material=\"f\" {{ min -3 -1.6 -3; max 3 -1.3 3 }}\n{water}"
+            ))
+        };
+        let expected = with("box material=\"water\" { min -8 -8 -8; max 0 8 8 }");
+        let found = with("mesh file=\"cube.obj\" material=\"water\" { scale 4 8 8; translate -4 0 0 }");
+        let differ = differing(&found, &expected, 0.01);
+        assert!(differ <= 12, "{differ}");
+    }
+
     /// Two instances of one body fill the union of both.
     #[test]
     fn instances_that_overlap_are_one_body() {
@@ -495,6 +540,27 @@ mod moving {
                 assert!(differ <= 40, "{body} {first}: {differ}");
             }
         }
+    }
+
+    /// So do two cubes of one mesh. No surface is seen inside.
+    #[test]
+    fn a_mesh_that_overlaps_itself_is_one_body() {
+        let with = |body: &str| {
+            let text = format!(
+                "{STAGE}camera {{ eye 3 4 5; center 0 0 0; fovy 40; size 60 45 }}
+                box material=\"f\" {{ min -9 -3 -9; max 9 -2 9 }}\n{body}"
+            );
+            let second = "v -0.5 -0.8 0.8\nv 1.5 -0.8 0.8\nv 1.5 0.8 0.8\nv -0.5 0.8 0.8\nv -0.5 -0.8 -0.8\n\
+                v 1.5 -0.8 -0.8\nv 1.5 0.8 -0.8\nv -0.5 0.8 -0.8\nf 9 10 11 12\nf 14 13 16 15\nf 10 14 15 11\n\
+                f 13 9 12 16\nf 12 11 15 16\nf 13 14 10 9\n";
+            Case::with(&text, MemoryAssets::new().with("pair.obj", format!("{CUBE}\n{second}"))).pixels()
+        };
+        let expected = with(
+            "box material=\"g\" { min -1 -1 -1; max 1 1 1 }\n\
+            box material=\"g\" { min -0.5 -0.8 -0.8; max 1.5 0.8 0.8 }",
+        );
+        let differ = differing(&with("mesh file=\"pair.obj\" material=\"g\""), &expected, 0.02);
+        assert!(differ <= 40, "{differ}");
     }
 
     /// If two bodies are equal in everything else, the later one fills their overlap.

@@ -256,27 +256,29 @@ mod tests {
         assert_eq!(why_black(omni(Vec3::new(0.0, -5.0, 5.0), 1.0)), [Reason::LightBehind("lamp".into())]);
         assert_eq!(why_black(omni(AWAY, 0.0)), [Reason::LightOff("lamp".into())]);
         assert_eq!(why_black(omni(AWAY, 1e-9)), [Reason::LightDoesNotReach("lamp".into())]);
-        // A ball alone above the floor: light from below would reach it.
-        let below = vec![
-            ball(Vec3::new(0.0, 3.0, 0.0), 1.0),
-            floor(),
-            Node::from(Light { name: Some("lamp".into()), ..omni(Vec3::new(0.0, -5.0, 0.5), 1.0) }),
-        ];
-        let found = findings([0.0, 0.5, 3.0], [0.0, 3.0, 0.0], below);
-        assert_eq!(found, [Finding::Black { reasons: vec![blocked] }]);
+        // A ball alone above the floor: light from below would reach it, if it is strong enough.
+        for (light, reason) in [(1.0, blocked), (1e-9, Reason::LightDoesNotReach("lamp".into()))] {
+            let lamp = Light { name: Some("lamp".into()), ..omni(Vec3::new(0.0, -5.0, 0.5), light) };
+            let below = vec![ball(Vec3::new(0.0, 3.0, 0.0), 1.0), floor(), Node::from(lamp)];
+            let found = findings([0.0, 0.5, 3.0], [0.0, 3.0, 0.0], below);
+            assert_eq!(found, [Finding::Black { reasons: vec![reason] }]);
+        }
         let black = Phong { kd: Rgb::BLACK, ..Phong::default() };
         let mirror = Phong { k: Rgb::WHITE, ..black };
-        let depth_one = |phong: Phong| {
-            let nodes = vec![ball(Vec3::ZERO, 1.0).with_material(0), lamp(AWAY)];
+        let depth_one_with = |phong: Phong, more: Vec<Node>| {
+            let nodes = [vec![ball(Vec3::ZERO, 1.0).with_material(0), lamp(AWAY)], more].concat();
             let scene = Scene { nodes, materials: vec![Material::new("m", phong)], ..Scene::default() };
             let place = Extrinsics { eye: DVec3::Z * 5.0, center: DVec3::ZERO, up: DVec3::Y };
             let camera = Camera::new(&Intrinsics::default(), &place).unwrap();
             let settings = IntegratorSettings { max_depth: 1, ..IntegratorSettings::default() };
             diagnose(&World::build(scene).unwrap(), &Job::new(camera, FilmSettings::default(), settings))
         };
+        let depth_one = |phong: Phong| depth_one_with(phong, Vec::new());
         assert_eq!(depth_one(black), [Finding::Black { reasons: vec![Reason::BlackMaterial("m".into())] }]);
         assert_eq!(depth_one(mirror), [Finding::Black { reasons: vec![Reason::NotFollowed] }]);
         assert_eq!(depth_one(Phong::default()), []);
+        // The lit ball in front of the black one is too small for the first grid.
+        assert_eq!(depth_one_with(black, vec![ball(Vec3::Z * 1.5, 0.03)]), []);
     }
 
     #[test]

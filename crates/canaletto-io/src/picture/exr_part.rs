@@ -191,6 +191,8 @@ mod tests {
         let mut out = Cursor::new(Vec::new());
         let half = ExrOptions { half: true, ..ExrOptions::default() };
         write_exr_part([1, 2], &["Y".into()], &|_, _, _| {}, half, &[], &mut out, || false).unwrap();
-        assert_eq!(decode_exr(&out.into_inner()).unwrap().image.channels[0].data, [0.0; 2]);
+        let bytes = out.into_inner();
+        assert_eq!(decode_exr(&bytes).unwrap().image.channels[0].data, [0.0; 2]);
+        assert!(bytes.ends_with(&[2, 0, 0, 0, 0, 0]), "the size of the last row, and its only half");
     }
 }

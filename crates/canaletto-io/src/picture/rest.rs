@@ -270,6 +270,7 @@ mod tests {
             ("depth.Z", &[true; 4][..], 1.0)
         );
         assert_eq!(rest.only, [vec![], vec!["uv.U".to_owned()]]);
+        assert_eq!(RestDifference::of(&far, &near).only, [vec!["uv.U".to_owned()], vec![]]);
         let moved = Decoded { window: Window { at: [1, 0], whole: [4, 4] }, ..plain.clone() };
         assert_eq!(RestDifference::of(&plain, &moved).windows, Some([plain.window, moved.window]));
         let srgb = Decoded { transfer: Some(Transfer::Srgb), ..plain.clone() };

@@ -219,6 +219,21 @@ mod tests {
         assert!(min.abs_diff_eq(Vec3::new(0.0, 1.0, 0.0), 1e-3) && max.abs_diff_eq(Vec3::ONE, 1e-3), "{min} {max}");
     }
 
+    /// The boxes of slanted faces overlap although the faces lie side by side.
+    #[test]
+    fn slanted_faces_side_by_side_are_no_fold() {
+        let slanted = |by: f32| Mesh {
+            positions: [Vec3::X, Vec3::Y, Vec3::Z].map(|p| p + by).to_vec(),
+            triangles: vec![[0, 1, 2]],
+            ..Mesh::default()
+        };
+        let mut turned = slanted(0.1);
+        turned.triangles[0].swap(0, 1);
+        assert!(folds(&both(slanted(0.0), &turned), |_| 0).is_empty());
+        turned.positions = slanted(0.0).positions;
+        assert!(!folds(&both(slanted(0.0), &turned), |_| 0).is_empty());
+    }
+
     /// The mesh has enough triangles for a hierarchy of several levels.
     #[test]
     fn each_pair_back_to_back_is_found() {
