@@ -8,7 +8,7 @@ use canaletto::math::{Rgb, Transform};
 use canaletto::scene::{Content, Extrinsics, IntegratorSettings, Intrinsics, Node, Scene};
 use canaletto::shape::{Cone, Cuboid, Cylinder, Disk, Mesh, Plane, Shape, Sphere, Surface, Torus, Triangle};
 use canaletto::texture::{ColorSpace, Image, ImageTexture, Samples, Texture, TextureKind};
-use canaletto::world::{Hit, TextureRead, World};
+use canaletto::world::{GeometryProbe, Hit, TextureRead, World};
 use canaletto_tests::gallery::icosphere;
 use glam::{DVec3, Vec3};
 
@@ -25,14 +25,16 @@ struct Reads {
     pending: Vec<(DVec3, [DVec3; 2])>,
 }
 
-impl Probe for Reads {
-    fn ray(&mut self, kind: RayKind, _: &Ray, _: u32, _: Rgb) {
-        self.open.push(kind);
-    }
-
+impl GeometryProbe for Reads {
     fn texture(&mut self, read: &TextureRead) {
         let lookup = read.readings[0].lookup;
         self.pending.push((lookup.at, [lookup.dx, lookup.dy]));
+    }
+}
+
+impl Probe for Reads {
+    fn ray(&mut self, kind: RayKind, _: &Ray, _: u32, _: Rgb) {
+        self.open.push(kind);
     }
 
     fn hit(&mut self, hit: &Hit, _: &Surface, _: &MaterialPoint, outside: bool) {

@@ -10,7 +10,7 @@ use crate::light::environment::EnvironmentLookup;
 use crate::material::{MaterialPoint, Target};
 use crate::math::Rgb;
 use crate::shape::Surface;
-use crate::world::{Hit, TextureRead, World};
+use crate::world::{GeometryProbe, Hit, TextureRead, World};
 use canaletto_bvh::Ray;
 use glam::{DVec3, Vec3};
 
@@ -57,6 +57,28 @@ impl<'w> Recorder<'w> {
             Outcome::Hit(hit) => Some(hit),
             Outcome::Miss { .. } => None,
         }
+    }
+}
+
+impl GeometryProbe for Recorder<'_> {
+    fn texture(&mut self, read: &TextureRead) {
+        let reading = |r: &crate::world::Reading| ReadingNode {
+            weight: r.weight,
+            at: r.lookup.at.to_array(),
+            footprint: [r.lookup.dx.to_array(), r.lookup.dy.to_array()],
+            image: r.footprint.map(|f| ImageNode { texel: f.texel, size: f.size, radii: f.radii, level: f.level }),
+        };
+        self.textures.push(TextureNode {
+            texture: read.name.to_owned(),
+            used: read.used.target.name(),
+            readings: read.readings.iter().map(reading).collect(),
+            value: read.value,
+            replaced: replaced(read),
+        });
+    }
+
+    fn blocker(&mut self, hit: &Hit, opacity: f32) {
+        self.blockers.push(BlockerNode { object: self.world.object(hit).name.clone(), opacity });
     }
 }
 
@@ -151,22 +173,6 @@ impl Probe for Recorder<'_> {
         }
     }
 
-    fn texture(&mut self, read: &TextureRead) {
-        let reading = |r: &crate::world::Reading| ReadingNode {
-            weight: r.weight,
-            at: r.lookup.at.to_array(),
-            footprint: [r.lookup.dx.to_array(), r.lookup.dy.to_array()],
-            image: r.footprint.map(|f| ImageNode { texel: f.texel, size: f.size, radii: f.radii, level: f.level }),
-        };
-        self.textures.push(TextureNode {
-            texture: read.name.to_owned(),
-            used: read.used.target.name(),
-            readings: read.readings.iter().map(reading).collect(),
-            value: read.value,
-            replaced: replaced(read),
-        });
-    }
-
     fn overlay(&mut self, color: Rgb, share: f32) {
         if let Some(hit) = self.current() {
             hit.overlay = Some((color, share));
@@ -189,10 +195,6 @@ impl Probe for Recorder<'_> {
         if let Some(hit) = self.current() {
             hit.ambient = Some(term);
         }
-    }
-
-    fn blocker(&mut self, hit: &Hit, opacity: f32) {
-        self.blockers.push(BlockerNode { object: self.world.object(hit).name.clone(), opacity });
     }
 
     fn light(&mut self, term: &LightTerm) {

@@ -5,7 +5,7 @@ use crate::light::environment::EnvironmentLookup;
 use crate::material::MaterialPoint;
 use crate::math::Rgb;
 use crate::shape::Surface;
-use crate::world::{Hit, TextureRead};
+use crate::world::{GeometryProbe, Hit};
 use canaletto_bvh::Ray;
 use glam::{DVec3, Vec3};
 use serde::Serialize;
@@ -61,9 +61,9 @@ pub struct LightTerm {
 
 /// An observer of an integrator. Calls come in the order of the ray tree: a ray, then its miss or hit, then its end.
 /// After a hit come its ambient term, its lights (each after its blockers) and its child rays.
-pub trait Probe {
-    /// Whether the probe needs calls at all.
-    const ACTIVE: bool = true;
+///
+/// Calls of [`GeometryProbe`] come before the hit or the light that they belong to.
+pub trait Probe: GeometryProbe {
     /// A sample of the pixel begins. `position` is in pixels (y upwards); `weight` is its filter weight.
     fn sample(&mut self, _position: [f64; 2], _weight: f64) {}
     /// The random choices for the sample. `time` is in 0..=1 and given if anything moves. `lens` is the point of the
@@ -84,16 +84,12 @@ pub trait Probe {
     fn hidden(&mut self, _hit: &Hit) {}
     /// The ray passed through a hole that a texture cuts out of the surface.
     fn hole(&mut self, _hit: &Hit) {}
-    /// A texture was read at the hit of the next call of [`Probe::hit`].
-    fn texture(&mut self, _read: &TextureRead) {}
     /// The ray hit this surface. `outside` is true if it hit the outer side.
     fn hit(&mut self, _hit: &Hit, _surface: &Surface, _material: &MaterialPoint, _outside: bool) {}
     /// The colour of the surface without lighting.
     fn unlit(&mut self, _kd: Rgb) {}
     /// The ambient term.
     fn ambient(&mut self, _term: Rgb) {}
-    /// A surface blocks the light of the next call of [`Probe::light`], in whole or in part; `opacity` is its o.
-    fn blocker(&mut self, _hit: &Hit, _opacity: f32) {}
     /// The terms of a light.
     fn light(&mut self, _term: &LightTerm) {}
     /// An overlay of colour t covers the colour I so far, with a share a: a t + (1 − a) I. A share of 1 is reported
@@ -108,6 +104,4 @@ pub trait Probe {
 }
 
 /// The empty probe.
-impl Probe for () {
-    const ACTIVE: bool = false;
-}
+impl Probe for () {}

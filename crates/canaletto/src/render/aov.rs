@@ -7,7 +7,7 @@ use crate::integrator::{LightTerm, Probe, RayKind};
 use crate::material::MaterialPoint;
 use crate::math::Rgb;
 use crate::shape::Surface;
-use crate::world::{Hit, World};
+use crate::world::{GeometryProbe, Hit, World};
 use canaletto_bvh::Ray;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -224,6 +224,8 @@ impl<'w> AovProbe<'w> {
         }
     }
 }
+
+impl GeometryProbe for AovProbe<'_> {}
 
 impl Probe for AovProbe<'_> {
     fn sample(&mut self, _position: [f64; 2], weight: f64) {

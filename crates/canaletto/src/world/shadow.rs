@@ -1,5 +1,6 @@
 //! Shadow rays: occlusion, and the transmittance of clear surfaces.
 
+use super::GeometryProbe;
 use super::World;
 use super::bundle::RayBundle;
 use super::contact::{Contact, touching};
@@ -7,7 +8,6 @@ use super::geometry::Geometry;
 use super::group::InstancePath;
 use super::instance::{Instance, NONE, Unbounded};
 use super::query::Hit;
-use crate::integrator::Probe;
 use crate::math::{DRay, RayDifferential, offset_origin};
 use canaletto_bvh::{PreparedRay, Ray};
 use glam::Vec3;
@@ -90,7 +90,7 @@ impl World {
     /// f_s of (5.39a): the product of 1 − o over the surfaces between the ray's origin and `t_max`. `last` is the last
     /// occluder of the light, which often blocks the next ray too. `differential` is the ray's differential, for
     /// textures that let light through.
-    pub fn transmittance<P: Probe>(
+    pub fn transmittance<P: GeometryProbe>(
         &self,
         ray: &Ray,
         t_max: f32,
@@ -108,7 +108,7 @@ impl World {
     }
 
     /// [`World::transmittance`] for a ray whose occlusion isn't [`Occlusion::Nothing`].
-    pub(crate) fn transmittance_past<P: Probe>(
+    pub(crate) fn transmittance_past<P: GeometryProbe>(
         &self,
         ray: &Ray,
         t_max: f32,
@@ -165,7 +165,7 @@ impl World {
     }
 
     /// Crosses a clear surface with a shadow ray. Returns whether the ray goes on.
-    fn cross<P: Probe>(
+    fn cross<P: GeometryProbe>(
         &self,
         crossing: &mut ShadowRay,
         ray: &mut Ray,

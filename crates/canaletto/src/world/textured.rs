@@ -1,9 +1,9 @@
 //! The third stage of a hit: the effect of textures on the material and the shading normal. A world without textures
 //! has no such stage.
 
+use super::GeometryProbe;
 use super::instance::to_local;
 use super::{Hit, World};
-use crate::integrator::Probe;
 use crate::material::{
     MaterialPoint, Place, Target, TexCoord, TexCoords, TextureUse, apply_bump, apply_normal_map, clamp_to_hemisphere,
 };
@@ -71,7 +71,7 @@ impl World {
     /// The material at a hit of this line's ray. Textures bend the shading normal of `surface`, and its uv becomes the
     /// object's. `step` holds the offsets along the surface to the neighbouring samples.
     #[inline(never)]
-    pub(crate) fn textured<P: Probe>(
+    pub(crate) fn textured<P: GeometryProbe>(
         &self,
         line: DRay,
         hit: &Hit,
