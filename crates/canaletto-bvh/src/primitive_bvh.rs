@@ -5,11 +5,11 @@ mod leaves;
 
 use crate::build::STACK;
 use crate::memory::in_large_pages;
-use crate::primitive::primitive4::{LANES, Primitive, Primitive4, UnitRay, UserIntersect};
+use crate::primitive::cull::{LANES, UnitRay};
+use crate::primitive::primitive4::{Primitive, Primitive4, UserIntersect};
 use crate::traverse::packet::primitives::PrimitiveScene;
 use crate::traverse::packet::{self, Packet, PacketQuery};
 use crate::{Aabb, BuildError, Bvh, PreparedRay, PrimitiveHit, Quality, Ray, Statistics, with_stack};
-pub(crate) use leaves::accept_if_nearer;
 use leaves::{AnyHitOfRay, AnyHitOfStream, ClosestOfRay, ClosestOfStream, any, closest};
 use rayon::prelude::*;
 use std::borrow::Borrow;
@@ -224,7 +224,7 @@ impl PrimitiveBvh {
     pub fn intersect_brute_force(&self, ray: &PreparedRay, nearest: &mut PrimitiveHit, user: &impl UserIntersect) {
         for block in &self.blocks {
             for lane in (0..LANES).filter(|&lane| block.ids[lane] != u32::MAX) {
-                accept_if_nearer(block, lane, ray, nearest, user);
+                block.accept_if_nearer(lane, ray, nearest, user);
             }
         }
     }

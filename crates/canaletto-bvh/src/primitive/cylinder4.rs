@@ -3,7 +3,7 @@
 
 use glam::Vec4;
 
-use super::primitive4::{Candidates, RELATIVE, Rows, UnitRay};
+use super::cull::{Candidates, RELATIVE, Rows, UnitRay};
 use crate::slab::DEFLATE;
 
 /// The largest length whose square underflows in f32: √(3 · 2⁻¹⁴⁹), with slack.

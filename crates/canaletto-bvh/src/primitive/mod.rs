@@ -11,6 +11,7 @@
 //! 6. `sphere` and `cylinder4`: the f32 culling of four shapes, and the exact test of one sphere. `sphere8`: the exact
 //!    test of eight rays and spheres.
 
+pub(crate) mod cull;
 pub(crate) mod cylinder4;
 pub(crate) mod difference_of_products;
 pub(crate) mod edge_error;

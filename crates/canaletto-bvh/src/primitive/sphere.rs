@@ -4,7 +4,7 @@
 
 use glam::{Vec3, Vec4};
 
-use super::primitive4::{Candidates, RELATIVE, Rows, UnitRay};
+use super::cull::{Candidates, RELATIVE, Rows, UnitRay};
 pub use super::sphere8::intersect_many;
 use crate::slab::{DEFLATE, INFLATE, min};
 use crate::{Aabb, PreparedRay, Ray};

@@ -2,7 +2,8 @@
 #![allow(unsafe_code)] // `StreamVisitor::leaf` is unsafe, though this one needs no instructions.
 
 use crate::node::{Node, PrefetchTable};
-use crate::primitive::primitive4::{Candidates, LANES, Primitive4, UnitRay, UserIntersect};
+use crate::primitive::cull::{Candidates, LANES, UnitRay};
+use crate::primitive::primitive4::{Primitive4, UserIntersect};
 use crate::simd::NodeTest;
 use crate::traverse::{AnyHitVisitor, ClosestVisitor, NumberedRay, StreamVisitor};
 use crate::{Leaf, PreparedRay, PrimitiveHit};
@@ -11,26 +12,6 @@ use crate::{Leaf, PreparedRay, PrimitiveHit};
 #[inline(always)]
 fn filled(leaf: Leaf) -> u32 {
     (1 << leaf.count()) - 1
-}
-
-/// Tests the primitive in this lane exactly and stores it in `nearest` if it is nearer. Returns whether it is.
-#[inline(always)]
-pub(crate) fn accept_if_nearer(
-    block: &Primitive4,
-    lane: usize,
-    ray: &PreparedRay,
-    nearest: &mut PrimitiveHit,
-    user: &impl UserIntersect,
-) -> bool {
-    let id = block.ids[lane];
-    // The callback may have ignored `nearest.t`.
-    if let Some(met) = block.intersect(lane, ray, nearest.t, user)
-        && (met.t < nearest.t || met.t == nearest.t && id < nearest.id)
-    {
-        *nearest = PrimitiveHit { id, ..met };
-        return true;
-    }
-    false
 }
 
 #[inline(always)]
@@ -49,7 +30,7 @@ pub(super) fn closest(
         if candidates.near[lane] > nearest.t {
             continue;
         }
-        accept_if_nearer(block, lane, ray, nearest, user);
+        block.accept_if_nearer(lane, ray, nearest, user);
     }
 }
 

@@ -7,13 +7,13 @@
 use super::group::RayGroup;
 pub(super) use super::triangle_test::TestMasks;
 use crate::Aabb;
+use crate::primitive::cull::RELATIVE;
 use crate::primitive::cylinder4::VANISHED;
-use crate::primitive::primitive4::RELATIVE;
 pub(super) use crate::primitive::primitive4::UnpackedPrimitive;
 use crate::simd::{Instructions, Mask, ROW, Row, Vector};
 use crate::slab::{DEFLATE, INFLATE};
 
-/// `primitive4::UnitRay` for all rays of a group.
+/// `cull::UnitRay` for all rays of a group.
 #[derive(Clone, Copy)]
 pub(super) struct UnitRays {
     unit: [Row<f32>; 3],
@@ -238,7 +238,7 @@ impl RayGroup {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::primitive::primitive4::UnitRay;
+    use crate::primitive::cull::UnitRay;
     use crate::simd::Baseline;
     use crate::testing::Random;
     use crate::{Ray, sphere};

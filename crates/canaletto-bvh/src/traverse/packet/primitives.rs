@@ -5,9 +5,9 @@ use super::primitive_test::{TestMasks, UnitRays, UnpackedPrimitive};
 use super::walk::GROUPS;
 use super::{Packet, PacketOutcome, in_packets, lanes};
 use crate::node::{Node, PrefetchTable};
-use crate::primitive::primitive4::{LANES, Primitive4, UserIntersect};
+use crate::primitive::cull::LANES;
+use crate::primitive::primitive4::{Primitive4, UserIntersect};
 use crate::primitive::sphere8::{self, Sphere8};
-use crate::primitive_bvh::accept_if_nearer;
 use crate::simd::dispatch::{self, SimdKernel};
 use crate::simd::{Instructions, ROW, Row, Vector};
 use crate::{PreparedRay, PrimitiveHit, Ray};
@@ -97,7 +97,7 @@ fn test_alone<A: UserIntersect>(
     let ray = PreparedRay::new(&group.ray(i));
     let mut accept_if_nearer = |place: u32| {
         let (block, lane) = (&scene.blocks[place as usize / LANES], place as usize % LANES);
-        accept_if_nearer(block, lane, &ray, nearest, scene.user)
+        block.accept_if_nearer(lane, &ray, nearest, scene.user)
     };
     let pending = std::mem::replace(&mut group.pending.0[i], NOTHING);
     let mut failed = pending != NOTHING && !accept_if_nearer(pending);
