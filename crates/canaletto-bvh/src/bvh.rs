@@ -3,7 +3,7 @@
 use crate::build::collapse::collapse;
 use crate::build::refit;
 use crate::build::{self, BuildError, Built, PrimRefs, Quality};
-use crate::node::{Child, Leaf, Node};
+use crate::node::{Child, Leaf, MAX_LEAF, Node};
 use crate::traverse::{self, AnyHitVisitor, ClosestVisitor, StreamVisitor};
 use crate::{Aabb, InflatedRay, PreparedRay, Statistics, with_stack};
 
@@ -46,7 +46,7 @@ impl Bvh {
 
     /// Builds a tree over blocks. A primitive may have several references; then it may be in several blocks.
     pub(crate) fn over_blocks(refs: PrimRefs<'_>, quality: Quality) -> (Self, Blocks) {
-        let built = build::build(refs, build::MAX_LEAF, quality);
+        let built = build::build(refs, MAX_LEAF, quality);
         let Built { nodes: mut binary, mut order, bounds, duplicates } = built;
         let mut leaves = Vec::new();
         for leaf in binary.iter_mut().filter(|node| node.is_leaf()) {

@@ -10,11 +10,21 @@ use std::ops::Range;
 
 use bytemuck::Zeroable;
 
-use crate::build::{MAX_LEAF, MAX_PRIMITIVES};
 use crate::memory::prefetch;
 use crate::simd::compiled_wide;
 use crate::slab::{Boxes, WIDTH};
 use crate::{Aabb, PreparedRay};
+
+/// The largest number of primitives in a leaf.
+pub(crate) const MAX_LEAF: usize = 4;
+
+/// The largest number of levels below the root. Median splits of a million primitives need 20 levels, so that SAH
+/// splits have 20 to spare. When the remaining levels are only just enough for median splits, the builder splits at the
+/// median. The limit bounds the traversal stack and the build time.
+pub(crate) const MAX_DEPTH: u32 = 40;
+
+/// The largest number of primitives: a `NodeRef` packs a leaf's first slot and its length into 31 bits.
+pub(crate) const MAX_PRIMITIVES: usize = 1 << 28;
 
 /// An inner node with up to eight children: 256 bytes, four cache lines.
 ///

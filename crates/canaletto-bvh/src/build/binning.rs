@@ -140,7 +140,7 @@ impl CostModel {
     #[inline(always)]
     pub(super) fn blocks(&self, count: u32) -> f32 {
         // The block is 1 or 4, so that no division is necessary.
-        (if self.block == 1 { count } else { count.div_ceil(super::MAX_LEAF as u32) }) as f32
+        (if self.block == 1 { count } else { count.div_ceil(crate::node::MAX_LEAF as u32) }) as f32
     }
 
     /// The cost of a node with these bounds.

@@ -3,8 +3,9 @@
 
 use rayon::prelude::*;
 
-use super::{BinaryNode, MAX_DEPTH};
+use super::BinaryNode;
 use crate::memory::zeros;
+use crate::node::MAX_DEPTH;
 use crate::node::{Node, NodeRef};
 use crate::slab::WIDTH;
 

@@ -33,22 +33,15 @@ use bytemuck::Zeroable;
 use glam::Vec3;
 
 use crate::memory::{collected, in_large_pages, zeros};
+use crate::node::{MAX_DEPTH, MAX_LEAF, MAX_PRIMITIVES};
 use crate::{Aabb, NoThreads};
 use binning::{BinSplit, Bins, CostModel};
 pub(crate) use prim_ref::PrimRefs;
 use prim_ref::{Box8, Centers, Corners, Extent, PrimRef};
 use widen::{Costs, LaneSplit};
 
-/// The largest number of primitives in a leaf.
-pub(crate) const MAX_LEAF: usize = 4;
-/// The largest number of levels below the root. Median splits of a million primitives need 20 levels, so that SAH
-/// splits have 20 to spare. When the remaining levels are only just enough for median splits, the builder splits at the
-/// median. The limit bounds the traversal stack and the build time.
-pub(crate) const MAX_DEPTH: u32 = 40;
 /// The number of levels, beyond those that median splits need, that may lie above large sets of primitives.
 const LEVELS_TO_SPARE: u32 = 5;
-/// The largest number of primitives: a link packs a leaf's first slot and its length into 31 bits.
-pub(crate) const MAX_PRIMITIVES: usize = 1 << 28;
 /// Above this number of primitives, the halves of a split are built in parallel.
 const PARALLEL_BUILD: usize = 4096;
 /// Above this number, a node's primitives are processed in parallel, in chunks of this size.

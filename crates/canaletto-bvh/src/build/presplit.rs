@@ -9,9 +9,10 @@
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
+use super::PrimRefs;
 use super::prim_ref::{Extent, PrimRef};
-use super::{MAX_PRIMITIVES, PrimRefs};
 use crate::Aabb;
+use crate::node::MAX_PRIMITIVES;
 
 /// The limits of presplitting.
 #[derive(Clone, Copy)]

@@ -3,9 +3,10 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use super::{BuildError, MAX_PRIMITIVES, presplit};
+use super::{BuildError, presplit};
 use crate::Aabb;
 use crate::memory::collected;
+use crate::node::MAX_PRIMITIVES;
 use crate::slab::max;
 use glam::Vec3;
 
@@ -83,7 +84,7 @@ pub(super) struct PrimRef(Box8);
 
 /// Added to an id of 29 bits, it gives the bits of a normal float between 2⁻⁶³ and 2.
 const NORMAL: u32 = 1 << 29;
-const _: () = assert!(super::MAX_PRIMITIVES <= 1 << 29);
+const _: () = assert!(MAX_PRIMITIVES <= 1 << 29);
 
 impl PrimRef {
     #[inline(always)]

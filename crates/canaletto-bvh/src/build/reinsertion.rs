@@ -11,7 +11,8 @@ use rayon::prelude::*;
 
 use super::prim_ref::Box8;
 use super::widen;
-use super::{BinaryNode, CHUNK, CostModel, MAX_DEPTH};
+use super::{BinaryNode, CHUNK, CostModel};
+use crate::node::MAX_DEPTH;
 
 /// A node of the tree under change. The root is the first node.
 struct Node {
@@ -321,7 +322,7 @@ mod tests {
         for (name, scene) in zoo() {
             let bounds: Vec<Aabb> = scene.iter().map(crate::testing::TestPrimitive::bounds).collect();
             let [medium, high] = trees(&bounds).map(|tree| tree.statistics());
-            assert!(high.depth <= super::MAX_DEPTH as usize, "{name}");
+            assert!(high.depth <= crate::node::MAX_DEPTH as usize, "{name}");
             assert!(high.sah_cost <= 1.01 * medium.sah_cost, "{name}: {high:?} {medium:?}");
         }
         // Each box is far larger than all boxes before it together.
@@ -329,7 +330,7 @@ mod tests {
             .map(|i| f32::from_bits((i + 2) << 23))
             .flat_map(|s| [Aabb::from_points([Vec3::splat(s), Vec3::splat(1.1 * s)]); 40])
             .collect();
-        assert!(trees(&chain)[1].statistics().depth <= super::MAX_DEPTH as usize);
+        assert!(trees(&chain)[1].statistics().depth <= crate::node::MAX_DEPTH as usize);
     }
 
     #[test]

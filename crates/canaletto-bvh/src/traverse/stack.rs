@@ -3,7 +3,7 @@
 
 use std::mem::MaybeUninit;
 
-use crate::build::MAX_DEPTH;
+use crate::node::MAX_DEPTH;
 use crate::node::{Node, NodeRef};
 use crate::simd::{NodeTest, TraversalRay};
 use crate::slab::WIDTH;

@@ -4,7 +4,7 @@
 
 use super::group::{Interval, RayGroup};
 use crate::Leaf;
-use crate::build::MAX_DEPTH;
+use crate::node::MAX_DEPTH;
 use crate::node::{Node, PrefetchTable};
 use crate::simd::{Instructions, ROW, Row, Vector};
 use crate::slab::{self, INFLATE, WIDTH};
