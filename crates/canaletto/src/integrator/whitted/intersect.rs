@@ -8,7 +8,7 @@ use crate::integrator::Probe;
 use crate::math::{DRay, RayDifferential, Rgb, offset_origin};
 use crate::world::{Hit, MAX_STALLED, World, touching};
 use canaletto_bvh::Ray;
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 /// The most holes that a ray passes. After that many, the next hole counts as a surface.
 const MAX_HOLES: usize = 1 << 16;
@@ -135,9 +135,9 @@ fn intersect_one<P: Probe>(
                     let step =
                         differential.map(|differential| differential.along(&line, surface.exact, surface.normal));
                     differential = differential.zip(step).map(|(differential, step)| differential.passed(step));
-                    stalled = if (surface.exact - line.origin).dot(line.direction) > 0.0 { 0 } else { stalled + 1 };
                     line.origin = surface.exact;
                     let origin = offset_origin(surface.point, touching(&surface), surface.normal, line.direction);
+                    stalled = if advances(&ray, origin) { 0 } else { stalled + 1 };
                     ray = line.from_origin(origin);
                     found = world.intersect_at(&ray, f32::INFINITY, time);
                     continue;
@@ -170,14 +170,20 @@ fn intersect_one<P: Probe>(
         probe.hole(&hit);
         inside = media.crossing(crossing).map_or(inside, |crossing| crossing.beyond);
         first_crossing = next;
-        stalled = if (surface.exact - line.origin).dot(line.direction) > 0.0 { 0 } else { stalled + 1 };
         line.origin = surface.exact;
         differential = footprint.map(|f| f.differential.passed(f.step));
         if first_crossing == media::NONE {
             let origin = offset_origin(surface.point, surface.error, surface.normal, line.direction);
+            stalled = if advances(&ray, origin) { 0 } else { stalled + 1 };
             ray = line.from_origin(origin);
             found = world.intersect_at(&ray, f32::INFINITY, time);
         }
     }
     None
+}
+
+/// Whether an origin lies farther along a ray than the ray's own. A surface that is flatter than roundings sends rays
+/// back to where they came from, and would be hit again and again.
+fn advances(ray: &Ray, origin: Vec3) -> bool {
+    (origin - ray.origin).dot(ray.direction) > 0.0
 }
