@@ -51,8 +51,7 @@ impl Whitted<'_> {
                 && let Some(hit) = found
                 && let material = world.material(&hit)
                 && material.is_plain()
-                && let is_clear = has_clear
-                && !material.is_opaque()
+                && let is_clear = (has_clear && !material.is_opaque())
                 && let [inside, first_crossing] = start
                 && (!is_clear && start == [media::NONE; 2]
                     || is_clear
