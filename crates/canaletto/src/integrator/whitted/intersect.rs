@@ -68,8 +68,8 @@ impl Whitted<'_> {
                 }
                 continue;
             }
-            let ray_index = (batch.lines[index], batch.rays[index], found, differential);
-            let Some(met) = intersect_one(world, &mut self.media, ray_index, start, time, probe) else {
+            let ray = (batch.lines[index], batch.rays[index], found, differential);
+            let Some(met) = intersect_one(world, &mut self.media, ray, start, time, probe) else {
                 miss(index, color, probe);
                 continue;
             };

@@ -70,7 +70,7 @@ pub(super) struct Crossing {
 
 impl Crossing {
     /// The crossing of a surface at `hit` that nothing coincides with. `outer` is η on its outer side.
-    fn single_boundary(hit: Hit, outer: f64, beyond: u32) -> Crossing {
+    fn isolated(hit: Hit, outer: f64, beyond: u32) -> Crossing {
         let refraction = Refraction::Outer(outer);
         Crossing { hit, refraction, beyond, next: NONE, before: NONE, back: NONE, touches: false }
     }
@@ -325,7 +325,7 @@ impl Media {
     /// The crossing of a surface with nothing near it, by a ray that is in no other body.
     pub(super) fn simple(&mut self, world: &World, hit: &Hit, outside: bool, set: u32) -> Crossing {
         let beyond = world.body(hit).map_or(set, |body| self.changed(set, &body, outside));
-        Crossing::single_boundary(*hit, 1.0, beyond)
+        Crossing::isolated(*hit, 1.0, beyond)
     }
 
     /// The bodies of a ray that is mirrored at such a surface.
@@ -342,7 +342,7 @@ impl Media {
             return Boundary::Plain;
         }
         let Some(body) = &met.body else {
-            return Boundary::At(self.push(Crossing::single_boundary(met.hit, self.eta(set), set)));
+            return Boundary::At(self.push(Crossing::isolated(met.hit, self.eta(set), set)));
         };
         let beyond = self.changed(set, body, met.outside);
         if self.is_hidden(body, set, if met.outside { set } else { beyond }) {
@@ -350,7 +350,7 @@ impl Media {
             return Boundary::Hidden(beyond);
         }
         let outer = self.filling_besides(set, body).map_or(1.0, |body| f64::from(body.eta));
-        Boundary::At(self.push(Crossing::single_boundary(met.hit, outer, beyond)))
+        Boundary::At(self.push(Crossing::isolated(met.hit, outer, beyond)))
     }
 
     /// Whether a body's surface is hidden: another body of `set` fills the place, or a ray on its outer side is still
@@ -408,13 +408,13 @@ impl Media {
                 (false, true) => eta_before,
                 (false, false) => eta_beyond,
             };
-            let occlusion = if is_gap { gap } else { set };
+            let between_bodies = if is_gap { gap } else { set };
             self.push(Crossing {
                 refraction: if is_gap || is_last { Refraction::Outer(outer) } else { Refraction::Straight },
                 next: if is_last { NONE } else { base + index + 1 },
                 before: if index == 0 { NONE } else { base + index - 1 },
                 touches: true,
-                ..Crossing::single_boundary(met.hit, outer, if is_last { beyond } else { occlusion })
+                ..Crossing::isolated(met.hit, outer, if is_last { beyond } else { between_bodies })
             });
         }
         if is_gap {
@@ -430,7 +430,7 @@ impl Media {
             self.crossings[number as usize].back = back;
             let hit = self.crossings[number as usize].hit;
             let beyond = if number == base { set } else { gap };
-            back = self.push(Crossing { next: back, touches: true, ..Crossing::single_boundary(hit, eta_gap, beyond) });
+            back = self.push(Crossing { next: back, touches: true, ..Crossing::isolated(hit, eta_gap, beyond) });
         }
     }
 

@@ -135,8 +135,8 @@ impl Whitted<'_> {
         let mark = self.media.mark();
         for index in 0..wave.interactions.len() {
             let at = wave.interactions.at(index);
-            if let Some(ray_index) = child(self, &wave.batch, &at, wave.footprints.get(index), probe) {
-                children.batch.push(ray_index);
+            if let Some(ray) = child(self, &wave.batch, &at, wave.footprints.get(index), probe) {
+                children.batch.push(ray);
                 children.parents.push(index as u32);
             }
         }
