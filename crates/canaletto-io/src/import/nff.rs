@@ -193,7 +193,7 @@ impl<'a> Reader<'a> {
             opacity: 1.0 - t,
             ..Phong::default()
         };
-        phong.check().map_err(|message| start.wrong(message))?;
+        phong.check().map_err(|problem| start.wrong(problem.to_string()))?;
         let next = self.scene.materials.len();
         self.material = Some(*self.known.entry(numbers.map(f32::to_bits)).or_insert_with(|| {
             self.scene.materials.push(Material::new(format!("fill {}", next + 1), phong));

@@ -87,6 +87,23 @@ pub enum CameraError {
     Motion(String),
 }
 
+impl CameraError {
+    /// The field at fault by its name in scene text, as in [`crate::OutOfRange::field`].
+    pub fn field(&self) -> &'static str {
+        match self {
+            CameraError::NoDirection => "eye",
+            CameraError::NoUp => "up",
+            CameraError::Fovy(_) => "fovy",
+            CameraError::Size(..) => "size",
+            CameraError::Planes(..) => "near",
+            CameraError::NotFinite(field) => field,
+            CameraError::Shutter(..) => "shutter",
+            CameraError::Lens(_) => "lens",
+            CameraError::Motion(_) => "motion",
+        }
+    }
+}
+
 impl Camera {
     /// The longest side of a picture.
     pub const MAX_SIDE: u32 = 65_536;

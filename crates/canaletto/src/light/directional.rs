@@ -1,5 +1,6 @@
 //! Parallel light, everywhere or inside a round beam (fig. 5.25b).
 
+use crate::OutOfRange;
 use crate::math::Transform;
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
@@ -34,15 +35,16 @@ impl Directional {
         }
     }
 
-    pub(super) fn check(&self) -> Result<(), String> {
+    pub(super) fn check(&self) -> Result<(), OutOfRange> {
         if self.towards.try_normalize().is_none() {
             let d = self.towards;
-            return Err(format!("direction is {} {} {}; it needs a length", d.x, d.y, d.z));
+            return Err(OutOfRange::new("direction", format!("is {} {} {}; it needs a length", d.x, d.y, d.z)));
         }
         match self.beam {
-            Some((p, r)) if !p.is_finite() || !r.is_finite() || r <= 0.0 => {
-                Err(format!("radius is {r}; the beam's radius must be more than 0 and its axis finite"))
-            }
+            Some((p, r)) if !p.is_finite() || !r.is_finite() || r <= 0.0 => Err(OutOfRange::new(
+                "radius",
+                format!("is {r}; the beam's radius must be more than 0 and its axis finite"),
+            )),
             _ => Ok(()),
         }
     }

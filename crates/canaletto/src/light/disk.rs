@@ -1,6 +1,7 @@
 //! Lights on a disk, for soft shadows (fig. 5.24c): fixed points of the disk, or random ones.
 
 use super::Light;
+use crate::OutOfRange;
 use crate::math::Transform;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -40,18 +41,21 @@ impl DiskLight {
         }
     }
 
-    pub(super) fn check(&self) -> Result<(), String> {
+    pub(super) fn check(&self) -> Result<(), OutOfRange> {
         if !self.position.is_finite() {
-            return Err("position holds a number that isn't finite".into());
+            return Err(OutOfRange::new("position", "holds a number that isn't finite"));
         }
         if self.normal.try_normalize().is_none() {
-            return Err("normal has no direction".into());
+            return Err(OutOfRange::new("normal", "has no direction"));
         }
         if !self.radius.is_finite() || self.radius <= 0.0 {
-            return Err(format!("radius is {}; it must be more than 0", self.radius));
+            return Err(OutOfRange::new("radius", format!("is {}; it must be more than 0", self.radius)));
         }
         if !(1..=Light::MAX_POINTS).contains(&self.points) {
-            return Err(format!("points is {}; it must be between 1 and {}", self.points, Light::MAX_POINTS));
+            return Err(OutOfRange::new(
+                "points",
+                format!("is {}; it must be between 1 and {}", self.points, Light::MAX_POINTS),
+            ));
         }
         Ok(())
     }

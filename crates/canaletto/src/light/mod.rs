@@ -17,6 +17,7 @@ pub use prepared::{Illumination, PreparedLight};
 pub use spot::{Falloff, Spot};
 pub use surface_light::{Emission, MeshLight, RectangleLight, SphereLight};
 
+use crate::OutOfRange;
 use crate::math::{Rgb, Transform};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -148,29 +149,40 @@ impl Light {
     /// Checks every number's range.
     ///
     /// # Errors
-    /// A sentence that names the number, its value and the range.
-    pub fn check(&self) -> Result<(), String> {
+    /// An [`OutOfRange`] that names the number, its value and the range.
+    pub fn check(&self) -> Result<(), OutOfRange> {
         if self.intensity.to_array().iter().any(|v| !v.is_finite() || *v < 0.0) {
             let c = self.intensity;
-            return Err(format!("intensity is {} {} {}; each component must be 0 or more", c.r, c.g, c.b));
+            return Err(OutOfRange::new(
+                "intensity",
+                format!("is {} {} {}; each component must be 0 or more", c.r, c.g, c.b),
+            ));
         }
         let [c, l, q] = self.attenuation;
         let sum = c + l + q;
         if [c, l, q].iter().any(|v| !v.is_finite() || *v < 0.0) || sum == 0.0 {
-            return Err(format!("attenuation is {c} {l} {q}; each must be 0 or more, and not all 0"));
+            return Err(OutOfRange::new(
+                "attenuation",
+                format!("is {c} {l} {q}; each must be 0 or more, and not all 0"),
+            ));
         }
         if self.samples > Light::MAX_POINTS {
-            return Err(format!("samples is {}; it must be at most {}", self.samples, Light::MAX_POINTS));
+            return Err(OutOfRange::new(
+                "samples",
+                format!("is {}; it must be at most {}", self.samples, Light::MAX_POINTS),
+            ));
         }
         if self.samples > 0 && !self.has_area() {
-            return Err(format!(
-                "samples is {}, but a light \"{}\" has no area to sample",
-                self.samples,
-                self.kind_name()
+            return Err(OutOfRange::new(
+                "samples",
+                format!("is {}, but a light \"{}\" has no area to sample", self.samples, self.kind_name()),
             ));
         }
         if self.emission == Emission::Matte && !self.has_area() {
-            return Err(format!("emission is \"matte\", but a light \"{}\" has no surface", self.kind_name()));
+            return Err(OutOfRange::new(
+                "emission",
+                format!("is \"matte\", but a light \"{}\" has no surface", self.kind_name()),
+            ));
         }
         match &self.kind {
             LightKind::Omni(light) => light.check(),

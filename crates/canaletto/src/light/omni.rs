@@ -1,5 +1,6 @@
 //! The point light that emits in all directions (fig. 5.25a).
 
+use crate::OutOfRange;
 use crate::math::Transform;
 use glam::{DVec3, Vec3, Vec4};
 use serde::{Deserialize, Serialize};
@@ -42,12 +43,15 @@ impl Omni {
         }
     }
 
-    pub(super) fn check(&self) -> Result<(), String> {
+    pub(super) fn check(&self) -> Result<(), OutOfRange> {
         let p = self.homogeneous();
         if !p.is_finite() || (p.w == 0.0 && p.truncate() == Vec3::ZERO) || (p.w != 0.0 && !self.point().is_finite()) {
-            return Err(format!(
-                "position is {} {} {} {}; it must be a point, or a direction with a 0 as fourth number",
-                p.x, p.y, p.z, p.w
+            return Err(OutOfRange::new(
+                "position",
+                format!(
+                    "is {} {} {} {}; it must be a point, or a direction with a 0 as fourth number",
+                    p.x, p.y, p.z, p.w
+                ),
             ));
         }
         Ok(())

@@ -1,5 +1,6 @@
 //! The spotlight: an omni light whose influence is limited to a cone (fig. 5.25c).
 
+use crate::OutOfRange;
 use crate::math::Transform;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -81,29 +82,33 @@ impl Spot {
         Spot { position: go(self.position), target: go(self.target), falloff: self.falloff }
     }
 
-    pub(super) fn check(&self) -> Result<(), String> {
+    pub(super) fn check(&self) -> Result<(), OutOfRange> {
         if (self.target - self.position).try_normalize().is_none() || !self.position.is_finite() {
-            return Err("target is the light's own position; the cone needs an axis".into());
+            return Err(OutOfRange::new("target", "is the light's own position; the cone needs an axis"));
         }
-        let angle = |name: &str, v: f32| {
+        let angle = |field: &'static str, v: f32| {
             if (0.0..=90.0).contains(&v) {
                 Ok(())
             } else {
-                Err(format!("{name} is {v}; the angle must be between 0 and 90 degrees"))
+                Err(OutOfRange::new(field, format!("is {v}; the angle must be between 0 and 90 degrees")))
             }
         };
         match self.falloff {
             Falloff::Smooth { inner, outer } => {
                 angle("inner", inner)?;
                 angle("outer", outer)?;
-                if inner > outer { Err(format!("inner is {inner}, more than outer, {outer}")) } else { Ok(()) }
+                if inner > outer {
+                    Err(OutOfRange::new("inner", format!("is {inner}, more than outer, {outer}")))
+                } else {
+                    Ok(())
+                }
             }
             Falloff::Exponent { exponent, outer } => {
                 angle("outer", outer)?;
                 if exponent.is_finite() && exponent >= 0.0 {
                     Ok(())
                 } else {
-                    Err(format!("exponent is {exponent}; it must be 0 or more"))
+                    Err(OutOfRange::new("exponent", format!("is {exponent}; it must be 0 or more")))
                 }
             }
         }

@@ -2,6 +2,7 @@
 
 use super::area::{Area, Triangles};
 use super::{Light, LightKind};
+use crate::OutOfRange;
 use crate::math::Transform;
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
@@ -70,13 +71,13 @@ impl RectangleLight {
         RectangleLight { corner, u, v, points: self.points }
     }
 
-    pub(super) fn check(&self) -> Result<(), String> {
+    pub(super) fn check(&self) -> Result<(), OutOfRange> {
         let RectangleLight { corner, u, v, points } = self;
-        if !(corner.is_finite() && u.is_finite() && v.is_finite()) {
-            return Err("corner, u or v holds a number that isn't finite".into());
+        if let Some((field, _)) = [("corner", corner), ("u", u), ("v", v)].into_iter().find(|(_, v)| !v.is_finite()) {
+            return Err(OutOfRange::new(field, "holds a number that isn't finite"));
         }
         if u.as_dvec3().cross(v.as_dvec3()).try_normalize().is_none() {
-            return Err("u and v must be two edges of a rectangle, of different directions".into());
+            return Err(OutOfRange::new("u", "and v must be two edges of a rectangle, of different directions"));
         }
         check_points(*points)
     }
@@ -92,12 +93,12 @@ impl SphereLight {
         }
     }
 
-    pub(super) fn check(&self) -> Result<(), String> {
+    pub(super) fn check(&self) -> Result<(), OutOfRange> {
         if !self.center.is_finite() {
-            return Err("center holds a number that isn't finite".into());
+            return Err(OutOfRange::new("center", "holds a number that isn't finite"));
         }
         if !self.radius.is_finite() || self.radius <= 0.0 {
-            return Err(format!("radius is {}; it must be more than 0", self.radius));
+            return Err(OutOfRange::new("radius", format!("is {}; it must be more than 0", self.radius)));
         }
         check_points(self.points)
     }
@@ -108,19 +109,19 @@ impl MeshLight {
         MeshLight { transform: t.after(&self.transform), ..self.clone() }
     }
 
-    pub(super) fn check(&self) -> Result<(), String> {
+    pub(super) fn check(&self) -> Result<(), OutOfRange> {
         if self.meshes.is_empty() {
-            return Err("file holds no mesh to shine".into());
+            return Err(OutOfRange::new("file", "holds no mesh to shine"));
         }
         check_points(self.points)
     }
 }
 
-fn check_points(points: u32) -> Result<(), String> {
+fn check_points(points: u32) -> Result<(), OutOfRange> {
     if (1..=Light::MAX_POINTS).contains(&points) {
         Ok(())
     } else {
-        Err(format!("points is {points}; it must be between 1 and {}", Light::MAX_POINTS))
+        Err(OutOfRange::new("points", format!("is {points}; it must be between 1 and {}", Light::MAX_POINTS)))
     }
 }
 

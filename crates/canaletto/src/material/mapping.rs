@@ -5,6 +5,7 @@
 //! image: the square from −½ to ½ in x and y, seen from +z with +y upwards, u to the right and v downwards. Every
 //! coordinate has its gradient. Footprints and bumps follow by the chain rule, without differences across seams.
 
+use crate::OutOfRange;
 use crate::math::Transform;
 use crate::shape::SurfaceDifferential;
 use crate::texture::{Function, Gradient, TextureKind};
@@ -187,10 +188,10 @@ impl Mapping {
     /// Checks every number's range.
     ///
     /// # Errors
-    /// A sentence that names the number, its value and the range.
-    pub fn check(&self) -> Result<(), String> {
+    /// An [`OutOfRange`] that names the number, its value and the range.
+    pub fn check(&self) -> Result<(), OutOfRange> {
         match self.repeat.0.iter().find(|r| !(r.is_finite() && **r != 0.0)) {
-            Some(r) => Err(format!("repeat is {r} along one side; it must be finite and not 0")),
+            Some(r) => Err(OutOfRange::new("repeat", format!("is {r} along one side; it must be finite and not 0"))),
             None => Ok(()),
         }
     }

@@ -15,6 +15,7 @@ pub(crate) use phong::highlights;
 pub use refract::{reflect, refract};
 pub use texture_use::{Channel, Target, TextureUse};
 
+use crate::OutOfRange;
 use crate::math::Rgb;
 use crate::shape::Surface;
 use serde::{Deserialize, Serialize};
@@ -115,21 +116,22 @@ impl Material {
     /// Checks every number's range.
     ///
     /// # Errors
-    /// A sentence that names the number, its value and the range.
-    pub fn check(&self) -> Result<(), String> {
+    /// An [`OutOfRange`] that names the number, its value and the range.
+    pub fn check(&self) -> Result<(), OutOfRange> {
         self.phong.check()?;
         if !(0.0..=1.0).contains(&self.coverage) {
-            return Err(format!(
-                "coverage is {}; it must be between 0 (nothing is there) and 1 (all of it)",
-                self.coverage
+            return Err(OutOfRange::new(
+                "coverage",
+                format!("is {}; it must be between 0 (nothing is there) and 1 (all of it)", self.coverage),
             ));
         }
         if !self.priority.is_finite() {
-            return Err(format!("priority is {}; it must be finite", self.priority));
+            return Err(OutOfRange::new("priority", format!("is {}; it must be finite", self.priority)));
         }
-        self.textures
-            .iter()
-            .try_for_each(|texture| texture.check().map_err(|e| format!("texture for {}: {e}", texture.target.name())))
+        self.textures.iter().try_for_each(|texture| {
+            let target = texture.target.name();
+            texture.check().map_err(|problem| OutOfRange::new("texture", format!("for {target}: {problem}")))
+        })
     }
 }
 

@@ -1,5 +1,6 @@
 //! Phong's model (5.4) with the chapter's mirror and transparency.
 
+use crate::OutOfRange;
 use crate::math::{Rgb, power_all};
 use serde::{Deserialize, Serialize};
 
@@ -34,24 +35,36 @@ impl Phong {
     /// Checks every number's range.
     ///
     /// # Errors
-    /// A sentence that names the number, its value and the range.
-    pub fn check(&self) -> Result<(), String> {
+    /// An [`OutOfRange`] that names the number, its value and the range.
+    pub fn check(&self) -> Result<(), OutOfRange> {
         for (name, c) in [("kd", self.kd), ("ks", self.ks), ("k", self.k)] {
             if c.to_array().iter().any(|v| !v.is_finite() || *v < 0.0) {
-                return Err(format!("{name} is {} {} {}; each component must be 0 or more", c.r, c.g, c.b));
+                return Err(OutOfRange::new(
+                    name,
+                    format!("is {} {} {}; each component must be 0 or more", c.r, c.g, c.b),
+                ));
             }
         }
         if !self.n.is_finite() || self.n < 0.0 {
-            return Err(format!("n is {}; the exponent must be 0 or more", self.n));
+            return Err(OutOfRange::new("n", format!("is {}; the exponent must be 0 or more", self.n)));
         }
         if !self.eta.is_finite() || self.eta <= 0.0 {
-            return Err(format!("eta is {}; the coefficient of refraction must be more than 0", self.eta));
+            return Err(OutOfRange::new(
+                "eta",
+                format!("is {}; the coefficient of refraction must be more than 0", self.eta),
+            ));
         }
         if !(0.0..=1.0).contains(&self.opacity) {
-            return Err(format!("opacity is {}; it must be between 0 (clear) and 1 (opaque)", self.opacity));
+            return Err(OutOfRange::new(
+                "opacity",
+                format!("is {}; it must be between 0 (clear) and 1 (opaque)", self.opacity),
+            ));
         }
         if !(0.0..=1.0).contains(&self.roughness) {
-            return Err(format!("roughness is {}; it must be between 0 (polished) and 1", self.roughness));
+            return Err(OutOfRange::new(
+                "roughness",
+                format!("is {}; it must be between 0 (polished) and 1", self.roughness),
+            ));
         }
         Ok(())
     }
@@ -80,8 +93,9 @@ mod tests {
     #[test]
     fn ranges_are_checked() {
         assert!(Phong::default().check().is_ok());
-        assert!(Phong { opacity: 1.5, ..Phong::default() }.check().unwrap_err().contains("opacity is 1.5"));
-        assert!(Phong { kd: Rgb::new(0.0, f32::NAN, 0.0), ..Phong::default() }.check().is_err());
-        assert!(Phong { eta: 0.0, ..Phong::default() }.check().is_err());
+        assert!(Phong { opacity: 1.5, ..Phong::default() }.check().unwrap_err().to_string().contains("opacity is 1.5"));
+        let field = |phong: Phong| phong.check().unwrap_err().field;
+        assert_eq!(field(Phong { kd: Rgb::new(0.0, f32::NAN, 0.0), ..Phong::default() }), Some("kd"));
+        assert_eq!(field(Phong { eta: 0.0, ..Phong::default() }), Some("eta"));
     }
 }

@@ -2,6 +2,7 @@
 //! holes, bumps.
 
 use super::{Mapping, MaterialPoint};
+use crate::OutOfRange;
 use crate::math::Rgb;
 use serde::{Deserialize, Serialize};
 
@@ -150,20 +151,20 @@ impl TextureUse {
     /// Checks every number's range.
     ///
     /// # Errors
-    /// A sentence that names the number, its value and the range.
-    pub fn check(&self) -> Result<(), String> {
+    /// An [`OutOfRange`] that names the number, its value and the range.
+    pub fn check(&self) -> Result<(), OutOfRange> {
         if let Some(bad) = self.range.iter().find(|v| !v.is_finite()) {
-            return Err(format!("range holds {bad}; both numbers must be finite"));
+            return Err(OutOfRange::new("range", format!("holds {bad}; both numbers must be finite")));
         }
         if let Target::Normal { strength, .. } = self.target
             && !(strength.is_finite() && strength >= 0.0)
         {
-            return Err(format!("strength is {strength}; it must be 0 or more and finite"));
+            return Err(OutOfRange::new("strength", format!("is {strength}; it must be 0 or more and finite")));
         }
         if let Target::Displace { detail } = self.target
             && !(16.0..=65536.0).contains(&detail)
         {
-            return Err(format!("detail is {detail}; it must be between 16 and 65536"));
+            return Err(OutOfRange::new("detail", format!("is {detail}; it must be between 16 and 65536")));
         }
         self.mapping.check()
     }

@@ -7,6 +7,7 @@ mod pixel;
 pub use aov::Aov;
 pub(crate) use pixel::{PixelRenderer, weighted_mean};
 
+use crate::OutOfRange;
 use crate::camera::Camera;
 use crate::film::Picture;
 use crate::integrator::{RayCounts, Whitted};
@@ -70,8 +71,8 @@ pub enum JobError {
     #[error("max-depth is {0}; it must be between 1 (only the eye's rays) and {max}", max = IntegratorSettings::MAX_DEPTH)]
     Depth(u32),
     /// A filter or threshold is out of range.
-    #[error("{0}")]
-    Range(String),
+    #[error(transparent)]
+    Range(#[from] OutOfRange),
     /// The rays need threads with more stack than the caller's thread, and these can't be started.
     #[error(transparent)]
     NoThreads(#[from] NoThreads),
@@ -107,13 +108,14 @@ impl Job {
             Sampling::Adaptive { n, .. } if !(2..=Sampling::MAX_GRID).contains(&n) => return Err(JobError::Grid(n)),
             Sampling::Sampled(n) if !(1..=Sampling::MAX_SAMPLES).contains(&n) => return Err(JobError::Samples(n)),
             Sampling::Adaptive { threshold, .. } if !(0.0..=1.0).contains(&threshold) => {
-                return Err(JobError::Range(format!("threshold is {threshold}; it must be between 0 and 1")));
+                return Err(OutOfRange::new("threshold", format!("is {threshold}; it must be between 0 and 1")).into());
             }
             _ => {}
         }
         match self.film.filter {
             Filter::Gaussian { sigma } if !(sigma > 0.0 && sigma <= 4.0) => {
-                Err(JobError::Range(format!("sigma is {sigma}; it must be more than 0 and at most 4 pixels")))
+                let problem = format!("is {sigma}; it must be more than 0 and at most 4 pixels");
+                Err(OutOfRange::new("sigma", problem).into())
             }
             _ => Ok(()),
         }

@@ -1,6 +1,7 @@
 //! Clouds: millions of analytic spheres or cylinders as one object.
 
 use super::{Cylinder, Shape, ShapeHit, Sphere, Surface, SurfaceDifferential};
+use crate::OutOfRange;
 use crate::math::{DRay, Rgb};
 use canaletto_bvh::{Aabb, Ray};
 use glam::{DVec3, Vec3};
@@ -46,24 +47,24 @@ fn shared_or_own<T: Copy>(list: &[T], i: usize) -> Option<T> {
     if list.len() == 1 { Some(list[0]) } else { list.get(i).copied() }
 }
 
-fn check_lists(len: usize, radii: &[f32], colors: &[Rgb], of: &str) -> Result<(), String> {
+fn check_lists(len: usize, radii: &[f32], colors: &[Rgb], of: &str) -> Result<(), OutOfRange> {
     if radii.len() != 1 && radii.len() != len {
-        return Err(format!(
+        return Err(OutOfRange::whole(format!(
             "there are {} radii for {len} {of}; there must be one for all or one for each",
             radii.len()
-        ));
+        )));
     }
     if !colors.is_empty() && colors.len() != 1 && colors.len() != len {
         let colors = colors.len();
-        return Err(format!(
+        return Err(OutOfRange::whole(format!(
             "there are {colors} colours for {len} {of}; there must be none, one for all or one for each"
-        ));
+        )));
     }
     if let Some((i, r)) = radii.iter().enumerate().find(|(_, r)| !r.is_finite() || **r <= 0.0) {
-        return Err(format!("radius {i} is {r}; it must be more than 0 and finite"));
+        return Err(OutOfRange::new("radius", format!("{i} is {r}; it must be more than 0 and finite")));
     }
     if let Some((i, c)) = colors.iter().enumerate().find(|(_, c)| !c.is_finite()) {
-        return Err(format!("colour {i} is {} {} {}; each component must be finite", c.r, c.g, c.b));
+        return Err(OutOfRange::whole(format!("colour {i} is {} {} {}; each component must be finite", c.r, c.g, c.b)));
     }
     Ok(())
 }
@@ -119,8 +120,8 @@ macro_rules! cloud {
             /// Checks the lists' lengths and every number's range.
             ///
             /// # Errors
-            /// A sentence that names the number, its value and the range.
-            pub fn check(&self) -> Result<(), String> {
+            /// An [`OutOfRange`] that names the number, its value and the range.
+            pub fn check(&self) -> Result<(), OutOfRange> {
                 check_lists(self.len(), &self.radii, &self.colors, $of)?;
                 let wrong = (0..self.len()).into_par_iter().find_map_first(|i| {
                     if let Err(e) = self.element(i).check() {
@@ -135,7 +136,7 @@ macro_rules! cloud {
                         )
                     })
                 });
-                wrong.map_or(Ok(()), Err)
+                wrong.map_or(Ok(()), |sentence| Err(OutOfRange::whole(sentence)))
             }
 
             fn element(&self, i: usize) -> $element {
@@ -193,12 +194,12 @@ mod tests {
     fn broken_lists_are_named() {
         let radii = SphereCloud { radii: vec![1.0; 3], ..cloud() };
         assert_eq!(
-            radii.check().unwrap_err(),
+            radii.check().unwrap_err().to_string(),
             "there are 3 radii for 2 centers; there must be one for all or one for each"
         );
         let negative = SphereCloud { radii: vec![1.0, -1.0], ..cloud() };
-        assert_eq!(negative.check().unwrap_err(), "radius 1 is -1; it must be more than 0 and finite");
+        assert_eq!(negative.check().unwrap_err().to_string(), "radius 1 is -1; it must be more than 0 and finite");
         let point = CylinderCloud { axes: vec![[Vec3::ONE; 2]], radii: vec![1.0], ..CylinderCloud::default() };
-        assert!(point.check().unwrap_err().starts_with("cylinder 0: base and top are both 1 1 1"));
+        assert!(point.check().unwrap_err().to_string().starts_with("cylinder 0: base and top are both 1 1 1"));
     }
 }

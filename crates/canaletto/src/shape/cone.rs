@@ -4,6 +4,7 @@
 use super::frustum::Frustum;
 use super::solve;
 use super::{ShapeHit, Surface, SurfaceDifferential};
+use crate::OutOfRange;
 use crate::math::{DRay, Transform};
 use canaletto_bvh::{Aabb, Ray};
 use glam::Vec3;
@@ -57,15 +58,15 @@ impl Cone {
         Some(Cone { base, top, radius, top_radius, ..*self })
     }
 
-    pub(super) fn check(&self) -> Result<(), String> {
+    pub(super) fn check(&self) -> Result<(), OutOfRange> {
         solve::ends(self.base, self.top)?;
         for (name, r) in [("radius", self.radius), ("top-radius", self.top_radius)] {
             if !r.is_finite() || r < 0.0 {
-                return Err(format!("{name} is {r}; it must be 0 or more and finite"));
+                return Err(OutOfRange::new(name, format!("is {r}; it must be 0 or more and finite")));
             }
         }
         if self.radius == 0.0 && self.top_radius == 0.0 {
-            return Err("radius and top-radius are both 0; one of them must be more than 0".into());
+            return Err(OutOfRange::new("radius", "and top-radius are both 0; one of them must be more than 0"));
         }
         Ok(())
     }
@@ -136,7 +137,7 @@ mod tests {
 
     #[test]
     fn a_needle_is_refused() {
-        let error = Cone { radius: 0.0, ..CONE }.check().unwrap_err();
+        let error = Cone { radius: 0.0, ..CONE }.check().unwrap_err().to_string();
         assert_eq!(error, "radius and top-radius are both 0; one of them must be more than 0");
     }
 }

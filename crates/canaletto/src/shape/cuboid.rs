@@ -6,6 +6,7 @@
 
 use super::solve;
 use super::{ShapeHit, Surface, SurfaceDifferential};
+use crate::OutOfRange;
 use crate::math::{DRay, Transform};
 use canaletto_bvh::{Aabb, Ray};
 use glam::{DVec2, DVec3, Vec2, Vec3};
@@ -124,13 +125,16 @@ impl Cuboid {
         Some(Cuboid { min: a.min(b), max: a.max(b) })
     }
 
-    pub(super) fn check(&self) -> Result<(), String> {
-        solve::finite(&"min", self.min)?;
-        solve::finite(&"max", self.max)?;
+    pub(super) fn check(&self) -> Result<(), OutOfRange> {
+        solve::finite("min", self.min)?;
+        solve::finite("max", self.max)?;
         for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
             let (min, max) = (self.min[axis], self.max[axis]);
             if min > max {
-                return Err(format!("min is {min} in {name}; it must not be more than max, which is {max}"));
+                return Err(OutOfRange::new(
+                    "min",
+                    format!("is {min} in {name}; it must not be more than max, which is {max}"),
+                ));
             }
         }
         Ok(())
@@ -221,7 +225,7 @@ mod tests {
 
     #[test]
     fn crossed_corners_are_refused() {
-        let error = Cuboid { min: Vec3::new(0.0, 3.0, 0.0), max: Vec3::ONE }.check().unwrap_err();
+        let error = Cuboid { min: Vec3::new(0.0, 3.0, 0.0), max: Vec3::ONE }.check().unwrap_err().to_string();
         assert_eq!(error, "min is 3 in y; it must not be more than max, which is 1");
     }
 }

@@ -4,6 +4,7 @@
 use super::frustum::Frustum;
 use super::solve;
 use super::{ShapeHit, Surface, SurfaceDifferential};
+use crate::OutOfRange;
 use crate::math::{DRay, Transform};
 use canaletto_bvh::{Aabb, Ray};
 use glam::Vec3;
@@ -54,7 +55,7 @@ impl Cylinder {
         Some(Cylinder { base, top, radius: (f64::from(self.radius) * scale) as f32, ..*self })
     }
 
-    pub(super) fn check(&self) -> Result<(), String> {
+    pub(super) fn check(&self) -> Result<(), OutOfRange> {
         solve::ends(self.base, self.top)?;
         solve::positive("radius", self.radius)
     }
@@ -167,6 +168,9 @@ mod tests {
     #[test]
     fn an_axis_needs_two_points() {
         let point = Cylinder { base: Vec3::ONE, top: Vec3::ONE, radius: 1.0, caps: true };
-        assert_eq!(point.check().unwrap_err(), "base and top are both 1 1 1; they must be different points");
+        assert_eq!(
+            point.check().unwrap_err().to_string(),
+            "base and top are both 1 1 1; they must be different points"
+        );
     }
 }

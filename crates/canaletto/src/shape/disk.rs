@@ -5,6 +5,7 @@
 
 use super::solve::{self, Frame};
 use super::{Plane, ShapeHit, Surface, SurfaceDifferential};
+use crate::OutOfRange;
 use crate::math::{DRay, Transform};
 use canaletto_bvh::{Aabb, Ray};
 use glam::Vec3;
@@ -71,9 +72,9 @@ impl Disk {
         Some(Disk { center, normal: solve::moved_normal(t, self.normal), radius })
     }
 
-    pub(super) fn check(&self) -> Result<(), String> {
-        solve::finite(&"center", self.center)?;
-        solve::direction(&"normal", self.normal)?;
+    pub(super) fn check(&self) -> Result<(), OutOfRange> {
+        solve::finite("center", self.center)?;
+        solve::direction("normal", self.normal)?;
         solve::positive("radius", self.radius)
     }
 }

@@ -5,6 +5,7 @@
 
 use super::surface_differential::outer;
 use super::{ShapeHit, Surface, SurfaceDifferential, solve, triangle};
+use crate::OutOfRange;
 use crate::math::{DRay, Rgb};
 use canaletto_bvh::triangle::{self as kernel, Triangle};
 use canaletto_bvh::{Aabb, PreparedRay};
@@ -181,42 +182,59 @@ impl Mesh {
     ///
     /// # Errors
     /// A sentence that names the triangle or vertex (counted from 0), its value and what was expected.
-    pub fn check(&self) -> Result<(), String> {
+    pub fn check(&self) -> Result<(), OutOfRange> {
         let vertices = self.positions.len();
         let lists = [("normals", self.normals.len()), ("uvs", self.uvs.len()), ("colours", self.colors.len())];
         if let Some((name, len)) = lists.into_iter().find(|(_, len)| *len != 0 && *len != vertices) {
-            return Err(format!("there are {len} {name} for {vertices} vertices; there must be none or one for each"));
+            return Err(OutOfRange::whole(format!(
+                "there are {len} {name} for {vertices} vertices; there must be none or one for each"
+            )));
         }
         let (slots, triangles) = (self.slots.len(), self.len());
         if slots != 0 && slots != triangles {
-            return Err(format!(
+            return Err(OutOfRange::whole(format!(
                 "there are {slots} slots for {triangles} triangles; there must be none or one for each"
-            ));
+            )));
         }
         let missing = |corners: &[u32; 3]| corners.iter().any(|v| *v as usize >= vertices);
         if let Some(i) = self.triangles.par_iter().position_first(missing) {
             let v = self.triangles[i].iter().find(|v| **v as usize >= vertices).unwrap_or(&0);
-            return Err(format!("triangle {i} has vertex {v}; there are {vertices}, counted from 0"));
+            return Err(OutOfRange::whole(format!(
+                "triangle {i} has vertex {v}; there are {vertices}, counted from 0"
+            )));
         }
         let materials = self.materials.len().max(1);
         if let Some((i, slot)) = self.slots.par_iter().enumerate().find_first(|(_, slot)| **slot as usize >= materials)
         {
-            return Err(format!("triangle {i} has material slot {slot}; there are {materials}, counted from 0"));
+            return Err(OutOfRange::whole(format!(
+                "triangle {i} has material slot {slot}; there are {materials}, counted from 0"
+            )));
         }
-        let wrong = |(i, p): (usize, &Vec3)| solve::finite(&format_args!("vertex {i}"), *p).err();
+        let wrong = |(i, p): (usize, &Vec3)| {
+            let wrong = solve::finite("positions", *p).err()?;
+            Some(OutOfRange::whole(format!("vertex {i} {}", wrong.problem)))
+        };
         if let Some(wrong) = self.positions.par_iter().enumerate().find_map_first(wrong) {
             return Err(wrong);
         }
-        let wrong = |(i, n): (usize, &Vec3)| solve::direction(&format_args!("the normal of vertex {i}"), *n).err();
+        let wrong = |(i, n): (usize, &Vec3)| {
+            let wrong = solve::direction("normals", *n).err()?;
+            Some(OutOfRange::whole(format!("the normal of vertex {i} {}", wrong.problem)))
+        };
         if let Some(wrong) = self.normals.par_iter().enumerate().find_map_first(wrong) {
             return Err(wrong);
         }
         if let Some((i, uv)) = self.uvs.par_iter().enumerate().find_first(|(_, uv)| !uv.is_finite()) {
-            return Err(format!("uv of vertex {i} is {} {}; each component must be finite", uv.x, uv.y));
+            return Err(OutOfRange::whole(format!(
+                "uv of vertex {i} is {} {}; each component must be finite",
+                uv.x, uv.y
+            )));
         }
         if let Some((i, c)) = self.colors.par_iter().enumerate().find_first(|(_, c)| !c.is_finite()) {
             let Rgb { r, g, b } = c;
-            return Err(format!("the colour of vertex {i} is {r} {g} {b}; each component must be finite"));
+            return Err(OutOfRange::whole(format!(
+                "the colour of vertex {i} is {r} {g} {b}; each component must be finite"
+            )));
         }
         Ok(())
     }

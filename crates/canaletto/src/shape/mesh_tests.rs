@@ -130,7 +130,7 @@ fn broken_meshes_are_named() {
     let error = |change: fn(&mut Mesh)| {
         let mut mesh = tent();
         change(&mut mesh);
-        mesh.check().unwrap_err()
+        mesh.check().unwrap_err().to_string()
     };
     assert!(tent().check().is_ok());
     assert_eq!(error(|m| m.triangles[1][2] = 4), "triangle 1 has vertex 4; there are 4, counted from 0");

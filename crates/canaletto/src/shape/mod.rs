@@ -41,6 +41,7 @@ pub(crate) use surfaces::{DVec3x8, SURFACES, SurfaceInputs8, Surfaces, Vec3x8, d
 pub use torus::Torus;
 pub use triangle::Triangle;
 
+use crate::OutOfRange;
 use crate::math::{DRay, Transform};
 use canaletto_bvh::{Aabb, Ray};
 use glam::{DVec3, Vec3};
@@ -235,13 +236,15 @@ impl Shape {
     /// Checks every number's range.
     ///
     /// # Errors
-    /// A sentence that names the number, its value and the range.
-    pub fn check(&self) -> Result<(), String> {
+    /// An [`OutOfRange`] that names the number, its value and the range.
+    pub fn check(&self) -> Result<(), OutOfRange> {
         each!(self, s => s.check())?;
         match self.bounds() {
-            Some(b) if !(b.min.is_finite() && b.max.is_finite()) => {
-                Err(format!("the {} reaches beyond ±{:e}, the largest coordinate possible", self.kind(), f32::MAX))
-            }
+            Some(b) if !(b.min.is_finite() && b.max.is_finite()) => Err(OutOfRange::whole(format!(
+                "the {} reaches beyond ±{:e}, the largest coordinate possible",
+                self.kind(),
+                f32::MAX
+            ))),
             _ => Ok(()),
         }
     }

@@ -5,6 +5,7 @@
 
 use super::solve::{self, Frame};
 use super::{ShapeHit, Surface, SurfaceDifferential};
+use crate::OutOfRange;
 use crate::math::{DRay, Transform};
 use canaletto_bvh::Ray;
 use glam::{DVec3, Vec3};
@@ -65,9 +66,9 @@ impl Plane {
         Some(Plane { point, normal: solve::moved_normal(t, self.normal) })
     }
 
-    pub(super) fn check(&self) -> Result<(), String> {
-        solve::finite(&"point", self.point)?;
-        solve::direction(&"normal", self.normal)
+    pub(super) fn check(&self) -> Result<(), OutOfRange> {
+        solve::finite("point", self.point)?;
+        solve::direction("normal", self.normal)
     }
 }
 
@@ -108,7 +109,7 @@ mod tests {
 
     #[test]
     fn a_normal_needs_a_length() {
-        let error = Plane { normal: Vec3::ZERO, ..FLOOR }.check().unwrap_err();
+        let error = Plane { normal: Vec3::ZERO, ..FLOOR }.check().unwrap_err().to_string();
         assert_eq!(error, "normal is 0 0 0; it must have a length");
     }
 }

@@ -405,6 +405,14 @@ fn rays_without_direction_or_with_nan_meet_nothing() {
     });
 }
 
+fn vector<'a>(field: &'static str, vector: &'a mut Vec3) -> (&'static str, &'a mut [f32]) {
+    (field, vector.as_mut())
+}
+
+fn number<'a>(field: &'static str, number: &'a mut f32) -> (&'static str, &'a mut [f32]) {
+    (field, std::slice::from_mut(number))
+}
+
 #[test]
 fn every_number_of_every_shape_is_checked() {
     // Each number of a valid shape in turn becomes NaN.
@@ -412,26 +420,37 @@ fn every_number_of_every_shape_is_checked() {
         assert_eq!(shape.check(), Ok(()));
         for i in 0.. {
             let mut broken = shape;
-            let mut numbers: Vec<&mut f32> = match &mut broken {
-                Shape::Sphere(s) => s.center.as_mut().iter_mut().chain([&mut s.radius]).collect(),
-                Shape::Box(s) => s.min.as_mut().iter_mut().chain(s.max.as_mut()).collect(),
-                Shape::Triangle(s) => s.a.as_mut().iter_mut().chain(s.b.as_mut()).chain(s.c.as_mut()).collect(),
-                Shape::Plane(s) => s.point.as_mut().iter_mut().chain(s.normal.as_mut()).collect(),
-                Shape::Disk(s) => {
-                    s.center.as_mut().iter_mut().chain(s.normal.as_mut()).chain([&mut s.radius]).collect()
+            let fields: Vec<(&str, &mut [f32])> = match &mut broken {
+                Shape::Sphere(s) => vec![vector("center", &mut s.center), number("radius", &mut s.radius)],
+                Shape::Box(s) => vec![vector("min", &mut s.min), vector("max", &mut s.max)],
+                Shape::Triangle(s) => vec![vector("a", &mut s.a), vector("b", &mut s.b), vector("c", &mut s.c)],
+                Shape::Plane(s) => vec![vector("point", &mut s.point), vector("normal", &mut s.normal)],
+                Shape::Disk(s) => vec![
+                    vector("center", &mut s.center),
+                    vector("normal", &mut s.normal),
+                    number("radius", &mut s.radius),
+                ],
+                Shape::Cylinder(s) => {
+                    vec![vector("base", &mut s.base), vector("top", &mut s.top), number("radius", &mut s.radius)]
                 }
-                Shape::Cylinder(s) => s.base.as_mut().iter_mut().chain(s.top.as_mut()).chain([&mut s.radius]).collect(),
-                Shape::Cone(s) => (s.base.as_mut().iter_mut().chain(s.top.as_mut()))
-                    .chain([&mut s.radius, &mut s.top_radius])
-                    .collect(),
-                Shape::Torus(s) => {
-                    (s.center.as_mut().iter_mut().chain(s.axis.as_mut())).chain([&mut s.radius, &mut s.tube]).collect()
-                }
+                Shape::Cone(s) => vec![
+                    vector("base", &mut s.base),
+                    vector("top", &mut s.top),
+                    number("radius", &mut s.radius),
+                    number("top-radius", &mut s.top_radius),
+                ],
+                Shape::Torus(s) => vec![
+                    vector("center", &mut s.center),
+                    vector("axis", &mut s.axis),
+                    number("radius", &mut s.radius),
+                    number("tube", &mut s.tube),
+                ],
             };
-            let Some(number) = numbers.get_mut(i) else { break };
-            **number = f32::NAN;
-            drop(numbers);
-            assert!(broken.check().is_err(), "{broken:?}");
+            let mut numbers =
+                fields.into_iter().flat_map(|(field, all)| all.iter_mut().map(move |number| (field, number)));
+            let Some((field, number)) = numbers.nth(i) else { break };
+            *number = f32::NAN;
+            assert_eq!(broken.check().unwrap_err().field, Some(field), "{broken:?}");
         }
         Some(())
     });

@@ -4,11 +4,11 @@
 //! results.
 
 use super::{ShapeHit, Surface};
+use crate::OutOfRange;
 use crate::math::{DRay, Transform, rounding};
 use canaletto_bvh::Aabb;
 use glam::{DVec3, Vec2, Vec3};
 use std::f64::consts::PI;
-use std::fmt::Display;
 
 /// The relative slack of an error bound: far above the error of the few dozen `f64` roundings behind a point, far below
 /// that of one `f32` rounding.
@@ -155,36 +155,39 @@ pub(super) fn mirrors(t: &Transform) -> bool {
 }
 
 /// Checks that a point's or vector's components are finite.
-pub(super) fn finite(name: &impl Display, v: Vec3) -> Result<(), String> {
+pub(super) fn finite(field: &'static str, v: Vec3) -> Result<(), OutOfRange> {
     if v.is_finite() {
         return Ok(());
     }
-    Err(format!("{name} is {} {} {}; each component must be finite", v.x, v.y, v.z))
+    Err(OutOfRange::new(field, format!("is {} {} {}; each component must be finite", v.x, v.y, v.z)))
 }
 
 /// Checks that a length is more than zero.
-pub(super) fn positive(name: &str, v: f32) -> Result<(), String> {
+pub(super) fn positive(field: &'static str, v: f32) -> Result<(), OutOfRange> {
     if v.is_finite() && v > 0.0 {
         return Ok(());
     }
-    Err(format!("{name} is {v}; it must be more than 0 and finite"))
+    Err(OutOfRange::new(field, format!("is {v}; it must be more than 0 and finite")))
 }
 
 /// Checks that a direction has a length.
-pub(super) fn direction(name: &impl Display, v: Vec3) -> Result<(), String> {
-    finite(name, v)?;
+pub(super) fn direction(field: &'static str, v: Vec3) -> Result<(), OutOfRange> {
+    finite(field, v)?;
     if v == Vec3::ZERO {
-        return Err(format!("{name} is 0 0 0; it must have a length"));
+        return Err(OutOfRange::new(field, "is 0 0 0; it must have a length"));
     }
     Ok(())
 }
 
 /// Checks the two ends of an axis.
-pub(super) fn ends(base: Vec3, top: Vec3) -> Result<(), String> {
-    finite(&"base", base)?;
-    finite(&"top", top)?;
+pub(super) fn ends(base: Vec3, top: Vec3) -> Result<(), OutOfRange> {
+    finite("base", base)?;
+    finite("top", top)?;
     if base == top {
-        return Err(format!("base and top are both {} {} {}; they must be different points", base.x, base.y, base.z));
+        return Err(OutOfRange::new(
+            "base",
+            format!("and top are both {} {} {}; they must be different points", base.x, base.y, base.z),
+        ));
     }
     Ok(())
 }

@@ -6,6 +6,7 @@
 use super::solve::{self, Local};
 use super::surface_differential::{outer, turn_gradient};
 use super::{ShapeHit, Surface, SurfaceDifferential};
+use crate::OutOfRange;
 use crate::math::{DRay, Transform};
 use canaletto_bvh::{Aabb, Ray};
 use glam::{DMat3, DVec3, Vec2, Vec3};
@@ -78,8 +79,8 @@ impl Sphere {
         Some(Sphere { center, radius: (f64::from(self.radius) * scale) as f32 })
     }
 
-    pub(super) fn check(&self) -> Result<(), String> {
-        solve::finite(&"center", self.center)?;
+    pub(super) fn check(&self) -> Result<(), OutOfRange> {
+        solve::finite("center", self.center)?;
         solve::positive("radius", self.radius)
     }
 }
@@ -192,6 +193,6 @@ mod tests {
     #[test]
     fn the_message_names_number_and_value() {
         let sphere = Sphere { center: Vec3::ZERO, radius: -2.0 };
-        assert_eq!(sphere.check().unwrap_err(), "radius is -2; it must be more than 0 and finite");
+        assert_eq!(sphere.check().unwrap_err().to_string(), "radius is -2; it must be more than 0 and finite");
     }
 }

@@ -7,6 +7,7 @@
 use super::solve::{self, Frame};
 use super::surface_differential::{around, outer, turn_gradient};
 use super::{ShapeHit, Surface, SurfaceDifferential};
+use crate::OutOfRange;
 use crate::math::{DRay, Roots, Transform, quartic};
 use canaletto_bvh::{Aabb, Ray};
 use glam::{DVec3, Vec3};
@@ -184,9 +185,9 @@ impl Torus {
         Some(Torus { center, axis: solve::moved_axis(t, self.axis), radius, tube })
     }
 
-    pub(super) fn check(&self) -> Result<(), String> {
-        solve::finite(&"center", self.center)?;
-        solve::direction(&"axis", self.axis)?;
+    pub(super) fn check(&self) -> Result<(), OutOfRange> {
+        solve::finite("center", self.center)?;
+        solve::direction("axis", self.axis)?;
         solve::positive("radius", self.radius)?;
         solve::positive("tube", self.tube)
     }

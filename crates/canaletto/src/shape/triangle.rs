@@ -5,6 +5,7 @@
 use super::mesh::Corners;
 use super::solve;
 use super::{ShapeHit, Surface, SurfaceDifferential};
+use crate::OutOfRange;
 use crate::math::{DRay, Transform};
 use canaletto_bvh::{Aabb, Ray, triangle as kernel};
 use glam::{DVec3, Vec3};
@@ -55,10 +56,10 @@ impl Triangle {
         Some(Triangle { a, b, c, ..*self })
     }
 
-    pub(super) fn check(&self) -> Result<(), String> {
-        solve::finite(&"a", self.a)?;
-        solve::finite(&"b", self.b)?;
-        solve::finite(&"c", self.c)
+    pub(super) fn check(&self) -> Result<(), OutOfRange> {
+        solve::finite("a", self.a)?;
+        solve::finite("b", self.b)?;
+        solve::finite("c", self.c)
     }
 }
 

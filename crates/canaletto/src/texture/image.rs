@@ -1,6 +1,7 @@
 //! Images: rows of texels in the compact format of their file.
 
 use super::ColorSpace;
+use crate::OutOfRange;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -49,30 +50,30 @@ impl Image {
     ///
     /// # Errors
     /// A sentence that names the fault.
-    pub fn check(&self) -> Result<(), String> {
+    pub fn check(&self) -> Result<(), OutOfRange> {
         let Image { width, height, channels, .. } = *self;
         if width == 0 || height == 0 {
-            return Err(format!("the image has {width} × {height} texels; it needs at least one"));
+            return Err(OutOfRange::whole(format!("the image has {width} × {height} texels; it needs at least one")));
         }
         if width > Image::MAX_SIDE
             || height > Image::MAX_SIDE
             || u64::from(width) * u64::from(height) > Image::MAX_TEXELS
         {
-            return Err(format!(
+            return Err(OutOfRange::whole(format!(
                 "an image of {width} × {height} texels is too large; {} in all and {} in a row or column are possible",
                 Image::MAX_TEXELS,
                 Image::MAX_SIDE
-            ));
+            )));
         }
         if !(1..=4).contains(&channels) {
-            return Err(format!("the image has {channels} channels; 1 to 4 are possible"));
+            return Err(OutOfRange::whole(format!("the image has {channels} channels; 1 to 4 are possible")));
         }
         let expected = width as usize * height as usize * usize::from(channels);
         if self.samples.len() != expected {
-            return Err(format!(
+            return Err(OutOfRange::whole(format!(
                 "the image has {} numbers; {width} × {height} texels of {channels} channels need {expected}",
                 self.samples.len()
-            ));
+            )));
         }
         let odd = match &self.samples {
             Samples::U8(_) | Samples::U16(_) => false,
@@ -80,7 +81,10 @@ impl Image {
             Samples::F32(data) => data.par_iter().any(|v| !v.is_finite() || v.abs() > Image::MAX_VALUE),
         };
         if odd {
-            return Err(format!("the image has numbers that aren't finite or are beyond ±{:e}", Image::MAX_VALUE));
+            return Err(OutOfRange::whole(format!(
+                "the image has numbers that aren't finite or are beyond ±{:e}",
+                Image::MAX_VALUE
+            )));
         }
         Ok(())
     }

@@ -102,9 +102,10 @@ impl PreparedTexture {
     /// The first fault found.
     pub fn resolve(images: Vec<Image>, textures: &[Texture]) -> Result<Vec<PreparedTexture>, Unresolved> {
         for image in &images {
-            image
-                .check()
-                .map_err(|problem| Unresolved::Invalid { object: format!("image \"{}\"", image.name), problem })?;
+            image.check().map_err(|problem| Unresolved::Invalid {
+                object: format!("image \"{}\"", image.name),
+                problem: problem.to_string(),
+            })?;
         }
         let mut store = Store::new(images, textures);
         textures.iter().map(|texture| store.pattern(texture)).collect()
@@ -168,9 +169,10 @@ impl Store {
                 Kind::Constant(*value)
             }
             TextureKind::Procedural(function) => {
-                let invalid =
-                    |problem| Unresolved::Invalid { object: format!("texture \"{}\"", texture.name), problem };
-                function.check().map_err(invalid)?;
+                function.check().map_err(|problem| Unresolved::Invalid {
+                    object: format!("texture \"{}\"", texture.name),
+                    problem: problem.to_string(),
+                })?;
                 Kind::Computed(Box::new(Computed::new(function)))
             }
             TextureKind::Grid(grid) => Kind::Grid(self.grid(texture, grid)?),

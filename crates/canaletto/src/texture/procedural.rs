@@ -8,6 +8,7 @@ use super::noise::{Filtered, Noise, Octaves, seen};
 use super::ramp::RampTable;
 use super::worley;
 use super::{Lookup, Ramp, Wrap};
+use crate::OutOfRange;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -119,8 +120,8 @@ impl Procedural {
     /// Checks every number's range.
     ///
     /// # Errors
-    /// A sentence that starts with the number's name.
-    pub fn check(&self) -> Result<(), String> {
+    /// An [`OutOfRange`] that names the number, its value and the range.
+    pub fn check(&self) -> Result<(), OutOfRange> {
         self.ramp.check()?;
         let spectrum = match self.function {
             Function::Fbm(spectrum) | Function::Turbulence(spectrum) => Some((spectrum, 0.0)),
@@ -128,22 +129,22 @@ impl Procedural {
                 Some((spectrum, strength))
             }
             Function::Worley { jitter, .. } if !(0.0..=1.0).contains(&jitter) => {
-                return Err(format!("jitter is {jitter}; it must be between 0 and 1"));
+                return Err(OutOfRange::new("jitter", format!("is {jitter}; it must be between 0 and 1")));
             }
             _ => None,
         };
         let Some((Spectrum { octaves, lacunarity, gain }, strength)) = spectrum else { return Ok(()) };
         if !(1..=32).contains(&octaves) {
-            return Err(format!("octaves is {octaves}; it must be between 1 and 32"));
+            return Err(OutOfRange::new("octaves", format!("is {octaves}; it must be between 1 and 32")));
         }
         if !(1.0..=16.0).contains(&lacunarity) {
-            return Err(format!("lacunarity is {lacunarity}; it must be between 1 and 16"));
+            return Err(OutOfRange::new("lacunarity", format!("is {lacunarity}; it must be between 1 and 16")));
         }
         if !(0.0..=1.0).contains(&gain) {
-            return Err(format!("gain is {gain}; it must be between 0 and 1"));
+            return Err(OutOfRange::new("gain", format!("is {gain}; it must be between 0 and 1")));
         }
         if !strength.is_finite() || strength.abs() > 1e6 {
-            return Err(format!("strength is {strength}; it must be between -1e6 and 1e6"));
+            return Err(OutOfRange::new("strength", format!("is {strength}; it must be between -1e6 and 1e6")));
         }
         Ok(())
     }
@@ -439,7 +440,7 @@ mod tests {
 
     #[test]
     fn wrong_numbers_are_told() {
-        let wrong = |function| Procedural { function, ramp: Ramp::default(), seed: 0 }.check().unwrap_err();
+        let wrong = |function| Procedural { function, ramp: Ramp::default(), seed: 0 }.check().unwrap_err().to_string();
         let spectrum = Spectrum { octaves: 0, ..Spectrum::default() };
         assert!(wrong(Function::Fbm(spectrum)).starts_with("octaves is 0"));
         let spectrum = Spectrum { lacunarity: f32::NAN, ..Spectrum::default() };

@@ -4,6 +4,7 @@
 //! Means over an interval are exact, from the ramp's antiderivative, so that a distant ramp doesn't alias.
 
 use super::Wrap;
+use crate::OutOfRange;
 use serde::{Deserialize, Serialize};
 
 /// Colours at places of a line.
@@ -53,22 +54,32 @@ impl Ramp {
     ///
     /// # Errors
     /// A sentence that names the fault.
-    pub fn check(&self) -> Result<(), String> {
+    pub fn check(&self) -> Result<(), OutOfRange> {
         if self.stops.is_empty() || self.stops.len() > Ramp::MAX_STOPS {
-            return Err(format!("stops are {} in number; 1 to {} are possible", self.stops.len(), Ramp::MAX_STOPS));
+            return Err(OutOfRange::new(
+                "stops",
+                format!("are {} in number; 1 to {} are possible", self.stops.len(), Ramp::MAX_STOPS),
+            ));
         }
         for stop in &self.stops {
             if !stop.at.is_finite() || stop.color.iter().any(|v| !v.is_finite() || v.abs() > 1e30) {
-                return Err(format!("stops hold a number that can't be computed with, at {}", stop.at));
+                return Err(OutOfRange::new(
+                    "stops",
+                    format!("hold a number that can't be computed with, at {}", stop.at),
+                ));
             }
             if !(0.0..=1.0).contains(&stop.color[3]) {
-                return Err(format!("stops hold an alpha of {}; it must be between 0 and 1", stop.color[3]));
+                return Err(OutOfRange::new(
+                    "stops",
+                    format!("hold an alpha of {}; it must be between 0 and 1", stop.color[3]),
+                ));
             }
         }
         match self.stops.windows(2).find(|pair| pair[0].at > pair[1].at) {
-            Some(pair) => {
-                Err(format!("stops must stand in order, but one at {} comes after {}", pair[1].at, pair[0].at))
-            }
+            Some(pair) => Err(OutOfRange::new(
+                "stops",
+                format!("must stand in order, but one at {} comes after {}", pair[1].at, pair[0].at),
+            )),
             None => Ok(()),
         }
     }
@@ -276,9 +287,9 @@ mod tests {
     fn wrong_stops_are_told() {
         let mut wrong = ramp(Interpolation::Linear);
         wrong.stops.swap(0, 3);
-        assert!(wrong.check().unwrap_err().contains("one at 0.4 comes after 0.9"));
+        assert!(wrong.check().unwrap_err().to_string().contains("one at 0.4 comes after 0.9"));
         wrong.stops[0].color[3] = 2.0;
-        assert!(wrong.check().unwrap_err().contains("alpha of 2"));
+        assert!(wrong.check().unwrap_err().to_string().contains("alpha of 2"));
         wrong.stops.clear();
         assert!(wrong.check().is_err());
     }

@@ -159,7 +159,7 @@ impl World {
         for material in &scene.materials {
             material.check().map_err(|problem| BuildError::Invalid {
                 object: format!("material \"{}\"", material.name),
-                problem,
+                problem: problem.to_string(),
             })?;
         }
         let Scene {

@@ -190,7 +190,7 @@ impl Builder {
         let FinishedPart { instances, lights, moving_lights, unbounded, .. } = self.finish_part(inner, first_object)?;
         if let Some(plane) = unbounded.first() {
             let problem = "a plane has no bounds and can't move while the shutter is open; take a large disk or box";
-            return Err(self.invalid(plane.object, problem.into()));
+            return Err(self.invalid(plane.object, problem));
         }
         for instance in self.expanded(instances)? {
             let chain = match instance.motion {
@@ -353,7 +353,7 @@ impl Builder {
     fn reject_displacement(&self, material: u32, object: u32) -> Result<(), BuildError> {
         if self.displacement.displaces(material) {
             let problem = "a cloud can't be displaced; single spheres and cylinders can be";
-            return Err(self.invalid(object, problem.into()));
+            return Err(self.invalid(object, problem));
         }
         Ok(())
     }
@@ -517,8 +517,8 @@ impl Builder {
         self.objects.len() as u32 - 1
     }
 
-    pub(super) fn invalid(&self, object: u32, problem: String) -> BuildError {
-        BuildError::Invalid { object: self.objects[object as usize].name.clone(), problem }
+    pub(super) fn invalid(&self, object: u32, problem: impl std::fmt::Display) -> BuildError {
+        BuildError::Invalid { object: self.objects[object as usize].name.clone(), problem: problem.to_string() }
     }
 }
 

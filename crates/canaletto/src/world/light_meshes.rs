@@ -42,7 +42,8 @@ impl LightMeshes {
                         index,
                         count: meshes.len(),
                     })?;
-                    mesh.check().map_err(|problem| BuildError::Invalid { object: object(), problem })?;
+                    mesh.check()
+                        .map_err(|problem| BuildError::Invalid { object: object(), problem: problem.to_string() })?;
                     let corners = |i| mesh.corners(i).map(|p| mesh.origin + p.as_dvec3());
                     let triangles = self.by_mesh.entry(index).or_insert_with(|| (0..mesh.len()).map(corners).collect());
                     let edges = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a);

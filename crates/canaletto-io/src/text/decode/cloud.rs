@@ -9,6 +9,7 @@ use crate::text::files::Files;
 use crate::text::report::Message;
 use crate::text::schema::DEFAULT_CAPS;
 use crate::text::syntax::{Span, Value};
+use canaletto::OutOfRange;
 use canaletto::math::Rgb;
 use canaletto::scene::Content;
 use canaletto::shape::{CylinderCloud, SphereCloud};
@@ -89,7 +90,7 @@ impl Decoder<'_> {
     /// The field that holds the numbers: `inline`, `data` or `file`, of which exactly one is required.
     fn source(&mut self, f: &Fields, inline: &'static str) -> Option<&'static str> {
         if let Some(radius) = f.real("radius").filter(|radius| *radius <= 0.0) {
-            self.out_of_range(f, &format!("radius is {radius}; it must be more than 0"));
+            self.out_of_range(f, &OutOfRange::new("radius", format!("is {radius}; it must be more than 0")));
             return None;
         }
         let given: Vec<&'static str> = [inline, "data", "file"].into_iter().filter(|word| f.has(word)).collect();

@@ -7,6 +7,7 @@ use crate::text::closest_word::closest_word;
 use crate::text::report::Message;
 use crate::text::schema::{self, DEFAULT_INNER, DEFAULT_INTENSITY, DEFAULT_POINTS, LIGHTS};
 use crate::text::syntax::Node;
+use canaletto::OutOfRange;
 use canaletto::light::{
     Directional, DiskLight, Emission, Falloff, Light, LightKind, MeshLight, Omni, RectangleLight, SphereLight, Spot,
 };
@@ -31,7 +32,7 @@ impl Decoder<'_> {
         light.samples = fields.count("samples").unwrap_or(light.samples);
         self.either(&fields, "points", "samples");
         if fields.count("samples") == Some(0) {
-            self.out_of_range(&fields, "samples is 0; it must be between 1 and 4096");
+            self.out_of_range(&fields, &OutOfRange::new("samples", "is 0; it must be between 1 and 4096"));
         }
         light.attenuation = fields.vec("attenuation").map_or(light.attenuation, |v| v.to_array());
         if fields.valid

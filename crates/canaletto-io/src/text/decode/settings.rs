@@ -8,6 +8,7 @@ use crate::text::animate::POSES;
 use crate::text::report::Message;
 use crate::text::schema::{self, NodeSchema};
 use crate::text::syntax::{self, Node, Span};
+use canaletto::OutOfRange;
 use canaletto::camera::Camera;
 use canaletto::material::{Material, Phong};
 use canaletto::render::Job;
@@ -167,7 +168,8 @@ impl<'a> Decoder<'a> {
     fn not_negative(&mut self, fields: &Fields, word: &str) -> canaletto::math::Rgb {
         let value = fields.rgb(word).unwrap_or_default();
         if value.to_array().iter().any(|v| *v < 0.0) {
-            self.out_of_range(fields, &format!("{} must not be negative", fields.node.name));
+            self.validator.report.error(fields.span(word), format!("{} must not be negative", fields.node.name));
+            self.valid = false;
         }
         value
     }
@@ -180,12 +182,13 @@ impl<'a> Decoder<'a> {
         let stage = fields.text("stage").and_then(|name| Stage::ALL.iter().find(|(_, n)| *n == name));
         set(&mut settings.stage, stage.map(|(stage, _)| *stage));
         if settings.max_depth == 0 {
-            self.out_of_range(fields, "max-depth is 0; the eye's rays have depth 1, so it must be at least that");
+            let problem = "is 0; the eye's rays have depth 1, so it must be at least that";
+            self.out_of_range(fields, &OutOfRange::new("max-depth", problem));
         } else if settings.max_depth > IntegratorSettings::MAX_DEPTH {
             let (depth, most) = (settings.max_depth, IntegratorSettings::MAX_DEPTH);
-            self.out_of_range(fields, &format!("max-depth is {depth}; it must be at most {most}"));
+            self.out_of_range(fields, &OutOfRange::new("max-depth", format!("is {depth}; it must be at most {most}")));
         } else if settings.min_weight < 0.0 {
-            self.out_of_range(fields, "min-weight must be 0 or more");
+            self.out_of_range(fields, &OutOfRange::new("min-weight", "must be 0 or more"));
         }
     }
 
@@ -299,7 +302,10 @@ impl<'a> Decoder<'a> {
         let mut inside = false;
         for (index, fields) in last.iter().enumerate() {
             match Camera::of(&self.scene.views[index]) {
-                Err(problem) if fields.valid => self.out_of_range(fields, &problem.to_string()),
+                Err(problem) if fields.valid => {
+                    self.validator.report.error(fields.span(problem.field()), problem.to_string());
+                    self.valid = false;
+                }
                 Err(_) => {}
                 Ok(camera) => {
                     let film = FilmSettings { crop: self.scene.film.crop, ..FilmSettings::default() };
@@ -317,11 +323,10 @@ impl<'a> Decoder<'a> {
         }
     }
 
-    /// Reports a sentence that starts with the field that it is about.
-    pub(super) fn out_of_range(&mut self, fields: &Fields, problem: &str) {
-        let word = problem.split([' ', ':']).next().unwrap_or_default();
-        let span = fields.span(if fields.has("colour") { "colour" } else { word });
-        self.validator.report.error(span, problem);
+    /// Reports a value that is out of range, at its field or else at the node's name.
+    pub(super) fn out_of_range(&mut self, fields: &Fields, problem: &OutOfRange) {
+        let span = problem.field.map_or(fields.node.name_span, |field| fields.span(field));
+        self.validator.report.error(span, problem.to_string());
         self.valid = false;
     }
 }

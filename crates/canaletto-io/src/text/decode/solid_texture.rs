@@ -11,6 +11,7 @@ use crate::text::schema::{
     NUMBERS, PLACEMENTS, PREFILTERS, WRAPS,
 };
 use crate::text::syntax::Span;
+use canaletto::OutOfRange;
 use canaletto::math::Rgb;
 use canaletto::texture::{
     ColorSpace, Function, GridTexture, Image, Prefilter, Procedural, Ramp, Samples, Spectrum, Stop,
@@ -46,11 +47,9 @@ impl Decoder<'_> {
         };
         let texture = Procedural { function, ramp: self.ramp(f)?, seed: f.count("seed").unwrap_or(0) };
         if let Err(problem) = texture.check() {
-            let word = if f.has("stops-alpha") { "stops-alpha" } else { "stops" };
-            match problem.strip_prefix("stops") {
-                Some(rest) => self.out_of_range(f, &format!("{word}{rest}")),
-                None => self.out_of_range(f, &problem),
-            }
+            let with_alpha = problem.field == Some("stops") && f.has("stops-alpha");
+            let field = if with_alpha { Some("stops-alpha") } else { problem.field };
+            self.out_of_range(f, &OutOfRange { field, ..problem });
             return None;
         }
         Some(texture)
@@ -129,7 +128,8 @@ impl Decoder<'_> {
         };
         let channels = f.count("channels").unwrap_or(1);
         if !(1..=4).contains(&channels) {
-            self.out_of_range(f, &format!("channels is {channels}; it must be between 1 and 4"));
+            let problem = format!("is {channels}; it must be between 1 and 4");
+            self.out_of_range(f, &OutOfRange::new("channels", problem));
             return None;
         }
         let rows = u64::from(height) * u64::from(depth);

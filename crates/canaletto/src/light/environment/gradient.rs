@@ -1,5 +1,6 @@
 //! Colours by height above the horizon.
 
+use crate::OutOfRange;
 use crate::math::Rgb;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -16,23 +17,32 @@ impl Gradient {
     /// The largest number of stops.
     pub const MAX_STOPS: usize = 4096;
 
-    pub(super) fn check(&self) -> Result<(), String> {
+    pub(super) fn check(&self) -> Result<(), OutOfRange> {
         if self.stops.is_empty() || self.stops.len() > Gradient::MAX_STOPS {
-            return Err(format!("stops are {}; there must be 1 to {}", self.stops.len(), Gradient::MAX_STOPS));
+            return Err(OutOfRange::new(
+                "stops",
+                format!("are {}; there must be 1 to {}", self.stops.len(), Gradient::MAX_STOPS),
+            ));
         }
         for (height, color) in &self.stops {
             if !(-90.0..=90.0).contains(height) {
-                return Err(format!("stops has the height {height}; it must be between -90 and 90 degrees"));
+                return Err(OutOfRange::new(
+                    "stops",
+                    format!("has the height {height}; it must be between -90 and 90 degrees"),
+                ));
             }
             if !color.is_finite() || color.to_array().iter().any(|v| *v < 0.0) {
                 let Rgb { r, g, b } = color;
-                return Err(format!("stops has the colour {r} {g} {b}; each component must be 0 or more"));
+                return Err(OutOfRange::new(
+                    "stops",
+                    format!("has the colour {r} {g} {b}; each component must be 0 or more"),
+                ));
             }
         }
         match self.stops.windows(2).find(|pair| pair[0].0 >= pair[1].0) {
-            Some(pair) => Err(format!(
-                "stops are out of order: {} degrees come after {}; heights must grow",
-                pair[1].0, pair[0].0
+            Some(pair) => Err(OutOfRange::new(
+                "stops",
+                format!("are out of order: {} degrees come after {}; heights must grow", pair[1].0, pair[0].0),
             )),
             None => Ok(()),
         }
@@ -82,7 +92,7 @@ mod tests {
     fn stops_must_grow() {
         let stop = |height| (height, Rgb::WHITE);
         for stops in [vec![], vec![stop(0.0), stop(0.0)], vec![stop(-91.0)], vec![(0.0, Rgb::gray(-1.0))]] {
-            assert!(Gradient { stops: stops.clone() }.check().is_err(), "{stops:?}");
+            assert_eq!(Gradient { stops: stops.clone() }.check().unwrap_err().field, Some("stops"), "{stops:?}");
         }
     }
 }

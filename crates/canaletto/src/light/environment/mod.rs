@@ -20,6 +20,7 @@ pub use sky::{Part, Sky};
 pub use sun::{Moment, bearing};
 
 use super::{Directional, Light, LightKind};
+use crate::OutOfRange;
 use crate::math::{Rgb, Transform};
 use crate::texture::{Image, Samples};
 use glam::DVec3;
@@ -126,39 +127,50 @@ impl Environment {
     /// Checks every number's range and the images' sizes. Missing images are not checked here.
     ///
     /// # Errors
-    /// A sentence that starts with the faulty part: a word of the scene text, "the image", or a face's name.
-    pub fn check(&self, images: &[Image]) -> Result<(), String> {
+    /// An [`OutOfRange`] that names the faulty part: a number or an image.
+    pub fn check(&self, images: &[Image]) -> Result<(), OutOfRange> {
         let c = self.intensity;
         if c.to_array().iter().any(|v| !v.is_finite() || *v < 0.0) {
-            return Err(format!("intensity is {} {} {}; each component must be 0 or more", c.r, c.g, c.b));
+            return Err(OutOfRange::new(
+                "intensity",
+                format!("is {} {} {}; each component must be 0 or more", c.r, c.g, c.b),
+            ));
         }
         let turn = self.rotation.matrix();
         let rigid = self.rotation.uniform_scale().is_some_and(|scale| (scale - 1.0).abs() < 1e-6);
         if !rigid || turn.matrix3.determinant() < 0.0 || turn.translation != DVec3::ZERO {
-            return Err("an environment is infinitely far: it can be turned, but not moved, scaled or mirrored".into());
+            return Err(OutOfRange::whole(
+                "an environment is infinitely far: it can be turned, but not moved, scaled or mirrored",
+            ));
         }
         let size = |index: u32| images.get(index as usize).map(|image| [image.width, image.height]);
         match &self.kind {
             EnvironmentKind::Cube { faces, .. } => {
                 let mut first = None;
-                for ((_, word), index) in Face::ALL.iter().zip(faces) {
+                for ((_, word), index) in Face::ALL.into_iter().zip(faces) {
                     let Some([w, h]) = size(*index) else { continue };
                     if w != h {
-                        return Err(format!("{word} is {w} × {h} pixels; the faces of a cube must be square"));
+                        return Err(OutOfRange::new(
+                            word,
+                            format!("is {w} × {h} pixels; the faces of a cube must be square"),
+                        ));
                     }
                     let (n, of) = *first.get_or_insert((w, word));
                     if w != n {
-                        return Err(format!(
-                            "{word} is {w} × {h} pixels, but {of} is {n} × {n}; all faces must be of one size"
-                        ));
+                        let problem =
+                            format!("is {w} × {h} pixels, but {of} is {n} × {n}; all faces must be of one size");
+                        return Err(OutOfRange::new(word, problem));
                     }
                 }
                 Ok(())
             }
             EnvironmentKind::Cross { image, .. } => match size(*image) {
-                Some(size) if cross::side(size).is_none() => Err(format!(
-                    "file is {} × {} pixels; a cross has 4 × 3 or 3 × 4 squares, such as 1024 × 768",
-                    size[0], size[1]
+                Some(size) if cross::side(size).is_none() => Err(OutOfRange::new(
+                    "file",
+                    format!(
+                        "is {} × {} pixels; a cross has 4 × 3 or 3 × 4 squares, such as 1024 × 768",
+                        size[0], size[1]
+                    ),
                 )),
                 _ => Ok(()),
             },
@@ -250,7 +262,7 @@ impl PreparedEnvironment {
         if let Some(index) = environment.images().iter().find(|&&index| index as usize >= count) {
             return Err(format!("it refers to image number {index}, but the scene has only {count}"));
         }
-        environment.check(images)?;
+        environment.check(images).map_err(|problem| problem.to_string())?;
         // An image that another face or a texture uses later is copied.
         let used = environment.images();
         let mut take = |place: usize| {

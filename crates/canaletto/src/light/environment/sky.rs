@@ -11,6 +11,7 @@
 //! Deviations: ozone, water vapour and mixed gases are omitted; they absorb less than a twentieth of the visible light.
 //! The horizon is sharp, and the ground below it is a matte plane lit by sun and sky.
 
+use crate::OutOfRange;
 use crate::math::Rgb;
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
@@ -58,26 +59,35 @@ impl Sky {
     /// The largest magnitude of the exposure.
     pub const MAX_EXPOSURE: f32 = 32.0;
 
-    pub(super) fn check(&self) -> Result<(), String> {
+    pub(super) fn check(&self) -> Result<(), OutOfRange> {
         if !Sky::TURBIDITY.contains(&self.turbidity) {
-            return Err(format!(
-                "turbidity is {}; it must be between 2 (very clear) and 10 (thick haze)",
-                self.turbidity
+            return Err(OutOfRange::new(
+                "turbidity",
+                format!("is {}; it must be between 2 (very clear) and 10 (thick haze)", self.turbidity),
             ));
         }
         let Some(sun) = self.sun.as_dvec3().try_normalize() else {
-            return Err("sun has no direction".into());
+            return Err(OutOfRange::new("sun", "has no direction"));
         };
         if sun.y < 0.0 {
             let below = -libm::asin(sun.y).to_degrees();
-            return Err(format!("sun is {below:.1} degrees below the horizon; the sky is one by day"));
+            return Err(OutOfRange::new(
+                "sun",
+                format!("is {below:.1} degrees below the horizon; the sky is one by day"),
+            ));
         }
         if self.ground.to_array().iter().any(|v| !(0.0..=1.0).contains(v)) {
             let g = self.ground;
-            return Err(format!("ground is {} {} {}; each component must be between 0 and 1", g.r, g.g, g.b));
+            return Err(OutOfRange::new(
+                "ground",
+                format!("is {} {} {}; each component must be between 0 and 1", g.r, g.g, g.b),
+            ));
         }
         if self.exposure.is_nan() || self.exposure.abs() > Sky::MAX_EXPOSURE {
-            return Err(format!("exposure is {}; it must be between -32 and 32 stops", self.exposure));
+            return Err(OutOfRange::new(
+                "exposure",
+                format!("is {}; it must be between -32 and 32 stops", self.exposure),
+            ));
         }
         Ok(())
     }
