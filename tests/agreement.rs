@@ -54,7 +54,7 @@ fn sums_are_pixels(world: &World) {
         for (stage, _) in Stage::ALL {
             let mut job = still_life_job(1.0, 24, 18, sampling);
             job.film.filter = filter;
-            job.integrator.stage = stage;
+            job.integrator.whitted_mut().unwrap().stage = stage;
             let picture = render(world, &job, &()).unwrap().picture;
             for y in 0..18 {
                 for x in 0..24 {

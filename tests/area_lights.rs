@@ -7,7 +7,7 @@ use canaletto::material::{Material, Phong};
 use canaletto::math::{Rgb, Transform};
 use canaletto::render::{Job, render};
 use canaletto::scene::{
-    Content, Extrinsics, FilmSettings, IntegratorSettings, Intrinsics, Node, SamplerKind, Sampling, Scene,
+    Content, Extrinsics, FilmSettings, Intrinsics, Node, SamplerKind, Sampling, Scene, WhittedSettings,
 };
 use canaletto::shape::{Mesh, Plane, Shape};
 use canaletto::world::World;
@@ -30,7 +30,7 @@ fn floor(nodes: Vec<Node>, meshes: Vec<Mesh>, sampling: Sampling) -> f64 {
     let intrinsics = Intrinsics { fovy: 0.001, width: 1, height: 1, ..Intrinsics::default() };
     let extrinsics = Extrinsics { eye: DVec3::new(-3.0, 1.0, 0.0), center: DVec3::ZERO, up: DVec3::Y };
     let film = FilmSettings { sampling, sampler: SamplerKind::Sobol, ..FilmSettings::default() };
-    let job = Job::new(Camera::new(&intrinsics, &extrinsics).unwrap(), film, IntegratorSettings::default());
+    let job = Job::new(Camera::new(&intrinsics, &extrinsics).unwrap(), film, WhittedSettings::default());
     f64::from(render(&World::build(scene).unwrap(), &job, &()).unwrap().picture.pixel(0, 0).g)
 }
 

@@ -8,7 +8,7 @@ use canaletto::light::{Light, LightKind, Omni};
 use canaletto::material::{Material, Phong, reflect, refract};
 use canaletto::math::Rgb;
 use canaletto::render::{Job, render};
-use canaletto::scene::{Extrinsics, FilmSettings, IntegratorSettings, Intrinsics, Node, Sampling, Scene, Stage};
+use canaletto::scene::{Extrinsics, FilmSettings, Intrinsics, Node, Sampling, Scene, Stage, WhittedSettings};
 use canaletto::shape::{Cylinder, Shape, Sphere, Triangle};
 use canaletto::world::World;
 use glam::{DVec3, Vec3};
@@ -69,7 +69,7 @@ fn exercise_3_an_optical_centre_off_the_pictures_centre() {
     let mut job = Job::new(
         whole,
         FilmSettings { sampling: Sampling::Corner, ..FilmSettings::default() },
-        IntegratorSettings::default(),
+        WhittedSettings::default(),
     );
     let all = render(&world, &job, &()).unwrap().picture;
     job.film.crop = Some([190, 60, 40, 90]);
@@ -286,7 +286,7 @@ fn one_object(shape: Shape, phong: Phong, light: Light) -> Scene {
 }
 
 fn trace(scene: Scene, stage: Stage, ray: Ray) -> Rgb {
-    let settings = IntegratorSettings { stage, ..scene.integrator };
+    let settings = WhittedSettings { stage, ..*scene.integrator.whitted().unwrap() };
     let world = World::build(scene).unwrap();
     Whitted::new(&world, settings).eye(&ray, None, &mut ())
 }
@@ -309,7 +309,7 @@ fn chapter_sphere_world() -> World {
 fn the_box_of_example_5_4_is_where_its_numbers_put_it() {
     // A test of the whole program: the chapter's sphere appears in the picture at the place that `project` gives.
     let camera = exercise_1_camera();
-    let job = Job::new(camera.clone(), FilmSettings::default(), IntegratorSettings::default());
+    let job = Job::new(camera.clone(), FilmSettings::default(), WhittedSettings::default());
     let picture: Picture = render(&chapter_sphere_world(), &job, &()).unwrap().picture;
     let center = camera.project(DVec3::new(0.0, 20.0, 0.0)).unwrap();
     let blue = picture.pixel(center.x as u32, 399 - center.y as u32);

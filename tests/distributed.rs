@@ -8,8 +8,8 @@ use canaletto::material::{Material, Phong};
 use canaletto::math::{AnimatedTransform, Rgb, Transform};
 use canaletto::render::{Job, render};
 use canaletto::scene::{
-    Aperture, Content, Extrinsics, FilmSettings, Focus, IntegratorSettings, Intrinsics, Lens, Node, SamplerKind,
-    Sampling, Scene, Stage, View,
+    Aperture, Content, Extrinsics, FilmSettings, Focus, Intrinsics, Lens, Node, SamplerKind, Sampling, Scene, Stage,
+    View, WhittedSettings,
 };
 use canaletto::shape::{Cuboid, Disk, Shape, Sphere};
 use canaletto::world::World;
@@ -26,7 +26,7 @@ fn narrow(eye: DVec3, center: DVec3) -> View {
 /// The one pixel of a view with this number of samples.
 fn pixel(scene: Scene, view: &View, samples: u32, stage: Stage) -> f64 {
     let film = FilmSettings { sampling: Sampling::Sampled(samples), ..FilmSettings::default() };
-    let job = Job::new(Camera::of(view).unwrap(), film, IntegratorSettings { stage, ..IntegratorSettings::default() });
+    let job = Job::new(Camera::of(view).unwrap(), film, WhittedSettings { stage, ..WhittedSettings::default() });
     f64::from(render(&World::build(scene).unwrap(), &job, &()).unwrap().picture.pixel(0, 0).r)
 }
 
@@ -222,7 +222,7 @@ fn rough_surfaces_lose_no_light() {
         let intrinsics = Intrinsics { fovy: 40.0, width: 40, height: 30, ..Intrinsics::default() };
         let extrinsics = Extrinsics { eye: DVec3::new(0.0, 0.0, 3.0), ..Extrinsics::default() };
         let film = FilmSettings { sampling: Sampling::Sampled(16), ..FilmSettings::default() };
-        let settings = IntegratorSettings { max_depth: depth, ..IntegratorSettings::default() };
+        let settings = WhittedSettings { max_depth: depth, ..WhittedSettings::default() };
         let job = Job::new(Camera::new(&intrinsics, &extrinsics).unwrap(), film, settings);
         let picture = render(&world, &job, &()).unwrap().picture;
         assert!(world.intersect(&job.camera.line(20.0, 15.0).rounded(), f32::INFINITY).is_some());
@@ -312,7 +312,7 @@ fn noise_of_pictures_falls_as_theory_says() {
         let camera = Camera::of(&view).unwrap();
         let picture = |samples, sampler, seed| {
             let film = FilmSettings { sampling: Sampling::Sampled(samples), sampler, ..FilmSettings::default() };
-            let settings = IntegratorSettings { stage, ..IntegratorSettings::default() };
+            let settings = WhittedSettings { stage, ..WhittedSettings::default() };
             let job = Job { seed, ..Job::new(camera.clone(), film, settings) };
             render(&world, &job, &()).unwrap().picture.pixels
         };

@@ -6,7 +6,7 @@ use canaletto::explain::explain;
 use canaletto::light::environment::{Environment, EnvironmentKind, Face, Gradient, Sky, Smoothing};
 use canaletto::math::{Rgb, Transform};
 use canaletto::render::{Aov, Job, render};
-use canaletto::scene::{Extrinsics, FilmSettings, IntegratorSettings, Intrinsics, Sampling, Scene};
+use canaletto::scene::{Extrinsics, FilmSettings, Intrinsics, Sampling, Scene, WhittedSettings};
 use canaletto::texture::{ColorSpace, Image, Samples};
 use canaletto::world::World;
 use canaletto_io::assets::FolderAssets;
@@ -33,8 +33,7 @@ fn court(n: u32, space: ColorSpace) -> (World, Vec<Image>) {
     let world = World::build(scene).unwrap();
     let film = FilmSettings { sampling: Sampling::Regular(2), ..FilmSettings::default() };
     let image = |camera: &Camera| {
-        let picture =
-            render(&world, &Job::new(camera.clone(), film, IntegratorSettings::default()), &()).unwrap().picture;
+        let picture = render(&world, &Job::new(camera.clone(), film, WhittedSettings::default()), &()).unwrap().picture;
         let samples = Samples::F32(picture.pixels.iter().flat_map(|c| c.to_array()).collect());
         Image { name: "face".into(), width: n, height: n, channels: 3, samples, space, premultiplied: false }
     };
@@ -59,7 +58,7 @@ fn a_scene_and_its_six_pictures_look_the_same_from_the_middle() {
         (DVec3::new(0.2, 1.0, 0.1), DVec3::X),
         (DVec3::new(-0.3, -1.0, 0.2), DVec3::NEG_Z),
     ] {
-        let job = Job::new(camera(center, up, 100.0, 96), film, IntegratorSettings::default());
+        let job = Job::new(camera(center, up, 100.0, 96), film, WhittedSettings::default());
         let [a, b] = [&direct, &around].map(|world| render(world, &job, &()).unwrap().picture);
         let mut differences: Vec<f32> =
             a.pixels.iter().zip(&b.pixels).map(|(a, b)| (*a - *b).map(f32::abs).max_component()).collect();

@@ -5,7 +5,7 @@ use canaletto::camera::Camera;
 use canaletto::integrator::{Probe, RayKind, Whitted};
 use canaletto::material::{Mapping, Material, MaterialPoint, Phong, Projection, Space, Target, TextureUse};
 use canaletto::math::{Rgb, Transform};
-use canaletto::scene::{Content, Extrinsics, IntegratorSettings, Intrinsics, Node, Scene};
+use canaletto::scene::{Content, Extrinsics, Intrinsics, Node, Scene, WhittedSettings};
 use canaletto::shape::{Cone, Cuboid, Cylinder, Disk, Mesh, Plane, Shape, Sphere, Surface, Torus, Triangle};
 use canaletto::texture::{ColorSpace, Image, ImageTexture, Samples, Texture, TextureKind};
 use canaletto::world::{GeometryProbe, Hit, TextureRead, World};
@@ -130,7 +130,7 @@ fn camera() -> Camera {
 /// Compares the footprints of every read with the next samples' reads. Returns the number of comparisons at each depth.
 fn compare(name: &str, world: &World) -> [u32; 4] {
     let camera = camera();
-    let settings = IntegratorSettings { max_depth: 4, ..IntegratorSettings::default() };
+    let settings = WhittedSettings { max_depth: 4, ..WhittedSettings::default() };
     const SPACING: f64 = 1e-3;
     let reads = |x: f64, y: f64| {
         let mut reads = Reads::default();

@@ -4,7 +4,7 @@
 use canaletto::camera::Camera;
 use canaletto::explain::{ExplainError, explain};
 use canaletto::render::{Aov, Job, JobError, Observer, Progress, render};
-use canaletto::scene::{IntegratorSettings, Scene};
+use canaletto::scene::{Scene, WhittedSettings};
 use canaletto::world::{BuildError, World};
 use canaletto_io::assets::MemoryAssets;
 use canaletto_io::text::read_scene_text;
@@ -84,15 +84,15 @@ const MIRRORS: &str = "material \"m\" { k 1 1 1; kd 0 0 0 }\n\
 #[test]
 fn facing_mirrors_do_not_overflow_the_stack() {
     let (world, mut job) = job(MIRRORS);
-    job.integrator.max_depth = IntegratorSettings::MAX_DEPTH;
+    job.integrator.whitted_mut().unwrap().max_depth = WhittedSettings::MAX_DEPTH;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).stack_size(2 << 20).build().expect("a thread");
     let rendering = pool.install(|| render(&world, &job, &())).expect("a picture");
     assert!(rendering.complete && rendering.counts.reflected.traced > 12 * 8 * 200);
     let tree = pool.install(|| explain(&world, &job, 6, 4)).expect("a tree");
     assert_eq!(pool.install(|| tree.sum()), tree.color);
     pool.install(move || drop(tree));
-    for depth in [0, IntegratorSettings::MAX_DEPTH + 1, u32::MAX] {
-        job.integrator.max_depth = depth;
+    for depth in [0, WhittedSettings::MAX_DEPTH + 1, u32::MAX] {
+        job.integrator.whitted_mut().unwrap().max_depth = depth;
         assert_eq!(render(&world, &job, &()).unwrap_err(), JobError::Depth(depth));
     }
 }
@@ -186,7 +186,7 @@ fn small_stacks_do_not_overflow() {
     let scene = scene(&text);
     let camera = Camera::new(&scene.views[0].intrinsics, &scene.views[0].extrinsics).expect("a camera");
     let mut job = Job::new(camera, scene.film, scene.integrator);
-    job.integrator.max_depth = IntegratorSettings::MAX_DEPTH;
+    job.integrator.whitted_mut().unwrap().max_depth = WhittedSettings::MAX_DEPTH;
     let work = || {
         let world = World::build(scene.clone()).expect("a world");
         let picture = render(&world, &job, &()).expect("a picture");

@@ -6,7 +6,7 @@ use canaletto::camera::Camera;
 use canaletto::material::{Material, Phong};
 use canaletto::math::{Rgb, Transform};
 use canaletto::render::{Job, render};
-use canaletto::scene::{Content, Extrinsics, FilmSettings, IntegratorSettings, Intrinsics, Node, Scene};
+use canaletto::scene::{Content, Extrinsics, FilmSettings, Intrinsics, Node, Scene, WhittedSettings};
 use canaletto::world::{BuildError, Hit, World};
 use canaletto_io::assets::MemoryAssets;
 use canaletto_io::text::read_scene;
@@ -114,7 +114,7 @@ fn a_thousand_million_copies() {
         &Intrinsics { fovy: 50.0, width: 64, height: 48, ..Intrinsics::default() },
         &Extrinsics { eye: DVec3::new(3000.0, 4000.0, 17_000.0), ..Extrinsics::default() },
     );
-    let job = Job::new(camera.unwrap(), FilmSettings::default(), IntegratorSettings::default());
+    let job = Job::new(camera.unwrap(), FilmSettings::default(), WhittedSettings::default());
     assert!(render(&world, &job, &()).unwrap().counts.eye.hit > 300);
 }
 

@@ -5,7 +5,7 @@ use canaletto::integrator::Whitted;
 use canaletto::light::{Light, LightKind, Omni};
 use canaletto::material::{Mapping, Material, Phong, Projection, Repeat, Space, Target, TextureUse};
 use canaletto::math::{Rgb, Transform};
-use canaletto::scene::{IntegratorSettings, Node, Scene};
+use canaletto::scene::{Node, Scene, WhittedSettings};
 use canaletto::shape::{Cuboid, Plane, Shape, Sphere};
 use canaletto::texture::{
     ColorSpace, Filter, Image, ImageTexture, Placement, Prefilter, Samples, Texture, TextureKind,
@@ -61,7 +61,7 @@ fn board() -> Shape {
 fn color(scene: &Scene, from: [f32; 3], to: [f32; 3]) -> Rgb {
     let world = World::build(scene.clone()).unwrap();
     let (from, to) = (Vec3::from(from), Vec3::from(to));
-    Whitted::new(&world, IntegratorSettings::default()).eye(&Ray::new(from, (to - from).normalize()), None, &mut ())
+    Whitted::new(&world, WhittedSettings::default()).eye(&Ray::new(from, (to - from).normalize()), None, &mut ())
 }
 
 /// A board whose left half is cut out, and an equal scene with the board far away.

@@ -6,8 +6,8 @@ use canaletto::material::{Material, Phong};
 use canaletto::math::{Rgb, Transform};
 use canaletto::render::Job;
 use canaletto::scene::{
-    Aperture, Content, Extrinsics, FilmSettings, Focus, IntegratorSettings, Intrinsics, Lens, Node, SamplerKind,
-    Sampling, Scene, View,
+    Aperture, Content, Extrinsics, FilmSettings, Focus, Intrinsics, Lens, Node, SamplerKind, Sampling, Scene, View,
+    WhittedSettings,
 };
 use canaletto::shape::{
     Cone, Cuboid, Cylinder, CylinderCloud, Disk, Mesh, Plane, Shape, Sphere, SphereCloud, Torus, Triangle,
@@ -156,7 +156,7 @@ pub fn still_life(scale: f32) -> Scene {
 /// A job on the still life, small enough for tests.
 pub fn still_life_job(scale: f32, width: u32, height: u32, sampling: Sampling) -> Job {
     let camera = Camera::of(&still_life_view(scale, width, height)).unwrap();
-    Job::new(camera, FilmSettings { sampling, ..FilmSettings::default() }, IntegratorSettings::default())
+    Job::new(camera, FilmSettings { sampling, ..FilmSettings::default() }, WhittedSettings::default())
 }
 
 /// The still life with all kinds of sampling: random points of its light, and rough mirrors and glass. Many objects
@@ -200,7 +200,7 @@ pub fn distributed_job(scale: f32, width: u32, height: u32, samples: u32, sample
     let lens = Lens { aperture: Aperture::Radius(0.1 * s), focus: Focus::Center, blades: 5, rotation: 10.0 };
     let view = View { intrinsics: Intrinsics { lens: Some(lens), ..still.intrinsics }, ..still };
     let film = FilmSettings { sampling: Sampling::Sampled(samples), sampler, ..FilmSettings::default() };
-    Job::new(Camera::of(&view).unwrap(), film, IntegratorSettings::default())
+    Job::new(Camera::of(&view).unwrap(), film, WhittedSettings::default())
 }
 
 fn still_life_view(scale: f32, width: u32, height: u32) -> View {

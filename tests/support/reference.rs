@@ -84,7 +84,7 @@ impl<'a> Reference<'a> {
         let (p, v) = (o + d * hit.t, -d);
         let m = &self.objects[hit.object].1;
         let kd = rgb(m.kd);
-        let settings = &self.scene.integrator;
+        let settings = self.scene.integrator.whitted().unwrap();
         let stage = settings.stage;
         if stage == Stage::Unlit {
             return kd;

@@ -13,7 +13,7 @@ use canaletto::camera::{Camera, CameraError};
 use canaletto::integrator::RayCounts;
 use canaletto::math::Rgb;
 use canaletto::render::{Job, render};
-use canaletto::scene::{FilmSettings, IntegratorSettings, Intrinsics, Sampling, View};
+use canaletto::scene::{FilmSettings, Intrinsics, Sampling, View, WhittedSettings};
 use canaletto::world::World;
 use canaletto_bench::say;
 use canaletto_io::assets::FolderAssets;
@@ -80,7 +80,11 @@ fn count(path: &Path) -> Result<RayCounts, String> {
     }
     let camera = corners_of_512(&scene.views[0]).map_err(|e| e.to_string())?;
     let film = FilmSettings { sampling: Sampling::Corner, ..scene.film };
-    let job = Job::new(camera, film, IntegratorSettings { max_depth: 5, ..scene.integrator });
+    let job = Job::new(
+        camera,
+        film,
+        WhittedSettings { max_depth: 5, ..*scene.integrator.whitted().unwrap_or(&WhittedSettings::default()) },
+    );
     let world = World::build(scene).map_err(|e| e.to_string())?;
     Ok(render(&world, &job, &()).map_err(|e| e.to_string())?.counts)
 }

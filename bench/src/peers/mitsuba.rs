@@ -113,7 +113,7 @@ impl Display for Told {
 /// Writes the scene, with long data in files beside it.
 pub(super) fn write_scene(plain: &Plain<'_>, [width, height]: [u32; 2], path: &Path) -> Result<(), String> {
     let Plain { scene, view, .. } = plain;
-    let depth = scene.integrator.max_depth;
+    let depth = scene.integrator.max_depth();
     let [eye, center, up] = [view.extrinsics.eye, view.extrinsics.center, view.extrinsics.up];
     let far = (center - eye).length();
     let mut out = String::from("<scene version=\"3.0.0\">\n");

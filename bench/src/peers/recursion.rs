@@ -60,7 +60,7 @@ pub fn render(scene: &Description, [width, height]: [u32; 2], threads: usize, ou
         lights,
         background: scene.background,
         ambient: scene.ambient,
-        depth: scene.integrator.max_depth,
+        depth: scene.integrator.max_depth(),
         offset: 1e-4 * (extrinsics.eye - extrinsics.center).length() as f32,
     };
     let pool = super::trace::pool(threads)?;

@@ -180,7 +180,8 @@ mod tests {
         let world = World::build(Scene::default()).unwrap();
         let intrinsics = Intrinsics { width: 3, height: 2, ..Intrinsics::default() };
         let camera = Camera::new(&intrinsics, &Extrinsics::default()).unwrap();
-        let mut job = canaletto::render::Job::new(camera, FilmSettings::default(), Default::default());
+        let mut job =
+            canaletto::render::Job::new(camera, FilmSettings::default(), canaletto::scene::Integrator::default());
         job.aovs = Aov::ALL.map(|(aov, ..)| aov).to_vec();
         let picture = canaletto::render::render(&world, &job, &()).unwrap().picture;
         let names: Vec<String> = linear(&picture).channels.into_iter().map(|channel| channel.name).collect();

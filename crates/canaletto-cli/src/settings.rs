@@ -6,7 +6,7 @@ use crate::flags::{PictureFlags, SampleFlag, SourceFlags};
 use crate::format::count;
 use canaletto::camera::Camera;
 use canaletto::render::{Job, JobError};
-use canaletto::scene::{FilmSettings, Filter, IntegratorSettings, Sampling, Scene, Stage, View};
+use canaletto::scene::{FilmSettings, Filter, Sampling, Scene, View};
 use canaletto_io::picture::MAX_PIXELS;
 use canaletto_io::text::closest_word;
 
@@ -42,12 +42,12 @@ impl Settings {
             crop: flags.crop.or(scene.film.crop),
             ..scene.film
         };
-        let integrator = IntegratorSettings {
-            stage: flags.stage.map_or(scene.integrator.stage, Into::into),
-            max_depth: flags.max_depth.unwrap_or(scene.integrator.max_depth),
-            shadows: scene.integrator.shadows && !flags.no_shadows,
-            ..scene.integrator
-        };
+        let mut integrator = scene.integrator;
+        if let Some(settings) = integrator.whitted_mut() {
+            settings.stage = flags.stage.map_or(settings.stage, Into::into);
+            settings.max_depth = flags.max_depth.unwrap_or(settings.max_depth);
+            settings.shadows &= !flags.no_shadows;
+        }
         let job = Job { seed: flags.seed.unwrap_or(0), ..Job::new(camera, film, integrator) };
         job.check().map_err(|e| wrong_job(name, &e, flags))?;
         Ok(Settings { job, camera: view.name })
@@ -171,7 +171,6 @@ pub(crate) fn metadata(source: &SourceFlags, settings: &Settings) -> Vec<(String
     let Job { camera, film, integrator, seed, .. } = &settings.job;
     let [width, height] = camera.size();
     let file = source.scene.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-    let stage = Stage::ALL.iter().find(|(stage, _)| *stage == integrator.stage).map_or("", |(_, name)| name);
     let mut texts = vec![
         ("scene", file),
         ("camera", settings.camera.clone()),
@@ -181,13 +180,10 @@ pub(crate) fn metadata(source: &SourceFlags, settings: &Settings) -> Vec<(String
         ("filter", filter_words(film.filter)),
         ("tone", film.tone.name().into()),
         ("transfer", film.transfer.name().into()),
-        ("integrator", "whitted".into()),
-        ("stage", stage.into()),
-        ("max-depth", integrator.max_depth.to_string()),
-        ("min-weight", integrator.min_weight.to_string()),
-        ("shadows", integrator.shadows.to_string()),
-        ("seed", seed.to_string()),
+        ("integrator", integrator.name().into()),
     ];
+    texts.extend(integrator.settings());
+    texts.push(("seed", seed.to_string()));
     if let Some([x, y, width, height]) = film.crop {
         texts.push(("crop", format!("{x} {y} {width} {height}")));
     }

@@ -9,7 +9,7 @@ use canaletto::material::{Material, Phong};
 use canaletto::math::Rgb;
 use canaletto::render::{Job, render};
 use canaletto::scene::{
-    Content, Extrinsics, FilmSettings, IntegratorSettings, Intrinsics, Node, Sampling, Scene, Transfer,
+    Content, Extrinsics, FilmSettings, Intrinsics, Node, Sampling, Scene, Transfer, WhittedSettings,
 };
 use canaletto::shape::{CylinderCloud, Plane, Shape, SphereCloud};
 use canaletto::world::World;
@@ -59,7 +59,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let intrinsics = Intrinsics { fovy: 40.0, width: 400, height: 600, ..Intrinsics::default() };
     let extrinsics = Extrinsics { eye: DVec3::new(0.0, 2.0, 12.0), ..Extrinsics::default() };
     let film = FilmSettings { sampling: Sampling::Adaptive { n: 3, threshold: 0.08 }, ..FilmSettings::default() };
-    let job = Job::new(Camera::new(&intrinsics, &extrinsics)?, film, IntegratorSettings::default());
+    let job = Job::new(Camera::new(&intrinsics, &extrinsics)?, film, WhittedSettings::default());
 
     let picture = render(&World::build(scene)?, &job, &())?.picture;
     let shown = develop(&picture, film.tone, Transfer::Srgb);

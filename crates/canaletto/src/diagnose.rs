@@ -9,7 +9,6 @@ pub use brightness::Reason;
 use crate::light::PreparedLight;
 use crate::math::DRay;
 use crate::render::Job;
-use crate::scene::Stage;
 use crate::world::{Hit, World};
 use brightness::Brightness;
 use glam::DVec3;
@@ -103,7 +102,7 @@ fn doubts(world: &World, job: &Job) -> Vec<Finding> {
     if !GRIDS.iter().any(|most| anything_in_view(world, job, *most)) {
         findings.push(nothing_in_view(world, in_scene));
     }
-    if !job.integrator.shadows || job.integrator.stage < Stage::Shadow {
+    if !job.integrator.traces_shadows() {
         return findings;
     }
     let eye = job.camera.at(0.0).eye();
@@ -209,7 +208,7 @@ mod tests {
     use crate::light::{DiskLight, Light, LightKind, Omni};
     use crate::material::{Material, Phong};
     use crate::math::Rgb;
-    use crate::scene::{Extrinsics, FilmSettings, IntegratorSettings, Intrinsics, Node, Scene};
+    use crate::scene::{Extrinsics, FilmSettings, Intrinsics, Node, Scene, WhittedSettings};
     use crate::shape::{Cuboid, Plane, Shape, Sphere};
     use glam::Vec3;
 
@@ -226,10 +225,7 @@ mod tests {
         let scene = Scene { nodes, materials: vec![Material::new("clear", clear)], ..Scene::default() };
         let place = Extrinsics { eye: eye.into(), center: center.into(), up: DVec3::Y };
         let camera = Camera::new(&Intrinsics::default(), &place).unwrap();
-        diagnose(
-            &World::build(scene).unwrap(),
-            &Job::new(camera, FilmSettings::default(), IntegratorSettings::default()),
-        )
+        diagnose(&World::build(scene).unwrap(), &Job::new(camera, FilmSettings::default(), WhittedSettings::default()))
     }
 
     const AWAY: Vec3 = Vec3::new(0.0, 9.0, 9.0);
@@ -270,7 +266,7 @@ mod tests {
             let scene = Scene { nodes, materials: vec![Material::new("m", phong)], ..Scene::default() };
             let place = Extrinsics { eye: DVec3::Z * 5.0, center: DVec3::ZERO, up: DVec3::Y };
             let camera = Camera::new(&Intrinsics::default(), &place).unwrap();
-            let settings = IntegratorSettings { max_depth: 1, ..IntegratorSettings::default() };
+            let settings = WhittedSettings { max_depth: 1, ..WhittedSettings::default() };
             diagnose(&World::build(scene).unwrap(), &Job::new(camera, FilmSettings::default(), settings))
         };
         let depth_one = |phong: Phong| depth_one_with(phong, Vec::new());

@@ -15,7 +15,7 @@
 //! use canaletto::light::{Light, LightKind, Omni};
 //! use canaletto::math::Rgb;
 //! use canaletto::render::{Job, render};
-//! use canaletto::scene::{Extrinsics, FilmSettings, IntegratorSettings, Intrinsics, Node, Scene};
+//! use canaletto::scene::{Extrinsics, FilmSettings, WhittedSettings, Intrinsics, Node, Scene};
 //! use canaletto::shape::{Shape, Sphere};
 //! use canaletto::world::World;
 //! use glam::{DVec3, Vec3};
@@ -27,7 +27,7 @@
 //! let intrinsics = Intrinsics { width: 64, height: 48, ..Intrinsics::default() };
 //! let extrinsics = Extrinsics { eye: DVec3::new(0.0, 0.0, 5.0), ..Extrinsics::default() };
 //! let camera = Camera::new(&intrinsics, &extrinsics)?;
-//! let job = Job::new(camera, FilmSettings::default(), IntegratorSettings::default());
+//! let job = Job::new(camera, FilmSettings::default(), WhittedSettings::default());
 //!
 //! let world = World::build(scene)?;
 //! let picture = render(&world, &job, &())?.picture;

@@ -16,7 +16,7 @@ use crate::source::{Reader, STDIN, build, on_threads};
 use crate::stdout::print;
 use canaletto::memory;
 use canaletto::render::Aov;
-use canaletto::scene::{Stage, Transfer};
+use canaletto::scene::Transfer;
 use canaletto::world::WorldStats;
 use canaletto_io::movie::Rate;
 use canaletto_io::text::closest_word;
@@ -392,9 +392,13 @@ fn dry_run(
         }));
         return Ok(Exit::Done);
     }
-    let integrator = &job.integrator;
-    let stage = Stage::ALL.iter().find(|(stage, _)| *stage == integrator.stage).map_or("", |(_, name)| name);
-    let shadows = if integrator.shadows { "shadows" } else { "no shadows" };
+    let light = match job.integrator.whitted() {
+        Some(settings) => {
+            let shadows = if settings.shadows { "shadows" } else { "no shadows" };
+            format!("stage {}, depth {}, {shadows}", settings.stage.name(), settings.max_depth)
+        }
+        None => format!("depth {}", job.integrator.max_depth()),
+    };
     let kind = match (plan.output.format, job.film.transfer) {
         (Format::Exr, _) => "OpenEXR, linear".to_owned(),
         (film, _) if film.film().is_some() => format!("{film}, {} frames a second", plan.rate.fps()),
@@ -411,13 +415,12 @@ fn dry_run(
         n => format!("; {}: {}", plural(n, "frame"), plan.frames),
     };
     print(&format!(
-        "scene     {}, {}\ncamera    {}, {width} x {height} pixels\nsampling  {}\nlight     stage {stage}, depth {}, {shadows}\n\
+        "scene     {}, {}\ncamera    {}, {width} x {height} pixels\nsampling  {}\nlight     {light}\n\
          world     {}, {}, {}\nmemory    about {}: {} with the world, {} for the picture\noutput    {names} ({kind}){frames}\nnothing is rendered or written (--dry-run)\n",
         flags.source.scene.display(),
         plural(files as u64, "file"),
         settings.camera,
         sampling_words(&job.film),
-        integrator.max_depth,
         plural(stats.primitives, "primitive"),
         match stats.light_points {
             1 => "1 point of light".to_owned(),

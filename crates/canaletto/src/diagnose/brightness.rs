@@ -5,7 +5,7 @@ use crate::explain::{HitNode, LightNode, Outcome, explain};
 use crate::integrator::Whitted;
 use crate::math::Rgb;
 use crate::render::{Job, PixelRenderer, stack_of};
-use crate::scene::{FilmSettings, Sampling, Transfer};
+use crate::scene::{FilmSettings, Integrator, Sampling, Transfer, WhittedSettings};
 use crate::world::World;
 use canaletto_bvh::with_stack;
 use std::collections::BTreeMap;
@@ -107,9 +107,9 @@ fn dark_below(transfer: Transfer) -> f32 {
 /// This job with one ray for each pixel.
 fn coarse(job: &Job) -> Job {
     let film = FilmSettings { sampling: Sampling::Center, transfer: job.film.transfer, ..FilmSettings::default() };
-    let mut coarse = Job { film, ..job.clone() };
-    coarse.integrator.max_depth = job.integrator.max_depth.min(6);
-    coarse
+    let Integrator::Whitted(settings) = job.integrator;
+    let integrator = WhittedSettings { max_depth: settings.max_depth.min(6), ..settings }.into();
+    Job { film, integrator, ..job.clone() }
 }
 
 fn look(world: &World, job: &Job, most: [u32; 2]) -> Option<Seen> {
@@ -133,7 +133,8 @@ fn look(world: &World, job: &Job, most: [u32; 2]) -> Option<Seen> {
         .collect();
     with_stack(stack_of(world, &coarse), || {
         let too_many = |rays| rays > MAX_RAYS;
-        let mut whitted = Whitted::new(world, coarse.integrator).with_cancel(&too_many);
+        let Integrator::Whitted(settings) = coarse.integrator;
+        let mut whitted = Whitted::new(world, settings).with_cancel(&too_many);
         let mut renderer = PixelRenderer::new(&coarse);
         let seen = hits.into_iter().map(|[x, y]| ([x, y], renderer.pixel(&mut whitted, x, y, &mut ()).0)).collect();
         (!whitted.is_cancelled()).then_some(seen)

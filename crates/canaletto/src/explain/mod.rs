@@ -15,6 +15,7 @@ pub use tree::{
 
 use crate::integrator::Whitted;
 use crate::render::{Job, JobError, PixelRenderer, stack_of};
+use crate::scene::Integrator;
 use crate::world::World;
 use canaletto_bvh::with_stack;
 use record::Recorder;
@@ -65,7 +66,8 @@ fn record(world: &World, job: &Job, [x, y]: [u32; 2]) -> Result<PixelTree, Expla
     let [width, height] = job.camera.size();
     let mut recorder = Recorder::new(world, &job.camera);
     let too_many = |rays| rays > MAX_RAYS;
-    let mut whitted = Whitted::new(world, job.integrator).with_cancel(&too_many);
+    let Integrator::Whitted(settings) = job.integrator;
+    let mut whitted = Whitted::new(world, settings).with_cancel(&too_many);
     let (color, _) = PixelRenderer::new(job).pixel(&mut whitted, x, y, &mut recorder);
     if whitted.is_cancelled() {
         return Err(ExplainError::TooManyRays);

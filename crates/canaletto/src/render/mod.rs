@@ -12,7 +12,7 @@ use crate::camera::Camera;
 use crate::film::Picture;
 use crate::integrator::{RayCounts, Whitted};
 use crate::math::Rgb;
-use crate::scene::{FilmSettings, IntegratorSettings};
+use crate::scene::{FilmSettings, Integrator, WhittedSettings};
 use crate::world::World;
 use aov::AovProbe;
 use canaletto_bvh::{NoThreads, with_stack};
@@ -27,8 +27,8 @@ pub struct Job {
     pub camera: Camera,
     /// The settings for sampling pixels. Tone and transfer affect only adaptive sampling: pictures stay linear.
     pub film: FilmSettings,
-    /// The settings for tracing rays.
-    pub integrator: IntegratorSettings,
+    /// The integrator that makes the picture.
+    pub integrator: Integrator,
     /// The seed of the random numbers.
     pub seed: u64,
     /// The number of the frame. Each frame has random numbers of its own.
@@ -68,7 +68,7 @@ pub enum JobError {
     #[error("samples is {0}; a pixel takes between 1 and {max} rays", max = crate::scene::Sampling::MAX_SAMPLES)]
     Samples(u32),
     /// The depth of the ray tree is out of range.
-    #[error("max-depth is {0}; it must be between 1 (only the eye's rays) and {max}", max = IntegratorSettings::MAX_DEPTH)]
+    #[error("max-depth is {0}; it must be between 1 (only the eye's rays) and {max}", max = WhittedSettings::MAX_DEPTH)]
     Depth(u32),
     /// A filter or threshold is out of range.
     #[error(transparent)]
@@ -80,8 +80,8 @@ pub enum JobError {
 
 impl Job {
     /// A job with the default tile size, seed 0 and no extra layers.
-    pub fn new(camera: Camera, film: FilmSettings, integrator: IntegratorSettings) -> Job {
-        Job { camera, film, integrator, seed: 0, frame: 0, tile: 32, aovs: Vec::new() }
+    pub fn new(camera: Camera, film: FilmSettings, integrator: impl Into<Integrator>) -> Job {
+        Job { camera, film, integrator: integrator.into(), seed: 0, frame: 0, tile: 32, aovs: Vec::new() }
     }
 
     /// Checks the values that come from files and users.
@@ -98,8 +98,8 @@ impl Job {
                 return Err(JobError::Crop { x, y, width, height, of_width, of_height });
             }
         }
-        if !(1..=IntegratorSettings::MAX_DEPTH).contains(&self.integrator.max_depth) {
-            return Err(JobError::Depth(self.integrator.max_depth));
+        if !(1..=WhittedSettings::MAX_DEPTH).contains(&self.integrator.max_depth()) {
+            return Err(JobError::Depth(self.integrator.max_depth()));
         }
         match self.film.sampling {
             Sampling::Regular(n) | Sampling::Jittered(n) if !(1..=Sampling::MAX_GRID).contains(&n) => {
@@ -196,7 +196,7 @@ pub(crate) fn stack_of(world: &World, job: &Job) -> usize {
     const RAY: usize = 256 << 10;
     const PARENT: usize = 16 << 10;
     const GROUP: usize = 16 << 10;
-    RAY + PARENT * job.integrator.max_depth as usize + GROUP * world.most_groups()
+    RAY + PARENT * job.integrator.max_depth() as usize + GROUP * world.most_groups()
 }
 
 fn on_all_threads(world: &World, job: &Job, observer: &dyn Observer) -> Rendering {
@@ -270,7 +270,8 @@ struct Tile {
 
 impl<'a> Worker<'a> {
     fn new(world: &'a World, job: &'a Job, cancelled: &'a (dyn Fn(u64) -> bool + Sync)) -> Worker<'a> {
-        let whitted = Whitted::new(world, job.integrator).with_cancel(cancelled);
+        let Integrator::Whitted(settings) = job.integrator;
+        let whitted = Whitted::new(world, settings).with_cancel(cancelled);
         Worker {
             pixels: PixelRenderer::new(job),
             whitted,

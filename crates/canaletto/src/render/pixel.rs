@@ -243,13 +243,13 @@ impl<'a> PixelRenderer<'a> {
                 whitted.begin(*numbers, time);
                 whitted.push_camera_rays(&[line], &[*numbers], differential);
                 if alone || whitted.is_full() {
-                    colors.extend_from_slice(whitted.trace_pending(&mut ()));
+                    colors.extend_from_slice(whitted.trace_pending());
                 }
                 if whitted.is_cancelled() {
                     break;
                 }
             }
-            colors.extend_from_slice(whitted.trace_pending(&mut ()));
+            colors.extend_from_slice(whitted.trace_pending());
             return colors.resize(places.len(), Rgb::BLACK);
         }
         let needs_differentials = world.needs_differentials();
@@ -259,7 +259,7 @@ impl<'a> PixelRenderer<'a> {
             camera.lines(places, lines);
             let seen = if needs_differentials { places } else { &[] };
             whitted.push_camera_rays(lines, numbers, seen.iter().map(|[x, y]| camera.differential(*x, *y, spacing)));
-            colors.extend_from_slice(whitted.trace_pending(&mut ()));
+            colors.extend_from_slice(whitted.trace_pending());
             if whitted.is_cancelled() {
                 break;
             }

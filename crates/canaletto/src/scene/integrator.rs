@@ -1,10 +1,80 @@
-//! Settings of the integrator.
+//! The integrator of a scene, and its settings.
 
 use serde::{Deserialize, Serialize};
 
+/// The integrator that makes the picture, with its settings.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[non_exhaustive]
+pub enum Integrator {
+    /// The chapter's recursive ray tracing (box 5.8; Whitted 1980).
+    Whitted(WhittedSettings),
+}
+
+impl Integrator {
+    /// Its name in scene text.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Integrator::Whitted(_) => "whitted",
+        }
+    }
+
+    /// Its settings: the words of the scene text with their values.
+    pub fn settings(&self) -> Vec<(&'static str, String)> {
+        match self {
+            Integrator::Whitted(WhittedSettings { max_depth, min_weight, stage, shadows }) => vec![
+                ("stage", stage.name().into()),
+                ("max-depth", max_depth.to_string()),
+                ("min-weight", min_weight.to_string()),
+                ("shadows", shadows.to_string()),
+            ],
+        }
+    }
+
+    /// The largest depth of the rays that it traces. Camera rays have depth 1.
+    pub fn max_depth(&self) -> u32 {
+        match self {
+            Integrator::Whitted(settings) => settings.max_depth,
+        }
+    }
+
+    /// Whether it traces shadow rays to lights that cast shadows.
+    pub fn traces_shadows(&self) -> bool {
+        match self {
+            Integrator::Whitted(settings) => settings.shadows && settings.stage >= Stage::Shadow,
+        }
+    }
+
+    /// The settings of the classic integrator, if it is this one.
+    pub fn whitted(&self) -> Option<&WhittedSettings> {
+        match self {
+            Integrator::Whitted(settings) => Some(settings),
+        }
+    }
+
+    /// The settings of the classic integrator, if it is this one, to be changed.
+    pub fn whitted_mut(&mut self) -> Option<&mut WhittedSettings> {
+        match self {
+            Integrator::Whitted(settings) => Some(settings),
+        }
+    }
+}
+
+impl Default for Integrator {
+    fn default() -> Integrator {
+        Integrator::Whitted(WhittedSettings::default())
+    }
+}
+
+impl From<WhittedSettings> for Integrator {
+    fn from(settings: WhittedSettings) -> Integrator {
+        Integrator::Whitted(settings)
+    }
+}
+
 /// Settings of the classic integrator.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct IntegratorSettings {
+pub struct WhittedSettings {
     /// The largest depth of rays: rays of this depth have no children. Eye rays have depth 1 (box 5.8). At most
     /// [`Self::MAX_DEPTH`].
     pub max_depth: u32,
@@ -18,14 +88,14 @@ pub struct IntegratorSettings {
     pub shadows: bool,
 }
 
-impl IntegratorSettings {
+impl WhittedSettings {
     /// The largest `max_depth`. The stack of a rendering thread has room for this many nested rays.
     pub const MAX_DEPTH: u32 = 256;
 }
 
-impl Default for IntegratorSettings {
-    fn default() -> IntegratorSettings {
-        IntegratorSettings { max_depth: 6, min_weight: 1.0 / 1024.0, stage: Stage::Full, shadows: true }
+impl Default for WhittedSettings {
+    fn default() -> WhittedSettings {
+        WhittedSettings { max_depth: 6, min_weight: 1.0 / 1024.0, stage: Stage::Full, shadows: true }
     }
 }
 
@@ -62,4 +132,9 @@ impl Stage {
         (Stage::Reflection, "reflection"),
         (Stage::Full, "full"),
     ];
+
+    /// The stage's name.
+    pub fn name(self) -> &'static str {
+        Stage::ALL[self as usize].1
+    }
 }

@@ -11,7 +11,7 @@ mod sparse;
 
 pub use camera::{Aperture, Extrinsics, Focus, Intrinsics, Lens, View};
 pub use film::{FilmSettings, Filter, SamplerKind, Sampling, Tone, Transfer};
-pub use integrator::{IntegratorSettings, Stage};
+pub use integrator::{Integrator, Stage, WhittedSettings};
 pub use node::{Content, Node};
 pub use sparse::{Sparse, Usual};
 
@@ -36,8 +36,8 @@ pub struct Scene {
     pub views: Vec<View>,
     /// The settings of sampling, reconstruction and developing.
     pub film: FilmSettings,
-    /// The settings of the integrator.
-    pub integrator: IntegratorSettings,
+    /// The integrator that makes the picture.
+    pub integrator: Integrator,
     /// The materials, each with its name.
     pub materials: Vec<Material>,
     /// The textures, each with its name.

@@ -90,7 +90,7 @@ impl Surfaces {
 
     /// The surface in lane `lane`, without texture coordinates and colour.
     #[inline(always)]
-    fn get(&self, lane: usize) -> Surface {
+    pub(crate) fn get(&self, lane: usize) -> Surface {
         Surface {
             point: vec3(&self.point, lane),
             exact: dvec3(&self.exact, lane),

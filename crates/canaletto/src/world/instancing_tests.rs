@@ -9,7 +9,7 @@ use crate::light::{Light, LightKind, Omni};
 use crate::material::{Material, Phong};
 use crate::math::{Rgb, Transform};
 use crate::render::{Aov, Job, render};
-use crate::scene::{Content, Extrinsics, FilmSettings, IntegratorSettings, Intrinsics, Node, Scene};
+use crate::scene::{Content, Extrinsics, FilmSettings, Intrinsics, Node, Scene, WhittedSettings};
 use crate::shape::{Cuboid, Mesh, Plane, Shape, Sphere, SphereCloud, Torus};
 use canaletto_bvh::Ray;
 use glam::{DAffine3, DMat3, DVec3, Vec3};
@@ -212,7 +212,7 @@ fn whole_prototypes_make_the_same_pictures() {
         let intrinsics = Intrinsics { fovy: 50.0, width: 40, height: 30, ..Intrinsics::default() };
         let extrinsics = Extrinsics { eye: DVec3::new(0.0, 2.0, 14.0), ..Extrinsics::default() };
         let camera = Camera::new(&intrinsics, &extrinsics).unwrap();
-        let job = Job::new(camera, FilmSettings::default(), IntegratorSettings::default());
+        let job = Job::new(camera, FilmSettings::default(), WhittedSettings::default());
         let job = Job { aovs: vec![Aov::ObjectId, Aov::Normal, Aov::MaterialId, Aov::Depth], ..job };
         let [a, b] = [&whole, &flat].map(|world| render(world, &job, &()).unwrap());
         assert_eq!(format!("{:?}", a.picture), format!("{:?}", b.picture));

@@ -7,7 +7,7 @@ use crate::light::{Light, LightKind, Omni};
 use crate::material::{Material, Phong};
 use crate::math::{Rgb, Transform};
 use crate::render::{Aov, Job, render};
-use crate::scene::{Content, Extrinsics, FilmSettings, IntegratorSettings, Intrinsics, Node, Scene};
+use crate::scene::{Content, Extrinsics, FilmSettings, Intrinsics, Node, Scene, WhittedSettings};
 use crate::shape::{CylinderCloud, Mesh, Shape, Sphere, SphereCloud};
 use glam::{DVec3, Vec3};
 
@@ -77,7 +77,7 @@ fn picture(world: &World) -> String {
     let intrinsics = Intrinsics { fovy: 40.0, width: 48, height: 36, ..Intrinsics::default() };
     let extrinsics = Extrinsics { eye: DVec3::new(0.3, 2.0, 4.0), ..Extrinsics::default() };
     let camera = Camera::new(&intrinsics, &extrinsics).unwrap();
-    let job = Job::new(camera, FilmSettings::default(), IntegratorSettings::default());
+    let job = Job::new(camera, FilmSettings::default(), WhittedSettings::default());
     let job = Job { aovs: vec![Aov::Normal, Aov::Depth, Aov::ObjectId], ..job };
     format!("{:?}", render(world, &job, &()).unwrap().picture)
 }

@@ -135,7 +135,9 @@ impl Decoder<'_> {
             Some(environment) => environment.ambient || environment.has_sun(),
             None => false,
         };
-        let dark = !lit && self.scene.ambient == Rgb::BLACK && self.scene.integrator.stage > Stage::Unlit;
+        let dark = !lit
+            && self.scene.ambient == Rgb::BLACK
+            && self.scene.integrator.whitted().is_some_and(|settings| settings.stage > Stage::Unlit);
         if !has(false) {
             self.validator.report.push(Message::warning(None, "the scene has no objects"));
         } else if dark && !has(true) && !self.has_unlit_texture() {

@@ -13,8 +13,7 @@ use canaletto::camera::Camera;
 use canaletto::material::{Material, Phong};
 use canaletto::render::Job;
 use canaletto::scene::{
-    Extrinsics, FilmSettings, Filter, IntegratorSettings, Intrinsics, SamplerKind, Sampling, Stage, Tone, Transfer,
-    View,
+    Extrinsics, FilmSettings, Filter, Intrinsics, SamplerKind, Sampling, Stage, Tone, Transfer, View, WhittedSettings,
 };
 use glam::DVec3;
 use std::collections::HashMap;
@@ -175,7 +174,7 @@ impl<'a> Decoder<'a> {
     }
 
     fn integrator(&mut self, fields: &Fields) {
-        let settings = &mut self.scene.integrator;
+        let Some(settings) = self.scene.integrator.whitted_mut() else { return };
         set(&mut settings.max_depth, fields.count("max-depth"));
         set(&mut settings.min_weight, fields.real("min-weight"));
         set(&mut settings.shadows, fields.flag("shadows"));
@@ -184,8 +183,8 @@ impl<'a> Decoder<'a> {
         if settings.max_depth == 0 {
             let problem = "is 0; the eye's rays have depth 1, so it must be at least that";
             self.out_of_range(fields, &OutOfRange::new("max-depth", problem));
-        } else if settings.max_depth > IntegratorSettings::MAX_DEPTH {
-            let (depth, most) = (settings.max_depth, IntegratorSettings::MAX_DEPTH);
+        } else if settings.max_depth > WhittedSettings::MAX_DEPTH {
+            let (depth, most) = (settings.max_depth, WhittedSettings::MAX_DEPTH);
             self.out_of_range(fields, &OutOfRange::new("max-depth", format!("is {depth}; it must be at most {most}")));
         } else if settings.min_weight < 0.0 {
             self.out_of_range(fields, &OutOfRange::new("min-weight", "must be 0 or more"));

@@ -6,7 +6,7 @@ use super::{FieldSchema, NUMBER, NodeSchema, POINT, SURFACE_TEXTURE, ValueType};
 use canaletto::material::{Material, Phong};
 use canaletto::math::Rgb;
 use canaletto::scene::{
-    Extrinsics, Filter, IntegratorSettings, Intrinsics, SamplerKind, Sampling, Scene, Stage, Tone, Transfer,
+    Extrinsics, Filter, Intrinsics, SamplerKind, Sampling, Scene, Stage, Tone, Transfer, WhittedSettings,
 };
 use glam::DVec3;
 
@@ -175,20 +175,20 @@ pub(crate) static INTEGRATOR: NodeSchema = NodeSchema::new(
             ValueType::Count,
             "rays of this depth have no children; the eye's rays have depth 1",
         )
-        .or(|| IntegratorSettings::default().max_depth.to_string()),
+        .or(|| WhittedSettings::default().max_depth.to_string()),
         FieldSchema::new("min-weight", NUMBER, "rays that count less than this in the pixel are not followed")
-            .or(|| IntegratorSettings::default().min_weight.to_string()),
+            .or(|| WhittedSettings::default().min_weight.to_string()),
         FieldSchema::new(
             "stage",
             ValueType::Keyword(&["unlit", "diffuse", "ambient", "specular", "shadow", "reflection", "full"]),
             "how much of the shading equation is switched on; each stage contains the ones before it",
         )
         .or(|| {
-            let stage = IntegratorSettings::default().stage;
+            let stage = WhittedSettings::default().stage;
             Stage::ALL.iter().find(|(s, _)| *s == stage).map_or_else(String::new, |(_, name)| quoted(name))
         }),
         FieldSchema::new("shadows", ValueType::Flag, "whether lights cast shadows")
-            .or(|| flag(IntegratorSettings::default().shadows)),
+            .or(|| flag(WhittedSettings::default().shadows)),
     ]],
 )
 .argument(

@@ -1,213 +1,80 @@
 //! Interactions of rays with surfaces.
 
-use super::interactions8::{Interactions8, LANES};
-use super::media;
-use crate::material::MaterialPoint;
-use crate::math::{DRay, RayDifferential, Rgb, offset_origin};
-use crate::shape::{Surface, SurfaceInputs8};
+use super::ray_state::PathState;
+use crate::material::{MaterialPoint, reflect};
+use crate::math::{DRay, RayDifferential, offset_origin};
+use crate::sampler::Sample;
+use crate::shape::Surface;
 use crate::world::Hit;
 use canaletto_bvh::Ray;
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec3, Vec3};
 
-/// The nearest hit of a ray, and the light that leaves it back along the ray. The surface's values are stored in groups
-/// of eight; see [`Interactions::at`].
-pub(super) struct Interaction {
-    ray_index: u32,
-    pub(super) hit: Hit,
-    pub(super) material: MaterialPoint,
-    /// The sum of the light so far.
-    pub(super) color: Rgb,
+/// An interaction of one ray: the first surface that it sees, with everything that shading asks of it.
+pub(super) struct SurfaceInteraction<'a> {
+    pub(super) hit: &'a Hit,
+    pub(super) material: &'a MaterialPoint,
+    pub(super) frame: Frame,
+    pub(super) footprint: Option<&'a Footprint>,
     /// The bodies that the ray is in.
     pub(super) inside: u32,
-    /// The crossing for rays into a clear body, with the coinciding surfaces, or [`media::NONE`].
+    /// The crossing for rays into a clear body, with the coinciding surfaces, or [`media::NONE`](super::media::NONE).
     pub(super) crossing: u32,
+    /// The state of the ray.
+    pub(super) path_state: PathState,
+    /// The source of random numbers of the ray.
+    pub(super) sample: &'a Sample,
 }
 
-impl Interaction {
-    /// An unused interaction.
-    fn nowhere() -> Interaction {
-        let (inside, crossing) = (media::NONE, media::NONE);
-        Interaction {
-            ray_index: 0,
-            hit: Hit::none(0.0, 0.0),
-            material: MaterialPoint::default(),
-            color: Rgb::BLACK,
-            inside,
-            crossing,
-        }
-    }
-
-    /// The index of the ray in its wave.
-    #[inline]
-    pub(super) fn ray_index(&self) -> usize {
-        self.ray_index as usize
-    }
-
-    /// Whether any part of the surface's shading is visible through its overlay.
-    #[inline]
-    pub(super) fn is_seen(&self) -> bool {
-        self.material.is_seen()
-    }
-}
-
-/// The interactions of a wave in the order of its rays, and their surface values in groups of eight.
-#[derive(Default)]
-pub(super) struct Interactions {
-    /// The interactions of the largest wave so far; the first `len` are in use.
-    interactions: Vec<Interaction>,
-    interactions8: Vec<Interactions8>,
-    len: usize,
-}
-
-impl Interactions {
-    pub(super) fn clear(&mut self) {
-        self.len = 0;
-    }
-
-    pub(super) fn len(&self) -> usize {
-        self.len
-    }
-
-    /// The group of eight of the next interaction, and its lane there.
-    #[inline]
-    pub(super) fn next(&mut self) -> (&mut Interactions8, usize) {
-        let (number, lane) = (self.len / LANES, self.len % LANES);
-        if number == self.interactions8.len() {
-            self.interactions8.push(Interactions8::NOTHING);
-            self.interactions.resize_with(self.interactions8.len() * LANES, Interaction::nowhere);
-        }
-        let interactions8 = &mut self.interactions8[number];
-        if lane == 0 {
-            interactions8.clear();
-        }
-        (interactions8, lane)
-    }
-
-    /// Adds an interaction. Its surface was stored in the lane of [`Interactions::next`], or `surface_inputs` holds its
-    /// inputs. `set` sets the material.
-    #[inline]
-    pub(super) fn push(
-        &mut self,
-        ray_index: usize,
-        hit: &Hit,
-        surface_inputs: &mut SurfaceInputs8,
-        set: impl FnOnce(&mut MaterialPoint),
-    ) {
-        let lane = self.len % LANES;
-        let interaction = &mut self.interactions[self.len];
-        (interaction.ray_index, interaction.hit, interaction.color) = (ray_index as u32, *hit, Rgb::BLACK);
-        (interaction.inside, interaction.crossing) = (media::NONE, media::NONE);
-        set(&mut interaction.material);
-        self.interactions8[self.len / LANES].set_material(lane, &interaction.material);
-        self.len += 1;
-        if lane == LANES - 1 {
-            self.interactions8[self.len / LANES - 1].evaluate(surface_inputs);
-        }
-    }
-
-    /// The interaction that was added last.
-    #[inline]
-    pub(super) fn last_mut(&mut self) -> &mut Interaction {
-        &mut self.interactions[self.len - 1]
-    }
-
-    /// Evaluates the last group of eight if it isn't full. Full groups are evaluated already.
-    pub(super) fn evaluate(&mut self, surface_inputs: &mut SurfaceInputs8) {
-        if !self.len.is_multiple_of(LANES) {
-            self.interactions8[self.len / LANES].evaluate(surface_inputs);
-        }
-    }
-
-    #[inline]
-    pub(super) fn each(&self) -> &[Interaction] {
-        &self.interactions[..self.len]
-    }
-
-    #[inline]
-    pub(super) fn all_mut(&mut self) -> &mut [Interaction] {
-        &mut self.interactions[..self.len]
-    }
-
-    /// The groups of eight of all interactions.
-    #[inline]
-    pub(super) fn interactions8(&self) -> &[Interactions8] {
-        &self.interactions8[..self.len.div_ceil(LANES)]
-    }
-
-    /// The interactions and their groups of eight.
-    #[inline]
-    pub(super) fn both(&mut self) -> (&mut [Interaction], &mut [Interactions8]) {
-        (&mut self.interactions[..self.len], &mut self.interactions8[..self.len.div_ceil(LANES)])
-    }
-
-    /// The interaction at an index.
-    #[inline]
-    pub(super) fn at(&self, index: usize) -> InteractionRef<'_> {
-        InteractionRef {
-            interaction: &self.each()[index],
-            interactions8: &self.interactions8[index / LANES],
-            lane: index % LANES,
-        }
-    }
-}
-
-/// An interaction and its surface values.
-pub(super) struct InteractionRef<'a> {
-    pub(super) interaction: &'a Interaction,
-    pub(super) interactions8: &'a Interactions8,
-    lane: usize,
-}
-
-impl InteractionRef<'_> {
+/// The directions and points at an interaction. Normals and directions have unit length.
+#[derive(Clone, Copy)]
+pub(super) struct Frame {
     /// Whether the ray hit the outer side.
-    #[inline]
-    pub(super) fn outside(&self) -> bool {
-        self.interactions8.outside(self.lane)
-    }
-
-    /// v̂, the unit direction back along the ray.
-    #[inline]
-    pub(super) fn wo(&self) -> DVec3 {
-        self.interactions8.wo(self.lane)
-    }
-
+    pub(super) outside: bool,
+    /// v̂, the direction back along the ray.
+    pub(super) wo: DVec3,
+    /// The geometric normal on the outer side.
+    pub(super) outer: DVec3,
+    /// The geometric normal on the viewer's side.
+    pub(super) facing: DVec3,
+    /// n, the shading normal on the viewer's side.
+    pub(super) normal: DVec3,
     /// r, the mirrored direction (5.37).
-    #[inline]
-    pub(super) fn mirrored(&self) -> DVec3 {
-        self.interactions8.mirrored(self.lane)
-    }
+    pub(super) mirrored: DVec3,
+    /// The point before rounding.
+    pub(super) exact: DVec3,
+    /// The point and its error bound.
+    pub(super) point: Vec3,
+    pub(super) error: Vec3,
+    /// The origin of shadow rays.
+    pub(super) start: Vec3,
+}
 
-    /// The unit geometric normal on the viewer's side.
-    #[inline]
-    pub(super) fn facing(&self) -> DVec3 {
-        self.interactions8.facing(self.lane)
-    }
-
-    /// The unit shading normal on the viewer's side.
-    #[inline]
-    pub(super) fn normal(&self) -> DVec3 {
-        self.interactions8.normal(self.lane)
-    }
-
-    /// The unit geometric normal on the outer side.
-    #[inline]
-    fn outer(&self) -> DVec3 {
-        self.interactions8.outer(self.lane)
+impl Frame {
+    /// The frame of a ray in this direction that hits a surface.
+    #[inline(always)]
+    pub(super) fn new(direction: DVec3, surface: &Surface) -> Frame {
+        let Surface { point, exact, error, normal: outer, shading_normal, shadow_origin, .. } = *surface;
+        let outside = direction.dot(outer) < 0.0;
+        let side = if outside { 1.0 } else { -1.0 };
+        let (wo, facing, normal) = (-direction.normalize(), outer * side, shading_normal * side);
+        let start = offset_origin(if outside { shadow_origin } else { point }, error, facing, facing);
+        Frame { outside, wo, outer, facing, normal, mirrored: reflect(wo, normal), exact, point, error, start }
     }
 
     /// The `f64` ray that leaves the surface in a direction.
+    #[inline]
     pub(super) fn leave(&self, direction: DVec3) -> DRay {
-        DRay { origin: self.interactions8.exact(self.lane), direction }
+        DRay { origin: self.exact, direction }
     }
 
     /// The rounded ray of `line`, its origin moved off the surface by the error bound.
-    pub(super) fn start(&self, line: &DRay) -> Ray {
-        let [point, error] = self.interactions8.point(self.lane);
-        line.from_origin(offset_origin(point, error, self.outer(), line.direction))
+    #[inline]
+    pub(super) fn rounded(&self, line: &DRay) -> Ray {
+        line.from_origin(offset_origin(self.point, self.error, self.outer, line.direction))
     }
 }
 
-/// The nearest hit of a ray where surfaces may be cut out or clear, or where the ray is in a body.
+/// The first surface that a ray sees, past holes and past surfaces that another body hides.
 pub(super) struct VisibleHit {
     pub(super) hit: Hit,
     pub(super) surface: Surface,

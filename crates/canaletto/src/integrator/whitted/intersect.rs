@@ -1,9 +1,9 @@
-//! Nearest surfaces of rays, past holes and past hidden surfaces of clear bodies.
+//! The first surface that a ray sees: past holes, and past hidden surfaces of clear bodies.
 
-use super::interaction::{Footprint, Interaction, VisibleHit};
+use super::Whitted;
+use super::interaction::{Footprint, Frame, SurfaceInteraction, VisibleHit};
 use super::media::{self, Boundary, Media};
-use super::ray_batch::PathState;
-use super::{Wave, Whitted};
+use super::ray_state::{PathState, RayState};
 use crate::integrator::Probe;
 use crate::math::{DRay, RayDifferential, Rgb, offset_origin};
 use crate::world::{Hit, MAX_STALLED, World, touching};
@@ -14,87 +14,52 @@ use glam::{DVec3, Vec3};
 const MAX_HOLES: usize = 1 << 16;
 
 impl Whitted<'_> {
-    /// Finds the nearest surface of each ray, past holes. A ray without a hit gets the environment's or background's
-    /// colour.
-    pub(super) fn intersect<P: Probe>(&mut self, wave: &mut Wave, probe: &mut P) {
-        let Wave { batch, colors, interactions, footprints, .. } = wave;
-        let (world, time) = (self.world, self.time);
-        colors.clear();
-        colors.resize(batch.len(), world.background);
-        interactions.clear();
-        footprints.clear();
-        if P::ACTIVE {
-            let PathState { kind, depth, attenuation, .. } = batch.path_state(0);
-            probe.ray(kind, &batch.rays[0], depth, attenuation);
-        }
-        self.batch.set(&batch.rays, f32::INFINITY);
-        world.intersect_batch(&mut self.batch, time);
-        let miss = |index: usize, color: &mut Rgb, probe: &mut P| {
-            if let Some(environment) = &world.environment {
-                let differential =
-                    batch.differential(index).map_or([DVec3::ZERO; 2], |differential| differential.direction);
-                let environment_lookup = environment.lookup(batch.lines[index].direction, differential);
-                probe.environment_lookup(&environment_lookup);
-                *color = environment_lookup.radiance;
-            }
-            probe.miss(*color);
-            probe.end(*color);
-        };
-        let surface_inputs = &mut self.surface_inputs;
-        let mut seen = None;
-        let has_clear = world.has_clear();
-        for (index, color) in colors.iter_mut().enumerate() {
-            let (found, differential) = (self.batch.hit(index), batch.differential(index));
-            let start = if has_clear { batch.start_of(index) } else { [media::NONE; 2] };
-            if differential.is_none()
-                && !P::ACTIVE
-                && let Some(hit) = found
-                && let material = world.material(&hit)
-                && material.is_plain()
-                && let is_clear = (has_clear && !material.is_opaque())
-                && let [inside, first_crossing] = start
-                && (!is_clear && start == [media::NONE; 2]
-                    || is_clear
-                        && first_crossing == media::NONE
-                        && material.coverage >= 1.0
-                        && self.media.is_simple(world, &batch.lines[index], &hit, inside))
-            {
-                let (line, (interactions8, lane)) = (batch.lines[index], interactions.next());
-                surface_inputs.set_line(lane, &line);
-                let color = world.push_surface(&line, &hit, lane, surface_inputs, &mut interactions8.surfaces);
-                interactions.push(index, &hit, surface_inputs, |point| material.set(point, color));
-                if is_clear {
-                    (interactions.last_mut().inside, interactions.last_mut().crossing) = (inside, media::SIMPLE);
-                }
-                continue;
-            }
-            let ray = (batch.lines[index], batch.rays[index], found, differential);
-            let Some(met) = intersect_one(world, &mut self.media, ray, start, time, probe) else {
-                miss(index, color, probe);
-                continue;
-            };
-            let VisibleHit { hit, surface, material: point, line, footprint, inside, crossing } = met;
-            if let Some(mut footprint) = footprint {
-                if point.is_mirror() || point.is_clear() {
-                    let side = if line.direction.dot(surface.normal) < 0.0 { 1.0 } else { -1.0 };
-                    footprint.shape_operator = world.surface_differential(line, &hit).shape_operator * side;
-                }
-                footprints.push(footprint);
-            }
-            let (interactions8, lane) = interactions.next();
-            interactions8.surfaces.set(lane, &surface);
-            surface_inputs.set_line(lane, &line);
-            interactions.push(index, &hit, surface_inputs, |material| *material = point);
-            (interactions.last_mut().inside, interactions.last_mut().crossing) = (inside, crossing);
-            seen = Some(surface);
-        }
-        interactions.evaluate(surface_inputs);
-        batch.count(interactions.each().iter().map(Interaction::ray_index), &mut self.counts);
-        if P::ACTIVE
-            && let Some(surface) = seen
-        {
-            let at = interactions.at(0);
-            probe.hit(&at.interaction.hit, &surface, &at.interaction.material, at.outside());
+    /// The first surface that a ray sees.
+    pub(super) fn intersect<P: Probe>(&mut self, ray: &RayState, probe: &mut P) -> Option<VisibleHit> {
+        let found = self.world.intersect_at(&ray.ray, f32::INFINITY, self.time);
+        let PathState { kind, inside, first_crossing, .. } = ray.path_state;
+        let arriving = (ray.line, ray.ray, found, ray.differential.as_ref());
+        let visible_hit =
+            visible_hit(self.world, &mut self.media, arriving, [inside, first_crossing], self.time, probe);
+        let count = self.counts.of_mut(kind);
+        count.traced += 1;
+        count.hit += u64::from(visible_hit.is_some());
+        visible_hit
+    }
+
+    /// The colour of a ray that hits nothing.
+    pub(super) fn background<P: Probe>(&self, ray: &RayState, probe: &mut P) -> Rgb {
+        background(self.world, ray.line.direction, ray.differential.as_ref(), probe)
+    }
+}
+
+/// The colour of the environment, or of the background without one.
+#[inline]
+pub(super) fn background<P: Probe>(
+    world: &World,
+    direction: DVec3,
+    differential: Option<&RayDifferential>,
+    probe: &mut P,
+) -> Rgb {
+    let Some(environment) = &world.environment else { return world.background };
+    let lookup = environment.lookup(direction, differential.map_or([DVec3::ZERO; 2], |d| d.direction));
+    probe.environment_lookup(&lookup);
+    lookup.radiance
+}
+
+impl<'a> SurfaceInteraction<'a> {
+    /// The interaction of a ray with the surface that it sees.
+    pub(super) fn new(visible_hit: &'a VisibleHit, ray: &'a RayState) -> SurfaceInteraction<'a> {
+        let VisibleHit { hit, surface, material, line, footprint, inside, crossing } = visible_hit;
+        SurfaceInteraction {
+            hit,
+            material,
+            frame: Frame::new(line.direction, surface),
+            footprint: footprint.as_ref(),
+            inside: *inside,
+            crossing: *crossing,
+            path_state: ray.path_state,
+            sample: &ray.sample,
         }
     }
 }
@@ -103,7 +68,7 @@ impl Whitted<'_> {
 /// are the bodies that the ray starts in. `first_crossing` is the coinciding surface at the ray's origin that comes
 /// before `found`.
 #[inline(never)]
-fn intersect_one<P: Probe>(
+pub(super) fn visible_hit<P: Probe>(
     world: &World,
     media: &mut Media,
     (mut line, mut ray, mut found, differential): (DRay, Ray, Option<Hit>, Option<&RayDifferential>),
@@ -164,6 +129,14 @@ fn intersect_one<P: Probe>(
             world.textured(line, &hit, &mut surface, step, probe)
         };
         if material.coverage > 0.0 || passed >= MAX_HOLES || stalled > MAX_STALLED {
+            let footprint = footprint.map(|footprint| {
+                if !material.is_mirror() && !material.is_clear() {
+                    return footprint;
+                }
+                let side = if line.direction.dot(surface.normal) < 0.0 { 1.0 } else { -1.0 };
+                let shape_operator = world.surface_differential(line, &hit).shape_operator * side;
+                Footprint { shape_operator, ..footprint }
+            });
             return Some(VisibleHit { hit, surface, material, line, footprint, inside, crossing });
         }
         probe.hole(&hit);

@@ -1,10 +1,8 @@
-//! The chapter's recursive ray tracing (box 5.8; Whitted 1980). `trace` finds the nearest surfaces. `shade` sums
-//! (5.39b) there and calls `trace` for mirrors and clear bodies.
+//! The chapter's recursive ray tracing (box 5.8; Whitted 1980). `trace` finds the nearest surface. `shade` sums (5.39b)
+//! there and calls `trace` for mirrors and clear bodies.
 //!
-//! Rays are traced in batches. The rays of neighbouring samples are traced together, then their shadow rays to one
-//! light point, then the mirrored rays, then the refracted rays. A batch of one ray takes the steps of the chapter's
-//! recursion in the chapter's order; a probe observes such a batch. The rays of a larger batch take these steps side by
-//! side.
+//! [`trace`] holds the recursion as the chapter writes it. A probe observes it. Pictures are made by [`wave`], which
+//! traces many rays side by side and gives equal bits.
 //!
 //! Deviations from the chapter: the normal faces the viewer; a shadow ray passes clear surfaces by their 1 − o; beyond
 //! the critical angle the reflected ray inside carries 1 − o. Products and sums that overflow stay at the largest
@@ -12,28 +10,29 @@
 
 mod direct;
 mod interaction;
-mod interactions8;
 mod intersect;
 mod media;
-mod ray_batch;
+mod ray_state;
 mod secondary;
+mod trace;
+mod wave;
+
+pub(crate) use wave::BATCH_SIZE;
 
 use super::{Probe, RayCounts};
 use crate::light::PreparedLight;
 use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::{Sample, Sampler};
-use crate::scene::{IntegratorSettings, Stage};
-use crate::shape::SurfaceInputs8;
-use crate::world::{OccluderCache, RayBundle, ShadowRays, World};
-use direct::Lighting;
-use interaction::{Footprint, Interaction, Interactions};
+use crate::scene::WhittedSettings;
+use crate::world::{OccluderCache, World};
 use media::Media;
-use ray_batch::RayBatch;
+use ray_state::{PathState, RayState};
+use wave::Waves;
 
 /// The classic integrator on one world.
 pub struct Whitted<'w> {
     world: &'w World,
-    settings: IntegratorSettings,
+    settings: WhittedSettings,
     /// The rays traced so far.
     pub counts: RayCounts,
     /// Called at intervals with the number of rays traced; returns whether to cancel.
@@ -50,44 +49,18 @@ pub struct Whitted<'w> {
     time: f32,
     /// The world's lights at that time; empty if no light moves.
     lights: Vec<PreparedLight>,
-    /// Camera rays that wait to be traced.
-    pending: Wave,
-    /// The rays of the current query and its results.
-    batch: RayBundle,
-    /// The inputs of surface evaluation for the last interactions.
-    surface_inputs: SurfaceInputs8,
-    /// Shadow rays that cross clear surfaces.
-    shadow_rays: ShadowRays,
-    /// Waves whose memory can be reused.
-    spare: Vec<Wave>,
-    /// Buffers for direct lighting.
-    lighting: Lighting,
     /// The media that rays are in.
     media: Media,
-}
-
-/// Rays that are traced together, with their interactions.
-#[derive(Default)]
-struct Wave {
-    batch: RayBatch,
-    /// For each ray, the interaction of the parent wave that it leaves.
-    parents: Vec<u32>,
-    /// The colour of each ray.
-    colors: Vec<Rgb>,
-    interactions: Interactions,
-    /// The footprint at each interaction, if rays have differentials.
-    footprints: Vec<Footprint>,
+    /// The rays that are traced side by side.
+    waves: Waves,
 }
 
 /// The number of camera rays and child rays between two calls of the cancel callback.
 const RAYS_PER_POLL: u32 = 4096;
 
-/// The most camera rays that are traced together. Their interactions should fit the nearer caches.
-pub(crate) const BATCH_SIZE: usize = 256;
-
 impl<'w> Whitted<'w> {
     /// An integrator that has traced nothing yet.
-    pub fn new(world: &'w World, settings: IntegratorSettings) -> Whitted<'w> {
+    pub fn new(world: &'w World, settings: WhittedSettings) -> Whitted<'w> {
         Whitted {
             world,
             settings,
@@ -99,13 +72,8 @@ impl<'w> Whitted<'w> {
             sample: Sampler::new(0, 0, [0; 2]).sample(0, 1),
             time: 0.0,
             lights: if world.lights_move() { world.lights.clone() } else { Vec::new() },
-            pending: Wave::default(),
-            batch: RayBundle::default(),
-            surface_inputs: SurfaceInputs8::NONE,
-            shadow_rays: ShadowRays::default(),
-            spare: Vec::new(),
-            lighting: Lighting::default(),
             media: Media::default(),
+            waves: Waves::default(),
         }
     }
 
@@ -146,107 +114,15 @@ impl<'w> Whitted<'w> {
         differential: Option<&RayDifferential>,
         probe: &mut P,
     ) -> Rgb {
-        self.push_camera_rays(&[line.into()], &[self.sample], differential.copied());
-        self.trace_pending(probe)[0]
-    }
-
-    /// Adds camera rays to the batch that waits to be traced. All of them have one time; successive rays should have
-    /// nearly equal directions. There are as many `samples` as `lines`. There are as many `differentials` too, unless
-    /// nothing uses them. Each is as for [`Whitted::eye`].
-    pub(crate) fn push_camera_rays(
-        &mut self,
-        lines: &[DRay],
-        samples: &[Sample],
-        differentials: impl IntoIterator<Item = RayDifferential>,
-    ) {
-        self.poll(lines.len() as u32);
-        self.pending.batch.push_camera_rays(lines, samples, differentials);
-    }
-
-    /// Whether the batch of waiting rays has reached its best size.
-    #[inline]
-    pub(crate) fn is_full(&self) -> bool {
-        self.pending.batch.len() >= BATCH_SIZE
-    }
-
-    /// Traces the waiting rays and returns their colours.
-    pub(crate) fn trace_pending<P: Probe>(&mut self, probe: &mut P) -> &[Rgb] {
-        if self.pending.batch.is_empty() {
-            return &[];
-        }
-        let mut wave = std::mem::take(&mut self.pending);
+        self.poll(1);
+        let line = line.into();
+        let mut path_state = PathState::EYE;
         if self.world.has_clear() {
-            let Whitted { world, time, media, .. } = self;
-            let depth = self.settings.max_depth;
-            media.clear();
-            wave.batch.set_around(|line| media.around_eye(world, line.origin, *time, depth));
+            self.media.clear();
+            path_state.inside = self.media.around_eye(self.world, line.origin, self.time, self.settings.max_depth);
         }
-        self.trace(&mut wave, probe);
-        wave.batch.clear();
-        self.pending = wave;
-        &self.pending.colors
-    }
-
-    /// An empty wave.
-    fn wave(&mut self) -> Wave {
-        let mut wave = self.spare.pop().unwrap_or_default();
-        wave.batch.clear();
-        wave.parents.clear();
-        wave
-    }
-
-    /// Box 5.8, `trace`: sets the colours to those of the nearest surfaces, or to the background. With an active probe
-    /// there is one ray.
-    fn trace<P: Probe>(&mut self, wave: &mut Wave, probe: &mut P) {
-        debug_assert!(!P::ACTIVE || wave.batch.len() == 1);
-        self.intersect(wave, probe);
-        if wave.interactions.len() == 0 || self.is_cancelled {
-            return;
-        }
-        self.shade(wave, probe);
-        for interaction in wave.interactions.all_mut() {
-            let (overlay, share) = interaction.material.overlay;
-            if share > 0.0 {
-                probe.overlay(overlay, share);
-                interaction.color = (overlay * share + interaction.color * (1.0 - share)).saturated();
-            }
-        }
-        self.pass(wave, probe);
-        for interaction in wave.interactions.each() {
-            wave.colors[interaction.ray_index()] = interaction.color;
-            probe.end(interaction.color);
-        }
-    }
-
-    /// Box 5.8, `shade`: (5.39b), up to the stage of the settings.
-    fn shade<P: Probe>(&mut self, wave: &mut Wave, probe: &mut P) {
-        let stage = self.settings.stage;
-        // The shading under an opaque overlay is not visible.
-        let seen = |interaction: &&mut Interaction| interaction.is_seen();
-        if stage == Stage::Unlit {
-            for interaction in wave.interactions.all_mut().iter_mut().filter(seen) {
-                interaction.color = interaction.material.phong.kd;
-                probe.unlit(interaction.color);
-            }
-            return;
-        }
-        if stage >= Stage::Ambient {
-            for interaction in wave.interactions.all_mut().iter_mut().filter(seen) {
-                let ambient = (self.world.ambient * interaction.material.phong.kd).saturated(); // (5.33)
-                probe.ambient(ambient);
-                interaction.color += ambient;
-            }
-        }
-        self.light(wave, probe);
-        if stage >= Stage::Reflection {
-            self.reflect(wave, probe);
-        }
-        if stage >= Stage::Full {
-            self.refract(wave, probe);
-        }
-        for interaction in wave.interactions.all_mut().iter_mut().filter(seen) {
-            interaction.color = interaction.color.saturated();
-        }
+        let (sample, differential) = (self.sample, differential.copied());
+        self.trace(&RayState { ray: line.rounded(), line, path_state, sample, differential }, probe)
     }
 
     /// Counts `rays` towards the next call of the cancel callback, and calls it when it is due.

@@ -1,9 +1,11 @@
 //! Interactions and the light that arrives at them, eight side by side. Lengths, directions, cosines and colours are
 //! computed for all eight at once.
 
+use crate::integrator::whitted::direct::{BEFORE_LIGHT, contribution, lit};
+use crate::integrator::whitted::interaction::Frame;
 use crate::light::Illumination;
-use crate::material::{MaterialPoint, reflect};
-use crate::math::{Rgb, offset_origin, saturate};
+use crate::material::MaterialPoint;
+use crate::math::{Rgb, saturate};
 use crate::shape::{DVec3x8, SURFACES, SurfaceInputs8, Surfaces, Vec3x8, dvec3, set_dvec3, set_vec3, vec3};
 use canaletto_bvh::{InstructionSet, Kernel};
 use glam::{DVec3, Vec3};
@@ -66,9 +68,6 @@ pub(super) struct LightSamples8 {
     pub(super) highlight: [f32; LANES],
 }
 
-/// The `t_max` of a ray towards a light point at t = 1.
-const BEFORE_LIGHT: f32 = 1.0 - f32::EPSILON;
-
 const ZERO: DVec3x8 = [[0.0; LANES]; 3];
 const BLACK: Vec3x8 = [[0.0; LANES]; 3];
 
@@ -129,22 +128,21 @@ impl Interactions8 {
         set_vec3(&mut self.color, lane, color.to_array().into());
     }
 
-    /// Whether the ray hit the outer side.
+    /// The frame of an interaction.
     #[inline]
-    pub(super) fn outside(&self, lane: usize) -> bool {
-        self.side[lane] > 0.0
-    }
-
-    /// v̂, the unit direction back along the ray.
-    #[inline]
-    pub(super) fn wo(&self, lane: usize) -> DVec3 {
-        dvec3(&self.wo, lane)
-    }
-
-    /// The unit geometric normal on the outer side.
-    #[inline]
-    pub(super) fn outer(&self, lane: usize) -> DVec3 {
-        dvec3(&self.surfaces.normal, lane)
+    pub(super) fn frame(&self, lane: usize) -> Frame {
+        Frame {
+            outside: self.side[lane] > 0.0,
+            wo: dvec3(&self.wo, lane),
+            outer: dvec3(&self.surfaces.normal, lane),
+            facing: self.facing(lane),
+            normal: self.normal(lane),
+            mirrored: self.mirrored(lane),
+            exact: self.exact(lane),
+            point: vec3(&self.surfaces.point, lane),
+            error: vec3(&self.surfaces.error, lane),
+            start: self.start(lane),
+        }
     }
 
     /// The unit geometric normal on the viewer's side.
@@ -171,12 +169,6 @@ impl Interactions8 {
         dvec3(&self.surfaces.exact, lane)
     }
 
-    /// The point and its error bound.
-    #[inline]
-    pub(super) fn point(&self, lane: usize) -> [Vec3; 2] {
-        [vec3(&self.surfaces.point, lane), vec3(&self.surfaces.error, lane)]
-    }
-
     /// The origin of an interaction's shadow rays.
     #[inline]
     pub(super) fn start(&self, lane: usize) -> Vec3 {
@@ -188,18 +180,6 @@ impl Interactions8 {
     pub(super) fn color(&self, lane: usize) -> Rgb {
         Rgb::from(vec3(&self.color, lane).to_array())
     }
-}
-
-/// The diffuse and the specular light of one component: (5.32b) and (5.38).
-#[inline(always)]
-fn lit(intensity: f32, [kd, n_dot_l]: [f32; 2], [ks, highlight]: [f32; 2]) -> [f32; 2] {
-    [saturate(intensity * kd) * n_dot_l, saturate(intensity * ks) * highlight]
-}
-
-/// The sum of both terms after shadows (5.39a).
-#[inline(always)]
-fn contribution([diffuse, specular]: [f32; 2], f_s: f32) -> f32 {
-    if f_s > 0.0 { saturate(diffuse + specular) * f_s } else { 0.0 }
 }
 
 impl LightSamples8 {
@@ -253,11 +233,6 @@ impl LightSamples8 {
         dvec3(&self.direction, lane)
     }
 
-    /// The intensity at an interaction, before shadows.
-    pub(super) fn intensity(&self, lane: usize) -> Rgb {
-        Rgb::from(vec3(&self.intensity, lane).to_array())
-    }
-
     /// Sets the intensity at an interaction.
     #[inline]
     pub(super) fn set_intensity(&mut self, lane: usize, intensity: Rgb) {
@@ -297,19 +272,6 @@ impl LightSamples8 {
         InstructionSet::run(Add { light_samples, interactions8 });
     }
 
-    /// The diffuse term, the specular term and the contribution of the light at an interaction.
-    pub(super) fn terms(&self, interactions8: &Interactions8, lane: usize) -> [Rgb; 3] {
-        if self.lit >> lane & 1 == 0 {
-            return [Rgb::BLACK; 3];
-        }
-        let both: [[f32; 2]; 3] = std::array::from_fn(|c| {
-            let diffuse = [interactions8.kd[c][lane], self.n_dot_l[lane]];
-            lit(self.intensity[c][lane], diffuse, [interactions8.ks[c][lane], self.highlight[lane]])
-        });
-        let whole = both.map(|both| contribution(both, self.f_s[lane]));
-        [both.map(|[diffuse, _]| diffuse), both.map(|[_, specular]| specular), whole].map(Rgb::from)
-    }
-
     #[inline(always)]
     fn cosines(&mut self, interactions8: &Interactions8) {
         for i in 0..LANES {
@@ -333,21 +295,13 @@ impl Kernel for Evaluate<'_> {
         let Evaluate { interactions8, surface_inputs } = self;
         surface_inputs.surfaces(&mut interactions8.surfaces);
         for i in 0..LANES {
-            let surfaces = &interactions8.surfaces;
-            let (direction, outer) = (dvec3(&surface_inputs.direction, i), dvec3(&surfaces.normal, i));
-            let outside = direction.dot(outer) < 0.0;
-            let side = if outside { 1.0 } else { -1.0 };
-            let (wo, facing, normal) =
-                (-direction.normalize(), outer * side, dvec3(&surfaces.shading_normal, i) * side);
-            let [shadow_origin, point] = [&surfaces.shadow_origin, &surfaces.point].map(|rows| vec3(rows, i));
-            let start =
-                offset_origin(if outside { shadow_origin } else { point }, vec3(&surfaces.error, i), facing, facing);
-            interactions8.side[i] = side;
-            set_dvec3(&mut interactions8.wo, i, wo);
-            set_dvec3(&mut interactions8.facing, i, facing);
-            set_dvec3(&mut interactions8.normal, i, normal);
-            set_dvec3(&mut interactions8.mirrored, i, reflect(wo, normal));
-            set_vec3(&mut interactions8.start, i, start);
+            let frame = Frame::new(dvec3(&surface_inputs.direction, i), &interactions8.surfaces.get(i));
+            interactions8.side[i] = if frame.outside { 1.0 } else { -1.0 };
+            set_dvec3(&mut interactions8.wo, i, frame.wo);
+            set_dvec3(&mut interactions8.facing, i, frame.facing);
+            set_dvec3(&mut interactions8.normal, i, frame.normal);
+            set_dvec3(&mut interactions8.mirrored, i, frame.mirrored);
+            set_vec3(&mut interactions8.start, i, frame.start);
         }
     }
 }

@@ -1,0 +1,202 @@
+//! Direct lighting of a wave: the light that reaches interactions (5.39a).
+
+use super::Wave;
+use super::interactions::Interactions;
+use super::interactions8::{Interactions8, LANES, LightSamples8, lanes};
+use crate::integrator::whitted::Whitted;
+use crate::integrator::whitted::media::NONE;
+use crate::integrator::whitted::ray_state::uses;
+use crate::light::{Illumination, PreparedLight};
+use crate::material::highlights;
+use crate::math::RayDifferential;
+use crate::scene::Stage;
+use crate::world::Occlusion;
+
+/// Buffers for the lighting of one wave.
+#[derive(Default)]
+pub(super) struct Lighting {
+    /// The samples of the current light point.
+    light_samples: Vec<LightSamples8>,
+    /// The arriving light, if the light point differs between interactions.
+    arriving: Vec<Illumination>,
+    /// The interactions of shadow rays that cross clear surfaces.
+    crossing: Vec<u32>,
+    /// Interactions with a highlight, with the bases and exponents of their powers.
+    shining: Vec<u32>,
+    cosines: Vec<f32>,
+    exponents: Vec<f32>,
+}
+
+impl Lighting {
+    /// Finds the directions to a light's point, and the light along them before shadows.
+    fn sample(&mut self, source: &PreparedLight, (light, point): (u32, u32), wave: &Wave) {
+        let Lighting { light_samples, arriving, .. } = self;
+        let (interactions, interactions8) = (&wave.interactions, wave.interactions.interactions8());
+        arriving.clear();
+        if let Some(position) = source.point(point) {
+            LightSamples8::point(light_samples, interactions8, position);
+            match source.constant_intensity() {
+                Some(intensity) => light_samples.iter_mut().for_each(|samples8| samples8.set_intensities(intensity)),
+                None => {
+                    for index in 0..interactions.len() {
+                        let (samples8, lane) = (&mut light_samples[index / LANES], index % LANES);
+                        samples8.set_intensity(lane, source.along(samples8.direction(lane), samples8.distance[lane]));
+                    }
+                }
+            }
+        } else {
+            arriving.extend(interactions.each().iter().enumerate().map(|(index, interaction)| {
+                let exact = interactions8[index / LANES].exact(index % LANES);
+                if source.is_sampled() {
+                    let (batch, ray_index) = (&wave.batch, interaction.ray_index());
+                    let place = batch.path_state(ray_index).place.of(uses::LIGHTS + light);
+                    let u = batch.sample(ray_index).two_of(place, point, source.points());
+                    source.sample(u, exact)
+                } else {
+                    source.illuminate(point, exact)
+                }
+            }));
+            LightSamples8::from_illumination(light_samples, interactions8, arriving);
+        }
+        for (samples8, interactions8) in light_samples.iter_mut().zip(interactions8) {
+            samples8.evaluate(interactions8);
+            for lane in lanes(samples8.lit & interactions8.normal_bent) {
+                // Light from behind the surface, though not from behind its bent normal, doesn't arrive.
+                if interactions8.facing(lane).dot(samples8.direction(lane)) <= 0.0 {
+                    samples8.mask_out(lane);
+                }
+            }
+        }
+    }
+
+    /// Finds cosⁿα (5.38) where light arrives.
+    fn highlights(&mut self, interactions8: &[Interactions8]) {
+        let Lighting { light_samples, shining, cosines, exponents, .. } = self;
+        shining.clear();
+        cosines.clear();
+        exponents.clear();
+        for (number, (samples8, interactions8)) in light_samples.iter().zip(interactions8).enumerate() {
+            for lane in lanes(samples8.lit & interactions8.shiny) {
+                let (n, r_dot_l) = (interactions8.n[lane], samples8.r_dot_l[lane]);
+                // The highlight is zero elsewhere.
+                if samples8.f_s[lane] > 0.0 && (r_dot_l > 0.0 || n == 0.0) {
+                    shining.push((number * LANES + lane) as u32);
+                    cosines.push(r_dot_l);
+                    exponents.push(n);
+                }
+            }
+        }
+        highlights(cosines, exponents);
+        for (&interaction, &power) in shining.iter().zip(&*cosines) {
+            light_samples[interaction as usize / LANES].highlight[interaction as usize % LANES] = power;
+        }
+    }
+}
+
+/// The differential of the shadow ray from an interaction, if anything uses it.
+fn shadow_differential(wave: &Wave, samples8: &LightSamples8, interaction: usize) -> Option<RayDifferential> {
+    let (footprint, lane) = (wave.footprints.get(interaction)?, interaction % LANES);
+    Some(RayDifferential::to_light(footprint.step, samples8.direction(lane), f64::from(samples8.distance[lane])))
+}
+
+impl Whitted<'_> {
+    /// Adds the light of all lights, one light point after the other.
+    pub(super) fn light_wave(&mut self, wave: &mut Wave) {
+        if self.world.lights.is_empty() {
+            return;
+        }
+        let mut lighting = std::mem::take(&mut self.waves.lighting);
+        let (interactions, interactions8) = wave.interactions.both();
+        for (interactions8, interactions) in interactions8.iter_mut().zip(interactions.chunks(LANES)) {
+            for (lane, interaction) in interactions.iter().enumerate() {
+                interactions8.set_color(lane, interaction.color);
+            }
+        }
+        let rays = wave.interactions.len() as u32;
+        'lights: for light in 0..self.world.lights.len() as u32 {
+            for point in 0..self.world.lights[light as usize].points() {
+                self.poll(rays);
+                if self.is_cancelled {
+                    break 'lights;
+                }
+                lighting.sample(self.source(light), (light, point), wave);
+                self.shadow_wave(&mut lighting, light, wave);
+                let interactions8 = wave.interactions.both().1;
+                if self.settings.stage >= Stage::Specular {
+                    lighting.highlights(interactions8);
+                }
+                LightSamples8::add(&lighting.light_samples, interactions8);
+            }
+        }
+        let (interactions, interactions8) = wave.interactions.both();
+        for (interactions8, interactions) in interactions8.iter().zip(interactions.chunks_mut(LANES)) {
+            for (lane, interaction) in
+                interactions.iter_mut().enumerate().filter(|(_, interaction)| interaction.is_seen())
+            {
+                interaction.color = interactions8.color(lane);
+            }
+        }
+        self.waves.lighting = lighting;
+    }
+
+    /// Finds f_s, the share of the light that passes the surfaces between a light's point and the interactions.
+    fn shadow_wave(&mut self, lighting: &mut Lighting, light: u32, wave: &Wave) {
+        if !self.casts_shadows(light) {
+            return;
+        }
+        let Lighting { light_samples, crossing, .. } = lighting;
+        self.waves.bundle.clear();
+        for (samples8, interactions8) in light_samples.iter().zip(wave.interactions.interactions8()) {
+            self.waves.bundle.push_some(samples8.lit, &interactions8.start, &samples8.to, &samples8.reach);
+        }
+        self.world.occlusion_batch(&mut self.waves.bundle, self.time, &mut self.occluders[light as usize]);
+        self.counts.shadow.traced += self.waves.bundle.len() as u64;
+        crossing.clear();
+        self.waves.shadow_rays.bundle.clear();
+        let mut shadow = 0;
+        for (number, samples8) in light_samples.iter_mut().enumerate() {
+            for lane in lanes(samples8.lit) {
+                let (occlusion, interaction) = (self.waves.bundle.occlusion(shadow), number * LANES + lane);
+                if occlusion == Occlusion::Clear {
+                    let (ray, t_max) = self.waves.bundle.ray(shadow);
+                    crossing.push(interaction as u32);
+                    self.waves.shadow_rays.bundle.push(ray, t_max);
+                } else {
+                    let opaque = occlusion == Occlusion::Opaque;
+                    samples8.f_s[lane] = if opaque { 0.0 } else { 1.0 };
+                    self.counts.shadow.hit += u64::from(opaque);
+                }
+                shadow += 1;
+            }
+        }
+        self.world.transmittance_batch(&mut self.waves.shadow_rays, self.time, |number| {
+            let interaction = crossing[number] as usize;
+            shadow_differential(wave, &light_samples[interaction / LANES], interaction)
+        });
+        for (number, &interaction) in crossing.iter().enumerate() {
+            let f_s = self.waves.shadow_rays.passed(number);
+            light_samples[interaction as usize / LANES].f_s[interaction as usize % LANES] = f_s;
+            self.counts.shadow.hit += u64::from(f_s == 0.0);
+        }
+        if self.world.has_clear() {
+            self.apply_crossed_surfaces(light_samples, &wave.interactions);
+        }
+    }
+
+    /// Where faces coincide, light crosses back through those that the camera ray has crossed before.
+    fn apply_crossed_surfaces(&self, light_samples: &mut [LightSamples8], interactions: &Interactions) {
+        for (index, interaction) in
+            interactions.each().iter().enumerate().filter(|(_, interaction)| interaction.crossing != NONE)
+        {
+            let (samples8, lane) = (&mut light_samples[index / LANES], index % LANES);
+            if samples8.lit >> lane & 1 == 0 {
+                continue;
+            }
+            let frame = interactions.frame(index);
+            self.media.for_crossed_before(interaction.crossing, |hit| {
+                let opacity = self.world.opacity_at(frame.leave(-frame.wo), hit, None);
+                samples8.f_s[lane] *= 1.0 - opacity;
+            });
+        }
+    }
+}

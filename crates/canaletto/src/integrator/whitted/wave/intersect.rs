@@ -1,0 +1,66 @@
+//! The first surfaces that the rays of a wave see.
+
+use super::Wave;
+use super::interactions::Interaction;
+use crate::integrator::whitted::Whitted;
+use crate::integrator::whitted::interaction::VisibleHit;
+use crate::integrator::whitted::intersect::{background, visible_hit};
+use crate::integrator::whitted::media;
+
+impl Whitted<'_> {
+    /// Finds the nearest surface of each ray, past holes. A ray without a hit gets the environment's or background's
+    /// colour.
+    pub(super) fn intersect_wave(&mut self, wave: &mut Wave) {
+        let Wave { batch, colors, interactions, footprints, .. } = wave;
+        let (world, time) = (self.world, self.time);
+        colors.clear();
+        colors.resize(batch.len(), world.background);
+        interactions.clear();
+        footprints.clear();
+        self.waves.bundle.set(&batch.rays, f32::INFINITY);
+        world.intersect_batch(&mut self.waves.bundle, time);
+        let surface_inputs = &mut self.waves.surface_inputs;
+        let has_clear = world.has_clear();
+        for (index, color) in colors.iter_mut().enumerate() {
+            let (found, differential) = (self.waves.bundle.hit(index), batch.differential(index));
+            let start = if has_clear { batch.start_of(index) } else { [media::NONE; 2] };
+            if differential.is_none()
+                && let Some(hit) = found
+                && let material = world.material(&hit)
+                && material.is_plain()
+                && let is_clear = (has_clear && !material.is_opaque())
+                && let [inside, first_crossing] = start
+                && (!is_clear && start == [media::NONE; 2]
+                    || is_clear
+                        && first_crossing == media::NONE
+                        && material.coverage >= 1.0
+                        && self.media.is_simple(world, &batch.lines[index], &hit, inside))
+            {
+                let (line, (interactions8, lane)) = (batch.lines[index], interactions.next());
+                surface_inputs.set_line(lane, &line);
+                let color = world.push_surface(&line, &hit, lane, surface_inputs, &mut interactions8.surfaces);
+                interactions.push(index, &hit, surface_inputs, |point| material.set(point, color));
+                if is_clear {
+                    (interactions.last_mut().inside, interactions.last_mut().crossing) = (inside, media::SIMPLE);
+                }
+                continue;
+            }
+            let ray = (batch.lines[index], batch.rays[index], found, differential);
+            let Some(visible_hit) = visible_hit(world, &mut self.media, ray, start, time, &mut ()) else {
+                if world.environment.is_some() {
+                    *color = background(world, batch.lines[index].direction, differential, &mut ());
+                }
+                continue;
+            };
+            let VisibleHit { hit, surface, material: point, line, footprint, inside, crossing } = visible_hit;
+            footprints.extend(footprint);
+            let (interactions8, lane) = interactions.next();
+            interactions8.surfaces.set(lane, &surface);
+            surface_inputs.set_line(lane, &line);
+            interactions.push(index, &hit, surface_inputs, |material| *material = point);
+            (interactions.last_mut().inside, interactions.last_mut().crossing) = (inside, crossing);
+        }
+        interactions.evaluate(surface_inputs);
+        batch.count(interactions.each().iter().map(Interaction::ray_index), &mut self.counts);
+    }
+}
