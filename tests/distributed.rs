@@ -251,7 +251,7 @@ fn rough_mirrors_scatter_by_the_ggx_density() {
     let wo = eye.normalize();
     for roughness in [0.2f32, 0.5, 0.8] {
         let mut materials = white();
-        materials[1].phong.roughness = roughness;
+        materials[1].model.phong_mut().roughness = roughness;
         let floor = Shape::Disk(Disk { center: Vec3::ZERO, normal: Vec3::Y, radius: 0.01 });
         let nodes = vec![Node::from(floor).with_material(1), ball(center.as_vec3(), radius as f32)];
         let scene = Scene { materials, nodes, ambient: Rgb::WHITE, ..Scene::default() };

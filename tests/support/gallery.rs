@@ -185,7 +185,7 @@ pub fn distributed_still_life(scale: f32) -> Scene {
         node.motion = motion.into();
     }
     // Mirrors and glass are rough.
-    (scene.materials[2].phong.roughness, scene.materials[3].phong.roughness) = (0.3, 0.4);
+    (scene.materials[2].model.phong_mut().roughness, scene.materials[3].model.phong_mut().roughness) = (0.3, 0.4);
     // The lamp's parts move in the lamp, which moves in its copies.
     if let Content::Group(parts) = &mut scene.prototypes[0].content {
         parts[0].motion = vec![Transform::IDENTITY, step(0.0, 0.2, 0.0)].into();

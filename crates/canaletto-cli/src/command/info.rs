@@ -198,7 +198,7 @@ fn light(source: &PreparedLight) -> String {
 }
 
 fn material(material: &Material) -> String {
-    let m = &material.phong;
+    let m = material.phong();
     let mut text = format!("\"{}\": kd {}, ks {}, n {}", material.name, rgb(m.kd), rgb(m.ks), m.n);
     if !m.k.is_black() {
         text += &format!(", k {}", rgb(m.k));

@@ -157,7 +157,9 @@ fn reasons(world: &World, job: &Job, seen: &Seen) -> Vec<Reason> {
         .flat_map(|tree| tree.samples)
         .filter_map(|sample| if let Outcome::Hit(hit) = sample.ray.outcome { Some(*hit) } else { None })
         .collect();
-    let is_black = |hit: &HitNode| hit.phong.kd == Rgb::BLACK && hit.phong.ks == Rgb::BLACK && hit.overlay.is_none();
+    let is_black = |hit: &HitNode| {
+        hit.model.phong().kd == Rgb::BLACK && hit.model.phong().ks == Rgb::BLACK && hit.overlay.is_none()
+    };
     if !hits.is_empty() && hits.iter().all(is_black) {
         let goes_on = |hit: &HitNode| !hit.children.is_empty() || !hit.cut.is_empty();
         return match hits.iter().find(|hit| !goes_on(hit)) {

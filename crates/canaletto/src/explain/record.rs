@@ -138,7 +138,7 @@ impl Probe for Recorder<'_> {
             uv: surface.uv.to_array(),
             side: if outside { Side::Outside } else { Side::Inside },
             material: self.world.material(hit).name.clone(),
-            phong: material.phong,
+            model: material.model,
             textures: std::mem::take(&mut self.textures),
             unlit: None,
             ambient: None,
@@ -258,7 +258,7 @@ fn in_the_scene(world: &World, p: Vec3) -> [f64; 3] {
 /// The value before and after a texture.
 fn replaced(read: &TextureRead) -> [Vec<f32>; 2] {
     let number = |point: &MaterialPoint, normal: glam::DVec3| {
-        let phong = &point.phong;
+        let phong = point.phong();
         match read.used.target {
             Target::Replace | Target::Decal => [&point.overlay.0.to_array()[..], &[point.overlay.1]].concat(),
             Target::Diffuse => phong.kd.to_array().to_vec(),

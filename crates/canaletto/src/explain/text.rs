@@ -139,7 +139,7 @@ fn write_hit(f: &mut Formatter, hit: &HitNode, color: Rgb, indent: &str) -> fmt:
     writeln!(f, "{indent}  meets {which} ({}) from {side} at t = {}", hit.kind, Number(hit.t))?;
     writeln!(f, "{indent}    p = {}", vector(hit.point))?;
     writeln!(f, "{indent}    n = {}, uv = ({}, {})", vector(hit.shading_normal), Number(hit.uv[0]), Number(hit.uv[1]))?;
-    let m = &hit.phong;
+    let m = hit.model.phong();
     writeln!(
         f,
         "{indent}    material \"{}\": kd {}, ks {}, n {}, k {}, eta {}, o {}",

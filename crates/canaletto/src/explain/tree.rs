@@ -2,7 +2,7 @@
 
 use crate::integrator::RayKind;
 use crate::light::environment::EnvironmentLookup;
-use crate::material::Phong;
+use crate::material::MaterialModel;
 use crate::math::Rgb;
 use crate::render::weighted_mean;
 use serde::{Serialize, Serializer};
@@ -137,8 +137,9 @@ pub struct HitNode {
     pub side: Side,
     /// The material's name.
     pub material: String,
-    /// The material's values at the hit.
-    pub phong: Phong,
+    /// The material's model with its values at the hit.
+    #[serde(flatten)]
+    pub model: MaterialModel,
     /// The textures that were read for these values, in order.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub textures: Vec<TextureNode>,

@@ -3,6 +3,7 @@
 mod bump;
 mod mapping;
 mod microfacet;
+mod model;
 mod phong;
 mod refract;
 mod texture_use;
@@ -10,6 +11,7 @@ mod texture_use;
 pub use bump::{apply_bump, apply_normal_map, clamp_to_hemisphere};
 pub use mapping::{Mapping, Place, Projection, Repeat, Space, TexCoord, TexCoords};
 pub use microfacet::{reflect_into_hemisphere, sample_ggx_vndf};
+pub use model::MaterialModel;
 pub use phong::Phong;
 pub(crate) use phong::highlights;
 pub use refract::{reflect, refract};
@@ -26,7 +28,8 @@ pub struct Material {
     /// The name that objects refer to.
     pub name: String,
     /// The model and its numbers.
-    pub phong: Phong,
+    #[serde(flatten)]
+    pub model: MaterialModel,
     /// The share of the surface that exists, 0 (nothing) to 1: alpha of glTF, `d` of MTL. Light passes straight through
     /// the rest, by 1 − coverage, and the rest is not shaded. Opacity is different: a transparent surface such as glass
     /// is shaded as a whole.
@@ -50,7 +53,7 @@ impl Default for Material {
     fn default() -> Material {
         Material {
             name: String::new(),
-            phong: Phong::default(),
+            model: MaterialModel::default(),
             coverage: whole(),
             priority: 0.0,
             textures: Vec::new(),
@@ -60,8 +63,8 @@ impl Default for Material {
 
 impl Material {
     /// A material without textures.
-    pub fn new(name: impl Into<String>, phong: Phong) -> Material {
-        Material { name: name.into(), phong, ..Material::default() }
+    pub fn new(name: impl Into<String>, model: impl Into<MaterialModel>) -> Material {
+        Material { name: name.into(), model: model.into(), ..Material::default() }
     }
 
     /// Returns the material with this coverage.
@@ -91,12 +94,18 @@ impl Material {
     /// Sets `point` to the material's values for a surface with this colour of its own, or without one.
     #[inline]
     pub(crate) fn set(&self, point: &mut MaterialPoint, color: Option<Rgb>) {
-        let MaterialPoint { phong, overlay, coverage, normal_bent } = point;
-        *phong = self.phong;
+        let MaterialPoint { model, overlay, coverage, normal_bent } = point;
+        *model = self.model;
         if let Some(color) = color {
-            phong.kd = color;
+            model.phong_mut().kd = color;
         }
         (*overlay, *coverage, *normal_bent) = ((Rgb::BLACK, 0.0), self.coverage, false);
+    }
+
+    /// The coefficients of (5.39b).
+    #[inline(always)]
+    pub fn phong(&self) -> &Phong {
+        self.model.phong()
     }
 
     /// Whether the material has no texture and its coverage isn't zero, so that it is constant on all its surfaces.
@@ -108,7 +117,7 @@ impl Material {
     /// Whether the material lets no light through anywhere.
     #[inline]
     pub fn is_opaque(&self) -> bool {
-        self.phong.opacity >= 1.0
+        self.phong().opacity >= 1.0
             && self.coverage >= 1.0
             && !self.textures.iter().any(|texture| texture.target.may_transmit())
     }
@@ -118,7 +127,7 @@ impl Material {
     /// # Errors
     /// An [`OutOfRange`] that names the number, its value and the range.
     pub fn check(&self) -> Result<(), OutOfRange> {
-        self.phong.check()?;
+        self.model.check()?;
         if !(0.0..=1.0).contains(&self.coverage) {
             return Err(OutOfRange::new(
                 "coverage",
@@ -138,8 +147,8 @@ impl Material {
 /// A material evaluated at a point: the whole material as an integrator sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MaterialPoint {
-    /// The values of the Phong model at the point.
-    pub phong: Phong,
+    /// The model with its numbers at the point.
+    pub model: MaterialModel,
     /// A colour over the shaded one and its share, 0 to 1. With a share of 1 nothing is left to shade.
     pub overlay: (Rgb, f32),
     /// The share of the surface that exists, 0 (a hole) to 1.
@@ -150,11 +159,17 @@ pub struct MaterialPoint {
 
 impl Default for MaterialPoint {
     fn default() -> MaterialPoint {
-        MaterialPoint { phong: Phong::default(), overlay: (Rgb::BLACK, 0.0), coverage: 1.0, normal_bent: false }
+        MaterialPoint { model: MaterialModel::default(), overlay: (Rgb::BLACK, 0.0), coverage: 1.0, normal_bent: false }
     }
 }
 
 impl MaterialPoint {
+    /// The coefficients of (5.39b).
+    #[inline(always)]
+    pub fn phong(&self) -> &Phong {
+        self.model.phong()
+    }
+
     /// Whether the overlay leaves any of the shaded colour visible.
     #[inline]
     pub fn is_seen(&self) -> bool {
@@ -164,17 +179,17 @@ impl MaterialPoint {
     /// Whether light passes: o < 1.
     #[inline]
     pub fn is_clear(&self) -> bool {
-        self.phong.opacity < 1.0
+        self.phong().opacity < 1.0
     }
 
     /// Whether a reflected ray counts: k ≠ 0.
     #[inline]
     pub fn is_mirror(&self) -> bool {
-        !self.phong.k.is_black()
+        !self.phong().k.is_black()
     }
 
     /// The share of crossing light that the surface blocks: coverage times opacity o.
     pub fn opacity_with_coverage(&self) -> f32 {
-        if self.coverage < 1.0 { self.coverage * self.phong.opacity } else { self.phong.opacity }
+        if self.coverage < 1.0 { self.coverage * self.phong().opacity } else { self.phong().opacity }
     }
 }

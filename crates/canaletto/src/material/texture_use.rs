@@ -182,7 +182,7 @@ impl TextureUse {
     /// Sets the target to a texture's value. Numbers out of the model's range are clamped to it, since textures may
     /// hold any number.
     pub fn apply(&self, value: [f32; 4], point: &mut MaterialPoint) {
-        let phong = &mut point.phong;
+        let phong = point.model.phong_mut();
         let number = || positive(self.number(value));
         let color = || {
             let [r, g, b, _] = value.map(|v| positive(self.ranged(v)));
@@ -234,17 +234,17 @@ mod tests {
             p
         };
         let rgb = Rgb::new(0.25, 0.5, 0.75);
-        assert_eq!(applied(Target::Diffuse, [0.0, 1.0]).phong.kd, rgb);
-        assert_eq!(applied(Target::Specular, [0.0, 1.0]).phong.ks, rgb);
-        assert_eq!(applied(Target::Mirror, [1.0, 0.0]).phong.k, Rgb::new(0.75, 0.5, 0.25));
+        assert_eq!(applied(Target::Diffuse, [0.0, 1.0]).phong().kd, rgb);
+        assert_eq!(applied(Target::Specular, [0.0, 1.0]).phong().ks, rgb);
+        assert_eq!(applied(Target::Mirror, [1.0, 0.0]).phong().k, Rgb::new(0.75, 0.5, 0.25));
         assert_eq!(applied(Target::Replace, [0.0, 1.0]).overlay, (rgb, 1.0));
         assert_eq!(applied(Target::Decal, [0.0, 1.0]).overlay, (rgb, 0.5));
         assert_eq!(applied(Target::Cutout, [0.0, 1.0]).coverage, 0.5);
         let luminance = 0.2126 * 0.25 + 0.7152 * 0.5 + 0.0722 * 0.75;
-        assert_eq!(applied(Target::Exponent, [0.0, 100.0]).phong.n, luminance * 100.0);
-        assert_eq!(applied(Target::Opacity, [0.0, 1.0]).phong.opacity, luminance);
-        assert_eq!(applied(Target::Roughness, [0.0, 1.0]).phong.roughness, luminance);
-        assert_eq!(applied(Target::Eta, [1.0, 2.0]).phong.eta, 1.0 + luminance);
+        assert_eq!(applied(Target::Exponent, [0.0, 100.0]).phong().n, luminance * 100.0);
+        assert_eq!(applied(Target::Opacity, [0.0, 1.0]).phong().opacity, luminance);
+        assert_eq!(applied(Target::Roughness, [0.0, 1.0]).phong().roughness, luminance);
+        assert_eq!(applied(Target::Eta, [1.0, 2.0]).phong().eta, 1.0 + luminance);
     }
 
     #[test]
@@ -253,7 +253,7 @@ mod tests {
             for (target, _) in Target::ALL {
                 let mut p = point();
                 TextureUse { range: [0.0, 3e38], ..TextureUse::new(0, target) }.apply([wild; 4], &mut p);
-                p.phong.check().unwrap();
+                p.phong().check().unwrap();
                 assert!((0.0..=1.0).contains(&p.coverage), "{p:?}");
                 assert!(p.overlay.0.is_finite() && (0.0..=1.0).contains(&p.overlay.1), "{wild}: {p:?}");
             }

@@ -80,7 +80,7 @@ impl World {
         let (part, volume, overlaps_itself) =
             self.with_instance(hit.instance, |instance| self.part_of(instance, hit))?;
         let id = BodyId { instance: hit.instance, part };
-        Some(Body { id, eta: material.phong.eta, priority: material.priority, volume, overlaps_itself })
+        Some(Body { id, eta: material.phong().eta, priority: material.priority, volume, overlaps_itself })
     }
 
     /// The closed part of an instance that was hit, its volume, and whether it overlaps itself.

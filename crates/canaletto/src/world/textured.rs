@@ -138,7 +138,7 @@ impl World {
     pub(crate) fn opacity_at(&self, line: DRay, hit: &Hit, step: Option<[DVec3; 2]>) -> f32 {
         let material = self.material(hit);
         let mut point =
-            MaterialPoint { phong: material.phong, coverage: material.coverage, ..MaterialPoint::default() };
+            MaterialPoint { model: material.model, coverage: material.coverage, ..MaterialPoint::default() };
         if material.textures.is_empty() || material.is_opaque() {
             return point.opacity_with_coverage();
         }

@@ -183,13 +183,13 @@ impl Whitted<'_> {
         let seen = |interaction: &&mut Interaction| interaction.is_seen();
         if stage == Stage::Unlit {
             for interaction in wave.interactions.all_mut().iter_mut().filter(seen) {
-                interaction.color = interaction.material.phong.kd;
+                interaction.color = interaction.material.phong().kd;
             }
             return;
         }
         if stage >= Stage::Ambient {
             for interaction in wave.interactions.all_mut().iter_mut().filter(seen) {
-                interaction.color += (self.world.ambient * interaction.material.phong.kd).saturated(); // (5.33)
+                interaction.color += (self.world.ambient * interaction.material.phong().kd).saturated(); // (5.33)
             }
         }
         self.light_wave(wave);
