@@ -127,6 +127,24 @@ impl Transform {
         similar.then(|| s2.sqrt())
     }
 
+    /// The largest factor by which the map stretches a length: the root of the largest eigenvalue of MᵀM (Smith,
+    /// *Eigenvalues of a Symmetric 3 × 3 Matrix*, 1961).
+    pub fn max_stretch(&self) -> f64 {
+        let m = self.forward.matrix3;
+        // Scaled by the largest number, so that squares neither overflow nor vanish.
+        let size = m.to_cols_array().into_iter().fold(0.0, |size: f64, v| size.max(v.abs()));
+        let m = m * (1.0 / size);
+        let a = m.transpose() * m;
+        let mean = (a.x_axis.x + a.y_axis.y + a.z_axis.z) / 3.0;
+        let b = a - DMat3::from_diagonal(DVec3::splat(mean));
+        let p = (b.to_cols_array().into_iter().map(|v| v * v).sum::<f64>() / 6.0).sqrt();
+        if p <= mean * 1e-15 {
+            return size * mean.sqrt();
+        }
+        let angle = libm::acos((0.5 * (b * (1.0 / p)).determinant()).clamp(-1.0, 1.0)) / 3.0;
+        size * (mean + 2.0 * p * libm::cos(angle)).sqrt()
+    }
+
     /// Whether the map keeps the axes: only a scale along each axis (of any sign) and a translation, no rotation or
     /// shear.
     pub fn is_axis_aligned(&self) -> bool {
@@ -168,6 +186,20 @@ fn sin_cos_degrees(degrees: f64) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_largest_stretch_is_that_of_the_most_stretched_direction() {
+        let scale = |x: f64, y: f64, z: f64| Transform::scale(DVec3::new(x, y, z)).unwrap();
+        let turn = |x: f64, y: f64, z: f64, degrees| Transform::rotate(DVec3::new(x, y, z), degrees).unwrap();
+        for (t, expected) in [
+            (Transform::IDENTITY, 1.0),
+            (scale(-3.0, 0.5, 2.0), 3.0),
+            (turn(1.0, 2.0, 3.0, 40.0).after(&scale(0.1, 0.1, 0.1)), 0.1),
+            (turn(1.0, 2.0, 3.0, 40.0).after(&scale(1e-9, 2e-9, 7e-9)).after(&turn(0.0, 1.0, 1.0, 70.0)), 7e-9),
+        ] {
+            assert!((t.max_stretch() / expected - 1.0).abs() < 1e-12, "{} instead of {expected}", t.max_stretch());
+        }
+    }
 
     #[test]
     fn a_quarter_turn_around_z_takes_x_to_y_exactly() {

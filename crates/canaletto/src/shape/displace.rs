@@ -6,15 +6,16 @@
 
 mod estimate;
 
-use super::{Cone, Cuboid, Cylinder, Mesh, Shape, Sphere, Triangle, solve};
+use super::tessellate::{FrustumFrame, Place, Places, Tessellation, TessellationVertex};
+use super::{Cone, Cylinder, Mesh, Shape, Triangle, solve};
 use crate::math::Rgb;
 use estimate::{Raised, parts};
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
-/// A vertex of a tessellation.
+/// A vertex of a base mesh.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Vertex {
     pub(crate) point: DVec3,
@@ -27,36 +28,15 @@ pub(crate) struct Vertex {
     place: Place,
 }
 
-/// The rule for the place of a new vertex on the surface.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Place {
-    /// The place between the vertex's neighbours.
-    Between,
-    /// A place on the round part of the shape.
-    Round,
-    /// A place on the rim of the cap at the top or at the base.
-    Rim { top: bool },
-}
-
-/// The surface under a tessellation.
+/// The surface under a base mesh.
 enum BaseSurface {
     Flat,
     Sphere(DVec3, f64),
-    Frustum(Body),
+    Frustum(FrustumFrame),
 }
 
-/// A cylinder's or cone's body.
-struct Body {
-    base: DVec3,
-    axis: DVec3,
-    x: DVec3,
-    z: DVec3,
-    height: f64,
-    radii: [f64; 2],
-}
-
-/// A tessellation of a surface.
-pub(crate) struct Tessellation {
+/// The triangles of a surface before it is displaced.
+pub(crate) struct BaseMesh {
     vertices: Vec<Vertex>,
     triangles: Vec<[u32; 3]>,
     under: BaseSurface,
@@ -75,26 +55,6 @@ pub(crate) enum DisplaceError {
     TooFar,
 }
 
-impl Body {
-    fn radius(&self, h: f64) -> f64 {
-        self.radii[0] + (self.radii[1] - self.radii[0]) * (h / self.height)
-    }
-
-    fn point(&self, h: f64, out: DVec3) -> DVec3 {
-        self.base + self.axis * h + out * self.radius(h)
-    }
-
-    fn normal(&self, out: DVec3) -> DVec3 {
-        (out - self.axis * ((self.radii[1] - self.radii[0]) / self.height)).normalize()
-    }
-
-    fn cap_uv(&self, point: DVec3, top: bool) -> DVec2 {
-        let (h, r, z) = if top { (self.height, self.radii[1], self.z) } else { (0.0, self.radii[0], -self.z) };
-        let across = point - self.base - self.axis * h;
-        DVec2::new(across.dot(self.x), across.dot(z)) * (0.5 / r) + 0.5
-    }
-}
-
 /// The number of columns around a round shape before any split.
 const COLUMNS: usize = 24;
 /// The number of rows between a sphere's poles before any split.
@@ -102,25 +62,40 @@ const ROWS: usize = 12;
 /// The number of triangles up to which the final number is not estimated.
 const FEW: usize = 1 << 14;
 
-impl Tessellation {
-    /// The tessellation of a shape, if it has one.
-    pub(crate) fn of_shape(shape: &Shape) -> Option<Tessellation> {
-        match shape {
-            Shape::Sphere(s) => Some(Tessellation::sphere(s)),
-            Shape::Box(s) => Some(Tessellation::cuboid(s)),
-            Shape::Triangle(s) => Some(Tessellation::triangle(s)),
-            Shape::Cylinder(Cylinder { base, top, radius, caps }) => {
-                Some(Tessellation::frustum([*base, *top], [*radius, *radius], *caps))
+impl BaseMesh {
+    /// The base mesh of a shape, if it can be displaced.
+    pub(crate) fn of_shape(shape: &Shape) -> Option<BaseMesh> {
+        let (tessellation, under) = match shape {
+            Shape::Sphere(s) => {
+                (Tessellation::sphere(s, COLUMNS, ROWS), BaseSurface::Sphere(s.center.as_dvec3(), f64::from(s.radius)))
             }
+            Shape::Box(s) => (Tessellation::cuboid(s), BaseSurface::Flat),
+            Shape::Triangle(s) => (Tessellation::triangle(s), BaseSurface::Flat),
+            Shape::Cylinder(Cylinder { base, top, radius, caps }) => frustum([*base, *top], [*radius; 2], *caps),
             Shape::Cone(Cone { base, top, radius, top_radius, caps }) => {
-                Some(Tessellation::frustum([*base, *top], [*radius, *top_radius], *caps))
+                frustum([*base, *top], [*radius, *top_radius], *caps)
             }
-            Shape::Plane(_) | Shape::Disk(_) | Shape::Torus(_) => None,
-        }
+            Shape::Plane(_) | Shape::Disk(_) | Shape::Torus(_) => return None,
+        };
+        let one_sided = matches!(shape, Shape::Triangle(Triangle { one_sided: true, .. }));
+        let vertex = |v: TessellationVertex| Vertex {
+            point: v.point,
+            normal: v.normal,
+            uv: v.uv,
+            color: Rgb::BLACK,
+            slot: 0,
+            place: v.place,
+        };
+        Some(BaseMesh {
+            vertices: tessellation.vertices.into_iter().map(vertex).collect(),
+            triangles: tessellation.triangles,
+            one_sided,
+            ..BaseMesh::new(under)
+        })
     }
 
-    fn new(under: BaseSurface) -> Tessellation {
-        Tessellation {
+    fn new(under: BaseSurface) -> BaseMesh {
+        BaseMesh {
             vertices: Vec::new(),
             triangles: Vec::new(),
             under,
@@ -131,139 +106,12 @@ impl Tessellation {
         }
     }
 
-    fn add(&mut self, point: DVec3, normal: DVec3, uv: DVec2, place: Place) -> u32 {
-        self.vertices.push(Vertex { point, normal, uv, color: Rgb::BLACK, slot: 0, place });
-        self.vertices.len() as u32 - 1
-    }
-
-    fn sphere(sphere: &Sphere) -> Tessellation {
-        let (c, r) = (sphere.center.as_dvec3(), f64::from(sphere.radius));
-        let mut tessellation = Tessellation::new(BaseSurface::Sphere(c, r));
-        for j in 0..=ROWS {
-            for i in 0..=COLUMNS {
-                let pole = j == 0 || j == ROWS;
-                let direction = match j {
-                    0 => DVec3::Y,
-                    ROWS => DVec3::NEG_Y,
-                    _ => {
-                        let (sin, cos) = libm::sincos(PI * j as f64 / ROWS as f64);
-                        around(i) * sin + DVec3::Y * cos
-                    }
-                };
-                let u = (i as f64 + if pole { 0.5 } else { 0.0 }) / COLUMNS as f64;
-                tessellation.add(c + direction * r, direction, DVec2::new(u, j as f64 / ROWS as f64), Place::Round);
-            }
-        }
-        let at = |i: usize, j: usize| (j * (COLUMNS + 1) + i) as u32;
-        for (i, j) in (0..COLUMNS).flat_map(|i| (0..ROWS).map(move |j| (i, j))) {
-            let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)];
-            match j {
-                0 => tessellation.triangles.push([a, c, d]),
-                _ if j == ROWS - 1 => tessellation.triangles.push([a, c, b]),
-                _ => tessellation.triangles.extend([[a, c, d], [a, d, b]]),
-            }
-        }
-        tessellation
-    }
-
-    fn cuboid(cuboid: &Cuboid) -> Tessellation {
-        let (min, max) = (cuboid.min.as_dvec3(), cuboid.max.as_dvec3());
-        let mut tessellation = Tessellation::new(BaseSurface::Flat);
-        // For each face: the corner where u = v = 0 (true: max), and the axes of u and v (fig. 5.31).
-        let faces = [
-            ([false, true, false], 2, 1),
-            ([true, true, true], 2, 1),
-            ([false, false, true], 0, 2),
-            ([false, true, false], 0, 2),
-            ([true, true, false], 0, 1),
-            ([false, true, true], 0, 1),
-        ];
-        for (face, (corner, u, v)) in faces.into_iter().enumerate() {
-            let normal = DVec3::AXES[face / 2] * if face % 2 == 1 { 1.0 } else { -1.0 };
-            let [a, b, c, d] = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| {
-                let mut side = corner;
-                side[u] ^= i == 1;
-                side[v] ^= j == 1;
-                let at = |axis: usize| if side[axis] { max[axis] } else { min[axis] };
-                let uv = DVec2::new(f64::from(i), f64::from(j));
-                tessellation.add(DVec3::new(at(0), at(1), at(2)), normal, uv, Place::Between)
-            });
-            tessellation.triangles.extend([[a, c, d], [a, d, b]]);
-        }
-        tessellation
-    }
-
-    fn triangle(t: &Triangle) -> Tessellation {
-        let mut tessellation = Tessellation::new(BaseSurface::Flat);
-        let [a, b, c] = [t.a, t.b, t.c].map(Vec3::as_dvec3);
-        let normal = (b - a).cross(c - a).normalize_or(DVec3::Z);
-        let uv = [DVec2::ZERO, DVec2::X, DVec2::Y];
-        let corners = [0, 1, 2].map(|i| tessellation.add([a, b, c][i], normal, uv[i], Place::Between));
-        tessellation.triangles.push(corners);
-        tessellation.one_sided = t.one_sided;
-        tessellation
-    }
-
-    fn frustum([base, top]: [Vec3; 2], radii: [f32; 2], caps: bool) -> Tessellation {
-        let (base, top) = (base.as_dvec3(), top.as_dvec3());
-        let frame = solve::Frame::around(top - base);
-        let body = Body {
-            base,
-            axis: frame.y,
-            x: frame.x,
-            z: frame.z,
-            height: (top - base).length(),
-            radii: radii.map(f64::from),
-        };
-        let out = |i: usize| {
-            let d = around(i);
-            frame.x * d.x + frame.z * d.z
-        };
-        let mut tessellation = Tessellation::new(BaseSurface::Flat);
-        for (j, h) in [(0, body.height), (1, 0.0)] {
-            for i in 0..=COLUMNS {
-                let uv = DVec2::new(i as f64 / COLUMNS as f64, f64::from(j));
-                tessellation.add(body.point(h, out(i)), body.normal(out(i)), uv, Place::Round);
-            }
-        }
-        let row = COLUMNS as u32 + 1;
-        for i in 0..COLUMNS as u32 {
-            let [a, b, c, d] = [i, i + 1, row + i, row + i + 1];
-            if body.radii[1] > 0.0 {
-                tessellation.triangles.push([a, d, b]);
-            }
-            if body.radii[0] > 0.0 {
-                tessellation.triangles.push([a, c, d]);
-            }
-        }
-        for top in [true, false] {
-            let (h, r) = if top { (body.height, body.radii[1]) } else { (0.0, body.radii[0]) };
-            if !caps || r == 0.0 {
-                continue;
-            }
-            let normal = if top { body.axis } else { -body.axis };
-            let center = tessellation.add(body.base + body.axis * h, normal, DVec2::splat(0.5), Place::Between);
-            let rim: Vec<u32> = (0..=COLUMNS)
-                .map(|i| {
-                    let point = body.point(h, out(i));
-                    tessellation.add(point, normal, body.cap_uv(point, top), Place::Rim { top })
-                })
-                .collect();
-            for i in 0..COLUMNS {
-                let (from, to) = if top { (rim[i], rim[i + 1]) } else { (rim[i + 1], rim[i]) };
-                tessellation.triangles.push([center, from, to]);
-            }
-        }
-        tessellation.under = BaseSurface::Frustum(body);
-        tessellation
-    }
-
-    /// The tessellation of a mesh. A mesh without normals is treated as smooth.
-    pub(crate) fn of_mesh(mut mesh: Mesh) -> Tessellation {
+    /// The base mesh of a mesh. A mesh without normals is treated as smooth.
+    pub(crate) fn of_mesh(mut mesh: Mesh) -> BaseMesh {
         if mesh.normals.is_empty() {
             smooth_over_seams(&mut mesh);
         }
-        let mut tessellation = Tessellation::new(BaseSurface::Flat);
+        let mut base = BaseMesh::new(BaseSurface::Flat);
         // A vertex shared by two materials becomes two.
         let mut wedges: HashMap<(u32, u32), u32> = HashMap::new();
         for (i, corners) in mesh.triangles.iter().enumerate() {
@@ -273,19 +121,22 @@ impl Tessellation {
                     let v = v as usize;
                     let uv = mesh.uvs.get(v).copied().unwrap_or(Vec2::ZERO).as_dvec2();
                     let normal = mesh.normals[v].as_dvec3().normalize();
-                    let index = tessellation.add(mesh.positions[v].as_dvec3(), normal, uv, Place::Between);
-                    let vertex = &mut tessellation.vertices[index as usize];
-                    vertex.slot = slot;
-                    vertex.color = mesh.colors.get(v).copied().unwrap_or_default();
-                    index
+                    base.vertices.push(Vertex {
+                        point: mesh.positions[v].as_dvec3(),
+                        normal,
+                        uv,
+                        color: mesh.colors.get(v).copied().unwrap_or_default(),
+                        slot,
+                        place: Place::Between,
+                    });
+                    base.vertices.len() as u32 - 1
                 })
             });
-            tessellation.triangles.push(corners);
+            base.triangles.push(corners);
         }
-        tessellation.has_colors = !mesh.colors.is_empty();
-        (tessellation.one_sided, tessellation.name, tessellation.materials) =
-            (mesh.one_sided, mesh.name, mesh.materials);
-        tessellation
+        base.has_colors = !mesh.colors.is_empty();
+        (base.one_sided, base.name, base.materials) = (mesh.one_sided, mesh.name, mesh.materials);
+        base
     }
 
     /// The vertex on the surface between two others, at the fraction `t` from `a` to `b`.
@@ -316,24 +167,24 @@ impl Tessellation {
                 let u = if ring > 1e-9 { near(solve::turn(n.x, n.z)) } else { v.uv.x };
                 Vertex { point: *c + n * *r, normal: n, uv: DVec2::new(u, libm::atan2(ring, n.y) / PI), ..v }
             }
-            (BaseSurface::Frustum(body), place) => {
-                let from = v.point - body.base;
-                let h = from.dot(body.axis);
-                let Some(out) = (from - body.axis * h).try_normalize() else { return v };
-                let point = body.point(h, out);
+            (BaseSurface::Frustum(frame), place) => {
+                let from = v.point - frame.base;
+                let h = from.dot(frame.axis);
+                let Some(out) = (from - frame.axis * h).try_normalize() else { return v };
+                let point = frame.point(h, out);
                 match place {
-                    Place::Rim { top } => Vertex { point, uv: body.cap_uv(point, top), ..v },
+                    Place::Rim { top } => Vertex { point, uv: frame.cap_uv(point, top), ..v },
                     _ => {
-                        let u = near(solve::turn(out.dot(body.x), out.dot(body.z)));
-                        let uv = DVec2::new(u, 1.0 - h / body.height);
-                        Vertex { point, normal: body.normal(out), uv, ..v }
+                        let u = near(solve::turn(out.dot(frame.x), out.dot(frame.z)));
+                        let uv = DVec2::new(u, 1.0 - h / frame.height);
+                        Vertex { point, normal: frame.normal(out), uv, ..v }
                     }
                 }
             }
         }
     }
 
-    /// The largest side of the box around the tessellation.
+    /// The largest side of the box around the base mesh.
     fn size(&self) -> f64 {
         let (min, max) = self
             .vertices
@@ -342,8 +193,8 @@ impl Tessellation {
         (max - min).max_element()
     }
 
-    /// The tessellation split and raised by `height`, with at most `limit` triangles. No edge is longer than a
-    /// sixteenth of the tessellation's size. An edge shorter than that size divided by `detail` isn't split.
+    /// The base mesh split and raised by `height`, with at most `limit` triangles. No edge is longer than a sixteenth of
+    /// the base mesh's size. An edge shorter than that size divided by `detail` isn't split.
     pub(crate) fn raised(
         mut self,
         detail: f64,
@@ -411,7 +262,7 @@ impl Tessellation {
             let more: Vec<f64> = self.vertices[heights.len()..].par_iter().map(height).collect();
             heights.extend(more);
         }
-        self.raise(&ids, places.map.len(), &heights)
+        self.raise(&ids, places.len(), &heights)
     }
 
     /// The squared length of an edge, equal from both ends.
@@ -535,25 +386,10 @@ impl Tessellation {
     }
 }
 
-/// The direction of column `i` around +y, the inverse of (5.45a). The first column, at u = 0, is at −z.
-fn around(i: usize) -> DVec3 {
-    let (sin, cos) = libm::sincos(TAU * ((i % COLUMNS) as f64 / COLUMNS as f64 - 0.5));
-    DVec3::new(sin, 0.0, cos)
-}
-
-/// Numbers for places. Equal bits have equal numbers.
-#[derive(Default)]
-struct Places {
-    map: HashMap<[u64; 3], u32>,
-}
-
-impl Places {
-    fn id(&mut self, point: DVec3) -> u32 {
-        // −0 becomes 0.
-        let key = (point + 0.0).to_array().map(f64::to_bits);
-        let next = self.map.len() as u32;
-        *self.map.entry(key).or_insert(next)
-    }
+/// The tessellation of a cylinder or cone, and its surface.
+fn frustum(ends: [Vec3; 2], radii: [f32; 2], caps: bool) -> (Tessellation, BaseSurface) {
+    let frame = FrustumFrame::new(ends, radii);
+    (Tessellation::frustum(&frame, caps, COLUMNS), BaseSurface::Frustum(frame))
 }
 
 /// Normals of a mesh without normals, equal for all vertices at one place.
@@ -561,7 +397,7 @@ fn smooth_over_seams(mesh: &mut Mesh) {
     let mut places = Places::default();
     let ids: Vec<u32> = mesh.positions.iter().map(|p| places.id(p.as_dvec3())).collect();
     let mut welded = Mesh {
-        positions: vec![Vec3::ZERO; places.map.len()],
+        positions: vec![Vec3::ZERO; places.len()],
         triangles: mesh.triangles.iter().map(|t| t.map(|v| ids[v as usize])).collect(),
         ..Mesh::default()
     };

@@ -1,3 +1,4 @@
+use super::super::{Cuboid, Sphere};
 use super::*;
 use std::collections::HashMap;
 
@@ -54,7 +55,7 @@ fn volume(mesh: &Mesh) -> f64 {
 fn nothing_cracks() {
     for shape in closed() {
         for height in [&|_: &Vertex| 0.0_f64, &rough as &(dyn Fn(&Vertex) -> f64 + Sync)] {
-            let mesh = Tessellation::of_shape(&shape).unwrap().raised(60.0, LIMIT, height).unwrap();
+            let mesh = BaseMesh::of_shape(&shape).unwrap().raised(60.0, LIMIT, height).unwrap();
             mesh.check().unwrap();
             assert!(is_closed(&mesh), "{}: {} triangles", shape.kind(), mesh.len());
             assert!(volume(&mesh) > 0.0, "{} is inside out", shape.kind());
@@ -65,7 +66,7 @@ fn nothing_cracks() {
 #[test]
 fn without_height_it_is_the_shape() {
     for shape in closed() {
-        let mesh = Tessellation::of_shape(&shape).unwrap().raised(100.0, LIMIT, &|_| 0.0).unwrap();
+        let mesh = BaseMesh::of_shape(&shape).unwrap().raised(100.0, LIMIT, &|_| 0.0).unwrap();
         for (p, uv) in mesh.positions.iter().zip(&mesh.uvs) {
             let d = crate::shape::testing::distance(&shape, p.as_dvec3());
             assert!(d.abs() < 1e-6, "{}: {p} is {d} away", shape.kind());
@@ -84,7 +85,7 @@ fn without_height_it_is_the_shape() {
 
 #[test]
 fn a_height_moves_the_surface_by_it() {
-    let mesh = Tessellation::of_shape(&ball()).unwrap().raised(50.0, LIMIT, &|_| 0.25).unwrap();
+    let mesh = BaseMesh::of_shape(&ball()).unwrap().raised(50.0, LIMIT, &|_| 0.25).unwrap();
     let Shape::Sphere(s) = ball() else { panic!() };
     for (p, n) in mesh.positions.iter().zip(&mesh.normals) {
         let out = p.as_dvec3() - s.center.as_dvec3();
@@ -95,13 +96,13 @@ fn a_height_moves_the_surface_by_it() {
 
 #[test]
 fn it_is_fine_only_where_it_must_be() {
-    let flat = Tessellation::of_shape(&cube()).unwrap().raised(200.0, LIMIT, &|_| 0.0).unwrap();
+    let flat = BaseMesh::of_shape(&cube()).unwrap().raised(200.0, LIMIT, &|_| 0.0).unwrap();
     // A bump on one face.
     let bump = |v: &Vertex| {
         if v.normal == DVec3::X { 0.1 * libm::exp(-60.0 * v.uv.distance_squared(DVec2::splat(0.5))) } else { 0.0 }
     };
-    let bumped = Tessellation::of_shape(&cube()).unwrap().raised(200.0, LIMIT, &bump).unwrap();
-    let even = Tessellation::of_shape(&cube())
+    let bumped = BaseMesh::of_shape(&cube()).unwrap().raised(200.0, LIMIT, &bump).unwrap();
+    let even = BaseMesh::of_shape(&cube())
         .unwrap()
         .raised(200.0, LIMIT, &|v| 0.1 * libm::sin(400.0 * (v.uv.x + v.uv.y)))
         .unwrap();
@@ -117,16 +118,10 @@ fn it_is_fine_only_where_it_must_be() {
 #[test]
 fn explosions_are_told() {
     let wild = |v: &Vertex| libm::sin(1e7 * v.uv.x) * libm::cos(1e7 * v.uv.y);
+    assert_eq!(BaseMesh::of_shape(&ball()).unwrap().raised(4096.0, 10_000, &wild).unwrap_err(), DisplaceError::TooMany);
+    assert_eq!(BaseMesh::of_shape(&cube()).unwrap().raised(20.0, LIMIT, &|_| 1e39).unwrap_err(), DisplaceError::TooFar);
     assert_eq!(
-        Tessellation::of_shape(&ball()).unwrap().raised(4096.0, 10_000, &wild).unwrap_err(),
-        DisplaceError::TooMany
-    );
-    assert_eq!(
-        Tessellation::of_shape(&cube()).unwrap().raised(20.0, LIMIT, &|_| 1e39).unwrap_err(),
-        DisplaceError::TooFar
-    );
-    assert_eq!(
-        Tessellation::of_shape(&cube()).unwrap().raised(20.0, LIMIT, &|_| f64::NAN).unwrap_err(),
+        BaseMesh::of_shape(&cube()).unwrap().raised(20.0, LIMIT, &|_| f64::NAN).unwrap_err(),
         DisplaceError::TooFar
     );
 }
@@ -144,7 +139,7 @@ fn wild_at_a_pole(v: &Vertex) -> f64 {
 fn what_fits_is_never_refused_and_one_triangle_less_is() {
     for height in [wild, wild_at_a_pole, rough] {
         for shape in [ball(), cube()] {
-            let raised = |limit: usize| Tessellation::of_shape(&shape).unwrap().raised(150.0, limit, &height);
+            let raised = |limit: usize| BaseMesh::of_shape(&shape).unwrap().raised(150.0, limit, &height);
             let count = raised(usize::MAX).unwrap().len();
             assert_eq!(raised(count).unwrap().len(), count);
             assert_eq!(raised(count - 1).unwrap_err(), DisplaceError::TooMany);
@@ -163,7 +158,7 @@ fn far_too_many_are_refused_before_they_are_made() {
         };
         let limit = 1 << 21;
         assert_eq!(
-            Tessellation::of_shape(&ball()).unwrap().raised(detail, limit, &counted).unwrap_err(),
+            BaseMesh::of_shape(&ball()).unwrap().raised(detail, limit, &counted).unwrap_err(),
             DisplaceError::TooMany
         );
         // The height is evaluated once for each vertex, and at most three times for each edge.
@@ -183,7 +178,7 @@ fn a_seam_of_a_mesh_stays_closed() {
         triangles: vec![[0, 1, 2], [3, 4, 5]],
         ..Mesh::default()
     };
-    let raised = Tessellation::of_mesh(mesh).raised(64.0, LIMIT, &rough).unwrap();
+    let raised = BaseMesh::of_mesh(mesh).raised(64.0, LIMIT, &rough).unwrap();
     let mut border = HashMap::new();
     let bits = |v: u32| raised.positions[v as usize].to_array().map(f32::to_bits);
     for &[a, b, c] in &raised.triangles {

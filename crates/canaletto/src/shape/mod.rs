@@ -22,6 +22,7 @@ mod surface_differential;
 #[cfg(test)]
 mod surface_differential_tests;
 mod surfaces;
+mod tessellate;
 #[cfg(test)]
 mod testing;
 mod torus;
@@ -38,6 +39,7 @@ pub use sphere::Sphere;
 pub use surface::Surface;
 pub use surface_differential::SurfaceDifferential;
 pub(crate) use surfaces::{DVec3x8, SURFACES, SurfaceInputs8, Surfaces, Vec3x8, dvec3, set_dvec3, set_vec3, vec3};
+pub use tessellate::{Tessellation, TessellationVertex, TooManyTriangles};
 pub use torus::Torus;
 pub use triangle::Triangle;
 

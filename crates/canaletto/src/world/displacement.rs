@@ -3,7 +3,7 @@
 use super::World;
 use crate::material::{Material, Place, Space, Target, TextureUse};
 use crate::shape::SurfaceDifferential;
-use crate::shape::displace::{DisplaceError, Tessellation, Vertex};
+use crate::shape::displace::{BaseMesh, DisplaceError, Vertex};
 use crate::shape::{Mesh, Shape};
 use crate::texture::{Lookup, PreparedTexture};
 use canaletto_bvh::Aabb;
@@ -39,11 +39,11 @@ impl Displacements {
 
     /// A displaced shape as a mesh.
     pub(super) fn shape(&mut self, shape: &Shape, origin: DVec3, material: u32) -> Result<Mesh, String> {
-        let Some(net) = Tessellation::of_shape(shape) else {
+        let Some(base) = BaseMesh::of_shape(shape) else {
             let kinds = "spheres, boxes, triangles, cylinders, cones and meshes can be";
             return Err(format!("a {} can't be displaced; {kinds}", shape.kind()));
         };
-        let raised = self.displace(net, shape.bounds(), origin, &|_| material, &[material])?;
+        let raised = self.displace(base, shape.bounds(), origin, &|_| material, &[material])?;
         Ok(Mesh { origin, ..raised })
     }
 
@@ -53,13 +53,13 @@ impl Displacements {
         let slots = mesh.materials.len().max(1) as u32;
         let materials: Vec<u32> = (0..slots).map(material).collect();
         let origin = mesh.origin;
-        let raised = self.displace(Tessellation::of_mesh(mesh), Some(bounds), origin, material, &materials)?;
+        let raised = self.displace(BaseMesh::of_mesh(mesh), Some(bounds), origin, material, &materials)?;
         Ok(Mesh { origin, ..raised })
     }
 
     fn displace(
         &mut self,
-        net: Tessellation,
+        base: BaseMesh,
         bounds: Option<Aabb>,
         origin: DVec3,
         material: &(dyn Fn(u32) -> u32 + Sync),
@@ -82,7 +82,7 @@ impl Displacements {
             let uses = self.uses.get(material(vertex.slot) as usize);
             uses.into_iter().flatten().map(|used| self.height(used, vertex, bounds, origin)).sum()
         };
-        let mesh = net.raised(detail, limit, &height).map_err(|problem| match problem {
+        let mesh = base.raised(detail, limit, &height).map_err(|problem| match problem {
             DisplaceError::TooMany => format!(
                 "its displacement needs more than {limit} triangles (the scene may have {} displaced ones); a smaller detail than {detail} makes fewer",
                 World::MAX_DISPLACED

@@ -1,7 +1,7 @@
-//! An estimate of a tessellation's final number of triangles before they are made. Some of its triangles are refined
+//! An estimate of a displaced surface's final number of triangles before they are made. Some of its triangles are refined
 //! one by one, and the results are discarded.
 
-use super::{Tessellation, Vertex};
+use super::{BaseMesh, Vertex};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -41,7 +41,7 @@ pub(super) fn parts<V: Copy>(
     }
 }
 
-impl Tessellation {
+impl BaseMesh {
     /// Whether the final number of triangles certainly exceeds `most`. Splits by neighbours are left out; they would
     /// only add.
     pub(super) fn exceeds(
@@ -85,7 +85,7 @@ impl Tessellation {
             let edges = [[a, b], [b, c], [c, a]];
             let mut split = edges.map(|[a, b]| wanted(&a, &b));
             if split.contains(&true) {
-                // Rivara's rule, as in the tessellation.
+                // Rivara's rule, as for the base mesh.
                 let longest = (0..3).reduce(|x, y| if length(edges[y]) > length(edges[x]) { y } else { x });
                 split[longest.unwrap_or(0)] = true;
             }
