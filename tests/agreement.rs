@@ -1,5 +1,6 @@
 //! Agreement between hierarchy and brute force, explanation and pixel, layers and picture.
 
+use canaletto::Named;
 use canaletto::Ray;
 use canaletto::explain::explain;
 use canaletto::math::Rgb;
@@ -51,7 +52,7 @@ fn sums_are_pixels(world: &World) {
     ];
     let mut different = std::collections::HashSet::new();
     for (sampling, filter) in samplings {
-        for (stage, _) in Stage::ALL {
+        for &stage in Stage::ALL {
             let mut job = still_life_job(1.0, 24, 18, sampling);
             job.film.filter = filter;
             job.integrator.whitted_mut().unwrap().stage = stage;
@@ -78,7 +79,7 @@ fn sums_are_pixels(world: &World) {
 fn the_explanation_of_distributed_rays_is_as_exact() {
     let world = World::build(distributed_still_life(1.0)).unwrap();
     let told = ["from the lens's point", "at time ", "(random point 1 at (", "from a random facet with n = "];
-    for (sampler, _) in SamplerKind::ALL {
+    for &sampler in SamplerKind::ALL {
         let job = distributed_job(1.0, 24, 18, 3, sampler);
         let picture = render(&world, &job, &()).unwrap().picture;
         for y in 0..18 {
@@ -110,7 +111,7 @@ fn the_light_layers_sum_to_the_picture() {
 
 fn layers_sum(world: &World) {
     let mut job = still_life_job(1.0, 32, 24, Sampling::Jittered(2));
-    job.aovs = Aov::ALL.iter().map(|(aov, ..)| *aov).collect();
+    job.aovs = Aov::ALL.to_vec();
     let with = render(world, &job, &()).unwrap().picture;
     job.aovs.clear();
     let without = render(world, &job, &()).unwrap().picture;

@@ -1,6 +1,7 @@
 //! Distributed rays (5.6) compared with independent values. Formulas give coverage and light, still worlds give moving
 //! ones, theory gives the noise.
 
+use canaletto::Named;
 use canaletto::Ray;
 use canaletto::camera::Camera;
 use canaletto::light::{DiskLight, Light, LightKind, Omni};
@@ -327,7 +328,8 @@ fn noise_of_pictures_falls_as_theory_says() {
             (squares.sum::<f64>() / f64::from(seeds as u32)).sqrt()
         };
         let counts = [4, 16, 64, 256];
-        for ((sampler, word), expected) in SamplerKind::ALL.into_iter().zip([-0.75, -0.75, -0.5]) {
+        for (&sampler, expected) in SamplerKind::ALL.iter().zip([-0.75, -0.75, -0.5]) {
+            let word = sampler.name();
             let errors = counts.map(|n| error(n, sampler));
             let rate = (errors[3] / errors[0]).ln() / (64f64).ln();
             println!("{name:12} {word:12} {errors:.5?}: N^{rate:.3}");

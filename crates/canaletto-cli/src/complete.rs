@@ -3,6 +3,7 @@
 use crate::layers::channel_names;
 use crate::output::{Format, Output};
 use crate::partial::UNFINISHED;
+use canaletto::Named;
 use canaletto::render::{Aov, Job};
 use canaletto_io::picture::{SOFTWARE, announced_size, decode};
 use std::fs;

@@ -1,8 +1,10 @@
 //! The flags that several commands share, as typed. [`crate::settings`] defines their meaning.
 
+use canaletto::Named;
 use canaletto::camera::Camera;
-use canaletto::scene::{SamplerKind, Sampling, Stage, Tone, Transfer};
+use canaletto::scene::{SamplePattern, SamplerKind, Sampling, Stage, Tone, Transfer};
 use canaletto::world::{BuildOptions, Quality};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
@@ -84,22 +86,22 @@ pub(crate) struct PictureFlags {
     pub samples: Option<u32>,
 
     /// Where in the pixel the rays go, instead of where --sampler puts them
-    #[arg(long, value_name = "WHERE", help_heading = "Sampling")]
-    pub sample: Option<SampleFlag>,
+    #[arg(long, value_name = "WHERE", value_parser = named::<SamplePattern>(), help_heading = "Sampling")]
+    pub sample: Option<SamplePattern>,
 
     /// How random numbers are spread over the rays of a pixel [default: as the scene says, or sobol]
     ///
     /// They place rays in the pixel (without --sample), on the lens, in time, on lights and around mirrored directions.
-    #[arg(long, value_name = "KIND", help_heading = "Sampling")]
-    pub sampler: Option<SamplerFlag>,
+    #[arg(long, value_name = "KIND", value_parser = named::<SamplerKind>(), help_heading = "Sampling")]
+    pub sampler: Option<SamplerKind>,
 
     /// Chooses the random numbers; the same seed gives the same picture
     #[arg(long, allow_negative_numbers = true, value_name = "N", help_heading = "Sampling")]
     pub seed: Option<u64>,
 
     /// How much of the shading equation to use; each stage contains the ones before it
-    #[arg(long, value_name = "STAGE", help_heading = "Light")]
-    pub stage: Option<StageFlag>,
+    #[arg(long, value_name = "STAGE", value_parser = named::<Stage>(), help_heading = "Light")]
+    pub stage: Option<Stage>,
 
     /// Follows reflected and refracted rays to this depth; rays from the eye have depth 1
     #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=256), help_heading = "Light")]
@@ -110,117 +112,18 @@ pub(crate) struct PictureFlags {
     pub no_shadows: bool,
 
     /// What becomes of values over 1
-    #[arg(long, value_name = "HOW", help_heading = "Colour")]
-    pub tone: Option<ToneFlag>,
+    #[arg(long, value_name = "HOW", value_parser = named::<Tone>(), help_heading = "Colour")]
+    pub tone: Option<Tone>,
 
     /// From linear light to the numbers in the file; EXR files are always linear
-    #[arg(long, value_name = "CURVE", help_heading = "Colour")]
-    pub transfer: Option<TransferFlag>,
+    #[arg(long, value_name = "CURVE", value_parser = named::<Transfer>(), help_heading = "Colour")]
+    pub transfer: Option<Transfer>,
 }
 
-/// How random numbers are spread.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum SamplerFlag {
-    /// Sobol's sequence with Owen's scrambling: the least noise, best with powers of two
-    Sobol,
-    /// A jittered grid, best with squares
-    Jittered,
-    /// Each number by itself: the most noise
-    Independent,
-}
-
-impl From<SamplerFlag> for SamplerKind {
-    fn from(flag: SamplerFlag) -> SamplerKind {
-        match flag {
-            SamplerFlag::Sobol => SamplerKind::Sobol,
-            SamplerFlag::Jittered => SamplerKind::Jittered,
-            SamplerFlag::Independent => SamplerKind::Independent,
-        }
-    }
-}
-
-/// Where in the pixel rays go.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum SampleFlag {
-    /// One ray through the pixel's lower left corner
-    Corner,
-    /// One ray through the pixel's centre
-    Center,
-    /// n x n rays on a regular grid
-    Regular,
-    /// n x n rays, each at a random place of its sub-pixel
-    Jittered,
-    /// Corners and centre; where they differ, n x n jittered rays
-    Adaptive,
-}
-
-/// The stages of the shading equation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum StageFlag {
-    /// The diffuse colour alone
-    Unlit,
-    /// Diffuse light from each light
-    Diffuse,
-    /// + ambient light
-    Ambient,
-    /// + highlights
-    Specular,
-    /// + shadows
-    Shadow,
-    /// + reflected rays
-    Reflection,
-    /// + refracted rays: the whole equation
-    Full,
-}
-
-impl From<StageFlag> for Stage {
-    fn from(flag: StageFlag) -> Stage {
-        match flag {
-            StageFlag::Unlit => Stage::Unlit,
-            StageFlag::Diffuse => Stage::Diffuse,
-            StageFlag::Ambient => Stage::Ambient,
-            StageFlag::Specular => Stage::Specular,
-            StageFlag::Shadow => Stage::Shadow,
-            StageFlag::Reflection => Stage::Reflection,
-            StageFlag::Full => Stage::Full,
-        }
-    }
-}
-
-/// What becomes of values over 1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum ToneFlag {
-    /// Each component is cut at 1
-    Clamp,
-    /// The picture is divided by its largest component
-    Scale,
-}
-
-impl From<ToneFlag> for Tone {
-    fn from(flag: ToneFlag) -> Tone {
-        match flag {
-            ToneFlag::Clamp => Tone::Clamp,
-            ToneFlag::Scale => Tone::Scale,
-        }
-    }
-}
-
-/// From linear light to the numbers in a file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum TransferFlag {
-    /// The values themselves
-    None,
-    /// The sRGB curve, which screens expect
-    Srgb,
-}
-
-impl From<TransferFlag> for Transfer {
-    fn from(flag: TransferFlag) -> Transfer {
-        match flag {
-            TransferFlag::None => Transfer::None,
-            TransferFlag::Srgb => Transfer::Srgb,
-        }
-    }
+/// The parser of a closed set's words, with a line of help for each.
+pub(crate) fn named<T: Named + Clone + Send + Sync>() -> impl TypedValueParser<Value = T> {
+    let words = T::ALL.iter().map(|value| PossibleValue::new(value.name()).help(value.meaning()));
+    PossibleValuesParser::new(words).try_map(|word| T::from_name(&word).ok_or("the word has no meaning"))
 }
 
 fn size(text: &str) -> Result<[u32; 2], String> {
@@ -290,11 +193,14 @@ mod tests {
     }
 
     #[test]
-    fn every_stage_has_its_flag() {
-        let flags: Vec<Stage> = StageFlag::value_variants().iter().map(|&flag| flag.into()).collect();
-        assert_eq!(flags, Stage::ALL.map(|(stage, _)| stage));
-        for (flag, (_, name)) in StageFlag::value_variants().iter().zip(Stage::ALL) {
-            assert_eq!(flag.to_possible_value().unwrap().get_name(), name);
+    fn words_of_closed_sets_are_parsed_with_their_help() {
+        let command = clap::Command::new("test").arg(clap::Arg::new("stage").value_parser(named::<Stage>()));
+        for &stage in Stage::ALL {
+            let matches = command.clone().try_get_matches_from(["test", stage.name()]).unwrap();
+            assert_eq!(matches.get_one::<Stage>("stage"), Some(&stage));
         }
+        assert!(command.clone().try_get_matches_from(["test", "shadows"]).is_err());
+        let words = command.get_arguments().next().unwrap().get_possible_values();
+        assert_eq!(words[4].get_help().unwrap().to_string(), Stage::Shadow.meaning());
     }
 }

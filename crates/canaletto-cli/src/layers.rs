@@ -1,10 +1,10 @@
 //! Displayable pictures of extra layers. An EXR holds the numbers themselves; a PNG needs a mapping to colours.
 
-use canaletto::Aabb;
 use canaletto::film::{Layer, Picture, develop};
 use canaletto::math::Rgb;
 use canaletto::render::Aov;
 use canaletto::scene::{FilmSettings, Tone, Transfer};
+use canaletto::{Aabb, Named};
 use canaletto_io::picture::{Channel, Image};
 use std::ops::Range;
 
@@ -182,7 +182,7 @@ mod tests {
         let camera = Camera::new(&intrinsics, &Extrinsics::default()).unwrap();
         let mut job =
             canaletto::render::Job::new(camera, FilmSettings::default(), canaletto::scene::Integrator::default());
-        job.aovs = Aov::ALL.map(|(aov, ..)| aov).to_vec();
+        job.aovs = Aov::ALL.to_vec();
         let picture = canaletto::render::render(&world, &job, &()).unwrap().picture;
         let names: Vec<String> = linear(&picture).channels.into_iter().map(|channel| channel.name).collect();
         assert_eq!(names.len(), 3 + 1 + 3 + 3 + 2 + 1 + 1 + 6 * 3 + 1 + 1);

@@ -15,6 +15,7 @@ use crate::report::{Report, Times};
 use crate::settings::{Settings, metadata, sampling_words};
 use crate::source::{Reader, Source, build, seen_through};
 use crate::terminal::Paint;
+use canaletto::Named;
 use canaletto::render::{Aov, Job, Rendering};
 use canaletto::scene::{Sampling, Scene};
 use canaletto::world::{ReuseCounts, World};

@@ -2,11 +2,12 @@
 
 use crate::exit::Exit;
 use crate::failure::Failure;
-use crate::flags::{PictureFlags, SampleFlag, SourceFlags};
+use crate::flags::{PictureFlags, SourceFlags};
 use crate::format::count;
+use canaletto::Named;
 use canaletto::camera::Camera;
 use canaletto::render::{Job, JobError};
-use canaletto::scene::{FilmSettings, Filter, Sampling, Scene, View};
+use canaletto::scene::{FilmSettings, Filter, SamplePattern, Sampling, Scene, View};
 use canaletto_io::picture::MAX_PIXELS;
 use canaletto_io::text::closest_word;
 
@@ -18,11 +19,6 @@ pub(crate) struct Settings {
     /// The camera's name.
     pub camera: String,
 }
-
-/// The grid of `--sample regular`, `jittered` and `adaptive`, 4 × 4, if neither --samples nor the scene gives a number.
-const GRID: u32 = 4;
-/// The threshold of `--sample adaptive`, if the scene gives none.
-const THRESHOLD: f32 = 0.1;
 
 impl Settings {
     /// Combines the flags with a scene. `name` is the scene's file.
@@ -36,15 +32,15 @@ impl Settings {
             .map_err(|e| Failure::new(Exit::Scene, format!("{name}: camera \"{}\": {e}", view.name)))?;
         let film = FilmSettings {
             sampling: sampling(scene.film.sampling, flags)?,
-            sampler: flags.sampler.map_or(scene.film.sampler, Into::into),
-            tone: flags.tone.map_or(scene.film.tone, Into::into),
-            transfer: flags.transfer.map_or(scene.film.transfer, Into::into),
+            sampler: flags.sampler.unwrap_or(scene.film.sampler),
+            tone: flags.tone.unwrap_or(scene.film.tone),
+            transfer: flags.transfer.unwrap_or(scene.film.transfer),
             crop: flags.crop.or(scene.film.crop),
             ..scene.film
         };
         let mut integrator = scene.integrator;
         if let Some(settings) = integrator.whitted_mut() {
-            settings.stage = flags.stage.map_or(settings.stage, Into::into);
+            settings.stage = flags.stage.unwrap_or(settings.stage);
             settings.max_depth = flags.max_depth.unwrap_or(settings.max_depth);
             settings.shadows &= !flags.no_shadows;
         }
@@ -101,41 +97,42 @@ fn choose_view<'a>(name: &str, views: &'a [View], wanted: Option<&str>) -> Resul
 /// its rays.
 fn sampling(own: Sampling, flags: &PictureFlags) -> Result<Sampling, Failure> {
     let (own_n, own_threshold) = match own {
-        Sampling::Corner | Sampling::Center | Sampling::Sampled(_) => (None, THRESHOLD),
-        Sampling::Regular(n) | Sampling::Jittered(n) => (Some(n), THRESHOLD),
+        Sampling::Corner | Sampling::Center | Sampling::Sampled(_) => (None, SamplePattern::DEFAULT_THRESHOLD),
+        Sampling::Regular(n) | Sampling::Jittered(n) => (Some(n), SamplePattern::DEFAULT_THRESHOLD),
         Sampling::Adaptive { n, threshold } => (Some(n), threshold),
     };
     let given = flags.samples;
-    let Some(kind) = flags.sample else {
+    let Some(pattern) = flags.sample else {
         return Ok(match given {
             None => own,
             Some(1) => Sampling::Center,
             Some(n) => Sampling::Sampled(n),
         });
     };
-    let single = |place: &str, sampling| match given {
-        Some(n) if n > 1 => {
-            Err(Failure::usage(format!("--sample {place} means one ray for each pixel, but --samples asks for {n}",))
-                .help("leave one of them out, or take --sample regular, jittered or adaptive"))
-        }
+    let single = |sampling| match given {
+        Some(n) if n > 1 => Err(Failure::usage(format!(
+            "--sample {} means one ray for each pixel, but --samples asks for {n}",
+            pattern.name()
+        ))
+        .help("leave one of them out, or take --sample regular, jittered or adaptive")),
         _ => Ok(sampling),
     };
-    match kind {
-        SampleFlag::Corner => single("corner", Sampling::Corner),
-        SampleFlag::Center => single("center", Sampling::Center),
-        SampleFlag::Regular => Ok(Sampling::Regular(side(given, own_n)?)),
-        SampleFlag::Jittered => Ok(Sampling::Jittered(side(given, own_n)?)),
-        SampleFlag::Adaptive if given == Some(1) => {
+    match pattern {
+        SamplePattern::Corner => single(Sampling::Corner),
+        SamplePattern::Center => single(Sampling::Center),
+        SamplePattern::Regular => Ok(Sampling::Regular(side(given, own_n)?)),
+        SamplePattern::Jittered => Ok(Sampling::Jittered(side(given, own_n)?)),
+        SamplePattern::Adaptive if given == Some(1) => {
             Err(Failure::usage("--sample adaptive with --samples 1 has nothing to refine with")
                 .help("give --samples 4 or more"))
         }
-        SampleFlag::Adaptive => Ok(Sampling::Adaptive { n: side(given, own_n)?.max(2), threshold: own_threshold }),
+        SamplePattern::Adaptive => Ok(Sampling::Adaptive { n: side(given, own_n)?.max(2), threshold: own_threshold }),
     }
 }
 
 /// The side n of a grid of n × n rays.
 fn side(samples: Option<u32>, own: Option<u32>) -> Result<u32, Failure> {
-    let Some(samples) = samples else { return Ok(own.unwrap_or(GRID)) };
+    let Some(samples) = samples else { return Ok(own.unwrap_or(SamplePattern::DEFAULT_GRID)) };
     let root = samples.isqrt();
     if root > Sampling::MAX_GRID {
         let most = Sampling::MAX_GRID * Sampling::MAX_GRID;
@@ -224,15 +221,15 @@ mod tests {
         assert_eq!(of(own, None, None), Some(own));
         assert_eq!(of(own, None, Some(1)), Some(Sampling::Center));
         assert_eq!(of(own, None, Some(10)), Some(Sampling::Sampled(10)));
-        assert_eq!(of(own, Some(SampleFlag::Jittered), None), Some(Sampling::Jittered(3)));
-        assert_eq!(of(own, Some(SampleFlag::Jittered), Some(16)), Some(Sampling::Jittered(4)));
-        assert_eq!(of(own, Some(SampleFlag::Jittered), Some(10)), None);
-        assert_eq!(of(own, Some(SampleFlag::Regular), Some(1024)), None);
-        assert_eq!(of(own, Some(SampleFlag::Corner), Some(4)), None);
-        assert_eq!(of(own, Some(SampleFlag::Corner), Some(1)), Some(Sampling::Corner));
-        assert_eq!(of(own, Some(SampleFlag::Adaptive), Some(1)), None);
+        assert_eq!(of(own, Some(SamplePattern::Jittered), None), Some(Sampling::Jittered(3)));
+        assert_eq!(of(own, Some(SamplePattern::Jittered), Some(16)), Some(Sampling::Jittered(4)));
+        assert_eq!(of(own, Some(SamplePattern::Jittered), Some(10)), None);
+        assert_eq!(of(own, Some(SamplePattern::Regular), Some(1024)), None);
+        assert_eq!(of(own, Some(SamplePattern::Corner), Some(4)), None);
+        assert_eq!(of(own, Some(SamplePattern::Corner), Some(1)), Some(Sampling::Corner));
+        assert_eq!(of(own, Some(SamplePattern::Adaptive), Some(1)), None);
         let own = Sampling::Adaptive { n: 5, threshold: 0.3 };
-        assert_eq!(of(own, Some(SampleFlag::Adaptive), Some(64)), Some(Sampling::Adaptive { n: 8, threshold: 0.3 }));
+        assert_eq!(of(own, Some(SamplePattern::Adaptive), Some(64)), Some(Sampling::Adaptive { n: 8, threshold: 0.3 }));
     }
 
     #[test]

@@ -47,6 +47,7 @@ pub mod integrator;
 pub mod light;
 pub mod material;
 pub mod math;
+mod named;
 mod out_of_range;
 pub mod render;
 pub mod sampler;
@@ -58,6 +59,7 @@ pub mod world;
 /// The crate of the vectors and matrices in descriptions and in [`math`].
 pub use glam;
 
+pub use named::Named;
 pub use out_of_range::OutOfRange;
 
 pub use canaletto_bvh::{Aabb, InstructionSet, PreparedRay, Ray, memory};

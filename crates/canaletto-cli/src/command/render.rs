@@ -14,6 +14,7 @@ use crate::series::Series;
 use crate::settings::{Settings, list, sampling_words};
 use crate::source::{Reader, STDIN, build, on_threads};
 use crate::stdout::print;
+use canaletto::Named;
 use canaletto::memory;
 use canaletto::render::Aov;
 use canaletto::scene::Transfer;
@@ -115,8 +116,8 @@ fn aov(text: &str) -> Result<Layers, String> {
         return Ok(Layers::All);
     }
     Aov::from_name(text).map(Layers::One).ok_or_else(|| {
-        let names = Aov::ALL.map(|(_, name, _)| name);
-        match closest_word(text, names) {
+        let names = Aov::NAMES;
+        match closest_word(text, names.iter().copied()) {
             Some(near) => format!("did you mean {near}?"),
             None => format!("the layers are {}, and all", names.join(", ")),
         }
@@ -146,7 +147,7 @@ impl Plan {
         let mut aovs: Vec<Aov> = Vec::new();
         for layers in &flags.aov {
             let named = match layers {
-                Layers::All => Aov::ALL.map(|(aov, ..)| aov).to_vec(),
+                Layers::All => Aov::ALL.to_vec(),
                 Layers::One(aov) => vec![*aov],
             };
             for aov in named {

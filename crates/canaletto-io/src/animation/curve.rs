@@ -11,6 +11,8 @@
 //! - `linear`, `step`, and three eases from or to rest: `in` (u²), `out` (its mirror image) and `in-out` (3u² − 2u³).
 //!   `in` and `out` describe motion under gravity exactly.
 
+use canaletto::named;
+
 /// The interpolation from a key to the next one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Ease {
@@ -31,23 +33,17 @@ pub(crate) enum Ease {
     InOut,
 }
 
+named!(Ease {
+    Smooth => "smooth": "a cubic without corners at the keys that never goes beyond them (the default)",
+    Spline => "spline": "a cubic that swings through the keys (Catmull-Rom), perhaps a little beyond them",
+    Linear => "linear": "straight on",
+    Step => "step": "the value holds, and jumps at the next key",
+    In => "in": "from rest, ever faster: u², a body that falls",
+    Out => "out": "ever slower, to rest: a body that rises",
+    InOut => "in-out": "from rest to rest",
+});
+
 impl Ease {
-    /// All eases with their names in the scene text.
-    pub(crate) const ALL: [(Ease, &str); 7] = [
-        (Ease::Step, "step"),
-        (Ease::Linear, "linear"),
-        (Ease::Smooth, "smooth"),
-        (Ease::Spline, "spline"),
-        (Ease::In, "in"),
-        (Ease::Out, "out"),
-        (Ease::InOut, "in-out"),
-    ];
-
-    /// The ease of this name.
-    pub(crate) fn from_name(name: &str) -> Option<Ease> {
-        Ease::ALL.iter().find(|(_, n)| *n == name).map(|(ease, _)| *ease)
-    }
-
     /// The interpolation weight at the fraction `u` of the time; `None` for eases that depend on neighbouring keys.
     pub(crate) fn share(self, u: f64) -> Option<f64> {
         match self {
@@ -191,6 +187,7 @@ fn parabola(d: f64, h: f64, before: Stretch, after: Stretch, start: bool) -> f64
 #[cfg(test)]
 mod tests {
     use super::*;
+    use canaletto::Named;
 
     fn curve(ease: Ease, keys: &[(f64, f64)]) -> Curve {
         Curve::new(keys.iter().map(|&(time, v)| Key { time, values: vec![v], ease }).collect())
@@ -203,7 +200,7 @@ mod tests {
     #[test]
     fn keys_are_met_exactly_and_hold_outside() {
         let keys = [(1.0, 0.1), (4.0, 0.7), (5.5, -3.3), (9.0, 0.2)];
-        for (ease, name) in Ease::ALL {
+        for (&ease, name) in Ease::ALL.iter().zip(Ease::NAMES) {
             let curve = curve(ease, &keys);
             for (time, value) in keys {
                 assert_eq!(at(&curve, time), value, "{name}");

@@ -9,5 +9,5 @@ mod path;
 mod turn;
 
 pub(crate) use curve::{Curve, Ease, Key};
-pub(crate) use path::Path;
+pub(crate) use path::{Path, PathCurve};
 pub(crate) use turn::{axis_angle, quaternion, turned};

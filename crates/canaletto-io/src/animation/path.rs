@@ -6,6 +6,7 @@
 //! piece is split in [`PARTS`] parts, whose lengths are five-point Gauss integrals of the speed. Newton's method then
 //! finds a place.
 
+use canaletto::named;
 use glam::DVec3;
 
 /// The number of parts of a spline piece whose lengths are stored.
@@ -19,6 +20,21 @@ const GAUSS: [(f64, f64); 5] = [
     (0.538_469_310_105_683_1, 0.478_628_670_499_366_47),
     (0.906_179_845_938_664, 0.236_926_885_056_189_08),
 ];
+
+/// The curve of a path through its points.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum PathCurve {
+    /// The centripetal Catmull-Rom spline.
+    #[default]
+    Spline,
+    /// Straight lines.
+    Line,
+}
+
+named!(PathCurve {
+    Spline => "spline",
+    Line => "line",
+});
 
 /// A path to follow.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,11 +70,11 @@ impl Piece {
 }
 
 impl Path {
-    /// The path through these points, in straight lines or as a spline; a closed one returns to the first point.
+    /// The path through these points, on this curve; a closed one returns to the first point.
     ///
     /// # Errors
     /// A sentence that says what is wrong with the points.
-    pub(crate) fn new(points: &[DVec3], spline: bool, closed: bool) -> Result<Path, String> {
+    pub(crate) fn new(points: &[DVec3], curve: PathCurve, closed: bool) -> Result<Path, String> {
         let least = if closed { 3 } else { 2 };
         if points.len() < least {
             return Err(format!("a {}path needs at least {least} points", if closed { "closed " } else { "" }));
@@ -73,7 +89,7 @@ impl Path {
         let mut pieces = Vec::with_capacity(count);
         for i in 0..count {
             let (p, q) = (point(i), point(i + 1));
-            if !spline {
+            if curve == PathCurve::Line {
                 pieces.push(Piece([p, q - p, DVec3::ZERO, DVec3::ZERO]));
                 continue;
             }
@@ -81,14 +97,17 @@ impl Path {
             let after = (closed || i + 2 < n).then(|| point(i + 2));
             pieces.push(spline_piece(before, p, q, after));
         }
-        let parts = if spline { PARTS } else { 1 };
+        let parts = match curve {
+            PathCurve::Spline => PARTS,
+            PathCurve::Line => 1,
+        };
         let mut lengths = Vec::with_capacity(pieces.len() * parts);
         let mut length = 0.0;
         for piece in &pieces {
             for part in 0..parts {
-                length += match spline {
-                    true => piece.length(part as f64 / parts as f64, (part + 1) as f64 / parts as f64),
-                    false => piece.0[1].length(),
+                length += match curve {
+                    PathCurve::Spline => piece.length(part as f64 / parts as f64, (part + 1) as f64 / parts as f64),
+                    PathCurve::Line => piece.0[1].length(),
                 };
                 lengths.push(length);
             }
@@ -159,12 +178,13 @@ mod tests {
 
     #[test]
     fn lines_by_their_length() {
-        let path = Path::new(&points(&[[0.0, 0.0], [3.0, 0.0], [3.0, 1.0]]), false, false).unwrap();
+        let path = Path::new(&points(&[[0.0, 0.0], [3.0, 0.0], [3.0, 1.0]]), PathCurve::Line, false).unwrap();
         assert_eq!(path.length(), 4.0);
         assert_eq!(path.at(0.375), (DVec3::new(1.5, 0.0, 0.0), DVec3::X));
         assert_eq!(path.at(0.875), (DVec3::new(3.0, 0.5, 0.0), DVec3::Y));
         assert_eq!((path.at(-1.0).0, path.at(7.0).0), (DVec3::ZERO, DVec3::new(3.0, 1.0, 0.0)));
-        let square = Path::new(&points(&[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]), false, true).unwrap();
+        let square =
+            Path::new(&points(&[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]), PathCurve::Line, true).unwrap();
         assert_eq!(square.at(0.875), (DVec3::new(0.0, 0.5, 0.0), DVec3::NEG_Y));
         assert_eq!(square.at(2.125).0, DVec3::new(0.5, 0.0, 0.0));
     }
@@ -179,7 +199,7 @@ mod tests {
             [c, s]
         };
         let list: Vec<[f64; 2]> = (0..n).map(|i| around(f64::from(i) / f64::from(n))).collect();
-        let path = Path::new(&points(&list), true, true).unwrap();
+        let path = Path::new(&points(&list), PathCurve::Spline, true).unwrap();
         assert!((path.length() - std::f64::consts::TAU).abs() < 1e-5, "{}", path.length());
         for i in 0..500 {
             let share = f64::from(i) / 500.0;
@@ -194,7 +214,7 @@ mod tests {
     #[test]
     fn speed_is_even() {
         let list = [[0.0, 0.0], [0.1, 0.05], [0.2, 0.0], [5.0, 4.0], [5.1, 4.0], [9.0, -3.0]];
-        let path = Path::new(&points(&list), true, false).unwrap();
+        let path = Path::new(&points(&list), PathCurve::Spline, false).unwrap();
         let steps = 20_000;
         let mut chords = 0.0;
         for i in 0..steps {
@@ -208,7 +228,7 @@ mod tests {
 
     #[test]
     fn what_makes_no_path() {
-        let wrong = |list: &[[f64; 2]], closed| Path::new(&points(list), true, closed).unwrap_err();
+        let wrong = |list: &[[f64; 2]], closed| Path::new(&points(list), PathCurve::Spline, closed).unwrap_err();
         assert_eq!(wrong(&[[0.0, 0.0]], false), "a path needs at least 2 points");
         assert_eq!(wrong(&[[0.0, 0.0], [1.0, 0.0]], true), "a closed path needs at least 3 points");
         assert_eq!(wrong(&[[0.0, 0.0], [1.0, 0.0], [1.0, 0.0]], false), "points 2 and 3 of the path are the same");

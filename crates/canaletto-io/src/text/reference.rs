@@ -4,6 +4,8 @@ use super::schema::{
     self, ENVIRONMENTS, FieldSchema, LIGHTS, NodeSchema, OBJECTS, SETTINGS, TEXTURES, TRANSFORMS, ValueType,
 };
 use super::syntax::{MAX_DEPTH, MAX_ITEMS};
+use crate::animation::Ease;
+use canaletto::Named;
 use canaletto::world::World;
 use std::fmt::Write;
 
@@ -73,8 +75,8 @@ pub fn reference_markdown() -> String {
 fn motion(out: &mut String) {
     out.push_str(MOTION);
     out.push_str("| ease | meaning |\n|---|---|\n");
-    for (name, doc) in schema::ease_words() {
-        let _ = writeln!(out, "| `\"{name}\"` | {doc} |");
+    for ease in Ease::ALL {
+        let _ = writeln!(out, "| `\"{}\"` | {} |", ease.name(), ease.meaning());
     }
     out.push_str(TURNS);
     for (title, words) in [

@@ -4,6 +4,7 @@ use super::tree::{
     BlockerNode, CutNode, HitNode, ImageNode, LightNode, LobeNode, Outcome, RayNode, ReadingNode, SampleNode, Side,
     TextureNode,
 };
+use crate::Named;
 use crate::camera::Camera;
 use crate::integrator::{LightTerm, Probe, RayKind};
 use crate::light::environment::EnvironmentLookup;

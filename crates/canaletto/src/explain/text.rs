@@ -2,6 +2,7 @@
 
 use super::number::Number;
 use super::tree::{HitNode, LightNode, Outcome, PixelTree, RayNode, SampleNode, Side, TextureNode};
+use crate::Named;
 use crate::integrator::RayKind;
 use crate::light::environment::{EnvironmentLookup, Footprint, Part, Place};
 use crate::math::Rgb;

@@ -2,8 +2,8 @@
 
 use super::area::{Area, Triangles};
 use super::{Light, LightKind};
-use crate::OutOfRange;
 use crate::math::Transform;
+use crate::{OutOfRange, named};
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
@@ -56,10 +56,10 @@ pub enum Emission {
     Matte,
 }
 
-impl Emission {
-    /// Every emission with its name in scene text.
-    pub const ALL: [(Emission, &'static str); 2] = [(Emission::Even, "even"), (Emission::Matte, "matte")];
-}
+named!(Emission {
+    Even => "even",
+    Matte => "matte",
+});
 
 impl RectangleLight {
     pub(super) fn transformed(&self, t: &Transform) -> RectangleLight {

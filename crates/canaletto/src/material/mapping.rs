@@ -5,10 +5,10 @@
 //! image: the square from −½ to ½ in x and y, seen from +z with +y upwards, u to the right and v downwards. Every
 //! coordinate has its gradient. Footprints and bumps follow by the chain rule, without differences across seams.
 
-use crate::OutOfRange;
 use crate::math::Transform;
 use crate::shape::SurfaceDifferential;
 use crate::texture::{Function, Gradient, TextureKind};
+use crate::{OutOfRange, named};
 use canaletto_bvh::Aabb;
 use glam::{DMat3, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
@@ -80,6 +80,16 @@ pub enum Projection {
     Solid,
 }
 
+named!(Projection {
+    Uv => "uv",
+    Planar => "planar",
+    Box => "box",
+    Spherical => "spherical",
+    Cylindrical => "cylindrical",
+    Triplanar => "triplanar",
+    Solid => "solid",
+});
+
 /// The spaces that mappings work in.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -94,6 +104,12 @@ pub enum Space {
     /// own units.
     Bounds,
 }
+
+named!(Space {
+    Object => "object",
+    World => "world",
+    Bounds => "bounds",
+});
 
 /// The input of mappings: a point of a surface in the object's space.
 #[derive(Clone, Copy, Debug)]

@@ -17,6 +17,7 @@ pub(crate) use phong::highlights;
 pub use refract::{reflect, refract};
 pub use texture_use::{Channel, Target, TextureUse};
 
+use crate::Named;
 use crate::OutOfRange;
 use crate::math::Rgb;
 use crate::shape::Surface;

@@ -4,6 +4,7 @@
 use super::{Mapping, MaterialPoint};
 use crate::OutOfRange;
 use crate::math::Rgb;
+use crate::named;
 use serde::{Deserialize, Serialize};
 
 /// A texture on a material. Uses apply in the order of the material's list. A later one replaces the result of an
@@ -84,6 +85,14 @@ pub enum Channel {
     Alpha,
 }
 
+named!(Channel {
+    Luminance => "luminance",
+    Red => "red",
+    Green => "green",
+    Blue => "blue",
+    Alpha => "alpha",
+});
+
 impl Channel {
     /// The number that this channel has in a texture's value.
     pub fn of(self, [r, g, b, a]: [f32; 4]) -> f32 {
@@ -98,32 +107,25 @@ impl Channel {
     }
 }
 
-impl Target {
-    /// Every kind of target with its name in scene text, in the order of the reference.
-    pub const ALL: [(Target, &'static str); 13] = [
-        (Target::Replace, "replace"),
-        (Target::Decal, "decal"),
-        (Target::Diffuse, "diffuse"),
-        (Target::Specular, "ks"),
-        (Target::Exponent, "n"),
-        (Target::Mirror, "k"),
-        (Target::Eta, "eta"),
-        (Target::Opacity, "opacity"),
-        (Target::Roughness, "roughness"),
-        (Target::Cutout, "cutout"),
-        (Target::Bump, "bump"),
-        (Target::Displace { detail: Target::DEFAULT_DETAIL }, "displace"),
-        (Target::Normal { strength: 1.0, down: false }, "normal"),
-    ];
+named!(Target {
+    Replace => "replace",
+    Decal => "decal",
+    Diffuse => "diffuse",
+    Specular => "ks",
+    Exponent => "n",
+    Mirror => "k",
+    Eta => "eta",
+    Opacity => "opacity",
+    Roughness => "roughness",
+    Cutout => "cutout",
+    Bump => "bump",
+    Displace { detail: Target::DEFAULT_DETAIL } => "displace",
+    Normal { strength: 1.0, down: false } => "normal",
+});
 
+impl Target {
     /// The default detail of displacements.
     pub const DEFAULT_DETAIL: f32 = 128.0;
-
-    /// The name of this target in scene text.
-    pub fn name(&self) -> &'static str {
-        let kind = std::mem::discriminant(self);
-        Target::ALL.iter().find(|(t, _)| std::mem::discriminant(t) == kind).map_or("", |(_, name)| name)
-    }
 
     /// Whether the texture's numbers are colours, so that an image's colour space matters.
     pub fn takes_color(&self) -> bool {
@@ -220,6 +222,7 @@ fn positive(v: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Named;
 
     fn point() -> MaterialPoint {
         MaterialPoint::default()
@@ -250,7 +253,7 @@ mod tests {
     #[test]
     fn wild_values_become_possible_ones() {
         for wild in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -3.0, 1e38] {
-            for (target, _) in Target::ALL {
+            for &target in Target::ALL {
                 let mut p = point();
                 TextureUse { range: [0.0, 3e38], ..TextureUse::new(0, target) }.apply([wild; 4], &mut p);
                 p.phong().check().unwrap();

@@ -8,6 +8,7 @@ use crate::material::MaterialPoint;
 use crate::math::Rgb;
 use crate::shape::Surface;
 use crate::world::{GeometryProbe, Hit, World};
+use crate::{Named, named};
 use canaletto_bvh::Ray;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -52,35 +53,24 @@ pub enum Aov {
     Cost,
 }
 
+named!(Aov {
+    Depth => "depth",
+    Normal => "normal",
+    Position => "position",
+    Uv => "uv",
+    ObjectId => "object-id",
+    MaterialId => "material-id",
+    Diffuse => "diffuse",
+    Specular => "specular",
+    Shadow => "shadow",
+    Ambient => "ambient",
+    Reflection => "reflection",
+    Refraction => "refraction",
+    TreeDepth => "tree-depth",
+    Cost => "cost",
+});
+
 impl Aov {
-    /// Every layer with its name and the names of its channels.
-    pub const ALL: [(Aov, &'static str, &'static [&'static str]); 14] = [
-        (Aov::Depth, "depth", &["Z"]),
-        (Aov::Normal, "normal", &["X", "Y", "Z"]),
-        (Aov::Position, "position", &["X", "Y", "Z"]),
-        (Aov::Uv, "uv", &["U", "V"]),
-        (Aov::ObjectId, "object-id", &["X"]),
-        (Aov::MaterialId, "material-id", &["X"]),
-        (Aov::Diffuse, "diffuse", &["R", "G", "B"]),
-        (Aov::Specular, "specular", &["R", "G", "B"]),
-        (Aov::Shadow, "shadow", &["R", "G", "B"]),
-        (Aov::Ambient, "ambient", &["R", "G", "B"]),
-        (Aov::Reflection, "reflection", &["R", "G", "B"]),
-        (Aov::Refraction, "refraction", &["R", "G", "B"]),
-        (Aov::TreeDepth, "tree-depth", &["X"]),
-        (Aov::Cost, "cost", &["X"]),
-    ];
-
-    /// The layer with this name.
-    pub fn from_name(name: &str) -> Option<Aov> {
-        Aov::ALL.iter().find(|(_, n, _)| *n == name).map(|(aov, ..)| *aov)
-    }
-
-    /// The layer's name.
-    pub fn name(self) -> &'static str {
-        Aov::ALL[self as usize].1
-    }
-
     /// Whether the layer holds light, in red, green and blue.
     pub fn is_light(self) -> bool {
         self.channels() == ["R", "G", "B"]
@@ -88,7 +78,15 @@ impl Aov {
 
     /// The names of the layer's channels.
     pub fn channels(self) -> &'static [&'static str] {
-        Aov::ALL[self as usize].2
+        match self {
+            Aov::Depth => &["Z"],
+            Aov::Normal | Aov::Position => &["X", "Y", "Z"],
+            Aov::Uv => &["U", "V"],
+            Aov::ObjectId | Aov::MaterialId | Aov::TreeDepth | Aov::Cost => &["X"],
+            Aov::Diffuse | Aov::Specular | Aov::Shadow | Aov::Ambient | Aov::Reflection | Aov::Refraction => {
+                &["R", "G", "B"]
+            }
+        }
     }
 
     /// Whether the layer holds numbers of objects or materials.
@@ -99,7 +97,7 @@ impl Aov {
     pub(super) fn layer(self, world: &World, width: u32, height: u32) -> Layer {
         /// `f32` represents all integers up to this one.
         const EXACT: u64 = 1 << f32::MANTISSA_DIGITS;
-        let (_, name, channels) = Aov::ALL[self as usize];
+        let (name, channels) = (self.name(), self.channels());
         let pixels = width as usize * height as usize;
         let ids = if self.is_id() && world.largest_id() > EXACT { vec![0; pixels] } else { Vec::new() };
         Layer { name, channels, data: vec![0.0; pixels * channels.len()], ids }

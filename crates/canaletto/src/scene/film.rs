@@ -1,5 +1,6 @@
 //! The sampling, reconstruction and developing of a picture.
 
+use crate::named;
 use serde::{Deserialize, Serialize};
 
 /// Settings of the film.
@@ -46,7 +47,50 @@ pub enum Sampling {
     Sampled(u32),
 }
 
+/// The patterns of rays in a pixel, [`Sampling`] without its numbers. [`Sampling::Sampled`] has no pattern: the
+/// sampler places its rays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SamplePattern {
+    /// [`Sampling::Corner`].
+    Corner,
+    /// [`Sampling::Center`].
+    Center,
+    /// [`Sampling::Regular`].
+    Regular,
+    /// [`Sampling::Jittered`].
+    Jittered,
+    /// [`Sampling::Adaptive`].
+    Adaptive,
+}
+
+named!(SamplePattern {
+    Corner => "corner": "One ray through the pixel's lower left corner",
+    Center => "center": "One ray through the pixel's centre",
+    Regular => "regular": "n x n rays on a regular grid",
+    Jittered => "jittered": "n x n rays, each at a random place of its sub-pixel",
+    Adaptive => "adaptive": "Corners and centre; where they differ, n x n jittered rays",
+});
+
+impl SamplePattern {
+    /// The default n of the patterns of n × n rays.
+    pub const DEFAULT_GRID: u32 = 4;
+    /// The default threshold of the adaptive pattern.
+    pub const DEFAULT_THRESHOLD: f32 = 0.1;
+}
+
 impl Sampling {
+    /// The pattern of the rays; none if the sampler places them.
+    pub fn pattern(&self) -> Option<SamplePattern> {
+        match self {
+            Sampling::Corner => Some(SamplePattern::Corner),
+            Sampling::Center => Some(SamplePattern::Center),
+            Sampling::Regular(_) => Some(SamplePattern::Regular),
+            Sampling::Jittered(_) => Some(SamplePattern::Jittered),
+            Sampling::Adaptive { .. } => Some(SamplePattern::Adaptive),
+            Sampling::Sampled(_) => None,
+        }
+    }
+
     /// The largest n of a grid of n × n rays in a pixel.
     pub const MAX_GRID: u32 = 16;
     /// The largest number of rays of [`Sampling::Sampled`].
@@ -67,16 +111,11 @@ pub enum SamplerKind {
     Independent,
 }
 
-impl SamplerKind {
-    /// Every kind with its name in scene text.
-    pub const ALL: [(SamplerKind, &'static str); 3] =
-        [(SamplerKind::Sobol, "sobol"), (SamplerKind::Jittered, "jittered"), (SamplerKind::Independent, "independent")];
-
-    /// The name of this kind.
-    pub fn name(self) -> &'static str {
-        SamplerKind::ALL[self as usize].1
-    }
-}
+named!(SamplerKind {
+    Sobol => "sobol": "Sobol's sequence with Owen's scrambling: the least noise, best with powers of two",
+    Jittered => "jittered": "A jittered grid, best with squares",
+    Independent => "independent": "Each number by itself: the most noise",
+});
 
 /// The reconstruction filter. Lengths are in pixels. A pixel's rays are distributed like the filter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -97,50 +136,16 @@ pub enum Filter {
     Mitchell,
 }
 
-impl Sampling {
-    /// The name of this sampling.
-    pub fn name(self) -> &'static str {
-        match self {
-            Sampling::Corner => "corner",
-            Sampling::Center => "center",
-            Sampling::Regular(_) => "regular",
-            Sampling::Jittered(_) => "jittered",
-            Sampling::Adaptive { .. } => "adaptive",
-            Sampling::Sampled(_) => "sampled",
-        }
-    }
-}
+named!(Filter {
+    Box => "box",
+    Tent => "tent",
+    Gaussian { sigma: Filter::DEFAULT_SIGMA } => "gaussian",
+    Mitchell => "mitchell",
+});
 
 impl Filter {
-    /// The name of this filter.
-    pub fn name(self) -> &'static str {
-        match self {
-            Filter::Box => "box",
-            Filter::Tent => "tent",
-            Filter::Gaussian { .. } => "gaussian",
-            Filter::Mitchell => "mitchell",
-        }
-    }
-}
-
-impl Tone {
-    /// The name of this treatment.
-    pub fn name(self) -> &'static str {
-        match self {
-            Tone::Clamp => "clamp",
-            Tone::Scale => "scale",
-        }
-    }
-}
-
-impl Transfer {
-    /// The name of this transfer.
-    pub fn name(self) -> &'static str {
-        match self {
-            Transfer::None => "none",
-            Transfer::Srgb => "srgb",
-        }
-    }
+    /// The default standard deviation of the Gaussian in pixels.
+    pub const DEFAULT_SIGMA: f32 = 0.5;
 }
 
 /// The treatment of values over 1 (after 5.36).
@@ -154,6 +159,11 @@ pub enum Tone {
     Scale,
 }
 
+named!(Tone {
+    Clamp => "clamp": "Each component is cut at 1",
+    Scale => "scale": "The picture is divided by its largest component",
+});
+
 /// The transfer from linear light to the numbers in an 8- or 16-bit file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
@@ -164,3 +174,8 @@ pub enum Transfer {
     #[default]
     Srgb,
 }
+
+named!(Transfer {
+    None => "none": "The values themselves",
+    Srgb => "srgb": "The sRGB curve, which screens expect",
+});

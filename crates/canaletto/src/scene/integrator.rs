@@ -1,5 +1,6 @@
 //! The integrator of a scene, and its settings.
 
+use crate::{Named, named};
 use serde::{Deserialize, Serialize};
 
 /// The integrator that makes the picture, with its settings.
@@ -11,14 +12,11 @@ pub enum Integrator {
     Whitted(WhittedSettings),
 }
 
-impl Integrator {
-    /// Its name in scene text.
-    pub fn name(&self) -> &'static str {
-        match self {
-            Integrator::Whitted(_) => "whitted",
-        }
-    }
+named!(Integrator {
+    Whitted(WhittedSettings::DEFAULT) => "whitted",
+});
 
+impl Integrator {
     /// Its settings: the words of the scene text with their values.
     pub fn settings(&self) -> Vec<(&'static str, String)> {
         match self {
@@ -91,11 +89,15 @@ pub struct WhittedSettings {
 impl WhittedSettings {
     /// The largest `max_depth`. The stack of a rendering thread has room for this many nested rays.
     pub const MAX_DEPTH: u32 = 256;
+
+    /// The settings of a scene that names none.
+    pub const DEFAULT: WhittedSettings =
+        WhittedSettings { max_depth: 6, min_weight: 1.0 / 1024.0, stage: Stage::Full, shadows: true };
 }
 
 impl Default for WhittedSettings {
     fn default() -> WhittedSettings {
-        WhittedSettings { max_depth: 6, min_weight: 1.0 / 1024.0, stage: Stage::Full, shadows: true }
+        WhittedSettings::DEFAULT
     }
 }
 
@@ -121,20 +123,12 @@ pub enum Stage {
     Full,
 }
 
-impl Stage {
-    /// Every stage with its name, in order.
-    pub const ALL: [(Stage, &'static str); 7] = [
-        (Stage::Unlit, "unlit"),
-        (Stage::Diffuse, "diffuse"),
-        (Stage::Ambient, "ambient"),
-        (Stage::Specular, "specular"),
-        (Stage::Shadow, "shadow"),
-        (Stage::Reflection, "reflection"),
-        (Stage::Full, "full"),
-    ];
-
-    /// The stage's name.
-    pub fn name(self) -> &'static str {
-        Stage::ALL[self as usize].1
-    }
-}
+named!(Stage {
+    Unlit => "unlit": "The diffuse colour alone",
+    Diffuse => "diffuse": "Diffuse light from each light",
+    Ambient => "ambient": "+ ambient light",
+    Specular => "specular": "+ highlights",
+    Shadow => "shadow": "+ shadows",
+    Reflection => "reflection": "+ reflected rays",
+    Full => "full": "+ refracted rays: the whole equation",
+});

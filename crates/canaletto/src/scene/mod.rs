@@ -10,7 +10,7 @@ mod node;
 mod sparse;
 
 pub use camera::{Aperture, Extrinsics, Focus, Intrinsics, Lens, View};
-pub use film::{FilmSettings, Filter, SamplerKind, Sampling, Tone, Transfer};
+pub use film::{FilmSettings, Filter, SamplePattern, SamplerKind, Sampling, Tone, Transfer};
 pub use integrator::{Integrator, Stage, WhittedSettings};
 pub use node::{Content, Node};
 pub use sparse::{Sparse, Usual};

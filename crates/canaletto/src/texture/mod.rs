@@ -37,6 +37,7 @@ pub use ramp::{Interpolation, Ramp, Stop};
 pub use space::{ColorSpace, srgb_decode};
 pub use wrap::{Placement, Wrap};
 
+use crate::named;
 use serde::{Deserialize, Serialize};
 
 /// A named texture.
@@ -114,6 +115,15 @@ pub enum Filter {
     CubicSpline,
 }
 
+named!(Filter {
+    Nearest => "nearest",
+    Bilinear => "bilinear",
+    Biquadratic => "biquadratic",
+    Bicubic => "bicubic",
+    QuadraticSpline => "quadratic-spline",
+    CubicSpline => "cubic-spline",
+});
+
 /// The prefilter where texels are smaller than pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[non_exhaustive]
@@ -128,3 +138,9 @@ pub enum Prefilter {
     #[default]
     Ewa,
 }
+
+named!(Prefilter {
+    None => "none",
+    Trilinear => "trilinear",
+    Ewa => "ewa",
+});

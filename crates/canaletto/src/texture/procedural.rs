@@ -8,7 +8,7 @@ use super::noise::{Filtered, Noise, Octaves, seen};
 use super::ramp::RampTable;
 use super::worley;
 use super::{Lookup, Ramp, Wrap};
-use crate::OutOfRange;
+use crate::{OutOfRange, named};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -80,6 +80,13 @@ pub enum Gradient {
     Angular,
 }
 
+named!(Gradient {
+    Linear => "linear",
+    Cylindrical => "cylindrical",
+    Spherical => "spherical",
+    Angular => "angular",
+});
+
 /// The measure of Worley's texture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
@@ -92,6 +99,12 @@ pub enum Feature {
     /// The difference of both distances: 0 on the boundary of cells.
     Edge,
 }
+
+named!(Feature {
+    Nearest => "nearest",
+    Second => "second",
+    Edge => "edge",
+});
 
 /// The parameters of a sum of noises of several frequencies.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

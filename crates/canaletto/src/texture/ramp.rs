@@ -4,7 +4,7 @@
 //! Means over an interval are exact, from the ramp's antiderivative, so that a distant ramp doesn't alias.
 
 use super::Wrap;
-use crate::OutOfRange;
+use crate::{OutOfRange, named};
 use serde::{Deserialize, Serialize};
 
 /// Colours at places of a line.
@@ -37,6 +37,12 @@ pub enum Interpolation {
     /// Interpolation by a cubic with a slope of zero at the stops.
     Smooth,
 }
+
+named!(Interpolation {
+    Step => "step",
+    Linear => "linear",
+    Smooth => "smooth",
+});
 
 impl Default for Ramp {
     /// The ramp from black at 0 to white at 1.

@@ -1,5 +1,6 @@
 //! The meaning of an image's numbers.
 
+use crate::named;
 use serde::{Deserialize, Serialize};
 
 /// The meaning of an image's numbers.
@@ -15,6 +16,12 @@ pub enum ColorSpace {
     /// weights the others.
     Raw,
 }
+
+named!(ColorSpace {
+    Srgb => "srgb",
+    Linear => "linear",
+    Raw => "raw",
+});
 
 /// Converts a value on the sRGB curve to linear light.
 pub fn srgb_decode(v: f32) -> f32 {

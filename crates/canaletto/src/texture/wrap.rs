@@ -1,5 +1,6 @@
 //! The place of the unit square on an image, and the continuation outside of it.
 
+use crate::named;
 use serde::{Deserialize, Serialize};
 
 /// The continuation outside the unit square.
@@ -19,6 +20,14 @@ pub enum Wrap {
     Transparent,
 }
 
+named!(Wrap {
+    Repeat => "repeat",
+    Mirror => "mirror",
+    Clamp => "clamp",
+    Black => "black",
+    Transparent => "transparent",
+});
+
 /// The places of coordinates 0 and 1 on an image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Placement {
@@ -30,6 +39,11 @@ pub enum Placement {
     /// and for those that cover a sphere.
     Edges,
 }
+
+named!(Placement {
+    Centers => "centers",
+    Edges => "edges",
+});
 
 /// One axis of an image: the map from coordinates to texels.
 #[derive(Clone, Copy, Debug, PartialEq)]

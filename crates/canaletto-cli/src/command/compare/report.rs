@@ -2,7 +2,7 @@
 
 use super::{CompareFlags, Threshold};
 use crate::format::JSON_VERSION;
-use canaletto::scene::Transfer;
+use canaletto::Named;
 use canaletto_io::picture::{ChannelDifference, Comparison, Image, RestDifference, Window};
 use serde_json::{Value, json};
 
@@ -85,7 +85,7 @@ impl ComparisonReport<'_> {
             out += &format!("the pictures are parts of larger ones: {a} and {b}\n");
         }
         if let Some(curves) = self.rest.curves {
-            let [a, b] = curves.map(Transfer::name);
+            let [a, b] = curves.map(|curve| curve.name());
             out += &format!(
                 "the files declare different curves, {a} and {b}; their numbers were compared as they are stored\n"
             );
@@ -119,7 +119,7 @@ impl ComparisonReport<'_> {
             "only_in_b": self.rest.only[1],
             "left_out": self.left_out,
             "windows": self.rest.windows.as_ref().map(|windows| windows.each_ref().map(window)),
-            "curves": self.rest.curves.map(|curves| curves.map(Transfer::name)),
+            "curves": self.rest.curves.map(|curves| curves.map(|curve| curve.name())),
             "exceeded": exceeded.iter().map(|t| t.metric.name()).collect::<Vec<_>>(),
         })
     }

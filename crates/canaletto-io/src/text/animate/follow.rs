@@ -178,6 +178,7 @@ fn facing(face: DVec3, ahead: DVec3, up: DVec3, up_there: DVec3) -> Result<DMat3
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::animation::PathCurve;
 
     #[test]
     fn an_object_faces_ahead_and_stays_upright() {
@@ -193,14 +194,14 @@ mod tests {
     #[test]
     fn an_object_that_goes_straight_up_keeps_its_roll() {
         let points = [DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::new(0.0, 1.0, 0.0)];
-        let path = Path::new(&points, false, false).unwrap();
+        let path = Path::new(&points, PathCurve::Line, false).unwrap();
         assert_eq!(roll_along(&path, 0.1, DVec3::Y), None);
         // The object came along +x with its up direction +y, so this direction here is -x.
         let up = roll_along(&path, 0.5, DVec3::Y).unwrap();
         assert!((up - DVec3::NEG_X).length() < 1e-12, "{up}");
         let turn = facing(DVec3::Z, path.at(0.5).1, DVec3::Y, up).unwrap();
         assert!((turn * DVec3::Z - DVec3::Y).length() < 1e-12 && (turn * DVec3::Y - DVec3::NEG_X).length() < 1e-12);
-        let straight = Path::new(&[DVec3::ZERO, DVec3::Y], false, false).unwrap();
+        let straight = Path::new(&[DVec3::ZERO, DVec3::Y], PathCurve::Line, false).unwrap();
         assert_eq!(roll_along(&straight, 0.5, DVec3::Y), None);
         assert!(facing(DVec3::Z, DVec3::Y, DVec3::Y, DVec3::Y).unwrap_err().contains("the whole path"));
     }

@@ -8,6 +8,7 @@ use crate::animation::{Curve, Ease, Key, axis_angle, quaternion, turned};
 use crate::text::report::{Message, Report};
 use crate::text::schema::{EASE, FieldSchema, TURN, ValueType};
 use crate::text::syntax::{Node, Span, Value, ValueKind};
+use canaletto::{Named, named};
 use std::fmt;
 use std::sync::{Arc, OnceLock};
 
@@ -70,6 +71,20 @@ struct Written {
     span: Span,
     ease: Option<Ease>,
 }
+
+/// The way of a rotation from key to key.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Turn {
+    /// The degrees count.
+    Angle,
+    /// The shorter way round.
+    Shortest,
+}
+
+named!(Turn {
+    Angle => "angle",
+    Shortest => "shortest",
+});
 
 impl Animator<'_> {
     /// Moves the keys of a word from its children to `Node::keys`.
@@ -164,8 +179,8 @@ impl Animator<'_> {
             return None;
         }
         ready.untouched = false;
-        let ease = self.beside(motion, "ease", &EASE).and_then(|(text, span)| Some((Ease::from_name(&text)?, span)));
-        let turn = self.beside(motion, "turn", &TURN);
+        let ease = self.beside::<Ease>(motion, "ease", &EASE);
+        let turn = self.beside::<Turn>(motion, "turn", &TURN);
         let written = self.written(&keys, &name, word);
         ready.first = written.first().map_or(Vec::new(), |first| first.values.clone());
         if self.validator.report.count() > 0 || written.is_empty() {
@@ -176,8 +191,8 @@ impl Animator<'_> {
             ValueType::Numbers(_) | ValueType::Rgb | ValueType::Many(_) | ValueType::Count | ValueType::Counts(_)
         ) && word.name != "matrix";
         if !numbers {
-            if let Some((text, span)) = &turn {
-                self.validator.report.error(*span, format!("turn \"{text}\" is for rotations"));
+            if let Some((turn, span)) = &turn {
+                self.validator.report.error(*span, format!("turn \"{}\" is for rotations", turn.name()));
             }
             self.may_jump(word, &written, ease);
             return Some(Track::Jump(written));
@@ -189,12 +204,12 @@ impl Animator<'_> {
         };
         let plain = curve(&|k| k.values.iter().filter_map(Value::as_number).collect());
         let shortest = match (word.name, &turn) {
-            ("rotate-x" | "rotate-y" | "rotate-z" | "rotate", Some((text, _))) => Some(text == "shortest"),
+            ("rotate-x" | "rotate-y" | "rotate-z" | "rotate", Some((turn, _))) => Some(*turn == Turn::Shortest),
             ("rotate-x" | "rotate-y" | "rotate-z", None) => Some(false),
             ("rotate", None) => None,
             (_, None) => Some(false),
-            (_, Some((text, span))) => {
-                let message = Message::error(*span, format!("turn \"{text}\" is for rotations"));
+            (_, Some((turn, span))) => {
+                let message = Message::error(*span, format!("turn \"{}\" is for rotations", turn.name()));
                 self.validator.report.push(message.help("rotate, rotate-x, rotate-y and rotate-z have it"));
                 Some(false)
             }
@@ -255,8 +270,8 @@ impl Animator<'_> {
         });
     }
 
-    /// The single text value of `ease` or `turn`.
-    fn beside(&mut self, motion: &[Node], name: &str, word: &'static FieldSchema) -> Option<(String, Span)> {
+    /// The value of `ease` or `turn`, which stands beside the keys.
+    fn beside<T: Named>(&mut self, motion: &[Node], name: &str, word: &'static FieldSchema) -> Option<(T, Span)> {
         let mut all = motion.iter().filter(|child| &*child.name == name);
         let node = all.next()?;
         if let Some(second) = all.next() {
@@ -265,7 +280,7 @@ impl Animator<'_> {
             self.validator.report.push(message.label(place));
         }
         let good = !node.broken && self.validator.plain(node) && self.validator.values(name, word, &node.values, node);
-        good.then(|| node.values.first()?.as_text().map(|text| (text.to_owned(), node.span))).flatten()
+        good.then(|| Some((T::from_name(node.values.first()?.as_text()?)?, node.span))).flatten()
     }
 
     /// Reads the keys and reports the mistakes in each.

@@ -8,7 +8,7 @@
 mod follow;
 mod keys;
 
-pub(crate) use keys::Keys;
+pub(crate) use keys::{Keys, Turn};
 
 use super::decode::{Fields, Validator};
 use super::files::Files;
@@ -18,6 +18,7 @@ use super::schema::{
 };
 use super::syntax::{Node, Span};
 use crate::animation::Path;
+use canaletto::named;
 use std::collections::HashMap;
 
 /// The time settings of a scene text.
@@ -35,6 +36,21 @@ pub struct Timeline {
     /// Whether any node must be replaced before decoding.
     pub(crate) has_time: bool,
 }
+
+/// The unit of key times.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum KeyUnit {
+    /// Frames.
+    #[default]
+    Frames,
+    /// Seconds, with frame 0 at second 0.
+    Seconds,
+}
+
+named!(KeyUnit {
+    Frames => "frames",
+    Seconds => "seconds",
+});
 
 impl Timeline {
     /// The range of [`Timeline::fps`].
@@ -85,8 +101,8 @@ pub(crate) fn timeline(nodes: &[Node], files: &Files, report: Report) -> (Timeli
                 validator.report.error(fields.span("frames"), message);
             }
         }
-        if let Some(unit) = fields.text("keys") {
-            timeline.seconds = unit == "seconds";
+        if let Some(unit) = fields.named::<KeyUnit>("keys") {
+            timeline.seconds = unit == KeyUnit::Seconds;
         }
     }
     for node in nodes {
@@ -292,8 +308,8 @@ impl Animator<'_> {
     fn path(&mut self, fields: &Fields) -> Option<Path> {
         let numbers = fields.all("points")?;
         let points: Vec<glam::DVec3> = numbers.chunks_exact(3).map(glam::DVec3::from_slice).collect();
-        let spline = fields.text("curve") != Some("line");
-        match Path::new(&points, spline, fields.flag("closed").unwrap_or(false)) {
+        let curve = fields.named("curve").unwrap_or_default();
+        match Path::new(&points, curve, fields.flag("closed").unwrap_or(false)) {
             Ok(path) => Some(path),
             Err(problem) => {
                 self.validator.report.error(fields.span("points"), problem);

@@ -3,9 +3,10 @@
 use super::Decoder;
 use super::fields::Fields;
 use crate::text::report::Message;
-use crate::text::schema::{self, ENVIRONMENTS, SMOOTHINGS};
+use crate::text::schema::{self, ENVIRONMENTS};
 use crate::text::syntax::Node;
-use canaletto::light::environment::{Environment, EnvironmentKind, Face, Gradient, Moment, Sky, Smoothing, bearing};
+use canaletto::Named;
+use canaletto::light::environment::{Environment, EnvironmentKind, Face, Gradient, Moment, Sky, bearing};
 use canaletto::math::Rgb;
 use glam::Vec3;
 
@@ -38,11 +39,11 @@ impl Decoder<'_> {
     }
 
     fn environment_kind(&mut self, kind: &str, f: &Fields) -> Option<EnvironmentKind> {
-        let filter = f.text("filter").and_then(|text| SMOOTHINGS.iter().find(|(word, _)| *word == text));
-        let smoothing = filter.map_or(Smoothing::default(), |(_, smoothing)| *smoothing);
+        let smoothing = f.named("filter").unwrap_or_default();
         match kind {
             "cube" => {
-                let faces = Face::ALL.map(|(_, word)| self.image_of(f, word));
+                let faces = Face::NAMES.iter().map(|word| self.image_of(f, word));
+                let faces: Vec<Option<u32>> = faces.collect();
                 let faces: Option<Vec<u32>> = faces.into_iter().collect();
                 Some(EnvironmentKind::Cube { faces: faces?.try_into().ok()?, smoothing })
             }

@@ -5,6 +5,7 @@ use crate::text::files::Files;
 use crate::text::report::{Message, Report};
 use crate::text::schema::{self, FieldSchema, NodeSchema, SYNONYMS, TRANSFORMS, ValueType, objects};
 use crate::text::syntax::{Node, Span, Value, ValueKind};
+use canaletto::Named;
 use canaletto::math::Rgb;
 use glam::{DVec3, Vec3};
 
@@ -454,6 +455,11 @@ impl<'a> Fields<'a> {
 
     pub(crate) fn text(&self, name: &str) -> Option<&'a str> {
         self.raw(name)?.values.first()?.as_text()
+    }
+
+    /// The value of a closed set that the field's word stands for.
+    pub(crate) fn named<T: Named>(&self, name: &str) -> Option<T> {
+        T::from_name(self.text(name)?)
     }
 }
 

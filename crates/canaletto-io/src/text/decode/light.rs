@@ -27,8 +27,7 @@ impl Decoder<'_> {
             Light::new(self.kind(kind, &fields)?, fields.rgb("intensity").unwrap_or(Rgb::gray(DEFAULT_INTENSITY)));
         light.name = fields.text("name").map(Into::into);
         light.shadows = fields.flag("shadows").unwrap_or(light.shadows);
-        let emission = fields.text("emission").and_then(|word| Emission::ALL.iter().find(|(_, name)| *name == word));
-        light.emission = emission.map_or(light.emission, |(emission, _)| *emission);
+        light.emission = fields.named("emission").unwrap_or(light.emission);
         light.samples = fields.count("samples").unwrap_or(light.samples);
         self.either(&fields, "points", "samples");
         if fields.count("samples") == Some(0) {

@@ -8,13 +8,11 @@ use crate::text::animate::POSES;
 use crate::text::report::Message;
 use crate::text::schema::{self, NodeSchema};
 use crate::text::syntax::{self, Node, Span};
-use canaletto::OutOfRange;
 use canaletto::camera::Camera;
 use canaletto::material::{Material, Phong};
 use canaletto::render::Job;
-use canaletto::scene::{
-    Extrinsics, FilmSettings, Filter, Intrinsics, SamplerKind, Sampling, Stage, Tone, Transfer, View, WhittedSettings,
-};
+use canaletto::scene::{Extrinsics, FilmSettings, Filter, Intrinsics, SamplePattern, Sampling, View, WhittedSettings};
+use canaletto::{Named, OutOfRange};
 use glam::DVec3;
 use std::collections::HashMap;
 
@@ -178,8 +176,7 @@ impl<'a> Decoder<'a> {
         set(&mut settings.max_depth, fields.count("max-depth"));
         set(&mut settings.min_weight, fields.real("min-weight"));
         set(&mut settings.shadows, fields.flag("shadows"));
-        let stage = fields.text("stage").and_then(|name| Stage::ALL.iter().find(|(_, n)| *n == name));
-        set(&mut settings.stage, stage.map(|(stage, _)| *stage));
+        set(&mut settings.stage, fields.named("stage"));
         if settings.max_depth == 0 {
             let problem = "is 0; the eye's rays have depth 1, so it must be at least that";
             self.out_of_range(fields, &OutOfRange::new("max-depth", problem));
@@ -193,13 +190,11 @@ impl<'a> Decoder<'a> {
 
     fn film(&mut self, fields: &Fields) {
         let mut film = self.scene.film;
-        set(&mut film.tone, fields.text("tone").map(|word| if word == "clamp" { Tone::Clamp } else { Tone::Scale }));
-        let transfer = fields.text("transfer").map(|word| if word == "none" { Transfer::None } else { Transfer::Srgb });
-        set(&mut film.transfer, transfer);
+        set(&mut film.tone, fields.named("tone"));
+        set(&mut film.transfer, fields.named("transfer"));
         set(&mut film.crop, fields.counts("crop").map(Some));
         set(&mut film.sampling, self.sampling(fields));
-        let sampler = fields.text("sampler").and_then(|word| SamplerKind::ALL.iter().find(|(_, name)| *name == word));
-        set(&mut film.sampler, sampler.map(|(kind, _)| *kind));
+        set(&mut film.sampler, fields.named("sampler"));
         set(&mut film.filter, self.filter(fields));
         self.scene.film = film;
     }
@@ -230,19 +225,21 @@ impl<'a> Decoder<'a> {
             None => None,
         };
         let inner = inner.as_ref();
-        let place = match inner {
-            Some(inner) => inner.text("place")?,
-            None => film.text("sample")?,
+        let pattern: SamplePattern = match inner {
+            Some(inner) => inner.named("place")?,
+            None => film.named("sample")?,
         };
-        let n = inner.and_then(|f| f.count("n")).unwrap_or(schema::DEFAULT_GRID);
-        let threshold = inner.and_then(|f| f.real("threshold")).unwrap_or(schema::DEFAULT_THRESHOLD);
-        for (word, meant) in [("n", matches!(place, "corner" | "center")), ("threshold", place != "adaptive")] {
-            if let Some(inner) = inner.filter(|inner| meant && inner.has(word)) {
-                self.validator.report.error(inner.span(word), format!("\"{place}\" has no {word}"));
+        let n = inner.and_then(|f| f.count("n")).unwrap_or(SamplePattern::DEFAULT_GRID);
+        let threshold = inner.and_then(|f| f.real("threshold")).unwrap_or(SamplePattern::DEFAULT_THRESHOLD);
+        let single = matches!(pattern, SamplePattern::Corner | SamplePattern::Center);
+        let adaptive = pattern == SamplePattern::Adaptive;
+        for (word, foreign) in [("n", single), ("threshold", !adaptive)] {
+            if let Some(inner) = inner.filter(|inner| foreign && inner.has(word)) {
+                self.validator.report.error(inner.span(word), format!("\"{}\" has no {word}", pattern.name()));
                 self.valid = false;
             }
         }
-        let least = if place == "adaptive" { 2 } else { 1 };
+        let least = if adaptive { 2 } else { 1 };
         if !(least..=Sampling::MAX_GRID).contains(&n) {
             let span = inner.map_or(film.node.name_span, |f| f.span("n"));
             let message = format!("n is {n}; it must be between {least} and {}", Sampling::MAX_GRID);
@@ -254,12 +251,12 @@ impl<'a> Decoder<'a> {
             self.validator.report.error(span, format!("threshold is {threshold}; it must be between 0 and 1"));
             self.valid = false;
         }
-        Some(match place {
-            "corner" => Sampling::Corner,
-            "center" => Sampling::Center,
-            "regular" => Sampling::Regular(n),
-            "jittered" => Sampling::Jittered(n),
-            _ => Sampling::Adaptive { n, threshold },
+        Some(match pattern {
+            SamplePattern::Corner => Sampling::Corner,
+            SamplePattern::Center => Sampling::Center,
+            SamplePattern::Regular => Sampling::Regular(n),
+            SamplePattern::Jittered => Sampling::Jittered(n),
+            SamplePattern::Adaptive => Sampling::Adaptive { n, threshold },
         })
     }
 
@@ -272,27 +269,23 @@ impl<'a> Decoder<'a> {
             }
             None => None,
         };
-        let kind = match &inner {
-            Some(inner) => inner.text("kind")?,
-            None => film.text("filter")?,
+        let mut filter: Filter = match &inner {
+            Some(inner) => inner.named("kind")?,
+            None => film.named("filter")?,
         };
-        let sigma = inner.as_ref().and_then(|f| f.real("sigma")).unwrap_or(schema::DEFAULT_SIGMA);
-        if let Some(inner) = inner.filter(|inner| inner.has("sigma")) {
-            if kind != "gaussian" {
-                self.validator.report.error(inner.span("sigma"), format!("\"{kind}\" has no sigma"));
-                self.valid = false;
-            } else if !(sigma > 0.0 && sigma <= 4.0) {
-                let message = format!("sigma is {sigma}; it must be more than 0 and at most 4 pixels");
-                self.validator.report.error(inner.span("sigma"), message);
-                self.valid = false;
-            }
+        let Some(inner) = inner.filter(|inner| inner.has("sigma")) else { return Some(filter) };
+        let Filter::Gaussian { sigma } = &mut filter else {
+            self.validator.report.error(inner.span("sigma"), format!("\"{}\" has no sigma", filter.name()));
+            self.valid = false;
+            return Some(filter);
+        };
+        *sigma = inner.real("sigma").unwrap_or(*sigma);
+        if !(*sigma > 0.0 && *sigma <= 4.0) {
+            let message = format!("sigma is {sigma}; it must be more than 0 and at most 4 pixels");
+            self.validator.report.error(inner.span("sigma"), message);
+            self.valid = false;
         }
-        Some(match kind {
-            "box" => Filter::Box,
-            "tent" => Filter::Tent,
-            "mitchell" => Filter::Mitchell,
-            _ => Filter::Gaussian { sigma },
-        })
+        Some(filter)
     }
 
     /// Validates the cameras as merged from all files, and the crop window in them.

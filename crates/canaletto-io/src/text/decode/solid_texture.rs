@@ -2,14 +2,10 @@
 
 use super::Decoder;
 use super::fields::Fields;
-use super::texture::{color_space, one_of};
 use crate::assets::AssetPath;
 use crate::image::read_image;
 use crate::text::report::Message;
-use crate::text::schema::{
-    DEFAULT_JITTER, DEFAULT_MARBLE, DEFAULT_RAMP_WRAP, DEFAULT_WOOD, FEATURES, FILTERS, GRADIENTS, INTERPOLATIONS,
-    NUMBERS, PLACEMENTS, PREFILTERS, WRAPS,
-};
+use crate::text::schema::{DEFAULT_JITTER, DEFAULT_MARBLE, DEFAULT_RAMP_WRAP, DEFAULT_WOOD, VoxelFormat};
 use crate::text::syntax::Span;
 use canaletto::OutOfRange;
 use canaletto::math::Rgb;
@@ -23,7 +19,7 @@ const MAX_SLICES: u32 = 1 << 14;
 impl Decoder<'_> {
     /// Decodes a procedural function or a ramp.
     pub(super) fn procedural(&mut self, kind: &str, f: &Fields) -> Option<Procedural> {
-        let wrap = one_of(f, "wrap", WRAPS).unwrap_or(DEFAULT_RAMP_WRAP);
+        let wrap = f.named("wrap").unwrap_or(DEFAULT_RAMP_WRAP);
         let d = Spectrum::default();
         let spectrum = Spectrum {
             octaves: f.count("octaves").unwrap_or(d.octaves),
@@ -39,11 +35,11 @@ impl Decoder<'_> {
             "marble" => Function::Marble { spectrum, strength: strength(DEFAULT_MARBLE) },
             "wood" => Function::Wood { spectrum, strength: strength(DEFAULT_WOOD) },
             "worley" => Function::Worley {
-                feature: one_of(f, "feature", FEATURES).unwrap_or_default(),
+                feature: f.named("feature").unwrap_or_default(),
                 jitter: f.real("jitter").unwrap_or(DEFAULT_JITTER),
             },
             // A ramp is a gradient along u.
-            _ => Function::Gradient { shape: one_of(f, "shape", GRADIENTS).unwrap_or_default(), wrap },
+            _ => Function::Gradient { shape: f.named("shape").unwrap_or_default(), wrap },
         };
         let texture = Procedural { function, ramp: self.ramp(f)?, seed: f.count("seed").unwrap_or(0) };
         if let Err(problem) = texture.check() {
@@ -82,7 +78,7 @@ impl Decoder<'_> {
         } else {
             Ramp::default().stops
         };
-        let interpolation = one_of(f, "interpolation", INTERPOLATIONS).unwrap_or_default();
+        let interpolation = f.named("interpolation").unwrap_or_default();
         // The list is empty if its numbers were invalid, which was reported.
         (!stops.is_empty()).then_some(Ramp { stops, interpolation })
     }
@@ -105,11 +101,11 @@ impl Decoder<'_> {
         Some(GridTexture {
             image,
             slices,
-            filter: one_of(f, "filter", FILTERS).unwrap_or_default(),
-            prefilter: one_of(f, "prefilter", PREFILTERS).unwrap_or(Prefilter::Trilinear),
-            wrap: one_of(f, "wrap", WRAPS).unwrap_or_default(),
-            placement: one_of(f, "texels", PLACEMENTS).unwrap_or_default(),
-            space: color_space(f),
+            filter: f.named("filter").unwrap_or_default(),
+            prefilter: f.named("prefilter").unwrap_or(Prefilter::Trilinear),
+            wrap: f.named("wrap").unwrap_or_default(),
+            placement: f.named("texels").unwrap_or_default(),
+            space: f.named("space"),
         })
     }
 
@@ -143,19 +139,26 @@ impl Decoder<'_> {
             self.validator.report.error(f.span("size"), message);
             return None;
         }
-        let size = one_of(f, "format", NUMBERS).unwrap_or(1);
+        let format = f.named("format").unwrap_or_default();
+        let size = match format {
+            VoxelFormat::U8 => 1,
+            VoxelFormat::U16 => 2,
+            VoxelFormat::F32 => 4,
+        };
         let from = self.validator.files.get(span.file)?.path.clone();
         let asset = self.opened(file, span, &from)?;
-        let expected = voxels * u128::from(channels) * size as u128;
+        let expected = voxels * u128::from(channels) * size;
         if asset.bytes.len() as u128 != expected {
             let message = format!("\"{file}\" has {} bytes; this size and format need {expected}", asset.bytes.len());
             self.validator.report.error(span, message);
             return None;
         }
-        let samples = match size {
-            1 => Samples::U8(asset.bytes),
-            2 => Samples::U16(asset.bytes.chunks_exact(2).map(|b| u16::from_le_bytes([b[0], b[1]])).collect()),
-            _ => {
+        let samples = match format {
+            VoxelFormat::U8 => Samples::U8(asset.bytes),
+            VoxelFormat::U16 => {
+                Samples::U16(asset.bytes.chunks_exact(2).map(|b| u16::from_le_bytes([b[0], b[1]])).collect())
+            }
+            VoxelFormat::F32 => {
                 let number = |b: &[u8]| f32::from_le_bytes([b[0], b[1], b[2], b[3]]);
                 Samples::F32(asset.bytes.chunks_exact(4).map(number).collect())
             }

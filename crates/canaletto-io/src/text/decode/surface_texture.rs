@@ -2,9 +2,9 @@
 
 use super::Decoder;
 use super::fields::{Entry, Fields};
-use super::texture::one_of;
 use crate::text::report::Message;
-use crate::text::schema::{CHANNELS, PROJECTIONS, SPACES, SURFACE_TEXTURE};
+use crate::text::schema::{GreenAxis, SURFACE_TEXTURE};
+use canaletto::Named;
 use canaletto::material::{Mapping, Projection, Repeat, Space, Target, TextureUse};
 use canaletto::math::Transform;
 
@@ -25,14 +25,11 @@ impl Decoder<'_> {
         let title = name.map_or("texture".into(), |n| format!("texture \"{n}\""));
         let f = self.validator.fields(node, &SURFACE_TEXTURE, &title);
         self.valid &= f.valid;
-        let target = match f.text("use") {
-            None => Target::Diffuse,
-            Some(word) => Target::ALL.iter().find(|(_, name)| *name == word)?.0,
-        };
+        let target = f.named("use").unwrap_or(Target::Diffuse);
         let texture = self.named_texture(f.text("texture")?, f.span("texture"))?;
         let mut used = TextureUse { mapping: self.mapping(&f, texture), ..TextureUse::new(texture, target) };
         self.only_for(&f, target);
-        used.channel = one_of(&f, "channel", CHANNELS).unwrap_or(used.channel);
+        used.channel = f.named("channel").unwrap_or(used.channel);
         used.range = f.numbers("range").map_or(used.range, |[low, high]: [f64; 2]| [low as f32, high as f32]);
         match &mut used.target {
             Target::Bump | Target::Displace { .. } => {
@@ -51,7 +48,7 @@ impl Decoder<'_> {
             }
             Target::Normal { strength, down } => {
                 *strength = f.real("strength").unwrap_or(*strength);
-                *down = f.text("y") == Some("down");
+                *down = f.named("y") == Some(GreenAxis::Down);
             }
             _ => {}
         }
@@ -81,7 +78,7 @@ impl Decoder<'_> {
 
     fn mapping(&mut self, f: &Fields, texture: u32) -> Mapping {
         let usual = self.mapping_of(texture);
-        let projection = one_of(f, "mapping", PROJECTIONS).unwrap_or(usual.projection);
+        let projection = f.named("mapping").unwrap_or(usual.projection);
         let space = match projection {
             Projection::Solid if usual.projection == Projection::Solid => usual.space,
             Projection::Triplanar | Projection::Solid => Space::Object,
@@ -96,13 +93,13 @@ impl Decoder<'_> {
             ("repeat", projection == Projection::Solid, "scale makes the pattern smaller or larger"),
         ] {
             if wrong && f.valid && f.has(word) {
-                let mapping = PROJECTIONS.iter().find(|(_, p)| *p == projection).map_or("", |(name, _)| name);
+                let mapping = projection.name();
                 let message = Message::error(f.span(word), format!("{word} has no meaning for mapping \"{mapping}\""));
                 self.validator.report.push(message.help(why));
                 self.valid = false;
             }
         }
-        let space = one_of(f, "space", SPACES).unwrap_or(space);
+        let space = f.named("space").unwrap_or(space);
         let usual = if projection == usual.projection { usual.transform } else { Transform::IDENTITY };
         Mapping { projection, space, transform: self.transform(f).after(&usual), repeat: Repeat(repeat) }
     }

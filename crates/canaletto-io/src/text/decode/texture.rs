@@ -6,9 +6,9 @@ use crate::assets::{Asset, AssetPath};
 use crate::image::read_image;
 use crate::text::closest_word::closest_word;
 use crate::text::report::Message;
-use crate::text::schema::{self, DEFAULT_KIND, FILTERS, PLACEMENTS, PREFILTERS, TEXTURES, WRAPS};
+use crate::text::schema::{self, DEFAULT_KIND, TEXTURES};
 use crate::text::syntax::{Node, Span};
-use canaletto::texture::{ColorSpace, Image, ImageTexture, Texture, TextureKind};
+use canaletto::texture::{Image, ImageTexture, Texture, TextureKind};
 use std::collections::HashMap;
 use std::path::PathBuf;
 
@@ -81,15 +81,15 @@ impl<'a> Decoder<'a> {
     }
 
     fn image_texture(&mut self, f: &Fields) -> Option<ImageTexture> {
-        let wrap = one_of(f, "wrap", WRAPS).unwrap_or_default();
-        let axis = |word| one_of(f, word, WRAPS).unwrap_or(wrap);
+        let wrap = f.named("wrap").unwrap_or_default();
+        let axis = |word| f.named(word).unwrap_or(wrap);
         let image = self.image(f.text("file")?, f.span("file"))?;
         Some(ImageTexture {
-            filter: one_of(f, "filter", FILTERS).unwrap_or_default(),
-            prefilter: one_of(f, "prefilter", PREFILTERS).unwrap_or_default(),
+            filter: f.named("filter").unwrap_or_default(),
+            prefilter: f.named("prefilter").unwrap_or_default(),
             wrap: [axis("wrap-u"), axis("wrap-v")],
-            placement: one_of(f, "texels", PLACEMENTS).unwrap_or_default(),
-            space: color_space(f),
+            placement: f.named("texels").unwrap_or_default(),
+            space: f.named("space"),
             ..ImageTexture::new(image)
         })
     }
@@ -159,19 +159,4 @@ impl<'a> Decoder<'a> {
         self.scene.images.push(image);
         Some(self.scene.images.len() as u32 - 1)
     }
-}
-
-/// The colour space that a texture declares for its image.
-pub(super) fn color_space(f: &Fields) -> Option<ColorSpace> {
-    f.text("space").map(|space| match space {
-        "srgb" => ColorSpace::Srgb,
-        "linear" => ColorSpace::Linear,
-        _ => ColorSpace::Raw,
-    })
-}
-
-/// The value of a field that has one of several words.
-pub(super) fn one_of<T: Copy>(f: &Fields, word: &str, words: &[(&str, T)]) -> Option<T> {
-    let text = f.text(word)?;
-    words.iter().find(|(name, _)| *name == text).map(|(_, value)| *value)
 }

@@ -2,12 +2,9 @@
 
 use super::settings::{flag, quoted, rgb};
 use super::{FieldSchema, NUMBER, NodeSchema, POINT, ValueType};
+use canaletto::Named;
 use canaletto::light::environment::{Sky, Smoothing};
 use canaletto::math::Rgb;
-
-/// The filters of environments and their words.
-pub(crate) const SMOOTHINGS: &[(&str, Smoothing)] =
-    &[("nearest", Smoothing::Nearest), ("bilinear", Smoothing::Bilinear)];
 
 /// The schemas of environments by kind, in the order of the reference.
 pub(crate) const ENVIRONMENTS: &[(&str, &NodeSchema)] =
@@ -38,13 +35,10 @@ const ALL: &[FieldSchema] = &[
 
 const FILTER: &[FieldSchema] = &[FieldSchema::new(
     "filter",
-    ValueType::Keyword(&["nearest", "bilinear"]),
+    ValueType::Keyword(Smoothing::NAMES),
     "how texels become a function; bilinear reaches over all edges and averages what is small in the picture",
 )
-.or(|| {
-    let default = Smoothing::default();
-    SMOOTHINGS.iter().find(|(_, s)| *s == default).map_or_else(String::new, |(word, _)| quoted(word))
-})];
+.or(|| quoted(Smoothing::default().name()))];
 
 static CUBE: NodeSchema = NodeSchema::new(
     "environment",

@@ -2,7 +2,9 @@
 
 use super::settings::quoted;
 use super::{FieldSchema, NUMBER, NodeSchema, POINT, ValueType};
-use crate::animation::Ease;
+use crate::animation::{Ease, PathCurve};
+use crate::text::animate::{KeyUnit, Turn};
+use canaletto::Named;
 
 /// The default frame rate in frames per second.
 pub(crate) const DEFAULT_FPS: f64 = 25.0;
@@ -18,8 +20,8 @@ pub(crate) static ANIMATION: NodeSchema = NodeSchema::new(
         )
         .or(|| DEFAULT_FPS.to_string()),
         FieldSchema::new("frames", ValueType::Counts(2), "the first and the last frame, for films and `--frames all`"),
-        FieldSchema::new("keys", ValueType::Keyword(&["frames", "seconds"]), "what keys count in; second 0 is frame 0")
-            .or(|| quoted("frames")),
+        FieldSchema::new("keys", ValueType::Keyword(KeyUnit::NAMES), "what keys count in; second 0 is frame 0")
+            .or(|| quoted(KeyUnit::default().name())),
     ]],
 )
 .example("animation { fps 24; frames 1 48 }");
@@ -29,7 +31,7 @@ pub(crate) static PATH: NodeSchema = NodeSchema::new(
     "A way that cameras, objects and points can follow. A spline is the centripetal Catmull-Rom curve through the points.",
     &[&[
         FieldSchema::new("points", ValueType::Many(3), "the points, one after the other").needed(),
-        FieldSchema::new("curve", ValueType::Keyword(&["spline", "line"]), "a smooth curve, or straight lines").or(|| quoted("spline")),
+        FieldSchema::new("curve", ValueType::Keyword(PathCurve::NAMES), "a smooth curve, or straight lines").or(|| quoted(PathCurve::default().name())),
         FieldSchema::new("closed", ValueType::Flag, "whether it leads back to the first point").or(|| "#false".into()),
     ]],
 )
@@ -75,29 +77,9 @@ pub(crate) static POINT_FOLLOW: NodeSchema =
     NodeSchema::new("follow", "A point on a path.", &[&[AT]]).argument(PATH_NAME);
 
 /// `ease` beside keys.
-pub(crate) static EASE: FieldSchema = FieldSchema::new(
-    "ease",
-    ValueType::Keyword(&["smooth", "spline", "linear", "step", "in", "out", "in-out"]),
-    "how the value goes from key to key",
-);
+pub(crate) static EASE: FieldSchema =
+    FieldSchema::new("ease", ValueType::Keyword(Ease::NAMES), "how the value goes from key to key");
 
 /// `turn` beside the keys of a rotation.
-pub(crate) static TURN: FieldSchema = FieldSchema::new(
-    "turn",
-    ValueType::Keyword(&["angle", "shortest"]),
-    "whether degrees count, or the short way round is taken",
-);
-
-/// The eases by name with their descriptions, for the reference.
-pub(crate) fn ease_words() -> Vec<(&'static str, &'static str)> {
-    let doc = |ease: Ease| match ease {
-        Ease::Step => "the value holds, and jumps at the next key",
-        Ease::Linear => "straight on",
-        Ease::Smooth => "a cubic without corners at the keys that never goes beyond them (the default)",
-        Ease::Spline => "a cubic that swings through the keys (Catmull-Rom), perhaps a little beyond them",
-        Ease::In => "from rest, ever faster: u², a body that falls",
-        Ease::Out => "ever slower, to rest: a body that rises",
-        Ease::InOut => "from rest to rest",
-    };
-    Ease::ALL.iter().map(|(ease, name)| (*name, doc(*ease))).collect()
-}
+pub(crate) static TURN: FieldSchema =
+    FieldSchema::new("turn", ValueType::Keyword(Turn::NAMES), "whether degrees count, or the short way round is taken");

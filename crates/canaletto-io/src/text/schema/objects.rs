@@ -3,6 +3,7 @@
 use super::motion::FOLLOW;
 use super::settings::{flag, quoted};
 use super::{FieldSchema, NUMBER, NodeSchema, POINT, ValueType};
+use canaletto::Named;
 use canaletto::light::{Emission, Light, LightKind, Omni};
 use canaletto::math::Rgb;
 use glam::Vec3;
@@ -316,13 +317,10 @@ const POINTS: FieldSchema = FieldSchema::new(
 
 const EMISSION: FieldSchema = FieldSchema::new(
     "emission",
-    ValueType::Keyword(&["even", "matte"]),
+    ValueType::Keyword(Emission::NAMES),
     "each point shines evenly in all directions; or all shine as a matte surface of radiance l, from its outer side, weaker aslant and from afar",
 )
-.or(|| {
-    let default = Emission::default();
-    Emission::ALL.iter().find(|(e, _)| *e == default).map_or_else(String::new, |(_, word)| quoted(word))
-});
+.or(|| quoted(Emission::default().name()));
 
 const fn kind(word: &'static [&'static str]) -> FieldSchema {
     FieldSchema::new("kind", ValueType::Keyword(word), "the kind of light").needed()

@@ -3,10 +3,12 @@
 use super::lens::{CAMERA_MOTION, LENS};
 use super::motion::{ANIMATION, CAMERA_FOLLOW, PATH};
 use super::{FieldSchema, NUMBER, NodeSchema, POINT, SURFACE_TEXTURE, ValueType};
+use canaletto::Named;
 use canaletto::material::{Material, Phong};
 use canaletto::math::Rgb;
 use canaletto::scene::{
-    Extrinsics, Filter, Intrinsics, SamplerKind, Sampling, Scene, Stage, Tone, Transfer, WhittedSettings,
+    Extrinsics, Filter, Integrator, Intrinsics, SamplePattern, SamplerKind, Sampling, Scene, Stage, Tone, Transfer,
+    WhittedSettings,
 };
 use glam::DVec3;
 
@@ -85,39 +87,32 @@ pub(crate) static SAMPLE: NodeSchema = NodeSchema::new(
     "Where in a pixel rays go.",
     &[&[
         FieldSchema::new("n", ValueType::Count, "n × n rays in a pixel, for \"regular\" and \"jittered\" (1 to 16), and for the refined pixels of \"adaptive\" (2 to 16)")
-            .or(|| DEFAULT_GRID.to_string()),
+            .or(|| SamplePattern::DEFAULT_GRID.to_string()),
         FieldSchema::new("threshold", NUMBER, "for \"adaptive\": differences up to this, 0 to 1, are left as they are")
-            .or(|| DEFAULT_THRESHOLD.to_string()),
+            .or(|| SamplePattern::DEFAULT_THRESHOLD.to_string()),
     ]],
 )
 .argument(
     FieldSchema::new(
         "place",
-        ValueType::Keyword(&["corner", "center", "regular", "jittered", "adaptive"]),
+        ValueType::Keyword(SamplePattern::NAMES),
         "one ray through the pixel's lower left corner (the textbook's way) or its centre; n × n rays on a grid, or each \
          at a random place of its cell; or only where corners and centre differ",
     )
     .needed()
-    .or(|| quoted(Sampling::default().name())),
+    .or(|| Sampling::default().pattern().map_or_else(String::new, |pattern| quoted(pattern.name()))),
 );
-
-/// The default grid size n of `sample`.
-pub(crate) const DEFAULT_GRID: u32 = 4;
-/// The default threshold of `sample`.
-pub(crate) const DEFAULT_THRESHOLD: f32 = 0.1;
-/// The default sigma of `filter`.
-pub(crate) const DEFAULT_SIGMA: f32 = 0.5;
 
 pub(crate) static FILTER: NodeSchema = NodeSchema::new(
     "filter",
     "How rays become a pixel.",
     &[&[FieldSchema::new("sigma", NUMBER, "for \"gaussian\": the standard deviation in pixels")
-        .or(|| DEFAULT_SIGMA.to_string())]],
+        .or(|| Filter::DEFAULT_SIGMA.to_string())]],
 )
 .argument(
     FieldSchema::new(
         "kind",
-        ValueType::Keyword(&["box", "tent", "gaussian", "mitchell"]),
+        ValueType::Keyword(Filter::NAMES),
         "their mean over the pixel's area, or weighted over its neighbourhood",
     )
     .needed()
@@ -137,7 +132,7 @@ pub(crate) static FILM: NodeSchema = NodeSchema::new(
         ),
         FieldSchema::new(
             "sampler",
-            ValueType::Keyword(&["sobol", "jittered", "independent"]),
+            ValueType::Keyword(SamplerKind::NAMES),
             "how random numbers are spread over a pixel's rays: by Sobol's sequence with Owen's scrambling (the least noise, \
              best with powers of two), on a jittered grid (best with squares), or not at all",
         )
@@ -146,13 +141,13 @@ pub(crate) static FILM: NodeSchema = NodeSchema::new(
             .or(|| FILTER.argument.as_ref().map_or_else(String::new, |word| (word.default)())),
         FieldSchema::new(
             "tone",
-            ValueType::Keyword(&["clamp", "scale"]),
+            ValueType::Keyword(Tone::NAMES),
             "values over 1 are cut, or the picture is divided by its largest one",
         )
         .or(|| quoted(Tone::default().name())),
         FieldSchema::new(
             "transfer",
-            ValueType::Keyword(&["none", "srgb"]),
+            ValueType::Keyword(Transfer::NAMES),
             "from linear light to the numbers in the file: as they are, or the sRGB curve",
         )
         .or(|| quoted(Transfer::default().name())),
@@ -180,20 +175,17 @@ pub(crate) static INTEGRATOR: NodeSchema = NodeSchema::new(
             .or(|| WhittedSettings::default().min_weight.to_string()),
         FieldSchema::new(
             "stage",
-            ValueType::Keyword(&["unlit", "diffuse", "ambient", "specular", "shadow", "reflection", "full"]),
+            ValueType::Keyword(Stage::NAMES),
             "how much of the shading equation is switched on; each stage contains the ones before it",
         )
-        .or(|| {
-            let stage = WhittedSettings::default().stage;
-            Stage::ALL.iter().find(|(s, _)| *s == stage).map_or_else(String::new, |(_, name)| quoted(name))
-        }),
+        .or(|| quoted(WhittedSettings::DEFAULT.stage.name())),
         FieldSchema::new("shadows", ValueType::Flag, "whether lights cast shadows")
             .or(|| flag(WhittedSettings::default().shadows)),
     ]],
 )
 .argument(
-    FieldSchema::new("kind", ValueType::Keyword(&["whitted"]), "the classic recursive ray tracer")
-        .or(|| quoted("whitted")),
+    FieldSchema::new("kind", ValueType::Keyword(Integrator::NAMES), "the classic recursive ray tracer")
+        .or(|| quoted(Integrator::default().name())),
 )
 .example("integrator \"whitted\" { max-depth 3; stage \"reflection\" }");
 

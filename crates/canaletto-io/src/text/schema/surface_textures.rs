@@ -1,33 +1,24 @@
 //! The schema of textures on materials.
 
 use super::settings::quoted;
-use super::textures::word_of;
 use super::{FieldSchema, NUMBER, NodeSchema, ValueType};
 use canaletto::material::{Channel, Projection, Space, Target};
+use canaletto::{Named, named};
 
-/// The projections and their words.
-pub(crate) const PROJECTIONS: &[(&str, Projection)] = &[
-    ("uv", Projection::Uv),
-    ("planar", Projection::Planar),
-    ("box", Projection::Box),
-    ("spherical", Projection::Spherical),
-    ("cylindrical", Projection::Cylindrical),
-    ("triplanar", Projection::Triplanar),
-    ("solid", Projection::Solid),
-];
+/// The direction that green stands for in an image of normals.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum GreenAxis {
+    /// Upwards in the image, as in OpenGL.
+    #[default]
+    Up,
+    /// Downwards in the image, as in Direct3D.
+    Down,
+}
 
-/// The spaces of projections and their words.
-pub(crate) const SPACES: &[(&str, Space)] =
-    &[("object", Space::Object), ("world", Space::World), ("bounds", Space::Bounds)];
-
-/// The channels of a texture and their words.
-pub(crate) const CHANNELS: &[(&str, Channel)] = &[
-    ("luminance", Channel::Luminance),
-    ("red", Channel::Red),
-    ("green", Channel::Green),
-    ("blue", Channel::Blue),
-    ("alpha", Channel::Alpha),
-];
+named!(GreenAxis {
+    Up => "up",
+    Down => "down",
+});
 
 pub(crate) static SURFACE_TEXTURE: NodeSchema = NodeSchema::new(
     "texture",
@@ -37,34 +28,32 @@ pub(crate) static SURFACE_TEXTURE: NodeSchema = NodeSchema::new(
     &[&[
         FieldSchema::new(
             "use",
-            ValueType::Keyword(&[
-                "replace", "decal", "diffuse", "ks", "n", "k", "eta", "opacity", "roughness", "cutout", "bump", "displace", "normal",
-            ]),
+            ValueType::Keyword(Target::NAMES),
             "what it is for: the colour instead of the shaded one, or over it by its alpha; kd; another number of the \
              material; what is there of the surface at all; heights, or normals, that bend the normal; heights that move the surface",
         )
         .or(|| quoted(Target::Diffuse.name())),
         FieldSchema::new(
             "mapping",
-            ValueType::Keyword(&["uv", "planar", "box", "spherical", "cylindrical", "triplanar", "solid"]),
+            ValueType::Keyword(Projection::NAMES),
             "how the surface gets texture coordinates: its own (faces of a box, angles of a sphere, uv of a mesh), one of \
              the projections, or the point itself for textures of space",
         )
-        .or(|| format!("{}, for textures of space {}", word_of(PROJECTIONS, &Projection::Uv), quoted("solid"))),
+        .or(|| format!("{}, for textures of space {}", quoted(Projection::Uv.name()), quoted(Projection::Solid.name()))),
         FieldSchema::new(
             "space",
-            ValueType::Keyword(&["object", "world", "bounds"]),
+            ValueType::Keyword(Space::NAMES),
             "where the mapping happens: the object's own space, the scene's, or the object's bounding box as a cube of \
              side 1 around the origin; not for \"uv\"",
         )
-        .or(|| format!("{}; for \"triplanar\" and \"solid\" {}", quoted("bounds"), quoted("object"))),
+        .or(|| format!("{}; for \"triplanar\" and \"solid\" {}", quoted(Space::Bounds.name()), quoted(Space::Object.name()))),
         FieldSchema::new("repeat", ValueType::Numbers(&[1, 2]), "how often the picture is repeated along u and v").or(|| "1".into()),
         FieldSchema::new(
             "channel",
-            ValueType::Keyword(&["luminance", "red", "green", "blue", "alpha"]),
+            ValueType::Keyword(Channel::NAMES),
             "which number of the texture, where one is wanted",
         )
-        .or(|| format!("{}; for \"cutout\" {}", word_of(CHANNELS, &Channel::Luminance), quoted("alpha"))),
+        .or(|| format!("{}; for \"cutout\" {}", quoted(Channel::Luminance.name()), quoted(Channel::Alpha.name()))),
         FieldSchema::new("range", ValueType::Numbers(&[2]), "what the values 0 and 1 of the texture stand for").or(|| "0 1".into()),
         FieldSchema::new(
             "height",
@@ -80,10 +69,10 @@ pub(crate) static SURFACE_TEXTURE: NodeSchema = NodeSchema::new(
         FieldSchema::new("strength", NUMBER, "for \"normal\": how strongly the normals lean").or(|| "1".into()),
         FieldSchema::new(
             "y",
-            ValueType::Keyword(&["up", "down"]),
+            ValueType::Keyword(GreenAxis::NAMES),
             "for \"normal\": whether green leans upwards in the image, as in OpenGL, or downwards, as in Direct3D",
         )
-        .or(|| quoted("up")),
+        .or(|| quoted(GreenAxis::default().name())),
     ]],
 )
 .argument(FieldSchema::new("texture", ValueType::Text, "the texture's name").needed())

@@ -2,7 +2,8 @@
 
 use super::settings::quoted;
 use super::{FieldSchema, NUMBER, NodeSchema, ValueType};
-use canaletto::texture::{Feature, Filter, Gradient, Interpolation, Placement, Prefilter, Spectrum, Wrap};
+use canaletto::texture::{ColorSpace, Feature, Filter, Gradient, Interpolation, Placement, Prefilter, Spectrum, Wrap};
+use canaletto::{Named, named};
 
 const NAME: FieldSchema = FieldSchema::new("name", ValueType::Text, "the name that materials refer to").needed();
 
@@ -33,44 +34,14 @@ const fn kind(word: &'static [&'static str]) -> FieldSchema {
     FieldSchema::new("kind", ValueType::Keyword(word), "the kind of texture")
 }
 
-/// The filters and their words.
-pub(crate) const FILTERS: &[(&str, Filter)] = &[
-    ("nearest", Filter::Nearest),
-    ("bilinear", Filter::Bilinear),
-    ("biquadratic", Filter::Biquadratic),
-    ("bicubic", Filter::Bicubic),
-    ("quadratic-spline", Filter::QuadraticSpline),
-    ("cubic-spline", Filter::CubicSpline),
-];
-
-/// The prefilters and their words.
-pub(crate) const PREFILTERS: &[(&str, Prefilter)] =
-    &[("none", Prefilter::None), ("trilinear", Prefilter::Trilinear), ("ewa", Prefilter::Ewa)];
-
-/// The wrap modes and their words.
-pub(crate) const WRAPS: &[(&str, Wrap)] = &[
-    ("repeat", Wrap::Repeat),
-    ("mirror", Wrap::Mirror),
-    ("clamp", Wrap::Clamp),
-    ("black", Wrap::Black),
-    ("transparent", Wrap::Transparent),
-];
-
-/// The placements and their words.
-pub(crate) const PLACEMENTS: &[(&str, Placement)] = &[("centers", Placement::Centers), ("edges", Placement::Edges)];
-
-const FILTER_WORDS: ValueType =
-    ValueType::Keyword(&["nearest", "bilinear", "biquadratic", "bicubic", "quadratic-spline", "cubic-spline"]);
-const WRAP_WORDS: ValueType = ValueType::Keyword(&["repeat", "mirror", "clamp", "black", "transparent"]);
-
-/// The quoted word of a value.
-pub(crate) fn word_of<T: PartialEq>(words: &[(&'static str, T)], value: &T) -> String {
-    words.iter().find(|(_, v)| v == value).map_or_else(String::new, |(word, _)| quoted(word))
-}
+const FILTER_WORDS: ValueType = ValueType::Keyword(Filter::NAMES);
+const WRAP_WORDS: ValueType = ValueType::Keyword(Wrap::NAMES);
+/// Grids have no EWA, the last of the prefilters.
+const GRID_PREFILTERS: &[&str] = Prefilter::NAMES.split_at(2).0;
 
 const SPACE: FieldSchema = FieldSchema::new(
     "space",
-    ValueType::Keyword(&["srgb", "linear", "raw"]),
+    ValueType::Keyword(ColorSpace::NAMES),
     "what the numbers mean: colours on the sRGB curve, linear colours, or no colours at all (heights, normals, masks)",
 )
 .or(|| "as the file says".into());
@@ -81,47 +52,46 @@ static IMAGE: NodeSchema = NodeSchema::new(
     &[&[
         kind(&["image"]).or(|| quoted(DEFAULT_KIND)),
         FieldSchema::new("file", ValueType::Text, "the image: PNG, JPEG, OpenEXR, Radiance HDR or WebP; relative paths start at this file's folder").needed(),
-        FieldSchema::new("filter", FILTER_WORDS, "how texels become a function").or(|| word_of(FILTERS, &Filter::default())),
+        FieldSchema::new("filter", FILTER_WORDS, "how texels become a function").or(|| quoted(Filter::default().name())),
         FieldSchema::new(
             "prefilter",
-            ValueType::Keyword(&["none", "trilinear", "ewa"]),
+            ValueType::Keyword(Prefilter::NAMES),
             "what is done where texels are smaller than pixels: nothing, the mean over a square, or the mean over the pixel's ellipse",
         )
-        .or(|| word_of(PREFILTERS, &Prefilter::default())),
+        .or(|| quoted(Prefilter::default().name())),
         FieldSchema::new("wrap", WRAP_WORDS, "what is outside the unit square: the image again, the image mirrored, its border, opaque black, or nothing")
-            .or(|| word_of(WRAPS, &Wrap::default())),
+            .or(|| quoted(Wrap::default().name())),
         FieldSchema::new("wrap-u", WRAP_WORDS, "the same, to the left and to the right only").or(|| "as `wrap`".into()),
         FieldSchema::new("wrap-v", WRAP_WORDS, "the same, above and below only").or(|| "as `wrap`".into()),
         FieldSchema::new(
             "texels",
-            ValueType::Keyword(&["centers", "edges"]),
+            ValueType::Keyword(Placement::NAMES),
             "whether u = 0 and u = 1 are the centres of the first and the last texel, as in the textbook, or their outer edges, as in OpenGL: for images made to be repeated and for spheres",
         )
-        .or(|| word_of(PLACEMENTS, &Placement::default())),
+        .or(|| quoted(Placement::default().name())),
         SPACE,
     ]],
 )
 .argument(NAME)
 .example("texture \"bricks\" file=\"bricks.png\" { filter \"bilinear\"; wrap \"repeat\"; texels \"edges\" }");
 
-/// The interpolations of ramps and their words.
-pub(crate) const INTERPOLATIONS: &[(&str, Interpolation)] =
-    &[("step", Interpolation::Step), ("linear", Interpolation::Linear), ("smooth", Interpolation::Smooth)];
+/// The numbers of a grid without a header.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum VoxelFormat {
+    /// Bytes.
+    #[default]
+    U8,
+    /// 16 bits without a sign.
+    U16,
+    /// Floating-point numbers.
+    F32,
+}
 
-/// The shapes of gradients and their words.
-pub(crate) const GRADIENTS: &[(&str, Gradient)] = &[
-    ("linear", Gradient::Linear),
-    ("cylindrical", Gradient::Cylindrical),
-    ("spherical", Gradient::Spherical),
-    ("angular", Gradient::Angular),
-];
-
-/// The features of Worley's texture and their words.
-pub(crate) const FEATURES: &[(&str, Feature)] =
-    &[("nearest", Feature::Nearest), ("second", Feature::Second), ("edge", Feature::Edge)];
-
-/// The number types of raw grids, with their size in bytes.
-pub(crate) const NUMBERS: &[(&str, usize)] = &[("u8", 1), ("u16", 2), ("f32", 4)];
+named!(VoxelFormat {
+    U8 => "u8",
+    U16 => "u16",
+    F32 => "f32",
+});
 
 /// The default shift of marble's waves and of wood's rings.
 pub(crate) const DEFAULT_MARBLE: f32 = 2.0;
@@ -136,8 +106,8 @@ const COLORS: &[FieldSchema] = &[
     FieldSchema::new("stops", ValueType::Many(4), "colours at places: the place, then red, green and blue")
         .or(|| "0 0 0 0  1 1 1 1".into()),
     FieldSchema::new("stops-alpha", ValueType::Many(5), "the same with an alpha behind each, instead of `stops`"),
-    FieldSchema::new("interpolation", ValueType::Keyword(&["step", "linear", "smooth"]), "what is between the stops")
-        .or(|| word_of(INTERPOLATIONS, &Interpolation::default())),
+    FieldSchema::new("interpolation", ValueType::Keyword(Interpolation::NAMES), "what is between the stops")
+        .or(|| quoted(Interpolation::default().name())),
 ];
 
 const SEED: FieldSchema =
@@ -156,7 +126,7 @@ const SPECTRUM: &[FieldSchema] = &[
 
 const RAMP_WRAP: FieldSchema =
     FieldSchema::new("wrap", WRAP_WORDS, "what is outside of 0 to 1; \"clamp\" goes on to stops beyond")
-        .or(|| word_of(WRAPS, &DEFAULT_RAMP_WRAP));
+        .or(|| quoted(DEFAULT_RAMP_WRAP.name()));
 
 static RAMP: NodeSchema = NodeSchema::new(
     "texture",
@@ -173,26 +143,26 @@ static GRID: NodeSchema = NodeSchema::new(
         kind(&["grid"]).needed(),
         FieldSchema::new("file", ValueType::Text, "numbers without a header, the lowest byte first: x runs fastest, z slowest"),
         FieldSchema::new("size", ValueType::Counts(3), "for `file`: voxels along x, y and z"),
-        FieldSchema::new("format", ValueType::Keyword(&["u8", "u16", "f32"]), "for `file`: what its numbers are; whole ones stand for 0 to 1")
-            .or(|| quoted("u8")),
+        FieldSchema::new("format", ValueType::Keyword(VoxelFormat::NAMES), "for `file`: what its numbers are; whole ones stand for 0 to 1")
+            .or(|| quoted(VoxelFormat::default().name())),
         FieldSchema::new("channels", ValueType::Count, "for `file`: numbers of each voxel, 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha")
             .or(|| "1".into()),
         FieldSchema::new("stack", ValueType::Text, "images of slices, `####` standing for their numbers: \"slice-###.png\""),
         FieldSchema::new("slices", ValueType::Counts(2), "for `stack`: the numbers of the first and the last slice"),
-        FieldSchema::new("filter", FILTER_WORDS, "how voxels become a function").or(|| word_of(FILTERS, &Filter::default())),
+        FieldSchema::new("filter", FILTER_WORDS, "how voxels become a function").or(|| quoted(Filter::default().name())),
         FieldSchema::new(
             "prefilter",
-            ValueType::Keyword(&["none", "trilinear"]),
+            ValueType::Keyword(GRID_PREFILTERS),
             "what is done where voxels are smaller than pixels: nothing, or the mean over a cube",
         )
-        .or(|| word_of(PREFILTERS, &Prefilter::Trilinear)),
-        FieldSchema::new("wrap", WRAP_WORDS, "what is outside of the unit cube").or(|| word_of(WRAPS, &Wrap::default())),
+        .or(|| quoted(Prefilter::Trilinear.name())),
+        FieldSchema::new("wrap", WRAP_WORDS, "what is outside of the unit cube").or(|| quoted(Wrap::default().name())),
         FieldSchema::new(
             "texels",
-            ValueType::Keyword(&["centers", "edges"]),
+            ValueType::Keyword(Placement::NAMES),
             "whether 0 and 1 are the centres of the outermost voxels or their outer edges",
         )
-        .or(|| word_of(PLACEMENTS, &Placement::default())),
+        .or(|| quoted(Placement::default().name())),
         SPACE,
     ]],
 )
@@ -219,10 +189,10 @@ static GRADIENT: NodeSchema = NodeSchema::new(
             kind(&["gradient"]).needed(),
             FieldSchema::new(
                 "shape",
-                ValueType::Keyword(&["linear", "cylindrical", "spherical", "angular"]),
+                ValueType::Keyword(Gradient::NAMES),
                 "x, the distance from the y axis, the distance from the origin, or the angle around the y axis as a share of the whole turn",
             )
-            .or(|| word_of(GRADIENTS, &Gradient::default())),
+            .or(|| quoted(Gradient::default().name())),
             RAMP_WRAP,
         ],
         COLORS,
@@ -292,10 +262,10 @@ static WORLEY: NodeSchema = NodeSchema::new(
             kind(&["worley"]).needed(),
             FieldSchema::new(
                 "feature",
-                ValueType::Keyword(&["nearest", "second", "edge"]),
+                ValueType::Keyword(Feature::NAMES),
                 "the distance to the nearest point, to the second nearest, or the difference of the two, which is 0 where cells meet",
             )
-            .or(|| word_of(FEATURES, &Feature::default())),
+            .or(|| quoted(Feature::default().name())),
             FieldSchema::new("jitter", NUMBER, "how far points are scattered: 0 a regular grid, 1 anywhere in their cubes")
                 .or(|| DEFAULT_JITTER.to_string()),
             SEED,

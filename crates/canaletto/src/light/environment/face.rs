@@ -6,6 +6,7 @@
 //! −z, the default direction of a camera. Cube maps of graphics cards fit as px = right, nx = left, py = top, ny =
 //! bottom, pz = front, nz = back.
 
+use crate::named;
 use glam::{DVec3, I64Vec3};
 use serde::{Deserialize, Serialize};
 
@@ -27,22 +28,16 @@ pub enum Face {
     Back,
 }
 
+named!(Face {
+    Right => "right",
+    Left => "left",
+    Top => "top",
+    Bottom => "bottom",
+    Front => "front",
+    Back => "back",
+});
+
 impl Face {
-    /// The six faces with their names, in the order of their images.
-    pub const ALL: [(Face, &'static str); 6] = [
-        (Face::Right, "right"),
-        (Face::Left, "left"),
-        (Face::Top, "top"),
-        (Face::Bottom, "bottom"),
-        (Face::Front, "front"),
-        (Face::Back, "back"),
-    ];
-
-    /// The name of this face.
-    pub fn name(self) -> &'static str {
-        Face::ALL[self as usize].1
-    }
-
     /// The directions towards the face, to the right in its image, and upwards in it.
     fn axes(self) -> [I64Vec3; 3] {
         const X: I64Vec3 = I64Vec3::X;
@@ -114,6 +109,7 @@ impl Face {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Named;
 
     const FACES: [Face; 6] = [Face::Right, Face::Left, Face::Top, Face::Bottom, Face::Front, Face::Back];
 
@@ -134,7 +130,7 @@ mod tests {
         for face in FACES {
             let [towards, right, up] = face.axes();
             assert_eq!(right.cross(up), -towards, "{face:?} is seen from inside, not mirrored");
-            assert_eq!(Face::ALL[face as usize].0, face);
+            assert_eq!(Face::ALL[face as usize], face);
         }
     }
 

@@ -10,6 +10,7 @@
 use super::face::Face;
 use super::panorama;
 use super::{Footprint, Place, Smoothing};
+use crate::Named;
 use crate::math::Rgb;
 use crate::texture::{Image, Pyramid, Weighing, zone};
 use glam::DVec3;
@@ -61,7 +62,7 @@ impl EnvironmentMap {
     pub(super) fn lookup(&self, direction: DVec3, footprint: [DVec3; 2]) -> (Place, Footprint, Rgb) {
         let (page, uv) = self.place(direction);
         let place = match self.layout {
-            Layout::Cube => Place::Face { face: Face::ALL[page].0, uv },
+            Layout::Cube => Place::Face { face: Face::ALL[page], uv },
             Layout::Panorama => Place::Panorama { uv },
         };
         let point = Footprint { level: 0.0, looks: 1 };
@@ -165,7 +166,7 @@ impl EnvironmentMap {
         }
         match self.layout {
             Layout::Cube => {
-                let (face, place) = Face::ALL[page].0.fold([x, y], w)?;
+                let (face, place) = Face::ALL[page].fold([x, y], w)?;
                 Some(self.texel(level, face as usize, place))
             }
             Layout::Panorama => {

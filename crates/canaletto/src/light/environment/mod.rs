@@ -20,9 +20,9 @@ pub use sky::{Part, Sky};
 pub use sun::{Moment, bearing};
 
 use super::{Directional, Light, LightKind};
-use crate::OutOfRange;
 use crate::math::{Rgb, Transform};
 use crate::texture::{Image, Samples};
+use crate::{Named, OutOfRange, named};
 use glam::DVec3;
 use map::{EnvironmentMap, Layout};
 use serde::{Deserialize, Serialize};
@@ -91,6 +91,11 @@ pub enum Smoothing {
     Bilinear,
 }
 
+named!(Smoothing {
+    Nearest => "nearest",
+    Bilinear => "bilinear",
+});
+
 impl Environment {
     /// The environment of this kind, not turned, with an intensity of 1.
     pub fn new(kind: EnvironmentKind) -> Environment {
@@ -147,7 +152,7 @@ impl Environment {
         match &self.kind {
             EnvironmentKind::Cube { faces, .. } => {
                 let mut first = None;
-                for ((_, word), index) in Face::ALL.into_iter().zip(faces) {
+                for (word, index) in Face::NAMES.iter().zip(faces) {
                     let Some([w, h]) = size(*index) else { continue };
                     if w != h {
                         return Err(OutOfRange::new(

@@ -1,6 +1,7 @@
 //! Environments as scenes use them: the radiance in each direction, without seams.
 
 use super::*;
+use crate::Named;
 use crate::texture::ColorSpace;
 use glam::DVec3;
 
@@ -58,7 +59,7 @@ fn texels_of_all_faces_are_seen_in_their_directions() {
     let face = |f: usize| image(n, n, move |x, y| [f as f32, x as f32, y as f32]);
     for smoothing in [Smoothing::Nearest, Smoothing::Bilinear] {
         let cube = backdrop(EnvironmentKind::Cube { faces: [0, 1, 2, 3, 4, 5], smoothing }, (0..6).map(face).collect());
-        for (f, (side, _)) in Face::ALL.iter().enumerate() {
+        for (f, side) in Face::ALL.iter().enumerate() {
             for x in 0..n {
                 for y in 0..n {
                     let uv = [(f64::from(x) + 0.5) / f64::from(n), (f64::from(y) + 0.5) / f64::from(n)];
@@ -148,7 +149,7 @@ fn smooth_pictures_are_seen_as_what_they_show() {
     let face = |f: usize| {
         image(n, n, move |x, y| {
             let uv = [(f64::from(x) + 0.5) / f64::from(n), (f64::from(y) + 0.5) / f64::from(n)];
-            truth(Face::ALL[f].0.direction(uv).normalize()).to_array()
+            truth(Face::ALL[f].direction(uv).normalize()).to_array()
         })
     };
     let cube = EnvironmentKind::Cube { faces: [0, 1, 2, 3, 4, 5], smoothing: Smoothing::Bilinear };
