@@ -5,12 +5,14 @@
 mod camera;
 mod depth;
 mod film;
+mod fragment;
 mod integrator;
 mod node;
 mod sparse;
 
 pub use camera::{Aperture, Extrinsics, Focus, Intrinsics, Lens, View};
 pub use film::{FilmSettings, Filter, SamplePattern, SamplerKind, Sampling, Tone, Transfer};
+pub use fragment::{Fragment, Offsets};
 pub use integrator::{Integrator, Stage, WhittedSettings};
 pub use node::{Content, Node};
 pub use sparse::{Sparse, Usual};
