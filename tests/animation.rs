@@ -10,6 +10,7 @@ use canaletto::world::World;
 use canaletto_io::assets::FolderAssets;
 use canaletto_io::movie::{Movie, MovieFormat, MovieSettings, Rate};
 use canaletto_io::picture::{Compression, Depth, Image, WriteOptions, decode, encode_png};
+use canaletto_io::source::SceneSource;
 use canaletto_io::text::SceneDocument;
 use canaletto_tests::root;
 use glam::DVec3;

@@ -3,11 +3,11 @@
 use canaletto::camera::Camera;
 use canaletto::math::Rgb;
 use canaletto::render::{Job, render};
-use canaletto::scene::{Content, Scene};
+use canaletto::scene::{Content, Fragment, Scene};
 use canaletto::shape::Mesh;
 use canaletto::world::World;
 use canaletto_io::assets::{AssetPath, FolderAssets, MemoryAssets};
-use canaletto_io::import::{self, Imported};
+use canaletto_io::import;
 use canaletto_io::picture::{Depth, Image, encode_png};
 use canaletto_io::text::read_scene;
 use canaletto_tests::root;
@@ -19,12 +19,11 @@ fn folder() -> FolderAssets {
 }
 
 /// The result of `mesh file=…` for a file of this folder, with its warnings.
-fn model(file: &str) -> (Imported, String) {
-    match import::load_mesh(file, &folder(), &AssetPath::base()) {
-        Ok(model) => {
+fn model(file: &str) -> (Fragment, String) {
+    match import::load_objects(file, &folder(), &AssetPath::base()) {
+        Ok((model, warnings)) => {
             model.meshes.iter().for_each(|mesh| mesh.check().unwrap());
-            let warnings = model.warnings.to_string();
-            (model, warnings)
+            (model, warnings.to_string())
         }
         Err(errors) => panic!("{errors}"),
     }
@@ -182,7 +181,7 @@ mod normals {
     fn given_normals_count_before_groups() {
         let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvn 0 1 1\ns 1\nf 1//1 2//1 3//1\nf 1 3 4\ns off\nf 1 4 2\n";
         let files = MemoryAssets::new().with("a.obj", text);
-        let mesh = &import::load_mesh("a.obj", &files, &AssetPath::base()).unwrap().meshes[0];
+        let mesh = &import::load_objects("a.obj", &files, &AssetPath::base()).unwrap().0.meshes[0];
         let normals = |t: usize| mesh.triangles[t].map(|i| mesh.normals[i as usize]);
         assert!(normals(0).iter().all(|n| (*n - Vec3::new(0.0, 1.0, 1.0).normalize()).length() < 1e-6));
         // At the common edge of the first two faces, (0 0 1) and (1 0 0) are weighted by their angles.

@@ -9,6 +9,7 @@ use canaletto::world::World;
 use canaletto_io::assets::MemoryAssets;
 use canaletto_io::diagnostic::Diagnostics;
 use canaletto_io::import::load;
+use canaletto_io::source::SceneSource;
 use canaletto_io::text::{SceneDocument, read_scene};
 use glam::{DVec3, Vec3};
 use std::time::{Duration, Instant};

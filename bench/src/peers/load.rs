@@ -5,10 +5,10 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
-use canaletto::scene::{Content, Node, Scene};
+use canaletto::scene::Scene;
 use canaletto::world::World;
 use canaletto_io::assets::{AssetPath, FolderAssets};
-use canaletto_io::import::load_mesh;
+use canaletto_io::import::load_objects;
 use serde_json::{Value, json};
 
 use super::build::{resident, resident_peak};
@@ -72,16 +72,16 @@ pub fn run(fineness: u32, formats: &[String], threads: &[usize], rounds: usize, 
                 let before = resident();
                 resident_peak(true);
                 let mut model = None;
-                loads
-                    .0
-                    .push(clock.time(|| model = Some(pool.install(|| load_mesh(&name, &assets, &AssetPath::base())))));
-                let model = model.ok_or("nothing loaded")?.map_err(|diagnostics| diagnostics.to_string())?;
+                loads.0.push(
+                    clock.time(|| model = Some(pool.install(|| load_objects(&name, &assets, &AssetPath::base())))),
+                );
+                let (model, _) = model.ok_or("nothing loaded")?.map_err(|diagnostics| diagnostics.to_string())?;
                 // Later rounds may reuse pages that the allocator kept.
                 if round == 0 {
                     load_peak = resident_peak(false).saturating_sub(before);
                 }
-                let scene =
-                    Scene { meshes: model.meshes, nodes: vec![Node::new(Content::Mesh(0))], ..Scene::default() };
+                let mut scene = Scene::default();
+                scene.append(model);
                 let mut world = None;
                 builds.0.push(clock.time(|| world = Some(pool.install(|| World::build(scene)))));
                 let world = world.ok_or("nothing built")?.map_err(|e| e.to_string())?;

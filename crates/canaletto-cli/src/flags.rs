@@ -4,15 +4,29 @@ use canaletto::Named;
 use canaletto::camera::Camera;
 use canaletto::scene::{SamplePattern, SamplerKind, Sampling, Stage, Tone, Transfer};
 use canaletto::world::{BuildOptions, Quality};
+use canaletto_io::import::FORMATS;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
+/// The help of the scene's argument.
+fn scene_help() -> String {
+    format!(
+        "The scene (.kdl), a model to look at as it is ({}), or - for a scene text on the standard input",
+        model_extensions()
+    )
+}
+
+/// The extensions of models as help texts list them: `.obj, .ply`.
+pub(crate) fn model_extensions() -> String {
+    let all: Vec<String> = FORMATS.iter().flat_map(|f| f.extensions).map(|extension| format!(".{extension}")).collect();
+    all.join(", ")
+}
+
 /// Which scene.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct SourceFlags {
-    /// The scene (.kdl), a model to look at as it is (.obj, .ply, .nff), or - for a scene text on the standard input
-    #[arg(value_name = "SCENE")]
+    #[arg(value_name = "SCENE", help = scene_help())]
     pub scene: PathBuf,
 
     /// Changes one value of the scene, as if the file said so; may be repeated

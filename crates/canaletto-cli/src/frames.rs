@@ -1,7 +1,7 @@
 //! The frames of an animation.
 
 use canaletto_io::diagnostic::Diagnostic;
-use canaletto_io::text::Timeline;
+use canaletto_io::source::Timeline;
 
 /// The value of --frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -42,13 +42,11 @@ use std::process::ExitCode;
 static MEMORY: Guarded = Guarded;
 
 /// A ray tracer that explains every pixel.
-///
-/// Canaletto renders scenes in its own text (.kdl) and models (.obj, .ply, .nff) on the processor: the same picture on
-/// every machine, and every pixel can be explained term by term.
 #[derive(Parser, Debug)]
 #[command(
     name = "canaletto",
     version,
+    long_about = long_about(),
     arg_required_else_help = true,
     max_term_width = 110,
     after_help = EXAMPLES,
@@ -57,6 +55,14 @@ static MEMORY: Guarded = Guarded;
 struct Cli {
     #[command(subcommand)]
     command: Command,
+}
+
+fn long_about() -> String {
+    format!(
+        "A ray tracer that explains every pixel.\n\nCanaletto renders scenes in its own text (.kdl) and models ({}) on \
+         the processor: the same picture on every machine, and every pixel can be explained term by term.",
+        flags::model_extensions()
+    )
 }
 
 const EXAMPLES: &str = "\

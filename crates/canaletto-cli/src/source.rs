@@ -11,7 +11,8 @@ use canaletto::world::{BuildError, BuildOptions, World};
 use canaletto_io::assets::{Asset, AssetError, AssetPath, Assets, FolderAssets, OpenAsset};
 use canaletto_io::diagnostic::{Diagnostic, Diagnostics};
 use canaletto_io::import;
-use canaletto_io::text::{MAX_TEXT, SceneDocument, Timeline, closest_word};
+use canaletto_io::source::{self, OpenError, SceneSource, Timeline};
+use canaletto_io::text::{MAX_TEXT, SceneDocument, closest_word};
 use serde::Serialize;
 use std::io::{self, IsTerminal, Read};
 use std::path::{Path, PathBuf};
@@ -60,16 +61,10 @@ impl Source {
 pub(crate) struct Reader {
     /// The file's name as the user wrote it.
     pub name: String,
-    kind: Kind,
+    source: Box<dyn SceneSource>,
     assets: RecordingAssets,
     /// The duration of opening.
     time: Duration,
-}
-
-enum Kind {
-    SceneDocument(Box<SceneDocument>),
-    /// A model, with the name to read it by.
-    Model(String),
 }
 
 /// The name of a scene that is read from the standard input.
@@ -102,22 +97,19 @@ impl Reader {
         let (assets, file) = FolderAssets::beside(path)
             .map_err(|e| Failure::new(Exit::Scene, format!("can't open {name}: {}", reason(&e))))?;
         let assets = RecordingAssets { inner: assets.allow_outside(allow_outside), files: Mutex::default() };
-        let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-        let kind = if extension == "kdl" {
-            Kind::SceneDocument(Box::new(SceneDocument::read(&file, &assets, set)?))
-        } else if import::SCENE_EXTENSIONS.contains(&extension.as_str()) {
-            if let [first, ..] = set {
-                return Err(Failure::usage(format!(
-                    "--set {first}: only scenes in Canaletto's own text have values to set"
-                ))
-                .help(format!("write a scene with `mesh file=\"{file}\"` in it")));
+        let source = source::open(&file, &assets, set).map_err(|error| match error {
+            OpenError::Mistakes(mistakes) => mistakes.into(),
+            OpenError::NothingToSet => {
+                let first = set.first().map_or("", String::as_str);
+                Failure::usage(format!("--set {first}: only scenes in Canaletto's own text have values to set"))
+                    .help(format!("write a scene with `mesh file=\"{file}\"` in it"))
             }
-            Kind::Model(file)
-        } else {
-            return Err(Failure::new(Exit::Scene, format!("\"{name}\" isn't a scene or model that can be read"))
-                .help(format!("scenes end in .kdl, models in .{}", import::SCENE_EXTENSIONS.join(", ."))));
-        };
-        Ok(Reader { name, kind, assets, time: start.elapsed() })
+            OpenError::UnknownFormat => {
+                Failure::new(Exit::Scene, format!("\"{name}\" isn't a scene or model that can be read"))
+                    .help(format!("scenes end in .kdl, models in .{}", import::extensions().join(", .")))
+            }
+        })?;
+        Ok(Reader { name, source, assets, time: start.elapsed() })
     }
 
     /// Reads a scene text from the standard input. Files that it names lie in the current folder.
@@ -144,41 +136,34 @@ impl Reader {
         let path = AssetPath::new("", STDIN_NAME, STDIN_NAME);
         assets.note(&path, text.len(), || Ok(hash_of(text.as_bytes()))).map_err(|e| cant(&e))?;
         let document = SceneDocument::of_text(&text, STDIN_NAME, &assets, set)?;
-        Ok(Reader {
-            name: STDIN_NAME.into(),
-            kind: Kind::SceneDocument(Box::new(document)),
-            assets,
-            time: start.elapsed(),
-        })
+        Ok(Reader { name: STDIN_NAME.into(), source: Box::new(document), assets, time: start.elapsed() })
     }
 
     /// Chooses the camera whose shutter applies.
     pub(crate) fn choose_camera(&mut self, camera: Option<&str>) {
-        if let (Kind::SceneDocument(document), Some(camera)) = (&mut self.kind, camera) {
-            document.use_shutter_of(camera);
+        if let Some(camera) = camera {
+            self.source.use_shutter_of(camera);
         }
     }
 
     /// The timeline of the animation.
     pub(crate) fn timeline(&self) -> Timeline {
-        if let Kind::SceneDocument(document) = &self.kind { *document.timeline() } else { Timeline::default() }
+        *self.source.timeline()
     }
 
     /// Sets the frames per second.
     pub(crate) fn set_fps(&mut self, fps: f64) {
-        if let Kind::SceneDocument(document) = &mut self.kind {
-            document.set_fps(fps);
-        }
+        self.source.set_fps(fps);
     }
 
     /// The default frame.
     pub(crate) fn first_frame(&self) -> u32 {
-        if let Kind::SceneDocument(document) = &self.kind { document.first_frame() } else { 0 }
+        self.source.first_frame()
     }
 
     /// The times of keys, in frames.
     pub(crate) fn key_frames(&self) -> Vec<f64> {
-        if let Kind::SceneDocument(document) = &self.kind { document.key_frames() } else { Vec::new() }
+        self.source.key_frames()
     }
 
     /// The first of these outputs that would replace an input file of the scene at any frame.
@@ -190,7 +175,7 @@ impl Reader {
         let folder = &self.assets.inner;
         let files = self.assets.files.lock().unwrap_or_else(PoisonError::into_inner);
         let read = files.iter().find_map(|used| guard.find(&folder.root().join(&used.place)));
-        let texts = if let Kind::SceneDocument(document) = &self.kind { document.texts() } else { Vec::new() };
+        let texts = self.source.texts();
         let named = || texts.iter().find_map(|(text, from)| guard.find_named(&folder.system_path(text, from)));
         read.or_else(named).map(Path::to_owned)
     }
@@ -199,10 +184,7 @@ impl Reader {
     pub(crate) fn at(&mut self, frame: u32) -> Result<Source, Failure> {
         let start = Instant::now();
         memory::working_at("reading the scene");
-        let (scene, warnings) = match &mut self.kind {
-            Kind::SceneDocument(document) => document.scene(&self.assets, f64::from(frame))?,
-            Kind::Model(file) => import::load(file, &self.assets)?,
-        };
+        let (scene, warnings) = self.source.scene(&self.assets, f64::from(frame))?;
         let files = self.assets.files.lock().unwrap_or_else(PoisonError::into_inner).clone();
         // The time of opening is added to that of the first frame.
         let time = std::mem::take(&mut self.time) + start.elapsed();

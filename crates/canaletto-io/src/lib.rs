@@ -12,4 +12,5 @@ pub mod image;
 pub mod import;
 pub mod movie;
 pub mod picture;
+pub mod source;
 pub mod text;

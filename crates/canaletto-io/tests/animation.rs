@@ -6,6 +6,7 @@ use canaletto::scene::{Content, Node, Scene, Stage, Transfer};
 use canaletto::shape::Shape;
 use canaletto_io::assets::{Asset, AssetError, AssetPath, Assets, MemoryAssets};
 use canaletto_io::picture::{Depth, Image, encode_png};
+use canaletto_io::source::SceneSource;
 use canaletto_io::text::{SceneDocument, read_scene_text};
 use glam::{DVec3, Vec3};
 use std::sync::atomic::{AtomicUsize, Ordering};

@@ -1,18 +1,17 @@
-//! Import of OBJ, PLY and NFF models, and of point clouds.
+//! Import of models and of point clouds. [`FORMATS`] lists the formats of models.
 //!
-//! [`load`] makes a whole scene of one file. [`load_mesh`] reads the models of `mesh file=…` in the scene text.
+//! [`load`] makes a whole scene of one file. [`load_objects`] reads the models of `mesh file=…` in the scene text.
 //! [`read_spheres`] and [`read_cylinders`] read the files of cloud nodes. Messages name the line or the element. Memory
 //! is bounded by the file's size, whatever counts its header declares.
 
 mod cloud;
 mod color;
 mod concat;
-mod default_camera;
-mod default_scene;
 mod encoding;
-mod fit_camera;
+mod formats;
 mod ignored;
 mod lines;
+mod model;
 mod monotone;
 mod mtl;
 mod nff;
@@ -24,83 +23,65 @@ mod positions;
 mod precision_warning;
 mod repair;
 mod smooth;
+mod staging;
 mod table_color;
 mod text;
 
 pub use cloud::{CloudFormat, read_cylinders, read_spheres};
-pub(crate) use default_camera::default_camera;
+pub use formats::{FORMATS, Holds, ModelFormat};
+pub use model::Model;
 pub(crate) use positions::counted;
 pub(crate) use precision_warning::inline_cloud;
+pub(crate) use staging::default_camera;
 
-use crate::assets::{Asset, AssetPath, Assets, OpenAsset, reason};
+use crate::assets::{AssetPath, Assets, OpenAsset, reason};
 use crate::content::View;
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use canaletto::material::Material;
-use canaletto::scene::Scene;
+use canaletto::scene::{Content, Fragment, Node, Scene};
 use canaletto::shape::Mesh;
+use formats::{ReadFragment, sorted_extensions};
 use glam::Vec3;
 use lines::ImportError;
-use precision_warning::Precision;
-use smooth::{Smoothing, smooth};
 use std::io;
 
-/// An imported model: its meshes and materials.
-#[derive(Clone, Debug, Default)]
-#[non_exhaustive]
-pub struct Imported {
-    /// The meshes. Their `materials` are indices into [`Imported::materials`], to which a scene with materials of its
-    /// own adds an offset.
-    pub meshes: Vec<Mesh>,
-    /// The materials in the order and with the names of the file.
-    pub materials: Vec<Material>,
-    /// Warnings about parts of the model that were left out, with the texts to which they refer.
-    pub warnings: Diagnostics,
+/// The file name extensions of the models that [`load`] reads, in alphabetical order.
+pub fn extensions() -> Vec<&'static str> {
+    sorted_extensions(FORMATS.iter())
 }
 
-/// The file name extensions of models that [`load_mesh`] reads.
-pub const MESH_EXTENSIONS: [&str; 2] = ["obj", "ply"];
-/// The file name extensions of models that [`load`] reads as scenes.
-pub const SCENE_EXTENSIONS: [&str; 3] = ["nff", "obj", "ply"];
-
-/// Reads a model or a foreign scene, named by the user, as a whole scene. Models get a camera, lights and a ground. The
-/// scene is returned with warnings.
+/// Reads a model or a foreign scene, named by the user, as a whole scene. Models get what they lack of camera, lights
+/// and ground. The scene is returned with warnings.
 ///
 /// # Errors
 /// The mistakes in the file, or that its format isn't supported.
 pub fn load(path: &str, assets: &dyn Assets) -> Result<(Scene, Diagnostics), Diagnostics> {
-    let asset = open(path, assets, &AssetPath::base(), &SCENE_EXTENSIONS)?;
-    if asset.path.extension() == "nff" {
-        let OpenAsset { path: name, content } = asset;
-        let bytes = content.view().whole().map_err(|e| Diagnostics::from(unreadable(&e).error(name.name())))?;
-        return nff::read(&Asset { path: name, bytes: encoding::text(&bytes).into_owned() });
-    }
-    let mut model = read_model(&asset, assets, DefaultShading::Creases)?;
-    let warnings = std::mem::take(&mut model.warnings);
-    match default_scene::default_scene(model) {
-        Some(scene) => Ok((scene, warnings)),
-        None => {
+    let (format, asset) = open(path, assets, &AssetPath::base(), |_| true)?;
+    let (fragment, warnings) = read(format, &asset, assets, DefaultShading::Creases)?;
+    let scene = match format.holds {
+        Holds::Objects => staging::stage(fragment).ok_or_else(|| {
             let wrong = "the model is too large to put a camera and lights around it";
             let help = "its coordinates may go up to about 1e37: scale it down in the program that made it";
-            Err(Diagnostic::error(asset.path.name(), wrong).help(help).into())
+            Diagnostic::error(asset.path.name(), wrong).help(help)
+        })?,
+        Holds::Scene => {
+            let mut scene = Scene::default();
+            scene.append(fragment);
+            scene
         }
-    }
+    };
+    Ok((scene, warnings))
 }
 
-/// Reads the meshes of a model that the file `from` names.
+/// Reads the objects of a model that the file `from` names. They are returned with warnings about parts of the model
+/// that were left out.
 ///
 /// # Errors
 /// The mistakes in the file, or that its format isn't supported. If it can't be opened, the message is about the whole
 /// file.
-pub fn load_mesh(path: &str, assets: &dyn Assets, from: &AssetPath) -> Result<Imported, Diagnostics> {
-    read_mesh(&open(path, assets, from, &MESH_EXTENSIONS)?, assets)
-}
-
-/// Reads the meshes of an open model file.
-///
-/// # Errors
-/// As [`load_mesh`].
-pub fn read_mesh(asset: &OpenAsset, assets: &dyn Assets) -> Result<Imported, Diagnostics> {
-    read_model(asset, assets, DefaultShading::Flat)
+pub fn load_objects(path: &str, assets: &dyn Assets, from: &AssetPath) -> Result<(Fragment, Diagnostics), Diagnostics> {
+    let (format, asset) = open(path, assets, from, |format| format.holds == Holds::Objects)?;
+    read(format, &asset, assets, DefaultShading::Flat)
 }
 
 /// The shading of surfaces for which a file declares neither flat nor smooth normals.
@@ -111,14 +92,26 @@ enum DefaultShading {
     Creases,
 }
 
-fn read_model(asset: &OpenAsset, assets: &dyn Assets, unsaid: DefaultShading) -> Result<Imported, Diagnostics> {
-    let model = read_format(asset, assets, unsaid)?;
-    if model.meshes.iter().any(has_area) {
-        return Ok(model);
+fn read(format: &ModelFormat, asset: &OpenAsset, assets: &dyn Assets, unsaid: DefaultShading) -> ReadFragment {
+    let (fragment, warnings) = (format.read)(asset, assets, unsaid)?;
+    let has_size = |node: &Node| !matches!(node.content, Content::Mesh(_) | Content::Light(_));
+    let is_seen = || fragment.meshes.iter().any(has_area) || fragment.nodes.iter().any(has_size);
+    if format.holds == Holds::Scene || is_seen() {
+        return Ok((fragment, warnings));
     }
-    let count: usize = model.meshes.iter().map(Mesh::len).sum();
+    let count: usize = fragment.meshes.iter().map(Mesh::len).sum();
     let wrong = format!("nothing in it has an area: {count} triangles, whose corners lie on a line or at one place");
     Err(ImportError::file(wrong).error(asset.path.name()).into())
+}
+
+/// The fragment of these meshes: a node for each, with its name.
+fn fragment_of(meshes: Vec<Mesh>, materials: Vec<Material>) -> Fragment {
+    let node = |(index, mesh): (usize, &Mesh)| {
+        let name = Some(mesh.name.as_str()).filter(|name| !name.is_empty());
+        Node { name: name.map(Into::into), ..Node::new(Content::Mesh(index as u32)) }
+    };
+    let nodes = meshes.iter().enumerate().map(node).collect();
+    Fragment { materials, meshes, nodes, ..Fragment::default() }
 }
 
 /// Whether any triangle has an area beyond the rounding of its corners to `f32`, each coordinate relative to its own
@@ -137,67 +130,29 @@ pub(crate) fn is_flat(corners: [Vec3; 3]) -> bool {
     normal.length() <= f64::from(f32::EPSILON) * across.dot(size) * longest.length()
 }
 
-fn read_format(asset: &OpenAsset, assets: &dyn Assets, unsaid: DefaultShading) -> Result<Imported, Diagnostics> {
-    match asset.path.extension().as_str() {
-        "obj" => {
-            let mut model = obj::read(asset, assets, unsaid)?;
-            let rounded = model.meshes.iter().find_map(|mesh| precision_warning::mesh(mesh, Precision::Double));
-            rounded.into_iter().for_each(|complaint| model.warnings.push(complaint.warning(asset.path.name())));
-            Ok(model)
-        }
-        "ply" => {
-            let mut model = read_ply(asset)?;
-            if unsaid == DefaultShading::Creases {
-                let without = model.meshes.iter_mut().filter(|mesh| mesh.normals.is_empty());
-                without.for_each(|mesh| smooth(mesh, Smoothing::Creases));
-            }
-            Ok(model)
-        }
-        other => Err(unsupported(asset.path.name(), other, &MESH_EXTENSIONS).into()),
-    }
-}
-
-fn read_ply(asset: &OpenAsset) -> Result<Imported, Diagnostics> {
-    let view = asset.content.view();
-    let failed = |e: &io::Error| Diagnostics::from(unreadable(e).error(asset.path.name()));
-    if !view.piece(0..encoding::START, &mut Vec::new()).map(encoding::is_utf16).map_err(|e| failed(&e))? {
-        return read_ply_bytes(asset.path.name(), view);
-    }
-    let bytes = view.whole().map_err(|e| failed(&e))?;
-    read_ply_bytes(asset.path.name(), encoding::text(&bytes)[..].into())
-}
-
-fn read_ply_bytes(file: &str, view: View<'_>) -> Result<Imported, Diagnostics> {
-    match ply::read_mesh(file.rsplit('/').next().unwrap_or_default(), view) {
-        Ok((mesh, said)) => {
-            let mut warnings = Diagnostics::new();
-            said.into_iter().for_each(|complaint| warnings.push(complaint.warning(file)));
-            let rounded = precision_warning::mesh(&mesh, ply::precision(view));
-            rounded.into_iter().for_each(|complaint| warnings.push(complaint.warning(file)));
-            Ok(Imported { meshes: vec![mesh], materials: Vec::new(), warnings })
-        }
-        Err(complaint) => {
-            let mut errors = Diagnostics::from(complaint.error(file));
-            attach_source(&mut errors, file, view);
-            Err(errors)
-        }
-    }
-}
-
-fn open(path: &str, assets: &dyn Assets, from: &AssetPath, known: &[&str]) -> Result<OpenAsset, Diagnostics> {
+fn open(
+    path: &str,
+    assets: &dyn Assets,
+    from: &AssetPath,
+    is_wanted: fn(&ModelFormat) -> bool,
+) -> Result<(&'static ModelFormat, OpenAsset), Diagnostics> {
     let extension = AssetPath::new(path, path, path).extension();
-    if !known.contains(&extension.as_str()) {
-        return Err(unsupported(path, &extension, known).into());
-    }
-    assets.open(path, from).map_err(|error| {
+    let format = ModelFormat::of_extension(&extension);
+    let Some(wanted) = format.filter(|format| is_wanted(format)) else {
+        let known = sorted_extensions(FORMATS.iter().filter(|format| is_wanted(format)));
+        return Err(unsupported(path, format, &extension, &known).into());
+    };
+    let asset = assets.open(path, from).map_err(|error| {
         let mut diagnostic = Diagnostic::error(path, error.to_string());
         diagnostic.help = error.help();
-        diagnostic.into()
-    })
+        diagnostic
+    })?;
+    Ok((wanted, asset))
 }
 
-fn unsupported(file: &str, extension: &str, known: &[&str]) -> Diagnostic {
+fn unsupported(file: &str, format: Option<&ModelFormat>, extension: &str, known: &[&str]) -> Diagnostic {
     let name = match extension {
+        _ if format.is_some() => format.map_or("", |format| format.name),
         "stl" => "STL",
         "gltf" | "glb" => "glTF",
         "fbx" => "FBX",

@@ -13,18 +13,18 @@
 //! develops to sRGB. SPD's published statistics limit the ray tree to depth 5; the integrator keeps its own default.
 //! Negative radii, which turn a surface inside out in NFF, are taken as positive, since both sides are visible here.
 
-use super::fit_camera::fit_camera;
-use super::is_flat;
 use super::lines::{ImportError, Token, Tokens, lines};
 use super::polygon::{Triangulator, vector_area};
 use super::positions::Positions;
 use super::precision_warning::{self, Precision};
-use crate::assets::Asset;
+use super::staging::fit_camera;
+use super::{DefaultShading, Holds, ModelFormat, ReadFragment, attach_source, encoding, is_flat, unreadable};
+use crate::assets::{Assets, OpenAsset};
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use canaletto::light::{Light, LightKind, Omni};
 use canaletto::material::{Material, Phong};
 use canaletto::math::Rgb;
-use canaletto::scene::{Content, Extrinsics, Intrinsics, Node, Scene, View};
+use canaletto::scene::{Content, Extrinsics, Fragment, Intrinsics, Node, View};
 use canaletto::shape::{Cone, Cylinder, Mesh, Shape, Sphere};
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
@@ -32,14 +32,19 @@ use std::collections::HashMap;
 /// The largest side of a picture, and the largest number of corners of a polygon.
 const MAX_RESOLUTION: u32 = 1 << 16;
 
-/// Reads the scene of an NFF file; returns it with warnings.
-pub(super) fn read(asset: &Asset) -> Result<(Scene, Diagnostics), Diagnostics> {
+/// NFF in the table of formats.
+pub(super) const FORMAT: ModelFormat =
+    ModelFormat { name: "NFF", extensions: &["nff"], holds: Holds::Scene, read: read_scene };
+
+fn read_scene(asset: &OpenAsset, _: &dyn Assets, _: DefaultShading) -> ReadFragment {
     let file = asset.path.name();
-    let mut reader = Reader::new(&asset.bytes);
+    let bytes = asset.content.view().whole().map_err(|e| unreadable(&e).error(file))?;
+    let bytes = encoding::text(&bytes);
+    let mut reader = Reader::new(&bytes);
     let result = reader.scene();
     let mut said = Diagnostics::new();
     match result {
-        Ok(()) if reader.scene.nodes.is_empty() => {
+        Ok(()) if reader.fragment.nodes.is_empty() => {
             Err(Diagnostics::from(Diagnostic::error(file, "there are no objects in it").help("is it an NFF file?")))
         }
         Ok(()) => {
@@ -48,15 +53,15 @@ pub(super) fn read(asset: &Asset) -> Result<(Scene, Diagnostics), Diagnostics> {
                 let message = format!("{}{times}", complaint.message);
                 said.push(ImportError { message, ..complaint }.warning(file));
             }
-            super::attach_source(&mut said, file, asset.bytes.as_slice().into());
-            let scene = reader.finish();
-            let rounded = scene.meshes.iter().find_map(|mesh| precision_warning::mesh(mesh, Precision::Double));
+            attach_source(&mut said, file, bytes[..].into());
+            let fragment = reader.finish();
+            let rounded = fragment.meshes.iter().find_map(|mesh| precision_warning::mesh(mesh, Precision::Double));
             rounded.into_iter().for_each(|complaint| said.push(complaint.warning(file)));
-            Ok((scene, said))
+            Ok((fragment, said))
         }
         Err(complaint) => {
             let mut errors = Diagnostics::from(complaint.error(file));
-            super::attach_source(&mut errors, file, asset.bytes.as_slice().into());
+            attach_source(&mut errors, file, bytes[..].into());
             Err(errors)
         }
     }
@@ -64,7 +69,7 @@ pub(super) fn read(asset: &Asset) -> Result<(Scene, Diagnostics), Diagnostics> {
 
 struct Reader<'a> {
     tokens: NffTokens<'a>,
-    scene: Scene,
+    fragment: Fragment,
     view: Option<View>,
     lights: Vec<((Vec3, DVec3), Option<Rgb>)>,
     /// The index of each material by the bits of its numbers.
@@ -72,7 +77,7 @@ struct Reader<'a> {
     material: Option<u32>,
     /// The corners of each mesh.
     corners: Vec<Positions>,
-    /// The meshes of each material, without and with normals, as indices into the scene's list.
+    /// The meshes of each material, without and with normals, as indices into the fragment's list.
     meshes: HashMap<(u32, bool), usize>,
     triangulator: Triangulator,
     /// The words that were ignored: the first place and the count.
@@ -83,7 +88,7 @@ impl<'a> Reader<'a> {
     fn new(bytes: &'a [u8]) -> Reader<'a> {
         Reader {
             tokens: NffTokens::new(bytes),
-            scene: Scene::default(),
+            fragment: Fragment::default(),
             view: None,
             lights: Vec::new(),
             known: HashMap::new(),
@@ -98,7 +103,7 @@ impl<'a> Reader<'a> {
     fn scene(&mut self) -> Result<(), ImportError> {
         while let Some(word) = self.tokens.next() {
             match word.text {
-                b"b" => self.scene.background = self.tokens.color("background")?,
+                b"b" => self.fragment.background = Some(self.tokens.color("background")?),
                 b"v" => self.view(&word)?,
                 b"l" => {
                     let position = self.tokens.position("light")?;
@@ -194,9 +199,9 @@ impl<'a> Reader<'a> {
             ..Phong::default()
         };
         phong.check().map_err(|problem| start.wrong(problem.to_string()))?;
-        let next = self.scene.materials.len();
+        let next = self.fragment.materials.len();
         self.material = Some(*self.known.entry(numbers.map(f32::to_bits)).or_insert_with(|| {
-            self.scene.materials.push(Material::new(format!("fill {}", next + 1), phong));
+            self.fragment.materials.push(Material::new(format!("fill {}", next + 1), phong));
             next as u32
         }));
         Ok(())
@@ -255,16 +260,16 @@ impl<'a> Reader<'a> {
         let face = vector_area(&form).try_normalize().unwrap_or(DVec3::Y).as_vec3();
         normals.iter_mut().for_each(|n| *n = n.as_dvec3().try_normalize().map_or(face, |n| n.as_vec3()));
         let material = self.material();
-        let scene = &mut self.scene;
+        let fragment = &mut self.fragment;
         let mesh = *self.meshes.entry((material, smooth)).or_insert_with(|| {
-            let index = scene.meshes.len();
-            let name = format!("polygons of {}", scene.materials[material as usize].name);
+            let index = fragment.meshes.len();
+            let name = format!("polygons of {}", fragment.materials[material as usize].name);
             self.corners.push(Positions::default());
-            scene.meshes.push(Mesh { name, materials: vec![material], ..Mesh::default() });
-            scene.nodes.push(Node::new(Content::Mesh(index as u32)).with_material(material));
+            fragment.meshes.push(Mesh { name, materials: vec![material], ..Mesh::default() });
+            fragment.nodes.push(Node::new(Content::Mesh(index as u32)).with_material(material));
             index
         });
-        let (mesh, all) = (&mut scene.meshes[mesh], &mut self.corners[mesh]);
+        let (mesh, all) = (&mut fragment.meshes[mesh], &mut self.corners[mesh]);
         let first = all.len();
         if first + corners.len() > u32::MAX as usize {
             return Err(start.wrong("the polygons have more corners than 32 bits can count"));
@@ -279,14 +284,14 @@ impl<'a> Reader<'a> {
     /// The index of the current material; before any `f`, that of the default material.
     fn material(&mut self) -> u32 {
         *self.material.get_or_insert_with(|| {
-            self.scene.materials.push(Material::new("default", Phong::default()));
-            self.scene.materials.len() as u32 - 1
+            self.fragment.materials.push(Material::new("default", Phong::default()));
+            self.fragment.materials.len() as u32 - 1
         })
     }
 
     fn place(&mut self, shape: Shape, points: &[DVec3]) -> Result<(), ImportError> {
         let material = self.material();
-        self.scene.nodes.push(Node::from(shape).with_points(points).with_material(material));
+        self.fragment.nodes.push(Node::from(shape).with_points(points).with_material(material));
         Ok(())
     }
 
@@ -295,19 +300,19 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    fn finish(self) -> Scene {
-        let mut scene = self.scene;
+    fn finish(self) -> Fragment {
+        let mut fragment = self.fragment;
         let (origin, lists) = Positions::rebase_each(self.corners);
-        for (mesh, positions) in scene.meshes.iter_mut().zip(lists) {
+        for (mesh, positions) in fragment.meshes.iter_mut().zip(lists) {
             (mesh.origin, mesh.positions) = (origin, positions);
         }
         let usual = Rgb::gray((self.lights.len() as f32).sqrt() / self.lights.len().max(1) as f32);
         for (position, color) in self.lights {
             let light = Light::new(LightKind::Omni(Omni::at(position.0)), color.unwrap_or(usual));
-            scene.nodes.push(Node::from(light).with_points(&[position.1]));
+            fragment.nodes.push(Node::from(light).with_points(&[position.1]));
         }
-        scene.views.extend(self.view.or_else(|| whole_view(&scene)));
-        scene
+        fragment.views.extend(self.view.or_else(|| whole_view(&fragment)));
+        fragment
     }
 }
 
@@ -316,9 +321,10 @@ impl<'a> Reader<'a> {
 const FAR_EYE: f64 = 64.0;
 
 /// A view of everything, for files without one. SPD's scenes have z up.
-fn whole_view(scene: &Scene) -> Option<View> {
-    let corners = scene.meshes.iter().flat_map(|mesh| mesh.positions.iter().map(|p| (mesh.origin + p.as_dvec3(), 0.0)));
-    let balls = scene.nodes.iter().flat_map(|node| match &node.content {
+fn whole_view(fragment: &Fragment) -> Option<View> {
+    let corners =
+        fragment.meshes.iter().flat_map(|mesh| mesh.positions.iter().map(|p| (mesh.origin + p.as_dvec3(), 0.0)));
+    let balls = fragment.nodes.iter().flat_map(|node| match &node.content {
         Content::Shape(Shape::Sphere(s)) => vec![(s.center, s.radius)],
         Content::Shape(Shape::Cylinder(c)) => vec![(c.base, c.radius), (c.top, c.radius)],
         Content::Shape(Shape::Cone(c)) => vec![(c.base, c.radius), (c.top, c.top_radius)],

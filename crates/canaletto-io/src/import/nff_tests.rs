@@ -1,5 +1,6 @@
 use super::*;
 use crate::assets::MemoryAssets;
+use canaletto::scene::Scene;
 
 const VIEW: &str = "v\nfrom 2 1 1.5\nat 0 0 0\nup 0 0 1\nangle 45\nhither 0.01\nresolution 512 256\n";
 

@@ -1,6 +1,5 @@
 use super::*;
-use crate::assets::MemoryAssets;
-use canaletto::scene::Content;
+use crate::assets::{Asset, MemoryAssets};
 use proptest::prelude::*;
 
 const OBJ: &str = "mtllib a.mtl\no cube\nv 0 0 0 1 1 1\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\nusemtl m\nf 1/1/1 2/1/1 3//1 -1\n";
@@ -26,6 +25,19 @@ fn a_model_alone_becomes_a_scene() {
         assert_eq!(scene.nodes.iter().filter(|n| matches!(n.content, Content::Light(_))).count(), 2);
         assert!(scene.nodes.iter().all(|n| n.material.is_none_or(|m| (m as usize) < scene.materials.len())));
     }
+}
+
+/// The table is what messages, help texts and the reference tell.
+#[test]
+fn formats_have_extensions_of_their_own_and_are_told() {
+    let mut extensions: Vec<&str> = FORMATS.iter().flat_map(|format| format.extensions).copied().collect();
+    assert!(extensions.iter().all(|extension| extension.chars().all(|c| matches!(c, 'a'..='z' | '0'..='9'))));
+    extensions.sort_unstable();
+    extensions.dedup();
+    assert_eq!(extensions, super::extensions(), "no extension is there twice");
+    let reference = crate::text::reference_markdown();
+    let of_meshes = FORMATS.iter().filter(|format| format.holds == Holds::Objects);
+    of_meshes.for_each(|format| assert!(reference.contains(format.name), "{}", format.name));
 }
 
 /// The text in both byte orders of UTF-16, with and without a byte order mark.
@@ -65,7 +77,7 @@ fn every_text_may_be_utf_16_and_filled_up() {
 }
 
 #[test]
-fn the_studio_grows_with_the_model() {
+fn staging_grows_with_the_model() {
     let scene = |factor: f32| {
         let text = format!("v 0 0 0\nv {factor} 0 0\nv 0 {factor} {factor}\nf 1 2 3\n");
         load("a.obj", &files("a.obj", text.as_bytes())).unwrap().0
@@ -84,7 +96,7 @@ fn other_formats_are_named() {
         error("a.xyzw").contains("XYZW isn't supported yet") && error("noext").contains("a file without an extension")
     );
     assert_eq!(error("a.obj").lines().next(), Some("a.obj: error: there is no file \"a.obj\""));
-    let error = load_mesh("a.nff", &MemoryAssets::new(), &AssetPath::base()).unwrap_err().to_string();
+    let error = load_objects("a.nff", &MemoryAssets::new(), &AssetPath::base()).unwrap_err().to_string();
     assert!(error.contains("supported are obj, ply"), "{error}");
 }
 
@@ -149,8 +161,8 @@ proptest! {
         let mut text: String = corners.iter().map(|(x, y, z)| format!("v {x} {y} {z}\n")).collect();
         text += "f";
         (1..=corners.len()).for_each(|i| text += &format!(" {i}"));
-        match load_mesh("a.obj", &files("a.obj", text.as_bytes()), &AssetPath::base()) {
-            Ok(model) => prop_assert!(model.meshes[0].triangles.len() <= corners.len() - 2),
+        match load_objects("a.obj", &files("a.obj", text.as_bytes()), &AssetPath::base()) {
+            Ok((model, _)) => prop_assert!(model.meshes[0].triangles.len() <= corners.len() - 2),
             Err(errors) => prop_assert!(errors.to_string().contains("nothing in it has an area")),
         }
     }

@@ -15,14 +15,15 @@ mod report;
 mod schema;
 mod syntax;
 
-pub use animate::Timeline;
 pub use closest_word::closest_word;
 pub use files::MAX_TEXT;
 pub use reference::reference_markdown;
+pub(crate) use schema::DEFAULT_FPS;
 
 use crate::assets::{AssetPath, Assets};
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::import;
+use crate::source::{SceneSource, Timeline};
 use canaletto::scene::{Scene, View};
 use file_cache::FrameCache;
 use files::{Files, Loader};
@@ -67,6 +68,8 @@ pub struct SceneDocument {
     /// The messages about the text that don't depend on the frame.
     report: Report,
     timeline: Timeline,
+    /// Whether any node must be replaced before decoding.
+    has_time: bool,
     /// The times of all keys, in the units of the text.
     times: Vec<f64>,
     /// The name of the camera whose shutter is used; `None` for the first camera.
@@ -116,30 +119,50 @@ impl SceneDocument {
         let (timeline, report) = animate::timeline(&nodes, &files, report);
         let keep = FrameCache::new(timeline.moves);
         let times = animate::times(&nodes);
-        if timeline.has_time {
+        let has_time = animate::has_time(&nodes);
+        if has_time {
             animate::gather(&mut nodes, &files);
         }
-        Ok(SceneDocument { nodes, files, report, timeline, times, camera: None, default_camera: None, keep })
+        Ok(SceneDocument { nodes, files, report, timeline, has_time, times, camera: None, default_camera: None, keep })
     }
 
-    /// The frame rate, frame range and time unit of the text.
-    pub fn timeline(&self) -> &Timeline {
+    /// The camera of a scene that has none. It is fitted to the first frame, so that it stays when objects move.
+    fn default_camera(&mut self, scene: &Scene, assets: &dyn Assets, frame: f64) -> Option<View> {
+        if let Some(known) = &self.default_camera {
+            return known.clone();
+        }
+        let first = f64::from(self.first_frame());
+        let view = if !self.timeline.moves || frame == first {
+            import::default_camera(scene)
+        } else {
+            let (scene, _) = self.scene(assets, first).ok()?;
+            scene.views.into_iter().next()
+        };
+        self.default_camera = Some(view.clone());
+        view
+    }
+
+    fn once(mut self, assets: &dyn Assets) -> Result<(Scene, Diagnostics), Diagnostics> {
+        self.keep.on = false;
+        self.scene(assets, f64::from(self.first_frame()))
+    }
+}
+
+impl SceneSource for SceneDocument {
+    fn timeline(&self) -> &Timeline {
         &self.timeline
     }
 
-    /// Sets the frame rate in frames per second, which must lie in [`Timeline::FPS`].
-    pub fn set_fps(&mut self, fps: f64) {
+    fn set_fps(&mut self, fps: f64) {
         self.timeline.fps = fps;
     }
 
-    /// Selects the camera whose shutter interval determines motion blur. The default is the first camera.
-    pub fn use_shutter_of(&mut self, camera: &str) {
+    fn use_shutter_of(&mut self, camera: &str) {
         self.camera = Some(camera.to_owned());
     }
 
-    /// Every text value except the names of objects, with the file that contains it. All files that the scene names at
-    /// any time are among them.
-    pub fn texts(&self) -> Vec<(&str, &AssetPath)> {
+    /// Every text value except the names of objects.
+    fn texts(&self) -> Vec<(&str, &AssetPath)> {
         fn collect<'a>(node: &'a syntax::Node, texts: &mut Vec<(&'a str, syntax::Span)>) {
             let named = node.properties.iter().filter(|property| !["name", "material", "of"].contains(&&*property.key));
             let values = node.values.iter().chain(named.map(|property| &property.value));
@@ -153,26 +176,15 @@ impl SceneDocument {
         texts.into_iter().filter_map(with_file).collect()
     }
 
-    /// The default frame: the first of the animation, else 0.
-    pub fn first_frame(&self) -> u32 {
-        self.timeline.frames.map_or(0, |[first, _]| first)
-    }
-
-    /// The times of all keys in frames, sorted. Between two of them every value is between those of its keys, or a
-    /// little beyond.
-    pub fn key_frames(&self) -> Vec<f64> {
+    fn key_frames(&self) -> Vec<f64> {
         self.times.iter().map(|time| self.timeline.frame(*time)).collect()
     }
 
-    /// Decodes the scene at a frame, which may be fractional, and returns it with its warnings. A file is read once for
-    /// all consecutive frames that name it.
-    ///
-    /// # Errors
-    /// Every mistake in the text and in the files that it names.
-    pub fn scene(&mut self, assets: &dyn Assets, frame: f64) -> Result<(Scene, Diagnostics), Diagnostics> {
+    /// Decodes the scene at a frame. A file is read once for all consecutive frames that name it.
+    fn scene(&mut self, assets: &dyn Assets, frame: f64) -> Result<(Scene, Diagnostics), Diagnostics> {
         let mut report = self.report.clone();
         let mut moved;
-        let nodes = if self.timeline.has_time {
+        let nodes = if self.has_time {
             moved = self.nodes.clone();
             report = animate::animate(&mut moved, &self.timeline, frame, self.camera.as_deref(), &self.files, report);
             &moved
@@ -202,27 +214,6 @@ impl SceneDocument {
             Some(scene) if !failed => Ok((scene, diagnostics)),
             _ => Err(diagnostics),
         }
-    }
-
-    /// The camera of a scene that has none. It is fitted to the first frame, so that it stays when objects move.
-    fn default_camera(&mut self, scene: &Scene, assets: &dyn Assets, frame: f64) -> Option<View> {
-        if let Some(known) = &self.default_camera {
-            return known.clone();
-        }
-        let first = f64::from(self.first_frame());
-        let view = if !self.timeline.moves || frame == first {
-            import::default_camera(scene)
-        } else {
-            let (scene, _) = self.scene(assets, first).ok()?;
-            scene.views.into_iter().next()
-        };
-        self.default_camera = Some(view.clone());
-        view
-    }
-
-    fn once(mut self, assets: &dyn Assets) -> Result<(Scene, Diagnostics), Diagnostics> {
-        self.keep.on = false;
-        self.scene(assets, f64::from(self.first_frame()))
     }
 }
 

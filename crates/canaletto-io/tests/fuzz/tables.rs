@@ -3,6 +3,7 @@
 use crate::mutate::{Outcome, run};
 use canaletto_io::assets::{Asset, AssetPath, MemoryAssets};
 use canaletto_io::import::{CloudFormat, load, read_cylinders, read_spheres};
+use canaletto_io::source::SceneSource;
 use canaletto_io::text::SceneDocument;
 
 fn seeds<const N: usize>(texts: [&str; N]) -> Vec<Vec<u8>> {

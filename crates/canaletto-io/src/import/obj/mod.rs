@@ -18,8 +18,9 @@ mod vertices;
 use super::encoding;
 use super::ignored::Ignored;
 use super::lines::{ImportError, Token};
+use super::precision_warning::{self, Precision};
 use super::text::Text;
-use super::{DefaultShading, Imported, unreadable};
+use super::{DefaultShading, Holds, ModelFormat, ReadFragment, fragment_of, unreadable};
 use crate::assets::{Assets, OpenAsset};
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use canaletto::material::{Material, Phong};
@@ -31,8 +32,26 @@ use std::ops::Range;
 use std::path::PathBuf;
 use vertices::First;
 
-/// Reads the meshes and materials of an OBJ file.
-pub(super) fn read(asset: &OpenAsset, assets: &dyn Assets, unsaid: DefaultShading) -> Result<Imported, Diagnostics> {
+/// OBJ in the table of formats.
+pub(super) const FORMAT: ModelFormat =
+    ModelFormat { name: "OBJ", extensions: &["obj"], holds: Holds::Objects, read: read_model };
+
+fn read_model(asset: &OpenAsset, assets: &dyn Assets, unsaid: DefaultShading) -> ReadFragment {
+    let ObjContent { meshes, materials, mut warnings } = read(asset, assets, unsaid)?;
+    let rounded = meshes.iter().find_map(|mesh| precision_warning::mesh(mesh, Precision::Double));
+    rounded.into_iter().for_each(|complaint| warnings.push(complaint.warning(asset.path.name())));
+    Ok((fragment_of(meshes, materials), warnings))
+}
+
+/// The content of an OBJ file and its libraries.
+#[derive(Debug)]
+struct ObjContent {
+    meshes: Vec<Mesh>,
+    materials: Vec<Material>,
+    warnings: Diagnostics,
+}
+
+fn read(asset: &OpenAsset, assets: &dyn Assets, unsaid: DefaultShading) -> Result<ObjContent, Diagnostics> {
     let view = asset.content.view();
     let failed = |complaint: ImportError| Diagnostics::from(complaint.error(asset.path.name()));
     let start = view.piece(0..encoding::START, &mut Vec::new()).map(encoding::is_utf16);
@@ -48,7 +67,7 @@ fn read_pieces(
     assets: &dyn Assets,
     text: Text<'_>,
     unsaid: DefaultShading,
-) -> Result<Imported, Diagnostics> {
+) -> Result<ObjContent, Diagnostics> {
     let file = asset.path.name();
     let mut reader =
         Reader { asset, assets, warnings: Diagnostics::new(), materials: Vec::new(), read: HashSet::new() };
@@ -62,7 +81,7 @@ fn read_pieces(
             let mut materials = materials;
             materials.extend(default);
             super::attach_source(&mut warnings, file, text.view);
-            Ok(Imported { meshes, materials, warnings })
+            Ok(ObjContent { meshes, materials, warnings })
         }
         Err(complaint) => {
             let mut errors = Diagnostics::from(complaint.error(file));

@@ -5,15 +5,21 @@ use canaletto::math::Rgb;
 use glam::{Vec2, Vec3};
 use proptest::prelude::*;
 
-fn load(text: &str, others: &[(&str, &str)]) -> Result<Imported, Diagnostics> {
+fn load(text: &str, others: &[(&str, &str)]) -> Result<ObjContent, Diagnostics> {
     let mut files = MemoryAssets::new().with("a.obj", text);
     for (name, text) in others {
         files = files.with(name, *text);
     }
-    super::super::load_mesh("a.obj", &files, &AssetPath::base())
+    load_content(&files)
 }
 
-fn good(text: &str) -> Imported {
+/// The content of the file `a.obj` among these.
+fn load_content(files: &MemoryAssets) -> Result<ObjContent, Diagnostics> {
+    let (fragment, warnings) = super::super::load_objects("a.obj", files, &AssetPath::base())?;
+    Ok(ObjContent { meshes: fragment.meshes, materials: fragment.materials, warnings })
+}
+
+fn good(text: &str) -> ObjContent {
     load(text, &[]).unwrap()
 }
 
@@ -260,7 +266,7 @@ fn utf_16_is_read() {
         let wide = |text: &str| text.encode_utf16().flat_map(order).collect::<Vec<u8>>();
         let load = |text: &str| {
             let assets = MemoryAssets::new().with("a.obj", wide(text)).with("m.mtl", wide(library));
-            super::super::load_mesh("a.obj", &assets, &AssetPath::base())
+            load_content(&assets)
         };
         let model = load(&text.replace("f 1 2 9\n", "")).unwrap();
         assert_eq!((model.meshes[0].name.as_str(), model.materials[0].name.as_str()), ("\u{e9}", "gr\u{fc}n"));
@@ -275,7 +281,7 @@ fn material_names_are_bytes() {
     let load = |obj: &[u8], mtl: &[u8]| {
         let text = [b"mtllib m.mtl\n".as_slice(), SQUARE.as_bytes(), b"usemtl ", obj, b"\nf 1 2 3\n"].concat();
         let assets = MemoryAssets::new().with("a.obj", text).with("m.mtl", [b"newmtl x\nnewmtl ", mtl, b"\n"].concat());
-        let model = super::super::load_mesh("a.obj", &assets, &AssetPath::base()).unwrap();
+        let model = load_content(&assets).unwrap();
         let materials = model.meshes[0].materials.iter().map(|m| model.materials[*m as usize].name.clone());
         (materials.collect::<Vec<_>>(), model.warnings.to_string())
     };
@@ -355,7 +361,7 @@ fn many_groups_and_shared_corners_stay_fast() {
 
 /// Reads a file in every manner: in pieces of a few bytes and at once, from memory and from a disk, by one thread and
 /// by three. Returns meshes, materials and all messages, or the mistakes.
-fn every_way(text: &[u8]) -> Result<Imported, String> {
+fn every_way(text: &[u8]) -> Result<ObjContent, String> {
     let assets = MemoryAssets::new().with("a.obj", text).with("m.mtl", "newmtl red\nnewmtl blue\nwhat 1\n");
     let mut file = tempfile::tempfile().unwrap();
     std::io::Write::write_all(&mut file, text).unwrap();
@@ -366,7 +372,7 @@ fn every_way(text: &[u8]) -> Result<Imported, String> {
         read_pieces(asset, &assets, text, DefaultShading::Flat).map_err(|errors| errors.to_string())
     };
     let expected = read(&memory, text.len().max(1));
-    let told = |result: &Result<Imported, String>| match result {
+    let told = |result: &Result<ObjContent, String>| match result {
         Ok(model) => format!("{:?} {:?} {}", model.meshes, model.materials, model.warnings),
         Err(message) => message.clone(),
     };

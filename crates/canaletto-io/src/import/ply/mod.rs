@@ -16,12 +16,14 @@ mod table;
 
 use super::lines::ImportError;
 use super::positions::Positions;
-use super::precision_warning::Precision;
+use super::precision_warning::{self, Precision};
 use super::repair::repair_normals;
-use super::smooth::Smoothing;
+use super::smooth::{Smoothing, smooth};
 use super::table_color::{self, Written};
-use super::unreadable;
+use super::{DefaultShading, Holds, ModelFormat, ReadFragment, attach_source, encoding, fragment_of, unreadable};
+use crate::assets::{Assets, OpenAsset};
 use crate::content::View;
+use crate::diagnostic::Diagnostics;
 use crate::picture::decode_srgb;
 use canaletto::math::Rgb;
 use canaletto::memory;
@@ -31,9 +33,48 @@ use glam::{DVec3, Vec2, Vec3};
 use header::{Element, Header, Kind};
 use payload::{Payload, Row};
 use rayon::prelude::*;
+use std::io;
+
+/// PLY in the table of formats.
+pub(super) const FORMAT: ModelFormat =
+    ModelFormat { name: "PLY", extensions: &["ply"], holds: Holds::Objects, read: read_model };
+
+fn read_model(asset: &OpenAsset, _: &dyn Assets, unsaid: DefaultShading) -> ReadFragment {
+    let view = asset.content.view();
+    let failed = |e: &io::Error| Diagnostics::from(unreadable(e).error(asset.path.name()));
+    let is_utf16 = view.piece(0..encoding::START, &mut Vec::new()).map(encoding::is_utf16).map_err(|e| failed(&e))?;
+    let (mut mesh, warnings) = if is_utf16 {
+        let bytes = view.whole().map_err(|e| failed(&e))?;
+        read_named(asset.path.name(), encoding::text(&bytes)[..].into())?
+    } else {
+        read_named(asset.path.name(), view)?
+    };
+    if unsaid == DefaultShading::Creases && mesh.normals.is_empty() {
+        smooth(&mut mesh, Smoothing::Creases);
+    }
+    Ok((fragment_of(vec![mesh], Vec::new()), warnings))
+}
+
+/// Reads the mesh of a file with this name, which messages mention.
+fn read_named(file: &str, view: View<'_>) -> Result<(Mesh, Diagnostics), Diagnostics> {
+    match read_mesh(file.rsplit('/').next().unwrap_or_default(), view) {
+        Ok((mesh, said)) => {
+            let mut warnings = Diagnostics::new();
+            said.into_iter().for_each(|complaint| warnings.push(complaint.warning(file)));
+            let rounded = precision_warning::mesh(&mesh, precision(view));
+            rounded.into_iter().for_each(|complaint| warnings.push(complaint.warning(file)));
+            Ok((mesh, warnings))
+        }
+        Err(complaint) => {
+            let mut errors = Diagnostics::from(complaint.error(file));
+            attach_source(&mut errors, file, view);
+            Err(errors)
+        }
+    }
+}
 
 /// Reads a mesh; returns it with warnings about what was left out or assumed.
-pub(super) fn read_mesh(name: &str, view: View<'_>) -> Result<(Mesh, Vec<ImportError>), ImportError> {
+fn read_mesh(name: &str, view: View<'_>) -> Result<(Mesh, Vec<ImportError>), ImportError> {
     let header = read_header(view)?;
     read_payload(name, &header, Payload::new(&header, view))
 }

@@ -18,24 +18,9 @@ use super::schema::{
 };
 use super::syntax::{Node, Span};
 use crate::animation::Path;
+use crate::source::Timeline;
 use canaletto::named;
 use std::collections::HashMap;
-
-/// The time settings of a scene text.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub struct Timeline {
-    /// The frame rate in frames per second.
-    pub fps: f64,
-    /// The first and the last frame, if the text defines them.
-    pub frames: Option<[u32; 2]>,
-    /// Whether key times are in seconds, with frame 0 at second 0; otherwise they are in frames.
-    pub seconds: bool,
-    /// Whether any value changes with time.
-    pub moves: bool,
-    /// Whether any node must be replaced before decoding.
-    pub(crate) has_time: bool,
-}
 
 /// The unit of key times.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -51,27 +36,6 @@ named!(KeyUnit {
     Frames => "frames",
     Seconds => "seconds",
 });
-
-impl Timeline {
-    /// The range of [`Timeline::fps`].
-    pub const FPS: std::ops::RangeInclusive<f64> = 0.01..=1000.0;
-
-    /// The time of a frame in the units of keys.
-    fn time(&self, frame: f64) -> f64 {
-        if self.seconds { frame / self.fps } else { frame }
-    }
-
-    /// The frame of a time in the units of keys.
-    pub(crate) fn frame(&self, time: f64) -> f64 {
-        if self.seconds { time * self.fps } else { time }
-    }
-}
-
-impl Default for Timeline {
-    fn default() -> Timeline {
-        Timeline { fps: DEFAULT_FPS, frames: None, seconds: false, moves: false, has_time: false }
-    }
-}
 
 /// The time settings of the text; mistakes in them are reported.
 pub(crate) fn timeline(nodes: &[Node], files: &Files, report: Report) -> (Timeline, Report) {
@@ -105,18 +69,18 @@ pub(crate) fn timeline(nodes: &[Node], files: &Files, report: Report) -> (Timeli
             timeline.seconds = unit == KeyUnit::Seconds;
         }
     }
-    for node in nodes {
-        look(node, &mut timeline);
-    }
+    timeline.moves = nodes.iter().any(|node| contains(node, &["key"]));
     (timeline, validator.report)
 }
 
-fn look(node: &Node, timeline: &mut Timeline) {
-    timeline.moves |= &*node.name == "key";
-    timeline.has_time |= matches!(&*node.name, "key" | "follow" | "path" | "ease" | "turn");
-    if !(timeline.moves && timeline.has_time) {
-        node.children.iter().for_each(|child| look(child, timeline));
-    }
+/// Whether any of these nodes must be replaced before decoding, since its value depends on time or on a path.
+pub(crate) fn has_time(nodes: &[Node]) -> bool {
+    nodes.iter().any(|node| contains(node, &["key", "follow", "path", "ease", "turn"]))
+}
+
+/// Whether the node, or any node inside of it, has one of these names.
+fn contains(node: &Node, names: &[&str]) -> bool {
+    names.contains(&&*node.name) || node.children.iter().any(|child| contains(child, names))
 }
 
 /// The times of all keys, in their units.

@@ -9,8 +9,8 @@ use canaletto::scene::{self, Content};
 use std::collections::HashMap;
 use std::path::PathBuf;
 
-/// Mesh indices by the path of the file and the options `smooth` and `one-sided`.
-pub(super) type Cache = HashMap<(PathBuf, Option<bool>, bool), Vec<u32>>;
+/// The nodes of a file, by its path and the options `smooth` and `one-sided`.
+pub(super) type Cache = HashMap<(PathBuf, Option<bool>, bool), Vec<scene::Node>>;
 
 impl Decoder<'_> {
     /// Decodes the meshes of the node's file.
@@ -19,24 +19,19 @@ impl Decoder<'_> {
         let from = self.validator.files.get(fields.span("file").file)?.path.clone();
         let place = from.location().parent().map(|folder| folder.join(file)).unwrap_or_else(|| file.into());
         let key = (place, fields.flag("smooth"), fields.flag("one-sided").unwrap_or(false));
-        let indices = match self.meshes.get(&key) {
-            Some(indices) => indices.clone(),
+        let mut parts = match self.meshes.get(&key) {
+            Some(parts) => parts.clone(),
             None => {
-                let read = || import::load_mesh(file, self.assets, &from);
-                let model = match self.keep.get(format!("mesh {}", key.0.display()), read) {
+                let read = || import::load_objects(file, self.assets, &from);
+                let (mut fragment, warnings) = match self.keep.get(format!("mesh {}", key.0.display()), read) {
                     Ok(model) => model,
                     Err(errors) => {
                         self.file_failed(fields, file, errors);
                         return None;
                     }
                 };
-                self.validator.report.append(model.warnings);
-                let first = self.scene.materials.len() as u32;
-                self.scene.materials.extend(model.materials);
-                self.used.resize(self.scene.materials.len(), true);
-                let start = self.scene.meshes.len() as u32;
-                for mut mesh in model.meshes {
-                    mesh.materials.iter_mut().for_each(|m| *m += first);
+                self.validator.report.append(warnings);
+                for mesh in &mut fragment.meshes {
                     mesh.one_sided = key.2;
                     if key.1 == Some(false) {
                         mesh.normals.clear();
@@ -49,22 +44,20 @@ impl Decoder<'_> {
                             self.valid = false;
                         }
                     }
-                    self.scene.meshes.push(mesh);
                 }
-                let indices: Vec<u32> = (start..self.scene.meshes.len() as u32).collect();
-                self.meshes.insert(key, indices.clone());
-                indices
+                let mut parts = std::mem::take(&mut fragment.nodes);
+                self.scene.append(fragment).shift_nodes(&mut parts);
+                self.used.resize(self.scene.materials.len(), true);
+                self.meshes.insert(key, parts.clone());
+                parts
             }
         };
-        if let [one] = indices.as_slice() {
+        if let [scene::Node { content: Content::Mesh(one), .. }] = parts.as_slice() {
             return Some(Content::Mesh(*one));
         }
         // Each part is a node; the node's material replaces the material of the part.
-        let part = |index: u32| {
-            let name = Some(self.scene.meshes[index as usize].name.clone()).filter(|name| !name.is_empty());
-            scene::Node { name: name.map(Into::into), material, ..scene::Node::new(Content::Mesh(index)) }
-        };
-        Some(Content::Group(indices.into_iter().map(part).collect()))
+        parts.iter_mut().for_each(|part| part.material = material.or(part.material));
+        Some(Content::Group(parts))
     }
 
     /// Reports the mistakes in a file that a node names. A message about the whole file points at the node.

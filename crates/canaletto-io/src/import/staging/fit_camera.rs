@@ -4,7 +4,7 @@ use canaletto::scene::{Extrinsics, Intrinsics, View};
 use glam::{DMat3, DVec3};
 
 /// A point that must be visible, with a radius around it.
-pub(super) type Ball = (DVec3, f64);
+pub(in crate::import) type Ball = (DVec3, f64);
 
 /// The margin on each side, as a fraction of the picture's height or width.
 const MARGIN: f64 = 0.08;
@@ -12,7 +12,7 @@ const MARGIN: f64 = 0.08;
 /// The view along the negative of the unit direction `towards` (from the model to the eye) that contains all balls. The
 /// four planes of the view pyramid, moved in by the margin, touch two balls in the tighter direction. In the other
 /// direction the balls are centred. `None` if there are no balls or they are not finite.
-pub(super) fn fit_camera(
+pub(in crate::import) fn fit_camera(
     balls: impl Iterator<Item = Ball> + Clone,
     towards: DVec3,
     up: DVec3,

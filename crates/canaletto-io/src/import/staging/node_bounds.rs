@@ -1,24 +1,17 @@
-//! The default camera of a scene without one: it frames everything that has bounds, as for a model.
+//! The bounds of nodes, with everything inside of them.
 
-use super::default_scene::{FRAMING, direction_at};
-use super::fit_camera::fit_camera;
 use canaletto::Aabb;
 use canaletto::math::Transform;
-use canaletto::scene::{Content, Node, Scene, View};
+use canaletto::scene::{Content, Node, Scene};
 use glam::DVec3;
 
 /// The deepest nesting that is followed. Deeper scenes are rejected when the world is built.
 const MAX_DEPTH: u32 = 256;
 
-/// The view of a scene without a camera. `None` if nothing in it has bounds, or if they are too large to place a
-/// camera.
-pub(crate) fn default_camera(scene: &Scene) -> Option<View> {
-    let mut bounds = Bounds { scene, prototypes: vec![None; scene.prototypes.len()] };
-    let mut corners: Vec<DVec3> = Vec::new();
-    for node in &scene.nodes {
-        corners.extend(bounds.of_node(node, 0).iter().flat_map(Box3::corners));
-    }
-    fit_camera(corners.into_iter().map(|p| (p, 0.0)), direction_at(30.0, 20.0), DVec3::Y, FRAMING)
+/// The corners of the bounding boxes of these nodes of a scene. Nodes without bounds have none.
+pub(super) fn corners<'a>(scene: &Scene, nodes: impl Iterator<Item = &'a Node>) -> Vec<DVec3> {
+    let mut bounds = NodeBounds { scene, prototypes: vec![None; scene.prototypes.len()] };
+    nodes.filter_map(|node| bounds.of_node(node, 0)).flat_map(|bounds| bounds.corners()).collect()
 }
 
 /// An axis-aligned box by its lowest and highest corner.
@@ -56,13 +49,13 @@ impl From<Aabb> for Box3 {
     }
 }
 
-struct Bounds<'a> {
+struct NodeBounds<'a> {
     scene: &'a Scene,
     /// The bounds of each prototype, computed on first use.
     prototypes: Vec<Option<Option<Box3>>>,
 }
 
-impl Bounds<'_> {
+impl NodeBounds<'_> {
     /// The bounds of a node in the space of its parent.
     fn of_node(&mut self, node: &Node, depth: u32) -> Option<Box3> {
         if depth > MAX_DEPTH {

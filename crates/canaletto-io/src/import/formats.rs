@@ -1,0 +1,50 @@
+//! The table of model formats. The extensions that are read, and the messages and help texts that name them, come from
+//! it.
+
+use super::{DefaultShading, nff, obj, ply};
+use crate::assets::{Assets, OpenAsset};
+use crate::diagnostic::Diagnostics;
+use canaletto::scene::Fragment;
+
+/// A format of model files.
+#[derive(Debug)]
+#[non_exhaustive]
+pub struct ModelFormat {
+    /// The usual name.
+    pub name: &'static str,
+    /// The file name extensions, in lower case.
+    pub extensions: &'static [&'static str],
+    /// What a file holds.
+    pub holds: Holds,
+    /// Reads a file of this format; returns its content with warnings.
+    pub(super) read: fn(&OpenAsset, &dyn Assets, DefaultShading) -> ReadFragment,
+}
+
+/// The content of a file with warnings, or its mistakes.
+pub(super) type ReadFragment = Result<(Fragment, Diagnostics), Diagnostics>;
+
+/// What a file of a format holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Holds {
+    /// Objects with their materials. [`super::load`] adds what the file lacks of camera, lights and ground.
+    Objects,
+    /// A whole scene, to which nothing is added. `mesh file=…` doesn't read it.
+    Scene,
+}
+
+/// All formats, in the order of the help texts.
+pub const FORMATS: &[ModelFormat] = &[obj::FORMAT, ply::FORMAT, nff::FORMAT];
+
+impl ModelFormat {
+    /// The format of files with this extension, which is in lower case.
+    pub fn of_extension(extension: &str) -> Option<&'static ModelFormat> {
+        FORMATS.iter().find(|format| format.extensions.contains(&extension))
+    }
+}
+
+/// The extensions of these formats in alphabetical order, as messages list them.
+pub(super) fn sorted_extensions(formats: impl Iterator<Item = &'static ModelFormat>) -> Vec<&'static str> {
+    let mut all: Vec<&str> = formats.flat_map(|format| format.extensions).copied().collect();
+    all.sort_unstable();
+    all
+}
