@@ -9,7 +9,7 @@ use canaletto::scene::{Content, FilmSettings, Scene};
 use canaletto::world::World;
 use canaletto_io::assets::FolderAssets;
 use canaletto_io::movie::{Movie, MovieFormat, MovieSettings, Rate};
-use canaletto_io::picture::{Compression, Depth, Image, WriteOptions, decode, encode_png};
+use canaletto_io::picture::{Compression, EncodeSettings, Image, PictureFormat, WriteOptions, decode};
 use canaletto_io::source::SceneSource;
 use canaletto_io::text::SceneDocument;
 use canaletto_tests::root;
@@ -181,7 +181,11 @@ fn the_blurred_frame_looks_as_it_did() {
     let image = Image::from_rgb(picture.width, picture.height, shown.iter().map(|c| c.to_array()));
     let path = root().join("docs/pictures/bouncing-ball-blurred.png");
     if std::env::var_os("CANALETTO_BLESS").is_some() {
-        fs::write(&path, encode_png(&image, Depth::Eight, film.transfer, &[]).unwrap()).unwrap();
+        fs::write(
+            &path,
+            PictureFormat::Png.encode_image(&image, film.transfer, &EncodeSettings::default(), &[]).unwrap(),
+        )
+        .unwrap();
     }
     let golden = decode(&fs::read(path).unwrap()).unwrap().image;
     assert!(bytes(&golden) == bytes(&image));

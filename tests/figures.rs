@@ -8,7 +8,7 @@ use canaletto::render::{Job, Rendering, render};
 use canaletto::scene::{Sampling, Scene};
 use canaletto::world::World;
 use canaletto_io::assets::FolderAssets;
-use canaletto_io::picture::{Depth, Image, decode, encode_png};
+use canaletto_io::picture::{EncodeSettings, Image, PictureFormat, decode};
 use canaletto_io::text::read_scene;
 use canaletto_tests::reference::Reference;
 use canaletto_tests::root;
@@ -144,7 +144,7 @@ fn figures_look_as_they_did_when_people_looked_at_them() {
         let shown = develop(&rendering.picture, film.tone, film.transfer);
         let image =
             Image::from_rgb(rendering.picture.width, rendering.picture.height, shown.iter().map(|c| c.to_array()));
-        let png = encode_png(&image, Depth::Eight, film.transfer, &[]).unwrap();
+        let png = PictureFormat::Png.encode_image(&image, film.transfer, &EncodeSettings::default(), &[]).unwrap();
         let path = folder.join(format!("{name}.png"));
         if bless {
             std::fs::write(&path, &png).unwrap();

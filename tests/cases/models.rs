@@ -8,7 +8,7 @@ use canaletto::shape::Mesh;
 use canaletto::world::World;
 use canaletto_io::assets::{AssetPath, FolderAssets, MemoryAssets};
 use canaletto_io::import;
-use canaletto_io::picture::{Depth, Image, encode_png};
+use canaletto_io::picture::{EncodeSettings, Image, PictureFormat};
 use canaletto_io::text::read_scene;
 use canaletto_tests::root;
 use glam::Vec3;
@@ -280,7 +280,9 @@ mod orientation {
 
     fn png(size: u32, color: impl Fn(u32, u32) -> [f32; 3]) -> Vec<u8> {
         let image = Image::from_rgb(size, size, (0..size * size).map(|i| color(i % size, i / size)));
-        encode_png(&image, Depth::Eight, canaletto::scene::Transfer::None, &[]).unwrap()
+        PictureFormat::Png
+            .encode_image(&image, canaletto::scene::Transfer::None, &EncodeSettings::default(), &[])
+            .unwrap()
     }
 
     const OBJ: &str = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3 4/4\n";

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use canaletto::scene::Transfer;
-use canaletto_io::picture::{Depth, decode, encode_png};
+use canaletto_io::picture::{EncodeSettings, PictureFormat, decode};
 use serde_json::{Value, json};
 
 use super::mitsuba::{Python, write};
@@ -254,7 +254,9 @@ pub fn start(threads: &[usize], rounds: usize, clock: Clock) -> Result<Value, St
             let again = folder.0.join("again.png");
             let mut written = Ok(());
             writes.0.push(clock.time(|| {
-                let png = encode_png(&image, Depth::Eight, Transfer::Srgb, &[]).unwrap_or_default();
+                let png = PictureFormat::Png
+                    .encode_image(&image, Transfer::Srgb, &EncodeSettings::default(), &[])
+                    .unwrap_or_default();
                 written = std::fs::write(&again, png);
             }));
             written.map_err(|e| e.to_string())?;

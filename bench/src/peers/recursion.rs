@@ -10,7 +10,7 @@ use canaletto::film::srgb_encode;
 use canaletto::material::Phong;
 use canaletto::math::Rgb;
 use canaletto::scene::{Scene as Description, Transfer};
-use canaletto_io::picture::{Depth, Image, encode_png};
+use canaletto_io::picture::{EncodeSettings, Image, PictureFormat};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -79,7 +79,9 @@ pub fn render(scene: &Description, [width, height]: [u32; 2], threads: usize, ou
     let encode = |c: &Rgb| c.to_array().map(|v| srgb_encode(v.clamp(0.0, 1.0)));
     let shown: Vec<[f32; 3]> = pool.install(|| pixels.par_iter().map(encode).collect());
     let image = Image::from_rgb(width, height, shown.iter().copied());
-    let png = encode_png(&image, Depth::Eight, Transfer::Srgb, &[]).map_err(|e| e.to_string())?;
+    let png = PictureFormat::Png
+        .encode_image(&image, Transfer::Srgb, &EncodeSettings::default(), &[])
+        .map_err(|e| e.to_string())?;
     std::fs::write(out, png).map_err(|e| format!("{}: {e}", out.display()))?;
     Ok([build, trace])
 }

@@ -1,11 +1,10 @@
 //! Checks of picture files from an earlier run: whether they are complete, and whether they match the job.
 
-use crate::layers::channel_names;
-use crate::output::{Format, Output};
+use crate::output::Output;
 use crate::partial::UNFINISHED;
 use canaletto::Named;
 use canaletto::render::{Aov, Job};
-use canaletto_io::picture::{SOFTWARE, announced_size, decode};
+use canaletto_io::picture::{SOFTWARE, announced_size, channel_names, decode};
 use std::fs;
 use std::path::Path;
 
@@ -24,26 +23,20 @@ pub(crate) fn texts(settings: &[(String, String)], job: &Job, layer: Option<Aov>
 /// Whether a file holds a complete picture of this job with these texts, written by this program.
 pub(crate) fn is_complete(file: &Path, job: &Job, output: &Output, texts: &[(String, String)]) -> bool {
     let [_, _, width, height] = job.window();
-    let mut names = match output.format {
-        Format::Exr => channel_names(&job.aovs),
-        _ => channel_names(&[]),
-    };
+    let Some(format) = output.format.picture() else { return false };
+    let mut names = channel_names(if output.format.has_layers() { &job.aovs } else { &[] });
     // A file much larger than these pixels is something else and isn't read.
     let most = u64::from(width) * u64::from(height) * names.len() as u64 * 8 + (1 << 20);
     let bytes = fs::metadata(file).ok().filter(|m| m.is_file() && m.len() <= most).and_then(|_| fs::read(file).ok());
     // A picture of another size isn't decoded.
     let fits = |bytes: &Vec<u8>| announced_size(bytes) == Some([width, height]);
     let Some(picture) = bytes.filter(fits).and_then(|bytes| decode(&bytes).ok()) else { return false };
-    let bits = match output.format {
-        Format::Exr if output.half && job.aovs.iter().all(|aov| aov.is_light()) => 16,
-        Format::Exr => 32,
-        _ => output.png.depth.bits(),
-    };
     let mut channels: Vec<&str> = picture.image.channels.iter().map(|channel| channel.name.as_str()).collect();
     channels.sort_unstable();
     names.sort_unstable();
     let has = |key: &str, text: &str| picture.metadata.iter().any(|(k, t)| (k.as_str(), t.as_str()) == (key, text));
-    (picture.image.width, picture.image.height, picture.bits) == (width, height, bits)
+    (picture.image.width, picture.image.height) == (width, height)
+        && format.stored_bits(&output.settings, &names) == Ok(picture.bits)
         && channels == names
         && picture.metadata.iter().all(|(key, _)| key != UNFINISHED)
         && texts.iter().all(|(key, text)| has(key, text))

@@ -1,6 +1,8 @@
 //! The input files of a scene at any frame, which no output may replace.
 
 use canaletto_io::assets::FileId;
+use canaletto_io::movie::MovieFormat;
+use canaletto_io::picture::PictureFormat;
 use std::collections::HashMap;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
@@ -46,8 +48,8 @@ impl InputGuard {
 fn is_picture(file: &Path) -> bool {
     let mut start = [0; 12];
     let read = File::open(file).and_then(|mut file| file.read_exact(&mut start));
-    let starts: [&[u8]; 4] = [b"\x89PNG", b"v/1\x01", b"GIF8", b"\x1a\x45\xdf\xa3"];
-    read.is_ok() && (starts.iter().any(|known| start.starts_with(known)) || &start[4..8] == b"ftyp")
+    let is_written = |format: PictureFormat| format.capabilities().is_some();
+    read.is_ok() && (PictureFormat::of_bytes(&start).is_some_and(is_written) || MovieFormat::is_film(&start))
 }
 
 /// Whether a file lies in the row's folder and has the row's name with a number for `#`.

@@ -5,8 +5,7 @@ use canaletto::math::Rgb;
 use canaletto::render::Aov;
 use canaletto::scene::{FilmSettings, Tone, Transfer};
 use canaletto::{Aabb, Named};
-use canaletto_io::picture::{Channel, Image};
-use std::ops::Range;
+use canaletto_io::picture::Image;
 
 /// The mappings, for the help.
 pub(crate) const MAPPINGS: &str = "\
@@ -44,47 +43,6 @@ pub(crate) fn to_image(layer: &Layer, picture: &Picture, film: &FilmSettings, bo
 /// The picture as display values, the top row first.
 pub(crate) fn developed(picture: &Picture, film: &FilmSettings) -> Image {
     rgb_image(picture, &develop(picture, film.tone, film.transfer))
-}
-
-/// The picture in linear light with all its layers.
-pub(crate) fn linear(picture: &Picture) -> Image {
-    let mut image = rgb_image(picture, &picture.pixels);
-    for layer in &picture.layers {
-        let count = layer.channels.len();
-        image.channels.extend(layer.channels.iter().enumerate().map(|(index, channel)| Channel {
-            name: channel_name(layer.name, channel),
-            data: layer.data.iter().skip(index).step_by(count).copied().collect(),
-            ids: layer.ids.clone(),
-        }));
-    }
-    image
-}
-
-/// Fills `out` with the values of one channel of [`linear`] at a range of pixels. `channel` is its index.
-pub(crate) fn fill(picture: &Picture, channel: usize, range: Range<usize>, out: &mut [f32]) {
-    let Some(mut left) = channel.checked_sub(3) else {
-        let component: fn(&Rgb) -> f32 = [|c: &Rgb| c.r, |c: &Rgb| c.g, |c: &Rgb| c.b][channel];
-        return out.iter_mut().zip(&picture.pixels[range]).for_each(|(v, color)| *v = component(color));
-    };
-    for layer in &picture.layers {
-        let count = layer.channels.len();
-        if left < count {
-            let data = layer.data[range.start * count..range.end * count].iter().skip(left).step_by(count);
-            return out.iter_mut().zip(data).for_each(|(v, value)| *v = *value);
-        }
-        left -= count;
-    }
-}
-
-/// The names of the channels of [`linear`] for a picture with these layers.
-pub(crate) fn channel_names(aovs: &[Aov]) -> Vec<String> {
-    let layers = aovs.iter().flat_map(|aov| aov.channels().iter().map(|channel| channel_name(aov.name(), channel)));
-    ["R", "G", "B"].into_iter().map(str::to_owned).chain(layers).collect()
-}
-
-fn channel_name(layer: &str, channel: &str) -> String {
-    // Blender and Nuke accept letters, digits and underscores in a layer's name.
-    format!("{}.{channel}", layer.replace('-', "_"))
 }
 
 fn rgb_image(picture: &Picture, pixels: &[Rgb]) -> Image {
@@ -156,6 +114,7 @@ mod tests {
     use canaletto::camera::Camera;
     use canaletto::scene::{Extrinsics, Intrinsics, Scene};
     use canaletto::world::World;
+    use canaletto_io::picture::channel_names;
 
     #[test]
     fn depth_is_white_near_and_black_where_nothing_is() {
@@ -184,7 +143,8 @@ mod tests {
             canaletto::render::Job::new(camera, FilmSettings::default(), canaletto::scene::Integrator::default());
         job.aovs = Aov::ALL.to_vec();
         let picture = canaletto::render::render(&world, &job, &()).unwrap().picture;
-        let names: Vec<String> = linear(&picture).channels.into_iter().map(|channel| channel.name).collect();
+        let names: Vec<String> =
+            Image::from_picture(&picture).channels.into_iter().map(|channel| channel.name).collect();
         assert_eq!(names.len(), 3 + 1 + 3 + 3 + 2 + 1 + 1 + 6 * 3 + 1 + 1);
         assert_eq!(names, channel_names(&job.aovs));
         for layer in &picture.layers {

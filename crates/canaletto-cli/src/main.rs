@@ -21,6 +21,7 @@ mod layers;
 mod manual;
 mod memory;
 mod output;
+mod output_format;
 mod partial;
 mod progress;
 mod report;

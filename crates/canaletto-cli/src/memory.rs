@@ -1,6 +1,6 @@
 //! The memory that a render takes, estimated before it begins.
 
-use crate::output::Format;
+use crate::output_format::Format;
 use canaletto::render::Aov;
 use canaletto::world::World;
 use serde::Serialize;
@@ -36,11 +36,12 @@ fn picture(pixels: u64, aovs: &[Aov], format: Format) -> u64 {
     const NUMBER: u64 = size_of::<f32>() as u64;
     let layers: Vec<u64> = aovs.iter().map(|aov| aov.channels().len() as u64).collect();
     let channels = 3 + layers.iter().sum::<u64>();
-    let written = match format {
+    let written = if format.has_layers() {
         // All channels in the file's order, and their compressed bytes.
-        Format::Exr => 2 * channels * NUMBER,
+        2 * channels * NUMBER
+    } else {
         // Files are written one after the other: bytes in bands, and a copy of one layer.
-        _ => layers.iter().max().map_or(1, |largest| largest * NUMBER),
+        layers.iter().max().map_or(1, |largest| largest * NUMBER)
     };
     pixels.saturating_mul(channels * NUMBER + written)
 }

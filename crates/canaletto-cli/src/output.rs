@@ -3,30 +3,37 @@
 use crate::digest::Digest;
 use crate::exit::Exit;
 use crate::failure::{Failure, reason};
+use crate::output_format::Format;
 use crate::partial::{free_partial_path, remove_part};
 use crate::stdout::check_open;
 use canaletto::render::Job;
+use canaletto_io::diagnostic::word_list;
 use canaletto_io::movie::{MovieError, MovieFormat, find_ffmpeg};
 use canaletto_io::picture::{
-    AtomicFile, Compression, Depth, PartError, PictureError, PngSettings, WriteError, WriteOptions, sweep,
-    write_atomically,
+    AtomicFile, Compression, EncodeSettings, PartError, PictureError, WriteError, WriteOptions, sweep, write_atomically,
 };
 use clap::{Args, ValueEnum};
 use std::ffi::OsStr;
-use std::fmt;
 use std::fs::File;
 use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
+
+fn output_help() -> String {
+    format!(
+        "Where the picture goes [default: the scene's name with .png, in the current folder]\n\n\
+         The extension chooses the format: {}, and for a film in one file {}. `-` writes to the standard output, and \
+         a folder gets the picture by its default name. With --frames, #### stands for the frame's number with that \
+         many digits.",
+        Format::picture_extensions(),
+        Format::film_extensions()
+    )
+}
 
 /// Flags about the file.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct OutputFlags {
     /// Where the picture goes [default: the scene's name with .png, in the current folder]
-    ///
-    /// The extension chooses the format: .png or .exr, and for a film in one file .apng, .gif, .mp4 or .webm. `-`
-    /// writes to the standard output, and a folder gets the picture by its default name. With --frames, #### stands for
-    /// the frame's number with that many digits.
-    #[arg(short, long, value_name = "PATH", help_heading = "Output")]
+    #[arg(short, long, value_name = "PATH", help_heading = "Output", long_help = output_help())]
     pub output: Option<PathBuf>,
 
     /// The format, whatever the extension says
@@ -54,7 +61,7 @@ pub(crate) struct OutputFlags {
 impl OutputFlags {
     /// The name of the picture of a scene. `stem` is the scene's name; `numbered` says whether the user gave --frames.
     pub(crate) fn default_name(&self, stem: &str, numbered: bool) -> PathBuf {
-        let format = self.format.unwrap_or(Format::Png);
+        let format = self.format.unwrap_or_default();
         let number = if numbered && format.film().is_none() { ".####" } else { "" };
         PathBuf::from(format!("{stem}{number}.{}", format.extension()))
     }
@@ -81,67 +88,14 @@ impl From<CompressionFlag> for Compression {
     }
 }
 
-/// A format of pictures.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Format {
-    /// Developed for display, 8 or 16 bits
-    Png,
-    /// Linear light in 32-bit floats, with any number of layers (OpenEXR)
-    Exr,
-    /// A film as animated PNG, in full colour
-    Apng,
-    /// A film as GIF, with 256 colours in each frame and at most 50 frames a second
-    Gif,
-    /// A film as MP4 (H.264), made by the program ffmpeg
-    Mp4,
-    /// A film as WebM (VP9), made by the program ffmpeg
-    Webm,
-}
-
-impl Format {
-    /// All formats with their extensions and their usual names.
-    const ALL: [(Format, &str, &str); 6] = [
-        (Format::Png, "png", "PNG"),
-        (Format::Exr, "exr", "OpenEXR"),
-        (Format::Apng, "apng", "animated PNG"),
-        (Format::Gif, "gif", "GIF"),
-        (Format::Mp4, "mp4", "MP4"),
-        (Format::Webm, "webm", "WebM"),
-    ];
-
-    fn extension(self) -> &'static str {
-        Format::ALL.iter().find(|(format, ..)| *format == self).map_or("", |(_, extension, _)| extension)
-    }
-
-    /// The film format; `None` for pictures.
-    pub(crate) fn film(self) -> Option<MovieFormat> {
-        match self {
-            Format::Png | Format::Exr => None,
-            Format::Apng => Some(MovieFormat::Apng),
-            Format::Gif => Some(MovieFormat::Gif),
-            Format::Mp4 => Some(MovieFormat::Mp4),
-            Format::Webm => Some(MovieFormat::WebM),
-        }
-    }
-}
-
-impl fmt::Display for Format {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(Format::ALL.iter().find(|(format, ..)| format == self).map_or("", |(.., name)| name))
-    }
-}
-
 /// The destination of a command's pictures.
 #[derive(Clone, Debug)]
 pub(crate) struct Output {
     /// `-`, or a path whose name may contain a run of #.
     pattern: PathBuf,
     pub format: Format,
-    pub png: PngSettings,
-    /// Whether the colours of an EXR are half floats.
-    pub half: bool,
-    /// Whether the ids of an EXR are whole numbers.
-    pub uint_ids: bool,
+    /// How pictures are written.
+    pub settings: EncodeSettings,
     no_clobber: bool,
     /// Whether written files survive a power cut. This matters for frames, many of which may be finished before it.
     durable: bool,
@@ -156,25 +110,27 @@ impl Output {
         let pattern = flags.output.clone().unwrap_or_else(|| flags.default_name(stem, numbered));
         let to_stdout = pattern == Path::new("-");
         let extension = pattern.extension().map(|e| e.to_string_lossy().to_lowercase());
-        let known = Format::ALL.iter().find(|(_, name, _)| extension.as_deref() == Some(*name));
-        let format = match (flags.format, known) {
-            (Some(format), _) => format,
-            (None, _) if to_stdout => Format::Png,
-            (None, Some((format, ..))) => *format,
-            (None, None) => {
+        let known = extension.as_deref().and_then(Format::of_extension);
+        let format = match (flags.format.or(known), to_stdout) {
+            (Some(format), false) => format,
+            (_, true) => flags.format.unwrap_or_default(),
+            (None, false) => {
                 let shown = pattern.display();
                 let failure = Failure::usage(match extension {
                     Some(other) => format!("--output {shown}: pictures can't be written as .{other}"),
                     None => format!("--output {shown} has no extension to choose the format by"),
                 });
-                return Err(failure
-                    .help("end the name in .png or .exr, for films in .apng, .gif, .mp4 or .webm, or give --format"));
+                return Err(failure.help(format!(
+                    "end the name in {}, for films in {}, or give --format",
+                    Format::picture_extensions(),
+                    Format::film_extensions()
+                )));
             }
         };
         match format.film() {
             Some(film) if film.needs_ffmpeg() && to_stdout => {
                 return Err(Failure::usage(format!("{format} can't be written to the standard output"))
-                    .help("--format apng and --format gif can"));
+                    .help(format!("{} can", word_list(&own_films("--format "), "and"))));
             }
             Some(film) if film.needs_ffmpeg() && find_ffmpeg().is_none() => return Err(no_ffmpeg(format)),
             None if many && to_stdout => {
@@ -182,34 +138,45 @@ impl Output {
                     .help("render into files such as --output shot.####.png, or a film with --format apng"));
             }
             None if many && crate::output::numbered(&pattern).is_none() => {
+                let extensions = Format::film_extensions();
                 return Err(Failure::usage(format!("every frame would be written to {}", pattern.display())).help(
-                    "put #### where the frame's number belongs, such as --output shot.####.png; \
-                     a film in one file ends in .apng, .gif, .mp4 or .webm",
+                    format!(
+                        "put #### where the frame's number belongs, such as --output shot.####.png; \
+                     a film in one file ends in {extensions}"
+                    ),
                 ));
             }
             _ => {}
         }
-        let bits = flags.bits.as_deref();
-        match (format, bits) {
-            (Format::Png, Some("32")) => return Err(Failure::usage("--bits 32: a PNG has 8 or 16 bits")),
-            (Format::Exr, Some("8")) => return Err(Failure::usage("--bits 8: an EXR has 16 or 32 bits")),
-            (Format::Png | Format::Exr, _) | (_, None) => {}
-            (_, Some(_)) => return Err(Failure::usage("--bits is for PNG and EXR; a film always has 8 bits")),
+        let bits = flags.bits.as_deref().and_then(|bits| bits.parse::<u8>().ok());
+        match (bits, format.capabilities()) {
+            (Some(bits), Some(can)) if !can.bits.contains(&bits) => {
+                let mut all: Vec<u8> = can.bits.to_vec();
+                all.sort_unstable();
+                let all = word_list(&all.iter().map(u8::to_string).collect::<Vec<_>>(), "or");
+                let name = format.short_name();
+                return Err(Failure::usage(format!("--bits {bits}: {} {name} has {all} bits", article(name))));
+            }
+            (Some(_), None) => {
+                let names = Format::short_names(|format| format.capabilities().is_some_and(|can| can.bits.len() > 1));
+                return Err(Failure::usage(format!("--bits is for {names}; a film always has 8 bits")));
+            }
+            _ => {}
         }
-        if !matches!(format, Format::Png | Format::Apng) && flags.compression.is_some() {
-            return Err(Failure::usage("--compression is for PNG and APNG"));
+        if flags.compression.is_some() && !format.has_compression() {
+            let names = Format::short_names(Format::has_compression);
+            return Err(Failure::usage(format!("--compression is for {names}")));
         }
-        if flags.uint_ids && format != Format::Exr {
-            return Err(Failure::usage(format!("--uint-ids is for EXR; {format} has no numbers in its layers")));
+        if flags.uint_ids && !format.has_whole_ids() {
+            let names = Format::short_names(Format::has_whole_ids);
+            return Err(Failure::usage(format!("--uint-ids is for {names}; {format} has no numbers in its layers")));
         }
-        let (half, uint_ids) = (format == Format::Exr && bits == Some("16"), flags.uint_ids);
-        let depth = if flags.bits.as_deref() == Some("16") { Depth::Sixteen } else { Depth::Eight };
         let compression = flags.compression.map_or(Compression::Default, Into::into);
-        let png = PngSettings { depth, compression };
+        let settings = EncodeSettings { bits, compression, whole_ids: flags.uint_ids, window: None };
         let durable = numbered || format.film().is_some();
         let numbered = numbered && format.film().is_none();
         let no_clobber = flags.no_clobber;
-        Ok(Output { pattern, format, png, half, uint_ids, no_clobber, durable, numbered })
+        Ok(Output { pattern, format, settings, no_clobber, durable, numbered })
     }
 
     /// The file of a frame; `-` for the standard output.
@@ -232,11 +199,11 @@ impl Output {
 
     /// Adds everything that the bytes of a frame's picture depend on: its settings, and the flags about files.
     pub(crate) fn digest(&self, digest: Digest, texts: &[(String, String)], job: &Job) -> Digest {
-        // Layers of a PNG are in files of their own. Tiles change no pixel. The frame's number is among the texts.
-        let aovs = if self.format == Format::Exr { job.aovs.clone() } else { Vec::new() };
+        // Layers in files of their own don't count. Tiles change no pixel. The frame's number is among the texts.
+        let aovs = if self.format.has_layers() { job.aovs.clone() } else { Vec::new() };
         let job = Job { aovs, tile: 0, frame: 0, ..job.clone() };
-        let digest = digest.with(&texts).with(&job).with(&self.format).with(&self.png.depth);
-        digest.with(&(self.half, self.uint_ids))
+        let digest = digest.with(&texts).with(&job).with(&self.format);
+        digest.with(&(self.settings.bits, self.settings.whole_ids))
     }
 
     /// The options for writing files.
@@ -359,9 +326,22 @@ pub(crate) fn film_failed(format: Format, error: MovieError) -> Failure {
     }
 }
 
+/// The extensions of films that need no other program, each after `prefix`.
+fn own_films(prefix: &str) -> Vec<String> {
+    let own = MovieFormat::all().filter(|film| !film.needs_ffmpeg());
+    own.map(|film| format!("{prefix}{}", film.extension())).collect()
+}
+
+/// The article before an abbreviation that is spelled letter by letter: "a PNG", "an EXR".
+fn article(abbreviation: &str) -> &'static str {
+    if abbreviation.starts_with(['A', 'E', 'F', 'H', 'I', 'L', 'M', 'N', 'O', 'R', 'S', 'X']) { "an" } else { "a" }
+}
+
 fn no_ffmpeg(format: Format) -> Failure {
-    Failure::new(Exit::Failed, format!("{format} needs the program ffmpeg, which isn't in PATH"))
-        .help("install it (https://ffmpeg.org), or take .apng or .gif, which need nothing")
+    Failure::new(Exit::Failed, format!("{format} needs the program ffmpeg, which isn't in PATH")).help(format!(
+        "install it (https://ffmpeg.org), or take {}, which need nothing",
+        word_list(&own_films("."), "or")
+    ))
 }
 
 fn wrong(error: WriteError) -> Failure {
@@ -394,6 +374,10 @@ fn numbered(path: &Path) -> Option<(&str, usize, &str)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use canaletto_io::picture::PictureFormat;
+
+    const PNG: Format = Format::Picture(PictureFormat::Png);
+    const EXR: Format = Format::Picture(PictureFormat::Exr);
 
     fn flags(output: &str) -> OutputFlags {
         OutputFlags {
@@ -417,14 +401,14 @@ mod tests {
     #[test]
     fn names_and_formats() {
         let new = |output: &str| Output::new(&flags(output), "s", false, false);
-        assert_eq!(new("a.EXR").unwrap().format, Format::Exr);
-        assert_eq!(new("-").unwrap().format, Format::Png);
+        assert_eq!(new("a.EXR").unwrap().format, EXR);
+        assert_eq!(new("-").unwrap().format, PNG);
         assert_eq!(new("a.gif").unwrap().format.film(), Some(MovieFormat::Gif));
-        let film = OutputFlags { format: Some(Format::Apng), ..flags("a.png") };
+        let film = OutputFlags { format: Some(Format::Movie(MovieFormat::Apng)), ..flags("a.png") };
         assert_eq!(Output::new(&film, "s", true, true).unwrap().path(7), Path::new("a.png"));
         assert_eq!(new("a.jpg").unwrap_err().exit(), Exit::Usage);
         assert_eq!(new("a").unwrap_err().exit(), Exit::Usage);
-        let none = OutputFlags { output: None, format: Some(Format::Exr), ..flags("a.exr") };
+        let none = OutputFlags { output: None, format: Some(EXR), ..flags("a.exr") };
         assert_eq!(Output::new(&none, "s", false, false).unwrap().path(0), Path::new("s.exr"));
         assert_eq!(Output::new(&none, "s", true, true).unwrap().path(2), Path::new("s.0002.exr"));
         assert!(Output::new(&flags("a.png"), "s", true, true).is_err());

@@ -8,7 +8,7 @@ use crate::failure::{Failure, eprint_line, print_diagnostics};
 use crate::format::{JSON_VERSION, count, duration, plural};
 use crate::interrupt;
 use crate::layers;
-use crate::output::{Format, film_failed, unfit};
+use crate::output::{film_failed, unfit};
 use crate::partial::{UNFINISHED, free_partial_path, remove_part};
 use crate::progress::{ProgressDisplay, RunProgress, Style, emit};
 use crate::report::{Report, Times};
@@ -20,9 +20,7 @@ use canaletto::render::{Aov, Job, Rendering};
 use canaletto::scene::{Sampling, Scene};
 use canaletto::world::{ReuseCounts, World};
 use canaletto_io::movie::{Movie, MovieSettings};
-use canaletto_io::picture::{
-    Compression, ExrOptions, Image, PngSettings, Window, develop_png_part, encode_exr, encode_png, write_exr_part,
-};
+use canaletto_io::picture::{Compression, EncodeSettings, Image, PictureFormat, Rendered, Window};
 use serde_json::json;
 use std::collections::HashSet;
 use std::path::Path;
@@ -68,8 +66,8 @@ fn rays(job: &Job) -> u64 {
     2 * u64::from(width) * u64::from(height) * u64::from(samples)
 }
 
-/// A rendered frame.
-struct Rendered {
+/// A frame that was rendered.
+struct RenderedFrame {
     report: Report,
     /// Whether the frame counts. Of many frames, a partial one is dropped.
     whole: bool,
@@ -127,7 +125,7 @@ impl<'a> Series<'a> {
                 frame_context.world = Some(world);
             }
             let Some(world) = &frame_context.world else { continue };
-            let Rendered { report, whole } = self.frame(&frame_context, world, frame)?;
+            let RenderedFrame { report, whole } = self.frame(&frame_context, world, frame)?;
             if whole {
                 self.rendered += 1;
                 self.spent += begun.elapsed();
@@ -187,7 +185,7 @@ impl<'a> Series<'a> {
     }
 
     /// Renders a frame and writes it.
-    fn frame(&mut self, frame_context: &FrameContext, world: &World, frame: u32) -> Result<Rendered, Failure> {
+    fn frame(&mut self, frame_context: &FrameContext, world: &World, frame: u32) -> Result<RenderedFrame, Failure> {
         let plan = self.plan;
         let job = Job { frame, ..frame_context.job.clone() };
         let [_, _, width, height] = job.window();
@@ -242,7 +240,7 @@ impl<'a> Series<'a> {
             threads,
             seconds: Times { render, write: start.elapsed().as_secs_f64(), ..frame_context.times },
         };
-        Ok(Rendered { whole: report.complete, report })
+        Ok(RenderedFrame { whole: report.complete, report })
     }
 
     /// Writes a picture and its layers, or adds it to the film; returns the files' names.
@@ -274,10 +272,8 @@ impl<'a> Series<'a> {
         let mut names = Vec::new();
         if plan.output.has_place_beside(&files[0]) {
             interrupt::Rendering::saves();
-            // Ids that floats would round need the full encoder.
-            let is_rounded = rendering.picture.layers.iter().any(|layer| !layer.ids.is_empty());
-            if plan.output.format == Format::Exr && !is_rounded {
-                names.push(self.save_exr_part(frame_context, job, rendering, &files[0])?);
+            if let Some(format) = plan.output.format.picture().filter(|format| format.has_rows(&rendering.picture)) {
+                names.push(self.save_rows(format, frame_context, job, rendering, &files[0])?);
             }
         }
         if names.is_empty() {
@@ -292,27 +288,28 @@ impl<'a> Series<'a> {
         Ok(names)
     }
 
-    /// Writes a partial picture with its layers into an EXR beside its file; returns its name.
-    fn save_exr_part(
+    /// Writes a partial picture with its layers beside its file, row by row; returns its name.
+    fn save_rows(
         &self,
+        format: PictureFormat,
         frame_context: &FrameContext,
         job: &Job,
         rendering: &Rendering,
         file: &Path,
     ) -> Result<String, Failure> {
-        let (picture, output) = (&rendering.picture, &self.plan.output);
-        let fill = |channel: usize, range, values: &mut [f32]| layers::fill(picture, channel, range, values);
-        let (size, names) = ([picture.width, picture.height], layers::channel_names(&job.aovs));
-        let (options, texts) = (self.exr_options(job), self.texts(frame_context, job, rendering, None));
-        let place = output.write_part_with(file, |out| {
-            write_exr_part(size, &names, &fill, options, &texts, out, interrupt::has_time_to_save).map(|_| ())
+        let rendered = Rendered { picture: &rendering.picture, film: &job.film };
+        let (settings, texts) = (self.settings(job, rendering), self.texts(frame_context, job, rendering, None));
+        let place = self.plan.output.write_part_with(file, |out| {
+            format.write_rows(&rendered, &settings, &texts, out, &interrupt::has_time_to_save)
         })?;
         Ok(place.display().to_string())
     }
 
-    fn exr_options(&self, job: &Job) -> ExrOptions {
-        let (half, uint_ids) = (self.plan.output.half, self.plan.output.uint_ids);
-        ExrOptions { uncompressed: false, half, uint_ids, window: Some(window(job)) }
+    /// How a picture is written. A partial picture must be written in the time that a signal leaves.
+    fn settings(&self, job: &Job, rendering: &Rendering) -> EncodeSettings {
+        let settings = self.plan.output.settings;
+        let compression = if rendering.complete { settings.compression } else { Compression::Fast };
+        EncodeSettings { compression, window: Some(window(job)), ..settings }
     }
 
     /// The text entries of a picture's file, or of a layer's file.
@@ -340,18 +337,16 @@ impl<'a> Series<'a> {
         rendering: &Rendering,
         mut write: impl FnMut(usize, &[u8]) -> Result<(), Failure>,
     ) -> Result<(), Failure> {
-        let (picture, film, output) = (&rendering.picture, &job.film, &self.plan.output);
+        let (picture, film, output) = (&rendering.picture, &job.film, self.plan.output.format);
+        let Some(format) = output.picture() else { return Ok(()) };
         let texts = |layer| self.texts(frame_context, job, rendering, layer);
-        if output.format == Format::Exr {
-            let options = ExrOptions { uncompressed: !rendering.complete, ..self.exr_options(job) };
-            let bytes = encode_exr(&layers::linear(picture), options, &texts(None)).map_err(|e| unfit(&e))?;
-            return write(0, &bytes);
-        }
-        // A partial picture must be written in the time that a signal leaves.
         let goes_on = || rendering.complete || interrupt::has_time_to_save();
-        let compression = if rendering.complete { output.png.compression } else { Compression::Fast };
-        let png = PngSettings { compression, ..output.png };
-        write(0, &develop_png_part(picture, film, png, &texts(None), goes_on).map_err(|e| unfit(&e))?)?;
+        let settings = self.settings(job, rendering);
+        let bytes = format.encode(&Rendered { picture, film }, &settings, &texts(None), &goes_on);
+        write(0, &bytes.map_err(|e| unfit(&e))?)?;
+        if output.has_layers() {
+            return Ok(());
+        }
         for (index, (layer, aov)) in picture.layers.iter().zip(&job.aovs).enumerate() {
             if !goes_on() {
                 break;
@@ -359,7 +354,7 @@ impl<'a> Series<'a> {
             let (image, transfer) = layers::to_image(layer, picture, film, &world.bounds());
             let mut texts = texts(Some(*aov));
             texts.push(("transfer".into(), transfer.name().into()));
-            let bytes = encode_png(&image, png, transfer, &texts).map_err(|e| unfit(&e))?;
+            let bytes = format.encode_image(&image, transfer, &settings, &texts).map_err(|e| unfit(&e))?;
             write(index + 1, &bytes)?;
         }
         Ok(())
@@ -379,7 +374,7 @@ impl<'a> Series<'a> {
                     rate: self.plan.rate,
                     frames: self.plan.frames.count() as u32,
                     transfer: job.film.transfer,
-                    compression: output.png.compression,
+                    compression: output.settings.compression,
                     metadata,
                 };
                 let film = Movie::begin(kind, &output.path(0), output.options(), settings).map_err(failed)?;

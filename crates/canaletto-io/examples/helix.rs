@@ -13,7 +13,7 @@ use canaletto::scene::{
 };
 use canaletto::shape::{CylinderCloud, Plane, Shape, SphereCloud};
 use canaletto::world::World;
-use canaletto_io::picture::{Depth, Image, WriteOptions, encode_png, write_atomically};
+use canaletto_io::picture::{EncodeSettings, Image, PictureFormat, WriteOptions, write_atomically};
 use glam::{DVec3, Vec3};
 use std::error::Error;
 use std::path::Path;
@@ -64,7 +64,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let picture = render(&World::build(scene)?, &job, &())?.picture;
     let shown = develop(&picture, film.tone, Transfer::Srgb);
     let image = Image::from_rgb(picture.width, picture.height, shown.iter().map(|c| c.to_array()));
-    let png = encode_png(&image, Depth::Eight, Transfer::Srgb, &[])?;
+    let png = PictureFormat::Png.encode_image(&image, Transfer::Srgb, &EncodeSettings::default(), &[])?;
     write_atomically(Path::new("helix.png"), WriteOptions::default(), |file| file.write_all(&png))?;
     Ok(())
 }

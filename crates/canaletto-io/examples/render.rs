@@ -5,7 +5,7 @@ use canaletto::film::develop;
 use canaletto::render::{Job, render};
 use canaletto::world::World;
 use canaletto_io::assets::FolderAssets;
-use canaletto_io::picture::{Depth, Image, WriteOptions, encode_png, write_atomically};
+use canaletto_io::picture::{EncodeSettings, Image, PictureFormat, WriteOptions, write_atomically};
 use canaletto_io::text::read_scene;
 use std::path::Path;
 
@@ -19,7 +19,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let rendered = render(&World::build(scene)?, &job, &())?.picture;
     let pixels = develop(&rendered, job.film.tone, job.film.transfer);
     let image = Image::from_rgb(rendered.width, rendered.height, pixels.iter().map(|c| c.to_array()));
-    let png = encode_png(&image, Depth::Eight, job.film.transfer, &[])?;
+    let png = PictureFormat::Png.encode_image(&image, job.film.transfer, &EncodeSettings::default(), &[])?;
     write_atomically(Path::new(&picture), WriteOptions::default(), |file| file.write_all(&png))?;
     Ok(())
 }

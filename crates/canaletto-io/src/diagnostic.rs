@@ -392,6 +392,16 @@ impl Serialize for Located<'_> {
     }
 }
 
+/// A list of words in a sentence, such as "PNG, JPEG and WebP" with "and" as its last word but one.
+pub fn word_list<T: AsRef<str>>(words: &[T], conjunction: &str) -> String {
+    let words: Vec<&str> = words.iter().map(AsRef::as_ref).collect();
+    match &words[..] {
+        [] => String::new(),
+        [only] => (*only).to_owned(),
+        [all @ .., last] => format!("{} {conjunction} {last}", all.join(", ")),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

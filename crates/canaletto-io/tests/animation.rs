@@ -5,7 +5,7 @@ use canaletto::math::Rgb;
 use canaletto::scene::{Content, Node, Scene, Stage, Transfer};
 use canaletto::shape::Shape;
 use canaletto_io::assets::{Asset, AssetError, AssetPath, Assets, MemoryAssets};
-use canaletto_io::picture::{Depth, Image, encode_png};
+use canaletto_io::picture::{EncodeSettings, Image, PictureFormat};
 use canaletto_io::source::SceneSource;
 use canaletto_io::text::{SceneDocument, read_scene_text};
 use glam::{DVec3, Vec3};
@@ -68,7 +68,7 @@ fn everything_moves() {
 #[test]
 fn textures_and_environments_move() {
     let pixel = Image::from_rgb(1, 1, [[0.5; 3]].into_iter());
-    let png = encode_png(&pixel, Depth::Eight, Transfer::Srgb, &[]).unwrap();
+    let png = PictureFormat::Png.encode_image(&pixel, Transfer::Srgb, &EncodeSettings::default(), &[]).unwrap();
     let assets = MemoryAssets::new().with("a.png", png);
     let text = r#"
         texture "a" file="a.png" { filter { key 0 "nearest"; key 5 "bilinear" } }

@@ -7,7 +7,7 @@ use canaletto::scene::{Content, Scene, Transfer};
 use canaletto::texture::{ColorSpace, Filter, Function, Placement, TextureKind, Wrap};
 use canaletto_io::assets::{FolderAssets, MemoryAssets};
 use canaletto_io::diagnostic::Diagnostics;
-use canaletto_io::picture::{Depth, Image, encode_png};
+use canaletto_io::picture::{EncodeSettings, Image, PictureFormat};
 use canaletto_io::text::{read_scene, read_scene_text, read_scene_with, reference_markdown};
 use std::path::{Path, PathBuf};
 use std::{fs, time::Instant};
@@ -140,7 +140,9 @@ fn examples_of_the_reference_are_right() {
 /// A small picture.
 fn png(width: u32, height: u32) -> Vec<u8> {
     let pixels = (0..width * height).map(|i| [i as f32 / 8.0, 0.5, 1.0]);
-    encode_png(&Image::from_rgb(width, height, pixels), Depth::Eight, Transfer::Srgb, &[]).expect("a picture")
+    PictureFormat::Png
+        .encode_image(&Image::from_rgb(width, height, pixels), Transfer::Srgb, &EncodeSettings::default(), &[])
+        .expect("a picture")
 }
 
 #[test]

@@ -1,7 +1,8 @@
 //! Ids of objects are whole numbers, for any number of objects.
 
 use super::*;
-use canaletto_io::picture::{ExrOptions, decode_exr, encode_exr};
+use canaletto::scene::Transfer;
+use canaletto_io::picture::{EncodeSettings, PictureFormat, decode};
 
 /// Two copies of two balls, with 2²⁴ and more other objects between their ids.
 fn doubled_over_and_over() -> String {
@@ -37,8 +38,9 @@ fn numbers_above_16_777_216_are_told_apart() {
         data: layer.data.clone(),
         ids: layer.ids.clone(),
     });
-    let bytes = encode_exr(&image, ExrOptions::default(), &[]).expect("a file");
-    let read = decode_exr(&bytes).expect("a picture").image;
+    let bytes =
+        PictureFormat::Exr.encode_image(&image, Transfer::None, &EncodeSettings::default(), &[]).expect("a file");
+    let read = decode(&bytes).expect("a picture").image;
     let channel = read.channels.iter().find(|channel| channel.name == "object_id.X").expect("the channel");
     assert_eq!(channel.ids, layer.ids);
 }

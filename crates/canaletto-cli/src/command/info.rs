@@ -5,7 +5,7 @@ use crate::failure::{Failure, print_diagnostics};
 use crate::flags::SourceFlags;
 use crate::format::{JSON_VERSION, bytes, count, duration, plural, short};
 use crate::memory::Memory;
-use crate::output::Format;
+use crate::output_format::Format;
 use crate::source::{Source, UsedFile, build, on_threads};
 use crate::stdout::{print, print_json};
 use canaletto::light::{Light, PreparedLight};
@@ -62,7 +62,7 @@ pub(crate) fn run(flags: &InfoFlags) -> Result<Exit, Failure> {
         let (world, build) = build(&name, scene, &flags.source.build_options(0), None)?;
         let pixels =
             views.first().map_or(0, |view| u64::from(view.intrinsics.width) * u64::from(view.intrinsics.height));
-        let memory = Memory::of(&world, pixels, &[], Format::Png);
+        let memory = Memory::of(&world, pixels, &[], Format::default());
         Ok::<Info, Failure>(Info { name, files, views, materials, world, read, build, memory })
     })??;
     if flags.json {

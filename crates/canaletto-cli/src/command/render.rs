@@ -7,7 +7,7 @@ use crate::format::{JSON_VERSION, bytes, count, plural};
 use crate::frames::{Frames, FramesFlag, fps};
 use crate::layers::MAPPINGS;
 use crate::memory::Memory;
-use crate::output::{Format, Output, OutputFlags, replaced};
+use crate::output::{Output, OutputFlags, replaced};
 use crate::partial::partial;
 use crate::progress::{ProgressFlag, Style, emit};
 use crate::series::Series;
@@ -156,9 +156,10 @@ impl Plan {
                 }
             }
         }
-        if output.is_stdout() && output.format == Format::Png && !aovs.is_empty() {
-            return Err(Failure::usage("--aov with PNG writes several files, but --output - takes one")
-                .help("--format exr holds all layers in one file"));
+        if output.is_stdout() && output.format.picture().is_some() && !output.format.has_layers() && !aovs.is_empty() {
+            let name = output.format.short_name();
+            let failure = Failure::usage(format!("--aov with {name} writes several files, but --output - takes one"));
+            return Err(failure.help("--format exr holds all layers in one file"));
         }
         if output.format.film().is_some() && !aovs.is_empty() {
             return Err(Failure::usage(format!("--aov: {} has no layers", output.format))
@@ -171,7 +172,7 @@ impl Plan {
     /// The files of a frame, the picture first.
     pub(crate) fn files(&self, frame: u32) -> Vec<PathBuf> {
         let mut files = vec![self.output.path(frame)];
-        if self.output.format == Format::Png {
+        if !self.output.format.has_layers() {
             files.extend(self.aovs.iter().map(|aov| self.output.layer_path(frame, aov.name())));
         }
         files
@@ -400,14 +401,15 @@ fn dry_run(
         }
         None => format!("depth {}", job.integrator.max_depth()),
     };
-    let kind = match (plan.output.format, job.film.transfer) {
-        (Format::Exr, _) => "OpenEXR, linear".to_owned(),
-        (film, _) if film.film().is_some() => format!("{film}, {} frames a second", plan.rate.fps()),
-        (_, transfer) => format!(
-            "PNG, {} bits, {}",
-            flags.output.bits.as_deref().unwrap_or("8"),
-            if transfer == Transfer::Srgb { "sRGB" } else { "no transfer curve" }
-        ),
+    let format = plan.output.format;
+    let kind = match format.capabilities() {
+        None => format!("{format}, {} frames a second", plan.rate.fps()),
+        Some(can) if can.linear => format!("{format}, linear"),
+        Some(can) => {
+            let bits = plan.output.settings.bits.or(can.bits.first().copied()).unwrap_or_default();
+            let curve = if job.film.transfer == Transfer::Srgb { "sRGB" } else { "no transfer curve" };
+            format!("{format}, {bits} bits, {curve}")
+        }
     };
     let names: Vec<String> = first.iter().map(|file| file.display().to_string()).collect();
     let names = list(&names.iter().map(String::as_str).collect::<Vec<_>>()).replace('"', "");

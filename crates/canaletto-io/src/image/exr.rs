@@ -5,7 +5,7 @@
 //! compression is refused: the crate's decoder allocates as much memory as a block declares. It also has different
 //! kernels for different processors, which round differently (its `compression/dwa/discrete_cosine_transform`).
 
-use super::{DENSEST, ImageError, SMALL, decoder, is_within_budget, judge, room};
+use super::{DENSEST, ImageError, ImageFormat, SMALL, decoder, is_within_budget, judge, room, with_memory};
 use crate::guard::guarded;
 use ::exr::block::UncompressedBlock;
 use ::exr::block::chunk::{Chunk, CompressedBlock, CompressedScanLineBlock, CompressedTileBlock, TileCoordinates};
@@ -269,8 +269,17 @@ fn headers_end(bytes: &[u8]) -> Result<usize, ImageError> {
     }
 }
 
+/// OpenEXR in the table of images.
+pub(super) const IMAGE: ImageFormat =
+    ImageFormat { name: FORMAT, recognises: is_exr, read: |bytes| Ok(with_memory(read(bytes)?)) };
+
+/// Whether the file starts like an EXR.
+pub(crate) fn is_exr(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"\x76\x2f\x31\x01")
+}
+
 /// Reads an EXR: the channels R, G, B or Y, and A. The image is the part's data window.
-pub(super) fn read(bytes: &[u8]) -> Result<Image, ImageError> {
+fn read(bytes: &[u8]) -> Result<Image, ImageError> {
     let file = File::open(bytes)?;
     let find = |header: &Header, name: &str| header.channels.list.iter().position(|c| c.name == *name);
     let has = |header: &Header, name: &str| find(header, name).is_some();

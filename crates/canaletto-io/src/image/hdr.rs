@@ -4,18 +4,29 @@
 //! precision, half the memory that libraries use. Values are m 2^(e − 136). EXPOSURE, which only records a factor that
 //! was applied, is ignored, as in other programs.
 
-use super::{DENSEST, ImageError, SMALL, is_within_budget, judge, room};
+use super::{DENSEST, ImageError, ImageFormat, SMALL, is_within_budget, judge, room, with_memory};
 use canaletto::texture::{ColorSpace, Image, Samples, to_half};
 
 const FORMAT: &str = "Radiance HDR";
 
+/// Radiance HDR in the table of images.
+pub(super) const IMAGE: ImageFormat = ImageFormat {
+    name: FORMAT,
+    recognises: is_hdr,
+    read: |bytes| {
+        let (image, memory) = with_memory(read(bytes)?);
+        let packed = 4 * u64::from(image.width) * u64::from(image.height);
+        Ok((image, memory + packed))
+    },
+};
+
 /// Whether the file starts like a Radiance picture.
-pub(super) fn is_hdr(bytes: &[u8]) -> bool {
+pub(crate) fn is_hdr(bytes: &[u8]) -> bool {
     bytes.starts_with(b"#?RADIANCE") || bytes.starts_with(b"#?RGBE")
 }
 
 /// Reads a Radiance picture.
-pub(super) fn read(bytes: &[u8]) -> Result<Image, ImageError> {
+fn read(bytes: &[u8]) -> Result<Image, ImageError> {
     let mut input = Input { bytes, at: 0 };
     let axes = header(&mut input)?;
     let (across, down) = (axes.inner, axes.outer);

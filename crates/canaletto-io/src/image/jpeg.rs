@@ -4,7 +4,7 @@
 //! strict mode, so that truncated files are reported. Bytes between segments, which strict mode refuses and libjpeg
 //! skips, are removed first.
 
-use super::{ImageError, decoder, judge, room, zeros};
+use super::{ImageError, ImageFormat, decoder, judge, room, zeros};
 use canaletto::texture::{ColorSpace, Image, Samples};
 use std::io::Cursor;
 use zune_core::colorspace::ColorSpace as Layout;
@@ -18,8 +18,16 @@ const FORMAT: &str = "JPEG";
 /// dozen.
 const SCANS: usize = 100;
 
+/// JPEG in the table of images.
+pub(super) const IMAGE: ImageFormat = ImageFormat { name: FORMAT, recognises: is_jpeg, read };
+
+/// Whether the file starts like a JPEG.
+pub(crate) fn is_jpeg(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"\xff\xd8")
+}
+
 /// Reads a JPEG; returns it with the peak memory in bytes. Colour profiles and camera orientation are ignored.
-pub(super) fn read(bytes: &[u8]) -> Result<(Image, u64), ImageError> {
+fn read(bytes: &[u8]) -> Result<(Image, u64), ImageError> {
     let (plain, frame) = plain(bytes)?;
     let Frame { width, height, .. } = frame;
     let options = DecoderOptions::default().set_max_width(1 << 16).set_max_height(1 << 16).set_strict_mode(true);

@@ -11,18 +11,20 @@
 //! [`texture::Image::MAX_TEXELS`]: canaletto::texture::Image::MAX_TEXELS
 
 pub(crate) mod exr;
-mod hdr;
-mod jpeg;
+pub(crate) mod hdr;
+pub(crate) mod jpeg;
 pub(crate) mod png;
 #[cfg(test)]
 mod tests;
-mod webp;
+pub(crate) mod webp;
 
 use crate::assets::Asset;
+use crate::diagnostic::word_list;
 use crate::guard::guarded;
 use canaletto::memory::{self, NoMemory};
 use canaletto::texture::{Image, Samples};
 use rayon::prelude::*;
+use std::sync::LazyLock;
 
 /// The reasons why a file can't be used as an image.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -113,9 +115,7 @@ impl ImageError {
     /// A hint for the user.
     pub fn help(&self) -> Option<&'static str> {
         match self {
-            ImageError::Unknown | ImageError::Other(_) => {
-                Some("images are read from PNG, JPEG, OpenEXR, Radiance HDR and WebP files")
-            }
+            ImageError::Unknown | ImageError::Other(_) => Some(&READABLE),
             ImageError::Damaged { .. } | ImageError::ExceedsFile { .. } => {
                 Some("make the file anew, or open and save it with a program for pictures")
             }
@@ -176,27 +176,35 @@ pub fn read_image(asset: &Asset) -> Result<(Image, Vec<String>), ImageError> {
     Ok((image, notes))
 }
 
+/// A format of images.
+struct ImageFormat {
+    /// The usual name.
+    name: &'static str,
+    /// Whether a file with these first bytes has this format.
+    recognises: fn(&[u8]) -> bool,
+    /// Decodes an unnamed image; returns it with the peak memory in bytes.
+    read: ReadImage,
+}
+
+type ReadImage = fn(&[u8]) -> Result<(Image, u64), ImageError>;
+
+/// All formats, in the order of messages.
+const FORMATS: [ImageFormat; 5] = [png::IMAGE, jpeg::IMAGE, exr::IMAGE, hdr::IMAGE, webp::IMAGE];
+
+/// The sentence that names all formats.
+static READABLE: LazyLock<String> =
+    LazyLock::new(|| format!("images are read from {} files", word_list(&FORMATS.map(|format| format.name), "and")));
+
 /// Decodes an unnamed image; returns it with the peak memory in bytes.
 pub(crate) fn unpack(bytes: &[u8]) -> Result<(Image, u64), ImageError> {
-    Ok(if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
-        with_memory(png::read(bytes)?)
-    } else if bytes.starts_with(b"\xff\xd8") {
-        jpeg::read(bytes)?
-    } else if bytes.starts_with(b"\x76\x2f\x31\x01") {
-        with_memory(exr::read(bytes)?)
-    } else if bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP") {
-        webp::read(bytes)?
-    } else if hdr::is_hdr(bytes) {
-        let (image, memory) = with_memory(hdr::read(bytes)?);
-        let packed = 4 * u64::from(image.width) * u64::from(image.height);
-        (image, memory + packed)
-    } else {
-        return Err(other(bytes));
-    })
+    match FORMATS.iter().find(|format| (format.recognises)(bytes)) {
+        Some(format) => (format.read)(bytes),
+        None => Err(unknown(bytes)),
+    }
 }
 
 /// The error for an unsupported file, with the format that its first bytes indicate.
-fn other(bytes: &[u8]) -> ImageError {
+pub(crate) fn unknown(bytes: &[u8]) -> ImageError {
     const KINDS: [(usize, &[u8], &str); 17] = [
         (0, b"GIF8", "GIF"),
         (0, b"BM", "BMP"),

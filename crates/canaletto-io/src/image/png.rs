@@ -1,6 +1,6 @@
 //! Decoding of PNG (ISO/IEC 15948) in all its types; 16-bit samples stay 16 bits.
 
-use super::{ImageError, decoder, is_within_budget, judge, room};
+use super::{ImageError, ImageFormat, decoder, is_within_budget, judge, room, with_memory};
 use ::png::{BitDepth, ColorType, Decoder, DecodingError, Limits, Reader, Transformations};
 use canaletto::texture::{ColorSpace, Image, Samples};
 use std::io::{Cursor, Read};
@@ -28,9 +28,18 @@ pub(crate) struct Unpacked {
     pub(crate) texts: TextList,
 }
 
+/// PNG in the table of images.
+pub(super) const IMAGE: ImageFormat =
+    ImageFormat { name: FORMAT, recognises: is_png, read: |bytes| Ok(with_memory(read(bytes)?)) };
+
+/// Whether the file starts like a PNG.
+pub(crate) fn is_png(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"\x89PNG\r\n\x1a\n")
+}
+
 /// Reads a PNG. A gAMA chunk determines the curve if there is no sRGB chunk; chromaticities and colour profiles are
 /// ignored.
-pub(super) fn read(bytes: &[u8]) -> Result<Image, ImageError> {
+fn read(bytes: &[u8]) -> Result<Image, ImageError> {
     let Unpacked { width, height, channels, samples, is_srgb, gamma, .. } = unpack(bytes, false)?;
     let space = ColorSpace::Srgb;
     let mut image = Image { name: String::new(), width, height, channels, samples, space, premultiplied: false };

@@ -2,13 +2,22 @@
 
 use super::*;
 use crate::assets::{AssetPath, Assets, MemoryAssets};
-use crate::picture;
+use crate::picture::{self, EncodeSettings, PictureFormat};
 use canaletto::scene::Transfer;
 use canaletto::texture::{ColorSpace, from_half};
 
 fn read(bytes: Vec<u8>) -> Result<(Image, Vec<String>), ImageError> {
     let asset = MemoryAssets::new().with("a/picture", bytes).read("a/picture", &AssetPath::base()).expect("an asset");
     read_image(&asset)
+}
+
+fn png(image: &picture::Image, bits: u8, transfer: Transfer) -> Vec<u8> {
+    let settings = EncodeSettings { bits: Some(bits), ..EncodeSettings::default() };
+    PictureFormat::Png.encode_image(image, transfer, &settings, &[]).unwrap()
+}
+
+fn exr(image: &picture::Image) -> Vec<u8> {
+    PictureFormat::Exr.encode_image(image, Transfer::None, &EncodeSettings::default(), &[]).unwrap()
 }
 
 /// Flips bits and cuts files; nothing may panic.
@@ -34,8 +43,8 @@ fn ramp(names: &[&str]) -> picture::Image {
 fn png_keeps_its_bits_and_says_what_its_numbers_mean() {
     for (names, channels) in [(&["Y"][..], 1), (&["Y", "A"], 2), (&["R", "G", "B"], 3), (&["R", "G", "B", "A"], 4)] {
         let picture = ramp(names);
-        for depth in [picture::Depth::Eight, picture::Depth::Sixteen] {
-            let bytes = picture::encode_png(&picture, depth, Transfer::Srgb, &[]).unwrap();
+        for bits in [8, 16] {
+            let bytes = png(&picture, bits, Transfer::Srgb);
             let (image, notes) = read(bytes).unwrap();
             assert!(notes.is_empty() && image.name == "a/picture" && image.space == ColorSpace::Srgb);
             assert_eq!((image.width, image.height, image.channels), (12, 5, channels));
@@ -58,7 +67,7 @@ fn png_keeps_its_bits_and_says_what_its_numbers_mean() {
 #[test]
 fn a_gamma_of_its_own_is_made_linear() {
     let gray = picture::Image { width: 2, height: 1, channels: vec![picture::Channel::new("Y", vec![0.5, 1.0])] };
-    let plain = picture::encode_png(&gray, picture::Depth::Eight, Transfer::None, &[]).unwrap();
+    let plain = png(&gray, 8, Transfer::None);
     let with = |gamma: u32| {
         let mut chunk = b"gAMA".to_vec();
         chunk.extend(gamma.to_be_bytes());
@@ -86,7 +95,7 @@ fn crc(bytes: &[u8]) -> u32 {
 fn exr_keeps_its_precision_and_its_order() {
     for names in [&["R", "G", "B"][..], &["R", "G", "B", "A"], &["Y"], &["Y", "A"]] {
         let picture = ramp(names);
-        let (image, _) = read(picture::encode_exr(&picture, Default::default(), &[]).unwrap()).unwrap();
+        let (image, _) = read(exr(&picture)).unwrap();
         assert_eq!((image.width, image.height, usize::from(image.channels)), (12, 5, names.len()));
         assert!(image.space == ColorSpace::Linear && image.premultiplied == names.contains(&"A"));
         let Samples::F32(data) = &image.samples else { panic!() };
@@ -96,12 +105,12 @@ fn exr_keeps_its_precision_and_its_order() {
             }
         }
     }
-    let other = picture::encode_exr(&ramp(&["depth.Z"]), Default::default(), &[]).unwrap();
+    let other = exr(&ramp(&["depth.Z"]));
     assert!(read(other).unwrap_err().to_string().contains("the channels depth.Z instead of R G B or Y"));
     let mut odd = ramp(&["Y"]);
     odd.channels[0].data[3] = f32::NAN;
     odd.channels[0].data[4] = f32::INFINITY;
-    let (image, notes) = read(picture::encode_exr(&odd, Default::default(), &[]).unwrap()).unwrap();
+    let (image, notes) = read(exr(&odd)).unwrap();
     assert!(notes[0].starts_with("2 of its numbers") && image.check().is_ok());
 }
 
@@ -274,8 +283,8 @@ fn cmyk_of_adobe_is_turned_into_colour() {
 
 #[test]
 fn damage_never_panics() {
-    damage(&picture::encode_png(&ramp(&["R", "G", "B", "A"]), picture::Depth::Sixteen, Transfer::Srgb, &[]).unwrap());
-    damage(&picture::encode_exr(&ramp(&["R", "G", "B"]), Default::default(), &[]).unwrap());
+    damage(&png(&ramp(&["R", "G", "B", "A"]), 16, Transfer::Srgb));
+    damage(&exr(&ramp(&["R", "G", "B"])));
     damage(&hdr("-Y 2 +X 16"));
     damage(include_bytes!("testdata/ramp.jpg"));
     damage(include_bytes!("testdata/ramp.webp"));

@@ -1,6 +1,6 @@
 //! WebP (RFC 9649), lossy and lossless, with or without alpha. Of an animation only the first picture is read.
 
-use super::{DENSEST, ImageError, decoder, judge, zeros};
+use super::{DENSEST, ImageError, ImageFormat, decoder, judge, zeros};
 use canaletto::texture::{ColorSpace, Image, Samples};
 use image_webp::{DecodingError, WebPDecoder};
 use std::io::Cursor;
@@ -13,8 +13,16 @@ const SMALL: u64 = 1 << 24;
 /// The largest memory of the decoder per texel in bytes: four in its own form, and four in the result.
 const TEXEL: u64 = 8;
 
+/// WebP in the table of images.
+pub(super) const IMAGE: ImageFormat = ImageFormat { name: FORMAT, recognises: is_webp, read };
+
+/// Whether the file starts like a WebP picture.
+pub(crate) fn is_webp(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP")
+}
+
 /// Reads a WebP picture; returns it with the peak memory in bytes. Colour profiles are ignored.
-pub(super) fn read(bytes: &[u8]) -> Result<(Image, u64), ImageError> {
+fn read(bytes: &[u8]) -> Result<(Image, u64), ImageError> {
     // The decoder allocates memory for the pictures in a file before it compares their sizes with the file's size.
     judge_chunks(bytes, 12, 0)?;
     decoder(FORMAT, || {

@@ -1,6 +1,7 @@
 //! Animated PNG (ISO/IEC 15948, third edition). Each frame is the rectangle that changed.
 
-use super::{Area, Frames, MovieError, MovieSettings, Part, UNFINISHED};
+use super::{Area, FormatInfo, Frames, MovieError, MovieSettings, Part, UNFINISHED};
+use crate::image::png::is_png;
 use crate::picture::{AtomicFile, WriteOptions, png_texts};
 use ::png::text_metadata::TEXtChunk;
 use ::png::{BitDepth, ColorType, Encoder, EncodingError, Filter, ScaledFloat, SrgbRenderingIntent, Writer};
@@ -9,6 +10,16 @@ use flate2::Crc;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
+
+/// Animated PNG in the table of film formats.
+pub(super) const FORMAT: FormatInfo = FormatInfo {
+    names: ["animated PNG", "APNG"],
+    extension: "apng",
+    summary: "A film as animated PNG, in full colour",
+    recognises: is_png,
+    compression: true,
+    needs_ffmpeg: false,
+};
 
 pub(super) struct Apng {
     file: AtomicFile,

@@ -4,7 +4,7 @@
 //! file that is renamed after success. Its arguments are passed as a list without a shell. The file's name has the
 //! prefix `file:`, so a dash or a colon in it has no meaning. Its error output is shown if it fails.
 
-use super::{Area, Frames, MovieError, MovieFormat, MovieSettings, Part};
+use super::{Area, FormatInfo, Frames, MovieError, MovieFormat, MovieSettings, Part};
 use crate::picture::{AtomicFile, WriteOptions};
 use std::ffi::OsString;
 use std::io::{self, Read, Write};
@@ -12,6 +12,26 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::thread::{self, JoinHandle};
 use std::{env, fs};
+
+/// MP4 in the table of film formats.
+pub(super) const MP4: FormatInfo = FormatInfo {
+    names: ["MP4", "MP4"],
+    extension: "mp4",
+    summary: "A film as MP4 (H.264), made by the program ffmpeg",
+    recognises: |start| start.get(4..8) == Some(b"ftyp"),
+    compression: false,
+    needs_ffmpeg: true,
+};
+
+/// WebM in the table of film formats.
+pub(super) const WEBM: FormatInfo = FormatInfo {
+    names: ["WebM", "WebM"],
+    extension: "webm",
+    summary: "A film as WebM (VP9), made by the program ffmpeg",
+    recognises: |start| start.starts_with(b"\x1a\x45\xdf\xa3"),
+    compression: false,
+    needs_ffmpeg: true,
+};
 
 pub(super) struct Ffmpeg {
     file: AtomicFile,

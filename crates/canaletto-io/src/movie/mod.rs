@@ -30,10 +30,73 @@ pub enum MovieFormat {
     WebM,
 }
 
+/// All formats with their rows, in the order of messages and help texts.
+static FORMATS: [(MovieFormat, FormatInfo); 4] = [
+    (MovieFormat::Apng, apng::FORMAT),
+    (MovieFormat::Gif, gif::FORMAT),
+    (MovieFormat::Mp4, ffmpeg::MP4),
+    (MovieFormat::WebM, ffmpeg::WEBM),
+];
+
+/// A row of the table of film formats.
+struct FormatInfo {
+    /// The usual name, and a short one.
+    names: [&'static str; 2],
+    /// The file name extension, in lower case.
+    extension: &'static str,
+    /// One line about the format, for help texts.
+    summary: &'static str,
+    /// Whether a file with these first bytes has this format.
+    recognises: fn(&[u8]) -> bool,
+    /// Whether the effort of compression can be chosen.
+    compression: bool,
+    /// Whether the program `ffmpeg` is needed.
+    needs_ffmpeg: bool,
+}
+
 impl MovieFormat {
+    /// All formats in the order of messages and help texts.
+    pub fn all() -> impl Iterator<Item = MovieFormat> + Clone {
+        FORMATS.iter().map(|(format, _)| *format)
+    }
+
+    /// Whether a file with these first bytes is a film.
+    pub fn is_film(start: &[u8]) -> bool {
+        FORMATS.iter().any(|(_, info)| (info.recognises)(start))
+    }
+
+    /// The usual name, such as "animated PNG".
+    pub fn name(self) -> &'static str {
+        self.info().names[0]
+    }
+
+    /// The short name, such as "APNG".
+    pub fn short_name(self) -> &'static str {
+        self.info().names[1]
+    }
+
+    /// The file name extension, in lower case.
+    pub fn extension(self) -> &'static str {
+        self.info().extension
+    }
+
+    /// One line about the format, for help texts.
+    pub fn summary(self) -> &'static str {
+        self.info().summary
+    }
+
+    /// Whether the effort of compression can be chosen.
+    pub fn has_compression(self) -> bool {
+        self.info().compression
+    }
+
     /// Whether the program `ffmpeg` is needed.
     pub fn needs_ffmpeg(self) -> bool {
-        matches!(self, MovieFormat::Mp4 | MovieFormat::WebM)
+        self.info().needs_ffmpeg
+    }
+
+    fn info(self) -> &'static FormatInfo {
+        &FORMATS[self as usize].1
     }
 }
 

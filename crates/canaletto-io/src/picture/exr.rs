@@ -1,9 +1,12 @@
 //! OpenEXR: linear `f32` channels of one part, ZIP-compressed, with texts as attributes. All texts and names are UTF-8,
 //! as in the OpenEXR library.
 
-use super::{Channel, Decoded, Image, PictureError, SOFTWARE, Window, check};
+use super::channels::{fill_channel, picture_channels};
+use super::exr_part::write_exr_part;
+use super::format::{Capabilities, EncodeSettings, Encoder, FormatInfo};
+use super::{Channel, Compression, Decoded, Image, PictureError, SOFTWARE, Window, check};
 use crate::image::ImageError;
-use crate::image::exr::{File, floats};
+use crate::image::exr::{File, floats, is_exr, size};
 use ::exr::meta::attribute::SampleType;
 use ::exr::meta::header::Header;
 use ::exr::prelude as ex;
@@ -12,19 +15,66 @@ use canaletto::scene::Transfer;
 use std::io::Cursor;
 use std::ops::Range;
 
+/// OpenEXR in the table of picture formats.
+pub(super) const FORMAT: FormatInfo = FormatInfo {
+    names: ["OpenEXR", "EXR"],
+    extension: "exr",
+    recognises: is_exr,
+    decode: decode_exr,
+    size: Some(size),
+    encoder: Some(Encoder {
+        capabilities: Capabilities {
+            summary: "Linear light in 32-bit floats, with any number of layers (OpenEXR)",
+            bits: &[32, 16],
+            linear: true,
+            alpha: true,
+            layers: true,
+            texts: true,
+            compression: false,
+            whole_ids: true,
+        },
+        encode: |rendered, settings, texts, _| {
+            encode_exr(&Image::from_picture(rendered.picture), ExrOptions::from(settings), texts)
+        },
+        encode_image: |image, _, settings, texts| encode_exr(image, ExrOptions::from(settings), texts),
+        stored_bits: |settings, channels| {
+            let options = ExrOptions::from(settings);
+            if channels.iter().all(|name| kind(name, options) == Kind::Half) { 16 } else { 32 }
+        },
+        write_rows: Some(|rendered, settings, texts, out, goes_on| {
+            let picture = rendered.picture;
+            let names: Vec<String> = picture_channels(picture).collect();
+            let fill = |channel, range, values: &mut [f32]| fill_channel(picture, channel, range, values);
+            let size = [picture.width, picture.height];
+            write_exr_part(size, &names, &fill, ExrOptions::from(settings), texts, out, goes_on).map(|_| ())
+        }),
+    }),
+};
+
+impl From<&EncodeSettings> for ExrOptions {
+    fn from(settings: &EncodeSettings) -> ExrOptions {
+        ExrOptions {
+            uncompressed: settings.compression == Compression::Fast,
+            half: settings.bits == Some(16),
+            uint_ids: settings.whole_ids,
+            window: settings.window,
+        }
+    }
+}
+
 /// Options of writing an EXR.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct ExrOptions {
+pub(super) struct ExrOptions {
     /// Whether to write without compression.
-    pub uncompressed: bool,
+    pub(super) uncompressed: bool,
     /// Whether to write colours (channels `R`, `G`, `B`, `A`, `Y`, also of layers) as 16-bit floats. Other channels
     /// stay `f32`.
-    pub half: bool,
+    pub(super) half: bool,
     /// Whether to write channels of layers whose name ends in `_id` as 32-bit unsigned integers (UINT) instead of
     /// floats. Channels with [`Channel::ids`] are always UINT.
-    pub uint_ids: bool,
+    pub(super) uint_ids: bool,
     /// The position in a larger picture; `None` if the picture is the whole.
-    pub window: Option<Window>,
+    pub(super) window: Option<Window>,
 }
 
 /// The bytes of an EXR with all channels. They don't depend on the number of threads.
@@ -32,7 +82,11 @@ pub struct ExrOptions {
 /// # Errors
 /// [`PictureError::Unfit`] if a channel has no or too few values, or if a name is used twice, is empty, is longer than
 /// 255 bytes or contains a NUL character.
-pub fn encode_exr(image: &Image, options: ExrOptions, metadata: &[(String, String)]) -> Result<Vec<u8>, PictureError> {
+pub(super) fn encode_exr(
+    image: &Image,
+    options: ExrOptions,
+    metadata: &[(String, String)],
+) -> Result<Vec<u8>, PictureError> {
     check(image)?;
     let name = |text: &str| {
         if text.is_empty() || text.len() > 255 || text.contains('\0') {
@@ -148,7 +202,7 @@ fn text_end(bytes: &[u8], at: usize) -> Option<usize> {
 ///
 /// # Errors
 /// [`PictureError`] if the file can't be read.
-pub fn decode_exr(bytes: &[u8]) -> Result<Decoded, PictureError> {
+pub(super) fn decode_exr(bytes: &[u8]) -> Result<Decoded, PictureError> {
     let damaged = |reason: &str| ImageError::Damaged { format: "OpenEXR", reason: reason.into() };
     let file = File::open(bytes)?;
     let many = file.parts().len() > 1;

@@ -5,26 +5,26 @@
 //! bytes. The rest of a picture therefore costs almost nothing after the deadline.
 
 use super::exr::{ExrOptions, Kind, attributes, encode_exr, kind};
-use super::{Channel, Image, PictureError, Window};
+use super::{Channel, Image, PartError, PictureError, Window};
 use ::exr::prelude::f16;
-use std::io::{self, Seek, SeekFrom, Write};
+use std::io::{Seek, SeekFrom, Write};
 use std::ops::Range;
 
 /// A callback that fills the values of a channel, given by index, for a range of pixels.
-pub type Fill<'a> = &'a dyn Fn(usize, Range<usize>, &mut [f32]);
+pub(super) type Fill<'a> = &'a dyn Fn(usize, Range<usize>, &mut [f32]);
 
 /// Writes an EXR of these channels, row by row while `goes_on` returns true; later rows are black. Returns the number
 /// of rows that were filled.
 ///
 /// # Errors
 /// As [`encode_exr`], and the errors of `out`.
-pub fn write_exr_part(
+pub(super) fn write_exr_part(
     [width, height]: [u32; 2],
     channels: &[String],
     fill: Fill<'_>,
     options: ExrOptions,
     metadata: &[(String, String)],
-    out: &mut (impl Write + Seek),
+    out: &mut (impl Write + Seek + ?Sized),
     goes_on: impl Fn() -> bool,
 ) -> Result<u32, PartError> {
     let window = options.window.unwrap_or(Window::whole(width, height));
@@ -76,17 +76,6 @@ pub fn write_exr_part(
 
 /// The buffer size in bytes.
 const BUFFER: usize = 1 << 20;
-
-/// The reasons why a partial EXR isn't written.
-#[derive(Debug, thiserror::Error)]
-pub enum PartError {
-    /// The format can't represent the picture.
-    #[error(transparent)]
-    Picture(#[from] PictureError),
-    /// Writing failed.
-    #[error(transparent)]
-    Write(#[from] io::Error),
-}
 
 /// The bytes before the table of rows: the header of a one-row picture, with another height and compression.
 fn head(
@@ -154,7 +143,7 @@ impl Kind {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::picture::decode_exr;
+    use crate::picture::exr::decode_exr;
     use std::cell::Cell;
     use std::io::Cursor;
 

@@ -1,10 +1,12 @@
-//! Pictures in files: PNG and OpenEXR in both directions, atomic writing, and comparison.
+//! Pictures in files: their formats, atomic writing, and comparison. [`PictureFormat`] is the table of formats.
 
+mod channels;
 mod compare;
 mod convolve;
 mod exr;
 mod exr_part;
 mod flip;
+mod format;
 mod png;
 mod pnm;
 mod rest;
@@ -14,19 +16,20 @@ mod texture;
 mod transfer;
 mod write;
 
-pub use self::exr::{ExrOptions, decode_exr, encode_exr};
-pub use self::exr_part::{Fill, PartError, write_exr_part};
+pub use self::png::Compression;
 pub(crate) use self::png::png_texts;
-pub use self::png::{Compression, Depth, PngSettings, decode_png, develop_png, develop_png_part, encode_png};
+pub use channels::channel_names;
 pub use compare::{Comparison, Difference, Unequal, compare, difference, differing};
 pub use flip::{Flip, PIXELS_PER_DEGREE, flip};
+pub use format::{Capabilities, EncodeSettings, PartError, PictureFormat, Rendered, SeekWrite, announced_size, decode};
 pub use rest::{ChannelDifference, RestDifference};
 pub use ssim::ssim;
 pub use temporary::sweep;
 pub use transfer::{decode_srgb, encode_srgb};
 pub use write::{AtomicFile, WriteError, WriteOptions, write_atomically};
 
-use crate::image::{self, ImageError};
+use crate::diagnostic::word_list;
+use crate::image::ImageError;
 use canaletto::scene::Transfer;
 
 /// The program name and version that pictures carry.
@@ -146,7 +149,7 @@ impl Window {
 #[non_exhaustive]
 pub enum PictureError {
     /// The first bytes match no recognised format.
-    #[error("it is no picture that can be read: PNG, OpenEXR, JPEG, WebP, Radiance HDR and PPM can")]
+    #[error("it is no picture that can be read: {} can", readable())]
     Unknown,
     /// The file is damaged, not supported or too large.
     #[error(transparent)]
@@ -154,6 +157,12 @@ pub enum PictureError {
     /// The format can't represent this picture.
     #[error("{0}")]
     Unfit(String),
+}
+
+/// The names of all formats.
+fn readable() -> String {
+    let names: Vec<&str> = PictureFormat::all().map(PictureFormat::name).collect();
+    word_list(&names, "and")
 }
 
 impl PictureError {
@@ -165,31 +174,6 @@ impl PictureError {
 
 /// The largest number of pixels of a picture that is read.
 pub const MAX_PIXELS: u64 = canaletto::texture::Image::MAX_TEXELS;
-
-/// Reads a picture; the format is detected from its first bytes.
-///
-/// # Errors
-/// [`PictureError`] if the picture can't be read.
-pub fn decode(bytes: &[u8]) -> Result<Decoded, PictureError> {
-    if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
-        decode_png(bytes)
-    } else if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
-        decode_exr(bytes)
-    } else if pnm::is_pnm(bytes) {
-        pnm::decode_pnm(bytes)
-    } else {
-        match image::unpack(bytes) {
-            Ok((image, _)) => Ok(texture::picture(&image)),
-            Err(ImageError::Unknown) => Err(PictureError::Unknown),
-            Err(e) => Err(e.into()),
-        }
-    }
-}
-
-/// The width and height in pixels that the header of a PNG or an OpenEXR file declares.
-pub fn announced_size(bytes: &[u8]) -> Option<[u32; 2]> {
-    if bytes.starts_with(b"\x89PNG\r\n\x1a\n") { image::png::size(bytes) } else { image::exr::size(bytes) }
-}
 
 /// Checks that every channel has a value for each pixel.
 fn check(image: &Image) -> Result<(), PictureError> {

@@ -1,13 +1,24 @@
 //! PPM and PGM (Netpbm): text (`P2`, `P3`) and binary (`P5`, `P6`), with 8 or 16 bits. Values are taken as sRGB, as
 //! most programs write them.
 
+use super::format::FormatInfo;
 use super::{Channel, Decoded, Image, MAX_PIXELS, PictureError, Window, no_pixels};
 use crate::image::ImageError;
 
-const FORMAT: &str = "PPM";
+const NAME: &str = "PPM";
+
+/// PPM and PGM in the table of picture formats.
+pub(super) const FORMAT: FormatInfo = FormatInfo {
+    names: [NAME, NAME],
+    extension: "ppm",
+    recognises: is_pnm,
+    decode: decode_pnm,
+    size: None,
+    encoder: None,
+};
 
 /// Whether the bytes begin like a PPM or PGM.
-pub(super) fn is_pnm(bytes: &[u8]) -> bool {
+fn is_pnm(bytes: &[u8]) -> bool {
     matches!(bytes, [b'P', b'2' | b'3' | b'5' | b'6', space, ..] if space.is_ascii_whitespace() || *space == b'#')
 }
 
@@ -15,7 +26,7 @@ pub(super) fn is_pnm(bytes: &[u8]) -> bool {
 ///
 /// # Errors
 /// [`PictureError`] if the picture can't be read.
-pub(super) fn decode_pnm(bytes: &[u8]) -> Result<Decoded, PictureError> {
+fn decode_pnm(bytes: &[u8]) -> Result<Decoded, PictureError> {
     let (binary, names): (bool, &[&str]) = match bytes[1] {
         b'2' => (false, &["Y"]),
         b'3' => (false, &["R", "G", "B"]),
@@ -29,7 +40,7 @@ pub(super) fn decode_pnm(bytes: &[u8]) -> Result<Decoded, PictureError> {
     }
     if u64::from(width) * u64::from(height) > MAX_PIXELS {
         let (width, height) = (width.into(), height.into());
-        return Err(ImageError::TooLarge { format: FORMAT, width, height }.into());
+        return Err(ImageError::TooLarge { format: NAME, width, height }.into());
     }
     if !(1..=65_535).contains(&most) {
         return Err(damaged(format!("its largest number is {most}; it must be between 1 and 65535")));
@@ -67,7 +78,7 @@ pub(super) fn decode_pnm(bytes: &[u8]) -> Result<Decoded, PictureError> {
 }
 
 fn damaged(reason: String) -> PictureError {
-    ImageError::Damaged { format: FORMAT, reason }.into()
+    ImageError::Damaged { format: NAME, reason }.into()
 }
 
 /// A cursor for the numbers of the header, and of a picture in text form.

@@ -1,9 +1,26 @@
 //! Formats that are read for textures and never written: JPEG, WebP and Radiance HDR.
 
-use super::{Channel, Decoded, Image, Window};
+use super::format::FormatInfo;
+use super::{Channel, Decoded, Image, PictureError, Window};
+use crate::image::{hdr, jpeg, unpack, webp};
 use ::exr::prelude::f16;
 use canaletto::scene::Transfer;
 use canaletto::texture::{self, Samples};
+
+/// JPEG in the table of picture formats.
+pub(super) const JPEG: FormatInfo = read_only("JPEG", "jpg", jpeg::is_jpeg);
+/// WebP in the table of picture formats.
+pub(super) const WEBP: FormatInfo = read_only("WebP", "webp", webp::is_webp);
+/// Radiance HDR in the table of picture formats.
+pub(super) const HDR: FormatInfo = FormatInfo { names: ["Radiance HDR", "HDR"], ..read_only("", "hdr", hdr::is_hdr) };
+
+const fn read_only(name: &'static str, extension: &'static str, recognises: fn(&[u8]) -> bool) -> FormatInfo {
+    FormatInfo { names: [name, name], extension, recognises, decode, size: None, encoder: None }
+}
+
+fn decode(bytes: &[u8]) -> Result<Decoded, PictureError> {
+    Ok(picture(&unpack(bytes)?.0))
+}
 
 /// Samples as named channels, according to their number from one to four. Integers are divided by the largest value of
 /// their type.
@@ -23,7 +40,7 @@ pub(super) fn named(channels: u8, samples: &Samples) -> Vec<Channel> {
 }
 
 /// The picture of a texture image.
-pub(super) fn picture(image: &texture::Image) -> Decoded {
+fn picture(image: &texture::Image) -> Decoded {
     let (bits, display_referred) = match image.samples {
         Samples::U8(_) => (8, true),
         Samples::U16(_) => (16, true),

@@ -4,7 +4,7 @@ use crate::mutate::{Outcome, bounded, run};
 use canaletto::scene::Transfer;
 use canaletto_io::assets::{AssetPath, Assets, MemoryAssets};
 use canaletto_io::image::{ImageError, read_image};
-use canaletto_io::picture::{Channel, Compression, Depth, Image, PngSettings, decode, encode_exr, encode_png};
+use canaletto_io::picture::{Channel, Compression, EncodeSettings, Image, PictureFormat, decode};
 use exr::prelude as ex;
 use exr::prelude::WritableImage;
 use std::io::{Cursor, Write};
@@ -44,11 +44,10 @@ fn pngs() -> Vec<Vec<u8>> {
     ]
     .map(<[u8]>::to_vec)
     .to_vec();
-    for (names, depth) in
-        [(&["Y"][..], Depth::Eight), (&["Y", "A"], Depth::Sixteen), (&["R", "G", "B", "A"], Depth::Eight)]
-    {
-        let settings = PngSettings { depth, compression: Compression::Fast };
-        seeds.push(encode_png(&ramp(names, [12, 5]), settings, Transfer::Srgb, &text).expect("a PNG"));
+    for (names, bits) in [(&["Y"][..], 8), (&["Y", "A"], 16), (&["R", "G", "B", "A"], 8)] {
+        let settings = EncodeSettings { bits: Some(bits), compression: Compression::Fast, ..EncodeSettings::default() };
+        let png = PictureFormat::Png.encode_image(&ramp(names, [12, 5]), Transfer::Srgb, &settings, &text);
+        seeds.push(png.expect("a PNG"));
     }
     seeds
 }
@@ -74,12 +73,15 @@ fn png() {
     run("png", &pngs(), 400, |bytes| with_checksums(bytes), read);
 }
 
+fn exr_bytes(image: &Image, texts: &[(String, String)]) -> Vec<u8> {
+    PictureFormat::Exr.encode_image(image, Transfer::None, &EncodeSettings::default(), texts).expect("an EXR")
+}
+
 fn exrs() -> Vec<Vec<u8>> {
     use ex::{Blocks, Compression as By, Encoding, LineOrder, Vec2};
     let mut seeds = vec![
-        encode_exr(&ramp(&["R", "G", "B", "A"], [12, 5]), Default::default(), &[("seed".into(), "7".into())])
-            .expect("an EXR"),
-        encode_exr(&ramp(&["Y"], [40, 40]), Default::default(), &[]).expect("an EXR"),
+        exr_bytes(&ramp(&["R", "G", "B", "A"], [12, 5]), &[("seed".into(), "7".into())]),
+        exr_bytes(&ramp(&["Y"], [40, 40]), &[]),
     ];
     for (by, tiles) in [
         (By::Uncompressed, false),
@@ -254,7 +256,7 @@ fn table(bytes: &[u8]) -> usize {
 
 #[test]
 fn blocks_of_an_exr_are_all_there_once_and_as_large_as_they_can_be() {
-    let whole = encode_exr(&ramp(&["Y"], [40, 40]), Default::default(), &[]).expect("an EXR");
+    let whole = exr_bytes(&ramp(&["Y"], [40, 40]), &[]);
     let at = table(&whole);
     let why = |bytes: &[u8]| {
         let error = texture(bytes).expect_err("a damaged file").to_string();
@@ -281,7 +283,7 @@ fn blocks_of_an_exr_are_all_there_once_and_as_large_as_they_can_be() {
 
 #[test]
 fn an_exr_without_channels_is_refused() {
-    let mut bytes = encode_exr(&ramp(&["Y"], [4, 4]), Default::default(), &[]).expect("an EXR");
+    let mut bytes = exr_bytes(&ramp(&["Y"], [4, 4]), &[]);
     let at = bytes.windows(6).position(|w| w == b"chlist").expect("channels") + 7;
     let size = u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]) as usize;
     bytes.splice(at..at + 4 + size, [1, 0, 0, 0, 0]);
@@ -290,12 +292,12 @@ fn an_exr_without_channels_is_refused() {
 
 #[test]
 fn deep_data_and_dwa_are_named() {
-    let mut deep = encode_exr(&ramp(&["Y"], [4, 4]), Default::default(), &[]).expect("an EXR");
+    let mut deep = exr_bytes(&ramp(&["Y"], [4, 4]), &[]);
     deep[5] |= 0x08;
     let error = texture(&deep).expect_err("deep data").to_string();
     assert_eq!(error, "the OpenEXR file has deep data, which isn't supported");
     for number in [8, 9] {
-        let mut dwa = encode_exr(&ramp(&["Y"], [4, 4]), Default::default(), &[]).expect("an EXR");
+        let mut dwa = exr_bytes(&ramp(&["Y"], [4, 4]), &[]);
         let at = dwa.windows(11).position(|w| w == b"compression").expect("an attribute") + 12 + 12 + 4;
         dwa[at] = number;
         let error = texture(&dwa).expect_err("DWA");

@@ -7,13 +7,13 @@ use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::flags;
 use crate::output::{replaced, unfit, write_file};
+use crate::output_format::Format;
 use crate::stdout::{print, print_json};
 use canaletto::scene::Transfer;
 use canaletto::{Named, named};
 use canaletto_io::assets::FileId;
 use canaletto_io::picture::{
-    Comparison, Depth, ExrOptions, Image, PIXELS_PER_DEGREE, RestDifference, Unequal, compare, difference, differing,
-    encode_exr, encode_png,
+    Comparison, EncodeSettings, Image, PIXELS_PER_DEGREE, RestDifference, Unequal, compare, difference, differing,
 };
 use canaletto_io::text::closest_word;
 use clap::Args;
@@ -230,20 +230,17 @@ fn exceeded<'a>(thresholds: &'a [Threshold], told: &ComparisonReport) -> Result<
 /// Writes the difference picture; returns the factor that scales the differences.
 fn write_difference(flags: &CompareFlags, path: &Path, a: &Image, b: &Image, max: f64) -> Result<f32, Failure> {
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
-    let exr = match extension.as_deref() {
-        Some("exr") => true,
-        Some("png") => false,
-        _ => return Err(Failure::usage(format!("--diff {}: end the name in .png or .exr", path.display()))),
+    let format = extension.as_deref().and_then(Format::of_extension).and_then(Format::picture);
+    let Some(format) = format else {
+        let extensions = Format::picture_extensions();
+        return Err(Failure::usage(format!("--diff {}: end the name in {extensions}", path.display())));
     };
+    let is_linear = format.capabilities().is_some_and(|can| can.linear);
     let largest = if max > 0.0 && max.is_finite() { (1.0 / max) as f32 } else { 1.0 };
-    let scale = flags.diff_scale.unwrap_or(if exr { 1.0 } else { largest });
+    let scale = flags.diff_scale.unwrap_or(if is_linear { 1.0 } else { largest });
     let image = difference(a, b, scale).map_err(|e| Failure::new(Exit::Failed, e))?;
     let texts = [("scale".to_owned(), scale.to_string())];
-    let bytes = if exr {
-        encode_exr(&image, ExrOptions::default(), &texts)
-    } else {
-        encode_png(&image, Depth::Eight, Transfer::None, &texts)
-    };
+    let bytes = format.encode_image(&image, Transfer::None, &EncodeSettings::default(), &texts);
     write_file(path, &bytes.map_err(|e| unfit(&e))?)?;
     Ok(scale)
 }

@@ -2,9 +2,10 @@
 
 mod bands;
 
+use super::format::{Capabilities, EncodeSettings, Encoder as PictureEncoder, FormatInfo};
 use super::texture::named;
 use super::{Decoded, Image, PictureError, SOFTWARE, Window, check, no_pixels};
-use crate::image::png::{Unpacked, unpack};
+use crate::image::png::{Unpacked, is_png, size, unpack};
 use ::png::chunk::IDAT;
 use ::png::{BitDepth, ColorType, Encoder, ScaledFloat, SrgbRenderingIntent};
 use bands::Shape;
@@ -14,9 +15,38 @@ use std::fmt::Display;
 use std::io::Write;
 use std::ops::Range;
 
+/// PNG in the table of picture formats.
+pub(super) const FORMAT: FormatInfo = FormatInfo {
+    names: ["PNG", "PNG"],
+    extension: "png",
+    recognises: is_png,
+    decode: decode_png,
+    size: Some(size),
+    encoder: Some(PictureEncoder {
+        capabilities: Capabilities {
+            summary: "Developed for display, 8 or 16 bits",
+            bits: &[8, 16],
+            linear: false,
+            alpha: true,
+            layers: false,
+            texts: true,
+            compression: true,
+            whole_ids: false,
+        },
+        encode: |rendered, settings, texts, goes_on| {
+            develop_png(rendered.picture, rendered.film, PngSettings::from(settings), texts, goes_on)
+        },
+        encode_image: |image, transfer, settings, texts| {
+            encode_png(image, PngSettings::from(settings), transfer, texts)
+        },
+        stored_bits: |settings, _| PngSettings::from(settings).depth.bits(),
+        write_rows: None,
+    }),
+};
+
 /// The number of bits of each value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Depth {
+enum Depth {
     /// Values from 0 to 255.
     #[default]
     Eight,
@@ -26,7 +56,7 @@ pub enum Depth {
 
 impl Depth {
     /// The number of bits.
-    pub fn bits(self) -> u8 {
+    fn bits(self) -> u8 {
         match self {
             Depth::Eight => 8,
             Depth::Sixteen => 16,
@@ -85,11 +115,18 @@ impl Compression {
 
 /// Options of writing a PNG. A [`Depth`] converts into them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct PngSettings {
+struct PngSettings {
     /// The number of bits of each value.
-    pub depth: Depth,
+    depth: Depth,
     /// The effort of compression.
-    pub compression: Compression,
+    compression: Compression,
+}
+
+impl From<&EncodeSettings> for PngSettings {
+    fn from(settings: &EncodeSettings) -> PngSettings {
+        let depth = if settings.bits == Some(16) { Depth::Sixteen } else { Depth::Eight };
+        PngSettings { depth, compression: settings.compression }
+    }
 }
 
 impl From<Depth> for PngSettings {
@@ -105,7 +142,7 @@ impl From<Depth> for PngSettings {
 ///
 /// # Errors
 /// [`PictureError::Unfit`] if there is no colour, or a key isn't 1 to 79 Latin letters.
-pub fn encode_png(
+fn encode_png(
     image: &Image,
     settings: impl Into<PngSettings>,
     transfer: Transfer,
@@ -128,24 +165,12 @@ pub fn encode_png(
     })
 }
 
-/// The bytes of a PNG of a picture in linear light, developed by the settings of its film. `metadata` becomes texts.
+/// The bytes of a PNG of a picture in linear light, developed by the settings of its film while `goes_on` returns true.
+/// The rest of the picture is black. `metadata` becomes texts.
 ///
 /// # Errors
 /// [`PictureError::Unfit`] if there is no pixel, or a key isn't 1 to 79 Latin letters.
-pub fn develop_png(
-    picture: &Picture,
-    film: &FilmSettings,
-    settings: impl Into<PngSettings>,
-    metadata: &[(String, String)],
-) -> Result<Vec<u8>, PictureError> {
-    develop_png_part(picture, film, settings, metadata, || true)
-}
-
-/// As [`develop_png`], while `goes_on` returns true; the rest of the picture is black.
-///
-/// # Errors
-/// As [`develop_png`].
-pub fn develop_png_part(
+fn develop_png(
     picture: &Picture,
     film: &FilmSettings,
     settings: impl Into<PngSettings>,
@@ -246,7 +271,7 @@ pub(crate) fn png_texts<W: Write>(
 ///
 /// # Errors
 /// [`PictureError`] if the file can't be read.
-pub fn decode_png(bytes: &[u8]) -> Result<Decoded, PictureError> {
+fn decode_png(bytes: &[u8]) -> Result<Decoded, PictureError> {
     let Unpacked { width, height, channels, samples, bits, is_srgb, gamma, texts } = unpack(bytes, true)?;
     let transfer = match (is_srgb, gamma) {
         (true, _) | (false, Some(45_000..=46_000)) => Some(Transfer::Srgb),
@@ -314,7 +339,7 @@ mod tests {
             let image = Image::from_rgb(picture.width, picture.height, shown.iter().map(|c| c.to_array()));
             let [one, many] = [1, 5].map(|threads| {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-                pool.install(|| develop_png(&picture, &film, depth, &texts).unwrap())
+                pool.install(|| develop_png(&picture, &film, depth, &texts, || true).unwrap())
             });
             assert!(one == many && one == encode_png(&image, depth, film.transfer, &texts).unwrap());
             assert!(one.windows(4).filter(|w| w == b"IDAT").count() > 3);
@@ -323,7 +348,7 @@ mod tests {
                 assert!(a.data.iter().zip(&b.data).all(|(a, b)| a * most == level(*b, most) as f32));
             }
         }
-        assert!(develop_png(&Picture::new(0, 3), &FilmSettings::default(), Depth::Eight, &[]).is_err());
+        assert!(develop_png(&Picture::new(0, 3), &FilmSettings::default(), Depth::Eight, &[], || true).is_err());
     }
 
     /// The data of the IDAT chunks.
@@ -345,7 +370,7 @@ mod tests {
         for (picture, fast) in [(picture(), 1.05), (flat, 1.05)] {
             let with = |compression| {
                 let settings = PngSettings { depth: Depth::Eight, compression };
-                stream(&develop_png(&picture, &FilmSettings::default(), settings, &[]).unwrap())
+                stream(&develop_png(&picture, &FilmSettings::default(), settings, &[], || true).unwrap())
             };
             let [small, default, large] = [Compression::Best, Compression::Default, Compression::Fast].map(with);
             let mut rows = Vec::new();
