@@ -1,5 +1,6 @@
 //! The files of a scene: reading them, and replacing `include` nodes by the nodes of the included file.
 
+use super::nodes::INCLUDE;
 use super::report::{Message, Report};
 use super::syntax::{self, Node, Span};
 use crate::assets::{Asset, AssetPath, Assets};
@@ -151,13 +152,13 @@ impl<'a> Loader<'a> {
             self.files.incomplete = true;
             return Vec::new();
         };
-        if !nodes.iter().any(|node| &*node.name == "include") {
+        if !nodes.iter().any(|node| *node.name == *INCLUDE.name) {
             return nodes;
         }
         self.chain.push(file);
         let mut out = Vec::with_capacity(nodes.len());
         for node in nodes {
-            if &*node.name == "include" { self.include(&node, &mut out) } else { out.push(node) }
+            if *node.name == *INCLUDE.name { self.include(&node, &mut out) } else { out.push(node) }
         }
         self.chain.pop();
         out

@@ -9,16 +9,20 @@ mod closest_word;
 mod decode;
 mod file_cache;
 mod files;
+mod nodes;
 mod overrides;
+mod reader;
 mod reference;
 mod report;
 mod schema;
+mod suggest;
 mod syntax;
+mod validate;
 
 pub use closest_word::closest_word;
 pub use files::MAX_TEXT;
+pub(crate) use nodes::DEFAULT_FPS;
 pub use reference::reference_markdown;
-pub(crate) use schema::DEFAULT_FPS;
 
 use crate::assets::{AssetPath, Assets};
 use crate::diagnostic::{Diagnostic, Diagnostics};
@@ -27,6 +31,7 @@ use crate::source::{SceneSource, Timeline};
 use canaletto::scene::{Scene, View};
 use file_cache::FrameCache;
 use files::{Files, Loader};
+use nodes::{CAMERA, MATERIAL, NAME, OF, PATH};
 use report::{Message, Report};
 
 /// Reads the scene of a file.
@@ -164,7 +169,10 @@ impl SceneSource for SceneDocument {
     /// Every text value except the names of objects.
     fn texts(&self) -> Vec<(&str, &AssetPath)> {
         fn collect<'a>(node: &'a syntax::Node, texts: &mut Vec<(&'a str, syntax::Span)>) {
-            let named = node.properties.iter().filter(|property| !["name", "material", "of"].contains(&&*property.key));
+            let named = node
+                .properties
+                .iter()
+                .filter(|property| ![NAME.name(), MATERIAL.name(), OF.name()].contains(&&*property.key));
             let values = node.values.iter().chain(named.map(|property| &property.value));
             texts.extend(values.filter_map(|value| Some((value.as_text()?, value.span))));
             let keys = node.keys.iter().flat_map(|keys| keys.nodes());
@@ -226,7 +234,7 @@ fn views(
     files: &Files,
     assets: &dyn Assets,
 ) -> Vec<View> {
-    let is_needed = |node: &&syntax::Node| matches!(&*node.name, "camera" | "path");
+    let is_needed = |node: &&syntax::Node| [CAMERA.name, PATH.name].contains(&&*node.name);
     let mut nodes: Vec<syntax::Node> = nodes.iter().filter(is_needed).cloned().collect();
     animate::animate(&mut nodes, timeline, frame, camera, files, Report::default());
     decode::views(&nodes, files, assets)

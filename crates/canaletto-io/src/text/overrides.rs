@@ -4,8 +4,10 @@
 
 use super::closest_word::closest_word;
 use super::files::Files;
+use super::nodes::{
+    self, ALTERNATIVES, CAMERA, DEFAULT_CAMERA, GROUP, INCLUDE, MATERIAL_NODE, NAME, PATH, PROTOTYPE, TEXTURE,
+};
 use super::report::{Message, Report};
-use super::schema;
 use super::syntax::{Node, Span, parse_entries};
 use crate::assets::AssetPath;
 
@@ -56,18 +58,17 @@ impl Setter<'_> {
         }
         let (word, from, to) = &path[0];
         let span = self.span(*from, *to);
-        if !schema::top().contains(&word.as_str()) || word == "include" {
+        if !nodes::top().contains(&word.as_str()) || word == INCLUDE.name {
             let message = Message::error(span, format!("there is nothing called {word} to set"));
-            let words: Vec<&str> = schema::top().into_iter().filter(|w| *w != "include").collect();
+            let words: Vec<&str> = nodes::top().into_iter().filter(|w| *w != INCLUDE.name).collect();
             let nearest = closest_word(word, words.iter().copied()).map(|right| format!("did you mean {right}?"));
             let help = nearest.unwrap_or_else(|| "for example: integrator.max-depth=3, material.glass.eta=1.4".into());
             self.report.push(message.help(help));
             return;
         }
-        let single =
-            matches!(word.as_str(), "background" | "environment" | "ambient" | "film" | "integrator" | "animation");
+        let (single, plain) = (nodes::is_single(word), nodes::is_plain(word));
         match &path[1..] {
-            [] if matches!(word.as_str(), "background" | "ambient") => self.replace(value),
+            [] if plain => self.replace(value),
             [_] if single => {
                 let found = self.nodes.iter_mut().rev().find(|node| *node.name == **word);
                 match found {
@@ -86,10 +87,10 @@ impl Setter<'_> {
             }
             _ => {
                 let whole = self.span(path[0].1, path[path.len() - 1].2);
-                let form = match word.as_str() {
-                    "background" | "ambient" => format!("{word}=…"),
-                    _ if single => format!("{word}.WORD=…"),
-                    _ => format!("{word}.WORD=… for all, {word}.NAME.WORD=… for one"),
+                let form = match single {
+                    _ if plain => format!("{word}=…"),
+                    true => format!("{word}.WORD=…"),
+                    false => format!("{word}.WORD=… for all, {word}.NAME.WORD=… for one"),
                 };
                 self.report.push(Message::error(whole, "this path leads to nothing that can be set").help(form));
             }
@@ -167,10 +168,13 @@ impl Setter<'_> {
 
 fn change(node: &mut Node, word: &str, name: Option<&str>, value: &Node, names: &mut Vec<String>, changed: &mut usize) {
     if &*node.name == word {
-        let own = match word {
-            "camera" => Some(node.values.first().and_then(|v| v.as_text()).unwrap_or(schema::DEFAULT_CAMERA)),
-            "material" | "texture" | "path" => node.values.first().and_then(|v| v.as_text()),
-            _ => node.text("name").map(|(name, _)| name),
+        let argument = || node.values.first().and_then(|v| v.as_text());
+        let own = if word == CAMERA.name {
+            Some(argument().unwrap_or(DEFAULT_CAMERA))
+        } else if [MATERIAL_NODE.name, TEXTURE, PATH.name].contains(&word) {
+            argument()
+        } else {
+            node.text(NAME.name()).map(|(name, _)| name)
         };
         if name.is_none_or(|name| own == Some(name)) {
             put(node, value.clone());
@@ -179,16 +183,12 @@ fn change(node: &mut Node, word: &str, name: Option<&str>, value: &Node, names: 
             names.extend(own.map(str::to_owned));
         }
     }
-    if matches!(&*node.name, "group" | "prototype") {
+    if [GROUP.schema.name, PROTOTYPE.schema.name].contains(&&*node.name) {
         for child in &mut node.children {
             change(child, word, name, value, names, changed);
         }
     }
 }
-
-/// Words that exclude each other in a node: setting one removes the others.
-const ALTERNATIVES: [[&str; 2]; 4] =
-    [["points", "samples"], ["sample", "samples"], ["inner", "exponent"], ["eye", "follow"]];
 
 /// Replaces the node's child or property of that name, and removes those that it excludes.
 fn put(node: &mut Node, value: Node) {

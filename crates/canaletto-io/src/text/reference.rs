@@ -1,8 +1,10 @@
 //! The reference of the scene text, `docs/scene-text.md`, generated from the schema of the decoder.
 
-use super::schema::{
-    self, ENVIRONMENTS, FieldSchema, LIGHTS, NodeSchema, OBJECTS, SETTINGS, TEXTURES, TRANSFORMS, ValueType,
+use super::nodes::{
+    self, CAMERA, CAMERA_FOLLOW, CAMERA_MOTION, CYLINDERS, ENVIRONMENTS, FILM, FILTER, FOLLOW, INCLUDE, LENS, LIGHTS,
+    MATERIAL_NODE, MOTION, OBJECTS, POINT_FOLLOW, SAMPLE, SETTINGS, SURFACE_TEXTURE, TEXTURES, TRANSFORMS, kind_of,
 };
+use super::schema::{FieldSchema, NodeSchema, ValueType};
 use super::syntax::{MAX_DEPTH, MAX_ITEMS};
 use crate::animation::Ease;
 use canaletto::Named;
@@ -16,48 +18,48 @@ pub fn reference_markdown() -> String {
     );
     out.push_str(INTRODUCTION);
     out.push_str("\n## Settings\n");
-    for words in SETTINGS {
-        node(&mut out, words, words.name);
-        match words.name {
-            "film" => {
-                node(&mut out, &schema::SAMPLE, "film: sample");
-                node(&mut out, &schema::FILTER, "film: filter");
-            }
-            "camera" => {
-                node(&mut out, &schema::LENS, "camera: lens");
-                node(&mut out, &schema::CAMERA_MOTION, "camera: motion");
-            }
-            "material" => node(&mut out, &schema::SURFACE_TEXTURE, "material: texture"),
-            "include" => out.push_str(INCLUDES),
-            _ => {}
+    let inner: &[(&NodeSchema, &[(&NodeSchema, &str)])] = &[
+        (&FILM, &[(&SAMPLE, "film: sample"), (&FILTER, "film: filter")]),
+        (&CAMERA, &[(&LENS, "camera: lens"), (&CAMERA_MOTION, "camera: motion")]),
+        (&MATERIAL_NODE, &[(&SURFACE_TEXTURE, "material: texture")]),
+    ];
+    for setting in SETTINGS {
+        node(&mut out, setting.schema, setting.schema.name);
+        for (words, title) in inner.iter().filter(|(of, _)| std::ptr::eq(*of, setting.schema)).flat_map(|(_, all)| *all)
+        {
+            node(&mut out, words, title);
+        }
+        if std::ptr::eq(setting.schema, &INCLUDE) {
+            out.push_str(INCLUDES);
         }
     }
     out.push_str(ENVIRONMENT_RULES);
-    for (kind, words) in ENVIRONMENTS {
-        node(&mut out, words, &format!("environment \"{kind}\""));
+    for environment in ENVIRONMENTS {
+        let title = format!("environment \"{}\"", kind_of(&environment.schema));
+        node(&mut out, &environment.schema, &title);
     }
     out.push_str(TEXTURE_RULES);
-    for (kind, words) in TEXTURES {
-        node(&mut out, words, &format!("texture kind=\"{kind}\""));
+    for texture in TEXTURES {
+        node(&mut out, &texture.schema, &format!("texture kind=\"{}\"", kind_of(&texture.schema)));
     }
     out.push_str("\n## Objects\n\nEach object may have a `name`, a `material`, and transforms in its braces.\n");
-    for words in OBJECTS {
-        node(&mut out, words, words.name);
-        if words.name == "cylinders" {
+    for object in OBJECTS {
+        node(&mut out, &object.schema, object.schema.name);
+        if std::ptr::eq(*object, &CYLINDERS) {
             out.push_str(CLOUDS);
         }
     }
     out.push_str("\n## Lights\n\nLights may stand in groups and move with them, by transforms of their own too.\n");
-    for (kind, words) in LIGHTS {
-        node(&mut out, words, &format!("light \"{kind}\""));
+    for light in LIGHTS {
+        node(&mut out, &light.schema, &format!("light \"{}\"", kind_of(&light.schema)));
     }
     out.push_str(TRANSFORM_RULES);
     out.push_str("| word | takes | meaning |\n|---|---|---|\n");
-    for word in TRANSFORMS {
+    for word in TRANSFORMS.iter().map(|transform| &transform.schema) {
         let _ = writeln!(out, "| `{}` | {} | {} |", word.name, word.value_type, word.doc);
     }
     out.push_str("\n## Motion blur\n");
-    node(&mut out, &schema::MOTION, "motion, in an object, group or light");
+    node(&mut out, &MOTION, "motion, in an object, group or light");
     motion(&mut out);
     let _ = write!(
         out,
@@ -73,16 +75,16 @@ pub fn reference_markdown() -> String {
 }
 
 fn motion(out: &mut String) {
-    out.push_str(MOTION);
+    out.push_str(MOTION_RULES);
     out.push_str("| ease | meaning |\n|---|---|\n");
     for ease in Ease::ALL {
         let _ = writeln!(out, "| `\"{}\"` | {} |", ease.name(), ease.meaning());
     }
     out.push_str(TURNS);
     for (title, words) in [
-        ("follow, in an object", &schema::FOLLOW),
-        ("follow, in a camera", &schema::CAMERA_FOLLOW),
-        ("follow, in place of a point", &schema::POINT_FOLLOW),
+        ("follow, in an object", &FOLLOW),
+        ("follow, in a camera", &CAMERA_FOLLOW),
+        ("follow, in place of a point", &POINT_FOLLOW),
     ] {
         node(out, words, title);
     }
@@ -113,7 +115,7 @@ fn node(out: &mut String, words: &NodeSchema, title: &str) {
         let _ = writeln!(out, "| {name} | {} | {default} | {} |", word.value_type, word.doc);
     }
     if words.objects {
-        let list: Vec<String> = schema::objects().map(|name| format!("`{name}`")).collect();
+        let list: Vec<String> = nodes::objects().map(|name| format!("`{name}`")).collect();
         let _ = write!(out, "\nInside may stand: {}.\n", list.join(", "));
     }
 }
@@ -205,7 +207,7 @@ come after those of what stands in it.
 
 "#;
 
-const MOTION: &str = r#"
+const MOTION_RULES: &str = r#"
 ## Motion
 
 Any word may hold keys in place of its values: a frame, and the value at it. Between keys the value moves, before the

@@ -2,9 +2,12 @@
 
 use super::Animator;
 use crate::animation::Path;
-use crate::text::decode::Fields;
+use crate::text::nodes::{
+    ALONG, AT, CAMERA_FOLLOW, CENTER, EYE, FACE, FOLLOW, FOLLOWED, MATRIX, POINT_FOLLOW, TRANSLATE, UP,
+};
+use crate::text::reader::Fields;
 use crate::text::report::Message;
-use crate::text::schema::{CAMERA_FOLLOW, FOLLOW, FieldSchema, NodeSchema, POINT_FOLLOW};
+use crate::text::schema::{FieldSchema, NodeSchema};
 use crate::text::syntax::{Node, Span, Value, ValueKind};
 use canaletto::camera::{continue_roll, has_roll};
 use canaletto::scene::Extrinsics;
@@ -21,12 +24,12 @@ impl Animator<'_> {
     pub(super) fn follow_with_object(&mut self, node: &mut Node) {
         let moments = self.follow(node, &FOLLOW, |path, fields, share| {
             let (point, ahead) = path.at(share);
-            let turn = match fields.dvec("face") {
+            let turn = match fields.get(&FACE) {
                 None => DMat3::IDENTITY,
                 Some(face) => {
-                    let up = fields.dvec("up").unwrap_or(DVec3::Y);
+                    let up = fields.get(&UP).unwrap_or(DVec3::Y);
                     let there = roll_along(path, share, up).unwrap_or(up);
-                    facing(face, ahead, up, there).map_err(|problem| (fields.span("face"), problem))?
+                    facing(face, ahead, up, there).map_err(|problem| (fields.span(&FACE), problem))?
                 }
             };
             // `matrix` takes its numbers row by row.
@@ -35,8 +38,8 @@ impl Animator<'_> {
         });
         // After a mistake the object keeps its place.
         *node = match moments {
-            Some(moments) => replaced("matrix", node, moments),
-            None => Node { broken: true, ..Node::new("translate", node.name_span) },
+            Some(moments) => replaced(MATRIX.name(), node, moments),
+            None => Node { broken: true, ..Node::new(TRANSLATE.name(), node.name_span) },
         };
     }
 
@@ -45,15 +48,16 @@ impl Animator<'_> {
         let mut node = camera.children[at].clone();
         let mut along = false;
         let eye = self.follow(&mut node, &CAMERA_FOLLOW, |path, fields, share| {
-            along = fields.flag("along").unwrap_or(false);
+            along = fields.get(&ALONG).unwrap_or(false);
             Ok(path.at(share).0.to_array().into())
         });
-        for word in if along { &["eye", "center"][..] } else { &["eye"] } {
+        let words = [EYE.name(), CENTER.name()];
+        for word in if along { &words[..] } else { &words[..1] } {
             let property = camera.properties.iter().find(|p| &*p.key == *word).map(|p| p.key_span);
             let child = camera.children.iter().find(|c| &*c.name == *word).map(|c| c.name_span);
             if let Some(span) = child.or(property) {
                 let message = Message::error(span, format!("the camera has both {word} and follow"));
-                self.validator.report.push(message.help(if *word == "center" {
+                self.validator.report.push(message.help(if *word == CENTER.name() {
                     "leave out center, or along: then it looks at the center"
                 } else {
                     "leave out one of them: the path says where the eye is"
@@ -74,14 +78,14 @@ impl Animator<'_> {
                 // The centre lies as far ahead as the path is long, so that the camera scales with the scene.
                 Ok((point + ahead * path.length()).to_array().into())
             });
-            camera.children.extend(center.map(|center| replaced("center", &node, center)));
+            camera.children.extend(center.map(|center| replaced(CENTER.name(), &node, center)));
         }
-        camera.children[at] = replaced("eye", &node, eye);
+        camera.children[at] = replaced(EYE.name(), &node, eye);
     }
 
     /// Replaces `follow` in place of a point by the point's numbers.
     pub(super) fn follow_with_point(&mut self, node: &mut Node, word: &'static FieldSchema) {
-        let Some(at) = node.children.iter().position(|child| &*child.name == "follow") else { return };
+        let Some(at) = node.children.iter().position(|child| *child.name == *FOLLOW.name) else { return };
         let mut inner = node.children.remove(at);
         if let Some(value) = node.values.first() {
             let message = format!("{} has both numbers and a path", word.name);
@@ -111,15 +115,15 @@ impl Animator<'_> {
         if !fields.valid {
             return None;
         }
-        let name = fields.text("path")?;
+        let name = fields.text(&FOLLOWED)?;
         let Some((path, _)) = self.paths.get(name) else {
             let known: Vec<&str> = self.paths.keys().map(String::as_str).collect();
-            self.validator.unknown_name("path", name, fields.span("path"), known.iter().copied());
+            self.validator.unknown_name("path", name, fields.span(&FOLLOWED), known.iter().copied());
             return None;
         };
         let path = path.as_ref()?;
-        let share = fields.number("at").unwrap_or(0.0);
-        let shares: Vec<f64> = fields.raw("at").map_or(Vec::new(), |got| got.moving());
+        let share = fields.get(&AT).unwrap_or(0.0);
+        let shares: Vec<f64> = fields.raw(&AT).map_or(Vec::new(), |got| got.moving());
         let all: Result<Vec<Vec<f64>>, _> =
             std::iter::once(share).chain(shares).map(|share| make(path, &fields, share)).collect();
         match all {

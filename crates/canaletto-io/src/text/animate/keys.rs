@@ -5,8 +5,10 @@
 
 use super::{Animator, MOST_TURN, NOT_ANIMATED, POSES};
 use crate::animation::{Curve, Ease, Key, axis_angle, quaternion, turned};
+use crate::text::decode::TransformReader;
+use crate::text::nodes::{EASE, KEY, MATRIX, TRANSFORMS, TURN};
 use crate::text::report::{Message, Report};
-use crate::text::schema::{EASE, FieldSchema, TURN, ValueType};
+use crate::text::schema::{Field, FieldSchema, ValueType};
 use crate::text::syntax::{Node, Span, Value, ValueKind};
 use canaletto::{Named, named};
 use std::fmt;
@@ -89,8 +91,8 @@ named!(Turn {
 impl Animator<'_> {
     /// Moves the keys of a word from its children to `Node::keys`.
     pub(super) fn gather(node: &mut Node) {
-        let is_motion = |child: &mut Node| matches!(&*child.name, "key" | "ease" | "turn");
-        if node.keys.is_none() && node.children.iter().any(|child| &*child.name == "key") {
+        let is_motion = |child: &mut Node| [KEY, EASE.name(), TURN.name()].contains(&&*child.name);
+        if node.keys.is_none() && node.children.iter().any(|child| &*child.name == KEY) {
             // Where all children are keys, as is usual where there are many, their list is moved as a whole.
             let alone = node.children.iter_mut().all(is_motion);
             let children = if alone {
@@ -151,7 +153,7 @@ impl Animator<'_> {
     fn judged(&mut self, node: &Node, motion: &[Node], word: &'static FieldSchema) -> Ready {
         let outer = std::mem::take(&mut self.validator.report);
         let mut ready = Ready { track: None, first: Vec::new(), untouched: false, messages: Report::default() };
-        let broken = motion.iter().any(|child| &*child.name == "key" && child.broken);
+        let broken = motion.iter().any(|child| &*child.name == KEY && child.broken);
         let track = self.track(node, motion, word, &mut ready);
         ready.messages = std::mem::replace(&mut self.validator.report, outer);
         ready.track = track.filter(|_| !broken && !ready.messages.has_errors());
@@ -161,7 +163,7 @@ impl Animator<'_> {
     /// The track of the keys; `None` after a mistake, which is reported.
     fn track(&mut self, node: &Node, motion: &[Node], word: &'static FieldSchema, ready: &mut Ready) -> Option<Track> {
         let name = node.name.to_string();
-        let keys: Vec<&Node> = motion.iter().filter(|child| &*child.name == "key").collect();
+        let keys: Vec<&Node> = motion.iter().filter(|child| &*child.name == KEY).collect();
         ready.untouched = true;
         let fixed = NOT_ANIMATED.contains(&word.name) || matches!(word.value_type, ValueType::Keyword([_]));
         if fixed || (matches!(word.value_type, ValueType::Text) && *node.name != *word.name) {
@@ -179,8 +181,8 @@ impl Animator<'_> {
             return None;
         }
         ready.untouched = false;
-        let ease = self.beside::<Ease>(motion, "ease", &EASE);
-        let turn = self.beside::<Turn>(motion, "turn", &TURN);
+        let ease = self.beside(motion, &EASE);
+        let turn = self.beside(motion, &TURN);
         let written = self.written(&keys, &name, word);
         ready.first = written.first().map_or(Vec::new(), |first| first.values.clone());
         if self.validator.report.count() > 0 || written.is_empty() {
@@ -189,7 +191,7 @@ impl Animator<'_> {
         let numbers = matches!(
             word.value_type,
             ValueType::Numbers(_) | ValueType::Rgb | ValueType::Many(_) | ValueType::Count | ValueType::Counts(_)
-        ) && word.name != "matrix";
+        ) && word.name != MATRIX.name();
         if !numbers {
             if let Some((turn, span)) = &turn {
                 self.validator.report.error(*span, format!("turn \"{}\" is for rotations", turn.name()));
@@ -203,10 +205,17 @@ impl Animator<'_> {
             Curve::new(written.iter().map(key).collect())
         };
         let plain = curve(&|k| k.values.iter().filter_map(Value::as_number).collect());
-        let shortest = match (word.name, &turn) {
-            ("rotate-x" | "rotate-y" | "rotate-z" | "rotate", Some((turn, _))) => Some(*turn == Turn::Shortest),
-            ("rotate-x" | "rotate-y" | "rotate-z", None) => Some(false),
-            ("rotate", None) => None,
+        let transform = TRANSFORMS.iter().find(|transform| transform.schema.name == word.name);
+        let (around_axis, axis_angle_keys) = match transform.map(|transform| transform.read) {
+            Some(TransformReader::Rotation(_)) => (true, false),
+            Some(TransformReader::AxisAngle) => (false, true),
+            Some(TransformReader::Translation | TransformReader::Scale | TransformReader::Matrix) | None => {
+                (false, false)
+            }
+        };
+        let shortest = match (around_axis || axis_angle_keys, &turn) {
+            (true, Some((turn, _))) => Some(*turn == Turn::Shortest),
+            (true, None) if axis_angle_keys => None,
             (_, None) => Some(false),
             (_, Some((turn, span))) => {
                 let message = Message::error(*span, format!("turn \"{}\" is for rotations", turn.name()));
@@ -215,7 +224,7 @@ impl Animator<'_> {
             }
         };
         let mut short = shortest == Some(true);
-        let moment: Evaluator = if word.name == "rotate" {
+        let moment: Evaluator = if axis_angle_keys {
             let axes = plain.keys().windows(2).all(|k| k[0].values[..3] == k[1].values[..3]);
             if shortest == Some(false) && !axes {
                 let span = turn.map_or(keys[0].span, |(_, span)| span);
@@ -252,7 +261,7 @@ impl Animator<'_> {
         };
         let places = written.iter().map(|key| (key.time, key.span)).collect();
         // Angles are the last number. The short interpolation between rotations never exceeds the limit.
-        let turns = word.name.starts_with("rotate-") || (word.name == "rotate" && !short);
+        let turns = around_axis || (axis_angle_keys && !short);
         Some(Track::Curve { moment, places, turns })
     }
 
@@ -263,7 +272,7 @@ impl Animator<'_> {
         let Some(span) = beside.or(own) else { return };
         let message = format!("{} changes at once, from one key to the next: its ease can only be \"step\"", word.name);
         let message = Message::error(span, message);
-        self.validator.report.push(if word.name == "matrix" {
+        self.validator.report.push(if word.name == MATRIX.name() {
             message.help("translate, rotate and scale move smoothly")
         } else {
             message
@@ -271,7 +280,8 @@ impl Animator<'_> {
     }
 
     /// The value of `ease` or `turn`, which stands beside the keys.
-    fn beside<T: Named>(&mut self, motion: &[Node], name: &str, word: &'static FieldSchema) -> Option<(T, Span)> {
+    fn beside<T: Named>(&mut self, motion: &[Node], field: &'static Field<T>) -> Option<(T, Span)> {
+        let name = field.name();
         let mut all = motion.iter().filter(|child| &*child.name == name);
         let node = all.next()?;
         if let Some(second) = all.next() {
@@ -279,7 +289,9 @@ impl Animator<'_> {
             let message = Message::error(second.name_span, format!("there are two words {name}"));
             self.validator.report.push(message.label(place));
         }
-        let good = !node.broken && self.validator.plain(node) && self.validator.values(name, word, &node.values, node);
+        let good = !node.broken
+            && self.validator.plain(node)
+            && self.validator.values(name, &field.schema, &node.values, node);
         good.then(|| Some((T::from_name(node.values.first()?.as_text()?)?, node.span))).flatten()
     }
 
@@ -335,13 +347,13 @@ impl Animator<'_> {
         }
         let mut ease = None;
         for property in &node.properties {
-            if &*property.key != "ease" {
+            if *property.key != *EASE.name() {
                 let message = Message::error(property.key_span, format!("key has no \"{}\"", property.key));
                 self.validator.report.push(message.help("possible here: ease"));
                 return None;
             }
             let values = std::slice::from_ref(&property.value);
-            if !self.validator.values("ease", &EASE, values, node) {
+            if !self.validator.values(EASE.name(), &EASE.schema, values, node) {
                 return None;
             }
             ease = property.value.as_text().and_then(Ease::from_name);

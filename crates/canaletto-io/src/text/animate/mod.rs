@@ -10,13 +10,16 @@ mod keys;
 
 pub(crate) use keys::{Keys, Turn};
 
-use super::decode::{Fields, Validator};
 use super::files::Files;
-use super::report::{Message, Report};
-use super::schema::{
-    self, ANIMATION, CAMERA_FOLLOW, DEFAULT_FPS, FOLLOW, FieldSchema, NodeSchema, PATH, POINT_FOLLOW, ValueType,
+use super::nodes::{
+    self, ANIMATION, CAMERA, CAMERA_FOLLOW, CLOSED, CROP, CURVE, DEFAULT_CAMERA, DEFAULT_FPS, EASE, FOLLOW, FPS,
+    FRAMES, INCLUDE, KEY, KEYS, NAME, PATH, PATH_NAME, PATH_POINTS, POINT_FOLLOW, SHUTTER, SIZE, TURN,
 };
+use super::reader::Fields;
+use super::report::{Message, Report};
+use super::schema::{FieldSchema, NodeSchema, ValueType};
 use super::syntax::{Node, Span};
+use super::validate::Validator;
 use crate::animation::Path;
 use crate::source::Timeline;
 use canaletto::named;
@@ -49,33 +52,33 @@ pub(crate) fn timeline(nodes: &[Node], files: &Files, report: Report) -> (Timeli
         }
         first = Some(node.name_span);
         let fields = validator.fields(node, &ANIMATION, ANIMATION.name);
-        if let Some(fps) = fields.number("fps") {
+        if let Some(fps) = fields.get(&FPS) {
             timeline.fps = fps;
             if !Timeline::FPS.contains(&fps) {
                 let message =
                     format!("fps is {fps}; it must be between {} and {}", Timeline::FPS.start(), Timeline::FPS.end());
-                validator.report.error(fields.span("fps"), message);
+                validator.report.error(fields.span(&FPS), message);
                 timeline.fps = DEFAULT_FPS;
             }
         }
-        if let Some([from, to]) = fields.counts("frames") {
+        if let Some([from, to]) = fields.get(&FRAMES) {
             timeline.frames = Some([from, to]);
             if from > to {
                 let message = format!("the first frame, {from}, comes after the last, {to}");
-                validator.report.error(fields.span("frames"), message);
+                validator.report.error(fields.span(&FRAMES), message);
             }
         }
-        if let Some(unit) = fields.named::<KeyUnit>("keys") {
+        if let Some(unit) = fields.word(&KEYS) {
             timeline.seconds = unit == KeyUnit::Seconds;
         }
     }
-    timeline.moves = nodes.iter().any(|node| contains(node, &["key"]));
+    timeline.moves = nodes.iter().any(|node| contains(node, &[KEY]));
     (timeline, validator.report)
 }
 
 /// Whether any of these nodes must be replaced before decoding, since its value depends on time or on a path.
 pub(crate) fn has_time(nodes: &[Node]) -> bool {
-    nodes.iter().any(|node| contains(node, &["key", "follow", "path", "ease", "turn"]))
+    nodes.iter().any(|node| contains(node, &[KEY, FOLLOW.name, PATH.name, EASE.name(), TURN.name()]))
 }
 
 /// Whether the node, or any node inside of it, has one of these names.
@@ -86,7 +89,7 @@ fn contains(node: &Node, names: &[&str]) -> bool {
 /// The times of all keys, in their units.
 pub(crate) fn times(nodes: &[Node]) -> Vec<f64> {
     fn collect(node: &Node, times: &mut Vec<f64>) {
-        if &*node.name == "key" {
+        if &*node.name == KEY {
             times.extend(node.values.first().and_then(|v| v.as_number()).filter(|t| t.is_finite()));
         }
         node.children.iter().for_each(|child| collect(child, times));
@@ -161,19 +164,14 @@ struct Animator<'a> {
 }
 
 /// Words that can't be animated, because they identify files and pictures.
-const NOT_ANIMATED: [&str; 3] = ["name", "size", "crop"];
+const NOT_ANIMATED: [&str; 3] = [NAME.name(), SIZE.name(), CROP.name()];
 
 impl Animator<'_> {
     /// Animates a setting, an object or a light.
     fn top(&mut self, node: &mut Node) {
-        let kind = node.values.first().and_then(|v| v.as_text());
-        let words = match &*node.name {
-            "light" => kind.and_then(schema::light),
-            "environment" => kind.and_then(schema::environment),
-            "texture" => schema::texture(node.text("kind").map_or(schema::DEFAULT_KIND, |(kind, _)| kind)),
-            "include" | "animation" | "path" => None,
-            name => schema::node(name),
-        };
+        let read_apart = [&INCLUDE, &ANIMATION, &PATH];
+        let words =
+            nodes::schema(node).filter(|words| !read_apart.into_iter().any(|apart| std::ptr::eq(*words, apart)));
         if let Some(words) = words {
             self.node(node, words);
         }
@@ -187,8 +185,8 @@ impl Animator<'_> {
         let mut at = 0;
         while at < node.children.len() {
             let name = node.children[at].name.clone();
-            let follows = &*name == "follow";
-            if follows && std::ptr::eq(words, &schema::CAMERA) {
+            let follows = *name == *FOLLOW.name;
+            if follows && std::ptr::eq(words, &CAMERA) {
                 if self.gathers {
                     self.node(&mut node.children[at], &CAMERA_FOLLOW);
                 } else {
@@ -200,12 +198,12 @@ impl Animator<'_> {
                 } else {
                     self.follow_with_object(&mut node.children[at]);
                 }
-            } else if let Some(word) = Validator::find(words, &name) {
+            } else if let Some(word) = nodes::field(words, &name) {
                 match word.value_type {
                     ValueType::Node(inner) => self.node(&mut node.children[at], inner),
                     _ => self.value(&mut node.children[at], word),
                 }
-            } else if words.objects && schema::objects().any(|object| object == &*name) {
+            } else if words.objects && nodes::is_object(&name) {
                 self.top(&mut node.children[at]);
             }
             at += 1;
@@ -215,7 +213,7 @@ impl Animator<'_> {
     /// Animates a word whose values may come from keys or from a path.
     fn value(&mut self, node: &mut Node, word: &'static FieldSchema) {
         Animator::gather(node);
-        let follow = |child: &&mut Node| &*child.name == "follow";
+        let follow = |child: &&mut Node| *child.name == *FOLLOW.name;
         if node.keys.is_some() {
             if !self.gathers {
                 self.keys(node, word);
@@ -234,13 +232,12 @@ impl Animator<'_> {
     /// The opening and closing times of the shutter, in frames relative to the frame. The last node of the camera that
     /// sets them decides.
     fn shutter(&mut self, nodes: &mut [Node], camera: Option<&str>) -> Option<[f64; 2]> {
-        let word = schema::CAMERA.word("shutter")?;
-        let name =
-            |node: &Node| node.values.first().and_then(|v| v.as_text()).unwrap_or(schema::DEFAULT_CAMERA).to_owned();
-        let cameras = || nodes.iter().filter(|node| *node.name == *schema::CAMERA.name);
+        let word = CAMERA.word(SHUTTER.name())?;
+        let name = |node: &Node| node.values.first().and_then(|v| v.as_text()).unwrap_or(DEFAULT_CAMERA).to_owned();
+        let cameras = || nodes.iter().filter(|node| *node.name == *CAMERA.name);
         let wanted = camera.map(str::to_owned).or_else(|| cameras().next().map(name))?;
         let mut shutter = None;
-        for node in nodes.iter_mut().filter(|node| *node.name == *schema::CAMERA.name && name(node) == wanted) {
+        for node in nodes.iter_mut().filter(|node| *node.name == *CAMERA.name && name(node) == wanted) {
             for child in node.children.iter_mut().filter(|child| *child.name == *word.name) {
                 self.value(child, word);
                 let numbers: Vec<f64> = child.values.iter().filter_map(|v| v.as_number()).collect();
@@ -256,8 +253,8 @@ impl Animator<'_> {
         for node in nodes.iter_mut().filter(|node| *node.name == *PATH.name) {
             self.node(node, &PATH);
             let fields = self.validator.fields(node, &PATH, PATH.name);
-            let Some(name) = fields.text("name") else { continue };
-            let span = fields.span("name");
+            let Some(name) = fields.text(&PATH_NAME) else { continue };
+            let span = fields.span(&PATH_NAME);
             if let Some((_, first)) = self.paths.get(name) {
                 let place = self.validator.files.first(*first, span);
                 let message = Message::error(span, format!("two paths are called \"{name}\""));
@@ -270,13 +267,13 @@ impl Animator<'_> {
     }
 
     fn path(&mut self, fields: &Fields) -> Option<Path> {
-        let numbers = fields.all("points")?;
+        let numbers = fields.all(&PATH_POINTS)?;
         let points: Vec<glam::DVec3> = numbers.chunks_exact(3).map(glam::DVec3::from_slice).collect();
-        let curve = fields.named("curve").unwrap_or_default();
-        match Path::new(&points, curve, fields.flag("closed").unwrap_or(false)) {
+        let curve = fields.word(&CURVE).unwrap_or_default();
+        match Path::new(&points, curve, fields.get(&CLOSED).unwrap_or(false)) {
             Ok(path) => Some(path),
             Err(problem) => {
-                self.validator.report.error(fields.span("points"), problem);
+                self.validator.report.error(fields.span(&PATH_POINTS), problem);
                 None
             }
         }

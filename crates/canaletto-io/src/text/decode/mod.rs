@@ -1,33 +1,26 @@
 //! The decoder from nodes to a [`Scene`]. It reports every mistake and continues with the next node.
 
-mod cloud;
-mod environment;
-mod fields;
-mod lens;
-mod light;
-mod mesh;
 mod names;
 mod object;
 mod roll;
 mod settings;
-mod solid_texture;
-mod surface_texture;
-mod texture;
 mod transform;
 mod warnings;
 
 use super::file_cache::FrameCache;
 use super::files::Files;
+use super::nodes::{self, GROUP, Images, LIGHT, MATERIAL_NODE, MeshCache, PROTOTYPE};
 use super::report::{Message, Report};
 use super::syntax::{self, Node};
+use super::validate::Validator;
 use crate::assets::Assets;
 use canaletto::material::{Material, Target};
 use canaletto::math::Rgb;
 use canaletto::scene::{self, Content, Scene, Stage, View};
-pub(crate) use fields::{Fields, Validator};
 use names::Names;
 pub(crate) use roll::Neighbours;
 use std::collections::HashMap;
+pub(crate) use transform::TransformReader;
 
 /// Decodes the scene of these nodes; `None` after a mistake, which is in the report.
 pub(crate) fn decode(
@@ -45,7 +38,7 @@ pub(crate) fn decode(
     decoder.textures(nodes);
     decoder.materials(nodes);
     decoder.settings(nodes);
-    let objects = || nodes.iter().filter(|node| is_object(node));
+    let objects = || nodes.iter().filter(|node| nodes::is_object(&node.name));
     let count = |node: &Node| node.packed.map_or(1, |packed| usize::from(packed.get()));
     decoder.scene.nodes.reserve_exact(objects().map(count).sum());
     for node in objects() {
@@ -55,7 +48,7 @@ pub(crate) fn decode(
             decoder.scene.nodes.extend(decoded);
         }
     }
-    for node in nodes.iter().filter(|node| !is_object(node) && !settings::is_setting(node)) {
+    for node in nodes.iter().filter(|node| !nodes::is_object(&node.name) && !nodes::is_setting(&node.name)) {
         decoder.validator.unknown_node(node);
     }
     if !decoder.validator.report.has_errors() {
@@ -74,28 +67,24 @@ pub(crate) fn views(nodes: &[Node], files: &Files, assets: &dyn Assets) -> Vec<V
     decoder.scene.views
 }
 
-struct Decoder<'a> {
-    validator: Validator<'a>,
-    assets: &'a dyn Assets,
-    scene: Scene,
+pub(crate) struct Decoder<'a> {
+    pub(super) validator: Validator<'a>,
+    pub(super) assets: &'a dyn Assets,
+    pub(super) scene: Scene,
     /// The index of each texture of the scene text in the scene's list.
-    textures: HashMap<&'a str, u32>,
-    images: texture::Images,
+    pub(super) textures: HashMap<&'a str, u32>,
+    pub(super) images: Images,
     /// The index of each material of the scene text in the scene's list.
-    materials: HashMap<&'a str, u32>,
+    pub(super) materials: HashMap<&'a str, u32>,
     /// Whether each material is used.
-    used: Vec<bool>,
-    names: Names<'a>,
-    meshes: mesh::Cache,
+    pub(super) used: Vec<bool>,
+    pub(super) names: Names<'a>,
+    pub(super) meshes: MeshCache,
     /// The cache that frames share.
-    keep: &'a mut FrameCache,
-    neighbours: &'a Neighbours<'a>,
+    pub(super) keep: &'a mut FrameCache,
+    pub(super) neighbours: &'a Neighbours<'a>,
     /// Whether the scene is valid so far.
-    valid: bool,
-}
-
-fn is_object(node: &Node) -> bool {
-    super::schema::objects().any(|name| name == &*node.name)
+    pub(super) valid: bool,
 }
 
 impl<'a> Decoder<'a> {
@@ -111,7 +100,7 @@ impl<'a> Decoder<'a> {
             assets,
             scene: Scene::default(),
             textures: HashMap::new(),
-            images: texture::Images::default(),
+            images: Images::default(),
             materials: HashMap::new(),
             used: Vec::new(),
             names,
@@ -128,8 +117,9 @@ impl Decoder<'_> {
     fn warn(&mut self, nodes: &[Node]) {
         let has = |light: bool| {
             // Lights in prototypes shine where they are instanced.
-            let within: &[&str] = if light { &["group", "prototype"] } else { &["group"] };
-            nodes.iter().any(|node| any(node, within, &|n| if light { &*n.name == "light" } else { is_thing(&n.name) }))
+            let both = [GROUP.schema.name, PROTOTYPE.schema.name];
+            let within = if light { &both[..] } else { &both[..1] };
+            nodes.iter().any(|node| any(node, within, &|n| if light { &*n.name == LIGHT } else { is_thing(&n.name) }))
         };
         let lit = match &self.scene.environment {
             Some(environment) => environment.ambient || environment.has_sun(),
@@ -145,7 +135,7 @@ impl Decoder<'_> {
             self.validator.report.push(message.help("for example: light \"omni\" { position 40 120 0 }"));
         }
         // An included file of materials has more of them than one scene needs.
-        for node in nodes.iter().filter(|node| &*node.name == "material" && node.name_span.file == 0) {
+        for node in nodes.iter().filter(|node| *node.name == *MATERIAL_NODE.name && node.name_span.file == 0) {
             let Some(value) = node.values.first() else { continue };
             let index = value.as_text().and_then(|name| self.materials.get(name));
             if index.is_some_and(|i| !self.used[*i as usize]) {
@@ -169,7 +159,7 @@ impl Decoder<'_> {
 }
 
 fn is_thing(name: &str) -> bool {
-    !matches!(name, "light" | "group" | "prototype") && super::schema::objects().any(|object| object == name)
+    ![LIGHT, GROUP.schema.name, PROTOTYPE.schema.name].contains(&name) && nodes::is_object(name)
 }
 
 /// Whether `test` holds for the node, or for any node inside nodes that are named in `within`.

@@ -1,9 +1,9 @@
 //! The names of objects, and the objects that instances repeat.
 
-use super::fields::Validator;
+use crate::text::nodes::{INSTANCE, NAME, OF, PROTOTYPE, is_object};
 use crate::text::report::Message;
-use crate::text::schema::objects;
 use crate::text::syntax::{Node, Span};
+use crate::text::validate::Validator;
 use std::collections::{HashMap, HashSet};
 
 /// Objects by their names.
@@ -46,7 +46,7 @@ impl<'a> Names<'a> {
 
     /// The index of this node itself among the prototypes.
     pub(crate) fn slot_of(&self, node: &Node) -> Option<u32> {
-        let (name, span) = node.text("name")?;
+        let (name, span) = node.text(NAME.name())?;
         self.by_name.get(name).filter(|target| target.span == span)?.slot
     }
 
@@ -55,10 +55,10 @@ impl<'a> Names<'a> {
     }
 
     fn find(&mut self, node: &'a Node, repeated: &mut HashSet<&'a str>, validator: &mut Validator) {
-        if !objects().any(|name| name == &*node.name) {
+        if !is_object(&node.name) {
             return;
         }
-        if let Some((name, span)) = node.text("name") {
+        if let Some((name, span)) = node.text(NAME.name()) {
             match self.by_name.get(name) {
                 Some(first) => {
                     let place = validator.files.first(first.span, span);
@@ -73,8 +73,8 @@ impl<'a> Names<'a> {
         if node.packed.is_some() {
             // A packed node has no name. It keeps only the properties that name the target of an instance.
             repeated.extend(node.properties.iter().filter_map(|property| property.value.as_text()));
-        } else if &*node.name == "instance"
-            && let Some((of, _)) = node.text("of")
+        } else if *node.name == *INSTANCE.schema.name
+            && let Some((of, _)) = node.text(OF.name())
         {
             repeated.insert(of);
         }
@@ -91,7 +91,7 @@ impl<'a> Names<'a> {
         mut holder: Option<&'a str>,
         edges: &mut HashMap<&'a str, Vec<(&'a str, Span)>>,
     ) {
-        if !objects().any(|name| name == &*node.name) {
+        if !is_object(&node.name) {
             return;
         }
         let mut note = |holder: Option<&'a str>, held: &'a str, span: Span| {
@@ -99,18 +99,18 @@ impl<'a> Names<'a> {
                 edges.entry(holder).or_default().push((held, span));
             }
         };
-        if let Some((name, span)) = node.text("name")
+        if let Some((name, span)) = node.text(NAME.name())
             && let Some(target) = self.by_name.get_mut(name)
             && target.span == span
-            && (repeated.contains(name) || &*node.name == "prototype")
+            && (repeated.contains(name) || *node.name == *PROTOTYPE.schema.name)
         {
             target.slot = Some(self.slots as u32);
             self.slots += 1;
             note(holder, name, span);
             holder = Some(name);
         }
-        if &*node.name == "instance"
-            && let Some((of, span)) = node.text("of")
+        if *node.name == *INSTANCE.schema.name
+            && let Some((of, span)) = node.text(OF.name())
         {
             note(holder, of, span);
         }

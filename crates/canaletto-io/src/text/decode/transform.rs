@@ -1,23 +1,24 @@
 //! Decoding of transforms, applied in the order in which they are written, and of motion while the shutter is open.
 
 use super::Decoder;
-use super::fields::{Entry, Fields};
+
 use crate::text::animate::POSES;
+use crate::text::nodes::MOTION_FIELD;
+use crate::text::reader::{Entry, Fields, TransformEntry};
 use crate::text::report::Message;
-use crate::text::schema::{self, MOTION_WORD};
 use canaletto::math::{AnimatedTransform, Transform};
 use glam::{DAffine3, DMat3, DVec3};
 
 impl Decoder<'_> {
     /// The composition of the node's transforms; the first line is applied first.
-    pub(super) fn transform(&mut self, fields: &Fields) -> Transform {
+    pub(crate) fn transform(&mut self, fields: &Fields) -> Transform {
         let mut all = Transform::IDENTITY;
-        for got in fields.transforms.iter().filter(|got| got.is_good()) {
-            match single(got) {
+        for TransformEntry { transform, entry } in fields.transforms.iter().filter(|got| got.entry.is_good()) {
+            match transform.read.read(entry) {
                 Ok(transform) => all = transform.after(&all),
                 Err(message) => {
                     self.valid = false;
-                    self.validator.report.push(Message::error(got.span, message));
+                    self.validator.report.push(Message::error(entry.span, message));
                 }
             }
         }
@@ -30,11 +31,11 @@ impl Decoder<'_> {
     }
 
     /// The placement of a node, and its motion while the shutter is open: by keys in its transforms, or by `motion`.
-    pub(super) fn placed_in_time(&mut self, fields: &Fields) -> (Transform, Vec<Transform>) {
-        let Some(first) = fields.transforms.iter().position(Entry::moves) else {
+    pub(crate) fn placed_in_time(&mut self, fields: &Fields) -> (Transform, Vec<Transform>) {
+        let Some(first) = fields.transforms.iter().position(|got| got.entry.moves()) else {
             return (self.transform(fields), self.motion(fields));
         };
-        let span = fields.transforms[first].span;
+        let span = fields.transforms[first].entry.span;
         // Transforms before the first moving one are constant. The whole is validated at the frame's own time.
         self.transform(fields);
         let mut wrong = |message: String, at| {
@@ -42,14 +43,14 @@ impl Decoder<'_> {
             self.validator.report.push(Message::error(at, message));
             (Transform::IDENTITY, Vec::new())
         };
-        if fields.has(MOTION_WORD.name) {
+        if fields.has(&MOTION_FIELD) {
             let message = "both keys and motion say how it moves while the shutter is open";
-            return wrong(message.into(), fields.span(MOTION_WORD.name));
+            return wrong(message.into(), fields.span(&MOTION_FIELD));
         }
-        let all = |gots: &[Entry], moment: usize| {
+        let all = |gots: &[TransformEntry], moment: usize| {
             let mut pose = Transform::IDENTITY;
-            for got in gots.iter().filter(|got| got.is_good()) {
-                pose = single(&got.at(moment)).ok()?.after(&pose);
+            for got in gots.iter().filter(|got| got.entry.is_good()) {
+                pose = got.transform.read.read(&got.entry.at(moment)).ok()?.after(&pose);
             }
             Transform::new(*pose.matrix()).ok()
         };
@@ -69,11 +70,11 @@ impl Decoder<'_> {
 
     /// The poses of `motion` while the shutter is open: increasing parts of its transforms. Rotations between poses
     /// take the shorter direction, so large rotations need several poses.
-    pub(super) fn motion(&mut self, fields: &Fields) -> Vec<Transform> {
-        if !fields.has(MOTION_WORD.name) {
+    pub(crate) fn motion(&mut self, fields: &Fields) -> Vec<Transform> {
+        if !fields.has(&MOTION_FIELD) {
             return Vec::new();
         }
-        let Some(inner) = self.block(fields, &schema::MOTION) else { return Vec::new() };
+        let Some(inner) = self.block(fields, &MOTION_FIELD) else { return Vec::new() };
         let span = inner.node.name_span;
         let mut wrong = |message: String, at| {
             self.valid = false;
@@ -83,11 +84,7 @@ impl Decoder<'_> {
         if inner.transforms.is_empty() {
             return wrong("motion has no transforms, so nothing moves".into(), span);
         }
-        let angles = inner.transforms.iter().map(|got| match got.word.name {
-            "rotate" => got.numbers::<4>().map_or(0.0, |[.., degrees]| degrees.abs()),
-            "rotate-x" | "rotate-y" | "rotate-z" => got.numbers().map_or(0.0, |[degrees]| degrees.abs()),
-            _ => 0.0,
-        });
+        let angles = inner.transforms.iter().map(|got| got.transform.read.degrees(&got.entry).abs());
         let angle: f64 = angles.sum();
         if angle > MOST_TURN {
             return wrong(format!("motion turns by {angle} degrees; it can be up to {MOST_TURN}"), span);
@@ -97,9 +94,9 @@ impl Decoder<'_> {
         for step in 0..=steps {
             let mut pose = Transform::IDENTITY;
             for got in &inner.transforms {
-                match partly(got, f64::from(step) / f64::from(steps)) {
+                match got.transform.read.part(&got.entry, f64::from(step) / f64::from(steps)) {
                     Ok(transform) => pose = transform.after(&pose),
-                    Err(message) => return wrong(message, got.span),
+                    Err(message) => return wrong(message, got.entry.span),
                 }
             }
             poses.push(pose);
@@ -116,50 +113,71 @@ const MOST_TURN: f64 = 2880.0;
 /// The rotation between two poses in degrees, well below the half turn at which its direction is ambiguous.
 const TURN_STEP: f64 = 45.0;
 
-/// The part `f`, from 0 to 1, of a transform.
-fn partly(got: &Entry, f: f64) -> Result<Transform, String> {
-    let whole = single(got)?;
-    if f == 1.0 {
-        return Ok(whole);
-    }
-    let around = |axis: DVec3, degrees: f64| Transform::rotate(axis, degrees * f).map_err(|e| e.to_string());
-    let degrees = || got.numbers().map_or(0.0, |[degrees]| degrees);
-    match got.word.name {
-        "rotate-x" => around(DVec3::X, degrees()),
-        "rotate-y" => around(DVec3::Y, degrees()),
-        "rotate-z" => around(DVec3::Z, degrees()),
-        "rotate" => {
-            let [x, y, z, degrees] = got.numbers().unwrap_or_default();
-            around(DVec3::new(x, y, z), degrees)
-        }
-        _ => AnimatedTransform::new(&[Transform::IDENTITY, whole]).map(|path| path.at(f)).map_err(|e| e.to_string()),
-    }
+/// The readers of transforms.
+#[derive(Clone, Copy)]
+pub(crate) enum TransformReader {
+    /// A vector.
+    Translation,
+    /// Degrees around an axis.
+    Rotation(DVec3),
+    /// An axis and degrees around it.
+    AxisAngle,
+    /// One factor, or one for each axis.
+    Scale,
+    /// The rows of a matrix.
+    Matrix,
 }
 
-fn single(got: &Entry) -> Result<Transform, String> {
-    let around = |axis: DVec3| {
-        let [degrees] = got.numbers().unwrap_or_default();
-        Transform::rotate(axis, degrees).map_err(|e| e.to_string())
-    };
-    match got.word.name {
-        "translate" => Ok(Transform::translate(got.numbers().map(DVec3::from_array).unwrap_or_default())),
-        "rotate-x" => around(DVec3::X),
-        "rotate-y" => around(DVec3::Y),
-        "rotate-z" => around(DVec3::Z),
-        "rotate" => {
-            let [x, y, z, degrees] = got.numbers().unwrap_or_default();
-            Transform::rotate(DVec3::new(x, y, z), degrees)
-                .map_err(|_| format!("rotate needs an axis with a direction, got {x} {y} {z}"))
+impl TransformReader {
+    fn read(self, entry: &Entry) -> Result<Transform, String> {
+        match self {
+            TransformReader::Translation => {
+                Ok(Transform::translate(entry.numbers().map(DVec3::from_array).unwrap_or_default()))
+            }
+            TransformReader::Rotation(axis) => Transform::rotate(axis, self.degrees(entry)).map_err(|e| e.to_string()),
+            TransformReader::AxisAngle => {
+                let [x, y, z, degrees] = entry.numbers().unwrap_or_default();
+                Transform::rotate(DVec3::new(x, y, z), degrees)
+                    .map_err(|_| format!("rotate needs an axis with a direction, got {x} {y} {z}"))
+            }
+            TransformReader::Scale => {
+                let factors = match entry.numbers() {
+                    Some([factor]) => DVec3::splat(factor),
+                    None => entry.numbers().map(DVec3::from_array).unwrap_or(DVec3::ONE),
+                };
+                Transform::scale(factors)
+                    .map_err(|_| "scale would make the object flat: no factor may be 0 or next to it".into())
+            }
+            TransformReader::Matrix => matrix(entry),
         }
-        "scale" => {
-            let factors = match got.numbers() {
-                Some([factor]) => DVec3::splat(factor),
-                None => got.numbers().map(DVec3::from_array).unwrap_or(DVec3::ONE),
-            };
-            Transform::scale(factors)
-                .map_err(|_| "scale would make the object flat: no factor may be 0 or next to it".into())
+    }
+
+    /// The degrees of a rotation; 0 for other transforms.
+    fn degrees(self, entry: &Entry) -> f64 {
+        match self {
+            TransformReader::Rotation(_) => entry.numbers().map_or(0.0, |[degrees]| degrees),
+            TransformReader::AxisAngle => entry.numbers::<4>().map_or(0.0, |[.., degrees]| degrees),
+            TransformReader::Translation | TransformReader::Scale | TransformReader::Matrix => 0.0,
         }
-        _ => matrix(got),
+    }
+
+    /// The part `f`, from 0 to 1, of the transform.
+    fn part(self, entry: &Entry, f: f64) -> Result<Transform, String> {
+        let whole = self.read(entry)?;
+        if f == 1.0 {
+            return Ok(whole);
+        }
+        let around = |axis: DVec3| Transform::rotate(axis, self.degrees(entry) * f).map_err(|e| e.to_string());
+        match self {
+            TransformReader::Rotation(axis) => around(axis),
+            TransformReader::AxisAngle => {
+                let [x, y, z, _] = entry.numbers().unwrap_or_default();
+                around(DVec3::new(x, y, z))
+            }
+            TransformReader::Translation | TransformReader::Scale | TransformReader::Matrix => {
+                AnimatedTransform::new(&[Transform::IDENTITY, whole]).map(|path| path.at(f)).map_err(|e| e.to_string())
+            }
+        }
     }
 }
 

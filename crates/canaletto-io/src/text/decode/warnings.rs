@@ -1,8 +1,9 @@
 //! Warnings about values that are valid, but suggest a wrong scale.
 
 use super::Decoder;
-use super::fields::Fields;
+use crate::text::reader::Fields;
 use crate::text::report::Message;
+use crate::text::schema::Field;
 use canaletto::math::Rgb;
 
 /// From this value on, light resembles a colour from 0 to 255. Less is plausible for light that is attenuated by
@@ -10,42 +11,41 @@ use canaletto::math::Rgb;
 const BRIGHT: f32 = 16.0;
 
 impl Decoder<'_> {
-    /// Warns of a material's colours that seem to be from 0 to 255; 1 is full reflectance.
-    pub(super) fn doubt_reflectance(&mut self, fields: &Fields, words: &[&str]) {
-        for word in words {
-            self.doubt_bytes(fields, word, 1.0);
-        }
+    /// Warns of a material's colour that seems to be from 0 to 255; 1 is full reflectance.
+    pub(crate) fn doubt_reflectance(&mut self, fields: &Fields, field: &Field<Rgb>) {
+        self.doubt_bytes(fields, field, 1.0);
     }
 
     /// Warns of a colour of a light or of the background that seems to be from 0 to 255. It may exceed 1.
-    pub(super) fn doubt_light(&mut self, fields: &Fields, word: &str) {
-        self.doubt_bytes(fields, word, BRIGHT);
+    pub(crate) fn doubt_light(&mut self, fields: &Fields, field: &Field<Rgb>) {
+        self.doubt_bytes(fields, field, BRIGHT);
     }
 
-    fn doubt_bytes(&mut self, fields: &Fields, word: &str, most: f32) {
-        let Some(colour) = fields.rgb(word).filter(|colour| resembles_8_bit(*colour, most)) else { return };
+    fn doubt_bytes(&mut self, fields: &Fields, field: &Field<Rgb>, most: f32) {
+        let Some(colour) = fields.get(field).filter(|colour| resembles_8_bit(*colour, most)) else { return };
         let [r, g, b] = colour.to_array().map(|v| (v / 255.0 * 1000.0).round() / 1000.0);
-        let title = if word == "colour" { &*fields.node.name } else { word };
+        let title = if fields.is_argument(field) { &*fields.node.name } else { field.name() };
         let message = format!("{title} looks like a colour of 0 to 255; here 1 is full strength");
         let help = format!("divided by 255 it is {r} {g} {b}");
-        self.validator.report.push(Message::warning(Some(fields.span(word)), message).help(help));
+        self.validator.report.push(Message::warning(Some(fields.span(field)), message).help(help));
     }
 
     /// Warns of a cone angle that is likely to be in radians: it is at most about a right angle in radians.
-    pub(super) fn doubt_degrees(&mut self, fields: &Fields, word: &str) {
-        let Some(angle) = fields.real(word).filter(|angle| (0.1..=1.6).contains(angle)) else { return };
+    pub(crate) fn doubt_degrees(&mut self, fields: &Fields, field: &Field<f32>) {
+        let Some(angle) = fields.get(field).filter(|angle| (0.1..=1.6).contains(angle)) else { return };
         let degrees = (f64::from(angle).to_degrees() * 10.0).round() / 10.0;
-        let message = format!("{word} is {angle} degrees, which lights very little; it looks like an angle in radians");
+        let message =
+            format!("{} is {angle} degrees, which lights very little; it looks like an angle in radians", field.name());
         let help = format!("in degrees that is {degrees}");
-        self.validator.report.push(Message::warning(Some(fields.span(word)), message).help(help));
+        self.validator.report.push(Message::warning(Some(fields.span(field)), message).help(help));
     }
 
     /// Warns of `eta` on an opaque body.
-    pub(super) fn doubt_eta(&mut self, fields: &Fields, clear: bool) {
-        if fields.has("eta") && !clear {
+    pub(crate) fn doubt_eta(&mut self, fields: &Fields, eta: &Field<f32>, clear: bool) {
+        if fields.has(eta) && !clear {
             let message = "eta has no effect, since no light goes through: opacity is 1";
             let help = "opacity 0 is clear glass, opacity 0.4 lets 60 % through";
-            self.validator.report.push(Message::warning(Some(fields.span("eta")), message).help(help));
+            self.validator.report.push(Message::warning(Some(fields.span(eta)), message).help(help));
         }
     }
 }

@@ -4,6 +4,7 @@ use super::lexer::{Lexer, is_newline, is_word};
 use super::number::{number, starts_number};
 use super::string::Reported;
 use super::tree::{Node, Property, Span, Value, ValueKind};
+use crate::text::nodes::{self, EASE, FOLLOW, KEY, MATERIAL_NODE, NAME, OF, TURN};
 use crate::text::report::Report;
 
 /// The largest nesting depth of nodes.
@@ -34,13 +35,11 @@ const MANY: usize = 1024;
 
 /// Whether a node may be packed: a material, or an object without name and keys that only the decoder uses.
 fn is_plain(node: &Node) -> bool {
-    const OBJECTS: [&str; 10] =
-        ["light", "sphere", "box", "triangle", "cylinder", "cone", "plane", "disk", "torus", "instance"];
-    let known = OBJECTS.contains(&&*node.name)
-        || &*node.name == "material" && matches!(node.values.as_slice(), [name] if name.as_text().is_some());
-    let named = node.properties.iter().any(|property| &*property.key == "name");
+    let known = nodes::is_small(&node.name)
+        || *node.name == *MATERIAL_NODE.name && matches!(node.values.as_slice(), [name] if name.as_text().is_some());
+    let named = node.properties.iter().any(|property| *property.key == *NAME.name());
     let said = |child: &Node| {
-        let apart = matches!(&*child.name, "name" | "of" | "key" | "follow" | "ease" | "turn");
+        let apart = [NAME.name(), OF.name(), KEY, FOLLOW.name, EASE.name(), TURN.name()].contains(&&*child.name);
         !(apart || child.broken) && child.children.is_empty()
     };
     !(node.broken || named) && known && node.children.iter().all(said)

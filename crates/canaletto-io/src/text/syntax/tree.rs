@@ -1,6 +1,7 @@
 //! The syntax tree of a file.
 
 use crate::text::animate::Keys;
+use crate::text::nodes::{INSTANCE, LIGHT, MATERIAL_NODE, OF};
 use std::num::NonZeroU8;
 use std::sync::Arc;
 
@@ -77,9 +78,9 @@ impl Node {
     pub(crate) fn pack(&mut self) {
         self.packed = Some(NonZeroU8::MIN);
         self.children = Vec::new();
-        self.values.retain(|_| &*self.name == "material");
+        self.values.retain(|_| *self.name == *MATERIAL_NODE.name);
         self.values.shrink_to_fit();
-        self.properties.retain(|property| &*property.key == "of");
+        self.properties.retain(|property| *property.key == *OF.name());
         self.properties.shrink_to_fit();
     }
 
@@ -87,7 +88,9 @@ impl Node {
     /// merged: if their kinds (light, instance, material or other) differ, if one is a material, or if the count is at
     /// its limit.
     pub(crate) fn join(&mut self, next: Node) -> Option<Node> {
-        let kind = |node: &Node| ["light", "instance", "material"].iter().position(|kind| *kind == &*node.name);
+        let kind = |node: &Node| {
+            [LIGHT, INSTANCE.schema.name, MATERIAL_NODE.name].iter().position(|kind| *kind == &*node.name)
+        };
         let Some(packed) = self.packed.and_then(|packed| packed.checked_add(1)) else { return Some(next) };
         if next.packed.is_none()
             || kind(self) != kind(&next)

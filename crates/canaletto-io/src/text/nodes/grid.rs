@@ -1,95 +1,94 @@
-//! Decoding of textures that aren't images: ramps, voxel grids and procedural functions.
+//! The node of voxel grids: numbers in a file without a header, or a stack of images.
 
-use super::Decoder;
-use super::fields::Fields;
+use super::texture::{SPACE, TextureNode, kind, texture_node};
 use crate::assets::AssetPath;
 use crate::image::read_image;
+use crate::text::decode::Decoder;
+use crate::text::reader::Fields;
 use crate::text::report::Message;
-use crate::text::schema::{DEFAULT_JITTER, DEFAULT_MARBLE, DEFAULT_RAMP_WRAP, DEFAULT_WOOD, VoxelFormat};
+use crate::text::schema::{Field, Text, quoted};
 use crate::text::syntax::Span;
-use canaletto::OutOfRange;
-use canaletto::math::Rgb;
-use canaletto::texture::{
-    ColorSpace, Function, GridTexture, Image, Prefilter, Procedural, Ramp, Samples, Spectrum, Stop,
-};
+use canaletto::texture::{ColorSpace, Filter, GridTexture, Image, Placement, Prefilter, Samples, TextureKind, Wrap};
+use canaletto::{Named, OutOfRange, named};
 
 /// The largest number of slices in a stack.
 const MAX_SLICES: u32 = 1 << 14;
 
+/// Grids have no EWA, the last of the prefilters.
+const PREFILTERS: &[&str] = Prefilter::NAMES.split_at(2).0;
+
+/// The numbers of a grid without a header.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum VoxelFormat {
+    /// Bytes.
+    #[default]
+    U8,
+    /// 16 bits without a sign.
+    U16,
+    /// Floating-point numbers.
+    F32,
+}
+
+named!(VoxelFormat {
+    U8 => "u8",
+    U16 => "u16",
+    F32 => "f32",
+});
+
+const KIND: Field<Text> = kind(&["grid"]).needed();
+const FILE: Field<Text> =
+    Field::text("file", "numbers without a header, the lowest byte first: x runs fastest, z slowest");
+const SIZE: Field<[u32; 3]> = Field::new("size", "for `file`: voxels along x, y and z");
+const FORMAT: Field<VoxelFormat> =
+    Field::word("format", "for `file`: what its numbers are; whole ones stand for 0 to 1")
+        .or(|| quoted(VoxelFormat::default().name()));
+const CHANNELS: Field<u32> =
+    Field::new("channels", "for `file`: numbers of each voxel, 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha")
+        .or(|| "1".into());
+const STACK: Field<Text> =
+    Field::text("stack", "images of slices, `####` standing for their numbers: \"slice-###.png\"");
+const SLICES: Field<[u32; 2]> = Field::new("slices", "for `stack`: the numbers of the first and the last slice");
+const FILTER: Field<Filter> =
+    Field::word("filter", "how voxels become a function").or(|| quoted(Filter::default().name()));
+const PREFILTER: Field<Prefilter> = Field::one_of(
+    "prefilter",
+    PREFILTERS,
+    "what is done where voxels are smaller than pixels: nothing, or the mean over a cube",
+)
+.or(|| quoted(Prefilter::Trilinear.name()));
+const WRAP: Field<Wrap> = Field::word("wrap", "what is outside of the unit cube").or(|| quoted(Wrap::default().name()));
+const TEXELS: Field<Placement> =
+    Field::word("texels", "whether 0 and 1 are the centres of the outermost voxels or their outer edges")
+        .or(|| quoted(Placement::default().name()));
+
+pub(super) static GRID: TextureNode = texture_node(
+    "A texture of space, stored: voxels in the unit cube, which covers the object's bounding box. They stand in a `file` of numbers without a header, or in a `stack` of images.",
+    &[&[
+        KIND.schema,
+        FILE.schema,
+        SIZE.schema,
+        FORMAT.schema,
+        CHANNELS.schema,
+        STACK.schema,
+        SLICES.schema,
+        FILTER.schema,
+        PREFILTER.schema,
+        WRAP.schema,
+        TEXELS.schema,
+        SPACE.schema,
+    ]],
+    "texture \"scan\" kind=\"grid\" stack=\"slice-##.png\" { slices 1 2; filter \"bicubic\"; wrap \"clamp\" }",
+    |decoder, f| Some(TextureKind::Grid(decoder.grid(f)?)),
+);
+
 impl Decoder<'_> {
-    /// Decodes a procedural function or a ramp.
-    pub(super) fn procedural(&mut self, kind: &str, f: &Fields) -> Option<Procedural> {
-        let wrap = f.named("wrap").unwrap_or(DEFAULT_RAMP_WRAP);
-        let d = Spectrum::default();
-        let spectrum = Spectrum {
-            octaves: f.count("octaves").unwrap_or(d.octaves),
-            lacunarity: f.real("lacunarity").unwrap_or(d.lacunarity),
-            gain: f.real("gain").unwrap_or(d.gain),
-        };
-        let strength = |usual: f32| f.real("strength").unwrap_or(usual);
-        let function = match kind {
-            "checker" => Function::Checker,
-            "noise" => Function::Noise,
-            "fbm" => Function::Fbm(spectrum),
-            "turbulence" => Function::Turbulence(spectrum),
-            "marble" => Function::Marble { spectrum, strength: strength(DEFAULT_MARBLE) },
-            "wood" => Function::Wood { spectrum, strength: strength(DEFAULT_WOOD) },
-            "worley" => Function::Worley {
-                feature: f.named("feature").unwrap_or_default(),
-                jitter: f.real("jitter").unwrap_or(DEFAULT_JITTER),
-            },
-            // A ramp is a gradient along u.
-            _ => Function::Gradient { shape: f.named("shape").unwrap_or_default(), wrap },
-        };
-        let texture = Procedural { function, ramp: self.ramp(f)?, seed: f.count("seed").unwrap_or(0) };
-        if let Err(problem) = texture.check() {
-            let with_alpha = problem.field == Some("stops") && f.has("stops-alpha");
-            let field = if with_alpha { Some("stops-alpha") } else { problem.field };
-            self.out_of_range(f, &OutOfRange { field, ..problem });
-            return None;
-        }
-        Some(texture)
-    }
-
-    fn ramp(&mut self, f: &Fields) -> Option<Ramp> {
-        let opaque = |c: Rgb| [c.r, c.g, c.b, 1.0];
-        if f.has("even") || f.has("odd") {
-            self.doubt_reflectance(f, &["even", "odd"]);
-            let even = f.rgb("even").unwrap_or(Rgb::BLACK);
-            let odd = f.rgb("odd").unwrap_or(Rgb::WHITE);
-            let stops = vec![Stop { at: 0.0, color: opaque(even) }, Stop { at: 1.0, color: opaque(odd) }];
-            return Some(Ramp { stops, ..Ramp::default() });
-        }
-        if f.has("stops") && f.has("stops-alpha") {
-            let span = f.span("stops-alpha");
-            self.validator.report.error(span, "colours stand in stops or in stops-alpha, not in both");
-            return None;
-        }
-        let numbers = |word: &str| -> Vec<f32> {
-            let values = f.raw(word).map_or(&[][..], |got| got.values);
-            values.iter().filter_map(|v| v.as_number().map(|n| n as f32)).collect()
-        };
-        let stops: Vec<Stop> = if f.has("stops-alpha") {
-            let stop = |v: &[f32]| Stop { at: v[0], color: [v[1], v[2], v[3], v[4]] };
-            numbers("stops-alpha").chunks_exact(5).map(stop).collect()
-        } else if f.has("stops") {
-            let stop = |v: &[f32]| Stop { at: v[0], color: [v[1], v[2], v[3], 1.0] };
-            numbers("stops").chunks_exact(4).map(stop).collect()
-        } else {
-            Ramp::default().stops
-        };
-        let interpolation = f.named("interpolation").unwrap_or_default();
-        // The list is empty if its numbers were invalid, which was reported.
-        (!stops.is_empty()).then_some(Ramp { stops, interpolation })
-    }
-
     /// Decodes a voxel grid.
-    pub(super) fn grid(&mut self, f: &Fields) -> Option<GridTexture> {
-        let (image, slices) = match (f.has("file"), f.has("stack")) {
+    fn grid(&mut self, f: &Fields) -> Option<GridTexture> {
+        let (image, slices) = match (f.has(&FILE), f.has(&STACK)) {
             (true, false) => self.raw_grid(f)?,
             (false, true) => self.stack(f)?,
             (both, _) => {
-                let span = if both { f.span("stack") } else { f.node.name_span };
+                let span = if both { f.span(&STACK) } else { f.node.name_span };
                 let message = if both { "takes file or stack, not both" } else { "needs file or stack" };
                 if f.valid {
                     self.validator.report.error(span, format!("a grid {message}"));
@@ -97,35 +96,35 @@ impl Decoder<'_> {
                 return None;
             }
         };
-        let image = self.add_image(image, f.span(if f.has("file") { "file" } else { "stack" }))?;
+        let image = self.add_image(image, f.span(if f.has(&FILE) { &FILE } else { &STACK }))?;
         Some(GridTexture {
             image,
             slices,
-            filter: f.named("filter").unwrap_or_default(),
-            prefilter: f.named("prefilter").unwrap_or(Prefilter::Trilinear),
-            wrap: f.named("wrap").unwrap_or_default(),
-            placement: f.named("texels").unwrap_or_default(),
-            space: f.named("space"),
+            filter: f.word(&FILTER).unwrap_or_default(),
+            prefilter: f.word(&PREFILTER).unwrap_or(Prefilter::Trilinear),
+            wrap: f.word(&WRAP).unwrap_or_default(),
+            placement: f.word(&TEXELS).unwrap_or_default(),
+            space: f.word(&SPACE),
         })
     }
 
     /// Reads a grid of raw numbers without a header.
     fn raw_grid(&mut self, f: &Fields) -> Option<(Image, u32)> {
-        let (file, span) = (f.text("file")?, f.span("file"));
-        if f.has("slices") {
-            self.validator.report.error(f.span("slices"), "slices belongs to stack, not to file");
+        let (file, span) = (f.text(&FILE)?, f.span(&FILE));
+        if f.has(&SLICES) {
+            self.validator.report.error(f.span(&SLICES), "slices belongs to stack, not to file");
             return None;
         }
-        let Some([width, height, depth]) = f.counts("size") else {
-            if !f.has("size") {
+        let Some([width, height, depth]) = f.get(&SIZE) else {
+            if !f.has(&SIZE) {
                 self.validator.report.error(span, "numbers without a header need size, the voxels along x, y and z");
             }
             return None;
         };
-        let channels = f.count("channels").unwrap_or(1);
+        let channels = f.get(&CHANNELS).unwrap_or(1);
         if !(1..=4).contains(&channels) {
             let problem = format!("is {channels}; it must be between 1 and 4");
-            self.out_of_range(f, &OutOfRange::new("channels", problem));
+            self.out_of_range(f, &OutOfRange::new(CHANNELS.name(), problem));
             return None;
         }
         let rows = u64::from(height) * u64::from(depth);
@@ -136,10 +135,10 @@ impl Decoder<'_> {
                 "size must give 1 to {} voxels, with {side} at most along x and in y times z",
                 Image::MAX_TEXELS
             );
-            self.validator.report.error(f.span("size"), message);
+            self.validator.report.error(f.span(&SIZE), message);
             return None;
         }
-        let format = f.named("format").unwrap_or_default();
+        let format = f.word(&FORMAT).unwrap_or_default();
         let size = match format {
             VoxelFormat::U8 => 1,
             VoxelFormat::U16 => 2,
@@ -181,15 +180,14 @@ impl Decoder<'_> {
 
     /// Reads a stack of slice images.
     fn stack(&mut self, f: &Fields) -> Option<(Image, u32)> {
-        let (pattern, span) = (f.text("stack")?, f.span("stack"));
-        for word in ["size", "format", "channels"] {
-            if f.has(word) {
-                self.validator.report.error(f.span(word), format!("{word} belongs to file, not to stack"));
-                return None;
-            }
+        let (pattern, span) = (f.text(&STACK)?, f.span(&STACK));
+        let all = [(SIZE.name(), f.has(&SIZE)), (FORMAT.name(), f.has(&FORMAT)), (CHANNELS.name(), f.has(&CHANNELS))];
+        if let Some((word, _)) = all.into_iter().find(|(_, given)| *given) {
+            self.validator.report.error(f.span_of(word), format!("{word} belongs to file, not to stack"));
+            return None;
         }
-        let Some([first, last]) = f.counts("slices") else {
-            if !f.has("slices") {
+        let Some([first, last]) = f.get(&SLICES) else {
+            if !f.has(&SLICES) {
                 let message = "a stack needs slices, the numbers of its first and its last image";
                 self.validator.report.error(span, message);
             }
@@ -197,7 +195,7 @@ impl Decoder<'_> {
         };
         if last < first || last - first >= MAX_SLICES {
             let message = format!("slices must go upwards, with at most {MAX_SLICES} of them");
-            self.validator.report.error(f.span("slices"), message);
+            self.validator.report.error(f.span(&SLICES), message);
             return None;
         }
         let digits = pattern.matches('#').count();

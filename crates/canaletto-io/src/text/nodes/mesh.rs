@@ -1,24 +1,55 @@
-//! Decoding of meshes from files. Nodes that name one file share its triangles.
+//! The node of meshes from files. Nodes that name one file share its triangles.
 
-use super::Decoder;
-use super::fields::Fields;
+use super::shapes::ONE_SIDED;
+use super::{MATERIAL, NAME, ObjectNode, ObjectReader};
 use crate::diagnostic::{Diagnostics, Severity};
 use crate::import;
+use crate::text::decode::Decoder;
+use crate::text::reader::Fields;
 use crate::text::report::Message;
+use crate::text::schema::{Field, NodeSchema, Text};
+use crate::text::syntax::Span;
 use canaletto::scene::{self, Content};
 use std::collections::HashMap;
 use std::path::PathBuf;
 
+pub(super) const FILE: Field<Text> =
+    Field::text("file", "the file; relative paths start at this file's folder").needed();
+const SMOOTH: Field<bool> = Field::new(
+    "smooth",
+    "#true makes normals at the vertices from the faces around them, #false leaves out those of the file",
+)
+.or(|| "as in the file".into());
+
+pub(super) static MESH: ObjectNode = ObjectNode {
+    schema: NodeSchema::new(
+        "mesh",
+        "Triangles from a file: OBJ (with its MTL materials) or PLY. A material given here replaces the file's own.",
+        &[&[FILE.schema, SMOOTH.schema, ONE_SIDED.schema], &[NAME.schema, MATERIAL.schema]],
+    )
+    .transforms()
+    .example("mesh file=\"bunny.obj\" material=\"blue\" { scale 10; rotate-y 30; translate 0 1 0 }"),
+    read: ObjectReader::Content(|decoder, f, material| {
+        decoder.mesh(f, f.get(&SMOOTH), f.get(&ONE_SIDED).unwrap_or(false), material)
+    }),
+};
+
 /// The nodes of a file, by its path and the options `smooth` and `one-sided`.
-pub(super) type Cache = HashMap<(PathBuf, Option<bool>, bool), Vec<scene::Node>>;
+pub(crate) type MeshCache = HashMap<(PathBuf, Option<bool>, bool), Vec<scene::Node>>;
 
 impl Decoder<'_> {
-    /// Decodes the meshes of the node's file.
-    pub(super) fn mesh(&mut self, fields: &Fields, material: Option<u32>) -> Option<Content> {
-        let file = fields.text("file")?;
-        let from = self.validator.files.get(fields.span("file").file)?.path.clone();
+    /// Decodes the meshes of the node's file. `smooth` makes normals, or leaves out those of the file.
+    pub(super) fn mesh(
+        &mut self,
+        fields: &Fields,
+        smooth: Option<bool>,
+        one_sided: bool,
+        material: Option<u32>,
+    ) -> Option<Content> {
+        let file = fields.text(&FILE)?;
+        let from = self.validator.files.get(fields.span(&FILE).file)?.path.clone();
         let place = from.location().parent().map(|folder| folder.join(file)).unwrap_or_else(|| file.into());
-        let key = (place, fields.flag("smooth"), fields.flag("one-sided").unwrap_or(false));
+        let key = (place, smooth, one_sided);
         let mut parts = match self.meshes.get(&key) {
             Some(parts) => parts.clone(),
             None => {
@@ -26,21 +57,21 @@ impl Decoder<'_> {
                 let (mut fragment, warnings) = match self.keep.get(format!("mesh {}", key.0.display()), read) {
                     Ok(model) => model,
                     Err(errors) => {
-                        self.file_failed(fields, file, errors);
+                        self.file_failed(file, fields.span(&FILE), errors);
                         return None;
                     }
                 };
                 self.validator.report.append(warnings);
                 for mesh in &mut fragment.meshes {
-                    mesh.one_sided = key.2;
-                    if key.1 == Some(false) {
+                    mesh.one_sided = one_sided;
+                    if smooth == Some(false) {
                         mesh.normals.clear();
                     }
                     match mesh.check() {
-                        Ok(()) if key.1 == Some(true) => mesh.smooth_normals(),
+                        Ok(()) if smooth == Some(true) => mesh.smooth_normals(),
                         Ok(()) => {}
                         Err(problem) => {
-                            self.validator.report.error(fields.span("file"), format!("\"{file}\": {problem}"));
+                            self.validator.report.error(fields.span(&FILE), format!("\"{file}\": {problem}"));
                             self.valid = false;
                         }
                     }
@@ -60,8 +91,8 @@ impl Decoder<'_> {
         Some(Content::Group(parts))
     }
 
-    /// Reports the mistakes in a file that a node names. A message about the whole file points at the node.
-    pub(super) fn file_failed(&mut self, fields: &Fields, file: &str, errors: Diagnostics) {
+    /// Reports the mistakes in a file that a node names. A message about the whole file points at the name, `span`.
+    pub(super) fn file_failed(&mut self, file: &str, span: Span, errors: Diagnostics) {
         self.valid = false;
         let whole = errors.len() == 1 && errors.iter().all(|d| d.span.is_none() && d.severity == Severity::Error);
         if !whole {
@@ -70,7 +101,7 @@ impl Decoder<'_> {
         }
         for d in &errors {
             let text = if d.message.contains(file) { d.message.clone() } else { format!("\"{file}\": {}", d.message) };
-            let message = Message::error(fields.span("file"), text).label(d.label.clone());
+            let message = Message::error(span, text).label(d.label.clone());
             self.validator.report.push(match &d.help {
                 Some(help) => message.help(help.clone()),
                 None => message,

@@ -1,13 +1,15 @@
-//! Decoding of cloud nodes: numbers in the node, lines of a text, or a file.
+//! The nodes of clouds: numbers in the node, lines of a text, or a file.
 
-use super::Decoder;
-use super::fields::Fields;
+use super::shapes::{CAPS, DEFAULT_CAPS};
+use super::{MATERIAL, NAME, ObjectNode, ObjectReader};
 use crate::assets::{Asset, AssetPath, Assets};
 use crate::diagnostic::Diagnostics;
 use crate::import::{self, CloudFormat};
+use crate::text::decode::Decoder;
 use crate::text::files::Files;
+use crate::text::reader::Fields;
 use crate::text::report::Message;
-use crate::text::schema::DEFAULT_CAPS;
+use crate::text::schema::{Field, NodeSchema, Numbers, Text};
 use crate::text::syntax::{Span, Value};
 use canaletto::OutOfRange;
 use canaletto::math::Rgb;
@@ -15,8 +17,56 @@ use canaletto::scene::Content;
 use canaletto::shape::{CylinderCloud, SphereCloud};
 use glam::DVec3;
 
+const POINTS: Field<Numbers> = Field::groups("points", 3, "the centres");
+const AXES: Field<Numbers> = Field::groups("axes", 6, "the two ends of each axis");
+const DATA: Field<Text> =
+    Field::text("data", "lines of `x y z`, `x y z radius`, `x y z r g b` or `x y z radius r g b`; # starts a comment");
+const CYLINDER_DATA: Field<Text> = Field::text(
+    DATA.name(),
+    "lines of `x y z x y z`, each with a radius, a colour `r g b` or both behind it; # starts a comment",
+);
+const CLOUD_FILE: Field<Text> =
+    Field::text("file", "a file with them: .csv, .tsv, .xyz, .txt, .ply or .bin; see below");
+const RADIUS: Field<f32> = Field::new("radius", "the radius of those that have none of their own");
+
+pub(super) static SPHERES: ObjectNode = ObjectNode {
+    schema: NodeSchema::new(
+        "spheres",
+        "A cloud: many spheres as one object, up to many millions. They stand in `points`, `data` or `file`.",
+        &[&[POINTS.schema, DATA.schema, CLOUD_FILE.schema, RADIUS.schema], &[NAME.schema, MATERIAL.schema]],
+    )
+    .transforms()
+    .example("spheres radius=1 material=\"blue\" { points 0 0 0  2 0 0  4 0 0 }"),
+    read: ObjectReader::Content(|decoder, f, _| decoder.spheres(f)),
+};
+
+pub(crate) static CYLINDERS: ObjectNode = ObjectNode {
+    schema: NodeSchema::new(
+        "cylinders",
+        "A cloud of cylinders. They stand in `axes`, `data` or `file`.",
+        &[
+            &[AXES.schema, CYLINDER_DATA.schema, CLOUD_FILE.schema, RADIUS.schema, CAPS.schema],
+            &[NAME.schema, MATERIAL.schema],
+        ],
+    )
+    .transforms()
+    .example("cylinders radius=0.5 { axes 0 0 0 0 5 0  2 0 0 2 5 0 }"),
+    read: ObjectReader::Content(|decoder, f, _| decoder.cylinders(f)),
+};
+
 /// The largest number of mistakes that are reported for one cloud.
 const MAX_MISTAKES: usize = 20;
+
+/// The places of a cloud's numbers.
+#[derive(Clone, Copy)]
+enum Source {
+    /// A field of numbers in the node.
+    Inline,
+    /// Lines of a text in the node.
+    Data,
+    /// A file.
+    File,
+}
 
 /// Rows of numbers.
 struct Rows {
@@ -26,13 +76,13 @@ struct Rows {
 
 impl Decoder<'_> {
     /// Decodes a cloud of spheres.
-    pub(super) fn spheres(&mut self, f: &Fields) -> Option<Content> {
-        let cloud = match self.source(f, "points")? {
-            "file" => {
+    fn spheres(&mut self, f: &Fields) -> Option<Content> {
+        let cloud = match self.source(f, &POINTS)? {
+            Source::File => {
                 let key = self.key("spheres", f)?;
                 let read = || {
                     let (asset, format) = open(self.assets, self.validator.files, f)?;
-                    import::read_spheres(&asset, format, f.real("radius")).map_err(Unread::Wrong)
+                    import::read_spheres(&asset, format, f.get(&RADIUS)).map_err(Unread::Wrong)
                 };
                 let read = self.keep.get(key, read);
                 let (cloud, warnings) = self.unread(f, read)?;
@@ -40,7 +90,7 @@ impl Decoder<'_> {
                 cloud
             }
             source => {
-                let rows = if source == "data" { self.data(f, 3)? } else { numbers(f, "points", 3) };
+                let rows = self.rows(f, source, &POINTS, 3)?;
                 let centers = rows.numbers.chunks_exact(rows.columns).map(DVec3::from_slice);
                 let (origin, centers) = import::counted(centers);
                 let (radii, colors) = self.rest(f, &rows, 3)?;
@@ -56,13 +106,13 @@ impl Decoder<'_> {
     }
 
     /// Decodes a cloud of cylinders.
-    pub(super) fn cylinders(&mut self, f: &Fields) -> Option<Content> {
-        let mut cloud = match self.source(f, "axes")? {
-            "file" => {
+    fn cylinders(&mut self, f: &Fields) -> Option<Content> {
+        let mut cloud = match self.source(f, &AXES)? {
+            Source::File => {
                 let key = self.key("cylinders", f)?;
                 let read = || {
                     let (asset, format) = open(self.assets, self.validator.files, f)?;
-                    import::read_cylinders(&asset, format, f.real("radius")).map_err(Unread::Wrong)
+                    import::read_cylinders(&asset, format, f.get(&RADIUS)).map_err(Unread::Wrong)
                 };
                 let read = self.keep.get(key, read);
                 let (cloud, warnings) = self.unread(f, read)?;
@@ -70,7 +120,7 @@ impl Decoder<'_> {
                 cloud
             }
             source => {
-                let rows = if source == "data" { self.data(f, 6)? } else { numbers(f, "axes", 6) };
+                let rows = self.rows(f, source, &AXES, 6)?;
                 let ends = |row: &[f64]| [DVec3::from_slice(row), DVec3::from_slice(&row[3..])];
                 let (origin, ends) = import::counted(rows.numbers.chunks_exact(rows.columns).flat_map(ends));
                 let axes = ends.as_chunks().0.to_vec();
@@ -79,7 +129,7 @@ impl Decoder<'_> {
                 CylinderCloud { name: name(f), origin, axes, radii, colors, caps: DEFAULT_CAPS }
             }
         };
-        cloud.caps = f.flag("caps").unwrap_or(DEFAULT_CAPS);
+        cloud.caps = f.get(&CAPS).unwrap_or(DEFAULT_CAPS);
         if let Err(problem) = cloud.check() {
             self.out_of_range(f, &problem);
         }
@@ -87,35 +137,51 @@ impl Decoder<'_> {
         Some(Content::Cylinders(self.scene.cylinders.len() as u32 - 1))
     }
 
-    /// The field that holds the numbers: `inline`, `data` or `file`, of which exactly one is required.
-    fn source(&mut self, f: &Fields, inline: &'static str) -> Option<&'static str> {
-        if let Some(radius) = f.real("radius").filter(|radius| *radius <= 0.0) {
-            self.out_of_range(f, &OutOfRange::new("radius", format!("is {radius}; it must be more than 0")));
+    /// The place of the numbers, of which exactly one is required. `inline` is the field of numbers in the node.
+    fn source(&mut self, f: &Fields, inline: &Field<Numbers>) -> Option<Source> {
+        if let Some(radius) = f.get(&RADIUS).filter(|radius| *radius <= 0.0) {
+            self.out_of_range(f, &OutOfRange::new(RADIUS.name(), format!("is {radius}; it must be more than 0")));
             return None;
         }
-        let given: Vec<&'static str> = [inline, "data", "file"].into_iter().filter(|word| f.has(word)).collect();
+        let all = [
+            (Source::Inline, inline.name(), f.has(inline)),
+            (Source::Data, DATA.name(), f.has(&DATA)),
+            (Source::File, CLOUD_FILE.name(), f.has(&CLOUD_FILE)),
+        ];
+        let given: Vec<(Source, &str)> =
+            all.into_iter().filter(|(.., has)| *has).map(|(source, word, _)| (source, word)).collect();
         match given.as_slice() {
-            [one] => f.raw(one).map(|_| *one),
+            [(source, _)] => Some(*source),
             [] => {
                 if f.valid {
-                    let message = format!("{} needs {inline}, data or file", f.node.name);
+                    let message =
+                        format!("{} needs {}, {} or {}", f.node.name, inline.name(), DATA.name(), CLOUD_FILE.name());
                     self.validator.report.error(f.node.name_span, message);
                 }
                 None
             }
-            [first, second, ..] => {
+            [(_, first), (_, second), ..] => {
                 let message =
                     format!("{} takes its numbers from one place, not from {first} and {second}", f.node.name);
-                self.validator.report.error(f.span(second), message);
+                self.validator.report.error(f.span_of(second), message);
                 None
             }
         }
     }
 
+    /// The rows in the node itself or in a text.
+    fn rows(&mut self, f: &Fields, source: Source, inline: &Field<Numbers>, columns: usize) -> Option<Rows> {
+        match source {
+            Source::Inline => Some(Rows { columns, numbers: f.all(inline)? }),
+            Source::Data => self.data(f, columns),
+            Source::File => None,
+        }
+    }
+
     /// The cache key of a cloud file with its radius.
     fn key(&self, kind: &str, f: &Fields) -> Option<String> {
-        let from = self.validator.files.get(f.span("file").file)?.path.location().display().to_string();
-        Some(format!("{kind} {} {from} {:?}", f.text("file")?, f.real("radius").map(f32::to_bits)))
+        let from = self.validator.files.get(f.span(&CLOUD_FILE).file)?.path.location().display().to_string();
+        Some(format!("{kind} {} {from} {:?}", f.text(&CLOUD_FILE)?, f.get(&RADIUS).map(f32::to_bits)))
     }
 
     /// Reports why a file yields no cloud.
@@ -123,7 +189,9 @@ impl Decoder<'_> {
         match read {
             Ok(cloud) => return Some(cloud),
             Err(Unread::Said(message)) => self.validator.report.push(message),
-            Err(Unread::Wrong(errors)) => self.file_failed(f, f.text("file").unwrap_or_default(), errors),
+            Err(Unread::Wrong(errors)) => {
+                self.file_failed(f.text(&CLOUD_FILE).unwrap_or_default(), f.span(&CLOUD_FILE), errors);
+            }
         }
         None
     }
@@ -137,7 +205,7 @@ impl Decoder<'_> {
 
     /// The rows of a text; each starts with `lead` coordinates.
     fn data(&mut self, f: &Fields, lead: usize) -> Option<Rows> {
-        let value = f.raw("data")?.values.first()?;
+        let value = f.raw(&DATA)?.values.first()?;
         let text = value.as_text()?;
         let raw = self.validator.files.slice(value.span);
         let mut rows = Rows { columns: 0, numbers: Vec::new() };
@@ -188,10 +256,10 @@ impl Decoder<'_> {
         let each = rows.numbers.chunks_exact(rows.columns);
         let radii = if behind == 1 || behind == 4 {
             each.clone().map(|row| row[lead] as f32).collect()
-        } else if let Some(radius) = f.real("radius") {
+        } else if let Some(radius) = f.get(&RADIUS) {
             vec![radius]
         } else {
-            if !f.has("radius") {
+            if !f.has(&RADIUS) {
                 let message = Message::error(f.node.name_span, format!("{} needs radius", f.node.name));
                 self.validator
                     .report
@@ -218,7 +286,7 @@ enum Unread {
 }
 
 fn open(assets: &dyn Assets, files: &Files, f: &Fields) -> Result<(Asset, CloudFormat), Unread> {
-    let (file, span) = (f.text("file").unwrap_or_default(), f.span("file"));
+    let (file, span) = (f.text(&CLOUD_FILE).unwrap_or_default(), f.span(&CLOUD_FILE));
     let from = files.get(span.file).map(|file| file.path.clone()).unwrap_or_default();
     let extension = AssetPath::new(file, file, file).extension();
     let Some(format) = CloudFormat::of_extension(&extension) else {
@@ -239,13 +307,7 @@ fn open(assets: &dyn Assets, files: &Files, f: &Fields) -> Result<(Asset, CloudF
 }
 
 fn name(f: &Fields) -> String {
-    f.text("name").unwrap_or_default().to_owned()
-}
-
-/// The numbers of a word in the node.
-fn numbers(f: &Fields, word: &str, columns: usize) -> Rows {
-    let values = f.raw(word).map_or(&[][..], |got| got.values);
-    Rows { columns, numbers: values.iter().filter_map(|v| v.as_number()).collect() }
+    f.text(&NAME).unwrap_or_default().to_owned()
 }
 
 /// The lines of a text with their spans in the file. The lines of a text with escapes share one span.

@@ -1,0 +1,135 @@
+//! The nodes of shapes.
+
+use super::{MATERIAL, NAME, ObjectNode, ObjectReader};
+use crate::text::reader::Fields;
+use crate::text::schema::{Field, FieldSchema, NodeSchema, flag};
+use canaletto::shape::{Cone, Cuboid, Cylinder, Disk, Plane, Shape, Sphere, Torus, Triangle};
+use glam::Vec3;
+
+const OBJECT: &[FieldSchema] = &[NAME.schema, MATERIAL.schema];
+
+const CENTER: Field<Vec3> = Field::new("center", "its centre").needed().places();
+const RADIUS: Field<f32> = Field::new("radius", "its radius, more than 0").needed();
+const NORMAL: Field<Vec3> = Field::new("normal", "the direction of its outer side").needed();
+
+/// Whether cylinders and cones are capped by default.
+pub(super) const DEFAULT_CAPS: bool = true;
+pub(super) const CAPS: Field<bool> = Field::new("caps", "whether the ends are closed").or(|| flag(DEFAULT_CAPS));
+pub(super) const ONE_SIDED: Field<bool> =
+    Field::new("one-sided", "whether rays from behind pass through").or(|| flag(false));
+
+const fn shape(schema: NodeSchema, read: fn(&Fields) -> Option<Shape>) -> ObjectNode {
+    ObjectNode { schema: schema.transforms(), read: ObjectReader::Shape(read) }
+}
+
+pub(super) static SPHERE: ObjectNode = shape(
+    NodeSchema::new("sphere", "A sphere.", &[&[CENTER.schema, RADIUS.schema], OBJECT])
+        .example("sphere material=\"blue\" { center 0 20 0; radius 25 }"),
+    |f| Some(Shape::Sphere(Sphere { center: f.get(&CENTER)?, radius: f.get(&RADIUS)? })),
+);
+
+const MIN: Field<Vec3> = Field::new("min", "the corner of smallest coordinates").needed().places();
+const MAX: Field<Vec3> = Field::new("max", "the corner of largest coordinates").needed().places();
+
+pub(super) static BOX: ObjectNode = shape(
+    NodeSchema::new("box", "A box along the axes; turn it with a transform.", &[&[MIN.schema, MAX.schema], OBJECT])
+        .example("box { min -80 -50 -50; max 50 -45 50; rotate-y 30 }"),
+    |f| Some(Shape::Box(Cuboid { min: f.get(&MIN)?, max: f.get(&MAX)? })),
+);
+
+const A: Field<Vec3> = Field::new("a", "a corner").needed().places();
+const B: Field<Vec3> = Field::new("b", "a corner").needed().places();
+const C: Field<Vec3> = Field::new("c", "a corner").needed().places();
+
+pub(super) static TRIANGLE: ObjectNode = shape(
+    NodeSchema::new(
+        "triangle",
+        "A triangle, its corners counter-clockwise seen from outside.",
+        &[&[A.schema, B.schema, C.schema, ONE_SIDED.schema], OBJECT],
+    )
+    .example("triangle { a 3 2 1; b 8 2 1; c 4 8 -4 }"),
+    |f| {
+        let one_sided = f.get(&ONE_SIDED).unwrap_or(false);
+        Some(Shape::Triangle(Triangle { a: f.get(&A)?, b: f.get(&B)?, c: f.get(&C)?, one_sided }))
+    },
+);
+
+const PLANE_POINT: Field<Vec3> = Field::new("point", "a point of it").needed().places();
+
+pub(super) static PLANE: ObjectNode = shape(
+    NodeSchema::new("plane", "A plane without end.", &[&[PLANE_POINT.schema, NORMAL.schema], OBJECT])
+        .example("plane { point 0 -50 0; normal 0 1 0 }"),
+    |f| Some(Shape::Plane(Plane { point: f.get(&PLANE_POINT)?, normal: f.get(&NORMAL)? })),
+);
+
+pub(super) static DISK: ObjectNode = shape(
+    NodeSchema::new("disk", "A flat disk.", &[&[CENTER.schema, NORMAL.schema, RADIUS.schema], OBJECT])
+        .example("disk { center 0 0 0; normal 0 1 0; radius 3 }"),
+    |f| Some(Shape::Disk(Disk { center: f.get(&CENTER)?, normal: f.get(&NORMAL)?, radius: f.get(&RADIUS)? })),
+);
+
+const CYLINDER_BASE: Field<Vec3> = Field::new("base", "the centre of one end").needed().places();
+const CYLINDER_TOP: Field<Vec3> = Field::new("top", "the centre of the other end").needed().places();
+
+pub(super) static CYLINDER: ObjectNode = shape(
+    NodeSchema::new(
+        "cylinder",
+        "A cylinder between two points.",
+        &[&[CYLINDER_BASE.schema, CYLINDER_TOP.schema, RADIUS.schema, CAPS.schema], OBJECT],
+    )
+    .example("cylinder { base 0 0 0; top 0 10 0; radius 2; caps #false }"),
+    |f| {
+        Some(Shape::Cylinder(Cylinder {
+            base: f.get(&CYLINDER_BASE)?,
+            top: f.get(&CYLINDER_TOP)?,
+            radius: f.get(&RADIUS)?,
+            caps: f.get(&CAPS).unwrap_or(DEFAULT_CAPS),
+        }))
+    },
+);
+
+/// The default top radius of a cone.
+const DEFAULT_TOP_RADIUS: f32 = 0.0;
+const CONE_BASE: Field<Vec3> = Field::new("base", "the centre of its base").needed().places();
+const CONE_TOP: Field<Vec3> = Field::new("top", "its apex, or the centre of its upper end").needed().places();
+const CONE_RADIUS: Field<f32> = Field::new("radius", "its radius at the base").needed();
+const TOP_RADIUS: Field<f32> = Field::new("top-radius", "its radius at the top").or(|| DEFAULT_TOP_RADIUS.to_string());
+
+pub(super) static CONE: ObjectNode = shape(
+    NodeSchema::new(
+        "cone",
+        "A cone, or a truncated one.",
+        &[&[CONE_BASE.schema, CONE_TOP.schema, CONE_RADIUS.schema, TOP_RADIUS.schema, CAPS.schema], OBJECT],
+    )
+    .example("cone { base 0 0 0; top 0 5 0; radius 2; top-radius 0.5 }"),
+    |f| {
+        Some(Shape::Cone(Cone {
+            base: f.get(&CONE_BASE)?,
+            top: f.get(&CONE_TOP)?,
+            radius: f.get(&CONE_RADIUS)?,
+            top_radius: f.get(&TOP_RADIUS).unwrap_or(DEFAULT_TOP_RADIUS),
+            caps: f.get(&CAPS).unwrap_or(DEFAULT_CAPS),
+        }))
+    },
+);
+
+const AXIS: Field<Vec3> = Field::new("axis", "the direction that it is round about").needed();
+const CIRCLE_RADIUS: Field<f32> = Field::new("radius", "the circle's radius").needed();
+const TUBE: Field<f32> = Field::new("tube", "the tube's radius").needed();
+
+pub(super) static TORUS: ObjectNode = shape(
+    NodeSchema::new(
+        "torus",
+        "A tube around a circle.",
+        &[&[CENTER.schema, AXIS.schema, CIRCLE_RADIUS.schema, TUBE.schema], OBJECT],
+    )
+    .example("torus { center 0 0 0; axis 0 1 0; radius 5; tube 1 }"),
+    |f| {
+        Some(Shape::Torus(Torus {
+            center: f.get(&CENTER)?,
+            axis: f.get(&AXIS)?,
+            radius: f.get(&CIRCLE_RADIUS)?,
+            tube: f.get(&TUBE)?,
+        }))
+    },
+);
