@@ -223,7 +223,7 @@ fn rays_are_counted_alike_alone_and_together() {
             assert_eq!(together.picture.pixels, alone.picture.pixels);
             assert_eq!(together.counts, alone.counts);
             let cost: f32 = alone.picture.layers[0].data.iter().sum();
-            assert_eq!(cost as u64, together.counts.total());
+            assert_eq!(cost as u64, together.counts.rays.total());
         }
     }
 }

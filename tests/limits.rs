@@ -88,7 +88,7 @@ fn facing_mirrors_do_not_overflow_the_stack() {
     job.integrator.whitted_mut().unwrap().max_depth = WhittedSettings::MAX_DEPTH;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).stack_size(2 << 20).build().expect("a thread");
     let rendering = pool.install(|| render(&world, &job, &())).expect("a picture");
-    assert!(rendering.complete && rendering.counts.reflected.traced > 12 * 8 * 200);
+    assert!(rendering.complete && rendering.counts.rays.reflected.traced > 12 * 8 * 200);
     let tree = pool.install(|| explain(&world, &job, 6, 4)).expect("a tree");
     assert_eq!(pool.install(|| tree.sum()), tree.color);
     pool.install(move || drop(tree));

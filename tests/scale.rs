@@ -42,7 +42,11 @@ fn a_million_spheres() {
     assert_eq!(world.stats().cloud_spheres, u64::from(COUNT));
 
     let rendering = render(&world, &job, &()).unwrap();
-    assert!(rendering.counts.eye.hit > 8_000 && rendering.counts.shadow.hit > 1_000, "{:?}", rendering.counts);
+    assert!(
+        rendering.counts.rays.eye.hit > 8_000 && rendering.counts.rays.shadow.hit > 1_000,
+        "{:?}",
+        rendering.counts
+    );
 
     for i in 0..20 {
         let [x, y, z, _] = sphere(i * 7919);
@@ -115,7 +119,7 @@ fn a_thousand_million_copies() {
         &Extrinsics { eye: DVec3::new(3000.0, 4000.0, 17_000.0), ..Extrinsics::default() },
     );
     let job = Job::new(camera.unwrap(), FilmSettings::default(), WhittedSettings::default());
-    assert!(render(&world, &job, &()).unwrap().counts.eye.hit > 300);
+    assert!(render(&world, &job, &()).unwrap().counts.rays.eye.hit > 300);
 }
 
 #[test]

@@ -274,3 +274,43 @@ fn depth_is_measured_from_the_eye() {
         }
     }
 }
+
+#[test]
+fn alpha_is_the_share_that_surfaces_cover() {
+    // A square of side 2 at distance 4 in a picture of 4 x 4 there: a quarter is covered. Of the rest behind it, one
+    // half shows through, and glass counts as covered.
+    let alpha = |materials: &str, front: &str, behind: &str| {
+        let scene = scene(
+            &format!(
+                "camera width=32 height=32 fovy=53.13010235415598 {{ eye 0 0 4; target 0 0 0 }}
+                film {{ samples 64; filter \"box\" }}
+                background 0.2 0.4 0.9
+                light \"omni\" intensity=1 {{ position 5 5 5 }}
+                material \"m\" {{ kd 0.5 0.5 0.5; {materials} }}
+                {front}
+                {behind}"
+            ),
+            &[],
+        );
+        let job = Job { aovs: vec![Aov::Alpha], ..job(&scene) };
+        let picture = render(&World::build(scene).unwrap(), &job, &()).unwrap().picture;
+        let data = &picture.layer("alpha").unwrap().data;
+        (data.iter().map(|v| f64::from(*v)).sum::<f64>() / data.len() as f64, data[16 * 32 + 16])
+    };
+    let square = |z: f32| {
+        format!(
+            "group {{ translate 0 0 {z}
+                triangle material=\"m\" {{ a -1 -1 0; b 1 -1 0; c 1 1 0 }}
+                triangle material=\"m\" {{ a -1 -1 0; b 1 1 0; c -1 1 0 }} }}"
+        )
+    };
+    let near = |(mean, middle): (f64, f32), wanted: f64, in_middle: f32| {
+        assert!((mean - wanted).abs() < 2e-3 && (middle - in_middle).abs() < 1e-6, "{mean} {middle}");
+    };
+    near(alpha("", &square(0.0), ""), 0.25, 1.0);
+    near(alpha("coverage 0.5", &square(0.0), ""), 0.125, 0.5);
+    // The second square is seen through the first: 1 - 0.5 * 0.5, and it is as large as 4/5 of the first.
+    near(alpha("coverage 0.5", &square(0.0), &square(-1.0)), 0.25 * (0.5 + 0.64 * 0.25), 0.75);
+    near(alpha("opacity 0.2; eta 1.5", &square(0.0), ""), 0.25, 1.0);
+    near(alpha("k 1", "", ""), 0.0, 0.0);
+}

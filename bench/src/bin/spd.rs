@@ -86,7 +86,7 @@ fn count(path: &Path) -> Result<RayCounts, String> {
         WhittedSettings { max_depth: 5, ..*scene.integrator.whitted().unwrap_or(&WhittedSettings::default()) },
     );
     let world = World::build(scene).map_err(|e| e.to_string())?;
-    Ok(render(&world, &job, &()).map_err(|e| e.to_string())?.counts)
+    Ok(render(&world, &job, &()).map_err(|e| e.to_string())?.counts.rays)
 }
 
 /// The camera at 513 × 513 whose pixel corners are those of the 512 × 512 pixels of the view. The window grows by one

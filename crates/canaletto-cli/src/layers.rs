@@ -16,6 +16,7 @@ With PNG every layer of --aov is a file of its own, name.LAYER.png, and its numb
   uv                     the fractions of u and v as red and green
   object-id, material-id a colour of its own for each number; black is the background
   tree-depth, cost       grey, white is the picture's largest
+  alpha                  grey, white is covered
   the others             light, developed as the picture (--tone, --transfer)
 With EXR all layers are channels of the one file, as they are: normal.X, depth.Z, object_id.X, ...";
 

@@ -4,6 +4,7 @@ use crate::format::{count, duration, plural, rate};
 use canaletto::integrator::RayCounts;
 use canaletto::world::ReuseCounts;
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 /// The event "done" of one picture, finished or interrupted.
@@ -29,6 +30,9 @@ pub(crate) struct Report {
     pub hierarchies: ReuseCounts,
     /// The numbers of rays by kind.
     pub rays: RayCounts,
+    /// Other numbers of the integrator.
+    #[serde(flatten)]
+    pub counts: BTreeMap<&'static str, u64>,
     /// The number of all rays.
     pub rays_total: u64,
     /// The rays per second of rendering.

@@ -223,7 +223,7 @@ impl<'a> Series<'a> {
         } else {
             Vec::new() // A black picture is worthless, and a film has whole frames.
         };
-        let rays_total = rendering.counts.total();
+        let rays_total = rendering.counts.rays.total();
         let report = Report {
             event: "done",
             frame,
@@ -234,7 +234,8 @@ impl<'a> Series<'a> {
             size: [width, height],
             primitives: world.primitives(),
             hierarchies: frame_context.hierarchies,
-            rays: rendering.counts,
+            rays: rendering.counts.rays,
+            counts: rendering.counts.others.iter().copied().collect(),
             rays_total,
             rays_per_second: (rays_total as f64 / render.max(1e-9)).round(),
             threads,

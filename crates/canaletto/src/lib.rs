@@ -44,6 +44,7 @@ pub mod diagnose;
 pub mod explain;
 pub mod film;
 pub mod integrator;
+mod job;
 pub mod light;
 pub mod material;
 pub mod math;

@@ -2,7 +2,8 @@
 
 use super::first_hit;
 use crate::explain::{HitNode, LightNode, Outcome, explain};
-use crate::integrator::Whitted;
+use crate::film::WeightedSum;
+use crate::integrator::{RayIntegrator, Whitted};
 use crate::math::Rgb;
 use crate::render::{Job, PixelRenderer, stack_of};
 use crate::scene::{FilmSettings, Integrator, Sampling, Transfer, WhittedSettings};
@@ -136,7 +137,12 @@ fn look(world: &World, job: &Job, most: [u32; 2]) -> Option<Seen> {
         let Integrator::Whitted(settings) = coarse.integrator;
         let mut whitted = Whitted::new(world, settings).with_cancel(&too_many);
         let mut renderer = PixelRenderer::new(&coarse);
-        let seen = hits.into_iter().map(|[x, y]| ([x, y], renderer.pixel(&mut whitted, x, y, &mut ()).0)).collect();
+        let mut color = |pixel: &[u32; 2]| {
+            let mut sum = WeightedSum::default();
+            renderer.pixel(&mut whitted, *pixel, &mut (), &mut sum);
+            sum.mean()
+        };
+        let seen = hits.into_iter().map(|pixel| (pixel, color(&pixel))).collect();
         (!whitted.is_cancelled()).then_some(seen)
     })
     // Without threads there is no result; the render will report the error.

@@ -13,7 +13,8 @@ pub use tree::{
     SampleNode, Side, TextureNode,
 };
 
-use crate::integrator::Whitted;
+use crate::film::WeightedSum;
+use crate::integrator::{RayIntegrator, Whitted};
 use crate::render::{Job, JobError, PixelRenderer, stack_of};
 use crate::scene::Integrator;
 use crate::world::World;
@@ -68,7 +69,8 @@ fn record(world: &World, job: &Job, [x, y]: [u32; 2]) -> Result<PixelTree, Expla
     let too_many = |rays| rays > MAX_RAYS;
     let Integrator::Whitted(settings) = job.integrator;
     let mut whitted = Whitted::new(world, settings).with_cancel(&too_many);
-    let (color, _) = PixelRenderer::new(job).pixel(&mut whitted, x, y, &mut recorder);
+    let mut sum = WeightedSum::default();
+    PixelRenderer::new(job).pixel(&mut whitted, [x, y], &mut recorder, &mut sum);
     if whitted.is_cancelled() {
         return Err(ExplainError::TooManyRays);
     }
@@ -77,6 +79,6 @@ fn record(world: &World, job: &Job, [x, y]: [u32; 2]) -> Result<PixelTree, Expla
         chapter_pixel: [x, height - 1 - y],
         size: [width, height],
         samples: recorder.into_samples(),
-        color,
+        color: sum.mean(),
     })
 }

@@ -1,10 +1,10 @@
 //! The tree of rays behind a pixel, as plain data.
 
+use crate::film::WeightedSum;
 use crate::integrator::RayKind;
 use crate::light::environment::EnvironmentLookup;
 use crate::material::MaterialModel;
 use crate::math::Rgb;
-use crate::render::weighted_mean;
 use serde::{Serialize, Serializer};
 
 /// A pixel with all its samples.
@@ -276,7 +276,11 @@ impl PixelTree {
         match &self.samples[..] {
             // A single sample is the pixel, whatever its weight.
             [only] => only.ray.sum(),
-            samples => weighted_mean(samples.iter().map(|sample| (sample.ray.sum(), sample.weight))),
+            samples => {
+                let mut sum = WeightedSum::default();
+                samples.iter().for_each(|sample| sum.add(sample.ray.sum(), sample.weight));
+                sum.mean()
+            }
         }
     }
 }

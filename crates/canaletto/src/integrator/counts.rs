@@ -1,4 +1,4 @@
-//! Numbers of traced rays by kind.
+//! Numbers of what an integrator did.
 
 use super::RayKind;
 use serde::Serialize;
@@ -57,6 +57,34 @@ impl AddAssign for RayCounts {
         ] {
             a.traced += b.traced;
             a.hit += b.hit;
+        }
+    }
+}
+
+/// What an integrator counted.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Counts {
+    /// The rays by kind.
+    pub rays: RayCounts,
+    /// Other numbers, each with its name.
+    pub others: Vec<(&'static str, u64)>,
+}
+
+impl From<RayCounts> for Counts {
+    fn from(rays: RayCounts) -> Counts {
+        Counts { rays, others: Vec::new() }
+    }
+}
+
+impl AddAssign for Counts {
+    fn add_assign(&mut self, o: Counts) {
+        self.rays += o.rays;
+        for (name, n) in o.others {
+            match self.others.iter_mut().find(|(own, _)| *own == name) {
+                Some((_, sum)) => *sum += n,
+                None => self.others.push((name, n)),
+            }
         }
     }
 }

@@ -1,10 +1,11 @@
-//! Integrators: from rays to colours.
+//! Integrators: from a world to the colours of tiles.
 
 mod counts;
 mod probe;
+mod tile_integrator;
 mod whitted;
 
-pub use counts::{RayCount, RayCounts};
+pub use counts::{Counts, RayCount, RayCounts};
 pub use probe::{LightTerm, Probe, RayKind};
-pub(crate) use whitted::BATCH_SIZE;
+pub(crate) use tile_integrator::{Cancelled, PreparedRayIntegrator, RayIntegrator, TileIntegrator, TileWorker};
 pub use whitted::Whitted;

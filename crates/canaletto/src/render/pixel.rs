@@ -1,16 +1,16 @@
 //! A pixel from its samples (5.6): a pure function of world, job and pixel.
 
-use super::Job;
 use super::lattice::{FilterSites, Lattice, Site};
-use crate::film::{Division, FilterTable, Part};
-use crate::integrator::{BATCH_SIZE, Probe, Whitted};
+use crate::film::{Division, FilterTable, Part, WeightedSum};
+use crate::integrator::{Probe, RayCounts, RayIntegrator};
+use crate::job::Job;
 use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::{Dimension, FrameSampler, Sample};
 use crate::scene::Sampling;
 use crate::world::World;
 use glam::{DVec2, DVec3};
 
-/// Renders single pixels of a job.
+/// Renders single pixels of a job with an integrator that traces camera rays.
 pub(crate) struct PixelRenderer<'a> {
     job: &'a Job,
     filter: FilterTable,
@@ -43,33 +43,6 @@ impl Samples {
         let pixels = self.colors.chunks_exact(samples).zip(self.weights.chunks_exact(samples));
         pixels.map(|(colors, weights)| colors.iter().copied().zip(weights.iter().copied()))
     }
-}
-
-/// Weighted colours in `f64`.
-#[derive(Default)]
-struct Sum {
-    color: [f64; 3],
-    weight: f64,
-}
-
-impl Sum {
-    fn add(&mut self, color: Rgb, weight: f64) {
-        for (sum, c) in self.color.iter_mut().zip(color.to_array()) {
-            *sum += weight * f64::from(c);
-        }
-        self.weight += weight;
-    }
-
-    fn mean(&self) -> Rgb {
-        Rgb::from(self.color.map(|c| (c / self.weight) as f32)).saturated()
-    }
-}
-
-/// The mean of weighted colours, in the order and precision of the film.
-pub(crate) fn weighted_mean(samples: impl IntoIterator<Item = (Rgb, f64)>) -> Rgb {
-    let mut sum = Sum::default();
-    samples.into_iter().for_each(|(color, weight)| sum.add(color, weight));
-    sum.mean()
 }
 
 /// A sample of a pixel.
@@ -115,44 +88,58 @@ impl<'a> PixelRenderer<'a> {
         }
     }
 
-    /// The colour of the pixel in column `x` and row `y` from the top left, and the number of rays traced for it. A
-    /// probe observes ray after ray. For adaptive sampling, the number includes the first samples at the pixel's own
-    /// corner and centre.
-    pub(crate) fn pixel<P: Probe>(&mut self, whitted: &mut Whitted, x: u32, y: u32, probe: &mut P) -> (Rgb, u64) {
+    /// Adds the samples of the pixel in column `x` and row `y` from the top left to `sum`, and returns the number of
+    /// rays traced for it. A probe observes ray after ray. For adaptive sampling, the number includes the first samples
+    /// at the pixel's own corner and centre.
+    pub(crate) fn pixel<'w, P: Probe>(
+        &mut self,
+        integrator: &mut impl RayIntegrator<'w>,
+        [x, y]: [u32; 2],
+        probe: &mut P,
+        sum: &mut WeightedSum,
+    ) -> u64 {
         let sampling = self.job.film.sampling;
         let Sampling::Adaptive { n, threshold } = sampling else {
-            return self.trace_with_probe(whitted, self.camera_samples([x, y], sampling), sampling, probe);
+            return self.trace_with_probe(integrator, self.camera_samples([x, y], sampling), sampling, probe, sum);
         };
         let place = self.lattice_place([x, y]);
         if !self.lattice.covers(place) {
-            self.sample_sites(whitted, [x, y, 1, 1]);
+            self.sample_sites(integrator, [x, y, 1, 1]);
         }
         // The rays of the survey are counted already.
-        let counts = whitted.counts;
+        let counts = *integrator.counts();
         let own = Site::of(place).into_iter().map(|site| self.site_sample(site, 1.0));
-        let (_, rays) = self.trace_with_probe(whitted, own, sampling, &mut ());
-        whitted.counts = counts;
+        let rays = self.trace_with_probe(integrator, own, sampling, &mut (), &mut WeightedSum::default());
+        *integrator.counts() = counts;
         if !self.lattice.is_even(&self.probes, place, threshold) {
             let camera_samples = self.camera_samples([x, y], Sampling::Jittered(n));
-            let (color, more) = self.trace_with_probe(whitted, camera_samples, Sampling::Jittered(n), probe);
-            return (color, rays + more);
+            return rays + self.trace_with_probe(integrator, camera_samples, Sampling::Jittered(n), probe, sum);
         }
         // The probe observes the samples that make the pixel.
         let sites = self.probes.weighted().map(|(site, weight)| self.site_sample(site.at(place), weight));
-        let (color, _) = self.trace_with_probe(whitted, sites, sampling, probe);
-        whitted.counts = counts;
-        (color, rays)
+        self.trace_with_probe(integrator, sites, sampling, probe, sum);
+        *integrator.counts() = counts;
+        rays
     }
 
     /// Takes the first samples of adaptive sampling in an area (x, y from the top left, width, height). They extend as
     /// far as the filters of its pixels reach. Neighbouring pixels share most of these samples. Does nothing for other
     /// sampling.
-    pub(crate) fn sample_sites(&mut self, whitted: &mut Whitted, [x, y, width, height]: [u32; 4]) {
+    pub(crate) fn sample_sites<'w>(
+        &mut self,
+        integrator: &mut impl RayIntegrator<'w>,
+        [x, y, width, height]: [u32; 4],
+    ) {
         let Sampling::Adaptive { .. } = self.job.film.sampling else { return };
         let [left, bottom] = self.lattice_place([x, y + height - 1]);
         let mut lattice = Lattice::around([left, bottom], [width, height], &self.probes);
         let mut samples = std::mem::take(&mut self.samples);
-        let mut look = |whitted: &mut Whitted, own: bool| {
+        let mut counts = RayCounts::default();
+        for own in [true, false] {
+            // Samples of the surrounding pixels are counted with those pixels, so that counts don't depend on tiles.
+            if !own {
+                counts = *integrator.counts();
+            }
             let sites: Vec<Site> = lattice.sites(own).collect();
             let camera_samples = sites.iter().map(|site| self.site_sample(*site, 1.0));
             samples.places.clear();
@@ -161,14 +148,10 @@ impl<'a> PixelRenderer<'a> {
                 samples.places.push(camera_sample.position);
                 samples.numbers.push(camera_sample.numbers);
             }
-            self.trace(whitted, self.job.film.sampling, &mut samples);
+            self.trace(integrator, self.job.film.sampling, &mut samples);
             lattice.fill(&sites, &samples.colors);
-        };
-        look(whitted, true);
-        // Samples of the surrounding pixels are counted with those pixels, so that counts don't depend on tiles.
-        let counts = whitted.counts;
-        look(whitted, false);
-        whitted.counts = counts;
+        }
+        *integrator.counts() = counts;
         lattice.develop(self.job.film.transfer);
         (self.samples, self.lattice) = (samples, lattice);
     }
@@ -178,89 +161,98 @@ impl<'a> PixelRenderer<'a> {
         [i64::from(x), i64::from(self.job.camera.size()[1]) - 1 - i64::from(y)]
     }
 
-    /// The best number of pixels for one call of [`PixelRenderer::pixels`].
-    pub(crate) fn together(&self) -> usize {
+    /// The best number of pixels for one call of [`PixelRenderer::pixels`], if this many rays are traced together.
+    pub(crate) fn together(&self, batch_size: usize) -> usize {
         match self.job.film.sampling {
             // Few of these pixels are refined.
-            Sampling::Adaptive { .. } => BATCH_SIZE / 4,
-            sampling => (BATCH_SIZE / camera_samples(sampling) as usize).max(1),
+            Sampling::Adaptive { .. } => batch_size / 4,
+            sampling => (batch_size / camera_samples(sampling) as usize).max(1),
         }
     }
 
-    /// The colours of many pixels, whose rays are traced together. Neighbours in the list should be neighbours in the
-    /// picture. With adaptive sampling they lie in the area of the last [`PixelRenderer::sample_sites`].
-    pub(crate) fn pixels(&mut self, whitted: &mut Whitted, pixels: &[[u32; 2]], colors: &mut Vec<Rgb>) {
+    /// Calls `add` with the number, colour and weight of each sample of many pixels, whose rays are traced together.
+    /// Neighbours in the list should be neighbours in the picture. With adaptive sampling they lie in the area of the
+    /// last [`PixelRenderer::sample_sites`].
+    pub(crate) fn pixels<'w>(
+        &mut self,
+        integrator: &mut impl RayIntegrator<'w>,
+        pixels: &[[u32; 2]],
+        mut add: impl FnMut(usize, Rgb, f64),
+    ) {
         let sampling = self.job.film.sampling;
         let mut samples = std::mem::take(&mut self.samples);
-        colors.clear();
-        match sampling {
-            Sampling::Corner | Sampling::Center => {
-                self.samples(whitted, pixels, sampling, &mut samples);
-                colors.extend_from_slice(&samples.colors);
-            }
-            Sampling::Adaptive { n, threshold } => {
-                let place = |pixel: &[u32; 2]| self.lattice_place(*pixel);
-                let is_uneven = |pixel: &&[u32; 2]| !self.lattice.is_even(&self.probes, place(pixel), threshold);
-                let rest: Vec<[u32; 2]> = pixels.iter().filter(is_uneven).copied().collect();
-                self.samples(whitted, &rest, Sampling::Jittered(n), &mut samples);
-                let mut fine = rest.iter().zip(samples.pixels(n * n)).peekable();
-                for pixel in pixels {
-                    colors.push(match fine.next_if(|(uneven, _)| *uneven == pixel) {
-                        Some((_, samples)) => weighted_mean(samples),
-                        None => weighted_mean(self.lattice.colors(&self.probes, self.lattice_place(*pixel))),
-                    });
+        if let Sampling::Adaptive { n, threshold } = sampling {
+            let place = |pixel: &[u32; 2]| self.lattice_place(*pixel);
+            let is_uneven = |pixel: &&[u32; 2]| !self.lattice.is_even(&self.probes, place(pixel), threshold);
+            let rest: Vec<[u32; 2]> = pixels.iter().filter(is_uneven).copied().collect();
+            self.samples(integrator, &rest, Sampling::Jittered(n), &mut samples);
+            let mut fine = rest.iter().zip(samples.pixels(n * n)).peekable();
+            for (number, pixel) in pixels.iter().enumerate() {
+                match fine.next_if(|(uneven, _)| *uneven == pixel) {
+                    Some((_, samples)) => samples.for_each(|(color, weight)| add(number, color, weight)),
+                    None => {
+                        let colors = self.lattice.colors(&self.probes, self.lattice_place(*pixel));
+                        colors.for_each(|(color, weight)| add(number, color, weight));
+                    }
                 }
             }
-            _ => {
-                self.samples(whitted, pixels, sampling, &mut samples);
-                colors.extend(samples.pixels(camera_samples(sampling)).map(weighted_mean));
+        } else {
+            self.samples(integrator, pixels, sampling, &mut samples);
+            for (number, samples) in samples.pixels(camera_samples(sampling)).enumerate() {
+                samples.for_each(|(color, weight)| add(number, color, weight));
             }
         }
         self.samples = samples;
     }
 
     /// Chooses and traces all samples of some pixels.
-    fn samples(&mut self, whitted: &mut Whitted, pixels: &[[u32; 2]], sampling: Sampling, samples: &mut Samples) {
+    fn samples<'w>(
+        &mut self,
+        integrator: &mut impl RayIntegrator<'w>,
+        pixels: &[[u32; 2]],
+        sampling: Sampling,
+        samples: &mut Samples,
+    ) {
         // Each case is compiled separately.
         match sampling {
             Sampling::Corner => self.choose(pixels, Sampling::Corner, samples),
             Sampling::Center => self.choose(pixels, Sampling::Center, samples),
             other => self.choose(pixels, other, samples),
         }
-        self.trace(whitted, sampling, samples);
+        self.trace(integrator, sampling, samples);
     }
 
     /// The colours of the chosen samples.
-    fn trace(&self, whitted: &mut Whitted, sampling: Sampling, samples: &mut Samples) {
+    fn trace<'w, I: RayIntegrator<'w>>(&self, integrator: &mut I, sampling: Sampling, samples: &mut Samples) {
         let Samples { places, numbers, colors, .. } = samples;
         colors.clear();
-        let (world, camera, spacing) = (whitted.world(), &self.job.camera, spacing(sampling));
+        let (world, camera, spacing) = (integrator.world(), &self.job.camera, spacing(sampling));
         // Lights and moving instances are at one time's positions.
         let alone = self.moves(world);
         if !self.plain || alone {
             for (place, numbers) in places.iter().zip(numbers) {
                 let CameraRay { line, differential, time, .. } = self.eye(world, *place, numbers, spacing);
-                whitted.begin(*numbers, time);
-                whitted.push_camera_rays(&[line], &[*numbers], differential);
-                if alone || whitted.is_full() {
-                    colors.extend_from_slice(whitted.trace_pending());
+                integrator.begin(*numbers, time);
+                integrator.push_camera_rays(&[line], &[*numbers], differential);
+                if alone || integrator.is_full() {
+                    colors.extend_from_slice(integrator.trace_pending());
                 }
-                if whitted.is_cancelled() {
+                if integrator.is_cancelled() {
                     break;
                 }
             }
-            colors.extend_from_slice(whitted.trace_pending());
+            colors.extend_from_slice(integrator.trace_pending());
             return colors.resize(places.len(), Rgb::BLACK);
         }
         let needs_differentials = world.needs_differentials();
-        let mut lines = [DRay { origin: DVec3::ZERO, direction: DVec3::ZERO }; BATCH_SIZE];
-        for (places, numbers) in places.chunks(BATCH_SIZE).zip(numbers.chunks(BATCH_SIZE)) {
+        let mut lines = vec![DRay { origin: DVec3::ZERO, direction: DVec3::ZERO }; I::BATCH_SIZE];
+        for (places, numbers) in places.chunks(I::BATCH_SIZE).zip(numbers.chunks(I::BATCH_SIZE)) {
             let lines = &mut lines[..places.len()];
             camera.lines(places, lines);
             let seen = if needs_differentials { places } else { &[] };
-            whitted.push_camera_rays(lines, numbers, seen.iter().map(|[x, y]| camera.differential(*x, *y, spacing)));
-            colors.extend_from_slice(whitted.trace_pending());
-            if whitted.is_cancelled() {
+            integrator.push_camera_rays(lines, numbers, seen.iter().map(|[x, y]| camera.differential(*x, *y, spacing)));
+            colors.extend_from_slice(integrator.trace_pending());
+            if integrator.is_cancelled() {
                 break;
             }
         }
@@ -352,31 +344,27 @@ impl<'a> PixelRenderer<'a> {
         world.moves() || self.job.camera.moves()
     }
 
-    /// The mean of samples whose rays a probe observes, and the number of these rays.
-    fn trace_with_probe<P: Probe>(
+    /// Adds samples whose rays a probe observes, and returns the number of these rays.
+    fn trace_with_probe<'w, P: Probe>(
         &self,
-        whitted: &mut Whitted,
+        integrator: &mut impl RayIntegrator<'w>,
         camera_samples: impl Iterator<Item = CameraSample>,
         sampling: Sampling,
         probe: &mut P,
-    ) -> (Rgb, u64) {
-        let before = whitted.counts.total();
-        let mut see = |camera_sample: CameraSample| {
+        sum: &mut WeightedSum,
+    ) -> u64 {
+        let before = integrator.counts().total();
+        let moves = self.moves(integrator.world());
+        for camera_sample in camera_samples {
             probe.sample(camera_sample.position, camera_sample.weight);
-            let eye = self.eye(whitted.world(), camera_sample.position, &camera_sample.numbers, spacing(sampling));
-            let moves = self.moves(whitted.world());
+            let eye = self.eye(integrator.world(), camera_sample.position, &camera_sample.numbers, spacing(sampling));
             if !self.plain || moves {
                 probe.drawn(moves.then_some(f64::from(eye.time)), eye.lens.map(|p| p.to_array()));
             }
-            whitted.begin(camera_sample.numbers, eye.time);
-            (whitted.eye(eye.line, eye.differential.as_ref(), probe), camera_sample.weight)
-        };
-        let mut camera_samples = camera_samples.map(&mut see);
-        let color = match sampling {
-            Sampling::Corner | Sampling::Center => camera_samples.next().map_or(Rgb::BLACK, |(color, _)| color),
-            _ => weighted_mean(camera_samples),
-        };
-        (color, whitted.counts.total() - before)
+            integrator.begin(camera_sample.numbers, eye.time);
+            sum.add(integrator.eye(eye.line, eye.differential.as_ref(), probe), camera_sample.weight);
+        }
+        integrator.counts().total() - before
     }
 }
 

@@ -17,9 +17,7 @@ mod secondary;
 mod trace;
 mod wave;
 
-pub(crate) use wave::BATCH_SIZE;
-
-use super::{Probe, RayCounts};
+use super::{Cancelled, PreparedRayIntegrator, Probe, RayCounts};
 use crate::light::PreparedLight;
 use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::{Sample, Sampler};
@@ -36,7 +34,7 @@ pub struct Whitted<'w> {
     /// The rays traced so far.
     pub counts: RayCounts,
     /// Called at intervals with the number of rays traced; returns whether to cancel.
-    cancelled: Option<&'w (dyn Fn(u64) -> bool + Sync)>,
+    cancelled: Option<Cancelled<'w>>,
     /// Whether `cancelled` returned true. No child ray is followed after that, and colours are meaningless.
     is_cancelled: bool,
     /// The number of rays left before the next call of `cancelled`.
@@ -85,16 +83,6 @@ impl<'w> Whitted<'w> {
         Whitted { cancelled: Some(cancelled), ..self }
     }
 
-    /// Whether the callback cancelled the integrator. Colours returned since then are meaningless.
-    pub fn is_cancelled(&self) -> bool {
-        self.is_cancelled
-    }
-
-    /// The world that this integrator traces.
-    pub fn world(&self) -> &'w World {
-        self.world
-    }
-
     /// Begins a sample of a pixel. `sample` supplies random numbers until the next sample. `time` runs from 0 (the
     /// shutter opens) to 1 (it closes).
     #[inline]
@@ -134,5 +122,13 @@ impl<'w> Whitted<'w> {
             self.rays_until_poll = RAYS_PER_POLL;
             self.is_cancelled |= self.cancelled.is_some_and(|cancelled| cancelled(self.counts.total()));
         }
+    }
+}
+
+impl PreparedRayIntegrator for WhittedSettings {
+    type Worker<'a> = Whitted<'a>;
+
+    fn worker<'a>(&'a self, world: &'a World, cancelled: Cancelled<'a>) -> Whitted<'a> {
+        Whitted::new(world, *self).with_cancel(cancelled)
     }
 }

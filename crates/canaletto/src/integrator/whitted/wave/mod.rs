@@ -11,18 +11,19 @@ mod ray_batch;
 use super::Whitted;
 use super::interaction::{Footprint, SurfaceInteraction};
 use super::ray_state::RayState;
+use crate::integrator::{Probe, RayCounts, RayIntegrator};
 use crate::material::MaterialPoint;
 use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::Sample;
 use crate::scene::Stage;
 use crate::shape::SurfaceInputs8;
-use crate::world::{RayBundle, ShadowRays};
+use crate::world::{RayBundle, ShadowRays, World};
 use direct::Lighting;
 use interactions::{Interaction, Interactions};
 use ray_batch::RayBatch;
 
 /// The most camera rays that are traced together. Their interactions should fit the nearer caches.
-pub(crate) const BATCH_SIZE: usize = 256;
+const BATCH_SIZE: usize = 256;
 
 /// The buffers of the waves of one thread.
 pub(super) struct Waves {
@@ -109,11 +110,23 @@ fn is_partial(material: &MaterialPoint) -> bool {
     material.coverage < 1.0
 }
 
-impl Whitted<'_> {
-    /// Adds camera rays to the wave that waits to be traced. All of them have one time; successive rays should have
-    /// nearly equal directions. There are as many `samples` as `lines`. There are as many `differentials` too, unless
-    /// nothing uses them. Each is as for [`Whitted::eye`].
-    pub(crate) fn push_camera_rays(
+impl<'w> RayIntegrator<'w> for Whitted<'w> {
+    const BATCH_SIZE: usize = BATCH_SIZE;
+
+    fn world(&self) -> &'w World {
+        self.world
+    }
+
+    #[inline]
+    fn begin(&mut self, sample: Sample, time: f32) {
+        Whitted::begin(self, sample, time);
+    }
+
+    fn eye<P: Probe>(&mut self, line: DRay, differential: Option<&RayDifferential>, probe: &mut P) -> Rgb {
+        Whitted::eye(self, line, differential, probe)
+    }
+
+    fn push_camera_rays(
         &mut self,
         lines: &[DRay],
         samples: &[Sample],
@@ -123,14 +136,12 @@ impl Whitted<'_> {
         self.waves.pending.batch.push_camera_rays(lines, samples, differentials);
     }
 
-    /// Whether the wave of waiting rays has reached its best size.
     #[inline]
-    pub(crate) fn is_full(&self) -> bool {
-        self.waves.pending.batch.len() >= BATCH_SIZE
+    fn is_full(&self) -> bool {
+        self.waves.pending.batch.len() >= Self::BATCH_SIZE
     }
 
-    /// Traces the waiting rays and returns their colours.
-    pub(crate) fn trace_pending(&mut self) -> &[Rgb] {
+    fn trace_pending(&mut self) -> &[Rgb] {
         if self.waves.pending.batch.is_empty() {
             return &[];
         }
@@ -147,6 +158,16 @@ impl Whitted<'_> {
         &self.waves.pending.colors
     }
 
+    fn is_cancelled(&self) -> bool {
+        self.is_cancelled
+    }
+
+    fn counts(&mut self) -> &mut RayCounts {
+        &mut self.counts
+    }
+}
+
+impl Whitted<'_> {
     /// `trace`: sets the colours to those of the nearest surfaces, or to the background.
     fn trace_wave(&mut self, wave: &mut Wave) {
         self.intersect_wave(wave);

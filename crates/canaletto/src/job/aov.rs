@@ -1,0 +1,127 @@
+//! Extra layers (arbitrary output variables).
+
+use crate::film::{Accumulation, Layer};
+use crate::scene::Integrator;
+use crate::world::World;
+use crate::{Named, named};
+use serde::{Deserialize, Serialize};
+
+/// An extra layer of the picture.
+///
+/// Geometry layers (depth to material id) come from the first hit of the first sample, since a mean of two objects has
+/// no meaning. Pixels of the background have infinite depth and zeros elsewhere. Light layers (diffuse to refraction)
+/// are filtered like the picture, and so is `alpha`. They sum to it, except for `shadow`, which holds the light that
+/// shadows remove.
+/// `tree-depth` and `cost` count rays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum Aov {
+    /// Distance of the point from the eye, even if the ray leaves another point of a lens.
+    Depth,
+    /// Shading normal on the viewer's side, in world space.
+    Normal,
+    /// The point in world space. It is `f32`, and so rounded far from zero.
+    Position,
+    /// Texture coordinates.
+    Uv,
+    /// [`World::object_id`]; 0 is the background.
+    ObjectId,
+    /// 1 + the material's index; 0 is the background.
+    MaterialId,
+    /// Σ f_s l ⊗ kd (n·L) at the first hit, and the colours of overlays.
+    Diffuse,
+    /// Σ f_s l ⊗ ks (r·L)ⁿ at the first hit.
+    Specular,
+    /// The light that shadows remove at the first hit.
+    Shadow,
+    /// Iₐ ⊗ kd at the first hit; the background for rays without a hit.
+    Ambient,
+    /// k times the colour of the mirrored ray.
+    Reflection,
+    /// 1 − o times the colour of the refracted ray, and the light through cut-outs.
+    Refraction,
+    /// The largest depth in the pixel's ray trees.
+    TreeDepth,
+    /// The number of rays traced for the pixel, of all kinds.
+    Cost,
+    /// The share of the pixel that surfaces cover, 0 to 1. Cut-outs let the background through, clear bodies don't.
+    Alpha,
+}
+
+named!(Aov {
+    Depth => "depth",
+    Normal => "normal",
+    Position => "position",
+    Uv => "uv",
+    ObjectId => "object-id",
+    MaterialId => "material-id",
+    Diffuse => "diffuse",
+    Specular => "specular",
+    Shadow => "shadow",
+    Ambient => "ambient",
+    Reflection => "reflection",
+    Refraction => "refraction",
+    TreeDepth => "tree-depth",
+    Cost => "cost",
+    Alpha => "alpha",
+});
+
+impl Aov {
+    /// Whether an integrator can make the layer.
+    pub fn is_made_by(self, integrator: &Integrator) -> bool {
+        match integrator {
+            Integrator::Whitted(_) => true,
+        }
+    }
+
+    /// Whether the layer holds light, in red, green and blue.
+    pub fn is_light(self) -> bool {
+        self.channels() == ["R", "G", "B"]
+    }
+
+    /// The names of the layer's channels.
+    pub fn channels(self) -> &'static [&'static str] {
+        match self {
+            Aov::Depth => &["Z"],
+            Aov::Normal | Aov::Position => &["X", "Y", "Z"],
+            Aov::Uv => &["U", "V"],
+            Aov::ObjectId | Aov::MaterialId | Aov::TreeDepth | Aov::Cost => &["X"],
+            Aov::Alpha => &["A"],
+            Aov::Diffuse | Aov::Specular | Aov::Shadow | Aov::Ambient | Aov::Reflection | Aov::Refraction => {
+                &["R", "G", "B"]
+            }
+        }
+    }
+
+    /// Whether the layer holds numbers of objects or materials.
+    pub fn is_id(self) -> bool {
+        matches!(self, Aov::ObjectId | Aov::MaterialId)
+    }
+
+    /// The rule by which the layer's values accumulate over passes.
+    pub(crate) fn accumulation(self) -> Accumulation {
+        match self {
+            Aov::Depth | Aov::Normal | Aov::Position | Aov::Uv | Aov::ObjectId | Aov::MaterialId => Accumulation::First,
+            Aov::Diffuse
+            | Aov::Specular
+            | Aov::Shadow
+            | Aov::Ambient
+            | Aov::Reflection
+            | Aov::Refraction
+            | Aov::Alpha => Accumulation::Mean,
+            Aov::TreeDepth => Accumulation::Largest,
+            Aov::Cost => Accumulation::Sum,
+        }
+    }
+
+    /// A layer of zeros for a part of the picture.
+    pub(crate) fn layer(self, world: &World, width: u32, height: u32) -> Layer {
+        /// `f32` represents all integers up to this one.
+        const EXACT: u64 = 1 << f32::MANTISSA_DIGITS;
+        let (name, channels) = (self.name(), self.channels());
+        let pixels = width as usize * height as usize;
+        let ids = if self.is_id() && world.largest_id() > EXACT { vec![0; pixels] } else { Vec::new() };
+        Layer { name, channels, data: vec![0.0; pixels * channels.len()], ids }
+    }
+}

@@ -1,0 +1,139 @@
+//! What a picture depends on besides the world, and who observes its making.
+
+mod aov;
+mod observer;
+
+pub use aov::Aov;
+pub use observer::{Observer, Progress};
+
+use crate::OutOfRange;
+use crate::camera::Camera;
+use crate::scene::{FilmSettings, Integrator, WhittedSettings};
+use crate::world::World;
+use canaletto_bvh::NoThreads;
+use glam::DVec3;
+
+/// Everything that a picture depends on besides the world.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Job {
+    /// The camera.
+    pub camera: Camera,
+    /// The settings for sampling pixels. Tone and transfer affect only adaptive sampling: pictures stay linear.
+    pub film: FilmSettings,
+    /// The integrator that makes the picture.
+    pub integrator: Integrator,
+    /// The seed of the random numbers.
+    pub seed: u64,
+    /// The number of the frame. Each frame has random numbers of its own.
+    pub frame: u32,
+    /// The side of a tile in pixels, at least 1. No picture depends on it.
+    pub tile: u32,
+    /// The requested extra layers.
+    pub aovs: Vec<Aov>,
+}
+
+/// An error in a job.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum JobError {
+    /// The crop window is empty or reaches beyond the picture.
+    #[error(
+        "the crop window {width} x {height} at {x}, {y} doesn't lie inside the picture of {of_width} x {of_height} pixels"
+    )]
+    Crop {
+        /// Left edge in pixels, from the left.
+        x: u32,
+        /// Upper edge in pixels, from the top.
+        y: u32,
+        /// Width of the window in pixels.
+        width: u32,
+        /// Height of the window in pixels.
+        height: u32,
+        /// The picture's width in pixels.
+        of_width: u32,
+        /// The picture's height in pixels.
+        of_height: u32,
+    },
+    /// A grid of samples is out of range.
+    #[error("n is {0}, so {0} x {0} rays for a pixel; n must be between 1 and 16 (with adaptive sampling from 2 on)")]
+    Grid(u32),
+    /// The number of samples is out of range.
+    #[error("samples is {0}; a pixel takes between 1 and {max} rays", max = crate::scene::Sampling::MAX_SAMPLES)]
+    Samples(u32),
+    /// The depth of the ray tree is out of range.
+    #[error("max-depth is {0}; it must be between 1 (only the eye's rays) and {max}", max = WhittedSettings::MAX_DEPTH)]
+    Depth(u32),
+    /// The integrator can't make a layer.
+    #[error("the {integrator} integrator doesn't make the layer \"{layer}\"")]
+    Layer {
+        /// The layer's name.
+        layer: &'static str,
+        /// The integrator's name.
+        integrator: &'static str,
+    },
+    /// A filter or threshold is out of range.
+    #[error(transparent)]
+    Range(#[from] OutOfRange),
+    /// The rays need threads with more stack than the caller's thread, and these can't be started.
+    #[error(transparent)]
+    NoThreads(#[from] NoThreads),
+}
+
+impl Job {
+    /// A job with the default tile size, seed 0 and no extra layers.
+    pub fn new(camera: Camera, film: FilmSettings, integrator: impl Into<Integrator>) -> Job {
+        Job { camera, film, integrator: integrator.into(), seed: 0, frame: 0, tile: 32, aovs: Vec::new() }
+    }
+
+    /// Checks the values that come from files and users.
+    ///
+    /// # Errors
+    /// [`JobError`] with the value and its range.
+    pub fn check(&self) -> Result<(), JobError> {
+        use crate::scene::{Filter, Sampling};
+        let [of_width, of_height] = self.camera.size();
+        if let Some([x, y, width, height]) = self.film.crop {
+            let inside =
+                |start: u32, length: u32, of: u32| length > 0 && start.checked_add(length).is_some_and(|end| end <= of);
+            if !inside(x, width, of_width) || !inside(y, height, of_height) {
+                return Err(JobError::Crop { x, y, width, height, of_width, of_height });
+            }
+        }
+        if !(1..=WhittedSettings::MAX_DEPTH).contains(&self.integrator.max_depth()) {
+            return Err(JobError::Depth(self.integrator.max_depth()));
+        }
+        if let Some(aov) = self.aovs.iter().find(|aov| !aov.is_made_by(&self.integrator)) {
+            return Err(JobError::Layer { layer: aov.name(), integrator: self.integrator.name() });
+        }
+        match self.film.sampling {
+            Sampling::Regular(n) | Sampling::Jittered(n) if !(1..=Sampling::MAX_GRID).contains(&n) => {
+                return Err(JobError::Grid(n));
+            }
+            Sampling::Adaptive { n, .. } if !(2..=Sampling::MAX_GRID).contains(&n) => return Err(JobError::Grid(n)),
+            Sampling::Sampled(n) if !(1..=Sampling::MAX_SAMPLES).contains(&n) => return Err(JobError::Samples(n)),
+            Sampling::Adaptive { threshold, .. } if !(0.0..=1.0).contains(&threshold) => {
+                return Err(OutOfRange::new("threshold", format!("is {threshold}; it must be between 0 and 1")).into());
+            }
+            _ => {}
+        }
+        match self.film.filter {
+            Filter::Gaussian { sigma } if !(sigma > 0.0 && sigma <= 4.0) => {
+                let problem = format!("is {sigma}; it must be more than 0 and at most 4 pixels");
+                Err(OutOfRange::new("sigma", problem).into())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// This job with its camera relative to the world's origin, if that isn't zero.
+    pub(crate) fn relative_to(&self, world: &World) -> Option<Job> {
+        let origin = world.origin();
+        (origin != DVec3::ZERO).then(|| Job { camera: self.camera.relative_to(origin), ..self.clone() })
+    }
+
+    /// The area to render: x and y (from the top left), width and height, in pixels.
+    pub fn window(&self) -> [u32; 4] {
+        let [w, h] = self.camera.size();
+        self.film.crop.unwrap_or([0, 0, w, h])
+    }
+}
