@@ -282,10 +282,10 @@ fn alpha_is_the_share_that_surfaces_cover() {
     let alpha = |materials: &str, front: &str, behind: &str| {
         let scene = scene(
             &format!(
-                "camera width=32 height=32 fovy=53.13010235415598 {{ eye 0 0 4; target 0 0 0 }}
+                "camera {{ eye 0 0 4; center 0 0 0; fovy 53.13010235415598; size 32 32 }}
                 film {{ samples 64; filter \"box\" }}
                 background 0.2 0.4 0.9
-                light \"omni\" intensity=1 {{ position 5 5 5 }}
+                light \"omni\" {{ position 5 5 5; intensity 1 }}
                 material \"m\" {{ kd 0.5 0.5 0.5; {materials} }}
                 {front}
                 {behind}"
@@ -299,9 +299,8 @@ fn alpha_is_the_share_that_surfaces_cover() {
     };
     let square = |z: f32| {
         format!(
-            "group {{ translate 0 0 {z}
-                triangle material=\"m\" {{ a -1 -1 0; b 1 -1 0; c 1 1 0 }}
-                triangle material=\"m\" {{ a -1 -1 0; b 1 1 0; c -1 1 0 }} }}"
+            "triangle material=\"m\" {{ a -1 -1 {z}; b 1 -1 {z}; c 1 1 {z} }}
+            triangle material=\"m\" {{ a -1 -1 {z}; b 1 1 {z}; c -1 1 {z} }}"
         )
     };
     let near = |(mean, middle): (f64, f32), wanted: f64, in_middle: f32| {
@@ -312,5 +311,5 @@ fn alpha_is_the_share_that_surfaces_cover() {
     // The second square is seen through the first: 1 - 0.5 * 0.5, and it is as large as 4/5 of the first.
     near(alpha("coverage 0.5", &square(0.0), &square(-1.0)), 0.25 * (0.5 + 0.64 * 0.25), 0.75);
     near(alpha("opacity 0.2; eta 1.5", &square(0.0), ""), 0.25, 1.0);
-    near(alpha("k 1", "", ""), 0.0, 0.0);
+    near(alpha("k 1", &square(10.0), ""), 0.0, 0.0);
 }

@@ -6,10 +6,10 @@ mod observer;
 pub use aov::Aov;
 pub use observer::{Observer, Progress};
 
-use crate::OutOfRange;
 use crate::camera::Camera;
 use crate::scene::{FilmSettings, Integrator, WhittedSettings};
 use crate::world::World;
+use crate::{Named, OutOfRange};
 use canaletto_bvh::NoThreads;
 use glam::DVec3;
 

@@ -14,6 +14,8 @@ mod intersect;
 mod media;
 mod ray_state;
 mod secondary;
+#[cfg(test)]
+mod tests;
 mod trace;
 mod wave;
 

@@ -1,6 +1,7 @@
 //! Box 5.8 in worlds of two shapes, against the terms of (5.39b) computed by hand, and waves against single rays.
 
 use super::*;
+use crate::Named;
 use crate::integrator::RayIntegrator;
 use crate::light::{Light, LightKind, Omni};
 use crate::material::{Material, Phong};
@@ -104,7 +105,7 @@ fn waves_equal_single_rays_bit_for_bit() {
     let rough = Phong { roughness: 0.5, ..mirror };
     for sphere in [FLOOR, GLASS, mirror, rough] {
         let world = world(sphere);
-        for stage in Stage::ALL.map(|(stage, _)| stage) {
+        for &stage in Stage::ALL {
             let settings = WhittedSettings { stage, ..WhittedSettings::default() };
             let (mut single, mut wave) = (Whitted::new(&world, settings), Whitted::new(&world, settings));
             let line = |i: u32| {

@@ -12,8 +12,7 @@ impl Whitted<'_> {
     /// `trace`: the colour along a ray.
     pub(super) fn trace<P: Probe>(&mut self, ray: &RayState, probe: &mut P) -> Rgb {
         probe.ray(ray.path_state.kind, &ray.ray, ray.path_state.depth, ray.path_state.attenuation);
-        let found = self.intersect(ray, probe);
-        let Some(visible_hit) = found else {
+        let Some(visible_hit) = self.intersect(ray, probe) else {
             let background = self.background(ray, probe);
             probe.miss(background);
             probe.end(background);
