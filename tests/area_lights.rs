@@ -9,7 +9,7 @@ use canaletto::render::{Job, render};
 use canaletto::scene::{
     Content, Extrinsics, FilmSettings, Intrinsics, Node, SamplerKind, Sampling, Scene, WhittedSettings,
 };
-use canaletto::shape::{Mesh, Plane, Shape};
+use canaletto::shape::{Disk, Mesh, Parallelogram, Plane, Shape, Sphere};
 use canaletto::world::World;
 use canaletto_tests::gallery::{icosphere, still_life, still_life_job};
 use glam::{DVec3, Vec3};
@@ -36,7 +36,10 @@ fn floor(nodes: Vec<Node>, meshes: Vec<Mesh>, sampling: Sampling) -> f64 {
 
 fn rectangle(points: u32) -> LightKind {
     // The corner is straight above the origin at height 2; u × v points down.
-    LightKind::Rectangle(Box::new(RectangleLight { corner: Vec3::Y * 2.0, u: Vec3::X, v: Vec3::Z * 3.0, points }))
+    LightKind::Rectangle(Box::new(RectangleLight {
+        parallelogram: Parallelogram { corner: Vec3::Y * 2.0, u: Vec3::X, v: Vec3::Z * 3.0 },
+        points,
+    }))
 }
 
 /// The form factor of that rectangle.
@@ -63,8 +66,12 @@ fn pixels_under_matte_lights_are_radiance_times_form_factor() {
     check("fixed points", one(matte(rectangle(1024), 0).into(), vec![], Sampling::Center), exact, 2e-3);
     check("random points", one(matte(rectangle(1), 1).into(), vec![], many), exact, 2e-3);
     // The unit square is turned, stretched and lifted to the rectangle's place. As triangles it is an equal light.
-    let square =
-        |points| LightKind::Rectangle(Box::new(RectangleLight { corner: Vec3::ZERO, u: Vec3::X, v: Vec3::Y, points }));
+    let square = |points| {
+        LightKind::Rectangle(Box::new(RectangleLight {
+            parallelogram: Parallelogram { corner: Vec3::ZERO, u: Vec3::X, v: Vec3::Y },
+            points,
+        }))
+    };
     let moved = Transform::translate(DVec3::Y * 2.0)
         .after(&Transform::rotate(DVec3::X, 90.0).unwrap())
         .after(&Transform::scale(DVec3::new(1.0, 3.0, 7.0)).unwrap());
@@ -86,16 +93,20 @@ fn pixels_under_matte_lights_are_radiance_times_form_factor() {
     let corner = Transform::translate(DVec3::X).after(&flip);
     check("mirrored", one(light().with_transform(&corner).with_transform(&moved), vec![mesh], many), exact, 2e-3);
 
-    let sphere = |points| LightKind::Sphere(SphereLight { center: Vec3::new(0.0, 3.0, 0.0), radius: 1.0, points });
+    let sphere = |points| {
+        LightKind::Sphere(SphereLight { sphere: Sphere { center: Vec3::new(0.0, 3.0, 0.0), radius: 1.0 }, points })
+    };
     check("sphere", one(matte(sphere(1), 1).into(), vec![], many), 5.0 / 9.0, 2e-3);
     check("sphere, fixed", one(matte(sphere(256), 0).into(), vec![], Sampling::Center), 5.0 / 9.0, 2e-3);
     let ball = MeshLight { meshes: vec![0], transform: Transform::translate(DVec3::Y * 3.0), points: 1 };
     let ball = matte(LightKind::Mesh(Box::new(ball)), 16);
     check("a sphere of triangles", one(ball.into(), vec![icosphere(4, 1.0, false)], many), 5.0 / 9.0, 1e-2);
-    let disk = LightKind::Disk(DiskLight { position: Vec3::Y, normal: Vec3::NEG_Y, radius: 0.5, points: POINTS });
+    let disk =
+        LightKind::Disk(DiskLight { disk: Disk { center: Vec3::Y, normal: Vec3::NEG_Y, radius: 0.5 }, points: POINTS });
     check("disk", one(matte(disk, 1).into(), vec![], many), 5.0 * 0.2, 2e-3);
     // The back of the disk is dark.
-    let away = LightKind::Disk(DiskLight { position: Vec3::Y, normal: Vec3::Y, radius: 0.5, points: POINTS });
+    let away =
+        LightKind::Disk(DiskLight { disk: Disk { center: Vec3::Y, normal: Vec3::Y, radius: 0.5 }, points: POINTS });
     assert_eq!(one(matte(away, 1).into(), vec![], Sampling::Sampled(16)), 0.0);
     // Points with even emission give l times the mean cosine, 1 − r²/3d² for a sphere straight above.
     let even = Light { samples: 4, ..Light::new(sphere(1), Rgb::gray(5.0)) };
@@ -107,18 +118,19 @@ fn lit(scale: f32) -> Scene {
     let v = |x: f32, y: f32, z: f32| Vec3::new(x, y, z) * scale;
     let kinds = [
         LightKind::Rectangle(Box::new(RectangleLight {
-            corner: v(-3.0, 5.0, 1.0),
-            u: v(2.0, 0.0, 0.5),
-            v: v(0.0, 0.5, 2.0),
+            parallelogram: Parallelogram { corner: v(-3.0, 5.0, 1.0), u: v(2.0, 0.0, 0.5), v: v(0.0, 0.5, 2.0) },
             points: 5,
         })),
-        LightKind::Sphere(SphereLight { center: v(3.0, 4.0, 3.0), radius: 0.7 * scale, points: 6 }),
+        LightKind::Sphere(SphereLight { sphere: Sphere { center: v(3.0, 4.0, 3.0), radius: 0.7 * scale }, points: 6 }),
         LightKind::Mesh(Box::new(MeshLight {
             meshes: vec![0, 1],
             transform: Transform::translate(v(0.0, 6.0, 0.0).as_dvec3()),
             points: 7,
         })),
-        LightKind::Disk(DiskLight { position: v(-2.0, 5.0, -2.0), normal: Vec3::NEG_Y, radius: scale, points: 3 }),
+        LightKind::Disk(DiskLight {
+            disk: Disk { center: v(-2.0, 5.0, -2.0), normal: Vec3::NEG_Y, radius: scale },
+            points: 3,
+        }),
     ];
     let mut scene = still_life(scale);
     scene.nodes.retain(|node| !matches!(node.content, Content::Light(_)));

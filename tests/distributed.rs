@@ -5,7 +5,7 @@ use canaletto::Named;
 use canaletto::Ray;
 use canaletto::camera::Camera;
 use canaletto::light::{DiskLight, Light, LightKind, Omni};
-use canaletto::material::{Material, Phong};
+use canaletto::material::{Material, MaterialPoint, Phong, ScatteringFrame};
 use canaletto::math::{AnimatedTransform, Rgb, Transform};
 use canaletto::render::{Job, render};
 use canaletto::scene::{
@@ -283,11 +283,74 @@ fn rough_mirrors_scatter_by_the_ggx_density() {
     }
 }
 
+/// A BSDF is what the integrator does. A white ball seen in a rough mirror, or through frosted glass, is as bright as the
+/// integral of the evaluated BSDF over the directions to the ball.
+#[test]
+fn rough_surfaces_scatter_as_their_bsdf_evaluates() {
+    let eye = DVec3::new(3.0, 3.0, 0.0);
+    let wo = eye.normalize();
+    for roughness in [0.3f32, 0.5, 0.8] {
+        for glass in [false, true] {
+            let (center, radius) = (DVec3::new(-2.0, if glass { -1.5 } else { 1.5 }, 0.5), 1.2);
+            let black = Phong { kd: Rgb::BLACK, roughness, eta: 1.3, ..Phong::default() };
+            let phong = if glass { Phong { opacity: 0.25, ..black } } else { Phong { k: Rgb::gray(0.75), ..black } };
+            let mut materials = white();
+            materials[1] = Material::new("rough", phong);
+            let floor = Shape::Disk(Disk { center: Vec3::ZERO, normal: Vec3::Y, radius: 0.01 });
+            let nodes = vec![Node::from(floor).with_material(1), ball(center.as_vec3(), radius as f32)];
+            let scene = Scene { materials, nodes, ambient: Rgb::WHITE, ..Scene::default() };
+            let found = pixel(scene, &narrow(eye, DVec3::ZERO), 1 << 14, Stage::Full);
+            let frame = ScatteringFrame { normal: DVec3::Y, facing: DVec3::Y, eta_ratio: 1.0 / 1.3 };
+            let bsdf = MaterialPoint { model: phong.into(), ..MaterialPoint::default() }.bsdf(frame);
+            // Directions of the cone in which the ball is seen, in cells of equal solid angle.
+            let axis = center.normalize();
+            let (x, y) = axis.any_orthonormal_pair();
+            let versine = 1.0 - (1.0 - radius * radius / center.length_squared()).sqrt();
+            let n = 700;
+            let mut expected = 0.0;
+            for i in 0..n * n {
+                let at = |k: u32| (f64::from(k) + 0.5) / f64::from(n);
+                let cos = 1.0 - versine * at(i / n);
+                let (s, c) = (std::f64::consts::TAU * at(i % n)).sin_cos();
+                let wi = axis * cos + (x * c + y * s) * (1.0 - cos * cos).sqrt();
+                expected += f64::from(bsdf.eval(wo, wi).r) * std::f64::consts::TAU * versine / f64::from(n * n);
+            }
+            assert!((found - expected).abs() < 4e-3, "{roughness}, glass {glass}: {found}, not {expected}");
+            assert!(expected > 0.05 && expected < 0.749, "{expected}");
+        }
+    }
+}
+
+/// The light that one light adds is π l times the evaluated BSDF (5.38).
+#[test]
+fn lit_surfaces_are_what_their_bsdf_evaluates() {
+    for i in 0..40u32 {
+        let at = |k: u32| (i * 7 + k * 13) as f32 * 0.618_034 % 1.0;
+        let (kd, ks) = (Rgb::new(at(0), at(1), at(2)), Rgb::new(at(3), at(4), at(5)));
+        let phong = Phong { kd, ks, n: 30.0 * at(6), ..Phong::default() };
+        let (eye, lamp) = (DVec3::new(2.0, 1.0 + f64::from(at(7)), 0.3), Vec3::new(-2.5 * at(8), 1.5, at(9) - 0.5));
+        let floor = Node::from(Shape::Disk(Disk { center: Vec3::ZERO, normal: Vec3::Y, radius: 1.0 }));
+        let light = Light::new(LightKind::Omni(Omni::at(lamp)), Rgb::gray(0.8));
+        let scene = Scene {
+            materials: vec![Material::new("m", phong)],
+            nodes: vec![floor.with_material(0), Node::from(light)],
+            ..Scene::default()
+        };
+        let found = pixel(scene, &narrow(eye, DVec3::ZERO), 1, Stage::Specular);
+        let frame = ScatteringFrame { normal: DVec3::Y, facing: DVec3::Y, eta_ratio: 1.0 };
+        let bsdf = MaterialPoint { model: phong.into(), ..MaterialPoint::default() }.bsdf(frame);
+        let f = f64::from(bsdf.eval(eye.normalize(), lamp.as_dvec3().normalize()).r);
+        let expected = 0.8 * std::f64::consts::PI * f;
+        assert!((found - expected).abs() < 1e-5, "{phong:?}: {found}, not {expected}");
+    }
+}
+
 /// A small part of the penumbra of a ball under a disk light, and of the outline of a ball out of focus. The pixels are
 /// integrals over a light's disk or over a lens, with one edge in them.
 fn half_shadow_and_blur() -> [(&'static str, Scene, View, Stage); 2] {
     let floor = Node::from(Shape::Disk(Disk { center: Vec3::ZERO, normal: Vec3::Y, radius: 50.0 })).with_material(0);
-    let disk = DiskLight { position: Vec3::new(0.5, 6.0, 0.0), normal: Vec3::NEG_Y, radius: 1.5, points: 1 };
+    let disk =
+        DiskLight { disk: Disk { center: Vec3::new(0.5, 6.0, 0.0), normal: Vec3::NEG_Y, radius: 1.5 }, points: 1 };
     let light = Light { samples: 1, ..Light::new(LightKind::Disk(disk), Rgb::WHITE) };
     let nodes = vec![floor, ball(Vec3::new(0.0, 1.5, 0.0), 0.8), Node::from(light)];
     let scene = |nodes| Scene { materials: white(), nodes, ..Scene::default() };

@@ -3,7 +3,7 @@
 use canaletto::Ray;
 use canaletto::camera::Camera;
 use canaletto::integrator::{Probe, RayKind, Whitted};
-use canaletto::material::{Mapping, Material, MaterialPoint, Phong, Projection, Space, Target, TextureUse};
+use canaletto::material::{Mapping, Material, MaterialPoint, Parameter, Phong, Projection, Space, Target, TextureUse};
 use canaletto::math::{Rgb, Transform};
 use canaletto::scene::{Content, Extrinsics, Intrinsics, Node, Scene, WhittedSettings};
 use canaletto::shape::{Cone, Cuboid, Cylinder, Disk, Mesh, Plane, Shape, Sphere, Surface, Torus, Triangle};
@@ -55,7 +55,9 @@ impl Probe for Reads {
 fn material(phong: Phong, mapping: Option<Mapping>) -> Material {
     let material = Material::new("m", phong);
     match mapping {
-        Some(mapping) => material.with_texture(TextureUse { mapping, ..TextureUse::new(0, Target::Diffuse) }),
+        Some(mapping) => {
+            material.with_texture(TextureUse { mapping, ..TextureUse::new(0, Target::Parameter(Parameter::Diffuse)) })
+        }
         None => material,
     }
 }

@@ -14,5 +14,6 @@ mod figures;
 mod footprints;
 mod limits;
 mod scale;
+mod serialised;
 mod textures;
 mod watertight;

@@ -75,7 +75,10 @@ pub fn still_life(scale: f32) -> Scene {
             target: v(0.0, 0.0, 0.0),
             falloff: Falloff::Smooth { inner: 20.0, outer: 35.0 },
         }),
-        LightKind::Disk(DiskLight { position: v(0.0, 7.0, 0.0), normal: Vec3::NEG_Y, radius: scale, points: 5 }),
+        LightKind::Disk(DiskLight {
+            disk: Disk { center: v(0.0, 7.0, 0.0), normal: Vec3::NEG_Y, radius: scale },
+            points: 5,
+        }),
     ];
     let mut nodes = vec![
         shape(Shape::Plane(Plane { point: Vec3::ZERO, normal: Vec3::Y }), 0).named("ground"),

@@ -1,7 +1,7 @@
 //! A still life with every use, mapping and space of textures.
 
 use crate::gallery::{icosphere, still_life};
-use canaletto::material::{Channel, Mapping, Projection, Repeat, Space, Target, TextureUse};
+use canaletto::material::{Channel, Mapping, Parameter, Projection, Repeat, Space, Target, TextureUse};
 use canaletto::math::Transform;
 use canaletto::scene::Scene;
 use canaletto::texture::{ColorSpace, Filter, Image, ImageTexture, Placement, Samples, Texture, TextureKind, Wrap};
@@ -56,32 +56,36 @@ pub fn textured_still_life(scale: f32) -> Scene {
     let solid = |space| mapping(Projection::Solid, space, s);
     let [clay, blue, mirror, glass, red] = &mut scene.materials[..] else { panic!("five materials") };
     clay.textures = vec![
-        on(1, Target::Diffuse, mapping(Projection::Planar, Space::World, s)),
+        on(1, Target::Parameter(Parameter::Diffuse), mapping(Projection::Planar, Space::World, s)),
         on(3, Target::Decal, mapping(Projection::Spherical, Space::Object, s)),
     ];
     blue.textures = vec![
-        on(1, Target::Diffuse, mapping(Projection::Box, Space::Bounds, 1.0)),
+        on(1, Target::Parameter(Parameter::Diffuse), mapping(Projection::Box, Space::Bounds, 1.0)),
         TextureUse {
             range: [5.0, 80.0],
-            ..on(0, Target::Exponent, mapping(Projection::Cylindrical, Space::Bounds, 1.0))
+            ..on(0, Target::Parameter(Parameter::Exponent), mapping(Projection::Cylindrical, Space::Bounds, 1.0))
         },
         TextureUse { range: [0.0, 0.03 * scale], ..on(0, Target::Bump, uv) },
     ];
     mirror.textures = vec![
-        on(1, Target::Mirror, mapping(Projection::Triplanar, Space::Object, s)),
+        on(1, Target::Parameter(Parameter::Mirror), mapping(Projection::Triplanar, Space::Object, s)),
         TextureUse {
             range: [0.0, 0.02 * scale],
             ..on(0, Target::Bump, mapping(Projection::Triplanar, Space::Object, s))
         },
     ];
     glass.textures = vec![
-        on(0, Target::Opacity, uv),
-        TextureUse { range: [1.1, 1.8], channel: Channel::Red, ..on(0, Target::Eta, solid(Space::World)) },
+        on(0, Target::Parameter(Parameter::Opacity), uv),
+        TextureUse {
+            range: [1.1, 1.8],
+            channel: Channel::Red,
+            ..on(0, Target::Parameter(Parameter::Eta), solid(Space::World))
+        },
         on(1, Target::Normal { strength: 0.3, down: true }, uv),
     ];
     red.textures = vec![
-        on(2, Target::Diffuse, uv),
-        on(1, Target::Specular, uv),
+        on(2, Target::Parameter(Parameter::Diffuse), uv),
+        on(1, Target::Parameter(Parameter::Specular), uv),
         on(3, Target::Replace, Mapping { repeat: Repeat([3.0, 3.0]), ..uv }),
         on(2, Target::Cutout, mapping(Projection::Planar, Space::Bounds, 1.0)),
     ];

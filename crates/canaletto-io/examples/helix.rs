@@ -11,7 +11,7 @@ use canaletto::render::{Job, render};
 use canaletto::scene::{
     Content, Extrinsics, FilmSettings, Intrinsics, Node, Sampling, Scene, Transfer, WhittedSettings,
 };
-use canaletto::shape::{CylinderCloud, Plane, Shape, SphereCloud};
+use canaletto::shape::{CylinderCloud, Disk, Plane, Shape, SphereCloud};
 use canaletto::world::World;
 use canaletto_io::picture::{EncodeSettings, Image, PictureFormat, WriteOptions, write_atomically};
 use glam::{DVec3, Vec3};
@@ -41,7 +41,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         ..CylinderCloud::default()
     };
     let glossy = Phong { kd: Rgb::gray(0.75), ks: Rgb::gray(0.4), n: 60.0, ..Phong::default() };
-    let lamp = DiskLight { position: Vec3::new(5.0, 8.0, 6.0), normal: Vec3::NEG_Y, radius: 1.5, points: 16 };
+    let lamp =
+        DiskLight { disk: Disk { center: Vec3::new(5.0, 8.0, 6.0), normal: Vec3::NEG_Y, radius: 1.5 }, points: 16 };
     let scene = Scene {
         background: Rgb::gray(0.9),
         ambient: Rgb::gray(0.25),

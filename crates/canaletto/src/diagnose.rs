@@ -209,7 +209,7 @@ mod tests {
     use crate::material::{Material, Phong};
     use crate::math::Rgb;
     use crate::scene::{Extrinsics, FilmSettings, Intrinsics, Node, Scene, WhittedSettings};
-    use crate::shape::{Cuboid, Plane, Shape, Sphere};
+    use crate::shape::{Cuboid, Disk, Plane, Shape, Sphere};
     use glam::Vec3;
 
     fn ball(center: Vec3, radius: f32) -> Node {
@@ -331,7 +331,7 @@ mod tests {
         assert_eq!(at(lamp(Vec3::splat(0.3))), told("omni light #1"));
         assert_eq!(at(lamp(Vec3::splat(0.7))), []);
         let disk = |radius| {
-            let disk = DiskLight { position: Vec3::ZERO, normal: Vec3::Y, radius, points: 40 };
+            let disk = DiskLight { disk: Disk { center: Vec3::ZERO, normal: Vec3::Y, radius }, points: 40 };
             at(Node::from(Light { name: Some("key".into()), ..Light::new(LightKind::Disk(disk), Rgb::WHITE) }))
         };
         assert_eq!(disk(0.5), told("key"));

@@ -9,7 +9,7 @@ use crate::output_format::Format;
 use crate::source::{Source, UsedFile, build, on_threads};
 use crate::stdout::{print, print_json};
 use canaletto::light::{Light, PreparedLight};
-use canaletto::material::Material;
+use canaletto::material::{Material, Parameter, ParameterValue, Shown};
 use canaletto::math::{Rgb, Transform};
 use canaletto::scene::View;
 use canaletto::world::{World, WorldStats};
@@ -198,14 +198,16 @@ fn light(source: &PreparedLight) -> String {
 }
 
 fn material(material: &Material) -> String {
-    let m = material.phong();
-    let mut text = format!("\"{}\": kd {}, ks {}, n {}", material.name, rgb(m.kd), rgb(m.ks), m.n);
-    if !m.k.is_black() {
-        text += &format!(", k {}", rgb(m.k));
-    }
-    if m.opacity < 1.0 {
-        text += &format!(", opacity {}, eta {}", m.opacity, m.eta);
-    }
+    let phong = material.phong();
+    let shown: Vec<String> = Parameter::ALL
+        .iter()
+        .filter(|row| row.shown == Shown::Always || row.get(phong) != row.default_value())
+        .map(|row| match row.get(phong) {
+            ParameterValue::Color(color) => format!("{} {}", row.name, rgb(color)),
+            ParameterValue::Number(number) => format!("{} {number}", row.name),
+        })
+        .collect();
+    let mut text = format!("\"{}\": {}", material.name, shown.join(", "));
     if material.coverage < 1.0 {
         text += &format!(", coverage {}", material.coverage);
     }

@@ -258,21 +258,12 @@ fn in_the_scene(world: &World, p: Vec3) -> [f64; 3] {
 
 /// The value before and after a texture.
 fn replaced(read: &TextureRead) -> [Vec<f32>; 2] {
-    let number = |point: &MaterialPoint, normal: glam::DVec3| {
-        let phong = point.phong();
-        match read.used.target {
-            Target::Replace | Target::Decal => [&point.overlay.0.to_array()[..], &[point.overlay.1]].concat(),
-            Target::Diffuse => phong.kd.to_array().to_vec(),
-            Target::Specular => phong.ks.to_array().to_vec(),
-            Target::Mirror => phong.k.to_array().to_vec(),
-            Target::Exponent => vec![phong.n],
-            Target::Eta => vec![phong.eta],
-            Target::Opacity => vec![phong.opacity],
-            Target::Roughness => vec![phong.roughness],
-            Target::Cutout => vec![point.coverage],
-            Target::Displace { .. } => Vec::new(),
-            Target::Bump | Target::Normal { .. } => normal.as_vec3().to_array().to_vec(),
-        }
+    let number = |point: &MaterialPoint, normal: glam::DVec3| match read.used.target {
+        Target::Replace | Target::Decal => [&point.overlay.0.to_array()[..], &[point.overlay.1]].concat(),
+        Target::Parameter(parameter) => parameter.info().get(point.phong()).to_vec(),
+        Target::Cutout => vec![point.coverage],
+        Target::Displace { .. } => Vec::new(),
+        Target::Bump | Target::Normal { .. } => normal.as_vec3().to_array().to_vec(),
     };
     let [before, after] = read.normals;
     [number(read.before, before), number(read.after, after)]

@@ -5,6 +5,7 @@ use super::tree::{HitNode, LightNode, Outcome, PixelTree, RayNode, SampleNode, S
 use crate::Named;
 use crate::integrator::RayKind;
 use crate::light::environment::{EnvironmentLookup, Footprint, Part, Place};
+use crate::material::{Parameter, ParameterInfo, ParameterValue, Shown};
 use crate::math::Rgb;
 use std::fmt::{self, Display, Formatter, LowerExp};
 
@@ -140,21 +141,7 @@ fn write_hit(f: &mut Formatter, hit: &HitNode, color: Rgb, indent: &str) -> fmt:
     writeln!(f, "{indent}  meets {which} ({}) from {side} at t = {}", hit.kind, Number(hit.t))?;
     writeln!(f, "{indent}    p = {}", vector(hit.point))?;
     writeln!(f, "{indent}    n = {}, uv = ({}, {})", vector(hit.shading_normal), Number(hit.uv[0]), Number(hit.uv[1]))?;
-    let m = hit.model.phong();
-    writeln!(
-        f,
-        "{indent}    material \"{}\": kd {}, ks {}, n {}, k {}, eta {}, o {}",
-        hit.material,
-        rgb(m.kd),
-        rgb(m.ks),
-        m.n,
-        rgb(m.k),
-        m.eta,
-        m.opacity
-    )?;
-    if m.roughness > 0.0 {
-        writeln!(f, "{indent}        roughness {}", m.roughness)?;
-    }
+    write_material(f, hit, indent)?;
     for texture in &hit.textures {
         write_texture(f, texture, indent)?;
     }
@@ -290,6 +277,21 @@ fn write_light(f: &mut Formatter, light: &LightNode, indent: &str) -> fmt::Resul
         rgb(light.specular),
         Number(light.r_dot_l)
     )
+}
+
+/// The material's parameters: in one line those that are always shown, and a line for each other that is set.
+fn write_material(f: &mut Formatter, hit: &HitNode, indent: &str) -> fmt::Result {
+    let value = |row: &ParameterInfo| match row.get(hit.model.phong()) {
+        ParameterValue::Color(color) => rgb(color),
+        ParameterValue::Number(number) => number.to_string(),
+    };
+    let (always, others): (Vec<_>, Vec<_>) = Parameter::ALL.iter().partition(|row| row.shown != Shown::IfSet);
+    let always: Vec<String> = always.iter().map(|row| format!("{} {}", row.symbol, value(row))).collect();
+    writeln!(f, "{indent}    material \"{}\": {}", hit.material, always.join(", "))?;
+    for row in others.iter().filter(|row| row.get(hit.model.phong()) != row.default_value()) {
+        writeln!(f, "{indent}        {} {}", row.symbol, value(row))?;
+    }
+    Ok(())
 }
 
 fn rgb(c: Rgb) -> String {

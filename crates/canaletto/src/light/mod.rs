@@ -7,6 +7,7 @@ mod disk;
 pub mod environment;
 mod omni;
 mod prepared;
+mod sample;
 mod spot;
 mod surface_light;
 
@@ -14,6 +15,7 @@ pub use directional::Directional;
 pub use disk::DiskLight;
 pub use omni::Omni;
 pub use prepared::{Illumination, PreparedLight};
+pub use sample::{LightBounds, LightSample};
 pub use spot::{Falloff, Spot};
 pub use surface_light::{Emission, MeshLight, RectangleLight, SphereLight};
 
@@ -105,9 +107,9 @@ impl Light {
             LightKind::Omni(_) | LightKind::Mesh(_) | LightKind::Directional(Directional { beam: None, .. }) => {}
             LightKind::Directional(Directional { beam: Some((axis, _)), .. }) => *axis = f(0, *axis),
             LightKind::Spot(Spot { position, target, .. }) => (*position, *target) = (f(0, *position), f(1, *target)),
-            LightKind::Disk(DiskLight { position, .. }) => *position = f(0, *position),
-            LightKind::Rectangle(light) => light.corner = f(0, light.corner),
-            LightKind::Sphere(SphereLight { center, .. }) => *center = f(0, *center),
+            LightKind::Disk(light) => light.disk.center = f(0, light.disk.center),
+            LightKind::Rectangle(light) => light.parallelogram.corner = f(0, light.parallelogram.corner),
+            LightKind::Sphere(light) => light.sphere.center = f(0, light.sphere.center),
         }
         light
     }

@@ -1,8 +1,9 @@
 //! The runtime form of a light: values that do not depend on the lit point are computed once.
 
-use super::area::{self, Area};
+use super::area;
 use super::{Emission, Light, LightKind, surface_light};
 use crate::math::Rgb;
+use crate::shape::SurfaceSampler;
 use glam::{DVec3, Vec3};
 
 /// The runtime form of a light, with the points that emit.
@@ -11,23 +12,23 @@ pub struct PreparedLight {
     /// The light as described, in world space.
     pub light: Light,
     /// The positions of the fixed points; none for light from infinity.
-    points: Points,
+    pub(super) points: Points,
     /// The unit direction to a light at infinity.
-    towards: DVec3,
+    pub(super) towards: DVec3,
     /// The intensity of each point.
-    intensity: Rgb,
-    cone: Option<super::spot::Cone>,
+    pub(super) intensity: Rgb,
+    pub(super) cone: Option<super::spot::Cone>,
     /// The surface, if its points are chosen for each hit: random ones, or those of matte emission.
-    area: Option<Box<Area>>,
+    pub(super) surface: Option<Box<SurfaceSampler>>,
     /// The number of points that emit.
-    count: u32,
+    pub(super) count: u32,
     /// Whether distance attenuates the light.
     attenuated: bool,
 }
 
 /// The positions of a light's points. A single point, the usual case, needs no allocation.
 #[derive(Clone, Debug)]
-enum Points {
+pub(super) enum Points {
     One(Vec3),
     Some(Box<[Vec3]>),
 }
@@ -65,7 +66,7 @@ impl PreparedLight {
     /// The runtime form of a light, with the triangles of a mesh light in the space of its meshes.
     pub fn of_triangles(light: Light, triangles: &[[DVec3; 3]]) -> PreparedLight {
         let (mut points, mut towards, mut cone) = (Vec::new(), DVec3::ZERO, None);
-        let mut area = surface_light::area(&light.kind, triangles);
+        let mut surface = surface_light::surface(&light.kind, triangles);
         let count = light.points();
         let mut intensity = light.intensity;
         if light.has_area() {
@@ -84,22 +85,22 @@ impl PreparedLight {
             _ if light.samples > 0 || light.emission == Emission::Matte => {}
             LightKind::Disk(disk) => points.extend((0..count).map(|index| disk.point(index))),
             _ => {
-                let area = area.iter();
-                points.extend(area.flat_map(|a| (0..count).map(|i| a.point(area::fixed(i, count)).0.as_vec3())));
+                let point = |s: &SurfaceSampler, i| s.point(area::fixed(i, count)).0.as_vec3();
+                points.extend(surface.iter().flat_map(|s| (0..count).map(move |i| point(s, i))));
             }
         }
-        if light.has_area() && area.is_none() {
+        if light.has_area() && surface.is_none() {
             // The triangles of a mesh light have no area, so it emits nothing.
             intensity = Rgb::BLACK;
             points = vec![Vec3::ZERO; count as usize];
         }
         if !points.is_empty() {
-            area = None;
+            surface = None;
         }
         let attenuated = light.attenuation != [1.0, 0.0, 0.0];
         let points = if let [point] = *points { Points::One(point) } else { Points::Some(points.into()) };
-        let area = area.map(Box::new);
-        PreparedLight { light, points, towards, intensity, cone, area, count, attenuated }
+        let surface = surface.map(Box::new);
+        PreparedLight { light, points, towards, intensity, cone, surface, count, attenuated }
     }
 
     /// The number of points that illuminate a hit, each with a shadow ray of its own.
@@ -107,25 +108,25 @@ impl PreparedLight {
         self.count
     }
 
-    /// Whether points are chosen at random, by [`PreparedLight::sample`].
+    /// Whether points are chosen at random, by [`PreparedLight::illuminate_from`].
     #[inline]
     pub fn is_sampled(&self) -> bool {
-        self.area.is_some() && self.light.samples > 0
+        self.surface.is_some() && self.light.samples > 0
     }
 
     /// The light that arrives at `p` from the random point at `u` of the unit square. The intensities of
     /// [`PreparedLight::points`] such points sum to the light's. Lights without a surface return their only point.
     #[inline(never)]
-    pub fn sample(&self, u: [f64; 2], p: DVec3) -> Illumination {
-        match &self.area {
-            Some(area) if self.light.emission == Emission::Matte => match area.seen(u, p) {
+    pub fn illuminate_from(&self, u: [f64; 2], p: DVec3) -> Illumination {
+        match &self.surface {
+            Some(surface) if self.light.emission == Emission::Matte => match area::seen(surface, u, p) {
                 Some((position, share)) => {
                     let arriving = self.arriving(position.as_vec3(), p);
                     Illumination { intensity: (arriving.intensity * share as f32).saturated(), ..arriving }
                 }
-                None => Illumination { intensity: Rgb::BLACK, ..self.arriving(area.point(u).0.as_vec3(), p) },
+                None => Illumination { intensity: Rgb::BLACK, ..self.arriving(surface.point(u).0.as_vec3(), p) },
             },
-            Some(area) => self.arriving(area.point(u).0.as_vec3(), p),
+            Some(surface) => self.arriving(surface.point(u).0.as_vec3(), p),
             None => self.illuminate(0, p),
         }
     }
@@ -134,8 +135,8 @@ impl PreparedLight {
     #[inline]
     pub fn illuminate(&self, index: u32, p: DVec3) -> Illumination {
         let Some(position) = self.points.get(index) else {
-            return match self.area {
-                Some(_) => self.sample(area::fixed(index, self.count), p),
+            return match self.surface {
+                Some(_) => self.illuminate_from(area::fixed(index, self.count), p),
                 None => self.arriving_from_infinity(p.as_vec3()),
             };
         };
@@ -150,7 +151,7 @@ impl PreparedLight {
     }
 
     #[inline]
-    fn arriving(&self, position: Vec3, p: DVec3) -> Illumination {
+    pub(super) fn arriving(&self, position: Vec3, p: DVec3) -> Illumination {
         let to_light = position.as_dvec3() - p;
         let length = to_light.length();
         let (direction, distance) = (to_light / length, length as f32);
@@ -191,6 +192,9 @@ impl PreparedLight {
 mod tests {
     use super::super::{Directional, DiskLight, Falloff, Omni, Spot};
     use super::*;
+    use crate::shape::Disk;
+
+    const DISK: Disk = Disk { center: Vec3::Y, normal: Vec3::new(0.0, -1.0, 1.0), radius: 2.0 };
 
     fn source(kind: LightKind) -> PreparedLight {
         PreparedLight::new(Light::new(kind, Rgb::WHITE))
@@ -239,10 +243,10 @@ mod tests {
 
     #[test]
     fn points_of_a_disk_share_its_light_and_its_area() {
-        let disk = DiskLight { position: Vec3::Y, normal: Vec3::new(0.0, -1.0, 1.0), radius: 2.0, points: 64 };
+        let disk = DiskLight { disk: DISK, points: 64 };
         let light = source(LightKind::Disk(disk));
         let points: Vec<Vec3> = (0..64).map(|i| light.illuminate(i, DVec3::ZERO).position.unwrap() - Vec3::Y).collect();
-        assert!(points.iter().all(|p| p.dot(disk.normal).abs() < 1e-5 && p.length() <= 2.0));
+        assert!(points.iter().all(|p| p.dot(DISK.normal).abs() < 1e-5 && p.length() <= 2.0));
         // Half of the points lie inside the circle of half the area.
         assert_eq!(points.iter().filter(|p| p.length() < 2.0 / 2f32.sqrt()).count(), 32);
         assert!((points.iter().sum::<Vec3>() / 64.0).length() < 0.1);
@@ -252,14 +256,15 @@ mod tests {
 
     #[test]
     fn random_points_of_a_disk_lie_on_it_evenly() {
-        let disk = DiskLight { position: Vec3::Y, normal: Vec3::new(0.0, -1.0, 1.0), radius: 2.0, points: 16 };
+        let disk = DiskLight { disk: DISK, points: 16 };
         let light = PreparedLight::new(Light { samples: 4, ..Light::new(LightKind::Disk(disk), Rgb::WHITE) });
         assert!(light.is_sampled() && light.points() == 4);
         let n = 64;
         let at = |i: u32| (f64::from(i) + 0.5) / f64::from(n);
-        let all: Vec<Illumination> = (0..n * n).map(|i| light.sample([at(i % n), at(i / n)], DVec3::ZERO)).collect();
+        let all: Vec<Illumination> =
+            (0..n * n).map(|i| light.illuminate_from([at(i % n), at(i / n)], DVec3::ZERO)).collect();
         let points: Vec<Vec3> = all.iter().map(|l| l.position.unwrap() - Vec3::Y).collect();
-        assert!(points.iter().all(|p| p.dot(disk.normal).abs() < 1e-5 && p.length() <= 2.0));
+        assert!(points.iter().all(|p| p.dot(DISK.normal).abs() < 1e-5 && p.length() <= 2.0));
         let mean = |f: &dyn Fn(&Vec3) -> f32| points.iter().map(f).sum::<f32>() / points.len() as f32;
         // On a uniform disk, the mean squared radius is R²/2 and that of each axis R²/4.
         assert!((mean(&|p| p.length_squared()) - 2.0).abs() < 1e-2 && (mean(&|p| p.x * p.x) - 1.0).abs() < 1e-2);

@@ -4,6 +4,7 @@ use crate::OutOfRange;
 use crate::math::Transform;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
+use std::f64::consts::TAU;
 
 /// A point that emits a cone of light.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -62,6 +63,32 @@ impl Cone {
             }
             Fall::Exponent { exponent, none } if cos >= none && cos > 0.0 => libm::powf(cos, exponent),
             _ => 0.0,
+        }
+    }
+}
+
+impl Cone {
+    /// The unit axis.
+    pub(super) fn axis(&self) -> Vec3 {
+        self.axis
+    }
+
+    /// The cosine of the angle from which there is no light.
+    pub(super) fn cos_outer(&self) -> f64 {
+        match self.fall {
+            Fall::Smooth { none, .. } | Fall::Exponent { none, .. } => none.into(),
+        }
+    }
+
+    /// The integral of [`Cone::factor`] over all directions.
+    pub(super) fn solid_angle(&self) -> f64 {
+        TAU * match self.fall {
+            // The mean of s² (3 − 2s) over s from 0 to 1 is ½.
+            Fall::Smooth { full, none } => 1.0 - 0.5 * (f64::from(full) + f64::from(none)),
+            Fall::Exponent { exponent, none } => {
+                let e = f64::from(exponent) + 1.0;
+                (1.0 - libm::pow(f64::from(none).max(0.0), e)) / e
+            }
         }
     }
 }

@@ -1,21 +1,18 @@
 //! Lights with surfaces besides the disk: parallelograms, spheres and meshes, for soft shadows.
 
-use super::area::{Area, Triangles};
 use super::{Light, LightKind};
 use crate::math::Transform;
+use crate::shape::{Parallelogram, Shape, Sphere, SurfaceSampler};
 use crate::{OutOfRange, named};
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 /// A light on a rectangle, or on any parallelogram.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RectangleLight {
-    /// A corner of the parallelogram.
-    pub corner: Vec3,
-    /// An edge from the corner.
-    pub u: Vec3,
-    /// The other edge from the corner, not along `u`. With one-sided emission, u × v is on the emitting side.
-    pub v: Vec3,
+    /// The parallelogram. A matte emission leaves it on the side of u × v.
+    #[serde(flatten)]
+    pub parallelogram: Parallelogram,
     /// The number of fixed points, at least 1.
     pub points: u32,
 }
@@ -23,10 +20,9 @@ pub struct RectangleLight {
 /// A light on a sphere.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SphereLight {
-    /// The sphere's centre.
-    pub center: Vec3,
-    /// The sphere's radius, > 0. A transform that stretches the sphere makes it a sphere of the stretched volume.
-    pub radius: f32,
+    /// The sphere. A transform that stretches it makes it a sphere of the stretched volume.
+    #[serde(flatten)]
+    pub sphere: Sphere,
     /// The number of fixed points, at least 1.
     pub points: u32,
 }
@@ -63,42 +59,38 @@ named!(Emission {
 
 impl RectangleLight {
     pub(super) fn transformed(&self, t: &Transform) -> RectangleLight {
-        let edge = |v: Vec3| t.vector(v.as_dvec3()).as_vec3();
-        let corner = t.point(self.corner.as_dvec3()).as_vec3();
-        let (u, v) = (edge(self.u), edge(self.v));
-        // A mirroring transform turns u × v to the other side of the surface; swapped edges turn it back.
-        let (u, v) = if t.matrix().matrix3.determinant() < 0.0 { (v, u) } else { (u, v) };
-        RectangleLight { corner, u, v, points: self.points }
+        RectangleLight { parallelogram: self.parallelogram.transformed(t), ..*self }
     }
 
     pub(super) fn check(&self) -> Result<(), OutOfRange> {
-        let RectangleLight { corner, u, v, points } = self;
+        let Parallelogram { corner, u, v } = &self.parallelogram;
         if let Some((field, _)) = [("corner", corner), ("u", u), ("v", v)].into_iter().find(|(_, v)| !v.is_finite()) {
             return Err(OutOfRange::new(field, "holds a number that isn't finite"));
         }
         if u.as_dvec3().cross(v.as_dvec3()).try_normalize().is_none() {
             return Err(OutOfRange::new("u", "and v must be two edges of a rectangle, of different directions"));
         }
-        check_points(*points)
+        check_points(self.points)
     }
 }
 
 impl SphereLight {
     pub(super) fn transformed(&self, t: &Transform) -> SphereLight {
         let scale = libm::cbrt(t.matrix().matrix3.determinant().abs());
-        SphereLight {
-            center: t.point(self.center.as_dvec3()).as_vec3(),
-            radius: (f64::from(self.radius) * scale) as f32,
-            points: self.points,
-        }
+        let sphere = Sphere {
+            center: t.point(self.sphere.center.as_dvec3()).as_vec3(),
+            radius: (f64::from(self.sphere.radius) * scale) as f32,
+        };
+        SphereLight { sphere, ..*self }
     }
 
     pub(super) fn check(&self) -> Result<(), OutOfRange> {
-        if !self.center.is_finite() {
+        let Sphere { center, radius } = self.sphere;
+        if !center.is_finite() {
             return Err(OutOfRange::new("center", "holds a number that isn't finite"));
         }
-        if !self.radius.is_finite() || self.radius <= 0.0 {
-            return Err(OutOfRange::new("radius", format!("is {}; it must be more than 0", self.radius)));
+        if !radius.is_finite() || radius <= 0.0 {
+            return Err(OutOfRange::new("radius", format!("is {radius}; it must be more than 0")));
         }
         check_points(self.points)
     }
@@ -117,7 +109,8 @@ impl MeshLight {
     }
 }
 
-fn check_points(points: u32) -> Result<(), OutOfRange> {
+/// Checks the number of fixed points.
+pub(super) fn check_points(points: u32) -> Result<(), OutOfRange> {
     if (1..=Light::MAX_POINTS).contains(&points) {
         Ok(())
     } else {
@@ -127,27 +120,19 @@ fn check_points(points: u32) -> Result<(), OutOfRange> {
 
 /// The surface of a light whose numbers are in range. The `triangles` of a mesh light are in their own space. None for
 /// a light without a surface or of triangles without area.
-pub(super) fn area(kind: &LightKind, triangles: &[[DVec3; 3]]) -> Option<Area> {
+pub(super) fn surface(kind: &LightKind, triangles: &[[DVec3; 3]]) -> Option<SurfaceSampler> {
     match kind {
-        LightKind::Disk(disk) => {
-            let normal = disk.normal.normalize();
-            let (x, y) = normal.any_orthonormal_pair();
-            let radius = f64::from(disk.radius);
-            let radii = [x.as_dvec3() * radius, y.as_dvec3() * radius];
-            Some(Area::Disk(disk.position.as_dvec3(), radii, normal.as_dvec3()))
-        }
-        LightKind::Rectangle(rectangle) => {
-            let [corner, u, v] = [rectangle.corner, rectangle.u, rectangle.v].map(|v| v.as_dvec3());
-            Some(Area::Rectangle(corner, [u, v], u.cross(v).normalize()))
-        }
-        LightKind::Sphere(sphere) => Some(Area::Sphere(sphere.center.as_dvec3(), f64::from(sphere.radius))),
+        LightKind::Disk(light) => Shape::Disk(light.disk).sampler(),
+        LightKind::Rectangle(light) => Some(light.parallelogram.sampler()),
+        LightKind::Sphere(light) => Shape::Sphere(light.sphere).sampler(),
         LightKind::Mesh(mesh) => {
             let mirrored = mesh.transform.matrix().matrix3.determinant() < 0.0;
             let moved = triangles.iter().map(|corners| {
                 let [a, b, c] = corners.map(|p| mesh.transform.point(p).as_vec3());
                 if mirrored { [a, c, b] } else { [a, b, c] }
             });
-            Triangles::new(moved.collect()).map(Area::Triangles)
+            let sampler = SurfaceSampler::triangles(moved.collect());
+            (sampler.area() > 0.0 && sampler.area().is_finite()).then_some(sampler)
         }
         LightKind::Omni(_) | LightKind::Directional(_) | LightKind::Spot(_) => None,
     }

@@ -26,6 +26,22 @@ pub fn sample_ggx_vndf(wo: DVec3, normal: DVec3, roughness: f64, u: [f64; 2]) ->
     (x * facet.x + y * facet.y + normal * facet.z).try_normalize().unwrap_or(normal)
 }
 
+/// The density per unit of solid angle with which [`sample_ggx_vndf`] returns the unit normal `m`:
+/// D(m) G₁(wo) max(0, wo·m) / (wo·n). `wo` is on the side of the surface's unit normal.
+pub fn ggx_vndf_pdf(wo: DVec3, normal: DVec3, roughness: f64, m: DVec3) -> f64 {
+    let alpha2 = roughness * roughness * roughness * roughness;
+    let (cos, cos_m) = (wo.dot(normal), m.dot(normal));
+    if cos_m <= 0.0 {
+        return 0.0;
+    }
+    // D(m) = α² / (π (cos² θₘ (α² − 1) + 1)²)
+    let spread = 1.0 - cos_m * cos_m * (1.0 - alpha2);
+    let d = alpha2 / (std::f64::consts::PI * spread * spread);
+    // G₁(wo) / (wo·n) = 2 / (cos θ + √(cos² θ + α² sin² θ))
+    let g1 = 2.0 / (cos + (cos * cos + alpha2 * (1.0 - cos * cos)).sqrt());
+    d * g1 * wo.dot(m).max(0.0)
+}
+
 /// The direction, mirrored in the plane of the unit normal if it points to the wrong side of the plane.
 pub fn reflect_into_hemisphere(direction: DVec3, normal: DVec3) -> DVec3 {
     let height = direction.dot(normal);
@@ -66,6 +82,8 @@ mod tests {
                 let (theta, phi) = (at(i % n) * std::f64::consts::FRAC_PI_2, at(i / n) * std::f64::consts::TAU);
                 let v = DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
                 let weight = density(wo, v, alpha) * theta.sin() * std::f64::consts::PI * std::f64::consts::PI;
+                let walter = density(wo, v, alpha);
+                assert!((ggx_vndf_pdf(wo, DVec3::Z, roughness, v) - walter).abs() <= 1e-9 * walter);
                 total += weight / f64::from(n * n);
                 for (k, test) in tests.iter().enumerate() {
                     sums[k] += test(m) / f64::from(n * n);

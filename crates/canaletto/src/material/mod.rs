@@ -1,19 +1,25 @@
 //! Materials: how surfaces respond to light.
 
+mod bsdf;
 mod bump;
 mod mapping;
 mod microfacet;
 mod model;
+mod parameter;
 mod phong;
+mod phong_bsdf;
 mod refract;
 mod texture_use;
 
+pub use bsdf::{Bsdf, BsdfSample, Lobe, ScatteringFrame};
 pub use bump::{apply_bump, apply_normal_map, clamp_to_hemisphere};
 pub use mapping::{Mapping, Place, Projection, Repeat, Space, TexCoord, TexCoords};
-pub use microfacet::{reflect_into_hemisphere, sample_ggx_vndf};
+pub use microfacet::{ggx_vndf_pdf, reflect_into_hemisphere, sample_ggx_vndf};
 pub use model::MaterialModel;
+pub use parameter::{Parameter, ParameterInfo, ParameterValue, Shown};
 pub use phong::Phong;
 pub(crate) use phong::highlights;
+pub use phong_bsdf::PhongBsdf;
 pub use refract::{reflect, refract};
 pub use texture_use::{Channel, Target, TextureUse};
 

@@ -1,5 +1,6 @@
 //! Phong's model (5.4) with the chapter's mirror and transparency.
 
+use super::Parameter;
 use crate::OutOfRange;
 use crate::math::{Rgb, power_all};
 use serde::{Deserialize, Serialize};
@@ -37,36 +38,7 @@ impl Phong {
     /// # Errors
     /// An [`OutOfRange`] that names the number, its value and the range.
     pub fn check(&self) -> Result<(), OutOfRange> {
-        for (name, c) in [("kd", self.kd), ("ks", self.ks), ("k", self.k)] {
-            if c.to_array().iter().any(|v| !v.is_finite() || *v < 0.0) {
-                return Err(OutOfRange::new(
-                    name,
-                    format!("is {} {} {}; each component must be 0 or more", c.r, c.g, c.b),
-                ));
-            }
-        }
-        if !self.n.is_finite() || self.n < 0.0 {
-            return Err(OutOfRange::new("n", format!("is {}; the exponent must be 0 or more", self.n)));
-        }
-        if !self.eta.is_finite() || self.eta <= 0.0 {
-            return Err(OutOfRange::new(
-                "eta",
-                format!("is {}; the coefficient of refraction must be more than 0", self.eta),
-            ));
-        }
-        if !(0.0..=1.0).contains(&self.opacity) {
-            return Err(OutOfRange::new(
-                "opacity",
-                format!("is {}; it must be between 0 (clear) and 1 (opaque)", self.opacity),
-            ));
-        }
-        if !(0.0..=1.0).contains(&self.roughness) {
-            return Err(OutOfRange::new(
-                "roughness",
-                format!("is {}; it must be between 0 (polished) and 1", self.roughness),
-            ));
-        }
-        Ok(())
+        Parameter::ALL.iter().try_for_each(|parameter| parameter.check(self))
     }
 }
 

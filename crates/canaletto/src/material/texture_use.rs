@@ -1,10 +1,9 @@
 //! The use of a texture by a material (5.5): colours that replace or cover the shaded one, any number of the model,
 //! holes, bumps.
 
-use super::{Mapping, MaterialPoint};
-use crate::OutOfRange;
+use super::{Mapping, MaterialPoint, Parameter};
 use crate::math::Rgb;
-use crate::named;
+use crate::{Named, OutOfRange, named};
 use serde::{Deserialize, Serialize};
 
 /// A texture on a material. Uses apply in the order of the material's list. A later one replaces the result of an
@@ -32,20 +31,6 @@ pub enum Target {
     Replace,
     /// A transparent overlay on the shaded colour I: a t + (1 − a) I, with the texture's colour t and alpha a.
     Decal,
-    /// The diffuse colour kd.
-    Diffuse,
-    /// The colour of highlights ks.
-    Specular,
-    /// The exponent of highlights n.
-    Exponent,
-    /// The factor of the reflected ray k.
-    Mirror,
-    /// The coefficient of refraction η.
-    Eta,
-    /// The opacity o.
-    Opacity,
-    /// The roughness.
-    Roughness,
     /// The coverage, the share of the surface that exists; 0 is a hole.
     Cutout,
     /// Heights, of which only the slope is visible (Blinn, *Simulation of Wrinkled Surfaces*, 1978). `range` holds the
@@ -66,6 +51,9 @@ pub enum Target {
         /// Whether y is towards larger v, as in Direct3D.
         down: bool,
     },
+    /// A parameter of the material's model.
+    #[serde(untagged)]
+    Parameter(Parameter),
 }
 
 /// The channel of a texture.
@@ -107,29 +95,74 @@ impl Channel {
     }
 }
 
-named!(Target {
-    Replace => "replace",
-    Decal => "decal",
-    Diffuse => "diffuse",
-    Specular => "ks",
-    Exponent => "n",
-    Mirror => "k",
-    Eta => "eta",
-    Opacity => "opacity",
-    Roughness => "roughness",
-    Cutout => "cutout",
-    Bump => "bump",
-    Displace { detail: Target::DEFAULT_DETAIL } => "displace",
-    Normal { strength: 1.0, down: false } => "normal",
-});
+/// The targets: colours over the shaded one, the parameters of the model, then what changes the surface itself.
+const TARGETS: [Target; Parameter::COUNT + 6] = {
+    let mut all = [Target::Replace; Parameter::COUNT + 6];
+    all[1] = Target::Decal;
+    let mut i = 0;
+    while i < Parameter::COUNT {
+        all[2 + i] = Target::Parameter(Parameter::ALL[i].parameter);
+        i += 1;
+    }
+    all[2 + i] = Target::Cutout;
+    all[3 + i] = Target::Bump;
+    all[4 + i] = Target::Displace { detail: Target::DEFAULT_DETAIL };
+    all[5 + i] = Target::Normal { strength: 1.0, down: false };
+    all
+};
+
+const NAMES: [&str; TARGETS.len()] = {
+    let mut names = [""; TARGETS.len()];
+    let mut i = 0;
+    while i < TARGETS.len() {
+        names[i] = TARGETS[i].word();
+        i += 1;
+    }
+    names
+};
+
+// The macro has no variants that are sets of their own.
+impl Named for Target {
+    const ALL: &'static [Target] = &TARGETS;
+    const NAMES: &'static [&'static str] = &NAMES;
+
+    fn name(&self) -> &'static str {
+        self.word()
+    }
+
+    fn meaning(&self) -> &'static str {
+        ""
+    }
+
+    fn from_name(name: &str) -> Option<Target> {
+        TARGETS.into_iter().find(|target| target.word() == name)
+    }
+}
 
 impl Target {
     /// The default detail of displacements.
     pub const DEFAULT_DETAIL: f32 = 128.0;
 
+    const fn word(&self) -> &'static str {
+        match self {
+            Target::Parameter(parameter) => parameter.info().target,
+            Target::Replace => "replace",
+            Target::Decal => "decal",
+            Target::Cutout => "cutout",
+            Target::Bump => "bump",
+            Target::Displace { .. } => "displace",
+            Target::Normal { .. } => "normal",
+        }
+    }
+
     /// Whether the texture's numbers are colours, so that an image's colour space matters.
+    #[inline]
     pub fn takes_color(&self) -> bool {
-        matches!(self, Target::Replace | Target::Decal | Target::Diffuse | Target::Specular | Target::Mirror)
+        match self {
+            Target::Replace | Target::Decal => true,
+            Target::Parameter(parameter) => parameter.info().is_color(),
+            Target::Cutout | Target::Bump | Target::Displace { .. } | Target::Normal { .. } => false,
+        }
     }
 
     /// Whether the target bends the normal.
@@ -139,7 +172,7 @@ impl Target {
 
     /// Whether the target may let light through.
     pub fn may_transmit(&self) -> bool {
-        matches!(self, Target::Opacity | Target::Cutout)
+        matches!(self, Target::Parameter(Parameter::Opacity) | Target::Cutout)
     }
 }
 
@@ -184,7 +217,6 @@ impl TextureUse {
     /// Sets the target to a texture's value. Numbers out of the model's range are clamped to it, since textures may
     /// hold any number.
     pub fn apply(&self, value: [f32; 4], point: &mut MaterialPoint) {
-        let phong = point.model.phong_mut();
         let number = || positive(self.number(value));
         let color = || {
             let [r, g, b, _] = value.map(|v| positive(self.ranged(v)));
@@ -201,13 +233,9 @@ impl TextureUse {
                     point.overlay = ((color() * share + under.0 * (1.0 - share)).saturated(), both);
                 }
             }
-            Target::Diffuse => phong.kd = color(),
-            Target::Specular => phong.ks = color(),
-            Target::Mirror => phong.k = color(),
-            Target::Exponent => phong.n = number(),
-            Target::Eta => phong.eta = number().max(1e-3),
-            Target::Opacity => phong.opacity = number().min(1.0),
-            Target::Roughness => phong.roughness = number().min(1.0),
+            Target::Parameter(parameter) => {
+                parameter.info().set_textured(point.model.phong_mut(), color, number);
+            }
             Target::Cutout => point.coverage = number().min(1.0),
             Target::Bump | Target::Displace { .. } | Target::Normal { .. } => {}
         }
@@ -237,17 +265,17 @@ mod tests {
             p
         };
         let rgb = Rgb::new(0.25, 0.5, 0.75);
-        assert_eq!(applied(Target::Diffuse, [0.0, 1.0]).phong().kd, rgb);
-        assert_eq!(applied(Target::Specular, [0.0, 1.0]).phong().ks, rgb);
-        assert_eq!(applied(Target::Mirror, [1.0, 0.0]).phong().k, Rgb::new(0.75, 0.5, 0.25));
+        assert_eq!(applied(Target::Parameter(Parameter::Diffuse), [0.0, 1.0]).phong().kd, rgb);
+        assert_eq!(applied(Target::Parameter(Parameter::Specular), [0.0, 1.0]).phong().ks, rgb);
+        assert_eq!(applied(Target::Parameter(Parameter::Mirror), [1.0, 0.0]).phong().k, Rgb::new(0.75, 0.5, 0.25));
         assert_eq!(applied(Target::Replace, [0.0, 1.0]).overlay, (rgb, 1.0));
         assert_eq!(applied(Target::Decal, [0.0, 1.0]).overlay, (rgb, 0.5));
         assert_eq!(applied(Target::Cutout, [0.0, 1.0]).coverage, 0.5);
         let luminance = 0.2126 * 0.25 + 0.7152 * 0.5 + 0.0722 * 0.75;
-        assert_eq!(applied(Target::Exponent, [0.0, 100.0]).phong().n, luminance * 100.0);
-        assert_eq!(applied(Target::Opacity, [0.0, 1.0]).phong().opacity, luminance);
-        assert_eq!(applied(Target::Roughness, [0.0, 1.0]).phong().roughness, luminance);
-        assert_eq!(applied(Target::Eta, [1.0, 2.0]).phong().eta, 1.0 + luminance);
+        assert_eq!(applied(Target::Parameter(Parameter::Exponent), [0.0, 100.0]).phong().n, luminance * 100.0);
+        assert_eq!(applied(Target::Parameter(Parameter::Opacity), [0.0, 1.0]).phong().opacity, luminance);
+        assert_eq!(applied(Target::Parameter(Parameter::Roughness), [0.0, 1.0]).phong().roughness, luminance);
+        assert_eq!(applied(Target::Parameter(Parameter::Eta), [1.0, 2.0]).phong().eta, 1.0 + luminance);
     }
 
     #[test]

@@ -176,7 +176,7 @@ mod tests {
     use super::*;
     use crate::light::environment::Smoothing;
     use crate::light::{MeshLight, Omni};
-    use crate::material::{Channel, Mapping, Phong, Target, TextureUse};
+    use crate::material::{Channel, Mapping, Parameter, Phong, Target, TextureUse};
     use crate::math::Transform;
     use crate::scene::{Extrinsics, Intrinsics};
     use crate::shape::{Shape, Sphere};
@@ -186,7 +186,7 @@ mod tests {
     fn material(name: &str, textures: &[u32]) -> Material {
         let on = |texture: &u32| TextureUse {
             texture: *texture,
-            target: Target::Diffuse,
+            target: Target::Parameter(Parameter::Diffuse),
             channel: Channel::Red,
             range: [0.0, 1.0],
             mapping: Mapping::default(),

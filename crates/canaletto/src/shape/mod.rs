@@ -11,9 +11,11 @@ mod disk;
 pub(crate) mod displace;
 mod frustum;
 mod mesh;
+mod parallelogram;
 mod plane;
 #[cfg(test)]
 mod properties;
+mod sample;
 mod solid;
 mod solve;
 mod sphere;
@@ -24,7 +26,7 @@ mod surface_differential_tests;
 mod surfaces;
 mod tessellate;
 #[cfg(test)]
-mod testing;
+pub(crate) mod testing;
 mod torus;
 mod triangle;
 
@@ -34,7 +36,9 @@ pub use cuboid::Cuboid;
 pub use cylinder::Cylinder;
 pub use disk::Disk;
 pub use mesh::Mesh;
+pub use parallelogram::Parallelogram;
 pub use plane::Plane;
+pub use sample::{SurfaceSample, SurfaceSampler};
 pub use sphere::Sphere;
 pub use surface::Surface;
 pub use surface_differential::SurfaceDifferential;

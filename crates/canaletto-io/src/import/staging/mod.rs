@@ -11,7 +11,7 @@ use canaletto::light::{Directional, DiskLight, Light, LightKind};
 use canaletto::material::{Material, Phong};
 use canaletto::math::{Rgb, Transform};
 use canaletto::scene::{Content, FilmSettings, Fragment, Intrinsics, Node, Sampling, Scene, View};
-use canaletto::shape::{Mesh, Plane, Shape};
+use canaletto::shape::{Disk, Mesh, Plane, Shape};
 use glam::DVec3;
 
 /// The camera of models, without its placement.
@@ -118,12 +118,14 @@ fn light(scene: &mut Scene, [low, high]: [DVec3; 2], there: &Transform) -> Optio
     scene.nodes.push(plane.named("ground").with_material(ground));
     // The key light at the left of the camera casts the shadow; the fill light at the right brightens it.
     let key = DiskLight {
-        position: (middle + direction_at(-25.0, 50.0) * (3.0 * size)).as_vec3(),
-        normal: direction_at(-25.0, 50.0).as_vec3(),
-        radius: (0.2 * size) as f32,
+        disk: Disk {
+            center: (middle + direction_at(-25.0, 50.0) * (3.0 * size)).as_vec3(),
+            normal: direction_at(-25.0, 50.0).as_vec3(),
+            radius: (0.2 * size) as f32,
+        },
         points: 24,
     };
-    if !(key.position.is_finite() && key.radius.is_finite()) {
+    if !(key.disk.center.is_finite() && key.disk.radius.is_finite()) {
         return None;
     }
     let fill = Directional { towards: -direction_at(85.0, 25.0).as_vec3(), beam: None };

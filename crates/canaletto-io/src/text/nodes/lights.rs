@@ -12,6 +12,7 @@ use canaletto::light::{
 };
 use canaletto::math::{Rgb, Transform};
 use canaletto::scene::{self, Content};
+use canaletto::shape::{Disk, Parallelogram, Sphere};
 use canaletto::{Named, OutOfRange};
 use glam::Vec3;
 
@@ -154,9 +155,7 @@ static DISK_LIGHT: LightNode = light_node(
     "light \"disk\" { position 40 120 0; normal 0 -1 0; radius 10; intensity 0.8; points 16 }",
     |_, f| {
         Some(LightKind::Disk(DiskLight {
-            position: f.get(&DISK_POSITION)?,
-            normal: f.get(&DISK_NORMAL)?,
-            radius: f.get(&DISK_RADIUS)?,
+            disk: Disk { center: f.get(&DISK_POSITION)?, normal: f.get(&DISK_NORMAL)?, radius: f.get(&DISK_RADIUS)? },
             points: points(f),
         }))
     },
@@ -173,9 +172,7 @@ static RECTANGLE_LIGHT: LightNode = light_node(
     "light \"rectangle\" { corner -1 5 -1; u 2 0 0; v 0 0 2; samples 1; emission \"matte\"; intensity 8 }",
     |_, f| {
         Some(LightKind::Rectangle(Box::new(RectangleLight {
-            corner: f.get(&CORNER)?,
-            u: f.get(&U)?,
-            v: f.get(&V)?,
+            parallelogram: Parallelogram { corner: f.get(&CORNER)?, u: f.get(&U)?, v: f.get(&V)? },
             points: points(f),
         })))
     },
@@ -189,7 +186,10 @@ static SPHERE_LIGHT: LightNode = light_node(
     "Light spread over a sphere, for soft shadows.",
     &[&[CENTER.schema, RADIUS.schema], SURFACE, LIGHT_FIELDS],
     "light \"sphere\" { center 0 5 0; radius 0.5; points 32 }",
-    |_, f| Some(LightKind::Sphere(SphereLight { center: f.get(&CENTER)?, radius: f.get(&RADIUS)?, points: points(f) })),
+    |_, f| {
+        let sphere = Sphere { center: f.get(&CENTER)?, radius: f.get(&RADIUS)? };
+        Some(LightKind::Sphere(SphereLight { sphere, points: points(f) }))
+    },
 );
 
 static MESH_LIGHT: LightNode = light_node(

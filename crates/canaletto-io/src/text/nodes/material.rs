@@ -3,23 +3,52 @@
 use super::surface_texture::TEXTURE;
 use crate::text::decode::Decoder;
 use crate::text::report::Message;
-use crate::text::schema::{Field, NodeSchema, Text, rgb};
+use crate::text::schema::{Field, FieldSchema, NodeSchema, Text, rgb};
 use crate::text::syntax::{self, Node, Span};
-use canaletto::material::{Material, Phong};
+use canaletto::material::{Material, Parameter, ParameterInfo, ParameterValue, Phong};
 use canaletto::math::Rgb;
 use std::collections::HashMap;
 
 const NAME: Field<Text> = Field::text("name", "the name that objects refer to").needed();
-const KD: Field<Rgb> = Field::new("kd", "the colour in diffuse light").or(|| rgb(Phong::default().kd));
-const KS: Field<Rgb> = Field::new("ks", "the colour of highlights").or(|| rgb(Phong::default().ks));
-const N: Field<f32> = Field::new("n", "the exponent of highlights: the larger, the smaller they are")
-    .or(|| Phong::default().n.to_string());
-const K: Field<Rgb> =
-    Field::new("k", "the factor of the reflected ray: 0 no mirror, 1 a perfect one").or(|| rgb(Phong::default().k));
-const ETA: Field<f32> =
-    Field::new("eta", "the coefficient of refraction, more than 0").or(|| Phong::default().eta.to_string());
-const OPACITY: Field<f32> = Field::new("opacity", "0 clear to 1 opaque, as glass is: its surface shades as a whole")
-    .or(|| Phong::default().opacity.to_string());
+
+/// The defaults of the parameters, in the order of their table.
+const DEFAULTS: [fn() -> String; Parameter::COUNT] = [
+    || default_of(Parameter::Diffuse),
+    || default_of(Parameter::Specular),
+    || default_of(Parameter::Exponent),
+    || default_of(Parameter::Mirror),
+    || default_of(Parameter::Eta),
+    || default_of(Parameter::Opacity),
+    || default_of(Parameter::Roughness),
+];
+
+/// The fields of the parameters of material models.
+const PARAMETERS: [FieldSchema; Parameter::COUNT] = {
+    let mut fields = [NAME.schema; Parameter::COUNT];
+    let mut i = 0;
+    while i < Parameter::COUNT {
+        let row = &Parameter::ALL[i];
+        fields[i] = if row.is_color() { color(row).or(DEFAULTS[i]).schema } else { number(row).or(DEFAULTS[i]).schema };
+        i += 1;
+    }
+    fields
+};
+
+const fn color(row: &ParameterInfo) -> Field<Rgb> {
+    Field::new(row.name, row.doc)
+}
+
+const fn number(row: &ParameterInfo) -> Field<f32> {
+    Field::new(row.name, row.doc)
+}
+
+fn default_of(parameter: Parameter) -> String {
+    match parameter.info().default_value() {
+        ParameterValue::Color(color) => rgb(color),
+        ParameterValue::Number(number) => number.to_string(),
+    }
+}
+
 const COVERAGE: Field<f32> = Field::new(
     "coverage",
     "the share of the surface that is there, 0 to 1, as alpha has it: the rest shades nothing and bends nothing",
@@ -30,28 +59,10 @@ const PRIORITY: Field<f32> = Field::new(
     "which of several clear bodies fills the place where they overlap: the largest number, then the smallest volume",
 )
 .or(|| Material::default().priority.to_string());
-const ROUGHNESS: Field<f32> = Field::new(
-    "roughness",
-    "0 polished to 1 rough: scatters mirrored and refracted rays; it takes several rays in a pixel, such as \
-     `film { samples 64 }`",
-)
-.or(|| Phong::default().roughness.to_string());
-
 pub(crate) static MATERIAL: NodeSchema = NodeSchema::new(
     "material",
     "What a surface does with light: Phong's model, a mirror, a clear body.",
-    &[&[
-        KD.schema,
-        KS.schema,
-        N.schema,
-        K.schema,
-        ETA.schema,
-        OPACITY.schema,
-        COVERAGE.schema,
-        PRIORITY.schema,
-        ROUGHNESS.schema,
-        TEXTURE.schema,
-    ]],
+    &[&PARAMETERS, &[COVERAGE.schema, PRIORITY.schema, TEXTURE.schema]],
 )
 .argument(NAME.schema)
 .example("material \"glass\" { kd 0 0 1; ks 1; n 50; eta 1.2; opacity 0.4 }");
@@ -80,16 +91,17 @@ impl<'a> Decoder<'a> {
                 self.valid = false;
                 continue;
             }
-            let d = Phong::default();
-            let phong = Phong {
-                kd: fields.get(&KD).unwrap_or(d.kd),
-                ks: fields.get(&KS).unwrap_or(d.ks),
-                n: fields.get(&N).unwrap_or(d.n),
-                k: fields.get(&K).unwrap_or(d.k),
-                eta: fields.get(&ETA).unwrap_or(d.eta),
-                opacity: fields.get(&OPACITY).unwrap_or(d.opacity),
-                roughness: fields.get(&ROUGHNESS).unwrap_or(d.roughness),
-            };
+            let mut phong = Phong::default();
+            for row in Parameter::ALL {
+                let value = if row.is_color() {
+                    fields.get(&color(row)).map(ParameterValue::Color)
+                } else {
+                    fields.get(&number(row)).map(ParameterValue::Number)
+                };
+                if let Some(value) = value {
+                    row.set(&mut phong, value);
+                }
+            }
             let mut material = Material::new(name, phong);
             material.coverage = fields.get(&COVERAGE).unwrap_or(material.coverage);
             material.priority = fields.get(&PRIORITY).unwrap_or(material.priority);
@@ -98,10 +110,10 @@ impl<'a> Decoder<'a> {
             if let Err(problem) = checked {
                 self.out_of_range(&fields, &problem);
             }
-            for color in [&KD, &KS, &K] {
-                self.doubt_reflectance(&fields, color);
+            for row in Parameter::ALL.iter().filter(|row| row.is_color()) {
+                self.doubt_reflectance(&fields, &color(row));
             }
-            self.doubt_eta(&fields, &ETA, !material.is_opaque());
+            self.doubt_eta(&fields, &number(Parameter::Eta.info()), !material.is_opaque());
             self.materials.insert(name, self.scene.materials.len() as u32);
             self.scene.materials.push(material);
             self.used.push(false);

@@ -5,7 +5,7 @@ use crate::text::reader::{Entry, Fields};
 use crate::text::report::Message;
 use crate::text::schema::{Block, Field, NodeSchema, Numbers, Text, quoted};
 use crate::text::syntax::Span;
-use canaletto::material::{Channel, Mapping, Projection, Repeat, Space, Target, TextureUse};
+use canaletto::material::{Channel, Mapping, Parameter, Projection, Repeat, Space, Target, TextureUse};
 use canaletto::math::Transform;
 use canaletto::{Named, named};
 
@@ -24,13 +24,16 @@ named!(GreenAxis {
     Down => "down",
 });
 
+/// The target of a texture that names none.
+const DEFAULT_TARGET: Target = Target::Parameter(Parameter::Diffuse);
+
 const TEXTURE_NAME: Field<Text> = Field::text("texture", "the texture's name").needed();
 const USE: Field<Target> = Field::word(
     "use",
     "what it is for: the colour instead of the shaded one, or over it by its alpha; kd; another number of the \
      material; what is there of the surface at all; heights, or normals, that bend the normal; heights that move the surface",
 )
-.or(|| quoted(Target::Diffuse.name()));
+.or(|| quoted(DEFAULT_TARGET.name()));
 const MAPPING: Field<Projection> = Field::word(
     "mapping",
     "how the surface gets texture coordinates: its own (faces of a box, angles of a sphere, uv of a mesh), one of \
@@ -111,13 +114,13 @@ impl Decoder<'_> {
             // As a property, it is only the texture's name.
             let name = got.values.first()?.as_text()?;
             let texture = self.named_texture(name, got.span)?;
-            return Some(TextureUse { mapping: self.mapping_of(texture), ..TextureUse::new(texture, Target::Diffuse) });
+            return Some(TextureUse { mapping: self.mapping_of(texture), ..TextureUse::new(texture, DEFAULT_TARGET) });
         };
         let name = node.values.first().and_then(|v| v.as_text());
         let title = name.map_or("texture".into(), |n| format!("texture \"{n}\""));
         let f = self.validator.fields(node, &SURFACE_TEXTURE, &title);
         self.valid &= f.valid;
-        let target = f.word(&USE).unwrap_or(Target::Diffuse);
+        let target = f.word(&USE).unwrap_or(DEFAULT_TARGET);
         let texture = self.named_texture(f.text(&TEXTURE_NAME)?, f.span(&TEXTURE_NAME))?;
         let mut used = TextureUse { mapping: self.mapping(&f, texture), ..TextureUse::new(texture, target) };
         self.only_for(&f, target);

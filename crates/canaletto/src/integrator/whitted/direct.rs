@@ -39,7 +39,7 @@ impl<'w> Whitted<'w> {
         let is_sampled = source.is_sampled();
         let arriving = if is_sampled {
             let place = at.path_state.place.of(uses::LIGHTS + light);
-            source.sample(at.sample.two_of(place, point, source.points()), frame.exact)
+            source.illuminate_from(at.sample.two_of(place, point, source.points()), frame.exact)
         } else {
             source.illuminate(point, frame.exact)
         };

@@ -51,7 +51,7 @@ impl Lighting {
                     let (batch, ray_index) = (&wave.batch, interaction.ray_index());
                     let place = batch.path_state(ray_index).place.of(uses::LIGHTS + light);
                     let u = batch.sample(ray_index).two_of(place, point, source.points());
-                    source.sample(u, exact)
+                    source.illuminate_from(u, exact)
                 } else {
                     source.illuminate(point, exact)
                 }

@@ -1,0 +1,100 @@
+//! Scattering at a point of a surface: evaluation, random directions and their density, as a path tracer needs them.
+//!
+//! Directions are unit vectors that point away from the surface. An integrator adds light along `wi` to the light that
+//! leaves along `wo`. Overlay and coverage of a [`MaterialPoint`](super::MaterialPoint) are not part of it.
+
+use super::{MaterialModel, MaterialPoint, PhongBsdf};
+use crate::math::Rgb;
+use glam::DVec3;
+
+/// The scattering at a point, one variant for each [`MaterialModel`].
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+pub enum Bsdf {
+    /// The scattering of (5.39b).
+    Phong(PhongBsdf),
+}
+
+/// The surface and the media at a scattering point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ScatteringFrame {
+    /// The unit shading normal on the viewer's side.
+    pub normal: DVec3,
+    /// The unit geometric normal on the viewer's side.
+    pub facing: DVec3,
+    /// The ratio ηᵢ/ηₜ of the coefficients of refraction on the viewer's side and on the other side.
+    pub eta_ratio: f64,
+}
+
+/// A random direction of scattering.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BsdfSample {
+    /// The unit direction, away from the surface.
+    pub wi: DVec3,
+    /// f |cos θ| of all lobes together as in [`Bsdf::eval`]; of a delta lobe, its factor. f / pdf is the factor of a
+    /// path's throughput. It is black for a direction into the surface.
+    pub f: Rgb,
+    /// The density per unit of solid angle as in [`Bsdf::pdf`]; of a delta lobe, the probability of the lobe.
+    pub pdf: f64,
+    /// The lobe of the direction.
+    pub lobe: Lobe,
+    /// Whether the lobe is a single direction, which no other lobe and no light hits by chance.
+    pub is_delta: bool,
+}
+
+/// A kind of scattering.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Lobe {
+    /// To all sides.
+    Diffuse,
+    /// Around the mirrored direction, for the light of lights.
+    Highlight,
+    /// The mirrored direction, or directions around it.
+    Mirror,
+    /// The refracted direction or directions around it. After a total reflection they are on the viewer's side.
+    Refraction,
+}
+
+impl MaterialPoint {
+    /// The scattering at the point.
+    pub fn bsdf(&self, frame: ScatteringFrame) -> Bsdf {
+        match &self.model {
+            MaterialModel::Phong(phong) => Bsdf::Phong(PhongBsdf::new(*phong, frame)),
+        }
+    }
+}
+
+impl Bsdf {
+    /// f(wo, wi) |cos θ|, where θ is the angle between `wi` and the shading normal. Delta lobes are 0 here.
+    ///
+    /// The cosine is included, as in Mitsuba, since the f of Phong's highlight is unbounded where cos θ vanishes.
+    pub fn eval(&self, wo: DVec3, wi: DVec3) -> Rgb {
+        match self {
+            Bsdf::Phong(phong) => phong.eval(wo, wi),
+        }
+    }
+
+    /// A random direction: `u_lobe` of [0, 1) chooses the lobe, and `u` of the unit square the direction within it.
+    /// None if the surface scatters nothing.
+    pub fn sample(&self, wo: DVec3, u_lobe: f64, u: [f64; 2]) -> Option<BsdfSample> {
+        match self {
+            Bsdf::Phong(phong) => phong.sample(wo, u_lobe, u),
+        }
+    }
+
+    /// The density per unit of solid angle with which [`Bsdf::sample`] returns `wi`, without delta lobes. Its integral
+    /// over the whole sphere is 1 less the probability of delta lobes.
+    pub fn pdf(&self, wo: DVec3, wi: DVec3) -> f64 {
+        match self {
+            Bsdf::Phong(phong) => phong.pdf(wo, wi),
+        }
+    }
+
+    /// Whether all lobes are delta lobes, so that lights can't be sampled.
+    pub fn is_delta(&self) -> bool {
+        match self {
+            Bsdf::Phong(phong) => phong.is_delta(),
+        }
+    }
+}
