@@ -28,7 +28,10 @@ pub(crate) use groups::{GROUP, INSTANCE, OF, PROTOTYPE};
 pub(crate) use lights::{LIGHT, LIGHTS, light};
 pub(crate) use material::MATERIAL as MATERIAL_NODE;
 pub(crate) use mesh::MeshCache;
-pub(crate) use motion::*;
+pub(crate) use motion::{
+    ALONG, ANIMATION, AT, CAMERA_FOLLOW, CLOSED, CURVE, DEFAULT_FPS, EASE, FACE, FOLLOW, FOLLOWED, FPS, FRAMES, KEY,
+    KEYS, MATRIX, MOTION, MOTION_FIELD, PATH, PATH_NAME, PATH_POINTS, POINT_FOLLOW, TRANSFORMS, TRANSLATE, TURN, UP,
+};
 pub(crate) use surface_texture::SURFACE_TEXTURE;
 pub(crate) use texture::{Images, TEXTURE, TEXTURES, texture};
 
