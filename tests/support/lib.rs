@@ -2,7 +2,10 @@
 
 pub mod gallery;
 pub mod reference;
+mod same_picture;
 pub mod textured;
+
+pub use same_picture::assert_same_picture;
 
 use std::path::{Path, PathBuf};
 

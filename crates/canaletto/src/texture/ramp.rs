@@ -297,6 +297,7 @@ mod tests {
         wrong.stops[0].color[3] = 2.0;
         assert!(wrong.check().unwrap_err().to_string().contains("alpha of 2"));
         wrong.stops.clear();
-        assert!(wrong.check().is_err());
+        let error = wrong.check().unwrap_err();
+        assert_eq!(error.field, Some("stops"), "{error}");
     }
 }

@@ -105,8 +105,16 @@ mod tests {
 
     #[test]
     fn dates_that_are_none() {
-        for (y, m, d) in [(1949, 1, 1), (2026, 0, 1), (2026, 13, 1), (2026, 2, 29), (2026, 4, 31), (2026, 1, 0)] {
-            assert!(Moment::new(y, m, d, 0.0).is_err(), "{y}-{m}-{d}");
+        for ((y, m, d), problem) in [
+            ((1949, 1, 1), "the year is 1949"),
+            ((2026, 0, 1), "the month is 0"),
+            ((2026, 13, 1), "the month is 13"),
+            ((2026, 2, 29), "the day is 29; that month has 28 days"),
+            ((2026, 4, 31), "the day is 31; that month has 30 days"),
+            ((2026, 1, 0), "the day is 0"),
+        ] {
+            let error = Moment::new(y, m, d, 0.0).unwrap_err();
+            assert!(error.to_string().starts_with(problem), "{error}");
         }
         assert!(Moment::new(2024, 2, 29, 0.0).is_ok());
         // Consecutive days have consecutive numbers in all years.
