@@ -78,7 +78,7 @@ fn sums_are_pixels(world: &World) {
 #[test]
 fn the_explanation_of_distributed_rays_is_as_exact() {
     let world = World::build(distributed_still_life(1.0)).unwrap();
-    let told = ["from the lens's point", "at time ", "(random point 1 at (", "from a random facet with n = "];
+    let told = ["from the point of the lens", "at time ", "(random point 1 at (", "from a random microfacet with n = "];
     for &sampler in SamplerKind::ALL {
         let job = distributed_job(1.0, 24, 18, 3, sampler);
         let picture = render(&world, &job, &()).unwrap().picture;

@@ -22,14 +22,14 @@ pub(crate) enum Exit {
 impl Exit {
     /// Every exit code with its meaning, for the help and the manual.
     pub(crate) const ALL: [(Exit, &str); 6] = [
-        (Exit::Done, "all is well"),
-        (Exit::Failed, "something else failed: a file can't be written, no memory, ..."),
+        (Exit::Done, "success"),
+        (Exit::Failed, "another failure: a file can't be written, memory is exhausted, ..."),
         (Exit::Usage, "the command line is wrong"),
         (Exit::Scene, "the scene, or a file that it names, is wrong or missing"),
         (Exit::Threshold, "compare: the pictures differ by more than a threshold"),
         (
             Exit::Interrupted,
-            "interrupted; render has kept the frames that were finished, and what there is of a picture as name.partial.png",
+            "interrupted; render keeps finished frames, and the finished part of a picture as name.partial.png",
         ),
     ];
 

@@ -11,10 +11,7 @@ use std::path::PathBuf;
 
 /// The help of the scene's argument.
 fn scene_help() -> String {
-    format!(
-        "The scene (.kdl), a model to look at as it is ({}), or - for a scene text on the standard input",
-        model_extensions()
-    )
+    format!("The scene (.kdl), a model ({}), or - for a scene text on the standard input", model_extensions())
 }
 
 /// The extensions of models as help texts list them: `.obj, .ply`.
@@ -29,30 +26,29 @@ pub(crate) struct SourceFlags {
     #[arg(value_name = "SCENE", help = scene_help())]
     pub scene: PathBuf,
 
-    /// Changes one value of the scene, as if the file said so; may be repeated
+    /// Changes one value of the scene; may be repeated
     ///
-    /// KEY is the way through the scene: words, and names where there are several, with dots between. VALUE is what the
-    /// file would say: --set integrator.max-depth=3, --set material.glass.eta=1.4, --set 'light.key.position=0 5 0'.
+    /// KEY is a path of words with dots between them: a node, the node's name if there are several, and a word in its
+    /// braces. VALUE is written as in the file. Examples: --set integrator.max-depth=3, --set material.glass.eta=1.4,
+    /// --set 'light.key.position=0 5 0'.
     #[arg(long = "set", value_name = "KEY=VALUE", help_heading = "Scene")]
     pub set: Vec<String>,
 
     /// Lets the scene read files outside its own folder
     ///
-    /// Only for scenes that you trust: a scene can name any file that you can read.
+    /// Use this only for scenes that you trust. Such a scene can name any file that you can read.
     #[arg(long, help_heading = "Scene")]
     pub allow_outside: bool,
 
-    /// Works on N threads [default: one per processor]
-    ///
-    /// The picture doesn't depend on it.
+    /// Sets the number of threads [default: one per processor]; changes no picture
     #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Scene")]
     pub threads: Option<u16>,
 
-    /// How much work goes into the hierarchies that rays find triangles by; changes no picture
+    /// Sets the quality of the acceleration structures (BVHs); changes no picture
     ///
-    /// High pays where very many rays meet the same meshes: they take a few percent less time, building takes up to
-    /// twice as long.
-    #[arg(long, value_name = "WORK", default_value = "medium", help_heading = "Scene")]
+    /// The high quality takes up to twice as long to build, and tracing a ray takes a few percent less time. It pays
+    /// for very many rays and the same meshes.
+    #[arg(long, value_name = "QUALITY", default_value = "medium", help_heading = "Scene")]
     pub build: BuildFlag,
 }
 
@@ -67,69 +63,70 @@ impl SourceFlags {
     }
 }
 
-/// How much work goes into hierarchies.
+/// The quality of BVHs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum BuildFlag {
-    /// Soon done
+    /// A fast build: binned SAH with presplit triangles
     Medium,
-    /// Subtrees are put where rays meet them least
+    /// Moves subtrees to where the SAH cost is lowest (reinsertion)
     High,
 }
 
 /// Which picture of the scene. What isn't given is as the scene says.
 #[derive(Args, Clone, Debug, Default)]
 pub(crate) struct PictureFlags {
-    /// The camera to look through, by its name [default: the scene's first]
+    /// Selects a camera of the scene by its name [default: the first]
     #[arg(long, value_name = "NAME", help_heading = "Picture")]
     pub camera: Option<String>,
 
-    /// The picture's width and height in pixels, such as 640x480; the vertical angle of view stays
+    /// Sets the picture's width and height in pixels, such as 640x480; keeps the vertical angle of view
     #[arg(long, allow_hyphen_values = true, value_name = "WxH", value_parser = size, help_heading = "Picture")]
     pub size: Option<[u32; 2]>,
 
-    /// Renders only this part of the picture, in pixels from its top left
+    /// Renders only this window of the picture, in pixels from the top left
     #[arg(long, allow_hyphen_values = true, value_name = "X,Y,W,H", value_parser = crop, help_heading = "Picture")]
     pub crop: Option<[u32; 4]>,
 
-    /// Rays from the eye for each pixel, up to 65536
+    /// Sets the number of camera rays of each pixel, up to 65536
     ///
-    /// They go where --sampler puts them; a single one goes through the centre. With --sample regular, jittered or
-    /// adaptive the number must be a square up to 256: n x n rays on a grid, with adaptive for pixels where colours
-    /// change.
+    /// The sampler places them in the pixel; a single ray goes through the centre. --sample regular, jittered and
+    /// adaptive need a square number up to 256, for n x n rays on a grid. With adaptive, only pixels where colours
+    /// change get the grid.
     #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = samples, help_heading = "Sampling")]
     pub samples: Option<u32>,
 
-    /// Where in the pixel the rays go, instead of where --sampler puts them
-    #[arg(long, value_name = "WHERE", value_parser = named::<SamplePattern>(), help_heading = "Sampling")]
+    /// Sets the places of the camera rays in the pixel, in place of --sampler
+    #[arg(long, value_name = "PATTERN", value_parser = named::<SamplePattern>(), help_heading = "Sampling")]
     pub sample: Option<SamplePattern>,
 
-    /// How random numbers are spread over the rays of a pixel [default: as the scene says, or sobol]
+    /// Sets the generator of sample points [default: the scene's, or sobol]
     ///
-    /// They place rays in the pixel (without --sample), on the lens, in time, on lights and around mirrored directions.
+    /// The points spread the rays of a pixel over the pixel (without --sample), the lens, the shutter time, the lights
+    /// and the directions of rough surfaces.
     #[arg(long, value_name = "KIND", value_parser = named::<SamplerKind>(), help_heading = "Sampling")]
     pub sampler: Option<SamplerKind>,
 
-    /// Chooses the random numbers; the same seed gives the same picture
+    /// Sets the seed of the random numbers; the same seed gives the same picture
     #[arg(long, allow_negative_numbers = true, value_name = "N", help_heading = "Sampling")]
     pub seed: Option<u64>,
 
-    /// How much of the shading equation to use; each stage contains the ones before it
+    /// Sets how much of the shading equation is computed; each stage contains the stages before it
     #[arg(long, value_name = "STAGE", value_parser = named::<Stage>(), help_heading = "Light")]
     pub stage: Option<Stage>,
 
-    /// Follows reflected and refracted rays to this depth; rays from the eye have depth 1
+    /// Sets the largest depth of reflected and refracted rays; camera rays have depth 1
     #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=256), help_heading = "Light")]
     pub max_depth: Option<u32>,
 
-    /// No light casts shadows
+    /// Renders without shadows
     #[arg(long, help_heading = "Light")]
     pub no_shadows: bool,
 
-    /// What becomes of values over 1
+    /// Sets the tone mapping of values over 1
     #[arg(long, value_name = "HOW", value_parser = named::<Tone>(), help_heading = "Colour")]
     pub tone: Option<Tone>,
 
-    /// From linear light to the numbers in the file; EXR files are always linear
+    /// Sets the transfer curve from linear light to stored numbers; EXR files are always linear
     #[arg(long, value_name = "CURVE", value_parser = named::<Transfer>(), help_heading = "Colour")]
     pub transfer: Option<Transfer>,
 }

@@ -9,16 +9,16 @@ use canaletto_io::picture::Image;
 
 /// The mappings, for the help.
 pub(crate) const MAPPINGS: &str = "\
-With PNG every layer of --aov is a file of its own, name.LAYER.png, and its numbers become colours:
-  depth                  white (nearest) to dark grey (farthest in the picture); black where there is nothing
+A PNG layer of --aov is a separate file, name.LAYER.png. Its numbers become colours:
+  depth                  white (nearest) to dark grey (farthest in the picture); black without a hit
   normal                 n * 0.5 + 0.5
-  position               the scene's bounds become 0 to 1 along each axis
+  position               0 to 1 across the scene's bounds along each axis
   uv                     the fractions of u and v as red and green
-  object-id, material-id a colour of its own for each number; black is the background
+  object-id, material-id a different colour for each number; black is the background
   tree-depth, cost       grey, white is the picture's largest
   alpha                  grey, white is covered
-  the others             light, developed as the picture (--tone, --transfer)
-With EXR all layers are channels of the one file, as they are: normal.X, depth.Z, object_id.X, ...";
+  the others             light, with the --tone and --transfer of the picture
+An EXR holds all layers as channels of one file, with unchanged numbers: normal.X, depth.Z, object_id.X, ...";
 
 /// A layer as a displayable picture, with the transfer curve of its values.
 pub(crate) fn to_image(layer: &Layer, picture: &Picture, film: &FilmSettings, bounds: &Aabb) -> (Image, Transfer) {

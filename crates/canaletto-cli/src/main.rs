@@ -60,8 +60,8 @@ struct Cli {
 
 fn long_about() -> String {
     format!(
-        "A ray tracer that explains every pixel.\n\nCanaletto renders scenes in its own text (.kdl) and models ({}) on \
-         the processor: the same picture on every machine, and every pixel can be explained term by term.",
+        "A ray tracer that explains every pixel.\n\nCanaletto renders scene texts (.kdl) and models ({}) on the CPU. \
+         Every machine computes the same picture. `canaletto explain` shows each term of a pixel's colour.",
         flags::model_extensions()
     )
 }
@@ -69,10 +69,10 @@ fn long_about() -> String {
 const EXAMPLES: &str = "\
 Examples:
   canaletto render scene.kdl                     # makes scene.png in the current folder
-  canaletto render model.ply -o model.exr        # finds camera, light and ground for a model
+  canaletto render model.ply -o model.exr        # adds a camera, lights and a ground to the model
   canaletto explain scene.kdl --pixel 115,80     # why this pixel has this colour
   canaletto compare a.png b.exr --diff diff.png
-`canaletto help render` tells all about a command.";
+`canaletto help render` shows the whole help of a command.";
 
 #[derive(Subcommand, Debug)]
 enum Command {

@@ -22,13 +22,13 @@ With `--progress json` stderr carries one JSON object per line, each with its ki
 
 | event | when | fields |
 |---|---|---|
-| `diagnostics` | the scene is read, and there are warnings | `diagnostics`: a list of `severity`, `message`, `file`, `bytes`, `start`, `end`, `label`, `help` |
-| `plan` | with `--dry-run`, in place of all that follow | `version`, `scene`, `camera`, `size`, `frames`, `files`, `census`, `memory` (bytes: `world`, `picture`, `peak`) |
+| `diagnostics` | the scene is read and has warnings | `diagnostics`: a list of `severity`, `message`, `file`, `bytes`, `start`, `end`, `label`, `help` |
+| `plan` | with `--dry-run`, in place of all events below | `version`, `scene`, `camera`, `size`, `frames`, `files`, `census`, `memory` (bytes: `world`, `picture`, `peak`) |
 | `skipped` | a frame is complete already | `frame`, `files` |
 | `start` | a frame begins | `version`, `scene`, `camera`, `frame`, `frames` (first and last), `frames_done`, `frames_total`, `size`, `pixels`, `threads`, `files` |
 | `progress` | at most five times a second | `frame`, `pixels_done`, `pixels`, `percent`, `rays`, `rays_per_second`, `seconds`, `seconds_left`, `frames_done`, `frames_total`, `seconds_left_in_all` |
-| `done` | a frame is written | `frame`, `complete` (false if interrupted: `files` are parts then), `pixels_done`, `pixels`, `files`, `size`, `primitives`, `hierarchies` over meshes and clouds (`kept` from the frame before, `refitted`, `built`), `rays` (by kind: `traced`, `hit`), `rays_total`, `rays_per_second`, `threads`, `seconds` (`read`, `build`, `render`, `write`) |
-| `interrupted` | a film was stopped, and the frames so far are kept beside it | `frames`: their number, `files` |
+| `done` | a frame is written | `frame`, `complete` (false if interrupted: `files` are parts then), `pixels_done`, `pixels`, `files`, `size`, `primitives`, `hierarchies`: BVHs of meshes and clouds (`kept` from the frame before, `refitted`, `built`), `rays` (by kind: `traced`, `hit`), `rays_total`, `rays_per_second`, `threads`, `seconds` (`read`, `build`, `render`, `write`) |
+| `interrupted` | a film was stopped; its frames so far are kept in a file beside it | `frames`: their number, `files` |
 | `finished` | all frames of `--frames` are complete | `frames`, `rendered`, `skipped`, `seconds` |
 | `error` | something failed; the last line | `exit`: the exit code, and `message` and `help`, or `diagnostics` |
 
@@ -113,7 +113,8 @@ fn meaning(arg: &Arg) -> String {
         None => format!("`{}`", v.get_name()),
     };
     if !values.is_empty() {
-        let _ = write!(text, ": {}", values.iter().map(described).collect::<Vec<_>>().join(", "));
+        let lead = if text.ends_with('.') { " Values" } else { "" };
+        let _ = write!(text, "{lead}: {}", values.iter().map(described).collect::<Vec<_>>().join(", "));
     }
     let defaults: Vec<_> = arg.get_default_values().iter().map(|v| v.to_string_lossy().into_owned()).collect();
     if !defaults.is_empty() && arg.get_action().takes_values() {

@@ -20,10 +20,9 @@ use std::path::{Path, PathBuf};
 
 fn output_help() -> String {
     format!(
-        "Where the picture goes [default: the scene's name with .png, in the current folder]\n\n\
-         The extension chooses the format: {}, and for a film in one file {}. `-` writes to the standard output, and \
-         a folder gets the picture by its default name. With --frames, #### stands for the frame's number with that \
-         many digits.",
+        "Sets the output file or folder [default: the scene's name with .png, in the current folder]\n\n\
+         The extension selects the format: {}, or {} for a film in one file. `-` writes to the standard output. In a \
+         folder the picture has its default name. With --frames, #### stands for the frame's number; each # is a digit.",
         Format::picture_extensions(),
         Format::film_extensions()
     )
@@ -32,28 +31,28 @@ fn output_help() -> String {
 /// Flags about the file.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct OutputFlags {
-    /// Where the picture goes [default: the scene's name with .png, in the current folder]
+    /// Sets the output file or folder [default: the scene's name with .png, in the current folder]
     #[arg(short, long, value_name = "PATH", help_heading = "Output", long_help = output_help())]
     pub output: Option<PathBuf>,
 
-    /// The format, whatever the extension says
+    /// Sets the format, whatever the extension is
     #[arg(long, value_name = "FORMAT", help_heading = "Output")]
     pub format: Option<Format>,
 
-    /// Bits of each number: 8 or 16 in a PNG [default: 8], 16 or 32 of colours in an EXR [default: 32]
+    /// Sets the bits of each number: 8 or 16 in a PNG [default: 8], 16 or 32 in an EXR [default: 32]
     ///
-    /// With 16, an EXR has its colours in half floats; depths, normals, positions and ids keep 32 bits.
+    /// With 16, an EXR stores colours as half floats. Depths, normals, positions and ids keep 32 bits.
     #[arg(long, value_name = "BITS", value_parser = ["8", "16", "32"], help_heading = "Output")]
     pub bits: Option<String>,
 
-    /// How much time is spent on a small PNG or APNG [default: default]; its pixels are the same with each
+    /// Sets the compression effort of a PNG or APNG [default: default]; changes no pixel
     #[arg(long, value_name = "HOW", help_heading = "Output")]
     pub compression: Option<CompressionFlag>,
     /// Writes the layers object-id and material-id of an EXR as whole numbers (UINT) instead of floats
     #[arg(long, help_heading = "Output")]
     pub uint_ids: bool,
 
-    /// Fails rather than replace a file
+    /// Fails if a file exists already, instead of replacing it
     #[arg(long, help_heading = "Output")]
     pub no_clobber: bool,
 }
@@ -70,11 +69,11 @@ impl OutputFlags {
 /// How hard a PNG is compressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum CompressionFlag {
-    /// A fifth of the time, and a tenth to twice as large as by default
+    /// A fifth of the time; files are 1.1 to 2 times as large as by default
     Fast,
-    /// As small as zlib's level 6 makes it
+    /// Files as small as those of zlib level 6
     Default,
-    /// A few hundredths smaller, in three times the time
+    /// Three times the time; files are a few percent smaller
     Best,
 }
 

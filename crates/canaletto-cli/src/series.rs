@@ -284,7 +284,7 @@ impl<'a> Series<'a> {
             })?;
         }
         if !interrupt::has_time_to_save() && plan.style != Style::Json && !self.flags.quiet {
-            eprint_line("there was no time to save all of the part: its lower rows, or layers, may be missing");
+            eprint_line("saving the part took too long: its lower rows, or layers, may be missing");
         }
         Ok(names)
     }
@@ -425,7 +425,7 @@ impl<'a> Series<'a> {
         } else if !self.flags.quiet && (frames > 1 || kept > 0) {
             let kept = match kept {
                 0 => String::new(),
-                n => format!(", {} complete before (--force renders all anew)", count(n)),
+                n => format!(", {} complete before (--force renders all again)", count(n)),
             };
             let file = match format.film() {
                 Some(_) => format!("{}: ", self.plan.output.path(0).display()),

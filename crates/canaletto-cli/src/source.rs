@@ -250,8 +250,10 @@ fn advice(error: &BuildError) -> Option<&'static str> {
         BuildError::TooManyInstances | BuildError::TooManyCopies(_) => {
             "instances of instances multiply; a cloud (spheres, cylinders) or a mesh holds many more things in less memory"
         }
-        BuildError::TooManyLights => "each point of light costs a shadow ray wherever something is seen: take fewer",
-        BuildError::TooManyPlanes => "every ray meets every plane; boxes and triangles have an end and cost far less",
+        BuildError::TooManyLights => "each hit traces a shadow ray to each point of each light: use fewer points",
+        BuildError::TooManyPlanes => {
+            "every ray is tested against every plane; boxes and triangles are bounded and cost far less"
+        }
         BuildError::TooDeep => "groups and instances count, through all prototypes; put some side by side",
         BuildError::Invalid { problem, .. } if problem.contains("transforms") => {
             "transforms of an object, of its groups and of instances multiply: look at the scale and translate around it"

@@ -18,7 +18,7 @@ use std::fmt;
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Finding {
-    /// No ray from the eye hits anything.
+    /// No camera ray hits anything.
     NothingInView {
         /// The lowest and the highest corner of the world's bounds, if it has any.
         bounds: Option<[DVec3; 2]>,
@@ -53,7 +53,7 @@ impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Finding::NothingInView { behind: true, .. } => write!(f, "everything lies behind the eye"),
-            Finding::NothingInView { .. } => write!(f, "no ray from the eye meets anything"),
+            Finding::NothingInView { .. } => write!(f, "no camera ray meets anything"),
             Finding::EyeInside { object } => write!(f, "the eye is inside {object}, which is opaque"),
             Finding::LightInside { light, object } => write!(f, "{light} is inside {object}, which is opaque"),
             Finding::Black { reasons } => {

@@ -20,7 +20,7 @@ use std::collections::HashSet;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// Checks scenes and models: reads and builds them, and tells every mistake in every one.
+/// Checks scenes and models: reads and builds them, and prints all their mistakes.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct CheckFlags {
@@ -36,15 +36,15 @@ pub(crate) struct CheckFlags {
     #[arg(long, value_name = "N", help_heading = "Scene")]
     pub frame: Option<u32>,
 
-    /// Takes warnings for errors
+    /// Treats warnings as errors
     #[arg(long, help_heading = "Messages")]
     pub strict: bool,
 
-    /// Prints JSON: for each file its mistakes
+    /// Prints JSON with the mistakes of each file
     #[arg(long, help_heading = "Messages")]
     pub json: bool,
 
-    /// Prints mistakes only, and nothing about files without any
+    /// Prints mistakes only; files without mistakes print nothing
     #[arg(short, long, help_heading = "Messages")]
     pub quiet: bool,
 }
@@ -195,14 +195,14 @@ fn doubts(name: &str, camera: &str, several: bool, world: &World, job: &Job) -> 
                 let place = if behind {
                     format!("everything lies behind the eye, which looks along {x} {y} {z}")
                 } else {
-                    format!("no ray from the eye, which looks along {x} {y} {z}, meets anything")
+                    format!("no camera ray meets anything; the eye looks along {x} {y} {z}")
                 };
                 let help = match bounds {
                     Some([low, high]) => {
                         let [low, middle, high] = [low, (low + high) / 2.0, high].map(point);
                         format!("the scene lies between {low} and {high}; for example: center {middle}")
                     }
-                    None => "look down at what has no bounds, or turn the camera".into(),
+                    None => "turn the camera, for example down towards an unbounded plane".into(),
                 };
                 (format!("the picture will be empty: {place}"), help)
             }
@@ -311,7 +311,7 @@ mod tests {
         assert_eq!(camera("eye 0 0 9; center 0 0 20"), behind);
         assert!(
             camera("eye 0 0 9; center 9 0 0")
-                .contains("no ray from the eye, which looks along 0.707107 0 -0.707107, meets anything")
+                .contains("no camera ray meets anything; the eye looks along 0.707107 0 -0.707107")
         );
         assert!(camera("eye 0 0 0; center 0 0 20").contains("the eye is inside sphere #1"));
         assert!(camera("eye 0 0 9; fovy 1.05").contains("looks like an angle in radians"));

@@ -15,22 +15,22 @@ use serde::Serialize;
 
 /// Explains a pixel: the tree of rays behind it, with every term of the shading equation as a number.
 ///
-/// The terms add up to the pixel's colour in linear light, bit for bit: what an EXR holds there.
+/// The sum of the terms is the pixel's colour in linear light, bit for bit as in an EXR.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct ExplainFlags {
     #[command(flatten)]
     pub source: SourceFlags,
 
-    /// The pixel, as image viewers count: column and row from the top left, from 0
+    /// Sets the pixel: column and row from the top left, from 0, as in image viewers
     #[arg(short, long, allow_hyphen_values = true, value_name = "X,Y", value_parser = pixel, help_heading = "Pixel")]
     pub pixel: [u32; 2],
 
-    /// Counts rows from the bottom, as textbooks do
+    /// Counts rows from the bottom
     #[arg(long, help_heading = "Pixel")]
     pub y_up: bool,
 
-    /// The frame, as of `render --frames` [default: the scene's first, or 0]
+    /// Sets the frame, as in `render --frames` [default: the scene's first, or 0]
     #[arg(long, value_name = "N", help_heading = "Pixel")]
     pub frame: Option<u32>,
 

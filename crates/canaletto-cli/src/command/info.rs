@@ -17,14 +17,14 @@ use clap::Args;
 use serde_json::json;
 use std::time::Duration;
 
-/// Tells what a scene or model is made of: files, counts, bounds, memory, cameras, lights and materials.
+/// Prints what a scene or model consists of: files, counts, bounds, memory, cameras, lights and materials.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct InfoFlags {
     #[command(flatten)]
     pub source: SourceFlags,
 
-    /// The frame to look at [default: the scene's first, or 0]
+    /// Sets the frame [default: the scene's first, or 0]
     #[arg(long, value_name = "N", help_heading = "Scene")]
     pub frame: Option<u32>,
 
@@ -36,7 +36,7 @@ pub(crate) struct InfoFlags {
 const EXAMPLES: &str = "\
 Examples:
   canaletto info bunny.ply
-  canaletto info hall.ply --build high             # memory and time of the better hierarchies
+  canaletto info hall.ply --build high             # memory and time of BVHs of high quality
   canaletto info shot.kdl --json | jq .census.primitives";
 
 /// The content of the summary.

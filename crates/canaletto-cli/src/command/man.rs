@@ -12,7 +12,7 @@ use std::path::PathBuf;
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct ManFlags {
-    /// The folder for canaletto.1, canaletto-render.1, ...; it is made if there is none
+    /// Sets the folder for canaletto.1, canaletto-render.1, ...; creates it if it doesn't exist
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 }

@@ -33,7 +33,7 @@ pub(crate) struct RenderFlags {
     #[command(flatten)]
     pub source: SourceFlags,
 
-    /// More scenes, each rendered to a file of its own; then --output names a folder
+    /// More scenes, each rendered to a separate file; --output then names a folder
     #[arg(value_name = "MORE")]
     pub more: Vec<PathBuf>,
 
@@ -42,42 +42,41 @@ pub(crate) struct RenderFlags {
     #[command(flatten)]
     pub picture: PictureFlags,
 
-    /// Renders frames A to B, or every Nth of them, or all of the scene's animation
+    /// Renders frames A to B, every Nth of them, or all frames of the scene's animation
     ///
-    /// Each has random numbers of its own. A frame whose files are whole and what would be written (same scene,
-    /// settings and program) is kept as it is, so that the same command goes on where it was stopped. Films are always
-    /// rendered from their first frame on.
+    /// Each frame has different random numbers. A complete frame of the same scene, settings and program is kept: the
+    /// same command continues a stopped series. Films are always rendered from their first frame on.
     #[arg(long, allow_hyphen_values = true, value_name = "A-B[xN]|all", value_parser = FramesFlag::parse, help_heading = "Frames")]
     pub frames: Option<FramesFlag>,
 
-    /// Frames of a second [default: as the scene says, or 25]
+    /// Sets the frames per second [default: the scene's, or 25]
     ///
-    /// The speed of films, and what keys in seconds mean.
+    /// The rate is the speed of films, and converts keys in seconds to frames.
     #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = fps, help_heading = "Frames")]
     pub fps: Option<f64>,
 
-    /// Renders frames that are complete already, too
+    /// Renders complete frames again
     #[arg(long, help_heading = "Frames")]
     pub force: bool,
 
-    /// Extra layers beside the picture, such as normal,depth, or all
+    /// Adds layers (AOVs) to the picture, such as normal,depth, or all
     #[arg(long, value_name = "LAYERS", value_delimiter = ',', value_parser = aov, help_heading = "Output")]
     pub aov: Vec<Layers>,
 
-    /// The side of the squares that threads work on, in pixels; changes no picture
+    /// Sets the side of the tiles that threads render, in pixels; changes no picture
     #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u32).range(1..=4096),
         hide_short_help = true, help_heading = "Output")]
     pub tile: u32,
 
-    /// How progress is shown, on stderr
+    /// Sets how progress is shown on stderr
     #[arg(long, value_name = "HOW", default_value = "auto", help_heading = "Messages")]
     pub progress: ProgressFlag,
 
-    /// Says nothing but errors
+    /// Prints errors only
     #[arg(short, long, help_heading = "Messages")]
     pub quiet: bool,
 
-    /// Reads and builds everything, says what would be rendered, and writes nothing
+    /// Reads and builds everything and prints what would be rendered, but writes nothing
     #[arg(long, help_heading = "Messages")]
     pub dry_run: bool,
 }
@@ -91,7 +90,7 @@ pub(crate) enum Layers {
 
 const EXAMPLES: &str = "\
 Examples:
-  canaletto render shadow.kdl                                # makes shadow.png here
+  canaletto render shadow.kdl                                # writes shadow.png here
   canaletto render bunny.ply -o bunny.png --size 1600x1200 --samples 16
   canaletto render shot.kdl -o shot.exr --aov normal,depth   # layers in the same file
   canaletto render shot.kdl -o out/shot.####.png --frames 1-100
@@ -103,11 +102,11 @@ Examples:
 
 fn long_help() -> String {
     format!(
-        "{EXAMPLES}\n\n{MAPPINGS}\n\nCtrl-C stops rendering and saves the part that is finished beside the picture, as name.partial.png; what is \
-         there as name.png stays, and the part goes when a whole picture is written. Layers, frames and films do the same: a film's part has \
-         the frames so far. Of several frames those that are finished stay, and the same command goes on with the next one. The \
-         program ends within two seconds: of a part that is too large to be saved in that time the lower rows stay black, or layers are left \
-         out, and a message says so. A second Ctrl-C ends it at once."
+        "{EXAMPLES}\n\n{MAPPINGS}\n\nCtrl-C stops rendering and saves the finished part beside the picture, as name.partial.png. An existing \
+         name.png stays. The next complete picture removes the part. Layers, frames and films have such parts, too; the part of a film has \
+         the frames so far. Finished frames stay, and the same command continues with the next frame. The program ends within two seconds. \
+         A part that takes longer to save has black lower rows, or lacks layers, and a message says so. A second Ctrl-C ends the program \
+         at once."
     )
 }
 

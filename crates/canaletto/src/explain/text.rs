@@ -15,7 +15,7 @@ impl Display for PixelTree {
         let ([x, y], [cx, cy], [w, h]) = (self.pixel, self.chapter_pixel, self.size);
         writeln!(
             f,
-            "pixel ({x}, {y}) from the top left of {w} x {h}; in the chapter's count, y upwards, ({cx}, {cy})"
+            "pixel ({x}, {y}) of {w} x {h}, counted from the top left; ({cx}, {cy}) counted from the lower left"
         )?;
         let total: f64 = self.samples.iter().map(|s| s.weight).sum();
         for (index, sample) in self.samples.iter().enumerate() {
@@ -39,36 +39,41 @@ impl Display for PixelTree {
 
 fn write_sample(f: &mut Formatter, sample: &SampleNode) -> fmt::Result {
     let ([x, y], d) = (sample.position, sample.chapter_direction);
-    writeln!(f, "eye ray through x = {x}, y = {y}: d = ({:.6}, {:.6}, {:.6})  (5.10)", d[0], d[1], d[2])?;
+    writeln!(f, "camera ray through x = {x}, y = {y}: d = ({:.6}, {:.6}, {:.6})  (5.10)", d[0], d[1], d[2])?;
     if let Some(time) = sample.time {
         writeln!(f, "at time {time} of 0 (shutter opens) to 1 (shutter closes)")?;
     }
     if let Some([right, up]) = sample.lens {
-        writeln!(f, "from the lens's point {right} to the right and {up} upwards of the eye")?;
+        writeln!(f, "from the point of the lens {right} to the right of the eye and {up} above it")?;
     }
     write_ray(f, &sample.ray, "")
 }
 
 fn write_ray(f: &mut Formatter, ray: &RayNode, indent: &str) -> fmt::Result {
     let kind = match ray.kind {
-        RayKind::Eye => "eye ray",
+        RayKind::Eye => "camera ray",
         RayKind::Reflected => "reflected ray (5.37)",
         RayKind::Refracted => "refracted ray (5.40-5.44)",
         RayKind::TotallyReflected => "totally reflected ray",
-        RayKind::Passed => "ray straight on",
+        RayKind::Passed => "straight ray (partial coverage)",
     };
     writeln!(f, "{indent}{kind}, depth {}: o = {}, d = {}", ray.depth, vector(ray.origin), vector(ray.direction))?;
     if let Some([from, into]) = ray.media {
         writeln!(f, "{indent}  from eta {from} into eta {into}  (5.43)")?;
     }
     for body in &ray.hidden {
-        writeln!(f, "{indent}  goes past the surface of {body}, where another body fills the place")?;
+        writeln!(f, "{indent}  crosses the surface of {body} unchanged: an overlapping body has priority")?;
     }
     for hole in &ray.holes {
-        writeln!(f, "{indent}  goes through a hole in {hole}")?;
+        writeln!(f, "{indent}  passes through a hole (coverage 0) in {hole}")?;
     }
     if let Some(lobe) = &ray.lobe {
-        writeln!(f, "{indent}  from a random facet with n = {}, roughness {}", vector(lobe.facet), lobe.roughness)?;
+        writeln!(
+            f,
+            "{indent}  from a random microfacet with n = {}, roughness {}",
+            vector(lobe.facet),
+            lobe.roughness
+        )?;
     }
     match &ray.outcome {
         Outcome::Miss { background, environment: None } => {
@@ -86,7 +91,7 @@ fn write_sighting(f: &mut Formatter, seen: &EnvironmentLookup, indent: &str) -> 
     if (local - d).length() > 1e-12 {
         write!(
             f,
-            ", before the environment was turned ({}, {}, {})",
+            ", in the environment's own coordinates ({}, {}, {})",
             Number(local.x),
             Number(local.y),
             Number(local.z)
@@ -104,7 +109,7 @@ fn write_sighting(f: &mut Formatter, seen: &EnvironmentLookup, indent: &str) -> 
             )?;
         }
         Place::Panorama { uv: [u, v] } => {
-            writeln!(f, "{indent}    picture u = {}, v = {} from its upper left corner", Number(u), Number(v))?;
+            writeln!(f, "{indent}    panorama u = {}, v = {} from its upper left corner", Number(u), Number(v))?;
         }
         Place::Height(height) => writeln!(f, "{indent}    {} degrees above the horizon", Number(height))?,
         Place::Sky(part) => {
@@ -118,14 +123,14 @@ fn write_sighting(f: &mut Formatter, seen: &EnvironmentLookup, indent: &str) -> 
     }
     match seen.footprint {
         Some(Footprint { level, looks }) if level > 0.0 || looks > 1 => {
-            writeln!(f, "{indent}    mean of {looks} looks at mip level {level}")?;
+            writeln!(f, "{indent}    mean of {looks} lookups at pyramid level {level}")?;
         }
         _ => {}
     }
     if seen.value == seen.radiance {
         return Ok(());
     }
-    writeln!(f, "{indent}    = value {} by the environment's intensity", rgb(seen.value))
+    writeln!(f, "{indent}    = value {} * the environment's intensity", rgb(seen.value))
 }
 
 fn write_hit(f: &mut Formatter, hit: &HitNode, color: Rgb, indent: &str) -> fmt::Result {
@@ -179,16 +184,16 @@ fn write_hit(f: &mut Formatter, hit: &HitNode, color: Rgb, indent: &str) -> fmt:
         };
         writeln!(
             f,
-            "{indent}    + 0: the {kind} ray with factor {} isn't followed (max depth or weight)",
+            "{indent}    + 0: the {kind} ray with factor {} isn't traced (max-depth or min-weight)",
             rgb(cut.factor)
         )?;
     }
     if let Some((overlay, share)) = hit.overlay {
-        let rest = if share < 1.0 { format!(", under it {} of the above", 1.0 - share) } else { String::new() };
-        writeln!(f, "{indent}    {share} * texture {} over it{rest}", rgb(overlay))?;
+        let rest = if share < 1.0 { format!(" + {} * the sum above", 1.0 - share) } else { String::new() };
+        writeln!(f, "{indent}    overlay by a texture: {share} * {}{rest}", rgb(overlay))?;
     }
     if let Some(coverage) = hit.coverage {
-        writeln!(f, "{indent}    * {coverage}: the share of the surface that is there")?;
+        writeln!(f, "{indent}    * coverage {coverage}, the share of the surface that exists")?;
     }
     if let Some(child) = &hit.behind {
         let color = rgb(child.color * child.factor);
@@ -208,10 +213,7 @@ fn write_texture(f: &mut Formatter, texture: &TextureNode, indent: &str) -> fmt:
             Some(image) => {
                 let ([x, y], [width, height], [long, short]) = (image.texel, image.size, image.radii);
                 let sample = if long > 0.0 {
-                    format!(
-                        ", a sample is {long:.4} by {short:.4} texels wide from its middle: level {:.3}",
-                        image.level
-                    )
+                    format!(", footprint radii {long:.4} and {short:.4} texels, pyramid level {:.3}", image.level)
                 } else {
                     String::new()
                 };
@@ -219,7 +221,7 @@ fn write_texture(f: &mut Formatter, texture: &TextureNode, indent: &str) -> fmt:
             }
             None => {
                 let side = |d: [f64; 3]| format!("({:.6}, {:.6}, {:.6})", d[0], d[1], d[2]);
-                writeln!(f, "{indent}        a sample is {} by {} wide", side(dx), side(dy))?;
+                writeln!(f, "{indent}        footprint dx = {}, dy = {}", side(dx), side(dy))?;
             }
         }
     }
@@ -256,17 +258,17 @@ fn write_light(f: &mut Formatter, light: &LightNode, indent: &str) -> fmt::Resul
         Number(light.n_dot_l)
     )?;
     if light.n_dot_l.is_nan() || light.n_dot_l <= 0.0 {
-        return writeln!(f, "{indent}        behind the surface: n.L <= 0");
+        return writeln!(f, "{indent}        the light is behind the surface: n.L <= 0");
     }
     if light.behind {
-        return writeln!(f, "{indent}        behind the surface, which only seems to lean there");
+        return writeln!(f, "{indent}        the light is behind the surface; only the bent normal faces it");
     }
     if light.intensity.is_black() {
-        return writeln!(f, "{indent}        no light arrives: outside the cone or beam");
+        return writeln!(f, "{indent}        no light arrives: the point is outside the cone or beam");
     }
     for blocker in &light.blockers {
         let passed = 1.0 - blocker.opacity;
-        let how = if passed > 0.0 { "passes" } else { "is blocked by" };
+        let how = if passed > 0.0 { "shadow ray passes" } else { "shadow ray is blocked by" };
         writeln!(f, "{indent}        {how} {}: 1 - o = {}", blocker.object, Number(passed))?;
     }
     writeln!(f, "{indent}        f_s = {}  (5.39a)", Number(light.f_s))?;

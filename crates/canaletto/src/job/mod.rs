@@ -61,7 +61,7 @@ pub enum JobError {
     #[error("samples is {0}; a pixel takes between 1 and {max} rays", max = crate::scene::Sampling::MAX_SAMPLES)]
     Samples(u32),
     /// The depth of the ray tree is out of range.
-    #[error("max-depth is {0}; it must be between 1 (only the eye's rays) and {max}", max = WhittedSettings::MAX_DEPTH)]
+    #[error("max-depth is {0}; it must be between 1 (only camera rays) and {max}", max = WhittedSettings::MAX_DEPTH)]
     Depth(u32),
     /// The integrator can't make a layer.
     #[error("the {integrator} integrator doesn't make the layer \"{layer}\"")]

@@ -114,7 +114,7 @@ pub enum SamplerKind {
 named!(SamplerKind {
     Sobol => "sobol": "Sobol's sequence with Owen's scrambling: the least noise, best with powers of two",
     Jittered => "jittered": "A jittered grid, best with squares",
-    Independent => "independent": "Each number by itself: the most noise",
+    Independent => "independent": "Independent random numbers: the most noise",
 });
 
 /// The reconstruction filter. Lengths are in pixels. A pixel's rays are distributed like the filter.

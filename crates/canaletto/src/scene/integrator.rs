@@ -73,8 +73,8 @@ impl From<WhittedSettings> for Integrator {
 /// Settings of the classic integrator.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct WhittedSettings {
-    /// The largest depth of rays: rays of this depth have no children. Eye rays have depth 1 (box 5.8). At most
-    /// [`Self::MAX_DEPTH`].
+    /// The largest depth of rays: rays of this depth have no children. Camera rays have depth 1 (box 5.8). At
+    /// most [`Self::MAX_DEPTH`].
     pub max_depth: u32,
     /// The least throughput: a ray below it in every component is not traced; 0 traces all rays. The default is 2⁻¹⁰,
     /// as each level of the tree doubles the rays between clear mirrors. A ray below it adds less than a step of 8

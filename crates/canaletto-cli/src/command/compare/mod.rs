@@ -21,18 +21,17 @@ use input::read;
 use report::ComparisonReport;
 use std::path::{Path, PathBuf};
 
-/// Compares two pictures: RMSE, PSNR, the largest difference and where it is, SSIM, FLIP; and all that they have
-/// besides colours.
+/// Compares two pictures by RMSE, PSNR, largest difference, SSIM and FLIP, and by their alpha and layers.
 ///
-/// PNG, OpenEXR, JPEG, WebP, Radiance HDR and PPM can be read. Pictures are compared as they are seen, with values from
-/// 0 to 1. A PNG is taken as it is stored. An EXR is cut to 0 to 1, given the curve of the PNG it is compared with
-/// (sRGB if that says nothing, or if both are EXR) and rounded to its bits. Pictures are equal if alpha, layers, their
-/// place in a larger picture and declared curves are equal, too; what only one of them has is named. Two EXRs that are
-/// seen alike differ if their light does, such as beyond 0 to 1.
+/// The formats are PNG, OpenEXR, JPEG, WebP, Radiance HDR and PPM. Display values from 0 to 1 are compared. A PNG
+/// stores them. An EXR is clamped to 0 to 1, gets the transfer curve of the other picture and is rounded to its bits.
+/// The curve is sRGB if the other picture declares none or is an EXR. Equal pictures also have equal alpha, layers,
+/// declared curves and places in a larger picture. What only one picture has is listed. Two EXRs with equal display
+/// values differ if their linear light differs.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct CompareFlags {
-    /// The one picture: the reference
+    /// The reference picture
     #[arg(value_name = "A")]
     pub a: PathBuf,
 
@@ -40,11 +39,11 @@ pub(crate) struct CompareFlags {
     #[arg(value_name = "B")]
     pub b: PathBuf,
 
-    /// Exit code 4 if the pictures differ by more; may be repeated
+    /// Exits with code 4 if a metric passes this limit; may be repeated
     ///
-    /// METRIC is rmse, mse, max, flip or differing (pixels), which may not be larger, or psnr or ssim, which may not be
-    /// smaller. Pixels differ in their colours, also unseen ones of two EXRs, their alpha or a layer that both pictures
-    /// have; the others are of colours.
+    /// VALUE is the largest rmse, mse, max, flip or differing, or the smallest psnr or ssim. The metric differing
+    /// counts pixels whose colours, alpha or common layers differ. For two EXRs it also counts pixels whose linear
+    /// light differs. The other metrics compare colours.
     #[arg(short, long, value_name = "METRIC=VALUE", value_parser = threshold)]
     pub threshold: Vec<Threshold>,
 
@@ -52,21 +51,22 @@ pub(crate) struct CompareFlags {
     #[arg(long, value_name = "PATH")]
     pub diff: Option<PathBuf>,
 
-    /// Multiplies the differences in a PNG [default: what makes the largest white]
+    /// Multiplies the differences in a PNG [default: the factor that makes the largest white]
     #[arg(long, value_name = "FACTOR", requires = "diff", value_parser = factor)]
     pub diff_scale: Option<f32>,
 
     /// Compares this layer of both pictures instead of their colours, such as normal, ViewLayer.Combined or Z
     ///
-    /// Layers of red, green and blue are compared as colours; others number by number, without SSIM and FLIP.
+    /// Layers of red, green and blue are compared as colours. Other layers are compared as numbers, without SSIM and
+    /// FLIP.
     #[arg(long, value_name = "NAME")]
     pub layer: Option<String>,
 
-    /// Compares linear light: an EXR as it is, a PNG without its curve; SSIM and FLIP stay as they are seen
+    /// Compares linear light: an EXR as stored, a PNG without its curve; SSIM and FLIP still use display values
     #[arg(long)]
     pub linear: bool,
 
-    /// The curve of pictures that don't tell theirs
+    /// Sets the transfer curve of pictures that declare none
     #[arg(long, value_name = "CURVE", value_parser = flags::named::<Transfer>(), default_value = "srgb")]
     pub transfer: Transfer,
 

@@ -9,9 +9,8 @@ use canaletto::{Named, OutOfRange};
 
 const KIND: Field<Integrator> =
     Field::word("kind", "the classic recursive ray tracer").or(|| quoted(Integrator::default().name()));
-const MAX_DEPTH: Field<u32> =
-    Field::new("max-depth", "rays of this depth have no children; the eye's rays have depth 1")
-        .or(|| WhittedSettings::DEFAULT.max_depth.to_string());
+const MAX_DEPTH: Field<u32> = Field::new("max-depth", "rays of this depth have no children; camera rays have depth 1")
+    .or(|| WhittedSettings::DEFAULT.max_depth.to_string());
 const MIN_WEIGHT: Field<f32> = Field::new("min-weight", "rays that count less than this in the pixel are not followed")
     .or(|| WhittedSettings::DEFAULT.min_weight.to_string());
 const STAGE: Field<Stage> =
@@ -40,7 +39,7 @@ impl Decoder<'_> {
         change(&mut settings.shadows, fields.get(&SHADOWS));
         change(&mut settings.stage, fields.word(&STAGE));
         if settings.max_depth == 0 {
-            let problem = "is 0; the eye's rays have depth 1, so it must be at least that";
+            let problem = "is 0; camera rays have depth 1, so it must be at least that";
             self.out_of_range(fields, &OutOfRange::new(MAX_DEPTH.name(), problem));
         } else if settings.max_depth > WhittedSettings::MAX_DEPTH {
             let (depth, most) = (settings.max_depth, WhittedSettings::MAX_DEPTH);
