@@ -283,8 +283,8 @@ fn rough_mirrors_scatter_by_the_ggx_density() {
     }
 }
 
-/// A BSDF is what the integrator does. A white ball seen in a rough mirror, or through frosted glass, is as bright as the
-/// integral of the evaluated BSDF over the directions to the ball.
+/// A BSDF is what the integrator does. A white ball seen in a rough mirror, or through frosted glass, is as bright as
+/// the integral of the evaluated BSDF over the directions to the ball.
 #[test]
 fn rough_surfaces_scatter_as_their_bsdf_evaluates() {
     let eye = DVec3::new(3.0, 3.0, 0.0);

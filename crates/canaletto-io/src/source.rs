@@ -90,7 +90,8 @@ const TEXT_EXTENSION: &str = "kdl";
 /// [`crate::text::read_scene_with`] takes them.
 ///
 /// # Errors
-/// [`OpenError`]. Mistakes that leave a part of the text are returned by [`SceneSource::scene`], as are those of models.
+/// [`OpenError`]. Mistakes that leave a part of the text are returned by [`SceneSource::scene`], as are those of
+/// models.
 pub fn open(file: &str, assets: &dyn Assets, set: &[String]) -> Result<Box<dyn SceneSource>, OpenError> {
     let extension = AssetPath::new(file, file, file).extension();
     if extension == TEXT_EXTENSION {

@@ -13,8 +13,8 @@ pub struct DiskLight {
     /// The disk. An even emission leaves it in all directions, a matte one on the side of its normal.
     #[serde(flatten, with = "SerialDisk")]
     pub disk: Disk,
-    /// The number of fixed points, at least 1. Each has 1/points of the intensity. Where [`Light::samples`](super::Light::samples) isn't 0,
-    /// random points replace them.
+    /// The number of fixed points, at least 1. Each has 1/points of the intensity. Where
+    /// [`Light::samples`](super::Light::samples) isn't 0, random points replace them.
     pub points: u32,
 }
 

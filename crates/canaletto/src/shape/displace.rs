@@ -193,8 +193,8 @@ impl BaseMesh {
         (max - min).max_element()
     }
 
-    /// The base mesh split and raised by `height`, with at most `limit` triangles. No edge is longer than a sixteenth of
-    /// the base mesh's size. An edge shorter than that size divided by `detail` isn't split.
+    /// The base mesh split and raised by `height`, with at most `limit` triangles. No edge is longer than a sixteenth
+    /// of the base mesh's size. An edge shorter than that size divided by `detail` isn't split.
     pub(crate) fn raised(
         mut self,
         detail: f64,

@@ -26,8 +26,8 @@ pub(super) const FRAMING: Intrinsics = Intrinsics {
     shutter: [0.0; 2],
 };
 
-/// The view of a scene without a camera, from where models are seen. It frames the boxes of all nodes. `None` if nothing
-/// has bounds, or if they are too large to place a camera.
+/// The view of a scene without a camera, from where models are seen. It frames the boxes of all nodes. `None` if
+/// nothing has bounds, or if they are too large to place a camera.
 pub(crate) fn default_camera(scene: &Scene) -> Option<View> {
     let corners = node_bounds::corners(scene, scene.nodes.iter());
     fit_camera(corners.into_iter().map(|p| (p, 0.0)), direction_at(30.0, 20.0), DVec3::Y, FRAMING)
@@ -107,8 +107,8 @@ fn has_light(model: &Fragment) -> bool {
     false
 }
 
-/// Adds lights and a ground for objects between `low` and `high`, both relative to where `there` moves to. `None` if the
-/// coordinates are too large.
+/// Adds lights and a ground for objects between `low` and `high`, both relative to where `there` moves to. `None` if
+/// the coordinates are too large.
 fn light(scene: &mut Scene, [low, high]: [DVec3; 2], there: &Transform) -> Option<()> {
     let middle = (low + high) / 2.0;
     let size = (high - low).length().max(1e-30);

@@ -1,5 +1,5 @@
-//! An estimate of a displaced surface's final number of triangles before they are made. Some of its triangles are refined
-//! one by one, and the results are discarded.
+//! An estimate of a displaced surface's final number of triangles before they are made. Some of its triangles are
+//! refined one by one, and the results are discarded.
 
 use super::{BaseMesh, Vertex};
 use rayon::prelude::*;
