@@ -9,6 +9,8 @@ mod contact;
 mod displacement;
 mod edges;
 mod flatten;
+#[cfg(test)]
+mod flatten_tests;
 mod folds;
 mod geometries;
 mod geometry;
@@ -28,6 +30,8 @@ mod reuse;
 #[cfg(test)]
 mod reuse_tests;
 mod shadow;
+#[cfg(test)]
+mod shadow_tests;
 mod shape_list;
 mod shells;
 mod textured;
