@@ -129,6 +129,9 @@ fn binary_ply() -> Vec<u8> {
 }
 
 proptest! {
+
+    #![proptest_config(proptest::prelude::ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..proptest::prelude::ProptestConfig::default() })]
+
     #[test]
     fn mutated_files_never_panic(
         which in 0usize..6,
