@@ -13,4 +13,6 @@ pub mod import;
 pub mod movie;
 pub mod picture;
 pub mod source;
+#[cfg(test)]
+mod testing;
 pub mod text;

@@ -384,6 +384,7 @@ fn values_can_be_set() {
 mod random {
     use super::*;
     use proptest::prelude::*;
+    use proptest::test_runner::RngSeed;
 
     fn good() -> Vec<String> {
         let mut all: Vec<String> = reference_markdown()
@@ -399,7 +400,12 @@ mod random {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig { cases: 1000, failure_persistence: None, rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..ProptestConfig::default() })]
+        #![proptest_config(ProptestConfig {
+            cases: 1000,
+            failure_persistence: None,
+            rng_seed: RngSeed::Fixed(1),
+            ..ProptestConfig::default()
+        })]
 
         /// Every text yields a scene or messages, and both can be displayed.
         #[test]

@@ -102,11 +102,11 @@ Examples:
 
 fn long_help() -> String {
     format!(
-        "{EXAMPLES}\n\n{MAPPINGS}\n\nCtrl-C stops rendering and saves the finished part beside the picture, as name.partial.png. An existing \
-         name.png stays. The next complete picture removes the part. Layers, frames and films have such parts, too; the part of a film has \
-         the frames so far. Finished frames stay, and the same command continues with the next frame. The program ends within two seconds. \
-         A part that takes longer to save has black lower rows, or lacks layers, and a message says so. A second Ctrl-C ends the program \
-         at once."
+        "{EXAMPLES}\n\n{MAPPINGS}\n\nCtrl-C stops rendering and saves the finished part beside the picture, as \
+         name.partial.png. An existing name.png stays. The next complete picture removes the part. Layers, frames and \
+         films have such parts, too; the part of a film has the frames so far. Finished frames stay, and the same \
+         command continues with the next frame. The program ends within two seconds. A part that takes longer to save \
+         has black lower rows, or lacks layers, and a message says so. A second Ctrl-C ends the program at once."
     )
 }
 

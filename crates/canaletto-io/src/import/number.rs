@@ -182,7 +182,7 @@ mod tests {
 
     proptest! {
 
-        #![proptest_config(proptest::prelude::ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..proptest::prelude::ProptestConfig::default() })]
+        #![proptest_config(crate::testing::seeded())]
 
         #[test]
         fn all_numbers_are_as_the_standard_library_reads_them(bits in any::<u32>(), digits in 1usize..18, text in "[-+]?[0-9]{0,12}[.]?[0-9]{0,9}([eE][-+]?[0-9]{1,2})?") {

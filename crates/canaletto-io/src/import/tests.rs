@@ -130,7 +130,7 @@ fn binary_ply() -> Vec<u8> {
 
 proptest! {
 
-    #![proptest_config(proptest::prelude::ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..proptest::prelude::ProptestConfig::default() })]
+    #![proptest_config(crate::testing::seeded())]
 
     #[test]
     fn mutated_files_never_panic(

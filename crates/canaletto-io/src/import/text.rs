@@ -101,7 +101,7 @@ mod tests {
 
     proptest! {
 
-        #![proptest_config(proptest::prelude::ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..proptest::prelude::ProptestConfig::default() })]
+        #![proptest_config(crate::testing::seeded())]
 
         #[test]
         fn pieces_are_whole_lines(text in "[ab#\\t\\\\\n\r ]{0,60}", size in 1usize..20) {

@@ -75,8 +75,8 @@ impl PreparedLight {
         Some(LightSample { wi, distance, position: Some(sample.point), li, pdf: sample.pdf, is_delta: false })
     }
 
-    /// The density per unit of solid angle at `p` with which [`PreparedLight::sample`] returns this point of the
-    /// light's surface with this unit normal; 0 for a delta light, and for a surface that faces away.
+    /// The density with which [`PreparedLight::sample`] returns this point of the light's surface, per unit of solid
+    /// angle at `p`. `normal` is the unit normal there. It is 0 for a delta light, and where the surface faces away.
     pub fn pdf(&self, p: DVec3, point: DVec3, normal: DVec3) -> f64 {
         match self.matte() {
             Some(surface) if normal.dot(p - point) > 0.0 => surface.pdf_from(p, point, normal),

@@ -34,6 +34,8 @@ struct Samples {
     weights: Vec<f64>,
     /// The colours of the samples.
     colors: Vec<Rgb>,
+    /// The camera rays of one batch.
+    lines: Vec<DRay>,
 }
 
 impl Samples {
@@ -224,7 +226,7 @@ impl<'a> PixelRenderer<'a> {
 
     /// The colours of the chosen samples.
     fn trace<'w, I: RayIntegrator<'w>>(&self, integrator: &mut I, sampling: Sampling, samples: &mut Samples) {
-        let Samples { places, numbers, colors, .. } = samples;
+        let Samples { places, numbers, colors, lines, .. } = samples;
         colors.clear();
         let (world, camera, spacing) = (integrator.world(), &self.job.camera, spacing(sampling));
         // Lights and moving instances are at one time's positions.
@@ -245,9 +247,8 @@ impl<'a> PixelRenderer<'a> {
             return colors.resize(places.len(), Rgb::BLACK);
         }
         let needs_differentials = world.needs_differentials();
-        let mut lines = vec![DRay { origin: DVec3::ZERO, direction: DVec3::ZERO }; I::BATCH_SIZE];
         for (places, numbers) in places.chunks(I::BATCH_SIZE).zip(numbers.chunks(I::BATCH_SIZE)) {
-            let lines = &mut lines[..places.len()];
+            lines.resize(places.len(), DRay { origin: DVec3::ZERO, direction: DVec3::ZERO });
             camera.lines(places, lines);
             let seen = if needs_differentials { places } else { &[] };
             integrator.push_camera_rays(lines, numbers, seen.iter().map(|[x, y]| camera.differential(*x, *y, spacing)));

@@ -268,8 +268,9 @@ impl SurfaceSampler {
         }
     }
 
-    /// For a sphere seen from a point outside: a point of the side towards `p`, the sphere's centre, and the versine
-    /// 1 − cos θ of the half angle of the cone in which `p` sees the sphere. Directions are uniform over the cone.
+    /// A point on the side of a sphere towards `p`, in a direction uniform over the cone in which `p` sees the sphere.
+    /// The centre of the sphere and the versine 1 − cos θ of the cone's half angle follow. None for other forms, and
+    /// inside the sphere.
     pub(crate) fn cone_point(&self, p: DVec3, [u, v]: [f64; 2]) -> Option<(DVec3, DVec3, f64)> {
         let Form::Sphere(center, radius) = self.form else { return None };
         let to_center = center - p;

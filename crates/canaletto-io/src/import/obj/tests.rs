@@ -422,7 +422,7 @@ fn plain_files_keep_their_vertices() {
 
 proptest! {
 
-    #![proptest_config(proptest::prelude::ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..proptest::prelude::ProptestConfig::default() })]
+    #![proptest_config(crate::testing::seeded())]
 
     #[test]
     fn pieces_never_change_anything(lines in prop::collection::vec(prop::sample::select(vec![

@@ -56,8 +56,8 @@ pub(super) const EYE_OR_FOLLOW: [&str; 2] = [EYE.name(), FOLLOW.name()];
 
 pub(crate) static CAMERA: NodeSchema = NodeSchema::new(
     "camera",
-    "A view of the scene. There may be several; the first one is taken where none is named. The angle, the planes and the \
-     size are those of `gluPerspective`, the rest those of `gluLookAt`.",
+    "A view of the scene. There may be several; the first one is taken where none is named. The angle, the planes and \
+     the size are those of `gluPerspective`, the rest those of `gluLookAt`.",
     &[&[
         EYE.schema,
         CENTER.schema,
@@ -101,16 +101,9 @@ const ROTATION: Field<f64> =
 /// `lens` in a camera.
 pub(crate) static LENS: NodeSchema = NodeSchema::new(
     "lens",
-    "A thin lens in place of the pinhole: only what lies at its focus is sharp. It takes several rays in a pixel, such as \
-     `film { samples 64 }`.",
-    &[&[
-        LENS_RADIUS.schema,
-        F_NUMBER.schema,
-        FOCUS.schema,
-        FOCUS_POINT.schema,
-        BLADES.schema,
-        ROTATION.schema,
-    ]],
+    "A thin lens in place of the pinhole: only what lies at its focus is sharp. It takes several rays in a pixel, such \
+     as `film { samples 64 }`.",
+    &[&[LENS_RADIUS.schema, F_NUMBER.schema, FOCUS.schema, FOCUS_POINT.schema, BLADES.schema, ROTATION.schema]],
 )
 .example("camera { eye 0 2 9; center 0 1 0; lens { radius 0.1; focus-point 0 1 2; blades 6; rotation 15 } }");
 

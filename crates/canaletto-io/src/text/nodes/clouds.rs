@@ -78,17 +78,7 @@ impl Decoder<'_> {
     /// Decodes a cloud of spheres.
     fn spheres(&mut self, f: &Fields) -> Option<Content> {
         let cloud = match self.source(f, &POINTS)? {
-            Source::File => {
-                let key = self.key("spheres", f)?;
-                let read = || {
-                    let (asset, format) = open(self.assets, self.validator.files, f)?;
-                    import::read_spheres(&asset, format, f.get(&RADIUS)).map_err(Unread::Wrong)
-                };
-                let read = self.keep.get(key, read);
-                let (cloud, warnings) = self.unread(f, read)?;
-                self.validator.report.append(warnings);
-                cloud
-            }
+            Source::File => self.of_file("spheres", f, import::read_spheres)?,
             source => {
                 let rows = self.rows(f, source, &POINTS, 3)?;
                 let centers = rows.numbers.chunks_exact(rows.columns).map(DVec3::from_slice);
@@ -108,17 +98,7 @@ impl Decoder<'_> {
     /// Decodes a cloud of cylinders.
     fn cylinders(&mut self, f: &Fields) -> Option<Content> {
         let mut cloud = match self.source(f, &AXES)? {
-            Source::File => {
-                let key = self.key("cylinders", f)?;
-                let read = || {
-                    let (asset, format) = open(self.assets, self.validator.files, f)?;
-                    import::read_cylinders(&asset, format, f.get(&RADIUS)).map_err(Unread::Wrong)
-                };
-                let read = self.keep.get(key, read);
-                let (cloud, warnings) = self.unread(f, read)?;
-                self.validator.report.append(warnings);
-                cloud
-            }
+            Source::File => self.of_file("cylinders", f, import::read_cylinders)?,
             source => {
                 let rows = self.rows(f, source, &AXES, 6)?;
                 let ends = |row: &[f64]| [DVec3::from_slice(row), DVec3::from_slice(&row[3..])];
@@ -182,6 +162,24 @@ impl Decoder<'_> {
     fn key(&self, kind: &str, f: &Fields) -> Option<String> {
         let from = self.validator.files.get(f.span(&CLOUD_FILE).file)?.path.location().display().to_string();
         Some(format!("{kind} {} {from} {:?}", f.text(&CLOUD_FILE)?, f.get(&RADIUS).map(f32::to_bits)))
+    }
+
+    /// The cloud of a file. `kind` names it in the cache.
+    fn of_file<T: Clone + Send + Sync + 'static>(
+        &mut self,
+        kind: &str,
+        f: &Fields,
+        read: impl FnOnce(&Asset, CloudFormat, Option<f32>) -> Result<(T, Diagnostics), Diagnostics>,
+    ) -> Option<T> {
+        let key = self.key(kind, f)?;
+        let read = || {
+            let (asset, format) = open(self.assets, self.validator.files, f)?;
+            read(&asset, format, f.get(&RADIUS)).map_err(Unread::Wrong)
+        };
+        let read = self.keep.get(key, read);
+        let (cloud, warnings) = self.unread(f, read)?;
+        self.validator.report.append(warnings);
+        Some(cloud)
     }
 
     /// Reports why a file yields no cloud.

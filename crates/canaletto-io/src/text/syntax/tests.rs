@@ -148,7 +148,7 @@ mod like_the_kdl_crate {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..ProptestConfig::default() })]
+        #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..crate::testing::seeded() })]
 
         /// Texts that the `kdl` crate accepts have equal trees here.
         #[test]
