@@ -25,7 +25,7 @@ pub enum Aov {
     Position,
     /// Texture coordinates.
     Uv,
-    /// [`World::object_id`]; 0 is the background.
+    /// [`World::object_id`], which counts objects from 1 on in the order of the file; 0 is the background.
     ObjectId,
     /// 1 + the material's index; 0 is the background.
     MaterialId,

@@ -198,14 +198,15 @@ impl World {
         let mut root = Part::default();
         let place = Place::from(origin);
         pieces(nodes).try_for_each(|piece| builder.flatten(&piece, &place, &mut root, 0))?;
-        let FinishedPart { instances, mut lights, moving_lights, unbounded, .. } = builder.finish_part(root, NONE)?;
+        let FinishedPart { instances, mut lights, moving_lights, unbounded, object_numbers, .. } =
+            builder.finish_part(root)?;
         lights.extend(environment.as_ref().zip(backdrop.as_ref()).and_then(|(described, ready)| ready.sun(described)));
         let bounds: Vec<Aabb> = instances.iter().map(|instance| builder.tables().bounds(instance)).collect();
         if let Some(index) = bounds.iter().position(|b| !(b.is_empty() || b.is_finite())) {
-            let object = builder.objects.get(instances[index].object as usize).map_or("an object", |o| o.name.as_str());
-            return Err(BuildError::Invalid { object: object.into(), problem: out_of_range_message() });
+            let object = builder.object_of(instances[index].first_object, &object_numbers);
+            return Err(builder.invalid(object, out_of_range_message()));
         }
-        let root = Group::new(instances, &bounds, 1, "the scene", builder.tables())?;
+        let root = Group::new(instances, &bounds, "the scene", builder.tables())?;
         materials.push(Material::new("default", Phong::default()));
         let clear_instances = clear_instances(&root.instances, &builder.geometries, &materials);
         let clear = clear_geometries(&root, &builder.groups, &builder.geometries, &materials);
@@ -226,12 +227,13 @@ impl World {
             shells: shells(&builder.geometries, |geometry| clear[geometry]),
             materials,
             objects: builder.objects,
+            object_numbers,
+            prototype_numbers: builder.prototype_numbers,
             geometries: builder.geometries,
             owners: builder.owners,
             local_origins: builder.local_origins,
             origin,
             origins: builder.origins,
-            unbounded_id_base: 1u32.wrapping_add(root.numbers),
             root,
             groups: builder.groups,
             chains: builder.chains,

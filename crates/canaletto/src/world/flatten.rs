@@ -9,6 +9,7 @@ use super::instance::{Instance, NONE, Placement, Unbounded};
 use super::instancing::InstancingPolicy;
 use super::light_meshes::LightMeshes;
 use super::motion::{MovingLight, TransformChain};
+use super::object_numbers::ObjectNumbers;
 use super::origin::{Exactly, FAR, Spans, away_from, origin_of, relative_to, rounded_visibly, shape_span};
 use super::required_spaces::RequiredSpaces;
 use super::reuse::{Previous, ReuseCounts};
@@ -47,7 +48,11 @@ impl Place {
 /// The result of one walk: of the root, or of a prototype in its own space.
 #[derive(Clone, Default)]
 pub(super) struct Part {
+    object_numbers: ObjectNumbers,
     shapes: Vec<Shape>,
+    /// The number of the first shape's object.
+    first_object: u64,
+    /// The numbers of the shapes' objects, counted from the first one.
     shape_objects: Vec<u32>,
     shape_materials: Vec<u32>,
     instances: Vec<Instance>,
@@ -58,6 +63,7 @@ pub(super) struct Part {
 
 /// A part whose single shapes have become one more instance.
 pub(super) struct FinishedPart {
+    pub(super) object_numbers: ObjectNumbers,
     pub(super) instances: Vec<Instance>,
     pub(super) lights: Vec<Light>,
     pub(super) moving_lights: Vec<MovingLight>,
@@ -104,6 +110,8 @@ pub(super) struct Builder {
     pub(super) finished: HashMap<u32, FinishedPart>,
     pub(super) open: Vec<u32>,
     pub(super) objects: Vec<Object>,
+    /// The numbers of objects within each prototype that was walked.
+    pub(super) prototype_numbers: Vec<ObjectNumbers>,
     /// The transforms of moving instances over time, of all parts so far.
     pub(super) chains: Vec<TransformChain>,
     /// The numbers of instances, light points and shapes without bounds in all parts so far.
@@ -128,6 +136,7 @@ impl Builder {
             required_spaces,
             displacement,
             mesh_uses: vec![0; meshes.len()],
+            prototype_numbers: vec![ObjectNumbers::default(); prototypes.len()],
             meshes: meshes.into_iter().map(Some).collect(),
             spheres: spheres.into_iter().map(Some).collect(),
             cylinders: cylinders.into_iter().map(Some).collect(),
@@ -182,16 +191,17 @@ impl Builder {
         let path = AnimatedTransform::new(&node.motion)
             .map_err(|e| BuildError::Invalid { object: called(), problem: e.to_string() })
             .map(Arc::new)?;
-        let mut inner = Part::default();
+        let mut inner = Part { object_numbers: std::mem::take(&mut part.object_numbers), ..Part::default() };
         let origin = self.spans.moving_origin(node);
         let own = Place { inherited: place.inherited, ..Place::from(origin) };
         self.place_still(node, &own, &mut inner, depth)?;
-        let first_object = inner.shape_objects.first().copied().unwrap_or(NONE);
-        let FinishedPart { instances, lights, moving_lights, unbounded, .. } = self.finish_part(inner, first_object)?;
+        let FinishedPart { instances, lights, moving_lights, unbounded, object_numbers, .. } =
+            self.finish_part(inner)?;
         if let Some(plane) = unbounded.first() {
             let problem = "a plane has no bounds and can't move while the shutter is open; take a large disk or box";
-            return Err(self.invalid(plane.object, problem));
+            return Err(self.invalid(self.object_of(plane.object, &object_numbers), problem));
         }
+        part.object_numbers = object_numbers;
         for instance in self.expanded(instances)? {
             let chain = match instance.motion {
                 NONE => TransformChain::still(instance.to_world.unwrap_or_default()),
@@ -246,7 +256,7 @@ impl Builder {
         let inherited = if own == NONE { place.inherited } else { own };
         match &node.content {
             Content::Shape(shape) => {
-                let object = self.object(node, shape.kind());
+                let object = self.object(node, shape.kind(), part);
                 self.place_shape(shape, &node.rest, object, inherited, &Place { transform, ..*place }, part)
             }
             Content::Light(light) => {
@@ -267,30 +277,55 @@ impl Builder {
                 self.light(part, light.transformed(&transform))
             }
             Content::Mesh(index) => {
-                let object = self.object(node, "mesh");
+                self.object(node, "mesh", part);
                 let (geometry, moved) = self.mesh_geometry(node, *index, [own, inherited], &transform)?;
                 let to_world = if moved { None } else { self.place_of(geometry, &transform) };
-                self.instance(part, Instance { material: own, inherited, to_world, ..Instance::of(geometry, object) })
+                self.instance(
+                    part,
+                    Instance {
+                        material: own,
+                        inherited,
+                        to_world,
+                        ..Instance::of(geometry, part.object_numbers.last())
+                    },
+                )
             }
             Content::Spheres(index) => {
-                let object = self.object(node, "spheres");
+                let object = self.object(node, "spheres", part);
                 self.reject_displacement(inherited, object)?;
                 let geometry = self.spheres_geometry(node, *index, &transform)?;
                 let to_world = self.place_of(geometry, &transform);
-                self.instance(part, Instance { material: own, inherited, to_world, ..Instance::of(geometry, object) })
+                self.instance(
+                    part,
+                    Instance {
+                        material: own,
+                        inherited,
+                        to_world,
+                        ..Instance::of(geometry, part.object_numbers.last())
+                    },
+                )
             }
             Content::Cylinders(index) => {
-                let object = self.object(node, "cylinders");
+                let object = self.object(node, "cylinders", part);
                 self.reject_displacement(inherited, object)?;
                 let geometry = self.cylinders_geometry(node, *index, &transform)?;
                 let to_world = self.place_of(geometry, &transform);
-                self.instance(part, Instance { material: own, inherited, to_world, ..Instance::of(geometry, object) })
+                self.instance(
+                    part,
+                    Instance {
+                        material: own,
+                        inherited,
+                        to_world,
+                        ..Instance::of(geometry, part.object_numbers.last())
+                    },
+                )
             }
             Content::Group(children) => {
                 self.flatten(children, &Place { transform, inherited, ..*place }, part, depth + 1)
             }
             Content::Instance(index) => {
-                self.place_prototype(node, *index, &Placement { transform, own, inherited }, part, depth)
+                let first_object = part.object_numbers.count();
+                self.place_prototype(node, *index, &Placement { transform, own, inherited, first_object }, part, depth)
             }
         }
     }
@@ -326,24 +361,30 @@ impl Builder {
             return self.displaced(mesh, object, [NONE, material], &transform, part);
         }
         let moved = if transform.is_identity() { Some(shape) } else { shape.transformed(&transform) };
+        let number = part.object_numbers.last();
+        if part.shapes.is_empty() {
+            part.first_object = number;
+        }
+        let among_shapes = u32::try_from(number - part.first_object);
         match moved {
             Some(moved) if moved.bounds().is_none() => {
                 let own = (!stays).then_some((shape, transform));
-                self.unbounded(part, Unbounded { shape: moved, object, material, own, origin })?;
+                self.unbounded(part, Unbounded { shape: moved, object: number, material, own, origin })?;
             }
-            Some(moved) if stays => {
+            Some(moved) if stays && let Ok(among_shapes) = among_shapes => {
                 moved.check().map_err(|problem| self.invalid(object, format!("after its transforms, {problem}")))?;
                 part.shapes.push(moved);
-                part.shape_objects.push(object);
+                part.shape_objects.push(among_shapes);
                 part.shape_materials.push(material);
             }
             None if shape.bounds().is_none() => return Err(self.invalid(object, out_of_range_message())),
-            // The transform would lose the shape's kind or a space that its textures need.
+            // The transform would lose the shape's kind or a space that its textures need, or there are more than
+            // 2³² copies before the shape.
             _ => {
-                let geometry = self.push(Geometry::shapes(vec![shape], vec![object], vec![material]), object)?;
+                let geometry = self.push(Geometry::shapes(vec![shape], vec![0], vec![material]), object)?;
                 self.set_origin(geometry, origin);
                 let to_world = (!transform.is_identity()).then_some(transform);
-                self.instance(part, Instance { to_world, ..Instance::of(geometry, object) })?;
+                self.instance(part, Instance { to_world, ..Instance::of(geometry, number) })?;
             }
         }
         Ok(())
@@ -371,7 +412,10 @@ impl Builder {
         let geometry = self.push_mesh(mesh, object)?;
         self.set_origin(geometry, origin);
         let to_world = (!transform.is_identity()).then_some(*transform);
-        self.instance(part, Instance { material: own, inherited, to_world, ..Instance::of(geometry, object) })
+        self.instance(
+            part,
+            Instance { material: own, inherited, to_world, ..Instance::of(geometry, part.object_numbers.last()) },
+        )
     }
 
     fn place_prototype(
@@ -382,7 +426,7 @@ impl Builder {
         part: &mut Part,
         depth: usize,
     ) -> Result<(), BuildError> {
-        let Placement { own, inherited, .. } = *place;
+        let Placement { own, inherited, first_object, .. } = *place;
         if index as usize >= self.prototypes.len() {
             return Err(missing(node, "prototype", index, self.prototypes.len()));
         }
@@ -398,17 +442,18 @@ impl Builder {
             let mut inner = Part::default();
             let origin = self.spans.prototype_origin(&prototype);
             self.flatten(std::slice::from_ref(&prototype), &Place::from(origin), &mut inner, depth + 1)?;
-            let first_object = inner.shape_objects.first().copied().unwrap_or(NONE);
-            let mut finished = self.finish_part(inner, first_object)?;
+            let mut finished = self.finish_part(inner)?;
+            self.prototype_numbers[index as usize] = std::mem::take(&mut finished.object_numbers);
             finished.instances = self.as_group(index, finished.instances)?;
             finished.origin = origin;
             self.finished.insert(index, finished);
             self.open.pop();
         }
         let Some(finished) = self.finished.remove(&index) else { return Ok(()) };
-        let FinishedPart { instances, lights, moving_lights, unbounded, origin } = &finished;
+        let FinishedPart { instances, lights, moving_lights, unbounded, origin, .. } = &finished;
         let transform = relative_to(*origin, &place.transform);
-        let place = &Placement { transform, own, inherited };
+        let place = &Placement { transform, ..*place };
+        part.object_numbers.push_copy(index, self.prototype_numbers[index as usize].count());
         self.count(0, instances.len())?;
         let or = |a: u32, b: u32| if a == NONE { b } else { a };
         for inner in instances {
@@ -429,7 +474,10 @@ impl Builder {
             chain: chain.clone().inside(&transform),
         }));
         for Unbounded { shape, object, material, own: place, origin: own_origin } in unbounded {
-            let moved = shape.transformed(&transform).ok_or_else(|| self.invalid(*object, out_of_range_message()))?;
+            let object = first_object.wrapping_add(*object);
+            let moved = shape
+                .transformed(&transform)
+                .ok_or_else(|| self.invalid(self.object_of(object, &part.object_numbers), out_of_range_message()))?;
             let material = or(own, or(*material, inherited));
             let (place, origin) = match place {
                 Some((shape, t)) => (Some((*shape, transform.after(t))), own_origin),
@@ -437,7 +485,7 @@ impl Builder {
                     ((!self.required_spaces(material).allow(shape, &transform)).then_some((*shape, transform)), origin)
                 }
             };
-            self.unbounded(part, Unbounded { shape: moved, object: *object, material, own: place, origin: *origin })?;
+            self.unbounded(part, Unbounded { shape: moved, object, material, own: place, origin: *origin })?;
         }
         self.finished.insert(index, finished);
         Ok(())
@@ -489,17 +537,18 @@ impl Builder {
     }
 
     /// Turns a part's single shapes into one more instance.
-    pub(super) fn finish_part(&mut self, part: Part, object: u32) -> Result<FinishedPart, BuildError> {
-        let Part { shapes, shape_objects, shape_materials, mut instances, lights, moving_lights, unbounded } = part;
+    pub(super) fn finish_part(&mut self, part: Part) -> Result<FinishedPart, BuildError> {
+        let Part { object_numbers, shapes, first_object, shape_objects, shape_materials, .. } = part;
+        let Part { mut instances, lights, moving_lights, unbounded, .. } = part;
         if !shapes.is_empty() {
             let geometry =
                 Geometry::shapes(shapes, shape_objects, shape_materials).map_err(|e| hierarchy_error("shapes", &e))?;
             self.geometries.push(geometry);
             self.owners.push(NONE);
             let geometry = self.geometries.len() as u32 - 1;
-            instances.push(Instance::of(geometry, object));
+            instances.push(Instance::of(geometry, first_object));
         }
-        Ok(FinishedPart { instances, lights, moving_lights, unbounded, origin: DVec3::ZERO })
+        Ok(FinishedPart { object_numbers, instances, lights, moving_lights, unbounded, origin: DVec3::ZERO })
     }
 
     fn instance(&mut self, part: &mut Part, instance: Instance) -> Result<(), BuildError> {
@@ -508,13 +557,20 @@ impl Builder {
         Ok(())
     }
 
-    /// Registers an object by its own name, or by kind and number.
-    fn object(&mut self, node: &Node, kind: &'static str) -> u32 {
+    /// Registers an object by its own name, or by kind and number, as the next one of the part.
+    fn object(&mut self, node: &Node, kind: &'static str, part: &mut Part) -> u32 {
         let number = self.kinds.entry(kind).or_default();
         *number += 1;
         let name = node.name.as_ref().map_or_else(|| format!("{kind} #{number}"), |name| name.to_string());
         self.objects.push(Object { name, kind });
-        self.objects.len() as u32 - 1
+        let object = self.objects.len() as u32 - 1;
+        part.object_numbers.push_object(object);
+        object
+    }
+
+    /// The described object with this number in a part.
+    pub(super) fn object_of(&self, number: u64, part: &ObjectNumbers) -> u32 {
+        part.object(number, &self.prototype_numbers).expect("the walk numbers all objects")
     }
 
     pub(super) fn invalid(&self, object: u32, problem: impl std::fmt::Display) -> BuildError {

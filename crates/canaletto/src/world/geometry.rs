@@ -16,8 +16,8 @@ use rayon::prelude::*;
 /// Primitives of one kind under one hierarchy: the second level. The id of a primitive is its index in the description.
 #[derive(Debug)]
 pub(super) enum Geometry {
-    /// Single shapes of any kind, with the object and material (or [`NONE`]) of each. The tree holds copies of the
-    /// spheres and cylinders.
+    /// Single shapes of any kind, with the object and material (or [`NONE`]) of each. Objects are counted from the
+    /// instance's first object. The tree holds copies of the spheres and cylinders.
     Shapes { tree: PrimitiveBvh, shapes: Vec<Shape>, objects: Vec<u32>, materials: Vec<u32> },
     /// A mesh. The tree holds a copy of the corners for ray tests.
     Mesh { triangles: TriangleBvh, mesh: Mesh },
@@ -110,14 +110,6 @@ impl Geometry {
                 tree.bounds()
             }
             Geometry::Mesh { triangles, .. } => triangles.bounds(),
-        }
-    }
-
-    /// The first and last object of the geometry's shapes; `None` if the instance holds the object.
-    pub(super) fn objects(&self) -> Option<(u32, u32)> {
-        match self {
-            Geometry::Shapes { objects, .. } => Some((*objects.iter().min()?, *objects.iter().max()?)),
-            _ => None,
         }
     }
 

@@ -28,8 +28,6 @@ pub(super) struct Group {
     pub(super) leaves: u32,
     /// The number of primitives, those of groups counted.
     pub(super) primitives: u64,
-    /// The number of object numbers that the group takes.
-    pub(super) numbers: u32,
     /// The hierarchy over the bounds of `instances`.
     pub(super) tree: Bvh,
     /// These bounds in the order of the tree's slots. A leaf may hold several instances, and a ray into an instance's
@@ -79,38 +77,30 @@ impl BuildTables<'_> {
 }
 
 impl Group {
-    /// The group of these instances, which have these bounds. The object numbers of its members start from
-    /// `first_number`.
+    /// The group of these instances, which have these bounds.
     ///
     /// # Errors
     /// If there are more than [`World::MAX_COPIES`] geometries; the error contains the group's `name`. If the hierarchy
     /// can't be built.
     pub(super) fn new(
-        mut instances: Vec<Instance>,
+        instances: Vec<Instance>,
         bounds: &[Aabb],
-        first_number: u32,
         name: &str,
         tables: BuildTables,
     ) -> Result<Group, BuildError> {
         let mut firsts = Vec::new();
-        let (mut leaves, mut primitives, mut number) = (0u64, 0u64, first_number);
+        let (mut leaves, mut primitives) = (0u64, 0u64);
         let nested = instances.iter().any(|instance| instance.group != NONE);
-        for instance in &mut instances {
+        for instance in &instances {
             if nested {
                 firsts.push(leaves as u32);
             }
             if let Some(group) = tables.groups.get(instance.group as usize) {
-                instance.id_base = number;
-                number = number.wrapping_add(group.numbers);
                 leaves += u64::from(group.leaves);
                 primitives = primitives.saturating_add(group.primitives);
             } else {
-                let geometry = &tables.geometries[instance.geometry as usize];
-                let (first, last) = geometry.objects().unwrap_or((instance.object, instance.object));
-                instance.id_base = number.wrapping_sub(first);
-                number = number.wrapping_add(last - first + 1);
                 leaves += 1;
-                primitives = primitives.saturating_add(geometry.len() as u64);
+                primitives = primitives.saturating_add(tables.geometries[instance.geometry as usize].len() as u64);
             }
             if leaves > u64::from(World::MAX_COPIES) {
                 return Err(BuildError::TooManyCopies(name.into()));
@@ -118,9 +108,8 @@ impl Group {
         }
         let tree = Bvh::build(bounds).map_err(|e| hierarchy_error(name, &e))?;
         let slot_bounds = tree.order().iter().map(|&index| bounds[index as usize]).collect();
-        let numbers = number.wrapping_sub(first_number);
         let cull_margin = CullMargin { stretch: 1.0, reach: 0.0 };
-        Ok(Group { instances, firsts, leaves: leaves as u32, primitives, numbers, tree, slot_bounds, cull_margin })
+        Ok(Group { instances, firsts, leaves: leaves as u32, primitives, tree, slot_bounds, cull_margin })
     }
 
     /// The group of a prototype, whose space isn't the world's. The inner `Err` returns the instances if their
@@ -143,7 +132,7 @@ impl Group {
         if !(EXTENTS.contains(&cull_margin.reach) && EXTENTS.contains(&cull_margin.stretch)) {
             return Ok(Err(instances));
         }
-        Group::new(instances, &bounds, 0, name, tables).map(|group| Ok(Group { cull_margin, ..group }))
+        Group::new(instances, &bounds, name, tables).map(|group| Ok(Group { cull_margin, ..group }))
     }
 
     /// The number of an instance; for a group, that of its first geometry.

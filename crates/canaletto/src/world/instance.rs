@@ -16,11 +16,9 @@ pub(super) struct Instance {
     pub(super) geometry: u32,
     /// Index into the world's groups, or [`NONE`].
     pub(super) group: u32,
-    /// The object that the instance belongs to; shapes have their own.
-    pub(super) object: u32,
-    /// The number that is added to an object's number to distinguish copies. It is the sum over the instance and all
-    /// groups around it.
-    pub(super) id_base: u32,
+    /// The number of the instance's first object in the space that it is placed in; see [`super::object_numbers`].
+    /// It is the sum over the instance and all groups around it.
+    pub(super) first_object: u64,
     /// The material that replaces all others, or [`NONE`].
     pub(super) material: u32,
     /// The material for primitives that have none, or [`NONE`].
@@ -40,6 +38,8 @@ pub(super) struct Placement {
     pub(super) own: u32,
     /// The material for primitives that have none, or [`NONE`].
     pub(super) inherited: u32,
+    /// The number of the copy's first object.
+    pub(super) first_object: u64,
 }
 
 /// A shape without bounds, placed in the world.
@@ -47,7 +47,8 @@ pub(super) struct Placement {
 pub(super) struct Unbounded {
     /// The shape in the world's space.
     pub(super) shape: Shape,
-    pub(super) object: u32,
+    /// The number of the object; see [`super::object_numbers`].
+    pub(super) object: u64,
     /// The material of the shape, or [`NONE`].
     pub(super) material: u32,
     /// The shape in its own space and that space's transform, if a texture needs them and the space isn't the world's.
@@ -58,31 +59,37 @@ pub(super) struct Unbounded {
 
 impl Instance {
     /// An instance of a geometry with the identity transform and the geometry's own materials.
-    pub(super) fn of(geometry: u32, object: u32) -> Instance {
+    pub(super) fn of(geometry: u32, first_object: u64) -> Instance {
         let (material, inherited) = (NONE, NONE);
-        Instance { geometry, group: NONE, object, id_base: 0, material, inherited, to_world: None, motion: NONE }
+        Instance { geometry, group: NONE, first_object, material, inherited, to_world: None, motion: NONE }
     }
 
     /// A group without a placement.
-    pub(super) fn of_group(group: u32, object: u32) -> Instance {
-        Instance { group, ..Instance::of(NONE, object) }
+    pub(super) fn of_group(group: u32) -> Instance {
+        Instance { group, ..Instance::of(NONE, 0) }
     }
 
     /// This instance as a member of an instance with this placement. All transforms come from here and from
     /// [`Instance::enclose`]. They are composed from the innermost outwards. A member found through a group thus has
     /// the bits of a member of a dissolved prototype.
-    pub(super) fn inside(&self, Placement { transform, own, inherited }: &Placement) -> Instance {
+    pub(super) fn inside(&self, Placement { transform, own, inherited, first_object }: &Placement) -> Instance {
         let mut placed = *self;
         if self.group != NONE {
             // The group's first placement. The transforms of its members come before it.
             debug_assert!(self.to_world.is_none());
-            return Instance { to_world: Some(*transform), material: *own, inherited: *inherited, ..*self };
+            return Instance {
+                to_world: Some(*transform),
+                material: *own,
+                inherited: *inherited,
+                first_object: *first_object,
+                ..*self
+            };
         }
         placed.enclose(&Instance {
             to_world: Some(*transform),
             material: *own,
             inherited: *inherited,
-            ..Instance::of(NONE, NONE)
+            ..Instance::of(NONE, *first_object)
         });
         placed
     }
@@ -100,7 +107,7 @@ impl Instance {
         if self.inherited == NONE {
             self.inherited = group.inherited;
         }
-        self.id_base = self.id_base.wrapping_add(group.id_base);
+        self.first_object = self.first_object.wrapping_add(group.first_object);
     }
 
     /// Calls `f` with the ray in the geometry's space. The parameter t keeps its meaning, since the direction isn't

@@ -66,11 +66,10 @@ impl Builder {
         }
         let name = &self.prototypes[index as usize].name;
         let name = name.as_ref().map_or_else(|| format!("prototype {index}"), |name| format!("\"{name}\""));
-        let object = instances.first().map_or(NONE, |instance| instance.object);
         match Group::of_prototype(instances, &name, self.tables())? {
             Ok(group) => {
                 self.groups.push(group);
-                Ok(vec![Instance::of_group(self.groups.len() as u32 - 1, object)])
+                Ok(vec![Instance::of_group(self.groups.len() as u32 - 1)])
             }
             Err(instances) => self.expanded(instances),
         }

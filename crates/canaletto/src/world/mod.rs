@@ -22,6 +22,9 @@ mod instancing;
 mod instancing_tests;
 mod light_meshes;
 mod motion;
+#[cfg(test)]
+mod object_id_tests;
+mod object_numbers;
 mod origin;
 mod packet_bounds;
 mod query;
@@ -61,6 +64,7 @@ use group::Group;
 use instance::Unbounded;
 use light_meshes::LightMeshes;
 use motion::{MovingLight, TransformChain};
+use object_numbers::ObjectNumbers;
 use shells::Shells;
 use std::collections::HashMap;
 use zones::Zones;
@@ -83,8 +87,12 @@ pub struct World {
     needs_differentials: bool,
     /// All materials; the last one is the default for objects without a material.
     materials: Vec<Material>,
-    /// The names and kinds of the scene's objects.
+    /// The names and kinds of the described objects.
     objects: Vec<Object>,
+    /// The numbers of all objects, copies included.
+    object_numbers: ObjectNumbers,
+    /// The numbers of objects within each prototype.
+    prototype_numbers: Vec<ObjectNumbers>,
     geometries: Vec<Geometry>,
     /// For each geometry of a single object, that object. [`World::build_after`] uses it.
     owners: Vec<u32>,
@@ -107,8 +115,6 @@ pub struct World {
     instance_bounds: Vec<Aabb>,
     /// Shapes without bounds, which are tested one by one. Their hits have the instance [`Hit::UNBOUNDED`].
     unbounded: Vec<Unbounded>,
-    /// The object number of the first shape without bounds; see [`World::object_id`].
-    unbounded_id_base: u32,
     /// For each of the root's instances, whether it may let light through. Empty if no material does.
     clear_instances: Vec<bool>,
     /// Whether any material may let light through.
@@ -205,7 +211,8 @@ impl World {
             light_points: self.lights.iter().map(|l| u64::from(l.points())).sum(),
             materials: self.materials.len() as u64,
             primitives: self.primitives(),
-            bytes: self.groups.iter().chain([&self.root]).map(|group| group.bytes() as u64).sum(),
+            bytes: self.groups.iter().chain([&self.root]).map(|group| group.bytes() as u64).sum::<u64>()
+                + self.prototype_numbers.iter().chain([&self.object_numbers]).map(|n| n.bytes() as u64).sum::<u64>(),
             ..WorldStats::default()
         };
         for geometry in &self.geometries {

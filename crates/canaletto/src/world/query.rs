@@ -338,34 +338,42 @@ impl World {
 
     /// The object that was hit.
     pub fn object(&self, hit: &Hit) -> &super::Object {
-        let index = match hit.instance {
-            Hit::UNBOUNDED => self.unbounded[hit.primitive as usize].object,
-            number => self.with_instance(number, |instance| self.object_of(instance, hit.primitive)),
-        };
-        &self.objects[index as usize]
+        let numbers = &self.object_numbers;
+        let index = numbers.object(self.object_number(hit), &self.prototype_numbers);
+        &self.objects[index.expect("the builder numbers all objects") as usize]
     }
 
-    /// The number of the object that was hit, from 1 on. Copies of an instanced object have different numbers, as far
-    /// as 32 bits suffice.
+    /// The number of the object that was hit. The objects of a scene are numbered from 1 on in the order of the file,
+    /// depth first. A copy of a prototype takes as many numbers as it has objects, at the place of the instance. A mesh,
+    /// a cloud and each part of a model is one object; lights and cameras have no number. Objects beyond the range of
+    /// `u32` have the number [`u32::MAX`].
     pub fn object_id(&self, hit: &Hit) -> u32 {
-        match hit.instance {
-            Hit::UNBOUNDED => self.unbounded_id_base.wrapping_add(hit.primitive),
-            number => self.with_instance(number, |instance| {
-                instance.id_base.wrapping_add(self.object_of(instance, hit.primitive))
-            }),
-        }
+        u32::try_from(self.object_number(hit) + 1).unwrap_or(u32::MAX)
+    }
+
+    /// The object with this number, the inverse of [`World::object_id`]. All copies of an object are the same [`Object`].
+    /// `None` for 0, for numbers of no object, and for [`u32::MAX`].
+    ///
+    /// [`Object`]: super::Object
+    pub fn object_with_id(&self, id: u32) -> Option<&super::Object> {
+        let number = u64::from(id).checked_sub(1).filter(|_| id != u32::MAX)?;
+        let index = self.object_numbers.object(number, &self.prototype_numbers)?;
+        Some(&self.objects[index as usize])
     }
 
     /// The largest number of an object or a material in a layer.
     pub(crate) fn largest_id(&self) -> u64 {
-        let objects = u64::from(self.unbounded_id_base) + self.unbounded.len() as u64;
-        objects.max(self.materials.len() as u64)
+        self.object_numbers.count().max(self.materials.len() as u64)
     }
 
-    fn object_of(&self, instance: &Instance, primitive: u32) -> u32 {
-        match &self.geometries[instance.geometry as usize] {
-            Geometry::Shapes { objects, .. } => objects[primitive as usize],
-            _ => instance.object,
+    /// The number of the object that was hit, from 0 on.
+    fn object_number(&self, hit: &Hit) -> u64 {
+        if hit.instance == Hit::UNBOUNDED {
+            return self.unbounded[hit.primitive as usize].object;
         }
+        self.with_instance(hit.instance, |instance| match &self.geometries[instance.geometry as usize] {
+            Geometry::Shapes { objects, .. } => instance.first_object + u64::from(objects[hit.primitive as usize]),
+            _ => instance.first_object,
+        })
     }
 }
