@@ -43,6 +43,7 @@ pub mod camera;
 pub mod diagnose;
 pub mod explain;
 pub mod film;
+pub mod form_factor;
 pub mod integrator;
 mod job;
 pub mod light;

@@ -1,0 +1,18 @@
+//! Form factors: the share of the light that leaves a diffuse surface and arrives at another one.
+//!
+//! The form factor from A to B is F = 1/A ∫ over A ∫ over B of cos θ cos θ' / (π r²), where B is visible. Heat transfer
+//! calls it the configuration factor or view factor. It obeys the reciprocity A F(A→B) = B F(B→A).
+//!
+//! - [`point_to_polygon`] is exact for a differential patch and a polygon.
+//! - [`polygon_to_polygon`] integrates over two polygons in full view of each other.
+
+mod double_exponential;
+#[cfg(test)]
+mod literature;
+mod point_to_polygon;
+mod polygon;
+mod polygon_to_polygon;
+
+pub use point_to_polygon::point_to_polygon;
+pub use polygon::{area_vector, clip_to_front};
+pub use polygon_to_polygon::{AnalyticFormFactor, polygon_to_polygon};
