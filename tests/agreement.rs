@@ -116,22 +116,24 @@ fn layers_sum(world: &World) {
     job.aovs.clear();
     let without = render(world, &job, &()).unwrap().picture;
     assert_eq!(with.pixels, without.pixels, "asking for layers changes no pixel");
-    let mut seen = [false; 3];
+    let mut seen = [false; 4];
     for (i, pixel) in with.pixels.iter().enumerate() {
         let layer = |name: &str| {
             let data = &with.layer(name).unwrap().data;
             Rgb::new(data[3 * i], data[3 * i + 1], data[3 * i + 2])
         };
-        let parts = ["diffuse", "specular", "ambient", "reflection", "refraction"].map(layer);
+        let parts = ["diffuse", "specular", "ambient", "emission", "reflection", "refraction"].map(layer);
         let sum: Rgb = parts.into_iter().sum();
         for (a, b) in sum.to_array().into_iter().zip(pixel.to_array()) {
             assert!((a - b).abs() <= 2e-6 * b.max(1.0), "pixel {i}: {sum:?} instead of {pixel:?}");
         }
-        for (seen, part) in seen.iter_mut().zip([layer("shadow"), layer("reflection"), layer("refraction")]) {
+        for (seen, part) in
+            seen.iter_mut().zip([layer("shadow"), layer("reflection"), layer("refraction"), layer("emission")])
+        {
             *seen |= !part.is_black();
         }
     }
-    assert_eq!(seen, [true; 3], "shadow, reflection and refraction appear somewhere");
+    assert_eq!(seen, [true, true, true, world.may_emit()], "all layers appear somewhere");
 }
 
 fn bits(c: Rgb) -> [u32; 3] {

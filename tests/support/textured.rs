@@ -2,7 +2,7 @@
 
 use crate::gallery::{icosphere, still_life};
 use canaletto::material::{Channel, Mapping, Parameter, Projection, Repeat, Space, Target, TextureUse};
-use canaletto::math::Transform;
+use canaletto::math::{Rgb, Transform};
 use canaletto::scene::Scene;
 use canaletto::texture::{ColorSpace, Filter, Image, ImageTexture, Placement, Samples, Texture, TextureKind, Wrap};
 use glam::{DVec3, Vec2};
@@ -92,6 +92,10 @@ pub fn textured_still_life(scale: f32) -> Scene {
     // A replaced colour hides the textures under it. It stays only on the mesh with coordinates of its own.
     red.textures.retain(|t| t.target != Target::Replace);
     red.textures.push(on(1, Target::Decal, solid(Space::Object)));
+    red.textures.push(TextureUse { range: [0.0, 1.5], ..on(1, Target::Parameter(Parameter::Emission), uv) });
+    glass.model.phong_mut().emission = Rgb::new(0.02, 0.01, 0.04);
+    glass.two_sided = true;
+    blue.model.phong_mut().emission = Rgb::new(0.0, 0.1, 0.0);
     let mut mesh = icosphere(1, 0.5 * scale, true);
     mesh.uvs = mesh.positions.iter().map(|p| Vec2::new(p.x, p.y + p.z) / scale).collect();
     scene.meshes[0] = mesh;

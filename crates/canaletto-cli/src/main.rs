@@ -20,6 +20,7 @@ mod layers;
 #[cfg(test)]
 mod manual;
 mod memory;
+mod omissions;
 mod output;
 mod output_format;
 mod partial;

@@ -22,7 +22,7 @@ With `--progress json` stderr carries one JSON object per line, each with its ki
 
 | event | when | fields |
 |---|---|---|
-| `diagnostics` | the scene is read and has warnings | `diagnostics`: a list of `severity`, `message`, `file`, `bytes`, `start`, `end`, `label`, `help` |
+| `diagnostics` | the scene is read, or built, and has warnings | `diagnostics`: a list of `severity`, `message`, `file`, `bytes`, `start`, `end`, `label`, `help` |
 | `plan` | with `--dry-run`, in place of all events below | `version`, `scene`, `camera`, `size`, `frames`, `files`, `census`, `memory` (bytes: `world`, `picture`, `peak`) |
 | `skipped` | a frame is complete already | `frame`, `files` |
 | `start` | a frame begins | `version`, `scene`, `camera`, `frame`, `frames` (first and last), `frames_done`, `frames_total`, `size`, `pixels`, `threads`, `files` |

@@ -8,6 +8,7 @@ use crate::failure::{Failure, eprint_line, print_diagnostics};
 use crate::format::{JSON_VERSION, count, duration, plural};
 use crate::interrupt;
 use crate::layers;
+use crate::omissions::doubt_omissions;
 use crate::output::{film_failed, unfit};
 use crate::partial::{UNFINISHED, free_partial_path, remove_part};
 use crate::progress::{ProgressDisplay, RunProgress, Style, emit};
@@ -19,6 +20,7 @@ use canaletto::Named;
 use canaletto::render::{Aov, Job, Rendering};
 use canaletto::scene::{Sampling, Scene};
 use canaletto::world::{ReuseCounts, World};
+use canaletto_io::diagnostic::Diagnostics;
 use canaletto_io::movie::{Movie, MovieSettings};
 use canaletto_io::picture::{Compression, EncodeSettings, Image, PictureFormat, Rendered, Window};
 use serde_json::json;
@@ -104,9 +106,7 @@ impl<'a> Series<'a> {
             let begun = Instant::now();
             if moves && frame != self.plan.frames.first {
                 let source = self.reader.at(frame)?;
-                if !self.flags.quiet && self.told.insert(source.warnings.to_string()) {
-                    print_diagnostics(&source.warnings, self.plan.style == Style::Json);
-                }
+                self.tell_of(&source.warnings);
                 let before = frame_context.world.take().or(frame_context.before.take());
                 frame_context = FrameContext { before, ..self.frame_context(source)? };
             }
@@ -122,6 +122,7 @@ impl<'a> Series<'a> {
                 let options = seen_through(&frame_context.camera, &scene, options);
                 let (world, time) = build(&self.reader.name, scene, &options, frame_context.before.take())?;
                 (frame_context.hierarchies, frame_context.times.build) = (world.origins(), time.as_secs_f64());
+                self.tell_of(&doubt_omissions(&self.reader.name, &world, &frame_context.job));
                 frame_context.world = Some(world);
             }
             let Some(world) = &frame_context.world else { continue };
@@ -140,6 +141,13 @@ impl<'a> Series<'a> {
             frame_context.hierarchies = ReuseCounts { kept: kept + refitted + built, ..ReuseCounts::default() };
         }
         self.finish()
+    }
+
+    /// Prints warnings, unless equal ones were printed for another frame.
+    fn tell_of(&mut self, warnings: &Diagnostics) {
+        if !self.flags.quiet && self.told.insert(warnings.to_string()) {
+            print_diagnostics(warnings, self.plan.style == Style::Json);
+        }
     }
 
     /// Evaluates the settings of a scene at its frame.

@@ -234,6 +234,37 @@ fn frames_are_numbered_and_differ() {
     folder.run("render s.kdl --frames 5 -o one.png -q").says(0, &[]);
 }
 
+/// A lamp that is seen, and a warning that it lights nothing, once.
+#[test]
+fn materials_that_emit_are_warned_of_once() {
+    let folder = Folder::new();
+    let lamp = "material \"lamp\" { kd 0; emission 17 12 4 }\nsphere material=\"lamp\" { center 0 2 0; radius 0.3 }\n";
+    folder.write("lamp.kdl", &format!("{SCENE}{lamp}"));
+    let said = folder.run("render lamp.kdl -o q.png -q");
+    said.says(0, &[]);
+    assert!(!said.err().contains("emits"), "{}", said.err());
+    let warning = "material \"lamp\" emits, but the whitted integrator takes light from lights only";
+    for arguments in ["render lamp.kdl -o a.###.exr --aov emission --frames 1-3", "check lamp.kdl"] {
+        let said = folder.run(arguments);
+        said.says(0, &[warning, "integrator \"radiosity\""]);
+        assert_eq!(said.err().matches("emits").count(), 1, "{}", said.err());
+    }
+    let said = folder.run("render lamp.kdl -o a.png --stage unlit");
+    said.says(0, &[]);
+    assert!(!said.err().contains("emits"), "{}", said.err());
+    folder.run("info lamp.kdl").says(0, &["\"lamp\": kd (0, 0, 0), ks (0, 0, 0), n 1, emission (17, 12, 4)"]);
+    let told = folder.run("explain lamp.kdl --pixel 12,0 --json");
+    let tree: Value = serde_json::from_slice(&told.0.stdout).unwrap();
+    let hit = &tree["samples"][0]["ray"]["outcome"]["hit"];
+    assert_eq!(
+        (&hit["material"], &hit["emission"]),
+        (&"lamp".into(), &serde_json::json!([17.0, 12.0, 4.0])),
+        "{tree:#}"
+    );
+    let image = folder.picture("a.001.exr").image;
+    assert!(image.channel("emission.R").unwrap().contains(&17.0));
+}
+
 #[test]
 fn layers_in_one_file_or_in_several() {
     let folder = Folder::new();
@@ -287,7 +318,7 @@ fn threads_and_tiles_change_no_byte() {
     let bytes = |name: &str| fs::read(folder.path(name)).unwrap();
     let pairs: Vec<String> =
         folder.names().into_iter().filter_map(|name| name.strip_prefix("a.").map(str::to_owned)).collect();
-    assert_eq!(pairs.len(), 17);
+    assert_eq!(pairs.len(), 18);
     for name in pairs {
         assert!(bytes(&format!("a.{name}")) == bytes(&format!("b.{name}")), "{name}");
     }

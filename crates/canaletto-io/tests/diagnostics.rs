@@ -3,6 +3,7 @@
 //! The messages of each `crates/canaletto-io/tests/bad/*.kdl` are in a `.txt` beside it; `CANALETTO_BLESS=1` rewrites
 //! them.
 
+use canaletto::math::Rgb;
 use canaletto::scene::{Content, Scene, Transfer};
 use canaletto::texture::{ColorSpace, Filter, Function, Placement, TextureKind, Wrap};
 use canaletto_io::assets::{FolderAssets, MemoryAssets};
@@ -327,6 +328,22 @@ fn meshes_bring_their_materials() {
     assert_eq!(scene.materials[scene.meshes[0].materials[0] as usize].name, "red");
     assert!(scene.meshes[0].one_sided && scene.meshes[0].normals.is_empty());
     assert_eq!(scene.meshes[1].normals.len(), 3);
+}
+
+#[test]
+fn surfaces_that_emit_need_no_light() {
+    let scene = |material: &str| {
+        let object = "camera { eye 0 0 5 }\nsphere material=\"lamp\" { center 0 0 0; radius 1 }";
+        text(&format!("texture \"t\" kind=\"checker\"\nmaterial \"lamp\" {{ {material} }}\n{object}")).unwrap()
+    };
+    let (read, warnings) = scene("kd 0; emission 17 12 4; two-sided #true");
+    assert_eq!(warnings.to_string(), "");
+    let lamp = &read.materials[0];
+    assert_eq!((lamp.phong().kd, lamp.phong().emission), (Rgb::BLACK, Rgb::new(17.0, 12.0, 4.0)));
+    assert!(lamp.two_sided && !scene("emission 3").0.materials[0].two_sided);
+    assert_eq!(scene("emission 3").0.materials[0].phong().emission, Rgb::gray(3.0));
+    assert_eq!(scene("texture \"t\" use=\"emission\" { range 0 5 }").1.to_string(), "");
+    assert!(scene("kd 0.5").1.to_string().contains("the scene has no lights"));
 }
 
 #[test]

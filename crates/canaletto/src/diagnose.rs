@@ -3,8 +3,10 @@
 //! Each [`Finding`] is a doubt, not an error. It is reported only where all rays agree.
 
 mod brightness;
+mod omission;
 
 pub use brightness::Reason;
+pub use omission::{Omission, omissions};
 
 use crate::light::PreparedLight;
 use crate::math::DRay;
@@ -115,6 +117,7 @@ fn doubts(world: &World, job: &Job) -> Vec<Finding> {
     };
     if let Some((object, name)) = &around_eye
         && !lit(*object)
+        && !emits_inwards(world, eye)
     {
         findings.push(Finding::EyeInside { object: name.clone() });
     }
@@ -176,6 +179,12 @@ fn enclosing_object(world: &World, point: DVec3) -> Option<(u32, String)> {
         around.get_or_insert_with(|| (id, world.object(&hit).name.clone()));
     }
     around
+}
+
+/// Whether the surface around a point may emit from its inner side.
+fn emits_inwards(world: &World, point: DVec3) -> bool {
+    let hit = first_hit(world, &DRay { origin: point, direction: fibonacci_direction(0) });
+    hit.map(|hit| world.material(&hit)).is_some_and(|material| material.two_sided && material.may_emit())
 }
 
 /// The opaque object that contains all points of a light.
@@ -275,6 +284,26 @@ mod tests {
         assert_eq!(depth_one(Phong::default()), []);
         // The lit ball in front of the black one is too small for the first grid.
         assert_eq!(depth_one_with(black, vec![ball(Vec3::Z * 1.5, 0.03)]), []);
+    }
+
+    #[test]
+    fn emission_is_looked_for_on_its_side() {
+        let found = |shape: Shape, two_sided: bool| {
+            let lamp = Phong { kd: Rgb::BLACK, emission: Rgb::gray(0.5), ..Phong::default() };
+            let materials = vec![Material::new("lamp", lamp).with_two_sided(two_sided)];
+            let nodes = vec![Node::from(shape).with_material(0).named("shade")];
+            let place = Extrinsics { eye: DVec3::Z * 5.0, center: DVec3::ZERO, up: DVec3::Y };
+            let camera = Camera::new(&Intrinsics::default(), &place).unwrap();
+            let world = World::build(Scene { nodes, materials, ..Scene::default() }).unwrap();
+            diagnose(&world, &Job::new(camera, FilmSettings::default(), WhittedSettings::default()))
+        };
+        let disk = |normal: Vec3| Shape::Disk(Disk { center: Vec3::ZERO, normal, radius: 1.0 });
+        let turned_away = Finding::Black { reasons: vec![Reason::EmitsOutwards("lamp".into())] };
+        assert_eq!((found(disk(Vec3::Z), false), found(disk(Vec3::NEG_Z), true)), (vec![], vec![]));
+        assert_eq!(found(disk(Vec3::NEG_Z), false), [turned_away]);
+        let around = Shape::Sphere(Sphere { center: Vec3::ZERO, radius: 9.0 });
+        assert_eq!(found(around, false)[0], Finding::EyeInside { object: "shade".into() });
+        assert_eq!(found(around, true), []);
     }
 
     #[test]

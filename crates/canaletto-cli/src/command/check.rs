@@ -5,6 +5,7 @@ use crate::failure::{Failure, plural, print_diagnostics};
 use crate::flags::PictureFlags;
 use crate::format::{JSON_VERSION, short};
 use crate::frames::Frames;
+use crate::omissions::doubt_omissions;
 use crate::settings::Settings;
 use crate::source::{Reader, build};
 use crate::stdout::{print, print_json};
@@ -120,6 +121,7 @@ fn check(path: &Path, allow_outside: bool, frame: Option<u32>) -> Result<Diagnos
             let (world, _) = build(&name, source.scene, &BuildOptions::default(), None).map_err(at)?;
             for (camera, job) in &jobs {
                 found.add(doubts(&name, camera, jobs.len() > 1, &world, job));
+                found.add(doubt_omissions(&name, &world, job));
             }
         }
     }
@@ -230,6 +232,7 @@ fn doubts(name: &str, camera: &str, several: bool, world: &World, job: &Job) -> 
 fn cure(reasons: &[Reason]) -> &'static str {
     match reasons.first() {
         Some(Reason::BlackMaterial(_)) => "give it a kd, the share of light that it scatters: kd 0.8 0.8 0.8",
+        Some(Reason::EmitsOutwards(_)) => "write two-sided #true in the material, or turn its surfaces round",
         Some(Reason::NotFollowed) => "integrator \"whitted\" { max-depth 6 }",
         Some(Reason::LightOff(_)) => "1 is full strength: intensity 1 1 1",
         Some(Reason::LightDoesNotReach(_)) => "look at the light's cone, region, attenuation and intensity",

@@ -211,6 +211,9 @@ fn material(material: &Material) -> String {
     if material.coverage < 1.0 {
         text += &format!(", coverage {}", material.coverage);
     }
+    if material.two_sided {
+        text += ", two-sided";
+    }
     if material.priority != 0.0 {
         text += &format!(", priority {}", material.priority);
     }

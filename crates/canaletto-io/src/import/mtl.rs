@@ -7,6 +7,7 @@
 //! | `d` | coverage, the fraction of the surface that exists; for glass the opacity |
 //! | `Tr` | 1 − `d` if there is no `d`. `Tr 1` means opaque unless it is glass, as some programs write it |
 //! | `Ni` | eta |
+//! | `Ke` | emission: radiance from the outer side, unchanged |
 //! | `illum` 0, 1 | no highlight: ks = 0 |
 //! | `illum` 3, 5, 8 | a mirror: k = `Ks` |
 //! | `illum` 4, 6, 7, 9 | glass: k = `Ks`; without `d` and `Tr`, opacity = 1 − the largest of `Tf` (default 1) |
@@ -37,6 +38,7 @@ struct Draft<'a> {
     transparency: Option<(f32, Token<'a>)>,
     filter: Option<Rgb>,
     illum: Option<u32>,
+    emission: Rgb,
 }
 
 impl Draft<'_> {
@@ -51,6 +53,7 @@ impl Draft<'_> {
             transparency: None,
             filter: None,
             illum: None,
+            emission: Rgb::BLACK,
         }
     }
 
@@ -96,6 +99,7 @@ impl Draft<'_> {
             k: if matches!(self.illum, Some(3..=9)) { self.ks } else { Rgb::BLACK },
             eta: if glass { self.eta.unwrap_or(1.0) } else { 1.0 },
             opacity,
+            emission: self.emission,
             ..plain
         };
         Material::new(self.name, phong).with_coverage(coverage)
@@ -174,9 +178,9 @@ fn property<'a>(
     ignored: &mut Ignored,
 ) -> Result<(), ImportError> {
     match key {
-        b"kd" => draft.kd = color(word, words, ignored)?.or(draft.kd),
-        b"ks" => draft.ks = color(word, words, ignored)?.unwrap_or(draft.ks),
-        b"tf" => draft.filter = color(word, words, ignored)?.or(draft.filter),
+        b"kd" => draft.kd = Some(color(word, words, ignored)?),
+        b"ks" => draft.ks = color(word, words, ignored)?,
+        b"tf" => draft.filter = Some(color(word, words, ignored)?),
         b"ns" => draft.n = Some(at_least(words, 0.0)?),
         b"ni" => draft.eta = Some(at_least(words, 1e-3)?),
         b"tr" => draft.transparency = Some((share(words)?, word)),
@@ -195,19 +199,29 @@ fn property<'a>(
             draft.illum = Some(value as u32);
         }
         b"ka" => {}
-        b"ke" => {
-            if words.any(|w| w.number().is_ok_and(|v| v != 0.0)) {
-                ignored.note(&word, "is left out: surfaces don't emit light yet");
-            }
-        }
+        b"ke" => draft.emission = components(words)?,
         _ => ignored.note(&word, "is left out"),
     }
     Ok(())
 }
 
-/// A colour; a single number stands for all three. `None` for spectral curves.
-fn color(word: Token<'_>, words: Tokens<'_>, ignored: &mut Ignored) -> Result<Option<Rgb>, ImportError> {
-    let mut words = words;
+/// A colour. Components beyond 1 may be shares of a larger number.
+fn color(word: Token<'_>, words: Tokens<'_>, ignored: &mut Ignored) -> Result<Rgb, ImportError> {
+    let line = words.clone().rest();
+    let color = components(words)?;
+    let (largest, fraction) = (color.max_component(), color.to_array().iter().any(|v| v.fract() != 0.0));
+    match Scale::of(largest, fraction) {
+        Some(Scale::One) if largest <= ROUNDED => Ok(color),
+        Some(scale) => {
+            ignored.note(&word, scale.assumed());
+            Ok(color * (1.0 / scale.most()))
+        }
+        None => Err(line.wrong(format!("{} is no colour", line.shown()))),
+    }
+}
+
+/// Red, green and blue, each 0 or more; a single number stands for all three. Spectral curves are errors.
+fn components(mut words: Tokens<'_>) -> Result<Rgb, ImportError> {
     let line = words.rest();
     let curve = |w: Token<'_>| w.text.eq_ignore_ascii_case(b"spectral") || w.text.eq_ignore_ascii_case(b"xyz");
     if words.clone().next().is_some_and(curve) {
@@ -218,16 +232,7 @@ fn color(word: Token<'_>, words: Tokens<'_>, ignored: &mut Ignored) -> Result<Op
     if let Some(v) = rgb.iter().find(|v| **v < 0.0) {
         return Err(line.wrong(format!("{v} is less than 0")));
     }
-    let color = Rgb::from(rgb);
-    let (largest, fraction) = (color.max_component(), rgb.iter().any(|v| v.fract() != 0.0));
-    match Scale::of(largest, fraction) {
-        Some(Scale::One) if largest <= ROUNDED => Ok(Some(color)),
-        Some(scale) => {
-            ignored.note(&word, scale.assumed());
-            Ok(Some(color * (1.0 / scale.most())))
-        }
-        None => Err(line.wrong(format!("{} is no colour", line.shown()))),
-    }
+    Ok(Rgb::from(rgb))
 }
 
 fn at_least(mut words: Tokens<'_>, least: f32) -> Result<f32, ImportError> {
@@ -267,7 +272,7 @@ mod tests {
         assert_eq!(warnings, "");
         let ks = Rgb::gray(0.5);
         let kd = Rgb::new(0.1, 0.2, 0.3);
-        assert_eq!(phong, Phong { kd, ks, n: 40.0, k: Rgb::BLACK, eta: 1.5, opacity: 0.4, roughness: 0.0 });
+        assert_eq!(phong, Phong { kd, ks, n: 40.0, k: Rgb::BLACK, eta: 1.5, opacity: 0.4, ..Phong::default() });
         assert_eq!(one("KD 0.1 .2 0.3\nKS 0.5\nNS 40\nD 0.4\nNI 1.5\n").0, phong);
     }
 
@@ -332,6 +337,21 @@ mod tests {
         assert_eq!(one("Kd 3.5 0 0").0.kd.r, 3.5, "not a 73rd of full intensity");
         assert_eq!(one("Kd 2 0 0").0.kd.r, 2.0 / 255.0);
         assert!(one("Kd 1e9 0 0").1.contains("is no colour"));
+    }
+
+    #[test]
+    fn radiance_is_taken_as_it_is() {
+        let emission = |text: &str| {
+            let (phong, warnings) = one(text);
+            assert_eq!(warnings, "", "{text}");
+            phong.emission
+        };
+        assert_eq!(emission("Ke 17 12 4"), Rgb::new(17.0, 12.0, 4.0));
+        assert_eq!(emission("Ke 300 # bright"), Rgb::gray(300.0));
+        assert_eq!((emission("Ke 0 0 0"), emission("Kd 1 1 1")), (Rgb::BLACK, Rgb::BLACK));
+        let (phong, warnings) = one("Ke 1 -2 0\n");
+        assert!(phong.emission == Rgb::BLACK && warnings.contains("Ke: -2 is less than 0"), "{warnings}");
+        assert!(!material("Ke 1").0.two_sided);
     }
 
     #[test]

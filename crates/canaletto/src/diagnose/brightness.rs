@@ -1,7 +1,7 @@
 //! Detection of pictures that are all black or brighter than white, with the reasons for black.
 
 use super::first_hit;
-use crate::explain::{HitNode, LightNode, Outcome, explain};
+use crate::explain::{HitNode, LightNode, Outcome, Side, explain};
 use crate::film::WeightedSum;
 use crate::integrator::{RayIntegrator, Whitted};
 use crate::math::Rgb;
@@ -27,6 +27,8 @@ pub(super) enum Brightness {
 pub enum Reason {
     /// All visible materials reflect nothing: kd, ks and k are 0. Holds the name of one of them.
     BlackMaterial(String),
+    /// All visible materials reflect nothing, and the one of this name emits on the side that isn't visible.
+    EmitsOutwards(String),
     /// All visible materials only mirror or transmit light, and such rays aren't traced.
     NotFollowed,
     /// A light has an intensity of 0.
@@ -48,6 +50,9 @@ impl fmt::Display for Reason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Reason::BlackMaterial(name) => write!(f, "kd, ks and k of material \"{name}\" are 0"),
+            Reason::EmitsOutwards(name) => {
+                write!(f, "material \"{name}\" emits from its outer side only, and the inner side is in view")
+            }
             Reason::NotFollowed => {
                 write!(f, "it is seen in mirrors and clear bodies only, which max-depth doesn't follow")
             }
@@ -168,6 +173,12 @@ fn reasons(world: &World, job: &Job, seen: &Seen) -> Vec<Reason> {
     };
     if !hits.is_empty() && hits.iter().all(is_black) {
         let goes_on = |hit: &HitNode| !hit.children.is_empty() || !hit.cut.is_empty();
+        let turned_away = |hit: &&HitNode| {
+            hit.side == Side::Inside && !hit.model.phong().emission.is_black() && hit.emission.is_none()
+        };
+        if let Some(hit) = hits.iter().find(turned_away) {
+            return vec![Reason::EmitsOutwards(hit.material.clone())];
+        }
         return match hits.iter().find(|hit| !goes_on(hit)) {
             Some(black) => vec![Reason::BlackMaterial(black.material.clone())],
             None if hits.iter().all(|hit| hit.children.is_empty()) => vec![Reason::NotFollowed],

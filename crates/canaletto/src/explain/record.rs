@@ -143,6 +143,7 @@ impl Probe for Recorder<'_> {
             textures: std::mem::take(&mut self.textures),
             unlit: None,
             ambient: None,
+            emission: None,
             lights: Vec::new(),
             children: Vec::new(),
             overlay: None,
@@ -195,6 +196,12 @@ impl Probe for Recorder<'_> {
     fn ambient(&mut self, term: Rgb) {
         if let Some(hit) = self.current() {
             hit.ambient = Some(term);
+        }
+    }
+
+    fn emission(&mut self, radiance: Rgb) {
+        if let Some(hit) = self.current() {
+            hit.emission = Some(radiance);
         }
     }
 

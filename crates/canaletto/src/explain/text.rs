@@ -159,6 +159,9 @@ fn write_hit(f: &mut Formatter, hit: &HitNode, color: Rgb, indent: &str) -> fmt:
     if let Some(ambient) = hit.ambient {
         writeln!(f, "{indent}    + ambient Ia*kd                {}  (5.33)", rgb(ambient))?;
     }
+    if let Some(emission) = hit.emission {
+        writeln!(f, "{indent}    + emission                    {}", rgb(emission))?;
+    }
     for light in &hit.lights {
         write_light(f, light, indent)?;
     }

@@ -150,6 +150,9 @@ pub struct HitNode {
     /// Iₐ ⊗ kd.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ambient: Option<Rgb>,
+    /// The radiance that the surface emits towards the viewer, if it emits any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub emission: Option<Rgb>,
     /// The terms of each point of each light.
     pub lights: Vec<LightNode>,
     /// The reflected and the refracted ray.
@@ -298,6 +301,9 @@ impl RayNode {
         let mut color = Rgb::BLACK;
         if let Some(ambient) = hit.ambient {
             color += ambient;
+        }
+        if let Some(emission) = hit.emission {
+            color = (color + emission).saturated();
         }
         for light in &hit.lights {
             color = (color + (light.diffuse + light.specular).saturated() * light.f_s).saturated();

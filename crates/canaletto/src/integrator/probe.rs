@@ -60,7 +60,7 @@ pub struct LightTerm {
 }
 
 /// An observer of an integrator. Calls come in the order of the ray tree: a ray, then its miss or hit, then its end.
-/// After a hit come its ambient term, its lights (each after its blockers) and its child rays.
+/// After a hit come its ambient term, its emission, its lights (each after its blockers) and its child rays.
 ///
 /// Calls of [`GeometryProbe`] come before the hit or the light that they belong to.
 pub trait Probe: GeometryProbe {
@@ -90,6 +90,8 @@ pub trait Probe: GeometryProbe {
     fn unlit(&mut self, _kd: Rgb) {}
     /// The ambient term.
     fn ambient(&mut self, _term: Rgb) {}
+    /// The surface emits this radiance towards the viewer. There is no call if it is black.
+    fn emission(&mut self, _radiance: Rgb) {}
     /// The terms of a light.
     fn light(&mut self, _term: &LightTerm) {}
     /// An overlay of colour t covers the colour I so far, with a share a: a t + (1 − a) I. A share of 1 is reported

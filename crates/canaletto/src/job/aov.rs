@@ -37,6 +37,8 @@ pub enum Aov {
     Shadow,
     /// Iₐ ⊗ kd at the first hit; the background for rays without a hit.
     Ambient,
+    /// The radiance that the surface at the first hit emits.
+    Emission,
     /// k times the colour of the mirrored ray.
     Reflection,
     /// 1 − o times the colour of the refracted ray, and the light through cut-outs.
@@ -60,6 +62,7 @@ named!(Aov {
     Specular => "specular",
     Shadow => "shadow",
     Ambient => "ambient",
+    Emission => "emission",
     Reflection => "reflection",
     Refraction => "refraction",
     TreeDepth => "tree-depth",
@@ -88,9 +91,13 @@ impl Aov {
             Aov::Uv => &["U", "V"],
             Aov::ObjectId | Aov::MaterialId | Aov::TreeDepth | Aov::Cost => &["X"],
             Aov::Alpha => &["A"],
-            Aov::Diffuse | Aov::Specular | Aov::Shadow | Aov::Ambient | Aov::Reflection | Aov::Refraction => {
-                &["R", "G", "B"]
-            }
+            Aov::Diffuse
+            | Aov::Specular
+            | Aov::Shadow
+            | Aov::Ambient
+            | Aov::Emission
+            | Aov::Reflection
+            | Aov::Refraction => &["R", "G", "B"],
         }
     }
 
@@ -107,6 +114,7 @@ impl Aov {
             | Aov::Specular
             | Aov::Shadow
             | Aov::Ambient
+            | Aov::Emission
             | Aov::Reflection
             | Aov::Refraction
             | Aov::Alpha => Accumulation::Mean,

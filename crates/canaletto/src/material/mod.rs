@@ -46,6 +46,9 @@ pub struct Material {
     /// numbers the smallest volume does. Any finite number.
     #[serde(default)]
     pub priority: f32,
+    /// Whether the inner side emits [`Phong::emission`], too.
+    #[serde(default)]
+    pub two_sided: bool,
     /// The textures that modify the material, applied in this order.
     #[serde(default)]
     pub textures: Vec<TextureUse>,
@@ -63,6 +66,7 @@ impl Default for Material {
             model: MaterialModel::default(),
             coverage: whole(),
             priority: 0.0,
+            two_sided: false,
             textures: Vec::new(),
         }
     }
@@ -84,6 +88,11 @@ impl Material {
         Material { priority, ..self }
     }
 
+    /// Returns the material with both sides emitting its emission, or only the outer one.
+    pub fn with_two_sided(self, two_sided: bool) -> Material {
+        Material { two_sided, ..self }
+    }
+
     /// Returns the material with one more texture.
     pub fn with_texture(mut self, texture: TextureUse) -> Material {
         self.textures.push(texture);
@@ -101,12 +110,12 @@ impl Material {
     /// Sets `point` to the material's values for a surface with this colour of its own, or without one.
     #[inline]
     pub(crate) fn set(&self, point: &mut MaterialPoint, color: Option<Rgb>) {
-        let MaterialPoint { model, overlay, coverage, normal_bent } = point;
+        let MaterialPoint { model, overlay, coverage, normal_bent, two_sided } = point;
         *model = self.model;
         if let Some(color) = color {
             model.phong_mut().kd = color;
         }
-        (*overlay, *coverage, *normal_bent) = ((Rgb::BLACK, 0.0), self.coverage, false);
+        (*overlay, *coverage, *normal_bent, *two_sided) = ((Rgb::BLACK, 0.0), self.coverage, false, self.two_sided);
     }
 
     /// The coefficients of (5.39b).
@@ -127,6 +136,12 @@ impl Material {
         self.phong().opacity >= 1.0
             && self.coverage >= 1.0
             && !self.textures.iter().any(|texture| texture.target.may_transmit())
+    }
+
+    /// Whether the material may emit light anywhere.
+    pub fn may_emit(&self) -> bool {
+        let emission = Target::Parameter(Parameter::Emission);
+        !self.phong().emission.is_black() || self.textures.iter().any(|texture| texture.target == emission)
     }
 
     /// Checks every number's range.
@@ -162,11 +177,19 @@ pub struct MaterialPoint {
     pub coverage: f32,
     /// Whether a texture bent the shading normal.
     pub normal_bent: bool,
+    /// Whether the inner side emits, too.
+    pub two_sided: bool,
 }
 
 impl Default for MaterialPoint {
     fn default() -> MaterialPoint {
-        MaterialPoint { model: MaterialModel::default(), overlay: (Rgb::BLACK, 0.0), coverage: 1.0, normal_bent: false }
+        MaterialPoint {
+            model: MaterialModel::default(),
+            overlay: (Rgb::BLACK, 0.0),
+            coverage: 1.0,
+            normal_bent: false,
+            two_sided: false,
+        }
     }
 }
 
@@ -175,6 +198,12 @@ impl MaterialPoint {
     #[inline(always)]
     pub fn phong(&self) -> &Phong {
         self.model.phong()
+    }
+
+    /// Lₑ, the radiance that the outer or the inner side emits by itself.
+    #[inline]
+    pub fn emitted(&self, outside: bool) -> Rgb {
+        if outside || self.two_sided { self.phong().emission } else { Rgb::BLACK }
     }
 
     /// Whether the overlay leaves any of the shaded colour visible.

@@ -25,6 +25,8 @@ pub enum Parameter {
     Opacity,
     /// The roughness.
     Roughness,
+    /// The radiance that the surface emits.
+    Emission,
 }
 
 /// A row of the table of parameters.
@@ -105,6 +107,8 @@ static TABLE: [ParameterInfo; Parameter::COUNT] = [
         "0 polished to 1 rough: scatters mirrored and refracted rays; it takes several rays in a pixel, such as \
          `film { samples 64 }`",
         Number(|m| &mut m.roughness, Range::Unit, "it must be between 0 (polished) and 1")).shown(Shown::IfSet),
+    row(P::Emission, "emission", "the radiance that the surface emits by itself, from its outer side; 1 looks white",
+        Color(|m| &mut m.emission)).shown(Shown::IfSet),
 ];
 
 const fn row(parameter: Parameter, name: &'static str, doc: &'static str, field: Field) -> ParameterInfo {
@@ -174,7 +178,7 @@ impl ParameterInfo {
     pub fn check(&self, phong: &Phong) -> Result<(), OutOfRange> {
         match (self.get(phong), &self.field) {
             (ParameterValue::Color(c), _) if c.to_array().iter().any(|v| !v.is_finite() || *v < 0.0) => {
-                let problem = format!("is {} {} {}; each component must be 0 or more", c.r, c.g, c.b);
+                let problem = format!("is {} {} {}; each component must be finite and 0 or more", c.r, c.g, c.b);
                 Err(OutOfRange::new(self.name, problem))
             }
             (ParameterValue::Number(v), Field::Number(_, range, words)) if !range.contains(v) => {
@@ -197,7 +201,7 @@ impl Range {
 
 impl Parameter {
     /// The number of parameters.
-    pub const COUNT: usize = Parameter::Roughness as usize + 1;
+    pub const COUNT: usize = Parameter::Emission as usize + 1;
 
     /// The whole table.
     pub const ALL: &'static [ParameterInfo; Parameter::COUNT] = &TABLE;

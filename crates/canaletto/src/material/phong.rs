@@ -5,7 +5,7 @@ use crate::OutOfRange;
 use crate::math::{Rgb, power_all};
 use serde::{Deserialize, Serialize};
 
-/// The coefficients of (5.39b).
+/// The coefficients of (5.39b), and the light that the surface emits.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Phong {
     /// The diffuse colour k_d ≥ 0.
@@ -24,11 +24,24 @@ pub struct Phong {
     /// random directions around their smooth ones. Highlights have the exponent n instead.
     #[serde(default)]
     pub roughness: f32,
+    /// The radiance Lₑ ≥ 0 that the surface emits by itself in all directions, from its outer side. See
+    /// [`Material::two_sided`](super::Material::two_sided).
+    #[serde(default)]
+    pub emission: Rgb,
 }
 
 impl Default for Phong {
     fn default() -> Phong {
-        Phong { kd: Rgb::gray(0.8), ks: Rgb::BLACK, n: 1.0, k: Rgb::BLACK, eta: 1.0, opacity: 1.0, roughness: 0.0 }
+        Phong {
+            kd: Rgb::gray(0.8),
+            ks: Rgb::BLACK,
+            n: 1.0,
+            k: Rgb::BLACK,
+            eta: 1.0,
+            opacity: 1.0,
+            roughness: 0.0,
+            emission: Rgb::BLACK,
+        }
     }
 }
 
@@ -69,5 +82,8 @@ mod tests {
         let field = |phong: Phong| phong.check().unwrap_err().field;
         assert_eq!(field(Phong { kd: Rgb::new(0.0, f32::NAN, 0.0), ..Phong::default() }), Some("kd"));
         assert_eq!(field(Phong { eta: 0.0, ..Phong::default() }), Some("eta"));
+        for emission in [Rgb::new(0.0, -1.0, 0.0), Rgb::new(f32::INFINITY, 0.0, 0.0)] {
+            assert_eq!(field(Phong { emission, ..Phong::default() }), Some("emission"));
+        }
     }
 }

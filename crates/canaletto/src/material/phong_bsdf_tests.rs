@@ -44,6 +44,7 @@ fn cases(random: &mut Random) -> Vec<(Phong, ScatteringFrame, DVec3)> {
             eta: 1.5,
             opacity: if i % 6 < 3 { 1.0 } else { unit(random) as f32 },
             roughness: (0.45 + 0.55 * unit(random)) as f32,
+            emission: Rgb::WHITE,
         };
         let normal = if i % 2 == 0 { DVec3::Z } else { (DVec3::Z + direction(random) * 0.3).normalize() };
         let eta_ratio = [1.0 / 1.5, 1.5, 1.0][i % 3];

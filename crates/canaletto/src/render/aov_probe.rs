@@ -18,6 +18,7 @@ struct Light {
     specular: Rgb,
     shadow: Rgb,
     ambient: Rgb,
+    emission: Rgb,
     reflection: Rgb,
     refraction: Rgb,
 }
@@ -29,6 +30,7 @@ impl Light {
             &mut self.specular,
             &mut self.shadow,
             &mut self.ambient,
+            &mut self.emission,
             &mut self.reflection,
             &mut self.refraction,
         ] {
@@ -36,8 +38,8 @@ impl Light {
         }
     }
 
-    fn terms(&self) -> [Rgb; 6] {
-        [self.diffuse, self.specular, self.shadow, self.ambient, self.reflection, self.refraction]
+    fn terms(&self) -> [Rgb; 7] {
+        [self.diffuse, self.specular, self.shadow, self.ambient, self.emission, self.reflection, self.refraction]
     }
 }
 
@@ -52,7 +54,7 @@ pub(super) struct AovProbe<'w> {
     /// The numbers of the first sample's object and material; 0 for a miss.
     ids: [u32; 2],
     samples: u32,
-    sums: [[f64; 3]; 6],
+    sums: [[f64; 3]; 7],
     alpha: f64,
     sample_weight: f64,
     sample: Light,
@@ -73,7 +75,7 @@ impl<'w> AovProbe<'w> {
             geometry: None,
             ids: [0; 2],
             samples: 0,
-            sums: [[0.0; 3]; 6],
+            sums: [[0.0; 3]; 7],
             alpha: 0.0,
             sample_weight: 0.0,
             sample: Light::default(),
@@ -122,8 +124,9 @@ impl<'w> AovProbe<'w> {
             Aov::Specular => out.copy_from_slice(&self.sums[1]),
             Aov::Shadow => out.copy_from_slice(&self.sums[2]),
             Aov::Ambient => out.copy_from_slice(&self.sums[3]),
-            Aov::Reflection => out.copy_from_slice(&self.sums[4]),
-            Aov::Refraction => out.copy_from_slice(&self.sums[5]),
+            Aov::Emission => out.copy_from_slice(&self.sums[4]),
+            Aov::Reflection => out.copy_from_slice(&self.sums[5]),
+            Aov::Refraction => out.copy_from_slice(&self.sums[6]),
             Aov::TreeDepth => out[0] = self.tree_depth.into(),
             Aov::Cost => out[0] = self.rays as f64,
             Aov::Alpha => out[0] = self.alpha,
@@ -181,6 +184,12 @@ impl Probe for AovProbe<'_> {
     fn ambient(&mut self, term: Rgb) {
         if self.stack.len() == 1 {
             self.sample.ambient += term;
+        }
+    }
+
+    fn emission(&mut self, radiance: Rgb) {
+        if self.stack.len() == 1 {
+            self.sample.emission += radiance;
         }
     }
 

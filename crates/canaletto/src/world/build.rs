@@ -222,6 +222,7 @@ impl World {
             textures: builder.displacement.patterns,
             texture_names,
             has_clear: !materials.iter().all(Material::is_opaque),
+            may_emit: materials.iter().any(Material::may_emit),
             clear_bounds: clear_bounds.fold(Aabb::EMPTY, |a, b| a.union(b)),
             clear_instances,
             shells: shells(&builder.geometries, |geometry| clear[geometry]),

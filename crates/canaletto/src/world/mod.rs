@@ -119,6 +119,8 @@ pub struct World {
     clear_instances: Vec<bool>,
     /// Whether any material may let light through.
     has_clear: bool,
+    /// Whether any material may emit light.
+    may_emit: bool,
     /// The bounds of all instances that may let light through.
     clear_bounds: Aabb,
     /// For each geometry that is a mesh and may be clear, its closed parts.

@@ -308,6 +308,35 @@ impl World {
         self.with_instance(hit.instance, |instance| self.material_of(instance, hit.primitive))
     }
 
+    /// Whether any material may emit light.
+    #[inline]
+    pub fn may_emit(&self) -> bool {
+        self.may_emit
+    }
+
+    /// For each material, whether any surface may have it. A material may count as used where that of an instance
+    /// replaces it.
+    pub fn materials_in_use(&self) -> Vec<bool> {
+        let mut used = vec![false; self.materials.len()];
+        let own: Vec<Vec<u32>> = self.geometries.iter().map(Geometry::own_materials).collect();
+        for instance in self.groups.iter().chain([&self.root]).flat_map(|group| &group.instances) {
+            if instance.group != NONE {
+                [instance.material, instance.inherited]
+                    .iter()
+                    .filter(|m| **m != NONE)
+                    .for_each(|&m| used[m as usize] = true);
+                continue;
+            }
+            for &own in &own[instance.geometry as usize] {
+                used[instance.effective_material(own).unwrap_or(self.default_material()) as usize] = true;
+            }
+        }
+        for Unbounded { material, .. } in &self.unbounded {
+            used[if *material == NONE { self.default_material() } else { *material } as usize] = true;
+        }
+        used
+    }
+
     fn default_material(&self) -> u32 {
         self.materials.len() as u32 - 1
     }

@@ -130,7 +130,7 @@ impl Decoder<'_> {
             && self.scene.integrator.whitted().is_some_and(|settings| settings.stage > Stage::Unlit);
         if !has(false) {
             self.validator.report.push(Message::warning(None, "the scene has no objects"));
-        } else if dark && !has(true) && !self.has_unlit_texture() {
+        } else if dark && !has(true) && !self.has_own_color() {
             let message = Message::warning(None, "the scene has no lights, so everything in it is black");
             self.validator.report.push(message.help("for example: light \"omni\" { position 40 120 0 }"));
         }
@@ -149,12 +149,16 @@ impl Decoder<'_> {
 }
 
 impl Decoder<'_> {
-    /// Whether any object may show the colours of an unlit texture, which needs no light.
-    fn has_unlit_texture(&self) -> bool {
+    /// Whether any object may emit light, or show the colours of an unlit texture. Both need no light.
+    fn has_own_color(&self) -> bool {
         let unlit = |material: &Material| {
             material.textures.iter().any(|texture| matches!(texture.target, Target::Replace | Target::Decal))
         };
-        self.scene.materials.iter().zip(&self.used).any(|(material, used)| *used && unlit(material))
+        self.scene
+            .materials
+            .iter()
+            .zip(&self.used)
+            .any(|(material, used)| *used && (unlit(material) || material.may_emit()))
     }
 }
 

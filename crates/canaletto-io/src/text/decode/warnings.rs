@@ -48,6 +48,15 @@ impl Decoder<'_> {
             self.validator.report.push(Message::warning(Some(fields.span(eta)), message).help(help));
         }
     }
+
+    /// Warns of `two-sided` on a material that emits nothing.
+    pub(crate) fn doubt_two_sided(&mut self, fields: &Fields, two_sided: &Field<bool>, emits: bool) {
+        if fields.get(two_sided) == Some(true) && !emits {
+            let message = "two-sided has no effect, since the material has no emission";
+            let help = "surfaces reflect light on both sides in any case";
+            self.validator.report.push(Message::warning(Some(fields.span(two_sided)), message).help(help));
+        }
+    }
 }
 
 fn resembles_8_bit(colour: Rgb, most: f32) -> bool {

@@ -20,6 +20,7 @@ const DEFAULTS: [fn() -> String; Parameter::COUNT] = [
     || default_of(Parameter::Eta),
     || default_of(Parameter::Opacity),
     || default_of(Parameter::Roughness),
+    || default_of(Parameter::Emission),
 ];
 
 /// The fields of the parameters of material models.
@@ -59,10 +60,12 @@ const PRIORITY: Field<f32> = Field::new(
     "which of several clear bodies fills the place where they overlap: the largest number, then the smallest volume",
 )
 .or(|| Material::default().priority.to_string());
+const TWO_SIDED: Field<bool> =
+    Field::new("two-sided", "#true lets the inner side emit the emission, too").or(|| "#false".into());
 pub(crate) static MATERIAL: NodeSchema = NodeSchema::new(
     "material",
-    "What a surface does with light: Phong's model, a mirror, a clear body.",
-    &[&PARAMETERS, &[COVERAGE.schema, PRIORITY.schema, TEXTURE.schema]],
+    "What a surface does with light: Phong's model, a mirror, a clear body, light of its own.",
+    &[&PARAMETERS, &[TWO_SIDED.schema, COVERAGE.schema, PRIORITY.schema, TEXTURE.schema]],
 )
 .argument(NAME.schema)
 .example("material \"glass\" { kd 0 0 1; ks 1; n 50; eta 1.2; opacity 0.4 }");
@@ -105,15 +108,18 @@ impl<'a> Decoder<'a> {
             let mut material = Material::new(name, phong);
             material.coverage = fields.get(&COVERAGE).unwrap_or(material.coverage);
             material.priority = fields.get(&PRIORITY).unwrap_or(material.priority);
+            material.two_sided = fields.get(&TWO_SIDED).unwrap_or(material.two_sided);
             let checked = material.check();
             material.textures = self.surface_textures(&fields);
             if let Err(problem) = checked {
                 self.out_of_range(&fields, &problem);
             }
-            for row in Parameter::ALL.iter().filter(|row| row.is_color()) {
+            // Radiance may have any size.
+            for row in Parameter::ALL.iter().filter(|row| row.is_color() && row.parameter != Parameter::Emission) {
                 self.doubt_reflectance(&fields, &color(row));
             }
             self.doubt_eta(&fields, &number(Parameter::Eta.info()), !material.is_opaque());
+            self.doubt_two_sided(&fields, &TWO_SIDED, material.may_emit());
             self.materials.insert(name, self.scene.materials.len() as u32);
             self.scene.materials.push(material);
             self.used.push(false);

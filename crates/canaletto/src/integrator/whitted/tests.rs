@@ -18,19 +18,24 @@ const FLOOR: Phong = Phong {
     eta: 1.0,
     opacity: 1.0,
     roughness: 0.0,
+    emission: Rgb::BLACK,
 };
 const GLASS: Phong = Phong { kd: Rgb::BLACK, ks: Rgb::BLACK, k: Rgb::BLACK, eta: 1.5, opacity: 0.25, ..FLOOR };
 const BACKGROUND: Rgb = Rgb::new(0.25, 0.5, 1.0);
 const AMBIENT: f32 = 0.5;
 
-/// A floor at y = 0 and a sphere of radius 1 around (0, 3, 0), with a lamp at (0, 8, 0).
 fn world(sphere: Phong) -> World {
+    world_of(Material::new("sphere", sphere))
+}
+
+/// A floor at y = 0 and a sphere of radius 1 around (0, 3, 0), with a lamp at (0, 8, 0).
+fn world_of(sphere: Material) -> World {
     let shape = |shape: Shape, material| Node { material: Some(material), ..Node::new(Content::Shape(shape)) };
     let lamp = Light::new(LightKind::Omni(Omni::at(Vec3::new(0.0, 8.0, 0.0))), Rgb::gray(2.0));
     World::build(Scene {
         background: BACKGROUND,
         ambient: Rgb::gray(AMBIENT),
-        materials: vec![Material::new("floor", FLOOR), Material::new("sphere", sphere)],
+        materials: vec![Material::new("floor", FLOOR), sphere],
         nodes: vec![
             shape(Shape::Plane(Plane { point: Vec3::ZERO, normal: Vec3::Y }), 0),
             shape(Shape::Sphere(Sphere { center: Vec3::new(0.0, 3.0, 0.0), radius: 1.0 }), 1),
@@ -99,12 +104,75 @@ fn a_ray_through_the_centre_of_glass_goes_straight_on() {
     assert_near(without, [0.0; 3]);
 }
 
+const LAMP: Phong =
+    Phong { emission: Rgb::new(17.0, 12.0, 4.0), kd: Rgb::BLACK, ks: Rgb::BLACK, k: Rgb::BLACK, ..FLOOR };
+
+#[test]
+fn a_surface_emits_from_its_outer_side_or_from_both() {
+    let emission = LAMP.emission.to_array().map(f64::from);
+    let from_outside = (Vec3::new(5.0, 3.0, 0.0), Vec3::new(0.0, 3.0, 0.0));
+    let from_inside = (Vec3::new(0.0, 3.0, 0.0), Vec3::new(5.0, 3.0, 0.0));
+    for two_sided in [false, true] {
+        let world = world_of(Material::new("sphere", LAMP).with_two_sided(two_sided));
+        for &stage in Stage::ALL {
+            let seen = |(from, to)| color(&world, stage, from, to);
+            let lit = stage != Stage::Unlit;
+            assert_near(seen(from_outside), if lit { emission } else { [0.0; 3] });
+            assert_near(seen(from_inside), if lit && two_sided { emission } else { [0.0; 3] });
+        }
+    }
+    // It is added to what the surface reflects.
+    let both = Phong { emission: LAMP.emission, ..FLOOR };
+    let seen = |sphere: Phong| color(&world(sphere), Stage::Full, from_outside.0, from_outside.1).to_array();
+    let (with, without) = (seen(both), seen(FLOOR));
+    let sum = [0, 1, 2].map(|c: usize| emission[c] + f64::from(without[c]));
+    assert_near(Rgb::from(with), sum);
+    assert!(without[0] > 0.2, "{without:?}");
+}
+
+#[test]
+fn emission_is_seen_in_mirrors_and_through_holes_and_lights_nothing() {
+    let emission = LAMP.emission.to_array().map(f64::from);
+    let background = BACKGROUND.to_array().map(f64::from);
+    // The floor mirrors the ray by 45 degrees to the sphere's middle, with k of a half.
+    let (from, to) = (Vec3::new(3.0, 0.5, 0.0), Vec3::new(2.5, 0.0, 0.0));
+    let dark = Phong { emission: Rgb::BLACK, ..LAMP };
+    let seen = |stage| [LAMP, dark].map(|sphere| color(&world(sphere), stage, from, to).to_array().map(f64::from));
+    let [with, without] = seen(Stage::Reflection);
+    assert_near(Rgb::from(with.map(|v| v as f32)), [0, 1, 2].map(|c: usize| without[c] + 0.5 * emission[c]));
+    // Without the mirrored ray, the floor is as bright as beside a dark sphere.
+    let [with, without] = seen(Stage::Shadow);
+    assert_eq!(with, without);
+    // A quarter of the sphere exists. Its far side is seen from inside.
+    let (from, to) = (Vec3::new(5.0, 3.0, 0.0), Vec3::new(0.0, 3.0, 0.0));
+    for (two_sided, inner) in [(false, 0.0), (true, 0.25)] {
+        let world = world_of(Material::new("sphere", LAMP).with_coverage(0.25).with_two_sided(two_sided));
+        let expected =
+            [0, 1, 2].map(|c: usize| 0.25 * emission[c] + 0.75 * (inner * emission[c] + 0.75 * background[c]));
+        assert_near(color(&world, Stage::Full, from, to), expected);
+    }
+    // A clear body emits from its boundary, too.
+    let clear = Phong { opacity: 0.25, ..LAMP };
+    let expected = [0, 1, 2].map(|c: usize| emission[c] + 0.75 * 0.75 * background[c]);
+    assert_near(color(&world(clear), Stage::Full, from, to), expected);
+}
+
 #[test]
 fn waves_equal_single_rays_bit_for_bit() {
     let mirror = Phong { k: Rgb::gray(0.75), ..FLOOR };
     let rough = Phong { roughness: 0.5, ..mirror };
-    for sphere in [FLOOR, GLASS, mirror, rough] {
-        let world = world(sphere);
+    let [glass, brightest] = [
+        Phong { emission: LAMP.emission, k: Rgb::gray(0.5), ..GLASS },
+        Phong { emission: Rgb::gray(f32::MAX), ..FLOOR },
+    ];
+    let plain = [FLOOR, GLASS, mirror, rough, LAMP, glass, brightest].map(|phong| Material::new("sphere", phong));
+    let more = [
+        Material::new("sphere", glass).with_two_sided(true),
+        Material::new("sphere", LAMP).with_coverage(0.25),
+        Material::new("sphere", LAMP).with_coverage(0.25).with_two_sided(true),
+    ];
+    for sphere in plain.into_iter().chain(more) {
+        let world = world_of(sphere);
         for &stage in Stage::ALL {
             let settings = WhittedSettings { stage, ..WhittedSettings::default() };
             let (mut single, mut wave) = (Whitted::new(&world, settings), Whitted::new(&world, settings));

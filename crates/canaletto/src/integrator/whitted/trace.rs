@@ -50,6 +50,11 @@ impl Whitted<'_> {
             probe.ambient(ambient);
             color += ambient;
         }
+        let emission = at.material.emitted(at.frame.outside);
+        if !emission.is_black() {
+            probe.emission(emission);
+            color = (color + emission).saturated();
+        }
         for light in 0..self.world.lights.len() as u32 {
             for point in 0..self.world.lights[light as usize].points() {
                 color = (color + self.light(at, light, point, probe)).saturated(); // (5.39a)

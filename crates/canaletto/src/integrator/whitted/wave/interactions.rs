@@ -139,6 +139,19 @@ impl Interactions {
         (&mut self.interactions[..self.len], &mut self.interactions8[..self.len.div_ceil(LANES)])
     }
 
+    /// Adds the light that the surfaces emit.
+    pub(super) fn add_emission(&mut self) {
+        let (interactions, interactions8) = self.both();
+        for (interactions8, interactions) in interactions8.iter().zip(interactions.chunks_mut(LANES)) {
+            for (lane, interaction) in interactions.iter_mut().enumerate().filter(|(_, i)| i.is_seen()) {
+                let emission = interaction.material.emitted(interactions8.is_outside(lane));
+                if !emission.is_black() {
+                    interaction.color = (interaction.color + emission).saturated();
+                }
+            }
+        }
+    }
+
     /// The frame of the interaction at an index.
     #[inline]
     pub(super) fn frame(&self, index: usize) -> Frame {

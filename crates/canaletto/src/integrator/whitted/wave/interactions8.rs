@@ -128,11 +128,17 @@ impl Interactions8 {
         set_vec3(&mut self.color, lane, color.to_array().into());
     }
 
+    /// Whether a ray hit the outer side.
+    #[inline]
+    pub(super) fn is_outside(&self, lane: usize) -> bool {
+        self.side[lane] > 0.0
+    }
+
     /// The frame of an interaction.
     #[inline]
     pub(super) fn frame(&self, lane: usize) -> Frame {
         Frame {
-            outside: self.side[lane] > 0.0,
+            outside: self.is_outside(lane),
             wo: dvec3(&self.wo, lane),
             outer: dvec3(&self.surfaces.normal, lane),
             facing: self.facing(lane),

@@ -213,6 +213,9 @@ impl Whitted<'_> {
                 interaction.color += (self.world.ambient * interaction.material.phong().kd).saturated(); // (5.33)
             }
         }
+        if self.world.may_emit() {
+            wave.interactions.add_emission();
+        }
         self.light_wave(wave);
         if stage >= Stage::Reflection {
             self.follow_all(wave, is_seen_mirror, |whitted, at| whitted.reflected_ray(at, &mut ()));

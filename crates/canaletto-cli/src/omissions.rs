@@ -1,0 +1,21 @@
+//! Warnings about parts of a scene that its integrator leaves out.
+
+use canaletto::diagnose::{Omission, omissions};
+use canaletto::render::Job;
+use canaletto::world::World;
+use canaletto_io::diagnostic::{Diagnostic, Diagnostics};
+
+/// The warnings about the picture of this job. `name` is the name of the scene.
+pub(crate) fn doubt_omissions(name: &str, world: &World, job: &Job) -> Diagnostics {
+    let mut all = Diagnostics::new();
+    for omission in omissions(world, &job.integrator) {
+        let warning = Diagnostic::warning(name, omission.to_string());
+        all.push(match omission {
+            Omission::EmissionAsLight { .. } => warning.help(
+                "the surfaces shine, but light nothing: take integrator \"radiosity\", or put a light in their place",
+            ),
+            _ => warning,
+        });
+    }
+    all
+}
