@@ -256,6 +256,7 @@ fn materials_that_emit_are_warned_of_once() {
     let told = folder.run("explain lamp.kdl --pixel 12,0 --json");
     let tree: Value = serde_json::from_slice(&told.0.stdout).unwrap();
     let hit = &tree["samples"][0]["ray"]["outcome"]["hit"];
+    assert_eq!(hit["object_id"], 4, "{tree:#}");
     assert_eq!(
         (&hit["material"], &hit["emission"]),
         (&"lamp".into(), &serde_json::json!([17.0, 12.0, 4.0])),

@@ -6,6 +6,7 @@
 use canaletto::math::Rgb;
 use canaletto::scene::{Content, Scene, Transfer};
 use canaletto::texture::{ColorSpace, Filter, Function, Placement, TextureKind, Wrap};
+use canaletto::world::World;
 use canaletto_io::assets::{FolderAssets, MemoryAssets};
 use canaletto_io::diagnostic::Diagnostics;
 use canaletto_io::picture::{EncodeSettings, Image, PictureFormat};
@@ -328,6 +329,44 @@ fn meshes_bring_their_materials() {
     assert_eq!(scene.materials[scene.meshes[0].materials[0] as usize].name, "red");
     assert!(scene.meshes[0].one_sided && scene.meshes[0].normals.is_empty());
     assert_eq!(scene.meshes[1].normals.len(), 3);
+}
+
+/// The names of a scene's objects by their numbers, from 1 on.
+fn numbered(scene: Scene) -> Vec<String> {
+    let world = World::build(scene).unwrap();
+    (1..).map_while(|id| world.object_with_id(id)).map(|object| object.name.clone()).collect()
+}
+
+#[test]
+fn objects_are_numbered_as_they_are_written() {
+    let model = "v 0 0 0\nv 1 0 0\nv 0 1 0\no left\nf 1 2 3\no right\nusemtl b\nf 1 3 2\n";
+    let assets = MemoryAssets::new()
+        .with("m.obj", model)
+        .with("more.kdl", "box name=\"included\" { min 0 0 0; max 1 1 1 }")
+        .with("dust.csv", "0,0,0\n1,0,0\n");
+    let scene = r#"
+        camera { eye 0 0 5 }
+        plane name="floor" { point 0 0 0; normal 0 1 0 }
+        prototype name="pair" {
+            light "omni" { position 0 9 0 }
+            sphere name="low" { center 0 0 0; radius 1 }
+            plane name="lid" { point 0 9 0; normal 0 1 0 }
+        }
+        instance of="pair" { translate 5 0 0 }
+        spheres name="dust" file="dust.csv" radius=0.1
+        group {
+            mesh file="m.obj"
+            light "omni" { position 0 9 0 }
+            instance of="pair" { scale 1 2 1 }
+            sphere name="inner" { center 0 0 0; radius 1 }
+        }
+        include "more.kdl"
+        material "last"
+        sphere { center 0 0 0; radius 1 }
+    "#;
+    let (scene, _) = read_scene_text(scene, "s.kdl", &assets, &[]).unwrap();
+    let expected = ["floor", "low", "lid", "dust", "left", "right", "low", "lid", "inner", "included", "sphere #3"];
+    assert_eq!(numbered(scene), expected);
 }
 
 #[test]

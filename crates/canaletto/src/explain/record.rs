@@ -130,6 +130,7 @@ impl Probe for Recorder<'_> {
         let single = matches!(object.kind, "mesh" | "spheres" | "cylinders");
         let node = HitNode {
             object: object.name.clone(),
+            object_id: self.world.object_id(hit),
             kind: object.kind,
             primitive: if single { hit.primitive } else { 0 },
             t: hit.t,

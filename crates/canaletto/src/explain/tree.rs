@@ -119,6 +119,8 @@ pub enum Side {
 pub struct HitNode {
     /// The object's name.
     pub object: String,
+    /// The object's number, [`crate::world::World::object_id`]. Copies have equal names and different numbers.
+    pub object_id: u32,
     /// The kind of the object: "sphere", "mesh", …
     pub kind: &'static str,
     /// The index of the triangle or sphere in the object; 0 for single shapes.
