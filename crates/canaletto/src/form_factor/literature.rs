@@ -55,3 +55,65 @@ pub(super) fn rectangles_in_perpendicular_planes(x: [f64; 2], y: [f64; 2], xi: [
     };
     alternating([x, y, xi, eta], g) / ((x[1] - x[0]) * (y[1] - y[0]))
 }
+
+/// B-3: a patch and a parallel rectangle of a × b at the distance c, a corner of which lies on the patch's normal.
+pub(super) fn patch_to_parallel_rectangle(a: f64, b: f64, c: f64) -> f64 {
+    let (x, y) = (a / c, b / c);
+    let (rx, ry) = ((1.0 + x * x).sqrt(), (1.0 + y * y).sqrt());
+    (x / rx * (y / rx).atan() + y / ry * (x / ry).atan()) / TAU
+}
+
+/// B-4: a patch and a rectangle of height a and width b that stands on the patch's plane at the distance c. A lower
+/// corner lies straight ahead of the patch.
+pub(super) fn patch_to_perpendicular_rectangle(a: f64, b: f64, c: f64) -> f64 {
+    let (x, y) = (a / b, c / b);
+    let diagonal = x.hypot(y);
+    ((1.0 / y).atan() - y / diagonal * (1.0 / diagonal).atan()) / TAU
+}
+
+/// B-12: a patch and a parallel disk of radius r at the distance h, whose centre lies on the patch's normal.
+pub(super) fn patch_to_disk(r: f64, h: f64) -> f64 {
+    r * r / (h * h + r * r)
+}
+
+/// C-41: parallel coaxial disks of radii r1 and r2 at the distance a.
+pub(super) fn coaxial_disks(r1: f64, r2: f64, a: f64) -> f64 {
+    let (r1, r2) = (r1 / a, r2 / a);
+    let x = 1.0 + (1.0 + r2 * r2) / (r1 * r1);
+    0.5 * (x - (x * x - 4.0 * (r2 / r1) * (r2 / r1)).sqrt())
+}
+
+/// C-78: the inner side of a cylinder of radius r and height h, to itself.
+pub(super) fn cylinder_to_itself(r: f64, h: f64) -> f64 {
+    let h = h / (2.0 * r);
+    1.0 + h - (1.0 + h * h).sqrt()
+}
+
+/// C-79: the base of a cylinder of radius r and height h to the inner side.
+pub(super) fn cylinder_base_to_side(r: f64, h: f64) -> f64 {
+    let h = h / (2.0 * r);
+    2.0 * h * ((1.0 + h * h).sqrt() - h)
+}
+
+/// C-109: the inner side of a cone of radius r and height h to its base.
+pub(super) fn cone_to_base(r: f64, h: f64) -> f64 {
+    r / r.hypot(h)
+}
+
+/// C-125: a sphere to a disk of radius r whose axis passes through the sphere's centre, at the distance a from it.
+pub(super) fn sphere_to_disk(r: f64, a: f64) -> f64 {
+    let r = r / a;
+    0.5 * (1.0 - 1.0 / (1.0 + r * r).sqrt())
+}
+
+/// C-135: the inner side of a sphere of radius r2 to a sphere of radius r1 around the same centre.
+pub(super) fn outer_to_inner_sphere(r1: f64, r2: f64) -> f64 {
+    r1 * r1 / (r2 * r2)
+}
+
+/// A sphere to a rectangle of a × b at the distance c from its centre, a corner of which is nearest to the centre (Feingold
+/// and Gupta, *New Analytical Approach to the Evaluation of Configuration Factors in Radiation From Spheres and Infinitely
+/// Long Cylinders*, 1970).
+pub(super) fn sphere_to_rectangle(a: f64, b: f64, c: f64) -> f64 {
+    (a * b / (c * (a * a + b * b + c * c).sqrt())).atan() / (2.0 * TAU)
+}

@@ -5,6 +5,7 @@
 //!
 //! - [`point_to_polygon`] is exact for a differential patch and a polygon.
 //! - [`polygon_to_polygon`] integrates over two polygons in full view of each other.
+//! - [`sample_form_factor`] follows rays between any objects of a world.
 
 mod double_exponential;
 #[cfg(test)]
@@ -12,7 +13,9 @@ mod literature;
 mod point_to_polygon;
 mod polygon;
 mod polygon_to_polygon;
+mod sampled;
 
 pub use point_to_polygon::point_to_polygon;
 pub use polygon::{area_vector, clip_to_front};
 pub use polygon_to_polygon::{AnalyticFormFactor, polygon_to_polygon};
+pub use sampled::{SampleSettings, SampledFormFactor, SamplingProgress, Side, sample_form_factor};

@@ -87,7 +87,7 @@ impl Contour {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::form_factor::area_vector;
+    use crate::form_factor::{area_vector, literature};
     use crate::sampler::Sampler;
     use std::f64::consts::PI;
 
@@ -105,9 +105,7 @@ mod tests {
     fn parallel_rectangles() {
         for (a, b, c) in [(1.0, 1.0, 1.0), (3.0, 0.5, 2.0), (1e3, 1e-3, 1.0), (20.0, 30.0, 1e-6f64)] {
             let down = rectangle(DVec3::Z * c, DVec3::Y * b, DVec3::X * a);
-            let (x, y) = (a / c, b / c);
-            let (rx, ry) = ((1.0 + x * x).sqrt(), (1.0 + y * y).sqrt());
-            let exact = (x / rx * (y / rx).atan() + y / ry * (x / ry).atan()) / TAU;
+            let exact = literature::patch_to_parallel_rectangle(a, b, c);
             close("B-3", point_to_polygon(DVec3::ZERO, DVec3::Z, &down), exact);
             let up = rectangle(DVec3::Z * c, DVec3::X * a, DVec3::Y * b);
             close("B-3 from behind", point_to_polygon(DVec3::ZERO, DVec3::Z, &up), -exact);
@@ -119,9 +117,7 @@ mod tests {
     #[test]
     fn perpendicular_rectangles() {
         for (a, b, c) in [(1.0, 1.0, 1.0), (3.0, 0.5, 2.0), (0.2, 7.0, 1e-9f64)] {
-            let (x, y) = (a / b, c / b);
-            let diagonal = (x * x + y * y).sqrt();
-            let exact = ((1.0 / y).atan() - y / diagonal * (1.0 / diagonal).atan()) / TAU;
+            let exact = literature::patch_to_perpendicular_rectangle(a, b, c);
             let wall = rectangle(DVec3::Y * c, DVec3::X * b, DVec3::Z * a);
             close("B-4", point_to_polygon(DVec3::ZERO, DVec3::Z, &wall), exact);
             // A part below the patch's horizon adds nothing.
@@ -139,7 +135,7 @@ mod tests {
             let angle = |k: i32| -TAU * f64::from(k) / f64::from(n);
             (0..n).map(|k| DVec3::new(radius * angle(k).cos(), radius * angle(k).sin(), h)).collect()
         };
-        let exact = r * r / (h * h + r * r);
+        let exact = literature::patch_to_disk(r, h);
         let inner = point_to_polygon(DVec3::ZERO, DVec3::Z, &polygon(r));
         let outer = point_to_polygon(DVec3::ZERO, DVec3::Z, &polygon(r / (PI / f64::from(n)).cos()));
         assert!(inner < exact && exact < outer && outer - inner < 1e-6, "{inner} {exact} {outer}");

@@ -144,6 +144,11 @@ impl Material {
         !self.phong().emission.is_black() || self.textures.iter().any(|texture| texture.target == emission)
     }
 
+    /// Whether the coverage may be less than 1.
+    pub fn has_holes(&self) -> bool {
+        self.coverage < 1.0 || self.textures.iter().any(|texture| texture.target == Target::Cutout)
+    }
+
     /// Checks every number's range.
     ///
     /// # Errors

@@ -95,6 +95,12 @@ impl Sampler {
         unit(mix(self.key ^ (u64::from(sample) << 32 | u64::from(dimension))))
     }
 
+    /// Point `index` of [0, 1)⁴ of Sobol's sequence, scrambled, in place of the source's own kind. All four numbers
+    /// are distributed jointly.
+    pub fn four(&self, dimension: Dimension, index: u32) -> [f64; 4] {
+        sobol::joint(index, self.key_of(dimension))
+    }
+
     /// Sample number `index` of `count`.
     #[inline]
     pub fn sample(self, index: u32, count: u32) -> Sample {

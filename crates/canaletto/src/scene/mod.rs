@@ -8,6 +8,7 @@ mod film;
 mod fragment;
 mod integrator;
 mod node;
+mod object_ids;
 mod sparse;
 
 pub use camera::{Aperture, Extrinsics, Focus, Intrinsics, Lens, View};
@@ -15,6 +16,7 @@ pub use film::{FilmSettings, Filter, SamplePattern, SamplerKind, Sampling, Tone,
 pub use fragment::{Fragment, Offsets};
 pub use integrator::{Integrator, Stage, WhittedSettings};
 pub use node::{Content, Node};
+pub use object_ids::{ObjectIds, TooManyObjects};
 pub use sparse::{Sparse, Usual};
 
 use crate::light::environment::Environment;

@@ -1,6 +1,8 @@
 //! Areas of surfaces, and random points on them: uniform over the area, or as seen from a point.
 
-use super::{Cone, Cuboid, Cylinder, Disk, Mesh, Parallelogram, Shape, Sphere, Torus, Triangle, solve};
+use super::{
+    Cone, Cuboid, Cylinder, Disk, Mesh, Parallelogram, Shape, Sphere, Surface, Torus, Triangle, solve, triangle,
+};
 use crate::math::warp;
 use glam::{DVec3, Vec3};
 use std::f64::consts::{PI, TAU};
@@ -124,11 +126,22 @@ fn cumulative(areas: impl Iterator<Item = f64>) -> impl Iterator<Item = f64> {
 
 /// The part that `u` of [0, 1) selects, with a probability in proportion to its area, and where `u` lies within its
 /// part. `sums` are the [cumulative] sums of the areas.
-fn pick(u: f64, sums: &[f64]) -> (usize, f64) {
+pub(crate) fn pick_by_area(u: f64, sums: &[f64]) -> (usize, f64) {
     let wanted = u * sums[sums.len() - 1];
     let i = sums.partition_point(|sum| *sum <= wanted).min(sums.len() - 1);
     let before = if i == 0 { 0.0 } else { sums[i - 1] };
     (i, ((wanted - before) / (sums[i] - before)).clamp(0.0, 1.0))
+}
+
+/// The surface at `u` of the unit square on a triangle with an area, uniform over it.
+pub(crate) fn sample_triangle(corners: [Vec3; 3], u: [f64; 2]) -> Surface {
+    solve::surface(on_triangle(&corners, u), triangle::size(corners), edges(&corners).normalize_or_zero(), [0.0; 2])
+}
+
+fn on_triangle(corners: &[Vec3; 3], [u, v]: [f64; 2]) -> DVec3 {
+    let [a, b, c] = corners.map(|p| p.as_dvec3());
+    let root = u.sqrt();
+    a + (b - a) * (root * (1.0 - v)) + (c - a) * (root * v)
 }
 
 impl SurfaceSampler {
@@ -248,14 +261,11 @@ impl SurfaceSampler {
                 (*center + normal * *radius, normal)
             }
             Form::Triangles(corners, sums) => {
-                let (i, inside) = pick(u, sums);
-                let [a, b, c] = corners[i].map(|p| p.as_dvec3());
-                let root = inside.sqrt();
-                let point = a + (b - a) * (root * (1.0 - v)) + (c - a) * (root * v);
-                (point, edges(&corners[i]).normalize_or_zero())
+                let (i, inside) = pick_by_area(u, sums);
+                (on_triangle(&corners[i], [inside, v]), edges(&corners[i]).normalize_or_zero())
             }
             Form::Box(cuboid, sums) => {
-                let (face, inside) = pick(u, sums);
+                let (face, inside) = pick_by_area(u, sums);
                 let (min, max) = (cuboid.min.as_dvec3(), cuboid.max.as_dvec3());
                 let (axis, upper) = (face / 2, face % 2 == 1);
                 let mut share = DVec3::ZERO;
@@ -266,6 +276,13 @@ impl SurfaceSampler {
             Form::Frustum(frustum) => frustum.point([u, v]),
             Form::Torus(torus) => torus.point([u, v]),
         }
+    }
+
+    /// The surface at `u` of the unit square, without texture coordinates.
+    pub(crate) fn surface(&self, u: [f64; 2]) -> Surface {
+        let (point, normal) = self.point(u);
+        let [min, max] = self.bounds();
+        solve::surface(point, min.abs().max(max.abs()).max_element(), normal, [0.0; 2])
     }
 
     /// A point on the side of a sphere towards `p`, in a direction uniform over the cone in which `p` sees the sphere.
@@ -343,7 +360,7 @@ fn versine(distance: f64, radius: f64) -> f64 {
 impl FrustumForm {
     fn point(&self, [u, v]: [f64; 2]) -> (DVec3, DVec3) {
         let ([x, y], [r0, r1]) = (self.across, self.radii);
-        let (part, inside) = pick(u, &self.sums);
+        let (part, inside) = pick_by_area(u, &self.sums);
         let (sin, cos) = libm::sincos(TAU * v);
         let out = x * cos + y * sin;
         if part > 0 {

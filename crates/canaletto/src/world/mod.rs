@@ -25,6 +25,7 @@ mod motion;
 #[cfg(test)]
 mod object_id_tests;
 mod object_numbers;
+mod object_surface;
 mod origin;
 mod packet_bounds;
 mod query;
@@ -46,6 +47,7 @@ pub use bundle::RayBundle;
 pub use canaletto_bvh::Quality;
 pub(crate) use contact::{Contact, touching};
 pub use geometry_probe::GeometryProbe;
+pub use object_surface::{ObjectSurface, TooManyPrimitives};
 pub use query::Hit;
 pub use reuse::ReuseCounts;
 pub(crate) use shadow::{MAX_STALLED, ShadowRays};

@@ -136,11 +136,22 @@ impl World {
     /// The share of light that a surface blocks when light crosses it. Only textures that change this share are read.
     #[inline(never)]
     pub(crate) fn opacity_at(&self, line: DRay, hit: &Hit, step: Option<[DVec3; 2]>) -> f32 {
+        self.crossed_at(line, hit, step).opacity_with_coverage()
+    }
+
+    /// The coverage at a hit of this line's ray, without a footprint.
+    pub(crate) fn coverage_at(&self, line: DRay, hit: &Hit) -> f32 {
+        self.crossed_at(line, hit, None).coverage
+    }
+
+    /// The material at a hit as far as light that crosses the surface needs it.
+    #[inline(always)]
+    fn crossed_at(&self, line: DRay, hit: &Hit, step: Option<[DVec3; 2]>) -> MaterialPoint {
         let material = self.material(hit);
         let mut point =
             MaterialPoint { model: material.model, coverage: material.coverage, ..MaterialPoint::default() };
         if material.textures.is_empty() || material.is_opaque() {
-            return point.opacity_with_coverage();
+            return point;
         }
         let local = self.local(line, hit);
         let at = At::new(self, &local, step);
@@ -149,7 +160,7 @@ impl World {
             let value = at.value(pattern, used, &used.mapping.coords(&at.place), &mut []);
             used.apply(value, &mut point);
         }
-        point.opacity_with_coverage()
+        point
     }
 
     fn local(&self, line: DRay, hit: &Hit) -> Local {
