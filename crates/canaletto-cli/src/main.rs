@@ -26,6 +26,7 @@ mod output_format;
 mod partial;
 mod progress;
 mod report;
+mod sampling_progress;
 mod series;
 mod settings;
 mod source;
@@ -34,7 +35,7 @@ mod terminal;
 
 use canaletto::memory::Guarded;
 use clap::{CommandFactory, Parser, Subcommand};
-use command::{check, compare, completions, explain, info, man, render};
+use command::{check, compare, completions, explain, form_factor, info, man, render};
 use exit::Exit;
 use failure::Failure;
 use std::io::Write;
@@ -79,6 +80,7 @@ Examples:
 enum Command {
     Render(Box<render::RenderFlags>),
     Explain(Box<explain::ExplainFlags>),
+    FormFactor(form_factor::FormFactorFlags),
     Info(info::InfoFlags),
     Compare(compare::CompareFlags),
     Check(check::CheckFlags),
@@ -116,6 +118,7 @@ fn run(command: &Command) -> Result<Exit, Failure> {
     match command {
         Command::Render(flags) => render::run(flags),
         Command::Explain(flags) => explain::run(flags),
+        Command::FormFactor(flags) => form_factor::run(flags),
         Command::Info(flags) => info::run(flags),
         Command::Compare(flags) => compare::run(flags),
         Command::Check(flags) => check::run(flags),

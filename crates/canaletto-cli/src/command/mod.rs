@@ -4,6 +4,7 @@ pub(crate) mod check;
 pub(crate) mod compare;
 pub(crate) mod completions;
 pub(crate) mod explain;
+pub(crate) mod form_factor;
 pub(crate) mod info;
 pub(crate) mod man;
 pub(crate) mod render;

@@ -111,9 +111,9 @@ pub(super) fn outer_to_inner_sphere(r1: f64, r2: f64) -> f64 {
     r1 * r1 / (r2 * r2)
 }
 
-/// A sphere to a rectangle of a × b at the distance c from its centre, a corner of which is nearest to the centre (Feingold
-/// and Gupta, *New Analytical Approach to the Evaluation of Configuration Factors in Radiation From Spheres and Infinitely
-/// Long Cylinders*, 1970).
+/// A sphere to a rectangle of a × b at the distance c from its centre, a corner of which is nearest to the centre
+/// (Feingold and Gupta, *New Analytical Approach to the Evaluation of Configuration Factors in Radiation From Spheres
+/// and Infinitely Long Cylinders*, 1970).
 pub(super) fn sphere_to_rectangle(a: f64, b: f64, c: f64) -> f64 {
     (a * b / (c * (a * a + b * b + c * c).sqrt())).atan() / (2.0 * TAU)
 }

@@ -6,15 +6,20 @@
 //! - [`point_to_polygon`] is exact for a differential patch and a polygon.
 //! - [`polygon_to_polygon`] integrates over two polygons in full view of each other.
 //! - [`sample_form_factor`] follows rays between any objects of a world.
+//! - [`form_factors`] chooses between them.
 
+mod between;
 mod double_exponential;
+mod full_view;
 #[cfg(test)]
 mod literature;
 mod point_to_polygon;
 mod polygon;
 mod polygon_to_polygon;
 mod sampled;
+mod unoccluded;
 
+pub use between::{FormFactorError, FormFactors, form_factors};
 pub use point_to_polygon::point_to_polygon;
 pub use polygon::{area_vector, clip_to_front};
 pub use polygon_to_polygon::{AnalyticFormFactor, polygon_to_polygon};

@@ -1,9 +1,9 @@
 //! The form factor between two polygons: the double contour integral.
 //!
-//! By Stokes' theorem A F = 1/2π ∮ over ∂A ∮ over ∂B of ln r dr·dr' (Sparrow, *A New and Simpler Formulation for Radiative
-//! Angle Factors*, 1963). The inner integral along an edge of B has a closed form. The outer integral along an edge of A
-//! is computed by double exponential quadrature between the places where the integrand may be singular, so that edges
-//! may touch and coincide.
+//! By Stokes' theorem A F = 1/2π ∮ over ∂A ∮ over ∂B of ln r dr·dr' (Sparrow, *A New and Simpler Formulation for
+//! Radiative Angle Factors*, 1963). The inner integral along an edge of B has a closed form. The outer integral along
+//! an edge of A is computed by double exponential quadrature between the places where the integrand may be singular, so
+//! that edges may touch and coincide.
 
 use super::double_exponential::{DoubleExponential, Integral};
 use super::point_to_polygon;
@@ -23,8 +23,8 @@ pub struct AnalyticFormFactor {
     pub error: f64,
 }
 
-/// The form factor from the front of polygon `a` to the front of polygon `b`, with nothing in between. `None` if `a` has
-/// no area.
+/// The form factor from the front of polygon `a` to the front of polygon `b`, with nothing in between. `None` if `a`
+/// has no area.
 ///
 /// The polygons are planar, with corners counter-clockwise seen from the front. They may be concave. Each one's part
 /// behind the other one's plane is clipped away first.
@@ -117,7 +117,8 @@ impl Edge {
 
     /// ∫∫ ln r ds' ds over both edges. The tolerance is relative to the product of the edges' lengths.
     fn logarithms(&self, inner: &Edge, rule: &DoubleExponential, tolerance: f64) -> Integral {
-        // The integrand is singular nearest to the inner edge's ends, and where the two lines are nearest to each other.
+        // The integrand is singular nearest to the inner edge's ends, and where the two lines are nearest to each
+        // other.
         let to_inner = inner.from - self.from;
         let cos = self.direction.dot(inner.direction);
         let foot = to_inner.dot(self.direction);
@@ -187,8 +188,8 @@ const GAUSS_6: [[f64; 2]; 6] = [
     [0.966_234_757_101_576, 0.085_662_246_189_585_18],
 ];
 
-/// The mean of `f` over the triangle of coordinates x, y ≥ 0 with x + y ≤ 1, by a product of Gauss's rules on the square
-/// that is folded onto it.
+/// The mean of `f` over the triangle of coordinates x, y ≥ 0 with x + y ≤ 1, by a product of Gauss's rules on the
+/// square that is folded onto it.
 fn triangle_mean(rule: &[[f64; 2]], f: impl Fn([f64; 2]) -> f64) -> f64 {
     let mut sum = 0.0;
     for &[x, wx] in rule {

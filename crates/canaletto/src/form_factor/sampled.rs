@@ -2,9 +2,10 @@
 //!
 //! Rays leave random points of one surface in directions whose density is cos θ / π. The share of the rays that meet
 //! the front of the other surface first is the form factor. Points and directions are Sobol's four-dimensional points,
-//! scrambled anew for each of [`REPLICATES`] independent estimates, whose differences show the error (Owen, *Monte Carlo Variance of Scrambled
-//! Net Quadrature*, 1997).
+//! scrambled anew for each of [`REPLICATES`] independent estimates, whose differences show the error (Owen, *Monte
+//! Carlo Variance of Scrambled Net Quadrature*, 1997).
 
+use super::unoccluded::Unoccluded;
 use crate::math::{DRay, offset_origin, warp};
 use crate::sampler::{Dimension, Sample, Sampler};
 use crate::world::{MAX_STALLED, ObjectSurface, World};
@@ -122,8 +123,21 @@ pub fn sample_form_factor(
     settings: &SampleSettings,
     progress: &(dyn Fn(&SamplingProgress) -> ControlFlow<()> + Sync),
 ) -> Result<SampledFormFactor, NoThreads> {
+    sample(world, from, to, None, settings, progress)
+}
+
+/// [`sample_form_factor`] with the unoccluded factor as a control variate, if it is known. What is sampled is then the
+/// light that doesn't arrive.
+pub(super) fn sample(
+    world: &World,
+    from: (&ObjectSurface, Side),
+    to: (&ObjectSurface, Side),
+    unoccluded: Option<&Unoccluded>,
+    settings: &SampleSettings,
+    progress: &(dyn Fn(&SamplingProgress) -> ControlFlow<()> + Sync),
+) -> Result<SampledFormFactor, NoThreads> {
     assert!(from.0.nominal_area() > 0.0, "rays need a surface with an area to leave from");
-    let sampling = Sampling { world, from, to };
+    let sampling = Sampling { world, from, to, unoccluded };
     with_stack(RAY_STACK + GROUP_STACK * world.most_groups(), || sampling.run(settings, progress))
 }
 
@@ -131,10 +145,28 @@ pub fn sample_form_factor(
 const RAY_STACK: usize = 256 << 10;
 const GROUP_STACK: usize = 16 << 10;
 
+/// The area of a surface and its standard error, by random points.
+pub(super) fn sampled_area(world: &World, (surface, side): (&ObjectSurface, Side), seed: u64) -> [f64; 2] {
+    const POINTS: u32 = 1 << 14;
+    let mean = |replicate: u32| {
+        let sampler = Sampler::new(seed, 1, [replicate, 0]);
+        let sum: f64 = (0..POINTS)
+            .map(|index| surface.sample(world, sampler.sample(index, POINTS).two(Dimension::EYE)).weight)
+            .sum();
+        sum / f64::from(POINTS)
+    };
+    let means: Vec<f64> = (0..REPLICATES).into_par_iter().map(mean).collect();
+    let n = f64::from(REPLICATES);
+    let mean = means.iter().sum::<f64>() / n;
+    let squares: f64 = means.iter().map(|m| (m - mean) * (m - mean)).sum();
+    [mean, (squares / (n * (n - 1.0))).sqrt()].map(|v| v * surface.nominal_area() * f64::from(side.count()))
+}
+
 struct Sampling<'a> {
     world: &'a World,
     from: (&'a ObjectSurface, Side),
     to: (&'a ObjectSurface, Side),
+    unoccluded: Option<&'a Unoccluded>,
 }
 
 /// The sums of some samples.
@@ -147,6 +179,11 @@ struct Tally {
     rays: u64,
     arrived: u64,
     blocked: BTreeMap<u32, u64>,
+    /// Sums over rays of the receiver's triangles that the ray would cross without anything in between, of their
+    /// square, and of those of rays that arrived.
+    crossings: u64,
+    squared_crossings: u64,
+    arrived_crossings: u64,
 }
 
 impl Tally {
@@ -156,6 +193,9 @@ impl Tally {
         self.arrived_weights += other.arrived_weights;
         self.rays += other.rays;
         self.arrived += other.arrived;
+        self.crossings += other.crossings;
+        self.squared_crossings += other.squared_crossings;
+        self.arrived_crossings += other.arrived_crossings;
         for (object, rays) in &other.blocked {
             *self.blocked.entry(*object).or_default() += rays;
         }
@@ -178,7 +218,7 @@ impl Sampling<'_> {
     ) -> SampledFormFactor {
         let most = (settings.max_rays / u64::from(REPLICATES)).clamp(4, u64::from(u32::MAX)) as u32;
         let mut tallies = vec![Tally::default(); REPLICATES as usize];
-        let mut result = Estimate::new(&tallies);
+        let mut result = Estimate::new(&tallies, self.unoccluded);
         let (mut done, mut cancelled) = (0, false);
         while done < most && !cancelled && (done == 0 || result.standard_error > settings.standard_error) {
             let end = if done == 0 { FIRST_SAMPLES.min(most) } else { done.saturating_mul(2).min(most) };
@@ -205,7 +245,7 @@ impl Sampling<'_> {
             }
             done = end;
             if !cancelled || tallies.iter().all(|tally| tally.samples > 0) {
-                result = Estimate::new(&tallies);
+                result = Estimate::new(&tallies, self.unoccluded);
             }
         }
         let mut all = Tally::default();
@@ -255,10 +295,14 @@ impl Sampling<'_> {
             let direction = x * disk.x + y * disk.y + normal * up;
             // Along the surface, a ray leaves on the side of its normal.
             let origin = offset_origin(surface.point, surface.error, surface.normal, normal);
+            let crossings = self.unoccluded.map_or(0, |u| u64::from(u.crossings(surface.exact, direction)));
+            tally.crossings += crossings;
+            tally.squared_crossings += crossings * crossings;
             match self.follow(&sample, Ray::new(origin, direction.as_vec3())) {
                 Fate::Arrived => {
                     tally.arrived += 1;
                     tally.arrived_weights += point.weight;
+                    tally.arrived_crossings += crossings;
                 }
                 Fate::Blocked(object) => *tally.blocked.entry(object).or_default() += 1,
                 Fate::Missed => {}
@@ -312,33 +356,50 @@ struct Estimate {
 }
 
 impl Estimate {
-    fn new(tallies: &[Tally]) -> Estimate {
+    fn new(tallies: &[Tally], unoccluded: Option<&Unoccluded>) -> Estimate {
         let n = tallies.len() as f64;
         let sum = |f: fn(&Tally) -> f64| tallies.iter().map(f).sum::<f64>();
-        let (samples, weights) = (sum(|t| t.samples as f64), sum(|t| t.weights));
+        let (samples, weights, rays) = (sum(|t| t.samples as f64), sum(|t| t.weights), sum(|t| t.rays as f64));
         if weights == 0.0 {
             return Estimate { value: 0.0, standard_error: f64::INFINITY, weight: 0.0, weight_error: 0.0 };
         }
-        // A ratio of sums; each replicate's deviation is that of its own sums from the ratio.
-        let value = sum(|t| t.arrived_weights) / weights;
         let weight = weights / samples;
+        let arrived = sum(|t| t.arrived as f64) / rays;
+        let (mut slope, mut ray_variance) = (0.0, arrived * (1.0 - arrived));
+        let mut value = sum(|t| t.arrived_weights) / weights;
+        if let Some(unoccluded) = unoccluded {
+            // A control variate (Owen, *Monte Carlo Theory, Methods and Examples*, ch. 8.9): the crossings of each ray,
+            // of which the mean is known. All weights are 1, since flat surfaces are sampled exactly.
+            let crossings = sum(|t| t.crossings as f64) / rays;
+            let variance = sum(|t| t.squared_crossings as f64) / rays - crossings * crossings;
+            let covariance = sum(|t| t.arrived_crossings as f64) / rays - arrived * crossings;
+            if variance > 0.0 {
+                slope = covariance / variance;
+                ray_variance = (ray_variance - slope * covariance).max(0.0);
+            }
+            value -= slope * (crossings - unoccluded.factor.value);
+        }
+        // A ratio of sums; each replicate's deviation is that of its own sums from the ratio.
         let (mut squares, mut weight_squares) = (0.0, 0.0);
         for tally in tallies {
-            let deviation = (tally.arrived_weights - value * tally.weights) * n / weights;
+            let share = tally.rays as f64 / rays;
+            let controlled =
+                slope * (tally.crossings as f64 / rays - share * unoccluded.map_or(0.0, |u| u.factor.value));
+            let own_share = tally.weights / weights;
+            let deviation = (tally.arrived_weights / weights - controlled - value * own_share) * n;
             squares += deviation * deviation;
             let deviation = (tally.weights - weight * tally.samples as f64) * n / samples;
             weight_squares += deviation * deviation;
         }
-        // Where few rays arrive or few miss, the estimates say little about their variance, and equal ones aren't
+        // Where few rays make the difference, the estimates say little about their variance, and equal ones aren't
         // certainty. The variance of independent rays then counts as much as `prior` more estimates. Two are added to
         // the few, so that none among n is a standard error of 1.4 / n.
-        let (rays, arrived) = (sum(|t| t.rays as f64), sum(|t| t.arrived as f64));
-        let few = arrived.min(rays - arrived);
+        let few = ray_variance * rays;
         let independent = n * (few + 2.0) / (rays * rays);
         let prior = n * n / few.max(1e-3);
         let variance = (squares + prior * independent) / (n - 1.0 + prior);
         let (standard_error, weight_error) = ((variance / n).sqrt(), (weight_squares / (n * (n - 1.0))).sqrt());
-        Estimate { value, standard_error, weight, weight_error }
+        Estimate { value: value.clamp(0.0, 1.0), standard_error, weight, weight_error }
     }
 }
 

@@ -8,6 +8,7 @@ mod bundle;
 mod contact;
 mod displacement;
 mod edges;
+mod flat_objects;
 mod flatten;
 #[cfg(test)]
 mod flatten_tests;

@@ -24,6 +24,7 @@ pub struct ObjectSurface {
     bounds: Aabb,
     /// Whether all nominal areas are the true ones.
     is_exact: bool,
+    has_holes: bool,
 }
 
 /// An instance with some of the objects.
@@ -88,6 +89,24 @@ impl ObjectSurface {
         self.is_exact
     }
 
+    /// The number of primitives, copies counted.
+    pub fn primitives(&self) -> usize {
+        self.elements.len()
+    }
+
+    /// Whether a material on the surface may have holes.
+    pub fn has_holes(&self) -> bool {
+        self.has_holes
+    }
+
+    /// The geometry and number of each primitive, and the transform to the world.
+    pub(super) fn placed_primitives(&self) -> impl Iterator<Item = (u32, u32, Option<&Transform>)> {
+        self.elements.iter().map(|element| {
+            let instance = &self.instances[element.instance as usize];
+            (instance.geometry, element.primitive, instance.to_world.as_ref())
+        })
+    }
+
     /// A box around the surface without planes, in the world's coordinates.
     pub fn bounds(&self) -> Aabb {
         self.bounds
@@ -147,6 +166,7 @@ impl World {
             samplers: Vec::new(),
             bounds: Aabb::EMPTY,
             is_exact: true,
+            has_holes: false,
         };
         // Groups come after the groups that they contain.
         let mut spans: Vec<u64> = Vec::with_capacity(self.groups.len());
@@ -252,7 +272,8 @@ impl World {
             surface.elements.push(Element { instance: index, primitive, sampler });
             let bounds = instance.bounds(&self.chains, geometry.primitive_bounds(primitive));
             surface.bounds = surface.bounds.union(bounds);
-            surface.is_exact &= (is_mesh || scale.is_some()) && !self.material_at(instance, primitive).has_holes();
+            surface.has_holes |= self.material_at(instance, primitive).has_holes();
+            surface.is_exact &= (is_mesh || scale.is_some()) && !surface.has_holes;
         }
         Ok(())
     }
