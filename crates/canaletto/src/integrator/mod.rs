@@ -2,6 +2,7 @@
 
 mod counts;
 mod probe;
+pub mod radiosity;
 mod tile_integrator;
 mod whitted;
 

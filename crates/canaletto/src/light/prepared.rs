@@ -143,6 +143,15 @@ impl PreparedLight {
         self.arriving(position, p)
     }
 
+    /// [`PreparedLight::illuminate`] without random points: those are replaced by as many points that are spread evenly.
+    pub(crate) fn illuminate_evenly(&self, index: u32, p: DVec3) -> Illumination {
+        if self.is_sampled() {
+            self.illuminate_from(area::fixed(index, self.count), p)
+        } else {
+            self.illuminate(index, p)
+        }
+    }
+
     /// The position of point number `index`, if it doesn't depend on the lit point. [`PreparedLight::along`] then
     /// returns the arriving intensity.
     #[inline]

@@ -9,6 +9,7 @@ mod fragment;
 mod integrator;
 mod node;
 mod object_ids;
+mod radiosity;
 mod sparse;
 
 pub use camera::{Aperture, Extrinsics, Focus, Intrinsics, Lens, View};
@@ -17,6 +18,7 @@ pub use fragment::{Fragment, Offsets};
 pub use integrator::{Integrator, Stage, WhittedSettings};
 pub use node::{Content, Node};
 pub use object_ids::{ObjectIds, TooManyObjects};
+pub use radiosity::{RadiosityMethod, RadiositySettings, RadiosityShow};
 pub use sparse::{Sparse, Usual};
 
 use crate::light::environment::Environment;

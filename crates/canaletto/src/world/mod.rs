@@ -8,6 +8,7 @@ mod bundle;
 mod contact;
 mod displacement;
 mod edges;
+mod facets;
 mod flat_objects;
 mod flatten;
 #[cfg(test)]
@@ -39,6 +40,7 @@ mod shadow;
 mod shadow_tests;
 mod shape_list;
 mod shells;
+mod solids;
 mod textured;
 mod zones;
 
@@ -47,12 +49,14 @@ pub use build::{BuildError, BuildOptions};
 pub use bundle::RayBundle;
 pub use canaletto_bvh::Quality;
 pub(crate) use contact::{Contact, touching};
+pub(crate) use facets::Facet;
 pub use geometry_probe::GeometryProbe;
 pub use object_surface::{ObjectSurface, TooManyPrimitives};
 pub use query::Hit;
 pub use reuse::ReuseCounts;
 pub(crate) use shadow::{MAX_STALLED, ShadowRays};
 pub use shadow::{OccluderCache, Occlusion};
+pub(crate) use solids::Solids;
 pub use textured::{Reading, TextureRead};
 
 use crate::light::PreparedLight;

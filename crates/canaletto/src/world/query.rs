@@ -341,7 +341,7 @@ impl World {
         self.materials.len() as u32 - 1
     }
 
-    fn material_of(&self, instance: &Instance, primitive: u32) -> u32 {
+    pub(super) fn material_of(&self, instance: &Instance, primitive: u32) -> u32 {
         let own = match &self.geometries[instance.geometry as usize] {
             Geometry::Shapes { materials, .. } => materials[primitive as usize],
             Geometry::Mesh { mesh, .. } => {

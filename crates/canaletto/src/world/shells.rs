@@ -20,6 +20,8 @@ pub(super) struct Shells {
     volumes: Vec<f64>,
     /// The box around all places where the mesh lies on itself.
     folds: Aabb,
+    /// For each slot with closed parts, the first triangle of them.
+    examples: Vec<u32>,
 }
 
 /// The sides of all triangles, ordered by their smaller end.
@@ -54,17 +56,27 @@ impl Shells {
                 volumes[slot(triangle) as usize] += a.dot(b.cross(c)) / 6.0;
             }
         }
+        let mut examples = vec![None; last as usize + 1];
+        for triangle in (0..mesh.triangles.len()).filter(|&triangle| closed.is_empty() || closed[triangle]) {
+            examples[slot(triangle) as usize].get_or_insert(triangle as u32);
+        }
+        let examples = examples.into_iter().flatten().collect();
         let folds = folds(mesh, |triangle| {
             let is_open = !closed.is_empty() && !closed[triangle];
             2 * slot(triangle) + u32::from(is_open)
         });
         let slots = (0..mesh.slots.len()).map(slot).collect();
-        Shells { slots, closed, volumes: volumes.into_iter().map(f64::abs).collect(), folds }
+        Shells { slots, closed, volumes: volumes.into_iter().map(f64::abs).collect(), folds, examples }
     }
 
     /// The box around all places where the mesh lies on itself.
     pub(super) fn folds(&self) -> Aabb {
         self.folds
+    }
+
+    /// A triangle of each slot's closed parts, where there are any.
+    pub(super) fn examples(&self) -> impl Iterator<Item = u32> {
+        self.examples.iter().copied()
     }
 
     /// The slot of a triangle in a closed part, and the volume of the slot's closed parts.

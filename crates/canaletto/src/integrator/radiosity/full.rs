@@ -1,0 +1,57 @@
+//! The equations of all pairs of patches, on patches of about equal area.
+
+use super::balance::{Light, solve};
+use super::exchange::Effort;
+use super::hierarchical::{closed, given};
+use super::link::Link;
+use super::mesh::PatchMesh;
+use super::{Balanced, RadiosityError, RadiositySettings};
+use crate::job::Observer;
+use rayon::prelude::*;
+
+/// The largest area of a patch, relative to all area times the squared wanted error.
+const PATCH_AREA: f64 = 2.5;
+
+/// Splits all elements down to the area that the wanted error allows.
+pub(super) fn subdivide_evenly(mesh: &mut PatchMesh, settings: &RadiositySettings) {
+    let error = f64::from(settings.error);
+    let largest = mesh.area * (PATCH_AREA * error * error).min(1.0);
+    let mut waiting: Vec<u32> = (0..mesh.elements.len() as u32).collect();
+    while !waiting.is_empty() {
+        waiting.retain(|&element| {
+            let element = &mesh.elements[element as usize];
+            element.is_leaf() && element.area > largest
+        });
+        let from = mesh.elements.len() as u32;
+        mesh.subdivide(&waiting);
+        waiting = (from..mesh.elements.len() as u32).collect();
+    }
+}
+
+/// Solves with links between all pairs of patches.
+pub(super) fn full(
+    mesh: &mut PatchMesh,
+    settings: &RadiositySettings,
+    observer: &dyn Observer,
+) -> Result<Balanced, RadiosityError> {
+    subdivide_evenly(mesh, settings);
+    let (mut given, _) = given(mesh, settings, false, observer)?;
+    closed(mesh, &mut given);
+    let leaves: Vec<u32> =
+        (0..mesh.elements.len() as u32).filter(|&element| mesh.elements[element as usize].is_leaf()).collect();
+    let this = &*mesh;
+    let row = |&p: &u32| -> Vec<Link> {
+        if observer.cancelled() {
+            return Vec::new();
+        }
+        let to = |&q: &u32| {
+            Some(this.between(p, q, Effort::Few))
+                .filter(|exchange| exchange.factor > 0.0)
+                .map(|exchange| Link::between(this.node(p), this.node(q), &exchange))
+        };
+        leaves.iter().filter_map(to).collect()
+    };
+    let links: Vec<Link> = leaves.par_iter().flat_map_iter(row).collect();
+    let (light, residual) = solve(this, &links, &given.all(), &given.closed, Light::default(), observer)?;
+    Ok(Balanced { given, light, residual, links: links.len() })
+}

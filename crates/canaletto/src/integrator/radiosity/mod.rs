@@ -1,0 +1,152 @@
+//! Radiosity: diffuse light by the balance of energies (chapter 5.7; Goral et al. 1984).
+//!
+//! The radiance B of each patch is what it emits, and the share ρ that it reflects of the light that arrives from
+//! lights, D, and from all other patches: B = E + ρ (D + Σ F B). The form factor F is the share of a patch's view that
+//! another patch fills. All light is counted as radiance, so that a white surface in light of radiance 1 has 1.
+//!
+//! - [`root`] and [`mesh`] make patches of all shapes. Patches that touching bodies cover in part are split first.
+//! - [`exchange`] finds form factors: exact contours times the visibility of rays. [`sources`] finds D.
+//! - [`hierarchical`] refines [`link`]s between nodes of the mesh, and [`balance`] solves the equations over them.
+//! - [`shooting`] and [`full`] solve them on a mesh of equal patches.
+//!
+//! Deviations: moving objects stay where they are when the shutter opens. Materials count by their diffuse colour
+//! alone. Clear surfaces let light pass straight through, as shadow rays do.
+
+mod balance;
+mod cluster;
+mod cuts;
+mod exchange;
+mod full;
+mod hierarchical;
+mod link;
+mod mesh;
+mod outline;
+mod root;
+mod shooting;
+mod solution;
+mod sources;
+#[cfg(test)]
+mod tests;
+
+pub use shooting::{ShootingStep, ShootingWatcher};
+pub use solution::{Patch, RadiositySolution};
+
+use crate::OutOfRange;
+use crate::job::Observer;
+use crate::scene::{RadiosityMethod, RadiositySettings};
+use crate::world::World;
+use balance::Light;
+use canaletto_bvh::{NoThreads, with_stack};
+use hierarchical::Given;
+use mesh::PatchMesh;
+
+/// The reason why there is no solution.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RadiosityError {
+    /// A setting is out of range.
+    #[error(transparent)]
+    Range(#[from] OutOfRange),
+    /// A material reflects more light than arrives.
+    #[error("material \"{material}\" reflects {reflectance} of the light; radiosity needs a kd of at most 1")]
+    Reflectance {
+        /// The material's name.
+        material: String,
+        /// Its largest diffuse reflectance.
+        reflectance: f64,
+    },
+    /// Light grows from bounce to bounce without end.
+    #[error("the light has no end: closed rooms of materials with kd 1 absorb nothing; a smaller kd helps")]
+    Endless,
+    /// Nothing gives light.
+    #[error("nothing gives light: radiosity needs a light, a material with an emission or an environment")]
+    Dark,
+    /// No surface has patches.
+    #[error("the scene has no surface to light, or only planes; radiosity needs a shape with bounds")]
+    NoPatches,
+    /// The surfaces need more patches than the limit before any is subdivided.
+    #[error("the scene's surfaces need more than {limit} patches; a larger max-patches or error helps")]
+    TooManyPatches {
+        /// The limit.
+        limit: usize,
+    },
+    /// The hierarchy of bodies can't be built.
+    #[error("the scene is too large for radiosity: {0}")]
+    Hierarchy(String),
+    /// The observer cancelled.
+    #[error("radiosity was cancelled")]
+    Cancelled,
+    /// Threads with enough stack can't be started.
+    #[error(transparent)]
+    NoThreads(#[from] NoThreads),
+}
+
+/// What a method found.
+struct Balanced {
+    given: Given,
+    light: Light,
+    residual: f64,
+    links: usize,
+}
+
+impl RadiositySolution {
+    /// Solves a world's balance of light. The result depends on world and settings only: any number of threads gives
+    /// equal bits.
+    ///
+    /// # Errors
+    /// [`RadiosityError`] names the reason.
+    pub fn solve(
+        world: &World,
+        settings: &RadiositySettings,
+        observer: &dyn Observer,
+    ) -> Result<RadiositySolution, RadiosityError> {
+        RadiositySolution::solve_watched(world, settings, observer, &mut ())
+    }
+
+    /// [`RadiositySolution::solve`] with a watcher of each step of the method "shooting".
+    ///
+    /// # Errors
+    /// [`RadiosityError`] names the reason.
+    pub fn solve_watched(
+        world: &World,
+        settings: &RadiositySettings,
+        observer: &dyn Observer,
+        watcher: &mut dyn ShootingWatcher,
+    ) -> Result<RadiositySolution, RadiosityError> {
+        settings.check()?;
+        with_stack(STACK + STACK_OF_GROUP * world.most_groups(), || balance_of(world, settings, observer, watcher))?
+    }
+}
+
+/// The stack in bytes that a ray needs, and for each group around the primitive that it hits.
+const STACK: usize = 512 << 10;
+const STACK_OF_GROUP: usize = 16 << 10;
+
+fn balance_of(
+    world: &World,
+    settings: &RadiositySettings,
+    observer: &dyn Observer,
+    watcher: &mut dyn ShootingWatcher,
+) -> Result<RadiositySolution, RadiosityError> {
+    let mut mesh = PatchMesh::new(world, settings)?;
+    if mesh.elements.is_empty() {
+        return Err(RadiosityError::NoPatches);
+    }
+    for element in &mesh.elements {
+        let reflectance = element.reflectance.max_element();
+        if reflectance > 1.0 {
+            let material = &world.materials()[mesh.roots[element.root as usize].material as usize].name;
+            return Err(RadiosityError::Reflectance { material: material.clone(), reflectance });
+        }
+    }
+    let emits = mesh.elements.iter().any(|element| element.emission.max_element() > 0.0);
+    if !emits && world.lights.is_empty() && world.environment.is_none() {
+        return Err(RadiosityError::Dark);
+    }
+    let balanced = match settings.method {
+        RadiosityMethod::Hierarchical => hierarchical::hierarchical(&mut mesh, settings, observer)?,
+        RadiosityMethod::Shooting => shooting::shooting(&mut mesh, settings, observer, watcher)?,
+        RadiosityMethod::Full => full::full(&mut mesh, settings, observer)?,
+    };
+    Ok(RadiositySolution::new(&mesh, balanced))
+}

@@ -1,0 +1,124 @@
+//! Progressive refinement: the patch with the most light that it hasn't sent yet sends it, again and again (Cohen, Chen,
+//! Wallace, Greenberg 1988).
+
+use super::balance::Light;
+use super::exchange::Effort;
+use super::full::subdivide_evenly;
+use super::hierarchical::{given, means};
+use super::mesh::PatchMesh;
+use super::{Balanced, RadiosityError, RadiositySettings};
+use crate::job::Observer;
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// The share of all light that may be missing because light stays unsent, relative to the wanted error.
+const UNSENT: f64 = 0.1;
+
+/// The state after a step.
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+pub struct ShootingStep<'a> {
+    /// The number of patches that have sent light.
+    pub step: usize,
+    /// The share of all light that isn't sent yet.
+    pub unsent: f64,
+    /// The ambient light that stands for it: the radiance of a white surface in it.
+    pub ambient: DVec3,
+    /// The radiance of each patch with ambient light, in the order of the solution's patches.
+    pub radiance: &'a [DVec3],
+}
+
+/// A watcher of each step of shooting.
+pub trait ShootingWatcher: Send {
+    /// Called after each step.
+    fn step(&mut self, _step: &ShootingStep) {}
+
+    /// Whether steps are of interest. If not, none is reported.
+    fn watches(&self) -> bool {
+        false
+    }
+}
+
+/// The empty watcher.
+impl ShootingWatcher for () {}
+
+/// Solves by shooting.
+pub(super) fn shooting(
+    mesh: &mut PatchMesh,
+    settings: &RadiositySettings,
+    observer: &dyn Observer,
+    watcher: &mut dyn ShootingWatcher,
+) -> Result<Balanced, RadiosityError> {
+    subdivide_evenly(mesh, settings);
+    let (given, _) = given(mesh, settings, false, observer)?;
+    let mesh = &*mesh;
+    let leaves: Vec<u32> =
+        (0..mesh.elements.len() as u32).filter(|&element| mesh.elements[element as usize].is_leaf()).collect();
+    let all = given.all();
+    let mut arriving = all.clone();
+    for node in mesh.clusters.len()..mesh.nodes() {
+        if mesh.element_of(mesh.parent(node as u32)).is_some() {
+            let above = arriving[mesh.parent(node as u32) as usize];
+            arriving[node] += above;
+        }
+    }
+    let element = |leaf: usize| &mesh.elements[leaves[leaf] as usize];
+    let mut radiance: Vec<DVec3> = (0..leaves.len())
+        .map(|leaf| element(leaf).emission + element(leaf).reflectance * arriving[mesh.node(leaves[leaf]) as usize])
+        .collect();
+    let mut unsent = radiance.clone();
+    let mut received = vec![DVec3::ZERO; leaves.len()];
+    let area: f64 = leaves.iter().map(|&leaf| mesh.elements[leaf as usize].area).sum();
+    let mean =
+        |of: &dyn Fn(usize) -> DVec3| (0..leaves.len()).map(|leaf| of(leaf) * element(leaf).area).sum::<DVec3>() / area;
+    let reflectance = mean(&|leaf| element(leaf).reflectance);
+    // The sum of the light of all bounces in a room of the mean reflectance.
+    let bounces = DVec3::ONE / (DVec3::ONE - reflectance).max(DVec3::splat(1e-6));
+    let (mut steps, mut last_round) = (0, f64::INFINITY);
+    let rest = loop {
+        let left = mean(&|leaf| unsent[leaf]);
+        let share = left.max_element() / mean(&|leaf| radiance[leaf]).max_element().max(f64::MIN_POSITIVE);
+        if steps > 0 && watcher.watches() {
+            let ambient = left * bounces;
+            let shown: Vec<DVec3> =
+                (0..leaves.len()).map(|leaf| radiance[leaf] + element(leaf).reflectance * ambient).collect();
+            watcher.step(&ShootingStep { step: steps, unsent: share, ambient, radiance: &shown });
+        }
+        if share * bounces.max_element() <= UNSENT * f64::from(settings.error) || left.max_element() == 0.0 {
+            break share;
+        }
+        if observer.cancelled() {
+            return Err(RadiosityError::Cancelled);
+        }
+        if steps % leaves.len() == 0 {
+            if left.max_element() > last_round * LEAST_REDUCTION {
+                return Err(RadiosityError::Endless);
+            }
+            last_round = left.max_element();
+        }
+        let power = |leaf: usize| unsent[leaf].element_sum() * element(leaf).area;
+        let from = (0..leaves.len()).fold(0, |best, leaf| if power(leaf) > power(best) { leaf } else { best });
+        let sent = std::mem::take(&mut unsent[from]);
+        let factors: Vec<f64> =
+            leaves.par_iter().map(|&leaf| mesh.between(leaf, leaves[from], Effort::Few).factor).collect();
+        for (leaf, factor) in factors.into_iter().enumerate() {
+            if factor > 0.0 {
+                let light = sent * factor;
+                received[leaf] += light;
+                radiance[leaf] += element(leaf).reflectance * light;
+                unsent[leaf] += element(leaf).reflectance * light;
+            }
+        }
+        steps += 1;
+    };
+    let mut light = Light { radiance: vec![DVec3::ZERO; mesh.nodes()], received: vec![DVec3::ZERO; mesh.nodes()] };
+    for (leaf, &number) in leaves.iter().enumerate() {
+        light.radiance[mesh.node(number) as usize] = radiance[leaf];
+        light.received[mesh.node(number) as usize] = received[leaf];
+    }
+    light.radiance = means(mesh, light.radiance);
+    Ok(Balanced { given, light, residual: rest, links: steps * leaves.len() })
+}
+
+/// The reduction of unsent light by as many steps as there are patches, with which light still ends.
+const LEAST_REDUCTION: f64 = 0.999;

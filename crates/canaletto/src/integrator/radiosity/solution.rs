@@ -1,0 +1,171 @@
+//! Solutions: the light of all patches, found again by a point of a surface.
+
+use super::Balanced;
+use super::hierarchical::Given;
+use super::mesh::{NONE, PatchMesh};
+use super::outline::Outline;
+use glam::DVec3;
+
+/// One side of a flat piece of surface with the same light everywhere.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Patch {
+    /// The instance that the patch belongs to, as in [`Hit::instance`](crate::world::Hit::instance).
+    pub instance: u32,
+    /// The primitive, as in [`Hit::primitive`](crate::world::Hit::primitive). A patch of two triangles has the first.
+    pub primitive: u32,
+    /// The part of a shape.
+    pub part: u32,
+    /// Whether the patch is the outer side of the surface.
+    pub is_outer: bool,
+    /// The unit normal of the patch's side.
+    pub normal: DVec3,
+    /// The centre, in the coordinates of the world.
+    pub center: DVec3,
+    /// The area that is not covered by other bodies.
+    pub area: f64,
+    /// The mean diffuse reflectance.
+    pub reflectance: DVec3,
+    /// The radiance that the patch emits itself.
+    pub emission: DVec3,
+    /// The light that arrives from the scene's lights without a reflection, as the radiance of a white surface.
+    pub direct: DVec3,
+    /// All other light that arrives: from other patches and from the environment.
+    pub indirect: DVec3,
+}
+
+impl Patch {
+    /// The radiance that leaves the patch.
+    pub fn radiance(&self) -> DVec3 {
+        self.emission + self.reflectance * (self.direct + self.indirect)
+    }
+
+    /// The irradiance: π times the arriving light.
+    pub fn irradiance(&self) -> DVec3 {
+        (self.direct + self.indirect) * std::f64::consts::PI
+    }
+}
+
+/// A root or a part of one.
+#[derive(Clone, Debug)]
+pub(super) struct SolvedElement {
+    pub(super) outline: Outline,
+    /// The first part, and the number of parts.
+    first: u32,
+    parts: u32,
+    /// The number of the patch, if there are no parts.
+    pub(super) patch: u32,
+}
+
+/// The balance of diffuse light in a world.
+#[derive(Clone, Debug)]
+pub struct RadiositySolution {
+    patches: Vec<Patch>,
+    outlines: Vec<Outline>,
+    elements: Vec<SolvedElement>,
+    /// Instance, primitive, side and part of each root, with its element, in order.
+    roots: Vec<(u32, u32, bool, u32, u32)>,
+    /// The largest change by one more bounce, relative to all light.
+    pub residual: f64,
+    /// The number of links between nodes, or of pairs of patches.
+    pub links: usize,
+    /// Whether the limit of patches kept the error from being reached.
+    pub limit_reached: bool,
+}
+
+impl RadiositySolution {
+    pub(super) fn new(mesh: &PatchMesh, balanced: Balanced) -> RadiositySolution {
+        let Balanced { given: Given { mut lit, mut sky, .. }, light, residual, links } = balanced;
+        let (mut patches, mut outlines, mut elements, mut roots) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        for (number, element) in mesh.elements.iter().enumerate() {
+            let node = mesh.clusters.len() + number;
+            let root = &mesh.roots[element.root as usize];
+            if let Some(parent) = mesh.element_of(element.parent).map(|parent| mesh.node(parent) as usize) {
+                let [above, sky_above] = [lit[parent], sky[parent]];
+                lit[node] += above;
+                sky[node] += sky_above;
+            } else {
+                let [first, second] = root.primitives;
+                roots.push((root.instance, first, root.is_outer, root.part, number as u32));
+                if second != first {
+                    roots.push((root.instance, second, root.is_outer, root.part, number as u32));
+                }
+            }
+            let patch = if element.is_leaf() { patches.len() as u32 } else { NONE };
+            elements.push(SolvedElement {
+                outline: element.outline,
+                first: element.first_part,
+                parts: element.parts,
+                patch,
+            });
+            if element.is_leaf() {
+                outlines.push(element.outline);
+                patches.push(Patch {
+                    instance: root.instance,
+                    primitive: root.primitive_at(element.center),
+                    part: root.part,
+                    is_outer: root.is_outer,
+                    normal: root.normal,
+                    center: element.center,
+                    area: element.area,
+                    reflectance: element.reflectance,
+                    emission: element.emission,
+                    direct: lit[node],
+                    indirect: light.received[node] + sky[node],
+                });
+            }
+        }
+        roots.sort_unstable();
+        RadiositySolution { patches, outlines, elements, roots, residual, links, limit_reached: mesh.limit_reached }
+    }
+
+    /// All patches.
+    pub fn patches(&self) -> &[Patch] {
+        &self.patches
+    }
+
+    /// The corners of a patch, three or four, counter-clockwise when seen from its side.
+    pub fn corners(&self, patch: usize) -> &[DVec3] {
+        self.outlines[patch].corners()
+    }
+
+    /// The number of the patch at a point of a surface, on one of its sides. None where the surface has no patch, as
+    /// inside solids.
+    pub fn patch_at(&self, instance: u32, primitive: u32, part: u32, is_outer: bool, point: DVec3) -> Option<usize> {
+        let element = self.leaf_at(instance, primitive, part, is_outer, point)?;
+        Some(self.elements[element as usize].patch as usize)
+    }
+
+    fn leaf_at(&self, instance: u32, primitive: u32, part: u32, is_outer: bool, point: DVec3) -> Option<u32> {
+        let key = (instance, primitive, is_outer, part);
+        let of = |root: &(u32, u32, bool, u32, u32)| (root.0, root.1, root.2, root.3);
+        let from = self.roots.partition_point(|root| of(root) < key);
+        let count = self.roots[from..].partition_point(|root| of(root) == key);
+        let roots = &self.roots[from..from + count];
+        let outline = |root: &(u32, u32, bool, u32, u32)| &self.elements[root.4 as usize].outline;
+        // How far a point is outside an outline.
+        let outside = |outline: &Outline| {
+            let normal = outline.normal().unwrap_or(DVec3::Z);
+            let height = (point - outline.center()).dot(normal);
+            (height * height, -outline.depth(point - normal * height))
+        };
+        let mut element = match roots {
+            [] => return None,
+            [only] => only.4,
+            several => {
+                let distance = |root: &&(u32, u32, bool, u32, u32)| {
+                    let (square, out) = outside(outline(root));
+                    square + out.max(0.0) * out.max(0.0)
+                };
+                several.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))?.4
+            }
+        };
+        loop {
+            let SolvedElement { outline, first, parts, .. } = &self.elements[element as usize];
+            if *parts == 0 {
+                return Some(element);
+            }
+            element = first + outline.part_at(point) as u32;
+        }
+    }
+}
