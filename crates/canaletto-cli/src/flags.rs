@@ -2,7 +2,7 @@
 
 use canaletto::Named;
 use canaletto::camera::Camera;
-use canaletto::scene::{SamplePattern, SamplerKind, Sampling, Stage, Tone, Transfer};
+use canaletto::scene::{Integrator, SamplePattern, SamplerKind, Sampling, Stage, Tone, Transfer};
 use canaletto::world::{BuildOptions, Quality};
 use canaletto_io::import::FORMATS;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
@@ -109,6 +109,12 @@ pub(crate) struct PictureFlags {
     /// Sets the seed of the random numbers; the same seed gives the same picture
     #[arg(long, allow_negative_numbers = true, value_name = "N", help_heading = "Sampling")]
     pub seed: Option<u64>,
+
+    /// Selects the integrator: how the picture is made [default: the scene's, or whitted]
+    ///
+    /// The settings are the scene's if it names the same integrator, else the integrator's defaults.
+    #[arg(long, value_name = "NAME", value_parser = named::<Integrator>(), help_heading = "Light")]
+    pub integrator: Option<Integrator>,
 
     /// Sets how much of the shading equation is computed; each stage contains the stages before it
     #[arg(long, value_name = "STAGE", value_parser = named::<Stage>(), help_heading = "Light")]

@@ -76,7 +76,9 @@ impl Report {
             [first, more @ ..] => format!("{first} and {}", plural(more.len() as u64, "layer")),
         };
         out += &format!("{files}: {width} x {height} pixels, {sampling}\n");
-        out += &format!("  {:<10} {:>15} {:>15}\n", "rays", "traced", "hit");
+        if self.rays_total > 0 {
+            out += &format!("  {:<10} {:>15} {:>15}\n", "rays", "traced", "hit");
+        }
         for (name, rays) in [
             ("eye", self.rays.eye),
             ("reflected", self.rays.reflected),
@@ -88,14 +90,17 @@ impl Report {
                 out += &format!("  {name:<10} {:>15} {:>15}\n", count(rays.traced), count(rays.hit));
             }
         }
+        for (name, &number) in self.counts.iter().filter(|(_, number)| **number > 0) {
+            out += &format!("  {} {name}\n", count(number));
+        }
         let t = |seconds: f64| duration(Duration::from_secs_f64(seconds.max(0.0)));
         out += &format!("  {}, {}\n", plural(self.primitives, "primitive"), plural(self.threads as u64, "thread"));
         out += &format!(
-            "  read {}, build {}, render {} ({}), write {}",
+            "  read {}, build {}, render {}{}, write {}",
             t(self.seconds.read),
             t(self.seconds.build),
             t(self.seconds.render),
-            rate(self.rays_per_second),
+            if self.rays_total > 0 { format!(" ({})", rate(self.rays_per_second)) } else { String::new() },
             t(self.seconds.write)
         );
         out

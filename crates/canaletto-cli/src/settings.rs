@@ -6,10 +6,13 @@ use crate::flags::{PictureFlags, SourceFlags};
 use crate::format::count;
 use canaletto::Named;
 use canaletto::camera::Camera;
+use canaletto::diagnose::{self, Unsupported};
 use canaletto::render::{Job, JobError};
-use canaletto::scene::{FilmSettings, Filter, SamplePattern, Sampling, Scene, View};
+use canaletto::scene::{FilmSettings, Filter, SamplePattern, Sampling, Scene, ShadowMethod, View};
+use canaletto::world::World;
 use canaletto_io::picture::MAX_PIXELS;
 use canaletto_io::text::closest_word;
+use canaletto_io::diagnostic::{Diagnostic, Diagnostics};
 
 /// The job of a command, and the name of its camera.
 #[derive(Clone, Debug)]
@@ -38,7 +41,15 @@ impl Settings {
             crop: flags.crop.or(scene.film.crop),
             ..scene.film
         };
-        let mut integrator = scene.integrator;
+        let mut integrator = match flags.integrator {
+            Some(other) if other.name() != scene.integrator.name() => other,
+            _ => scene.integrator,
+        };
+        if flags.no_shadows
+            && let Some(settings) = integrator.zbuffer_mut()
+        {
+            settings.shadows = ShadowMethod::None;
+        }
         if let Some(settings) = integrator.whitted_mut() {
             settings.stage = flags.stage.unwrap_or(settings.stage);
             settings.max_depth = flags.max_depth.unwrap_or(settings.max_depth);
@@ -188,6 +199,17 @@ pub(crate) fn metadata(source: &SourceFlags, settings: &Settings) -> Vec<(String
         texts.push(("set", source.set.join("; ")));
     }
     texts.into_iter().map(|(key, text)| (key.to_owned(), text)).collect()
+}
+
+/// Warnings about what the integrator doesn't do of a job.
+pub(crate) fn unsupported(name: &str, world: &World, job: &Job) -> Diagnostics {
+    let mut all = Diagnostics::new();
+    for Unsupported { problem, subjects, .. } in diagnose::unsupported(world, job) {
+        let subjects: Vec<&str> = subjects.iter().map(String::as_str).collect();
+        let of = if subjects.is_empty() { String::new() } else { format!(": {}", list(&subjects)) };
+        all.push(Diagnostic::warning(name, format!("{problem}{of}")));
+    }
+    all
 }
 
 fn filter_words(filter: Filter) -> String {

@@ -406,7 +406,7 @@ fn values_can_be_set() {
     ])
     .unwrap_or_else(|errors| panic!("{errors}"));
     assert_eq!(changed.materials[0].phong().eta, 1.4);
-    assert_eq!((changed.integrator.max_depth(), changed.integrator.traces_shadows()), (3, false));
+    assert_eq!((changed.integrator.max_depth(), changed.integrator.has_shadows()), (3, false));
     assert!(changed.views.iter().all(|view| view.intrinsics.fovy == 50.0));
     assert_eq!(changed.film.sampling, canaletto::scene::Sampling::Jittered(2));
     assert_eq!(changed.background, canaletto::math::Rgb::gray(0.5));

@@ -8,9 +8,11 @@ mod omission;
 pub use brightness::Reason;
 pub use omission::{Omission, omissions};
 
+use crate::integrator::unsupported_by_zbuffer;
 use crate::light::PreparedLight;
 use crate::math::DRay;
 use crate::render::Job;
+use crate::scene::Integrator;
 use crate::world::{Hit, World};
 use brightness::Brightness;
 use glam::DVec3;
@@ -67,6 +69,24 @@ impl fmt::Display for Finding {
     }
 }
 
+/// Something that a job asks for and its integrator doesn't do.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Unsupported {
+    /// What the integrator does in place of it.
+    pub problem: String,
+    /// The names of the objects or lights that it concerns; empty if it concerns the whole picture.
+    pub subjects: Vec<String>,
+}
+
+/// Everything that a job asks for and its integrator doesn't do. Visits all primitives if a material isn't supported.
+pub fn unsupported(world: &World, job: &Job) -> Vec<Unsupported> {
+    match &job.integrator {
+        Integrator::Whitted(_) => Vec::new(),
+        Integrator::Zbuffer(settings) => unsupported_by_zbuffer(world, job, settings),
+    }
+}
+
 /// The largest number of rays along each side of the picture: of the first test, and of the second, after the first hit
 /// nothing.
 const GRIDS: [u32; 2] = [32, 512];
@@ -104,7 +124,7 @@ fn doubts(world: &World, job: &Job) -> Vec<Finding> {
     if !GRIDS.iter().any(|most| anything_in_view(world, job, *most)) {
         findings.push(nothing_in_view(world, in_scene));
     }
-    if !job.integrator.traces_shadows() {
+    if !job.integrator.has_shadows() {
         return findings;
     }
     let eye = job.camera.at(0.0).eye();

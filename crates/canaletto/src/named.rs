@@ -76,7 +76,7 @@ mod tests {
     use crate::light::Emission;
     use crate::light::environment::{Face, Smoothing};
     use crate::material::{Channel, Projection, Space, Target};
-    use crate::scene::{Filter, Integrator, SamplePattern, SamplerKind, Stage, Tone, Transfer};
+    use crate::scene::{Filter, Integrator, SamplePattern, SamplerKind, Shading, ShadowMethod, Stage, Tone, Transfer};
     use crate::texture::{self, ColorSpace, Feature, Gradient, Interpolation, Placement, Prefilter, Wrap};
     use std::fmt::Debug;
 
@@ -102,6 +102,8 @@ mod tests {
         names_are_unique::<Integrator>();
         names_are_unique::<SamplePattern>();
         names_are_unique::<SamplerKind>();
+        names_are_unique::<Shading>();
+        names_are_unique::<ShadowMethod>();
         names_are_unique::<Stage>();
         names_are_unique::<Tone>();
         names_are_unique::<Transfer>();

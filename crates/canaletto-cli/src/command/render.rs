@@ -398,7 +398,10 @@ fn dry_run(
             let shadows = if settings.shadows { "shadows" } else { "no shadows" };
             format!("stage {}, depth {}, {shadows}", settings.stage.name(), settings.max_depth)
         }
-        None => format!("depth {}", job.integrator.max_depth()),
+        None => {
+            let settings = job.integrator.settings().into_iter().map(|(word, value)| format!("{word} {value}"));
+            format!("{}, {}", job.integrator.name(), settings.collect::<Vec<_>>().join(", "))
+        }
     };
     let format = plan.output.format;
     let kind = match format.capabilities() {

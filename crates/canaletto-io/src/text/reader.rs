@@ -142,6 +142,11 @@ impl<'a> Fields<'a> {
         self.got(field.name()).is_some()
     }
 
+    /// Whether the field of this name is present.
+    pub(crate) fn has_named(&self, name: &str) -> bool {
+        self.got(name).is_some()
+    }
+
     /// The span of the field, or else of the node's name.
     pub(crate) fn span<T>(&self, field: &Field<T>) -> Span {
         self.span_of(field.name())
@@ -162,6 +167,11 @@ impl<'a> Fields<'a> {
     /// The field's value.
     pub(crate) fn get<T: FieldValue>(&self, field: &Field<T>) -> Option<T> {
         T::read(self.raw(field)?)
+    }
+
+    /// The value of a field of a flag or word, if it is a flag.
+    pub(crate) fn flag<T>(&self, field: &Field<T>) -> Option<bool> {
+        bool::read(self.raw(field)?)
     }
 
     /// The value of a closed set that the field's word stands for.

@@ -18,6 +18,8 @@ pub(crate) enum ValueType {
     Counts(usize),
     /// `#true` or `#false`; no value means `#true`.
     Flag,
+    /// A flag or one of these keywords.
+    FlagOrKeyword(&'static [&'static str]),
     /// Any text.
     Text,
     /// One of these keywords.
@@ -127,6 +129,11 @@ impl<T: Named> Field<T> {
         Field::of_type(name, ValueType::Keyword(T::NAMES), doc)
     }
 
+    /// A field of a flag or of one of the words of a closed set.
+    pub(crate) const fn flag_or_word(name: &'static str, doc: &'static str) -> Field<T> {
+        Field::of_type(name, ValueType::FlagOrKeyword(T::NAMES), doc)
+    }
+
     /// A field of some words of a closed set.
     pub(crate) const fn one_of(name: &'static str, words: &'static [&'static str], doc: &'static str) -> Field<T> {
         Field::of_type(name, ValueType::Keyword(words), doc)
@@ -213,6 +220,7 @@ impl std::fmt::Display for ValueType {
             ValueType::Count => f.write_str("a whole number"),
             ValueType::Counts(n) => write!(f, "{n} whole numbers"),
             ValueType::Flag => f.write_str("#true or #false"),
+            ValueType::FlagOrKeyword(words) => write!(f, "#true, #false, {}", ValueType::Keyword(words)),
             ValueType::Text => f.write_str("a text"),
             ValueType::Keyword(words) => {
                 let quoted: Vec<String> = words.iter().map(|word| format!("\"{word}\"")).collect();

@@ -166,7 +166,7 @@ impl<'a> Validator<'a> {
             ValueType::Counts(2) => &[2],
             ValueType::Counts(3) => &[3],
             ValueType::Counts(_) => &[4],
-            ValueType::Flag if got.node.is_some() => &[0, 1],
+            ValueType::Flag | ValueType::FlagOrKeyword(_) if got.node.is_some() => &[0, 1],
             ValueType::Many(n) => return self.many(subject, n, got),
             _ => &[1],
         };
@@ -225,8 +225,9 @@ impl<'a> Validator<'a> {
                 }
                 whole
             }
-            (ValueType::Flag, ValueKind::Flag(_)) | (ValueType::Text, ValueKind::Text(_)) => true,
-            (ValueType::Keyword(allowed), ValueKind::Text(text)) => {
+            (ValueType::Flag | ValueType::FlagOrKeyword(_), ValueKind::Flag(_))
+            | (ValueType::Text, ValueKind::Text(_)) => true,
+            (ValueType::Keyword(allowed) | ValueType::FlagOrKeyword(allowed), ValueKind::Text(text)) => {
                 let known = allowed.contains(&&**text);
                 if !known {
                     let message = Message::error(value.span, format!("{subject} can't be \"{}\"", shortened(text)));

@@ -25,6 +25,8 @@ pub struct Camera {
     axes: [DVec3; 3],
     /// The distance d_f of the projection plane.
     near: f64,
+    /// The distance of the far plane.
+    far: f64,
     /// The window's width ("base") and height on the projection plane.
     window: DVec2,
     shift: DVec2,
@@ -151,6 +153,7 @@ impl Camera {
             zero: DVec3::ZERO,
             axes,
             near,
+            far,
             window: DVec2::new(window_width, window_height),
             shift: DVec2::from(shift),
             size: [width, height],
@@ -312,6 +315,16 @@ impl Camera {
     /// The distance d_f of the projection plane (5.2a).
     pub fn focal_distance(&self) -> f64 {
         self.near
+    }
+
+    /// The distance of the far plane, beyond which a z-buffer draws nothing.
+    pub fn far(&self) -> f64 {
+        self.far
+    }
+
+    /// The offset of the window's centre in parts of its width and height.
+    pub fn shift(&self) -> DVec2 {
+        self.shift
     }
 
     /// The window's width and height on the projection plane (5.2b, c).

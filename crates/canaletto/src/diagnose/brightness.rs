@@ -6,7 +6,7 @@ use crate::film::WeightedSum;
 use crate::integrator::{RayIntegrator, Whitted};
 use crate::math::Rgb;
 use crate::render::{Job, PixelRenderer, stack_of};
-use crate::scene::{FilmSettings, Integrator, Sampling, Transfer, WhittedSettings};
+use crate::scene::{FilmSettings, Sampling, Transfer, WhittedSettings};
 use crate::world::World;
 use canaletto_bvh::with_stack;
 use std::collections::BTreeMap;
@@ -113,7 +113,7 @@ fn dark_below(transfer: Transfer) -> f32 {
 /// This job with one ray for each pixel.
 fn coarse(job: &Job) -> Job {
     let film = FilmSettings { sampling: Sampling::Center, transfer: job.film.transfer, ..FilmSettings::default() };
-    let Integrator::Whitted(settings) = job.integrator;
+    let settings = job.integrator.nearest_whitted();
     let integrator = WhittedSettings { max_depth: settings.max_depth.min(6), ..settings }.into();
     Job { film, integrator, ..job.clone() }
 }
@@ -139,8 +139,7 @@ fn look(world: &World, job: &Job, most: [u32; 2]) -> Option<Seen> {
         .collect();
     with_stack(stack_of(world, &coarse), || {
         let too_many = |rays| rays > MAX_RAYS;
-        let Integrator::Whitted(settings) = coarse.integrator;
-        let mut whitted = Whitted::new(world, settings).with_cancel(&too_many);
+        let mut whitted = Whitted::new(world, coarse.integrator.nearest_whitted()).with_cancel(&too_many);
         let mut renderer = PixelRenderer::new(&coarse);
         let mut color = |pixel: &[u32; 2]| {
             let mut sum = WeightedSum::default();

@@ -13,6 +13,7 @@ pub use tree::{
     SampleNode, Side, TextureNode,
 };
 
+use crate::Named;
 use crate::film::WeightedSum;
 use crate::integrator::{RayIntegrator, Whitted};
 use crate::render::{Job, JobError, PixelRenderer, stack_of};
@@ -40,6 +41,9 @@ pub enum ExplainError {
     /// Mirrors and clear bodies multiply the pixel's rays beyond the limit.
     #[error("the pixel's tree has more than {MAX_RAYS} rays; a smaller max-depth makes it one that can be read")]
     TooManyRays,
+    /// The integrator doesn't explain pixels.
+    #[error("the {0} integrator has no ray tree; --integrator whitted explains the same pixel")]
+    Integrator(&'static str),
     /// The job has an error.
     #[error(transparent)]
     Job(#[from] JobError),
@@ -67,7 +71,9 @@ fn record(world: &World, job: &Job, [x, y]: [u32; 2]) -> Result<PixelTree, Expla
     let [width, height] = job.camera.size();
     let mut recorder = Recorder::new(world, &job.camera);
     let too_many = |rays| rays > MAX_RAYS;
-    let Integrator::Whitted(settings) = job.integrator;
+    let Integrator::Whitted(settings) = job.integrator else {
+        return Err(ExplainError::Integrator(job.integrator.name()));
+    };
     let mut whitted = Whitted::new(world, settings).with_cancel(&too_many);
     let mut sum = WeightedSum::default();
     PixelRenderer::new(job).pixel(&mut whitted, [x, y], &mut recorder, &mut sum);

@@ -5,8 +5,10 @@ mod probe;
 pub mod radiosity;
 mod tile_integrator;
 mod whitted;
+mod zbuffer;
 
 pub use counts::{Counts, RayCount, RayCounts};
 pub use probe::{LightTerm, Probe, RayKind};
 pub(crate) use tile_integrator::{Cancelled, PreparedRayIntegrator, RayIntegrator, TileIntegrator, TileWorker};
 pub use whitted::Whitted;
+pub(crate) use zbuffer::{Zbuffer, unsupported as unsupported_by_zbuffer};

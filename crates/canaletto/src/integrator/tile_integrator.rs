@@ -18,6 +18,11 @@ pub(crate) trait TileIntegrator: Sync {
         1
     }
 
+    /// What was counted while the integrator was prepared.
+    fn preparation_counts(&self) -> Counts {
+        Counts::default()
+    }
+
     /// The integrator's state for one thread.
     fn worker<'a>(&'a self, cancelled: Cancelled<'a>) -> Box<dyn TileWorker + 'a>;
 }

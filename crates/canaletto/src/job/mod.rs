@@ -71,6 +71,16 @@ pub enum JobError {
         /// The integrator's name.
         integrator: &'static str,
     },
+    /// The shadow maps would take too much memory.
+    #[error(
+        "the shadow maps take {mebibytes} MiB, more than {most} MiB; a smaller shadow-map-size or fewer lights take less"
+    )]
+    ShadowMaps {
+        /// The memory of all maps.
+        mebibytes: u64,
+        /// The most memory.
+        most: u64,
+    },
     /// A filter or threshold is out of range.
     #[error(transparent)]
     Range(#[from] OutOfRange),
@@ -102,6 +112,7 @@ impl Job {
         if !(1..=WhittedSettings::MAX_DEPTH).contains(&self.integrator.max_depth()) {
             return Err(JobError::Depth(self.integrator.max_depth()));
         }
+        self.integrator.check()?;
         if let Some(aov) = self.aovs.iter().find(|aov| !aov.is_made_by(&self.integrator)) {
             return Err(JobError::Layer { layer: aov.name(), integrator: self.integrator.name() });
         }

@@ -67,6 +67,15 @@ impl Cone {
     }
 }
 
+impl Spot {
+    /// The angle in degrees between the axis and a ray of light from which there is no light.
+    pub fn outer(&self) -> f32 {
+        match self.falloff {
+            Falloff::Smooth { outer, .. } | Falloff::Exponent { outer, .. } => outer,
+        }
+    }
+}
+
 impl Cone {
     /// The unit axis.
     pub(super) fn axis(&self) -> Vec3 {

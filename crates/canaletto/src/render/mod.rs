@@ -11,7 +11,7 @@ pub use crate::job::{Aov, Job, JobError, Observer, Progress};
 pub(crate) use pixel::PixelRenderer;
 
 use crate::film::{Picture, TileBuffer};
-use crate::integrator::{Counts, TileIntegrator};
+use crate::integrator::{Counts, TileIntegrator, Zbuffer};
 use crate::scene::Integrator;
 use crate::world::World;
 use camera_tiles::CameraTiles;
@@ -47,7 +47,12 @@ pub fn render(world: &World, job: &Job, observer: &dyn Observer) -> Result<Rende
     job.check()?;
     let counted = job.relative_to(world);
     let job = counted.as_ref().unwrap_or(job);
-    Ok(with_stack(stack_of(world, job), || on_all_threads(world, job, &*prepare(world, job), observer))?)
+    with_stack(stack_of(world, job), || {
+        Ok(match prepare(world, job, observer)? {
+            ControlFlow::Continue(integrator) => on_all_threads(world, job, &*integrator, observer),
+            ControlFlow::Break(()) => unfinished(world, job),
+        })
+    })?
 }
 
 /// The largest stack in bytes that the rays of a job need. It is the sum for the ray itself, for each of its parents,
@@ -59,11 +64,27 @@ pub(crate) fn stack_of(world: &World, job: &Job) -> usize {
     RAY + PARENT * job.integrator.max_depth() as usize + GROUP * world.most_groups()
 }
 
-/// Prepares the job's integrator: the one place that knows which integrators there are.
-fn prepare<'w>(world: &'w World, job: &'w Job) -> Box<dyn TileIntegrator + 'w> {
-    match job.integrator {
-        Integrator::Whitted(integrator) => Box::new(CameraTiles { world, job, integrator }),
-    }
+/// Prepares the job's integrator: the one place that knows which integrators there are. Breaks if cancelled.
+fn prepare<'w>(
+    world: &'w World,
+    job: &'w Job,
+    observer: &dyn Observer,
+) -> Result<ControlFlow<(), Box<dyn TileIntegrator + 'w>>, JobError> {
+    Ok(match job.integrator {
+        Integrator::Whitted(integrator) => {
+            ControlFlow::Continue(Box::new(CameraTiles { world, job, integrator }) as Box<dyn TileIntegrator>)
+        }
+        Integrator::Zbuffer(settings) => Zbuffer::prepare(world, job, settings, observer)?
+            .map_continue(|zbuffer| Box::new(zbuffer) as Box<dyn TileIntegrator>),
+    })
+}
+
+/// A render without any tile.
+fn unfinished(world: &World, job: &Job) -> Rendering {
+    let [_, _, width, height] = job.window();
+    let mut picture = Picture::new(width, height);
+    picture.layers = job.aovs.iter().map(|aov| aov.layer(world, width, height)).collect();
+    Rendering { picture, counts: Counts::default(), pixels_done: 0, complete: false }
 }
 
 /// Makes all passes over all tiles.
@@ -73,9 +94,7 @@ fn on_all_threads(world: &World, job: &Job, integrator: &dyn TileIntegrator, obs
     let tiles_across = width.div_ceil(side) as usize;
     let tile_count = tiles_across * height.div_ceil(side) as usize;
     let passes = integrator.passes().max(1);
-    let mut picture = Picture::new(width, height);
-    picture.layers = job.aovs.iter().map(|aov| aov.layer(world, width, height)).collect();
-    let rendering = Rendering { picture, counts: Counts::default(), pixels_done: 0, complete: false };
+    let rendering = Rendering { counts: integrator.preparation_counts(), ..unfinished(world, job) };
     let shared =
         Mutex::new(Shared { rendering, pixels: u64::from(width) * u64::from(height) * u64::from(passes), done: 0 });
     let new_buffer =

@@ -1,6 +1,6 @@
 //! The integrator of a scene, and its settings.
 
-use crate::{Named, named};
+use crate::{Named, OutOfRange, named};
 use serde::{Deserialize, Serialize};
 
 /// The integrator that makes the picture, with its settings.
@@ -10,10 +10,13 @@ use serde::{Deserialize, Serialize};
 pub enum Integrator {
     /// The chapter's recursive ray tracing (box 5.8; Whitted 1980).
     Whitted(WhittedSettings),
+    /// A rasteriser with a z-buffer (Catmull 1974), which the chapter compares ray tracing with.
+    Zbuffer(ZbufferSettings),
 }
 
 named!(Integrator {
-    Whitted(WhittedSettings::DEFAULT) => "whitted",
+    Whitted(WhittedSettings::DEFAULT) => "whitted": "The classic recursive ray tracing",
+    Zbuffer(ZbufferSettings::DEFAULT) => "zbuffer": "A rasteriser with a z-buffer",
 });
 
 impl Integrator {
@@ -26,6 +29,15 @@ impl Integrator {
                 ("min-weight", min_weight.to_string()),
                 ("shadows", shadows.to_string()),
             ],
+            Integrator::Zbuffer(ZbufferSettings { shading, shadows, shadow_map_size, multisampling, tolerance }) => {
+                vec![
+                    ("shading", shading.name().into()),
+                    ("shadows", shadows.name().into()),
+                    ("shadow-map-size", shadow_map_size.to_string()),
+                    ("multisampling", multisampling.to_string()),
+                    ("tolerance", tolerance.to_string()),
+                ]
+            }
         }
     }
 
@@ -33,13 +45,28 @@ impl Integrator {
     pub fn max_depth(&self) -> u32 {
         match self {
             Integrator::Whitted(settings) => settings.max_depth,
+            Integrator::Zbuffer(_) => 1,
         }
     }
 
-    /// Whether it traces shadow rays to lights that cast shadows.
-    pub fn traces_shadows(&self) -> bool {
+    /// Whether lights that cast shadows do so.
+    pub fn has_shadows(&self) -> bool {
         match self {
             Integrator::Whitted(settings) => settings.shadows && settings.stage >= Stage::Shadow,
+            Integrator::Zbuffer(settings) => settings.shadows == ShadowMethod::Map,
+        }
+    }
+
+    /// The settings with which the classic integrator makes the most similar picture.
+    pub fn nearest_whitted(&self) -> WhittedSettings {
+        match self {
+            Integrator::Whitted(settings) => *settings,
+            Integrator::Zbuffer(ZbufferSettings { shadows: ShadowMethod::None, .. }) => {
+                WhittedSettings { stage: Stage::Specular, ..WhittedSettings::DEFAULT }
+            }
+            Integrator::Zbuffer(ZbufferSettings { shadows: ShadowMethod::Map, .. }) => {
+                WhittedSettings { stage: Stage::Shadow, ..WhittedSettings::DEFAULT }
+            }
         }
     }
 
@@ -47,6 +74,26 @@ impl Integrator {
     pub fn whitted(&self) -> Option<&WhittedSettings> {
         match self {
             Integrator::Whitted(settings) => Some(settings),
+            Integrator::Zbuffer(_) => None,
+        }
+    }
+
+    /// The settings of the z-buffer, if it is this one, to be changed.
+    pub fn zbuffer_mut(&mut self) -> Option<&mut ZbufferSettings> {
+        match self {
+            Integrator::Zbuffer(settings) => Some(settings),
+            _ => None,
+        }
+    }
+
+    /// Checks the numbers that have no check of their own in a job.
+    ///
+    /// # Errors
+    /// An [`OutOfRange`] that names the number, its value and the range.
+    pub fn check(&self) -> Result<(), OutOfRange> {
+        match self {
+            Integrator::Whitted(_) => Ok(()),
+            Integrator::Zbuffer(settings) => settings.check(),
         }
     }
 
@@ -54,6 +101,7 @@ impl Integrator {
     pub fn whitted_mut(&mut self) -> Option<&mut WhittedSettings> {
         match self {
             Integrator::Whitted(settings) => Some(settings),
+            Integrator::Zbuffer(_) => None,
         }
     }
 }
@@ -100,6 +148,116 @@ impl Default for WhittedSettings {
         WhittedSettings::DEFAULT
     }
 }
+
+impl From<ZbufferSettings> for Integrator {
+    fn from(settings: ZbufferSettings) -> Integrator {
+        Integrator::Zbuffer(settings)
+    }
+}
+
+/// Settings of the z-buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ZbufferSettings {
+    /// Where the shading equation is evaluated.
+    pub shading: Shading,
+    /// How shadows are found.
+    pub shadows: ShadowMethod,
+    /// The width and height of a shadow map in texels, in [`Self::SHADOW_MAP_SIZES`]. Light to all sides takes six.
+    pub shadow_map_size: u32,
+    /// The number of places in each pixel at which visibility is found: 1, 2, 4 or 8.
+    pub multisampling: u32,
+    /// The largest distance in pixels between a curved shape and the triangles that stand for it, more than 0.
+    pub tolerance: f32,
+}
+
+impl ZbufferSettings {
+    /// The settings of a scene that names none.
+    pub const DEFAULT: ZbufferSettings = ZbufferSettings {
+        shading: Shading::Phong,
+        shadows: ShadowMethod::Map,
+        shadow_map_size: 1024,
+        multisampling: 1,
+        tolerance: 0.5,
+    };
+    /// The sizes of shadow maps that are possible.
+    pub const SHADOW_MAP_SIZES: std::ops::RangeInclusive<u32> = 16..=8192;
+    /// The tolerances that are possible, in pixels.
+    pub const TOLERANCES: std::ops::RangeInclusive<f32> = 1e-3..=1e3;
+
+    /// Checks every number's range.
+    ///
+    /// # Errors
+    /// An [`OutOfRange`] that names the number, its value and the range.
+    pub fn check(&self) -> Result<(), OutOfRange> {
+        let (sizes, tolerances) = (ZbufferSettings::SHADOW_MAP_SIZES, ZbufferSettings::TOLERANCES);
+        if !sizes.contains(&self.shadow_map_size) {
+            let problem = format!(
+                "is {}; a shadow map has between {} and {} texels on a side",
+                self.shadow_map_size,
+                sizes.start(),
+                sizes.end()
+            );
+            return Err(OutOfRange::new("shadow-map-size", problem));
+        }
+        if ![1, 2, 4, 8].contains(&self.multisampling) {
+            let problem = format!("is {}; a pixel has 1, 2, 4 or 8 samples", self.multisampling);
+            return Err(OutOfRange::new("multisampling", problem));
+        }
+        if !tolerances.contains(&self.tolerance) {
+            let problem = format!(
+                "is {}; it must be between {} and {} pixels",
+                self.tolerance,
+                tolerances.start(),
+                tolerances.end()
+            );
+            return Err(OutOfRange::new("tolerance", problem));
+        }
+        Ok(())
+    }
+}
+
+impl Default for ZbufferSettings {
+    fn default() -> ZbufferSettings {
+        ZbufferSettings::DEFAULT
+    }
+}
+
+/// Where a z-buffer evaluates the shading equation.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[non_exhaustive]
+pub enum Shading {
+    /// Once for each triangle, at its centroid with its own normal.
+    Flat,
+    /// At each corner, with colours interpolated between them (Gouraud 1971).
+    Gouraud,
+    /// At each pixel, with interpolated normals (Phong 1975).
+    #[default]
+    Phong,
+}
+
+named!(Shading {
+    Flat => "flat": "Once for each triangle",
+    Gouraud => "gouraud": "At each corner, with colours interpolated between them",
+    Phong => "phong": "At each pixel, with normals interpolated between the corners",
+});
+
+/// How a z-buffer finds shadows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[non_exhaustive]
+pub enum ShadowMethod {
+    /// There are no shadows.
+    None,
+    /// By the depths that each light sees (Williams 1978).
+    #[default]
+    Map,
+}
+
+named!(ShadowMethod {
+    None => "none": "No shadows",
+    Map => "map": "By shadow maps, the depths that each light sees",
+});
 
 /// The chapter's stages from flat colour to the whole equation. Each stage contains the earlier ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]

@@ -15,7 +15,7 @@ mod sparse;
 pub use camera::{Aperture, Extrinsics, Focus, Intrinsics, Lens, View};
 pub use film::{FilmSettings, Filter, SamplePattern, SamplerKind, Sampling, Tone, Transfer};
 pub use fragment::{Fragment, Offsets};
-pub use integrator::{Integrator, Stage, WhittedSettings};
+pub use integrator::{Integrator, Shading, ShadowMethod, Stage, WhittedSettings, ZbufferSettings};
 pub use node::{Content, Node};
 pub use object_ids::{ObjectIds, TooManyObjects};
 pub use radiosity::{RadiosityMethod, RadiositySettings, RadiosityShow};

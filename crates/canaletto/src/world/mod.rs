@@ -30,6 +30,7 @@ mod object_numbers;
 mod object_surface;
 mod origin;
 mod packet_bounds;
+mod placed;
 mod query;
 mod required_spaces;
 mod reuse;
@@ -52,6 +53,7 @@ pub(crate) use contact::{Contact, touching};
 pub(crate) use facets::Facet;
 pub use geometry_probe::GeometryProbe;
 pub use object_surface::{ObjectSurface, TooManyPrimitives};
+pub(crate) use placed::{Facet, PlacedGeometry, Primitives};
 pub use query::Hit;
 pub use reuse::ReuseCounts;
 pub(crate) use shadow::{MAX_STALLED, ShadowRays};
@@ -152,7 +154,7 @@ pub struct Object {
 pub struct WorldStats {
     /// Objects in the scene's description.
     pub objects: u64,
-    /// Placed copies of geometries, those in groups included.
+    /// PlacedGeometry copies of geometries, those in groups included.
     pub instances: u64,
     /// Single shapes, counted as often as they are stored.
     pub shapes: u64,

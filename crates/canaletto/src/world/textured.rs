@@ -3,7 +3,7 @@
 
 use super::GeometryProbe;
 use super::instance::to_local;
-use super::{Hit, World};
+use super::{Facet, Hit, World};
 use crate::material::{
     MaterialPoint, Place, Target, TexCoord, TexCoords, TextureUse, apply_bump, apply_normal_map, clamp_to_hemisphere,
 };
@@ -61,7 +61,7 @@ impl World {
 
     /// The surface differential at a hit of this line's ray, in the world's space.
     pub fn surface_differential(&self, line: impl Into<DRay>, hit: &Hit) -> SurfaceDifferential {
-        let local = self.local(line.into(), hit);
+        let local = self.local(line.into(), hit, None);
         match &local.to_world {
             None => local.surface_differential,
             Some(t) => local.surface_differential.transformed(t, &local.surface),
@@ -79,11 +79,32 @@ impl World {
         step: Option<[DVec3; 2]>,
         probe: &mut P,
     ) -> MaterialPoint {
+        self.textured_at(&self.local(line, hit, None), hit, surface, step, probe)
+    }
+
+    /// [`World::textured`] on a facet, with the facet's own normal and texture coordinates.
+    pub(crate) fn textured_facet(
+        &self,
+        line: DRay,
+        (hit, facet): (&Hit, &Facet),
+        surface: &mut Surface,
+        step: Option<[DVec3; 2]>,
+    ) -> MaterialPoint {
+        self.textured_at(&self.local(line, hit, Some(facet)), hit, surface, step, &mut ())
+    }
+
+    fn textured_at<P: GeometryProbe>(
+        &self,
+        local: &Local,
+        hit: &Hit,
+        surface: &mut Surface,
+        step: Option<[DVec3; 2]>,
+        probe: &mut P,
+    ) -> MaterialPoint {
         let material = self.material(hit);
         let mut point = material.at(surface);
-        let local = self.local(line, hit);
         (surface.uv, surface.uv_rest) = (local.surface.uv, local.surface.uv_rest);
-        let at = At::new(self, &local, step);
+        let at = At::new(self, local, step);
         let mut normal = local.surface.shading_normal;
         // Displacement was applied when the world was built.
         for used in material.textures.iter().filter(|used| !matches!(used.target, Target::Displace { .. })) {
@@ -136,24 +157,29 @@ impl World {
     /// The share of light that a surface blocks when light crosses it. Only textures that change this share are read.
     #[inline(never)]
     pub(crate) fn opacity_at(&self, line: DRay, hit: &Hit, step: Option<[DVec3; 2]>) -> f32 {
-        self.crossed_at(line, hit, step).opacity_with_coverage()
+        self.crossed_by(|| self.local(line, hit, None), hit, step).opacity_with_coverage()
     }
 
     /// The coverage at a hit of this line's ray, without a footprint.
     pub(crate) fn coverage_at(&self, line: DRay, hit: &Hit) -> f32 {
-        self.crossed_at(line, hit, None).coverage
+        self.crossed_by(|| self.local(line, hit, None), hit, None).coverage
+    }
+
+    /// The material of a facet as far as light that crosses the surface needs it, without a footprint.
+    pub(crate) fn crossed_facet(&self, line: DRay, hit: &Hit, facet: &Facet) -> MaterialPoint {
+        self.crossed_by(|| self.local(line, hit, Some(facet)), hit, None)
     }
 
     /// The material at a hit as far as light that crosses the surface needs it.
     #[inline(always)]
-    fn crossed_at(&self, line: DRay, hit: &Hit, step: Option<[DVec3; 2]>) -> MaterialPoint {
+    fn crossed_by(&self, local: impl FnOnce() -> Local, hit: &Hit, step: Option<[DVec3; 2]>) -> MaterialPoint {
         let material = self.material(hit);
         let mut point =
             MaterialPoint { model: material.model, coverage: material.coverage, ..MaterialPoint::default() };
         if material.textures.is_empty() || material.is_opaque() {
             return point;
         }
-        let local = self.local(line, hit);
+        let local = local();
         let at = At::new(self, &local, step);
         for used in material.textures.iter().filter(|used| used.target.may_transmit()) {
             let pattern = &self.textures[used.texture as usize];
@@ -163,7 +189,7 @@ impl World {
         point
     }
 
-    fn local(&self, line: DRay, hit: &Hit) -> Local {
+    fn local(&self, line: DRay, hit: &Hit, facet: Option<&Facet>) -> Local {
         let shape_hit = hit.shape_hit();
         if hit.instance == Hit::UNBOUNDED {
             let unbounded = &self.unbounded[hit.primitive as usize];
@@ -177,10 +203,19 @@ impl World {
             self.with_instance(hit.instance, |instance| (instance.geometry, instance.placed(&self.chains, hit.time)));
         let geometry = &self.geometries[index as usize];
         let local_line = to_world.as_ref().map_or(line, |t| to_local(t, line));
-        let surface = geometry.surface(local_line, hit.primitive, &shape_hit);
+        let (surface, surface_differential) = match facet {
+            Some(facet) => {
+                let [u, v] = hit.uv;
+                (facet.surface(&local_line, hit), facet.mesh.surface_differential(facet.triangle as usize, u, v))
+            }
+            None => {
+                let surface = geometry.surface(local_line, hit.primitive, &shape_hit);
+                (surface, geometry.surface_differential(hit.primitive, &shape_hit, &surface))
+            }
+        };
         Local {
             surface,
-            surface_differential: geometry.surface_differential(hit.primitive, &shape_hit, &surface),
+            surface_differential,
             to_world,
             bounds: geometry.object_bounds(hit.primitive),
             origin: self.local_origins.get(&index).copied().unwrap_or_default(),

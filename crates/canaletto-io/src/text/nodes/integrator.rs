@@ -3,29 +3,49 @@
 use super::change;
 use crate::text::decode::Decoder;
 use crate::text::reader::Fields;
-use crate::text::schema::{Field, NodeSchema, flag, quoted};
-use canaletto::scene::{Integrator, Stage, WhittedSettings};
+use crate::text::report::Message;
+use crate::text::schema::{Field, FieldSchema, NodeSchema, flag, quoted};
+use canaletto::scene::{Integrator, Shading, ShadowMethod, Stage, WhittedSettings, ZbufferSettings};
 use canaletto::{Named, OutOfRange};
 
 const KIND: Field<Integrator> =
-    Field::word("kind", "the classic recursive ray tracer").or(|| quoted(Integrator::default().name()));
-const MAX_DEPTH: Field<u32> = Field::new("max-depth", "rays of this depth have no children; camera rays have depth 1")
-    .or(|| WhittedSettings::DEFAULT.max_depth.to_string());
-const MIN_WEIGHT: Field<f32> = Field::new("min-weight", "rays that count less than this in the pixel are not followed")
-    .or(|| WhittedSettings::DEFAULT.min_weight.to_string());
-const STAGE: Field<Stage> =
-    Field::word("stage", "how much of the shading equation is switched on; each stage contains the ones before it")
-        .or(|| quoted(WhittedSettings::DEFAULT.stage.name()));
-const SHADOWS: Field<bool> =
-    Field::new("shadows", "whether lights cast shadows").or(|| flag(WhittedSettings::DEFAULT.shadows));
-
-pub(crate) static INTEGRATOR: NodeSchema = NodeSchema::new(
-    "integrator",
-    "How rays are followed.",
-    &[&[MAX_DEPTH.schema, MIN_WEIGHT.schema, STAGE.schema, SHADOWS.schema]],
+    Field::word("kind", "how the picture is made").or(|| quoted(Integrator::default().name()));
+const MAX_DEPTH: Field<u32> =
+    Field::new("max-depth", "\"whitted\": rays of this depth have no children; camera rays have depth 1")
+        .or(|| WhittedSettings::DEFAULT.max_depth.to_string());
+const MIN_WEIGHT: Field<f32> =
+    Field::new("min-weight", "\"whitted\": rays that count less than this in the pixel are not followed")
+        .or(|| WhittedSettings::DEFAULT.min_weight.to_string());
+const STAGE: Field<Stage> = Field::word(
+    "stage",
+    "\"whitted\": how much of the shading equation is switched on; each stage contains the ones before it",
 )
-.argument(KIND.schema)
-.example("integrator \"whitted\" { max-depth 3; stage \"reflection\" }");
+.or(|| quoted(WhittedSettings::DEFAULT.stage.name()));
+const SHADOWS: Field<ShadowMethod> = Field::flag_or_word(
+    "shadows",
+    "whether lights cast shadows; for \"zbuffer\" how: \"map\" or #true by shadow maps, \"none\" or #false without",
+)
+.or(|| flag(WhittedSettings::DEFAULT.shadows));
+const SHADING: Field<Shading> =
+    Field::word("shading", "\"zbuffer\": where shading is computed: at triangles, at their corners or at pixels")
+        .or(|| quoted(ZbufferSettings::DEFAULT.shading.name()));
+const SHADOW_MAP_SIZE: Field<u32> =
+    Field::new("shadow-map-size", "\"zbuffer\": the texels along each side of a shadow map, 16 to 8192")
+        .or(|| ZbufferSettings::DEFAULT.shadow_map_size.to_string());
+const MULTISAMPLING: Field<u32> =
+    Field::new("multisampling", "\"zbuffer\": the places in a pixel where visibility is found: 1, 2, 4 or 8")
+        .or(|| ZbufferSettings::DEFAULT.multisampling.to_string());
+const TOLERANCE: Field<f32> =
+    Field::new("tolerance", "\"zbuffer\": how far in pixels the triangles of curved shapes may lie from them")
+        .or(|| ZbufferSettings::DEFAULT.tolerance.to_string());
+
+const WHITTED: &[FieldSchema] = &[MAX_DEPTH.schema, MIN_WEIGHT.schema, STAGE.schema];
+const ZBUFFER: &[FieldSchema] = &[SHADING.schema, SHADOW_MAP_SIZE.schema, MULTISAMPLING.schema, TOLERANCE.schema];
+
+pub(crate) static INTEGRATOR: NodeSchema =
+    NodeSchema::new("integrator", "How the picture is made.", &[WHITTED, &[SHADOWS.schema], ZBUFFER])
+        .argument(KIND.schema)
+        .example("integrator \"whitted\" { max-depth 3; stage \"reflection\" }");
 
 impl Decoder<'_> {
     pub(super) fn integrator(&mut self, fields: &Fields) {
@@ -33,12 +53,34 @@ impl Decoder<'_> {
         if let Some(kind) = fields.word(&KIND).filter(|kind| kind.name() != self.scene.integrator.name()) {
             self.scene.integrator = kind;
         }
-        let Some(settings) = self.scene.integrator.whitted_mut() else { return };
+        let mut integrator = self.scene.integrator;
+        let foreign: &[&[FieldSchema]] = match &mut integrator {
+            Integrator::Whitted(settings) => {
+                self.whitted(fields, settings);
+                &[ZBUFFER]
+            }
+            Integrator::Zbuffer(settings) => {
+                self.zbuffer(fields, settings);
+                &[WHITTED]
+            }
+            _ => &[],
+        };
+        self.scene.integrator = integrator;
+        for word in foreign.iter().flat_map(|words| words.iter()).filter(|word| fields.has_named(word.name)) {
+            let message = format!("the integrator \"{}\" has no {}", integrator.name(), word.name);
+            self.validator.report.push(Message::error(fields.span_of(word.name), message));
+        }
+    }
+
+    fn whitted(&mut self, fields: &Fields, settings: &mut WhittedSettings) {
         change(&mut settings.max_depth, fields.get(&MAX_DEPTH));
         change(&mut settings.min_weight, fields.get(&MIN_WEIGHT));
-        change(&mut settings.shadows, fields.get(&SHADOWS));
+        change(&mut settings.shadows, fields.flag(&SHADOWS));
         change(&mut settings.stage, fields.word(&STAGE));
-        if settings.max_depth == 0 {
+        if fields.word(&SHADOWS).is_some() {
+            let problem = "is for the z-buffer; the integrator \"whitted\" takes #true or #false";
+            self.out_of_range(fields, &OutOfRange::new(SHADOWS.name(), problem));
+        } else if settings.max_depth == 0 {
             let problem = "is 0; camera rays have depth 1, so it must be at least that";
             self.out_of_range(fields, &OutOfRange::new(MAX_DEPTH.name(), problem));
         } else if settings.max_depth > WhittedSettings::MAX_DEPTH {
@@ -47,6 +89,18 @@ impl Decoder<'_> {
             self.out_of_range(fields, &OutOfRange::new(MAX_DEPTH.name(), problem));
         } else if settings.min_weight < 0.0 {
             self.out_of_range(fields, &OutOfRange::new(MIN_WEIGHT.name(), "must be 0 or more"));
+        }
+    }
+
+    fn zbuffer(&mut self, fields: &Fields, settings: &mut ZbufferSettings) {
+        let by_flag = fields.flag(&SHADOWS).map(|on| if on { ShadowMethod::Map } else { ShadowMethod::None });
+        change(&mut settings.shadows, fields.word(&SHADOWS).or(by_flag));
+        change(&mut settings.shading, fields.word(&SHADING));
+        change(&mut settings.shadow_map_size, fields.get(&SHADOW_MAP_SIZE));
+        change(&mut settings.multisampling, fields.get(&MULTISAMPLING));
+        change(&mut settings.tolerance, fields.get(&TOLERANCE));
+        if let Err(wrong) = settings.check() {
+            self.out_of_range(fields, &wrong);
         }
     }
 }

@@ -25,8 +25,10 @@ use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::{Sample, Sampler};
 use crate::scene::WhittedSettings;
 use crate::world::{OccluderCache, World};
+use glam::{DVec3, Vec3};
 use media::Media;
 use ray_state::{PathState, RayState};
+pub(crate) use wave::Fragment;
 use wave::Waves;
 
 /// The classic integrator on one world.
@@ -35,6 +37,8 @@ pub struct Whitted<'w> {
     settings: WhittedSettings,
     /// The rays traced so far.
     pub counts: RayCounts,
+    /// What finds shadows in place of rays.
+    shadow_lookup: Option<&'w dyn ShadowLookup>,
     /// Called at intervals with the number of rays traced; returns whether to cancel.
     cancelled: Option<Cancelled<'w>>,
     /// Whether `cancelled` returned true. No child ray is followed after that, and colours are meaningless.
@@ -55,6 +59,13 @@ pub struct Whitted<'w> {
     waves: Waves,
 }
 
+/// Shadows that are known without rays.
+pub(crate) trait ShadowLookup: Sync {
+    /// The share of a light that reaches a point with this unit geometric normal on the viewer's side. `ray` holds the
+    /// origin and the direction of the shadow ray, which ends at `t_max`.
+    fn passed(&self, light: u32, ray: [Vec3; 2], t_max: f32, point: DVec3, normal: DVec3) -> f32;
+}
+
 /// The number of camera rays and child rays between two calls of the cancel callback.
 const RAYS_PER_POLL: u32 = 4096;
 
@@ -65,6 +76,7 @@ impl<'w> Whitted<'w> {
             world,
             settings,
             counts: RayCounts::default(),
+            shadow_lookup: None,
             cancelled: None,
             is_cancelled: false,
             rays_until_poll: RAYS_PER_POLL,
@@ -83,6 +95,11 @@ impl<'w> Whitted<'w> {
     /// double the rays, so a single pixel between mirrors and clear bodies can take very long.
     pub fn with_cancel(self, cancelled: &'w (dyn Fn(u64) -> bool + Sync)) -> Whitted<'w> {
         Whitted { cancelled: Some(cancelled), ..self }
+    }
+
+    /// Returns this integrator with a lookup that finds the shadows on fragments.
+    pub(crate) fn with_shadows_by(self, lookup: &'w dyn ShadowLookup) -> Whitted<'w> {
+        Whitted { shadow_lookup: Some(lookup), ..self }
     }
 
     /// Begins a sample of a pixel. `sample` supplies random numbers until the next sample. `time` runs from 0 (the

@@ -10,6 +10,7 @@ use crate::light::{Illumination, PreparedLight};
 use crate::material::highlights;
 use crate::math::RayDifferential;
 use crate::scene::Stage;
+use crate::shape::vec3;
 use crate::world::Occlusion;
 
 /// Buffers for the lighting of one wave.
@@ -145,6 +146,16 @@ impl Whitted<'_> {
             return;
         }
         let Lighting { light_samples, crossing, .. } = lighting;
+        if let Some(lookup) = self.shadow_lookup {
+            for (samples8, interactions8) in light_samples.iter_mut().zip(wave.interactions.interactions8()) {
+                for lane in lanes(samples8.lit) {
+                    let ray = [interactions8.start(lane), vec3(&samples8.to, lane)];
+                    let (point, normal) = (interactions8.exact(lane), interactions8.facing(lane));
+                    samples8.f_s[lane] = lookup.passed(light, ray, samples8.reach[lane], point, normal);
+                }
+            }
+            return;
+        }
         self.waves.bundle.clear();
         for (samples8, interactions8) in light_samples.iter().zip(wave.interactions.interactions8()) {
             self.waves.bundle.push_some(samples8.lit, &interactions8.start, &samples8.to, &samples8.reach);

@@ -3,6 +3,7 @@
 //! [`Whitted::trace`] in that order, so its colour has equal bits.
 
 mod direct;
+mod fragments;
 mod interactions;
 mod interactions8;
 mod intersect;
@@ -19,6 +20,7 @@ use crate::scene::Stage;
 use crate::shape::SurfaceInputs8;
 use crate::world::{RayBundle, ShadowRays, World};
 use direct::Lighting;
+pub(crate) use fragments::Fragment;
 use interactions::{Interaction, Interactions};
 use ray_batch::RayBatch;
 

@@ -1,0 +1,86 @@
+//! Fragments of a rasteriser, shaded as the interactions of camera rays are.
+
+use super::{Wave, is_partial};
+use crate::integrator::whitted::Whitted;
+use crate::integrator::whitted::interaction::Footprint;
+use crate::math::{DRay, RayDifferential, Rgb};
+use crate::sampler::Sample;
+use crate::world::{Facet, Hit};
+
+/// A visible place of a surface.
+pub(crate) struct Fragment<'a> {
+    /// The line from the eye to the place.
+    pub(crate) line: DRay,
+    pub(crate) hit: Hit,
+    /// The triangle that stands for the surface, if that is curved.
+    pub(crate) facet: Option<Facet<'a>>,
+    /// Whether the geometric normal is shaded in place of the shading normal.
+    pub(crate) is_flat: bool,
+    /// The ray differential to the neighbouring samples, if the world needs it.
+    pub(crate) differential: Option<RayDifferential>,
+    /// The source of random numbers.
+    pub(crate) sample: Sample,
+}
+
+impl Whitted<'_> {
+    /// The colours of fragments: (5.39b) up to the stage of the settings, without reflected and refracted rays, and
+    /// with opaque coverage.
+    pub(crate) fn shade_fragments(&mut self, fragments: &[Fragment]) -> &[Rgb] {
+        let mut wave = std::mem::take(&mut self.waves.pending);
+        wave.batch.clear();
+        self.fragment_wave(fragments, &mut wave);
+        self.shade_wave(&mut wave);
+        wave.colors.clear();
+        for interaction in wave.interactions.each() {
+            let (overlay, share) = interaction.material.overlay;
+            let color = interaction.color;
+            wave.colors.push(if share > 0.0 { (overlay * share + color * (1.0 - share)).saturated() } else { color });
+        }
+        wave.batch.clear();
+        self.waves.pending = wave;
+        &self.waves.pending.colors
+    }
+
+    /// Makes fragments the interactions of a wave.
+    fn fragment_wave(&mut self, fragments: &[Fragment], wave: &mut Wave) {
+        let Wave { batch, interactions, footprints, .. } = wave;
+        let world = self.world;
+        interactions.clear();
+        footprints.clear();
+        let surface_inputs = &mut self.waves.surface_inputs;
+        for (index, fragment) in fragments.iter().enumerate() {
+            let Fragment { line, hit, facet, is_flat, differential, sample } = fragment;
+            batch.push_camera_rays(&[*line], &[*sample], *differential);
+            let material = world.material(hit);
+            let (interactions8, lane) = interactions.next();
+            surface_inputs.set_line(lane, line);
+            if facet.is_none() && !is_flat && differential.is_none() && material.is_plain() {
+                let color = world.push_surface(line, hit, lane, surface_inputs, &mut interactions8.surfaces);
+                interactions.push(index, hit, surface_inputs, |point| material.set(point, color));
+            } else {
+                let mut surface = match facet {
+                    Some(facet) => world.facet_surface(*line, hit, facet),
+                    None => world.surface(*line, hit),
+                };
+                if *is_flat {
+                    surface.shading_normal = surface.normal;
+                }
+                let footprint = Footprint::new(differential.as_ref(), line, &surface);
+                let step = footprint.map(|f| f.step);
+                let point = match facet {
+                    _ if material.textures.is_empty() => material.at(&surface),
+                    Some(facet) => world.textured_facet(*line, (hit, facet), &mut surface, step),
+                    None => world.textured(*line, hit, &mut surface, step, &mut ()),
+                };
+                footprints.extend(footprint);
+                interactions8.surfaces.set(lane, &surface);
+                interactions.push(index, hit, surface_inputs, |material| *material = point);
+            }
+            let material = &mut interactions.last_mut().material;
+            if is_partial(material) {
+                material.coverage = 1.0;
+            }
+        }
+        interactions.evaluate(surface_inputs);
+    }
+}

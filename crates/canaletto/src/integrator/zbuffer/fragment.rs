@@ -1,0 +1,145 @@
+//! From a place on a visible triangle back to a hit in the world, for the shading code of the ray tracer.
+
+use super::facets::{Facets, Tolerance};
+use super::geometry::BinnedTriangles;
+use super::raster::Source;
+use crate::math::{DRay, Transform};
+use crate::world::{Facet, Hit, PlacedGeometry, Primitives, World};
+use canaletto_bvh::Ray;
+use canaletto_bvh::triangle::{self, Triangle};
+use glam::{DVec3, Vec3};
+use std::collections::HashMap;
+
+/// A triangle of the world at hand: its corners and what is needed for hits on it.
+pub(super) struct VisibleTriangle<'a> {
+    pub(super) source: Source,
+    /// The corners in the primitive's space.
+    pub(super) corners: [Vec3; 3],
+    pub(super) to_world: Option<Transform>,
+    /// The part of the shape.
+    part: u32,
+    /// The tessellation, if the triangle isn't the surface itself.
+    pub(super) facets: Option<&'a Facets>,
+}
+
+/// The tessellations of shapes that a thread has made.
+#[derive(Default)]
+pub(super) struct FacetCache(HashMap<[u32; 2], Facets>);
+
+impl FacetCache {
+    /// Forgets all tessellations.
+    pub(super) fn clear(&mut self) {
+        self.0.clear();
+    }
+
+    /// Makes sure that the triangle's tessellation is at hand.
+    pub(super) fn prepare(&mut self, source: Source, world: &World, binned: &BinnedTriangles, tolerance: &Tolerance) {
+        let key = [source.instance, source.primitive];
+        if binned.kept(source.instance, source.primitive).is_some() || self.0.contains_key(&key) {
+            return;
+        }
+        if source.instance == Hit::UNBOUNDED {
+            let shape = world.unbounded_shapes().nth(source.primitive as usize);
+            if let Some(shape) = shape {
+                self.0.insert(key, Facets::new(shape, None, None, tolerance));
+            }
+            return;
+        }
+        let PlacedGeometry { to_world, primitives, .. } = world.placed_geometry(source.instance, 0.0);
+        if let Some((shape, color)) = primitives.shape(source.primitive) {
+            self.0.insert(key, Facets::new(&shape, color, to_world.as_ref(), tolerance));
+        }
+    }
+
+    /// A triangle, for which [`FacetCache::prepare`] was called.
+    pub(super) fn triangle<'a>(
+        &'a self,
+        source: Source,
+        world: &'a World,
+        binned: &'a BinnedTriangles,
+    ) -> Option<VisibleTriangle<'a>> {
+        let to_world = match source.instance {
+            Hit::UNBOUNDED => None,
+            instance => {
+                let placed = world.placed_geometry(instance, 0.0);
+                if let Primitives::Mesh(mesh) = placed.primitives {
+                    let corners = mesh.corners(source.primitive as usize);
+                    return Some(VisibleTriangle { source, corners, to_world: placed.to_world, part: 0, facets: None });
+                }
+                placed.to_world
+            }
+        };
+        let kept = binned.kept(source.instance, source.primitive);
+        let facets = kept.or_else(|| self.0.get(&[source.instance, source.primitive]))?;
+        Some(VisibleTriangle {
+            source,
+            corners: facets.corners(source.triangle),
+            to_world,
+            part: facets.parts[source.triangle as usize],
+            facets: (!facets.is_exact).then_some(facets),
+        })
+    }
+}
+
+impl VisibleTriangle<'_> {
+    /// The facet to be evaluated in place of the shape's own surface.
+    pub(super) fn facet(&self) -> Option<Facet<'_>> {
+        self.facets.map(|facets| Facet { mesh: &facets.mesh, triangle: self.source.triangle, color: facets.color })
+    }
+
+    /// The hit of a line on the triangle, or at the place of the triangle that is nearest to the line: a sample of a
+    /// snapped triangle may lie just beside it.
+    pub(super) fn hit(&self, line: &DRay) -> Hit {
+        let local = self.to_local(line);
+        let ray: Ray = local.rounded();
+        let met = triangle::intersect(&ray.prepare(), &Triangle::new(self.corners), f32::INFINITY);
+        let (t, uv) = match met {
+            Some(hit) => (hit.t, [hit.u, hit.v]),
+            None => self.nearest(&local),
+        };
+        self.source.hit(t, uv, self.part)
+    }
+
+    fn to_local(&self, line: &DRay) -> DRay {
+        let Some(t) = &self.to_world else { return *line };
+        let back = t.inverse();
+        DRay { origin: back.point(line.origin), direction: back.vector(line.direction) }
+    }
+
+    /// t and barycentric coordinates where the line meets the triangle's plane, moved into the triangle.
+    fn nearest(&self, line: &DRay) -> (f32, [f32; 2]) {
+        let [a, b, c] = self.corners.map(Vec3::as_dvec3);
+        let (ab, ac) = (b - a, c - a);
+        let normal = ab.cross(ac);
+        let t = normal.dot(a - line.origin) / normal.dot(line.direction);
+        let at = line.origin + line.direction * t - a;
+        let scale = 1.0 / normal.length_squared();
+        let u = (at.cross(ac).dot(normal) * scale).clamp(0.0, 1.0);
+        let v = (ab.cross(at).dot(normal) * scale).clamp(0.0, 1.0);
+        let sum = (u + v).max(1.0);
+        if !(t.is_finite() && u.is_finite() && v.is_finite()) {
+            return self.at_weights(line, [1.0 / 3.0; 2]);
+        }
+        (t as f32, [(u / sum) as f32, (v / sum) as f32])
+    }
+
+    fn at_weights(&self, line: &DRay, [u, v]: [f32; 2]) -> (f32, [f32; 2]) {
+        let point = self.point([u, v]);
+        ((point - line.origin).dot(line.direction).max(0.0) as f32 / line.direction.length_squared() as f32, [u, v])
+    }
+
+    /// The point with these barycentric coordinates in the primitive's space.
+    fn point(&self, [u, v]: [f32; 2]) -> DVec3 {
+        let [a, b, c] = self.corners.map(Vec3::as_dvec3);
+        a + (b - a) * f64::from(u) + (c - a) * f64::from(v)
+    }
+
+    /// The line from the eye to the point with these barycentric coordinates, and the hit there.
+    pub(super) fn seen_from(&self, eye: DVec3, uv: [f32; 2]) -> (DRay, Hit) {
+        let local = self.point(uv);
+        let point = self.to_world.as_ref().map_or(local, |t| t.point(local));
+        let distance = (point - eye).length();
+        let line = DRay { origin: eye, direction: (point - eye) / distance };
+        (line, self.source.hit(distance as f32, uv, self.part))
+    }
+}

@@ -1,0 +1,327 @@
+//! The geometry stage: all triangles of the world go through a projection into the tiles that they touch.
+
+use super::clip::Polygon;
+use super::facets::{Facets, Tolerance, corners};
+use super::projection::{Projection, depth_plane};
+use super::raster::{GUARD_BAND, ScreenTriangle, Sites, Source};
+use crate::material::{Material, Target};
+use crate::world::{Hit, Primitives, World};
+use canaletto_bvh::Aabb;
+use glam::{DVec4, Vec3};
+use rayon::prelude::*;
+use std::collections::HashMap;
+use std::ops::{ControlFlow, Range};
+
+/// The most primitives that are worked on together.
+const BATCH: usize = 8192;
+
+/// Tessellations with fewer triangles are made again where they are needed.
+const MIN_KEPT: usize = 256;
+
+/// A screen of tiles.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Screen {
+    /// The lower left pixel, and the size in pixels.
+    pub(super) corner: [i32; 2],
+    pub(super) size: [i32; 2],
+    /// The side of a tile in pixels.
+    pub(super) side: i32,
+    /// Whether tiles count from the upper edge.
+    pub(super) from_top: bool,
+}
+
+impl Screen {
+    /// The numbers of tile columns and tile rows.
+    pub(super) fn tiles(&self) -> [i32; 2] {
+        self.size.map(|n| (n + self.side - 1) / self.side)
+    }
+
+    /// The number of the tile row that holds a row of pixels from below.
+    fn tile_row(&self, y: i32) -> i32 {
+        let from_below = y - self.corner[1];
+        (if self.from_top { self.size[1] - 1 - from_below } else { from_below }) / self.side
+    }
+
+    fn last(&self) -> [i32; 2] {
+        [self.corner[0] + self.size[0] - 1, self.corner[1] + self.size[1] - 1]
+    }
+}
+
+/// A geometry, or a range of its primitives.
+struct Part {
+    /// The number of the geometry in its place, or [`Hit::UNBOUNDED`].
+    instance: u32,
+    primitives: Range<u32>,
+}
+
+/// The triangles of a screen, by tile.
+#[derive(Debug, Default)]
+pub(super) struct BinnedTriangles {
+    /// The triangles of each batch.
+    batches: Vec<Vec<ScreenTriangle>>,
+    /// For each tile, the range of its entries.
+    starts: Vec<usize>,
+    /// Batch and number of each triangle of a tile, in the order of the world.
+    entries: Vec<[u32; 2]>,
+    /// Large tessellations, by instance and primitive.
+    kept: HashMap<[u32; 2], Facets>,
+}
+
+/// The results of one batch.
+#[derive(Default)]
+struct Batch {
+    triangles: Vec<ScreenTriangle>,
+    /// The tile and the number of each triangle that touches it.
+    touches: Vec<[u32; 2]>,
+    kept: Vec<([u32; 2], Facets)>,
+}
+
+/// The projection of a world onto a screen.
+pub(super) struct GeometryStage<'a> {
+    pub(super) world: &'a World,
+    pub(super) projection: &'a Projection,
+    pub(super) tolerance: &'a Tolerance,
+    pub(super) screen: Screen,
+    pub(super) sites: &'a Sites,
+    /// Whether shapes without bounds are drawn.
+    pub(super) with_unbounded: bool,
+    /// Whether a material is drawn.
+    pub(super) is_drawn: &'a (dyn Fn(&Material) -> bool + Sync),
+}
+
+impl GeometryStage<'_> {
+    /// Projects all triangles. Breaks if cancelled.
+    pub(super) fn run(&self, cancelled: &(dyn Fn() -> bool + Sync)) -> ControlFlow<(), BinnedTriangles> {
+        let batches = self.batches();
+        let done: Option<Vec<Batch>> =
+            batches.par_iter().map(|parts| if cancelled() { None } else { Some(self.batch(parts)) }).collect();
+        match done {
+            Some(done) => ControlFlow::Continue(self.bin(done)),
+            None => ControlFlow::Break(()),
+        }
+    }
+
+    /// The world's geometries as batches of about equal size.
+    fn batches(&self) -> Vec<Vec<Part>> {
+        let (mut batches, mut batch, mut room) = (Vec::new(), Vec::new(), BATCH);
+        let mut add = |instance: u32, count: usize| {
+            let mut next = 0;
+            while next < count {
+                let end = count.min(next + room);
+                batch.push(Part { instance, primitives: next as u32..end as u32 });
+                room -= end - next;
+                next = end;
+                if room == 0 {
+                    batches.push(std::mem::take(&mut batch));
+                    room = BATCH;
+                }
+            }
+        };
+        for instance in 0..self.world.placed_geometry_count() {
+            if self.may_be_seen(&self.world.placed_bounds(instance)) {
+                add(instance, self.world.placed_geometry(instance, 0.0).primitives.len());
+            }
+        }
+        if self.with_unbounded {
+            add(Hit::UNBOUNDED, self.world.unbounded_shapes().count());
+        }
+        batches.push(batch);
+        batches
+    }
+
+    /// Whether a box may touch the screen.
+    fn may_be_seen(&self, bounds: &Aabb) -> bool {
+        !bounds.is_empty() && self.outside_of_all(corners(bounds).map(|p| self.projection.point(p))) == 0
+    }
+
+    /// A bit for each border of the view that has all points beyond it.
+    fn outside_of_all(&self, points: impl IntoIterator<Item = DVec4>) -> u32 {
+        let [left, below] = self.screen.corner.map(f64::from);
+        let [right, above] = self.screen.last().map(|v| f64::from(v + 1));
+        let near = self.projection.near();
+        let mut all = !0;
+        for p in points {
+            let beyond = [near.dot(p) < 0.0, p.x < left * p.z, p.x > right * p.z, p.y < below * p.z, p.y > above * p.z];
+            all &= beyond.iter().enumerate().fold(0u32, |bits, (i, is_beyond)| bits | u32::from(*is_beyond) << i);
+        }
+        all
+    }
+
+    fn batch(&self, parts: &[Part]) -> Batch {
+        let mut batch = Batch::default();
+        for part in parts {
+            if part.instance == Hit::UNBOUNDED {
+                let shapes: Vec<_> = self.world.unbounded_shapes().collect();
+                for primitive in part.primitives.clone() {
+                    let facets = Facets::new(shapes[primitive as usize], None, None, self.tolerance);
+                    self.facets(part.instance, primitive, facets, self.projection, false, &mut batch);
+                }
+                continue;
+            }
+            let placed = self.world.placed_geometry(part.instance, 0.0);
+            let projection = self.projection.of_space(placed.to_world.as_ref());
+            let mirrors = placed.to_world.is_some_and(|t| t.matrix().matrix3.determinant() < 0.0);
+            for primitive in part.primitives.clone() {
+                match (placed.primitives, placed.primitives.shape(primitive)) {
+                    (Primitives::Mesh(mesh), _) => {
+                        let source = Source { instance: part.instance, primitive, triangle: 0 };
+                        let sided = if mesh.one_sided { Some(mirrors) } else { None };
+                        self.triangle(mesh.corners(primitive as usize), source, sided, &projection, &mut batch);
+                    }
+                    (_, Some((shape, color))) => {
+                        let facets = Facets::new(&shape, color, placed.to_world.as_ref(), self.tolerance);
+                        self.facets(part.instance, primitive, facets, &projection, mirrors, &mut batch);
+                    }
+                    (_, None) => {}
+                }
+            }
+        }
+        batch
+    }
+
+    fn facets(
+        &self,
+        instance: u32,
+        primitive: u32,
+        facets: Facets,
+        projection: &Projection,
+        mirrors: bool,
+        batch: &mut Batch,
+    ) {
+        let sided = if facets.mesh.one_sided { Some(mirrors) } else { None };
+        for triangle in 0..facets.mesh.len() as u32 {
+            let source = Source { instance, primitive, triangle };
+            self.triangle(facets.corners(triangle), source, sided, projection, batch);
+        }
+        if facets.mesh.len() >= MIN_KEPT {
+            batch.kept.push(([instance, primitive], facets));
+        }
+    }
+
+    /// Projects a triangle. `sided` is given if only its front is visible, and tells whether its space is mirrored.
+    fn triangle(
+        &self,
+        corners: [Vec3; 3],
+        source: Source,
+        sided: Option<bool>,
+        projection: &Projection,
+        batch: &mut Batch,
+    ) {
+        let corners = corners.map(|p| projection.point(p.as_dvec3()));
+        if self.outside_of_all(corners) != 0 {
+            return;
+        }
+        let Some(plane) = depth_plane(corners) else { return };
+        if let Some(mirrors) = sided {
+            // The triangle runs counter-clockwise, seen from the eye, if the determinant is positive.
+            let [a, b, c] = corners.map(|p| p.truncate());
+            if (a.dot(b.cross(c)) > 0.0) == mirrors {
+                return;
+            }
+        }
+        let near = projection.near();
+        let is_inside = |p: &DVec4| {
+            near.dot(*p) >= 0.0 && p.z > 0.0 && p.x.abs() <= GUARD_BAND * p.z && p.y.abs() <= GUARD_BAND * p.z
+        };
+        if corners.iter().all(is_inside) {
+            self.add(ScreenTriangle::new(corners, plane, source, false), source, batch);
+            return;
+        }
+        let polygon = Polygon::clipped(corners, near);
+        if let [first, rest @ ..] = polygon.corners() {
+            for pair in rest.windows(2) {
+                self.add(ScreenTriangle::new([*first, pair[0], pair[1]], plane, source, false), source, batch);
+            }
+        }
+    }
+
+    /// Adds a triangle to the tiles that it touches.
+    fn add(&self, triangle: Option<ScreenTriangle>, source: Source, batch: &mut Batch) {
+        let Some(mut triangle) = triangle else { return };
+        let Some([first, last]) = triangle.pixels(self.sites, self.screen.corner, self.screen.last()) else { return };
+        let hit = source.hit(0.0, [0.0; 2], 0);
+        let material = self.world.material(&hit);
+        if !(self.is_drawn)(material) {
+            return;
+        }
+        triangle.has_holes = has_holes(material);
+        let number = batch.triangles.len() as u32;
+        batch.triangles.push(triangle);
+        let screen = &self.screen;
+        let columns = [first[0], last[0]].map(|x| (x - screen.corner[0]) / screen.side);
+        let mut rows = [first[1], last[1]].map(|y| screen.tile_row(y));
+        rows.sort_unstable();
+        let across = screen.tiles()[0];
+        for row in rows[0]..=rows[1] {
+            for column in columns[0]..=columns[1] {
+                batch.touches.push([(row * across + column) as u32, number]);
+            }
+        }
+    }
+
+    /// Sorts the triangles of all batches by tile.
+    fn bin(&self, batches: Vec<Batch>) -> BinnedTriangles {
+        let [columns, rows] = self.screen.tiles();
+        let mut starts = vec![0; (columns * rows) as usize + 1];
+        for [tile, _] in batches.iter().flat_map(|batch| &batch.touches) {
+            starts[*tile as usize + 1] += 1;
+        }
+        for tile in 1..starts.len() {
+            starts[tile] += starts[tile - 1];
+        }
+        let (mut next, mut entries) = (starts.clone(), vec![[0; 2]; starts[starts.len() - 1]]);
+        let mut binned = BinnedTriangles::default();
+        for (index, batch) in batches.into_iter().enumerate() {
+            for [tile, number] in batch.touches {
+                entries[next[tile as usize]] = [index as u32, number];
+                next[tile as usize] += 1;
+            }
+            binned.batches.push(batch.triangles);
+            binned.kept.extend(batch.kept);
+        }
+        (binned.starts, binned.entries) = (starts, entries);
+        binned
+    }
+}
+
+impl Source {
+    /// The hit of a ray on this triangle's primitive.
+    pub(super) fn hit(&self, t: f32, uv: [f32; 2], part: u32) -> Hit {
+        Hit { t, instance: self.instance, primitive: self.primitive, part, uv, time: 0.0 }
+    }
+}
+
+impl BinnedTriangles {
+    /// The triangles that touch a tile.
+    pub(super) fn tile(&self, tile: usize) -> impl ExactSizeIterator<Item = &ScreenTriangle> {
+        self.entries[self.starts[tile]..self.starts[tile + 1]]
+            .iter()
+            .map(|[batch, number]| &self.batches[*batch as usize][*number as usize])
+    }
+
+    /// The triangle of this number in a tile.
+    pub(super) fn get(&self, tile: usize, number: u32) -> &ScreenTriangle {
+        let [batch, number] = self.entries[self.starts[tile] + number as usize];
+        &self.batches[batch as usize][number as usize]
+    }
+
+    /// A large tessellation.
+    pub(super) fn kept(&self, instance: u32, primitive: u32) -> Option<&Facets> {
+        self.kept.get(&[instance, primitive])
+    }
+
+    /// The number of shapes whose tolerance would have needed too many triangles.
+    pub(super) fn coarse(&self) -> u64 {
+        self.kept.values().filter(|facets| facets.is_coarse).count() as u64
+    }
+
+    /// The number of triangles on the screen.
+    pub(super) fn len(&self) -> u64 {
+        self.batches.iter().map(|batch| batch.len() as u64).sum()
+    }
+}
+
+/// Whether parts of a surface of this material may be missing.
+pub(super) fn has_holes(material: &Material) -> bool {
+    material.coverage < 1.0 || material.textures.iter().any(|texture| texture.target == Target::Cutout)
+}

@@ -1,0 +1,470 @@
+//! A rasteriser with a z-buffer (Catmull 1974), for the comparison that the chapter makes with ray tracing.
+//!
+//! [`geometry`] projects all triangles into the tiles of the picture. Each tile then finds the nearest triangle at each
+//! sample ([`raster`]). Shading comes last, once for each visible triangle of a pixel, by the code of the classic
+//! integrator. Curved shapes are tessellated within a tolerance in pixels ([`facets`]). Shadows come from
+//! [`shadow_map`].
+//!
+//! The z-buffer draws what lies between the camera's near and far planes. It has no reflected and refracted rays, no
+//! lens and no motion: everything is drawn at the opening of the shutter.
+
+mod clip;
+mod facets;
+mod fragment;
+mod geometry;
+mod projection;
+mod raster;
+mod shadow_map;
+#[cfg(test)]
+mod tests;
+mod unsupported;
+
+use super::whitted::{Fragment, Whitted};
+use super::{Cancelled, Counts, TileIntegrator, TileWorker};
+use crate::camera::Camera;
+use crate::film::TileBuffer;
+use crate::job::{Aov, Job, JobError, Observer};
+use crate::math::{DRay, RayDifferential, Rgb};
+use crate::sampler::{FrameSampler, Sample};
+use crate::scene::{Sampling, Shading, ShadowMethod, ZbufferSettings};
+use crate::world::World;
+use canaletto_bvh::Aabb;
+use facets::Tolerance;
+use fragment::{FacetCache, VisibleTriangle};
+use geometry::{BinnedTriangles, GeometryStage, Screen};
+use glam::DVec3;
+use projection::Projection;
+use raster::{NOTHING, Sites, VisibilityBuffer};
+use shadow_map::{ShadowMaps, opacity};
+use std::ops::ControlFlow;
+pub(crate) use unsupported::unsupported;
+
+/// The most bytes of all shadow maps.
+const MOST_MAP_BYTES: u64 = 4 << 30;
+
+/// The most fragments that are shaded together.
+const BATCH: usize = 256;
+
+/// The z-buffer, prepared for one picture: all triangles in their tiles.
+pub(crate) struct Zbuffer<'w> {
+    world: &'w World,
+    job: &'w Job,
+    settings: ZbufferSettings,
+    /// The camera at rest, without its lens.
+    camera: Camera,
+    sites: Sites,
+    /// The shares of the sites' samples in a pixel's colour are equal; samples of one triangle are shaded together.
+    shades_each_site: bool,
+    screen: Screen,
+    /// The depth of the far plane.
+    far_depth: f32,
+    tolerance: Tolerance,
+    binned: BinnedTriangles,
+    maps: Option<ShadowMaps<'w>>,
+    sampler: FrameSampler,
+}
+
+impl<'w> Zbuffer<'w> {
+    /// Projects the world and draws the shadow maps. Breaks if cancelled.
+    ///
+    /// # Errors
+    /// [`JobError::ShadowMaps`] if the shadow maps would take too much memory.
+    pub(crate) fn prepare(
+        world: &'w World,
+        job: &'w Job,
+        settings: ZbufferSettings,
+        observer: &dyn Observer,
+    ) -> Result<ControlFlow<(), Zbuffer<'w>>, JobError> {
+        let has_maps = settings.shadows == ShadowMethod::Map;
+        if has_maps {
+            let bytes = ShadowMaps::bytes(world, settings.shadow_map_size);
+            if bytes > MOST_MAP_BYTES {
+                return Err(JobError::ShadowMaps { mebibytes: bytes >> 20, most: MOST_MAP_BYTES >> 20 });
+            }
+        }
+        Ok(Self::draw_maps(world, job, settings, observer))
+    }
+
+    fn draw_maps(
+        world: &'w World,
+        job: &'w Job,
+        settings: ZbufferSettings,
+        observer: &dyn Observer,
+    ) -> ControlFlow<(), Zbuffer<'w>> {
+        let camera = job.camera.at(0.0);
+        let size = camera.size().map(f64::from);
+        let projection = Projection::of_camera(&camera);
+        let tolerance =
+            Tolerance::new(settings.tolerance.into(), &projection, size, camera.focal_distance(), view_bounds(&camera));
+        let [left, top, width, height] = job.window().map(|v| v as i32);
+        let screen = Screen {
+            corner: [left, camera.size()[1] as i32 - top - height],
+            size: [width, height],
+            side: job.tile.clamp(1, 1 << 20) as i32,
+            from_top: true,
+        };
+        let (sites, shades_each_site) = sites(job, &settings);
+        let cancelled = || observer.cancelled();
+        let stage = GeometryStage {
+            world,
+            projection: &projection,
+            tolerance: &tolerance,
+            screen,
+            sites: &sites,
+            with_unbounded: true,
+            is_drawn: &|_| true,
+        };
+        let binned = stage.run(&cancelled)?;
+        let maps = match settings.shadows {
+            ShadowMethod::Map => Some(ShadowMaps::draw(world, &tolerance, settings.shadow_map_size, &cancelled)?),
+            ShadowMethod::None => None,
+        };
+        ControlFlow::Continue(Zbuffer {
+            world,
+            job,
+            settings,
+            far_depth: projection.far_depth as f32,
+            camera,
+            sites,
+            shades_each_site,
+            screen,
+            tolerance,
+            binned,
+            maps,
+            sampler: FrameSampler::new(job.seed, job.frame, job.film.sampler),
+        })
+    }
+}
+
+/// The places of a pixel's samples, and whether each is shaded by itself.
+fn sites(job: &Job, settings: &ZbufferSettings) -> (Sites, bool) {
+    match grid_side(job.film.sampling) {
+        Some(n) => {
+            let at = move |i: u32| (f64::from(i) + 0.5) / f64::from(n);
+            (Sites::new((0..n).flat_map(move |y| (0..n).map(move |x| [at(x), at(y)]))), true)
+        }
+        None if job.film.sampling == Sampling::Corner => (Sites::pattern(settings.multisampling, [0.0; 2]), false),
+        None => (Sites::pattern(settings.multisampling, [0.5; 2]), false),
+    }
+}
+
+/// The side of the grid of samples in a pixel, unless it has a single place.
+fn grid_side(sampling: Sampling) -> Option<u32> {
+    match sampling {
+        Sampling::Corner | Sampling::Center | Sampling::Sampled(1) => None,
+        Sampling::Regular(n) | Sampling::Jittered(n) | Sampling::Adaptive { n, .. } => Some(n),
+        // The grid with at least as many samples, of at most as many as other patterns have.
+        Sampling::Sampled(n) => Some((f64::from(n).sqrt().ceil() as u32).min(Sampling::MAX_GRID)),
+    }
+}
+
+/// The box around the camera's view, between its planes.
+fn view_bounds(camera: &Camera) -> Aabb {
+    let size = camera.size().map(f64::from);
+    let mut bounds = Aabb::EMPTY;
+    for [x, y] in [[0.0, 0.0], [size[0], 0.0], [0.0, size[1]], size] {
+        let (eye, d) = camera.chapter_ray(x, y);
+        for scale in [1.0, camera.far() / camera.focal_distance()] {
+            let p = eye + d * scale;
+            bounds.min = bounds.min.min(p.as_vec3());
+            bounds.max = bounds.max.max(p.as_vec3());
+        }
+    }
+    bounds
+}
+
+impl TileIntegrator for Zbuffer<'_> {
+    fn preparation_counts(&self) -> Counts {
+        let others = vec![
+            ("triangles on the screen", self.binned.len()),
+            ("shapes coarser than the tolerance", self.binned.coarse()),
+        ];
+        Counts { others, ..Counts::default() }
+    }
+
+    fn worker<'a>(&'a self, cancelled: Cancelled<'a>) -> Box<dyn TileWorker + 'a> {
+        let settings = self.job.integrator.nearest_whitted();
+        let whitted = Whitted::new(self.world, settings).with_cancel(cancelled);
+        Box::new(ZbufferWorker {
+            zbuffer: self,
+            whitted: match &self.maps {
+                Some(maps) => whitted.with_shadows_by(maps),
+                None => whitted,
+            },
+            cancelled,
+            visibility: VisibilityBuffer::default(),
+            cache: FacetCache::default(),
+            fragments: 0,
+        })
+    }
+}
+
+/// The state of one thread.
+struct ZbufferWorker<'a> {
+    zbuffer: &'a Zbuffer<'a>,
+    whitted: Whitted<'a>,
+    cancelled: Cancelled<'a>,
+    visibility: VisibilityBuffer,
+    cache: FacetCache,
+    /// The number of fragments shaded.
+    fragments: u64,
+}
+
+/// The samples of a pixel that see one triangle.
+#[derive(Clone, Copy)]
+struct PixelPart {
+    /// The pixel in the tile, in rows from the upper left.
+    pixel: usize,
+    /// The triangle in the tile, or [`NOTHING`].
+    number: u32,
+    /// The mean place of the samples in pixels.
+    place: [f64; 2],
+    /// The share of the pixel's samples.
+    share: f64,
+    /// Whether the pixel's first sample is among them.
+    is_first: bool,
+}
+
+impl TileWorker for ZbufferWorker<'_> {
+    fn tile(&mut self, buffer: &mut TileBuffer) -> ControlFlow<()> {
+        let tile = self.draw(buffer.area())?;
+        let parts = self.parts(buffer.area());
+        for parts in parts.chunks(BATCH) {
+            if (self.cancelled)(self.whitted.counts.total()) {
+                return ControlFlow::Break(());
+            }
+            self.shade(tile, parts, buffer);
+        }
+        ControlFlow::Continue(())
+    }
+
+    fn take_counts(&mut self) -> Counts {
+        let others = vec![("fragments shaded", std::mem::take(&mut self.fragments))];
+        Counts { others, ..std::mem::take(&mut self.whitted.counts).into() }
+    }
+}
+
+impl ZbufferWorker<'_> {
+    /// Draws the triangles of a tile, and returns its number.
+    fn draw(&mut self, [x, y, width, height]: [u32; 4]) -> ControlFlow<(), usize> {
+        let Zbuffer { world, camera, screen, sites, binned, tolerance, .. } = self.zbuffer;
+        let [left, top, ..] = self.zbuffer.job.window();
+        let side = screen.side as u32;
+        let tile = ((y - top) / side * screen.tiles()[0] as u32 + (x - left) / side) as usize;
+        let below = camera.size()[1] - y - height;
+        let (corner, size) = ([x as i32, below as i32], [width as i32, height as i32]);
+        self.visibility.reset(corner, size, sites, self.zbuffer.far_depth);
+        self.cache.clear();
+        let Self { visibility, cache, .. } = self;
+        for (number, triangle) in (0..).zip(binned.tile(tile)) {
+            if number % 65_536 == 65_535 && (self.cancelled)(0) {
+                return ControlFlow::Break(());
+            }
+            if triangle.has_holes {
+                cache.prepare(triangle.source, world, binned, tolerance);
+            }
+            visibility.draw(triangle, number, sites, |[x, y]| {
+                let Some(visible) = cache.triangle(triangle.source, world, binned) else { return true };
+                let line = camera.line(x, y);
+                let hit = visible.hit(&line);
+                // The share of the surface that exists: the opacity of an opaque material.
+                coverage(world, line, &hit, &visible) >= 0.5
+            });
+        }
+        ControlFlow::Continue(tile)
+    }
+
+    /// The parts of all pixels of the tile.
+    fn parts(&self, [x0, y0, width, height]: [u32; 4]) -> Vec<PixelPart> {
+        let Zbuffer { camera, sites, shades_each_site, .. } = self.zbuffer;
+        let samples = sites.len();
+        let mut parts: Vec<PixelPart> = Vec::with_capacity((width * height) as usize);
+        for pixel in 0..(width * height) as usize {
+            let (column, row) = (pixel as u32 % width, pixel as u32 / width);
+            let from_below = ((height - 1 - row) * width + column) as usize;
+            let corner = [f64::from(x0 + column), f64::from(camera.size()[1] - 1 - y0 - row)];
+            let begin = parts.len();
+            for (site, place) in sites.places.iter().enumerate() {
+                let number = self.visibility.number(site, from_below);
+                let place = [0, 1].map(|i: usize| corner[i] + f64::from(place[i]) / raster::SUBPIXELS as f64);
+                let known = parts[begin..].iter_mut().find(|part| !shades_each_site && part.number == number);
+                match known {
+                    Some(part) => {
+                        // Sums until the pixel is complete.
+                        (part.place[0], part.place[1]) = (part.place[0] + place[0], part.place[1] + place[1]);
+                        part.share += 1.0;
+                    }
+                    None => parts.push(PixelPart { pixel, number, place, share: 1.0, is_first: site == 0 }),
+                }
+            }
+            for part in &mut parts[begin..] {
+                part.place = part.place.map(|sum| sum / part.share);
+                part.share /= samples as f64;
+            }
+        }
+        parts
+    }
+
+    fn shade(&mut self, tile: usize, parts: &[PixelPart], buffer: &mut TileBuffer) {
+        let Zbuffer { world, job, camera, binned, tolerance, settings, .. } = self.zbuffer;
+        let [x0, y0, width, _] = buffer.area();
+        let seen: Vec<&PixelPart> = parts.iter().filter(|part| part.number != NOTHING).collect();
+        for part in &seen {
+            self.cache.prepare(binned.get(tile, part.number).source, world, binned, tolerance);
+        }
+        let sample = |part: &PixelPart| {
+            let pixel = [x0 + part.pixel as u32 % width, y0 + part.pixel as u32 / width];
+            self.zbuffer.sampler.pixel(pixel).sample(0, 1)
+        };
+        let visible = |part: &PixelPart| self.cache.triangle(binned.get(tile, part.number).source, world, binned);
+        let triangles: Vec<Option<VisibleTriangle>> = seen.iter().map(|part| visible(part)).collect();
+        let places = || seen.iter().zip(&triangles).filter_map(|(part, visible)| Some((*part, visible.as_ref()?)));
+        let colors = match settings.shading {
+            Shading::Phong => {
+                let fragments: Vec<Fragment> = places()
+                    .map(|(part, visible)| {
+                        let line = camera.line(part.place[0], part.place[1]);
+                        let hit = visible.hit(&line);
+                        fragment(self.zbuffer, visible, (line, hit), part.place, sample(part), false)
+                    })
+                    .collect();
+                self.fragments += fragments.len() as u64;
+                self.whitted.shade_fragments(&fragments).to_vec()
+            }
+            Shading::Flat => {
+                let fragments: Vec<Fragment> = places()
+                    .map(|(part, visible)| {
+                        let seen = visible.seen_from(camera.eye(), [1.0 / 3.0; 2]);
+                        fragment(self.zbuffer, visible, seen, part.place, sample(part), true)
+                    })
+                    .collect();
+                self.fragments += fragments.len() as u64;
+                self.whitted.shade_fragments(&fragments).to_vec()
+            }
+            Shading::Gouraud => {
+                let fragments: Vec<Fragment> = places()
+                    .flat_map(|(part, visible)| {
+                        let sample = sample(part);
+                        [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]].map(|uv| {
+                            let seen = visible.seen_from(camera.eye(), uv);
+                            fragment(self.zbuffer, visible, seen, part.place, sample, false)
+                        })
+                    })
+                    .collect();
+                self.fragments += fragments.len() as u64;
+                let corners = self.whitted.shade_fragments(&fragments).to_vec();
+                let place = |(part, visible): (&PixelPart, &VisibleTriangle)| {
+                    visible.hit(&camera.line(part.place[0], part.place[1])).uv
+                };
+                let weights: Vec<[f32; 2]> = places().map(place).collect();
+                let blend = |(c, [u, v]): (&[Rgb], &[f32; 2])| c[0] * (1.0 - u - v) + c[1] * *u + c[2] * *v;
+                corners.chunks_exact(3).zip(&weights).map(blend).collect()
+            }
+        };
+        let mut colors = colors.into_iter();
+        for part in parts {
+            let line = camera.line(part.place[0], part.place[1]);
+            let color = if part.number == NOTHING {
+                background(world, &line, differential(self.zbuffer, part.place).as_ref())
+            } else {
+                colors.next().unwrap_or(Rgb::BLACK)
+            };
+            buffer.add(part.pixel, color, part.share);
+        }
+        if !job.aovs.is_empty() {
+            for part in parts {
+                let visible = if part.number == NOTHING { None } else { visible(part) };
+                layers(self.zbuffer, part, visible.as_ref(), buffer);
+            }
+        }
+    }
+}
+
+/// The share of the surface that exists at a hit.
+fn coverage(world: &World, line: DRay, hit: &crate::world::Hit, visible: &VisibleTriangle) -> f32 {
+    let facet = visible.facet();
+    let opaque = world.material(hit).phong().opacity.max(f32::MIN_POSITIVE);
+    opacity(world, line, hit, facet.as_ref()) / opaque
+}
+
+/// The colour of what lies behind everything.
+fn background(world: &World, line: &DRay, differential: Option<&RayDifferential>) -> Rgb {
+    match &world.environment {
+        Some(environment) => {
+            let steps = differential.map_or([DVec3::ZERO; 2], |d| d.direction);
+            environment.lookup(line.direction, steps).radiance
+        }
+        None => world.background,
+    }
+}
+
+/// The ray differential at a place of the picture, if the world needs it.
+fn differential(zbuffer: &Zbuffer, [x, y]: [f64; 2]) -> Option<RayDifferential> {
+    let spacing = if zbuffer.shades_each_site { 1.0 / (zbuffer.sites.len() as f64).sqrt() } else { 1.0 };
+    zbuffer.world.needs_differentials().then(|| zbuffer.camera.differential(x, y, spacing))
+}
+
+fn fragment<'a>(
+    zbuffer: &Zbuffer,
+    visible: &'a VisibleTriangle,
+    (line, hit): (DRay, crate::world::Hit),
+    place: [f64; 2],
+    sample: Sample,
+    is_flat: bool,
+) -> Fragment<'a> {
+    Fragment { line, hit, facet: visible.facet(), is_flat, differential: differential(zbuffer, place), sample }
+}
+
+/// Adds a part of a pixel to the layers.
+fn layers(zbuffer: &Zbuffer, part: &PixelPart, visible: Option<&VisibleTriangle>, buffer: &mut TileBuffer) {
+    let Zbuffer { world, job, camera, .. } = zbuffer;
+    let line = camera.line(part.place[0], part.place[1]);
+    let seen = visible.map(|visible| {
+        let hit = visible.hit(&line);
+        let step = |surface: &crate::shape::Surface| {
+            differential(zbuffer, part.place).map(|d| d.along(&line, surface.exact, surface.normal))
+        };
+        let facet = visible.facet();
+        let mut surface = match &facet {
+            Some(facet) => world.facet_surface(line, &hit, facet),
+            None => world.surface(line, &hit),
+        };
+        if !world.material(&hit).textures.is_empty() {
+            let step = step(&surface);
+            match &facet {
+                Some(facet) => world.textured_facet(line, (&hit, facet), &mut surface, step),
+                None => world.textured(line, &hit, &mut surface, step, &mut ()),
+            };
+        }
+        (hit, surface)
+    });
+    for (layer, aov) in job.aovs.iter().enumerate() {
+        let mut values = [0.0; 3];
+        let values = &mut values[..aov.channels().len()];
+        if *aov == Aov::Alpha {
+            values[0] = if seen.is_some() { part.share } else { 0.0 };
+            buffer.add_to_layer(layer, part.pixel, values);
+            continue;
+        }
+        if !part.is_first {
+            continue;
+        }
+        match (&seen, aov) {
+            (None, Aov::Depth) => values[0] = f64::INFINITY,
+            (Some((_, surface)), Aov::Depth) => values[0] = ((surface.exact - camera.eye()).length() as f32).into(),
+            (Some((_, surface)), Aov::Normal) => {
+                let side = if surface.normal.dot(line.direction) < 0.0 { 1.0 } else { -1.0 };
+                let normal = (surface.shading_normal * side).as_vec3();
+                values.copy_from_slice(&normal.to_array().map(f64::from));
+            }
+            (Some((_, surface)), Aov::Position) => {
+                values.copy_from_slice(&world.to_scene(surface.point).to_array().map(f64::from));
+            }
+            (Some((_, surface)), Aov::Uv) => values.copy_from_slice(&surface.uv.to_array().map(f64::from)),
+            (Some((hit, _)), Aov::ObjectId) => values[0] = world.object_id(hit).into(),
+            (Some((hit, _)), Aov::MaterialId) => values[0] = (world.material_index(hit) + 1).into(),
+            _ => {}
+        }
+        buffer.add_to_layer(layer, part.pixel, values);
+    }
+}

@@ -1,0 +1,173 @@
+//! Projections of the world onto a screen: of the camera, and of the lights' shadow maps.
+//!
+//! A point has the homogeneous coordinates X, Y, W and D, which are affine functions of its place. X/W and Y/W are
+//! pixels to the right and upwards from the lower left corner. D/W is a depth that is affine on the screen and grows
+//! towards the viewer: 1/z of a perspective, −z of a parallel projection.
+
+use crate::camera::Camera;
+use crate::math::{DRay, Transform};
+use glam::{DMat3, DVec3, DVec4};
+
+/// A projection of a space onto a screen.
+#[derive(Clone, Debug)]
+pub(super) struct Projection {
+    /// The gradients of X, Y, W and D.
+    gradients: [DVec3; 4],
+    /// Their values at the origin of the space.
+    offsets: DVec4,
+    /// The near plane: points with a negative product are not drawn.
+    near: DVec4,
+    /// The depth of the far plane; what has less is not drawn.
+    pub(super) far_depth: f64,
+}
+
+/// The homogeneous coordinates of a place that is `right`, `up` and `forward` from the eye along unit axes.
+struct Frame {
+    eye: DVec3,
+    right: DVec3,
+    up: DVec3,
+    forward: DVec3,
+}
+
+impl Frame {
+    /// The projection with the given coefficients of (right, up, forward, 1) for X, Y, W and D.
+    fn projection(&self, rows: [[f64; 4]; 4], near: DVec4, far_depth: f64) -> Projection {
+        let gradients = rows.map(|[r, u, f, _]| self.right * r + self.up * u + self.forward * f);
+        let offsets = DVec4::from_array([0, 1, 2, 3].map(|i: usize| rows[i][3] - gradients[i].dot(self.eye)));
+        Projection { gradients, offsets, near, far_depth }
+    }
+}
+
+impl Projection {
+    /// The projection of a camera without a lens (5.2), between its near and far planes.
+    pub(super) fn of_camera(camera: &Camera) -> Projection {
+        let [right, up, back] = camera.axes();
+        let ([w, h], window, shift) = (camera.size().map(f64::from), camera.window(), camera.shift());
+        let (focal, near) = (camera.focal_distance(), camera.focal_distance());
+        let rows = [
+            [focal / window.x * w, 0.0, (0.5 - shift.x) * w, 0.0],
+            [0.0, focal / window.y * h, (0.5 - shift.y) * h, 0.0],
+            [0.0, 0.0, 1.0, 0.0],
+            [0.0, 0.0, 0.0, 1.0],
+        ];
+        let frame = Frame { eye: camera.eye(), right, up, forward: -back };
+        frame.projection(rows, DVec4::new(0.0, 0.0, 1.0, -near), 1.0 / camera.far())
+    }
+
+    /// The projection from `eye` along `forward` onto a square of `side` pixels, with the half angle of this tangent.
+    pub(super) fn square(eye: DVec3, forward: DVec3, tangent: f64, side: u32, near: f64) -> Projection {
+        let half = f64::from(side) * 0.5;
+        let (right, up) = across(forward);
+        let rows = [
+            [half / tangent, 0.0, half, 0.0],
+            [0.0, half / tangent, half, 0.0],
+            [0.0, 0.0, 1.0, 0.0],
+            [0.0, 0.0, 0.0, 1.0],
+        ];
+        Frame { eye, right, up, forward }.projection(rows, DVec4::new(0.0, 0.0, 1.0, -near), 0.0)
+    }
+
+    /// The parallel projection along `forward` of a ball onto a square of `side` pixels.
+    pub(super) fn parallel(center: DVec3, radius: f64, forward: DVec3, side: u32) -> Projection {
+        let half = f64::from(side) * 0.5;
+        let (right, up) = across(forward);
+        // Depth is the distance in front of the ball's far end.
+        let rows = [
+            [half / radius, 0.0, 0.0, half],
+            [0.0, half / radius, 0.0, half],
+            [0.0, 0.0, 0.0, 1.0],
+            [0.0, 0.0, -1.0, radius],
+        ];
+        Frame { eye: center, right, up, forward }.projection(rows, DVec4::new(0.0, 0.0, 1.0, 0.0), 0.0)
+    }
+
+    /// The projection of the space that this transform maps to this projection's space.
+    pub(super) fn of_space(&self, to_world: Option<&Transform>) -> Projection {
+        let Some(t) = to_world else { return self.clone() };
+        let m = t.matrix();
+        let linear = m.matrix3.transpose();
+        let offsets = [0, 1, 2, 3].map(|i: usize| self.offsets[i] + self.gradients[i].dot(m.translation));
+        Projection {
+            gradients: self.gradients.map(|g| linear * g),
+            offsets: DVec4::from_array(offsets),
+            near: self.near,
+            far_depth: self.far_depth,
+        }
+    }
+
+    /// The homogeneous coordinates of a point.
+    #[inline(always)]
+    pub(super) fn point(&self, p: DVec3) -> DVec4 {
+        let [x, y, w, d] = self.gradients;
+        DVec4::new(
+            x.dot(p) + self.offsets.x,
+            y.dot(p) + self.offsets.y,
+            w.dot(p) + self.offsets.z,
+            d.dot(p) + self.offsets.w,
+        )
+    }
+
+    /// The near plane: points with a negative product are not drawn.
+    pub(super) fn near(&self) -> DVec4 {
+        self.near
+    }
+
+    /// The largest number of pixels that a unit of length covers where W is 1.
+    pub(super) fn pixels_per_unit(&self, [width, height]: [f64; 2]) -> f64 {
+        let [x, y, w, _] = self.gradients;
+        // A step that changes W moves the point by up to its distance from the axis.
+        let along = |g: DVec3, size: f64| g.length() + w.length() * size;
+        along(x, width).max(along(y, height))
+    }
+}
+
+/// Unit vectors to the right and upwards of a direction.
+fn across(forward: DVec3) -> (DVec3, DVec3) {
+    let (x, y) = forward.any_orthonormal_pair();
+    (x, y)
+}
+
+/// The coefficients (α, β, γ) for which the depth at a place is α x + β y + γ, on the plane through three points. None
+/// if the plane is seen edge on.
+#[inline(always)]
+pub(super) fn depth_plane([a, b, c]: [DVec4; 3]) -> Option<DVec3> {
+    // Cramer's rule for α X + β Y + γ W = D at the three points.
+    let [p, q, r] = [a, b, c].map(|v| v.truncate());
+    let (qr, rp, pq) = (q.cross(r), r.cross(p), p.cross(q));
+    let determinant = p.dot(qr);
+    let plane = (qr * a.w + rp * b.w + pq * c.w) / determinant;
+    plane.is_finite().then_some(plane)
+}
+
+impl Projection {
+    /// The number of pixels that a unit of length across the view covers where W is 1.
+    pub(super) fn scale(&self) -> f64 {
+        let [x, _, w, _] = self.gradients;
+        // X holds a multiple of W, which moves the centre of the screen.
+        let along = w.length_squared();
+        let right = if along > 0.0 { x - w * (x.dot(w) / along) } else { x };
+        right.length()
+    }
+
+    /// The depth of a point that lies nearer to the viewer by this length than one of the given depth.
+    pub(super) fn nearer(&self, depth: f64, length: f64) -> f64 {
+        let is_perspective = self.gradients[3] == DVec3::ZERO;
+        if is_perspective { depth / (1.0 - (length * depth).min(0.5)) } else { depth + length }
+    }
+
+    /// The line through a place on the screen, away from the viewer, with a unit direction.
+    pub(super) fn line(&self, [px, py]: [f64; 2]) -> DRay {
+        // A point p has X = px W, Y = py W; the near plane gives the third equation.
+        let [x, y, w, d] = self.gradients;
+        let (nx, ny) = (x - w * px, y - w * py);
+        let (ox, oy) = (self.offsets.x - self.offsets.z * px, self.offsets.y - self.offsets.z * py);
+        let third = if d == DVec3::ZERO { w } else { -d };
+        let offset = if d == DVec3::ZERO { self.offsets.z } else { -self.offsets.w };
+        let direction = nx.cross(ny);
+        let direction = if third.dot(direction) < 0.0 { -direction } else { direction };
+        // The point where the third function is 0: the eye of a perspective.
+        let matrix = DMat3::from_cols(nx, ny, third).transpose();
+        let origin = matrix.inverse() * -DVec3::new(ox, oy, offset);
+        DRay { origin, direction: direction.normalize() }
+    }
+}

@@ -1,0 +1,242 @@
+//! The rasteriser: triangles on the screen, and the samples of a tile that they cover.
+//!
+//! Corners are snapped to 1/256 of a pixel. Edge functions of snapped corners are exact in `i64` (Pineda, *A Parallel
+//! Algorithm for Polygon Rasterization*, 1988). By the top-left rule a sample on a shared edge belongs to one triangle.
+//! No crack opens between triangles that share corners. Depths come from the plane before snapping.
+
+#[cfg(test)]
+use super::projection::depth_plane;
+use glam::{DVec3, DVec4};
+
+/// The parts of a pixel that corners are snapped to.
+pub(super) const SUBPIXELS: i64 = 256;
+/// The largest distance of a corner from the picture's corner in pixels. Snapped corners are less than 2²⁹ steps away.
+/// The difference of two is less than 2³⁰, so an edge function is less than 2⁶².
+pub(super) const GUARD_BAND: f64 = (1u32 << 21) as f64;
+
+/// The origin of a triangle on the screen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Source {
+    /// [`Hit::instance`](crate::world::Hit::instance).
+    pub(super) instance: u32,
+    /// [`Hit::primitive`](crate::world::Hit::primitive).
+    pub(super) primitive: u32,
+    /// The triangle of the primitive's tessellation; 0 for triangles of meshes.
+    pub(super) triangle: u32,
+}
+
+/// A triangle on the screen.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ScreenTriangle {
+    /// The corners in 1/256 pixels, counter-clockwise with y upwards.
+    corners: [[i32; 2]; 3],
+    /// The depth as a function α x + β y + γ of the place in pixels.
+    plane: DVec3,
+    /// The least and the largest depth of the corners. Planes that are seen nearly edge on have huge gradients.
+    range: [f32; 2],
+    pub(super) source: Source,
+    /// Whether parts of it may be cut out.
+    pub(super) has_holes: bool,
+}
+
+impl ScreenTriangle {
+    /// The triangle with these corners, whose W is positive, on the plane of a depth. `front` tells whether the corners
+    /// run counter-clockwise on the screen. None if it has no area after snapping.
+    #[inline]
+    pub(super) fn new(corners: [DVec4; 3], plane: DVec3, source: Source, has_holes: bool) -> Option<ScreenTriangle> {
+        let snapped = corners.map(|c| {
+            let scale = SUBPIXELS as f64 / c.z;
+            [(c.x * scale).round_ties_even() as i32, (c.y * scale).round_ties_even() as i32]
+        });
+        let depths = corners.map(|c| (c.w / c.z) as f32);
+        let range = [depths[0].min(depths[1]).min(depths[2]), depths[0].max(depths[1]).max(depths[2])];
+        let mut triangle = ScreenTriangle { corners: snapped, plane, range, source, has_holes };
+        let area = triangle.doubled_area();
+        if area < 0 {
+            triangle.corners.swap(1, 2);
+        }
+        (area != 0).then_some(triangle)
+    }
+
+    fn doubled_area(&self) -> i64 {
+        let [a, b, c] = self.corners.map(|p| p.map(i64::from));
+        edge(a, b, c)
+    }
+
+    /// The first and the last column and row of pixels, `[x, y]` each, that hold one of the triangle's samples. `sites`
+    /// bounds the samples' places in a pixel. None if there are none within the rectangle from `low` to `high`.
+    #[inline]
+    pub(super) fn pixels(&self, sites: &Sites, low: [i32; 2], high: [i32; 2]) -> Option<[[i32; 2]; 2]> {
+        let [a, b, c] = self.corners;
+        let (mut first, mut last) = ([0; 2], [0; 2]);
+        for axis in 0..2 {
+            let least = a[axis].min(b[axis]).min(c[axis]);
+            let most = a[axis].max(b[axis]).max(c[axis]);
+            // The first pixel with a site at or after the least coordinate, the last with one before the largest.
+            first[axis] = (least - sites.last[axis] + SUBPIXELS as i32 - 1).div_euclid(SUBPIXELS as i32).max(low[axis]);
+            last[axis] = (most - sites.first[axis]).div_euclid(SUBPIXELS as i32).min(high[axis]);
+            if first[axis] > last[axis] {
+                return None;
+            }
+        }
+        Some([first, last])
+    }
+
+    /// The depth at a place in pixels.
+    #[inline(always)]
+    pub(super) fn depth(&self, x: f64, y: f64) -> f32 {
+        let depth = (self.plane.x * x + self.plane.y * y + self.plane.z) as f32;
+        depth.max(self.range[0]).min(self.range[1])
+    }
+}
+
+/// Twice the signed area of three places: positive if they run counter-clockwise with y upwards.
+#[inline(always)]
+fn edge([ax, ay]: [i64; 2], [bx, by]: [i64; 2], [px, py]: [i64; 2]) -> i64 {
+    (bx - ax) * (py - ay) - (by - ay) * (px - ax)
+}
+
+/// The least value of an edge function that counts as inside: 0 on top and left edges, else 1.
+#[inline(always)]
+fn least_inside([ax, ay]: [i64; 2], [bx, by]: [i64; 2]) -> i64 {
+    let is_top = ay == by && bx < ax;
+    let is_left = by < ay;
+    i64::from(!(is_top || is_left))
+}
+
+/// The places of a pixel's samples.
+#[derive(Clone, Debug)]
+pub(super) struct Sites {
+    /// The places in 1/256 pixels, to the right and upwards from the pixel's lower left corner.
+    pub(super) places: Vec<[i32; 2]>,
+    /// The least and the largest coordinates.
+    first: [i32; 2],
+    last: [i32; 2],
+}
+
+impl Sites {
+    /// The sites at these places, in pixels.
+    pub(super) fn new(places: impl IntoIterator<Item = [f64; 2]>) -> Sites {
+        let snap = |v: f64| (v * SUBPIXELS as f64).round_ties_even() as i32;
+        let places: Vec<[i32; 2]> = places.into_iter().map(|place| place.map(snap)).collect();
+        let (mut first, mut last) = ([i32::MAX; 2], [i32::MIN; 2]);
+        for place in &places {
+            for axis in 0..2 {
+                first[axis] = first[axis].min(place[axis]);
+                last[axis] = last[axis].max(place[axis]);
+            }
+        }
+        Sites { places, first, last }
+    }
+
+    /// The standard pattern of 1, 2, 4 or 8 samples around this place: rows and columns are all different.
+    pub(super) fn pattern(samples: u32, [x, y]: [f64; 2]) -> Sites {
+        // In sixteenths of a pixel.
+        let pattern: &[[i32; 2]] = match samples {
+            2 => &[[4, 4], [-4, -4]],
+            4 => &[[-2, -6], [6, -2], [-6, 2], [2, 6]],
+            8 => &[[1, -3], [-1, 3], [5, 1], [-3, -5], [-5, 5], [-7, -1], [3, 7], [7, -7]],
+            _ => &[[0, 0]],
+        };
+        Sites::new(pattern.iter().map(|[dx, dy]| [x + f64::from(*dx) / 16.0, y + f64::from(*dy) / 16.0]))
+    }
+
+    /// The number of sites in a pixel.
+    pub(super) fn len(&self) -> usize {
+        self.places.len()
+    }
+}
+
+/// No triangle.
+pub(super) const NOTHING: u32 = u32::MAX;
+
+/// The nearest triangle at each sample of a rectangle of pixels: a visibility buffer (Burns and Hunt 2013).
+#[derive(Default)]
+pub(super) struct VisibilityBuffer {
+    /// The lower left pixel, and the size in pixels.
+    corner: [i32; 2],
+    size: [i32; 2],
+    /// The depth and the number of the triangle at each sample: one plane of pixels for each site, in rows from below.
+    depths: Vec<f32>,
+    numbers: Vec<u32>,
+}
+
+impl VisibilityBuffer {
+    /// Removes everything. The buffer then holds this rectangle, and what is farther than `far_depth` isn't drawn.
+    pub(super) fn reset(&mut self, corner: [i32; 2], size: [i32; 2], sites: &Sites, far_depth: f32) {
+        (self.corner, self.size) = (corner, size);
+        let samples = size[0] as usize * size[1] as usize * sites.len();
+        self.depths.clear();
+        self.depths.resize(samples, far_depth);
+        self.numbers.clear();
+        self.numbers.resize(samples, NOTHING);
+    }
+
+    /// The number of the triangle at a pixel's sample; the pixel counts from the lower left corner in rows.
+    #[inline]
+    pub(super) fn number(&self, site: usize, pixel: usize) -> u32 {
+        self.numbers[site * self.size[0] as usize * self.size[1] as usize + pixel]
+    }
+
+    /// All depths of the first site, in rows from below.
+    pub(super) fn depths(&self) -> &[f32] {
+        &self.depths[..self.size[0] as usize * self.size[1] as usize]
+    }
+
+    /// Draws triangle number `number`. Nearer depths win; of equal depths, the triangle that was drawn first.
+    /// `is_solid` tells whether the triangle exists at a place in pixels; it is asked where the triangle has holes.
+    #[inline]
+    pub(super) fn draw(
+        &mut self,
+        triangle: &ScreenTriangle,
+        number: u32,
+        sites: &Sites,
+        mut is_solid: impl FnMut([f64; 2]) -> bool,
+    ) {
+        let [x0, y0] = self.corner;
+        let [width, height] = self.size;
+        let Some([first, last]) = triangle.pixels(sites, self.corner, [x0 + width - 1, y0 + height - 1]) else {
+            return;
+        };
+        let [a, b, c] = triangle.corners.map(|p| p.map(i64::from));
+        let edges = [(a, b), (b, c), (c, a)];
+        let plane_size = width as usize * height as usize;
+        for (site, &[dx, dy]) in sites.places.iter().enumerate() {
+            let place = [first[0], first[1]].map(|v| i64::from(v) * SUBPIXELS);
+            let place = [place[0] + i64::from(dx), place[1] + i64::from(dy)];
+            // The values at the first sample of the current row, less than 0 outside.
+            let mut row =
+                [0, 1, 2].map(|i: usize| edge(edges[i].0, edges[i].1, place) - least_inside(edges[i].0, edges[i].1));
+            let right = edges.map(|(from, to)| -(to[1] - from[1]) * SUBPIXELS);
+            let up = edges.map(|(from, to)| (to[0] - from[0]) * SUBPIXELS);
+            let sub = [dx, dy].map(|d| f64::from(d) / SUBPIXELS as f64);
+            for y in first[1]..=last[1] {
+                let mut values = row;
+                let start = site * plane_size + (y - y0) as usize * width as usize;
+                let y_place = f64::from(y) + sub[1];
+                for x in first[0]..=last[0] {
+                    if values[0] | values[1] | values[2] >= 0 {
+                        let index = start + (x - x0) as usize;
+                        let x_place = f64::from(x) + sub[0];
+                        let depth = triangle.depth(x_place, y_place);
+                        if depth > self.depths[index] && (!triangle.has_holes || is_solid([x_place, y_place])) {
+                            (self.depths[index], self.numbers[index]) = (depth, number);
+                        }
+                    }
+                    for (value, step) in values.iter_mut().zip(right) {
+                        *value += step;
+                    }
+                }
+                for (value, step) in row.iter_mut().zip(up) {
+                    *value += step;
+                }
+            }
+        }
+    }
+}
+
+/// The triangle of three homogeneous corners with its depth's plane; for tests.
+#[cfg(test)]
+pub(super) fn screen_triangle(corners: [DVec4; 3], source: Source) -> Option<ScreenTriangle> {
+    ScreenTriangle::new(corners, depth_plane(corners)?, source, false)
+}

@@ -1,0 +1,218 @@
+//! Shadow maps: the depths that a light sees (Williams, *Casting Curved Shadows on Curved Surfaces*, 1978).
+//!
+//! A point is in shadow where its map holds a nearer surface. Depths are compared at the centres of texels, with the
+//! depth that the point's tangent plane has there. Only what differs by more than a texel's width counts as nearer. The
+//! mean of four texels is weighted by the distances to their centres (Reeves, Salesin and Cook, *Rendering Antialiased
+//! Shadows with Depth Maps*, 1987).
+//!
+//! Shapes without bounds are in no map. A shadow ray is tested with each of them.
+
+use super::facets::{Tolerance, corners};
+use super::fragment::FacetCache;
+use super::geometry::{GeometryStage, Screen};
+use super::projection::{Projection, depth_plane};
+use super::raster::{Sites, VisibilityBuffer};
+use crate::integrator::whitted::ShadowLookup;
+use crate::light::{LightKind, PreparedLight};
+use crate::material::Material;
+use crate::math::DRay;
+use crate::world::{Facet, Hit, World};
+use canaletto_bvh::Ray;
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+use std::ops::ControlFlow;
+
+/// The side of the tiles in which maps are drawn.
+const TILE: i32 = 64;
+
+/// The nearest and the farthest depth of a map have at most this ratio.
+const NEAREST: f64 = 1.0 / (1u32 << 20) as f64;
+
+/// A map in one direction.
+struct ShadowMap {
+    projection: Projection,
+    side: i32,
+    /// The depths in rows from below.
+    depths: Vec<f32>,
+}
+
+/// The maps of all lights.
+pub(super) struct ShadowMaps<'w> {
+    world: &'w World,
+    /// For each light its maps; none if it casts no shadows.
+    lights: Vec<Vec<ShadowMap>>,
+}
+
+/// Whether a surface blocks light, as far as a map can tell.
+fn casts_shadows(material: &Material) -> bool {
+    material.phong().opacity >= 0.5
+}
+
+impl<'w> ShadowMaps<'w> {
+    /// The bytes of all maps, if each has this side.
+    pub(super) fn bytes(world: &World, side: u32) -> u64 {
+        let maps: usize = world.lights.iter().map(|light| projections(world, light, side).len()).sum();
+        maps as u64 * u64::from(side) * u64::from(side) * size_of::<f32>() as u64
+    }
+
+    /// Draws the maps. Breaks if cancelled.
+    pub(super) fn draw(
+        world: &'w World,
+        tolerance: &Tolerance,
+        side: u32,
+        cancelled: &(dyn Fn() -> bool + Sync),
+    ) -> ControlFlow<(), ShadowMaps<'w>> {
+        let mut lights = Vec::new();
+        for light in &world.lights {
+            let mut maps = Vec::new();
+            for projection in projections(world, light, side) {
+                let depths = draw(world, &projection, tolerance, side as i32, cancelled)?;
+                maps.push(ShadowMap { projection, side: side as i32, depths });
+            }
+            lights.push(maps);
+        }
+        ControlFlow::Continue(ShadowMaps { world, lights })
+    }
+}
+
+/// The projections of a light's maps.
+fn projections(world: &World, light: &PreparedLight, side: u32) -> Vec<Projection> {
+    let bounds = world.local_bounds();
+    if !light.light.shadows || bounds.is_empty() {
+        return Vec::new();
+    }
+    let center = (bounds.min.as_dvec3() + bounds.max.as_dvec3()) * 0.5;
+    let radius = (bounds.max.as_dvec3() - bounds.min.as_dvec3()).length() * 0.5;
+    let Some([low, high]) = light.bounds().map(|b| b.bounds) else {
+        let towards = light.illuminate(0, center).direction;
+        return vec![Projection::parallel(center, radius, -towards, side)];
+    };
+    let position = (low + high) * 0.5;
+    let farthest = corners(&bounds).map(|p| (p - position).length()).fold(0.0, f64::max);
+    let near = farthest * NEAREST;
+    if near.is_nan() || near <= 0.0 {
+        return Vec::new();
+    }
+    if let LightKind::Spot(spot) = &light.light.kind {
+        let axis = (spot.target.as_dvec3() - spot.position.as_dvec3()).normalize();
+        // A margin for the texels around the edge of the cone.
+        let tangent = 1.02 * libm::tan(f64::from(spot.outer()).to_radians());
+        if tangent > 0.0 && tangent <= 1.0 && axis.is_finite() {
+            return vec![Projection::square(position, axis, tangent, side, near)];
+        }
+    }
+    let axes = [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z];
+    axes.map(|axis| Projection::square(position, axis, 1.0, side, near)).to_vec()
+}
+
+/// The depths of one map.
+fn draw(
+    world: &World,
+    projection: &Projection,
+    tolerance: &Tolerance,
+    side: i32,
+    cancelled: &(dyn Fn() -> bool + Sync),
+) -> ControlFlow<(), Vec<f32>> {
+    let sites = Sites::new([[0.5; 2]]);
+    let screen = Screen { corner: [0; 2], size: [side; 2], side: TILE, from_top: false };
+    let stage = GeometryStage {
+        world,
+        projection,
+        tolerance,
+        screen,
+        sites: &sites,
+        with_unbounded: false,
+        is_drawn: &casts_shadows,
+    };
+    let binned = stage.run(cancelled)?;
+    let [across, rows] = screen.tiles();
+    let tiles: Vec<VisibilityBuffer> = (0..across * rows)
+        .into_par_iter()
+        .map_init(FacetCache::default, |cache, tile| {
+            let corner = [tile % across * TILE, tile / across * TILE];
+            let size = corner.map(|c| TILE.min(side - c));
+            let mut buffer = VisibilityBuffer::default();
+            buffer.reset(corner, size, &sites, f32::NEG_INFINITY);
+            cache.clear();
+            for (number, triangle) in (0..).zip(binned.tile(tile as usize)) {
+                if triangle.has_holes {
+                    cache.prepare(triangle.source, world, &binned, tolerance);
+                }
+                buffer.draw(triangle, number, &sites, |place| {
+                    let Some(visible) = cache.triangle(triangle.source, world, &binned) else { return true };
+                    let line = projection.line(place);
+                    let hit = visible.hit(&line);
+                    let facet = visible.facet();
+                    opacity(world, line, &hit, facet.as_ref()) >= 0.5
+                });
+            }
+            buffer
+        })
+        .collect();
+    let mut depths = vec![f32::NEG_INFINITY; side as usize * side as usize];
+    for (tile, buffer) in (0..).zip(&tiles) {
+        let [x, y] = [tile % across * TILE, tile / across * TILE];
+        let width = TILE.min(side - x) as usize;
+        for (row, values) in buffer.depths().chunks(width).enumerate() {
+            let start = (y as usize + row) * side as usize + x as usize;
+            depths[start..start + width].copy_from_slice(values);
+        }
+    }
+    ControlFlow::Continue(depths)
+}
+
+/// The share of light that the surface at a hit blocks.
+pub(super) fn opacity(world: &World, line: DRay, hit: &Hit, facet: Option<&Facet>) -> f32 {
+    match facet {
+        Some(facet) => world.opacity_of_facet(line, hit, facet),
+        None => world.opacity_at(line, hit, None),
+    }
+}
+
+impl ShadowMap {
+    /// The share of light that reaches a point with this unit geometric normal, if the map covers the point.
+    fn passed(&self, point: DVec3, normal: DVec3) -> Option<f32> {
+        let at = self.projection.point(point);
+        if at.z <= 0.0 {
+            return None;
+        }
+        let (x, y) = (at.x / at.z, at.y / at.z);
+        let side = f64::from(self.side);
+        if !(0.0..side).contains(&x) || !(0.0..side).contains(&y) {
+            return None;
+        }
+        // The width of a texel at the point's depth.
+        let texel = at.z / self.projection.scale();
+        let (u, v) = normal.any_orthonormal_pair();
+        let neighbours = [point, point + u * texel, point + v * texel].map(|p| self.projection.point(p));
+        let own = at.w / at.z;
+        let plane = depth_plane(neighbours);
+        let [left, below] = [x, y].map(|v| (v - 0.5).floor());
+        let (fx, fy) = (x - 0.5 - left, y - 0.5 - below);
+        let mut passed = 0.0;
+        for (i, j) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+            let weight = (if i == 0 { 1.0 - fx } else { fx }) * (if j == 0 { 1.0 - fy } else { fy });
+            let [column, row] = [left + f64::from(i), below + f64::from(j)];
+            let [cx, cy] = [column, row].map(|v| v.clamp(0.0, side - 1.0));
+            let depth = self.depths[cy as usize * self.side as usize + cx as usize];
+            let tangent = plane.map_or(own, |plane| plane.x * (cx + 0.5) + plane.y * (cy + 0.5) + plane.z);
+            // Where the plane is seen edge on, its depth at the texel says nothing about the point.
+            let receiver = if tangent.is_finite() { tangent.clamp(own * 0.5, own * 2.0) } else { own };
+            if f64::from(depth) <= self.projection.nearer(receiver, texel) {
+                passed += weight;
+            }
+        }
+        Some(passed as f32)
+    }
+}
+
+impl ShadowLookup for ShadowMaps<'_> {
+    fn passed(&self, light: u32, [start, to]: [Vec3; 2], t_max: f32, point: DVec3, normal: DVec3) -> f32 {
+        let ray = Ray::new(start, to);
+        if self.world.unbounded_shapes().any(|shape| shape.intersect(&ray, t_max).is_some()) {
+            return 0.0;
+        }
+        let maps = &self.lights[light as usize];
+        maps.iter().find_map(|map| map.passed(point, normal)).unwrap_or(1.0)
+    }
+}

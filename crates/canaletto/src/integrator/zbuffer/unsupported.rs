@@ -1,0 +1,98 @@
+//! What a job asks for and a z-buffer doesn't do.
+
+use super::grid_side;
+use crate::Named;
+use crate::diagnose::Unsupported;
+use crate::job::Job;
+use crate::material::{Material, Parameter, Target};
+use crate::scene::{Filter, Sampling, ShadowMethod, ZbufferSettings};
+use crate::world::{Hit, Primitives, World};
+use std::collections::BTreeSet;
+
+/// A kind of material that a z-buffer draws as if it were another.
+struct Kind {
+    /// What it draws in place of it.
+    sentence: &'static str,
+    is_of: fn(&Material) -> bool,
+}
+
+fn has_texture(material: &Material, parameter: Parameter) -> bool {
+    material.textures.iter().any(|texture| texture.target == Target::Parameter(parameter))
+}
+
+const KINDS: [Kind; 3] = [
+    Kind {
+        sentence: "a z-buffer draws no reflections, so these mirrors reflect nothing",
+        is_of: |m| !m.phong().k.is_black() || has_texture(m, Parameter::Mirror),
+    },
+    Kind {
+        sentence: "a z-buffer refracts no light, so these clear objects are opaque",
+        is_of: |m| m.phong().opacity < 1.0 || has_texture(m, Parameter::Opacity),
+    },
+    Kind {
+        sentence: "a z-buffer draws a surface or leaves it out, so these half-covered surfaces are drawn where their \
+                   coverage is at least 0.5",
+        is_of: |m| m.coverage > 0.0 && m.coverage < 1.0,
+    },
+];
+
+/// What the z-buffer leaves out of a job's picture.
+pub(crate) fn unsupported(world: &World, job: &Job, settings: &ZbufferSettings) -> Vec<Unsupported> {
+    let mut all = Vec::new();
+    for Kind { sentence, is_of } in KINDS {
+        let of_kind: Vec<bool> = world.materials().iter().map(is_of).collect();
+        let subjects = if of_kind.contains(&true) { objects_of(world, &of_kind) } else { Vec::new() };
+        if !subjects.is_empty() {
+            all.push(Unsupported { problem: sentence.into(), subjects });
+        }
+    }
+    if settings.shadows == ShadowMethod::Map {
+        let areas = (1..).zip(&world.lights).filter(|(_, light)| light.light.shadows && light.light.has_area());
+        let subjects: Vec<String> = areas
+            .map(|(number, light)| match &light.light.name {
+                Some(name) => name.to_string(),
+                None => format!("{} light #{number}", light.light.kind_name()),
+            })
+            .collect();
+        if !subjects.is_empty() {
+            let problem = "shadow maps have no penumbrae, so lights with an area cast the shadows of their centres";
+            all.push(Unsupported { problem: problem.into(), subjects });
+        }
+    }
+    let mut add = |problem: String| all.push(Unsupported { problem, subjects: Vec::new() });
+    if !job.camera.is_plain() {
+        add("a z-buffer has no lens and no shutter, so all is sharp and drawn at the shutter's opening".into());
+    } else if world.moves() {
+        add("a z-buffer has no shutter, so what moves is drawn at the shutter's opening".into());
+    }
+    if let Some(side) = grid_side(job.film.sampling).filter(|_| !matches!(job.film.sampling, Sampling::Regular(_))) {
+        add(format!("the samples of a z-buffer have equal places in all pixels: here a grid of {side} x {side}"));
+    }
+    if job.film.filter != Filter::Box {
+        add(format!("a z-buffer has the box filter, not \"{}\"", job.film.filter.name()));
+    }
+    all
+}
+
+/// The names of the objects with one of these materials, sorted.
+fn objects_of(world: &World, materials: &[bool]) -> Vec<String> {
+    let mut objects = BTreeSet::new();
+    let mut visit = |instance: u32, primitive: u32| {
+        let hit = Hit { t: 0.0, instance, primitive, part: 0, uv: [0.0; 2], time: 0.0 };
+        if materials[world.material_index(&hit) as usize] {
+            objects.insert(world.object(&hit).name.clone());
+        }
+    };
+    for instance in 0..world.placed_geometry_count() {
+        let primitives = world.placed_geometry(instance, 0.0).primitives;
+        // A cloud has one material; a mesh has one for each slot.
+        let len = if let Primitives::Spheres(_) | Primitives::Cylinders(_) = primitives { 1 } else { primitives.len() };
+        for primitive in 0..len.min(primitives.len()) as u32 {
+            visit(instance, primitive);
+        }
+    }
+    for primitive in 0..world.unbounded_shapes().count() as u32 {
+        visit(Hit::UNBOUNDED, primitive);
+    }
+    objects.into_iter().collect()
+}
