@@ -17,3 +17,4 @@ mod scale;
 mod serialised;
 mod textures;
 mod watertight;
+mod zbuffer;

@@ -10,9 +10,9 @@ use canaletto::diagnose::{self, Unsupported};
 use canaletto::render::{Job, JobError};
 use canaletto::scene::{FilmSettings, Filter, SamplePattern, Sampling, Scene, ShadowMethod, View};
 use canaletto::world::World;
+use canaletto_io::diagnostic::{Diagnostic, Diagnostics};
 use canaletto_io::picture::MAX_PIXELS;
 use canaletto_io::text::closest_word;
-use canaletto_io::diagnostic::{Diagnostic, Diagnostics};
 
 /// The job of a command, and the name of its camera.
 #[derive(Clone, Debug)]

@@ -13,9 +13,9 @@ pub use tree::{
     SampleNode, Side, TextureNode,
 };
 
-use crate::Named;
 use crate::film::WeightedSum;
-use crate::integrator::{RayIntegrator, Whitted};
+pub use crate::integrator::{RasterNode, RasterRival, RivalFate};
+use crate::integrator::{RayIntegrator, Whitted, explain_zbuffer_pixel};
 use crate::render::{Job, JobError, PixelRenderer, stack_of};
 use crate::scene::Integrator;
 use crate::world::World;
@@ -41,9 +41,6 @@ pub enum ExplainError {
     /// Mirrors and clear bodies multiply the pixel's rays beyond the limit.
     #[error("the pixel's tree has more than {MAX_RAYS} rays; a smaller max-depth makes it one that can be read")]
     TooManyRays,
-    /// The integrator doesn't explain pixels.
-    #[error("the {0} integrator has no ray tree; --integrator whitted explains the same pixel")]
-    Integrator(&'static str),
     /// The job has an error.
     #[error(transparent)]
     Job(#[from] JobError),
@@ -71,20 +68,29 @@ fn record(world: &World, job: &Job, [x, y]: [u32; 2]) -> Result<PixelTree, Expla
     let [width, height] = job.camera.size();
     let mut recorder = Recorder::new(world, &job.camera);
     let too_many = |rays| rays > MAX_RAYS;
-    let Integrator::Whitted(settings) = job.integrator else {
-        return Err(ExplainError::Integrator(job.integrator.name()));
-    };
-    let mut whitted = Whitted::new(world, settings).with_cancel(&too_many);
     let mut sum = WeightedSum::default();
-    PixelRenderer::new(job).pixel(&mut whitted, [x, y], &mut recorder, &mut sum);
-    if whitted.is_cancelled() {
-        return Err(ExplainError::TooManyRays);
+    let mut rasters = Vec::new();
+    match job.integrator {
+        Integrator::Whitted(settings) => {
+            let mut whitted = Whitted::new(world, settings).with_cancel(&too_many);
+            PixelRenderer::new(job).pixel(&mut whitted, [x, y], &mut recorder, &mut sum);
+            if whitted.is_cancelled() {
+                return Err(ExplainError::TooManyRays);
+            }
+        }
+        Integrator::Zbuffer(settings) => {
+            rasters = explain_zbuffer_pixel(world, job, settings, [x, y], &mut recorder, &mut sum)?;
+        }
+    }
+    let mut samples = recorder.into_samples();
+    for (sample, raster) in samples.iter_mut().zip(rasters) {
+        sample.raster = raster;
     }
     Ok(PixelTree {
         pixel: [x, y],
         chapter_pixel: [x, height - 1 - y],
         size: [width, height],
-        samples: recorder.into_samples(),
+        samples,
         color: sum.mean(),
     })
 }

@@ -250,7 +250,15 @@ impl Probe for Recorder<'_> {
             let (time, lens) = self.drawn;
             let camera = self.camera.at(time.unwrap_or(0.0));
             let (_, d) = camera.chapter_ray(position[0], position[1]);
-            self.samples.push(SampleNode { position, weight, time, lens, chapter_direction: d.to_array(), ray });
+            self.samples.push(SampleNode {
+                position,
+                weight,
+                time,
+                lens,
+                chapter_direction: d.to_array(),
+                raster: None,
+                ray,
+            });
         }
     }
 }

@@ -3,7 +3,7 @@
 use super::number::Number;
 use super::tree::{HitNode, LightNode, Outcome, PixelTree, RayNode, SampleNode, Side, TextureNode};
 use crate::Named;
-use crate::integrator::RayKind;
+use crate::integrator::{RasterNode, RayKind, RivalFate};
 use crate::light::environment::{EnvironmentLookup, Footprint, Part, Place};
 use crate::material::{Parameter, ParameterInfo, ParameterValue, Shown};
 use crate::math::Rgb;
@@ -46,7 +46,39 @@ fn write_sample(f: &mut Formatter, sample: &SampleNode) -> fmt::Result {
     if let Some([right, up]) = sample.lens {
         writeln!(f, "from the point of the lens {right} to the right of the eye and {up} above it")?;
     }
+    if let Some(raster) = &sample.raster {
+        write_raster(f, raster)?;
+    }
     write_ray(f, &sample.ray, "")
+}
+
+fn write_raster(f: &mut Formatter, raster: &RasterNode) -> fmt::Result {
+    let RasterNode { object, primitive, facet, corners, weights, depth, z, samples, rivals, more_rivals } = raster;
+    match facet {
+        Some(facet) => writeln!(f, "triangle {facet} of the tessellation of {object} (primitive {primitive})")?,
+        None => writeln!(f, "triangle {primitive} of {object}")?,
+    }
+    let corner = |[x, y]: [f64; 2]| format!("({x}, {y})");
+    writeln!(f, "  on the screen {}", corners.map(corner).join(", "))?;
+    writeln!(f, "  weights of the corners {} {} {}", weights[0], weights[1], weights[2])?;
+    writeln!(f, "  depth 1/z = {depth}, z = {}", Number(*z))?;
+    if samples[1] > 1 {
+        writeln!(f, "  seen by {} of the pixel's {} samples", samples[0], samples[1])?;
+    }
+    for rival in rivals {
+        let fate = match rival.fate {
+            RivalFate::Farther => "is farther",
+            RivalFate::Equal => "is as near, but comes later in the scene or in its mesh",
+            RivalFate::BeyondFar => "lies beyond the far plane",
+            RivalFate::BeforeNear => "lies in front of the near plane",
+            RivalFate::Hole => "has a hole here",
+        };
+        writeln!(f, "  hidden: {}, 1/z = {}, z = {}: {fate}", rival.object, rival.depth, Number(rival.z))?;
+    }
+    if *more_rivals > 0 {
+        writeln!(f, "  hidden: {more_rivals} more triangles, farther than these")?;
+    }
+    Ok(())
 }
 
 fn write_ray(f: &mut Formatter, ray: &RayNode, indent: &str) -> fmt::Result {

@@ -1,7 +1,7 @@
 //! The tree of rays behind a pixel, as plain data.
 
 use crate::film::WeightedSum;
-use crate::integrator::RayKind;
+use crate::integrator::{RasterNode, RayKind};
 use crate::light::environment::EnvironmentLookup;
 use crate::material::MaterialModel;
 use crate::math::Rgb;
@@ -40,6 +40,9 @@ pub struct SampleNode {
     pub lens: Option<[f64; 2]>,
     /// d of (5.10), from the eye to the projection plane. Without a lens, `ray` has this direction, normalised.
     pub chapter_direction: [f64; 3],
+    /// The triangle that a z-buffer shows here.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub raster: Option<RasterNode>,
     /// The camera ray.
     pub ray: RayNode,
 }

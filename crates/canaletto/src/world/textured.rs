@@ -83,14 +83,15 @@ impl World {
     }
 
     /// [`World::textured`] on a facet, with the facet's own normal and texture coordinates.
-    pub(crate) fn textured_facet(
+    pub(crate) fn textured_facet<P: GeometryProbe>(
         &self,
         line: DRay,
         (hit, facet): (&Hit, &Facet),
         surface: &mut Surface,
         step: Option<[DVec3; 2]>,
+        probe: &mut P,
     ) -> MaterialPoint {
-        self.textured_at(&self.local(line, hit, Some(facet)), hit, surface, step, &mut ())
+        self.textured_at(&self.local(line, hit, Some(facet)), hit, surface, step, probe)
     }
 
     fn textured_at<P: GeometryProbe>(

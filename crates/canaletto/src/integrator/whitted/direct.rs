@@ -91,6 +91,9 @@ impl<'w> Whitted<'w> {
             Some(position) => (position - at.frame.start, BEFORE_LIGHT),
             None => (arriving.direction.as_vec3(), f32::INFINITY),
         };
+        if let Some(lookup) = self.shadow_lookup {
+            return lookup.passed(light, [at.frame.start, to], t_max, at.frame.exact, at.frame.facing);
+        }
         let differential = at.footprint.map(|footprint| {
             RayDifferential::to_light(footprint.step, arriving.direction, f64::from(arriving.distance))
         });

@@ -35,7 +35,7 @@ impl Whitted<'_> {
 
 /// The colour of the environment, or of the background without one.
 #[inline]
-pub(super) fn background<P: Probe>(
+pub(in crate::integrator) fn background<P: Probe>(
     world: &World,
     direction: DVec3,
     differential: Option<&RayDifferential>,

@@ -26,6 +26,7 @@ use crate::sampler::{Sample, Sampler};
 use crate::scene::WhittedSettings;
 use crate::world::{OccluderCache, World};
 use glam::{DVec3, Vec3};
+pub(super) use intersect::background;
 use media::Media;
 use ray_state::{PathState, RayState};
 pub(crate) use wave::Fragment;

@@ -4,6 +4,7 @@ use super::facets::{Facets, Tolerance};
 use super::geometry::BinnedTriangles;
 use super::raster::Source;
 use crate::math::{DRay, Transform};
+use crate::shape::Shape;
 use crate::world::{Facet, Hit, PlacedGeometry, Primitives, World};
 use canaletto_bvh::Ray;
 use canaletto_bvh::triangle::{self, Triangle};
@@ -20,6 +21,8 @@ pub(super) struct VisibleTriangle<'a> {
     part: u32,
     /// The tessellation, if the triangle isn't the surface itself.
     pub(super) facets: Option<&'a Facets>,
+    /// The shape that the triangle stands for.
+    shape: Option<Shape>,
 }
 
 /// The tessellations of shapes that a thread has made.
@@ -58,15 +61,22 @@ impl FacetCache {
         world: &'a World,
         binned: &'a BinnedTriangles,
     ) -> Option<VisibleTriangle<'a>> {
-        let to_world = match source.instance {
-            Hit::UNBOUNDED => None,
+        let (to_world, shape) = match source.instance {
+            Hit::UNBOUNDED => (None, world.unbounded_shapes().nth(source.primitive as usize).copied()),
             instance => {
                 let placed = world.placed_geometry(instance, 0.0);
                 if let Primitives::Mesh(mesh) = placed.primitives {
                     let corners = mesh.corners(source.primitive as usize);
-                    return Some(VisibleTriangle { source, corners, to_world: placed.to_world, part: 0, facets: None });
+                    return Some(VisibleTriangle {
+                        source,
+                        corners,
+                        to_world: placed.to_world,
+                        part: 0,
+                        facets: None,
+                        shape: None,
+                    });
                 }
-                placed.to_world
+                (placed.to_world, placed.primitives.shape(source.primitive).map(|(shape, _)| shape))
             }
         };
         let kept = binned.kept(source.instance, source.primitive);
@@ -77,6 +87,7 @@ impl FacetCache {
             to_world,
             part: facets.parts[source.triangle as usize],
             facets: (!facets.is_exact).then_some(facets),
+            shape,
         })
     }
 }
@@ -85,6 +96,33 @@ impl VisibleTriangle<'_> {
     /// The facet to be evaluated in place of the shape's own surface.
     pub(super) fn facet(&self) -> Option<Facet<'_>> {
         self.facets.map(|facets| Facet { mesh: &facets.mesh, triangle: self.source.triangle, color: facets.color })
+    }
+
+    /// Whether the triangle is of a tessellation.
+    pub(super) fn is_tessellated(&self) -> bool {
+        self.shape.is_some()
+    }
+
+    /// The parameter t where a line from the viewer meets the curved surface that the triangle stands for. `t` is where
+    /// it meets the triangle; it is returned if the surface isn't met near it on the same side.
+    pub(super) fn surface_near(&self, line: &DRay, t: f64) -> f64 {
+        let Some(shape) = &self.shape else { return t };
+        let local = self.to_local(line);
+        let [a, b, c] = self.corners.map(Vec3::as_dvec3);
+        let is_front = (b - a).cross(c - a).dot(local.direction) < 0.0;
+        let place = DRay { origin: local.origin + local.direction * t, direction: local.direction };
+        // A front is met where the line enters the body, a back where it leaves it.
+        let met = |sign: f64| {
+            let line = DRay { direction: place.direction * sign, ..place };
+            let hit = shape.intersect(&line.rounded(), f32::INFINITY)?;
+            let normal = shape.surface(line, &hit).normal;
+            ((normal.dot(place.direction) < 0.0) == is_front).then_some(f64::from(hit.t) * sign)
+        };
+        match (met(-1.0), met(1.0)) {
+            (Some(before), Some(after)) => t + if -before <= after { before } else { after },
+            (Some(step), None) | (None, Some(step)) => t + step,
+            (None, None) => t,
+        }
     }
 
     /// The hit of a line on the triangle, or at the place of the triangle that is nearest to the line: a sample of a

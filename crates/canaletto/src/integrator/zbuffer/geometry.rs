@@ -76,6 +76,16 @@ struct Batch {
     kept: Vec<([u32; 2], Facets)>,
 }
 
+/// A triangle of a geometry.
+struct WorldTriangle {
+    /// The corners in the geometry's space.
+    corners: [Vec3; 3],
+    source: Source,
+    /// Given if only the front is visible: whether the geometry's space is mirrored.
+    sided: Option<bool>,
+    is_curved: bool,
+}
+
 /// The projection of a world onto a screen.
 pub(super) struct GeometryStage<'a> {
     pub(super) world: &'a World,
@@ -83,6 +93,8 @@ pub(super) struct GeometryStage<'a> {
     pub(super) tolerance: &'a Tolerance,
     pub(super) screen: Screen,
     pub(super) sites: &'a Sites,
+    /// Whether the depths of curved surfaces are compared in place of those of their triangles.
+    pub(super) compares_curves: bool,
     /// Whether shapes without bounds are drawn.
     pub(super) with_unbounded: bool,
     /// Whether a material is drawn.
@@ -166,7 +178,13 @@ impl GeometryStage<'_> {
                     (Primitives::Mesh(mesh), _) => {
                         let source = Source { instance: part.instance, primitive, triangle: 0 };
                         let sided = if mesh.one_sided { Some(mirrors) } else { None };
-                        self.triangle(mesh.corners(primitive as usize), source, sided, &projection, &mut batch);
+                        let triangle = WorldTriangle {
+                            corners: mesh.corners(primitive as usize),
+                            source,
+                            sided,
+                            is_curved: false,
+                        };
+                        self.triangle(&triangle, &projection, &mut batch);
                     }
                     (_, Some((shape, color))) => {
                         let facets = Facets::new(&shape, color, placed.to_world.as_ref(), self.tolerance);
@@ -191,22 +209,18 @@ impl GeometryStage<'_> {
         let sided = if facets.mesh.one_sided { Some(mirrors) } else { None };
         for triangle in 0..facets.mesh.len() as u32 {
             let source = Source { instance, primitive, triangle };
-            self.triangle(facets.corners(triangle), source, sided, projection, batch);
+            let is_curved = !facets.is_exact && self.compares_curves;
+            let triangle = WorldTriangle { corners: facets.corners(triangle), source, sided, is_curved };
+            self.triangle(&triangle, projection, batch);
         }
         if facets.mesh.len() >= MIN_KEPT {
             batch.kept.push(([instance, primitive], facets));
         }
     }
 
-    /// Projects a triangle. `sided` is given if only its front is visible, and tells whether its space is mirrored.
-    fn triangle(
-        &self,
-        corners: [Vec3; 3],
-        source: Source,
-        sided: Option<bool>,
-        projection: &Projection,
-        batch: &mut Batch,
-    ) {
+    /// Projects a triangle.
+    fn triangle(&self, triangle: &WorldTriangle, projection: &Projection, batch: &mut Batch) {
+        let WorldTriangle { corners, source, sided, is_curved } = *triangle;
         let corners = corners.map(|p| projection.point(p.as_dvec3()));
         if self.outside_of_all(corners) != 0 {
             return;
@@ -219,32 +233,33 @@ impl GeometryStage<'_> {
                 return;
             }
         }
-        let near = projection.near();
+        // A curved surface may lie behind the near plane where its triangles lie in front of it.
+        let near = if is_curved { projection.nearer_plane() } else { projection.near() };
         let is_inside = |p: &DVec4| {
             near.dot(*p) >= 0.0 && p.z > 0.0 && p.x.abs() <= GUARD_BAND * p.z && p.y.abs() <= GUARD_BAND * p.z
         };
         if corners.iter().all(is_inside) {
-            self.add(ScreenTriangle::new(corners, plane, source, false), source, batch);
+            self.add(ScreenTriangle::new(corners, plane, source), is_curved, batch);
             return;
         }
         let polygon = Polygon::clipped(corners, near);
         if let [first, rest @ ..] = polygon.corners() {
             for pair in rest.windows(2) {
-                self.add(ScreenTriangle::new([*first, pair[0], pair[1]], plane, source, false), source, batch);
+                self.add(ScreenTriangle::new([*first, pair[0], pair[1]], plane, source), is_curved, batch);
             }
         }
     }
 
     /// Adds a triangle to the tiles that it touches.
-    fn add(&self, triangle: Option<ScreenTriangle>, source: Source, batch: &mut Batch) {
+    fn add(&self, triangle: Option<ScreenTriangle>, is_curved: bool, batch: &mut Batch) {
         let Some(mut triangle) = triangle else { return };
         let Some([first, last]) = triangle.pixels(self.sites, self.screen.corner, self.screen.last()) else { return };
-        let hit = source.hit(0.0, [0.0; 2], 0);
+        let hit = triangle.source.hit(0.0, [0.0; 2], 0);
         let material = self.world.material(&hit);
         if !(self.is_drawn)(material) {
             return;
         }
-        triangle.has_holes = has_holes(material);
+        (triangle.has_holes, triangle.is_curved) = (has_holes(material), is_curved);
         let number = batch.triangles.len() as u32;
         batch.triangles.push(triangle);
         let screen = &self.screen;

@@ -9,32 +9,33 @@
 //! lens and no motion: everything is drawn at the opening of the shutter.
 
 mod clip;
+mod explain;
 mod facets;
 mod fragment;
 mod geometry;
 mod projection;
 mod raster;
 mod shadow_map;
-#[cfg(test)]
-mod tests;
 mod unsupported;
 
-use super::whitted::{Fragment, Whitted};
+use super::whitted::{Fragment, Whitted, background};
 use super::{Cancelled, Counts, TileIntegrator, TileWorker};
 use crate::camera::Camera;
 use crate::film::TileBuffer;
 use crate::job::{Aov, Job, JobError, Observer};
-use crate::math::{DRay, RayDifferential, Rgb};
-use crate::sampler::{FrameSampler, Sample};
+use crate::math::{DRay, RayDifferential};
+use crate::sampler::FrameSampler;
 use crate::scene::{Sampling, Shading, ShadowMethod, ZbufferSettings};
-use crate::world::World;
+use crate::shape::Surface;
+use crate::world::{Hit, World};
 use canaletto_bvh::Aabb;
+pub(crate) use explain::explain_pixel;
+pub use explain::{RasterNode, RasterRival, RivalFate};
 use facets::Tolerance;
 use fragment::{FacetCache, VisibleTriangle};
 use geometry::{BinnedTriangles, GeometryStage, Screen};
-use glam::DVec3;
 use projection::Projection;
-use raster::{NOTHING, Sites, VisibilityBuffer};
+use raster::{NOTHING, ScreenTriangle, Sites, VisibilityBuffer};
 use shadow_map::{ShadowMaps, opacity};
 use std::ops::ControlFlow;
 pub(crate) use unsupported::unsupported;
@@ -52,6 +53,7 @@ pub(crate) struct Zbuffer<'w> {
     settings: ZbufferSettings,
     /// The camera at rest, without its lens.
     camera: Camera,
+    projection: Projection,
     sites: Sites,
     /// The shares of the sites' samples in a pixel's colour are equal; samples of one triangle are shaded together.
     shades_each_site: bool,
@@ -111,6 +113,7 @@ impl<'w> Zbuffer<'w> {
             tolerance: &tolerance,
             screen,
             sites: &sites,
+            compares_curves: true,
             with_unbounded: true,
             is_drawn: &|_| true,
         };
@@ -125,6 +128,7 @@ impl<'w> Zbuffer<'w> {
             settings,
             far_depth: projection.far_depth as f32,
             camera,
+            projection,
             sites,
             shades_each_site,
             screen,
@@ -183,19 +187,29 @@ impl TileIntegrator for Zbuffer<'_> {
     }
 
     fn worker<'a>(&'a self, cancelled: Cancelled<'a>) -> Box<dyn TileWorker + 'a> {
-        let settings = self.job.integrator.nearest_whitted();
-        let whitted = Whitted::new(self.world, settings).with_cancel(cancelled);
-        Box::new(ZbufferWorker {
+        Box::new(self.own_worker(cancelled))
+    }
+}
+
+impl Zbuffer<'_> {
+    fn own_worker<'a>(&'a self, cancelled: Cancelled<'a>) -> ZbufferWorker<'a> {
+        ZbufferWorker {
             zbuffer: self,
-            whitted: match &self.maps {
-                Some(maps) => whitted.with_shadows_by(maps),
-                None => whitted,
-            },
+            whitted: self.whitted(cancelled),
             cancelled,
             visibility: VisibilityBuffer::default(),
-            cache: FacetCache::default(),
+            lookup: TriangleLookup { zbuffer: self, cache: FacetCache::default() },
             fragments: 0,
-        })
+        }
+    }
+
+    /// The classic integrator as it shades fragments.
+    fn whitted<'a>(&'a self, cancelled: Cancelled<'a>) -> Whitted<'a> {
+        let whitted = Whitted::new(self.world, self.job.integrator.nearest_whitted()).with_cancel(cancelled);
+        match &self.maps {
+            Some(maps) => whitted.with_shadows_by(maps),
+            None => whitted,
+        }
     }
 }
 
@@ -205,9 +219,15 @@ struct ZbufferWorker<'a> {
     whitted: Whitted<'a>,
     cancelled: Cancelled<'a>,
     visibility: VisibilityBuffer,
-    cache: FacetCache,
+    lookup: TriangleLookup<'a>,
     /// The number of fragments shaded.
     fragments: u64,
+}
+
+/// The triangles of visible samples, in the world.
+struct TriangleLookup<'a> {
+    zbuffer: &'a Zbuffer<'a>,
+    cache: FacetCache,
 }
 
 /// The samples of a pixel that see one triangle.
@@ -254,21 +274,19 @@ impl ZbufferWorker<'_> {
         let below = camera.size()[1] - y - height;
         let (corner, size) = ([x as i32, below as i32], [width as i32, height as i32]);
         self.visibility.reset(corner, size, sites, self.zbuffer.far_depth);
-        self.cache.clear();
-        let Self { visibility, cache, .. } = self;
+        self.lookup.cache.clear();
+        let Self { visibility, lookup: TriangleLookup { cache, .. }, .. } = self;
         for (number, triangle) in (0..).zip(binned.tile(tile)) {
             if number % 65_536 == 65_535 && (self.cancelled)(0) {
                 return ControlFlow::Break(());
             }
-            if triangle.has_holes {
+            if triangle.has_holes || triangle.is_curved {
                 cache.prepare(triangle.source, world, binned, tolerance);
             }
-            visibility.draw(triangle, number, sites, |[x, y]| {
-                let Some(visible) = cache.triangle(triangle.source, world, binned) else { return true };
-                let line = camera.line(x, y);
-                let hit = visible.hit(&line);
-                // The share of the surface that exists: the opacity of an opaque material.
-                coverage(world, line, &hit, &visible) >= 0.5
+            let visible = cache.triangle(triangle.source, world, binned);
+            visibility.draw(triangle, number, sites, |place, depth| match &visible {
+                Some(visible) => refine(self.zbuffer, triangle, visible, place, depth),
+                None => Some(depth),
             });
         }
         ControlFlow::Continue(tile)
@@ -306,96 +324,114 @@ impl ZbufferWorker<'_> {
     }
 
     fn shade(&mut self, tile: usize, parts: &[PixelPart], buffer: &mut TileBuffer) {
-        let Zbuffer { world, job, camera, binned, tolerance, settings, .. } = self.zbuffer;
-        let [x0, y0, width, _] = buffer.area();
-        let seen: Vec<&PixelPart> = parts.iter().filter(|part| part.number != NOTHING).collect();
-        for part in &seen {
-            self.cache.prepare(binned.get(tile, part.number).source, world, binned, tolerance);
-        }
-        let sample = |part: &PixelPart| {
-            let pixel = [x0 + part.pixel as u32 % width, y0 + part.pixel as u32 / width];
-            self.zbuffer.sampler.pixel(pixel).sample(0, 1)
-        };
-        let visible = |part: &PixelPart| self.cache.triangle(binned.get(tile, part.number).source, world, binned);
-        let triangles: Vec<Option<VisibleTriangle>> = seen.iter().map(|part| visible(part)).collect();
-        let places = || seen.iter().zip(&triangles).filter_map(|(part, visible)| Some((*part, visible.as_ref()?)));
-        let colors = match settings.shading {
-            Shading::Phong => {
-                let fragments: Vec<Fragment> = places()
-                    .map(|(part, visible)| {
-                        let line = camera.line(part.place[0], part.place[1]);
-                        let hit = visible.hit(&line);
-                        fragment(self.zbuffer, visible, (line, hit), part.place, sample(part), false)
-                    })
-                    .collect();
-                self.fragments += fragments.len() as u64;
-                self.whitted.shade_fragments(&fragments).to_vec()
-            }
-            Shading::Flat => {
-                let fragments: Vec<Fragment> = places()
-                    .map(|(part, visible)| {
-                        let seen = visible.seen_from(camera.eye(), [1.0 / 3.0; 2]);
-                        fragment(self.zbuffer, visible, seen, part.place, sample(part), true)
-                    })
-                    .collect();
-                self.fragments += fragments.len() as u64;
-                self.whitted.shade_fragments(&fragments).to_vec()
-            }
-            Shading::Gouraud => {
-                let fragments: Vec<Fragment> = places()
-                    .flat_map(|(part, visible)| {
-                        let sample = sample(part);
-                        [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]].map(|uv| {
-                            let seen = visible.seen_from(camera.eye(), uv);
-                            fragment(self.zbuffer, visible, seen, part.place, sample, false)
-                        })
-                    })
-                    .collect();
-                self.fragments += fragments.len() as u64;
-                let corners = self.whitted.shade_fragments(&fragments).to_vec();
-                let place = |(part, visible): (&PixelPart, &VisibleTriangle)| {
-                    visible.hit(&camera.line(part.place[0], part.place[1])).uv
-                };
-                let weights: Vec<[f32; 2]> = places().map(place).collect();
-                let blend = |(c, [u, v]): (&[Rgb], &[f32; 2])| c[0] * (1.0 - u - v) + c[1] * *u + c[2] * *v;
-                corners.chunks_exact(3).zip(&weights).map(blend).collect()
-            }
-        };
-        let mut colors = colors.into_iter();
-        for part in parts {
-            let line = camera.line(part.place[0], part.place[1]);
-            let color = if part.number == NOTHING {
-                background(world, &line, differential(self.zbuffer, part.place).as_ref())
+        let Zbuffer { world, job, camera, .. } = self.zbuffer;
+        let Self { lookup, whitted, .. } = self;
+        lookup.prepare(tile, parts);
+        let area = buffer.area();
+        let triangles: Vec<Option<VisibleTriangle>> = parts.iter().map(|part| lookup.visible(tile, part)).collect();
+        let fragments: Vec<(f64, Fragment)> = parts
+            .iter()
+            .zip(&triangles)
+            .flat_map(|(part, visible)| lookup.fragments_of(part, visible.as_ref(), area))
+            .collect();
+        self.fragments += fragments.len() as u64;
+        let (weights, fragments): (Vec<f64>, Vec<Fragment>) = fragments.into_iter().unzip();
+        let mut colors = whitted.shade_fragments(&fragments).iter().copied().zip(weights);
+        let each = if self.zbuffer.settings.shading == Shading::Gouraud { 3 } else { 1 };
+        for (part, visible) in parts.iter().zip(&triangles) {
+            if visible.is_some() {
+                colors.by_ref().take(each).for_each(|(color, weight)| buffer.add(part.pixel, color, weight));
             } else {
-                colors.next().unwrap_or(Rgb::BLACK)
-            };
-            buffer.add(part.pixel, color, part.share);
+                let line = camera.line(part.place[0], part.place[1]);
+                let differential = differential(self.zbuffer, part.place);
+                buffer.add(part.pixel, background(world, line.direction, differential.as_ref(), &mut ()), part.share);
+            }
         }
         if !job.aovs.is_empty() {
-            for part in parts {
-                let visible = if part.number == NOTHING { None } else { visible(part) };
+            for (part, visible) in parts.iter().zip(&triangles) {
                 layers(self.zbuffer, part, visible.as_ref(), buffer);
             }
         }
     }
 }
 
+impl TriangleLookup<'_> {
+    /// Makes sure that the tessellations of visible shapes are at hand.
+    fn prepare(&mut self, tile: usize, parts: &[PixelPart]) {
+        let Zbuffer { world, binned, tolerance, .. } = self.zbuffer;
+        for part in parts.iter().filter(|part| part.number != NOTHING) {
+            self.cache.prepare(binned.get(tile, part.number).source, world, binned, tolerance);
+        }
+    }
+
+    /// The triangle of a part.
+    fn visible(&self, tile: usize, part: &PixelPart) -> Option<VisibleTriangle<'_>> {
+        let Zbuffer { world, binned, .. } = self.zbuffer;
+        (part.number != NOTHING)
+            .then(|| binned.get(tile, part.number))
+            .and_then(|triangle| self.cache.triangle(triangle.source, world, binned))
+    }
+
+    /// The fragments that are shaded for a part of a pixel, with their weights in the pixel.
+    fn fragments_of<'t>(
+        &self,
+        part: &PixelPart,
+        visible: Option<&'t VisibleTriangle<'t>>,
+        [x, y, width, _]: [u32; 4],
+    ) -> Vec<(f64, Fragment<'t>)> {
+        let Zbuffer { camera, settings, sampler, .. } = self.zbuffer;
+        let Some(visible) = visible else { return Vec::new() };
+        let sample = sampler.pixel([x + part.pixel as u32 % width, y + part.pixel as u32 / width]).sample(0, 1);
+        let differential = differential(self.zbuffer, part.place);
+        let fragment =
+            |(line, hit), is_flat| Fragment { line, hit, facet: visible.facet(), is_flat, differential, sample };
+        let seen = || {
+            let line = camera.line(part.place[0], part.place[1]);
+            (line, visible.hit(&line))
+        };
+        match settings.shading {
+            Shading::Phong => vec![(part.share, fragment(seen(), false))],
+            Shading::Flat => vec![(part.share, fragment(visible.seen_from(camera.eye(), [1.0 / 3.0; 2]), true))],
+            Shading::Gouraud => {
+                let [u, v] = seen().1.uv.map(f64::from);
+                let corners = [(1.0 - u - v, [0.0, 0.0]), (u, [1.0, 0.0]), (v, [0.0, 1.0])];
+                let corner = |(weight, uv): (f64, [f32; 2])| {
+                    (part.share * weight.max(0.0), fragment(visible.seen_from(camera.eye(), uv), false))
+                };
+                corners.map(corner).into_iter().collect()
+            }
+        }
+    }
+}
+
+/// The depth of a triangle's surface at a place where its triangle has `depth`. None where a hole is, or where the
+/// surface lies in front of the near plane.
+fn refine(
+    zbuffer: &Zbuffer,
+    triangle: &ScreenTriangle,
+    visible: &VisibleTriangle,
+    [x, y]: [f64; 2],
+    depth: f32,
+) -> Option<f32> {
+    let Zbuffer { world, camera, projection, .. } = zbuffer;
+    let line = camera.line(x, y);
+    if triangle.has_holes && coverage(world, line, &visible.hit(&line), visible) < 0.5 {
+        return None;
+    }
+    if !triangle.is_curved {
+        return Some(depth);
+    }
+    let factor = projection.depth_factor(&line);
+    let t = visible.surface_near(&line, 1.0 / (f64::from(depth) * factor));
+    let depth = (1.0 / (t * factor)) as f32;
+    (f64::from(depth) <= projection.near_depth()).then_some(depth)
+}
+
 /// The share of the surface that exists at a hit.
-fn coverage(world: &World, line: DRay, hit: &crate::world::Hit, visible: &VisibleTriangle) -> f32 {
+fn coverage(world: &World, line: DRay, hit: &Hit, visible: &VisibleTriangle) -> f32 {
     let facet = visible.facet();
     let opaque = world.material(hit).phong().opacity.max(f32::MIN_POSITIVE);
     opacity(world, line, hit, facet.as_ref()) / opaque
-}
-
-/// The colour of what lies behind everything.
-fn background(world: &World, line: &DRay, differential: Option<&RayDifferential>) -> Rgb {
-    match &world.environment {
-        Some(environment) => {
-            let steps = differential.map_or([DVec3::ZERO; 2], |d| d.direction);
-            environment.lookup(line.direction, steps).radiance
-        }
-        None => world.background,
-    }
 }
 
 /// The ray differential at a place of the picture, if the world needs it.
@@ -404,24 +440,13 @@ fn differential(zbuffer: &Zbuffer, [x, y]: [f64; 2]) -> Option<RayDifferential> 
     zbuffer.world.needs_differentials().then(|| zbuffer.camera.differential(x, y, spacing))
 }
 
-fn fragment<'a>(
-    zbuffer: &Zbuffer,
-    visible: &'a VisibleTriangle,
-    (line, hit): (DRay, crate::world::Hit),
-    place: [f64; 2],
-    sample: Sample,
-    is_flat: bool,
-) -> Fragment<'a> {
-    Fragment { line, hit, facet: visible.facet(), is_flat, differential: differential(zbuffer, place), sample }
-}
-
 /// Adds a part of a pixel to the layers.
 fn layers(zbuffer: &Zbuffer, part: &PixelPart, visible: Option<&VisibleTriangle>, buffer: &mut TileBuffer) {
     let Zbuffer { world, job, camera, .. } = zbuffer;
     let line = camera.line(part.place[0], part.place[1]);
     let seen = visible.map(|visible| {
         let hit = visible.hit(&line);
-        let step = |surface: &crate::shape::Surface| {
+        let step = |surface: &Surface| {
             differential(zbuffer, part.place).map(|d| d.along(&line, surface.exact, surface.normal))
         };
         let facet = visible.facet();
@@ -432,7 +457,7 @@ fn layers(zbuffer: &Zbuffer, part: &PixelPart, visible: Option<&VisibleTriangle>
         if !world.material(&hit).textures.is_empty() {
             let step = step(&surface);
             match &facet {
-                Some(facet) => world.textured_facet(line, (&hit, facet), &mut surface, step),
+                Some(facet) => world.textured_facet(line, (&hit, facet), &mut surface, step, &mut ()),
                 None => world.textured(line, &hit, &mut surface, step, &mut ()),
             };
         }

@@ -112,6 +112,22 @@ impl Projection {
         self.near
     }
 
+    /// A plane at half the distance of the near plane.
+    pub(super) fn nearer_plane(&self) -> DVec4 {
+        DVec4::new(self.near.x, self.near.y, self.near.z, 0.5 * self.near.w)
+    }
+
+    /// The depth of the near plane.
+    pub(super) fn near_depth(&self) -> f64 {
+        if self.near.w == 0.0 { f64::INFINITY } else { -self.near.z / self.near.w }
+    }
+
+    /// The depth at parameter t of a line from the eye of a perspective, and t at a depth: either is 1 over the other
+    /// and this factor.
+    pub(super) fn depth_factor(&self, line: &DRay) -> f64 {
+        self.gradients[2].dot(line.direction)
+    }
+
     /// The largest number of pixels that a unit of length covers where W is 1.
     pub(super) fn pixels_per_unit(&self, [width, height]: [f64; 2]) -> f64 {
         let [x, y, w, _] = self.gradients;

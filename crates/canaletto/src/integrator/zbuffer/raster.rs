@@ -4,8 +4,6 @@
 //! Algorithm for Polygon Rasterization*, 1988). By the top-left rule a sample on a shared edge belongs to one triangle.
 //! No crack opens between triangles that share corners. Depths come from the plane before snapping.
 
-#[cfg(test)]
-use super::projection::depth_plane;
 use glam::{DVec3, DVec4};
 
 /// The parts of a pixel that corners are snapped to.
@@ -37,20 +35,23 @@ pub(super) struct ScreenTriangle {
     pub(super) source: Source,
     /// Whether parts of it may be cut out.
     pub(super) has_holes: bool,
+    /// Whether it stands for a curved surface, whose own depths are compared.
+    pub(super) is_curved: bool,
 }
 
 impl ScreenTriangle {
-    /// The triangle with these corners, whose W is positive, on the plane of a depth. `front` tells whether the corners
-    /// run counter-clockwise on the screen. None if it has no area after snapping.
+    /// The triangle with these corners, whose W is positive, on the plane of a depth. None if it has no area after
+    /// snapping.
     #[inline]
-    pub(super) fn new(corners: [DVec4; 3], plane: DVec3, source: Source, has_holes: bool) -> Option<ScreenTriangle> {
+    pub(super) fn new(corners: [DVec4; 3], plane: DVec3, source: Source) -> Option<ScreenTriangle> {
         let snapped = corners.map(|c| {
             let scale = SUBPIXELS as f64 / c.z;
             [(c.x * scale).round_ties_even() as i32, (c.y * scale).round_ties_even() as i32]
         });
         let depths = corners.map(|c| (c.w / c.z) as f32);
         let range = [depths[0].min(depths[1]).min(depths[2]), depths[0].max(depths[1]).max(depths[2])];
-        let mut triangle = ScreenTriangle { corners: snapped, plane, range, source, has_holes };
+        let mut triangle =
+            ScreenTriangle { corners: snapped, plane, range, source, has_holes: false, is_curved: false };
         let area = triangle.doubled_area();
         if area < 0 {
             triangle.corners.swap(1, 2);
@@ -80,6 +81,18 @@ impl ScreenTriangle {
             }
         }
         Some([first, last])
+    }
+
+    /// The corners in pixels, counter-clockwise with y upwards.
+    pub(super) fn corners_in_pixels(&self) -> [[f64; 2]; 3] {
+        self.corners.map(|corner| corner.map(|v| f64::from(v) / SUBPIXELS as f64))
+    }
+
+    /// Whether the triangle covers the place in 1/256 pixels that is nearest to a place in pixels.
+    pub(super) fn covers(&self, place: [f64; 2]) -> bool {
+        let place = place.map(|v| (v * SUBPIXELS as f64).round_ties_even() as i64);
+        let [a, b, c] = self.corners.map(|p| p.map(i64::from));
+        [(a, b), (b, c), (c, a)].into_iter().all(|(from, to)| edge(from, to, place) >= least_inside(from, to))
     }
 
     /// The depth at a place in pixels.
@@ -184,14 +197,15 @@ impl VisibilityBuffer {
     }
 
     /// Draws triangle number `number`. Nearer depths win; of equal depths, the triangle that was drawn first.
-    /// `is_solid` tells whether the triangle exists at a place in pixels; it is asked where the triangle has holes.
+    /// `refine` is asked about triangles with holes and of curved surfaces. It gets the place in pixels and the depth
+    /// there, and returns the surface's own depth, or none where nothing is there.
     #[inline]
     pub(super) fn draw(
         &mut self,
         triangle: &ScreenTriangle,
         number: u32,
         sites: &Sites,
-        mut is_solid: impl FnMut([f64; 2]) -> bool,
+        mut refine: impl FnMut([f64; 2], f32) -> Option<f32>,
     ) {
         let [x0, y0] = self.corner;
         let [width, height] = self.size;
@@ -200,6 +214,7 @@ impl VisibilityBuffer {
         };
         let [a, b, c] = triangle.corners.map(|p| p.map(i64::from));
         let edges = [(a, b), (b, c), (c, a)];
+        let needs_refinement = triangle.has_holes || triangle.is_curved;
         let plane_size = width as usize * height as usize;
         for (site, &[dx, dy]) in sites.places.iter().enumerate() {
             let place = [first[0], first[1]].map(|v| i64::from(v) * SUBPIXELS);
@@ -218,8 +233,11 @@ impl VisibilityBuffer {
                     if values[0] | values[1] | values[2] >= 0 {
                         let index = start + (x - x0) as usize;
                         let x_place = f64::from(x) + sub[0];
-                        let depth = triangle.depth(x_place, y_place);
-                        if depth > self.depths[index] && (!triangle.has_holes || is_solid([x_place, y_place])) {
+                        let mut depth = triangle.depth(x_place, y_place);
+                        if needs_refinement && (triangle.is_curved || depth > self.depths[index]) {
+                            depth = refine([x_place, y_place], depth).unwrap_or(f32::NEG_INFINITY);
+                        }
+                        if depth > self.depths[index] {
                             (self.depths[index], self.numbers[index]) = (depth, number);
                         }
                     }
@@ -233,10 +251,4 @@ impl VisibilityBuffer {
             }
         }
     }
-}
-
-/// The triangle of three homogeneous corners with its depth's plane; for tests.
-#[cfg(test)]
-pub(super) fn screen_triangle(corners: [DVec4; 3], source: Source) -> Option<ScreenTriangle> {
-    ScreenTriangle::new(corners, depth_plane(corners)?, source, false)
 }

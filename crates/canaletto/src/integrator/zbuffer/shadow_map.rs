@@ -121,6 +121,7 @@ fn draw(
         tolerance,
         screen,
         sites: &sites,
+        compares_curves: false,
         with_unbounded: false,
         is_drawn: &casts_shadows,
     };
@@ -138,12 +139,12 @@ fn draw(
                 if triangle.has_holes {
                     cache.prepare(triangle.source, world, &binned, tolerance);
                 }
-                buffer.draw(triangle, number, &sites, |place| {
-                    let Some(visible) = cache.triangle(triangle.source, world, &binned) else { return true };
+                buffer.draw(triangle, number, &sites, |place, depth| {
+                    let Some(visible) = cache.triangle(triangle.source, world, &binned) else { return Some(depth) };
                     let line = projection.line(place);
                     let hit = visible.hit(&line);
                     let facet = visible.facet();
-                    opacity(world, line, &hit, facet.as_ref()) >= 0.5
+                    (opacity(world, line, &hit, facet.as_ref()) >= 0.5).then_some(depth)
                 });
             }
             buffer

@@ -1,10 +1,15 @@
 //! Fragments of a rasteriser, shaded as the interactions of camera rays are.
 
-use super::{Wave, is_partial};
+use super::Wave;
+use crate::integrator::Probe;
 use crate::integrator::whitted::Whitted;
-use crate::integrator::whitted::interaction::Footprint;
+use crate::integrator::whitted::interaction::{Footprint, SurfaceInteraction, VisibleHit};
+use crate::integrator::whitted::media;
+use crate::integrator::whitted::ray_state::{PathState, RayState};
+use crate::material::MaterialPoint;
 use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::Sample;
+use crate::shape::{Surface, SurfaceInputs8};
 use crate::world::{Facet, Hit};
 
 /// A visible place of a surface.
@@ -41,46 +46,80 @@ impl Whitted<'_> {
         &self.waves.pending.colors
     }
 
+    /// The colour of one fragment, for a probe that observes it as the hit of a camera ray.
+    pub(crate) fn shade_fragment<P: Probe>(&mut self, fragment: &Fragment, probe: &mut P) -> Rgb {
+        let Fragment { line, hit, differential, sample, .. } = fragment;
+        let ray = RayState {
+            ray: line.rounded(),
+            line: *line,
+            path_state: PathState::EYE,
+            sample: *sample,
+            differential: *differential,
+        };
+        probe.ray(ray.path_state.kind, &ray.ray, ray.path_state.depth, ray.path_state.attenuation);
+        let (surface, material, footprint) = self.evaluate(fragment, probe);
+        let (inside, crossing) = (media::NONE, media::NONE);
+        let visible_hit = VisibleHit { hit: *hit, surface, material, line: *line, footprint, inside, crossing };
+        let at = SurfaceInteraction::new(&visible_hit, &ray);
+        probe.hit(at.hit, &visible_hit.surface, at.material, at.frame.outside);
+        let mut color = self.shade(&at, probe);
+        let (overlay, share) = at.material.overlay;
+        if share > 0.0 {
+            probe.overlay(overlay, share);
+            color = (overlay * share + color * (1.0 - share)).saturated();
+        }
+        probe.end(color);
+        color
+    }
+
+    /// The surface and the material of a fragment.
+    fn evaluate<P: Probe>(&self, fragment: &Fragment, probe: &mut P) -> (Surface, MaterialPoint, Option<Footprint>) {
+        let Fragment { line, hit, facet, is_flat, differential, .. } = fragment;
+        let (world, material) = (self.world, self.world.material(hit));
+        let mut surface = match facet {
+            Some(facet) => world.facet_surface(*line, hit, facet),
+            None => world.surface(*line, hit),
+        };
+        if *is_flat {
+            surface.shading_normal = surface.normal;
+        }
+        let footprint = Footprint::new(differential.as_ref(), line, &surface);
+        let step = footprint.map(|f| f.step);
+        let mut point = match facet {
+            _ if material.textures.is_empty() => material.at(&surface),
+            Some(facet) => world.textured_facet(*line, (hit, facet), &mut surface, step, probe),
+            None => world.textured(*line, hit, &mut surface, step, probe),
+        };
+        // A rasteriser draws what is there in part as a whole.
+        point.coverage = 1.0;
+        (surface, point, footprint)
+    }
+
     /// Makes fragments the interactions of a wave.
     fn fragment_wave(&mut self, fragments: &[Fragment], wave: &mut Wave) {
         let Wave { batch, interactions, footprints, .. } = wave;
         let world = self.world;
         interactions.clear();
         footprints.clear();
-        let surface_inputs = &mut self.waves.surface_inputs;
+        let mut surface_inputs = std::mem::replace(&mut self.waves.surface_inputs, SurfaceInputs8::NONE);
+        let inputs = &mut surface_inputs;
         for (index, fragment) in fragments.iter().enumerate() {
             let Fragment { line, hit, facet, is_flat, differential, sample } = fragment;
             batch.push_camera_rays(&[*line], &[*sample], *differential);
             let material = world.material(hit);
             let (interactions8, lane) = interactions.next();
-            surface_inputs.set_line(lane, line);
+            inputs.set_line(lane, line);
             if facet.is_none() && !is_flat && differential.is_none() && material.is_plain() {
-                let color = world.push_surface(line, hit, lane, surface_inputs, &mut interactions8.surfaces);
-                interactions.push(index, hit, surface_inputs, |point| material.set(point, color));
+                let color = world.push_surface(line, hit, lane, inputs, &mut interactions8.surfaces);
+                interactions.push(index, hit, inputs, |point| material.set(point, color));
             } else {
-                let mut surface = match facet {
-                    Some(facet) => world.facet_surface(*line, hit, facet),
-                    None => world.surface(*line, hit),
-                };
-                if *is_flat {
-                    surface.shading_normal = surface.normal;
-                }
-                let footprint = Footprint::new(differential.as_ref(), line, &surface);
-                let step = footprint.map(|f| f.step);
-                let point = match facet {
-                    _ if material.textures.is_empty() => material.at(&surface),
-                    Some(facet) => world.textured_facet(*line, (hit, facet), &mut surface, step),
-                    None => world.textured(*line, hit, &mut surface, step, &mut ()),
-                };
+                let (surface, point, footprint) = self.evaluate(fragment, &mut ());
                 footprints.extend(footprint);
                 interactions8.surfaces.set(lane, &surface);
-                interactions.push(index, hit, surface_inputs, |material| *material = point);
-            }
-            let material = &mut interactions.last_mut().material;
-            if is_partial(material) {
-                material.coverage = 1.0;
+                interactions.push(index, hit, inputs, |material| *material = point);
             }
         }
-        interactions.evaluate(surface_inputs);
+        interactions.evaluate(inputs);
+        self.waves.surface_inputs = surface_inputs;
     }
 }

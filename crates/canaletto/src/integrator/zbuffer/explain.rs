@@ -1,0 +1,174 @@
+//! The explanation of a pixel: the triangles that cover it, and the test of their depths.
+
+use super::fragment::VisibleTriangle;
+use super::raster::{NOTHING, ScreenTriangle};
+use super::{PixelPart, Zbuffer, ZbufferWorker, background, differential, refine};
+use crate::film::WeightedSum;
+use crate::integrator::{Probe, RayKind};
+use crate::job::{Job, JobError};
+use crate::math::Rgb;
+use crate::scene::{Integrator, ZbufferSettings};
+use crate::world::World;
+use serde::Serialize;
+use std::ops::ControlFlow;
+
+/// The most triangles that are listed as hidden.
+const MOST_RIVALS: usize = 16;
+
+/// The triangle that a part of a pixel shows, and how it won the depth test.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct RasterNode {
+    /// The object.
+    pub object: String,
+    /// The number of the primitive in its object: of a mesh's triangle, a cloud's element, or 0.
+    pub primitive: u32,
+    /// The number of the triangle in the shape's tessellation; none for meshes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub facet: Option<u32>,
+    /// The corners on the screen in pixels, with y upwards, snapped to 1/256 pixel, after clipping.
+    pub corners: [[f64; 2]; 3],
+    /// The perspective-correct barycentric coordinates of the shaded place, one weight for each corner before clipping.
+    pub weights: [f32; 3],
+    /// The depth 1/z; larger is nearer.
+    pub depth: f32,
+    /// z, the distance along the camera's axis.
+    pub z: f64,
+    /// The number of the pixel's samples that show the triangle, and of all its samples.
+    pub samples: [usize; 2],
+    /// What covers the same place, the nearest first.
+    pub rivals: Vec<RasterRival>,
+    /// The number of triangles that cover the same place and aren't listed.
+    pub more_rivals: usize,
+}
+
+/// A triangle that covers a place and isn't seen there.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct RasterRival {
+    /// The object.
+    pub object: String,
+    /// The depth 1/z.
+    pub depth: f32,
+    /// z, the distance along the camera's axis.
+    pub z: f64,
+    /// Why it isn't seen.
+    pub fate: RivalFate,
+}
+
+/// Why a triangle isn't seen at a place that it covers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum RivalFate {
+    /// It is farther away.
+    Farther,
+    /// It is equally far away, and comes later in the scene.
+    Equal,
+    /// It lies beyond the far plane.
+    BeyondFar,
+    /// Its surface lies in front of the near plane.
+    BeforeNear,
+    /// A texture leaves a hole there.
+    Hole,
+}
+
+/// Renders one pixel for a probe, one sample for each shaded fragment. Returns the triangle behind each sample, none
+/// where the sample shows the background. The colours are added to `sum`.
+///
+/// # Errors
+/// [`JobError`] as from a render.
+pub(crate) fn explain_pixel<P: Probe>(
+    world: &World,
+    job: &Job,
+    settings: ZbufferSettings,
+    [x, y]: [u32; 2],
+    probe: &mut P,
+    sum: &mut WeightedSum,
+) -> Result<Vec<Option<RasterNode>>, JobError> {
+    let mut job = Job { tile: 1, integrator: Integrator::Zbuffer(settings), aovs: Vec::new(), ..job.clone() };
+    job.film.crop = Some([x, y, 1, 1]);
+    let ControlFlow::Continue(zbuffer) = Zbuffer::prepare(world, &job, settings, &())? else { return Ok(Vec::new()) };
+    let never = |_| false;
+    let mut worker = zbuffer.own_worker(&never);
+    let area = [x, y, 1, 1];
+    let ControlFlow::Continue(tile) = worker.draw(area) else { return Ok(Vec::new()) };
+    let parts = worker.parts(area);
+    worker.lookup.prepare(tile, &parts);
+    let mut nodes = Vec::new();
+    for part in &parts {
+        let Some(visible) = worker.lookup.visible(tile, part) else {
+            let line = zbuffer.camera.line(part.place[0], part.place[1]);
+            probe.sample(part.place, part.share);
+            probe.drawn(None, None);
+            probe.ray(RayKind::Eye, &line.rounded(), 1, Rgb::WHITE);
+            let differential = differential(&zbuffer, part.place);
+            let color = background(world, line.direction, differential.as_ref(), probe);
+            probe.miss(color);
+            probe.end(color);
+            sum.add(color, part.share);
+            nodes.push(None);
+            continue;
+        };
+        let node = raster_node(&worker, tile, part);
+        let fragments = worker.lookup.fragments_of(part, Some(&visible), area);
+        let mut whitted = zbuffer.whitted(&never);
+        for (weight, fragment) in &fragments {
+            probe.sample(part.place, *weight);
+            probe.drawn(None, None);
+            sum.add(whitted.shade_fragment(fragment, probe), *weight);
+            nodes.push(node.clone());
+        }
+    }
+    Ok(nodes)
+}
+
+/// The triangle of a part and its rivals.
+fn raster_node(worker: &ZbufferWorker, tile: usize, part: &PixelPart) -> Option<RasterNode> {
+    let Zbuffer { world, binned, sites, camera, far_depth, .. } = worker.zbuffer;
+    let name = |triangle: &ScreenTriangle| world.object(&triangle.source.hit(0.0, [0.0; 2], 0)).name.clone();
+    let triangle = (part.number != NOTHING).then(|| binned.get(tile, part.number))?;
+    let visible = worker.lookup.visible(tile, part)?;
+    let [x, y] = part.place;
+    let line = camera.line(x, y);
+    let [u, v] = visible.hit(&line).uv;
+    let depth_of = |triangle: &ScreenTriangle, visible: Option<&VisibleTriangle>| {
+        let depth = triangle.depth(x, y);
+        let refined = visible.map(|visible| refine(worker.zbuffer, triangle, visible, part.place, depth));
+        (depth, refined.unwrap_or(Some(depth)))
+    };
+    let depth = depth_of(triangle, Some(&visible)).1.unwrap_or(triangle.depth(x, y));
+    let mut rivals = Vec::new();
+    for (number, other) in (0..).zip(binned.tile(tile)) {
+        if number == part.number || !other.covers(part.place) {
+            continue;
+        }
+        let its_visible = worker.lookup.cache.triangle(other.source, world, binned);
+        let (own, refined) = depth_of(other, its_visible.as_ref());
+        let its = refined.unwrap_or(own);
+        let fate = match refined {
+            _ if its <= *far_depth => RivalFate::BeyondFar,
+            None if other.is_curved => RivalFate::BeforeNear,
+            None => RivalFate::Hole,
+            Some(_) if its < depth => RivalFate::Farther,
+            Some(_) => RivalFate::Equal,
+        };
+        rivals.push(RasterRival { object: name(other), depth: its, z: 1.0 / f64::from(its), fate });
+    }
+    rivals.sort_by(|a, b| b.depth.total_cmp(&a.depth));
+    let more_rivals = rivals.len().saturating_sub(MOST_RIVALS);
+    rivals.truncate(MOST_RIVALS);
+    let samples = sites.len();
+    Some(RasterNode {
+        object: name(triangle),
+        primitive: triangle.source.primitive,
+        facet: visible.is_tessellated().then_some(triangle.source.triangle),
+        corners: triangle.corners_in_pixels(),
+        weights: [1.0 - u - v, u, v],
+        depth,
+        z: 1.0 / f64::from(depth),
+        samples: [(part.share * samples as f64).round() as usize, samples],
+        rivals,
+        more_rivals,
+    })
+}

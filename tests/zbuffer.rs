@@ -1,0 +1,273 @@
+//! The z-buffer against ray casting: equal objects away from edges, equal colours, equal bytes for any thread count.
+
+use canaletto::camera::Camera;
+use canaletto::light::{Light, LightKind, Omni};
+use canaletto::material::{Material, Phong};
+use canaletto::math::{Rgb, Transform};
+use canaletto::render::{Aov, Job, Rendering, render};
+use canaletto::scene::{
+    Content, Extrinsics, FilmSettings, Intrinsics, Node, Sampling, Scene, Shading, ShadowMethod, Stage,
+    WhittedSettings, ZbufferSettings,
+};
+use canaletto::shape::{
+    Cone, Cuboid, Cylinder, CylinderCloud, Disk, Mesh, Plane, Shape, Sphere, SphereCloud, Torus, Triangle,
+};
+use canaletto::world::World;
+use canaletto_bvh::Ray;
+use canaletto_tests::assert_same_picture;
+use canaletto_tests::gallery::{still_life, still_life_job};
+use canaletto_tests::textured::textured_still_life;
+use glam::{DVec3, Vec2, Vec3};
+
+/// Pseudo-random numbers, equal in every run (SplitMix64).
+struct Random(u64);
+
+impl Random {
+    fn unit(&mut self) -> f32 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 40) as f32 / (1 << 24) as f32
+    }
+
+    fn within(&mut self, low: f32, high: f32) -> f32 {
+        low + (high - low) * self.unit()
+    }
+
+    fn cube(&mut self) -> Vec3 {
+        Vec3::new(self.within(-1.0, 1.0), self.within(-1.0, 1.0), self.within(-1.0, 1.0))
+    }
+}
+
+/// A shape of any kind around a point.
+fn shape(random: &mut Random, kind: u32) -> Shape {
+    let at = random.cube() * 4.0;
+    let (axis, radius) = (random.cube().normalize(), random.within(0.3, 1.5));
+    match kind {
+        0 => Shape::Sphere(Sphere { center: at, radius }),
+        1 => Shape::Box(Cuboid { min: at - Vec3::splat(radius) * 0.7, max: at + random.cube().abs() + 0.2 }),
+        2 => Shape::Cylinder(Cylinder { base: at, top: at + axis * 2.0, radius: radius * 0.5, caps: true }),
+        3 => Shape::Cone(Cone { base: at, top: at + axis * 2.0, radius, top_radius: 0.2, caps: true }),
+        4 => Shape::Torus(Torus { center: at, axis, radius, tube: radius * 0.3 }),
+        5 => Shape::Disk(Disk { center: at, normal: axis, radius }),
+        6 => Shape::Cylinder(Cylinder { base: at, top: at + axis * 2.0, radius: radius * 0.5, caps: false }),
+        7 => Shape::Triangle(Triangle {
+            a: at,
+            b: at + random.cube() * 2.0,
+            c: at + random.cube() * 2.0,
+            one_sided: random.unit() < 0.5,
+        }),
+        _ => {
+            Shape::Plane(Plane { point: Vec3::new(0.0, -4.5, 0.0) + random.cube() * 0.1, normal: axis * 0.1 + Vec3::Y })
+        }
+    }
+}
+
+/// A bumpy sheet.
+fn sheet(random: &mut Random) -> Mesh {
+    let side = 12;
+    let mut mesh = Mesh { one_sided: random.unit() < 0.3, ..Mesh::default() };
+    for i in 0..side * side {
+        let at = Vec2::new((i % side) as f32, (i / side) as f32) / side as f32 * 3.0 - 1.5;
+        mesh.positions.push(at.extend(random.within(-0.15, 0.15)));
+    }
+    for i in 0..side - 1 {
+        for j in 0..side - 1 {
+            let a = i * side + j;
+            mesh.triangles.extend([[a, a + 1, a + side + 1], [a, a + side + 1, a + side]]);
+        }
+    }
+    mesh
+}
+
+/// A scene of all kinds of objects, copies of groups among them.
+fn random_scene(random: &mut Random) -> Scene {
+    let transform = |random: &mut Random| {
+        let mirror = if random.unit() < 0.3 { -1.0 } else { 1.0 };
+        let scale = DVec3::new(mirror, random.within(0.5, 1.5).into(), 1.0);
+        Transform::translate(random.cube().as_dvec3() * 4.0)
+            .after(&Transform::rotate(random.cube().as_dvec3(), random.within(0.0, 360.0).into()).unwrap())
+            .after(&Transform::scale(scale).unwrap())
+    };
+    let cloud = (0..30).map(|_| random.cube() * 4.0).collect();
+    let mut nodes: Vec<Node> = (0..10).map(|i| Node::from(shape(random, i % 9))).collect();
+    let group =
+        Content::Group(vec![Node::from(shape(random, 0)), Node::from(shape(random, 1)), Node::new(Content::Mesh(0))]);
+    nodes.extend((0..3).map(|_| Node::new(Content::Instance(0)).with_transform(&transform(random))));
+    nodes.push(Node::new(Content::Mesh(0)).with_transform(&transform(random)));
+    nodes.push(Node::new(Content::Spheres(0)));
+    nodes.push(Node::new(Content::Cylinders(0)));
+    nodes.push(Node::from(shape(random, 0)).with_transform(&transform(random)));
+    Scene {
+        meshes: vec![sheet(random)],
+        spheres: vec![SphereCloud { centers: cloud, radii: vec![0.2], ..SphereCloud::default() }],
+        cylinders: vec![CylinderCloud {
+            axes: (0..20).map(|_| [random.cube() * 4.0, random.cube() * 4.0]).collect(),
+            radii: vec![0.08],
+            ..CylinderCloud::default()
+        }],
+        prototypes: vec![Node::new(group)],
+        nodes,
+        ..Scene::default()
+    }
+}
+
+/// A camera around or within the scene, whose planes cut through objects.
+fn random_camera(random: &mut Random, size: [u32; 2]) -> Camera {
+    let near: f64 = [0.01, 0.5, 2.0, 5.0][(random.unit() * 4.0) as usize];
+    let intrinsics = Intrinsics {
+        fovy: random.within(20.0, 110.0).into(),
+        width: size[0],
+        height: size[1],
+        near,
+        far: near + f64::from(random.within(4.0, 14.0)),
+        shift: [random.within(-0.2, 0.2).into(), 0.0],
+        ..Intrinsics::default()
+    };
+    let extrinsics = Extrinsics {
+        eye: random.cube().as_dvec3() * 8.0,
+        center: random.cube().as_dvec3() * 2.0,
+        up: DVec3::new(0.1, 1.0, 0.2),
+    };
+    Camera::new(&intrinsics, &extrinsics).unwrap()
+}
+
+/// The number of the object that a ray through a place sees between the planes; 0 for none.
+fn cast(world: &World, camera: &Camera, [x, y]: [f64; 2]) -> u32 {
+    let (eye, d) = camera.chapter_ray(x, y);
+    let ray = Ray::new((eye + d - world.origin()).as_vec3(), d.as_vec3());
+    let t_max = (camera.far() / camera.focal_distance() - 1.0) as f32;
+    world.intersect(&ray, t_max).map_or(0, |hit| world.object_id(&hit))
+}
+
+fn ids(rendering: &Rendering) -> Vec<u32> {
+    let layer = rendering.picture.layer("object-id").unwrap();
+    (0..layer.data.len()).map(|i| layer.id(i)).collect()
+}
+
+#[test]
+fn objects_are_those_of_ray_casting_away_from_edges() {
+    const SIZE: [u32; 2] = [80, 60];
+    let random = &mut Random(730);
+    let (mut compared, mut seen, mut wrong) = (0, 0, 0);
+    for round in 0..120 {
+        let world = World::build(random_scene(random)).unwrap();
+        let camera = random_camera(random, SIZE);
+        let settings = ZbufferSettings { shadows: ShadowMethod::None, ..ZbufferSettings::default() };
+        let mut job = Job::new(camera.clone(), FilmSettings::default(), settings);
+        job.aovs = vec![Aov::ObjectId];
+        let found = ids(&render(&world, &job, &()).unwrap());
+        // Rays at half pixels; the pixels' centres are at odd places.
+        let [width, height] = SIZE.map(|n| n as usize);
+        let across = 2 * width + 3;
+        let fine: Vec<u32> = (0..across * (2 * height + 3))
+            .map(|i| cast(&world, &camera, [(i % across) as f64 * 0.5 - 0.5, (i / across) as f64 * 0.5 - 0.5]))
+            .collect();
+        for (i, &id) in found.iter().enumerate() {
+            let (x, y) = (i % width, height - 1 - i / width);
+            let center = (2 * y + 2) * across + 2 * x + 2;
+            let around = (-2..=2i64).flat_map(|dy| (-2..=2i64).map(move |dx| dy * across as i64 + dx));
+            if around.into_iter().all(|step| fine[(center as i64 + step) as usize] == fine[center]) {
+                wrong += u32::from(id != fine[center]);
+                if id != fine[center] && wrong < 40 {
+                    println!("round {round}, pixel {x}, {y} from below: {id} not {}", fine[center]);
+                }
+                compared += 1;
+                seen += u32::from(id != 0);
+            }
+        }
+    }
+    assert_eq!(wrong, 0, "of {compared}");
+    assert!(compared > 200_000 && seen > 80_000, "{compared} {seen}");
+}
+
+#[test]
+fn meshes_have_the_colours_of_the_ray_tracer() {
+    let random = &mut Random(731);
+    let mut mesh = sheet(random);
+    mesh.smooth_normals();
+    let material = Phong { kd: Rgb::new(0.7, 0.5, 0.3), ks: Rgb::gray(0.4), n: 20.0, ..Phong::default() };
+    let lamp = Light::new(LightKind::Omni(Omni::at(Vec3::new(2.0, 3.0, 4.0))), Rgb::gray(0.8));
+    let world = World::build(Scene {
+        ambient: Rgb::gray(0.1),
+        materials: vec![Material::new("paper", material)],
+        meshes: vec![mesh],
+        nodes: vec![
+            Node::new(Content::Mesh(0)).with_material(0),
+            Node::from(Shape::Box(Cuboid { min: Vec3::new(-1.0, -1.0, -0.3), max: Vec3::new(0.0, 0.0, 0.9) }))
+                .with_material(0),
+            Node::from(Shape::Plane(Plane { point: Vec3::new(0.0, 0.0, -1.0), normal: Vec3::Z })).with_material(0),
+            Node::from(Shape::Disk(Disk { center: Vec3::new(1.0, 1.0, 0.8), normal: Vec3::Z, radius: 0.4 }))
+                .with_material(0),
+            Node::new(Content::Light(lamp)),
+        ],
+        ..Scene::default()
+    })
+    .unwrap();
+    let camera = Camera::new(
+        &Intrinsics { fovy: 40.0, width: 120, height: 90, near: 0.1, far: 100.0, ..Intrinsics::default() },
+        &Extrinsics { eye: DVec3::new(1.0, -3.0, 4.0), center: DVec3::ZERO, up: DVec3::Z },
+    )
+    .unwrap();
+    let settings = ZbufferSettings { shadows: ShadowMethod::None, ..ZbufferSettings::default() };
+    let found = render(&world, &Job::new(camera.clone(), FilmSettings::default(), settings), &()).unwrap().picture;
+    let classic = WhittedSettings { stage: Stage::Specular, ..WhittedSettings::default() };
+    let expected = render(&world, &Job::new(camera, FilmSettings::default(), classic), &()).unwrap().picture;
+    let (mut equal, mut near) = (0, 0);
+    for (found, expected) in found.pixels.iter().zip(&expected.pixels) {
+        let difference = (*found - *expected).to_array().map(f32::abs).into_iter().fold(0.0, f32::max);
+        equal += usize::from(found == expected);
+        near += usize::from(difference < 1e-4);
+    }
+    // Only samples between a corner and its snapped place see another triangle.
+    let pixels = found.pixels.len();
+    assert!(equal * 1000 > pixels * 995 && near * 1000 > pixels * 998, "{equal} and {near} of {pixels}");
+}
+
+#[test]
+fn threads_tiles_and_powers_of_two_change_no_bit() {
+    let zbuffers = [
+        ZbufferSettings { shadow_map_size: 64, ..ZbufferSettings::default() },
+        ZbufferSettings {
+            shadow_map_size: 64,
+            multisampling: 4,
+            shading: Shading::Gouraud,
+            ..ZbufferSettings::default()
+        },
+        ZbufferSettings { shadows: ShadowMethod::None, shading: Shading::Flat, ..ZbufferSettings::default() },
+    ];
+    for scene in [still_life, textured_still_life] {
+        for (settings, sampling) in zbuffers.into_iter().zip([Sampling::Center, Sampling::Corner, Sampling::Regular(2)])
+        {
+            let mut pictures = Vec::new();
+            for (threads, tile, scale) in [(1, 32, 1.0), (2, 5, 1.0), (3, 16, 4.0), (7, 64, 0.125)] {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                pool.install(|| {
+                    let world = World::build(scene(scale)).unwrap();
+                    let mut job = still_life_job(scale, 60, 45, sampling);
+                    (job.tile, job.integrator) = (tile, settings.into());
+                    job.aovs = vec![Aov::ObjectId, Aov::Normal, Aov::Alpha];
+                    pictures.push((
+                        format!("{settings:?}, {threads} threads, tile {tile}"),
+                        render(&world, &job, &()).unwrap(),
+                    ));
+                });
+            }
+            let (_, first) = &pictures[0];
+            for (name, rendering) in &pictures {
+                assert!(rendering.complete);
+                assert_same_picture(&rendering.picture, &first.picture, name);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_ray_that_sees_nothing_has_the_background() {
+    let world = World::build(Scene { background: Rgb::new(0.1, 0.2, 0.3), ..Scene::default() }).unwrap();
+    let job = still_life_job(1.0, 8, 6, Sampling::Center);
+    let job = Job { integrator: ZbufferSettings::default().into(), ..job };
+    let picture = render(&world, &job, &()).unwrap().picture;
+    assert!(picture.pixels.iter().all(|pixel| *pixel == Rgb::new(0.1, 0.2, 0.3)));
+}
