@@ -14,7 +14,7 @@ pub use tree::{
 };
 
 use crate::film::WeightedSum;
-pub use crate::integrator::{RasterNode, RasterRival, RivalFate};
+pub use crate::integrator::{RasterNode, RasterRival, RasterTriangle, RivalFate};
 use crate::integrator::{RayIntegrator, Whitted, explain_zbuffer_pixel};
 use crate::render::{Job, JobError, PixelRenderer, stack_of};
 use crate::scene::Integrator;
@@ -84,7 +84,7 @@ fn record(world: &World, job: &Job, [x, y]: [u32; 2]) -> Result<PixelTree, Expla
     }
     let mut samples = recorder.into_samples();
     for (sample, raster) in samples.iter_mut().zip(rasters) {
-        sample.raster = raster;
+        sample.raster = Some(raster);
     }
     Ok(PixelTree {
         pixel: [x, y],

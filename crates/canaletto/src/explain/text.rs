@@ -3,7 +3,7 @@
 use super::number::Number;
 use super::tree::{HitNode, LightNode, Outcome, PixelTree, RayNode, SampleNode, Side, TextureNode};
 use crate::Named;
-use crate::integrator::{RasterNode, RayKind, RivalFate};
+use crate::integrator::{RasterNode, RasterTriangle, RayKind, RivalFate};
 use crate::light::environment::{EnvironmentLookup, Footprint, Part, Place};
 use crate::material::{Parameter, ParameterInfo, ParameterValue, Shown};
 use crate::math::Rgb;
@@ -53,15 +53,19 @@ fn write_sample(f: &mut Formatter, sample: &SampleNode) -> fmt::Result {
 }
 
 fn write_raster(f: &mut Formatter, raster: &RasterNode) -> fmt::Result {
-    let RasterNode { object, primitive, facet, corners, weights, depth, z, samples, rivals, more_rivals } = raster;
-    match facet {
-        Some(facet) => writeln!(f, "triangle {facet} of the tessellation of {object} (primitive {primitive})")?,
-        None => writeln!(f, "triangle {primitive} of {object}")?,
+    let RasterNode { triangle, samples, rivals, more_rivals } = raster;
+    if let Some(RasterTriangle { object, primitive, facet, corners, weights, depth, z }) = triangle {
+        match facet {
+            Some(facet) => writeln!(f, "triangle {facet} of the tessellation of {object} (primitive {primitive})")?,
+            None => writeln!(f, "triangle {primitive} of {object}")?,
+        }
+        let corner = |[x, y]: [f64; 2]| format!("({x}, {y})");
+        writeln!(f, "  on the screen {}", corners.map(corner).join(", "))?;
+        writeln!(f, "  weights of the corners {} {} {}", weights[0], weights[1], weights[2])?;
+        writeln!(f, "  depth 1/z = {depth}, z = {}", Number(*z))?;
+    } else {
+        writeln!(f, "no triangle is visible")?;
     }
-    let corner = |[x, y]: [f64; 2]| format!("({x}, {y})");
-    writeln!(f, "  on the screen {}", corners.map(corner).join(", "))?;
-    writeln!(f, "  weights of the corners {} {} {}", weights[0], weights[1], weights[2])?;
-    writeln!(f, "  depth 1/z = {depth}, z = {}", Number(*z))?;
     if samples[1] > 1 {
         writeln!(f, "  seen by {} of the pixel's {} samples", samples[0], samples[1])?;
     }

@@ -11,5 +11,5 @@ pub use counts::{Counts, RayCount, RayCounts};
 pub use probe::{LightTerm, Probe, RayKind};
 pub(crate) use tile_integrator::{Cancelled, PreparedRayIntegrator, RayIntegrator, TileIntegrator, TileWorker};
 pub use whitted::Whitted;
-pub use zbuffer::{RasterNode, RasterRival, RivalFate};
+pub use zbuffer::{RasterNode, RasterRival, RasterTriangle, RivalFate};
 pub(crate) use zbuffer::{Zbuffer, explain_pixel as explain_zbuffer_pixel, unsupported as unsupported_by_zbuffer};

@@ -1,7 +1,7 @@
 //! The explanation of a pixel: the triangles that cover it, and the test of their depths.
 
 use super::fragment::VisibleTriangle;
-use super::raster::{NOTHING, ScreenTriangle};
+use super::raster::ScreenTriangle;
 use super::{PixelPart, Zbuffer, ZbufferWorker, background, differential, refine};
 use crate::film::WeightedSum;
 use crate::integrator::{Probe, RayKind};
@@ -15,10 +15,25 @@ use std::ops::ControlFlow;
 /// The most triangles that are listed as hidden.
 const MOST_RIVALS: usize = 16;
 
-/// The triangle that a part of a pixel shows, and how it won the depth test.
+/// What a part of a pixel shows, and what else covers the same place.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct RasterNode {
+    /// The visible triangle; none where the background is visible.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub triangle: Option<RasterTriangle>,
+    /// The number of the pixel's samples of this part, and of all its samples.
+    pub samples: [usize; 2],
+    /// What covers the same place and isn't seen, the nearest first.
+    pub rivals: Vec<RasterRival>,
+    /// The number of triangles that cover the same place and aren't listed.
+    pub more_rivals: usize,
+}
+
+/// A visible triangle.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct RasterTriangle {
     /// The object.
     pub object: String,
     /// The number of the primitive in its object: of a mesh's triangle, a cloud's element, or 0.
@@ -34,12 +49,6 @@ pub struct RasterNode {
     pub depth: f32,
     /// z, the distance along the camera's axis.
     pub z: f64,
-    /// The number of the pixel's samples that show the triangle, and of all its samples.
-    pub samples: [usize; 2],
-    /// What covers the same place, the nearest first.
-    pub rivals: Vec<RasterRival>,
-    /// The number of triangles that cover the same place and aren't listed.
-    pub more_rivals: usize,
 }
 
 /// A triangle that covers a place and isn't seen there.
@@ -73,8 +82,8 @@ pub enum RivalFate {
     Hole,
 }
 
-/// Renders one pixel for a probe, one sample for each shaded fragment. Returns the triangle behind each sample, none
-/// where the sample shows the background. The colours are added to `sum`.
+/// Renders one pixel for a probe, one sample for each shaded fragment. Returns what each sample shows. The
+/// colours are added to `sum`.
 ///
 /// # Errors
 /// [`JobError`] as from a render.
@@ -85,7 +94,7 @@ pub(crate) fn explain_pixel<P: Probe>(
     [x, y]: [u32; 2],
     probe: &mut P,
     sum: &mut WeightedSum,
-) -> Result<Vec<Option<RasterNode>>, JobError> {
+) -> Result<Vec<RasterNode>, JobError> {
     let mut job = Job { tile: 1, integrator: Integrator::Zbuffer(settings), aovs: Vec::new(), ..job.clone() };
     job.film.crop = Some([x, y, 1, 1]);
     let ControlFlow::Continue(zbuffer) = Zbuffer::prepare(world, &job, settings, &())? else { return Ok(Vec::new()) };
@@ -107,7 +116,7 @@ pub(crate) fn explain_pixel<P: Probe>(
             probe.miss(color);
             probe.end(color);
             sum.add(color, part.share);
-            nodes.push(None);
+            nodes.push(raster_node(&worker, tile, part));
             continue;
         };
         let node = raster_node(&worker, tile, part);
@@ -123,21 +132,32 @@ pub(crate) fn explain_pixel<P: Probe>(
     Ok(nodes)
 }
 
-/// The triangle of a part and its rivals.
-fn raster_node(worker: &ZbufferWorker, tile: usize, part: &PixelPart) -> Option<RasterNode> {
+/// What a part shows, and its rivals.
+fn raster_node(worker: &ZbufferWorker, tile: usize, part: &PixelPart) -> RasterNode {
     let Zbuffer { world, binned, sites, camera, far_depth, .. } = worker.zbuffer;
     let name = |triangle: &ScreenTriangle| world.object(&triangle.source.hit(0.0, [0.0; 2], 0)).name.clone();
-    let triangle = (part.number != NOTHING).then(|| binned.get(tile, part.number))?;
-    let visible = worker.lookup.visible(tile, part)?;
     let [x, y] = part.place;
-    let line = camera.line(x, y);
-    let [u, v] = visible.hit(&line).uv;
     let depth_of = |triangle: &ScreenTriangle, visible: Option<&VisibleTriangle>| {
         let depth = triangle.depth(x, y);
         let refined = visible.map(|visible| refine(worker.zbuffer, triangle, visible, part.place, depth));
         (depth, refined.unwrap_or(Some(depth)))
     };
-    let depth = depth_of(triangle, Some(&visible)).1.unwrap_or(triangle.depth(x, y));
+    let visible = worker.lookup.visible(tile, part);
+    let triangle = visible.map(|visible| {
+        let triangle = binned.get(tile, part.number);
+        let [u, v] = visible.hit(&camera.line(x, y)).uv;
+        let (own, refined) = depth_of(triangle, Some(&visible));
+        let depth = refined.unwrap_or(own);
+        RasterTriangle {
+            object: name(triangle),
+            primitive: triangle.source.primitive,
+            facet: visible.is_tessellated().then_some(triangle.source.triangle),
+            corners: triangle.corners_in_pixels(),
+            weights: [1.0 - u - v, u, v],
+            depth,
+            z: 1.0 / f64::from(depth),
+        }
+    });
     let mut rivals = Vec::new();
     for (number, other) in (0..).zip(binned.tile(tile)) {
         if number == part.number || !other.covers(part.place) {
@@ -150,25 +170,14 @@ fn raster_node(worker: &ZbufferWorker, tile: usize, part: &PixelPart) -> Option<
             _ if its <= *far_depth => RivalFate::BeyondFar,
             None if other.is_curved => RivalFate::BeforeNear,
             None => RivalFate::Hole,
-            Some(_) if its < depth => RivalFate::Farther,
-            Some(_) => RivalFate::Equal,
+            Some(_) if triangle.as_ref().is_some_and(|triangle| its >= triangle.depth) => RivalFate::Equal,
+            Some(_) => RivalFate::Farther,
         };
         rivals.push(RasterRival { object: name(other), depth: its, z: 1.0 / f64::from(its), fate });
     }
     rivals.sort_by(|a, b| b.depth.total_cmp(&a.depth));
     let more_rivals = rivals.len().saturating_sub(MOST_RIVALS);
     rivals.truncate(MOST_RIVALS);
-    let samples = sites.len();
-    Some(RasterNode {
-        object: name(triangle),
-        primitive: triangle.source.primitive,
-        facet: visible.is_tessellated().then_some(triangle.source.triangle),
-        corners: triangle.corners_in_pixels(),
-        weights: [1.0 - u - v, u, v],
-        depth,
-        z: 1.0 / f64::from(depth),
-        samples: [(part.share * samples as f64).round() as usize, samples],
-        rivals,
-        more_rivals,
-    })
+    let samples = [(part.share * sites.len() as f64).round() as usize, sites.len()];
+    RasterNode { triangle, samples, rivals, more_rivals }
 }

@@ -30,7 +30,7 @@ use crate::shape::Surface;
 use crate::world::{Hit, World};
 use canaletto_bvh::Aabb;
 pub(crate) use explain::explain_pixel;
-pub use explain::{RasterNode, RasterRival, RivalFate};
+pub use explain::{RasterNode, RasterRival, RasterTriangle, RivalFate};
 use facets::Tolerance;
 use fragment::{FacetCache, VisibleTriangle};
 use geometry::{BinnedTriangles, GeometryStage, Screen};
