@@ -8,7 +8,7 @@ use canaletto_io::diagnostic::{Diagnostic, Diagnostics};
 /// The warnings about the picture of this job. `name` is the name of the scene.
 pub(crate) fn doubt_omissions(name: &str, world: &World, job: &Job) -> Diagnostics {
     let mut all = Diagnostics::new();
-    for omission in omissions(world, &job.integrator) {
+    for omission in omissions(world, job) {
         let warning = Diagnostic::warning(name, omission.to_string());
         all.push(match omission {
             Omission::EmissionAsLight { .. } => warning.help(

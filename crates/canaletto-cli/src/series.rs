@@ -13,7 +13,7 @@ use crate::output::{film_failed, unfit};
 use crate::partial::{UNFINISHED, free_partial_path, remove_part};
 use crate::progress::{ProgressDisplay, RunProgress, Style, emit};
 use crate::report::{Report, Times};
-use crate::settings::{Settings, metadata, sampling_words, unsupported};
+use crate::settings::{Settings, metadata, sampling_words};
 use crate::source::{Reader, Source, build, seen_through};
 use crate::terminal::Paint;
 use canaletto::Named;
@@ -126,10 +126,6 @@ impl<'a> Series<'a> {
                 frame_context.world = Some(world);
             }
             let Some(world) = &frame_context.world else { continue };
-            let doubts = unsupported(&self.reader.name, world, &frame_context.job);
-            if !self.flags.quiet && self.told.insert(doubts.to_string()) {
-                print_diagnostics(&doubts, self.plan.style == Style::Json);
-            }
             let RenderedFrame { report, whole } = self.frame(&frame_context, world, frame)?;
             if whole {
                 self.rendered += 1;

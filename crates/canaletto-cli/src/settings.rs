@@ -6,11 +6,8 @@ use crate::flags::{PictureFlags, SourceFlags};
 use crate::format::count;
 use canaletto::Named;
 use canaletto::camera::Camera;
-use canaletto::diagnose::{self, Unsupported};
 use canaletto::render::{Job, JobError};
 use canaletto::scene::{FilmSettings, Filter, SamplePattern, Sampling, Scene, ShadowMethod, View};
-use canaletto::world::World;
-use canaletto_io::diagnostic::{Diagnostic, Diagnostics};
 use canaletto_io::picture::MAX_PIXELS;
 use canaletto_io::text::closest_word;
 
@@ -199,17 +196,6 @@ pub(crate) fn metadata(source: &SourceFlags, settings: &Settings) -> Vec<(String
         texts.push(("set", source.set.join("; ")));
     }
     texts.into_iter().map(|(key, text)| (key.to_owned(), text)).collect()
-}
-
-/// Warnings about what the integrator doesn't do of a job.
-pub(crate) fn unsupported(name: &str, world: &World, job: &Job) -> Diagnostics {
-    let mut all = Diagnostics::new();
-    for Unsupported { problem, subjects, .. } in diagnose::unsupported(world, job) {
-        let subjects: Vec<&str> = subjects.iter().map(String::as_str).collect();
-        let of = if subjects.is_empty() { String::new() } else { format!(": {}", list(&subjects)) };
-        all.push(Diagnostic::warning(name, format!("{problem}{of}")));
-    }
-    all
 }
 
 fn filter_words(filter: Filter) -> String {

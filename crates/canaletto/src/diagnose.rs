@@ -8,11 +8,9 @@ mod omission;
 pub use brightness::Reason;
 pub use omission::{Omission, omissions};
 
-use crate::integrator::unsupported_by_zbuffer;
 use crate::light::PreparedLight;
 use crate::math::DRay;
 use crate::render::Job;
-use crate::scene::Integrator;
 use crate::world::{Hit, World};
 use brightness::Brightness;
 use glam::DVec3;
@@ -66,24 +64,6 @@ impl fmt::Display for Finding {
             }
             Finding::White { .. } => write!(f, "everything in view is brighter than white"),
         }
-    }
-}
-
-/// Something that a job asks for and its integrator doesn't do.
-#[derive(Clone, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub struct Unsupported {
-    /// What the integrator does in place of it.
-    pub problem: String,
-    /// The names of the objects or lights that it concerns; empty if it concerns the whole picture.
-    pub subjects: Vec<String>,
-}
-
-/// Everything that a job asks for and its integrator doesn't do. Visits all primitives if a material isn't supported.
-pub fn unsupported(world: &World, job: &Job) -> Vec<Unsupported> {
-    match &job.integrator {
-        Integrator::Whitted(_) => Vec::new(),
-        Integrator::Zbuffer(settings) => unsupported_by_zbuffer(world, job, settings),
     }
 }
 

@@ -1,6 +1,8 @@
 //! Parts of a scene that an integrator leaves out of the picture.
 
 use crate::Named;
+use crate::integrator::omitted_by_zbuffer;
+use crate::job::Job;
 use crate::scene::{Integrator, Stage};
 use crate::world::World;
 use std::fmt;
@@ -16,6 +18,20 @@ pub enum Omission {
         /// The names of the materials, in the scene's order.
         materials: Vec<String>,
     },
+    /// A rasteriser draws something else.
+    Substitute {
+        /// What it draws in place of it.
+        sentence: String,
+        /// The names of the objects or lights that it concerns; empty if it concerns the whole picture.
+        names: Vec<String>,
+    },
+}
+
+impl Omission {
+    /// What an integrator draws for these objects or lights in place of what was asked for.
+    pub(crate) fn substitute(sentence: impl Into<String>, names: Vec<String>) -> Omission {
+        Omission::Substitute { sentence: sentence.into(), names }
+    }
 }
 
 impl fmt::Display for Omission {
@@ -26,6 +42,17 @@ impl fmt::Display for Omission {
                 write_names(f, "material", materials)?;
                 write!(f, " {emit}, but the {integrator} integrator takes light from lights only")
             }
+            Omission::Substitute { sentence, names } => {
+                write!(f, "{sentence}")?;
+                if names.is_empty() {
+                    Ok(())
+                } else {
+                    {
+                        write!(f, ": ")?;
+                        write_list(f, names)
+                    }
+                }
+            }
         }
     }
 }
@@ -34,14 +61,18 @@ impl fmt::Display for Omission {
 const MAX_NAMED: usize = 4;
 
 fn write_names(f: &mut fmt::Formatter<'_>, kind: &str, names: &[String]) -> fmt::Result {
-    write!(f, "{kind}{}", if names.len() == 1 { "" } else { "s" })?;
+    write!(f, "{kind}{} ", if names.len() == 1 { "" } else { "s" })?;
+    write_list(f, names)
+}
+
+fn write_list(f: &mut fmt::Formatter<'_>, names: &[String]) -> fmt::Result {
     for (i, name) in names.iter().take(MAX_NAMED).enumerate() {
         let before = match i {
             0 => "",
-            _ if i + 1 == names.len() => " and",
-            _ => ",",
+            _ if i + 1 == names.len() => " and ",
+            _ => ", ",
         };
-        write!(f, "{before} \"{name}\"")?;
+        write!(f, "{before}\"{name}\"")?;
     }
     match names.len().saturating_sub(MAX_NAMED) {
         0 => Ok(()),
@@ -49,25 +80,34 @@ fn write_names(f: &mut fmt::Formatter<'_>, kind: &str, names: &[String]) -> fmt:
     }
 }
 
-/// The parts of a world that this integrator leaves out. Traces no ray.
-pub fn omissions(world: &World, integrator: &Integrator) -> Vec<Omission> {
-    let Integrator::Whitted(settings) = integrator;
-    if settings.stage == Stage::Unlit || !world.may_emit() {
-        return Vec::new();
+/// The parts of a world that the job's integrator leaves out. Traces no ray.
+pub fn omissions(world: &World, job: &Job) -> Vec<Omission> {
+    let integrator = &job.integrator;
+    let mut all = match integrator {
+        Integrator::Whitted(settings) if settings.stage == Stage::Unlit => return Vec::new(),
+        Integrator::Whitted(_) => Vec::new(),
+        Integrator::Zbuffer(settings) => omitted_by_zbuffer(world, job, settings),
+    };
+    if !world.may_emit() {
+        return all;
     }
     let used = world.materials_in_use();
     let emitters = world.materials().iter().zip(used).filter(|(material, used)| *used && material.may_emit());
     let materials: Vec<String> = emitters.map(|(material, _)| material.name.clone()).collect();
     let integrator = integrator.name();
-    if materials.is_empty() { Vec::new() } else { vec![Omission::EmissionAsLight { integrator, materials }] }
+    if !materials.is_empty() {
+        all.push(Omission::EmissionAsLight { integrator, materials });
+    }
+    all
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::camera::Camera;
     use crate::material::{Material, Phong};
     use crate::math::Rgb;
-    use crate::scene::{Content, Node, Scene, WhittedSettings};
+    use crate::scene::{Content, Extrinsics, FilmSettings, Intrinsics, Node, Scene, WhittedSettings};
     use crate::shape::{Plane, Shape, Sphere};
     use glam::Vec3;
 
@@ -81,7 +121,11 @@ mod tests {
         let prototypes = vec![Node::new(Content::Group(pair))];
         let world = World::build(Scene { materials, prototypes, nodes, ..Scene::default() }).unwrap();
         let settings = WhittedSettings { stage, ..WhittedSettings::default() };
-        omissions(&world, &settings.into()).iter().map(Omission::to_string).collect()
+        let camera = Camera::new(&Intrinsics::default(), &Extrinsics::default()).unwrap();
+        omissions(&world, &Job::new(camera, FilmSettings::default(), settings))
+            .iter()
+            .map(Omission::to_string)
+            .collect()
     }
 
     #[test]

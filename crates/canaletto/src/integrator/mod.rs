@@ -12,4 +12,4 @@ pub use probe::{LightTerm, Probe, RayKind};
 pub(crate) use tile_integrator::{Cancelled, PreparedRayIntegrator, RayIntegrator, TileIntegrator, TileWorker};
 pub use whitted::Whitted;
 pub use zbuffer::{RasterNode, RasterRival, RasterTriangle, RivalFate};
-pub(crate) use zbuffer::{Zbuffer, explain_pixel as explain_zbuffer_pixel, unsupported as unsupported_by_zbuffer};
+pub(crate) use zbuffer::{Zbuffer, explain_pixel as explain_zbuffer_pixel, omissions as omitted_by_zbuffer};

@@ -98,6 +98,14 @@ impl VisibleTriangle<'_> {
         self.facets.map(|facets| Facet { mesh: &facets.mesh, triangle: self.source.triangle, color: facets.color })
     }
 
+    /// The share of the surface that exists at a hit of a line.
+    pub(super) fn coverage(&self, world: &World, line: DRay, hit: &Hit) -> f32 {
+        match self.facet() {
+            Some(facet) => world.crossed_facet(line, hit, &facet).coverage,
+            None => world.coverage_at(line, hit),
+        }
+    }
+
     /// Whether the triangle is of a tessellation.
     pub(super) fn is_tessellated(&self) -> bool {
         self.shape.is_some()

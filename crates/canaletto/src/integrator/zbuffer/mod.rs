@@ -13,32 +13,32 @@ mod explain;
 mod facets;
 mod fragment;
 mod geometry;
+mod omissions;
 mod projection;
 mod raster;
 mod shadow_map;
-mod unsupported;
 
 use super::whitted::{Fragment, Whitted, background};
 use super::{Cancelled, Counts, TileIntegrator, TileWorker};
 use crate::camera::Camera;
 use crate::film::TileBuffer;
 use crate::job::{Aov, Job, JobError, Observer};
-use crate::math::{DRay, RayDifferential};
+use crate::math::RayDifferential;
 use crate::sampler::FrameSampler;
 use crate::scene::{Sampling, Shading, ShadowMethod, ZbufferSettings};
 use crate::shape::Surface;
-use crate::world::{Hit, World};
+use crate::world::World;
 use canaletto_bvh::Aabb;
 pub(crate) use explain::explain_pixel;
 pub use explain::{RasterNode, RasterRival, RasterTriangle, RivalFate};
 use facets::Tolerance;
 use fragment::{FacetCache, VisibleTriangle};
 use geometry::{BinnedTriangles, GeometryStage, Screen};
+pub(crate) use omissions::omissions;
 use projection::Projection;
 use raster::{NOTHING, ScreenTriangle, Sites, VisibilityBuffer};
-use shadow_map::{ShadowMaps, opacity};
+use shadow_map::ShadowMaps;
 use std::ops::ControlFlow;
-pub(crate) use unsupported::unsupported;
 
 /// The most bytes of all shadow maps.
 const MOST_MAP_BYTES: u64 = 4 << 30;
@@ -415,7 +415,7 @@ fn refine(
 ) -> Option<f32> {
     let Zbuffer { world, camera, projection, .. } = zbuffer;
     let line = camera.line(x, y);
-    if triangle.has_holes && coverage(world, line, &visible.hit(&line), visible) < 0.5 {
+    if triangle.has_holes && visible.coverage(world, line, &visible.hit(&line)) < 0.5 {
         return None;
     }
     if !triangle.is_curved {
@@ -425,13 +425,6 @@ fn refine(
     let t = visible.surface_near(&line, 1.0 / (f64::from(depth) * factor));
     let depth = (1.0 / (t * factor)) as f32;
     (f64::from(depth) <= projection.near_depth()).then_some(depth)
-}
-
-/// The share of the surface that exists at a hit.
-fn coverage(world: &World, line: DRay, hit: &Hit, visible: &VisibleTriangle) -> f32 {
-    let facet = visible.facet();
-    let opaque = world.material(hit).phong().opacity.max(f32::MIN_POSITIVE);
-    opacity(world, line, hit, facet.as_ref()) / opaque
 }
 
 /// The ray differential at a place of the picture, if the world needs it.

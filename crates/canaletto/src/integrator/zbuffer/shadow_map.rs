@@ -15,8 +15,7 @@ use super::raster::{Sites, VisibilityBuffer};
 use crate::integrator::whitted::ShadowLookup;
 use crate::light::{LightKind, PreparedLight};
 use crate::material::Material;
-use crate::math::DRay;
-use crate::world::{Facet, Hit, World};
+use crate::world::World;
 use canaletto_bvh::Ray;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -143,8 +142,7 @@ fn draw(
                     let Some(visible) = cache.triangle(triangle.source, world, &binned) else { return Some(depth) };
                     let line = projection.line(place);
                     let hit = visible.hit(&line);
-                    let facet = visible.facet();
-                    (opacity(world, line, &hit, facet.as_ref()) >= 0.5).then_some(depth)
+                    (visible.coverage(world, line, &hit) >= 0.5).then_some(depth)
                 });
             }
             buffer
@@ -160,14 +158,6 @@ fn draw(
         }
     }
     ControlFlow::Continue(depths)
-}
-
-/// The share of light that the surface at a hit blocks.
-pub(super) fn opacity(world: &World, line: DRay, hit: &Hit, facet: Option<&Facet>) -> f32 {
-    match facet {
-        Some(facet) => world.opacity_of_facet(line, hit, facet),
-        None => world.opacity_at(line, hit, None),
-    }
 }
 
 impl ShadowMap {

@@ -2,7 +2,7 @@
 
 use super::grid_side;
 use crate::Named;
-use crate::diagnose::Unsupported;
+use crate::diagnose::Omission;
 use crate::job::Job;
 use crate::material::{Material, Parameter, Target};
 use crate::scene::{Filter, Sampling, ShadowMethod, ZbufferSettings};
@@ -37,13 +37,13 @@ const KINDS: [Kind; 3] = [
 ];
 
 /// What the z-buffer leaves out of a job's picture.
-pub(crate) fn unsupported(world: &World, job: &Job, settings: &ZbufferSettings) -> Vec<Unsupported> {
+pub(crate) fn omissions(world: &World, job: &Job, settings: &ZbufferSettings) -> Vec<Omission> {
     let mut all = Vec::new();
     for Kind { sentence, is_of } in KINDS {
         let of_kind: Vec<bool> = world.materials().iter().map(is_of).collect();
         let subjects = if of_kind.contains(&true) { objects_of(world, &of_kind) } else { Vec::new() };
         if !subjects.is_empty() {
-            all.push(Unsupported { problem: sentence.into(), subjects });
+            all.push(Omission::substitute(sentence, subjects));
         }
     }
     if settings.shadows == ShadowMethod::Map {
@@ -56,10 +56,10 @@ pub(crate) fn unsupported(world: &World, job: &Job, settings: &ZbufferSettings) 
             .collect();
         if !subjects.is_empty() {
             let problem = "shadow maps have no penumbrae, so lights with an area cast the shadows of their centres";
-            all.push(Unsupported { problem: problem.into(), subjects });
+            all.push(Omission::substitute(problem, subjects));
         }
     }
-    let mut add = |problem: String| all.push(Unsupported { problem, subjects: Vec::new() });
+    let mut add = |problem: String| all.push(Omission::substitute(problem, Vec::new()));
     if !job.camera.is_plain() {
         add("a z-buffer has no lens and no shutter, so all is sharp and drawn at the shutter's opening".into());
     } else if world.moves() {
