@@ -53,7 +53,7 @@ pub(crate) use contact::{Contact, touching};
 pub(crate) use facets::Facet;
 pub use geometry_probe::GeometryProbe;
 pub use object_surface::{ObjectSurface, TooManyPrimitives};
-pub(crate) use placed::{Facet, PlacedGeometry, Primitives};
+pub(crate) use placed::{MeshFacet, PlacedGeometry, Primitives};
 pub use query::Hit;
 pub use reuse::ReuseCounts;
 pub(crate) use shadow::{MAX_STALLED, ShadowRays};

@@ -49,7 +49,7 @@ impl Primitives<'_> {
 
 /// A triangle of a mesh that stands for a part of a curved primitive. The hit's `uv` are its barycentric coordinates.
 #[derive(Clone, Copy)]
-pub(crate) struct Facet<'a> {
+pub(crate) struct MeshFacet<'a> {
     /// The triangles of the primitive, in its own space.
     pub(crate) mesh: &'a Mesh,
     pub(crate) triangle: u32,
@@ -57,7 +57,7 @@ pub(crate) struct Facet<'a> {
     pub(crate) color: Option<Rgb>,
 }
 
-impl Facet<'_> {
+impl MeshFacet<'_> {
     /// The surface at a hit, in the primitive's space.
     pub(super) fn surface(&self, line: &DRay, hit: &Hit) -> Surface {
         Surface { color: self.color, ..self.mesh.surface_at(self.triangle as usize, line, &hit.shape_hit()) }
@@ -100,7 +100,7 @@ impl World {
     }
 
     /// The surface of a facet at a hit of this line's ray, in the world's space.
-    pub(crate) fn facet_surface(&self, line: DRay, hit: &Hit, facet: &Facet) -> Surface {
+    pub(crate) fn facet_surface(&self, line: DRay, hit: &Hit, facet: &MeshFacet) -> Surface {
         self.with_instance(hit.instance, |instance| match instance.placed(&self.chains, hit.time) {
             None => facet.surface(&line, hit),
             Some(t) => facet.surface(&to_local(&t, line), hit).transformed(&t),

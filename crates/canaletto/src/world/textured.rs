@@ -3,7 +3,7 @@
 
 use super::GeometryProbe;
 use super::instance::to_local;
-use super::{Facet, Hit, World};
+use super::{Hit, MeshFacet, World};
 use crate::material::{
     MaterialPoint, Place, Target, TexCoord, TexCoords, TextureUse, apply_bump, apply_normal_map, clamp_to_hemisphere,
 };
@@ -86,7 +86,7 @@ impl World {
     pub(crate) fn textured_facet<P: GeometryProbe>(
         &self,
         line: DRay,
-        (hit, facet): (&Hit, &Facet),
+        (hit, facet): (&Hit, &MeshFacet),
         surface: &mut Surface,
         step: Option<[DVec3; 2]>,
         probe: &mut P,
@@ -167,7 +167,7 @@ impl World {
     }
 
     /// The material of a facet as far as light that crosses the surface needs it, without a footprint.
-    pub(crate) fn crossed_facet(&self, line: DRay, hit: &Hit, facet: &Facet) -> MaterialPoint {
+    pub(crate) fn crossed_facet(&self, line: DRay, hit: &Hit, facet: &MeshFacet) -> MaterialPoint {
         self.crossed_by(|| self.local(line, hit, Some(facet)), hit, None)
     }
 
@@ -190,7 +190,7 @@ impl World {
         point
     }
 
-    fn local(&self, line: DRay, hit: &Hit, facet: Option<&Facet>) -> Local {
+    fn local(&self, line: DRay, hit: &Hit, facet: Option<&MeshFacet>) -> Local {
         let shape_hit = hit.shape_hit();
         if hit.instance == Hit::UNBOUNDED {
             let unbounded = &self.unbounded[hit.primitive as usize];

@@ -5,7 +5,7 @@ use super::geometry::BinnedTriangles;
 use super::raster::Source;
 use crate::math::{DRay, Transform};
 use crate::shape::Shape;
-use crate::world::{Facet, Hit, PlacedGeometry, Primitives, World};
+use crate::world::{Hit, MeshFacet, PlacedGeometry, Primitives, World};
 use canaletto_bvh::Ray;
 use canaletto_bvh::triangle::{self, Triangle};
 use glam::{DVec3, Vec3};
@@ -94,8 +94,8 @@ impl FacetCache {
 
 impl VisibleTriangle<'_> {
     /// The facet to be evaluated in place of the shape's own surface.
-    pub(super) fn facet(&self) -> Option<Facet<'_>> {
-        self.facets.map(|facets| Facet { mesh: &facets.mesh, triangle: self.source.triangle, color: facets.color })
+    pub(super) fn facet(&self) -> Option<MeshFacet<'_>> {
+        self.facets.map(|facets| MeshFacet { mesh: &facets.mesh, triangle: self.source.triangle, color: facets.color })
     }
 
     /// The share of the surface that exists at a hit of a line.

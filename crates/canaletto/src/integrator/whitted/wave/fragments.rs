@@ -10,7 +10,7 @@ use crate::material::MaterialPoint;
 use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::Sample;
 use crate::shape::{Surface, SurfaceInputs8};
-use crate::world::{Facet, Hit};
+use crate::world::{Hit, MeshFacet};
 
 /// A visible place of a surface.
 pub(crate) struct Fragment<'a> {
@@ -18,7 +18,7 @@ pub(crate) struct Fragment<'a> {
     pub(crate) line: DRay,
     pub(crate) hit: Hit,
     /// The triangle that stands for the surface, if that is curved.
-    pub(crate) facet: Option<Facet<'a>>,
+    pub(crate) facet: Option<MeshFacet<'a>>,
     /// Whether the geometric normal is shaded in place of the shading normal.
     pub(crate) is_flat: bool,
     /// The ray differential to the neighbouring samples, if the world needs it.
