@@ -18,6 +18,7 @@ use canaletto_io::text::closest_word;
 use clap::Args;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 /// Prints the form factors between two objects: the share of the light of one that arrives at the other.
 ///
@@ -77,7 +78,7 @@ pub(crate) struct FormFactorFlags {
 const EXAMPLES: &str = "\
 Examples:
   canaletto form-factor scenes/form-factor.kdl floor ceiling
-  canaletto form-factor scenes/form-factor.kdl ball disk --error 1e-5
+  canaletto form-factor scenes/form-factor.kdl ball plate --error 1e-5
   canaletto form-factor scenes/form-factor.kdl ball room --side-b back      # the room's inner side
   canaletto form-factor scenes/form-factor.kdl floor \"disk #2\" --json | jq .a_to_b";
 
@@ -103,7 +104,8 @@ struct Answer {
     names: [String; 2],
     sides: [Side; 2],
     factors: FormFactors,
-    /// For each object in the way of rays that would have arrived without it: its name and their number, largest first.
+    /// For each object in the way of rays that would have arrived without it: its name, or that of the outermost group
+    /// around it, and their number. The largest number comes first.
     blocked: Vec<(String, u64)>,
 }
 
@@ -131,6 +133,8 @@ fn answer(flags: &FormFactorFlags) -> Result<Answer, Failure> {
     print_diagnostics(&warnings, false);
     let names = [&flags.a, &flags.b];
     let [a, b] = names.map(|object| find(&name, &scene, object));
+    let groups: Vec<(String, Range<u32>)> =
+        scene.outermost_groups().into_iter().map(|(name, ids)| (name.to_owned(), ids)).collect();
     let (world, _) = build(&name, scene, &flags.source.build_options(flags.max_rays), None)?;
     let surface = |object: &str, ids: ObjectIds| {
         world.object_surface(ids).map_err(|e| Failure::new(Exit::Scene, format!("{name}: \"{object}\": {e}")))
@@ -139,7 +143,12 @@ fn answer(flags: &FormFactorFlags) -> Result<Answer, Failure> {
     let factors = factors(&world, [&a, &b], flags).map_err(|e| refused(&name, &names.map(String::as_str), e))?;
     let mut blocked: BTreeMap<&str, u64> = BTreeMap::new();
     for (object, rays) in factors.sampled.iter().flat_map(|sampled| &sampled.blocked) {
-        let name = world.object_with_id(*object).map_or("an object", |object| &object.name);
+        let after = groups.partition_point(|(_, ids)| ids.start <= *object);
+        let group = groups[..after].last().filter(|(_, ids)| ids.contains(object));
+        let name = match group {
+            Some((name, _)) => name,
+            None => world.object_with_id(*object).map_or("an object", |object| &object.name),
+        };
         *blocked.entry(name).or_default() += rays;
     }
     let mut blocked: Vec<(String, u64)> = blocked.into_iter().map(|(name, rays)| (name.to_owned(), rays)).collect();

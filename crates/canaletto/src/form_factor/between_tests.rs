@@ -87,6 +87,20 @@ fn bodies_between_are_sampled() {
     assert!(found.values[0].abs() < 1e-12 && found.errors[0] <= 1e-4 && found.errors[0] > 0.0, "{found:?}");
 }
 
+/// A receiver that is there twice gets all light once.
+#[test]
+fn double_triangles_count_once() {
+    let mut scene = squares();
+    for mesh in &mut scene.meshes {
+        let twice = mesh.triangles.clone();
+        mesh.triangles.extend(twice);
+    }
+    let found = between(&scene, ["floor", "ceiling"], FRONTS, 1e-4).unwrap();
+    assert_eq!(found.areas, [2.0; 2]);
+    // Rays meet one of two surfaces in one place.
+    assert!((found.values[0] - 0.199_824_9).abs() < 3.0 * found.errors[0] + 1e-6, "{found:?}");
+}
+
 /// Seeds other than one: the truth is covered with control variates, too.
 #[test]
 fn standard_errors_cover_the_truth() {

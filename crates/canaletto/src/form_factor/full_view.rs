@@ -34,6 +34,25 @@ pub(super) fn is_full_view(a: &[DVec3], b: &[DVec3], bodies: &[Vec<DVec3>]) -> b
     bodies.iter().all(|body| is_beyond_plane(body) || has_all_on_one_side(body))
 }
 
+/// Whether two triangles of one plane and one front have more than their rims in common.
+pub(super) fn overlap(a: &[DVec3; 3], b: &[DVec3; 3]) -> bool {
+    let (area_a, area_b) = (area_vector(a), area_vector(b));
+    let Some(normal) = area_a.try_normalize() else { return false };
+    let extent = a.iter().chain(b).fold(0.0, |extent: f64, p| extent.max(p.distance(a[0])));
+    let slack = SLACK * extent;
+    if area_b.dot(normal) <= 0.0 || b.iter().any(|p| (*p - a[0]).dot(normal).abs() > slack) {
+        return false;
+    }
+    // Two convex polygons of a plane are apart if an edge of one has the other outside.
+    let is_apart = |one: &[DVec3; 3], other: &[DVec3; 3]| {
+        (0..3).any(|k| {
+            let Some(outwards) = (one[(k + 1) % 3] - one[k]).cross(normal).try_normalize() else { return true };
+            other.iter().all(|p| (*p - one[k]).dot(outwards) >= -slack)
+        })
+    };
+    !is_apart(a, b) && !is_apart(b, a)
+}
+
 /// Points and inward unit normals of planes that have both polygons on one side.
 fn bounding_planes(a: &[DVec3], b: &[DVec3], slack: f64) -> Vec<(DVec3, DVec3)> {
     let mut planes = Vec::new();
@@ -62,6 +81,21 @@ fn bounding_planes(a: &[DVec3], b: &[DVec3], slack: f64) -> Vec<(DVec3, DVec3)> 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn triangles_that_lie_on_each_other() {
+        let triangle = |x: f64, y: f64, z: f64| [[x, y, z], [x + 1.0, y, z], [x, y + 1.0, z]].map(DVec3::from);
+        let one = triangle(0.0, 0.0, 0.0);
+        assert!(
+            overlap(&one, &one) && overlap(&one, &triangle(0.4, 0.4, 0.0)) && overlap(&one, &triangle(0.5, 0.0, 0.0))
+        );
+        // In a corner, along an edge, apart, above, and back to back.
+        assert!(
+            !overlap(&one, &triangle(1.0, 0.0, 0.0)) && !overlap(&one, &[one[1], one[2], DVec3::new(1.0, 1.0, 0.0)])
+        );
+        assert!(!overlap(&one, &triangle(0.6, 0.6, 0.0)) && !overlap(&one, &triangle(0.0, 0.0, 1e-3)));
+        assert!(!overlap(&one, &[one[0], one[2], one[1]]));
+    }
 
     #[test]
     fn bodies_between_are_found() {

@@ -94,6 +94,13 @@ fn disks_and_spheres() {
             assert_eq!(sample(&scene, sides, 1e-2, 0).arrived, 0);
         }
     }
+    // A disk that is turned away is in its own way.
+    let mut scene = Scene::default();
+    disk(&mut scene, "A", 0.0, 0.5, 1.0);
+    disk(&mut scene, "B", 1.0, 0.5, 1.0);
+    let averted = sample(&scene, FRONTS, 1e-3, 0);
+    assert_eq!((averted.value, averted.arrived), (0.0, 0));
+    check("C-41, back", &scene, [Side::Front, Side::Back], 1e-3, literature::coaxial_disks(0.5, 0.5, 1.0));
     for (r, a) in [(0.5, 1.0), (3.0, 0.5f32)] {
         let mut scene = Scene::default();
         sphere(&mut scene, "A", 0.3);

@@ -1,6 +1,6 @@
 //! The form factor between objects of few triangles as if nothing were in between.
 
-use super::full_view::is_full_view;
+use super::full_view::{is_full_view, overlap};
 use super::polygon::area_vector;
 use super::polygon_to_polygon::{AnalyticFormFactor, polygon_to_polygon};
 use super::sampled::Side;
@@ -38,7 +38,9 @@ impl Unoccluded {
         }
         let bounds = from.0.bounds().union(to.0.bounds());
         let bodies = world.bodies_within(&bounds, MAX_TESTS / (senders.len() * receivers.len()).max(1));
-        let mut is_full = bodies.is_some();
+        // Where the receiver lies on itself, light arrives once, but each triangle has a factor.
+        let lies_on_itself = (0..receivers.len()).any(|k| receivers[..k].iter().any(|one| overlap(one, &receivers[k])));
+        let mut is_full = bodies.is_some() && !lies_on_itself;
         let (mut exchange, mut error, mut area) = (0.0, 0.0, 0.0);
         for sender in &senders {
             let own = area_vector(sender).length();

@@ -76,7 +76,11 @@ struct Walk<'a> {
     open: Vec<u32>,
 }
 
-impl Walk<'_> {
+impl<'a> Walk<'a> {
+    fn new(scene: &'a Scene, selects: &'a mut dyn FnMut(&str) -> bool) -> Walk<'a> {
+        Walk { scene, selects, kinds: HashMap::new(), finished: HashMap::new(), open: Vec::new() }
+    }
+
     fn node(&mut self, node: &Node, depth: usize) -> Result<NodeObjects, TooManyObjects> {
         let mut objects = NodeObjects::default();
         // No world can be built of a scene that is nested deeper.
@@ -162,9 +166,25 @@ impl Scene {
         });
     }
 
+    /// The named groups and instances that lie in no other one, with the numbers of the objects inside, in the order of
+    /// the file.
+    pub fn outermost_groups(&self) -> Vec<(&str, Range<u32>)> {
+        let mut selects = |_: &str| false;
+        let mut walk = Walk::new(self, &mut selects);
+        let (mut groups, mut first) = (Vec::new(), 1u64);
+        for node in &self.nodes {
+            let count = walk.node(node, 0).map_or(0, |objects| objects.count);
+            let id = |number: u64| u32::try_from(number).unwrap_or(u32::MAX);
+            if let (Content::Group(_) | Content::Instance(_), Some(name)) = (&node.content, &node.name) {
+                groups.push((&**name, id(first)..id(first.saturating_add(count))));
+            }
+            first = first.saturating_add(count);
+        }
+        groups
+    }
+
     fn walk_objects(&self, selects: &mut dyn FnMut(&str) -> bool) -> Result<NodeObjects, TooManyObjects> {
-        let (kinds, finished) = (HashMap::new(), HashMap::new());
-        let mut walk = Walk { scene: self, selects, kinds, finished, open: Vec::new() };
+        let mut walk = Walk::new(self, selects);
         let mut all = NodeObjects::default();
         for node in &self.nodes {
             all.append(&walk.node(node, 0)?)?;
@@ -238,6 +258,7 @@ mod tests {
             "sphere #6",
         ];
         assert_eq!(names, expected);
+        assert_eq!(scene.outermost_groups(), [("second copy", 4..6), ("group", 6..10)]);
     }
 
     /// A world gives the same names to the same numbers.
