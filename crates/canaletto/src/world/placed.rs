@@ -94,6 +94,11 @@ impl World {
         self.unbounded.iter().map(|unbounded| &unbounded.shape)
     }
 
+    /// A shape without bounds.
+    pub(crate) fn unbounded_shape(&self, primitive: u32) -> &Shape {
+        &self.unbounded[primitive as usize].shape
+    }
+
     /// The bounds of everything that has bounds, in the world's coordinates.
     pub(crate) fn local_bounds(&self) -> Aabb {
         self.root.tree.bounds()

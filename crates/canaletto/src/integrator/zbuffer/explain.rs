@@ -120,14 +120,13 @@ pub(crate) fn explain_pixel<P: Probe>(
             continue;
         };
         let node = raster_node(&worker, tile, part);
-        let fragments = worker.lookup.fragments_of(part, Some(&visible), area);
         let mut whitted = zbuffer.whitted(&never);
-        for (weight, fragment) in &fragments {
-            probe.sample(part.place, *weight);
+        worker.lookup.fragments_of(part, Some(&visible), area, |weight, fragment| {
+            probe.sample(part.place, weight);
             probe.drawn(None, None);
-            sum.add(whitted.shade_fragment(fragment, probe), *weight);
+            sum.add(whitted.shade_fragment(&fragment, probe), weight);
             nodes.push(node.clone());
-        }
+        });
     }
     Ok(nodes)
 }

@@ -13,10 +13,10 @@ use std::collections::HashMap;
 
 /// A triangle of the world at hand: its corners and what is needed for hits on it.
 pub(super) struct VisibleTriangle<'a> {
-    pub(super) source: Source,
+    source: Source,
     /// The corners in the primitive's space.
     pub(super) corners: [Vec3; 3],
-    pub(super) to_world: Option<Transform>,
+    to_world: Option<&'a Transform>,
     /// The part of the shape.
     part: u32,
     /// The tessellation, if the triangle isn't the surface itself.
@@ -25,62 +25,74 @@ pub(super) struct VisibleTriangle<'a> {
     shape: Option<Shape>,
 }
 
-/// The tessellations of shapes that a thread has made.
+/// What a thread knows of the geometries behind triangles.
 #[derive(Default)]
-pub(super) struct FacetCache(HashMap<[u32; 2], Facets>);
+pub(super) struct FacetCache<'w> {
+    placed: HashMap<u32, PlacedGeometry<'w>>,
+    facets: HashMap<[u32; 2], Facets>,
+    /// The last instance that was prepared.
+    last: Option<u32>,
+}
 
-impl FacetCache {
-    /// Forgets all tessellations.
+impl<'w> FacetCache<'w> {
+    /// Forgets everything.
     pub(super) fn clear(&mut self) {
-        self.0.clear();
+        self.placed.clear();
+        self.facets.clear();
+        self.last = None;
     }
 
-    /// Makes sure that the triangle's tessellation is at hand.
-    pub(super) fn prepare(&mut self, source: Source, world: &World, binned: &BinnedTriangles, tolerance: &Tolerance) {
-        let key = [source.instance, source.primitive];
-        if binned.kept(source.instance, source.primitive).is_some() || self.0.contains_key(&key) {
-            return;
-        }
+    /// Makes sure that the triangle's geometry is at hand.
+    #[inline]
+    pub(super) fn prepare(
+        &mut self,
+        source: Source,
+        world: &'w World,
+        binned: &BinnedTriangles,
+        tolerance: &Tolerance,
+    ) {
         if source.instance == Hit::UNBOUNDED {
-            let shape = world.unbounded_shapes().nth(source.primitive as usize);
-            if let Some(shape) = shape {
-                self.0.insert(key, Facets::new(shape, None, None, tolerance));
-            }
+            self.facets.entry([source.instance, source.primitive]).or_insert_with(|| {
+                let shape = world.unbounded_shape(source.primitive);
+                Facets::new(shape, None, None, tolerance)
+            });
             return;
         }
-        let PlacedGeometry { to_world, primitives, .. } = world.placed_geometry(source.instance, 0.0);
-        if let Some((shape, color)) = primitives.shape(source.primitive) {
-            self.0.insert(key, Facets::new(&shape, color, to_world.as_ref(), tolerance));
+        if self.last != Some(source.instance) {
+            self.placed.entry(source.instance).or_insert_with(|| world.placed_geometry(source.instance, 0.0));
+            self.last = Some(source.instance);
+        }
+        if source.is_of_mesh || binned.kept(source.instance, source.primitive).is_some() {
+            return;
+        }
+        let placed = &self.placed[&source.instance];
+        if let Some((shape, color)) = placed.primitives.shape(source.primitive) {
+            self.facets
+                .entry([source.instance, source.primitive])
+                .or_insert_with(|| Facets::new(&shape, color, placed.to_world.as_ref(), tolerance));
         }
     }
 
     /// A triangle, for which [`FacetCache::prepare`] was called.
+    #[inline]
     pub(super) fn triangle<'a>(
         &'a self,
         source: Source,
         world: &'a World,
         binned: &'a BinnedTriangles,
     ) -> Option<VisibleTriangle<'a>> {
-        let (to_world, shape) = match source.instance {
-            Hit::UNBOUNDED => (None, world.unbounded_shapes().nth(source.primitive as usize).copied()),
-            instance => {
-                let placed = world.placed_geometry(instance, 0.0);
-                if let Primitives::Mesh(mesh) = placed.primitives {
-                    let corners = mesh.corners(source.primitive as usize);
-                    return Some(VisibleTriangle {
-                        source,
-                        corners,
-                        to_world: placed.to_world,
-                        part: 0,
-                        facets: None,
-                        shape: None,
-                    });
-                }
-                (placed.to_world, placed.primitives.shape(source.primitive).map(|(shape, _)| shape))
+        let (to_world, shape) = if source.instance == Hit::UNBOUNDED {
+            (None, Some(*world.unbounded_shape(source.primitive)))
+        } else {
+            let placed = self.placed.get(&source.instance)?;
+            if let Primitives::Mesh(mesh) = placed.primitives {
+                let (corners, to_world) = (mesh.corners(source.primitive as usize), placed.to_world.as_ref());
+                return Some(VisibleTriangle { source, corners, to_world, part: 0, facets: None, shape: None });
             }
+            (placed.to_world.as_ref(), placed.primitives.shape(source.primitive).map(|(shape, _)| shape))
         };
         let kept = binned.kept(source.instance, source.primitive);
-        let facets = kept.or_else(|| self.0.get(&[source.instance, source.primitive]))?;
+        let facets = kept.or_else(|| self.facets.get(&[source.instance, source.primitive]))?;
         Some(VisibleTriangle {
             source,
             corners: facets.corners(source.triangle),
@@ -183,7 +195,7 @@ impl VisibleTriangle<'_> {
     /// The line from the eye to the point with these barycentric coordinates, and the hit there.
     pub(super) fn seen_from(&self, eye: DVec3, uv: [f32; 2]) -> (DRay, Hit) {
         let local = self.point(uv);
-        let point = self.to_world.as_ref().map_or(local, |t| t.point(local));
+        let point = self.to_world.map_or(local, |t| t.point(local));
         let distance = (point - eye).length();
         let line = DRay { origin: eye, direction: (point - eye) / distance };
         (line, self.source.hit(distance as f32, uv, self.part))

@@ -5,9 +5,10 @@ use super::facets::{Facets, Tolerance, corners};
 use super::projection::{Projection, depth_plane};
 use super::raster::{GUARD_BAND, ScreenTriangle, Sites, Source};
 use crate::material::{Material, Target};
+use crate::shape::Mesh;
 use crate::world::{Hit, Primitives, World};
 use canaletto_bvh::Aabb;
-use glam::{DVec4, Vec3};
+use glam::DVec4;
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::ops::{ControlFlow, Range};
@@ -77,13 +78,37 @@ struct Batch {
 }
 
 /// A triangle of a geometry.
-struct WorldTriangle {
-    /// The corners in the geometry's space.
-    corners: [Vec3; 3],
+struct ProjectedTriangle {
+    corners: [DVec4; 3],
     source: Source,
     /// Given if only the front is visible: whether the geometry's space is mirrored.
     sided: Option<bool>,
     is_curved: bool,
+}
+
+/// The last projected vertices of a mesh, by the last digits of their indices.
+struct VertexCache {
+    indices: [u32; VertexCache::SIZE],
+    corners: [DVec4; VertexCache::SIZE],
+}
+
+impl Default for VertexCache {
+    fn default() -> VertexCache {
+        VertexCache { indices: [u32::MAX; VertexCache::SIZE], corners: [DVec4::ZERO; VertexCache::SIZE] }
+    }
+}
+
+impl VertexCache {
+    const SIZE: usize = 1024;
+
+    #[inline(always)]
+    fn get(&mut self, vertex: u32, project: impl FnOnce() -> DVec4) -> DVec4 {
+        let slot = vertex as usize % VertexCache::SIZE;
+        if self.indices[slot] != vertex {
+            (self.indices[slot], self.corners[slot]) = (vertex, project());
+        }
+        self.corners[slot]
+    }
 }
 
 /// The projection of a world onto a screen.
@@ -97,8 +122,8 @@ pub(super) struct GeometryStage<'a> {
     pub(super) compares_curves: bool,
     /// Whether shapes without bounds are drawn.
     pub(super) with_unbounded: bool,
-    /// Whether a material is drawn.
-    pub(super) is_drawn: &'a (dyn Fn(&Material) -> bool + Sync),
+    /// For each material, whether it is drawn and whether it [has holes](has_holes).
+    pub(super) traits: Vec<[bool; 2]>,
 }
 
 impl GeometryStage<'_> {
@@ -163,9 +188,8 @@ impl GeometryStage<'_> {
         let mut batch = Batch::default();
         for part in parts {
             if part.instance == Hit::UNBOUNDED {
-                let shapes: Vec<_> = self.world.unbounded_shapes().collect();
                 for primitive in part.primitives.clone() {
-                    let facets = Facets::new(shapes[primitive as usize], None, None, self.tolerance);
+                    let facets = Facets::new(self.world.unbounded_shape(primitive), None, None, self.tolerance);
                     self.facets(part.instance, primitive, facets, self.projection, false, &mut batch);
                 }
                 continue;
@@ -173,28 +197,32 @@ impl GeometryStage<'_> {
             let placed = self.world.placed_geometry(part.instance, 0.0);
             let projection = self.projection.of_space(placed.to_world.as_ref());
             let mirrors = placed.to_world.is_some_and(|t| t.matrix().matrix3.determinant() < 0.0);
+            if let Primitives::Mesh(mesh) = placed.primitives {
+                let sided = if mesh.one_sided { Some(mirrors) } else { None };
+                self.mesh(mesh, part, sided, &projection, &mut batch);
+                continue;
+            }
             for primitive in part.primitives.clone() {
-                match (placed.primitives, placed.primitives.shape(primitive)) {
-                    (Primitives::Mesh(mesh), _) => {
-                        let source = Source { instance: part.instance, primitive, triangle: 0 };
-                        let sided = if mesh.one_sided { Some(mirrors) } else { None };
-                        let triangle = WorldTriangle {
-                            corners: mesh.corners(primitive as usize),
-                            source,
-                            sided,
-                            is_curved: false,
-                        };
-                        self.triangle(&triangle, &projection, &mut batch);
-                    }
-                    (_, Some((shape, color))) => {
-                        let facets = Facets::new(&shape, color, placed.to_world.as_ref(), self.tolerance);
-                        self.facets(part.instance, primitive, facets, &projection, mirrors, &mut batch);
-                    }
-                    (_, None) => {}
+                if let Some((shape, color)) = placed.primitives.shape(primitive) {
+                    let facets = Facets::new(&shape, color, placed.to_world.as_ref(), self.tolerance);
+                    self.facets(part.instance, primitive, facets, &projection, mirrors, &mut batch);
                 }
             }
         }
         batch
+    }
+
+    /// Projects triangles of a mesh. Neighbouring triangles share most of their corners.
+    fn mesh(&self, mesh: &Mesh, part: &Part, sided: Option<bool>, projection: &Projection, batch: &mut Batch) {
+        let mut cache = VertexCache::default();
+        for primitive in part.primitives.clone() {
+            let [a, b, c] = mesh.triangles[primitive as usize];
+            let mut corner =
+                |vertex: u32| cache.get(vertex, || projection.point(mesh.positions[vertex as usize].as_dvec3()));
+            let corners = [corner(a), corner(b), corner(c)];
+            let source = Source { instance: part.instance, primitive, triangle: 0, is_of_mesh: true };
+            self.triangle(&ProjectedTriangle { corners, source, sided, is_curved: false }, projection, batch);
+        }
     }
 
     fn facets(
@@ -208,20 +236,21 @@ impl GeometryStage<'_> {
     ) {
         let sided = if facets.mesh.one_sided { Some(mirrors) } else { None };
         for triangle in 0..facets.mesh.len() as u32 {
-            let source = Source { instance, primitive, triangle };
+            let source = Source { instance, primitive, triangle, is_of_mesh: false };
             let is_curved = !facets.is_exact && self.compares_curves;
-            let triangle = WorldTriangle { corners: facets.corners(triangle), source, sided, is_curved };
-            self.triangle(&triangle, projection, batch);
+            let [a, b, c] = facets.corners(triangle);
+            let corners = [a, b, c].map(|p| projection.point(p.as_dvec3()));
+            self.triangle(&ProjectedTriangle { corners, source, sided, is_curved }, projection, batch);
         }
         if facets.mesh.len() >= MIN_KEPT {
             batch.kept.push(([instance, primitive], facets));
         }
     }
 
-    /// Projects a triangle.
-    fn triangle(&self, triangle: &WorldTriangle, projection: &Projection, batch: &mut Batch) {
-        let WorldTriangle { corners, source, sided, is_curved } = *triangle;
-        let corners = corners.map(|p| projection.point(p.as_dvec3()));
+    /// Clips a triangle and adds what is left.
+    #[inline(always)]
+    fn triangle(&self, triangle: &ProjectedTriangle, projection: &Projection, batch: &mut Batch) {
+        let ProjectedTriangle { corners, source, sided, is_curved } = *triangle;
         if self.outside_of_all(corners) != 0 {
             return;
         }
@@ -254,12 +283,12 @@ impl GeometryStage<'_> {
     fn add(&self, triangle: Option<ScreenTriangle>, is_curved: bool, batch: &mut Batch) {
         let Some(mut triangle) = triangle else { return };
         let Some([first, last]) = triangle.pixels(self.sites, self.screen.corner, self.screen.last()) else { return };
-        let hit = triangle.source.hit(0.0, [0.0; 2], 0);
-        let material = self.world.material(&hit);
-        if !(self.is_drawn)(material) {
+        let [is_drawn, has_holes] =
+            self.traits[self.world.material_index(&triangle.source.hit(0.0, [0.0; 2], 0)) as usize];
+        if !is_drawn {
             return;
         }
-        (triangle.has_holes, triangle.is_curved) = (has_holes(material), is_curved);
+        (triangle.has_holes, triangle.is_curved) = (has_holes, is_curved);
         let number = batch.triangles.len() as u32;
         batch.triangles.push(triangle);
         let screen = &self.screen;

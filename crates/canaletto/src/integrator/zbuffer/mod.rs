@@ -33,7 +33,7 @@ pub(crate) use explain::explain_pixel;
 pub use explain::{RasterNode, RasterRival, RasterTriangle, RivalFate};
 use facets::Tolerance;
 use fragment::{FacetCache, VisibleTriangle};
-use geometry::{BinnedTriangles, GeometryStage, Screen};
+use geometry::{BinnedTriangles, GeometryStage, Screen, has_holes};
 pub(crate) use omissions::omissions;
 use projection::Projection;
 use raster::{NOTHING, ScreenTriangle, Sites, VisibilityBuffer};
@@ -115,7 +115,7 @@ impl<'w> Zbuffer<'w> {
             sites: &sites,
             compares_curves: true,
             with_unbounded: true,
-            is_drawn: &|_| true,
+            traits: world.materials().iter().map(|material| [true, has_holes(material)]).collect(),
         };
         let binned = stage.run(&cancelled)?;
         let maps = match settings.shadows {
@@ -227,7 +227,7 @@ struct ZbufferWorker<'a> {
 /// The triangles of visible samples, in the world.
 struct TriangleLookup<'a> {
     zbuffer: &'a Zbuffer<'a>,
-    cache: FacetCache,
+    cache: FacetCache<'a>,
 }
 
 /// The samples of a pixel that see one triangle.
@@ -283,7 +283,11 @@ impl ZbufferWorker<'_> {
             if triangle.has_holes || triangle.is_curved {
                 cache.prepare(triangle.source, world, binned, tolerance);
             }
-            let visible = cache.triangle(triangle.source, world, binned);
+            let visible = if triangle.has_holes || triangle.is_curved {
+                cache.triangle(triangle.source, world, binned)
+            } else {
+                None
+            };
             visibility.draw(triangle, number, sites, |place, depth| match &visible {
                 Some(visible) => refine(self.zbuffer, triangle, visible, place, depth),
                 None => Some(depth),
@@ -302,6 +306,15 @@ impl ZbufferWorker<'_> {
             let from_below = ((height - 1 - row) * width + column) as usize;
             let corner = [f64::from(x0 + column), f64::from(camera.size()[1] - 1 - y0 - row)];
             let begin = parts.len();
+            if let [place] = sites.places[..] {
+                let place = [
+                    corner[0] + f64::from(place[0]) / raster::SUBPIXELS as f64,
+                    corner[1] + f64::from(place[1]) / raster::SUBPIXELS as f64,
+                ];
+                let number = self.visibility.number(0, from_below);
+                parts.push(PixelPart { pixel, number, place, share: 1.0, is_first: true });
+                continue;
+            }
             for (site, place) in sites.places.iter().enumerate() {
                 let number = self.visibility.number(site, from_below);
                 let place = [0, 1].map(|i: usize| corner[i] + f64::from(place[i]) / raster::SUBPIXELS as f64);
@@ -329,13 +342,14 @@ impl ZbufferWorker<'_> {
         lookup.prepare(tile, parts);
         let area = buffer.area();
         let triangles: Vec<Option<VisibleTriangle>> = parts.iter().map(|part| lookup.visible(tile, part)).collect();
-        let fragments: Vec<(f64, Fragment)> = parts
-            .iter()
-            .zip(&triangles)
-            .flat_map(|(part, visible)| lookup.fragments_of(part, visible.as_ref(), area))
-            .collect();
+        let (mut fragments, mut weights) = (Vec::with_capacity(parts.len()), Vec::with_capacity(parts.len()));
+        for (part, visible) in parts.iter().zip(&triangles) {
+            lookup.fragments_of(part, visible.as_ref(), area, |weight, fragment| {
+                weights.push(weight);
+                fragments.push(fragment);
+            });
+        }
         self.fragments += fragments.len() as u64;
-        let (weights, fragments): (Vec<f64>, Vec<Fragment>) = fragments.into_iter().unzip();
         let mut colors = whitted.shade_fragments(&fragments).iter().copied().zip(weights);
         let each = if self.zbuffer.settings.shading == Shading::Gouraud { 3 } else { 1 };
         for (part, visible) in parts.iter().zip(&triangles) {
@@ -372,15 +386,17 @@ impl TriangleLookup<'_> {
             .and_then(|triangle| self.cache.triangle(triangle.source, world, binned))
     }
 
-    /// The fragments that are shaded for a part of a pixel, with their weights in the pixel.
+    /// Calls `add` with the fragments that are shaded for a part of a pixel, and their weights in the pixel.
+    #[inline]
     fn fragments_of<'t>(
         &self,
         part: &PixelPart,
         visible: Option<&'t VisibleTriangle<'t>>,
         [x, y, width, _]: [u32; 4],
-    ) -> Vec<(f64, Fragment<'t>)> {
+        mut add: impl FnMut(f64, Fragment<'t>),
+    ) {
         let Zbuffer { camera, settings, sampler, .. } = self.zbuffer;
-        let Some(visible) = visible else { return Vec::new() };
+        let Some(visible) = visible else { return };
         let sample = sampler.pixel([x + part.pixel as u32 % width, y + part.pixel as u32 / width]).sample(0, 1);
         let differential = differential(self.zbuffer, part.place);
         let fragment =
@@ -390,15 +406,13 @@ impl TriangleLookup<'_> {
             (line, visible.hit(&line))
         };
         match settings.shading {
-            Shading::Phong => vec![(part.share, fragment(seen(), false))],
-            Shading::Flat => vec![(part.share, fragment(visible.seen_from(camera.eye(), [1.0 / 3.0; 2]), true))],
+            Shading::Phong => add(part.share, fragment(seen(), false)),
+            Shading::Flat => add(part.share, fragment(visible.seen_from(camera.eye(), [1.0 / 3.0; 2]), true)),
             Shading::Gouraud => {
                 let [u, v] = seen().1.uv.map(f64::from);
-                let corners = [(1.0 - u - v, [0.0, 0.0]), (u, [1.0, 0.0]), (v, [0.0, 1.0])];
-                let corner = |(weight, uv): (f64, [f32; 2])| {
-                    (part.share * weight.max(0.0), fragment(visible.seen_from(camera.eye(), uv), false))
-                };
-                corners.map(corner).into_iter().collect()
+                for (weight, uv) in [(1.0 - u - v, [0.0, 0.0]), (u, [1.0, 0.0]), (v, [0.0, 1.0])] {
+                    add(part.share * weight.max(0.0), fragment(visible.seen_from(camera.eye(), uv), false));
+                }
             }
         }
     }

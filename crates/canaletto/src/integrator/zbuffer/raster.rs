@@ -21,6 +21,8 @@ pub(super) struct Source {
     pub(super) primitive: u32,
     /// The triangle of the primitive's tessellation; 0 for triangles of meshes.
     pub(super) triangle: u32,
+    /// Whether the primitive is a triangle of a mesh.
+    pub(super) is_of_mesh: bool,
 }
 
 /// A triangle on the screen.
@@ -44,11 +46,10 @@ impl ScreenTriangle {
     /// snapping.
     #[inline]
     pub(super) fn new(corners: [DVec4; 3], plane: DVec3, source: Source) -> Option<ScreenTriangle> {
-        let snapped = corners.map(|c| {
-            let scale = SUBPIXELS as f64 / c.z;
-            [(c.x * scale).round_ties_even() as i32, (c.y * scale).round_ties_even() as i32]
-        });
-        let depths = corners.map(|c| (c.w / c.z) as f32);
+        let [a, b, c] = corners;
+        let [ia, ib, ic] = [1.0 / a.z, 1.0 / b.z, 1.0 / c.z];
+        let snapped = [snap(a, ia), snap(b, ib), snap(c, ic)];
+        let depths = [(a.w * ia) as f32, (b.w * ib) as f32, (c.w * ic) as f32];
         let range = [depths[0].min(depths[1]).min(depths[2]), depths[0].max(depths[1]).max(depths[2])];
         let mut triangle =
             ScreenTriangle { corners: snapped, plane, range, source, has_holes: false, is_curved: false };
@@ -59,9 +60,10 @@ impl ScreenTriangle {
         (area != 0).then_some(triangle)
     }
 
+    #[inline(always)]
     fn doubled_area(&self) -> i64 {
-        let [a, b, c] = self.corners.map(|p| p.map(i64::from));
-        edge(a, b, c)
+        let [[ax, ay], [bx, by], [cx, cy]] = self.corners;
+        edge([ax.into(), ay.into()], [bx.into(), by.into()], [cx.into(), cy.into()])
     }
 
     /// The first and the last column and row of pixels, `[x, y]` each, that hold one of the triangle's samples. `sites`
@@ -101,6 +103,21 @@ impl ScreenTriangle {
         let depth = (self.plane.x * x + self.plane.y * y + self.plane.z) as f32;
         depth.max(self.range[0]).min(self.range[1])
     }
+}
+
+/// The place of a homogeneous corner in 1/256 pixels; `inverse` is 1/W.
+#[inline(always)]
+fn snap(corner: DVec4, inverse: f64) -> [i32; 2] {
+    let scale = SUBPIXELS as f64 * inverse;
+    [nearest(corner.x * scale), nearest(corner.y * scale)]
+}
+
+/// The nearest whole number of one below 2³¹, of two the even one.
+#[inline(always)]
+fn nearest(v: f64) -> i32 {
+    // In this range the spacing of `f64` is 1, so that the sum is rounded to a whole number.
+    const SHIFT: f64 = (3u64 << 51) as f64;
+    ((v + SHIFT) - SHIFT) as i32
 }
 
 /// Twice the signed area of three places: positive if they run counter-clockwise with y upwards.
@@ -212,25 +229,21 @@ impl VisibilityBuffer {
         let Some([first, last]) = triangle.pixels(sites, self.corner, [x0 + width - 1, y0 + height - 1]) else {
             return;
         };
-        let [a, b, c] = triangle.corners.map(|p| p.map(i64::from));
-        let edges = [(a, b), (b, c), (c, a)];
+        let [a, b, c] = triangle.corners;
         let needs_refinement = triangle.has_holes || triangle.is_curved;
         let plane_size = width as usize * height as usize;
         for (site, &[dx, dy]) in sites.places.iter().enumerate() {
-            let place = [first[0], first[1]].map(|v| i64::from(v) * SUBPIXELS);
-            let place = [place[0] + i64::from(dx), place[1] + i64::from(dy)];
-            // The values at the first sample of the current row, less than 0 outside.
-            let mut row =
-                [0, 1, 2].map(|i: usize| edge(edges[i].0, edges[i].1, place) - least_inside(edges[i].0, edges[i].1));
-            let right = edges.map(|(from, to)| -(to[1] - from[1]) * SUBPIXELS);
-            let up = edges.map(|(from, to)| (to[0] - from[0]) * SUBPIXELS);
-            let sub = [dx, dy].map(|d| f64::from(d) / SUBPIXELS as f64);
+            let place =
+                [i64::from(first[0]) * SUBPIXELS + i64::from(dx), i64::from(first[1]) * SUBPIXELS + i64::from(dy)];
+            let [e0, e1, e2] = [Edge::new(a, b, place), Edge::new(b, c, place), Edge::new(c, a, place)];
+            let sub = [f64::from(dx) / SUBPIXELS as f64, f64::from(dy) / SUBPIXELS as f64];
+            let mut row = [e0.value, e1.value, e2.value];
             for y in first[1]..=last[1] {
-                let mut values = row;
+                let [mut v0, mut v1, mut v2] = row;
                 let start = site * plane_size + (y - y0) as usize * width as usize;
                 let y_place = f64::from(y) + sub[1];
                 for x in first[0]..=last[0] {
-                    if values[0] | values[1] | values[2] >= 0 {
+                    if v0 | v1 | v2 >= 0 {
                         let index = start + (x - x0) as usize;
                         let x_place = f64::from(x) + sub[0];
                         let mut depth = triangle.depth(x_place, y_place);
@@ -241,14 +254,26 @@ impl VisibilityBuffer {
                             (self.depths[index], self.numbers[index]) = (depth, number);
                         }
                     }
-                    for (value, step) in values.iter_mut().zip(right) {
-                        *value += step;
-                    }
+                    (v0, v1, v2) = (v0 + e0.right, v1 + e1.right, v2 + e2.right);
                 }
-                for (value, step) in row.iter_mut().zip(up) {
-                    *value += step;
-                }
+                row = [row[0] + e0.up, row[1] + e1.up, row[2] + e2.up];
             }
         }
+    }
+}
+
+/// An edge function at a place, and its changes to the next pixel on the right and above. It is negative outside.
+struct Edge {
+    value: i64,
+    right: i64,
+    up: i64,
+}
+
+impl Edge {
+    #[inline(always)]
+    fn new([ax, ay]: [i32; 2], [bx, by]: [i32; 2], place: [i64; 2]) -> Edge {
+        let (a, b) = ([i64::from(ax), i64::from(ay)], [i64::from(bx), i64::from(by)]);
+        let value = edge(a, b, place) - least_inside(a, b);
+        Edge { value, right: (a[1] - b[1]) * SUBPIXELS, up: (b[0] - a[0]) * SUBPIXELS }
     }
 }

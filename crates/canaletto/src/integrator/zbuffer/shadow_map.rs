@@ -9,7 +9,7 @@
 
 use super::facets::{Tolerance, corners};
 use super::fragment::FacetCache;
-use super::geometry::{GeometryStage, Screen};
+use super::geometry::{GeometryStage, Screen, has_holes};
 use super::projection::{Projection, depth_plane};
 use super::raster::{Sites, VisibilityBuffer};
 use crate::integrator::whitted::ShadowLookup;
@@ -122,7 +122,7 @@ fn draw(
         sites: &sites,
         compares_curves: false,
         with_unbounded: false,
-        is_drawn: &casts_shadows,
+        traits: world.materials().iter().map(|material| [casts_shadows(material), has_holes(material)]).collect(),
     };
     let binned = stage.run(cancelled)?;
     let [across, rows] = screen.tiles();
