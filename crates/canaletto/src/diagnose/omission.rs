@@ -86,6 +86,7 @@ pub fn omissions(world: &World, job: &Job) -> Vec<Omission> {
     let mut all = match integrator {
         Integrator::Whitted(settings) if settings.stage == Stage::Unlit => return Vec::new(),
         Integrator::Whitted(_) => Vec::new(),
+        Integrator::Radiosity(_) => return Vec::new(),
         Integrator::Zbuffer(settings) => omitted_by_zbuffer(world, job, settings),
     };
     if !world.may_emit() {

@@ -14,13 +14,14 @@ pub use tree::{
 };
 
 use crate::film::WeightedSum;
+use crate::integrator::{PreparedRadiosity, RayIntegrator, Whitted, explain_zbuffer_pixel};
 pub use crate::integrator::{RasterNode, RasterRival, RasterTriangle, RivalFate};
-use crate::integrator::{RayIntegrator, Whitted, explain_zbuffer_pixel};
 use crate::render::{Job, JobError, PixelRenderer, stack_of};
 use crate::scene::Integrator;
 use crate::world::World;
 use canaletto_bvh::with_stack;
 use record::Recorder;
+use std::ops::ControlFlow;
 
 /// The reason why a pixel can't be explained.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -73,6 +74,17 @@ fn record(world: &World, job: &Job, [x, y]: [u32; 2]) -> Result<PixelTree, Expla
     match job.integrator {
         Integrator::Whitted(settings) => {
             let mut whitted = Whitted::new(world, settings).with_cancel(&too_many);
+            PixelRenderer::new(job).pixel(&mut whitted, [x, y], &mut recorder, &mut sum);
+            if whitted.is_cancelled() {
+                return Err(ExplainError::TooManyRays);
+            }
+        }
+        Integrator::Radiosity(settings) => {
+            let prepared = match PreparedRadiosity::new(world, settings, &())? {
+                ControlFlow::Continue(prepared) => prepared,
+                ControlFlow::Break(()) => return Err(ExplainError::TooManyRays),
+            };
+            let mut whitted = prepared.whitted(world).with_cancel(&too_many);
             PixelRenderer::new(job).pixel(&mut whitted, [x, y], &mut recorder, &mut sum);
             if whitted.is_cancelled() {
                 return Err(ExplainError::TooManyRays);

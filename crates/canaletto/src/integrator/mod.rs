@@ -9,6 +9,7 @@ mod zbuffer;
 
 pub use counts::{Counts, RayCount, RayCounts};
 pub use probe::{LightTerm, Probe, RayKind};
+pub(crate) use radiosity::PreparedRadiosity;
 pub(crate) use tile_integrator::{Cancelled, PreparedRayIntegrator, RayIntegrator, TileIntegrator, TileWorker};
 pub use whitted::Whitted;
 pub use zbuffer::{RasterNode, RasterRival, RasterTriangle, RivalFate};

@@ -75,6 +75,7 @@ impl Aov {
     pub fn is_made_by(self, integrator: &Integrator) -> bool {
         match integrator {
             Integrator::Whitted(_) => true,
+            Integrator::Radiosity(_) => true,
             Integrator::Zbuffer(_) => matches!(
                 self,
                 Aov::Depth | Aov::Normal | Aov::Position | Aov::Uv | Aov::ObjectId | Aov::MaterialId | Aov::Alpha

@@ -81,6 +81,9 @@ pub enum JobError {
         /// The most memory.
         most: u64,
     },
+    /// Radiosity finds no solution.
+    #[error("radiosity: {0}")]
+    Radiosity(String),
     /// A filter or threshold is out of range.
     #[error(transparent)]
     Range(#[from] OutOfRange),

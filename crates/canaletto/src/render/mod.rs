@@ -11,7 +11,7 @@ pub use crate::job::{Aov, Job, JobError, Observer, Progress};
 pub(crate) use pixel::PixelRenderer;
 
 use crate::film::{Picture, TileBuffer};
-use crate::integrator::{Counts, TileIntegrator, Zbuffer};
+use crate::integrator::{Counts, PreparedRadiosity, TileIntegrator, Zbuffer};
 use crate::scene::Integrator;
 use crate::world::World;
 use camera_tiles::CameraTiles;
@@ -74,6 +74,8 @@ fn prepare<'w>(
         Integrator::Whitted(integrator) => {
             ControlFlow::Continue(Box::new(CameraTiles { world, job, integrator }) as Box<dyn TileIntegrator>)
         }
+        Integrator::Radiosity(settings) => PreparedRadiosity::new(world, settings, observer)?
+            .map_continue(|integrator| Box::new(CameraTiles { world, job, integrator }) as Box<dyn TileIntegrator>),
         Integrator::Zbuffer(settings) => Zbuffer::prepare(world, job, settings, observer)?
             .map_continue(|zbuffer| Box::new(zbuffer) as Box<dyn TileIntegrator>),
     })

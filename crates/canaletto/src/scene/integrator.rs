@@ -1,5 +1,6 @@
 //! The integrator of a scene, and its settings.
 
+use super::RadiositySettings;
 use crate::{Named, OutOfRange, named};
 use serde::{Deserialize, Serialize};
 
@@ -12,11 +13,14 @@ pub enum Integrator {
     Whitted(WhittedSettings),
     /// A rasteriser with a z-buffer (Catmull 1974), which the chapter compares ray tracing with.
     Zbuffer(ZbufferSettings),
+    /// Radiosity, the balance of diffuse light (5.7), under the classic integrator's direct light and mirrors.
+    Radiosity(RadiositySettings),
 }
 
 named!(Integrator {
     Whitted(WhittedSettings::DEFAULT) => "whitted": "The classic recursive ray tracing",
     Zbuffer(ZbufferSettings::DEFAULT) => "zbuffer": "A rasteriser with a z-buffer",
+    Radiosity(RadiositySettings::DEFAULT) => "radiosity": "Diffuse light by the balance of energies",
 });
 
 impl Integrator {
@@ -38,6 +42,12 @@ impl Integrator {
                     ("tolerance", tolerance.to_string()),
                 ]
             }
+            Integrator::Radiosity(RadiositySettings { method, error, show, max_patches }) => vec![
+                ("method", method.name().into()),
+                ("error", error.to_string()),
+                ("show", show.name().into()),
+                ("max-patches", max_patches.to_string()),
+            ],
         }
     }
 
@@ -46,6 +56,7 @@ impl Integrator {
         match self {
             Integrator::Whitted(settings) => settings.max_depth,
             Integrator::Zbuffer(_) => 1,
+            Integrator::Radiosity(_) => WhittedSettings::DEFAULT.max_depth,
         }
     }
 
@@ -54,6 +65,7 @@ impl Integrator {
         match self {
             Integrator::Whitted(settings) => settings.shadows && settings.stage >= Stage::Shadow,
             Integrator::Zbuffer(settings) => settings.shadows == ShadowMethod::Map,
+            Integrator::Radiosity(_) => true,
         }
     }
 
@@ -61,6 +73,7 @@ impl Integrator {
     pub fn nearest_whitted(&self) -> WhittedSettings {
         match self {
             Integrator::Whitted(settings) => *settings,
+            Integrator::Radiosity(_) => WhittedSettings::DEFAULT,
             Integrator::Zbuffer(ZbufferSettings { shadows: ShadowMethod::None, .. }) => {
                 WhittedSettings { stage: Stage::Specular, ..WhittedSettings::DEFAULT }
             }
@@ -74,7 +87,7 @@ impl Integrator {
     pub fn whitted(&self) -> Option<&WhittedSettings> {
         match self {
             Integrator::Whitted(settings) => Some(settings),
-            Integrator::Zbuffer(_) => None,
+            Integrator::Zbuffer(_) | Integrator::Radiosity(_) => None,
         }
     }
 
@@ -82,6 +95,14 @@ impl Integrator {
     pub fn zbuffer_mut(&mut self) -> Option<&mut ZbufferSettings> {
         match self {
             Integrator::Zbuffer(settings) => Some(settings),
+            _ => None,
+        }
+    }
+
+    /// The settings of radiosity, if it is this one, to be changed.
+    pub fn radiosity_mut(&mut self) -> Option<&mut RadiositySettings> {
+        match self {
+            Integrator::Radiosity(settings) => Some(settings),
             _ => None,
         }
     }
@@ -94,6 +115,7 @@ impl Integrator {
         match self {
             Integrator::Whitted(_) => Ok(()),
             Integrator::Zbuffer(settings) => settings.check(),
+            Integrator::Radiosity(settings) => settings.check(),
         }
     }
 
@@ -101,7 +123,7 @@ impl Integrator {
     pub fn whitted_mut(&mut self) -> Option<&mut WhittedSettings> {
         match self {
             Integrator::Whitted(settings) => Some(settings),
-            Integrator::Zbuffer(_) => None,
+            Integrator::Zbuffer(_) | Integrator::Radiosity(_) => None,
         }
     }
 }
@@ -109,6 +131,12 @@ impl Integrator {
 impl Default for Integrator {
     fn default() -> Integrator {
         Integrator::Whitted(WhittedSettings::default())
+    }
+}
+
+impl From<RadiositySettings> for Integrator {
+    fn from(settings: RadiositySettings) -> Integrator {
+        Integrator::Radiosity(settings)
     }
 }
 

@@ -5,7 +5,10 @@ use crate::text::decode::Decoder;
 use crate::text::reader::Fields;
 use crate::text::report::Message;
 use crate::text::schema::{Field, FieldSchema, NodeSchema, flag, quoted};
-use canaletto::scene::{Integrator, Shading, ShadowMethod, Stage, WhittedSettings, ZbufferSettings};
+use canaletto::scene::{
+    Integrator, RadiosityMethod, RadiositySettings, RadiosityShow, Shading, ShadowMethod, Stage, WhittedSettings,
+    ZbufferSettings,
+};
 use canaletto::{Named, OutOfRange};
 
 const KIND: Field<Integrator> =
@@ -39,11 +42,25 @@ const TOLERANCE: Field<f32> =
     Field::new("tolerance", "\"zbuffer\": how far in pixels the triangles of curved shapes may lie from them")
         .or(|| ZbufferSettings::DEFAULT.tolerance.to_string());
 
+const METHOD: Field<RadiosityMethod> =
+    Field::word("method", "\"radiosity\": how the balance of light is found: by links between nodes of a hierarchy, by patches that shoot their light one after the other, or by the equations of all pairs of patches")
+        .or(|| quoted(RadiositySettings::DEFAULT.method.name()));
+const ERROR: Field<f32> =
+    Field::new("error", "\"radiosity\": the error that is aimed at, relative to the mean light of the scene")
+        .or(|| RadiositySettings::DEFAULT.error.to_string());
+const SHOW: Field<RadiosityShow> =
+    Field::word("show", "\"radiosity\": what the picture shows: patches, colours interpolated between them, or direct light and mirrors over their indirect light")
+        .or(|| quoted(RadiositySettings::DEFAULT.show.name()));
+const MAX_PATCHES: Field<u32> = Field::new("max-patches", "\"radiosity\": the most patches, counted for each side")
+    .or(|| RadiositySettings::DEFAULT.max_patches.to_string());
+
 const WHITTED: &[FieldSchema] = &[MAX_DEPTH.schema, MIN_WEIGHT.schema, STAGE.schema];
 const ZBUFFER: &[FieldSchema] = &[SHADING.schema, SHADOW_MAP_SIZE.schema, MULTISAMPLING.schema, TOLERANCE.schema];
 
+const RADIOSITY: &[FieldSchema] = &[METHOD.schema, ERROR.schema, SHOW.schema, MAX_PATCHES.schema];
+
 pub(crate) static INTEGRATOR: NodeSchema =
-    NodeSchema::new("integrator", "How the picture is made.", &[WHITTED, &[SHADOWS.schema], ZBUFFER])
+    NodeSchema::new("integrator", "How the picture is made.", &[WHITTED, &[SHADOWS.schema], ZBUFFER, RADIOSITY])
         .argument(KIND.schema)
         .example("integrator \"whitted\" { max-depth 3; stage \"reflection\" }");
 
@@ -57,11 +74,15 @@ impl Decoder<'_> {
         let foreign: &[&[FieldSchema]] = match &mut integrator {
             Integrator::Whitted(settings) => {
                 self.whitted(fields, settings);
-                &[ZBUFFER]
+                &[ZBUFFER, RADIOSITY]
             }
             Integrator::Zbuffer(settings) => {
                 self.zbuffer(fields, settings);
-                &[WHITTED]
+                &[WHITTED, RADIOSITY]
+            }
+            Integrator::Radiosity(settings) => {
+                self.radiosity(fields, settings);
+                &[WHITTED, ZBUFFER, &[SHADOWS.schema]]
             }
             _ => &[],
         };
@@ -89,6 +110,16 @@ impl Decoder<'_> {
             self.out_of_range(fields, &OutOfRange::new(MAX_DEPTH.name(), problem));
         } else if settings.min_weight < 0.0 {
             self.out_of_range(fields, &OutOfRange::new(MIN_WEIGHT.name(), "must be 0 or more"));
+        }
+    }
+
+    fn radiosity(&mut self, fields: &Fields, settings: &mut RadiositySettings) {
+        change(&mut settings.method, fields.word(&METHOD));
+        change(&mut settings.error, fields.get(&ERROR));
+        change(&mut settings.show, fields.word(&SHOW));
+        change(&mut settings.max_patches, fields.get(&MAX_PATCHES));
+        if let Err(wrong) = settings.check() {
+            self.out_of_range(fields, &wrong);
         }
     }
 

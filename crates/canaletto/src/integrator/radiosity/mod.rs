@@ -22,14 +22,16 @@ mod link;
 mod mesh;
 mod outline;
 mod root;
+mod second_pass;
 mod shooting;
 mod solution;
 mod sources;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use second_pass::{PreparedRadiosity, ShownSolution};
 pub use shooting::{ShootingStep, ShootingWatcher};
-pub use solution::{Patch, RadiositySolution};
+pub use solution::{ArrivingLight, Patch, RadiositySolution};
 
 use crate::OutOfRange;
 use crate::job::Observer;

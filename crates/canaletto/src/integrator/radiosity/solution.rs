@@ -46,6 +46,15 @@ impl Patch {
     }
 }
 
+/// Light that arrives at a surface, as the radiance of a white surface in it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ArrivingLight {
+    /// The light of the scene's lights without a reflection.
+    pub direct: DVec3,
+    /// All other light.
+    pub indirect: DVec3,
+}
+
 /// A root or a part of one.
 #[derive(Clone, Debug)]
 pub(super) struct SolvedElement {
@@ -134,6 +143,19 @@ impl RadiositySolution {
     pub fn patch_at(&self, instance: u32, primitive: u32, part: u32, is_outer: bool, point: DVec3) -> Option<usize> {
         let element = self.leaf_at(instance, primitive, part, is_outer, point)?;
         Some(self.elements[element as usize].patch as usize)
+    }
+
+    /// The light at a point of a surface, interpolated between patches.
+    pub fn light_at(
+        &self,
+        instance: u32,
+        primitive: u32,
+        part: u32,
+        is_outer: bool,
+        point: DVec3,
+    ) -> Option<ArrivingLight> {
+        let patch = &self.patches[self.patch_at(instance, primitive, part, is_outer, point)?];
+        Some(ArrivingLight { direct: patch.direct, indirect: patch.indirect })
     }
 
     fn leaf_at(&self, instance: u32, primitive: u32, part: u32, is_outer: bool, point: DVec3) -> Option<u32> {

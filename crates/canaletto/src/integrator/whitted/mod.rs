@@ -19,6 +19,7 @@ mod tests;
 mod trace;
 mod wave;
 
+use super::radiosity::ShownSolution;
 use super::{Cancelled, PreparedRayIntegrator, Probe, RayCounts};
 use crate::light::PreparedLight;
 use crate::math::{DRay, RayDifferential, Rgb};
@@ -26,6 +27,7 @@ use crate::sampler::{Sample, Sampler};
 use crate::scene::WhittedSettings;
 use crate::world::{OccluderCache, World};
 use glam::{DVec3, Vec3};
+use interaction::SurfaceInteraction;
 pub(super) use intersect::background;
 use media::Media;
 use ray_state::{PathState, RayState};
@@ -56,6 +58,8 @@ pub struct Whitted<'w> {
     lights: Vec<PreparedLight>,
     /// The media that rays are in.
     media: Media,
+    /// The solution whose light takes the place of ambient light.
+    solution: Option<&'w ShownSolution>,
     /// The rays that are traced side by side.
     waves: Waves,
 }
@@ -86,7 +90,27 @@ impl<'w> Whitted<'w> {
             time: 0.0,
             lights: if world.lights_move() { world.lights.clone() } else { Vec::new() },
             media: Media::default(),
+            solution: None,
             waves: Waves::default(),
+        }
+    }
+
+    /// Returns this integrator with the diffuse light of a radiosity solution in place of ambient light.
+    pub(crate) fn with_solution(self, solution: &'w ShownSolution) -> Whitted<'w> {
+        Whitted { solution: Some(solution), ..self }
+    }
+
+    /// The number of lights whose direct light is added.
+    fn light_count(&self) -> u32 {
+        let has_lights = self.solution.is_none_or(ShownSolution::takes_lights);
+        if has_lights { self.world.lights.len() as u32 } else { 0 }
+    }
+
+    /// Iₐ of (5.33), or the light of the solution in its place.
+    fn ambient(&self, at: &SurfaceInteraction) -> Rgb {
+        match self.solution {
+            None => self.world.ambient,
+            Some(solution) => solution.light_at(at.hit, at.frame.exact, at.frame.outside),
         }
     }
 

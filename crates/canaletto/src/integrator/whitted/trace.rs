@@ -46,7 +46,7 @@ impl Whitted<'_> {
             return phong.kd;
         }
         if stage >= Stage::Ambient {
-            let ambient = (self.world.ambient * phong.kd).saturated(); // (5.33)
+            let ambient = (self.ambient(at) * phong.kd).saturated(); // (5.33)
             probe.ambient(ambient);
             color += ambient;
         }
@@ -55,7 +55,7 @@ impl Whitted<'_> {
             probe.emission(emission);
             color = (color + emission).saturated();
         }
-        for light in 0..self.world.lights.len() as u32 {
+        for light in 0..self.light_count() {
             for point in 0..self.world.lights[light as usize].points() {
                 color = (color + self.light(at, light, point, probe)).saturated(); // (5.39a)
             }

@@ -103,7 +103,7 @@ fn shadow_differential(wave: &Wave, samples8: &LightSamples8, interaction: usize
 impl Whitted<'_> {
     /// Adds the light of all lights, one light point after the other.
     pub(super) fn light_wave(&mut self, wave: &mut Wave) {
-        if self.world.lights.is_empty() {
+        if self.light_count() == 0 {
             return;
         }
         let mut lighting = std::mem::take(&mut self.waves.lighting);
@@ -114,7 +114,7 @@ impl Whitted<'_> {
             }
         }
         let rays = wave.interactions.len() as u32;
-        'lights: for light in 0..self.world.lights.len() as u32 {
+        'lights: for light in 0..self.light_count() {
             for point in 0..self.world.lights[light as usize].points() {
                 self.poll(rays);
                 if self.is_cancelled {

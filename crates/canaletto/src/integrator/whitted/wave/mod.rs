@@ -210,7 +210,15 @@ impl Whitted<'_> {
             }
             return;
         }
-        if stage >= Stage::Ambient {
+        if self.solution.is_some() {
+            for index in 0..wave.interactions.len() {
+                if wave.interactions.each()[index].is_seen() {
+                    let light = self.ambient(&wave.at(index));
+                    let interaction = &mut wave.interactions.all_mut()[index];
+                    interaction.color += (light * interaction.material.phong().kd).saturated(); // (5.33)
+                }
+            }
+        } else if stage >= Stage::Ambient {
             for interaction in wave.interactions.all_mut().iter_mut().filter(seen) {
                 interaction.color += (self.world.ambient * interaction.material.phong().kd).saturated(); // (5.33)
             }
